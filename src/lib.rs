@@ -1,0 +1,27 @@
+//! `warpknit` knits warp-knit fabric, yarn by yarn, onto a garment from a pattern tool.
+//!
+//! The stages, in the order in which data flow through them:
+//!
+//! 1. [`garment`] reads a flat and a draped OBJ and pairs them, panel by panel.
+//! 2. [`fabric`] holds what a designer names: bars, lapping, yarns, densities.
+//! 3. [`knit`] turns a bar's lapping into the data points of its yarns, on the flat panel.
+//! 4. [`locate`] finds the flat triangle that holds each data point.
+//! 5. [`map`] carries the points to the draped triangles.
+//! 6. [`yarn`] draws curves through the points and tubes around the curves.
+//! 7. [`render`] traces a picture of the yarns, [`export`] writes files.
+//!
+//! [`drape`] runs stages 3 to 7 block by block, so that memory does not grow with the fabric.
+//! Lengths are millimetres and angles radians throughout, unless a name says otherwise.
+
+pub mod drape;
+pub mod export;
+pub mod fabric;
+pub mod garment;
+pub mod ids;
+pub mod knit;
+pub mod locate;
+pub mod map;
+pub mod render;
+pub mod report;
+pub mod scene;
+pub mod yarn;

@@ -1,0 +1,2 @@
+//! The `warpknit` command.
+fn main() {}

@@ -1,0 +1,1 @@
+//! Pictures of yarns: one scene, one camera, one shading model, whatever draws it.

@@ -1,0 +1,3 @@
+//! Yarns as curves, frames and surfaces.
+
+pub mod curve;
