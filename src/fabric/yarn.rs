@@ -1,0 +1,204 @@
+//! What a yarn is: its count, its fibre, its colour; and from these its diameter and its weight.
+
+use std::fmt;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+/// A yarn as a designer orders it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Yarn {
+    /// Linear density, such as `44 dtex`, `20 tex`, `40 den` or `50 Nm`.
+    pub count: Count,
+    /// Density of the fibre, g/cm³.
+    pub density: f64,
+    /// Share of the yarn's section that is fibre: about .45 textured, .6 spun, .65 filament, .9 elastane, 1 monofilament.
+    pub packing: f64,
+    /// Colour, sRGB.
+    pub color: Color,
+}
+
+impl Yarn {
+    /// Diameter in mm of the round yarn, `d = 0.03568 sqrt(tex / (density · packing))`.
+    ///
+    /// ```
+    /// let polyester = warpknit::fabric::yarn::Yarn {
+    ///     count: "44 dtex".parse().unwrap(), density: 1.38, packing: 0.65, color: "#d8d0c0".parse().unwrap(),
+    /// };
+    /// assert!((polyester.diameter() - 0.079).abs() < 5e-4);
+    /// ```
+    #[must_use]
+    pub fn diameter(&self) -> f64 {
+        0.03568 * (self.count.tex() / (self.density * self.packing)).sqrt()
+    }
+}
+
+/// The unit of a yarn count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum CountUnit {
+    Tex,
+    Dtex,
+    Denier,
+    /// Metric number, m/g: the higher, the finer.
+    Nm,
+}
+
+/// A yarn count as written, kept in its own unit so that it prints as it was given.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct Count {
+    value: f64,
+    unit: CountUnit,
+}
+
+impl Count {
+    /// Linear density in tex (g per 1000 m).
+    #[must_use]
+    pub fn tex(self) -> f64 {
+        match self.unit {
+            CountUnit::Tex => self.value,
+            CountUnit::Dtex => self.value / 10.0,
+            CountUnit::Denier => self.value / 9.0,
+            CountUnit::Nm => 1000.0 / self.value,
+        }
+    }
+}
+
+/// A yarn count that can't be read.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("'{0}' is no yarn count: write a positive number and tex, dtex, den or Nm, such as '44 dtex'")]
+pub struct CountError(String);
+
+impl FromStr for Count {
+    type Err = CountError;
+
+    fn from_str(text: &str) -> Result<Self, CountError> {
+        let refuse = || CountError(text.to_owned());
+        let trimmed = text.trim();
+        let split = trimmed.find(|c: char| c.is_ascii_alphabetic() && c != 'e').ok_or_else(refuse)?;
+        let (number, unit) = trimmed.split_at(split);
+        let unit = match unit.to_ascii_lowercase().as_str() {
+            "tex" => CountUnit::Tex,
+            "dtex" => CountUnit::Dtex,
+            "den" => CountUnit::Denier,
+            "nm" => CountUnit::Nm,
+            _ => return Err(refuse()),
+        };
+        match number.trim().parse::<f64>() {
+            Ok(value) if value.is_finite() && value > 0.0 => Ok(Self { value, unit }),
+            _ => Err(refuse()),
+        }
+    }
+}
+
+impl fmt::Display for Count {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let unit = match self.unit {
+            CountUnit::Tex => "tex",
+            CountUnit::Dtex => "dtex",
+            CountUnit::Denier => "den",
+            CountUnit::Nm => "Nm",
+        };
+        write!(f, "{} {unit}", self.value)
+    }
+}
+
+impl TryFrom<String> for Count {
+    type Error = CountError;
+
+    fn try_from(text: String) -> Result<Self, CountError> {
+        text.parse()
+    }
+}
+
+impl From<Count> for String {
+    fn from(count: Count) -> Self {
+        count.to_string()
+    }
+}
+
+/// An sRGB colour, written `#rrggbb`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct Color(pub [u8; 3]);
+
+impl Color {
+    /// The colour in linear light, 0..1 (IEC 61966-2-1).
+    #[must_use]
+    pub fn linear(self) -> [f32; 3] {
+        self.0.map(|byte| {
+            let s = f32::from(byte) / 255.0;
+            if s <= 0.040_45 { s / 12.92 } else { ((s + 0.055) / 1.055).powf(2.4) }
+        })
+    }
+}
+
+/// A colour that can't be read.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("'{0}' is no colour: write it as #rrggbb")]
+pub struct ColorError(String);
+
+impl FromStr for Color {
+    type Err = ColorError;
+
+    fn from_str(text: &str) -> Result<Self, ColorError> {
+        let refuse = || ColorError(text.to_owned());
+        let digits = text.strip_prefix('#').filter(|d| d.len() == 6 && d.bytes().all(|b| b.is_ascii_hexdigit()));
+        let digits = digits.ok_or_else(refuse)?;
+        let byte = |at: usize| u8::from_str_radix(&digits[at..at + 2], 16).map_err(|_not_hex| refuse());
+        Ok(Self([byte(0)?, byte(2)?, byte(4)?]))
+    }
+}
+
+impl fmt::Display for Color {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [r, g, b] = self.0;
+        write!(f, "#{r:02x}{g:02x}{b:02x}")
+    }
+}
+
+impl TryFrom<String> for Color {
+    type Error = ColorError;
+
+    fn try_from(text: String) -> Result<Self, ColorError> {
+        text.parse()
+    }
+}
+
+impl From<Color> for String {
+    fn from(color: Color) -> Self {
+        color.to_string()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_convert_to_tex() {
+        for (text, tex) in [("44 dtex", 4.4), ("20tex", 20.0), ("40 DEN", 40.0 / 9.0), ("50 Nm", 20.0), ("1e1 tex", 10.0)] {
+            assert!((text.parse::<Count>().unwrap().tex() - tex).abs() < 1e-12, "{text}");
+        }
+        for text in ["", "44", "dtex", "-3 tex", "0 tex", "inf tex", "4 stone", "nan tex"] {
+            assert!(text.parse::<Count>().is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn diameters_of_the_specification() {
+        let yarn = |count: &str, density, packing| Yarn { count: count.parse().unwrap(), density, packing, color: Color([0; 3]) };
+        assert!((yarn("44 dtex", 1.38, 0.65).diameter() - 0.079).abs() < 5e-4);
+        assert!((yarn("78 dtex", 1.38, 0.65).diameter() - 0.105).abs() < 5e-4);
+        assert!((yarn("20 tex", 1.52, 0.6).diameter() - 0.167).abs() < 5e-4);
+    }
+
+    #[test]
+    fn colours_read_and_print() {
+        assert_eq!("#0A80ff".parse::<Color>().unwrap().to_string(), "#0a80ff");
+        for text in ["0a80ff", "#12345", "#12345g", "#éaa1"] {
+            assert!(text.parse::<Color>().is_err(), "{text}");
+        }
+    }
+}
