@@ -3,6 +3,8 @@
 //! In: one OBJ with `vt`, or a flat and a draped OBJ ([`read`]). Out: a [`Garment`] in millimetres, each [`Panel`] in axes of its
 //! own. The specification's garment page says what real files hold and what is made of it.
 
+mod rectangle;
+
 use glam::{DAffine3, DVec2, DVec3};
 
 use crate::ids::FaceId;

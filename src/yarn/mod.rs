@@ -1,3 +1,5 @@
 //! Yarns as curves, frames and surfaces.
 
 pub mod curve;
+pub mod frame;
+pub mod tube;

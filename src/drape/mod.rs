@@ -1,0 +1,356 @@
+//! The pipeline: from a garment and a fabric to yarns on the body, block by block.
+//!
+//! In: a [`Garment`] and a [`Fabric`]. Out: [`Block`]s of consecutive yarns, handed in yarn order to whoever wants them ([`run`]).
+//! A block is knitted, located, cut at the panel's edge, mapped and, if asked, given a surface; then its memory serves the next one. So
+//! memory is bounded by a window of blocks, not by the fabric. Blocks of a window are worked on in parallel, stage by stage; each yarn
+//! depends on nothing but itself, so the result is the same for any number of threads.
+
+pub mod strands;
+
+use std::ops::Range;
+
+use glam::DVec2;
+use rayon::prelude::*;
+
+use crate::fabric::Fabric;
+use crate::garment::{Garment, Panel};
+use crate::ids::{YarnId, index32};
+use crate::knit::mesh::{StructureMesh, vertices};
+use crate::knit::{KnitError, Knitted, Pattern};
+use crate::locate::{Locator, SurfacePoint};
+use crate::map::{Draped, Mapping, map_into};
+use crate::yarn::tube::{Section, Tubes};
+use strands::{Edge, Losses, Strands};
+
+/// Stitches after which a block ends: enough work for a thread to be worth handing out, few enough to stay in its cache.
+const BLOCK_STITCHES: usize = 512;
+/// Blocks in the window: keeps 16 threads busy in 30 to 60 MB.
+const WINDOW_BLOCKS: usize = 64;
+
+/// One yarn to be laid.
+#[derive(Clone, Debug)]
+struct Job {
+    yarn: YarnId,
+    guide: i64,
+    courses: Range<i64>,
+}
+
+/// Consecutive yarns of one bar on one panel.
+#[derive(Clone, Debug)]
+struct BlockPlan {
+    panel: usize,
+    bar: usize,
+    jobs: Vec<Job>,
+}
+
+/// A fabric laid out over a garment: which yarns there are, and where.
+#[derive(Debug)]
+pub struct Cloth<'a> {
+    garment: &'a Garment,
+    pattern: Pattern,
+    /// One structure mesh a panel.
+    meshes: Vec<StructureMesh>,
+    blocks: Vec<BlockPlan>,
+    yarns: usize,
+}
+
+impl<'a> Cloth<'a> {
+    /// Covers every panel, from the lowest-left corner of its bounding box along the grain.
+    ///
+    /// # Errors
+    /// Laps that can't be knitted.
+    pub fn cover(garment: &'a Garment, fabric: &Fabric) -> Result<Self, KnitError> {
+        let corner = |panel: &Panel| panel.uv.iter().copied().fold(DVec2::INFINITY, DVec2::min);
+        let meshes = garment.panels.iter().map(|panel| StructureMesh::anchored_at(fabric, corner(panel))).collect();
+        let mut cloth = Self { garment, pattern: Pattern::new(fabric)?, meshes, blocks: Vec::new(), yarns: 0 };
+        for panel in 0..garment.panels.len() {
+            for bar in 0..fabric.bars.len() {
+                cloth.plan_bar(fabric, panel, bar);
+            }
+        }
+        Ok(cloth)
+    }
+
+    /// A swatch of `wales` yarns a bar and `courses` courses, all of its loops whole, on the panel that [`swatch_panel`] gives.
+    ///
+    /// # Errors
+    /// Laps that can't be knitted.
+    pub fn swatch(panel: &'a Garment, fabric: &Fabric, wales: u32, courses: u32) -> Result<Self, KnitError> {
+        // One auxiliary wale on the left and half a course below: the first yarn's feet and turns reach out of the pattern.
+        let low = fabric.bars.iter().map(|bar| bar.chain.gaps().0).min().unwrap_or(0);
+        let corner = DVec2::new((1.0 - f64::from(low)) * fabric.wale_spacing(), 0.5 * fabric.course_spacing());
+        let meshes = vec![StructureMesh::anchored_at(fabric, corner)];
+        let mut cloth = Self { garment: panel, pattern: Pattern::new(fabric)?, meshes, blocks: Vec::new(), yarns: 0 };
+        for (bar, threads) in fabric.bars.iter().enumerate() {
+            let guides = (0..i64::from(wales)).filter(|&guide| threads.threading.carries(guide));
+            cloth.plan_yarns(0, bar, guides.map(|guide| (guide, 0..i64::from(courses))));
+        }
+        Ok(cloth)
+    }
+
+    /// Yarns planned, those that turn out to miss their panel included.
+    #[must_use]
+    pub fn yarns(&self) -> usize {
+        self.yarns
+    }
+
+    /// The layout radius, mm.
+    #[must_use]
+    pub fn radius(&self) -> f64 {
+        self.pattern.radius()
+    }
+
+    /// The garment beneath.
+    #[must_use]
+    pub fn garment(&self) -> &'a Garment {
+        self.garment
+    }
+
+    /// Plans the yarns of a bar that may touch a panel, each no longer than the panel is in its strip.
+    fn plan_bar(&mut self, fabric: &Fabric, panel: usize, bar: usize) {
+        // Gap 0 of guide 0 lies half a wale to the left of wale 0.
+        let origin = self.meshes[panel].origin - DVec2::new(fabric.wale_spacing() / 2.0, 0.0);
+        let uv = &self.garment.panels[panel].uv;
+        let low = uv.iter().copied().fold(DVec2::INFINITY, DVec2::min) - origin;
+        let high = uv.iter().copied().fold(DVec2::NEG_INFINITY, DVec2::max) - origin;
+        let guides = self.pattern.guides_across(bar, low.x..high.x).filter(|&k| fabric.bars[bar].threading.carries(k));
+        let lengths = Lengths::new(&self.garment.panels[panel], origin, fabric.wale_spacing());
+        let yarns: Vec<_> = guides
+            .filter_map(|guide| {
+                let y = lengths.along(self.pattern.strip(bar, guide))?;
+                Some((guide, self.pattern.courses_along(bar, y)))
+            })
+            .collect();
+        self.plan_yarns(panel, bar, yarns);
+    }
+
+    /// Shares yarns out among blocks.
+    fn plan_yarns(&mut self, panel: usize, bar: usize, yarns: impl IntoIterator<Item = (i64, Range<i64>)>) {
+        let mut stitches = usize::MAX;
+        for (guide, courses) in yarns {
+            if stitches >= BLOCK_STITCHES {
+                self.blocks.push(BlockPlan { panel, bar, jobs: Vec::new() });
+                stitches = 0;
+            }
+            stitches += usize::try_from(courses.end - courses.start).unwrap_or(0);
+            let job = Job { yarn: YarnId(index32(self.yarns)), guide, courses };
+            self.blocks.last_mut().expect("pushed above").jobs.push(job);
+            self.yarns += 1;
+        }
+    }
+}
+
+/// The panel of a swatch: as large as its structure mesh, auxiliary vertices included, and half a course more at both ends.
+#[must_use]
+pub fn swatch_panel(fabric: &Fabric, wales: u32, courses: u32) -> Garment {
+    let (wales, courses) = vertices(fabric, wales, courses);
+    Garment::rectangle(f64::from(wales) * fabric.wale_spacing(), f64::from(courses + 1) * fabric.course_spacing())
+}
+
+/// How far a panel reaches along v, wale by wale.
+struct Lengths {
+    spacing: f64,
+    /// Lowest and highest v over each cell of width `spacing`, from u = 0.
+    cells: Vec<(f64, f64)>,
+}
+
+impl Lengths {
+    /// Cost: linear in the panel's triangles and in the wales that each covers.
+    fn new(panel: &Panel, origin: DVec2, spacing: f64) -> Self {
+        let mut cells = Vec::new();
+        for corners in &panel.triangles {
+            let points = corners.map(|v| panel.uv[v as usize] - origin);
+            let low = points.into_iter().fold(DVec2::INFINITY, DVec2::min);
+            let high = points.into_iter().fold(DVec2::NEG_INFINITY, DVec2::max);
+            let (first, last) = (cell(low.x, spacing), cell(high.x, spacing));
+            if cells.len() <= last {
+                cells.resize(last + 1, (f64::INFINITY, f64::NEG_INFINITY));
+            }
+            for (bottom, top) in &mut cells[first..=last] {
+                *bottom = bottom.min(low.y);
+                *top = top.max(high.y);
+            }
+        }
+        Self { spacing, cells }
+    }
+
+    /// The v that the panel covers within a strip of u; nothing where it isn't.
+    fn along(&self, u: Range<f64>) -> Option<Range<f64>> {
+        let last = cell(u.end, self.spacing).min(self.cells.len().checked_sub(1)?);
+        let cells = self.cells.get(cell(u.start, self.spacing)..=last)?;
+        let (low, high) = cells.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), (b, t)| (l.min(*b), h.max(*t)));
+        (low <= high).then_some(low..high)
+    }
+}
+
+/// The cell of a coordinate, the first one for all below.
+fn cell(u: f64, spacing: f64) -> usize {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates at 0, which is what is meant")]
+    let cell = (u / spacing).floor() as usize;
+    cell
+}
+
+/// How the pipeline is to run.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Options {
+    /// How depth is carried along.
+    pub mapping: Mapping,
+    /// What happens at the panel's edge.
+    pub edge: Edge,
+    /// Tubes, if someone wants them.
+    pub surface: Option<Section>,
+}
+
+/// Some consecutive yarns of one bar on one panel, after all stages.
+#[derive(Debug, Default)]
+pub struct Block {
+    /// Index of the panel in [`Garment::panels`].
+    pub panel: usize,
+    /// Index of the bar, front first.
+    pub bar: usize,
+    /// Flat data points of all its yarns, on the panel or not.
+    pub knitted: Knitted,
+    /// What of them is on the panel.
+    pub strands: Strands,
+    /// The strands' points, draped.
+    pub draped: Draped,
+    /// The strands' surfaces, where asked for.
+    pub tubes: Tubes,
+    /// Yarns with their stitches in `knitted`.
+    yarns: Vec<(YarnId, Range<usize>)>,
+    located: Vec<Option<SurfacePoint>>,
+}
+
+/// The stages that the pipeline announces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// Building what the other stages search in, once a run.
+    Index,
+    /// Data points on the flat fabric.
+    Knit,
+    /// The triangle of each, and the cut at the edge.
+    Locate,
+    /// Draped positions.
+    Map,
+    /// Tubes.
+    Surface,
+    /// Handing blocks over.
+    Deliver,
+}
+
+/// What was made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Totals {
+    /// Yarns with any part on a panel.
+    pub yarns: usize,
+    /// Uninterrupted runs of yarn.
+    pub strands: usize,
+    /// Stitches, and parts of stitches, that are drawn.
+    pub pieces: usize,
+    /// Data points on the panels.
+    pub data_points: usize,
+    /// What edges and defects took.
+    pub losses: Losses,
+}
+
+/// Runs the pipeline, handing windows of blocks to `deliver` in yarn order.
+///
+/// `announce` hears of each stage as it begins, with the share of yarns that are done: a program can time stages or draw a progress bar by it.
+///
+/// # Errors
+/// The first error of `deliver`, at once.
+///
+/// ```
+/// use warpknit::{drape, fabric::Fabric};
+/// let fabric = Fabric::named("tricot")?;
+/// let panel = drape::swatch_panel(&fabric, 8, 10);
+/// let cloth = drape::Cloth::swatch(&panel, &fabric, 8, 10)?;
+/// let totals = drape::run(&cloth, &drape::Options::default(), &mut |_, _| {}, &mut |_| Ok::<_, std::io::Error>(()))?;
+/// assert_eq!(totals.losses.stitches, 2 * 8 * 10);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn run<E>(
+    cloth: &Cloth<'_>,
+    options: &Options,
+    announce: &mut dyn FnMut(Stage, f64),
+    deliver: &mut dyn FnMut(&[Block]) -> Result<(), E>,
+) -> Result<Totals, E> {
+    announce(Stage::Index, 0.0);
+    let locators: Vec<_> = cloth.garment.panels.par_iter().map(Locator::new).collect();
+    let mut blocks: Vec<Block> = Vec::new();
+    blocks.resize_with(cloth.blocks.len().min(WINDOW_BLOCKS), Block::default);
+    let mut totals = Totals::default();
+    for (window, plans) in cloth.blocks.chunks(WINDOW_BLOCKS).enumerate() {
+        let blocks = &mut blocks[..plans.len()];
+        let done = f64::from(index32(window * WINDOW_BLOCKS)) / f64::from(index32(cloth.blocks.len()));
+        announce(Stage::Knit, done);
+        blocks.par_iter_mut().zip(plans).for_each(|(block, plan)| block.knit(cloth, plan));
+        announce(Stage::Locate, done);
+        blocks.par_iter_mut().for_each(|block| block.locate(&locators[block.panel], options.edge));
+        announce(Stage::Map, done);
+        blocks.par_iter_mut().for_each(|block| block.map(&cloth.garment.panels[block.panel], options.mapping));
+        if let Some(section) = &options.surface {
+            announce(Stage::Surface, done);
+            blocks.par_iter_mut().for_each(|block| block.add_tubes(section));
+        }
+        announce(Stage::Deliver, done);
+        blocks.iter().for_each(|block| totals.add(block, options.edge));
+        deliver(blocks)?;
+    }
+    Ok(totals)
+}
+
+impl Block {
+    /// The normal of the fabric at a strand's start, mm-free: where its surface's frame begins.
+    fn up(&self, strand: &strands::Strand) -> glam::DVec3 {
+        self.draped.normals[strand.points.start as usize]
+    }
+
+    fn knit(&mut self, cloth: &Cloth<'_>, plan: &BlockPlan) {
+        (self.panel, self.bar) = (plan.panel, plan.bar);
+        self.knitted.clear();
+        self.yarns.clear();
+        for job in &plan.jobs {
+            let first = self.knitted.stitches.len();
+            let mesh = &cloth.meshes[plan.panel];
+            cloth.pattern.lay(plan.bar, job.guide, job.courses.clone(), mesh, &mut self.knitted);
+            self.yarns.push((job.yarn, first..self.knitted.stitches.len()));
+        }
+    }
+
+    fn locate(&mut self, locator: &Locator<'_>, edge: Edge) {
+        self.located.clear();
+        locator.locate_into(&self.knitted.points, &mut self.located);
+        self.strands.clear();
+        for (yarn, stitches) in &self.yarns {
+            self.strands.add_yarn(*yarn, &self.knitted, stitches.clone(), &self.located, locator, edge);
+        }
+    }
+
+    fn map(&mut self, panel: &Panel, mapping: Mapping) {
+        map_into(panel, &self.strands.flat, &self.strands.located, mapping, &mut self.draped);
+    }
+
+    fn add_tubes(&mut self, section: &Section) {
+        self.tubes.clear();
+        for strand in &self.strands.strands {
+            let (start, end) = (strand.points.start as usize, strand.points.end as usize);
+            let pieces = self.strands.pieces_of(strand).map(|piece| piece.start as usize - start..piece.end as usize - start);
+            self.tubes.add(&self.draped.positions[start..end], self.up(strand), pieces, section);
+        }
+    }
+}
+
+impl Totals {
+    fn add(&mut self, block: &Block, edge: Edge) {
+        let strands = &block.strands;
+        self.yarns += strands.strands.chunk_by(|a, b| a.yarn == b.yarn).count();
+        self.strands += strands.strands.len();
+        self.pieces += strands.pieces.len();
+        self.data_points += strands.sources.iter().filter(|&&source| source != strands::CUT).count();
+        self.losses += strands.losses;
+        if edge == Edge::Drop {
+            self.losses.stitches -= strands.losses.clipped;
+        }
+    }
+}

@@ -1,0 +1,176 @@
+//! Which triangles of a panel are neighbours, and whether the panel lies flat without overlapping itself.
+//!
+//! Only on a panel that doesn't overlap does "inside this triangle" mean "inside no other", which is what lets a walk over
+//! neighbours stand in for a search. [`Topology::embedded`] says so only when it is certain:
+//! the triangles hang together by edges, every edge joins at most two of them, the triangles around each inner vertex go round once, those around each border vertex less
+//! than once, and no two border edges touch except at a common vertex. Such a panel is an immersed surface whose border is simple
+//! curves; the sum of the curves' turning numbers is its Euler characteristic, which leaves one outer curve and holes, so it covers
+//! each point at most once. Cost: linear in triangles, plus a sweep over border edges.
+
+use std::collections::HashMap;
+
+use glam::DVec2;
+
+use super::sign::cross;
+use crate::ids::index32;
+
+/// No neighbour: the edge is on the border.
+pub(super) const BORDER: u32 = u32::MAX;
+
+/// Neighbours of a panel's triangles.
+#[derive(Clone, Debug)]
+pub(super) struct Topology {
+    /// Triangle across edge i (corner i to corner i + 1), or [`BORDER`].
+    pub(super) neighbours: Vec<[u32; 3]>,
+    /// Whether the panel is certain to cover no point twice.
+    pub(super) embedded: bool,
+}
+
+impl Topology {
+    pub(super) fn new(uv: &[DVec2], triangles: &[[u32; 3]]) -> Self {
+        let (neighbours, manifold) = neighbours(triangles);
+        let embedded = manifold && is_connected(&neighbours) && goes_round_once(uv, triangles, &neighbours) && border_is_simple(uv, triangles, &neighbours);
+        Self { neighbours, embedded }
+    }
+}
+
+/// The vertices of edge `i` of a triangle.
+#[inline]
+pub(super) fn edge(triangle: [u32; 3], i: usize) -> (u32, u32) {
+    (triangle[i], triangle[(i + 1) % 3])
+}
+
+/// Joins triangles along edges that exactly two of them run through, in opposite directions. The flag tells whether no edge
+/// has more.
+fn neighbours(triangles: &[[u32; 3]]) -> (Vec<[u32; 3]>, bool) {
+    let mut across = vec![[BORDER; 3]; triangles.len()];
+    let mut edges: HashMap<(u32, u32), Vec<(u32, usize)>> = HashMap::with_capacity(triangles.len() * 3 / 2);
+    for (triangle, &corners) in triangles.iter().enumerate() {
+        for i in 0..3 {
+            let (a, b) = edge(corners, i);
+            edges.entry((a.min(b), a.max(b))).or_default().push((index32(triangle), i));
+        }
+    }
+    let mut manifold = true;
+    for sides in edges.values() {
+        match sides[..] {
+            [_] => {}
+            [(t, i), (u, j)] if edge(triangles[t as usize], i).0 == edge(triangles[u as usize], j).1 => {
+                across[t as usize][i] = u;
+                across[u as usize][j] = t;
+            }
+            _ => manifold = false,
+        }
+    }
+    (across, manifold)
+}
+
+/// Whether every triangle can be reached from the first.
+fn is_connected(neighbours: &[[u32; 3]]) -> bool {
+    let mut reached = vec![false; neighbours.len()];
+    let mut open = if neighbours.is_empty() { vec![] } else { vec![0] };
+    let mut count = 0;
+    while let Some(triangle) = open.pop() {
+        if triangle != BORDER && !std::mem::replace(&mut reached[triangle as usize], true) {
+            count += 1;
+            open.extend(neighbours[triangle as usize]);
+        }
+    }
+    count == neighbours.len()
+}
+
+/// Whether the angles at each inner vertex sum to one turn and at each border vertex to less.
+///
+/// A turn is two half-turns apart from the next possible sum, so adding angles in floating point can't be mistaken.
+fn goes_round_once(uv: &[DVec2], triangles: &[[u32; 3]], neighbours: &[[u32; 3]]) -> bool {
+    let mut angles = vec![0.0; uv.len()];
+    let mut border_edges = vec![0; uv.len()];
+    for (corners, across) in triangles.iter().zip(neighbours) {
+        for i in 0..3 {
+            let [p, q, r] = [0, 1, 2].map(|k| uv[corners[(i + k) % 3] as usize]);
+            angles[corners[i] as usize] += (q - p).angle_to(r - p).abs();
+            if across[i] == BORDER {
+                let (a, b) = edge(*corners, i);
+                border_edges[a as usize] += 1;
+                border_edges[b as usize] += 1;
+            }
+        }
+    }
+    let turn = std::f64::consts::TAU;
+    angles.iter().zip(&border_edges).all(|(&angle, &edges)| match edges {
+        0 => angle < 1.5 * turn,
+        2 => angle < turn - 1e-9,
+        // Two pieces that meet in a point: rare enough to leave to the search.
+        _ => false,
+    })
+}
+
+/// Whether no two border edges touch, except where they share a vertex. A sweep along x over edges sorted by their left ends.
+fn border_is_simple(uv: &[DVec2], triangles: &[[u32; 3]], neighbours: &[[u32; 3]]) -> bool {
+    let border = triangles.iter().zip(neighbours).flat_map(|(&corners, across)| {
+        (0..3).filter(|&i| across[i] == BORDER).map(move |i| edge(corners, i))
+    });
+    let point = |v: u32| uv[v as usize];
+    let left = |&(a, b): &(u32, u32)| point(a).x.min(point(b).x);
+    let mut edges: Vec<_> = border.collect();
+    edges.sort_by(|e, f| left(e).total_cmp(&left(f)));
+    let mut open: Vec<(u32, u32)> = Vec::new();
+    for &(a, b) in &edges {
+        let (p, q) = (point(a), point(b));
+        open.retain(|&(c, d)| point(c).x.max(point(d).x) >= p.x.min(q.x));
+        let touches = |&(c, d): &(u32, u32)| {
+            let shares_vertex = a == c || a == d || b == c || b == d;
+            !shares_vertex && segments_touch(p, q, point(c), point(d))
+        };
+        if open.iter().any(touches) {
+            return false;
+        }
+        open.push((a, b));
+    }
+    true
+}
+
+fn segments_touch(p: DVec2, q: DVec2, r: DVec2, s: DVec2) -> bool {
+    let apart = |low: f64, high: f64, other_low: f64, other_high: f64| low.max(high) < other_low.min(other_high);
+    let boxes_apart = apart(p.x, q.x, r.x, s.x) || apart(r.x, s.x, p.x, q.x) || apart(p.y, q.y, r.y, s.y) || apart(r.y, s.y, p.y, q.y);
+    let same_side = |a: f64, b: f64| (a > 0.0 && b > 0.0) || (a < 0.0 && b < 0.0);
+    !boxes_apart && !same_side(cross(p, q, r), cross(p, q, s)) && !same_side(cross(r, s, p), cross(r, s, q))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn is_embedded(uv: &[(f64, f64)], triangles: &[[u32; 3]]) -> bool {
+        let uv: Vec<_> = uv.iter().map(|&(x, y)| DVec2::new(x, y)).collect();
+        Topology::new(&uv, triangles).embedded
+    }
+
+    #[test]
+    fn a_square_is_embedded_and_its_halves_are_neighbours() {
+        let uv = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)];
+        assert!(is_embedded(&uv, &[[0, 1, 2], [0, 2, 3]]));
+        let uv: Vec<_> = uv.iter().map(|&(x, y)| DVec2::new(x, y)).collect();
+        assert_eq!(Topology::new(&uv, &[[0, 1, 2], [0, 2, 3]]).neighbours, [[BORDER, BORDER, 1], [0, BORDER, BORDER]]);
+    }
+
+    #[test]
+    fn overlaps_are_seen() {
+        // Two triangles over each other, joined by a third: no edge has three faces, but the border crosses itself.
+        let uv = [(0.0, 0.0), (4.0, 0.0), (2.0, 3.0), (4.0, 3.0), (0.0, 2.0)];
+        assert!(!is_embedded(&uv, &[[0, 1, 2], [1, 3, 2], [2, 3, 4]]));
+        // Three faces on one edge.
+        let fan = [(0.0, 0.0), (1.0, 0.0), (0.5, 1.0), (0.5, -1.0), (0.6, 1.0)];
+        assert!(!is_embedded(&fan, &[[0, 1, 2], [1, 0, 3], [0, 1, 4]]));
+    }
+
+    #[test]
+    fn a_double_cone_is_not_embedded() {
+        // Eight triangles that go round their middle twice.
+        let ring = |k: u32| (f64::from(k) * std::f64::consts::FRAC_PI_2).sin_cos();
+        let mut uv = vec![(0.0, 0.0)];
+        uv.extend((0..8).map(ring).map(|(sin, cos)| (cos, sin)));
+        let triangles: Vec<_> = (0..8).map(|k| [0, 1 + k, 1 + (k + 1) % 8]).collect();
+        assert!(!is_embedded(&uv, &triangles));
+    }
+}
