@@ -1,1 +1,103 @@
-//! Placeholder while the house is being built.
+//! The run's report: the `.json` that scripts read. Keys and their order are those of the specification's cli page.
+
+use serde::Serialize;
+
+/// Everything about a run.
+#[derive(Clone, Debug, Serialize)]
+#[expect(missing_docs, reason = "the keys are the specification's, and their units stand in their names or beside them")]
+pub struct Report {
+    /// The program's version.
+    pub warpknit: &'static str,
+    pub fabric: String,
+    pub garment: GarmentReport,
+    pub wales_per_cm: f64,
+    pub courses_per_cm: f64,
+    pub yarns: usize,
+    pub stitches: usize,
+    pub data_points: usize,
+    pub points_off_panel: usize,
+    pub stitches_clipped: usize,
+    pub surface: SurfaceReport,
+    pub timings_ms: Timings,
+    pub clearance: ClearanceReport,
+    /// Time to make all data points on the flat fabric.
+    pub plane_ms: f64,
+    /// That and location and mapping (the source paper's Table 2).
+    pub curved_ms: f64,
+    pub threads: usize,
+    pub peak_memory_mb: f64,
+    /// What drew the picture; empty where none was asked for.
+    pub renderer: String,
+    pub cloth: ClothReport,
+}
+
+/// The garment as read.
+#[derive(Clone, Debug, Serialize)]
+#[expect(missing_docs, reason = "see Report")]
+pub struct GarmentReport {
+    pub panels: usize,
+    pub triangles: usize,
+    pub unit: &'static str,
+    /// mm that one flat unit stands for.
+    pub uv_scale_mm: f64,
+    pub warnings: Vec<String>,
+}
+
+/// The yarns' surface.
+#[derive(Clone, Debug, Serialize)]
+#[expect(missing_docs, reason = "see Report")]
+pub struct SurfaceReport {
+    pub shape: &'static str,
+    pub st: u32,
+    pub sr: u32,
+    pub radius_mm: f64,
+    pub triangles_per_stitch: u32,
+    pub triangles: usize,
+    pub vertices: usize,
+}
+
+/// Wall time of each stage, ms.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[expect(missing_docs, reason = "see Report")]
+pub struct Timings {
+    pub read: f64,
+    pub knit: f64,
+    pub locate: f64,
+    pub map: f64,
+    pub surface: f64,
+    pub render: f64,
+    pub write: f64,
+    pub total: f64,
+}
+
+/// How near the laid-out yarns come to each other.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[expect(missing_docs, reason = "see Report")]
+pub struct ClearanceReport {
+    pub min_over_2r: f64,
+    pub pairs_below_1: usize,
+}
+
+/// The real cloth, at its own yarn counts.
+#[derive(Clone, Debug, Serialize)]
+#[expect(missing_docs, reason = "see Report")]
+pub struct ClothReport {
+    pub mass_g_m2: f64,
+    pub yarn_length_m: f64,
+    /// A bar each, front first.
+    pub run_in_mm_per_rack: Vec<f64>,
+    /// 5th, 50th, 95th percentile.
+    pub stretch_warp: [f64; 3],
+    pub stretch_weft: [f64; 3],
+}
+
+impl Report {
+    /// The report as JSON text, ending in a newline.
+    ///
+    /// # Panics
+    /// Never: it holds finite numbers and text alone.
+    #[must_use]
+    pub fn to_json(&self) -> String {
+        serde_json::to_string_pretty(self).expect("a report holds numbers and text alone") + "\n"
+    }
+}

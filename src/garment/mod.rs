@@ -4,6 +4,7 @@
 //! own. The specification's garment page says what real files hold and what is made of it.
 
 mod rectangle;
+pub mod stretch;
 
 use glam::{DAffine3, DVec2, DVec3};
 

@@ -7,7 +7,9 @@
 //! an addition a point (about 2 ns). Source: Liu, Kyosev, Jiang 2022, section 2; the specification's knit page.
 //! Not promised: overlaps over two needles are refused ([`KnitError`]); wales stay straight, no yarn is relaxed.
 
+pub mod clearance;
 pub mod mesh;
+pub mod numbers;
 mod stitch;
 
 use std::ops::Range;

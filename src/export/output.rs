@@ -1,0 +1,133 @@
+//! A file that becomes visible only when it is whole.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use tempfile::{NamedTempFile, TempPath};
+
+use super::ExportError;
+
+/// Buffer of an output: large enough that the system is rarely called.
+const BUFFER: usize = 1 << 20;
+
+/// A file being written beside its target, or the target itself where that is no regular file (a pipe, `/dev/stdout`).
+///
+/// Dropped before [`Output::publish`], it leaves nothing behind.
+#[derive(Debug)]
+pub struct Output {
+    target: PathBuf,
+    file: BufWriter<File>,
+    /// The temporary name, removed on drop.
+    temporary: Option<TempPath>,
+}
+
+impl Output {
+    /// Opens a temporary file in the target's folder.
+    ///
+    /// # Errors
+    /// [`ExportError::Io`] where the folder is missing or can't be written, or the target is a folder.
+    pub fn create(target: &Path) -> Result<Self, ExportError> {
+        Self::open(target).map_err(|source| ExportError::Io { path: target.to_owned(), source })
+    }
+
+    fn open(target: &Path) -> io::Result<Self> {
+        // A link is followed, so that the file it points to is replaced and not the link.
+        let target = target.canonicalize().unwrap_or_else(|_absent| target.to_owned());
+        if target.is_dir() {
+            return Err(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder"));
+        }
+        if target.exists() && !target.is_file() {
+            let file = File::options().write(true).open(&target)?;
+            return Ok(Self { target, file: BufWriter::with_capacity(BUFFER, file), temporary: None });
+        }
+        let (file, temporary) = temporary_beside(&target)?.into_parts();
+        Ok(Self { target, file: BufWriter::with_capacity(BUFFER, file), temporary: Some(temporary) })
+    }
+
+    /// The file's final path.
+    #[must_use]
+    pub fn target(&self) -> &Path {
+        &self.target
+    }
+
+    /// Bytes of `write`'s making, its error told with the target's name.
+    ///
+    /// # Errors
+    /// [`ExportError::Io`].
+    pub fn write_with(&mut self, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<(), ExportError> {
+        write(&mut self.file).map_err(|source| ExportError::Io { path: self.target.clone(), source })
+    }
+
+    /// Hands everything that is buffered to the system, which says now if there is no room for it.
+    ///
+    /// # Errors
+    /// [`ExportError::Io`].
+    pub fn seal(mut self) -> Result<Self, ExportError> {
+        self.write_with(Write::flush)?;
+        Ok(self)
+    }
+
+    /// Gives the file its name, in place of any file of that name.
+    ///
+    /// # Errors
+    /// [`ExportError::Io`].
+    pub fn publish(self) -> Result<(), ExportError> {
+        match self.temporary {
+            Some(temporary) => temporary
+                .persist(&self.target)
+                .map_err(|refused| ExportError::Io { path: self.target.clone(), source: refused.error }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// A new file beside `target`, with the rights that the user's own new files have.
+fn temporary_beside(target: &Path) -> io::Result<NamedTempFile> {
+    let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".warpknit-");
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(std::fs::Permissions::from_mode(0o666));
+    }
+    builder.tempfile_in(folder)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn files_in(folder: &Path) -> Vec<String> {
+        let names = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned());
+        names.collect()
+    }
+
+    #[test]
+    fn nothing_is_seen_before_it_is_published_and_nothing_stays_of_what_is_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("yarns.obj");
+        std::fs::write(&target, "old").unwrap();
+        let mut output = Output::create(&target).unwrap();
+        output.write_with(|file| file.write_all(b"new")).unwrap();
+        assert_eq!(std::fs::read_to_string(&target).unwrap(), "old");
+        drop(output);
+        assert_eq!(files_in(folder.path()), ["yarns.obj"]);
+
+        let mut output = Output::create(&target).unwrap();
+        output.write_with(|file| file.write_all(b"new")).unwrap();
+        output.seal().unwrap().publish().unwrap();
+        assert_eq!(std::fs::read_to_string(&target).unwrap(), "new");
+        assert_eq!(files_in(folder.path()), ["yarns.obj"]);
+    }
+
+    #[test]
+    fn a_folder_or_a_missing_folder_is_an_error_that_names_the_target() {
+        let folder = tempfile::tempdir().unwrap();
+        for target in [folder.path().to_owned(), folder.path().join("no").join("a.png")] {
+            let message = Output::create(&target).unwrap_err().to_string();
+            assert!(message.contains(&target.display().to_string()) && !message.contains('\n'), "{message}");
+        }
+    }
+}
