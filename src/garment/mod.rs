@@ -2,6 +2,14 @@
 //!
 //! In: one OBJ with `vt`, or a flat and a draped OBJ ([`read`]). Out: a [`Garment`] in millimetres, each [`Panel`] in axes of its
 //! own. The specification's garment page says what real files hold and what is made of it.
+//!
+//! The way: `obj` makes a mesh of the text, `pair` pairs flat and draped triangles, `panel` finds the connected pieces and their planes,
+//! `unit` finds the millimetres, `error` says what was wrong.
+//!
+//! Not promised: that flat and draped are the same cloth (only that they pair), and anything about self-intersection.
+
+use std::collections::HashMap;
+use std::path::Path;
 
 mod rectangle;
 pub mod stretch;
@@ -9,6 +17,33 @@ pub mod stretch;
 use glam::{DAffine3, DVec2, DVec3};
 
 use crate::ids::FaceId;
+
+mod error;
+mod obj;
+mod pair;
+mod panel;
+mod unit;
+
+pub use error::{Fault, GarmentError};
+pub use unit::{Unit, UnknownUnit};
+
+use pair::Pairs;
+use panel::{Piece, Refusal};
+
+/// What the user may say about the files.
+///
+/// The default guesses units and scale, lays the wales along the flat y axis and leaves the cloth's sides as they are.
+#[derive(Clone, Debug, Default)]
+pub struct ReadOptions {
+    /// Unit of the draped coordinates; guessed where absent.
+    pub unit: Option<Unit>,
+    /// mm that one flat unit stands for; estimated where absent.
+    pub uv_scale: Option<f64>,
+    /// Turns the wale direction in the panel's plane, radians, counter-clockwise as seen from the technical face.
+    pub grain: f64,
+    /// Puts the technical face on the other side of the cloth.
+    pub turn: bool,
+}
 
 /// A panel: one connected piece of the flat pattern, with its draped positions.
 ///
@@ -50,6 +85,8 @@ pub struct Facts {
     pub triangles: usize,
     /// Name of the unit that draped coordinates are in: mm, cm, dm, m, in.
     pub unit: &'static str,
+    /// Whether the unit was guessed, and not given.
+    pub unit_guessed: bool,
     /// mm that one flat unit stands for (the garment's; panels that differ are named in `warnings`).
     pub uv_scale_mm: f64,
     /// Triangles without flat area.
@@ -58,6 +95,225 @@ pub struct Facts {
     pub flipped: usize,
     /// Triangles with a corner that has no `vt`.
     pub untextured: usize,
+    /// Pieces of the pattern that are no panel: without area, or out of their plane.
+    pub refused: usize,
+    /// What is known of each panel besides what [`Panel`] holds, in the same order.
+    pub panels: Vec<PanelFacts>,
     /// One line each, fit for the user.
     pub warnings: Vec<String>,
+}
+
+/// What reading found out about one panel.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PanelFacts {
+    /// mm that one flat unit stands for in this panel.
+    pub scale_mm: f64,
+    /// Its triangles without flat area.
+    pub degenerate: usize,
+}
+
+impl Panel {
+    /// Flat area that can hold stitches, mm².
+    #[must_use]
+    pub fn area(&self) -> f64 {
+        let twice = |&[a, b, c]: &[u32; 3]| {
+            let [a, b, c] = [a, b, c].map(|vertex| self.uv[vertex as usize]);
+            (b - a).perp_dot(c - a)
+        };
+        0.5 * self.triangles.iter().map(twice).sum::<f64>()
+    }
+
+    /// Flat extent along u and v, mm.
+    #[must_use]
+    pub fn size(&self) -> DVec2 {
+        let low = self.uv.iter().copied().fold(DVec2::INFINITY, DVec2::min);
+        let high = self.uv.iter().copied().fold(DVec2::NEG_INFINITY, DVec2::max);
+        high - low
+    }
+
+    /// Edges with more than two triangles, flipped ones included.
+    #[must_use]
+    pub fn non_manifold_edges(&self) -> usize {
+        let mut triangles_at: HashMap<[u32; 2], u32> = HashMap::new();
+        for &[a, b, c] in self.triangles.iter().chain(&self.flipped) {
+            for [a, b] in [[a, b], [b, c], [c, a]] {
+                *triangles_at.entry([a.min(b), a.max(b)]).or_default() += 1;
+            }
+        }
+        triangles_at.values().filter(|&&count| count > 2).count()
+    }
+}
+
+/// Reads a garment: `flat` and `draped`, or one file whose `vt` are the flat pattern.
+///
+/// # Errors
+/// [`GarmentError`]: one line that names the file, the line where there is one, and what to do. No input makes it panic.
+///
+/// ```
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// use warpknit::garment::{ReadOptions, read};
+/// let path = tempfile::NamedTempFile::new()?;
+/// std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 0 1\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n")?;
+/// let garment = read(path.path(), None, &ReadOptions::default())?;
+/// assert_eq!(garment.facts.unit, "m");
+/// assert!((garment.panels[0].area() - 500_000.0).abs() < 1e-6);
+/// # Ok(())
+/// # }
+/// ```
+pub fn read(flat: &Path, draped: Option<&Path>, options: &ReadOptions) -> Result<Garment, GarmentError> {
+    check(options)?;
+    let mut pairs = match draped {
+        None => pair::with_texture(obj::read(flat)?, flat)?,
+        Some(draped) => pair::two_files(obj::read(flat)?, obj::read(draped)?, [flat, draped])?,
+    };
+    let mut facts = Facts {
+        triangles: pairs.total,
+        untextured: pairs.untextured,
+        warnings: std::mem::take(&mut pairs.warnings),
+        ..Facts::default()
+    };
+    let unit = settle_unit(&pairs, options, &mut facts);
+    let pieces = usable_pieces(&pairs, flat, &mut facts)?;
+    let scales = settle_scales(&pairs, &pieces, unit, options, draped.is_some(), &mut facts);
+    let panels: Vec<Panel> = pieces
+        .iter()
+        .zip(scales)
+        .map(|(piece, scale_mm)| {
+            facts.panels.push(PanelFacts { scale_mm, degenerate: piece.degenerate });
+            piece.panel(&pairs, scale_mm, unit.millimetres(), options)
+        })
+        .collect();
+    count_defects(&panels, &mut facts);
+    Ok(Garment { panels, facts })
+}
+
+fn check(options: &ReadOptions) -> Result<(), GarmentError> {
+    if !options.grain.is_finite() {
+        return Err(GarmentError::Option { option: "--grain", value: options.grain, must: "a finite angle" });
+    }
+    match options.uv_scale {
+        Some(value) if !(1e-9..=1e9).contains(&value) => {
+            Err(GarmentError::Option { option: "--uv-scale", value, must: "between 1e-9 and 1e9 mm per flat unit" })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The draped unit, given or guessed from the paired triangles: a body in the file, or a stray vertex, has no say.
+fn settle_unit(pairs: &Pairs, options: &ReadOptions, facts: &mut Facts) -> Unit {
+    let corners = pairs.triangles.iter().flat_map(|triangle| pairs.draped_corners(triangle));
+    let [low, high] = corners.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], p| [low.min(p), high.max(p)]);
+    let extent = (high - low).max_element();
+    let (guess, fits) = unit::guess(extent);
+    let unit = options.unit.unwrap_or(guess);
+    facts.unit = unit.name();
+    facts.unit_guessed = options.unit.is_none();
+    if facts.unit_guessed && !fits {
+        let (least, most) = unit::GARMENT_SIZE;
+        facts.warnings.push(format!(
+            "in no unit is the garment between {least} mm and {most} mm: {unit} is taken, which makes it {:.4} mm; --unit says otherwise",
+            extent * unit.millimetres()
+        ));
+    }
+    unit
+}
+
+/// The pieces that can be knitted on; the others are counted and warned of.
+fn usable_pieces(pairs: &Pairs, flat: &Path, facts: &mut Facts) -> Result<Vec<Piece>, GarmentError> {
+    let mut usable = Vec::new();
+    let mut refusals = Vec::new();
+    for piece in panel::pieces(pairs) {
+        match piece {
+            Ok(piece) => {
+                facts.degenerate += piece.degenerate;
+                usable.push(piece);
+            }
+            Err((refusal, triangles, polygon)) => {
+                facts.refused += 1;
+                let why = match refusal {
+                    Refusal::NoFlatArea => {
+                        facts.degenerate += triangles;
+                        "has no flat area".to_owned()
+                    }
+                    Refusal::NoDrapedArea => "has no draped area".to_owned(),
+                    Refusal::NotFlat(share) => {
+                        format!("leaves its plane by {:.1} % of its size (2 % is the most)", 100.0 * share)
+                    }
+                };
+                refusals.push(format!("the piece of {triangles} triangles at face {} {why}", polygon + 1));
+            }
+        }
+    }
+    if usable.is_empty() {
+        let reason = format!("{}: is this the flat pattern?", shortened(&refusals));
+        return Err(GarmentError::NoPanel { path: flat.to_path_buf(), reason });
+    }
+    if !refusals.is_empty() {
+        facts.warnings.push(format!("left out: {}", shortened(&refusals)));
+    }
+    Ok(usable)
+}
+
+/// mm per flat unit for each piece.
+fn settle_scales(
+    pairs: &Pairs,
+    pieces: &[Piece],
+    unit: Unit,
+    options: &ReadOptions,
+    flat_file: bool,
+    facts: &mut Facts,
+) -> Vec<f64> {
+    if let Some(scale) = options.uv_scale {
+        facts.uv_scale_mm = scale;
+        return vec![scale; pieces.len()];
+    }
+    let mut all: Vec<Vec<_>> = pieces.iter().map(|piece| piece.stretches(pairs, unit.millimetres())).collect();
+    let own: Vec<f64> = all.iter_mut().map(|stretches| unit::scale(stretches)).collect();
+    let scales = unit::settle(unit::scale(&mut all.concat()), &own, flat_file);
+    facts.uv_scale_mm = scales.garment;
+    if !scales.differing.is_empty() {
+        let names: Vec<_> = scales.differing.iter().map(|&i| format!("panel {} {:.4}", i + 1, own[i])).collect();
+        facts.warnings.push(format!(
+            "panels differ in scale from the garment's {:.4} mm per flat unit and take their own: {}; --uv-scale sets one for all",
+            scales.garment,
+            shortened(&names)
+        ));
+    }
+    scales.panels
+}
+
+/// Counts what takes no stitches, and warns of it.
+fn count_defects(panels: &[Panel], facts: &mut Facts) {
+    facts.flipped = panels.iter().map(|panel| panel.flipped.len()).sum();
+    if facts.flipped > 0 {
+        let of = |(i, panel): (usize, &Panel)| {
+            (!panel.flipped.is_empty()).then(|| format!("{} in panel {}", panel.flipped.len(), i + 1))
+        };
+        let places: Vec<_> = panels.iter().enumerate().filter_map(of).collect();
+        facts.warnings.push(format!(
+            "{} flat triangles are flipped against their panel and take no stitches: {}",
+            facts.flipped,
+            shortened(&places)
+        ));
+    }
+    if facts.degenerate > 0 {
+        facts.warnings.push(format!("{} triangles have no flat area and take no stitches", facts.degenerate));
+    }
+    // A sewing pattern has large pieces; an automatic unwrap falls apart into scraps on which no fabric can be seen.
+    let usable: usize = panels.iter().map(|panel| panel.triangles.len()).sum();
+    if panels.len() > 8 && usable < 4 * panels.len() {
+        facts.warnings.push(format!(
+            "the pattern is in {} pieces of {:.1} triangles each: is it an atlas and not a sewing pattern?",
+            panels.len(),
+            usable as f64 / panels.len() as f64
+        ));
+    }
+}
+
+/// A list for one line: its first eight entries, and how many more there are.
+fn shortened(entries: &[String]) -> String {
+    let shown = entries.len().min(8);
+    let more = entries.len() - shown;
+    let list = entries[..shown].join(", ");
+    if more > 0 { format!("{list} and {more} more") } else { list }
 }

@@ -53,10 +53,5 @@ pub fn span(points: &[DVec3], index: usize) -> Span {
     let (d0, d1, d2) = (interval(p0, p1), interval(p1, p2), interval(p2, p3));
     let m1 = d1 * ((p1 - p0) / d0 - (p2 - p0) / (d0 + d1) + (p2 - p1) / d1);
     let m2 = d1 * ((p2 - p1) / d1 - (p3 - p1) / (d1 + d2) + (p3 - p2) / d2);
-    Span {
-        a: 2.0 * (p1 - p2) + m1 + m2,
-        b: 3.0 * (p2 - p1) - 2.0 * m1 - m2,
-        c: m1,
-        d: p1,
-    }
+    Span { a: 2.0 * (p1 - p2) + m1 + m2, b: 3.0 * (p2 - p1) - 2.0 * m1 - m2, c: m1, d: p1 }
 }

@@ -1,0 +1,503 @@
+//! OBJ text to a triangulated mesh: a cleaning pass that streams into tobj.
+//!
+//! In: a path. Out: an [`ObjMesh`], its triangles in file order (a fan from each face's first corner), positions and texture
+//! coordinates numbered apart, and for each face its line, its names and whether all its corners have a `vt`.
+//!
+//! tobj 4.0.5 alone won't do: it fills a missing `vt` with a neighbour's, makes a triangle of `l 1 2 3`, loses the first vertex
+//! to a byte order mark, accepts NaN, renumbers vertices at each group, refuses `\` continuations and trailing comments, and its errors
+//! have no line. So [`Cleaner`] stands in front of it. It joins continuations, drops everything but `v`, `vt` and `f`, checks every
+//! number and every index with its line, makes indices positive, gives faces without `vt` a dummy one (and remembers them), and hands
+//! tobj one clean group. Its memory is bounded by [`LONGEST_RECORD`] and the notes on faces, whatever the file's length.
+
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read};
+use std::path::Path;
+
+use glam::{DVec2, DVec3};
+
+use super::error::{Fault, GarmentError, quoted};
+use crate::ids::index32;
+
+/// Longest record that is accepted, in bytes, continuations joined: a polygon of 50 000 corners.
+const LONGEST_RECORD: usize = 1 << 20;
+/// Most vertices or triangles: three times as many still have 32-bit indices.
+const MOST: u64 = 1 << 30;
+/// How much clean text is made ready for tobj at a time.
+const CLEAN_CHUNK: usize = 1 << 15;
+
+/// A mesh as the file has it, triangulated.
+#[derive(Debug, Default)]
+pub(super) struct ObjMesh {
+    pub(super) positions: Vec<DVec3>,
+    pub(super) texture: Vec<DVec2>,
+    /// Faces as written, in file order.
+    pub(super) faces: Vec<Face>,
+    /// Triangles of all faces, indices into `positions`.
+    pub(super) triangles: Vec<[u32; 3]>,
+    /// The same triangles, indices into `texture`; empty where the file has no `vt`. Means nothing for untextured faces.
+    pub(super) texture_triangles: Vec<[u32; 3]>,
+    /// Object and group names; faces refer to them.
+    pub(super) names: Vec<String>,
+    /// `vt` records in the file, used or not.
+    pub(super) texture_count: usize,
+}
+
+/// A face as written.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Face {
+    pub(super) line: u64,
+    pub(super) corners: u32,
+    /// Whether every corner has a `vt`.
+    pub(super) textured: bool,
+    /// Index of its object's name.
+    pub(super) object: Option<u32>,
+    /// Index of its group's name.
+    pub(super) group: Option<u32>,
+}
+
+/// Reads one OBJ file.
+pub(super) fn read(path: &Path) -> Result<ObjMesh, GarmentError> {
+    let open = |source| GarmentError::Open { path: path.to_path_buf(), source };
+    // Opening a folder works on Unix and fails on Windows: ask first, so that the message is the same.
+    if std::fs::metadata(path).map_err(open)?.is_dir() {
+        return Err(GarmentError::Directory { path: path.to_path_buf() });
+    }
+    let file = File::open(path).map_err(open)?;
+    parse(BufReader::with_capacity(1 << 16, file), path)
+}
+
+/// Reads OBJ text; `path` is for messages alone.
+pub(super) fn parse(input: impl BufRead, path: &Path) -> Result<ObjMesh, GarmentError> {
+    let mut cleaner = Cleaner::new(input);
+    let options = tobj::LoadOptions { triangulate: true, ..Default::default() };
+    let parsed = tobj::load_obj_buf(&mut cleaner, &options, |_| Err(tobj::LoadError::OpenFileFailed));
+    if let Some(stop) = cleaner.stop.take() {
+        return Err(stop.at(path));
+    }
+    cleaner.check_whole(path)?;
+    let (models, _) = parsed.map_err(|source| GarmentError::Parser { path: path.to_path_buf(), source })?;
+    let mesh = models.into_iter().next().expect("tobj makes one model of one group").mesh;
+    Ok(cleaner.notes.into_mesh(mesh))
+}
+
+/// Why the cleaning pass stopped.
+#[derive(Debug)]
+enum Stop {
+    Fault(u64, Fault),
+    Input(u64, io::Error),
+}
+
+impl Stop {
+    fn at(self, path: &Path) -> GarmentError {
+        match self {
+            Self::Fault(line, fault) => GarmentError::record(path, line, fault),
+            Self::Input(line, source) => GarmentError::Read { path: path.to_path_buf(), line, source },
+        }
+    }
+}
+
+/// What the cleaning pass keeps besides the text it hands on.
+#[derive(Debug, Default)]
+struct Notes {
+    faces: Vec<Face>,
+    names: Vec<String>,
+    positions: u64,
+    texture: u64,
+    triangles: u64,
+    object: Option<u32>,
+    group: Option<u32>,
+}
+
+impl Notes {
+    fn into_mesh(self, mesh: tobj::Mesh) -> ObjMesh {
+        let threes = |indices: &[u32]| indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect::<Vec<_>>();
+        let triangles = threes(&mesh.indices);
+        let expected: usize = self.faces.iter().map(|face| face.corners as usize - 2).sum();
+        assert_eq!(triangles.len(), expected, "tobj fans every face of three or more corners into two fewer triangles");
+        ObjMesh {
+            positions: mesh.positions.chunks_exact(3).map(|p| DVec3::new(p[0], p[1], p[2])).collect(),
+            texture: mesh.texcoords.chunks_exact(2).map(|p| DVec2::new(p[0], p[1])).collect(),
+            faces: self.faces,
+            triangles,
+            texture_triangles: threes(&mesh.texcoord_indices),
+            names: self.names,
+            texture_count: usize::try_from(self.texture).unwrap_or(usize::MAX),
+        }
+    }
+}
+
+/// Positive indices may point forward (`vt` after the faces), so they can be judged at the end alone. Only those that exceed all
+/// before them are kept: the first one out of range is always among them.
+#[derive(Debug, Default)]
+struct Forward(Vec<(u64, u64)>);
+
+impl Forward {
+    fn note(&mut self, index: u64, count: u64, line: u64) {
+        if index > count && self.0.last().is_none_or(|&(largest, _)| index > largest) {
+            self.0.push((index, line));
+        }
+    }
+
+    /// The first index that the whole file doesn't hold: (line, index).
+    fn first_beyond(&self, count: u64) -> Option<(u64, u64)> {
+        self.0.iter().find(|&&(index, _)| index > count).map(|&(index, line)| (line, index))
+    }
+}
+
+/// OBJ text in, clean OBJ text out, as a [`BufRead`] for tobj.
+struct Cleaner<R> {
+    lines: Lines<R>,
+    clean: Vec<u8>,
+    at: usize,
+    notes: Notes,
+    known: HashMap<String, u32>,
+    forward_v: Forward,
+    forward_vt: Forward,
+    stop: Option<Stop>,
+}
+
+impl<R: BufRead> Cleaner<R> {
+    fn new(input: R) -> Self {
+        Self {
+            lines: Lines::new(input),
+            clean: Vec::with_capacity(CLEAN_CHUNK + 4096),
+            at: 0,
+            notes: Notes::default(),
+            known: HashMap::new(),
+            forward_v: Forward::default(),
+            forward_vt: Forward::default(),
+            stop: None,
+        }
+    }
+
+    /// Cleans records until a chunk is ready or the file ends.
+    fn refill(&mut self) -> Result<(), Stop> {
+        self.clean.clear();
+        self.at = 0;
+        while self.clean.len() < CLEAN_CHUNK && self.lines.next()? {
+            let record = std::mem::take(&mut self.lines.record);
+            let result = self.record(&record).map_err(|fault| Stop::Fault(self.lines.first, fault));
+            self.lines.record = record;
+            result?;
+        }
+        Ok(())
+    }
+
+    /// Cleans one record; all but `v`, `vt`, `f`, `o` and `g` are skipped.
+    fn record(&mut self, record: &[u8]) -> Result<(), Fault> {
+        let (keyword, rest) = split_keyword(record);
+        match keyword {
+            b"v" => {
+                self.notes.positions += 1;
+                self.numbers("v", without_comment(rest), 3, 7)
+            }
+            b"vt" => {
+                self.notes.texture += 1;
+                self.numbers("vt", without_comment(rest), 1, 3)
+            }
+            b"f" => self.face(without_comment(rest)),
+            b"o" => {
+                self.notes.object = Some(self.name(rest));
+                Ok(())
+            }
+            b"g" => {
+                self.notes.group = Some(self.name(rest));
+                Ok(())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Checks a `v` or `vt`, and hands on its first three or two numbers: weights, colours and a third `vt` play no part.
+    fn numbers(&mut self, record: &'static str, rest: &[u8], least: usize, most: usize) -> Result<(), Fault> {
+        if self.notes.positions.max(self.notes.texture) > MOST {
+            return Err(Fault::TooMany { limit: MOST });
+        }
+        let kept = if record == "v" { 3 } else { 2 };
+        self.clean.extend_from_slice(record.as_bytes());
+        let mut found = 0;
+        for token in tokens(rest) {
+            let value: Option<f64> = std::str::from_utf8(token).ok().and_then(|text| text.parse().ok());
+            // 1.#QNAN is how Microsoft's older runtimes print a NaN.
+            let microsoft_nan = token.windows(2).any(|pair| pair == b".#");
+            match value {
+                Some(value) if value.is_finite() => {}
+                None if !microsoft_nan => return Err(Fault::Number { record, token: quoted(token) }),
+                _ => return Err(Fault::NotFinite { record, token: quoted(token) }),
+            }
+            if found < kept {
+                self.clean.push(b' ');
+                self.clean.extend_from_slice(token);
+            }
+            found += 1;
+        }
+        if !(least..=most).contains(&found) {
+            return Err(Fault::NumberCount { record, found, least, most });
+        }
+        // A one-dimensional `vt` is legal OBJ; tobj wants two numbers.
+        self.clean.extend_from_slice(if found < kept { b" 0\n" } else { b"\n" });
+        Ok(())
+    }
+
+    /// Checks a face and hands it on with positive indices.
+    fn face(&mut self, rest: &[u8]) -> Result<(), Fault> {
+        let start = self.clean.len();
+        let textured = self.corners(rest, true)?;
+        if !textured {
+            // tobj would fill a missing `vt` with the last corner's; a dummy on every corner has no such history.
+            self.clean.truncate(start);
+            self.corners(rest, false)?;
+        }
+        let corners = tokens(rest).count();
+        if corners < 3 {
+            return Err(Fault::FewCorners { found: corners });
+        }
+        self.notes.triangles += corners as u64 - 2;
+        if self.notes.triangles > MOST {
+            return Err(Fault::TooMany { limit: MOST });
+        }
+        let (object, group) = (self.notes.object, self.notes.group);
+        self.notes.faces.push(Face { line: self.lines.first, corners: index32(corners), textured, object, group });
+        Ok(())
+    }
+
+    /// Writes a face's corners, each with its own `vt` or the dummy `vt` 1; whether all had one of their own.
+    fn corners(&mut self, rest: &[u8], own_texture: bool) -> Result<bool, Fault> {
+        let mut textured = true;
+        self.clean.push(b'f');
+        for token in tokens(rest) {
+            let [v, vt] = corner(token)?;
+            let v = v.ok_or_else(|| Fault::Corner { token: quoted(token) })?;
+            let v = absolute("v", v, self.notes.positions, token)?;
+            self.forward_v.note(v, self.notes.positions, self.lines.first);
+            let vt = vt.map(|vt| absolute("vt", vt, self.notes.texture, token)).transpose()?;
+            if let Some(vt) = vt {
+                self.forward_vt.note(vt, self.notes.texture, self.lines.first);
+            }
+            textured &= vt.is_some();
+            self.clean.push(b' ');
+            push_index(&mut self.clean, v);
+            self.clean.push(b'/');
+            push_index(&mut self.clean, vt.filter(|_| own_texture).unwrap_or(1));
+        }
+        self.clean.push(b'\n');
+        Ok(textured)
+    }
+
+    /// The index of an object's or a group's name.
+    fn name(&mut self, rest: &[u8]) -> u32 {
+        let words: Vec<_> = tokens(rest).map(String::from_utf8_lossy).collect();
+        let next = index32(self.notes.names.len());
+        *self.known.entry(words.join(" ")).or_insert_with_key(|name| {
+            self.notes.names.push(name.clone());
+            next
+        })
+    }
+
+    /// What can be judged at the end of the file alone.
+    fn check_whole(&self, path: &Path) -> Result<(), GarmentError> {
+        let path = path.to_path_buf();
+        if self.lines.bytes == 0 {
+            return Err(GarmentError::Empty { path });
+        }
+        let (positions, texture) = (self.notes.positions, self.notes.texture);
+        if positions == 0 && self.notes.faces.is_empty() {
+            return Err(GarmentError::NotObj { path, lines: self.lines.number });
+        }
+        let beyond_v = self.forward_v.first_beyond(positions).map(|(line, index)| (line, "v", index, positions));
+        let beyond_vt = self.forward_vt.first_beyond(texture).map(|(line, index)| (line, "vt", index, texture));
+        if let Some((line, record, index, count)) = beyond_v.into_iter().chain(beyond_vt).min() {
+            let index = i64::try_from(index).unwrap_or(i64::MAX);
+            return Err(GarmentError::Record { path, line, fault: Fault::IndexRange { record, index, count } });
+        }
+        if self.notes.faces.is_empty() {
+            return Err(GarmentError::NoFaces { path, vertices: positions });
+        }
+        Ok(())
+    }
+}
+
+impl<R: BufRead> Read for Cleaner<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let count = self.fill_buf()?.read(buffer)?;
+        self.consume(count);
+        Ok(count)
+    }
+}
+
+impl<R: BufRead> BufRead for Cleaner<R> {
+    fn fill_buf(&mut self) -> io::Result<&[u8]> {
+        if self.at == self.clean.len() && self.stop.is_none() {
+            if let Err(stop) = self.refill() {
+                self.stop = Some(stop);
+                return Err(io::Error::other("the cleaning pass stopped"));
+            }
+        }
+        Ok(&self.clean[self.at..])
+    }
+
+    fn consume(&mut self, count: usize) {
+        self.at += count;
+    }
+}
+
+/// Records of a text: lines without leading blanks and comment lines, `\` continuations of `v`, `vt` and `f` joined.
+///
+/// Other records aren't joined: a comment or a `mtllib` may well end in the `\` of a Windows folder, and would swallow the next line.
+struct Lines<R> {
+    input: R,
+    record: Vec<u8>,
+    /// Line on which `record` starts, from 1.
+    first: u64,
+    /// Lines begun so far.
+    number: u64,
+    bytes: u64,
+    after_return: bool,
+}
+
+impl<R: BufRead> Lines<R> {
+    fn new(input: R) -> Self {
+        Self { input, record: Vec::new(), first: 0, number: 0, bytes: 0, after_return: false }
+    }
+
+    /// Puts the next record in `self.record`; false at the end of the file.
+    fn next(&mut self) -> Result<bool, Stop> {
+        self.record.clear();
+        loop {
+            let more = self.line()?;
+            if let [.., b'\\'] = self.record.trim_ascii_end()
+                && matches!(split_keyword(&self.record).0, b"v" | b"vt" | b"f")
+                && without_comment(&self.record).len() == self.record.len()
+            {
+                let end = self.record.trim_ascii_end().len() - 1;
+                self.record.truncate(end);
+                self.record.push(b' ');
+                if more {
+                    continue;
+                }
+            }
+            if !more || !self.record.is_empty() {
+                return Ok(!self.record.is_empty());
+            }
+        }
+    }
+
+    /// Appends the next line to `self.record`; false where the file ends. Blanks and comments before a record aren't kept, so gigabytes
+    /// of them take no memory.
+    fn line(&mut self) -> Result<bool, Stop> {
+        self.number += 1;
+        if self.record.is_empty() {
+            self.first = self.number;
+        }
+        let mut comment = false;
+        loop {
+            let number = self.number;
+            let buffer = match self.input.fill_buf() {
+                Ok(buffer) => buffer,
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+                Err(error) => return Err(Stop::Input(number, error)),
+            };
+            if buffer.is_empty() {
+                return Ok(false);
+            }
+            let mut start = 0;
+            if std::mem::take(&mut self.after_return) && buffer[0] == b'\n' {
+                start = 1;
+            }
+            if self.bytes == 0 && buffer.starts_with(b"\xEF\xBB\xBF") {
+                start = 3;
+            }
+            let rest = &buffer[start..];
+            let end = rest.iter().position(|&byte| byte == b'\n' || byte == b'\r');
+            let text = &rest[..end.unwrap_or(rest.len())];
+            let kept = if self.record.is_empty() { text.trim_ascii_start() } else { text };
+            comment |= self.record.is_empty() && kept.first() == Some(&b'#');
+            if !comment {
+                if self.record.len() + kept.len() > LONGEST_RECORD {
+                    return Err(Stop::Fault(self.first, Fault::LineTooLong { limit: LONGEST_RECORD }));
+                }
+                self.record.extend_from_slice(kept);
+            }
+            self.after_return = end.is_some_and(|end| rest[end] == b'\r');
+            let used = start + text.len() + usize::from(end.is_some());
+            self.bytes += used as u64;
+            self.input.consume(used);
+            if end.is_some() {
+                return Ok(true);
+            }
+        }
+    }
+}
+
+/// The words of a record.
+fn tokens(text: &[u8]) -> impl Iterator<Item = &[u8]> {
+    text.split(|byte| is_blank(*byte)).filter(|token| !token.is_empty())
+}
+
+fn is_blank(byte: u8) -> bool {
+    byte == b' ' || (b'\t'..=b'\r').contains(&byte)
+}
+
+/// A record's first word, and the rest.
+fn split_keyword(record: &[u8]) -> (&[u8], &[u8]) {
+    let end = record.iter().position(|&byte| is_blank(byte)).unwrap_or(record.len());
+    record.split_at(end)
+}
+
+/// Text up to a `#`, but not up to the `#` of `1.#QNAN`.
+fn without_comment(text: &[u8]) -> &[u8] {
+    let end = (0..text.len()).find(|&i| text[i] == b'#' && (i == 0 || text[i - 1] != b'.'));
+    &text[..end.unwrap_or(text.len())]
+}
+
+/// A corner's vertex and texture indices as written. The normal's must be a number, but which one plays no part.
+fn corner(token: &[u8]) -> Result<[Option<i64>; 2], Fault> {
+    let malformed = || Fault::Corner { token: quoted(token) };
+    let mut parts = token.split(|&byte| byte == b'/');
+    let mut indices = [None; 3];
+    let mut count = 0;
+    for part in parts.by_ref().take(3) {
+        indices[count] = if part.is_empty() { None } else { Some(integer(part).ok_or_else(malformed)?) };
+        count += 1;
+    }
+    // `1//` is written by real exporters, a bare `1/` only by a cut-off file.
+    if parts.next().is_some() || indices[0].is_none() || (count == 2 && indices[1].is_none()) {
+        return Err(malformed());
+    }
+    Ok([indices[0], indices[1]])
+}
+
+/// A whole number; one beyond 64 bits becomes the largest, which is out of range all the same.
+fn integer(text: &[u8]) -> Option<i64> {
+    let (negative, digits) = match text {
+        [b'-', digits @ ..] => (true, digits),
+        [b'+', digits @ ..] => (false, digits),
+        digits => (false, digits),
+    };
+    if digits.is_empty() || !digits.iter().all(u8::is_ascii_digit) {
+        return None;
+    }
+    let value = digits.iter().fold(0_i64, |value, &digit| value.saturating_mul(10).saturating_add(i64::from(digit - b'0')));
+    Some(if negative { -value } else { value })
+}
+
+/// A written index as a positive one. Negative ones count back from the records so far; positive ones are judged at the end.
+fn absolute(record: &'static str, index: i64, count: u64, token: &[u8]) -> Result<u64, Fault> {
+    let from_end = index.unsigned_abs();
+    match index {
+        0 => Err(Fault::IndexZero { token: quoted(token) }),
+        1.. => Ok(from_end),
+        _ if from_end <= count => Ok(count - from_end + 1),
+        _ => Err(Fault::IndexRange { record, index, count }),
+    }
+}
+
+fn push_index(text: &mut Vec<u8>, mut index: u64) {
+    let start = text.len();
+    while index > 0 {
+        text.push(b'0' + u8::try_from(index % 10).expect("a digit"));
+        index /= 10;
+    }
+    text[start..].reverse();
+}

@@ -1,0 +1,238 @@
+//! Flat and draped triangles, one to one.
+//!
+//! In: one [`ObjMesh`] with `vt`, or a flat and a draped one. Out: [`Pairs`]. Faces are paired by their order and corners by theirs, never
+//! by welded vertices: `v` and `vt` are numbered apart at seams, and exporters weld as they please.
+
+use std::path::Path;
+
+use glam::DVec3;
+
+use super::error::GarmentError;
+use super::obj::{Face, ObjMesh};
+use crate::ids::{FaceId, index32};
+
+/// Coordinates beyond this make areas whose squares leave the range in which 64-bit floats are exact enough.
+pub(super) const LARGEST: f64 = 1e12;
+/// Flat vertices that may be at two places when draped before the files are refused: a few are a torn seam, many are another mesh.
+const TORN: f64 = 0.01;
+
+/// Paired triangles, still in the files' own units.
+#[derive(Debug, Default)]
+pub(super) struct Pairs {
+    /// Flat vertices in the flat mesh's own numbering (`vt` has z = 0).
+    pub(super) flat: Vec<DVec3>,
+    pub(super) draped: Vec<DVec3>,
+    pub(super) triangles: Vec<Paired>,
+    /// Triangles of the flat mesh, those without a pair included.
+    pub(super) total: usize,
+    pub(super) untextured: usize,
+    pub(super) warnings: Vec<String>,
+}
+
+/// One triangle in both meshes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Paired {
+    pub(super) flat: [u32; 3],
+    pub(super) draped: [u32; 3],
+    pub(super) face: FaceId,
+    /// The face as written in the flat file, from 0.
+    pub(super) polygon: u32,
+    /// Its lines in the flat and in the draped file.
+    pub(super) lines: [u64; 2],
+}
+
+impl Pairs {
+    /// Corners of a triangle in the flat mesh.
+    pub(super) fn flat_corners(&self, triangle: &Paired) -> [DVec3; 3] {
+        triangle.flat.map(|vertex| self.flat[vertex as usize])
+    }
+
+    /// Corners of a triangle in the draped mesh.
+    pub(super) fn draped_corners(&self, triangle: &Paired) -> [DVec3; 3] {
+        triangle.draped.map(|vertex| self.draped[vertex as usize])
+    }
+}
+
+/// Pairs `v` with `vt` of one file.
+pub(super) fn with_texture(mesh: ObjMesh, path: &Path) -> Result<Pairs, GarmentError> {
+    let faces = triangle_faces(&mesh);
+    let mut pairs = Pairs { total: faces.len(), ..Default::default() };
+    for (triangle, &face) in faces.iter().enumerate() {
+        let Face { line, textured, .. } = mesh.faces[face as usize];
+        let draped = mesh.triangles[triangle];
+        if textured {
+            let flat = mesh.texture_triangles[triangle];
+            pairs.triangles.push(Paired { flat, draped, face: FaceId(index32(triangle)), polygon: face, lines: [line, line] });
+        } else {
+            pairs.untextured += 1;
+        }
+    }
+    if pairs.triangles.is_empty() {
+        return Err(GarmentError::NoTexture { path: path.to_path_buf(), texture: mesh.texture_count });
+    }
+    if pairs.untextured > 0 {
+        pairs.warnings.push(format!("{} of {} triangles have no vt and take no stitches", pairs.untextured, pairs.total));
+    }
+    pairs.flat = mesh.texture.iter().map(|vt| vt.extend(0.0)).collect();
+    pairs.draped = mesh.positions;
+    check_size(&pairs, path, path)?;
+    Ok(pairs)
+}
+
+/// Pairs a flat file with a draped one.
+pub(super) fn two_files(flat: ObjMesh, draped: ObjMesh, paths: [&Path; 2]) -> Result<Pairs, GarmentError> {
+    let mut pairs = Pairs { total: flat.triangles.len(), ..Default::default() };
+    let partner = match by_name(&flat, &draped) {
+        Some(partner) => partner,
+        None => by_order(&flat, &draped, paths, &mut pairs.warnings)?,
+    };
+    let (flat_first, draped_first) = (first_triangles(&flat), first_triangles(&draped));
+    for (face, &other) in partner.iter().enumerate() {
+        for fan in 0..flat.faces[face].corners as usize - 2 {
+            let triangle = flat_first[face] + fan;
+            pairs.triangles.push(Paired {
+                flat: flat.triangles[triangle],
+                draped: draped.triangles[draped_first[other as usize] + fan],
+                face: FaceId(index32(triangle)),
+                polygon: index32(face),
+                lines: [flat.faces[face].line, draped.faces[other as usize].line],
+            });
+        }
+    }
+    pairs.flat = flat.positions;
+    pairs.draped = draped.positions;
+    check_size(&pairs, paths[0], paths[1])?;
+    check_corners(&mut pairs, paths, [flat.faces.len(), draped.faces.len()])?;
+    Ok(pairs)
+}
+
+/// The face of each triangle.
+fn triangle_faces(mesh: &ObjMesh) -> Vec<u32> {
+    let fan = |(i, face): (usize, &Face)| std::iter::repeat_n(index32(i), face.corners as usize - 2);
+    mesh.faces.iter().enumerate().flat_map(fan).collect()
+}
+
+/// The first triangle of each face.
+fn first_triangles(mesh: &ObjMesh) -> Vec<usize> {
+    let mut next = 0;
+    let first = |face: &Face| {
+        next += face.corners as usize - 2;
+        next + 2 - face.corners as usize
+    };
+    mesh.faces.iter().map(first).collect()
+}
+
+/// For each flat face the draped face, by object names or else by group names, where every flat name is in the draped file with as
+/// many faces of the same corners. It finds a garment exported with the body, before or after it, and pieces in another order.
+fn by_name(flat: &ObjMesh, draped: &ObjMesh) -> Option<Vec<u32>> {
+    let kinds: [fn(&Face) -> Option<u32>; 2] = [|face| face.object, |face| face.group];
+    kinds.into_iter().find_map(|name_of| {
+        let mut waiting: std::collections::HashMap<&str, std::collections::VecDeque<u32>> = Default::default();
+        for (i, face) in draped.faces.iter().enumerate() {
+            if let Some(name) = name_of(face) {
+                waiting.entry(&draped.names[name as usize]).or_default().push_back(index32(i));
+            }
+        }
+        let mut partner = Vec::with_capacity(flat.faces.len());
+        for face in &flat.faces {
+            let name = &flat.names[name_of(face)? as usize];
+            let other = waiting.get_mut(name.as_str())?.pop_front()?;
+            if draped.faces[other as usize].corners != face.corners {
+                return None;
+            }
+            partner.push(other);
+        }
+        // A name of which faces are left over names something else in each file: the order has to decide.
+        let used = flat.faces.iter().filter_map(|face| name_of(face)).map(|name| flat.names[name as usize].as_str());
+        let mut all_used = used.map(|name| waiting.get(name).is_some_and(|left| left.is_empty()));
+        all_used.all(|empty| empty).then_some(partner)
+    })
+}
+
+/// Flat faces with the draped faces at the same place in their file; the draped file may hold more after them.
+fn by_order(flat: &ObjMesh, draped: &ObjMesh, paths: [&Path; 2], warnings: &mut Vec<String>) -> Result<Vec<u32>, GarmentError> {
+    let [flat_path, draped_path] = paths.map(|path| path.display());
+    let (flat_faces, draped_faces) = (flat.faces.len(), draped.faces.len());
+    let differing = flat.faces.iter().zip(&draped.faces).position(|(a, b)| a.corners != b.corners);
+    if differing.is_some() || draped_faces < flat_faces {
+        let face = differing.unwrap_or(draped_faces);
+        let here = flat.faces[face];
+        let difference = match draped.faces.get(face) {
+            Some(there) => format!(
+                "{} corners at {flat_path}:{}, {} at {draped_path}:{}",
+                here.corners, here.line, there.corners, there.line
+            ),
+            None => format!("{flat_path}:{} has no counterpart", here.line),
+        };
+        let [flat, draped] = paths.map(Path::to_path_buf);
+        return Err(GarmentError::Faces { flat, draped, flat_faces, draped_faces, face: face + 1, difference });
+    }
+    if draped_faces > flat_faces {
+        warnings.push(format!(
+            "{draped_path} has {draped_faces} faces and {flat_path} {flat_faces}: the first {flat_faces} are paired, the rest is left out"
+        ));
+    }
+    Ok((0..index32(flat_faces)).collect())
+}
+
+/// Refuses coordinates with which areas would overflow.
+fn check_size(pairs: &Pairs, flat: &Path, draped: &Path) -> Result<(), GarmentError> {
+    let largest = |corners: [DVec3; 3]| corners.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
+    for triangle in &pairs.triangles {
+        let values = [largest(pairs.flat_corners(triangle)), largest(pairs.draped_corners(triangle))];
+        for ((path, line), value) in [flat, draped].into_iter().zip(triangle.lines).zip(values) {
+            if value > LARGEST {
+                return Err(GarmentError::TooLarge { path: path.to_path_buf(), line, value, limit: LARGEST });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// A flat vertex is one point of the cloth, so it is at one place when draped (maybe under several numbers). Where many are not, the
+/// files' corners don't correspond.
+fn check_corners(pairs: &mut Pairs, paths: [&Path; 2], faces: [usize; 2]) -> Result<(), GarmentError> {
+    let mut low = DVec3::INFINITY;
+    let mut high = DVec3::NEG_INFINITY;
+    for p in pairs.triangles.iter().flat_map(|triangle| pairs.draped_corners(triangle)) {
+        low = low.min(p);
+        high = high.max(p);
+    }
+    // Unwelded copies of a vertex may be rounded apart; a wrong vertex is about an edge's length away.
+    let tolerance = 1e-6 * (high - low).length();
+    let mut places: Vec<Option<DVec3>> = vec![None; pairs.flat.len()];
+    let mut torn = vec![false; pairs.flat.len()];
+    let mut first = None;
+    for (i, triangle) in pairs.triangles.iter().enumerate() {
+        for (flat, place) in triangle.flat.into_iter().zip(pairs.draped_corners(triangle)) {
+            let known = *places[flat as usize].get_or_insert(place);
+            if known.distance(place) > tolerance {
+                torn[flat as usize] = true;
+                first.get_or_insert(i);
+            }
+        }
+    }
+    let Some(first) = first else { return Ok(()) };
+    let disagreeing = torn.iter().filter(|&&torn| torn).count();
+    let vertices = places.iter().flatten().count();
+    let Paired { polygon, lines: [flat_line, draped_line], .. } = pairs.triangles[first];
+    let face = polygon as usize + 1;
+    if disagreeing as f64 > TORN * vertices as f64 {
+        return Err(GarmentError::Corners {
+            flat: paths[0].to_path_buf(),
+            draped: paths[1].to_path_buf(),
+            flat_faces: faces[0],
+            draped_faces: faces[1],
+            disagreeing,
+            vertices,
+            face,
+            flat_line,
+            draped_line,
+        });
+    }
+    pairs.warnings.push(format!(
+        "{disagreeing} of {vertices} flat vertices are at two places when draped, first in face {face} ({}:{draped_line}): torn there",
+        paths[1].display()
+    ));
+    Ok(())
+}

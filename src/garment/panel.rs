@@ -1,0 +1,279 @@
+//! Panels: connected pieces of the flat pattern, each fitted to its plane and put in axes of its own.
+//!
+//! In: [`Pairs`]. Out: [`Piece`]s in the order of their lowest face ([`pieces`]), then, once the scale is known, [`Panel`]s.
+//!
+//! Two triangles belong to one piece where they share a flat vertex *that is at the same place draped*. The flat vertex alone isn't enough:
+//! the left and the right sleeve often share their `vt`, one lying mirrored on the other, while their `v` are elsewhere on the body.
+
+use std::collections::HashMap;
+use std::hash::Hash;
+
+use glam::{DAffine3, DMat3, DVec2, DVec3};
+
+use super::pair::{Paired, Pairs};
+use super::unit::Stretch;
+use super::{Panel, ReadOptions};
+use crate::ids::index32;
+
+/// A panel that leaves its plane by more than this part of its size is not flat.
+const OFF_PLANE: f64 = 0.02;
+/// A triangle with less than this part of its panel's flat area can't be told from a line.
+const DEGENERATE: f64 = 1e-12;
+/// Less area than this, in the file's units, is none: quotients of such areas would leave the range of 64-bit floats.
+const LEAST_AREA: f64 = 1e-30;
+/// The grain runs along the flat y axis unless that projects to less than this on the panel's plane.
+const UPRIGHT: f64 = 0.1;
+
+/// A usable piece of the pattern, in the files' own units.
+#[derive(Debug)]
+pub(super) struct Piece {
+    /// Its triangles that have flat area, in order.
+    triangles: Vec<Corners>,
+    /// Its plane's unit normal, on the side from which most of its flat area is counter-clockwise.
+    normal: DVec3,
+    pub(super) degenerate: usize,
+}
+
+/// A triangle of a piece: its pair, and its corners as the piece's vertices.
+#[derive(Clone, Copy, Debug)]
+struct Corners {
+    pair: u32,
+    vertices: [u32; 3],
+    flipped: bool,
+}
+
+/// Why a piece is no panel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Refusal {
+    /// All its flat triangles are lines or points.
+    NoFlatArea,
+    /// All its draped triangles are.
+    NoDrapedArea,
+    /// It leaves its plane by this part of its size.
+    NotFlat(f64),
+}
+
+/// Splits the pattern into pieces: the usable ones, or why not with the number of triangles and the first polygon.
+pub(super) fn pieces(pairs: &Pairs) -> Vec<Result<Piece, (Refusal, usize, u32)>> {
+    let vertices = vertex_ids(pairs);
+    let mut piece_of = HashMap::new();
+    let mut members: Vec<Vec<u32>> = Vec::new();
+    let mut sets = Sets::new(vertices.iter().flatten().max().map_or(0, |&last| last as usize + 1));
+    for [a, b, c] in &vertices {
+        sets.join(*a, *b);
+        sets.join(*a, *c);
+    }
+    for (i, [a, _, _]) in vertices.iter().enumerate() {
+        let piece = *piece_of.entry(sets.root(*a)).or_insert_with(|| {
+            members.push(Vec::new());
+            members.len() - 1
+        });
+        members[piece].push(index32(i));
+    }
+    let fit = |triangles: Vec<u32>| {
+        let polygon = pairs.triangles[triangles[0] as usize].polygon;
+        Piece::fit(pairs, &vertices, &triangles).map_err(|refusal| (refusal, triangles.len(), polygon))
+    };
+    members.into_iter().map(fit).collect()
+}
+
+/// One number for each flat vertex at each draped place.
+fn vertex_ids(pairs: &Pairs) -> Vec<[u32; 3]> {
+    // Copies of a draped vertex (an unwelded export) are one place. Adding 0.0 makes -0.0 the same as 0.0.
+    let mut places = Numbering::default();
+    let place: Vec<u32> = pairs.draped.iter().map(|p| places.of((*p + DVec3::ZERO).to_array().map(f64::to_bits))).collect();
+    let mut vertices = Numbering::default();
+    let number = |triangle: &Paired| std::array::from_fn(|i| vertices.of((triangle.flat[i], place[triangle.draped[i] as usize])));
+    pairs.triangles.iter().map(number).collect()
+}
+
+/// Numbers things in the order in which they first come.
+#[derive(Debug)]
+struct Numbering<K>(HashMap<K, u32>);
+
+impl<K> Default for Numbering<K> {
+    fn default() -> Self {
+        Self(HashMap::new())
+    }
+}
+
+impl<K: Eq + Hash> Numbering<K> {
+    fn of(&mut self, key: K) -> u32 {
+        let next = index32(self.0.len());
+        *self.0.entry(key).or_insert(next)
+    }
+}
+
+/// Disjoint sets, joined by the smaller root and flattened while looking.
+struct Sets(Vec<u32>);
+
+impl Sets {
+    fn new(count: usize) -> Self {
+        Self((0..index32(count)).collect())
+    }
+
+    fn root(&mut self, mut x: u32) -> u32 {
+        while self.0[x as usize] != x {
+            self.0[x as usize] = self.0[self.0[x as usize] as usize];
+            x = self.0[x as usize];
+        }
+        x
+    }
+
+    fn join(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.root(a), self.root(b));
+        self.0[a.max(b) as usize] = a.min(b);
+    }
+}
+
+/// Twice a triangle's area, as a vector along its normal.
+fn cross([a, b, c]: [DVec3; 3]) -> DVec3 {
+    (b - a).cross(c - a)
+}
+
+impl Piece {
+    fn fit(pairs: &Pairs, vertices: &[[u32; 3]], triangles: &[u32]) -> Result<Self, Refusal> {
+        let flat = |i: u32| cross(pairs.flat_corners(&pairs.triangles[i as usize]));
+        let total: f64 = triangles.iter().map(|&i| flat(i).length()).sum();
+        let mut solid: Vec<u32> = triangles.to_vec();
+        solid.retain(|&i| total > LEAST_AREA && flat(i).length() >= DEGENERATE * total);
+        let largest =
+            solid.iter().map(|&i| flat(i)).max_by(|a, b| a.length().total_cmp(&b.length())).ok_or(Refusal::NoFlatArea)?;
+        let draped_area: f64 = solid.iter().map(|&i| cross(pairs.draped_corners(&pairs.triangles[i as usize])).length()).sum();
+        if draped_area <= LEAST_AREA {
+            return Err(Refusal::NoDrapedArea);
+        }
+        // Every normal is first turned to the largest triangle's side, so that flipped triangles can't cancel the sum.
+        let normal: DVec3 = solid.iter().map(|&i| flat(i)).map(|n| if n.dot(largest) < 0.0 { -n } else { n }).sum();
+        let mut normal = normal.normalize();
+        let winding: f64 = solid.iter().map(|&i| flat(i).dot(normal)).sum();
+        // Of two equal halves the one that lies face up wins.
+        let balanced = winding.abs() <= 1e-9 * total;
+        if if balanced { faces_down(normal) } else { winding < 0.0 } {
+            normal = -normal;
+        }
+        let corners = |&i: &u32| Corners { pair: i, vertices: vertices[i as usize], flipped: flat(i).dot(normal) < 0.0 };
+        let piece = Self { triangles: solid.iter().map(corners).collect(), normal, degenerate: triangles.len() - solid.len() };
+        match piece.off_plane(pairs) {
+            share if share > OFF_PLANE => Err(Refusal::NotFlat(share)),
+            _ => Ok(piece),
+        }
+    }
+
+    /// How far the piece leaves its plane, as a part of its size.
+    fn off_plane(&self, pairs: &Pairs) -> f64 {
+        let axes = self.axes(0.0, false).transpose();
+        let [low, high] = bounds(self.flat_points(pairs).map(|p| axes * p));
+        let size = high - low;
+        // Half of the thickness: the best plane lies midway.
+        0.5 * size.z / size.x.max(size.y)
+    }
+
+    fn flat_points<'a>(&'a self, pairs: &'a Pairs) -> impl Iterator<Item = DVec3> + 'a {
+        self.triangles.iter().flat_map(|t| pairs.flat_corners(&pairs.triangles[t.pair as usize]))
+    }
+
+    /// Panel axes (columns u, v, w) in the flat mesh's: v along its y, or z where y stands on the panel, turned by `grain`.
+    fn axes(&self, grain: f64, turn: bool) -> DMat3 {
+        let normal = if turn { -self.normal } else { self.normal };
+        let along = |axis: DVec3| axis - normal * axis.dot(normal);
+        let up = along(DVec3::Y);
+        let up = if up.length() < UPRIGHT { along(DVec3::Z) } else { up }.normalize();
+        let right = up.cross(normal);
+        let (sin, cos) = grain.sin_cos();
+        DMat3::from_cols(right * cos + up * sin, up * cos - right * sin, normal)
+    }
+
+    /// Area ratios of its triangles, draped mm² over flat units².
+    pub(super) fn stretches(&self, pairs: &Pairs, unit_mm: f64) -> Vec<Stretch> {
+        let ratio = |t: &Corners| {
+            let pair = &pairs.triangles[t.pair as usize];
+            let weight = cross(pairs.flat_corners(pair)).length();
+            Stretch { ratio: cross(pairs.draped_corners(pair)).length() * unit_mm * unit_mm / weight, weight }
+        };
+        self.triangles.iter().map(ratio).collect()
+    }
+
+    /// The panel in mm.
+    pub(super) fn panel(&self, pairs: &Pairs, scale_mm: f64, unit_mm: f64, options: &ReadOptions) -> Panel {
+        let axes = self.axes(options.grain, options.turn);
+        // The middle of the piece is the origin: patterns lie anywhere, and numbers near zero are the most exact.
+        let [low, high] = bounds(self.flat_points(pairs).map(|p| axes.transpose() * p));
+        let origin = axes * ((low + high) * 0.5) * scale_mm;
+        let mut panel = Panel {
+            uv: Vec::new(),
+            draped: Vec::new(),
+            normals: Vec::new(),
+            triangles: Vec::new(),
+            faces: Vec::new(),
+            flipped: Vec::new(),
+            flat_from_panel: DAffine3::from_mat3_translation(axes, origin),
+            mirrored: faces_down(self.normal),
+        };
+        let mut numbering = Numbering::default();
+        for t in &self.triangles {
+            let pair = &pairs.triangles[t.pair as usize];
+            let (flat, draped) = (pairs.flat_corners(pair), pairs.draped_corners(pair));
+            let mut triangle = [0; 3];
+            for corner in 0..3 {
+                let vertex = numbering.of(t.vertices[corner]);
+                triangle[corner] = vertex;
+                if vertex as usize == panel.uv.len() {
+                    let local = axes.transpose() * (flat[corner] * scale_mm - origin);
+                    panel.uv.push(DVec2::new(local.x, local.y));
+                    panel.draped.push(draped[corner] * unit_mm);
+                }
+            }
+            if options.turn {
+                // The same cloth seen from behind: the other way round in (u, v), and the other way out on the body.
+                triangle.swap(1, 2);
+            }
+            if t.flipped {
+                panel.flipped.push(triangle);
+            } else {
+                panel.triangles.push(triangle);
+                panel.faces.push(pair.face);
+            }
+        }
+        panel.normals = normals(&panel.draped, &panel.triangles);
+        panel
+    }
+}
+
+/// Whether a flat normal points against the axis it is nearest to: the piece lies clockwise to somebody who looks down that axis.
+fn faces_down(normal: DVec3) -> bool {
+    let [x, y, z] = normal.abs().to_array();
+    let dominant = if z >= x && z >= y {
+        normal.z
+    } else if y >= x {
+        normal.y
+    } else {
+        normal.x
+    };
+    dominant < 0.0
+}
+
+fn bounds(points: impl Iterator<Item = DVec3>) -> [DVec3; 2] {
+    points.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], p| [low.min(p), high.max(p)])
+}
+
+/// Unit vertex normals, each triangle weighted by its angle at the vertex, so that they don't depend on how the cloth was triangulated.
+///
+/// A vertex of collapsed triangles alone takes the panel's mean normal, and where that vanishes too (a closed or collapsed panel) +z.
+fn normals(draped: &[DVec3], triangles: &[[u32; 3]]) -> Vec<DVec3> {
+    let mut sums = vec![DVec3::ZERO; draped.len()];
+    let mut mean = DVec3::ZERO;
+    for triangle in triangles {
+        let corners = triangle.map(|vertex| draped[vertex as usize]);
+        let area = cross(corners);
+        mean += area;
+        let normal = area.normalize_or_zero();
+        for i in 0..3 {
+            let (to_next, to_last) = (corners[(i + 1) % 3] - corners[i], corners[(i + 2) % 3] - corners[i]);
+            let angle = to_next.cross(to_last).length().atan2(to_next.dot(to_last));
+            sums[triangle[i] as usize] += normal * angle;
+        }
+    }
+    let fallback = mean.normalize_or(DVec3::Z);
+    sums.into_iter().map(|sum| sum.normalize_or(fallback)).collect()
+}
