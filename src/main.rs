@@ -1,2 +1,41 @@
-//! The `warpknit` command.
-fn main() {}
+//! The `warpknit` command: reads its arguments, runs one of the library's jobs, prints what a person wants to know.
+//!
+//! Data go to stdout, all else to stderr. Exit status: 0 done, 1 failed, 2 wrong usage.
+
+mod cli;
+
+use std::io::{self, Write};
+use std::process::ExitCode;
+
+use clap::Parser;
+use warpknit::fabric::FabricError;
+
+fn main() -> ExitCode {
+    let arguments = cli::Arguments::parse();
+    match cli::run(&arguments) {
+        Ok(()) => ExitCode::SUCCESS,
+        // Whoever read our output has seen enough.
+        Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
+        Err(error) => {
+            // Nothing is left to be done if even stderr is closed.
+            let _unheard = writeln!(io::stderr(), "error: {error:#}{}", caret(&error));
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    error.chain().filter_map(|cause| cause.downcast_ref::<io::Error>()).any(|cause| cause.kind() == io::ErrorKind::BrokenPipe)
+}
+
+/// Where an error is about a place in a chain: the chain, and carets below that place.
+fn caret(error: &anyhow::Error) -> String {
+    match error.downcast_ref::<FabricError>() {
+        Some(FabricError::Lapping { text, source, .. }) => {
+            let before = text[..source.span.start].chars().count();
+            let wrong = text[source.span.clone()].chars().count().max(1);
+            format!("\n  {text}\n  {:before$}{:^<wrong$}", "", "")
+        }
+        _ => String::new(),
+    }
+}

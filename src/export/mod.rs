@@ -8,6 +8,7 @@ pub mod csv;
 pub mod glb;
 pub mod obj;
 mod output;
+pub mod png;
 
 use std::path::{Path, PathBuf};
 

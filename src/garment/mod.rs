@@ -11,9 +11,6 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-mod rectangle;
-pub mod stretch;
-
 use glam::{DAffine3, DVec2, DVec3};
 
 use crate::ids::FaceId;
@@ -22,6 +19,8 @@ mod error;
 mod obj;
 mod pair;
 mod panel;
+mod rectangle;
+pub mod stretch;
 mod unit;
 
 pub use error::{Fault, GarmentError};

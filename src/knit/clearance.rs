@@ -1,6 +1,6 @@
 //! How near yarns come to each other: the check that none cuts another.
 //!
-//! In: a [`Fabric`]. Out: the least distance between centre lines over 2r, measured on one repeat against everything around it. Paths are
+//! In: a [`Fabric`] and the radius at which it is drawn. Out: the least distance between centre lines over 2r, measured on one repeat against everything around it. Paths are
 //! sampled 12 times a span and segments compared exactly. Parts of one strand nearer than 7 radii along it are neighbours, not
 //! contacts. Source: the specification's knit page. Cost: a grid of cells finds candidates, milliseconds a repeat.
 
@@ -22,7 +22,7 @@ const NEIGHBOURHOOD: f64 = 7.0;
 /// How close a fabric's yarns come.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clearance {
-    /// Least distance between centre lines over twice the layout radius: under 1 yarns cut each other.
+    /// Least distance between centre lines over twice the radius: under 1 yarns cut each other.
     pub min_over_2r: f64,
     /// Pairs of path segments nearer than 2r, of those with one in the repeat.
     pub pairs_below_1: usize,
@@ -38,21 +38,21 @@ struct Segment {
     along: f64,
 }
 
-/// Measures the layout of a fabric.
+/// Measures the layout of a fabric whose yarns are drawn with `radius` mm.
 ///
 /// # Errors
 /// Laps that can't be knitted.
 ///
 /// ```
 /// use warpknit::{fabric::Fabric, knit::clearance};
-/// assert!(clearance::measure(&Fabric::named("tricot").unwrap()).unwrap().min_over_2r > 0.98);
+/// let tricot = Fabric::named("tricot").unwrap();
+/// assert!(clearance::measure(&tricot, tricot.radius()).unwrap().min_over_2r > 0.98);
 /// ```
-pub fn measure(fabric: &Fabric) -> Result<Clearance, KnitError> {
+pub fn measure(fabric: &Fabric, radius: f64) -> Result<Clearance, KnitError> {
     let pattern = Pattern::new(fabric)?;
     let mesh = StructureMesh::anchored_at(fabric, glam::DVec2::ZERO);
     let courses = i64::try_from(fabric.repeat()).expect("repeats are limited");
     let (width, height) = (fabric.wale_spacing() * across(fabric), fabric.course_spacing() * f64::from(index32(fabric.repeat())));
-    let radius = pattern.radius();
     let margin = 8.0 * radius;
     let mut segments = Vec::new();
     let mut strand = 0;
@@ -165,7 +165,7 @@ mod tests {
             for (course, radius, expected) in [(0.70, 0.042, 1.054), (0.60, 0.036, 1.027)] {
                 let fabric = Fabric::named(name).unwrap().at_densities(10.0, 10.0 / course).unwrap();
                 assert!((fabric.radius() - radius).abs() < 1e-9, "the layout's limit is what the table measures");
-                let found = measure(&fabric).unwrap().min_over_2r;
+                let found = measure(&fabric, fabric.radius()).unwrap().min_over_2r;
                 assert!((found - expected).abs() < 0.01, "{name} at C {course}: {found}, the prototype has {expected}");
             }
         }

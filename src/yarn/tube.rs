@@ -41,12 +41,13 @@ impl Section {
         2 * self.st * self.sr
     }
 
-    /// Vertices and triangles of a strand of so many stitches.
+    /// Vertices and triangles of the tubes of so many strands, which hold so many stitches in all.
     #[must_use]
-    pub fn size_of(&self, stitches: usize) -> (usize, usize) {
+    pub fn size_of(&self, stitches: usize, strands: usize) -> (usize, usize) {
         let (st, sr) = (self.st as usize, self.sr as usize);
         let (cap_vertices, cap_triangles) = if self.caps { (2 * (sr + 1), 2 * sr) } else { (0, 0) };
-        ((stitches * st + 1) * (sr + 1) + cap_vertices, stitches * 2 * st * sr + cap_triangles)
+        let vertices = (stitches * st + strands) * (sr + 1) + strands * cap_vertices;
+        (vertices, stitches * 2 * st * sr + strands * cap_triangles)
     }
 }
 
@@ -244,7 +245,7 @@ mod tests {
             assert_eq!(section(st, sr, false).triangles_per_stitch(), triangles);
             let tubes = straight(st, sr, false);
             assert_eq!(tubes.triangles.len(), 4 * triangles as usize);
-            assert_eq!(tubes.positions.len(), 2 * section(st, sr, false).size_of(2).0);
+            assert_eq!(tubes.positions.len(), section(st, sr, false).size_of(4, 2).0);
         }
     }
 
@@ -261,8 +262,8 @@ mod tests {
     #[test]
     fn a_capped_tube_is_closed_and_holds_its_volume() {
         let tubes = straight(7, 64, true);
-        assert_eq!(tubes.triangles.len(), 2 * section(7, 64, true).size_of(2).1);
-        assert_eq!(tubes.positions.len(), 2 * section(7, 64, true).size_of(2).0);
+        assert_eq!(tubes.triangles.len(), section(7, 64, true).size_of(4, 2).1);
+        assert_eq!(tubes.positions.len(), section(7, 64, true).size_of(4, 2).0);
         let corner = |v: u32| tubes.positions[v as usize].as_dvec3();
         let six_volumes = tubes.triangles.iter().map(|t| t.map(corner)).map(|[a, b, c]| a.dot(b.cross(c))).sum::<f64>();
         let cylinder = std::f64::consts::PI * 0.25 * 0.25 * 8.0;

@@ -1,0 +1,280 @@
+//! The command line, as the specification's cli page has it.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use glam::DVec3;
+use warpknit::drape::strands::Edge;
+use warpknit::export::Format;
+use warpknit::garment::Unit;
+use warpknit::map::Mapping;
+use warpknit::render::{Background, View};
+
+/// Knits warp-knit fabric, yarn by yarn, onto a garment from a pattern tool.
+#[derive(Parser, Debug)]
+#[command(version, propagate_version = true, arg_required_else_help = true)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+#[derive(Subcommand, Debug)]
+pub(crate) enum Command {
+    /// Knit a fabric onto a garment
+    #[command(after_help = "Examples:
+  warpknit drape meshes/skirt_flat.obj meshes/skirt_draped.obj -o skirt.png -o skirt.glb
+  warpknit drape meshes/tshirt.obj --fabric locknit --view iso -o tshirt.png -o tshirt.json")]
+    Drape(Drape),
+    /// Knit a flat piece of fabric
+    #[command(after_help = "Examples:
+  warpknit swatch --fabric locknit --view front -o face.png
+  warpknit swatch --fabric locknit --view back -o back.png")]
+    Swatch(Swatch),
+    /// Say what meshes hold and whether they pair
+    #[command(after_help = "Examples:
+  warpknit inspect meshes/tshirt.obj
+  warpknit inspect meshes/skirt_flat.obj meshes/skirt_draped.obj")]
+    Inspect(Inspect),
+    /// List the built-in fabrics, or print one as TOML
+    #[command(after_help = "Examples:
+  warpknit fabrics
+  warpknit fabrics locknit > my.toml && warpknit swatch --fabric my.toml")]
+    Fabrics(Fabrics),
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct Drape {
+    /// The flat pattern, or one file whose positions are draped and whose vt is the flat pattern
+    #[arg(value_name = "FLAT.obj|GARMENT.obj")]
+    pub(crate) flat: PathBuf,
+    /// The same faces, draped
+    #[arg(value_name = "DRAPED.obj")]
+    pub(crate) draped: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) reading: Reading,
+    /// What happens to yarns at a panel's edge
+    #[arg(long, value_enum, default_value = "clip")]
+    pub(crate) edge: EdgeArg,
+    /// How depth is carried from the flat panel to the draped one
+    #[arg(long, value_enum, default_value = "smooth")]
+    pub(crate) mapping: MappingArg,
+    #[command(flatten)]
+    pub(crate) shared: Shared,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct Swatch {
+    /// Yarns a full bar
+    #[arg(long, value_name = "N", default_value_t = 14, value_parser = clap::value_parser!(u32).range(1..=20_000))]
+    pub(crate) wales: u32,
+    /// Courses
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=20_000))]
+    pub(crate) courses: u32,
+    #[command(flatten)]
+    pub(crate) shared: Shared,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct Inspect {
+    /// One garment with vt, or the flat mesh and one or more drapes of it
+    #[arg(value_name = "OBJ", required = true)]
+    pub(crate) meshes: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) reading: Reading,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct Fabrics {
+    /// The fabric to print
+    pub(crate) name: Option<String>,
+}
+
+/// How meshes are read.
+#[derive(Args, Debug)]
+pub(crate) struct Reading {
+    /// What one unit of the draped mesh is: mm, cm, dm, m or in [default: guessed from its size]
+    #[arg(long, value_name = "UNIT")]
+    pub(crate) unit: Option<Unit>,
+    /// What one unit of the flat mesh is, mm [default: from the areas]
+    #[arg(long, value_name = "MM")]
+    pub(crate) uv_scale: Option<f64>,
+    /// Turn the wale direction, counter-clockwise seen from the technical face
+    #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true)]
+    pub(crate) grain: f64,
+    /// Turn the cloth over: technical face inside
+    #[arg(long)]
+    pub(crate) turn: bool,
+}
+
+/// What `drape` and `swatch` share.
+#[derive(Args, Debug)]
+pub(crate) struct Shared {
+    /// A file to write, by its ending: .png .glb .obj .csv (data points) .json (report); may be repeated [default: a .png named after the input]
+    #[arg(short, long = "output", value_name = "OUT", value_parser = output)]
+    pub(crate) outputs: Vec<(PathBuf, Format)>,
+    /// A built-in fabric or a fabric file
+    #[arg(long, value_name = "NAME|FILE.toml", default_value = "tricot")]
+    pub(crate) fabric: String,
+    /// Wales per cm; yarns are drawn in proportion [default: the fabric's, or fewer where a garment would hold over 30000 stitches]
+    #[arg(long, value_name = "X")]
+    pub(crate) wales_per_cm: Option<f64>,
+    /// Courses per cm [default: likewise]
+    #[arg(long, value_name = "X")]
+    pub(crate) courses_per_cm: Option<f64>,
+    /// Tube segments a stitch
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=256))]
+    pub(crate) st: u32,
+    /// Edges of a tube's section
+    #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u32).range(3..=64))]
+    pub(crate) sr: u32,
+    /// Draw yarns with this radius [default: from the yarn's count, as far as the loops leave room]
+    #[arg(long, value_name = "MM", value_parser = positive)]
+    pub(crate) radius: Option<f64>,
+    /// Close the tubes' ends
+    #[arg(long)]
+    pub(crate) caps: bool,
+    /// Size of the picture
+    #[arg(long, value_name = "WxH", default_value = "1600x1200", value_parser = size)]
+    pub(crate) size: (u32, u32),
+    /// From where to look: a swatch's front is its technical face
+    #[arg(long, value_enum, default_value = "front")]
+    pub(crate) view: ViewArg,
+    /// Stand here instead of at a view, mm
+    #[arg(long, value_name = "X,Y,Z", value_parser = vector, requires = "look_at", allow_hyphen_values = true)]
+    pub(crate) eye: Option<DVec3>,
+    /// Look at this point, mm
+    #[arg(long, value_name = "X,Y,Z", value_parser = vector, requires = "eye", allow_hyphen_values = true)]
+    pub(crate) look_at: Option<DVec3>,
+    /// Vertical field of view
+    #[arg(long, value_name = "DEG", default_value_t = 30.0, value_parser = field_of_view)]
+    pub(crate) fov: f64,
+    /// Magnify the middle of the picture
+    #[arg(long, value_name = "K", default_value_t = 1.0, value_parser = positive)]
+    pub(crate) zoom: f64,
+    /// Colour behind the yarns: #rrggbb, a name, or transparent
+    #[arg(long, value_name = "COLOR")]
+    pub(crate) background: Option<Background>,
+    /// Samples a pixel
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    pub(crate) spp: u32,
+    /// Threads [default: all cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub(crate) threads: Option<u32>,
+    /// Say nothing but errors
+    #[arg(long)]
+    pub(crate) quiet: bool,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+pub(crate) enum EdgeArg {
+    /// Cut the yarn there
+    Clip,
+    /// Leave out every stitch that crosses it
+    Drop,
+}
+
+impl From<EdgeArg> for Edge {
+    fn from(edge: EdgeArg) -> Self {
+        match edge {
+            EdgeArg::Clip => Self::Clip,
+            EdgeArg::Drop => Self::Drop,
+        }
+    }
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+pub(crate) enum MappingArg {
+    /// The paper's: affine in each triangle
+    Frame,
+    /// Depth in mm along a smooth normal
+    Smooth,
+}
+
+impl From<MappingArg> for Mapping {
+    fn from(mapping: MappingArg) -> Self {
+        match mapping {
+            MappingArg::Frame => Self::Frame,
+            MappingArg::Smooth => Self::Smooth,
+        }
+    }
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+pub(crate) enum ViewArg {
+    Front,
+    Back,
+    Left,
+    Right,
+    Top,
+    Iso,
+}
+
+impl From<ViewArg> for View {
+    fn from(view: ViewArg) -> Self {
+        match view {
+            ViewArg::Front => Self::Front,
+            ViewArg::Back => Self::Back,
+            ViewArg::Left => Self::Left,
+            ViewArg::Right => Self::Right,
+            ViewArg::Top => Self::Top,
+            ViewArg::Iso => Self::Iso,
+        }
+    }
+}
+
+fn output(text: &str) -> Result<(PathBuf, Format), String> {
+    let path = PathBuf::from(text);
+    let format = Format::of(&path).map_err(|error| error.to_string())?;
+    Ok((path, format))
+}
+
+fn size(text: &str) -> Result<(u32, u32), String> {
+    const LIMIT: u32 = 32_768;
+    let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some((w.parse::<u32>().ok()?, h.parse::<u32>().ok()?)));
+    match sides {
+        Some((w, h)) if (1..=LIMIT).contains(&w) && (1..=LIMIT).contains(&h) => Ok((w, h)),
+        _ => Err(format!("write it as 1600x1200, both sides from 1 to {LIMIT}")),
+    }
+}
+
+fn vector(text: &str) -> Result<DVec3, String> {
+    let numbers: Vec<f64> = text.split(',').filter_map(|n| n.trim().parse().ok()).filter(|n: &f64| n.is_finite()).collect();
+    match numbers[..] {
+        [x, y, z] if text.split(',').count() == 3 => Ok(DVec3::new(x, y, z)),
+        _ => Err("write three numbers with commas, such as 0,500,1200".to_owned()),
+    }
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number > 0.0 && number.is_finite() => Ok(number),
+        _ => Err("it must be a number over 0".to_owned()),
+    }
+}
+
+fn field_of_view(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(degrees) if (1.0..=120.0).contains(&degrees) => Ok(degrees),
+        _ => Err("it must be between 1 and 120 degrees".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory as _;
+
+    #[test]
+    fn the_definition_holds_together() {
+        Arguments::command().debug_assert();
+    }
+
+    #[test]
+    fn sizes_vectors_and_numbers() {
+        assert_eq!(size("640x480"), Ok((640, 480)));
+        assert!(size("0x4").is_err() && size("640").is_err() && size("99999x1").is_err());
+        assert_eq!(vector("1,-2, 3.5"), Ok(DVec3::new(1.0, -2.0, 3.5)));
+        assert!(vector("1,2").is_err() && vector("1,2,x").is_err() && vector("1,2,3,x").is_err());
+        assert!(positive("0").is_err() && positive("nan").is_err() && positive("inf").is_err());
+    }
+}

@@ -1,0 +1,98 @@
+//! Time for people: how long each stage took, and a progress bar on a terminal.
+
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+use warpknit::report::Timings;
+
+/// What time is spent on, as the report names it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Task {
+    Read,
+    Knit,
+    Index,
+    Locate,
+    Map,
+    Surface,
+    Render,
+    Write,
+}
+
+const TASKS: usize = 8;
+
+/// A stopwatch that is always running for exactly one task, or none.
+#[derive(Debug)]
+pub(crate) struct Clock {
+    start: Instant,
+    lap: Instant,
+    running: Option<Task>,
+    spent: [Duration; TASKS],
+    bar: ProgressBar,
+}
+
+impl Clock {
+    /// Starts. The bar shows itself on a terminal only.
+    pub(crate) fn start(quiet: bool) -> Self {
+        let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(1000) };
+        let style = ProgressStyle::with_template("{msg:10} {bar:40} {percent:>3} %").expect("a fixed template");
+        bar.set_style(style);
+        let now = Instant::now();
+        Self { start: now, lap: now, running: None, spent: [Duration::ZERO; TASKS], bar }
+    }
+
+    /// Ends the running task and begins another, of which a share is done.
+    pub(crate) fn begin(&mut self, task: Task, done: f64) {
+        self.stop();
+        self.running = Some(task);
+        self.bar.set_message(match task {
+            Task::Read => "reading",
+            Task::Render => "rendering",
+            Task::Write => "writing",
+            _ => "knitting",
+        });
+        show(&self.bar, done);
+    }
+
+    /// Ends the running task.
+    pub(crate) fn stop(&mut self) {
+        let now = Instant::now();
+        if let Some(task) = self.running.take() {
+            self.spent[task as usize] += now - self.lap;
+        }
+        self.lap = now;
+    }
+
+    /// Tells of progress from any thread.
+    pub(crate) fn progress(&self) -> impl Fn(f32) + Sync + use<> {
+        let bar = self.bar.clone();
+        move |done| show(&bar, f64::from(done))
+    }
+
+    /// Removes the bar.
+    pub(crate) fn clear(&self) {
+        self.bar.finish_and_clear();
+    }
+
+    fn spent(&self, task: Task) -> f64 {
+        1000.0 * self.spent[task as usize].as_secs_f64()
+    }
+
+    /// All stages, ms; building the search structures counts as location.
+    pub(crate) fn timings(&self) -> Timings {
+        Timings {
+            read: self.spent(Task::Read),
+            knit: self.spent(Task::Knit),
+            locate: self.spent(Task::Index) + self.spent(Task::Locate),
+            map: self.spent(Task::Map),
+            surface: self.spent(Task::Surface),
+            render: self.spent(Task::Render),
+            write: self.spent(Task::Write),
+            total: 1000.0 * self.start.elapsed().as_secs_f64(),
+        }
+    }
+}
+
+fn show(bar: &ProgressBar, done: f64) {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share in thousandths")]
+    bar.set_position((1000.0 * done.clamp(0.0, 1.0)) as u64);
+}

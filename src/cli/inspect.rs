@@ -1,0 +1,59 @@
+//! `warpknit inspect`: what meshes hold and whether they pair.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use anyhow::Result;
+use warpknit::garment::stretch::stretch;
+use warpknit::garment::{Garment, read};
+
+use super::args::Inspect;
+use super::print;
+
+/// Prints one section a garment: a lone file with its vt, or the first file as the flat mesh of each other one.
+pub(crate) fn inspect(arguments: &Inspect) -> Result<()> {
+    let options = arguments.reading.options();
+    let (first, others) = arguments.meshes.split_first().expect("clap asks for one");
+    if others.is_empty() {
+        return print(&section(&first.display().to_string(), &read(first, None, &options)?)?);
+    }
+    for draped in others {
+        print(&section(&pair(first, draped), &read(first, Some(draped), &options)?)?)?;
+    }
+    Ok(())
+}
+
+fn pair(flat: &Path, draped: &Path) -> String {
+    format!("{} + {}", flat.display(), draped.display())
+}
+
+fn section(name: &str, garment: &Garment) -> Result<String, std::fmt::Error> {
+    let facts = &garment.facts;
+    let mut text = String::new();
+    writeln!(text, "{name}")?;
+    let guessed = if facts.unit_guessed { " (guessed)" } else { "" };
+    writeln!(text, "  triangles {}, unit {}{guessed}, flat unit {:.6} mm", facts.triangles, facts.unit, facts.uv_scale_mm)?;
+    writeln!(text, "  left out: {} flipped, {} degenerate, {} without vt", facts.flipped, facts.degenerate, facts.untextured)?;
+    let (warp, weft) = stretch(garment);
+    let percentiles = |p: [f64; 3]| format!("{:.3} {:.3} {:.3}", p[0], p[1], p[2]);
+    writeln!(text, "  stretch 5/50/95 %: warp {}, weft {}", percentiles(warp), percentiles(weft))?;
+    writeln!(text, "  panel  triangles   width mm  height mm   area cm²  mirrored  flipped  non-manifold edges")?;
+    for (number, panel) in garment.panels.iter().enumerate() {
+        let size = panel.size();
+        writeln!(
+            text,
+            "  {number:5}  {:9}  {:9.1}  {:9.1}  {:9.1}  {:>8}  {:7}  {:18}",
+            panel.triangles.len(),
+            size.x,
+            size.y,
+            panel.area() / 100.0,
+            if panel.mirrored { "yes" } else { "no" },
+            panel.flipped.len(),
+            panel.non_manifold_edges()
+        )?;
+    }
+    for warning in &facts.warnings {
+        writeln!(text, "  warning: {warning}")?;
+    }
+    Ok(text)
+}

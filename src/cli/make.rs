@@ -1,0 +1,332 @@
+//! `warpknit drape` and `warpknit swatch`: from arguments to files.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use rayon::ThreadPoolBuilder;
+use warpknit::drape::strands::Losses;
+use warpknit::drape::{self, Block, Cloth, Stage, Totals};
+use warpknit::export::csv::CsvWriter;
+use warpknit::export::glb::GlbWriter;
+use warpknit::export::obj::ObjWriter;
+use warpknit::export::{ExportError, Format, Output, Sink, png};
+use warpknit::fabric::Fabric;
+use warpknit::garment::stretch::stretch;
+use warpknit::garment::{Garment, ReadOptions, read};
+use warpknit::ids::index32;
+use warpknit::knit::{clearance, numbers};
+use warpknit::render::{self, Camera, render};
+use warpknit::report::{ClearanceReport, ClothReport, GarmentReport, Report, SurfaceReport};
+use warpknit::scene::{Scene, YarnLook};
+use warpknit::yarn::tube::Section;
+
+use super::args::{Drape, Reading, Shared, Swatch};
+use super::clock::{Clock, Task};
+use super::tell;
+
+/// The most stitches that a garment is given unasked. A picture of 1600 x 1200 shows no more of them one by one.
+const PICTURED_STITCHES: f64 = 30_000.0;
+/// How rough yarns look; fibres are dull.
+const ROUGHNESS: f32 = 0.75;
+/// The texture's real length where there is none: v counts millimetres.
+const TEXTURE_PER_MM: f64 = 1.0;
+
+/// Knits a fabric onto a garment.
+pub(crate) fn drape(arguments: &Drape) -> Result<()> {
+    let shared = &arguments.shared;
+    let mut clock = begin(shared)?;
+    clock.begin(Task::Read, 0.0);
+    let fabric = fabric(shared)?;
+    let garment = read(&arguments.flat, arguments.draped.as_deref(), &arguments.reading.options())?;
+    clock.stop();
+    let shown = pictured(&fabric, &garment, shared)?;
+    let cloth = Cloth::cover(&garment, &shown)?;
+    let options = drape::Options { mapping: arguments.mapping.into(), edge: arguments.edge.into(), surface: None };
+    let stem = arguments.draped.as_ref().unwrap_or(&arguments.flat).file_stem().unwrap_or_default();
+    make(&Job { shared, fabric: &fabric, shown: &shown, cloth: &cloth, options, stem: Path::new(stem) }, clock)
+}
+
+/// Knits a flat piece of fabric.
+pub(crate) fn swatch(arguments: &Swatch) -> Result<()> {
+    let shared = &arguments.shared;
+    let clock = begin(shared)?;
+    let fabric = fabric(shared)?;
+    let panel = drape::swatch_panel(&fabric, arguments.wales, arguments.courses);
+    let cloth = Cloth::swatch(&panel, &fabric, arguments.wales, arguments.courses)?;
+    let options = drape::Options::default();
+    make(&Job { shared, fabric: &fabric, shown: &fabric, cloth: &cloth, options, stem: Path::new(&fabric.name) }, clock)
+}
+
+impl Reading {
+    /// What the library takes.
+    pub(super) fn options(&self) -> ReadOptions {
+        ReadOptions { unit: self.unit, uv_scale: self.uv_scale, grain: self.grain.to_radians(), turn: self.turn }
+    }
+}
+
+/// One run: what is knitted, onto what, and how it is shown.
+struct Job<'a> {
+    shared: &'a Shared,
+    /// The fabric as named, whose numbers are reported.
+    fabric: &'a Fabric,
+    /// The fabric at the densities at which it is drawn.
+    shown: &'a Fabric,
+    cloth: &'a Cloth<'a>,
+    options: drape::Options,
+    /// What an output is called if none is named.
+    stem: &'a Path,
+}
+
+fn begin(shared: &Shared) -> Result<Clock> {
+    if let Some(threads) = shared.threads {
+        ThreadPoolBuilder::new().num_threads(threads as usize).build_global().context("can't start the threads")?;
+    }
+    Ok(Clock::start(shared.quiet))
+}
+
+/// The fabric that was named, at the densities that were given.
+fn fabric(shared: &Shared) -> Result<Fabric> {
+    let name = &shared.fabric;
+    let fabric = if Path::new(name).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml")) {
+        Fabric::read(Path::new(name)).with_context(|| name.clone())?
+    } else {
+        Fabric::named(name)?
+    };
+    for warning in fabric.warnings() {
+        tell(shared.quiet, &format!("warning: {name}: {warning}"));
+    }
+    match (shared.wales_per_cm, shared.courses_per_cm) {
+        (None, None) => Ok(fabric),
+        (wales, courses) => {
+            let (own_wales, own_courses) = (fabric.wales_per_cm, fabric.courses_per_cm);
+            Ok(fabric.at_densities(wales.unwrap_or(own_wales), courses.unwrap_or(own_courses))?)
+        }
+    }
+}
+
+/// The fabric, enlarged where nobody chose densities and its loops would be too many and too small to see.
+fn pictured(fabric: &Fabric, garment: &Garment, shared: &Shared) -> Result<Fabric> {
+    let area: f64 = garment.panels.iter().map(warpknit::garment::Panel::area).sum();
+    let bars = f64::from(index32(fabric.bars.len()));
+    let stitches = bars * area / (fabric.wale_spacing() * fabric.course_spacing());
+    if shared.wales_per_cm.is_some() || shared.courses_per_cm.is_some() || stitches <= PICTURED_STITCHES {
+        return Ok(fabric.clone());
+    }
+    let times = (stitches / PICTURED_STITCHES).sqrt();
+    let (wales, courses) = (fabric.wales_per_cm, fabric.courses_per_cm);
+    let note = format!(
+        "note: {stitches:.0} stitches at true gauge would be too small to see, so the cloth is drawn {times:.1} times enlarged; \
+         --wales-per-cm {wales} --courses-per-cm {courses} knits it at true gauge"
+    );
+    tell(shared.quiet, &note);
+    Ok(fabric.clone().at_densities(wales / times, courses / times)?)
+}
+
+/// Knits, draws and writes. Files appear under their names only when all are whole.
+fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
+    let mut warnings = job.cloth.garment().facts.warnings.clone();
+    let outputs = outputs(job);
+    let section = section(job);
+    let mut sinks = sinks(&outputs, job)?;
+    let wants_surface = outputs.iter().any(|(_, format)| matches!(format, Format::Glb | Format::Obj));
+    let options = drape::Options { surface: wants_surface.then_some(section), ..job.options };
+    let wants_picture = outputs.iter().any(|(_, format)| *format == Format::Png);
+    let mut scene = Scene { looks: looks(job.shown, section.radius), ..Scene::default() };
+
+    let totals = {
+        let mut announce = |stage, done| clock.begin(task(stage), done);
+        let mut deliver = |blocks: &[Block]| -> Result<(), ExportError> {
+            if wants_picture {
+                blocks.iter().for_each(|block| add_to(&mut scene, block));
+            }
+            sinks.iter_mut().try_for_each(|sink| sink.take(blocks))
+        };
+        drape::run(job.cloth, &options, &mut announce, &mut deliver)?
+    };
+    if totals.strands == 0 {
+        bail!("no yarn lies on the garment: its panels are smaller than a stitch; raise --wales-per-cm and --courses-per-cm");
+    }
+    warnings.extend(loss_warning(&totals));
+    for warning in &warnings {
+        tell(job.shared.quiet, &format!("warning: {warning}"));
+    }
+
+    clock.begin(Task::Write, 1.0);
+    let mut whole: Vec<Output> = sinks.into_iter().map(Sink::finish).collect::<Result<_, _>>()?;
+    for (path, _) in outputs.iter().filter(|(_, format)| *format == Format::Png) {
+        clock.begin(Task::Render, 0.0);
+        let picture = draw(&scene, job.shared, &clock)?;
+        clock.begin(Task::Write, 1.0);
+        whole.push(png::write(path, &picture)?);
+    }
+    clock.stop();
+    let facts = Facts { section: &section, totals: &totals, warnings, wants_picture };
+    for (path, _) in outputs.iter().filter(|(_, format)| *format == Format::Json) {
+        whole.push(text_file(path, &report(job, &facts, &clock)?.to_json())?);
+    }
+    whole.into_iter().try_for_each(Output::publish)?;
+    clock.clear();
+    let names: Vec<_> = outputs.iter().map(|(path, _)| path.display().to_string()).collect();
+    tell(job.shared.quiet, &format!("{} stitches, {} yarns: {}", totals.losses.stitches, totals.yarns, names.join(" ")));
+    Ok(())
+}
+
+/// The files that were asked for, or a picture named after the input.
+fn outputs(job: &Job<'_>) -> Vec<(PathBuf, Format)> {
+    if job.shared.outputs.is_empty() {
+        let mut name = job.stem.as_os_str().to_owned();
+        name.push(".png");
+        return vec![(PathBuf::from(name), Format::Png)];
+    }
+    job.shared.outputs.clone()
+}
+
+/// Writers of everything that streams.
+fn sinks<'a>(outputs: &[(PathBuf, Format)], job: &Job<'a>) -> Result<Vec<Box<dyn Sink + 'a>>, ExportError> {
+    let mut sinks: Vec<Box<dyn Sink + 'a>> = Vec::new();
+    for (path, format) in outputs {
+        match format {
+            Format::Glb => sinks.push(Box::new(GlbWriter::create(path, job.shown)?)),
+            Format::Obj => sinks.push(Box::new(ObjWriter::create(path)?)),
+            Format::Csv => sinks.push(Box::new(CsvWriter::create(path, job.cloth.garment())?)),
+            // Made whole at the end; that they can be written is asked before the work and not after it.
+            Format::Png | Format::Json => drop(Output::create(path)?),
+        }
+    }
+    Ok(sinks)
+}
+
+fn section(job: &Job<'_>) -> Section {
+    let Shared { st, sr, radius, caps, .. } = *job.shared;
+    Section { st, sr, radius: radius.unwrap_or(job.cloth.radius()), caps, texture_per_mm: TEXTURE_PER_MM }
+}
+
+fn looks(fabric: &Fabric, radius: f64) -> Vec<YarnLook> {
+    #[expect(clippy::cast_possible_truncation, reason = "a radius in mm")]
+    let radius = radius as f32;
+    let look = |color: [f32; 3]| YarnLook { albedo: color.into(), roughness: ROUGHNESS, metallic: 0.0, radius };
+    fabric.bars.iter().map(|bar| look(bar.yarn.color.linear())).collect()
+}
+
+fn add_to(scene: &mut Scene, block: &Block) {
+    let look = u16::try_from(block.bar).expect("machines have some tens of bars");
+    for strand in &block.strands.strands {
+        let points = &block.draped.positions[strand.points.start as usize..strand.points.end as usize];
+        scene.push_strand(points.iter().map(|p| p.as_vec3()), look);
+    }
+}
+
+fn task(stage: Stage) -> Task {
+    match stage {
+        Stage::Index => Task::Index,
+        Stage::Knit => Task::Knit,
+        Stage::Locate => Task::Locate,
+        Stage::Map => Task::Map,
+        Stage::Surface => Task::Surface,
+        Stage::Deliver => Task::Write,
+    }
+}
+
+fn loss_warning(totals: &Totals) -> Option<String> {
+    let Losses { in_defects, off_panel, .. } = totals.losses;
+    let points = totals.data_points + off_panel;
+    let percent = 100.0 * f64::from(index32(in_defects)) / f64::from(index32(points.max(1)));
+    (in_defects > 0).then(|| format!("{in_defects} data points ({percent:.3} %) lie in triangles that can't be knitted and are lost"))
+}
+
+/// The picture.
+fn draw(scene: &Scene, shared: &Shared, clock: &Clock) -> Result<image::RgbaImage> {
+    let mut options = render::Options { width: shared.size.0, height: shared.size.1, spp: shared.spp, ..render::Options::default() };
+    if let Some(background) = shared.background {
+        options.background = background;
+    }
+    let fov = shared.fov.to_radians();
+    let camera = match (shared.eye, shared.look_at) {
+        (Some(eye), Some(target)) => Camera::look_at(eye, target, fov, shared.zoom),
+        _ => {
+            let bounds = scene.bounds().context("there is no yarn to look at")?;
+            Camera::view(shared.view.into(), &bounds, fov, shared.zoom, options.aspect())
+        }
+    };
+    Ok(render(scene, &camera, &options, &clock.progress()))
+}
+
+fn text_file(path: &Path, text: &str) -> Result<Output, ExportError> {
+    let mut output = Output::create(path)?;
+    output.write_with(|file| std::io::Write::write_all(file, text.as_bytes()))?;
+    output.seal()
+}
+
+/// What is known after the run.
+struct Facts<'a> {
+    section: &'a Section,
+    totals: &'a Totals,
+    warnings: Vec<String>,
+    wants_picture: bool,
+}
+
+fn report(job: &Job<'_>, facts: &Facts<'_>, clock: &Clock) -> Result<Report> {
+    let Facts { section, totals, .. } = *facts;
+    let garment = job.cloth.garment();
+    let timings_ms = clock.timings();
+    let near = clearance::measure(job.shown, section.radius)?;
+    let (vertices, triangles) = section.size_of(totals.pieces, totals.strands);
+    Ok(Report {
+        warpknit: env!("CARGO_PKG_VERSION"),
+        fabric: job.fabric.name.clone(),
+        garment: GarmentReport {
+            panels: garment.panels.len(),
+            triangles: garment.facts.triangles,
+            unit: garment.facts.unit,
+            uv_scale_mm: garment.facts.uv_scale_mm,
+            warnings: facts.warnings.clone(),
+        },
+        wales_per_cm: job.shown.wales_per_cm,
+        courses_per_cm: job.shown.courses_per_cm,
+        yarns: totals.yarns,
+        stitches: totals.losses.stitches,
+        data_points: totals.data_points,
+        points_off_panel: totals.losses.off_panel,
+        stitches_clipped: totals.losses.clipped,
+        surface: SurfaceReport {
+            shape: "tube",
+            st: section.st,
+            sr: section.sr,
+            radius_mm: section.radius,
+            triangles_per_stitch: section.triangles_per_stitch(),
+            triangles,
+            vertices,
+        },
+        timings_ms,
+        clearance: ClearanceReport { min_over_2r: near.min_over_2r, pairs_below_1: near.pairs_below_1 },
+        plane_ms: timings_ms.knit,
+        curved_ms: timings_ms.knit + timings_ms.locate + timings_ms.map,
+        threads: rayon::current_num_threads(),
+        peak_memory_mb: peak_memory_mb(),
+        renderer: if facts.wants_picture { "cpu".to_owned() } else { String::new() },
+        cloth: cloth_report(job)?,
+    })
+}
+
+/// The real cloth: the fabric at its own densities over the garment's flat area.
+fn cloth_report(job: &Job<'_>) -> Result<ClothReport> {
+    let garment = job.cloth.garment();
+    let numbers = numbers::measure(job.fabric)?;
+    let square_metres = garment.panels.iter().map(|panel| panel.area() * 1e-6).sum::<f64>();
+    let (stretch_warp, stretch_weft) = stretch(garment);
+    Ok(ClothReport {
+        mass_g_m2: numbers.mass,
+        yarn_length_m: numbers.yarn_length * square_metres,
+        run_in_mm_per_rack: numbers.run_in,
+        stretch_warp,
+        stretch_weft,
+    })
+}
+
+/// The most memory this process has held, as Linux counts it; 0 on systems that don't say.
+fn peak_memory_mb() -> f64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    let kilobytes = line.and_then(|line| line.trim().trim_end_matches("kB").trim().parse::<f64>().ok());
+    kilobytes.map_or(0.0, |kilobytes| kilobytes / 1024.0)
+}

@@ -1,0 +1,39 @@
+//! The commands, one file each, and what they share.
+
+mod args;
+mod clock;
+mod fabrics;
+mod inspect;
+mod make;
+
+use std::io::{self, Write};
+
+use anyhow::Result;
+
+pub(crate) use args::Arguments;
+use args::Command;
+
+/// Runs the command that was asked for.
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    match &arguments.command {
+        Command::Drape(drape) => make::drape(drape),
+        Command::Swatch(swatch) => make::swatch(swatch),
+        Command::Inspect(inspect) => inspect::inspect(inspect),
+        Command::Fabrics(fabrics) => fabrics::fabrics(fabrics),
+    }
+}
+
+/// Prints data to stdout; a closed pipe is an error that `main` takes for the end.
+fn print(text: &str) -> Result<()> {
+    let mut stdout = io::stdout().lock();
+    stdout.write_all(text.as_bytes())?;
+    Ok(stdout.flush()?)
+}
+
+/// Tells a person something, on stderr.
+fn tell(quiet: bool, message: &str) {
+    if !quiet {
+        // Nothing is lost if nobody listens.
+        let _unheard = writeln!(io::stderr(), "{message}");
+    }
+}
