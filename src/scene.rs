@@ -3,6 +3,7 @@
 //! In: the strands of the blocks that [`crate::drape`] hands out. Out: structure-of-arrays control points in `f32`, 12 bytes a
 //! data point, so that millions of stitches fit; renderers expand them on their own.
 
+use crate::ids::index32;
 use glam::Vec3;
 
 /// How a yarn looks.
@@ -36,4 +37,61 @@ pub struct Scene {
     pub strands: Vec<Strand>,
     /// Looks, one a guide bar.
     pub looks: Vec<YarnLook>,
+}
+
+/// An axis-aligned box, mm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// Smallest corner.
+    pub min: Vec3,
+    /// Largest corner.
+    pub max: Vec3,
+}
+
+impl Bounds {
+    /// The middle of the box.
+    #[must_use]
+    pub fn centre(&self) -> Vec3 {
+        self.min.midpoint(self.max)
+    }
+
+    /// All eight corners.
+    #[must_use]
+    pub fn corners(&self) -> [Vec3; 8] {
+        let pick = |corner: usize, axis: usize| if corner >> axis & 1 == 0 { self.min[axis] } else { self.max[axis] };
+        std::array::from_fn(|corner| Vec3::from_array(std::array::from_fn(|axis| pick(corner, axis))))
+    }
+}
+
+impl Scene {
+    /// Appends one strand through `points` with the look at index `look`.
+    ///
+    /// ```
+    /// use glam::Vec3;
+    /// let mut scene = warpknit::scene::Scene::default();
+    /// scene.push_strand([Vec3::ZERO, Vec3::X], 0);
+    /// assert_eq!(scene.strands[0].points, 0..2);
+    /// ```
+    pub fn push_strand(&mut self, points: impl IntoIterator<Item = Vec3>, look: u16) {
+        let start = index32(self.positions.len());
+        self.positions.extend(points);
+        self.strands.push(Strand { points: start..index32(self.positions.len()), look });
+    }
+
+    /// The box around all yarns, their radii included; `None` where nothing finite is there to be seen.
+    ///
+    /// The curve between two data points may leave the box by a little: Catmull-Rom curves overshoot their points.
+    #[must_use]
+    pub fn bounds(&self) -> Option<Bounds> {
+        let mut bounds: Option<Bounds> = None;
+        for strand in &self.strands {
+            let radius = Vec3::splat(self.looks[usize::from(strand.look)].radius);
+            let points = &self.positions[strand.points.start as usize..strand.points.end as usize];
+            for &point in points.iter().filter(|point| point.is_finite()) {
+                let ball = Bounds { min: point - radius, max: point + radius };
+                bounds = Some(bounds.map_or(ball, |b| Bounds { min: b.min.min(ball.min), max: b.max.max(ball.max) }));
+            }
+        }
+        bounds
+    }
 }

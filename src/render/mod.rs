@@ -1,1 +1,84 @@
 //! Pictures of yarns: one scene, one camera, one shading model, whatever draws it.
+//!
+//! In: a [`Scene`], a [`Camera`] and [`Options`]. Out: an sRGB picture with straight alpha. Rooms that every renderer shares:
+//! [`camera`] (rays and framing), [`light`] (sun and sky), [`shade`] (how a surface reflects), [`ply`] (what makes a tube read as
+//! yarn) and [`tone`] (from light to pixels). [`cpu`] traces rays and is the only room that knows of bounding volume hierarchies.
+//!
+//! ```
+//! use warpknit::render::{Camera, Options, View, render};
+//! use warpknit::scene::{Scene, YarnLook};
+//! let mut scene = Scene::default();
+//! scene.looks.push(YarnLook { albedo: glam::Vec3::splat(0.5), roughness: 0.7, metallic: 0.0, radius: 0.1 });
+//! scene.push_strand([glam::Vec3::NEG_X, glam::Vec3::X], 0);
+//! let options = Options { width: 40, height: 30, ..Options::default() };
+//! let bounds = scene.bounds().expect("one strand");
+//! let camera = Camera::view(View::Front, &bounds, Camera::DEFAULT_FOV, 1.0, options.aspect());
+//! let picture = render(&scene, &camera, &options, &|_| ());
+//! assert_ne!(picture.get_pixel(20, 15), picture.get_pixel(20, 2));
+//! ```
+
+pub mod camera;
+pub mod cpu;
+pub mod light;
+pub mod ply;
+pub mod shade;
+pub mod tone;
+
+pub use camera::{Camera, View};
+pub use light::Light;
+pub use tone::Background;
+
+use crate::scene::Scene;
+use image::RgbaImage;
+
+/// What a picture should be like.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Pixels across.
+    pub width: u32,
+    /// Pixels down.
+    pub height: u32,
+    /// Samples a pixel, at least 1.
+    pub spp: u32,
+    /// Rays a sample that look for nearby yarns in the way of the sky.
+    pub sky_rays: u32,
+    /// What is seen where no yarn is.
+    pub background: Background,
+    /// Sun and sky.
+    pub light: Light,
+    /// Light is multiplied by this before tone mapping.
+    pub exposure: f32,
+    /// Another seed gives other noise, the same seed the same bytes.
+    pub seed: u32,
+}
+
+impl Options {
+    /// Width over height.
+    #[must_use]
+    pub fn aspect(&self) -> f64 {
+        f64::from(self.width.max(1)) / f64::from(self.height.max(1))
+    }
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            width: 1600,
+            height: 1200,
+            spp: 4,
+            sky_rays: 2,
+            background: Background::default(),
+            light: Light::default(),
+            exposure: 1.0,
+            seed: 0,
+        }
+    }
+}
+
+/// Draws `scene` as `camera` sees it. `progress` is told the finished share, 0..1, from any thread and in no fixed order.
+///
+/// The bytes depend on the arguments alone, not on the number of threads. An empty scene gives the background.
+#[must_use]
+pub fn render(scene: &Scene, camera: &Camera, options: &Options, progress: &(dyn Fn(f32) + Sync)) -> RgbaImage {
+    cpu::render(scene, camera, options, progress)
+}

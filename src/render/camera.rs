@@ -1,0 +1,203 @@
+//! The camera: where each point of the picture looks, and how a box is framed.
+//!
+//! In: a view's name and a box, or an eye and a target. Out: rays, and the projection that is their inverse, in `f64` world
+//! coordinates, mm, y up. Picture coordinates run from -1 at the left and bottom edge to 1 at the right and top.
+//! Distances to the eye are not promised to suit a depth buffer: a renderer that needs near and far planes takes them from the box.
+
+use crate::scene::Bounds;
+use glam::{DVec2, DVec3, Vec3};
+
+/// Share of the frame's half-width that a framed box fills at zoom 1; the rest is margin.
+pub const FRAME_FILL: f64 = 0.94;
+
+/// The angles that a field of view is held to, so that rays stay finite.
+const FOV_LIMITS: (f64, f64) = (1e-4, 3.0);
+
+/// A direction from which to see the whole of something.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum View {
+    /// From +z, x to the right.
+    Front,
+    /// From -z.
+    Back,
+    /// From -x.
+    Left,
+    /// From +x.
+    Right,
+    /// From above; what is in front (+z) is at the picture's bottom.
+    Top,
+    /// From the front, the right and above by equal parts.
+    Iso,
+}
+
+impl View {
+    /// From the target to the eye.
+    fn toward_eye(self) -> DVec3 {
+        match self {
+            Self::Front => DVec3::Z,
+            Self::Back => DVec3::NEG_Z,
+            Self::Left => DVec3::NEG_X,
+            Self::Right => DVec3::X,
+            Self::Top => DVec3::Y,
+            Self::Iso => DVec3::ONE.normalize(),
+        }
+    }
+}
+
+/// A perspective camera without distortion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    eye: DVec3,
+    right: DVec3,
+    up: DVec3,
+    back: DVec3,
+    /// Half the picture's height at distance 1, zoom included.
+    tan_half: f64,
+}
+
+impl Camera {
+    /// Vertical field of view where none is asked for: 30 degrees.
+    pub const DEFAULT_FOV: f64 = std::f64::consts::PI / 6.0;
+
+    /// Looks at `bounds` from the side that `view` names, near enough that it fills [`FRAME_FILL`] of the frame in one direction.
+    ///
+    /// `fov` is the vertical field of view, radians; `zoom` magnifies the middle of the picture; `aspect` is width over height.
+    #[must_use]
+    pub fn view(view: View, bounds: &Bounds, fov: f64, zoom: f64, aspect: f64) -> Self {
+        let target = bounds.centre().as_dvec3();
+        let placed = Self::look_at(target + view.toward_eye(), target, fov, 1.0);
+        let reach = FRAME_FILL * placed.tan_half;
+        let distance = bounds.corners().iter().fold(0.0_f64, |farthest, corner| {
+            let seen = placed.axes_of(corner.as_dvec3() - target);
+            let across = (seen.x.abs() / aspect).max(seen.y.abs());
+            farthest.max(seen.z + across / reach)
+        });
+        // A single point has no size to fit; any distance shows it.
+        Self::look_at(target + view.toward_eye() * distance.max(1e-3), target, fov, zoom)
+    }
+
+    /// Stands at `eye` and looks at `target`, upright, or with -z up where it looks straight down (+z straight up).
+    ///
+    /// `fov` is the vertical field of view, radians, held to a range in which rays are finite; `zoom` magnifies. Where `eye` is
+    /// `target`, it looks along -z.
+    #[must_use]
+    pub fn look_at(eye: DVec3, target: DVec3, fov: f64, zoom: f64) -> Self {
+        let back = (eye - target).try_normalize().unwrap_or(DVec3::Z);
+        let steep = back.y.abs() > 0.9999;
+        let upright = if steep { DVec3::NEG_Z * back.y.signum() } else { DVec3::Y };
+        let right = upright.cross(back).normalize();
+        let half = (if fov.is_finite() { fov } else { Self::DEFAULT_FOV }).clamp(FOV_LIMITS.0, FOV_LIMITS.1) / 2.0;
+        let zoom = if zoom > 0.0 && zoom.is_finite() { zoom } else { 1.0 };
+        Self { eye, right, up: back.cross(right), back, tan_half: half.tan() / zoom }
+    }
+
+    /// Where the camera stands.
+    #[must_use]
+    pub fn eye(&self) -> DVec3 {
+        self.eye
+    }
+
+    /// The unit direction seen at picture point (x, y).
+    #[must_use]
+    pub fn direction(&self, x: f64, y: f64, aspect: f64) -> DVec3 {
+        ((self.right * (x * aspect) + self.up * y) * self.tan_half - self.back).normalize()
+    }
+
+    /// The picture point that shows `point`; `None` for points not in front of the eye.
+    #[must_use]
+    pub fn project(&self, point: DVec3, aspect: f64) -> Option<DVec2> {
+        let seen = self.axes_of(point - self.eye);
+        (seen.z < 0.0).then(|| DVec2::new(seen.x / aspect, seen.y) / (-seen.z * self.tan_half))
+    }
+
+    /// The size of a pixel, mm, on things at `distance` from the eye, for a picture `height` pixels high.
+    #[must_use]
+    pub fn pixel_size(&self, distance: f64, height: u32) -> f64 {
+        2.0 * self.tan_half * distance / f64::from(height.max(1))
+    }
+
+    /// A direction given along the camera's right, up and back, in world axes.
+    #[must_use]
+    pub fn to_world(&self, direction: Vec3) -> Vec3 {
+        let d = direction.as_dvec3();
+        (self.right * d.x + self.up * d.y + self.back * d.z).as_vec3()
+    }
+
+    fn axes_of(&self, offset: DVec3) -> DVec3 {
+        DVec3::new(offset.dot(self.right), offset.dot(self.up), offset.dot(self.back))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ALL: [View; 6] = [View::Front, View::Back, View::Left, View::Right, View::Top, View::Iso];
+
+    fn box_of(x: f32, y: f32, z: f32) -> Bounds {
+        Bounds { min: Vec3::new(-x, 2.0, 5.0), max: Vec3::new(x, 2.0 + y, 5.0 + z) }
+    }
+
+    /// The largest coordinate of any corner in the picture.
+    fn extent(camera: &Camera, bounds: &Bounds, aspect: f64) -> f64 {
+        let seen = |corner: &Vec3| camera.project(corner.as_dvec3(), aspect).unwrap().abs().max_element();
+        bounds.corners().iter().map(seen).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn every_view_frames_the_box_and_touches_the_margin() {
+        for bounds in [box_of(3.0, 4.0, 0.1), box_of(300.0, 1.0, 40.0), box_of(0.5, 900.0, 200.0)] {
+            for view in ALL {
+                let camera = Camera::view(view, &bounds, 0.5, 1.0, 4.0 / 3.0);
+                assert!((extent(&camera, &bounds, 4.0 / 3.0) - FRAME_FILL).abs() < 1e-6, "{view:?}");
+                let zoomed = Camera::view(view, &bounds, 0.5, 2.0, 4.0 / 3.0);
+                assert!((extent(&zoomed, &bounds, 4.0 / 3.0) - 2.0 * FRAME_FILL).abs() < 1e-6, "{view:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn rays_and_projection_are_inverse() {
+        let camera = Camera::look_at(DVec3::new(3.0, 4.0, 5.0), DVec3::new(-1.0, 0.0, 2.0), 0.7, 1.3);
+        for (x, y) in [(0.0, 0.0), (-0.9, 0.4), (0.2, -1.0)] {
+            let point = camera.eye() + camera.direction(x, y, 1.6) * 17.0;
+            assert!(camera.project(point, 1.6).unwrap().distance(DVec2::new(x, y)) < 1e-12);
+        }
+    }
+
+    #[test]
+    fn front_has_x_right_and_y_up_and_back_mirrors_x() {
+        let bounds = box_of(1.0, 1.0, 1.0);
+        let point = bounds.centre().as_dvec3() + DVec3::new(0.2, 0.3, 0.0);
+        let seen = |view| Camera::view(view, &bounds, 0.5, 1.0, 1.0).project(point, 1.0).unwrap();
+        assert!(seen(View::Front).x > 0.0 && seen(View::Front).y > 0.0);
+        assert!(seen(View::Back).x < 0.0 && seen(View::Back).y > 0.0);
+    }
+
+    #[test]
+    fn top_view_has_the_front_at_the_bottom() {
+        let bounds = box_of(1.0, 1.0, 1.0);
+        let point = bounds.centre().as_dvec3() + DVec3::new(0.2, 0.0, 0.3);
+        let seen = Camera::view(View::Top, &bounds, 0.5, 1.0, 1.0).project(point, 1.0).unwrap();
+        assert!(seen.x > 0.0 && seen.y < 0.0);
+    }
+
+    #[test]
+    fn degenerate_input_keeps_rays_finite() {
+        let point = Bounds { min: Vec3::ONE, max: Vec3::ONE };
+        let cameras = [
+            Camera::view(View::Iso, &point, f64::NAN, 0.0, 1.0),
+            Camera::look_at(DVec3::ONE, DVec3::ONE, 10.0, f64::NAN),
+            Camera::look_at(DVec3::Y, DVec3::ZERO, 0.0, 1.0),
+        ];
+        for camera in cameras {
+            assert!(camera.direction(1.0, -1.0, 1.0).is_finite());
+        }
+    }
+
+    #[test]
+    fn the_pixel_size_spans_the_field_of_view() {
+        let camera = Camera::look_at(DVec3::Z * 100.0, DVec3::ZERO, std::f64::consts::FRAC_PI_2, 1.0);
+        assert!((camera.pixel_size(100.0, 50) - 4.0).abs() < 1e-12);
+    }
+}

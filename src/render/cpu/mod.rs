@@ -1,0 +1,183 @@
+//! Ray tracing on the processor: what a machine without a graphics driver gets.
+//!
+//! In: the same as every renderer's. Out: the picture. Each sample of a pixel sends one ray to the yarns, one from there to the
+//! sun and a few short ones to the sky; a sky ray that is stopped brings the colour of the yarn that stopped it. Rows are traced in
+//! parallel and no sample depends on another, so that any number of threads gives the same bytes.
+
+mod sample;
+mod segments;
+mod trace;
+
+use crate::render::light::Rig;
+use crate::render::ply::{self, Place};
+use crate::render::shade::{Surface, schlick};
+use crate::render::{Camera, Options, tone};
+use crate::scene::Scene;
+use glam::{Vec3, Vec4};
+use image::RgbaImage;
+use rayon::prelude::*;
+use sample::{Purpose, Sampler};
+use segments::Segments;
+use std::sync::atomic::{AtomicU32, Ordering};
+use trace::{Hit, Path, Tracer};
+
+/// How far a sky ray looks for yarns in its way, in radii of the yarn it starts from: about a wale in common fabrics.
+const SKY_REACH: f32 = 24.0;
+/// Secondary rays start this share of the radius above the surface.
+const LIFT: f32 = 0.02;
+/// Half-width of the tent that weighs a pixel's samples, pixels. 0.5 would be as sharp as a box and shows moire on far cloth.
+const FILTER: f32 = 0.85;
+
+/// See [`crate::render::render`].
+#[must_use]
+pub fn render(scene: &Scene, camera: &Camera, options: &Options, progress: &(dyn Fn(f32) + Sync)) -> RgbaImage {
+    let (width, height) = (options.width, options.height);
+    let mut picture = RgbaImage::new(width, height);
+    let view = scene.bounds().map(|bounds| View {
+        tracer: Tracer::new(Segments::of(scene, &bounds, camera, height)),
+        rig: options.light.around(camera),
+        scene,
+        camera,
+        options,
+    });
+    let done = AtomicU32::new(0);
+    let row_bytes = (width as usize * 4).max(4);
+    (0..height).into_par_iter().zip(picture.par_chunks_mut(row_bytes)).for_each(|(y, row)| {
+        for (x, pixel) in (0..width).zip(row.chunks_exact_mut(4)) {
+            let light = view.as_ref().map_or(Vec4::ZERO, |view| view.pixel(x, y));
+            pixel.copy_from_slice(&tone::pixel(light, options.exposure, options.background));
+        }
+        let rows = done.fetch_add(1, Ordering::Relaxed) + 1;
+        progress(share(rows, height));
+    });
+    picture
+}
+
+/// All that a pixel's colour depends on.
+struct View<'a> {
+    tracer: Tracer,
+    rig: Rig,
+    scene: &'a Scene,
+    camera: &'a Camera,
+    options: &'a Options,
+}
+
+/// A yarn's surface where a ray met it.
+struct Meeting {
+    /// First point of the segment.
+    start: u32,
+    /// On the tube, relative to the scene's middle.
+    position: Vec3,
+    /// Normal of the tube; the surface's own is tilted by plies and fibres.
+    tube_normal: Vec3,
+    surface: Surface,
+    radius: f32,
+    toward_eye: Vec3,
+}
+
+impl View<'_> {
+    /// Mean light of a pixel's samples and, in w, the share of them that met yarn.
+    fn pixel(&self, x: u32, y: u32) -> Vec4 {
+        let spp = self.options.spp.max(1);
+        let sampler = Sampler::new(x, y, self.options.seed);
+        let sum: Vec4 = (0..spp).map(|index| self.sample(x, y, index, &sampler)).sum();
+        sum * share(1, spp)
+    }
+
+    fn sample(&self, x: u32, y: u32, index: u32, sampler: &Sampler) -> Vec4 {
+        let [u, v] = sampler.pair(Purpose::Pixel, index, self.options.spp.max(1)).map(|u| 0.5 + f64::from(tent(u) * FILTER));
+        let across = (f64::from(x) + u) / f64::from(self.options.width) * 2.0 - 1.0;
+        let up = 1.0 - (f64::from(y) + v) / f64::from(self.options.height) * 2.0;
+        let direction = self.camera.direction(across, up, self.options.aspect());
+        let Some(path) = self.tracer.enter(self.camera.eye(), direction) else { return Vec4::ZERO };
+        let Some(hit) = self.tracer.nearest(&path) else { return Vec4::ZERO };
+        let met = self.meet(&path, hit);
+        let light = self.from_sun(&met, sampler, index) + self.from_sky(&met, sampler, index);
+        if light.is_finite() { light.extend(1.0) } else { Vec4::W }
+    }
+
+    fn meet(&self, path: &Path, hit: Hit) -> Meeting {
+        let segments = &self.tracer.segments;
+        let axis = segments.axis_point(hit.start, path.origin + path.direction * hit.distance);
+        let outward = path.origin + path.direction * hit.distance - axis.position;
+        // The capsule's normal with the curve's tangent taken out of it: smooth where two capsules join.
+        let tube_normal = (outward - axis.tangent * outward.dot(axis.tangent)).normalize_or(-path.direction);
+        let position = axis.position + outward.normalize_or(tube_normal) * axis.radius;
+        let distance = (position.as_dvec3() + segments.centre).distance(self.camera.eye());
+        let place = Place {
+            normal: tube_normal,
+            tangent: axis.tangent,
+            around: tube_normal.dot(axis.tangent.cross(axis.across)).atan2(tube_normal.dot(axis.across)),
+            along: axis.along,
+            radius: axis.radius,
+            footprint: narrow(self.camera.pixel_size(distance, self.options.height)),
+        };
+        let (normal, shade) = ply::detail(&place);
+        let look = &self.scene.looks[usize::from(segments.look(hit.start))];
+        let surface = Surface { normal, albedo: look.albedo * shade, roughness: look.roughness, metallic: look.metallic };
+        Meeting { start: hit.start, position, tube_normal, surface, radius: axis.radius, toward_eye: -path.direction }
+    }
+
+    fn from_sun(&self, met: &Meeting, sampler: &Sampler, index: u32) -> Vec3 {
+        let toward = self.rig.sun_sample(sampler.pair(Purpose::Sun, index, self.options.spp.max(1)));
+        let cosine = met.surface.normal.dot(toward);
+        if cosine <= 0.0 || met.tube_normal.dot(toward) <= 0.0 {
+            return Vec3::ZERO;
+        }
+        let reflected = met.surface.brdf(toward, met.toward_eye) * self.rig.sun() * cosine;
+        if self.tracer.occluder(&met.path(toward, f32::INFINITY), met.start).is_some() { Vec3::ZERO } else { reflected }
+    }
+
+    /// Diffuse light from the sky by cosine-distributed rays, and the sky's mirror image dimmed by how much of it they saw.
+    fn from_sky(&self, met: &Meeting, sampler: &Sampler, index: u32) -> Vec3 {
+        let rays = self.options.sky_rays.max(1);
+        let normal = met.surface.normal;
+        let (mut light, mut open) = (Vec3::ZERO, 0);
+        for ray in 0..rays {
+            let u = sampler.pair(Purpose::Sky, index * rays + ray, self.options.spp.max(1) * rays);
+            let toward = cosine_direction(normal, u);
+            let stopped = if met.tube_normal.dot(toward) <= 0.0 {
+                Some(met.start)
+            } else {
+                self.tracer.occluder(&met.path(toward, met.radius * SKY_REACH), met.start)
+            };
+            light += match stopped {
+                Some(start) => self.rig.interior * self.scene.looks[usize::from(self.tracer.segments.look(start))].albedo,
+                None => self.rig.sky(toward),
+            };
+            open += u32::from(stopped.is_none());
+        }
+        let mirrored = schlick(met.surface.f0(), normal.dot(met.toward_eye));
+        let mirror = (normal * (2.0 * normal.dot(met.toward_eye)) - met.toward_eye).normalize_or(normal);
+        met.surface.diffuse(mirrored) * light * share(1, rays) + mirrored * self.rig.sky(mirror) * share(open, rays)
+    }
+}
+
+impl Meeting {
+    fn path(&self, direction: Vec3, reach: f32) -> Path {
+        Path { origin: self.position + self.tube_normal * (self.radius * LIFT), direction, reach }
+    }
+}
+
+/// A direction around `normal` with density proportional to the cosine.
+fn cosine_direction(normal: Vec3, u: [f32; 2]) -> Vec3 {
+    let (across, up) = normal.any_orthonormal_pair();
+    let (sin, cos) = (std::f32::consts::TAU * u[1]).sin_cos();
+    let r = u[0].sqrt();
+    across * (cos * r) + up * (sin * r) + normal * (1.0 - u[0]).max(0.0).sqrt()
+}
+
+/// A uniform number in 0..1 as one in -1..1 with density 1 - |x|.
+fn tent(u: f32) -> f32 {
+    if u < 0.5 { (2.0 * u).sqrt() - 1.0 } else { 1.0 - (2.0 - 2.0 * u).sqrt() }
+}
+
+/// `part / whole`.
+fn share(part: u32, whole: u32) -> f32 {
+    narrow(f64::from(part) / f64::from(whole))
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "rounding is meant")]
+fn narrow(value: f64) -> f32 {
+    value as f32
+}

@@ -1,0 +1,76 @@
+//! Where in a pixel, on the sun and in the sky the samples of a pixel fall.
+//!
+//! In: a pixel, a sample's number, a seed. Out: pairs of numbers in 0..1. The sequence is R2 (Roberts 2018), which covers the
+//! square evenly for any count; the pixels of a 4 x 4 tile take consecutive runs of one sequence, so that what noise is left is
+//! fine and even, and a hash of the tile shifts the sequence. No state: a pixel's numbers depend on nothing but its place.
+
+use crate::render::ply::hash;
+
+/// Fractions of 2^32 by which R2 steps: 1/g and 1/g^2, g the real root of x^3 = x + 1.
+const STEP: [u32; 2] = [3_242_174_889, 2_447_445_414];
+
+/// The order of a tile's pixels: Bayer's matrix, so that any part of the tile is spread over the sequence.
+const ORDER: [u32; 16] = [0, 8, 2, 10, 12, 4, 14, 6, 3, 11, 1, 9, 15, 7, 13, 5];
+
+/// What a pair of numbers is for; each has a sequence of its own.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Purpose {
+    Pixel = 1,
+    Sun = 2,
+    Sky = 3,
+}
+
+/// The numbers of one pixel.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sampler {
+    tile: u32,
+    place: u32,
+}
+
+impl Sampler {
+    pub(super) fn new(x: u32, y: u32, seed: u32) -> Self {
+        let tile = hash(hash(hash(seed).wrapping_add(x / 4)).wrapping_add(y / 4));
+        Self { tile, place: ORDER[(y % 4 * 4 + x % 4) as usize] }
+    }
+
+    /// Pair number `index` of the `count` that this pixel uses for `purpose`.
+    pub(super) fn pair(&self, purpose: Purpose, index: u32, count: u32) -> [f32; 2] {
+        let number = self.place.wrapping_mul(count).wrapping_add(index);
+        let shift = hash(self.tile ^ (purpose as u32).wrapping_mul(0x9E37_79B9));
+        [unit(shift.wrapping_add(number.wrapping_mul(STEP[0]))), unit(hash(shift).wrapping_add(number.wrapping_mul(STEP[1])))]
+    }
+}
+
+/// The upper 24 bits as a number in 0..1, 1 excluded.
+fn unit(bits: u32) -> f32 {
+    let [low, middle, high] = [bits >> 8 & 0xFF, bits >> 16 & 0xFF, bits >> 24].map(|b| f32::from(u8::try_from(b).unwrap_or(0)));
+    (high * 65_536.0 + middle * 256.0 + low) / 16_777_216.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tile_covers_the_square_evenly() {
+        let mut cells = [0; 16];
+        for pixel in 0..16 {
+            for index in 0..4 {
+                let [u, v] = Sampler::new(40 + pixel % 4, 80 + pixel / 4, 9).pair(Purpose::Sky, index, 4);
+                assert!((0.0..1.0).contains(&u) && (0.0..1.0).contains(&v));
+                let cell = (0..16_u8).find(|c| (f32::from(c % 4) - u * 4.0 + 0.5).abs() <= 0.5 && (f32::from(c / 4) - v * 4.0 + 0.5).abs() <= 0.5);
+                cells[usize::from(cell.unwrap())] += 1;
+            }
+        }
+        assert!(cells.iter().all(|&n| (2..=6).contains(&n)), "{cells:?}");
+    }
+
+    #[test]
+    fn pixels_seeds_and_purposes_differ() {
+        let at = |x, seed, purpose| Sampler::new(x, 3, seed).pair(purpose, 0, 4);
+        assert_eq!(at(5, 1, Purpose::Sun), at(5, 1, Purpose::Sun));
+        assert_ne!(at(5, 1, Purpose::Sun), at(6, 1, Purpose::Sun));
+        assert_ne!(at(5, 1, Purpose::Sun), at(5, 2, Purpose::Sun));
+        assert_ne!(at(5, 1, Purpose::Sun), at(5, 1, Purpose::Pixel));
+    }
+}

@@ -1,0 +1,137 @@
+//! What makes a smooth tube read as yarn: plies wound around each other, and fibres in the plies.
+//!
+//! In: where on the tube a point lies (around and along) and how large a pixel is there. Out: a tilted normal and a factor on the
+//! albedo. The tube's outline stays round. Detail that a pixel cannot hold fades out instead of flickering. A picture made from
+//! a photo of a yarn takes its place where there is one; this room is a look, not a model of any one yarn.
+
+use glam::Vec3;
+use std::f32::consts::TAU;
+
+/// Yarns that are wound around each other.
+const PLIES: f32 = 3.0;
+/// Slope of the plies against the yarn's axis: tan 24 degrees, a middling twist.
+const PLY_SLOPE: f32 = 0.445;
+/// Tilt of the normal in the groove between plies, radians. A full half circle a ply looks like rope at this size.
+const PLY_TILT: f32 = 0.42;
+/// Light lost in the groove between plies.
+const GROOVE: f32 = 0.30;
+/// Fibres to be seen around the yarn; real yarns have more, which no pixel shows.
+const FIBRES: i32 = 26;
+/// Slope of the fibres: single yarns are twisted against their plying, so that fibres lie almost along the axis.
+const FIBRE_SLOPE: f32 = -0.12;
+/// Length over which a fibre stays at the surface, in radii.
+const FIBRE_LENGTH: f32 = 5.0;
+/// Tilt of the normal between fibres, radians, and change of albedo.
+const FIBRE_TILT: f32 = 0.30;
+const FIBRE_SHADE: f32 = 0.16;
+
+/// A point on a yarn's surface.
+#[derive(Clone, Copy, Debug)]
+pub struct Place {
+    /// Unit normal of the tube.
+    pub normal: Vec3,
+    /// Unit tangent of the yarn.
+    pub tangent: Vec3,
+    /// Angle around the axis, from the yarn's own frame, radians.
+    pub around: f32,
+    /// Arc length along the yarn, mm.
+    pub along: f32,
+    /// Radius, mm.
+    pub radius: f32,
+    /// Size of a pixel at this point, mm.
+    pub footprint: f32,
+}
+
+/// The normal and the factor on the albedo that the yarn has at `place`.
+#[must_use]
+pub fn detail(place: &Place) -> (Vec3, f32) {
+    let turn = TAU * place.radius;
+    let ply_share = fade(place.footprint, turn / PLIES);
+    if ply_share <= 0.0 {
+        // Unresolved grooves still darken the yarn by their mean, so that colour does not jump with distance.
+        return (place.normal, 1.0 - GROOVE / 4.0);
+    }
+    let around = place.tangent.cross(place.normal);
+
+    // Across one ply, -0.5..0.5: the normal tilts outward on both sides of its crown.
+    let ply = PLIES * (place.around / TAU + PLY_SLOPE * place.along / turn);
+    let offset = ply - ply.round();
+    let groove = (2.0 * offset.abs()).powi(3);
+    let ply_tilt = (around + place.tangent * PLY_SLOPE) * (2.0 * offset * PLY_TILT * ply_share);
+    let shade = 1.0 - GROOVE * (groove * ply_share + 0.25 * (1.0 - ply_share));
+
+    let (tilt, fibre) = fibres(place, turn);
+    let fibre_share = fade(place.footprint, 2.0 * turn / small(FIBRES));
+    let normal = place.normal + ply_tilt + around * (tilt * FIBRE_TILT * fibre_share);
+    (normal.normalize_or(place.normal), shade * (1.0 + FIBRE_SHADE * fibre * fibre_share))
+}
+
+/// Slope and height of the fibres' noise, both about -1..1.
+fn fibres(place: &Place, turn: f32) -> (f32, f32) {
+    let q = small(FIBRES) * (place.around / TAU + FIBRE_SLOPE * place.along / turn);
+    let v = place.along / (FIBRE_LENGTH * place.radius);
+    let (column, row) = (q.floor(), v.floor());
+    let (x, y) = (q - column, v - row);
+    let height = |dx: f32, dy: f32| noise(column + dx, row + dy);
+    let ease = y * y * (3.0 - 2.0 * y);
+    let left = height(0.0, 0.0) * (1.0 - ease) + height(0.0, 1.0) * ease;
+    let right = height(1.0, 0.0) * (1.0 - ease) + height(1.0, 1.0) * ease;
+    let smooth = x * x * (3.0 - 2.0 * x);
+    ((left - right) * 3.0 * x * (1.0 - x), left + (right - left) * smooth)
+}
+
+/// Noise on a grid that wraps around the yarn, -1..1.
+fn noise(column: f32, row: f32) -> f32 {
+    #[expect(clippy::cast_possible_truncation, reason = "whole numbers; far rows may saturate, which only repeats the pattern")]
+    let (column, row) = ((column as i32).rem_euclid(FIBRES), row as i32);
+    let bits = hash(column.cast_unsigned().wrapping_mul(0x9E37_79B9) ^ row.cast_unsigned().wrapping_mul(0x85EB_CA6B));
+    f32::from(u16::try_from(bits >> 16).unwrap_or(0)) / 32_767.5 - 1.0
+}
+
+/// Mixes all bits of a number (Murmur3's finaliser).
+#[must_use]
+pub fn hash(mut bits: u32) -> u32 {
+    bits = (bits ^ (bits >> 16)).wrapping_mul(0x85EB_CA6B);
+    bits = (bits ^ (bits >> 13)).wrapping_mul(0xC2B2_AE35);
+    bits ^ (bits >> 16)
+}
+
+/// 1 where a pixel is far smaller than a feature, 0 where it is as large.
+fn fade(footprint: f32, feature: f32) -> f32 {
+    let share = ((feature - footprint) / (0.7 * feature).max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
+    share * share * (3.0 - 2.0 * share)
+}
+
+fn small(count: i32) -> f32 {
+    f32::from(u8::try_from(count).unwrap_or(u8::MAX))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn place(around: f32, along: f32, footprint: f32) -> Place {
+        let normal = Vec3::new(around.cos(), around.sin(), 0.0);
+        Place { normal, tangent: Vec3::Z, around, along, radius: 0.05, footprint }
+    }
+
+    #[test]
+    fn the_pattern_closes_around_the_yarn() {
+        for along in [0.0, 0.13, 7.7] {
+            let (a, b) = (detail(&place(-3.141_59, along, 1e-3)), detail(&place(3.141_59, along, 1e-3)));
+            assert!(a.0.distance(b.0) < 2e-2 && (a.1 - b.1).abs() < 2e-2);
+        }
+    }
+
+    #[test]
+    fn normals_stay_unit_and_outward_and_far_yarn_is_a_plain_tube() {
+        for step in 0_u8..200 {
+            let angle = f32::from(step) * 0.1 - 3.0;
+            let here = place(angle, f32::from(step) * 0.037, 1e-3);
+            let (normal, shade) = detail(&here);
+            assert!((normal.length() - 1.0).abs() < 1e-5 && normal.dot(here.normal) > 0.6);
+            assert!((0.4..1.2).contains(&shade));
+            assert_eq!(detail(&place(angle, 0.0, 1.0)).0, here.normal);
+        }
+    }
+}
