@@ -1,3 +1,6 @@
 //! All integration tests, one module a subject.
 
 mod garment;
+mod interlock;
+mod locate;
+mod map;
