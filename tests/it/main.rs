@@ -1,3 +1,4 @@
 //! All integration tests, one module a subject.
 
 mod garment;
+mod malformed;
