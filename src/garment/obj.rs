@@ -332,11 +332,12 @@ impl<R: BufRead> Read for Cleaner<R> {
 
 impl<R: BufRead> BufRead for Cleaner<R> {
     fn fill_buf(&mut self) -> io::Result<&[u8]> {
-        if self.at == self.clean.len() && self.stop.is_none() {
-            if let Err(stop) = self.refill() {
-                self.stop = Some(stop);
-                return Err(io::Error::other("the cleaning pass stopped"));
-            }
+        if self.at == self.clean.len()
+            && self.stop.is_none()
+            && let Err(stop) = self.refill()
+        {
+            self.stop = Some(stop);
+            return Err(io::Error::other("the cleaning pass stopped"));
         }
         Ok(&self.clean[self.at..])
     }
@@ -369,12 +370,15 @@ impl<R: BufRead> Lines<R> {
     fn next(&mut self) -> Result<bool, Stop> {
         self.record.clear();
         loop {
+            // Only the new line is looked at: a record of a hundred thousand continuations must not take their square in time.
+            let from = self.record.len();
             let more = self.line()?;
-            if let [.., b'\\'] = self.record.trim_ascii_end()
+            let line = self.record[from..].trim_ascii_end();
+            if line.last() == Some(&b'\\')
                 && matches!(split_keyword(&self.record).0, b"v" | b"vt" | b"f")
-                && without_comment(&self.record).len() == self.record.len()
+                && without_comment(line).len() == line.len()
             {
-                let end = self.record.trim_ascii_end().len() - 1;
+                let end = from + line.len() - 1;
                 self.record.truncate(end);
                 self.record.push(b' ');
                 if more {
@@ -443,9 +447,9 @@ fn is_blank(byte: u8) -> bool {
     byte == b' ' || (b'\t'..=b'\r').contains(&byte)
 }
 
-/// A record's first word, and the rest.
+/// A record's first word, and the rest. A `\` ends it too: the record may continue right after its keyword.
 fn split_keyword(record: &[u8]) -> (&[u8], &[u8]) {
-    let end = record.iter().position(|&byte| is_blank(byte)).unwrap_or(record.len());
+    let end = record.iter().position(|&byte| is_blank(byte) || byte == b'\\').unwrap_or(record.len());
     record.split_at(end)
 }
 

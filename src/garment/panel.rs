@@ -246,11 +246,13 @@ impl Piece {
     }
 }
 
-/// 1 for a counter-clockwise triangle, -1 for a clockwise one, 0 for a line; exact, as location will judge it.
+/// 1 for a counter-clockwise triangle, -1 for a clockwise one, 0 for one so thin that exact and plain arithmetic disagree: location judges
+/// by the exact sign, but what divides by the area must not meet the plain one's opposite.
 fn side(corners: [DVec2; 3]) -> f64 {
+    let [a, b, c] = corners;
+    let plain = (b - a).perp_dot(c - a);
     let [a, b, c] = corners.map(|p| Coord { x: p.x, y: p.y });
-    let area = orient2d(a, b, c);
-    if area == 0.0 { 0.0 } else { area.signum() }
+    if orient2d(a, b, c) * plain > 0.0 { plain.signum() } else { 0.0 }
 }
 
 /// Whether a flat normal points against the axis it is nearest to: the piece lies clockwise to somebody who looks down that axis.

@@ -12,12 +12,12 @@ struct Files(TempDir);
 
 impl Files {
     fn new() -> Self {
-        Self(TempDir::new().unwrap())
+        Self(TempDir::new().expect("a temporary folder can be made"))
     }
 
     fn write(&self, name: &str, text: impl AsRef<[u8]>) -> PathBuf {
         let path = self.0.path().join(name);
-        std::fs::write(&path, text).unwrap();
+        std::fs::write(&path, text).expect("a temporary file can be written");
         path
     }
 }
@@ -452,6 +452,7 @@ fn what_real_files_hold_changes_nothing() {
             "continuations",
             SHEET.replace("f 1/1 2/2 3/3 4/4", "f 1/1 \\\n2/2\\  \r\n 3/3 \\\n\\\n4/4").replace("v 1 2 0", "v 1 \\\n2 0"),
         ),
+        ("a continuation after the keyword", SHEET.replace("f 1/1", "f\\\n1/1")),
         ("a continuation at the end", format!("{}\\", SHEET.trim_end())),
         ("a byte order mark", format!("\u{feff}{SHEET}")),
         ("normals between", SHEET.replace("\nvt", "\nvn 0 0 1\nvt").replace("1/1 2/2 3/3 4/4", "1/1/1 2/2/2 3/3/1 4/4/99")),
@@ -503,8 +504,8 @@ fn garments() -> Option<PathBuf> {
 /// Every OBJ under a folder, in the order of their names.
 fn all_objs(folder: &Path) -> Vec<PathBuf> {
     let mut found = Vec::new();
-    for entry in std::fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
+    for entry in std::fs::read_dir(folder).expect("the folder can be listed") {
+        let path = entry.expect("the folder can be listed").path();
         if path.is_dir() {
             found.extend(all_objs(&path));
         } else if path.extension().is_some_and(|ending| ending == "obj") {

@@ -10,9 +10,9 @@ const HEAD: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\n";
 
 /// Reads `text` as one file and asserts its error: one line, the file's name, the line (0: none), and `says`.
 fn check(what: &str, text: &[u8], line: u64, says: &str) {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = tempfile::tempdir().expect("a temporary folder can be made");
     let path = folder.path().join("garment.obj");
-    std::fs::write(&path, text).unwrap();
+    std::fs::write(&path, text).expect("a temporary file can be written");
     check_path(what, &path, None, line, says);
 }
 
@@ -211,9 +211,9 @@ fn options_out_of_range_are_named() {
 
 /// Reads bytes as one file and as both of a pair; whatever comes of it is sound.
 fn survives(bytes: &[u8]) -> Result<(), TestCaseError> {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = tempfile::tempdir().expect("a temporary folder can be made");
     let path = folder.path().join("garment.obj");
-    std::fs::write(&path, bytes).unwrap();
+    std::fs::write(&path, bytes).expect("a temporary file can be written");
     for (draped, turn) in [(None, true), (Some(path.as_path()), false)] {
         match read(&path, draped, &ReadOptions { turn, ..Default::default() }) {
             Err(error) => {
