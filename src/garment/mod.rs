@@ -178,8 +178,10 @@ pub fn read(flat: &Path, draped: Option<&Path>, options: &ReadOptions) -> Result
         .iter()
         .zip(scales)
         .map(|(piece, scale_mm)| {
-            facts.panels.push(PanelFacts { scale_mm, degenerate: piece.degenerate });
-            piece.panel(&pairs, scale_mm, unit.millimetres(), options)
+            let (panel, degenerate) = piece.panel(&pairs, scale_mm, unit.millimetres(), options);
+            facts.panels.push(PanelFacts { scale_mm, degenerate });
+            facts.degenerate += degenerate;
+            panel
         })
         .collect();
     count_defects(&panels, &mut facts);
@@ -223,10 +225,7 @@ fn usable_pieces(pairs: &Pairs, flat: &Path, facts: &mut Facts) -> Result<Vec<Pi
     let mut refusals = Vec::new();
     for piece in panel::pieces(pairs) {
         match piece {
-            Ok(piece) => {
-                facts.degenerate += piece.degenerate;
-                usable.push(piece);
-            }
+            Ok(piece) => usable.push(piece),
             Err((refusal, triangles, polygon)) => {
                 facts.refused += 1;
                 let why = match refusal {

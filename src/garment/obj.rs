@@ -8,6 +8,10 @@
 //! have no line. So [`Cleaner`] stands in front of it. It joins continuations, drops everything but `v`, `vt` and `f`, checks every
 //! number and every index with its line, makes indices positive, gives faces without `vt` a dummy one (and remembers them), and hands
 //! tobj one clean group. Its memory is bounded by [`LONGEST_RECORD`] and the notes on faces, whatever the file's length.
+//!
+//! Why tobj stays: on 81 MB of `v`, `vt` and `f` (a million triangles; 2 cores, 2026-11) the cleaning pass takes 380 ms and both together
+//! 985 ms, so a reader of our own would save 600 ns a triangle: 70 ms on the largest real garment, 115 200 triangles. No run that knits
+//! and draws such a garment is held up by that, and nothing that the specification asks is out of reach.
 
 use std::collections::HashMap;
 use std::fs::File;
@@ -328,11 +332,12 @@ impl<R: BufRead> Read for Cleaner<R> {
 
 impl<R: BufRead> BufRead for Cleaner<R> {
     fn fill_buf(&mut self) -> io::Result<&[u8]> {
-        if self.at == self.clean.len() && self.stop.is_none() {
-            if let Err(stop) = self.refill() {
-                self.stop = Some(stop);
-                return Err(io::Error::other("the cleaning pass stopped"));
-            }
+        if self.at == self.clean.len()
+            && self.stop.is_none()
+            && let Err(stop) = self.refill()
+        {
+            self.stop = Some(stop);
+            return Err(io::Error::other("the cleaning pass stopped"));
         }
         Ok(&self.clean[self.at..])
     }
@@ -365,12 +370,15 @@ impl<R: BufRead> Lines<R> {
     fn next(&mut self) -> Result<bool, Stop> {
         self.record.clear();
         loop {
+            // Only the new line is looked at: a record of a hundred thousand continuations must not take their square in time.
+            let from = self.record.len();
             let more = self.line()?;
-            if let [.., b'\\'] = self.record.trim_ascii_end()
+            let line = self.record[from..].trim_ascii_end();
+            if line.last() == Some(&b'\\')
                 && matches!(split_keyword(&self.record).0, b"v" | b"vt" | b"f")
-                && without_comment(&self.record).len() == self.record.len()
+                && without_comment(line).len() == line.len()
             {
-                let end = self.record.trim_ascii_end().len() - 1;
+                let end = from + line.len() - 1;
                 self.record.truncate(end);
                 self.record.push(b' ');
                 if more {
@@ -439,9 +447,9 @@ fn is_blank(byte: u8) -> bool {
     byte == b' ' || (b'\t'..=b'\r').contains(&byte)
 }
 
-/// A record's first word, and the rest.
+/// A record's first word, and the rest. A `\` ends it too: the record may continue right after its keyword.
 fn split_keyword(record: &[u8]) -> (&[u8], &[u8]) {
-    let end = record.iter().position(|&byte| is_blank(byte)).unwrap_or(record.len());
+    let end = record.iter().position(|&byte| is_blank(byte) || byte == b'\\').unwrap_or(record.len());
     record.split_at(end)
 }
 

@@ -143,7 +143,7 @@ fn by_name(flat: &ObjMesh, draped: &ObjMesh) -> Option<Vec<u32>> {
             partner.push(other);
         }
         // A name of which faces are left over names something else in each file: the order has to decide.
-        let used = flat.faces.iter().filter_map(|face| name_of(face)).map(|name| flat.names[name as usize].as_str());
+        let used = flat.faces.iter().filter_map(name_of).map(|name| flat.names[name as usize].as_str());
         let mut all_used = used.map(|name| waiting.get(name).is_some_and(|left| left.is_empty()));
         all_used.all(|empty| empty).then_some(partner)
     })

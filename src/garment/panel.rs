@@ -9,6 +9,7 @@ use std::collections::HashMap;
 use std::hash::Hash;
 
 use glam::{DAffine3, DMat3, DVec2, DVec3};
+use robust::{Coord, orient2d};
 
 use super::pair::{Paired, Pairs};
 use super::unit::Stretch;
@@ -21,6 +22,9 @@ const OFF_PLANE: f64 = 0.02;
 const DEGENERATE: f64 = 1e-12;
 /// Less area than this, in the file's units, is none: quotients of such areas would leave the range of 64-bit floats.
 const LEAST_AREA: f64 = 1e-30;
+/// A piece with less flat area than this part of its size squared is a line, too. Atlases hold such scraps, and scaling one to its draped
+/// area would make a panel of kilometres.
+const SLIVER: f64 = 1e-6;
 /// The grain runs along the flat y axis unless that projects to less than this on the panel's plane.
 const UPRIGHT: f64 = 0.1;
 
@@ -31,7 +35,7 @@ pub(super) struct Piece {
     triangles: Vec<Corners>,
     /// Its plane's unit normal, on the side from which most of its flat area is counter-clockwise.
     normal: DVec3,
-    pub(super) degenerate: usize,
+    degenerate: usize,
 }
 
 /// A triangle of a piece: its pair, and its corners as the piece's vertices.
@@ -154,19 +158,19 @@ impl Piece {
         }
         let corners = |&i: &u32| Corners { pair: i, vertices: vertices[i as usize], flipped: flat(i).dot(normal) < 0.0 };
         let piece = Self { triangles: solid.iter().map(corners).collect(), normal, degenerate: triangles.len() - solid.len() };
-        match piece.off_plane(pairs) {
-            share if share > OFF_PLANE => Err(Refusal::NotFlat(share)),
-            _ => Ok(piece),
-        }
-    }
-
-    /// How far the piece leaves its plane, as a part of its size.
-    fn off_plane(&self, pairs: &Pairs) -> f64 {
-        let axes = self.axes(0.0, false).transpose();
-        let [low, high] = bounds(self.flat_points(pairs).map(|p| axes * p));
-        let size = high - low;
+        let axes = piece.axes(0.0, false).transpose();
+        let [low, high] = bounds(piece.flat_points(pairs).map(|p| axes * p));
+        let extent = high - low;
+        let size = extent.x.max(extent.y);
         // Half of the thickness: the best plane lies midway.
-        0.5 * size.z / size.x.max(size.y)
+        let off_plane = 0.5 * extent.z / size;
+        if off_plane > OFF_PLANE {
+            return Err(Refusal::NotFlat(off_plane));
+        }
+        if 0.5 * total < SLIVER * size * size {
+            return Err(Refusal::NoFlatArea);
+        }
+        Ok(piece)
     }
 
     fn flat_points<'a>(&'a self, pairs: &'a Pairs) -> impl Iterator<Item = DVec3> + 'a {
@@ -194,8 +198,8 @@ impl Piece {
         self.triangles.iter().map(ratio).collect()
     }
 
-    /// The panel in mm.
-    pub(super) fn panel(&self, pairs: &Pairs, scale_mm: f64, unit_mm: f64, options: &ReadOptions) -> Panel {
+    /// The panel in mm, and its degenerate triangles: those without area, and slivers so thin that rounding to panel axes closed them.
+    pub(super) fn panel(&self, pairs: &Pairs, scale_mm: f64, unit_mm: f64, options: &ReadOptions) -> (Panel, usize) {
         let axes = self.axes(options.grain, options.turn);
         // The middle of the piece is the origin: patterns lie anywhere, and numbers near zero are the most exact.
         let [low, high] = bounds(self.flat_points(pairs).map(|p| axes.transpose() * p));
@@ -211,23 +215,25 @@ impl Piece {
             mirrored: faces_down(self.normal),
         };
         let mut numbering = Numbering::default();
+        let mut vanished = 0;
         for t in &self.triangles {
             let pair = &pairs.triangles[t.pair as usize];
             let (flat, draped) = (pairs.flat_corners(pair), pairs.draped_corners(pair));
-            let mut triangle = [0; 3];
-            for corner in 0..3 {
+            let uv = flat.map(|p| (axes.transpose() * (p * scale_mm - origin)).truncate());
+            // The same cloth seen from behind: the other way round in (u, v), and the other way out on the body.
+            let order = if options.turn { [0, 2, 1] } else { [0, 1, 2] };
+            if side(order.map(|corner| uv[corner])) != if t.flipped { -1.0 } else { 1.0 } {
+                vanished += 1;
+                continue;
+            }
+            let triangle = order.map(|corner| {
                 let vertex = numbering.of(t.vertices[corner]);
-                triangle[corner] = vertex;
                 if vertex as usize == panel.uv.len() {
-                    let local = axes.transpose() * (flat[corner] * scale_mm - origin);
-                    panel.uv.push(DVec2::new(local.x, local.y));
+                    panel.uv.push(uv[corner]);
                     panel.draped.push(draped[corner] * unit_mm);
                 }
-            }
-            if options.turn {
-                // The same cloth seen from behind: the other way round in (u, v), and the other way out on the body.
-                triangle.swap(1, 2);
-            }
+                vertex
+            });
             if t.flipped {
                 panel.flipped.push(triangle);
             } else {
@@ -236,8 +242,17 @@ impl Piece {
             }
         }
         panel.normals = normals(&panel.draped, &panel.triangles);
-        panel
+        (panel, self.degenerate + vanished)
     }
+}
+
+/// 1 for a counter-clockwise triangle, -1 for a clockwise one, 0 for one so thin that exact and plain arithmetic disagree: location judges
+/// by the exact sign, but what divides by the area must not meet the plain one's opposite.
+fn side(corners: [DVec2; 3]) -> f64 {
+    let [a, b, c] = corners;
+    let plain = (b - a).perp_dot(c - a);
+    let [a, b, c] = corners.map(|p| Coord { x: p.x, y: p.y });
+    if orient2d(a, b, c) * plain > 0.0 { plain.signum() } else { 0.0 }
 }
 
 /// Whether a flat normal points against the axis it is nearest to: the piece lies clockwise to somebody who looks down that axis.

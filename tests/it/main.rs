@@ -3,4 +3,5 @@
 mod garment;
 mod interlock;
 mod locate;
+mod malformed;
 mod map;
