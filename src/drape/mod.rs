@@ -157,21 +157,34 @@ struct Lengths {
 impl Lengths {
     /// Cost: linear in the panel's triangles and in the wales that each covers.
     fn new(panel: &Panel, origin: DVec2, spacing: f64) -> Self {
-        let mut cells = Vec::new();
+        let mut lengths = Self { spacing, cells: Vec::new() };
         for corners in &panel.triangles {
-            let points = corners.map(|v| panel.uv[v as usize] - origin);
-            let low = points.into_iter().fold(DVec2::INFINITY, DVec2::min);
-            let high = points.into_iter().fold(DVec2::NEG_INFINITY, DVec2::max);
-            let (first, last) = (cell(low.x, spacing), cell(high.x, spacing));
-            if cells.len() <= last {
-                cells.resize(last + 1, (f64::INFINITY, f64::NEG_INFINITY));
-            }
-            for (bottom, top) in &mut cells[first..=last] {
-                *bottom = bottom.min(low.y);
-                *top = top.max(high.y);
+            let corners = corners.map(|v| panel.uv[v as usize] - origin);
+            for i in 0..3 {
+                lengths.add_edge(corners[i], corners[(i + 1) % 3]);
             }
         }
-        Self { spacing, cells }
+        lengths
+    }
+
+    /// Adds what an edge covers of each cell: a triangle covers no more of a cell than its edges reach there.
+    fn add_edge(&mut self, p: DVec2, q: DVec2) {
+        let (left, right) = if p.x <= q.x { (p, q) } else { (q, p) };
+        let (first, last) = (cell(left.x, self.spacing), cell(right.x, self.spacing));
+        if self.cells.len() <= last {
+            self.cells.resize(last + 1, (f64::INFINITY, f64::NEG_INFINITY));
+        }
+        let v_at = |u: f64| {
+            let share = (u - left.x) / (right.x - left.x);
+            if share.is_nan() { left.y } else { left.y + share.clamp(0.0, 1.0) * (right.y - left.y) }
+        };
+        for (at, (bottom, top)) in self.cells[first..=last].iter_mut().enumerate() {
+            let cell = f64::from(index32(first + at));
+            // An upright edge lies in one cell, with all of its length.
+            let ends = if first == last { [left.y, right.y] } else { [v_at(cell * self.spacing), v_at((cell + 1.0) * self.spacing)] };
+            *bottom = bottom.min(ends[0]).min(ends[1]);
+            *top = top.max(ends[0]).max(ends[1]);
+        }
     }
 
     /// The v that the panel covers within a strip of u; nothing where it isn't.

@@ -51,7 +51,6 @@ fn legs_pass_in_front_of_the_old_head_and_feet_behind_the_old_legs() {
     for name in builtin::names() {
         let fabric = Fabric::named(name).unwrap();
         let pattern = Pattern::new(&fabric).unwrap();
-        let mut feet = 0;
         for old_bar in 0..fabric.bars.len() {
             for new_bar in 0..fabric.bars.len() {
                 for course in 0..fabric.repeat() as i64 {
@@ -61,7 +60,8 @@ fn legs_pass_in_front_of_the_old_head_and_feet_behind_the_old_legs() {
                     let is_loop = |span: i64| (1..6).contains(&span);
                     let crossings: Vec<_> = crossings(&old, &new).into_iter().filter(|(of_old, ..)| is_loop(*of_old)).collect();
                     let place = format!("{name}: bar {} through bar {}, course {course}: {crossings:?}", new_bar + 1, old_bar + 1);
-                    let (legs, feet): (Vec<_>, Vec<_>) = crossings.iter().partition(|(_, of_new, _)| is_loop(*of_new));
+                    type Crossings = Vec<(i64, i64, f64)>;
+                    let (legs, feet): (Crossings, Crossings) = crossings.into_iter().partition(|(_, of_new, _)| is_loop(*of_new));
                     assert_eq!(legs.iter().filter(|(.., depth)| *depth > 0.0).count(), 2, "both legs in front, {place}");
                     assert!(feet.len() >= 2 && feet.iter().all(|(.., depth)| *depth < 0.0), "feet and underlaps behind, {place}");
                 }
