@@ -102,6 +102,11 @@ impl Body {
         self
     }
 
+    /// No point of the surface has moved farther in the last step.
+    pub(crate) fn farthest_drift(&self) -> f64 {
+        self.shapes.iter().map(|shape| shape.drift_a.length().max(shape.drift_b.length())).fold(0.0, f64::max)
+    }
+
     /// The closed curve around the body at a height whose length is `girth`: the contour at the clearance that gives it.
     pub(crate) fn ring(&self, height: f64, girth: f64) -> Ring {
         let (mut low, mut high) = (-10.0, 60.0);

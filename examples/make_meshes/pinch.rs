@@ -15,9 +15,9 @@ const SPACING: f64 = 0.55;
 const LIFT: f64 = 14.0;
 const LIFT_SECONDS: f64 = 1.5;
 /// What the fingers hold, a radius in cm.
-const FINGERS: f64 = 0.9;
+const FINGERS: f64 = 0.65;
 
-const FABRIC: Fabric = Fabric { density: 0.02, stretch: 2e5, bending: 40.0, clearance: 0.1, thickness: 0.42, friction: 0.15 };
+const FABRIC: Fabric = Fabric { density: 0.02, stretch: 2e5, bending: 35.0, clearance: 0.1, thickness: 0.42, friction: 0.15 };
 
 pub(crate) fn make() -> Made {
     let garment = cut_and_place();

@@ -16,11 +16,11 @@ use crate::{
 
 const GORES: u32 = 6;
 const WAIST: f64 = 70.0;
-const HEM: f64 = 205.0;
+const HEM: f64 = 215.0;
 const LENGTH: f64 = 55.0;
-const SPACING: f64 = 0.95;
+const SPACING: f64 = 0.8;
 
-const FABRIC: Fabric = Fabric { density: 0.02, stretch: 2e5, bending: 60.0, clearance: 0.25, thickness: 0.72, friction: 0.3 };
+const FABRIC: Fabric = Fabric { density: 0.02, stretch: 2e5, bending: 60.0, clearance: 0.25, thickness: 0.6, friction: 0.3 };
 
 pub(crate) fn make() -> Made {
     let garment = cut_and_place();
@@ -31,7 +31,7 @@ pub(crate) fn make() -> Made {
     let mut cloth = Cloth::sewn(&garment, &cloth.position, FABRIC);
     let (particle_of, _) = garment.welded();
     cloth.hold((0..garment.pieces.len()).flat_map(|gore| garment.side(gore, "waist")).map(|&v| particle_of[v as usize]));
-    for (seconds, drag) in [(2.5, 1.0), (1.5, 4.0), (1.0, 12.0)] {
+    for (seconds, drag) in [(2.0, 1.0), (1.0, 4.0), (1.0, 12.0)] {
         cloth.run(Stage { seconds, gravity: 1.0, drag, self_contact: true }, &scene);
     }
     Made { name: "skirt", draped: spread(&cloth, &particle_of), speed: cloth.speed(), garment, one_file: false, body }
@@ -66,7 +66,7 @@ fn cut_and_place() -> Garment {
     for index in 0..GORES {
         let number = f64::from(index);
         let panel = gore(&format!("gore_{}", index + 1), u64::from(index));
-        garment.add(panel, DVec2::new(36.0 * number, 0.0), |point| {
+        garment.add(panel, DVec2::new(39.0 * number, 0.0), |point| {
             let from_apex = DVec2::new(point.x, waist_radius - point.y);
             let angle = from_apex.x.atan2(from_apex.y);
             rings.at(angle / total + number / f64::from(GORES), from_apex.length() - waist_radius)

@@ -14,10 +14,10 @@ use crate::{
     triangulate::noise,
 };
 
-const SPACING: f64 = 0.95;
+const SPACING: f64 = 0.85;
 /// Half the width of front and back; the underarm; the shoulder seam's ends at the neck and at the tip. The hem is at y = 0.
 const HALF_WIDTH: f64 = 26.0;
-const UNDERARM: DVec2 = DVec2::new(HALF_WIDTH, 43.0);
+const UNDERARM: DVec2 = DVec2::new(HALF_WIDTH, 40.5);
 const NECK: DVec2 = DVec2::new(9.0, 69.0);
 const TIP: DVec2 = DVec2::new(22.0, 64.5);
 /// Sleeve: half the width at the hem, the height of the cap, the length below it.
@@ -25,25 +25,30 @@ const SLEEVE_HEM: f64 = 17.5;
 const CAP: f64 = 12.5;
 const BELOW_CAP: f64 = 11.0;
 
-const FABRIC: Fabric = Fabric { density: 0.02, stretch: 2e5, bending: 50.0, clearance: 0.3, thickness: 0.72, friction: 0.35 };
+/// After sewing the arms rest for a moment, then sink, which gathers the cloth under them.
+const ARMS_REST: f64 = 0.4;
+const ARMS_SECONDS: f64 = 1.2;
+
+const FABRIC: Fabric = Fabric { density: 0.02, stretch: 2e5, bending: 20.0, clearance: 0.3, thickness: 0.64, friction: 0.35 };
 
 pub(crate) fn make() -> Made {
     let garment = cut_and_place();
-    let body = body();
-    let scene = Scene { body: &|_| body.clone(), hold: &|_, start| start };
     let mut cloth = Cloth::unsewn(&garment, FABRIC);
-    cloth.run(Stage { seconds: 1.0, gravity: 0.0, drag: 10.0, self_contact: false }, &scene);
+    let sewing = Scene { body: &|_| body(0.0), hold: &|_, start| start };
+    cloth.run(Stage { seconds: 0.8, gravity: 0.0, drag: 10.0, self_contact: false }, &sewing);
     let mut cloth = Cloth::sewn(&garment, &cloth.position, FABRIC);
     let (particle_of, _) = garment.welded();
-    for (seconds, drag) in [(0.5, 15.0), (2.0, 2.0), (1.5, 5.0), (1.5, 15.0)] {
+    let scene = Scene { body: &body, hold: &|_, start| start };
+    for (seconds, drag) in [(ARMS_REST, 10.0), (ARMS_SECONDS, 4.0), (1.0, 3.0), (1.0, 15.0)] {
         cloth.run(Stage { seconds, gravity: 1.0, drag, self_contact: true }, &scene);
     }
+    let body = body(f64::INFINITY);
     Made { name: "tshirt", draped: spread(&cloth, &particle_of), speed: cloth.speed(), garment, one_file: true, body }
 }
 
 /// From the underarm up to the shoulder's tip, scooped inwards.
 fn armhole() -> Curve {
-    bezier([UNDERARM, DVec2::new(19.5, 44.0), DVec2::new(19.0, 55.0), TIP])
+    bezier([UNDERARM, DVec2::new(20.0, 41.5), DVec2::new(19.0, 54.0), TIP])
 }
 
 /// The sleeve's right half of the cap, from the underarm to the top, as wide as the armhole's length asks for.
@@ -112,7 +117,7 @@ fn cut_and_place() -> Garment {
         let place = ring.at(turn) * (1.0 + ripple(turn));
         DVec3::new(place.x, point.y + HEM, place.y)
     };
-    let front = garment.add(trunk("front", 9.5, 51), DVec2::ZERO, |point| around(0.0, point));
+    let front = garment.add(trunk("front", 8.5, 51), DVec2::ZERO, |point| around(0.0, point));
     let back = garment.add(trunk("back", 2.5, 52), DVec2::new(58.0, 0.0), |point| around(0.5, point));
     let left = garment.add(sleeve("left_sleeve", 53), DVec2::new(110.0, 30.0), |point| on_arm(point, 1.0));
     let right = garment.add(sleeve("right_sleeve", 54), DVec2::new(110.0, 60.0), |point| on_arm(point, -1.0));
@@ -131,7 +136,7 @@ fn cut_and_place() -> Garment {
 
 /// The sleeve around the arm, its top up and its seam below; `side` is 1 for the wearer's left.
 fn on_arm(point: DVec2, side: f64) -> DVec3 {
-    let down_arm = arm_direction();
+    let down_arm = arm_direction(0.0);
     let up = DVec3::new(-down_arm.y, down_arm.x, 0.0);
     let angle = point.x / cap()[0].x * 0.5 * TAU;
     let radius = cap()[0].x / (0.5 * TAU);
@@ -143,16 +148,19 @@ fn on_arm(point: DVec2, side: f64) -> DVec3 {
 
 /// A few millimetres of unevenness.
 fn ripple(turn: f64) -> f64 {
-    (3..9_u32).map(|wave| 0.004 * (f64::from(wave) * TAU * turn + 3.0 * noise(61, wave.into())).sin()).sum()
+    (3..9_u32).map(|wave| 0.008 * noise(61, wave.into()) * (f64::from(wave) * TAU * turn).cos()).sum()
 }
 
 /// Heights in space: y = 0 is the crotch's.
 const HEM: f64 = 3.0;
 const CHEST: f64 = 44.0;
-const SHOULDER: DVec3 = DVec3::new(17.0, 60.0, -1.0);
+const SHOULDER: DVec3 = DVec3::new(17.0, 59.5, -1.0);
 
-fn arm_direction() -> DVec3 {
-    DVec3::new(0.68, -0.73, 0.0).normalize()
+/// From 49 to 33 degrees off the vertical, without a jerk.
+fn arm_direction(time: f64) -> DVec3 {
+    let t = ((time - ARMS_REST) / ARMS_SECONDS).clamp(0.0, 1.0);
+    let angle = 0.85 - 0.27 * t * t * (3.0 - 2.0 * t);
+    DVec3::new(angle.sin(), -angle.cos(), 0.0)
 }
 
 fn trunk_only() -> Body {
@@ -160,18 +168,18 @@ fn trunk_only() -> Body {
     let left = [
         RoundCone::new(hip - 8.0 * DVec3::Y, 9.8, hip, 10.0),
         RoundCone::new(hip, 10.0, waist, 9.0),
-        RoundCone::new(waist, 9.0, chest, 10.2),
+        RoundCone::new(waist, 9.0, chest, 9.7),
     ];
-    Body { shapes: left.iter().flat_map(|shape| [*shape, shape.mirrored()]).collect(), blend: 3.0, table: None }
+    Body { shapes: left.iter().flat_map(|shape| [*shape, shape.mirrored()]).collect(), blend: 2.5, table: None }
 }
 
-fn body() -> Body {
+fn body(time: f64) -> Body {
     let mut body = trunk_only();
     let [chest, neck] = [DVec3::new(7.0, 46.0, 0.5), DVec3::new(0.0, 63.0, -1.5)];
     let left = [
-        RoundCone::new(chest, 10.2, DVec3::new(13.0, 58.0, -1.0), 5.5),
-        RoundCone::new(neck, 5.0, SHOULDER, 5.0),
-        RoundCone::new(SHOULDER, 5.2, SHOULDER + 32.0 * arm_direction(), 4.2),
+        RoundCone::new(chest, 9.7, DVec3::new(13.0, 58.0, -1.0), 5.0),
+        RoundCone::new(neck, 5.0, SHOULDER, 4.6),
+        RoundCone::new(SHOULDER, 4.7, SHOULDER + 32.0 * arm_direction(time), 3.9),
     ];
     body.shapes.extend(left.iter().flat_map(|shape| [*shape, shape.mirrored()]));
     body.shapes.push(RoundCone::new(neck, 6.0, DVec3::new(0.0, 78.0, 1.0), 5.6));

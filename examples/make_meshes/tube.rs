@@ -13,16 +13,16 @@ use crate::{
 };
 
 const LENGTH: f64 = 48.0;
-const GIRTH: f64 = 33.0;
-const SPACING: f64 = 0.6;
+const GIRTH: f64 = 31.0;
+const SPACING: f64 = 0.55;
 /// Below the shoulder end, which is at y = 0.
 const ELBOW: DVec3 = DVec3::new(0.0, -25.0, 0.0);
 /// The arm hangs for a moment, then bends by so much (radians) and meanwhile the cuff is pushed up by so much (cm).
-const BEND: f64 = 1.15;
-const PUSH: f64 = 4.0;
+const BEND: f64 = 0.7;
+const PUSH: f64 = 5.0;
 const BEND_SECONDS: f64 = 1.5;
 
-const FABRIC: Fabric = Fabric { density: 0.02, stretch: 2e5, bending: 50.0, clearance: 0.2, thickness: 0.45, friction: 0.2 };
+const FABRIC: Fabric = Fabric { density: 0.02, stretch: 2e5, bending: 60.0, clearance: 0.2, thickness: 0.42, friction: 0.15 };
 
 pub(crate) fn make() -> Made {
     let garment = cut_and_place();
@@ -86,7 +86,7 @@ fn forearm_turn(time: f64) -> DQuat {
 
 fn arm(time: f64) -> Body {
     let wrist = ELBOW + forearm_turn(time) * DVec3::new(0.0, -27.0, 0.0);
-    let shapes = vec![RoundCone::new(DVec3::new(0.0, 4.0, 0.0), 4.7, ELBOW, 3.9), RoundCone::new(ELBOW, 3.9, wrist, 3.1)];
+    let shapes = vec![RoundCone::new(DVec3::new(0.0, 4.0, 0.0), 4.2, ELBOW, 3.7), RoundCone::new(ELBOW, 3.7, wrist, 3.1)];
     Body { shapes, blend: 1.0, table: None }
 }
 
