@@ -18,8 +18,8 @@ const SPACING: f64 = 0.85;
 /// Half the width of front and back; the underarm; the shoulder seam's ends at the neck and at the tip. The hem is at y = 0.
 const HALF_WIDTH: f64 = 26.0;
 const UNDERARM: DVec2 = DVec2::new(HALF_WIDTH, 40.5);
-const NECK: DVec2 = DVec2::new(9.0, 69.0);
-const TIP: DVec2 = DVec2::new(22.0, 64.5);
+const NECK: DVec2 = DVec2::new(8.4, 69.0);
+const TIP: DVec2 = DVec2::new(21.5, 65.8);
 /// Sleeve: half the width at the hem, the height of the cap, the length below it.
 const SLEEVE_HEM: f64 = 17.5;
 const CAP: f64 = 12.5;
@@ -182,6 +182,6 @@ fn body(time: f64) -> Body {
         RoundCone::new(SHOULDER, 4.7, SHOULDER + 32.0 * arm_direction(time), 3.9),
     ];
     body.shapes.extend(left.iter().flat_map(|shape| [*shape, shape.mirrored()]));
-    body.shapes.push(RoundCone::new(neck, 6.0, DVec3::new(0.0, 78.0, 1.0), 5.6));
+    body.shapes.push(RoundCone::new(neck, 6.4, DVec3::new(0.0, 78.0, 1.0), 5.6));
     body
 }
