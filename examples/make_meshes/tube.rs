@@ -19,12 +19,12 @@ const SPACING: f64 = 0.55;
 const ELBOW: DVec3 = DVec3::new(0.0, -25.0, 0.0);
 /// The sleeve is pushed together by so much (cm): about enough for the bend's outer side, far
 /// too much for its inner side.
-const SLACK: f64 = 4.0;
+const SLACK: f64 = 3.0;
 /// How far the arm bends (radians).
-const BEND: f64 = 1.05;
+const BEND: f64 = 0.8;
 const BEND_SECONDS: f64 = 1.5;
 
-const FABRIC: Fabric = Fabric { density: 0.02, stretch: 2e5, bending: 60.0, clearance: 0.2, thickness: 0.42, friction: 0.35 };
+const FABRIC: Fabric = Fabric { density: 0.02, stretch: 2e5, bending: 60.0, clearance: 0.2, thickness: 0.45, friction: 0.35 };
 
 pub(crate) fn make() -> Made {
     let garment = cut_and_place();
