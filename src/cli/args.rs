@@ -115,7 +115,7 @@ pub(crate) struct Shared {
     /// A built-in fabric or a fabric file
     #[arg(long, value_name = "NAME|FILE.toml", default_value = "tricot")]
     pub(crate) fabric: String,
-    /// Wales per cm; yarns are drawn in proportion [default: the fabric's, or fewer where a garment would hold over 30000 stitches]
+    /// Wales per cm; yarns are drawn in proportion [default: the fabric's, or fewer where a garment would hold over 12000 stitches]
     #[arg(long, value_name = "X")]
     pub(crate) wales_per_cm: Option<f64>,
     /// Courses per cm [default: likewise]

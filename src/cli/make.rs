@@ -25,7 +25,7 @@ use super::clock::{Clock, Task};
 use super::tell;
 
 /// The most stitches that a garment is given unasked. A picture of 1600 x 1200 shows no more of them one by one.
-const PICTURED_STITCHES: f64 = 30_000.0;
+const PICTURED_STITCHES: f64 = 12_000.0;
 /// How rough yarns look; fibres are dull.
 const ROUGHNESS: f32 = 0.75;
 /// The texture's real length where there is none: v counts millimetres.

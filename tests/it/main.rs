@@ -1,5 +1,9 @@
 //! All integration tests, one module a subject.
 
+mod architecture;
+mod cli;
+mod drape;
+mod files;
 mod garment;
 mod interlock;
 mod locate;

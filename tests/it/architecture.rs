@@ -1,0 +1,30 @@
+//! ARCHITECTURE.md tells the truth: every source file has its row, and every row its file.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+fn files(folder: &Path, found: &mut BTreeSet<String>) {
+    for entry in std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+        if entry.is_dir() {
+            files(&entry, found);
+        } else {
+            found.insert(entry.strip_prefix(root).unwrap().to_str().unwrap().replace('\\', "/"));
+        }
+    }
+}
+
+#[test]
+fn every_file_is_listed_and_every_listed_file_is_there() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(root.join("ARCHITECTURE.md")).unwrap();
+    let rows = text.lines().filter_map(|line| line.strip_prefix("| `")?.split_once('`').map(|(file, _)| file.to_owned()));
+    let listed: BTreeSet<_> = rows.filter(|file| file.starts_with("src/") || file.starts_with("shaders/")).collect();
+    let mut there = BTreeSet::new();
+    files(&root.join("src"), &mut there);
+    if root.join("shaders").is_dir() {
+        files(&root.join("shaders"), &mut there);
+    }
+    assert_eq!(there.difference(&listed).collect::<Vec<_>>(), Vec::<&String>::new(), "in the tree, not in ARCHITECTURE.md");
+    assert_eq!(listed.difference(&there).collect::<Vec<_>>(), Vec::<&String>::new(), "in ARCHITECTURE.md, not in the tree");
+}

@@ -1,0 +1,149 @@
+//! The command line: exit codes, streams, and outputs that are whole or not there.
+
+use std::path::Path;
+
+use assert_cmd::Command;
+
+use crate::drape::mesh;
+
+fn warpknit(folder: &Path) -> Command {
+    let mut command = Command::cargo_bin("warpknit").unwrap();
+    command.current_dir(folder);
+    command
+}
+
+/// stderr of a run that must end with `code` and leave nothing in its folder but what was there.
+fn fails(code: i32, arguments: &[&str], prepare: impl Fn(&Path)) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    prepare(folder.path());
+    let names = || {
+        let mut names: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        names.sort();
+        names
+    };
+    let before = names();
+    let output = warpknit(folder.path()).args(arguments).assert().code(code).stdout("").get_output().clone();
+    assert_eq!(names(), before, "{arguments:?} left something behind");
+    String::from_utf8(output.stderr).unwrap()
+}
+
+const SMALL: [&str; 6] = ["--size", "32x24", "--wales", "2", "--courses", "2"];
+
+#[test]
+fn wrong_usage_ends_with_2() {
+    for arguments in [
+        &["knit"][..],
+        &["drape"],
+        &["swatch", "--st", "0"],
+        &["swatch", "--st", "257"],
+        &["swatch", "--sr", "2"],
+        &["swatch", "-o", "a.xyz"],
+        &["swatch", "-o", "a"],
+        &["swatch", "--size", "0x10"],
+        &["swatch", "--eye", "1,2,3"],
+        &["swatch", "--view", "inside"],
+        &["drape", "a.obj", "--unit", "mile"],
+        &["swatch", "--radius", "-1"],
+    ] {
+        assert!(fails(2, arguments, |_| {}).starts_with("error:"), "{arguments:?}");
+    }
+}
+
+#[test]
+fn failures_end_with_1_and_one_message() {
+    let no_file = fails(1, &["drape", "absent.obj", "-o", "a.png"], |_| {});
+    assert!(no_file.starts_with("error: absent.obj: ") && no_file.lines().count() == 1, "{no_file}");
+    let no_fabric = fails(1, &["swatch", "--fabric", "tweed"], |_| {});
+    assert!(no_fabric.contains("there is no built-in fabric 'tweed'"), "{no_fabric}");
+    let no_folder = fails(1, &[&["swatch", "-o", "no/such/a.png"], &SMALL[..]].concat(), |_| {});
+    assert!(no_folder.contains("no/such/a.png"), "{no_folder}");
+    let folder = fails(1, &[&["swatch", "-o", "a.png"], &SMALL[..]].concat(), |p| std::fs::create_dir(p.join("a.png")).unwrap());
+    assert!(folder.contains("a.png: can't write: it is a folder"), "{folder}");
+}
+
+#[test]
+fn an_error_in_a_chain_is_pointed_at() {
+    let text = fails(1, &["swatch", "--fabric", "bad.toml"], |folder| {
+        let fabric = String::from_utf8(warpknit(folder).args(["fabrics", "tricot"]).output().unwrap().stdout).unwrap();
+        std::fs::write(folder.join("bad.toml"), fabric.replacen("1-2/1-0//", "1-2/1-7//", 1)).unwrap();
+    });
+    assert_eq!(
+        text,
+        "error: bad.toml: bar 1, lapping \"1-2/1-7//\": an overlap over 6 needles: guides lap over 1 or 2\n  1-2/1-7//\n      ^^^\n"
+    );
+    let unknown_key = fails(1, &["swatch", "--fabric", "bad.toml"], |folder| {
+        std::fs::write(folder.join("bad.toml"), "name = 'x'\nwhales_per_cm = 3\n").unwrap();
+    });
+    assert!(unknown_key.starts_with("error: bad.toml: ") && unknown_key.contains("line 2"), "{unknown_key}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_is_an_error_that_names_the_file() {
+    for name in ["full.png", "full.glb", "full.obj", "full.csv", "full.json"] {
+        let arguments = [&["swatch", "-o", name], &SMALL[..]].concat();
+        let message = fails(1, &arguments, |folder| std::os::unix::fs::symlink("/dev/full", folder.join(name)).unwrap());
+        assert!(message.contains("/dev/full: can't write: No space left on device"), "{name}: {message}");
+        assert_eq!(message.lines().count(), 1);
+    }
+}
+
+#[test]
+fn a_failed_run_keeps_the_old_files() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("old.csv"), "old").unwrap();
+    let arguments = [&["swatch", "-o", "old.csv", "-o", "no/such.png"], &SMALL[..]].concat();
+    warpknit(folder.path()).args(arguments).assert().code(1);
+    assert_eq!(std::fs::read_to_string(folder.path().join("old.csv")).unwrap(), "old");
+}
+
+#[test]
+fn data_go_to_stdout_and_a_closed_pipe_is_no_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let listed = warpknit(folder.path()).arg("fabrics").assert().success().stderr("").get_output().stdout.clone();
+    let names: Vec<_> = std::str::from_utf8(&listed).unwrap().lines().map(|line| line.split_whitespace().next().unwrap()).collect();
+    assert_eq!(names, ["tricot", "locknit"]);
+    let inspected = warpknit(folder.path()).arg("inspect").arg(mesh("tshirt.obj")).assert().success().stderr("").get_output().stdout.clone();
+    assert!(std::str::from_utf8(&inspected).unwrap().contains("unit cm (guessed)"));
+
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let status = std::process::Command::new(assert_cmd::cargo::cargo_bin!("warpknit")).arg("fabrics").stdout(writer).status().unwrap();
+    assert!(status.success());
+}
+
+#[test]
+fn a_printed_fabric_is_taken_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = warpknit(folder.path()).args(["fabrics", "locknit"]).output().unwrap().stdout;
+    std::fs::write(folder.path().join("mine.toml"), text).unwrap();
+    for (fabric, out) in [("mine.toml", "mine.csv"), ("locknit", "own.csv")] {
+        warpknit(folder.path()).args(["swatch", "--fabric", fabric, "-o", out]).args(SMALL).assert().success();
+    }
+    let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+    assert_eq!(read("mine.csv"), read("own.csv"));
+}
+
+#[test]
+fn every_output_is_the_same_on_one_and_on_two_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    let garment = [mesh("pinch_flat.obj"), mesh("pinch_draped.obj")];
+    for threads in ["1", "2"] {
+        let outputs = ["png", "glb", "csv", "obj"].map(|ending| format!("t{threads}.{ending}"));
+        let mut command = warpknit(folder.path());
+        command.arg("drape").args(&garment).args(["--wales-per-cm", "1", "--courses-per-cm", "1.5", "--st", "3", "--sr", "3"]);
+        command.args(outputs.iter().flat_map(|out| ["-o", out])).args(["--size", "160x120", "--threads", threads]).assert().success();
+    }
+    for ending in ["png", "glb", "csv", "obj"] {
+        let read = |threads: u32| std::fs::read(folder.path().join(format!("t{threads}.{ending}"))).unwrap();
+        assert!(read(1) == read(2), ".{ending} differs");
+    }
+}
+
+#[test]
+fn without_an_output_a_picture_is_named_after_the_input() {
+    let folder = tempfile::tempdir().unwrap();
+    warpknit(folder.path()).arg("swatch").args(SMALL).assert().success();
+    let picture = image::open(folder.path().join("tricot.png")).unwrap();
+    assert_eq!((picture.width(), picture.height()), (32, 24));
+}

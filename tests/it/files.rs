@@ -1,0 +1,107 @@
+//! Files read back: what the report says is in them is in them.
+
+use std::path::Path;
+
+use assert_cmd::Command;
+use serde_json::Value;
+
+/// Runs `warpknit` in a folder; the report's JSON.
+fn knit(folder: &Path, arguments: &[&str]) -> Value {
+    let mut command = Command::cargo_bin("warpknit").unwrap();
+    command.current_dir(folder).args(arguments).args(["-o", "report.json", "--quiet"]).assert().success().stdout("").stderr("");
+    serde_json::from_slice(&std::fs::read(folder.join("report.json")).unwrap()).unwrap()
+}
+
+const SWATCH: [&str; 9] = ["swatch", "--wales", "5", "--courses", "7", "--st", "4", "--sr", "5"];
+
+fn count(report: &Value, key: &str) -> usize {
+    report[key].as_u64().unwrap() as usize
+}
+
+#[test]
+fn glb_holds_the_counts_of_the_report_in_valid_chunks() {
+    let folder = tempfile::tempdir().unwrap();
+    let report = knit(folder.path(), &[&SWATCH[..], &["-o", "s.glb"]].concat());
+    let bytes = std::fs::read(folder.path().join("s.glb")).unwrap();
+    let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
+    assert_eq!((&bytes[..4], word(4), word(8)), (&b"glTF"[..], 2, bytes.len()));
+    let json_length = word(12);
+    let json: Value = serde_json::from_slice(&bytes[20..20 + json_length]).unwrap();
+    let binary = &bytes[28 + json_length..];
+    assert_eq!((&bytes[24 + json_length..28 + json_length], word(20 + json_length)), (&b"BIN\0"[..], binary.len()));
+    assert_eq!(json["buffers"][0]["byteLength"], binary.len());
+
+    let array = |accessor: &Value| {
+        let view = &json["bufferViews"][accessor["bufferView"].as_u64().unwrap() as usize];
+        let (start, length) = (view["byteOffset"].as_u64().unwrap() as usize, view["byteLength"].as_u64().unwrap() as usize);
+        &binary[start..start + length]
+    };
+    let accessor = |index: &Value| &json["accessors"][index.as_u64().unwrap() as usize];
+    let (mut vertices, mut triangles) = (0, 0);
+    for primitive in json["meshes"].as_array().unwrap().iter().flat_map(|mesh| mesh["primitives"].as_array().unwrap()) {
+        let positions = accessor(&primitive["attributes"]["POSITION"]);
+        let count = positions["count"].as_u64().unwrap() as usize;
+        let floats: &[f32] = &bytemuck::pod_collect_to_vec(array(positions));
+        assert_eq!(floats.len(), 3 * count);
+        for axis in 0..3 {
+            let low = floats.iter().skip(axis).step_by(3).copied().fold(f32::INFINITY, f32::min);
+            assert!((positions["min"][axis].as_f64().unwrap() - f64::from(low)).abs() < 1e-9);
+        }
+        assert!(floats.iter().all(|x| x.abs() < 0.02), "metres: the swatch is some millimetres large");
+        let indices: &[u32] = &bytemuck::pod_collect_to_vec(array(accessor(&primitive["indices"])));
+        assert!(indices.iter().all(|&index| (index as usize) < count));
+        vertices += count;
+        triangles += indices.len() / 3;
+    }
+    assert_eq!((vertices, triangles), (count(&report["surface"], "vertices"), count(&report["surface"], "triangles")));
+    assert_eq!(triangles, 2 * 5 * 7 * 40, "2 · St · Sr a stitch");
+    assert_eq!(json["materials"].as_array().unwrap().len(), 2);
+}
+
+#[test]
+fn obj_reads_back_with_an_object_a_yarn() {
+    let folder = tempfile::tempdir().unwrap();
+    let report = knit(folder.path(), &[&SWATCH[..], &["-o", "s.obj", "--caps"]].concat());
+    let (models, _) = tobj::load_obj(folder.path().join("s.obj"), &tobj::LoadOptions { single_index: true, ..Default::default() }).unwrap();
+    assert_eq!(models.len(), count(&report, "yarns"));
+    let triangles: usize = models.iter().map(|model| model.mesh.indices.len() / 3).sum();
+    let vertices: usize = models.iter().map(|model| model.mesh.positions.len() / 3).sum();
+    assert_eq!((vertices, triangles), (count(&report["surface"], "vertices"), count(&report["surface"], "triangles")));
+    assert!(models.iter().all(|model| model.mesh.normals.len() == model.mesh.positions.len()));
+}
+
+#[test]
+fn csv_has_the_contracts_columns_a_row_a_point_and_numbers_that_read_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let report = knit(folder.path(), &[&SWATCH[..], &["-o", "s.csv"]].concat());
+    let text = std::fs::read_to_string(folder.path().join("s.csv")).unwrap();
+    let mut lines = text.lines();
+    assert_eq!(
+        lines.next().unwrap(),
+        "panel,bar,yarn,course,wale,kind,point,triangle,flat_x,flat_y,flat_z,draped_x,draped_y,draped_z,normal_x,normal_y,normal_z"
+    );
+    let rows: Vec<Vec<&str>> = lines.map(|line| line.split(',').collect()).collect();
+    assert_eq!(rows.len(), count(&report, "data_points"));
+    assert_eq!(rows.len(), 2 * 5 * 7 * 10, "eight points a loop, two turns an underlap");
+    for row in &rows {
+        assert_eq!(row.len(), 17);
+        assert!(["loop", "inlay", "turn"].contains(&row[5]));
+        for number in &row[8..] {
+            let read: f64 = number.parse().unwrap();
+            assert_eq!(read.to_string(), *number);
+        }
+    }
+}
+
+#[test]
+fn the_report_has_the_contracts_keys_in_their_order() {
+    let folder = tempfile::tempdir().unwrap();
+    knit(folder.path(), &SWATCH);
+    let text = std::fs::read_to_string(folder.path().join("report.json")).unwrap();
+    let keys: Vec<&str> = text.lines().filter_map(|line| line.trim().strip_prefix('"')?.split_once("\":").map(|(key, _)| key)).collect();
+    let contract = "warpknit fabric garment panels triangles unit uv_scale_mm warnings wales_per_cm courses_per_cm yarns stitches \
+        data_points points_off_panel stitches_clipped surface shape st sr radius_mm triangles_per_stitch triangles vertices timings_ms read \
+        knit locate map surface render write total clearance min_over_2r pairs_below_1 plane_ms curved_ms threads peak_memory_mb renderer \
+        cloth mass_g_m2 yarn_length_m run_in_mm_per_rack stretch_warp stretch_weft";
+    assert_eq!(keys, contract.split_whitespace().collect::<Vec<_>>());
+}
