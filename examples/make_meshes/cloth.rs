@@ -20,6 +20,8 @@ const SEARCH_EVERY: u32 = 16;
 const SPEED_LIMIT: f64 = 250.0;
 /// The part of a layer's overlap that one step takes back. With all of it, layers pressed together never come to rest.
 const CONTACT_PART: f64 = 0.25;
+/// The part of their relative movement that two touching particles lose in a step. Without it pressed layers churn.
+const RUBBING: f64 = 0.2;
 const GRAVITY: DVec3 = DVec3::new(0.0, -981.0, 0.0);
 
 /// What the cloth is like. Centimetre, gram, second: a force is in dyn, about a milligram's weight.
@@ -227,6 +229,10 @@ impl Cloth {
                 let push = apart * (CONTACT_PART * (self.fabric.thickness - distance) / (distance * sum));
                 self.position[i] += self.inverse_mass[i] * push;
                 self.position[j] -= self.inverse_mass[j] * push;
+                let moved = [i, j].map(|particle| self.position[particle] - self.previous[particle]);
+                let rub = (moved[0] - moved[1]) * (RUBBING / sum);
+                self.position[i] -= self.inverse_mass[i] * rub;
+                self.position[j] += self.inverse_mass[j] * rub;
             }
         }
     }

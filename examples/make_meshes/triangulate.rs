@@ -185,18 +185,10 @@ mod tests {
     fn l_shape() -> Vec<DVec2> {
         let corners = [(0.0, 0.0), (10.0, 0.0), (10.0, 4.0), (4.0, 4.0), (4.0, 12.0), (0.0, 12.0)];
         let corners = corners.map(|(x, y)| DVec2::new(x, y));
-        let side = |(a, b): (DVec2, DVec2)| (0..a.distance(b).as_steps()).map(move |i| a.move_towards(b, 0.5 * f64::from(i)));
+        let side = |(a, b): (DVec2, DVec2)| {
+            (0..crate::pattern::segments(a.distance(b), 0.5)).map(move |i| a.move_towards(b, 0.5 * f64::from(i)))
+        };
         edges(&corners).flat_map(side).collect()
-    }
-
-    trait AsSteps {
-        fn as_steps(self) -> u32;
-    }
-
-    impl AsSteps for f64 {
-        fn as_steps(self) -> u32 {
-            DVec2::splat(2.0 * self).round().as_uvec2().x
-        }
     }
 
     #[test]
