@@ -126,7 +126,7 @@ mod tests {
     fn a_folder_or_a_missing_folder_is_an_error_that_names_the_target() {
         let folder = tempfile::tempdir().unwrap();
         for target in [folder.path().to_owned(), folder.path().join("no").join("a.png")] {
-            let message = Output::create(&target).unwrap_err().to_string();
+            let message = format!("{:#}", anyhow::Error::from(Output::create(&target).unwrap_err()));
             assert!(message.contains(&target.display().to_string()) && !message.contains('\n'), "{message}");
         }
     }

@@ -100,16 +100,16 @@ pub enum ThreadingError {
 #[derive(Debug, thiserror::Error)]
 pub enum FabricError {
     /// The file can't be read.
-    #[error("can't read the fabric file: {0}")]
+    #[error("can't read the fabric file")]
     Io(#[from] std::io::Error),
     /// No built-in fabric of that name.
     #[error("there is no built-in fabric '{0}': `warpknit fabrics` lists them, and a file's name ends in .toml")]
     Unknown(String),
     /// Not TOML, or not what a fabric file holds; carries its own line, column and caret.
     #[error("{}", .0.to_string().trim_end())]
-    Toml(#[from] toml::de::Error),
+    Toml(toml::de::Error),
     /// A chain that can't be read.
-    #[error("bar {bar}, lapping \"{text}\": {source}")]
+    #[error("bar {bar}, lapping \"{text}\"")]
     Lapping {
         /// The bar, front bar 1.
         bar: usize,
@@ -119,7 +119,7 @@ pub enum FabricError {
         source: LappingError,
     },
     /// A threading that can't be read.
-    #[error("bar {bar}: {source}")]
+    #[error("bar {bar}")]
     Threading {
         /// The bar, front bar 1.
         bar: usize,
@@ -167,7 +167,7 @@ impl Fabric {
     /// # Errors
     /// The first thing that is wrong.
     pub fn parse(text: &str) -> Result<Self, FabricError> {
-        let file: FabricFile = toml::from_str(text)?;
+        let file: FabricFile = toml::from_str(text).map_err(FabricError::Toml)?;
         file.into_fabric()
     }
 
@@ -412,9 +412,9 @@ mod tests {
     #[test]
     fn faults_name_their_place() {
         let good = Fabric::named("locknit").unwrap().to_string();
-        let message = |from: &str, to: &str| Fabric::parse(&good.replace(from, to)).unwrap_err().to_string();
+        let message = |from: &str, to: &str| format!("{:#}", anyhow::Error::from(Fabric::parse(&good.replace(from, to)).unwrap_err()));
         assert!(message("2-3/1-0//", "2-9/1-0//").contains("bar 1, lapping \"2-9/1-0//\": an overlap over 7 needles"));
-        assert!(message("threading = \"I\"", "threading = \"x\"").contains("'x' is no threading mark"));
+        assert!(message("threading = \"I\"", "threading = \"x\"").contains("bar 1: 'x' is no threading mark"));
         assert!(message("packing = 0.65", "packing = 2.0").contains("bar 1: yarn.packing is 2"));
         assert!(message("44 dtex", "44 stone").contains("no yarn count"));
         assert!(message("wales_per_cm", "whales_per_cm").contains("line 3"));

@@ -9,12 +9,12 @@ use thiserror::Error;
 #[non_exhaustive]
 pub enum GarmentError {
     /// The file could not be opened.
-    #[error("{}: cannot be opened ({source}): check the path and its permissions", .path.display())]
+    #[error("{}: cannot be opened ({reason}): check the path and its permissions", .path.display())]
     Open {
         /// The file.
         path: PathBuf,
         /// What the system said.
-        source: std::io::Error,
+        reason: std::io::Error,
     },
     /// A folder was given where a file is needed.
     #[error("{}: is a directory: give the OBJ file in it", .path.display())]
@@ -23,14 +23,14 @@ pub enum GarmentError {
         path: PathBuf,
     },
     /// Reading stopped half-way.
-    #[error("{}:{line}: cannot be read on ({source}): copy the file to a sound disk and try again", .path.display())]
+    #[error("{}:{line}: cannot be read on ({reason}): copy the file to a sound disk and try again", .path.display())]
     Read {
         /// The file.
         path: PathBuf,
         /// The line that could not be read, from 1.
         line: u64,
         /// What the system said.
-        source: std::io::Error,
+        reason: std::io::Error,
     },
     /// The file has no bytes.
     #[error("{}: is empty: export the garment again", .path.display())]
@@ -151,12 +151,12 @@ pub enum GarmentError {
         must: &'static str,
     },
     /// tobj refused what the cleaning pass had let through; no input known does that.
-    #[error("{}: the OBJ parser refused the file ({source}): please report it", .path.display())]
+    #[error("{}: the OBJ parser refused the file ({reason}): please report it", .path.display())]
     Parser {
         /// The file.
         path: PathBuf,
         /// What tobj said.
-        source: tobj::LoadError,
+        reason: tobj::LoadError,
     },
 }
 

@@ -62,7 +62,7 @@ pub(super) struct Face {
 
 /// Reads one OBJ file.
 pub(super) fn read(path: &Path) -> Result<ObjMesh, GarmentError> {
-    let open = |source| GarmentError::Open { path: path.to_path_buf(), source };
+    let open = |reason| GarmentError::Open { path: path.to_path_buf(), reason };
     // Opening a folder works on Unix and fails on Windows: ask first, so that the message is the same.
     if std::fs::metadata(path).map_err(open)?.is_dir() {
         return Err(GarmentError::Directory { path: path.to_path_buf() });
@@ -80,7 +80,7 @@ pub(super) fn parse(input: impl BufRead, path: &Path) -> Result<ObjMesh, Garment
         return Err(stop.at(path));
     }
     cleaner.check_whole(path)?;
-    let (models, _) = parsed.map_err(|source| GarmentError::Parser { path: path.to_path_buf(), source })?;
+    let (models, _) = parsed.map_err(|reason| GarmentError::Parser { path: path.to_path_buf(), reason })?;
     let mesh = models.into_iter().next().expect("tobj makes one model of one group").mesh;
     Ok(cleaner.notes.into_mesh(mesh))
 }
@@ -96,7 +96,7 @@ impl Stop {
     fn at(self, path: &Path) -> GarmentError {
         match self {
             Self::Fault(line, fault) => GarmentError::record(path, line, fault),
-            Self::Input(line, source) => GarmentError::Read { path: path.to_path_buf(), line, source },
+            Self::Input(line, reason) => GarmentError::Read { path: path.to_path_buf(), line, reason },
         }
     }
 }
