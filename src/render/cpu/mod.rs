@@ -10,7 +10,7 @@ mod trace;
 
 use crate::render::light::Rig;
 use crate::render::ply::{self, Place};
-use crate::render::shade::{Surface, schlick};
+use crate::render::shade::{Surface, schlick_rough};
 use crate::render::{Camera, Options, tone};
 use crate::scene::Scene;
 use glam::{Vec3, Vec4};
@@ -106,6 +106,7 @@ impl View<'_> {
         let distance = (position.as_dvec3() + segments.centre).distance(self.camera.eye());
         let place = Place {
             normal: tube_normal,
+            toward_eye: -path.direction,
             tangent: axis.tangent,
             around: tube_normal.dot(axis.tangent.cross(axis.across)).atan2(tube_normal.dot(axis.across)),
             along: axis.along,
@@ -147,7 +148,7 @@ impl View<'_> {
             };
             open += u32::from(stopped.is_none());
         }
-        let mirrored = schlick(met.surface.f0(), normal.dot(met.toward_eye));
+        let mirrored = schlick_rough(met.surface.f0(), normal.dot(met.toward_eye), met.surface.roughness);
         let mirror = (normal * (2.0 * normal.dot(met.toward_eye)) - met.toward_eye).normalize_or(normal);
         met.surface.diffuse(mirrored) * light * share(1, rays) + mirrored * self.rig.sky(mirror) * share(open, rays)
     }
