@@ -119,6 +119,7 @@ fn small(count: i32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f32::consts::PI;
 
     fn place(around: f32, along: f32, footprint: f32) -> Place {
         let normal = Vec3::new(around.cos(), around.sin(), 0.0);
@@ -128,7 +129,7 @@ mod tests {
     #[test]
     fn the_pattern_closes_around_the_yarn() {
         for along in [0.04, 0.13, 7.72] {
-            let (a, b) = (detail(&place(-3.141_59, along, 1e-3)), detail(&place(3.141_59, along, 1e-3)));
+            let (a, b) = (detail(&place(-PI, along, 1e-3)), detail(&place(PI, along, 1e-3)));
             assert!(a.0.distance(b.0) < 2e-2 && (a.1 - b.1).abs() < 2e-2);
         }
     }
