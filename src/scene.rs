@@ -6,6 +6,15 @@
 use crate::ids::index32;
 use glam::Vec3;
 
+/// Renderers pass over points with a larger coordinate, mm: ten kilometres, where `f32` has lost whole stitches.
+pub const FARTHEST: f32 = 1e7;
+
+/// Whether renderers take `point` for a point of a yarn: finite and not beyond [`FARTHEST`].
+#[must_use]
+pub fn drawable(point: Vec3) -> bool {
+    point.abs().cmple(Vec3::splat(FARTHEST)).all()
+}
+
 /// How a yarn looks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct YarnLook {
@@ -78,16 +87,23 @@ impl Scene {
         self.strands.push(Strand { points: start..index32(self.positions.len()), look });
     }
 
-    /// The box around all yarns, their radii included; `None` where nothing finite is there to be seen.
+    /// The radius of a strand, if it is one that can be drawn: above 0 and under [`FARTHEST`].
+    #[must_use]
+    pub fn radius(&self, strand: &Strand) -> Option<f32> {
+        let radius = self.looks[usize::from(strand.look)].radius;
+        (radius > 0.0 && radius < FARTHEST).then_some(radius)
+    }
+
+    /// The box around all yarns, their radii included; `None` where nothing is there to be seen.
     ///
     /// The curve between two data points may leave the box by a little: Catmull-Rom curves overshoot their points.
     #[must_use]
     pub fn bounds(&self) -> Option<Bounds> {
         let mut bounds: Option<Bounds> = None;
         for strand in &self.strands {
-            let radius = Vec3::splat(self.looks[usize::from(strand.look)].radius);
+            let Some(radius) = self.radius(strand) else { continue };
             let points = &self.positions[strand.points.start as usize..strand.points.end as usize];
-            for &point in points.iter().filter(|point| point.is_finite()) {
+            for &point in points.iter().filter(|&&point| drawable(point)) {
                 let ball = Bounds { min: point - radius, max: point + radius };
                 bounds = Some(bounds.map_or(ball, |b| Bounds { min: b.min.min(ball.min), max: b.max.max(ball.max) }));
             }

@@ -9,3 +9,4 @@ mod interlock;
 mod locate;
 mod malformed;
 mod map;
+mod render;

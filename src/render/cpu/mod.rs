@@ -4,15 +4,18 @@
 //! sun and a few short ones to the sky; a sky ray that is stopped brings the colour of the yarn that stopped it. Rows are traced in
 //! parallel and no sample depends on another, so that any number of threads gives the same bytes.
 
+mod film;
 mod sample;
 mod segments;
 mod trace;
 
+use crate::ids::index32;
 use crate::render::light::Rig;
 use crate::render::ply::{self, Place};
-use crate::render::shade::{Surface, schlick};
+use crate::render::shade::{Surface, schlick_rough};
 use crate::render::{Camera, Options, tone};
 use crate::scene::Scene;
+use film::Splats;
 use glam::{Vec3, Vec4};
 use image::RgbaImage;
 use rayon::prelude::*;
@@ -25,8 +28,8 @@ use trace::{Hit, Path, Tracer};
 const SKY_REACH: f32 = 24.0;
 /// Secondary rays start this share of the radius above the surface.
 const LIFT: f32 = 0.02;
-/// Half-width of the tent that weighs a pixel's samples, pixels. 0.5 would be as sharp as a box and shows moire on far cloth.
-const FILTER: f32 = 0.85;
+/// Rows that are traced before their pixels are written: enough to share among threads, few enough to take little memory.
+const BAND: usize = 64;
 
 /// See [`crate::render::render`].
 #[must_use]
@@ -41,15 +44,33 @@ pub fn render(scene: &Scene, camera: &Camera, options: &Options, progress: &(dyn
         options,
     });
     let done = AtomicU32::new(0);
-    let row_bytes = (width as usize * 4).max(4);
-    (0..height).into_par_iter().zip(picture.par_chunks_mut(row_bytes)).for_each(|(y, row)| {
-        for (x, pixel) in (0..width).zip(row.chunks_exact_mut(4)) {
-            let light = view.as_ref().map_or(Vec4::ZERO, |view| view.pixel(x, y));
-            pixel.copy_from_slice(&tone::pixel(light, options.exposure, options.background));
+    let trace = |y| {
+        let mut splats = Splats::new(width);
+        if let Some(view) = &view {
+            (0..width).for_each(|x| view.pixel(x, y, &mut splats));
         }
-        let rows = done.fetch_add(1, Ordering::Relaxed) + 1;
-        progress(share(rows, height));
-    });
+        progress(share(done.fetch_add(1, Ordering::Relaxed) + 1, height));
+        splats
+    };
+    // A pixel needs the rows next to its own, so the last two rows of a band wait for the next one.
+    let mut rows = vec![Splats::new(width)];
+    let row_bytes = (width as usize * 4).max(1);
+    let mut unwritten = picture.as_mut();
+    for band in (0..height).step_by(BAND) {
+        let end = height.min(band.saturating_add(index32(BAND)));
+        rows.par_extend((band..end).into_par_iter().map(&trace));
+        if end == height {
+            rows.push(Splats::new(width));
+        }
+        let (written, rest) = unwritten.split_at_mut((rows.len() - 2) * width as usize * 4);
+        written.par_chunks_mut(row_bytes).zip(rows.par_windows(3)).for_each(|(pixels, rows)| {
+            for (x, pixel) in pixels.chunks_exact_mut(4).enumerate() {
+                pixel.copy_from_slice(&tone::pixel(Splats::pixel(rows, x), options.exposure, options.background));
+            }
+        });
+        unwritten = rest;
+        rows.drain(..rows.len() - 2);
+    }
     picture
 }
 
@@ -76,23 +97,25 @@ struct Meeting {
 }
 
 impl View<'_> {
-    /// Mean light of a pixel's samples and, in w, the share of them that met yarn.
-    fn pixel(&self, x: u32, y: u32) -> Vec4 {
+    /// Adds the samples of a pixel to its row.
+    fn pixel(&self, x: u32, y: u32, splats: &mut Splats) {
         let spp = self.options.spp.max(1);
         let sampler = Sampler::new(x, y, self.options.seed);
-        let sum: Vec4 = (0..spp).map(|index| self.sample(x, y, index, &sampler)).sum();
-        sum * share(1, spp)
+        for index in 0..spp {
+            let place = sampler.pair(Purpose::Pixel, index, spp);
+            let across = (f64::from(x) + f64::from(place[0])) / f64::from(self.options.width) * 2.0 - 1.0;
+            let up = 1.0 - (f64::from(y) + f64::from(place[1])) / f64::from(self.options.height) * 2.0;
+            splats.add(x, place, self.sample(across, up, index, &sampler));
+        }
     }
 
-    fn sample(&self, x: u32, y: u32, index: u32, sampler: &Sampler) -> Vec4 {
-        let [u, v] = sampler.pair(Purpose::Pixel, index, self.options.spp.max(1)).map(|u| 0.5 + f64::from(tent(u) * FILTER));
-        let across = (f64::from(x) + u) / f64::from(self.options.width) * 2.0 - 1.0;
-        let up = 1.0 - (f64::from(y) + v) / f64::from(self.options.height) * 2.0;
+    /// The light that comes from picture point (across, up), and in w 1 where yarn is and 0 where none is.
+    fn sample(&self, across: f64, up: f64, index: u32, sampler: &Sampler) -> Vec4 {
         let direction = self.camera.direction(across, up, self.options.aspect());
         let Some(path) = self.tracer.enter(self.camera.eye(), direction) else { return Vec4::ZERO };
         let Some(hit) = self.tracer.nearest(&path) else { return Vec4::ZERO };
         let met = self.meet(&path, hit);
-        let light = self.from_sun(&met, sampler, index) + self.from_sky(&met, sampler, index);
+        let light = self.sunlight(&met, sampler, index) + self.skylight(&met, sampler, index);
         if light.is_finite() { light.extend(1.0) } else { Vec4::W }
     }
 
@@ -106,6 +129,7 @@ impl View<'_> {
         let distance = (position.as_dvec3() + segments.centre).distance(self.camera.eye());
         let place = Place {
             normal: tube_normal,
+            toward_eye: -path.direction,
             tangent: axis.tangent,
             around: tube_normal.dot(axis.tangent.cross(axis.across)).atan2(tube_normal.dot(axis.across)),
             along: axis.along,
@@ -118,7 +142,7 @@ impl View<'_> {
         Meeting { start: hit.start, position, tube_normal, surface, radius: axis.radius, toward_eye: -path.direction }
     }
 
-    fn from_sun(&self, met: &Meeting, sampler: &Sampler, index: u32) -> Vec3 {
+    fn sunlight(&self, met: &Meeting, sampler: &Sampler, index: u32) -> Vec3 {
         let toward = self.rig.sun_sample(sampler.pair(Purpose::Sun, index, self.options.spp.max(1)));
         let cosine = met.surface.normal.dot(toward);
         if cosine <= 0.0 || met.tube_normal.dot(toward) <= 0.0 {
@@ -129,7 +153,7 @@ impl View<'_> {
     }
 
     /// Diffuse light from the sky by cosine-distributed rays, and the sky's mirror image dimmed by how much of it they saw.
-    fn from_sky(&self, met: &Meeting, sampler: &Sampler, index: u32) -> Vec3 {
+    fn skylight(&self, met: &Meeting, sampler: &Sampler, index: u32) -> Vec3 {
         let rays = self.options.sky_rays.max(1);
         let normal = met.surface.normal;
         let (mut light, mut open) = (Vec3::ZERO, 0);
@@ -147,7 +171,7 @@ impl View<'_> {
             };
             open += u32::from(stopped.is_none());
         }
-        let mirrored = schlick(met.surface.f0(), normal.dot(met.toward_eye));
+        let mirrored = schlick_rough(met.surface.f0(), normal.dot(met.toward_eye), met.surface.roughness);
         let mirror = (normal * (2.0 * normal.dot(met.toward_eye)) - met.toward_eye).normalize_or(normal);
         met.surface.diffuse(mirrored) * light * share(1, rays) + mirrored * self.rig.sky(mirror) * share(open, rays)
     }
@@ -165,11 +189,6 @@ fn cosine_direction(normal: Vec3, u: [f32; 2]) -> Vec3 {
     let (sin, cos) = (std::f32::consts::TAU * u[1]).sin_cos();
     let r = u[0].sqrt();
     across * (cos * r) + up * (sin * r) + normal * (1.0 - u[0]).max(0.0).sqrt()
-}
-
-/// A uniform number in 0..1 as one in -1..1 with density 1 - |x|.
-fn tent(u: f32) -> f32 {
-    if u < 0.5 { (2.0 * u).sqrt() - 1.0 } else { 1.0 - (2.0 - 2.0 * u).sqrt() }
 }
 
 /// `part / whole`.

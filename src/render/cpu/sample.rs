@@ -58,7 +58,8 @@ mod tests {
             for index in 0..4 {
                 let [u, v] = Sampler::new(40 + pixel % 4, 80 + pixel / 4, 9).pair(Purpose::Sky, index, 4);
                 assert!((0.0..1.0).contains(&u) && (0.0..1.0).contains(&v));
-                let cell = (0..16_u8).find(|c| (f32::from(c % 4) - u * 4.0 + 0.5).abs() <= 0.5 && (f32::from(c / 4) - v * 4.0 + 0.5).abs() <= 0.5);
+                let cell = (0..16_u8)
+                    .find(|c| (f32::from(c % 4) - u * 4.0 + 0.5).abs() <= 0.5 && (f32::from(c / 4) - v * 4.0 + 0.5).abs() <= 0.5);
                 cells[usize::from(cell.unwrap())] += 1;
             }
         }

@@ -1,14 +1,14 @@
 //! Yarns as chains of short capsules.
 //!
-//! In: a scene and the size that a pixel has on it. Out: [`Segments`], structure of arrays, about 40 bytes a segment: points on
+//! In: a scene and the size that a pixel has on it. Out: [`Segments`], structure of arrays, 36 bytes a segment: points on
 //! the centripetal Catmull-Rom curve, with the curve's own tangent and a rotation-minimising frame (double reflection, Wang et al.
 //! 2008) at each. Curves are cut so that a chord leaves its curve by less than [`CHORD_ERROR`] pixels, where [`MAX_PIECES`] allows.
 //! Coordinates are relative to the scene's middle, which keeps `f32` good to a ten-thousandth of a millimetre on a garment. A
-//! strand is broken where a point is not finite; a lone point becomes a ball.
+//! strand is broken where a point is not [`drawable`]; a lone point becomes a ball.
 
 use crate::ids::index32;
 use crate::render::Camera;
-use crate::scene::{Bounds, Scene, Strand};
+use crate::scene::{Bounds, Scene, Strand, drawable};
 use crate::yarn::curve::{self, Span};
 use glam::{DVec3, I16Vec3, Vec3, Vec4};
 use rayon::prelude::*;
@@ -20,14 +20,19 @@ const MAX_PIECES: u32 = 8;
 /// Unit vectors are stored as 16-bit integers of this length.
 const UNIT: f32 = 32_767.0;
 
-/// Capsules: segment `i` runs from point `starts[i]` to the next.
+/// Most segments that share a box in the hierarchy: two halve the memory of building it, for boxes that are hardly looser.
+const LINK: usize = 2;
+
+/// Capsules between consecutive points. A segment is named by its first point; strands end with a point of radius 0, which starts
+/// none. A link is one or more segments in a row.
 #[derive(Debug, Default)]
 pub(super) struct Segments {
     /// What to add to a point to be in the world.
     pub(super) centre: DVec3,
-    /// The axis, and in w the radius.
+    /// The axis, and in w the radius of the segment that starts here.
     pub(super) points: Vec<Vec4>,
-    pub(super) starts: Vec<u32>,
+    /// First points of the links.
+    pub(super) links: Vec<u32>,
     tangents: Vec<I16Vec3>,
     /// Unit vectors across the yarn from which angles around it count.
     across: Vec<I16Vec3>,
@@ -70,7 +75,7 @@ impl Segments {
         let mut all = Self {
             centre,
             points: Vec::with_capacity(points),
-            starts: Vec::with_capacity(points),
+            links: Vec::with_capacity(points / LINK),
             tangents: Vec::with_capacity(points),
             across: Vec::with_capacity(points),
             along: Vec::with_capacity(points),
@@ -78,7 +83,7 @@ impl Segments {
         };
         for part in parts {
             let first = index32(all.points.len());
-            all.starts.extend(part.starts.iter().map(|start| start + first));
+            all.links.extend(part.links.iter().map(|link| link + first));
             all.points.extend(part.points);
             all.tangents.extend(part.tangents);
             all.across.extend(part.across);
@@ -89,12 +94,9 @@ impl Segments {
     }
 
     fn push_strand(&mut self, scene: &Scene, strand: &Strand, number: u32, pieces: &impl Fn(&Span) -> u32) {
-        let radius = scene.looks[usize::from(strand.look)].radius;
-        if !(radius > 0.0 && radius.is_finite()) {
-            return;
-        }
+        let Some(radius) = scene.radius(strand) else { return };
         let positions = &scene.positions[strand.points.start as usize..strand.points.end as usize];
-        for run in positions.split(|point| !point.is_finite()).filter(|run| !run.is_empty()) {
+        for run in positions.split(|&point| !drawable(point)).filter(|run| !run.is_empty()) {
             let mut points: Vec<DVec3> = run.iter().map(|point| point.as_dvec3() - self.centre).collect();
             if points.len() == 1 {
                 points.push(points[0]);
@@ -105,6 +107,7 @@ impl Segments {
 
     fn push_run(&mut self, points: &[DVec3], radius: f32, look: u16, mut along: f64, pieces: &impl Fn(&Span) -> u32) {
         let mut frame = Frame::default();
+        let first = self.points.len();
         for index in 0..points.len() - 1 {
             let span = curve::span(points, index);
             let count = pieces(&span);
@@ -113,9 +116,6 @@ impl Segments {
                 let t = f64::from(piece) / f64::from(count);
                 let (position, tangent) = (span.at(t), span.tangent(t));
                 along += frame.advance(position, tangent);
-                if index > 0 || piece > 0 {
-                    self.starts.push(index32(self.points.len() - 1));
-                }
                 self.points.push(position.as_vec3().extend(radius));
                 self.tangents.push((frame.tangent.as_vec3() * UNIT).as_i16vec3());
                 self.across.push((frame.across.as_vec3() * UNIT).as_i16vec3());
@@ -123,6 +123,14 @@ impl Segments {
                 self.looks.push(look);
             }
         }
+        let last = self.points.len() - 1;
+        self.points[last].w = 0.0;
+        self.links.extend((first..last).step_by(LINK).map(index32));
+    }
+
+    /// The segments of a link.
+    pub(super) fn of_link(&self, link: u32) -> impl Iterator<Item = u32> {
+        (link..).take(LINK).take_while(|&start| self.points[start as usize].w > 0.0)
     }
 
     /// The look of the segment that starts at point `start`.
@@ -219,12 +227,16 @@ mod tests {
         Segments::of(scene, &bounds, &camera, height)
     }
 
+    fn starts(segments: &Segments) -> Vec<u32> {
+        segments.links.iter().flat_map(|&link| segments.of_link(link)).collect()
+    }
+
     #[test]
     fn straight_spans_stay_whole_and_bends_are_cut_as_pixels_ask() {
         let straight = scene(&[&[Vec3::ZERO, Vec3::X, Vec3::X * 2.0]]);
-        assert_eq!(segments(&straight, 1000).starts, [0, 1]);
+        assert_eq!(starts(&segments(&straight, 1000)), [0, 1]);
         let bent = scene(&[&[Vec3::ZERO, Vec3::X, Vec3::ONE, Vec3::Y]]);
-        let counts = [30, 200, 100_000].map(|height| segments(&bent, height).starts.len());
+        let counts = [2, 8, 100_000].map(|height| starts(&segments(&bent, height)).len());
         assert!(counts[0] < counts[1] && counts[1] < counts[2] && counts[2] == 24, "{counts:?}");
     }
 
@@ -232,7 +244,7 @@ mod tests {
     fn strands_are_not_joined_and_bad_points_break_them() {
         let broken = scene(&[&[Vec3::ZERO, Vec3::X], &[Vec3::Y, Vec3::NAN, Vec3::Z, Vec3::Z]]);
         let cut = segments(&broken, 10);
-        assert_eq!(cut.starts, [0, 2, 4]);
+        assert_eq!(starts(&cut), [0, 2, 4]);
         assert!(cut.points.iter().all(|point| point.is_finite()));
     }
 
@@ -241,7 +253,7 @@ mod tests {
         // A quarter circle in the plane z = 0: the normal of the plane is carried along unchanged.
         let arc: Vec<Vec3> = (0_u8..=8).map(|i| Vec3::from_angle_xy(f32::from(i) * 0.2)).collect();
         let cut = segments(&scene(&[&arc]), 4000);
-        for &start in &cut.starts {
+        for start in starts(&cut) {
             let axis = cut.axis_point(start, cut.points[start as usize].truncate());
             assert!((axis.across / UNIT - Vec3::Z).length() < 1e-3);
             assert!(axis.tangent.z.abs() < 1e-3);

@@ -5,16 +5,21 @@
 //! solved; boxes are padded by what `f32` may lose over the scene's extent. Rays that start inside a capsule don't see it.
 
 use super::segments::Segments;
+use crate::ids::index32;
 use glam::{DVec3, Vec3, Vec3A};
-use obvhs::aabb::Aabb;
-use obvhs::cwbvh::CwBvh;
-use obvhs::cwbvh::builder::build_cwbvh;
-use obvhs::ray::{Ray, RayHit};
 use obvhs::BvhBuildParams;
-use std::time::Duration;
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
+use obvhs::cwbvh::CwBvh;
+use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
+use obvhs::ploc::PlocBuilder;
+use obvhs::ray::{Ray, RayHit};
+use rayon::prelude::*;
 
 /// Box padding as a share of the largest coordinate: a few roundings of `f32`.
 const PADDING: f32 = 1e-6;
+/// Links a leaf of the hierarchy may hold. 3, the most that a compressed node can say, traced 3 % slower.
+const MAX_LEAF: u32 = 1;
 
 /// All capsules and the hierarchy over them.
 pub(super) struct Tracer {
@@ -41,12 +46,9 @@ pub(super) struct Hit {
 
 impl Tracer {
     pub(super) fn new(mut segments: Segments) -> Self {
-        let extent = segments.points.iter().fold(0.0_f32, |most, point| most.max(point.truncate().abs().max_element()));
-        let boxes: Vec<Aabb> = segments.starts.iter().map(|&start| boxed(&segments, start, extent * PADDING)).collect();
-        let params = BvhBuildParams { max_prims_per_leaf: 3, ..BvhBuildParams::fast_build() };
-        let mut bvh = build_cwbvh(&boxes, params, &mut Duration::default());
-        // Segments in the order of the leaves: one look-up less for each capsule met.
-        segments.starts = bvh.primitive_indices.iter().map(|&index| segments.starts[index as usize]).collect();
+        let mut bvh = hierarchy(&segments);
+        // Links in the order of the leaves: one look-up less for each that is met.
+        segments.links = bvh.primitive_indices.iter().map(|&index| segments.links[index as usize]).collect();
         bvh.primitive_indices = Vec::new();
         Self { segments, bvh }
     }
@@ -59,7 +61,7 @@ impl Tracer {
         let (a, b) = ((Vec3::from(min).as_dvec3() - eye) * inverse, (Vec3::from(max).as_dvec3() - eye) * inverse);
         // 0 * infinity, for a ray within a face's plane, counts as inside.
         let (near, far) = (a.min(b).max_element().max(0.0), a.max(b).min_element());
-        if self.segments.starts.is_empty() || near > far {
+        if self.segments.links.is_empty() || near > far {
             return None;
         }
         let origin = (eye + direction * near).as_vec3();
@@ -68,9 +70,18 @@ impl Tracer {
 
     /// The nearest capsule along `path`.
     pub(super) fn nearest(&self, path: &Path) -> Option<Hit> {
-        let mut found = RayHit::none();
-        let hit = self.bvh.ray_traverse(path.ray(), &mut found, |ray, index| self.distance(self.segments.starts[index], ray));
-        hit.then(|| Hit { start: self.segments.starts[found.primitive_id as usize], distance: found.t })
+        let mut nearest = Hit { start: 0, distance: path.reach };
+        self.bvh.ray_traverse(path.ray(), &mut RayHit::none(), |ray, index| {
+            for start in self.segments.of_link(self.segments.links[index]) {
+                let distance = self.distance(start, ray);
+                // Of two at one distance, the first along the yarn, in whatever order the hierarchy brings them.
+                if distance < nearest.distance || (distance == nearest.distance && start < nearest.start) {
+                    nearest = Hit { start, distance };
+                }
+            }
+            nearest.distance
+        });
+        (nearest.distance < path.reach).then_some(nearest)
     }
 
     /// The first point of some capsule within reach, those of segment `own` and its neighbours on the yarn left out.
@@ -79,15 +90,9 @@ impl Tracer {
     pub(super) fn occluder(&self, path: &Path, own: u32) -> Option<u32> {
         let mut occluder = None;
         self.bvh.ray_traverse_miss(path.ray(), |ray, index| {
-            let start = self.segments.starts[index];
-            if start.abs_diff(own) <= 1 {
-                return f32::INFINITY;
-            }
-            let distance = self.distance(start, ray);
-            if distance < ray.tmax {
-                occluder = Some(start);
-            }
-            distance
+            let link = self.segments.of_link(self.segments.links[index]);
+            occluder = link.filter(|start| start.abs_diff(own) > 1).find(|&start| self.distance(start, ray) < ray.tmax);
+            if occluder.is_some() { 0.0 } else { f32::INFINITY }
         });
         occluder
     }
@@ -104,11 +109,36 @@ impl Path {
     }
 }
 
-fn boxed(segments: &Segments, start: u32, padding: f32) -> Aabb {
-    let (a, b) = (segments.points[start as usize], segments.points[start as usize + 1]);
-    let grown = Vec3A::splat(a.w * 1.001 + padding);
-    let (a, b) = (Vec3A::from_vec4(a), Vec3A::from_vec4(b));
-    Aabb::new(a.min(b) - grown, a.max(b) + grown)
+/// The hierarchy over the links' boxes, by obvhs' own recipe, but with each stage's memory given back before the next.
+fn hierarchy(segments: &Segments) -> CwBvh {
+    let extent = segments.points.iter().fold(0.0_f32, |most, point| most.max(point.truncate().abs().max_element()));
+    let boxes: Vec<Aabb> = segments.links.par_iter().map(|&link| boxed(segments, link, extent * PADDING)).collect();
+    // Measured on 26 000 stitches, 1600x1200: this preset traces 12 % faster in all than `fast_build`, its longer build included.
+    let params = BvhBuildParams::medium_build();
+    let indices = (0..index32(boxes.len())).collect();
+    let mut binary = PlocBuilder::with_capacity(boxes.len()).build(
+        params.ploc_search_distance,
+        &boxes,
+        indices,
+        params.sort_precision,
+        params.search_depth_threshold,
+    );
+    drop(boxes);
+    ReinsertionOptimizer::default().run(&mut binary, params.reinsertion_batch_ratio, None);
+    let mut wide = bvh2_to_cwbvh(&binary, MAX_LEAF, true, false);
+    wide.nodes.shrink_to_fit();
+    wide
+}
+
+fn boxed(segments: &Segments, link: u32, padding: f32) -> Aabb {
+    let mut around = Aabb::empty();
+    for start in segments.of_link(link) {
+        let (a, b) = (segments.points[start as usize], segments.points[start as usize + 1]);
+        let grown = Vec3A::splat(a.w * 1.001 + padding);
+        let (a, b) = (Vec3A::from_vec4(a), Vec3A::from_vec4(b));
+        around = around.union(&Aabb::new(a.min(b) - grown, a.max(b) + grown));
+    }
+    around
 }
 
 /// Distance along a ray of unit direction to where it enters the capsule from `a` to `b`; infinite where it doesn't.
@@ -175,7 +205,11 @@ mod tests {
 
     #[test]
     fn capsules_agree_with_steps_in_f64_from_everywhere() {
-        let ends = [(DVec3::ZERO, DVec3::X), (DVec3::new(0.3, 0.2, -0.1), DVec3::new(0.3, 0.2, -0.1)), (DVec3::Z, DVec3::new(0.1, -0.4, 0.2))];
+        let ends = [
+            (DVec3::ZERO, DVec3::X),
+            (DVec3::new(0.3, 0.2, -0.1), DVec3::new(0.3, 0.2, -0.1)),
+            (DVec3::Z, DVec3::new(0.1, -0.4, 0.2)),
+        ];
         for (a, b) in ends {
             for step in 0_u8..200 {
                 let angle = f64::from(step) * 0.71;

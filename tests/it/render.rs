@@ -1,0 +1,166 @@
+//! Pictures of scenes whose look is known: sizes, shadows, order, coverage, determinism.
+
+use glam::{DVec3, Vec3};
+use image::RgbaImage;
+use warpknit::render::{Background, Camera, Options, View, render};
+use warpknit::scene::{Scene, YarnLook};
+
+const SIZE: u32 = 120;
+
+fn look(albedo: Vec3, radius: f32) -> YarnLook {
+    YarnLook { albedo, roughness: 0.7, metallic: 0.0, radius }
+}
+
+fn options() -> Options {
+    Options { width: SIZE, height: SIZE, background: Background::Transparent, ..Options::default() }
+}
+
+/// A yarn along x, thicker the larger the radius.
+fn straight(radius: f32) -> Scene {
+    let mut scene = Scene { looks: vec![look(Vec3::splat(0.6), radius)], ..Scene::default() };
+    scene.push_strand([Vec3::NEG_X * 50.0, Vec3::ZERO, Vec3::X * 50.0], 0);
+    scene
+}
+
+/// Seen from +z at `distance`, with a field of view that shows `height` mm there.
+fn facing(distance: f64, height: f64) -> Camera {
+    Camera::look_at(DVec3::Z * distance, DVec3::ZERO, 2.0 * (height / 2.0 / distance).atan(), 1.0)
+}
+
+fn draw(scene: &Scene, camera: &Camera, options: &Options) -> RgbaImage {
+    render(scene, camera, options, &|_| ())
+}
+
+/// Two strands that cross like a small grid, and a wavy one.
+fn tangle() -> Scene {
+    let looks = vec![look(Vec3::new(0.6, 0.1, 0.1), 0.2), look(Vec3::splat(0.7), 0.15)];
+    let mut scene = Scene { looks, ..Scene::default() };
+    for line in 0_u8..8 {
+        let at = f32::from(line) - 3.5;
+        scene.push_strand((0_u8..20).map(|i| Vec3::new(f32::from(i) * 0.4 - 4.0, at, f32::from(i % 4) * 0.3)), 0);
+        scene.push_strand([Vec3::new(at, -4.0, 0.2), Vec3::new(at + 0.3, 0.0, 0.5), Vec3::new(at, 4.0, 0.2)], 1);
+    }
+    scene
+}
+
+#[test]
+fn an_empty_scene_is_all_background() {
+    let camera = facing(10.0, 1.0);
+    for scene in [Scene::default(), Scene { looks: vec![look(Vec3::ONE, 0.1)], ..Scene::default() }] {
+        assert!(draw(&scene, &camera, &options()).pixels().all(|pixel| pixel.0 == [0; 4]));
+        let blue = Options { background: "#1030f0".parse().unwrap(), ..options() };
+        assert!(draw(&scene, &camera, &blue).pixels().all(|pixel| pixel.0 == [0x10, 0x30, 0xF0, 255]));
+    }
+    assert_eq!(draw(&tangle(), &camera, &Options { width: 0, height: 0, ..options() }).dimensions(), (0, 0));
+}
+
+#[test]
+fn a_straight_yarn_is_as_wide_as_its_projection() {
+    // From 4 m as from 40 mm: thin yarns far away are where single precision would fail.
+    for distance in [40.0, 4000.0] {
+        let (radius, shown) = (0.06, 2.0);
+        let scene = straight(radius);
+        let picture = draw(&scene, &facing(distance, shown), &Options { spp: 16, ..options() });
+        let covered: f64 = picture.pixels().map(|pixel| f64::from(pixel.0[3]) / 255.0).sum();
+        let width = covered / f64::from(SIZE);
+        // The outline is where rays touch: sin = radius / distance.
+        let edge = (f64::from(radius) / distance).asin().tan() * distance;
+        let expected = 2.0 * edge / shown * f64::from(SIZE);
+        assert!((width - expected).abs() < 0.05, "{width} {expected} at {distance}");
+    }
+}
+
+#[test]
+fn coverage_is_whole_inside_and_none_outside() {
+    let picture = draw(&straight(0.5), &facing(40.0, 2.0), &options());
+    assert!((0..SIZE).all(|x| picture.get_pixel(x, SIZE / 2).0[3] == 255));
+    assert!((0..SIZE).all(|x| picture.get_pixel(x, 5).0 == [0; 4]));
+    let edge = (0..SIZE).filter(|&y| !matches!(picture.get_pixel(60, y).0[3], 0 | 255)).count();
+    assert!((1..=6).contains(&edge), "{edge} pixels of soft edge");
+}
+
+#[test]
+fn what_is_near_hides_what_is_far() {
+    let looks = vec![look(Vec3::new(0.7, 0.0, 0.0), 0.3), look(Vec3::new(0.0, 0.0, 0.7), 0.3)];
+    let mut scene = Scene { looks, ..Scene::default() };
+    scene.push_strand([Vec3::new(-5.0, 0.0, 1.0), Vec3::new(5.0, 0.0, 1.0)], 0);
+    scene.push_strand([Vec3::NEG_Y * 5.0, Vec3::Y * 5.0], 1);
+    let seen = |eye: DVec3| {
+        let camera = Camera::look_at(eye, DVec3::ZERO, 0.2, 1.0);
+        draw(&scene, &camera, &options()).get_pixel(SIZE / 2, SIZE / 2).0
+    };
+    let (front, back) = (seen(DVec3::Z * 40.0), seen(DVec3::NEG_Z * 40.0));
+    assert!(front[0] > front[2] && back[2] > back[0], "{front:?} {back:?}");
+}
+
+#[test]
+fn an_upper_yarn_shadows_a_lower_one() {
+    let brightness = |with_upper: bool| {
+        let mut scene = straight(0.3);
+        if with_upper {
+            // Up and left of the middle, on the way to the sun, out of the picture's centre column.
+            scene.push_strand([Vec3::new(-4.0, 0.5, 1.2), Vec3::new(3.0, 1.2, 1.2)], 0);
+        }
+        let picture = draw(&scene, &facing(60.0, 3.0), &options());
+        (55..66).map(|x| u32::from(picture.get_pixel(x, 60).0[1])).sum::<u32>()
+    };
+    let (open, shadowed) = (brightness(false), brightness(true));
+    assert!(shadowed * 10 < open * 8, "{shadowed} {open}");
+}
+
+#[test]
+fn bends_leave_no_gap_at_their_joints() {
+    // A circle cut at 8 data points: the ring's middle line must be covered all around.
+    let mut scene = Scene { looks: vec![look(Vec3::ONE, 0.05)], ..Scene::default() };
+    let at = |i: u8| f32::from(i) * std::f32::consts::FRAC_PI_4;
+    scene.push_strand((0..=8).map(|i| Vec3::new(at(i).cos(), at(i).sin(), 0.0)), 0);
+    let (camera, options) = (facing(30.0, 2.4), options());
+    let picture = draw(&scene, &camera, &options);
+    let strand: Vec<DVec3> = scene.positions.iter().map(|point| point.as_dvec3()).collect();
+    for step in 0_u16..800 {
+        let span = warpknit::yarn::curve::span(&strand, usize::from(step / 100));
+        let seen = camera.project(span.at(f64::from(step % 100) / 100.0), 1.0).unwrap();
+        let pixel = |c: f64| (0..SIZE).find(|&i| f64::from(i) + 1.0 > (c + 1.0) / 2.0 * f64::from(SIZE)).unwrap();
+        assert!(picture.get_pixel(pixel(seen.x), pixel(-seen.y)).0[3] > 150, "gap at step {step}");
+    }
+}
+
+#[test]
+fn bytes_do_not_depend_on_threads() {
+    let scene = tangle();
+    let bounds = scene.bounds().unwrap();
+    let camera = Camera::view(View::Iso, &bounds, Camera::DEFAULT_FOV, 1.0, 1.0);
+    let with = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| draw(&scene, &camera, &options()))
+    };
+    assert!(with(1) == with(2));
+    assert!(with(2) != draw(&scene, &camera, &Options { seed: 1, ..options() }));
+}
+
+#[test]
+fn odd_strands_are_drawn_or_passed_over() {
+    let looks = vec![look(Vec3::splat(0.6), 0.3), look(Vec3::ONE, 0.0), look(Vec3::ONE, f32::NAN)];
+    let mut scene = Scene { looks, ..Scene::default() };
+    scene.push_strand([], 0);
+    scene.push_strand([Vec3::ZERO], 0);
+    scene.push_strand([Vec3::X, Vec3::X, Vec3::X], 0);
+    scene.push_strand([Vec3::NAN, Vec3::NEG_X, Vec3::INFINITY], 0);
+    scene.push_strand([Vec3::NEG_Y, Vec3::Y], 1);
+    scene.push_strand([Vec3::NEG_Y, Vec3::Y], 2);
+    let picture = draw(&scene, &facing(40.0, 4.0), &options());
+    for x in [30, 60, 90] {
+        let pixel = picture.get_pixel(x, 60).0;
+        assert!(pixel[3] == 255 && pixel[0] > 20, "a ball at {x}: {pixel:?}");
+    }
+    assert_eq!(picture.get_pixel(60, 85).0[3], 0, "yarns without a radius are not seen");
+}
+
+#[test]
+fn progress_reaches_the_end() {
+    let reported = std::sync::Mutex::new(Vec::new());
+    let _ = render(&tangle(), &facing(40.0, 10.0), &options(), &|share| reported.lock().unwrap().push(share));
+    let reported = reported.into_inner().unwrap();
+    assert!(reported.len() == SIZE as usize && reported.contains(&1.0));
+    assert!(reported.iter().all(|share| (0.0..=1.0).contains(share)));
+}
