@@ -9,7 +9,7 @@ use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
 
 /// Share of the light on the cloth that still reaches the gaps between its yarns; a stand-in for light reflected more than once.
-const INTERIOR: f32 = 0.30;
+const INTERIOR: f32 = 0.40;
 
 /// Sun and sky, linear RGB.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,10 +30,10 @@ impl Default for Light {
     fn default() -> Self {
         Self {
             sun_direction: Vec3::new(-0.50, 0.58, 0.64),
-            sun: Vec3::new(2.75, 2.65, 2.50),
+            sun: Vec3::new(3.05, 2.95, 2.80),
             sun_half_angle: 0.06,
-            sky_above: Vec3::new(0.50, 0.52, 0.55),
-            sky_below: Vec3::new(0.17, 0.165, 0.16),
+            sky_above: Vec3::new(0.57, 0.59, 0.62),
+            sky_below: Vec3::new(0.22, 0.215, 0.21),
         }
     }
 }

@@ -9,7 +9,7 @@
 //! G = G1(l) G1(v),   G1(x) = n.x / ((n.x)(1-k) + k),   k = (roughness+1)^2/8
 //! ```
 //!
-//! Source: the yarn papers' shading section with its misprints mended (Cook and Torrance 1982; Schlick 1994). The WGSL shaders
+//! Source: the yarn papers' shading section with its misprints mended (Cook and Torrance 1982; Schlick 1994). A shader is to
 //! follow this file line by line. It is reciprocal, and loses a little light between microfacets. It gains none for roughness from
 //! 0.55 up, where fibres lie; smoother white dielectrics gain up to 8 % at grazing angles, because the diffuse part gives up F of
 //! the half vector and not what the specular part takes.
