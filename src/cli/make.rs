@@ -155,7 +155,7 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
     let mut whole: Vec<Output> = sinks.into_iter().map(Sink::finish).collect::<Result<_, _>>()?;
     for (path, _) in outputs.iter().filter(|(_, format)| *format == Format::Png) {
         clock.begin(Task::Render, 0.0);
-        let picture = draw(&scene, job.shared, &clock)?;
+        let picture = draw(&scene, job.shared, &clock);
         clock.begin(Task::Write, 1.0);
         whole.push(png::write(path, &picture)?);
     }
@@ -231,24 +231,23 @@ fn loss_warning(totals: &Totals) -> Option<String> {
     let Losses { in_defects, off_panel, .. } = totals.losses;
     let points = totals.data_points + off_panel;
     let percent = 100.0 * f64::from(index32(in_defects)) / f64::from(index32(points.max(1)));
-    (in_defects > 0).then(|| format!("{in_defects} data points ({percent:.3} %) lie in triangles that can't be knitted and are lost"))
+    (in_defects > 0)
+        .then(|| format!("{in_defects} data points ({percent:.3} %) lie in triangles that can't be knitted and are lost"))
 }
 
 /// The picture.
-fn draw(scene: &Scene, shared: &Shared, clock: &Clock) -> Result<image::RgbaImage> {
-    let mut options = render::Options { width: shared.size.0, height: shared.size.1, spp: shared.spp, ..render::Options::default() };
+fn draw(scene: &Scene, shared: &Shared, clock: &Clock) -> image::RgbaImage {
+    let mut options =
+        render::Options { width: shared.size.0, height: shared.size.1, spp: shared.spp, ..render::Options::default() };
     if let Some(background) = shared.background {
         options.background = background;
     }
     let fov = shared.fov.to_radians();
     let camera = match (shared.eye, shared.look_at) {
         (Some(eye), Some(target)) => Camera::look_at(eye, target, fov, shared.zoom),
-        _ => {
-            let bounds = scene.bounds().context("there is no yarn to look at")?;
-            Camera::view(shared.view.into(), &bounds, fov, shared.zoom, options.aspect())
-        }
+        _ => Camera::view(shared.view.into(), &scene.positions, fov, shared.zoom, options.aspect()),
     };
-    Ok(render(scene, &camera, &options, &clock.progress()))
+    render(scene, &camera, &options, &clock.progress())
 }
 
 fn text_file(path: &Path, text: &str) -> Result<Output, ExportError> {

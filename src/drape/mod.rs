@@ -181,7 +181,8 @@ impl Lengths {
         for (at, (bottom, top)) in self.cells[first..=last].iter_mut().enumerate() {
             let cell = f64::from(index32(first + at));
             // An upright edge lies in one cell, with all of its length.
-            let ends = if first == last { [left.y, right.y] } else { [v_at(cell * self.spacing), v_at((cell + 1.0) * self.spacing)] };
+            let ends =
+                if first == last { [left.y, right.y] } else { [v_at(cell * self.spacing), v_at((cell + 1.0) * self.spacing)] };
             *bottom = bottom.min(ends[0]).min(ends[1]);
             *top = top.max(ends[0]).max(ends[1]);
         }

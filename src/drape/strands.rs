@@ -116,8 +116,8 @@ impl Strands {
                 continue;
             }
             builder.begin_piece();
-            for point in first..last {
-                builder.add(index32(point), knitted.points[point], located[point]);
+            for (at, (flat, located)) in knitted.points[first..last].iter().zip(&located[first..last]).enumerate() {
+                builder.add(index32(first + at), *flat, *located);
             }
         }
         builder.end();

@@ -229,7 +229,11 @@ impl Fabric {
         let mut warnings = Vec::new();
         for (bar, number) in self.bars.iter().zip(1..) {
             if bar.chain.gaps().0 != 0 {
-                warnings.push(format!("bar {number}: the chain {} has no gap 0, its lowest is {}", bar.chain, bar.chain.gaps().0));
+                warnings.push(format!(
+                    "bar {number}: the chain {} has no gap 0, its lowest is {}",
+                    bar.chain,
+                    bar.chain.gaps().0
+                ));
             }
         }
         if let Some((wale, course)) = self.dropped_stitch() {
@@ -344,8 +348,11 @@ impl FabricFile {
 
 impl BarTable {
     fn into_bar(self, number: usize) -> Result<Bar, FabricError> {
-        let chain = Chain::parse(&self.lapping, self.numbering)
-            .map_err(|source| FabricError::Lapping { bar: number, text: self.lapping.clone(), source })?;
+        let chain = Chain::parse(&self.lapping, self.numbering).map_err(|source| FabricError::Lapping {
+            bar: number,
+            text: self.lapping.clone(),
+            source,
+        })?;
         let threading = Threading::parse(&self.threading).map_err(|source| FabricError::Threading { bar: number, source })?;
         in_range(&format!("bar {number}: yarn.density"), self.yarn.density, FIBRE_DENSITY)?;
         in_range(&format!("bar {number}: yarn.packing"), self.yarn.packing, PACKING)?;
@@ -412,7 +419,8 @@ mod tests {
     #[test]
     fn faults_name_their_place() {
         let good = Fabric::named("locknit").unwrap().to_string();
-        let message = |from: &str, to: &str| format!("{:#}", anyhow::Error::from(Fabric::parse(&good.replace(from, to)).unwrap_err()));
+        let message =
+            |from: &str, to: &str| format!("{:#}", anyhow::Error::from(Fabric::parse(&good.replace(from, to)).unwrap_err()));
         assert!(message("2-3/1-0//", "2-9/1-0//").contains("bar 1, lapping \"2-9/1-0//\": an overlap over 7 needles"));
         assert!(message("threading = \"I\"", "threading = \"x\"").contains("bar 1: 'x' is no threading mark"));
         assert!(message("packing = 0.65", "packing = 2.0").contains("bar 1: yarn.packing is 2"));

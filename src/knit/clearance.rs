@@ -134,7 +134,13 @@ fn distance(s: &Segment, t: &Segment) -> f64 {
     let denominator = a * e - b * b;
     let u = if denominator > 1e-14 * a * e { ((b * f - c * e) / denominator).clamp(0.0, 1.0) } else { 0.0 };
     let v = (b * u + f) / e;
-    let u = if v < 0.0 { (-c / a).clamp(0.0, 1.0) } else if v > 1.0 { ((b - c) / a).clamp(0.0, 1.0) } else { u };
+    let u = if v < 0.0 {
+        (-c / a).clamp(0.0, 1.0)
+    } else if v > 1.0 {
+        ((b - c) / a).clamp(0.0, 1.0)
+    } else {
+        u
+    };
     (s.from + d1 * u).distance(t.from + d2 * v.clamp(0.0, 1.0))
 }
 
@@ -144,7 +150,8 @@ mod tests {
 
     #[test]
     fn distances_in_closed_form() {
-        let segment = |from: (f64, f64, f64), to: (f64, f64, f64)| Segment { from: from.into(), to: to.into(), strand: 0, along: 0.0 };
+        let segment =
+            |from: (f64, f64, f64), to: (f64, f64, f64)| Segment { from: from.into(), to: to.into(), strand: 0, along: 0.0 };
         let x = segment((0.0, 0.0, 0.0), (1.0, 0.0, 0.0));
         for (other, expected) in [
             (segment((0.5, -1.0, 2.0), (0.5, 1.0, 2.0)), 2.0),

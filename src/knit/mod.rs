@@ -275,10 +275,10 @@ mod tests {
         let mesh = StructureMesh::anchored_at(&fabric, DVec2::ZERO);
         let knitted = tricot_yarn(3);
         assert_eq!(knitted.stitches, [0, 10, 20, 30]);
-        for (stitch, &first) in knitted.stitches.iter().enumerate() {
+        for (course, &first) in (0..).zip(&knitted.stitches) {
             let first = first as usize;
             let tag = knitted.tags[first];
-            assert_eq!((tag.wale, tag.course), (3 + (stitch % 2) as i32, stitch as i32), "1-0/1-2 laps needles 0 and 1 in turn");
+            assert_eq!((tag.wale, tag.course), (3 + course % 2, course), "1-0/1-2 laps needles 0 and 1 in turn");
             let head = (knitted.points[first + 3] + knitted.points[first + 4]) / 2.0;
             assert!((head.x - mesh.vertex(tag.wale, tag.course).x).abs() < 1e-12);
         }

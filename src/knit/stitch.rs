@@ -97,7 +97,8 @@ impl Layer {
         let nested = q * r;
 
         let foot_y = NEST_FEET_Y * nested;
-        let lower = (W2 * widen * w + NEST_X * nested, H1 * raise * c + NEST_LOWER_Y * nested, Z_LOWER * r + NEST_LOWER_Z * nested);
+        let lower =
+            (W2 * widen * w + NEST_X * nested, H1 * raise * c + NEST_LOWER_Y * nested, Z_LOWER * r + NEST_LOWER_Z * nested);
         let upper = (W3 * w + NEST_X * nested, H2 * c, Z1 * r + NEST_UPPER_Z * nested);
         let head_y = (1.0 + (H3 - 1.0) * raise) * c + NEST_HEAD_Y * nested;
         let head = (W4 * w + NEST_X * nested, head_y, NEST_HEAD_Z * nested);

@@ -120,10 +120,10 @@ impl<'a> Locator<'a> {
     /// The triangle that holds `p`; `hint` is any triangle, best one nearby.
     #[must_use]
     pub fn at(&self, p: DVec2, hint: u32) -> Option<SurfacePoint> {
-        if self.topology.embedded {
-            if let Walk::Found(at) = self.walk(p, hint) {
-                return Some(at);
-            }
+        if self.topology.embedded
+            && let Walk::Found(at) = self.walk(p, hint)
+        {
+            return Some(at);
         }
         self.search(p)
     }

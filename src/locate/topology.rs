@@ -29,7 +29,10 @@ pub(super) struct Topology {
 impl Topology {
     pub(super) fn new(uv: &[DVec2], triangles: &[[u32; 3]]) -> Self {
         let (neighbours, manifold) = neighbours(triangles);
-        let embedded = manifold && is_connected(&neighbours) && goes_round_once(uv, triangles, &neighbours) && border_is_simple(uv, triangles, &neighbours);
+        let embedded = manifold
+            && is_connected(&neighbours)
+            && goes_round_once(uv, triangles, &neighbours)
+            && border_is_simple(uv, triangles, &neighbours);
         Self { neighbours, embedded }
     }
 }
@@ -107,9 +110,10 @@ fn goes_round_once(uv: &[DVec2], triangles: &[[u32; 3]], neighbours: &[[u32; 3]]
 
 /// Whether no two border edges touch, except where they share a vertex. A sweep along x over edges sorted by their left ends.
 fn border_is_simple(uv: &[DVec2], triangles: &[[u32; 3]], neighbours: &[[u32; 3]]) -> bool {
-    let border = triangles.iter().zip(neighbours).flat_map(|(&corners, across)| {
-        (0..3).filter(|&i| across[i] == BORDER).map(move |i| edge(corners, i))
-    });
+    let border = triangles
+        .iter()
+        .zip(neighbours)
+        .flat_map(|(&corners, across)| (0..3).filter(|&i| across[i] == BORDER).map(move |i| edge(corners, i)));
     let point = |v: u32| uv[v as usize];
     let left = |&(a, b): &(u32, u32)| point(a).x.min(point(b).x);
     let mut edges: Vec<_> = border.collect();
@@ -132,7 +136,8 @@ fn border_is_simple(uv: &[DVec2], triangles: &[[u32; 3]], neighbours: &[[u32; 3]
 
 fn segments_touch(p: DVec2, q: DVec2, r: DVec2, s: DVec2) -> bool {
     let apart = |low: f64, high: f64, other_low: f64, other_high: f64| low.max(high) < other_low.min(other_high);
-    let boxes_apart = apart(p.x, q.x, r.x, s.x) || apart(r.x, s.x, p.x, q.x) || apart(p.y, q.y, r.y, s.y) || apart(r.y, s.y, p.y, q.y);
+    let boxes_apart =
+        apart(p.x, q.x, r.x, s.x) || apart(r.x, s.x, p.x, q.x) || apart(p.y, q.y, r.y, s.y) || apart(r.y, s.y, p.y, q.y);
     let same_side = |a: f64, b: f64| (a > 0.0 && b > 0.0) || (a < 0.0 && b < 0.0);
     !boxes_apart && !same_side(cross(p, q, r), cross(p, q, s)) && !same_side(cross(r, s, p), cross(r, s, q))
 }

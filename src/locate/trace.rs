@@ -88,7 +88,8 @@ mod tests {
     fn a_way_within_a_square_arrives_also_through_corners_and_along_edges() {
         let garment = Garment::rectangle(2.0, 2.0);
         let locator = Locator::new(&garment.panels[0]);
-        for (from, to) in [((0.0, 0.0), (2.0, 2.0)), ((0.5, 1.5), (1.5, 0.5)), ((0.0, 2.0), (2.0, 0.0)), ((0.0, 0.0), (2.0, 0.0))] {
+        for (from, to) in [((0.0, 0.0), (2.0, 2.0)), ((0.5, 1.5), (1.5, 0.5)), ((0.0, 2.0), (2.0, 0.0)), ((0.0, 0.0), (2.0, 0.0))]
+        {
             let (from, to) = (DVec2::from(from), DVec2::from(to));
             let start = locator.at(from, 0).unwrap();
             assert_eq!(locator.trace(from, start, to), Traced::Arrived);

@@ -1,10 +1,9 @@
-//! The camera: where each point of the picture looks, and how a box is framed.
+//! The camera: where each point of the picture looks, and how things are framed.
 //!
-//! In: a view's name and a box, or an eye and a target. Out: rays, and the projection that is their inverse, in `f64` world
+//! In: a view's name and points to be seen, or an eye and a target. Out: rays, and the projection that is their inverse, in `f64` world
 //! coordinates, mm, y up. Picture coordinates run from -1 at the left and bottom edge to 1 at the right and top.
-//! Distances to the eye are not promised to suit a depth buffer: a renderer that needs near and far planes takes them from the box.
+//! Distances to the eye are not promised to suit a depth buffer: a renderer that needs near and far planes takes them from the scene.
 
-use crate::scene::Bounds;
 use glam::{DVec2, DVec3, Vec3};
 
 /// Share of the frame's half-width that a framed box fills at zoom 1; the rest is margin.
@@ -59,19 +58,24 @@ impl Camera {
     /// Vertical field of view where none is asked for: 30 degrees.
     pub const DEFAULT_FOV: f64 = std::f64::consts::PI / 6.0;
 
-    /// Looks at `bounds` from the side that `view` names, near enough that it fills [`FRAME_FILL`] of the frame in one direction.
+    /// Looks at `points` from the side that `view` names, near enough that they fill [`FRAME_FILL`] of the frame in one direction.
     ///
     /// `fov` is the vertical field of view, radians; `zoom` magnifies the middle of the picture; `aspect` is width over height.
+    /// Without points it looks at the origin.
     #[must_use]
-    pub fn view(view: View, bounds: &Bounds, fov: f64, zoom: f64, aspect: f64) -> Self {
-        let target = bounds.centre().as_dvec3();
-        let placed = Self::look_at(target + view.toward_eye(), target, fov, 1.0);
-        let reach = FRAME_FILL * placed.tan_half;
-        let distance = bounds.corners().iter().fold(0.0_f64, |farthest, corner| {
-            let seen = placed.axes_of(corner.as_dvec3() - target);
-            let across = (seen.x.abs() / aspect).max(seen.y.abs());
-            farthest.max(seen.z + across / reach)
+    pub fn view(view: View, points: &[Vec3], fov: f64, zoom: f64, aspect: f64) -> Self {
+        let axes = Self::look_at(view.toward_eye(), DVec3::ZERO, fov, 1.0);
+        let seen = || points.iter().map(|point| axes.turned(point.as_dvec3())).filter(|point| point.is_finite());
+        let low = seen().fold(DVec3::INFINITY, DVec3::min);
+        let high = seen().fold(DVec3::NEG_INFINITY, DVec3::max);
+        // The middle of what is seen, not of the world's box around it: from a corner the two lie far apart.
+        let middle = if low.x <= high.x { low.midpoint(high) } else { DVec3::ZERO };
+        let reach = FRAME_FILL * axes.tan_half;
+        let distance = seen().map(|point| point - middle).fold(0.0_f64, |farthest, offset| {
+            let across = (offset.x.abs() / aspect).max(offset.y.abs());
+            farthest.max(offset.z + across / reach)
         });
+        let target = axes.right * middle.x + axes.up * middle.y + axes.back * middle.z;
         // A single point has no size to fit; any distance shows it.
         Self::look_at(target + view.toward_eye() * distance.max(1e-3), target, fov, zoom)
     }
@@ -106,7 +110,7 @@ impl Camera {
     /// The picture point that shows `point`; `None` for points not in front of the eye.
     #[must_use]
     pub fn project(&self, point: DVec3, aspect: f64) -> Option<DVec2> {
-        let seen = self.axes_of(point - self.eye);
+        let seen = self.turned(point - self.eye);
         (seen.z < 0.0).then(|| DVec2::new(seen.x / aspect, seen.y) / (-seen.z * self.tan_half))
     }
 
@@ -123,7 +127,8 @@ impl Camera {
         (self.right * d.x + self.up * d.y + self.back * d.z).as_vec3()
     }
 
-    fn axes_of(&self, offset: DVec3) -> DVec3 {
+    /// A direction in world axes along the camera's right, up and back.
+    fn turned(&self, offset: DVec3) -> DVec3 {
         DVec3::new(offset.dot(self.right), offset.dot(self.up), offset.dot(self.back))
     }
 }
@@ -131,6 +136,7 @@ impl Camera {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Bounds;
 
     const ALL: [View; 6] = [View::Front, View::Back, View::Left, View::Right, View::Top, View::Iso];
 
@@ -148,9 +154,9 @@ mod tests {
     fn every_view_frames_the_box_and_touches_the_margin() {
         for bounds in [box_of(3.0, 4.0, 0.1), box_of(300.0, 1.0, 40.0), box_of(0.5, 900.0, 200.0)] {
             for view in ALL {
-                let camera = Camera::view(view, &bounds, 0.5, 1.0, 4.0 / 3.0);
+                let camera = Camera::view(view, &bounds.corners(), 0.5, 1.0, 4.0 / 3.0);
                 assert!((extent(&camera, &bounds, 4.0 / 3.0) - FRAME_FILL).abs() < 1e-6, "{view:?}");
-                let zoomed = Camera::view(view, &bounds, 0.5, 2.0, 4.0 / 3.0);
+                let zoomed = Camera::view(view, &bounds.corners(), 0.5, 2.0, 4.0 / 3.0);
                 assert!((extent(&zoomed, &bounds, 4.0 / 3.0) - 2.0 * FRAME_FILL).abs() < 1e-6, "{view:?}");
             }
         }
@@ -169,7 +175,7 @@ mod tests {
     fn front_has_x_right_and_y_up_and_back_mirrors_x() {
         let bounds = box_of(1.0, 1.0, 1.0);
         let point = bounds.centre().as_dvec3() + DVec3::new(0.2, 0.3, 0.0);
-        let seen = |view| Camera::view(view, &bounds, 0.5, 1.0, 1.0).project(point, 1.0).unwrap();
+        let seen = |view| Camera::view(view, &bounds.corners(), 0.5, 1.0, 1.0).project(point, 1.0).unwrap();
         assert!(seen(View::Front).x > 0.0 && seen(View::Front).y > 0.0);
         assert!(seen(View::Back).x < 0.0 && seen(View::Back).y > 0.0);
     }
@@ -178,7 +184,7 @@ mod tests {
     fn top_view_has_the_front_at_the_bottom() {
         let bounds = box_of(1.0, 1.0, 1.0);
         let point = bounds.centre().as_dvec3() + DVec3::new(0.2, 0.0, 0.3);
-        let seen = Camera::view(View::Top, &bounds, 0.5, 1.0, 1.0).project(point, 1.0).unwrap();
+        let seen = Camera::view(View::Top, &bounds.corners(), 0.5, 1.0, 1.0).project(point, 1.0).unwrap();
         assert!(seen.x > 0.0 && seen.y < 0.0);
     }
 
@@ -186,7 +192,7 @@ mod tests {
     fn degenerate_input_keeps_rays_finite() {
         let point = Bounds { min: Vec3::ONE, max: Vec3::ONE };
         let cameras = [
-            Camera::view(View::Iso, &point, f64::NAN, 0.0, 1.0),
+            Camera::view(View::Iso, &point.corners(), f64::NAN, 0.0, 1.0),
             Camera::look_at(DVec3::ONE, DVec3::ONE, 10.0, f64::NAN),
             Camera::look_at(DVec3::Y, DVec3::ZERO, 0.0, 1.0),
         ];

@@ -11,8 +11,7 @@
 //! scene.looks.push(YarnLook { albedo: glam::Vec3::splat(0.5), roughness: 0.7, metallic: 0.0, radius: 0.1 });
 //! scene.push_strand([glam::Vec3::NEG_X, glam::Vec3::X], 0);
 //! let options = Options { width: 40, height: 30, ..Options::default() };
-//! let bounds = scene.bounds().expect("one strand");
-//! let camera = Camera::view(View::Front, &bounds, Camera::DEFAULT_FOV, 1.0, options.aspect());
+//! let camera = Camera::view(View::Front, &scene.positions, Camera::DEFAULT_FOV, 1.0, options.aspect());
 //! let picture = render(&scene, &camera, &options, &|_| ());
 //! assert_ne!(picture.get_pixel(20, 15), picture.get_pixel(20, 2));
 //! ```

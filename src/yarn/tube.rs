@@ -274,7 +274,7 @@ mod tests {
     fn a_bent_yarn_keeps_its_radius_and_its_frames_never_flip() {
         let points: Vec<_> = (0..60).map(|i| f64::from(i) * 0.3).map(|a| DVec3::new(a.cos(), a.sin() * 2.0, a * 0.1)).collect();
         let mut tubes = Tubes::default();
-        tubes.add(&points, DVec3::Z, [0..points.len()], &section(256, 6, false));
+        tubes.add(&points, DVec3::Z, std::iter::once(0..points.len()), &section(256, 6, false));
         for ring in tubes.normals.windows(8) {
             assert!(ring[0].dot(ring[7]) > 0.9, "neighbouring rings turn little");
         }

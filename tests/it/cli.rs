@@ -58,7 +58,10 @@ fn failures_end_with_1_and_one_message() {
     let no_folder = fails(1, &[&["swatch", "-o", "no/such/a.png"], &SMALL[..]].concat(), |_| {});
     assert!(no_folder.contains("no/such/a.png"), "{no_folder}");
     let folder = fails(1, &[&["swatch", "-o", "a.png"], &SMALL[..]].concat(), |p| std::fs::create_dir(p.join("a.png")).unwrap());
-    assert!(folder.contains("a.png: can't write (nothing was left behind; mend the cause and run again): it is a folder"), "{folder}");
+    assert!(
+        folder.contains("a.png: can't write (nothing was left behind; mend the cause and run again): it is a folder"),
+        "{folder}"
+    );
 }
 
 #[test]
@@ -101,14 +104,17 @@ fn a_failed_run_keeps_the_old_files() {
 fn data_go_to_stdout_and_a_closed_pipe_is_no_error() {
     let folder = tempfile::tempdir().unwrap();
     let listed = warpknit(folder.path()).arg("fabrics").assert().success().stderr("").get_output().stdout.clone();
-    let names: Vec<_> = std::str::from_utf8(&listed).unwrap().lines().map(|line| line.split_whitespace().next().unwrap()).collect();
+    let names: Vec<_> =
+        std::str::from_utf8(&listed).unwrap().lines().map(|line| line.split_whitespace().next().unwrap()).collect();
     assert_eq!(names, ["tricot", "locknit"]);
-    let inspected = warpknit(folder.path()).arg("inspect").arg(mesh("tshirt.obj")).assert().success().stderr("").get_output().stdout.clone();
+    let inspected =
+        warpknit(folder.path()).arg("inspect").arg(mesh("tshirt.obj")).assert().success().stderr("").get_output().stdout.clone();
     assert!(std::str::from_utf8(&inspected).unwrap().contains("unit cm (guessed)"));
 
     let (reader, writer) = std::io::pipe().unwrap();
     drop(reader);
-    let status = std::process::Command::new(assert_cmd::cargo::cargo_bin!("warpknit")).arg("fabrics").stdout(writer).status().unwrap();
+    let status =
+        std::process::Command::new(assert_cmd::cargo::cargo_bin!("warpknit")).arg("fabrics").stdout(writer).status().unwrap();
     assert!(status.success());
 }
 
@@ -132,7 +138,11 @@ fn every_output_is_the_same_on_one_and_on_two_threads() {
         let outputs = ["png", "glb", "csv", "obj"].map(|ending| format!("t{threads}.{ending}"));
         let mut command = warpknit(folder.path());
         command.arg("drape").args(&garment).args(["--wales-per-cm", "1", "--courses-per-cm", "1.5", "--st", "3", "--sr", "3"]);
-        command.args(outputs.iter().flat_map(|out| ["-o", out])).args(["--size", "160x120", "--threads", threads]).assert().success();
+        command
+            .args(outputs.iter().flat_map(|out| ["-o", out]))
+            .args(["--size", "160x120", "--threads", threads])
+            .assert()
+            .success();
     }
     for ending in ["png", "glb", "csv", "obj"] {
         let read = |threads: u32| std::fs::read(folder.path().join(format!("t{threads}.{ending}"))).unwrap();

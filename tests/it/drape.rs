@@ -174,7 +174,9 @@ fn the_same_yarns_on_one_and_on_two_threads() {
     let on = |threads| {
         let mut positions = Vec::new();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| run(&garment, &fabric, Edge::Clip, &mut |block| positions.extend(block.draped.positions.iter().copied())));
+        pool.install(|| {
+            run(&garment, &fabric, Edge::Clip, &mut |block| positions.extend(block.draped.positions.iter().copied()))
+        });
         positions
     };
     let (one, two) = (on(1), on(2));
@@ -208,8 +210,16 @@ fn real_garments_are_knitted_with_every_loss_counted() {
         return;
     };
     const READABLE: [&str; 10] = [
-        "ncs_flag", "madypg_seq", "madypg_sock", "da_tshirt", "da_dress", "da_longsleeve", "da_polo_clo", "makehuman_quads",
-        "sheencloth_115k", "xrtailor_square",
+        "ncs_flag",
+        "madypg_seq",
+        "madypg_sock",
+        "da_tshirt",
+        "da_dress",
+        "da_longsleeve",
+        "da_polo_clo",
+        "makehuman_quads",
+        "sheencloth_115k",
+        "xrtailor_square",
     ];
     let mut files = Vec::new();
     READABLE.iter().chain(&["diffcloth_nasty"]).for_each(|name| obj_files(&folder.join(name), &mut files));

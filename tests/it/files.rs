@@ -62,7 +62,8 @@ fn glb_holds_the_counts_of_the_report_in_valid_chunks() {
 fn obj_reads_back_with_an_object_a_yarn() {
     let folder = tempfile::tempdir().unwrap();
     let report = knit(folder.path(), &[&SWATCH[..], &["-o", "s.obj", "--caps"]].concat());
-    let (models, _) = tobj::load_obj(folder.path().join("s.obj"), &tobj::LoadOptions { single_index: true, ..Default::default() }).unwrap();
+    let (models, _) =
+        tobj::load_obj(folder.path().join("s.obj"), &tobj::LoadOptions { single_index: true, ..Default::default() }).unwrap();
     assert_eq!(models.len(), count(&report, "yarns"));
     let triangles: usize = models.iter().map(|model| model.mesh.indices.len() / 3).sum();
     let vertices: usize = models.iter().map(|model| model.mesh.positions.len() / 3).sum();
@@ -98,7 +99,8 @@ fn the_report_has_the_contracts_keys_in_their_order() {
     let folder = tempfile::tempdir().unwrap();
     knit(folder.path(), &SWATCH);
     let text = std::fs::read_to_string(folder.path().join("report.json")).unwrap();
-    let keys: Vec<&str> = text.lines().filter_map(|line| line.trim().strip_prefix('"')?.split_once("\":").map(|(key, _)| key)).collect();
+    let keys: Vec<&str> =
+        text.lines().filter_map(|line| line.trim().strip_prefix('"')?.split_once("\":").map(|(key, _)| key)).collect();
     let contract = "warpknit fabric garment panels triangles unit uv_scale_mm warnings wales_per_cm courses_per_cm yarns stitches \
         data_points points_off_panel stitches_clipped surface shape st sr radius_mm triangles_per_stitch triangles vertices timings_ms read \
         knit locate map surface render write total clearance min_over_2r pairs_below_1 plane_ms curved_ms threads peak_memory_mb renderer \

@@ -18,7 +18,8 @@ fn yarn_path(fabric: &Fabric, pattern: &Pattern, bar: usize, course: i64) -> Pat
     let mut paths = (-10..10).filter_map(|guide| {
         let mut knitted = Knitted::default();
         pattern.lay(bar, guide, course - 1..course + 2, &mesh, &mut knitted);
-        let (before, first, next) = (knitted.stitches[0] as usize + 7, knitted.stitches[1] as usize, knitted.stitches[2] as usize);
+        let (before, first, next) =
+            (knitted.stitches[0] as usize + 7, knitted.stitches[1] as usize, knitted.stitches[2] as usize);
         let samples = (before..next).flat_map(|i| (0..SAMPLES).map(move |k| (i, k as f64 / SAMPLES as f64)));
         let path = samples.map(|(i, t)| (i as i64 - first as i64, span(&knitted.points, i).at(t))).collect();
         let tag = knitted.tags[first];
@@ -59,7 +60,8 @@ fn legs_pass_in_front_of_the_old_head_and_feet_behind_the_old_legs() {
                     // The loop proper is S2 to S7, spans 1 to 5; the rest are feet and underlaps.
                     let is_loop = |span: i64| (1..6).contains(&span);
                     let crossings: Vec<_> = crossings(&old, &new).into_iter().filter(|(of_old, ..)| is_loop(*of_old)).collect();
-                    let place = format!("{name}: bar {} through bar {}, course {course}: {crossings:?}", new_bar + 1, old_bar + 1);
+                    let place =
+                        format!("{name}: bar {} through bar {}, course {course}: {crossings:?}", new_bar + 1, old_bar + 1);
                     type Crossings = Vec<(i64, i64, f64)>;
                     let (legs, feet): (Crossings, Crossings) = crossings.into_iter().partition(|(_, of_new, _)| is_loop(*of_new));
                     assert_eq!(legs.iter().filter(|(.., depth)| *depth > 0.0).count(), 2, "both legs in front, {place}");

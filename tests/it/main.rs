@@ -1,5 +1,11 @@
 //! All integration tests, one module a subject.
 
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::unwrap_used,
+    reason = "tests count in small numbers, and a failure there is a message to us and not to a user"
+)]
+
 mod architecture;
 mod cli;
 mod drape;

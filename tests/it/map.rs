@@ -108,7 +108,8 @@ fn smooth_yarns_are_continuous_across_edges() {
             let twin = panel.triangles.iter().position(|t| (0..3).any(|j| t[j] == b && t[(j + 1) % 3] == a));
             let Some(twin) = twin else { continue };
             let point = panel.uv[a as usize].lerp(panel.uv[b as usize], 0.37).extend(2.0);
-            let sides = [index, twin].map(|t| map(panel, &[point], &[weights(panel, t, point.truncate())], Mapping::Smooth).positions[0]);
+            let sides =
+                [index, twin].map(|t| map(panel, &[point], &[weights(panel, t, point.truncate())], Mapping::Smooth).positions[0]);
             worst = worst.max(sides[0].distance(sides[1]));
         }
     }
@@ -127,7 +128,8 @@ fn smooth_keeps_the_thickness_in_mm() {
     let garment = garment(wound);
     let panel = &garment.panels[0];
     let corner = panel.uv.iter().copied().fold(DVec2::INFINITY, DVec2::min);
-    let flat: Vec<_> = (0..5000).map(|i| (corner + DVec2::new(f64::from(i % 71), f64::from(i / 71)) * 14.0).extend(0.0)).collect();
+    let flat: Vec<_> =
+        (0..5000).map(|i| (corner + DVec2::new(f64::from(i % 71), f64::from(i / 71)) * 14.0).extend(0.0)).collect();
     let located: Vec<_> = Locator::new(panel).locate(&flat).into_iter().flatten().collect();
     let at_depth = |z: f64| {
         let points: Vec<_> = flat.iter().map(|p| p.with_z(z)).collect();

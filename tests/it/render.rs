@@ -128,8 +128,7 @@ fn bends_leave_no_gap_at_their_joints() {
 #[test]
 fn bytes_do_not_depend_on_threads() {
     let scene = tangle();
-    let bounds = scene.bounds().unwrap();
-    let camera = Camera::view(View::Iso, &bounds, Camera::DEFAULT_FOV, 1.0, 1.0);
+    let camera = Camera::view(View::Iso, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0);
     let with = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| draw(&scene, &camera, &options()))

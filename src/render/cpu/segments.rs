@@ -223,7 +223,7 @@ mod tests {
 
     fn segments(scene: &Scene, height: u32) -> Segments {
         let bounds = scene.bounds().unwrap();
-        let camera = Camera::view(crate::render::View::Front, &bounds, 0.5, 1.0, 1.0);
+        let camera = Camera::view(crate::render::View::Front, &scene.positions, 0.5, 1.0, 1.0);
         Segments::of(scene, &bounds, &camera, height)
     }
 
