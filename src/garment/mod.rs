@@ -19,6 +19,7 @@ mod error;
 mod obj;
 mod pair;
 mod panel;
+mod records;
 mod rectangle;
 pub mod stretch;
 mod unit;

@@ -7,7 +7,7 @@
 //! to a byte order mark, accepts NaN, renumbers vertices at each group, refuses `\` continuations and trailing comments, and its errors
 //! have no line. So [`Cleaner`] stands in front of it. It joins continuations, drops everything but `v`, `vt` and `f`, checks every
 //! number and every index with its line, makes indices positive, gives faces without `vt` a dummy one (and remembers them), and hands
-//! tobj one clean group. Its memory is bounded by [`LONGEST_RECORD`] and the notes on faces, whatever the file's length.
+//! tobj one clean group. Its memory is bounded by the longest record ([`super::records`]) and the notes on faces, whatever the file's length.
 //!
 //! Why tobj stays: on 81 MB of `v`, `vt` and `f` (a million triangles; 2 cores, 2026-11) the cleaning pass takes 380 ms and both together
 //! 985 ms, so a reader of our own would save 600 ns a triangle: 70 ms on the largest real garment, 115 200 triangles. No run that knits
@@ -21,10 +21,9 @@ use std::path::Path;
 use glam::{DVec2, DVec3};
 
 use super::error::{Fault, GarmentError, quoted};
+use super::records::{Records, Stop, split_keyword, tokens, without_comment};
 use crate::ids::index32;
 
-/// Longest record that is accepted, in bytes, continuations joined: a polygon of 50 000 corners.
-const LONGEST_RECORD: usize = 1 << 20;
 /// Most vertices or triangles: three times as many still have 32-bit indices.
 const MOST: u64 = 1 << 30;
 /// How much clean text is made ready for tobj at a time.
@@ -85,22 +84,6 @@ pub(super) fn parse(input: impl BufRead, path: &Path) -> Result<ObjMesh, Garment
     Ok(cleaner.notes.into_mesh(mesh))
 }
 
-/// Why the cleaning pass stopped.
-#[derive(Debug)]
-enum Stop {
-    Fault(u64, Fault),
-    Input(u64, io::Error),
-}
-
-impl Stop {
-    fn at(self, path: &Path) -> GarmentError {
-        match self {
-            Self::Fault(line, fault) => GarmentError::record(path, line, fault),
-            Self::Input(line, reason) => GarmentError::Read { path: path.to_path_buf(), line, reason },
-        }
-    }
-}
-
 /// What the cleaning pass keeps besides the text it hands on.
 #[derive(Debug, Default)]
 struct Notes {
@@ -151,7 +134,7 @@ impl Forward {
 
 /// OBJ text in, clean OBJ text out, as a [`BufRead`] for tobj.
 struct Cleaner<R> {
-    lines: Lines<R>,
+    lines: Records<R>,
     clean: Vec<u8>,
     at: usize,
     notes: Notes,
@@ -164,7 +147,7 @@ struct Cleaner<R> {
 impl<R: BufRead> Cleaner<R> {
     fn new(input: R) -> Self {
         Self {
-            lines: Lines::new(input),
+            lines: Records::new(input),
             clean: Vec::with_capacity(CLEAN_CHUNK + 4096),
             at: 0,
             notes: Notes::default(),
@@ -345,118 +328,6 @@ impl<R: BufRead> BufRead for Cleaner<R> {
     fn consume(&mut self, count: usize) {
         self.at += count;
     }
-}
-
-/// Records of a text: lines without leading blanks and comment lines, `\` continuations of `v`, `vt` and `f` joined.
-///
-/// Other records aren't joined: a comment or a `mtllib` may well end in the `\` of a Windows folder, and would swallow the next line.
-struct Lines<R> {
-    input: R,
-    record: Vec<u8>,
-    /// Line on which `record` starts, from 1.
-    first: u64,
-    /// Lines begun so far.
-    number: u64,
-    bytes: u64,
-    after_return: bool,
-}
-
-impl<R: BufRead> Lines<R> {
-    fn new(input: R) -> Self {
-        Self { input, record: Vec::new(), first: 0, number: 0, bytes: 0, after_return: false }
-    }
-
-    /// Puts the next record in `self.record`; false at the end of the file.
-    fn next(&mut self) -> Result<bool, Stop> {
-        self.record.clear();
-        loop {
-            // Only the new line is looked at: a record of a hundred thousand continuations must not take their square in time.
-            let from = self.record.len();
-            let more = self.line()?;
-            let line = self.record[from..].trim_ascii_end();
-            if line.last() == Some(&b'\\')
-                && matches!(split_keyword(&self.record).0, b"v" | b"vt" | b"f")
-                && without_comment(line).len() == line.len()
-            {
-                let end = from + line.len() - 1;
-                self.record.truncate(end);
-                self.record.push(b' ');
-                if more {
-                    continue;
-                }
-            }
-            if !more || !self.record.is_empty() {
-                return Ok(!self.record.is_empty());
-            }
-        }
-    }
-
-    /// Appends the next line to `self.record`; false where the file ends. Blanks and comments before a record aren't kept, so gigabytes
-    /// of them take no memory.
-    fn line(&mut self) -> Result<bool, Stop> {
-        self.number += 1;
-        if self.record.is_empty() {
-            self.first = self.number;
-        }
-        let mut comment = false;
-        loop {
-            let number = self.number;
-            let buffer = match self.input.fill_buf() {
-                Ok(buffer) => buffer,
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
-                Err(error) => return Err(Stop::Input(number, error)),
-            };
-            if buffer.is_empty() {
-                return Ok(false);
-            }
-            let mut start = 0;
-            if std::mem::take(&mut self.after_return) && buffer[0] == b'\n' {
-                start = 1;
-            }
-            if self.bytes == 0 && buffer.starts_with(b"\xEF\xBB\xBF") {
-                start = 3;
-            }
-            let rest = &buffer[start..];
-            let end = rest.iter().position(|&byte| byte == b'\n' || byte == b'\r');
-            let text = &rest[..end.unwrap_or(rest.len())];
-            let kept = if self.record.is_empty() { text.trim_ascii_start() } else { text };
-            comment |= self.record.is_empty() && kept.first() == Some(&b'#');
-            if !comment {
-                if self.record.len() + kept.len() > LONGEST_RECORD {
-                    return Err(Stop::Fault(self.first, Fault::LineTooLong { limit: LONGEST_RECORD }));
-                }
-                self.record.extend_from_slice(kept);
-            }
-            self.after_return = end.is_some_and(|end| rest[end] == b'\r');
-            let used = start + text.len() + usize::from(end.is_some());
-            self.bytes += used as u64;
-            self.input.consume(used);
-            if end.is_some() {
-                return Ok(true);
-            }
-        }
-    }
-}
-
-/// The words of a record.
-fn tokens(text: &[u8]) -> impl Iterator<Item = &[u8]> {
-    text.split(|byte| is_blank(*byte)).filter(|token| !token.is_empty())
-}
-
-fn is_blank(byte: u8) -> bool {
-    byte == b' ' || (b'\t'..=b'\r').contains(&byte)
-}
-
-/// A record's first word, and the rest. A `\` ends it too: the record may continue right after its keyword.
-fn split_keyword(record: &[u8]) -> (&[u8], &[u8]) {
-    let end = record.iter().position(|&byte| is_blank(byte) || byte == b'\\').unwrap_or(record.len());
-    record.split_at(end)
-}
-
-/// Text up to a `#`, but not up to the `#` of `1.#QNAN`.
-fn without_comment(text: &[u8]) -> &[u8] {
-    let end = (0..text.len()).find(|&i| text[i] == b'#' && (i == 0 || text[i - 1] != b'.'));
-    &text[..end.unwrap_or(text.len())]
 }
 
 /// A corner's vertex and texture indices as written. The normal's must be a number, but which one plays no part.
