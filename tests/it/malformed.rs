@@ -28,6 +28,18 @@ fn check_path(what: &str, path: &Path, draped: Option<&Path>, line: u64, says: &
     assert!(error.contains(&place), "{what}: no `{place}` in: {error}");
     assert!(error.contains(says), "{what}: no `{says}` in: {error}");
     assert!(!error.contains(['\n', '\r']), "{what}: more than one line: {error:?}");
+    check_command(what, path, draped, &error);
+}
+
+/// The command says the same in one line, ends with 1 and leaves no output.
+fn check_command(what: &str, path: &Path, draped: Option<&Path>, error: &str) {
+    let outputs = tempfile::tempdir().expect("a temporary folder can be made");
+    let mut command = assert_cmd::Command::cargo_bin("warpknit").expect("cargo builds it for tests");
+    command.current_dir(outputs.path()).arg("drape").arg(path).args(draped).args(["-o", "a.png", "-o", "a.glb", "-o", "a.json"]);
+    let output = command.output().expect("the command starts");
+    assert_eq!((output.status.code(), output.stdout.len()), (Some(1), 0), "{what}");
+    assert_eq!(String::from_utf8_lossy(&output.stderr), format!("error: {error}\n"), "{what}");
+    assert_eq!(std::fs::read_dir(outputs.path()).expect("it is there").count(), 0, "{what}: something was left behind");
 }
 
 #[test]
