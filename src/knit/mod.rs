@@ -4,7 +4,7 @@
 //! axes (x across the wales, y along them, z towards the technical face), mm. A garment is never seen here.
 //!
 //! A lap's points depend on its bar and its place in the chain alone, so [`Pattern`] works them out once a repeat and laying a yarn is
-//! an addition a point (about 2 ns). Source: Liu, Kyosev, Jiang 2022, section 2; the specification's knit page.
+//! an addition a point (about 5 ns). Source: Liu, Kyosev, Jiang 2022, section 2; the specification's knit page.
 //! Not promised: overlaps over two needles are refused ([`KnitError`]); wales stay straight, no yarn is relaxed.
 
 pub mod clearance;

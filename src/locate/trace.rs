@@ -30,7 +30,7 @@ pub enum Traced {
 impl Locator<'_> {
     /// Goes straight from `from`, which `start` holds, to `to`.
     ///
-    /// Cost: about 10 ns a triangle passed.
+    /// Cost: six signs a triangle passed.
     #[must_use]
     pub fn trace(&self, from: DVec2, start: SurfacePoint, to: DVec2) -> Traced {
         let mut triangle = start.triangle;

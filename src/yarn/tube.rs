@@ -79,7 +79,7 @@ impl Tubes {
     /// Adds the tube of one strand: points in mm, the fabric's normal at its start, and its stitches as ranges of points that share their
     /// ends.
     ///
-    /// Cost: about 20 ns a vertex.
+    /// Cost: about 50 ns a vertex.
     ///
     /// ```
     /// use glam::DVec3;
