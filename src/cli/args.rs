@@ -130,6 +130,9 @@ pub(crate) struct Shared {
     /// Draw yarns with this radius [default: from the yarn's count, as far as the loops leave room]
     #[arg(long, value_name = "MM", value_parser = positive)]
     pub(crate) radius: Option<f64>,
+    /// Width over height of the tubes' section in .glb and .obj: over 1 lies flat in the fabric's plane, its area kept
+    #[arg(long, value_name = "K", default_value_t = 1.0, value_parser = flattening)]
+    pub(crate) flatten: f64,
     /// Close the tubes' ends
     #[arg(long)]
     pub(crate) caps: bool,
@@ -249,6 +252,13 @@ fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(number) if number > 0.0 && number.is_finite() => Ok(number),
         _ => Err("it must be a number over 0".to_owned()),
+    }
+}
+
+fn flattening(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(ratio) if (0.1..=10.0).contains(&ratio) => Ok(ratio),
+        _ => Err("it must be between 0.1 and 10".to_owned()),
     }
 }
 

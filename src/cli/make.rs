@@ -197,8 +197,8 @@ fn sinks<'a>(outputs: &[(PathBuf, Format)], job: &Job<'a>) -> Result<Vec<Box<dyn
 }
 
 fn section(job: &Job<'_>) -> Section {
-    let Shared { st, sr, radius, caps, .. } = *job.shared;
-    Section { st, sr, radius: radius.unwrap_or(job.cloth.radius()), caps, texture_per_mm: TEXTURE_PER_MM }
+    let Shared { st, sr, radius, flatten, caps, .. } = *job.shared;
+    Section { st, sr, radius: radius.unwrap_or(job.cloth.radius()), flatten, caps, texture_per_mm: TEXTURE_PER_MM }
 }
 
 fn looks(fabric: &Fabric, radius: f64) -> Vec<YarnLook> {

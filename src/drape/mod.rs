@@ -315,11 +315,6 @@ pub fn run<E>(
 }
 
 impl Block {
-    /// The normal of the fabric at a strand's start, mm-free: where its surface's frame begins.
-    fn up(&self, strand: &strands::Strand) -> glam::DVec3 {
-        self.draped.normals[strand.points.start as usize]
-    }
-
     fn knit(&mut self, cloth: &Cloth<'_>, plan: &BlockPlan) {
         (self.panel, self.bar) = (plan.panel, plan.bar);
         self.knitted.clear();
@@ -350,7 +345,7 @@ impl Block {
         for strand in &self.strands.strands {
             let (start, end) = (strand.points.start as usize, strand.points.end as usize);
             let pieces = self.strands.pieces_of(strand).map(|piece| piece.start as usize - start..piece.end as usize - start);
-            self.tubes.add(&self.draped.positions[start..end], self.up(strand), pieces, section);
+            self.tubes.add(&self.draped.positions[start..end], &self.draped.normals[start..end], pieces, section);
         }
     }
 }

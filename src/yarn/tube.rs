@@ -26,8 +26,10 @@ pub struct Section {
     pub st: u32,
     /// Sr: edges of the section, 3..=64.
     pub sr: u32,
-    /// Radius, mm.
+    /// Radius, mm; of a flattened yarn that of the circle of the same area.
     pub radius: f64,
+    /// Width over height of the section: 1 is round, real warp-knit yarns lie flattened in the fabric's plane.
+    pub flatten: f64,
     /// Whether the ends are closed by flat discs.
     pub caps: bool,
     /// Mapping coefficient e: v grows by it for each mm of yarn.
@@ -76,24 +78,30 @@ impl Tubes {
         self.strands.clear();
     }
 
-    /// Adds the tube of one strand: points in mm, the fabric's normal at its start, and its stitches as ranges of points that share their
-    /// ends.
+    /// Adds the tube of one strand: points in mm, the fabric's unit normal at each, and its stitches as ranges of points that share
+    /// their ends.
     ///
     /// Cost: about 50 ns a vertex.
     ///
     /// ```
     /// use glam::DVec3;
     /// use warpknit::yarn::tube::{Section, Tubes};
-    /// let section = Section { st: 10, sr: 5, radius: 0.1, caps: false, texture_per_mm: 1.0 };
+    /// let section = Section { st: 10, sr: 5, radius: 0.1, flatten: 1.0, caps: false, texture_per_mm: 1.0 };
     /// let mut tubes = Tubes::default();
-    /// tubes.add(&[DVec3::ZERO, DVec3::X, DVec3::ONE], DVec3::Z, [0..3], &section);
+    /// tubes.add(&[DVec3::ZERO, DVec3::X, DVec3::ONE], &[DVec3::Z; 3], [0..3], &section);
     /// assert_eq!(tubes.triangles.len(), 100);
     /// ```
-    pub fn add(&mut self, points: &[DVec3], up: DVec3, stitches: impl IntoIterator<Item = Range<usize>>, section: &Section) {
+    pub fn add(
+        &mut self,
+        points: &[DVec3],
+        normals: &[DVec3],
+        stitches: impl IntoIterator<Item = Range<usize>>,
+        section: &Section,
+    ) {
         let (first_vertex, first_triangle) = (index32(self.positions.len()), index32(self.triangles.len()));
-        let mut rings = Rings::new(self, section, up);
+        let mut rings = Rings::new(self, section);
         for stitch in stitches {
-            rings.add_stitch(points, stitch);
+            rings.add_stitch(points, normals, stitch);
         }
         rings.finish();
         self.strands.push((first_vertex..index32(self.positions.len()), first_triangle..index32(self.triangles.len())));
@@ -116,23 +124,22 @@ struct Rings<'a> {
     section: &'a Section,
     /// Cosine and sine of the section's vertices, the first repeated at the seam.
     circle: Vec<(f64, f64)>,
-    up: DVec3,
     first_vertex: u32,
     first: Option<Ring>,
     last: Option<Ring>,
 }
 
 impl<'a> Rings<'a> {
-    fn new(tubes: &'a mut Tubes, section: &'a Section, up: DVec3) -> Self {
+    fn new(tubes: &'a mut Tubes, section: &'a Section) -> Self {
         // The seam vertex is the first one again, to the bit, so that tubes close.
         let angle = |s: u32| TAU * f64::from(s % section.sr) / f64::from(section.sr);
         let circle = (0..=section.sr).map(|s| angle(s).sin_cos()).map(|(sin, cos)| (cos, sin)).collect();
         let first_vertex = index32(tubes.positions.len());
-        Self { tubes, section, circle, up, first_vertex, first: None, last: None }
+        Self { tubes, section, circle, first_vertex, first: None, last: None }
     }
 
     /// St segments over the spans of one stitch, evenly in its own parameter.
-    fn add_stitch(&mut self, points: &[DVec3], stitch: Range<usize>) {
+    fn add_stitch(&mut self, points: &[DVec3], normals: &[DVec3], stitch: Range<usize>) {
         let spans = f64::from(index32(stitch.len() - 1));
         let mut current: Option<(usize, Span)> = None;
         let first = u32::from(self.last.is_some());
@@ -145,30 +152,23 @@ impl<'a> Rings<'a> {
                 _ => current.insert((index, span(points, index))).1,
             };
             let t = parameter - f64::from(index32(index - stitch.start));
-            self.set(curve.at(t), curve.tangent(t));
+            self.set(curve.at(t), curve.tangent(t), normals[index].lerp(normals[index + 1], t));
         }
     }
 
-    /// Sets the next ring and joins it to the last one.
-    fn set(&mut self, center: DVec3, along: DVec3) {
-        let ring = match self.last {
-            None => {
-                let tangent = along.normalize_or(DVec3::X);
-                Ring { center, tangent, normal: frame::across(self.up, tangent), length: 0.0 }
-            }
-            Some(last) => {
-                let tangent = along.normalize_or(last.tangent);
-                let normal = frame::carry(last.normal, last.center, last.tangent, center, tangent);
-                Ring { center, tangent, normal, length: last.length + center.distance(last.center) }
-            }
-        };
+    /// Sets the next ring and joins it to the last one. `up` is the fabric's normal there.
+    fn set(&mut self, center: DVec3, along: DVec3, up: DVec3) {
+        let ring = self.ring(center, along, up);
         let sideways = ring.tangent.cross(ring.normal);
         let base = index32(self.tubes.positions.len());
         let v = narrow(self.section.texture_per_mm * ring.length);
+        let (half_width, half_height) = self.half_axes();
         for (s, &(cos, sin)) in (0u16..).zip(&self.circle) {
-            let normal = ring.normal * cos + sideways * sin;
-            self.tubes.positions.push((ring.center + normal * self.section.radius).as_vec3());
-            self.tubes.normals.push(normal.as_vec3());
+            let outward = ring.normal * (cos * half_height) + sideways * (sin * half_width);
+            // The gradient of the ellipse; on a circle it is the direction outward.
+            let normal = ring.normal * (cos * half_width) + sideways * (sin * half_height);
+            self.tubes.positions.push((ring.center + outward).as_vec3());
+            self.tubes.normals.push(normal.normalize().as_vec3());
             self.tubes.uvs.push(Vec2::new(f32::from(s) / narrow(f64::from(self.section.sr)), v));
         }
         match self.last {
@@ -176,6 +176,29 @@ impl<'a> Rings<'a> {
             None => self.first = Some(ring),
         }
         self.last = Some(ring);
+    }
+
+    /// Where and how the next ring stands. A round section turns as little as it can; a flattened one lies in the fabric's plane,
+    /// or keeps its last direction where the yarn runs along the normal.
+    fn ring(&self, center: DVec3, along: DVec3, up: DVec3) -> Ring {
+        let Some(last) = self.last else {
+            let tangent = along.normalize_or(DVec3::X);
+            return Ring { center, tangent, normal: frame::across(up, tangent), length: 0.0 };
+        };
+        let tangent = along.normalize_or(last.tangent);
+        let lies_flat = self.section.flatten != 1.0 && tangent.cross(up).length() >= 1e-3;
+        let normal = if lies_flat {
+            frame::across(up, tangent)
+        } else {
+            frame::carry(last.normal, last.center, last.tangent, center, tangent)
+        };
+        Ring { center, tangent, normal, length: last.length + center.distance(last.center) }
+    }
+
+    /// Half the width and half the height of the section, its area kept.
+    fn half_axes(&self) -> (f64, f64) {
+        let root = self.section.flatten.sqrt();
+        (self.section.radius * root, self.section.radius / root)
     }
 
     /// Two triangles for each edge of the section, between the ring before `base` and the one at it.
@@ -227,14 +250,14 @@ mod tests {
     use super::*;
 
     fn section(st: u32, sr: u32, caps: bool) -> Section {
-        Section { st, sr, radius: 0.25, caps, texture_per_mm: 2.0 }
+        Section { st, sr, radius: 0.25, flatten: 1.0, caps, texture_per_mm: 2.0 }
     }
 
     fn straight(st: u32, sr: u32, caps: bool) -> Tubes {
         let points: Vec<_> = (0..9).map(|i| DVec3::new(f64::from(i), 0.0, 0.0)).collect();
         let mut tubes = Tubes::default();
         for _ in 0..2 {
-            tubes.add(&points, DVec3::Z, [0..5, 4..9], &section(st, sr, caps));
+            tubes.add(&points, &[DVec3::Z; 9], [0..5, 4..9], &section(st, sr, caps));
         }
         tubes
     }
@@ -260,6 +283,20 @@ mod tests {
     }
 
     #[test]
+    fn a_flattened_yarn_lies_in_the_fabrics_plane_and_keeps_its_area() {
+        let points: Vec<_> = (0..9).map(|i| DVec3::new(f64::from(i), 0.0, 0.0)).collect();
+        let mut tubes = Tubes::default();
+        let flat = Section { flatten: 4.0, ..section(4, 64, false) };
+        tubes.add(&points, &[DVec3::Z; 9], std::iter::once(0..9), &flat);
+        let widest = |axis: usize| tubes.positions.iter().map(|p| p[axis].abs()).fold(0.0, f32::max);
+        assert!((widest(1) - 0.5).abs() < 1e-3 && (widest(2) - 0.125).abs() < 1e-3, "half-width 2r, half-height r/2");
+        for (position, normal) in tubes.positions.iter().zip(&tubes.normals) {
+            let gradient = Vec3::new(0.0, position.y / 0.25, position.z / 0.015_625).normalize();
+            assert!((gradient - *normal).length() < 1e-4);
+        }
+    }
+
+    #[test]
     fn a_capped_tube_is_closed_and_holds_its_volume() {
         let tubes = straight(7, 64, true);
         assert_eq!(tubes.triangles.len(), section(7, 64, true).size_of(4, 2).1);
@@ -274,7 +311,7 @@ mod tests {
     fn a_bent_yarn_keeps_its_radius_and_its_frames_never_flip() {
         let points: Vec<_> = (0..60).map(|i| f64::from(i) * 0.3).map(|a| DVec3::new(a.cos(), a.sin() * 2.0, a * 0.1)).collect();
         let mut tubes = Tubes::default();
-        tubes.add(&points, DVec3::Z, std::iter::once(0..points.len()), &section(256, 6, false));
+        tubes.add(&points, &[DVec3::Z; 60], std::iter::once(0..points.len()), &section(256, 6, false));
         for ring in tubes.normals.windows(8) {
             assert!(ring[0].dot(ring[7]) > 0.9, "neighbouring rings turn little");
         }
