@@ -26,6 +26,9 @@ use super::tell;
 
 /// The most stitches that a garment is given unasked. A picture of 1600 x 1200 shows no more of them one by one.
 const PICTURED_STITCHES: f64 = 12_000.0;
+/// The most stitches that are taken on: beyond them 32 bits no longer number the data points, and any garment at its true gauge has far
+/// fewer.
+const MOST_STITCHES: u64 = 200_000_000;
 /// How rough yarns look; fibres are dull.
 const ROUGHNESS: f32 = 0.75;
 /// The texture's real length where there is none: v counts millimetres.
@@ -124,6 +127,10 @@ fn pictured(fabric: &Fabric, garment: &Garment, shared: &Shared) -> Result<Fabri
 
 /// Knits, draws and writes. Files appear under their names only when all are whole.
 fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
+    let stitches = job.cloth.stitches();
+    if stitches > MOST_STITCHES {
+        bail!("{stitches} stitches are over the limit of {MOST_STITCHES}: lower --wales-per-cm and --courses-per-cm");
+    }
     let mut warnings = job.cloth.garment().facts.warnings.clone();
     let outputs = outputs(job);
     let section = section(job);

@@ -94,6 +94,13 @@ impl<'a> Cloth<'a> {
         self.yarns
     }
 
+    /// Stitches planned, those that turn out to miss their panel included.
+    #[must_use]
+    pub fn stitches(&self) -> u64 {
+        let courses = self.blocks.iter().flat_map(|block| &block.jobs).map(|job| job.courses.end - job.courses.start);
+        courses.map(|courses| u64::try_from(courses).unwrap_or(0)).sum()
+    }
+
     /// The layout radius, mm.
     #[must_use]
     pub fn radius(&self) -> f64 {

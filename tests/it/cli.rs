@@ -57,6 +57,8 @@ fn failures_end_with_1_and_one_message() {
     assert!(no_fabric.contains("there is no built-in fabric 'tweed'"), "{no_fabric}");
     let no_folder = fails(1, &[&["swatch", "-o", "no/such/a.png"], &SMALL[..]].concat(), |_| {});
     assert!(no_folder.contains("no/such/a.png"), "{no_folder}");
+    let endless = fails(1, &["swatch", "--wales", "20000", "--courses", "20000"], |_| {});
+    assert!(endless.starts_with("error: 800000000 stitches are over the limit"), "{endless}");
     let folder = fails(1, &[&["swatch", "-o", "a.png"], &SMALL[..]].concat(), |p| std::fs::create_dir(p.join("a.png")).unwrap());
     assert!(
         folder.contains("a.png: can't write (nothing was left behind; mend the cause and run again): it is a folder"),
