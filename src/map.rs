@@ -5,14 +5,12 @@
 //! each frame.
 
 use glam::{DMat4, DVec2, DVec3, DVec4};
-use serde::{Deserialize, Serialize};
 
 use crate::garment::Panel;
 use crate::locate::SurfacePoint;
 
 /// How depth over the surface is carried along.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mapping {
     /// The paper's: exactly affine in each triangle, depth scales with the triangle's area.
     Frame,

@@ -7,15 +7,13 @@
 use std::ops::Range;
 
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
 
 use crate::ids::{YarnId, index32};
 use crate::knit::Knitted;
 use crate::locate::{Locator, SurfacePoint, Traced};
 
 /// What happens to yarns at the panel's edge.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Edge {
     /// The yarn is cut at the edge.
     #[default]
@@ -65,7 +63,7 @@ pub struct Losses {
     pub clipped: usize,
     /// Data points off the panel, of stitches with a point on it.
     pub off_panel: usize,
-    /// Those of them that lie within the panel's outline, in triangles that can't be knitted.
+    /// Data points, of any stitch, that lie within the panel's outline but in triangles that can't be knitted.
     pub in_defects: usize,
 }
 
@@ -106,7 +104,7 @@ impl Strands {
         locator: &Locator<'_>,
         edge: Edge,
     ) {
-        let mut builder = Builder { strands: self, yarn, locator, open: None };
+        let mut builder = Builder { strands: self, yarn, locator, open: None, counted_as_clipped: false };
         for stitch in stitches {
             let first = knitted.stitches[stitch] as usize;
             let last = knitted.stitches.get(stitch + 1).map_or(knitted.points.len(), |&next| next as usize);
@@ -138,20 +136,25 @@ struct Builder<'a, 'b> {
     locator: &'a Locator<'b>,
     /// The point before, if it belongs to the yarn's unbroken run of stitches.
     open: Option<Last>,
+    /// Whether the stitch at hand counts as clipped already.
+    counted_as_clipped: bool,
 }
 
 impl Builder<'_, '_> {
     /// Counts a stitch; true if all of it lies on the panel.
     fn count(&mut self, points: &[DVec3], located: &[Option<SurfacePoint>]) -> bool {
         let off = located.iter().filter(|at| at.is_none()).count();
-        if off < located.len() {
-            let losses = &mut self.strands.losses;
-            losses.stitches += 1;
-            losses.clipped += usize::from(off > 0);
-            losses.off_panel += off;
+        let losses = &mut self.strands.losses;
+        if off > 0 {
             let lost = points.iter().zip(located).filter(|(p, at)| at.is_none() && self.locator.is_defect(p.truncate()));
             losses.in_defects += lost.count();
         }
+        if off < located.len() {
+            losses.stitches += 1;
+            losses.clipped += usize::from(off > 0);
+            losses.off_panel += off;
+        }
+        self.counted_as_clipped = off > 0;
         off == 0
     }
 
@@ -167,14 +170,15 @@ impl Builder<'_, '_> {
         match (self.open.and_then(|last| last.located.map(|at| (last.flat, at))), located) {
             (Some((before, from)), Some(to)) => {
                 if let Some(share) = self.cut(before, from, flat, to) {
-                    self.push(CUT, before.lerp(flat, share.0), share.1);
+                    self.end_at(before, flat, share.0, share.1);
+                    self.strands.losses.clipped += usize::from(!std::mem::replace(&mut self.counted_as_clipped, true));
                     self.finish_strand();
                     self.enter(flat, to, before);
                 }
             }
             (Some((before, from)), None) => {
                 if let Traced::Left { at, share } = self.locator.trace(before.truncate(), from, flat.truncate()) {
-                    self.push(CUT, before.lerp(flat, share), at);
+                    self.end_at(before, flat, share, at);
                 }
                 self.finish_strand();
             }
@@ -205,9 +209,15 @@ impl Builder<'_, '_> {
     fn enter(&mut self, flat: DVec3, located: SurfacePoint, outside: DVec3) {
         self.start_strand();
         match self.locator.trace(flat.truncate(), located, outside.truncate()) {
-            // A point on the border itself needs no cut end: it would only repeat it.
-            Traced::Left { at, share } if share > 0.0 => self.push(CUT, flat.lerp(outside, share), at),
-            _ => {}
+            Traced::Left { at, share } => self.end_at(flat, outside, share, at),
+            Traced::Arrived => {}
+        }
+    }
+
+    /// Adds a cut end on the way from `inside` to `outside`. A point on the border itself needs none: it would only repeat it.
+    fn end_at(&mut self, inside: DVec3, outside: DVec3, share: f64, at: SurfacePoint) {
+        if share > 0.0 {
+            self.push(CUT, inside.lerp(outside, share), at);
         }
     }
 

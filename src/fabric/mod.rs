@@ -17,6 +17,10 @@ use yarn::Yarn;
 
 /// The longest common repeat of all bars, courses.
 pub const MAX_REPEAT: usize = 10_000;
+/// The longest common repeat of all threadings, guides.
+pub const MAX_THREADING: usize = 1_000;
+/// The most guide bars; machines have up to some 80, most of them for a few patterning threads.
+pub const MAX_BARS: usize = 100;
 
 /// A warp-knitted fabric.
 #[derive(Clone, Debug, PartialEq)]
@@ -70,6 +74,13 @@ impl Threading {
     pub fn carries(&self, guide: i64) -> bool {
         let repeat = i64::try_from(self.0.len()).expect("marks fit in memory");
         self.0[usize::try_from(guide.rem_euclid(repeat)).expect("a remainder is not negative")]
+    }
+
+    /// The same threading counted the other way from guide 0.
+    #[must_use]
+    pub fn mirrored(&self) -> Self {
+        let (first, others) = self.0.split_first().expect("a threading has a mark");
+        Self(std::iter::once(*first).chain(others.iter().rev().copied()).collect())
     }
 
     /// Guides in one repeat.
@@ -139,6 +150,12 @@ pub enum FabricError {
     /// No bar.
     #[error("a fabric needs at least one [[bars]] table")]
     NoBars,
+    /// Over [`MAX_BARS`].
+    #[error("{0} bars; at most {MAX_BARS} are taken")]
+    TooManyBars(usize),
+    /// Threadings that meet too rarely.
+    #[error("the threadings repeat together only after {0} guides; at most {MAX_THREADING} are taken")]
+    ThreadingTooLong(usize),
     /// Bars that meet too rarely.
     #[error("the bars repeat together only after {0} courses; at most {MAX_REPEAT} are taken")]
     RepeatTooLong(usize),
@@ -223,17 +240,19 @@ impl Fabric {
         self.bars.iter().fold(1, |repeat, bar| least_common_multiple(repeat, bar.chain.laps().len()))
     }
 
+    /// Guides after which all threadings repeat together.
+    #[must_use]
+    pub fn threading_repeat(&self) -> usize {
+        self.bars.iter().fold(1, |repeat, bar| least_common_multiple(repeat, bar.threading.repeat()))
+    }
+
     /// What a designer should know of this fabric although it can be knitted, a line each.
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
         for (bar, number) in self.bars.iter().zip(1..) {
-            if bar.chain.gaps().0 != 0 {
-                warnings.push(format!(
-                    "bar {number}: the chain {} has no gap 0, its lowest is {}",
-                    bar.chain,
-                    bar.chain.gaps().0
-                ));
+            if !bar.chain.laps().iter().any(|lap| lap.from == 0 || lap.to == 0) {
+                warnings.push(format!("bar {number}: the chain {} has no gap 0", BarTable::from(bar).lapping));
             }
         }
         if let Some((wale, course)) = self.dropped_stitch() {
@@ -244,8 +263,7 @@ impl Fabric {
 
     /// The first needle of the repeat that gets no loop, as (wale, course).
     fn dropped_stitch(&self) -> Option<(i64, i64)> {
-        let across = self.bars.iter().fold(1, |n, bar| least_common_multiple(n, bar.threading.repeat()));
-        let (across, along) = (i64::try_from(across).ok()?, i64::try_from(self.repeat()).ok()?);
+        let (across, along) = (i64::try_from(self.threading_repeat()).ok()?, i64::try_from(self.repeat()).ok()?);
         let served = |wale: i64, course: i64| self.bars.iter().any(|bar| bar.loops_on(wale, course));
         (0..along).flat_map(|course| (0..across).map(move |wale| (wale, course))).find(|&(w, c)| !served(w, c))
     }
@@ -341,8 +359,13 @@ impl FabricFile {
             bars,
             enlargement: 1.0,
         };
-        let repeat = fabric.repeat();
-        if repeat > MAX_REPEAT { Err(FabricError::RepeatTooLong(repeat)) } else { Ok(fabric) }
+        let (courses, guides) = (fabric.repeat(), fabric.threading_repeat());
+        match fabric.bars.len() {
+            bars if bars > MAX_BARS => Err(FabricError::TooManyBars(bars)),
+            _ if courses > MAX_REPEAT => Err(FabricError::RepeatTooLong(courses)),
+            _ if guides > MAX_THREADING => Err(FabricError::ThreadingTooLong(guides)),
+            _ => Ok(fabric),
+        }
     }
 }
 
@@ -356,7 +379,9 @@ impl BarTable {
         let threading = Threading::parse(&self.threading).map_err(|source| FabricError::Threading { bar: number, source })?;
         in_range(&format!("bar {number}: yarn.density"), self.yarn.density, FIBRE_DENSITY)?;
         in_range(&format!("bar {number}: yarn.packing"), self.yarn.packing, PACKING)?;
-        let chain = if self.drive == Drive::Left { chain.mirrored() } else { chain };
+        // Both gaps and guides are counted from the drive.
+        let (chain, threading) =
+            if self.drive == Drive::Left { (chain.mirrored(), threading.mirrored()) } else { (chain, threading) };
         Ok(Bar { chain, threading, yarn: self.yarn })
     }
 }
@@ -381,7 +406,7 @@ impl From<&Bar> for BarTable {
             lapping: if left { bar.chain.mirrored() } else { bar.chain.clone() }.to_string(),
             numbering: Numbering::Tricot,
             drive: if left { Drive::Left } else { Drive::Right },
-            threading: bar.threading.to_string(),
+            threading: if left { bar.threading.mirrored() } else { bar.threading.clone() }.to_string(),
             yarn: bar.yarn.clone(),
         }
     }
@@ -408,6 +433,34 @@ mod tests {
         let fabric = Fabric::parse(&text).unwrap();
         assert_eq!(fabric.bars[0].chain.gaps(), (-2, 0));
         assert_eq!(Fabric::parse(&fabric.to_string()).unwrap(), fabric);
+    }
+
+    #[test]
+    fn a_left_hand_drive_is_the_mirror_image() {
+        let bar = |drive: &str| {
+            let yarn = "yarn = { count = \"44 dtex\", density = 1.38, packing = 0.65, color = \"#ffffff\" }";
+            let bars = format!("[[bars]]\nlapping = \"1-0/1-2//\"\nthreading = \"II.\"\n{drive}\n{yarn}\n");
+            let fabric = Fabric::parse(&format!("name = \"t\"\nwales_per_cm = 10.0\ncourses_per_cm = 10.0\n{bars}")).unwrap();
+            assert!(!fabric.warnings().iter().any(|warning| warning.contains("no gap 0")));
+            fabric.bars[0].clone()
+        };
+        let (right, left) = (bar(""), bar("drive = \"left\""));
+        for course in 0..2 {
+            for wale in -6..6 {
+                // Wale w lies between gaps w and w + 1, so its mirror image is wale -w - 1.
+                assert_eq!(right.loops_on(wale, course), left.loops_on(-wale - 1, course), "wale {wale}, course {course}");
+            }
+        }
+    }
+
+    #[test]
+    fn too_much_of_anything_is_refused() {
+        let good = Fabric::named("tricot").unwrap().to_string();
+        let threading = |marks: usize| format!("threading = \"{}\"", "I".repeat(marks));
+        let long = good.replacen("threading = \"I\"", &threading(997), 1).replacen("threading = \"I\"", &threading(1009), 1);
+        assert!(matches!(Fabric::parse(&long), Err(FabricError::ThreadingTooLong(_))));
+        let bars = good[good.find("[[bars]]").unwrap()..].repeat(60);
+        assert!(matches!(Fabric::parse(&(good + "\n" + &bars)), Err(FabricError::TooManyBars(122))));
     }
 
     #[test]

@@ -271,7 +271,7 @@ fn settle_scales(
     let scales = unit::settle(unit::scale(&mut all.concat()), &own, flat_file);
     facts.uv_scale_mm = scales.garment;
     if !scales.differing.is_empty() {
-        let names: Vec<_> = scales.differing.iter().map(|&i| format!("panel {} {:.4}", i + 1, own[i])).collect();
+        let names: Vec<_> = scales.differing.iter().map(|&i| format!("panel {i} {:.4}", own[i])).collect();
         facts.warnings.push(format!(
             "panels differ in scale from the garment's {:.4} mm per flat unit and take their own: {}; --uv-scale sets one for all",
             scales.garment,
@@ -285,9 +285,8 @@ fn settle_scales(
 fn count_defects(panels: &[Panel], facts: &mut Facts) {
     facts.flipped = panels.iter().map(|panel| panel.flipped.len()).sum();
     if facts.flipped > 0 {
-        let of = |(i, panel): (usize, &Panel)| {
-            (!panel.flipped.is_empty()).then(|| format!("{} in panel {}", panel.flipped.len(), i + 1))
-        };
+        let of =
+            |(i, panel): (usize, &Panel)| (!panel.flipped.is_empty()).then(|| format!("{} in panel {i}", panel.flipped.len()));
         let places: Vec<_> = panels.iter().enumerate().filter_map(of).collect();
         facts.warnings.push(format!(
             "{} flat triangles are flipped against their panel and take no stitches: {}",

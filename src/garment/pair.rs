@@ -42,6 +42,14 @@ pub(super) struct Paired {
 }
 
 impl Pairs {
+    /// Draped positions nearer than this are one place: unwelded copies of a vertex may be rounded apart, while another vertex is
+    /// about an edge's length away.
+    pub(super) fn same_place(&self) -> f64 {
+        let corners = self.triangles.iter().flat_map(|triangle| self.draped_corners(triangle));
+        let [low, high] = corners.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], p| [low.min(p), high.max(p)]);
+        1e-6 * (high - low).length()
+    }
+
     /// Corners of a triangle in the flat mesh.
     pub(super) fn flat_corners(&self, triangle: &Paired) -> [DVec3; 3] {
         triangle.flat.map(|vertex| self.flat[vertex as usize])
@@ -192,14 +200,7 @@ fn check_size(pairs: &Pairs, flat: &Path, draped: &Path) -> Result<(), GarmentEr
 /// A flat vertex is one point of the cloth, so it is at one place when draped (maybe under several numbers). Where many are not, the
 /// files' corners don't correspond.
 fn check_corners(pairs: &mut Pairs, paths: [&Path; 2], faces: [usize; 2]) -> Result<(), GarmentError> {
-    let mut low = DVec3::INFINITY;
-    let mut high = DVec3::NEG_INFINITY;
-    for p in pairs.triangles.iter().flat_map(|triangle| pairs.draped_corners(triangle)) {
-        low = low.min(p);
-        high = high.max(p);
-    }
-    // Unwelded copies of a vertex may be rounded apart; a wrong vertex is about an edge's length away.
-    let tolerance = 1e-6 * (high - low).length();
+    let tolerance = pairs.same_place();
     let mut places: Vec<Option<DVec3>> = vec![None; pairs.flat.len()];
     let mut torn = vec![false; pairs.flat.len()];
     let mut first = None;

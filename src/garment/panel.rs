@@ -81,14 +81,28 @@ pub(super) fn pieces(pairs: &Pairs) -> Vec<Result<Piece, (Refusal, usize, u32)>>
     members.into_iter().map(fit).collect()
 }
 
-/// One number for each flat vertex at each draped place.
+/// One number for each flat vertex at each draped place. Copies of a draped vertex (an unwelded export) are one place, also where
+/// rounding put them a little apart.
 fn vertex_ids(pairs: &Pairs) -> Vec<[u32; 3]> {
-    // Copies of a draped vertex (an unwelded export) are one place. Adding 0.0 makes -0.0 the same as 0.0.
-    let mut places = Numbering::default();
-    let place: Vec<u32> = pairs.draped.iter().map(|p| places.of((*p + DVec3::ZERO).to_array().map(f64::to_bits))).collect();
-    let mut vertices = Numbering::default();
-    let number = |triangle: &Paired| std::array::from_fn(|i| vertices.of((triangle.flat[i], place[triangle.draped[i] as usize])));
-    pairs.triangles.iter().map(number).collect()
+    let same_place = pairs.same_place();
+    let mut places: HashMap<u32, Vec<(DVec3, u32)>> = HashMap::new();
+    let mut count = 0;
+    let mut number = |flat: u32, draped: DVec3| {
+        let places = places.entry(flat).or_default();
+        match places.iter().find(|(place, _)| place.distance(draped) <= same_place) {
+            Some((_, number)) => *number,
+            None => {
+                places.push((draped, count));
+                count += 1;
+                count - 1
+            }
+        }
+    };
+    let corner = |triangle: &Paired| {
+        let draped = pairs.draped_corners(triangle);
+        std::array::from_fn(|i| number(triangle.flat[i], draped[i]))
+    };
+    pairs.triangles.iter().map(corner).collect()
 }
 
 /// Numbers things in the order in which they first come.

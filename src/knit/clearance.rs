@@ -1,7 +1,7 @@
 //! How near yarns come to each other: the check that none cuts another.
 //!
 //! In: a [`Fabric`] and the radius at which it is drawn. Out: the least distance between centre lines over 2r, measured on one repeat against everything around it. Paths are
-//! sampled 12 times a span and segments compared exactly. Parts of one strand nearer than 7 radii along it are neighbours, not
+//! sampled 12 times a span and segments compared exactly; of repeats over 96 courses or 64 wales only that much is looked at. Parts of one strand nearer than 7 radii along it are neighbours, not
 //! contacts. Source: the specification's knit page. Cost: a grid of cells finds candidates, milliseconds a repeat.
 
 use std::collections::HashMap;
@@ -16,13 +16,19 @@ use crate::yarn::curve;
 
 /// Samples of each span between data points.
 const SAMPLES: u32 = 12;
+/// The most courses and wales that are looked at.
+const MOST_COURSES: usize = 96;
+const MOST_WALES: usize = 64;
+/// Distances over this many times 2r are of no interest, and not looked for.
+const FARTHEST: f64 = 2.0;
 /// Parts of one strand that are nearer along it than so many radii don't count.
 const NEIGHBOURHOOD: f64 = 7.0;
 
 /// How close a fabric's yarns come.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clearance {
-    /// Least distance between centre lines over twice the radius: under 1 yarns cut each other.
+    /// Least distance between centre lines over twice the radius: under 1 yarns cut each other. At most 2: farther neighbours are
+    /// not looked for.
     pub min_over_2r: f64,
     /// Pairs of path segments nearer than 2r, of those with one in the repeat.
     pub pairs_below_1: usize,
@@ -51,17 +57,20 @@ struct Segment {
 pub fn measure(fabric: &Fabric, radius: f64) -> Result<Clearance, KnitError> {
     let pattern = Pattern::new(fabric)?;
     let mesh = StructureMesh::anchored_at(fabric, glam::DVec2::ZERO);
-    let courses = i64::try_from(fabric.repeat()).expect("repeats are limited");
-    let (width, height) = (fabric.wale_spacing() * across(fabric), fabric.course_spacing() * f64::from(index32(fabric.repeat())));
-    let margin = 8.0 * radius;
+    let (wales, courses) = (fabric.threading_repeat().min(MOST_WALES), fabric.repeat().min(MOST_COURSES));
+    let (width, height) =
+        (fabric.wale_spacing() * f64::from(index32(wales)), fabric.course_spacing() * f64::from(index32(courses)));
+    let courses = i64::try_from(courses).expect("limited");
+    // Yarns thicker than two wales cut everything around them; there is no need to look further for the least distance.
+    let margin = (8.0 * radius).min(2.0 * fabric.wale_spacing());
     let mut segments = Vec::new();
     let mut strand = 0;
     for (bar, threads) in fabric.bars.iter().enumerate() {
         for guide in pattern.guides_across(bar, -margin..width + margin) {
             if threads.threading.carries(guide) {
                 let mut knitted = Knitted::default();
-                // Two courses more on both sides: their heads and feet reach into the repeat.
-                pattern.lay(bar, guide, -2 - courses..2 * courses + 2, &mesh, &mut knitted);
+                // Four courses more on both sides: their heads and feet reach into the repeat.
+                pattern.lay(bar, guide, -4..courses + 4, &mesh, &mut knitted);
                 sample(&knitted.points, strand, &mut segments);
                 strand += 1;
             }
@@ -72,12 +81,6 @@ pub fn measure(fabric: &Fabric, radius: f64) -> Result<Clearance, KnitError> {
         (0.0..width).contains(&middle.x) && (0.0..height).contains(&middle.y)
     };
     Ok(least(&segments, inside, radius))
-}
-
-/// Wales after which the threadings repeat together.
-fn across(fabric: &Fabric) -> f64 {
-    let repeats = fabric.bars.iter().map(|bar| bar.threading.repeat());
-    f64::from(index32(repeats.product()))
 }
 
 fn sample(points: &[DVec3], strand: u32, segments: &mut Vec<Segment>) {
@@ -97,19 +100,22 @@ fn sample(points: &[DVec3], strand: u32, segments: &mut Vec<Segment>) {
 /// Compares each segment that is `inside` with all others nearby.
 fn least(segments: &[Segment], inside: impl Fn(&Segment) -> bool, radius: f64) -> Clearance {
     let longest = segments.iter().map(|s| s.from.distance(s.to)).fold(0.0, f64::max);
-    // Two segments within 4r of each other have their middles within this; 4r is far over any least distance that matters.
-    let reach = 4.0 * radius + longest;
+    // Two segments that near have their middles within this.
+    let reach = 2.0 * FARTHEST * radius + longest;
     let key = |p: DVec3| (p / reach).floor().as_i64vec3().to_array();
     let mut grid: HashMap<[i64; 3], Vec<u32>> = HashMap::new();
     for (at, s) in segments.iter().enumerate() {
         grid.entry(key((s.from + s.to) / 2.0)).or_default().push(index32(at));
     }
-    let mut clearance = Clearance { min_over_2r: f64::INFINITY, pairs_below_1: 0 };
-    for s in segments.iter().filter(|s| inside(s)) {
+    let mut clearance = Clearance { min_over_2r: FARTHEST, pairs_below_1: 0 };
+    for (at, s) in (0u32..).zip(segments).filter(|(_, s)| inside(s)) {
         let [x, y, z] = key((s.from + s.to) / 2.0);
         let around = (0..27).map(|n| [x + n % 3 - 1, y + n / 3 % 3 - 1, z + n / 9 - 1]);
-        for t in around.filter_map(|cell| grid.get(&cell)).flatten().map(|&t| &segments[t as usize]) {
-            if s.strand == t.strand && (s.along - t.along).abs() <= NEIGHBOURHOOD * radius {
+        for &other in around.filter_map(|cell| grid.get(&cell)).flatten() {
+            let t = &segments[other as usize];
+            let neighbours = s.strand == t.strand && (s.along - t.along).abs() <= NEIGHBOURHOOD * radius;
+            // A pair within the repeat is met from both sides and counts once.
+            if neighbours || (other < at && inside(t)) {
                 continue;
             }
             let ratio = distance(s, t) / (2.0 * radius);

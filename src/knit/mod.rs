@@ -42,7 +42,7 @@ pub struct Tag {
     /// Loop, inlay or turn.
     pub kind: PointKind,
     /// 1 to 8 in a loop; counted from 1 within other kinds.
-    pub point: u8,
+    pub point: u16,
 }
 
 /// Data points of some yarns, in the order in which the yarns run.
@@ -200,12 +200,9 @@ fn whole(steps: f64) -> i64 {
 /// How many knitting bars behind this one ever put their loop on a needle in the same course as it does.
 fn knitting_bars_behind(fabric: &Fabric, bar: usize) -> u32 {
     let along = i64::try_from(fabric.repeat()).expect("repeats are limited");
-    let across = |other: &Bar| i64::try_from(fabric.bars[bar].threading.repeat() * other.threading.repeat()).unwrap_or(i64::MAX);
-    let meets = |other: &Bar| {
-        let needles = across(other);
-        (0..along).any(|c| (0..needles).any(|w| fabric.bars[bar].loops_on(w, c) && other.loops_on(w, c)))
-    };
-    index32(fabric.bars[bar + 1..].iter().filter(|other| meets(other)).count())
+    let across = i64::try_from(fabric.threading_repeat()).expect("repeats are limited");
+    let meets = |other: &&Bar| (0..along).any(|c| (0..across).any(|w| fabric.bars[bar].loops_on(w, c) && other.loops_on(w, c)));
+    index32(fabric.bars[bar + 1..].iter().filter(meets).count())
 }
 
 impl BarPattern {
@@ -226,15 +223,16 @@ impl BarPattern {
 impl LapPoints {
     fn new(bar: &Bar, layer: &Layer, course: i64) -> Self {
         let lap = bar.chain.lap(course);
-        let tag = |kind| move |point: u8| Tag { course: 0, wale: lap.needle(), kind, point };
+        let tag = |kind| move |point: u16| Tag { course: 0, wale: lap.needle(), kind, point };
         let points = lap_points(bar, layer, course);
         let kind = if lap.overlap() == 0 { PointKind::Inlay } else { PointKind::Loop };
-        let mut tags: Vec<_> = (1..=u8::MAX).take(points.len()).map(tag(kind)).collect();
+        let mut tags: Vec<_> = (1..=u16::MAX).take(points.len()).map(tag(kind)).collect();
         let next: Vec<_> = lap_points(bar, layer, course + 1);
         let next_first = next[0] + DVec3::new(0.0, layer.course_spacing, 0.0);
         let turns = if kind == PointKind::Loop { turns(points[points.len() - 1], next_first, layer.wale_spacing) } else { None };
         tags.extend((1..).take(turns.map_or(0, |turns| turns.len())).map(tag(PointKind::Turn)));
-        let points = points.into_iter().chain(turns.into_iter().flatten()).collect();
+        let points: Vec<_> = points.into_iter().chain(turns.into_iter().flatten()).collect();
+        debug_assert_eq!(points.len(), tags.len(), "an inlay has at most MAX_GAP + 2 points");
         Self { points, tags }
     }
 }
@@ -300,6 +298,18 @@ mod tests {
                 assert!(pattern.courses_along(bar, point.y..point.y).end > 7);
             }
         }
+    }
+
+    #[test]
+    fn every_point_of_a_very_long_inlay_has_its_tag() {
+        let text = Fabric::named("tricot").unwrap().to_string().replace("\"1-2/1-0//\"", "\"0-0/4096-4096//\"");
+        let fabric = Fabric::parse(&text).unwrap();
+        let mesh = StructureMesh::anchored_at(&fabric, DVec2::ZERO);
+        let mut knitted = Knitted::default();
+        Pattern::new(&fabric).unwrap().lay(0, 0, 0..2, &mesh, &mut knitted);
+        assert_eq!(knitted.points.len(), 2 * 4098);
+        assert_eq!(knitted.tags.len(), knitted.points.len());
+        assert_eq!(knitted.tags[4097].point, 4098);
     }
 
     #[test]

@@ -79,12 +79,6 @@ pub fn pixel(light: Vec4, exposure: f32, background: Background) -> [u8; 4] {
     }
 }
 
-/// Linear RGB of an sRGB colour, 0..1.
-#[must_use]
-pub fn linear_rgb(srgb: Vec3) -> Vec3 {
-    Vec3::from_array(srgb.to_array().map(linear))
-}
-
 /// Leaves values up to [`SHOULDER`], and lets the rest approach 1 with a continuous slope.
 fn shoulder(light: Vec3) -> Vec3 {
     let room = 1.0 - SHOULDER;

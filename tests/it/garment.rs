@@ -264,7 +264,7 @@ fn panels_that_disagree_take_their_own_scale_and_are_named() {
     let facts = read_one(two_scales(2.0)).unwrap().facts;
     assert!((facts.panels[0].scale_mm - 1000.0).abs() < 1e-6);
     assert!((facts.panels[1].scale_mm - 500.0).abs() < 1e-6);
-    assert!(facts.warnings[0].contains("panel 2 500.0000"), "{:?}", facts.warnings);
+    assert!(facts.warnings[0].contains("panel 1 500.0000"), "{:?}", facts.warnings);
     let given = read_with(two_scales(2.0), &ReadOptions { uv_scale: Some(1000.0), ..metres() }).unwrap();
     assert_eq!(given.facts.panels[1].scale_mm, 1000.0);
 }
@@ -369,7 +369,7 @@ fn flipped_triangles_are_counted_and_take_no_stitches() {
     assert_eq!(garment.panels[0].flipped.len(), 1);
     assert_eq!(garment.panels[0].faces.iter().map(|face| face.0).collect::<Vec<_>>(), [1, 2, 3]);
     assert_eq!(garment.facts.flipped, 1);
-    assert!(garment.facts.warnings[0].contains("1 in panel 1"));
+    assert!(garment.facts.warnings[0].contains("1 in panel 0"));
 }
 
 #[test]
