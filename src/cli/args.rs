@@ -96,10 +96,10 @@ pub(crate) struct Reading {
     #[arg(long, value_name = "UNIT")]
     pub(crate) unit: Option<Unit>,
     /// What one unit of the flat mesh is, mm [default: from the areas]
-    #[arg(long, value_name = "MM")]
+    #[arg(long, value_name = "MM", value_parser = positive)]
     pub(crate) uv_scale: Option<f64>,
     /// Turn the wale direction, counter-clockwise seen from the technical face
-    #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true, value_parser = finite)]
     pub(crate) grain: f64,
     /// Turn the cloth over: technical face inside
     #[arg(long)]
@@ -116,10 +116,10 @@ pub(crate) struct Shared {
     #[arg(long, value_name = "NAME|FILE.toml", default_value = "tricot")]
     pub(crate) fabric: String,
     /// Wales per cm; yarns are drawn in proportion [default: the fabric's, or fewer where a garment would hold over 12000 stitches]
-    #[arg(long, value_name = "X")]
+    #[arg(long, value_name = "X", value_parser = positive)]
     pub(crate) wales_per_cm: Option<f64>,
-    /// Courses per cm [default: likewise]
-    #[arg(long, value_name = "X")]
+    /// Courses per cm [default: in proportion to the wales]
+    #[arg(long, value_name = "X", value_parser = positive)]
     pub(crate) courses_per_cm: Option<f64>,
     /// Tube segments a stitch
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=256))]
@@ -246,6 +246,10 @@ fn vector(text: &str) -> Result<DVec3, String> {
         [x, y, z] if text.split(',').count() == 3 => Ok(DVec3::new(x, y, z)),
         _ => Err("write three numbers with commas, such as 0,500,1200".to_owned()),
     }
+}
+
+fn finite(text: &str) -> Result<f64, String> {
+    text.parse::<f64>().ok().filter(|number| number.is_finite()).ok_or_else(|| "it must be a number".to_owned())
 }
 
 fn positive(text: &str) -> Result<f64, String> {

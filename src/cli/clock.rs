@@ -1,4 +1,4 @@
-//! Time for people: how long each stage took, and a progress bar on a terminal.
+//! Time and memory for people: how long each stage took, a progress bar on a terminal, the most memory held.
 
 use std::time::{Duration, Instant};
 
@@ -95,4 +95,12 @@ impl Clock {
 fn show(bar: &ProgressBar, done: f64) {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share in thousandths")]
     bar.set_position((1000.0 * done.clamp(0.0, 1.0)) as u64);
+}
+
+/// The most memory this process has held, as Linux counts it; 0 on systems that don't say.
+pub(crate) fn peak_memory_mb() -> f64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    let kilobytes = line.and_then(|line| line.trim().trim_end_matches("kB").trim().parse::<f64>().ok());
+    kilobytes.map_or(0.0, |kilobytes| kilobytes / 1024.0)
 }

@@ -10,7 +10,7 @@ use warpknit::export::csv::CsvWriter;
 use warpknit::export::glb::GlbWriter;
 use warpknit::export::obj::ObjWriter;
 use warpknit::export::{ExportError, Format, Output, Sink, png};
-use warpknit::fabric::Fabric;
+use warpknit::fabric::{Bar, Fabric};
 use warpknit::garment::stretch::stretch;
 use warpknit::garment::{Garment, ReadOptions, read};
 use warpknit::ids::index32;
@@ -21,7 +21,7 @@ use warpknit::scene::{Scene, YarnLook};
 use warpknit::yarn::tube::Section;
 
 use super::args::{Drape, Reading, Shared, Swatch};
-use super::clock::{Clock, Task};
+use super::clock::{Clock, Task, peak_memory_mb};
 use super::tell;
 
 /// The most stitches that a garment is given unasked. A picture of 1600 x 1200 shows no more of them one by one.
@@ -42,11 +42,12 @@ pub(crate) fn drape(arguments: &Drape) -> Result<()> {
     let fabric = fabric(shared)?;
     let garment = read(&arguments.flat, arguments.draped.as_deref(), &arguments.reading.options())?;
     clock.stop();
-    let shown = pictured(&fabric, &garment, shared)?;
+    let (shown, enlarged) = pictured(&fabric, &garment, shared)?;
     let cloth = Cloth::cover(&garment, &shown)?;
     let options = drape::Options { mapping: arguments.mapping.into(), edge: arguments.edge.into(), surface: None };
     let stem = arguments.draped.as_ref().unwrap_or(&arguments.flat).file_stem().unwrap_or_default();
-    make(&Job { shared, fabric: &fabric, shown: &shown, cloth: &cloth, options, stem: Path::new(stem) }, clock)
+    let inputs = std::iter::once(arguments.flat.as_path()).chain(arguments.draped.as_deref()).collect();
+    make(&Job { shared, fabric: &fabric, shown: &shown, enlarged, cloth: &cloth, options, inputs, stem: Path::new(stem) }, clock)
 }
 
 /// Knits a flat piece of fabric.
@@ -57,7 +58,8 @@ pub(crate) fn swatch(arguments: &Swatch) -> Result<()> {
     let panel = drape::swatch_panel(&fabric, arguments.wales, arguments.courses);
     let cloth = Cloth::swatch(&panel, &fabric, arguments.wales, arguments.courses)?;
     let options = drape::Options::default();
-    make(&Job { shared, fabric: &fabric, shown: &fabric, cloth: &cloth, options, stem: Path::new(&fabric.name) }, clock)
+    let (shown, enlarged, inputs, stem) = (&fabric, None, Vec::new(), Path::new(&fabric.name));
+    make(&Job { shared, fabric: &fabric, shown, enlarged, cloth: &cloth, options, inputs, stem }, clock)
 }
 
 impl Reading {
@@ -74,8 +76,12 @@ struct Job<'a> {
     fabric: &'a Fabric,
     /// The fabric at the densities at which it is drawn.
     shown: &'a Fabric,
+    /// How much larger that is, if it is; said in the report too.
+    enlarged: Option<String>,
     cloth: &'a Cloth<'a>,
     options: drape::Options,
+    /// Files that were read, and must not be overwritten.
+    inputs: Vec<&'a Path>,
     /// What an output is called if none is named.
     stem: &'a Path,
 }
@@ -101,28 +107,30 @@ fn fabric(shared: &Shared) -> Result<Fabric> {
     match (shared.wales_per_cm, shared.courses_per_cm) {
         (None, None) => Ok(fabric),
         (wales, courses) => {
-            let (own_wales, own_courses) = (fabric.wales_per_cm, fabric.courses_per_cm);
-            Ok(fabric.at_densities(wales.unwrap_or(own_wales), courses.unwrap_or(own_courses))?)
+            // One density alone scales the other, so that loops keep their shape.
+            let aspect = fabric.courses_per_cm / fabric.wales_per_cm;
+            let wales = wales.or(courses.map(|courses| courses / aspect)).unwrap_or(fabric.wales_per_cm);
+            Ok(fabric.at_densities(wales, courses.unwrap_or(wales * aspect))?)
         }
     }
 }
 
 /// The fabric, enlarged where nobody chose densities and its loops would be too many and too small to see.
-fn pictured(fabric: &Fabric, garment: &Garment, shared: &Shared) -> Result<Fabric> {
+fn pictured(fabric: &Fabric, garment: &Garment, shared: &Shared) -> Result<(Fabric, Option<String>)> {
     let area: f64 = garment.panels.iter().map(warpknit::garment::Panel::area).sum();
     let bars = f64::from(index32(fabric.bars.len()));
     let stitches = bars * area / (fabric.wale_spacing() * fabric.course_spacing());
     if shared.wales_per_cm.is_some() || shared.courses_per_cm.is_some() || stitches <= PICTURED_STITCHES {
-        return Ok(fabric.clone());
+        return Ok((fabric.clone(), None));
     }
     let times = (stitches / PICTURED_STITCHES).sqrt();
     let (wales, courses) = (fabric.wales_per_cm, fabric.courses_per_cm);
     let note = format!(
-        "note: {stitches:.0} stitches at true gauge would be too small to see, so the cloth is drawn {times:.1} times enlarged; \
+        "{stitches:.0} stitches at true gauge would be too small to see, so the cloth is drawn {times:.1} times enlarged; \
          --wales-per-cm {wales} --courses-per-cm {courses} knits it at true gauge"
     );
-    tell(shared.quiet, &note);
-    Ok(fabric.clone().at_densities(wales / times, courses / times)?)
+    let enlarged = fabric.clone().at_densities(wales / times, courses / times);
+    Ok((enlarged.context("the garment is too large for any density: check --unit")?, Some(note)))
 }
 
 /// Knits, draws and writes. Files appear under their names only when all are whole.
@@ -132,8 +140,9 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
         bail!("{stitches} stitches are over the limit of {MOST_STITCHES}: lower --wales-per-cm and --courses-per-cm");
     }
     let mut warnings = job.cloth.garment().facts.warnings.clone();
-    let outputs = outputs(job);
-    let section = section(job);
+    warnings.extend(job.enlarged.clone());
+    let outputs = outputs(job)?;
+    let section = section(job)?;
     let mut sinks = sinks(&outputs, job)?;
     let wants_surface = outputs.iter().any(|(_, format)| matches!(format, Format::Glb | Format::Obj));
     let options = drape::Options { surface: wants_surface.then_some(section), ..job.options };
@@ -179,13 +188,24 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
 }
 
 /// The files that were asked for, or a picture named after the input.
-fn outputs(job: &Job<'_>) -> Vec<(PathBuf, Format)> {
-    if job.shared.outputs.is_empty() {
+///
+/// No file may be written twice, or over one that was read.
+fn outputs(job: &Job<'_>) -> Result<Vec<(PathBuf, Format)>> {
+    let mut outputs = job.shared.outputs.clone();
+    if outputs.is_empty() {
         let mut name = job.stem.as_os_str().to_owned();
         name.push(".png");
-        return vec![(PathBuf::from(name), Format::Png)];
+        outputs.push((PathBuf::from(name), Format::Png));
     }
-    job.shared.outputs.clone()
+    let place = |path: &Path| path.canonicalize().unwrap_or_else(|_absent| path.to_owned());
+    let mut taken: Vec<_> = job.inputs.iter().map(|path| place(path)).collect();
+    for (path, _) in &outputs {
+        if taken.contains(&place(path)) {
+            bail!("{}: this file is an input or another output; name another one with -o", path.display());
+        }
+        taken.push(place(path));
+    }
+    Ok(outputs)
 }
 
 /// Writers of everything that streams.
@@ -203,16 +223,24 @@ fn sinks<'a>(outputs: &[(PathBuf, Format)], job: &Job<'a>) -> Result<Vec<Box<dyn
     Ok(sinks)
 }
 
-fn section(job: &Job<'_>) -> Section {
+fn section(job: &Job<'_>) -> Result<Section> {
     let Shared { st, sr, radius, flatten, caps, .. } = *job.shared;
-    Section { st, sr, radius: radius.unwrap_or(job.cloth.radius()), flatten, caps, texture_per_mm: TEXTURE_PER_MM }
+    let wale_spacing = job.shown.wale_spacing();
+    if let Some(radius) = radius.filter(|radius| *radius > wale_spacing) {
+        bail!("--radius {radius} is over the wale spacing of {wale_spacing:.3} mm: yarns would fill each other's place");
+    }
+    let radius = radius.unwrap_or(job.cloth.radius());
+    Ok(Section { st, sr, radius, flatten, caps, texture_per_mm: TEXTURE_PER_MM })
 }
 
+/// One look a bar; `radius` is the thickest one's.
 fn looks(fabric: &Fabric, radius: f64) -> Vec<YarnLook> {
-    #[expect(clippy::cast_possible_truncation, reason = "a radius in mm")]
-    let radius = radius as f32;
-    let look = |color: [f32; 3]| YarnLook { albedo: color.into(), roughness: ROUGHNESS, metallic: 0.0, radius };
-    fabric.bars.iter().map(|bar| look(bar.yarn.color.linear())).collect()
+    let look = |(bar, thickness): (&Bar, f64)| {
+        #[expect(clippy::cast_possible_truncation, reason = "a radius in mm")]
+        let radius = (radius * thickness) as f32;
+        YarnLook { albedo: bar.yarn.color.linear().into(), roughness: ROUGHNESS, metallic: 0.0, radius }
+    };
+    fabric.bars.iter().zip(fabric.thickness()).map(look).collect()
 }
 
 fn add_to(scene: &mut Scene, block: &Block) {
@@ -235,9 +263,9 @@ fn task(stage: Stage) -> Task {
 }
 
 fn loss_warning(totals: &Totals) -> Option<String> {
-    let Losses { in_defects, off_panel, .. } = totals.losses;
-    let points = totals.data_points + off_panel;
-    let percent = 100.0 * f64::from(index32(in_defects)) / f64::from(index32(points.max(1)));
+    let Losses { in_defects, .. } = totals.losses;
+    #[expect(clippy::cast_precision_loss, reason = "a percentage of three digits")]
+    let percent = 100.0 * in_defects as f64 / (totals.data_points + in_defects).max(1) as f64;
     (in_defects > 0)
         .then(|| format!("{in_defects} data points ({percent:.3} %) lie in triangles that can't be knitted and are lost"))
 }
@@ -327,12 +355,4 @@ fn cloth_report(job: &Job<'_>) -> Result<ClothReport> {
         stretch_warp,
         stretch_weft,
     })
-}
-
-/// The most memory this process has held, as Linux counts it; 0 on systems that don't say.
-fn peak_memory_mb() -> f64 {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-    let kilobytes = line.and_then(|line| line.trim().trim_end_matches("kB").trim().parse::<f64>().ok());
-    kilobytes.map_or(0.0, |kilobytes| kilobytes / 1024.0)
 }

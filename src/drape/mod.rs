@@ -24,8 +24,34 @@ use strands::{Edge, Losses, Strands};
 
 /// Stitches after which a block ends: enough work for a thread to be worth handing out, few enough to stay in its cache.
 const BLOCK_STITCHES: usize = 512;
-/// Blocks in the window: keeps 16 threads busy in 30 to 60 MB.
+/// Blocks in the window: enough to keep 16 threads busy.
 const WINDOW_BLOCKS: usize = 64;
+/// What the window may take, bytes; it holds one block in any case, and a block one yarn.
+const WINDOW_BYTES: usize = 256 << 20;
+/// What a stitch takes without its surface, bytes: some ten points in all of a block's arrays.
+const STITCH_BYTES: usize = 2500;
+/// The most wales or courses of a panel. A garment at true gauge has some thousand.
+const MOST_SPACINGS: f64 = 1e6;
+
+/// Why a fabric can't be laid out over a garment.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum LayoutError {
+    /// Laps that can't be knitted.
+    #[error(transparent)]
+    Knit(#[from] KnitError),
+    /// A panel of over a million wales or courses.
+    #[error(
+        "panel {panel} is {width:.3e} x {height:.3e} mm and would take over a million wales or courses: check --unit, or lower the densities"
+    )]
+    TooLarge {
+        /// The panel, from 0.
+        panel: usize,
+        /// Its width, mm.
+        width: f64,
+        /// Its height, mm.
+        height: f64,
+    },
+}
 
 /// One yarn to be laid.
 #[derive(Clone, Debug)]
@@ -48,6 +74,8 @@ struct BlockPlan {
 pub struct Cloth<'a> {
     garment: &'a Garment,
     pattern: Pattern,
+    /// Each bar's drawn radius over the thickest one's.
+    thickness: Vec<f64>,
     /// One structure mesh a panel.
     meshes: Vec<StructureMesh>,
     blocks: Vec<BlockPlan>,
@@ -58,11 +86,17 @@ impl<'a> Cloth<'a> {
     /// Covers every panel, from the lowest-left corner of its bounding box along the grain.
     ///
     /// # Errors
-    /// Laps that can't be knitted.
-    pub fn cover(garment: &'a Garment, fabric: &Fabric) -> Result<Self, KnitError> {
+    /// Laps that can't be knitted, or a panel that would take more stitches than any garment has.
+    pub fn cover(garment: &'a Garment, fabric: &Fabric) -> Result<Self, LayoutError> {
+        for (panel, size) in garment.panels.iter().map(Panel::size).enumerate() {
+            if size.x > MOST_SPACINGS * fabric.wale_spacing() || size.y > MOST_SPACINGS * fabric.course_spacing() {
+                return Err(LayoutError::TooLarge { panel, width: size.x, height: size.y });
+            }
+        }
         let corner = |panel: &Panel| panel.uv.iter().copied().fold(DVec2::INFINITY, DVec2::min);
         let meshes = garment.panels.iter().map(|panel| StructureMesh::anchored_at(fabric, corner(panel))).collect();
-        let mut cloth = Self { garment, pattern: Pattern::new(fabric)?, meshes, blocks: Vec::new(), yarns: 0 };
+        let (pattern, thickness) = (Pattern::new(fabric)?, fabric.thickness());
+        let mut cloth = Self { garment, pattern, thickness, meshes, blocks: Vec::new(), yarns: 0 };
         for panel in 0..garment.panels.len() {
             for bar in 0..fabric.bars.len() {
                 cloth.plan_bar(fabric, panel, bar);
@@ -75,12 +109,13 @@ impl<'a> Cloth<'a> {
     ///
     /// # Errors
     /// Laps that can't be knitted.
-    pub fn swatch(panel: &'a Garment, fabric: &Fabric, wales: u32, courses: u32) -> Result<Self, KnitError> {
+    pub fn swatch(panel: &'a Garment, fabric: &Fabric, wales: u32, courses: u32) -> Result<Self, LayoutError> {
         // One auxiliary wale on the left and half a course below: the first yarn's feet and turns reach out of the pattern.
         let low = fabric.bars.iter().map(|bar| bar.chain.gaps().0).min().unwrap_or(0);
         let corner = DVec2::new((1.0 - f64::from(low)) * fabric.wale_spacing(), 0.5 * fabric.course_spacing());
         let meshes = vec![StructureMesh::anchored_at(fabric, corner)];
-        let mut cloth = Self { garment: panel, pattern: Pattern::new(fabric)?, meshes, blocks: Vec::new(), yarns: 0 };
+        let (pattern, thickness) = (Pattern::new(fabric)?, fabric.thickness());
+        let mut cloth = Self { garment: panel, pattern, thickness, meshes, blocks: Vec::new(), yarns: 0 };
         for (bar, threads) in fabric.bars.iter().enumerate() {
             let guides = (0..i64::from(wales)).filter(|&guide| threads.threading.carries(guide));
             cloth.plan_yarns(0, bar, guides.map(|guide| (guide, 0..i64::from(courses))));
@@ -97,8 +132,7 @@ impl<'a> Cloth<'a> {
     /// Stitches planned, those that turn out to miss their panel included.
     #[must_use]
     pub fn stitches(&self) -> u64 {
-        let courses = self.blocks.iter().flat_map(|block| &block.jobs).map(|job| job.courses.end - job.courses.start);
-        courses.map(|courses| u64::try_from(courses).unwrap_or(0)).sum()
+        self.blocks.iter().map(BlockPlan::stitches).sum()
     }
 
     /// The layout radius, mm.
@@ -218,7 +252,7 @@ pub struct Options {
     pub mapping: Mapping,
     /// What happens at the panel's edge.
     pub edge: Edge,
-    /// Tubes, if someone wants them.
+    /// Tubes, if someone wants them; the radius is the thickest bar's.
     pub surface: Option<Section>,
 }
 
@@ -301,9 +335,12 @@ pub fn run<E>(
     let mut blocks: Vec<Block> = Vec::new();
     blocks.resize_with(cloth.blocks.len().min(WINDOW_BLOCKS), Block::default);
     let mut totals = Totals::default();
-    for (window, plans) in cloth.blocks.chunks(WINDOW_BLOCKS).enumerate() {
+    let mut rest = cloth.blocks.as_slice();
+    while !rest.is_empty() {
+        let done = 1.0 - f64::from(index32(rest.len())) / f64::from(index32(cloth.blocks.len()));
+        let (plans, later) = rest.split_at(window(rest, options.surface.as_ref()));
+        rest = later;
         let blocks = &mut blocks[..plans.len()];
-        let done = f64::from(index32(window * WINDOW_BLOCKS)) / f64::from(index32(cloth.blocks.len()));
         announce(Stage::Knit, done);
         blocks.par_iter_mut().zip(plans).for_each(|(block, plan)| block.knit(cloth, plan));
         announce(Stage::Locate, done);
@@ -312,13 +349,32 @@ pub fn run<E>(
         blocks.par_iter_mut().for_each(|block| block.map(&cloth.garment.panels[block.panel], options.mapping));
         if let Some(section) = &options.surface {
             announce(Stage::Surface, done);
-            blocks.par_iter_mut().for_each(|block| block.add_tubes(section));
+            blocks.par_iter_mut().for_each(|block| block.add_tubes(section, cloth.thickness[block.bar]));
         }
         announce(Stage::Deliver, done);
         blocks.iter().for_each(|block| totals.add(block, options.edge));
         deliver(blocks)?;
     }
     Ok(totals)
+}
+
+/// How many of the next blocks fit the window.
+fn window(blocks: &[BlockPlan], surface: Option<&Section>) -> usize {
+    // A surface is held once, and again as bytes or text on its way to a file.
+    let (vertices, triangles) = surface.map_or((0, 0), |section| section.size_of(1, 1));
+    let stitch = STITCH_BYTES + 4 * (32 * vertices + 12 * triangles);
+    let mut bytes = 0;
+    let fits = |block: &&BlockPlan| {
+        bytes += stitch.saturating_mul(usize::try_from(block.stitches()).unwrap_or(usize::MAX));
+        bytes <= WINDOW_BYTES
+    };
+    blocks.iter().take(WINDOW_BLOCKS).take_while(fits).count().max(1)
+}
+
+impl BlockPlan {
+    fn stitches(&self) -> u64 {
+        self.jobs.iter().map(|job| u64::try_from(job.courses.end - job.courses.start).unwrap_or(0)).sum()
+    }
 }
 
 impl Block {
@@ -347,7 +403,8 @@ impl Block {
         map_into(panel, &self.strands.flat, &self.strands.located, mapping, &mut self.draped);
     }
 
-    fn add_tubes(&mut self, section: &Section) {
+    fn add_tubes(&mut self, section: &Section, thickness: f64) {
+        let section = &Section { radius: section.radius * thickness, ..*section };
         self.tubes.clear();
         for strand in &self.strands.strands {
             let (start, end) = (strand.points.start as usize, strand.points.end as usize);

@@ -70,7 +70,7 @@ pub enum ExportError {
     #[error("{}: no writer for this ending; known are .png .glb .obj .csv .json", .0.display())]
     UnknownEnding(PathBuf),
     /// The disk said no.
-    #[error("{}: can't write (nothing was left behind; mend the cause and run again)", path.display())]
+    #[error("{}: can't write", path.display())]
     Io {
         /// The target.
         path: PathBuf,

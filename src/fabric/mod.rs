@@ -215,7 +215,7 @@ impl Fabric {
         10.0 / self.courses_per_cm
     }
 
-    /// The radius at which all of the fabric's yarns are laid out and drawn, mm.
+    /// The radius for which all of the fabric's yarns are laid out, and with which the thickest is drawn, mm.
     ///
     /// It is the thickest yarn's own, but no more than the eight-point layout holds without yarns that cut each other: .042 W and
     /// .06 C for two knitting bars, half as much again for one (the specification's table of least distances: 1.0 and 1.5 times
@@ -226,6 +226,12 @@ impl Fabric {
         let room = if knitting > 1 { 1.0 } else { 1.4 };
         let limit = room * (0.042 * self.wale_spacing()).min(0.06 * self.course_spacing());
         (self.true_radius() * self.enlargement).min(limit)
+    }
+
+    /// Each bar's drawn radius over the thickest one's: yarns keep their proportions whatever the radius they are laid out for.
+    #[must_use]
+    pub fn thickness(&self) -> Vec<f64> {
+        self.bars.iter().map(|bar| bar.yarn.diameter() / 2.0 / self.true_radius()).collect()
     }
 
     /// The thickest yarn's radius by its count, mm.

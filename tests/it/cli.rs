@@ -60,10 +60,19 @@ fn failures_end_with_1_and_one_message() {
     let endless = fails(1, &["swatch", "--wales", "20000", "--courses", "20000"], |_| {});
     assert!(endless.starts_with("error: 800000000 stitches are over the limit"), "{endless}");
     let folder = fails(1, &[&["swatch", "-o", "a.png"], &SMALL[..]].concat(), |p| std::fs::create_dir(p.join("a.png")).unwrap());
-    assert!(
-        folder.contains("a.png: can't write (nothing was left behind; mend the cause and run again): it is a folder"),
-        "{folder}"
-    );
+    assert!(folder.contains("a.png: can't write: it is a folder"), "{folder}");
+}
+
+#[test]
+fn no_file_is_written_twice_or_over_an_input() {
+    let twice = fails(1, &[&["swatch", "-o", "a.csv", "-o", "./a.csv"], &SMALL[..]].concat(), |p| {
+        std::fs::write(p.join("a.csv"), "").unwrap();
+    });
+    assert!(twice.contains("a.csv: this file is an input or another output"), "{twice}");
+    let input = fails(1, &["drape", "t.obj", "-o", "t.obj"], |p| {
+        std::fs::copy(mesh("tshirt.obj"), p.join("t.obj")).unwrap();
+    });
+    assert!(input.contains("t.obj: this file is an input"), "{input}");
 }
 
 #[test]

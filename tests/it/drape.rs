@@ -167,6 +167,69 @@ fn yarns_are_cut_at_a_slit_between_sides_that_lie_apart() {
     assert!(longest < 15.0, "a yarn jumps {longest} mm across the open slit");
 }
 
+/// A square of 20 x 20 cells of 25 mm, flat and draped alike, whose inner 6 x 6 cells are wound the wrong way if asked.
+fn square(flipped: bool) -> Garment {
+    let folder = tempfile::tempdir().unwrap();
+    let mut text = String::new();
+    for i in 0..21 * 21 {
+        text += &format!("v {} {} 0\n", 25 * (i % 21), 25 * (i / 21));
+    }
+    for (x, y) in (0..400).map(|i| (i % 20, i / 20)) {
+        let a = y * 21 + x + 1;
+        let inner = (7..13).contains(&x) && (7..13).contains(&y);
+        let [b, d] = if flipped && inner { [a + 21, a + 1] } else { [a + 1, a + 21] };
+        text += &format!("f {a} {b} {}\nf {a} {} {d}\n", a + 22, a + 22);
+    }
+    let path = folder.path().join("square.obj");
+    std::fs::write(&path, text).unwrap();
+    let options = ReadOptions { unit: Some(warpknit::garment::Unit::Mm), uv_scale: Some(1.0), ..ReadOptions::default() };
+    read(&path, Some(&path), &options).unwrap()
+}
+
+#[test]
+fn points_in_flipped_triangles_are_all_counted_as_lost() {
+    let fabric = Fabric::named("tricot").unwrap().at_densities(3.0, 4.5).unwrap();
+    let whole = run(&square(false), &fabric, Edge::Clip, &mut |_| {});
+    let torn = run(&square(true), &fabric, Edge::Clip, &mut |_| {});
+    assert_eq!(whole.losses.in_defects, 0);
+    assert_eq!(torn.data_points + torn.losses.in_defects, whole.data_points);
+    assert!(torn.losses.in_defects * 100 > 8 * whole.data_points, "36 of 400 cells are a good 8 %");
+}
+
+#[test]
+fn copies_of_a_vertex_that_are_rounded_apart_are_one_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut flat, mut draped) = (String::new(), String::new());
+    for i in 0..11 * 11 {
+        flat += &format!("v {} {} 0\n", 50 * (i % 11), 50 * (i / 11));
+    }
+    let mut count = 0;
+    for (x, y) in (0..100).map(|i| (i % 10, i / 10)) {
+        let a = y * 11 + x;
+        for triangle in [[a, a + 1, a + 12], [a, a + 12, a + 11]] {
+            flat += &format!("f {} {} {}\n", triangle[0] + 1, triangle[1] + 1, triangle[2] + 1);
+            for vertex in triangle {
+                let jitter = 1e-6 * f64::from((count * 7) % 11);
+                draped += &format!("v {} {} {jitter}\n", f64::from(50 * (vertex % 11)) + jitter, 50 * (vertex / 11));
+                count += 1;
+            }
+            draped += "f -3 -2 -1\n";
+        }
+    }
+    let paths = [folder.path().join("flat.obj"), folder.path().join("draped.obj")];
+    std::fs::write(&paths[0], flat).unwrap();
+    std::fs::write(&paths[1], draped).unwrap();
+    let garment = read(&paths[0], Some(&paths[1]), &ReadOptions::default()).unwrap();
+    assert_eq!(garment.panels.len(), 1);
+}
+
+#[test]
+fn a_panel_beyond_all_measure_is_refused() {
+    let garment = Garment::rectangle(1e12, 1e3);
+    let refused = Cloth::cover(&garment, &Fabric::named("tricot").unwrap()).unwrap_err();
+    assert!(matches!(refused, drape::LayoutError::TooLarge { panel: 0, .. }), "{refused}");
+}
+
 #[test]
 fn the_same_yarns_on_one_and_on_two_threads() {
     let garment = read(&mesh("tshirt.obj"), None, &ReadOptions::default()).unwrap();
@@ -222,7 +285,11 @@ fn real_garments_are_knitted_with_every_loss_counted() {
         "xrtailor_square",
     ];
     let mut files = Vec::new();
-    READABLE.iter().chain(&["diffcloth_nasty"]).for_each(|name| obj_files(&folder.join(name), &mut files));
+    for name in READABLE.iter().chain(&["diffcloth_nasty"]) {
+        let before = files.len();
+        obj_files(&folder.join(name), &mut files);
+        assert!(files.len() > before, "{name} holds no OBJ");
+    }
     for file in files {
         let name = file.strip_prefix(&folder).unwrap().display().to_string();
         match read(&file, None, &ReadOptions::default()) {
