@@ -140,7 +140,6 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
         bail!("{stitches} stitches are over the limit of {MOST_STITCHES}: lower --wales-per-cm and --courses-per-cm");
     }
     let mut warnings = job.cloth.garment().facts.warnings.clone();
-    warnings.extend(job.enlarged.clone());
     let outputs = outputs(job)?;
     let section = section(job)?;
     let mut sinks = sinks(&outputs, job)?;
@@ -165,6 +164,11 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
     warnings.extend(loss_warning(&totals));
     for warning in &warnings {
         tell(job.shared.quiet, &format!("warning: {warning}"));
+    }
+    // No fault, but a script should know as well.
+    if let Some(note) = &job.enlarged {
+        tell(job.shared.quiet, &format!("note: {note}"));
+        warnings.push(note.clone());
     }
 
     clock.begin(Task::Write, 1.0);
