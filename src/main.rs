@@ -31,7 +31,7 @@ fn is_broken_pipe(error: &anyhow::Error) -> bool {
 /// Where an error is about a place in a chain: the chain, and carets below that place.
 fn caret(error: &anyhow::Error) -> String {
     match error.downcast_ref::<FabricError>() {
-        Some(FabricError::Lapping { text, source, .. }) => {
+        Some(FabricError::Lapping { text, source, .. }) if !text.trim().is_empty() => {
             let before = text[..source.span.start].chars().count();
             let wrong = text[source.span.clone()].chars().count().max(1);
             format!("\n  {text}\n  {:before$}{:^<wrong$}", "", "")

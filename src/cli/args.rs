@@ -109,7 +109,7 @@ pub(crate) struct Reading {
 /// What `drape` and `swatch` share.
 #[derive(Args, Debug)]
 pub(crate) struct Shared {
-    /// A file to write, by its ending: .png .glb .obj .csv (data points) .json (report); may be repeated [default: a .png named after the input]
+    /// A file to write, by its ending: .png .glb .obj .csv (data points) .json (report); may be repeated [default: a .png here, named after the drape or the fabric]
     #[arg(short, long = "output", value_name = "OUT", value_parser = output)]
     pub(crate) outputs: Vec<(PathBuf, Format)>,
     /// A built-in fabric or a fabric file
@@ -142,10 +142,10 @@ pub(crate) struct Shared {
     /// From where to look: a swatch's front is its technical face
     #[arg(long, value_enum, default_value = "front")]
     pub(crate) view: ViewArg,
-    /// Stand here instead of at a view, mm
+    /// Stand here instead of at a view, mm (with --look-at; `inspect` prints where a garment lies)
     #[arg(long, value_name = "X,Y,Z", value_parser = vector, requires = "look_at", allow_hyphen_values = true)]
     pub(crate) eye: Option<DVec3>,
-    /// Look at this point, mm
+    /// Look at this point, mm (with --eye)
     #[arg(long, value_name = "X,Y,Z", value_parser = vector, requires = "eye", allow_hyphen_values = true)]
     pub(crate) look_at: Option<DVec3>,
     /// Vertical field of view
@@ -154,7 +154,7 @@ pub(crate) struct Shared {
     /// Magnify the middle of the picture
     #[arg(long, value_name = "K", default_value_t = 1.0, value_parser = positive)]
     pub(crate) zoom: f64,
-    /// Colour behind the yarns: #rrggbb, a name, or transparent
+    /// Colour behind the yarns: #rrggbb, white, black, grey or transparent [default: white]
     #[arg(long, value_name = "COLOR")]
     pub(crate) background: Option<Background>,
     /// Samples a pixel

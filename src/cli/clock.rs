@@ -97,6 +97,13 @@ fn show(bar: &ProgressBar, done: f64) {
     bar.set_position((1000.0 * done.clamp(0.0, 1.0)) as u64);
 }
 
+/// Memory that is free for this process, GB, as Linux counts it; unknown on systems that don't say.
+pub(crate) fn available_memory_gb() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
+    line.trim().trim_end_matches("kB").trim().parse::<f64>().ok().map(|kilobytes| kilobytes / 1e6)
+}
+
 /// The most memory this process has held, as Linux counts it; 0 on systems that don't say.
 pub(crate) fn peak_memory_mb() -> f64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();

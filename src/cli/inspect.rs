@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::Result;
+use glam::DVec3;
 use warpknit::garment::stretch::stretch;
 use warpknit::garment::{Garment, read};
 
@@ -34,6 +35,10 @@ fn section(name: &str, garment: &Garment) -> Result<String, std::fmt::Error> {
     let guessed = if facts.unit_guessed { " (guessed)" } else { "" };
     writeln!(text, "  triangles {}, unit {}{guessed}, flat unit {:.6} mm", facts.triangles, facts.unit, facts.uv_scale_mm)?;
     writeln!(text, "  left out: {} flipped, {} degenerate, {} without vt", facts.flipped, facts.degenerate, facts.untextured)?;
+    let points = || garment.panels.iter().flat_map(|panel| panel.draped.iter().copied());
+    let (low, high) = (points().fold(DVec3::INFINITY, DVec3::min), points().fold(DVec3::NEG_INFINITY, DVec3::max));
+    let vector = |v: DVec3| format!("{:.1},{:.1},{:.1}", v.x, v.y, v.z);
+    writeln!(text, "  draped from {} to {} mm, {} mm large", vector(low), vector(high), vector(high - low))?;
     let (warp, weft) = stretch(garment);
     let percentiles = |p: [f64; 3]| format!("{:.3} {:.3} {:.3}", p[0], p[1], p[2]);
     writeln!(text, "  stretch 5/50/95 %: warp {}, weft {}", percentiles(warp), percentiles(weft))?;

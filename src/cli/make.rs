@@ -12,16 +12,17 @@ use warpknit::export::obj::ObjWriter;
 use warpknit::export::{ExportError, Format, Output, Sink, png};
 use warpknit::fabric::{Bar, Fabric};
 use warpknit::garment::stretch::stretch;
-use warpknit::garment::{Garment, ReadOptions, read};
+use warpknit::garment::{Garment, Panel, ReadOptions, read};
 use warpknit::ids::index32;
-use warpknit::knit::{clearance, numbers};
+use warpknit::knit::clearance::{self, Clearance};
+use warpknit::knit::numbers;
 use warpknit::render::{self, Camera, render};
 use warpknit::report::{ClearanceReport, ClothReport, GarmentReport, Report, SurfaceReport};
 use warpknit::scene::{Scene, YarnLook};
 use warpknit::yarn::tube::Section;
 
 use super::args::{Drape, Reading, Shared, Swatch};
-use super::clock::{Clock, Task, peak_memory_mb};
+use super::clock::{Clock, Task, available_memory_gb, peak_memory_mb};
 use super::tell;
 
 /// The most stitches that a garment is given unasked. A picture of 1600 x 1200 shows no more of them one by one.
@@ -29,6 +30,10 @@ const PICTURED_STITCHES: f64 = 12_000.0;
 /// The most stitches that are taken on: beyond them 32 bits no longer number the data points, and any garment at its true gauge has far
 /// fewer.
 const MOST_STITCHES: u64 = 200_000_000;
+/// What a picture takes for each stitch, GB: some 250 bytes for each of ten data points (measured at 5 million stitches).
+const PICTURE_GB: f64 = 2.5e-6;
+/// Yarns drawn at less than this share of their true thickness deserve a word.
+const MUCH_THINNER: f64 = 0.5;
 /// How rough yarns look; fibres are dull.
 const ROUGHNESS: f32 = 0.75;
 /// The texture's real length where there is none: v counts millimetres.
@@ -43,11 +48,15 @@ pub(crate) fn drape(arguments: &Drape) -> Result<()> {
     let garment = read(&arguments.flat, arguments.draped.as_deref(), &arguments.reading.options())?;
     clock.stop();
     let (shown, enlarged) = pictured(&fabric, &garment, shared)?;
-    let cloth = Cloth::cover(&garment, &shown)?;
+    let cloth = Cloth::cover(&garment, &shown).with_context(|| shared.fabric.clone())?;
     let options = drape::Options { mapping: arguments.mapping.into(), edge: arguments.edge.into(), surface: None };
     let stem = arguments.draped.as_ref().unwrap_or(&arguments.flat).file_stem().unwrap_or_default();
+    let area = garment.panels.iter().map(Panel::area).sum();
     let inputs = std::iter::once(arguments.flat.as_path()).chain(arguments.draped.as_deref()).collect();
-    make(&Job { shared, fabric: &fabric, shown: &shown, enlarged, cloth: &cloth, options, inputs, stem: Path::new(stem) }, clock)
+    make(
+        &Job { shared, fabric: &fabric, shown: &shown, enlarged, cloth: &cloth, options, area, inputs, stem: Path::new(stem) },
+        clock,
+    )
 }
 
 /// Knits a flat piece of fabric.
@@ -56,10 +65,11 @@ pub(crate) fn swatch(arguments: &Swatch) -> Result<()> {
     let clock = begin(shared)?;
     let fabric = fabric(shared)?;
     let panel = drape::swatch_panel(&fabric, arguments.wales, arguments.courses);
-    let cloth = Cloth::swatch(&panel, &fabric, arguments.wales, arguments.courses)?;
+    let cloth = Cloth::swatch(&panel, &fabric, arguments.wales, arguments.courses).with_context(|| shared.fabric.clone())?;
     let options = drape::Options::default();
+    let area = f64::from(arguments.wales) * fabric.wale_spacing() * f64::from(arguments.courses) * fabric.course_spacing();
     let (shown, enlarged, inputs, stem) = (&fabric, None, Vec::new(), Path::new(&fabric.name));
-    make(&Job { shared, fabric: &fabric, shown, enlarged, cloth: &cloth, options, inputs, stem }, clock)
+    make(&Job { shared, fabric: &fabric, shown, enlarged, cloth: &cloth, options, area, inputs, stem }, clock)
 }
 
 impl Reading {
@@ -80,6 +90,8 @@ struct Job<'a> {
     enlarged: Option<String>,
     cloth: &'a Cloth<'a>,
     options: drape::Options,
+    /// Flat area that is knitted, mm².
+    area: f64,
     /// Files that were read, and must not be overwritten.
     inputs: Vec<&'a Path>,
     /// What an output is called if none is named.
@@ -117,7 +129,7 @@ fn fabric(shared: &Shared) -> Result<Fabric> {
 
 /// The fabric, enlarged where nobody chose densities and its loops would be too many and too small to see.
 fn pictured(fabric: &Fabric, garment: &Garment, shared: &Shared) -> Result<(Fabric, Option<String>)> {
-    let area: f64 = garment.panels.iter().map(warpknit::garment::Panel::area).sum();
+    let area: f64 = garment.panels.iter().map(Panel::area).sum();
     let bars = f64::from(index32(fabric.bars.len()));
     let stitches = bars * area / (fabric.wale_spacing() * fabric.course_spacing());
     if shared.wales_per_cm.is_some() || shared.courses_per_cm.is_some() || stitches <= PICTURED_STITCHES {
@@ -127,7 +139,8 @@ fn pictured(fabric: &Fabric, garment: &Garment, shared: &Shared) -> Result<(Fabr
     let (wales, courses) = (fabric.wales_per_cm, fabric.courses_per_cm);
     let note = format!(
         "{stitches:.0} stitches at true gauge would be too small to see, so the cloth is drawn {times:.1} times enlarged; \
-         --wales-per-cm {wales} --courses-per-cm {courses} knits it at true gauge"
+         --wales-per-cm {wales} --courses-per-cm {courses} knits it at true gauge (a picture then takes about {:.0} GB)",
+        stitches * PICTURE_GB
     );
     let enlarged = fabric.clone().at_densities(wales / times, courses / times);
     Ok((enlarged.context("the garment is too large for any density: check --unit")?, Some(note)))
@@ -142,10 +155,18 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
     let mut warnings = job.cloth.garment().facts.warnings.clone();
     let outputs = outputs(job)?;
     let section = section(job)?;
+    let near = clearance::measure(job.shown, section.radius)?;
+    warnings.extend(yarn_warnings(job, &section, near));
     let mut sinks = sinks(&outputs, job)?;
     let wants_surface = outputs.iter().any(|(_, format)| matches!(format, Format::Glb | Format::Obj));
     let options = drape::Options { surface: wants_surface.then_some(section), ..job.options };
     let wants_picture = outputs.iter().any(|(_, format)| *format == Format::Png);
+    if wants_picture {
+        check_memory(stitches)?;
+        if job.shared.eye.is_some() && job.shared.eye == job.shared.look_at {
+            bail!("--eye and --look-at are the same point: there is no direction to look in");
+        }
+    }
     let mut scene = Scene { looks: looks(job.shown, section.radius), ..Scene::default() };
 
     let totals = {
@@ -180,7 +201,7 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
         whole.push(png::write(path, &picture)?);
     }
     clock.stop();
-    let facts = Facts { section: &section, totals: &totals, warnings, wants_picture };
+    let facts = Facts { section: &section, totals: &totals, near, warnings, wants_picture };
     for (path, _) in outputs.iter().filter(|(_, format)| *format == Format::Json) {
         whole.push(text_file(path, &report(job, &facts, &clock)?.to_json())?);
     }
@@ -266,6 +287,39 @@ fn task(stage: Stage) -> Task {
     }
 }
 
+/// Refuses a picture that would not fit the memory, before the work and not in the middle of it.
+fn check_memory(stitches: u64) -> Result<()> {
+    #[expect(clippy::cast_precision_loss, reason = "an estimate")]
+    let needed = stitches as f64 * PICTURE_GB;
+    match available_memory_gb() {
+        Some(free) if needed > free => bail!(
+            "a picture of {stitches} stitches takes about {needed:.0} GB of memory and {free:.0} GB are free: lower the densities, or \
+             write no .png"
+        ),
+        _ => Ok(()),
+    }
+}
+
+/// Yarns that cut each other, or are drawn much thinner than they are.
+fn yarn_warnings(job: &Job<'_>, section: &Section, near: Clearance) -> Vec<String> {
+    let mut warnings = Vec::new();
+    if near.min_over_2r < 0.98 {
+        warnings.push(format!(
+            "yarns cut each other: {} pairs of path segments in a repeat are nearer than their thickness, the nearest at {:.2} of it; \
+             thinner yarns, lower densities or another lapping give them room",
+            near.pairs_below_1, near.min_over_2r
+        ));
+    }
+    let true_radius = job.shown.true_radius() * job.shown.enlargement;
+    if section.radius < MUCH_THINNER * true_radius {
+        let (drawn, thick) = (2.0 * section.radius, 2.0 * true_radius);
+        warnings.push(format!(
+            "the thickest yarn is {thick:.3} mm by its count, but the loops leave room for {drawn:.3} mm, and so it is drawn"
+        ));
+    }
+    warnings
+}
+
 fn loss_warning(totals: &Totals) -> Option<String> {
     let Losses { in_defects, .. } = totals.losses;
     #[expect(clippy::cast_precision_loss, reason = "a percentage of three digits")]
@@ -299,15 +353,15 @@ fn text_file(path: &Path, text: &str) -> Result<Output, ExportError> {
 struct Facts<'a> {
     section: &'a Section,
     totals: &'a Totals,
+    near: Clearance,
     warnings: Vec<String>,
     wants_picture: bool,
 }
 
 fn report(job: &Job<'_>, facts: &Facts<'_>, clock: &Clock) -> Result<Report> {
-    let Facts { section, totals, .. } = *facts;
+    let Facts { section, totals, near, .. } = *facts;
     let garment = job.cloth.garment();
     let timings_ms = clock.timings();
-    let near = clearance::measure(job.shown, section.radius)?;
     let (vertices, triangles) = section.size_of(totals.pieces, totals.strands);
     Ok(Report {
         warpknit: env!("CARGO_PKG_VERSION"),
@@ -350,11 +404,10 @@ fn report(job: &Job<'_>, facts: &Facts<'_>, clock: &Clock) -> Result<Report> {
 fn cloth_report(job: &Job<'_>) -> Result<ClothReport> {
     let garment = job.cloth.garment();
     let numbers = numbers::measure(job.fabric)?;
-    let square_metres = garment.panels.iter().map(|panel| panel.area() * 1e-6).sum::<f64>();
     let (stretch_warp, stretch_weft) = stretch(garment);
     Ok(ClothReport {
         mass_g_m2: numbers.mass,
-        yarn_length_m: numbers.yarn_length * square_metres,
+        yarn_length_m: numbers.yarn_length * job.area * 1e-6,
         run_in_mm_per_rack: numbers.run_in,
         stretch_warp,
         stretch_weft,
