@@ -96,7 +96,7 @@ pub(crate) struct Reading {
     #[arg(long, value_name = "UNIT")]
     pub(crate) unit: Option<Unit>,
     /// What one unit of the flat mesh is, mm [default: from the areas]
-    #[arg(long, value_name = "MM", value_parser = positive)]
+    #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) uv_scale: Option<f64>,
     /// Turn the wale direction, counter-clockwise seen from the technical face
     #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true, value_parser = finite)]
@@ -116,10 +116,10 @@ pub(crate) struct Shared {
     #[arg(long, value_name = "NAME|FILE.toml", default_value = "tricot")]
     pub(crate) fabric: String,
     /// Wales per cm; yarns are drawn in proportion [default: the fabric's, or fewer where a garment would hold over 12000 stitches]
-    #[arg(long, value_name = "X", value_parser = positive)]
+    #[arg(long, value_name = "X", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) wales_per_cm: Option<f64>,
     /// Courses per cm [default: in proportion to the wales]
-    #[arg(long, value_name = "X", value_parser = positive)]
+    #[arg(long, value_name = "X", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) courses_per_cm: Option<f64>,
     /// Tube segments a stitch
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=256))]
@@ -128,7 +128,7 @@ pub(crate) struct Shared {
     #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u32).range(3..=64))]
     pub(crate) sr: u32,
     /// Draw yarns with this radius [default: from the yarn's count, as far as the loops leave room]
-    #[arg(long, value_name = "MM", value_parser = positive)]
+    #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) radius: Option<f64>,
     /// Width over height of the tubes' section in .glb and .obj: over 1 lies flat in the fabric's plane, its area kept
     #[arg(long, value_name = "K", default_value_t = 1.0, value_parser = flattening)]
@@ -152,7 +152,7 @@ pub(crate) struct Shared {
     #[arg(long, value_name = "DEG", default_value_t = 30.0, value_parser = field_of_view)]
     pub(crate) fov: f64,
     /// Magnify the middle of the picture
-    #[arg(long, value_name = "K", default_value_t = 1.0, value_parser = positive)]
+    #[arg(long, value_name = "K", default_value_t = 1.0, value_parser = positive, allow_negative_numbers = true)]
     pub(crate) zoom: f64,
     /// Colour behind the yarns: #rrggbb, white, black, grey or transparent [default: white]
     #[arg(long, value_name = "COLOR")]
