@@ -10,6 +10,7 @@ use crate::ids::index32;
 use crate::render::Camera;
 use crate::scene::{Bounds, Scene, Strand, drawable};
 use crate::yarn::curve::{self, Span};
+use crate::yarn::frame;
 use glam::{DVec3, I16Vec3, Vec3, Vec4};
 use rayon::prelude::*;
 
@@ -190,22 +191,15 @@ impl Frame {
     fn advance(&mut self, position: DVec3, derivative: DVec3) -> f64 {
         let fallback = if self.tangent == DVec3::ZERO { DVec3::X } else { self.tangent };
         let tangent = derivative.try_normalize().unwrap_or(fallback);
-        let step = position - self.position;
         let first = self.tangent == DVec3::ZERO;
-        let carried = if first { DVec3::Z } else { self.reflected_twice(step, tangent) };
-        let across = (carried - tangent * carried.dot(tangent)).try_normalize();
-        *self = Self { position, tangent, across: across.unwrap_or_else(|| tangent.any_orthonormal_vector()) };
-        if first { 0.0 } else { step.length() }
-    }
-
-    /// The across vector after the two reflections that take the old point and tangent to the new ones.
-    fn reflected_twice(&self, step: DVec3, tangent: DVec3) -> DVec3 {
-        let reflect = |v: DVec3, normal: DVec3| {
-            let length2 = normal.length_squared();
-            if length2 > 0.0 { v - normal * (2.0 * v.dot(normal) / length2) } else { v }
+        let across = if first {
+            frame::across(DVec3::Z, tangent)
+        } else {
+            frame::carry(self.across, self.position, self.tangent, position, tangent)
         };
-        let (across, along) = (reflect(self.across, step), reflect(self.tangent, step));
-        reflect(across, tangent - along)
+        let moved = if first { 0.0 } else { position.distance(self.position) };
+        *self = Self { position, tangent, across };
+        moved
     }
 }
 
