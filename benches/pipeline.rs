@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 use warpknit::drape::{self, Block, Cloth, Options};
 use warpknit::fabric::Fabric;
 use warpknit::garment::{Garment, Panel, ReadOptions, read};
@@ -28,8 +28,7 @@ fn tricot_for(garment: &Garment, stitches: f64) -> Fabric {
 
 /// Data points of the skirt's first gore, yarn by yarn.
 fn points(garment: &Garment, fabric: &Fabric) -> Vec<DVec3> {
-    let corner = garment.panels[0].uv.iter().copied().fold(DVec2::INFINITY, DVec2::min);
-    let mesh = StructureMesh::anchored_at(fabric, corner);
+    let mesh = StructureMesh::anchored_at(fabric, garment.panels[0].bounds()[0]);
     let (pattern, size) = (Pattern::new(fabric).expect("one needle a lap"), garment.panels[0].size());
     let mut knitted = Knitted::default();
     for guide in pattern.guides_across(0, 0.0..size.x) {

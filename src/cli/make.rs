@@ -12,7 +12,7 @@ use warpknit::export::obj::ObjWriter;
 use warpknit::export::{ExportError, Format, Output, Sink, png};
 use warpknit::fabric::{Bar, Fabric};
 use warpknit::garment::stretch::stretch;
-use warpknit::garment::{Garment, Panel, ReadOptions, read};
+use warpknit::garment::{Panel, ReadOptions, read};
 use warpknit::ids::index32;
 use warpknit::knit::clearance::{self, Clearance};
 use warpknit::knit::numbers;
@@ -47,11 +47,11 @@ pub(crate) fn drape(arguments: &Drape) -> Result<()> {
     let fabric = fabric(shared)?;
     let garment = read(&arguments.flat, arguments.draped.as_deref(), &arguments.reading.options())?;
     clock.stop();
-    let (shown, enlarged) = pictured(&fabric, &garment, shared)?;
+    let area = garment.panels.iter().map(Panel::area).sum();
+    let (shown, enlarged) = pictured(&fabric, area, shared)?;
     let cloth = Cloth::cover(&garment, &shown).with_context(|| shared.fabric.clone())?;
     let options = drape::Options { mapping: arguments.mapping.into(), edge: arguments.edge.into(), surface: None };
     let stem = arguments.draped.as_ref().unwrap_or(&arguments.flat).file_stem().unwrap_or_default();
-    let area = garment.panels.iter().map(Panel::area).sum();
     let inputs = std::iter::once(arguments.flat.as_path()).chain(arguments.draped.as_deref()).collect();
     make(
         &Job { shared, fabric: &fabric, shown: &shown, enlarged, cloth: &cloth, options, area, inputs, stem: Path::new(stem) },
@@ -127,9 +127,8 @@ fn fabric(shared: &Shared) -> Result<Fabric> {
     }
 }
 
-/// The fabric, enlarged where nobody chose densities and its loops would be too many and too small to see.
-fn pictured(fabric: &Fabric, garment: &Garment, shared: &Shared) -> Result<(Fabric, Option<String>)> {
-    let area: f64 = garment.panels.iter().map(Panel::area).sum();
+/// The fabric for `area` mm² of garment, enlarged where nobody chose densities and its loops would be too many and too small to see.
+fn pictured(fabric: &Fabric, area: f64, shared: &Shared) -> Result<(Fabric, Option<String>)> {
     let bars = f64::from(index32(fabric.bars.len()));
     let stitches = bars * area / (fabric.wale_spacing() * fabric.course_spacing());
     if shared.wales_per_cm.is_some() || shared.courses_per_cm.is_some() || stitches <= PICTURED_STITCHES {
@@ -148,25 +147,16 @@ fn pictured(fabric: &Fabric, garment: &Garment, shared: &Shared) -> Result<(Fabr
 
 /// Knits, draws and writes. Files appear under their names only when all are whole.
 fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
-    let stitches = job.cloth.stitches();
-    if stitches > MOST_STITCHES {
-        bail!("{stitches} stitches are over the limit of {MOST_STITCHES}: lower --wales-per-cm and --courses-per-cm");
-    }
     let mut warnings = job.cloth.garment().facts.warnings.clone();
     let outputs = outputs(job)?;
+    let wants_picture = outputs.iter().any(|(_, format)| *format == Format::Png);
+    check_request(job, wants_picture)?;
     let section = section(job)?;
     let near = clearance::measure(job.shown, section.radius)?;
     warnings.extend(yarn_warnings(job, &section, near));
     let mut sinks = sinks(&outputs, job)?;
     let wants_surface = outputs.iter().any(|(_, format)| matches!(format, Format::Glb | Format::Obj));
     let options = drape::Options { surface: wants_surface.then_some(section), ..job.options };
-    let wants_picture = outputs.iter().any(|(_, format)| *format == Format::Png);
-    if wants_picture {
-        check_memory(stitches)?;
-        if job.shared.eye.is_some() && job.shared.eye == job.shared.look_at {
-            bail!("--eye and --look-at are the same point: there is no direction to look in");
-        }
-    }
     let mut scene = Scene { looks: looks(job.shown, section.radius), ..Scene::default() };
 
     let totals = {
@@ -194,11 +184,13 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
 
     clock.begin(Task::Write, 1.0);
     let mut whole: Vec<Output> = sinks.into_iter().map(Sink::finish).collect::<Result<_, _>>()?;
-    for (path, _) in outputs.iter().filter(|(_, format)| *format == Format::Png) {
+    if wants_picture {
         clock.begin(Task::Render, 0.0);
         let picture = draw(&scene, job.shared, &clock);
         clock.begin(Task::Write, 1.0);
-        whole.push(png::write(path, &picture)?);
+        for (path, _) in outputs.iter().filter(|(_, format)| *format == Format::Png) {
+            whole.push(png::write(path, &picture)?);
+        }
     }
     clock.stop();
     let facts = Facts { section: &section, totals: &totals, near, warnings, wants_picture };
@@ -254,7 +246,7 @@ fn section(job: &Job<'_>) -> Result<Section> {
     if let Some(radius) = radius.filter(|radius| *radius > wale_spacing) {
         bail!("--radius {radius} is over the wale spacing of {wale_spacing:.3} mm: yarns would fill each other's place");
     }
-    let radius = radius.unwrap_or(job.cloth.radius());
+    let radius = radius.unwrap_or(job.shown.radius());
     Ok(Section { st, sr, radius, flatten, caps, texture_per_mm: TEXTURE_PER_MM })
 }
 
@@ -285,6 +277,18 @@ fn task(stage: Stage) -> Task {
         Stage::Surface => Task::Surface,
         Stage::Deliver => Task::Write,
     }
+}
+
+/// Refuses what can't be done, before any work.
+fn check_request(job: &Job<'_>, wants_picture: bool) -> Result<()> {
+    let stitches = job.cloth.stitches();
+    if stitches > MOST_STITCHES {
+        bail!("{stitches} stitches are over the limit of {MOST_STITCHES}: lower --wales-per-cm and --courses-per-cm");
+    }
+    if wants_picture && job.shared.eye.is_some() && job.shared.eye == job.shared.look_at {
+        bail!("--eye and --look-at are the same point: there is no direction to look in");
+    }
+    if wants_picture { check_memory(stitches) } else { Ok(()) }
 }
 
 /// Refuses a picture that would not fit the memory, before the work and not in the middle of it.

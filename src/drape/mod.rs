@@ -93,10 +93,8 @@ impl<'a> Cloth<'a> {
                 return Err(LayoutError::TooLarge { panel, width: size.x, height: size.y });
             }
         }
-        let corner = |panel: &Panel| panel.uv.iter().copied().fold(DVec2::INFINITY, DVec2::min);
-        let meshes = garment.panels.iter().map(|panel| StructureMesh::anchored_at(fabric, corner(panel))).collect();
-        let (pattern, thickness) = (Pattern::new(fabric)?, fabric.thickness());
-        let mut cloth = Self { garment, pattern, thickness, meshes, blocks: Vec::new(), yarns: 0 };
+        let meshes = garment.panels.iter().map(|panel| StructureMesh::anchored_at(fabric, panel.bounds()[0])).collect();
+        let mut cloth = Self::bare(garment, fabric, meshes)?;
         for panel in 0..garment.panels.len() {
             for bar in 0..fabric.bars.len() {
                 cloth.plan_bar(fabric, panel, bar);
@@ -114,8 +112,7 @@ impl<'a> Cloth<'a> {
         let low = fabric.bars.iter().map(|bar| bar.chain.gaps().0).min().unwrap_or(0);
         let corner = DVec2::new((1.0 - f64::from(low)) * fabric.wale_spacing(), 0.5 * fabric.course_spacing());
         let meshes = vec![StructureMesh::anchored_at(fabric, corner)];
-        let (pattern, thickness) = (Pattern::new(fabric)?, fabric.thickness());
-        let mut cloth = Self { garment: panel, pattern, thickness, meshes, blocks: Vec::new(), yarns: 0 };
+        let mut cloth = Self::bare(panel, fabric, meshes)?;
         for (bar, threads) in fabric.bars.iter().enumerate() {
             let guides = (0..i64::from(wales)).filter(|&guide| threads.threading.carries(guide));
             cloth.plan_yarns(0, bar, guides.map(|guide| (guide, 0..i64::from(courses))));
@@ -123,22 +120,16 @@ impl<'a> Cloth<'a> {
         Ok(cloth)
     }
 
-    /// Yarns planned, those that turn out to miss their panel included.
-    #[must_use]
-    pub fn yarns(&self) -> usize {
-        self.yarns
+    /// No yarn planned yet.
+    fn bare(garment: &'a Garment, fabric: &Fabric, meshes: Vec<StructureMesh>) -> Result<Self, KnitError> {
+        let (pattern, thickness) = (Pattern::new(fabric)?, fabric.thickness());
+        Ok(Self { garment, pattern, thickness, meshes, blocks: Vec::new(), yarns: 0 })
     }
 
     /// Stitches planned, those that turn out to miss their panel included.
     #[must_use]
     pub fn stitches(&self) -> u64 {
         self.blocks.iter().map(BlockPlan::stitches).sum()
-    }
-
-    /// The layout radius, mm.
-    #[must_use]
-    pub fn radius(&self) -> f64 {
-        self.pattern.radius()
     }
 
     /// The garment beneath.
@@ -151,9 +142,7 @@ impl<'a> Cloth<'a> {
     fn plan_bar(&mut self, fabric: &Fabric, panel: usize, bar: usize) {
         // Gap 0 of guide 0 lies half a wale to the left of wale 0.
         let origin = self.meshes[panel].origin - DVec2::new(fabric.wale_spacing() / 2.0, 0.0);
-        let uv = &self.garment.panels[panel].uv;
-        let low = uv.iter().copied().fold(DVec2::INFINITY, DVec2::min) - origin;
-        let high = uv.iter().copied().fold(DVec2::NEG_INFINITY, DVec2::max) - origin;
+        let [low, high] = self.garment.panels[panel].bounds().map(|corner| corner - origin);
         let guides = self.pattern.guides_across(bar, low.x..high.x).filter(|&k| fabric.bars[bar].threading.carries(k));
         let lengths = Lengths::new(&self.garment.panels[panel], origin, fabric.wale_spacing());
         let yarns: Vec<_> = guides

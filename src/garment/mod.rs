@@ -126,9 +126,15 @@ impl Panel {
     /// Flat extent along u and v, mm.
     #[must_use]
     pub fn size(&self) -> DVec2 {
-        let low = self.uv.iter().copied().fold(DVec2::INFINITY, DVec2::min);
-        let high = self.uv.iter().copied().fold(DVec2::NEG_INFINITY, DVec2::max);
+        let [low, high] = self.bounds();
         high - low
+    }
+
+    /// The lowest-left and the highest-right corner of its bounding box in panel axes, mm.
+    #[must_use]
+    pub fn bounds(&self) -> [DVec2; 2] {
+        let uv = self.uv.iter().copied();
+        [uv.clone().fold(DVec2::INFINITY, DVec2::min), uv.fold(DVec2::NEG_INFINITY, DVec2::max)]
     }
 
     /// Edges with more than two triangles, flipped ones included.
@@ -201,11 +207,9 @@ fn check(options: &ReadOptions) -> Result<(), GarmentError> {
     }
 }
 
-/// The draped unit, given or guessed from the paired triangles: a body in the file, or a stray vertex, has no say.
+/// The draped unit, given or guessed from the paired triangles.
 fn settle_unit(pairs: &Pairs, options: &ReadOptions, facts: &mut Facts) -> Unit {
-    let corners = pairs.triangles.iter().flat_map(|triangle| pairs.draped_corners(triangle));
-    let [low, high] = corners.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], p| [low.min(p), high.max(p)]);
-    let extent = (high - low).max_element();
+    let extent = pairs.draped_extent().max_element();
     let (guess, fits) = unit::guess(extent);
     let unit = options.unit.unwrap_or(guess);
     facts.unit = unit.name();

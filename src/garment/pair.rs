@@ -45,9 +45,14 @@ impl Pairs {
     /// Draped positions nearer than this are one place: unwelded copies of a vertex may be rounded apart, while another vertex is
     /// about an edge's length away.
     pub(super) fn same_place(&self) -> f64 {
+        1e-6 * self.draped_extent().length()
+    }
+
+    /// Size of the draped bounding box of all paired triangles: a body in the file, or a stray vertex, has no say.
+    pub(super) fn draped_extent(&self) -> DVec3 {
         let corners = self.triangles.iter().flat_map(|triangle| self.draped_corners(triangle));
         let [low, high] = corners.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], p| [low.min(p), high.max(p)]);
-        1e-6 * (high - low).length()
+        high - low
     }
 
     /// Corners of a triangle in the flat mesh.

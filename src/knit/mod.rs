@@ -100,7 +100,6 @@ pub struct Pattern {
     bars: Vec<BarPattern>,
     wale_spacing: f64,
     course_spacing: f64,
-    radius: f64,
 }
 
 impl Pattern {
@@ -130,13 +129,7 @@ impl Pattern {
             BarPattern::new(bar, &layer, at + 1)
         });
         let bars = bars.collect::<Result<_, _>>()?;
-        Ok(Self { bars, wale_spacing: fabric.wale_spacing(), course_spacing: fabric.course_spacing(), radius })
-    }
-
-    /// The radius for which the points are laid out, mm.
-    #[must_use]
-    pub fn radius(&self) -> f64 {
-        self.radius
+        Ok(Self { bars, wale_spacing: fabric.wale_spacing(), course_spacing: fabric.course_spacing() })
     }
 
     /// Data points of one yarn of a bar in one repeat of its chain.
