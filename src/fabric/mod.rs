@@ -39,15 +39,27 @@ pub struct Fabric {
     pub enlargement: f64,
 }
 
-/// A guide bar.
+/// A guide bar, or what lays wefts in.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bar {
-    /// Its lapping, numbered from x = 0 upward.
+    /// Its lapping, numbered from x = 0 upward; `0-0//` for a weft.
     pub chain: Chain,
-    /// Which of its guides carry a yarn.
+    /// Which of its guides carry a yarn; for a weft, which courses get one.
     pub threading: Threading,
     /// The yarn they carry.
     pub yarn: Yarn,
+    /// What lays its yarns.
+    pub kind: BarKind,
+}
+
+/// What lays a bar's yarns.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum BarKind {
+    /// A guide bar, which laps.
+    #[default]
+    Guide,
+    /// Weft insertion: straight yarns across the whole width, in the layer of an inlay.
+    Weft,
 }
 
 /// Which guides of a bar carry a yarn, repeated across.
@@ -243,13 +255,22 @@ impl Fabric {
     /// Courses after which all bars repeat together.
     #[must_use]
     pub fn repeat(&self) -> usize {
-        self.bars.iter().fold(1, |repeat, bar| least_common_multiple(repeat, bar.chain.laps().len()))
+        self.bars.iter().fold(1, |repeat, bar| {
+            let courses = match bar.kind {
+                BarKind::Guide => bar.chain.laps().len(),
+                BarKind::Weft => bar.threading.repeat(),
+            };
+            least_common_multiple(repeat, courses)
+        })
     }
 
-    /// Guides after which all threadings repeat together.
+    /// Guides after which all threadings repeat together. Wefts count courses and not guides, and so are left out.
     #[must_use]
     pub fn threading_repeat(&self) -> usize {
-        self.bars.iter().fold(1, |repeat, bar| least_common_multiple(repeat, bar.threading.repeat()))
+        self.bars
+            .iter()
+            .filter(|bar| bar.kind == BarKind::Guide)
+            .fold(1, |repeat, bar| least_common_multiple(repeat, bar.threading.repeat()))
     }
 
     /// What a designer should know of this fabric although it can be knitted, a line each.
@@ -279,6 +300,9 @@ impl Bar {
     /// Whether one of this bar's yarns makes a loop on the needle of `wale` in `course`.
     #[must_use]
     pub fn loops_on(&self, wale: i64, course: i64) -> bool {
+        if self.kind == BarKind::Weft {
+            return false;
+        }
         let lap = self.chain.lap(course);
         let needles = i64::from(lap.needle())..i64::from(lap.from.max(lap.to));
         needles.into_iter().any(|needle| self.threading.carries(wale - needle))
@@ -345,6 +369,9 @@ enum Drive {
     Left,
 }
 
+/// What stands for a lapping where straight wefts are laid in.
+const WEFT: &str = "weft";
+
 fn full_set() -> String {
     "I".to_owned()
 }
@@ -377,7 +404,9 @@ impl FabricFile {
 
 impl BarTable {
     fn into_bar(self, number: usize) -> Result<Bar, FabricError> {
-        let chain = Chain::parse(&self.lapping, self.numbering).map_err(|source| FabricError::Lapping {
+        let kind = if self.lapping.trim() == WEFT { BarKind::Weft } else { BarKind::Guide };
+        let lapping = if kind == BarKind::Weft { "0-0//" } else { &self.lapping };
+        let chain = Chain::parse(lapping, self.numbering).map_err(|source| FabricError::Lapping {
             bar: number,
             text: self.lapping.clone(),
             source,
@@ -385,10 +414,10 @@ impl BarTable {
         let threading = Threading::parse(&self.threading).map_err(|source| FabricError::Threading { bar: number, source })?;
         in_range(&format!("bar {number}: yarn.density"), self.yarn.density, FIBRE_DENSITY)?;
         in_range(&format!("bar {number}: yarn.packing"), self.yarn.packing, PACKING)?;
-        // Both gaps and guides are counted from the drive.
-        let (chain, threading) =
-            if self.drive == Drive::Left { (chain.mirrored(), threading.mirrored()) } else { (chain, threading) };
-        Ok(Bar { chain, threading, yarn: self.yarn })
+        // Both gaps and guides are counted from the drive; a weft's marks are courses.
+        let mirrored = self.drive == Drive::Left && kind == BarKind::Guide;
+        let (chain, threading) = if mirrored { (chain.mirrored(), threading.mirrored()) } else { (chain, threading) };
+        Ok(Bar { chain, threading, yarn: self.yarn, kind })
     }
 }
 
@@ -409,7 +438,11 @@ impl From<&Bar> for BarTable {
         // Only a chain read with its drive on the left has gaps below 0; it is written as it was given.
         let left = bar.chain.gaps().0 < 0;
         Self {
-            lapping: if left { bar.chain.mirrored() } else { bar.chain.clone() }.to_string(),
+            lapping: match bar.kind {
+                BarKind::Guide if left => bar.chain.mirrored().to_string(),
+                BarKind::Guide => bar.chain.to_string(),
+                BarKind::Weft => WEFT.to_owned(),
+            },
             numbering: Numbering::Tricot,
             drive: if left { Drive::Left } else { Drive::Right },
             threading: if left { bar.threading.mirrored() } else { bar.threading.clone() }.to_string(),
@@ -457,6 +490,17 @@ mod tests {
                 assert_eq!(right.loops_on(wale, course), left.loops_on(-wale - 1, course), "wale {wale}, course {course}");
             }
         }
+    }
+
+    #[test]
+    fn a_weft_counts_courses_and_knits_nothing() {
+        let text = Fabric::named("tricot").unwrap().to_string().replacen("1-2/1-0//", "weft", 1);
+        let fabric = Fabric::parse(&text.replacen("threading = \"I\"", "threading = \"I..\"", 1)).unwrap();
+        let weft = &fabric.bars[0];
+        assert!(weft.kind == BarKind::Weft && weft.chain.is_inlay() && !weft.loops_on(0, 0));
+        assert_eq!((fabric.repeat(), fabric.threading_repeat()), (6, 1));
+        assert!(fabric.to_string().contains("lapping = \"weft\""));
+        assert_eq!(Fabric::parse(&fabric.to_string()).unwrap(), fabric);
     }
 
     #[test]
