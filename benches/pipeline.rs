@@ -29,10 +29,10 @@ fn tricot_for(garment: &Garment, stitches: f64) -> Fabric {
 /// Data points of the skirt's first gore, yarn by yarn.
 fn points(garment: &Garment, fabric: &Fabric) -> Vec<DVec3> {
     let mesh = StructureMesh::anchored_at(fabric, garment.panels[0].bounds()[0]);
-    let (pattern, size) = (Pattern::new(fabric).expect("one needle a lap"), garment.panels[0].size());
+    let (pattern, size) = (Pattern::new(fabric), garment.panels[0].size());
     let mut knitted = Knitted::default();
-    for guide in pattern.guides_across(0, 0.0..size.x) {
-        pattern.lay(0, guide, pattern.courses_along(0, 0.0..size.y), &mesh, &mut knitted);
+    for guide in pattern.yarns_over(0, 0.0..size.x) {
+        pattern.lay(0, guide, pattern.steps_along(0, 0.0..size.y), &mesh, &mut knitted);
     }
     knitted.points
 }

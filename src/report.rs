@@ -84,8 +84,8 @@ pub struct ClearanceReport {
 pub struct ClothReport {
     pub mass_g_m2: f64,
     pub yarn_length_m: f64,
-    /// A bar each, front first.
-    pub run_in_mm_per_rack: Vec<f64>,
+    /// A bar each, front first; null for wefts.
+    pub run_in_mm_per_rack: Vec<Option<f64>>,
     /// 5th, 50th, 95th percentile.
     pub stretch_warp: [f64; 3],
     pub stretch_weft: [f64; 3],

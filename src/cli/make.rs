@@ -15,7 +15,7 @@ use warpknit::garment::stretch::stretch;
 use warpknit::garment::{Panel, ReadOptions, read};
 use warpknit::ids::index32;
 use warpknit::knit::clearance::{self, Clearance};
-use warpknit::knit::numbers;
+use warpknit::knit::{Pattern, numbers};
 use warpknit::render::{self, Camera, render};
 use warpknit::report::{ClearanceReport, ClothReport, GarmentReport, Report, SurfaceReport};
 use warpknit::scene::{Scene, YarnLook};
@@ -65,7 +65,7 @@ pub(crate) fn swatch(arguments: &Swatch) -> Result<()> {
     let clock = begin(shared)?;
     let fabric = fabric(shared)?;
     let panel = drape::swatch_panel(&fabric, arguments.wales, arguments.courses);
-    let cloth = Cloth::swatch(&panel, &fabric, arguments.wales, arguments.courses).with_context(|| shared.fabric.clone())?;
+    let cloth = Cloth::swatch(&panel, &fabric, arguments.wales, arguments.courses);
     let options = drape::Options::default();
     let area = f64::from(arguments.wales) * fabric.wale_spacing() * f64::from(arguments.courses) * fabric.course_spacing();
     let (shown, enlarged, inputs, stem) = (&fabric, None, Vec::new(), Path::new(&fabric.name));
@@ -152,7 +152,7 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
     let wants_picture = outputs.iter().any(|(_, format)| *format == Format::Png);
     check_request(job, wants_picture)?;
     let section = section(job)?;
-    let near = clearance::measure(job.shown, section.radius)?;
+    let near = clearance::measure(job.shown, job.cloth.pattern(), section.radius);
     warnings.extend(yarn_warnings(job, &section, near));
     let mut sinks = sinks(&outputs, job)?;
     let wants_surface = outputs.iter().any(|(_, format)| matches!(format, Format::Glb | Format::Obj));
@@ -407,7 +407,7 @@ fn report(job: &Job<'_>, facts: &Facts<'_>, clock: &Clock) -> Result<Report> {
 /// The real cloth: the fabric at its own densities over the garment's flat area.
 fn cloth_report(job: &Job<'_>) -> Result<ClothReport> {
     let garment = job.cloth.garment();
-    let numbers = numbers::measure(job.fabric)?;
+    let numbers = numbers::measure(job.fabric, &Pattern::new(job.fabric));
     let (stretch_warp, stretch_weft) = stretch(garment);
     Ok(ClothReport {
         mass_g_m2: numbers.mass,

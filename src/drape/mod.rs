@@ -9,14 +9,14 @@ pub mod strands;
 
 use std::ops::Range;
 
-use glam::DVec2;
+use glam::{DVec2, Vec2Swizzles};
 use rayon::prelude::*;
 
 use crate::fabric::Fabric;
 use crate::garment::{Garment, Panel};
 use crate::ids::{YarnId, index32};
 use crate::knit::mesh::{StructureMesh, vertices};
-use crate::knit::{KnitError, Knitted, Pattern};
+use crate::knit::{Knitted, Pattern};
 use crate::locate::{Locator, SurfacePoint};
 use crate::map::{Draped, Mapping, map_into};
 use crate::yarn::tube::{Section, Tubes};
@@ -36,9 +36,6 @@ const MOST_SPACINGS: f64 = 1e6;
 /// Why a fabric can't be laid out over a garment.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LayoutError {
-    /// Laps that can't be knitted.
-    #[error(transparent)]
-    Knit(#[from] KnitError),
     /// A panel of over a million wales or courses.
     #[error(
         "panel {panel} is {width:.3e} x {height:.3e} mm and would take over a million wales or courses: check --unit, or lower the densities"
@@ -86,7 +83,7 @@ impl<'a> Cloth<'a> {
     /// Covers every panel, from the lowest-left corner of its bounding box along the grain.
     ///
     /// # Errors
-    /// Laps that can't be knitted, or a panel that would take more stitches than any garment has.
+    /// A panel that would take more stitches than any garment has.
     pub fn cover(garment: &'a Garment, fabric: &Fabric) -> Result<Self, LayoutError> {
         for (panel, size) in garment.panels.iter().map(Panel::size).enumerate() {
             if size.x > MOST_SPACINGS * fabric.wale_spacing() || size.y > MOST_SPACINGS * fabric.course_spacing() {
@@ -94,7 +91,7 @@ impl<'a> Cloth<'a> {
             }
         }
         let meshes = garment.panels.iter().map(|panel| StructureMesh::anchored_at(fabric, panel.bounds()[0])).collect();
-        let mut cloth = Self::bare(garment, fabric, meshes)?;
+        let mut cloth = Self::bare(garment, fabric, meshes);
         for panel in 0..garment.panels.len() {
             for bar in 0..fabric.bars.len() {
                 cloth.plan_bar(fabric, panel, bar);
@@ -104,26 +101,31 @@ impl<'a> Cloth<'a> {
     }
 
     /// A swatch of `wales` yarns a bar and `courses` courses, all of its loops whole, on the panel that [`swatch_panel`] gives.
-    ///
-    /// # Errors
-    /// Laps that can't be knitted.
-    pub fn swatch(panel: &'a Garment, fabric: &Fabric, wales: u32, courses: u32) -> Result<Self, LayoutError> {
+    #[must_use]
+    pub fn swatch(panel: &'a Garment, fabric: &Fabric, wales: u32, courses: u32) -> Self {
         // One auxiliary wale on the left and half a course below: the first yarn's feet and turns reach out of the pattern.
         let low = fabric.bars.iter().map(|bar| bar.chain.gaps().0).min().unwrap_or(0);
         let corner = DVec2::new((1.0 - f64::from(low)) * fabric.wale_spacing(), 0.5 * fabric.course_spacing());
-        let meshes = vec![StructureMesh::anchored_at(fabric, corner)];
-        let mut cloth = Self::bare(panel, fabric, meshes)?;
+        let mut cloth = Self::bare(panel, fabric, vec![StructureMesh::anchored_at(fabric, corner)]);
+        let (wales, courses) = (i64::from(wales), i64::from(courses));
         for (bar, threads) in fabric.bars.iter().enumerate() {
-            let guides = (0..i64::from(wales)).filter(|&guide| threads.threading.carries(guide));
-            cloth.plan_yarns(0, bar, guides.map(|guide| (guide, 0..i64::from(courses))));
+            let (numbers, steps) = if cloth.pattern.runs_across(bar) { (courses, wales) } else { (wales, courses) };
+            let numbers = (0..numbers).filter(|&number| threads.threading.carries(number));
+            cloth.plan_yarns(0, bar, numbers.map(|number| (number, 0..steps)));
         }
-        Ok(cloth)
+        cloth
     }
 
     /// No yarn planned yet.
-    fn bare(garment: &'a Garment, fabric: &Fabric, meshes: Vec<StructureMesh>) -> Result<Self, KnitError> {
-        let (pattern, thickness) = (Pattern::new(fabric)?, fabric.thickness());
-        Ok(Self { garment, pattern, thickness, meshes, blocks: Vec::new(), yarns: 0 })
+    fn bare(garment: &'a Garment, fabric: &Fabric, meshes: Vec<StructureMesh>) -> Self {
+        let (pattern, thickness) = (Pattern::new(fabric), fabric.thickness());
+        Self { garment, pattern, thickness, meshes, blocks: Vec::new(), yarns: 0 }
+    }
+
+    /// The repeat that is laid.
+    #[must_use]
+    pub fn pattern(&self) -> &Pattern {
+        &self.pattern
     }
 
     /// Stitches planned, those that turn out to miss their panel included.
@@ -142,13 +144,18 @@ impl<'a> Cloth<'a> {
     fn plan_bar(&mut self, fabric: &Fabric, panel: usize, bar: usize) {
         // Gap 0 of guide 0 lies half a wale to the left of wale 0.
         let origin = self.meshes[panel].origin - DVec2::new(fabric.wale_spacing() / 2.0, 0.0);
-        let [low, high] = self.garment.panels[panel].bounds().map(|corner| corner - origin);
-        let guides = self.pattern.guides_across(bar, low.x..high.x).filter(|&k| fabric.bars[bar].threading.carries(k));
-        let lengths = Lengths::new(&self.garment.panels[panel], origin, fabric.wale_spacing());
-        let yarns: Vec<_> = guides
-            .filter_map(|guide| {
-                let y = lengths.along(self.pattern.strip(bar, guide))?;
-                Some((guide, self.pattern.courses_along(bar, y)))
+        let across = self.pattern.runs_across(bar);
+        // From here on x is where a yarn lies and y where it runs.
+        let turned = |p: DVec2| if across { p.yx() } else { p };
+        let [low, high] = self.garment.panels[panel].bounds().map(|corner| turned(corner - origin));
+        let spacing = if across { fabric.course_spacing() } else { fabric.wale_spacing() };
+        let lengths = Lengths::new(&self.garment.panels[panel], |p| turned(p - origin) - low, spacing);
+        let numbers = self.pattern.yarns_over(bar, low.x..high.x);
+        let yarns: Vec<_> = numbers
+            .filter_map(|number| {
+                let strip = self.pattern.strip(bar, number);
+                let along = lengths.along(strip.start - low.x..strip.end - low.x)?;
+                Some((number, self.pattern.steps_along(bar, along.start + low.y..along.end + low.y)))
             })
             .collect();
         self.plan_yarns(panel, bar, yarns);
@@ -185,11 +192,12 @@ struct Lengths {
 }
 
 impl Lengths {
-    /// Cost: linear in the panel's triangles and in the wales that each covers.
-    fn new(panel: &Panel, origin: DVec2, spacing: f64) -> Self {
+    /// `place` turns the panel's points so that yarns run along y, none below 0. Cost: linear in the panel's triangles and in the cells
+    /// that each covers.
+    fn new(panel: &Panel, place: impl Fn(DVec2) -> DVec2, spacing: f64) -> Self {
         let mut lengths = Self { spacing, cells: Vec::new() };
         for corners in &panel.triangles {
-            let corners = corners.map(|v| panel.uv[v as usize] - origin);
+            let corners = corners.map(|v| place(panel.uv[v as usize]));
             for i in 0..3 {
                 lengths.add_edge(corners[i], corners[(i + 1) % 3]);
             }
@@ -308,7 +316,7 @@ pub struct Totals {
 /// use warpknit::{drape, fabric::Fabric};
 /// let fabric = Fabric::named("tricot")?;
 /// let panel = drape::swatch_panel(&fabric, 8, 10);
-/// let cloth = drape::Cloth::swatch(&panel, &fabric, 8, 10)?;
+/// let cloth = drape::Cloth::swatch(&panel, &fabric, 8, 10);
 /// let totals = drape::run(&cloth, &drape::Options::default(), &mut |_, _| {}, &mut |_| Ok::<_, std::io::Error>(()))?;
 /// assert_eq!(totals.losses.stitches, 2 * 8 * 10);
 /// # Ok::<(), Box<dyn std::error::Error>>(())

@@ -49,6 +49,19 @@ impl Lap {
     pub fn needle(self) -> i32 {
         self.from.min(self.to)
     }
+
+    /// The needles that get a loop, counted from the guide's own gap 0, in the order of the swing; none for an inlay.
+    ///
+    /// ```
+    /// use warpknit::fabric::lapping::Lap;
+    /// assert_eq!(Lap { from: 0, to: 2 }.needles().collect::<Vec<_>>(), [0, 1]);
+    /// assert_eq!(Lap { from: 2, to: 0 }.needles().collect::<Vec<_>>(), [1, 0]);
+    /// assert_eq!(Lap { from: 1, to: 1 }.needles().count(), 0);
+    /// ```
+    pub fn needles(self) -> impl Iterator<Item = i32> {
+        let count = (self.to - self.from).abs();
+        (0..count).map(move |step| if self.to > self.from { self.from + step } else { self.from - 1 - step })
+    }
 }
 
 /// A bar's lapping: one lap a course, repeated for ever.

@@ -229,14 +229,11 @@ impl Fabric {
 
     /// The radius for which all of the fabric's yarns are laid out, and with which the thickest is drawn, mm.
     ///
-    /// It is the thickest yarn's own, but no more than the eight-point layout holds without yarns that cut each other: .042 W and
-    /// .06 C for two knitting bars, half as much again for one (the specification's table of least distances: 1.0 and 1.5 times
-    /// 2r there). The layout takes one radius for all bars, so that their layers stay apart.
+    /// It is the thickest yarn's own, but no more than what leaves a loop open. The layout takes one radius for all bars, so that their
+    /// layers stay apart.
     #[must_use]
     pub fn radius(&self) -> f64 {
-        let knitting = self.bars.iter().filter(|bar| !bar.chain.is_inlay()).count();
-        let room = if knitting > 1 { 1.0 } else { 1.4 };
-        let limit = room * (0.042 * self.wale_spacing()).min(0.06 * self.course_spacing());
+        let limit = (0.12 * self.wale_spacing()).min(0.2 * self.course_spacing());
         (self.true_radius() * self.enlargement).min(limit)
     }
 

@@ -1,25 +1,35 @@
 //! From lapping to data points: the yarns of a fabric on a flat panel.
 //!
-//! In: a [`Fabric`] and where its [`StructureMesh`] lies. Out: [`Knitted`] data points, course after course, eight a loop, in panel
+//! In: a [`Fabric`] and where its [`StructureMesh`] lies. Out: [`Knitted`] data points, step after step, eight a loop, in panel
 //! axes (x across the wales, y along them, z towards the technical face), mm. A garment is never seen here.
 //!
-//! A lap's points depend on its bar and its place in the chain alone, so [`Pattern`] works them out once a repeat and laying a yarn is
-//! an addition a point (about 5 ns). Source: Liu, Kyosev, Jiang 2022, section 2; the specification's knit page.
-//! Not promised: overlaps over two needles are refused ([`KnitError`]); wales stay straight, no yarn is relaxed.
+//! Everything is worked out on one repeat ([`Pattern::new`]): the wales are bent by the underlaps' pull (`lattice`), laps become points on
+//! them (`stitch`, `repeat`), yarns that would cut each other are pushed apart (`contact`). Laying a yarn then is an addition a point
+//! (about 5 ns). Source: Liu, Kyosev, Jiang 2022, section 2; the specification's knit page.
+//! Not promised: repeats over [`MOST_RELAXED`] laps are laid out with straight wales and not relaxed.
 
 pub mod clearance;
+mod contact;
+mod lattice;
 pub mod mesh;
 pub mod numbers;
+mod repeat;
 mod stitch;
 
 use std::ops::Range;
 
 use glam::{DVec2, DVec3};
 
-use crate::fabric::{Bar, Fabric};
+use crate::fabric::{Bar, BarKind, Fabric};
 use crate::ids::index32;
+pub use contact::Settled;
+use lattice::Lattice;
 use mesh::StructureMesh;
-use stitch::{Layer, Turns};
+use repeat::Repeat;
+use stitch::Layer;
+
+/// The largest repeat that is relaxed, laps: some seconds' work.
+pub const MOST_RELAXED: usize = 2_000;
 
 /// What a data point is part of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,129 +75,243 @@ impl Knitted {
     }
 }
 
-/// Why a fabric can't be knitted.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum KnitError {
-    /// A two-needle overlap.
-    #[error("bar {bar}, course {course}: overlaps over two needles are not knitted yet; lap over one, such as 1-0")]
-    TwoNeedles {
-        /// The bar, front bar 1.
-        bar: usize,
-        /// The course, first course 1.
-        course: usize,
-    },
-}
-
-/// One lap with the underlap that follows it, relative to its guide's gap 0 and its course.
-#[derive(Clone, Debug)]
-struct LapPoints {
-    points: Vec<DVec3>,
-    /// Tags of guide 0 in course 0.
-    tags: Vec<Tag>,
-}
-
 /// One bar's repeat.
 #[derive(Clone, Debug)]
 struct BarPattern {
-    laps: Vec<LapPoints>,
-    /// Lowest and highest point of the repeat relative to guide 0, course 0: x, y.
+    kind: BarKind,
+    /// Index in [`Repeat::yarns`] of the yarn that each guide (for a weft: each course) of the repeat leads, if any.
+    yarns: Vec<Option<usize>>,
+    /// Lowest and highest point of its yarns, relative to gap 0 of their guide and to the course of their step, mm.
     bounds: (DVec2, DVec2),
 }
 
 /// The repeat of a fabric as data points.
+///
+/// A bar's yarns are numbered by their guides and take a step a course; wefts are numbered by their courses and take a step a wale.
 #[derive(Clone, Debug)]
 pub struct Pattern {
+    repeat: Repeat,
     bars: Vec<BarPattern>,
-    wale_spacing: f64,
-    course_spacing: f64,
+    /// W and C, mm.
+    spacing: DVec2,
+    /// How the relaxation ended, if there was one.
+    settled: Option<Settled>,
 }
 
 impl Pattern {
-    /// Works out the repeat of a fabric. Cost: microseconds, proportional to the chains' lengths.
-    ///
-    /// # Errors
-    /// [`KnitError`] for laps that can't be knitted.
+    /// Works out the repeat of a fabric. Cost: some milliseconds for a common one, most of it the relaxation of its yarns.
     ///
     /// ```
     /// use warpknit::{fabric::Fabric, knit::Pattern};
-    /// let pattern = Pattern::new(&Fabric::named("tricot").unwrap()).unwrap();
+    /// let pattern = Pattern::new(&Fabric::named("tricot").unwrap());
     /// assert_eq!(pattern.points_per_repeat(0), 20); // two loops of eight points, two underlaps of two turns
     /// ```
-    pub fn new(fabric: &Fabric) -> Result<Self, KnitError> {
-        let radius = fabric.radius();
-        let nesting: Vec<_> = (0..fabric.bars.len()).map(|bar| knitting_bars_behind(fabric, bar)).collect();
-        let inlays = fabric.bars.iter().map(|bar| bar.chain.is_inlay());
-        let depths = stitch::layer_depths(&inlays.zip(nesting.iter().copied()).collect::<Vec<_>>());
-        let bars = fabric.bars.iter().enumerate().map(|(at, bar)| {
-            let layer = Layer {
-                wale_spacing: fabric.wale_spacing(),
-                course_spacing: fabric.course_spacing(),
-                radius,
-                nesting: f64::from(nesting[at]),
-                depth: depths[at] * radius,
-            };
-            BarPattern::new(bar, &layer, at + 1)
+    #[must_use]
+    pub fn new(fabric: &Fabric) -> Self {
+        let (wales, courses) = (fabric.threading_repeat(), fabric.repeat());
+        if wales * courses * fabric.bars.len() > MOST_RELAXED {
+            return Self::straight(fabric);
+        }
+        let lattice = Lattice::relaxed(fabric);
+        let mut pattern = Self::empty(fabric);
+        for (bar, layer) in fabric.bars.iter().zip(layers(fabric)) {
+            let (guides, steps) = if bar.kind == BarKind::Guide { (wales, courses) } else { (courses, wales) };
+            let led = |guide: usize| bar.threading.carries(i64::from(index32(guide)));
+            pattern.add_bar(bar, &layer, &lattice, (0..guides).map(|guide| led(guide).then_some(guide)), steps);
+        }
+        pattern.settle(fabric, pattern.spacing * DVec2::new(f64::from(index32(wales)), f64::from(index32(courses))));
+        pattern.measure_bounds();
+        pattern
+    }
+
+    /// Loops on straight wales, nothing relaxed: one yarn of each bar stands for all of its yarns.
+    fn straight(fabric: &Fabric) -> Self {
+        let lattice = Lattice::straight(fabric, 1, 1);
+        let mut pattern = Self::empty(fabric);
+        for (bar, layer) in fabric.bars.iter().zip(layers(fabric)) {
+            let steps = if bar.kind == BarKind::Guide { bar.chain.laps().len() } else { 1 };
+            let led = |guide: usize| bar.threading.carries(i64::from(index32(guide)));
+            pattern.add_bar(bar, &layer, &lattice, (0..bar.threading.repeat()).map(|guide| led(guide).then_some(0)), steps);
+        }
+        pattern.measure_bounds();
+        pattern
+    }
+
+    fn empty(fabric: &Fabric) -> Self {
+        let spacing = DVec2::new(fabric.wale_spacing(), fabric.course_spacing());
+        Self { repeat: Repeat::default(), bars: Vec::new(), spacing, settled: None }
+    }
+
+    /// Adds a bar whose guides are led as `models` says: like which guide's yarn of the repeat, if any.
+    fn add_bar(
+        &mut self,
+        bar: &Bar,
+        layer: &Layer,
+        lattice: &Lattice,
+        models: impl Iterator<Item = Option<usize>>,
+        steps: usize,
+    ) {
+        let number = self.bars.len();
+        let first = self.repeat.yarns.len();
+        let yarns = models.map(|model| {
+            let model = model?;
+            let known = self.repeat.yarns[first..].iter().position(|yarn| yarn.guide == model);
+            Some(first + known.unwrap_or_else(|| {
+                self.repeat.add_yarn(bar, number, layer, lattice, [model, steps]);
+                self.repeat.yarns.len() - 1 - first
+            }))
         });
-        let bars = bars.collect::<Result<_, _>>()?;
-        Ok(Self { bars, wale_spacing: fabric.wale_spacing(), course_spacing: fabric.course_spacing() })
+        let yarns = yarns.collect();
+        self.bars.push(BarPattern { kind: bar.kind, yarns, bounds: (DVec2::ZERO, DVec2::ZERO) });
     }
 
-    /// Data points of one yarn of a bar in one repeat of its chain.
+    /// Pushes apart what would cut.
+    fn settle(&mut self, fabric: &Fabric, cell: DVec2) {
+        let thickness = fabric.thickness();
+        let yarns: Vec<_> = self
+            .repeat
+            .yarns
+            .iter()
+            .map(|yarn| contact::Chain {
+                points: self.repeat.points_of(yarn),
+                period: yarn.period,
+                radius: thickness[yarn.bar] * fabric.radius(),
+            })
+            .collect();
+        self.settled = Some(contact::settle(&mut self.repeat.points, &yarns, cell));
+    }
+
+    fn measure_bounds(&mut self) {
+        for yarn in &self.repeat.yarns {
+            let bar = &mut self.bars[yarn.bar];
+            for step in 0..yarn.steps.len() - 1 {
+                let home = self.spacing * if bar.kind == BarKind::Guide { as_vec(yarn.guide, step) } else { as_vec(step, yarn.guide) };
+                for point in &self.repeat.points[self.repeat.points_of_steps(yarn, step..step + 1)] {
+                    let place = point.truncate() - home;
+                    bar.bounds = (bar.bounds.0.min(place), bar.bounds.1.max(place));
+                }
+            }
+        }
+    }
+
+    /// How the relaxation of the yarns ended; `None` where the repeat is too large for it.
     #[must_use]
-    pub fn points_per_repeat(&self, bar: usize) -> usize {
-        self.bars[bar].laps.iter().map(|lap| lap.points.len()).sum()
+    pub fn settled(&self) -> Option<Settled> {
+        self.settled
     }
 
-    /// The guides of a bar whose yarns may touch `x` (mm from gap 0 of guide 0).
-    #[must_use]
-    pub fn guides_across(&self, bar: usize, x: Range<f64>) -> Range<i64> {
-        let (low, high) = self.bars[bar].bounds;
-        let first = ((x.start - high.x) / self.wale_spacing).floor();
-        let last = ((x.end - low.x) / self.wale_spacing).ceil();
-        whole(first)..whole(last) + 1
-    }
-
-    /// The x that a guide's yarn covers, mm from gap 0 of guide 0.
-    #[must_use]
-    pub fn strip(&self, bar: usize, guide: i64) -> Range<f64> {
-        let (low, high) = self.bars[bar].bounds;
-        #[expect(clippy::cast_precision_loss, reason = "guides are counted in thousands")]
-        let x = guide as f64 * self.wale_spacing;
-        x + low.x..x + high.x
-    }
-
-    /// The courses of a bar whose points may touch `y` (mm from course 0).
-    #[must_use]
-    pub fn courses_along(&self, bar: usize, y: Range<f64>) -> Range<i64> {
-        let (low, high) = self.bars[bar].bounds;
-        whole(((y.start - high.y) / self.course_spacing).floor())..whole(((y.end - low.y) / self.course_spacing).ceil()) + 1
-    }
-
-    /// Lays one yarn: the data points of a guide in `courses`, appended to `knitted`.
+    /// Data points of one yarn of a bar in one repeat.
     ///
     /// # Panics
     /// If `bar` is not one of the fabric's.
-    pub fn lay(&self, bar: usize, guide: i64, courses: Range<i64>, mesh: &StructureMesh, knitted: &mut Knitted) {
-        let laps = &self.bars[bar].laps;
-        let repeat = i64::try_from(laps.len()).expect("a chain is far shorter than 2^63");
-        let guide = i32::try_from(guide).expect("a panel has fewer wales than 2^31");
-        let gap_0 = DVec2::new(-self.wale_spacing / 2.0, 0.0);
-        for course in courses {
-            let lap = &laps[usize::try_from(course.rem_euclid(repeat)).expect("a remainder is not negative")];
-            let course = i32::try_from(course).expect("a panel has fewer courses than 2^31");
-            let at = (mesh.vertex(guide, course) + gap_0).extend(0.0);
-            knitted.stitches.push(index32(knitted.points.len()));
-            knitted.points.extend(lap.points.iter().map(|&point| point + at));
-            knitted.tags.extend(lap.tags.iter().map(|tag| Tag { course, wale: tag.wale + guide, ..*tag }));
+    #[must_use]
+    pub fn points_per_repeat(&self, bar: usize) -> usize {
+        let yarn = self.bars[bar].yarns.iter().flatten().next();
+        yarn.map_or(0, |&yarn| self.repeat.points_of(&self.repeat.yarns[yarn]).len())
+    }
+
+    /// Whether a bar's yarns run across the wales, as wefts do, and not along them.
+    #[must_use]
+    pub fn runs_across(&self, bar: usize) -> bool {
+        self.bars[bar].kind == BarKind::Weft
+    }
+
+    /// Numbers of a bar's yarns that may touch a range of x (for wefts: of y), mm from gap 0 of guide 0, course 0.
+    pub fn yarns_over(&self, bar: usize, range: Range<f64>) -> impl Iterator<Item = i64> {
+        let bar = &self.bars[bar];
+        let numbers = steps(range, bar.extent(0), self.spacing[bar.axis(0)]);
+        numbers.filter(|&number| bar.yarn(number).is_some())
+    }
+
+    /// The x (for a weft: the y) that a yarn covers, mm from gap 0 of guide 0, course 0.
+    #[must_use]
+    pub fn strip(&self, bar: usize, number: i64) -> Range<f64> {
+        let bar = &self.bars[bar];
+        #[expect(clippy::cast_precision_loss, reason = "guides and courses are counted in thousands")]
+        let at = number as f64 * self.spacing[bar.axis(0)];
+        let extent = bar.extent(0);
+        at + extent.start..at + extent.end
+    }
+
+    /// The steps of a bar's yarns whose points may touch a range of y (for wefts: of x), mm from gap 0 of guide 0, course 0.
+    #[must_use]
+    pub fn steps_along(&self, bar: usize, range: Range<f64>) -> Range<i64> {
+        let bar = &self.bars[bar];
+        steps(range, bar.extent(1), self.spacing[bar.axis(1)])
+    }
+
+    /// Lays one yarn: its data points over `steps`, appended to `knitted`. Numbers without a yarn lay nothing.
+    ///
+    /// # Panics
+    /// If `bar` is not one of the fabric's.
+    pub fn lay(&self, bar: usize, number: i64, steps: Range<i64>, mesh: &StructureMesh, knitted: &mut Knitted) {
+        let bar = &self.bars[bar];
+        let Some(yarn) = bar.yarn(number).map(|yarn| &self.repeat.yarns[yarn]) else { return };
+        let repeat = i64::from(index32(yarn.steps.len() - 1));
+        let number = number - i64::from(index32(yarn.guide));
+        let gap_0 = mesh.vertex(0, 0) - DVec2::new(self.spacing.x / 2.0, 0.0);
+        for step in steps {
+            let place = step.rem_euclid(repeat);
+            let (wales, courses) = if bar.kind == BarKind::Guide { (number, step - place) } else { (step - place, number) };
+            let moved = |count: i64| i32::try_from(count).expect("a panel has fewer wales and courses than 2^31");
+            let (wales, courses) = (moved(wales), moved(courses));
+            let offset = (gap_0 + self.spacing * DVec2::new(f64::from(wales), f64::from(courses))).extend(0.0);
+            let place = usize::try_from(place).expect("a remainder is not negative");
+            let points = self.repeat.points_of_steps(yarn, place..place + 1);
+            let start = index32(knitted.points.len());
+            let stitches = &self.repeat.stitches[yarn.steps[place] as usize..yarn.steps[place + 1] as usize];
+            knitted.stitches.extend(stitches.iter().map(|stitch| start + stitch - index32(points.start)));
+            knitted.points.extend(self.repeat.points[points.clone()].iter().map(|&point| point + offset));
+            let tags = &self.repeat.tags[points];
+            knitted.tags.extend(tags.iter().map(|tag| Tag { course: tag.course + courses, wale: tag.wale + wales, ..*tag }));
         }
     }
 }
 
-/// A coordinate over a spacing as a whole number; panels are metres and spacings over a micrometre, so it fits.
-fn whole(steps: f64) -> i64 {
-    #[expect(clippy::cast_possible_truncation, reason = "rounded by the caller, and `as` saturates")]
-    let whole = steps as i64;
-    whole
+impl BarPattern {
+    /// Index in the repeat of the yarn with that number.
+    fn yarn(&self, number: i64) -> Option<usize> {
+        let repeat = i64::from(index32(self.yarns.len()));
+        self.yarns[usize::try_from(number.rem_euclid(repeat)).expect("a remainder is not negative")]
+    }
+
+    /// The axis (0 x, 1 y) across which the yarns are numbered (0) and along which they run (1).
+    fn axis(&self, which: usize) -> usize {
+        if self.kind == BarKind::Guide { which } else { 1 - which }
+    }
+
+    fn extent(&self, which: usize) -> Range<f64> {
+        let axis = self.axis(which);
+        self.bounds.0[axis]..self.bounds.1[axis]
+    }
+}
+
+/// The steps of length `spacing` whose `extent` may touch `range`.
+fn steps(range: Range<f64>, extent: Range<f64>, spacing: f64) -> Range<i64> {
+    // Panels are metres and spacings over a micrometre, so it fits.
+    #[expect(clippy::cast_possible_truncation, reason = "rounded before, and `as` saturates")]
+    let whole = |steps: f64| steps as i64;
+    whole(((range.start - extent.end) / spacing).floor())..whole(((range.end - extent.start) / spacing).ceil()) + 1
+}
+
+fn as_vec(x: usize, y: usize) -> DVec2 {
+    DVec2::new(f64::from(index32(x)), f64::from(index32(y)))
+}
+
+/// The layer of each bar.
+fn layers(fabric: &Fabric) -> Vec<Layer> {
+    let radius = fabric.radius();
+    let nesting: Vec<_> = (0..fabric.bars.len()).map(|bar| knitting_bars_behind(fabric, bar)).collect();
+    let inlays = fabric.bars.iter().map(|bar| bar.chain.is_inlay());
+    let depths = stitch::layer_depths(&inlays.zip(nesting.iter().copied()).collect::<Vec<_>>());
+    let layer = |(nesting, depth): (&u32, f64)| Layer {
+        wale_spacing: fabric.wale_spacing(),
+        course_spacing: fabric.course_spacing(),
+        radius,
+        nesting: f64::from(*nesting),
+        depth: depth * radius,
+    };
+    nesting.iter().zip(depths).map(layer).collect()
 }
 
 /// How many knitting bars behind this one ever put their loop on a needle in the same course as it does.
@@ -198,56 +322,6 @@ fn knitting_bars_behind(fabric: &Fabric, bar: usize) -> u32 {
     index32(fabric.bars[bar + 1..].iter().filter(meets).count())
 }
 
-impl BarPattern {
-    fn new(bar: &Bar, layer: &Layer, number: usize) -> Result<Self, KnitError> {
-        let chain = &bar.chain;
-        let courses = i64::try_from(chain.laps().len()).expect("a chain is far shorter than 2^63");
-        if let Some(at) = chain.laps().iter().position(|lap| (lap.to - lap.from).abs() > 1) {
-            return Err(KnitError::TwoNeedles { bar: number, course: at + 1 });
-        }
-        let laps: Vec<_> = (0..courses).map(|course| LapPoints::new(bar, layer, course)).collect();
-        let points = || laps.iter().flat_map(|lap| &lap.points).map(|point| point.truncate());
-        let low = points().fold(DVec2::INFINITY, DVec2::min);
-        let high = points().fold(DVec2::NEG_INFINITY, DVec2::max);
-        Ok(Self { laps, bounds: (low, high) })
-    }
-}
-
-impl LapPoints {
-    fn new(bar: &Bar, layer: &Layer, course: i64) -> Self {
-        let lap = bar.chain.lap(course);
-        let tag = |kind| move |point: u16| Tag { course: 0, wale: lap.needle(), kind, point };
-        let points = lap_points(bar, layer, course);
-        let kind = if lap.overlap() == 0 { PointKind::Inlay } else { PointKind::Loop };
-        let mut tags: Vec<_> = (1..=u16::MAX).take(points.len()).map(tag(kind)).collect();
-        let next: Vec<_> = lap_points(bar, layer, course + 1);
-        let next_first = next[0] + DVec3::new(0.0, layer.course_spacing, 0.0);
-        let turns = if kind == PointKind::Loop { turns(points[points.len() - 1], next_first, layer.wale_spacing) } else { None };
-        tags.extend((1..).take(turns.map_or(0, |turns| turns.len())).map(tag(PointKind::Turn)));
-        let points: Vec<_> = points.into_iter().chain(turns.into_iter().flatten()).collect();
-        debug_assert_eq!(points.len(), tags.len(), "an inlay has at most MAX_GAP + 2 points");
-        Self { points, tags }
-    }
-}
-
-/// The points of a lap without its underlap, relative to gap 0 of the guide and to the course.
-fn lap_points(bar: &Bar, layer: &Layer, course: i64) -> Vec<DVec3> {
-    let lap = bar.chain.lap(course);
-    if lap.overlap() == 0 {
-        return layer.inlay_points(lap.from, bar.chain.lap(course + 1).from);
-    }
-    let turns = Turns { overlap: lap.overlap(), before: bar.chain.underlap(course - 1), after: bar.chain.underlap(course) };
-    let control_point = DVec3::new((f64::from(lap.needle()) + 0.5) * layer.wale_spacing, 0.0, 0.0);
-    layer.loop_points(turns).map(|point| point + control_point).to_vec()
-}
-
-/// The two turns of an underlap that is longer than .57 W, .22 W from its ends: without them long spans bulge in depth.
-fn turns(from: DVec3, to: DVec3, wale_spacing: f64) -> Option<[DVec3; 2]> {
-    let length = (to - from).truncate().length();
-    let inset = 0.22 * wale_spacing / length;
-    (length > 0.57 * wale_spacing).then(|| [from.lerp(to, inset), to.lerp(from, inset)])
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -256,7 +330,7 @@ mod tests {
         let fabric = Fabric::named("tricot").unwrap();
         let mesh = StructureMesh::anchored_at(&fabric, DVec2::ZERO);
         let mut knitted = Knitted::default();
-        Pattern::new(&fabric).unwrap().lay(1, guide, 0..4, &mesh, &mut knitted);
+        Pattern::new(&fabric).lay(1, guide, 0..4, &mesh, &mut knitted);
         knitted
     }
 
@@ -278,7 +352,7 @@ mod tests {
     #[test]
     fn bounds_hold_every_point() {
         let fabric = Fabric::named("locknit").unwrap();
-        let pattern = Pattern::new(&fabric).unwrap();
+        let pattern = Pattern::new(&fabric);
         let mesh = StructureMesh::anchored_at(&fabric, DVec2::ZERO);
         for bar in 0..2 {
             let mut knitted = Knitted::default();
@@ -286,9 +360,9 @@ mod tests {
             let strip = pattern.strip(bar, 5);
             for point in &knitted.points {
                 assert!(strip.start - 1e-12 <= point.x && point.x <= strip.end + 1e-12);
-                assert!(pattern.guides_across(bar, point.x..point.x).contains(&5));
-                assert!(pattern.courses_along(bar, point.y..point.y).start <= 8);
-                assert!(pattern.courses_along(bar, point.y..point.y).end > 7);
+                assert!(pattern.yarns_over(bar, point.x..point.x).any(|guide| guide == 5));
+                assert!(pattern.steps_along(bar, point.y..point.y).start <= 8);
+                assert!(pattern.steps_along(bar, point.y..point.y).end > 7);
             }
         }
     }
@@ -299,16 +373,9 @@ mod tests {
         let fabric = Fabric::parse(&text).unwrap();
         let mesh = StructureMesh::anchored_at(&fabric, DVec2::ZERO);
         let mut knitted = Knitted::default();
-        Pattern::new(&fabric).unwrap().lay(0, 0, 0..2, &mesh, &mut knitted);
+        Pattern::new(&fabric).lay(0, 0, 0..2, &mesh, &mut knitted);
         assert_eq!(knitted.points.len(), 2 * 4098);
         assert_eq!(knitted.tags.len(), knitted.points.len());
         assert_eq!(knitted.tags[4097].point, 4098);
-    }
-
-    #[test]
-    fn two_needle_overlaps_are_refused_by_place() {
-        let text = Fabric::named("tricot").unwrap().to_string().replace("\"1-2/1-0//\"", "\"1-2/2-0//\"");
-        let error = Pattern::new(&Fabric::parse(&text).unwrap()).unwrap_err();
-        assert_eq!(error, KnitError::TwoNeedles { bar: 1, course: 2 });
     }
 }

@@ -115,25 +115,34 @@ impl Layer {
         ]
     }
 
-    /// Points of an inlay that runs from gap `from` to gap `to` in a course, relative to gap 0 and the course, mm.
-    pub(super) fn inlay_points(&self, from: i32, to: i32) -> Vec<DVec3> {
-        let (w, c) = (self.wale_spacing, self.course_spacing);
+    /// Points of an inlay that runs from gap `from` to gap `to` in a course: gaps from gap 0, and mm from the course.
+    pub(super) fn inlay_points(&self, from: i32, to: i32) -> Vec<(f64, f64)> {
+        let c = self.course_spacing;
         let gaps = f64::from((to - from).abs());
-        let at = |x: f64, y: f64| DVec3::new(x * w, y * c, -self.depth);
         if from == to {
-            return vec![at(f64::from(from), 0.5)];
+            return vec![(f64::from(from), 0.5 * c)];
         }
         let rise = (1.125 * self.radius * gaps / c).clamp(0.12, 0.26);
         let step = f64::from((to - from).signum());
         let y = |x: f64| 0.5 - rise + 2.0 * rise * (x - f64::from(from)).abs() / gaps;
-        let mut points = vec![at(f64::from(from), 0.5 - rise - CORNER)];
+        let mut points = vec![(f64::from(from), (0.5 - rise - CORNER) * c)];
         points.extend((0..(to - from).abs()).map(|wale| {
             let x = f64::from(from) + step * (f64::from(wale) + 0.5);
-            at(x, y(x))
+            (x, y(x) * c)
         }));
-        points.push(at(f64::from(to), 0.5 + rise + CORNER));
+        points.push((f64::from(to), (0.5 + rise + CORNER) * c));
         points
     }
+}
+
+/// Where an underlap longer than .57 W turns: .22 W from its ends, and once a wale between them. Without them long spans bulge in depth.
+pub(super) fn turns(from: DVec3, to: DVec3, wale_spacing: f64) -> impl Iterator<Item = DVec3> {
+    let length = (to - from).truncate().length() / wale_spacing;
+    let inset = 0.22 / length;
+    // One turn more for every whole wale between the two ends; spans are short, so the numbers are small.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an underlap passes at most MAX_GAP wales")]
+    let count = if length > 0.57 { 2 + (length - 0.44).round().max(1.0) as u32 - 1 } else { 0 };
+    (0..count).map(move |turn| from.lerp(to, inset + (1.0 - 2.0 * inset) * f64::from(turn) / f64::from(count - 1)))
 }
 
 /// How far an inlay's corners lie outside its run, over C.
@@ -165,9 +174,10 @@ mod tests {
 
     #[test]
     fn an_inlay_is_straight_between_its_corners() {
-        assert_eq!(LAYER_0.inlay_points(0, 0), [DVec3::new(0.0, 0.35, -LAYER_0.depth)]);
+        assert_eq!(LAYER_0.inlay_points(0, 0), [(0.0, 0.35)]);
         let run = LAYER_0.inlay_points(0, 3);
         assert_eq!(run.len(), 5);
-        assert!((run[2] - (run[1] + run[3]) / 2.0).length() < 1e-12);
+        assert!((run[2].0 - f64::midpoint(run[1].0, run[3].0)).abs() < 1e-12);
+        assert!((run[2].1 - f64::midpoint(run[1].1, run[3].1)).abs() < 1e-12);
     }
 }

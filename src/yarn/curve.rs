@@ -48,10 +48,92 @@ pub fn span(points: &[DVec3], index: usize) -> Span {
     let (p1, p2) = (points[index], points[index + 1]);
     let p0 = if index == 0 { 2.0 * p1 - p2 } else { points[index - 1] };
     let p3 = points.get(index + 2).copied().unwrap_or(2.0 * p2 - p1);
-    // Knot intervals: square roots of the chords. Coincident points would divide by zero, so they count as one micrometre apart.
-    let interval = |p: DVec3, q: DVec3| p.distance(q).max(1e-6).sqrt();
-    let (d0, d1, d2) = (interval(p0, p1), interval(p1, p2), interval(p2, p3));
+    let [d0, d1, d2] = intervals(&[p0, p1, p2, p3]);
     let m1 = d1 * ((p1 - p0) / d0 - (p2 - p0) / (d0 + d1) + (p2 - p1) / d1);
     let m2 = d1 * ((p2 - p1) / d1 - (p3 - p1) / (d1 + d2) + (p3 - p2) / d2);
     Span { a: 2.0 * (p1 - p2) + m1 + m2, b: 3.0 * (p2 - p1) - 2.0 * m1 - m2, c: m1, d: p1 }
+}
+
+/// Knot intervals: square roots of the chords. Coincident points would divide by zero, so they count as one micrometre apart.
+fn intervals(p: &[DVec3; 4]) -> [f64; 3] {
+    std::array::from_fn(|i| p[i].distance(p[i + 1]).max(1e-6).sqrt())
+}
+
+/// The same span as shares of its four points, for whoever wants to move the points so that the path moves.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Weights {
+    /// Shares of the points in the derivatives at both ends.
+    m1: [f64; 4],
+    m2: [f64; 4],
+}
+
+impl Weights {
+    /// Shares of the four points in the position at `t`, with the knots as they were; they add up to 1.
+    pub(crate) fn at(&self, t: f64) -> [f64; 4] {
+        let (t2, t3) = (t * t, t * t * t);
+        let (h1, h2) = (t3 - 2.0 * t2 + t, t3 - t2);
+        let mut shares = std::array::from_fn(|k| h1 * self.m1[k] + h2 * self.m2[k]);
+        shares[1] += 2.0 * t3 - 3.0 * t2 + 1.0;
+        shares[2] += 3.0 * t2 - 2.0 * t3;
+        shares
+    }
+}
+
+/// The shares of four points in the span between the second and the third.
+pub(crate) fn weights(points: &[DVec3; 4]) -> Weights {
+    let [d0, d1, d2] = intervals(points);
+    let (into, out) = (d1 / (d0 + d1), d1 / (d1 + d2));
+    Weights {
+        m1: [into - d1 / d0, d1 / d0 - 1.0, 1.0 - into, 0.0],
+        m2: [0.0, out - 1.0, 1.0 - d1 / d2, d1 / d2 - out],
+    }
+}
+
+/// Where two segments come nearest: the share of the way along each (Ericson 2005, Real-Time Collision Detection, 5.1.9).
+///
+/// ```
+/// use glam::DVec3;
+/// let (x, y) = ([DVec3::ZERO, DVec3::X], [DVec3::new(0.25, -1.0, 1.0), DVec3::new(0.25, 1.0, 1.0)]);
+/// assert_eq!(warpknit::yarn::curve::nearest_of_segments(x, y), (0.25, 0.5));
+/// ```
+#[must_use]
+pub fn nearest_of_segments([p, q]: [DVec3; 2], [u, v]: [DVec3; 2]) -> (f64, f64) {
+    let (d1, d2, r) = (q - p, v - u, p - u);
+    let (a, e, f) = (d1.length_squared(), d2.length_squared(), d2.dot(r));
+    if a == 0.0 || e == 0.0 {
+        // A segment without length: the other one's nearest point to it.
+        let share = |from: DVec3, along: DVec3, point: DVec3| {
+            if along == DVec3::ZERO { 0.0 } else { ((point - from).dot(along) / along.length_squared()).clamp(0.0, 1.0) }
+        };
+        return if a == 0.0 { (0.0, share(u, d2, p)) } else { (share(p, d1, u), 0.0) };
+    }
+    let (b, c) = (d1.dot(d2), d1.dot(r));
+    let denominator = a * e - b * b;
+    let s = if denominator > 1e-14 * a * e { ((b * f - c * e) / denominator).clamp(0.0, 1.0) } else { 0.0 };
+    let t = (b * s + f) / e;
+    if t < 0.0 {
+        ((-c / a).clamp(0.0, 1.0), 0.0)
+    } else if t > 1.0 {
+        (((b - c) / a).clamp(0.0, 1.0), 1.0)
+    } else {
+        (s, t)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weights_give_the_span() {
+        let points = [DVec3::ZERO, DVec3::new(1.0, 0.2, -0.1), DVec3::new(1.5, 1.3, 0.4), DVec3::new(0.2, 2.0, 0.0)];
+        let (span, weights) = (span(&points, 1), weights(&points));
+        for step in 0..=10 {
+            let t = f64::from(step) / 10.0;
+            let shares = weights.at(t);
+            let blend: DVec3 = points.iter().zip(shares).map(|(point, share)| *point * share).sum();
+            assert!(blend.distance(span.at(t)) < 1e-12);
+            assert!((shares.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        }
+    }
 }

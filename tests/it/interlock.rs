@@ -51,7 +51,7 @@ fn crossings(first: &Path, second: &Path) -> Vec<(i64, i64, f64)> {
 fn legs_pass_in_front_of_the_old_head_and_feet_behind_the_old_legs() {
     for name in builtin::names() {
         let fabric = Fabric::named(name).unwrap();
-        let pattern = Pattern::new(&fabric).unwrap();
+        let pattern = Pattern::new(&fabric);
         for old_bar in 0..fabric.bars.len() {
             for new_bar in 0..fabric.bars.len() {
                 for course in 0..fabric.repeat() as i64 {

@@ -1,0 +1,438 @@
+//! The yarn relaxation: yarns that would cut each other are pushed apart.
+//!
+//! In: the yarns of one repeat as closed chains of data points, periodic across and along, and their radii. Out: the same points, moved.
+//! Position-based: where two paths are nearer than the sum of their radii, the data points that carry them are moved apart by what is
+//! missing, chords pull back to their lengths and the yarn's bends to their shapes, sweep after sweep. The path is the Catmull-Rom curve through
+//! the data points itself, so what is settled here is what is drawn. Source: the specification's knit page; Müller et al. 2007
+//! (position-based dynamics). Sweeps run in a fixed order on one thread, so the result is the same everywhere.
+//! Not promised: a state without cuts. [`Settled`] says how it ended, [`super::clearance`] measures it.
+
+use std::ops::Range;
+
+use glam::{DVec2, DVec3};
+
+use crate::ids::index32;
+use crate::yarn::curve;
+
+/// Segments of a span: one for so many radii of its length, within these limits.
+const SEGMENT_RADII: f64 = 0.8;
+const FEWEST_SEGMENTS: usize = 4;
+const MOST_SEGMENTS: usize = 12;
+/// What is aimed at: a little more than touching, for chords lie inside the curve's bends.
+const TOUCHING: f64 = 1.04;
+/// Settled at this share of touching.
+const GOAL: f64 = 1.01;
+/// Sweeps between two looks at what is near, and the most of them.
+const SWEEPS: usize = 8;
+const MOST_SWEEPS: usize = 800;
+/// Pairs up to this many times touching are watched until the next look.
+const WATCHED: f64 = 1.35;
+/// A watched pair is left alone for a sweep for each such share of touching between them.
+const DOZING: f64 = 0.06;
+/// Parts of one strand nearer along it than so many radii are neighbours, not contacts.
+const NEIGHBOURHOOD: f64 = 6.0;
+/// Share of its missing distance that a contact is given at once.
+const CONTACT_STIFFNESS: f64 = 0.6;
+/// No contact moves a yarn by more than this share of its radius at once.
+const LARGEST_MOVE: f64 = 0.3;
+/// Lengths are held to this; the specification allows 2 %.
+const LENGTH_SLACK: f64 = 0.012;
+const STRETCH_STIFFNESS: f64 = 0.15;
+const BENDING_STIFFNESS: f64 = 0.12;
+/// Stretch and bending fade by this each sweep, so that contacts have the last word.
+const FADING: f64 = 0.95;
+
+/// One yarn of the repeat: a chain that goes on into the next repeat.
+#[derive(Clone, Debug)]
+pub(super) struct Chain {
+    /// Its data points.
+    pub(super) points: Range<usize>,
+    /// From a point to the same one in the next repeat, mm: along the wales, or across for a weft.
+    pub(super) period: DVec3,
+    /// mm.
+    pub(super) radius: f64,
+}
+
+/// How the relaxation ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settled {
+    /// Sweeps over all contacts.
+    pub sweeps: usize,
+    /// The largest change of a yarn's length, as a share of it.
+    pub stretch: f64,
+}
+
+/// Moves `points` until no two yarns are nearer than they are thick, or the sweeps are over.
+pub(super) fn settle(points: &mut [DVec3], yarns: &[Chain], cell: DVec2) -> Settled {
+    let mut state = State::new(points, yarns, cell);
+    state.sample();
+    let lengths = state.lengths.clone();
+    let mut sweeps = 0;
+    let mut firmness = 1.0;
+    while sweeps < MOST_SWEEPS {
+        state.sample();
+        let nearest = state.watch();
+        if nearest >= GOAL {
+            break;
+        }
+        for _ in 0..SWEEPS {
+            state.push_apart();
+            state.hold_chords(STRETCH_STIFFNESS * firmness);
+            state.hold_bends(BENDING_STIFFNESS * firmness);
+            state.hold_lengths();
+            firmness *= FADING;
+        }
+        sweeps += SWEEPS;
+    }
+    state.sample();
+    let changes = state.lengths.iter().zip(&lengths).map(|(now, &before)| (now / before - 1.0).abs());
+    Settled { sweeps, stretch: changes.fold(0.0, f64::max) }
+}
+
+/// A span between two data points: the four that carry it, and its samples.
+#[derive(Clone, Copy)]
+struct Span {
+    yarn: u32,
+    points: [u32; 4],
+    /// Periods from each to its image beside the span.
+    turns: [f64; 4],
+    /// Index of its first sample; one more than segments belong to it.
+    start: u32,
+    segments: u32,
+}
+
+/// A piece of a path: from a sample to the next.
+#[derive(Clone, Copy)]
+struct Segment {
+    span: u32,
+    /// Its first sample.
+    sample: u32,
+    /// Yarn length up to its middle.
+    along: f64,
+}
+
+/// Two pieces of path that may touch.
+#[derive(Clone, Copy)]
+struct Pair {
+    a: u32,
+    b: u32,
+    /// Sweeps for which the two are too far apart to be looked at.
+    dozing: u32,
+    /// From b to its image beside a.
+    offset: DVec3,
+    touching: f64,
+}
+
+struct State<'a> {
+    points: &'a mut [DVec3],
+    yarns: &'a [Chain],
+    cell: DVec2,
+    /// One a data point: the span that starts there.
+    spans: Vec<Span>,
+    segments: Vec<Segment>,
+    /// Shares of a span's four points in its samples, and the samples.
+    weights: Vec<[f64; 4]>,
+    samples: Vec<DVec3>,
+    /// Length of each yarn's repeat.
+    lengths: Vec<f64>,
+    /// The chords' lengths and the points as they were laid out.
+    chords: Vec<f64>,
+    drawn: Vec<DVec3>,
+    pairs: Vec<Pair>,
+}
+
+impl<'a> State<'a> {
+    fn new(points: &'a mut [DVec3], yarns: &'a [Chain], cell: DVec2) -> Self {
+        let mut state = Self {
+            drawn: points.to_vec(),
+            points,
+            yarns,
+            cell,
+            spans: Vec::new(),
+            segments: Vec::new(),
+            weights: Vec::new(),
+            samples: Vec::new(),
+            lengths: vec![0.0; yarns.len()],
+            chords: Vec::new(),
+            pairs: Vec::new(),
+        };
+        for (yarn, thread) in (0u32..).zip(yarns) {
+            let count = thread.points.len() as i64;
+            for at in 0..count {
+                let carriers = [at - 1, at, at + 1, at + 2];
+                state.spans.push(Span {
+                    yarn,
+                    points: carriers.map(|i| index32(thread.points.start + i.rem_euclid(count) as usize)),
+                    turns: carriers.map(|i| i.div_euclid(count) as f64),
+                    start: index32(state.samples.len()),
+                    segments: 0,
+                });
+                let span = state.spans.len() - 1;
+                let chord = state.chord(span).length();
+                let segments = (chord / (SEGMENT_RADII * thread.radius)).ceil() as usize;
+                let segments = segments.clamp(FEWEST_SEGMENTS, MOST_SEGMENTS);
+                state.chords.push(chord);
+                state.spans[span].segments = index32(segments);
+                let samples = index32(state.samples.len())..index32(state.samples.len() + segments);
+                state.segments.extend(samples.map(|sample| Segment { span: index32(span), sample, along: 0.0 }));
+                state.samples.resize(state.samples.len() + segments + 1, DVec3::ZERO);
+            }
+        }
+        state.weights.resize(state.samples.len(), [0.0; 4]);
+        state
+    }
+
+    /// The four points that carry a span, beside it.
+    fn carriers(&self, span: &Span) -> [DVec3; 4] {
+        let period = self.yarns[span.yarn as usize].period;
+        std::array::from_fn(|k| self.points[span.points[k] as usize] + period * span.turns[k])
+    }
+
+    fn chord(&self, span: usize) -> DVec3 {
+        let [_, from, to, _] = self.carriers(&self.spans[span]);
+        to - from
+    }
+
+    /// Draws the paths anew.
+    fn sample(&mut self) {
+        for span in &self.spans {
+            let carriers = self.carriers(span);
+            let weights = curve::weights(&carriers);
+            for step in 0..=span.segments {
+                let shares = weights.at(f64::from(step) / f64::from(span.segments));
+                let sample = (span.start + step) as usize;
+                self.weights[sample] = shares;
+                self.samples[sample] = blend(&carriers, &shares);
+            }
+        }
+        self.lengths.fill(0.0);
+        for segment in &mut self.segments {
+            let length = &mut self.lengths[self.spans[segment.span as usize].yarn as usize];
+            let own = self.samples[segment.sample as usize].distance(self.samples[segment.sample as usize + 1]);
+            segment.along = *length + own / 2.0;
+            *length += own;
+        }
+    }
+
+    /// Notes all pairs that might touch before the next look, and returns the least distance over touching.
+    fn watch(&mut self) -> f64 {
+        let thickest = self.yarns.iter().map(|yarn| yarn.radius).fold(0.0, f64::max);
+        let ends = |segment: &Segment| [0, 1].map(|end| self.samples[segment.sample as usize + end]);
+        let middles: Vec<_> = self.segments.iter().map(|s| (ends(s)[0] + ends(s)[1]) / 2.0).collect();
+        let halves: Vec<_> = self.segments.iter().map(|s| ends(s)[0].distance(ends(s)[1]) / 2.0).collect();
+        let longest = halves.iter().copied().fold(0.0, f64::max);
+        let images = Images::new(&middles, self.cell, WATCHED * 2.0 * thickest + 2.0 * longest);
+        let mut pairs = std::mem::take(&mut self.pairs);
+        pairs.clear();
+        let mut nearest = f64::INFINITY;
+        for (s, one) in self.segments.iter().enumerate() {
+            let (home, shift) = images.home(s);
+            let yarn_s = self.spans[one.span as usize].yarn;
+            let thread_s = &self.yarns[yarn_s as usize];
+            images.around(home, |t, t_shift| {
+                // Each pair is met from both sides; an image of the segment itself likewise.
+                let turns = t_shift - shift;
+                if t < s || (t == s && (turns.x, turns.y) <= (0.0, 0.0)) {
+                    return;
+                }
+                let other = &self.segments[t];
+                let yarn_t = self.spans[other.span as usize].yarn;
+                let touching = thread_s.radius + self.yarns[yarn_t as usize].radius;
+                let offset = (turns * self.cell).extend(0.0);
+                let reach = WATCHED * touching + halves[s] + halves[t];
+                if (middles[t] + offset).distance_squared(middles[s]) > reach * reach {
+                    return;
+                }
+                if yarn_s == yarn_t && self.is_neighbour(one, other, turns, thread_s) {
+                    return;
+                }
+                let ratio = gap(ends(one), ends(other).map(|end| end + offset)).length() / touching;
+                nearest = nearest.min(ratio);
+                if ratio < WATCHED {
+                    pairs.push(Pair { a: index32(s), b: index32(t), dozing: 0, offset, touching });
+                }
+            });
+        }
+        self.pairs = pairs;
+        nearest
+    }
+
+    /// Whether two segments of one yarn are parts of one strand that lie close along it.
+    fn is_neighbour(&self, s: &Segment, t: &Segment, turns: DVec2, thread: &Chain) -> bool {
+        let runs_across = thread.period.x != 0.0;
+        let (beside, along) = if runs_across { (turns.y, turns.x) } else { (turns.x, turns.y) };
+        let length = self.lengths[self.spans[s.span as usize].yarn as usize];
+        beside == 0.0 && (t.along + along * length - s.along).abs() <= NEIGHBOURHOOD * thread.radius
+    }
+
+    /// Moves the yarns of each watched pair apart by what is missing.
+    fn push_apart(&mut self) {
+        for at in 0..self.pairs.len() {
+            let Pair { a, b, dozing, offset, touching } = self.pairs[at];
+            if dozing > 0 {
+                self.pairs[at].dozing -= 1;
+                continue;
+            }
+            let (a, b) = (self.segments[a as usize], self.segments[b as usize]);
+            let (span_a, span_b) = (self.spans[a.span as usize], self.spans[b.span as usize]);
+            let (carriers_a, carriers_b) = (self.carriers(&span_a), self.carriers(&span_b));
+            let shares = |segment: Segment, end: usize| &self.weights[segment.sample as usize + end];
+            let one = [0, 1].map(|end| blend(&carriers_a, shares(a, end)));
+            let other = [0, 1].map(|end| blend(&carriers_b, shares(b, end)) + offset);
+            let (along_a, along_b) = curve::nearest_of_segments(one, other);
+            let apart = one[0].lerp(one[1], along_a) - other[0].lerp(other[1], along_b);
+            let distance = apart.length();
+            let missing = TOUCHING * touching - distance;
+            if missing <= 0.0 {
+                self.pairs[at].dozing = (-missing / (DOZING * touching)) as u32;
+                continue;
+            }
+            let direction = if distance > 1e-9 { apart / distance } else { DVec3::Z };
+            let between = |segment: Segment, along: f64| -> [f64; 4] {
+                std::array::from_fn(|k| shares(segment, 0)[k] + along * (shares(segment, 1)[k] - shares(segment, 0)[k]))
+            };
+            let (shares_a, shares_b) = (between(a, along_a), between(b, along_b));
+            let inertia: f64 = shares_a.iter().chain(&shares_b).map(|share| share * share).sum();
+            let push = direction * ((CONTACT_STIFFNESS * missing).min(LARGEST_MOVE * touching) / inertia);
+            for k in 0..4 {
+                self.points[span_a.points[k] as usize] += push * shares_a[k];
+                self.points[span_b.points[k] as usize] -= push * shares_b[k];
+            }
+        }
+    }
+
+    /// Pulls neighbouring data points back to their distance.
+    fn hold_chords(&mut self, stiffness: f64) {
+        for span in 0..self.spans.len() {
+            let chord = self.chord(span);
+            let length = chord.length().max(1e-9);
+            let pull = chord * (0.5 * stiffness * (length - self.chords[span]) / length);
+            let [_, from, to, _] = self.spans[span].points.map(|point| point as usize);
+            self.points[from] += pull;
+            self.points[to] -= pull;
+        }
+    }
+
+    /// Evens out how far neighbouring data points were moved: bends keep their shape.
+    fn hold_bends(&mut self, stiffness: f64) {
+        for span in 0..self.spans.len() {
+            let [before, at, after, _] = self.spans[span].points.map(|point| point as usize);
+            let moved = |point: usize| self.points[point] - self.drawn[point];
+            let pull = stiffness * (moved(before).midpoint(moved(after)) - moved(at));
+            self.points[at] += pull;
+        }
+    }
+
+    /// Brings yarns that grew or shrank too much back to their lengths, along the steepest way.
+    fn hold_lengths(&mut self) {
+        for yarn in self.yarns {
+            // The curve's length follows its chords'.
+            let chords: Vec<_> = yarn.points.clone().map(|span| self.chord(span)).collect();
+            let now: f64 = chords.iter().map(|chord| chord.length()).sum();
+            let drawn: f64 = self.chords[yarn.points.clone()].iter().sum();
+            let change = now / drawn - 1.0;
+            let excess = change - change.clamp(-LENGTH_SLACK, LENGTH_SLACK);
+            let count = chords.len();
+            let gradient = |i: usize| chords[(i + count - 1) % count].normalize_or_zero() - chords[i].normalize_or_zero();
+            let steepness: f64 = (0..count).map(|i| gradient(i).length_squared()).sum();
+            if excess == 0.0 || steepness < 1e-12 {
+                continue;
+            }
+            let step = 0.5 * excess * drawn / steepness;
+            for (i, point) in self.points[yarn.points.clone()].iter_mut().enumerate() {
+                *point -= gradient(i) * step;
+            }
+        }
+    }
+}
+
+/// From the nearest point of the second segment to that of the first.
+fn gap(one: [DVec3; 2], other: [DVec3; 2]) -> DVec3 {
+    let (along_one, along_other) = curve::nearest_of_segments(one, other);
+    one[0].lerp(one[1], along_one) - other[0].lerp(other[1], along_other)
+}
+
+fn blend(carriers: &[DVec3; 4], weights: &[f64; 4]) -> DVec3 {
+    carriers[0] * weights[0] + carriers[1] * weights[1] + carriers[2] * weights[2] + carriers[3] * weights[3]
+}
+
+/// Where segments and their images lie around the cell, in a grid.
+struct Images {
+    /// Position within the cell of each segment, and how many cells it was moved.
+    homes: Vec<(DVec2, DVec2)>,
+    /// Segment and cells moved, sorted by grid square.
+    entries: Vec<(u32, DVec2)>,
+    starts: Vec<u32>,
+    low: DVec2,
+    reach: f64,
+    columns: usize,
+    rows: usize,
+}
+
+impl Images {
+    /// Sorts the middles of all segments, and of their images within `reach` of the cell.
+    fn new(middles: &[DVec3], cell: DVec2, reach: f64) -> Self {
+        let homes: Vec<_> = middles
+            .iter()
+            .map(|middle| {
+                let shift = -(middle.truncate() / cell).floor();
+                (middle.truncate() + shift * cell, shift)
+            })
+            .collect();
+        let low = DVec2::splat(-reach);
+        let span = cell + 2.0 * reach;
+        let (columns, rows) = ((span.x / reach) as usize + 1, (span.y / reach) as usize + 1);
+        let mut images = Self { homes, entries: Vec::new(), starts: vec![0; columns * rows + 1], low, reach, columns, rows };
+        let turns = (DVec2::splat(reach) / cell).ceil();
+        let mut placed = Vec::new();
+        for (segment, &(home, shift)) in (0u32..).zip(&images.homes) {
+            for i in -(turns.x as i64)..=turns.x as i64 {
+                for j in -(turns.y as i64)..=turns.y as i64 {
+                    let turn = DVec2::new(i as f64, j as f64);
+                    let at = home + turn * cell;
+                    if at.cmpge(low).all() && at.cmple(cell + reach).all() {
+                        placed.push((index32(images.square(at)), segment, shift + turn));
+                    }
+                }
+            }
+        }
+        for (square, ..) in &placed {
+            images.starts[*square as usize + 1] += 1;
+        }
+        for square in 0..columns * rows {
+            images.starts[square + 1] += images.starts[square];
+        }
+        let mut next = images.starts.clone();
+        images.entries = vec![(0, DVec2::ZERO); placed.len()];
+        for (square, segment, shift) in placed {
+            let slot = &mut next[square as usize];
+            images.entries[*slot as usize] = (segment, shift);
+            *slot += 1;
+        }
+        images
+    }
+
+    fn home(&self, segment: usize) -> (DVec2, DVec2) {
+        self.homes[segment]
+    }
+
+    fn square(&self, at: DVec2) -> usize {
+        let place = ((at - self.low) / self.reach).floor();
+        let column = (place.x as usize).min(self.columns - 1);
+        let row = (place.y as usize).min(self.rows - 1);
+        row * self.columns + column
+    }
+
+    /// Calls `each` with all segments whose middles may lie within reach of `at`, and how many cells they were moved.
+    fn around(&self, at: DVec2, mut each: impl FnMut(usize, DVec2)) {
+        let square = self.square(at);
+        let (column, row) = (square % self.columns, square / self.columns);
+        for r in row.saturating_sub(1)..=(row + 1).min(self.rows - 1) {
+            let (first, last) = (column.saturating_sub(1), (column + 1).min(self.columns - 1));
+            let entries = self.starts[r * self.columns + first] as usize..self.starts[r * self.columns + last + 1] as usize;
+            for &(segment, shift) in &self.entries[entries] {
+                each(segment as usize, shift);
+            }
+        }
+    }
+}
