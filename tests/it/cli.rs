@@ -44,6 +44,9 @@ fn wrong_usage_ends_with_2() {
         &["swatch", "--view", "inside"],
         &["drape", "a.obj", "--unit", "mile"],
         &["swatch", "--radius", "-1"],
+        &["swatch", "--threading", "I"],
+        &["swatch", "--lapping", "1-0", "--lapping", "1-0", "--lapping", "1-0", "--threading", "I", "--threading", "I"],
+        &["swatch", "--lapping", "1-0", "--threading", "I", "--threading", "I"],
     ] {
         assert!(fails(2, arguments, |_| {}).starts_with("error:"), "{arguments:?}");
     }
@@ -83,12 +86,36 @@ fn an_error_in_a_chain_is_pointed_at() {
     });
     assert_eq!(
         text,
-        "error: bad.toml: bar 1, lapping \"1-2/1-7//\": an overlap over 6 needles: guides lap over 1 or 2\n  1-2/1-7//\n      ^^^\n"
+        "error: bad.toml:11: bar 1, lapping \"1-2/1-7//\": an overlap over 6 needles: guides lap over 1 or 2\n  \
+         lapping = \"1-2/1-7//\"\n                 ^^^\n"
     );
     let unknown_key = fails(1, &["swatch", "--fabric", "bad.toml"], |folder| {
         std::fs::write(folder.join("bad.toml"), "name = 'x'\nwhales_per_cm = 3\n").unwrap();
     });
-    assert!(unknown_key.starts_with("error: bad.toml: ") && unknown_key.contains("line 2"), "{unknown_key}");
+    assert!(unknown_key.starts_with("error: bad.toml:2: unknown field `whales_per_cm`"), "{unknown_key}");
+    assert!(unknown_key.ends_with("\n  whales_per_cm = 3\n  ^^^^^^^^^^^^^\n"), "{unknown_key}");
+    let argument = fails(1, &["swatch", "--lapping", "1-0/1-2//", "--lapping", "1-0/3-1-4-1-5//"], |_| {});
+    assert_eq!(
+        argument,
+        "error: --lapping \"1-0/3-1-4-1-5//\": a course of 5 links: 2, 3 or 4 (tempi) are known\n  \
+         1-0/3-1-4-1-5//\n      ^^^^^^^^^\n"
+    );
+    let marks = fails(1, &["swatch", "--lapping", "1-0/1-2//", "--threading", "I-"], |_| {});
+    assert!(marks.starts_with("error: --threading \"I-\": '-' is no") && marks.ends_with("\n  I-\n   ^\n"), "{marks}");
+}
+
+#[test]
+fn chains_are_knitted_from_the_command_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let chains = ["--lapping", "2-3/1-0//", "--lapping", "1-0/1-2", "--threading", "I"];
+    warpknit(folder.path()).arg("swatch").args(chains).args(SMALL).args(["-o", "a.csv", "-o", "a.json"]).assert().success();
+    warpknit(folder.path()).args(["swatch", "--fabric", "locknit", "-o", "b.csv"]).args(SMALL).assert().success();
+    let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
+    assert_eq!(read("a.csv"), read("b.csv"), "a locknit's chains on a tricot's yarns, which are a locknit's");
+    assert!(read("a.json").contains("\"fabric\": \"2-3/1-0// + 1-0/1-2//\""));
+    // A name of chains is no name of a file.
+    warpknit(folder.path()).arg("swatch").args(chains).args(SMALL).assert().success();
+    assert!(folder.path().join("swatch.png").exists());
 }
 
 #[cfg(target_os = "linux")]
