@@ -45,7 +45,10 @@ pub(crate) fn drape(arguments: &Drape) -> Result<()> {
     let mut clock = begin(shared)?;
     clock.begin(Task::Read, 0.0);
     let fabric = fabric(shared)?;
-    let garment = read(&arguments.flat, arguments.draped.as_deref(), &arguments.reading.options())?;
+    let mut garment = read(&arguments.flat, arguments.draped.as_deref(), &arguments.reading.options())?;
+    for layout in &fabric.panels {
+        garment.turn_grain(layout.panel, layout.grain_degrees.to_radians());
+    }
     clock.stop();
     let area = garment.panels.iter().map(Panel::area).sum();
     let (shown, enlarged) = pictured(&fabric, area, shared)?;
@@ -266,9 +269,10 @@ fn section(job: &Job<'_>) -> Result<Section> {
 /// One look a bar; `radius` is the thickest one's.
 fn looks(fabric: &Fabric, radius: f64) -> Vec<YarnLook> {
     let look = |(bar, thickness): (&Bar, f64)| {
-        #[expect(clippy::cast_possible_truncation, reason = "a radius in mm")]
-        let radius = (radius * thickness) as f32;
-        YarnLook { albedo: bar.yarn.color.linear().into(), roughness: ROUGHNESS, metallic: 0.0, radius }
+        #[expect(clippy::cast_possible_truncation, reason = "a radius in mm and a slope about 1")]
+        let (radius, twist_slope) = ((radius * thickness) as f32, bar.yarn.twist_slope().map(|slope| slope as f32));
+        let look = YarnLook::plain(bar.yarn.color.linear().into(), ROUGHNESS, radius);
+        YarnLook { plies: bar.yarn.plies.unwrap_or(look.plies), twist_slope, ..look }
     };
     fabric.bars.iter().zip(fabric.thickness()).map(look).collect()
 }
@@ -333,6 +337,11 @@ fn yarn_warnings(job: &Job<'_>, section: &Section, near: Clearance) -> Vec<Strin
         warnings.push(format!(
             "the thickest yarn is {thick:.3} mm by its count, but the loops leave room for {drawn:.3} mm, and so it is drawn"
         ));
+    }
+    for (bar, number) in job.shown.bars.iter().zip(1..) {
+        if let Some(texture) = &bar.yarn.texture {
+            warnings.push(format!("bar {number}: textures are not drawn yet, so {} is left out", texture.display()));
+        }
     }
     warnings
 }

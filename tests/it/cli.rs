@@ -5,6 +5,7 @@ use std::path::Path;
 use assert_cmd::Command;
 
 use crate::drape::mesh;
+use crate::fabrics::NAMES;
 
 fn warpknit(folder: &Path) -> Command {
     let mut command = Command::cargo_bin("warpknit").unwrap();
@@ -118,6 +119,27 @@ fn chains_are_knitted_from_the_command_line() {
     assert!(folder.path().join("swatch.png").exists());
 }
 
+#[test]
+fn a_fabric_lays_itself_out_panel_by_panel() {
+    let write = |folder: &Path, panel: usize| {
+        let fabric = String::from_utf8(warpknit(folder).args(["fabrics", "tricot"]).output().unwrap().stdout).unwrap();
+        let layout = format!("\n[[panels]]\npanel = {panel}\ngrain = 15.0\norigin = [3.0, 4.5]\n");
+        std::fs::write(folder.join("mine.toml"), fabric + &layout).unwrap();
+    };
+    let (flat, draped) = (mesh("pinch_flat.obj"), mesh("pinch_draped.obj"));
+    let garment = ["drape", flat.to_str().unwrap(), draped.to_str().unwrap(), "--wales-per-cm", "1"];
+    let absent = fails(1, &[&garment[..], &["--fabric", "mine.toml"]].concat(), |folder| write(folder, 7));
+    assert!(absent.contains("a [[panels]] table for panel 7, but the garment's panels are numbered 0 to 0"), "{absent}");
+
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path(), 0);
+    for (out, more) in [("a.csv", &["--fabric", "mine.toml"][..]), ("b.csv", &["--grain", "15"]), ("c.csv", &[])] {
+        warpknit(folder.path()).args(garment).args(more).args(["-o", out]).assert().success();
+    }
+    let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
+    assert!(read("a.csv") != read("b.csv") && read("b.csv") != read("c.csv"));
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn a_full_disk_is_an_error_that_names_the_file() {
@@ -142,9 +164,10 @@ fn a_failed_run_keeps_the_old_files() {
 fn data_go_to_stdout_and_a_closed_pipe_is_no_error() {
     let folder = tempfile::tempdir().unwrap();
     let listed = warpknit(folder.path()).arg("fabrics").assert().success().stderr("").get_output().stdout.clone();
-    let names: Vec<_> =
-        std::str::from_utf8(&listed).unwrap().lines().map(|line| line.split_whitespace().next().unwrap()).collect();
-    assert_eq!(names, ["tricot", "locknit"]);
+    let lines: Vec<_> = std::str::from_utf8(&listed).unwrap().lines().collect();
+    assert_eq!(lines.iter().map(|line| line.split_whitespace().next().unwrap()).collect::<Vec<_>>(), NAMES);
+    let columns = |line: &&str| line.char_indices().map(|(at, _)| at).filter(|&at| line[..at].ends_with("  ")).count();
+    assert!(lines.iter().all(|line| columns(line) >= 2 && line.chars().count() < 170), "three columns each");
     let inspected =
         warpknit(folder.path()).arg("inspect").arg(mesh("tshirt.obj")).assert().success().stderr("").get_output().stdout.clone();
     assert!(std::str::from_utf8(&inspected).unwrap().contains("unit cm (guessed)"));
