@@ -7,11 +7,10 @@ mod cli;
 use std::io::{self, Write};
 use std::process::ExitCode;
 
-use clap::Parser;
 use warpknit::fabric::FabricError;
 
 fn main() -> ExitCode {
-    let arguments = cli::Arguments::parse();
+    let arguments = cli::Arguments::of_process();
     match cli::run(&arguments) {
         Ok(()) => ExitCode::SUCCESS,
         // Whoever read our output has seen enough.
@@ -28,14 +27,8 @@ fn is_broken_pipe(error: &anyhow::Error) -> bool {
     error.chain().filter_map(|cause| cause.downcast_ref::<io::Error>()).any(|cause| cause.kind() == io::ErrorKind::BrokenPipe)
 }
 
-/// Where an error is about a place in a chain: the chain, and carets below that place.
+/// Where an error is about a place in a fabric: its line, and carets below that place.
 fn caret(error: &anyhow::Error) -> String {
-    match error.downcast_ref::<FabricError>() {
-        Some(FabricError::Lapping { text, source, .. }) if !text.trim().is_empty() => {
-            let before = text[..source.span.start].chars().count();
-            let wrong = text[source.span.clone()].chars().count().max(1);
-            format!("\n  {text}\n  {:before$}{:^<wrong$}", "", "")
-        }
-        _ => String::new(),
-    }
+    let place = error.downcast_ref::<FabricError>().and_then(|error| error.place.as_ref());
+    place.map_or_else(String::new, |place| format!("\n{place}").replace('\n', "\n  "))
 }

@@ -26,6 +26,19 @@ pub struct YarnLook {
     pub metallic: f32,
     /// Radius, mm.
     pub radius: f32,
+    /// Single yarns that are wound around each other.
+    pub plies: u32,
+    /// Circumference over the length of one turn of the plies, or of the fibres where there is one ply; S over 0, Z under 0. A middling
+    /// twist where it isn't known.
+    pub twist_slope: Option<f32>,
+}
+
+impl YarnLook {
+    /// Fibres of one colour in three plies of a middling twist.
+    #[must_use]
+    pub const fn plain(albedo: Vec3, roughness: f32, radius: f32) -> Self {
+        Self { albedo, roughness, metallic: 0.0, radius, plies: 3, twist_slope: None }
+    }
 }
 
 /// One uninterrupted run of yarn.

@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::error::ErrorKind;
+use clap::{Args, CommandFactory as _, Parser, Subcommand, ValueEnum};
 use glam::DVec3;
 use warpknit::drape::strands::Edge;
 use warpknit::export::Format;
@@ -18,6 +19,30 @@ pub(crate) struct Arguments {
     pub(crate) command: Command,
 }
 
+impl Arguments {
+    /// The arguments of this process; ends it where they are wrong usage.
+    pub(crate) fn of_process() -> Self {
+        let arguments = Self::parse();
+        let shared = match &arguments.command {
+            Command::Drape(drape) => Some(&drape.shared),
+            Command::Swatch(swatch) => Some(&swatch.shared),
+            Command::Inspect(_) | Command::Fabrics(_) => None,
+        };
+        if let Some(Shared { lapping, threading, .. }) = shared
+            && threading.len() > 1
+            && threading.len() != lapping.len()
+        {
+            let message = format!(
+                "--threading is given {} times and --lapping {} times: give one for each bar, or one for all",
+                threading.len(),
+                lapping.len()
+            );
+            Self::command().error(ErrorKind::WrongNumberOfValues, message).exit();
+        }
+        arguments
+    }
+}
+
 #[derive(Subcommand, Debug)]
 pub(crate) enum Command {
     /// Knit a fabric onto a garment
@@ -28,7 +53,8 @@ pub(crate) enum Command {
     /// Knit a flat piece of fabric
     #[command(after_help = "Examples:
   warpknit swatch --fabric locknit --view front -o face.png
-  warpknit swatch --fabric locknit --view back -o back.png")]
+  warpknit swatch --fabric locknit --view back -o back.png
+  warpknit swatch --lapping 2-3/1-0// --lapping 1-0/1-2// -o satin.png")]
     Swatch(Swatch),
     /// Say what meshes hold and whether they pair
     #[command(after_help = "Examples:
@@ -115,6 +141,12 @@ pub(crate) struct Shared {
     /// A built-in fabric or a fabric file
     #[arg(long, value_name = "NAME|FILE.toml", default_value = "tricot")]
     pub(crate) fabric: String,
+    /// A bar's chain, such as 1-0/1-2//, or weft; a bar each, front first. They take the place of the fabric's bars, and take their yarns
+    #[arg(long, value_name = "CHAIN")]
+    pub(crate) lapping: Vec<String>,
+    /// Which guides of a --lapping carry a yarn: I threaded, . empty, repeated across; one for each --lapping, or one for all [default: I]
+    #[arg(long, value_name = "MARKS", requires = "lapping")]
+    pub(crate) threading: Vec<String>,
     /// Wales per cm; yarns are drawn in proportion [default: the fabric's, or fewer where a garment would hold over 12000 stitches]
     #[arg(long, value_name = "X", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) wales_per_cm: Option<f64>,
@@ -276,7 +308,6 @@ fn field_of_view(text: &str) -> Result<f64, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::CommandFactory as _;
 
     #[test]
     fn the_definition_holds_together() {

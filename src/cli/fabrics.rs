@@ -3,23 +3,32 @@
 use std::fmt::Write as _;
 
 use anyhow::Result;
-use warpknit::fabric::{Fabric, FabricError, builtin};
+use warpknit::fabric::{Bar, Fabric, FabricError, Fault, builtin};
 
 use super::args::Fabrics;
 use super::print;
 
+/// Characters of the chains that are listed; nets have long ones, and `warpknit fabrics NAME` shows them whole.
+const CHAINS: usize = 32;
+
 /// Lists the fabrics, a line each with the name first, or prints one as the TOML that `--fabric` takes.
 pub(crate) fn fabrics(arguments: &Fabrics) -> Result<()> {
     match &arguments.name {
-        Some(name) => print(builtin::text(name).ok_or_else(|| FabricError::Unknown(name.clone()))?),
+        Some(name) => print(builtin::text(name).ok_or_else(|| FabricError::from(Fault::Unknown(name.clone())))?),
         None => {
+            let width = builtin::names().map(str::len).max().unwrap_or(0);
             let mut list = String::new();
             for name in builtin::names() {
                 let fabric = Fabric::named(name)?;
-                let bars: Vec<_> = fabric.bars.iter().map(|bar| bar.chain.to_string()).collect();
-                writeln!(list, "{name:10} {:28} {}", bars.join(" + "), fabric.about)?;
+                let bars: Vec<_> = fabric.bars.iter().map(Bar::lapping).collect();
+                writeln!(list, "{name:width$}  {:CHAINS$}  {}", shortened(&bars.join(" + ")), fabric.about)?;
             }
             print(&list)
         }
     }
+}
+
+/// The chains, as far as their column holds them.
+fn shortened(chains: &str) -> String {
+    if chains.len() <= CHAINS { chains.to_owned() } else { format!("{}…", &chains[..CHAINS - 1]) }
 }

@@ -10,7 +10,7 @@ use warpknit::export::csv::CsvWriter;
 use warpknit::export::glb::GlbWriter;
 use warpknit::export::obj::ObjWriter;
 use warpknit::export::{ExportError, Format, Output, Sink, png};
-use warpknit::fabric::{Bar, Fabric};
+use warpknit::fabric::{Bar, Fabric, FabricError};
 use warpknit::garment::stretch::stretch;
 use warpknit::garment::{Panel, ReadOptions, read};
 use warpknit::ids::index32;
@@ -45,11 +45,14 @@ pub(crate) fn drape(arguments: &Drape) -> Result<()> {
     let mut clock = begin(shared)?;
     clock.begin(Task::Read, 0.0);
     let fabric = fabric(shared)?;
-    let garment = read(&arguments.flat, arguments.draped.as_deref(), &arguments.reading.options())?;
+    let mut garment = read(&arguments.flat, arguments.draped.as_deref(), &arguments.reading.options())?;
+    for layout in &fabric.panels {
+        garment.turn_grain(layout.panel, layout.grain_degrees.to_radians());
+    }
     clock.stop();
     let area = garment.panels.iter().map(Panel::area).sum();
     let (shown, enlarged) = pictured(&fabric, area, shared)?;
-    let cloth = Cloth::cover(&garment, &shown).with_context(|| shared.fabric.clone())?;
+    let cloth = Cloth::cover(&garment, &shown).with_context(|| fabric.name.clone())?;
     let options = drape::Options { mapping: arguments.mapping.into(), edge: arguments.edge.into(), surface: None };
     let stem = arguments.draped.as_ref().unwrap_or(&arguments.flat).file_stem().unwrap_or_default();
     let inputs = std::iter::once(arguments.flat.as_path()).chain(arguments.draped.as_deref()).collect();
@@ -68,7 +71,9 @@ pub(crate) fn swatch(arguments: &Swatch) -> Result<()> {
     let cloth = Cloth::swatch(&panel, &fabric, arguments.wales, arguments.courses);
     let options = drape::Options::default();
     let area = f64::from(arguments.wales) * fabric.wale_spacing() * f64::from(arguments.courses) * fabric.course_spacing();
-    let (shown, enlarged, inputs, stem) = (&fabric, None, Vec::new(), Path::new(&fabric.name));
+    // A fabric of chains is named by them, and a file may name its fabric anything.
+    let stem = if fabric.name.is_empty() || fabric.name.contains(['/', '\\']) { "swatch" } else { &fabric.name };
+    let (shown, enlarged, inputs, stem) = (&fabric, None, Vec::new(), Path::new(stem));
     make(&Job { shared, fabric: &fabric, shown, enlarged, cloth: &cloth, options, area, inputs, stem }, clock)
 }
 
@@ -109,10 +114,12 @@ fn begin(shared: &Shared) -> Result<Clock> {
 fn fabric(shared: &Shared) -> Result<Fabric> {
     let name = &shared.fabric;
     let fabric = if Path::new(name).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml")) {
-        Fabric::read(Path::new(name)).with_context(|| name.clone())?
+        Fabric::read(Path::new(name)).map_err(|error| in_file(name, error))?
     } else {
         Fabric::named(name)?
     };
+    let fabric = if shared.lapping.is_empty() { fabric } else { fabric.with_chains(&shared.lapping, &shared.threading)? };
+    let name = &fabric.name;
     for warning in fabric.warnings() {
         tell(shared.quiet, &format!("warning: {name}: {warning}"));
     }
@@ -125,6 +132,15 @@ fn fabric(shared: &Shared) -> Result<Fabric> {
             Ok(fabric.at_densities(wales, courses.unwrap_or(wales * aspect))?)
         }
     }
+}
+
+/// An error in a fabric file, with its name and line in front.
+fn in_file(name: &str, error: FabricError) -> anyhow::Error {
+    let place = match &error.place {
+        Some(place) => format!("{name}:{}", place.line),
+        None => name.to_owned(),
+    };
+    anyhow::Error::new(error).context(place)
 }
 
 /// The fabric for `area` mm² of garment, enlarged where nobody chose densities and its loops would be too many and too small to see.
@@ -253,9 +269,10 @@ fn section(job: &Job<'_>) -> Result<Section> {
 /// One look a bar; `radius` is the thickest one's.
 fn looks(fabric: &Fabric, radius: f64) -> Vec<YarnLook> {
     let look = |(bar, thickness): (&Bar, f64)| {
-        #[expect(clippy::cast_possible_truncation, reason = "a radius in mm")]
-        let radius = (radius * thickness) as f32;
-        YarnLook { albedo: bar.yarn.color.linear().into(), roughness: ROUGHNESS, metallic: 0.0, radius }
+        #[expect(clippy::cast_possible_truncation, reason = "a radius in mm and a slope about 1")]
+        let (radius, twist_slope) = ((radius * thickness) as f32, bar.yarn.twist_slope().map(|slope| slope as f32));
+        let look = YarnLook::plain(bar.yarn.color.linear().into(), ROUGHNESS, radius);
+        YarnLook { plies: bar.yarn.plies.unwrap_or(look.plies), twist_slope, ..look }
     };
     fabric.bars.iter().zip(fabric.thickness()).map(look).collect()
 }
@@ -320,6 +337,11 @@ fn yarn_warnings(job: &Job<'_>, section: &Section, near: Clearance) -> Vec<Strin
         warnings.push(format!(
             "the thickest yarn is {thick:.3} mm by its count, but the loops leave room for {drawn:.3} mm, and so it is drawn"
         ));
+    }
+    for (bar, number) in job.shown.bars.iter().zip(1..) {
+        if let Some(texture) = &bar.yarn.texture {
+            warnings.push(format!("bar {number}: textures are not drawn yet, so {} is left out", texture.display()));
+        }
     }
     warnings
 }

@@ -48,6 +48,16 @@ pub enum LayoutError {
         /// Its height, mm.
         height: f64,
     },
+    /// The fabric lays out a panel that isn't there.
+    #[error(
+        "the fabric has a [[panels]] table for panel {panel}, but the garment's panels are numbered 0 to {last}: `inspect` lists them"
+    )]
+    NoPanel {
+        /// The panel, from 0.
+        panel: usize,
+        /// The garment's last panel.
+        last: usize,
+    },
 }
 
 /// One yarn to be laid.
@@ -80,17 +90,23 @@ pub struct Cloth<'a> {
 }
 
 impl<'a> Cloth<'a> {
-    /// Covers every panel, from the lowest-left corner of its bounding box along the grain.
+    /// Covers every panel, from the lowest-left corner of its bounding box along the grain, or from where the fabric's layout of that
+    /// panel says. Panels are as they were turned: their layouts' grain is for [`Garment::turn_grain`], before.
     ///
     /// # Errors
-    /// A panel that would take more stitches than any garment has.
+    /// A panel that would take more stitches than any garment has, or a layout of a panel that isn't there.
     pub fn cover(garment: &'a Garment, fabric: &Fabric) -> Result<Self, LayoutError> {
         for (panel, size) in garment.panels.iter().map(Panel::size).enumerate() {
             if size.x > MOST_SPACINGS * fabric.wale_spacing() || size.y > MOST_SPACINGS * fabric.course_spacing() {
                 return Err(LayoutError::TooLarge { panel, width: size.x, height: size.y });
             }
         }
-        let meshes = garment.panels.iter().map(|panel| StructureMesh::anchored_at(fabric, panel.bounds()[0])).collect();
+        let last = garment.panels.len().saturating_sub(1);
+        if let Some(layout) = fabric.panels.iter().find(|layout| layout.panel > last) {
+            return Err(LayoutError::NoPanel { panel: layout.panel, last });
+        }
+        let corners = garment.panels.iter().enumerate().map(|(at, panel)| panel.bounds()[0] + shift(fabric, at));
+        let meshes = corners.map(|corner| StructureMesh::anchored_at(fabric, corner)).collect();
         let mut cloth = Self::bare(garment, fabric, meshes);
         for panel in 0..garment.panels.len() {
             for bar in 0..fabric.bars.len() {
@@ -175,6 +191,17 @@ impl<'a> Cloth<'a> {
             self.yarns += 1;
         }
     }
+}
+
+/// Where the fabric starts on a panel, from its lowest-left corner: its origin, moved by whole repeats to the corner or to the left of and below
+/// it, so that wales and courses count from 0 on as they do without an origin.
+fn shift(fabric: &Fabric, panel: usize) -> DVec2 {
+    let repeat = DVec2::new(
+        f64::from(index32(fabric.threading_repeat())) * fabric.wale_spacing(),
+        f64::from(index32(fabric.repeat())) * fabric.course_spacing(),
+    );
+    let origin = fabric.panels.iter().find(|layout| layout.panel == panel).map_or(DVec2::ZERO, |layout| layout.origin);
+    -(-origin).rem_euclid(repeat)
 }
 
 /// The panel of a swatch: as large as its structure mesh, auxiliary vertices included, and half a course more at both ends.

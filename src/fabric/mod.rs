@@ -3,17 +3,27 @@
 //! In: a TOML file ([`Fabric::read`]) or a built-in name ([`Fabric::named`]). Out: a checked [`Fabric`]. Lengths that are drawn
 //! follow from it ([`Fabric::radius`]), weights always from the yarn's count.
 
+mod bar;
 pub mod builtin;
+mod dimensions;
+mod error;
+mod file;
 pub mod lapping;
+pub mod threading;
 pub mod yarn;
 
 use std::fmt;
 use std::path::Path;
 
-use serde::{Deserialize, Serialize};
+use glam::DVec2;
 
-use lapping::{Chain, LappingError, Numbering};
-use yarn::Yarn;
+use file::{FabricFile, in_range};
+use lapping::Numbering;
+use threading::Threading;
+
+pub use bar::{Bar, BarKind};
+pub use dimensions::Dimensions;
+pub use error::{FabricError, Fault, Place};
 
 /// The longest common repeat of all bars, courses.
 pub const MAX_REPEAT: usize = 10_000;
@@ -21,6 +31,8 @@ pub const MAX_REPEAT: usize = 10_000;
 pub const MAX_THREADING: usize = 1_000;
 /// The most guide bars; machines have up to some 80, most of them for a few patterning threads.
 pub const MAX_BARS: usize = 100;
+
+const INCH_IN_CM: f64 = 2.54;
 
 /// A warp-knitted fabric.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,155 +43,38 @@ pub struct Fabric {
     pub about: String,
     /// Wales per centimetre of the finished cloth.
     pub wales_per_cm: f64,
+    /// Needles an inch, where the wales were given so: `wales_per_cm` follows from it, before finishing.
+    pub gauge: Option<f64>,
     /// Courses per centimetre of the finished cloth.
     pub courses_per_cm: f64,
+    /// The shape of its stitches.
+    pub stitch: Dimensions,
     /// Guide bars, front first (bar 1 = front guide bar, nearest the technical back).
     pub bars: Vec<Bar>,
+    /// Panels on which it lies otherwise than along the garment's grain from the lowest-left corner.
+    pub panels: Vec<PanelLayout>,
     /// How many times the yarns are drawn larger than their count says: cloth shown at another scale.
     pub enlargement: f64,
 }
 
-/// A guide bar, or what lays wefts in.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Bar {
-    /// Its lapping, numbered from x = 0 upward; `0-0//` for a weft.
-    pub chain: Chain,
-    /// Which of its guides carry a yarn; for a weft, which courses get one.
-    pub threading: Threading,
-    /// The yarn they carry.
-    pub yarn: Yarn,
-    /// What lays its yarns.
-    pub kind: BarKind,
-}
-
-/// What lays a bar's yarns.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum BarKind {
-    /// A guide bar, which laps.
-    #[default]
-    Guide,
-    /// Weft insertion: straight yarns across the whole width, in the layer of an inlay.
-    Weft,
-}
-
-/// Which guides of a bar carry a yarn, repeated across.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Threading(Vec<bool>);
-
-impl Threading {
-    /// Reads marks, one a guide: `I`, `1` or `|` threaded, `.`, `0` or `*` empty.
-    ///
-    /// # Errors
-    /// An unknown mark, or no threaded guide at all.
-    pub fn parse(text: &str) -> Result<Self, ThreadingError> {
-        let marks = text.chars().filter(|c| !c.is_whitespace()).map(|c| match c {
-            'I' | '1' | '|' => Ok(true),
-            '.' | '0' | '*' => Ok(false),
-            other => Err(ThreadingError::UnknownMark(other)),
-        });
-        let marks = marks.collect::<Result<Vec<_>, _>>()?;
-        if marks.contains(&true) { Ok(Self(marks)) } else { Err(ThreadingError::NoYarn) }
-    }
-
-    /// Whether guide `k` carries a yarn; the first mark is guide 0.
-    #[must_use]
-    pub fn carries(&self, guide: i64) -> bool {
-        let repeat = i64::try_from(self.0.len()).expect("marks fit in memory");
-        self.0[usize::try_from(guide.rem_euclid(repeat)).expect("a remainder is not negative")]
-    }
-
-    /// The same threading counted the other way from guide 0.
-    #[must_use]
-    pub fn mirrored(&self) -> Self {
-        let (first, others) = self.0.split_first().expect("a threading has a mark");
-        Self(std::iter::once(*first).chain(others.iter().rev().copied()).collect())
-    }
-
-    /// Guides in one repeat.
-    #[must_use]
-    pub fn repeat(&self) -> usize {
-        self.0.len()
-    }
-}
-
-impl fmt::Display for Threading {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.iter().try_for_each(|&threaded| f.write_str(if threaded { "I" } else { "." }))
-    }
-}
-
-/// What is wrong with a threading.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum ThreadingError {
-    /// A character that is no mark.
-    #[error("'{0}' is no threading mark: use I for a threaded guide and . for an empty one")]
-    UnknownMark(char),
-    /// Every guide empty.
-    #[error("a bar without a threaded guide knits nothing: use I for a threaded guide and . for an empty one")]
-    NoYarn,
-}
-
-/// Why there is no fabric.
-#[derive(Debug, thiserror::Error)]
-pub enum FabricError {
-    /// The file can't be read.
-    #[error("can't read the fabric file")]
-    Io(#[from] std::io::Error),
-    /// No built-in fabric of that name.
-    #[error("there is no built-in fabric '{0}': `warpknit fabrics` lists them, and a file's name ends in .toml")]
-    Unknown(String),
-    /// Not TOML, or not what a fabric file holds; carries its own line, column and caret.
-    #[error("{}", .0.to_string().trim_end())]
-    Toml(toml::de::Error),
-    /// A chain that can't be read.
-    #[error("bar {bar}, lapping \"{text}\"")]
-    Lapping {
-        /// The bar, front bar 1.
-        bar: usize,
-        /// The chain as written.
-        text: String,
-        /// What is wrong, with its span in `text`.
-        source: LappingError,
-    },
-    /// A threading that can't be read.
-    #[error("bar {bar}")]
-    Threading {
-        /// The bar, front bar 1.
-        bar: usize,
-        /// What is wrong.
-        source: ThreadingError,
-    },
-    /// A number out of its range.
-    #[error("{what} is {value}, but must be {range}")]
-    Range {
-        /// The key.
-        what: String,
-        /// Its value.
-        value: f64,
-        /// What it may be.
-        range: &'static str,
-    },
-    /// No bar.
-    #[error("a fabric needs at least one [[bars]] table")]
-    NoBars,
-    /// Over [`MAX_BARS`].
-    #[error("{0} bars; at most {MAX_BARS} are taken")]
-    TooManyBars(usize),
-    /// Threadings that meet too rarely.
-    #[error("the threadings repeat together only after {0} guides; at most {MAX_THREADING} are taken")]
-    ThreadingTooLong(usize),
-    /// Bars that meet too rarely.
-    #[error("the bars repeat together only after {0} courses; at most {MAX_REPEAT} are taken")]
-    RepeatTooLong(usize),
+/// How the fabric lies on one panel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PanelLayout {
+    /// Index of the panel in [`crate::garment::Garment::panels`].
+    pub panel: usize,
+    /// Turns the panel's wales, degrees, counter-clockwise seen from the technical face, on top of the garment's grain.
+    pub grain_degrees: f64,
+    /// Where gap 0 of course 0 lies, mm from the lowest-left corner of the panel once its wales run upward.
+    pub origin: DVec2,
 }
 
 impl Fabric {
     /// The built-in fabric of that name.
     ///
     /// # Errors
-    /// [`FabricError::Unknown`].
+    /// [`Fault::Unknown`].
     pub fn named(name: &str) -> Result<Self, FabricError> {
-        let text = builtin::text(name).ok_or_else(|| FabricError::Unknown(name.to_owned()))?;
+        let text = builtin::text(name).ok_or_else(|| Fault::Unknown(name.to_owned()))?;
         Self::parse(text)
     }
 
@@ -188,7 +83,7 @@ impl Fabric {
     /// # Errors
     /// What is wrong with it; the caller knows the file's name.
     pub fn read(path: &Path) -> Result<Self, FabricError> {
-        Self::parse(&std::fs::read_to_string(path)?)
+        Self::parse(&std::fs::read_to_string(path).map_err(Fault::Io)?)
     }
 
     /// Reads a fabric from TOML.
@@ -196,8 +91,50 @@ impl Fabric {
     /// # Errors
     /// The first thing that is wrong.
     pub fn parse(text: &str) -> Result<Self, FabricError> {
-        let file: FabricFile = toml::from_str(text).map_err(FabricError::Toml)?;
-        file.into_fabric()
+        file::parse(text)
+    }
+
+    /// The fabric with other bars, of these chains (or `weft`) and threadings, front first, as the command line gives them.
+    ///
+    /// Densities and yarns stay: each bar has the yarn of this fabric's bar in its place, or of the last. Missing threadings are full; one
+    /// alone is every bar's.
+    ///
+    /// # Errors
+    /// A chain or a threading that can't be read, under the name of its flag, or too much of anything.
+    ///
+    /// ```
+    /// use warpknit::fabric::Fabric;
+    /// let satin = Fabric::named("tricot")?.with_chains(&["3-4/1-0".into(), "1-0/1-2".into()], &[])?;
+    /// assert_eq!(satin.name, "3-4/1-0// + 1-0/1-2//");
+    /// # Ok::<(), warpknit::fabric::FabricError>(())
+    /// ```
+    pub fn with_chains(self, chains: &[String], threadings: &[String]) -> Result<Self, FabricError> {
+        let threading = |text: &String| bar::read_threading("--threading", text).map_err(|fault| fault.in_own(text));
+        let threadings = threadings.iter().map(threading).collect::<Result<Vec<_>, _>>()?;
+        let last = self.bars.last().ok_or(Fault::NoBars)?;
+        let bar = |(index, text): (usize, &String)| {
+            let (kind, chain) = bar::read_lapping("--lapping", text, Numbering::default()).map_err(|fault| fault.in_own(text))?;
+            let threading = threadings.get(index).or(threadings.last()).cloned().unwrap_or_else(Threading::full);
+            let yarn = self.bars.get(index).unwrap_or(last).yarn.clone();
+            Ok(Bar { chain, threading, yarn, kind })
+        };
+        let bars = chains.iter().enumerate().map(bar).collect::<Result<Vec<_>, FabricError>>()?;
+        let name = bars.iter().map(Bar::lapping).collect::<Vec<_>>().join(" + ");
+        let fabric = Self { name, about: String::new(), bars, ..self };
+        fabric.check_repeats()?;
+        Ok(fabric)
+    }
+
+    /// Refuses more bars and longer repeats than can be knitted.
+    fn check_repeats(&self) -> Result<(), Fault> {
+        let (courses, guides) = (self.repeat(), self.threading_repeat());
+        match self.bars.len() {
+            0 => Err(Fault::NoBars),
+            bars if bars > MAX_BARS => Err(Fault::TooManyBars(bars)),
+            _ if courses > MAX_REPEAT => Err(Fault::RepeatTooLong(courses)),
+            _ if guides > MAX_THREADING => Err(Fault::ThreadingTooLong(guides)),
+            _ => Ok(()),
+        }
     }
 
     /// The same cloth at other densities, the yarns drawn in the same proportion to the wale spacing.
@@ -205,12 +142,13 @@ impl Fabric {
     /// A named fabric is a look: at a tenth of its wales its true yarns would be hairlines. Weights still follow the count.
     ///
     /// # Errors
-    /// [`FabricError::Range`] where a density is not positive.
+    /// [`Fault::Range`] where a density is not positive.
     pub fn at_densities(mut self, wales_per_cm: f64, courses_per_cm: f64) -> Result<Self, FabricError> {
-        in_range("wales_per_cm", wales_per_cm, DENSITY)?;
-        in_range("courses_per_cm", courses_per_cm, DENSITY)?;
+        in_range("wales_per_cm", wales_per_cm, file::DENSITY)?;
+        in_range("courses_per_cm", courses_per_cm, file::DENSITY)?;
         self.enlargement *= self.wales_per_cm / wales_per_cm;
         self.wales_per_cm = wales_per_cm;
+        self.gauge = None;
         self.courses_per_cm = courses_per_cm;
         Ok(self)
     }
@@ -252,22 +190,13 @@ impl Fabric {
     /// Courses after which all bars repeat together.
     #[must_use]
     pub fn repeat(&self) -> usize {
-        self.bars.iter().fold(1, |repeat, bar| {
-            let courses = match bar.kind {
-                BarKind::Guide => bar.chain.laps().len(),
-                BarKind::Weft => bar.threading.repeat(),
-            };
-            least_common_multiple(repeat, courses)
-        })
+        self.bars.iter().fold(1, |repeat, bar| least_common_multiple(repeat, bar.courses()))
     }
 
     /// Guides after which all threadings repeat together. Wefts count courses and not guides, and so are left out.
     #[must_use]
     pub fn threading_repeat(&self) -> usize {
-        self.bars
-            .iter()
-            .filter(|bar| bar.kind == BarKind::Guide)
-            .fold(1, |repeat, bar| least_common_multiple(repeat, bar.threading.repeat()))
+        self.bars.iter().fold(1, |repeat, bar| least_common_multiple(repeat, bar.guides()))
     }
 
     /// What a designer should know of this fabric although it can be knitted, a line each.
@@ -276,7 +205,7 @@ impl Fabric {
         let mut warnings = Vec::new();
         for (bar, number) in self.bars.iter().zip(1..) {
             if !bar.chain.laps().iter().any(|lap| lap.from == 0 || lap.to == 0) {
-                warnings.push(format!("bar {number}: the chain {} has no gap 0", BarTable::from(bar).lapping));
+                warnings.push(format!("bar {number}: the chain {} has no gap 0", bar.lapping()));
             }
         }
         if let Some((wale, course)) = self.dropped_stitch() {
@@ -293,19 +222,6 @@ impl Fabric {
     }
 }
 
-impl Bar {
-    /// Whether one of this bar's yarns makes a loop on the needle of `wale` in `course`.
-    #[must_use]
-    pub fn loops_on(&self, wale: i64, course: i64) -> bool {
-        if self.kind == BarKind::Weft {
-            return false;
-        }
-        let lap = self.chain.lap(course);
-        let needles = i64::from(lap.needle())..i64::from(lap.from.max(lap.to));
-        needles.into_iter().any(|needle| self.threading.carries(wale - needle))
-    }
-}
-
 impl fmt::Display for Fabric {
     /// The fabric as the TOML that [`Fabric::parse`] reads.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -314,138 +230,12 @@ impl fmt::Display for Fabric {
     }
 }
 
-const DENSITY: (f64, f64, &str) = (0.01, 1000.0, "between 0.01 and 1000 per cm");
-const FIBRE_DENSITY: (f64, f64, &str) = (0.1, 25.0, "between 0.1 and 25 g/cm³");
-const PACKING: (f64, f64, &str) = (0.01, 1.0, "between 0.01 and 1");
-
-/// Refuses a value outside `low..=high` (NaN included).
-fn in_range(what: &str, value: f64, (low, high, range): (f64, f64, &'static str)) -> Result<(), FabricError> {
-    if (low..=high).contains(&value) { Ok(()) } else { Err(FabricError::Range { what: what.to_owned(), value, range }) }
-}
-
 fn least_common_multiple(a: usize, b: usize) -> usize {
     let (mut x, mut y) = (a, b);
     while y != 0 {
         (x, y) = (y, x % y);
     }
     (a / x).saturating_mul(b)
-}
-
-/// The fabric file.
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct FabricFile {
-    name: String,
-    #[serde(default)]
-    about: String,
-    wales_per_cm: f64,
-    courses_per_cm: f64,
-    bars: Vec<BarTable>,
-}
-
-/// A `[[bars]]` table.
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct BarTable {
-    lapping: String,
-    #[serde(default)]
-    numbering: Numbering,
-    #[serde(default)]
-    drive: Drive,
-    #[serde(default = "full_set")]
-    threading: String,
-    yarn: Yarn,
-}
-
-/// The side of the machine from which gaps are counted, seen from the technical face.
-#[derive(Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum Drive {
-    #[default]
-    Right,
-    Left,
-}
-
-/// What stands for a lapping where straight wefts are laid in.
-const WEFT: &str = "weft";
-
-fn full_set() -> String {
-    "I".to_owned()
-}
-
-impl FabricFile {
-    fn into_fabric(self) -> Result<Fabric, FabricError> {
-        in_range("wales_per_cm", self.wales_per_cm, DENSITY)?;
-        in_range("courses_per_cm", self.courses_per_cm, DENSITY)?;
-        let bars = self.bars.into_iter().zip(1..).map(|(table, number)| table.into_bar(number)).collect::<Result<Vec<_>, _>>()?;
-        if bars.is_empty() {
-            return Err(FabricError::NoBars);
-        }
-        let fabric = Fabric {
-            name: self.name,
-            about: self.about,
-            wales_per_cm: self.wales_per_cm,
-            courses_per_cm: self.courses_per_cm,
-            bars,
-            enlargement: 1.0,
-        };
-        let (courses, guides) = (fabric.repeat(), fabric.threading_repeat());
-        match fabric.bars.len() {
-            bars if bars > MAX_BARS => Err(FabricError::TooManyBars(bars)),
-            _ if courses > MAX_REPEAT => Err(FabricError::RepeatTooLong(courses)),
-            _ if guides > MAX_THREADING => Err(FabricError::ThreadingTooLong(guides)),
-            _ => Ok(fabric),
-        }
-    }
-}
-
-impl BarTable {
-    fn into_bar(self, number: usize) -> Result<Bar, FabricError> {
-        let kind = if self.lapping.trim() == WEFT { BarKind::Weft } else { BarKind::Guide };
-        let lapping = if kind == BarKind::Weft { "0-0//" } else { &self.lapping };
-        let chain = Chain::parse(lapping, self.numbering).map_err(|source| FabricError::Lapping {
-            bar: number,
-            text: self.lapping.clone(),
-            source,
-        })?;
-        let threading = Threading::parse(&self.threading).map_err(|source| FabricError::Threading { bar: number, source })?;
-        in_range(&format!("bar {number}: yarn.density"), self.yarn.density, FIBRE_DENSITY)?;
-        in_range(&format!("bar {number}: yarn.packing"), self.yarn.packing, PACKING)?;
-        // Both gaps and guides are counted from the drive; a weft's marks are courses.
-        let mirrored = self.drive == Drive::Left && kind == BarKind::Guide;
-        let (chain, threading) = if mirrored { (chain.mirrored(), threading.mirrored()) } else { (chain, threading) };
-        Ok(Bar { chain, threading, yarn: self.yarn, kind })
-    }
-}
-
-impl From<&Fabric> for FabricFile {
-    fn from(fabric: &Fabric) -> Self {
-        Self {
-            name: fabric.name.clone(),
-            about: fabric.about.clone(),
-            wales_per_cm: fabric.wales_per_cm,
-            courses_per_cm: fabric.courses_per_cm,
-            bars: fabric.bars.iter().map(BarTable::from).collect(),
-        }
-    }
-}
-
-impl From<&Bar> for BarTable {
-    fn from(bar: &Bar) -> Self {
-        // Only a chain read with its drive on the left has gaps below 0; it is written as it was given.
-        let left = bar.chain.gaps().0 < 0;
-        Self {
-            lapping: match bar.kind {
-                BarKind::Guide if left => bar.chain.mirrored().to_string(),
-                BarKind::Guide => bar.chain.to_string(),
-                BarKind::Weft => WEFT.to_owned(),
-            },
-            numbering: Numbering::Tricot,
-            drive: if left { Drive::Left } else { Drive::Right },
-            threading: if left { bar.threading.mirrored() } else { bar.threading.clone() }.to_string(),
-            yarn: bar.yarn.clone(),
-        }
-    }
 }
 
 #[cfg(test)]
@@ -505,9 +295,9 @@ mod tests {
         let good = Fabric::named("tricot").unwrap().to_string();
         let threading = |marks: usize| format!("threading = \"{}\"", "I".repeat(marks));
         let long = good.replacen("threading = \"I\"", &threading(997), 1).replacen("threading = \"I\"", &threading(1009), 1);
-        assert!(matches!(Fabric::parse(&long), Err(FabricError::ThreadingTooLong(_))));
+        assert!(matches!(Fabric::parse(&long), Err(FabricError { fault: Fault::ThreadingTooLong(_), .. })));
         let bars = good[good.find("[[bars]]").unwrap()..].repeat(60);
-        assert!(matches!(Fabric::parse(&(good + "\n" + &bars)), Err(FabricError::TooManyBars(122))));
+        assert!(matches!(Fabric::parse(&(good + "\n" + &bars)), Err(FabricError { fault: Fault::TooManyBars(122), .. })));
     }
 
     #[test]
@@ -517,16 +307,21 @@ mod tests {
     }
 
     #[test]
-    fn faults_name_their_place() {
-        let good = Fabric::named("locknit").unwrap().to_string();
-        let message =
-            |from: &str, to: &str| format!("{:#}", anyhow::Error::from(Fabric::parse(&good.replace(from, to)).unwrap_err()));
-        assert!(message("2-3/1-0//", "2-9/1-0//").contains("bar 1, lapping \"2-9/1-0//\": an overlap over 7 needles"));
-        assert!(message("threading = \"I\"", "threading = \"x\"").contains("bar 1: 'x' is no threading mark"));
-        assert!(message("packing = 0.65", "packing = 2.0").contains("bar 1: yarn.packing is 2"));
-        assert!(message("44 dtex", "44 stone").contains("no yarn count"));
-        assert!(message("wales_per_cm", "whales_per_cm").contains("line 3"));
-        assert!(matches!(Fabric::named("tweed"), Err(FabricError::Unknown(_))));
+    fn chains_take_the_bars_places_and_keep_their_yarns() {
+        let strings = |texts: &[&str]| texts.iter().map(|text| (*text).to_owned()).collect::<Vec<_>>();
+        let tricot = Fabric::named("tricot").unwrap();
+        let net = tricot.clone().with_chains(&strings(&["2-1/1-2", "1-0/1-2", "weft"]), &strings(&["I."])).unwrap();
+        assert_eq!(net.name, "2-1/1-2// + 1-0/1-2// + weft");
+        let yarns: Vec<_> = net.bars.iter().map(|bar| bar.yarn.color).collect();
+        assert_eq!(yarns, [0, 1, 1].map(|bar: usize| tricot.bars[bar].yarn.color));
+        assert!(net.bars.iter().all(|bar| bar.threading.to_string() == "I."));
+        assert_eq!((net.wales_per_cm, net.bars[2].kind), (tricot.wales_per_cm, BarKind::Weft));
+
+        let wrong = tricot.clone().with_chains(&strings(&["1-0", "1-0/1-7"]), &[]).unwrap_err();
+        assert_eq!(wrong.to_string(), "--lapping \"1-0/1-7\": an overlap over 6 needles: guides lap over 1 or 2");
+        assert_eq!(wrong.place.unwrap().to_string(), "1-0/1-7\n    ^^^");
+        let wrong = tricot.with_chains(&strings(&["1-0"]), &strings(&["Ix"])).unwrap_err();
+        assert_eq!(wrong.place.unwrap().to_string(), "Ix\n ^");
     }
 
     #[test]
@@ -536,5 +331,14 @@ mod tests {
         assert!((coarse.radius() - 10.0 * fabric.radius()).abs() < 1e-12);
         assert_eq!(coarse.bars, fabric.bars);
         assert!(fabric.at_densities(0.0, 1.0).is_err());
+    }
+
+    #[test]
+    fn a_gauge_is_needles_an_inch() {
+        let wales = Fabric::named("tricot").unwrap().to_string();
+        let fabric = Fabric::parse(&wales.replace("wales_per_cm = 14.6", "gauge = 28.0")).unwrap();
+        assert!((fabric.wale_spacing() - 25.4 / 28.0).abs() < 1e-12);
+        assert!(fabric.to_string().contains("gauge = 28.0") && !fabric.to_string().contains("wales_per_cm"));
+        assert!(fabric.at_densities(10.0, 10.0).unwrap().to_string().contains("wales_per_cm = 10.0"));
     }
 }

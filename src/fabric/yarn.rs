@@ -1,13 +1,13 @@
 //! What a yarn is: its count, its fibre, its colour; and from these its diameter and its weight.
 
 use std::fmt;
+use std::path::PathBuf;
 use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
 /// A yarn as a designer orders it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Yarn {
     /// Linear density, such as `44 dtex`, `20 tex`, `40 den` or `50 Nm`.
     pub count: Count,
@@ -17,20 +17,46 @@ pub struct Yarn {
     pub packing: f64,
     /// Colour, sRGB.
     pub color: Color,
+    /// Single yarns that are wound around each other, where it is said.
+    pub plies: Option<u32>,
+    /// Turns per metre of the plies, or of the fibres of a single yarn; over 0 is S, under 0 is Z.
+    pub twist: Option<f64>,
+    /// An image of the yarn's surface, relative to the fabric file.
+    pub texture: Option<PathBuf>,
+    /// Length of yarn that the image's height covers, mm.
+    pub texture_length: Option<f64>,
 }
 
 impl Yarn {
+    /// A plain yarn: nothing is said of its plies, twist and texture.
+    #[must_use]
+    pub fn plain(count: Count, density: f64, packing: f64, color: Color) -> Self {
+        Self { count, density, packing, color, plies: None, twist: None, texture: None, texture_length: None }
+    }
+
     /// Diameter in mm of the round yarn, `d = 0.03568 sqrt(tex / (density · packing))`.
     ///
     /// ```
-    /// let polyester = warpknit::fabric::yarn::Yarn {
-    ///     count: "44 dtex".parse().unwrap(), density: 1.38, packing: 0.65, color: "#d8d0c0".parse().unwrap(),
-    /// };
+    /// use warpknit::fabric::yarn::Yarn;
+    /// let polyester = Yarn::plain("44 dtex".parse().unwrap(), 1.38, 0.65, "#d8d0c0".parse().unwrap());
     /// assert!((polyester.diameter() - 0.079).abs() < 5e-4);
     /// ```
     #[must_use]
     pub fn diameter(&self) -> f64 {
         0.03568 * (self.count.tex() / (self.density * self.packing)).sqrt()
+    }
+
+    /// Slope of its twist against its axis, circumference over the length of a turn, where a twist is given: the same at any scale.
+    ///
+    /// ```
+    /// # use warpknit::fabric::yarn::Yarn;
+    /// let mut yarn = Yarn::plain("20 tex".parse().unwrap(), 1.52, 0.6, "#ffffff".parse().unwrap());
+    /// yarn.twist = Some(600.0);
+    /// assert!((yarn.twist_slope().unwrap() - 0.315).abs() < 1e-3);
+    /// ```
+    #[must_use]
+    pub fn twist_slope(&self) -> Option<f64> {
+        self.twist.map(|turns_per_m| std::f64::consts::PI * self.diameter() * turns_per_m / 1000.0)
     }
 }
 
@@ -65,9 +91,17 @@ impl Count {
     }
 }
 
+/// The finest yarn: microfibres have some 0.03 tex.
+const LEAST_TEX: f64 = 1e-3;
+/// The coarsest: ropes.
+const MOST_TEX: f64 = 1e5;
+
 /// A yarn count that can't be read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("'{0}' is no yarn count: write a positive number and tex, dtex, den or Nm, such as '44 dtex'")]
+#[error(
+    "'{0}' is no yarn count: write a positive number and tex, dtex, den or Nm, such as '44 dtex' \
+         ({LEAST_TEX} to {MOST_TEX} tex)"
+)]
 pub struct CountError(String);
 
 impl FromStr for Count {
@@ -85,10 +119,9 @@ impl FromStr for Count {
             "nm" => CountUnit::Nm,
             _ => return Err(refuse()),
         };
-        match number.trim().parse::<f64>() {
-            Ok(value) if value.is_finite() && value > 0.0 => Ok(Self { value, unit }),
-            _ => Err(refuse()),
-        }
+        let value = number.trim().parse().ok().filter(|value: &f64| value.is_finite() && *value > 0.0).ok_or_else(refuse)?;
+        let count = Self { value, unit };
+        if (LEAST_TEX..=MOST_TEX).contains(&count.tex()) { Ok(count) } else { Err(refuse()) }
     }
 }
 
@@ -181,14 +214,14 @@ mod tests {
         for (text, tex) in [("44 dtex", 4.4), ("20tex", 20.0), ("40 DEN", 40.0 / 9.0), ("50 Nm", 20.0), ("1e1 tex", 10.0)] {
             assert!((text.parse::<Count>().unwrap().tex() - tex).abs() < 1e-12, "{text}");
         }
-        for text in ["", "44", "dtex", "-3 tex", "0 tex", "inf tex", "4 stone", "nan tex"] {
+        for text in ["", "44", "dtex", "-3 tex", "0 tex", "inf tex", "4 stone", "nan tex", "1e300 tex", "1e-9 dtex"] {
             assert!(text.parse::<Count>().is_err(), "{text}");
         }
     }
 
     #[test]
     fn diameters_of_the_specification() {
-        let yarn = |count: &str, density, packing| Yarn { count: count.parse().unwrap(), density, packing, color: Color([0; 3]) };
+        let yarn = |count: &str, density, packing| Yarn::plain(count.parse().unwrap(), density, packing, Color([0; 3]));
         assert!((yarn("44 dtex", 1.38, 0.65).diameter() - 0.079).abs() < 5e-4);
         assert!((yarn("78 dtex", 1.38, 0.65).diameter() - 0.105).abs() < 5e-4);
         assert!((yarn("20 tex", 1.52, 0.6).diameter() - 0.167).abs() < 5e-4);

@@ -150,6 +150,26 @@ impl Panel {
     }
 }
 
+impl Garment {
+    /// Turns the wale direction of one panel further, on top of [`ReadOptions::grain`]: radians, counter-clockwise seen from the technical
+    /// face. A panel that isn't there is left to whoever lays a fabric out to tell of.
+    ///
+    /// ```
+    /// use warpknit::garment::Garment;
+    /// let mut garment = Garment::rectangle(100.0, 40.0);
+    /// garment.turn_grain(0, std::f64::consts::FRAC_PI_2);
+    /// assert!((garment.panels[0].size().x - 40.0).abs() < 1e-9);
+    /// ```
+    pub fn turn_grain(&mut self, panel: usize, grain: f64) {
+        let Some(turned) = self.panels.get_mut(panel) else { return };
+        let lost = turned.turn_grain(grain);
+        self.facts.degenerate += lost;
+        if let Some(facts) = self.facts.panels.get_mut(panel) {
+            facts.degenerate += lost;
+        }
+    }
+}
+
 /// Reads a garment: `flat` and `draped`, or one file whose `vt` are the flat pattern.
 ///
 /// # Errors

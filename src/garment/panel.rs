@@ -8,7 +8,7 @@
 use std::collections::HashMap;
 use std::hash::Hash;
 
-use glam::{DAffine3, DMat3, DVec2, DVec3};
+use glam::{DAffine3, DMat2, DMat3, DVec2, DVec3};
 use robust::{Coord, orient2d};
 
 use super::pair::{Paired, Pairs};
@@ -257,6 +257,26 @@ impl Piece {
         }
         panel.normals = normals(&panel.draped, &panel.triangles);
         (panel, self.degenerate + vanished)
+    }
+}
+
+impl Panel {
+    /// Turns the wale direction further, by `grain` radians counter-clockwise seen from the technical face, and gives the number of
+    /// triangles that are lost: slivers so thin that rounding to the new axes closed them.
+    pub(super) fn turn_grain(&mut self, grain: f64) -> usize {
+        let old_from_new = DMat2::from_angle(grain);
+        let new_from_old = old_from_new.transpose();
+        self.uv.iter_mut().for_each(|point| *point = new_from_old * *point);
+        self.flat_from_panel = self.flat_from_panel * DAffine3::from_mat3(DMat3::from_mat2(old_from_new));
+        let before = self.triangles.len() + self.flipped.len();
+        let wound = |triangle: &[u32; 3]| side(triangle.map(|vertex| self.uv[vertex as usize]));
+        let kept: Vec<_> = self.triangles.iter().map(|triangle| wound(triangle) > 0.0).collect();
+        self.flipped.retain(|triangle| wound(triangle) < 0.0);
+        let mut keep = kept.iter();
+        self.triangles.retain(|_| *keep.next().expect("one for each triangle"));
+        let mut keep = kept.iter();
+        self.faces.retain(|_| *keep.next().expect("a face for each triangle"));
+        before - self.triangles.len() - self.flipped.len()
     }
 }
 

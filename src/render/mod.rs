@@ -8,7 +8,7 @@
 //! use warpknit::render::{Camera, Options, View, render};
 //! use warpknit::scene::{Scene, YarnLook};
 //! let mut scene = Scene::default();
-//! scene.looks.push(YarnLook { albedo: glam::Vec3::splat(0.5), roughness: 0.7, metallic: 0.0, radius: 0.1 });
+//! scene.looks.push(YarnLook::plain(glam::Vec3::splat(0.5), 0.7, 0.1));
 //! scene.push_strand([glam::Vec3::NEG_X, glam::Vec3::X], 0);
 //! let options = Options { width: 40, height: 30, ..Options::default() };
 //! let camera = Camera::view(View::Front, &scene.positions, Camera::DEFAULT_FOV, 1.0, options.aspect());

@@ -7,9 +7,7 @@
 use glam::Vec3;
 use std::f32::consts::TAU;
 
-/// Yarns that are wound around each other.
-const PLIES: f32 = 3.0;
-/// Slope of the plies against the yarn's axis: tan 24 degrees, a middling twist.
+/// Slope of the plies against the yarn's axis where no twist is known: tan 24 degrees, a middling twist.
 const PLY_SLOPE: f32 = 0.445;
 /// Tilt of the normal in the groove between plies, radians. A full half circle a ply looks like rope at this size.
 const PLY_TILT: f32 = 0.42;
@@ -44,30 +42,38 @@ pub struct Place {
     pub radius: f32,
     /// Size of a pixel at this point, mm.
     pub footprint: f32,
+    /// Yarns that are wound around each other.
+    pub plies: f32,
+    /// Slope of the twist, see [`crate::scene::YarnLook::twist_slope`].
+    pub twist_slope: Option<f32>,
 }
 
 /// The normal and the factor on the albedo that the yarn has at `place`.
 #[must_use]
 pub fn detail(place: &Place) -> (Vec3, f32) {
     let turn = TAU * place.radius;
-    let ply_share = fade(place.footprint, turn / PLIES);
-    if ply_share <= 0.0 {
-        // Unresolved grooves still darken the yarn by their mean, so that colour does not jump with distance.
-        return (facing(place.normal, place.toward_eye), 1.0 - GROOVE / 4.0);
-    }
     let around = place.tangent.cross(place.normal);
+    let (ply_tilt, groove) = if place.plies > 1.0 { plies(place, turn, around) } else { (Vec3::ZERO, 0.0) };
+    let fibre_share = fade(place.footprint, 2.0 * turn / small(FIBRES));
+    if fibre_share <= 0.0 && ply_tilt == Vec3::ZERO {
+        return (facing(place.normal, place.toward_eye), 1.0 - GROOVE * groove);
+    }
+    let (tilt, fibre) = fibres(place, turn);
+    let normal = place.normal + ply_tilt + around * (tilt * FIBRE_TILT * fibre_share);
+    let shade = (1.0 - GROOVE * groove) * (1.0 + FIBRE_SHADE * fibre * fibre_share);
+    (facing(normal.normalize_or(place.normal), place.toward_eye), shade)
+}
 
+/// What the plies add to the normal, and how deep in a groove between them `place` lies, 0..1.
+fn plies(place: &Place, turn: f32, around: Vec3) -> (Vec3, f32) {
+    let share = fade(place.footprint, turn / place.plies);
+    let slope = place.twist_slope.unwrap_or(PLY_SLOPE);
     // Across one ply, -0.5..0.5: the normal tilts outward on both sides of its crown.
-    let ply = PLIES * (place.around / TAU + PLY_SLOPE * place.along / turn);
+    let ply = place.plies * (place.around / TAU + slope * place.along / turn);
     let offset = ply - ply.round();
     let groove = (2.0 * offset.abs()).powi(3);
-    let ply_tilt = (around + place.tangent * PLY_SLOPE) * (2.0 * offset * PLY_TILT * ply_share);
-    let shade = 1.0 - GROOVE * (groove * ply_share + 0.25 * (1.0 - ply_share));
-
-    let (tilt, fibre) = fibres(place, turn);
-    let fibre_share = fade(place.footprint, 2.0 * turn / small(FIBRES));
-    let normal = place.normal + ply_tilt + around * (tilt * FIBRE_TILT * fibre_share);
-    (facing(normal.normalize_or(place.normal), place.toward_eye), shade * (1.0 + FIBRE_SHADE * fibre * fibre_share))
+    // Unresolved grooves still darken the yarn by their mean, so that colour does not jump with distance.
+    ((around + place.tangent * slope) * (2.0 * offset * PLY_TILT * share), groove * share + 0.25 * (1.0 - share))
 }
 
 /// `normal`, bent toward the eye where it would look away: what is seen must face the eye, or outlines turn black.
@@ -78,7 +84,9 @@ fn facing(normal: Vec3, toward_eye: Vec3) -> Vec3 {
 
 /// Slope and height of the fibres' noise, both about -1..1.
 fn fibres(place: &Place, turn: f32) -> (f32, f32) {
-    let q = small(FIBRES) * (place.around / TAU + FIBRE_SLOPE * place.along / turn);
+    // A single yarn's twist is its fibres'.
+    let slope = if place.plies > 1.0 { FIBRE_SLOPE } else { place.twist_slope.unwrap_or(FIBRE_SLOPE) };
+    let q = small(FIBRES) * (place.around / TAU + slope * place.along / turn);
     let v = place.along / (FIBRE_LENGTH * place.radius);
     let (column, row) = (q.floor(), v.floor());
     let (x, y) = (q - column, v - row);
@@ -123,7 +131,8 @@ mod tests {
 
     fn place(around: f32, along: f32, footprint: f32) -> Place {
         let normal = Vec3::new(around.cos(), around.sin(), 0.0);
-        Place { normal, toward_eye: normal, tangent: Vec3::Z, around, along, radius: 0.05, footprint }
+        let (plies, twist_slope) = (3.0, None);
+        Place { normal, toward_eye: normal, tangent: Vec3::Z, around, along, radius: 0.05, footprint, plies, twist_slope }
     }
 
     #[test]
@@ -144,5 +153,28 @@ mod tests {
             assert!((0.4..1.2).contains(&shade));
             assert_eq!(detail(&place(angle, 0.0, 1.0)).0, here.normal);
         }
+    }
+
+    #[test]
+    fn plies_and_twist_are_seen() {
+        let grooves = |plies: f32, twist_slope: Option<f32>, along: f32| {
+            let shade = |step: u16| {
+                let here = place(f32::from(step) * TAU / 720.0 - PI, along, 1e-4);
+                detail(&Place { plies, twist_slope, ..here }).1
+            };
+            let shades: Vec<_> = (0..720).map(shade).collect();
+            let darkest = shades.iter().copied().enumerate().min_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+            // A groove takes 30 % of the light, fibres 16 %.
+            let dark = |step: usize| shades[step % 720] < 0.8;
+            ((0..720).filter(|&step| dark(step) && (1..20).all(|next| !dark(step + next))).count(), darkest.0)
+        };
+        assert_eq!(grooves(1.0, None, 0.0).0, 0, "a single yarn has no grooves");
+        for plies in [2, 3, 5] {
+            assert_eq!(grooves(f32::from(plies as u8), None, 0.0).0, plies);
+        }
+        // A sixth of a turn: two plies' grooves move by a third of their distance, one way or the other.
+        let sixth = |slope: f32| (grooves(2.0, Some(slope), 0.0).1, grooves(2.0, Some(slope), TAU * 0.05 / 6.0).1);
+        let moved = |(before, after): (usize, usize)| (after + 720 - before) % 360;
+        assert!(moved(sixth(1.0)).abs_diff(240) < 50 && moved(sixth(-1.0)).abs_diff(120) < 50);
     }
 }

@@ -5,6 +5,7 @@ use std::path::Path;
 use assert_cmd::Command;
 
 use crate::drape::mesh;
+use crate::fabrics::NAMES;
 
 fn warpknit(folder: &Path) -> Command {
     let mut command = Command::cargo_bin("warpknit").unwrap();
@@ -44,6 +45,9 @@ fn wrong_usage_ends_with_2() {
         &["swatch", "--view", "inside"],
         &["drape", "a.obj", "--unit", "mile"],
         &["swatch", "--radius", "-1"],
+        &["swatch", "--threading", "I"],
+        &["swatch", "--lapping", "1-0", "--lapping", "1-0", "--lapping", "1-0", "--threading", "I", "--threading", "I"],
+        &["swatch", "--lapping", "1-0", "--threading", "I", "--threading", "I"],
     ] {
         assert!(fails(2, arguments, |_| {}).starts_with("error:"), "{arguments:?}");
     }
@@ -83,12 +87,57 @@ fn an_error_in_a_chain_is_pointed_at() {
     });
     assert_eq!(
         text,
-        "error: bad.toml: bar 1, lapping \"1-2/1-7//\": an overlap over 6 needles: guides lap over 1 or 2\n  1-2/1-7//\n      ^^^\n"
+        "error: bad.toml:11: bar 1, lapping \"1-2/1-7//\": an overlap over 6 needles: guides lap over 1 or 2\n  \
+         lapping = \"1-2/1-7//\"\n                 ^^^\n"
     );
     let unknown_key = fails(1, &["swatch", "--fabric", "bad.toml"], |folder| {
         std::fs::write(folder.join("bad.toml"), "name = 'x'\nwhales_per_cm = 3\n").unwrap();
     });
-    assert!(unknown_key.starts_with("error: bad.toml: ") && unknown_key.contains("line 2"), "{unknown_key}");
+    assert!(unknown_key.starts_with("error: bad.toml:2: unknown field `whales_per_cm`"), "{unknown_key}");
+    assert!(unknown_key.ends_with("\n  whales_per_cm = 3\n  ^^^^^^^^^^^^^\n"), "{unknown_key}");
+    let argument = fails(1, &["swatch", "--lapping", "1-0/1-2//", "--lapping", "1-0/3-1-4-1-5//"], |_| {});
+    assert_eq!(
+        argument,
+        "error: --lapping \"1-0/3-1-4-1-5//\": a course of 5 links: 2, 3 or 4 (tempi) are known\n  \
+         1-0/3-1-4-1-5//\n      ^^^^^^^^^\n"
+    );
+    let marks = fails(1, &["swatch", "--lapping", "1-0/1-2//", "--threading", "I-"], |_| {});
+    assert!(marks.starts_with("error: --threading \"I-\": '-' is no") && marks.ends_with("\n  I-\n   ^\n"), "{marks}");
+}
+
+#[test]
+fn chains_are_knitted_from_the_command_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let chains = ["--lapping", "2-3/1-0//", "--lapping", "1-0/1-2", "--threading", "I"];
+    warpknit(folder.path()).arg("swatch").args(chains).args(SMALL).args(["-o", "a.csv", "-o", "a.json"]).assert().success();
+    warpknit(folder.path()).args(["swatch", "--fabric", "locknit", "-o", "b.csv"]).args(SMALL).assert().success();
+    let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
+    assert_eq!(read("a.csv"), read("b.csv"), "a locknit's chains on a tricot's yarns, which are a locknit's");
+    assert!(read("a.json").contains("\"fabric\": \"2-3/1-0// + 1-0/1-2//\""));
+    // A name of chains is no name of a file.
+    warpknit(folder.path()).arg("swatch").args(chains).args(SMALL).assert().success();
+    assert!(folder.path().join("swatch.png").exists());
+}
+
+#[test]
+fn a_fabric_lays_itself_out_panel_by_panel() {
+    let write = |folder: &Path, panel: usize| {
+        let fabric = String::from_utf8(warpknit(folder).args(["fabrics", "tricot"]).output().unwrap().stdout).unwrap();
+        let layout = format!("\n[[panels]]\npanel = {panel}\ngrain = 15.0\norigin = [3.0, 4.5]\n");
+        std::fs::write(folder.join("mine.toml"), fabric + &layout).unwrap();
+    };
+    let (flat, draped) = (mesh("pinch_flat.obj"), mesh("pinch_draped.obj"));
+    let garment = ["drape", flat.to_str().unwrap(), draped.to_str().unwrap(), "--wales-per-cm", "1"];
+    let absent = fails(1, &[&garment[..], &["--fabric", "mine.toml"]].concat(), |folder| write(folder, 7));
+    assert!(absent.contains("a [[panels]] table for panel 7, but the garment's panels are numbered 0 to 0"), "{absent}");
+
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path(), 0);
+    for (out, more) in [("a.csv", &["--fabric", "mine.toml"][..]), ("b.csv", &["--grain", "15"]), ("c.csv", &[])] {
+        warpknit(folder.path()).args(garment).args(more).args(["-o", out]).assert().success();
+    }
+    let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
+    assert!(read("a.csv") != read("b.csv") && read("b.csv") != read("c.csv"));
 }
 
 #[cfg(target_os = "linux")]
@@ -115,9 +164,10 @@ fn a_failed_run_keeps_the_old_files() {
 fn data_go_to_stdout_and_a_closed_pipe_is_no_error() {
     let folder = tempfile::tempdir().unwrap();
     let listed = warpknit(folder.path()).arg("fabrics").assert().success().stderr("").get_output().stdout.clone();
-    let names: Vec<_> =
-        std::str::from_utf8(&listed).unwrap().lines().map(|line| line.split_whitespace().next().unwrap()).collect();
-    assert_eq!(names, ["tricot", "locknit"]);
+    let lines: Vec<_> = std::str::from_utf8(&listed).unwrap().lines().collect();
+    assert_eq!(lines.iter().map(|line| line.split_whitespace().next().unwrap()).collect::<Vec<_>>(), NAMES);
+    let columns = |line: &&str| line.char_indices().map(|(at, _)| at).filter(|&at| line[..at].ends_with("  ")).count();
+    assert!(lines.iter().all(|line| columns(line) >= 2 && line.chars().count() < 170), "three columns each");
     let inspected =
         warpknit(folder.path()).arg("inspect").arg(mesh("tshirt.obj")).assert().success().stderr("").get_output().stdout.clone();
     assert!(std::str::from_utf8(&inspected).unwrap().contains("unit cm (guessed)"));

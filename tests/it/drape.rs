@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use glam::DVec2;
 use warpknit::drape::strands::{CUT, Edge};
 use warpknit::drape::{self, Block, Cloth, Options, Totals};
-use warpknit::fabric::Fabric;
+use warpknit::fabric::{Fabric, PanelLayout};
 use warpknit::garment::stretch::stretch;
 use warpknit::garment::{Garment, Panel, ReadOptions, read};
 use warpknit::locate::Locator;
@@ -228,6 +228,57 @@ fn a_panel_beyond_all_measure_is_refused() {
     let garment = Garment::rectangle(1e12, 1e3);
     let refused = Cloth::cover(&garment, &Fabric::named("tricot").unwrap()).unwrap_err();
     assert!(matches!(refused, drape::LayoutError::TooLarge { panel: 0, .. }), "{refused}");
+}
+
+#[test]
+fn a_panel_turned_after_reading_is_one_read_with_that_grain() {
+    let [flat, draped] = [mesh("skirt_flat.obj"), mesh("skirt_draped.obj")];
+    let grain = 0.3;
+    let read_turned = read(&flat, Some(&draped), &ReadOptions { grain, ..ReadOptions::default() }).unwrap();
+    let mut turned = read(&flat, Some(&draped), &ReadOptions::default()).unwrap();
+    let plain = turned.clone();
+    turned.turn_grain(1, grain);
+    turned.turn_grain(99, grain);
+    assert_eq!(turned.panels[0].uv, plain.panels[0].uv, "other panels stay");
+    let (one, other) = (&turned.panels[1], &read_turned.panels[1]);
+    assert!(one.size().distance(other.size()) < 1e-9 && (one.area() - other.area()).abs() < 1e-6);
+    assert_eq!((&one.triangles, &one.faces), (&other.triangles, &other.faces));
+    for (a, b) in one.uv.iter().zip(&other.uv) {
+        let in_flat = |panel: &Panel, uv: &DVec2| panel.flat_from_panel.transform_point3(uv.extend(0.0));
+        assert!(in_flat(one, a).distance(in_flat(other, b)) < 1e-9);
+    }
+}
+
+#[test]
+fn an_origin_moves_the_fabric_and_a_whole_repeat_does_not() {
+    let garment = Garment::rectangle(60.0, 40.0);
+    let fabric = Fabric::named("tricot").unwrap().at_densities(2.0, 2.5).unwrap();
+    let repeat = DVec2::new(fabric.wale_spacing(), 2.0 * fabric.course_spacing());
+    let points = |origin: DVec2| {
+        let panels = vec![PanelLayout { panel: 0, grain_degrees: 0.0, origin }];
+        let mut points = Vec::new();
+        run(&garment, &Fabric { panels, ..fabric.clone() }, Edge::Clip, &mut |block| {
+            points.extend(block.strands.flat.iter().map(|point| point.truncate()));
+        });
+        points
+    };
+    let plain = points(DVec2::ZERO);
+    assert_eq!(plain, points(4.0 * repeat));
+    let origin = DVec2::new(1.7, -2.3);
+    let moved = points(origin);
+    let inside = |point: &&DVec2| point.cmpgt(DVec2::splat(10.0)).all() && point.cmplt(DVec2::new(50.0, 30.0)).all();
+    for point in plain.iter().filter(inside) {
+        let nearest = moved.iter().map(|other| other.distance(*point + origin)).fold(f64::INFINITY, f64::min);
+        assert!(nearest < 1e-9, "{point} has no image: {nearest}");
+    }
+}
+
+#[test]
+fn a_layout_of_a_panel_that_is_not_there_is_refused() {
+    let garment = Garment::rectangle(60.0, 40.0);
+    let panels = vec![PanelLayout { panel: 1, grain_degrees: 0.0, origin: DVec2::ZERO }];
+    let fabric = Fabric { panels, ..Fabric::named("tricot").unwrap() };
+    assert_eq!(Cloth::cover(&garment, &fabric).unwrap_err(), drape::LayoutError::NoPanel { panel: 1, last: 0 });
 }
 
 #[test]

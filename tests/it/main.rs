@@ -9,6 +9,7 @@
 mod architecture;
 mod cli;
 mod drape;
+mod fabrics;
 mod files;
 mod garment;
 mod interlock;

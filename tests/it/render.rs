@@ -8,7 +8,7 @@ use warpknit::scene::{Scene, YarnLook};
 const SIZE: u32 = 120;
 
 fn look(albedo: Vec3, radius: f32) -> YarnLook {
-    YarnLook { albedo, roughness: 0.7, metallic: 0.0, radius }
+    YarnLook::plain(albedo, 0.7, radius)
 }
 
 fn options() -> Options {

@@ -127,6 +127,7 @@ impl View<'_> {
         let tube_normal = (outward - axis.tangent * outward.dot(axis.tangent)).normalize_or(-path.direction);
         let position = axis.position + outward.normalize_or(tube_normal) * axis.radius;
         let distance = (position.as_dvec3() + segments.centre).distance(self.camera.eye());
+        let look = &self.scene.looks[usize::from(segments.look(hit.start))];
         let place = Place {
             normal: tube_normal,
             toward_eye: -path.direction,
@@ -135,9 +136,10 @@ impl View<'_> {
             along: axis.along,
             radius: axis.radius,
             footprint: narrow(self.camera.pixel_size(distance, self.options.height)),
+            plies: narrow(f64::from(look.plies)),
+            twist_slope: look.twist_slope,
         };
         let (normal, shade) = ply::detail(&place);
-        let look = &self.scene.looks[usize::from(segments.look(hit.start))];
         let surface = Surface { normal, albedo: look.albedo * shade, roughness: look.roughness, metallic: look.metallic };
         Meeting { start: hit.start, position, tube_normal, surface, radius: axis.radius, toward_eye: -path.direction }
     }

@@ -210,7 +210,7 @@ mod tests {
 
     fn scene(strands: &[&[Vec3]]) -> Scene {
         let mut scene = Scene::default();
-        scene.looks.push(YarnLook { albedo: Vec3::ONE, roughness: 0.5, metallic: 0.0, radius: 0.1 });
+        scene.looks.push(YarnLook::plain(Vec3::ONE, 0.5, 0.1));
         strands.iter().for_each(|points| scene.push_strand(points.iter().copied(), 0));
         scene
     }

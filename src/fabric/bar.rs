@@ -1,0 +1,93 @@
+//! Guide bars: a lapping, a threading and a yarn.
+
+use super::error::Fault;
+use super::lapping::{Chain, Numbering};
+use super::threading::Threading;
+use super::yarn::Yarn;
+
+/// What stands for a lapping where straight wefts are laid in.
+const WEFT: &str = "weft";
+
+/// A guide bar, or what lays wefts in.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bar {
+    /// Its lapping, numbered from x = 0 upward; `0-0//` for a weft.
+    pub chain: Chain,
+    /// Which of its guides carry a yarn; for a weft, which courses get one.
+    pub threading: Threading,
+    /// The yarn they carry.
+    pub yarn: Yarn,
+    /// What lays its yarns.
+    pub kind: BarKind,
+}
+
+/// What lays a bar's yarns.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum BarKind {
+    /// A guide bar, which laps.
+    #[default]
+    Guide,
+    /// Weft insertion: straight yarns across the whole width, in the layer of an inlay.
+    Weft,
+}
+
+impl Bar {
+    /// Whether one of this bar's yarns makes a loop on the needle of `wale` in `course`.
+    #[must_use]
+    pub fn loops_on(&self, wale: i64, course: i64) -> bool {
+        if self.kind == BarKind::Weft {
+            return false;
+        }
+        let lap = self.chain.lap(course);
+        let needles = i64::from(lap.needle())..i64::from(lap.from.max(lap.to));
+        needles.into_iter().any(|needle| self.threading.carries(wale - needle))
+    }
+
+    /// Courses after which it laps, or lays wefts in, as before.
+    #[must_use]
+    pub fn courses(&self) -> usize {
+        match self.kind {
+            BarKind::Guide => self.chain.laps().len(),
+            BarKind::Weft => self.threading.repeat(),
+        }
+    }
+
+    /// Guides after which it is threaded as before: a weft's threading counts no guides.
+    #[must_use]
+    pub fn guides(&self) -> usize {
+        match self.kind {
+            BarKind::Guide => self.threading.repeat(),
+            BarKind::Weft => 1,
+        }
+    }
+
+    /// Its lapping as a fabric file has it: the chain as seen from the drive, or `weft`.
+    #[must_use]
+    pub fn lapping(&self) -> String {
+        match self.kind {
+            BarKind::Guide if self.drive_is_left() => self.chain.mirrored().to_string(),
+            BarKind::Guide => self.chain.to_string(),
+            BarKind::Weft => WEFT.to_owned(),
+        }
+    }
+
+    /// Whether gaps were counted from the left: only such a chain has gaps below 0.
+    pub(super) fn drive_is_left(&self) -> bool {
+        self.chain.gaps().0 < 0
+    }
+}
+
+/// Reads a lapping: a chain, or `weft`. `what` names it in the fault.
+pub(super) fn read_lapping(what: &str, text: &str, numbering: Numbering) -> Result<(BarKind, Chain), Fault> {
+    let weft = text.trim() == WEFT;
+    let kind = if weft { BarKind::Weft } else { BarKind::Guide };
+    match Chain::parse(if weft { "0-0//" } else { text }, numbering) {
+        Ok(chain) => Ok((kind, chain)),
+        Err(why) => Err(Fault::Lapping { what: what.to_owned(), text: text.to_owned(), why }),
+    }
+}
+
+/// Reads a threading. `what` names it in the fault.
+pub(super) fn read_threading(what: &str, text: &str) -> Result<Threading, Fault> {
+    Threading::parse(text).map_err(|why| Fault::Threading { what: what.to_owned(), text: text.to_owned(), why })
+}

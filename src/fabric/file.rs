@@ -1,0 +1,496 @@
+//! The fabric file: its TOML tables, and the way from them to a checked [`Fabric`] and back.
+//!
+//! Every value that can be out of its range is read with its span, so that what is found after TOML's own checks is pointed at in the file as
+//! well. What is printed reads back as the same fabric; comments and the numbering and tempi of a chain are not kept.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+use toml::Spanned;
+
+use super::bar::{self, Bar, BarKind};
+use super::dimensions::{Dimensions, KEYS};
+use super::error::{FabricError, Fault};
+use super::lapping::Numbering;
+use super::yarn::{Color, Count, Yarn};
+use super::{Fabric, INCH_IN_CM, PanelLayout};
+
+/// From, to and the unit of what a number may be.
+pub(super) type Limits = (f64, f64, &'static str);
+
+pub(super) const DENSITY: Limits = (0.01, 1000.0, "per cm");
+const GAUGE: Limits = (0.1, 1000.0, "needles an inch");
+const FIBRE_DENSITY: Limits = (0.1, 25.0, "g/cm³");
+const PACKING: Limits = (0.01, 1.0, "");
+const PLIES: Limits = (1.0, 12.0, "");
+const TWIST: Limits = (-5000.0, 5000.0, "turns per metre");
+const TEXTURE_LENGTH: Limits = (0.01, 10_000.0, "mm");
+const GRAIN: Limits = (-360.0, 360.0, "degrees");
+const ORIGIN: Limits = (-1e5, 1e5, "mm");
+
+/// Refuses a value outside its limits (NaN included).
+pub(super) fn in_range(what: &str, value: f64, (low, high, unit): Limits) -> Result<f64, Fault> {
+    if (low..=high).contains(&value) {
+        return Ok(value);
+    }
+    let range = format!("between {low} and {high} {unit}").trim_end().to_owned();
+    Err(Fault::Range { what: what.to_owned(), value, range })
+}
+
+/// The fabric file.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FabricFile {
+    name: String,
+    #[serde(default)]
+    about: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    wales_per_cm: Option<Spanned<f64>>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    gauge: Option<Spanned<f64>>,
+    courses_per_cm: Spanned<f64>,
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    stitch: BTreeMap<Spanned<String>, Spanned<f64>>,
+    #[serde(default)]
+    bars: Vec<BarTable>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    panels: Vec<PanelTable>,
+}
+
+/// A `[[bars]]` table.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BarTable {
+    lapping: Spanned<String>,
+    #[serde(default)]
+    numbering: Numbering,
+    #[serde(default)]
+    drive: Drive,
+    #[serde(default = "full_set")]
+    threading: Spanned<String>,
+    yarn: YarnTable,
+}
+
+/// The side of the machine from which gaps are counted, seen from the technical face.
+#[derive(Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Drive {
+    #[default]
+    Right,
+    Left,
+}
+
+fn full_set() -> Spanned<String> {
+    unplaced("I".to_owned())
+}
+
+/// A bar's `yarn`.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct YarnTable {
+    count: Count,
+    density: Spanned<f64>,
+    packing: Spanned<f64>,
+    color: Color,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    plies: Option<Spanned<u32>>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    twist: Option<Spanned<f64>>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    texture: Option<PathBuf>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    texture_length: Option<Spanned<f64>>,
+}
+
+/// A `[[panels]]` table.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PanelTable {
+    panel: Spanned<usize>,
+    #[serde(default = "nothing", skip_serializing_if = "is_nothing")]
+    grain: Spanned<f64>,
+    #[serde(default = "nowhere", skip_serializing_if = "is_nowhere")]
+    origin: [Spanned<f64>; 2],
+}
+
+fn nothing() -> Spanned<f64> {
+    unplaced(0.0)
+}
+
+fn is_nothing(number: &Spanned<f64>) -> bool {
+    *number.get_ref() == 0.0
+}
+
+fn nowhere() -> [Spanned<f64>; 2] {
+    [nothing(), nothing()]
+}
+
+fn is_nowhere(point: &[Spanned<f64>; 2]) -> bool {
+    point.iter().all(is_nothing)
+}
+
+/// A value that comes from no text.
+fn unplaced<T>(value: T) -> Spanned<T> {
+    Spanned::new(0..0, value)
+}
+
+/// The text of the file, in which errors are pointed at.
+#[derive(Clone, Copy)]
+struct Source<'a>(&'a str);
+
+impl Source<'_> {
+    fn number(self, what: &str, number: &Spanned<f64>, limits: Limits) -> Result<f64, FabricError> {
+        in_range(what, *number.get_ref(), limits).map_err(|fault| fault.at(self.0, number.span()))
+    }
+
+    /// Puts a fault at the bytes `within` a string, as far as the string stands in the file as it is and not in escapes.
+    fn in_string(self, string: &Spanned<String>, within: Range<usize>, fault: Fault) -> FabricError {
+        let literal = &self.0[string.span()];
+        let start = literal.find(string.get_ref().as_str()).filter(|_| !string.get_ref().is_empty());
+        let span = start.map_or(string.span(), |at| {
+            let start = string.span().start + at;
+            start + within.start..start + within.end
+        });
+        fault.at(self.0, span)
+    }
+}
+
+/// Reads a fabric.
+pub(super) fn parse(text: &str) -> Result<Fabric, FabricError> {
+    let file: FabricFile = toml::from_str(text).map_err(|error| {
+        let fault = Fault::Toml(error.message().replace('\n', " "));
+        match error.span() {
+            // An empty span at the start is what a missing key at the top has: it is nowhere.
+            Some(span) if span != (0..0) && span != (0..text.len()) => fault.at(text, span),
+            _ => fault.into(),
+        }
+    })?;
+    file.into_fabric(Source(text))
+}
+
+impl FabricFile {
+    fn into_fabric(self, source: Source<'_>) -> Result<Fabric, FabricError> {
+        let (wales_per_cm, gauge) = match (&self.wales_per_cm, &self.gauge) {
+            (Some(wales), None) => (source.number("wales_per_cm", wales, DENSITY)?, None),
+            (None, Some(gauge)) => {
+                let gauge = source.number("gauge", gauge, GAUGE)?;
+                (gauge / INCH_IN_CM, Some(gauge))
+            }
+            (Some(_), Some(gauge)) => return Err(Fault::TwoGauges.at(source.0, gauge.span())),
+            (None, None) => return Err(Fault::NoGauge.into()),
+        };
+        let courses_per_cm = source.number("courses_per_cm", &self.courses_per_cm, DENSITY)?;
+        let stitch = stitch(&self.stitch, source)?;
+        let bars = self.bars.into_iter().zip(1..).map(|(table, number)| table.into_bar(number, source));
+        let fabric = Fabric {
+            name: self.name,
+            about: self.about,
+            wales_per_cm,
+            gauge,
+            courses_per_cm,
+            stitch,
+            bars: bars.collect::<Result<_, _>>()?,
+            panels: panels(&self.panels, source)?,
+            enlargement: 1.0,
+        };
+        fabric.check_repeats()?;
+        Ok(fabric)
+    }
+}
+
+fn stitch(table: &BTreeMap<Spanned<String>, Spanned<f64>>, source: Source<'_>) -> Result<Dimensions, FabricError> {
+    let mut stitch = Dimensions::default();
+    for (name, value) in table {
+        let Some(key) = KEYS.iter().find(|key| key.name == name.get_ref()) else {
+            return Err(Fault::UnknownDimension(name.get_ref().clone()).at(source.0, name.span()));
+        };
+        *(key.of)(&mut stitch) = source.number(&format!("stitch.{}", key.name), value, key.range)?;
+    }
+    Ok(stitch)
+}
+
+fn panels(tables: &[PanelTable], source: Source<'_>) -> Result<Vec<PanelLayout>, FabricError> {
+    let mut panels: Vec<PanelLayout> = Vec::new();
+    for table in tables {
+        let panel = *table.panel.get_ref();
+        if panels.iter().any(|other| other.panel == panel) {
+            return Err(Fault::PanelTwice(panel).at(source.0, table.panel.span()));
+        }
+        let grain_degrees = source.number(&format!("panel {panel}: grain"), &table.grain, GRAIN)?;
+        let [x, y] = table.origin.each_ref().map(|number| source.number(&format!("panel {panel}: origin"), number, ORIGIN));
+        panels.push(PanelLayout { panel, grain_degrees, origin: [x?, y?].into() });
+    }
+    Ok(panels)
+}
+
+impl BarTable {
+    fn into_bar(self, number: usize, source: Source<'_>) -> Result<Bar, FabricError> {
+        let (kind, chain) = bar::read_lapping(&format!("bar {number}, lapping"), self.lapping.get_ref(), self.numbering)
+            .map_err(|fault| source.in_string(&self.lapping, fault.span(), fault))?;
+        let threading = bar::read_threading(&format!("bar {number}, threading"), self.threading.get_ref())
+            .map_err(|fault| source.in_string(&self.threading, fault.span(), fault))?;
+        // Both gaps and guides are counted from the drive; a weft's marks are courses.
+        let mirrored = self.drive == Drive::Left && kind == BarKind::Guide;
+        let (chain, threading) = if mirrored { (chain.mirrored(), threading.mirrored()) } else { (chain, threading) };
+        Ok(Bar { chain, threading, yarn: self.yarn.into_yarn(number, source)?, kind })
+    }
+}
+
+impl YarnTable {
+    fn into_yarn(self, bar: usize, source: Source<'_>) -> Result<Yarn, FabricError> {
+        let what = |key: &str| format!("bar {bar}: yarn.{key}");
+        let optional = |key: &str, number: &Option<Spanned<f64>>, limits| {
+            number.as_ref().map(|number| source.number(&what(key), number, limits)).transpose()
+        };
+        if let Some(plies) = &self.plies {
+            source.number(&what("plies"), &Spanned::new(plies.span(), f64::from(*plies.get_ref())), PLIES)?;
+        }
+        Ok(Yarn {
+            count: self.count,
+            density: source.number(&what("density"), &self.density, FIBRE_DENSITY)?,
+            packing: source.number(&what("packing"), &self.packing, PACKING)?,
+            color: self.color,
+            plies: self.plies.map(Spanned::into_inner),
+            twist: optional("twist", &self.twist, TWIST)?,
+            texture: self.texture,
+            texture_length: optional("texture_length", &self.texture_length, TEXTURE_LENGTH)?,
+        })
+    }
+}
+
+impl From<&Fabric> for FabricFile {
+    fn from(fabric: &Fabric) -> Self {
+        let (mut stitch, mut default) = (fabric.stitch, Dimensions::default());
+        let changed = KEYS.iter().filter_map(|key| {
+            let value = *(key.of)(&mut stitch);
+            (value != *(key.of)(&mut default)).then(|| (unplaced(key.name.to_owned()), unplaced(value)))
+        });
+        Self {
+            name: fabric.name.clone(),
+            about: fabric.about.clone(),
+            wales_per_cm: fabric.gauge.is_none().then(|| unplaced(fabric.wales_per_cm)),
+            gauge: fabric.gauge.map(unplaced),
+            courses_per_cm: unplaced(fabric.courses_per_cm),
+            stitch: changed.collect(),
+            bars: fabric.bars.iter().map(BarTable::from).collect(),
+            panels: fabric.panels.iter().map(PanelTable::from).collect(),
+        }
+    }
+}
+
+impl From<&Bar> for BarTable {
+    fn from(bar: &Bar) -> Self {
+        let left = bar.drive_is_left();
+        Self {
+            lapping: unplaced(bar.lapping()),
+            numbering: Numbering::Tricot,
+            drive: if left { Drive::Left } else { Drive::Right },
+            threading: unplaced(if left { bar.threading.mirrored() } else { bar.threading.clone() }.to_string()),
+            yarn: YarnTable::from(&bar.yarn),
+        }
+    }
+}
+
+impl From<&Yarn> for YarnTable {
+    fn from(yarn: &Yarn) -> Self {
+        Self {
+            count: yarn.count,
+            density: unplaced(yarn.density),
+            packing: unplaced(yarn.packing),
+            color: yarn.color,
+            plies: yarn.plies.map(unplaced),
+            twist: yarn.twist.map(unplaced),
+            texture: yarn.texture.clone(),
+            texture_length: yarn.texture_length.map(unplaced),
+        }
+    }
+}
+
+impl From<&PanelLayout> for PanelTable {
+    fn from(layout: &PanelLayout) -> Self {
+        Self {
+            panel: unplaced(layout.panel),
+            grain: unplaced(layout.grain_degrees),
+            origin: layout.origin.to_array().map(unplaced),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fabric::builtin;
+    use crate::fabric::lapping::{Chain, MAX_GAP};
+    use crate::fabric::threading::Threading;
+    use proptest::prelude::*;
+
+    const FABRIC: &str = r##"name = "net"
+wales_per_cm = 10
+courses_per_cm = 12.5
+stitch = { w1 = 0.2 }
+
+[[bars]]
+lapping = "2-3/1-0//"
+threading = "I."
+yarn = { count = "44 dtex", density = 1.38, packing = 0.65, color = "#e3d5bd", plies = 2 }
+
+[[panels]]
+panel = 1
+"##;
+
+    /// The message, and the line with its carets, for the file with one text in place of another.
+    fn fault(from: &str, to: &str) -> (String, Option<String>) {
+        assert!(FABRIC.contains(from), "{from}");
+        let error = parse(&FABRIC.replacen(from, to, 1)).unwrap_err();
+        (error.to_string(), error.place.map(|place| format!("{}: {place}", place.line)))
+    }
+
+    #[test]
+    fn faults_are_pointed_at() {
+        let pointed = |from: &str, to: &str, message: &str, line: &str, carets: &str| {
+            let (found, place) = fault(from, to);
+            assert!(found.contains(message), "{found}");
+            let place = place.unwrap_or_else(|| panic!("{found} has no place"));
+            let (first, below) = place.split_once('\n').unwrap();
+            assert!(first.starts_with(line), "{place}");
+            let column = below.find('^').unwrap();
+            let number = first.find(": ").unwrap() + 2;
+            assert_eq!(first[number..].chars().skip(column).take(below.trim().len()).collect::<String>(), carets, "{place}");
+        };
+        pointed("2-3/1-0//", "2-3/1-9//", "bar 1, lapping \"2-3/1-9//\": an overlap over 8 needles", "7: ", "1-9");
+        pointed("\"2-3/1-0//\"", "\"\"\"\n2-3/x-0\"\"\"", "'x' is not a number", "8: ", "x");
+        pointed("\"2-3/1-0//\"", "\"1-\\u0039\"", "an overlap over 8", "7: ", "\"1-\\u0039\"");
+        pointed("\"2-3/1-0//\"", "\"\"", "the chain is empty", "7: ", "\"\"");
+        pointed("I.", "I.x", "bar 1, threading \"I.x\": 'x' is no threading mark", "8: ", "x");
+        pointed("10", "0.0", "wales_per_cm is 0, but must be between 0.01 and 1000 per cm", "2: ", "0.0");
+        pointed("12.5", "nan", "courses_per_cm is NaN", "3: ", "nan");
+        pointed("wales_per_cm", "gauge = 28\nwales_per_cm", "given twice", "2: ", "28");
+        pointed("0.65", "2.0", "bar 1: yarn.packing is 2, but must be between 0.01 and 1", "9: ", "2.0");
+        pointed("plies = 2", "plies = 99", "bar 1: yarn.plies is 99", "9: ", "99");
+        pointed("plies = 2", "plies = 2.5", "expected u32", "9: ", "2.5");
+        pointed("plies = 2", "twist = 1e9", "yarn.twist is 1000000000", "9: ", "1e9");
+        pointed("44 dtex", "44 stone", "no yarn count", "9: ", "\"44 stone\"");
+        pointed("w1 = 0.2", "w1 = 0.9", "stitch.w1 is 0.9, but must be between 0.01 and 0.5 of the wale", "4: ", "0.9");
+        pointed("w1", "w9", "[stitch] has no w9: it takes w1 w1x", "4: ", "w9");
+        pointed("wales_per_cm", "whales_per_cm", "unknown field `whales_per_cm`", "2: ", "whales_per_cm");
+        pointed("panel = 1", "panel = 1\n[[panels]]\npanel = 1", "panel 1 has two", "14: ", "1");
+        pointed("panel = 1", "panel = -1", "invalid value", "12: ", "-1");
+        pointed("panel = 1", "panel = 1\norigin = [0, 1e9]", "panel 1: origin is 1000000000", "13: ", "1e9");
+        assert_eq!(fault("wales_per_cm = 10\n", "").1, None);
+        assert_eq!(fault("courses_per_cm = 12.5\n", ""), ("missing field `courses_per_cm`".to_owned(), None));
+        assert!(matches!(parse("name = ''\ngauge = 1\ncourses_per_cm = 1").unwrap_err().fault, Fault::NoBars));
+    }
+
+    fn assert_round_trip(fabric: &Fabric) {
+        let text = fabric.to_string();
+        let again = parse(&text).unwrap_or_else(|error| panic!("{error}\n{text}"));
+        assert_eq!(&again, fabric, "{text}");
+        assert_eq!(again.to_string(), text);
+    }
+
+    #[test]
+    fn what_is_printed_reads_back() {
+        for name in builtin::names() {
+            assert_round_trip(&Fabric::named(name).unwrap());
+        }
+        assert_round_trip(&parse(FABRIC).unwrap());
+    }
+
+    fn chains() -> impl Strategy<Value = Chain> {
+        let laps = prop::collection::vec((0..=MAX_GAP, -2..=2), 1..12);
+        laps.prop_map(|laps: Vec<(i32, i32)>| {
+            let laps: Vec<_> = laps.iter().map(|&(a, by)| format!("{a}-{}", (a + by).clamp(0, MAX_GAP))).collect();
+            Chain::parse(&laps.join("/"), Numbering::Tricot).unwrap()
+        })
+    }
+
+    fn yarns() -> impl Strategy<Value = Yarn> {
+        let count = (0.01..9999.0, prop::sample::select(vec!["tex", "dtex", "den", "Nm"]));
+        let count = count.prop_filter_map("too fine", |(value, unit): (f64, &str)| format!("{value} {unit}").parse().ok());
+        let look = (prop::option::of(1..=12_u32), prop::option::of(-5000.0..5000.0));
+        let texture = (prop::option::of(".{0,12}"), prop::option::of(0.01..10_000.0));
+        (count, 0.1..25.0, 0.01..1.0, prop::array::uniform3(0_u8..), look, texture).prop_map(
+            |(count, density, packing, rgb, (plies, twist), (texture, texture_length))| Yarn {
+                plies,
+                twist,
+                texture: texture.map(PathBuf::from),
+                texture_length,
+                ..Yarn::plain(count, density, packing, Color(rgb))
+            },
+        )
+    }
+
+    fn bars() -> impl Strategy<Value = Bar> {
+        (chains(), "[I.]{0,4}I[I.]{0,4}", yarns(), 0..3).prop_map(|(chain, marks, yarn, what)| {
+            let threading = Threading::parse(&marks).unwrap();
+            let kind = if what == 0 { BarKind::Weft } else { BarKind::Guide };
+            let chain = match what {
+                0 => Chain::parse("0-0//", Numbering::Tricot).unwrap(),
+                1 => chain.mirrored(),
+                _ => chain,
+            };
+            Bar { chain, threading, yarn, kind }
+        })
+    }
+
+    fn stitches() -> impl Strategy<Value = Dimensions> {
+        prop::collection::vec(prop::option::of(0.0..=1.0), KEYS.len()).prop_map(|shares: Vec<Option<f64>>| {
+            let mut stitch = Dimensions::default();
+            for (key, share) in KEYS.iter().zip(shares) {
+                let (low, high, _) = key.range;
+                let value = (key.of)(&mut stitch);
+                *value = share.map_or(*value, |share| (low + share * (high - low)).clamp(low, high));
+            }
+            stitch
+        })
+    }
+
+    fn fabrics() -> impl Strategy<Value = Fabric> {
+        let panels = prop::collection::btree_map(0..40_usize, (-360.0..360.0, prop::array::uniform2(-1e5..1e5)), 0..4);
+        let texts = (".{0,20}", "\\PC{0,40}|[\"'\\\\\n]{0,9}");
+        let densities = (any::<bool>(), 0.1..1000.0, 0.01..1000.0);
+        (texts, densities, stitches(), prop::collection::vec(bars(), 1..4), panels).prop_map(
+            |((name, about), (by_gauge, wales, courses_per_cm), stitch, bars, panels)| Fabric {
+                name,
+                about,
+                wales_per_cm: if by_gauge { wales / INCH_IN_CM } else { wales },
+                gauge: by_gauge.then_some(wales),
+                courses_per_cm,
+                stitch,
+                bars,
+                panels: panels
+                    .into_iter()
+                    .map(|(panel, (grain_degrees, origin))| PanelLayout { panel, grain_degrees, origin: origin.into() })
+                    .collect(),
+                enlargement: 1.0,
+            },
+        )
+    }
+
+    proptest! {
+        #[test]
+        fn every_fabric_reads_back(fabric in fabrics()) {
+            prop_assume!(fabric.check_repeats().is_ok());
+            assert_round_trip(&fabric);
+        }
+
+        #[test]
+        fn no_text_panics(text in "(?s).{0,200}|[\\[\\]{}a-z\"'= \n0-9.#]{0,80}") {
+            if let Err(error) = parse(&text) {
+                prop_assert!(!error.to_string().contains('\n'));
+            }
+        }
+
+        #[test]
+        fn no_damage_panics(from in 0..FABRIC.len(), length in 0..40_usize, patch in "(?s)[\\[\\]{}\"'=\n0-9-]{0,6}|.{0,3}") {
+            let mut text = FABRIC.to_owned();
+            text.replace_range(from..(from + length).min(FABRIC.len()), &patch);
+            if let Err(error) = parse(&text) {
+                prop_assert!(!error.to_string().is_empty());
+                prop_assert!(error.place.is_none_or(|place| place.line <= text.lines().count() + 1));
+            }
+        }
+    }
+}

@@ -1,0 +1,95 @@
+//! The built-in fabrics: all of the specification's, each what its name says.
+
+use warpknit::fabric::{BarKind, Fabric, builtin};
+
+/// The fabrics of the specification's table.
+pub(crate) const NAMES: [&str; 30] = [
+    "tricot",
+    "locknit",
+    "reverse-locknit",
+    "satin",
+    "velour",
+    "sharkskin",
+    "queenscord",
+    "double-cord",
+    "double-atlas",
+    "pillar-tricot",
+    "pillar-open",
+    "pillar-closed",
+    "tricot-closed",
+    "tricot-open",
+    "cord",
+    "satin-lap",
+    "velvet-lap",
+    "atlas-4",
+    "atlas",
+    "tulle-3",
+    "tulle-5",
+    "marquisette",
+    "marquisette-3",
+    "square-net",
+    "atlas-net",
+    "hex-net-3",
+    "hex-net-5",
+    "power-net",
+    "tricot-inlay",
+    "weft-inserted",
+];
+
+#[test]
+fn every_fabric_of_the_specification_is_there_and_serves_every_needle() {
+    assert_eq!(builtin::names().collect::<Vec<_>>(), NAMES);
+    for name in NAMES {
+        let fabric = Fabric::named(name).unwrap();
+        assert_eq!(fabric.name, name);
+        assert_eq!(fabric.warnings(), Vec::<String>::new(), "{name}");
+        assert!(!fabric.about.is_empty() && fabric.about.len() < 110 && !fabric.about.contains('\n'), "{name}: {}", fabric.about);
+        let mut colours: Vec<_> = fabric.bars.iter().map(|bar| bar.yarn.color.0).collect();
+        colours.sort_unstable();
+        colours.dedup();
+        assert_eq!(colours.len(), fabric.bars.len(), "{name}: bars of one colour can't be told apart");
+    }
+}
+
+#[test]
+fn laps_are_open_or_closed_as_their_names_say() {
+    let closed = |name: &str| {
+        let chain = Fabric::named(name).unwrap().bars[0].chain.clone();
+        let courses = 0..chain.laps().len() as i64;
+        courses.map(|course| chain.is_closed(course)).collect::<Vec<_>>()
+    };
+    for (name, laps) in [
+        ("pillar-open", &[false, false][..]),
+        ("pillar-closed", &[true, true]),
+        ("tricot-closed", &[true, true]),
+        ("tricot-open", &[false, false]),
+        ("cord", &[true, true]),
+        ("satin-lap", &[true, true]),
+        ("velvet-lap", &[true, true]),
+        // Closed where the zigzag turns, open on the way: after 1-0/1-2 the bar goes on in the direction of its overlap.
+        ("atlas-4", &[true, false, true, false]),
+    ] {
+        assert_eq!(closed(name), laps, "{name}");
+    }
+}
+
+#[test]
+fn nets_are_half_set_and_their_bars_never_share_a_needle() {
+    for name in ["atlas-net", "hex-net-3", "hex-net-5", "power-net"] {
+        let fabric = Fabric::named(name).unwrap();
+        assert_eq!(fabric.threading_repeat(), 2);
+        for (wale, course) in (0..2).flat_map(|wale| (0..fabric.repeat() as i64).map(move |course| (wale, course))) {
+            let loops = fabric.bars.iter().filter(|bar| bar.loops_on(wale, course)).count();
+            assert_eq!(loops, 1, "{name}: wale {wale}, course {course}");
+        }
+    }
+}
+
+#[test]
+fn inlays_and_wefts_knit_nothing() {
+    for (name, inlays) in [("marquisette", 1), ("marquisette-3", 2), ("power-net", 2), ("tulle-3", 1), ("weft-inserted", 1)] {
+        let fabric = Fabric::named(name).unwrap();
+        assert_eq!(fabric.bars.iter().filter(|bar| bar.chain.is_inlay()).count(), inlays, "{name}");
+    }
+    assert_eq!(Fabric::named("weft-inserted").unwrap().bars[1].kind, BarKind::Weft);
+}
