@@ -4,6 +4,7 @@
 //! follow from it ([`Fabric::radius`]), weights always from the yarn's count.
 
 pub mod builtin;
+mod checks;
 pub mod lapping;
 pub mod yarn;
 
@@ -12,6 +13,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+pub use checks::Needles;
 use lapping::{Chain, LappingError, Numbering};
 use yarn::Yarn;
 
@@ -251,31 +253,23 @@ impl Fabric {
     pub fn threading_repeat(&self) -> usize {
         self.bars.iter().fold(1, |repeat, bar| least_common_multiple(repeat, bar.threading.repeat()))
     }
-
-    /// What a designer should know of this fabric although it can be knitted, a line each.
-    #[must_use]
-    pub fn warnings(&self) -> Vec<String> {
-        let mut warnings = Vec::new();
-        for (bar, number) in self.bars.iter().zip(1..) {
-            if !bar.chain.laps().iter().any(|lap| lap.from == 0 || lap.to == 0) {
-                warnings.push(format!("bar {number}: the chain {} has no gap 0", BarTable::from(bar).lapping));
-            }
-        }
-        if let Some((wale, course)) = self.dropped_stitch() {
-            warnings.push(format!("no bar laps the needle of wale {wale} in course {course}: the stitch drops"));
-        }
-        warnings
-    }
-
-    /// The first needle of the repeat that gets no loop, as (wale, course).
-    fn dropped_stitch(&self) -> Option<(i64, i64)> {
-        let (across, along) = (i64::try_from(self.threading_repeat()).ok()?, i64::try_from(self.repeat()).ok()?);
-        let served = |wale: i64, course: i64| self.bars.iter().any(|bar| bar.loops_on(wale, course));
-        (0..along).flat_map(|course| (0..across).map(move |wale| (wale, course))).find(|&(w, c)| !served(w, c))
-    }
 }
 
 impl Bar {
+    /// Whether the drive is on the left, so that a designer writes its gaps with the other sign.
+    ///
+    /// Only a chain read with its drive on the left has gaps below 0.
+    #[must_use]
+    pub fn counts_from_left(&self) -> bool {
+        self.chain.gaps().0 < 0
+    }
+
+    /// The chain as a designer writes it: gaps counted from the drive, never below 0.
+    #[must_use]
+    pub fn written_chain(&self) -> Chain {
+        if self.counts_from_left() { self.chain.mirrored() } else { self.chain.clone() }
+    }
+
     /// Whether one of this bar's yarns makes a loop on the needle of `wale` in `course`.
     #[must_use]
     pub fn loops_on(&self, wale: i64, course: i64) -> bool {
@@ -406,10 +400,9 @@ impl From<&Fabric> for FabricFile {
 
 impl From<&Bar> for BarTable {
     fn from(bar: &Bar) -> Self {
-        // Only a chain read with its drive on the left has gaps below 0; it is written as it was given.
-        let left = bar.chain.gaps().0 < 0;
+        let left = bar.counts_from_left();
         Self {
-            lapping: if left { bar.chain.mirrored() } else { bar.chain.clone() }.to_string(),
+            lapping: bar.written_chain().to_string(),
             numbering: Numbering::Tricot,
             drive: if left { Drive::Left } else { Drive::Right },
             threading: if left { bar.threading.mirrored() } else { bar.threading.clone() }.to_string(),
@@ -467,12 +460,6 @@ mod tests {
         assert!(matches!(Fabric::parse(&long), Err(FabricError::ThreadingTooLong(_))));
         let bars = good[good.find("[[bars]]").unwrap()..].repeat(60);
         assert!(matches!(Fabric::parse(&(good + "\n" + &bars)), Err(FabricError::TooManyBars(122))));
-    }
-
-    #[test]
-    fn a_needle_without_a_loop_is_named() {
-        let text = Fabric::named("tricot").unwrap().to_string().replace("threading = \"I\"", "threading = \"..I\"");
-        assert_eq!(Fabric::parse(&text).unwrap().warnings().len(), 1);
     }
 
     #[test]
