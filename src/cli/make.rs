@@ -105,14 +105,19 @@ fn begin(shared: &Shared) -> Result<Clock> {
     Ok(Clock::start(shared.quiet))
 }
 
+/// The built-in fabric of a name, or the one in a file.
+pub(super) fn named_fabric(name: &str) -> Result<Fabric> {
+    if Path::new(name).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml")) {
+        Fabric::read(Path::new(name)).with_context(|| name.to_owned())
+    } else {
+        Ok(Fabric::named(name)?)
+    }
+}
+
 /// The fabric that was named, at the densities that were given.
 fn fabric(shared: &Shared) -> Result<Fabric> {
     let name = &shared.fabric;
-    let fabric = if Path::new(name).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml")) {
-        Fabric::read(Path::new(name)).with_context(|| name.clone())?
-    } else {
-        Fabric::named(name)?
-    };
+    let fabric = named_fabric(name)?;
     for warning in fabric.warnings() {
         tell(shared.quiet, &format!("warning: {name}: {warning}"));
     }

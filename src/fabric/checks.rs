@@ -93,24 +93,23 @@ impl Fabric {
         warnings
     }
 
-    /// Pairs of bars with a yarn of each in exactly the same place all along.
+    /// Bars with a yarn in exactly the same place as one of a bar in front of them, each with the first such bar.
     fn twin_bars(&self) -> Vec<String> {
-        let mut warnings = Vec::new();
-        for (at, front) in self.bars.iter().enumerate() {
-            for (behind, rear) in self.bars.iter().enumerate().skip(at + 1) {
-                if let Some(guides) = front.shares_place_with(rear) {
-                    let how = if front.chain.is_inlay() { "lie in the same gaps" } else { "make the same laps on the same needles" };
-                    let (number, other) = (at + 1, behind + 1);
-                    warnings.push(format!(
-                        "bars {number} and {other} collide: from course 1 on their yarns {how} (guide {} of bar {number}, guide {} of \
-                         bar {other}) and run as one",
-                        guides.0 + 1,
-                        guides.1 + 1
-                    ));
-                }
-            }
-        }
-        warnings
+        let twin = |behind: usize| {
+            let rear = &self.bars[behind];
+            let (at, (guide, other)) =
+                self.bars[..behind].iter().enumerate().find_map(|(at, front)| Some((at, front.shares_place_with(rear)?)))?;
+            let how = if rear.chain.is_inlay() { "lie in the same gaps" } else { "make the same laps on the same needles" };
+            Some(format!(
+                "bars {} and {} collide: from course 1 on, the yarns of guide {} of the one and guide {} of the other {how}, so they \
+                 run as one",
+                at + 1,
+                behind + 1,
+                guide + 1,
+                other + 1
+            ))
+        };
+        (1..self.bars.len()).filter_map(twin).collect()
     }
 }
 
@@ -194,12 +193,7 @@ mod tests {
         for bars in [
             &[("1-0/1-2/2-3/2-1", "I."), ("2-3/2-1/1-0/1-2", ".I")][..],
             &[("1-0/1-2/1-0/2-3/2-1/2-3", "I."), ("2-3/2-1/2-3/1-0/1-2/1-0", ".I")],
-            &[
-                ("2-1/2-3/2-1/1-2/1-0/1-2", "I."),
-                ("1-2/1-0/1-2/2-1/2-3/2-1", ".I"),
-                ("0-0/1-1", "I."),
-                ("1-1/0-0", ".I"),
-            ],
+            &[("2-1/2-3/2-1/1-2/1-0/1-2", "I."), ("1-2/1-0/1-2/2-1/2-3/2-1", ".I"), ("0-0/1-1", "I."), ("1-1/0-0", ".I")],
             // One lapping on two bars, for stripes of two yarns.
             &[("1-0/1-2", "I."), ("1-0/1-2", ".I")],
         ] {
@@ -240,8 +234,10 @@ mod tests {
         let knitting = full(&["1-0/1-2", "1-0/1-2"]).warnings();
         assert_eq!(
             knitting,
-            ["bars 1 and 2 collide: from course 1 on their yarns make the same laps on the same needles (guide 1 of bar 1, guide 1 of \
-              bar 2) and run as one"]
+            [
+                "bars 1 and 2 collide: from course 1 on, the yarns of guide 1 of the one and guide 1 of the other make the same laps on the \
+              same needles, so they run as one"
+            ]
         );
         let inlays = full(&["1-0/0-1", "0-0/2-2", "0-0/2-2/0-0/2-2"]).warnings();
         assert!(inlays.len() == 1 && inlays[0].starts_with("bars 2 and 3 collide") && inlays[0].contains("gaps"), "{inlays:?}");
