@@ -10,9 +10,11 @@
 //! 6. [`yarn`] draws curves through the points and tubes around the curves.
 //! 7. [`render`] traces a picture of the yarns, [`export`] writes files.
 //!
+//! [`chart`] draws a fabric's lapping diagram without knitting it.
 //! [`drape`] runs stages 3 to 7 block by block, so that memory does not grow with the fabric.
 //! Lengths are millimetres and angles radians throughout, unless a name says otherwise.
 
+pub mod chart;
 pub mod drape;
 pub mod export;
 pub mod fabric;

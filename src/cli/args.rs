@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::error::ErrorKind;
 use clap::{Args, CommandFactory as _, Parser, Subcommand, ValueEnum};
 use glam::DVec3;
+use warpknit::chart;
 use warpknit::drape::strands::Edge;
 use warpknit::export::Format;
 use warpknit::garment::Unit;
@@ -56,8 +57,9 @@ pub(crate) enum Command {
   warpknit swatch --fabric locknit --view back -o back.png
   warpknit swatch --lapping 2-3/1-0// --lapping 1-0/1-2// -o satin.png")]
     Swatch(Swatch),
-    /// Say what meshes hold and whether they pair
+    /// Say what meshes hold and whether they pair, and what a fabric's lapping is
     #[command(after_help = "Examples:
+  warpknit inspect --fabric locknit -o lapping.svg -o lapping.png
   warpknit inspect meshes/tshirt.obj
   warpknit inspect meshes/skirt_flat.obj meshes/skirt_draped.obj")]
     Inspect(Inspect),
@@ -103,8 +105,14 @@ pub(crate) struct Swatch {
 #[derive(Args, Debug)]
 pub(crate) struct Inspect {
     /// One garment with vt, or the flat mesh and one or more drapes of it
-    #[arg(value_name = "OBJ", required = true)]
+    #[arg(value_name = "OBJ", required_unless_present = "fabric")]
     pub(crate) meshes: Vec<PathBuf>,
+    /// A built-in fabric or a fabric file: its chain as a table, threads on the needles, warnings
+    #[arg(long, value_name = "NAME|FILE.toml")]
+    pub(crate) fabric: Option<String>,
+    /// A file for the fabric's lapping diagram, by its ending: .svg .png; may be repeated
+    #[arg(short, long = "output", value_name = "OUT", value_parser = diagram, requires = "fabric")]
+    pub(crate) outputs: Vec<(PathBuf, chart::Format)>,
     #[command(flatten)]
     pub(crate) reading: Reading,
 }
@@ -260,6 +268,12 @@ impl From<ViewArg> for View {
 fn output(text: &str) -> Result<(PathBuf, Format), String> {
     let path = PathBuf::from(text);
     let format = Format::of(&path).map_err(|error| error.to_string())?;
+    Ok((path, format))
+}
+
+fn diagram(text: &str) -> Result<(PathBuf, chart::Format), String> {
+    let path = PathBuf::from(text);
+    let format = chart::Format::of(&path).ok_or("no lapping diagram has this ending; known are .svg .png")?;
     Ok((path, format))
 }
 

@@ -1,20 +1,37 @@
-//! `warpknit inspect`: what meshes hold and whether they pair.
+//! `warpknit inspect`: what meshes hold and whether they pair, and what a fabric's lapping is.
 
 use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::Result;
 use glam::DVec3;
+use warpknit::export::Output;
 use warpknit::garment::stretch::stretch;
 use warpknit::garment::{Garment, read};
 
 use super::args::Inspect;
-use super::print;
+use super::make::named_fabric;
+use super::sheet::{diagrams, sheet};
+use super::{print, tell};
 
-/// Prints one section a garment: a lone file with its vt, or the first file as the flat mesh of each other one.
+/// Prints what was asked for: a fabric, then one section a garment. Pictures appear under their names only when nothing failed.
 pub(crate) fn inspect(arguments: &Inspect) -> Result<()> {
+    let mut pictures = Vec::new();
+    if let Some(name) = &arguments.fabric {
+        let fabric = named_fabric(name)?;
+        let (drawn, notes) = diagrams(&fabric, &arguments.outputs)?;
+        notes.iter().for_each(|note| tell(false, &format!("note: {name}: {note}")));
+        print(&sheet(&fabric)?)?;
+        pictures = drawn;
+    }
+    inspect_meshes(arguments)?;
+    Ok(pictures.into_iter().try_for_each(Output::publish)?)
+}
+
+/// One section a garment: a lone file with its vt, or the first file as the flat mesh of each other one.
+fn inspect_meshes(arguments: &Inspect) -> Result<()> {
     let options = arguments.reading.options();
-    let (first, others) = arguments.meshes.split_first().expect("clap asks for one");
+    let Some((first, others)) = arguments.meshes.split_first() else { return Ok(()) };
     if others.is_empty() {
         return print(&section(&first.display().to_string(), &read(first, None, &options)?)?);
     }

@@ -110,14 +110,19 @@ fn begin(shared: &Shared) -> Result<Clock> {
     Ok(Clock::start(shared.quiet))
 }
 
+/// The built-in fabric of a name, or the one in a file.
+pub(super) fn named_fabric(name: &str) -> Result<Fabric> {
+    if Path::new(name).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml")) {
+        Fabric::read(Path::new(name)).map_err(|error| in_file(name, error))
+    } else {
+        Ok(Fabric::named(name)?)
+    }
+}
+
 /// The fabric that was named, at the densities that were given.
 fn fabric(shared: &Shared) -> Result<Fabric> {
     let name = &shared.fabric;
-    let fabric = if Path::new(name).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml")) {
-        Fabric::read(Path::new(name)).map_err(|error| in_file(name, error))?
-    } else {
-        Fabric::named(name)?
-    };
+    let fabric = named_fabric(name)?;
     let fabric = if shared.lapping.is_empty() { fabric } else { fabric.with_chains(&shared.lapping, &shared.threading)? };
     let name = &fabric.name;
     for warning in fabric.warnings() {

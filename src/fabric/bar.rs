@@ -61,19 +61,27 @@ impl Bar {
         }
     }
 
-    /// Its lapping as a fabric file has it: the chain as seen from the drive, or `weft`.
+    /// Whether the drive is on the left, so that a designer writes its gaps with the other sign.
+    ///
+    /// Only a chain read with its drive on the left has gaps below 0.
+    #[must_use]
+    pub fn counts_from_left(&self) -> bool {
+        self.chain.gaps().0 < 0
+    }
+
+    /// Its lapping as a designer writes it: the chain with gaps counted from the drive, or `weft`.
     #[must_use]
     pub fn lapping(&self) -> String {
         match self.kind {
-            BarKind::Guide if self.drive_is_left() => self.chain.mirrored().to_string(),
-            BarKind::Guide => self.chain.to_string(),
+            BarKind::Guide => self.written_chain().to_string(),
             BarKind::Weft => WEFT.to_owned(),
         }
     }
 
-    /// Whether gaps were counted from the left: only such a chain has gaps below 0.
-    pub(super) fn drive_is_left(&self) -> bool {
-        self.chain.gaps().0 < 0
+    /// The chain with gaps counted from the drive, never below 0.
+    #[must_use]
+    pub fn written_chain(&self) -> Chain {
+        if self.counts_from_left() { self.chain.mirrored() } else { self.chain.clone() }
     }
 }
 

@@ -282,7 +282,7 @@ impl From<&Fabric> for FabricFile {
 
 impl From<&Bar> for BarTable {
     fn from(bar: &Bar) -> Self {
-        let left = bar.drive_is_left();
+        let left = bar.counts_from_left();
         Self {
             lapping: unplaced(bar.lapping()),
             numbering: Numbering::Tricot,

@@ -5,6 +5,7 @@
 
 mod bar;
 pub mod builtin;
+mod checks;
 mod dimensions;
 mod error;
 mod file;
@@ -22,6 +23,7 @@ use lapping::Numbering;
 use threading::Threading;
 
 pub use bar::{Bar, BarKind};
+pub use checks::Needles;
 pub use dimensions::Dimensions;
 pub use error::{FabricError, Fault, Place};
 
@@ -197,28 +199,6 @@ impl Fabric {
     #[must_use]
     pub fn threading_repeat(&self) -> usize {
         self.bars.iter().fold(1, |repeat, bar| least_common_multiple(repeat, bar.guides()))
-    }
-
-    /// What a designer should know of this fabric although it can be knitted, a line each.
-    #[must_use]
-    pub fn warnings(&self) -> Vec<String> {
-        let mut warnings = Vec::new();
-        for (bar, number) in self.bars.iter().zip(1..) {
-            if !bar.chain.laps().iter().any(|lap| lap.from == 0 || lap.to == 0) {
-                warnings.push(format!("bar {number}: the chain {} has no gap 0", bar.lapping()));
-            }
-        }
-        if let Some((wale, course)) = self.dropped_stitch() {
-            warnings.push(format!("no bar laps the needle of wale {wale} in course {course}: the stitch drops"));
-        }
-        warnings
-    }
-
-    /// The first needle of the repeat that gets no loop, as (wale, course).
-    fn dropped_stitch(&self) -> Option<(i64, i64)> {
-        let (across, along) = (i64::try_from(self.threading_repeat()).ok()?, i64::try_from(self.repeat()).ok()?);
-        let served = |wale: i64, course: i64| self.bars.iter().any(|bar| bar.loops_on(wale, course));
-        (0..along).flat_map(|course| (0..across).map(move |wale| (wale, course))).find(|&(w, c)| !served(w, c))
     }
 }
 

@@ -56,7 +56,8 @@ struct Segment {
 pub fn measure(fabric: &Fabric, pattern: &Pattern, radius: f64) -> Clearance {
     let mesh = StructureMesh::anchored_at(fabric, DVec2::ZERO);
     let (wales, courses) = (fabric.threading_repeat().min(MOST_WALES), fabric.repeat().min(MOST_COURSES));
-    let cell = DVec2::new(fabric.wale_spacing() * f64::from(index32(wales)), fabric.course_spacing() * f64::from(index32(courses)));
+    let cell =
+        DVec2::new(fabric.wale_spacing() * f64::from(index32(wales)), fabric.course_spacing() * f64::from(index32(courses)));
     // Yarns thicker than two wales cut everything around them; there is no need to look further for the least distance.
     let margin = (8.0 * radius).min(2.0 * fabric.wale_spacing());
     // Four steps more at both ends: their heads and feet reach into the repeat.
@@ -134,8 +135,13 @@ mod tests {
 
     #[test]
     fn distances_in_closed_form() {
-        let segment =
-            |from: (f64, f64, f64), to: (f64, f64, f64)| Segment { from: from.into(), to: to.into(), strand: 0, radius: 1.0, along: 0.0 };
+        let segment = |from: (f64, f64, f64), to: (f64, f64, f64)| Segment {
+            from: from.into(),
+            to: to.into(),
+            strand: 0,
+            radius: 1.0,
+            along: 0.0,
+        };
         let x = segment((0.0, 0.0, 0.0), (1.0, 0.0, 0.0));
         for (other, expected) in [
             (segment((0.5, -1.0, 2.0), (0.5, 1.0, 2.0)), 2.0),

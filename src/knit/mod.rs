@@ -156,10 +156,13 @@ impl Pattern {
         let yarns = models.map(|model| {
             let model = model?;
             let known = self.repeat.yarns[first..].iter().position(|yarn| yarn.guide == model);
-            Some(first + known.unwrap_or_else(|| {
-                self.repeat.add_yarn(bar, number, layer, lattice, [model, steps]);
-                self.repeat.yarns.len() - 1 - first
-            }))
+            Some(
+                first
+                    + known.unwrap_or_else(|| {
+                        self.repeat.add_yarn(bar, number, layer, lattice, [model, steps]);
+                        self.repeat.yarns.len() - 1 - first
+                    }),
+            )
         });
         let yarns = yarns.collect();
         self.bars.push(BarPattern { kind: bar.kind, yarns, bounds: (DVec2::ZERO, DVec2::ZERO) });
@@ -185,7 +188,8 @@ impl Pattern {
         for yarn in &self.repeat.yarns {
             let bar = &mut self.bars[yarn.bar];
             for step in 0..yarn.steps.len() - 1 {
-                let home = self.spacing * if bar.kind == BarKind::Guide { as_vec(yarn.guide, step) } else { as_vec(step, yarn.guide) };
+                let home =
+                    self.spacing * if bar.kind == BarKind::Guide { as_vec(yarn.guide, step) } else { as_vec(step, yarn.guide) };
                 for point in &self.repeat.points[self.repeat.points_of_steps(yarn, step..step + 1)] {
                     let place = point.truncate() - home;
                     bar.bounds = (bar.bounds.0.min(place), bar.bounds.1.max(place));

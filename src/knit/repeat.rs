@@ -111,14 +111,18 @@ impl Laying<'_> {
         if lap.overlap() == 0 {
             let points = self.inlay(course);
             repeat.begin_stitch();
-            (1u16..).zip(points).for_each(|(number, point)| repeat.push(point, self.tag(course, lap.needle(), PointKind::Inlay, number)));
+            (1u16..)
+                .zip(points)
+                .for_each(|(number, point)| repeat.push(point, self.tag(course, lap.needle(), PointKind::Inlay, number)));
             return;
         }
         let needles = lap.needles().count();
         for (at, needle) in lap.needles().enumerate() {
             let points = self.loop_points(course, at);
             repeat.begin_stitch();
-            (1u16..).zip(points).for_each(|(number, point)| repeat.push(point, self.tag(course, needle, PointKind::Loop, number)));
+            (1u16..)
+                .zip(points)
+                .for_each(|(number, point)| repeat.push(point, self.tag(course, needle, PointKind::Loop, number)));
             let next = if at + 1 < needles { self.loop_points(course, at + 1)[0] } else { self.first_point(course + 1) };
             for (number, turn) in (1u16..).zip(stitch::turns(points[7], next, self.layer.wale_spacing)) {
                 repeat.push(turn, self.tag(course, needle, PointKind::Turn, number));

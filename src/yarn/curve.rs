@@ -83,10 +83,7 @@ impl Weights {
 pub(crate) fn weights(points: &[DVec3; 4]) -> Weights {
     let [d0, d1, d2] = intervals(points);
     let (into, out) = (d1 / (d0 + d1), d1 / (d1 + d2));
-    Weights {
-        m1: [into - d1 / d0, d1 / d0 - 1.0, 1.0 - into, 0.0],
-        m2: [0.0, out - 1.0, 1.0 - d1 / d2, d1 / d2 - out],
-    }
+    Weights { m1: [into - d1 / d0, d1 / d0 - 1.0, 1.0 - into, 0.0], m2: [0.0, out - 1.0, 1.0 - d1 / d2, d1 / d2 - out] }
 }
 
 /// Where two segments come nearest: the share of the way along each (Ericson 2005, Real-Time Collision Detection, 5.1.9).

@@ -7,6 +7,7 @@
 )]
 
 mod architecture;
+mod chart;
 mod cli;
 mod drape;
 mod fabrics;

@@ -1,0 +1,130 @@
+//! The lapping diagram: a fabric's bars on point paper, as textbooks of warp knitting draw them.
+//!
+//! In: a [`Fabric`]. Out: a [`Drawing`], a list of shapes that [`svg`] writes as text and [`png`] paints. A row of dots is a course, the first at
+//! the bottom; a dot is a needle; gaps are numbered below from the drive. Seen from the technical back, each bar's path goes over the dots
+//! that it laps and between the rows where it lies under them. One yarn a bar is drawn, that of its first threaded guide; where two
+//! bars or fewer leave room, its neighbours too, lightly.
+//!
+//! Not promised: that a very large fabric is drawn whole ([`Drawing::notes`] says what is left out).
+
+mod lapping;
+mod path;
+pub mod png;
+pub mod svg;
+
+use std::path::Path;
+
+use glam::DVec2;
+
+use crate::fabric::Fabric;
+use crate::fabric::yarn::Color;
+pub use path::Piece;
+
+/// What can be drawn, in px of the sheet, y down.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Shape {
+    /// A line along pieces.
+    Path {
+        /// What it passes.
+        pieces: Vec<Piece>,
+        /// How wide it is drawn.
+        width: f64,
+    },
+    /// A filled circle.
+    Dot {
+        /// Its centre.
+        at: DVec2,
+        /// Its radius.
+        radius: f64,
+    },
+    /// A line of text.
+    Text {
+        /// Where its baseline begins, is centred, or ends.
+        at: DVec2,
+        /// What it says.
+        text: String,
+        /// How large it is.
+        size: TextSize,
+        /// What of it stands at `at`.
+        anchor: Anchor,
+    },
+}
+
+/// Sizes of text: those that the PNG's font comes in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TextSize {
+    /// Axis numbers and notes.
+    Small,
+    /// The legend.
+    Normal,
+    /// The fabric's name, bold.
+    Title,
+}
+
+/// Which part of a text stands at its place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Anchor {
+    /// Its beginning.
+    Start,
+    /// Its middle.
+    Middle,
+    /// Its end.
+    End,
+}
+
+/// Shapes of one kind and colour.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layer {
+    /// What it is: `needles`, `bar-1` …; unique in a drawing.
+    pub name: String,
+    /// Colour of lines, dots and text.
+    pub color: Color,
+    /// What is drawn, first below.
+    pub shapes: Vec<Shape>,
+}
+
+/// A picture as shapes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Drawing {
+    /// Width and height, px.
+    pub size: DVec2,
+    /// First below.
+    pub layers: Vec<Layer>,
+    /// What is left out because the fabric is too large for a sheet, a line each.
+    pub notes: Vec<String>,
+}
+
+/// The formats of a diagram.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// Text that drawing programs edit.
+    Svg,
+    /// Pixels.
+    Png,
+}
+
+impl Format {
+    /// The format of a path, by its ending in any case.
+    #[must_use]
+    pub fn of(path: &Path) -> Option<Self> {
+        match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
+            "svg" => Some(Self::Svg),
+            "png" => Some(Self::Png),
+            _ => None,
+        }
+    }
+}
+
+impl Drawing {
+    /// The lapping diagram of a fabric. Cost: at most some thousand shapes, whatever the fabric.
+    ///
+    /// ```
+    /// use warpknit::{chart::Drawing, fabric::Fabric};
+    /// let drawing = Drawing::lapping(&Fabric::named("locknit").unwrap());
+    /// assert!(drawing.layers.iter().any(|layer| layer.name == "bar-2") && drawing.notes.is_empty());
+    /// ```
+    #[must_use]
+    pub fn lapping(fabric: &Fabric) -> Self {
+        lapping::draw(fabric)
+    }
+}

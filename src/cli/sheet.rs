@@ -1,0 +1,182 @@
+//! `warpknit inspect --fabric`: a fabric as a designer checks it, the chain as a table and as a lapping diagram.
+
+use std::fmt::{self, Write as _};
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Result, bail};
+use warpknit::chart::{Drawing, Format, png, svg};
+use warpknit::export::{self, Output};
+use warpknit::fabric::{Bar, Fabric};
+
+/// The most courses of the table.
+const MOST_ROWS: usize = 200;
+
+/// Everything about a fabric that can be said without knitting it.
+pub(super) fn sheet(fabric: &Fabric) -> Result<String, fmt::Error> {
+    let mut text = String::new();
+    writeln!(text, "{}{}{}", fabric.name, if fabric.about.is_empty() { "" } else { ": " }, fabric.about)?;
+    writeln!(
+        text,
+        "  {} wales/cm, {} courses/cm; W {:.3} mm, C {:.3} mm",
+        fabric.wales_per_cm,
+        fabric.courses_per_cm,
+        fabric.wale_spacing(),
+        fabric.course_spacing()
+    )?;
+    text.push_str(&table(fabric));
+    for (bar, number) in fabric.bars.iter().zip(1..) {
+        let (drive, threading) =
+            if bar.counts_from_left() { (", drive left", bar.threading.mirrored()) } else { ("", bar.threading.clone()) };
+        writeln!(
+            text,
+            "  bar {number}: chain {}{drive}, threading {threading}, yarn {}, diameter {:.3} mm",
+            bar.written_chain(),
+            bar.yarn.count,
+            bar.yarn.diameter()
+        )?;
+    }
+    let needles = fabric.needles();
+    writeln!(text, "  threads on a needle: {}..{}", needles.fewest, needles.most)?;
+    for warning in fabric.warnings() {
+        writeln!(text, "  warning: {warning}")?;
+    }
+    Ok(text)
+}
+
+/// The chain: a row a course, first course first, four columns a bar.
+fn table(fabric: &Fabric) -> String {
+    let shown = fabric.repeat().min(MOST_ROWS);
+    let columns = ["lap", "kind", "underlap", "needles"];
+    let mut groups: Vec<Vec<[String; 4]>> = Vec::new();
+    for bar in &fabric.bars {
+        let header = columns.map(str::to_owned);
+        groups.push(std::iter::once(header).chain((0_i64..).take(shown).map(|course| cells(bar, course))).collect());
+    }
+    let mut lines = vec!["        ".to_owned(), "  course".to_owned()];
+    lines.extend((1..=shown).map(|course| format!("  {course:6}")));
+    for (group, number) in groups.iter().zip(1..) {
+        let width = |column: usize| group.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+        let widths = [0, 1, 2, 3].map(width);
+        let title = format!("bar {number}");
+        let all: usize = widths.iter().sum::<usize>() + 6;
+        lines[0] += &format!("  | {title:all$}");
+        for (line, row) in lines[1..].iter_mut().zip(group) {
+            *line += "  |";
+            for (column, (cell, width)) in row.iter().zip(widths).enumerate() {
+                *line += &format!("{}{cell:width$}", if column == 0 { " " } else { "  " });
+            }
+        }
+    }
+    if shown < fabric.repeat() {
+        lines.push(format!("  ... and {} more courses", fabric.repeat() - shown));
+    }
+    lines.iter().map(|line| format!("{}\n", line.trim_end())).collect()
+}
+
+/// A lap as written, its kind, the underlap that follows (arrows as in the diagram), and the needles on which guide 1 loops, in the order of
+/// the swing; needle 1 lies between gaps 0 and 1.
+fn cells(bar: &Bar, course: i64) -> [String; 4] {
+    let (chain, left) = (bar.written_chain(), bar.counts_from_left());
+    let (lap, underlap) = (chain.lap(course), chain.underlap(course));
+    let two = (lap.to - lap.from).abs() > 1;
+    let kind = match (lap.overlap(), chain.is_closed(course)) {
+        (0, _) if chain.is_inlay() || underlap != 0 => "inlay",
+        (0, _) => "miss",
+        (_, true) if two => "two-needle closed",
+        (_, false) if two => "two-needle open",
+        (_, true) => "closed",
+        (_, false) => "open",
+    };
+    let arrow = match underlap.unsigned_abs() {
+        0 => "0".to_owned(),
+        // Higher gaps of a right-hand drive lie to the left, seen from the technical back.
+        needles if (underlap > 0) != left => format!("\u{2190} {needles}"),
+        needles => format!("{needles} \u{2192}"),
+    };
+    let needle = lap.needle() + 1;
+    let needles = match lap.to - lap.from {
+        0 => "-".to_owned(),
+        2 => format!("{needle} {}", needle + 1),
+        -2 => format!("{} {needle}", needle + 1),
+        _ => needle.to_string(),
+    };
+    [format!("{}-{}", lap.from, lap.to), kind.to_owned(), arrow, needles]
+}
+
+/// Draws the lapping diagram into files that are whole but not yet under their names; and what the diagram leaves out.
+pub(super) fn diagrams(fabric: &Fabric, outputs: &[(PathBuf, Format)]) -> Result<(Vec<Output>, Vec<String>)> {
+    let mut taken: Vec<PathBuf> = Vec::new();
+    for (path, _) in outputs {
+        let place = place(path);
+        if taken.contains(&place) {
+            bail!("{}: this file is another output as well; name another one with -o", path.display());
+        }
+        taken.push(place);
+    }
+    if outputs.is_empty() {
+        return Ok((Vec::new(), Vec::new()));
+    }
+    let drawing = Drawing::lapping(fabric);
+    let mut whole = Vec::new();
+    for (path, format) in outputs {
+        whole.push(match format {
+            Format::Png => export::png::write(path, &png::paint(&drawing))?,
+            Format::Svg => {
+                let mut output = Output::create(path)?;
+                output.write_with(|file| file.write_all(svg::text(&drawing).as_bytes()))?;
+                output.seal()?
+            }
+        });
+    }
+    Ok((whole, drawing.notes))
+}
+
+/// The same path for the same file, there or not yet there.
+fn place(path: &Path) -> PathBuf {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    match (path.canonicalize(), folder.canonicalize(), path.file_name()) {
+        (Ok(there), ..) => there,
+        (_, Ok(folder), Some(name)) => folder.join(name),
+        _ => path.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_table_names_every_lap() {
+        let text = Fabric::named("tricot").unwrap().to_string();
+        let text = text.replacen("\"1-2/1-0//\"", "\"0-2/2-2/2-2/3-2/0-0/0-1/2-1//\"", 1);
+        let table = table(&Fabric::parse(&text).unwrap());
+        let column = |row: &str| {
+            row.split('|').nth(1).unwrap().split("  ").map(str::trim).filter(|c| !c.is_empty()).collect::<Vec<_>>().join(",")
+        };
+        let rows: Vec<_> = table.lines().map(column).collect();
+        assert_eq!(rows.len(), 2 + 14);
+        assert_eq!(
+            rows[1..9],
+            [
+                "lap,kind,underlap,needles",
+                "0-2,two-needle open,0,1 2",
+                "2-2,miss,0,-",
+                "2-2,inlay,\u{2190} 1,-",
+                "3-2,closed,2 \u{2192},3",
+                "0-0,miss,0,-",
+                "0-1,open,\u{2190} 1,1",
+                "2-1,open,1 \u{2192},2"
+            ]
+        );
+    }
+
+    #[test]
+    fn a_long_chain_is_cut_with_a_word() {
+        let chain = "1-0/1-2/".repeat(300);
+        let text = Fabric::named("tricot").unwrap().to_string().replacen("\"1-2/1-0//\"", &format!("\"{chain}\""), 1);
+        let table = table(&Fabric::parse(&text).unwrap());
+        assert_eq!(table.lines().count(), 2 + MOST_ROWS + 1);
+        assert_eq!(table.lines().last(), Some("  ... and 400 more courses"));
+    }
+}
