@@ -8,6 +8,7 @@
 
 use glam::{DVec2, DVec3};
 
+use super::stitch::Layer;
 use crate::fabric::Fabric;
 use crate::ids::index32;
 
@@ -27,9 +28,10 @@ const BALANCED: f64 = 1e-4;
 /// The most time steps that are taken.
 pub(super) const MOST_STEPS: usize = 5000;
 
-/// Narrow gaps press loops together, down to this share of their width: 2.6 r of air, and the upper legs' width.
+// Narrow gaps press loops together, down to a share of their width: they need so many radii of air, and so many times the width of
+// their upper legs.
 const AIR: f64 = 2.6;
-const LOOP_WIDTH: f64 = 2.25 * 0.33;
+const LOOP_WIDTH: f64 = 2.25;
 const NARROWEST: f64 = 0.5;
 
 /// The control points of a repeat, mm; gap 0 of guide 0 lies at x = 0, course 0 at y = 0.
@@ -195,19 +197,19 @@ impl Lattice {
     ///
     /// y runs along the bent wale and x across it, so that the loop's head turns into the next segment; where wales are close, loops get
     /// narrower. A rigid frame instead lets the loops of nets cut each other.
-    pub(super) fn on_wale(&self, wale: i64, course: i64, offset: DVec3, radius: f64) -> DVec3 {
+    pub(super) fn on_wale(&self, wale: i64, course: i64, offset: DVec3, layer: &Layer) -> DVec3 {
         #[expect(clippy::cast_precision_loss, reason = "courses are counted in thousands")]
         let (axis, tangent) = self.axis(wale, course as f64 + offset.y / self.course_spacing);
         let across = DVec2::new(tangent.y, -tangent.x);
-        (axis + across * (offset.x * self.narrowing(wale, course, radius))).extend(offset.z)
+        (axis + across * (offset.x * self.narrowing(wale, course, layer))).extend(offset.z)
     }
 
     /// How much narrower than drawn the loops of a stitch are.
-    fn narrowing(&self, wale: i64, course: i64, radius: f64) -> f64 {
+    fn narrowing(&self, wale: i64, course: i64, layer: &Layer) -> f64 {
         let gap = |wale: i64, course: i64| (self.node(wale + 1, course) - self.node(wale, course)).x / self.wale_spacing;
         let beside = [gap(wale, course), gap(wale - 1, course), gap(wale, course + 1), gap(wale - 1, course + 1)];
         let gap = beside.into_iter().fold(f64::INFINITY, f64::min);
-        ((gap - AIR * radius / self.wale_spacing) / LOOP_WIDTH).clamp(NARROWEST, 1.0)
+        ((gap - AIR * layer.radius / self.wale_spacing) / (LOOP_WIDTH * layer.dimensions.w3)).clamp(NARROWEST, 1.0)
     }
 
     /// Where a point between wales lies: `gap` counts gaps of the machine from gap 0, `y` is mm from course 0 (z as given).
@@ -249,9 +251,10 @@ mod tests {
     fn straight_wales_are_left_as_drawn() {
         let fabric = Fabric::named("tricot").unwrap();
         let lattice = Lattice::straight(&fabric, 1, 1);
+        let layer = crate::knit::layers(&fabric)[0];
         let offset = DVec3::new(0.1, 0.3, -0.2);
         let expected = offset + DVec3::new(2.5 * fabric.wale_spacing(), 3.0 * fabric.course_spacing(), 0.0);
-        assert!(lattice.on_wale(2, 3, offset, 0.03).distance(expected) < 1e-12);
+        assert!(lattice.on_wale(2, 3, offset, &layer).distance(expected) < 1e-12);
         let beside = lattice.between_wales(1.0, 0.4, -0.1);
         assert!(beside.distance(DVec3::new(fabric.wale_spacing(), 0.4, -0.1)) < 1e-12);
     }

@@ -307,8 +307,9 @@ fn layers(fabric: &Fabric) -> Vec<Layer> {
     let radius = fabric.radius();
     let nesting: Vec<_> = (0..fabric.bars.len()).map(|bar| knitting_bars_behind(fabric, bar)).collect();
     let inlays = fabric.bars.iter().map(|bar| bar.chain.is_inlay());
-    let depths = stitch::layer_depths(&inlays.zip(nesting.iter().copied()).collect::<Vec<_>>());
+    let depths = stitch::layer_depths(&inlays.zip(nesting.iter().copied()).collect::<Vec<_>>(), &fabric.stitch);
     let layer = |(nesting, depth): (&u32, f64)| Layer {
+        dimensions: fabric.stitch,
         wale_spacing: fabric.wale_spacing(),
         course_spacing: fabric.course_spacing(),
         radius,

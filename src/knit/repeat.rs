@@ -158,7 +158,7 @@ impl Laying<'_> {
         let before = if at == 0 { chain.underlap(course - 1) } else { lap.overlap() };
         let after = if at == last { chain.underlap(course) } else { lap.overlap() };
         let points = self.layer.loop_points(Turns { overlap: lap.overlap(), before, after });
-        points.map(|point| self.lattice.on_wale(self.guide + i64::from(needle), course, point, self.layer.radius))
+        points.map(|point| self.lattice.on_wale(self.guide + i64::from(needle), course, point, self.layer))
     }
 
     /// An inlay on its way to the next course's first gap.

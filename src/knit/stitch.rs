@@ -1,24 +1,12 @@
 //! The eight-point stitch: where the yarn of one lap passes, relative to its guide's gap 0 and its course.
 //!
-//! Source: Liu, Kyosev, Jiang 2022, section 2.1 and Fig. 2, with the dimensions of the specification's knit page, which also gives
+//! Source: Liu, Kyosev, Jiang 2022, section 2.1 and Fig. 2, with the [`Dimensions`] of the specification's knit page, which also gives
 //! the least distances between yarns that they reach. S1, S8 are the feet (behind, where the underlaps join), S2, S7 the lower
 //! legs, S3, S6 the upper legs, S4, S5 the head.
 
 use glam::DVec3;
 
-// Lateral distances from the wale over W, heights over C, depths over the yarn radius r: the specification's table.
-const W1: f64 = 0.15;
-const W1_CROSSED: f64 = 0.13;
-const W2: f64 = 0.14;
-const W3: f64 = 0.33;
-const W4: f64 = 0.27;
-const H1: f64 = 0.08;
-const H2: f64 = 0.85;
-const H3: f64 = 1.355;
-const Z1: f64 = 2.9;
-const Z2: f64 = 1.9;
-const Z_EXIT: f64 = 3.0;
-const Z_LOWER: f64 = 2.4;
+use crate::fabric::Dimensions;
 
 // Further bars nest inside those behind them: changes in radii, times the number of knitting bars behind on the same needle.
 const NEST_X: f64 = -2.25;
@@ -28,6 +16,9 @@ const NEST_HEAD_Y: f64 = -2.6;
 const NEST_LOWER_Z: f64 = -0.3;
 const NEST_UPPER_Z: f64 = 3.2;
 const NEST_HEAD_Z: f64 = -0.9;
+/// Nesting leaves a loop this share of its width, and its head at this height, courses.
+const NARROWEST: f64 = 0.4;
+const LOWEST_HEAD: f64 = 1.12;
 /// Depth between the feet of two knitting bars on the same needles, radii.
 const LAYER: f64 = 7.2;
 /// Depth of a layer next to an inlay, radii.
@@ -40,6 +31,7 @@ const THICK_ALONG: f64 = 0.0643;
 /// What a bar's stitches share: spacings, radius and the layer in which the bar's feet lie.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Layer {
+    pub(super) dimensions: Dimensions,
     /// W, mm.
     pub(super) wale_spacing: f64,
     /// C, mm.
@@ -55,13 +47,13 @@ pub(super) struct Layer {
 /// Depths of all bars' feet, front first, in radii.
 ///
 /// `bars` says, front first, whether each is an inlay and how many knitting bars behind it share its needles.
-pub(super) fn layer_depths(bars: &[(bool, u32)]) -> Vec<f64> {
+pub(super) fn layer_depths(bars: &[(bool, u32)], dimensions: &Dimensions) -> Vec<f64> {
     let mut depths = vec![0.0; bars.len()];
     let mut behind: Option<(bool, f64)> = None;
     for (at, &(inlay, nesting)) in bars.iter().enumerate().rev() {
         let depth = match behind {
             None if inlay => INLAY_LAYER,
-            None => Z2,
+            None => dimensions.z2,
             Some((behind_is_inlay, depth)) if inlay || behind_is_inlay => depth + INLAY_LAYER,
             Some((_, depth)) if nesting > 0 => depth + LAYER,
             // Half-set nets: no needle has two threads, so the feet share a layer.
@@ -87,21 +79,23 @@ pub(super) struct Turns {
 impl Layer {
     /// S1 to S8 relative to the control point O1, mm: x to the right, y along the wale, z towards the technical face.
     pub(super) fn loop_points(&self, turns: Turns) -> [DVec3; 8] {
-        let (w, c, r, q) = (self.wale_spacing, self.course_spacing, self.radius, self.nesting);
+        let (w, c, r) = (self.wale_spacing, self.course_spacing, self.radius);
+        let d = &self.dimensions;
         let widen = (r / (THICK_ACROSS * w)).max(1.0);
         let raise = (r / (THICK_ALONG * c)).max(1.0);
         let entry = -f64::from(turns.overlap);
         let crossed_in = turns.before.signum() == -turns.overlap;
         let crossed_out = turns.after.signum() == -turns.overlap;
-        let foot = |crossed: bool| if crossed { W1_CROSSED } else { W1 } * widen * w;
-        let nested = q * r;
+        let foot = |crossed: bool| if crossed { d.w1x } else { d.w1 } * widen * w;
+        let nested = self.nesting * r;
+        // Of many thick bars the innermost would turn inside out: it keeps some of its width, and its head stays over the next loop.
+        let nest = |x: f64| (x + NEST_X * nested).max(NARROWEST * x);
 
         let foot_y = NEST_FEET_Y * nested;
-        let lower =
-            (W2 * widen * w + NEST_X * nested, H1 * raise * c + NEST_LOWER_Y * nested, Z_LOWER * r + NEST_LOWER_Z * nested);
-        let upper = (W3 * w + NEST_X * nested, H2 * c, Z1 * r + NEST_UPPER_Z * nested);
-        let head_y = (1.0 + (H3 - 1.0) * raise) * c + NEST_HEAD_Y * nested;
-        let head = (W4 * w + NEST_X * nested, head_y, NEST_HEAD_Z * nested);
+        let lower = (nest(d.w2 * widen * w), d.h1 * raise * c + NEST_LOWER_Y * nested, d.zs * r + NEST_LOWER_Z * nested);
+        let upper = (nest(d.w3 * w), d.h2 * c, d.z1 * r + NEST_UPPER_Z * nested);
+        let head_y = ((1.0 + (d.h3 - 1.0) * raise) * c + NEST_HEAD_Y * nested).max(LOWEST_HEAD * c);
+        let head = (nest(d.w4 * w), head_y, NEST_HEAD_Z * nested);
         let on = |side: f64, (x, y, z): (f64, f64, f64)| DVec3::new(side * x, y, z);
         [
             DVec3::new(entry * foot(crossed_in), foot_y, -self.depth),
@@ -111,7 +105,7 @@ impl Layer {
             on(-entry, head),
             on(-entry, upper),
             on(-entry, lower),
-            DVec3::new(-entry * foot(crossed_out), foot_y, -self.depth - Z_EXIT * r),
+            DVec3::new(-entry * foot(crossed_out), foot_y, -self.depth - d.zo * r),
         ]
     }
 
@@ -152,11 +146,14 @@ const CORNER: f64 = 0.07;
 mod tests {
     use super::*;
 
-    const LAYER_0: Layer = Layer { wale_spacing: 1.0, course_spacing: 0.7, radius: 0.042, nesting: 0.0, depth: 1.9 * 0.042 };
+    fn layer_0() -> Layer {
+        let dimensions = Dimensions::default();
+        Layer { dimensions, wale_spacing: 1.0, course_spacing: 0.7, radius: 0.042, nesting: 0.0, depth: 1.9 * 0.042 }
+    }
 
     #[test]
     fn a_closed_lap_is_symmetric_but_for_its_exit_depth() {
-        let points = LAYER_0.loop_points(Turns { overlap: -1, before: 1, after: 1 });
+        let points = layer_0().loop_points(Turns { overlap: -1, before: 1, after: 1 });
         for (left, right) in [(0, 7), (1, 6), (2, 5), (3, 4)] {
             assert!((points[left].x + points[right].x).abs() < 1e-12);
             assert!((points[left].y - points[right].y).abs() < 1e-12);
@@ -167,15 +164,15 @@ mod tests {
 
     #[test]
     fn layers_of_the_specification() {
-        assert_eq!(layer_depths(&[(false, 1), (false, 0)]), [1.9 + 7.2, 1.9]);
-        assert_eq!(layer_depths(&[(false, 0), (true, 0)]), [2.6 + 2.6, 2.6]);
-        assert_eq!(layer_depths(&[(false, 0), (false, 0)]), [1.9, 1.9]);
+        assert_eq!(layer_depths(&[(false, 1), (false, 0)], &Dimensions::default()), [1.9 + 7.2, 1.9]);
+        assert_eq!(layer_depths(&[(false, 0), (true, 0)], &Dimensions::default()), [2.6 + 2.6, 2.6]);
+        assert_eq!(layer_depths(&[(false, 0), (false, 0)], &Dimensions::default()), [1.9, 1.9]);
     }
 
     #[test]
     fn an_inlay_is_straight_between_its_corners() {
-        assert_eq!(LAYER_0.inlay_points(0, 0), [(0.0, 0.35)]);
-        let run = LAYER_0.inlay_points(0, 3);
+        assert_eq!(layer_0().inlay_points(0, 0), [(0.0, 0.35)]);
+        let run = layer_0().inlay_points(0, 3);
         assert_eq!(run.len(), 5);
         assert!((run[2].0 - f64::midpoint(run[1].0, run[3].0)).abs() < 1e-12);
         assert!((run[2].1 - f64::midpoint(run[1].1, run[3].1)).abs() < 1e-12);
