@@ -16,8 +16,10 @@ const MOST_COURSES: usize = 40;
 const MOST_BARS: usize = 24;
 /// The least courses: fewer do not show how laps join.
 const LEAST_COURSES: usize = 4;
-/// The most characters of a text; a chain may have thousands.
-const MOST_CHARACTERS: usize = 90;
+/// The most characters of a text, and of a chain and a threading in it, which may have thousands.
+const MOST_CHARACTERS: usize = 100;
+const MOST_OF_CHAIN: usize = 48;
+const MOST_OF_THREADING: usize = 16;
 
 /// Colours of bars, front first: far apart from each other and dark enough for white paper.
 const BAR_COLORS: [Color; 10] = [
@@ -68,6 +70,8 @@ pub(super) fn draw(fabric: &Fabric) -> Drawing {
     let mut sheet = Sheet::new(fabric, bars, &reach);
     let notes = notes(fabric, &sheet, &reach);
     sheet.size.y += NOTE_ROW * f64::from(index32(notes.len()));
+    let widest = notes.iter().map(|note| TextSize::Small.width(note)).fold(0.0, f64::max);
+    sheet.size.x = sheet.size.x.max(widest + 2.0 * MARGIN);
     let mut layers = vec![sheet.repeats(fabric.repeat()), sheet.needles()];
     let lanes = lanes(bars, sheet.pitch);
     // The front bar is knitted last and lies uppermost on the technical back.
@@ -150,7 +154,8 @@ impl Sheet {
             (low, high) = if high > 1 { (low, low + MOST_NEEDLES) } else { (high - MOST_NEEDLES, high) };
         }
         let courses = (2 * fabric.repeat()).clamp(LEAST_COURSES, MOST_COURSES);
-        let words = words_of(fabric, bars).map(|(text, indent)| TextSize::Normal.width(&text) + indent).fold(0.0, f64::max);
+        let heading = TextSize::Title.width(&shortened(&fabric.name)).max(TextSize::Small.width(VIEW));
+        let words = words_of(fabric, bars).map(|(text, indent)| TextSize::Normal.width(&text) + indent).fold(heading, f64::max);
         let diagram = whole(high - low) * pitch.across + COURSE_NUMBERS;
         let width = 2.0 * MARGIN + diagram.max(words);
         let first_course = MARGIN + HEADING + whole(index32(courses).into()) * pitch.along - 0.5 * pitch.along;
@@ -266,7 +271,7 @@ const VIEW: &str = "seen from the technical back, course 1 below";
 
 /// The legend's lines, with how far they are set in.
 fn words_of<'a>(fabric: &'a Fabric, bars: &'a [Bar]) -> impl Iterator<Item = (String, f64)> + 'a {
-    let widest = bars.iter().map(|bar| bar.written_chain().to_string().len().min(MOST_CHARACTERS)).max().unwrap_or(0);
+    let widest = bars.iter().map(|bar| bar.written_chain().to_string().len().min(MOST_OF_CHAIN)).max().unwrap_or(0);
     let several = fabric.bars.len() > 9;
     bars.iter().enumerate().map(move |(at, bar)| {
         let number = if several { format!("{:2}", at + 1) } else { (at + 1).to_string() };
@@ -275,9 +280,9 @@ fn words_of<'a>(fabric: &'a Fabric, bars: &'a [Bar]) -> impl Iterator<Item = (St
             0 => String::new(),
             guide => format!("  (guide {}: gaps + {guide})", guide + 1),
         };
-        let chain = shortened(&bar.written_chain().to_string());
+        let chain = cut(&bar.written_chain().to_string(), MOST_OF_CHAIN);
         let threading = if bar.counts_from_left() { bar.threading.mirrored() } else { bar.threading.clone() };
-        let threading: String = threading.to_string().chars().take(24).collect();
+        let threading = cut(&threading.to_string(), MOST_OF_THREADING);
         (shortened(&format!("bar {number}  {chain:widest$}  {threading}{guide}{drive}")), SAMPLE)
     })
 }
@@ -288,10 +293,14 @@ fn label(at: DVec2, text: String, anchor: Anchor) -> Shape {
 
 /// A text that fits the sheet.
 fn shortened(text: &str) -> String {
-    if text.chars().count() <= MOST_CHARACTERS {
+    cut(text, MOST_CHARACTERS)
+}
+
+fn cut(text: &str, most: usize) -> String {
+    if text.chars().count() <= most {
         return text.to_owned();
     }
-    text.chars().take(MOST_CHARACTERS - 3).chain("...".chars()).collect()
+    text.chars().take(most - 3).chain("...".chars()).collect()
 }
 
 #[expect(clippy::cast_precision_loss, reason = "gaps and courses of a sheet are few")]

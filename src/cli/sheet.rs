@@ -149,7 +149,7 @@ mod tests {
     #[test]
     fn the_table_names_every_lap() {
         let text = Fabric::named("tricot").unwrap().to_string();
-        let text = text.replacen("\"1-2/1-0//\"", "\"0-2/2-2/2-2/3-2/0-0/0-1/2-1//\"", 1);
+        let text = text.replacen("\"1-2/1-0//\"", "\"0-2/2-2/2-2/3-2/0-0/0-1/1-2//\"", 1);
         let table = table(&Fabric::parse(&text).unwrap());
         let column = |row: &str| {
             row.split('|').nth(1).unwrap().split("  ").map(str::trim).filter(|c| !c.is_empty()).collect::<Vec<_>>().join(",")
@@ -163,10 +163,10 @@ mod tests {
                 "0-2,two-needle open,0,1 2",
                 "2-2,miss,0,-",
                 "2-2,inlay,\u{2190} 1,-",
-                "3-2,closed,2 \u{2192},3",
+                "3-2,open,2 \u{2192},3",
                 "0-0,miss,0,-",
-                "0-1,open,\u{2190} 1,1",
-                "2-1,open,1 \u{2192},2"
+                "0-1,open,0,1",
+                "1-2,closed,2 \u{2192},2"
             ]
         );
     }

@@ -168,6 +168,13 @@ fn huge_fabrics_are_cut_to_a_sheet_and_say_so() {
         .chain(std::iter::repeat_n(("1-0/2-3", "I", "drive = \"left\""), 60))
         .collect();
     let drawing = drawing(&bars);
+    assert!(
+        drawing
+            .layers
+            .iter()
+            .flat_map(|layer| &layer.shapes)
+            .any(|shape| matches!(shape, Shape::Text { text, .. } if text.ends_with("...  I")))
+    );
     assert!(drawing.size.max_element() < 4000.0, "{}", drawing.size);
     assert_eq!(drawing.notes.len(), 3, "{:?}", drawing.notes);
     assert!(svg::text(&drawing).len() < 1_000_000);
