@@ -1,12 +1,13 @@
 //! How near yarns come to each other: the check that none cuts another.
 //!
-//! In: a [`Fabric`] and the radius at which it is drawn. Out: the least distance between centre lines over 2r, measured on one repeat against everything around it. Paths are
-//! sampled 12 times a span and segments compared exactly; of repeats over 96 courses or 64 wales only that much is looked at. Parts of one strand nearer than 7 radii along it are neighbours, not
-//! contacts. Source: the specification's knit page. Cost: a grid of cells finds candidates, milliseconds a repeat.
+//! In: paths of yarn and their radii ([`Paths`]), or a fabric's [`Pattern`] ([`measure`]): one repeat against everything around it. Out: a
+//! [`Clearance`], the least distance between centre lines over the sum of the two radii. Paths are sampled 12 times a span and segments
+//! compared exactly. Parts of one strand nearer than 7 radii along it are neighbours, not contacts. Source: the specification's knit page.
+//! Cost: a grid of cells finds candidates, about 1 µs a segment on one thread; some milliseconds a repeat.
+//! Not promised: of repeats over 96 courses or 64 wales only that much is looked at.
 
-use std::collections::HashMap;
-
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, I64Vec3};
+use rayon::prelude::*;
 
 use super::mesh::StructureMesh;
 use super::{Knitted, Pattern};
@@ -19,30 +20,183 @@ const SAMPLES: u32 = 12;
 /// The most courses and wales that are looked at.
 const MOST_COURSES: usize = 96;
 const MOST_WALES: usize = 64;
-/// Distances over this many times 2r are of no interest, and not looked for.
+/// Distances over this many times touching are of no interest, and not looked for.
 const FARTHEST: f64 = 2.0;
 /// Parts of one strand that are nearer along it than so many radii don't count.
 const NEIGHBOURHOOD: f64 = 7.0;
+/// One segment that meets more others than this lies in a heap of yarns; the rest of the heap adds nothing.
+const HEAP: usize = 10_000;
 
-/// How close a fabric's yarns come.
+/// How close yarns come.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clearance {
-    /// Least distance between centre lines over twice the radius: under 1 yarns cut each other. At most 2: farther neighbours are
-    /// not looked for.
+    /// Least distance between centre lines over the sum of their radii (2r for equal yarns): under 1 yarns cut each other. At most 2:
+    /// farther neighbours are not looked for.
     pub min_over_2r: f64,
-    /// Pairs of path segments nearer than 2r, of those with one in the repeat.
+    /// Pairs of path segments nearer than twice touching.
+    pub pairs: usize,
+    /// Those nearer than touching.
     pub pairs_below_1: usize,
+    /// Those nearer than 0.95 of touching.
+    pub pairs_below_95: usize,
+}
+
+impl Clearance {
+    /// Nothing near anything.
+    pub const FREE: Self = Self { min_over_2r: FARTHEST, pairs: 0, pairs_below_1: 0, pairs_below_95: 0 };
+
+    fn with(mut self, ratio: f64) -> Self {
+        if ratio < FARTHEST {
+            self.min_over_2r = self.min_over_2r.min(ratio);
+            self.pairs += 1;
+            self.pairs_below_1 += usize::from(ratio < 1.0);
+            self.pairs_below_95 += usize::from(ratio < 0.95);
+        }
+        self
+    }
+
+    /// Both together.
+    #[must_use]
+    pub fn and(self, other: Self) -> Self {
+        Self {
+            min_over_2r: self.min_over_2r.min(other.min_over_2r),
+            pairs: self.pairs + other.pairs,
+            pairs_below_1: self.pairs_below_1 + other.pairs_below_1,
+            pairs_below_95: self.pairs_below_95 + other.pairs_below_95,
+        }
+    }
 }
 
 /// A piece of a sampled path.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 struct Segment {
     from: DVec3,
     to: DVec3,
-    strand: u32,
     radius: f64,
     /// Yarn length up to its middle.
     along: f64,
+    strand: u32,
+}
+
+impl Segment {
+    fn middle(&self) -> DVec3 {
+        self.from.midpoint(self.to)
+    }
+
+    /// Least distance to another over touching.
+    fn ratio(&self, other: &Self) -> f64 {
+        let (share, share_other) = curve::nearest_of_segments([self.from, self.to], [other.from, other.to]);
+        self.from.lerp(self.to, share).distance(other.from.lerp(other.to, share_other)) / (self.radius + other.radius)
+    }
+}
+
+/// Paths of yarn, to be measured against each other.
+#[derive(Clone, Debug, Default)]
+pub struct Paths {
+    segments: Vec<Segment>,
+    strands: u32,
+}
+
+impl Paths {
+    /// Adds one uninterrupted strand through `points`, mm, with its radius; only where it is `near` something of interest.
+    pub fn add(&mut self, points: &[DVec3], radius: f64, near: impl Fn(DVec3) -> bool) {
+        let mut along = 0.0;
+        for index in 0..points.len().saturating_sub(1) {
+            if !near(points[index]) && !near(points[index + 1]) {
+                // Far away, its length is of no interest either: both of its ends are off by the same.
+                along += points[index].distance(points[index + 1]);
+                continue;
+            }
+            let span = curve::span(points, index);
+            let mut from = points[index];
+            for step in 1..=SAMPLES {
+                let to = span.at(f64::from(step) / f64::from(SAMPLES));
+                let length = from.distance(to);
+                self.segments.push(Segment { from, to, radius, along: along + length / 2.0, strand: self.strands });
+                along += length;
+                from = to;
+            }
+        }
+        self.strands += 1;
+    }
+
+    /// Compares each segment whose middle is `inside` with all others nearby; a pair counts once.
+    pub fn clearance(&self, inside: impl Fn(DVec3) -> bool + Sync) -> Clearance {
+        let longest = self.segments.iter().map(|s| s.from.distance(s.to)).fold(0.0, f64::max);
+        let thickest = self.segments.iter().map(|s| s.radius).fold(0.0, f64::max);
+        // Two segments that near have their middles within this.
+        let grid = Grid::new(&self.segments, 2.0 * FARTHEST * thickest + longest);
+        let of_segment = |at: usize| {
+            let s = &self.segments[at];
+            let mut clearance = Clearance::FREE;
+            if inside(s.middle()) {
+                for other in grid.around(s.middle()) {
+                    let t = &self.segments[other];
+                    let neighbours = s.strand == t.strand && (s.along - t.along).abs() <= NEIGHBOURHOOD * s.radius;
+                    // A pair within is met from both sides.
+                    if neighbours || (other < at && inside(t.middle())) {
+                        continue;
+                    }
+                    clearance = clearance.with(s.ratio(t));
+                    if clearance.pairs > HEAP {
+                        break;
+                    }
+                }
+            }
+            clearance
+        };
+        (0..self.segments.len()).into_par_iter().with_min_len(1024).map(of_segment).reduce(|| Clearance::FREE, Clearance::and)
+    }
+}
+
+/// Segments by the cell of space in which their middles lie: buckets of a hash, each in the segments' order.
+struct Grid<'a> {
+    segments: &'a [Segment],
+    size: f64,
+    starts: Vec<u32>,
+    entries: Vec<u32>,
+}
+
+impl<'a> Grid<'a> {
+    fn new(segments: &'a [Segment], size: f64) -> Self {
+        let mut grid = Self { segments, size, starts: vec![0; segments.len().next_power_of_two() + 1], entries: Vec::new() };
+        let buckets: Vec<_> = segments.iter().map(|s| grid.bucket(grid.cell(s.middle()))).collect();
+        for &bucket in &buckets {
+            grid.starts[bucket + 1] += 1;
+        }
+        for bucket in 1..grid.starts.len() {
+            grid.starts[bucket] += grid.starts[bucket - 1];
+        }
+        let mut next = grid.starts.clone();
+        grid.entries = vec![0; segments.len()];
+        for (at, bucket) in (0u32..).zip(buckets) {
+            grid.entries[next[bucket] as usize] = at;
+            next[bucket] += 1;
+        }
+        grid
+    }
+
+    fn cell(&self, at: DVec3) -> I64Vec3 {
+        (at / self.size).floor().as_i64vec3()
+    }
+
+    /// Odd multipliers spread neighbouring cells (Teschner et al. 2003).
+    fn bucket(&self, cell: I64Vec3) -> usize {
+        let hash = cell.x.wrapping_mul(73_856_093) ^ cell.y.wrapping_mul(19_349_663) ^ cell.z.wrapping_mul(83_492_791);
+        hash.rem_euclid(self.starts.len() as i64 - 1) as usize
+    }
+
+    /// All segments whose middles may lie within a cell's size of `at`.
+    fn around(&self, at: DVec3) -> impl Iterator<Item = usize> {
+        let home = self.cell(at);
+        let cells = (0..27).map(move |n| home + I64Vec3::new(n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1));
+        cells.flat_map(move |cell| {
+            let bucket = self.bucket(cell);
+            let entries = &self.entries[self.starts[bucket] as usize..self.starts[bucket + 1] as usize];
+            // Other cells may share the bucket.
+            entries.iter().map(|&entry| entry as usize).filter(move |&at| self.cell(self.segments[at].middle()) == cell)
+        })
+    }
 }
 
 /// Measures a fabric's pattern, whose thickest yarns are drawn with `radius` mm.
@@ -56,77 +210,24 @@ struct Segment {
 pub fn measure(fabric: &Fabric, pattern: &Pattern, radius: f64) -> Clearance {
     let mesh = StructureMesh::anchored_at(fabric, DVec2::ZERO);
     let (wales, courses) = (fabric.threading_repeat().min(MOST_WALES), fabric.repeat().min(MOST_COURSES));
-    let cell =
-        DVec2::new(fabric.wale_spacing() * f64::from(index32(wales)), fabric.course_spacing() * f64::from(index32(courses)));
+    let spacing = DVec2::new(fabric.wale_spacing(), fabric.course_spacing());
+    let cell = spacing * DVec2::new(f64::from(index32(wales)), f64::from(index32(courses)));
     // Yarns thicker than two wales cut everything around them; there is no need to look further for the least distance.
-    let margin = (8.0 * radius).min(2.0 * fabric.wale_spacing());
+    let margin = (8.0 * radius).min(2.0 * spacing.x);
     // Four steps more at both ends: their heads and feet reach into the repeat.
-    let ends = 4.0 * fabric.wale_spacing().max(fabric.course_spacing());
-    let mut segments = Vec::new();
-    let mut strand = 0;
+    let ends = 4.0 * spacing.max_element();
+    let near = |p: DVec3| (p.truncate() + 2.0 * ends).cmpge(DVec2::ZERO).all() && (p.truncate() - 2.0 * ends).cmple(cell).all();
+    let mut paths = Paths::default();
+    let mut knitted = Knitted::default();
     for (bar, thickness) in fabric.thickness().into_iter().enumerate() {
         let (beside, along) = if pattern.runs_across(bar) { (cell.y, cell.x) } else { (cell.x, cell.y) };
         for number in pattern.yarns_over(bar, -margin..beside + margin) {
-            let mut knitted = Knitted::default();
+            knitted.clear();
             pattern.lay(bar, number, pattern.steps_along(bar, -ends..along + ends), &mesh, &mut knitted);
-            sample(&knitted.points, strand, radius * thickness, &mut segments);
-            strand += 1;
+            paths.add(&knitted.points, radius * thickness, near);
         }
     }
-    let inside = |s: &Segment| {
-        let middle = ((s.from + s.to) / 2.0).truncate();
-        middle.cmpge(DVec2::ZERO).all() && middle.cmplt(cell).all()
-    };
-    least(&segments, inside, radius)
-}
-
-fn sample(points: &[DVec3], strand: u32, radius: f64, segments: &mut Vec<Segment>) {
-    let mut along = 0.0;
-    for index in 0..points.len() - 1 {
-        let span = curve::span(points, index);
-        for step in 0..SAMPLES {
-            let at = |step: u32| span.at(f64::from(step) / f64::from(SAMPLES));
-            let (from, to) = (at(step), at(step + 1));
-            let length = from.distance(to);
-            segments.push(Segment { from, to, strand, radius, along: along + length / 2.0 });
-            along += length;
-        }
-    }
-}
-
-/// Compares each segment that is `inside` with all others nearby.
-fn least(segments: &[Segment], inside: impl Fn(&Segment) -> bool, thickest: f64) -> Clearance {
-    let longest = segments.iter().map(|s| s.from.distance(s.to)).fold(0.0, f64::max);
-    // Two segments that near have their middles within this.
-    let reach = 2.0 * FARTHEST * thickest + longest;
-    let key = |p: DVec3| (p / reach).floor().as_i64vec3().to_array();
-    let mut grid: HashMap<[i64; 3], Vec<u32>> = HashMap::new();
-    for (at, s) in segments.iter().enumerate() {
-        grid.entry(key((s.from + s.to) / 2.0)).or_default().push(index32(at));
-    }
-    let mut clearance = Clearance { min_over_2r: FARTHEST, pairs_below_1: 0 };
-    for (at, s) in (0u32..).zip(segments).filter(|(_, s)| inside(s)) {
-        let [x, y, z] = key((s.from + s.to) / 2.0);
-        let around = (0..27).map(|n| [x + n % 3 - 1, y + n / 3 % 3 - 1, z + n / 9 - 1]);
-        for &other in around.filter_map(|cell| grid.get(&cell)).flatten() {
-            let t = &segments[other as usize];
-            let neighbours = s.strand == t.strand && (s.along - t.along).abs() <= NEIGHBOURHOOD * s.radius;
-            // A pair within the repeat is met from both sides and counts once.
-            if neighbours || (other < at && inside(t)) {
-                continue;
-            }
-            let ratio = distance(s, t) / (s.radius + t.radius);
-            clearance.min_over_2r = clearance.min_over_2r.min(ratio);
-            clearance.pairs_below_1 += usize::from(ratio < 1.0);
-        }
-    }
-    clearance
-}
-
-/// Least distance of two segments.
-fn distance(s: &Segment, t: &Segment) -> f64 {
-    let (share_s, share_t) = curve::nearest_of_segments([s.from, s.to], [t.from, t.to]);
-    s.from.lerp(s.to, share_s).distance(t.from.lerp(t.to, share_t))
+    paths.clearance(|p| p.truncate().cmpge(DVec2::ZERO).all() && p.truncate().cmplt(cell).all())
 }
 
 #[cfg(test)]
@@ -149,8 +250,8 @@ mod tests {
             (segment((2.0, 0.0, 0.0), (3.0, 0.0, 0.0)), 1.0),
             (segment((4.0, 4.0, 0.0), (4.0, 4.0, 0.0)), 5.0),
         ] {
-            assert!((distance(&x, &other) - expected).abs() < 1e-12);
-            assert!((distance(&other, &x) - expected).abs() < 1e-12);
+            assert!((x.ratio(&other) - expected).abs() < 1e-12);
+            assert!((other.ratio(&x) - expected).abs() < 1e-12);
         }
     }
 

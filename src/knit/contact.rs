@@ -27,6 +27,8 @@ const SWEEPS: usize = 8;
 const MOST_SWEEPS: usize = 800;
 /// Pairs up to this many times touching are watched until the next look.
 const WATCHED: f64 = 1.35;
+/// More pairs than this mean that whole yarns lie in each other's place, which nothing pushes apart: they are not looked at.
+const MOST_PAIRS: usize = 400_000;
 /// A watched pair is left alone for a sweep for each such share of touching between them.
 const DOZING: f64 = 0.06;
 /// Parts of one strand nearer along it than so many radii are neighbours, not contacts.
@@ -226,6 +228,9 @@ impl<'a> State<'a> {
         pairs.clear();
         let mut nearest = f64::INFINITY;
         for (s, one) in self.segments.iter().enumerate() {
+            if pairs.len() > MOST_PAIRS {
+                break;
+            }
             let (home, shift) = images.home(s);
             let yarn_s = self.spans[one.span as usize].yarn;
             let thread_s = &self.yarns[yarn_s as usize];

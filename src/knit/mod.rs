@@ -335,7 +335,7 @@ mod tests {
         let fabric = Fabric::named("tricot").unwrap();
         let mesh = StructureMesh::anchored_at(&fabric, DVec2::ZERO);
         let mut knitted = Knitted::default();
-        Pattern::new(&fabric).lay(1, guide, 0..4, &mesh, &mut knitted);
+        Pattern::straight(&fabric).lay(1, guide, 0..4, &mesh, &mut knitted);
         knitted
     }
 

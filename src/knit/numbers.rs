@@ -86,7 +86,7 @@ mod tests {
     fn a_straight_inlay_is_as_long_as_the_cloth() {
         let text = Fabric::named("tricot").unwrap().to_string().replace("1-2/1-0//", "0-0//");
         let fabric = Fabric::parse(&text).unwrap();
-        let numbers = measure(&fabric, &Pattern::new(&fabric));
+        let numbers = measure(&fabric, &Pattern::straight(&fabric));
         assert!((numbers.run_in[0].unwrap() - 480.0 * fabric.course_spacing()).abs() < 1e-6);
     }
 

@@ -17,7 +17,7 @@ const NEST_LOWER_Z: f64 = -0.3;
 const NEST_UPPER_Z: f64 = 3.2;
 const NEST_HEAD_Z: f64 = -0.9;
 /// Nesting leaves a loop this share of its width, and its head at this height, courses.
-const NARROWEST: f64 = 0.4;
+const NARROWEST: f64 = 0.3;
 const LOWEST_HEAD: f64 = 1.12;
 /// Depth between the feet of two knitting bars on the same needles, radii.
 const LAYER: f64 = 7.2;
