@@ -55,7 +55,7 @@ pub(crate) enum Command {
     #[command(after_help = "Examples:
   warpknit swatch --fabric locknit --view front -o face.png
   warpknit swatch --fabric locknit --view back -o back.png
-  warpknit swatch --lapping 2-3/1-0// --lapping 1-0/1-2// -o satin.png")]
+  warpknit swatch --lapping 3-4/1-0// --lapping 1-0/1-2// -o satin.png")]
     Swatch(Swatch),
     /// Say what meshes hold and whether they pair, and what a fabric's lapping is
     #[command(after_help = "Examples:

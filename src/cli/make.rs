@@ -52,7 +52,7 @@ pub(crate) fn drape(arguments: &Drape) -> Result<()> {
     clock.stop();
     let area = garment.panels.iter().map(Panel::area).sum();
     let (shown, enlarged) = pictured(&fabric, area, shared)?;
-    let cloth = Cloth::cover(&garment, &shown).with_context(|| fabric.name.clone())?;
+    let cloth = Cloth::cover(&garment, &shown).with_context(|| label(shared, &fabric).to_owned())?;
     let options = drape::Options { mapping: arguments.mapping.into(), edge: arguments.edge.into(), surface: None };
     let stem = arguments.draped.as_ref().unwrap_or(&arguments.flat).file_stem().unwrap_or_default();
     let inputs = std::iter::once(arguments.flat.as_path()).chain(arguments.draped.as_deref()).collect();
@@ -124,7 +124,7 @@ fn fabric(shared: &Shared) -> Result<Fabric> {
     let name = &shared.fabric;
     let fabric = named_fabric(name)?;
     let fabric = if shared.lapping.is_empty() { fabric } else { fabric.with_chains(&shared.lapping, &shared.threading)? };
-    let name = &fabric.name;
+    let name = label(shared, &fabric);
     for warning in fabric.warnings() {
         tell(shared.quiet, &format!("warning: {name}: {warning}"));
     }
@@ -137,6 +137,11 @@ fn fabric(shared: &Shared) -> Result<Fabric> {
             Ok(fabric.at_densities(wales, courses.unwrap_or(wales * aspect))?)
         }
     }
+}
+
+/// What messages call the fabric: as it was asked for, or by its chains.
+fn label<'a>(shared: &'a Shared, fabric: &'a Fabric) -> &'a str {
+    if shared.lapping.is_empty() { &shared.fabric } else { &fabric.name }
 }
 
 /// An error in a fabric file, with its name and line in front.

@@ -73,7 +73,7 @@ struct BarTable {
     yarn: YarnTable,
 }
 
-/// The side of the machine from which gaps are counted, seen from the technical face.
+/// The side of the machine from which gaps are counted, for somebody in front of it, who sees the technical back.
 #[derive(Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum Drive {

@@ -267,7 +267,7 @@ impl Panel {
         let old_from_new = DMat2::from_angle(grain);
         let new_from_old = old_from_new.transpose();
         self.uv.iter_mut().for_each(|point| *point = new_from_old * *point);
-        self.flat_from_panel = self.flat_from_panel * DAffine3::from_mat3(DMat3::from_mat2(old_from_new));
+        self.flat_from_panel *= DAffine3::from_mat3(DMat3::from_mat2(old_from_new));
         let before = self.triangles.len() + self.flipped.len();
         let wound = |triangle: &[u32; 3]| side(triangle.map(|vertex| self.uv[vertex as usize]));
         let kept: Vec<_> = self.triangles.iter().map(|triangle| wound(triangle) > 0.0).collect();

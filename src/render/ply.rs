@@ -169,8 +169,8 @@ mod tests {
             ((0..720).filter(|&step| dark(step) && (1..20).all(|next| !dark(step + next))).count(), darkest.0)
         };
         assert_eq!(grooves(1.0, None, 0.0).0, 0, "a single yarn has no grooves");
-        for plies in [2, 3, 5] {
-            assert_eq!(grooves(f32::from(plies as u8), None, 0.0).0, plies);
+        for plies in [2_u8, 3, 5] {
+            assert_eq!(grooves(f32::from(plies), None, 0.0).0, usize::from(plies));
         }
         // A sixth of a turn: two plies' grooves move by a third of their distance, one way or the other.
         let sixth = |slope: f32| (grooves(2.0, Some(slope), 0.0).1, grooves(2.0, Some(slope), TAU * 0.05 / 6.0).1);

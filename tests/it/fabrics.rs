@@ -93,3 +93,17 @@ fn inlays_and_wefts_knit_nothing() {
     }
     assert_eq!(Fabric::named("weft-inserted").unwrap().bars[1].kind, BarKind::Weft);
 }
+
+#[test]
+fn the_documentation_tells_the_truth() {
+    let text = std::fs::read_to_string(std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/fabrics.md")).unwrap();
+    let example = text.split("```toml\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
+    let fabric = Fabric::parse(example).unwrap();
+    assert_eq!(fabric.warnings(), Vec::<String>::new());
+    assert_eq!(fabric.bars[0].chain, Fabric::named("power-net").unwrap().bars[0].chain, "raschel numbers are halved");
+    for name in NAMES {
+        let about = Fabric::named(name).unwrap().about;
+        let row = text.lines().find(|line| line.starts_with(&format!("| `{name}` |"))).unwrap_or_else(|| panic!("{name}"));
+        assert!(row.contains(&about), "{row}");
+    }
+}

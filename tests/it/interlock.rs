@@ -60,7 +60,8 @@ fn assert_interlocked(old: &Path, new: &Path, place: &str) {
     type Crossings = Vec<(i64, i64, f64)>;
     let (legs, feet): (Crossings, Crossings) = crossings.into_iter().partition(|(_, of_new, _)| is_loop(*of_new));
     assert_eq!(legs.iter().filter(|(.., depth)| *depth > 0.0).count(), 2, "both legs in front, {place}");
-    assert!(feet.len() >= 2 && feet.iter().all(|(.., depth)| *depth < 0.0), "feet and underlaps behind, {place}");
+    // As a rule one foot and one underlap a side; of a closed pillar only the underlap crosses the old loop.
+    assert!(!feet.is_empty() && feet.iter().all(|(.., depth)| *depth < 0.0), "feet and underlaps behind, {place}");
 }
 
 #[test]
