@@ -32,8 +32,6 @@ const PICTURED_STITCHES: f64 = 12_000.0;
 const MOST_STITCHES: u64 = 200_000_000;
 /// What a picture takes for each stitch, GB: some 250 bytes for each of ten data points (measured at 5 million stitches).
 const PICTURE_GB: f64 = 2.5e-6;
-/// Yarns drawn at less than this share of their true thickness deserve a word.
-const MUCH_THINNER: f64 = 0.5;
 /// How rough yarns look; fibres are dull.
 const ROUGHNESS: f32 = 0.75;
 /// The texture's real length where there is none: v counts millimetres.
@@ -179,7 +177,7 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
     check_request(job, wants_picture)?;
     let section = section(job)?;
     let near = clearance::measure(job.shown, job.cloth.pattern(), section.radius);
-    warnings.extend(yarn_warnings(job, &section, near));
+    warnings.extend(clearance::warnings(job.shown, job.cloth.pattern(), &near, section.radius));
     let mut sinks = sinks(&outputs, job)?;
     let wants_surface = outputs.iter().any(|(_, format)| matches!(format, Format::Glb | Format::Obj));
     let options = drape::Options { surface: wants_surface.then_some(section), ..job.options };
@@ -329,31 +327,6 @@ fn check_memory(stitches: u64) -> Result<()> {
         ),
         _ => Ok(()),
     }
-}
-
-/// Yarns that cut each other, or are drawn much thinner than they are.
-fn yarn_warnings(job: &Job<'_>, section: &Section, near: Clearance) -> Vec<String> {
-    let mut warnings = Vec::new();
-    if near.min_over_2r < 0.98 {
-        warnings.push(format!(
-            "yarns cut each other: {} pairs of path segments in a repeat are nearer than their thickness, the nearest at {:.2} of it; \
-             thinner yarns, lower densities or another lapping give them room",
-            near.pairs_below_1, near.min_over_2r
-        ));
-    }
-    let true_radius = job.shown.true_radius() * job.shown.enlargement;
-    if section.radius < MUCH_THINNER * true_radius {
-        let (drawn, thick) = (2.0 * section.radius, 2.0 * true_radius);
-        warnings.push(format!(
-            "the thickest yarn is {thick:.3} mm by its count, but the loops leave room for {drawn:.3} mm, and so it is drawn"
-        ));
-    }
-    for (bar, number) in job.shown.bars.iter().zip(1..) {
-        if let Some(texture) = &bar.yarn.texture {
-            warnings.push(format!("bar {number}: textures are not drawn yet, so {} is left out", texture.display()));
-        }
-    }
-    warnings
 }
 
 fn loss_warning(totals: &Totals) -> Option<String> {

@@ -17,4 +17,5 @@ mod interlock;
 mod locate;
 mod malformed;
 mod map;
+mod relax;
 mod render;
