@@ -1,9 +1,11 @@
 //! `warpknit drape` and `warpknit swatch`: from arguments to files.
 
+use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use rayon::ThreadPoolBuilder;
+use warpknit::drape::clearance::Gauge;
 use warpknit::drape::strands::Losses;
 use warpknit::drape::{self, Block, Cloth, Stage, Totals};
 use warpknit::export::csv::CsvWriter;
@@ -30,6 +32,8 @@ const PICTURED_STITCHES: f64 = 12_000.0;
 /// The most stitches that are taken on: beyond them 32 bits no longer number the data points, and any garment at its true gauge has far
 /// fewer.
 const MOST_STITCHES: u64 = 200_000_000;
+/// The most stitches whose clearance on the body is measured: some 10 kB each, were they all on one panel.
+const MEASURED_STITCHES: u64 = 50_000;
 /// What a picture takes for each stitch, GB: some 250 bytes for each of ten data points (measured at 5 million stitches).
 const PICTURE_GB: f64 = 2.5e-6;
 /// How rough yarns look; fibres are dull.
@@ -183,16 +187,26 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
     let options = drape::Options { surface: wants_surface.then_some(section), ..job.options };
     let mut scene = Scene { looks: looks(job.shown, section.radius), ..Scene::default() };
 
+    let mut gauge = wants_gauge(job, &outputs).then(|| Gauge::new(job.cloth, section.radius));
+
     let totals = {
-        let mut announce = |stage, done| clock.begin(task(stage), done);
+        let clock = RefCell::new(&mut clock);
+        let mut announce = |stage, done| clock.borrow_mut().begin(task(stage), done);
         let mut deliver = |blocks: &[Block]| -> Result<(), ExportError> {
             if wants_picture {
                 blocks.iter().for_each(|block| add_to(&mut scene, block));
             }
-            sinks.iter_mut().try_for_each(|sink| sink.take(blocks))
+            sinks.iter_mut().try_for_each(|sink| sink.take(blocks))?;
+            if let Some(gauge) = &mut gauge {
+                // Measuring is no stage of making cloth: its time counts in the total alone.
+                clock.borrow_mut().stop();
+                gauge.take(blocks);
+            }
+            Ok(())
         };
         drape::run(job.cloth, &options, &mut announce, &mut deliver)?
     };
+    let draped = gauge.map(Gauge::finish);
     if totals.strands == 0 {
         bail!("no yarn lies on the garment: its panels are smaller than a stitch; raise --wales-per-cm and --courses-per-cm");
     }
@@ -217,7 +231,7 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
         }
     }
     clock.stop();
-    let facts = Facts { section: &section, totals: &totals, near, warnings, wants_picture };
+    let facts = Facts { section: &section, totals: &totals, near, draped, warnings, wants_picture };
     for (path, _) in outputs.iter().filter(|(_, format)| *format == Format::Json) {
         whole.push(text_file(path, &report(job, &facts, &clock)?.to_json())?);
     }
@@ -247,6 +261,12 @@ fn outputs(job: &Job<'_>) -> Result<Vec<(PathBuf, Format)>> {
         taken.push(place(path));
     }
     Ok(outputs)
+}
+
+/// Whether clearance is to be measured on the body: for a report alone, and not on a swatch, which has none.
+fn wants_gauge(job: &Job<'_>, outputs: &[(PathBuf, Format)]) -> bool {
+    let draped = !job.inputs.is_empty();
+    draped && outputs.iter().any(|(_, format)| *format == Format::Json) && job.cloth.stitches() <= MEASURED_STITCHES
 }
 
 /// Writers of everything that streams.
@@ -363,12 +383,14 @@ struct Facts<'a> {
     section: &'a Section,
     totals: &'a Totals,
     near: Clearance,
+    /// The same on the body, where it was measured.
+    draped: Option<Clearance>,
     warnings: Vec<String>,
     wants_picture: bool,
 }
 
 fn report(job: &Job<'_>, facts: &Facts<'_>, clock: &Clock) -> Result<Report> {
-    let Facts { section, totals, near, .. } = *facts;
+    let Facts { section, totals, near, draped, .. } = *facts;
     let garment = job.cloth.garment();
     let timings_ms = clock.timings();
     let (vertices, triangles) = section.size_of(totals.pieces, totals.strands);
@@ -399,7 +421,11 @@ fn report(job: &Job<'_>, facts: &Facts<'_>, clock: &Clock) -> Result<Report> {
             vertices,
         },
         timings_ms,
-        clearance: ClearanceReport { min_over_2r: near.min_over_2r, pairs_below_1: near.pairs_below_1 },
+        clearance: ClearanceReport {
+            min_over_2r: near.min_over_2r,
+            pairs_below_1: near.pairs_below_1,
+            draped: draped.map(Into::into),
+        },
         plane_ms: timings_ms.knit,
         curved_ms: timings_ms.knit + timings_ms.locate + timings_ms.map,
         threads: rayon::current_num_threads(),

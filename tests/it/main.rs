@@ -8,6 +8,7 @@
 
 mod architecture;
 mod chart;
+mod clearance;
 mod cli;
 mod drape;
 mod fabrics;
