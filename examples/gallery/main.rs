@@ -11,7 +11,6 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use warpknit::drape::picture::swatch;
-use warpknit::export::png;
 use warpknit::fabric::{Fabric, builtin};
 use warpknit::render::View;
 
@@ -35,7 +34,7 @@ fn draw(folder: &Path, fabric: &Fabric) -> Result<()> {
     let scene = swatch(fabric, wales, courses);
     for (side, view) in [("front", View::Front), ("back", View::Back)] {
         let name = page::picture_name(&fabric.name, side);
-        png::write(&folder.join(name), &frame.draw(&scene, view))?.publish()?;
+        picture::write(&folder.join(name), &frame.draw(&scene, view))?;
     }
     Ok(())
 }

@@ -2,21 +2,27 @@
 //!
 //! In: a fabric, and a scene of it that is larger than the window. Out: a picture whose frame is full of cloth.
 
+use std::path::Path;
+
+use anyhow::{Context, Result};
 use glam::{DVec2, DVec3};
-use image::RgbaImage;
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{DynamicImage, RgbImage};
 use warpknit::fabric::Fabric;
 use warpknit::render::{Background, Camera, Options, View, render};
 use warpknit::scene::Scene;
 
-const WIDTH: u32 = 360;
-const HEIGHT: u32 = 270;
+const WIDTH: u32 = 320;
+const HEIGHT: u32 = 240;
 /// Fewest courses and wales in a picture: enough to see how loops hang together, few enough to tell yarns apart.
 const COURSES: f64 = 9.0;
 const WALES: f64 = 8.0;
 /// Repeats in the height of a picture, so that a net shows whole meshes.
-const REPEATS: f64 = 1.6;
+const REPEATS: f64 = 1.3;
 /// Neither the colour of a light yarn nor that of a dark one.
 const BACKGROUND: [u8; 3] = [0xA9, 0xB4, 0xBE];
+/// Brightness is rounded to this, of 255: noise below it is not seen and would double the files.
+const STEP: u8 = 8;
 /// Wales and courses around the window: cut-off yarns stay out of it.
 const MARGIN: f64 = 4.0;
 
@@ -43,13 +49,25 @@ impl Frame {
     }
 
     /// The middle of `scene` from the front or the back.
-    pub(crate) fn draw(&self, scene: &Scene, view: View) -> RgbaImage {
+    pub(crate) fn draw(&self, scene: &Scene, view: View) -> RgbImage {
         let side = if view == View::Back { DVec3::NEG_Z } else { DVec3::Z };
         let middle = scene.bounds().map_or(DVec3::ZERO, |bounds| bounds.centre().as_dvec3());
         let distance = self.0.y / 2.0 / (Camera::DEFAULT_FOV / 2.0).tan();
         let camera = Camera::look_at(middle + side * distance, middle, Camera::DEFAULT_FOV, 1.0);
         let options =
             Options { width: WIDTH, height: HEIGHT, spp: 8, background: Background::Color(BACKGROUND), ..Options::default() };
-        render(scene, &camera, &options, &|_| ())
+        let mut picture = DynamicImage::from(render(scene, &camera, &options, &|_| ())).into_rgb8();
+        for value in picture.iter_mut() {
+            *value = *value / STEP * STEP + STEP / 2;
+        }
+        picture
     }
+}
+
+/// Writes a picture as small as PNG gets.
+pub(crate) fn write(path: &Path, picture: &RgbImage) -> Result<()> {
+    let mut bytes = Vec::new();
+    let encoder = PngEncoder::new_with_quality(&mut bytes, CompressionType::Best, FilterType::Adaptive);
+    picture.write_with_encoder(encoder).context("a picture can't be encoded")?;
+    std::fs::write(path, bytes).with_context(|| path.display().to_string())
 }

@@ -8,7 +8,7 @@ use serde_json::Value;
 /// Runs `warpknit` in a folder; the report's JSON.
 fn knit(folder: &Path, arguments: &[&str]) -> Value {
     let mut command = Command::cargo_bin("warpknit").unwrap();
-    command.current_dir(folder).args(arguments).args(["-o", "report.json", "--quiet"]).assert().success().stdout("").stderr("");
+    command.current_dir(folder).args(arguments).args(["-o", "report.json", "--quiet"]).assert().success().stderr("");
     serde_json::from_slice(&std::fs::read(folder.join("report.json")).unwrap()).unwrap()
 }
 
