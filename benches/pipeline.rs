@@ -60,7 +60,7 @@ fn whole(criterion: &mut Criterion) {
     let garment = skirt();
     let mut group = criterion.benchmark_group("knit, locate and map");
     for stitches in [576_u32, 3500, 8480, 26180] {
-        let cloth = Cloth::cover(&garment, &tricot_for(&garment, f64::from(stitches))).expect("one needle a lap");
+        let cloth = Cloth::cover(&garment, &tricot_for(&garment, f64::from(stitches))).expect("the skirt has room");
         group.throughput(Throughput::Elements(u64::from(stitches)));
         group.bench_function(BenchmarkId::from_parameter(stitches), |bench| {
             bench.iter(|| {
@@ -75,5 +75,15 @@ fn whole(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, stages, whole);
+/// What each run pays before it lays a yarn: the repeat in balance, for small and large ones.
+fn repeats(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("relax");
+    for name in ["tricot", "locknit", "velour", "double-atlas", "hex-net-5", "power-net"] {
+        let fabric = Fabric::named(name).expect("built in");
+        group.bench_function(BenchmarkId::from_parameter(name), |bench| bench.iter(|| Pattern::new(&fabric)));
+    }
+    group.finish();
+}
+
+criterion_group!(benches, repeats, stages, whole);
 criterion_main!(benches);

@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+use crate::knit::clearance::Clearance;
+
 /// Everything about a run.
 #[derive(Clone, Debug, Serialize)]
 #[expect(missing_docs, reason = "the keys are the specification's, and their units stand in their names or beside them")]
@@ -76,6 +78,29 @@ pub struct Timings {
 pub struct ClearanceReport {
     pub min_over_2r: f64,
     pub pairs_below_1: usize,
+    /// The same on the body; null for a swatch, and for a garment of too many stitches.
+    pub draped: Option<DrapedClearance>,
+}
+
+/// How near yarns come to each other on the body, panel by panel.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[expect(missing_docs, reason = "see Report")]
+pub struct DrapedClearance {
+    pub min_over_2r: f64,
+    /// Pairs of path segments nearer than twice touching.
+    pub pairs: usize,
+    pub pairs_below_1: usize,
+    /// Part of `pairs`.
+    pub share_below_0_95: f64,
+}
+
+impl From<Clearance> for DrapedClearance {
+    fn from(clearance: Clearance) -> Self {
+        let Clearance { min_over_2r, pairs, pairs_below_1, pairs_below_95 } = clearance;
+        #[expect(clippy::cast_precision_loss, reason = "a share of three digits")]
+        let share_below_0_95 = pairs_below_95 as f64 / pairs.max(1) as f64;
+        Self { min_over_2r, pairs, pairs_below_1, share_below_0_95 }
+    }
 }
 
 /// The real cloth, at its own yarn counts.

@@ -7,7 +7,7 @@ use glam::DVec2;
 use super::path::{Lane, Piece, Pitch, clipped, rounded, waypoints};
 use super::{Anchor, Drawing, Layer, Shape, TextSize};
 use crate::fabric::yarn::Color;
-use crate::fabric::{Bar, Fabric};
+use crate::fabric::{Bar, BarKind, Fabric};
 use crate::ids::index32;
 
 /// The most needles, courses and bars on a sheet: a PNG of that size still takes less than 200 MB to paint.
@@ -76,7 +76,7 @@ pub(super) fn draw(fabric: &Fabric) -> Drawing {
     let lanes = lanes(bars, sheet.pitch);
     // The front bar is knitted last and lies uppermost on the technical back.
     for (at, (bar, lane)) in bars.iter().zip(lanes).enumerate().rev() {
-        if bars.len() <= 2 {
+        if bars.len() <= 2 && bar.kind == BarKind::Guide {
             layers.push(sheet.neighbours(at, bar, lane));
         }
         let shapes = sheet.yarn(bar, drawn_guide(bar), lane, YARN);
@@ -92,8 +92,11 @@ fn bar_color(at: usize) -> Color {
     BAR_COLORS[at % BAR_COLORS.len()]
 }
 
-/// The guide whose yarn stands for its bar: the first threaded one from the drive.
+/// The guide whose yarn stands for its bar: the first threaded one from the drive. Wefts have none and are all drawn.
 fn drawn_guide(bar: &Bar) -> i64 {
+    if bar.kind == BarKind::Weft {
+        return 0;
+    }
     let step = if bar.counts_from_left() { -1 } else { 1 };
     (0..i64::from(index32(bar.threading.repeat())))
         .map(|guide| guide * step)
@@ -202,11 +205,25 @@ impl Sheet {
 
     /// The yarn of one guide, as far as it lies on the sheet.
     fn yarn(&self, bar: &Bar, guide: i64, lane: Lane, width: f64) -> Vec<Shape> {
+        if bar.kind == BarKind::Weft {
+            return self.wefts(bar, lane, width);
+        }
         let corners = waypoints(&bar.chain, guide, index32(self.courses).into(), self.pitch, lane);
         let corners: Vec<_> = corners.into_iter().map(|point| self.origin + DVec2::new(point.x, -point.y)).collect();
         let parts = clipped(&corners, self.left(), self.right());
         let pieces: Vec<_> = parts.iter().flat_map(|part| rounded(part, CORNER * self.pitch.across)).collect();
         if pieces.is_empty() { Vec::new() } else { vec![Shape::Path { pieces, width }] }
+    }
+
+    /// The wefts of a bar: straight through all gaps, above the needles of their course.
+    fn wefts(&self, bar: &Bar, lane: Lane, width: f64) -> Vec<Shape> {
+        let courses = (0..self.courses).filter(|&course| bar.threading.carries(i64::from(index32(course))));
+        let line = |course: usize| {
+            let y = self.at(0.0, f64::from(index32(course)) + 0.5).y + lane.aside;
+            let pieces = vec![Piece::Move(DVec2::new(self.left(), y)), Piece::Line(DVec2::new(self.right(), y))];
+            Shape::Path { pieces, width }
+        };
+        courses.map(line).collect()
     }
 
     /// The other yarns of a bar, thin and pale.
@@ -271,7 +288,7 @@ const VIEW: &str = "seen from the technical back, course 1 below";
 
 /// The legend's lines, with how far they are set in.
 fn words_of<'a>(fabric: &'a Fabric, bars: &'a [Bar]) -> impl Iterator<Item = (String, f64)> + 'a {
-    let widest = bars.iter().map(|bar| bar.written_chain().to_string().len().min(MOST_OF_CHAIN)).max().unwrap_or(0);
+    let widest = bars.iter().map(|bar| bar.lapping().len().min(MOST_OF_CHAIN)).max().unwrap_or(0);
     let several = fabric.bars.len() > 9;
     bars.iter().enumerate().map(move |(at, bar)| {
         let number = if several { format!("{:2}", at + 1) } else { (at + 1).to_string() };
@@ -280,7 +297,7 @@ fn words_of<'a>(fabric: &'a Fabric, bars: &'a [Bar]) -> impl Iterator<Item = (St
             0 => String::new(),
             guide => format!("  (guide {}: gaps + {guide})", guide + 1),
         };
-        let chain = cut(&bar.written_chain().to_string(), MOST_OF_CHAIN);
+        let chain = cut(&bar.lapping(), MOST_OF_CHAIN);
         let threading = if bar.counts_from_left() { bar.threading.mirrored() } else { bar.threading.clone() };
         let threading = cut(&threading.to_string(), MOST_OF_THREADING);
         (shortened(&format!("bar {number}  {chain:widest$}  {threading}{guide}{drive}")), SAMPLE)

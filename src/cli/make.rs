@@ -1,9 +1,11 @@
 //! `warpknit drape` and `warpknit swatch`: from arguments to files.
 
+use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use rayon::ThreadPoolBuilder;
+use warpknit::drape::clearance::Gauge;
 use warpknit::drape::strands::Losses;
 use warpknit::drape::{self, Block, Cloth, Stage, Totals, picture};
 use warpknit::export::csv::CsvWriter;
@@ -30,10 +32,10 @@ const PICTURED_STITCHES: f64 = 12_000.0;
 /// The most stitches that are taken on: beyond them 32 bits no longer number the data points, and any garment at its true gauge has far
 /// fewer.
 const MOST_STITCHES: u64 = 200_000_000;
+/// The most stitches whose clearance on the body is measured: some 10 kB each, were they all on one panel.
+const MEASURED_STITCHES: u64 = 50_000;
 /// What a picture takes for each stitch, GB: some 250 bytes for each of ten data points (measured at 5 million stitches).
 const PICTURE_GB: f64 = 2.5e-6;
-/// Yarns drawn at less than this share of their true thickness deserve a word.
-const MUCH_THINNER: f64 = 0.5;
 /// The texture's real length where there is none: v counts millimetres.
 const TEXTURE_PER_MM: f64 = 1.0;
 
@@ -178,22 +180,32 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
     check_request(job, wants_picture)?;
     let section = section(job)?;
     let near = clearance::measure(job.shown, job.cloth.pattern(), section.radius);
-    warnings.extend(yarn_warnings(job, &section, near));
+    warnings.extend(clearance::warnings(job.shown, job.cloth.pattern(), &near, section.radius));
     let mut sinks = sinks(&outputs, job)?;
     let wants_surface = outputs.iter().any(|(_, format)| matches!(format, Format::Glb | Format::Obj));
     let options = drape::Options { surface: wants_surface.then_some(section), ..job.options };
     let mut scene = Scene { looks: picture::looks(job.shown, section.radius), ..Scene::default() };
 
+    let mut gauge = wants_gauge(job, &outputs).then(|| Gauge::new(job.cloth, section.radius));
+
     let totals = {
-        let mut announce = |stage, done| clock.begin(task(stage), done);
+        let clock = RefCell::new(&mut clock);
+        let mut announce = |stage, done| clock.borrow_mut().begin(task(stage), done);
         let mut deliver = |blocks: &[Block]| -> Result<(), ExportError> {
             if wants_picture {
                 blocks.iter().for_each(|block| picture::add_to(&mut scene, block));
             }
-            sinks.iter_mut().try_for_each(|sink| sink.take(blocks))
+            sinks.iter_mut().try_for_each(|sink| sink.take(blocks))?;
+            if let Some(gauge) = &mut gauge {
+                // Measuring is no stage of making cloth: its time counts in the total alone.
+                clock.borrow_mut().stop();
+                gauge.take(blocks);
+            }
+            Ok(())
         };
         drape::run(job.cloth, &options, &mut announce, &mut deliver)?
     };
+    let draped = gauge.map(Gauge::finish);
     if totals.strands == 0 {
         bail!("no yarn lies on the garment: its panels are smaller than a stitch; raise --wales-per-cm and --courses-per-cm");
     }
@@ -218,7 +230,7 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
         }
     }
     clock.stop();
-    let facts = Facts { section: &section, totals: &totals, near, warnings, wants_picture };
+    let facts = Facts { section: &section, totals: &totals, near, draped, warnings, wants_picture };
     let reports: Vec<_> = outputs.iter().filter(|(_, format)| *format == Format::Json).collect();
     let real = (job.tells_numbers || !reports.is_empty()).then(|| RealCloth::of(job.fabric));
     if let Some(real) = &real {
@@ -255,6 +267,12 @@ fn outputs(job: &Job<'_>) -> Result<Vec<(PathBuf, Format)>> {
         taken.push(place(path));
     }
     Ok(outputs)
+}
+
+/// Whether clearance is to be measured on the body: for a report alone, and not on a swatch, which has none.
+fn wants_gauge(job: &Job<'_>, outputs: &[(PathBuf, Format)]) -> bool {
+    let draped = !job.inputs.is_empty();
+    draped && outputs.iter().any(|(_, format)| *format == Format::Json) && job.cloth.stitches() <= MEASURED_STITCHES
 }
 
 /// Writers of everything that streams.
@@ -318,31 +336,6 @@ fn check_memory(stitches: u64) -> Result<()> {
     }
 }
 
-/// Yarns that cut each other, or are drawn much thinner than they are.
-fn yarn_warnings(job: &Job<'_>, section: &Section, near: Clearance) -> Vec<String> {
-    let mut warnings = Vec::new();
-    if near.min_over_2r < 0.98 {
-        warnings.push(format!(
-            "yarns cut each other: {} pairs of path segments in a repeat are nearer than their thickness, the nearest at {:.2} of it; \
-             thinner yarns, lower densities or another lapping give them room",
-            near.pairs_below_1, near.min_over_2r
-        ));
-    }
-    let true_radius = job.shown.true_radius() * job.shown.enlargement;
-    if section.radius < MUCH_THINNER * true_radius {
-        let (drawn, thick) = (2.0 * section.radius, 2.0 * true_radius);
-        warnings.push(format!(
-            "the thickest yarn is {thick:.3} mm by its count, but the loops leave room for {drawn:.3} mm, and so it is drawn"
-        ));
-    }
-    for (bar, number) in job.shown.bars.iter().zip(1..) {
-        if let Some(texture) = &bar.yarn.texture {
-            warnings.push(format!("bar {number}: textures are not drawn yet, so {} is left out", texture.display()));
-        }
-    }
-    warnings
-}
-
 fn loss_warning(totals: &Totals) -> Option<String> {
     let Losses { in_defects, .. } = totals.losses;
     #[expect(clippy::cast_precision_loss, reason = "a percentage of three digits")]
@@ -377,12 +370,14 @@ struct Facts<'a> {
     section: &'a Section,
     totals: &'a Totals,
     near: Clearance,
+    /// The same on the body, where it was measured.
+    draped: Option<Clearance>,
     warnings: Vec<String>,
     wants_picture: bool,
 }
 
 fn report(job: &Job<'_>, facts: &Facts<'_>, real: &RealCloth, clock: &Clock) -> Report {
-    let Facts { section, totals, near, .. } = *facts;
+    let Facts { section, totals, near, draped, .. } = *facts;
     let garment = job.cloth.garment();
     let timings_ms = clock.timings();
     let (vertices, triangles) = section.size_of(totals.pieces, totals.strands);
@@ -413,7 +408,11 @@ fn report(job: &Job<'_>, facts: &Facts<'_>, real: &RealCloth, clock: &Clock) -> 
             vertices,
         },
         timings_ms,
-        clearance: ClearanceReport { min_over_2r: near.min_over_2r, pairs_below_1: near.pairs_below_1 },
+        clearance: ClearanceReport {
+            min_over_2r: near.min_over_2r,
+            pairs_below_1: near.pairs_below_1,
+            draped: draped.map(Into::into),
+        },
         plane_ms: timings_ms.knit,
         curved_ms: timings_ms.knit + timings_ms.locate + timings_ms.map,
         threads: rayon::current_num_threads(),

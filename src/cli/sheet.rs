@@ -7,12 +7,13 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, bail};
 use warpknit::chart::{Drawing, Format, png, svg};
 use warpknit::export::{self, Output};
-use warpknit::fabric::{Bar, Fabric};
+use warpknit::fabric::{Bar, BarKind, Fabric};
+use warpknit::knit::{Pattern, clearance};
 
 /// The most courses of the table.
 const MOST_ROWS: usize = 200;
 
-/// Everything about a fabric that can be said without knitting it.
+/// What a fabric's chains say, and whether its yarns fit once a repeat is knitted.
 pub(super) fn sheet(fabric: &Fabric) -> Result<String, fmt::Error> {
     let mut text = String::new();
     writeln!(text, "{}{}{}", fabric.name, if fabric.about.is_empty() { "" } else { ": " }, fabric.about)?;
@@ -31,14 +32,17 @@ pub(super) fn sheet(fabric: &Fabric) -> Result<String, fmt::Error> {
         writeln!(
             text,
             "  bar {number}: chain {}{drive}, threading {threading}, yarn {}, diameter {:.3} mm",
-            bar.written_chain(),
+            bar.lapping(),
             bar.yarn.count,
             bar.yarn.diameter()
         )?;
     }
     let needles = fabric.needles();
     writeln!(text, "  threads on a needle: {}..{}", needles.fewest, needles.most)?;
-    for warning in fabric.warnings() {
+    let (pattern, radius) = (Pattern::new(fabric), fabric.radius());
+    let clearance = clearance::measure(fabric, &pattern, radius);
+    writeln!(text, "  nearest yarns: {:.2} of touching", clearance.min_over_2r)?;
+    for warning in fabric.warnings().into_iter().chain(clearance::warnings(fabric, &pattern, &clearance, radius)) {
         writeln!(text, "  warning: {warning}")?;
     }
     Ok(text)
@@ -77,6 +81,10 @@ fn table(fabric: &Fabric) -> String {
 /// A lap as written, its kind, the underlap that follows (arrows as in the diagram), and the needles on which guide 1 loops, in the order of
 /// the swing; needle 1 lies between gaps 0 and 1.
 fn cells(bar: &Bar, course: i64) -> [String; 4] {
+    if bar.kind == BarKind::Weft {
+        let weft = if bar.threading.carries(course) { "weft" } else { "none" };
+        return ["-", weft, "-", "-"].map(str::to_owned);
+    }
     let (chain, left) = (bar.written_chain(), bar.counts_from_left());
     let (lap, underlap) = (chain.lap(course), chain.underlap(course));
     let two = (lap.to - lap.from).abs() > 1;

@@ -5,6 +5,7 @@
 //! memory is bounded by a window of blocks, not by the fabric. Blocks of a window are worked on in parallel, stage by stage; each yarn
 //! depends on nothing but itself, so the result is the same for any number of threads.
 
+pub mod clearance;
 pub mod picture;
 pub mod strands;
 

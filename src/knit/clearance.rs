@@ -24,6 +24,8 @@ const MOST_WALES: usize = 64;
 const FARTHEST: f64 = 2.0;
 /// Parts of one strand that are nearer along it than so many radii don't count.
 const NEIGHBOURHOOD: f64 = 7.0;
+/// Yarns this near to touching have settled.
+const SETTLED: f64 = 0.98;
 /// One segment that meets more others than this lies in a heap of yarns; the rest of the heap adds nothing.
 const HEAP: usize = 10_000;
 
@@ -183,7 +185,8 @@ impl<'a> Grid<'a> {
     /// Odd multipliers spread neighbouring cells (Teschner et al. 2003).
     fn bucket(&self, cell: I64Vec3) -> usize {
         let hash = cell.x.wrapping_mul(73_856_093) ^ cell.y.wrapping_mul(19_349_663) ^ cell.z.wrapping_mul(83_492_791);
-        hash.rem_euclid(self.starts.len() as i64 - 1) as usize
+        let buckets = i64::from(index32(self.starts.len() - 1));
+        usize::try_from(hash.rem_euclid(buckets)).expect("a remainder is not negative")
     }
 
     /// All segments whose middles may lie within a cell's size of `at`.
@@ -230,6 +233,38 @@ pub fn measure(fabric: &Fabric, pattern: &Pattern, radius: f64) -> Clearance {
     paths.clearance(|p| p.truncate().cmpge(DVec2::ZERO).all() && p.truncate().cmplt(cell).all())
 }
 
+/// What a designer should know of how a fabric's yarns fit, a line each; nothing where all is well.
+///
+/// `radius` is that of the thickest yarn as drawn, `clearance` what [`measure`] found with it.
+#[must_use]
+pub fn warnings(fabric: &Fabric, pattern: &Pattern, clearance: &Clearance, radius: f64) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let true_radius = fabric.true_radius() * fabric.enlargement;
+    let (wales, courses) = (fabric.wales_per_cm, fabric.courses_per_cm);
+    if fabric.radius() < true_radius {
+        warnings.push(format!(
+            "the thickest yarn, {:.3} mm by its count, is too thick for {wales} wales and {courses} courses per cm: loops hold {:.3} mm \
+             at most, and so it is drawn; take a finer yarn or lower densities",
+            2.0 * true_radius,
+            2.0 * fabric.radius()
+        ));
+    }
+    if clearance.min_over_2r < SETTLED {
+        let why = match pattern.settled() {
+            Some(_) => "thinner yarns, lower densities or another lapping give them room",
+            None => "the repeat is too large to be relaxed; thinner yarns would keep apart",
+        };
+        warnings.push(format!(
+            "yarns drawn {:.3} mm thick cut each other: {} pairs of path segments in a repeat are nearer than their thickness, the \
+             nearest at {:.2} of it; {why}",
+            2.0 * radius,
+            clearance.pairs_below_1,
+            clearance.min_over_2r
+        ));
+    }
+    warnings
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -240,7 +275,7 @@ mod tests {
             from: from.into(),
             to: to.into(),
             strand: 0,
-            radius: 1.0,
+            radius: 0.5,
             along: 0.0,
         };
         let x = segment((0.0, 0.0, 0.0), (1.0, 0.0, 0.0));

@@ -11,20 +11,23 @@ use std::ops::Range;
 
 use glam::{DVec2, DVec3};
 
+use super::images::Images;
 use crate::ids::index32;
 use crate::yarn::curve;
 
 /// Segments of a span: one for so many radii of its length, within these limits.
 const SEGMENT_RADII: f64 = 0.8;
-const FEWEST_SEGMENTS: usize = 4;
-const MOST_SEGMENTS: usize = 12;
+const FEWEST_SEGMENTS: f64 = 4.0;
+const MOST_SEGMENTS: f64 = 12.0;
 /// What is aimed at: a little more than touching, for chords lie inside the curve's bends.
 const TOUCHING: f64 = 1.04;
 /// Settled at this share of touching.
 const GOAL: f64 = 1.01;
 /// Sweeps between two looks at what is near, and the most of them.
 const SWEEPS: usize = 8;
-const MOST_SWEEPS: usize = 800;
+const MOST_SWEEPS: usize = 400;
+/// The most looks at a pair in all: some seconds.
+const MOST_VISITS: usize = 40_000_000;
 /// Pairs up to this many times touching are watched until the next look.
 const WATCHED: f64 = 1.35;
 /// More pairs than this mean that whole yarns lie in each other's place, which nothing pushes apart: they are not looked at.
@@ -34,7 +37,7 @@ const DOZING: f64 = 0.06;
 /// Parts of one strand nearer along it than so many radii are neighbours, not contacts.
 const NEIGHBOURHOOD: f64 = 6.0;
 /// Share of its missing distance that a contact is given at once.
-const CONTACT_STIFFNESS: f64 = 0.6;
+const CONTACT_STIFFNESS: f64 = 0.25;
 /// No contact moves a yarn by more than this share of its radius at once.
 const LARGEST_MOVE: f64 = 0.3;
 /// Lengths are held to this; the specification allows 2 %.
@@ -70,8 +73,9 @@ pub(super) fn settle(points: &mut [DVec3], yarns: &[Chain], cell: DVec2) -> Sett
     state.sample();
     let lengths = state.lengths.clone();
     let mut sweeps = 0;
+    let mut visits = 0;
     let mut firmness = 1.0;
-    while sweeps < MOST_SWEEPS {
+    while sweeps < MOST_SWEEPS && visits < MOST_VISITS {
         state.sample();
         let nearest = state.watch();
         if nearest >= GOAL {
@@ -85,6 +89,7 @@ pub(super) fn settle(points: &mut [DVec3], yarns: &[Chain], cell: DVec2) -> Sett
             firmness *= FADING;
         }
         sweeps += SWEEPS;
+        visits += SWEEPS * state.pairs.len();
     }
     state.sample();
     let changes = state.lengths.iter().zip(&lengths).map(|(now, &before)| (now / before - 1.0).abs());
@@ -159,29 +164,30 @@ impl<'a> State<'a> {
             pairs: Vec::new(),
         };
         for (yarn, thread) in (0u32..).zip(yarns) {
-            let count = thread.points.len() as i64;
-            for at in 0..count {
-                let carriers = [at - 1, at, at + 1, at + 2];
-                state.spans.push(Span {
-                    yarn,
-                    points: carriers.map(|i| index32(thread.points.start + i.rem_euclid(count) as usize)),
-                    turns: carriers.map(|i| i.div_euclid(count) as f64),
-                    start: index32(state.samples.len()),
-                    segments: 0,
-                });
-                let span = state.spans.len() - 1;
-                let chord = state.chord(span).length();
-                let segments = (chord / (SEGMENT_RADII * thread.radius)).ceil() as usize;
-                let segments = segments.clamp(FEWEST_SEGMENTS, MOST_SEGMENTS);
-                state.chords.push(chord);
-                state.spans[span].segments = index32(segments);
-                let samples = index32(state.samples.len())..index32(state.samples.len() + segments);
-                state.segments.extend(samples.map(|sample| Segment { span: index32(span), sample, along: 0.0 }));
-                state.samples.resize(state.samples.len() + segments + 1, DVec3::ZERO);
-            }
+            thread.points.clone().for_each(|at| state.add_span(yarn, thread, at));
         }
         state.weights.resize(state.samples.len(), [0.0; 4]);
         state
+    }
+
+    /// Adds the span that starts at a point of a yarn.
+    fn add_span(&mut self, yarn: u32, thread: &Chain, at: usize) {
+        let count = i64::from(index32(thread.points.len()));
+        let at = i64::from(index32(at - thread.points.start));
+        let carriers = [at - 1, at, at + 1, at + 2];
+        let place = |i: i64| usize::try_from(i.rem_euclid(count)).expect("a remainder is not negative");
+        #[expect(clippy::cast_precision_loss, reason = "a repeat or two")]
+        let turns = |i: i64| i.div_euclid(count) as f64;
+        let (start, number) = (index32(self.samples.len()), index32(self.spans.len()));
+        let points = carriers.map(|i| index32(thread.points.start + place(i)));
+        self.spans.push(Span { yarn, points, turns: carriers.map(turns), start, segments: 0 });
+        let chord = self.chord(number as usize).length();
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to some segments")]
+        let segments = (chord / (SEGMENT_RADII * thread.radius)).ceil().clamp(FEWEST_SEGMENTS, MOST_SEGMENTS) as u32;
+        self.spans[number as usize].segments = segments;
+        self.chords.push(chord);
+        self.segments.extend((start..start + segments).map(|sample| Segment { span: number, sample, along: 0.0 }));
+        self.samples.resize(self.samples.len() + segments as usize + 1, DVec3::ZERO);
     }
 
     /// The four points that carry a span, beside it.
@@ -231,12 +237,10 @@ impl<'a> State<'a> {
             if pairs.len() > MOST_PAIRS {
                 break;
             }
-            let (home, shift) = images.home(s);
             let yarn_s = self.spans[one.span as usize].yarn;
             let thread_s = &self.yarns[yarn_s as usize];
-            images.around(home, |t, t_shift| {
+            images.near(s, |t, turns| {
                 // Each pair is met from both sides; an image of the segment itself likewise.
-                let turns = t_shift - shift;
                 if t < s || (t == s && (turns.x, turns.y) <= (0.0, 0.0)) {
                     return;
                 }
@@ -289,7 +293,9 @@ impl<'a> State<'a> {
             let distance = apart.length();
             let missing = TOUCHING * touching - distance;
             if missing <= 0.0 {
-                self.pairs[at].dozing = (-missing / (DOZING * touching)) as u32;
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few sweeps")]
+                let sweeps = (-missing / (DOZING * touching)) as u32;
+                self.pairs[at].dozing = sweeps;
                 continue;
             }
             let direction = if distance > 1e-9 { apart / distance } else { DVec3::Z };
@@ -361,83 +367,66 @@ fn blend(carriers: &[DVec3; 4], weights: &[f64; 4]) -> DVec3 {
     carriers[0] * weights[0] + carriers[1] * weights[1] + carriers[2] * weights[2] + carriers[3] * weights[3]
 }
 
-/// Where segments and their images lie around the cell, in a grid.
-struct Images {
-    /// Position within the cell of each segment, and how many cells it was moved.
-    homes: Vec<(DVec2, DVec2)>,
-    /// Segment and cells moved, sorted by grid square.
-    entries: Vec<(u32, DVec2)>,
-    starts: Vec<u32>,
-    low: DVec2,
-    reach: f64,
-    columns: usize,
-    rows: usize,
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::knit::clearance::Paths;
 
-impl Images {
-    /// Sorts the middles of all segments, and of their images within `reach` of the cell.
-    fn new(middles: &[DVec3], cell: DVec2, reach: f64) -> Self {
-        let homes: Vec<_> = middles
-            .iter()
-            .map(|middle| {
-                let shift = -(middle.truncate() / cell).floor();
-                (middle.truncate() + shift * cell, shift)
-            })
-            .collect();
-        let low = DVec2::splat(-reach);
-        let span = cell + 2.0 * reach;
-        let (columns, rows) = ((span.x / reach) as usize + 1, (span.y / reach) as usize + 1);
-        let mut images = Self { homes, entries: Vec::new(), starts: vec![0; columns * rows + 1], low, reach, columns, rows };
-        let turns = (DVec2::splat(reach) / cell).ceil();
-        let mut placed = Vec::new();
-        for (segment, &(home, shift)) in (0u32..).zip(&images.homes) {
-            for i in -(turns.x as i64)..=turns.x as i64 {
-                for j in -(turns.y as i64)..=turns.y as i64 {
-                    let turn = DVec2::new(i as f64, j as f64);
-                    let at = home + turn * cell;
-                    if at.cmpge(low).all() && at.cmple(cell + reach).all() {
-                        placed.push((index32(images.square(at)), segment, shift + turn));
-                    }
-                }
+    const CELL: DVec2 = DVec2::new(1.0, 1.0);
+
+    /// A straight yarn up the cell through `points` places.
+    fn upright(x: f64, z: f64, points: usize) -> Vec<DVec3> {
+        (0..points).map(|i| DVec3::new(x, f64::from(index32(i)) / f64::from(index32(points)), z)).collect()
+    }
+
+    fn chain(points: Range<usize>, radius: f64) -> Chain {
+        Chain { points, period: DVec3::Y, radius }
+    }
+
+    #[test]
+    fn yarns_that_overlap_side_by_side_end_up_touching() {
+        let mut points = [upright(0.5, 0.0, 4), upright(0.55, 0.01, 4)].concat();
+        let settled = settle(&mut points, &[chain(0..4, 0.05), chain(4..8, 0.05)], CELL);
+        // They may slide along each other.
+        for (a, b) in points[..4].iter().zip(&points[4..]) {
+            let apart = DVec2::new(a.x - b.x, a.z - b.z).length();
+            assert!((0.1..0.14).contains(&apart), "{apart}");
+        }
+        assert!(settled.sweeps > 0 && settled.stretch < 0.001);
+    }
+
+    #[test]
+    fn a_yarn_keeps_clear_of_its_own_image_in_the_next_repeat() {
+        // It bulges over the cell's right border towards the image's straight part.
+        let mut points: Vec<_> = upright(0.05, 0.0, 8);
+        points[4].x = 1.02;
+        let before = points.clone();
+        settle(&mut points, &[chain(0..8, 0.06)], CELL);
+        let least = |points: &[DVec3]| {
+            let mut paths = Paths::default();
+            // The yarn and its image, over three repeats.
+            for image in [DVec3::ZERO, DVec3::X] {
+                let run = (-1..2).flat_map(|turn| points.iter().map(move |p| *p + image + DVec3::Y * f64::from(turn)));
+                paths.add(&run.collect::<Vec<_>>(), 0.06, |_| true);
             }
-        }
-        for (square, ..) in &placed {
-            images.starts[*square as usize + 1] += 1;
-        }
-        for square in 0..columns * rows {
-            images.starts[square + 1] += images.starts[square];
-        }
-        let mut next = images.starts.clone();
-        images.entries = vec![(0, DVec2::ZERO); placed.len()];
-        for (square, segment, shift) in placed {
-            let slot = &mut next[square as usize];
-            images.entries[*slot as usize] = (segment, shift);
-            *slot += 1;
-        }
-        images
+            paths.clearance(|p| (0.0..1.0).contains(&p.y)).min_over_2r
+        };
+        assert!(least(&before) < 0.5 && least(&points) > 0.98, "{} before, {} after", least(&before), least(&points));
     }
 
-    fn home(&self, segment: usize) -> (DVec2, DVec2) {
-        self.homes[segment]
+    #[test]
+    fn yarns_apart_are_left_as_they_are() {
+        let mut points = [upright(0.2, 0.0, 3), upright(0.7, 0.0, 5)].concat();
+        let before = points.clone();
+        let settled = settle(&mut points, &[chain(0..3, 0.1), chain(3..8, 0.1)], CELL);
+        assert_eq!((points, settled), (before, Settled { sweeps: 0, stretch: 0.0 }));
     }
 
-    fn square(&self, at: DVec2) -> usize {
-        let place = ((at - self.low) / self.reach).floor();
-        let column = (place.x as usize).min(self.columns - 1);
-        let row = (place.y as usize).min(self.rows - 1);
-        row * self.columns + column
-    }
-
-    /// Calls `each` with all segments whose middles may lie within reach of `at`, and how many cells they were moved.
-    fn around(&self, at: DVec2, mut each: impl FnMut(usize, DVec2)) {
-        let square = self.square(at);
-        let (column, row) = (square % self.columns, square / self.columns);
-        for r in row.saturating_sub(1)..=(row + 1).min(self.rows - 1) {
-            let (first, last) = (column.saturating_sub(1), (column + 1).min(self.columns - 1));
-            let entries = self.starts[r * self.columns + first] as usize..self.starts[r * self.columns + last + 1] as usize;
-            for &(segment, shift) in &self.entries[entries] {
-                each(segment as usize, shift);
-            }
-        }
+    #[test]
+    fn what_lies_in_the_same_place_stays_finite() {
+        let mut points = [upright(0.5, 0.0, 3), upright(0.5, 0.0, 3), upright(0.5, 0.0, 3)].concat();
+        let chains = [chain(0..3, 0.05), chain(3..6, 0.05), chain(6..9, 0.02)];
+        let settled = settle(&mut points, &chains, CELL);
+        assert!(points.iter().all(|p| p.is_finite()) && settled.stretch < 0.02);
     }
 }

@@ -241,17 +241,42 @@ mod tests {
 
     #[test]
     fn uniform_fabrics_keep_their_gaps() {
-        for name in ["tricot", "locknit"] {
+        for name in ["tricot", "locknit", "satin-lap", "atlas", "double-atlas", "tulle-3", "marquisette"] {
             let (low, high) = gaps(name);
             assert!((low - 1.0).abs() < 1e-9 && (high - 1.0).abs() < 1e-9, "{name}: {low} to {high}");
         }
     }
 
     #[test]
+    fn nets_open() {
+        // The specification: wales of half-set nets close in to about .57 and open to 1.43 of their spacing.
+        for name in ["atlas-net", "hex-net-3", "hex-net-5", "power-net"] {
+            let (low, high) = gaps(name);
+            assert!((0.5..0.7).contains(&low) && (1.3..1.5).contains(&high), "{name}: {low} to {high}");
+        }
+    }
+
+    #[test]
+    fn forces_are_in_balance_in_the_end() {
+        let fabric = Fabric::named("hex-net-3").unwrap();
+        let mut lattice = Lattice::straight(&fabric, fabric.threading_repeat(), fabric.repeat());
+        let rest: Vec<_> = lattice.nodes.iter().map(|node| *node / lattice.wale_spacing).collect();
+        let springs = lattice.springs(&fabric);
+        lattice.balance(&springs);
+        let spacing = DVec2::new(1.0, lattice.course_spacing / lattice.wale_spacing);
+        let period = spacing * DVec2::new(f64::from(index32(lattice.wales)), f64::from(index32(lattice.courses)));
+        lattice.nodes.iter_mut().for_each(|node| *node /= fabric.wale_spacing());
+        let mut forces = vec![DVec2::ZERO; rest.len()];
+        lattice.forces(&springs, &rest, spacing.y, period, &mut forces);
+        let largest = forces.iter().map(|force| force.length()).fold(0.0, f64::max);
+        assert!(largest < 2.0 * BALANCED, "{largest}");
+    }
+
+    #[test]
     fn straight_wales_are_left_as_drawn() {
         let fabric = Fabric::named("tricot").unwrap();
         let lattice = Lattice::straight(&fabric, 1, 1);
-        let layer = crate::knit::layers(&fabric)[0];
+        let layer = crate::knit::layers(&fabric, 1.0)[0];
         let offset = DVec3::new(0.1, 0.3, -0.2);
         let expected = offset + DVec3::new(2.5 * fabric.wale_spacing(), 3.0 * fabric.course_spacing(), 0.0);
         assert!(lattice.on_wale(2, 3, offset, &layer).distance(expected) < 1e-12);

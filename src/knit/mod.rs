@@ -11,6 +11,7 @@
 pub mod clearance;
 mod contact;
 mod cover;
+mod images;
 mod lattice;
 pub mod mesh;
 pub mod numbers;
@@ -76,6 +77,10 @@ impl Knitted {
     }
 }
 
+/// Loops are laid out for yarns of this share of their thickness, and what cuts then is pushed apart: cloth is pressed together, and laid
+/// out at full thickness a locknit would be a tenth heavier than mills make it.
+const PRESSED: f64 = 0.75;
+
 /// One bar's repeat.
 #[derive(Clone, Debug)]
 struct BarPattern {
@@ -115,7 +120,7 @@ impl Pattern {
         }
         let lattice = Lattice::relaxed(fabric);
         let mut pattern = Self::empty(fabric);
-        for (bar, layer) in fabric.bars.iter().zip(layers(fabric)) {
+        for (bar, layer) in fabric.bars.iter().zip(layers(fabric, PRESSED)) {
             let (guides, steps) = if bar.kind == BarKind::Guide { (wales, courses) } else { (courses, wales) };
             let led = |guide: usize| bar.threading.carries(i64::from(index32(guide)));
             pattern.add_bar(bar, &layer, &lattice, (0..guides).map(|guide| led(guide).then_some(guide)), steps);
@@ -129,7 +134,7 @@ impl Pattern {
     fn straight(fabric: &Fabric) -> Self {
         let lattice = Lattice::straight(fabric, 1, 1);
         let mut pattern = Self::empty(fabric);
-        for (bar, layer) in fabric.bars.iter().zip(layers(fabric)) {
+        for (bar, layer) in fabric.bars.iter().zip(layers(fabric, 1.0)) {
             let steps = if bar.kind == BarKind::Guide { bar.chain.laps().len() } else { 1 };
             let led = |guide: usize| bar.threading.carries(i64::from(index32(guide)));
             pattern.add_bar(bar, &layer, &lattice, (0..bar.threading.repeat()).map(|guide| led(guide).then_some(0)), steps);
@@ -303,9 +308,9 @@ fn as_vec(x: usize, y: usize) -> DVec2 {
     DVec2::new(f64::from(index32(x)), f64::from(index32(y)))
 }
 
-/// The layer of each bar.
-fn layers(fabric: &Fabric) -> Vec<Layer> {
-    let radius = fabric.radius();
+/// The layer of each bar, laid out for yarns of a share of their thickness.
+fn layers(fabric: &Fabric, share: f64) -> Vec<Layer> {
+    let radius = share * fabric.radius();
     let nesting: Vec<_> = (0..fabric.bars.len()).map(|bar| knitting_bars_behind(fabric, bar)).collect();
     let inlays = fabric.bars.iter().map(|bar| bar.chain.is_inlay());
     let depths = stitch::layer_depths(&inlays.zip(nesting.iter().copied()).collect::<Vec<_>>(), &fabric.stitch);

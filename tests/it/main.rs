@@ -8,6 +8,7 @@
 
 mod architecture;
 mod chart;
+mod clearance;
 mod cli;
 mod drape;
 mod fabrics;
@@ -19,4 +20,5 @@ mod locate;
 mod malformed;
 mod map;
 mod nets;
+mod relax;
 mod render;

@@ -8,7 +8,7 @@ use warpknit::locate::{Locator, SurfacePoint};
 use warpknit::map::{Mapping, map};
 
 /// A 1 m square of 20 x 20 cells, flat, whose draped vertices `drape` moves.
-fn garment(drape: impl Fn(DVec3) -> DVec3) -> Garment {
+pub(crate) fn garment(drape: impl Fn(DVec3) -> DVec3) -> Garment {
     let folder = tempfile::tempdir().unwrap();
     let mesh = |shape: &dyn Fn(DVec3) -> DVec3| {
         let mut text = String::new();
