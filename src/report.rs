@@ -111,6 +111,11 @@ pub struct ClothReport {
     pub yarn_length_m: f64,
     /// A bar each, front first; null for wefts.
     pub run_in_mm_per_rack: Vec<Option<f64>>,
+    pub thickness_mm: f64,
+    /// Share of the flat area that yarns hide.
+    pub cover_factor: f64,
+    /// Share of the volume that no fibre fills.
+    pub porosity: f64,
     /// 5th, 50th, 95th percentile.
     pub stretch_warp: [f64; 3],
     pub stretch_weft: [f64; 3],

@@ -7,25 +7,25 @@ use anyhow::{Context, Result, bail};
 use rayon::ThreadPoolBuilder;
 use warpknit::drape::clearance::Gauge;
 use warpknit::drape::strands::Losses;
-use warpknit::drape::{self, Block, Cloth, Stage, Totals};
+use warpknit::drape::{self, Block, Cloth, Stage, Totals, picture};
 use warpknit::export::csv::CsvWriter;
 use warpknit::export::glb::GlbWriter;
 use warpknit::export::obj::ObjWriter;
 use warpknit::export::{ExportError, Format, Output, Sink, png};
-use warpknit::fabric::{Bar, Fabric, FabricError};
+use warpknit::fabric::{Fabric, FabricError};
 use warpknit::garment::stretch::stretch;
 use warpknit::garment::{Panel, ReadOptions, read};
 use warpknit::ids::index32;
 use warpknit::knit::clearance::{self, Clearance};
-use warpknit::knit::{Pattern, numbers};
 use warpknit::render::{self, Camera, render};
 use warpknit::report::{ClearanceReport, ClothReport, GarmentReport, Report, SurfaceReport};
-use warpknit::scene::{Scene, YarnLook};
+use warpknit::scene::Scene;
 use warpknit::yarn::tube::Section;
 
 use super::args::{Drape, Reading, Shared, Swatch};
 use super::clock::{Clock, Task, available_memory_gb, peak_memory_mb};
-use super::tell;
+use super::numbers::RealCloth;
+use super::{print, tell};
 
 /// The most stitches that a garment is given unasked. A picture of 1600 x 1200 shows no more of them one by one.
 const PICTURED_STITCHES: f64 = 12_000.0;
@@ -36,8 +36,6 @@ const MOST_STITCHES: u64 = 200_000_000;
 const MEASURED_STITCHES: u64 = 50_000;
 /// What a picture takes for each stitch, GB: some 250 bytes for each of ten data points (measured at 5 million stitches).
 const PICTURE_GB: f64 = 2.5e-6;
-/// How rough yarns look; fibres are dull.
-const ROUGHNESS: f32 = 0.75;
 /// The texture's real length where there is none: v counts millimetres.
 const TEXTURE_PER_MM: f64 = 1.0;
 
@@ -58,10 +56,8 @@ pub(crate) fn drape(arguments: &Drape) -> Result<()> {
     let options = drape::Options { mapping: arguments.mapping.into(), edge: arguments.edge.into(), surface: None };
     let stem = arguments.draped.as_ref().unwrap_or(&arguments.flat).file_stem().unwrap_or_default();
     let inputs = std::iter::once(arguments.flat.as_path()).chain(arguments.draped.as_deref()).collect();
-    make(
-        &Job { shared, fabric: &fabric, shown: &shown, enlarged, cloth: &cloth, options, area, inputs, stem: Path::new(stem) },
-        clock,
-    )
+    let (fabric, shown, cloth, stem) = (&fabric, &shown, &cloth, Path::new(stem));
+    make(&Job { shared, fabric, shown, enlarged, cloth, options, area, inputs, stem, tells_numbers: false }, clock)
 }
 
 /// Knits a flat piece of fabric.
@@ -75,8 +71,9 @@ pub(crate) fn swatch(arguments: &Swatch) -> Result<()> {
     let area = f64::from(arguments.wales) * fabric.wale_spacing() * f64::from(arguments.courses) * fabric.course_spacing();
     // A fabric of chains is named by them, and a file may name its fabric anything.
     let stem = if fabric.name.is_empty() || fabric.name.contains(['/', '\\']) { "swatch" } else { &fabric.name };
-    let (shown, enlarged, inputs, stem) = (&fabric, None, Vec::new(), Path::new(stem));
-    make(&Job { shared, fabric: &fabric, shown, enlarged, cloth: &cloth, options, area, inputs, stem }, clock)
+    let (fabric, cloth, stem) = (&fabric, &cloth, Path::new(stem));
+    let (enlarged, inputs) = (None, Vec::new());
+    make(&Job { shared, fabric, shown: fabric, enlarged, cloth, options, area, inputs, stem, tells_numbers: true }, clock)
 }
 
 impl Reading {
@@ -103,6 +100,8 @@ struct Job<'a> {
     inputs: Vec<&'a Path>,
     /// What an output is called if none is named.
     stem: &'a Path,
+    /// Whether the fabric's numbers are printed.
+    tells_numbers: bool,
 }
 
 fn begin(shared: &Shared) -> Result<Clock> {
@@ -185,7 +184,7 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
     let mut sinks = sinks(&outputs, job)?;
     let wants_surface = outputs.iter().any(|(_, format)| matches!(format, Format::Glb | Format::Obj));
     let options = drape::Options { surface: wants_surface.then_some(section), ..job.options };
-    let mut scene = Scene { looks: looks(job.shown, section.radius), ..Scene::default() };
+    let mut scene = Scene { looks: picture::looks(job.shown, section.radius), ..Scene::default() };
 
     let mut gauge = wants_gauge(job, &outputs).then(|| Gauge::new(job.cloth, section.radius));
 
@@ -194,7 +193,7 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
         let mut announce = |stage, done| clock.borrow_mut().begin(task(stage), done);
         let mut deliver = |blocks: &[Block]| -> Result<(), ExportError> {
             if wants_picture {
-                blocks.iter().for_each(|block| add_to(&mut scene, block));
+                blocks.iter().for_each(|block| picture::add_to(&mut scene, block));
             }
             sinks.iter_mut().try_for_each(|sink| sink.take(blocks))?;
             if let Some(gauge) = &mut gauge {
@@ -232,14 +231,21 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
     }
     clock.stop();
     let facts = Facts { section: &section, totals: &totals, near, draped, warnings, wants_picture };
-    for (path, _) in outputs.iter().filter(|(_, format)| *format == Format::Json) {
-        whole.push(text_file(path, &report(job, &facts, &clock)?.to_json())?);
+    let reports: Vec<_> = outputs.iter().filter(|(_, format)| *format == Format::Json).collect();
+    let real = (job.tells_numbers || !reports.is_empty()).then(|| RealCloth::of(job.fabric));
+    if let Some(real) = &real {
+        for (path, _) in reports {
+            whole.push(text_file(path, &report(job, &facts, real, &clock).to_json())?);
+        }
     }
     whole.into_iter().try_for_each(Output::publish)?;
     clock.clear();
     let names: Vec<_> = outputs.iter().map(|(path, _)| path.display().to_string()).collect();
     tell(job.shared.quiet, &format!("{} stitches, {} yarns: {}", totals.losses.stitches, totals.yarns, names.join(" ")));
-    Ok(())
+    match real {
+        Some(real) if job.tells_numbers => print(&real.table()),
+        _ => Ok(()),
+    }
 }
 
 /// The files that were asked for, or a picture named after the input.
@@ -292,25 +298,6 @@ fn section(job: &Job<'_>) -> Result<Section> {
     }
     let radius = radius.unwrap_or(job.shown.radius());
     Ok(Section { st, sr, radius, flatten, caps, texture_per_mm: TEXTURE_PER_MM })
-}
-
-/// One look a bar; `radius` is the thickest one's.
-fn looks(fabric: &Fabric, radius: f64) -> Vec<YarnLook> {
-    let look = |(bar, thickness): (&Bar, f64)| {
-        #[expect(clippy::cast_possible_truncation, reason = "a radius in mm and a slope about 1")]
-        let (radius, twist_slope) = ((radius * thickness) as f32, bar.yarn.twist_slope().map(|slope| slope as f32));
-        let look = YarnLook::plain(bar.yarn.color.linear().into(), ROUGHNESS, radius);
-        YarnLook { plies: bar.yarn.plies.unwrap_or(look.plies), twist_slope, ..look }
-    };
-    fabric.bars.iter().zip(fabric.thickness()).map(look).collect()
-}
-
-fn add_to(scene: &mut Scene, block: &Block) {
-    let look = u16::try_from(block.bar).expect("machines have some tens of bars");
-    for strand in &block.strands.strands {
-        let points = &block.draped.positions[strand.points.start as usize..strand.points.end as usize];
-        scene.push_strand(points.iter().map(|p| p.as_vec3()), look);
-    }
 }
 
 fn task(stage: Stage) -> Task {
@@ -389,12 +376,12 @@ struct Facts<'a> {
     wants_picture: bool,
 }
 
-fn report(job: &Job<'_>, facts: &Facts<'_>, clock: &Clock) -> Result<Report> {
+fn report(job: &Job<'_>, facts: &Facts<'_>, real: &RealCloth, clock: &Clock) -> Report {
     let Facts { section, totals, near, draped, .. } = *facts;
     let garment = job.cloth.garment();
     let timings_ms = clock.timings();
     let (vertices, triangles) = section.size_of(totals.pieces, totals.strands);
-    Ok(Report {
+    Report {
         warpknit: env!("CARGO_PKG_VERSION"),
         fabric: job.fabric.name.clone(),
         garment: GarmentReport {
@@ -431,20 +418,23 @@ fn report(job: &Job<'_>, facts: &Facts<'_>, clock: &Clock) -> Result<Report> {
         threads: rayon::current_num_threads(),
         peak_memory_mb: peak_memory_mb(),
         renderer: if facts.wants_picture { "cpu".to_owned() } else { String::new() },
-        cloth: cloth_report(job)?,
-    })
+        cloth: cloth_report(job, real),
+    }
 }
 
 /// The real cloth: the fabric at its own densities over the garment's flat area.
-fn cloth_report(job: &Job<'_>) -> Result<ClothReport> {
+fn cloth_report(job: &Job<'_>, real: &RealCloth) -> ClothReport {
     let garment = job.cloth.garment();
-    let numbers = numbers::measure(job.fabric, &Pattern::new(job.fabric));
+    let numbers = &real.numbers;
     let (stretch_warp, stretch_weft) = stretch(garment);
-    Ok(ClothReport {
+    ClothReport {
         mass_g_m2: numbers.mass,
         yarn_length_m: numbers.yarn_length * job.area * 1e-6,
-        run_in_mm_per_rack: numbers.run_in,
+        run_in_mm_per_rack: numbers.run_in.clone(),
+        thickness_mm: numbers.thickness,
+        cover_factor: numbers.cover,
+        porosity: numbers.porosity,
         stretch_warp,
         stretch_weft,
-    })
+    }
 }

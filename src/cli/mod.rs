@@ -5,6 +5,7 @@ mod clock;
 mod fabrics;
 mod inspect;
 mod make;
+mod numbers;
 mod sheet;
 
 use std::io::{self, Write};

@@ -6,6 +6,7 @@
 //! depends on nothing but itself, so the result is the same for any number of threads.
 
 pub mod clearance;
+pub mod picture;
 pub mod strands;
 
 use std::ops::Range;

@@ -10,6 +10,7 @@
 
 pub mod clearance;
 mod contact;
+mod cover;
 mod images;
 mod lattice;
 pub mod mesh;

@@ -1,10 +1,11 @@
-//! What a fabric takes and weighs: run-in, yarn length, mass.
+//! What a fabric takes, weighs and hides: run-in, yarn length, mass, thickness, cover factor, porosity.
 //!
-//! In: a [`Fabric`]. Out: [`Numbers`] of its repeat, from the length of the laid-out yarn path and the yarn's count; never from the drawn
-//! radius. Source: the specification's knit page. Not promised: loops are laid out, not relaxed, so a mill's run-in may differ by some percent.
+//! In: a [`Fabric`]. Out: [`Numbers`] of its repeat. Lengths and masses come from the relaxed yarn path and the yarn's count, never from the drawn
+//! radius; thickness and cover factor from the yarns as they are laid out, at [`Fabric::radius`]. Source: the specification's knit page.
+//! Not promised: what a mill finds. Its cloth is stretched and set; ours lies as its densities say.
 
-use super::Pattern;
 use super::repeat::{Repeat, Yarn};
+use super::{Pattern, cover};
 use crate::fabric::{BarKind, Fabric};
 use crate::ids::index32;
 use crate::yarn::curve::{self, Span};
@@ -17,10 +18,18 @@ const RACK: f64 = 480.0;
 pub struct Numbers {
     /// mm of yarn for 480 courses, a bar each, front first; none for wefts, which no guide leads along the wales.
     pub run_in: Vec<Option<f64>>,
+    /// g of each bar's yarns in a m² of flat cloth, front first.
+    pub bar_mass: Vec<f64>,
     /// g/m² of flat cloth.
     pub mass: f64,
     /// m of yarn in a m² of flat cloth.
     pub yarn_length: f64,
+    /// From the lowest to the highest yarn surface, mm.
+    pub thickness: f64,
+    /// Share of the flat area that yarns hide, seen from the front, to .005.
+    pub cover: f64,
+    /// Share of the cloth's volume, area times thickness, that no fibre fills.
+    pub porosity: f64,
 }
 
 /// Measures a repeat of the fabric.
@@ -33,18 +42,25 @@ pub struct Numbers {
 /// ```
 #[must_use]
 pub fn measure(fabric: &Fabric, pattern: &Pattern) -> Numbers {
-    let mut numbers = Numbers { run_in: Vec::new(), mass: 0.0, yarn_length: 0.0 };
+    let body = cover::measure(fabric, pattern);
+    let (mut run_in, mut bar_mass) = (Vec::new(), Vec::new());
+    let (mut yarn_length, mut fibre) = (0.0, 0.0);
     for (at, bar) in fabric.bars.iter().enumerate() {
         let per_step = pattern.lengths_per_step(at);
         let sum: f64 = per_step.iter().flatten().sum();
         let threaded = f64::from(index32(per_step.iter().flatten().count()));
         // mm of yarn on a mm² is also km on a m²; tex is g a km.
         let kilometres = sum / f64::from(index32(per_step.len())) / (fabric.wale_spacing() * fabric.course_spacing());
-        numbers.run_in.push((bar.kind == BarKind::Guide).then(|| RACK * sum / threaded));
-        numbers.yarn_length += 1000.0 * kilometres;
-        numbers.mass += bar.yarn.count.tex() * kilometres;
+        let mass = bar.yarn.count.tex() * kilometres;
+        run_in.push((bar.kind == BarKind::Guide && threaded > 0.0).then(|| RACK * sum / threaded));
+        bar_mass.push(mass);
+        yarn_length += 1000.0 * kilometres;
+        // g/m² over g/cm³ is a layer of as many micrometres.
+        fibre += mass / bar.yarn.density / 1000.0;
     }
-    numbers
+    let mass = bar_mass.iter().sum();
+    let porosity = if body.thickness > 0.0 { 1.0 - fibre / body.thickness } else { 1.0 };
+    Numbers { run_in, bar_mass, mass, yarn_length, thickness: body.thickness, cover: body.cover, porosity }
 }
 
 impl Pattern {
@@ -88,6 +104,17 @@ mod tests {
         let fabric = Fabric::parse(&text).unwrap();
         let numbers = measure(&fabric, &Pattern::straight(&fabric));
         assert!((numbers.run_in[0].unwrap() - 480.0 * fabric.course_spacing()).abs() < 1e-6);
+    }
+
+    #[test]
+    fn porosity_of_parallel_yarns_in_closed_form() {
+        let fabric = Fabric::named("tricot").unwrap().with_chains(&["0-0//".to_owned()], &[]).unwrap();
+        let numbers = measure(&fabric, &Pattern::new(&fabric));
+        // A round yarn fills pi/4 of the square around it, its fibres `packing` of that, and beside it is air.
+        let yarn = &fabric.bars[0].yarn;
+        let filled = std::f64::consts::FRAC_PI_4 * yarn.packing * yarn.diameter() / fabric.wale_spacing();
+        assert!((numbers.porosity - (1.0 - filled)).abs() < 1e-3, "{} {filled}", numbers.porosity);
+        assert!((numbers.mass - numbers.bar_mass[0]).abs() < 1e-12);
     }
 
     #[test]

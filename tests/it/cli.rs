@@ -109,10 +109,16 @@ fn an_error_in_a_chain_is_pointed_at() {
 fn chains_are_knitted_from_the_command_line() {
     let folder = tempfile::tempdir().unwrap();
     let chains = ["--lapping", "2-3/1-0//", "--lapping", "1-0/1-2", "--threading", "I"];
-    warpknit(folder.path()).arg("swatch").args(chains).args(SMALL).args(["-o", "a.csv", "-o", "a.json"]).assert().success();
+    warpknit(folder.path())
+        .args(["swatch", "--fabric", "reverse-locknit"])
+        .args(chains)
+        .args(SMALL)
+        .args(["-o", "a.csv", "-o", "a.json"])
+        .assert()
+        .success();
     warpknit(folder.path()).args(["swatch", "--fabric", "locknit", "-o", "b.csv"]).args(SMALL).assert().success();
     let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
-    assert_eq!(read("a.csv"), read("b.csv"), "a locknit's chains on a tricot's yarns, which are a locknit's");
+    assert_eq!(read("a.csv"), read("b.csv"), "a locknit's chains at its densities and with its yarns");
     assert!(read("a.json").contains("\"fabric\": \"2-3/1-0// + 1-0/1-2//\""));
     // A name of chains is no name of a file.
     warpknit(folder.path()).arg("swatch").args(chains).args(SMALL).assert().success();
@@ -209,6 +215,19 @@ fn every_output_is_the_same_on_one_and_on_two_threads() {
         let read = |threads: u32| std::fs::read(folder.path().join(format!("t{threads}.{ending}"))).unwrap();
         assert!(read(1) == read(2), ".{ending} differs");
     }
+}
+
+#[test]
+fn a_swatch_prints_its_numbers_even_quietly() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = warpknit(folder.path()).args(["swatch", "--fabric", "weft-inserted", "--quiet"]).args(SMALL).output().unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(output.status.success() && output.stderr.is_empty());
+    for name in ["fabric", "wales", "courses", "mass", "yarn length", "thickness", "cover factor", "porosity", "clearance"] {
+        assert_eq!(text.lines().filter(|line| line.starts_with(&format!("{name}  "))).count(), 1, "{name}: {text}");
+    }
+    let weft = text.lines().last().unwrap().split_whitespace().collect::<Vec<_>>();
+    assert_eq!((weft[..3].join(" "), weft[4], weft[7]), ("2 110 dtex".to_owned(), "-", "weft"), "a weft has no run-in: {text}");
 }
 
 #[test]

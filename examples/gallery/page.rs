@@ -1,0 +1,93 @@
+//! The text of `docs/gallery.md`: a section for each built-in fabric, and our numbers beside those of sources.
+//!
+//! In: nothing but the library. Out: Markdown. A test compares it with the file.
+
+use std::fmt::Write as _;
+
+use warpknit::fabric::{Fabric, builtin};
+use warpknit::knit::numbers::{self, Numbers};
+use warpknit::knit::{Pattern, clearance};
+
+const HEAD: &str = "# Gallery
+
+The built-in fabrics, each from its technical face (left) and its technical back (right), with the numbers of its TOML file's densities and yarns. This page and its pictures are made by
+
+    cargo run --release --example gallery
+
+Run-in is the yarn of a rack of 480 courses; thickness is from the lowest to the highest yarn surface; the cover factor is the share of the area that yarns hide; porosity the share of the volume
+that no fibre fills; clearance the least distance between yarns, 1 being touch.
+";
+
+/// The file of one side's picture.
+pub(crate) fn picture_name(fabric: &str, side: &str) -> String {
+    format!("{fabric}_{side}.png")
+}
+
+/// The whole page.
+pub(crate) fn text() -> String {
+    let mut page = HEAD.to_owned();
+    for name in builtin::names() {
+        section(&mut page, &Fabric::named(name).expect("built-in fabrics are there"));
+    }
+    sources(&mut page);
+    page
+}
+
+fn section(page: &mut String, fabric: &Fabric) {
+    let pattern = Pattern::new(fabric);
+    let numbers = numbers::measure(fabric, &pattern);
+    let clearance = clearance::measure(fabric, &pattern, fabric.radius());
+    let name = &fabric.name;
+    let pictures = ["front", "back"].map(|side| format!("![{name}, {side}](gallery/{})", picture_name(name, side)));
+    line(page, format_args!("\n## {name}\n\n{}.\n\n{}\n", capitalised(&fabric.about), pictures.join(" ")));
+    line(
+        page,
+        format_args!("| bar | lapping | threading | yarn | diameter mm | run-in mm/rack | g/m² |\n|---|---|---|---|---|---|---|"),
+    );
+    for (at, bar) in fabric.bars.iter().enumerate() {
+        let run_in = numbers.run_in[at].map_or("-".to_owned(), |run_in| format!("{run_in:.0}"));
+        let (number, diameter, mass) = (at + 1, bar.yarn.diameter(), numbers.bar_mass[at]);
+        line(
+            page,
+            format_args!(
+                "| {number} | `{}` | `{}` | {} | {diameter:.3} | {run_in} | {mass:.1} |",
+                bar.lapping(),
+                bar.threading,
+                bar.yarn.count
+            ),
+        );
+    }
+    let Numbers { mass, thickness, cover, porosity, .. } = numbers;
+    line(
+        page,
+        format_args!("\n| per cm | g/m² | thickness mm | cover factor | porosity | clearance |\n|---|---|---|---|---|---|"),
+    );
+    line(
+        page,
+        format_args!(
+            "| {} x {} | {mass:.1} | {thickness:.2} | {cover:.2} | {porosity:.2} | {:.2} |",
+            fabric.wales_per_cm, fabric.courses_per_cm, clearance.min_over_2r
+        ),
+    );
+}
+
+/// What others measured, and what we compute.
+fn sources(page: &mut String) {
+    let fabric = Fabric::named("locknit").and_then(|locknit| locknit.at_densities(15.0, 22.0)).expect("densities in range");
+    let fabric = Fabric { enlargement: 1.0, ..fabric };
+    let numbers = numbers::measure(&fabric, &Pattern::new(&fabric));
+    let ratio = numbers.run_in[0].zip(numbers.run_in[1]).map_or(f64::NAN, |(front, back)| front / back);
+    line(page, format_args!("\n## Beside the sources\n\nA locknit of 44 dtex, finished at 15 wales and 22 courses per cm:\n"));
+    line(page, format_args!("| | mills report | here |\n|---|---|---|"));
+    line(page, format_args!("| mass, g/m² | 80 to 110 | {:.1} |", numbers.mass));
+    line(page, format_args!("| run-in, front over back bar | 1.24 to 1.35 | {ratio:.2} |"));
+}
+
+fn capitalised(text: &str) -> String {
+    let mut chars = text.chars();
+    chars.next().map_or_else(String::new, |first| first.to_uppercase().chain(chars).collect())
+}
+
+fn line(page: &mut String, text: std::fmt::Arguments<'_>) {
+    writeln!(page, "{text}").expect("a string takes any text");
+}

@@ -1,0 +1,56 @@
+//! Blocks of yarn as a scene for a renderer.
+//!
+//! In: a [`Fabric`] and [`Block`]s. Out: a [`Scene`] with a look a bar. Points keep their strands and lose their tags; nothing is drawn here.
+
+use super::{Block, Cloth, Options, run, swatch_panel};
+use crate::fabric::{Bar, Fabric};
+use crate::scene::{Scene, YarnLook};
+
+/// How rough yarns look; fibres are dull.
+const ROUGHNESS: f32 = 0.75;
+
+/// One look a bar; `radius` is the thickest one's, mm.
+#[must_use]
+pub fn looks(fabric: &Fabric, radius: f64) -> Vec<YarnLook> {
+    let look = |(bar, thickness): (&Bar, f64)| {
+        #[expect(clippy::cast_possible_truncation, reason = "a radius in mm and a slope about 1")]
+        let (radius, twist_slope) = ((radius * thickness) as f32, bar.yarn.twist_slope().map(|slope| slope as f32));
+        let look = YarnLook::plain(bar.yarn.color.linear().into(), ROUGHNESS, radius);
+        YarnLook { plies: bar.yarn.plies.unwrap_or(look.plies), twist_slope, ..look }
+    };
+    fabric.bars.iter().zip(fabric.thickness()).map(look).collect()
+}
+
+/// Appends a block's strands to a scene that has its fabric's [`looks`].
+///
+/// # Panics
+/// If the block is of bar 65 536 or later: fabrics have a hundred at most.
+pub fn add_to(scene: &mut Scene, block: &Block) {
+    let look = u16::try_from(block.bar).expect("machines have some tens of bars");
+    for strand in &block.strands.strands {
+        let points = &block.draped.positions[strand.points.start as usize..strand.points.end as usize];
+        scene.push_strand(points.iter().map(|p| p.as_vec3()), look);
+    }
+}
+
+/// A flat piece of fabric, `wales` yarns a bar and `courses` courses, at the radius for which it is laid out.
+///
+/// ```
+/// use warpknit::{drape::picture, fabric::Fabric};
+/// let scene = picture::swatch(&Fabric::named("tricot")?, 4, 6);
+/// assert_eq!((scene.strands.len(), scene.looks.len()), (2 * 4, 2));
+/// # Ok::<(), warpknit::fabric::FabricError>(())
+/// ```
+#[must_use]
+pub fn swatch(fabric: &Fabric, wales: u32, courses: u32) -> Scene {
+    let panel = swatch_panel(fabric, wales, courses);
+    let cloth = Cloth::swatch(&panel, fabric, wales, courses);
+    let mut scene = Scene { looks: looks(fabric, fabric.radius()), ..Scene::default() };
+    let mut deliver = |blocks: &[Block]| -> Result<(), std::convert::Infallible> {
+        blocks.iter().for_each(|block| add_to(&mut scene, block));
+        Ok(())
+    };
+    match run(&cloth, &Options::default(), &mut |_, _| {}, &mut deliver) {
+        Ok(_totals) => scene,
+    }
+}
