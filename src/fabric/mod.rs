@@ -315,8 +315,9 @@ mod tests {
 
     #[test]
     fn a_gauge_is_needles_an_inch() {
-        let wales = Fabric::named("tricot").unwrap().to_string();
-        let fabric = Fabric::parse(&wales.replace("wales_per_cm = 16.0", "gauge = 28.0")).unwrap();
+        let tricot = Fabric::named("tricot").unwrap();
+        let wales = format!("wales_per_cm = {:?}", tricot.wales_per_cm);
+        let fabric = Fabric::parse(&tricot.to_string().replace(&wales, "gauge = 28.0")).unwrap();
         assert!((fabric.wale_spacing() - 25.4 / 28.0).abs() < 1e-12);
         assert!(fabric.to_string().contains("gauge = 28.0") && !fabric.to_string().contains("wales_per_cm"));
         assert!(fabric.at_densities(10.0, 10.0).unwrap().to_string().contains("wales_per_cm = 10.0"));

@@ -23,6 +23,8 @@ const MOST_SEGMENTS: f64 = 12.0;
 const TOUCHING: f64 = 1.04;
 /// Settled at this share of touching.
 const GOAL: f64 = 1.01;
+/// Yarns start as thick as they lie clear and grow by this share a look, so that none is pushed through to another's wrong side.
+const GROWTH: f64 = 0.05;
 /// Sweeps between two looks at what is near, and the most of them.
 const SWEEPS: usize = 8;
 const MOST_SWEEPS: usize = 400;
@@ -75,14 +77,16 @@ pub(super) fn settle(points: &mut [DVec3], yarns: &[Chain], cell: DVec2) -> Sett
     let mut sweeps = 0;
     let mut visits = 0;
     let mut firmness = 1.0;
+    let mut grown: f64 = 0.0;
     while sweeps < MOST_SWEEPS && visits < MOST_VISITS {
         state.sample();
         let nearest = state.watch();
         if nearest >= GOAL {
             break;
         }
+        grown = (grown.max(nearest) + GROWTH).min(1.0);
         for _ in 0..SWEEPS {
-            state.push_apart();
+            state.push_apart(grown);
             state.hold_chords(STRETCH_STIFFNESS * firmness);
             state.hold_bends(BENDING_STIFFNESS * firmness);
             state.hold_lengths();
@@ -275,7 +279,7 @@ impl<'a> State<'a> {
     }
 
     /// Moves the yarns of each watched pair apart by what is missing.
-    fn push_apart(&mut self) {
+    fn push_apart(&mut self, grown: f64) {
         for at in 0..self.pairs.len() {
             let Pair { a, b, dozing, offset, touching } = self.pairs[at];
             if dozing > 0 {
@@ -291,7 +295,7 @@ impl<'a> State<'a> {
             let (along_a, along_b) = curve::nearest_of_segments(one, other);
             let apart = one[0].lerp(one[1], along_a) - other[0].lerp(other[1], along_b);
             let distance = apart.length();
-            let missing = TOUCHING * touching - distance;
+            let missing = TOUCHING * grown * touching - distance;
             if missing <= 0.0 {
                 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few sweeps")]
                 let sweeps = (-missing / (DOZING * touching)) as u32;

@@ -45,6 +45,17 @@ pub(super) struct Lattice {
     course_spacing: f64,
 }
 
+/// What the nodes exert on each other, lengths in wale spacings.
+struct Model {
+    /// Threads that form the loops of each node: each adds its stiffness to the wale.
+    threads: Vec<f64>,
+    springs: Vec<Spring>,
+    rest: Vec<DVec2>,
+    /// C/W.
+    course: f64,
+    period: DVec2,
+}
+
 /// A spring between two nodes.
 struct Spring {
     from: (i64, i64),
@@ -66,11 +77,30 @@ impl Lattice {
     /// Wales in balance, over one repeat of the fabric.
     pub(super) fn relaxed(fabric: &Fabric) -> Self {
         let mut lattice = Self::straight(fabric, fabric.threading_repeat(), fabric.repeat());
-        let springs = lattice.springs(fabric);
-        if !springs.is_empty() {
-            lattice.balance(&springs);
+        let model = lattice.model(fabric);
+        if !model.springs.is_empty() {
+            lattice.balance(&model);
         }
         lattice
+    }
+
+    /// What acts on the straight lattice.
+    fn model(&self, fabric: &Fabric) -> Model {
+        let course = self.course_spacing / self.wale_spacing;
+        Model {
+            threads: self.threads(fabric),
+            springs: self.springs(fabric),
+            rest: self.nodes.iter().map(|node| *node / self.wale_spacing).collect(),
+            course,
+            period: DVec2::new(f64::from(index32(self.wales)), f64::from(index32(self.courses)) * course),
+        }
+    }
+
+    /// How many threads loop on each node, at least one.
+    fn threads(&self, fabric: &Fabric) -> Vec<f64> {
+        let places = (0..as_i64(self.wales)).flat_map(|wale| (0..as_i64(self.courses)).map(move |course| (wale, course)));
+        let threads = |(wale, course)| fabric.bars.iter().filter(|bar| bar.loops_on(wale, course)).count().max(1);
+        places.map(|place| f64::from(index32(threads(place)))).collect()
     }
 
     /// The underlaps of a repeat that change the wale.
@@ -107,24 +137,20 @@ impl Lattice {
     }
 
     /// Steps through time, damped, until nothing moves.
-    fn balance(&mut self, springs: &[Spring]) {
-        // Lengths in wale spacings, as the constants are.
-        let rest: Vec<_> = self.nodes.iter().map(|node| *node / self.wale_spacing).collect();
-        self.nodes.clone_from(&rest);
-        let spacing = DVec2::new(1.0, self.course_spacing / self.wale_spacing);
-        let period = spacing * DVec2::new(f64::from(index32(self.wales)), f64::from(index32(self.courses)));
-        let mut velocities = vec![DVec2::ZERO; rest.len()];
+    fn balance(&mut self, model: &Model) {
+        self.nodes.clone_from(&model.rest);
+        let mut velocities = vec![DVec2::ZERO; self.nodes.len()];
         let mut forces = velocities.clone();
         for _ in 0..MOST_STEPS {
-            self.forces(springs, &rest, spacing.y, period, &mut forces);
+            self.forces(model, &mut forces);
             let mut moves: f64 = 0.0;
             for ((node, velocity), &force) in self.nodes.iter_mut().zip(&mut velocities).zip(&forces) {
                 *velocity = DAMPING * (*velocity + TIME_STEP * force);
                 *node += TIME_STEP * *velocity;
                 moves = moves.max(force.abs().max_element()).max(TIME_STEP * velocity.abs().max_element());
             }
-            let drift: DVec2 = self.nodes.iter().zip(&rest).map(|(node, rest)| *node - *rest).sum();
-            let drift = drift / f64::from(index32(rest.len()));
+            let drift: DVec2 = self.nodes.iter().zip(&model.rest).map(|(node, rest)| *node - *rest).sum();
+            let drift = drift / f64::from(index32(self.nodes.len()));
             self.nodes.iter_mut().for_each(|node| *node -= drift);
             if moves < BALANCED {
                 break;
@@ -134,20 +160,21 @@ impl Lattice {
     }
 
     /// The force on every node; lengths in wale spacings.
-    fn forces(&self, springs: &[Spring], rest: &[DVec2], course: f64, period: DVec2, forces: &mut [DVec2]) {
+    fn forces(&self, model: &Model, forces: &mut [DVec2]) {
         let at = |wale: i64, course: i64| self.index(wale, course);
-        let node = |wale: i64, course: i64| self.image(wale, course, period);
-        for (force, (node, rest)) in forces.iter_mut().zip(self.nodes.iter().zip(rest)) {
+        let node = |wale: i64, course: i64| self.image(wale, course, model.period);
+        for (force, (node, rest)) in forces.iter_mut().zip(self.nodes.iter().zip(&model.rest)) {
             *force = ANCHOR * (*rest - *node);
         }
         for (w, c) in (0..as_i64(self.wales)).flat_map(|w| (0..as_i64(self.courses)).map(move |c| (w, c))) {
             let (here, up, down) = (node(w, c), node(w, c + 1), node(w, c - 1));
+            let threads = model.threads[at(w, c)];
             let along = up - here;
             let length = along.length().max(1e-9);
-            let pull = WALE_STIFFNESS * (length - course) / length * along;
+            let pull = threads * WALE_STIFFNESS * (length - model.course) / length * along;
             forces[at(w, c)] += pull;
             forces[at(w, c + 1)] -= pull;
-            let bend = BENDING * (up.midpoint(down) - here);
+            let bend = threads * BENDING * (up.midpoint(down) - here);
             forces[at(w, c)] += bend;
             forces[at(w, c + 1)] -= 0.5 * bend;
             forces[at(w, c - 1)] -= 0.5 * bend;
@@ -155,7 +182,7 @@ impl Lattice {
             forces[at(w, c)].x -= push;
             forces[at(w + 1, c)].x += push;
         }
-        for spring in springs {
+        for spring in &model.springs {
             let span = node(spring.to.0, spring.to.1) - node(spring.from.0, spring.from.1);
             let length = span.length().max(1e-9);
             let pull = UNDERLAP_STIFFNESS * (length - spring.rest).max(0.0) / length * span;
@@ -221,6 +248,15 @@ impl Lattice {
         let course = y / self.course_spacing;
         self.axis(left, course).0.lerp(self.axis(left + 1, course).0, wale - wale.floor()).extend(z)
     }
+
+    /// Where a yarn turns beside the last wale that it passes, to the right (`side` 1) or the left (-1): in the middle of the gap, but in
+    /// a gap that has opened no further off than in a straight lattice. Out in a net's mesh nothing would hold it.
+    pub(super) fn beside_wale(&self, wale: i64, side: i64, y: f64, z: f64) -> DVec3 {
+        let course = y / self.course_spacing;
+        let (own, other) = (self.axis(wale, course).0, self.axis(wale + side, course).0);
+        let reach = (0.5 * self.wale_spacing / own.distance(other).max(1e-9)).min(0.5);
+        own.lerp(other, reach).extend(z)
+    }
 }
 
 fn as_i64(count: usize) -> i64 {
@@ -260,14 +296,11 @@ mod tests {
     fn forces_are_in_balance_in_the_end() {
         let fabric = Fabric::named("hex-net-3").unwrap();
         let mut lattice = Lattice::straight(&fabric, fabric.threading_repeat(), fabric.repeat());
-        let rest: Vec<_> = lattice.nodes.iter().map(|node| *node / lattice.wale_spacing).collect();
-        let springs = lattice.springs(&fabric);
-        lattice.balance(&springs);
-        let spacing = DVec2::new(1.0, lattice.course_spacing / lattice.wale_spacing);
-        let period = spacing * DVec2::new(f64::from(index32(lattice.wales)), f64::from(index32(lattice.courses)));
+        let model = lattice.model(&fabric);
+        lattice.balance(&model);
         lattice.nodes.iter_mut().for_each(|node| *node /= fabric.wale_spacing());
-        let mut forces = vec![DVec2::ZERO; rest.len()];
-        lattice.forces(&springs, &rest, spacing.y, period, &mut forces);
+        let mut forces = vec![DVec2::ZERO; lattice.nodes.len()];
+        lattice.forces(&model, &mut forces);
         let largest = forces.iter().map(|force| force.length()).fold(0.0, f64::max);
         assert!(largest < 2.0 * BALANCED, "{largest}");
     }

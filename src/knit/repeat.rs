@@ -163,11 +163,23 @@ impl Laying<'_> {
 
     /// An inlay on its way to the next course's first gap.
     fn inlay(&self, course: i64) -> Vec<DVec3> {
-        let chain = &self.bar.chain;
+        let (from, to) = (self.bar.chain.lap(course).from, self.bar.chain.lap(course + 1).from);
         #[expect(clippy::cast_precision_loss, reason = "guides and courses are counted in thousands")]
-        let corner = DVec2::new(self.guide as f64, course as f64 * self.layer.course_spacing);
-        let run = self.layer.inlay_points(chain.lap(course).from, chain.lap(course + 1).from);
-        run.into_iter().map(|(gap, y)| self.lattice.between_wales(corner.x + gap, corner.y + y, -self.layer.depth)).collect()
+        let (gap_0, bottom) = (self.guide as f64, course as f64 * self.layer.course_spacing);
+        let run = self.layer.inlay_points(from, to);
+        let last = run.len() - 1;
+        let side = i64::from((to - from).signum());
+        // Wale w stands between gaps w and w + 1.
+        let wale_after = |gap: i32, side: i64| self.guide + i64::from(gap) + (side - 1) / 2;
+        let place = |(at, (gap, y)): (usize, (f64, f64))| {
+            let (y, z) = (bottom + y, -self.layer.depth);
+            match at {
+                0 if last > 0 => self.lattice.beside_wale(wale_after(from, side), -side, y, z),
+                _ if last > 0 && at == last => self.lattice.beside_wale(wale_after(to, -side), side, y, z),
+                _ => self.lattice.between_wales(gap_0 + gap, y, z),
+            }
+        };
+        run.into_iter().enumerate().map(place).collect()
     }
 
     fn tag(&self, course: i64, needle: i32, kind: PointKind, point: u16) -> Tag {

@@ -34,17 +34,30 @@ fn yarn_path(fabric: &Fabric, pattern: &Pattern, bar: usize, (wale, course): (i6
     Some(path)
 }
 
-/// Crossings of two paths in the plane: the spans that cross, and the depth of the second over the first.
-fn crossings(first: &Path, second: &Path) -> Vec<(i64, i64, f64)> {
+/// Where two paths cross in the plane.
+#[derive(Clone, Copy, Debug)]
+struct Crossing {
+    /// The spans, of the old and of the new yarn.
+    old: i64,
+    new: i64,
+    /// Whether the new yarn passes to the left of the old one's direction (1) or to its right (-1).
+    sign: i32,
+    /// How far in front of the old yarn the new one lies.
+    depth: f64,
+}
+
+/// Crossings of two paths in the plane.
+fn crossings(old: &Path, new: &Path) -> Vec<Crossing> {
     let mut found = Vec::new();
-    for a in first.windows(2) {
-        for b in second.windows(2) {
+    for a in old.windows(2) {
+        for b in new.windows(2) {
             let (p, r) = (a[0].1, a[1].1 - a[0].1);
             let (q, s) = (b[0].1, b[1].1 - b[0].1);
             let across = r.truncate().perp_dot(s.truncate());
             let (t, u) = ((q - p).truncate().perp_dot(s.truncate()) / across, (q - p).truncate().perp_dot(r.truncate()) / across);
             if (0.0..1.0).contains(&t) && (0.0..1.0).contains(&u) {
-                found.push((a[0].0, b[0].0, (q + s * u).z - (p + r * t).z));
+                let depth = (q + s * u).z - (p + r * t).z;
+                found.push(Crossing { old: a[0].0, new: b[0].0, sign: across.signum() as i32, depth });
             }
         }
     }
@@ -52,16 +65,23 @@ fn crossings(first: &Path, second: &Path) -> Vec<(i64, i64, f64)> {
 }
 
 /// One place of the fabric: a new loop through an old one.
+///
+/// A leg that lies along the old one may cross it to and fro: signed, such crossings cancel.
 fn assert_interlocked(old: &Path, new: &Path, place: &str) {
-    // The loop proper is S2 to S7, spans 1 to 5; the rest are feet and underlaps.
+    // The loop proper is S2 to S7, spans 1 to 5, with the head's span in the middle; the rest are feet and underlaps.
     let is_loop = |span: i64| (1..6).contains(&span);
-    let crossings: Vec<_> = crossings(old, new).into_iter().filter(|(of_old, ..)| is_loop(*of_old)).collect();
+    let crossings: Vec<_> = crossings(old, new).into_iter().filter(|crossing| is_loop(crossing.old)).collect();
     let place = format!("{place}: {crossings:?}");
-    type Crossings = Vec<(i64, i64, f64)>;
-    let (legs, feet): (Crossings, Crossings) = crossings.into_iter().partition(|(_, of_new, _)| is_loop(*of_new));
-    assert_eq!(legs.iter().filter(|(.., depth)| *depth > 0.0).count(), 2, "both legs in front, {place}");
+    let net = |leg: &dyn Fn(i64) -> bool, in_front: bool| -> i32 {
+        let counted = |c: &&Crossing| leg(c.new) && is_loop(c.new) && (c.depth > 0.0) == in_front;
+        crossings.iter().filter(counted).map(|crossing| crossing.sign).sum()
+    };
+    let (entry, exit) = (net(&|span| span <= 3, true), net(&|span| span > 3, true));
+    assert!(entry.abs() == 1 && exit == -entry, "both legs in front, {place}");
+    assert!(net(&|span| span <= 3, false) == 0 && net(&|span| span > 3, false) == 0, "no leg behind, {place}");
     // As a rule one foot and one underlap a side; of a closed pillar only the underlap crosses the old loop.
-    assert!(!feet.is_empty() && feet.iter().all(|(.., depth)| *depth < 0.0), "feet and underlaps behind, {place}");
+    let feet: Vec<_> = crossings.iter().filter(|crossing| !is_loop(crossing.new)).collect();
+    assert!(!feet.is_empty() && feet.iter().all(|crossing| crossing.depth < 0.0), "feet and underlaps behind, {place}");
 }
 
 #[test]
