@@ -27,7 +27,9 @@ const NEIGHBOURHOOD: f64 = 7.0;
 /// Yarns this near to touching have settled.
 const SETTLED: f64 = 0.98;
 /// One segment that meets more others than this lies in a heap of yarns; the rest of the heap adds nothing.
-const HEAP: usize = 10_000;
+const HEAP: usize = 1000;
+/// The most looks from all segments: some seconds.
+const MOST_LOOKS: usize = 2_000_000_000;
 
 /// How close yarns come.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -132,12 +134,13 @@ impl Paths {
         let thickest = self.segments.iter().map(|s| s.radius).fold(0.0, f64::max);
         // Two segments that near have their middles within this.
         let grid = Grid::new(&self.segments, 2.0 * FARTHEST * thickest + longest);
+        let most = MOST_LOOKS / self.segments.len().max(1);
         let of_segment = |at: usize| {
             let s = &self.segments[at];
             let mut clearance = Clearance::FREE;
             if inside(s.middle()) {
                 let reach = FARTHEST * s.radius + s.half();
-                for other in grid.around(s.middle()) {
+                for other in grid.around(s.middle()).take(most) {
                     let t = &self.segments[other.at as usize];
                     // Most are farther than their spheres reach, which is a tenth of the work to see. A pair within is met from both sides.
                     let far = other.middle.distance_squared(s.middle()) > (reach + other.reach).powi(2);
@@ -236,7 +239,9 @@ pub fn measure(fabric: &Fabric, pattern: &Pattern, radius: f64) -> Clearance {
     let margin = (8.0 * radius).min(2.0 * spacing.x);
     // Four steps more at both ends: their heads and feet reach into the repeat.
     let ends = 4.0 * spacing.max_element();
-    let near = |p: DVec3| (p.truncate() + 2.0 * ends).cmpge(DVec2::ZERO).all() && (p.truncate() - 2.0 * ends).cmple(cell).all();
+    // No span between data points is much longer than a wale or a course.
+    let reach = 1.5 * spacing.max_element() + 2.0 * FARTHEST * radius;
+    let near = |p: DVec3| (p.truncate() + reach).cmpge(DVec2::ZERO).all() && (p.truncate() - reach).cmple(cell).all();
     let mut paths = Paths::default();
     let mut knitted = Knitted::default();
     for (bar, thickness) in fabric.thickness().into_iter().enumerate() {

@@ -30,10 +30,11 @@ const SWEEPS: usize = 8;
 const MOST_SWEEPS: usize = 400;
 /// The most looks at a pair in all: some seconds.
 const MOST_VISITS: usize = 40_000_000;
+/// More neighbours than this at one look, or more pairs, mean that whole yarns lie in each other's place, which nothing pushes apart.
+const MOST_NEIGHBOURS: usize = 40_000_000;
+const MOST_PAIRS: usize = 400_000;
 /// Pairs up to this many times touching are watched until the next look.
 const WATCHED: f64 = 1.35;
-/// More pairs than this mean that whole yarns lie in each other's place, which nothing pushes apart: they are not looked at.
-const MOST_PAIRS: usize = 400_000;
 /// A watched pair is left alone for a sweep for each such share of touching between them.
 const DOZING: f64 = 0.06;
 /// Parts of one strand nearer along it than so many radii are neighbours, not contacts.
@@ -80,7 +81,7 @@ pub(super) fn settle(points: &mut [DVec3], yarns: &[Chain], cell: DVec2) -> Sett
     let mut grown: f64 = 0.0;
     while sweeps < MOST_SWEEPS && visits < MOST_VISITS {
         state.sample();
-        let nearest = state.watch();
+        let Some(nearest) = state.watch() else { break };
         if nearest >= GOAL {
             break;
         }
@@ -226,8 +227,8 @@ impl<'a> State<'a> {
         }
     }
 
-    /// Notes all pairs that might touch before the next look, and returns the least distance over touching.
-    fn watch(&mut self) -> f64 {
+    /// Notes all pairs that might touch before the next look, and returns the least distance over touching; `None` if there are too many.
+    fn watch(&mut self) -> Option<f64> {
         let thickest = self.yarns.iter().map(|yarn| yarn.radius).fold(0.0, f64::max);
         let ends = |segment: &Segment| [0, 1].map(|end| self.samples[segment.sample as usize + end]);
         let middles: Vec<_> = self.segments.iter().map(|s| (ends(s)[0] + ends(s)[1]) / 2.0).collect();
@@ -236,14 +237,15 @@ impl<'a> State<'a> {
         let images = Images::new(&middles, self.cell, WATCHED * 2.0 * thickest + 2.0 * longest);
         let mut pairs = std::mem::take(&mut self.pairs);
         pairs.clear();
-        let mut nearest = f64::INFINITY;
+        let (mut nearest, mut neighbours) = (f64::INFINITY, 0);
         for (s, one) in self.segments.iter().enumerate() {
-            if pairs.len() > MOST_PAIRS {
-                break;
+            if pairs.len() > MOST_PAIRS || neighbours > MOST_NEIGHBOURS {
+                return None;
             }
             let yarn_s = self.spans[one.span as usize].yarn;
             let thread_s = &self.yarns[yarn_s as usize];
             images.near(s, |t, turns| {
+                neighbours += 1;
                 // Each pair is met from both sides; an image of the segment itself likewise.
                 if t < s || (t == s && (turns.x, turns.y) <= (0.0, 0.0)) {
                     return;
@@ -267,7 +269,7 @@ impl<'a> State<'a> {
             });
         }
         self.pairs = pairs;
-        nearest
+        Some(nearest)
     }
 
     /// Whether two segments of one yarn are parts of one strand that lie close along it.

@@ -46,6 +46,9 @@ fn measure_at(fabric: &Fabric, pattern: &Pattern, fineness: f64) -> Body {
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
     // Two steps more at both ends: their heads and feet reach into the repeat, and a path's ends are bent otherwise than its inside.
     let ends = 2.0 * spacing.max_element();
+    // No span between data points is much longer than a wale or a course.
+    let reach = 1.5 * spacing.max_element() + fabric.radius();
+    let is_far = |at: DVec2| (at + reach).cmplt(DVec2::ZERO).any() || (at - reach).cmpgt(cell).any();
     let mesh = StructureMesh::anchored_at(fabric, DVec2::ZERO);
     let mut knitted = Knitted::default();
     for (bar, thickness) in fabric.thickness().into_iter().enumerate() {
@@ -55,6 +58,9 @@ fn measure_at(fabric: &Fabric, pattern: &Pattern, fineness: f64) -> Body {
             knitted.clear();
             pattern.lay(bar, number, pattern.steps_along(bar, -ends..along + ends), &mesh, &mut knitted);
             for index in 0..knitted.points.len().saturating_sub(1) {
+                if knitted.points[index..index + 2].iter().all(|point| is_far(point.xy())) {
+                    continue;
+                }
                 let span = curve::span(&knitted.points, index);
                 let mut from = knitted.points[index];
                 for step in 1..=SAMPLES {

@@ -17,6 +17,8 @@ const WALE_STIFFNESS: f64 = 1.0;
 const UNDERLAP_STIFFNESS: f64 = 0.35;
 /// An underlap's rest length over the distance that it spans.
 const UNDERLAP_REST: f64 = 0.55;
+/// No underlap is stretched by more than this (one over five wales is): longer ones are fed more yarn, or they would pull wales over wales.
+const MOST_STRETCH: f64 = 2.3;
 const BENDING: f64 = 0.08;
 const CONTACT_STIFFNESS: f64 = 6.0;
 /// Neighbouring wales bear on each other below this gap.
@@ -34,6 +36,9 @@ const AIR: f64 = 2.6;
 const LOOP_WIDTH: f64 = 2.25;
 const NARROWEST: f64 = 0.5;
 
+/// An inlay turns at least so far from the wale that it holds on to, over W: a little outside its loops.
+const TURNS_BESIDE: f64 = 0.4;
+
 /// The control points of a repeat, mm; gap 0 of guide 0 lies at x = 0, course 0 at y = 0.
 #[derive(Clone, Debug)]
 pub(super) struct Lattice {
@@ -49,6 +54,8 @@ pub(super) struct Lattice {
 struct Model {
     /// Threads that form the loops of each node: each adds its stiffness to the wale.
     threads: Vec<f64>,
+    /// What each node weighs: its threads, or as much as its underlaps need so that a time step holds them.
+    masses: Vec<f64>,
     springs: Vec<Spring>,
     rest: Vec<DVec2>,
     /// C/W.
@@ -87,9 +94,15 @@ impl Lattice {
     /// What acts on the straight lattice.
     fn model(&self, fabric: &Fabric) -> Model {
         let course = self.course_spacing / self.wale_spacing;
+        let (threads, springs) = (self.threads(fabric), self.springs(fabric));
+        let mut pulls = vec![0.0; threads.len()];
+        for (wale, course) in springs.iter().flat_map(|spring| [spring.from, spring.to]) {
+            pulls[self.index(wale, course)] += UNDERLAP_STIFFNESS;
+        }
         Model {
-            threads: self.threads(fabric),
-            springs: self.springs(fabric),
+            masses: threads.iter().zip(pulls).map(|(threads, pulls)| pulls.max(*threads)).collect(),
+            threads,
+            springs,
             rest: self.nodes.iter().map(|node| *node / self.wale_spacing).collect(),
             course,
             period: DVec2::new(f64::from(index32(self.wales)), f64::from(index32(self.courses)) * course),
@@ -144,8 +157,9 @@ impl Lattice {
         for _ in 0..MOST_STEPS {
             self.forces(model, &mut forces);
             let mut moves: f64 = 0.0;
-            for ((node, velocity), &force) in self.nodes.iter_mut().zip(&mut velocities).zip(&forces) {
-                *velocity = DAMPING * (*velocity + TIME_STEP * force);
+            let moving = self.nodes.iter_mut().zip(&mut velocities);
+            for ((node, velocity), (&force, &mass)) in moving.zip(forces.iter().zip(&model.masses)) {
+                *velocity = DAMPING * (*velocity + TIME_STEP / mass * force);
                 *node += TIME_STEP * *velocity;
                 moves = moves.max(force.abs().max_element()).max(TIME_STEP * velocity.abs().max_element());
             }
@@ -185,7 +199,7 @@ impl Lattice {
         for spring in &model.springs {
             let span = node(spring.to.0, spring.to.1) - node(spring.from.0, spring.from.1);
             let length = span.length().max(1e-9);
-            let pull = UNDERLAP_STIFFNESS * (length - spring.rest).max(0.0) / length * span;
+            let pull = UNDERLAP_STIFFNESS * (length - spring.rest).clamp(0.0, MOST_STRETCH) / length * span;
             forces[at(spring.from.0, spring.from.1)] += pull;
             forces[at(spring.to.0, spring.to.1)] -= pull;
         }
@@ -249,13 +263,14 @@ impl Lattice {
         self.axis(left, course).0.lerp(self.axis(left + 1, course).0, wale - wale.floor()).extend(z)
     }
 
-    /// Where a yarn turns beside the last wale that it passes, to the right (`side` 1) or the left (-1): in the middle of the gap, but in
-    /// a gap that has opened no further off than in a straight lattice. Out in a net's mesh nothing would hold it.
+    /// Where a yarn turns beside the last wale that it passes, to the right (`side` 1) or the left (-1): in the middle of the gap, but the
+    /// nearer the more the gap has opened, for out in a net's mesh nothing holds it.
     pub(super) fn beside_wale(&self, wale: i64, side: i64, y: f64, z: f64) -> DVec3 {
         let course = y / self.course_spacing;
         let (own, other) = (self.axis(wale, course).0, self.axis(wale + side, course).0);
-        let reach = (0.5 * self.wale_spacing / own.distance(other).max(1e-9)).min(0.5);
-        own.lerp(other, reach).extend(z)
+        let gap = own.distance(other).max(1e-9) / self.wale_spacing;
+        let reach = (gap / 2.0).min((1.0 - gap / 2.0).max(TURNS_BESIDE));
+        own.lerp(other, reach / gap).extend(z)
     }
 }
 

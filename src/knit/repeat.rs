@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
 use super::lattice::Lattice;
 use super::stitch::{self, Layer, Turns};
