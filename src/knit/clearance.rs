@@ -26,10 +26,9 @@ const FARTHEST: f64 = 2.0;
 const NEIGHBOURHOOD: f64 = 7.0;
 /// Yarns this near to touching have settled.
 const SETTLED: f64 = 0.98;
-/// One segment that meets more others than this lies in a heap of yarns; the rest of the heap adds nothing.
+/// One segment that meets more others than this, or looks at more, lies in a heap of yarns; the rest of the heap adds nothing.
 const HEAP: usize = 1000;
-/// The most looks from all segments: some seconds.
-const MOST_LOOKS: usize = 2_000_000_000;
+const MOST_LOOKS: usize = 5 * HEAP;
 
 /// How close yarns come.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -134,13 +133,12 @@ impl Paths {
         let thickest = self.segments.iter().map(|s| s.radius).fold(0.0, f64::max);
         // Two segments that near have their middles within this.
         let grid = Grid::new(&self.segments, 2.0 * FARTHEST * thickest + longest);
-        let most = MOST_LOOKS / self.segments.len().max(1);
         let of_segment = |at: usize| {
             let s = &self.segments[at];
             let mut clearance = Clearance::FREE;
             if inside(s.middle()) {
                 let reach = FARTHEST * s.radius + s.half();
-                for other in grid.around(s.middle()).take(most) {
+                for other in grid.around(s.middle()).take(MOST_LOOKS) {
                     let t = &self.segments[other.at as usize];
                     // Most are farther than their spheres reach, which is a tenth of the work to see. A pair within is met from both sides.
                     let far = other.middle.distance_squared(s.middle()) > (reach + other.reach).powi(2);
