@@ -78,6 +78,8 @@ pub struct Timings {
 pub struct ClearanceReport {
     pub min_over_2r: f64,
     pub pairs_below_1: usize,
+    /// Sweeps of the yarns' relaxation; null where the repeat is too large for it.
+    pub sweeps: Option<usize>,
     /// The same on the body; null for a swatch, and for a garment of too many stitches.
     pub draped: Option<DrapedClearance>,
 }
@@ -114,8 +116,8 @@ pub struct ClothReport {
     pub thickness_mm: f64,
     /// Share of the flat area that yarns hide.
     pub cover_factor: f64,
-    /// Share of the volume that no fibre fills.
-    pub porosity: f64,
+    /// Share of the volume that no fibre fills; null where yarns are drawn thinner than they are.
+    pub porosity: Option<f64>,
     /// 5th, 50th, 95th percentile.
     pub stretch_warp: [f64; 3],
     pub stretch_weft: [f64; 3],

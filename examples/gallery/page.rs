@@ -57,7 +57,8 @@ fn section(page: &mut String, fabric: &Fabric) {
             ),
         );
     }
-    let Numbers { mass, thickness, cover, porosity, .. } = numbers;
+    let Numbers { mass, thickness, cover, .. } = numbers;
+    let porosity = numbers.porosity.expect("built-in fabrics are drawn with their own yarns");
     line(
         page,
         format_args!("\n| per cm | g/m² | thickness mm | cover factor | porosity | clearance |\n|---|---|---|---|---|---|"),

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::error::ErrorKind;
-use clap::{Args, CommandFactory as _, Parser, Subcommand, ValueEnum};
+use clap::{ArgGroup, Args, CommandFactory as _, Parser, Subcommand, ValueEnum};
 use glam::DVec3;
 use warpknit::chart;
 use warpknit::drape::strands::Edge;
@@ -11,6 +11,9 @@ use warpknit::export::Format;
 use warpknit::garment::Unit;
 use warpknit::map::Mapping;
 use warpknit::render::{Background, View};
+
+/// The fabric where none is named.
+pub(crate) const DEFAULT_FABRIC: &str = "tricot";
 
 /// Knits warp-knit fabric, yarn by yarn, onto a garment from a pattern tool.
 #[derive(Parser, Debug)]
@@ -24,12 +27,13 @@ impl Arguments {
     /// The arguments of this process; ends it where they are wrong usage.
     pub(crate) fn of_process() -> Self {
         let arguments = Self::parse();
-        let shared = match &arguments.command {
-            Command::Drape(drape) => Some(&drape.shared),
-            Command::Swatch(swatch) => Some(&swatch.shared),
-            Command::Inspect(_) | Command::Fabrics(_) => None,
+        let chains = match &arguments.command {
+            Command::Drape(drape) => Some(&drape.shared.chains),
+            Command::Swatch(swatch) => Some(&swatch.shared.chains),
+            Command::Inspect(inspect) => Some(&inspect.chains),
+            Command::Fabrics(_) => None,
         };
-        if let Some(Shared { lapping, threading, .. }) = shared
+        if let Some(Chains { lapping, threading }) = chains
             && threading.len() > 1
             && threading.len() != lapping.len()
         {
@@ -60,6 +64,7 @@ pub(crate) enum Command {
     /// Say what meshes hold and whether they pair, and what a fabric's lapping is
     #[command(after_help = "Examples:
   warpknit inspect --fabric locknit -o lapping.svg -o lapping.png
+  warpknit inspect --lapping 3-4/1-0// --lapping 1-0/1-2//
   warpknit inspect meshes/tshirt.obj
   warpknit inspect meshes/skirt_flat.obj meshes/skirt_draped.obj")]
     Inspect(Inspect),
@@ -103,15 +108,18 @@ pub(crate) struct Swatch {
 }
 
 #[derive(Args, Debug)]
+#[command(group = ArgGroup::new("a fabric").args(["fabric", "lapping"]).multiple(true))]
 pub(crate) struct Inspect {
     /// One garment with vt, or the flat mesh and one or more drapes of it
-    #[arg(value_name = "OBJ", required_unless_present = "fabric")]
+    #[arg(value_name = "OBJ", required_unless_present_any = ["fabric", "lapping"])]
     pub(crate) meshes: Vec<PathBuf>,
     /// A built-in fabric or a fabric file: its chain as a table, threads on the needles, warnings
     #[arg(long, value_name = "NAME|FILE.toml")]
     pub(crate) fabric: Option<String>,
+    #[command(flatten)]
+    pub(crate) chains: Chains,
     /// A file for the fabric's lapping diagram, by its ending: .svg .png; may be repeated
-    #[arg(short, long = "output", value_name = "OUT", value_parser = diagram, requires = "fabric")]
+    #[arg(short, long = "output", value_name = "OUT", value_parser = diagram, requires = "a fabric")]
     pub(crate) outputs: Vec<(PathBuf, chart::Format)>,
     #[command(flatten)]
     pub(crate) reading: Reading,
@@ -119,8 +127,20 @@ pub(crate) struct Inspect {
 
 #[derive(Args, Debug)]
 pub(crate) struct Fabrics {
-    /// The fabric to print
+    /// The fabric to print: a built-in one as its file is written, or a fabric file as it was understood
+    #[arg(value_name = "NAME|FILE.toml")]
     pub(crate) name: Option<String>,
+}
+
+/// A lapping of one's own.
+#[derive(Args, Debug)]
+pub(crate) struct Chains {
+    /// A bar's chain, such as 1-0/1-2//, or weft; a bar each, front first. They take the place of the fabric's bars, and take their yarns
+    #[arg(long, value_name = "CHAIN")]
+    pub(crate) lapping: Vec<String>,
+    /// Which guides of a --lapping carry a yarn: I threaded, . empty, repeated across; one for each --lapping, or one for all [default: I]
+    #[arg(long, value_name = "MARKS", requires = "lapping")]
+    pub(crate) threading: Vec<String>,
 }
 
 /// How meshes are read.
@@ -147,14 +167,10 @@ pub(crate) struct Shared {
     #[arg(short, long = "output", value_name = "OUT", value_parser = output)]
     pub(crate) outputs: Vec<(PathBuf, Format)>,
     /// A built-in fabric or a fabric file
-    #[arg(long, value_name = "NAME|FILE.toml", default_value = "tricot")]
+    #[arg(long, value_name = "NAME|FILE.toml", default_value = DEFAULT_FABRIC)]
     pub(crate) fabric: String,
-    /// A bar's chain, such as 1-0/1-2//, or weft; a bar each, front first. They take the place of the fabric's bars, and take their yarns
-    #[arg(long, value_name = "CHAIN")]
-    pub(crate) lapping: Vec<String>,
-    /// Which guides of a --lapping carry a yarn: I threaded, . empty, repeated across; one for each --lapping, or one for all [default: I]
-    #[arg(long, value_name = "MARKS", requires = "lapping")]
-    pub(crate) threading: Vec<String>,
+    #[command(flatten)]
+    pub(crate) chains: Chains,
     /// Wales per cm; yarns are drawn in proportion [default: the fabric's, or fewer where a garment would hold over 12000 stitches]
     #[arg(long, value_name = "X", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) wales_per_cm: Option<f64>,
@@ -203,7 +219,7 @@ pub(crate) struct Shared {
     /// Threads [default: all cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub(crate) threads: Option<u32>,
-    /// Say nothing but errors
+    /// Say nothing but errors, and the numbers of a swatch
     #[arg(long)]
     pub(crate) quiet: bool,
 }

@@ -3,9 +3,10 @@
 use std::fmt::Write as _;
 
 use anyhow::Result;
-use warpknit::fabric::{Bar, Fabric, FabricError, Fault, builtin};
+use warpknit::fabric::{Bar, Fabric, builtin};
 
 use super::args::Fabrics;
+use super::make::named_fabric;
 use super::print;
 
 /// Characters of the chains that are listed; nets have long ones, and `warpknit fabrics NAME` shows them whole.
@@ -14,7 +15,10 @@ const CHAINS: usize = 32;
 /// Lists the fabrics, a line each with the name first, or prints one as the TOML that `--fabric` takes.
 pub(crate) fn fabrics(arguments: &Fabrics) -> Result<()> {
     match &arguments.name {
-        Some(name) => print(builtin::text(name).ok_or_else(|| FabricError::from(Fault::Unknown(name.clone())))?),
+        Some(name) => match builtin::text(name) {
+            Some(text) => print(text),
+            None => print(&named_fabric(name)?.to_string()),
+        },
         None => {
             let width = builtin::names().map(str::len).max().unwrap_or(0);
             let mut list = String::new();

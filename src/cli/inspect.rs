@@ -9,7 +9,7 @@ use warpknit::export::Output;
 use warpknit::garment::stretch::stretch;
 use warpknit::garment::{Garment, read};
 
-use super::args::Inspect;
+use super::args::{DEFAULT_FABRIC, Inspect};
 use super::make::named_fabric;
 use super::sheet::{diagrams, sheet};
 use super::{print, tell};
@@ -17,8 +17,9 @@ use super::{print, tell};
 /// Prints what was asked for: a fabric, then one section a garment. Pictures appear under their names only when nothing failed.
 pub(crate) fn inspect(arguments: &Inspect) -> Result<()> {
     let mut pictures = Vec::new();
-    if let Some(name) = &arguments.fabric {
-        let fabric = named_fabric(name)?;
+    if arguments.fabric.is_some() || !arguments.chains.lapping.is_empty() {
+        let fabric = arguments.chains.on(named_fabric(arguments.fabric.as_deref().unwrap_or(DEFAULT_FABRIC))?)?;
+        let name = &fabric.name;
         let (drawn, notes) = diagrams(&fabric, &arguments.outputs)?;
         notes.iter().for_each(|note| tell(false, &format!("note: {name}: {note}")));
         print(&sheet(&fabric)?)?;

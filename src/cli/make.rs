@@ -22,7 +22,7 @@ use warpknit::report::{ClearanceReport, ClothReport, GarmentReport, Report, Surf
 use warpknit::scene::Scene;
 use warpknit::yarn::tube::Section;
 
-use super::args::{Drape, Reading, Shared, Swatch};
+use super::args::{Chains, Drape, Reading, Shared, Swatch};
 use super::clock::{Clock, Task, available_memory_gb, peak_memory_mb};
 use super::numbers::RealCloth;
 use super::{print, tell};
@@ -32,7 +32,7 @@ const PICTURED_STITCHES: f64 = 12_000.0;
 /// The most stitches that are taken on: beyond them 32 bits no longer number the data points, and any garment at its true gauge has far
 /// fewer.
 const MOST_STITCHES: u64 = 200_000_000;
-/// The most stitches whose clearance on the body is measured: some 10 kB each, were they all on one panel.
+/// The most stitches whose clearance on the body is measured: some 20 kB each, were they all on one panel.
 const MEASURED_STITCHES: u64 = 50_000;
 /// What a picture takes for each stitch, GB: some 250 bytes for each of ten data points (measured at 5 million stitches).
 const PICTURE_GB: f64 = 2.5e-6;
@@ -120,11 +120,17 @@ pub(super) fn named_fabric(name: &str) -> Result<Fabric> {
     }
 }
 
+impl Chains {
+    /// The fabric with these bars, if there are any.
+    pub(super) fn on(&self, fabric: Fabric) -> Result<Fabric> {
+        if self.lapping.is_empty() { Ok(fabric) } else { Ok(fabric.with_chains(&self.lapping, &self.threading)?) }
+    }
+}
+
 /// The fabric that was named, at the densities that were given.
 fn fabric(shared: &Shared) -> Result<Fabric> {
     let name = &shared.fabric;
-    let fabric = named_fabric(name)?;
-    let fabric = if shared.lapping.is_empty() { fabric } else { fabric.with_chains(&shared.lapping, &shared.threading)? };
+    let fabric = shared.chains.on(named_fabric(name)?)?;
     let name = label(shared, &fabric);
     for warning in fabric.warnings() {
         tell(shared.quiet, &format!("warning: {name}: {warning}"));
@@ -142,7 +148,7 @@ fn fabric(shared: &Shared) -> Result<Fabric> {
 
 /// What messages call the fabric: as it was asked for, or by its chains.
 fn label<'a>(shared: &'a Shared, fabric: &'a Fabric) -> &'a str {
-    if shared.lapping.is_empty() { &shared.fabric } else { &fabric.name }
+    if shared.chains.lapping.is_empty() { &shared.fabric } else { &fabric.name }
 }
 
 /// An error in a fabric file, with its name and line in front.
@@ -232,7 +238,10 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
     clock.stop();
     let facts = Facts { section: &section, totals: &totals, near, draped, warnings, wants_picture };
     let reports: Vec<_> = outputs.iter().filter(|(_, format)| *format == Format::Json).collect();
-    let real = (job.tells_numbers || !reports.is_empty()).then(|| RealCloth::of(job.fabric));
+    // What is shown with its own yarns is the real cloth, and need not be knitted again.
+    let shown = (job.fabric == job.shown && job.fabric.enlargement == 1.0 && section.radius == job.fabric.radius())
+        .then(|| (job.cloth.pattern(), near));
+    let real = (job.tells_numbers || !reports.is_empty()).then(|| RealCloth::of(job.fabric, shown));
     if let Some(real) = &real {
         for (path, _) in reports {
             whole.push(text_file(path, &report(job, &facts, real, &clock).to_json())?);
@@ -411,6 +420,7 @@ fn report(job: &Job<'_>, facts: &Facts<'_>, real: &RealCloth, clock: &Clock) -> 
         clearance: ClearanceReport {
             min_over_2r: near.min_over_2r,
             pairs_below_1: near.pairs_below_1,
+            sweeps: job.cloth.pattern().settled().map(|settled| settled.sweeps),
             draped: draped.map(Into::into),
         },
         plane_ms: timings_ms.knit,

@@ -18,12 +18,16 @@ pub(super) struct RealCloth {
 }
 
 impl RealCloth {
-    /// Knits a repeat and measures it.
-    pub(super) fn of(fabric: &Fabric) -> Self {
+    /// Measures a repeat: the one that was knitted already, with its clearance, or a new one.
+    pub(super) fn of(fabric: &Fabric, knitted: Option<(&Pattern, Clearance)>) -> Self {
         let fabric = Fabric { enlargement: 1.0, ..fabric.clone() };
-        let pattern = Pattern::new(&fabric);
-        let clearance = clearance::measure(&fabric, &pattern, fabric.radius());
-        Self { numbers: numbers::measure(&fabric, &pattern), clearance, fabric }
+        let (numbers, clearance) = if let Some((pattern, clearance)) = knitted {
+            (numbers::measure(&fabric, pattern), clearance)
+        } else {
+            let pattern = Pattern::new(&fabric);
+            (numbers::measure(&fabric, &pattern), clearance::measure(&fabric, &pattern, fabric.radius()))
+        };
+        Self { numbers, clearance, fabric }
     }
 
     /// A line a number with its name first, and a line a bar.
@@ -37,7 +41,7 @@ impl RealCloth {
             ("yarn length", format!("{:.0} m/m²", numbers.yarn_length)),
             ("thickness", format!("{:.3} mm", numbers.thickness)),
             ("cover factor", format!("{:.3}", numbers.cover)),
-            ("porosity", format!("{:.3}", numbers.porosity)),
+            ("porosity", numbers.porosity.map_or("-".to_owned(), |porosity| format!("{porosity:.3}"))),
             (
                 "clearance",
                 format!("{:.2} of touching, {} pairs nearer", self.clearance.min_over_2r, self.clearance.pairs_below_1),

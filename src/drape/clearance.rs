@@ -9,6 +9,8 @@
 
 use std::ops::Range;
 
+use glam::I64Vec2;
+
 use super::strands::{CUT, Strand, Strands};
 use super::{Block, Cloth};
 use crate::knit::clearance::{Clearance, Paths};
@@ -65,7 +67,7 @@ impl Gauge {
     }
 
     fn end_panel(&mut self) {
-        self.clearance = self.clearance.and(std::mem::take(&mut self.paths).clearance(|_| true));
+        self.clearance = self.clearance.and(std::mem::take(&mut self.paths).clearance(|_| I64Vec2::ZERO));
     }
 }
 

@@ -43,6 +43,15 @@ impl Bar {
         needles.into_iter().any(|needle| self.threading.carries(wale - needle))
     }
 
+    /// Courses and wales after which this bar and another repeat together.
+    #[must_use]
+    pub fn repeat_with(&self, other: &Self) -> [usize; 2] {
+        [
+            super::least_common_multiple(self.courses(), other.courses()),
+            super::least_common_multiple(self.guides(), other.guides()),
+        ]
+    }
+
     /// Courses after which it laps, or lays wefts in, as before.
     #[must_use]
     pub fn courses(&self) -> usize {

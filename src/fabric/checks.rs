@@ -51,6 +51,18 @@ impl Fabric {
                 warnings.push(format!("bar {number}: the chain {} has no gap 0", bar.lapping()));
             }
         }
+        for (bar, number) in self.bars.iter().zip(1..) {
+            if bar.yarn.texture.is_some() {
+                warnings.push(format!("bar {number}: the yarn's texture is kept, but not drawn yet"));
+            }
+            if bar.kind == BarKind::Guide && bar.looks_like_raschel() {
+                warnings.push(format!(
+                    "bar {number}: all gaps of {} are even and its overlaps pass two needles each; if this is a raschel chart, a fabric file \
+                     with numbering = \"raschel\" halves them",
+                    bar.lapping()
+                ));
+            }
+        }
         if self.bars.iter().all(|bar| bar.chain.is_inlay()) {
             warnings.push("no bar knits: without an overlap, such as 1-0, there is no loop that holds a yarn".to_owned());
             return warnings;
@@ -120,6 +132,12 @@ impl Bar {
         low != high
     }
 
+    /// Whether it may have been taken from a raschel chart, whose gaps are numbered 0, 2, 4.
+    fn looks_like_raschel(&self) -> bool {
+        let laps = self.chain.laps();
+        laps.iter().all(|lap| lap.from % 2 == 0 && lap.to % 2 == 0) && laps.iter().any(|lap| lap.overlap() != 0)
+    }
+
     /// Whether its loops follow each other on different needles, so that underlaps cross the gaps between wales.
     fn ever_shogs(&self) -> bool {
         let mut needles = self.chain.laps().iter().filter(|lap| lap.overlap() != 0).map(|lap| lap.needle());
@@ -130,6 +148,10 @@ impl Bar {
     /// The first guides of this bar and of `other` (within a repeat of both threadings) whose yarns make the same movement in the same
     /// gaps in every course.
     fn shares_place_with(&self, other: &Self) -> Option<(i64, i64)> {
+        if self.kind == BarKind::Weft || other.kind == BarKind::Weft {
+            // A weft crosses the yarns of guides, and those of two bars lie in layers of their own.
+            return None;
+        }
         let (ours, theirs) = (self.chain.laps(), other.chain.laps());
         let shift = ours[0].from - theirs[0].from;
         let courses = super::least_common_multiple(ours.len(), theirs.len());
@@ -186,7 +208,9 @@ mod tests {
             &["1-0/0-1/1-0/1-2/2-1/1-2", "0-0/1-1/0-0/2-2/1-1/2-2"],
             &["1-0/1-2", "0-0/3-3"],
             &["1-0/1-2", "0-0"],
-            &["0-2/2-0"],
+            &["0-2/3-1"],
+            &["1-0/1-2", "0-0", "weft"],
+            &["1-0/0-1", "weft", "weft"],
         ] {
             assert_eq!(full(chains).warnings(), Vec::<String>::new(), "{chains:?}");
         }
@@ -210,6 +234,14 @@ mod tests {
             warnings,
             ["no bar laps the needle of wale 1 in course 1: the stitch drops (and 3 more; the repeat is 3 wales by 2 courses)"]
         );
+    }
+
+    #[test]
+    fn a_raschel_chart_and_a_texture_are_pointed_out() {
+        let chart = full(&["2-0/2-4"]).warnings();
+        assert!(chart.len() == 1 && chart[0].contains("numbering = \"raschel\""), "{chart:?}");
+        let text = full(&["1-0/1-2"]).to_string().replace("count =", "texture = \"yarn.png\"\ncount =");
+        assert_eq!(Fabric::parse(&text).unwrap().warnings(), ["bar 1: the yarn's texture is kept, but not drawn yet"]);
     }
 
     #[test]

@@ -177,6 +177,9 @@ pub enum Fault {
     /// Two numbers with only a space between them.
     #[error("two gaps without '-' or '/' between them")]
     NoSeparator,
+    /// A course after `//`.
+    #[error("'//' ends the chain, but more follows: courses are separated by one '/'")]
+    AfterEnd,
     /// Over [`MAX_GAP`].
     #[error("gap {0} is over {MAX_GAP}")]
     GapTooHigh(String),
@@ -256,7 +259,11 @@ fn split(text: &str) -> Result<Vec<CourseText>, LappingError> {
     let mut courses = Vec::new();
     let mut course = CourseText::default();
     let mut rest = text.char_indices().peekable();
+    let mut ended = false;
     while let Some((at, c)) = rest.next() {
+        if ended && c.is_ascii_digit() {
+            return Err(LappingError { fault: Fault::AfterEnd, span: at..text.trim_end().len() });
+        }
         match c {
             '0'..='9' => {
                 let mut end = at + 1;
@@ -270,6 +277,8 @@ fn split(text: &str) -> Result<Vec<CourseText>, LappingError> {
                 course.finish()?;
                 if !course.links.is_empty() {
                     courses.push(std::mem::take(&mut course));
+                } else if !courses.is_empty() {
+                    ended = true;
                 }
             }
             c if c.is_whitespace() => {}
@@ -320,6 +329,7 @@ mod tests {
         assert_eq!(fault("1--0"), (Fault::MissingLink, 2..3));
         assert_eq!(fault("1-0/12/"), (Fault::LoneLink(12), 4..6));
         assert_eq!(fault("1 0"), (Fault::NoSeparator, 2..3));
+        assert_eq!(fault("1-0/1-2//3-4 "), (Fault::AfterEnd, 9..12));
         assert_eq!(fault("1-0-0-0-0"), (Fault::TooManyLinks(5), 0..9));
         assert_eq!(fault("0-4097"), (Fault::GapTooHigh("4097".into()), 2..6));
         assert_eq!(fault("0-99999999999999999999"), (Fault::GapTooHigh("99999999999999999999".into()), 2..22));

@@ -35,6 +35,9 @@ pub const MAX_THREADING: usize = 1_000;
 pub const MAX_BARS: usize = 100;
 
 const INCH_IN_CM: f64 = 2.54;
+/// The thickest radius that leaves a loop open, over W and over C.
+const THICKEST_ACROSS: f64 = 0.12;
+const THICKEST_ALONG: f64 = 0.2;
 
 /// A warp-knitted fabric.
 #[derive(Clone, Debug, PartialEq)]
@@ -98,8 +101,8 @@ impl Fabric {
 
     /// The fabric with other bars, of these chains (or `weft`) and threadings, front first, as the command line gives them.
     ///
-    /// Densities and yarns stay: each bar has the yarn of this fabric's bar in its place, or of the last. Missing threadings are full; one
-    /// alone is every bar's.
+    /// Densities and yarns stay: each bar has the yarn of this fabric's bar in its place, or of the last. Without threadings all are full, and the
+    /// last one is that of all bars after it.
     ///
     /// # Errors
     /// A chain or a threading that can't be read, under the name of its flag, or too much of anything.
@@ -173,7 +176,7 @@ impl Fabric {
     /// layers stay apart.
     #[must_use]
     pub fn radius(&self) -> f64 {
-        let limit = (0.12 * self.wale_spacing()).min(0.2 * self.course_spacing());
+        let limit = (THICKEST_ACROSS * self.wale_spacing()).min(THICKEST_ALONG * self.course_spacing());
         (self.true_radius() * self.enlargement).min(limit)
     }
 

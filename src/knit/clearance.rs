@@ -4,9 +4,9 @@
 //! [`Clearance`], the least distance between centre lines over the sum of the two radii. Paths are sampled 12 times a span and segments
 //! compared exactly. Parts of one strand nearer than 7 radii along it are neighbours, not contacts. Source: the specification's knit page.
 //! Cost: a grid of cells finds candidates, about 1 µs a segment on one thread; some milliseconds a repeat.
-//! Not promised: of repeats over 96 courses or 64 wales only that much is looked at.
+//! Not promised: of repeats over 96 courses or 64 wales only that much is looked at, and of heaps of yarns in one place only some.
 
-use glam::{DVec2, DVec3, I64Vec3};
+use glam::{DVec2, DVec3, I64Vec2, I64Vec3};
 use rayon::prelude::*;
 
 use super::mesh::StructureMesh;
@@ -127,8 +127,11 @@ impl Paths {
         self.strands += 1;
     }
 
-    /// Compares each segment whose middle is `inside` with all others nearby; a pair counts once.
-    pub fn clearance(&self, inside: impl Fn(DVec3) -> bool + Sync) -> Clearance {
+    /// Compares each segment with all others nearby; a pair counts once.
+    ///
+    /// `repeat` says in which repeat a place lies: only segments of repeat (0, 0) are compared with others. A pair of two repeats is met
+    /// again one repeat further, from the other's side, and so counts from one side alone.
+    pub fn clearance(&self, repeat: impl Fn(DVec3) -> I64Vec2 + Sync) -> Clearance {
         let longest = self.segments.iter().map(|s| s.from.distance(s.to)).fold(0.0, f64::max);
         let thickest = self.segments.iter().map(|s| s.radius).fold(0.0, f64::max);
         // Two segments that near have their middles within this.
@@ -136,14 +139,17 @@ impl Paths {
         let of_segment = |at: usize| {
             let s = &self.segments[at];
             let mut clearance = Clearance::FREE;
-            if inside(s.middle()) {
+            if repeat(s.middle()) == I64Vec2::ZERO {
                 let reach = FARTHEST * s.radius + s.half();
                 for other in grid.around(s.middle()).take(MOST_LOOKS) {
                     let t = &self.segments[other.at as usize];
                     // Most are farther than their spheres reach, which is a tenth of the work to see. A pair within is met from both sides.
                     let far = other.middle.distance_squared(s.middle()) > (reach + other.reach).powi(2);
                     let neighbours = s.strand == t.strand && (s.along - t.along).abs() <= NEIGHBOURHOOD * s.radius;
-                    if far || neighbours || ((other.at as usize) < at && inside(other.middle)) {
+                    let there = repeat(other.middle);
+                    let is_met_elsewhere =
+                        if there == I64Vec2::ZERO { (other.at as usize) < at } else { (there.y, there.x) < (0, 0) };
+                    if far || neighbours || is_met_elsewhere {
                         continue;
                     }
                     clearance = clearance.with(s.ratio(t));
@@ -235,22 +241,23 @@ pub fn measure(fabric: &Fabric, pattern: &Pattern, radius: f64) -> Clearance {
     let cell = spacing * DVec2::new(f64::from(index32(wales)), f64::from(index32(courses)));
     // Yarns thicker than two wales cut everything around them; there is no need to look further for the least distance.
     let margin = (8.0 * radius).min(2.0 * spacing.x);
-    // Four steps more at both ends: their heads and feet reach into the repeat.
-    let ends = 4.0 * spacing.max_element();
     // No span between data points is much longer than a wale or a course.
     let reach = 1.5 * spacing.max_element() + 2.0 * FARTHEST * radius;
     let near = |p: DVec3| (p.truncate() + reach).cmpge(DVec2::ZERO).all() && (p.truncate() - reach).cmple(cell).all();
     let mut paths = Paths::default();
     let mut knitted = Knitted::default();
     for (bar, thickness) in fabric.thickness().into_iter().enumerate() {
-        let (beside, along) = if pattern.runs_across(bar) { (cell.y, cell.x) } else { (cell.x, cell.y) };
+        let (beside, along, step) =
+            if pattern.runs_across(bar) { (cell.y, cell.x, spacing.x) } else { (cell.x, cell.y, spacing.y) };
+        // Four steps more at both ends: their heads and feet reach into the repeat.
+        let ends = 4.0 * step;
         for number in pattern.yarns_over(bar, -margin..beside + margin) {
             knitted.clear();
             pattern.lay(bar, number, pattern.steps_along(bar, -ends..along + ends), &mesh, &mut knitted);
             paths.add(&knitted.points, radius * thickness, near);
         }
     }
-    paths.clearance(|p| p.truncate().cmpge(DVec2::ZERO).all() && p.truncate().cmplt(cell).all())
+    paths.clearance(|p| (p.truncate() / cell).floor().as_i64vec2())
 }
 
 /// What a designer should know of how a fabric's yarns fit, a line each; nothing where all is well.
@@ -269,14 +276,16 @@ pub fn warnings(fabric: &Fabric, pattern: &Pattern, clearance: &Clearance, radiu
             2.0 * fabric.radius()
         ));
     }
+    if pattern.settled().is_none() {
+        warnings.push(
+            "the repeat is too large to be relaxed: yarns lie as laid out, which takes some more of them and may let them cut each other"
+                .to_owned(),
+        );
+    }
     if clearance.min_over_2r < SETTLED {
-        let why = match pattern.settled() {
-            Some(_) => "thinner yarns, lower densities or another lapping give them room",
-            None => "the repeat is too large to be relaxed; thinner yarns would keep apart",
-        };
         warnings.push(format!(
             "yarns drawn {:.3} mm thick cut each other: {} pairs of path segments in a repeat are nearer than their thickness, the \
-             nearest at {:.2} of it; {why}",
+             nearest at {:.2} of it; thinner yarns, lower densities or another lapping give them room",
             2.0 * radius,
             clearance.pairs_below_1,
             clearance.min_over_2r
@@ -308,6 +317,19 @@ mod tests {
             assert!((x.ratio(&other) - expected).abs() < 1e-12);
             assert!((other.ratio(&x) - expected).abs() < 1e-12);
         }
+    }
+
+    #[test]
+    fn a_repeat_written_twice_holds_twice_the_pairs() {
+        let count = |times: usize| {
+            let chains = ["1-2/1-0/", "1-0/1-2/"].map(|chain| chain.repeat(times));
+            let fabric = Fabric::named("tricot").unwrap().with_chains(&chains, &[]).unwrap();
+            let found = measure(&fabric, &Pattern::straight(&fabric), fabric.radius());
+            (found.pairs, found.pairs_below_1)
+        };
+        let (once, twice) = (count(1), count(2));
+        assert!(once.1 > 0);
+        assert_eq!((2 * once.0, 2 * once.1), twice);
     }
 
     #[test]

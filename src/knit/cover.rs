@@ -44,8 +44,6 @@ fn measure_at(fabric: &Fabric, pattern: &Pattern, fineness: f64) -> Body {
     let cell = spacing * DVec2::new(f64::from(index32(wales)), f64::from(index32(courses)));
     let mut grid = Grid::new(cell, (spacing.min_element() / fineness).max((cell.x * cell.y / MOST_POINTS).sqrt()));
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-    // Two steps more at both ends: their heads and feet reach into the repeat, and a path's ends are bent otherwise than its inside.
-    let ends = 2.0 * spacing.max_element();
     // No span between data points is much longer than a wale or a course.
     let reach = 1.5 * spacing.max_element() + fabric.radius();
     let is_far = |at: DVec2| (at + reach).cmplt(DVec2::ZERO).any() || (at - reach).cmpgt(cell).any();
@@ -53,7 +51,10 @@ fn measure_at(fabric: &Fabric, pattern: &Pattern, fineness: f64) -> Body {
     let mut knitted = Knitted::default();
     for (bar, thickness) in fabric.thickness().into_iter().enumerate() {
         let radius = fabric.radius() * thickness;
-        let (beside, along) = if pattern.runs_across(bar) { (cell.y, cell.x) } else { (cell.x, cell.y) };
+        let (beside, along, step) =
+            if pattern.runs_across(bar) { (cell.y, cell.x, spacing.x) } else { (cell.x, cell.y, spacing.y) };
+        // Two steps more at both ends: their heads and feet reach into the repeat, and a path's ends are bent otherwise than its inside.
+        let ends = 2.0 * step;
         for number in pattern.yarns_over(bar, -radius..beside + radius) {
             knitted.clear();
             pattern.lay(bar, number, pattern.steps_along(bar, -ends..along + ends), &mesh, &mut knitted);

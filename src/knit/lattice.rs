@@ -3,7 +3,8 @@
 //! In: a [`Fabric`]. Out: a [`Lattice`], the control points of one repeat in balance, and places relative to the bent wales. Nodes
 //! are masses; the yarn along the wale is a spring, every underlap that changes the wale a spring under tension only, neighbouring wales bear
 //! against each other. Source: the mass-spring model of Liu, Kyosev, Jiang 2022 (section 2.2) with the constants of the specification's
-//! knit page; the paper prints none. The cell is periodic, so the cost depends on the repeat alone: nodes times steps (up to
+//! knit page; the paper prints none. Beyond the page, each thread on a needle stiffens its wale, underlaps pull only so hard, and inlays turn
+//! near their wale: without, wales of two-bar cloth zigzag until loops slip off each other. The cell is periodic, so the cost depends on the repeat alone: nodes times steps (up to
 //! [`MOST_STEPS`]), about 30 ns each.
 
 use glam::{DVec2, DVec3};

@@ -327,9 +327,11 @@ fn layers(fabric: &Fabric, share: f64) -> Vec<Layer> {
 
 /// How many knitting bars behind this one ever put their loop on a needle in the same course as it does.
 fn knitting_bars_behind(fabric: &Fabric, bar: usize) -> u32 {
-    let along = i64::try_from(fabric.repeat()).expect("repeats are limited");
-    let across = i64::try_from(fabric.threading_repeat()).expect("repeats are limited");
-    let meets = |other: &&Bar| (0..along).any(|c| (0..across).any(|w| fabric.bars[bar].loops_on(w, c) && other.loops_on(w, c)));
+    let own = &fabric.bars[bar];
+    let meets = |other: &&Bar| {
+        let [along, across] = own.repeat_with(other).map(|repeat| i64::try_from(repeat).expect("repeats are limited"));
+        (0..along).any(|c| (0..across).any(|w| own.loops_on(w, c) && other.loops_on(w, c)))
+    };
     index32(fabric.bars[bar + 1..].iter().filter(meets).count())
 }
 

@@ -28,8 +28,8 @@ pub struct Numbers {
     pub thickness: f64,
     /// Share of the flat area that yarns hide, seen from the front, to .005.
     pub cover: f64,
-    /// Share of the cloth's volume, area times thickness, that no fibre fills.
-    pub porosity: f64,
+    /// Share of the cloth's volume, area times thickness, that no fibre fills; none where yarns are drawn thinner than they are.
+    pub porosity: Option<f64>,
 }
 
 /// Measures a repeat of the fabric.
@@ -59,7 +59,8 @@ pub fn measure(fabric: &Fabric, pattern: &Pattern) -> Numbers {
         fibre += mass / bar.yarn.density / 1000.0;
     }
     let mass = bar_mass.iter().sum();
-    let porosity = if body.thickness > 0.0 { 1.0 - fibre / body.thickness } else { 1.0 };
+    let is_thinned = fabric.radius() < fabric.true_radius() * fabric.enlargement;
+    let porosity = (body.thickness > 0.0 && !is_thinned).then(|| 1.0 - fibre / body.thickness);
     Numbers { run_in, bar_mass, mass, yarn_length, thickness: body.thickness, cover: body.cover, porosity }
 }
 
@@ -107,13 +108,21 @@ mod tests {
     }
 
     #[test]
+    fn yarns_that_are_drawn_thinner_than_they_are_have_no_porosity() {
+        let thick = Fabric::named("locknit").unwrap().to_string().replace("44 dtex", "5000 tex");
+        let fabric = Fabric::parse(&thick).unwrap();
+        assert_eq!(measure(&fabric, &Pattern::new(&fabric)).porosity, None);
+    }
+
+    #[test]
     fn porosity_of_parallel_yarns_in_closed_form() {
         let fabric = Fabric::named("tricot").unwrap().with_chains(&["0-0//".to_owned()], &[]).unwrap();
         let numbers = measure(&fabric, &Pattern::new(&fabric));
         // A round yarn fills pi/4 of the square around it, its fibres `packing` of that, and beside it is air.
         let yarn = &fabric.bars[0].yarn;
         let filled = std::f64::consts::FRAC_PI_4 * yarn.packing * yarn.diameter() / fabric.wale_spacing();
-        assert!((numbers.porosity - (1.0 - filled)).abs() < 1e-3, "{} {filled}", numbers.porosity);
+        let porosity = numbers.porosity.unwrap();
+        assert!((porosity - (1.0 - filled)).abs() < 1e-3, "{porosity} {filled}");
         assert!((numbers.mass - numbers.bar_mass[0]).abs() < 1e-12);
     }
 

@@ -231,6 +231,31 @@ fn a_swatch_prints_its_numbers_even_quietly() {
 }
 
 #[test]
+fn a_fabric_prints_back_what_it_was_given() {
+    let folder = tempfile::tempdir().unwrap();
+    let print = |name: &str| {
+        let output = warpknit(folder.path()).args(["fabrics", name]).output().unwrap();
+        assert!(output.status.success(), "{output:?}");
+        String::from_utf8(output.stdout).unwrap()
+    };
+    std::fs::write(folder.path().join("mine.toml"), print("power-net").replace("0.65", "0.5")).unwrap();
+    let once = print("mine.toml");
+    assert!(once.contains("packing = 0.5"), "{once}");
+    std::fs::write(folder.path().join("again.toml"), &once).unwrap();
+    assert_eq!(print("again.toml"), once);
+}
+
+#[test]
+fn inspect_takes_chains_as_a_swatch_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let chains = ["--lapping", "3-4/1-0//", "--lapping", "1-0/1-2//", "-o", "satin.svg"];
+    let output = warpknit(folder.path()).arg("inspect").args(chains).output().unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(output.status.success() && text.contains("bar 1: chain 3-4/1-0//"), "{text}");
+    assert!(folder.path().join("satin.svg").exists());
+}
+
+#[test]
 fn without_an_output_a_picture_is_named_after_the_input() {
     let folder = tempfile::tempdir().unwrap();
     warpknit(folder.path()).arg("swatch").args(SMALL).assert().success();

@@ -121,7 +121,7 @@ fn chain() -> impl Strategy<Value = String> {
         let text = laps.into_iter().map(|(overlap, underlap)| {
             let to = (gap + overlap).max(0);
             let text = format!("{gap}-{to}");
-            // Never over six needles from anywhere to anywhere, so that the last underlap isn't either.
+            // Overlaps begin in gaps 0 to 5, so that no underlap passes more than seven wales, the last one back to the first neither.
             gap = (to + underlap).clamp(0, 5);
             text
         });
@@ -154,7 +154,7 @@ fn random_fabrics_relax() {
         let mesh = warpknit::knit::mesh::StructureMesh::anchored_at(fabric, glam::DVec2::ZERO);
         let mut knitted = Knitted::default();
         for bar in 0..fabric.bars.len() {
-            (0..4).for_each(|guide| pattern.lay(bar, guide, 0..12, &mesh, &mut knitted));
+            (0..fabric.threading_repeat() as i64).for_each(|guide| pattern.lay(bar, guide, 0..12, &mesh, &mut knitted));
         }
         assert!(!knitted.points.is_empty() && knitted.points.iter().all(|point| point.is_finite()), "in\n{fabric}");
         let found = clearance::measure(fabric, &pattern, fabric.radius());
