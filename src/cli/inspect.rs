@@ -17,9 +17,11 @@ use super::{print, tell};
 /// Prints what was asked for: a fabric, then one section a garment. Pictures appear under their names only when nothing failed.
 pub(crate) fn inspect(arguments: &Inspect) -> Result<()> {
     let mut pictures = Vec::new();
-    if arguments.fabric.is_some() || !arguments.chains.lapping.is_empty() {
-        let fabric = arguments.chains.on(named_fabric(arguments.fabric.as_deref().unwrap_or(DEFAULT_FABRIC))?)?;
-        let name = &fabric.name;
+    let Inspect { fabric: asked, chains, .. } = arguments;
+    if asked.is_some() || !chains.lapping.is_empty() {
+        let asked = asked.as_deref().unwrap_or(DEFAULT_FABRIC);
+        let fabric = chains.on(named_fabric(asked)?)?;
+        let name = chains.label(asked, &fabric);
         let (drawn, notes) = diagrams(&fabric, &arguments.outputs)?;
         notes.iter().for_each(|note| tell(false, &format!("note: {name}: {note}")));
         print(&sheet(&fabric)?)?;

@@ -52,7 +52,7 @@ pub(crate) fn drape(arguments: &Drape) -> Result<()> {
     clock.stop();
     let area = garment.panels.iter().map(Panel::area).sum();
     let (shown, enlarged) = pictured(&fabric, area, shared)?;
-    let cloth = Cloth::cover(&garment, &shown).with_context(|| label(shared, &fabric).to_owned())?;
+    let cloth = Cloth::cover(&garment, &shown).with_context(|| shared.chains.label(&shared.fabric, &fabric).to_owned())?;
     let options = drape::Options { mapping: arguments.mapping.into(), edge: arguments.edge.into(), surface: None };
     let stem = arguments.draped.as_ref().unwrap_or(&arguments.flat).file_stem().unwrap_or_default();
     let inputs = std::iter::once(arguments.flat.as_path()).chain(arguments.draped.as_deref()).collect();
@@ -125,13 +125,17 @@ impl Chains {
     pub(super) fn on(&self, fabric: Fabric) -> Result<Fabric> {
         if self.lapping.is_empty() { Ok(fabric) } else { Ok(fabric.with_chains(&self.lapping, &self.threading)?) }
     }
+
+    /// What messages call the fabric: as it was asked for, or by its chains.
+    pub(super) fn label<'a>(&self, asked: &'a str, fabric: &'a Fabric) -> &'a str {
+        if self.lapping.is_empty() { asked } else { &fabric.name }
+    }
 }
 
 /// The fabric that was named, at the densities that were given.
 fn fabric(shared: &Shared) -> Result<Fabric> {
-    let name = &shared.fabric;
-    let fabric = shared.chains.on(named_fabric(name)?)?;
-    let name = label(shared, &fabric);
+    let fabric = shared.chains.on(named_fabric(&shared.fabric)?)?;
+    let name = shared.chains.label(&shared.fabric, &fabric);
     for warning in fabric.warnings() {
         tell(shared.quiet, &format!("warning: {name}: {warning}"));
     }
@@ -144,11 +148,6 @@ fn fabric(shared: &Shared) -> Result<Fabric> {
             Ok(fabric.at_densities(wales, courses.unwrap_or(wales * aspect))?)
         }
     }
-}
-
-/// What messages call the fabric: as it was asked for, or by its chains.
-fn label<'a>(shared: &'a Shared, fabric: &'a Fabric) -> &'a str {
-    if shared.chains.lapping.is_empty() { &shared.fabric } else { &fabric.name }
 }
 
 /// An error in a fabric file, with its name and line in front.

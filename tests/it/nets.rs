@@ -11,7 +11,7 @@ const FINE: f64 = 48.0;
 /// The picture is taken from so many times its height, so that all is seen straight from the front.
 const FAR: f64 = 200.0;
 /// Holes smaller than this share of the largest are the insides of loops and the corners that an inlay cuts off, not meshes.
-const MESH: f64 = 0.3;
+const MESH: f64 = 0.6;
 
 /// Whole repeats of a fabric as seen from the front.
 struct Window {
