@@ -26,4 +26,5 @@ pub mod map;
 pub mod render;
 pub mod report;
 pub mod scene;
+pub mod unit;
 pub mod yarn;

@@ -1,10 +1,15 @@
 //! What a renderer draws: yarns as control points, and what they are made of.
 //!
 //! In: the strands of the blocks that [`crate::drape`] hands out. Out: structure-of-arrays control points in `f32`, 12 bytes a
-//! data point, so that millions of stitches fit; renderers expand them on their own.
+//! data point and 4 a stitch, so that millions of stitches fit; renderers expand them on their own.
+
+use std::ops::Range;
+
+use glam::Vec3;
 
 use crate::ids::index32;
-use glam::Vec3;
+use crate::render::maps::Maps;
+use crate::unit::PackedUnit;
 
 /// Renderers pass over points with a larger coordinate, mm: ten kilometres, where `f32` has lost whole stitches.
 pub const FARTHEST: f32 = 1e7;
@@ -31,21 +36,35 @@ pub struct YarnLook {
     /// Circumference over the length of one turn of the plies, or of the fibres where there is one ply; S over 0, Z under 0. A middling
     /// twist where it isn't known.
     pub twist_slope: Option<f32>,
+    /// Its pictures in [`Scene::maps`]; a plain yarn has none, and plies and fibres are made up.
+    pub maps: Option<u16>,
 }
 
 impl YarnLook {
     /// Fibres of one colour in three plies of a middling twist.
     #[must_use]
     pub const fn plain(albedo: Vec3, roughness: f32, radius: f32) -> Self {
-        Self { albedo, roughness, metallic: 0.0, radius, plies: 3, twist_slope: None }
+        Self { albedo, roughness, metallic: 0.0, radius, plies: 3, twist_slope: None, maps: None }
     }
+}
+
+/// What yarns are drawn as.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Shape {
+    /// Round, with [`YarnLook::radius`].
+    #[default]
+    Tube,
+    /// Flat strips in the fabric's plane, [`YarnLook::radius`] to either side of the axis, lit as the fabric's surface is.
+    Ribbon,
 }
 
 /// One uninterrupted run of yarn.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Strand {
     /// Its control points in [`Scene::positions`].
-    pub points: std::ops::Range<u32>,
+    pub points: Range<u32>,
+    /// Its stitches in [`Scene::stitches`].
+    pub stitches: Range<u32>,
     /// Its look in [`Scene::looks`].
     pub look: u16,
 }
@@ -53,12 +72,20 @@ pub struct Strand {
 /// Everything in front of the camera.
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
+    /// What all yarns are drawn as.
+    pub shape: Shape,
     /// Control points of all strands, mm; the yarn passes through each (centripetal Catmull-Rom, [`crate::yarn::curve`]).
     pub positions: Vec<Vec3>,
+    /// The fabric's normal at each, for ribbons; tubes need none.
+    pub normals: Vec<PackedUnit>,
+    /// First control points of the stitches.
+    pub stitches: Vec<u32>,
     /// Strands, in yarn order.
     pub strands: Vec<Strand>,
     /// Looks, one a guide bar.
     pub looks: Vec<YarnLook>,
+    /// Pictures of yarns that looks name.
+    pub maps: Vec<Maps>,
 }
 
 /// An axis-aligned box, mm.
@@ -86,7 +113,7 @@ impl Bounds {
 }
 
 impl Scene {
-    /// Appends one strand through `points` with the look at index `look`.
+    /// Appends one strand through `points` with the look at index `look`, all of it one stitch, in a fabric that faces +z.
     ///
     /// ```
     /// use glam::Vec3;
@@ -95,9 +122,26 @@ impl Scene {
     /// assert_eq!(scene.strands[0].points, 0..2);
     /// ```
     pub fn push_strand(&mut self, points: impl IntoIterator<Item = Vec3>, look: u16) {
-        let start = index32(self.positions.len());
-        self.positions.extend(points);
-        self.strands.push(Strand { points: start..index32(self.positions.len()), look });
+        self.push_stitches(points.into_iter().map(|point| (point, Vec3::Z)), [0], look);
+    }
+
+    /// Appends one strand through points, each with the fabric's unit normal there, and says which of them begin stitches, from 0.
+    pub fn push_stitches(
+        &mut self,
+        points: impl IntoIterator<Item = (Vec3, Vec3)>,
+        stitches: impl IntoIterator<Item = u32>,
+        look: u16,
+    ) {
+        let (start, first) = (index32(self.positions.len()), index32(self.stitches.len()));
+        for (point, normal) in points {
+            self.positions.push(point);
+            if self.shape == Shape::Ribbon {
+                self.normals.push(PackedUnit::new(normal));
+            }
+        }
+        self.stitches.extend(stitches.into_iter().map(|stitch| start + stitch));
+        let (points, stitches) = (start..index32(self.positions.len()), first..index32(self.stitches.len()));
+        self.strands.push(Strand { points, stitches, look });
     }
 
     /// The radius of a strand, if it is one that can be drawn: above 0 and under [`FARTHEST`].

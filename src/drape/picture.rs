@@ -28,8 +28,11 @@ pub fn looks(fabric: &Fabric, radius: f64) -> Vec<YarnLook> {
 pub fn add_to(scene: &mut Scene, block: &Block) {
     let look = u16::try_from(block.bar).expect("machines have some tens of bars");
     for strand in &block.strands.strands {
-        let points = &block.draped.positions[strand.points.start as usize..strand.points.end as usize];
-        scene.push_strand(points.iter().map(|p| p.as_vec3()), look);
+        let range = strand.points.start as usize..strand.points.end as usize;
+        let (positions, normals) = (&block.draped.positions[range.clone()], &block.draped.normals[range]);
+        let points = positions.iter().zip(normals).map(|(position, normal)| (position.as_vec3(), normal.as_vec3()));
+        let stitches = block.strands.pieces_of(strand).map(|piece| piece.start - strand.points.start);
+        scene.push_stitches(points, stitches, look);
     }
 }
 

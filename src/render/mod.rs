@@ -19,6 +19,8 @@
 pub mod camera;
 pub mod cpu;
 pub mod light;
+pub mod maps;
+mod paths;
 pub mod ply;
 pub mod shade;
 pub mod tone;

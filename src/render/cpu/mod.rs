@@ -126,7 +126,7 @@ impl View<'_> {
         // The capsule's normal with the curve's tangent taken out of it: smooth where two capsules join.
         let tube_normal = (outward - axis.tangent * outward.dot(axis.tangent)).normalize_or(-path.direction);
         let position = axis.position + outward.normalize_or(tube_normal) * axis.radius;
-        let distance = (position.as_dvec3() + segments.centre).distance(self.camera.eye());
+        let distance = (position.as_dvec3() + segments.paths.centre).distance(self.camera.eye());
         let look = &self.scene.looks[usize::from(segments.look(hit.start))];
         let place = Place {
             normal: tube_normal,
