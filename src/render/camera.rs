@@ -4,7 +4,7 @@
 //! coordinates, mm, y up. Picture coordinates run from -1 at the left and bottom edge to 1 at the right and top.
 //! Distances to the eye are not promised to suit a depth buffer: a renderer that needs near and far planes takes them from the scene.
 
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DMat4, DVec2, DVec3, DVec4, Mat4, Vec3};
 
 /// Share of the frame's half-width that a framed box fills at zoom 1; the rest is margin.
 pub const FRAME_FILL: f64 = 0.94;
@@ -114,6 +114,20 @@ impl Camera {
         (seen.z < 0.0).then(|| DVec2::new(seen.x / aspect, seen.y) / (-seen.z * self.tan_half))
     }
 
+    /// Clip coordinates of points given relative to `centre`: z is 0 at distance `near` along the camera's axis and 1 at `far`, and w is
+    /// that distance.
+    #[must_use]
+    pub fn clip_from_world(&self, centre: DVec3, aspect: f64, near: f32, far: f32) -> Mat4 {
+        let offset = centre - self.eye;
+        let row = |axis: DVec3, scale: f64| (axis * scale).extend(axis.dot(offset) * scale);
+        let distance = row(-self.back, 1.0);
+        let (near, far) = (f64::from(near), f64::from(far));
+        let depth = (distance - DVec4::W * near) * (far / (far - near));
+        DMat4::from_cols(row(self.right, 1.0 / (aspect * self.tan_half)), row(self.up, 1.0 / self.tan_half), depth, distance)
+            .transpose()
+            .as_mat4()
+    }
+
     /// The size of a pixel, mm, on things at `distance` from the eye, for a picture `height` pixels high.
     #[must_use]
     pub fn pixel_size(&self, distance: f64, height: u32) -> f64 {
@@ -168,6 +182,21 @@ mod tests {
         for (x, y) in [(0.0, 0.0), (-0.9, 0.4), (0.2, -1.0)] {
             let point = camera.eye() + camera.direction(x, y, 1.6) * 17.0;
             assert!(camera.project(point, 1.6).unwrap().distance(DVec2::new(x, y)) < 1e-12);
+        }
+    }
+
+    #[test]
+    fn clip_coordinates_are_the_projection() {
+        let camera = Camera::look_at(DVec3::new(3.0, 4.0, 5.0), DVec3::new(-1.0, 0.0, 2.0), 0.7, 1.3);
+        let centre = DVec3::new(-0.5, 0.2, 1.0);
+        let clip = camera.clip_from_world(centre, 1.6, 2.0, 30.0);
+        for (x, y, distance) in [(0.0, 0.0, 2.0), (-0.9, 0.4, 17.0), (0.2, -1.0, 30.0)] {
+            let direction = camera.direction(x, y, 1.6);
+            let point = camera.eye() + direction * (distance / -direction.dot(camera.back));
+            let seen = clip * (point - centre).as_vec3().extend(1.0);
+            let depth = (distance - 2.0) * 30.0 / (28.0 * distance);
+            let expected = glam::Vec4::new(x as f32, y as f32, depth as f32, 1.0) * distance as f32;
+            assert!(seen.distance(expected) < 1e-4, "{seen} {expected}");
         }
     }
 

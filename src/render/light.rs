@@ -45,8 +45,9 @@ pub struct Rig {
     pub toward_sun: Vec3,
     /// Radiance that comes from an occluder of white yarn nearby, to be multiplied by its albedo.
     pub interior: Vec3,
-    light: Light,
-    zenith: Vec3,
+    pub(super) light: Light,
+    /// Unit vector toward the brightest sky.
+    pub(super) zenith: Vec3,
 }
 
 impl Light {

@@ -18,6 +18,7 @@
 
 pub mod camera;
 pub mod cpu;
+pub mod gpu;
 pub mod light;
 pub mod maps;
 mod paths;
@@ -49,6 +50,14 @@ pub struct Options {
     pub light: Light,
     /// Light is multiplied by this before tone mapping.
     pub exposure: f32,
+    /// Samples a pixel where yarns are drawn as triangles: 1 or 4.
+    pub samples: u32,
+    /// St: pieces of a stitch that are drawn as triangles.
+    pub st: u32,
+    /// Sr: most edges of a tube's section there.
+    pub sr: u32,
+    /// Whether far yarns may be coarser.
+    pub lod: bool,
     /// Another seed gives other noise, the same seed the same bytes.
     pub seed: u32,
 }
@@ -71,6 +80,10 @@ impl Default for Options {
             background: Background::default(),
             light: Light::default(),
             exposure: 1.0,
+            samples: 4,
+            st: 10,
+            sr: 6,
+            lod: true,
             seed: 0,
         }
     }

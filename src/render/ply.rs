@@ -64,10 +64,16 @@ pub fn detail(place: &Place) -> (Vec3, f32) {
     (facing(normal.normalize_or(place.normal), place.toward_eye), shade)
 }
 
+/// Slopes of plies and of fibres against the axis. A single yarn's twist is its fibres'.
+pub(super) fn slopes(plies: f32, twist_slope: Option<f32>) -> [f32; 2] {
+    let fibre = if plies > 1.0 { FIBRE_SLOPE } else { twist_slope.unwrap_or(FIBRE_SLOPE) };
+    [twist_slope.unwrap_or(PLY_SLOPE), fibre]
+}
+
 /// What the plies add to the normal, and how deep in a groove between them `place` lies, 0..1.
 fn plies(place: &Place, turn: f32, around: Vec3) -> (Vec3, f32) {
     let share = fade(place.footprint, turn / place.plies);
-    let slope = place.twist_slope.unwrap_or(PLY_SLOPE);
+    let [slope, _] = slopes(place.plies, place.twist_slope);
     // Across one ply, -0.5..0.5: the normal tilts outward on both sides of its crown.
     let ply = place.plies * (place.around / TAU + slope * place.along / turn);
     let offset = ply - ply.round();
@@ -84,8 +90,7 @@ fn facing(normal: Vec3, toward_eye: Vec3) -> Vec3 {
 
 /// Slope and height of the fibres' noise, both about -1..1.
 fn fibres(place: &Place, turn: f32) -> (f32, f32) {
-    // A single yarn's twist is its fibres'.
-    let slope = if place.plies > 1.0 { FIBRE_SLOPE } else { place.twist_slope.unwrap_or(FIBRE_SLOPE) };
+    let [_, slope] = slopes(place.plies, place.twist_slope);
     let q = small(FIBRES) * (place.around / TAU + slope * place.along / turn);
     let v = place.along / (FIBRE_LENGTH * place.radius);
     let (column, row) = (q.floor(), v.floor());

@@ -1,0 +1,182 @@
+// The light that leaves a yarn toward the eye: sun through its shadow map, sky through the cloth's own depth.
+
+override FUZZ: bool = false;
+// Alpha from which yarn is solid; below it is fuzz, blended in a pass of its own.
+const SOLID = 0.5;
+const LEAST_ALPHA = 0.02;
+// Share of the variance's bound that counts as full shadow: what bleeds through from other layers stays below it.
+const BLEEDING = 0.2;
+const SAMPLES = 4.0;
+
+@group(2) @binding(0) var base_map: texture_2d<f32>;
+@group(2) @binding(1) var normal_map: texture_2d<f32>;
+@group(2) @binding(2) var surface_map: texture_2d<f32>;
+@group(2) @binding(3) var map_sampler: sampler;
+
+@group(3) @binding(0) var sun_map: texture_2d<f32>;
+@group(3) @binding(1) var depth_map: texture_2d<f32>;
+
+struct Light {
+    @location(0) color: vec4f,
+    @builtin(sample_mask) samples: u32,
+}
+
+// Mean, variance and cover between texels.
+fn moments_at(map: texture_2d<f32>, place: vec2f) -> vec3f {
+    let size = vec2i(textureDimensions(map));
+    let corner = floor(place - 0.5);
+    let part = place - 0.5 - corner;
+    var origin = 0.0;
+    var sums = vec3f(0.0);
+    for (var i = 0; i < 4; i++) {
+        let offset = vec2i(i & 1, i >> 1);
+        let texel = textureLoad(map, clamp(vec2i(corner) + offset, vec2i(0), size - 1), 0);
+        let share = select(1.0 - part, part, offset == vec2i(1));
+        let weight = share.x * share.y * texel.z;
+        if weight > 0.0 {
+            if sums.z == 0.0 {
+                origin = texel.x;
+            }
+            let from_origin = texel.x - origin;
+            sums += weight * vec3f(from_origin, from_origin * from_origin + texel.y, 1.0);
+        }
+    }
+    if sums.z <= 0.0 {
+        return vec3f(0.0);
+    }
+    let mean = sums.x / sums.z;
+    return vec3f(origin + mean, max(sums.y / sums.z - mean * mean, 0.0), sums.z);
+}
+
+// Share of the sun that reaches a point: Chebyshev's bound on how much of what the map averages lies behind it.
+fn sunlit(world: vec3f) -> f32 {
+    let place = view.sun_from_world * vec4f(world, 1.0);
+    let m = moments_at(sun_map, place.xy);
+    let behind = place.z - view.sun_bias - m.x;
+    if behind <= 0.0 || m.z <= 0.0 {
+        return 1.0;
+    }
+    let variance = max(m.y, view.sun_bias * view.sun_bias);
+    let bound = variance / (variance + behind * behind);
+    return 1.0 - m.z * (1.0 - saturate((bound - BLEEDING) / (1.0 - BLEEDING)));
+}
+
+fn sky(direction: vec3f) -> vec3f {
+    return mix(view.sky_below, view.sky_above, 0.5 + 0.5 * dot(direction, view.zenith));
+}
+
+// Share of the sky that yarns nearby leave open, from how far a point lies behind the cloth's mean depth around it, in radii.
+fn open_sky(at: vec4f, radius: f32, depth: f32, cosine: f32) -> f32 {
+    let m = moments_at(depth_map, (at.xy + vec2f(view.corner_x, view.corner_y)) * view.depth_scale);
+    if m.z <= 0.0 {
+        return 1.0;
+    }
+    let before = (m.x - depth) / radius;
+    let level = OPEN_MEAN + OPEN_SLOPE * before;
+    return saturate(mix(1.0, level, m.z)) * mix(OPEN_GRAZING, 1.0, cosine);
+}
+const OPEN_MEAN = 0.62;
+const OPEN_SLOPE = 0.12;
+const OPEN_GRAZING = 0.6;
+
+struct Texel {
+    albedo: vec3f,
+    alpha: f32,
+    // Along the yarn, around it, outward.
+    normal: vec3f,
+    roughness: f32,
+    metallic: f32,
+    occlusion: f32,
+}
+
+// The maps at a place around (0..1) and along the yarn. Gradients are given, since `around` jumps at a tube's seam.
+fn map_texel(look: Look, around: f32, along: f32, footprint: f32, cosine: f32, girth: f32) -> Texel {
+    let place = vec2f(along / look.repeat, around);
+    let by_length = vec2f(footprint / look.repeat, 0.0);
+    let by_girth = vec2f(0.0, footprint / (girth * max(cosine, 0.2)));
+    let base = textureSampleGrad(base_map, map_sampler, place, by_length, by_girth);
+    let normal = textureSampleGrad(normal_map, map_sampler, place, by_length, by_girth).xyz * 2.0 - 1.0;
+    let surface = textureSampleGrad(surface_map, map_sampler, place, by_length, by_girth).xyz;
+    // The picture's top is where `around` is 0.
+    return Texel(base.rgb, base.a, vec3f(normal.x, -normal.y, normal.z), surface.y, surface.z, surface.x);
+}
+
+@fragment
+fn shade(in: Surface, @builtin(front_facing) front: bool) -> Light {
+    let look = looks[in.look];
+    let to_eye = view.eye.xyz - in.world * view.eye.w;
+    let eye_distance = length(to_eye);
+    let toward_eye = to_eye / eye_distance;
+    let tangent = normalize(in.tangent);
+    var world = in.world;
+    var outward = normalize(in.normal);
+    var around = in.side * 0.5 + 0.5;
+    if SHAPE == STRIP {
+        // The round yarn that the strip stands for.
+        let rise = sqrt(max(1.0 - in.side * in.side, 0.0));
+        let front_of = cross(outward, tangent) * sign(dot(cross(outward, tangent), toward_eye));
+        outward = normalize(outward * in.side + front_of * rise);
+        world += front_of * (rise * in.radius);
+    }
+    if SHAPE == RIBBON {
+        outward *= select(-1.0, 1.0, dot(outward, toward_eye) >= 0.0);
+    } else {
+        let start = normalize(in.across - tangent * dot(in.across, tangent));
+        around = atan2(dot(outward, cross(tangent, start)), dot(outward, start));
+    }
+    let cosine = dot(outward, toward_eye);
+    let footprint = view.pixel * select(1.0, eye_distance, view.eye.w > 0.5);
+
+    var material = Material(outward, look.albedo, look.roughness, look.metallic);
+    var alpha = 1.0;
+    var occlusion = 1.0;
+    if look.repeat > 0.0 {
+        let turn = select(fract(around / TAU + 1.0), around, SHAPE == RIBBON);
+        let girth = in.radius * select(TAU, 2.0, SHAPE == RIBBON);
+        let texel = map_texel(look, turn, in.along, footprint, cosine, girth);
+        // A tube is solid: the fuzz that a picture shows beside its yarn has no place on it.
+        alpha = select(1.0, texel.alpha, SHAPE == RIBBON);
+        occlusion = texel.occlusion;
+        let sideways = cross(tangent, outward);
+        let tilted = tangent * texel.normal.x + sideways * texel.normal.y + outward * texel.normal.z;
+        material = Material(facing(normalize(tilted), toward_eye), texel.albedo, texel.roughness, texel.metallic);
+    } else if SHAPE != RIBBON {
+        let detail = ply_detail(Place(
+            outward, toward_eye, tangent, around, in.along, in.radius, footprint, look.plies, look.ply_slope, look.fibre_slope,
+        ));
+        material.normal = detail.normal;
+        material.albedo *= detail.shade;
+    }
+    if alpha < LEAST_ALPHA || (FUZZ && alpha >= SOLID) || (!FUZZ && alpha < SOLID) {
+        discard;
+    }
+
+    var light = vec3f(0.0);
+    let sun_cosine = dot(material.normal, view.toward_sun);
+    if sun_cosine > 0.0 && (SHAPE == RIBBON || dot(outward, view.toward_sun) > 0.0) {
+        light = brdf(material, view.toward_sun, toward_eye) * view.sun * (sun_cosine * sunlit(world));
+    }
+    let open = open_sky(in.clip, in.radius, 1.0 / in.clip.w, cosine);
+    let mirrored = schlick_rough(reflectance(material), dot(material.normal, toward_eye), material.roughness);
+    let mirror = reflect(-toward_eye, material.normal);
+    // The mean of a gradient over cosine-weighted directions is the gradient two thirds of the way to the normal.
+    let above = sky(material.normal * (2.0 / 3.0)) * open + view.interior * material.albedo * (1.0 - open);
+    light += (diffuse(material, mirrored) * above + mirrored * sky(mirror) * open) * occlusion;
+
+    // Alpha to coverage, done here so that every driver takes the same samples and a solid sample's alpha is 1.
+    let taken = u32(round(alpha * SAMPLES));
+    let solid = select(0xFFFFFFFFu, (1u << taken) - 1u, alpha < 0.875);
+    return Light(vec4f(light, 1.0) * select(1.0, alpha, FUZZ), select(solid, 0xFFFFFFFFu, FUZZ));
+}
+
+// For the depth passes of ribbons: what is fuzz neither hides nor shadows.
+@fragment
+fn hole(in: Surface) {
+    let look = looks[in.look];
+    if look.repeat > 0.0 {
+        let place = vec2f(in.along / look.repeat, in.side * 0.5 + 0.5);
+        if textureSampleLevel(base_map, map_sampler, place, 0.0).a < SOLID {
+            discard;
+        }
+    }
+}

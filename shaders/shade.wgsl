@@ -1,0 +1,58 @@
+// src/render/shade.rs, line by line: Cook-Torrance with Beckmann's distribution. A test compares the two on random input.
+
+const PI = 3.141592653589793;
+const MIN_ROUGHNESS = 0.03;
+const TINY = 1.1754944e-38;
+
+struct Material {
+    normal: vec3f,
+    albedo: vec3f,
+    roughness: f32,
+    metallic: f32,
+}
+
+fn reflectance(m: Material) -> vec3f {
+    return mix(vec3f(0.04), m.albedo, m.metallic);
+}
+
+fn diffuse(m: Material, fresnel: vec3f) -> vec3f {
+    return (1.0 - fresnel) * m.albedo * (1.0 - m.metallic);
+}
+
+fn fifth_power(x: f32) -> f32 {
+    return x * x * x * x * x;
+}
+
+fn schlick(f0: vec3f, cosine: f32) -> vec3f {
+    return f0 + (1.0 - f0) * fifth_power(1.0 - saturate(cosine));
+}
+
+fn schlick_rough(f0: vec3f, cosine: f32, roughness: f32) -> vec3f {
+    return f0 + (max(f0, vec3f(1.0 - roughness)) - f0) * fifth_power(1.0 - saturate(cosine));
+}
+
+fn beckmann(cosine: f32, a: f32) -> f32 {
+    let cos2 = min(cosine * cosine, 1.0);
+    let a2 = a * a;
+    return exp(-(1.0 - cos2) / (cos2 * a2)) / max(PI * a2 * cos2 * cos2, TINY);
+}
+
+fn masking(cosine: f32, k: f32) -> f32 {
+    return 1.0 / (cosine * (1.0 - k) + k);
+}
+
+fn brdf(m: Material, toward_light: vec3f, toward_eye: vec3f) -> vec3f {
+    let nl = dot(m.normal, toward_light);
+    let nv = dot(m.normal, toward_eye);
+    let sum = toward_light + toward_eye;
+    let half_way = select(vec3f(0.0), normalize(sum), dot(sum, sum) > 0.0);
+    let nh = dot(m.normal, half_way);
+    if nl <= 0.0 || nv <= 0.0 || nh <= 0.0 {
+        return vec3f(0.0);
+    }
+    let roughness = clamp(m.roughness, MIN_ROUGHNESS, 1.0);
+    let fresnel = schlick(reflectance(m), dot(toward_eye, half_way));
+    let k = (roughness + 1.0) * (roughness + 1.0) / 8.0;
+    let specular = fresnel * (beckmann(nh, roughness * roughness) * masking(nl, k) * masking(nv, k) / 4.0);
+    return diffuse(m, fresnel) / PI + specular;
+}

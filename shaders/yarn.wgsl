@@ -1,0 +1,115 @@
+// Yarns from their points: tubes of so many edges, strips that face the eye and pass for tubes, ribbons in the fabric's plane.
+//
+//     ring k+1  3───4───5 ─ 3        An instance is eight steps of one chunk, a step `stride` points long: nine rings. Vertices are
+//               │ ╲ │ ╲ │ ╲ │        numbered ring by ring, `edges` a ring (two for strips and ribbons), by an index buffer that all
+//     ring k    0───1───2 ─ 0        instances share.
+//
+// Nothing but points is stored: expanding them here was measured as fast as stored vertices, and 40 times smaller. Past a chunk's
+// end rings coincide with its last one, and their triangles have no area.
+
+override SHAPE: u32 = 0u;
+const TUBE = 0u;
+const STRIP = 1u;
+const RIBBON = 2u;
+
+const TAU = 6.283185307179586;
+// Steps an instance, and instances that a chunk may have at stride 1.
+const STEPS = 8u;
+const PARTS = 32u;
+// Most that a step may widen its yarn by: all of a loop's length in one step would cover its neighbours.
+const MOST_WIDENING = 3.0;
+
+struct Chunk {
+    first: u32,
+    // Pieces; a point more than that belongs to it.
+    count: u32,
+    look: u32,
+    spare: u32,
+}
+
+struct Draw {
+    // Where the instances of this draw begin in `parts`.
+    first: u32,
+    stride: u32,
+    edges: u32,
+    spare: u32,
+}
+
+// Position and arc length, mm.
+@group(1) @binding(0) var<storage, read> points: array<vec4f>;
+// Unit tangent, and what lies across it: of tubes where angles count from, of ribbons the fabric's normal.
+@group(1) @binding(1) var<storage, read> turns: array<vec2u>;
+@group(1) @binding(2) var<storage, read> chunks: array<Chunk>;
+// Chunk times PARTS plus the part.
+@group(1) @binding(3) var<storage, read> parts: array<u32>;
+@group(1) @binding(4) var<uniform> draw: Draw;
+
+struct Surface {
+    @builtin(position) @invariant clip: vec4f,
+    @location(0) world: vec3f,
+    // Of tubes and ribbons the normal, of strips the direction of their width.
+    @location(1) normal: vec3f,
+    @location(2) tangent: vec3f,
+    @location(3) across: vec3f,
+    @location(4) along: f32,
+    // From one edge of a strip or ribbon to the other, -1 to 1.
+    @location(5) side: f32,
+    @location(6) radius: f32,
+    @location(7) @interpolate(flat, either) look: u32,
+}
+
+fn unpack_unit(bits: u32) -> vec3f {
+    let flat = unpack2x16snorm(bits);
+    let z = 1.0 - abs(flat.x) - abs(flat.y);
+    let folded = (1.0 - abs(flat.yx)) * select(vec2f(-1.0), vec2f(1.0), flat >= vec2f(0.0));
+    return normalize(vec3f(select(folded, flat, z >= 0.0), z));
+}
+
+// How much wider a yarn must be so that chords of a winding path cover what the path does.
+fn widening(at: u32, chunk: Chunk) -> f32 {
+    if draw.stride == 1u {
+        return 1.0;
+    }
+    let low = max(at, chunk.first + draw.stride) - draw.stride;
+    let high = min(at + draw.stride, chunk.first + chunk.count);
+    let here = points[at].xyz;
+    let chords = distance(points[low].xyz, here) + distance(here, points[high].xyz);
+    return clamp((points[high].w - points[low].w) / max(chords, 1e-6), 1.0, MOST_WIDENING);
+}
+
+@vertex
+fn expand(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance: u32) -> Surface {
+    let part = parts[draw.first + instance];
+    let chunk = chunks[part / PARTS];
+    let look = looks[chunk.look];
+    let step = (part % PARTS) * STEPS + vertex / draw.edges;
+    let at = chunk.first + min(step * draw.stride, chunk.count);
+    let tangent = unpack_unit(turns[at].x);
+    let across = unpack_unit(turns[at].y);
+    let centre = points[at].xyz;
+
+    var out: Surface;
+    out.tangent = tangent;
+    out.across = across;
+    out.along = points[at].w;
+    out.radius = look.radius * widening(at, chunk);
+    out.look = chunk.look;
+    let edge = f32(vertex % draw.edges);
+    if SHAPE == TUBE {
+        let angle = TAU * edge / f32(draw.edges);
+        let start = normalize(across - tangent * dot(across, tangent));
+        out.normal = start * cos(angle) + cross(tangent, start) * sin(angle);
+        out.side = 0.0;
+        out.world = centre + out.normal * out.radius;
+    } else {
+        out.side = edge * 2.0 - 1.0;
+        let toward = view.eye.xyz - centre * view.eye.w;
+        let facing = select(toward, across, SHAPE == RIBBON);
+        let width = cross(tangent, facing);
+        let direction = select(vec3f(0.0), normalize(width), dot(width, width) > 0.0);
+        out.normal = select(direction, across, SHAPE == RIBBON);
+        out.world = centre + direction * (out.side * out.radius);
+    }
+    out.clip = view.clip_from_world * vec4f(out.world, 1.0);
+    return out;
+}

@@ -1,0 +1,510 @@
+//! Pictures on the graphics processor, through wgpu.
+//!
+//! In: the same as every renderer's. Out: the picture, or an error that says what to do. Only this room names wgpu. Passes of a frame:
+//! depths from the sun, averaged; depths around the eye, averaged; the yarns with their light, tile by tile, so that no picture is too large;
+//! and the same tone curve as everywhere. [`device`] opens the adapter, [`pages`] keeps the yarns there, [`levels`] says what is drawn and how finely,
+//! [`frame`] where it lies, [`pipelines`] with which shaders.
+//!
+//! What it does not promise: the same bytes on two adapters. On one adapter they depend on the arguments alone.
+
+mod data;
+mod device;
+mod frame;
+mod levels;
+mod pages;
+mod pipelines;
+mod shaders;
+
+use std::collections::BTreeMap;
+use std::sync::mpsc;
+
+use bytemuck::bytes_of;
+use glam::{DVec3, Mat4, Vec2, Vec4};
+use image::{Rgba, RgbaImage};
+use wgpu::util::DeviceExt;
+use wgpu::{BufferUsages, TextureFormat, TextureUsages};
+
+pub use device::{Gpu, GpuError};
+
+use super::maps::{Maps, Mips};
+use super::{Background, Camera, Options, ply};
+use crate::ids::index32;
+use crate::scene::{Scene, Shape};
+use frame::{DepthMap, Frame};
+use levels::{Fineness, Looks, Plan};
+use pages::Page;
+use pipelines::{Expansion, Layouts, Pipelines};
+
+/// Light before the tone curve; half floats hold a thousand times the sun.
+const LIGHT: TextureFormat = TextureFormat::Rgba16Float;
+/// Mean, variance and cover of depths: single precision, since half of it would lose a yarn's radius a metre away.
+const MOMENTS: TextureFormat = TextureFormat::Rgba32Float;
+const DEPTH: TextureFormat = TextureFormat::Depth32Float;
+/// Pixels as they go to files, encoded by the shader.
+const PICTURE: TextureFormat = TextureFormat::Rgba8Unorm;
+/// Largest side of a tile, pixels: its four samples take 200 MB.
+const TILE: u32 = 2048;
+/// Rows of texels in buffers start at multiples of this.
+const ROW_BYTES: u32 = wgpu::COPY_BYTES_PER_ROW_ALIGNMENT;
+
+/// Draws `scene` on the adapter of `gpu`. See [`crate::render::render`].
+///
+/// # Errors
+/// What the device can't do, or refuses.
+pub fn render(gpu: &Gpu, scene: &Scene, camera: &Camera, options: &Options) -> Result<RgbaImage, GpuError> {
+    let mut renderer = Renderer::new(gpu.clone(), options.samples)?;
+    let yarns = renderer.load(scene, options.st)?;
+    renderer.draw(&yarns, camera, options)
+}
+
+/// A device with everything that does not depend on the scene.
+#[derive(Debug)]
+pub struct Renderer {
+    gpu: Gpu,
+    layouts: Layouts,
+    pipelines: Pipelines,
+    /// By number of edges.
+    indices: BTreeMap<u32, (wgpu::Buffer, u32)>,
+    sampler: wgpu::Sampler,
+}
+
+/// A scene on the device.
+#[derive(Debug)]
+pub struct Yarns {
+    centre: DVec3,
+    pages: Vec<Page>,
+    shape: Shape,
+    kinds: Looks,
+    looks: wgpu::Buffer,
+    thinnest: f32,
+    /// Those of each set of maps, then those of yarns without.
+    maps: Vec<wgpu::BindGroup>,
+    /// Whether any maps may have fuzz.
+    has_maps: bool,
+}
+
+/// A pass' yarns, ready to be drawn.
+struct Listed {
+    plan: Plan,
+    /// One a page.
+    groups: Vec<Option<wgpu::BindGroup>>,
+}
+
+impl Renderer {
+    /// Compiles all shaders for pictures of so many samples a pixel: 1 or 4.
+    ///
+    /// # Errors
+    /// What the device refuses.
+    pub fn new(gpu: Gpu, samples: u32) -> Result<Self, GpuError> {
+        let layouts = Layouts::new(&gpu);
+        let pipelines = Pipelines::new(&gpu, &layouts, if samples > 1 { 4 } else { 1 });
+        let filter = wgpu::FilterMode::Linear;
+        let sampler = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
+            address_mode_u: wgpu::AddressMode::Repeat,
+            address_mode_v: wgpu::AddressMode::Repeat,
+            mag_filter: filter,
+            min_filter: filter,
+            mipmap_filter: wgpu::MipmapFilterMode::Linear,
+            anisotropy_clamp: 8,
+            ..wgpu::SamplerDescriptor::default()
+        });
+        gpu.fault()?;
+        Ok(Self { gpu, layouts, pipelines, indices: BTreeMap::new(), sampler })
+    }
+
+    /// The adapter's name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        self.gpu.name()
+    }
+
+    /// Uploads a scene, `st` pieces a stitch. It is no longer needed then.
+    ///
+    /// # Errors
+    /// What the device refuses, its memory above all.
+    pub fn load(&self, scene: &Scene, st: u32) -> Result<Yarns, GpuError> {
+        let centre = scene.bounds().map_or(DVec3::ZERO, |bounds| bounds.centre().as_dvec3());
+        let drawn = |radius: &f32| *radius > 0.0 && radius.is_finite();
+        let thinnest = scene.looks.iter().map(|look| look.radius).filter(drawn).fold(f32::INFINITY, f32::min);
+        let mut looks: Vec<_> = scene.looks.iter().map(|look| shader_look(look, &scene.maps)).collect();
+        if looks.is_empty() {
+            looks.push(bytemuck::Zeroable::zeroed());
+        }
+        let looks = self.gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: Some("looks"),
+            contents: bytemuck::cast_slice(&looks),
+            usage: BufferUsages::STORAGE,
+        });
+        let mut maps: Vec<_> = scene.maps.iter().map(|maps| self.maps_group(&maps.base, &maps.normal, &maps.surface)).collect();
+        let none = Mips { levels: vec![RgbaImage::from_pixel(1, 1, Rgba([255; 4]))] };
+        maps.push(self.maps_group(&none, &none, &none));
+        let pages = pages::upload(&self.gpu, scene, centre, st)?;
+        let has_maps = !scene.maps.is_empty();
+        Ok(Yarns { centre, pages, shape: scene.shape, kinds: Looks::of(scene), looks, thinnest, maps, has_maps })
+    }
+
+    /// Draws a picture and brings it back.
+    ///
+    /// # Errors
+    /// What the device refuses.
+    pub fn draw(&mut self, yarns: &Yarns, camera: &Camera, options: &Options) -> Result<RgbaImage, GpuError> {
+        let mut picture = RgbaImage::new(options.width, options.height);
+        let frame = Frame::new(&yarns.pages, yarns.centre, yarns.thinnest, camera, options);
+        let lights = frame.as_ref().map(|frame| self.lights(yarns, frame, options)).transpose()?;
+        let side = TILE.min(self.gpu.device.limits().max_texture_dimension_2d);
+        for y in (0..options.height).step_by(side as usize) {
+            for x in (0..options.width).step_by(side as usize) {
+                let size = [side.min(options.width - x), side.min(options.height - y)];
+                let tile = self.texture(PICTURE, size, TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC, 1);
+                let view = tile.create_view(&wgpu::TextureViewDescriptor::default());
+                let lit = frame.as_ref().zip(lights.as_ref());
+                self.tile(yarns, lit, options, [x, y], size, &view);
+                self.read(&tile, &mut picture, [x, y])?;
+            }
+        }
+        Ok(picture)
+    }
+
+    /// Draws the whole picture to a texture of the picture's size, to be shown.
+    ///
+    /// # Errors
+    /// What the device refuses.
+    pub fn draw_to(&mut self, yarns: &Yarns, camera: &Camera, options: &Options, to: &wgpu::TextureView) -> Result<(), GpuError> {
+        let frame = Frame::new(&yarns.pages, yarns.centre, yarns.thinnest, camera, options);
+        let lights = frame.as_ref().map(|frame| self.lights(yarns, frame, options)).transpose()?;
+        self.tile(yarns, frame.as_ref().zip(lights.as_ref()), options, [0, 0], [options.width, options.height], to);
+        self.gpu.fault()
+    }
+
+    /// The averaged depths from the sun and around the eye, bound for the light.
+    fn lights(&mut self, yarns: &Yarns, frame: &Frame, options: &Options) -> Result<wgpu::BindGroup, GpuError> {
+        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("depths") });
+        let fineness = Fineness { sr: options.sr, lod: options.lod };
+        let [sun, depth] = [(&frame.sun, false), (&frame.depth, true)].map(|(map, perspective)| {
+            let listed = self.list(yarns, &map.sight, fineness);
+            self.depth_map(&mut encoder, yarns, frame, map, perspective, &listed)
+        });
+        self.gpu.queue.submit([encoder.finish()]);
+        self.gpu.fault()?;
+        Ok(self.group(
+            "light",
+            &self.layouts.light,
+            &[wgpu::BindingResource::TextureView(&sun), wgpu::BindingResource::TextureView(&depth)],
+        ))
+    }
+
+    /// Draws depths and averages them.
+    fn depth_map(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        yarns: &Yarns,
+        frame: &Frame,
+        map: &DepthMap,
+        perspective: bool,
+        listed: &Listed,
+    ) -> wgpu::TextureView {
+        let target = TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING;
+        let view_of = |texture: wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
+        let depths = view_of(self.texture(DEPTH, map.size, target, 1));
+        let view =
+            data::View { clip_from_world: map.sight.clip_from_world, eye: map.sight.eye, pixel: map.sight.pixel, ..frame.view };
+        {
+            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some("depth"),
+                depth_stencil_attachment: Some(depth_attachment(&depths, true)),
+                ..wgpu::RenderPassDescriptor::default()
+            });
+            self.draw_listed(&mut pass, yarns, listed, &view, |expanded| Some(&expanded.depth));
+        }
+        let [once, twice] = [(); 2].map(|()| view_of(self.texture(MOMENTS, map.size, target, 1)));
+        let passes =
+            [([1, 0], &self.pipelines.from_depths, &twice, &once), ([0, 1], &self.pipelines.from_moments, &once, &twice)];
+        for (step, pipeline, from, to) in passes {
+            #[expect(clippy::cast_possible_truncation, reason = "some texels")]
+            let reach = (2.0 * map.sigma).ceil() as i32;
+            let perspective = f32::from(u8::from(perspective));
+            let blur = data::Blur { step, reach, sigma: map.sigma, near: map.near, far: map.far, perspective, spare: 0.0 };
+            let blur = self.uniform(bytes_of(&blur));
+            let (depths, from) = (wgpu::BindingResource::TextureView(&depths), wgpu::BindingResource::TextureView(from));
+            let group = self.group("blur", &self.layouts.moments, &[blur.as_entire_binding(), depths, from]);
+            screen_pass(encoder, pipeline, &group, to);
+        }
+        twice
+    }
+
+    /// Draws one tile of the picture to `to`.
+    fn tile(
+        &mut self,
+        yarns: &Yarns,
+        lit: Option<(&Frame, &wgpu::BindGroup)>,
+        options: &Options,
+        corner: [u32; 2],
+        size: [u32; 2],
+        to: &wgpu::TextureView,
+    ) {
+        let target = TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING;
+        let view_of = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
+        let samples = self.pipelines.samples;
+        let light = view_of(&self.texture(LIGHT, size, target, 1));
+        let sampled = (samples > 1).then(|| view_of(&self.texture(LIGHT, size, TextureUsages::RENDER_ATTACHMENT, samples)));
+        let depths = view_of(&self.texture(DEPTH, size, TextureUsages::RENDER_ATTACHMENT, samples));
+        let drawn = lit.map(|(frame, lights)| {
+            let clip_from_world = crop(options, corner, size) * frame.camera.clip_from_world;
+            let sight = levels::Sight { clip_from_world, ..frame.camera };
+            let [corner_x, corner_y] = corner.map(|pixels| pixels as f32);
+            let view = data::View { clip_from_world, corner_x, corner_y, ..frame.view };
+            (view, lights, self.list(yarns, &sight, Fineness { sr: options.sr, lod: options.lod }))
+        });
+        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("picture") });
+        {
+            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some("light"),
+                color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                    view: sampled.as_ref().unwrap_or(&light),
+                    depth_slice: None,
+                    resolve_target: sampled.is_some().then_some(&light),
+                    ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store: wgpu::StoreOp::Store },
+                })],
+                depth_stencil_attachment: Some(depth_attachment(&depths, false)),
+                ..wgpu::RenderPassDescriptor::default()
+            });
+            if let Some((view, lights, listed)) = &drawn {
+                pass.set_bind_group(3, *lights, &[]);
+                self.draw_listed(&mut pass, yarns, listed, view, |expanded| Some(&expanded.light));
+                if yarns.has_maps && yarns.shape == Shape::Ribbon {
+                    self.draw_listed(&mut pass, yarns, listed, view, |expanded| expanded.fuzz.as_ref());
+                }
+            }
+        }
+        let background = match options.background {
+            Background::Transparent => Vec4::ZERO,
+            Background::Color([r, g, b]) => Vec4::new(f32::from(r), f32::from(g), f32::from(b), 255.0) / 255.0,
+        };
+        let tone = data::Tone { background, exposure: options.exposure, spare_a: 0.0, spare_b: 0.0, spare_c: 0.0 };
+        let tone = self.uniform(bytes_of(&tone));
+        let bound = [tone.as_entire_binding(), wgpu::BindingResource::TextureView(&light)];
+        screen_pass(&mut encoder, &self.pipelines.tone, &self.group("tone", &self.layouts.tone, &bound), to);
+        self.gpu.queue.submit([encoder.finish()]);
+    }
+
+    /// What of the yarns a pass draws, with its instances on the device.
+    fn list(&mut self, yarns: &Yarns, sight: &levels::Sight, fineness: Fineness) -> Listed {
+        let plan = Plan::of(&yarns.kinds, &yarns.pages, sight, fineness);
+        for batch in &plan.batches {
+            self.indices.entry(batch.kind.edges).or_insert_with(|| {
+                let indices = pipelines::indices(batch.kind.edges);
+                let contents = bytemuck::cast_slice(&indices);
+                let descriptor =
+                    wgpu::util::BufferInitDescriptor { label: Some("indices"), contents, usage: BufferUsages::INDEX };
+                (self.gpu.device.create_buffer_init(&descriptor), index32(indices.len()))
+            });
+        }
+        let draws: Vec<u8> = plan.batches.iter().flat_map(|batch| self.draw_bytes(batch)).collect();
+        let groups = plan.parts.iter().zip(&yarns.pages).map(|(parts, page)| self.page_group(page, parts, &draws)).collect();
+        Listed { plan, groups }
+    }
+
+    /// A batch's `Draw`, as long as offsets of uniforms must be.
+    fn draw_bytes(&self, batch: &levels::Batch) -> Vec<u8> {
+        let draw = data::Draw { first: batch.first, stride: batch.kind.stride, edges: batch.kind.edges, spare: 0 };
+        let mut bytes = bytes_of(&draw).to_vec();
+        bytes.resize(self.gpu.device.limits().min_uniform_buffer_offset_alignment as usize, 0);
+        bytes
+    }
+
+    fn page_group(&self, page: &Page, parts: &[u32], draws: &[u8]) -> Option<wgpu::BindGroup> {
+        if parts.is_empty() {
+            return None;
+        }
+        let contents = bytemuck::cast_slice(parts);
+        let descriptor = wgpu::util::BufferInitDescriptor { label: Some("parts"), contents, usage: BufferUsages::STORAGE };
+        let parts = self.gpu.device.create_buffer_init(&descriptor);
+        let draws = self.uniform(draws);
+        let draw = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+            buffer: &draws,
+            offset: 0,
+            size: std::num::NonZeroU64::new(size_of::<data::Draw>() as u64),
+        });
+        let stored = [&page.points, &page.turns, &page.chunks, &parts].map(wgpu::Buffer::as_entire_binding);
+        let [points, turns, chunks, parts] = stored;
+        Some(self.group("page", &self.layouts.page, &[points, turns, chunks, parts, draw]))
+    }
+
+    /// Draws batch after batch with the pipelines that `pick` takes.
+    fn draw_listed<'a>(
+        &'a self,
+        pass: &mut wgpu::RenderPass<'_>,
+        yarns: &Yarns,
+        listed: &Listed,
+        view: &data::View,
+        pick: impl Fn(&'a pipelines::Expanded) -> Option<&'a wgpu::RenderPipeline>,
+    ) {
+        let view = self.uniform(bytes_of(view));
+        let view = self.group("view", &self.layouts.view, &[view.as_entire_binding(), yarns.looks.as_entire_binding()]);
+        pass.set_bind_group(0, &view, &[]);
+        let alignment = self.gpu.device.limits().min_uniform_buffer_offset_alignment;
+        for (batch, number) in listed.plan.batches.iter().zip(0_u32..) {
+            let expansion = match (yarns.shape, batch.kind.edges) {
+                (Shape::Ribbon, _) => Expansion::Ribbon,
+                (Shape::Tube, 2) => Expansion::Strip,
+                (Shape::Tube, _) => Expansion::Tube,
+            };
+            let (Some(pipeline), Some(group)) = (pick(self.pipelines.expanded(expansion)), &listed.groups[batch.page]) else {
+                continue;
+            };
+            let (indices, count) = &self.indices[&batch.kind.edges];
+            let maps = batch.kind.maps.map(usize::from).filter(|&maps| maps + 1 < yarns.maps.len());
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(1, group, &[number * alignment]);
+            pass.set_bind_group(2, &yarns.maps[maps.unwrap_or(yarns.maps.len() - 1)], &[]);
+            pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint16);
+            pass.draw_indexed(0..*count, 0, 0..batch.count);
+        }
+    }
+
+    /// Copies a tile into the picture at `corner`.
+    fn read(&self, tile: &wgpu::Texture, picture: &mut RgbaImage, corner: [u32; 2]) -> Result<(), GpuError> {
+        let size = tile.size();
+        let row = (size.width * 4).next_multiple_of(ROW_BYTES);
+        let buffer = self.gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("pixels"),
+            size: u64::from(row) * u64::from(size.height),
+            usage: BufferUsages::COPY_DST | BufferUsages::MAP_READ,
+            mapped_at_creation: false,
+        });
+        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
+        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.copy_texture_to_buffer(tile.as_image_copy(), wgpu::TexelCopyBufferInfo { buffer: &buffer, layout }, size);
+        self.gpu.queue.submit([encoder.finish()]);
+        let (sender, mapped) = mpsc::channel();
+        buffer.slice(..).map_async(wgpu::MapMode::Read, move |result| {
+            // Nobody listens any more if waiting has failed.
+            let _unheard = sender.send(result);
+        });
+        self.gpu.wait()?;
+        let refused = |reason: String| GpuError::Refused { adapter: self.name().to_owned(), reason };
+        match mapped.try_recv() {
+            Ok(Ok(())) => {}
+            Ok(Err(error)) => return Err(refused(error.to_string())),
+            Err(_never) => return Err(refused("it never finished".to_owned())),
+        }
+        let pixels = buffer.slice(..).get_mapped_range().map_err(|error| refused(error.to_string()))?;
+        for (y, row) in (corner[1]..).zip(pixels.chunks_exact(row as usize)) {
+            let start = (y as usize * picture.width() as usize + corner[0] as usize) * 4;
+            let bytes = size.width as usize * 4;
+            picture.as_mut()[start..start + bytes].copy_from_slice(&row[..bytes]);
+        }
+        Ok(())
+    }
+
+    fn texture(&self, format: TextureFormat, size: [u32; 2], usage: TextureUsages, sample_count: u32) -> wgpu::Texture {
+        self.gpu.device.create_texture(&wgpu::TextureDescriptor {
+            label: None,
+            size: wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count,
+            dimension: wgpu::TextureDimension::D2,
+            format,
+            usage,
+            view_formats: &[],
+        })
+    }
+
+    fn uniform(&self, contents: &[u8]) -> wgpu::Buffer {
+        let descriptor = wgpu::util::BufferInitDescriptor { label: None, contents, usage: BufferUsages::UNIFORM };
+        self.gpu.device.create_buffer_init(&descriptor)
+    }
+
+    /// Binds resources to bindings 0, 1, 2 and so on.
+    fn group(&self, label: &str, layout: &wgpu::BindGroupLayout, resources: &[wgpu::BindingResource<'_>]) -> wgpu::BindGroup {
+        let entries: Vec<_> = (0..)
+            .zip(resources)
+            .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource: resource.clone() })
+            .collect();
+        self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(label), layout, entries: &entries })
+    }
+
+    fn maps_group(&self, base: &Mips, normal: &Mips, surface: &Mips) -> wgpu::BindGroup {
+        let formats = [TextureFormat::Rgba8UnormSrgb, TextureFormat::Rgba8Unorm, TextureFormat::Rgba8Unorm];
+        let views: Vec<_> = [base, normal, surface].iter().zip(formats).map(|(mips, format)| self.mips(mips, format)).collect();
+        let mut bound: Vec<_> = views.iter().map(wgpu::BindingResource::TextureView).collect();
+        bound.push(wgpu::BindingResource::Sampler(&self.sampler));
+        self.group("maps", &self.layouts.maps, &bound)
+    }
+
+    /// Uploads a picture with all of its levels.
+    fn mips(&self, mips: &Mips, format: TextureFormat) -> wgpu::TextureView {
+        let (width, height) = mips.levels[0].dimensions();
+        let size = wgpu::Extent3d { width, height, depth_or_array_layers: 1 };
+        let texels: Vec<u8> = mips.levels.iter().flat_map(|level| level.as_raw().iter().copied()).collect();
+        let descriptor = wgpu::TextureDescriptor {
+            label: Some("map"),
+            size,
+            mip_level_count: index32(mips.levels.len()),
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format,
+            usage: TextureUsages::TEXTURE_BINDING,
+            view_formats: &[],
+        };
+        let order = wgpu::util::TextureDataOrder::LayerMajor;
+        let texture = self.gpu.device.create_texture_with_data(&self.gpu.queue, &descriptor, order, &texels);
+        texture.create_view(&wgpu::TextureViewDescriptor::default())
+    }
+}
+
+fn depth_attachment(view: &wgpu::TextureView, kept: bool) -> wgpu::RenderPassDepthStencilAttachment<'_> {
+    let store = if kept { wgpu::StoreOp::Store } else { wgpu::StoreOp::Discard };
+    let depth_ops = Some(wgpu::Operations { load: wgpu::LoadOp::Clear(1.0), store });
+    wgpu::RenderPassDepthStencilAttachment { view, depth_ops, stencil_ops: None }
+}
+
+/// Runs a shader over all pixels of `to`.
+fn screen_pass(
+    encoder: &mut wgpu::CommandEncoder,
+    pipeline: &wgpu::RenderPipeline,
+    group: &wgpu::BindGroup,
+    to: &wgpu::TextureView,
+) {
+    let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+        label: None,
+        color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+            view: to,
+            depth_slice: None,
+            resolve_target: None,
+            ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store: wgpu::StoreOp::Store },
+        })],
+        ..wgpu::RenderPassDescriptor::default()
+    });
+    pass.set_pipeline(pipeline);
+    pass.set_bind_group(0, group, &[]);
+    pass.draw(0..3, 0..1);
+}
+
+/// Blows a tile of the picture up to all of clip space.
+fn crop(options: &Options, corner: [u32; 2], size: [u32; 2]) -> Mat4 {
+    let whole = Vec2::new(options.width as f32, options.height as f32);
+    let (corner, size) = (Vec2::from(corner.map(|at| at as f32)), Vec2::from(size.map(|at| at as f32)));
+    let scale = whole / size;
+    // The tile's middle in clip coordinates, y up.
+    let middle = ((corner + size / 2.0) / whole * 2.0 - 1.0) * Vec2::new(1.0, -1.0);
+    Mat4::from_translation((-middle * scale).extend(0.0)) * Mat4::from_scale(scale.extend(1.0))
+}
+
+fn shader_look(look: &crate::scene::YarnLook, maps: &[Maps]) -> data::Look {
+    #[expect(clippy::cast_precision_loss, reason = "a few plies")]
+    let plies = look.plies as f32;
+    let [ply_slope, fibre_slope] = ply::slopes(plies, look.twist_slope);
+    let repeat = look.maps.and_then(|number| maps.get(usize::from(number))).map_or(0.0, |maps| maps.length);
+    data::Look {
+        albedo: look.albedo,
+        roughness: look.roughness,
+        metallic: look.metallic,
+        radius: look.radius,
+        plies,
+        ply_slope,
+        fibre_slope,
+        repeat,
+        spare: Vec2::ZERO,
+    }
+}

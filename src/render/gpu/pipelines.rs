@@ -1,0 +1,264 @@
+//! The pipelines and the layouts of what is bound to them, made once for a device.
+//!
+//! Groups of the yarn shader: 0 the view, 1 a page, 2 a yarn's maps, 3 what the light needs. Passes that only write depths bind the first
+//! three.
+
+use wgpu::{BindGroupLayoutEntry as Entry, BindingType, BufferBindingType, ShaderStages, TextureSampleType};
+
+use super::data;
+use super::device::Gpu;
+use super::{DEPTH, LIGHT, MOMENTS, PICTURE, shaders};
+
+/// How vertices are expanded: `SHAPE` of the yarn shader.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Expansion {
+    Tube = 0,
+    Strip = 1,
+    Ribbon = 2,
+}
+
+/// What a pass over the yarns writes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Writes {
+    Depth,
+    Light { samples: u32 },
+    Fuzz { samples: u32 },
+}
+
+/// The pipelines of one way to expand yarns.
+#[derive(Debug)]
+pub(super) struct Expanded {
+    pub(super) depth: wgpu::RenderPipeline,
+    pub(super) light: wgpu::RenderPipeline,
+    /// Blends what is not solid; only ribbons have it.
+    pub(super) fuzz: Option<wgpu::RenderPipeline>,
+}
+
+/// Layouts of the yarn shader's groups.
+#[derive(Debug)]
+pub(super) struct Layouts {
+    pub(super) view: wgpu::BindGroupLayout,
+    pub(super) page: wgpu::BindGroupLayout,
+    pub(super) maps: wgpu::BindGroupLayout,
+    pub(super) light: wgpu::BindGroupLayout,
+    pub(super) moments: wgpu::BindGroupLayout,
+    pub(super) tone: wgpu::BindGroupLayout,
+}
+
+/// All pipelines for pictures of one number of samples.
+#[derive(Debug)]
+pub(super) struct Pipelines {
+    pub(super) samples: u32,
+    pub(super) tube: Expanded,
+    pub(super) strip: Expanded,
+    pub(super) ribbon: Expanded,
+    pub(super) from_depths: wgpu::RenderPipeline,
+    pub(super) from_moments: wgpu::RenderPipeline,
+    pub(super) tone: wgpu::RenderPipeline,
+}
+
+const BOTH: ShaderStages = ShaderStages::VERTEX_FRAGMENT;
+
+fn buffer(binding: u32, visibility: ShaderStages, ty: BufferBindingType, has_dynamic_offset: bool) -> Entry {
+    let ty = BindingType::Buffer { ty, has_dynamic_offset, min_binding_size: None };
+    Entry { binding, visibility, ty, count: None }
+}
+
+fn texture(binding: u32, sample_type: TextureSampleType) -> Entry {
+    let ty = BindingType::Texture { sample_type, view_dimension: wgpu::TextureViewDimension::D2, multisampled: false };
+    Entry { binding, visibility: ShaderStages::FRAGMENT, ty, count: None }
+}
+
+impl Layouts {
+    pub(super) fn new(gpu: &Gpu) -> Self {
+        const STORED: BufferBindingType = BufferBindingType::Storage { read_only: true };
+        const UNIFORM: BufferBindingType = BufferBindingType::Uniform;
+        let (filtered, exact) = (TextureSampleType::Float { filterable: true }, TextureSampleType::Float { filterable: false });
+        let layout = |label, entries: &[Entry]| {
+            gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries })
+        };
+        let sampler = BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
+        let sampler = Entry { binding: 3, visibility: ShaderStages::FRAGMENT, ty: sampler, count: None };
+        let vertex = ShaderStages::VERTEX;
+        Self {
+            view: layout("view", &[buffer(0, BOTH, UNIFORM, false), buffer(1, BOTH, STORED, false)]),
+            page: layout(
+                "page",
+                &[
+                    buffer(0, vertex, STORED, false),
+                    buffer(1, vertex, STORED, false),
+                    buffer(2, vertex, STORED, false),
+                    buffer(3, vertex, STORED, false),
+                    buffer(4, vertex, UNIFORM, true),
+                ],
+            ),
+            maps: layout("maps", &[texture(0, filtered), texture(1, filtered), texture(2, filtered), sampler]),
+            light: layout("light", &[texture(0, exact), texture(1, exact)]),
+            moments: layout(
+                "moments",
+                &[buffer(0, BOTH, UNIFORM, false), texture(1, TextureSampleType::Depth), texture(2, exact)],
+            ),
+            tone: layout("tone", &[buffer(0, BOTH, UNIFORM, false), texture(1, exact)]),
+        }
+    }
+}
+
+impl Pipelines {
+    /// Compiles the shaders.
+    pub(super) fn new(gpu: &Gpu, layouts: &Layouts, samples: u32) -> Self {
+        let module = |source: &'static str| {
+            let source = wgpu::ShaderSource::Wgsl(source.into());
+            gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source })
+        };
+        let (yarn, moments, tone) = (module(shaders::YARN), module(shaders::MOMENTS), module(shaders::TONE));
+        let expanded = |expansion| {
+            let pipeline = |writes| yarn_pipeline(gpu, layouts, &yarn, expansion, writes);
+            Expanded {
+                depth: pipeline(Writes::Depth),
+                light: pipeline(Writes::Light { samples }),
+                fuzz: (expansion == Expansion::Ribbon).then(|| pipeline(Writes::Fuzz { samples })),
+            }
+        };
+        Self {
+            samples,
+            tube: expanded(Expansion::Tube),
+            strip: expanded(Expansion::Strip),
+            ribbon: expanded(Expansion::Ribbon),
+            from_depths: screen_pipeline(gpu, &layouts.moments, &moments, "from_depths", MOMENTS),
+            from_moments: screen_pipeline(gpu, &layouts.moments, &moments, "from_moments", MOMENTS),
+            tone: screen_pipeline(gpu, &layouts.tone, &tone, "tone_map", PICTURE),
+        }
+    }
+
+    pub(super) fn expanded(&self, expansion: Expansion) -> &Expanded {
+        match expansion {
+            Expansion::Tube => &self.tube,
+            Expansion::Strip => &self.strip,
+            Expansion::Ribbon => &self.ribbon,
+        }
+    }
+}
+
+fn yarn_pipeline(
+    gpu: &Gpu,
+    layouts: &Layouts,
+    module: &wgpu::ShaderModule,
+    expansion: Expansion,
+    writes: Writes,
+) -> wgpu::RenderPipeline {
+    let (groups, samples) = match writes {
+        Writes::Depth => (3, 1),
+        Writes::Light { samples } | Writes::Fuzz { samples } => (4, samples),
+    };
+    let groups = &[Some(&layouts.view), Some(&layouts.page), Some(&layouts.maps), Some(&layouts.light)][..groups];
+    let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: None,
+        bind_group_layouts: groups,
+        immediate_size: 0,
+    });
+    let is_fuzz = matches!(writes, Writes::Fuzz { .. });
+    let constants = &[("SHAPE", f64::from(expansion as u32)), ("FUZZ", f64::from(u8::from(is_fuzz)))];
+    let compilation_options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
+    let blend = is_fuzz.then_some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING);
+    let light = [Some(wgpu::ColorTargetState { format: LIGHT, blend, write_mask: wgpu::ColorWrites::ALL })];
+    let fragment = match writes {
+        // A depth needs no fragment, but where there may be holes.
+        Writes::Depth if expansion != Expansion::Ribbon => None,
+        Writes::Depth => Some(("hole", &[][..])),
+        Writes::Light { .. } | Writes::Fuzz { .. } => Some(("shade", &light[..])),
+    };
+    let fragment = fragment.map(|(entry, targets)| wgpu::FragmentState {
+        module,
+        entry_point: Some(entry),
+        compilation_options: compilation_options.clone(),
+        targets,
+    });
+    gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: None,
+        layout: Some(&layout),
+        vertex: wgpu::VertexState {
+            module,
+            entry_point: Some("expand"),
+            compilation_options: compilation_options.clone(),
+            buffers: &[],
+        },
+        primitive: wgpu::PrimitiveState {
+            cull_mode: (expansion == Expansion::Tube).then_some(wgpu::Face::Back),
+            ..wgpu::PrimitiveState::default()
+        },
+        depth_stencil: Some(wgpu::DepthStencilState {
+            format: DEPTH,
+            depth_write_enabled: Some(!is_fuzz),
+            depth_compare: Some(wgpu::CompareFunction::Less),
+            stencil: wgpu::StencilState::default(),
+            bias: wgpu::DepthBiasState::default(),
+        }),
+        multisample: wgpu::MultisampleState { count: samples, ..wgpu::MultisampleState::default() },
+        fragment,
+        multiview_mask: None,
+        cache: None,
+    })
+}
+
+/// A pass over all pixels of a picture.
+fn screen_pipeline(
+    gpu: &Gpu,
+    group: &wgpu::BindGroupLayout,
+    module: &wgpu::ShaderModule,
+    entry: &str,
+    format: wgpu::TextureFormat,
+) -> wgpu::RenderPipeline {
+    let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: Some(entry),
+        bind_group_layouts: &[Some(group)],
+        immediate_size: 0,
+    });
+    let compilation_options = wgpu::PipelineCompilationOptions::default();
+    gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some(entry),
+        layout: Some(&layout),
+        vertex: wgpu::VertexState {
+            module,
+            entry_point: Some("cover"),
+            compilation_options: compilation_options.clone(),
+            buffers: &[],
+        },
+        primitive: wgpu::PrimitiveState::default(),
+        depth_stencil: None,
+        multisample: wgpu::MultisampleState::default(),
+        fragment: Some(wgpu::FragmentState {
+            module,
+            entry_point: Some(entry),
+            compilation_options,
+            targets: &[Some(format.into())],
+        }),
+        multiview_mask: None,
+        cache: None,
+    })
+}
+
+/// Triangles of an instance: `edges` a ring, or a flat strip for 2.
+pub(super) fn indices(edges: u32) -> Vec<u16> {
+    let around = if edges == 2 { 1 } else { edges };
+    let corner = |step: u32, s: u32| u16::try_from(step * edges + s % edges).expect("eight steps of 64 edges");
+    let quad = |(step, s)| {
+        let (a, b, c, d) = (corner(step, s), corner(step, s + 1), corner(step + 1, s), corner(step + 1, s + 1));
+        [a, b, c, b, d, c]
+    };
+    (0..data::STEPS).flat_map(|step| (0..around).map(move |s| (step, s))).flat_map(quad).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_instance_has_two_triangles_for_each_edge_and_step() {
+        for edges in [2, 3, 6, 64] {
+            let indices = indices(edges);
+            let around = if edges == 2 { 1 } else { edges };
+            assert_eq!(indices.len(), (2 * 3 * around * data::STEPS) as usize);
+            assert_eq!(u32::from(*indices.iter().max().unwrap()) + 1, edges * (data::STEPS + 1));
+        }
+    }
+}
