@@ -160,7 +160,7 @@ fn shade(in: Surface, @builtin(front_facing) front: bool) -> Light {
     let mirrored = schlick_rough(reflectance(material), dot(material.normal, toward_eye), material.roughness);
     let mirror = reflect(-toward_eye, material.normal);
     // The mean of a gradient over cosine-weighted directions is the gradient two thirds of the way to the normal.
-    let above = sky(material.normal * (2.0 / 3.0)) * open + view.interior * material.albedo * (1.0 - open);
+    let above = sky(material.normal * (2.0 / 3.0)) * open + view.interior * (1.0 - open);
     light += (diffuse(material, mirrored) * above + mirrored * sky(mirror) * open) * occlusion;
 
     // Alpha to coverage, done here so that every driver takes the same samples and a solid sample's alpha is 1.

@@ -22,7 +22,7 @@ struct View {
     corner_x: f32,
     sky_below: vec3f,
     corner_y: f32,
-    // Light that comes from a white yarn in the sky's way.
+    // Light that comes from a yarn in the sky's way.
     interior: vec3f,
     // What the sun's map takes for one depth, mm.
     sun_bias: f32,

@@ -3,7 +3,10 @@
 //! In: pictures of one repeat of the yarn, x along it and y across. Out: [`Maps`], which both renderers look up, the GPU's hardware and
 //! [`Maps::sample`] alike.
 
+use glam::Vec3;
 use image::RgbaImage;
+
+use super::tone;
 
 /// A picture and its smaller levels, each half as large, down to one pixel.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -25,4 +28,13 @@ pub struct Maps {
     pub length: f32,
     /// What the picture is wide across the yarn, fuzz included, mm.
     pub width: f32,
+}
+
+impl Maps {
+    /// The smallest level's colour, linear RGB.
+    #[must_use]
+    pub fn mean_albedo(&self) -> Vec3 {
+        let last = self.base.levels.last().and_then(|level| level.pixels().next());
+        last.map_or(Vec3::ONE, |pixel| Vec3::from_array([0, 1, 2].map(|c| tone::linear(f32::from(pixel.0[c]) / 255.0))))
+    }
 }

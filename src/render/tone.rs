@@ -89,7 +89,8 @@ fn shoulder(light: Vec3) -> Vec3 {
     }))
 }
 
-fn linear(c: f32) -> f32 {
+/// The light that an sRGB value 0..1 stands for.
+pub(super) fn linear(c: f32) -> f32 {
     if c <= 0.040_45 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
 }
 

@@ -3,10 +3,11 @@
 //! In: a camera, a light, and what of the yarns is in view. Out: [`Frame`], matrices and sizes for all passes, in coordinates relative to the
 //! scene's middle. The sun's map covers what the camera sees and nothing more, so that a close-up has fine shadows.
 
-use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
+use glam::{Mat4, Vec2, Vec3, Vec4};
 
 use super::data;
 use super::levels::{Sight, seen};
+use super::Yarns;
 use super::pages::Page;
 use crate::render::{Camera, Options};
 
@@ -61,7 +62,8 @@ fn range(pages: &[Page], along: Vec3, from: f32) -> [f32; 2] {
 
 impl Frame {
     /// Plans a frame; nothing where the camera sees no yarn.
-    pub(super) fn new(pages: &[Page], centre: DVec3, thinnest: f32, camera: &Camera, options: &Options) -> Option<Self> {
+    pub(super) fn new(yarns: &Yarns, camera: &Camera, options: &Options) -> Option<Self> {
+        let Yarns { ref pages, centre, thinnest, .. } = *yarns;
         let eye = (camera.eye() - centre).as_vec3();
         let ahead = -camera.to_world(Vec3::Z);
         let [near, far] = range(pages, ahead, eye.dot(ahead));
@@ -96,7 +98,7 @@ impl Frame {
             corner_x: 0.0,
             sky_below: rig.light.sky_below,
             corner_y: 0.0,
-            interior: rig.interior,
+            interior: rig.interior * yarns.albedo,
             sun_bias: (SUN_BIAS_RADII * thinnest).max(0.5 * texel),
         };
         Some(Self { camera: sight, sun: sun.0, depth, view })

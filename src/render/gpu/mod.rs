@@ -19,7 +19,7 @@ use std::collections::BTreeMap;
 use std::sync::mpsc;
 
 use bytemuck::bytes_of;
-use glam::{DVec3, Mat4, Vec2, Vec4};
+use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
 use image::{Rgba, RgbaImage};
 use wgpu::util::DeviceExt;
 use wgpu::{BufferUsages, TextureFormat, TextureUsages};
@@ -77,6 +77,8 @@ pub struct Yarns {
     kinds: Looks,
     looks: wgpu::Buffer,
     thinnest: f32,
+    /// Mean base colour of all yarn by its length.
+    albedo: Vec3,
     /// Those of each set of maps, then those of yarns without.
     maps: Vec<wgpu::BindGroup>,
     /// Whether any maps may have fuzz.
@@ -140,7 +142,8 @@ impl Renderer {
         maps.push(self.maps_group(&none, &none, &none));
         let pages = pages::upload(&self.gpu, scene, centre, st)?;
         let has_maps = !scene.maps.is_empty();
-        Ok(Yarns { centre, pages, shape: scene.shape, kinds: Looks::of(scene), looks, thinnest, maps, has_maps })
+        let (albedo, kinds) = (mean_albedo(scene, &pages), Looks::of(scene));
+        Ok(Yarns { centre, pages, shape: scene.shape, kinds, looks, thinnest, albedo, maps, has_maps })
     }
 
     /// Draws a picture and brings it back.
@@ -149,7 +152,7 @@ impl Renderer {
     /// What the device refuses.
     pub fn draw(&mut self, yarns: &Yarns, camera: &Camera, options: &Options) -> Result<RgbaImage, GpuError> {
         let mut picture = RgbaImage::new(options.width, options.height);
-        let frame = Frame::new(&yarns.pages, yarns.centre, yarns.thinnest, camera, options);
+        let frame = Frame::new(yarns, camera, options);
         let lights = frame.as_ref().map(|frame| self.lights(yarns, frame, options)).transpose()?;
         let side = TILE.min(self.gpu.device.limits().max_texture_dimension_2d);
         for y in (0..options.height).step_by(side as usize) {
@@ -170,7 +173,7 @@ impl Renderer {
     /// # Errors
     /// What the device refuses.
     pub fn draw_to(&mut self, yarns: &Yarns, camera: &Camera, options: &Options, to: &wgpu::TextureView) -> Result<(), GpuError> {
-        let frame = Frame::new(&yarns.pages, yarns.centre, yarns.thinnest, camera, options);
+        let frame = Frame::new(yarns, camera, options);
         let lights = frame.as_ref().map(|frame| self.lights(yarns, frame, options)).transpose()?;
         self.tile(yarns, frame.as_ref().zip(lights.as_ref()), options, [0, 0], [options.width, options.height], to);
         self.gpu.fault()
@@ -489,6 +492,21 @@ fn crop(options: &Options, corner: [u32; 2], size: [u32; 2]) -> Mat4 {
     // The tile's middle in clip coordinates, y up.
     let middle = ((corner + size / 2.0) / whole * 2.0 - 1.0) * Vec2::new(1.0, -1.0);
     Mat4::from_translation((-middle * scale).extend(0.0)) * Mat4::from_scale(scale.extend(1.0))
+}
+
+/// The base colour that light between the yarns takes on.
+fn mean_albedo(scene: &Scene, pages: &[Page]) -> Vec3 {
+    let albedo = |look: &crate::scene::YarnLook| match look.maps.and_then(|number| scene.maps.get(usize::from(number))) {
+        Some(maps) => maps.mean_albedo(),
+        None => look.albedo,
+    };
+    let albedos: Vec<Vec3> = scene.looks.iter().map(albedo).collect();
+    let extents = pages.iter().flat_map(|page| &page.extents);
+    let (sum, length) = extents.fold((Vec3::ZERO, 0.0), |(sum, length), extent| {
+        let own = extent.piece * extent.pieces as f32;
+        (sum + albedos[usize::from(extent.look)] * own, length + own)
+    });
+    if length > 0.0 { sum / length } else { Vec3::ZERO }
 }
 
 fn shader_look(look: &crate::scene::YarnLook, maps: &[Maps]) -> data::Look {
