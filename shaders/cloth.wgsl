@@ -65,19 +65,15 @@ fn sky(direction: vec3f) -> vec3f {
     return mix(view.sky_below, view.sky_above, 0.5 + 0.5 * dot(direction, view.zenith));
 }
 
-// Share of the sky that yarns nearby leave open, from how far a point lies behind the cloth's mean depth around it, in radii.
+// Share of the sky that yarns nearby leave open: a logistic curve over how far a point lies before the cloth's mean depth around it, in
+// radii, and less where it turns from the eye. Fitted to what the CPU renderer's rays see on tricot and locknit from three sides, to
+// .13 root mean square of a share that varies by .26.
 fn open_sky(at: vec4f, radius: f32, depth: f32, cosine: f32) -> f32 {
     let m = moments_at(depth_map, (at.xy + vec2f(view.corner_x, view.corner_y)) * view.depth_scale);
-    if m.z <= 0.0 {
-        return 1.0;
-    }
     let before = (m.x - depth) / radius;
-    let level = OPEN_MEAN + OPEN_SLOPE * before;
-    return saturate(mix(1.0, level, m.z)) * mix(OPEN_GRAZING, 1.0, cosine);
+    let level = 1.0 / (1.0 + exp(0.065 - 0.427 * before));
+    return saturate(mix(1.0, level, m.z) * mix(0.51, 1.2, cosine));
 }
-const OPEN_MEAN = 0.62;
-const OPEN_SLOPE = 0.12;
-const OPEN_GRAZING = 0.6;
 
 struct Texel {
     albedo: vec3f,
@@ -116,7 +112,7 @@ fn shade(in: Surface, @builtin(front_facing) front: bool) -> Light {
         let rise = sqrt(max(1.0 - in.side * in.side, 0.0));
         let front_of = cross(outward, tangent) * sign(dot(cross(outward, tangent), toward_eye));
         outward = normalize(outward * in.side + front_of * rise);
-        world += front_of * (rise * in.radius);
+        world += front_of * ((rise - MEAN_RISE) * in.radius);
     }
     if SHAPE == RIBBON {
         outward *= select(-1.0, 1.0, dot(outward, toward_eye) >= 0.0);

@@ -1,4 +1,5 @@
-// src/render/tone.rs, line by line: from light times coverage to sRGB with straight alpha. A test compares the two.
+// From lights to pixels: a tent one pixel wide each way over them, as src/render/cpu/film.rs has it, and src/render/tone.rs line by line: from
+// light times coverage to sRGB with straight alpha. A test compares the two.
 
 const SHOULDER = 0.6;
 
@@ -6,9 +7,9 @@ struct Tone {
     // sRGB, 0..1; alpha 0 for a transparent background.
     background: vec4f,
     exposure: f32,
-    spare_a: f32,
-    spare_b: f32,
-    spare_c: f32,
+    // Lights a pixel each way; around the picture there is a pixel's width of them more.
+    scale: i32,
+    spare: vec2f,
 }
 
 @group(0) @binding(0) var<uniform> tone: Tone;
@@ -32,9 +33,30 @@ fn encode(c: vec3f) -> vec3f {
     return select(1.055 * pow(max(c, vec3f(0.0)), vec3f(1.0 / 2.4)) - 0.055, c * 12.92, c <= vec3f(0.0031308));
 }
 
+// One light a pixel was averaged by the hardware already.
+fn filtered(pixel: vec2i) -> vec4f {
+    let size = vec2i(textureDimensions(lights));
+    if tone.scale == 1 {
+        return textureLoad(lights, pixel + 1, 0);
+    }
+    var sum = vec4f(0.0);
+    var total = 0.0;
+    let corner = pixel * tone.scale + tone.scale - tone.scale / 2;
+    for (var y = 0; y < 2 * tone.scale; y++) {
+        for (var x = 0; x < 2 * tone.scale; x++) {
+            let at = corner + vec2i(x, y);
+            let offset = abs((vec2f(at) + 0.5) / f32(tone.scale) - vec2f(pixel) - 1.5);
+            let weight = max(1.0 - offset.x, 0.0) * max(1.0 - offset.y, 0.0);
+            sum += weight * textureLoad(lights, clamp(at, vec2i(0), size - 1), 0);
+            total += weight;
+        }
+    }
+    return sum / total;
+}
+
 @fragment
 fn tone_map(@builtin(position) at: vec4f) -> @location(0) vec4f {
-    let light = textureLoad(lights, vec2i(at.xy), 0);
+    let light = filtered(vec2i(at.xy));
     let coverage = saturate(light.w);
     var yarn = vec3f(0.0);
     if light.w > 0.0 {

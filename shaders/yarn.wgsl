@@ -18,6 +18,8 @@ const STEPS = 8u;
 const PARTS = 32u;
 // Most that a step may widen its yarn by: all of a loop's length in one step would cover its neighbours.
 const MOST_WIDENING = 3.0;
+// How far a round yarn rises over its axis toward the eye, in the mean over its width; in radii. Its strip stands there.
+const MEAN_RISE = 0.785;
 
 struct Chunk {
     first: u32,
@@ -44,17 +46,18 @@ struct Draw {
 @group(1) @binding(3) var<storage, read> parts: array<u32>;
 @group(1) @binding(4) var<uniform> draw: Draw;
 
+// Centroid: an edge pixel's middle may lie beside its yarn, where normals would point anywhere.
 struct Surface {
     @builtin(position) @invariant clip: vec4f,
-    @location(0) world: vec3f,
+    @location(0) @interpolate(perspective, centroid) world: vec3f,
     // Of tubes and ribbons the normal, of strips the direction of their width.
-    @location(1) normal: vec3f,
-    @location(2) tangent: vec3f,
-    @location(3) across: vec3f,
-    @location(4) along: f32,
+    @location(1) @interpolate(perspective, centroid) normal: vec3f,
+    @location(2) @interpolate(perspective, centroid) tangent: vec3f,
+    @location(3) @interpolate(perspective, centroid) across: vec3f,
+    @location(4) @interpolate(perspective, centroid) along: f32,
     // From one edge of a strip or ribbon to the other, -1 to 1.
-    @location(5) side: f32,
-    @location(6) radius: f32,
+    @location(5) @interpolate(perspective, centroid) side: f32,
+    @location(6) @interpolate(perspective, centroid) radius: f32,
     @location(7) @interpolate(flat, either) look: u32,
 }
 
@@ -109,6 +112,9 @@ fn expand(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance:
         let direction = select(vec3f(0.0), normalize(width), dot(width, width) > 0.0);
         out.normal = select(direction, across, SHAPE == RIBBON);
         out.world = centre + direction * (out.side * out.radius);
+        if SHAPE == STRIP {
+            out.world += normalize(toward) * (MEAN_RISE * out.radius);
+        }
     }
     out.clip = view.clip_from_world * vec4f(out.world, 1.0);
     return out;

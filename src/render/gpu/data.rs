@@ -87,9 +87,8 @@ pub(super) struct Blur {
 pub(super) struct Tone {
     pub(super) background: Vec4,
     pub(super) exposure: f32,
-    pub(super) spare_a: f32,
-    pub(super) spare_b: f32,
-    pub(super) spare_c: f32,
+    pub(super) scale: i32,
+    pub(super) spare: Vec2,
 }
 
 #[cfg(test)]
@@ -129,7 +128,7 @@ mod tests {
             layout!(Chunk: first, count, look, spare),
             layout!(Draw: first, stride, edges, spare),
             layout!(Blur: step, reach, sigma, near, far, perspective, spare),
-            layout!(Tone: background, exposure, spare_a, spare_b, spare_c),
+            layout!(Tone: background, exposure, scale, spare),
         ];
         for (name, twin) in twins {
             let shader = in_shaders(name);

@@ -16,9 +16,9 @@ use crate::ids::index32;
 use crate::scene::{Scene, Shape};
 
 /// Radius up to which a tube is drawn as a strip, pixels.
-const STRIP_PIXELS: f32 = 2.5;
+const STRIP_PIXELS: f32 = 1.25;
 /// How far a section's chord may leave its circle, pixels.
-const SECTION_ERROR: f32 = 0.2;
+const SECTION_ERROR: f32 = 0.1;
 /// Longest step, points: an instance then takes a whole chunk.
 const MOST_STRIDE: u32 = PARTS;
 

@@ -42,8 +42,10 @@ const MOMENTS: TextureFormat = TextureFormat::Rgba32Float;
 const DEPTH: TextureFormat = TextureFormat::Depth32Float;
 /// Pixels as they go to files, encoded by the shader.
 const PICTURE: TextureFormat = TextureFormat::Rgba8Unorm;
-/// Largest side of a tile, pixels: its four samples take 200 MB.
+/// Largest side of a tile, lights: their four samples take 200 MB.
 const TILE: u32 = 2048;
+/// Most lights a pixel each way.
+const MOST_SUPERSAMPLING: u32 = 8;
 /// Rows of texels in buffers start at multiples of this.
 const ROW_BYTES: u32 = wgpu::COPY_BYTES_PER_ROW_ALIGNMENT;
 
@@ -154,7 +156,7 @@ impl Renderer {
         let mut picture = RgbaImage::new(options.width, options.height);
         let frame = Frame::new(yarns, camera, options);
         let lights = frame.as_ref().map(|frame| self.lights(yarns, frame, options)).transpose()?;
-        let side = TILE.min(self.gpu.device.limits().max_texture_dimension_2d);
+        let side = TILE.min(self.gpu.device.limits().max_texture_dimension_2d) / supersampling(options) - 2;
         for y in (0..options.height).step_by(side as usize) {
             for x in (0..options.width).step_by(side as usize) {
                 let size = [side.min(options.width - x), side.min(options.height - y)];
@@ -248,14 +250,20 @@ impl Renderer {
         let target = TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING;
         let view_of = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
         let samples = self.pipelines.samples;
+        // A pixel more on every side, since the tone curve's filter reaches into the next ones.
+        let scale = supersampling(options);
+        let size = size.map(|pixels| (pixels + 2) * scale);
         let light = view_of(&self.texture(LIGHT, size, target, 1));
         let sampled = (samples > 1).then(|| view_of(&self.texture(LIGHT, size, TextureUsages::RENDER_ATTACHMENT, samples)));
         let depths = view_of(&self.texture(DEPTH, size, TextureUsages::RENDER_ATTACHMENT, samples));
         let drawn = lit.map(|(frame, lights)| {
-            let clip_from_world = crop(options, corner, size) * frame.camera.clip_from_world;
+            let scale = scale as f32;
+            let corner = Vec2::from(corner.map(|pixels| pixels as f32)) - 1.0;
+            let clip_from_world =
+                crop(options, corner, Vec2::from(size.map(|lights| lights as f32)) / scale) * frame.camera.clip_from_world;
             let sight = levels::Sight { clip_from_world, ..frame.camera };
-            let [corner_x, corner_y] = corner.map(|pixels| pixels as f32);
-            let view = data::View { clip_from_world, corner_x, corner_y, ..frame.view };
+            let (corner, depth_scale) = (corner * scale, frame.view.depth_scale / scale);
+            let view = data::View { clip_from_world, corner_x: corner.x, corner_y: corner.y, depth_scale, ..frame.view };
             (view, lights, self.list(yarns, &sight, Fineness { sr: options.sr, lod: options.lod }))
         });
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("picture") });
@@ -283,7 +291,7 @@ impl Renderer {
             Background::Transparent => Vec4::ZERO,
             Background::Color([r, g, b]) => Vec4::new(f32::from(r), f32::from(g), f32::from(b), 255.0) / 255.0,
         };
-        let tone = data::Tone { background, exposure: options.exposure, spare_a: 0.0, spare_b: 0.0, spare_c: 0.0 };
+        let tone = data::Tone { background, exposure: options.exposure, scale: scale.cast_signed(), spare: Vec2::ZERO };
         let tone = self.uniform(bytes_of(&tone));
         let bound = [tone.as_entire_binding(), wgpu::BindingResource::TextureView(&light)];
         screen_pass(&mut encoder, &self.pipelines.tone, &self.group("tone", &self.layouts.tone, &bound), to);
@@ -484,12 +492,16 @@ fn screen_pass(
     pass.draw(0..3, 0..1);
 }
 
-/// Blows a tile of the picture up to all of clip space.
-fn crop(options: &Options, corner: [u32; 2], size: [u32; 2]) -> Mat4 {
+/// Lights a pixel each way, for the samples that are wanted beyond those of each light.
+fn supersampling(options: &Options) -> u32 {
+    (options.spp / options.samples.max(1)).isqrt().clamp(1, MOST_SUPERSAMPLING)
+}
+
+/// Blows a part of the picture up to all of clip space: `size` pixels from `corner` on.
+fn crop(options: &Options, corner: Vec2, size: Vec2) -> Mat4 {
     let whole = Vec2::new(options.width as f32, options.height as f32);
-    let (corner, size) = (Vec2::from(corner.map(|at| at as f32)), Vec2::from(size.map(|at| at as f32)));
     let scale = whole / size;
-    // The tile's middle in clip coordinates, y up.
+    // The part's middle in clip coordinates, y up.
     let middle = ((corner + size / 2.0) / whole * 2.0 - 1.0) * Vec2::new(1.0, -1.0);
     Mat4::from_translation((-middle * scale).extend(0.0)) * Mat4::from_scale(scale.extend(1.0))
 }
