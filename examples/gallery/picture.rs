@@ -56,7 +56,8 @@ impl Frame {
         let camera = Camera::look_at(middle + side * distance, middle, Camera::DEFAULT_FOV, 1.0);
         let options =
             Options { width: WIDTH, height: HEIGHT, spp: 8, background: Background::Color(BACKGROUND), ..Options::default() };
-        let mut picture = DynamicImage::from(render(scene, &camera, &options, &|_| ())).into_rgb8();
+        let mut picture =
+            DynamicImage::from(render(scene, &camera, &options, &|_| ()).expect("the processor needs no driver")).into_rgb8();
         for value in picture.iter_mut() {
             *value = *value / STEP * STEP + STEP / 2;
         }

@@ -10,7 +10,8 @@ use warpknit::drape::strands::Edge;
 use warpknit::export::Format;
 use warpknit::garment::Unit;
 use warpknit::map::Mapping;
-use warpknit::render::{Background, View};
+use warpknit::render::{Background, Choice, View};
+use warpknit::scene::Shape;
 
 /// The fabric where none is named.
 pub(crate) const DEFAULT_FABRIC: &str = "tricot";
@@ -213,15 +214,84 @@ pub(crate) struct Shared {
     /// Colour behind the yarns: #rrggbb, white, black, grey or transparent [default: white]
     #[arg(long, value_name = "COLOR")]
     pub(crate) background: Option<Background>,
-    /// Samples a pixel
-    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=4096))]
-    pub(crate) spp: u32,
+    #[command(flatten)]
+    pub(crate) drawing: Drawing,
     /// Threads [default: all cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub(crate) threads: Option<u32>,
     /// Say nothing but errors, and the numbers of a swatch
     #[arg(long)]
     pub(crate) quiet: bool,
+}
+
+/// How pictures are drawn.
+#[derive(Args, Debug)]
+pub(crate) struct Drawing {
+    /// What draws: auto takes the graphics processor, or the processor where there is none
+    #[arg(long, value_enum, default_value = "auto")]
+    pub(crate) renderer: RendererArg,
+    /// Samples a pixel
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    pub(crate) spp: u32,
+    /// Samples of each pixel's edges on the graphics processor: 1 or 4
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = samples)]
+    pub(crate) samples: u32,
+    /// Whether yarns of few pixels are drawn more coarsely
+    #[arg(long, value_enum, default_value = "on")]
+    pub(crate) lod: SwitchArg,
+    /// Draw yarns as tubes, or in pictures as flat ribbons
+    #[arg(long, value_enum, default_value = "tube")]
+    pub(crate) shape: ShapeArg,
+    /// A yarn's pictures: a folder with base_color.png and others, or one image; x runs along the yarn
+    #[arg(long, value_name = "DIR|IMAGE")]
+    pub(crate) texture: Option<PathBuf>,
+    /// Write N pictures from all around, NAME-001.png and so on
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=9999))]
+    pub(crate) turntable: Option<u32>,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+pub(crate) enum RendererArg {
+    Auto,
+    Gpu,
+    Cpu,
+}
+
+impl From<RendererArg> for Choice {
+    fn from(renderer: RendererArg) -> Self {
+        match renderer {
+            RendererArg::Auto => Self::Auto,
+            RendererArg::Gpu => Self::Gpu,
+            RendererArg::Cpu => Self::Cpu,
+        }
+    }
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum SwitchArg {
+    On,
+    Off,
+}
+
+impl SwitchArg {
+    pub(crate) fn is_on(self) -> bool {
+        self == Self::On
+    }
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+pub(crate) enum ShapeArg {
+    Tube,
+    Ribbon,
+}
+
+impl From<ShapeArg> for Shape {
+    fn from(shape: ShapeArg) -> Self {
+        match shape {
+            ShapeArg::Tube => Self::Tube,
+            ShapeArg::Ribbon => Self::Ribbon,
+        }
+    }
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug)]
@@ -299,6 +369,14 @@ fn size(text: &str) -> Result<(u32, u32), String> {
     match sides {
         Some((w, h)) if (1..=LIMIT).contains(&w) && (1..=LIMIT).contains(&h) => Ok((w, h)),
         _ => Err(format!("write it as 1600x1200, both sides from 1 to {LIMIT}")),
+    }
+}
+
+fn samples(text: &str) -> Result<u32, String> {
+    match text {
+        "1" => Ok(1),
+        "4" => Ok(4),
+        _ => Err("it must be 1 or 4".to_owned()),
     }
 }
 

@@ -11,13 +11,12 @@ use warpknit::drape::{self, Block, Cloth, Stage, Totals, picture};
 use warpknit::export::csv::CsvWriter;
 use warpknit::export::glb::GlbWriter;
 use warpknit::export::obj::ObjWriter;
-use warpknit::export::{ExportError, Format, Output, Sink, png};
+use warpknit::export::{ExportError, Format, Output, Sink};
 use warpknit::fabric::{Fabric, FabricError};
 use warpknit::garment::stretch::stretch;
 use warpknit::garment::{Panel, ReadOptions, read};
 use warpknit::ids::index32;
 use warpknit::knit::clearance::{self, Clearance};
-use warpknit::render::{self, Camera, render};
 use warpknit::report::{ClearanceReport, ClothReport, GarmentReport, Report, SurfaceReport};
 use warpknit::scene::Scene;
 use warpknit::yarn::tube::Section;
@@ -25,7 +24,7 @@ use warpknit::yarn::tube::Section;
 use super::args::{Chains, Drape, Reading, Shared, Swatch};
 use super::clock::{Clock, Task, available_memory_gb, peak_memory_mb};
 use super::numbers::RealCloth;
-use super::{print, tell};
+use super::{pictures, print, tell};
 
 /// The most stitches that a garment is given unasked. A picture of 1600 x 1200 shows no more of them one by one.
 const PICTURED_STITCHES: f64 = 12_000.0;
@@ -189,7 +188,8 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
     let mut sinks = sinks(&outputs, job)?;
     let wants_surface = outputs.iter().any(|(_, format)| matches!(format, Format::Glb | Format::Obj));
     let options = drape::Options { surface: wants_surface.then_some(section), ..job.options };
-    let mut scene = Scene { looks: picture::looks(job.shown, section.radius), ..Scene::default() };
+    let looks = picture::looks(job.shown, section.radius);
+    let mut scene = Scene { shape: job.shared.drawing.shape.into(), looks, ..Scene::default() };
 
     let mut gauge = wants_gauge(job, &outputs).then(|| Gauge::new(job.cloth, section.radius));
 
@@ -226,16 +226,16 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
 
     clock.begin(Task::Write, 1.0);
     let mut whole: Vec<Output> = sinks.into_iter().map(Sink::finish).collect::<Result<_, _>>()?;
+    let mut drawn_by = String::new();
     if wants_picture {
-        clock.begin(Task::Render, 0.0);
-        let picture = draw(&scene, job.shared, &clock);
-        clock.begin(Task::Write, 1.0);
-        for (path, _) in outputs.iter().filter(|(_, format)| *format == Format::Png) {
-            whole.push(png::write(path, &picture)?);
-        }
+        let paths: Vec<_> = outputs.iter().filter(|(_, format)| *format == Format::Png).map(|(path, _)| path.as_path()).collect();
+        let pictures = pictures::draw(&scene, job.shared, &paths, &mut clock)?;
+        warnings.extend(pictures.notice);
+        whole.extend(pictures.files);
+        drawn_by = pictures.drawn_by;
     }
     clock.stop();
-    let facts = Facts { section: &section, totals: &totals, near, draped, warnings, wants_picture };
+    let facts = Facts { section: &section, totals: &totals, near, draped, warnings, drawn_by };
     let reports: Vec<_> = outputs.iter().filter(|(_, format)| *format == Format::Json).collect();
     // What is shown with its own yarns is the real cloth, and need not be knitted again.
     let shown = (job.fabric == job.shown && job.fabric.enlargement == 1.0 && section.radius == job.fabric.radius())
@@ -260,12 +260,18 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
 ///
 /// No file may be written twice, or over one that was read.
 fn outputs(job: &Job<'_>) -> Result<Vec<(PathBuf, Format)>> {
-    let mut outputs = job.shared.outputs.clone();
-    if outputs.is_empty() {
+    let mut wanted = job.shared.outputs.clone();
+    if wanted.is_empty() {
         let mut name = job.stem.as_os_str().to_owned();
         name.push(".png");
-        outputs.push((PathBuf::from(name), Format::Png));
+        wanted.push((PathBuf::from(name), Format::Png));
     }
+    let outputs: Vec<_> = (wanted.into_iter())
+        .flat_map(|(path, format)| {
+            let turntable = job.shared.drawing.turntable.filter(|_| format == Format::Png);
+            pictures::frames(&path, turntable).into_iter().map(move |path| (path, format))
+        })
+        .collect();
     let place = |path: &Path| path.canonicalize().unwrap_or_else(|_absent| path.to_owned());
     let mut taken: Vec<_> = job.inputs.iter().map(|path| place(path)).collect();
     for (path, _) in &outputs {
@@ -352,21 +358,6 @@ fn loss_warning(totals: &Totals) -> Option<String> {
         .then(|| format!("{in_defects} data points ({percent:.3} %) lie in triangles that can't be knitted and are lost"))
 }
 
-/// The picture.
-fn draw(scene: &Scene, shared: &Shared, clock: &Clock) -> image::RgbaImage {
-    let mut options =
-        render::Options { width: shared.size.0, height: shared.size.1, spp: shared.spp, ..render::Options::default() };
-    if let Some(background) = shared.background {
-        options.background = background;
-    }
-    let fov = shared.fov.to_radians();
-    let camera = match (shared.eye, shared.look_at) {
-        (Some(eye), Some(target)) => Camera::look_at(eye, target, fov, shared.zoom),
-        _ => Camera::view(shared.view.into(), &scene.positions, fov, shared.zoom, options.aspect()),
-    };
-    render(scene, &camera, &options, &clock.progress())
-}
-
 fn text_file(path: &Path, text: &str) -> Result<Output, ExportError> {
     let mut output = Output::create(path)?;
     output.write_with(|file| std::io::Write::write_all(file, text.as_bytes()))?;
@@ -381,7 +372,8 @@ struct Facts<'a> {
     /// The same on the body, where it was measured.
     draped: Option<Clearance>,
     warnings: Vec<String>,
-    wants_picture: bool,
+    /// What drew the picture; empty where there is none.
+    drawn_by: String,
 }
 
 fn report(job: &Job<'_>, facts: &Facts<'_>, real: &RealCloth, clock: &Clock) -> Report {
@@ -426,7 +418,7 @@ fn report(job: &Job<'_>, facts: &Facts<'_>, real: &RealCloth, clock: &Clock) -> 
         curved_ms: timings_ms.knit + timings_ms.locate + timings_ms.map,
         threads: rayon::current_num_threads(),
         peak_memory_mb: peak_memory_mb(),
-        renderer: if facts.wants_picture { "cpu".to_owned() } else { String::new() },
+        renderer: facts.drawn_by.clone(),
         cloth: cloth_report(job, real),
     }
 }

@@ -6,6 +6,7 @@ mod fabrics;
 mod inspect;
 mod make;
 mod numbers;
+mod pictures;
 mod sheet;
 
 use std::io::{self, Write};

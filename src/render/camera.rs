@@ -4,7 +4,7 @@
 //! coordinates, mm, y up. Picture coordinates run from -1 at the left and bottom edge to 1 at the right and top.
 //! Distances to the eye are not promised to suit a depth buffer: a renderer that needs near and far planes takes them from the scene.
 
-use glam::{DMat4, DVec2, DVec3, DVec4, Mat4, Vec3};
+use glam::{DMat4, DQuat, DVec2, DVec3, DVec4, Mat4, Vec3};
 
 /// Share of the frame's half-width that a framed box fills at zoom 1; the rest is margin.
 pub const FRAME_FILL: f64 = 0.94;
@@ -65,7 +65,7 @@ impl Camera {
     #[must_use]
     pub fn view(view: View, points: &[Vec3], fov: f64, zoom: f64, aspect: f64) -> Self {
         let axes = Self::look_at(view.toward_eye(), DVec3::ZERO, fov, 1.0);
-        let seen = || points.iter().map(|point| axes.turned(point.as_dvec3())).filter(|point| point.is_finite());
+        let seen = || points.iter().map(|point| axes.seen_from_here(point.as_dvec3())).filter(|point| point.is_finite());
         let low = seen().fold(DVec3::INFINITY, DVec3::min);
         let high = seen().fold(DVec3::NEG_INFINITY, DVec3::max);
         // The middle of what is seen, not of the world's box around it: from a corner the two lie far apart.
@@ -95,6 +95,14 @@ impl Camera {
         Self { eye, right, up: back.cross(right), back, tan_half: half.tan() / zoom }
     }
 
+    /// The camera carried around the upright line through `target`, counter-clockwise seen from above, radians.
+    #[must_use]
+    pub fn turned_about(&self, target: DVec3, angle: f64) -> Self {
+        let turn = DQuat::from_rotation_y(angle);
+        let [right, up, back] = [self.right, self.up, self.back].map(|axis| turn * axis);
+        Self { eye: target + turn * (self.eye - target), right, up, back, ..*self }
+    }
+
     /// Where the camera stands.
     #[must_use]
     pub fn eye(&self) -> DVec3 {
@@ -110,7 +118,7 @@ impl Camera {
     /// The picture point that shows `point`; `None` for points not in front of the eye.
     #[must_use]
     pub fn project(&self, point: DVec3, aspect: f64) -> Option<DVec2> {
-        let seen = self.turned(point - self.eye);
+        let seen = self.seen_from_here(point - self.eye);
         (seen.z < 0.0).then(|| DVec2::new(seen.x / aspect, seen.y) / (-seen.z * self.tan_half))
     }
 
@@ -142,7 +150,7 @@ impl Camera {
     }
 
     /// A direction in world axes along the camera's right, up and back.
-    fn turned(&self, offset: DVec3) -> DVec3 {
+    fn seen_from_here(&self, offset: DVec3) -> DVec3 {
         DVec3::new(offset.dot(self.right), offset.dot(self.up), offset.dot(self.back))
     }
 }
@@ -183,6 +191,15 @@ mod tests {
             let point = camera.eye() + camera.direction(x, y, 1.6) * 17.0;
             assert!(camera.project(point, 1.6).unwrap().distance(DVec2::new(x, y)) < 1e-12);
         }
+    }
+
+    #[test]
+    fn a_turned_camera_sees_what_it_saw_of_a_turned_world() {
+        let camera = Camera::look_at(DVec3::new(3.0, 4.0, 5.0), DVec3::new(-1.0, 0.0, 2.0), 0.7, 1.3);
+        let (target, point) = (DVec3::new(1.0, 2.0, -1.0), DVec3::new(0.5, 1.0, 0.3));
+        let carried = target + DQuat::from_rotation_y(0.8) * (point - target);
+        let turned = camera.turned_about(target, 0.8);
+        assert!(turned.project(carried, 1.6).unwrap().distance(camera.project(point, 1.6).unwrap()) < 1e-12);
     }
 
     #[test]

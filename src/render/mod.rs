@@ -2,7 +2,9 @@
 //!
 //! In: a [`Scene`], a [`Camera`] and [`Options`]. Out: an sRGB picture with straight alpha. Rooms that every renderer shares:
 //! [`camera`] (rays and framing), [`light`] (sun and sky), [`shade`] (how a surface reflects), [`ply`] (what makes a tube read as
-//! yarn) and [`tone`] (from light to pixels). [`cpu`] traces rays and is the only room that knows of bounding volume hierarchies.
+//! yarn), [`maps`] (what a photo of a yarn says), `paths` (yarns as short pieces) and [`tone`] (from light to pixels). [`cpu`] traces rays and
+//! is the only room that knows of bounding volume hierarchies; [`gpu`] draws triangles and is the only one that names wgpu; [`painter`]
+//! chooses between the two.
 //!
 //! ```
 //! use warpknit::render::{Camera, Options, View, render};
@@ -12,8 +14,9 @@
 //! scene.push_strand([glam::Vec3::NEG_X, glam::Vec3::X], 0);
 //! let options = Options { width: 40, height: 30, ..Options::default() };
 //! let camera = Camera::view(View::Front, &scene.positions, Camera::DEFAULT_FOV, 1.0, options.aspect());
-//! let picture = render(&scene, &camera, &options, &|_| ());
+//! let picture = render(&scene, &camera, &options, &|_| ())?;
 //! assert_ne!(picture.get_pixel(20, 15), picture.get_pixel(20, 2));
+//! # Ok::<(), warpknit::render::gpu::GpuError>(())
 //! ```
 
 pub mod camera;
@@ -21,6 +24,7 @@ pub mod cpu;
 pub mod gpu;
 pub mod light;
 pub mod maps;
+pub mod painter;
 mod paths;
 pub mod ply;
 pub mod shade;
@@ -28,6 +32,7 @@ pub mod tone;
 
 pub use camera::{Camera, View};
 pub use light::Light;
+pub use painter::{Choice, Painter};
 pub use tone::Background;
 
 use crate::scene::Scene;
@@ -40,7 +45,9 @@ pub struct Options {
     pub width: u32,
     /// Pixels down.
     pub height: u32,
-    /// Samples a pixel, at least 1.
+    /// What draws.
+    pub renderer: Choice,
+    /// Samples a pixel, at least 1. Where yarns are drawn as triangles, what goes beyond `samples` is made up by drawing larger.
     pub spp: u32,
     /// Rays a sample that look for nearby yarns in the way of the sky.
     pub sky_rays: u32,
@@ -75,6 +82,7 @@ impl Default for Options {
         Self {
             width: 1600,
             height: 1200,
+            renderer: Choice::Cpu,
             spp: 4,
             sky_rays: 2,
             background: Background::default(),
@@ -91,8 +99,16 @@ impl Default for Options {
 
 /// Draws `scene` as `camera` sees it. `progress` is told the finished share, 0..1, from any thread and in no fixed order.
 ///
-/// The bytes depend on the arguments alone, not on the number of threads. An empty scene gives the background.
-#[must_use]
-pub fn render(scene: &Scene, camera: &Camera, options: &Options, progress: &(dyn Fn(f32) + Sync)) -> RgbaImage {
-    cpu::render(scene, camera, options, progress)
+/// The bytes depend on the arguments alone, and on the adapter if one draws, but not on the number of threads. An empty scene gives the
+/// background. [`Painter`] draws several pictures of one scene.
+///
+/// # Errors
+/// With [`Choice::Gpu`] whatever the adapter can't do.
+pub fn render(
+    scene: &Scene,
+    camera: &Camera,
+    options: &Options,
+    progress: &(dyn Fn(f32) + Sync),
+) -> Result<RgbaImage, gpu::GpuError> {
+    Painter::new(scene, options)?.draw(camera, options, progress)
 }

@@ -38,7 +38,7 @@ impl Window {
         let fov = 2.0 * (size.y / 2.0 / distance).atan();
         let camera = Camera::look_at(middle + DVec3::Z * distance, middle, fov, 1.0);
         let options = Options { width, height, sky_rays: 1, background: Background::Transparent, ..Options::default() };
-        let picture = render(&scene, &camera, &options, &|_| ());
+        let picture = render(&scene, &camera, &options, &|_| ()).unwrap();
         let alpha = picture.pixels().map(|pixel| f64::from(pixel.0[3]) / 255.0).collect();
         Self { alpha, size: [width as usize, height as usize], repeats }
     }

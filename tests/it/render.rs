@@ -28,7 +28,7 @@ fn facing(distance: f64, height: f64) -> Camera {
 }
 
 fn draw(scene: &Scene, camera: &Camera, options: &Options) -> RgbaImage {
-    render(scene, camera, options, &|_| ())
+    render(scene, camera, options, &|_| ()).unwrap()
 }
 
 /// Two strands that cross like a small grid, and a wavy one.

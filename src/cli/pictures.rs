@@ -1,0 +1,135 @@
+//! The pictures of a run: from the scene to `.png`, one or all around.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use glam::{DVec3, Vec3};
+use warpknit::export::{Output, png};
+use warpknit::render::{self, Camera, Painter};
+use warpknit::scene::{Bounds, Scene};
+
+use super::args::Shared;
+use super::clock::{Clock, Task};
+use super::tell;
+
+/// Points on each rim of the drum around a scene, which a camera on a turntable must see whole.
+const RIM: u32 = 64;
+
+/// What drew, and where the pictures wait for their names.
+pub(super) struct Pictures {
+    pub(super) drawn_by: String,
+    /// Why it was not what was asked for.
+    pub(super) notice: Option<String>,
+    pub(super) files: Vec<Output>,
+}
+
+/// The files for one picture, or for each one all around: `NAME-001.png` and so on.
+pub(super) fn frames(path: &Path, turntable: Option<u32>) -> Vec<PathBuf> {
+    let Some(count) = turntable else { return vec![path.to_owned()] };
+    let digits = count.to_string().len().max(3);
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let numbered = |number| path.with_file_name(format!("{stem}-{number:0digits$}.png"));
+    (1..=count).map(numbered).collect()
+}
+
+/// Draws the scene and writes it to `paths`: each place's frames in a row.
+pub(super) fn draw(scene: &Scene, shared: &Shared, paths: &[&Path], clock: &mut Clock) -> Result<Pictures> {
+    clock.begin(Task::Render, 0.0);
+    let options = options(shared);
+    let count = shared.drawing.turntable.unwrap_or(1);
+    let mut painter = Painter::new(scene, &options)?;
+    let mut files = Vec::new();
+    for frame in 0..count {
+        clock.begin(Task::Render, f64::from(frame) / f64::from(count));
+        let shown = clock.progress();
+        let progress = |done: f32| shown((frame as f32 + done) / count as f32);
+        let picture = painter.draw(&camera(scene, shared, options.aspect(), frame), &options, &progress)?;
+        clock.begin(Task::Write, 1.0);
+        for path in paths.iter().skip(frame as usize).step_by(count as usize) {
+            files.push(png::write(path, &picture)?);
+        }
+    }
+    let notice = painter.notice().map(str::to_owned);
+    if let Some(notice) = &notice {
+        tell(shared.quiet, &format!("note: {notice}"));
+    }
+    Ok(Pictures { drawn_by: painter.name().to_owned(), notice, files })
+}
+
+/// How the arguments want pictures to be.
+pub(super) fn options(shared: &Shared) -> render::Options {
+    let drawing = &shared.drawing;
+    let mut options = render::Options {
+        width: shared.size.0,
+        height: shared.size.1,
+        renderer: drawing.renderer.into(),
+        spp: drawing.spp,
+        samples: drawing.samples,
+        st: shared.st,
+        sr: shared.sr,
+        lod: drawing.lod.is_on(),
+        ..render::Options::default()
+    };
+    if let Some(background) = shared.background {
+        options.background = background;
+    }
+    options
+}
+
+/// The camera of a frame.
+fn camera(scene: &Scene, shared: &Shared, aspect: f64, frame: u32) -> Camera {
+    let fov = shared.fov.to_radians();
+    let Some(count) = shared.drawing.turntable else { return still(shared, &scene.positions, fov, aspect) };
+    let Some(bounds) = scene.bounds() else { return still(shared, &[], fov, aspect) };
+    let angle = std::f64::consts::TAU * f64::from(frame) / f64::from(count);
+    still(shared, &drum(&scene.positions, &bounds), fov, aspect).turned_about(bounds.centre().as_dvec3(), angle)
+}
+
+/// A camera that stands where the arguments say, or where it sees all of `points`.
+fn still(shared: &Shared, points: &[Vec3], fov: f64, aspect: f64) -> Camera {
+    match (shared.eye, shared.look_at) {
+        (Some(eye), Some(target)) => Camera::look_at(eye, target, fov, shared.zoom),
+        _ => Camera::view(shared.view.into(), points, fov, shared.zoom, aspect),
+    }
+}
+
+/// The rims of the upright drum around all points: what a turning scene sweeps.
+fn drum(points: &[Vec3], bounds: &Bounds) -> Vec<Vec3> {
+    let centre = bounds.centre();
+    let farthest = points.iter().map(|point| (*point - centre).with_y(0.0).length_squared()).filter(|length| length.is_finite());
+    let radius = f64::from(farthest.fold(0.0, f32::max).sqrt());
+    let rim = |height: f32| {
+        (0..RIM).map(move |step| {
+            let (sin, cos) = (std::f64::consts::TAU * f64::from(step) / f64::from(RIM)).sin_cos();
+            let around = DVec3::new(cos, 0.0, sin) * radius;
+            centre.with_y(height) + around.as_vec3()
+        })
+    };
+    rim(bounds.min.y).chain(rim(bounds.max.y)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_are_numbered_before_the_ending() {
+        let path = Path::new("out/skirt.png");
+        assert_eq!(frames(path, None), [path]);
+        assert_eq!(frames(path, Some(2)), [Path::new("out/skirt-001.png"), Path::new("out/skirt-002.png")]);
+        assert_eq!(frames(path, Some(1000))[999], Path::new("out/skirt-1000.png"));
+        assert_eq!(frames(path, Some(1000))[0], Path::new("out/skirt-0001.png"));
+    }
+
+    #[test]
+    fn the_drum_holds_all_that_turns() {
+        let points = [Vec3::new(3.0, -1.0, 0.0), Vec3::new(-1.0, 5.0, 2.0)];
+        let bounds = Bounds { min: Vec3::new(-1.0, -1.0, 0.0), max: Vec3::new(3.0, 5.0, 2.0) };
+        let drum = drum(&points, &bounds);
+        let centre = bounds.centre();
+        for point in points {
+            let reach = (point - centre).with_y(0.0).length();
+            assert!(drum.iter().all(|rim| (*rim - centre).with_y(0.0).length() > reach - 1e-4));
+        }
+    }
+}
