@@ -1,6 +1,8 @@
 // The light that leaves a yarn toward the eye: sun through its shadow map, sky through the cloth's own depth.
 
 override FUZZ: bool = false;
+// Whether yarns have maps.
+override MAPS: bool = true;
 // Alpha from which yarn is solid; below it is fuzz, blended in a pass of its own.
 const SOLID = 0.5;
 const LEAST_ALPHA = 0.02;
@@ -21,31 +23,29 @@ struct Light {
     @builtin(sample_mask) samples: u32,
 }
 
+// A texel's share in a mean of four, about the depth `origin`: weighted first and second moments, and the weight.
+fn share_of(texel: vec4f, origin: f32, share: f32) -> vec3f {
+    let offset = texel.x - origin;
+    return share * texel.z * vec3f(offset, offset * offset + texel.y, 1.0);
+}
+
 // Mean, variance and cover between texels.
 fn moments_at(map: texture_2d<f32>, place: vec2f) -> vec3f {
-    let size = vec2i(textureDimensions(map));
     let corner = floor(place - 0.5);
     let part = place - 0.5 - corner;
-    var origin = 0.0;
-    var sums = vec3f(0.0);
-    for (var i = 0; i < 4; i++) {
-        let offset = vec2i(i & 1, i >> 1);
-        let texel = textureLoad(map, clamp(vec2i(corner) + offset, vec2i(0), size - 1), 0);
-        let share = select(1.0 - part, part, offset == vec2i(1));
-        let weight = share.x * share.y * texel.z;
-        if weight > 0.0 {
-            if sums.z == 0.0 {
-                origin = texel.x;
-            }
-            let from_origin = texel.x - origin;
-            sums += weight * vec3f(from_origin, from_origin * from_origin + texel.y, 1.0);
-        }
-    }
-    if sums.z <= 0.0 {
-        return vec3f(0.0);
-    }
-    let mean = sums.x / sums.z;
-    return vec3f(origin + mean, max(sums.y / sums.z - mean * mean, 0.0), sums.z);
+    let last = vec2i(textureDimensions(map)) - 1;
+    let low = clamp(vec2i(corner), vec2i(0), last);
+    let high = clamp(vec2i(corner) + 1, vec2i(0), last);
+    let a = textureLoad(map, low, 0);
+    let b = textureLoad(map, vec2i(high.x, low.y), 0);
+    let c = textureLoad(map, vec2i(low.x, high.y), 0);
+    let d = textureLoad(map, high, 0);
+    // Any covered texel's depth will do: it only keeps the sums small.
+    let origin = max(max(a.x, b.x), max(c.x, d.x));
+    let sums = share_of(a, origin, (1.0 - part.x) * (1.0 - part.y)) + share_of(b, origin, part.x * (1.0 - part.y))
+        + share_of(c, origin, (1.0 - part.x) * part.y) + share_of(d, origin, part.x * part.y);
+    let mean = sums.x / max(sums.z, TINY);
+    return vec3f(origin + mean, max(sums.y / max(sums.z, TINY) - mean * mean, 0.0), sums.z);
 }
 
 // Share of the sun that reaches a point: Chebyshev's bound on how much of what the map averages lies behind it.
@@ -126,7 +126,7 @@ fn shade(in: Surface, @builtin(front_facing) front: bool) -> Light {
     var material = Material(outward, look.albedo, look.roughness, look.metallic);
     var alpha = 1.0;
     var occlusion = 1.0;
-    if look.repeat > 0.0 {
+    if MAPS {
         let turn = select(fract(around / TAU + 1.0), around, SHAPE == RIBBON);
         let girth = in.radius * select(TAU, 2.0, SHAPE == RIBBON);
         let texel = map_texel(look, turn, in.along, footprint, cosine, girth);
@@ -169,7 +169,7 @@ fn shade(in: Surface, @builtin(front_facing) front: bool) -> Light {
 @fragment
 fn hole(in: Surface) {
     let look = looks[in.look];
-    if look.repeat > 0.0 {
+    if MAPS {
         let place = vec2f(in.along / look.repeat, in.side * 0.5 + 0.5);
         if textureSampleLevel(base_map, map_sampler, place, 0.0).a < SOLID {
             discard;

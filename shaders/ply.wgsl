@@ -79,7 +79,8 @@ fn ply_detail(p: Place) -> Detail {
     }
     var shade = 1.0 - GROOVE * groove;
     let fibre_share = fade(p.footprint, 2.0 * turn / f32(FIBRES));
-    if fibre_share > 0.0 {
+    // A strip is never so wide that its fibres are seen, and a software driver takes both ways of a branch.
+    if SHAPE != STRIP && fibre_share > 0.0 {
         let fibre = fibres(p, turn);
         tilt += around * (fibre.x * FIBRE_TILT * fibre_share);
         shade *= 1.0 + FIBRE_SHADE * fibre.y * fibre_share;

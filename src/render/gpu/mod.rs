@@ -33,7 +33,7 @@ use crate::scene::{Scene, Shape};
 use frame::{DepthMap, Frame};
 use levels::{Fineness, Looks, Plan};
 use pages::Page;
-use pipelines::{Expansion, Layouts, Pipelines};
+use pipelines::{Expansion, Layouts, Pipelines, Purpose, Writes};
 
 /// Light before the tone curve; half floats hold a thousand times the sun.
 const LIGHT: TextureFormat = TextureFormat::Rgba16Float;
@@ -92,6 +92,26 @@ struct Listed {
     plan: Plan,
     /// One a page.
     groups: Vec<Option<wgpu::BindGroup>>,
+}
+
+impl Yarns {
+    /// The passes of a picture, in order.
+    fn picture_writes(&self) -> &'static [Writes] {
+        match self.shape {
+            Shape::Tube => &[Writes::Before, Writes::Light],
+            Shape::Ribbon if self.has_maps => &[Writes::Light, Writes::Fuzz],
+            Shape::Ribbon => &[Writes::Light],
+        }
+    }
+
+    fn purpose(&self, kind: &levels::Kind, writes: Writes) -> Purpose {
+        let expansion = match (self.shape, kind.edges) {
+            (Shape::Ribbon, _) => Expansion::Ribbon,
+            (Shape::Tube, 2) => Expansion::Strip,
+            (Shape::Tube, _) => Expansion::Tube,
+        };
+        Purpose { expansion, writes, has_maps: kind.maps.is_some() }
+    }
 }
 
 impl Renderer {
@@ -186,7 +206,7 @@ impl Renderer {
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("depths") });
         let fineness = Fineness { sr: options.sr, lod: options.lod };
         let [sun, depth] = [(&frame.sun, false), (&frame.depth, true)].map(|(map, perspective)| {
-            let listed = self.list(yarns, &map.sight, fineness);
+            let listed = self.list(yarns, &map.sight, fineness, &[Writes::Depth]);
             self.depth_map(&mut encoder, yarns, frame, map, perspective, &listed)
         });
         self.gpu.queue.submit([encoder.finish()]);
@@ -216,10 +236,10 @@ impl Renderer {
         {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("depth"),
-                depth_stencil_attachment: Some(depth_attachment(&depths, true)),
+                depth_stencil_attachment: Some(depth_attachment(&depths, wgpu::LoadOp::Clear(1.0), wgpu::StoreOp::Store)),
                 ..wgpu::RenderPassDescriptor::default()
             });
-            self.draw_listed(&mut pass, yarns, listed, &view, |expanded| Some(&expanded.depth));
+            self.draw_listed(&mut pass, yarns, listed, &view, Writes::Depth);
         }
         let [once, twice] = [(); 2].map(|()| view_of(self.texture(MOMENTS, map.size, target, 1)));
         let passes =
@@ -264,9 +284,19 @@ impl Renderer {
             let sight = levels::Sight { clip_from_world, ..frame.camera };
             let (corner, depth_scale) = (corner * scale, frame.view.depth_scale / scale);
             let view = data::View { clip_from_world, corner_x: corner.x, corner_y: corner.y, depth_scale, ..frame.view };
-            (view, lights, self.list(yarns, &sight, Fineness { sr: options.sr, lod: options.lod }))
+            (view, lights, self.list(yarns, &sight, Fineness { sr: options.sr, lod: options.lod }, yarns.picture_writes()))
         });
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("picture") });
+        {
+            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some("before"),
+                depth_stencil_attachment: Some(depth_attachment(&depths, wgpu::LoadOp::Clear(1.0), wgpu::StoreOp::Store)),
+                ..wgpu::RenderPassDescriptor::default()
+            });
+            if let Some((view, _, listed)) = &drawn {
+                self.draw_listed(&mut pass, yarns, listed, view, Writes::Before);
+            }
+        }
         {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("light"),
@@ -276,15 +306,13 @@ impl Renderer {
                     resolve_target: sampled.is_some().then_some(&light),
                     ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store: wgpu::StoreOp::Store },
                 })],
-                depth_stencil_attachment: Some(depth_attachment(&depths, false)),
+                depth_stencil_attachment: Some(depth_attachment(&depths, wgpu::LoadOp::Load, wgpu::StoreOp::Discard)),
                 ..wgpu::RenderPassDescriptor::default()
             });
             if let Some((view, lights, listed)) = &drawn {
                 pass.set_bind_group(3, *lights, &[]);
-                self.draw_listed(&mut pass, yarns, listed, view, |expanded| Some(&expanded.light));
-                if yarns.has_maps && yarns.shape == Shape::Ribbon {
-                    self.draw_listed(&mut pass, yarns, listed, view, |expanded| expanded.fuzz.as_ref());
-                }
+                self.draw_listed(&mut pass, yarns, listed, view, Writes::Light);
+                self.draw_listed(&mut pass, yarns, listed, view, Writes::Fuzz);
             }
         }
         let background = match options.background {
@@ -299,9 +327,12 @@ impl Renderer {
     }
 
     /// What of the yarns a pass draws, with its instances on the device.
-    fn list(&mut self, yarns: &Yarns, sight: &levels::Sight, fineness: Fineness) -> Listed {
+    fn list(&mut self, yarns: &Yarns, sight: &levels::Sight, fineness: Fineness, writes: &[Writes]) -> Listed {
         let plan = Plan::of(&yarns.kinds, &yarns.pages, sight, fineness);
         for batch in &plan.batches {
+            for purpose in writes.iter().map(|&writes| yarns.purpose(&batch.kind, writes)) {
+                self.pipelines.make(&self.gpu, &self.layouts, purpose);
+            }
             self.indices.entry(batch.kind.edges).or_insert_with(|| {
                 let indices = pipelines::indices(batch.kind.edges);
                 let contents = bytemuck::cast_slice(&indices);
@@ -341,28 +372,15 @@ impl Renderer {
         Some(self.group("page", &self.layouts.page, &[points, turns, chunks, parts, draw]))
     }
 
-    /// Draws batch after batch with the pipelines that `pick` takes.
-    fn draw_listed<'a>(
-        &'a self,
-        pass: &mut wgpu::RenderPass<'_>,
-        yarns: &Yarns,
-        listed: &Listed,
-        view: &data::View,
-        pick: impl Fn(&'a pipelines::Expanded) -> Option<&'a wgpu::RenderPipeline>,
-    ) {
+    /// Draws batch after batch with the pipelines that were made for them.
+    fn draw_listed(&self, pass: &mut wgpu::RenderPass<'_>, yarns: &Yarns, listed: &Listed, view: &data::View, writes: Writes) {
         let view = self.uniform(bytes_of(view));
         let view = self.group("view", &self.layouts.view, &[view.as_entire_binding(), yarns.looks.as_entire_binding()]);
         pass.set_bind_group(0, &view, &[]);
         let alignment = self.gpu.device.limits().min_uniform_buffer_offset_alignment;
         for (batch, number) in listed.plan.batches.iter().zip(0_u32..) {
-            let expansion = match (yarns.shape, batch.kind.edges) {
-                (Shape::Ribbon, _) => Expansion::Ribbon,
-                (Shape::Tube, 2) => Expansion::Strip,
-                (Shape::Tube, _) => Expansion::Tube,
-            };
-            let (Some(pipeline), Some(group)) = (pick(self.pipelines.expanded(expansion)), &listed.groups[batch.page]) else {
-                continue;
-            };
+            let purpose = yarns.purpose(&batch.kind, writes);
+            let (Some(pipeline), Some(group)) = (self.pipelines.made(purpose), &listed.groups[batch.page]) else { continue };
             let (indices, count) = &self.indices[&batch.kind.edges];
             let maps = batch.kind.maps.map(usize::from).filter(|&maps| maps + 1 < yarns.maps.len());
             pass.set_pipeline(pipeline);
@@ -464,10 +482,12 @@ impl Renderer {
     }
 }
 
-fn depth_attachment(view: &wgpu::TextureView, kept: bool) -> wgpu::RenderPassDepthStencilAttachment<'_> {
-    let store = if kept { wgpu::StoreOp::Store } else { wgpu::StoreOp::Discard };
-    let depth_ops = Some(wgpu::Operations { load: wgpu::LoadOp::Clear(1.0), store });
-    wgpu::RenderPassDepthStencilAttachment { view, depth_ops, stencil_ops: None }
+fn depth_attachment(
+    view: &wgpu::TextureView,
+    load: wgpu::LoadOp<f32>,
+    store: wgpu::StoreOp,
+) -> wgpu::RenderPassDepthStencilAttachment<'_> {
+    wgpu::RenderPassDepthStencilAttachment { view, depth_ops: Some(wgpu::Operations { load, store }), stencil_ops: None }
 }
 
 /// Runs a shader over all pixels of `to`.

@@ -3,6 +3,8 @@
 //! Groups of the yarn shader: 0 the view, 1 a page, 2 a yarn's maps, 3 what the light needs. Passes that only write depths bind the first
 //! three.
 
+use std::collections::BTreeMap;
+
 use wgpu::{BindGroupLayoutEntry as Entry, BindingType, BufferBindingType, ShaderStages, TextureSampleType};
 
 use super::data;
@@ -10,7 +12,7 @@ use super::device::Gpu;
 use super::{DEPTH, LIGHT, MOMENTS, PICTURE, shaders};
 
 /// How vertices are expanded: `SHAPE` of the yarn shader.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Expansion {
     Tube = 0,
     Strip = 1,
@@ -18,20 +20,25 @@ pub(super) enum Expansion {
 }
 
 /// What a pass over the yarns writes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Writes {
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Writes {
+    /// Depths of one sample, for maps of depths.
     Depth,
-    Light { samples: u32 },
-    Fuzz { samples: u32 },
+    /// Depths of the picture's samples, before its light, so that only what is seen is lit. Ribbons have none: which of their samples are
+    /// solid is for the light to say.
+    Before,
+    /// Light of what is solid.
+    Light,
+    /// Light of what is not, blended; only ribbons have it.
+    Fuzz,
 }
 
-/// The pipelines of one way to expand yarns.
-#[derive(Debug)]
-pub(super) struct Expanded {
-    pub(super) depth: wgpu::RenderPipeline,
-    pub(super) light: wgpu::RenderPipeline,
-    /// Blends what is not solid; only ribbons have it.
-    pub(super) fuzz: Option<wgpu::RenderPipeline>,
+/// What a pipeline over the yarns is made for. A software driver computes both ways of every branch, so what never happens is left out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Purpose {
+    pub(super) expansion: Expansion,
+    pub(super) writes: Writes,
+    pub(super) has_maps: bool,
 }
 
 /// Layouts of the yarn shader's groups.
@@ -45,13 +52,13 @@ pub(super) struct Layouts {
     pub(super) tone: wgpu::BindGroupLayout,
 }
 
-/// All pipelines for pictures of one number of samples.
+/// The pipelines for pictures of one number of samples. Those over the yarns are made when they are first wanted: compiling all takes half a
+/// second on a software driver.
 #[derive(Debug)]
 pub(super) struct Pipelines {
     pub(super) samples: u32,
-    pub(super) tube: Expanded,
-    pub(super) strip: Expanded,
-    pub(super) ribbon: Expanded,
+    yarn: wgpu::ShaderModule,
+    made: BTreeMap<Purpose, wgpu::RenderPipeline>,
     pub(super) from_depths: wgpu::RenderPipeline,
     pub(super) from_moments: wgpu::RenderPipeline,
     pub(super) tone: wgpu::RenderPipeline,
@@ -111,31 +118,26 @@ impl Pipelines {
             gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source })
         };
         let (yarn, moments, tone) = (module(shaders::YARN), module(shaders::MOMENTS), module(shaders::TONE));
-        let expanded = |expansion| {
-            let pipeline = |writes| yarn_pipeline(gpu, layouts, &yarn, expansion, writes);
-            Expanded {
-                depth: pipeline(Writes::Depth),
-                light: pipeline(Writes::Light { samples }),
-                fuzz: (expansion == Expansion::Ribbon).then(|| pipeline(Writes::Fuzz { samples })),
-            }
-        };
         Self {
             samples,
-            tube: expanded(Expansion::Tube),
-            strip: expanded(Expansion::Strip),
-            ribbon: expanded(Expansion::Ribbon),
+            yarn,
+            made: BTreeMap::new(),
             from_depths: screen_pipeline(gpu, &layouts.moments, &moments, "from_depths", MOMENTS),
             from_moments: screen_pipeline(gpu, &layouts.moments, &moments, "from_moments", MOMENTS),
             tone: screen_pipeline(gpu, &layouts.tone, &tone, "tone_map", PICTURE),
         }
     }
 
-    pub(super) fn expanded(&self, expansion: Expansion) -> &Expanded {
-        match expansion {
-            Expansion::Tube => &self.tube,
-            Expansion::Strip => &self.strip,
-            Expansion::Ribbon => &self.ribbon,
+    /// Makes the pipeline for a purpose, unless it is there.
+    pub(super) fn make(&mut self, gpu: &Gpu, layouts: &Layouts, purpose: Purpose) {
+        if !self.made.contains_key(&purpose) {
+            self.made.insert(purpose, yarn_pipeline(gpu, layouts, &self.yarn, purpose, self.samples));
         }
+    }
+
+    /// The pipeline for a purpose, if it was made.
+    pub(super) fn made(&self, purpose: Purpose) -> Option<&wgpu::RenderPipeline> {
+        self.made.get(&purpose)
     }
 }
 
@@ -143,29 +145,28 @@ fn yarn_pipeline(
     gpu: &Gpu,
     layouts: &Layouts,
     module: &wgpu::ShaderModule,
-    expansion: Expansion,
-    writes: Writes,
+    purpose: Purpose,
+    samples: u32,
 ) -> wgpu::RenderPipeline {
-    let (groups, samples) = match writes {
-        Writes::Depth => (3, 1),
-        Writes::Light { samples } | Writes::Fuzz { samples } => (4, samples),
-    };
+    let Purpose { expansion, writes, has_maps } = purpose;
+    let samples = if writes == Writes::Depth { 1 } else { samples };
+    let groups = if matches!(writes, Writes::Depth | Writes::Before) { 3 } else { 4 };
     let groups = &[Some(&layouts.view), Some(&layouts.page), Some(&layouts.maps), Some(&layouts.light)][..groups];
     let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: None,
         bind_group_layouts: groups,
         immediate_size: 0,
     });
-    let is_fuzz = matches!(writes, Writes::Fuzz { .. });
-    let constants = &[("SHAPE", f64::from(expansion as u32)), ("FUZZ", f64::from(u8::from(is_fuzz)))];
+    let is_fuzz = writes == Writes::Fuzz;
+    let switch = |is_on: bool| f64::from(u8::from(is_on));
+    let constants = &[("SHAPE", f64::from(expansion as u32)), ("FUZZ", switch(is_fuzz)), ("MAPS", switch(has_maps))];
     let compilation_options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
     let blend = is_fuzz.then_some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING);
     let light = [Some(wgpu::ColorTargetState { format: LIGHT, blend, write_mask: wgpu::ColorWrites::ALL })];
     let fragment = match writes {
         // A depth needs no fragment, but where there may be holes.
-        Writes::Depth if expansion != Expansion::Ribbon => None,
-        Writes::Depth => Some(("hole", &[][..])),
-        Writes::Light { .. } | Writes::Fuzz { .. } => Some(("shade", &light[..])),
+        Writes::Depth | Writes::Before => (expansion == Expansion::Ribbon && has_maps).then_some(("hole", &[][..])),
+        Writes::Light | Writes::Fuzz => Some(("shade", &light[..])),
     };
     let fragment = fragment.map(|(entry, targets)| wgpu::FragmentState {
         module,
@@ -189,7 +190,8 @@ fn yarn_pipeline(
         depth_stencil: Some(wgpu::DepthStencilState {
             format: DEPTH,
             depth_write_enabled: Some(!is_fuzz),
-            depth_compare: Some(wgpu::CompareFunction::Less),
+            // Equal to what the same triangles have written before.
+            depth_compare: Some(wgpu::CompareFunction::LessEqual),
             stencil: wgpu::StencilState::default(),
             bias: wgpu::DepthBiasState::default(),
         }),
