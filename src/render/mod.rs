@@ -51,6 +51,8 @@ pub struct Options {
     pub exposure: f32,
     /// Another seed gives other noise, the same seed the same bytes.
     pub seed: u32,
+    /// Whether detail that no pixel shows may be left out: colour and coverage stay, single yarns blur.
+    pub lod: bool,
 }
 
 impl Options {
@@ -72,6 +74,7 @@ impl Default for Options {
             light: Light::default(),
             exposure: 1.0,
             seed: 0,
+            lod: true,
         }
     }
 }

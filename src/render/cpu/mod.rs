@@ -30,6 +30,8 @@ const SKY_REACH: f32 = 24.0;
 const LIFT: f32 = 0.02;
 /// Rows that are traced before their pixels are written: enough to share among threads, few enough to take little memory.
 const BAND: usize = 64;
+/// Pixels that are traced one after another lie in squares of so many, whose rays meet the same yarns while these are in the cache.
+const TILE: u32 = 8;
 
 /// See [`crate::render::render`].
 #[must_use]
@@ -37,20 +39,26 @@ pub fn render(scene: &Scene, camera: &Camera, options: &Options, progress: &(dyn
     let (width, height) = (options.width, options.height);
     let mut picture = RgbaImage::new(width, height);
     let view = scene.bounds().map(|bounds| View {
-        tracer: Tracer::new(Segments::of(scene, &bounds, camera, height)),
+        tracer: Tracer::new(Segments::of(scene, &bounds, camera, options)),
         rig: options.light.around(camera),
         scene,
         camera,
         options,
     });
     let done = AtomicU32::new(0);
-    let trace = |y| {
-        let mut splats = Splats::new(width);
-        if let Some(view) = &view {
-            (0..width).for_each(|x| view.pixel(x, y, &mut splats));
+    let trace = |first: u32| {
+        let mut rows: Vec<_> = (first..height.min(first.saturating_add(TILE))).map(|y| (y, Splats::new(width))).collect();
+        for left in (0..width).step_by(TILE as usize) {
+            for (y, splats) in rows.iter_mut().filter(|_| view.is_some()) {
+                if let Some(view) = &view {
+                    (left..width.min(left.saturating_add(TILE))).for_each(|x| view.pixel(x, *y, splats));
+                }
+            }
         }
-        progress(share(done.fetch_add(1, Ordering::Relaxed) + 1, height));
-        splats
+        for _ in &rows {
+            progress(share(done.fetch_add(1, Ordering::Relaxed) + 1, height));
+        }
+        rows.into_iter().map(|(_, splats)| splats).collect::<Vec<_>>()
     };
     // A pixel needs the rows next to its own, so the last two rows of a band wait for the next one.
     let mut rows = vec![Splats::new(width)];
@@ -58,7 +66,8 @@ pub fn render(scene: &Scene, camera: &Camera, options: &Options, progress: &(dyn
     let mut unwritten = picture.as_mut();
     for band in (0..height).step_by(BAND) {
         let end = height.min(band.saturating_add(index32(BAND)));
-        rows.par_extend((band..end).into_par_iter().map(&trace));
+        let tiles: Vec<_> = (band..end).into_par_iter().step_by(TILE as usize).map(&trace).collect();
+        rows.extend(tiles.into_iter().flatten());
         if end == height {
             rows.push(Splats::new(width));
         }
@@ -94,6 +103,8 @@ struct Meeting {
     surface: Surface,
     radius: f32,
     toward_eye: Vec3,
+    /// Whether a pixel is wider than the yarn, and the difference may be used.
+    thin: bool,
 }
 
 impl View<'_> {
@@ -101,21 +112,35 @@ impl View<'_> {
     fn pixel(&self, x: u32, y: u32, splats: &mut Splats) {
         let spp = self.options.spp.max(1);
         let sampler = Sampler::new(x, y, self.options.seed);
+        let mut shared = None;
         for index in 0..spp {
             let place = sampler.pair(Purpose::Pixel, index, spp);
             let across = (f64::from(x) + f64::from(place[0])) / f64::from(self.options.width) * 2.0 - 1.0;
             let up = 1.0 - (f64::from(y) + f64::from(place[1])) / f64::from(self.options.height) * 2.0;
-            splats.add(x, place, self.sample(across, up, index, &sampler));
+            splats.add(x, place, self.sample(across, up, index, &sampler, &mut shared));
         }
     }
 
     /// The light that comes from picture point (across, up), and in w 1 where yarn is and 0 where none is.
-    fn sample(&self, across: f64, up: f64, index: u32, sampler: &Sampler) -> Vec4 {
+    ///
+    /// Where yarns are thinner than a pixel, its samples share what they see of the sky in `shared`, and every second one looks for the
+    /// sun for two.
+    fn sample(&self, across: f64, up: f64, index: u32, sampler: &Sampler, shared: &mut Option<Sky>) -> Vec4 {
         let direction = self.camera.direction(across, up, self.options.aspect());
         let Some(path) = self.tracer.enter(self.camera.eye(), direction) else { return Vec4::ZERO };
         let Some(hit) = self.tracer.nearest(&path) else { return Vec4::ZERO };
         let met = self.meet(&path, hit);
-        let light = self.sunlight(&met, sampler, index) + self.skylight(&met, sampler, index);
+        let spp = self.options.spp.max(1);
+        let (sky, suns) = if met.thin {
+            let sky = *shared.get_or_insert_with(|| self.sky(&met, sampler, index, 1));
+            (sky, if index.is_multiple_of(2) { share(spp, spp.div_ceil(2)) } else { 0.0 })
+        } else {
+            (self.sky(&met, sampler, index, self.options.sky_rays.max(1)), 1.0)
+        };
+        let mut light = self.skylight(&met, sky);
+        if suns > 0.0 {
+            light += self.sunlight(&met, sampler, index) * suns;
+        }
         if light.is_finite() { light.extend(1.0) } else { Vec4::W }
     }
 
@@ -134,14 +159,15 @@ impl View<'_> {
             tangent: axis.tangent,
             around: tube_normal.dot(axis.tangent.cross(axis.across)).atan2(tube_normal.dot(axis.across)),
             along: axis.along,
-            radius: axis.radius,
+            radius: look.radius,
             footprint: narrow(self.camera.pixel_size(distance, self.options.height)),
             plies: narrow(f64::from(look.plies)),
             twist_slope: look.twist_slope,
         };
         let (normal, shade) = ply::detail(&place);
         let surface = Surface { normal, albedo: look.albedo * shade, roughness: look.roughness, metallic: look.metallic };
-        Meeting { start: hit.start, position, tube_normal, surface, radius: axis.radius, toward_eye: -path.direction }
+        let thin = self.options.lod && place.footprint > 2.0 * look.radius;
+        Meeting { start: hit.start, position, tube_normal, surface, radius: look.radius, toward_eye: -path.direction, thin }
     }
 
     fn sunlight(&self, met: &Meeting, sampler: &Sampler, index: u32) -> Vec3 {
@@ -154,14 +180,12 @@ impl View<'_> {
         if self.tracer.occluder(&met.path(toward, f32::INFINITY), met.start).is_some() { Vec3::ZERO } else { reflected }
     }
 
-    /// Diffuse light from the sky by cosine-distributed rays, and the sky's mirror image dimmed by how much of it they saw.
-    fn skylight(&self, met: &Meeting, sampler: &Sampler, index: u32) -> Vec3 {
-        let rays = self.options.sky_rays.max(1);
-        let normal = met.surface.normal;
+    /// What `rays` cosine-distributed rays see of the sky, or of the yarns in front of it.
+    fn sky(&self, met: &Meeting, sampler: &Sampler, index: u32, rays: u32) -> Sky {
         let (mut light, mut open) = (Vec3::ZERO, 0);
         for ray in 0..rays {
             let u = sampler.pair(Purpose::Sky, index * rays + ray, self.options.spp.max(1) * rays);
-            let toward = cosine_direction(normal, u);
+            let toward = cosine_direction(met.surface.normal, u);
             let stopped = if met.tube_normal.dot(toward) <= 0.0 {
                 Some(met.start)
             } else {
@@ -173,10 +197,25 @@ impl View<'_> {
             };
             open += u32::from(stopped.is_none());
         }
+        Sky { light: light * share(1, rays), open: share(open, rays) }
+    }
+
+    /// The sky's diffuse light, and its mirror image dimmed by how much of it is to be seen.
+    fn skylight(&self, met: &Meeting, sky: Sky) -> Vec3 {
+        let normal = met.surface.normal;
         let mirrored = schlick_rough(met.surface.f0(), normal.dot(met.toward_eye), met.surface.roughness);
         let mirror = (normal * (2.0 * normal.dot(met.toward_eye)) - met.toward_eye).normalize_or(normal);
-        met.surface.diffuse(mirrored) * light * share(1, rays) + mirrored * self.rig.sky(mirror) * share(open, rays)
+        met.surface.diffuse(mirrored) * sky.light + mirrored * self.rig.sky(mirror) * sky.open
     }
+}
+
+/// What a point sees above it.
+#[derive(Clone, Copy)]
+struct Sky {
+    /// Mean radiance, by the cosine.
+    light: Vec3,
+    /// Share that no yarn stops.
+    open: f32,
 }
 
 impl Meeting {

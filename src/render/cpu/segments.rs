@@ -6,12 +6,15 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::ids::index32;
-use crate::render::Camera;
 use crate::render::paths::{Cut, Paths};
+use crate::render::{Camera, Options};
 use crate::scene::{Bounds, Scene};
 
-/// Most segments that share a box in the hierarchy: two halve the memory of building it, for boxes that are hardly looser.
-const LINK: usize = 2;
+/// Segments that share a box in the hierarchy: two halve the memory of building it, for boxes that are hardly looser.
+const LINK: u32 = 2;
+/// The same among so many segments that building takes longer than tracing.
+const LARGE_LINK: u32 = 4;
+const LARGE: usize = 3_000_000;
 
 /// Capsules between consecutive points. A segment is named by its first point; a link is one or more segments in a row.
 #[derive(Debug, Default)]
@@ -33,25 +36,35 @@ pub(super) struct AxisPoint {
 }
 
 impl Segments {
-    /// Cuts up all strands for a picture `height` pixels high; `bounds` are the scene's.
-    pub(super) fn of(scene: &Scene, bounds: &Bounds, camera: &Camera, height: u32) -> Self {
+    /// Cuts up all strands for a picture; `bounds` are the scene's.
+    pub(super) fn of(scene: &Scene, bounds: &Bounds, camera: &Camera, options: &Options) -> Self {
         let centre = bounds.centre().as_dvec3();
         let count = scene.strands.len();
         let parts: Vec<Paths> = ((0..count).into_par_iter().step_by(64))
-            .map(|first| Paths::of(scene, first..count.min(first + 64), centre, Cut::Picture(camera, height)))
+            .map(|first| Paths::of(scene, first..count.min(first + 64), centre, Cut::Picture(camera, options)))
             .collect();
         let mut paths = Paths { centre, ..Paths::default() };
         paths.reserve(parts.iter().map(|part| part.points.len()).sum());
         for part in parts {
             paths.append(&part);
         }
-        let links = links(&paths);
-        Self { paths, links }
+        let mut segments = Self { paths, links: Vec::new() };
+        segments.links = links(&segments.paths, segments.most_in_link());
+        segments
+    }
+
+    /// Whether there are so many that building the hierarchy counts for more than tracing it.
+    pub(super) fn is_large(&self) -> bool {
+        self.paths.points.len() > LARGE
+    }
+
+    fn most_in_link(&self) -> u32 {
+        if self.is_large() { LARGE_LINK } else { LINK }
     }
 
     /// The segments of a link.
     pub(super) fn of_link(&self, link: u32) -> impl Iterator<Item = u32> {
-        (link..).take(LINK).take_while(|&start| self.paths.points[start as usize].w > 0.0)
+        (link..link + self.most_in_link()).take_while(|&start| self.paths.points[start as usize].w > 0.0)
     }
 
     /// The look of the segment that starts at point `start`.
@@ -77,14 +90,18 @@ impl Segments {
     }
 }
 
-/// Every second segment of a strand, counted from its start.
-fn links(paths: &Paths) -> Vec<u32> {
-    let mut links = Vec::with_capacity(paths.points.len() / LINK + 1);
+/// Every `most`th segment of a strand, counted from its start.
+fn links(paths: &Paths, most: u32) -> Vec<u32> {
+    let mut links = Vec::with_capacity(paths.points.len() / most as usize + 1);
     let mut in_row = 0;
     for (start, point) in paths.points.iter().enumerate() {
-        in_row = if point.w > 0.0 { in_row + 1 } else { 0 };
-        if in_row % LINK == 1 % LINK && in_row > 0 {
-            links.push(index32(start));
+        if point.w > 0.0 {
+            if in_row % most == 0 {
+                links.push(index32(start));
+            }
+            in_row += 1;
+        } else {
+            in_row = 0;
         }
     }
     links
@@ -105,7 +122,7 @@ mod tests {
     fn segments(scene: &Scene, height: u32) -> Segments {
         let bounds = scene.bounds().unwrap();
         let camera = Camera::view(crate::render::View::Front, &scene.positions, 0.5, 1.0, 1.0);
-        Segments::of(scene, &bounds, &camera, height)
+        Segments::of(scene, &bounds, &camera, &Options { height, lod: false, ..Options::default() })
     }
 
     fn starts(segments: &Segments) -> Vec<u32> {
