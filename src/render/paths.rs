@@ -66,15 +66,6 @@ impl Paths {
         paths
     }
 
-    /// Room for so many points more.
-    pub(super) fn reserve(&mut self, points: usize) {
-        self.points.reserve_exact(points);
-        self.tangents.reserve_exact(points);
-        self.across.reserve_exact(points);
-        self.along.reserve_exact(points);
-        self.looks.reserve_exact(points);
-    }
-
     /// Appends other paths with the same centre.
     pub(super) fn append(&mut self, other: &Self) {
         self.points.extend_from_slice(&other.points);
@@ -238,7 +229,7 @@ impl Laying<'_> {
         if let Some(start) = self.paths.points.last_mut() {
             let moved = (bulge + chord.bulge).as_vec3() * 0.5;
             #[expect(clippy::cast_possible_truncation, reason = "rounding is meant")]
-            let widening = (chord.arc / chord.length.max(f64::MIN_POSITIVE)).min(WIDEST) as f32;
+            let widening = (chord.arc / chord.length.max(f64::MIN_POSITIVE)).clamp(1.0, WIDEST) as f32;
             *start = (start.truncate() + moved).extend(start.w * widening);
         }
         self.along += chord.arc - chord.length;

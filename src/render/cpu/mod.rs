@@ -1,26 +1,30 @@
 //! Ray tracing on the processor: what a machine without a graphics driver gets.
 //!
 //! In: the same as every renderer's. Out: the picture. Each sample of a pixel sends one ray to the yarns, one from there to the
-//! sun and a few short ones to the sky; a sky ray that is stopped brings the colour of the yarn that stopped it. Rows are traced in
+//! sun and a few short ones to the sky; a sky ray that is stopped brings the colour of the yarn that stopped it. Yarns are tubes or ribbons, with
+//! maps or plies. Rows are traced in
 //! parallel and no sample depends on another, so that any number of threads gives the same bytes.
 
 mod film;
 mod sample;
 mod segments;
+mod strip;
 mod trace;
 
 use crate::ids::index32;
 use crate::render::light::Rig;
+use crate::render::maps::Maps;
 use crate::render::ply::{self, Place};
 use crate::render::shade::{Surface, schlick_rough};
 use crate::render::{Camera, Options, tone};
-use crate::scene::Scene;
+use crate::scene::{Scene, Shape, YarnLook};
 use film::Splats;
 use glam::{Vec3, Vec4};
 use image::RgbaImage;
 use rayon::prelude::*;
 use sample::{Purpose, Sampler};
 use segments::Segments;
+use std::f32::consts::TAU;
 use std::sync::atomic::{AtomicU32, Ordering};
 use trace::{Hit, Path, Tracer};
 
@@ -39,7 +43,7 @@ pub fn render(scene: &Scene, camera: &Camera, options: &Options, progress: &(dyn
     let (width, height) = (options.width, options.height);
     let mut picture = RgbaImage::new(width, height);
     let view = scene.bounds().map(|bounds| View {
-        tracer: Tracer::new(Segments::of(scene, &bounds, camera, options)),
+        tracer: Tracer::new(Segments::of(scene, &bounds, camera, options), scene),
         rig: options.light.around(camera),
         scene,
         camera,
@@ -85,7 +89,7 @@ pub fn render(scene: &Scene, camera: &Camera, options: &Options, progress: &(dyn
 
 /// All that a pixel's colour depends on.
 struct View<'a> {
-    tracer: Tracer,
+    tracer: Tracer<'a>,
     rig: Rig,
     scene: &'a Scene,
     camera: &'a Camera,
@@ -96,15 +100,32 @@ struct View<'a> {
 struct Meeting {
     /// First point of the segment.
     start: u32,
-    /// On the tube, relative to the scene's middle.
+    /// On the yarn, relative to the scene's middle.
     position: Vec3,
-    /// Normal of the tube; the surface's own is tilted by plies and fibres.
-    tube_normal: Vec3,
+    /// Normal of the tube or the fabric; the surface's own is tilted by plies and fibres.
+    smooth_normal: Vec3,
     surface: Surface,
+    /// Share of the sky's light that the yarn's own relief lets through.
+    occlusion: f32,
     radius: f32,
     toward_eye: Vec3,
+    /// Size of a pixel there, mm.
+    footprint: f32,
+    chance: u32,
     /// Whether a pixel is wider than the yarn, and the difference may be used.
     thin: bool,
+}
+
+/// Where on a yarn a ray met it, before anything is known of its colour.
+struct Spot {
+    position: Vec3,
+    normal: Vec3,
+    tangent: Vec3,
+    /// Across the yarn to where its picture has its top.
+    top: Vec3,
+    /// Angle around a tube, radians; on a ribbon 0..TAU from edge to edge.
+    around: f32,
+    along: f32,
 }
 
 impl View<'_> {
@@ -127,7 +148,8 @@ impl View<'_> {
     /// sun for two.
     fn sample(&self, across: f64, up: f64, index: u32, sampler: &Sampler, shared: &mut Option<Sky>) -> Vec4 {
         let direction = self.camera.direction(across, up, self.options.aspect());
-        let Some(path) = self.tracer.enter(self.camera.eye(), direction) else { return Vec4::ZERO };
+        let entered = self.tracer.enter(self.camera, self.options.height, direction, sampler.chance(index));
+        let Some(path) = entered else { return Vec4::ZERO };
         let Some(hit) = self.tracer.nearest(&path) else { return Vec4::ZERO };
         let met = self.meet(&path, hit);
         let spp = self.options.spp.max(1);
@@ -145,35 +167,94 @@ impl View<'_> {
     }
 
     fn meet(&self, path: &Path, hit: Hit) -> Meeting {
-        let segments = &self.tracer.segments;
-        let axis = segments.axis_point(hit.start, path.origin + path.direction * hit.distance);
-        let outward = path.origin + path.direction * hit.distance - axis.position;
-        // The capsule's normal with the curve's tangent taken out of it: smooth where two capsules join.
-        let tube_normal = (outward - axis.tangent * outward.dot(axis.tangent)).normalize_or(-path.direction);
-        let position = axis.position + outward.normalize_or(tube_normal) * axis.radius;
-        let distance = (position.as_dvec3() + segments.paths.centre).distance(self.camera.eye());
-        let look = &self.scene.looks[usize::from(segments.look(hit.start))];
-        let place = Place {
-            normal: tube_normal,
-            toward_eye: -path.direction,
-            tangent: axis.tangent,
-            around: tube_normal.dot(axis.tangent.cross(axis.across)).atan2(tube_normal.dot(axis.across)),
-            along: axis.along,
-            radius: look.radius,
-            footprint: narrow(self.camera.pixel_size(distance, self.options.height)),
-            plies: narrow(f64::from(look.plies)),
-            twist_slope: look.twist_slope,
+        let spot = match self.scene.shape {
+            Shape::Tube => self.on_tube(path, hit),
+            Shape::Ribbon => self.on_ribbon(path, hit),
         };
-        let (normal, shade) = ply::detail(&place);
-        let surface = Surface { normal, albedo: look.albedo * shade, roughness: look.roughness, metallic: look.metallic };
-        let thin = self.options.lod && place.footprint > 2.0 * look.radius;
-        Meeting { start: hit.start, position, tube_normal, surface, radius: look.radius, toward_eye: -path.direction, thin }
+        let toward_eye = -path.direction;
+        let distance = (spot.position.as_dvec3() + self.tracer.segments.paths.centre).distance(self.camera.eye());
+        let footprint = narrow(self.camera.pixel_size(distance, self.options.height));
+        let look = &self.scene.looks[usize::from(self.tracer.segments.look(hit.start))];
+        let (mut surface, occlusion) = match self.maps(look) {
+            Some(maps) => mapped(maps, &spot, look.radius, footprint, self.scene.shape),
+            None => (self.plied(look, &spot, toward_eye, footprint), 1.0),
+        };
+        surface.normal = ply::facing(surface.normal, toward_eye);
+        Meeting {
+            start: hit.start,
+            position: spot.position,
+            smooth_normal: spot.normal,
+            surface,
+            occlusion,
+            radius: look.radius,
+            toward_eye,
+            footprint,
+            chance: path.chance,
+            thin: self.options.lod && footprint > 2.0 * look.radius,
+        }
+    }
+
+    fn on_tube(&self, path: &Path, hit: Hit) -> Spot {
+        let met = path.origin + path.direction * hit.distance;
+        let axis = self.tracer.segments.axis_point(hit.start, met);
+        let outward = met - axis.position;
+        // The capsule's normal with the curve's tangent taken out of it: smooth where two capsules join.
+        let normal = (outward - axis.tangent * outward.dot(axis.tangent)).normalize_or(-path.direction);
+        Spot {
+            position: axis.position + outward.normalize_or(normal) * axis.radius,
+            normal,
+            tangent: axis.tangent,
+            top: normal.cross(axis.tangent),
+            around: normal.dot(axis.tangent.cross(axis.across)).atan2(normal.dot(axis.across)),
+            along: axis.along,
+        }
+    }
+
+    fn on_ribbon(&self, path: &Path, hit: Hit) -> Spot {
+        let segments = &self.tracer.segments;
+        let crossing = segments.strip(hit.start).crossing(path.origin.into(), path.direction.into());
+        let (u, v) = crossing.map_or((0.5, 0.5), |crossing| (crossing.u, crossing.v));
+        let (tangent, normal) = segments.directions(hit.start, v);
+        let front = normal.normalize_or(-path.direction);
+        // Cloth has two right sides: the back is lit as the front is.
+        let normal = if front.dot(path.direction) > 0.0 { -front } else { front };
+        let (top, along) = (front.cross(tangent).normalize_or_zero(), segments.along(hit.start, v));
+        Spot { position: path.origin + path.direction * hit.distance, normal, tangent, top, around: u * TAU, along }
+    }
+
+    fn maps(&self, look: &YarnLook) -> Option<&Maps> {
+        look.maps.and_then(|maps| self.scene.maps.get(usize::from(maps)))
+    }
+
+    /// The surface of a yarn of which there is no photo.
+    fn plied(&self, look: &YarnLook, spot: &Spot, toward_eye: Vec3, footprint: f32) -> Surface {
+        let (normal, shade) = match self.scene.shape {
+            Shape::Ribbon => (spot.normal, 1.0),
+            Shape::Tube => ply::detail(&Place {
+                normal: spot.normal,
+                toward_eye,
+                tangent: spot.tangent,
+                around: spot.around,
+                along: spot.along,
+                radius: look.radius,
+                footprint,
+                plies: narrow(f64::from(look.plies)),
+                twist_slope: look.twist_slope,
+            }),
+        };
+        Surface { normal, albedo: look.albedo * shade, roughness: look.roughness, metallic: look.metallic }
+    }
+
+    /// What a yarn that stops a sky ray is coloured like.
+    fn albedo(&self, start: u32) -> Vec3 {
+        let look = &self.scene.looks[usize::from(self.tracer.segments.look(start))];
+        self.maps(look).map_or(look.albedo, Maps::mean_albedo)
     }
 
     fn sunlight(&self, met: &Meeting, sampler: &Sampler, index: u32) -> Vec3 {
         let toward = self.rig.sun_sample(sampler.pair(Purpose::Sun, index, self.options.spp.max(1)));
         let cosine = met.surface.normal.dot(toward);
-        if cosine <= 0.0 || met.tube_normal.dot(toward) <= 0.0 {
+        if cosine <= 0.0 || met.smooth_normal.dot(toward) <= 0.0 {
             return Vec3::ZERO;
         }
         let reflected = met.surface.brdf(toward, met.toward_eye) * self.rig.sun() * cosine;
@@ -186,13 +267,13 @@ impl View<'_> {
         for ray in 0..rays {
             let u = sampler.pair(Purpose::Sky, index * rays + ray, self.options.spp.max(1) * rays);
             let toward = cosine_direction(met.surface.normal, u);
-            let stopped = if met.tube_normal.dot(toward) <= 0.0 {
+            let stopped = if met.smooth_normal.dot(toward) <= 0.0 {
                 Some(met.start)
             } else {
                 self.tracer.occluder(&met.path(toward, met.radius * SKY_REACH), met.start)
             };
             light += match stopped {
-                Some(start) => self.rig.interior * self.scene.looks[usize::from(self.tracer.segments.look(start))].albedo,
+                Some(start) => self.rig.interior * self.albedo(start),
                 None => self.rig.sky(toward),
             };
             open += u32::from(stopped.is_none());
@@ -205,7 +286,7 @@ impl View<'_> {
         let normal = met.surface.normal;
         let mirrored = schlick_rough(met.surface.f0(), normal.dot(met.toward_eye), met.surface.roughness);
         let mirror = (normal * (2.0 * normal.dot(met.toward_eye)) - met.toward_eye).normalize_or(normal);
-        met.surface.diffuse(mirrored) * sky.light + mirrored * self.rig.sky(mirror) * sky.open
+        (met.surface.diffuse(mirrored) * sky.light + mirrored * self.rig.sky(mirror) * sky.open) * met.occlusion
     }
 }
 
@@ -220,14 +301,30 @@ struct Sky {
 
 impl Meeting {
     fn path(&self, direction: Vec3, reach: f32) -> Path {
-        Path { origin: self.position + self.tube_normal * (self.radius * LIFT), direction, reach }
+        let origin = self.position + self.smooth_normal * (self.radius * LIFT);
+        // Another number than the eye's ray had: what let that one through must not let all through.
+        let chance = ply::hash(self.chance ^ direction.x.to_bits());
+        Path { origin, direction, reach, footprint: self.footprint, chance }
     }
+}
+
+/// The surface of a yarn at a place of its photo, and its occlusion.
+fn mapped(maps: &Maps, spot: &Spot, radius: f32, footprint: f32, shape: Shape) -> (Surface, f32) {
+    let girth = match shape {
+        Shape::Tube => TAU * radius,
+        Shape::Ribbon => 2.0 * radius,
+    };
+    let (u, v) = (spot.around / TAU, spot.along / maps.length);
+    let texel = maps.sample(u, v, footprint / girth, footprint / maps.length, shape);
+    let tilt = texel.normal;
+    let normal = (spot.tangent * tilt.x + spot.top * tilt.y + spot.normal * tilt.z).normalize_or(spot.normal);
+    (Surface { normal, albedo: texel.albedo, roughness: texel.roughness, metallic: texel.metallic }, texel.occlusion)
 }
 
 /// A direction around `normal` with density proportional to the cosine.
 fn cosine_direction(normal: Vec3, u: [f32; 2]) -> Vec3 {
     let (across, up) = normal.any_orthonormal_pair();
-    let (sin, cos) = (std::f32::consts::TAU * u[1]).sin_cos();
+    let (sin, cos) = (TAU * u[1]).sin_cos();
     let r = u[0].sqrt();
     across * (cos * r) + up * (sin * r) + normal * (1.0 - u[0]).max(0.0).sqrt()
 }
