@@ -7,7 +7,7 @@
 //! |---|---|
 //! | `base_color.png` | sRGB and alpha, x along the yarn; the one that must be there |
 //! | `normal.png` | normals, OpenGL's way |
-//! | `height.png` | grey, white [`RELIEF`] of the width above black; read where there are no normals |
+//! | `height.png` | grey, white half the width above black; read where there are no normals |
 //! | `roughness.png`, `metallic.png`, `ao.png` | grey |
 //! | `yarn.toml` | `width_mm` and `length_mm` of the picture, each optional |
 
