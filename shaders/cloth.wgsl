@@ -133,7 +133,8 @@ fn shade(in: Surface, @builtin(front_facing) front: bool) -> Light {
         // A tube is solid: the fuzz that a picture shows beside its yarn has no place on it.
         alpha = select(1.0, texel.alpha, SHAPE == RIBBON);
         occlusion = texel.occlusion;
-        let sideways = cross(tangent, outward);
+        // A ribbon's back is its front seen through: only what looks outward turns.
+        let sideways = cross(tangent, select(outward, normalize(in.normal), SHAPE == RIBBON));
         let tilted = tangent * texel.normal.x + sideways * texel.normal.y + outward * texel.normal.z;
         material = Material(facing(normalize(tilted), toward_eye), texel.albedo, texel.roughness, texel.metallic);
     } else if SHAPE != RIBBON {

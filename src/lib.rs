@@ -23,6 +23,7 @@ pub mod ids;
 pub mod knit;
 pub mod locate;
 pub mod map;
+pub mod photo;
 pub mod render;
 pub mod report;
 pub mod scene;

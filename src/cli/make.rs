@@ -18,7 +18,6 @@ use warpknit::garment::{Panel, ReadOptions, read};
 use warpknit::ids::index32;
 use warpknit::knit::clearance::{self, Clearance};
 use warpknit::report::{ClearanceReport, ClothReport, GarmentReport, Report, SurfaceReport};
-use warpknit::scene::Scene;
 use warpknit::yarn::tube::Section;
 
 use super::args::{Chains, Drape, Reading, Shared, Swatch};
@@ -34,7 +33,7 @@ const MOST_STITCHES: u64 = 200_000_000;
 /// The most stitches whose clearance on the body is measured: some 20 kB each, were they all on one panel.
 const MEASURED_STITCHES: u64 = 50_000;
 /// What a picture takes for each stitch, GB: some 250 bytes for each of ten data points (measured at 5 million stitches).
-const PICTURE_GB: f64 = 2.5e-6;
+const PICTURE_GB: f64 = 1.5e-6;
 /// The texture's real length where there is none: v counts millimetres.
 const TEXTURE_PER_MM: f64 = 1.0;
 
@@ -189,7 +188,7 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
     let wants_surface = outputs.iter().any(|(_, format)| matches!(format, Format::Glb | Format::Obj));
     let options = drape::Options { surface: wants_surface.then_some(section), ..job.options };
     let looks = picture::looks(job.shown, section.radius);
-    let mut scene = Scene { shape: job.shared.drawing.shape.into(), looks, ..Scene::default() };
+    let mut scene = pictures::scene(looks, job.shared, job.shown.enlargement)?;
 
     let mut gauge = wants_gauge(job, &outputs).then(|| Gauge::new(job.cloth, section.radius));
 

@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use glam::{DVec3, Vec3};
 use warpknit::export::{Output, png};
+use warpknit::photo::read_maps;
 use warpknit::render::{self, Camera, Painter};
-use warpknit::scene::{Bounds, Scene};
+use warpknit::scene::{Bounds, Scene, Shape, YarnLook};
 
 use super::args::Shared;
 use super::clock::{Clock, Task};
@@ -21,6 +22,24 @@ pub(super) struct Pictures {
     /// Why it was not what was asked for.
     pub(super) notice: Option<String>,
     pub(super) files: Vec<Output>,
+}
+
+/// The scene that yarns of these looks go into, with their pictures if there are any: those are as much enlarged as the cloth.
+pub(super) fn scene(mut looks: Vec<YarnLook>, shared: &Shared, enlargement: f64) -> Result<Scene> {
+    let shape = shared.drawing.shape.into();
+    let Some(path) = &shared.drawing.texture else { return Ok(Scene { shape, looks, ..Scene::default() }) };
+    #[expect(clippy::cast_possible_truncation, reason = "a length in mm needs no more")]
+    let enlargement = enlargement as f32;
+    let mut maps = read_maps(path)?;
+    maps.length *= enlargement;
+    maps.width *= enlargement;
+    for look in &mut looks {
+        look.maps = Some(0);
+        if shape == Shape::Ribbon {
+            look.radius = maps.width / 2.0;
+        }
+    }
+    Ok(Scene { shape, looks, maps: vec![maps], ..Scene::default() })
 }
 
 /// The files for one picture, or for each one all around: `NAME-001.png` and so on.

@@ -83,7 +83,7 @@ fn plies(place: &Place, turn: f32, around: Vec3) -> (Vec3, f32) {
 }
 
 /// `normal`, bent toward the eye where it would look away: what is seen must face the eye, or outlines turn black.
-fn facing(normal: Vec3, toward_eye: Vec3) -> Vec3 {
+pub(super) fn facing(normal: Vec3, toward_eye: Vec3) -> Vec3 {
     let cosine = normal.dot(toward_eye);
     if cosine >= LEAST_COSINE { normal } else { (normal + toward_eye * (LEAST_COSINE - cosine)).normalize_or(toward_eye) }
 }

@@ -27,6 +27,18 @@ impl Span {
     pub fn tangent(&self, t: f64) -> DVec3 {
         (self.a * (3.0 * t) + self.b * 2.0) * t + self.c
     }
+
+    /// The mean of its positions by `t`.
+    #[must_use]
+    pub fn mean(&self) -> DVec3 {
+        self.a / 4.0 + self.b / 3.0 + self.c / 2.0 + self.d
+    }
+
+    /// Its length, by Simpson's rule: within a hundredth for the bends of yarns.
+    #[must_use]
+    pub fn length(&self) -> f64 {
+        (self.tangent(0.0).length() + 4.0 * self.tangent(0.5).length() + self.tangent(1.0).length()) / 6.0
+    }
 }
 
 /// The span from `points[index]` to `points[index + 1]`.

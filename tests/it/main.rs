@@ -20,5 +20,7 @@ mod locate;
 mod malformed;
 mod map;
 mod nets;
+mod photo;
 mod relax;
 mod render;
+mod ribbon;

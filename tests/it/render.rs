@@ -163,3 +163,46 @@ fn progress_reaches_the_end() {
     assert!(reported.len() == SIZE as usize && reported.contains(&1.0));
     assert!(reported.iter().all(|share| (0.0..=1.0).contains(share)));
 }
+
+/// A mat of loops, some of them a pixel high.
+fn mat() -> Scene {
+    let looks = vec![look(Vec3::new(0.6, 0.3, 0.1), 0.05), look(Vec3::splat(0.7), 0.05)];
+    let mut scene = Scene { looks, ..Scene::default() };
+    for line in 0_u8..60 {
+        let x = f32::from(line) * 0.25;
+        let loops = (0_u16..600).map(|i| {
+            let turn = f32::from(i) * 0.7;
+            Vec3::new(x + turn.sin() * 0.2, f32::from(i) * 0.025, turn.cos() * 0.12 + f32::from(line % 2) * 0.1)
+        });
+        scene.push_strand(loops, u16::from(line % 2));
+    }
+    scene
+}
+
+#[test]
+fn leaving_out_what_no_pixel_shows_keeps_colour_and_coverage() {
+    let scene = mat();
+    let camera = Camera::view(View::Front, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0);
+    let sum = |lod| {
+        let picture = draw(&scene, &camera, &Options { spp: 16, lod, ..options() });
+        let linear = |byte: u8| (f64::from(byte) / 255.0).powf(2.2);
+        picture.pixels().fold([0.0; 4], |sum, pixel| {
+            let alpha = f64::from(pixel.0[3]) / 255.0;
+            let [r, g, b, _] = pixel.0.map(|byte| linear(byte) * alpha);
+            [sum[0] + r, sum[1] + g, sum[2] + b, sum[3] + alpha]
+        })
+    };
+    let (exact, coarse) = (sum(false), sum(true));
+    assert_ne!(exact, coarse, "nothing was left out");
+    for (exact, coarse) in exact.into_iter().zip(coarse) {
+        assert!((coarse / exact - 1.0).abs() < 0.02, "{exact} {coarse}");
+    }
+}
+
+#[test]
+fn near_yarns_are_drawn_alike_with_and_without_leaving_out() {
+    let scene = tangle();
+    let camera = Camera::view(View::Iso, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0);
+    let [exact, coarse] = [false, true].map(|lod| draw(&scene, &camera, &Options { lod, ..options() }));
+    assert!(exact == coarse);
+}

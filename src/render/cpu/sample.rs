@@ -33,6 +33,11 @@ impl Sampler {
         Self { tile, place: ORDER[(y % 4 * 4 + x % 4) as usize] }
     }
 
+    /// A number of 32 bits for sample `index`, unlike those of the other samples.
+    pub(super) fn chance(&self, index: u32) -> u32 {
+        hash(self.tile ^ hash(index.wrapping_mul(16) + self.place))
+    }
+
     /// Pair number `index` of the `count` that this pixel uses for `purpose`.
     pub(super) fn pair(&self, purpose: Purpose, index: u32, count: u32) -> [f32; 2] {
         let number = self.place.wrapping_mul(count).wrapping_add(index);
@@ -42,7 +47,7 @@ impl Sampler {
 }
 
 /// The upper 24 bits as a number in 0..1, 1 excluded.
-fn unit(bits: u32) -> f32 {
+pub(super) fn unit(bits: u32) -> f32 {
     let [low, middle, high] = [bits >> 8 & 0xFF, bits >> 16 & 0xFF, bits >> 24].map(|b| f32::from(u8::try_from(b).unwrap_or(0)));
     (high * 65_536.0 + middle * 256.0 + low) / 16_777_216.0
 }

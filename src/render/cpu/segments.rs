@@ -1,21 +1,28 @@
-//! The chains of capsules that rays meet, in links of neighbours that share a box.
+//! The chains of capsules or strips that rays meet, in links of neighbours that share a box.
 //!
-//! In: a scene and a camera. Out: [`Segments`]: [`Paths`] whose pieces are capsules, and links, 2 bytes a piece more.
+//! In: a scene and a camera. Out: [`Segments`]: [`Paths`] whose pieces are capsules, or strips of ribbon, and links, 2 bytes a piece more at most.
 
-use glam::Vec3;
+use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
 
+use super::strip::Strip;
 use crate::ids::index32;
-use crate::render::Camera;
 use crate::render::paths::{Cut, Paths};
-use crate::scene::{Bounds, Scene};
+use crate::render::{Camera, Options};
+use crate::scene::{Bounds, Scene, Shape};
 
-/// Most segments that share a box in the hierarchy: two halve the memory of building it, for boxes that are hardly looser.
-const LINK: usize = 2;
+/// Segments that share a box in the hierarchy: two halve the memory of building it, for boxes that are hardly looser. More of them, where
+/// there are so many that building takes longer than tracing, and more again, where memory runs short.
+const LINKS: [(usize, u32); 3] = [(0, 2), (LARGE, 4), (8 * LARGE, 8)];
+const LARGE: usize = 3_000_000;
+/// Strands that are cut at a time before they are put with the others, and strands that a thread takes of them.
+const BATCH: usize = 512;
+const PART: usize = 8;
 
-/// Capsules between consecutive points. A segment is named by its first point; a link is one or more segments in a row.
+/// Capsules, or strips, between consecutive points. A segment is named by its first point; a link is one or more segments in a row.
 #[derive(Debug, Default)]
 pub(super) struct Segments {
+    pub(super) shape: Shape,
     pub(super) paths: Paths,
     /// First points of the links.
     pub(super) links: Vec<u32>,
@@ -33,30 +40,71 @@ pub(super) struct AxisPoint {
 }
 
 impl Segments {
-    /// Cuts up all strands for a picture `height` pixels high; `bounds` are the scene's.
-    pub(super) fn of(scene: &Scene, bounds: &Bounds, camera: &Camera, height: u32) -> Self {
+    /// Cuts up all strands for a picture; `bounds` are the scene's.
+    pub(super) fn of(scene: &Scene, bounds: &Bounds, camera: &Camera, options: &Options) -> Self {
         let centre = bounds.centre().as_dvec3();
         let count = scene.strands.len();
-        let parts: Vec<Paths> = ((0..count).into_par_iter().step_by(64))
-            .map(|first| Paths::of(scene, first..count.min(first + 64), centre, Cut::Picture(camera, height)))
-            .collect();
         let mut paths = Paths { centre, ..Paths::default() };
-        paths.reserve(parts.iter().map(|part| part.points.len()).sum());
-        for part in parts {
-            paths.append(&part);
+        for batch in (0..count).step_by(BATCH) {
+            let end = count.min(batch + BATCH);
+            let parts: Vec<Paths> = ((batch..end).into_par_iter().step_by(PART))
+                .map(|first| Paths::of(scene, first..end.min(first + PART), centre, Cut::Picture(camera, options)))
+                .collect();
+            parts.iter().for_each(|part| paths.append(part));
         }
-        let links = links(&paths);
-        Self { paths, links }
+        let mut segments = Self { shape: scene.shape, paths, links: Vec::new() };
+        segments.links = links(&segments.paths, segments.most_in_link());
+        segments
+    }
+
+    /// Whether there are so many that building the hierarchy counts for more than tracing it.
+    pub(super) fn is_large(&self) -> bool {
+        self.paths.points.len() > LARGE
+    }
+
+    fn most_in_link(&self) -> u32 {
+        LINKS.iter().rev().find(|(least, _)| self.paths.points.len() >= *least).map_or(1, |(_, most)| *most)
     }
 
     /// The segments of a link.
     pub(super) fn of_link(&self, link: u32) -> impl Iterator<Item = u32> {
-        (link..).take(LINK).take_while(|&start| self.paths.points[start as usize].w > 0.0)
+        (link..link + self.most_in_link()).take_while(|&start| self.paths.points[start as usize].w > 0.0)
+    }
+
+    /// The strip of ribbon that starts at point `start`.
+    pub(super) fn strip(&self, start: u32) -> Strip {
+        let (i, j) = (start as usize, start as usize + 1);
+        let points = &self.paths.points;
+        // A strand's last point has no radius of its own.
+        let end_radius = if points[j].w > 0.0 { points[j].w } else { points[i].w };
+        Strip { a: self.edge(i, points[i].w), b: self.edge(j, end_radius) }
+    }
+
+    /// Both ends of a ribbon's width.
+    fn edge(&self, point: usize, radius: f32) -> [Vec3A; 2] {
+        let axis = Vec3A::from_vec4(self.paths.points[point]);
+        let (tangent, normal) = (self.paths.tangents[point].unpack(), self.paths.across[point].unpack());
+        let aside = Vec3A::from(tangent.cross(normal).normalize_or_zero() * radius);
+        [axis - aside, axis + aside]
     }
 
     /// The look of the segment that starts at point `start`.
     pub(super) fn look(&self, start: u32) -> u16 {
         self.paths.looks[start as usize]
+    }
+
+    /// Arc length at share `s` of the segment that starts at point `start`.
+    pub(super) fn along(&self, start: u32, s: f32) -> f32 {
+        let (a, b) = (self.paths.along[start as usize], self.paths.along[start as usize + 1]);
+        a + s * (b - a)
+    }
+
+    /// Tangent and direction across there, as [`Paths`] has them.
+    pub(super) fn directions(&self, start: u32, s: f32) -> (Vec3, Vec3) {
+        let (i, j) = (start as usize, start as usize + 1);
+        let (tangents, across) = (&self.paths.tangents, &self.paths.across);
+        let tangent = tangents[i].unpack().lerp(tangents[j].unpack(), s).normalize_or(Vec3::X);
+        (tangent, across[i].unpack().lerp(across[j].unpack(), s))
     }
 
     /// The axis point nearest to `position` of the segment that starts at point `start`.
@@ -67,24 +115,23 @@ impl Segments {
         let ab = paths.points[j].truncate() - a;
         let length2 = ab.length_squared();
         let s = if length2 > 0.0 { ((position - a).dot(ab) / length2).clamp(0.0, 1.0) } else { 0.0 };
-        AxisPoint {
-            position: a + ab * s,
-            radius: paths.points[i].w,
-            tangent: paths.tangents[i].unpack().lerp(paths.tangents[j].unpack(), s).normalize_or(Vec3::X),
-            across: paths.across[i].unpack().lerp(paths.across[j].unpack(), s),
-            along: paths.along[i] + s * (paths.along[j] - paths.along[i]),
-        }
+        let (tangent, across) = self.directions(start, s);
+        AxisPoint { position: a + ab * s, radius: paths.points[i].w, tangent, across, along: self.along(start, s) }
     }
 }
 
-/// Every second segment of a strand, counted from its start.
-fn links(paths: &Paths) -> Vec<u32> {
-    let mut links = Vec::with_capacity(paths.points.len() / LINK + 1);
+/// Every `most`th segment of a strand, counted from its start.
+fn links(paths: &Paths, most: u32) -> Vec<u32> {
+    let mut links = Vec::with_capacity(paths.points.len() / most as usize + 1);
     let mut in_row = 0;
     for (start, point) in paths.points.iter().enumerate() {
-        in_row = if point.w > 0.0 { in_row + 1 } else { 0 };
-        if in_row % LINK == 1 % LINK && in_row > 0 {
-            links.push(index32(start));
+        if point.w > 0.0 {
+            if in_row % most == 0 {
+                links.push(index32(start));
+            }
+            in_row += 1;
+        } else {
+            in_row = 0;
         }
     }
     links
@@ -105,7 +152,7 @@ mod tests {
     fn segments(scene: &Scene, height: u32) -> Segments {
         let bounds = scene.bounds().unwrap();
         let camera = Camera::view(crate::render::View::Front, &scene.positions, 0.5, 1.0, 1.0);
-        Segments::of(scene, &bounds, &camera, height)
+        Segments::of(scene, &bounds, &camera, &Options { height, lod: false, ..Options::default() })
     }
 
     fn starts(segments: &Segments) -> Vec<u32> {
@@ -119,6 +166,25 @@ mod tests {
         let bent = scene(&[&[Vec3::ZERO, Vec3::X, Vec3::ONE, Vec3::Y]]);
         let counts = [2, 8, 100_000].map(|height| starts(&segments(&bent, height)).len());
         assert!(counts[0] < counts[1] && counts[1] < counts[2] && counts[2] == 24, "{counts:?}");
+    }
+
+    #[test]
+    fn pieces_shorter_than_a_pixel_are_put_together_and_lengths_stay() {
+        let waves: Vec<Vec3> = (0_u8..=200).map(|i| Vec3::new(f32::from(i), (f32::from(i) * 0.3).sin(), 0.0)).collect();
+        let scene = scene(&[&waves]);
+        let camera = Camera::view(crate::render::View::Front, &scene.positions, 0.5, 1.0, 1.0);
+        let cut = |lod| {
+            let options = Options { height: 40, lod, ..Options::default() };
+            Segments::of(&scene, &scene.bounds().unwrap(), &camera, &options).paths
+        };
+        let (exact, far) = (cut(false), cut(true));
+        assert!(far.points.len() * 3 < exact.points.len(), "{} of {}", far.points.len(), exact.points.len());
+        let length = |paths: &Paths| paths.along.last().unwrap() - paths.along[0];
+        assert!((length(&far) / length(&exact) - 1.0).abs() < 0.01, "{} {}", length(&far), length(&exact));
+        let area = |paths: &Paths| -> f32 {
+            paths.points.windows(2).map(|ends| ends[0].w * ends[0].truncate().distance(ends[1].truncate())).sum()
+        };
+        assert!((area(&far) / area(&exact) - 1.0).abs() < 0.02, "{} {}", area(&far), area(&exact));
     }
 
     #[test]

@@ -1,0 +1,76 @@
+//! What can be wrong with the pictures of a yarn.
+
+use std::io;
+use std::path::PathBuf;
+
+/// Why a yarn's pictures can't be used; each names the file and what to do.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PhotoError {
+    /// The file system refused.
+    #[error("{}: can't be read ({reason}): give an image file or a folder with base_color.png", .path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        reason: io::Error,
+    },
+    /// Bytes that no decoder takes.
+    #[error("{}: is no image that can be read ({reason}): save it as PNG or JPEG", .path.display())]
+    NotAnImage {
+        /// The file.
+        path: PathBuf,
+        /// What the decoder said.
+        reason: image::ImageError,
+    },
+    /// A folder without the one picture that is needed.
+    #[error("{}: has no base_color.png: name the folder that holds a yarn's maps, or one image file", .path.display())]
+    NoBaseColor {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// Fewer pixels than a map takes.
+    #[error("{}: {width} x {height} pixels are too few: at least {least} are needed each way", .path.display())]
+    TooSmall {
+        /// The file.
+        path: PathBuf,
+        /// Pixels across.
+        width: u32,
+        /// Pixels down.
+        height: u32,
+        /// The limit.
+        least: u32,
+    },
+    /// More pixels than a graphics card takes.
+    #[error("{}: {width} x {height} pixels are too many: make it {most} or fewer each way", .path.display())]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// Pixels across.
+        width: u32,
+        /// Pixels down.
+        height: u32,
+        /// The limit.
+        most: u32,
+    },
+    /// yarn.toml is no TOML, or has a size that is no number.
+    #[error("{}: can't be understood ({}): its keys are width_mm and length_mm, both numbers", .path.display(), .reason.message())]
+    Toml {
+        /// The file.
+        path: PathBuf,
+        /// Where and why.
+        reason: Box<toml::de::Error>,
+    },
+    /// A size that no yarn has.
+    #[error("{}: {key} = {value}: it must be over 0 and at most {most}, in mm", .path.display())]
+    Size {
+        /// The file.
+        path: PathBuf,
+        /// The key.
+        key: &'static str,
+        /// What it says.
+        value: f64,
+        /// The limit.
+        most: f64,
+    },
+}

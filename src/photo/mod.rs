@@ -1,0 +1,172 @@
+//! The pictures of a yarn: from files to [`Maps`].
+//!
+//! In: a folder of maps, or one picture of a yarn. Out: [`Maps`], whole, with what is missing made up: flat normals, or those of a height map
+//! by Scharr's operator, the roughness of fibres, no metal, no occlusion. Pictures of another size than the base colour's are scaled to it.
+//!
+//! | file | what it is |
+//! |---|---|
+//! | `base_color.png` | sRGB and alpha, x along the yarn; the one that must be there |
+//! | `normal.png` | normals, OpenGL's way |
+//! | `height.png` | grey, white half the width above black; read where there are no normals |
+//! | `roughness.png`, `metallic.png`, `ao.png` | grey |
+//! | `yarn.toml` | `width_mm` and `length_mm` of the picture, each optional |
+
+mod error;
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use glam::Vec3;
+use image::imageops::{FilterType, resize};
+use image::{DynamicImage, ImageBuffer, ImageReader, Limits, Luma, Rgba, RgbaImage};
+use serde::Deserialize;
+
+pub use error::PhotoError;
+
+use crate::render::maps::{Kind, Maps, Mips};
+
+/// Fewest and most pixels of a picture each way; graphics cards take no more.
+const SIDES: (u32, u32) = (4, 16_384);
+/// Width of a yarn where none is given, mm.
+const WIDTH: f64 = 1.0;
+/// The largest size that is believed, mm.
+const MOST_SIZE: f64 = 10_000.0;
+/// Fibres are dull.
+const ROUGHNESS: u8 = 191;
+/// How far white lies above black in a height map, in widths of the picture: half as high as a round yarn is wide.
+const RELIEF: f32 = 0.5;
+
+/// A map of heights or shares.
+type Grey = ImageBuffer<Luma<u16>, Vec<u16>>;
+
+/// Reads the folder or the picture at `path`.
+///
+/// # Errors
+/// [`PhotoError`] where there is no picture, or a file is not what its name says.
+pub fn read_maps(path: &Path) -> Result<Maps, PhotoError> {
+    let in_folder = path.is_dir();
+    let base_path = if in_folder { path.join("base_color.png") } else { path.to_owned() };
+    if in_folder && !base_path.is_file() {
+        return Err(PhotoError::NoBaseColor { path: path.to_owned() });
+    }
+    let base = picture(&base_path)?.into_rgba8();
+    let size = base.dimensions();
+    // One picture has no companions: files that lie beside it belong to someone else.
+    let companion = |name: &str| -> Result<Option<DynamicImage>, PhotoError> {
+        let file = path.join(name);
+        if in_folder && file.is_file() { picture(&file).map(Some) } else { Ok(None) }
+    };
+    let grey = |name: &str| Ok(companion(name)?.map(|picture| fitted(&picture.into_luma16(), size)));
+    let (length, width) = lengths(in_folder.then(|| path.join("yarn.toml")), size)?;
+    let normal = match (companion("normal.png")?, grey("height.png")?) {
+        (Some(normal), _) => fitted_color(normal.into_rgba8(), size),
+        (None, Some(height)) => normals(&height, length, width),
+        (None, None) => RgbaImage::from_pixel(size.0, size.1, Rgba([128, 128, 255, 255])),
+    };
+    let (occlusion, roughness, metallic) = (grey("ao.png")?, grey("roughness.png")?, grey("metallic.png")?);
+    let surface = RgbaImage::from_fn(size.0, size.1, |x, y| {
+        let at = |map: &Option<Grey>, missing| map.as_ref().map_or(missing, |map| eight(map.get_pixel(x, y).0[0]));
+        Rgba([at(&occlusion, u8::MAX), at(&roughness, ROUGHNESS), at(&metallic, 0), u8::MAX])
+    });
+    Ok(Maps {
+        base: Mips::new(base, Kind::Color),
+        normal: Mips::new(normal, Kind::Normal),
+        surface: Mips::new(surface, Kind::Plain),
+        length,
+        width,
+    })
+}
+
+/// Decodes a picture whose sides are within [`SIDES`].
+fn picture(path: &Path) -> Result<DynamicImage, PhotoError> {
+    let unread = |reason: io::Error| PhotoError::Read { path: path.to_owned(), reason };
+    let undecoded = |reason| PhotoError::NotAnImage { path: path.to_owned(), reason };
+    let open = || ImageReader::open(path).and_then(ImageReader::with_guessed_format).map_err(unread);
+    let (width, height) = open()?.into_dimensions().map_err(undecoded)?;
+    let (least, most) = SIDES;
+    if width.min(height) < least {
+        return Err(PhotoError::TooSmall { path: path.to_owned(), width, height, least });
+    }
+    if width.max(height) > most {
+        return Err(PhotoError::TooLarge { path: path.to_owned(), width, height, most });
+    }
+    let mut reader = open()?;
+    // The size is known to be bearable.
+    reader.limits(Limits::no_limits());
+    reader.decode().map_err(undecoded)
+}
+
+fn fitted(map: &Grey, (width, height): (u32, u32)) -> Grey {
+    if map.dimensions() == (width, height) { map.clone() } else { resize(map, width, height, FilterType::Triangle) }
+}
+
+fn fitted_color(map: RgbaImage, (width, height): (u32, u32)) -> RgbaImage {
+    if map.dimensions() == (width, height) { map } else { resize(&map, width, height, FilterType::Triangle) }
+}
+
+/// What yarn.toml says; it may say more, which is for others.
+#[derive(Default, Deserialize)]
+struct YarnFile {
+    width_mm: Option<f64>,
+    length_mm: Option<f64>,
+}
+
+/// Length and width of the picture, mm: as the file says, and the rest by the picture's shape.
+fn lengths(file: Option<PathBuf>, (along, across): (u32, u32)) -> Result<(f32, f32), PhotoError> {
+    let path = file.unwrap_or_default();
+    let said = if path.is_file() { read_toml(&path)? } else { YarnFile::default() };
+    let checked = |key, value: f64| {
+        if value > 0.0 && value <= MOST_SIZE {
+            return Ok(value);
+        }
+        Err(PhotoError::Size { path: path.clone(), key, value, most: MOST_SIZE })
+    };
+    let aspect = f64::from(along) / f64::from(across);
+    let width = said.width_mm.map(|value| checked("width_mm", value)).transpose()?;
+    let length = said.length_mm.map(|value| checked("length_mm", value)).transpose()?;
+    let width = width.or(length.map(|length| length / aspect)).unwrap_or(WIDTH);
+    #[expect(clippy::cast_possible_truncation, reason = "rounding is meant")]
+    let (length, width) = (length.unwrap_or(width * aspect) as f32, width as f32);
+    Ok((length, width))
+}
+
+fn read_toml(path: &Path) -> Result<YarnFile, PhotoError> {
+    let text = fs::read_to_string(path).map_err(|reason| PhotoError::Read { path: path.to_owned(), reason })?;
+    toml::from_str(&text).map_err(|reason| PhotoError::Toml { path: path.to_owned(), reason: Box::new(reason) })
+}
+
+/// Normals of a height map, by Scharr's 3 x 3 operator; the picture repeats along the yarn and ends across it.
+fn normals(height: &Grey, length: f32, width: f32) -> RgbaImage {
+    let (columns, rows) = height.dimensions();
+    // Height of white, in texels along and across.
+    let (per_column, per_row) = (RELIEF * width / length * float(columns), RELIEF * float(rows));
+    RgbaImage::from_fn(columns, rows, |x, y| {
+        let at = |dx: u32, dy: u32| {
+            let row = (y + dy).saturating_sub(1).min(rows - 1);
+            f32::from(height.get_pixel((x + columns + dx - 1) % columns, row).0[0]) / f32::from(u16::MAX)
+        };
+        let rise =
+            |from: [f32; 3], to: [f32; 3]| (3.0 * (to[0] - from[0]) + 10.0 * (to[1] - from[1]) + 3.0 * (to[2] - from[2])) / 32.0;
+        let right = rise([at(0, 0), at(0, 1), at(0, 2)], [at(2, 0), at(2, 1), at(2, 2)]);
+        let up = rise([at(0, 2), at(1, 2), at(2, 2)], [at(0, 0), at(1, 0), at(2, 0)]);
+        let normal = Vec3::new(-right * per_column, -up * per_row, 1.0).normalize();
+        let [r, g, b] = normal.to_array().map(|part| byte(part * 0.5 + 0.5));
+        Rgba([r, g, b, u8::MAX])
+    })
+}
+
+/// The upper of two bytes, rounded.
+fn eight(value: u16) -> u8 {
+    u8::try_from((u32::from(value) + 128) / 257).unwrap_or(u8::MAX)
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=255")]
+fn byte(share: f32) -> u8 {
+    (share.clamp(0.0, 1.0) * 255.0).round() as u8
+}
+
+#[expect(clippy::cast_precision_loss, reason = "sides of pictures are far under 2^24")]
+fn float(count: u32) -> f32 {
+    count as f32
+}
