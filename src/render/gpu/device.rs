@@ -128,6 +128,19 @@ impl Gpu {
         &self.name
     }
 
+    /// A buffer that holds `contents`, whose length is a multiple of four. wgpu's own helper panics where the device refuses; here
+    /// [`Gpu::fault`] tells.
+    pub(super) fn store(&self, label: &str, contents: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(label),
+            size: contents.len() as u64,
+            usage: usage | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        self.queue.write_buffer(&buffer, 0, contents);
+        buffer
+    }
+
     /// Fails with the first thing that went wrong so far, if any did.
     pub(super) fn fault(&self) -> Result<(), GpuError> {
         match &*self.fault.lock().unwrap_or_else(PoisonError::into_inner) {

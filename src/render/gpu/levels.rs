@@ -188,8 +188,8 @@ mod tests {
 
     #[test]
     fn sections_grow_with_their_pixels() {
-        assert_eq!(edges(2.5, 1.0, 64), 2);
-        assert_eq!([3.0, 10.0, 100.0, 1e6].map(|radius| edges(radius, 1.0, 12)), [9, 12, 12, 12]);
+        assert_eq!(edges(1.25, 1.0, 64), 2);
+        assert_eq!([1.3, 3.0, 10.0, 1e6].map(|radius| edges(radius, 1.0, 14)), [8, 13, 14, 14]);
         assert!(edges(100.0, 1.0, 64) > edges(10.0, 1.0, 64));
         assert_eq!(edges(1.0, 0.0, 6), 6, "an eye inside the yarn");
     }

@@ -12,6 +12,8 @@ mod device;
 mod frame;
 mod levels;
 mod pages;
+#[cfg(test)]
+mod parity;
 mod pipelines;
 mod shaders;
 
@@ -154,11 +156,7 @@ impl Renderer {
         if looks.is_empty() {
             looks.push(bytemuck::Zeroable::zeroed());
         }
-        let looks = self.gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-            label: Some("looks"),
-            contents: bytemuck::cast_slice(&looks),
-            usage: BufferUsages::STORAGE,
-        });
+        let looks = self.gpu.store("looks", bytemuck::cast_slice(&looks), BufferUsages::STORAGE);
         let mut maps: Vec<_> = scene.maps.iter().map(|maps| self.maps_group(&maps.base, &maps.normal, &maps.surface)).collect();
         let none = Mips { levels: vec![RgbaImage::from_pixel(1, 1, Rgba([255; 4]))] };
         maps.push(self.maps_group(&none, &none, &none));
@@ -335,10 +333,7 @@ impl Renderer {
             }
             self.indices.entry(batch.kind.edges).or_insert_with(|| {
                 let indices = pipelines::indices(batch.kind.edges);
-                let contents = bytemuck::cast_slice(&indices);
-                let descriptor =
-                    wgpu::util::BufferInitDescriptor { label: Some("indices"), contents, usage: BufferUsages::INDEX };
-                (self.gpu.device.create_buffer_init(&descriptor), index32(indices.len()))
+                (self.gpu.store("indices", bytemuck::cast_slice(&indices), BufferUsages::INDEX), index32(indices.len()))
             });
         }
         let draws: Vec<u8> = plan.batches.iter().flat_map(|batch| self.draw_bytes(batch)).collect();
@@ -358,9 +353,7 @@ impl Renderer {
         if parts.is_empty() {
             return None;
         }
-        let contents = bytemuck::cast_slice(parts);
-        let descriptor = wgpu::util::BufferInitDescriptor { label: Some("parts"), contents, usage: BufferUsages::STORAGE };
-        let parts = self.gpu.device.create_buffer_init(&descriptor);
+        let parts = self.gpu.store("parts", bytemuck::cast_slice(parts), BufferUsages::STORAGE);
         let draws = self.uniform(draws);
         let draw = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
             buffer: &draws,
@@ -440,8 +433,7 @@ impl Renderer {
     }
 
     fn uniform(&self, contents: &[u8]) -> wgpu::Buffer {
-        let descriptor = wgpu::util::BufferInitDescriptor { label: None, contents, usage: BufferUsages::UNIFORM };
-        self.gpu.device.create_buffer_init(&descriptor)
+        self.gpu.store("uniform", contents, BufferUsages::UNIFORM)
     }
 
     /// Binds resources to bindings 0, 1, 2 and so on.

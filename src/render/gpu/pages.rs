@@ -6,7 +6,6 @@
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use wgpu::BufferUsages;
-use wgpu::util::DeviceExt;
 
 use super::data::{self, CHUNK};
 use super::device::{Gpu, GpuError};
@@ -116,10 +115,7 @@ impl Draft {
     }
 
     fn finish(self, gpu: &Gpu) -> Result<Page, GpuError> {
-        let store = |label, contents: &[u8]| {
-            let usage = BufferUsages::STORAGE;
-            gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor { label: Some(label), contents, usage })
-        };
+        let store = |label, contents: &[u8]| gpu.store(label, contents, BufferUsages::STORAGE);
         let page = Page {
             points: store("points", bytemuck::cast_slice(&self.points)),
             turns: store("turns", bytemuck::cast_slice(&self.turns)),
