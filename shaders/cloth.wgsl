@@ -68,11 +68,25 @@ fn sky(direction: vec3f) -> vec3f {
 // Share of the sky that yarns nearby leave open: a logistic curve over how far a point lies before the cloth's mean depth around it, in
 // radii, and less where it turns from the eye. Fitted to what the CPU renderer's rays see on tricot and locknit from three sides, to
 // .13 root mean square of a share that varies by .26.
-fn open_sky(at: vec4f, radius: f32, depth: f32, cosine: f32) -> f32 {
-    let m = moments_at(depth_map, (at.xy + vec2f(view.corner_x, view.corner_y)) * view.depth_scale);
+fn open_sky(at: vec2f, radius: f32, depth: f32, cosine: f32) -> f32 {
+    let m = moments_at(depth_map, (at + vec2f(view.corner_x, view.corner_y)) * view.depth_scale);
     let before = (m.x - depth) / radius;
     let level = 1.0 / (1.0 + exp(0.065 - 0.427 * before));
     return saturate(mix(1.0, level, m.z) * mix(0.51, 1.2, cosine));
+}
+
+// What sun and sky send to the eye from a place whose round surface looks `outward`.
+fn light_of(material: Material, outward: vec3f, world: vec3f, toward_eye: vec3f, open: f32, occlusion: f32) -> vec3f {
+    var light = vec3f(0.0);
+    let sun_cosine = dot(material.normal, view.toward_sun);
+    if sun_cosine > 0.0 && (SHAPE == RIBBON || dot(outward, view.toward_sun) > 0.0) {
+        light = brdf(material, view.toward_sun, toward_eye) * view.sun * (sun_cosine * sunlit(world));
+    }
+    let mirrored = schlick_rough(reflectance(material), dot(material.normal, toward_eye), material.roughness);
+    let mirror = reflect(-toward_eye, material.normal);
+    // The mean of a gradient over cosine-weighted directions is the gradient two thirds of the way to the normal.
+    let above = sky(material.normal * (2.0 / 3.0)) * open + view.interior * (1.0 - open);
+    return light + (diffuse(material, mirrored) * above + mirrored * sky(mirror) * open) * occlusion;
 }
 
 struct Texel {
@@ -148,17 +162,8 @@ fn shade(in: Surface, @builtin(front_facing) front: bool) -> Light {
         discard;
     }
 
-    var light = vec3f(0.0);
-    let sun_cosine = dot(material.normal, view.toward_sun);
-    if sun_cosine > 0.0 && (SHAPE == RIBBON || dot(outward, view.toward_sun) > 0.0) {
-        light = brdf(material, view.toward_sun, toward_eye) * view.sun * (sun_cosine * sunlit(world));
-    }
-    let open = open_sky(in.clip, in.radius, 1.0 / in.clip.w, cosine);
-    let mirrored = schlick_rough(reflectance(material), dot(material.normal, toward_eye), material.roughness);
-    let mirror = reflect(-toward_eye, material.normal);
-    // The mean of a gradient over cosine-weighted directions is the gradient two thirds of the way to the normal.
-    let above = sky(material.normal * (2.0 / 3.0)) * open + view.interior * (1.0 - open);
-    light += (diffuse(material, mirrored) * above + mirrored * sky(mirror) * open) * occlusion;
+    let open = open_sky(in.clip.xy, in.radius, 1.0 / in.clip.w, cosine);
+    let light = light_of(material, outward, world, toward_eye, open, occlusion);
 
     // Alpha to coverage, done here so that every driver takes the same samples and a solid sample's alpha is 1.
     let taken = u32(round(alpha * SAMPLES));
@@ -176,4 +181,38 @@ fn hole(in: Surface) {
             discard;
         }
     }
+}
+
+// A plain strip of two pixels or so is lit at its points and not at its pixels: where a software driver shades whole blocks of pixels for
+// each small triangle, that takes a third of the time. Its edges get the light from .577 of the way to them, so that their mean is that of
+// the round yarn (Gauss' quadrature by two points). Plies are too fine to be seen and darken by their mean.
+struct Lit {
+    @builtin(position) clip: vec4f,
+    @location(0) light: vec3f,
+}
+
+const GAUSS = 0.577;
+const MEAN_GROOVE = 0.25;
+
+@vertex
+fn expand_lit(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance: u32) -> Lit {
+    let in = vertex_of(vertex, instance);
+    let look = looks[in.look];
+    let to_eye = view.eye.xyz - in.world * view.eye.w;
+    let toward_eye = normalize(to_eye);
+    let rise = sqrt(1.0 - GAUSS * GAUSS);
+    let front_of = normalize(cross(in.normal, in.tangent)) * sign(dot(cross(in.normal, in.tangent), toward_eye));
+    let outward = in.normal * (in.side * GAUSS) + front_of * rise;
+    // The strip's edge stands MEAN_RISE before the axis.
+    let world = in.world + (in.normal * (in.side * (GAUSS - 1.0)) + front_of * (rise - MEAN_RISE)) * in.radius;
+    let shade = 1.0 - GROOVE * select(0.0, MEAN_GROOVE, look.plies > 1.0);
+    let material = Material(facing(outward, toward_eye), look.albedo * shade, look.roughness, look.metallic);
+    let pixel = (in.clip.xy / in.clip.w * vec2f(0.5, -0.5) + 0.5) * vec2f(view.tile_width, view.tile_height);
+    let open = open_sky(pixel, in.radius, in.clip.w, dot(outward, toward_eye));
+    return Lit(in.clip, light_of(material, outward, world, toward_eye, open, 1.0));
+}
+
+@fragment
+fn lit(in: Lit) -> @location(0) vec4f {
+    return vec4f(in.light, 1.0);
 }

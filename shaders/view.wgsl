@@ -12,20 +12,24 @@ struct View {
     // Size of a pixel at distance 1; at every distance for an eye infinitely far; mm.
     pixel: f32,
     sun: vec3f,
-    // Radius of the thinnest yarn, mm.
-    thinnest: f32,
+    // Size of this tile, pixels of the pass.
+    tile_width: f32,
     zenith: vec3f,
+    tile_height: f32,
+    sky_above: vec3f,
     // Texels of the eye's depth map a pixel of the picture.
     depth_scale: f32,
-    sky_above: vec3f,
+    sky_below: vec3f,
     // Where this tile begins in the picture, pixels.
     corner_x: f32,
-    sky_below: vec3f,
-    corner_y: f32,
     // Light that comes from a yarn in the sky's way.
     interior: vec3f,
+    corner_y: f32,
     // What the sun's map takes for one depth, mm.
     sun_bias: f32,
+    spare_a: f32,
+    spare_b: f32,
+    spare_c: f32,
 }
 
 struct Look {

@@ -80,8 +80,7 @@ fn widening(at: u32, chunk: Chunk) -> f32 {
     return clamp((points[high].w - points[low].w) / max(chords, 1e-6), 1.0, MOST_WIDENING);
 }
 
-@vertex
-fn expand(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance: u32) -> Surface {
+fn vertex_of(vertex: u32, instance: u32) -> Surface {
     let part = parts[draw.first + instance];
     let chunk = chunks[part / PARTS];
     let look = looks[chunk.look];
@@ -118,4 +117,9 @@ fn expand(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance:
     }
     out.clip = view.clip_from_world * vec4f(out.world, 1.0);
     return out;
+}
+
+@vertex
+fn expand(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance: u32) -> Surface {
+    return vertex_of(vertex, instance);
 }

@@ -22,15 +22,19 @@ pub(super) struct View {
     pub(super) toward_sun: Vec3,
     pub(super) pixel: f32,
     pub(super) sun: Vec3,
-    pub(super) thinnest: f32,
+    pub(super) tile_width: f32,
     pub(super) zenith: Vec3,
-    pub(super) depth_scale: f32,
+    pub(super) tile_height: f32,
     pub(super) sky_above: Vec3,
-    pub(super) corner_x: f32,
+    pub(super) depth_scale: f32,
     pub(super) sky_below: Vec3,
-    pub(super) corner_y: f32,
+    pub(super) corner_x: f32,
     pub(super) interior: Vec3,
+    pub(super) corner_y: f32,
     pub(super) sun_bias: f32,
+    pub(super) spare_a: f32,
+    pub(super) spare_b: f32,
+    pub(super) spare_c: f32,
 }
 
 /// `Look` of `shaders/view.wgsl`.
@@ -122,8 +126,8 @@ mod tests {
     #[test]
     fn structures_lie_in_memory_as_the_shaders_read_them() {
         let twins = [
-            layout!(View: clip_from_world, sun_from_world, eye, toward_sun, pixel, sun, thinnest, zenith, depth_scale, sky_above,
-                corner_x, sky_below, corner_y, interior, sun_bias),
+            layout!(View: clip_from_world, sun_from_world, eye, toward_sun, pixel, sun, tile_width, zenith, tile_height, sky_above,
+                depth_scale, sky_below, corner_x, interior, corner_y, sun_bias, spare_a, spare_b, spare_c),
             layout!(Look: albedo, roughness, metallic, radius, plies, ply_slope, fibre_slope, repeat, spare),
             layout!(Chunk: first, count, look, spare),
             layout!(Draw: first, stride, edges, spare),

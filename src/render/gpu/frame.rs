@@ -3,6 +3,7 @@
 //! In: a camera, a light, and what of the yarns is in view. Out: [`Frame`], matrices and sizes for all passes, in coordinates relative to the
 //! scene's middle. The sun's map covers what the camera sees and nothing more, so that a close-up has fine shadows.
 
+use bytemuck::Zeroable;
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
 use super::Yarns;
@@ -92,15 +93,13 @@ impl Frame {
             toward_sun: rig.toward_sun,
             pixel,
             sun: rig.light.sun,
-            thinnest,
             zenith: rig.zenith,
-            depth_scale: depth.size[0] as f32 / options.width.max(1) as f32,
             sky_above: rig.light.sky_above,
-            corner_x: 0.0,
+            depth_scale: depth.size[0] as f32 / options.width.max(1) as f32,
             sky_below: rig.light.sky_below,
-            corner_y: 0.0,
             interior: rig.interior * yarns.albedo,
             sun_bias: (SUN_BIAS_RADII * thinnest).max(0.5 * texel),
+            ..data::View::zeroed()
         };
         Some(Self { camera: sight, sun: sun.0, depth, view })
     }

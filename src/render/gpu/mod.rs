@@ -97,15 +97,6 @@ struct Listed {
 }
 
 impl Yarns {
-    /// The passes of a picture, in order.
-    fn picture_writes(&self) -> &'static [Writes] {
-        match self.shape {
-            Shape::Tube => &[Writes::Before, Writes::Light],
-            Shape::Ribbon if self.has_maps => &[Writes::Light, Writes::Fuzz],
-            Shape::Ribbon => &[Writes::Light],
-        }
-    }
-
     fn purpose(&self, kind: &levels::Kind, writes: Writes) -> Purpose {
         let expansion = match (self.shape, kind.edges) {
             (Shape::Ribbon, _) => Expansion::Ribbon,
@@ -244,7 +235,7 @@ impl Renderer {
             [([1, 0], &self.pipelines.from_depths, &twice, &once), ([0, 1], &self.pipelines.from_moments, &once, &twice)];
         for (step, pipeline, from, to) in passes {
             #[expect(clippy::cast_possible_truncation, reason = "some texels")]
-            let reach = (2.0 * map.sigma).ceil() as i32;
+            let reach = (2.0 * map.sigma).round() as i32;
             let perspective = f32::from(u8::from(perspective));
             let blur = data::Blur { step, reach, sigma: map.sigma, near: map.near, far: map.far, perspective, spare: 0.0 };
             let blur = self.uniform(bytes_of(&blur));
@@ -280,9 +271,26 @@ impl Renderer {
             let clip_from_world =
                 crop(options, corner, Vec2::from(size.map(|lights| lights as f32)) / scale) * frame.camera.clip_from_world;
             let sight = levels::Sight { clip_from_world, ..frame.camera };
-            let (corner, depth_scale) = (corner * scale, frame.view.depth_scale / scale);
-            let view = data::View { clip_from_world, corner_x: corner.x, corner_y: corner.y, depth_scale, ..frame.view };
-            (view, lights, self.list(yarns, &sight, Fineness { sr: options.sr, lod: options.lod }, yarns.picture_writes()))
+            let [tile_width, tile_height] = size.map(|lights| lights as f32);
+            let view = data::View {
+                clip_from_world,
+                tile_width,
+                tile_height,
+                corner_x: corner.x * scale,
+                corner_y: corner.y * scale,
+                depth_scale: frame.view.depth_scale / scale,
+                ..frame.view
+            };
+            (
+                view,
+                lights,
+                self.list(
+                    yarns,
+                    &sight,
+                    Fineness { sr: options.sr, lod: options.lod },
+                    &[Writes::Before, Writes::Light, Writes::Fuzz],
+                ),
+            )
         });
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("picture") });
         {
@@ -328,7 +336,7 @@ impl Renderer {
     fn list(&mut self, yarns: &Yarns, sight: &levels::Sight, fineness: Fineness, writes: &[Writes]) -> Listed {
         let plan = Plan::of(&yarns.kinds, &yarns.pages, sight, fineness);
         for batch in &plan.batches {
-            for purpose in writes.iter().map(|&writes| yarns.purpose(&batch.kind, writes)) {
+            for purpose in writes.iter().map(|&writes| yarns.purpose(&batch.kind, writes)).filter(|purpose| purpose.is_drawn()) {
                 self.pipelines.make(&self.gpu, &self.layouts, purpose);
             }
             self.indices.entry(batch.kind.edges).or_insert_with(|| {

@@ -41,6 +41,24 @@ pub(super) struct Purpose {
     pub(super) has_maps: bool,
 }
 
+impl Purpose {
+    /// Whether plain strips are lit at their points, see the shader.
+    fn lit_at_points(self) -> bool {
+        self.expansion == Expansion::Strip && !self.has_maps && self.writes == Writes::Light
+    }
+
+    /// Whether there is anything to be drawn.
+    pub(super) fn is_drawn(self) -> bool {
+        let is_ribbon = self.expansion == Expansion::Ribbon;
+        match self.writes {
+            Writes::Depth | Writes::Light => true,
+            // What is lit at its points costs no more to light than to hide.
+            Writes::Before => !is_ribbon && (self.expansion == Expansion::Tube || self.has_maps),
+            Writes::Fuzz => is_ribbon && self.has_maps,
+        }
+    }
+}
+
 /// Layouts of the yarn shader's groups.
 #[derive(Debug)]
 pub(super) struct Layouts {
@@ -71,9 +89,9 @@ fn buffer(binding: u32, visibility: ShaderStages, ty: BufferBindingType, has_dyn
     Entry { binding, visibility, ty, count: None }
 }
 
-fn texture(binding: u32, sample_type: TextureSampleType) -> Entry {
+fn texture(binding: u32, visibility: ShaderStages, sample_type: TextureSampleType) -> Entry {
     let ty = BindingType::Texture { sample_type, view_dimension: wgpu::TextureViewDimension::D2, multisampled: false };
-    Entry { binding, visibility: ShaderStages::FRAGMENT, ty, count: None }
+    Entry { binding, visibility, ty, count: None }
 }
 
 impl Layouts {
@@ -86,7 +104,7 @@ impl Layouts {
         };
         let sampler = BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
         let sampler = Entry { binding: 3, visibility: ShaderStages::FRAGMENT, ty: sampler, count: None };
-        let vertex = ShaderStages::VERTEX;
+        let (vertex, pixel) = (ShaderStages::VERTEX, ShaderStages::FRAGMENT);
         Self {
             view: layout("view", &[buffer(0, BOTH, UNIFORM, false), buffer(1, BOTH, STORED, false)]),
             page: layout(
@@ -99,13 +117,16 @@ impl Layouts {
                     buffer(4, vertex, UNIFORM, true),
                 ],
             ),
-            maps: layout("maps", &[texture(0, filtered), texture(1, filtered), texture(2, filtered), sampler]),
-            light: layout("light", &[texture(0, exact), texture(1, exact)]),
+            maps: layout(
+                "maps",
+                &[texture(0, pixel, filtered), texture(1, pixel, filtered), texture(2, pixel, filtered), sampler],
+            ),
+            light: layout("light", &[texture(0, BOTH, exact), texture(1, BOTH, exact)]),
             moments: layout(
                 "moments",
-                &[buffer(0, BOTH, UNIFORM, false), texture(1, TextureSampleType::Depth), texture(2, exact)],
+                &[buffer(0, BOTH, UNIFORM, false), texture(1, pixel, TextureSampleType::Depth), texture(2, pixel, exact)],
             ),
-            tone: layout("tone", &[buffer(0, BOTH, UNIFORM, false), texture(1, exact)]),
+            tone: layout("tone", &[buffer(0, BOTH, UNIFORM, false), texture(1, pixel, exact)]),
         }
     }
 }
@@ -166,8 +187,10 @@ fn yarn_pipeline(
     let fragment = match writes {
         // A depth needs no fragment, but where there may be holes.
         Writes::Depth | Writes::Before => (expansion == Expansion::Ribbon && has_maps).then_some(("hole", &[][..])),
+        Writes::Light if purpose.lit_at_points() => Some(("lit", &light[..])),
         Writes::Light | Writes::Fuzz => Some(("shade", &light[..])),
     };
+    let expand = if purpose.lit_at_points() { "expand_lit" } else { "expand" };
     let fragment = fragment.map(|(entry, targets)| wgpu::FragmentState {
         module,
         entry_point: Some(entry),
@@ -179,7 +202,7 @@ fn yarn_pipeline(
         layout: Some(&layout),
         vertex: wgpu::VertexState {
             module,
-            entry_point: Some("expand"),
+            entry_point: Some(expand),
             compilation_options: compilation_options.clone(),
             buffers: &[],
         },
