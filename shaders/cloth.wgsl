@@ -71,7 +71,8 @@ fn sky(direction: vec3f) -> vec3f {
 fn open_sky(at: vec2f, radius: f32, depth: f32, cosine: f32) -> f32 {
     let m = moments_at(depth_map, (at + vec2f(view.corner_x, view.corner_y)) * view.depth_scale);
     let before = (m.x - depth) / radius;
-    let level = 1.0 / (1.0 + exp(0.065 - 0.427 * before));
+    // Another layer, seen through a hole, has the sky of a cloth's middle.
+    let level = select(1.0 / (1.0 + exp(0.065 - 0.427 * before)), 0.5, depth - m.x > view.layer);
     return saturate(mix(1.0, level, m.z) * mix(0.51, 1.2, cosine));
 }
 

@@ -15,8 +15,13 @@ struct Blur {
     far: f32,
     // 1 where depths in the buffer are those of a perspective view.
     perspective: f32,
-    spare: f32,
+    // What lies so far behind the nearest of the averaged is another layer of cloth, mm.
+    layer: f32,
 }
+
+// Whether only the nearest layer is averaged.
+override LAYERED: bool = false;
+const FARTHEST = 3.0e38;
 
 @group(0) @binding(0) var<uniform> blur: Blur;
 @group(0) @binding(1) var depths: texture_depth_2d;
@@ -63,17 +68,35 @@ fn weight(tap: i32) -> f32 {
     return exp(-0.5 * x * x);
 }
 
+// What a tap sees: depth and variance, and in z its cover.
+fn depth_tap(place: vec2i, tap: i32) -> vec3f {
+    let last = vec2i(textureDimensions(depths)) - 1;
+    let depth = textureLoad(depths, clamp(place + tap * blur.step, vec2i(0), last), 0);
+    return vec3f(linear_depth(depth), 0.0, select(0.0, 1.0, depth < 1.0));
+}
+
+fn moment_tap(place: vec2i, tap: i32) -> vec3f {
+    let last = vec2i(textureDimensions(moments)) - 1;
+    return textureLoad(moments, clamp(place + tap * blur.step, vec2i(0), last), 0).xyz;
+}
+
 @fragment
 fn from_depths(@builtin(position) at: vec4f) -> @location(0) vec4f {
-    let size = vec2i(textureDimensions(depths));
+    var farthest = FARTHEST;
+    if LAYERED {
+        for (var tap = -blur.reach; tap <= blur.reach; tap++) {
+            let seen = depth_tap(vec2i(at.xy), tap);
+            farthest = min(farthest, select(FARTHEST, seen.x + blur.layer, seen.z > 0.0));
+        }
+    }
     var sums = Sums(0.0, 0.0, 0.0, 0.0);
     var total = 0.0;
     for (var tap = -blur.reach; tap <= blur.reach; tap++) {
         let w = weight(tap);
+        let seen = depth_tap(vec2i(at.xy), tap);
         total += w;
-        let depth = textureLoad(depths, clamp(vec2i(at.xy) + tap * blur.step, vec2i(0), size - 1), 0);
-        if depth < 1.0 {
-            add(&sums, w, linear_depth(depth), 0.0);
+        if seen.z > 0.0 && seen.x < farthest {
+            add(&sums, w, seen.x, 0.0);
         }
     }
     return joined(sums, total);
@@ -81,15 +104,21 @@ fn from_depths(@builtin(position) at: vec4f) -> @location(0) vec4f {
 
 @fragment
 fn from_moments(@builtin(position) at: vec4f) -> @location(0) vec4f {
-    let size = vec2i(textureDimensions(moments));
+    var farthest = FARTHEST;
+    if LAYERED {
+        for (var tap = -blur.reach; tap <= blur.reach; tap++) {
+            let seen = moment_tap(vec2i(at.xy), tap);
+            farthest = min(farthest, select(FARTHEST, seen.x + blur.layer, seen.z > 0.0));
+        }
+    }
     var sums = Sums(0.0, 0.0, 0.0, 0.0);
     var total = 0.0;
     for (var tap = -blur.reach; tap <= blur.reach; tap++) {
         let w = weight(tap);
+        let seen = moment_tap(vec2i(at.xy), tap);
         total += w;
-        let texel = textureLoad(moments, clamp(vec2i(at.xy) + tap * blur.step, vec2i(0), size - 1), 0);
-        if texel.z > 0.0 {
-            add(&sums, w * texel.z, texel.x, texel.y);
+        if seen.z > 0.0 && seen.x < farthest {
+            add(&sums, w * seen.z, seen.x, seen.y);
         }
     }
     return joined(sums, total);

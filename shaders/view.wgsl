@@ -27,9 +27,9 @@ struct View {
     corner_y: f32,
     // What the sun's map takes for one depth, mm.
     sun_bias: f32,
-    spare_a: f32,
-    spare_b: f32,
-    spare_c: f32,
+    // Depth of one layer of cloth, mm.
+    layer: f32,
+    spare: vec2f,
 }
 
 struct Look {

@@ -32,9 +32,8 @@ pub(super) struct View {
     pub(super) interior: Vec3,
     pub(super) corner_y: f32,
     pub(super) sun_bias: f32,
-    pub(super) spare_a: f32,
-    pub(super) spare_b: f32,
-    pub(super) spare_c: f32,
+    pub(super) layer: f32,
+    pub(super) spare: Vec2,
 }
 
 /// `Look` of `shaders/view.wgsl`.
@@ -82,7 +81,7 @@ pub(super) struct Blur {
     pub(super) near: f32,
     pub(super) far: f32,
     pub(super) perspective: f32,
-    pub(super) spare: f32,
+    pub(super) layer: f32,
 }
 
 /// `Tone` of `shaders/tone.wgsl`.
@@ -127,11 +126,11 @@ mod tests {
     fn structures_lie_in_memory_as_the_shaders_read_them() {
         let twins = [
             layout!(View: clip_from_world, sun_from_world, eye, toward_sun, pixel, sun, tile_width, zenith, tile_height, sky_above,
-                depth_scale, sky_below, corner_x, interior, corner_y, sun_bias, spare_a, spare_b, spare_c),
+                depth_scale, sky_below, corner_x, interior, corner_y, sun_bias, layer, spare),
             layout!(Look: albedo, roughness, metallic, radius, plies, ply_slope, fibre_slope, repeat, spare),
             layout!(Chunk: first, count, look, spare),
             layout!(Draw: first, stride, edges, spare),
-            layout!(Blur: step, reach, sigma, near, far, perspective, spare),
+            layout!(Blur: step, reach, sigma, near, far, perspective, layer),
             layout!(Tone: background, exposure, scale, spare),
         ];
         for (name, twin) in twins {

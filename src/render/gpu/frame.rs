@@ -25,6 +25,8 @@ const SUN_BIAS_RADII: f32 = 0.1;
 /// How far around a point the cloth's depth is averaged, radii of the thinnest yarn. Of 3, 5 and 8, 3 told best
 /// what the sky's rays of the CPU renderer see (.127, .132, .139 of the share that is open, root mean square).
 const DEPTH_RADII: f32 = 3.0;
+/// Cloth is about this thick, radii of its thinnest yarn; what lies deeper is another layer, such as a skirt's other side.
+const LAYER_RADII: f32 = 12.0;
 /// Texels that this takes.
 const DEPTH_TEXELS: f32 = 2.5;
 /// Near and far planes lie this much beyond what is drawn.
@@ -40,6 +42,8 @@ pub(super) struct DepthMap {
     pub(super) sigma: f32,
     pub(super) near: f32,
     pub(super) far: f32,
+    /// Depth of the nearest layer, mm, where only that one is averaged.
+    pub(super) layer: Option<f32>,
 }
 
 /// A frame's geometry.
@@ -98,6 +102,7 @@ impl Frame {
             depth_scale: depth.size[0] as f32 / options.width.max(1) as f32,
             sky_below: rig.light.sky_below,
             interior: rig.interior * yarns.albedo,
+            layer: LAYER_RADII * thinnest,
             sun_bias: (SUN_BIAS_RADII * thinnest).max(0.5 * texel),
             ..data::View::zeroed()
         };
@@ -138,7 +143,7 @@ fn sun_map(
         rows((across / texel).extend(-low.x / texel), (-up / texel).extend((low.y + extent.y) / texel), distance.extend(0.0));
     let sight = Sight { clip_from_world, eye: toward_sun.extend(0.0), pixel: texel };
     let sigma = (PENUMBRA_RADII * thinnest / texel).max(0.6);
-    Some((DepthMap { sight, size: size.as_uvec2().to_array(), sigma, near, far }, texels_from_world))
+    Some((DepthMap { sight, size: size.as_uvec2().to_array(), sigma, near, far, layer: None }, texels_from_world))
 }
 
 /// The map of depths around the eye: as coarse as its averages allow.
@@ -151,5 +156,5 @@ fn depth_map(camera: Sight, thinnest: f32, pixel: f32, near: f32, far: f32, opti
     };
     let sigma = (DEPTH_RADII * thinnest * scale / pixel).max(0.6);
     let sight = Sight { pixel: camera.pixel / scale, ..camera };
-    DepthMap { sight, size: [side(options.width), side(options.height)], sigma, near, far }
+    DepthMap { sight, size: [side(options.width), side(options.height)], sigma, near, far, layer: Some(LAYER_RADII * thinnest) }
 }

@@ -194,9 +194,9 @@ impl Renderer {
     fn lights(&mut self, yarns: &Yarns, frame: &Frame, options: &Options) -> Result<wgpu::BindGroup, GpuError> {
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("depths") });
         let fineness = Fineness { sr: options.sr, lod: options.lod };
-        let [sun, depth] = [(&frame.sun, false), (&frame.depth, true)].map(|(map, perspective)| {
+        let [sun, depth] = [&frame.sun, &frame.depth].map(|map| {
             let listed = self.list(yarns, &map.sight, fineness, &[Writes::Depth]);
-            self.depth_map(&mut encoder, yarns, frame, map, perspective, &listed)
+            self.depth_map(&mut encoder, yarns, frame, map, &listed)
         });
         self.gpu.queue.submit([encoder.finish()]);
         self.gpu.fault()?;
@@ -214,7 +214,6 @@ impl Renderer {
         yarns: &Yarns,
         frame: &Frame,
         map: &DepthMap,
-        perspective: bool,
         listed: &Listed,
     ) -> wgpu::TextureView {
         let target = TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING;
@@ -231,13 +230,12 @@ impl Renderer {
             self.draw_listed(&mut pass, yarns, listed, &view, Writes::Depth);
         }
         let [once, twice] = [(); 2].map(|()| view_of(self.texture(MOMENTS, map.size, target, 1)));
-        let passes =
-            [([1, 0], &self.pipelines.from_depths, &twice, &once), ([0, 1], &self.pipelines.from_moments, &once, &twice)];
-        for (step, pipeline, from, to) in passes {
+        let [from_depths, from_moments] = if map.layer.is_some() { &self.pipelines.nearest } else { &self.pipelines.all };
+        for (step, pipeline, from, to) in [([1, 0], from_depths, &twice, &once), ([0, 1], from_moments, &once, &twice)] {
             #[expect(clippy::cast_possible_truncation, reason = "some texels")]
             let reach = (2.0 * map.sigma).round() as i32;
-            let perspective = f32::from(u8::from(perspective));
-            let blur = data::Blur { step, reach, sigma: map.sigma, near: map.near, far: map.far, perspective, spare: 0.0 };
+            let (perspective, layer) = (map.sight.eye.w, map.layer.unwrap_or_default());
+            let blur = data::Blur { step, reach, sigma: map.sigma, near: map.near, far: map.far, perspective, layer };
             let blur = self.uniform(bytes_of(&blur));
             let (depths, from) = (wgpu::BindingResource::TextureView(&depths), wgpu::BindingResource::TextureView(from));
             let group = self.group("blur", &self.layouts.moments, &[blur.as_entire_binding(), depths, from]);

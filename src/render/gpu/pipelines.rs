@@ -77,8 +77,10 @@ pub(super) struct Pipelines {
     pub(super) samples: u32,
     yarn: wgpu::ShaderModule,
     made: BTreeMap<Purpose, wgpu::RenderPipeline>,
-    pub(super) from_depths: wgpu::RenderPipeline,
-    pub(super) from_moments: wgpu::RenderPipeline,
+    /// Averages of all depths: from a depth buffer, then from averages.
+    pub(super) all: [wgpu::RenderPipeline; 2],
+    /// Averages of the nearest layer's depths.
+    pub(super) nearest: [wgpu::RenderPipeline; 2],
     pub(super) tone: wgpu::RenderPipeline,
 }
 
@@ -139,13 +141,18 @@ impl Pipelines {
             gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source })
         };
         let (yarn, moments, tone) = (module(shaders::YARN), module(shaders::MOMENTS), module(shaders::TONE));
+        let averages = |is_layered: bool| {
+            let constants = &[("LAYERED", f64::from(u8::from(is_layered)))];
+            ["from_depths", "from_moments"]
+                .map(|entry| screen_pipeline(gpu, &layouts.moments, &moments, entry, MOMENTS, constants))
+        };
         Self {
             samples,
             yarn,
             made: BTreeMap::new(),
-            from_depths: screen_pipeline(gpu, &layouts.moments, &moments, "from_depths", MOMENTS),
-            from_moments: screen_pipeline(gpu, &layouts.moments, &moments, "from_moments", MOMENTS),
-            tone: screen_pipeline(gpu, &layouts.tone, &tone, "tone_map", PICTURE),
+            all: averages(false),
+            nearest: averages(true),
+            tone: screen_pipeline(gpu, &layouts.tone, &tone, "tone_map", PICTURE, &[]),
         }
     }
 
@@ -232,13 +239,14 @@ fn screen_pipeline(
     module: &wgpu::ShaderModule,
     entry: &str,
     format: wgpu::TextureFormat,
+    constants: &[(&str, f64)],
 ) -> wgpu::RenderPipeline {
     let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some(entry),
         bind_group_layouts: &[Some(group)],
         immediate_size: 0,
     });
-    let compilation_options = wgpu::PipelineCompilationOptions::default();
+    let compilation_options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
     gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some(entry),
         layout: Some(&layout),
