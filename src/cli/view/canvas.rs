@@ -3,6 +3,7 @@
 //! In: a scene, then a [`Shot`] of it at a time. Out: a texture that the window shows. Only this file of the binary names wgpu, for that texture and
 //! to know when a frame is done. Nothing is drawn twice, and while something moves on a slow device, drafts are drawn.
 
+use std::ops::RangeInclusive;
 use std::time::{Duration, Instant};
 
 use eframe::egui::TextureId;
@@ -17,8 +18,10 @@ use super::panel::Look;
 
 /// Frames that take longer are drawn as drafts while something moves.
 const SLOW: Duration = Duration::from_millis(60);
-/// A draft's pixels for each of the window's, each way.
-const DRAFT: u32 = 2;
+/// Drafts that take longer become coarser.
+const SLOW_DRAFT: Duration = Duration::from_millis(200);
+/// Pixels of the window each way that one of a draft stands for.
+const COARSENESS: RangeInclusive<u32> = 2..=4;
 
 /// What a frame depends on, besides the scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,6 +42,8 @@ pub(super) struct Canvas {
     /// What the last frame of each quality took.
     pub(super) full: Duration,
     pub(super) draft: Duration,
+    /// How coarse the next draft is.
+    coarseness: u32,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,7 +73,7 @@ impl Canvas {
     pub(super) fn open(state: &RenderState) -> Result<Self, GpuError> {
         let easel = Some(Easel::open(state)?);
         let (full, draft) = (Duration::ZERO, Duration::ZERO);
-        Ok(Self { state: state.clone(), easel, target: None, shown: None, full, draft })
+        Ok(Self { state: state.clone(), easel, target: None, shown: None, full, draft, coarseness: *COARSENESS.start() })
     }
 
     /// The adapter's name.
@@ -106,15 +111,24 @@ impl Canvas {
         self.forget_after(result)?;
         self.shown = Some((shot, quality));
         match quality {
-            Quality::Draft => self.draft = start.elapsed(),
+            Quality::Draft => self.time_draft(start.elapsed()),
             Quality::Full => self.full = start.elapsed(),
         }
         Ok(())
     }
 
+    fn time_draft(&mut self, spent: Duration) {
+        self.draft = spent;
+        if spent > SLOW_DRAFT && self.coarseness < *COARSENESS.end() {
+            self.coarseness += 1;
+        } else if spent < SLOW && self.coarseness > *COARSENESS.start() {
+            self.coarseness -= 1;
+        }
+    }
+
     fn try_draw(&mut self, shot: Shot, quality: Quality) -> Result<(), GpuError> {
         let (size, samples) = match quality {
-            Quality::Draft => (shot.size.map(|pixels| pixels.div_ceil(DRAFT)), 1),
+            Quality::Draft => (shot.size.map(|pixels| pixels.div_ceil(self.coarseness)), 1),
             Quality::Full => (shot.size, 4),
         };
         let target = match self.target.take() {

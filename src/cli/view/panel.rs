@@ -2,7 +2,7 @@
 //!
 //! In: [`Settings`], which it changes. Out: what was asked for besides, as an [`Action`].
 
-use eframe::egui::{Button, CollapsingHeader, Color32, ComboBox, RichText, Slider, SliderClamping, Ui};
+use eframe::egui::{Button, CollapsingHeader, Color32, ComboBox, Grid, RichText, Slider, SliderClamping, Ui};
 use glam::Vec3;
 use warpknit::render::{self, Background, Light, View};
 use warpknit::scene::Shape;
@@ -166,7 +166,7 @@ fn fabric(ui: &mut Ui, settings: &mut Settings, stock: &Stock) {
     }
     let about = &stock.choices[recipe.fabric].fabric.about;
     if !about.is_empty() {
-        ui.label(RichText::new(about).small().weak());
+        ui.label(RichText::new(about).weak());
     }
     let aspect = recipe.courses_per_cm / recipe.wales_per_cm;
     if density(ui, "wales per cm", &mut recipe.wales_per_cm) && settings.keeps_loops {
@@ -249,7 +249,7 @@ fn camera(ui: &mut Ui) -> Option<Action> {
             action = Some(Action::SavePicture);
         }
     });
-    ui.label(RichText::new("Left drag turns, right drag moves, the wheel zooms.").small().weak());
+    ui.label(RichText::new("Left drag turns, right drag moves, the wheel zooms.").weak());
     action
 }
 
@@ -257,12 +257,13 @@ fn tell(ui: &mut Ui, facts: &Facts) {
     if let Some(trouble) = &facts.trouble {
         ui.label(RichText::new(trouble).color(Color32::from_rgb(220, 60, 50)));
     }
-    for (name, value) in &facts.lines {
-        ui.horizontal(|ui| {
+    Grid::new("facts").num_columns(2).show(ui, |ui| {
+        for (name, value) in &facts.lines {
             ui.label(RichText::new(*name).weak());
             ui.label(value);
-        });
-    }
+            ui.end_row();
+        }
+    });
     if facts.is_knitting {
         ui.horizontal(|ui| {
             ui.spinner();
@@ -270,7 +271,7 @@ fn tell(ui: &mut Ui, facts: &Facts) {
         });
     }
     for note in &facts.notes {
-        ui.label(RichText::new(note).small().weak());
+        ui.label(RichText::new(note).weak());
     }
 }
 
