@@ -22,3 +22,5 @@ mod map;
 mod nets;
 mod relax;
 mod render;
+#[cfg(all(feature = "view", target_os = "linux"))]
+mod view;
