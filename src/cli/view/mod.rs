@@ -74,11 +74,20 @@ fn native_options() -> NativeOptions {
 /// What to do where there is no window.
 fn in_words(error: eframe::Error) -> anyhow::Error {
     match error {
-        eframe::Error::Wgpu(reason) => anyhow!(
-            "no graphics adapter can draw into a window: install a Vulkan, Metal or DirectX 12 driver, or draw without one by drape -o \
-             ({reason})"
-        ),
+        eframe::Error::Wgpu(reason) => {
+            let reason = reason.to_string();
+            let reason = reason.trim_end_matches(": {}");
+            anyhow!(
+                "no graphics adapter can draw into a window ({reason}): install a Vulkan, Metal or DirectX 12 driver; drape and swatch draw \
+                 without one"
+            )
+        }
         eframe::Error::AppCreation(error) => anyhow!("{error:#}"),
-        other => anyhow!("no window can be opened here, is there a display? drape and swatch draw without one ({other})"),
+        other => {
+            // In front stands the place in the window library's source.
+            let reason = other.to_string();
+            let reason = reason.rsplit(": ").next().unwrap_or_default();
+            anyhow!("no window can be opened here ({reason}): check that there is a display; drape and swatch draw without one")
+        }
     }
 }

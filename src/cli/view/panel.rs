@@ -2,7 +2,7 @@
 //!
 //! In: [`Settings`], which it changes. Out: what was asked for besides, as an [`Action`].
 
-use eframe::egui::{Button, CollapsingHeader, Color32, ComboBox, Grid, RichText, Slider, SliderClamping, Ui};
+use eframe::egui::{Button, CollapsingHeader, Color32, ComboBox, Grid, RichText, Slider, SliderClamping, TextStyle, Ui, vec2};
 use glam::Vec3;
 use warpknit::render::{self, Background, Light, View};
 use warpknit::scene::Shape;
@@ -19,6 +19,9 @@ pub(super) const VIEWS: [(&str, View); 6] = [
     ("Top", View::Top),
     ("Corner", View::Iso),
 ];
+
+/// Lines that the longest description of a built-in fabric takes.
+const ABOUT_LINES: f32 = 3.0;
 
 /// All that can be chosen.
 pub(super) struct Settings {
@@ -151,23 +154,27 @@ fn fabric(ui: &mut Ui, settings: &mut Settings, stock: &Stock) {
     let before = recipe.fabric;
     ui.horizontal(|ui| {
         ui.label("Fabric");
-        ComboBox::from_id_salt("fabric").selected_text(&*stock.choices[before].label).width(180.0).height(400.0).show_ui(
-            ui,
-            |ui| {
+        ComboBox::from_id_salt("fabric")
+            .selected_text(&*stock.choices[before].label)
+            .width(200.0)
+            .truncate()
+            .height(400.0)
+            .show_ui(ui, |ui| {
                 for (at, choice) in stock.choices.iter().enumerate() {
                     ui.selectable_value(&mut recipe.fabric, at, &*choice.label).on_hover_text(&choice.fabric.about);
                 }
-            },
-        );
+            });
     });
     if recipe.fabric != before {
         // Another fabric has densities of its own; a radius that was chosen for the last one would seldom suit it.
         *recipe = Recipe { shape: recipe.shape, ..stock.recipe(recipe.fabric) };
     }
     let about = &stock.choices[recipe.fabric].fabric.about;
-    if !about.is_empty() {
+    // As much room for all fabrics, so that sliders stay where they are.
+    ui.allocate_ui(vec2(ui.available_width(), 0.0), |ui| {
+        ui.set_min_height(ABOUT_LINES * ui.text_style_height(&TextStyle::Body));
         ui.label(RichText::new(about).weak());
-    }
+    });
     let aspect = recipe.courses_per_cm / recipe.wales_per_cm;
     if density(ui, "wales per cm", &mut recipe.wales_per_cm) && settings.keeps_loops {
         recipe.courses_per_cm = recipe.wales_per_cm * aspect;

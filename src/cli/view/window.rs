@@ -72,7 +72,7 @@ impl Window {
         failures: Sender<anyhow::Error>,
     ) -> Result<Self> {
         let Some(state) = &context.wgpu_render_state else { bail!("the window has no graphics device") };
-        let canvas = Canvas::open(state)?;
+        let canvas = Canvas::open(state).context("a window needs a graphics adapter, drape and swatch do not")?;
         let waker = context.egui_ctx.clone();
         let worker = Worker::start(Arc::clone(&stock), move || waker.request_repaint())?;
         let settings = Settings::of(&arguments.shared, &stock);
