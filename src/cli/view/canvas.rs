@@ -100,11 +100,11 @@ impl Canvas {
         Ok(())
     }
 
-    /// Draws a shot unless it is shown already; a draft will do for one that `moves`.
-    pub(super) fn draw(&mut self, shot: Shot, moves: bool) -> Result<(), GpuError> {
+    /// Draws a shot unless it is shown already, and says whether it did; a draft will do for one that `moves`.
+    pub(super) fn draw(&mut self, shot: Shot, moves: bool) -> Result<bool, GpuError> {
         let quality = if moves && self.full > SLOW { Quality::Draft } else { Quality::Full };
         if self.shown.is_some_and(|(shown, best)| shown == shot && (best == Quality::Full || best == quality)) {
-            return Ok(());
+            return Ok(false);
         }
         let start = Instant::now();
         let result = self.try_draw(shot, quality);
@@ -114,7 +114,7 @@ impl Canvas {
             Quality::Draft => self.time_draft(start.elapsed()),
             Quality::Full => self.full = start.elapsed(),
         }
-        Ok(())
+        Ok(true)
     }
 
     fn time_draft(&mut self, spent: Duration) {
@@ -143,7 +143,9 @@ impl Canvas {
                 (Quality::Draft, Some(renderer)) => renderer,
                 (Quality::Draft, none) => none.insert(Renderer::new(easel.gpu.clone(), samples)?),
             };
-            renderer.draw_to(yarns, &shot.camera, &shot.look.options(size, samples), &target.view)?;
+            let options = shot.look.options(size, samples);
+            let options = Options { lod: options.lod || quality == Quality::Draft, ..options };
+            renderer.draw_to(yarns, &shot.camera, &options, &target.view)?;
             // Frames are timed whole, and none is begun before the last one is done. What goes wrong here, the next frame tells.
             let _waited = self.state.device.poll(wgpu::PollType::wait_indefinitely());
         }

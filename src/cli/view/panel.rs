@@ -23,6 +23,9 @@ pub(super) const VIEWS: [(&str, View); 6] = [
 /// Lines that the longest description of a built-in fabric takes.
 const ABOUT_LINES: f32 = 3.0;
 
+/// The radius at which the slider ends, mm at one wale a cm: .3 of the wale spacing, where the legs of a loop fill it.
+const WIDEST: f64 = 3.0;
+
 /// All that can be chosen.
 pub(super) struct Settings {
     pub(super) recipe: Recipe,
@@ -169,11 +172,11 @@ fn fabric(ui: &mut Ui, settings: &mut Settings, stock: &Stock) {
         // Another fabric has densities of its own; a radius that was chosen for the last one would seldom suit it.
         *recipe = Recipe { shape: recipe.shape, ..stock.recipe(recipe.fabric) };
     }
-    let about = &stock.choices[recipe.fabric].fabric.about;
+    let about = Some(stock.choices[recipe.fabric].fabric.about.as_str()).filter(|about| !about.is_empty());
     // As much room for all fabrics, so that sliders stay where they are.
     ui.allocate_ui(vec2(ui.available_width(), 0.0), |ui| {
         ui.set_min_height(ABOUT_LINES * ui.text_style_height(&TextStyle::Body));
-        ui.label(RichText::new(about).weak());
+        ui.label(RichText::new(about.unwrap_or("a fabric of your own")).weak());
     });
     let aspect = recipe.courses_per_cm / recipe.wales_per_cm;
     if density(ui, "wales per cm", &mut recipe.wales_per_cm) && settings.keeps_loops {
@@ -204,7 +207,7 @@ fn yarns(ui: &mut Ui, settings: &mut Settings, radius: f64) {
         recipe.radius = None;
     }
     let mut chosen = recipe.radius.unwrap_or(radius);
-    let slider = Slider::new(&mut chosen, 0.005..=(5.0 / recipe.wales_per_cm).max(0.01));
+    let slider = Slider::new(&mut chosen, 0.005..=(WIDEST / recipe.wales_per_cm).max(0.01));
     let slider = slider.logarithmic(true).max_decimals(3).clamping(SliderClamping::Edits).suffix(" mm");
     ui.add_enabled(!own, slider.text("radius"));
     if !own {

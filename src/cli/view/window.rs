@@ -99,6 +99,18 @@ impl Window {
         })
     }
 
+    /// Knits and cuts anew what was chosen anew.
+    fn follow_settings(&mut self) {
+        if self.settings.recipe != self.ordered {
+            self.ordered = self.settings.recipe;
+            self.worker.order(self.ordered);
+            self.changed = Instant::now();
+        }
+        if self.settings.look.st != self.hung {
+            self.hang();
+        }
+    }
+
     /// Takes new cloth from the thread, and hangs it.
     fn take_cloth(&mut self) {
         match self.worker.take() {
@@ -154,8 +166,7 @@ impl Window {
 
     /// Writes what the window shows, as high as `--size` says.
     fn save_picture(&mut self) {
-        let result = self.try_save();
-        match result {
+        match self.try_save() {
             Ok(name) => self.saved = Some(format!("saved {}", name.display())),
             Err(error) => self.trouble = Some(format!("{error:#}")),
         }
@@ -234,14 +245,18 @@ impl Window {
     fn draw(&mut self, ui: &Ui, size: [u32; 2]) {
         let shot = Shot { camera: self.orbit.camera(), look: self.settings.look, size };
         let now = Instant::now();
-        if self.last != Some(shot) || self.ordered != self.settings.recipe {
+        if self.last != Some(shot) {
             self.changed = now;
         }
         self.last = Some(shot);
         let is_held = ui.input(|input| input.pointer.any_down());
         let moves = self.screenshot.is_none() && (is_held || now.duration_since(self.changed) < SETTLED);
-        let result = self.canvas.draw(shot, moves);
-        self.note(result);
+        let drawn = self.canvas.draw(shot, moves);
+        if matches!(drawn, Ok(true)) {
+            // The panel is there already, without this frame's time.
+            ui.ctx().request_repaint();
+        }
+        self.note(drawn);
         if self.canvas.is_draft() && !is_held {
             ui.ctx().request_repaint_after(SETTLED);
         }
@@ -305,15 +320,8 @@ impl eframe::App for Window {
         if let Some(action) = action {
             self.act(action);
         }
+        self.follow_settings();
         CentralPanel::default().frame(Frame::NONE).show(ui, |ui| self.show_picture(ui));
-        if self.settings.recipe != self.ordered {
-            self.ordered = self.settings.recipe;
-            self.worker.order(self.ordered);
-        }
-        if self.hung != self.settings.look.st && self.cloth.is_some() {
-            self.hang();
-            ui.ctx().request_repaint();
-        }
         self.take_screenshot(ui.ctx());
     }
 }
