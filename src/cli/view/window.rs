@@ -3,6 +3,7 @@
 //! In: what the person does. Out: the picture, and files where asked for. Whatever goes wrong is told in the panel and the window stays open;
 //! only a screenshot that can't be made ends it.
 
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::Sender;
@@ -24,8 +25,8 @@ use super::panel::{self, Action, Facts, Settings, VIEWS};
 use super::stock::{Knitted, Recipe, Stock};
 use super::worker::Worker;
 
-/// How long after the last change things count as moving.
-const SETTLED: Duration = Duration::from_millis(150);
+/// How long after the last change things count as moving: longer where a full frame would hold up the next drag for longer.
+const SETTLED: RangeInclusive<Duration> = Duration::from_millis(150)..=Duration::from_millis(800);
 /// Magnification by a point of the wheel's travel.
 const WHEEL: f64 = 1.0 / 250.0;
 const PANEL_WIDTH: f32 = 330.0;
@@ -245,20 +246,20 @@ impl Window {
     fn draw(&mut self, ui: &Ui, size: [u32; 2]) {
         let shot = Shot { camera: self.orbit.camera(), look: self.settings.look, size };
         let now = Instant::now();
-        if self.last != Some(shot) {
+        if self.last != Some(shot) || ui.input(|input| input.pointer.any_down()) {
             self.changed = now;
         }
         self.last = Some(shot);
-        let is_held = ui.input(|input| input.pointer.any_down());
-        let moves = self.screenshot.is_none() && (is_held || now.duration_since(self.changed) < SETTLED);
+        let settled = (self.canvas.full / 4).clamp(*SETTLED.start(), *SETTLED.end());
+        let moves = self.screenshot.is_none() && now.duration_since(self.changed) < settled;
         let drawn = self.canvas.draw(shot, moves);
         if matches!(drawn, Ok(true)) {
             // The panel is there already, without this frame's time.
             ui.ctx().request_repaint();
         }
         self.note(drawn);
-        if self.canvas.is_draft() && !is_held {
-            ui.ctx().request_repaint_after(SETTLED);
+        if self.canvas.is_draft() {
+            ui.ctx().request_repaint_after(settled);
         }
     }
 
