@@ -11,7 +11,7 @@ use warpknit::fabric::FabricError;
 
 fn main() -> ExitCode {
     let arguments = cli::Arguments::of_process();
-    match cli::run(&arguments) {
+    match cli::run(arguments) {
         Ok(()) => ExitCode::SUCCESS,
         // Whoever read our output has seen enough.
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,

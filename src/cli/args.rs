@@ -32,6 +32,8 @@ impl Arguments {
             Command::Drape(drape) => Some(&drape.shared.chains),
             Command::Swatch(swatch) => Some(&swatch.shared.chains),
             Command::Inspect(inspect) => Some(&inspect.chains),
+            #[cfg(feature = "view")]
+            Command::View(view) => Some(&view.shared.chains),
             Command::Fabrics(_) => None,
         };
         if let Some(Chains { lapping, threading }) = chains
@@ -62,6 +64,17 @@ pub(crate) enum Command {
   warpknit swatch --fabric locknit --view back -o back.png
   warpknit swatch --lapping 3-4/1-0// --lapping 1-0/1-2// -o satin.png")]
     Swatch(Swatch),
+    /// Show a garment or a swatch in a window, and knit it again as you choose
+    #[cfg(feature = "view")]
+    #[command(
+        after_help = "Left drag turns, right or middle drag moves, the wheel zooms; 1 to 6 look from the front, back, left, right, top
+and a corner, F frames everything. The button saves view-001.png and so on into this folder, as high as --size says.
+
+Examples:
+  warpknit view meshes/skirt_flat.obj meshes/skirt_draped.obj
+  warpknit view --fabric locknit --wales 8 --courses 9"
+    )]
+    View(Live),
     /// Say what meshes hold and whether they pair, and what a fabric's lapping is
     #[command(after_help = "Examples:
   warpknit inspect --fabric locknit -o lapping.svg -o lapping.png
@@ -104,6 +117,37 @@ pub(crate) struct Swatch {
     /// Courses
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=20_000))]
     pub(crate) courses: u32,
+    #[command(flatten)]
+    pub(crate) shared: Shared,
+}
+
+/// What `view` takes: a mesh as `drape` does, or the size of a swatch.
+#[cfg(feature = "view")]
+#[derive(Args, Debug)]
+pub(crate) struct Live {
+    /// The flat pattern, or one file whose positions are draped and whose vt is the flat pattern [default: a swatch]
+    #[arg(value_name = "FLAT.obj|GARMENT.obj")]
+    pub(crate) flat: Option<PathBuf>,
+    /// The same faces, draped
+    #[arg(value_name = "DRAPED.obj")]
+    pub(crate) draped: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) reading: Reading,
+    /// What happens to yarns at a panel's edge
+    #[arg(long, value_enum, default_value = "clip")]
+    pub(crate) edge: EdgeArg,
+    /// How depth is carried from the flat panel to the draped one
+    #[arg(long, value_enum, default_value = "smooth")]
+    pub(crate) mapping: MappingArg,
+    /// Yarns a full bar of a swatch
+    #[arg(long, value_name = "N", default_value_t = 14, conflicts_with = "flat", value_parser = clap::value_parser!(u32).range(1..=20_000))]
+    pub(crate) wales: u32,
+    /// Courses of a swatch
+    #[arg(long, value_name = "N", default_value_t = 16, conflicts_with = "flat", value_parser = clap::value_parser!(u32).range(1..=20_000))]
+    pub(crate) courses: u32,
+    /// Write a picture of the window to this file as soon as the cloth is drawn, and close
+    #[arg(long, value_name = "OUT.png", value_parser = picture)]
+    pub(crate) screenshot: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) shared: Shared,
 }
@@ -355,6 +399,14 @@ fn output(text: &str) -> Result<(PathBuf, Format), String> {
     let path = PathBuf::from(text);
     let format = Format::of(&path).map_err(|error| error.to_string())?;
     Ok((path, format))
+}
+
+#[cfg(feature = "view")]
+fn picture(text: &str) -> Result<PathBuf, String> {
+    match output(text)? {
+        (path, Format::Png) => Ok(path),
+        _ => Err("a picture of the window ends with .png".to_owned()),
+    }
 }
 
 fn diagram(text: &str) -> Result<(PathBuf, chart::Format), String> {

@@ -14,7 +14,7 @@ use warpknit::export::obj::ObjWriter;
 use warpknit::export::{ExportError, Format, Output, Sink};
 use warpknit::fabric::{Fabric, FabricError};
 use warpknit::garment::stretch::stretch;
-use warpknit::garment::{Panel, ReadOptions, read};
+use warpknit::garment::{Garment, Panel, ReadOptions, read};
 use warpknit::ids::index32;
 use warpknit::knit::clearance::{self, Clearance};
 use warpknit::report::{ClearanceReport, ClothReport, GarmentReport, Report, SurfaceReport};
@@ -44,9 +44,7 @@ pub(crate) fn drape(arguments: &Drape) -> Result<()> {
     clock.begin(Task::Read, 0.0);
     let fabric = fabric(shared)?;
     let mut garment = read(&arguments.flat, arguments.draped.as_deref(), &arguments.reading.options())?;
-    for layout in &fabric.panels {
-        garment.turn_grain(layout.panel, layout.grain_degrees.to_radians());
-    }
+    turn_grains(&mut garment, &fabric);
     clock.stop();
     let area = garment.panels.iter().map(Panel::area).sum();
     let (shown, enlarged) = pictured(&fabric, area, shared)?;
@@ -102,7 +100,15 @@ struct Job<'a> {
     tells_numbers: bool,
 }
 
-fn begin(shared: &Shared) -> Result<Clock> {
+/// Turns the panels whose layout in the fabric says so.
+pub(super) fn turn_grains(garment: &mut Garment, fabric: &Fabric) {
+    for layout in &fabric.panels {
+        garment.turn_grain(layout.panel, layout.grain_degrees.to_radians());
+    }
+}
+
+/// Starts the threads and the clock.
+pub(super) fn begin(shared: &Shared) -> Result<Clock> {
     if let Some(threads) = shared.threads {
         ThreadPoolBuilder::new().num_threads(threads as usize).build_global().context("can't start the threads")?;
     }
@@ -131,7 +137,7 @@ impl Chains {
 }
 
 /// The fabric that was named, at the densities that were given.
-fn fabric(shared: &Shared) -> Result<Fabric> {
+pub(super) fn fabric(shared: &Shared) -> Result<Fabric> {
     let fabric = shared.chains.on(named_fabric(&shared.fabric)?)?;
     let name = shared.chains.label(&shared.fabric, &fabric);
     for warning in fabric.warnings() {
@@ -158,10 +164,19 @@ fn in_file(name: &str, error: FabricError) -> anyhow::Error {
 }
 
 /// The fabric for `area` mm² of garment, enlarged where nobody chose densities and its loops would be too many and too small to see.
-fn pictured(fabric: &Fabric, area: f64, shared: &Shared) -> Result<(Fabric, Option<String>)> {
+pub(super) fn pictured(fabric: &Fabric, area: f64, shared: &Shared) -> Result<(Fabric, Option<String>)> {
+    if shared.wales_per_cm.is_some() || shared.courses_per_cm.is_some() {
+        Ok((fabric.clone(), None))
+    } else {
+        enlarged(fabric, area)
+    }
+}
+
+/// The same whoever chose densities; and what was done, in words.
+pub(super) fn enlarged(fabric: &Fabric, area: f64) -> Result<(Fabric, Option<String>)> {
     let bars = f64::from(index32(fabric.bars.len()));
     let stitches = bars * area / (fabric.wale_spacing() * fabric.course_spacing());
-    if shared.wales_per_cm.is_some() || shared.courses_per_cm.is_some() || stitches <= PICTURED_STITCHES {
+    if stitches <= PICTURED_STITCHES {
         return Ok((fabric.clone(), None));
     }
     let times = (stitches / PICTURED_STITCHES).sqrt();
@@ -210,9 +225,7 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
         drape::run(job.cloth, &options, &mut announce, &mut deliver)?
     };
     let draped = gauge.map(Gauge::finish);
-    if totals.strands == 0 {
-        bail!("no yarn lies on the garment: its panels are smaller than a stitch; raise --wales-per-cm and --courses-per-cm");
-    }
+    check_laid(&totals)?;
     warnings.extend(loss_warning(&totals));
     for warning in &warnings {
         tell(job.shared.quiet, &format!("warning: {warning}"));
@@ -305,15 +318,20 @@ fn sinks<'a>(outputs: &[(PathBuf, Format)], job: &Job<'a>) -> Result<Vec<Box<dyn
 
 fn section(job: &Job<'_>) -> Result<Section> {
     let Shared { st, sr, radius, flatten, caps, .. } = *job.shared;
-    let wale_spacing = job.shown.wale_spacing();
-    if let Some(radius) = radius.filter(|radius| *radius > wale_spacing) {
-        bail!("--radius {radius} is over the wale spacing of {wale_spacing:.3} mm: yarns would fill each other's place");
-    }
-    let radius = radius.unwrap_or(job.shown.radius());
+    let radius = drawn_radius(job.shown, radius)?;
     Ok(Section { st, sr, radius, flatten, caps, texture_per_mm: TEXTURE_PER_MM })
 }
 
-fn task(stage: Stage) -> Task {
+/// The radius that was chosen, if the fabric has room for it, or else the fabric's.
+pub(super) fn drawn_radius(fabric: &Fabric, chosen: Option<f64>) -> Result<f64> {
+    let wale_spacing = fabric.wale_spacing();
+    if let Some(radius) = chosen.filter(|radius| *radius > wale_spacing) {
+        bail!("a radius of {radius} mm is over the wale spacing of {wale_spacing:.3} mm: yarns would fill each other's place");
+    }
+    Ok(chosen.unwrap_or(fabric.radius()))
+}
+
+pub(super) fn task(stage: Stage) -> Task {
     match stage {
         Stage::Index => Task::Index,
         Stage::Knit => Task::Knit,
@@ -349,7 +367,15 @@ fn check_memory(stitches: u64) -> Result<()> {
     }
 }
 
-fn loss_warning(totals: &Totals) -> Option<String> {
+/// Refuses cloth of which nothing can be seen.
+pub(super) fn check_laid(totals: &Totals) -> Result<()> {
+    if totals.strands == 0 {
+        bail!("no yarn lies on the garment: its panels are smaller than a stitch; raise --wales-per-cm and --courses-per-cm");
+    }
+    Ok(())
+}
+
+pub(super) fn loss_warning(totals: &Totals) -> Option<String> {
     let Losses { in_defects, .. } = totals.losses;
     #[expect(clippy::cast_precision_loss, reason = "a percentage of three digits")]
     let percent = 100.0 * in_defects as f64 / (totals.data_points + in_defects).max(1) as f64;

@@ -8,6 +8,8 @@ mod make;
 mod numbers;
 mod pictures;
 mod sheet;
+#[cfg(feature = "view")]
+mod view;
 
 use std::io::{self, Write};
 
@@ -17,12 +19,14 @@ pub(crate) use args::Arguments;
 use args::Command;
 
 /// Runs the command that was asked for.
-pub(crate) fn run(arguments: &Arguments) -> Result<()> {
-    match &arguments.command {
-        Command::Drape(drape) => make::drape(drape),
-        Command::Swatch(swatch) => make::swatch(swatch),
-        Command::Inspect(inspect) => inspect::inspect(inspect),
-        Command::Fabrics(fabrics) => fabrics::fabrics(fabrics),
+pub(crate) fn run(arguments: Arguments) -> Result<()> {
+    match arguments.command {
+        Command::Drape(drape) => make::drape(&drape),
+        Command::Swatch(swatch) => make::swatch(&swatch),
+        #[cfg(feature = "view")]
+        Command::View(live) => view::view(live),
+        Command::Inspect(inspect) => inspect::inspect(&inspect),
+        Command::Fabrics(fabrics) => fabrics::fabrics(&fabrics),
     }
 }
 

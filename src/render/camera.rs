@@ -30,8 +30,9 @@ pub enum View {
 }
 
 impl View {
-    /// From the target to the eye.
-    fn toward_eye(self) -> DVec3 {
+    /// The unit vector from the target to the eye.
+    #[must_use]
+    pub fn toward_eye(self) -> DVec3 {
         match self {
             Self::Front => DVec3::Z,
             Self::Back => DVec3::NEG_Z,
@@ -64,7 +65,13 @@ impl Camera {
     /// Without points it looks at the origin.
     #[must_use]
     pub fn view(view: View, points: &[Vec3], fov: f64, zoom: f64, aspect: f64) -> Self {
-        let axes = Self::look_at(view.toward_eye(), DVec3::ZERO, fov, 1.0);
+        Self::facing(view.toward_eye(), points, fov, zoom, aspect)
+    }
+
+    /// The same from any side: `toward_eye` is the unit vector from what is seen to the eye.
+    #[must_use]
+    pub fn facing(toward_eye: DVec3, points: &[Vec3], fov: f64, zoom: f64, aspect: f64) -> Self {
+        let axes = Self::look_at(toward_eye, DVec3::ZERO, fov, 1.0);
         let seen = || points.iter().map(|point| axes.seen_from_here(point.as_dvec3())).filter(|point| point.is_finite());
         let low = seen().fold(DVec3::INFINITY, DVec3::min);
         let high = seen().fold(DVec3::NEG_INFINITY, DVec3::max);
@@ -77,7 +84,7 @@ impl Camera {
         });
         let target = axes.right * middle.x + axes.up * middle.y + axes.back * middle.z;
         // A single point has no size to fit; any distance shows it.
-        Self::look_at(target + view.toward_eye() * distance.max(1e-3), target, fov, zoom)
+        Self::look_at(target + toward_eye * distance.max(1e-3), target, fov, zoom)
     }
 
     /// Stands at `eye` and looks at `target`, upright, or with -z up where it looks straight down (+z straight up).

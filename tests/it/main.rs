@@ -13,8 +13,11 @@ mod cli;
 mod drape;
 mod fabrics;
 mod files;
+mod flip;
 mod gallery;
 mod garment;
+mod golden;
+mod gpu;
 mod interlock;
 mod locate;
 mod malformed;
@@ -24,3 +27,5 @@ mod photo;
 mod relax;
 mod render;
 mod ribbon;
+#[cfg(all(feature = "view", target_os = "linux"))]
+mod view;

@@ -17,7 +17,7 @@ const MOST_SUN_TEXELS: f32 = 2048.0;
 /// Size of a texel of the sun's map in radii of the thinnest yarn, where the picture can show it.
 const SUN_TEXEL_RADII: f32 = 0.2;
 /// The same in pixels of the picture, where it can't.
-const SUN_TEXEL_PIXELS: f32 = 0.7;
+const SUN_TEXEL_PIXELS: f32 = 0.35;
 /// Reach of the sun's penumbra on a yarn, radii of the thinnest.
 const PENUMBRA_RADII: f32 = 0.2;
 /// What the sun's map takes for one depth, radii of the thinnest yarn.

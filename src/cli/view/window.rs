@@ -1,0 +1,371 @@
+//! The window: joins the panel, the camera, the knitting thread and the canvas, a frame at a time.
+//!
+//! In: what the person does. Out: the picture, and files where asked for. Whatever goes wrong is told in the panel and the window stays open;
+//! only a screenshot that can't be made ends it.
+
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::mpsc::Sender;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, Result, bail};
+use eframe::egui::{
+    self, CentralPanel, Color32, ColorImage, Frame, Key, Panel, PointerButton, Rect, Response, ScrollArea, Sense, Ui,
+    ViewportCommand, pos2,
+};
+use image::RgbaImage;
+use warpknit::export::png;
+use warpknit::render::View;
+
+use super::super::args::Live;
+use super::canvas::{Canvas, Shot};
+use super::orbit::Orbit;
+use super::panel::{self, Action, Facts, Settings, VIEWS};
+use super::stock::{Knitted, Recipe, Stock};
+use super::worker::Worker;
+
+/// How long after the last change things count as moving: longer where a full frame would hold up the next drag for longer.
+const SETTLED: RangeInclusive<Duration> = Duration::from_millis(150)..=Duration::from_millis(800);
+/// Magnification by a point of the wheel's travel.
+const WHEEL: f64 = 1.0 / 250.0;
+const PANEL_WIDTH: f32 = 330.0;
+
+/// What the camera is held to until somebody drags it; applied again to each cloth and each size of the window.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Framing {
+    Start,
+    Side(View),
+    /// From where it stands.
+    All,
+}
+
+/// The window's state.
+pub(super) struct Window {
+    stock: Arc<Stock>,
+    arguments: Arc<Live>,
+    settings: Settings,
+    worker: Worker,
+    canvas: Canvas,
+    orbit: Orbit,
+    framing: Option<Framing>,
+    aspect: f64,
+    /// The last that was wanted.
+    ordered: Recipe,
+    cloth: Option<Knitted>,
+    /// The cloth's pieces a stitch on the device.
+    hung: u32,
+    upload: Duration,
+    trouble: Option<String>,
+    saved: Option<String>,
+    last: Option<Shot>,
+    changed: Instant,
+    /// Where the first failure goes if the window is only opened for a screenshot.
+    failures: Sender<anyhow::Error>,
+    screenshot: Option<PathBuf>,
+}
+
+impl Window {
+    pub(super) fn new(
+        context: &eframe::CreationContext<'_>,
+        arguments: Arc<Live>,
+        stock: Arc<Stock>,
+        failures: Sender<anyhow::Error>,
+    ) -> Result<Self> {
+        let Some(state) = &context.wgpu_render_state else { bail!("the window has no graphics device") };
+        let canvas = Canvas::open(state).context("a window needs a graphics adapter, drape and swatch do not")?;
+        let waker = context.egui_ctx.clone();
+        let worker = Worker::start(Arc::clone(&stock), move || waker.request_repaint())?;
+        let settings = Settings::of(&arguments.shared, &stock);
+        worker.order(settings.recipe);
+        Ok(Self {
+            orbit: start(&arguments, &[], 1.0),
+            framing: Some(Framing::Start),
+            aspect: 1.0,
+            ordered: settings.recipe,
+            cloth: None,
+            hung: 0,
+            upload: Duration::ZERO,
+            trouble: None,
+            saved: None,
+            last: None,
+            changed: Instant::now(),
+            screenshot: arguments.screenshot.clone(),
+            failures,
+            stock,
+            arguments,
+            settings,
+            worker,
+            canvas,
+        })
+    }
+
+    /// Knits and cuts anew what was chosen anew.
+    fn follow_settings(&mut self) {
+        if self.settings.recipe != self.ordered {
+            self.ordered = self.settings.recipe;
+            self.worker.order(self.ordered);
+            self.changed = Instant::now();
+        }
+        if self.settings.look.st != self.hung {
+            self.hang();
+        }
+    }
+
+    /// Takes new cloth from the thread, and hangs it.
+    fn take_cloth(&mut self) {
+        match self.worker.take() {
+            None => {}
+            Some(Ok(cloth)) => {
+                self.cloth = Some(cloth);
+                self.trouble = None;
+                self.hang();
+                self.frame_again();
+            }
+            Some(Err(error)) => self.trouble = Some(format!("{error:#}")),
+        }
+    }
+
+    fn hang(&mut self) {
+        let Some(cloth) = &self.cloth else { return };
+        self.hung = self.settings.look.st;
+        let start = Instant::now();
+        let result = self.canvas.hang(&cloth.scene, self.hung);
+        self.upload = start.elapsed();
+        self.note(result);
+    }
+
+    fn note<T>(&mut self, result: Result<T, impl Into<anyhow::Error>>) {
+        if let Err(error) = result {
+            self.trouble = Some(format!("{:#}", error.into()));
+        }
+    }
+
+    /// Frames as was asked for, unless somebody moved the camera since.
+    fn frame_again(&mut self) {
+        let points = self.cloth.as_ref().map_or(&[][..], |cloth| &cloth.scene.positions);
+        let fov = self.arguments.shared.fov.to_radians();
+        self.orbit = match self.framing {
+            _ if points.is_empty() => return,
+            None => return,
+            Some(Framing::Start) => start(&self.arguments, points, self.aspect),
+            Some(Framing::Side(view)) => Orbit::framing(view, points, fov, 1.0, self.aspect),
+            Some(Framing::All) => self.orbit.framed(points, self.aspect),
+        };
+    }
+
+    fn act(&mut self, action: Action) {
+        let framing = match action {
+            Action::SavePicture => return self.save_picture(),
+            Action::Look(view) => Framing::Side(view),
+            Action::FrameAll => Framing::All,
+            Action::ResetCamera => Framing::Start,
+        };
+        self.framing = Some(framing);
+        self.frame_again();
+    }
+
+    /// Writes what the window shows, as high as `--size` says.
+    fn save_picture(&mut self) {
+        match self.try_save() {
+            Ok(name) => self.saved = Some(format!("saved {}", name.display())),
+            Err(error) => self.trouble = Some(format!("{error:#}")),
+        }
+    }
+
+    fn try_save(&mut self) -> Result<PathBuf> {
+        let shared = &self.arguments.shared;
+        let height = shared.size.1;
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "`as` saturates, and the size is held to a limit"
+        )]
+        let width = ((f64::from(height) * self.aspect).round() as u32).clamp(1, 32_768);
+        let options = self.settings.look.options_to_save([width, height], shared.drawing.spp);
+        let picture = self.canvas.picture(&self.orbit.camera(), &options)?.context("there is no picture to save yet")?;
+        let name = free_name()?;
+        write(&name, &picture)?;
+        Ok(name)
+    }
+
+    /// Turns the camera by what the pointer and the keys did over the picture.
+    fn steer(&mut self, ui: &Ui, response: &Response) {
+        let (moved, height) = (response.drag_delta(), response.rect.height());
+        let before = self.orbit;
+        if response.dragged_by(PointerButton::Primary) {
+            self.orbit.turn(moved.x, moved.y);
+        } else if response.dragged_by(PointerButton::Secondary) || response.dragged_by(PointerButton::Middle) {
+            self.orbit.shift(moved.x, moved.y, height);
+        }
+        if response.hovered() {
+            let (wheel, pinch) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
+            self.orbit.magnify((f64::from(wheel) * WHEEL).exp() * f64::from(pinch));
+        }
+        if self.orbit != before {
+            self.framing = None;
+        }
+        if !ui.ctx().egui_wants_keyboard_input() {
+            let keys = [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6];
+            let pressed = keys.into_iter().zip(VIEWS).find(|(key, _)| ui.input(|input| input.key_pressed(*key)));
+            if let Some((_, (_, view))) = pressed {
+                self.act(Action::Look(view));
+            }
+            if ui.input(|input| input.key_pressed(Key::F)) {
+                self.act(Action::FrameAll);
+            }
+        }
+    }
+
+    /// The picture, in what the panel leaves.
+    fn show_picture(&mut self, ui: &mut Ui) {
+        let (rect, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
+        let scale = ui.ctx().pixels_per_point();
+        let most = self.canvas.largest_side().saturating_sub(2);
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "`as` saturates, and a window has few pixels"
+        )]
+        let size = [rect.width(), rect.height()].map(|side| ((side * scale).round() as u32).clamp(1, most));
+        let aspect = f64::from(size[0]) / f64::from(size[1]);
+        if aspect != self.aspect {
+            self.aspect = aspect;
+            self.frame_again();
+        }
+        self.steer(ui, &response);
+        if self.cloth.is_some() {
+            self.draw(ui, size);
+        }
+        if let Some(texture) = self.canvas.texture() {
+            ui.painter().image(texture, rect, Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0)), Color32::WHITE);
+        }
+    }
+
+    /// Draws if anything changed, at first as a draft where that takes long.
+    fn draw(&mut self, ui: &Ui, size: [u32; 2]) {
+        let shot = Shot { camera: self.orbit.camera(), look: self.settings.look, size };
+        let now = Instant::now();
+        if self.last != Some(shot) || ui.input(|input| input.pointer.any_down()) {
+            self.changed = now;
+        }
+        self.last = Some(shot);
+        let settled = (self.canvas.full / 4).clamp(*SETTLED.start(), *SETTLED.end());
+        let moves = self.screenshot.is_none() && now.duration_since(self.changed) < settled;
+        let drawn = self.canvas.draw(shot, moves);
+        if matches!(drawn, Ok(true)) {
+            // The panel is there already, without this frame's time.
+            ui.ctx().request_repaint();
+        }
+        self.note(drawn);
+        if self.canvas.is_draft() {
+            ui.ctx().request_repaint_after(settled);
+        }
+    }
+
+    fn facts(&self) -> Facts {
+        let ms = |ms: f64| format!("{ms:.0} ms");
+        let took = |duration: Duration| ms(1000.0 * duration.as_secs_f64());
+        let mut lines = vec![("adapter", self.canvas.adapter())];
+        let mut notes: Vec<String> = self.saved.clone().into_iter().collect();
+        if let Some(cloth) = &self.cloth {
+            let timings = cloth.timings;
+            lines.push(("stitches", thousands(cloth.totals.losses.stitches)));
+            lines.push(("yarns", thousands(cloth.totals.yarns)));
+            lines.push(("knit", ms(timings.knit)));
+            lines.push(("locate and map", ms(timings.locate + timings.map)));
+            lines.push(("upload", took(self.upload)));
+            let draft = if self.canvas.draft.is_zero() { String::new() } else { format!(", draft {}", took(self.canvas.draft)) };
+            lines.push(("frame", took(self.canvas.full) + &draft));
+            if cloth.enlargement > 1.0 {
+                notes.push(format!("The cloth is drawn {:.1} times enlarged.", cloth.enlargement));
+            }
+            notes.extend(cloth.warnings.iter().map(|warning| format!("warning: {warning}")));
+        }
+        let radius = self.cloth.as_ref().map_or(0.0, |cloth| cloth.radius);
+        Facts { lines, notes, trouble: self.trouble.clone(), is_knitting: self.worker.is_busy(), radius }
+    }
+
+    /// Asks for a picture of the window once the cloth is drawn in full, and ends it where that will never be.
+    fn take_screenshot(&mut self, context: &egui::Context) {
+        let Some(target) = self.screenshot.clone() else { return };
+        if let Some(trouble) = self.trouble.take() {
+            // The other end lives as long as the window.
+            let _sent = self.failures.send(anyhow::anyhow!(trouble));
+            self.screenshot = None;
+            context.send_viewport_cmd(ViewportCommand::Close);
+        } else if self.cloth.is_some() && !self.worker.is_busy() && !self.canvas.is_draft() {
+            self.screenshot = None;
+            let (failures, waker) = (self.failures.clone(), context.clone());
+            context.request_screenshot(move |image| {
+                if let Err(error) = write(&target, &picture_of(&image)) {
+                    let _sent = failures.send(error);
+                }
+                waker.send_viewport_cmd(ViewportCommand::Close);
+            });
+        }
+    }
+}
+
+impl eframe::App for Window {
+    fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
+        self.take_cloth();
+        let facts = self.facts();
+        let action = Panel::right("settings")
+            .exact_size(PANEL_WIDTH)
+            .show(ui, |ui| {
+                let scrolled = ScrollArea::vertical().auto_shrink(false);
+                scrolled.show(ui, |ui| panel::show(ui, &mut self.settings, &self.stock, &facts)).inner
+            })
+            .inner;
+        if let Some(action) = action {
+            self.act(action);
+        }
+        self.follow_settings();
+        CentralPanel::default().frame(Frame::NONE).show(ui, |ui| self.show_picture(ui));
+        self.take_screenshot(ui.ctx());
+    }
+}
+
+/// Where the command line wants the camera.
+fn start(arguments: &Live, points: &[glam::Vec3], aspect: f64) -> Orbit {
+    let shared = &arguments.shared;
+    let fov = shared.fov.to_radians();
+    match (shared.eye, shared.look_at) {
+        (Some(eye), Some(target)) => Orbit::at(eye, target, fov, shared.zoom),
+        _ => Orbit::framing(shared.view.into(), points, fov, shared.zoom, aspect),
+    }
+}
+
+/// The first of `view-001.png`, `view-002.png` … that isn't there.
+fn free_name() -> Result<PathBuf> {
+    let mut names = (1..1000).map(|number| PathBuf::from(format!("view-{number:03}.png")));
+    names.find(|name| !name.exists()).context("view-001.png to view-999.png are there already: move some")
+}
+
+fn write(target: &Path, picture: &RgbaImage) -> Result<()> {
+    Ok(png::write(target, picture)?.publish()?)
+}
+
+fn picture_of(image: &ColorImage) -> RgbaImage {
+    let pixels = image.pixels.iter().flat_map(|pixel| [pixel.r(), pixel.g(), pixel.b(), 255]).collect();
+    let [width, height] = image.size.map(warpknit::ids::index32);
+    RgbaImage::from_raw(width, height, pixels).expect("four bytes a pixel")
+}
+
+/// A number with its thousands set apart.
+fn thousands(number: usize) -> String {
+    let digits = number.to_string();
+    let groups: Vec<_> = digits.as_bytes().rchunks(3).rev().map(String::from_utf8_lossy).collect();
+    groups.join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_set_in_threes() {
+        assert_eq!([0, 12, 999, 12_948, 1_000_000].map(thousands), ["0", "12", "999", "12 948", "1 000 000"]);
+    }
+}

@@ -1,0 +1,135 @@
+//! Knitting beside the window, so that it stays responsive.
+//!
+//! In: [`Recipe`]s as fast as a slider is dragged. Out: cloth, or why there is none. The newest recipe wins: those that came before it and were not
+//! begun are dropped, and one that is being knitted is given up once it has had [`PATIENCE`], so that a drag shows what it passes.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, anyhow};
+
+use super::stock::{Knitted, Recipe, Stock};
+
+/// How long cloth is knitted on although a newer one is wanted.
+const PATIENCE: Duration = Duration::from_millis(400);
+
+/// A recipe and its number.
+type Order = (u64, Recipe);
+
+/// The knitting thread's other end. Dropped, it lets the thread end after what it has in hand.
+pub(super) struct Worker {
+    orders: Sender<Order>,
+    done: Receiver<(u64, Result<Knitted>)>,
+    newest: Arc<AtomicU64>,
+    /// The last order of which something was heard.
+    answered: u64,
+}
+
+impl Worker {
+    /// Starts the thread, which calls `announce` whenever something is ready.
+    pub(super) fn start(stock: Arc<Stock>, announce: impl Fn() + Send + 'static) -> Result<Self> {
+        let (orders, incoming) = channel::<Order>();
+        let (outgoing, done) = channel();
+        let newest = Arc::new(AtomicU64::new(0));
+        let wanted = Arc::clone(&newest);
+        let work = move || {
+            while let Ok(order) = incoming.recv() {
+                // The last that is waiting takes the place of all before it.
+                let (number, recipe) = incoming.try_iter().last().unwrap_or(order);
+                let start = Instant::now();
+                let superseded = || start.elapsed() > PATIENCE && wanted.load(Ordering::Relaxed) != number;
+                let Some(result) = stock.knit(recipe, &superseded).transpose() else { continue };
+                if outgoing.send((number, result)).is_err() {
+                    return;
+                }
+                announce();
+            }
+        };
+        thread::Builder::new().name("knitting".to_owned()).spawn(work).context("can't start the knitting thread")?;
+        Ok(Self { orders, done, newest, answered: 0 })
+    }
+
+    /// Wants this cloth, and no other that was wanted before.
+    pub(super) fn order(&self, recipe: Recipe) {
+        let number = self.newest.fetch_add(1, Ordering::Relaxed) + 1;
+        // A thread that is gone is told of by `take`.
+        let _gone = self.orders.send((number, recipe));
+    }
+
+    /// Whether cloth that is wanted is not there yet.
+    pub(super) fn is_busy(&self) -> bool {
+        self.answered < self.newest.load(Ordering::Relaxed)
+    }
+
+    /// The newest that is ready, if anything is.
+    pub(super) fn take(&mut self) -> Option<Result<Knitted>> {
+        let mut newest = None;
+        loop {
+            match self.done.try_recv() {
+                Ok((number, result)) => {
+                    self.answered = number;
+                    newest = Some(result);
+                }
+                Err(TryRecvError::Disconnected) if self.is_busy() => {
+                    self.answered = u64::MAX;
+                    return Some(Err(anyhow!("knitting has stopped: open the window again")));
+                }
+                Err(_nothing) => return newest,
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser as _;
+
+    use super::*;
+    use crate::cli::args::{Arguments, Command};
+
+    fn stock() -> Arc<Stock> {
+        let arguments = Arguments::parse_from(["warpknit", "view", "--quiet", "--wales", "3", "--courses", "4"]);
+        let Command::View(live) = arguments.command else { panic!("it was asked to view") };
+        Arc::new(Stock::of(&live).unwrap())
+    }
+
+    /// All that is heard until the newest order is answered.
+    fn answers(worker: &mut Worker) -> Vec<Result<Knitted>> {
+        let mut heard = Vec::new();
+        while worker.is_busy() {
+            heard.extend(worker.take());
+            thread::sleep(Duration::from_millis(1));
+        }
+        heard
+    }
+
+    #[test]
+    fn the_newest_order_is_knitted_and_the_waiting_ones_are_not() {
+        let stock = stock();
+        let first = stock.recipe(0);
+        let mut worker = Worker::start(stock, || ()).unwrap();
+        for wales in 0..200 {
+            worker.order(Recipe { wales_per_cm: 5.0 + f64::from(wales) / 100.0, ..first });
+        }
+        let heard = answers(&mut worker);
+        assert!(heard.len() < 200);
+        let last = heard.into_iter().last().unwrap().unwrap();
+        assert!((last.enlargement - first.wales_per_cm / 6.99).abs() < 1e-9);
+        assert_eq!(last.totals.losses.stitches, 2 * 3 * 4);
+    }
+
+    #[test]
+    fn what_cannot_be_knitted_is_said_and_the_next_cloth_comes() {
+        let stock = stock();
+        let first = stock.recipe(0);
+        let mut worker = Worker::start(stock, || ()).unwrap();
+        worker.order(Recipe { radius: Some(50.0), ..first });
+        let error = answers(&mut worker).pop().unwrap().err().unwrap().to_string();
+        assert!(error.contains("over the wale spacing"), "{error}");
+        worker.order(first);
+        assert!(answers(&mut worker).pop().unwrap().is_ok());
+    }
+}

@@ -1,0 +1,245 @@
+//! The graphics processor draws what the processor draws, and what it drew before.
+//!
+//! On the software driver pictures are the same to the byte from run to run. Without any adapter these tests say that they are skipped;
+//! where `WARPKNIT_CI` is set they fail.
+
+use crate::flip::flip;
+use crate::golden;
+use glam::{DVec3, Vec3};
+use image::{DynamicImage, Rgba, RgbaImage};
+use warpknit::drape::picture;
+use warpknit::fabric::Fabric;
+use warpknit::garment::{ReadOptions, read};
+use warpknit::render::gpu::Gpu;
+use warpknit::render::maps::{Kind, Maps, Mips};
+use warpknit::render::{Background, Camera, Choice, Options, Painter, View, render};
+use warpknit::scene::{Scene, Shape, YarnLook};
+use warpknit::drape;
+
+/// Whether there is an adapter, be it software; CI must have one.
+fn can_draw(test: &str) -> bool {
+    match Gpu::find(true) {
+        Ok(_) => true,
+        Err(error) => {
+            assert!(std::env::var_os("WARPKNIT_CI").is_none(), "{error}");
+            eprintln!("{test}: skipped, {error}");
+            false
+        }
+    }
+}
+
+fn on(renderer: Choice, scene: &Scene, camera: &Camera, options: &Options) -> RgbaImage {
+    render(scene, camera, &Options { renderer, ..options.clone() }, &|_| ()).unwrap()
+}
+
+/// Mean FLIP between both renderers' pictures, 512 pixels square, of sixteen samples.
+fn difference(scene: &Scene, camera: &Camera) -> f64 {
+    let options = Options { width: 512, height: 512, spp: 16, st: 60, sr: 16, ..Options::default() };
+    let [cpu, gpu] = [Choice::Cpu, Choice::Gpu].map(|renderer| DynamicImage::from(on(renderer, scene, camera, &options)).into_rgb8());
+    let difference = f64::from(flip(&cpu, &gpu).mean());
+    println!("mean FLIP {difference:.4}");
+    difference
+}
+
+/// A picture of a spun yarn along x: two plies, darker between them, fuzz that thins out to both sides.
+fn yarn_picture() -> RgbaImage {
+    RgbaImage::from_fn(96, 48, |x, y| {
+        let across = (f32::from(u16::try_from(y).unwrap()) + 0.5) / 24.0 - 1.0;
+        let turn = std::f32::consts::TAU * f32::from(u16::try_from(x).unwrap()) / 96.0;
+        let ply = (across * 3.0 - turn).sin().abs();
+        let alpha = ((1.0 - across.abs()) * 4.0).clamp(0.0, 1.0);
+        let shade = |value: f32| (value * (0.55 + 0.45 * ply)) as u8;
+        Rgba([shade(214.0), shade(170.0), shade(120.0), (alpha * 255.0) as u8])
+    })
+}
+
+/// A swatch of ribbons with that picture, as wide as its yarns lie apart.
+fn ribbons(wales: u32, courses: u32) -> Scene {
+    let fabric = Fabric::named("tricot").unwrap();
+    let tubes = picture::swatch(&fabric, wales, courses);
+    let base = yarn_picture();
+    let plain = |texel| RgbaImage::from_pixel(base.width(), base.height(), Rgba(texel));
+    let width = tubes.looks[0].radius * 3.0;
+    let maps = Maps {
+        normal: Mips::new(plain([128, 128, 255, 255]), Kind::Normal),
+        surface: Mips::new(plain([255, 191, 0, 255]), Kind::Plain),
+        base: Mips::new(base, Kind::Color),
+        length: width * 2.0,
+        width,
+    };
+    let mut looks = tubes.looks.clone();
+    looks.iter_mut().for_each(|look| (look.maps, look.radius) = (Some(0), width / 2.0));
+    let mut scene = Scene { shape: Shape::Ribbon, looks, maps: vec![maps], ..Scene::default() };
+    for strand in &tubes.strands {
+        let points = &tubes.positions[strand.points.start as usize..strand.points.end as usize];
+        let stitches = &tubes.stitches[strand.stitches.start as usize..strand.stitches.end as usize];
+        let stitches = stitches.iter().map(|stitch| stitch - strand.points.start);
+        scene.push_stitches(points.iter().map(|&point| (point, Vec3::Z)), stitches, strand.look);
+    }
+    scene
+}
+
+/// The shipped skirt in the fabric's loops, `wales_per_cm`.
+fn skirt(wales_per_cm: f64) -> Scene {
+    let mesh = |name: &str| std::path::PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("meshes").join(name);
+    let garment = read(&mesh("skirt_flat.obj"), Some(&mesh("skirt_draped.obj")), &ReadOptions::default()).unwrap();
+    let fabric = Fabric::named("tricot").unwrap();
+    let aspect = fabric.courses_per_cm / fabric.wales_per_cm;
+    let fabric = fabric.at_densities(wales_per_cm, wales_per_cm * aspect).unwrap();
+    let cloth = drape::Cloth::cover(&garment, &fabric).unwrap();
+    let mut scene = Scene { looks: picture::looks(&fabric, fabric.radius()), ..Scene::default() };
+    let mut deliver = |blocks: &[drape::Block]| -> Result<(), std::convert::Infallible> {
+        blocks.iter().for_each(|block| picture::add_to(&mut scene, block));
+        Ok(())
+    };
+    drape::run(&cloth, &drape::Options::default(), &mut |_, _| {}, &mut deliver).unwrap();
+    scene
+}
+
+fn front(scene: &Scene) -> Camera {
+    Camera::view(View::Front, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0)
+}
+
+#[test]
+fn both_renderers_draw_the_same_swatch() {
+    if can_draw("both_renderers_draw_the_same_swatch") {
+        let scene = picture::swatch(&Fabric::named("tricot").unwrap(), 14, 16);
+        assert!(difference(&scene, &front(&scene)) < 0.06);
+    }
+}
+
+#[test]
+fn both_renderers_draw_the_same_textured_ribbons() {
+    if can_draw("both_renderers_draw_the_same_textured_ribbons") {
+        let scene = ribbons(14, 16);
+        assert!(difference(&scene, &front(&scene)) < 0.06);
+    }
+}
+
+#[test]
+fn both_renderers_draw_the_same_skirt() {
+    if can_draw("both_renderers_draw_the_same_skirt") {
+        let scene = skirt(0.72);
+        assert!(difference(&scene, &front(&scene)) < 0.06);
+    }
+}
+
+/// Compares with what was drawn before, 256 pixels square.
+fn golden(name: &str, scene: &Scene, camera: &Camera, options: &Options) {
+    if can_draw(name) {
+        let options = Options { width: 256, height: 256, ..options.clone() };
+        golden::check(name, &on(Choice::Gpu, scene, camera, &options), 0.01, 0.1);
+    }
+}
+
+#[test]
+fn golden_tubes_from_the_front_and_the_back() {
+    let scene = picture::swatch(&Fabric::named("locknit").unwrap(), 6, 6);
+    golden("gpu_tubes_front", &scene, &front(&scene), &Options::default());
+    let back = Camera::view(View::Back, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0);
+    golden("gpu_tubes_back", &scene, &back, &Options::default());
+}
+
+#[test]
+fn golden_strips_of_a_far_skirt() {
+    let scene = skirt(0.6);
+    golden("gpu_strips", &scene, &front(&scene), &Options::default());
+    golden("gpu_strips_exact", &scene, &front(&scene), &Options { lod: false, samples: 1, ..Options::default() });
+}
+
+#[test]
+fn golden_net_on_nothing() {
+    let scene = picture::swatch(&Fabric::named("hex-net-5").unwrap(), 12, 20);
+    golden("gpu_net", &scene, &front(&scene), &Options { background: Background::Transparent, ..Options::default() });
+}
+
+#[test]
+fn golden_ribbons_with_fuzz() {
+    let scene = ribbons(5, 5);
+    golden("gpu_ribbons", &scene, &front(&scene), &Options::default());
+}
+
+#[test]
+fn golden_textured_tubes() {
+    let mut scene = ribbons(5, 5);
+    scene.shape = Shape::Tube;
+    scene.looks.iter_mut().for_each(|look| look.radius *= 0.5);
+    golden("gpu_textured_tubes", &scene, &front(&scene), &Options::default());
+}
+
+#[test]
+fn golden_shadow_of_one_yarn_on_another() {
+    let looks = vec![YarnLook::plain(Vec3::splat(0.6), 0.7, 0.3)];
+    let mut scene = Scene { looks, ..Scene::default() };
+    for row in 0_u8..9 {
+        let y = f32::from(row) * 0.6 - 2.4;
+        scene.push_strand([Vec3::new(-3.0, y, 0.0), Vec3::new(3.0, y, 0.0)], 0);
+    }
+    scene.push_strand([Vec3::new(-0.5, -3.0, 1.6), Vec3::new(0.5, 3.0, 1.6)], 0);
+    golden("gpu_shadow", &scene, &Camera::look_at(DVec3::Z * 14.0, DVec3::ZERO, 0.4, 1.0), &Options { spp: 16, ..Options::default() });
+}
+
+#[test]
+fn the_same_bytes_every_time_and_for_any_number_of_threads() {
+    if can_draw("the_same_bytes_every_time_and_for_any_number_of_threads") {
+        let scene = picture::swatch(&Fabric::named("tricot").unwrap(), 6, 6);
+        let options = Options { width: 128, height: 128, ..Options::default() };
+        let with = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| on(Choice::Gpu, &scene, &front(&scene), &options))
+        };
+        assert!(with(1) == with(2));
+    }
+}
+
+#[test]
+fn tiles_of_a_large_picture_join() {
+    if can_draw("tiles_of_a_large_picture_join") {
+        // One yarn across the border between two tiles, at 2046 pixels: as bright on both sides.
+        let mut scene = Scene { looks: vec![YarnLook::plain(Vec3::splat(0.6), 0.7, 0.5)], ..Scene::default() };
+        scene.push_strand([Vec3::NEG_X * 50.0, Vec3::ZERO, Vec3::X * 50.0], 0);
+        let options = Options { width: 2100, height: 60, samples: 1, spp: 1, ..Options::default() };
+        let camera = Camera::look_at(DVec3::Z * 100.0, DVec3::ZERO, 0.02, 1.0);
+        let picture = on(Choice::Gpu, &scene, &camera, &options);
+        for y in 10..50 {
+            let [before, after] = [2045, 2046].map(|x| picture.get_pixel(x, y).0);
+            assert!(before.iter().zip(after).all(|(a, b)| a.abs_diff(b) <= 24), "row {y}: {before:?} {after:?}");
+        }
+    }
+}
+
+#[test]
+fn an_empty_scene_is_all_background() {
+    if can_draw("an_empty_scene_is_all_background") {
+        let options = Options { width: 33, height: 20, background: "#1030f0".parse().unwrap(), ..Options::default() };
+        let camera = Camera::look_at(DVec3::Z, DVec3::ZERO, 0.5, 1.0);
+        let picture = on(Choice::Gpu, &Scene::default(), &camera, &options);
+        assert!(picture.pixels().all(|pixel| pixel.0 == [0x10, 0x30, 0xF0, 255]));
+    }
+}
+
+#[test]
+fn odd_strands_are_drawn_or_passed_over() {
+    if can_draw("odd_strands_are_drawn_or_passed_over") {
+        let looks = [0.3, 0.0, f32::NAN].map(|radius| YarnLook::plain(Vec3::splat(0.6), 0.7, radius)).to_vec();
+        let mut scene = Scene { looks, ..Scene::default() };
+        scene.push_strand([], 0);
+        scene.push_strand([Vec3::NAN, Vec3::NEG_X, Vec3::X, Vec3::INFINITY], 0);
+        scene.push_strand([Vec3::NEG_Y, Vec3::Y], 1);
+        scene.push_strand([Vec3::NEG_Y, Vec3::Y], 2);
+        let options = Options { width: 60, height: 60, background: Background::Transparent, ..Options::default() };
+        let picture = on(Choice::Gpu, &scene, &Camera::look_at(DVec3::Z * 20.0, DVec3::ZERO, 0.2, 1.0), &options);
+        assert_eq!(picture.get_pixel(30, 30).0[3], 255, "the good part of a strand is drawn");
+        assert_eq!(picture.get_pixel(30, 48).0[3], 0, "yarns without a radius are not");
+    }
+}
+
+#[test]
+fn without_hardware_the_processor_draws_by_itself() {
+    let scene = picture::swatch(&Fabric::named("tricot").unwrap(), 3, 3);
+    let options = Options { width: 16, height: 16, renderer: Choice::Auto, ..Options::default() };
+    let mut painter = Painter::new(&scene, &options).unwrap();
+    let hardware = Gpu::find(false).is_ok();
+    assert_eq!((painter.name() == "cpu", painter.notice()), (!hardware, None));
+    let _picture = painter.draw(&front(&scene), &options, &|_| ()).unwrap();
+}
