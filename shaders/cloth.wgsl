@@ -72,7 +72,7 @@ fn open_sky(at: vec2f, radius: f32, depth: f32, cosine: f32) -> f32 {
     let m = moments_at(depth_map, (at + vec2f(view.corner_x, view.corner_y)) * view.depth_scale);
     let before = (m.x - depth) / radius;
     // Another layer, seen through a hole, has the sky of a cloth's middle.
-    let level = select(1.0 / (1.0 + exp(0.065 - 0.427 * before)), 0.5, depth - m.x > view.layer);
+    let level = select(1.0 / (1.0 + exp(select(0.065, -0.35, SHAPE == RIBBON) - 0.427 * before)), 0.5, depth - m.x > view.layer);
     return saturate(mix(1.0, level, m.z) * mix(0.51, 1.2, cosine));
 }
 
@@ -100,14 +100,31 @@ struct Texel {
     occlusion: f32,
 }
 
-// The maps at a place around (0..1) and along the yarn. Gradients are given, since `around` jumps at a tube's seam.
-fn map_texel(look: Look, around: f32, along: f32, footprint: f32, cosine: f32, girth: f32) -> Texel {
-    let place = vec2f(along / look.repeat, around);
-    let by_length = vec2f(footprint / look.repeat, 0.0);
-    let by_girth = vec2f(0.0, footprint / (girth * max(cosine, 0.2)));
-    let base = textureSampleGrad(base_map, map_sampler, place, by_length, by_girth);
-    let normal = textureSampleGrad(normal_map, map_sampler, place, by_length, by_girth).xyz * 2.0 - 1.0;
-    let surface = textureSampleGrad(surface_map, map_sampler, place, by_length, by_girth).xyz;
+const MOST_TAPS = 8.0;
+
+// The maps around a place (0..1 around, repeats along), over a footprint: as many taps along its longer side as its shorter one fits into it,
+// as Maps::sample in src/render/maps.rs takes them. Derivatives would do that in hardware, but they jump at a tube's seam, and a software
+// driver has none at a triangle's edge.
+fn map_texel(place: vec2f, footprint: vec2f) -> Texel {
+    let texels = abs(footprint) * vec2f(textureDimensions(base_map));
+    let short = max(min(texels.x, texels.y), 1.0);
+    let long = max(max(texels.x, texels.y), 1.0);
+    let taps = clamp(ceil(long / short), 1.0, MOST_TAPS);
+    let level = log2(max(long / taps, short));
+    let way = select(vec2f(footprint.x, 0.0), vec2f(0.0, footprint.y), texels.y > texels.x);
+    let border = select(0.0, 0.5 / f32(textureDimensions(base_map).y), SHAPE == RIBBON);
+    var base = vec4f(0.0);
+    var normal = vec3f(0.0);
+    var surface = vec3f(0.0);
+    for (var tap = 0.0; tap < taps; tap += 1.0) {
+        var at = place + way * ((tap + 0.5) / taps - 0.5);
+        // A ribbon ends at its edges; a tube goes on around.
+        at.y = select(at.y, clamp(at.y, border, 1.0 - border), SHAPE == RIBBON);
+        base += textureSampleLevel(base_map, map_sampler, at, level) / taps;
+        normal += textureSampleLevel(normal_map, map_sampler, at, level).xyz / taps;
+        surface += textureSampleLevel(surface_map, map_sampler, at, level).xyz / taps;
+    }
+    normal = normal * 2.0 - 1.0;
     // The picture's top is where `around` is 0.
     return Texel(base.rgb, base.a, vec3f(normal.x, -normal.y, normal.z), surface.y, surface.z, surface.x);
 }
@@ -142,9 +159,9 @@ fn shade(in: Surface, @builtin(front_facing) front: bool) -> Light {
     var alpha = 1.0;
     var occlusion = 1.0;
     if MAPS {
-        let turn = select(fract(around / TAU + 1.0), around, SHAPE == RIBBON);
+        let turn = select(around / TAU, around, SHAPE == RIBBON);
         let girth = in.radius * select(TAU, 2.0, SHAPE == RIBBON);
-        let texel = map_texel(look, turn, in.along, footprint, cosine, girth);
+        let texel = map_texel(vec2f(in.along / look.repeat, turn), footprint / vec2f(look.repeat, girth));
         // A tube is solid: the fuzz that a picture shows beside its yarn has no place on it.
         alpha = select(1.0, texel.alpha, SHAPE == RIBBON);
         occlusion = texel.occlusion;
@@ -166,9 +183,12 @@ fn shade(in: Surface, @builtin(front_facing) front: bool) -> Light {
     let open = open_sky(in.clip.xy, in.radius, 1.0 / in.clip.w, cosine);
     let light = light_of(material, outward, world, toward_eye, open, occlusion);
 
-    // Alpha to coverage, done here so that every driver takes the same samples and a solid sample's alpha is 1.
-    let taken = u32(round(alpha * SAMPLES));
-    let solid = select(0xFFFFFFFFu, (1u << taken) - 1u, alpha < 0.875);
+    // Alpha to coverage, done here so that every driver takes the same samples and a solid sample's alpha is 1. Which samples differs from
+    // yarn to yarn, or two half-covering ones would leave the same half open.
+    let random = mix_bits(in.seed ^ (u32(in.clip.x) << 8u) ^ (u32(in.clip.y) << 20u));
+    let taken = (1u << u32(alpha * SAMPLES + f32(random >> 8u) / 16777216.0)) - 1u;
+    let turned = random % 4u;
+    let solid = select((taken << turned | taken >> (4u - turned)) & 15u, 0xFFFFFFFFu, alpha > 0.99 || !MAPS);
     return Light(vec4f(light, 1.0) * select(1.0, alpha, FUZZ), select(solid, 0xFFFFFFFFu, FUZZ));
 }
 

@@ -59,6 +59,8 @@ struct Surface {
     @location(5) @interpolate(perspective, centroid) side: f32,
     @location(6) @interpolate(perspective, centroid) radius: f32,
     @location(7) @interpolate(flat, either) look: u32,
+    // Differs from chunk to chunk.
+    @location(8) @interpolate(flat, either) seed: u32,
 }
 
 fn unpack_unit(bits: u32) -> vec3f {
@@ -96,6 +98,7 @@ fn vertex_of(vertex: u32, instance: u32) -> Surface {
     out.along = points[at].w;
     out.radius = look.radius * widening(at, chunk);
     out.look = chunk.look;
+    out.seed = part / PARTS;
     let edge = f32(vertex % draw.edges);
     if SHAPE == TUBE {
         let angle = TAU * edge / f32(draw.edges);

@@ -222,12 +222,12 @@ pub(crate) struct Shared {
     /// Courses per cm [default: in proportion to the wales]
     #[arg(long, value_name = "X", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) courses_per_cm: Option<f64>,
-    /// Tube segments a stitch
-    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=256))]
-    pub(crate) st: u32,
-    /// Edges of a tube's section
-    #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u32).range(3..=64))]
-    pub(crate) sr: u32,
+    /// Tube segments a stitch [default: 10 in files, 40 in pictures]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=256))]
+    pub(crate) st: Option<u32>,
+    /// Edges of a tube's section [default: 6 in files, 12 in pictures]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(3..=64))]
+    pub(crate) sr: Option<u32>,
     /// Draw yarns with this radius [default: from the yarn's count, as far as the loops leave room]
     #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) radius: Option<f64>,

@@ -34,6 +34,9 @@ const MOST_STITCHES: u64 = 200_000_000;
 const MEASURED_STITCHES: u64 = 50_000;
 /// What a picture takes for each stitch, GB (measured at 1 and 4.4 million stitches: 1.4 and .6 kB).
 const PICTURE_GB: f64 = 1.5e-6;
+/// St and Sr of tubes in files, where nobody asks for others.
+const FILE_ST: u32 = 10;
+const FILE_SR: u32 = 6;
 /// The texture's real length where there is none: v counts millimetres.
 const TEXTURE_PER_MM: f64 = 1.0;
 
@@ -317,7 +320,8 @@ fn sinks<'a>(outputs: &[(PathBuf, Format)], job: &Job<'a>) -> Result<Vec<Box<dyn
 }
 
 fn section(job: &Job<'_>) -> Result<Section> {
-    let Shared { st, sr, radius, flatten, caps, .. } = *job.shared;
+    let Shared { radius, flatten, caps, .. } = *job.shared;
+    let (st, sr) = (job.shared.st.unwrap_or(FILE_ST), job.shared.sr.unwrap_or(FILE_SR));
     let radius = drawn_radius(job.shown, radius)?;
     Ok(Section { st, sr, radius, flatten, caps, texture_per_mm: TEXTURE_PER_MM })
 }

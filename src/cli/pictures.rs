@@ -78,16 +78,17 @@ pub(super) fn draw(scene: &Scene, shared: &Shared, paths: &[&Path], clock: &mut 
 /// How the arguments want pictures to be.
 pub(super) fn options(shared: &Shared) -> render::Options {
     let drawing = &shared.drawing;
+    let defaults = render::Options::default();
     let mut options = render::Options {
         width: shared.size.0,
         height: shared.size.1,
         renderer: drawing.renderer.into(),
         spp: drawing.spp,
         samples: drawing.samples,
-        st: shared.st,
-        sr: shared.sr,
+        st: shared.st.unwrap_or(defaults.st),
+        sr: shared.sr.unwrap_or(defaults.sr),
         lod: drawing.lod.is_on(),
-        ..render::Options::default()
+        ..defaults
     };
     if let Some(background) = shared.background {
         options.background = background;

@@ -219,8 +219,8 @@ mod tests {
             let point = camera.eye() + direction * (distance / -direction.dot(camera.back));
             let seen = clip * (point - centre).as_vec3().extend(1.0);
             let depth = (distance - 2.0) * 30.0 / (28.0 * distance);
-            let expected = glam::Vec4::new(x as f32, y as f32, depth as f32, 1.0) * distance as f32;
-            assert!(seen.distance(expected) < 1e-4, "{seen} {expected}");
+            let expected = DVec4::new(x, y, depth, 1.0) * distance;
+            assert!(seen.as_dvec4().distance(expected) < 1e-4, "{seen} {expected}");
         }
     }
 

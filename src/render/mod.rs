@@ -59,7 +59,7 @@ pub struct Options {
     pub exposure: f32,
     /// Samples a pixel where yarns are drawn as triangles: 1 or 4.
     pub samples: u32,
-    /// St: pieces of a stitch that are drawn as triangles.
+    /// St: most pieces of a stitch that are drawn as triangles.
     pub st: u32,
     /// Sr: most edges of a tube's section there.
     pub sr: u32,
@@ -89,8 +89,8 @@ impl Default for Options {
             light: Light::default(),
             exposure: 1.0,
             samples: 4,
-            st: 10,
-            sr: 6,
+            st: 40,
+            sr: 12,
             lod: true,
             seed: 0,
         }

@@ -5,9 +5,10 @@
 
 use image::RgbaImage;
 
-use super::gpu::{self, Gpu, GpuError, Renderer, Yarns};
+use super::gpu::{Gpu, GpuError, Renderer, Yarns};
 use super::{Camera, Options, cpu};
-use crate::scene::Scene;
+use crate::ids::index32;
+use crate::scene::{Scene, Strand};
 
 /// What is to draw.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -21,18 +22,24 @@ pub enum Choice {
     Cpu,
 }
 
+/// Fewest pieces of a stitch that are uploaded: its data points. What needs fewer is made of them as it is drawn.
+const LEAST_ST: u32 = 10;
+/// Pieces that are uploaded for each pixel of a stitch's length, where far yarns may be coarser.
+const PIECES_A_PIXEL: f64 = 2.0;
+
 /// Draws a scene as often as is wanted.
 #[derive(Debug)]
 pub struct Painter<'a> {
     scene: &'a Scene,
-    gpu: Option<Box<(Renderer, Yarns)>>,
+    /// The yarns are uploaded when it is known how near they are seen.
+    gpu: Option<Box<(Renderer, Option<Yarns>)>>,
     /// Whether the processor may step in.
     falls_back: bool,
     notice: Option<String>,
 }
 
 impl<'a> Painter<'a> {
-    /// Makes ready to draw `scene`; of `options` it counts what is uploaded: the renderer, St and samples.
+    /// Makes ready to draw `scene`; of `options` only the renderer and the samples count.
     ///
     /// # Errors
     /// With [`Choice::Gpu`] whatever the adapter can't do.
@@ -40,8 +47,8 @@ impl<'a> Painter<'a> {
         let mut painter = Self { scene, gpu: None, falls_back: options.renderer == Choice::Auto, notice: None };
         if options.renderer != Choice::Cpu {
             let found = Gpu::find(options.renderer == Choice::Gpu);
-            match found.and_then(|gpu| ready(gpu, scene, options)) {
-                Ok(ready) => painter.gpu = Some(Box::new(ready)),
+            match found.and_then(|gpu| Renderer::new(gpu, options.samples)) {
+                Ok(renderer) => painter.gpu = Some(Box::new((renderer, None))),
                 Err(error) => painter.fall_back(error)?,
             }
         }
@@ -66,8 +73,7 @@ impl<'a> Painter<'a> {
     /// With [`Choice::Gpu`] whatever the adapter can't do.
     pub fn draw(&mut self, camera: &Camera, options: &Options, progress: &(dyn Fn(f32) + Sync)) -> Result<RgbaImage, GpuError> {
         if let Some(gpu) = &mut self.gpu {
-            let (renderer, yarns) = &mut **gpu;
-            match renderer.draw(yarns, camera, options) {
+            match draw_on(gpu, self.scene, camera, options) {
                 Ok(picture) => {
                     progress(1.0);
                     return Ok(picture);
@@ -92,8 +98,36 @@ impl<'a> Painter<'a> {
     }
 }
 
-fn ready(gpu: Gpu, scene: &Scene, options: &Options) -> Result<(Renderer, Yarns), GpuError> {
-    let renderer = gpu::Renderer::new(gpu, options.samples)?;
-    let yarns = renderer.load(scene, options.st)?;
-    Ok((renderer, yarns))
+fn draw_on(
+    (renderer, yarns): &mut (Renderer, Option<Yarns>),
+    scene: &Scene,
+    camera: &Camera,
+    options: &Options,
+) -> Result<RgbaImage, GpuError> {
+    let yarns = match yarns {
+        Some(yarns) => yarns,
+        None => yarns.insert(renderer.load(scene, uploaded_st(scene, camera, options))?),
+    };
+    renderer.draw(yarns, camera, options)
+}
+
+/// St that the nearest stitches need, [`Options::st`] at most: a million stitches of forty pieces would take a gigabyte.
+fn uploaded_st(scene: &Scene, camera: &Camera, options: &Options) -> u32 {
+    let Some(bounds) = scene.bounds().filter(|_| options.lod) else { return options.st };
+    let strand_length = |strand: &Strand| {
+        let points = &scene.positions[strand.points.start as usize..strand.points.end as usize];
+        points.windows(2).map(|ends| f64::from(ends[0].distance(ends[1]))).filter(|length| length.is_finite()).sum::<f64>()
+    };
+    let length: f64 = scene.strands.iter().map(strand_length).sum();
+    let stitch = length / f64::from(index32(scene.stitches.len().max(1)));
+    let eye = camera.eye();
+    let nearest = eye.distance(eye.clamp(bounds.min.as_dvec3(), bounds.max.as_dvec3()));
+    let wanted = PIECES_A_PIXEL * stitch / camera.pixel_size(nearest, options.height);
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "saturates, and is held to what is wanted at most"
+    )]
+    let wanted = wanted.ceil() as u32;
+    wanted.clamp(LEAST_ST.min(options.st), options.st)
 }

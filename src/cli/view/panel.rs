@@ -87,9 +87,9 @@ impl Look {
         let sun = defaults.light.sun_direction.normalize();
         let background = shared.background.unwrap_or_default();
         Self {
-            st: shared.st,
-            sr: shared.sr,
-            lod: defaults.lod,
+            st: shared.st.unwrap_or(defaults.st),
+            sr: shared.sr.unwrap_or(defaults.sr),
+            lod: shared.drawing.lod.is_on(),
             sun_azimuth: sun.x.atan2(sun.z).to_degrees(),
             sun_height: sun.y.asin().to_degrees(),
             sun: 1.0,

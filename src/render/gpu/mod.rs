@@ -85,8 +85,6 @@ pub struct Yarns {
     albedo: Vec3,
     /// Those of each set of maps, then those of yarns without.
     maps: Vec<wgpu::BindGroup>,
-    /// Whether any maps may have fuzz.
-    has_maps: bool,
 }
 
 /// A pass' yarns, ready to be drawn.
@@ -122,7 +120,6 @@ impl Renderer {
             mag_filter: filter,
             min_filter: filter,
             mipmap_filter: wgpu::MipmapFilterMode::Linear,
-            anisotropy_clamp: 8,
             ..wgpu::SamplerDescriptor::default()
         });
         gpu.fault()?;
@@ -152,9 +149,8 @@ impl Renderer {
         let none = Mips { levels: vec![RgbaImage::from_pixel(1, 1, Rgba([255; 4]))] };
         maps.push(self.maps_group(&none, &none, &none));
         let pages = pages::upload(&self.gpu, scene, centre, st)?;
-        let has_maps = !scene.maps.is_empty();
         let (albedo, kinds) = (mean_albedo(scene, &pages), Looks::of(scene));
-        Ok(Yarns { centre, pages, shape: scene.shape, kinds, looks, thinnest, albedo, maps, has_maps })
+        Ok(Yarns { centre, pages, shape: scene.shape, kinds, looks, thinnest, albedo, maps })
     }
 
     /// Draws a picture and brings it back.
