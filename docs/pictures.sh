@@ -1,0 +1,14 @@
+#!/usr/bin/env bash
+# Makes the pictures of README.md anew: run it anywhere in a checkout.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+knit() { cargo run --quiet --release -- "$@" --quiet >/dev/null; }
+sides() { knit swatch --fabric "$1" --wales 8 --courses 9 --view "$2" --size 800x600 --spp 16 -o "docs/$1_$2.png"; }
+
+knit drape meshes/skirt_flat.obj meshes/skirt_draped.obj --size 1200x900 --spp 16 -o docs/skirt.png
+sides locknit front
+sides locknit back
+knit swatch --fabric hex-net-5 --wales 14 --courses 20 --size 800x600 --spp 16 -o docs/net.png
+knit swatch --fabric locknit --wales 8 --courses 9 --shape ribbon --texture meshes/yarns/two-ply --size 800x600 --spp 16 -o docs/ribbon.png
+cargo run --quiet --release -- inspect --fabric locknit -o docs/locknit_lapping.svg >/dev/null
