@@ -2,8 +2,8 @@
 //!
 //! In: the same as every renderer's. Out: the picture, or an error that says what to do. Only this room names wgpu. Passes of a frame:
 //! depths from the sun, averaged; depths around the eye, averaged; the yarns with their light, tile by tile, so that no picture is too large;
-//! and the same tone curve as everywhere. [`device`] opens the adapter, [`pages`] keeps the yarns there, [`levels`] says what is drawn and how finely,
-//! [`frame`] where it lies, [`pipelines`] with which shaders.
+//! and the same tone curve as everywhere. `device` opens the adapter, `pages` keeps the yarns there, `levels` says what is drawn and how finely,
+//! `frame` where it lies, `pipelines` with which shaders.
 //!
 //! What it does not promise: the same bytes on two adapters. On one adapter they depend on the arguments alone.
 
