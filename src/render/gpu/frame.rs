@@ -27,6 +27,8 @@ const SUN_BIAS_RADII: f32 = 0.1;
 const DEPTH_RADII: f32 = 3.0;
 /// Cloth is about this thick, radii of its thinnest yarn; what lies deeper is another layer, such as a skirt's other side.
 const LAYER_RADII: f32 = 12.0;
+/// Most texels of the eye's map of depths a side.
+const MOST_DEPTH_TEXELS: f32 = 2048.0;
 /// Texels that this takes.
 const DEPTH_TEXELS: f32 = 2.5;
 /// Near and far planes lie this much beyond what is drawn.
@@ -148,7 +150,8 @@ fn sun_map(
 
 /// The map of depths around the eye: as coarse as its averages allow.
 fn depth_map(camera: Sight, thinnest: f32, pixel: f32, near: f32, far: f32, options: &Options) -> DepthMap {
-    let scale = (DEPTH_TEXELS * pixel / (DEPTH_RADII * thinnest)).min(0.5);
+    let largest = options.width.max(options.height).max(1) as f32;
+    let scale = (DEPTH_TEXELS * pixel / (DEPTH_RADII * thinnest)).min(0.5).min(MOST_DEPTH_TEXELS / largest);
     let side = |pixels: u32| {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most half of it")]
         let texels = (pixels as f32 * scale).ceil() as u32;

@@ -3,7 +3,7 @@
 //! In: the same as every renderer's. Out: the picture, or an error that says what to do. Only this room names wgpu. Passes of a frame:
 //! depths from the sun, averaged; depths around the eye, averaged; the yarns with their light, tile by tile, so that no picture is too large;
 //! and the same tone curve as everywhere. `device` opens the adapter, `pages` keeps the yarns there, `levels` says what is drawn and how finely,
-//! `frame` where it lies, `pipelines` with which shaders.
+//! `frame` where it lies, `pipelines` with which shaders, `passes` puts it into commands, and `resources` makes what they read and write.
 //!
 //! What it does not promise: the same bytes on two adapters. On one adapter they depend on the arguments alone.
 
@@ -14,28 +14,28 @@ mod levels;
 mod pages;
 #[cfg(test)]
 mod parity;
+mod passes;
 mod pipelines;
+mod resources;
 mod shaders;
 
 use std::collections::BTreeMap;
-use std::sync::mpsc;
 
 use bytemuck::bytes_of;
 use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
 use image::{Rgba, RgbaImage};
-use wgpu::util::DeviceExt;
 use wgpu::{BufferUsages, TextureFormat, TextureUsages};
 
 pub use device::{Gpu, GpuError};
 
 use super::maps::{Maps, Mips};
 use super::{Background, Camera, Options, ply};
-use crate::ids::index32;
 use crate::scene::{Scene, Shape};
 use frame::{DepthMap, Frame};
-use levels::{Fineness, Looks, Plan};
+use levels::{Fineness, Looks};
 use pages::Page;
-use pipelines::{Expansion, Layouts, Pipelines, Purpose, Writes};
+use passes::{Listed, depth_attachment, screen_pass};
+use pipelines::{Layouts, Pipelines, Writes};
 
 /// Light before the tone curve; half floats hold a thousand times the sun.
 const LIGHT: TextureFormat = TextureFormat::Rgba16Float;
@@ -44,12 +44,10 @@ const MOMENTS: TextureFormat = TextureFormat::Rgba32Float;
 const DEPTH: TextureFormat = TextureFormat::Depth32Float;
 /// Pixels as they go to files, encoded by the shader.
 const PICTURE: TextureFormat = TextureFormat::Rgba8Unorm;
-/// Largest side of a tile, lights: their four samples take 200 MB.
-const TILE: u32 = 2048;
+/// Largest side of a tile, lights: their four samples take 50 MB.
+const TILE: u32 = 1024;
 /// Most lights a pixel each way.
 const MOST_SUPERSAMPLING: u32 = 8;
-/// Rows of texels in buffers start at multiples of this.
-const ROW_BYTES: u32 = wgpu::COPY_BYTES_PER_ROW_ALIGNMENT;
 
 /// Draws `scene` on the adapter of `gpu`. See [`crate::render::render`].
 ///
@@ -85,24 +83,6 @@ pub struct Yarns {
     albedo: Vec3,
     /// Those of each set of maps, then those of yarns without.
     maps: Vec<wgpu::BindGroup>,
-}
-
-/// A pass' yarns, ready to be drawn.
-struct Listed {
-    plan: Plan,
-    /// One a page.
-    groups: Vec<Option<wgpu::BindGroup>>,
-}
-
-impl Yarns {
-    fn purpose(&self, kind: &levels::Kind, writes: Writes) -> Purpose {
-        let expansion = match (self.shape, kind.edges) {
-            (Shape::Ribbon, _) => Expansion::Ribbon,
-            (Shape::Tube, 2) => Expansion::Strip,
-            (Shape::Tube, _) => Expansion::Tube,
-        };
-        Purpose { expansion, writes, has_maps: kind.maps.is_some() }
-    }
 }
 
 impl Renderer {
@@ -165,11 +145,11 @@ impl Renderer {
         for y in (0..options.height).step_by(side as usize) {
             for x in (0..options.width).step_by(side as usize) {
                 let size = [side.min(options.width - x), side.min(options.height - y)];
-                let tile = self.texture(PICTURE, size, TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC, 1);
+                let tile = self.gpu.texture(PICTURE, size, TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC, 1);
                 let view = tile.create_view(&wgpu::TextureViewDescriptor::default());
                 let lit = frame.as_ref().zip(lights.as_ref());
                 self.tile(yarns, lit, options, [x, y], size, &view);
-                self.read(&tile, &mut picture, [x, y])?;
+                self.gpu.read(&tile, &mut picture, [x, y])?;
             }
         }
         Ok(picture)
@@ -196,7 +176,7 @@ impl Renderer {
         });
         self.gpu.queue.submit([encoder.finish()]);
         self.gpu.fault()?;
-        Ok(self.group(
+        Ok(self.gpu.group(
             "light",
             &self.layouts.light,
             &[wgpu::BindingResource::TextureView(&sun), wgpu::BindingResource::TextureView(&depth)],
@@ -214,7 +194,7 @@ impl Renderer {
     ) -> wgpu::TextureView {
         let target = TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING;
         let view_of = |texture: wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
-        let depths = view_of(self.texture(DEPTH, map.size, target, 1));
+        let depths = view_of(self.gpu.texture(DEPTH, map.size, target, 1));
         let view =
             data::View { clip_from_world: map.sight.clip_from_world, eye: map.sight.eye, pixel: map.sight.pixel, ..frame.view };
         {
@@ -225,16 +205,16 @@ impl Renderer {
             });
             self.draw_listed(&mut pass, yarns, listed, &view, Writes::Depth);
         }
-        let [once, twice] = [(); 2].map(|()| view_of(self.texture(MOMENTS, map.size, target, 1)));
+        let [once, twice] = [(); 2].map(|()| view_of(self.gpu.texture(MOMENTS, map.size, target, 1)));
         let [from_depths, from_moments] = if map.layer.is_some() { &self.pipelines.nearest } else { &self.pipelines.all };
         for (step, pipeline, from, to) in [([1, 0], from_depths, &twice, &once), ([0, 1], from_moments, &once, &twice)] {
             #[expect(clippy::cast_possible_truncation, reason = "some texels")]
             let reach = (2.0 * map.sigma).round() as i32;
             let (perspective, layer) = (map.sight.eye.w, map.layer.unwrap_or_default());
             let blur = data::Blur { step, reach, sigma: map.sigma, near: map.near, far: map.far, perspective, layer };
-            let blur = self.uniform(bytes_of(&blur));
+            let blur = self.gpu.uniform(bytes_of(&blur));
             let (depths, from) = (wgpu::BindingResource::TextureView(&depths), wgpu::BindingResource::TextureView(from));
-            let group = self.group("blur", &self.layouts.moments, &[blur.as_entire_binding(), depths, from]);
+            let group = self.gpu.group("blur", &self.layouts.moments, &[blur.as_entire_binding(), depths, from]);
             screen_pass(encoder, pipeline, &group, to);
         }
         twice
@@ -256,9 +236,9 @@ impl Renderer {
         // A pixel more on every side, since the tone curve's filter reaches into the next ones.
         let scale = supersampling(options);
         let size = size.map(|pixels| (pixels + 2) * scale);
-        let light = view_of(&self.texture(LIGHT, size, target, 1));
-        let sampled = (samples > 1).then(|| view_of(&self.texture(LIGHT, size, TextureUsages::RENDER_ATTACHMENT, samples)));
-        let depths = view_of(&self.texture(DEPTH, size, TextureUsages::RENDER_ATTACHMENT, samples));
+        let light = view_of(&self.gpu.texture(LIGHT, size, target, 1));
+        let sampled = (samples > 1).then(|| view_of(&self.gpu.texture(LIGHT, size, TextureUsages::RENDER_ATTACHMENT, samples)));
+        let depths = view_of(&self.gpu.texture(DEPTH, size, TextureUsages::RENDER_ATTACHMENT, samples));
         let drawn = lit.map(|(frame, lights)| {
             let scale = scale as f32;
             let corner = Vec2::from(corner.map(|pixels| pixels as f32)) - 1.0;
@@ -320,190 +300,20 @@ impl Renderer {
             Background::Color([r, g, b]) => Vec4::new(f32::from(r), f32::from(g), f32::from(b), 255.0) / 255.0,
         };
         let tone = data::Tone { background, exposure: options.exposure, scale: scale.cast_signed(), spare: Vec2::ZERO };
-        let tone = self.uniform(bytes_of(&tone));
+        let tone = self.gpu.uniform(bytes_of(&tone));
         let bound = [tone.as_entire_binding(), wgpu::BindingResource::TextureView(&light)];
-        screen_pass(&mut encoder, &self.pipelines.tone, &self.group("tone", &self.layouts.tone, &bound), to);
+        screen_pass(&mut encoder, &self.pipelines.tone, &self.gpu.group("tone", &self.layouts.tone, &bound), to);
         self.gpu.queue.submit([encoder.finish()]);
-    }
-
-    /// What of the yarns a pass draws, with its instances on the device.
-    fn list(&mut self, yarns: &Yarns, sight: &levels::Sight, fineness: Fineness, writes: &[Writes]) -> Listed {
-        let plan = Plan::of(&yarns.kinds, &yarns.pages, sight, fineness);
-        for batch in &plan.batches {
-            for purpose in writes.iter().map(|&writes| yarns.purpose(&batch.kind, writes)).filter(|purpose| purpose.is_drawn()) {
-                self.pipelines.make(&self.gpu, &self.layouts, purpose);
-            }
-            self.indices.entry(batch.kind.edges).or_insert_with(|| {
-                let indices = pipelines::indices(batch.kind.edges);
-                (self.gpu.store("indices", bytemuck::cast_slice(&indices), BufferUsages::INDEX), index32(indices.len()))
-            });
-        }
-        let draws: Vec<u8> = plan.batches.iter().flat_map(|batch| self.draw_bytes(batch)).collect();
-        let groups = plan.parts.iter().zip(&yarns.pages).map(|(parts, page)| self.page_group(page, parts, &draws)).collect();
-        Listed { plan, groups }
-    }
-
-    /// A batch's `Draw`, as long as offsets of uniforms must be.
-    fn draw_bytes(&self, batch: &levels::Batch) -> Vec<u8> {
-        let draw = data::Draw { first: batch.first, stride: batch.kind.stride, edges: batch.kind.edges, spare: 0 };
-        let mut bytes = bytes_of(&draw).to_vec();
-        bytes.resize(self.gpu.device.limits().min_uniform_buffer_offset_alignment as usize, 0);
-        bytes
-    }
-
-    fn page_group(&self, page: &Page, parts: &[u32], draws: &[u8]) -> Option<wgpu::BindGroup> {
-        if parts.is_empty() {
-            return None;
-        }
-        let parts = self.gpu.store("parts", bytemuck::cast_slice(parts), BufferUsages::STORAGE);
-        let draws = self.uniform(draws);
-        let draw = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-            buffer: &draws,
-            offset: 0,
-            size: std::num::NonZeroU64::new(size_of::<data::Draw>() as u64),
-        });
-        let stored = [&page.points, &page.turns, &page.chunks, &parts].map(wgpu::Buffer::as_entire_binding);
-        let [points, turns, chunks, parts] = stored;
-        Some(self.group("page", &self.layouts.page, &[points, turns, chunks, parts, draw]))
-    }
-
-    /// Draws batch after batch with the pipelines that were made for them.
-    fn draw_listed(&self, pass: &mut wgpu::RenderPass<'_>, yarns: &Yarns, listed: &Listed, view: &data::View, writes: Writes) {
-        let view = self.uniform(bytes_of(view));
-        let view = self.group("view", &self.layouts.view, &[view.as_entire_binding(), yarns.looks.as_entire_binding()]);
-        pass.set_bind_group(0, &view, &[]);
-        let alignment = self.gpu.device.limits().min_uniform_buffer_offset_alignment;
-        for (batch, number) in listed.plan.batches.iter().zip(0_u32..) {
-            let purpose = yarns.purpose(&batch.kind, writes);
-            let (Some(pipeline), Some(group)) = (self.pipelines.made(purpose), &listed.groups[batch.page]) else { continue };
-            let (indices, count) = &self.indices[&batch.kind.edges];
-            let maps = batch.kind.maps.map(usize::from).filter(|&maps| maps + 1 < yarns.maps.len());
-            pass.set_pipeline(pipeline);
-            pass.set_bind_group(1, group, &[number * alignment]);
-            pass.set_bind_group(2, &yarns.maps[maps.unwrap_or(yarns.maps.len() - 1)], &[]);
-            pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint16);
-            pass.draw_indexed(0..*count, 0, 0..batch.count);
-        }
-    }
-
-    /// Copies a tile into the picture at `corner`.
-    fn read(&self, tile: &wgpu::Texture, picture: &mut RgbaImage, corner: [u32; 2]) -> Result<(), GpuError> {
-        let size = tile.size();
-        let row = (size.width * 4).next_multiple_of(ROW_BYTES);
-        let buffer = self.gpu.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("pixels"),
-            size: u64::from(row) * u64::from(size.height),
-            usage: BufferUsages::COPY_DST | BufferUsages::MAP_READ,
-            mapped_at_creation: false,
-        });
-        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
-        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        encoder.copy_texture_to_buffer(tile.as_image_copy(), wgpu::TexelCopyBufferInfo { buffer: &buffer, layout }, size);
-        self.gpu.queue.submit([encoder.finish()]);
-        let (sender, mapped) = mpsc::channel();
-        buffer.slice(..).map_async(wgpu::MapMode::Read, move |result| {
-            // Nobody listens any more if waiting has failed.
-            let _unheard = sender.send(result);
-        });
-        self.gpu.wait()?;
-        let refused = |reason: String| GpuError::Refused { adapter: self.name().to_owned(), reason };
-        match mapped.try_recv() {
-            Ok(Ok(())) => {}
-            Ok(Err(error)) => return Err(refused(error.to_string())),
-            Err(_never) => return Err(refused("it never finished".to_owned())),
-        }
-        let pixels = buffer.slice(..).get_mapped_range().map_err(|error| refused(error.to_string()))?;
-        for (y, row) in (corner[1]..).zip(pixels.chunks_exact(row as usize)) {
-            let start = (y as usize * picture.width() as usize + corner[0] as usize) * 4;
-            let bytes = size.width as usize * 4;
-            picture.as_mut()[start..start + bytes].copy_from_slice(&row[..bytes]);
-        }
-        Ok(())
-    }
-
-    fn texture(&self, format: TextureFormat, size: [u32; 2], usage: TextureUsages, sample_count: u32) -> wgpu::Texture {
-        self.gpu.device.create_texture(&wgpu::TextureDescriptor {
-            label: None,
-            size: wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count,
-            dimension: wgpu::TextureDimension::D2,
-            format,
-            usage,
-            view_formats: &[],
-        })
-    }
-
-    fn uniform(&self, contents: &[u8]) -> wgpu::Buffer {
-        self.gpu.store("uniform", contents, BufferUsages::UNIFORM)
-    }
-
-    /// Binds resources to bindings 0, 1, 2 and so on.
-    fn group(&self, label: &str, layout: &wgpu::BindGroupLayout, resources: &[wgpu::BindingResource<'_>]) -> wgpu::BindGroup {
-        let entries: Vec<_> = (0..)
-            .zip(resources)
-            .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource: resource.clone() })
-            .collect();
-        self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(label), layout, entries: &entries })
     }
 
     fn maps_group(&self, base: &Mips, normal: &Mips, surface: &Mips) -> wgpu::BindGroup {
         let formats = [TextureFormat::Rgba8UnormSrgb, TextureFormat::Rgba8Unorm, TextureFormat::Rgba8Unorm];
-        let views: Vec<_> = [base, normal, surface].iter().zip(formats).map(|(mips, format)| self.mips(mips, format)).collect();
+        let views: Vec<_> =
+            [base, normal, surface].iter().zip(formats).map(|(mips, format)| self.gpu.mips(mips, format)).collect();
         let mut bound: Vec<_> = views.iter().map(wgpu::BindingResource::TextureView).collect();
         bound.push(wgpu::BindingResource::Sampler(&self.sampler));
-        self.group("maps", &self.layouts.maps, &bound)
+        self.gpu.group("maps", &self.layouts.maps, &bound)
     }
-
-    /// Uploads a picture with all of its levels.
-    fn mips(&self, mips: &Mips, format: TextureFormat) -> wgpu::TextureView {
-        let (width, height) = mips.levels[0].dimensions();
-        let size = wgpu::Extent3d { width, height, depth_or_array_layers: 1 };
-        let texels: Vec<u8> = mips.levels.iter().flat_map(|level| level.as_raw().iter().copied()).collect();
-        let descriptor = wgpu::TextureDescriptor {
-            label: Some("map"),
-            size,
-            mip_level_count: index32(mips.levels.len()),
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format,
-            usage: TextureUsages::TEXTURE_BINDING,
-            view_formats: &[],
-        };
-        let order = wgpu::util::TextureDataOrder::LayerMajor;
-        let texture = self.gpu.device.create_texture_with_data(&self.gpu.queue, &descriptor, order, &texels);
-        texture.create_view(&wgpu::TextureViewDescriptor::default())
-    }
-}
-
-fn depth_attachment(
-    view: &wgpu::TextureView,
-    load: wgpu::LoadOp<f32>,
-    store: wgpu::StoreOp,
-) -> wgpu::RenderPassDepthStencilAttachment<'_> {
-    wgpu::RenderPassDepthStencilAttachment { view, depth_ops: Some(wgpu::Operations { load, store }), stencil_ops: None }
-}
-
-/// Runs a shader over all pixels of `to`.
-fn screen_pass(
-    encoder: &mut wgpu::CommandEncoder,
-    pipeline: &wgpu::RenderPipeline,
-    group: &wgpu::BindGroup,
-    to: &wgpu::TextureView,
-) {
-    let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-        label: None,
-        color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-            view: to,
-            depth_slice: None,
-            resolve_target: None,
-            ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store: wgpu::StoreOp::Store },
-        })],
-        ..wgpu::RenderPassDescriptor::default()
-    });
-    pass.set_pipeline(pipeline);
-    pass.set_bind_group(0, group, &[]);
-    pass.draw(0..3, 0..1);
 }
 
 /// Lights a pixel each way, for the samples that are wanted beyond those of each light.
