@@ -199,6 +199,9 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
     let outputs = outputs(job)?;
     let wants_picture = outputs.iter().any(|(_, format)| *format == Format::Png);
     check_request(job, wants_picture)?;
+    if job.shared.drawing.turntable.is_some() && !wants_picture {
+        bail!("--turntable turns pictures, and none is asked for: name one, such as -o all-around.png");
+    }
     let section = section(job)?;
     let near = clearance::measure(job.shown, job.cloth.pattern(), section.radius);
     warnings.extend(clearance::warnings(job.shown, job.cloth.pattern(), &near, section.radius));
@@ -206,7 +209,8 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
     let wants_surface = outputs.iter().any(|(_, format)| matches!(format, Format::Glb | Format::Obj));
     let options = drape::Options { surface: wants_surface.then_some(section), ..job.options };
     let looks = picture::looks(job.shown, section.radius);
-    let mut scene = pictures::scene(looks, job.shared, job.shown.enlargement)?;
+    let maps = pictures::maps(job.shared, job.shown)?;
+    let mut scene = pictures::scene(job.shared.drawing.shape.into(), looks, maps.as_ref(), job.shown.enlargement);
 
     let mut gauge = wants_gauge(job, &outputs).then(|| Gauge::new(job.cloth, section.radius));
 

@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use glam::{DVec3, Vec3};
 use warpknit::export::{Output, png};
+use warpknit::fabric::Fabric;
 use warpknit::photo::read_maps;
+use warpknit::render::maps::Maps;
 use warpknit::render::{self, Camera, Painter};
 use warpknit::scene::{Bounds, Scene, Shape, YarnLook};
 
@@ -13,6 +15,8 @@ use super::args::Shared;
 use super::clock::{Clock, Task};
 use super::tell;
 
+/// Width of a yarn's picture, fuzz included, in radii of the yarn.
+const FUZZY_WIDTH: f64 = 2.5;
 /// Points on each rim of the drum around a scene, which a camera on a turntable must see whole.
 const RIM: u32 = 64;
 
@@ -24,13 +28,18 @@ pub(super) struct Pictures {
     pub(super) files: Vec<Output>,
 }
 
+/// The pictures of a yarn that were asked for, as large as the yarn really is: where nothing says how wide they are, as wide as the thickest
+/// of the fabric's yarns with some fuzz.
+pub(super) fn maps(shared: &Shared, fabric: &Fabric) -> Result<Option<Maps>> {
+    let width = FUZZY_WIDTH * fabric.radius() / fabric.enlargement;
+    Ok(shared.drawing.texture.as_deref().map(|path| read_maps(path, width)).transpose()?)
+}
+
 /// The scene that yarns of these looks go into, with their pictures if there are any: those are as much enlarged as the cloth.
-pub(super) fn scene(mut looks: Vec<YarnLook>, shared: &Shared, enlargement: f64) -> Result<Scene> {
-    let shape = shared.drawing.shape.into();
-    let Some(path) = &shared.drawing.texture else { return Ok(Scene { shape, looks, ..Scene::default() }) };
+pub(super) fn scene(shape: Shape, mut looks: Vec<YarnLook>, maps: Option<&Maps>, enlargement: f64) -> Scene {
+    let Some(mut maps) = maps.cloned() else { return Scene { shape, looks, ..Scene::default() } };
     #[expect(clippy::cast_possible_truncation, reason = "a length in mm needs no more")]
     let enlargement = enlargement as f32;
-    let mut maps = read_maps(path)?;
     maps.length *= enlargement;
     maps.width *= enlargement;
     for look in &mut looks {
@@ -39,7 +48,7 @@ pub(super) fn scene(mut looks: Vec<YarnLook>, shared: &Shared, enlargement: f64)
             look.radius = maps.width / 2.0;
         }
     }
-    Ok(Scene { shape, looks, maps: vec![maps], ..Scene::default() })
+    Scene { shape, looks, maps: vec![maps], ..Scene::default() }
 }
 
 /// The files for one picture, or for each one all around: `NAME-001.png` and so on.

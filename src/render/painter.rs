@@ -31,8 +31,7 @@ const PIECES_A_PIXEL: f64 = 2.0;
 #[derive(Debug)]
 pub struct Painter<'a> {
     scene: &'a Scene,
-    /// The yarns are uploaded when it is known how near they are seen.
-    gpu: Option<Box<(Renderer, Option<Yarns>)>>,
+    gpu: Option<Box<Uploaded>>,
     /// Whether the processor may step in.
     falls_back: bool,
     notice: Option<String>,
@@ -48,7 +47,7 @@ impl<'a> Painter<'a> {
         if options.renderer != Choice::Cpu {
             let found = Gpu::find(options.renderer == Choice::Gpu);
             match found.and_then(|gpu| Renderer::new(gpu, options.samples)) {
-                Ok(renderer) => painter.gpu = Some(Box::new((renderer, None))),
+                Ok(renderer) => painter.gpu = Some(Box::new(Uploaded { renderer, yarns: None })),
                 Err(error) => painter.fall_back(error)?,
             }
         }
@@ -58,7 +57,7 @@ impl<'a> Painter<'a> {
     /// What draws: the adapter's name, or `cpu`.
     #[must_use]
     pub fn name(&self) -> &str {
-        self.gpu.as_ref().map_or("cpu", |gpu| gpu.0.name())
+        self.gpu.as_ref().map_or("cpu", |gpu| gpu.renderer.name())
     }
 
     /// Why the processor had to step in, if it had to.
@@ -73,7 +72,7 @@ impl<'a> Painter<'a> {
     /// With [`Choice::Gpu`] whatever the adapter can't do.
     pub fn draw(&mut self, camera: &Camera, options: &Options, progress: &(dyn Fn(f32) + Sync)) -> Result<RgbaImage, GpuError> {
         if let Some(gpu) = &mut self.gpu {
-            match draw_on(gpu, self.scene, camera, options) {
+            match gpu.draw(self.scene, camera, options) {
                 Ok(picture) => {
                     progress(1.0);
                     return Ok(picture);
@@ -98,17 +97,27 @@ impl<'a> Painter<'a> {
     }
 }
 
-fn draw_on(
-    (renderer, yarns): &mut (Renderer, Option<Yarns>),
-    scene: &Scene,
-    camera: &Camera,
-    options: &Options,
-) -> Result<RgbaImage, GpuError> {
-    let yarns = match yarns {
-        Some(yarns) => yarns,
-        None => yarns.insert(renderer.load(scene, uploaded_st(scene, camera, options))?),
-    };
-    renderer.draw(yarns, camera, options)
+/// A renderer, and the scene on its device once it is known how near it is seen.
+#[derive(Debug)]
+struct Uploaded {
+    renderer: Renderer,
+    /// With their St.
+    yarns: Option<(u32, Yarns)>,
+}
+
+impl Uploaded {
+    fn draw(&mut self, scene: &Scene, camera: &Camera, options: &Options) -> Result<RgbaImage, GpuError> {
+        let st = uploaded_st(scene, camera, options);
+        let (_, yarns) = match &mut self.yarns {
+            Some(uploaded) if uploaded.0 >= st => uploaded,
+            // The old ones go first, since both may not fit.
+            coarser => {
+                *coarser = None;
+                coarser.insert((st, self.renderer.load(scene, st)?))
+            }
+        };
+        self.renderer.draw(yarns, camera, options)
+    }
 }
 
 /// St that the nearest stitches need, [`Options::st`] at most: a million stitches of forty pieces would take a gigabyte.

@@ -262,3 +262,50 @@ fn without_an_output_a_picture_is_named_after_the_input() {
     let picture = image::open(folder.path().join("tricot.png")).unwrap();
     assert_eq!((picture.width(), picture.height()), (32, 24));
 }
+
+#[test]
+fn what_pictures_need_is_asked_before_the_work() {
+    let absent = fails(1, &["swatch", "--texture", "absent", "-o", "a.png"], |_| {});
+    assert!(absent.contains("absent") && absent.lines().count() == 1, "{absent}");
+    let still = fails(1, &["swatch", "--turntable", "3", "-o", "a.csv"], |_| {});
+    assert!(still.contains("--turntable") && still.lines().count() == 1, "{still}");
+    fails(2, &["swatch", "--samples", "2"], |_| {});
+    fails(2, &["swatch", "--turntable", "0"], |_| {});
+}
+
+#[cfg(feature = "view")]
+#[test]
+fn the_window_refuses_what_it_has_no_use_for() {
+    for flags in [&["--turntable", "3"][..], &["--renderer", "cpu"], &["-o", "a.png"], &["--texture", "absent"]] {
+        let arguments = [&["view", "--wales", "2", "--courses", "2"], flags].concat();
+        let message = fails(1, &arguments, |_| {});
+        assert!(message.starts_with("error: ") && message.lines().count() == 1, "{message}");
+    }
+}
+
+#[test]
+fn a_turntable_writes_pictures_from_all_around() {
+    let folder = tempfile::tempdir().unwrap();
+    let arguments = ["swatch", "--turntable", "4", "--renderer", "cpu", "-o", "turn.png"];
+    let size = ["--size", "64x48", "--wales", "10", "--courses", "8"];
+    warpknit(folder.path()).args(arguments).args(size).assert().success();
+    let frames = [1, 2, 3, 4].map(|frame| image::open(folder.path().join(format!("turn-00{frame}.png"))).unwrap().into_rgba8());
+    assert!(!folder.path().join("turn.png").exists());
+    let covered = |frame: &image::RgbaImage| frame.pixels().filter(|pixel| pixel.0 != [255; 4]).count();
+    assert!(covered(&frames[0]) > 2 * covered(&frames[1]), "a swatch seen from its side is thin");
+    assert!(frames[0] != frames[2] && covered(&frames[2]) > 2 * covered(&frames[3]));
+}
+
+#[test]
+fn one_image_makes_ribbons_as_wide_as_yarns() {
+    let folder = tempfile::tempdir().unwrap();
+    image::RgbaImage::from_pixel(16, 8, image::Rgba([200, 30, 30, 255])).save(folder.path().join("yarn.png")).unwrap();
+    let draw = |name: &str, flags: &[&str]| {
+        warpknit(folder.path()).args(["swatch", "--renderer", "cpu", "-o", name]).args(SMALL).args(flags).assert().success();
+        let picture = image::open(folder.path().join(name)).unwrap().into_rgba8();
+        picture.pixels().map(|pixel| f64::from(255 - pixel.0[2])).sum::<f64>()
+    };
+    let (tubes, ribbons) =
+        (draw("tubes.png", &["--texture", "yarn.png"]), draw("ribbons.png", &["--texture", "yarn.png", "--shape", "ribbon"]));
+    assert!(ribbons > 0.8 * tubes && ribbons < 1.6 * tubes, "{ribbons} {tubes}");
+}

@@ -1,6 +1,6 @@
 //! The picture in the window, drawn on the window's own device.
 //!
-//! In: a scene, then a [`Shot`] of it at a time. Out: a texture that the window shows. Only this file of the binary names wgpu, for that texture and
+//! In: a scene, then a [`Shot`] of it at a time. Out: a texture that the window shows. Only this file and the opening of the window name wgpu in the binary, for that texture and
 //! to know when a frame is done. Nothing is drawn twice, and while something moves on a slow device, drafts are drawn.
 
 use std::ops::RangeInclusive;
@@ -104,6 +104,10 @@ impl Canvas {
     pub(super) fn draw(&mut self, shot: Shot, moves: bool) -> Result<bool, GpuError> {
         let quality = if moves && self.full > SLOW { Quality::Draft } else { Quality::Full };
         if self.shown.is_some_and(|(shown, best)| shown == shot && (best == Quality::Full || best == quality)) {
+            return Ok(false);
+        }
+        // After a fault the last picture stays until there is cloth again.
+        if self.easel.is_none() {
             return Ok(false);
         }
         let start = Instant::now();

@@ -17,6 +17,7 @@ use anyhow::{Result, anyhow, bail};
 use eframe::egui::ViewportBuilder;
 use eframe::egui_wgpu::{WgpuConfiguration, WgpuSetup, WgpuSetupCreateNew};
 use eframe::{NativeOptions, wgpu};
+use warpknit::render::Choice;
 
 use super::args::Live;
 use super::clock::Task;
@@ -34,6 +35,12 @@ pub(crate) fn view(arguments: Live) -> Result<()> {
     let shared = &arguments.shared;
     if let Some((path, _)) = shared.outputs.first() {
         bail!("{}: view writes no files but pictures, by its button or --screenshot; drape and swatch do", path.display());
+    }
+    if shared.drawing.turntable.is_some() {
+        bail!("--turntable writes pictures, and view shows cloth that you turn yourself: drape and swatch take it");
+    }
+    if Choice::from(shared.drawing.renderer) == Choice::Cpu {
+        bail!("--renderer cpu can't follow a drag: view draws on the graphics adapter, be it one of software");
     }
     if shared.eye.is_some() && shared.eye == shared.look_at {
         bail!("--eye and --look-at are the same point: there is no direction to look in");

@@ -9,12 +9,14 @@ use anyhow::{Context, Result, bail};
 use warpknit::drape::{self, Block, Cloth, Totals, picture};
 use warpknit::fabric::{Fabric, builtin};
 use warpknit::garment::{Garment, Panel, read};
+use warpknit::render::maps::Maps;
 use warpknit::report::Timings;
 use warpknit::scene::{Scene, Shape};
 
 use super::super::args::Live;
 use super::super::clock::{Clock, Task, available_memory_gb};
 use super::super::make::{check_laid, drawn_radius, enlarged, fabric, loss_warning, named_fabric, pictured, task, turn_grains};
+use super::super::pictures;
 
 /// What a stitch takes, GB: 160 bytes of scene, and on a software adapter 25 for each of ten points and their copies on the way.
 const STITCH_GB: f64 = 1e-6;
@@ -25,6 +27,10 @@ pub(super) struct Stock {
     pub(super) choices: Vec<Choice>,
     ground: Ground,
     options: drape::Options,
+    /// A yarn's pictures, as large as it really is.
+    maps: Option<Maps>,
+    /// What yarns are drawn as at first.
+    shape: Shape,
 }
 
 /// A fabric on the list.
@@ -88,13 +94,14 @@ impl Stock {
         let mut choices = vec![Choice { label, fabric: pictured(&first, area, shared)?.0 }];
         choices.extend(others);
         let options = drape::Options { mapping: arguments.mapping.into(), edge: arguments.edge.into(), surface: None };
-        Ok(Self { choices, ground, options })
+        let (maps, shape) = (pictures::maps(shared, &first)?, shared.drawing.shape.into());
+        Ok(Self { choices, ground, options, maps, shape })
     }
 
     /// A fabric as it is first shown.
     pub(super) fn recipe(&self, fabric: usize) -> Recipe {
         let Fabric { wales_per_cm, courses_per_cm, .. } = self.choices[fabric].fabric;
-        Recipe { fabric, wales_per_cm, courses_per_cm, radius: None, shape: Shape::Tube }
+        Recipe { fabric, wales_per_cm, courses_per_cm, radius: None, shape: self.shape }
     }
 
     /// Knits, unless `superseded` says meanwhile that nobody waits any more.
@@ -137,7 +144,7 @@ impl Stock {
         superseded: &dyn Fn() -> bool,
     ) -> Result<Option<Knitted>> {
         check_room(cloth.stitches())?;
-        let mut scene = Scene { shape: recipe.shape, looks: picture::looks(fabric, radius), ..Scene::default() };
+        let mut scene = pictures::scene(recipe.shape, picture::looks(fabric, radius), self.maps.as_ref(), fabric.enlargement);
         let totals = {
             let clock = RefCell::new(&mut clock);
             let mut announce = |stage, done| clock.borrow_mut().begin(task(stage), done);

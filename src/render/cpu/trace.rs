@@ -86,7 +86,7 @@ impl<'a> Tracer<'a> {
         let mut nearest = Hit { start: 0, distance: path.reach };
         self.bvh.ray_traverse(path.ray(), &mut RayHit::none(), |ray, index| {
             for start in self.segments.of_link(self.segments.links[index]) {
-                let distance = self.distance(start, ray, path);
+                let distance = self.distance(start, ray, path, nearest.distance);
                 // Of two at one distance, the first along the yarn, in whatever order the hierarchy brings them.
                 if distance < nearest.distance || (distance == nearest.distance && start < nearest.start) {
                     nearest = Hit { start, distance };
@@ -104,13 +104,15 @@ impl<'a> Tracer<'a> {
         let mut occluder = None;
         self.bvh.ray_traverse_miss(path.ray(), |ray, index| {
             let link = self.segments.of_link(self.segments.links[index]);
-            occluder = link.filter(|start| start.abs_diff(own) > 1).find(|&start| self.distance(start, ray, path) < ray.tmax);
+            occluder =
+                link.filter(|start| start.abs_diff(own) > 1).find(|&start| self.distance(start, ray, path, ray.tmax) < ray.tmax);
             if occluder.is_some() { 0.0 } else { f32::INFINITY }
         });
         occluder
     }
 
-    fn distance(&self, start: u32, ray: &Ray, path: &Path) -> f32 {
+    /// How far away a segment is met; infinite where it isn't, and for a ribbon where that would be beyond `limit`.
+    fn distance(&self, start: u32, ray: &Ray, path: &Path, limit: f32) -> f32 {
         match self.segments.shape {
             Shape::Tube => {
                 let (a, b) = (self.segments.paths.points[start as usize], self.segments.paths.points[start as usize + 1]);
@@ -118,7 +120,8 @@ impl<'a> Tracer<'a> {
             }
             Shape::Ribbon => {
                 let crossing = self.segments.strip(start).crossing(ray.origin, ray.direction);
-                let stops = |crossing: &Crossing| self.stops(start, crossing, path);
+                // The picture is looked at last: that costs more than all else.
+                let stops = |crossing: &Crossing| crossing.distance <= limit && self.stops(start, crossing, path);
                 crossing.filter(stops).map_or(f32::INFINITY, |crossing| crossing.distance)
             }
         }

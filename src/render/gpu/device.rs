@@ -169,7 +169,10 @@ fn lacking(adapter: &wgpu::Adapter, device: &wgpu::Device) -> Option<String> {
     let missing = |&&(format, usages): &&(wgpu::TextureFormat, wgpu::TextureUsages)| {
         !adapter.get_texture_format_features(format).allowed_usages.contains(usages)
     };
-    TARGETS.iter().find(missing).map(|(format, _)| format!("pictures of {format:?}"))
+    TARGETS
+        .iter()
+        .find(missing)
+        .map(|(format, _)| format!("targets of {format:?}, which Vulkan, Metal and DirectX 12 drivers have"))
 }
 
 /// Keeps the first fault: what follows is its consequence.

@@ -1,6 +1,6 @@
 //! Pictures on the graphics processor, through wgpu.
 //!
-//! In: the same as every renderer's. Out: the picture, or an error that says what to do. Only this room names wgpu. Passes of a frame:
+//! In: the same as every renderer's. Out: the picture, or an error that says what to do. In the library only this room names wgpu. Passes of a frame:
 //! depths from the sun, averaged; depths around the eye, averaged; the yarns with their light, tile by tile, so that no picture is too large;
 //! and the same tone curve as everywhere. `device` opens the adapter, `pages` keeps the yarns there, `levels` says what is drawn and how finely,
 //! `frame` where it lies, `pipelines` with which shaders, `passes` puts it into commands, and `resources` makes what they read and write.
@@ -125,6 +125,12 @@ impl Renderer {
             looks.push(bytemuck::Zeroable::zeroed());
         }
         let looks = self.gpu.store("looks", bytemuck::cast_slice(&looks), BufferUsages::STORAGE);
+        let most = self.gpu.device.limits().max_texture_dimension_2d;
+        if let Some(maps) = scene.maps.iter().find(|maps| maps.base.levels[0].width().max(maps.base.levels[0].height()) > most) {
+            let (width, height) = maps.base.levels[0].dimensions();
+            let lacking = format!("room for a yarn's picture of {width} x {height} pixels, {most} a side at most");
+            return Err(GpuError::Lacking { adapter: self.name().to_owned(), lacking });
+        }
         let mut maps: Vec<_> = scene.maps.iter().map(|maps| self.maps_group(&maps.base, &maps.normal, &maps.surface)).collect();
         let none = Mips { levels: vec![RgbaImage::from_pixel(1, 1, Rgba([255; 4]))] };
         maps.push(self.maps_group(&none, &none, &none));

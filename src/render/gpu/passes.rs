@@ -44,6 +44,10 @@ impl Renderer {
             });
         }
         let draws: Vec<u8> = plan.batches.iter().flat_map(|batch| self.draw_bytes(batch)).collect();
+        if draws.is_empty() {
+            return Listed { plan, groups: Vec::new() };
+        }
+        let draws = self.gpu.uniform(&draws);
         let groups = plan.parts.iter().zip(&yarns.pages).map(|(parts, page)| self.page_group(page, parts, &draws)).collect();
         Listed { plan, groups }
     }
@@ -56,14 +60,13 @@ impl Renderer {
         bytes
     }
 
-    fn page_group(&self, page: &Page, parts: &[u32], draws: &[u8]) -> Option<wgpu::BindGroup> {
+    fn page_group(&self, page: &Page, parts: &[u32], draws: &wgpu::Buffer) -> Option<wgpu::BindGroup> {
         if parts.is_empty() {
             return None;
         }
         let parts = self.gpu.store("parts", bytemuck::cast_slice(parts), BufferUsages::STORAGE);
-        let draws = self.gpu.uniform(draws);
         let draw = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-            buffer: &draws,
+            buffer: draws,
             offset: 0,
             size: std::num::NonZeroU64::new(size_of::<data::Draw>() as u64),
         });

@@ -5,7 +5,6 @@
 use std::sync::mpsc;
 
 use image::RgbaImage;
-use wgpu::util::DeviceExt;
 use wgpu::{BufferUsages, TextureFormat, TextureUsages};
 
 use super::device::{Gpu, GpuError};
@@ -57,7 +56,6 @@ impl Gpu {
     pub(super) fn mips(&self, mips: &Mips, format: TextureFormat) -> wgpu::TextureView {
         let (width, height) = mips.levels[0].dimensions();
         let size = wgpu::Extent3d { width, height, depth_or_array_layers: 1 };
-        let texels: Vec<u8> = mips.levels.iter().flat_map(|level| level.as_raw().iter().copied()).collect();
         let descriptor = wgpu::TextureDescriptor {
             label: Some("map"),
             size,
@@ -65,11 +63,17 @@ impl Gpu {
             sample_count: 1,
             dimension: wgpu::TextureDimension::D2,
             format,
-            usage: TextureUsages::TEXTURE_BINDING,
+            usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
             view_formats: &[],
         };
-        let order = wgpu::util::TextureDataOrder::LayerMajor;
-        let texture = self.device.create_texture_with_data(&self.queue, &descriptor, order, &texels);
+        let texture = self.device.create_texture(&descriptor);
+        for (level, picture) in (0..).zip(&mips.levels) {
+            let to = wgpu::TexelCopyTextureInfo { mip_level: level, ..texture.as_image_copy() };
+            let layout =
+                wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(picture.width() * 4), rows_per_image: None };
+            let (width, height) = picture.dimensions();
+            self.queue.write_texture(to, picture, layout, wgpu::Extent3d { width, height, depth_or_array_layers: 1 });
+        }
         texture.create_view(&wgpu::TextureViewDescriptor::default())
     }
 
