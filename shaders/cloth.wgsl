@@ -129,8 +129,14 @@ fn map_texel(place: vec2f, footprint: vec2f) -> Texel {
     return Texel(base.rgb, base.a, vec3f(normal.x, -normal.y, normal.z), surface.y, surface.z, surface.x);
 }
 
+// The direction in which the round yarn rises that a strip stands for; both arguments of unit length and across each other.
+fn front_of_strip(width: vec3f, tangent: vec3f, toward_eye: vec3f) -> vec3f {
+    let front = cross(width, tangent);
+    return front * sign(dot(front, toward_eye));
+}
+
 @fragment
-fn shade(in: Surface, @builtin(front_facing) front: bool) -> Light {
+fn shade(in: Surface) -> Light {
     let look = looks[in.look];
     let to_eye = view.eye.xyz - in.world * view.eye.w;
     let eye_distance = length(to_eye);
@@ -142,7 +148,7 @@ fn shade(in: Surface, @builtin(front_facing) front: bool) -> Light {
     if SHAPE == STRIP {
         // The round yarn that the strip stands for.
         let rise = sqrt(max(1.0 - in.side * in.side, 0.0));
-        let front_of = cross(outward, tangent) * sign(dot(cross(outward, tangent), toward_eye));
+        let front_of = front_of_strip(outward, tangent, toward_eye);
         outward = normalize(outward * in.side + front_of * rise);
         world += front_of * ((rise - MEAN_RISE) * in.radius);
     }
@@ -192,15 +198,12 @@ fn shade(in: Surface, @builtin(front_facing) front: bool) -> Light {
     return Light(vec4f(light, 1.0) * select(1.0, alpha, FUZZ), select(solid, 0xFFFFFFFFu, FUZZ));
 }
 
-// For the depth passes of ribbons: what is fuzz neither hides nor shadows.
+// For the depth passes of ribbons with maps: what is fuzz neither hides nor shadows.
 @fragment
 fn hole(in: Surface) {
-    let look = looks[in.look];
-    if MAPS {
-        let place = vec2f(in.along / look.repeat, in.side * 0.5 + 0.5);
-        if textureSampleLevel(base_map, map_sampler, place, 0.0).a < SOLID {
-            discard;
-        }
+    let place = vec2f(in.along / looks[in.look].repeat, in.side * 0.5 + 0.5);
+    if textureSampleLevel(base_map, map_sampler, place, 0.0).a < SOLID {
+        discard;
     }
 }
 
@@ -219,10 +222,9 @@ const MEAN_GROOVE = 0.25;
 fn expand_lit(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance: u32) -> Lit {
     let in = vertex_of(vertex, instance);
     let look = looks[in.look];
-    let to_eye = view.eye.xyz - in.world * view.eye.w;
-    let toward_eye = normalize(to_eye);
+    let toward_eye = normalize(view.eye.xyz - in.world * view.eye.w);
     let rise = sqrt(1.0 - GAUSS * GAUSS);
-    let front_of = normalize(cross(in.normal, in.tangent)) * sign(dot(cross(in.normal, in.tangent), toward_eye));
+    let front_of = front_of_strip(in.normal, in.tangent, toward_eye);
     let outward = in.normal * (in.side * GAUSS) + front_of * rise;
     // The strip's edge stands MEAN_RISE before the axis.
     let world = in.world + (in.normal * (in.side * (GAUSS - 1.0)) + front_of * (rise - MEAN_RISE)) * in.radius;

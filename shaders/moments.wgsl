@@ -19,6 +19,8 @@ struct Blur {
     layer: f32,
 }
 
+// Whether taps are of a depth buffer, or of averages already.
+override FROM_DEPTHS: bool = true;
 // Whether only the nearest layer is averaged.
 override LAYERED: bool = false;
 const FARTHEST = 3.0e38;
@@ -26,11 +28,6 @@ const FARTHEST = 3.0e38;
 @group(0) @binding(0) var<uniform> blur: Blur;
 @group(0) @binding(1) var depths: texture_depth_2d;
 @group(0) @binding(2) var moments: texture_2d<f32>;
-
-@vertex
-fn cover(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4f {
-    return vec4f(f32(vertex & 1u) * 4.0 - 1.0, f32(vertex >> 1u) * 4.0 - 1.0, 0.0, 1.0);
-}
 
 fn linear_depth(depth: f32) -> f32 {
     let range = blur.far - blur.near;
@@ -69,23 +66,21 @@ fn weight(tap: i32) -> f32 {
 }
 
 // What a tap sees: depth and variance, and in z its cover.
-fn depth_tap(place: vec2i, tap: i32) -> vec3f {
-    let last = vec2i(textureDimensions(depths)) - 1;
-    let depth = textureLoad(depths, clamp(place + tap * blur.step, vec2i(0), last), 0);
-    return vec3f(linear_depth(depth), 0.0, select(0.0, 1.0, depth < 1.0));
-}
-
-fn moment_tap(place: vec2i, tap: i32) -> vec3f {
-    let last = vec2i(textureDimensions(moments)) - 1;
-    return textureLoad(moments, clamp(place + tap * blur.step, vec2i(0), last), 0).xyz;
+fn seen_at(place: vec2i, tap: i32) -> vec3f {
+    let at = clamp(place + tap * blur.step, vec2i(0), vec2i(textureDimensions(depths)) - 1);
+    if FROM_DEPTHS {
+        let depth = textureLoad(depths, at, 0);
+        return vec3f(linear_depth(depth), 0.0, select(0.0, 1.0, depth < 1.0));
+    }
+    return textureLoad(moments, at, 0).xyz;
 }
 
 @fragment
-fn from_depths(@builtin(position) at: vec4f) -> @location(0) vec4f {
+fn average(@builtin(position) at: vec4f) -> @location(0) vec4f {
     var farthest = FARTHEST;
     if LAYERED {
         for (var tap = -blur.reach; tap <= blur.reach; tap++) {
-            let seen = depth_tap(vec2i(at.xy), tap);
+            let seen = seen_at(vec2i(at.xy), tap);
             farthest = min(farthest, select(FARTHEST, seen.x + blur.layer, seen.z > 0.0));
         }
     }
@@ -93,29 +88,7 @@ fn from_depths(@builtin(position) at: vec4f) -> @location(0) vec4f {
     var total = 0.0;
     for (var tap = -blur.reach; tap <= blur.reach; tap++) {
         let w = weight(tap);
-        let seen = depth_tap(vec2i(at.xy), tap);
-        total += w;
-        if seen.z > 0.0 && seen.x < farthest {
-            add(&sums, w, seen.x, 0.0);
-        }
-    }
-    return joined(sums, total);
-}
-
-@fragment
-fn from_moments(@builtin(position) at: vec4f) -> @location(0) vec4f {
-    var farthest = FARTHEST;
-    if LAYERED {
-        for (var tap = -blur.reach; tap <= blur.reach; tap++) {
-            let seen = moment_tap(vec2i(at.xy), tap);
-            farthest = min(farthest, select(FARTHEST, seen.x + blur.layer, seen.z > 0.0));
-        }
-    }
-    var sums = Sums(0.0, 0.0, 0.0, 0.0);
-    var total = 0.0;
-    for (var tap = -blur.reach; tap <= blur.reach; tap++) {
-        let w = weight(tap);
-        let seen = moment_tap(vec2i(at.xy), tap);
+        let seen = seen_at(vec2i(at.xy), tap);
         total += w;
         if seen.z > 0.0 && seen.x < farthest {
             add(&sums, w * seen.z, seen.x, seen.y);

@@ -15,11 +15,6 @@ struct Tone {
 @group(0) @binding(0) var<uniform> tone: Tone;
 @group(0) @binding(1) var lights: texture_2d<f32>;
 
-@vertex
-fn cover(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4f {
-    return vec4f(f32(vertex & 1u) * 4.0 - 1.0, f32(vertex >> 1u) * 4.0 - 1.0, 0.0, 1.0);
-}
-
 fn shoulder(light: vec3f) -> vec3f {
     let room = 1.0 - SHOULDER;
     return select(max(light, vec3f(0.0)), 1.0 - room * exp(-(light - SHOULDER) / room), light > vec3f(SHOULDER));

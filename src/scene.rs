@@ -144,6 +144,18 @@ impl Scene {
         self.strands.push(Strand { points, stitches, look });
     }
 
+    /// The pictures of a look, if it has any.
+    #[must_use]
+    pub fn maps_of(&self, look: &YarnLook) -> Option<&Maps> {
+        self.maps.get(usize::from(look.maps?))
+    }
+
+    /// The colour of all of a look's yarn, linear RGB.
+    #[must_use]
+    pub fn mean_albedo(&self, look: &YarnLook) -> Vec3 {
+        self.maps_of(look).map_or(look.albedo, Maps::mean_albedo)
+    }
+
     /// The radius of a strand, if it is one that can be drawn: above 0 and under [`FARTHEST`].
     #[must_use]
     pub fn radius(&self, strand: &Strand) -> Option<f32> {

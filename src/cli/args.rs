@@ -13,6 +13,9 @@ use warpknit::map::Mapping;
 use warpknit::render::{Background, Choice, View};
 use warpknit::scene::Shape;
 
+/// The largest side of a picture.
+pub(crate) const MOST_PIXELS: u32 = 32_768;
+
 /// The fabric where none is named.
 pub(crate) const DEFAULT_FABRIC: &str = "tricot";
 
@@ -99,12 +102,8 @@ pub(crate) struct Drape {
     pub(crate) draped: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) reading: Reading,
-    /// What happens to yarns at a panel's edge
-    #[arg(long, value_enum, default_value = "clip")]
-    pub(crate) edge: EdgeArg,
-    /// How depth is carried from the flat panel to the draped one
-    #[arg(long, value_enum, default_value = "smooth")]
-    pub(crate) mapping: MappingArg,
+    #[command(flatten)]
+    pub(crate) laying: Laying,
     #[command(flatten)]
     pub(crate) shared: Shared,
 }
@@ -133,12 +132,8 @@ pub(crate) struct Live {
     pub(crate) draped: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) reading: Reading,
-    /// What happens to yarns at a panel's edge
-    #[arg(long, value_enum, default_value = "clip")]
-    pub(crate) edge: EdgeArg,
-    /// How depth is carried from the flat panel to the draped one
-    #[arg(long, value_enum, default_value = "smooth")]
-    pub(crate) mapping: MappingArg,
+    #[command(flatten)]
+    pub(crate) laying: Laying,
     /// Yarns a full bar of a swatch
     #[arg(long, value_name = "N", default_value_t = 14, conflicts_with = "flat", value_parser = clap::value_parser!(u32).range(1..=20_000))]
     pub(crate) wales: u32,
@@ -186,6 +181,17 @@ pub(crate) struct Chains {
     /// Which guides of a --lapping carry a yarn: I threaded, . empty, repeated across; one for each --lapping, or one for all [default: I]
     #[arg(long, value_name = "MARKS", requires = "lapping")]
     pub(crate) threading: Vec<String>,
+}
+
+/// How yarns are laid on a garment.
+#[derive(Args, Debug)]
+pub(crate) struct Laying {
+    /// What happens to yarns at a panel's edge
+    #[arg(long, value_enum, default_value = "clip")]
+    pub(crate) edge: EdgeArg,
+    /// How depth is carried from the flat panel to the draped one
+    #[arg(long, value_enum, default_value = "smooth")]
+    pub(crate) mapping: MappingArg,
 }
 
 /// How meshes are read.
@@ -416,11 +422,10 @@ fn diagram(text: &str) -> Result<(PathBuf, chart::Format), String> {
 }
 
 fn size(text: &str) -> Result<(u32, u32), String> {
-    const LIMIT: u32 = 32_768;
     let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some((w.parse::<u32>().ok()?, h.parse::<u32>().ok()?)));
     match sides {
-        Some((w, h)) if (1..=LIMIT).contains(&w) && (1..=LIMIT).contains(&h) => Ok((w, h)),
-        _ => Err(format!("write it as 1600x1200, both sides from 1 to {LIMIT}")),
+        Some((w, h)) if (1..=MOST_PIXELS).contains(&w) && (1..=MOST_PIXELS).contains(&h) => Ok((w, h)),
+        _ => Err(format!("write it as 1600x1200, both sides from 1 to {MOST_PIXELS}")),
     }
 }
 

@@ -20,7 +20,7 @@ use warpknit::knit::clearance::{self, Clearance};
 use warpknit::report::{ClearanceReport, ClothReport, GarmentReport, Report, SurfaceReport};
 use warpknit::yarn::tube::Section;
 
-use super::args::{Chains, Drape, Reading, Shared, Swatch};
+use super::args::{Chains, Drape, Laying, Reading, Shared, Swatch};
 use super::clock::{Clock, Task, available_memory_gb, peak_memory_mb};
 use super::numbers::RealCloth;
 use super::{pictures, print, tell};
@@ -29,7 +29,7 @@ use super::{pictures, print, tell};
 const PICTURED_STITCHES: f64 = 12_000.0;
 /// The most stitches that are taken on: beyond them 32 bits no longer number the data points, and any garment at its true gauge has far
 /// fewer.
-const MOST_STITCHES: u64 = 200_000_000;
+pub(super) const MOST_STITCHES: u64 = 200_000_000;
 /// The most stitches whose clearance on the body is measured: some 20 kB each, were they all on one panel.
 const MEASURED_STITCHES: u64 = 50_000;
 /// What a picture takes for each stitch, GB (measured at 1 and 4.4 million stitches: 1.4 and .6 kB).
@@ -52,7 +52,7 @@ pub(crate) fn drape(arguments: &Drape) -> Result<()> {
     let area = garment.panels.iter().map(Panel::area).sum();
     let (shown, enlarged) = pictured(&fabric, area, shared)?;
     let cloth = Cloth::cover(&garment, &shown).with_context(|| shared.chains.label(&shared.fabric, &fabric).to_owned())?;
-    let options = drape::Options { mapping: arguments.mapping.into(), edge: arguments.edge.into(), surface: None };
+    let options = arguments.laying.options();
     let stem = arguments.draped.as_ref().unwrap_or(&arguments.flat).file_stem().unwrap_or_default();
     let inputs = std::iter::once(arguments.flat.as_path()).chain(arguments.draped.as_deref()).collect();
     let (fabric, shown, cloth, stem) = (&fabric, &shown, &cloth, Path::new(stem));
@@ -73,6 +73,13 @@ pub(crate) fn swatch(arguments: &Swatch) -> Result<()> {
     let (fabric, cloth, stem) = (&fabric, &cloth, Path::new(stem));
     let (enlarged, inputs) = (None, Vec::new());
     make(&Job { shared, fabric, shown: fabric, enlarged, cloth, options, area, inputs, stem, tells_numbers: true }, clock)
+}
+
+impl Laying {
+    /// What the library takes; surfaces are for those who write them.
+    pub(super) fn options(&self) -> drape::Options {
+        drape::Options { mapping: self.mapping.into(), edge: self.edge.into(), surface: None }
+    }
 }
 
 impl Reading {
@@ -359,18 +366,17 @@ fn check_request(job: &Job<'_>, wants_picture: bool) -> Result<()> {
     if wants_picture && job.shared.eye.is_some() && job.shared.eye == job.shared.look_at {
         bail!("--eye and --look-at are the same point: there is no direction to look in");
     }
-    if wants_picture { check_memory(stitches) } else { Ok(()) }
+    if wants_picture { check_memory(stitches, PICTURE_GB, "lower the densities, or write no .png") } else { Ok(()) }
 }
 
-/// Refuses a picture that would not fit the memory, before the work and not in the middle of it.
-fn check_memory(stitches: u64) -> Result<()> {
+/// Refuses a picture that would not fit the memory at so many GB a stitch, before the work and not in the middle of it.
+pub(super) fn check_memory(stitches: u64, gb_a_stitch: f64, remedy: &str) -> Result<()> {
     #[expect(clippy::cast_precision_loss, reason = "an estimate")]
-    let needed = stitches as f64 * PICTURE_GB;
+    let needed = stitches as f64 * gb_a_stitch;
     match available_memory_gb() {
-        Some(free) if needed > free => bail!(
-            "a picture of {stitches} stitches takes about {needed:.0} GB of memory and {free:.0} GB are free: lower the densities, or \
-             write no .png"
-        ),
+        Some(free) if needed > free => {
+            bail!("a picture of {stitches} stitches takes about {needed:.0} GB of memory and {free:.0} GB are free: {remedy}")
+        }
         _ => Ok(()),
     }
 }

@@ -47,13 +47,18 @@ pub fn add_to(scene: &mut Scene, block: &Block) {
 #[must_use]
 pub fn swatch(fabric: &Fabric, wales: u32, courses: u32) -> Scene {
     let panel = swatch_panel(fabric, wales, courses);
-    let cloth = Cloth::swatch(&panel, fabric, wales, courses);
+    of(&Cloth::swatch(&panel, fabric, wales, courses), fabric)
+}
+
+/// All of a cloth, at the radius for which it is laid out.
+#[must_use]
+pub fn of(cloth: &Cloth<'_>, fabric: &Fabric) -> Scene {
     let mut scene = Scene { looks: looks(fabric, fabric.radius()), ..Scene::default() };
     let mut deliver = |blocks: &[Block]| -> Result<(), std::convert::Infallible> {
         blocks.iter().for_each(|block| add_to(&mut scene, block));
         Ok(())
     };
-    match run(&cloth, &Options::default(), &mut |_, _| {}, &mut deliver) {
+    match run(cloth, &Options::default(), &mut |_, _| {}, &mut deliver) {
         Ok(_totals) => scene,
     }
 }

@@ -47,7 +47,7 @@ impl<'a> Painter<'a> {
         if options.renderer != Choice::Cpu {
             let found = Gpu::find(options.renderer == Choice::Gpu);
             match found.and_then(|gpu| Renderer::new(gpu, options.samples)) {
-                Ok(renderer) => painter.gpu = Some(Box::new(Uploaded { renderer, yarns: None })),
+                Ok(renderer) => painter.gpu = Some(Box::new(Uploaded { renderer, stitch: stitch_length(scene), yarns: None })),
                 Err(error) => painter.fall_back(error)?,
             }
         }
@@ -101,13 +101,15 @@ impl<'a> Painter<'a> {
 #[derive(Debug)]
 struct Uploaded {
     renderer: Renderer,
+    /// Mean length of a stitch, mm.
+    stitch: f64,
     /// With their St.
     yarns: Option<(u32, Yarns)>,
 }
 
 impl Uploaded {
     fn draw(&mut self, scene: &Scene, camera: &Camera, options: &Options) -> Result<RgbaImage, GpuError> {
-        let st = uploaded_st(scene, camera, options);
+        let st = uploaded_st(scene, self.stitch, camera, options);
         let (_, yarns) = match &mut self.yarns {
             Some(uploaded) if uploaded.0 >= st => uploaded,
             // The old ones go first, since both may not fit.
@@ -120,15 +122,19 @@ impl Uploaded {
     }
 }
 
-/// St that the nearest stitches need, [`Options::st`] at most: a million stitches of forty pieces would take a gigabyte.
-fn uploaded_st(scene: &Scene, camera: &Camera, options: &Options) -> u32 {
-    let Some(bounds) = scene.bounds().filter(|_| options.lod) else { return options.st };
+/// The mean length of yarn in a stitch, mm.
+fn stitch_length(scene: &Scene) -> f64 {
     let strand_length = |strand: &Strand| {
         let points = &scene.positions[strand.points.start as usize..strand.points.end as usize];
         points.windows(2).map(|ends| f64::from(ends[0].distance(ends[1]))).filter(|length| length.is_finite()).sum::<f64>()
     };
     let length: f64 = scene.strands.iter().map(strand_length).sum();
-    let stitch = length / f64::from(index32(scene.stitches.len().max(1)));
+    length / f64::from(index32(scene.stitches.len().max(1)))
+}
+
+/// St that the nearest stitches need, [`Options::st`] at most: a million stitches of forty pieces would take a gigabyte.
+fn uploaded_st(scene: &Scene, stitch: f64, camera: &Camera, options: &Options) -> u32 {
+    let Some(bounds) = scene.bounds().filter(|_| options.lod) else { return options.st };
     let eye = camera.eye();
     let nearest = eye.distance(eye.clamp(bounds.min.as_dvec3(), bounds.max.as_dvec3()));
     let wanted = PIECES_A_PIXEL * stitch / camera.pixel_size(nearest, options.height);

@@ -89,13 +89,7 @@ fn skirt(wales_per_cm: f64) -> Scene {
     let aspect = fabric.courses_per_cm / fabric.wales_per_cm;
     let fabric = fabric.at_densities(wales_per_cm, wales_per_cm * aspect).unwrap();
     let cloth = drape::Cloth::cover(&garment, &fabric).unwrap();
-    let mut scene = Scene { looks: picture::looks(&fabric, fabric.radius()), ..Scene::default() };
-    let mut deliver = |blocks: &[drape::Block]| -> Result<(), std::convert::Infallible> {
-        blocks.iter().for_each(|block| picture::add_to(&mut scene, block));
-        Ok(())
-    };
-    drape::run(&cloth, &drape::Options::default(), &mut |_, _| {}, &mut deliver).unwrap();
-    scene
+    picture::of(&cloth, &fabric)
 }
 
 fn front(scene: &Scene) -> Camera {

@@ -14,8 +14,11 @@ use warpknit::report::Timings;
 use warpknit::scene::{Scene, Shape};
 
 use super::super::args::Live;
-use super::super::clock::{Clock, Task, available_memory_gb};
-use super::super::make::{check_laid, drawn_radius, enlarged, fabric, loss_warning, named_fabric, pictured, task, turn_grains};
+use super::super::clock::{Clock, Task};
+use super::super::make::{
+    MOST_STITCHES, check_laid, check_memory, drawn_radius, enlarged, fabric, loss_warning, named_fabric, pictured, task,
+    turn_grains,
+};
 use super::super::pictures;
 
 /// What a stitch takes, GB: 160 bytes of scene, and on a software adapter 25 for each of ten points and their copies on the way.
@@ -93,7 +96,7 @@ impl Stock {
         let others = others.collect::<Result<Vec<_>>>()?;
         let mut choices = vec![Choice { label, fabric: pictured(&first, area, shared)?.0 }];
         choices.extend(others);
-        let options = drape::Options { mapping: arguments.mapping.into(), edge: arguments.edge.into(), surface: None };
+        let options = arguments.laying.options();
         let (maps, shape) = (pictures::maps(shared, &first)?, shared.drawing.shape.into());
         Ok(Self { choices, ground, options, maps, shape })
     }
@@ -174,16 +177,10 @@ impl Ground {
     }
 }
 
-/// Refuses cloth that would not fit the memory.
+/// Refuses cloth that can't be numbered or would not fit the memory.
 fn check_room(stitches: u64) -> Result<()> {
-    #[expect(clippy::cast_precision_loss, reason = "an estimate")]
-    let needed = stitches as f64 * STITCH_GB;
-    match available_memory_gb() {
-        Some(free) if needed > free => {
-            bail!("{stitches} stitches take about {needed:.0} GB of memory and {free:.0} GB are free: lower the densities")
-        }
-        // Beyond, 32 bits no longer number the data points.
-        _ if stitches > 200_000_000 => bail!("{stitches} stitches are too many: lower the densities"),
-        _ => Ok(()),
+    if stitches > MOST_STITCHES {
+        bail!("{stitches} stitches are too many: lower the densities");
     }
+    check_memory(stitches, STITCH_GB, "lower the densities")
 }

@@ -18,7 +18,7 @@ use image::RgbaImage;
 use warpknit::export::png;
 use warpknit::render::View;
 
-use super::super::args::Live;
+use super::super::args::{Live, MOST_PIXELS};
 use super::canvas::{Canvas, Shot};
 use super::orbit::Orbit;
 use super::panel::{self, Action, Facts, Settings, VIEWS};
@@ -181,7 +181,7 @@ impl Window {
             clippy::cast_sign_loss,
             reason = "`as` saturates, and the size is held to a limit"
         )]
-        let width = ((f64::from(height) * self.aspect).round() as u32).clamp(1, 32_768);
+        let width = ((f64::from(height) * self.aspect).round() as u32).clamp(1, MOST_PIXELS);
         let options = self.settings.look.options_to_save([width, height], shared.drawing.spp);
         let picture = self.canvas.picture(&self.orbit.camera(), &options)?.context("there is no picture to save yet")?;
         let name = free_name()?;

@@ -169,7 +169,7 @@ impl View<'_> {
         let distance = (spot.position.as_dvec3() + self.tracer.segments.paths.centre).distance(self.camera.eye());
         let footprint = narrow(self.camera.pixel_size(distance, self.options.height));
         let look = &self.scene.looks[usize::from(self.tracer.segments.look(hit.start))];
-        let (mut surface, occlusion) = match self.maps(look) {
+        let (mut surface, occlusion) = match self.scene.maps_of(look) {
             Some(maps) => mapped(maps, &spot, look.radius, footprint, self.scene.shape),
             None => (self.plied(look, &spot, toward_eye, footprint), 1.0),
         };
@@ -216,10 +216,6 @@ impl View<'_> {
         Spot { position: path.origin + path.direction * hit.distance, normal, tangent, top, around: u * TAU, along }
     }
 
-    fn maps(&self, look: &YarnLook) -> Option<&Maps> {
-        look.maps.and_then(|maps| self.scene.maps.get(usize::from(maps)))
-    }
-
     /// The surface of a yarn of which there is no photo.
     fn plied(&self, look: &YarnLook, spot: &Spot, toward_eye: Vec3, footprint: f32) -> Surface {
         let (normal, shade) = match self.scene.shape {
@@ -241,8 +237,7 @@ impl View<'_> {
 
     /// What a yarn that stops a sky ray is coloured like.
     fn albedo(&self, start: u32) -> Vec3 {
-        let look = &self.scene.looks[usize::from(self.tracer.segments.look(start))];
-        self.maps(look).map_or(look.albedo, Maps::mean_albedo)
+        self.scene.mean_albedo(&self.scene.looks[usize::from(self.tracer.segments.look(start))])
     }
 
     fn sunlight(&self, met: &Meeting, sampler: &Sampler, index: u32) -> Vec3 {

@@ -130,7 +130,7 @@ impl<'a> Tracer<'a> {
     /// Whether a ribbon's picture has yarn where it is crossed.
     fn stops(&self, start: u32, crossing: &Crossing, path: &Path) -> bool {
         let look = &self.scene.looks[usize::from(self.segments.look(start))];
-        let Some(maps) = look.maps.and_then(|maps| self.scene.maps.get(usize::from(maps))) else { return true };
+        let Some(maps) = self.scene.maps_of(look) else { return true };
         let v = self.segments.along(start, crossing.v) / maps.length;
         let (across, along) = (path.footprint / (2.0 * look.radius), path.footprint / maps.length);
         let alpha = maps.alpha(crossing.u, v, across, along, Shape::Ribbon);

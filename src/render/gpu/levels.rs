@@ -13,6 +13,7 @@ use glam::{Mat4, Vec3, Vec4, Vec4Swizzles};
 use super::data::{PARTS, STEPS};
 use super::pages::{Extent, Page};
 use crate::ids::index32;
+use crate::render::Options;
 use crate::scene::{Scene, Shape};
 
 /// Radius up to which a tube is drawn as a strip, pixels.
@@ -21,15 +22,6 @@ const STRIP_PIXELS: f32 = 1.25;
 const SECTION_ERROR: f32 = 0.1;
 /// Longest step, points: an instance then takes a whole chunk.
 const MOST_STRIDE: u32 = PARTS;
-
-/// How yarns are cut for the eye.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Fineness {
-    /// Sr, the most edges of a section.
-    pub(super) sr: u32,
-    /// Whether far yarns may be coarser.
-    pub(super) lod: bool,
-}
 
 /// From where yarns are seen.
 #[derive(Clone, Copy, Debug)]
@@ -100,21 +92,21 @@ pub(super) struct Plan {
 
 impl Plan {
     /// Plans a pass.
-    pub(super) fn of(scene: &Looks, pages: &[Page], sight: &Sight, fineness: Fineness) -> Self {
+    pub(super) fn of(kinds: &Kinds, pages: &[Page], sight: &Sight, options: &Options) -> Self {
         let sides = sight.sides();
         let mut plan = Self::default();
         for (number, page) in pages.iter().enumerate() {
-            let mut kinds: BTreeMap<Kind, Vec<u32>> = BTreeMap::new();
+            let mut sorted: BTreeMap<Kind, Vec<u32>> = BTreeMap::new();
             for (chunk, extent) in (0..).zip(&page.extents) {
                 if !inside(&sides, extent.centre, extent.reach) {
                     continue;
                 }
-                let kind = scene.kind(extent, sight.pixel_on(extent), fineness);
+                let kind = kinds.kind(extent, sight.pixel_on(extent), options);
                 let parts = extent.pieces.div_ceil(STEPS * kind.stride);
-                kinds.entry(kind).or_default().extend((0..parts).map(|part| chunk * PARTS + part));
+                sorted.entry(kind).or_default().extend((0..parts).map(|part| chunk * PARTS + part));
             }
             let mut all = Vec::new();
-            for (kind, parts) in kinds {
+            for (kind, parts) in sorted {
                 let (first, count) = (index32(all.len()), index32(parts.len()));
                 plan.batches.push(Batch { page: number, kind, first, count });
                 all.extend(parts);
@@ -127,25 +119,28 @@ impl Plan {
 
 /// What of a scene decides how its chunks are drawn.
 #[derive(Clone, Debug)]
-pub(super) struct Looks {
+pub(super) struct Kinds {
     shape: Shape,
     /// Radius and maps of each look.
     looks: Vec<(f32, Option<u16>)>,
 }
 
-impl Looks {
+impl Kinds {
     pub(super) fn of(scene: &Scene) -> Self {
-        Self { shape: scene.shape, looks: scene.looks.iter().map(|look| (look.radius, look.maps)).collect() }
+        Self {
+            shape: scene.shape,
+            looks: scene.looks.iter().map(|look| (look.radius, scene.maps_of(look).and(look.maps))).collect(),
+        }
     }
 
-    fn kind(&self, extent: &Extent, pixel: f32, fineness: Fineness) -> Kind {
+    fn kind(&self, extent: &Extent, pixel: f32, options: &Options) -> Kind {
         let (radius, maps) = self.looks[usize::from(extent.look)];
         let edges = match self.shape {
             Shape::Ribbon => 2,
-            Shape::Tube if fineness.lod => edges(radius, pixel, fineness.sr),
-            Shape::Tube => fineness.sr,
+            Shape::Tube if options.lod => edges(radius, pixel, options.sr),
+            Shape::Tube => options.sr,
         };
-        let stride = if fineness.lod { stride(extent.piece, pixel) } else { 1 };
+        let stride = if options.lod { stride(extent.piece, pixel) } else { 1 };
         Kind { edges, maps, stride }
     }
 }

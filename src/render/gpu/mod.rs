@@ -28,11 +28,11 @@ use wgpu::{BufferUsages, TextureFormat, TextureUsages};
 
 pub use device::{Gpu, GpuError};
 
-use super::maps::{Maps, Mips};
+use super::maps::Mips;
 use super::{Background, Camera, Options, ply};
-use crate::scene::{Scene, Shape};
+use crate::scene::{Scene, Shape, YarnLook};
 use frame::{DepthMap, Frame};
-use levels::{Fineness, Looks};
+use levels::{Kinds, Sight};
 use pages::Page;
 use passes::{Listed, depth_attachment, screen_pass};
 use pipelines::{Layouts, Pipelines, Writes};
@@ -48,16 +48,6 @@ const PICTURE: TextureFormat = TextureFormat::Rgba8Unorm;
 const TILE: u32 = 1024;
 /// Most lights a pixel each way.
 const MOST_SUPERSAMPLING: u32 = 8;
-
-/// Draws `scene` on the adapter of `gpu`. See [`crate::render::render`].
-///
-/// # Errors
-/// What the device can't do, or refuses.
-pub fn render(gpu: &Gpu, scene: &Scene, camera: &Camera, options: &Options) -> Result<RgbaImage, GpuError> {
-    let mut renderer = Renderer::new(gpu.clone(), options.samples)?;
-    let yarns = renderer.load(scene, options.st)?;
-    renderer.draw(&yarns, camera, options)
-}
 
 /// A device with everything that does not depend on the scene.
 #[derive(Debug)]
@@ -76,7 +66,7 @@ pub struct Yarns {
     centre: DVec3,
     pages: Vec<Page>,
     shape: Shape,
-    kinds: Looks,
+    kinds: Kinds,
     looks: wgpu::Buffer,
     thinnest: f32,
     /// Mean base colour of all yarn by its length.
@@ -120,7 +110,7 @@ impl Renderer {
         let centre = scene.bounds().map_or(DVec3::ZERO, |bounds| bounds.centre().as_dvec3());
         let drawn = |radius: &f32| *radius > 0.0 && radius.is_finite();
         let thinnest = scene.looks.iter().map(|look| look.radius).filter(drawn).fold(f32::INFINITY, f32::min);
-        let mut looks: Vec<_> = scene.looks.iter().map(|look| shader_look(look, &scene.maps)).collect();
+        let mut looks: Vec<_> = scene.looks.iter().map(|look| shader_look(look, scene)).collect();
         if looks.is_empty() {
             looks.push(bytemuck::Zeroable::zeroed());
         }
@@ -135,7 +125,7 @@ impl Renderer {
         let none = Mips { levels: vec![RgbaImage::from_pixel(1, 1, Rgba([255; 4]))] };
         maps.push(self.maps_group(&none, &none, &none));
         let pages = pages::upload(&self.gpu, scene, centre, st)?;
-        let (albedo, kinds) = (mean_albedo(scene, &pages), Looks::of(scene));
+        let (albedo, kinds) = (mean_albedo(scene, &pages), Kinds::of(scene));
         Ok(Yarns { centre, pages, shape: scene.shape, kinds, looks, thinnest, albedo, maps })
     }
 
@@ -151,7 +141,7 @@ impl Renderer {
         for y in (0..options.height).step_by(side as usize) {
             for x in (0..options.width).step_by(side as usize) {
                 let size = [side.min(options.width - x), side.min(options.height - y)];
-                let tile = self.gpu.texture(PICTURE, size, TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC, 1);
+                let tile = self.gpu.texture(PICTURE, size, TextureUsages::COPY_SRC, 1);
                 let view = tile.create_view(&wgpu::TextureViewDescriptor::default());
                 let lit = frame.as_ref().zip(lights.as_ref());
                 self.tile(yarns, lit, options, [x, y], size, &view);
@@ -175,9 +165,8 @@ impl Renderer {
     /// The averaged depths from the sun and around the eye, bound for the light.
     fn lights(&mut self, yarns: &Yarns, frame: &Frame, options: &Options) -> Result<wgpu::BindGroup, GpuError> {
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("depths") });
-        let fineness = Fineness { sr: options.sr, lod: options.lod };
         let [sun, depth] = [&frame.sun, &frame.depth].map(|map| {
-            let listed = self.list(yarns, &map.sight, fineness, &[Writes::Depth]);
+            let listed = self.list(yarns, &map.sight, options, &[Writes::Depth]);
             self.depth_map(&mut encoder, yarns, frame, map, &listed)
         });
         self.gpu.queue.submit([encoder.finish()]);
@@ -198,9 +187,7 @@ impl Renderer {
         map: &DepthMap,
         listed: &Listed,
     ) -> wgpu::TextureView {
-        let target = TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING;
-        let view_of = |texture: wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
-        let depths = view_of(self.gpu.texture(DEPTH, map.size, target, 1));
+        let depths = self.gpu.target(DEPTH, map.size, 1);
         let view =
             data::View { clip_from_world: map.sight.clip_from_world, eye: map.sight.eye, pixel: map.sight.pixel, ..frame.view };
         {
@@ -211,7 +198,7 @@ impl Renderer {
             });
             self.draw_listed(&mut pass, yarns, listed, &view, Writes::Depth);
         }
-        let [once, twice] = [(); 2].map(|()| view_of(self.gpu.texture(MOMENTS, map.size, target, 1)));
+        let [once, twice] = [(); 2].map(|()| self.gpu.target(MOMENTS, map.size, 1));
         let [from_depths, from_moments] = if map.layer.is_some() { &self.pipelines.nearest } else { &self.pipelines.all };
         for (step, pipeline, from, to) in [([1, 0], from_depths, &twice, &once), ([0, 1], from_moments, &once, &twice)] {
             #[expect(clippy::cast_possible_truncation, reason = "some texels")]
@@ -236,71 +223,17 @@ impl Renderer {
         size: [u32; 2],
         to: &wgpu::TextureView,
     ) {
-        let target = TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING;
-        let view_of = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
-        let samples = self.pipelines.samples;
         // A pixel more on every side, since the tone curve's filter reaches into the next ones.
         let scale = supersampling(options);
         let size = size.map(|pixels| (pixels + 2) * scale);
-        let light = view_of(&self.gpu.texture(LIGHT, size, target, 1));
-        let sampled = (samples > 1).then(|| view_of(&self.gpu.texture(LIGHT, size, TextureUsages::RENDER_ATTACHMENT, samples)));
-        let depths = view_of(&self.gpu.texture(DEPTH, size, TextureUsages::RENDER_ATTACHMENT, samples));
+        let light = self.gpu.target(LIGHT, size, 1);
         let drawn = lit.map(|(frame, lights)| {
-            let scale = scale as f32;
-            let corner = Vec2::from(corner.map(|pixels| pixels as f32)) - 1.0;
-            let clip_from_world =
-                crop(options, corner, Vec2::from(size.map(|lights| lights as f32)) / scale) * frame.camera.clip_from_world;
-            let sight = levels::Sight { clip_from_world, ..frame.camera };
-            let [tile_width, tile_height] = size.map(|lights| lights as f32);
-            let view = data::View {
-                clip_from_world,
-                tile_width,
-                tile_height,
-                corner_x: corner.x * scale,
-                corner_y: corner.y * scale,
-                depth_scale: frame.view.depth_scale / scale,
-                ..frame.view
-            };
-            (
-                view,
-                lights,
-                self.list(
-                    yarns,
-                    &sight,
-                    Fineness { sr: options.sr, lod: options.lod },
-                    &[Writes::Before, Writes::Light, Writes::Fuzz],
-                ),
-            )
+            let view = tile_view(frame, options, corner, size);
+            let sight = Sight { clip_from_world: view.clip_from_world, ..frame.camera };
+            (view, lights, self.list(yarns, &sight, options, &[Writes::Before, Writes::Light, Writes::Fuzz]))
         });
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("picture") });
-        {
-            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-                label: Some("before"),
-                depth_stencil_attachment: Some(depth_attachment(&depths, wgpu::LoadOp::Clear(1.0), wgpu::StoreOp::Store)),
-                ..wgpu::RenderPassDescriptor::default()
-            });
-            if let Some((view, _, listed)) = &drawn {
-                self.draw_listed(&mut pass, yarns, listed, view, Writes::Before);
-            }
-        }
-        {
-            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-                label: Some("light"),
-                color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                    view: sampled.as_ref().unwrap_or(&light),
-                    depth_slice: None,
-                    resolve_target: sampled.is_some().then_some(&light),
-                    ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store: wgpu::StoreOp::Store },
-                })],
-                depth_stencil_attachment: Some(depth_attachment(&depths, wgpu::LoadOp::Load, wgpu::StoreOp::Discard)),
-                ..wgpu::RenderPassDescriptor::default()
-            });
-            if let Some((view, lights, listed)) = &drawn {
-                pass.set_bind_group(3, *lights, &[]);
-                self.draw_listed(&mut pass, yarns, listed, view, Writes::Light);
-                self.draw_listed(&mut pass, yarns, listed, view, Writes::Fuzz);
-            }
-        }
+        self.light(&mut encoder, yarns, drawn.as_ref(), size, &light);
         let background = match options.background {
             Background::Transparent => Vec4::ZERO,
             Background::Color([r, g, b]) => Vec4::new(f32::from(r), f32::from(g), f32::from(b), 255.0) / 255.0,
@@ -312,6 +245,46 @@ impl Renderer {
         self.gpu.queue.submit([encoder.finish()]);
     }
 
+    /// Draws the yarns' light, depths first, to `light` of `size`; without any it is dark.
+    fn light(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        yarns: &Yarns,
+        drawn: Option<&(data::View, &wgpu::BindGroup, Listed)>,
+        size: [u32; 2],
+        light: &wgpu::TextureView,
+    ) {
+        let samples = self.pipelines.samples;
+        let sampled = (samples > 1).then(|| self.gpu.target(LIGHT, size, samples));
+        let depths = self.gpu.target(DEPTH, size, samples);
+        {
+            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some("before"),
+                depth_stencil_attachment: Some(depth_attachment(&depths, wgpu::LoadOp::Clear(1.0), wgpu::StoreOp::Store)),
+                ..wgpu::RenderPassDescriptor::default()
+            });
+            if let Some((view, _, listed)) = drawn {
+                self.draw_listed(&mut pass, yarns, listed, view, Writes::Before);
+            }
+        }
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("light"),
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: sampled.as_ref().unwrap_or(light),
+                depth_slice: None,
+                resolve_target: sampled.is_some().then_some(light),
+                ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store: wgpu::StoreOp::Store },
+            })],
+            depth_stencil_attachment: Some(depth_attachment(&depths, wgpu::LoadOp::Load, wgpu::StoreOp::Discard)),
+            ..wgpu::RenderPassDescriptor::default()
+        });
+        if let Some((view, lights, listed)) = drawn {
+            pass.set_bind_group(3, *lights, &[]);
+            self.draw_listed(&mut pass, yarns, listed, view, Writes::Light);
+            self.draw_listed(&mut pass, yarns, listed, view, Writes::Fuzz);
+        }
+    }
+
     fn maps_group(&self, base: &Mips, normal: &Mips, surface: &Mips) -> wgpu::BindGroup {
         let formats = [TextureFormat::Rgba8UnormSrgb, TextureFormat::Rgba8Unorm, TextureFormat::Rgba8Unorm];
         let views: Vec<_> =
@@ -319,6 +292,22 @@ impl Renderer {
         let mut bound: Vec<_> = views.iter().map(wgpu::BindingResource::TextureView).collect();
         bound.push(wgpu::BindingResource::Sampler(&self.sampler));
         self.gpu.group("maps", &self.layouts.maps, &bound)
+    }
+}
+
+/// What a tile of `size` lights sees, from a pixel before `corner` on.
+fn tile_view(frame: &Frame, options: &Options, corner: [u32; 2], size: [u32; 2]) -> data::View {
+    let scale = supersampling(options) as f32;
+    let corner = Vec2::from(corner.map(|pixels| pixels as f32)) - 1.0;
+    let [tile_width, tile_height] = size.map(|lights| lights as f32);
+    data::View {
+        clip_from_world: crop(options, corner, Vec2::new(tile_width, tile_height) / scale) * frame.camera.clip_from_world,
+        tile_width,
+        tile_height,
+        corner_x: corner.x * scale,
+        corner_y: corner.y * scale,
+        depth_scale: frame.view.depth_scale / scale,
+        ..frame.view
     }
 }
 
@@ -338,11 +327,7 @@ fn crop(options: &Options, corner: Vec2, size: Vec2) -> Mat4 {
 
 /// The base colour that light between the yarns takes on.
 fn mean_albedo(scene: &Scene, pages: &[Page]) -> Vec3 {
-    let albedo = |look: &crate::scene::YarnLook| match look.maps.and_then(|number| scene.maps.get(usize::from(number))) {
-        Some(maps) => maps.mean_albedo(),
-        None => look.albedo,
-    };
-    let albedos: Vec<Vec3> = scene.looks.iter().map(albedo).collect();
+    let albedos: Vec<Vec3> = scene.looks.iter().map(|look| scene.mean_albedo(look)).collect();
     let extents = pages.iter().flat_map(|page| &page.extents);
     let (sum, length) = extents.fold((Vec3::ZERO, 0.0), |(sum, length), extent| {
         let own = extent.piece * extent.pieces as f32;
@@ -351,11 +336,11 @@ fn mean_albedo(scene: &Scene, pages: &[Page]) -> Vec3 {
     if length > 0.0 { sum / length } else { Vec3::ZERO }
 }
 
-fn shader_look(look: &crate::scene::YarnLook, maps: &[Maps]) -> data::Look {
+fn shader_look(look: &YarnLook, scene: &Scene) -> data::Look {
     #[expect(clippy::cast_precision_loss, reason = "a few plies")]
     let plies = look.plies as f32;
     let [ply_slope, fibre_slope] = ply::slopes(plies, look.twist_slope);
-    let repeat = look.maps.and_then(|number| maps.get(usize::from(number))).map_or(0.0, |maps| maps.length);
+    let repeat = scene.maps_of(look).map_or(0.0, |maps| maps.length);
     data::Look {
         albedo: look.albedo,
         roughness: look.roughness,

@@ -203,7 +203,11 @@ fn a_lost_device_is_an_error() {
     scene.push_strand([Vec3::ZERO, Vec3::X], 0);
     let options = crate::render::Options { width: 16, height: 16, ..Default::default() };
     let camera = crate::render::Camera::view(crate::render::View::Front, &scene.positions, 0.5, 1.0, 1.0);
-    let error = super::render(&gpu, &scene, &camera, &options).unwrap_err();
+    let drawn = super::Renderer::new(gpu, options.samples).and_then(|mut renderer| {
+        let yarns = renderer.load(&scene, options.st)?;
+        renderer.draw(&yarns, &camera, &options)
+    });
+    let error = drawn.unwrap_err();
     assert!(error.to_string().contains("--renderer cpu"), "{error}");
 }
 

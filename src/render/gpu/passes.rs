@@ -5,11 +5,12 @@
 use bytemuck::bytes_of;
 use wgpu::BufferUsages;
 
-use super::levels::{self, Fineness, Plan};
+use super::levels::{self, Plan};
 use super::pages::Page;
 use super::pipelines::{self, Expansion, Purpose, Writes};
 use super::{Renderer, Yarns, data};
 use crate::ids::index32;
+use crate::render::Options;
 use crate::scene::Shape;
 
 /// A pass' yarns, ready to be drawn.
@@ -32,8 +33,8 @@ impl Yarns {
 
 impl Renderer {
     /// What of the yarns a pass draws, with its instances on the device.
-    pub(super) fn list(&mut self, yarns: &Yarns, sight: &levels::Sight, fineness: Fineness, writes: &[Writes]) -> Listed {
-        let plan = Plan::of(&yarns.kinds, &yarns.pages, sight, fineness);
+    pub(super) fn list(&mut self, yarns: &Yarns, sight: &levels::Sight, options: &Options, writes: &[Writes]) -> Listed {
+        let plan = Plan::of(&yarns.kinds, &yarns.pages, sight, options);
         for batch in &plan.batches {
             for purpose in writes.iter().map(|&writes| yarns.purpose(&batch.kind, writes)).filter(|purpose| purpose.is_drawn()) {
                 self.pipelines.make(&self.gpu, &self.layouts, purpose);
@@ -92,10 +93,11 @@ impl Renderer {
             let purpose = yarns.purpose(&batch.kind, writes);
             let (Some(pipeline), Some(group)) = (self.pipelines.made(purpose), &listed.groups[batch.page]) else { continue };
             let (indices, count) = &self.indices[&batch.kind.edges];
-            let maps = batch.kind.maps.map(usize::from).filter(|&maps| maps + 1 < yarns.maps.len());
+            // The last stands for none.
+            let maps = batch.kind.maps.map_or(yarns.maps.len() - 1, usize::from);
             pass.set_pipeline(pipeline);
             pass.set_bind_group(1, group, &[number * alignment]);
-            pass.set_bind_group(2, &yarns.maps[maps.unwrap_or(yarns.maps.len() - 1)], &[]);
+            pass.set_bind_group(2, &yarns.maps[maps], &[]);
             pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint16);
             pass.draw_indexed(0..*count, 0, 0..batch.count);
         }

@@ -142,9 +142,10 @@ impl Pipelines {
         };
         let (yarn, moments, tone) = (module(shaders::YARN), module(shaders::MOMENTS), module(shaders::TONE));
         let averages = |is_layered: bool| {
-            let constants = &[("LAYERED", f64::from(u8::from(is_layered)))];
-            ["from_depths", "from_moments"]
-                .map(|entry| screen_pipeline(gpu, &layouts.moments, &moments, entry, MOMENTS, constants))
+            [true, false].map(|from_depths| {
+                let constants = &[("LAYERED", switch(is_layered)), ("FROM_DEPTHS", switch(from_depths))];
+                screen_pipeline(gpu, &layouts.moments, &moments, "average", MOMENTS, constants)
+            })
         };
         Self {
             samples,
@@ -186,7 +187,6 @@ fn yarn_pipeline(
         immediate_size: 0,
     });
     let is_fuzz = writes == Writes::Fuzz;
-    let switch = |is_on: bool| f64::from(u8::from(is_on));
     let constants = &[("SHAPE", f64::from(expansion as u32)), ("FUZZ", switch(is_fuzz)), ("MAPS", switch(has_maps))];
     let compilation_options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
     let blend = is_fuzz.then_some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING);
@@ -230,6 +230,11 @@ fn yarn_pipeline(
         multiview_mask: None,
         cache: None,
     })
+}
+
+/// A shader's switch.
+fn switch(is_on: bool) -> f64 {
+    f64::from(u8::from(is_on))
 }
 
 /// A pass over all pixels of a picture.

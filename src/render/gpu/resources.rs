@@ -15,6 +15,13 @@ use crate::render::maps::Mips;
 const ROW_BYTES: u32 = wgpu::COPY_BYTES_PER_ROW_ALIGNMENT;
 
 impl Gpu {
+    /// A texture to be drawn to and then read by a shader.
+    pub(super) fn target(&self, format: TextureFormat, size: [u32; 2], samples: u32) -> wgpu::TextureView {
+        let texture = self.texture(format, size, TextureUsages::TEXTURE_BINDING, samples);
+        texture.create_view(&wgpu::TextureViewDescriptor::default())
+    }
+
+    /// A texture to be drawn to, and used as `usage` says.
     pub(super) fn texture(
         &self,
         format: TextureFormat,
@@ -29,7 +36,7 @@ impl Gpu {
             sample_count,
             dimension: wgpu::TextureDimension::D2,
             format,
-            usage,
+            usage: usage | TextureUsages::RENDER_ATTACHMENT,
             view_formats: &[],
         })
     }

@@ -10,10 +10,11 @@ pub(super) const YARN: &str = concat!(
 );
 
 /// Averages of depths.
-pub(super) const MOMENTS: &str = include_str!("../../../shaders/moments.wgsl");
+pub(super) const MOMENTS: &str =
+    concat!(include_str!("../../../shaders/screen.wgsl"), include_str!("../../../shaders/moments.wgsl"));
 
 /// From light to pixels.
-pub(super) const TONE: &str = include_str!("../../../shaders/tone.wgsl");
+pub(super) const TONE: &str = concat!(include_str!("../../../shaders/screen.wgsl"), include_str!("../../../shaders/tone.wgsl"));
 
 /// All of them, each with its name.
 #[cfg(test)]
