@@ -20,6 +20,11 @@ pub fn drawable(point: Vec3) -> bool {
     point.abs().cmple(Vec3::splat(FARTHEST)).all()
 }
 
+/// Whether renderers draw yarns of some radius.
+fn drawn_with(radius: f32) -> bool {
+    radius > 0.0 && radius < FARTHEST
+}
+
 /// How a yarn looks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct YarnLook {
@@ -152,15 +157,32 @@ impl Scene {
 
     /// The colour of all of a look's yarn, linear RGB.
     #[must_use]
-    pub fn mean_albedo(&self, look: &YarnLook) -> Vec3 {
+    pub fn albedo_of(&self, look: &YarnLook) -> Vec3 {
         self.maps_of(look).map_or(look.albedo, Maps::mean_albedo)
+    }
+
+    /// The colour of all yarn, by the share of the data points that each look has: what light between the yarns takes on.
+    #[must_use]
+    pub fn mean_albedo(&self) -> Vec3 {
+        let drawn = self.strands.iter().filter(|strand| self.radius(strand).is_some());
+        let (sum, points) = drawn.fold((Vec3::ZERO, 0.0), |(sum, points), strand| {
+            let own = strand.points.len() as f32;
+            (sum + self.albedo_of(&self.looks[usize::from(strand.look)]) * own, points + own)
+        });
+        if points > 0.0 { sum / points } else { Vec3::ZERO }
+    }
+
+    /// Radius of the thinnest yarn that can be drawn, mm; infinite where there is none.
+    #[must_use]
+    pub fn thinnest(&self) -> f32 {
+        self.looks.iter().map(|look| look.radius).filter(|radius| drawn_with(*radius)).fold(f32::INFINITY, f32::min)
     }
 
     /// The radius of a strand, if it is one that can be drawn: above 0 and under [`FARTHEST`].
     #[must_use]
     pub fn radius(&self, strand: &Strand) -> Option<f32> {
         let radius = self.looks[usize::from(strand.look)].radius;
-        (radius > 0.0 && radius < FARTHEST).then_some(radius)
+        drawn_with(radius).then_some(radius)
     }
 
     /// The box around all yarns, their radii included; `None` where nothing is there to be seen.

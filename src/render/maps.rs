@@ -21,7 +21,7 @@ const LEAST_WEIGHT: f32 = 1e-3;
 /// A picture and its smaller levels, each half as large, down to one pixel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mips {
-    /// Level 0 is the picture itself.
+    /// Level 0 is the picture itself, but for the colour of transparent texels.
     pub levels: Vec<RgbaImage>,
 }
 
@@ -69,12 +69,19 @@ pub struct Texel {
 }
 
 impl Mips {
-    /// `picture` and its levels, each side of one half the last one's, rounded down.
+    /// `picture` and its levels, each side of one half the last one's, rounded down. Transparent texels take the colour of the yarn beside
+    /// them: hardware that filters colours without regard to alpha must not find a photo's background there.
     #[must_use]
     pub fn new(picture: RgbaImage, kind: Kind) -> Self {
         let mut levels = vec![picture];
         while let Some(smaller) = levels.last().and_then(|level| halved(level, kind)) {
             levels.push(smaller);
+        }
+        if kind == Kind::Color {
+            for fine in (0..levels.len() - 1).rev() {
+                let (finer, coarser) = levels.split_at_mut(fine + 1);
+                fill_transparent(&mut finer[fine], &coarser[0]);
+            }
         }
         Self { levels }
     }
@@ -198,6 +205,14 @@ fn halved(picture: &RgbaImage, kind: Kind) -> Option<RgbaImage> {
     Some(half)
 }
 
+/// Gives transparent texels the colour that the next smaller level has there.
+fn fill_transparent(picture: &mut RgbaImage, smaller: &RgbaImage) {
+    for (x, y, texel) in picture.enumerate_pixels_mut().filter(|(_, _, texel)| texel.0[3] == 0) {
+        let Rgba([r, g, b, _]) = *smaller.get_pixel((x / 2).min(smaller.width() - 1), (y / 2).min(smaller.height() - 1));
+        *texel = Rgba([r, g, b, 0]);
+    }
+}
+
 /// The texels of a row that a texel of a smaller one covers.
 struct Shares {
     first: u32,
@@ -283,6 +298,18 @@ mod tests {
             let grey = if x % 2 == 0 { 255 } else { 0 };
             Rgba([grey, 40, 200, if y < height / 2 { 255 } else { 0 }])
         })
+    }
+
+    #[test]
+    fn transparent_texels_take_the_colour_beside_them_and_stay_transparent() {
+        // A yarn two texels wide on a green ground.
+        let picture = RgbaImage::from_fn(9, 7, |_, y| if y / 2 == 1 { Rgba([200, 90, 40, 255]) } else { Rgba([0, 255, 0, 0]) });
+        for level in Mips::new(picture, Kind::Color).levels {
+            for texel in level.pixels() {
+                let colours = texel.0.into_iter().zip([200, 90, 40]);
+                assert!(colours.clone().all(|(found, wanted)| found.abs_diff(wanted) <= 8), "{texel:?}");
+            }
+        }
     }
 
     fn maps(base: RgbaImage) -> Maps {

@@ -289,7 +289,7 @@ fn pieces(span: &Span, pixel: impl Fn(DVec3) -> f64) -> u32 {
 }
 
 /// Where a strand's arc length starts, mm: spread out, so that neighbours don't show the same plies side by side.
-fn phase(strand: u32) -> f64 {
+pub(super) fn phase(strand: u32) -> f64 {
     f64::from(super::ply::hash(strand) >> 20) * 0.37
 }
 

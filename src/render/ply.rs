@@ -13,6 +13,8 @@ const PLY_SLOPE: f32 = 0.445;
 const PLY_TILT: f32 = 0.42;
 /// Light lost in the groove between plies.
 const GROOVE: f32 = 0.30;
+/// Mean depth of a yarn's surface in its grooves.
+const MEAN_GROOVE: f32 = 0.25;
 /// Fibres to be seen around the yarn; real yarns have more, which no pixel shows.
 const FIBRES: i32 = 26;
 /// Slope of the fibres: single yarns are twisted against their plying, so that fibres lie almost along the axis.
@@ -64,6 +66,11 @@ pub fn detail(place: &Place) -> (Vec3, f32) {
     (facing(normal.normalize_or(place.normal), place.toward_eye), shade)
 }
 
+/// The factor on the albedo of a yarn too thin for its plies to be seen.
+pub(super) fn mean_shade(plies: u32) -> f32 {
+    if plies > 1 { 1.0 - GROOVE * MEAN_GROOVE } else { 1.0 }
+}
+
 /// Slopes of plies and of fibres against the axis. A single yarn's twist is its fibres'.
 pub(super) fn slopes(plies: f32, twist_slope: Option<f32>) -> [f32; 2] {
     let fibre = if plies > 1.0 { FIBRE_SLOPE } else { twist_slope.unwrap_or(FIBRE_SLOPE) };
@@ -79,7 +86,7 @@ fn plies(place: &Place, turn: f32, around: Vec3) -> (Vec3, f32) {
     let offset = ply - ply.round();
     let groove = (2.0 * offset.abs()).powi(3);
     // Unresolved grooves still darken the yarn by their mean, so that colour does not jump with distance.
-    ((around + place.tangent * slope) * (2.0 * offset * PLY_TILT * share), groove * share + 0.25 * (1.0 - share))
+    ((around + place.tangent * slope) * (2.0 * offset * PLY_TILT * share), groove * share + MEAN_GROOVE * (1.0 - share))
 }
 
 /// `normal`, bent toward the eye where it would look away: what is seen must face the eye, or outlines turn black.

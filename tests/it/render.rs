@@ -1,7 +1,10 @@
 //! Pictures of scenes whose look is known: sizes, shadows, order, coverage, determinism.
 
+use crate::flip::flip;
 use glam::{DVec3, Vec3};
-use image::RgbaImage;
+use image::{DynamicImage, Rgba, RgbaImage};
+use warpknit::drape::picture;
+use warpknit::fabric::Fabric;
 use warpknit::render::{Background, Camera, Options, View, render};
 use warpknit::scene::{Scene, YarnLook};
 
@@ -138,6 +141,46 @@ fn bytes_do_not_depend_on_threads() {
 }
 
 #[test]
+fn bytes_of_far_yarns_do_not_depend_on_threads() {
+    let scene = mat();
+    let camera = Camera::view(View::Iso, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0);
+    let with = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| draw(&scene, &camera, &Options { spp: 3, ..options() }))
+    };
+    let one = with(1);
+    (0..4).for_each(|_| assert!(with(3) == one));
+    assert!(one != draw(&scene, &camera, &Options { seed: 1, spp: 3, ..options() }));
+}
+
+#[test]
+fn far_shadows_fall_where_the_sun_is_hidden_and_nowhere_else() {
+    // A mat, and a small one 30 mm above its middle, on the side of the sun.
+    let mut scene = Scene { looks: vec![look(Vec3::splat(0.6), 0.1)], ..Scene::default() };
+    for line in 0_u16..400 {
+        let y = f32::from(line) * 0.25 - 50.0;
+        scene.push_strand((0_u8..=100).map(|i| Vec3::new(f32::from(i) - 50.0, y, 0.0)), 0);
+    }
+    let lit = draw(&scene, &facing(400.0, 110.0), &Options { spp: 16, ..options() });
+    let toward_sun = Options::default().light.around(&facing(400.0, 110.0)).toward_sun;
+    for line in 0_u16..80 {
+        let y = f32::from(line) * 0.25 - 10.0;
+        scene.push_strand((0_u8..=20).map(|i| Vec3::new(f32::from(i) - 10.0, y, 0.0) + toward_sun * 30.0), 0);
+    }
+    let shadowed = draw(&scene, &facing(400.0, 110.0), &Options { spp: 16, ..options() });
+    let at = |picture: &RgbaImage, x: f32, y: f32| {
+        let pixel = |mm: f32| (f32::from(u16::try_from(SIZE).unwrap()) * (0.5 + mm / 110.0)) as u32;
+        let cells = (0..25).map(|i| picture.get_pixel(pixel(x) + i % 5 - 2, pixel(-y) + i / 5 - 2).0);
+        cells.map(|texel| f32::from(texel[1])).sum::<f32>() / 25.0
+    };
+    let share = |x, y| at(&shadowed, x, y) / at(&lit, x, y);
+    assert!(share(3.0, -3.0) < 0.8, "in its shadow: {}", share(3.0, -3.0));
+    for (x, y) in [(40.0, 40.0), (-40.0, -40.0), (40.0, -40.0)] {
+        assert!((share(x, y) - 1.0).abs() < 0.02, "away from it: {}", share(x, y));
+    }
+}
+
+#[test]
 fn odd_strands_are_drawn_or_passed_over() {
     let looks = vec![look(Vec3::splat(0.6), 0.3), look(Vec3::ONE, 0.0), look(Vec3::ONE, f32::NAN)];
     let mut scene = Scene { looks, ..Scene::default() };
@@ -153,6 +196,9 @@ fn odd_strands_are_drawn_or_passed_over() {
         assert!(pixel[3] == 255 && pixel[0] > 20, "a ball at {x}: {pixel:?}");
     }
     assert_eq!(picture.get_pixel(60, 85).0[3], 0, "yarns without a radius are not seen");
+    let far = draw(&scene, &facing(4000.0, 400.0), &Options { spp: 16, ..options() });
+    let seen = |x: u32| far.get_pixel(x, 60).0[3];
+    assert!((58..63).map(seen).any(|alpha| alpha > 0) && (0..50).map(seen).all(|alpha| alpha == 0), "specks from afar");
 }
 
 #[test]
@@ -179,23 +225,60 @@ fn mat() -> Scene {
     scene
 }
 
+/// Linear light and coverage of some pixels.
+fn sums<'a>(pixels: impl Iterator<Item = &'a Rgba<u8>>) -> [f64; 4] {
+    let linear = |byte: u8| (f64::from(byte) / 255.0).powf(2.2);
+    pixels.fold([0.0; 4], |sum, pixel| {
+        let alpha = f64::from(pixel.0[3]) / 255.0;
+        let [r, g, b, _] = pixel.0.map(|byte| linear(byte) * alpha);
+        [sum[0] + r, sum[1] + g, sum[2] + b, sum[3] + alpha]
+    })
+}
+
+/// A picture four times smaller.
+fn shrunk(picture: &RgbaImage) -> RgbaImage {
+    RgbaImage::from_fn(picture.width() / 4, picture.height() / 4, |x, y| {
+        let [r, g, b, cover] = sums((0..16).map(|i| picture.get_pixel(4 * x + i % 4, 4 * y + i / 4)));
+        let byte = |light: f64| (255.0 * (light / cover.max(1e-9)).powf(1.0 / 2.2)).round() as u8;
+        Rgba([byte(r), byte(g), byte(b), (255.0 * cover / 16.0).round() as u8])
+    })
+}
+
+/// What `lod` must not change: each colour by more than 5 % of the light, coverage by more than 2 %.
+fn assert_alike(exact: &RgbaImage, coarse: &RgbaImage) {
+    assert!(exact != coarse, "nothing was left out");
+    let [[red, green, blue, cover], coarse] = [exact, coarse].map(|picture| sums(picture.pixels()));
+    let light = red.max(green).max(blue);
+    println!("of {light:.0}: {red:.0} {green:.0} {blue:.0} {cover:.0}, {coarse:.0?}");
+    for (index, colour) in [red, green, blue].into_iter().enumerate() {
+        assert!((coarse[index] - colour).abs() < 0.05 * light, "colour {index}: {colour} {}", coarse[index]);
+    }
+    assert!((coarse[3] / cover - 1.0).abs() < 0.02, "coverage: {cover} {}", coarse[3]);
+}
+
 #[test]
-fn leaving_out_what_no_pixel_shows_keeps_colour_and_coverage() {
+fn far_yarns_keep_colour_and_coverage() {
     let scene = mat();
     let camera = Camera::view(View::Front, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0);
-    let sum = |lod| {
-        let picture = draw(&scene, &camera, &Options { spp: 16, lod, ..options() });
-        let linear = |byte: u8| (f64::from(byte) / 255.0).powf(2.2);
-        picture.pixels().fold([0.0; 4], |sum, pixel| {
-            let alpha = f64::from(pixel.0[3]) / 255.0;
-            let [r, g, b, _] = pixel.0.map(|byte| linear(byte) * alpha);
-            [sum[0] + r, sum[1] + g, sum[2] + b, sum[3] + alpha]
-        })
-    };
-    let (exact, coarse) = (sum(false), sum(true));
-    assert_ne!(exact, coarse, "nothing was left out");
-    for (exact, coarse) in exact.into_iter().zip(coarse) {
-        assert!((coarse / exact - 1.0).abs() < 0.02, "{exact} {coarse}");
+    let [exact, coarse] = [false, true].map(|lod| draw(&scene, &camera, &Options { spp: 16, lod, ..options() }));
+    assert_alike(&exact, &coarse);
+}
+
+/// Drawing pieces and tracing rays agree on real cloth, shadows of folds and what is seen through holes included.
+#[test]
+fn far_cloth_looks_as_traced() {
+    for (fabric, view) in [("tricot", View::Front), ("locknit", View::Back)] {
+        let scene = picture::swatch(&Fabric::named(fabric).unwrap(), 70, 70);
+        let camera = Camera::view(view, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0);
+        // Four times as fine, for pixels so large that traced pieces are coarse too.
+        let fine = draw(&scene, &camera, &Options { width: 4 * SIZE, height: 4 * SIZE, lod: false, ..options() });
+        let traced = shrunk(&fine);
+        let drawn = draw(&scene, &camera, &Options { spp: 16, ..options() });
+        assert_alike(&traced, &drawn);
+        let [traced, drawn] = [traced, drawn].map(|picture| DynamicImage::from(picture).into_rgb8());
+        let difference = flip(&traced, &drawn).mean();
+        println!("{fabric}: mean FLIP {difference:.4}");
+        assert!(difference < 0.08, "{fabric}: {difference}");
     }
 }
 

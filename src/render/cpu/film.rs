@@ -25,7 +25,7 @@ impl Splats {
 
     /// Adds a sample at `place` within pixel `x`, 0..1 to the right and down.
     pub(super) fn add(&mut self, x: u32, place: [f32; 2], light: Vec4) {
-        let [across, down] = place.map(|at| [-1.0_f32, 0.0, 1.0].map(|pixel| (1.0 - (at - 0.5 - pixel).abs()).max(0.0)));
+        let [across, down] = [tent(place[0]), tent(place[1])];
         for (row, down) in self.0.iter_mut().zip(down) {
             for (next, across) in (x as usize..).zip(across) {
                 // `next` counts one too far to the right, since pixel x - 1 may lie left of the picture.
@@ -43,6 +43,11 @@ impl Splats {
         let weight = above.weight + own.weight + below.weight;
         if weight > 0.0 { (above.light + own.light + below.light) / weight } else { Vec4::ZERO }
     }
+}
+
+/// What a sample at `at`, 0..1 within its pixel, gives to the pixel before, its own and the next.
+fn tent(at: f32) -> [f32; 3] {
+    [(0.5 - at).max(0.0), 1.0 - (at - 0.5).abs(), (at - 0.5).max(0.0)]
 }
 
 #[cfg(test)]

@@ -39,17 +39,42 @@ impl Sampler {
     }
 
     /// Pair number `index` of the `count` that this pixel uses for `purpose`.
+    #[inline]
     pub(super) fn pair(&self, purpose: Purpose, index: u32, count: u32) -> [f32; 2] {
-        let number = self.place.wrapping_mul(count).wrapping_add(index);
+        self.pairs(purpose, count).at(index)
+    }
+
+    /// All the pairs that this pixel uses for `purpose`.
+    #[inline]
+    pub(super) fn pairs(&self, purpose: Purpose, count: u32) -> Pairs {
         let shift = hash(self.tile ^ (purpose as u32).wrapping_mul(0x9E37_79B9));
-        [unit(shift.wrapping_add(number.wrapping_mul(STEP[0]))), unit(hash(shift).wrapping_add(number.wrapping_mul(STEP[1])))]
+        Pairs { first: self.place.wrapping_mul(count), shift: [shift, hash(shift)] }
+    }
+}
+
+/// A run of the sequence.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pairs {
+    first: u32,
+    shift: [u32; 2],
+}
+
+impl Pairs {
+    /// Number `index` of them.
+    #[inline]
+    pub(super) fn at(&self, index: u32) -> [f32; 2] {
+        let number = self.first.wrapping_add(index);
+        let [one, other] = self.shift;
+        [unit(one.wrapping_add(number.wrapping_mul(STEP[0]))), unit(other.wrapping_add(number.wrapping_mul(STEP[1])))]
     }
 }
 
 /// The upper 24 bits as a number in 0..1, 1 excluded.
+#[inline]
 pub(super) fn unit(bits: u32) -> f32 {
-    let [low, middle, high] = [bits >> 8 & 0xFF, bits >> 16 & 0xFF, bits >> 24].map(|b| f32::from(u8::try_from(b).unwrap_or(0)));
-    (high * 65_536.0 + middle * 256.0 + low) / 16_777_216.0
+    #[expect(clippy::cast_precision_loss, reason = "24 bits fit")]
+    let number = (bits >> 8) as f32;
+    number / 16_777_216.0
 }
 
 #[cfg(test)]

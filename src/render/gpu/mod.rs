@@ -108,8 +108,7 @@ impl Renderer {
     /// What the device refuses, its memory above all.
     pub fn load(&self, scene: &Scene, st: u32) -> Result<Yarns, GpuError> {
         let centre = scene.bounds().map_or(DVec3::ZERO, |bounds| bounds.centre().as_dvec3());
-        let drawn = |radius: &f32| *radius > 0.0 && radius.is_finite();
-        let thinnest = scene.looks.iter().map(|look| look.radius).filter(drawn).fold(f32::INFINITY, f32::min);
+        let thinnest = scene.thinnest();
         let mut looks: Vec<_> = scene.looks.iter().map(|look| shader_look(look, scene)).collect();
         if looks.is_empty() {
             looks.push(bytemuck::Zeroable::zeroed());
@@ -125,7 +124,7 @@ impl Renderer {
         let none = Mips { levels: vec![RgbaImage::from_pixel(1, 1, Rgba([255; 4]))] };
         maps.push(self.maps_group(&none, &none, &none));
         let pages = pages::upload(&self.gpu, scene, centre, st)?;
-        let (albedo, kinds) = (mean_albedo(scene, &pages), Kinds::of(scene));
+        let (albedo, kinds) = (scene.mean_albedo(), Kinds::of(scene));
         Ok(Yarns { centre, pages, shape: scene.shape, kinds, looks, thinnest, albedo, maps })
     }
 
@@ -323,17 +322,6 @@ fn crop(options: &Options, corner: Vec2, size: Vec2) -> Mat4 {
     // The part's middle in clip coordinates, y up.
     let middle = ((corner + size / 2.0) / whole * 2.0 - 1.0) * Vec2::new(1.0, -1.0);
     Mat4::from_translation((-middle * scale).extend(0.0)) * Mat4::from_scale(scale.extend(1.0))
-}
-
-/// The base colour that light between the yarns takes on.
-fn mean_albedo(scene: &Scene, pages: &[Page]) -> Vec3 {
-    let albedos: Vec<Vec3> = scene.looks.iter().map(|look| scene.mean_albedo(look)).collect();
-    let extents = pages.iter().flat_map(|page| &page.extents);
-    let (sum, length) = extents.fold((Vec3::ZERO, 0.0), |(sum, length), extent| {
-        let own = extent.piece * extent.pieces as f32;
-        (sum + albedos[usize::from(extent.look)] * own, length + own)
-    });
-    if length > 0.0 { sum / length } else { Vec3::ZERO }
 }
 
 fn shader_look(look: &YarnLook, scene: &Scene) -> data::Look {

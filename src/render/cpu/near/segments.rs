@@ -1,31 +1,38 @@
-//! The chains of capsules or strips that rays meet, in links of neighbours that share a box.
+//! The chains of capsules or strips that rays meet.
 //!
-//! In: a scene and a camera. Out: [`Segments`]: [`Paths`] whose pieces are capsules, or strips of ribbon, and links, 2 bytes a piece more at most.
+//! In: a scene and a camera. Out: [`Segments`]: [`Paths`] whose pieces are capsules, or strips of ribbon, and where a ray meets a piece. A
+//! ribbon stops the share of the rays that its picture's alpha says, by a number that a ray and a strip always give alike.
 
-use glam::{Vec3, Vec3A};
+use glam::{Vec3, Vec3A, Vec4};
+use obvhs::aabb::Aabb;
 use rayon::prelude::*;
 
-use super::strip::Strip;
-use crate::ids::index32;
+use super::capsule::capsule;
+use super::ray::Path;
+use super::strip::{Crossing, Strip};
+use crate::render::cpu::sample::unit;
 use crate::render::paths::{Cut, Paths};
+use crate::render::ply::hash;
 use crate::render::{Camera, Options};
 use crate::scene::{Bounds, Scene, Shape};
 
-/// Segments that share a box in the hierarchy: two halve the memory of building it, for boxes that are hardly looser. More of them, where
-/// there are so many that building takes longer than tracing, and more again, where memory runs short.
-const LINKS: [(usize, u32); 3] = [(0, 2), (LARGE, 4), (8 * LARGE, 8)];
-const LARGE: usize = 3_000_000;
+/// Boxes are padded by this share of the largest coordinate: a few roundings of `f32`.
+const PADDING: f32 = 1e-6;
+/// And radii are taken this much larger there.
+const GROWN: f32 = 1.001;
 /// Strands that are cut at a time before they are put with the others, and strands that a thread takes of them.
 const BATCH: usize = 512;
 const PART: usize = 8;
 
-/// Capsules, or strips, between consecutive points. A segment is named by its first point; a link is one or more segments in a row.
-#[derive(Debug, Default)]
-pub(super) struct Segments {
-    pub(super) shape: Shape,
+/// Capsules, or strips, between consecutive points. A segment is named by its first point.
+#[derive(Debug)]
+pub(super) struct Segments<'a> {
+    pub(super) scene: &'a Scene,
     pub(super) paths: Paths,
-    /// First points of the links.
-    pub(super) links: Vec<u32>,
+    /// What boxes are padded by, mm.
+    padding: f32,
+    /// Around them all.
+    pub(super) bounds: Aabb,
 }
 
 /// A place on a segment's axis.
@@ -39,9 +46,9 @@ pub(super) struct AxisPoint {
     pub(super) along: f32,
 }
 
-impl Segments {
+impl<'a> Segments<'a> {
     /// Cuts up all strands for a picture; `bounds` are the scene's.
-    pub(super) fn of(scene: &Scene, bounds: &Bounds, camera: &Camera, options: &Options) -> Self {
+    pub(super) fn of(scene: &'a Scene, bounds: &Bounds, camera: &Camera, options: &Options) -> Self {
         let centre = bounds.centre().as_dvec3();
         let count = scene.strands.len();
         let mut paths = Paths { centre, ..Paths::default() };
@@ -52,23 +59,61 @@ impl Segments {
                 .collect();
             parts.iter().for_each(|part| paths.append(part));
         }
-        let mut segments = Self { shape: scene.shape, paths, links: Vec::new() };
-        segments.links = links(&segments.paths, segments.most_in_link());
-        segments
+        let around = paths
+            .points
+            .par_iter()
+            .map(|&point| Aabb::from_point(Vec3A::from_vec4(point)))
+            .reduce(Aabb::empty, |a, b| a.union(&b));
+        let thickest = paths.points.par_iter().map(|point| point.w).reduce(|| 0.0, f32::max);
+        let padding = around.min.abs().max(around.max.abs()).max_element() * PADDING;
+        let grown = Vec3A::splat(thickest * GROWN + padding);
+        Self { scene, paths, padding, bounds: Aabb::new(around.min - grown, around.max + grown) }
     }
 
-    /// Whether there are so many that building the hierarchy counts for more than tracing it.
-    pub(super) fn is_large(&self) -> bool {
-        self.paths.points.len() > LARGE
+    /// Whether a segment starts at point `point`.
+    pub(super) fn starts_at(&self, point: u32) -> bool {
+        self.paths.points[point as usize].w > 0.0
     }
 
-    fn most_in_link(&self) -> u32 {
-        LINKS.iter().rev().find(|(least, _)| self.paths.points.len() >= *least).map_or(1, |(_, most)| *most)
+    /// The box around the segment that starts at point `start`.
+    pub(super) fn boxed(&self, start: u32) -> Aabb {
+        let (a, b) = self.ends(start);
+        // The end of a strip has the radius of the next one.
+        let grown = Vec3A::splat(a.w.max(b.w) * GROWN + self.padding);
+        let (a, b) = (Vec3A::from_vec4(a), Vec3A::from_vec4(b));
+        Aabb::new(a.min(b) - grown, a.max(b) + grown)
     }
 
-    /// The segments of a link.
-    pub(super) fn of_link(&self, link: u32) -> impl Iterator<Item = u32> {
-        (link..link + self.most_in_link()).take_while(|&start| self.paths.points[start as usize].w > 0.0)
+    /// How far along `path` a segment is met; infinite where it isn't, and for a ribbon where that would be beyond `limit`.
+    pub(super) fn distance(&self, start: u32, path: &Path, limit: f32) -> f32 {
+        let (origin, direction) = (path.origin.into(), path.direction.into());
+        match self.scene.shape {
+            Shape::Tube => {
+                let (a, b) = self.ends(start);
+                capsule(origin, direction, Vec3A::from_vec4(a), Vec3A::from_vec4(b), a.w)
+            }
+            Shape::Ribbon => {
+                let crossing = self.strip(start).crossing(origin, direction);
+                // The picture is looked at last: that costs more than all else.
+                let stops = |crossing: &Crossing| crossing.distance <= limit && self.stops(start, crossing, path);
+                crossing.filter(stops).map_or(f32::INFINITY, |crossing| crossing.distance)
+            }
+        }
+    }
+
+    /// Whether a ribbon's picture has yarn where it is crossed.
+    fn stops(&self, start: u32, crossing: &Crossing, path: &Path) -> bool {
+        let look = &self.scene.looks[usize::from(self.look(start))];
+        let Some(maps) = self.scene.maps_of(look) else { return true };
+        let v = self.along(start, crossing.v) / maps.length;
+        let (across, along) = (path.footprint / (2.0 * look.radius), path.footprint / maps.length);
+        let alpha = maps.alpha(crossing.u, v, across, along, Shape::Ribbon);
+        alpha > unit(hash(path.chance ^ hash(start)))
+    }
+
+    /// Both points of a segment.
+    pub(super) fn ends(&self, start: u32) -> (Vec4, Vec4) {
+        (self.paths.points[start as usize], self.paths.points[start as usize + 1])
     }
 
     /// The strip of ribbon that starts at point `start`.
@@ -120,26 +165,10 @@ impl Segments {
     }
 }
 
-/// Every `most`th segment of a strand, counted from its start.
-fn links(paths: &Paths, most: u32) -> Vec<u32> {
-    let mut links = Vec::with_capacity(paths.points.len() / most as usize + 1);
-    let mut in_row = 0;
-    for (start, point) in paths.points.iter().enumerate() {
-        if point.w > 0.0 {
-            if in_row % most == 0 {
-                links.push(index32(start));
-            }
-            in_row += 1;
-        } else {
-            in_row = 0;
-        }
-    }
-    links
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ids::index32;
     use crate::scene::YarnLook;
 
     fn scene(strands: &[&[Vec3]]) -> Scene {
@@ -149,14 +178,14 @@ mod tests {
         scene
     }
 
-    fn segments(scene: &Scene, height: u32) -> Segments {
+    fn segments(scene: &Scene, height: u32) -> Segments<'_> {
         let bounds = scene.bounds().unwrap();
         let camera = Camera::view(crate::render::View::Front, &scene.positions, 0.5, 1.0, 1.0);
         Segments::of(scene, &bounds, &camera, &Options { height, lod: false, ..Options::default() })
     }
 
     fn starts(segments: &Segments) -> Vec<u32> {
-        segments.links.iter().flat_map(|&link| segments.of_link(link)).collect()
+        (0..index32(segments.paths.points.len())).filter(|&point| segments.starts_at(point)).collect()
     }
 
     #[test]
@@ -199,7 +228,8 @@ mod tests {
     fn the_frame_does_not_turn_about_the_axis() {
         // A quarter circle in the plane z = 0: the normal of the plane is carried along unchanged.
         let arc: Vec<Vec3> = (0_u8..=8).map(|i| Vec3::from_angle_xy(f32::from(i) * 0.2)).collect();
-        let cut = segments(&scene(&[&arc]), 4000);
+        let scene = scene(&[&arc]);
+        let cut = segments(&scene, 4000);
         for start in starts(&cut) {
             let axis = cut.axis_point(start, cut.paths.points[start as usize].truncate());
             assert!((axis.across - Vec3::Z).length() < 1e-3);

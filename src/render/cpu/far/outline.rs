@@ -1,0 +1,145 @@
+//! What a piece of yarn covers of a grid of pixels or texels.
+//!
+//! In: both ends of a piece in the grid's own coordinates. Out: [`Outline`], the cells that it may touch, and whether it covers a place in one.
+
+use std::ops::Range;
+
+use glam::{BVec4A, Vec2, Vec4};
+
+/// Rise of an axis, in cells, under which it runs along one row.
+const LEVEL: f32 = 1e-3;
+/// Length of an axis, in cells, from which not all of its box is looked at.
+const LONG: f32 = 5.0;
+
+/// A piece of yarn as a line with round ends, in cells.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Outline {
+    start: Vec2,
+    /// To the end.
+    along: Vec2,
+    /// One over the length's square.
+    scale: f32,
+    radius: f32,
+    /// One over the radius' square.
+    inverse2: f32,
+    /// Share of the axis a row, never infinite, if the axis is long enough for its box to be mostly empty.
+    rise: Option<f32>,
+}
+
+/// Where four places lie in an outline.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Within {
+    /// Along the axis, 0..1.
+    pub(super) share: Vec4,
+    /// From the axis, in radii, squared.
+    aside2: Vec4,
+}
+
+impl Within {
+    /// Which of them it covers.
+    #[inline]
+    pub(super) fn inside(&self) -> BVec4A {
+        self.aside2.cmple(Vec4::ONE)
+    }
+
+    /// How far the yarn's surface rises over its axis there, in radii.
+    #[inline]
+    pub(super) fn rise(&self) -> Vec4 {
+        (Vec4::ONE - self.aside2).max(Vec4::ZERO).sqrt()
+    }
+}
+
+impl Outline {
+    pub(super) fn new([start, end]: [Vec2; 2], radius: f32) -> Self {
+        let along = end - start;
+        let scale = along.length_squared().max(f32::MIN_POSITIVE).recip();
+        let rise = if along.y.abs() > LEVEL { along.y.recip() } else { LEVEL.recip() };
+        let rise = (along.length_squared() > LONG * LONG).then_some(rise);
+        Self { start, along, scale, rise, radius, inverse2: (radius * radius).recip() }
+    }
+
+    /// Rows of a grid that it may touch.
+    #[inline]
+    pub(super) fn rows(&self, height: u32) -> Range<u32> {
+        let end = self.start.y + self.along.y;
+        cells(self.start.y.min(end) - self.radius, self.start.y.max(end) + self.radius, height)
+    }
+
+    /// Columns that it may touch in a row.
+    #[inline]
+    pub(super) fn columns(&self, row: u32, width: u32) -> Range<u32> {
+        let (one, other) = match self.rise {
+            Some(rise) => {
+                // What of the axis comes as near to the row as it takes; all of it, where it runs along the row.
+                let (middle, reach) = ((row as f32 + 0.5 - self.start.y) * rise, ((0.5 + self.radius) * rise).abs());
+                let share = |at: f32| self.start.x + self.along.x * at.clamp(0.0, 1.0);
+                (share(middle - reach), share(middle + reach))
+            }
+            None => (self.start.x, self.start.x + self.along.x),
+        };
+        cells(one.min(other) - self.radius, one.max(other) + self.radius, width)
+    }
+
+    /// A place on the axis.
+    pub(super) fn at(&self, share: f32) -> Vec2 {
+        self.start + self.along * share
+    }
+
+    /// Where the places of four columns and rows lie.
+    #[inline]
+    pub(super) fn within(&self, [columns, rows]: [Vec4; 2]) -> Within {
+        let (x, y) = (columns - self.start.x, rows - self.start.y);
+        let share = ((x * self.along.x + y * self.along.y) * self.scale).clamp(Vec4::ZERO, Vec4::ONE);
+        let (x, y) = (x - share * self.along.x, y - share * self.along.y);
+        Within { share, aside2: (x * x + y * y) * self.inverse2 }
+    }
+}
+
+/// The cells from `low` to `high` of a grid with `end` of them.
+#[inline]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates, as it should")]
+fn cells(low: f32, high: f32, end: u32) -> Range<u32> {
+    (low as u32)..if high < 0.0 { 0 } else { end.min((high as u32).saturating_add(1)) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn within(outline: &Outline, place: Vec2) -> Option<[f32; 2]> {
+        let within = outline.within([Vec4::splat(place.x), Vec4::new(f32::INFINITY, place.y, place.y, f32::NAN)]);
+        assert!(!within.inside().test(0) && !within.inside().test(3), "there is no such place");
+        within.inside().test(1).then(|| [within.share.y, within.rise().z])
+    }
+
+    fn cells(outline: &Outline, size: [u32; 2]) -> Vec<[u32; 2]> {
+        outline.rows(size[1]).flat_map(|y| outline.columns(y, size[0]).map(move |x| [x, y])).collect()
+    }
+
+    #[test]
+    fn cells_hold_all_that_is_covered_and_end_with_the_grid() {
+        let outline = Outline::new([Vec2::new(-3.0, 2.5), Vec2::new(4.2, 3.1)], 0.4);
+        let touched = cells(&outline, [4, 9]);
+        assert_eq!(touched, [[0, 2], [1, 2], [2, 2], [3, 2], [0, 3], [1, 3], [2, 3], [3, 3]]);
+        let diagonal = cells(&Outline::new([Vec2::ZERO, Vec2::splat(900.0)], 0.4), [900, 900]).len();
+        assert!((900..5000).contains(&diagonal), "{diagonal}");
+        let holds = |[x, y]: [u32; 2], place: Vec2| (place - Vec2::new(x as f32, y as f32)).abs_diff_eq(Vec2::splat(0.5), 0.5);
+        for step in 0..4000_u16 {
+            let place = Vec2::new(f32::from(step % 80) * 0.05, f32::from(step / 80) * 0.15);
+            assert!(within(&outline, place).is_none() || touched.iter().any(|cell| holds(*cell, place)), "{place}");
+        }
+        let beside = |x: f32| cells(&Outline::new([Vec2::new(x, 1.0); 2], 0.3), [4, 4]).len();
+        assert_eq!([-0.5, 0.5, 3.9, 4.5].map(beside), [0, 2, 2, 0]);
+    }
+
+    #[test]
+    fn places_know_where_along_they_are_and_how_high_the_yarn_rises_there() {
+        let outline = Outline::new([Vec2::ZERO, Vec2::new(4.0, 0.0)], 2.0);
+        let close = |found: Option<[f32; 2]>, wanted: [f32; 2]| {
+            found.is_some_and(|found| (0..2).all(|i| (found[i] - wanted[i]).abs() < 1e-6))
+        };
+        assert!(close(within(&outline, Vec2::new(1.0, -1.0)), [0.25, 0.75_f32.sqrt()]));
+        assert!(close(within(&outline, Vec2::new(5.0, 0.0)), [1.0, 0.75_f32.sqrt()]), "round ends");
+        assert_eq!(within(&outline, Vec2::new(5.5, 1.5)), None);
+    }
+}

@@ -1,0 +1,61 @@
+//! Light from a place on a yarn, however it was found.
+//!
+//! In: a [`Spot`] or a surface, and what it sees of the sky. Out: its material, where a yarn has maps, and what it reflects of the sky.
+
+use std::f32::consts::TAU;
+
+use glam::Vec3;
+
+use crate::render::light::Rig;
+use crate::render::maps::Maps;
+use crate::render::shade::{Surface, schlick_rough};
+use crate::scene::Shape;
+
+/// Where on a yarn a ray met it, before anything is known of its colour.
+pub(super) struct Spot {
+    pub(super) position: Vec3,
+    pub(super) normal: Vec3,
+    pub(super) tangent: Vec3,
+    /// Across the yarn to where its picture has its top.
+    pub(super) top: Vec3,
+    /// Angle around a tube, radians; on a ribbon 0..TAU from edge to edge.
+    pub(super) around: f32,
+    pub(super) along: f32,
+}
+
+/// The sun's light toward the eye, where it shines from a unit direction.
+pub(super) fn direct(rig: &Rig, surface: &Surface, toward_sun: Vec3, toward_eye: Vec3) -> Vec3 {
+    surface.brdf(toward_sun, toward_eye) * rig.sun() * surface.normal.dot(toward_sun).max(0.0)
+}
+
+/// What a place sees above it.
+#[derive(Clone, Copy)]
+pub(super) struct Sky {
+    /// Mean radiance, by the cosine.
+    pub(super) light: Vec3,
+    /// Share that no yarn stops.
+    pub(super) open: f32,
+}
+
+impl Sky {
+    /// The sky's diffuse light toward the eye, and its mirror image dimmed by how much of it is to be seen.
+    pub(super) fn reflected(&self, rig: &Rig, surface: &Surface, toward_eye: Vec3) -> Vec3 {
+        let normal = surface.normal;
+        let mirrored = schlick_rough(surface.f0(), normal.dot(toward_eye), surface.roughness);
+        let mirror = (normal * (2.0 * normal.dot(toward_eye)) - toward_eye).normalize_or(normal);
+        surface.diffuse(mirrored) * self.light + mirrored * rig.sky(mirror) * self.open
+    }
+}
+
+/// The surface of a yarn at a place of its photo, and its occlusion.
+pub(super) fn mapped(maps: &Maps, spot: &Spot, radius: f32, footprint: f32, shape: Shape) -> (Surface, f32) {
+    let girth = match shape {
+        Shape::Tube => TAU * radius,
+        Shape::Ribbon => 2.0 * radius,
+    };
+    let (u, v) = (spot.around / TAU, spot.along / maps.length);
+    let texel = maps.sample(u, v, footprint / girth, footprint / maps.length, shape);
+    let tilt = texel.normal;
+    let normal = (spot.tangent * tilt.x + spot.top * tilt.y + spot.normal * tilt.z).normalize_or(spot.normal);
+    (Surface { normal, albedo: texel.albedo, roughness: texel.roughness, metallic: texel.metallic }, texel.occlusion)
+}
