@@ -1,7 +1,8 @@
 //! Pictures on the processor: what a machine without a graphics driver gets.
 //!
-//! In: the same as every renderer's. Out: the picture. What a sample of a pixel sees is found by tracing rays ([`near`]), or where all yarns are
-//! thinner than pixels by drawing their pieces ([`far`]). Rows are lit in parallel and no sample depends on another, so that any number of threads gives the same bytes.
+//! In: the same as every renderer's. Out: the picture. What a sample of a pixel sees is found by tracing rays (`near`), or where all yarns are
+//! thinner than pixels by drawing their pieces (`far`). Rows are lit in parallel and no sample depends on another, so that any number of threads
+//! gives the same bytes.
 
 mod far;
 mod film;
