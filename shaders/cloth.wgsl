@@ -65,15 +65,10 @@ fn sky(direction: vec3f) -> vec3f {
     return mix(view.sky_below, view.sky_above, 0.5 + 0.5 * dot(direction, view.zenith));
 }
 
-// Share of the sky that yarns nearby leave open: a logistic curve over how far a point lies before the cloth's mean depth around it, in
-// radii, and less where it turns from the eye. Fitted to what the CPU renderer's rays see on tricot and locknit from three sides, to
-// .13 root mean square of a share that varies by .26.
+// Share of the sky that is open at a depth, by the cloth's mean depth around it.
 fn open_sky(at: vec2f, radius: f32, depth: f32, cosine: f32) -> f32 {
     let m = moments_at(depth_map, (at + vec2f(view.corner_x, view.corner_y)) * view.depth_scale);
-    let before = (m.x - depth) / radius;
-    // Another layer, seen through a hole, has the sky of a cloth's middle.
-    let level = select(1.0 / (1.0 + exp(select(0.065, -0.35, SHAPE == RIBBON) - 0.427 * before)), 0.5, depth - m.x > view.layer);
-    return saturate(mix(1.0, level, m.z) * mix(0.51, 1.2, cosine));
+    return open_share((m.x - depth) / radius, depth - m.x > view.layer, m.z, cosine, SHAPE == RIBBON);
 }
 
 // What sun and sky send to the eye from a place whose round surface looks `outward`.
@@ -216,7 +211,6 @@ struct Lit {
 }
 
 const GAUSS = 0.577;
-const MEAN_GROOVE = 0.25;
 
 @vertex
 fn expand_lit(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance: u32) -> Lit {

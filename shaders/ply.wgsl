@@ -2,6 +2,7 @@
 
 const PLY_TILT = 0.42;
 const GROOVE = 0.30;
+const MEAN_GROOVE = 0.25;
 const FIBRES = 26;
 const FIBRE_LENGTH = 5.0;
 const FIBRE_TILT = 0.30;
@@ -75,7 +76,7 @@ fn ply_detail(p: Place) -> Detail {
         let offset = ply - round(ply);
         tilt = (around + p.tangent * p.ply_slope) * (2.0 * offset * PLY_TILT * share);
         let across = 2.0 * abs(offset);
-        groove = across * across * across * share + 0.25 * (1.0 - share);
+        groove = across * across * across * share + MEAN_GROOVE * (1.0 - share);
     }
     var shade = 1.0 - GROOVE * groove;
     let fibre_share = fade(p.footprint, 2.0 * turn / f32(FIBRES));

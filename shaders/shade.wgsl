@@ -56,3 +56,9 @@ fn brdf(m: Material, toward_light: vec3f, toward_eye: vec3f) -> vec3f {
     let specular = fresnel * (beckmann(nh, roughness * roughness) * masking(nl, k) * masking(nv, k) / 4.0);
     return diffuse(m, fresnel) / PI + specular;
 }
+
+// Share of the sky that yarns nearby leave open: see open_sky in src/render/shade.rs. `other` where the yarn is one of another layer.
+fn open_share(before: f32, other: bool, cover: f32, cosine: f32, ribbon: bool) -> f32 {
+    let level = select(1.0 / (1.0 + exp(select(0.065, -0.35, ribbon) - 0.427 * before)), 0.5, other);
+    return saturate(mix(1.0, level, cover) * mix(0.51, 1.2, cosine));
+}

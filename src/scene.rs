@@ -6,6 +6,7 @@
 use std::ops::Range;
 
 use glam::Vec3;
+use rayon::prelude::*;
 
 use crate::ids::index32;
 use crate::render::maps::Maps;
@@ -85,12 +86,29 @@ pub struct Scene {
     pub normals: Vec<PackedUnit>,
     /// First control points of the stitches.
     pub stitches: Vec<u32>,
-    /// Strands, in yarn order.
+    /// Strands, in yarn order; their ranges of points rise and don't overlap.
     pub strands: Vec<Strand>,
     /// Looks, one a guide bar.
     pub looks: Vec<YarnLook>,
     /// Pictures of yarns that looks name.
     pub maps: Vec<Maps>,
+}
+
+/// How far neighbouring data points lie apart, mm.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SpanLengths {
+    /// Of all together.
+    pub sum: f64,
+    /// How many there are.
+    pub count: u64,
+    /// The longest.
+    pub longest: f64,
+}
+
+impl SpanLengths {
+    fn with(self, length: f64) -> Self {
+        Self { sum: self.sum + length, count: self.count + 1, longest: self.longest.max(length) }
+    }
 }
 
 /// An axis-aligned box, mm.
@@ -172,10 +190,28 @@ impl Scene {
         if points > 0.0 { sum / points } else { Vec3::ZERO }
     }
 
-    /// Radius of the thinnest yarn that can be drawn, mm; infinite where there is none.
+    /// Radii of the thinnest and the thickest yarn that is drawn, mm; infinite and 0 where there is none.
     #[must_use]
-    pub fn thinnest(&self) -> f32 {
-        self.looks.iter().map(|look| look.radius).filter(|radius| drawn_with(*radius)).fold(f32::INFINITY, f32::min)
+    pub fn radii(&self) -> (f32, f32) {
+        let drawn = self.strands.iter().filter_map(|strand| self.radius(strand));
+        drawn.fold((f32::INFINITY, 0.0), |(thinnest, thickest), radius| (radius.min(thinnest), radius.max(thickest)))
+    }
+
+    /// How far the data points that are drawn lie from the next one on their strand.
+    #[must_use]
+    pub fn span_lengths(&self) -> SpanLengths {
+        let of_strand = |strand: &Strand| {
+            let points = &self.positions[strand.points.start as usize..strand.points.end as usize];
+            let drawn = points.windows(2).filter(|ends| ends.iter().all(|end| drawable(*end)));
+            drawn.map(|ends| f64::from(ends[0].distance(ends[1]))).fold(SpanLengths::default(), SpanLengths::with)
+        };
+        // Summed in order, so that any number of threads finds the same.
+        let strands: Vec<SpanLengths> = self.strands.par_iter().map(of_strand).collect();
+        strands.into_iter().fold(SpanLengths::default(), |sum, own| SpanLengths {
+            sum: sum.sum + own.sum,
+            count: sum.count + own.count,
+            longest: sum.longest.max(own.longest),
+        })
     }
 
     /// The radius of a strand, if it is one that can be drawn: above 0 and under [`FARTHEST`].

@@ -306,8 +306,8 @@ mod tests {
         let picture = RgbaImage::from_fn(9, 7, |_, y| if y / 2 == 1 { Rgba([200, 90, 40, 255]) } else { Rgba([0, 255, 0, 0]) });
         for level in Mips::new(picture, Kind::Color).levels {
             for texel in level.pixels() {
-                let colours = texel.0.into_iter().zip([200, 90, 40]);
-                assert!(colours.clone().all(|(found, wanted)| found.abs_diff(wanted) <= 8), "{texel:?}");
+                let mut colours = texel.0.into_iter().zip([200, 90, 40]);
+                assert!(colours.all(|(found, wanted)| found.abs_diff(wanted) <= 8), "{texel:?}");
             }
         }
     }

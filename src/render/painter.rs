@@ -8,7 +8,7 @@ use image::RgbaImage;
 use super::gpu::{Gpu, GpuError, Renderer, Yarns};
 use super::{Camera, Options, cpu};
 use crate::ids::index32;
-use crate::scene::{Scene, Strand};
+use crate::scene::Scene;
 
 /// What is to draw.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -124,12 +124,7 @@ impl Uploaded {
 
 /// The mean length of yarn in a stitch, mm.
 fn stitch_length(scene: &Scene) -> f64 {
-    let strand_length = |strand: &Strand| {
-        let points = &scene.positions[strand.points.start as usize..strand.points.end as usize];
-        points.windows(2).map(|ends| f64::from(ends[0].distance(ends[1]))).filter(|length| length.is_finite()).sum::<f64>()
-    };
-    let length: f64 = scene.strands.iter().map(strand_length).sum();
-    length / f64::from(index32(scene.stitches.len().max(1)))
+    scene.span_lengths().sum / f64::from(index32(scene.stitches.len().max(1)))
 }
 
 /// St that the nearest stitches need, [`Options::st`] at most: a million stitches of forty pieces would take a gigabyte.

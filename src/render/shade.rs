@@ -78,6 +78,20 @@ pub fn schlick_rough(f0: Vec3, cosine: f32, roughness: f32) -> Vec3 {
     f0 + (f0.max(Vec3::splat(1.0 - roughness)) - f0) * (1.0 - cosine.clamp(0.0, 1.0)).powi(5)
 }
 
+/// Cloth is about this thick, radii of its thinnest yarn; what lies deeper is another layer, such as a skirt's other side.
+pub(super) const LAYER_RADII: f32 = 12.0;
+
+/// Share of the sky that yarns nearby leave open for a yarn that lies `before` the mean depth of the nearest layer around it, radii; none
+/// for one of another layer. `cover` is the share of the surroundings that are yarn, `cosine` that of its surface with the direction to the eye.
+///
+/// A logistic curve, fitted to what traced rays see on tricot and locknit from three sides, to .13 root mean square of a share that varies
+/// by .26. Another layer, seen through a hole, has the sky of a cloth's middle.
+pub(super) fn open_sky(before: Option<f32>, cover: f32, cosine: f32, is_ribbon: bool) -> f32 {
+    let middle = if is_ribbon { -0.35 } else { 0.065 };
+    let level = before.map_or(0.5, |before| 1.0 / (1.0 + (middle - 0.427 * before).exp()));
+    ((1.0 + cover * (level - 1.0)) * (0.51 + (1.2 - 0.51) * cosine)).clamp(0.0, 1.0)
+}
+
 /// Beckmann's distribution of microfacet normals.
 fn beckmann(cosine: f32, a: f32) -> f32 {
     let cos2 = (cosine * cosine).min(1.0);

@@ -11,7 +11,7 @@ use crate::render::maps::Maps;
 use crate::render::shade::{Surface, schlick_rough};
 use crate::scene::Shape;
 
-/// Where on a yarn a ray met it, before anything is known of its colour.
+/// A place on a yarn, before anything is known of its colour.
 pub(super) struct Spot {
     pub(super) position: Vec3,
     pub(super) normal: Vec3,
@@ -48,13 +48,11 @@ impl Sky {
 }
 
 /// The surface of a yarn at a place of its photo, and its occlusion.
-pub(super) fn mapped(maps: &Maps, spot: &Spot, radius: f32, footprint: f32, shape: Shape) -> (Surface, f32) {
-    let girth = match shape {
-        Shape::Tube => TAU * radius,
-        Shape::Ribbon => 2.0 * radius,
-    };
+///
+/// `footprint` is what a pixel shows of the photo's height and length, as shares of these.
+pub(super) fn mapped(maps: &Maps, spot: &Spot, footprint: [f32; 2], shape: Shape) -> (Surface, f32) {
     let (u, v) = (spot.around / TAU, spot.along / maps.length);
-    let texel = maps.sample(u, v, footprint / girth, footprint / maps.length, shape);
+    let texel = maps.sample(u, v, footprint[0], footprint[1], shape);
     let tilt = texel.normal;
     let normal = (spot.tangent * tilt.x + spot.top * tilt.y + spot.normal * tilt.z).normalize_or(spot.normal);
     (Surface { normal, albedo: texel.albedo, roughness: texel.roughness, metallic: texel.metallic }, texel.occlusion)

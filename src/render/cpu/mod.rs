@@ -10,6 +10,7 @@ mod lit;
 mod near;
 mod sample;
 
+use std::ops::Range;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use image::RgbaImage;
@@ -24,8 +25,8 @@ use near::Near;
 
 /// Yarns are thin where a pixel is wider than so many of their radii.
 const THIN: f32 = 2.0;
-/// Rows that are lit before their pixels are written: enough to share among threads, few enough to take little memory.
-const BAND: usize = 64;
+/// Squares' rows that each thread has to light before their pixels are written: enough to share evenly, few enough to take little memory.
+const TILES_A_THREAD: usize = 4;
 /// Pixels that are lit one after another lie in squares of so many, which see the same yarns while these are in the cache.
 const TILE: u32 = 8;
 
@@ -34,32 +35,29 @@ const TILE: u32 = 8;
 pub fn render(scene: &Scene, camera: &Camera, options: &Options, progress: &(dyn Fn(f32) + Sync)) -> RgbaImage {
     let (width, height) = (options.width, options.height);
     let mut picture = RgbaImage::new(width, height);
-    let sight = scene.bounds().map(|bounds| match Far::new(scene, &bounds, camera, options) {
-        Some(far) => Sight::Far(far),
-        None => Sight::Near(Near::new(scene, &bounds, camera, options)),
+    let mut looking = scene.bounds().map(|bounds| match Far::new(scene, &bounds, camera, options) {
+        Some(far) => Looking::Far(far),
+        None => Looking::Near(Near::new(scene, &bounds, camera, options)),
     });
     let done = AtomicU32::new(0);
-    let light = |first: u32| {
-        let mut rows: Vec<_> = (first..height.min(first.saturating_add(TILE))).map(|y| (y, Splats::new(width))).collect();
-        for left in (0..width).step_by(TILE as usize) {
-            for (y, splats) in &mut rows {
-                if let Some(sight) = &sight {
-                    (left..width.min(left.saturating_add(TILE))).for_each(|x| sight.pixel([x, *y], splats));
-                }
-            }
-        }
-        for _ in &rows {
-            progress(share(done.fetch_add(1, Ordering::Relaxed) + 1, height));
-        }
-        rows.into_iter().map(|(_, splats)| splats).collect::<Vec<_>>()
-    };
     // A pixel needs the rows next to its own, so the last two rows of a band wait for the next one.
     let mut rows = vec![Splats::new(width)];
     let row_bytes = (width as usize * 4).max(1);
     let mut unwritten = picture.as_mut();
-    for band in (0..height).step_by(BAND) {
-        let end = height.min(band.saturating_add(index32(BAND)));
-        let tiles: Vec<_> = (band..end).into_par_iter().step_by(TILE as usize).map(&light).collect();
+    let band_rows = TILE * index32(TILES_A_THREAD * rayon::current_num_threads());
+    for band in (0..height).step_by(band_rows as usize) {
+        let end = height.min(band.saturating_add(band_rows));
+        if let Some(looking) = &mut looking {
+            looking.look_at(&(band..end));
+        }
+        let light = |first: u32| {
+            let rows = light(looking.as_ref(), first..height.min(first.saturating_add(TILE)), width);
+            for _ in &rows {
+                progress(share(done.fetch_add(1, Ordering::Relaxed) + 1, height));
+            }
+            rows
+        };
+        let tiles: Vec<_> = (band..end).into_par_iter().step_by(TILE as usize).map(light).collect();
         rows.extend(tiles.into_iter().flatten());
         if end == height {
             rows.push(Splats::new(width));
@@ -76,13 +74,33 @@ pub fn render(scene: &Scene, camera: &Camera, options: &Options, progress: &(dyn
     picture
 }
 
+/// Lights the pixels of some rows, square after square.
+fn light(looking: Option<&Looking<'_>>, rows: Range<u32>, width: u32) -> Vec<Splats> {
+    let mut rows: Vec<_> = rows.map(|y| (y, Splats::new(width))).collect();
+    for left in (0..width).step_by(TILE as usize) {
+        for (y, splats) in &mut rows {
+            if let Some(looking) = looking {
+                (left..width.min(left.saturating_add(TILE))).for_each(|x| looking.pixel([x, *y], splats));
+            }
+        }
+    }
+    rows.into_iter().map(|(_, splats)| splats).collect()
+}
+
 /// How it is found what a sample sees.
-enum Sight<'a> {
+enum Looking<'a> {
     Near(Near<'a>),
     Far(Far<'a>),
 }
 
-impl Sight<'_> {
+impl Looking<'_> {
+    /// Makes ready to light some rows.
+    fn look_at(&mut self, rows: &Range<u32>) {
+        if let Self::Far(far) = self {
+            far.look_at(rows);
+        }
+    }
+
     /// Adds the samples of a pixel to its row.
     fn pixel(&self, pixel: [u32; 2], splats: &mut Splats) {
         match self {

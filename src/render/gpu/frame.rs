@@ -10,6 +10,7 @@ use super::Yarns;
 use super::data;
 use super::levels::{Sight, seen};
 use super::pages::Page;
+use crate::render::shade::LAYER_RADII;
 use crate::render::{Camera, Options};
 
 /// Most texels of the sun's map a side: 256 MiB with both of its averages.
@@ -25,8 +26,6 @@ const SUN_BIAS_RADII: f32 = 0.1;
 /// How far around a point the cloth's depth is averaged, radii of the thinnest yarn. Of 3, 5 and 8, 3 told best
 /// what the sky's rays of the CPU renderer see (.127, .132, .139 of the share that is open, root mean square).
 const DEPTH_RADII: f32 = 3.0;
-/// Cloth is about this thick, radii of its thinnest yarn; what lies deeper is another layer, such as a skirt's other side.
-const LAYER_RADII: f32 = 12.0;
 /// Most texels of the eye's map of depths a side.
 const MOST_DEPTH_TEXELS: f32 = 2048.0;
 /// Texels that this takes.

@@ -69,7 +69,7 @@ pub struct Yarns {
     kinds: Kinds,
     looks: wgpu::Buffer,
     thinnest: f32,
-    /// Mean base colour of all yarn by its length.
+    /// See [`Scene::mean_albedo`].
     albedo: Vec3,
     /// Those of each set of maps, then those of yarns without.
     maps: Vec<wgpu::BindGroup>,
@@ -108,7 +108,7 @@ impl Renderer {
     /// What the device refuses, its memory above all.
     pub fn load(&self, scene: &Scene, st: u32) -> Result<Yarns, GpuError> {
         let centre = scene.bounds().map_or(DVec3::ZERO, |bounds| bounds.centre().as_dvec3());
-        let thinnest = scene.thinnest();
+        let (thinnest, _) = scene.radii();
         let mut looks: Vec<_> = scene.looks.iter().map(|look| shader_look(look, scene)).collect();
         if looks.is_empty() {
             looks.push(bytemuck::Zeroable::zeroed());

@@ -8,7 +8,7 @@ use wgpu::util::DeviceExt;
 
 use super::{Gpu, shaders};
 use crate::render::ply::{self, Place};
-use crate::render::shade::{Surface, schlick_rough};
+use crate::render::shade::{self, Surface, schlick_rough};
 use crate::render::{Background, tone};
 
 /// Inputs of each formula, four numbers four times.
@@ -104,6 +104,23 @@ fn assert_close(found: &[Vec4], expected: &[Vec4], limit: f32, spared: usize) {
     };
     let misses: Vec<_> = found.iter().zip(expected).filter(far).collect();
     assert!(misses.len() * 1000 <= spared * found.len(), "{} of {}: {:?}", misses.len(), found.len(), misses.first());
+}
+
+#[test]
+fn the_open_sky_is_the_same() {
+    let Some(gpu) = adapter("the_open_sky_is_the_same") else { return };
+    let formula = "
+fn formula(u: mat4x4f) -> vec4f {
+    let before = (u[0].x - 0.5) * 40.0;
+    return vec4f(open_share(before, u[0].y > 0.8, u[0].z, u[0].w, u[1].x > 0.5));
+}";
+    let inputs = random();
+    let found = on_device(&gpu, shaders::YARN, formula, &inputs);
+    let expected = |u: &Input| {
+        let before = (u[0].y <= 0.8).then_some((u[0].x - 0.5) * 40.0);
+        Vec4::splat(shade::open_sky(before, u[0].z, u[0].w, u[1].x > 0.5))
+    };
+    assert_close(&found, &inputs.iter().map(expected).collect::<Vec<_>>(), 1e-5, 0);
 }
 
 #[test]

@@ -1,21 +1,21 @@
 //! How deep the nearest layer of cloth lies around a pixel: what tells how much of the sky a yarn in it sees.
 //!
-//! In: the depths of all samples. Out: [`Layers`], their means over squares of pixels, and [`Layers::open_sky`], the same curve as in
-//! `shaders/cloth.wgsl`.
+//! In: the depths of all samples. Out: [`Layers`], their means over squares of pixels, and what of the sky is open between them.
 
 use glam::Vec2;
 use rayon::prelude::*;
 
 use super::nearest::Nearest;
+use crate::render::shade::{self, LAYER_RADII};
 
 /// Pixels a side of a square.
 const SQUARE: u32 = 2;
-/// Cloth is about this thick, radii of its thinnest yarn; what lies deeper is another layer, such as a skirt's other side.
-const LAYER_RADII: f32 = 12.0;
 
 /// Means of the nearest layer's depths.
 #[derive(Debug)]
 pub(super) struct Layers {
+    /// Row of squares that comes first.
+    top: u32,
     /// Squares across and down.
     size: [u32; 2],
     /// Thickness of a layer, mm.
@@ -26,23 +26,22 @@ pub(super) struct Layers {
 
 impl Layers {
     pub(super) fn of(nearest: &Nearest, thinnest: f32) -> Self {
-        let size = nearest.size.map(|side| side.div_ceil(SQUARE));
-        let layer = LAYER_RADII * thinnest;
-        let squares = (0..size[1]).into_par_iter().flat_map_iter(|y| (0..size[0]).map(move |x| square(nearest, [x, y], layer)));
-        Self { size, layer, squares: squares.collect() }
+        let (top, end) = (nearest.rows.start / SQUARE, nearest.rows.end.div_ceil(SQUARE));
+        let (across, layer) = (nearest.width.div_ceil(SQUARE), LAYER_RADII * thinnest);
+        let squares = (top..end).into_par_iter().flat_map_iter(|y| (0..across).map(move |x| square(nearest, [x, y], layer)));
+        Self { top, size: [across, end - top], layer, squares: squares.collect() }
     }
 
     /// Share of the sky that yarns nearby leave open for a yarn of some radius at `depth`, which is seen at `cosine` in the pixel at `place`.
     pub(super) fn open_sky(&self, place: Vec2, radius: f32, depth: f32, cosine: f32) -> f32 {
         let [mean, cover] = self.at(place);
-        let before = (mean - depth) / radius;
-        let level = if depth - mean > self.layer { 0.5 } else { 1.0 / (1.0 + (0.065 - 0.427 * before).exp()) };
-        ((1.0 + cover * (level - 1.0)) * (0.51 + (1.2 - 0.51) * cosine)).clamp(0.0, 1.0)
+        let before = (depth - mean <= self.layer).then(|| (mean - depth) / radius);
+        shade::open_sky(before, cover, cosine, false)
     }
 
     /// Mean depth and cover between squares.
     fn at(&self, place: Vec2) -> [f32; 2] {
-        let place = place / SQUARE as f32 - 0.5;
+        let place = place / SQUARE as f32 - Vec2::new(0.5, 0.5 + self.top as f32);
         let corner = place.floor();
         let part = place - corner;
         #[expect(clippy::cast_possible_truncation, reason = "a pixel's number")]
@@ -63,8 +62,8 @@ impl Layers {
 
 /// Mean depth and cover of the nearest layer in a square of pixels.
 fn square(nearest: &Nearest, [x, y]: [u32; 2], layer: f32) -> [f32; 2] {
-    let [width, height] = nearest.size;
-    let (columns, rows) = (x * SQUARE..width.min((x + 1) * SQUARE), y * SQUARE..height.min((y + 1) * SQUARE));
+    let columns = x * SQUARE..nearest.width.min((x + 1) * SQUARE);
+    let rows = nearest.rows.start.max(y * SQUARE)..nearest.rows.end.min((y + 1) * SQUARE);
     let depths = || rows.clone().flat_map(|y| columns.clone().flat_map(move |x| nearest.depths([x, y])));
     let first = depths().flatten().fold(f32::INFINITY, f32::min);
     let (mut sum, mut inside, mut count) = (0.0, 0.0, 0.0);

@@ -1,8 +1,9 @@
 //! The nearest piece of yarn for every sample of a picture.
 //!
-//! In: pieces and a screen. Out: [`Nearest`], 16 bytes a sample: where it lies, the nearest depth, and whose. Pieces are drawn in parallel, and the
-//! nearest is the same in whatever order they come.
+//! In: pieces, a screen and some of its rows. Out: [`Nearest`], 64 bytes for each four samples of a pixel or what is left of them: where they lie, the
+//! nearest depths, and whose. Pieces are drawn in parallel, and the nearest is the same in whatever order they come.
 
+use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::{Vec2, Vec3, Vec4};
@@ -14,7 +15,9 @@ use crate::ids::index32;
 use crate::render::Options;
 use crate::render::cpu::sample::{Purpose, Sampler};
 
-/// Samples, by fours, that a thread makes ready at a time.
+/// Most fours of samples that are kept at a time, 512 MB; larger pictures are looked at some rows at a time.
+const MOST_FOURS: usize = 1 << 23;
+/// Fours of samples that a thread makes ready at a time.
 const PART: usize = 4096;
 /// No piece, farther than any.
 const NOTHING: u64 = u64::MAX;
@@ -40,42 +43,46 @@ impl Four {
     }
 }
 
-/// The nearest pieces of all samples.
+/// The nearest pieces of all samples of some rows.
 pub(super) struct Nearest {
-    pub(super) size: [u32; 2],
+    pub(super) width: u32,
+    pub(super) rows: Range<u32>,
     /// Fours a pixel.
     fours: usize,
     samples: Vec<Four>,
 }
 
 impl Nearest {
-    pub(super) fn new(pieces: &Pieces, screen: &Screen, options: &Options) -> Self {
-        let [width, height] = screen.size.map(|side| side as usize);
-        let spp = options.spp.max(1);
-        let fours = spp.div_ceil(4) as usize;
+    /// As many rows as [`MOST_FOURS`] hold, at least one.
+    pub(super) fn most_rows(options: &Options) -> u32 {
+        let row = options.width.max(1) as usize * options.spp.max(1).div_ceil(4) as usize;
+        index32((MOST_FOURS / row).clamp(1, options.height.max(1) as usize))
+    }
+
+    pub(super) fn new(pieces: &Pieces, screen: &Screen, options: &Options, rows: Range<u32>) -> Self {
+        let (width, spp) = (options.width, options.spp.max(1));
+        let (row, fours) = (width as usize, spp.div_ceil(4) as usize);
         // Counted, so that they are written where they stay.
-        let samples = (0..width * height * fours).into_par_iter().with_min_len(PART).map(|number| {
+        let samples = (0..row * rows.len() * fours).into_par_iter().with_min_len(PART).map(|number| {
             let pixel = number / fours;
-            Four::new([index32(pixel % width), index32(pixel / width)], index32(number % fours) * 4, spp, options.seed)
+            let place = [index32(pixel % row), rows.start + index32(pixel / row)];
+            Four::new(place, index32(number % fours) * 4, spp, options.seed)
         });
-        let nearest = Self { size: screen.size, fours, samples: samples.collect() };
+        let nearest = Self { width, fours, samples: samples.collect(), rows };
         pieces.for_each(|point| screen.place(point), |number, ends, radius| nearest.draw(screen, number, ends, radius));
         nearest
     }
 
     fn draw(&self, screen: &Screen, number: u32, ends: [Vec3; 2], radius: f32) {
         let outline = screen.outline(ends, radius);
-        for y in outline.rows(self.size[1]) {
-            for four in outline.columns(y, self.size[0]).flat_map(|x| self.of_pixel([x, y])) {
+        for y in outline.rows(&self.rows) {
+            for four in outline.columns(y, self.width).flat_map(|x| self.of_pixel([x, y])) {
                 let within = outline.within(four.places);
-                let depths = Vec4::splat(ends[0].z) + within.share * (ends[1].z - ends[0].z) - within.rise() * radius;
-                let mut inside = within.inside().bitmask();
-                while inside != 0 {
-                    let index = inside.trailing_zeros() as usize;
-                    inside &= inside - 1;
-                    let key = u64::from(depths[index].to_bits()) << 32 | u64::from(number);
-                    if key < four.keys[index].load(Ordering::Relaxed) {
-                        four.keys[index].fetch_min(key, Ordering::Relaxed);
+                let depths = within.depths([ends[0].z, ends[1].z], radius);
+                for lane in within.covered() {
+                    let key = u64::from(depths[lane].to_bits()) << 32 | u64::from(number);
+                    if key < four.keys[lane].load(Ordering::Relaxed) {
+                        four.keys[lane].fetch_min(key, Ordering::Relaxed);
                     }
                 }
             }
@@ -103,7 +110,7 @@ impl Nearest {
     }
 
     fn of_pixel(&self, [x, y]: [u32; 2]) -> &[Four] {
-        let first = (y as usize * self.size[0] as usize + x as usize) * self.fours;
+        let first = ((y - self.rows.start) as usize * self.width as usize + x as usize) * self.fours;
         &self.samples[first..first + self.fours]
     }
 }

@@ -4,7 +4,7 @@
 
 use std::ops::Range;
 
-use glam::{BVec4A, Vec2, Vec4};
+use glam::{Vec2, Vec4};
 
 /// Rise of an axis, in cells, under which it runs along one row.
 const LEVEL: f32 = 1e-3;
@@ -36,16 +36,22 @@ pub(super) struct Within {
 }
 
 impl Within {
-    /// Which of them it covers.
+    /// Which of them it covers, by number.
     #[inline]
-    pub(super) fn inside(&self) -> BVec4A {
-        self.aside2.cmple(Vec4::ONE)
+    pub(super) fn covered(&self) -> impl Iterator<Item = usize> + use<> {
+        let mut left = self.aside2.cmple(Vec4::ONE).bitmask();
+        std::iter::from_fn(move || {
+            let lane = left.trailing_zeros() as usize;
+            left &= left.wrapping_sub(1);
+            (lane < 4).then_some(lane)
+        })
     }
 
-    /// How far the yarn's surface rises over its axis there, in radii.
+    /// Depths of the yarn's surface there, whose axis has these at its ends.
     #[inline]
-    pub(super) fn rise(&self) -> Vec4 {
-        (Vec4::ONE - self.aside2).max(Vec4::ZERO).sqrt()
+    pub(super) fn depths(&self, [start, end]: [f32; 2], radius: f32) -> Vec4 {
+        let rise = (Vec4::ONE - self.aside2).max(Vec4::ZERO).sqrt();
+        Vec4::splat(start) + self.share * (end - start) - rise * radius
     }
 }
 
@@ -58,11 +64,12 @@ impl Outline {
         Self { start, along, scale, rise, radius, inverse2: (radius * radius).recip() }
     }
 
-    /// Rows of a grid that it may touch.
+    /// Those of some rows of a grid that it may touch.
     #[inline]
-    pub(super) fn rows(&self, height: u32) -> Range<u32> {
+    pub(super) fn rows(&self, rows: &Range<u32>) -> Range<u32> {
         let end = self.start.y + self.along.y;
-        cells(self.start.y.min(end) - self.radius, self.start.y.max(end) + self.radius, height)
+        let touched = cells(self.start.y.min(end) - self.radius, self.start.y.max(end) + self.radius, rows.end);
+        touched.start.max(rows.start)..touched.end
     }
 
     /// Columns that it may touch in a row.
@@ -108,17 +115,19 @@ mod tests {
 
     fn within(outline: &Outline, place: Vec2) -> Option<[f32; 2]> {
         let within = outline.within([Vec4::splat(place.x), Vec4::new(f32::INFINITY, place.y, place.y, f32::NAN)]);
-        assert!(!within.inside().test(0) && !within.inside().test(3), "there is no such place");
-        within.inside().test(1).then(|| [within.share.y, within.rise().z])
+        let covered: Vec<_> = within.covered().collect();
+        assert!(covered.is_empty() || covered == [1, 2], "the others are no places: {covered:?}");
+        (!covered.is_empty()).then(|| [within.share.y, -within.depths([0.0; 2], 1.0).z])
     }
 
     fn cells(outline: &Outline, size: [u32; 2]) -> Vec<[u32; 2]> {
-        outline.rows(size[1]).flat_map(|y| outline.columns(y, size[0]).map(move |x| [x, y])).collect()
+        outline.rows(&(0..size[1])).flat_map(|y| outline.columns(y, size[0]).map(move |x| [x, y])).collect()
     }
 
     #[test]
     fn cells_hold_all_that_is_covered_and_end_with_the_grid() {
         let outline = Outline::new([Vec2::new(-3.0, 2.5), Vec2::new(4.2, 3.1)], 0.4);
+        assert_eq!(outline.rows(&(3..9)), 3..4);
         let touched = cells(&outline, [4, 9]);
         assert_eq!(touched, [[0, 2], [1, 2], [2, 2], [3, 2], [0, 3], [1, 3], [2, 3], [3, 3]]);
         let diagonal = cells(&Outline::new([Vec2::ZERO, Vec2::splat(900.0)], 0.4), [900, 900]).len();

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use crate::ids::index32;
 use crate::render::cpu::narrow;
 use crate::render::paths;
-use crate::scene::{Scene, Strand, drawable};
+use crate::scene::{Scene, SpanLengths, Strand, drawable};
 
 /// Data points of which a thread draws the pieces at a time.
 const PART: u32 = 4096;
@@ -20,8 +20,7 @@ pub(super) struct Pieces<'a> {
     pub(super) scene: &'a Scene,
     /// The scene's middle, to which places are relative.
     centre: Vec3,
-    /// Mean length of a piece, mm.
-    length: f64,
+    lengths: SpanLengths,
 }
 
 /// A piece: a line with round ends.
@@ -33,12 +32,17 @@ pub(super) struct Piece {
 
 impl<'a> Pieces<'a> {
     pub(super) fn new(scene: &'a Scene, centre: Vec3) -> Self {
-        Self { scene, centre, length: mean_length(scene) }
+        Self { scene, centre, lengths: scene.span_lengths() }
     }
 
-    /// Largest radius of a yarn, mm.
-    pub(super) fn thickest(&self) -> f32 {
-        self.scene.strands.iter().filter_map(|strand| self.scene.radius(strand)).fold(0.0, f32::max)
+    /// Length of the longest, mm.
+    pub(super) fn longest(&self) -> f32 {
+        narrow(self.lengths.longest)
+    }
+
+    /// Whether strands lie one after another in memory: by that a piece's strand is found.
+    pub(super) fn are_in_order(&self) -> bool {
+        self.scene.strands.is_sorted_by(|one, other| one.points.end <= other.points.start)
     }
 
     /// Calls `draw` with every piece's number, both ends as `place` puts them, and the radius, in parallel. What has no place is left out.
@@ -97,16 +101,19 @@ impl<'a> Pieces<'a> {
     /// Arc length at share `s` of that piece, mm: as if all pieces were of one length.
     pub(super) fn along(&self, strand: usize, first: u32, s: f32) -> f32 {
         let pieces = f64::from(first - self.scene.strands[strand].points.start) + f64::from(s);
-        narrow(paths::phase(index32(strand)) + pieces * self.length)
+        narrow(paths::phase(index32(strand)) + pieces * (self.lengths.sum / self.lengths.count.max(1) as f64))
     }
 
     /// Where the pieces at a data point meet: moved out of the bend there, so that pieces lie where the curve does on the average. A span of a
     /// Catmull-Rom curve (here taken for a uniform one) lies (p1 + p2 - p0 - p3) / 24 aside of its chord.
     #[inline]
     fn axis(&self, point: u32, strand: &Range<u32>) -> Option<Vec3> {
+        if point >= strand.end {
+            return None;
+        }
         let at = |point: u32| self.scene.positions[point as usize];
-        let here = at(point.min(strand.end - 1));
-        if point >= strand.end || !drawable(here) {
+        let here = at(point);
+        if !drawable(here) {
             return None;
         }
         let inner = strand.start + 2 <= point && point + 2 < strand.end;
@@ -123,13 +130,43 @@ impl<'a> Pieces<'a> {
     }
 }
 
-/// Mean distance between neighbouring data points, mm.
-fn mean_length(scene: &Scene) -> f64 {
-    let length = |strand: &Strand| {
-        let points = &scene.positions[strand.points.start as usize..strand.points.end as usize];
-        points.windows(2).map(|ends| f64::from(ends[0].distance(ends[1]))).filter(|length| length.is_finite()).sum::<f64>()
-    };
-    // Summed in order, so that any number of threads finds the same.
-    let lengths: Vec<f64> = scene.strands.par_iter().map(length).collect();
-    lengths.iter().sum::<f64>() / f64::from(index32(scene.positions.len().max(1)))
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::YarnLook;
+    use std::sync::Mutex;
+
+    fn drawn(scene: &Scene) -> Vec<(u32, [Vec3; 2])> {
+        let found = Mutex::new(Vec::new());
+        Pieces::new(scene, Vec3::ZERO).for_each(Some, |number, ends, _| found.lock().unwrap().push((number, ends)));
+        let mut found = found.into_inner().unwrap();
+        found.sort_by_key(|(number, _)| *number);
+        found
+    }
+
+    #[test]
+    fn gaps_and_ends_are_balls_and_what_has_no_radius_is_left_out() {
+        let mut scene =
+            Scene { looks: vec![YarnLook::plain(Vec3::ONE, 0.5, 0.1), YarnLook::plain(Vec3::ONE, 0.5, 0.0)], ..Scene::default() };
+        scene.push_strand([Vec3::ZERO, Vec3::X, Vec3::NAN, Vec3::Y], 0);
+        scene.push_strand([Vec3::ZERO, Vec3::X], 1);
+        scene.push_strand([Vec3::Z], 0);
+        let expected = [(0, [Vec3::ZERO, Vec3::X]), (1, [Vec3::X; 2]), (3, [Vec3::Y; 2]), (6, [Vec3::Z; 2])];
+        assert_eq!(drawn(&scene), expected);
+        let pieces = Pieces::new(&scene, Vec3::ZERO);
+        assert_eq!([0, 3, 4, 5, 6].map(|point| pieces.strand_of(point)), [0, 0, 1, 1, 2]);
+        assert_eq!((pieces.longest(), pieces.points().count()), (1.0, 4));
+    }
+
+    #[test]
+    fn pieces_of_an_arc_lie_on_it_on_the_average() {
+        let mut scene = Scene { looks: vec![YarnLook::plain(Vec3::ONE, 0.5, 0.01)], ..Scene::default() };
+        scene.push_strand((0_u8..60).map(|i| Vec3::new((f32::from(i) * 0.5).cos(), (f32::from(i) * 0.5).sin(), 0.0)), 0);
+        let pieces = drawn(&scene);
+        let inner = &pieces[10..50];
+        let places =
+            inner.iter().flat_map(|(_, [one, other])| (0_u8..100).map(move |i| one.lerp(*other, f32::from(i) / 100.0).length()));
+        let mean = places.sum::<f32>() / 4000.0;
+        assert!((mean - 1.0).abs() < 0.003, "{mean}; chords alone lie at .98");
+    }
 }

@@ -62,7 +62,8 @@ impl Screen {
 
     /// Where along a piece a place in the picture lies, and how far aside of its axis, in radii.
     pub(super) fn within(&self, piece: &Piece, place: Vec2) -> Option<(f32, Vec3)> {
-        let ends = [self.place(piece.ends[0])?, self.place(piece.ends[1])?];
+        let start = self.place(piece.ends[0])?;
+        let ends = [start, self.place(piece.ends[1]).unwrap_or(start)];
         let outline = self.outline(ends, piece.radius);
         let share = outline.within([Vec4::splat(place.x), Vec4::splat(place.y)]).share.x;
         let aside = (place - outline.at(share)) * (self.pixel * ends[0].z / piece.radius);

@@ -16,7 +16,7 @@ use super::screen::Screen;
 const TEXEL_RADII: f32 = 1.4;
 /// The same in pixels of the picture, which can't show more.
 const TEXEL_PIXELS: f32 = 0.5;
-/// Most texels, 128 MB.
+/// Most texels, 128 MB, but for what rounding up adds to a thin strip.
 const MOST_TEXELS: f32 = 33e6;
 /// What counts as one depth, in texels and in radii of the yarn there.
 const BIAS_TEXELS: f32 = 0.5;
@@ -46,24 +46,24 @@ impl SunMap {
     /// The map for what `screen` shows, where a pixel is `pixel` mm wide.
     pub(super) fn new(pieces: &Pieces, screen: &Screen, pixel: f32, toward: Vec3) -> Self {
         let (across, up) = toward.any_orthonormal_pair();
-        let along = |point: Vec3| Vec3::new(point.dot(across), point.dot(up), -point.dot(toward));
-        let extent = |[low, high]: [Vec3; 2], [other_low, other_high]: [Vec3; 2]| [low.min(other_low), high.max(other_high)];
-        let nothing = [Vec3::INFINITY, Vec3::NEG_INFINITY];
         // What isn't shown may still cast a shadow: its depth counts.
-        let of_point = |point: Vec3| {
-            let at = along(point);
+        let corners_of = |point: Vec3| {
+            let at = Vec3::new(point.dot(across), point.dot(up), -point.dot(toward));
             let (low, high) = if screen.shows(point) { (at, at) } else { (Vec3::INFINITY, Vec3::NEG_INFINITY) };
             [low.with_z(at.z), high]
         };
-        let [low, high] = pieces.points().map(of_point).reduce(|| nothing, extent);
-        let margin = pieces.thickest();
+        let around = |[low, high]: [Vec3; 2], [other_low, other_high]: [Vec3; 2]| [low.min(other_low), high.max(other_high)];
+        let [low, high] = pieces.points().map(corners_of).reduce(|| [Vec3::INFINITY, Vec3::NEG_INFINITY], around);
+        let (thinnest, thickest) = pieces.scene.radii();
+        // A piece may be shown though neither of its ends is.
+        let margin = thickest + pieces.longest();
         let low = low - margin;
         let extent = (high.truncate() + margin - low.truncate()).max(Vec2::ZERO);
-        let finest = (TEXEL_RADII * pieces.scene.thinnest()).max(TEXEL_PIXELS * pixel);
+        let finest = (TEXEL_RADII * thinnest).max(TEXEL_PIXELS * pixel);
         let texel = finest.max((extent.x * extent.y / MOST_TEXELS).sqrt());
         let size = (extent / texel).ceil().clamp(Vec2::ONE, Vec2::splat(MOST_TEXELS)).as_uvec2().to_array();
-        let nothing = f32::INFINITY.to_bits();
-        let nearest = (0..size[0] as usize * size[1] as usize).into_par_iter().map(|_| AtomicU32::new(nothing)).collect();
+        let texels = (0..size[0] as usize * size[1] as usize).into_par_iter();
+        let nearest = texels.map(|_| AtomicU32::new(f32::INFINITY.to_bits())).collect();
         let mut map = Self { across, up, toward, low, texel, size, nearest, blocks: Vec::new() };
         pieces.for_each(|point| Some(map.place(point)), |_, ends, radius| map.draw(ends, radius));
         map.blocks = map.blocks();
@@ -72,16 +72,14 @@ impl SunMap {
 
     fn draw(&self, [one, other]: [Vec3; 2], radius: f32) {
         let outline = Outline::new([one.truncate(), other.truncate()], radius / self.texel);
-        for y in outline.rows(self.size[1]) {
+        for y in outline.rows(&(0..self.size[1])) {
             let row = &self.nearest[y as usize * self.size[0] as usize..][..self.size[0] as usize];
             for first in outline.columns(y, self.size[0]).step_by(4) {
                 let middles = Vec4::splat(first as f32) + Vec4::new(0.5, 1.5, 2.5, 3.5);
                 let within = outline.within([middles, Vec4::splat(y as f32 + 0.5)]);
-                let depths = Vec4::splat(one.z) + within.share * (other.z - one.z) - within.rise() * radius;
-                let mut inside = within.inside().bitmask();
-                while inside != 0 {
-                    let lane = inside.trailing_zeros() as usize;
-                    inside &= inside - 1;
+                let depths = within.depths([one.z, other.z], radius);
+                for lane in within.covered() {
+                    // The last four may reach beyond the row.
                     let Some(texel) = row.get(first as usize + lane) else { break };
                     let depth = depths[lane].max(0.0).to_bits();
                     if depth < texel.load(Ordering::Relaxed) {
@@ -148,5 +146,38 @@ impl SunMap {
     fn place(&self, point: Vec3) -> Vec3 {
         let from = Vec3::new(point.dot(self.across), point.dot(self.up), -point.dot(self.toward)) - self.low;
         (from.truncate() / self.texel).extend(from.z)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::render::{Camera, Options, View};
+    use crate::scene::{Scene, YarnLook};
+
+    #[test]
+    fn a_sheet_shadows_what_lies_behind_it_softly_at_its_edge() {
+        let mut scene = Scene { looks: vec![YarnLook::plain(Vec3::ONE, 0.5, 0.2)], ..Scene::default() };
+        for (z, half) in [(0.0, 30.0), (20.0, 10.0)] {
+            for line in 0_u16..150 {
+                let y = (f32::from(line) / 75.0 - 1.0) * half;
+                scene.push_strand((0_u8..=60).map(|i| Vec3::new((f32::from(i) / 30.0 - 1.0) * half, y, z)), 0);
+            }
+        }
+        let options = Options { width: 60, height: 60, ..Options::default() };
+        let camera = Camera::view(View::Front, &scene.positions, 0.3, 1.0, 1.0);
+        let bounds = scene.bounds().unwrap();
+        let screen = Screen::new(&bounds, &camera, &options);
+        let pieces = Pieces::new(&scene, bounds.centre());
+        let sun = SunMap::new(&pieces, &screen, 1.0, Vec3::Z);
+        // Through a sun a tenth wide: shares of its light at places of the lower sheet, on top of its yarns.
+        let lit = |x: f32, z: f32| {
+            let place = Vec3::new(x, 0.0, z + 0.2) - bounds.centre();
+            let toward = (0_u8..=40).map(|i| Vec3::new((f32::from(i) / 20.0 - 1.0) * 0.1, 0.0, 1.0).normalize());
+            toward.filter(|toward| sun.reaches(place, 0.2, *toward)).count()
+        };
+        assert_eq!([lit(0.0, 0.0), lit(0.0, 20.0), lit(25.0, 0.0), lit(-25.0, 0.0)], [0, 41, 41, 41]);
+        let edge = [8.5, 9.5, 10.5, 11.5].map(|x| lit(x, 0.0));
+        assert!(edge.is_sorted() && edge[0] > 0 && edge[3] < 41 && (10..31).contains(&edge[1].midpoint(edge[2])), "{edge:?}");
     }
 }

@@ -103,7 +103,10 @@ impl<'a> Near<'a> {
         let footprint = self.eye.pixel_at(spot.position);
         let look = &scene.looks[usize::from(self.tracer.segments.look(hit.start))];
         let (mut surface, occlusion) = match scene.maps_of(look) {
-            Some(maps) => mapped(maps, &spot, look.radius, footprint, scene.shape),
+            Some(maps) => {
+                let girth = look.radius * if scene.shape == Shape::Tube { TAU } else { 2.0 };
+                mapped(maps, &spot, [footprint / girth, footprint / maps.length], scene.shape)
+            }
             None => (self.plied(look, &spot, toward_eye, footprint), 1.0),
         };
         surface.normal = ply::facing(surface.normal, toward_eye);
