@@ -212,7 +212,7 @@ mod tests {
             }
             rows
         };
-        let whole = pixels(&[0..30]);
+        let whole = pixels(std::slice::from_ref(&(0..30)));
         assert!(whole.iter().flatten().any(|light| light.w > 0.0) && whole.iter().flatten().any(|light| light.w == 0.0));
         assert_eq!(pixels(&[0..8, 8..9, 9..30]), whole);
     }
