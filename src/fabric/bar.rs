@@ -1,4 +1,4 @@
-//! Guide bars: a lapping, a threading and a yarn.
+//! Guide bars: a lapping, a threading and a yarn; and what else brings yarns, wefts and feeders.
 
 use super::error::Fault;
 use super::lapping::{Chain, Numbering};
@@ -11,9 +11,9 @@ const WEFT: &str = "weft";
 /// A guide bar, or what lays wefts in.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bar {
-    /// Its lapping, numbered from x = 0 upward; `0-0//` for a weft.
+    /// Its lapping, numbered from x = 0 upward; `0-0//` for a weft and a feeder.
     pub chain: Chain,
-    /// Which of its guides carry a yarn; for a weft, which courses get one.
+    /// Which of its guides carry a yarn; for a weft and a feeder, which courses get one.
     pub threading: Threading,
     /// The yarn they carry.
     pub yarn: Yarn,
@@ -29,14 +29,18 @@ pub enum BarKind {
     Guide,
     /// Weft insertion: straight yarns across the whole width, in the layer of an inlay.
     Weft,
+    /// A feeder of a weft-knitting machine: a yarn across the whole width that loops on every needle, as the fabric's motif says.
+    Feeder,
 }
 
 impl Bar {
     /// Whether one of this bar's yarns makes a loop on the needle of `wale` in `course`.
     #[must_use]
     pub fn loops_on(&self, wale: i64, course: i64) -> bool {
-        if self.kind == BarKind::Weft {
-            return false;
+        match self.kind {
+            BarKind::Weft => return false,
+            BarKind::Feeder => return self.threading.carries(course),
+            BarKind::Guide => {}
         }
         let lap = self.chain.lap(course);
         let needles = i64::from(lap.needle())..i64::from(lap.from.max(lap.to));
@@ -57,7 +61,7 @@ impl Bar {
     pub fn courses(&self) -> usize {
         match self.kind {
             BarKind::Guide => self.chain.laps().len(),
-            BarKind::Weft => self.threading.repeat(),
+            BarKind::Weft | BarKind::Feeder => self.threading.repeat(),
         }
     }
 
@@ -66,7 +70,7 @@ impl Bar {
     pub fn guides(&self) -> usize {
         match self.kind {
             BarKind::Guide => self.threading.repeat(),
-            BarKind::Weft => 1,
+            BarKind::Weft | BarKind::Feeder => 1,
         }
     }
 
@@ -78,12 +82,13 @@ impl Bar {
         self.chain.gaps().0 < 0
     }
 
-    /// Its lapping as a designer writes it: the chain with gaps counted from the drive, or `weft`.
+    /// Its lapping as a designer writes it: the chain with gaps counted from the drive, or `weft`; for a feeder its courses.
     #[must_use]
     pub fn lapping(&self) -> String {
         match self.kind {
             BarKind::Guide => self.written_chain().to_string(),
             BarKind::Weft => WEFT.to_owned(),
+            BarKind::Feeder => format!("courses {}", self.threading),
         }
     }
 
@@ -91,6 +96,14 @@ impl Bar {
     #[must_use]
     pub fn written_chain(&self) -> Chain {
         if self.counts_from_left() { self.chain.mirrored() } else { self.chain.clone() }
+    }
+}
+
+impl Bar {
+    /// A feeder that knits the courses that are marked.
+    pub(super) fn feeder(courses: Threading, yarn: Yarn) -> Self {
+        let chain = Chain::parse("0-0//", Numbering::default()).expect("the chain that stays where it is");
+        Self { chain, threading: courses, yarn, kind: BarKind::Feeder }
     }
 }
 

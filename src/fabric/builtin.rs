@@ -1,6 +1,6 @@
 //! The fabrics that come with the program, one TOML file each, embedded in the binary.
 
-/// Name and text of each: the default first, then cloths of two bars, single bars, nets and inlays.
+/// Name and text of each: the default first, then cloths of two bars, single bars, nets and inlays, and weft knits.
 const FABRICS: &[(&str, &str)] = &[
     ("tricot", include_str!("builtin/tricot.toml")),
     ("locknit", include_str!("builtin/locknit.toml")),
@@ -32,6 +32,11 @@ const FABRICS: &[(&str, &str)] = &[
     ("power-net", include_str!("builtin/power-net.toml")),
     ("tricot-inlay", include_str!("builtin/tricot-inlay.toml")),
     ("weft-inserted", include_str!("builtin/weft-inserted.toml")),
+    ("jersey", include_str!("builtin/jersey.toml")),
+    ("rib-1x1", include_str!("builtin/rib-1x1.toml")),
+    ("rib-2x2", include_str!("builtin/rib-2x2.toml")),
+    ("garter", include_str!("builtin/garter.toml")),
+    ("cable", include_str!("builtin/cable.toml")),
 ];
 
 /// The names, in the order in which they are listed.

@@ -63,6 +63,9 @@ impl Fabric {
                 ));
             }
         }
+        if self.motif.is_some() {
+            return warnings;
+        }
         if self.bars.iter().all(|bar| bar.chain.is_inlay()) {
             warnings.push("no bar knits: without an overlap, such as 1-0, there is no loop that holds a yarn".to_owned());
             return warnings;

@@ -4,6 +4,7 @@ use std::fmt;
 use std::ops::Range;
 
 use super::lapping::LappingError;
+use super::motif::MotifError;
 use super::threading::ThreadingError;
 use super::{MAX_BARS, MAX_REPEAT, MAX_THREADING};
 
@@ -73,6 +74,33 @@ pub enum Fault {
     /// Two tables for one panel.
     #[error("panel {0} has two [[panels]] tables")]
     PanelTwice(usize),
+    /// A chart that can't be read.
+    #[error("chart: {0}")]
+    Chart(MotifError),
+    /// A letter or a symbol of a legend that is none.
+    #[error("legend: {0}")]
+    Legend(String),
+    /// A key that the other kind of fabric has.
+    #[error("a {kind} knit has no {key}: {instead}")]
+    OtherKind {
+        /// `warp` or `weft`.
+        kind: &'static str,
+        /// The key.
+        key: &'static str,
+        /// What it has.
+        instead: &'static str,
+    },
+    /// No feeder.
+    #[error("a weft knit needs a chart and at least one [[feeders]] table")]
+    NoFeeders,
+    /// A course without a yarn, or with several.
+    #[error("course {course} is knitted by {count} feeders: the marks of `courses` must give each course one")]
+    Feeders {
+        /// Counted from 1.
+        course: usize,
+        /// How many feeders knit it.
+        count: usize,
+    },
     /// No bar.
     #[error("a fabric needs at least one [[bars]] table")]
     NoBars,
@@ -99,6 +127,7 @@ impl Fault {
         match self {
             Self::Lapping { why, .. } => why.span.clone(),
             Self::Threading { why, .. } => why.span.clone(),
+            Self::Chart(why) => why.span.clone(),
             _ => 0..0,
         }
     }

@@ -14,6 +14,7 @@ use super::bar::{self, Bar, BarKind};
 use super::dimensions::{Dimensions, KEYS};
 use super::error::{FabricError, Fault};
 use super::lapping::Numbering;
+use super::motif::{Motif, Symbol, SymbolError};
 use super::yarn::{Color, Count, Yarn};
 use super::{Fabric, INCH_IN_CM, PanelLayout};
 
@@ -46,6 +47,8 @@ pub(super) struct FabricFile {
     name: String,
     #[serde(default)]
     about: String,
+    #[serde(default, skip_serializing_if = "is_default")]
+    kind: Kind,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     wales_per_cm: Option<Spanned<f64>>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -53,10 +56,38 @@ pub(super) struct FabricFile {
     courses_per_cm: Spanned<f64>,
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     stitch: BTreeMap<Spanned<String>, Spanned<f64>>,
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    chart: Option<Spanned<String>>,
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    legend: BTreeMap<Spanned<String>, Spanned<String>>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     bars: Vec<BarTable>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    feeders: Vec<FeederTable>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     panels: Vec<PanelTable>,
+}
+
+/// How a fabric is knitted.
+#[derive(Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Kind {
+    #[default]
+    Warp,
+    Weft,
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
+/// A `[[feeders]]` table.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FeederTable {
+    #[serde(default = "full_set")]
+    courses: Spanned<String>,
+    yarn: YarnTable,
 }
 
 /// A `[[bars]]` table.
@@ -182,8 +213,14 @@ impl FabricFile {
             (None, None) => return Err(Fault::NoGauge.into()),
         };
         let courses_per_cm = source.number("courses_per_cm", &self.courses_per_cm, DENSITY)?;
+        self.check_kind()?;
         let stitch = stitch(&self.stitch, source)?;
-        let bars = self.bars.into_iter().zip(1..).map(|(table, number)| table.into_bar(number, source));
+        let motif = self.chart.as_ref().map(|chart| motif(chart, &self.legend, source)).transpose()?;
+        if self.kind == Kind::Weft && motif.is_none() {
+            return Err(Fault::NoFeeders.into());
+        }
+        let guides = self.bars.into_iter().zip(1..).map(|(table, number)| table.into_bar(number, source));
+        let feeders = self.feeders.into_iter().zip(1..).map(|(table, number)| table.into_bar(number, source));
         let fabric = Fabric {
             name: self.name,
             about: self.about,
@@ -191,13 +228,54 @@ impl FabricFile {
             gauge,
             courses_per_cm,
             stitch,
-            bars: bars.collect::<Result<_, _>>()?,
+            bars: guides.chain(feeders).collect::<Result<_, _>>()?,
+            motif,
             panels: panels(&self.panels, source)?,
             enlargement: 1.0,
         };
         fabric.check_repeats()?;
         Ok(fabric)
     }
+
+    /// Refuses keys that a fabric of this kind doesn't have.
+    fn check_kind(&self) -> Result<(), Fault> {
+        let (kind, instead, others) = match self.kind {
+            Kind::Warp => (
+                "warp",
+                "it has [[bars]], and kind = \"weft\" a chart and [[feeders]]",
+                [("chart", self.chart.is_some()), ("legend", !self.legend.is_empty()), ("[[feeders]]", !self.feeders.is_empty())],
+            ),
+            Kind::Weft => (
+                "weft",
+                "it has a chart and [[feeders]]",
+                [("[[bars]]", !self.bars.is_empty()), ("[stitch]", !self.stitch.is_empty()), ("", false)],
+            ),
+        };
+        match others.into_iter().find(|(_, given)| *given) {
+            Some((key, _)) => Err(Fault::OtherKind { kind, key, instead }),
+            None => Ok(()),
+        }
+    }
+}
+
+fn motif(
+    chart: &Spanned<String>,
+    legend: &BTreeMap<Spanned<String>, Spanned<String>>,
+    source: Source<'_>,
+) -> Result<Motif, FabricError> {
+    let mut symbols = BTreeMap::new();
+    for (letter, symbol) in legend {
+        let mut letters = letter.get_ref().chars();
+        let (Some(only), None) = (letters.next().filter(|letter| !letter.is_whitespace()), letters.next()) else {
+            return Err(Fault::Legend(format!("{:?} is not one letter", letter.get_ref())).at(source.0, letter.span()));
+        };
+        let symbol = symbol.get_ref().parse().map_err(|why: SymbolError| Fault::Legend(why.to_string()).at(source.0, symbol.span()))?;
+        symbols.insert(only, symbol);
+    }
+    Motif::parse(chart.get_ref(), &symbols).map_err(|why| {
+        let fault = Fault::Chart(why);
+        source.in_string(chart, fault.span(), fault)
+    })
 }
 
 fn stitch(table: &BTreeMap<Spanned<String>, Spanned<f64>>, source: Source<'_>) -> Result<Dimensions, FabricError> {
@@ -234,13 +312,22 @@ impl BarTable {
         // Both gaps and guides are counted from the drive; a weft's marks are courses.
         let mirrored = self.drive == Drive::Left && kind == BarKind::Guide;
         let (chain, threading) = if mirrored { (chain.mirrored(), threading.mirrored()) } else { (chain, threading) };
-        Ok(Bar { chain, threading, yarn: self.yarn.into_yarn(number, source)?, kind })
+        Ok(Bar { chain, threading, yarn: self.yarn.into_yarn(&format!("bar {number}"), source)?, kind })
+    }
+}
+
+impl FeederTable {
+    fn into_bar(self, number: usize, source: Source<'_>) -> Result<Bar, FabricError> {
+        let courses = bar::read_threading(&format!("feeder {number}, courses"), self.courses.get_ref())
+            .map_err(|fault| source.in_string(&self.courses, fault.span(), fault))?;
+        Ok(Bar::feeder(courses, self.yarn.into_yarn(&format!("feeder {number}"), source)?))
     }
 }
 
 impl YarnTable {
-    fn into_yarn(self, bar: usize, source: Source<'_>) -> Result<Yarn, FabricError> {
-        let what = |key: &str| format!("bar {bar}: yarn.{key}");
+    /// `whose` names the bar in messages.
+    fn into_yarn(self, whose: &str, source: Source<'_>) -> Result<Yarn, FabricError> {
+        let what = |key: &str| format!("{whose}: yarn.{key}");
         let optional = |key: &str, number: &Option<Spanned<f64>>, limits| {
             number.as_ref().map(|number| source.number(&what(key), number, limits)).transpose()
         };
@@ -267,6 +354,11 @@ impl From<&Fabric> for FabricFile {
             let value = *(key.of)(&mut stitch);
             (value != *(key.of)(&mut default)).then(|| (unplaced(key.name.to_owned()), unplaced(value)))
         });
+        let knitted_by = |feeder: bool| fabric.bars.iter().filter(move |bar| (bar.kind == BarKind::Feeder) == feeder);
+        let legend = |motif: &Motif| {
+            let written = |(letter, symbol): (&char, &Symbol)| (unplaced(letter.to_string()), unplaced(symbol.to_string()));
+            motif.legend().iter().map(written).collect::<Vec<_>>()
+        };
         Self {
             name: fabric.name.clone(),
             about: fabric.about.clone(),
@@ -274,7 +366,11 @@ impl From<&Fabric> for FabricFile {
             gauge: fabric.gauge.map(unplaced),
             courses_per_cm: unplaced(fabric.courses_per_cm),
             stitch: changed.collect(),
-            bars: fabric.bars.iter().map(BarTable::from).collect(),
+            kind: if fabric.motif.is_some() { Kind::Weft } else { Kind::Warp },
+            chart: fabric.motif.as_ref().map(|motif| unplaced(format!("\n{}\n", motif.rows().join("\n")))),
+            legend: fabric.motif.iter().flat_map(legend).collect(),
+            bars: knitted_by(false).map(BarTable::from).collect(),
+            feeders: knitted_by(true).map(FeederTable::from).collect(),
             panels: fabric.panels.iter().map(PanelTable::from).collect(),
         }
     }
@@ -290,6 +386,12 @@ impl From<&Bar> for BarTable {
             threading: unplaced(if left { bar.threading.mirrored() } else { bar.threading.clone() }.to_string()),
             yarn: YarnTable::from(&bar.yarn),
         }
+    }
+}
+
+impl From<&Bar> for FeederTable {
+    fn from(feeder: &Bar) -> Self {
+        Self { courses: unplaced(feeder.threading.to_string()), yarn: YarnTable::from(&feeder.yarn) }
     }
 }
 

@@ -10,6 +10,7 @@ mod dimensions;
 mod error;
 mod file;
 pub mod lapping;
+pub mod motif;
 pub mod threading;
 pub mod yarn;
 
@@ -20,6 +21,7 @@ use glam::DVec2;
 
 use file::{FabricFile, in_range};
 use lapping::Numbering;
+use motif::Motif;
 use threading::Threading;
 
 pub use bar::{Bar, BarKind};
@@ -39,7 +41,7 @@ const INCH_IN_CM: f64 = 2.54;
 const THICKEST_ACROSS: f64 = 0.12;
 const THICKEST_ALONG: f64 = 0.2;
 
-/// A warp-knitted fabric.
+/// A knitted fabric: warp knit by guide bars, or weft knit by feeders after a motif.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fabric {
     /// The name by which the command line knows it.
@@ -54,8 +56,10 @@ pub struct Fabric {
     pub courses_per_cm: f64,
     /// The shape of its stitches.
     pub stitch: Dimensions,
-    /// Guide bars, front first (bar 1 = front guide bar, nearest the technical back).
+    /// Guide bars, front first (bar 1 = front guide bar, nearest the technical back); of a weft knit its feeders.
     pub bars: Vec<Bar>,
+    /// Which loop stands where in a weft knit; none in a warp knit.
+    pub motif: Option<Motif>,
     /// Panels on which it lies otherwise than along the garment's grain from the lowest-left corner.
     pub panels: Vec<PanelLayout>,
     /// How many times the yarns are drawn larger than their count says: cloth shown at another scale.
@@ -125,7 +129,7 @@ impl Fabric {
         };
         let bars = chains.iter().enumerate().map(bar).collect::<Result<Vec<_>, FabricError>>()?;
         let name = bars.iter().map(Bar::lapping).collect::<Vec<_>>().join(" + ");
-        let fabric = Self { name, about: String::new(), bars, ..self };
+        let fabric = Self { name, about: String::new(), bars, motif: None, ..self };
         fabric.check_repeats()?;
         Ok(fabric)
     }
@@ -134,12 +138,27 @@ impl Fabric {
     fn check_repeats(&self) -> Result<(), Fault> {
         let (courses, guides) = (self.repeat(), self.threading_repeat());
         match self.bars.len() {
+            0 if self.motif.is_some() => Err(Fault::NoFeeders),
             0 => Err(Fault::NoBars),
             bars if bars > MAX_BARS => Err(Fault::TooManyBars(bars)),
             _ if courses > MAX_REPEAT => Err(Fault::RepeatTooLong(courses)),
             _ if guides > MAX_THREADING => Err(Fault::ThreadingTooLong(guides)),
-            _ => Ok(()),
+            _ => self.check_feeders(),
         }
+    }
+
+    /// Refuses courses of a weft knit that not exactly one feeder knits.
+    fn check_feeders(&self) -> Result<(), Fault> {
+        if self.motif.is_none() {
+            return Ok(());
+        }
+        for (course, number) in (0_i64..).zip(1..=self.repeat()) {
+            let count = self.bars.iter().filter(|feeder| feeder.loops_on(0, course)).count();
+            if count != 1 {
+                return Err(Fault::Feeders { course: number, count });
+            }
+        }
+        Ok(())
     }
 
     /// The same cloth at other densities, the yarns drawn in the same proportion to the wale spacing.
@@ -195,13 +214,15 @@ impl Fabric {
     /// Courses after which all bars repeat together.
     #[must_use]
     pub fn repeat(&self) -> usize {
-        self.bars.iter().fold(1, |repeat, bar| least_common_multiple(repeat, bar.courses()))
+        let motif = self.motif.as_ref().map_or(1, Motif::courses);
+        self.bars.iter().fold(motif, |repeat, bar| least_common_multiple(repeat, bar.courses()))
     }
 
-    /// Guides after which all threadings repeat together. Wefts count courses and not guides, and so are left out.
+    /// Guides after which all threadings repeat together; of a weft knit the motif's wales. Wefts count courses and not guides, and so are left out.
     #[must_use]
     pub fn threading_repeat(&self) -> usize {
-        self.bars.iter().fold(1, |repeat, bar| least_common_multiple(repeat, bar.guides()))
+        let motif = self.motif.as_ref().map_or(1, Motif::wales);
+        self.bars.iter().fold(motif, |repeat, bar| least_common_multiple(repeat, bar.guides()))
     }
 }
 

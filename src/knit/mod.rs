@@ -17,11 +17,13 @@ pub mod mesh;
 pub mod numbers;
 mod repeat;
 mod stitch;
+pub mod weft;
 
 use std::ops::Range;
 
 use glam::{DVec2, DVec3};
 
+use crate::fabric::motif::Motif;
 use crate::fabric::{Bar, BarKind, Fabric};
 use crate::ids::index32;
 pub use contact::Settled;
@@ -29,6 +31,7 @@ use lattice::Lattice;
 use mesh::StructureMesh;
 use repeat::Repeat;
 use stitch::Layer;
+use weft::Loops;
 
 /// The largest repeat that is relaxed, laps: some seconds' work.
 pub const MOST_RELAXED: usize = 2_000;
@@ -36,7 +39,7 @@ pub const MOST_RELAXED: usize = 2_000;
 /// What a data point is part of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PointKind {
-    /// S1 to S8 of a loop.
+    /// S1 to S8 of a loop; of a weft-knit loop the eight places of its curve, each followed by the one halfway to the next.
     Loop,
     /// A point of a yarn that is laid in.
     Inlay,
@@ -53,7 +56,7 @@ pub struct Tag {
     pub wale: i32,
     /// Loop, inlay or turn.
     pub kind: PointKind,
-    /// 1 to 8 in a loop; counted from 1 within other kinds.
+    /// 1 to 8 in a loop of a warp knit, 1 to 16 in one of a weft knit; counted from 1 within other kinds.
     pub point: u16,
 }
 
@@ -114,6 +117,9 @@ impl Pattern {
     /// ```
     #[must_use]
     pub fn new(fabric: &Fabric) -> Self {
+        if let Some(motif) = &fabric.motif {
+            return Self::weft_knit(fabric, motif);
+        }
         let (wales, courses) = (fabric.threading_repeat(), fabric.repeat());
         if wales * courses * fabric.bars.len() > MOST_RELAXED {
             return Self::straight(fabric);
@@ -126,6 +132,29 @@ impl Pattern {
             pattern.add_bar(bar, &layer, &lattice, (0..guides).map(|guide| led(guide).then_some(guide)), steps);
         }
         pattern.settle(fabric, pattern.spacing * DVec2::new(f64::from(index32(wales)), f64::from(index32(courses))));
+        pattern.measure_bounds();
+        pattern
+    }
+
+    /// Courses of loops as a motif has them.
+    fn weft_knit(fabric: &Fabric, motif: &Motif) -> Self {
+        let (wales, courses) = (fabric.threading_repeat(), fabric.repeat());
+        let mut pattern = Self::empty(fabric);
+        let loops = Loops { spacing: pattern.spacing, radius: fabric.radius() };
+        for (number, feeder) in fabric.bars.iter().enumerate() {
+            let knits = |course: usize| feeder.threading.carries(i64::from(index32(course)));
+            let yarns = (0..courses).map(|course| {
+                knits(course).then(|| {
+                    pattern.repeat.add_course(number, motif, &loops, course, wales);
+                    pattern.repeat.yarns.len() - 1
+                })
+            });
+            let yarns = yarns.collect();
+            pattern.bars.push(BarPattern { kind: feeder.kind, yarns, bounds: (DVec2::ZERO, DVec2::ZERO) });
+        }
+        if wales * courses <= MOST_RELAXED {
+            pattern.settle(fabric, pattern.spacing * as_vec(wales, courses));
+        }
         pattern.measure_bounds();
         pattern
     }
@@ -220,10 +249,10 @@ impl Pattern {
         yarn.map_or(0, |&yarn| self.repeat.points_of(&self.repeat.yarns[yarn]).len())
     }
 
-    /// Whether a bar's yarns run across the wales, as wefts do, and not along them.
+    /// Whether a bar's yarns run across the wales, as wefts and feeders' yarns do, and not along them.
     #[must_use]
     pub fn runs_across(&self, bar: usize) -> bool {
-        self.bars[bar].kind == BarKind::Weft
+        self.bars[bar].kind != BarKind::Guide
     }
 
     /// Numbers of a bar's yarns that may touch a range of x (for wefts: of y), mm from gap 0 of guide 0, course 0.

@@ -9,7 +9,9 @@ use glam::DVec3;
 
 use super::lattice::Lattice;
 use super::stitch::{self, Layer, Turns};
+use super::weft::{self, Loops};
 use super::{PointKind, Tag};
+use crate::fabric::motif::Motif;
 use crate::fabric::{Bar, BarKind};
 use crate::ids::index32;
 
@@ -44,13 +46,26 @@ impl Repeat {
         let mut yarn = Yarn { bar: number, guide, steps: Vec::with_capacity(steps + 1), period: laying.period(count) };
         for step in 0..count {
             yarn.steps.push(index32(self.stitches.len()));
-            match bar.kind {
-                BarKind::Guide => laying.add_lap(step, self),
-                BarKind::Weft => laying.add_weft(step, self),
-            }
+            if bar.kind == BarKind::Guide { laying.add_lap(step, self) } else { laying.add_weft(step, self) }
         }
         yarn.steps.push(index32(self.stitches.len()));
         self.yarns.push(yarn);
+    }
+
+    /// Lays out a course of a weft knit, which a feeder brings, over `wales` wales.
+    pub(super) fn add_course(&mut self, feeder: usize, motif: &Motif, loops: &Loops, course: usize, wales: usize) {
+        let (first, end) = (index32(self.stitches.len()), i64::from(index32(wales)));
+        let period = DVec3::X * (f64::from(index32(wales)) * loops.spacing.x);
+        let points = loops.data_points(motif, i64::from(index32(course)), 0..end);
+        for (wale, points) in (0..).zip(points.chunks_exact(weft::POINTS)) {
+            self.begin_stitch();
+            for (point, &place) in (1..).zip(points) {
+                let course = i32::try_from(course).expect("repeats are limited");
+                self.push(place, Tag { course, wale, kind: PointKind::Loop, point });
+            }
+        }
+        let steps = (first..=first + index32(wales)).collect();
+        self.yarns.push(Yarn { bar: feeder, guide: course, steps, period });
     }
 
     /// Points of a yarn.
@@ -98,9 +113,10 @@ struct Laying<'a> {
 impl Laying<'_> {
     #[expect(clippy::cast_precision_loss, reason = "repeats are limited to 10 000 courses")]
     fn period(&self, steps: i64) -> DVec3 {
-        match self.bar.kind {
-            BarKind::Guide => DVec3::new(0.0, steps as f64 * self.layer.course_spacing, 0.0),
-            BarKind::Weft => DVec3::new(steps as f64 * self.layer.wale_spacing, 0.0, 0.0),
+        if self.bar.kind == BarKind::Guide {
+            DVec3::new(0.0, steps as f64 * self.layer.course_spacing, 0.0)
+        } else {
+            DVec3::new(steps as f64 * self.layer.wale_spacing, 0.0, 0.0)
         }
     }
 

@@ -1,0 +1,157 @@
+//! Weft-knit loops: where the yarn of a course passes, wale after wale.
+//!
+//! In: a [`Motif`] and the fabric's spacings. Out: a course's data points, [`POINTS`] a loop: on the cubic NURBS whose control points, eight new ones a loop, make it
+//! pass through the loop's eight named places, and halfway between them, so that the path that all yarns are drawn along follows it. Source: the ribbon
+//! paper's loop of nine control points, with the places of the specification's weft page, which interlock. The crossings of cables are ours.
+
+use glam::{DVec2, DVec3};
+
+use crate::fabric::motif::{Cell, Motif};
+use crate::yarn::nurbs::{Nurbs, parameters};
+
+/// Control points that each loop adds.
+pub const CONTROL_POINTS: usize = 8;
+/// Data points of a loop.
+pub const POINTS: usize = 2 * CONTROL_POINTS;
+
+/// The places of a face loop: x over W from the wale, y over C from the loop's middle, z over the radius.
+const PLACES: [[f64; 3]; CONTROL_POINTS] = [
+    [-0.5, -0.92, -0.70],
+    [-0.15, -0.735, -0.38],
+    [-0.25, 0.0, 1.68],
+    [-0.35, 0.735, -0.38],
+    [0.0, 0.92, -0.70],
+    [0.35, 0.735, -0.38],
+    [0.25, 0.0, 1.68],
+    [0.15, -0.735, -0.38],
+];
+/// Share of the way to its new wale that each place of a carried loop has gone.
+const CARRIED: [f64; CONTROL_POINTS] = [0.0, 0.0, 0.5, 1.0, 1.0, 1.0, 0.5, 0.0];
+/// How far carried legs rise in front of those that they cross, or sink behind them, radii.
+const RISE: [f64; CONTROL_POINTS] = [0.0, 0.0, 2.0, 0.3, 0.0, 0.3, 2.0, 0.0];
+/// Loops before and behind a stretch of yarn that its curve is solved with: farther ones change nothing that `f64` holds.
+const MARGIN: i64 = 4;
+
+/// What all loops of a fabric share.
+#[derive(Clone, Copy, Debug)]
+pub struct Loops {
+    /// W and C, mm.
+    pub spacing: DVec2,
+    /// mm.
+    pub radius: f64,
+}
+
+impl Loops {
+    /// The eight places of a loop that follows `before`, mm from gap 0 and course 0 of the motif.
+    fn places(&self, motif: &Motif, wale: i64, course: i64) -> [DVec3; CONTROL_POINTS] {
+        let (before, cell) = (motif.cell(wale - 1, course), motif.cell(wale, course));
+        #[expect(clippy::cast_precision_loss, reason = "wales and courses are counted in thousands")]
+        let home = (DVec2::new(wale as f64, course as f64) + 0.5) * self.spacing;
+        let side = |cell: Cell| if cell.reverse { -1.0 } else { 1.0 };
+        std::array::from_fn(|at| {
+            let [x, y, z] = PLACES[at];
+            // Between a face and a reverse loop the yarn passes through the fabric's middle.
+            let z = if at == 0 { z * (side(before) + side(cell)) / 2.0 } else { z * side(cell) };
+            let x = x + CARRIED[at] * f64::from(cell.carried);
+            let z = z + RISE[at] * f64::from(cell.layer);
+            (home + DVec2::new(x, y) * self.spacing).extend(z * self.radius)
+        })
+    }
+
+    /// The curve of a course over some wales, from gap to gap: `8 wales + 1` control points.
+    ///
+    /// Its ends are as if the yarn ended there: see [`Self::data_points`] for what goes on.
+    ///
+    /// # Panics
+    /// Without any wale.
+    #[must_use]
+    pub fn course(&self, motif: &Motif, course: i64, wales: std::ops::Range<i64>) -> Nurbs {
+        let points = self.through(motif, course, wales);
+        Nurbs::through(&points, &parameters(&points))
+    }
+
+    /// Data points of a course over some wales of a fabric that goes on beyond them, [`POINTS`] a loop.
+    #[must_use]
+    pub fn data_points(&self, motif: &Motif, course: i64, wales: std::ops::Range<i64>) -> Vec<DVec3> {
+        let points = self.through(motif, course, wales.start - MARGIN..wales.end + MARGIN);
+        let at = parameters(&points);
+        let curve = Nurbs::through(&points, &at);
+        let first = CONTROL_POINTS * usize::try_from(MARGIN).expect("a few loops");
+        let shown = first..points.len() - 1 - first;
+        shown.flat_map(|index| [points[index], curve.at(at[index].midpoint(at[index + 1]))]).collect()
+    }
+
+    fn through(&self, motif: &Motif, course: i64, wales: std::ops::Range<i64>) -> Vec<DVec3> {
+        let end = self.places(motif, wales.end, course)[0];
+        wales.flat_map(|wale| self.places(motif, wale, course)).chain([end]).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeMap;
+
+    fn loops() -> Loops {
+        Loops { spacing: DVec2::new(1.0, 0.77), radius: 0.1 }
+    }
+
+    fn motif(chart: &str) -> Motif {
+        Motif::parse(chart, &BTreeMap::from([('C', "cable 2/2 left".parse().unwrap())])).unwrap()
+    }
+
+    #[test]
+    fn control_points_are_counted_as_in_the_paper() {
+        let plain = motif("k");
+        for (wales, courses, expected) in [(20, 20, 3220), (50, 50, 20_050), (100, 100, 80_100)] {
+            let count = |course| loops().course(&plain, course, 0..wales).control.len();
+            assert_eq!((0..courses).map(count).sum::<usize>(), expected);
+        }
+    }
+
+    #[test]
+    fn the_loop_is_as_long_as_munden_says() {
+        let points = loops().data_points(&motif("k"), 0, 0..1);
+        assert_eq!(points.len(), POINTS);
+        let curve = loops().course(&motif("k"), 0, -6..7);
+        let end = parameters(&loops().through(&motif("k"), 0, -6..7)).pop().unwrap();
+        let at = |step: u32| curve.at(end * f64::from(step) / 130_000.0);
+        // The middle one of thirteen loops.
+        let length: f64 = (60_000..70_000).map(|step| at(step).distance(at(step + 1))).sum();
+        assert!((length - 4.07).abs() < 0.03, "{length}");
+    }
+
+    #[test]
+    fn data_points_repeat_with_the_motif_and_do_not_depend_on_where_one_begins() {
+        for chart in ["k", "kp", "kkkkpp\nkCCCCp"] {
+            let motif = motif(chart);
+            let repeat = i64::try_from(motif.wales()).unwrap();
+            let all = loops().data_points(&motif, 0, 0..3 * repeat);
+            let one = loops().data_points(&motif, 0, repeat..2 * repeat);
+            for (index, point) in one.iter().enumerate() {
+                let shift = DVec3::X * f64::from(u32::try_from(repeat).unwrap());
+                assert!((all[index] + shift).distance(*point) < 1e-6 && all[index + one.len()].distance(*point) < 1e-6, "{chart}");
+            }
+        }
+    }
+
+    #[test]
+    fn purl_loops_are_face_loops_from_behind() {
+        let (face, purl) = (loops().data_points(&motif("k"), 0, 0..2), loops().data_points(&motif("p"), 0, 0..2));
+        assert!(face.iter().zip(&purl).all(|(a, b)| (*a - *b * DVec3::new(1.0, 1.0, -1.0)).length() < 1e-12));
+        let rib = loops().data_points(&motif("kp"), 0, 0..2);
+        assert!(rib[0].z.abs() < 1e-12 && rib[4].z > 0.0 && rib[POINTS + 4].z < 0.0);
+    }
+
+    #[test]
+    fn heads_of_a_cable_stand_on_other_wales() {
+        let motif = motif("CCCC");
+        let points = loops().data_points(&motif, 0, 0..4);
+        let heads: Vec<f64> = points.iter().skip(8).step_by(POINTS).map(|head| head.x).collect();
+        for (head, expected) in heads.iter().zip([2.5, 3.5, 0.5, 1.5]) {
+            assert!((head - expected).abs() < 1e-9, "{heads:?}");
+        }
+        // The front ones, from the right, pass in front where legs cross.
+        assert!(points[2 * POINTS + 4].z > points[4].z + 2.0 * loops().radius);
+    }
+}
