@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::DVec2;
 
 use super::path::{Lane, Piece, Pitch, clipped, rounded, waypoints};
-use super::{Anchor, Drawing, Layer, Shape, TextSize};
+use super::{Anchor, Drawing, FAINT, HAIR, HEADING, INK, Layer, MARGIN, Shape, TextSize, cut, label, shortened};
 use crate::fabric::yarn::Color;
 use crate::fabric::{Bar, BarKind, Fabric};
 use crate::ids::index32;
@@ -16,8 +16,7 @@ const MOST_COURSES: usize = 40;
 const MOST_BARS: usize = 24;
 /// The least courses: fewer do not show how laps join.
 const LEAST_COURSES: usize = 4;
-/// The most characters of a text, and of a chain and a threading in it, which may have thousands.
-const MOST_CHARACTERS: usize = 100;
+/// The most characters of a chain and a threading in the legend, which may have thousands.
 const MOST_OF_CHAIN: usize = 48;
 const MOST_OF_THREADING: usize = 16;
 
@@ -34,15 +33,10 @@ const BAR_COLORS: [Color; 10] = [
     Color([0x66, 0x73, 0x0b]),
     Color([0x3f, 0x48, 0x52]),
 ];
-const INK: Color = Color([0x22, 0x26, 0x2b]);
-const FAINT: Color = Color([0x6b, 0x72, 0x7a]);
-const HAIR: Color = Color([0xd5, 0xd9, 0xde]);
 
 // The sheet, px.
 /// Sides of the largest rounding, over the needles' pitch: as much as the widest overlap takes.
 const CORNER: f64 = 0.34;
-const MARGIN: f64 = 24.0;
-const HEADING: f64 = 58.0;
 const COURSE_NUMBERS: f64 = 44.0;
 const GAP_NUMBERS: f64 = 34.0;
 const LEGEND_ROW: f64 = 20.0;
@@ -302,22 +296,6 @@ fn words_of<'a>(fabric: &'a Fabric, bars: &'a [Bar]) -> impl Iterator<Item = (St
         let threading = cut(&threading.to_string(), MOST_OF_THREADING);
         (shortened(&format!("bar {number}  {chain:widest$}  {threading}{guide}{drive}")), SAMPLE)
     })
-}
-
-fn label(at: DVec2, text: String, anchor: Anchor) -> Shape {
-    Shape::Text { at, text, size: TextSize::Small, anchor }
-}
-
-/// A text that fits the sheet.
-fn shortened(text: &str) -> String {
-    cut(text, MOST_CHARACTERS)
-}
-
-fn cut(text: &str, most: usize) -> String {
-    if text.chars().count() <= most {
-        return text.to_owned();
-    }
-    text.chars().take(most - 3).chain("...".chars()).collect()
 }
 
 #[expect(clippy::cast_precision_loss, reason = "gaps and courses of a sheet are few")]

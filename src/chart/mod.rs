@@ -1,13 +1,14 @@
-//! The lapping diagram: a fabric's bars on point paper, as textbooks of warp knitting draw them.
+//! Diagrams of fabrics: the bars of a warp knit on point paper, as textbooks draw them, and the loops of a weft knit as a chart.
 //!
 //! In: a [`Fabric`]. Out: a [`Drawing`], a list of shapes that [`svg`] writes as text and [`png`] paints. A row of dots is a course, the first at
-//! the bottom; a dot is a needle; gaps are numbered below from the drive. Seen from the technical back, each bar's path goes over the dots
+//! the bottom; of a warp knit a dot is a needle; gaps are numbered below from the drive. Seen from the technical back, each bar's path goes over the dots
 //! that it laps and between the rows where it lies under them. One yarn a bar is drawn, that of its first threaded guide; where two
 //! bars or fewer leave room, its neighbours too, lightly.
 //!
 //! Not promised: that a very large fabric is drawn whole ([`Drawing::notes`] says what is left out).
 
 mod lapping;
+mod motif;
 mod path;
 pub mod png;
 pub mod svg;
@@ -19,6 +20,15 @@ use glam::DVec2;
 use crate::fabric::Fabric;
 use crate::fabric::yarn::Color;
 pub use path::Piece;
+
+const INK: Color = Color([0x22, 0x26, 0x2b]);
+const FAINT: Color = Color([0x6b, 0x72, 0x7a]);
+const HAIR: Color = Color([0xd5, 0xd9, 0xde]);
+/// Around a sheet, and for the words above its drawing, px.
+const MARGIN: f64 = 24.0;
+const HEADING: f64 = 58.0;
+/// The most characters of a text.
+const MOST_CHARACTERS: usize = 100;
 
 /// What can be drawn, in px of the sheet, y down.
 #[derive(Clone, Debug, PartialEq)]
@@ -116,15 +126,31 @@ impl Format {
 }
 
 impl Drawing {
-    /// The lapping diagram of a fabric. Cost: at most some thousand shapes, whatever the fabric.
+    /// The lapping diagram of a warp knit, the chart of a weft knit. Cost: at most some thousand shapes, whatever the fabric.
     ///
     /// ```
     /// use warpknit::{chart::Drawing, fabric::Fabric};
-    /// let drawing = Drawing::lapping(&Fabric::named("locknit").unwrap());
+    /// let drawing = Drawing::of(&Fabric::named("locknit").unwrap());
     /// assert!(drawing.layers.iter().any(|layer| layer.name == "bar-2") && drawing.notes.is_empty());
     /// ```
     #[must_use]
-    pub fn lapping(fabric: &Fabric) -> Self {
-        lapping::draw(fabric)
+    pub fn of(fabric: &Fabric) -> Self {
+        fabric.motif.as_ref().map_or_else(|| lapping::draw(fabric), |motif| motif::draw(fabric, motif))
     }
+}
+
+fn label(at: DVec2, text: String, anchor: Anchor) -> Shape {
+    Shape::Text { at, text, size: TextSize::Small, anchor }
+}
+
+/// A text that fits the sheet.
+fn shortened(text: &str) -> String {
+    cut(text, MOST_CHARACTERS)
+}
+
+fn cut(text: &str, most: usize) -> String {
+    if text.chars().count() <= most {
+        return text.to_owned();
+    }
+    text.chars().take(most - 3).chain("...".chars()).collect()
 }

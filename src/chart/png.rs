@@ -41,7 +41,7 @@ impl TextSize {
 /// Paints a drawing.
 ///
 /// # Panics
-/// If the drawing is over 16 000 px wide or high, which a [`Drawing::lapping`] never is.
+/// If the drawing is over 16 000 px wide or high, which a [`Drawing::of`] never is.
 #[must_use]
 pub fn paint(drawing: &Drawing) -> RgbaImage {
     let (width, height) = (pixels(drawing.size.x), pixels(drawing.size.y));
@@ -153,7 +153,7 @@ mod tests {
 
     #[test]
     fn every_bar_is_in_the_picture_in_its_colour() {
-        let drawing = Drawing::lapping(&Fabric::named("locknit").unwrap());
+        let drawing = Drawing::of(&Fabric::named("locknit").unwrap());
         let picture = paint(&drawing);
         for layer in drawing.layers.iter().filter(|layer| !layer.shapes.is_empty()) {
             let [r, g, b] = layer.color.0;

@@ -10,7 +10,7 @@ use super::{Anchor, Drawing, Layer, Piece, Shape, TextSize};
 ///
 /// ```
 /// use warpknit::{chart::{Drawing, svg}, fabric::Fabric};
-/// let text = svg::text(&Drawing::lapping(&Fabric::named("tricot").unwrap()));
+/// let text = svg::text(&Drawing::of(&Fabric::named("tricot").unwrap()));
 /// assert!(text.starts_with("<svg") && text.contains(r#"<g id="bar-1""#));
 /// ```
 #[must_use]

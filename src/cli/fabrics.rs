@@ -24,8 +24,11 @@ pub(crate) fn fabrics(arguments: &Fabrics) -> Result<()> {
             let mut list = String::new();
             for name in builtin::names() {
                 let fabric = Fabric::named(name)?;
-                let bars: Vec<_> = fabric.bars.iter().map(Bar::lapping).collect();
-                writeln!(list, "{name:width$}  {:CHAINS$}  {}", shortened(&bars.join(" + ")), fabric.about)?;
+                let structure = match &fabric.motif {
+                    Some(motif) => format!("weft knit, {} x {}", motif.wales(), motif.courses()),
+                    None => fabric.bars.iter().map(Bar::lapping).collect::<Vec<_>>().join(" + "),
+                };
+                writeln!(list, "{name:width$}  {:CHAINS$}  {}", shortened(&structure), fabric.about)?;
             }
             print(&list)
         }

@@ -47,6 +47,11 @@ impl RealCloth {
                 format!("{:.2} of touching, {} pairs nearer", self.clearance.min_over_2r, self.clearance.pairs_below_1),
             ),
         ];
+        if fabric.motif.is_some() {
+            // m a m² is also 1/1000 mm a mm².
+            let length = numbers.yarn_length / 1000.0 * fabric.wale_spacing() * fabric.course_spacing();
+            rows.push(("loop length", format!("{length:.2} mm")));
+        }
         if fabric.radius() < fabric.true_radius() {
             let (drawn, thick) = (2.0 * fabric.radius(), 2.0 * fabric.true_radius());
             rows.push((

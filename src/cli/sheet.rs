@@ -1,4 +1,4 @@
-//! `warpknit inspect --fabric`: a fabric as a designer checks it, the chain as a table and as a lapping diagram.
+//! `warpknit inspect --fabric`: a fabric as a designer checks it, the chain as a table and as a lapping diagram, or a weft knit's chart.
 
 use std::fmt::{self, Write as _};
 use std::io::Write as _;
@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, bail};
 use warpknit::chart::{Drawing, Format, png, svg};
 use warpknit::export::{self, Output};
+use warpknit::fabric::motif::Motif;
 use warpknit::fabric::{Bar, BarKind, Fabric};
 use warpknit::knit::{Pattern, clearance};
 
@@ -25,20 +26,20 @@ pub(super) fn sheet(fabric: &Fabric) -> Result<String, fmt::Error> {
         fabric.wale_spacing(),
         fabric.course_spacing()
     )?;
-    text.push_str(&table(fabric));
+    text.push_str(&fabric.motif.as_ref().map_or_else(|| table(fabric), chart));
     for (bar, number) in fabric.bars.iter().zip(1..) {
         let (drive, threading) =
             if bar.counts_from_left() { (", drive left", bar.threading.mirrored()) } else { ("", bar.threading.clone()) };
-        writeln!(
-            text,
-            "  bar {number}: chain {}{drive}, threading {threading}, yarn {}, diameter {:.3} mm",
-            bar.lapping(),
-            bar.yarn.count,
-            bar.yarn.diameter()
-        )?;
+        let laid = match bar.kind {
+            BarKind::Feeder => format!("feeder {number}: {}", bar.lapping()),
+            _ => format!("bar {number}: chain {}{drive}, threading {threading}", bar.lapping()),
+        };
+        writeln!(text, "  {laid}, yarn {}, diameter {:.3} mm", bar.yarn.count, bar.yarn.diameter())?;
     }
-    let needles = fabric.needles();
-    writeln!(text, "  threads on a needle: {}..{}", needles.fewest, needles.most)?;
+    if fabric.motif.is_none() {
+        let needles = fabric.needles();
+        writeln!(text, "  threads on a needle: {}..{}", needles.fewest, needles.most)?;
+    }
     let (pattern, radius) = (Pattern::new(fabric), fabric.radius());
     let clearance = clearance::measure(fabric, &pattern, radius);
     writeln!(text, "  nearest yarns: {:.2} of touching", clearance.min_over_2r)?;
@@ -46,6 +47,16 @@ pub(super) fn sheet(fabric: &Fabric) -> Result<String, fmt::Error> {
         writeln!(text, "  warning: {warning}")?;
     }
     Ok(text)
+}
+
+/// The chart: a row a course, the last one on top, and what the letters mean.
+fn chart(motif: &Motif) -> String {
+    let rows = motif.rows().iter().zip((1..=motif.courses()).rev());
+    let mut text: String = rows.map(|(row, course)| format!("  {course:6}  {row}\n")).collect();
+    for (letter, symbol) in motif.legend() {
+        text += &format!("          {letter} {symbol}\n");
+    }
+    text
 }
 
 /// The chain: a row a course, first course first, four columns a bar.
@@ -125,7 +136,7 @@ pub(super) fn diagrams(fabric: &Fabric, outputs: &[(PathBuf, Format)]) -> Result
     if outputs.is_empty() {
         return Ok((Vec::new(), Vec::new()));
     }
-    let drawing = Drawing::lapping(fabric);
+    let drawing = Drawing::of(fabric);
     let mut whole = Vec::new();
     for (path, format) in outputs {
         whole.push(match format {

@@ -20,7 +20,7 @@ fn toml(name: &str, bars: &[(&str, &str, &str)]) -> String {
 }
 
 fn drawing(bars: &[(&str, &str, &str)]) -> Drawing {
-    Drawing::lapping(&Fabric::parse(&toml("t", bars)).unwrap())
+    Drawing::of(&Fabric::parse(&toml("t", bars)).unwrap())
 }
 
 /// The dots of a drawing as rows, lowest first, each from right to left.
@@ -154,7 +154,7 @@ fn the_svg_is_xml_with_a_dot_a_needle_and_a_path_a_bar() {
 fn no_name_breaks_the_xml() {
     let name = r#"<b> & \"]]>\u0001 \u0085 日本"#;
     let fabric = Fabric::parse(&toml(name, &[("1-0", "I", "")])).unwrap();
-    let text = svg::text(&Drawing::lapping(&fabric));
+    let text = svg::text(&Drawing::of(&fabric));
     let tree = roxmltree::Document::parse(&text).unwrap();
     assert!(tree.descendants().filter_map(|node| node.text()).any(|text| text.starts_with("<b> & \"]]>")));
 }

@@ -4,8 +4,9 @@ use std::path::Path;
 
 use assert_cmd::Command;
 
+use warpknit::fabric::builtin;
+
 use crate::drape::mesh;
-use crate::fabrics::NAMES;
 
 fn warpknit(folder: &Path) -> Command {
     let mut command = Command::cargo_bin("warpknit").unwrap();
@@ -171,7 +172,7 @@ fn data_go_to_stdout_and_a_closed_pipe_is_no_error() {
     let folder = tempfile::tempdir().unwrap();
     let listed = warpknit(folder.path()).arg("fabrics").assert().success().stderr("").get_output().stdout.clone();
     let lines: Vec<_> = std::str::from_utf8(&listed).unwrap().lines().collect();
-    assert_eq!(lines.iter().map(|line| line.split_whitespace().next().unwrap()).collect::<Vec<_>>(), NAMES);
+    assert_eq!(lines.iter().map(|line| line.split_whitespace().next().unwrap()).collect::<Vec<_>>(), builtin::names().collect::<Vec<_>>());
     let columns = |line: &&str| line.char_indices().map(|(at, _)| at).filter(|&at| line[..at].ends_with("  ")).count();
     assert!(lines.iter().all(|line| columns(line) >= 2 && line.chars().count() < 170), "three columns each");
     let inspected =

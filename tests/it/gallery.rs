@@ -2,10 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use warpknit::fabric::Fabric;
+use warpknit::fabric::{Fabric, builtin};
 use warpknit::knit::{Pattern, numbers};
-
-use crate::fabrics::NAMES;
 
 #[path = "../../examples/gallery/page.rs"]
 mod page;
@@ -29,7 +27,7 @@ fn the_page_is_up_to_date() {
 #[test]
 fn every_fabric_has_both_its_pictures_and_they_are_small() {
     let mut bytes = 0;
-    for (name, side) in NAMES.iter().flat_map(|name| [(name, "front"), (name, "back")]) {
+    for (name, side) in builtin::names().flat_map(|name| [(name, "front"), (name, "back")]) {
         let path = docs().join("gallery").join(page::picture_name(name, side));
         assert_eq!(image::image_dimensions(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display())), (320, 240));
         bytes += path.metadata().unwrap().len();
@@ -40,7 +38,7 @@ fn every_fabric_has_both_its_pictures_and_they_are_small() {
 #[test]
 fn the_readme_has_a_line_for_every_fabric() {
     let readme = std::fs::read_to_string(docs().join("../README.md")).unwrap();
-    for name in NAMES {
+    for name in builtin::names() {
         let about = Fabric::named(name).unwrap().about;
         assert!(readme.lines().any(|line| line == format!("| [`{name}`](docs/gallery.md#{name}) | {about} |")), "{name}");
     }

@@ -5,11 +5,12 @@ use glam::{DVec2, DVec3};
 use proptest::strategy::{Strategy, ValueTree};
 use proptest::test_runner::TestRunner;
 use rayon::prelude::*;
-use warpknit::fabric::{Bar, Fabric, builtin};
+use warpknit::fabric::{Bar, Fabric};
 use warpknit::knit::mesh::StructureMesh;
 use warpknit::knit::{Knitted, Pattern, PointKind};
 use warpknit::yarn::curve::span;
 
+use crate::fabrics::NAMES;
 use crate::relax::fabric;
 
 const SAMPLES: usize = 14;
@@ -117,7 +118,7 @@ fn check_all(fabric: &Fabric) -> Result<usize, String> {
 
 #[test]
 fn legs_pass_in_front_of_the_old_head_and_feet_behind_the_old_legs() {
-    for name in builtin::names() {
+    for name in NAMES {
         let places = check_all(&Fabric::named(name).unwrap()).unwrap_or_else(|wrong| panic!("{name}: {wrong}"));
         assert!(places > 0, "{name}");
     }

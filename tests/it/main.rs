@@ -29,3 +29,4 @@ mod render;
 mod ribbon;
 #[cfg(all(feature = "view", target_os = "linux"))]
 mod view;
+mod weft;

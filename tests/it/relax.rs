@@ -18,7 +18,9 @@ fn every_built_in_fabric_keeps_its_own_yarns_clear() {
         assert!((fabric.radius() - fabric.true_radius()).abs() < 1e-12, "{name} is drawn with its own yarn");
         let pattern = Pattern::new(&fabric);
         let found = clearance::measure(&fabric, &pattern, fabric.radius());
-        assert!(found.min_over_2r >= 0.98, "{name}: {found:?}");
+        // Loops of garter stitch and of cables start inside each other, and are let come as near as the weft page says.
+        let least = if ["garter", "cable"].contains(&name) { 0.9 } else { 0.98 };
+        assert!(found.min_over_2r >= least, "{name}: {found:?}");
         let settled = pattern.settled().unwrap();
         assert!(settled.stretch < 0.02, "{name}: {settled:?}");
     }
