@@ -269,7 +269,8 @@ fn motif(
         let (Some(only), None) = (letters.next().filter(|letter| !letter.is_whitespace()), letters.next()) else {
             return Err(Fault::Legend(format!("{:?} is not one letter", letter.get_ref())).at(source.0, letter.span()));
         };
-        let symbol = symbol.get_ref().parse().map_err(|why: SymbolError| Fault::Legend(why.to_string()).at(source.0, symbol.span()))?;
+        let symbol =
+            symbol.get_ref().parse().map_err(|why: SymbolError| Fault::Legend(why.to_string()).at(source.0, symbol.span()))?;
         symbols.insert(only, symbol);
     }
     Motif::parse(chart.get_ref(), &symbols).map_err(|why| {
@@ -562,6 +563,7 @@ panel = 1
                 courses_per_cm,
                 stitch,
                 bars,
+                motif: None,
                 panels: panels
                     .into_iter()
                     .map(|(panel, (grain_degrees, origin))| PanelLayout { panel, grain_degrees, origin: origin.into() })
@@ -571,7 +573,50 @@ panel = 1
         )
     }
 
+    /// Charts of plain loops and crossings, knitted by one feeder.
+    fn weft_knits() -> impl Strategy<Value = Fabric> {
+        let row = prop::collection::vec(prop::sample::select(vec!["k", "p", "xx", "CCCCC", "é"]), 1..9);
+        (row.clone(), row, yarns(), "[I.]{0,3}I[I.]{0,3}").prop_map(|(one, other, yarn, marks)| {
+            let legend = [('x', "cable 1/1 left"), ('C', "cable 3/2 right"), ('é', "reverse")];
+            let legend = legend.map(|(letter, symbol)| (letter, symbol.parse().unwrap())).into();
+            let (one, other) = (one.concat(), other.concat());
+            let wales = one.chars().count().max(other.chars().count());
+            let filled = |row: &str| row.chars().chain("k".repeat(wales).chars()).take(wales).collect::<String>();
+            let chart = format!("{}\n{}", filled(&one), filled(&other));
+            let courses = Threading::parse(&marks).unwrap();
+            let others: String = marks.chars().map(|mark| if mark == 'I' { '.' } else { 'I' }).collect();
+            let mut bars = vec![Bar::feeder(courses, yarn.clone())];
+            bars.extend(Threading::parse(&others).map(|courses| Bar::feeder(courses, yarn)));
+            Fabric { motif: Some(Motif::parse(&chart, &legend).unwrap()), bars, ..parse(FABRIC).unwrap() }
+        })
+    }
+
+    #[test]
+    fn a_weft_knit_and_a_warp_knit_have_keys_of_their_own() {
+        let weft = Fabric::named("cable").unwrap().to_string();
+        let fault = |text: &str| parse(text).unwrap_err().to_string();
+        assert!(fault(&weft.replace("kind = \"weft\"", "")).contains("a warp knit has no chart"));
+        assert!(
+            fault(&FABRIC.replace("name = \"net\"", "kind = \"weft\"\nname = \"net\"")).contains("a weft knit has no [[bars]]")
+        );
+        assert!(fault(&weft.replace("\"I\"", "\"I.\"")).contains("course 2 is knitted by 0 feeders"));
+        let error = parse(&weft.replacen("ppkkkkkk", "ppkk?kkk", 1)).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "chart: '?' stands for nothing: k is face, p reverse, and other letters need a line in [legend]"
+        );
+        assert!(error.place.unwrap().to_string().contains("ppkk?kkk"));
+        let error = parse(&weft.replacen("cable 3/3 left", "cable 3/3 up", 1)).unwrap_err();
+        assert!(error.to_string().starts_with("legend: \"cable 3/3 up\" is no loop") && error.place.is_some());
+    }
+
     proptest! {
+        #[test]
+        fn every_weft_knit_reads_back(fabric in weft_knits()) {
+            let panels = Vec::new();
+            assert_round_trip(&Fabric { panels, stitch: Dimensions::default(), ..fabric });
+        }
+
         #[test]
         fn every_fabric_reads_back(fabric in fabrics()) {
             prop_assume!(fabric.check_repeats().is_ok());

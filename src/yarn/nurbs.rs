@@ -66,10 +66,10 @@ impl Nurbs {
         let mut basis = [1.0, 0.0, 0.0, 0.0];
         for degree in 1..=DEGREE {
             let mut carried = 0.0;
-            for at in 0..degree {
+            for (at, value) in basis.iter_mut().enumerate().take(degree) {
                 let (right, left) = (self.knots[span + at + 1], self.knots[span + 1 + at - degree]);
-                let share = basis[at] / (right - left);
-                basis[at] = carried + (right - u) * share;
+                let share = *value / (right - left);
+                *value = carried + (right - u) * share;
                 carried = (u - left) * share;
             }
             basis[degree] = carried;
@@ -154,7 +154,7 @@ mod tests {
     }
 
     fn wavy(count: u32) -> Vec<DVec3> {
-        (0..count).map(|i| f64::from(i)).map(|i| DVec3::new(i + (i * 1.7).sin(), (i * 0.9).cos() * 2.0, (i * 2.3).sin())).collect()
+        (0..count).map(f64::from).map(|i| DVec3::new(i + (i * 1.7).sin(), (i * 0.9).cos() * 2.0, (i * 2.3).sin())).collect()
     }
 
     #[test]

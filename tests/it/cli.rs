@@ -172,7 +172,10 @@ fn data_go_to_stdout_and_a_closed_pipe_is_no_error() {
     let folder = tempfile::tempdir().unwrap();
     let listed = warpknit(folder.path()).arg("fabrics").assert().success().stderr("").get_output().stdout.clone();
     let lines: Vec<_> = std::str::from_utf8(&listed).unwrap().lines().collect();
-    assert_eq!(lines.iter().map(|line| line.split_whitespace().next().unwrap()).collect::<Vec<_>>(), builtin::names().collect::<Vec<_>>());
+    assert_eq!(
+        lines.iter().map(|line| line.split_whitespace().next().unwrap()).collect::<Vec<_>>(),
+        builtin::names().collect::<Vec<_>>()
+    );
     let columns = |line: &&str| line.char_indices().map(|(at, _)| at).filter(|&at| line[..at].ends_with("  ")).count();
     assert!(lines.iter().all(|line| columns(line) >= 2 && line.chars().count() < 170), "three columns each");
     let inspected =

@@ -53,11 +53,14 @@ fn every_loop_hangs_in_the_one_below() {
             for wale in 0..wales {
                 let (old, home) = (motif.cell(wale, row), wale + i64::from(motif.cell(wale, row).carried));
                 let new = motif.cell(home, row + 1);
-                if new.carried != 0 || new.reverse != motif.cell(home - 1, row + 1).reverse || new.reverse != motif.cell(home + 1, row + 1).reverse {
+                if new.carried != 0
+                    || new.reverse != motif.cell(home - 1, row + 1).reverse
+                    || new.reverse != motif.cell(home + 1, row + 1).reverse
+                {
                     // Its feet come from the other side.
                     continue;
                 }
-                let head = path(&below, point(wale, 4), point(wale, 12));
+                let head = path(&below, point(wale, 2), point(wale, 14));
                 let loop_ = path(&above, point(home, 0), point(home + 1, 0));
                 let side = if new.reverse { -1.0 } else { 1.0 };
                 let higher: Vec<bool> = crossings(&loop_, &head).into_iter().map(|height| height * side > 0.0).collect();
