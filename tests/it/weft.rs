@@ -53,11 +53,11 @@ fn every_loop_hangs_in_the_one_below() {
             for wale in 0..wales {
                 let (old, home) = (motif.cell(wale, row), wale + i64::from(motif.cell(wale, row).carried));
                 let new = motif.cell(home, row + 1);
-                if new.carried != 0
-                    || new.reverse != motif.cell(home - 1, row + 1).reverse
-                    || new.reverse != motif.cell(home + 1, row + 1).reverse
-                {
-                    // Its feet come from the other side.
+                let near = (row - 3..=row + 4).flat_map(|row| (home - 3..=home + 3).map(move |wale| (wale, row)));
+                let leans = near.into_iter().any(|(wale, row)| motif.cell(wale, row).carried != 0);
+                let turns = [-1, 1].iter().any(|side| motif.cell(home + side, row + 1).reverse != new.reverse);
+                if leans || turns {
+                    // Loops that lean cross their neighbours too, and beside a purl its feet come from the other side.
                     continue;
                 }
                 let head = path(&below, point(wale, 2), point(wale, 14));
