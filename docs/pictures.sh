@@ -11,4 +11,5 @@ sides locknit front
 sides locknit back
 knit swatch --fabric hex-net-5 --wales 14 --courses 20 --size 800x600 --spp 16 -o docs/net.png
 knit swatch --fabric locknit --wales 8 --courses 9 --shape ribbon --texture meshes/yarns/two-ply --size 800x600 --spp 16 -o docs/ribbon.png
+knit swatch --fabric cable --wales 32 --courses 36 --size 1000x920 --spp 8 -o docs/cable.png
 cargo run --quiet --release -- inspect --fabric locknit -o docs/locknit_lapping.svg >/dev/null
