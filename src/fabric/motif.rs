@@ -58,6 +58,8 @@ pub struct Motif {
     rows: Vec<String>,
     legend: BTreeMap<char, Symbol>,
     wales: usize,
+    /// The most wales that a head is carried.
+    reach: i32,
     /// First course first, wale after wale.
     cells: Vec<Cell>,
 }
@@ -93,7 +95,8 @@ impl Motif {
             add_row(row, start, &known, &mut cells)?;
         }
         let rows = rows.into_iter().map(|(_, row)| row.to_owned()).collect();
-        Ok(Self { rows, legend: legend.clone(), wales, cells })
+        let reach = cells.iter().map(|cell| cell.carried.abs()).max().unwrap_or(0);
+        Ok(Self { rows, legend: legend.clone(), wales, reach, cells })
     }
 
     /// Wales of one repeat.
@@ -116,6 +119,12 @@ impl Motif {
             usize::try_from(at.rem_euclid(count)).expect("a remainder is not negative")
         };
         self.cells[wrap(course, self.courses()) * self.wales + wrap(wale, self.wales)]
+    }
+
+    /// The most wales that a head is carried; 0 without cables.
+    #[must_use]
+    pub fn reach(&self) -> i32 {
+        self.reach
     }
 
     /// The chart as written, the last course on top.

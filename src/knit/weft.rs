@@ -4,9 +4,11 @@
 //! pass through the loop's eight named places, and halfway between them, so that the path that all yarns are drawn along follows it. Source: the ribbon
 //! paper's loop of nine control points, with the places of the specification's weft page, which interlock. The crossings of cables are ours.
 
+use std::ops::Range;
+
 use glam::{DVec2, DVec3};
 
-use crate::fabric::motif::{Cell, MOST_CROSSED, Motif};
+use crate::fabric::motif::{Cell, Motif};
 use crate::yarn::nurbs::{Nurbs, parameters};
 
 /// Control points that each loop adds.
@@ -47,7 +49,7 @@ pub struct Loops {
 }
 
 impl Loops {
-    /// The eight places of a loop that follows `before`, mm from gap 0 and course 0 of the motif.
+    /// The eight places of a loop, mm from gap 0 and course 0 of the motif.
     fn places(&self, motif: &Motif, wale: i64, course: i64) -> [DVec3; CONTROL_POINTS] {
         let (before, cell) = (motif.cell(wale - 1, course), motif.cell(wale, course));
         #[expect(clippy::cast_precision_loss, reason = "wales and courses are counted in thousands")]
@@ -74,14 +76,14 @@ impl Loops {
     /// # Panics
     /// Without any wale.
     #[must_use]
-    pub fn course(&self, motif: &Motif, course: i64, wales: std::ops::Range<i64>) -> Nurbs {
+    pub fn course(&self, motif: &Motif, course: i64, wales: Range<i64>) -> Nurbs {
         let points = self.through(motif, course, wales);
         Nurbs::through(&points, &parameters(&points))
     }
 
     /// Data points of a course over some wales of a fabric that goes on beyond them, [`POINTS`] a loop.
     #[must_use]
-    pub fn data_points(&self, motif: &Motif, course: i64, wales: std::ops::Range<i64>) -> Vec<DVec3> {
+    pub fn data_points(&self, motif: &Motif, course: i64, wales: Range<i64>) -> Vec<DVec3> {
         let points = self.through(motif, course, wales.start - MARGIN..wales.end + MARGIN);
         let at = parameters(&points);
         let curve = Nurbs::through(&points, &at);
@@ -90,7 +92,7 @@ impl Loops {
         shown.flat_map(|index| [points[index], curve.at(at[index].midpoint(at[index + 1]))]).collect()
     }
 
-    fn through(&self, motif: &Motif, course: i64, wales: std::ops::Range<i64>) -> Vec<DVec3> {
+    fn through(&self, motif: &Motif, course: i64, wales: Range<i64>) -> Vec<DVec3> {
         let end = self.places(motif, wales.end, course)[0];
         wales.flat_map(|wale| self.places(motif, wale, course)).chain([end]).collect()
     }
@@ -99,8 +101,11 @@ impl Loops {
 /// How far a wale lies aside of its place at `y` courses from the middle of a loop, over W, and how far it has risen, radii: because its
 /// heads are carried in a row above, or were in one below.
 fn leaning(motif: &Motif, wale: i64, course: i64, y: f64) -> DVec2 {
-    let reach = i64::from(MOST_CROSSED);
+    let reach = i64::from(motif.reach());
     let mut sum = DVec2::ZERO;
+    if reach == 0 {
+        return sum;
+    }
     for rows in -ROWS..=ROWS {
         let row = |wale: i64| motif.cell(wale, course + rows);
         // Heads that are carried above stand on this wale; of those below, the one that came here.

@@ -4,7 +4,7 @@
 
 use std::f32::consts::TAU;
 
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 
 use crate::render::light::Rig;
 use crate::render::maps::Maps;
@@ -21,6 +21,11 @@ pub(super) struct Spot {
     /// Angle around a tube, radians; on a ribbon 0..TAU from edge to edge.
     pub(super) around: f32,
     pub(super) along: f32,
+}
+
+/// What a sample that meets yarn adds to the film: light, and in w that yarn is there. What is no number is black.
+pub(super) fn opaque(light: Vec3) -> Vec4 {
+    if light.is_finite() { light.extend(1.0) } else { Vec4::W }
 }
 
 /// The sun's light toward the eye, where it shines from a unit direction.

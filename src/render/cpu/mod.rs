@@ -77,9 +77,9 @@ pub fn render(scene: &Scene, camera: &Camera, options: &Options, progress: &(dyn
 /// Lights the pixels of some rows, square after square.
 fn light(looking: Option<&Looking<'_>>, rows: Range<u32>, width: u32) -> Vec<Splats> {
     let mut rows: Vec<_> = rows.map(|y| (y, Splats::new(width))).collect();
-    for left in (0..width).step_by(TILE as usize) {
-        for (y, splats) in &mut rows {
-            if let Some(looking) = looking {
+    if let Some(looking) = looking {
+        for left in (0..width).step_by(TILE as usize) {
+            for (y, splats) in &mut rows {
                 (left..width.min(left.saturating_add(TILE))).for_each(|x| looking.pixel([x, *y], splats));
             }
         }

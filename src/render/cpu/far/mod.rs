@@ -17,7 +17,7 @@ use std::ops::Range;
 use glam::{Vec2, Vec3, Vec4};
 
 use super::film::Splats;
-use super::lit::{Sky, Spot, direct, mapped};
+use super::lit::{Sky, Spot, direct, mapped, opaque};
 use super::sample::{Purpose, Sampler};
 use super::{is_thin, narrow};
 use crate::render::light::Rig;
@@ -98,7 +98,7 @@ impl<'a> Far<'a> {
         for index in 0..spp {
             let (place, piece) = seen.nearest.seen([x, y], index);
             let light = piece.and_then(|piece| self.light(&seen.layers, place, piece, suns.at(index)));
-            let light = light.map_or(Vec4::ZERO, |light| if light.is_finite() { light.extend(1.0) } else { Vec4::W });
+            let light = light.map_or(Vec4::ZERO, opaque);
             splats.add(x, (place - Vec2::new(x as f32, y as f32)).to_array(), light);
         }
     }

@@ -14,7 +14,7 @@ use std::f32::consts::TAU;
 use glam::{Vec3, Vec4};
 
 use super::film::Splats;
-use super::lit::{Sky, Spot, direct, mapped};
+use super::lit::{Sky, Spot, direct, mapped, opaque};
 use super::sample::{Purpose, Sampler};
 use super::{is_thin, narrow, share};
 use crate::render::light::Rig;
@@ -73,24 +73,24 @@ impl<'a> Near<'a> {
         let mut shared = None;
         for index in 0..spp {
             let place = sampler.pair(Purpose::Pixel, index, spp);
-            splats.add(x, place, self.sample([x, y], index, &sampler, &mut shared));
+            let path = self.eye.path([x, y], place, sampler.chance(index));
+            splats.add(x, place, path.map_or(Vec4::ZERO, |path| self.sample(&path, index, &sampler, &mut shared)));
         }
     }
 
-    /// The light that a sample of a pixel sees, and in w 1 where yarn is and 0 where none is.
+    /// The light that a sample sees along its ray, and in w 1 where yarn is and 0 where none is.
     ///
     /// Where yarns are thinner than a pixel, two samples share one sky ray by way of `shared`. Four would, and two one sun ray, at five sixths
     /// of the time, but cloth then grows grainy and its colour is off by 3 %.
-    fn sample(&self, pixel: [u32; 2], index: u32, sampler: &Sampler, shared: &mut Option<Sky>) -> Vec4 {
-        let Some(path) = self.eye.path(pixel, index, sampler) else { return Vec4::ZERO };
-        let Some(hit) = self.tracer.nearest(&path) else { return Vec4::ZERO };
-        let met = self.meet(&path, hit);
+    fn sample(&self, path: &Path, index: u32, sampler: &Sampler, shared: &mut Option<Sky>) -> Vec4 {
+        let Some(hit) = self.tracer.nearest(path) else { return Vec4::ZERO };
+        let met = self.meet(path, hit);
         let sky = match shared.take() {
             Some(sky) if met.thin => sky,
             _ => *shared.insert(self.sky(&met, sampler, index)),
         };
         let light = self.sunlight(&met, sampler, index) + sky.reflected(&self.rig, &met.surface, met.toward_eye) * met.occlusion;
-        if light.is_finite() { light.extend(1.0) } else { Vec4::W }
+        opaque(light)
     }
 
     fn meet(&self, path: &Path, hit: Hit) -> Meeting {

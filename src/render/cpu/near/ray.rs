@@ -4,7 +4,6 @@ use glam::{DVec3, Vec3};
 use obvhs::aabb::Aabb;
 
 use crate::render::cpu::narrow;
-use crate::render::cpu::sample::{Purpose, Sampler};
 use crate::render::{Camera, Options};
 
 /// A ray in world directions, its origin relative to the scene's middle.
@@ -52,11 +51,10 @@ impl<'a> Eye<'a> {
         Self { camera, options, position: camera.eye() - centre, bounds }
     }
 
-    /// The ray of sample `index` of pixel (x, y), cut to where it may meet something; `None` where it passes all yarns by. Yarns are
+    /// The ray through a place in pixel (x, y), cut to where it may meet something; `None` where it passes all yarns by. Yarns are
     /// hundredths of a millimetre thick and eyes metres away, so it starts where it enters the box around them.
-    pub(super) fn path(&self, [x, y]: [u32; 2], index: u32, sampler: &Sampler) -> Option<Path> {
+    pub(super) fn path(&self, [x, y]: [u32; 2], place: [f32; 2], chance: u32) -> Option<Path> {
         let (width, height) = (self.options.width, self.options.height);
-        let place = sampler.pair(Purpose::Pixel, index, self.options.spp.max(1));
         let across = (f64::from(x) + f64::from(place[0])) / f64::from(width) * 2.0 - 1.0;
         let up = 1.0 - (f64::from(y) + f64::from(place[1])) / f64::from(height) * 2.0;
         let direction = self.camera.direction(across, up, self.options.aspect());
@@ -71,7 +69,7 @@ impl<'a> Eye<'a> {
         }
         let origin = (self.position + direction * near).as_vec3();
         let footprint = narrow(self.camera.pixel_size(near.midpoint(far), height));
-        Some(Path { origin, direction: direction.as_vec3(), reach: f32::INFINITY, footprint, chance: sampler.chance(index) })
+        Some(Path { origin, direction: direction.as_vec3(), reach: f32::INFINITY, footprint, chance })
     }
 
     /// Size of a pixel at a place, mm.
