@@ -5,6 +5,7 @@
 //! leaves no partial file and the old one stays.
 
 pub mod csv;
+mod folder;
 pub mod glb;
 pub mod obj;
 mod output;
@@ -13,6 +14,7 @@ pub mod png;
 use std::path::{Path, PathBuf};
 
 use crate::drape::Block;
+pub use folder::OutputFolder;
 pub use output::Output;
 
 /// A writer that takes a run's blocks as they come.

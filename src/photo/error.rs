@@ -3,6 +3,8 @@
 use std::io;
 use std::path::PathBuf;
 
+use super::develop::DevelopError;
+
 /// Why a yarn's pictures can't be used; each names the file and what to do.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -52,6 +54,14 @@ pub enum PhotoError {
         height: u32,
         /// The limit.
         most: u32,
+    },
+    /// A photo that is too small or too large to be developed.
+    #[error("{}: {reason}", .path.display())]
+    Photo {
+        /// The file.
+        path: PathBuf,
+        /// Its size, and what is wrong with it.
+        reason: DevelopError,
     },
     /// yarn.toml is no TOML, or has a size that is no number.
     #[error("{}: can't be understood ({}): its keys are width_mm and length_mm, both numbers", .path.display(), .reason.message())]

@@ -9,8 +9,11 @@
 //! | `normal.png` | normals, OpenGL's way |
 //! | `height.png` | grey, white half the width above black; read where there are no normals |
 //! | `roughness.png`, `metallic.png`, `ao.png` | grey |
-//! | `yarn.toml` | `width_mm` and `length_mm` of the picture, each optional |
+//! | `yarn.toml` | `width_mm` and `length_mm` of the picture, each optional; what else it says is for people |
+//!
+//! [`develop`] makes such a folder of one photo.
 
+pub mod develop;
 mod error;
 
 use std::fs;
@@ -19,7 +22,7 @@ use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 use image::imageops::{FilterType, resize};
-use image::{DynamicImage, ImageBuffer, ImageReader, Limits, Luma, Rgba, RgbaImage};
+use image::{DynamicImage, ImageBuffer, ImageReader, Limits, Luma, Rgba, RgbImage, RgbaImage};
 use serde::Deserialize;
 
 pub use error::PhotoError;
@@ -76,19 +79,36 @@ pub fn read_maps(path: &Path, width: f64) -> Result<Maps, PhotoError> {
     })
 }
 
+/// Reads a photo for [`develop::develop`]; transparency is left out.
+///
+/// # Errors
+/// [`PhotoError`] where it can't be read, or is too small or too large.
+pub fn read_photo(path: &Path) -> Result<RgbImage, PhotoError> {
+    let unfit = |reason| PhotoError::Photo { path: path.to_owned(), reason };
+    Ok(decoded(path, |width, height| develop::check_size(width, height).map_err(unfit))?.into_rgb8())
+}
+
 /// Decodes a picture whose sides are within [`SIDES`].
 fn picture(path: &Path) -> Result<DynamicImage, PhotoError> {
+    let (least, most) = SIDES;
+    decoded(path, |width, height| {
+        if width.min(height) < least {
+            return Err(PhotoError::TooSmall { path: path.to_owned(), width, height, least });
+        }
+        if width.max(height) > most {
+            return Err(PhotoError::TooLarge { path: path.to_owned(), width, height, most });
+        }
+        Ok(())
+    })
+}
+
+/// Decodes a picture of whose sides `check` approves.
+fn decoded(path: &Path, check: impl Fn(u32, u32) -> Result<(), PhotoError>) -> Result<DynamicImage, PhotoError> {
     let unread = |reason: io::Error| PhotoError::Read { path: path.to_owned(), reason };
     let undecoded = |reason| PhotoError::NotAnImage { path: path.to_owned(), reason };
     let open = || ImageReader::open(path).and_then(ImageReader::with_guessed_format).map_err(unread);
     let (width, height) = open()?.into_dimensions().map_err(undecoded)?;
-    let (least, most) = SIDES;
-    if width.min(height) < least {
-        return Err(PhotoError::TooSmall { path: path.to_owned(), width, height, least });
-    }
-    if width.max(height) > most {
-        return Err(PhotoError::TooLarge { path: path.to_owned(), width, height, most });
-    }
+    check(width, height)?;
     let mut reader = open()?;
     // The size is known to be bearable.
     reader.limits(Limits::no_limits());

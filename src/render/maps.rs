@@ -259,7 +259,7 @@ fn packed(mean: Vec4, kind: Kind) -> [u8; 4] {
 }
 
 /// sRGB bytes as light.
-static LINEAR: LazyLock<[f32; 256]> =
+pub(crate) static LINEAR: LazyLock<[f32; 256]> =
     LazyLock::new(|| std::array::from_fn(|byte| tone::linear(f32::from(u8::try_from(byte).unwrap_or(u8::MAX)) / 255.0)));
 
 /// The texel left of or above `share` of a side, and how far it is on to the next.

@@ -93,12 +93,12 @@ pub(super) fn linear(c: f32) -> f32 {
     if c <= 0.040_45 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
 }
 
-pub(super) fn encode(color: Vec3) -> [u8; 3] {
+pub(crate) fn encode(color: Vec3) -> [u8; 3] {
     color.to_array().map(|c| byte(if c <= 0.003_130_8 { c * 12.92 } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 }))
 }
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=255")]
-pub(super) fn byte(share: f32) -> u8 {
+pub(crate) fn byte(share: f32) -> u8 {
     (share.clamp(0.0, 1.0) * 255.0).round() as u8
 }
 

@@ -1,0 +1,115 @@
+//! A folder that becomes visible only when it is whole.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use tempfile::TempDir;
+
+use super::ExportError;
+
+/// A folder being filled beside its target.
+///
+/// Dropped before [`OutputFolder::publish`], it leaves nothing behind. A folder that is there already keeps its other files.
+#[derive(Debug)]
+pub struct OutputFolder {
+    target: PathBuf,
+    temporary: TempDir,
+}
+
+impl OutputFolder {
+    /// Opens a temporary folder beside the target.
+    ///
+    /// # Errors
+    /// [`ExportError::Io`] where the folder around it is missing or can't be written, or the target is a file.
+    pub fn create(target: &Path) -> Result<Self, ExportError> {
+        Self::open(target).map_err(|source| ExportError::Io { path: target.to_owned(), source })
+    }
+
+    fn open(target: &Path) -> io::Result<Self> {
+        // A link is followed, so that files go to the folder it points to.
+        let target = target.canonicalize().unwrap_or_else(|_absent| target.to_owned());
+        if target.exists() && !target.is_dir() {
+            return Err(io::Error::new(io::ErrorKind::NotADirectory, "it is a file, and a folder is needed"));
+        }
+        let around = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        if !around.is_dir() {
+            return Err(io::Error::new(io::ErrorKind::NotFound, format!("there is no folder {}", around.display())));
+        }
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(".warpknit-");
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            builder.permissions(fs::Permissions::from_mode(0o777));
+        }
+        let temporary = builder.tempdir_in(around)?;
+        Ok(Self { target, temporary })
+    }
+
+    /// The folder's final path.
+    #[must_use]
+    pub fn target(&self) -> &Path {
+        &self.target
+    }
+
+    /// Where a file of this name is to be written.
+    #[must_use]
+    pub fn file(&self, name: &str) -> PathBuf {
+        self.temporary.path().join(name)
+    }
+
+    /// Gives the folder its name. Where a folder has it already, the files take their places in it, one after another.
+    ///
+    /// # Errors
+    /// [`ExportError::Io`].
+    pub fn publish(self) -> Result<(), ExportError> {
+        self.rename().map_err(|source| ExportError::Io { path: self.target.clone(), source })
+    }
+
+    fn rename(&self) -> io::Result<()> {
+        if !self.target.exists() {
+            return fs::rename(self.temporary.path(), &self.target);
+        }
+        for entry in fs::read_dir(self.temporary.path())? {
+            let entry = entry?;
+            fs::rename(entry.path(), self.target.join(entry.file_name()))?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_is_seen_before_it_is_published_and_other_files_stay() {
+        let around = tempfile::tempdir().unwrap();
+        let target = around.path().join("yarn");
+        let folder = OutputFolder::create(&target).unwrap();
+        fs::write(folder.file("a"), "1").unwrap();
+        assert!(!target.exists());
+        drop(folder);
+        assert_eq!(fs::read_dir(around.path()).unwrap().count(), 0);
+        for text in ["1", "2"] {
+            let folder = OutputFolder::create(&target).unwrap();
+            fs::write(folder.file("a"), text).unwrap();
+            folder.publish().unwrap();
+            assert_eq!(fs::read_to_string(target.join("a")).unwrap(), text);
+            fs::write(target.join("other"), "").unwrap();
+        }
+        assert!(target.join("other").is_file());
+        assert_eq!(fs::read_dir(around.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_file_or_a_missing_folder_is_an_error_that_names_the_target() {
+        let around = tempfile::tempdir().unwrap();
+        fs::write(around.path().join("file"), "").unwrap();
+        for target in [around.path().join("file"), around.path().join("no").join("yarn")] {
+            let message = format!("{:#}", anyhow::Error::from(OutputFolder::create(&target).unwrap_err()));
+            assert!(message.contains(&target.display().to_string()), "{message}");
+        }
+    }
+}

@@ -1,0 +1,81 @@
+//! Why a photo gives no maps.
+
+/// What stands in the way of a photo, and what to try.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum DevelopError {
+    /// Fewer pixels than show a yarn.
+    #[error("{width} x {height} pixels are too few: at least {least} are needed each way; take a larger photo, or a larger --crop")]
+    TooSmall {
+        /// Pixels across.
+        width: u32,
+        /// Pixels down.
+        height: u32,
+        /// The limit.
+        least: u32,
+    },
+    /// More pixels than are taken on.
+    #[error("{width} x {height} pixels are too many: make it {most_side} or fewer each way and {most_megapixels} megapixels at the most")]
+    TooLarge {
+        /// Pixels across.
+        width: u32,
+        /// Pixels down.
+        height: u32,
+        /// The limit of a side.
+        most_side: u32,
+        /// The limit of all pixels, millions.
+        most_megapixels: u64,
+    },
+    /// A rectangle that isn't on the photo.
+    #[error("--crop {},{},{},{} reaches over the photo of {width} x {height} pixels: choose a rectangle on it", .crop[0], .crop[1], .crop[2], .crop[3])]
+    CropOutside {
+        /// x, y, width, height.
+        crop: [u32; 4],
+        /// Pixels across.
+        width: u32,
+        /// Pixels down.
+        height: u32,
+    },
+    /// Nothing stands off from anything.
+    #[error("the photo is blank (nothing stands off by more than {contrast:.1} of 255 grey levels): take the yarn on a plain ground that is clearly darker or lighter")]
+    Blank {
+        /// Contrast that was found.
+        contrast: f32,
+    },
+    /// Too little or too much stands off.
+    #[error("no yarn was found: {percent:.2} % of the picture stands off from the ground, a yarn takes {least} to {most} %; {remedy}")]
+    NoYarn {
+        /// What stands off.
+        percent: f32,
+        /// The limits.
+        least: f32,
+        /// The limits.
+        most: f32,
+        /// What to try.
+        remedy: &'static str,
+    },
+    /// A thing that is no yarn.
+    #[error("no yarn was found: what stands off is {length:.0} pixels long and {width:.0} wide, not a long stretch; lay one yarn straight on a plain ground, or choose it with --crop")]
+    NotLong {
+        /// Pixels along.
+        length: f64,
+        /// Pixels across.
+        width: f64,
+    },
+    /// A yarn that isn't straight.
+    #[error("the yarn isn't straight: it lies {off:.0} pixels off a line at {width:.0} pixels of width; stretch it lightly, or choose a straight part with --crop")]
+    Bent {
+        /// Root mean square of its distance from a line, pixels.
+        off: f64,
+        /// Pixels across.
+        width: f64,
+    },
+    /// A yarn with a flank that isn't on the photo.
+    #[error("the yarn leaves the photo through its side: only {shown:.0} pixels of its length have ground on both sides and {needed:.0} are needed; photograph it with room above and below")]
+    LeavesThroughSide {
+        /// Pixels along that are whole.
+        shown: f64,
+        /// Pixels that are needed.
+        needed: f64,
+    },
+}

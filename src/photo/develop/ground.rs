@@ -1,0 +1,132 @@
+//! The ground behind a yarn: its light, as a smooth surface over the photo.
+//!
+//! In: a grey plane of the whole photo. Out: [`Ground`], the second-degree polynomial that the photo's border and everything like it lies on, by least
+//! squares that are weighed anew until what is no ground counts for nothing (Geman and McClure's weights). A lamp on one side of
+//! the photo makes such a gradient, which one threshold for the whole photo would stumble over. Cost: some dozen passes over at most 640 000
+//! pixels. Sums run in one thread.
+
+use super::plane::{Plane, double, narrow, percentile};
+
+/// Share of the shorter side that counts as border.
+const BORDER: f32 = 0.03;
+/// Rounds of weighing.
+const ROUNDS: usize = 12;
+/// Grey levels that a camera's noise is believed to have at least.
+const LEAST_SPREAD: f32 = 0.6;
+
+/// Grey of the empty ground anywhere on a photo.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Ground {
+    /// Of 1, x, y, xx, xy, yy, with x and y from -1 to 1 over the photo.
+    coefficients: [f64; 6],
+    width: f64,
+    height: f64,
+    /// Mean over the photo.
+    pub(super) level: f32,
+}
+
+impl Ground {
+    /// The ground of a photo.
+    pub(super) fn of(grey: &Plane) -> Self {
+        let border = border(grey);
+        let mut values: Vec<f32> = border.iter().map(|&at| grey.values[at]).collect();
+        let level = percentile(&mut values, 0.5);
+        let (width, height) = (double(grey.width), double(grey.height));
+        let mut ground = Self { coefficients: [f64::from(level), 0.0, 0.0, 0.0, 0.0, 0.0], width, height, level };
+        for _ in 0..ROUNDS {
+            ground = ground.refitted(grey, border.iter().copied());
+        }
+        // Whatever lies near the border's surface is ground as well, and tells of the middle.
+        for _ in 0..ROUNDS {
+            ground = ground.refitted(grey, 0..grey.values.len());
+        }
+        let sum: f64 = (0..grey.height).map(|y| (0..grey.width).map(|x| ground.over(double(x), double(y))).sum::<f64>()).sum();
+        ground.level = narrow(sum / double(grey.values.len()));
+        ground
+    }
+
+    /// The grey at a place of the photo, in shares of its sides.
+    pub(super) fn at(&self, x: f32, y: f32) -> f32 {
+        narrow(self.over(f64::from(x) * self.width, f64::from(y) * self.height))
+    }
+
+    fn over(&self, x: f64, y: f64) -> f64 {
+        self.terms(x, y).iter().zip(self.coefficients).map(|(term, coefficient)| term * coefficient).sum()
+    }
+
+    fn terms(&self, x: f64, y: f64) -> [f64; 6] {
+        let (x, y) = (2.0 * x / self.width - 1.0, 2.0 * y / self.height - 1.0);
+        [1.0, x, y, x * x, x * y, y * y]
+    }
+
+    /// Least squares over some pixels, each the less weighty the farther it lies from this surface.
+    fn refitted(&self, grey: &Plane, pixels: impl Iterator<Item = usize> + Clone) -> Self {
+        let place = |at: usize| (double(at % grey.width), double(at / grey.width));
+        let off = |at: usize| {
+            let (x, y) = place(at);
+            f64::from(grey.values[at]) - self.over(x, y)
+        };
+        // The border is mostly ground, all of a photo may not be: of that, the quarter that lies nearest says how much it spreads.
+        let mut near: Vec<f32> = pixels.clone().map(|at| narrow(off(at).abs())).collect();
+        let whole_photo = near.len() == grey.values.len();
+        let spread = if whole_photo { 3.1 * percentile(&mut near, 0.25) } else { 1.48 * percentile(&mut near, 0.5) };
+        let scale = f64::from(2.0 * spread.max(LEAST_SPREAD));
+        let mut system = [[0.0; 7]; 6];
+        for at in pixels {
+            let (x, y) = place(at);
+            let weight = (1.0 + (off(at) / scale).powi(2)).powi(-2);
+            let terms = self.terms(x, y);
+            for (row, a) in system.iter_mut().zip(terms) {
+                for (cell, b) in row.iter_mut().zip(terms) {
+                    *cell += weight * a * b;
+                }
+                row[6] += weight * a * f64::from(grey.values[at]);
+            }
+        }
+        Self { coefficients: solved(system).unwrap_or(self.coefficients), ..*self }
+    }
+}
+
+/// Pixels near the photo's rim.
+pub(super) fn border(grey: &Plane) -> Vec<usize> {
+    let (width, height) = (grey.width, grey.height);
+    let deep = super::plane::whole(BORDER * super::plane::float(width.min(height))).max(2);
+    let is_border = |at: &usize| {
+        let (x, y) = (at % width, at / width);
+        x < deep || y < deep || x + deep >= width || y + deep >= height
+    };
+    (0..width * height).filter(is_border).collect()
+}
+
+/// Gauss's elimination with pivots; `None` where the equations don't determine all unknowns.
+fn solved(mut system: [[f64; 7]; 6]) -> Option<[f64; 6]> {
+    for column in 0..6 {
+        let pivot = (column..6).max_by(|&a, &b| system[a][column].abs().total_cmp(&system[b][column].abs()))?;
+        system.swap(column, pivot);
+        let row = system[column];
+        if row[column].abs() < 1e-9 {
+            return None;
+        }
+        for other in (0..6).filter(|&other| other != column) {
+            let share = system[other][column] / row[column];
+            system[other].iter_mut().zip(row).for_each(|(cell, own)| *cell -= share * own);
+        }
+    }
+    Some(std::array::from_fn(|i| system[i][6] / system[i][i]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_light_of_the_ground_is_found_behind_a_yarn() {
+        let light = |x: usize, y: usize| 90.0 + 0.2 * super::super::plane::float(x) - 0.1 * super::super::plane::float(y);
+        let photo = Plane::from_fn(120, 80, |x, y| if (30..55).contains(&y) { 220.0 } else { light(x, y) });
+        let ground = Ground::of(&photo);
+        for (x, y) in [(5, 5), (60, 40), (110, 70)] {
+            let found = ground.at(super::super::plane::float(x) / 120.0, super::super::plane::float(y) / 80.0);
+            assert!((found - light(x, y)).abs() < 1.0, "{found} at {x} {y}");
+        }
+    }
+}

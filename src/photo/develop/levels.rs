@@ -1,0 +1,100 @@
+//! Step 2, levels: the strip's grey, evened out and stretched.
+//!
+//! In: the strip, where it lies on the photo, the ground's light there. Out: a grey plane, 0..=255, with the ground flat. By default the greys between two
+//! percentiles are stretched to the whole range, which no colour of the maps takes part in. A chosen brightness or contrast takes
+//! the place of that, and changes the strip's colours as well: who turns these knobs wants another yarn. Cost: a pass for the grey, one for the percentiles.
+
+use image::RgbImage;
+
+use super::ground::Ground;
+use super::orient::Orientation;
+use super::plane::{Plane, byte, double, float, narrow, percentile};
+
+/// Shares of the pixels that may be clipped at the dark and at the light end.
+const CLIPPED: (f32, f32) = (0.005, 0.995);
+/// At most so many pixels are asked for the percentiles.
+const ASKED: usize = 1 << 20;
+/// Black and white are at least so far apart before they are stretched.
+const LEAST_RANGE: f32 = 4.0;
+
+/// Chosen levels: a share of white that is added, and a factor around middle grey.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Chosen {
+    pub(super) brightness: f32,
+    pub(super) contrast: f32,
+}
+
+/// What became of the greys: black and white before, in levels of the photo.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Range {
+    pub(super) black: f32,
+    pub(super) white: f32,
+}
+
+/// The strip's grey; changes its colours if levels were chosen.
+pub(super) fn levels(
+    strip: &mut RgbImage,
+    orientation: &Orientation,
+    photo: (u32, u32),
+    ground: &Ground,
+    chosen: Option<Chosen>,
+) -> (Plane, Range) {
+    let grey = Plane::grey(strip, 1);
+    let flat = Plane::from_fn(grey.width, grey.height, |x, y| {
+        let [px, py] = orientation.on_photo(double(x), double(y));
+        let share = |place: f64, size: u32| narrow((place + 0.5) / f64::from(size));
+        grey.at(x, y) - ground.at(share(px, photo.0), share(py, photo.1)) + ground.level
+    });
+    let range = match chosen {
+        Some(levels) => levels.range(),
+        None => stretch(&flat),
+    };
+    if chosen.is_some() {
+        strip.as_mut().iter_mut().for_each(|value| *value = byte(range.of(f32::from(*value))));
+    }
+    (flat.map(|value| range.of(value)), range)
+}
+
+impl Chosen {
+    fn range(self) -> Range {
+        // (g - 127.5) contrast + 127.5 + 255 brightness is 0 and 255 there.
+        let middle = 127.5 - 255.0 * self.brightness / self.contrast;
+        Range { black: middle - 127.5 / self.contrast, white: middle + 127.5 / self.contrast }
+    }
+}
+
+impl Range {
+    fn of(self, grey: f32) -> f32 {
+        ((grey - self.black) / (self.white - self.black) * 255.0).clamp(0.0, 255.0)
+    }
+}
+
+fn stretch(flat: &Plane) -> Range {
+    let step = flat.values.len().div_ceil(ASKED);
+    let mut asked: Vec<f32> = flat.values.iter().copied().step_by(step).collect();
+    let (black, white) = (percentile(&mut asked, CLIPPED.0), percentile(&mut asked, CLIPPED.1));
+    let more = (LEAST_RANGE - (white - black)).max(0.0) / float(2);
+    Range { black: black - more, white: white + more }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn chosen_levels_move_and_spread_the_greys() {
+        let plain = Chosen { brightness: 0.0, contrast: 1.0 }.range();
+        assert!((plain.of(40.0) - 40.0).abs() < 1e-4);
+        let both = Chosen { brightness: 0.1, contrast: 2.0 }.range();
+        assert!((both.of(127.5) - 153.0).abs() < 1e-3 && (both.of(137.5) - 173.0).abs() < 1e-3);
+        assert_eq!(both.of(250.0), 255.0);
+    }
+
+    #[test]
+    fn the_stretch_takes_nearly_all_greys_and_never_divides_by_nothing() {
+        let ramp = stretch(&Plane::from_fn(100, 10, |x, _| float(x)));
+        assert!(ramp.black < 2.0 && ramp.white > 97.0);
+        let flat = stretch(&Plane::from_fn(10, 10, |_, _| 7.0));
+        assert!((flat.of(7.0) - 127.5).abs() < 1e-3);
+    }
+}
