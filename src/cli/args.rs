@@ -37,7 +37,7 @@ impl Arguments {
             Command::Inspect(inspect) => Some(&inspect.chains),
             #[cfg(feature = "view")]
             Command::View(view) => Some(&view.shared.chains),
-            Command::Fabrics(_) => None,
+            Command::Fabrics(_) | Command::Yarn(_) => None,
         };
         if let Some(Chains { lapping, threading }) = chains
             && threading.len() > 1
@@ -90,6 +90,15 @@ Examples:
   warpknit fabrics
   warpknit fabrics locknit > my.toml && warpknit swatch --fabric my.toml")]
     Fabrics(Fabrics),
+    /// Turn a photo of a straight yarn on a plain ground into maps that tile
+    #[command(after_help = "The folder is for --texture: base_color.png, height.png, normal.png, roughness.png, metallic.png, ao.png and yarn.toml.
+sheet.png shows them with the photo and a swatch.
+
+Examples:
+  warpknit yarn photo.jpg --yarn-width-mm 0.4 -o my-yarn
+  warpknit yarn scan.png --dpi 2400 --crop 200,0,3000,800 -v -o my-yarn
+  warpknit swatch --shape ribbon --texture my-yarn -o swatch.png")]
+    Yarn(Yarn),
 }
 
 #[derive(Args, Debug)]
@@ -170,6 +179,43 @@ pub(crate) struct Fabrics {
     /// The fabric to print: a built-in one as its file is written, or a fabric file as it was understood
     #[arg(value_name = "NAME|FILE.toml")]
     pub(crate) name: Option<String>,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct Yarn {
+    /// A photo, .png or .jpg: one straight yarn on a plain ground, with ground on both sides
+    #[arg(value_name = "PHOTO")]
+    pub(crate) photo: PathBuf,
+    /// The folder for the maps
+    #[arg(short, long = "output", value_name = "DIR")]
+    pub(crate) output: PathBuf,
+    /// Look at this rectangle of the photo alone, pixels
+    #[arg(long, value_name = "X,Y,W,H", value_parser = rectangle, allow_hyphen_values = true)]
+    pub(crate) crop: Option<[u32; 4]>,
+    /// Add this share of white, -1 to 1, in place of the stretch of greys; the colours change too
+    #[arg(long, value_name = "B", value_parser = brightness, allow_negative_numbers = true)]
+    pub(crate) brightness: Option<f32>,
+    /// Multiply the distance from middle grey by this, .1 to 10, in place of the stretch; the colours change too
+    #[arg(long, value_name = "K", value_parser = contrast, allow_negative_numbers = true)]
+    pub(crate) contrast: Option<f32>,
+    /// The grey that splits yarn from ground, 1 to 254, after the levels [default: Otsu's]
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u8).range(1..=254))]
+    pub(crate) threshold: Option<u8>,
+    /// Pixels an inch, as of a scanner
+    #[arg(long, value_name = "DPI", value_parser = positive, allow_negative_numbers = true, conflicts_with = "yarn_width_mm")]
+    pub(crate) dpi: Option<f64>,
+    /// How wide the yarn is without its fuzz, which says how large a pixel is
+    #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true)]
+    pub(crate) yarn_width_mm: Option<f64>,
+    /// Say what each step decided
+    #[arg(short, long)]
+    pub(crate) verbose: bool,
+    /// Threads [default: all cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub(crate) threads: Option<u32>,
+    /// Say nothing but errors, the report, and with -v the decisions
+    #[arg(long)]
+    pub(crate) quiet: bool,
 }
 
 /// A lapping of one's own.
@@ -445,6 +491,26 @@ fn vector(text: &str) -> Result<DVec3, String> {
     }
 }
 
+fn rectangle(text: &str) -> Result<[u32; 4], String> {
+    let numbers: Option<Vec<u32>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
+    let sides = numbers.and_then(|numbers| <[u32; 4]>::try_from(numbers).ok());
+    sides.ok_or_else(|| "write x, y, width and height in pixels with commas, such as 100,50,800,300".to_owned())
+}
+
+fn brightness(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(share) if (-1.0..=1.0).contains(&share) => Ok(share),
+        _ => Err("it must be between -1 and 1".to_owned()),
+    }
+}
+
+fn contrast(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(factor) if (0.1..=10.0).contains(&factor) => Ok(factor),
+        _ => Err("it must be between 0.1 and 10".to_owned()),
+    }
+}
+
 fn finite(text: &str) -> Result<f64, String> {
     text.parse::<f64>().ok().filter(|number| number.is_finite()).ok_or_else(|| "it must be a number".to_owned())
 }
@@ -485,6 +551,9 @@ mod tests {
         assert!(size("0x4").is_err() && size("640").is_err() && size("99999x1").is_err());
         assert_eq!(vector("1,-2, 3.5"), Ok(DVec3::new(1.0, -2.0, 3.5)));
         assert!(vector("1,2").is_err() && vector("1,2,x").is_err() && vector("1,2,3,x").is_err());
+        assert_eq!(rectangle("1, 2,30,40"), Ok([1, 2, 30, 40]));
+        assert!(rectangle("1,2,3").is_err() && rectangle("1,2,3,-4").is_err() && rectangle("1,2,3,4,5").is_err());
+        assert!(brightness("-2").is_err() && contrast("0").is_err() && contrast("1.5").is_ok());
         assert!(positive("0").is_err() && positive("nan").is_err() && positive("inf").is_err());
     }
 }

@@ -14,11 +14,12 @@ pub(crate) enum Task {
     Locate,
     Map,
     Surface,
+    Develop,
     Render,
     Write,
 }
 
-const TASKS: usize = 8;
+const TASKS: usize = 9;
 
 /// A stopwatch that is always running for exactly one task, or none.
 #[derive(Debug)]
@@ -46,6 +47,7 @@ impl Clock {
         self.running = Some(task);
         self.bar.set_message(match task {
             Task::Read => "reading",
+            Task::Develop => "developing",
             Task::Render => "rendering",
             Task::Write => "writing",
             _ => "knitting",
@@ -66,6 +68,11 @@ impl Clock {
     pub(crate) fn progress(&self) -> impl Fn(f32) + Sync + use<> {
         let bar = self.bar.clone();
         move |done| show(&bar, f64::from(done))
+    }
+
+    /// Says something on stderr that stays above the bar.
+    pub(crate) fn aside(&self, message: &str) {
+        self.bar.suspend(|| super::tell(false, message));
     }
 
     /// Removes the bar.

@@ -2,6 +2,7 @@
 
 mod args;
 mod clock;
+mod contact;
 mod fabrics;
 mod inspect;
 mod make;
@@ -10,6 +11,7 @@ mod pictures;
 mod sheet;
 #[cfg(feature = "view")]
 mod view;
+mod yarn;
 
 use std::io::{self, Write};
 
@@ -27,6 +29,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         Command::View(live) => view::view(live),
         Command::Inspect(inspect) => inspect::inspect(&inspect),
         Command::Fabrics(fabrics) => fabrics::fabrics(&fabrics),
+        Command::Yarn(arguments) => yarn::yarn(&arguments),
     }
 }
 

@@ -30,3 +30,4 @@ mod ribbon;
 #[cfg(all(feature = "view", target_os = "linux"))]
 mod view;
 mod weft;
+mod yarn_photo;

@@ -191,7 +191,7 @@ pub fn develop(
 
     let threshold = settings.threshold.map_or_else(|| otsu(&grey), f32::from);
     let yarn = binarise(&grey, threshold, orientation.light_ground);
-    orient::check_share(&yarn, "choose another --threshold, or leave it out")?;
+    orient::check_share(yarn.share(), "choose another --threshold, or leave it out")?;
     let kind = if orientation.light_ground { "light" } else { "dark" };
     let percent = 100.0 * yarn.share();
     decided(Step::Binarise, &format!("threshold {threshold:.1} before a {kind} ground, {percent:.1} % of the strip is yarn"));

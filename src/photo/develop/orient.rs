@@ -87,10 +87,10 @@ pub(super) fn orient(photo: &RgbImage) -> Result<(Orientation, Ground), DevelopE
 }
 
 /// The yarn's pixels, and whether the ground is the lighter.
-fn yarn(grey: &Plane, ground: &Ground) -> Result<(Mask, bool), DevelopError> {
+fn yarn(grey: &Plane, light: &Ground) -> Result<(Mask, bool), DevelopError> {
     let (columns, rows) = (float(grey.width), float(grey.height));
     let smooth = grey.blurred(1, false);
-    let off = Plane::from_fn(grey.width, grey.height, |x, y| smooth.at(x, y) - ground.at(float(x) / columns, float(y) / rows));
+    let off = Plane::from_fn(grey.width, grey.height, |x, y| smooth.at(x, y) - light.at(float(x) / columns, float(y) / rows));
     let (low, high) = off.values.iter().fold((f32::MAX, f32::MIN), |(low, high), &v| (low.min(v), high.max(v)));
     if high - low < LEAST_CONTRAST {
         return Err(DevelopError::Blank { contrast: high - low });
@@ -106,13 +106,21 @@ fn yarn(grey: &Plane, ground: &Ground) -> Result<(Mask, bool), DevelopError> {
         return Err(DevelopError::Blank { contrast });
     }
     let mask = binarise(&stretched, threshold, light_ground).largest();
-    check_share(&mask, "take it nearer, on a plain ground, or choose it with --crop")?;
+    // Smoothing makes a thread of one pixel thrice as wide.
+    let ground = split.ground(light_ground).0 / scale + low;
+    let is_yarn = |at: &usize| {
+        let (x, y) = (at % grey.width, at / grey.width);
+        let off = grey.at(x, y) - light.at(float(x) / columns, float(y) / rows);
+        mask.set[*at] && (off - ground).abs() >= 0.5 * contrast
+    };
+    let share = float((0..mask.set.len()).filter(is_yarn).count()) / float(mask.set.len());
+    check_share(share, "take it nearer, on a plain ground, or choose it with --crop")?;
     Ok((mask, light_ground))
 }
 
 /// Refuses what takes too little or too much of a picture.
-pub(super) fn check_share(mask: &Mask, remedy: &'static str) -> Result<(), DevelopError> {
-    let (percent, (least, most)) = (100.0 * mask.share(), SHARES);
+pub(super) fn check_share(share: f32, remedy: &'static str) -> Result<(), DevelopError> {
+    let (percent, (least, most)) = (100.0 * share, SHARES);
     if (least..=most).contains(&percent) { Ok(()) } else { Err(DevelopError::NoYarn { percent, least, most, remedy }) }
 }
 
@@ -385,7 +393,8 @@ mod tests {
         let error = |of: &dyn Fn(u32, u32) -> u8| orient(&RgbImage::from_fn(300, 200, |x, y| Rgb([of(x, y); 3]))).unwrap_err();
         assert!(matches!(error(&|_, _| 90), DevelopError::Blank { .. }));
         assert!(matches!(error(&|x, y| 90 + (x * 31 + y * 17 + x * y) as u8 % 11), DevelopError::Blank { .. }));
-        assert!(matches!(error(&|_, y| if y == 100 { 200 } else { 20 }), DevelopError::NoYarn { .. }));
+        let thread = RgbImage::from_fn(300, 260, |_, y| Rgb([if y == 100 { 200 } else { 20 }; 3]));
+        assert!(matches!(orient(&thread).unwrap_err(), DevelopError::NoYarn { .. }));
         assert!(matches!(error(&|x, y| if x.abs_diff(150) + y.abs_diff(100) < 60 { 200 } else { 20 }), DevelopError::NotLong { .. }));
         assert!(matches!(error(&|_, y| if y < 40 { 200 } else { 20 }), DevelopError::LeavesThroughSide { .. }));
     }

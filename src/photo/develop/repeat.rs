@@ -153,6 +153,7 @@ fn summit(curve: &[f32], peak: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::render::ply::hash;
     use image::Rgba;
     use std::f64::consts::TAU;
 
@@ -180,7 +181,7 @@ mod tests {
 
     #[test]
     fn a_yarn_without_plies_gets_a_stretch_all_the_same() {
-        let hashed = |x: f64, y: f64| ((x * 127.1 + y * 311.7).sin() * 43758.5).fract();
+        let hashed = |x: f64, y: f64| f64::from(hash(side(whole(narrow(x + 1000.0 * y)))) >> 16) / 32_768.0 - 1.0;
         let found = repeat(&strip(300, hashed), 20.0, 36.0);
         assert!(!found.is_found && found.length >= 72.0 && found.length <= 180.0, "{found:?}");
         assert!(!repeat(&strip(300, |_, _| 0.0), 20.0, 36.0).is_found);

@@ -1,0 +1,116 @@
+//! `warpknit yarn`: a photo of a yarn to a folder of maps, with a contact sheet of everything that was made.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use anyhow::{Context, Result, bail};
+use rayon::ThreadPoolBuilder;
+use warpknit::export::{OutputFolder, png};
+use warpknit::photo::develop::{Developed, FILES, Scale, Settings, Step, develop, save};
+use warpknit::photo::{read_maps, read_photo};
+
+use super::args::Yarn;
+use super::clock::{Clock, Task};
+use super::contact::{self, SWATCH_YARN_WIDTH};
+use super::{print, tell};
+
+/// Share of the progress bar that the steps take; the sheet's swatch takes most of the rest.
+const STEPS_SHARE: f64 = 0.6;
+
+/// Develops a photo. The folder is seen only when all of it is whole.
+pub(crate) fn yarn(arguments: &Yarn) -> Result<()> {
+    if let Some(threads) = arguments.threads {
+        ThreadPoolBuilder::new().num_threads(threads as usize).build_global().context("can't start the threads")?;
+    }
+    let mut clock = Clock::start(arguments.quiet);
+    clock.begin(Task::Read, 0.0);
+    check_names(arguments)?;
+    let folder = OutputFolder::create(&arguments.output)?;
+    let photo = read_photo(&arguments.photo)?;
+    let mut steps = 0;
+    clock.begin(Task::Develop, 0.0);
+    let mut decided = |step: Step, decision: &str| {
+        steps += 1;
+        if arguments.verbose {
+            clock.aside(&format!("{:9}{decision}", step.name()));
+        }
+        clock.begin(Task::Develop, STEPS_SHARE * f64::from(steps) / Step::ALL.len() as f64);
+    };
+    let yarn = develop(&photo, &arguments.settings(), &mut decided).with_context(|| arguments.photo.display().to_string())?;
+    clock.begin(Task::Write, STEPS_SHARE);
+    save(&yarn, &folder)?;
+    // The swatch wears what was written, so that the sheet shows what others will read.
+    let maps = read_maps(&folder.file(""), SWATCH_YARN_WIDTH)?;
+    clock.begin(Task::Render, STEPS_SHARE);
+    let shown = clock.progress();
+    let swatch = contact::swatch(maps, &yarn, &|done| shown(STEPS_SHARE as f32 + (1.0 - STEPS_SHARE as f32) * done))?;
+    clock.begin(Task::Write, 1.0);
+    png::write(&folder.file("sheet.png"), &contact::sheet(&photo, &yarn, &swatch))?.publish()?;
+    folder.publish()?;
+    clock.stop();
+    clock.clear();
+    notes(&yarn).iter().for_each(|note| tell(arguments.quiet, &format!("note: {}: {note}", arguments.photo.display())));
+    tell(arguments.quiet, &format!("{} maps: {}", FILES.len() - 2, arguments.output.display()));
+    print(&report(&yarn))
+}
+
+impl Yarn {
+    fn settings(&self) -> Settings {
+        let scale = match (self.dpi, self.yarn_width_mm) {
+            (Some(dpi), _) => Scale::Dpi(dpi),
+            (None, Some(width)) => Scale::YarnWidth(width),
+            (None, None) => Scale::Unknown,
+        };
+        let Self { crop, brightness, contrast, threshold, .. } = *self;
+        Settings { crop, brightness, contrast, threshold, scale }
+    }
+}
+
+/// Refuses to write over the photo.
+fn check_names(arguments: &Yarn) -> Result<()> {
+    let place = |path: &Path| path.canonicalize().ok();
+    let photo = place(&arguments.photo);
+    for file in FILES {
+        let target = arguments.output.join(file);
+        if photo.is_some() && place(&target) == photo {
+            bail!("{}: this is the photo, and would be written over; name another folder with -o", target.display());
+        }
+    }
+    Ok(())
+}
+
+/// What whoever uses the maps should know.
+fn notes(yarn: &Developed) -> Vec<String> {
+    let mut notes = Vec::new();
+    if yarn.mm_per_pixel.is_none() {
+        notes.push("nothing says how large the yarn is, so the maps take the width of the fabric's yarn; give --yarn-width-mm or --dpi".to_owned());
+    }
+    if !yarn.repeat.is_found {
+        let correlation = yarn.repeat.correlation;
+        notes.push(format!("no repeat was found (correlation {correlation:.2}); the maps show a stretch that fits itself, as good for spun yarns"));
+    }
+    notes
+}
+
+/// A line a number, its name first.
+fn report(yarn: &Developed) -> String {
+    let mm = |pixels: f64| yarn.mm_per_pixel.map_or_else(String::new, |scale| format!(", {:.4} mm", pixels * scale));
+    let (width, height) = yarn.base.dimensions();
+    let rows = [
+        ("yarn", yarn.orientation.to_string()),
+        ("threshold", format!("{:.1} of 255", yarn.threshold)),
+        ("yarn width", format!("{:.2} pixels{}", yarn.yarn_width, mm(yarn.yarn_width))),
+        ("repeat", format!("{}{}", yarn.repeat, mm(yarn.repeat.length))),
+        ("seam", format!("{}, gradient energy {:.2} of the rest's", yarn.seam, yarn.seam.energy)),
+        ("maps", format!("{width} x {height} texels, {} wide with the fuzz", wide(yarn))),
+        ("e", yarn.mapping_coefficient().map_or_else(|| "-".to_owned(), |e| format!("{e:.4} repeats a mm"))),
+    ];
+    rows.iter().fold(String::new(), |mut text, (name, value)| {
+        writeln!(text, "{name:12}{value}").expect("a string takes any text");
+        text
+    })
+}
+
+fn wide(yarn: &Developed) -> String {
+    yarn.width().map_or_else(|| format!("{:.2} yarns", f64::from(yarn.base.height()) / yarn.yarn_width), |mm| format!("{mm:.4} mm"))
+}
