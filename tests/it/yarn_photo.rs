@@ -126,7 +126,7 @@ impl Yarn {
         });
         let (height, off, ply) = near.max_by(|a, b| a.0.total_cmp(&b.0))?;
         let normal = [off / self.ply, (1.0 - (off / self.ply).powi(2)).sqrt()];
-        let lit = 0.5 + 0.5 * (-0.3 * normal[0] + 0.95 * normal[1]).max(0.0);
+        let lit = 0.55 + 0.45 * (-0.3 * normal[0] + 0.95 * normal[1]).max(0.0);
         let open = 0.75 + 0.25 * (height / (self.helix + self.ply)).clamp(0.0, 1.0);
         let angle = normal[0].asin();
         let cell = |value: f64| (value + 1000.0) as u32;
@@ -148,7 +148,7 @@ impl Yarn {
         let mut truth = Vec::new();
         let mut photo = RgbImage::new(width, height);
         for (x, y, pixel) in photo.enumerate_pixels_mut() {
-            let (mut color, mut share) = ([0.0; 3], 0.0);
+            let (mut color, mut share) = ([0.0; 3], 0.0_f64);
             for (dx, dy) in [(-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25)] {
                 let seen = self.at(f64::from(x) + dx, f64::from(y) + dy);
                 color.iter_mut().zip(seen.color).for_each(|(sum, value)| *sum += 0.25 * value);

@@ -57,6 +57,11 @@ impl Split {
         Self { threshold, medians: [lower.0, upper.0], spreads: [lower.1, upper.1] }
     }
 
+    /// How far the classes lie from each other.
+    pub(super) fn contrast(&self) -> f32 {
+        self.medians[1] - self.medians[0]
+    }
+
     /// Median of the ground's class and how much it spreads.
     pub(super) fn ground(&self, is_light: bool) -> (f32, f32) {
         let class = usize::from(is_light);

@@ -100,7 +100,7 @@ fn yarn(grey: &Plane, light: &Ground) -> Result<(Mask, bool), DevelopError> {
     let threshold = otsu(&stretched);
     let split = Split::at(threshold, &stretched);
     let light_ground = is_light(&stretched, &border(grey), threshold);
-    let contrast = (split.medians[1] - split.medians[0]) / scale;
+    let contrast = split.contrast() / scale;
     let (_, spread) = split.ground(light_ground);
     if contrast < LEAST_CONTRAST || contrast * scale < LEAST_DISTANCE * spread {
         return Err(DevelopError::Blank { contrast });

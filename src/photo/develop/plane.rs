@@ -104,6 +104,16 @@ impl Mask {
         float(self.set.iter().filter(|&&set| set).count()) / float(self.set.len().max(1))
     }
 
+    /// Its pixels, as places in the rows one after another.
+    pub(super) fn pixels(&self) -> impl Iterator<Item = usize> {
+        (0..self.set.len()).filter(|&at| self.set[at])
+    }
+
+    pub(super) fn or(&self, other: &Self) -> Self {
+        let set = self.set.iter().zip(&other.set).map(|(a, b)| *a || *b).collect();
+        Self { set, ..*self }
+    }
+
     /// What is linked to the pixels of `seeds`, diagonally too.
     pub(super) fn linked_to(&self, seeds: impl Iterator<Item = usize>) -> Self {
         let mut found = vec![false; self.set.len()];

@@ -6,7 +6,7 @@
 //! The unit begins where the yarn and its continuation one repeat on differ least. Behind its end the strip goes on; that overlap is laid over the unit's
 //! beginning, either cut along the path on which both differ least (image quilting: Efros and Freeman 2001, solved row by row) or blended across.
 //! The seam error compares the energy of gradients along the yarn in the joint with the rest's: 0 where they are the same. More is a break, and
-//! counts in full; less is a soft patch, and counts half. Whichever way leaves less is taken. Cost: some passes over the unit, 16 bytes a texel.
+//! counts in full, at the very ends too; less is a soft patch, and counts half. Whichever way leaves less is taken. Cost: some passes over the unit, 16 bytes a texel.
 //! The colours below the fuzz close around a tube before they come here (see `light`).
 
 use glam::Vec4;
@@ -18,7 +18,7 @@ use super::plane::{double, float, narrow, side, whole};
 /// Length of the overlap as a share of the unit, at most.
 const OVERLAP: f64 = 0.25;
 /// Beginnings that are tried in full: the best of all, kept apart from each other by an overlap.
-const TRIED: usize = 4;
+const TRIED: usize = 16;
 /// Energy that noise of half a grey level has, a texel.
 const LEAST_ENERGY: f32 = 1e-5;
 
@@ -40,7 +40,7 @@ pub struct Seam {
     pub error: f32,
     /// The least errors of a cut and of a blend.
     pub errors: [f32; 2],
-    /// Energy of the gradients along the yarn in the joint, over that of the rest.
+    /// Energy of the gradients along the yarn in the joint or at the unit's very ends, whichever is more, over that of the rest.
     pub energy: f32,
     /// Where on the strip the unit begins, pixels.
     pub start: f64,
@@ -68,8 +68,8 @@ pub(super) fn seamless(strip: &RgbaImage, length: f64) -> (RgbaImage, Seam) {
         let source = sampled(strip, start, length / double(width), width + overlap);
         for (at, method) in [Method::Cut, Method::Blend].into_iter().enumerate() {
             let unit = joined(&source, width, method);
-            let energy = energy(&unit, overlap);
-            let error = energy.ln().max(-0.5 * energy.ln());
+            let [joint, ends] = energies(&unit, overlap);
+            let (energy, error) = (joint.max(ends), joint.ln().max(-0.5 * joint.ln()).max(ends.ln()));
             errors[at] = errors[at].min(error);
             if best.as_ref().is_none_or(|(_, seam)| error < seam.error) {
                 best = Some((unit, Seam { method, error, errors, energy, start, overlap }));
@@ -181,19 +181,20 @@ fn path(source: &Unit, width: usize) -> Vec<usize> {
     path
 }
 
-/// Energy of the gradients along the yarn where the unit was joined, over that elsewhere.
-fn energy(unit: &Unit, overlap: usize) -> f32 {
+/// Energy of the gradients along the yarn all over the joint, and where one unit meets the next, over that elsewhere.
+fn energies(unit: &Unit, overlap: usize) -> [f32; 2] {
     let step = |x: usize| {
         let pairs = (0..unit.height).map(|y| (y * unit.width + x, y * unit.width + (x + 1) % unit.width));
         pairs.map(|(a, b)| f64::from((unit.texels[b] - unit.texels[a]).length_squared())).sum::<f64>()
     };
     let steps: Vec<f64> = (0..unit.width).into_par_iter().map(step).collect();
-    let is_joint = |x: usize| x <= overlap || x + 1 == unit.width;
-    let mean = |joint: bool| {
-        let own: Vec<f64> = (0..unit.width).filter(|&x| is_joint(x) == joint).map(|x| steps[x]).collect();
+    let mean = |of: &dyn Fn(usize) -> bool| {
+        let own: Vec<f64> = (0..unit.width).filter(|&x| of(x)).map(|x| steps[x]).collect();
         narrow(own.iter().sum::<f64>() / double(own.len().max(1) * unit.height)) + LEAST_ENERGY
     };
-    mean(true) / mean(false)
+    let is_joint = |x: usize| x <= overlap || x + 1 == unit.width;
+    let rest = mean(&|x| !is_joint(x));
+    [mean(&is_joint) / rest, mean(&|x| x == 0 || x + 2 >= unit.width) / rest]
 }
 
 impl Unit {
