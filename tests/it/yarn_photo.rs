@@ -131,7 +131,7 @@ impl Yarn {
         let angle = normal[0].asin();
         let cell = |value: f64| (value + 1000.0) as u32;
         let stray = random(self.seed ^ (cell(along / 2.0) * 7919 + cell(angle * 6.0 + along * 0.1) * 104_729 + ply));
-        let fibre = 1.0 + 0.05 * (12.0 * angle + TAU * along / self.turn * 4.0).sin() + 0.10 * (stray - 0.5);
+        let fibre = 1.0 + 0.05 * (12.0 * angle + TAU * along / self.turn * 2.0 * f64::from(self.plies)).sin() + 0.10 * (stray - 0.5);
         let color = match (self.light_ground, self.mixed && ply == 0) {
             (false, false) => [236.0, 226.0, 200.0],
             (false, true) => [190.0, 120.0, 110.0],
