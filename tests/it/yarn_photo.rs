@@ -249,7 +249,7 @@ fn errors(yarn: &Yarn) -> Result<Errors, String> {
     let (seam, joint) = seams(&found);
     Ok(Errors {
         tilt_degrees: (found.orientation.angle.to_degrees() - yarn.degrees).abs(),
-        width: (found.yarn_width / yarn.width() - 1.0).abs(),
+        width: found.yarn_width / yarn.width() - 1.0,
         repeat: (found.repeat.length / yarn.repeat() - 1.0).abs(),
         overlap: overlap(&found, &truth, yarn.size),
         seam,
@@ -278,7 +278,7 @@ fn seams(found: &Developed) -> (f64, f64) {
     let step = |x: usize| {
         let texel = |x: usize, y: u32| {
             let texel = tiled.get_pixel(x as u32, y).0.map(|byte| f64::from(byte) / 255.0);
-            [texel[0] * texel[3], texel[1] * texel[3], texel[2] * texel[3]]
+            [texel[0] * texel[3], texel[1] * texel[3], texel[2] * texel[3], texel[3]]
         };
         let pair = |y: u32| texel(x, y).iter().zip(texel(x + 1, y)).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
         (0..tiled.height()).map(pair).sum::<f64>()
@@ -301,7 +301,7 @@ fn yarns_are_found_as_they_were_drawn() {
     let mut wrong = Vec::new();
     for (yarn, errors) in &found {
         let is_right = errors.as_ref().is_ok_and(|e| {
-            e.tilt_degrees < 0.5 && e.width < 0.03 && e.repeat < 0.02 && e.overlap > 0.95 && e.seam < 1.2 && e.joint < 1.2
+            e.tilt_degrees < 0.5 && e.width.abs() < 0.03 && e.repeat < 0.02 && e.overlap > 0.95 && e.seam < 1.2 && e.joint < 1.2
         });
         if !is_right {
             wrong.push(format!("{errors:.3?} of {yarn:.2?}, {:.2} wide, repeat {:.2}", yarn.width(), yarn.repeat()));
@@ -311,7 +311,7 @@ fn yarns_are_found_as_they_were_drawn() {
     println!(
         "worst of {PHOTOS}: tilt {:.3} degrees, width {:.2} %, repeat {:.2} %, mask IoU {:.4}, seam {:.3}, joint {:.3}",
         worst(|e| e.tilt_degrees),
-        100.0 * worst(|e| e.width),
+        100.0 * worst(|e| e.width.abs()),
         100.0 * worst(|e| e.repeat),
         1.0 - worst(|e| 1.0 - e.overlap),
         worst(|e| e.seam),

@@ -24,8 +24,11 @@ const SMOOTHING: f32 = 3.0;
 const NEAR: f64 = 0.06;
 /// Half the thickness of what is a fibre and no ply, in widths of the yarn.
 const FIBRE: f64 = 0.05;
-/// Pixels at the body's rim that show ground too.
+/// Pixels at the body's rim that show ground too, and pixels below them that are asked.
 const RIM: usize = 2;
+const RING: usize = 2;
+/// Share of the yarn's pixels that differ less from the ground than its fibres do.
+const FIBRE_SHARE: f32 = 0.8;
 
 /// A yarn without its ground.
 #[derive(Clone, Debug, PartialEq)]
@@ -84,19 +87,27 @@ fn core(yarn: &Mask) -> Mask {
     if core.set.contains(&true) { core.largest().filled() } else { yarn.filled() }
 }
 
-/// How far a pixel that is yarn alone would be from the ground: by the core's inside near by, or `contrast` where there is none.
+/// How far a pixel that is yarn alone would be from the ground: by the core's flank near by. Fibres that
+/// stand off are lit from all around, as the yarn's brighter parts are.
 fn full_yarn(off: &Plane, core: &Mask, contrast: f32) -> Plane {
     let (width, _) = extent(core);
     let radius = whole(narrow(NEAR * width)).max(1);
     let inside = (0..RIM).fold(core.clone(), |mask, _| mask.eroded());
-    let near = (0..RIM).fold(core.clone(), |mask, _| mask.dilated());
-    let weight = |x: usize, y: usize| if inside.at(x, y) { 1.0 } else { 0.0 };
+    let deep = (0..RING).fold(inside.clone(), |mask, _| mask.eroded());
+    let near = core.dilated();
+    let mut yarn: Vec<f32> = core.pixels().map(|at| off.values[at]).collect();
+    let bright = percentile(&mut yarn, FIBRE_SHARE).max(contrast);
+    let weight = |x: usize, y: usize| if inside.at(x, y) && !deep.at(x, y) { 1.0 } else { 0.0 };
     let weights = Plane::from_fn(off.width, off.height, weight).blurred(radius, false);
     let sums = Plane::from_fn(off.width, off.height, |x, y| weight(x, y) * off.at(x, y)).blurred(radius, false);
     Plane::from_fn(off.width, off.height, |x, y| {
         let weight = weights.at(x, y);
+        // Below the flank all is yarn, whatever it looks like.
+        if deep.at(x, y) {
+            return off.at(x, y).max(LEAST_CONTRAST);
+        }
         let is_near = near.at(x, y) && weight > 1e-3;
-        if is_near { (sums.at(x, y) / weight).max(LEAST_CONTRAST * contrast) } else { contrast }
+        if is_near { (sums.at(x, y) / weight).max(LEAST_CONTRAST * contrast) } else { bright }
     })
 }
 

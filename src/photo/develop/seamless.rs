@@ -3,7 +3,7 @@
 //! In: the flattened strip and the repeat's length. Out: the unit, resampled so that the repeat is a whole number of texels, and [`Seam`], how it was
 //! closed and how well.
 //!
-//! The unit begins where the yarn and its continuation one repeat on differ least. Behind its end the strip goes on; that overlap is laid over the unit's
+//! At every phase of the repeat the unit may begin where the yarn and its continuation one repeat on differ least. Behind its end the strip goes on; that overlap is laid over the unit's
 //! beginning, either cut along the path on which both differ least (image quilting: Efros and Freeman 2001, solved row by row) or blended across.
 //! The seam error compares the energy of gradients along the yarn in the joint with the rest's: 0 where they are the same. More is a break, and
 //! counts in full, at the very ends too; less is a soft patch, and counts half. Whichever way leaves less is taken. Cost: some passes over the unit, 16 bytes a texel.
@@ -15,10 +15,10 @@ use rayon::prelude::*;
 
 use super::plane::{double, float, narrow, side, whole};
 
-/// Length of the overlap as a share of the unit, at most.
-const OVERLAP: f64 = 0.25;
-/// Beginnings that are tried in full: the best of all, kept apart from each other by an overlap.
-const TRIED: usize = 16;
+/// Lengths of overlaps that are tried, as shares of the unit.
+const OVERLAPS: [f64; 2] = [0.25, 0.1];
+/// Beginnings that are tried in full: the best one in each such share of a repeat, for the joint to lie wherever in it is best.
+const TRIED: usize = 12;
 /// Energy that noise of half a grey level has, a texel.
 const LEAST_ENERGY: f32 = 1e-5;
 
@@ -61,18 +61,20 @@ pub(super) fn seamless(strip: &RgbaImage, length: f64) -> (RgbaImage, Seam) {
     let columns = strip.width() as usize;
     let width = whole(narrow(length.round())).clamp(1, columns);
     let room = double(columns - 1) - length;
-    let overlap = whole(narrow((OVERLAP * length).min(room - 1.0).max(1.0)));
     let mut best: Option<(Unit, Seam)> = None;
     let mut errors = [f32::MAX; 2];
-    for start in beginnings(strip, length, overlap) {
-        let source = sampled(strip, start, length / double(width), width + overlap);
-        for (at, method) in [Method::Cut, Method::Blend].into_iter().enumerate() {
-            let unit = joined(&source, width, method);
-            let [joint, ends] = energies(&unit, overlap);
-            let (energy, error) = (joint.max(ends), joint.ln().max(-0.5 * joint.ln()).max(ends.ln()));
-            errors[at] = errors[at].min(error);
-            if best.as_ref().is_none_or(|(_, seam)| error < seam.error) {
-                best = Some((unit, Seam { method, error, errors, energy, start, overlap }));
+    for share in OVERLAPS {
+        let overlap = whole(narrow((share * length).max(2.0).min(room - 1.0).max(1.0)));
+        for start in beginnings(strip, length, overlap) {
+            let source = sampled(strip, start, length / double(width), width + overlap);
+            for (at, method) in [Method::Cut, Method::Blend].into_iter().enumerate() {
+                let unit = joined(&source, width, method);
+                let [joint, ends] = energies(&unit, overlap);
+                let (energy, error) = (joint.max(ends), joint.ln().max(-0.5 * joint.ln()).max(ends.ln()));
+                errors[at] = errors[at].min(error);
+                if best.as_ref().is_none_or(|(_, seam)| error < seam.error) {
+                    best = Some((unit, Seam { method, error, errors, energy, start, overlap }));
+                }
             }
         }
     }
@@ -80,7 +82,7 @@ pub(super) fn seamless(strip: &RgbaImage, length: f64) -> (RgbaImage, Seam) {
     (unit.picture(), Seam { errors, ..seam })
 }
 
-/// Where on the strip a unit might begin, best first.
+/// Where on the strip a unit might begin.
 fn beginnings(strip: &RgbaImage, length: f64, overlap: usize) -> Vec<f64> {
     let last = whole(narrow(double(strip.width() as usize - 1) - length - double(overlap)));
     let differences: Vec<f64> = (0..=last + overlap)
@@ -90,16 +92,16 @@ fn beginnings(strip: &RgbaImage, length: f64, overlap: usize) -> Vec<f64> {
             (0..strip.height()).map(|y| f64::from((texel(strip, double(x), y) - texel(strip, on, y)).length_squared())).sum()
         })
         .collect();
-    let mut candidates: Vec<(f64, usize)> =
-        (0..=last).map(|start| (differences[start..start + overlap].iter().sum(), start)).collect();
-    candidates.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut chosen: Vec<usize> = Vec::new();
-    for (_, start) in candidates {
-        if chosen.len() < TRIED && chosen.iter().all(|other| other.abs_diff(start) >= overlap) {
-            chosen.push(start);
+    let mut chosen: [Option<(f64, usize)>; TRIED] = [None; TRIED];
+    for start in 0..=last {
+        let difference: f64 = differences[start..start + overlap].iter().sum();
+        let phase = (double(start) / length).fract();
+        let slot = &mut chosen[whole(narrow(phase * double(TRIED))).min(TRIED - 1)];
+        if slot.is_none_or(|(least, _)| difference < least) {
+            *slot = Some((difference, start));
         }
     }
-    chosen.into_iter().map(double).collect()
+    chosen.into_iter().flatten().map(|(_, start)| double(start)).collect()
 }
 
 /// Colour by alpha, and alpha, between two pixels of a row.
