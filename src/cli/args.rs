@@ -91,13 +91,15 @@ Examples:
   warpknit fabrics locknit > my.toml && warpknit swatch --fabric my.toml")]
     Fabrics(Fabrics),
     /// Turn a photo of a straight yarn on a plain ground into maps that tile
-    #[command(after_help = "The folder is for --texture: base_color.png, height.png, normal.png, roughness.png, metallic.png, ao.png and yarn.toml.
+    #[command(
+        after_help = "The folder is for --texture: base_color.png, height.png, normal.png, roughness.png, metallic.png, ao.png and yarn.toml.
 sheet.png shows them with the photo and a swatch.
 
 Examples:
   warpknit yarn photo.jpg --yarn-width-mm 0.4 -o my-yarn
   warpknit yarn scan.png --dpi 2400 --crop 200,0,3000,800 -v -o my-yarn
-  warpknit swatch --shape ribbon --texture my-yarn -o swatch.png")]
+  warpknit swatch --shape ribbon --texture my-yarn -o swatch.png"
+    )]
     Yarn(Yarn),
 }
 

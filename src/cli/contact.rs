@@ -3,7 +3,7 @@
 use anyhow::Result;
 use glam::DVec2;
 use image::imageops::{self, FilterType};
-use image::{DynamicImage, GrayImage, Rgba, RgbImage, RgbaImage};
+use image::{DynamicImage, GrayImage, RgbImage, Rgba, RgbaImage};
 use warpknit::chart::{Anchor, Drawing, Layer, Shape as Mark, TextSize, png};
 use warpknit::drape::picture;
 use warpknit::fabric::Fabric;

@@ -83,11 +83,16 @@ fn check_names(arguments: &Yarn) -> Result<()> {
 fn notes(yarn: &Developed) -> Vec<String> {
     let mut notes = Vec::new();
     if yarn.mm_per_pixel.is_none() {
-        notes.push("nothing says how large the yarn is, so the maps take the width of the fabric's yarn; give --yarn-width-mm or --dpi".to_owned());
+        notes.push(
+            "nothing says how large the yarn is, so the maps take the width of the fabric's yarn; give --yarn-width-mm or --dpi"
+                .to_owned(),
+        );
     }
     if !yarn.repeat.is_found {
         let correlation = yarn.repeat.correlation;
-        notes.push(format!("no repeat was found (correlation {correlation:.2}); the maps show a stretch that fits itself, as good for spun yarns"));
+        notes.push(format!(
+            "no repeat was found (correlation {correlation:.2}); the maps show a stretch that fits itself, as good for spun yarns"
+        ));
     }
     notes
 }
@@ -112,5 +117,6 @@ fn report(yarn: &Developed) -> String {
 }
 
 fn wide(yarn: &Developed) -> String {
-    yarn.width().map_or_else(|| format!("{:.2} yarns", f64::from(yarn.base.height()) / yarn.yarn_width), |mm| format!("{mm:.4} mm"))
+    yarn.width()
+        .map_or_else(|| format!("{:.2} yarns", f64::from(yarn.base.height()) / yarn.yarn_width), |mm| format!("{mm:.4} mm"))
 }

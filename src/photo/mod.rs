@@ -22,7 +22,7 @@ use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 use image::imageops::{FilterType, resize};
-use image::{DynamicImage, ImageBuffer, ImageReader, Limits, Luma, Rgba, RgbImage, RgbaImage};
+use image::{DynamicImage, ImageBuffer, ImageReader, Limits, Luma, RgbImage, Rgba, RgbaImage};
 use serde::Deserialize;
 
 pub use error::PhotoError;

@@ -5,9 +5,9 @@ use std::path::Path;
 
 use assert_cmd::Command;
 use image::codecs::jpeg::JpegEncoder;
-use image::{DynamicImage, ImageReader, Rgb, RgbImage, RgbaImage};
+use image::{ImageReader, Rgb, RgbImage, RgbaImage};
 use rayon::prelude::*;
-use warpknit::photo::develop::{Developed, Scale, Settings, develop, save};
+use warpknit::photo::develop::{Developed, Scale, Settings, develop};
 use warpknit::photo::read_maps;
 
 /// How many photos are developed.
@@ -43,6 +43,13 @@ struct Yarn {
 struct Seen {
     color: [f64; 3],
     is_yarn: bool,
+}
+
+/// What a pixel really is.
+#[derive(Clone, Copy)]
+struct Truth {
+    is_yarn: bool,
+    is_fuzz: bool,
 }
 
 impl Yarn {
@@ -131,18 +138,19 @@ impl Yarn {
         let angle = normal[0].asin();
         let cell = |value: f64| (value + 1000.0) as u32;
         let stray = random(self.seed ^ (cell(along / 2.0) * 7919 + cell(angle * 6.0 + along * 0.1) * 104_729 + ply));
-        let fibre = 1.0 + 0.05 * (12.0 * angle + TAU * along / self.turn * 2.0 * f64::from(self.plies)).sin() + 0.10 * (stray - 0.5);
+        let fibre =
+            1.0 + 0.05 * (12.0 * angle + TAU * along / self.turn * 2.0 * f64::from(self.plies)).sin() + 0.10 * (stray - 0.5);
         let color = match (self.light_ground, self.mixed && ply == 0) {
             (false, false) => [236.0, 226.0, 200.0],
-            (false, true) => [190.0, 120.0, 110.0],
+            (false, true) => [214.0, 150.0, 138.0],
             (true, false) => [96.0, 60.0, 52.0],
             (true, true) => [60.0, 84.0, 130.0],
         };
         Some(color.map(|value| value * lit * open * fibre))
     }
 
-    /// The photo, and which of its pixels are yarn or the fibres that stand off it.
-    fn photographed(&self) -> (RgbImage, Vec<bool>) {
+    /// The photo, and of each pixel whether it is yarn or a fibre that stands off it, and whether fibres touch it.
+    fn photographed(&self) -> (RgbImage, Vec<Truth>) {
         let (width, height) = self.size;
         let fuzz = self.fuzz();
         let mut truth = Vec::new();
@@ -155,7 +163,7 @@ impl Yarn {
                 share += if seen.is_yarn { 0.25 } else { 0.0 };
             }
             let fibre = fuzz[(y * width + x) as usize];
-            truth.push(share.max(fibre) >= 0.5);
+            truth.push(Truth { is_yarn: share.max(fibre) >= 0.5, is_fuzz: fibre > 0.0 && share < 0.5 });
             let bare = self.color_of_fibres();
             for (channel, value) in color.iter_mut().enumerate() {
                 *value += (bare[channel] - *value) * fibre * (1.0 - share);
@@ -178,7 +186,9 @@ impl Yarn {
         let mut splat = |along: f64, across: f64, share: f64| {
             let x = f64::from(width - 1) / 2.0 + along * cos - across * sin;
             let y = f64::from(height - 1) / 2.0 + along * sin + across * cos;
-            for (column, row) in (0..2).flat_map(|dx| (0..2).map(move |dy| (x.floor() + f64::from(dx), y.floor() + f64::from(dy)))) {
+            for (column, row) in
+                (0..2).flat_map(|dx| (0..2).map(move |dy| (x.floor() + f64::from(dx), y.floor() + f64::from(dy))))
+            {
                 if column >= 0.0 && row >= 0.0 && column < f64::from(width) && row < f64::from(height) {
                     let near = (1.0 - (x - column).abs()) * (1.0 - (y - row).abs());
                     let at = row as usize * width as usize + column as usize;
@@ -239,6 +249,8 @@ struct Errors {
     width: f64,
     repeat: f64,
     overlap: f64,
+    /// The same without the pixels that fibres touch.
+    bare_overlap: f64,
     seam: f64,
     joint: f64,
 }
@@ -247,34 +259,40 @@ fn errors(yarn: &Yarn) -> Result<Errors, String> {
     let (photo, truth) = yarn.photographed();
     let found = develop(&photo, &Settings::default(), &mut |_, _| ()).map_err(|error| error.to_string())?;
     let (seam, joint) = seams(&found);
+    let [overlap, bare_overlap] = overlaps(&found, &truth, yarn.size);
     Ok(Errors {
         tilt_degrees: (found.orientation.angle.to_degrees() - yarn.degrees).abs(),
         width: found.yarn_width / yarn.width() - 1.0,
         repeat: (found.repeat.length / yarn.repeat() - 1.0).abs(),
-        overlap: overlap(&found, &truth, yarn.size),
+        overlap,
+        bare_overlap,
         seam,
         joint,
     })
 }
 
-/// Intersection over union of the mask and the truth, on the strip.
-fn overlap(found: &Developed, truth: &[bool], (width, height): (u32, u32)) -> f64 {
-    let (mut both, mut either) = (0.0, 0.0);
+/// Intersection over union of the mask and the truth on the strip: of all pixels, and of those that no fibre touches.
+fn overlaps(found: &Developed, truth: &[Truth], (width, height): (u32, u32)) -> [f64; 2] {
+    let mut counts = [[0.0; 2]; 2];
     for (x, y, pixel) in found.mask.enumerate_pixels() {
         let [px, py] = found.orientation.on_photo(f64::from(x), f64::from(y));
         let (px, py) = (px.round().clamp(0.0, f64::from(width - 1)) as u32, py.round().clamp(0.0, f64::from(height - 1)) as u32);
         let (mask, truth) = (pixel.0[0] >= 128, truth[(py * width + px) as usize]);
-        both += f64::from(u8::from(mask && truth));
-        either += f64::from(u8::from(mask || truth));
+        let counted = if truth.is_fuzz { 1 } else { 2 };
+        for [both, either] in &mut counts[..counted] {
+            *both += f64::from(u8::from(mask && truth.is_yarn));
+            *either += f64::from(u8::from(mask || truth.is_yarn));
+        }
     }
-    both / either
+    counts.map(|[both, either]| both / either)
 }
 
 /// Energy of the gradients along the yarn over that of the interior, in the unit tiled three times: at the two seams with a column on each
 /// side, and all over the joint.
 fn seams(found: &Developed) -> (f64, f64) {
     let width = found.base.width() as usize;
-    let tiled = RgbaImage::from_fn(3 * found.base.width(), found.base.height(), |x, y| *found.base.get_pixel(x % found.base.width(), y));
+    let tiled =
+        RgbaImage::from_fn(3 * found.base.width(), found.base.height(), |x, y| *found.base.get_pixel(x % found.base.width(), y));
     let step = |x: usize| {
         let texel = |x: usize, y: u32| {
             let texel = tiled.get_pixel(x as u32, y).0.map(|byte| f64::from(byte) / 255.0);
@@ -300,8 +318,11 @@ fn yarns_are_found_as_they_were_drawn() {
         (0..PHOTOS).into_par_iter().map(Yarn::numbered).map(|yarn| (yarn.clone(), errors(&yarn))).collect();
     let mut wrong = Vec::new();
     for (yarn, errors) in &found {
+        // A fibre is one or two pixels wide here: half a pixel off it shares a third with the truth. So photos full of fibres come to .90 in all.
+        let least = if yarn.fibres == 0 { 0.95 } else { 0.90 };
         let is_right = errors.as_ref().is_ok_and(|e| {
-            e.tilt_degrees < 0.5 && e.width.abs() < 0.03 && e.repeat < 0.02 && e.overlap > 0.95 && e.seam < 1.2 && e.joint < 1.2
+            let is_found = e.tilt_degrees < 0.5 && e.width.abs() < 0.03 && e.repeat < 0.02;
+            is_found && e.overlap > least && e.bare_overlap > 0.95 && e.seam < 1.2 && e.joint < 1.2
         });
         if !is_right {
             wrong.push(format!("{errors:.3?} of {yarn:.2?}, {:.2} wide, repeat {:.2}", yarn.width(), yarn.repeat()));
@@ -309,13 +330,138 @@ fn yarns_are_found_as_they_were_drawn() {
     }
     let worst = |of: fn(&Errors) -> f64| found.iter().filter_map(|(_, e)| e.as_ref().ok()).map(of).fold(0.0, f64::max);
     println!(
-        "worst of {PHOTOS}: tilt {:.3} degrees, width {:.2} %, repeat {:.2} %, mask IoU {:.4}, seam {:.3}, joint {:.3}",
+        "worst of {PHOTOS}: tilt {:.3} degrees, width {:.2} %, repeat {:.2} %, mask IoU {:.4} ({:.4} without the fibres), seam {:.3}, joint {:.3}",
         worst(|e| e.tilt_degrees),
         100.0 * worst(|e| e.width.abs()),
         100.0 * worst(|e| e.repeat),
         1.0 - worst(|e| 1.0 - e.overlap),
+        1.0 - worst(|e| 1.0 - e.bare_overlap),
         worst(|e| e.seam),
         worst(|e| e.joint)
     );
     assert!(wrong.is_empty(), "{} of {PHOTOS} photos:\n{}", wrong.len(), wrong.join("\n"));
+}
+
+/// A plain photo of a yarn, in a folder.
+fn photo_in(folder: &Path, number: u32) -> Yarn {
+    let yarn = Yarn::numbered(number);
+    yarn.photographed().0.save(folder.join("photo.png")).unwrap();
+    yarn
+}
+
+fn warpknit(folder: &Path, arguments: &[&str]) -> Command {
+    let mut command = Command::cargo_bin("warpknit").unwrap();
+    command.current_dir(folder).arg("yarn").args(arguments);
+    command
+}
+
+#[test]
+fn a_photo_becomes_a_folder_that_is_read_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let yarn = photo_in(folder.path(), 18);
+    let run = warpknit(folder.path(), &["photo.png", "-o", "maps", "-v", "--yarn-width-mm", "0.5"]);
+    let output = { run }.assert().success().get_output().clone();
+    let (report, said) = (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap());
+    for step in ["orient", "levels", "binarise", "cut out", "repeat", "seamless", "maps"] {
+        assert!(said.lines().any(|line| line.starts_with(step)), "{step}: {said}");
+    }
+    for name in ["yarn width", "repeat", "seam", "threshold", "e "] {
+        assert!(report.lines().any(|line| line.starts_with(name)), "{name}: {report}");
+    }
+    let mut names: Vec<_> =
+        (folder.path().join("maps").read_dir().unwrap()).map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    let wanted =
+        ["ao.png", "base_color.png", "height.png", "metallic.png", "normal.png", "roughness.png", "sheet.png", "yarn.toml"];
+    assert_eq!(names, wanted);
+    let maps = read_maps(&folder.path().join("maps"), 77.0).unwrap();
+    let length = 0.5 * yarn.repeat() / yarn.width();
+    assert!((f64::from(maps.length) / length - 1.0).abs() < 0.04 && maps.width > 0.5 && maps.width < 1.5, "{length}");
+    let toml = std::fs::read_to_string(folder.path().join("maps/yarn.toml")).unwrap();
+    for key in ["width_mm", "length_mm", "threshold", "repeat_mm", "mapping_coefficient"] {
+        assert!(toml.lines().any(|line| line.starts_with(key)), "{key}: {toml}");
+    }
+    // A second run takes the place of the first, and the folder's other files stay.
+    std::fs::write(folder.path().join("maps/note.txt"), "mine").unwrap();
+    warpknit(folder.path(), &["photo.png", "-o", "maps", "--quiet"]).assert().success().stderr("");
+    assert!(folder.path().join("maps/note.txt").is_file());
+    let toml = std::fs::read_to_string(folder.path().join("maps/yarn.toml")).unwrap();
+    assert!(!toml.lines().any(|line| line.starts_with("width_mm")), "nothing said how large the yarn is: {toml}");
+}
+
+#[test]
+fn settings_overrule_what_is_found() {
+    let yarn = Yarn::numbered(18);
+    let photo = yarn.photographed().0;
+    let developed = |settings: Settings| develop(&photo, &settings, &mut |_, _| ()).unwrap();
+    let plain = developed(Settings { scale: Scale::Dpi(2540.0), ..Settings::default() });
+    assert!((plain.length().unwrap() - 0.01 * plain.repeat.length).abs() < 1e-9);
+    assert!((plain.mapping_coefficient().unwrap() * plain.length().unwrap() - 1.0).abs() < 1e-9);
+    let cropped = developed(Settings { crop: Some([40, 20, 300, 120]), ..Settings::default() });
+    assert!(cropped.strip.width() <= 300 && (cropped.repeat.length / yarn.repeat() - 1.0).abs() < 0.02);
+    let thin = developed(Settings { threshold: Some(230), ..Settings::default() });
+    assert!(thin.threshold == 230.0 && thin.yarn_width < plain.yarn_width);
+    let mean = |found: &Developed| {
+        found.base.pixels().map(|pixel| f64::from(pixel.0[1])).sum::<f64>() / f64::from(found.base.width() * found.base.height())
+    };
+    assert!(mean(&developed(Settings { brightness: Some(-0.1), ..Settings::default() })) < mean(&plain) - 10.0);
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same() {
+    let photo = Yarn::numbered(4).photographed().0;
+    let with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| develop(&photo, &Settings::default(), &mut |_, _| ()).unwrap())
+    };
+    assert_eq!(with(1), with(3));
+}
+
+#[test]
+fn bad_photos_are_refused_with_a_reason_and_leave_nothing_behind() {
+    let photo =
+        |width: u32, height: u32, of: &dyn Fn(u32, u32) -> u8| RgbImage::from_fn(width, height, |x, y| Rgb([of(x, y); 3]));
+    let band =
+        |from: u32, to: u32| photo(200, 120, &|x, y| if (from..to).contains(&y) { 170 + (x + y) as u8 % 20 * 4 } else { 20 });
+    let cases: [(&str, Option<RgbImage>, &[&str], &str); 10] = [
+        ("absent", None, &[], "can't be read"),
+        ("small", Some(photo(200, 31, &|_, _| 0)), &[], "31 pixels are too few"),
+        ("large", Some(photo(16_385, 32, &|_, _| 0)), &[], "are too many"),
+        ("blank", Some(photo(200, 120, &|_, _| 99)), &[], "the photo is blank"),
+        ("hair", Some(photo(400, 300, &|_, y| if y == 150 { 220 } else { 20 })), &[], "no yarn was found: 0.33 %"),
+        (
+            "ball",
+            Some(photo(200, 120, &|x, y| if x.abs_diff(100) + y.abs_diff(60) < 40 { 220 } else { 20 })),
+            &[],
+            "not a long stretch",
+        ),
+        ("side", Some(band(0, 40)), &[], "leaves the photo through its side"),
+        ("threshold", Some(band(40, 80)), &["--threshold", "1", "--contrast", "1", "--brightness", "0.2"], "another --threshold"),
+        ("crop", Some(band(40, 80)), &["--crop", "100,0,101,120"], "reaches over the photo of 200 x 120"),
+        ("tiny crop", Some(band(40, 80)), &["--crop", "100,0,20,120"], "a larger --crop"),
+    ];
+    for (name, photo, arguments, reason) in cases {
+        let folder = tempfile::tempdir().unwrap();
+        if let Some(photo) = &photo {
+            photo.save(folder.path().join("photo.png")).unwrap();
+        }
+        let output = warpknit(folder.path(), &[&["photo.png", "-o", "maps"], arguments].concat())
+            .assert()
+            .code(1)
+            .stdout("")
+            .get_output()
+            .clone();
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert!(
+            message.starts_with("error: photo.png: ") && message.contains(reason) && message.lines().count() == 1,
+            "{name}: {message}"
+        );
+        assert_eq!(folder.path().read_dir().unwrap().count(), usize::from(photo.is_some()), "{name}");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("photo.png"), "no picture").unwrap();
+    let output = warpknit(folder.path(), &["photo.png", "-o", "maps"]).assert().code(1).get_output().clone();
+    assert!(String::from_utf8(output.stderr).unwrap().contains("is no image"));
+    let output = warpknit(folder.path(), &["photo.png", "-o", "photo.png"]).assert().code(1).get_output().clone();
+    assert!(String::from_utf8(output.stderr).unwrap().contains("it is a file"));
 }

@@ -5,7 +5,9 @@
 #[non_exhaustive]
 pub enum DevelopError {
     /// Fewer pixels than show a yarn.
-    #[error("{width} x {height} pixels are too few: at least {least} are needed each way; take a larger photo, or a larger --crop")]
+    #[error(
+        "{width} x {height} pixels are too few: at least {least} are needed each way; take a larger photo, or a larger --crop"
+    )]
     TooSmall {
         /// Pixels across.
         width: u32,
@@ -15,7 +17,9 @@ pub enum DevelopError {
         least: u32,
     },
     /// More pixels than are taken on.
-    #[error("{width} x {height} pixels are too many: make it {most_side} or fewer each way and {most_megapixels} megapixels at the most")]
+    #[error(
+        "{width} x {height} pixels are too many: make it {most_side} or fewer each way and {most_megapixels} megapixels at the most"
+    )]
     TooLarge {
         /// Pixels across.
         width: u32,
@@ -37,13 +41,17 @@ pub enum DevelopError {
         height: u32,
     },
     /// Nothing stands off from anything.
-    #[error("the photo is blank (nothing stands off by more than {contrast:.1} of 255 grey levels): take the yarn on a plain ground that is clearly darker or lighter")]
+    #[error(
+        "the photo is blank (nothing stands off by more than {contrast:.1} of 255 grey levels): take the yarn on a plain ground that is clearly darker or lighter"
+    )]
     Blank {
         /// Contrast that was found.
         contrast: f32,
     },
     /// Too little or too much stands off.
-    #[error("no yarn was found: {percent:.2} % of the picture stands off from the ground, a yarn takes {least} to {most} %; {remedy}")]
+    #[error(
+        "no yarn was found: {percent:.2} % of the picture stands off from the ground, a yarn takes {least} to {most} %; {remedy}"
+    )]
     NoYarn {
         /// What stands off.
         percent: f32,
@@ -55,7 +63,9 @@ pub enum DevelopError {
         remedy: &'static str,
     },
     /// A thing that is no yarn.
-    #[error("no yarn was found: what stands off is {length:.0} pixels long and {width:.0} wide, not a long stretch; lay one yarn straight on a plain ground, or choose it with --crop")]
+    #[error(
+        "no yarn was found: what stands off is {length:.0} pixels long and {width:.0} wide, not a long stretch; lay one yarn straight on a plain ground, or choose it with --crop"
+    )]
     NotLong {
         /// Pixels along.
         length: f64,
@@ -63,7 +73,9 @@ pub enum DevelopError {
         width: f64,
     },
     /// A yarn that isn't straight.
-    #[error("the yarn isn't straight: it lies {off:.0} pixels off a line at {width:.0} pixels of width; stretch it lightly, or choose a straight part with --crop")]
+    #[error(
+        "the yarn isn't straight: it lies {off:.0} pixels off a line at {width:.0} pixels of width; stretch it lightly, or choose a straight part with --crop"
+    )]
     Bent {
         /// Root mean square of its distance from a line, pixels.
         off: f64,
@@ -71,7 +83,9 @@ pub enum DevelopError {
         width: f64,
     },
     /// A yarn with a flank that isn't on the photo.
-    #[error("the yarn leaves the photo through its side: only {shown:.0} pixels of its length have ground on both sides and {needed:.0} are needed; photograph it with room above and below")]
+    #[error(
+        "the yarn leaves the photo through its side: only {shown:.0} pixels of its length have ground on both sides and {needed:.0} are needed; photograph it with room above and below"
+    )]
     LeavesThroughSide {
         /// Pixels along that are whole.
         shown: f64,

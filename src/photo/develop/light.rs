@@ -131,7 +131,8 @@ mod tests {
         let strip = RgbImage::from_fn(100, 40, |x, y| Rgb([if (10..30).contains(&y) { shade(x, y) } else { 10 }; 3]));
         let alpha = Plane::from_fn(100, 40, |_, y| if (10..30).contains(&y) { 1.0 } else { 0.0 });
         let flat = flattened(&strip, &CutOut { alpha, width: 20.0, middle: 19.5 });
-        let greys: Vec<u8> = (5..95).flat_map(|x| (12..28).map(move |y| (x, y))).map(|(x, y)| flat.get_pixel(x, y).0[0]).collect();
+        let greys: Vec<u8> =
+            (5..95).flat_map(|x| (12..28).map(move |y| (x, y))).map(|(x, y)| flat.get_pixel(x, y).0[0]).collect();
         let (low, high) = (*greys.iter().min().unwrap(), *greys.iter().max().unwrap());
         assert!(high - low < 40, "{low} {high}");
         assert!((0..100).all(|x| flat.get_pixel(x, 0).0[0].abs_diff(flat.get_pixel(x, 39).0[0]) < 4));

@@ -174,11 +174,7 @@ impl Developed {
 ///
 /// # Errors
 /// [`DevelopError`] where the photo shows no yarn of which maps can be made.
-pub fn develop(
-    photo: &RgbImage,
-    settings: &Settings,
-    decided: &mut dyn FnMut(Step, &str),
-) -> Result<Developed, DevelopError> {
+pub fn develop(photo: &RgbImage, settings: &Settings, decided: &mut dyn FnMut(Step, &str)) -> Result<Developed, DevelopError> {
     check_size(photo.width(), photo.height())?;
     let cropped = settings.crop.map(|crop| cropped(photo, crop)).transpose()?;
     let photo = cropped.as_ref().unwrap_or(photo);
@@ -217,9 +213,8 @@ pub fn develop(
         orientation.origin[1] += f64::from(y);
     }
     let (alpha, yarn_width) = (&cut.alpha, cut.width);
-    let mask = GrayImage::from_fn(side(alpha.width), side(alpha.height), |x, y| {
-        Luma([byte(255.0 * alpha.at(x as usize, y as usize))])
-    });
+    let mask =
+        GrayImage::from_fn(side(alpha.width), side(alpha.height), |x, y| Luma([byte(255.0 * alpha.at(x as usize, y as usize))]));
     Ok(Developed { orientation, strip, mask, threshold, yarn_width, repeat, seam, base, surface, mm_per_pixel })
 }
 

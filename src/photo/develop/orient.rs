@@ -230,9 +230,10 @@ impl Axis {
 
     /// Whether the band of so many pixels to both sides is on the photo here.
     fn is_on(&self, mask: &Mask, along: f64, half: f64) -> bool {
-        [-half, half].map(|across| self.place(along, across)).iter().all(|[x, y]| {
-            *x >= -0.5 && *y >= -0.5 && *x <= double(mask.width) - 0.5 && *y <= double(mask.height) - 0.5
-        })
+        [-half, half]
+            .map(|across| self.place(along, across))
+            .iter()
+            .all(|[x, y]| *x >= -0.5 && *y >= -0.5 && *x <= double(mask.width) - 0.5 && *y <= double(mask.height) - 0.5)
     }
 
     fn reach_of(&self, mask: &Mask) -> f64 {
@@ -250,7 +251,8 @@ impl Axis {
         };
         let loose = |section: &Section| {
             let frayed = FRAYED * self.width;
-            self.is_on(mask, section.along - frayed, 0.5 * self.width) && self.is_on(mask, section.along + frayed, 0.5 * self.width)
+            self.is_on(mask, section.along - frayed, 0.5 * self.width)
+                && self.is_on(mask, section.along + frayed, 0.5 * self.width)
         };
         let cut = |section: &Section| if loose(section) { FRAYED * self.width } else { 0.0 };
         let (from, to) = (first.along + cut(first), last.along - cut(last));
@@ -395,7 +397,10 @@ mod tests {
         assert!(matches!(error(&|x, y| 90 + (x * 31 + y * 17 + x * y) as u8 % 11), DevelopError::Blank { .. }));
         let thread = RgbImage::from_fn(300, 260, |_, y| Rgb([if y == 100 { 200 } else { 20 }; 3]));
         assert!(matches!(orient(&thread).unwrap_err(), DevelopError::NoYarn { .. }));
-        assert!(matches!(error(&|x, y| if x.abs_diff(150) + y.abs_diff(100) < 60 { 200 } else { 20 }), DevelopError::NotLong { .. }));
+        assert!(matches!(
+            error(&|x, y| if x.abs_diff(150) + y.abs_diff(100) < 60 { 200 } else { 20 }),
+            DevelopError::NotLong { .. }
+        ));
         assert!(matches!(error(&|_, y| if y < 40 { 200 } else { 20 }), DevelopError::LeavesThroughSide { .. }));
     }
 }

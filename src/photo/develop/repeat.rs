@@ -25,7 +25,7 @@ const LONGEST: f64 = 0.6;
 /// The shortest lag, in widths of the yarn and in columns: fibres, not plies, repeat below it.
 const SHORTEST: (f64, usize) = (0.25, 5);
 /// How high a peak is, as a share of the highest, that may be the repeat.
-const NEARLY: f32 = 0.85;
+const NEARLY: f32 = 0.75;
 /// The least correlation of a repeat.
 const LEAST: f32 = 0.3;
 /// How far from its place a multiple's peak is searched, in repeats.
@@ -50,9 +50,8 @@ pub(super) fn repeat(strip: &RgbaImage, middle: f64, width: f64) -> Repeat {
     let longest = whole(narrow(LONGEST * double(columns))).max(2);
     let curve: Vec<f32> = (0..=longest).into_par_iter().map(|lag| correlation(&features, lag)).collect();
     let shortest = whole(narrow(SHORTEST.0 * width / double(step))).max(SHORTEST.1);
-    let peaks: Vec<usize> = (shortest.max(1)..longest)
-        .filter(|&lag| curve[lag] > curve[lag - 1] && curve[lag] >= curve[lag + 1])
-        .collect();
+    let peaks: Vec<usize> =
+        (shortest.max(1)..longest).filter(|&lag| curve[lag] > curve[lag - 1] && curve[lag] >= curve[lag + 1]).collect();
     let highest = peaks.iter().map(|&lag| curve[lag]).fold(0.0, f32::max);
     let chosen = peaks.iter().find(|&&lag| curve[lag] >= NEARLY * highest);
     match chosen {
@@ -174,7 +173,8 @@ mod tests {
 
     #[test]
     fn a_coloured_ply_makes_the_repeat_a_whole_turn() {
-        let plies = |x: f64, y: f64| (TAU * (x / 20.0 + y / 40.0)).sin() * if (x / 20.0 + y / 40.0) % 3.0 < 1.0 { 1.0 } else { 0.3 };
+        let plies =
+            |x: f64, y: f64| (TAU * (x / 20.0 + y / 40.0)).sin() * if (x / 20.0 + y / 40.0) % 3.0 < 1.0 { 1.0 } else { 0.3 };
         let found = repeat(&strip(400, plies), 20.0, 36.0);
         assert!((found.length - 60.0).abs() < 1.0, "{found:?}");
     }

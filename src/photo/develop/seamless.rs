@@ -172,7 +172,8 @@ fn path(source: &Unit, width: usize) -> Vec<usize> {
         let row = (0..overlap).map(|x| cost(x, y) + near(x).map(|x| above[x]).fold(f32::MAX, f32::min)).collect();
         sums.push(row);
     }
-    let cheapest = |sums: &[f32], of: std::ops::RangeInclusive<usize>| of.min_by(|&a, &b| sums[a].total_cmp(&sums[b])).unwrap_or(0);
+    let cheapest =
+        |sums: &[f32], of: std::ops::RangeInclusive<usize>| of.min_by(|&a, &b| sums[a].total_cmp(&sums[b])).unwrap_or(0);
     let mut at = cheapest(&sums[source.height - 1], 0..=overlap - 1);
     let mut path = vec![at];
     for y in (0..source.height - 1).rev() {
@@ -241,7 +242,8 @@ mod tests {
     #[test]
     fn a_cut_goes_around_what_differs() {
         // One texel of the overlap is alike in each row, on a slant.
-        let texels = (0..8).flat_map(|y| (0..14).map(move |x| if x >= 8 && x - 8 != (y / 2) { 1.0 } else { 0.0 })).map(Vec4::splat);
+        let texels =
+            (0..8).flat_map(|y| (0..14).map(move |x| if x >= 8 && x - 8 != (y / 2) { 1.0 } else { 0.0 })).map(Vec4::splat);
         let source = Unit { width: 14, height: 8, texels: texels.collect() };
         assert_eq!(path(&source, 8), [0, 0, 1, 1, 2, 2, 3, 3]);
     }

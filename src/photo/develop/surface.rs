@@ -11,8 +11,8 @@
 
 use image::{GrayImage, Luma, RgbaImage};
 
-use super::plane::{Plane, byte, double, float, narrow, percentile, side, whole};
 use super::super::{Grey, normals};
+use super::plane::{Plane, byte, double, float, narrow, percentile, side, whole};
 
 /// Share of a round yarn's height that plies and fibres make.
 const RELIEF: f32 = 0.3;
@@ -73,10 +73,8 @@ fn relief(unit: &RgbaImage, width: f64) -> Plane {
         super::plane::luma(image::Rgb([r, g, b]))
     });
     let light = light.blurred(whole(narrow(SMOOTHED * width)), true);
-    let mut yarn: Vec<f32> = (0..columns * rows)
-        .filter(|at| alpha(unit, at % columns, at / columns) >= 1.0)
-        .map(|at| light.values[at])
-        .collect();
+    let mut yarn: Vec<f32> =
+        (0..columns * rows).filter(|at| alpha(unit, at % columns, at / columns) >= 1.0).map(|at| light.values[at]).collect();
     let (low, high) = (percentile(&mut yarn, RANGE.0), percentile(&mut yarn, RANGE.1));
     let range = (high - low).max(1.0);
     light.map(|value| ((value - low) / range).clamp(0.0, 1.0))
