@@ -5,13 +5,13 @@ use glam::DVec2;
 use image::imageops::{self, FilterType};
 use image::{DynamicImage, GrayImage, RgbImage, Rgba, RgbaImage};
 use warpknit::chart::{Anchor, Drawing, Layer, Shape as Mark, TextSize, png};
-use warpknit::drape::picture;
+use warpknit::drape::{self, Block, Cloth, picture};
 use warpknit::fabric::Fabric;
 use warpknit::fabric::yarn::Color;
 use warpknit::photo::develop::Developed;
 use warpknit::render::maps::Maps;
 use warpknit::render::{Camera, Options, View, render};
-use warpknit::scene::{Scene, Shape};
+use warpknit::scene::Shape;
 
 use super::args::DEFAULT_FABRIC;
 use super::pictures;
@@ -19,7 +19,7 @@ use super::pictures;
 /// Width of the yarn's picture where nothing says it, mm: any will do, the swatch's yarn is as wide as its loops let it.
 pub(super) const SWATCH_YARN_WIDTH: f64 = 1.0;
 /// Wales and courses of the swatch.
-const SWATCH: (u32, u32) = (7, 7);
+const SWATCH: (u32, u32) = (5, 5);
 /// Width of the sheet and room around its pictures, pixels.
 const SHEET: u32 = 1600;
 const GAP: u32 = 20;
@@ -40,14 +40,20 @@ struct Cell {
 /// A swatch of ribbons that wear these maps, the yarn without its fuzz as thick as the fabric's.
 pub(super) fn swatch(mut maps: Maps, yarn: &Developed, progress: &(dyn Fn(f32) + Sync)) -> Result<RgbaImage> {
     let fabric = Fabric::named(DEFAULT_FABRIC)?;
-    let knitted = picture::swatch(&fabric, SWATCH.0, SWATCH.1);
+    let (wales, courses) = SWATCH;
+    let panel = drape::swatch_panel(&fabric, wales, courses);
+    let cloth = Cloth::swatch(&panel, &fabric, wales, courses);
     #[expect(clippy::cast_possible_truncation, reason = "a length in mm needs no more")]
     let width = (2.0 * fabric.radius() * f64::from(yarn.base.height()) / yarn.yarn_width) as f32;
     maps.length *= width / maps.width;
     maps.width = width;
-    let dressed = pictures::scene(Shape::Ribbon, knitted.looks.clone(), Some(&maps), 1.0);
-    let scene = Scene { shape: dressed.shape, looks: dressed.looks, maps: dressed.maps, ..knitted };
-    let options = Options { width: column_width(2), height: ROWS[2], ..Options::default() };
+    let mut scene = pictures::scene(Shape::Ribbon, picture::looks(&fabric, fabric.radius()), Some(&maps), 1.0);
+    let mut deliver = |blocks: &[Block]| -> Result<()> {
+        blocks.iter().for_each(|block| picture::add_to(&mut scene, block));
+        Ok(())
+    };
+    drape::run(&cloth, &drape::Options::default(), &mut |_, _| {}, &mut deliver)?;
+    let options = Options { width: column_width(2), height: ROWS[2], spp: 2, ..Options::default() };
     let camera = Camera::view(View::Front, &scene.positions, Camera::DEFAULT_FOV, 1.0, options.aspect());
     Ok(render(&scene, &camera, &options, progress)?)
 }

@@ -24,6 +24,8 @@ const SMOOTHING: f32 = 3.0;
 const NEAR: f64 = 0.06;
 /// Half the thickness of what is a fibre and no ply, in widths of the yarn.
 const FIBRE: f64 = 0.05;
+/// The same in pixels, at least: blur makes any fibre some pixels thick.
+const LEAST_WEAR: usize = 4;
 /// Pixels at the body's rim that show ground too, and pixels below them that are asked.
 const RIM: usize = 2;
 const RING: usize = 2;
@@ -81,7 +83,7 @@ pub(super) fn cut_out(grey: &Plane, yarn: &Mask, split: &Split, light_ground: bo
 /// The yarn without fibres that stand off it, and without holes: what a fibre and the yarn close in between them is none.
 fn core(yarn: &Mask) -> Mask {
     let (width, _) = extent(yarn);
-    let times = whole(narrow(FIBRE * width)).max(RIM);
+    let times = whole(narrow(FIBRE * width)).max(LEAST_WEAR);
     let worn = (0..times).fold(yarn.clone(), |mask, _| mask.eroded());
     let core = (0..times).fold(worn, |mask, _| mask.dilated());
     if core.set.contains(&true) { core.largest().filled() } else { yarn.filled() }
