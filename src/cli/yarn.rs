@@ -15,7 +15,7 @@ use super::contact::{self, SWATCH_YARN_WIDTH};
 use super::{print, tell};
 
 /// Share of the progress bar that the steps take; the sheet's swatch takes most of the rest.
-const STEPS_SHARE: f64 = 0.6;
+const STEPS_SHARE: f32 = 0.6;
 
 /// Develops a photo. The folder is seen only when all of it is whole.
 pub(crate) fn yarn(arguments: &Yarn) -> Result<()> {
@@ -34,16 +34,16 @@ pub(crate) fn yarn(arguments: &Yarn) -> Result<()> {
         if arguments.verbose {
             clock.aside(&format!("{:9}{decision}", step.name()));
         }
-        clock.begin(Task::Develop, STEPS_SHARE * f64::from(steps) / Step::ALL.len() as f64);
+        clock.begin(Task::Develop, f64::from(STEPS_SHARE) * f64::from(steps) / Step::ALL.len() as f64);
     };
     let yarn = develop(&photo, &arguments.settings(), &mut decided).with_context(|| arguments.photo.display().to_string())?;
-    clock.begin(Task::Write, STEPS_SHARE);
+    clock.begin(Task::Write, f64::from(STEPS_SHARE));
     save(&yarn, &folder)?;
     // The swatch wears what was written, so that the sheet shows what others will read.
     let maps = read_maps(&folder.file(""), SWATCH_YARN_WIDTH)?;
-    clock.begin(Task::Render, STEPS_SHARE);
+    clock.begin(Task::Render, f64::from(STEPS_SHARE));
     let shown = clock.progress();
-    let swatch = contact::swatch(maps, &yarn, &|done| shown(STEPS_SHARE as f32 + (1.0 - STEPS_SHARE as f32) * done))?;
+    let swatch = contact::swatch(maps, &yarn, &|done| shown(STEPS_SHARE + (1.0 - STEPS_SHARE) * done))?;
     clock.begin(Task::Write, 1.0);
     png::write(&folder.file("sheet.png"), &contact::sheet(&photo, &yarn, &swatch))?.publish()?;
     folder.publish()?;

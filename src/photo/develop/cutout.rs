@@ -25,7 +25,7 @@ const NEAR: f64 = 0.06;
 /// Half the thickness of what is a fibre and no ply, in widths of the yarn.
 const FIBRE: f64 = 0.05;
 /// The same in pixels, at least: blur makes any fibre some pixels thick.
-const LEAST_WEAR: usize = 4;
+const LEAST_WEAR: usize = 3;
 /// Pixels at the body's rim that show ground too, and pixels below them that are asked.
 const RIM: usize = 2;
 const RING: usize = 2;

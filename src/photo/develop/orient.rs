@@ -394,7 +394,7 @@ mod tests {
     fn no_photo_of_a_yarn_is_refused_with_its_reason() {
         let error = |of: &dyn Fn(u32, u32) -> u8| orient(&RgbImage::from_fn(300, 200, |x, y| Rgb([of(x, y); 3]))).unwrap_err();
         assert!(matches!(error(&|_, _| 90), DevelopError::Blank { .. }));
-        assert!(matches!(error(&|x, y| 90 + (x * 31 + y * 17 + x * y) as u8 % 11), DevelopError::Blank { .. }));
+        assert!(matches!(error(&|x, y| 90 + byte(float(((x * 31 + y * 17 + x * y) % 11) as usize))), DevelopError::Blank { .. }));
         let thread = RgbImage::from_fn(300, 260, |_, y| Rgb([if y == 100 { 200 } else { 20 }; 3]));
         assert!(matches!(orient(&thread).unwrap_err(), DevelopError::NoYarn { .. }));
         assert!(matches!(

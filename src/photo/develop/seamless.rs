@@ -135,16 +135,15 @@ fn joined(source: &Unit, width: usize, method: Method) -> Unit {
     let overlap = source.width - width;
     let path = match method {
         Method::Cut => path(source, width),
-        Method::Blend => Vec::new(),
+        Method::Blend => vec![0; source.height],
     };
     let mut texels = Vec::with_capacity(width * source.height);
-    for y in 0..source.height {
-        let row = &source.texels[y * source.width..(y + 1) * source.width];
+    for (row, cut) in source.texels.chunks_exact(source.width).zip(path) {
         for x in 0..width {
             let own = match method {
                 _ if x >= overlap => 1.0,
                 // The path's own texel is a mean: no stair is seen.
-                Method::Cut => (0.5 + float(x) - float(path[y])).clamp(0.0, 1.0),
+                Method::Cut => (0.5 + float(x) - float(cut)).clamp(0.0, 1.0),
                 Method::Blend => smooth_step(float(x + 1) / float(overlap + 1)),
             };
             let follower = row[(width + x).min(source.width - 1)];
