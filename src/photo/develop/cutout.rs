@@ -169,7 +169,7 @@ mod tests {
         let threshold = otsu(&grey);
         let split = Split::at(threshold, &grey);
         let cut = cut_out(&grey, &binarise(&grey, threshold, false), &split, false, false);
-        assert_eq!(cut.alpha.at(30, 7), 1.0, "the fibre");
+        assert!((cut.alpha.at(30, 7) - 0.7).abs() < 0.01, "the fibre is less bright than the yarn: {}", cut.alpha.at(30, 7));
         assert_eq!(cut.alpha.at(10, 3), 0.0, "the speck");
         assert_eq!(cut.alpha.at(42, 19), 1.0, "the groove");
         assert_eq!((cut.alpha.at(5, 2), cut.alpha.at(5, 20)), (0.0, 1.0));
