@@ -14,7 +14,7 @@ use warpknit::render::{Camera, Options, View, render};
 use warpknit::scene::Shape;
 
 use super::args::DEFAULT_FABRIC;
-use super::pictures;
+use super::pictures::{self, Textures};
 
 /// Width of the yarn's picture where nothing says it, mm: any will do, the swatch's yarn is as wide as its loops let it.
 pub(super) const SWATCH_YARN_WIDTH: f64 = 1.0;
@@ -47,7 +47,7 @@ pub(super) fn swatch(mut maps: Maps, yarn: &Developed, progress: &(dyn Fn(f32) +
     let width = (2.0 * fabric.radius() * f64::from(yarn.base.height()) / yarn.yarn_width) as f32;
     maps.length *= width / maps.width;
     maps.width = width;
-    let mut scene = pictures::scene(Shape::Ribbon, picture::looks(&fabric, fabric.radius()), Some(&maps), 1.0);
+    let mut scene = pictures::scene(Shape::Ribbon, picture::looks(&fabric, fabric.radius()), &Textures::for_all(maps), 1.0);
     let mut deliver = |blocks: &[Block]| -> Result<()> {
         blocks.iter().for_each(|block| picture::add_to(&mut scene, block));
         Ok(())

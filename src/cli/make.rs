@@ -23,7 +23,8 @@ use warpknit::yarn::tube::Section;
 use super::args::{Chains, Drape, Laying, Reading, Shared, Swatch};
 use super::clock::{Clock, Task, available_memory_gb, peak_memory_mb};
 use super::numbers::RealCloth;
-use super::{pictures, print, tell};
+use super::pictures::{self, Textures};
+use super::{print, tell};
 
 /// The most stitches that a garment is given unasked. A picture of 1600 x 1200 shows no more of them one by one.
 const PICTURED_STITCHES: f64 = 12_000.0;
@@ -217,8 +218,8 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
     let wants_surface = outputs.iter().any(|(_, format)| matches!(format, Format::Glb | Format::Obj));
     let options = drape::Options { surface: wants_surface.then_some(section), ..job.options };
     let looks = picture::looks(job.shown, section.radius);
-    let maps = pictures::maps(job.shared, job.shown)?;
-    let mut scene = pictures::scene(job.shared.drawing.shape.into(), looks, maps.as_ref(), job.shown.enlargement);
+    let textures = Textures::of(job.shared, job.shown)?;
+    let mut scene = pictures::scene(job.shared.drawing.shape.into(), looks, &textures, job.shown.enlargement);
 
     let mut gauge = wants_gauge(job, &outputs).then(|| Gauge::new(job.cloth, section.radius));
 

@@ -2,10 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use glam::{DVec3, Vec3};
 use warpknit::export::{Output, png};
 use warpknit::fabric::Fabric;
+use warpknit::fabric::yarn::Yarn;
 use warpknit::photo::read_maps;
 use warpknit::render::maps::Maps;
 use warpknit::render::{self, Camera, Painter};
@@ -28,27 +29,72 @@ pub(super) struct Pictures {
     pub(super) files: Vec<Output>,
 }
 
-/// The pictures of a yarn that were asked for, as large as the yarn really is: where nothing says how wide they are, as wide as the thickest
-/// of the fabric's yarns with some fuzz.
-pub(super) fn maps(shared: &Shared, fabric: &Fabric) -> Result<Option<Maps>> {
-    let width = FUZZY_WIDTH * fabric.radius() / fabric.enlargement;
-    Ok(shared.drawing.texture.as_deref().map(|path| read_maps(path, width)).transpose()?)
+/// The pictures of a fabric's yarns, as large as the yarns really are.
+#[derive(Debug, Default)]
+pub(super) struct Textures {
+    maps: Vec<Maps>,
+    /// Each bar's place in `maps`, the last one for all bars after it too.
+    of_bars: Vec<Option<u16>>,
 }
 
-/// The scene that yarns of these looks go into, with their pictures if there are any: those are as much enlarged as the cloth.
-pub(super) fn scene(shape: Shape, mut looks: Vec<YarnLook>, maps: Option<&Maps>, enlargement: f64) -> Scene {
-    let Some(mut maps) = maps.cloned() else { return Scene { shape, looks, ..Scene::default() } };
-    #[expect(clippy::cast_possible_truncation, reason = "a length in mm needs no more")]
-    let enlargement = enlargement as f32;
-    maps.length *= enlargement;
-    maps.width *= enlargement;
-    for look in &mut looks {
-        look.maps = Some(0);
-        if shape == Shape::Ribbon {
-            look.radius = maps.width / 2.0;
+impl Textures {
+    /// Those that the arguments ask for, for all bars; else those that the fabric names.
+    ///
+    /// Where nothing says how wide a picture is, it is as wide as the yarn that wears it, the thickest if all do, with some fuzz.
+    pub(super) fn of(shared: &Shared, fabric: &Fabric) -> Result<Self> {
+        let width = FUZZY_WIDTH * fabric.radius() / fabric.enlargement;
+        match &shared.drawing.texture {
+            Some(path) => Ok(Self::for_all(read_maps(path, width, None)?)),
+            None => Self::named_by(fabric, width),
         }
     }
-    Scene { shape, looks, maps: vec![maps], ..Scene::default() }
+
+    /// One yarn's pictures for all bars.
+    pub(super) fn for_all(maps: Maps) -> Self {
+        Self { maps: vec![maps], of_bars: vec![Some(0)] }
+    }
+
+    /// Those that a fabric whose thickest yarn is `width` wide names, each read once.
+    fn named_by(fabric: &Fabric, width: f64) -> Result<Self> {
+        let mut textures = Self::default();
+        let mut worn: Vec<&Yarn> = Vec::new();
+        for ((bar, thickness), number) in fabric.bars.iter().zip(fabric.thickness()).zip(1..) {
+            let Some(path) = &bar.yarn.texture else {
+                textures.of_bars.push(None);
+                continue;
+            };
+            let place = worn.iter().position(|yarn| **yarn == bar.yarn).unwrap_or(worn.len());
+            if place == worn.len() {
+                let maps = read_maps(path, width * thickness, bar.yarn.texture_length);
+                textures.maps.push(maps.with_context(|| format!("the yarn of bar {number}"))?);
+                worn.push(&bar.yarn);
+            }
+            textures.of_bars.push(u16::try_from(place).ok());
+        }
+        Ok(textures)
+    }
+
+    fn of_bar(&self, bar: usize) -> Option<u16> {
+        self.of_bars.get(bar).or(self.of_bars.last()).copied().flatten()
+    }
+}
+
+/// The scene that yarns of these looks go into, with their pictures: those are as much enlarged as the cloth.
+pub(super) fn scene(shape: Shape, mut looks: Vec<YarnLook>, textures: &Textures, enlargement: f64) -> Scene {
+    #[expect(clippy::cast_possible_truncation, reason = "a length in mm needs no more")]
+    let enlargement = enlargement as f32;
+    let mut maps = textures.maps.clone();
+    for maps in &mut maps {
+        maps.length *= enlargement;
+        maps.width *= enlargement;
+    }
+    for (bar, look) in looks.iter_mut().enumerate() {
+        look.maps = textures.of_bar(bar);
+        if let (Some(place), Shape::Ribbon) = (look.maps, shape) {
+            look.radius = maps[usize::from(place)].width / 2.0;
+        }
+    }
+    Scene { shape, looks, maps, ..Scene::default() }
 }
 
 /// The files for one picture, or for each one all around: `NAME-001.png` and so on.

@@ -40,7 +40,7 @@ pub(crate) fn yarn(arguments: &Yarn) -> Result<()> {
     clock.begin(Task::Write, f64::from(STEPS_SHARE));
     save(&yarn, &folder)?;
     // The swatch wears what was written, so that the sheet shows what others will read.
-    let maps = read_maps(&folder.file(""), SWATCH_YARN_WIDTH)?;
+    let maps = read_maps(&folder.file(""), SWATCH_YARN_WIDTH, None)?;
     clock.begin(Task::Render, f64::from(STEPS_SHARE));
     let shown = clock.progress();
     let swatch = contact::swatch(maps, &yarn, &|done| shown(STEPS_SHARE + (1.0 - STEPS_SHARE) * done))?;

@@ -52,9 +52,6 @@ impl Fabric {
             }
         }
         for (bar, number) in self.bars.iter().zip(1..) {
-            if bar.yarn.texture.is_some() {
-                warnings.push(format!("bar {number}: the yarn's texture is kept, but not drawn yet"));
-            }
             if bar.kind == BarKind::Guide && bar.looks_like_raschel() {
                 warnings.push(format!(
                     "bar {number}: all gaps of {} are even and its overlaps pass two needles each; if this is a raschel chart, a fabric file \
@@ -240,11 +237,9 @@ mod tests {
     }
 
     #[test]
-    fn a_raschel_chart_and_a_texture_are_pointed_out() {
+    fn a_raschel_chart_is_pointed_out() {
         let chart = full(&["2-0/2-4"]).warnings();
         assert!(chart.len() == 1 && chart[0].contains("numbering = \"raschel\""), "{chart:?}");
-        let text = full(&["1-0/1-2"]).to_string().replace("count =", "texture = \"yarn.png\"\ncount =");
-        assert_eq!(Fabric::parse(&text).unwrap().warnings(), ["bar 1: the yarn's texture is kept, but not drawn yet"]);
     }
 
     #[test]

@@ -87,12 +87,17 @@ impl Fabric {
         Self::parse(text)
     }
 
-    /// Reads a fabric file.
+    /// Reads a fabric file; the paths of textures in it start from its folder.
     ///
     /// # Errors
     /// What is wrong with it; the caller knows the file's name.
     pub fn read(path: &Path) -> Result<Self, FabricError> {
-        Self::parse(&std::fs::read_to_string(path).map_err(Fault::Io)?)
+        let mut fabric = Self::parse(&std::fs::read_to_string(path).map_err(Fault::Io)?)?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        for texture in fabric.bars.iter_mut().filter_map(|bar| bar.yarn.texture.as_mut()) {
+            *texture = folder.join(&*texture);
+        }
+        Ok(fabric)
     }
 
     /// Reads a fabric from TOML.

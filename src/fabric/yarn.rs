@@ -21,9 +21,9 @@ pub struct Yarn {
     pub plies: Option<u32>,
     /// Turns per metre of the plies, or of the fibres of a single yarn; over 0 is S, under 0 is Z.
     pub twist: Option<f64>,
-    /// An image of the yarn's surface, relative to the fabric file.
+    /// The yarn's pictures, a folder or an image for [`crate::photo::read_maps`]; in a file its path starts from the file's folder.
     pub texture: Option<PathBuf>,
-    /// Length of yarn that the image's height covers, mm.
+    /// Length of yarn that the pictures show, mm, whatever they say themselves.
     pub texture_length: Option<f64>,
 }
 

@@ -41,11 +41,12 @@ const RELIEF: f32 = 0.5;
 /// A map of heights or shares.
 type Grey = ImageBuffer<Luma<u16>, Vec<u16>>;
 
-/// Reads the folder or the picture at `path`; `width` is the picture's, mm, where no file says it.
+/// Reads the folder or the picture at `path`. `width` is the picture's, mm, where no file says it; `length`, mm of yarn that the picture shows, goes before
+/// what a file says.
 ///
 /// # Errors
 /// [`PhotoError`] where there is no picture, or a file is not what its name says.
-pub fn read_maps(path: &Path, width: f64) -> Result<Maps, PhotoError> {
+pub fn read_maps(path: &Path, width: f64, length: Option<f64>) -> Result<Maps, PhotoError> {
     let in_folder = path.is_dir();
     let base_path = if in_folder { path.join("base_color.png") } else { path.to_owned() };
     if in_folder && !base_path.is_file() {
@@ -59,7 +60,7 @@ pub fn read_maps(path: &Path, width: f64) -> Result<Maps, PhotoError> {
         if in_folder && file.is_file() { picture(&file).map(Some) } else { Ok(None) }
     };
     let grey = |name: &str| Ok(companion(name)?.map(|picture| fitted(&picture.into_luma16(), size)));
-    let (length, width) = lengths(in_folder.then(|| path.join("yarn.toml")), size, width)?;
+    let (length, width) = lengths(in_folder.then(|| path.join("yarn.toml")), size, width, length)?;
     let normal = match (companion("normal.png")?, grey("height.png")?) {
         (Some(normal), _) => fitted_color(normal.into_rgba8(), size),
         (None, Some(height)) => normals(&height, length, width),
@@ -130,8 +131,13 @@ struct YarnFile {
     length_mm: Option<f64>,
 }
 
-/// Length and width of the picture, mm: as the file says, else `missing` for the width, and the rest by the picture's shape.
-fn lengths(file: Option<PathBuf>, (along, across): (u32, u32), missing: f64) -> Result<(f32, f32), PhotoError> {
+/// Length and width of the picture, mm: the `known` length, else as the file says, else `missing` for the width, and the rest by the picture's shape.
+fn lengths(
+    file: Option<PathBuf>,
+    (along, across): (u32, u32),
+    missing: f64,
+    known: Option<f64>,
+) -> Result<(f32, f32), PhotoError> {
     let path = file.unwrap_or_default();
     let said = if path.is_file() { read_toml(&path)? } else { YarnFile::default() };
     let checked = |key, value: f64| {
@@ -143,6 +149,7 @@ fn lengths(file: Option<PathBuf>, (along, across): (u32, u32), missing: f64) -> 
     let aspect = f64::from(along) / f64::from(across);
     let width = said.width_mm.map(|value| checked("width_mm", value)).transpose()?;
     let length = said.length_mm.map(|value| checked("length_mm", value)).transpose()?;
+    let length = known.or(length);
     let width = width.or(length.map(|length| length / aspect)).unwrap_or(missing);
     #[expect(clippy::cast_possible_truncation, reason = "rounding is meant")]
     let (length, width) = (length.unwrap_or(width * aspect) as f32, width as f32);

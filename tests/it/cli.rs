@@ -313,3 +313,33 @@ fn one_image_makes_ribbons_as_wide_as_yarns() {
         (draw("tubes.png", &["--texture", "yarn.png"]), draw("ribbons.png", &["--texture", "yarn.png", "--shape", "ribbon"]));
     assert!(ribbons > 0.8 * tubes && ribbons < 1.6 * tubes, "{ribbons} {tubes}");
 }
+
+#[test]
+fn a_fabric_file_names_its_yarns_pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("mine")).unwrap();
+    let fabric = warpknit::fabric::Fabric::named("tricot").unwrap().to_string();
+    let with = |texture: &str| {
+        let text = fabric.replacen("[bars.yarn]", &format!("[bars.yarn]\n{texture}"), 1);
+        assert_ne!(text, fabric, "{fabric}");
+        std::fs::write(folder.path().join("mine/red.toml"), text).unwrap();
+    };
+    image::RgbaImage::from_pixel(16, 8, image::Rgba([200, 0, 0, 255])).save(folder.path().join("mine/yarn.png")).unwrap();
+    let draw = |flags: &[&str]| {
+        let arguments = ["swatch", "--fabric", "mine/red.toml", "--renderer", "cpu", "-o", "a.png"];
+        warpknit(folder.path()).args(arguments).args(SMALL).args(flags).assert().success();
+        let picture = image::open(folder.path().join("a.png")).unwrap().into_rgba8();
+        picture.pixels().filter(|pixel| u32::from(pixel.0[0]) > 3 * u32::from(pixel.0[1])).count()
+    };
+    with("");
+    assert_eq!(draw(&[]), 0);
+    with("texture = \"yarn.png\"");
+    let of_one_bar = draw(&[]);
+    let of_all = draw(&["--texture", "mine/yarn.png"]);
+    assert!(of_one_bar > 20 && of_all > of_one_bar + 20, "the path starts from the file's folder: {of_one_bar} {of_all}");
+    with("texture = \"absent\"");
+    let output =
+        warpknit(folder.path()).args(["swatch", "--fabric", "mine/red.toml"]).args(SMALL).assert().code(1).get_output().clone();
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(message.contains("the yarn of bar 1: ") && message.contains("mine/absent"), "{message}");
+}

@@ -18,7 +18,7 @@ fn grey(folder: &TempDir, name: &str, side: (u32, u32), of: impl Fn(u32, u32) ->
 }
 
 fn error(path: &Path) -> (PhotoError, String) {
-    let error = read_maps(path, 1.0).unwrap_err();
+    let error = read_maps(path, 1.0, None).unwrap_err();
     let text = error.to_string();
     assert!(text.contains(path.file_name().unwrap().to_str().unwrap()), "{text}");
     (error, text)
@@ -28,7 +28,7 @@ fn error(path: &Path) -> (PhotoError, String) {
 fn a_base_colour_alone_is_flat_dull_and_a_millimetre_wide() {
     let folder = folder();
     for path in [folder.path().to_owned(), folder.path().join("base_color.png")] {
-        let maps = read_maps(&path, 1.0).unwrap();
+        let maps = read_maps(&path, 1.0, None).unwrap();
         assert_eq!(maps.base.levels[0].get_pixel(3, 3).0, [200, 90, 30, 255]);
         assert_eq!(maps.normal.levels[0].get_pixel(3, 3).0[..3], [128, 128, 255]);
         assert_eq!(maps.surface.levels[0].get_pixel(3, 3).0[..3], [255, 191, 0]);
@@ -44,12 +44,12 @@ fn maps_of_other_sizes_are_scaled_and_sizes_are_read() {
     grey(&folder, "ao.png", (4, 4), |_, _| 120);
     let toml = |text: &str| std::fs::write(folder.path().join("yarn.toml"), text).unwrap();
     toml("length_mm = 3\nthreshold = 0.4\n");
-    let maps = read_maps(folder.path(), 1.0).unwrap();
+    let maps = read_maps(folder.path(), 1.0, None).unwrap();
     assert_eq!(maps.surface.levels[0].get_pixel(2, 4).0[..3], [120, 40, 77]);
     assert_eq!(maps.surface.levels[0].get_pixel(13, 4).0[1], 240);
     assert_eq!((maps.length, maps.width), (3.0, 1.5));
     toml("length_mm = 3\nwidth_mm = 0.25\n");
-    assert_eq!(read_maps(folder.path(), 1.0).unwrap().width, 0.25);
+    assert_eq!(read_maps(folder.path(), 1.0, None).unwrap().width, 0.25);
 }
 
 #[test]
@@ -57,7 +57,7 @@ fn heights_become_normals_where_there_are_none() {
     let folder = folder();
     // A ridge along the yarn's middle, and nothing that changes along it.
     grey(&folder, "height.png", (16, 8), |_, y| [0, 30, 60, 90, 90, 60, 30, 0][y as usize]);
-    let maps = read_maps(folder.path(), 1.0).unwrap();
+    let maps = read_maps(folder.path(), 1.0, None).unwrap();
     let at = |y| maps.normal.levels[0].get_pixel(5, y).0;
     // 30 of 255 a texel, white being half of 8 texels high: a slope of 8/17.
     let slope = |pixel: [u8; 4]| (f32::from(pixel[1]) - 127.5) / (f32::from(pixel[2]) - 127.5);
@@ -65,7 +65,7 @@ fn heights_become_normals_where_there_are_none() {
     assert!((slope(at(6)) + 8.0 / 17.0).abs() < 0.02, "{:?}", at(6));
     assert_eq!(at(1)[0], 128);
     RgbaImage::from_pixel(16, 8, Rgba([200, 128, 230, 255])).save(folder.path().join("normal.png")).unwrap();
-    assert_eq!(read_maps(folder.path(), 1.0).unwrap().normal.levels[0].get_pixel(5, 1).0[0], 200);
+    assert_eq!(read_maps(folder.path(), 1.0, None).unwrap().normal.levels[0].get_pixel(5, 1).0[0], 200);
 }
 
 #[test]
@@ -85,7 +85,7 @@ fn what_is_wrong_is_said_with_the_files_name_and_a_way_out() {
     assert!(matches!(wrong, PhotoError::NoBaseColor { .. }) && text.contains("base_color.png"));
     for (text, key) in [("width_mm = 0", Some("width_mm")), ("length_mm = nan", Some("length_mm")), ("width_mm = 'wide'", None)] {
         std::fs::write(file("yarn.toml"), text).unwrap();
-        let message = match read_maps(folder.path(), 1.0).unwrap_err() {
+        let message = match read_maps(folder.path(), 1.0, None).unwrap_err() {
             PhotoError::Size { key, .. } => Some(key),
             PhotoError::Toml { .. } => None,
             other => panic!("{other}"),

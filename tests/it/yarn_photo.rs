@@ -375,7 +375,7 @@ fn a_photo_becomes_a_folder_that_is_read_back() {
     let wanted =
         ["ao.png", "base_color.png", "height.png", "metallic.png", "normal.png", "roughness.png", "sheet.png", "yarn.toml"];
     assert_eq!(names, wanted);
-    let maps = read_maps(&folder.path().join("maps"), 77.0).unwrap();
+    let maps = read_maps(&folder.path().join("maps"), 77.0, None).unwrap();
     let length = 0.5 * yarn.repeat() / yarn.width();
     assert!((f64::from(maps.length) / length - 1.0).abs() < 0.04 && maps.width > 0.5 && maps.width < 1.5, "{length}");
     let toml = std::fs::read_to_string(folder.path().join("maps/yarn.toml")).unwrap();

@@ -4,12 +4,12 @@
 
 use std::borrow::Cow;
 use std::cell::RefCell;
+use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use warpknit::drape::{self, Block, Cloth, Totals, picture};
 use warpknit::fabric::{Fabric, builtin};
 use warpknit::garment::{Garment, Panel, read};
-use warpknit::render::maps::Maps;
 use warpknit::report::Timings;
 use warpknit::scene::{Scene, Shape};
 
@@ -19,7 +19,7 @@ use super::super::make::{
     MOST_STITCHES, check_laid, check_memory, drawn_radius, enlarged, fabric, loss_warning, named_fabric, pictured, task,
     turn_grains,
 };
-use super::super::pictures;
+use super::super::pictures::{self, Textures};
 
 /// What a stitch takes, GB: 160 bytes of scene, and on a software adapter 25 for each of ten points and their copies on the way.
 const STITCH_GB: f64 = 1e-6;
@@ -30,8 +30,6 @@ pub(super) struct Stock {
     pub(super) choices: Vec<Choice>,
     ground: Ground,
     options: drape::Options,
-    /// A yarn's pictures, as large as it really is.
-    maps: Option<Maps>,
     /// What yarns are drawn as at first.
     shape: Shape,
 }
@@ -41,6 +39,8 @@ pub(super) struct Choice {
     pub(super) label: String,
     /// At the densities at which it is first shown.
     pub(super) fabric: Fabric,
+    /// Of its yarns.
+    textures: Arc<Textures>,
 }
 
 /// What is covered.
@@ -89,16 +89,16 @@ impl Stock {
         let area = ground.area();
         let asked = shared.chains.label(&shared.fabric, &first);
         let label = if asked.is_empty() { "your chains" } else { asked }.to_owned();
+        let (textures, all_wear) = (Arc::new(Textures::of(shared, &first)?), shared.drawing.texture.is_some());
         let others = builtin::names().filter(|name| *name != label).map(|name| {
             let fabric = enlarged(&named_fabric(name)?, area)?.0;
-            Ok(Choice { label: name.to_owned(), fabric })
+            let textures = if all_wear { Arc::clone(&textures) } else { Arc::default() };
+            Ok(Choice { label: name.to_owned(), fabric, textures })
         });
         let others = others.collect::<Result<Vec<_>>>()?;
-        let mut choices = vec![Choice { label, fabric: pictured(&first, area, shared)?.0 }];
+        let mut choices = vec![Choice { label, fabric: pictured(&first, area, shared)?.0, textures: Arc::clone(&textures) }];
         choices.extend(others);
-        let options = arguments.laying.options();
-        let (maps, shape) = (pictures::maps(shared, &first)?, shared.drawing.shape.into());
-        Ok(Self { choices, ground, options, maps, shape })
+        Ok(Self { choices, ground, options: arguments.laying.options(), shape: shared.drawing.shape.into() })
     }
 
     /// A fabric as it is first shown.
@@ -147,7 +147,12 @@ impl Stock {
         superseded: &dyn Fn() -> bool,
     ) -> Result<Option<Knitted>> {
         check_room(cloth.stitches())?;
-        let mut scene = pictures::scene(recipe.shape, picture::looks(fabric, radius), self.maps.as_ref(), fabric.enlargement);
+        let mut scene = pictures::scene(
+            recipe.shape,
+            picture::looks(fabric, radius),
+            &self.choices[recipe.fabric].textures,
+            fabric.enlargement,
+        );
         let totals = {
             let clock = RefCell::new(&mut clock);
             let mut announce = |stage, done| clock.borrow_mut().begin(task(stage), done);
