@@ -1,56 +1,117 @@
-//! Draws the pictures of yarns in `meshes/yarns/`, for `--texture`.
+//! Draws the pictures of yarns in `meshes/yarns/`, for `--texture` and the `texture` of a fabric's yarns.
 //!
 //!     cargo run --release --example make_yarns
 //!
-//! A picture shows one repeat of a plied yarn, x along it and y across: round plies wound around each other, fibres wound the other way in them, and
-//! fuzz that thins out to both sides. Everything comes from a few numbers and a hash, so the bytes are the same each time.
+//! A picture shows one repeat of a yarn, x along it and y across: round plies wound around each other, fibres in them, loops of an effect yarn,
+//! and fuzz that thins out to both sides. Everything comes from the numbers in [`YARNS`] and a hash, so the bytes are the same each time.
 
 use std::error::Error;
 use std::f32::consts::{PI, TAU};
 use std::path::Path;
 
+use image::imageops::{FilterType, resize};
 use image::{GrayImage, Luma, Rgba, RgbaImage};
 use warpknit::render::ply::hash;
 
-/// Texels along one repeat and across the yarn with its fuzz.
-const SIZE: (u32, u32) = (256, 128);
-/// Share of the width that the yarn's core takes; the rest is fuzz.
-const CORE: f32 = 0.72;
-/// Fibres to be seen across a ply.
-const FIBRES: f32 = 9.0;
-/// Stray fibres of the fuzz in one repeat.
-const STRAYS: u32 = 60;
+/// Texels along one repeat and across the yarn with its fuzz, and how many times finer it is drawn.
+const SIZE: (u32, u32) = (384, 192);
+const FINER: u32 = 2;
+/// Steps of a stroke.
+const STEPS: u32 = 600;
+/// Pieces of fibre along a repeat.
+const PIECES: f32 = 9.0;
+/// How much brighter and darker a single fibre is.
+const SHADE: f32 = 0.16;
+/// The farthest that a fibre strays off the axis: the picture's rim shows ground alone.
+const FARTHEST: f32 = 0.96;
 
 /// A yarn to draw.
 struct Yarn {
     name: &'static str,
     plies: u32,
-    /// sRGB.
-    color: [f32; 3],
+    /// Share of the picture's width that the plies take; the rest is fuzz, and loops where there are any.
+    core: f32,
+    /// sRGB of its fibres, each as often as the others.
+    colors: &'static [[f32; 3]],
+    /// Fibres around a ply.
+    fibres: f32,
+    /// Stray fibres of the fuzz in one repeat.
+    strays: u32,
+    /// Loops that an effect yarn makes in one repeat.
+    loops: u32,
     /// Width with the fuzz and length of one repeat, mm.
     width: f32,
     length: f32,
 }
 
-const YARNS: [Yarn; 2] = [
-    Yarn { name: "two-ply", plies: 2, color: [214.0, 196.0, 164.0], width: 0.13, length: 0.26 },
-    Yarn { name: "three-ply", plies: 3, color: [150.0, 66.0, 60.0], width: 0.13, length: 0.2 },
+const YARNS: [Yarn; 5] = [
+    Yarn {
+        name: "spun",
+        plies: 1,
+        core: 0.62,
+        colors: &[[206.0, 190.0, 168.0]],
+        fibres: 40.0,
+        strays: 110,
+        loops: 0,
+        width: 0.25,
+        length: 1.1,
+    },
+    Yarn {
+        name: "two-ply",
+        plies: 2,
+        core: 0.72,
+        colors: &[[214.0, 196.0, 164.0]],
+        fibres: 26.0,
+        strays: 60,
+        loops: 0,
+        width: 0.13,
+        length: 0.26,
+    },
+    Yarn {
+        name: "three-ply",
+        plies: 3,
+        core: 0.72,
+        colors: &[[150.0, 66.0, 60.0]],
+        fibres: 24.0,
+        strays: 60,
+        loops: 0,
+        width: 0.13,
+        length: 0.3,
+    },
+    Yarn {
+        name: "melange",
+        plies: 2,
+        core: 0.68,
+        colors: &[[58.0, 62.0, 70.0], [110.0, 114.0, 120.0], [196.0, 196.0, 192.0], [236.0, 232.0, 224.0]],
+        fibres: 30.0,
+        strays: 80,
+        loops: 0,
+        width: 0.23,
+        length: 0.5,
+    },
+    Yarn {
+        name: "boucle",
+        plies: 2,
+        core: 0.26,
+        colors: &[[120.0, 140.0, 128.0]],
+        fibres: 16.0,
+        strays: 50,
+        loops: 16,
+        width: 0.5,
+        length: 1.5,
+    },
 ];
 
 fn main() -> Result<(), Box<dyn Error>> {
     for yarn in &YARNS {
         let folder = Path::new("meshes/yarns").join(yarn.name);
         std::fs::create_dir_all(&folder)?;
-        let (mut color, mut height) = (RgbaImage::new(SIZE.0, SIZE.1), GrayImage::new(SIZE.0, SIZE.1));
-        for (x, y, texel) in color.enumerate_pixels_mut() {
-            let point = yarn.at(x, y);
-            let [r, g, b] = yarn.color.map(|c| byte(c * point.shade));
-            *texel = Rgba([r, g, b, byte(255.0 * point.alpha)]);
-            height.put_pixel(x, y, Luma([byte(255.0 * point.height)]));
-        }
-        stray_fibres(yarn, &mut color);
-        color.save(folder.join("base_color.png"))?;
-        height.save(folder.join("height.png"))?;
+        let canvas = yarn.drawn();
+        let fine = (FINER * SIZE.0, FINER * SIZE.1);
+        let color = RgbaImage::from_fn(fine.0, fine.1, |x, y| canvas.at(x, y).color());
+        let height = GrayImage::from_fn(fine.0, fine.1, |x, y| Luma([byte(255.0 * canvas.at(x, y).height)]));
+        resize(&color, SIZE.0, SIZE.1, FilterType::Triangle).save(folder.join("base_color.png"))?;
+        resize(&height, SIZE.0, SIZE.1, FilterType::Triangle).save(folder.join("height.png"))?;
         let sizes = format!("width_mm = {}\nlength_mm = {}\n", yarn.width, yarn.length);
         std::fs::write(folder.join("yarn.toml"), sizes)?;
     }
@@ -58,54 +119,157 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 /// What is seen at a texel.
+#[derive(Clone, Copy)]
 struct Point {
-    shade: f32,
+    rgb: [f32; 3],
     alpha: f32,
-    /// 0..1.
+    /// Over the axis, in halves of the picture's width: 0..1.
     height: f32,
 }
 
-impl Yarn {
-    fn at(&self, x: u32, y: u32) -> Point {
-        let turn = TAU * (to_float(x) + 0.5) / to_float(SIZE.0);
-        // -1..1 over the core.
-        let across = ((to_float(y) + 0.5) / to_float(SIZE.1) * 2.0 - 1.0) / CORE;
-        let round = (1.0 - across * across).max(0.0).sqrt();
-        // Seen from outside a ply runs as a sine; its place around the yarn goes with the angle whose sine `across` is.
-        let around = across.clamp(-1.0, 1.0).asin();
-        let plies = to_float(self.plies);
-        let ply = ((around * plies - turn) / TAU).rem_euclid(1.0) * 2.0 - 1.0;
-        let bulge = (1.0 - ply * ply).max(0.0).sqrt();
-        let fibre = (FIBRES * (ply * 2.0 + turn / PI) + noise(x / 3, y / 2)).sin();
-        let height = round * (0.7 + 0.3 * bulge) * (0.96 + 0.04 * fibre);
-        let edge = ((1.0 - across.abs()) * 9.0).clamp(0.0, 1.0);
-        let fuzz = (0.35 * (1.35 - across.abs()) * (0.5 + 0.5 * noise(x / 2, y / 2))).clamp(0.0, 1.0);
-        Point { shade: (0.72 + 0.28 * bulge) * (0.92 + 0.08 * fibre), alpha: edge.max(fuzz), height }
+impl Point {
+    fn color(&self) -> Rgba<u8> {
+        let [r, g, b] = self.rgb.map(byte);
+        Rgba([r, g, b, byte(255.0 * self.alpha)])
     }
 }
 
-/// Fibres that stand off the yarn: thin arcs in the fuzz, the seam crossed without a break.
-fn stray_fibres(yarn: &Yarn, color: &mut RgbaImage) {
-    for stray in 0..STRAYS {
-        let random = |salt: u32| to_float(hash(stray * 7 + salt) >> 16) / 65_536.0;
-        let (start, length, side) = (random(1), 0.1 + 0.25 * random(2), if random(3) < 0.5 { -1.0 } else { 1.0 });
-        let rise = CORE + (1.0 - CORE) * (0.3 + 0.7 * random(4));
-        for step in 0..160 {
-            let t = to_float(step) / 159.0;
-            let x = (start + length * t).rem_euclid(1.0) * to_float(SIZE.0);
-            let off = CORE * 0.9 + (rise - CORE * 0.9) * (PI * t).sin();
-            let y = (0.5 + 0.5 * side * off) * to_float(SIZE.1);
-            let (x, y) = (whole(x) % SIZE.0, whole(y).min(SIZE.1 - 1));
-            let texel = color.get_pixel_mut(x, y);
-            let [r, g, b] = yarn.color.map(byte);
-            *texel = Rgba([r, g, b, texel.0[3].max(150)]);
+/// The picture while it is drawn.
+struct Canvas {
+    points: Vec<Point>,
+}
+
+/// A fibre or a yarn that is laid into the picture.
+struct Stroke {
+    /// Half its thickness, in halves of the picture's width.
+    radius: f32,
+    alpha: f32,
+    /// Of the fibres in it.
+    seed: u32,
+}
+
+impl Yarn {
+    fn drawn(&self) -> Canvas {
+        let (width, height) = (FINER * SIZE.0, FINER * SIZE.1);
+        let share = 1.0 / self.colors.iter().map(|_| 1.0).sum::<f32>();
+        let mean = [0, 1, 2].map(|c| self.colors.iter().map(|color| share * color[c]).sum());
+        // Where nothing is, the colour goes on, so that no rim shows when texels are mixed.
+        let empty = Point { rgb: mean, alpha: 0.0, height: 0.0 };
+        let places = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+        let mut canvas = Canvas { points: places.map(|(x, y)| self.core_at(x, y).unwrap_or(empty)).collect() };
+        (0..self.strays).for_each(|stray| self.stray(stray, &mut canvas));
+        (0..self.loops).for_each(|number| self.effect_loop(number, &mut canvas));
+        canvas
+    }
+
+    /// The nearest ply at a texel. Plies are round, on a helix, and touch each other on the axis.
+    fn core_at(&self, x: u32, y: u32) -> Option<Point> {
+        let turn = (to_float(x) + 0.5) / to_float(FINER * SIZE.0);
+        let across = ((to_float(y) + 0.5) / to_float(FINER * SIZE.1) * 2.0 - 1.0) / self.core;
+        let helix = if self.plies == 1 { 0.0 } else { 0.5 };
+        let radius = 1.0 - helix;
+        let near = (0..self.plies).filter_map(|ply| {
+            let phase = TAU * (turn + to_float(ply) / to_float(self.plies));
+            let off = (across - helix * phase.cos()) / radius;
+            let round = (1.0 - off * off).max(0.0).sqrt();
+            (off.abs() < 1.0).then_some((helix * phase.sin() + radius * round, off, round, ply))
+        });
+        let (height, off, round, ply) = near.max_by(|a, b| a.0.total_cmp(&b.0))?;
+        // Single yarns show their twist; plied ones are wound back, so that fibres lie nearly along the axis.
+        let wound = if self.plies == 1 { 1.0 } else { -1.0 };
+        let fibre = self.fibre(off.asin() / TAU + wound * turn, turn, ply);
+        // Grooves lie deep, and get less light.
+        let light = (0.66 + 0.34 * round) * (0.8 + 0.2 * (0.5 + 0.5 * height));
+        let ridge = 0.97 + 0.06 * (fibre.1 - 0.5);
+        Some(Point { rgb: fibre.0.map(|c| c * light), alpha: 1.0, height: (height * self.core * ridge).clamp(0.0, 1.0) })
+    }
+
+    /// Colour and brightness 0..1 of the fibre at `around` turns of a ply, at a share of the repeat.
+    fn fibre(&self, around: f32, along: f32, salt: u32) -> ([f32; 3], f32) {
+        // A fibre wanders a little, and ends.
+        let band = whole(((around + 4.0) * self.fibres) + 0.35 * (TAU * 3.0 * along).sin()) % whole(self.fibres);
+        let start = random(band * 31 + salt * 7);
+        let piece = whole((along + start) * PIECES) % whole(PIECES);
+        let own = hash(band * 977 + piece * 13 + salt * 101);
+        let color = self.colors[own as usize % self.colors.len()];
+        let bright = random(own);
+        (color.map(|c| c * (1.0 + SHADE * (bright - 0.5))), bright)
+    }
+
+    /// A fibre that stands off the yarn and comes back.
+    fn stray(&self, number: u32, canvas: &mut Canvas) {
+        let random = |salt: u32| random(number * 7 + salt);
+        let (start, length, side) = (random(1), 0.08 + 0.22 * random(2), if random(3) < 0.5 { -1.0 } else { 1.0 });
+        let (inside, farthest) = (self.core * 0.8, self.core + (FARTHEST - self.core) * (0.2 + 0.8 * random(4) * random(5)));
+        let stroke = Stroke { radius: 0.008, alpha: 0.55 + 0.3 * random(6), seed: 5000 + number };
+        canvas.lay(self, &stroke, |t| {
+            let off = inside + (farthest - inside) * (PI * t).sin();
+            (start + length * t, side * off, 0.3)
+        });
+    }
+
+    /// A loop of the effect yarn: out to one side and back, around its own foot.
+    fn effect_loop(&self, number: u32, canvas: &mut Canvas) {
+        let random = |salt: u32| random(900 + number * 11 + salt);
+        let start = (to_float(number) + 0.6 * random(1)) / to_float(self.loops);
+        let (side, far) = (if random(2) < 0.5 { -1.0 } else { 1.0 }, 0.45 + 0.42 * random(3));
+        let (wide, drift) = (0.025 + 0.03 * random(4), 1.3 / to_float(self.loops));
+        let stroke = Stroke { radius: 0.075, alpha: 1.0, seed: 9000 + number };
+        canvas.lay(self, &stroke, |t| {
+            let out = (PI * t).sin();
+            (
+                start + drift * t - wide * (TAU * t).sin(),
+                side * (far * out.powf(0.8) - 0.1 * (1.0 - out)),
+                0.25 + 0.3 * (PI * t).cos().abs(),
+            )
+        });
+    }
+}
+
+impl Stroke {
+    /// Where along a repeat's fibres a share of the path lies: a stray fibre is one from end to end.
+    fn share_of(&self, t: f32) -> f32 {
+        if self.alpha < 1.0 { 0.0 } else { t }
+    }
+}
+
+impl Canvas {
+    fn at(&self, x: u32, y: u32) -> Point {
+        self.points[(y * FINER * SIZE.0 + x) as usize]
+    }
+
+    /// Lays a stroke along a path: at a share of it the place along the repeat, across and over the axis. The seam is crossed without a break.
+    fn lay(&mut self, yarn: &Yarn, stroke: &Stroke, path: impl Fn(f32) -> (f32, f32, f32)) {
+        let (width, height) = (FINER * SIZE.0, FINER * SIZE.1);
+        let texels = stroke.radius * 0.5 * to_float(height);
+        let reach = whole(texels.ceil());
+        for step in 0..=STEPS {
+            let t = to_float(step) / to_float(STEPS);
+            let (along, across, over) = path(t);
+            let (x, y) =
+                (along.rem_euclid(1.0) * to_float(width), (0.5 + 0.5 * across.clamp(-FARTHEST, FARTHEST)) * to_float(height));
+            for (dx, dy) in (0..=2 * reach).flat_map(|dx| (0..=2 * reach).map(move |dy| (dx, dy))) {
+                let (column, row) = (whole(x) + width + dx - reach, (whole(y) + dy).saturating_sub(reach).min(height - 1));
+                let off = (to_float(row) + 0.5 - y).hypot(to_float(whole(x) + dx) - to_float(reach) + 0.5 - x) / texels;
+                if off < 1.0 {
+                    // Balls along the path, the highest seen of each: a round yarn.
+                    let round = (1.0 - off * off).sqrt();
+                    let light = if stroke.alpha < 1.0 { 0.92 } else { 0.66 + 0.34 * round };
+                    let (rgb, _) = yarn.fibre(0.0, stroke.share_of(t), stroke.seed);
+                    let lifted = (over + stroke.radius * round).clamp(0.0, 1.0);
+                    let point = &mut self.points[(row * width + column % width) as usize];
+                    if lifted > point.height {
+                        *point = Point { rgb: rgb.map(|c| c * light), alpha: point.alpha.max(stroke.alpha), height: lifted };
+                    }
+                }
+            }
         }
     }
 }
 
-/// -1..1.
-fn noise(x: u32, y: u32) -> f32 {
-    to_float(hash(x ^ hash(y)) >> 16) / 32_768.0 - 1.0
+/// 0..1 of a number.
+fn random(number: u32) -> f32 {
+    to_float(hash(number) >> 16) / 65_536.0
 }
 
 #[expect(clippy::cast_precision_loss, reason = "texels")]

@@ -10,9 +10,12 @@ mod picture;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use warpknit::drape::picture::swatch;
+use warpknit::drape::picture::{laid, looks, swatch};
+use warpknit::drape::{Cloth, swatch_panel};
 use warpknit::fabric::{Fabric, builtin};
+use warpknit::photo::read_maps;
 use warpknit::render::View;
+use warpknit::scene::{Scene, Shape};
 
 use crate::picture::Frame;
 
@@ -23,6 +26,7 @@ fn main() -> Result<()> {
     for name in builtin::names() {
         draw(&pictures, &Fabric::named(name)?)?;
     }
+    compare(&pictures)?;
     let text = folder.join("gallery.md");
     std::fs::write(&text, page::text()).with_context(|| text.display().to_string())
 }
@@ -31,10 +35,33 @@ fn main() -> Result<()> {
 fn draw(folder: &Path, fabric: &Fabric) -> Result<()> {
     let frame = Frame::of(fabric);
     let (wales, courses) = frame.swatch(fabric);
-    let scene = swatch(fabric, wales, courses);
+    both_sides(folder, &fabric.name, &frame, &swatch(fabric, wales, courses))
+}
+
+/// The same cloth of the same yarn, as tubes and as ribbons.
+fn compare(folder: &Path) -> Result<()> {
+    let fabric = Fabric::named(page::COMPARED)?;
+    let frame = Frame::of(&fabric);
+    let (wales, courses) = frame.swatch(&fabric);
+    let panel = swatch_panel(&fabric, wales, courses);
+    let cloth = Cloth::swatch(&panel, &fabric, wales, courses);
+    let yarn = Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes/yarns").join(page::WORN);
+    for (name, shape) in [("tubes", Shape::Tube), ("ribbons", Shape::Ribbon)] {
+        let maps = read_maps(&yarn, 2.0 * fabric.radius(), None)?;
+        let mut looks = looks(&fabric, fabric.radius());
+        for look in &mut looks {
+            look.maps = Some(0);
+            look.radius = if shape == Shape::Ribbon { maps.width / 2.0 } else { look.radius };
+        }
+        let scene = laid(&cloth, Scene { shape, looks, maps: vec![maps], ..Scene::default() });
+        both_sides(folder, name, &frame, &scene)?;
+    }
+    Ok(())
+}
+
+fn both_sides(folder: &Path, name: &str, frame: &Frame, scene: &Scene) -> Result<()> {
     for (side, view) in [("front", View::Front), ("back", View::Back)] {
-        let name = page::picture_name(&fabric.name, side);
-        picture::write(&folder.join(name), &frame.draw(&scene, view))?;
+        picture::write(&folder.join(page::picture_name(name, side)), &frame.draw(scene, view))?;
     }
     Ok(())
 }

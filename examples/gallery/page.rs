@@ -18,6 +18,10 @@ Run-in is the yarn of a rack of 480 courses; thickness is from the lowest to the
 that no fibre fills; clearance the least distance between yarns, 1 being touch.
 ";
 
+/// The fabric that is shown as tubes and as ribbons, and the yarn of `meshes/yarns/` that both wear.
+pub(crate) const COMPARED: &str = "jersey";
+pub(crate) const WORN: &str = "spun";
+
 /// The file of one side's picture.
 pub(crate) fn picture_name(fabric: &str, side: &str) -> String {
     format!("{fabric}_{side}.png")
@@ -29,8 +33,24 @@ pub(crate) fn text() -> String {
     for name in builtin::names() {
         section(&mut page, &Fabric::named(name).expect("built-in fabrics are there"));
     }
+    shapes(&mut page);
     sources(&mut page);
     page
+}
+
+/// Tubes beside ribbons.
+fn shapes(page: &mut String) {
+    line(
+        page,
+        format_args!(
+            "\n## Tubes and ribbons\n\nA {COMPARED} that wears `meshes/yarns/{WORN}`: round yarns, whose pictures go around them, and flat ones (`--shape ribbon`), whose fuzz stands off \
+             their edges.\n\n| | face | back |\n|---|---|---|"
+        ),
+    );
+    for name in ["tubes", "ribbons"] {
+        let [front, back] = ["front", "back"].map(|side| format!("![{name}, {side}](gallery/{})", picture_name(name, side)));
+        line(page, format_args!("| {name} | {front} | {back} |"));
+    }
 }
 
 fn section(page: &mut String, fabric: &Fabric) {

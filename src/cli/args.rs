@@ -37,7 +37,7 @@ impl Arguments {
             Command::Inspect(inspect) => Some(&inspect.chains),
             #[cfg(feature = "view")]
             Command::View(view) => Some(&view.shared.chains),
-            Command::Fabrics(_) | Command::Yarn(_) => None,
+            Command::Fabrics(_) | Command::Yarn(_) | Command::Bench(_) => None,
         };
         if let Some(Chains { lapping, threading }) = chains
             && threading.len() > 1
@@ -101,6 +101,15 @@ Examples:
   warpknit swatch --shape ribbon --texture my-yarn -o swatch.png"
     )]
     Yarn(Yarn),
+    /// Time the work here, beside what the papers published
+    #[command(
+        after_help = "Times are medians of several runs, with the fastest and the slowest; the last column says how many times as long the paper's machine took.
+
+Examples:
+  warpknit bench --weft
+  warpknit bench --weft --threads 1 --runs 21"
+    )]
+    Bench(Bench),
 }
 
 #[derive(Args, Debug)]
@@ -216,6 +225,25 @@ pub(crate) struct Yarn {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub(crate) threads: Option<u32>,
     /// Say nothing but errors, the report, and with -v the decisions
+    #[arg(long)]
+    pub(crate) quiet: bool,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct Bench {
+    /// Plain weft knits from 20 x 20 to 100 x 100 loops, from their motif to tubes (the ribbon paper's table)
+    #[arg(long, required = true)]
+    pub(crate) weft: bool,
+    /// Edges of the tubes' section
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(3..=64))]
+    pub(crate) sr: u32,
+    /// Runs of each, after one that warms up
+    #[arg(long, value_name = "N", default_value_t = 9, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub(crate) runs: u32,
+    /// Threads [default: all cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub(crate) threads: Option<u32>,
+    /// No progress bar
     #[arg(long)]
     pub(crate) quiet: bool,
 }

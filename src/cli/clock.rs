@@ -15,11 +15,12 @@ pub(crate) enum Task {
     Map,
     Surface,
     Develop,
+    Measure,
     Render,
     Write,
 }
 
-const TASKS: usize = 9;
+const TASKS: usize = 10;
 
 /// A stopwatch that is always running for exactly one task, or none.
 #[derive(Debug)]
@@ -48,6 +49,7 @@ impl Clock {
         self.bar.set_message(match task {
             Task::Read => "reading",
             Task::Develop => "developing",
+            Task::Measure => "measuring",
             Task::Render => "rendering",
             Task::Write => "writing",
             _ => "knitting",
@@ -102,6 +104,17 @@ impl Clock {
 fn show(bar: &ProgressBar, done: f64) {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share in thousandths")]
     bar.set_position((1000.0 * done.clamp(0.0, 1.0)) as u64);
+}
+
+/// CPU time that this process has taken, its threads together, ms; unknown on systems that don't say.
+pub(crate) fn cpu_ms() -> Option<f64> {
+    #[cfg(unix)]
+    {
+        let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+        Some(1e3 * time.tv_sec as f64 + 1e-6 * time.tv_nsec as f64)
+    }
+    #[cfg(not(unix))]
+    None
 }
 
 /// Memory that is free for this process, GB, as Linux counts it; unknown on systems that don't say.

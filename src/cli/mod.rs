@@ -1,6 +1,7 @@
 //! The commands, one file each, and what they share.
 
 mod args;
+mod bench;
 mod clock;
 mod contact;
 mod fabrics;
@@ -30,6 +31,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         Command::Inspect(inspect) => inspect::inspect(&inspect),
         Command::Fabrics(fabrics) => fabrics::fabrics(&fabrics),
         Command::Yarn(arguments) => yarn::yarn(&arguments),
+        Command::Bench(arguments) => bench::bench(&arguments),
     }
 }
 

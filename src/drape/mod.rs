@@ -26,8 +26,10 @@ use strands::{Edge, Losses, Strands};
 
 /// Stitches after which a block ends: enough work for a thread to be worth handing out, few enough to stay in its cache.
 const BLOCK_STITCHES: usize = 512;
-/// Blocks in the window: enough to keep 16 threads busy.
-const WINDOW_BLOCKS: usize = 64;
+/// Blocks in the window for each thread: enough to keep all of them busy, few enough that what they hold is used again before it is cold.
+const THREAD_BLOCKS: usize = 4;
+/// The most blocks in the window.
+const MOST_BLOCKS: usize = 64;
 /// What the window may take, bytes; it holds one block in any case, and a block one yarn.
 const WINDOW_BYTES: usize = 256 << 20;
 /// What a stitch takes without its surface, bytes: some ten points in all of a block's arrays.
@@ -359,7 +361,7 @@ pub fn run<E>(
     announce(Stage::Index, 0.0);
     let locators: Vec<_> = cloth.garment.panels.par_iter().map(Locator::new).collect();
     let mut blocks: Vec<Block> = Vec::new();
-    blocks.resize_with(cloth.blocks.len().min(WINDOW_BLOCKS), Block::default);
+    blocks.resize_with(cloth.blocks.len().min(MOST_BLOCKS), Block::default);
     let mut totals = Totals::default();
     let mut rest = cloth.blocks.as_slice();
     while !rest.is_empty() {
@@ -389,12 +391,13 @@ fn window(blocks: &[BlockPlan], surface: Option<&Section>) -> usize {
     // A surface is held once, and again as bytes or text on its way to a file.
     let (vertices, triangles) = surface.map_or((0, 0), |section| section.size_of(1, 1));
     let stitch = STITCH_BYTES + 4 * (32 * vertices + 12 * triangles);
+    let most = (THREAD_BLOCKS * rayon::current_num_threads()).min(MOST_BLOCKS);
     let mut bytes = 0;
     let fits = |block: &&BlockPlan| {
         bytes += stitch.saturating_mul(usize::try_from(block.stitches()).unwrap_or(usize::MAX));
         bytes <= WINDOW_BYTES
     };
-    blocks.iter().take(WINDOW_BLOCKS).take_while(fits).count().max(1)
+    blocks.iter().take(most).take_while(fits).count().max(1)
 }
 
 impl BlockPlan {
@@ -432,6 +435,7 @@ impl Block {
     fn add_tubes(&mut self, section: &Section, thickness: f64) {
         let section = &Section { radius: section.radius * thickness, ..*section };
         self.tubes.clear();
+        self.tubes.reserve(self.strands.pieces.len(), self.strands.strands.len(), section);
         for strand in &self.strands.strands {
             let (start, end) = (strand.points.start as usize, strand.points.end as usize);
             let pieces = self.strands.pieces_of(strand).map(|piece| piece.start as usize - start..piece.end as usize - start);

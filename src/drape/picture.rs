@@ -53,7 +53,12 @@ pub fn swatch(fabric: &Fabric, wales: u32, courses: u32) -> Scene {
 /// All of a cloth, at the radius for which it is laid out.
 #[must_use]
 pub fn of(cloth: &Cloth<'_>, fabric: &Fabric) -> Scene {
-    let mut scene = Scene { looks: looks(fabric, fabric.radius()), ..Scene::default() };
+    laid(cloth, Scene { looks: looks(fabric, fabric.radius()), ..Scene::default() })
+}
+
+/// All of a cloth in a scene that has a look for each of its bars.
+#[must_use]
+pub fn laid(cloth: &Cloth<'_>, mut scene: Scene) -> Scene {
     let mut deliver = |blocks: &[Block]| -> Result<(), std::convert::Infallible> {
         blocks.iter().for_each(|block| add_to(&mut scene, block));
         Ok(())

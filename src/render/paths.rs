@@ -7,7 +7,7 @@
 
 use std::ops::Range;
 
-use glam::{DVec3, Vec4};
+use glam::{DVec3, Vec3A, Vec4};
 
 use super::{Camera, Options};
 use crate::ids::index32;
@@ -26,7 +26,7 @@ const WIDEST: f64 = 1.5;
 /// stitches is 2 % brighter, at .1 it is by less than 1 %.
 const MOST_BULGE: f64 = 0.1;
 /// Least sine of the angle between a yarn and the fabric's normal at which a ribbon's width is across both.
-const LEAST_SINE: f64 = 1e-3;
+const LEAST_SINE: f32 = 1e-3;
 
 /// How finely yarns are cut.
 #[derive(Clone, Copy, Debug)]
@@ -118,7 +118,7 @@ struct Yarn {
 struct Room {
     points: Vec<DVec3>,
     /// The fabric's normals, for ribbons.
-    normals: Vec<DVec3>,
+    normals: Vec<Vec3A>,
     /// Points at which stitches begin or end, both ends of the run among them.
     stitches: Vec<usize>,
 }
@@ -130,7 +130,7 @@ impl Room {
         self.points.extend(scene.positions[start..end].iter().map(|point| point.as_dvec3() - centre));
         self.normals.clear();
         if scene.shape == Shape::Ribbon {
-            self.normals.extend(scene.normals[start..end].iter().map(|normal| normal.unpack().as_dvec3()));
+            self.normals.extend(scene.normals[start..end].iter().map(|normal| Vec3A::from(normal.unpack())));
         }
         if let [only] = self.points[..] {
             self.points.push(only);
@@ -267,11 +267,15 @@ impl Laying<'_> {
         self.along += self.frame.advance(position, span.tangent(t));
         let across = match self.yarn.shape {
             Shape::Tube => self.frame.across,
-            Shape::Ribbon => self.frame.over(self.run.normals[index].lerp(self.run.normals[index + 1], t)),
+            Shape::Ribbon => {
+                #[expect(clippy::cast_possible_truncation, reason = "rounding is meant")]
+                let share = t as f32;
+                self.frame.over(self.run.normals[index].lerp(self.run.normals[index + 1], share))
+            }
         };
         self.paths.points.push(position.as_vec3().extend(self.yarn.radius));
-        self.paths.tangents.push(PackedUnit::new(self.frame.tangent.as_vec3()));
-        self.paths.across.push(PackedUnit::new(across.as_vec3()));
+        self.paths.tangents.push(PackedUnit::new(self.frame.tangent.into()));
+        self.paths.across.push(PackedUnit::new(across.into()));
         #[expect(clippy::cast_possible_truncation, reason = "rounding is meant")]
         self.paths.along.push(self.along as f32);
         self.paths.looks.push(self.yarn.look);
@@ -297,29 +301,28 @@ pub(super) fn phase(strand: u32) -> f64 {
 #[derive(Default)]
 struct Frame {
     position: DVec3,
-    tangent: DVec3,
-    across: DVec3,
+    tangent: Vec3A,
+    across: Vec3A,
 }
 
 impl Frame {
     /// Moves on to `position`, where the curve runs along `derivative`; the distance moved, 0 for the first point.
     fn advance(&mut self, position: DVec3, derivative: DVec3) -> f64 {
-        let fallback = if self.tangent == DVec3::ZERO { DVec3::X } else { self.tangent };
-        let tangent = derivative.try_normalize().unwrap_or(fallback);
-        let first = self.tangent == DVec3::ZERO;
-        let across = if first {
-            frame::across(DVec3::Z, tangent)
+        let first = self.tangent == Vec3A::ZERO;
+        let tangent = derivative.as_vec3a().normalize_or(if first { Vec3A::X } else { self.tangent });
+        let chord = position - self.position;
+        let (across, moved) = if first {
+            (frame::across(Vec3A::Z, tangent), 0.0)
         } else {
-            frame::carry(self.across, self.position, self.tangent, position, tangent)
+            (frame::carry(self.across, chord.as_vec3a(), self.tangent, tangent), chord.length())
         };
-        let moved = if first { 0.0 } else { position.distance(self.position) };
         *self = Self { position, tangent, across };
         moved
     }
 
     /// The fabric's normal where it is `normal`, leant so that a ribbon across both it and the tangent keeps its last direction where the
     /// yarn runs along the normal.
-    fn over(&mut self, normal: DVec3) -> DVec3 {
+    fn over(&mut self, normal: Vec3A) -> Vec3A {
         let width = self.tangent.cross(normal);
         if width.length_squared() >= LEAST_SINE * LEAST_SINE {
             self.across = frame::across(normal, self.tangent);

@@ -55,15 +55,19 @@ impl Span {
 /// assert_eq!(span.at(0.0), points[1]);
 /// assert!(span.at(1.0).distance(points[2]) < 1e-12);
 /// ```
+#[inline]
 #[must_use]
 pub fn span(points: &[DVec3], index: usize) -> Span {
     let (p1, p2) = (points[index], points[index + 1]);
     let p0 = if index == 0 { 2.0 * p1 - p2 } else { points[index - 1] };
     let p3 = points.get(index + 2).copied().unwrap_or(2.0 * p2 - p1);
     let [d0, d1, d2] = intervals(&[p0, p1, p2, p3]);
-    let m1 = d1 * ((p1 - p0) / d0 - (p2 - p0) / (d0 + d1) + (p2 - p1) / d1);
-    let m2 = d1 * ((p2 - p1) / d1 - (p3 - p1) / (d1 + d2) + (p3 - p2) / d2);
-    Span { a: 2.0 * (p1 - p2) + m1 + m2, b: 3.0 * (p2 - p1) - 2.0 * m1 - m2, c: m1, d: p1 }
+    // Divisions are dear: one a number, and a product for each coordinate.
+    let (into, out) = (d1 / (d0 + d1), d1 / (d1 + d2));
+    let chord = p2 - p1;
+    let m1 = (p1 - p0) * (d1 / d0) - (p2 - p0) * into + chord;
+    let m2 = chord - (p3 - p1) * out + (p3 - p2) * (d1 / d2);
+    Span { a: m1 + m2 - 2.0 * chord, b: 3.0 * chord - 2.0 * m1 - m2, c: m1, d: p1 }
 }
 
 /// Knot intervals: square roots of the chords. Coincident points would divide by zero, so they count as one micrometre apart.

@@ -343,3 +343,24 @@ fn a_fabric_file_names_its_yarns_pictures() {
     let message = String::from_utf8(output.stderr).unwrap();
     assert!(message.contains("the yarn of bar 1: ") && message.contains("mine/absent"), "{message}");
 }
+
+#[test]
+fn bench_prints_the_papers_table() {
+    let output = warpknit(Path::new("."))
+        .args(["bench", "--weft", "--runs", "1", "--quiet"])
+        .assert()
+        .success()
+        .stderr("")
+        .get_output()
+        .clone();
+    let table = String::from_utf8(output.stdout).unwrap();
+    let rows: Vec<Vec<&str>> = table.lines().skip(1).map(|row| row.split_whitespace().collect()).collect();
+    assert_eq!(rows.len(), 9, "{table}");
+    for row in &rows {
+        let number = |column: usize| row[column].parse::<f64>().unwrap_or_else(|_| panic!("{table}"));
+        let (side, segments) = (number(0), number(3));
+        assert_eq!(number(4), side * (side * segments + 1.0) * 6.0, "vertices: {table}");
+        assert!(number(5) > 0.0 && number(6) <= number(5) && number(5) <= number(7), "{table}");
+    }
+    fails(2, &["bench"], |_| {});
+}

@@ -27,7 +27,7 @@ fn the_page_is_up_to_date() {
 #[test]
 fn every_fabric_has_both_its_pictures_and_they_are_small() {
     let mut bytes = 0;
-    for (name, side) in builtin::names().flat_map(|name| [(name, "front"), (name, "back")]) {
+    for (name, side) in builtin::names().chain(["tubes", "ribbons"]).flat_map(|name| [(name, "front"), (name, "back")]) {
         let path = docs().join("gallery").join(page::picture_name(name, side));
         assert_eq!(image::image_dimensions(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display())), (320, 240));
         bytes += path.metadata().unwrap().len();
