@@ -11,7 +11,7 @@
 
 use std::ops::Range;
 
-use image::{Rgb, RgbImage};
+use image::RgbImage;
 use rayon::prelude::*;
 
 use super::binarise::{Split, binarise, is_light, otsu};
@@ -61,6 +61,14 @@ impl Orientation {
     pub fn on_photo(&self, x: f64, y: f64) -> [f64; 2] {
         let (sin, cos) = self.angle.sin_cos();
         [self.origin[0] + x * cos - y * sin, self.origin[1] + x * sin + y * cos]
+    }
+}
+
+impl Orientation {
+    /// Where the pixels of a row of the strip lie on the photo.
+    pub(super) fn row(&self, y: usize) -> impl Fn(usize) -> [f64; 2] {
+        let ([x0, y0], (sin, cos)) = (self.on_photo(0.0, double(y)), self.angle.sin_cos());
+        move |x| [x0 + double(x) * cos, y0 + double(x) * sin]
     }
 }
 
@@ -280,8 +288,9 @@ pub(super) fn strip(photo: &RgbImage, orientation: &Orientation) -> RgbImage {
     let (width, height) = orientation.size;
     let mut strip = RgbImage::new(width, height);
     strip.as_mut().par_chunks_mut(3 * width as usize).enumerate().for_each(|(y, row)| {
+        let place = orientation.row(y);
         for (x, pixel) in row.chunks_exact_mut(3).enumerate() {
-            pixel.copy_from_slice(&look_up(photo, orientation.on_photo(double(x), double(y))));
+            pixel.copy_from_slice(&look_up(photo, place(x)));
         }
     });
     strip
@@ -303,11 +312,13 @@ fn look_up(photo: &RgbImage, [x, y]: [f64; 2]) -> [u8; 3] {
         ([at(-1), at(0), at(1), at(2)], weights)
     };
     let ((columns, across), (rows, down)) = (cell(x, photo.width()), cell(y, photo.height()));
+    let stride = 3 * photo.width() as usize;
     let mut sum = [0.0_f32; 3];
     for (row, v) in rows.into_iter().zip(down) {
+        let line = &photo.as_raw()[row as usize * stride..][..stride];
         for (column, u) in columns.into_iter().zip(across) {
-            let Rgb(bytes) = *photo.get_pixel(column, row);
-            sum.iter_mut().zip(bytes).for_each(|(sum, byte)| *sum += u * v * f32::from(byte));
+            let pixel = &line[3 * column as usize..][..3];
+            sum.iter_mut().zip(pixel).for_each(|(sum, byte)| *sum += u * v * f32::from(*byte));
         }
     }
     sum.map(byte)
@@ -357,6 +368,7 @@ fn median(numbers: impl Iterator<Item = f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use image::Rgb;
 
     /// A plain band, `width` wide, through the middle of a photo of 300 x 200.
     fn band(degrees: f64, width: f64) -> RgbImage {

@@ -12,7 +12,7 @@
 use image::{GrayImage, Luma, RgbaImage};
 
 use super::super::{Grey, normals};
-use super::plane::{Plane, byte, double, float, narrow, percentile, side, whole};
+use super::plane::{Plane, byte, float, narrow, percentile, side, whole};
 
 /// Share of a round yarn's height that plies and fibres make.
 const RELIEF: f32 = 0.3;
@@ -20,6 +20,8 @@ const RELIEF: f32 = 0.3;
 const SMOOTHED: f64 = 0.015;
 /// Greys between these shares of the pixels become relief.
 const RANGE: (f32, f32) = (0.03, 0.97);
+/// Columns over which a flank's place is a mean, in widths of the yarn.
+const FLANK_MEAN: f64 = 0.02;
 /// Scales of occlusion, in widths of the yarn, each with its strength.
 const SCALES: [(f64, f32); 3] = [(0.04, 1.5), (0.1, 1.2), (0.25, 0.8)];
 /// The least light that is left.
@@ -47,8 +49,10 @@ pub(super) fn surface(unit: &RgbaImage, middle: f64, width: f64) -> Surface {
     let relief = relief(unit, width);
     let columns = unit.width() as usize;
     let rows = unit.height() as usize;
+    let flanks = flanks(unit, middle, width);
     let shape = Plane::from_fn(columns, rows, |x, y| {
-        let across = narrow((double(y) - middle) / (0.5 * width));
+        let [top, bottom] = flanks[x];
+        let across = (2.0 * float(y) - top - bottom) / (bottom - top).max(1.0);
         let round = (1.0 - across * across).max(0.0).sqrt();
         round * (1.0 - RELIEF + RELIEF * relief.at(x, y)) * alpha(unit, x, y)
     });
@@ -63,6 +67,18 @@ pub(super) fn surface(unit: &RgbaImage, middle: f64, width: f64) -> Surface {
         metallic: GrayImage::new(unit.width(), unit.height()),
         occlusion: grey(&occlusion(&shape, width), |light| 255.0 * light),
     }
+}
+
+/// Where the yarn begins and ends in each column, without the fibres that stand off. Plies bulge: a yarn that were as wide everywhere would cut them off.
+fn flanks(unit: &RgbaImage, middle: f64, width: f64) -> Vec<[f32; 2]> {
+    let (columns, rows) = (unit.width() as usize, unit.height() as usize);
+    let start = whole(narrow(middle)).min(rows - 1);
+    let is_yarn = |x: usize, y: &usize| alpha(unit, x, *y) >= 0.5;
+    let top = |x: usize| float((0..start).rev().take_while(|y| is_yarn(x, y)).last().unwrap_or(start)) - 0.5;
+    let bottom = |x: usize| float((start..rows).take_while(|y| is_yarn(x, y)).last().unwrap_or(start)) + 0.5;
+    let radius = whole(narrow(FLANK_MEAN * width)).max(1);
+    let smooth = |edge: &(dyn Fn(usize) -> f32 + Sync)| Plane::from_fn(columns, 1, |x, _| edge(x)).blurred(radius, true).values;
+    smooth(&top).into_iter().zip(smooth(&bottom)).map(|(top, bottom)| [top, bottom]).collect()
 }
 
 /// How far the brightness of the yarn lies between dark and light, 0..1.
