@@ -13,6 +13,7 @@
 use rayon::prelude::*;
 
 use super::binarise::Split;
+use super::orient::FIBRE;
 use super::plane::{Mask, Plane, double, float, narrow, percentile, whole};
 
 /// Least matte of a fibre; JPEG rings with about half of it around an edge.
@@ -24,9 +25,7 @@ const LEAST_DISTANCE: f32 = 4.0;
 const SMOOTHING: f32 = 3.0;
 /// Radius of the mean that F is, in widths of the yarn.
 const NEAR: f64 = 0.06;
-/// Half the thickness of what is a fibre and no ply, in widths of the yarn.
-const FIBRE: f64 = 0.05;
-/// The same in pixels, at least: blur makes any fibre some pixels thick.
+/// Half the thickness of a fibre in pixels, at least: blur makes any fibre some pixels thick.
 const LEAST_WEAR: usize = 3;
 /// Pixels at the body's rim that show ground too, and pixels below them that are asked.
 const RIM: usize = 2;
@@ -86,8 +85,7 @@ pub(super) fn cut_out(grey: &Plane, yarn: &Mask, split: &Split, light_ground: bo
 fn core(yarn: &Mask) -> Mask {
     let (width, _) = extent(yarn);
     let times = whole(narrow(FIBRE * width)).max(LEAST_WEAR);
-    let core = yarn.eroded(times).dilated(times);
-    if core.set.contains(&true) { core.largest().filled() } else { yarn.filled() }
+    yarn.worn(times).filled()
 }
 
 /// How far a pixel that is yarn alone would be from the ground: by the core's flank near by. Fibres that
@@ -98,7 +96,8 @@ fn full_yarn(off: &Plane, core: &Mask, contrast: f32) -> Plane {
     let inside = core.eroded(RIM);
     let deep = inside.eroded(RING);
     let near = core.dilated(1);
-    let mut yarn: Vec<f32> = core.pixels().map(|at| off.values[at]).collect();
+    let step = (off.values.len() >> 20).max(1);
+    let mut yarn: Vec<f32> = core.pixels().step_by(step).map(|at| off.values[at]).collect();
     let bright = percentile(&mut yarn, FIBRE_SHARE).max(contrast);
     let weight = |x: usize, y: usize| if inside.at(x, y) && !deep.at(x, y) { 1.0 } else { 0.0 };
     let weights = Plane::from_fn(off.width, off.height, weight).blurred(radius, false);

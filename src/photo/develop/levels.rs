@@ -12,8 +12,6 @@ use super::plane::{Plane, byte, double, float, narrow, percentile};
 
 /// Shares of the pixels that may be clipped at the dark and at the light end.
 const CLIPPED: (f32, f32) = (0.005, 0.995);
-/// At most so many pixels are asked for the percentiles.
-const ASKED: usize = 1 << 20;
 /// Black and white are at least so far apart before they are stretched.
 const LEAST_RANGE: f32 = 4.0;
 
@@ -79,8 +77,7 @@ impl Range {
 }
 
 fn stretch(flat: &Plane) -> Range {
-    let step = flat.values.len().div_ceil(ASKED);
-    let mut asked: Vec<f32> = flat.values.iter().copied().step_by(step).collect();
+    let mut asked: Vec<f32> = flat.asked().collect();
     let (black, white) = (percentile(&mut asked, CLIPPED.0), percentile(&mut asked, CLIPPED.1));
     let more = (LEAST_RANGE - (white - black)).max(0.0) / float(2);
     Range { black: black - more, white: white + more }

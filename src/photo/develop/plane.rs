@@ -57,6 +57,11 @@ impl Plane {
         self.values[y * self.width + x]
     }
 
+    /// Values all over the plane, a million or two at most: as many as any share of them needs.
+    pub(super) fn asked(&self) -> impl Iterator<Item = f32> {
+        self.values.iter().copied().step_by((self.values.len() >> 20).max(1))
+    }
+
     pub(super) fn map(&self, of: impl Fn(f32) -> f32 + Sync) -> Self {
         let values = self.values.par_iter().map(|&value| of(value)).collect();
         Self { values, ..*self }
@@ -165,6 +170,12 @@ impl Mask {
         let is_rim =
             |run: &Range<usize>| run.start < width || run.start >= last || run.start % width == 0 || run.end % width == 0;
         ground.only(Pieces::of(&ground).with(is_rim)).inverted()
+    }
+
+    /// The largest piece without what is at most `2 radius` thick; all of the mask where nothing is thicker.
+    pub(super) fn worn(&self, radius: usize) -> Self {
+        let thick = self.eroded(radius).dilated(radius);
+        if thick.set.contains(&true) { thick.largest() } else { self.clone() }
     }
 
     fn only(&self, runs: impl Iterator<Item = Range<usize>>) -> Self {
@@ -317,7 +328,11 @@ impl Pieces {
 const COLUMNS: usize = 64;
 
 /// Sums over some rows, column by column.
-pub(super) fn column_sums(columns: usize, rows: Range<usize>, of: impl Fn(usize, usize) -> f32 + Sync) -> Vec<f64> {
+pub(super) fn column_sums(
+    columns: usize,
+    rows: impl Iterator<Item = usize> + Clone + Sync,
+    of: impl Fn(usize, usize) -> f32 + Sync,
+) -> Vec<f64> {
     let mut sums = vec![0.0; columns];
     sums.par_chunks_mut(COLUMNS).enumerate().for_each(|(at, sums)| {
         for y in rows.clone() {

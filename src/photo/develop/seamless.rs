@@ -19,6 +19,8 @@ use super::plane::{column_sums, double, float, narrow, side, whole};
 const OVERLAPS: [f64; 2] = [0.25, 0.1];
 /// Beginnings that are tried in full: the best one in each such share of a repeat, for the joint to lie wherever in it is best.
 const TRIED: usize = 12;
+/// About how many rows say where a unit might begin.
+const ROWS: usize = 256;
 /// Energy that noise of half a grey level has, a texel.
 const LEAST_ENERGY: f32 = 1e-5;
 
@@ -84,12 +86,14 @@ pub(super) fn seamless(strip: &RgbaImage, length: f64) -> (RgbaImage, Seam) {
     (source.picture(width, &joint(&source, width, seam.method)), seam)
 }
 
-/// How much each column of the strip differs from that a repeat on.
+/// How much each column of the strip differs from that a repeat on, by some of its rows.
 fn differences(strip: &RgbaImage, length: f64) -> Vec<f64> {
+    let rows = strip.height() as usize;
     let end = double(strip.width() as usize - 1);
     let count = whole(narrow(end - length)) + 1;
-    column_sums(count, 0..strip.height() as usize, |x, y| {
-        (texel(strip, double(x), y) - texel(strip, (double(x) + length).min(end), y)).length_squared()
+    column_sums(count, (0..rows).step_by(rows.div_ceil(ROWS)), |x, y| {
+        let row = row(strip, y);
+        (texel(row, double(x)) - texel(row, (double(x) + length).min(end))).length_squared()
     })
 }
 
@@ -107,19 +111,22 @@ fn beginnings(differences: &[f64], length: f64, overlap: usize) -> Vec<f64> {
     chosen.into_iter().flatten().map(|(_, start)| double(start)).collect()
 }
 
+fn row(strip: &RgbaImage, y: usize) -> &[u8] {
+    let stride = 4 * strip.width() as usize;
+    &strip.as_raw()[stride * y..][..stride]
+}
+
 /// Colour by alpha, and alpha, between two pixels of a row.
-fn texel(strip: &RgbaImage, x: f64, y: usize) -> Vec4 {
-    let columns = strip.width() as usize;
-    let first = whole(narrow(x)).min(columns - 1);
-    let next = (first + 1).min(columns - 1);
-    let row = &strip.as_raw()[4 * columns * y..][..4 * columns];
-    let at = |x: usize| weighed([row[4 * x], row[4 * x + 1], row[4 * x + 2], row[4 * x + 3]]);
-    at(first).lerp(at(next), narrow(x - double(first)))
+fn texel(row: &[u8], x: f64) -> Vec4 {
+    let last = row.len() / 4 - 1;
+    let first = whole(narrow(x)).min(last);
+    weighed(row, first).lerp(weighed(row, (first + 1).min(last)), narrow(x - double(first)))
 }
 
 /// A texel whose colours count by its alpha; what is transparent keeps a little, so that it has a colour.
-fn weighed(bytes: [u8; 4]) -> Vec4 {
-    let [r, g, b, a] = bytes.map(|byte| f32::from(byte) / 255.0);
+fn weighed(row: &[u8], x: usize) -> Vec4 {
+    let at = |channel: usize| f32::from(row[4 * x + channel]) * (1.0 / 255.0);
+    let [r, g, b, a] = [at(0), at(1), at(2), at(3)];
     Vec4::new(r, g, b, 1.0) * (a + LEAST_WEIGHT) - Vec4::W * LEAST_WEIGHT
 }
 
@@ -130,8 +137,9 @@ const LEAST_WEIGHT: f32 = 1e-3;
 fn sampled(strip: &RgbaImage, start: f64, step: f64, width: usize) -> Unit {
     let height = strip.height() as usize;
     let mut texels = vec![Vec4::ZERO; width * height];
-    texels.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-        row.iter_mut().enumerate().for_each(|(x, value)| *value = texel(strip, start + double(x) * step, y));
+    texels.par_chunks_mut(width).enumerate().for_each(|(y, texels)| {
+        let row = row(strip, y);
+        texels.iter_mut().enumerate().for_each(|(x, value)| *value = texel(row, start + double(x) * step));
     });
     Unit { width, height, texels }
 }

@@ -20,8 +20,8 @@ const RELIEF: f32 = 0.3;
 const SMOOTHED: f64 = 0.015;
 /// Greys between these shares of the pixels become relief.
 const RANGE: (f32, f32) = (0.03, 0.97);
-/// Columns over which a flank's place is a mean, in widths of the yarn.
-const FLANK_MEAN: f64 = 0.02;
+/// Columns to both sides over which a flank's place is a mean, in widths of the yarn.
+const FLANK_MEANS: [f64; 2] = [0.02, 0.1];
 /// Scales of occlusion, in widths of the yarn, each with its strength.
 const SCALES: [(f64, f32); 3] = [(0.04, 1.5), (0.1, 1.2), (0.25, 0.8)];
 /// The least light that is left.
@@ -76,9 +76,13 @@ fn flanks(unit: &RgbaImage, middle: f64, width: f64) -> Vec<[f32; 2]> {
     let is_yarn = |x: usize, y: &usize| alpha(unit, x, *y) >= 0.5;
     let top = |x: usize| float((0..start).rev().take_while(|y| is_yarn(x, y)).last().unwrap_or(start)) - 0.5;
     let bottom = |x: usize| float((start..rows).take_while(|y| is_yarn(x, y)).last().unwrap_or(start)) + 0.5;
-    let radius = whole(narrow(FLANK_MEAN * width)).max(1);
-    let smooth = |edge: &(dyn Fn(usize) -> f32 + Sync)| Plane::from_fn(columns, 1, |x, _| edge(x)).blurred(radius, true).values;
-    smooth(&top).into_iter().zip(smooth(&bottom)).map(|(top, bottom)| [top, bottom]).collect()
+    // The wider mean takes no part where plies bulge, and rounds the notches between them.
+    let smooth = |edge: &(dyn Fn(usize) -> f32 + Sync), outer: fn(f32, f32) -> f32| {
+        let plane = Plane::from_fn(columns, 1, |x, _| edge(x));
+        let [near, wide] = FLANK_MEANS.map(|mean| plane.blurred(whole(narrow(mean * width)).max(1), true).values);
+        near.into_iter().zip(wide).map(move |(near, wide)| outer(near, wide))
+    };
+    smooth(&top, f32::min).zip(smooth(&bottom, f32::max)).map(|(top, bottom)| [top, bottom]).collect()
 }
 
 /// How far the brightness of the yarn lies between dark and light, 0..1.
@@ -93,7 +97,11 @@ fn relief(unit: &RgbaImage, width: f64) -> Plane {
         (0..columns * rows).filter(|at| alpha(unit, at % columns, at / columns) >= 1.0).map(|at| light.values[at]).collect();
     let (low, high) = (percentile(&mut yarn, RANGE.0), percentile(&mut yarn, RANGE.1));
     let range = (high - low).max(1.0);
-    light.map(|value| ((value - low) / range).clamp(0.0, 1.0))
+    light.map(|value| {
+        let share = ((value - low) / range).clamp(0.0, 1.0);
+        // Level at both ends: clamping alone leaves creases.
+        share * share * (3.0 - 2.0 * share)
+    })
 }
 
 /// Light that arrives in hollows, of all that could.
