@@ -56,7 +56,7 @@ pub(super) fn swatch(mut maps: Maps, yarn: &Developed, progress: &(dyn Fn(f32) +
         Ok(())
     };
     drape::run(&cloth, &drape::Options::default(), &mut |_, _| {}, &mut deliver)?;
-    let options = Options { width: column_width(2), height: ROWS[2], spp: 2, ..Options::default() };
+    let options = Options { width: column_width(2), height: ROWS[2], spp: 2, sky_rays: 1, ..Options::default() };
     let camera = Camera::view(View::Front, &scene.positions, Camera::DEFAULT_FOV, 1.0, options.aspect());
     Ok(render(&scene, &camera, &options, progress)?)
 }

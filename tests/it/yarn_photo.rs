@@ -7,7 +7,8 @@ use assert_cmd::Command;
 use image::codecs::jpeg::JpegEncoder;
 use image::{ImageReader, Rgb, RgbImage, RgbaImage};
 use rayon::prelude::*;
-use warpknit::photo::develop::{Developed, Scale, Settings, develop};
+use warpknit::export::OutputFolder;
+use warpknit::photo::develop::{Developed, Scale, Settings, develop, save};
 use warpknit::photo::read_maps;
 
 /// How many photos are developed: of yarns as large as they are to be, of small ones, and of such with a ply that is hardly seen.
@@ -15,7 +16,7 @@ const PHOTOS: u32 = 60;
 const SMALL_PHOTOS: u32 = 12;
 const FAINT_PHOTOS: u32 = 6;
 /// Pixels of a large photo for one of a small one, of the photo's sides and of the yarn.
-const LARGE: [f64; 2] = [1.75, 2.8];
+const LARGE: [f64; 2] = [1.6, 2.6];
 
 /// A plied yarn on a ground, as a camera might see it.
 #[derive(Clone, Debug)]
@@ -423,6 +424,10 @@ fn warpknit(folder: &Path, arguments: &[&str]) -> Command {
 fn a_photo_becomes_a_folder_that_is_read_back() {
     let folder = tempfile::tempdir().unwrap();
     let yarn = photo_in(folder.path(), 18);
+    // The folder's own maps are written over, and its other files stay.
+    std::fs::create_dir(folder.path().join("maps")).unwrap();
+    std::fs::write(folder.path().join("maps/base_color.png"), "old").unwrap();
+    std::fs::write(folder.path().join("maps/note.txt"), "mine").unwrap();
     let run = warpknit(folder.path(), &["photo.png", "-o", "maps", "-v", "--yarn-width-mm", "0.5"]);
     let output = { run }.assert().success().get_output().clone();
     let (report, said) = (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap());
@@ -435,8 +440,17 @@ fn a_photo_becomes_a_folder_that_is_read_back() {
     let mut names: Vec<_> =
         (folder.path().join("maps").read_dir().unwrap()).map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();
-    let wanted =
-        ["ao.png", "base_color.png", "height.png", "metallic.png", "normal.png", "roughness.png", "sheet.png", "yarn.toml"];
+    let wanted = [
+        "ao.png",
+        "base_color.png",
+        "height.png",
+        "metallic.png",
+        "normal.png",
+        "note.txt",
+        "roughness.png",
+        "sheet.png",
+        "yarn.toml",
+    ];
     assert_eq!(names, wanted);
     let maps = read_maps(&folder.path().join("maps"), 77.0).unwrap();
     let length = 0.5 * yarn.repeat() / yarn.width();
@@ -445,12 +459,18 @@ fn a_photo_becomes_a_folder_that_is_read_back() {
     for key in ["width_mm", "length_mm", "threshold", "repeat_mm", "mapping_coefficient"] {
         assert!(toml.lines().any(|line| line.starts_with(key)), "{key}: {toml}");
     }
-    // A second run takes the place of the first, and the folder's other files stay.
-    std::fs::write(folder.path().join("maps/note.txt"), "mine").unwrap();
-    warpknit(folder.path(), &["photo.png", "-o", "maps", "--quiet"]).assert().success().stderr("");
-    assert!(folder.path().join("maps/note.txt").is_file());
+    assert_eq!(std::fs::read_to_string(folder.path().join("maps/note.txt")).unwrap(), "mine");
+}
+
+#[test]
+fn without_a_scale_no_lengths_are_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let yarn = develop(&Yarn::small(18).photographed().0, &Settings::default(), &mut |_, _| ()).unwrap();
+    let output = OutputFolder::create(&folder.path().join("maps")).unwrap();
+    save(&yarn, &output).unwrap();
+    output.publish().unwrap();
     let toml = std::fs::read_to_string(folder.path().join("maps/yarn.toml")).unwrap();
-    assert!(!toml.lines().any(|line| line.starts_with("width_mm")), "nothing said how large the yarn is: {toml}");
+    assert!(toml.contains("repeat_px") && !toml.contains("width_mm ="), "{toml}");
 }
 
 #[test]
@@ -461,7 +481,7 @@ fn settings_overrule_what_is_found() {
     let plain = developed(Settings { scale: Scale::Dpi(2540.0), ..Settings::default() });
     assert!((plain.length().unwrap() - 0.01 * plain.repeat.length).abs() < 1e-9);
     assert!((plain.mapping_coefficient().unwrap() * plain.length().unwrap() - 1.0).abs() < 1e-9);
-    let cropped = developed(Settings { crop: Some([40, 20, 300, 120]), ..Settings::default() });
+    let cropped = developed(Settings { crop: Some([40, 5, 300, 120]), ..Settings::default() });
     assert!(cropped.strip.width() <= 300 && (cropped.repeat.length / yarn.repeat() - 1.0).abs() < 0.02);
     let thin = developed(Settings { threshold: Some(230), ..Settings::default() });
     assert!(thin.threshold == 230.0 && thin.yarn_width < plain.yarn_width);

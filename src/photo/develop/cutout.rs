@@ -6,7 +6,7 @@
 //! darken toward their flanks, and plies differ. So F is a mean over what surely is yarn near by, two pixels inside of what differs from
 //! the ground at all, and the grey gives the matte a. What is at least half yarn and linked to B is the body; its core, fibres worn off and holes
 //! filled, is opaque however dark its grooves are, and measures the width. Fibres whose matte stands out of the ground's noise stay where they are linked to the body, and
-//! specks do not. Cost: some thirty passes, 16 bytes a pixel.
+//! specks do not. Cost: some sixty passes whatever the yarn's width, 30 bytes a pixel.
 //!
 //! Not promised: parts of a yarn that are as dark as the ground, and open to it.
 

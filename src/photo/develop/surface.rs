@@ -2,7 +2,7 @@
 //!
 //! In: the unit, the yarn's width and middle row. Out: [`Surface`], maps of the unit's size that tile along the yarn.
 //!
-//! Heights are those of a round yarn, half as high as wide, with plies and fibres from its brightness once the light is flattened: what is deep gets less
+//! Heights are those of a round yarn, half as high as wide, round between the flanks of each column, with plies and fibres from its brightness once the light is flattened: what is deep gets less
 //! light. Normals come from them by Scharr's operator (the reader's own, so that both agree). Occlusion is how far a place lies below its
 //! surroundings, at several scales (Luft, Colditz and Deussen 2006). Fibres are dull, in the grooves more so, and no metal. Cost: some thirty
 //! passes, 20 bytes a texel.
