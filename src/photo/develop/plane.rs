@@ -167,8 +167,9 @@ impl Mask {
     pub(super) fn filled(&self) -> Self {
         let ground = self.inverted();
         let (width, last) = (self.width, self.set.len() - self.width);
-        let is_rim =
-            |run: &Range<usize>| run.start < width || run.start >= last || run.start % width == 0 || run.end % width == 0;
+        let is_rim = |run: &Range<usize>| {
+            run.start < width || run.start >= last || run.start.is_multiple_of(width) || run.end.is_multiple_of(width)
+        };
         ground.only(Pieces::of(&ground).with(is_rim)).inverted()
     }
 
