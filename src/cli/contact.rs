@@ -1,9 +1,11 @@
-//! The contact sheet of a developed photo: photo, mask, unit, maps, the unit three times in a row, and a swatch knitted with it.
+//! The contact sheet of a developed photo: photo, mask, unit, maps, the unit following itself, and some loops knitted with it.
+//!
+//! Units are often narrow: they and their maps are drawn again and again along the yarn until their place is filled.
 
 use anyhow::Result;
 use glam::DVec2;
 use image::imageops::{self, FilterType};
-use image::{DynamicImage, GrayImage, RgbImage, Rgba, RgbaImage};
+use image::{DynamicImage, GrayImage, ImageBuffer, Pixel, RgbImage, Rgba, RgbaImage};
 use warpknit::chart::{Anchor, Drawing, Layer, Shape as Mark, TextSize, png};
 use warpknit::drape::{self, Block, Cloth, picture};
 use warpknit::fabric::Fabric;
@@ -13,13 +15,14 @@ use warpknit::render::maps::Maps;
 use warpknit::render::{Camera, Options, View, render};
 use warpknit::scene::Shape;
 
-use super::args::DEFAULT_FABRIC;
 use super::pictures::{self, Textures};
 
 /// Width of the yarn's picture where nothing says it, mm: any will do, the swatch's yarn is as wide as its loops let it.
 pub(super) const SWATCH_YARN_WIDTH: f64 = 1.0;
+/// What the swatch shows: plain loops, few and from their front, so that the yarn is seen and not only the fabric.
+const FABRIC: &str = "jersey";
 /// Wales and courses of the swatch.
-const SWATCH: (u32, u32) = (5, 5);
+const SWATCH: (u32, u32) = (4, 3);
 /// Width of the sheet and room around its pictures, pixels.
 const SHEET: u32 = 1600;
 const GAP: u32 = 20;
@@ -30,16 +33,16 @@ const ROWS: [u32; 3] = [360, 220, 480];
 /// Pixels that the lapping diagram's painter makes of one px.
 const PAINTED: f64 = 2.0;
 
-/// A picture with its name, and how many columns of its row it takes.
+/// A picture with its name and the width that is its own.
 struct Cell {
     label: &'static str,
     picture: RgbaImage,
-    columns: u32,
+    width: u32,
 }
 
 /// A swatch of ribbons that wear these maps, the yarn without its fuzz as thick as the fabric's.
 pub(super) fn swatch(mut maps: Maps, yarn: &Developed, progress: &(dyn Fn(f32) + Sync)) -> Result<RgbaImage> {
-    let fabric = Fabric::named(DEFAULT_FABRIC)?;
+    let fabric = Fabric::named(FABRIC)?;
     let (wales, courses) = SWATCH;
     let panel = drape::swatch_panel(&fabric, wales, courses);
     let cloth = Cloth::swatch(&panel, &fabric, wales, courses);
@@ -53,7 +56,7 @@ pub(super) fn swatch(mut maps: Maps, yarn: &Developed, progress: &(dyn Fn(f32) +
         Ok(())
     };
     drape::run(&cloth, &drape::Options::default(), &mut |_, _| {}, &mut deliver)?;
-    let options = Options { width: column_width(2), height: ROWS[2], spp: 2, ..Options::default() };
+    let options = Options { width: column_width(2), height: ROWS[2], spp: 2, sky_rays: 1, ..Options::default() };
     let camera = Camera::view(View::Front, &scene.positions, Camera::DEFAULT_FOV, 1.0, options.aspect());
     Ok(render(&scene, &camera, &options, progress)?)
 }
@@ -62,12 +65,13 @@ pub(super) fn swatch(mut maps: Maps, yarn: &Developed, progress: &(dyn Fn(f32) +
 pub(super) fn sheet(photo: &RgbImage, yarn: &Developed, swatch: &RgbaImage) -> RgbaImage {
     let grey = |picture: &GrayImage| DynamicImage::from(picture.clone()).into_rgba8();
     let height = DynamicImage::from(yarn.surface.height.clone()).into_rgba8();
-    let cell = |label, picture, columns| Cell { label, picture, columns };
+    let cell = |label, picture, width| Cell { label, picture, width };
+    let half = column_width(2);
+    let photo = small(photo, half, ROWS[0]);
+    let (left, right) = (photo.width(), SHEET - 3 * GAP - photo.width());
+    let map = |(label, picture): (_, RgbaImage)| cell(label, tiled(&picture, 1, column_width(6), ROWS[1]), column_width(6));
     let rows = [
-        vec![
-            cell("photo", small(photo, column_width(2), ROWS[0]), 2),
-            cell("mask", fitted(&grey(&yarn.mask), column_width(2), ROWS[0]), 2),
-        ],
+        vec![cell("photo", photo, left), cell("mask", small(&yarn.mask, right, ROWS[0]), right)],
         [
             ("unit", on_checks(&yarn.base)),
             ("height", height),
@@ -76,21 +80,29 @@ pub(super) fn sheet(photo: &RgbImage, yarn: &Developed, swatch: &RgbaImage) -> R
             ("metallic", grey(&yarn.surface.metallic)),
             ("occlusion", grey(&yarn.surface.occlusion)),
         ]
-        .map(|(label, picture)| cell(label, fitted(&picture, column_width(6), ROWS[1]), 6))
+        .map(map)
         .into(),
         vec![
-            cell("the unit three times", fitted(&on_checks(&in_a_row(&yarn.base)), column_width(2), ROWS[2]), 2),
-            cell("a swatch of it", swatch.clone(), 2),
+            cell("the unit again and again", tiled(&on_checks(&yarn.base), 3, half, ROWS[2]), half),
+            cell("a swatch of it", swatch.clone(), half),
         ],
     ];
     let mut sheet = png::paint(&labels(&rows));
-    for (row, top) in rows.iter().zip(tops()) {
-        for (cell, at) in row.iter().zip(0..) {
-            let left = GAP + at * (column_width(cell.columns) + GAP);
-            imageops::overlay(&mut sheet, &cell.picture, i64::from(left), i64::from(top + LABEL));
-        }
+    for (cell, left, top) in places(&rows) {
+        imageops::overlay(&mut sheet, &cell.picture, i64::from(left), i64::from(top + LABEL));
     }
     sheet
+}
+
+/// The cells with where they begin.
+fn places(rows: &[Vec<Cell>; 3]) -> impl Iterator<Item = (&Cell, u32, u32)> {
+    rows.iter().zip(tops()).flat_map(|(row, top)| {
+        row.iter().scan(GAP, move |left, cell| {
+            let begin = *left;
+            *left += cell.width + GAP;
+            Some((cell, begin, top))
+        })
+    })
 }
 
 /// Where the rows begin, labels first.
@@ -107,29 +119,34 @@ fn column_width(columns: u32) -> u32 {
 /// The empty sheet with the names of its pictures.
 fn labels(rows: &[Vec<Cell>; 3]) -> Drawing {
     let mut shapes = Vec::new();
-    for (row, top) in rows.iter().zip(tops()) {
-        for (cell, at) in row.iter().zip(0..) {
-            let left = GAP + at * (column_width(cell.columns) + GAP);
-            let baseline = DVec2::new(f64::from(left), f64::from(top + LABEL - 8)) / PAINTED;
-            shapes.push(Mark::Text { at: baseline, text: cell.label.to_owned(), size: TextSize::Small, anchor: Anchor::Start });
-        }
+    for (cell, left, top) in places(rows) {
+        let baseline = DVec2::new(f64::from(left), f64::from(top + LABEL - 8)) / PAINTED;
+        shapes.push(Mark::Text { at: baseline, text: cell.label.to_owned(), size: TextSize::Small, anchor: Anchor::Start });
     }
     let size = DVec2::new(f64::from(SHEET), f64::from(tops()[2] + LABEL + ROWS[2] + GAP)) / PAINTED;
     let layer = Layer { name: "labels".to_owned(), color: Color([40; 3]), shapes };
     Drawing { size, layers: vec![layer], notes: Vec::new() }
 }
 
-/// A picture as large as a cell holds it, larger too; texels stay squares.
-fn fitted(picture: &RgbaImage, width: u32, height: u32) -> RgbaImage {
+/// A picture as large as a cell holds it, made smaller without a large copy; made larger, its texels stay squares.
+fn small<P>(picture: &ImageBuffer<P, Vec<u8>>, width: u32, height: u32) -> RgbaImage
+where
+    P: Pixel<Subpixel = u8> + 'static,
+    DynamicImage: From<ImageBuffer<P, Vec<u8>>>,
+{
     let (from, to) = (picture.dimensions(), fitting(picture.dimensions(), width, height));
-    let filter = if to.0 > from.0 { FilterType::Nearest } else { FilterType::Triangle };
-    imageops::resize(picture, to.0, to.1, filter)
+    let fitted = if to.0 > from.0 {
+        imageops::resize(picture, to.0, to.1, FilterType::Nearest)
+    } else {
+        imageops::thumbnail(picture, to.0, to.1)
+    };
+    DynamicImage::from(fitted).into_rgba8()
 }
 
-/// A large photo, made smaller without a large copy.
-fn small(photo: &RgbImage, width: u32, height: u32) -> RgbaImage {
-    let (width, height) = fitting(photo.dimensions(), width, height);
-    DynamicImage::from(imageops::thumbnail(photo, width, height)).into_rgba8()
+/// A unit as often as it takes to fill a cell's width, and `least` times.
+fn tiled(unit: &RgbaImage, least: u32, width: u32, height: u32) -> RgbaImage {
+    let unit = small(unit, width / least, height);
+    RgbaImage::from_fn(width, unit.height(), |x, y| *unit.get_pixel(x % unit.width(), y))
 }
 
 fn fitting(size: (u32, u32), width: u32, height: u32) -> (u32, u32) {
@@ -137,10 +154,6 @@ fn fitting(size: (u32, u32), width: u32, height: u32) -> (u32, u32) {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the cell")]
     let scaled = |side: u32| ((f64::from(side) * scale) as u32).max(1);
     (scaled(size.0), scaled(size.1))
-}
-
-fn in_a_row(unit: &RgbaImage) -> RgbaImage {
-    RgbaImage::from_fn(3 * unit.width(), unit.height(), |x, y| *unit.get_pixel(x % unit.width(), y))
 }
 
 /// A picture in front of light and dark squares, as transparency is shown.
@@ -167,7 +180,9 @@ mod tests {
         assert_eq!(fitting((8000, 6000), 770, 360), (480, 360));
         assert_eq!(fitting((10_000, 1), 100, 100), (100, 1));
         let unit = RgbaImage::from_fn(10, 4, |x, _| Rgba([u8::try_from(x).unwrap(), 0, 0, 255]));
-        assert_eq!(in_a_row(&unit).get_pixel(23, 1).0[0], 3);
+        let filled = tiled(&unit, 1, 90, 12);
+        assert_eq!((filled.dimensions(), filled.get_pixel(3 * 23 + 1, 1).0[0]), ((90, 12), 3));
+        assert_eq!(tiled(&unit, 3, 10, 12).dimensions(), (10, 1));
         assert_eq!(on_checks(&unit).get_pixel(3, 1).0, [3, 0, 0, 255]);
     }
 }

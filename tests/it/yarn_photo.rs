@@ -7,17 +7,25 @@ use assert_cmd::Command;
 use image::codecs::jpeg::JpegEncoder;
 use image::{ImageReader, Rgb, RgbImage, RgbaImage};
 use rayon::prelude::*;
-use warpknit::photo::develop::{Developed, Scale, Settings, develop};
+use warpknit::export::OutputFolder;
+use warpknit::photo::develop::{Developed, Scale, Settings, develop, save};
 use warpknit::photo::read_maps;
 
-/// How many photos are developed.
-const PHOTOS: u32 = 72;
+/// How many photos are developed: of yarns as large as they are to be, of small ones, and of such with a ply that is hardly seen.
+const PHOTOS: u32 = 60;
+const SMALL_PHOTOS: u32 = 12;
+const FAINT_PHOTOS: u32 = 6;
+/// Pixels of a large photo for one of a small one, of the photo's sides and of the yarn.
+const LARGE: [f64; 2] = [1.6, 2.6];
 
 /// A plied yarn on a ground, as a camera might see it.
 #[derive(Clone, Debug)]
 struct Yarn {
     seed: u32,
     size: (u32, u32),
+    /// Half of the photo's length, and how many times larger than a small one the yarn is.
+    half: f64,
+    scale: f64,
     degrees: f64,
     plies: u32,
     /// Radius of a ply, and of the helix on which it runs, pixels.
@@ -25,8 +33,9 @@ struct Yarn {
     helix: f64,
     /// Length of a whole turn, pixels.
     turn: f64,
-    /// Whether one ply has another colour.
+    /// Whether one ply has another colour, and whether that is near to the ground's.
     mixed: bool,
+    faint: bool,
     light_ground: bool,
     /// Differences of light over the photo, as a share.
     gradient: f64,
@@ -40,9 +49,11 @@ struct Yarn {
 }
 
 /// What is seen at a place: colour 0..=255 and how much of it is yarn.
+#[derive(Clone, Copy)]
 struct Seen {
     color: [f64; 3],
-    is_yarn: bool,
+    /// None is ground.
+    ply: Option<u32>,
 }
 
 /// What a pixel really is.
@@ -53,31 +64,44 @@ struct Truth {
 }
 
 impl Yarn {
-    /// The photo of a number: all of them differ in everything.
+    /// The photo of a number: all of them differ in everything. The yarn is some hundred pixels wide.
     fn numbered(number: u32) -> Self {
+        Self::sized(number, LARGE)
+    }
+
+    /// The same with a yarn of 30 to 45 pixels, whose fibres are a pixel wide.
+    fn small(number: u32) -> Self {
+        Self::sized(number, [1.0; 2])
+    }
+
+    fn sized(number: u32, [times, scale]: [f64; 2]) -> Self {
         let random = |salt: u32| random(number * 31 + salt);
         let between = |salt, low: f64, high: f64| low + (high - low) * random(salt);
         let degrees = -30.0 + 60.0 * f64::from(number % 37) / 36.0;
-        let size = if f64::abs(degrees) < 6.0 { (400, 160) } else { (400, 300) };
+        let rows = (130.0 + 400.0 * degrees.to_radians().tan().abs()).min(300.0);
+        let size = ((400.0 * times) as u32, (rows * times) as u32);
         let plies = 2 + number % 2;
-        let ply = between(1, 9.0, 14.0);
+        let ply = scale * between(1, 9.0, 14.0);
         let mixed = number.is_multiple_of(4);
-        let turn = if mixed { between(2, 55.0, 80.0) } else { f64::from(plies) * between(2, 26.0, 48.0) };
+        let turn = scale * if mixed { between(2, 55.0, 80.0) } else { f64::from(plies) * between(2, 26.0, 48.0) };
         Self {
             seed: number,
             size,
+            half: 200.0 * times,
+            scale,
             degrees,
             plies,
             ply,
             helix: ply * if plies == 2 { 0.6 } else { 0.75 },
             turn,
             mixed,
+            faint: false,
             light_ground: number % 3 == 1,
             gradient: between(3, 0.0, 0.35),
             noise: between(4, 1.0, 6.0),
             fibres: number % 5 * 5,
             quality: [None, Some(92), Some(75)][(number / 2 % 3) as usize],
-            ends: (number % 6 == 5).then_some(165.0),
+            ends: (number % 6 == 5).then_some(165.0 * times),
         }
     }
 
@@ -119,13 +143,16 @@ impl Yarn {
         let (along, across) = self.seen_at(x, y);
         let is_here = self.ends.is_none_or(|half| along.abs() < half);
         match self.surface(along, across).filter(|_| is_here) {
-            Some(color) => Seen { color: color.map(|value| value * light), is_yarn: true },
-            None => Seen { color: ground.map(|value| value * light), is_yarn: false },
+            Some((color, ply)) => Seen { color: color.map(|value| value * light), ply: Some(ply) },
+            None => Seen { color: ground.map(|value| value * light), ply: None },
         }
     }
 
     /// The colour of the nearest ply, lit from above, darker in its grooves, with fibres along it.
-    fn surface(&self, along: f64, across: f64) -> Option<[f64; 3]> {
+    fn surface(&self, along: f64, across: f64) -> Option<([f64; 3], u32)> {
+        if across.abs() > self.helix + self.ply {
+            return None;
+        }
         let near = (0..self.plies).filter_map(|ply| {
             let phase = self.phase(along, ply);
             let off = across - self.helix * phase.cos();
@@ -137,16 +164,20 @@ impl Yarn {
         let open = 0.75 + 0.25 * (height / (self.helix + self.ply)).clamp(0.0, 1.0);
         let angle = normal[0].asin();
         let cell = |value: f64| (value + 1000.0) as u32;
-        let stray = random(self.seed ^ (cell(along / 2.0) * 7919 + cell(angle * 6.0 + along * 0.1) * 104_729 + ply));
+        let stray = random(
+            self.seed ^ (cell(along / (2.0 * self.scale)) * 7919 + cell(angle * 6.0 + along / self.scale * 0.1) * 104_729 + ply),
+        );
         let fibre =
             1.0 + 0.05 * (12.0 * angle + TAU * along / self.turn * 2.0 * f64::from(self.plies)).sin() + 0.10 * (stray - 0.5);
         let color = match (self.light_ground, self.mixed && ply == 0) {
             (false, false) => [236.0, 226.0, 200.0],
+            (false, true) if self.faint => [120.0, 104.0, 96.0],
             (false, true) => [214.0, 150.0, 138.0],
             (true, false) => [96.0, 60.0, 52.0],
+            (true, true) if self.faint => [176.0, 168.0, 160.0],
             (true, true) => [60.0, 84.0, 130.0],
         };
-        Some(color.map(|value| value * lit * open * fibre))
+        Some((color.map(|value| value * lit * open * fibre), ply))
     }
 
     /// The photo, and of each pixel whether it is yarn or a fibre that stands off it, and whether fibres touch it.
@@ -156,22 +187,29 @@ impl Yarn {
         let mut truth = Vec::new();
         let mut photo = RgbImage::new(width, height);
         for (x, y, pixel) in photo.enumerate_pixels_mut() {
-            let (mut color, mut share) = ([0.0; 3], 0.0_f64);
-            for (dx, dy) in [(-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25)] {
-                let seen = self.at(f64::from(x) + dx, f64::from(y) + dy);
-                color.iter_mut().zip(seen.color).for_each(|(sum, value)| *sum += 0.25 * value);
-                share += if seen.is_yarn { 0.25 } else { 0.0 };
-            }
+            let (mut color, share) = self.pixel(f64::from(x), f64::from(y));
             let fibre = fuzz[(y * width + x) as usize];
             truth.push(Truth { is_yarn: share.max(fibre) >= 0.5, is_fuzz: fibre > 0.0 && share < 0.5 });
-            let bare = self.color_of_fibres();
+            let (bare, noise) = (self.color_of_fibres(), normals(u64::from(self.seed) << 32 | u64::from(y * width + x)));
             for (channel, value) in color.iter_mut().enumerate() {
                 *value += (bare[channel] - *value) * fibre * (1.0 - share);
-                *value += self.noise * normal(self.seed ^ ((y * width + x) * 3 + channel as u32));
+                *value += self.noise * noise[channel];
             }
             *pixel = Rgb(color.map(|value| value.round().clamp(0.0, 255.0) as u8));
         }
         (self.quality.map_or(photo.clone(), |quality| compressed(&photo, quality)), truth)
+    }
+
+    /// Colour of a pixel and how much of it is yarn. Where its corners lie on one ply, or on none, one look is enough.
+    fn pixel(&self, x: f64, y: f64) -> ([f64; 3], f64) {
+        let (_, across) = self.seen_at(x, y);
+        let middle = self.at(x, y);
+        if across.abs() > self.helix + self.ply + 1.0 {
+            return (middle.color, 0.0);
+        }
+        let corners = [(-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25)].map(|(dx, dy)| self.at(x + dx, y + dy));
+        let mean = |channel: usize| corners.iter().map(|seen| 0.25 * seen.color[channel]).sum();
+        (std::array::from_fn(mean), corners.iter().map(|seen| if seen.ply.is_some() { 0.25 } else { 0.0 }).sum())
     }
 
     fn color_of_fibres(&self) -> [f64; 3] {
@@ -183,39 +221,40 @@ impl Yarn {
         let (width, height) = self.size;
         let mut cover = vec![0.0_f64; (width * height) as usize];
         let (sin, cos) = self.degrees.to_radians().sin_cos();
-        let mut splat = |along: f64, across: f64, share: f64| {
+        let mut splat = |along: f64, across: f64, share: f64, thick: f64| {
             let x = f64::from(width - 1) / 2.0 + along * cos - across * sin;
             let y = f64::from(height - 1) / 2.0 + along * sin + across * cos;
-            for (column, row) in
-                (0..2).flat_map(|dx| (0..2).map(move |dy| (x.floor() + f64::from(dx), y.floor() + f64::from(dy))))
-            {
-                if column >= 0.0 && row >= 0.0 && column < f64::from(width) && row < f64::from(height) {
-                    let near = (1.0 - (x - column).abs()) * (1.0 - (y - row).abs());
-                    let at = row as usize * width as usize + column as usize;
-                    cover[at] = cover[at].max((share * near.sqrt()).min(1.0));
-                }
+            let reach = (0.5 * thick + 0.5).ceil();
+            let near = |place: f64, size: u32| {
+                (place - reach).max(0.0).ceil() as u32..((place + reach).max(-1.0) + 1.0).min(f64::from(size)) as u32
+            };
+            for (column, row) in near(y, height).flat_map(|row| near(x, width).map(move |column| (column, row))) {
+                let distance = (f64::from(column) - x).hypot(f64::from(row) - y);
+                let at = (row * width + column) as usize;
+                cover[at] = cover[at].max(share * (0.5 * thick + 0.5 - distance).clamp(0.0, 1.0));
             }
         };
         for fibre in 0..self.fibres {
             let random = |salt: u32| random(self.seed * 977 + fibre * 13 + salt);
-            let (start, length) = (-200.0 + 400.0 * random(1), 15.0 + 30.0 * random(2));
+            let (start, length) = (self.half * (2.0 * random(1) - 1.0), self.scale * (15.0 + 30.0 * random(2)));
             let side = if random(3) < 0.5 { -1.0 } else { 1.0 };
             let (rise, share) = (self.ply * (0.3 + 0.5 * random(4)), 0.45 + 0.4 * random(5));
-            for step in 0..200 {
-                let t = f64::from(step) / 199.0;
+            let thick = (self.scale * (0.5 + 0.5 * random(6))).max(1.0);
+            let steps = (2.0 * length) as u32;
+            for t in (0..=steps).map(|step| f64::from(step) / f64::from(steps)) {
                 let along = start + length * t;
                 let (low, high) = self.section(along);
                 let from = if side < 0.0 { low } else { high };
-                let is_here = self.ends.is_none_or(|half| along.abs() < half);
-                splat(along, from + side * (rise * (t * TAU / 2.0).sin() - 0.5), if is_here { share } else { 0.0 });
+                if self.ends.is_none_or(|half| along.abs() < half) {
+                    splat(along, from + side * (rise * (t * TAU / 2.0).sin() - 0.5), share, thick);
+                }
             }
         }
         for speck in 0..self.fibres / 2 {
             let random = |salt: u32| random(self.seed * 577 + speck * 17 + salt);
             let side = if random(1) < 0.5 { -1.0 } else { 1.0 };
-            let (along, across) = (-180.0 + 360.0 * random(2), side * self.ply * (3.0 + 2.0 * random(3)));
-            splat(along, across, 1.0);
-            splat(along + 1.0, across + 0.5, 1.0);
+            let (along, across) = (0.9 * self.half * (2.0 * random(2) - 1.0), side * self.ply * (3.0 + 2.0 * random(3)));
+            splat(along, across, 1.0, self.scale.max(1.5));
         }
         cover
     }
@@ -230,10 +269,16 @@ fn random(number: u32) -> f64 {
     f64::from(hash ^ (hash >> 16)) / f64::from(u32::MAX)
 }
 
-/// Nearly normal, by the sum of four uniform numbers.
-fn normal(number: u32) -> f64 {
-    let sum: f64 = (0..4).map(|salt| random(number.wrapping_mul(5).wrapping_add(salt))).sum();
-    (sum - 2.0) * 3.0_f64.sqrt()
+/// Three numbers, nearly normal: each the sum of four bytes of a hash.
+fn normals(number: u64) -> [f64; 3] {
+    let mixed = |number: u64| {
+        let hash = (number ^ (number >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        ((hash ^ (hash >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB) ^ (hash >> 31)).to_le_bytes()
+    };
+    let (a, b) = (mixed(number.wrapping_mul(0x9E37_79B9_7F4A_7C15)), mixed(number.wrapping_mul(0xD1B5_4A32_D192_ED03)));
+    let sum = |bytes: &[u8]| bytes.iter().map(|&byte| f64::from(byte)).sum::<f64>();
+    // A byte's deviation is 73.9, that of a sum of four twice as much.
+    [&a[..4], &a[4..], &b[..4]].map(|bytes| (sum(bytes) - 510.0) / 147.8)
 }
 
 fn compressed(photo: &RgbImage, quality: u8) -> RgbImage {
@@ -312,26 +357,13 @@ fn seams(found: &Developed) -> (f64, f64) {
     (mean(&|at| at <= 1 || at + 1 == width) / interior, mean(&|at| at <= overlap + 1) / interior)
 }
 
-#[test]
-fn yarns_are_found_as_they_were_drawn() {
-    let found: Vec<(Yarn, Result<Errors, String>)> =
-        (0..PHOTOS).into_par_iter().map(Yarn::numbered).map(|yarn| (yarn.clone(), errors(&yarn))).collect();
-    let mut wrong = Vec::new();
-    for (yarn, errors) in &found {
-        // A fibre is one or two pixels wide here: half a pixel off it shares a third with the truth. So photos full of fibres come to .90 in all.
-        let least = if yarn.fibres == 0 { 0.95 } else { 0.90 };
-        let is_right = errors.as_ref().is_ok_and(|e| {
-            // One of them, full of fibres that hug the yarn, measures 3.1 % too wide; all others keep to 3 %.
-            let is_found = e.tilt_degrees < 0.5 && e.width.abs() < 0.032 && e.repeat < 0.02;
-            is_found && e.overlap > least && e.bare_overlap > 0.95 && e.seam < 1.2 && e.joint < 1.2
-        });
-        if !is_right {
-            wrong.push(format!("{errors:.3?} of {yarn:.2?}, {:.2} wide, repeat {:.2}", yarn.width(), yarn.repeat()));
-        }
-    }
+/// Develops yarns, says which stay outside of the limits, and prints the worst of all.
+fn wrong_ones(yarns: Vec<Yarn>, is_right: impl Fn(&Errors) -> bool) -> Vec<String> {
+    let found: Vec<(Yarn, Result<Errors, String>)> = yarns.into_par_iter().map(|yarn| (yarn.clone(), errors(&yarn))).collect();
     let worst = |of: fn(&Errors) -> f64| found.iter().filter_map(|(_, e)| e.as_ref().ok()).map(of).fold(0.0, f64::max);
     println!(
-        "worst of {PHOTOS}: tilt {:.3} degrees, width {:.2} %, repeat {:.2} %, mask IoU {:.4} ({:.4} without the fibres), seam {:.3}, joint {:.3}",
+        "worst of {}: tilt {:.3} degrees, width {:.2} %, repeat {:.2} %, mask IoU {:.4} ({:.4} without the fibres), seam {:.3}, joint {:.3}",
+        found.len(),
         worst(|e| e.tilt_degrees),
         100.0 * worst(|e| e.width.abs()),
         100.0 * worst(|e| e.repeat),
@@ -340,12 +372,44 @@ fn yarns_are_found_as_they_were_drawn() {
         worst(|e| e.seam),
         worst(|e| e.joint)
     );
+    let wrong = found.iter().filter(|(_, errors)| !errors.as_ref().is_ok_and(&is_right));
+    wrong.map(|(yarn, e)| format!("{e:.3?} of {yarn:.2?}, {:.2} wide, repeat {:.2}", yarn.width(), yarn.repeat())).collect()
+}
+
+#[test]
+fn yarns_are_found_as_they_were_drawn() {
+    let wrong = wrong_ones((0..PHOTOS).map(Yarn::numbered).collect(), |e| {
+        let is_found = e.tilt_degrees < 0.5 && e.width.abs() < 0.03 && e.repeat < 0.02;
+        is_found && e.overlap > 0.95 && e.bare_overlap > 0.95 && e.seam < 1.2 && e.joint < 1.2
+    });
     assert!(wrong.is_empty(), "{} of {PHOTOS} photos:\n{}", wrong.len(), wrong.join("\n"));
+}
+
+/// A fibre is a pixel wide here: half a pixel off it shares a third with the truth, and where it hugs the yarn it widens it by more percent.
+#[test]
+fn small_yarns_are_found_a_little_less_exactly() {
+    let wrong = wrong_ones((0..SMALL_PHOTOS).map(|number| Yarn::small(6 * number + number % 5)).collect(), |e| {
+        let is_found = e.tilt_degrees < 0.5 && e.width.abs() < 0.04 && e.repeat < 0.02;
+        is_found && e.overlap > 0.90 && e.bare_overlap > 0.95 && e.seam < 1.2 && e.joint < 1.2
+    });
+    assert!(wrong.is_empty(), "{} of {SMALL_PHOTOS} photos:\n{}", wrong.len(), wrong.join("\n"));
+}
+
+/// One ply of two is some forty greys off the ground where it is brightest. Its dark flanks are as dark as a dark ground there, and lost: the yarn is measured too
+/// narrow.
+#[test]
+fn a_ply_near_the_ground_is_part_of_the_yarn() {
+    let faint = |number: u32| Yarn { faint: true, ..Yarn::numbered(8 * number) };
+    let wrong = wrong_ones((0..FAINT_PHOTOS).map(faint).collect(), |e| {
+        let is_found = e.tilt_degrees < 0.5 && e.width.abs() < 0.08 && e.repeat < 0.02;
+        is_found && e.overlap > 0.92 && e.seam < 1.2 && e.joint < 1.2
+    });
+    assert!(wrong.is_empty(), "{} of {FAINT_PHOTOS} photos:\n{}", wrong.len(), wrong.join("\n"));
 }
 
 /// A plain photo of a yarn, in a folder.
 fn photo_in(folder: &Path, number: u32) -> Yarn {
-    let yarn = Yarn::numbered(number);
+    let yarn = Yarn::small(number);
     yarn.photographed().0.save(folder.join("photo.png")).unwrap();
     yarn
 }
@@ -360,6 +424,10 @@ fn warpknit(folder: &Path, arguments: &[&str]) -> Command {
 fn a_photo_becomes_a_folder_that_is_read_back() {
     let folder = tempfile::tempdir().unwrap();
     let yarn = photo_in(folder.path(), 18);
+    // The folder's own maps are written over, and its other files stay.
+    std::fs::create_dir(folder.path().join("maps")).unwrap();
+    std::fs::write(folder.path().join("maps/base_color.png"), "old").unwrap();
+    std::fs::write(folder.path().join("maps/note.txt"), "mine").unwrap();
     let run = warpknit(folder.path(), &["photo.png", "-o", "maps", "-v", "--yarn-width-mm", "0.5"]);
     let output = { run }.assert().success().get_output().clone();
     let (report, said) = (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap());
@@ -372,8 +440,17 @@ fn a_photo_becomes_a_folder_that_is_read_back() {
     let mut names: Vec<_> =
         (folder.path().join("maps").read_dir().unwrap()).map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();
-    let wanted =
-        ["ao.png", "base_color.png", "height.png", "metallic.png", "normal.png", "roughness.png", "sheet.png", "yarn.toml"];
+    let wanted = [
+        "ao.png",
+        "base_color.png",
+        "height.png",
+        "metallic.png",
+        "normal.png",
+        "note.txt",
+        "roughness.png",
+        "sheet.png",
+        "yarn.toml",
+    ];
     assert_eq!(names, wanted);
     let maps = read_maps(&folder.path().join("maps"), 77.0, None).unwrap();
     let length = 0.5 * yarn.repeat() / yarn.width();
@@ -382,23 +459,29 @@ fn a_photo_becomes_a_folder_that_is_read_back() {
     for key in ["width_mm", "length_mm", "threshold", "repeat_mm", "mapping_coefficient"] {
         assert!(toml.lines().any(|line| line.starts_with(key)), "{key}: {toml}");
     }
-    // A second run takes the place of the first, and the folder's other files stay.
-    std::fs::write(folder.path().join("maps/note.txt"), "mine").unwrap();
-    warpknit(folder.path(), &["photo.png", "-o", "maps", "--quiet"]).assert().success().stderr("");
-    assert!(folder.path().join("maps/note.txt").is_file());
+    assert_eq!(std::fs::read_to_string(folder.path().join("maps/note.txt")).unwrap(), "mine");
+}
+
+#[test]
+fn without_a_scale_no_lengths_are_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let yarn = develop(&Yarn::small(18).photographed().0, &Settings::default(), &mut |_, _| ()).unwrap();
+    let output = OutputFolder::create(&folder.path().join("maps")).unwrap();
+    save(&yarn, &output).unwrap();
+    output.publish().unwrap();
     let toml = std::fs::read_to_string(folder.path().join("maps/yarn.toml")).unwrap();
-    assert!(!toml.lines().any(|line| line.starts_with("width_mm")), "nothing said how large the yarn is: {toml}");
+    assert!(toml.contains("repeat_px") && !toml.contains("width_mm ="), "{toml}");
 }
 
 #[test]
 fn settings_overrule_what_is_found() {
-    let yarn = Yarn::numbered(18);
+    let yarn = Yarn::small(18);
     let photo = yarn.photographed().0;
     let developed = |settings: Settings| develop(&photo, &settings, &mut |_, _| ()).unwrap();
     let plain = developed(Settings { scale: Scale::Dpi(2540.0), ..Settings::default() });
     assert!((plain.length().unwrap() - 0.01 * plain.repeat.length).abs() < 1e-9);
     assert!((plain.mapping_coefficient().unwrap() * plain.length().unwrap() - 1.0).abs() < 1e-9);
-    let cropped = developed(Settings { crop: Some([40, 20, 300, 120]), ..Settings::default() });
+    let cropped = developed(Settings { crop: Some([40, 5, 300, 120]), ..Settings::default() });
     assert!(cropped.strip.width() <= 300 && (cropped.repeat.length / yarn.repeat() - 1.0).abs() < 0.02);
     let thin = developed(Settings { threshold: Some(230), ..Settings::default() });
     assert!(thin.threshold == 230.0 && thin.yarn_width < plain.yarn_width);
@@ -410,7 +493,7 @@ fn settings_overrule_what_is_found() {
 
 #[test]
 fn any_number_of_threads_gives_the_same() {
-    let photo = Yarn::numbered(4).photographed().0;
+    let photo = Yarn::small(4).photographed().0;
     let with = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| develop(&photo, &Settings::default(), &mut |_, _| ()).unwrap())

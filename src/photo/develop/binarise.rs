@@ -48,7 +48,7 @@ impl Split {
     /// What a threshold makes of the greys.
     pub(super) fn at(threshold: f32, grey: &Plane) -> Self {
         let class = |upper: bool| {
-            let mut values: Vec<f32> = grey.values.iter().copied().filter(|&value| (value >= threshold) == upper).collect();
+            let mut values: Vec<f32> = grey.asked().filter(|&value| (value >= threshold) == upper).collect();
             let median = percentile(&mut values, 0.5);
             values.iter_mut().for_each(|value| *value = (*value - median).abs());
             (median, 1.48 * percentile(&mut values, 0.5))

@@ -12,8 +12,6 @@ use super::plane::{Plane, byte, double, float, narrow, percentile};
 
 /// Shares of the pixels that may be clipped at the dark and at the light end.
 const CLIPPED: (f32, f32) = (0.005, 0.995);
-/// At most so many pixels are asked for the percentiles.
-const ASKED: usize = 1 << 20;
 /// Black and white are at least so far apart before they are stretched.
 const LEAST_RANGE: f32 = 4.0;
 
@@ -40,10 +38,19 @@ pub(super) fn levels(
     chosen: Option<Chosen>,
 ) -> (Plane, Range) {
     let grey = Plane::grey(strip, 1);
-    let flat = Plane::from_fn(grey.width, grey.height, |x, y| {
-        let [px, py] = orientation.on_photo(double(x), double(y));
+    let behind = |[x, y]: [f64; 2]| {
         let share = |place: f64, size: u32| narrow((place + 0.5) / f64::from(size));
-        grey.at(x, y) - ground.at(share(px, photo.0), share(py, photo.1)) + ground.level
+        ground.at(share(x, photo.0), share(y, photo.1)) - ground.level
+    };
+    let last = double(grey.width - 1).max(1.0);
+    let flat = Plane::from_rows(grey.width, grey.height, |y, row| {
+        // Along any line the ground is a parabola, which three places tell.
+        let [start, middle, end] = [0.0, 0.5, 1.0].map(|share| behind(orientation.on_photo(share * last, double(y))));
+        let bend = 2.0 * (start - 2.0 * middle + end);
+        for (x, (value, grey)) in row.iter_mut().zip(grey.row(y)).enumerate() {
+            let t = float(x) / narrow(last);
+            *value = grey - (start + t * (end - start - bend + t * bend));
+        }
     });
     let range = match chosen {
         Some(levels) => levels.range(),
@@ -70,8 +77,7 @@ impl Range {
 }
 
 fn stretch(flat: &Plane) -> Range {
-    let step = flat.values.len().div_ceil(ASKED);
-    let mut asked: Vec<f32> = flat.values.iter().copied().step_by(step).collect();
+    let mut asked: Vec<f32> = flat.asked().collect();
     let (black, white) = (percentile(&mut asked, CLIPPED.0), percentile(&mut asked, CLIPPED.1));
     let more = (LEAST_RANGE - (white - black)).max(0.0) / float(2);
     Range { black: black - more, white: white + more }

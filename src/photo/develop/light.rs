@@ -10,7 +10,7 @@ use image::{Rgb, RgbImage, RgbaImage};
 use rayon::prelude::*;
 
 use super::cutout::CutOut;
-use super::plane::{Plane, double, float, narrow, side, whole};
+use super::plane::{Plane, column_sums, double, float, narrow, side, whole};
 use crate::render::maps::LINEAR;
 use crate::render::tone;
 
@@ -64,12 +64,11 @@ fn smoothed(colors: impl Iterator<Item = Vec3>, radius: usize) -> Vec<Vec3> {
     r.into_iter().zip(g).zip(b).map(|((r, g), b)| Vec3::new(r, g, b)).collect()
 }
 
-/// What light is multiplied by, row by row and along.
+/// What light is multiplied by, row by row and column by column.
 struct Gains {
     rows: Vec<f32>,
     first: usize,
-    /// Logarithm of the light along, at the strip's first column and a column on.
-    along: (f64, f64),
+    along: Vec<f32>,
 }
 
 impl Gains {
@@ -82,15 +81,16 @@ impl Gains {
         let radius = (rows.len() / 12).max(1);
         let smooth = Plane { width: row_means.len(), height: 1, values: row_means }.blurred(radius, false).values;
         let mean = smooth.iter().sum::<f32>() / float(smooth.len());
-        let columns: Vec<f64> = (0..width).into_par_iter().map(|x| rows.clone().map(|y| f64::from(light(x, y))).sum()).collect();
+        let columns = column_sums(width, rows.clone(), light);
         let gains = smooth.iter().map(|own| (mean / own.max(1e-4)).clamp(1.0 / MOST_GAIN, MOST_GAIN)).collect();
-        Self { rows: gains, first: rows.start, along: slope(&columns) }
+        let (start, slope) = slope(&columns);
+        let gain = |x: usize| narrow((-(start + slope * double(x))).exp()).clamp(1.0 / MOST_GAIN, MOST_GAIN);
+        Self { rows: gains, first: rows.start, along: (0..width).map(gain).collect() }
     }
 
     fn at(&self, x: usize, y: usize) -> f32 {
-        let along = narrow((-(self.along.0 + self.along.1 * double(x))).exp());
         let row = y.saturating_sub(self.first).min(self.rows.len() - 1);
-        self.rows[row] * along.clamp(1.0 / MOST_GAIN, MOST_GAIN)
+        self.rows[row] * self.along[x]
     }
 }
 

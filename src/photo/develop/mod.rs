@@ -10,8 +10,8 @@
 //! ```
 //!
 //! `ground` is the light of what lies behind the yarn, `plane` the grey pictures and masks that the steps hand on, `files` writes the maps.
-//! Cost: a second or two and some 30 bytes a pixel of the strip beside the photo's 3; 48 megapixels take under 2 GB. The same photo and settings give the
-//! same bytes for any number of threads.
+//! Cost: 48 megapixels, with a strip of 16, take some six seconds on two cores and 820 MB, reading included; a photo of half a megapixel a few tenths of
+//! a second. That is 3 bytes a pixel of the photo and some 40 of the strip. The same photo and settings give the same bytes for any number of threads.
 //!
 //! Not promised: a scale. A photo doesn't say how large anything is; without [`Scale`] the maps have no lengths and the repeat is in pixels.
 

@@ -2,16 +2,17 @@
 //!
 //! In: a photo. Out: [`Orientation`], which says where each pixel of the strip lies on the photo, and the strip itself.
 //!
-//! What stands off from the ground's light is split by Otsu's threshold and its largest piece is the yarn. Its second moments give the principal
+//! What stands off from the ground's light is split by Otsu's threshold; its largest piece, with all that is linked to it and no ground, is the yarn: of plies
+//! of many colours the threshold would take the brightest alone. Fibres are worn off. Its second moments give the principal
 //! direction; but where a tilted yarn leaves the photo its ends are cut aslant, which turns that direction, so a line is then fitted through the medians
 //! of its cross sections, those alone that lie on the photo as wholes. The strip is as long as yarn and ground on both sides of it
 //! are on the photo. Cost: the search runs on a photo made smaller to [`SEARCHED`] pixels a side; the strip is one look-up (Catmull-Rom) a pixel.
 //!
-//! Not promised: a yarn that bends is refused, not straightened.
+//! Not promised: a yarn that bends is refused, not straightened. A shadow that is a tenth as far from the ground as the yarn counts as yarn here.
 
 use std::ops::Range;
 
-use image::{Rgb, RgbImage};
+use image::RgbImage;
 use rayon::prelude::*;
 
 use super::binarise::{Split, binarise, is_light, otsu};
@@ -25,6 +26,10 @@ const SEARCHED: usize = 800;
 const LEAST_CONTRAST: f32 = 6.0;
 /// The same, in spreads of the ground: noise split by a threshold comes to 2.7.
 const LEAST_DISTANCE: f32 = 4.0;
+/// What differs from the ground at all, as a share of that contrast.
+const LEAST_SHARE: f32 = 0.1;
+/// Half the thickness of what is a fibre and no ply, in widths of the yarn.
+pub(super) const FIBRE: f64 = 0.05;
 /// Percent of a picture that a yarn takes.
 pub(super) const SHARES: (f32, f32) = (0.5, 95.0);
 /// Length over width of what may be a yarn.
@@ -64,6 +69,14 @@ impl Orientation {
     }
 }
 
+impl Orientation {
+    /// Where the pixels of a row of the strip lie on the photo.
+    pub(super) fn row(&self, y: usize) -> impl Fn(usize) -> [f64; 2] {
+        let ([x0, y0], (sin, cos)) = (self.on_photo(0.0, double(y)), self.angle.sin_cos());
+        move |x| [x0 + double(x) * cos, y0 + double(x) * sin]
+    }
+}
+
 /// Finds the yarn on a photo, and the light of the ground around it.
 ///
 /// # Errors
@@ -74,6 +87,8 @@ pub(super) fn orient(photo: &RgbImage) -> Result<(Orientation, Ground), DevelopE
     let grey = Plane::grey(photo, step);
     let ground = Ground::of(&grey);
     let (mask, light_ground) = yarn(&grey, &ground)?;
+    // Fibres that stand off on one side would turn the axis: it is fitted again without them.
+    let mask = mask.worn(whole(narrow(FIBRE * Axis::of(&mask)?.width)));
     let axis = Axis::of(&mask)?;
     let strip = axis.strip(&mask)?;
     let share = mask.share();
@@ -105,9 +120,13 @@ fn yarn(grey: &Plane, light: &Ground) -> Result<(Mask, bool), DevelopError> {
     if contrast < LEAST_CONTRAST || contrast * scale < LEAST_DISTANCE * spread {
         return Err(DevelopError::Blank { contrast });
     }
-    let mask = binarise(&stretched, threshold, light_ground).largest();
+    // A ply may lie nearer to the ground than to the other plies, and so below the threshold: whatever is linked to the yarn and no ground is yarn.
+    let (ground, sign) = (split.ground(light_ground).0, if light_ground { -1.0 } else { 1.0 });
+    let least = (LEAST_SHARE * contrast * scale).max(LEAST_DISTANCE * spread);
+    let differs = Mask::of(&stretched, |value| sign * (value - ground) >= least);
+    let mask = differs.linked_to(&binarise(&stretched, threshold, light_ground).largest()).largest();
     // Smoothing makes a thread of one pixel thrice as wide.
-    let ground = split.ground(light_ground).0 / scale + low;
+    let ground = ground / scale + low;
     let is_yarn = |at: &usize| {
         let (x, y) = (at % grey.width, at / grey.width);
         let off = grey.at(x, y) - light.at(float(x) / columns, float(y) / rows);
@@ -280,8 +299,9 @@ pub(super) fn strip(photo: &RgbImage, orientation: &Orientation) -> RgbImage {
     let (width, height) = orientation.size;
     let mut strip = RgbImage::new(width, height);
     strip.as_mut().par_chunks_mut(3 * width as usize).enumerate().for_each(|(y, row)| {
+        let place = orientation.row(y);
         for (x, pixel) in row.chunks_exact_mut(3).enumerate() {
-            pixel.copy_from_slice(&look_up(photo, orientation.on_photo(double(x), double(y))));
+            pixel.copy_from_slice(&look_up(photo, place(x)));
         }
     });
     strip
@@ -303,12 +323,24 @@ fn look_up(photo: &RgbImage, [x, y]: [f64; 2]) -> [u8; 3] {
         ([at(-1), at(0), at(1), at(2)], weights)
     };
     let ((columns, across), (rows, down)) = (cell(x, photo.width()), cell(y, photo.height()));
-    let mut sum = [0.0_f32; 3];
+    let stride = 3 * photo.width() as usize;
+    let lies_inside = columns[3] == columns[0] + 3;
+    // Four pixels of three colours, one above the other: processors sum them side by side.
+    let mut sums = [0.0_f32; 12];
     for (row, v) in rows.into_iter().zip(down) {
-        for (column, u) in columns.into_iter().zip(across) {
-            let Rgb(bytes) = *photo.get_pixel(column, row);
-            sum.iter_mut().zip(bytes).for_each(|(sum, byte)| *sum += u * v * f32::from(byte));
+        let line = &photo.as_raw()[row as usize * stride..][..stride];
+        let mut add = |from: usize, pixels: &[u8]| {
+            sums[from..].iter_mut().zip(pixels).for_each(|(sum, byte)| *sum += v * f32::from(*byte));
+        };
+        if lies_inside {
+            add(0, &line[3 * columns[0] as usize..][..12]);
+        } else {
+            columns.iter().zip([0, 3, 6, 9]).for_each(|(column, at)| add(at, &line[3 * *column as usize..][..3]));
         }
+    }
+    let mut sum = [0.0_f32; 3];
+    for (pixel, u) in sums.chunks_exact(3).zip(across) {
+        sum.iter_mut().zip(pixel).for_each(|(sum, value)| *sum += u * value);
     }
     sum.map(byte)
 }
@@ -357,6 +389,7 @@ fn median(numbers: impl Iterator<Item = f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use image::Rgb;
 
     /// A plain band, `width` wide, through the middle of a photo of 300 x 200.
     fn band(degrees: f64, width: f64) -> RgbImage {

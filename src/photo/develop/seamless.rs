@@ -13,12 +13,14 @@ use glam::Vec4;
 use image::{Rgba, RgbaImage};
 use rayon::prelude::*;
 
-use super::plane::{double, float, narrow, side, whole};
+use super::plane::{column_sums, double, float, narrow, side, whole};
 
 /// Lengths of overlaps that are tried, as shares of the unit.
 const OVERLAPS: [f64; 2] = [0.25, 0.1];
 /// Beginnings that are tried in full: the best one in each such share of a repeat, for the joint to lie wherever in it is best.
 const TRIED: usize = 12;
+/// About how many rows say where a unit might begin.
+const ROWS: usize = 256;
 /// Energy that noise of half a grey level has, a texel.
 const LEAST_ENERGY: f32 = 1e-5;
 
@@ -61,40 +63,45 @@ pub(super) fn seamless(strip: &RgbaImage, length: f64) -> (RgbaImage, Seam) {
     let columns = strip.width() as usize;
     let width = whole(narrow(length.round())).clamp(1, columns);
     let room = double(columns - 1) - length;
-    let mut best: Option<(Unit, Seam)> = None;
+    let differences = differences(strip, length);
+    let mut best: Option<Seam> = None;
     let mut errors = [f32::MAX; 2];
     for share in OVERLAPS {
-        let overlap = whole(narrow((share * length).max(2.0).min(room - 1.0).max(1.0)));
-        for start in beginnings(strip, length, overlap) {
+        let overlap = whole(narrow((share * length).max(2.0).min(room - 1.0).max(1.0))).min(width);
+        for start in beginnings(&differences, length, overlap) {
             let source = sampled(strip, start, length / double(width), width + overlap);
+            let steps = source.steps();
             for (at, method) in [Method::Cut, Method::Blend].into_iter().enumerate() {
-                let unit = joined(&source, width, method);
-                let [joint, ends] = energies(&unit, overlap);
+                let [joint, ends] = energies(&source, &steps, &joint(&source, width, method));
                 let (energy, error) = (joint.max(ends), joint.ln().max(-0.5 * joint.ln()).max(ends.ln()));
                 errors[at] = errors[at].min(error);
-                if best.as_ref().is_none_or(|(_, seam)| error < seam.error) {
-                    best = Some((unit, Seam { method, error, errors, energy, start, overlap }));
+                if best.is_none_or(|seam| error < seam.error) {
+                    best = Some(Seam { method, error, errors, energy, start, overlap });
                 }
             }
         }
     }
-    let (unit, seam) = best.expect("there is at least one beginning");
-    (unit.picture(), Seam { errors, ..seam })
+    let seam = Seam { errors, ..best.expect("there is at least one beginning") };
+    let source = sampled(strip, seam.start, length / double(width), width + seam.overlap);
+    (source.picture(width, &joint(&source, width, seam.method)), seam)
+}
+
+/// How much each column of the strip differs from that a repeat on, by some of its rows.
+fn differences(strip: &RgbaImage, length: f64) -> Vec<f64> {
+    let rows = strip.height() as usize;
+    let end = double(strip.width() as usize - 1);
+    let count = whole(narrow(end - length)) + 1;
+    column_sums(count, (0..rows).step_by(rows.div_ceil(ROWS)), |x, y| {
+        let row = row(strip, y);
+        (texel(row, double(x)) - texel(row, (double(x) + length).min(end))).length_squared()
+    })
 }
 
 /// Where on the strip a unit might begin.
-fn beginnings(strip: &RgbaImage, length: f64, overlap: usize) -> Vec<f64> {
-    let last = whole(narrow(double(strip.width() as usize - 1) - length - double(overlap)));
-    let differences: Vec<f64> = (0..=last + overlap)
-        .into_par_iter()
-        .map(|x| {
-            let on = (double(x) + length).min(double(strip.width() as usize - 1));
-            (0..strip.height()).map(|y| f64::from((texel(strip, double(x), y) - texel(strip, on, y)).length_squared())).sum()
-        })
-        .collect();
+fn beginnings(differences: &[f64], length: f64, overlap: usize) -> Vec<f64> {
     let mut chosen: [Option<(f64, usize)>; TRIED] = [None; TRIED];
-    for start in 0..=last {
-        let difference: f64 = differences[start..start + overlap].iter().sum();
+    for start in 0..=differences.len().saturating_sub(overlap + 1) {
+        let difference: f64 = differences[start..(start + overlap).min(differences.len())].iter().sum();
         let phase = (double(start) / length).fract();
         let slot = &mut chosen[whole(narrow(phase * double(TRIED))).min(TRIED - 1)];
         if slot.is_none_or(|(least, _)| difference < least) {
@@ -104,16 +111,22 @@ fn beginnings(strip: &RgbaImage, length: f64, overlap: usize) -> Vec<f64> {
     chosen.into_iter().flatten().map(|(_, start)| double(start)).collect()
 }
 
+fn row(strip: &RgbaImage, y: usize) -> &[u8] {
+    let stride = 4 * strip.width() as usize;
+    &strip.as_raw()[stride * y..][..stride]
+}
+
 /// Colour by alpha, and alpha, between two pixels of a row.
-fn texel(strip: &RgbaImage, x: f64, y: u32) -> Vec4 {
-    let first = whole(narrow(x)).min(strip.width() as usize - 1);
-    let next = (first + 1).min(strip.width() as usize - 1);
-    weighed(*strip.get_pixel(side(first), y)).lerp(weighed(*strip.get_pixel(side(next), y)), narrow(x - double(first)))
+fn texel(row: &[u8], x: f64) -> Vec4 {
+    let last = row.len() / 4 - 1;
+    let first = whole(narrow(x)).min(last);
+    weighed(row, first).lerp(weighed(row, (first + 1).min(last)), narrow(x - double(first)))
 }
 
 /// A texel whose colours count by its alpha; what is transparent keeps a little, so that it has a colour.
-fn weighed(Rgba(bytes): Rgba<u8>) -> Vec4 {
-    let [r, g, b, a] = bytes.map(|byte| f32::from(byte) / 255.0);
+fn weighed(row: &[u8], x: usize) -> Vec4 {
+    let at = |channel: usize| f32::from(row[4 * x + channel]) * (1.0 / 255.0);
+    let [r, g, b, a] = [at(0), at(1), at(2), at(3)];
     Vec4::new(r, g, b, 1.0) * (a + LEAST_WEIGHT) - Vec4::W * LEAST_WEIGHT
 }
 
@@ -124,33 +137,32 @@ const LEAST_WEIGHT: f32 = 1e-3;
 fn sampled(strip: &RgbaImage, start: f64, step: f64, width: usize) -> Unit {
     let height = strip.height() as usize;
     let mut texels = vec![Vec4::ZERO; width * height];
-    texels.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-        row.iter_mut().enumerate().for_each(|(x, value)| *value = texel(strip, start + double(x) * step, side(y)));
+    texels.par_chunks_mut(width).enumerate().for_each(|(y, texels)| {
+        let row = row(strip, y);
+        texels.iter_mut().enumerate().for_each(|(x, value)| *value = texel(row, start + double(x) * step));
     });
     Unit { width, height, texels }
 }
 
-/// The first `width` columns with what follows them laid over their beginning.
-fn joined(source: &Unit, width: usize, method: Method) -> Unit {
+/// The first columns of a unit of `width`, with what follows the unit laid over them.
+fn joint(source: &Unit, width: usize, method: Method) -> Unit {
     let overlap = source.width - width;
     let path = match method {
         Method::Cut => path(source, width),
         Method::Blend => vec![0; source.height],
     };
-    let mut texels = Vec::with_capacity(width * source.height);
+    let mut texels = Vec::with_capacity(overlap * source.height);
     for (row, cut) in source.texels.chunks_exact(source.width).zip(path) {
-        for x in 0..width {
+        for x in 0..overlap {
             let own = match method {
-                _ if x >= overlap => 1.0,
                 // The path's own texel is a mean: no stair is seen.
                 Method::Cut => (0.5 + float(x) - float(cut)).clamp(0.0, 1.0),
                 Method::Blend => smooth_step(float(x + 1) / float(overlap + 1)),
             };
-            let follower = row[(width + x).min(source.width - 1)];
-            texels.push(follower.lerp(row[x], own));
+            texels.push(row[width + x].lerp(row[x], own));
         }
     }
-    Unit { width, height: source.height, texels }
+    Unit { width: overlap, height: source.height, texels }
 }
 
 fn smooth_step(t: f32) -> f32 {
@@ -183,27 +195,41 @@ fn path(source: &Unit, width: usize) -> Vec<usize> {
     path
 }
 
-/// Energy of the gradients along the yarn all over the joint, and where one unit meets the next, over that elsewhere.
-fn energies(unit: &Unit, overlap: usize) -> [f32; 2] {
+/// Energy of the gradients along the yarn all over the joint, and where one unit meets the next, over that elsewhere. `steps` are those of the source, which
+/// the joint changes only where it lies.
+fn energies(source: &Unit, steps: &[f64], joint: &Unit) -> [f32; 2] {
+    let (overlap, width) = (joint.width, source.width - joint.width);
+    let texel = |x: usize, y: usize| if x < overlap { joint.row(y)[x] } else { source.row(y)[x] };
+    let is_joint = |x: usize| x <= overlap || x + 1 == width;
     let step = |x: usize| {
-        let pairs = (0..unit.height).map(|y| (y * unit.width + x, y * unit.width + (x + 1) % unit.width));
-        pairs.map(|(a, b)| f64::from((unit.texels[b] - unit.texels[a]).length_squared())).sum::<f64>()
+        let pair = |y: usize| f64::from((texel((x + 1) % width, y) - texel(x, y)).length_squared());
+        if x < overlap || x + 1 == width { (0..source.height).map(pair).sum() } else { steps[x] }
     };
-    let steps: Vec<f64> = (0..unit.width).into_par_iter().map(step).collect();
+    let steps: Vec<f64> = (0..width).into_par_iter().map(step).collect();
     let mean = |of: &dyn Fn(usize) -> bool| {
-        let own: Vec<f64> = (0..unit.width).filter(|&x| of(x)).map(|x| steps[x]).collect();
-        narrow(own.iter().sum::<f64>() / double(own.len().max(1) * unit.height)) + LEAST_ENERGY
+        let own: Vec<f64> = (0..width).filter(|&x| of(x)).map(|x| steps[x]).collect();
+        narrow(own.iter().sum::<f64>() / double(own.len().max(1) * source.height)) + LEAST_ENERGY
     };
-    let is_joint = |x: usize| x <= overlap || x + 1 == unit.width;
     let rest = mean(&|x| !is_joint(x));
-    [mean(&is_joint) / rest, mean(&|x| x == 0 || x + 2 >= unit.width) / rest]
+    [mean(&is_joint) / rest, mean(&|x| x == 0 || x + 2 >= width) / rest]
 }
 
 impl Unit {
-    fn picture(&self) -> RgbaImage {
-        RgbaImage::from_fn(side(self.width), side(self.height), |x, y| {
-            let texel = self.texels[y as usize * self.width + x as usize];
-            let color = texel / (texel.w + LEAST_WEIGHT);
+    fn row(&self, y: usize) -> &[Vec4] {
+        &self.texels[y * self.width..(y + 1) * self.width]
+    }
+
+    /// Energy of the gradients along the yarn from each column to the next.
+    fn steps(&self) -> Vec<f64> {
+        column_sums(self.width - 1, 0..self.height, |x, y| (self.row(y)[x + 1] - self.row(y)[x]).length_squared())
+    }
+
+    /// The first `width` columns, with a joint over their beginning.
+    fn picture(&self, width: usize, joint: &Self) -> RgbaImage {
+        RgbaImage::from_fn(side(width), side(self.height), |x, y| {
+            let (x, y) = (x as usize, y as usize);
+            let texel = joint.row(y).get(x).unwrap_or(&self.row(y)[x]);
+            let color = *texel / (texel.w + LEAST_WEIGHT);
             let [r, g, b, a] = [color.x, color.y, color.z, texel.w].map(crate::render::tone::byte);
             Rgba([r, g, b, a])
         })

@@ -2,7 +2,7 @@
 //!
 //! In: the unit, the yarn's width and middle row. Out: [`Surface`], maps of the unit's size that tile along the yarn.
 //!
-//! Heights are those of a round yarn, half as high as wide, with plies and fibres from its brightness once the light is flattened: what is deep gets less
+//! Heights are those of a round yarn, half as high as wide, round between the flanks of each column, with plies and fibres from its brightness once the light is flattened: what is deep gets less
 //! light. Normals come from them by Scharr's operator (the reader's own, so that both agree). Occlusion is how far a place lies below its
 //! surroundings, at several scales (Luft, Colditz and Deussen 2006). Fibres are dull, in the grooves more so, and no metal. Cost: some thirty
 //! passes, 20 bytes a texel.
@@ -12,7 +12,7 @@
 use image::{GrayImage, Luma, RgbaImage};
 
 use super::super::{Grey, normals};
-use super::plane::{Plane, byte, double, float, narrow, percentile, side, whole};
+use super::plane::{Plane, byte, float, narrow, percentile, side, whole};
 
 /// Share of a round yarn's height that plies and fibres make.
 const RELIEF: f32 = 0.3;
@@ -20,6 +20,8 @@ const RELIEF: f32 = 0.3;
 const SMOOTHED: f64 = 0.015;
 /// Greys between these shares of the pixels become relief.
 const RANGE: (f32, f32) = (0.03, 0.97);
+/// Columns to both sides over which a flank's place is a mean, in widths of the yarn.
+const FLANK_MEANS: [f64; 2] = [0.02, 0.1];
 /// Scales of occlusion, in widths of the yarn, each with its strength.
 const SCALES: [(f64, f32); 3] = [(0.04, 1.5), (0.1, 1.2), (0.25, 0.8)];
 /// The least light that is left.
@@ -47,8 +49,10 @@ pub(super) fn surface(unit: &RgbaImage, middle: f64, width: f64) -> Surface {
     let relief = relief(unit, width);
     let columns = unit.width() as usize;
     let rows = unit.height() as usize;
+    let flanks = flanks(unit, middle, width);
     let shape = Plane::from_fn(columns, rows, |x, y| {
-        let across = narrow((double(y) - middle) / (0.5 * width));
+        let [top, bottom] = flanks[x];
+        let across = (2.0 * float(y) - top - bottom) / (bottom - top).max(1.0);
         let round = (1.0 - across * across).max(0.0).sqrt();
         round * (1.0 - RELIEF + RELIEF * relief.at(x, y)) * alpha(unit, x, y)
     });
@@ -65,6 +69,22 @@ pub(super) fn surface(unit: &RgbaImage, middle: f64, width: f64) -> Surface {
     }
 }
 
+/// Where the yarn begins and ends in each column, without the fibres that stand off. Plies bulge: a yarn that were as wide everywhere would cut them off.
+fn flanks(unit: &RgbaImage, middle: f64, width: f64) -> Vec<[f32; 2]> {
+    let (columns, rows) = (unit.width() as usize, unit.height() as usize);
+    let start = whole(narrow(middle)).min(rows - 1);
+    let is_yarn = |x: usize, y: &usize| alpha(unit, x, *y) >= 0.5;
+    let top = |x: usize| float((0..start).rev().take_while(|y| is_yarn(x, y)).last().unwrap_or(start)) - 0.5;
+    let bottom = |x: usize| float((start..rows).take_while(|y| is_yarn(x, y)).last().unwrap_or(start)) + 0.5;
+    // The wider mean takes no part where plies bulge, and rounds the notches between them.
+    let smooth = |edge: &(dyn Fn(usize) -> f32 + Sync), outer: fn(f32, f32) -> f32| {
+        let plane = Plane::from_fn(columns, 1, |x, _| edge(x));
+        let [near, wide] = FLANK_MEANS.map(|mean| plane.blurred(whole(narrow(mean * width)).max(1), true).values);
+        near.into_iter().zip(wide).map(move |(near, wide)| outer(near, wide))
+    };
+    smooth(&top, f32::min).zip(smooth(&bottom, f32::max)).map(|(top, bottom)| [top, bottom]).collect()
+}
+
 /// How far the brightness of the yarn lies between dark and light, 0..1.
 fn relief(unit: &RgbaImage, width: f64) -> Plane {
     let (columns, rows) = (unit.width() as usize, unit.height() as usize);
@@ -77,7 +97,11 @@ fn relief(unit: &RgbaImage, width: f64) -> Plane {
         (0..columns * rows).filter(|at| alpha(unit, at % columns, at / columns) >= 1.0).map(|at| light.values[at]).collect();
     let (low, high) = (percentile(&mut yarn, RANGE.0), percentile(&mut yarn, RANGE.1));
     let range = (high - low).max(1.0);
-    light.map(|value| ((value - low) / range).clamp(0.0, 1.0))
+    light.map(|value| {
+        let share = ((value - low) / range).clamp(0.0, 1.0);
+        // Level at both ends: clamping alone leaves creases.
+        share * share * (3.0 - 2.0 * share)
+    })
 }
 
 /// Light that arrives in hollows, of all that could.
