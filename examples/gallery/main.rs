@@ -19,6 +19,9 @@ use warpknit::scene::{Scene, Shape};
 
 use crate::picture::Frame;
 
+/// How much nearer yarns are compared than fabrics are shown.
+const NEARER: f64 = 2.5;
+
 fn main() -> Result<()> {
     let folder = std::env::args_os().nth(1).map_or_else(|| PathBuf::from("docs"), PathBuf::from);
     let pictures = folder.join("gallery");
@@ -38,10 +41,10 @@ fn draw(folder: &Path, fabric: &Fabric) -> Result<()> {
     both_sides(folder, &fabric.name, &frame, &swatch(fabric, wales, courses))
 }
 
-/// The same cloth of the same yarn, as tubes and as ribbons.
+/// The same cloth of the same yarn, as tubes and as ribbons, so near that fuzz is seen.
 fn compare(folder: &Path) -> Result<()> {
     let fabric = Fabric::named(page::COMPARED)?;
-    let frame = Frame::of(&fabric);
+    let frame = Frame::of(&fabric).nearer(NEARER);
     let (wales, courses) = frame.swatch(&fabric);
     let panel = swatch_panel(&fabric, wales, courses);
     let cloth = Cloth::swatch(&panel, &fabric, wales, courses);

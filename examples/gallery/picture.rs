@@ -38,6 +38,11 @@ impl Frame {
         Self(DVec2::new(height * aspect, height))
     }
 
+    /// A window on less of the fabric, which shows it so many times larger.
+    pub(crate) fn nearer(self, times: f64) -> Self {
+        Self(self.0 / times)
+    }
+
     /// Wales and courses of a piece of fabric that fills the frame.
     pub(crate) fn swatch(&self, fabric: &Fabric) -> (u32, u32) {
         let reach = fabric.bars.iter().map(|bar| bar.chain.gaps()).map(|(low, high)| high - low).max().unwrap_or(0);

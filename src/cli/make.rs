@@ -18,6 +18,7 @@ use warpknit::garment::{Garment, Panel, ReadOptions, read};
 use warpknit::ids::index32;
 use warpknit::knit::clearance::{self, Clearance};
 use warpknit::report::{ClearanceReport, ClothReport, GarmentReport, Report, SurfaceReport};
+use warpknit::scene::Shape;
 use warpknit::yarn::tube::Section;
 
 use super::args::{Chains, Drape, Laying, Reading, Shared, Swatch};
@@ -220,6 +221,9 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
     let looks = picture::looks(job.shown, section.radius);
     let textures = Textures::of(job.shared, job.shown)?;
     let mut scene = pictures::scene(job.shared.drawing.shape.into(), looks, &textures, job.shown.enlargement);
+    if scene.shape == Shape::Ribbon {
+        warnings.extend(textures.misfit(job.shown));
+    }
 
     let mut gauge = wants_gauge(job, &outputs).then(|| Gauge::new(job.cloth, section.radius));
 

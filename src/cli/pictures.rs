@@ -18,6 +18,8 @@ use super::tell;
 
 /// Width of a yarn's picture, fuzz included, in radii of the yarn.
 const FUZZY_WIDTH: f64 = 2.5;
+/// Widths of pictures that fit a yarn, in thicknesses of the yarn: from hardly any fuzz to loops that stand far off.
+const FITTING_WIDTHS: (f64, f64) = (0.8, 6.0);
 /// Points on each rim of the drum around a scene, which a camera on a turntable must see whole.
 const RIM: u32 = 64;
 
@@ -72,6 +74,23 @@ impl Textures {
             textures.of_bars.push(u16::try_from(place).ok());
         }
         Ok(textures)
+    }
+
+    /// What is odd about ribbons as wide as the pictures say in place of a fabric's yarns, for the first such bar.
+    pub(super) fn misfit(&self, fabric: &Fabric) -> Option<String> {
+        fabric.thickness().into_iter().enumerate().find_map(|(bar, thickness)| {
+            let shown = f64::from(self.maps[usize::from(self.of_bar(bar)?)].width);
+            let thick = 2.0 * thickness * fabric.radius() / fabric.enlargement;
+            let (least, most) = FITTING_WIDTHS;
+            let message = || {
+                format!(
+                    "bar {}: its pictures are of a yarn {shown:.2} mm wide with its fuzz, but its yarns are {thick:.2} mm thick; ribbons are as wide as the \
+                     pictures: width_mm in their yarn.toml says how wide",
+                    bar + 1
+                )
+            };
+            (!(least * thick..=most * thick).contains(&shown)).then(message)
+        })
     }
 
     fn of_bar(&self, bar: usize) -> Option<u16> {

@@ -337,6 +337,13 @@ fn a_fabric_file_names_its_yarns_pictures() {
     let of_one_bar = draw(&[]);
     let of_all = draw(&["--texture", "mine/yarn.png"]);
     assert!(of_one_bar > 20 && of_all > of_one_bar + 20, "the path starts from the file's folder: {of_one_bar} {of_all}");
+    // The pictures of a fine yarn on a thick one: ribbons would be threads.
+    let thin = "texture = \"yarn.png\"\ntexture_length = 0.02";
+    with(thin);
+    let arguments = ["swatch", "--fabric", "mine/red.toml", "--shape", "ribbon", "-o", "b.png"];
+    let output = warpknit(folder.path()).args(arguments).args(SMALL).assert().success().get_output().clone();
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(message.contains("warning: bar 1: its pictures are of a yarn 0.01 mm wide"), "{message}");
     with("texture = \"absent\"");
     let output =
         warpknit(folder.path()).args(["swatch", "--fabric", "mine/red.toml"]).args(SMALL).assert().code(1).get_output().clone();
