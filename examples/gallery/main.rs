@@ -50,7 +50,7 @@ fn compare(folder: &Path) -> Result<()> {
     let cloth = Cloth::swatch(&panel, &fabric, wales, courses);
     let yarn = Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes/yarns").join(page::WORN);
     for (name, shape) in [("tubes", Shape::Tube), ("ribbons", Shape::Ribbon)] {
-        let maps = read_maps(&yarn, 2.0 * fabric.radius(), None)?;
+        let maps = read_maps(&yarn, 2.0 * fabric.radius(), None)?.fitting(shape);
         let mut looks = looks(&fabric, fabric.radius());
         for look in &mut looks {
             look.maps = Some(0);

@@ -96,9 +96,9 @@ Examples:
 sheet.png shows them with the photo and a swatch.
 
 Examples:
-  warpknit yarn photo.jpg --yarn-width-mm 0.4 -o my-yarn
+  warpknit yarn photo.jpg --yarn-width-mm 0.15 -o my-yarn
   warpknit yarn scan.png --dpi 2400 --crop 200,0,3000,800 -v -o my-yarn
-  warpknit swatch --shape ribbon --texture my-yarn -o swatch.png"
+  warpknit swatch --fabric jersey --shape ribbon --texture my-yarn -o swatch.png"
     )]
     Yarn(Yarn),
     /// Time the work here, beside what the papers published

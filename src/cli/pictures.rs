@@ -102,7 +102,7 @@ impl Textures {
 pub(super) fn scene(shape: Shape, mut looks: Vec<YarnLook>, textures: &Textures, enlargement: f64) -> Scene {
     #[expect(clippy::cast_possible_truncation, reason = "a length in mm needs no more")]
     let enlargement = enlargement as f32;
-    let mut maps = textures.maps.clone();
+    let mut maps: Vec<_> = textures.maps.iter().map(|maps| maps.clone().fitting(shape)).collect();
     for maps in &mut maps {
         maps.length *= enlargement;
         maps.width *= enlargement;

@@ -29,6 +29,7 @@ mod paths;
 pub mod ply;
 pub mod shade;
 pub mod tone;
+mod unroll;
 
 pub use camera::{Camera, View};
 pub use light::Light;
