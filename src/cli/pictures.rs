@@ -16,8 +16,6 @@ use super::args::Shared;
 use super::clock::{Clock, Task};
 use super::tell;
 
-/// Width of a yarn's picture, fuzz included, in radii of the yarn.
-const FUZZY_WIDTH: f64 = 2.5;
 /// Widths of pictures that fit a yarn, in thicknesses of the yarn: from hardly any fuzz to loops that stand far off.
 const FITTING_WIDTHS: (f64, f64) = (0.8, 6.0);
 /// Points on each rim of the drum around a scene, which a camera on a turntable must see whole.
@@ -42,12 +40,12 @@ pub(super) struct Textures {
 impl Textures {
     /// Those that the arguments ask for, for all bars; else those that the fabric names.
     ///
-    /// Where nothing says how wide a picture is, it is as wide as the yarn that wears it, the thickest if all do, with some fuzz.
+    /// Where nothing says how wide a picture is, it fits the yarn that wears it, the thickest if all do.
     pub(super) fn of(shared: &Shared, fabric: &Fabric) -> Result<Self> {
-        let width = FUZZY_WIDTH * fabric.radius() / fabric.enlargement;
+        let thickest = 2.0 * fabric.radius() / fabric.enlargement;
         match &shared.drawing.texture {
-            Some(path) => Ok(Self::for_all(read_maps(path, width, None)?)),
-            None => Self::named_by(fabric, width),
+            Some(path) => Ok(Self::for_all(read_maps(path, thickest, None)?)),
+            None => Self::named_by(fabric, thickest),
         }
     }
 
@@ -56,8 +54,8 @@ impl Textures {
         Self { maps: vec![maps], of_bars: vec![Some(0)] }
     }
 
-    /// Those that a fabric whose thickest yarn is `width` wide names, each read once.
-    fn named_by(fabric: &Fabric, width: f64) -> Result<Self> {
+    /// Those that a fabric whose yarns are `thickest` mm thick at the most names, each read once.
+    fn named_by(fabric: &Fabric, thickest: f64) -> Result<Self> {
         let mut textures = Self::default();
         let mut worn: Vec<&Yarn> = Vec::new();
         for ((bar, thickness), number) in fabric.bars.iter().zip(fabric.thickness()).zip(1..) {
@@ -67,7 +65,7 @@ impl Textures {
             };
             let place = worn.iter().position(|yarn| **yarn == bar.yarn).unwrap_or(worn.len());
             if place == worn.len() {
-                let maps = read_maps(path, width * thickness, bar.yarn.texture_length);
+                let maps = read_maps(path, thickest * thickness, bar.yarn.texture_length);
                 textures.maps.push(maps.with_context(|| format!("the yarn of bar {number}"))?);
                 worn.push(&bar.yarn);
             }

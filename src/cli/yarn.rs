@@ -14,6 +14,10 @@ use super::clock::{Clock, Task};
 use super::contact::{self, SWATCH_YARN_WIDTH};
 use super::{print, tell};
 
+/// Sizes of maps that are believed, mm.
+const SIZES: std::ops::RangeInclusive<f64> = 0.001..=10_000.0;
+/// Files that are no maps: yarn.toml and the sheet.
+const OTHER_FILES: usize = 2;
 /// Share of the progress bar that the steps take; the sheet's swatch takes most of the rest.
 const STEPS_SHARE: f32 = 0.6;
 
@@ -37,6 +41,7 @@ pub(crate) fn yarn(arguments: &Yarn) -> Result<()> {
         clock.begin(Task::Develop, f64::from(STEPS_SHARE) * f64::from(steps) / Step::ALL.len() as f64);
     };
     let yarn = develop(&photo, &arguments.settings(), &mut decided).with_context(|| arguments.photo.display().to_string())?;
+    check_size(&yarn)?;
     clock.begin(Task::Write, f64::from(STEPS_SHARE));
     save(&yarn, &folder)?;
     // The swatch wears what was written, so that the sheet shows what others will read.
@@ -50,7 +55,7 @@ pub(crate) fn yarn(arguments: &Yarn) -> Result<()> {
     clock.stop();
     clock.clear();
     notes(&yarn).iter().for_each(|note| tell(arguments.quiet, &format!("note: {}: {note}", arguments.photo.display())));
-    tell(arguments.quiet, &format!("{} maps: {}", FILES.len() - 2, arguments.output.display()));
+    tell(arguments.quiet, &format!("{} maps: {}", FILES.len() - OTHER_FILES, arguments.output.display()));
     print(&report(&yarn))
 }
 
@@ -75,6 +80,16 @@ fn check_names(arguments: &Yarn) -> Result<()> {
         if photo.is_some() && place(&target) == photo {
             bail!("{}: this is the photo, and would be written over; name another folder with -o", target.display());
         }
+    }
+    Ok(())
+}
+
+/// Refuses sizes that no yarn has, before anything is written.
+fn check_size(yarn: &Developed) -> Result<()> {
+    if let Some((width, length)) = yarn.width().zip(yarn.length())
+        && !(SIZES.contains(&width) && SIZES.contains(&length))
+    {
+        bail!("the maps would be {width:.3e} mm wide and {length:.3e} mm long: check --yarn-width-mm or --dpi");
     }
     Ok(())
 }

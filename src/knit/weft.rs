@@ -1,7 +1,8 @@
 //! Weft-knit loops: where the yarn of a course passes, wale after wale.
 //!
 //! In: a [`Motif`] and the fabric's spacings. Out: a course's data points, [`POINTS`] a loop: on the cubic NURBS whose control points, eight new ones a loop, make it
-//! pass through the loop's eight named places, and halfway between them, so that the path that all yarns are drawn along follows it. Source: the ribbon
+//! pass through the loop's eight named places, and halfway between them, so that the path that all yarns are drawn along follows it to a tenth of the yarn's
+//! radius, in crossings to a fifth. Source: the ribbon
 //! paper's loop of nine control points, with the places of the specification's weft page, which interlock. The crossings of cables are ours.
 
 use std::ops::Range;
@@ -32,8 +33,6 @@ const PLACES: [[f64; 3]; CONTROL_POINTS] = [
 const LEAN: f64 = 1.2;
 /// Height of a crossing's middle over that of the loops whose heads are carried, courses.
 const MIDDLE: f64 = 0.4;
-/// Rows to both sides whose crossings reach a loop.
-const ROWS: i64 = 4;
 /// How far wales that cross rise in front of each other, and sink behind, where they are halfway: half as thick as the cloth, radii.
 const RISE: f64 = 2.4;
 /// Loops before and behind a stretch of yarn that its curve is solved with: farther ones change nothing that `f64` holds.
@@ -106,7 +105,10 @@ fn leaning(motif: &Motif, wale: i64, course: i64, y: f64) -> DVec2 {
     if reach == 0 {
         return sum;
     }
-    for rows in -ROWS..=ROWS {
+    // Rows whose crossings reach this one: half the longest lean, and a loop.
+    #[expect(clippy::cast_possible_truncation, reason = "some rows")]
+    let reached = (0.5 * (1.0 + LEAN * f64::from(motif.reach()))).ceil() as i64 + 1;
+    for rows in -reached..=reached {
         let row = |wale: i64| motif.cell(wale, course + rows);
         // Heads that are carried above stand on this wale; of those below, the one that came here.
         let came = |from: &i64| from + i64::from(row(*from).carried) == wale;
@@ -128,6 +130,7 @@ fn leaning(motif: &Motif, wale: i64, course: i64, y: f64) -> DVec2 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::yarn::curve::span;
     use std::collections::BTreeMap;
 
     fn loops() -> Loops {
@@ -158,6 +161,27 @@ mod tests {
         let length: f64 = (60_000..70_000).map(|step| at(step).distance(at(step + 1))).sum();
         // Loop length times wales per length: 4.1 in relaxed plain knit (Munden 1959); the specification has 4.07.
         assert!((length - 4.1).abs() < 0.05, "{length}");
+    }
+
+    #[test]
+    fn the_path_that_is_drawn_follows_the_curve() {
+        for (chart, share) in [("k", 0.1), ("kp", 0.1), ("kkkkpp\nkCCCCp", 0.2)] {
+            let (motif, loops) = (motif(chart), loops());
+            let through = loops.through(&motif, 0, -6..9);
+            let at = parameters(&through);
+            let curve = Nurbs::through(&through, &at);
+            let points = loops.data_points(&motif, 0, -6..9);
+            // The third loop from the middle on, where neither has an end near: points and those halfway, by turns.
+            let farthest = (6 * CONTROL_POINTS..9 * CONTROL_POINTS)
+                .flat_map(|place| (0..16).map(move |step| (place, f64::from(step) / 16.0)));
+            let off = farthest.map(|(place, t)| {
+                let drawn = span(&points, 2 * place + usize::from(t >= 0.5)).at((2.0 * t).fract());
+                let near = (0..=400).map(|step| curve.at(at[place] + (at[place + 1] - at[place]) * f64::from(step) / 400.0));
+                near.map(|point| point.distance(drawn)).fold(f64::MAX, f64::min)
+            });
+            let most = off.fold(0.0, f64::max);
+            assert!(most < share * loops.radius, "{chart}: {most} mm off, of a radius of {}", loops.radius);
+        }
     }
 
     #[test]

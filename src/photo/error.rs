@@ -10,7 +10,7 @@ use super::develop::DevelopError;
 #[non_exhaustive]
 pub enum PhotoError {
     /// The file system refused.
-    #[error("{}: can't be read ({reason}): give an image file or a folder with base_color.png", .path.display())]
+    #[error("{}: can't be read ({reason})", .path.display())]
     Read {
         /// The file.
         path: PathBuf,
@@ -24,6 +24,12 @@ pub enum PhotoError {
         path: PathBuf,
         /// What the decoder said.
         reason: image::ImageError,
+    },
+    /// A JPEG that ends before its picture does; decoders make up the rest.
+    #[error("{}: ends in the middle of its picture: copy it again", .path.display())]
+    CutShort {
+        /// The file.
+        path: PathBuf,
     },
     /// A folder without the one picture that is needed.
     #[error("{}: has no base_color.png: name the folder that holds a yarn's maps, or one image file", .path.display())]
@@ -64,7 +70,7 @@ pub enum PhotoError {
         reason: DevelopError,
     },
     /// yarn.toml is no TOML, or has a size that is no number.
-    #[error("{}: can't be understood ({}): its keys are width_mm and length_mm, both numbers", .path.display(), .reason.message())]
+    #[error("{}: can't be understood ({}): its keys are width_mm, length_mm and width_in_yarns, all numbers", .path.display(), .reason.message())]
     Toml {
         /// The file.
         path: PathBuf,
@@ -72,7 +78,7 @@ pub enum PhotoError {
         reason: Box<toml::de::Error>,
     },
     /// A size that no yarn has.
-    #[error("{}: {key} = {value}: it must be over 0 and at most {most}, in mm", .path.display())]
+    #[error("{}: {key} = {value}: it must be over 0 and at most {most}", .path.display())]
     Size {
         /// The file.
         path: PathBuf,

@@ -9,7 +9,7 @@
 //! | `normal.png` | normals, OpenGL's way |
 //! | `height.png` | grey, white half the width above black; read where there are no normals |
 //! | `roughness.png`, `metallic.png`, `ao.png` | grey |
-//! | `yarn.toml` | `width_mm` and `length_mm` of the picture, each optional; what else it says is for people |
+//! | `yarn.toml` | `width_mm` and `length_mm` of the picture, or `width_in_yarns`, its width over the yarn's without fuzz, each optional; what else it says is for people |
 //!
 //! [`develop`] makes such a folder of one photo.
 
@@ -22,7 +22,7 @@ use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 use image::imageops::{FilterType, resize};
-use image::{DynamicImage, ImageBuffer, ImageReader, Limits, Luma, RgbImage, Rgba, RgbaImage};
+use image::{DynamicImage, ImageBuffer, ImageDecoder as _, ImageFormat, ImageReader, Limits, Luma, RgbImage, Rgba, RgbaImage};
 use serde::Deserialize;
 
 pub use error::PhotoError;
@@ -33,6 +33,8 @@ use crate::render::maps::{Kind, Maps, Mips};
 const SIDES: (u32, u32) = (4, 16_384);
 /// The largest size that is believed, mm.
 const MOST_SIZE: f64 = 10_000.0;
+/// Width of a yarn's picture, fuzz included, in thicknesses of the yarn, where nothing says it.
+const FUZZY_WIDTH: f64 = 1.25;
 /// Fibres are dull.
 const ROUGHNESS: u8 = 191;
 /// How far white lies above black in a height map, in widths of the picture: half as high as a round yarn is wide.
@@ -41,12 +43,12 @@ const RELIEF: f32 = 0.5;
 /// A map of heights or shares.
 type Grey = ImageBuffer<Luma<u16>, Vec<u16>>;
 
-/// Reads the folder or the picture at `path`. `width` is the picture's, mm, where no file says it; `length`, mm of yarn that the picture shows, goes before
-/// what a file says.
+/// Reads the folder or the picture at `path`. Where no file says how wide it is, it fits a yarn that is `thickness` mm thick; `length`, mm of yarn that the
+/// picture shows, goes before what a file says.
 ///
 /// # Errors
 /// [`PhotoError`] where there is no picture, or a file is not what its name says.
-pub fn read_maps(path: &Path, width: f64, length: Option<f64>) -> Result<Maps, PhotoError> {
+pub fn read_maps(path: &Path, thickness: f64, length: Option<f64>) -> Result<Maps, PhotoError> {
     let in_folder = path.is_dir();
     let base_path = if in_folder { path.join("base_color.png") } else { path.to_owned() };
     if in_folder && !base_path.is_file() {
@@ -60,7 +62,7 @@ pub fn read_maps(path: &Path, width: f64, length: Option<f64>) -> Result<Maps, P
         if in_folder && file.is_file() { picture(&file).map(Some) } else { Ok(None) }
     };
     let grey = |name: &str| Ok(companion(name)?.map(|picture| fitted(&picture.into_luma16(), size)));
-    let (length, width) = lengths(in_folder.then(|| path.join("yarn.toml")), size, width, length)?;
+    let (length, width) = lengths(in_folder.then(|| path.join("yarn.toml")), size, thickness, length)?;
     let normal = match (companion("normal.png")?, grey("height.png")?) {
         (Some(normal), _) => fitted_color(normal.into_rgba8(), size),
         (None, Some(height)) => normals(&height, length, width),
@@ -113,7 +115,21 @@ fn decoded(path: &Path, check: impl Fn(u32, u32) -> Result<(), PhotoError>) -> R
     let mut reader = open()?;
     // The size is known to be bearable.
     reader.limits(Limits::no_limits());
-    reader.decode().map_err(undecoded)
+    if reader.format() == Some(ImageFormat::Jpeg) && is_cut_short(&fs::read(path).map_err(unread)?) {
+        return Err(PhotoError::CutShort { path: path.to_owned() });
+    }
+    let mut decoder = reader.into_decoder().map_err(undecoded)?;
+    // Phones keep pictures as the chip lies and say how they are to be turned.
+    let orientation = decoder.orientation().map_err(undecoded)?;
+    let mut picture = DynamicImage::from_decoder(decoder).map_err(undecoded)?;
+    picture.apply_orientation(orientation);
+    Ok(picture)
+}
+
+/// Whether a JPEG has no end after the start of its last scan.
+fn is_cut_short(bytes: &[u8]) -> bool {
+    let last = |marker: u8| bytes.windows(2).rposition(|pair| pair == [0xFF, marker]);
+    last(0xD9) < last(0xDA)
 }
 
 fn fitted(map: &Grey, (width, height): (u32, u32)) -> Grey {
@@ -129,13 +145,15 @@ fn fitted_color(map: RgbaImage, (width, height): (u32, u32)) -> RgbaImage {
 struct YarnFile {
     width_mm: Option<f64>,
     length_mm: Option<f64>,
+    /// The picture's width over that of the yarn without its fuzz.
+    width_in_yarns: Option<f64>,
 }
 
-/// Length and width of the picture, mm: the `known` length, else as the file says, else `missing` for the width, and the rest by the picture's shape.
+/// Length and width of the picture, mm: the `known` length, else as the file says, else as wide as fits a yarn of that thickness, and the rest by the picture's shape.
 fn lengths(
     file: Option<PathBuf>,
     (along, across): (u32, u32),
-    missing: f64,
+    thickness: f64,
     known: Option<f64>,
 ) -> Result<(f32, f32), PhotoError> {
     let path = file.unwrap_or_default();
@@ -150,7 +168,8 @@ fn lengths(
     let width = said.width_mm.map(|value| checked("width_mm", value)).transpose()?;
     let length = said.length_mm.map(|value| checked("length_mm", value)).transpose()?;
     let length = known.or(length);
-    let width = width.or(length.map(|length| length / aspect)).unwrap_or(missing);
+    let in_yarns = said.width_in_yarns.map(|value| checked("width_in_yarns", value)).transpose()?.unwrap_or(FUZZY_WIDTH);
+    let width = width.or(length.map(|length| length / aspect)).unwrap_or(in_yarns * thickness);
     #[expect(clippy::cast_possible_truncation, reason = "rounding is meant")]
     let (length, width) = (length.unwrap_or(width * aspect) as f32, width as f32);
     Ok((length, width))

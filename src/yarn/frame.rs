@@ -3,7 +3,6 @@
 //! In: positions and tangents along a curve. Out: unit normals that turn as little as possible, by double reflection (Wang, Jüttler,
 //! Zheng, Liu 2008, Computation of rotation minimizing frames, algorithm 1). A frame depends on the points before it on its own yarn and on
 //! nothing else, so the result is the same however yarns are shared out among threads.
-
 //!
 //! Directions are `f32`, four lanes at a time: a ring turns by a rounding of 1e-7, which adds up to nothing that is seen.
 

@@ -25,14 +25,14 @@ fn error(path: &Path) -> (PhotoError, String) {
 }
 
 #[test]
-fn a_base_colour_alone_is_flat_dull_and_a_millimetre_wide() {
+fn a_base_colour_alone_is_flat_dull_and_a_quarter_wider_than_the_yarn() {
     let folder = folder();
     for path in [folder.path().to_owned(), folder.path().join("base_color.png")] {
         let maps = read_maps(&path, 1.0, None).unwrap();
         assert_eq!(maps.base.levels[0].get_pixel(3, 3).0, [200, 90, 30, 255]);
         assert_eq!(maps.normal.levels[0].get_pixel(3, 3).0[..3], [128, 128, 255]);
         assert_eq!(maps.surface.levels[0].get_pixel(3, 3).0[..3], [255, 191, 0]);
-        assert_eq!((maps.length, maps.width, maps.base.levels.len()), (2.0, 1.0, 5));
+        assert_eq!((maps.length, maps.width, maps.base.levels.len()), (2.5, 1.25, 5));
     }
 }
 

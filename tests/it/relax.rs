@@ -103,7 +103,7 @@ fn brute_force(fabric: &Fabric) -> f64 {
 
 #[test]
 fn the_clearance_is_what_brute_force_finds() {
-    for name in ["tricot", "locknit", "satin-lap", "hex-net-3", "marquisette", "weft-inserted"] {
+    for name in ["tricot", "locknit", "satin-lap", "hex-net-3", "marquisette", "weft-inserted", "jersey", "rib-1x1", "garter"] {
         let fabric = Fabric::named(name).unwrap();
         let measured = clearance::measure(&fabric, &Pattern::new(&fabric), fabric.radius()).min_over_2r;
         let brute = brute_force(&fabric);

@@ -47,6 +47,7 @@ fn every_loop_hangs_in_the_one_below() {
             pattern.lay(0, course, -8..wales + 8, &mesh, &mut knitted);
             knitted.points
         };
+        let mut places = 0;
         let point = |wale: i64, at: usize| (wale + 8) as usize * POINTS + at;
         for row in 0..courses {
             let (below, above) = (course(row), course(row + 1));
@@ -55,25 +56,25 @@ fn every_loop_hangs_in_the_one_below() {
                 let new = motif.cell(home, row + 1);
                 let near = (row - 3..=row + 4).flat_map(|row| (home - 3..=home + 3).map(move |wale| (wale, row)));
                 let leans = near.into_iter().any(|(wale, row)| motif.cell(wale, row).carried != 0);
-                let turns = [-1, 1].iter().any(|side| motif.cell(home + side, row + 1).reverse != new.reverse);
-                if leans || turns {
-                    // Loops that lean cross their neighbours too, and beside a purl its feet come from the other side.
+                if leans {
+                    // Loops that lean cross their neighbours too.
                     continue;
                 }
                 let head = path(&below, point(wale, 2), point(wale, 14));
                 let loop_ = path(&above, point(home, 0), point(home + 1, 0));
                 let side = if new.reverse { -1.0 } else { 1.0 };
                 let higher: Vec<bool> = crossings(&loop_, &head).into_iter().map(|height| height * side > 0.0).collect();
-                let expected = if old.reverse == new.reverse { vec![false, true, true, false] } else { vec![true; higher.len()] };
-                let place = format!("{name}, wale {wale}, course {row}: {higher:?}");
-                if old.reverse == new.reverse {
-                    assert_eq!(higher, expected, "{place}");
-                } else {
-                    // Through a purl head from behind, or the other way about: its own legs are in front all the same.
-                    assert!(higher.iter().filter(|front| **front).count() >= 2, "{place}");
-                }
+                // Its legs come through the head from behind and its own head and feet lie behind; through a head of the other kind all of it
+                // lies in front, as its kind sees it.
+                let expected = if old.reverse == new.reverse { [false, true, true, false] } else { [true; 4] };
+                assert_eq!(higher, expected, "{name}, wale {wale}, course {row}");
+                places += 1;
             }
         }
+        // All loops of plain knits, ribs and garter; of the cable those between its crossings, where no wale leans.
+        let all = wales * courses;
+        let least = if name == "cable" { all / 20 } else { all };
+        assert!(places >= least, "{name}: {places} of {all} loops were looked at");
     }
 }
 

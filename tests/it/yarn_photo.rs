@@ -9,7 +9,7 @@ use image::{ImageReader, Rgb, RgbImage, RgbaImage};
 use rayon::prelude::*;
 use warpknit::export::OutputFolder;
 use warpknit::photo::develop::{Developed, Scale, Settings, develop, save};
-use warpknit::photo::read_maps;
+use warpknit::photo::{read_maps, read_photo};
 
 /// How many photos are developed: of yarns as large as they are to be, of small ones, and of such with a ply that is hardly seen.
 const PHOTOS: u32 = 60;
@@ -507,7 +507,7 @@ fn bad_photos_are_refused_with_a_reason_and_leave_nothing_behind() {
         |width: u32, height: u32, of: &dyn Fn(u32, u32) -> u8| RgbImage::from_fn(width, height, |x, y| Rgb([of(x, y); 3]));
     let band =
         |from: u32, to: u32| photo(200, 120, &|x, y| if (from..to).contains(&y) { 170 + (x + y) as u8 % 20 * 4 } else { 20 });
-    let cases: [(&str, Option<RgbImage>, &[&str], &str); 10] = [
+    let cases: [(&str, Option<RgbImage>, &[&str], &str); 12] = [
         ("absent", None, &[], "can't be read"),
         ("small", Some(photo(200, 31, &|_, _| 0)), &[], "31 pixels are too few"),
         ("large", Some(photo(16_385, 32, &|_, _| 0)), &[], "are too many"),
@@ -519,6 +519,13 @@ fn bad_photos_are_refused_with_a_reason_and_leave_nothing_behind() {
             &[],
             "not a long stretch",
         ),
+        (
+            "two",
+            Some(photo(300, 200, &|x, y| if y % 100 > 30 && y % 100 < 70 { 150 + 90 * u8::from((x + y) % 30 < 15) } else { 20 })),
+            &[],
+            "lies in pieces",
+        ),
+        ("noise", Some(photo(300, 200, &|x, y| (random(x * 733 + y) * 255.0) as u8)), &[], "can't be told apart"),
         ("side", Some(band(0, 40)), &[], "leaves the photo through its side"),
         ("threshold", Some(band(40, 80)), &["--threshold", "1", "--contrast", "1", "--brightness", "0.2"], "another --threshold"),
         ("crop", Some(band(40, 80)), &["--crop", "100,0,101,120"], "reaches over the photo of 200 x 120"),
@@ -548,4 +555,25 @@ fn bad_photos_are_refused_with_a_reason_and_leave_nothing_behind() {
     assert!(String::from_utf8(output.stderr).unwrap().contains("is no image"));
     let output = warpknit(folder.path(), &["photo.png", "-o", "photo.png"]).assert().code(1).get_output().clone();
     assert!(String::from_utf8(output.stderr).unwrap().contains("it is a file"));
+}
+
+#[test]
+fn a_photo_that_ends_too_early_is_refused_and_a_turned_one_is_turned() {
+    let folder = tempfile::tempdir().unwrap();
+    let photo = RgbImage::from_fn(300, 120, |x, y| {
+        Rgb([if (40..80).contains(&y) { 150 + 90 * u8::from((x + y) % 30 < 15) } else { 20 }; 3])
+    });
+    let mut bytes = Vec::new();
+    JpegEncoder::new_with_quality(&mut bytes, 95).encode_image(&photo).unwrap();
+    let write = |bytes: &[u8]| std::fs::write(folder.path().join("photo.jpg"), bytes).unwrap();
+    let error =
+        || read_photo(&folder.path().join("photo.jpg")).map(|photo| photo.dimensions()).map_err(|error| error.to_string());
+    write(&bytes);
+    assert_eq!(error(), Ok((300, 120)));
+    write(&bytes[..bytes.len() / 2]);
+    assert!(error().unwrap_err().contains("ends in the middle of its picture"));
+    // What phones write: an Exif segment whose one entry, the orientation, is 6, a quarter turn.
+    let exif = b"\xFF\xE1\x00\x22Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0";
+    write(&[&bytes[..2], exif, &bytes[2..]].concat());
+    assert_eq!(error(), Ok((120, 300)));
 }

@@ -48,6 +48,25 @@ pub enum DevelopError {
         /// Contrast that was found.
         contrast: f32,
     },
+    /// What may be yarn differs from what may be ground no more than that does within itself.
+    #[error(
+        "yarn and ground can't be told apart (they differ by {contrast:.0} grey levels, and the ground by {spread:.0} within itself): take the yarn on a plain, \
+         evenly lit ground, with ground on both sides of it"
+    )]
+    NoGround {
+        /// How far they lie apart, of 255 grey levels.
+        contrast: f32,
+        /// How much the ground spreads.
+        spread: f32,
+    },
+    /// Several things stand off.
+    #[error(
+        "what stands off from the ground lies in pieces, and the largest is {percent:.0} % of it: take one yarn, with ground on both sides of it, or choose it with --crop"
+    )]
+    Pieces {
+        /// Share of the largest.
+        percent: f32,
+    },
     /// Too little or too much stands off.
     #[error(
         "no yarn was found: {percent:.2} % of the picture stands off from the ground, a yarn takes {least} to {most} %; {remedy}"

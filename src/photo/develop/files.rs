@@ -48,16 +48,19 @@ fn picture(
 
 fn toml(yarn: &Developed) -> String {
     let mut text = String::from("# One repeat of a yarn, from a photo, by warpknit yarn.\n");
-    let mut line = |key: &str, value: f64| writeln!(text, "{key} = {value:?}").expect("a string takes any text");
+    let mut line = |key: &str, value: f64| writeln!(text, "{key} = {value:.5}").expect("a string takes any text");
     if let (Some(width), Some(length)) = (yarn.width(), yarn.length()) {
         line("width_mm", width);
         line("length_mm", length);
         line("repeat_mm", length);
         line("mapping_coefficient", 1.0 / length);
+        text += "# Of these, width_mm and length_mm are read; the mapping coefficient follows.\n";
     }
+    let mut line = |key: &str, value: f64| writeln!(text, "{key} = {value:.5}").expect("a string takes any text");
     if let Some(scale) = yarn.mm_per_pixel {
         line("yarn_width_mm", scale * yarn.yarn_width);
     }
+    line("width_in_yarns", f64::from(yarn.base.height()) / yarn.yarn_width);
     line("yarn_width_px", yarn.yarn_width);
     line("repeat_px", yarn.repeat.length);
     line("threshold", f64::from(yarn.threshold));

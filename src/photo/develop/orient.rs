@@ -32,6 +32,8 @@ const LEAST_SHARE: f32 = 0.1;
 pub(super) const FIBRE: f64 = 0.05;
 /// Percent of a picture that a yarn takes.
 pub(super) const SHARES: (f32, f32) = (0.5, 95.0);
+/// Share of all that stands off from the ground that the yarn is: a second yarn, or the ground taken for one, leaves less.
+const LEAST_PIECE: f32 = 0.6;
 /// Length over width of what may be a yarn.
 const LEAST_LENGTH: f64 = 2.0;
 /// How far a yarn's cross sections may lie off a line, in widths.
@@ -117,14 +119,23 @@ fn yarn(grey: &Plane, light: &Ground) -> Result<(Mask, bool), DevelopError> {
     let light_ground = is_light(&stretched, &border(grey), threshold);
     let contrast = split.contrast() / scale;
     let (_, spread) = split.ground(light_ground);
-    if contrast < LEAST_CONTRAST || contrast * scale < LEAST_DISTANCE * spread {
+    if contrast < LEAST_CONTRAST {
         return Err(DevelopError::Blank { contrast });
+    }
+    if contrast * scale < LEAST_DISTANCE * spread {
+        return Err(DevelopError::NoGround { contrast, spread: spread / scale });
     }
     // A ply may lie nearer to the ground than to the other plies, and so below the threshold: whatever is linked to the yarn and no ground is yarn.
     let (ground, sign) = (split.ground(light_ground).0, if light_ground { -1.0 } else { 1.0 });
     let least = (LEAST_SHARE * contrast * scale).max(LEAST_DISTANCE * spread);
     let differs = Mask::of(&stretched, |value| sign * (value - ground) >= least);
-    let mask = differs.linked_to(&binarise(&stretched, threshold, light_ground).largest()).largest();
+    let stands_off = binarise(&stretched, threshold, light_ground);
+    let mask = differs.linked_to(&stands_off.largest()).largest();
+    let both = Mask { set: mask.set.iter().zip(&stands_off.set).map(|(a, b)| *a && *b).collect(), ..mask };
+    let found = both.share() / stands_off.share();
+    if found < LEAST_PIECE {
+        return Err(DevelopError::Pieces { percent: 100.0 * found });
+    }
     // Smoothing makes a thread of one pixel thrice as wide.
     let ground = ground / scale + low;
     let is_yarn = |at: &usize| {
