@@ -31,7 +31,7 @@ fs.writeFileSync(`${dir}/points_${side}.txt`, `${side} ${side}\n`);
 JS
 }
 
-# Milliseconds of CPU of ours, by the table.
+# Milliseconds of CPU of ours, by the table; measured anew for each row, so that both sides of a row run one after the other.
 ours() { warpknit bench --weft --threads 1 --quiet | awk -v side="$1" -v st="$2" '$1 == side && $4 == st { print $9 }'; }
 
 if [ -f "$peers/three_tube.mjs" ] && [ -d "$peers/node_modules/three" ]; then

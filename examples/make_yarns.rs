@@ -106,14 +106,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     for yarn in &YARNS {
         let folder = Path::new("meshes/yarns").join(yarn.name);
         std::fs::create_dir_all(&folder)?;
-        let canvas = yarn.drawn();
-        let fine = (FINER * SIZE.0, FINER * SIZE.1);
-        let color = RgbaImage::from_fn(fine.0, fine.1, |x, y| canvas.at(x, y).color());
-        let height = GrayImage::from_fn(fine.0, fine.1, |x, y| Luma([byte(255.0 * canvas.at(x, y).height)]));
-        resize(&color, SIZE.0, SIZE.1, FilterType::Triangle).save(folder.join("base_color.png"))?;
-        resize(&height, SIZE.0, SIZE.1, FilterType::Triangle).save(folder.join("height.png"))?;
-        let sizes = format!("width_mm = {}\nlength_mm = {}\n", yarn.width, yarn.length);
-        std::fs::write(folder.join("yarn.toml"), sizes)?;
+        let (color, height) = yarn.pictures();
+        color.save(folder.join("base_color.png"))?;
+        height.save(folder.join("height.png"))?;
+        std::fs::write(folder.join("yarn.toml"), yarn.sizes())?;
     }
     Ok(())
 }
@@ -149,6 +145,19 @@ struct Stroke {
 }
 
 impl Yarn {
+    /// Base colour and heights.
+    fn pictures(&self) -> (RgbaImage, GrayImage) {
+        let canvas = self.drawn();
+        let fine = (FINER * SIZE.0, FINER * SIZE.1);
+        let color = RgbaImage::from_fn(fine.0, fine.1, |x, y| canvas.at(x, y).color());
+        let height = GrayImage::from_fn(fine.0, fine.1, |x, y| Luma([byte(255.0 * canvas.at(x, y).height)]));
+        (resize(&color, SIZE.0, SIZE.1, FilterType::Triangle), resize(&height, SIZE.0, SIZE.1, FilterType::Triangle))
+    }
+
+    fn sizes(&self) -> String {
+        format!("width_mm = {}\nlength_mm = {}\n", self.width, self.length)
+    }
+
     fn drawn(&self) -> Canvas {
         let (width, height) = (FINER * SIZE.0, FINER * SIZE.1);
         let share = 1.0 / self.colors.iter().map(|_| 1.0).sum::<f32>();
@@ -285,4 +294,27 @@ fn whole(number: f32) -> u32 {
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
 fn byte(value: f32) -> u8 {
     value.round() as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Mean difference of bytes: another machine's sine may round another way.
+    fn difference(one: &[u8], other: &[u8]) -> f64 {
+        assert_eq!(one.len(), other.len());
+        one.iter().zip(other).map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>() / one.len() as f64
+    }
+
+    #[test]
+    fn the_shipped_yarns_are_what_this_draws() {
+        for yarn in &YARNS {
+            let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes/yarns").join(yarn.name);
+            let shipped = |name: &str| image::open(folder.join(name)).unwrap();
+            let (color, height) = yarn.pictures();
+            assert!(difference(&shipped("base_color.png").into_rgba8(), &color) < 0.1, "{}", yarn.name);
+            assert!(difference(&shipped("height.png").into_luma8(), &height) < 0.1, "{}", yarn.name);
+            assert_eq!(std::fs::read_to_string(folder.join("yarn.toml")).unwrap(), yarn.sizes());
+        }
+    }
 }

@@ -17,7 +17,7 @@ use super::clock::{Clock, Task};
 use super::tell;
 
 /// Widths of pictures that fit a yarn, in thicknesses of the yarn: from hardly any fuzz to loops that stand far off.
-const FITTING_WIDTHS: (f64, f64) = (0.8, 6.0);
+const FITTING_WIDTHS: (f64, f64) = (0.8, 4.0);
 /// Points on each rim of the drum around a scene, which a camera on a turntable must see whole.
 const RIM: u32 = 64;
 

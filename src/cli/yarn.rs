@@ -99,7 +99,7 @@ fn notes(yarn: &Developed) -> Vec<String> {
     let mut notes = Vec::new();
     if yarn.mm_per_pixel.is_none() {
         notes.push(
-            "nothing says how large the yarn is, so the maps take the width of the fabric's yarn; give --yarn-width-mm or --dpi"
+            "nothing says how large the yarn is, so it is taken to be as thick as the fabric's; give --yarn-width-mm or --dpi"
                 .to_owned(),
         );
     }

@@ -1,4 +1,4 @@
-//! A folder that becomes visible only when it is whole.
+//! A folder that becomes visible only when it is whole; one that is there already takes the new files, each whole, one after another.
 
 use std::fs;
 use std::io;

@@ -69,9 +69,7 @@ impl Orientation {
         let (sin, cos) = self.angle.sin_cos();
         [self.origin[0] + x * cos - y * sin, self.origin[1] + x * sin + y * cos]
     }
-}
 
-impl Orientation {
     /// Where the pixels of a row of the strip lie on the photo.
     pub(super) fn row(&self, y: usize) -> impl Fn(usize) -> [f64; 2] {
         let ([x0, y0], (sin, cos)) = (self.on_photo(0.0, double(y)), self.angle.sin_cos());
