@@ -136,6 +136,19 @@ impl Bounds {
 }
 
 impl Scene {
+    /// An empty scene for yarns of these looks that wear `maps`, those at `worn(bar)`: tubes what of the pictures goes around them, and ribbons are as
+    /// wide as their pictures.
+    pub fn wearing(shape: Shape, mut looks: Vec<YarnLook>, maps: Vec<Maps>, worn: impl Fn(usize) -> Option<u16>) -> Self {
+        let maps: Vec<_> = maps.into_iter().map(|maps| maps.fitting(shape)).collect();
+        for (bar, look) in looks.iter_mut().enumerate() {
+            look.maps = worn(bar);
+            if let (Some(place), Shape::Ribbon) = (look.maps, shape) {
+                look.radius = maps[usize::from(place)].width / 2.0;
+            }
+        }
+        Self { shape, looks, maps, ..Self::default() }
+    }
+
     /// Appends one strand through `points` with the look at index `look`, all of it one stitch, in a fabric that faces +z.
     ///
     /// ```

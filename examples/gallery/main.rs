@@ -50,13 +50,8 @@ fn compare(folder: &Path) -> Result<()> {
     let cloth = Cloth::swatch(&panel, &fabric, wales, courses);
     let yarn = Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes/yarns").join(page::WORN);
     for (name, shape) in [("tubes", Shape::Tube), ("ribbons", Shape::Ribbon)] {
-        let maps = read_maps(&yarn, 2.0 * fabric.radius(), None)?.fitting(shape);
-        let mut looks = looks(&fabric, fabric.radius());
-        for look in &mut looks {
-            look.maps = Some(0);
-            look.radius = if shape == Shape::Ribbon { maps.width / 2.0 } else { look.radius };
-        }
-        let scene = laid(&cloth, Scene { shape, looks, maps: vec![maps], ..Scene::default() });
+        let maps = read_maps(&yarn, 2.0 * fabric.radius(), None)?;
+        let scene = laid(&cloth, Scene::wearing(shape, looks(&fabric, fabric.radius()), vec![maps], |_| Some(0)));
         both_sides(folder, name, &frame, &scene)?;
     }
     Ok(())

@@ -6,9 +6,8 @@ use std::fmt::Write as _;
 use std::hint::black_box;
 use std::time::Instant;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use glam::{DVec2, DVec3};
-use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
 use warpknit::fabric::Fabric;
 use warpknit::knit::mesh::StructureMesh;
@@ -29,9 +28,7 @@ const PLAIN: &str = "jersey";
 
 /// Prints the table that was asked for.
 pub(crate) fn bench(arguments: &Bench) -> Result<()> {
-    let threads = arguments.threads.map_or(0, |threads| threads as usize);
-    ThreadPoolBuilder::new().num_threads(threads).build_global().context("can't start the threads")?;
-    let mut clock = Clock::start(arguments.quiet);
+    let mut clock = Clock::with_threads(arguments.threads, arguments.quiet)?;
     let table = weft(arguments, &mut |done| clock.begin(Task::Measure, done))?;
     clock.clear();
     print(&table)

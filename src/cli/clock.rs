@@ -2,7 +2,9 @@
 
 use std::time::{Duration, Instant};
 
+use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressStyle};
+use rayon::ThreadPoolBuilder;
 use warpknit::report::Timings;
 
 /// What time is spent on, as the report names it.
@@ -33,6 +35,14 @@ pub(crate) struct Clock {
 }
 
 impl Clock {
+    /// Starts a command: its threads, all cores where no number is given, and the clock.
+    pub(crate) fn with_threads(threads: Option<u32>, quiet: bool) -> Result<Self> {
+        if let Some(threads) = threads {
+            ThreadPoolBuilder::new().num_threads(threads as usize).build_global().context("can't start the threads")?;
+        }
+        Ok(Self::start(quiet))
+    }
+
     /// Starts. The bar shows itself on a terminal only.
     pub(crate) fn start(quiet: bool) -> Self {
         let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(1000) };

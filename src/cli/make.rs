@@ -4,7 +4,6 @@ use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use rayon::ThreadPoolBuilder;
 use warpknit::drape::clearance::Gauge;
 use warpknit::drape::strands::Losses;
 use warpknit::drape::{self, Block, Cloth, Stage, Totals, picture};
@@ -46,7 +45,7 @@ const TEXTURE_PER_MM: f64 = 1.0;
 /// Knits a fabric onto a garment.
 pub(crate) fn drape(arguments: &Drape) -> Result<()> {
     let shared = &arguments.shared;
-    let mut clock = begin(shared)?;
+    let mut clock = Clock::with_threads(shared.threads, shared.quiet)?;
     clock.begin(Task::Read, 0.0);
     let fabric = fabric(shared)?;
     let mut garment = read(&arguments.flat, arguments.draped.as_deref(), &arguments.reading.options())?;
@@ -65,7 +64,7 @@ pub(crate) fn drape(arguments: &Drape) -> Result<()> {
 /// Knits a flat piece of fabric.
 pub(crate) fn swatch(arguments: &Swatch) -> Result<()> {
     let shared = &arguments.shared;
-    let clock = begin(shared)?;
+    let clock = Clock::with_threads(shared.threads, shared.quiet)?;
     let fabric = fabric(shared)?;
     let panel = drape::swatch_panel(&fabric, arguments.wales, arguments.courses);
     let cloth = Cloth::swatch(&panel, &fabric, arguments.wales, arguments.courses);
@@ -118,14 +117,6 @@ pub(super) fn turn_grains(garment: &mut Garment, fabric: &Fabric) {
     for layout in &fabric.panels {
         garment.turn_grain(layout.panel, layout.grain_degrees.to_radians());
     }
-}
-
-/// Starts the threads and the clock.
-pub(super) fn begin(shared: &Shared) -> Result<Clock> {
-    if let Some(threads) = shared.threads {
-        ThreadPoolBuilder::new().num_threads(threads as usize).build_global().context("can't start the threads")?;
-    }
-    Ok(Clock::start(shared.quiet))
 }
 
 /// The built-in fabric of a name, or the one in a file.

@@ -97,21 +97,11 @@ impl Textures {
 }
 
 /// The scene that yarns of these looks go into, with their pictures: those are as much enlarged as the cloth.
-pub(super) fn scene(shape: Shape, mut looks: Vec<YarnLook>, textures: &Textures, enlargement: f64) -> Scene {
+pub(super) fn scene(shape: Shape, looks: Vec<YarnLook>, textures: &Textures, enlargement: f64) -> Scene {
     #[expect(clippy::cast_possible_truncation, reason = "a length in mm needs no more")]
     let enlargement = enlargement as f32;
-    let mut maps: Vec<_> = textures.maps.iter().map(|maps| maps.clone().fitting(shape)).collect();
-    for maps in &mut maps {
-        maps.length *= enlargement;
-        maps.width *= enlargement;
-    }
-    for (bar, look) in looks.iter_mut().enumerate() {
-        look.maps = textures.of_bar(bar);
-        if let (Some(place), Shape::Ribbon) = (look.maps, shape) {
-            look.radius = maps[usize::from(place)].width / 2.0;
-        }
-    }
-    Scene { shape, looks, maps, ..Scene::default() }
+    let enlarged = |maps: &Maps| Maps { length: enlargement * maps.length, width: enlargement * maps.width, ..maps.clone() };
+    Scene::wearing(shape, looks, textures.maps.iter().map(enlarged).collect(), |bar| textures.of_bar(bar))
 }
 
 /// The files for one picture, or for each one all around: `NAME-001.png` and so on.

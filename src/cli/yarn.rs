@@ -4,7 +4,6 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use rayon::ThreadPoolBuilder;
 use warpknit::export::{OutputFolder, png};
 use warpknit::photo::develop::{Developed, FILES, Scale, Settings, Step, develop, save};
 use warpknit::photo::{read_maps, read_photo};
@@ -23,10 +22,7 @@ const STEPS_SHARE: f32 = 0.6;
 
 /// Develops a photo. The folder is seen only when all of it is whole.
 pub(crate) fn yarn(arguments: &Yarn) -> Result<()> {
-    if let Some(threads) = arguments.threads {
-        ThreadPoolBuilder::new().num_threads(threads as usize).build_global().context("can't start the threads")?;
-    }
-    let mut clock = Clock::start(arguments.quiet);
+    let mut clock = Clock::with_threads(arguments.threads, arguments.quiet)?;
     clock.begin(Task::Read, 0.0);
     check_names(arguments)?;
     let folder = OutputFolder::create(&arguments.output)?;

@@ -17,7 +17,7 @@ pub mod develop;
 mod error;
 
 use std::fs;
-use std::io;
+use std::io::{self, Cursor};
 use std::path::{Path, PathBuf};
 
 use glam::Vec3;
@@ -109,13 +109,14 @@ fn picture(path: &Path) -> Result<DynamicImage, PhotoError> {
 fn decoded(path: &Path, check: impl Fn(u32, u32) -> Result<(), PhotoError>) -> Result<DynamicImage, PhotoError> {
     let unread = |reason: io::Error| PhotoError::Read { path: path.to_owned(), reason };
     let undecoded = |reason| PhotoError::NotAnImage { path: path.to_owned(), reason };
-    let open = || ImageReader::open(path).and_then(ImageReader::with_guessed_format).map_err(unread);
-    let (width, height) = open()?.into_dimensions().map_err(undecoded)?;
+    let known = ImageReader::open(path).and_then(ImageReader::with_guessed_format).map_err(unread)?;
+    let (width, height) = known.into_dimensions().map_err(undecoded)?;
     check(width, height)?;
-    let mut reader = open()?;
+    let bytes = fs::read(path).map_err(unread)?;
+    let mut reader = ImageReader::new(Cursor::new(&bytes)).with_guessed_format().map_err(unread)?;
     // The size is known to be bearable.
     reader.limits(Limits::no_limits());
-    if reader.format() == Some(ImageFormat::Jpeg) && is_cut_short(&fs::read(path).map_err(unread)?) {
+    if reader.format() == Some(ImageFormat::Jpeg) && is_cut_short(&bytes) {
         return Err(PhotoError::CutShort { path: path.to_owned() });
     }
     let mut decoder = reader.into_decoder().map_err(undecoded)?;

@@ -20,8 +20,7 @@ use eframe::{NativeOptions, wgpu};
 use warpknit::render::Choice;
 
 use super::args::Live;
-use super::clock::Task;
-use super::make::begin;
+use super::clock::{Clock, Task};
 use stock::Stock;
 use window::Window;
 
@@ -45,7 +44,7 @@ pub(crate) fn view(arguments: Live) -> Result<()> {
     if shared.eye.is_some() && shared.eye == shared.look_at {
         bail!("--eye and --look-at are the same point: there is no direction to look in");
     }
-    let mut clock = begin(shared)?;
+    let mut clock = Clock::with_threads(shared.threads, shared.quiet)?;
     clock.begin(Task::Read, 0.0);
     let stock = Arc::new(Stock::of(&arguments)?);
     clock.clear();
