@@ -3,15 +3,19 @@
 use std::path::PathBuf;
 
 use clap::error::ErrorKind;
-use clap::{ArgGroup, Args, CommandFactory as _, Parser, Subcommand, ValueEnum};
+use clap::{ArgGroup, Args, CommandFactory as _, Parser, Subcommand};
 use glam::DVec3;
 use warpknit::chart;
-use warpknit::drape::strands::Edge;
 use warpknit::export::Format;
 use warpknit::garment::Unit;
-use warpknit::map::Mapping;
-use warpknit::render::{Background, Choice, View};
-use warpknit::scene::Shape;
+use warpknit::render::Background;
+
+#[cfg(feature = "view")]
+use super::values::picture;
+use super::values::{
+    EdgeArg, MappingArg, RendererArg, ShapeArg, SwitchArg, ViewArg, brightness, contrast, diagram, field_of_view, finite,
+    flattening, output, positive, rectangle, samples, size, vector,
+};
 
 /// The largest side of a picture.
 pub(crate) const MOST_PIXELS: u32 = 32_768;
@@ -376,196 +380,6 @@ pub(crate) struct Drawing {
     pub(crate) turntable: Option<u32>,
 }
 
-#[derive(ValueEnum, Clone, Copy, Debug)]
-pub(crate) enum RendererArg {
-    Auto,
-    Gpu,
-    Cpu,
-}
-
-impl From<RendererArg> for Choice {
-    fn from(renderer: RendererArg) -> Self {
-        match renderer {
-            RendererArg::Auto => Self::Auto,
-            RendererArg::Gpu => Self::Gpu,
-            RendererArg::Cpu => Self::Cpu,
-        }
-    }
-}
-
-#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum SwitchArg {
-    On,
-    Off,
-}
-
-impl SwitchArg {
-    pub(crate) fn is_on(self) -> bool {
-        self == Self::On
-    }
-}
-
-#[derive(ValueEnum, Clone, Copy, Debug)]
-pub(crate) enum ShapeArg {
-    Tube,
-    Ribbon,
-}
-
-impl From<ShapeArg> for Shape {
-    fn from(shape: ShapeArg) -> Self {
-        match shape {
-            ShapeArg::Tube => Self::Tube,
-            ShapeArg::Ribbon => Self::Ribbon,
-        }
-    }
-}
-
-#[derive(ValueEnum, Clone, Copy, Debug)]
-pub(crate) enum EdgeArg {
-    /// Cut the yarn there
-    Clip,
-    /// Leave out every stitch that crosses it
-    Drop,
-}
-
-impl From<EdgeArg> for Edge {
-    fn from(edge: EdgeArg) -> Self {
-        match edge {
-            EdgeArg::Clip => Self::Clip,
-            EdgeArg::Drop => Self::Drop,
-        }
-    }
-}
-
-#[derive(ValueEnum, Clone, Copy, Debug)]
-pub(crate) enum MappingArg {
-    /// The paper's: affine in each triangle
-    Frame,
-    /// Depth in mm along a smooth normal
-    Smooth,
-}
-
-impl From<MappingArg> for Mapping {
-    fn from(mapping: MappingArg) -> Self {
-        match mapping {
-            MappingArg::Frame => Self::Frame,
-            MappingArg::Smooth => Self::Smooth,
-        }
-    }
-}
-
-#[derive(ValueEnum, Clone, Copy, Debug)]
-pub(crate) enum ViewArg {
-    Front,
-    Back,
-    Left,
-    Right,
-    Top,
-    Iso,
-}
-
-impl From<ViewArg> for View {
-    fn from(view: ViewArg) -> Self {
-        match view {
-            ViewArg::Front => Self::Front,
-            ViewArg::Back => Self::Back,
-            ViewArg::Left => Self::Left,
-            ViewArg::Right => Self::Right,
-            ViewArg::Top => Self::Top,
-            ViewArg::Iso => Self::Iso,
-        }
-    }
-}
-
-fn output(text: &str) -> Result<(PathBuf, Format), String> {
-    let path = PathBuf::from(text);
-    let format = Format::of(&path).map_err(|error| error.to_string())?;
-    Ok((path, format))
-}
-
-#[cfg(feature = "view")]
-fn picture(text: &str) -> Result<PathBuf, String> {
-    match output(text)? {
-        (path, Format::Png) => Ok(path),
-        _ => Err("a picture of the window ends with .png".to_owned()),
-    }
-}
-
-fn diagram(text: &str) -> Result<(PathBuf, chart::Format), String> {
-    let path = PathBuf::from(text);
-    let format = chart::Format::of(&path).ok_or("no lapping diagram has this ending; known are .svg .png")?;
-    Ok((path, format))
-}
-
-fn size(text: &str) -> Result<(u32, u32), String> {
-    let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some((w.parse::<u32>().ok()?, h.parse::<u32>().ok()?)));
-    match sides {
-        Some((w, h)) if (1..=MOST_PIXELS).contains(&w) && (1..=MOST_PIXELS).contains(&h) => Ok((w, h)),
-        _ => Err(format!("write it as 1600x1200, both sides from 1 to {MOST_PIXELS}")),
-    }
-}
-
-fn samples(text: &str) -> Result<u32, String> {
-    match text {
-        "1" => Ok(1),
-        "4" => Ok(4),
-        _ => Err("it must be 1 or 4".to_owned()),
-    }
-}
-
-fn vector(text: &str) -> Result<DVec3, String> {
-    let numbers: Vec<f64> = text.split(',').filter_map(|n| n.trim().parse().ok()).filter(|n: &f64| n.is_finite()).collect();
-    match numbers[..] {
-        [x, y, z] if text.split(',').count() == 3 => Ok(DVec3::new(x, y, z)),
-        _ => Err("write three numbers with commas, such as 0,500,1200".to_owned()),
-    }
-}
-
-fn rectangle(text: &str) -> Result<[u32; 4], String> {
-    let numbers: Option<Vec<u32>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
-    let sides = numbers.and_then(|numbers| <[u32; 4]>::try_from(numbers).ok());
-    sides.ok_or_else(|| "write x, y, width and height in pixels with commas, such as 100,50,800,300".to_owned())
-}
-
-fn brightness(text: &str) -> Result<f32, String> {
-    match text.parse::<f32>() {
-        Ok(share) if (-1.0..=1.0).contains(&share) => Ok(share),
-        _ => Err("it must be between -1 and 1".to_owned()),
-    }
-}
-
-fn contrast(text: &str) -> Result<f32, String> {
-    match text.parse::<f32>() {
-        Ok(factor) if (0.1..=10.0).contains(&factor) => Ok(factor),
-        _ => Err("it must be between 0.1 and 10".to_owned()),
-    }
-}
-
-fn finite(text: &str) -> Result<f64, String> {
-    text.parse::<f64>().ok().filter(|number| number.is_finite()).ok_or_else(|| "it must be a number".to_owned())
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(number) if number > 0.0 && number.is_finite() => Ok(number),
-        _ => Err("it must be a number over 0".to_owned()),
-    }
-}
-
-fn flattening(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(ratio) if (0.1..=10.0).contains(&ratio) => Ok(ratio),
-        _ => Err("it must be between 0.1 and 10".to_owned()),
-    }
-}
-
-fn field_of_view(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(degrees) if (1.0..=120.0).contains(&degrees) => Ok(degrees),
-        _ => Err("it must be between 1 and 120 degrees".to_owned()),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -573,17 +387,5 @@ mod tests {
     #[test]
     fn the_definition_holds_together() {
         Arguments::command().debug_assert();
-    }
-
-    #[test]
-    fn sizes_vectors_and_numbers() {
-        assert_eq!(size("640x480"), Ok((640, 480)));
-        assert!(size("0x4").is_err() && size("640").is_err() && size("99999x1").is_err());
-        assert_eq!(vector("1,-2, 3.5"), Ok(DVec3::new(1.0, -2.0, 3.5)));
-        assert!(vector("1,2").is_err() && vector("1,2,x").is_err() && vector("1,2,3,x").is_err());
-        assert_eq!(rectangle("1, 2,30,40"), Ok([1, 2, 30, 40]));
-        assert!(rectangle("1,2,3").is_err() && rectangle("1,2,3,-4").is_err() && rectangle("1,2,3,4,5").is_err());
-        assert!(brightness("-2").is_err() && contrast("0").is_err() && contrast("1.5").is_ok());
-        assert!(positive("0").is_err() && positive("nan").is_err() && positive("inf").is_err());
     }
 }
