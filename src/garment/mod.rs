@@ -17,6 +17,7 @@ use crate::ids::FaceId;
 
 mod error;
 mod obj;
+mod order;
 mod pair;
 mod panel;
 mod records;
@@ -57,7 +58,7 @@ pub struct Panel {
     pub draped: Vec<DVec3>,
     /// Unit draped vertex normals, angle-weighted over this panel's triangles alone (split at panel borders).
     pub normals: Vec<DVec3>,
-    /// Triangles that can hold stitches, in increasing [`FaceId`].
+    /// Triangles that can hold stitches, those next to each other on the panel near each other here.
     pub triangles: Vec<[u32; 3]>,
     /// The face of each triangle.
     pub faces: Vec<FaceId>,

@@ -256,6 +256,7 @@ impl Piece {
             }
         }
         panel.normals = normals(&panel.draped, &panel.triangles);
+        panel.order_along_curve();
         (panel, self.degenerate + vanished)
     }
 }

@@ -5,9 +5,10 @@
 
 use glam::DVec2;
 
+use super::cell::Side;
 use super::sign::cross;
 use super::topology::{BORDER, edge};
-use super::{Locator, SurfacePoint, crosses_of};
+use super::{Locator, SurfacePoint};
 
 /// Triangles after which a trace ends where it is: no two neighbouring data points are that far apart, so it only bounds walks around a
 /// corner in which rounding lets no edge win.
@@ -30,38 +31,57 @@ pub enum Traced {
 impl Locator<'_> {
     /// Goes straight from `from`, which `start` holds, to `to`.
     ///
-    /// Cost: six signs a triangle passed.
+    /// Cost: some 5 ns where the target lies in the same triangle or the next, six exact signs a triangle passed beyond that.
     #[must_use]
     pub fn trace(&self, from: DVec2, start: SurfacePoint, to: DVec2) -> Traced {
         let mut triangle = start.triangle;
-        let mut left = Traced::Left { at: start, share: 0.0 };
+        let mut last = None;
         for _ in 0..MAX_STEPS {
-            let beyond = crosses_of(self.uv, self.triangles[triangle as usize], to);
-            if beyond.iter().all(|&t| t >= 0.0) {
-                return Traced::Arrived;
-            }
-            let Some((exit, share)) = self.exit(triangle, from, to, beyond) else { return left };
-            let crossing = from.lerp(to, share);
-            let at = SurfacePoint::from_crosses(triangle, crosses_of(self.uv, self.triangles[triangle as usize], crossing));
-            left = Traced::Left { at, share };
-            match self.topology.neighbours[triangle as usize][exit] {
-                BORDER => return left,
+            let exit = match self.cells[triangle as usize].side_of_way(triangle, to) {
+                Side::Inside(_) => return Traced::Arrived,
+                Side::Beyond(edge) => edge,
+                Side::Near => {
+                    let beyond = self.crosses_of(triangle, to);
+                    if beyond.iter().all(|&t| t >= 0.0) {
+                        return Traced::Arrived;
+                    }
+                    match self.exit(triangle, from, to, beyond) {
+                        Some(edge) => edge,
+                        // Rounding lets no edge win: the way ends where it came in.
+                        None => break,
+                    }
+                }
+            };
+            last = Some((triangle, exit));
+            match self.cells[triangle as usize].neighbours[exit] {
+                BORDER => break,
                 next => triangle = next,
             }
         }
-        left
+        last.map_or(Traced::Left { at: start, share: 0.0 }, |(triangle, exit)| self.left(triangle, exit, from, to))
     }
 
-    /// The edge through which the way from `from` to `to` leaves a triangle, and how far along.
-    fn exit(&self, triangle: u32, from: DVec2, to: DVec2, beyond: [f64; 3]) -> Option<(usize, f64)> {
-        (0..3).filter(|&i| beyond[i] < 0.0).find_map(|i| {
-            let (a, b) = edge(self.triangles[triangle as usize], i);
-            let (a, b) = (self.uv[a as usize], self.uv[b as usize]);
+    /// Where the way from `from` to `to` crosses an edge of a triangle.
+    fn left(&self, triangle: u32, exit: usize, from: DVec2, to: DVec2) -> Traced {
+        let (a, b) = self.ends(triangle, exit);
+        let (inside, beyond) = (cross(from, a, b).max(0.0), cross(to, a, b));
+        let share = inside / (inside - beyond);
+        Traced::Left { at: self.cells[triangle as usize].point(triangle, from.lerp(to, share)), share }
+    }
+
+    /// The edge through which the way from `from` to `to` leaves a triangle, by exact signs.
+    fn exit(&self, triangle: u32, from: DVec2, to: DVec2, beyond: [f64; 3]) -> Option<usize> {
+        (0..3).filter(|&i| beyond[i] < 0.0).find(|&i| {
+            let (a, b) = self.ends(triangle, i);
             // Looking along the way, a counter-clockwise triangle's exit edge runs from right to left.
-            let passes = cross(from, to, a) <= 0.0 && cross(from, to, b) >= 0.0;
-            let inside = cross(from, a, b).max(0.0);
-            passes.then(|| (i, inside / (inside - beyond[i])))
+            cross(from, to, a) <= 0.0 && cross(from, to, b) >= 0.0
         })
+    }
+
+    /// The ends of an edge.
+    fn ends(&self, triangle: u32, i: usize) -> (DVec2, DVec2) {
+        let (a, b) = edge(self.panel.triangles[triangle as usize], i);
+        (self.panel.uv[a as usize], self.panel.uv[b as usize])
     }
 }
 
