@@ -114,9 +114,7 @@ impl Strands {
                 continue;
             }
             builder.begin_piece();
-            for (at, (flat, located)) in knitted.points[first..last].iter().zip(&located[first..last]).enumerate() {
-                builder.add(index32(first + at), *flat, *located);
-            }
+            builder.add_stitch(first, &knitted.points[first..last], &located[first..last]);
         }
         builder.end();
     }
@@ -163,6 +161,33 @@ impl Builder<'_, '_> {
         if self.open.is_some_and(|last| last.located.is_some()) {
             self.strands.pieces.push(index32(self.strands.flat.len()));
         }
+    }
+
+    /// Adds a stitch's data points, the first of which is number `first`.
+    fn add_stitch(&mut self, first: usize, flat: &[DVec3], located: &[Option<SurfacePoint>]) {
+        if self.stays(flat, located) {
+            // Nearly every stitch: no point needs a look of its own.
+            let sources = index32(first)..index32(first + flat.len());
+            self.strands.flat.extend_from_slice(flat);
+            self.strands.located.extend(located.iter().map(|at| at.expect("it stays on the panel")));
+            self.strands.sources.extend(sources);
+            self.open = flat.last().zip(located.last()).map(|(&flat, &located)| Last { flat, located });
+        } else {
+            for ((source, flat), located) in (first..).zip(flat).zip(located) {
+                self.add(index32(source), *flat, *located);
+            }
+        }
+    }
+
+    /// Whether the yarn is on the panel and all of the stitch is too.
+    fn stays(&self, flat: &[DVec3], located: &[Option<SurfacePoint>]) -> bool {
+        let Some(Last { flat: mut before, located: Some(mut from) }) = self.open else { return false };
+        flat.iter().zip(located).all(|(&flat, &located)| {
+            let Some(to) = located else { return false };
+            let stays = self.cut(before, from, flat, to).is_none();
+            (before, from) = (flat, to);
+            stays
+        })
     }
 
     /// Adds the next data point, cutting the yarn where the way to it leaves the panel.

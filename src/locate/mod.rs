@@ -242,7 +242,7 @@ fn outer_box(points: impl Iterator<Item = DVec2> + Clone) -> Aabb {
 fn boxes_bvh(uv: &[DVec2], triangles: &[[u32; 3]]) -> Option<Bvh2> {
     let boxes: Vec<_> = triangles.iter().map(|t| outer_box(t.iter().map(|&v| uv[v as usize]))).collect();
     let mut build_time = std::time::Duration::ZERO;
-    (!boxes.is_empty()).then(|| build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut build_time))
+    (!boxes.is_empty()).then(|| build_bvh2(&boxes, BvhBuildParams::fastest_build(), &mut build_time))
 }
 
 /// Calls `visit` for every triangle whose box holds `p`.

@@ -10,7 +10,7 @@ use std::ops::Range;
 
 use glam::{DVec2, DVec3, Vec2, Vec3, Vec3A};
 
-use super::curve::{Span, span};
+use super::curve::Spans;
 use super::frame;
 use crate::ids::index32;
 
@@ -132,9 +132,44 @@ struct Rings<'a> {
     tubes: &'a mut Tubes,
     section: &'a Section,
     outline: Outline,
+    steps: Steps,
+    spans: Spans,
     first_vertex: u32,
     first: Option<Ring>,
     last: Option<Ring>,
+}
+
+/// Where on its spans the rings of a stitch stand: the same for all stitches of as many spans, which is nearly all of a yarn's.
+#[derive(Default)]
+struct Steps {
+    /// The share of its span at each ring, span after span.
+    shares: Vec<f64>,
+    /// The end of each span's.
+    ends: Vec<usize>,
+}
+
+impl Steps {
+    /// For St segments over so many spans. The very last ring is the last span's end, not the start of one more.
+    fn fit(&mut self, spans: usize, st: u32) {
+        if self.ends.len() == spans && self.shares.len() == st as usize + 1 {
+            return;
+        }
+        let length = f64::from(index32(spans)) / f64::from(st);
+        self.shares.clear();
+        self.ends.clear();
+        for span in 0..spans {
+            let start = f64::from(index32(span));
+            let parameters = (index32(self.shares.len())..=st).map(|step| length * f64::from(step));
+            let own = parameters.take_while(|&parameter| parameter < start + 1.0 || span + 1 == spans);
+            self.shares.extend(own.map(|parameter| parameter - start));
+            self.ends.push(self.shares.len());
+        }
+    }
+
+    fn of_spans(&self) -> impl Iterator<Item = &[f64]> {
+        let starts = std::iter::once(0).chain(self.ends.iter().copied());
+        starts.zip(&self.ends).map(|(start, &end)| &self.shares[start..end])
+    }
 }
 
 /// What all rings of a strand share, so that a ring is a few copies with multiplications and nothing is pushed vertex by vertex.
@@ -174,25 +209,32 @@ impl Outline {
 impl<'a> Rings<'a> {
     fn new(tubes: &'a mut Tubes, section: &'a Section) -> Self {
         let first_vertex = index32(tubes.positions.len());
-        Self { tubes, section, outline: Outline::of(section), first_vertex, first: None, last: None }
+        Self {
+            tubes,
+            section,
+            outline: Outline::of(section),
+            spans: Spans::default(),
+            steps: Steps::default(),
+            first_vertex,
+            first: None,
+            last: None,
+        }
     }
 
     /// St segments over the spans of one stitch, evenly in its own parameter.
     fn add_stitch(&mut self, points: &[DVec3], normals: &[DVec3], stitch: Range<usize>) {
-        let step_length = f64::from(index32(stitch.len() - 1)) / f64::from(self.section.st);
-        let mut current: Option<(usize, Span)> = None;
-        let first = u32::from(self.last.is_some());
-        for step in first..=self.section.st {
-            let parameter = step_length * f64::from(step);
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and the number of spans")]
-            let index = stitch.start + (parameter as usize).min(stitch.len() - 2);
-            let curve = match current {
-                Some((at, curve)) if at == index => curve,
-                _ => current.insert((index, span(points, index))).1,
-            };
-            let t = parameter - f64::from(index32(index - stitch.start));
-            self.set(curve.at(t), curve.tangent(t), || normals[index].lerp(normals[index + 1], t));
+        self.steps.fit(stitch.len() - 1, self.section.st);
+        let steps = std::mem::take(&mut self.steps);
+        // The first ring is the last stitch's last one.
+        let mut first = usize::from(self.last.is_some());
+        for (index, shares) in stitch.clone().zip(steps.of_spans()) {
+            let curve = self.spans.span(points, index);
+            for &t in &shares[first..] {
+                self.set(curve.at(t), curve.tangent(t), || normals[index].lerp(normals[index + 1], t));
+            }
+            first = 0;
         }
+        self.steps = steps;
     }
 
     /// Sets the next ring and joins it to the last one. `up` is the fabric's normal there.

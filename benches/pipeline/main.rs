@@ -1,0 +1,26 @@
+//! What each stage costs, in CPU time of one thread: `cargo bench`, or `cargo bench -- locate` for some. One file a stage; `inputs` says on what.
+
+mod cpu;
+mod inputs;
+mod knit;
+mod locate;
+mod render;
+mod tube;
+mod whole;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+
+use cpu::CpuTime;
+
+/// One thread, whatever the machine has.
+fn configured() -> Criterion<CpuTime> {
+    rayon::ThreadPoolBuilder::new().num_threads(1).build_global().expect("nothing has started threads before");
+    Criterion::default().with_measurement(CpuTime)
+}
+
+criterion_group! {
+    name = benches;
+    config = configured();
+    targets = knit::benches, locate::benches, tube::benches, whole::benches, render::benches
+}
+criterion_main!(benches);
