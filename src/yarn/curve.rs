@@ -6,6 +6,9 @@
 
 use glam::DVec3;
 
+/// Coincident points would divide by zero, so they count as one micrometre apart, mm.
+pub(super) const LEAST_CHORD: f32 = 1e-6;
+
 /// One cubic of the path: `p(t) = ((a t + b) t + c) t + d`, t in 0..1 between two data points.
 #[derive(Clone, Copy, Debug)]
 pub struct Span {
@@ -58,21 +61,10 @@ impl Span {
 #[inline]
 #[must_use]
 pub fn span(points: &[DVec3], index: usize) -> Span {
-    span_with(points, index, intervals(&around(points, index)))
-}
-
-/// The two points of a span with their neighbours; at both ends a phantom point.
-#[inline]
-fn around(points: &[DVec3], index: usize) -> [DVec3; 4] {
     let (p1, p2) = (points[index], points[index + 1]);
     let p0 = if index == 0 { 2.0 * p1 - p2 } else { points[index - 1] };
     let p3 = points.get(index + 2).copied().unwrap_or(2.0 * p2 - p1);
-    [p0, p1, p2, p3]
-}
-
-#[inline]
-fn span_with(points: &[DVec3], index: usize, [d0, d1, d2]: [f64; 3]) -> Span {
-    let [p0, p1, p2, p3] = around(points, index);
+    let [d0, d1, d2] = intervals(&[p0, p1, p2, p3]);
     // Divisions are dear: one a number, and a product for each coordinate.
     let (into, out) = (d1 / (d0 + d1), d1 / (d1 + d2));
     let chord = p2 - p1;
@@ -81,41 +73,9 @@ fn span_with(points: &[DVec3], index: usize, [d0, d1, d2]: [f64; 3]) -> Span {
     Span { a: m1 + m2 - 2.0 * chord, b: 3.0 * chord - 2.0 * m1 - m2, c: m1, d: p1 }
 }
 
-/// Spans of one list of points, taken one after the other: of the three knot intervals two are the last span's.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Spans {
-    last: Option<(usize, [f64; 3])>,
-}
-
-impl Spans {
-    /// [`span`], to the bit.
-    ///
-    /// # Panics
-    /// If `index + 1` is not a point.
-    #[inline]
-    #[must_use]
-    pub fn span(&mut self, points: &[DVec3], index: usize) -> Span {
-        let intervals = match self.last {
-            Some((last, [_, d1, d2])) if last + 1 == index => {
-                let [.., p2, p3] = around(points, index);
-                [d1, d2, interval(p2, p3)]
-            }
-            _ => intervals(&around(points, index)),
-        };
-        self.last = Some((index, intervals));
-        span_with(points, index, intervals)
-    }
-}
-
-/// Knot intervals of four points.
+/// Knot intervals: square roots of the chords.
 fn intervals(p: &[DVec3; 4]) -> [f64; 3] {
-    std::array::from_fn(|i| interval(p[i], p[i + 1]))
-}
-
-/// The square root of a chord. Coincident points would divide by zero, so they count as one micrometre apart.
-#[inline]
-fn interval(p: DVec3, q: DVec3) -> f64 {
-    p.distance(q).max(1e-6).sqrt()
+    std::array::from_fn(|i| p[i].distance(p[i + 1]).max(f64::from(LEAST_CHORD)).sqrt())
 }
 
 /// The same span as shares of its four points, for whoever wants to move the points so that the path moves.
@@ -179,16 +139,6 @@ pub fn nearest_of_segments([p, q]: [DVec3; 2], [u, v]: [DVec3; 2]) -> (f64, f64)
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn spans_one_after_the_other_are_the_same_spans() {
-        let points: Vec<_> = (0..9).map(f64::from).map(|i| DVec3::new(i.sin(), 0.3 * i, (1.7 * i).cos())).collect();
-        let mut spans = Spans::default();
-        for index in [0, 1, 2, 3, 6, 7, 2, 3] {
-            let (one, other) = (spans.span(&points, index), span(&points, index));
-            assert_eq!((one.at(0.3), one.tangent(0.7)), (other.at(0.3), other.tangent(0.7)));
-        }
-    }
 
     #[test]
     fn weights_give_the_span() {

@@ -4,3 +4,4 @@ pub mod curve;
 pub mod frame;
 pub mod nurbs;
 pub mod tube;
+mod walk;

@@ -10,8 +10,8 @@ use std::ops::Range;
 
 use glam::{DVec2, DVec3, Vec2, Vec3, Vec3A};
 
-use super::curve::Spans;
 use super::frame;
+use super::walk::Walk;
 use crate::ids::index32;
 
 /// The most segments a stitch may have (the fewest is 1).
@@ -108,7 +108,7 @@ impl Tubes {
         section: &Section,
     ) {
         let (first_vertex, first_triangle) = (index32(self.positions.len()), index32(self.triangles.len()));
-        let mut rings = Rings::new(self, section);
+        let mut rings = Rings::new(self, points, section);
         for stitch in stitches {
             rings.add_stitch(points, normals, stitch);
         }
@@ -120,7 +120,7 @@ impl Tubes {
 /// Where the last ring was set.
 #[derive(Clone, Copy)]
 struct Ring {
-    center: DVec3,
+    center: Vec3A,
     tangent: Vec3A,
     normal: Vec3A,
     /// Yarn length from the strand's start, mm.
@@ -133,7 +133,9 @@ struct Rings<'a> {
     section: &'a Section,
     outline: Outline,
     steps: Steps,
-    spans: Spans,
+    walk: Walk<'a>,
+    /// From the last ring to the first point of the span at hand.
+    ahead: Vec3A,
     first_vertex: u32,
     first: Option<Ring>,
     last: Option<Ring>,
@@ -143,7 +145,7 @@ struct Rings<'a> {
 #[derive(Default)]
 struct Steps {
     /// The share of its span at each ring, span after span.
-    shares: Vec<f64>,
+    shares: Vec<f32>,
     /// The end of each span's.
     ends: Vec<usize>,
 }
@@ -161,12 +163,12 @@ impl Steps {
             let start = f64::from(index32(span));
             let parameters = (index32(self.shares.len())..=st).map(|step| length * f64::from(step));
             let own = parameters.take_while(|&parameter| parameter < start + 1.0 || span + 1 == spans);
-            self.shares.extend(own.map(|parameter| parameter - start));
+            self.shares.extend(own.map(|parameter| narrow(parameter - start)));
             self.ends.push(self.shares.len());
         }
     }
 
-    fn of_spans(&self) -> impl Iterator<Item = &[f64]> {
+    fn of_spans(&self) -> impl Iterator<Item = &[f32]> {
         let starts = std::iter::once(0).chain(self.ends.iter().copied());
         starts.zip(&self.ends).map(|(start, &end)| &self.shares[start..end])
     }
@@ -207,14 +209,15 @@ impl Outline {
 }
 
 impl<'a> Rings<'a> {
-    fn new(tubes: &'a mut Tubes, section: &'a Section) -> Self {
+    fn new(tubes: &'a mut Tubes, points: &'a [DVec3], section: &'a Section) -> Self {
         let first_vertex = index32(tubes.positions.len());
         Self {
             tubes,
             section,
             outline: Outline::of(section),
-            spans: Spans::default(),
             steps: Steps::default(),
+            walk: Walk::new(points),
+            ahead: Vec3A::ZERO,
             first_vertex,
             first: None,
             last: None,
@@ -228,22 +231,27 @@ impl<'a> Rings<'a> {
         // The first ring is the last stitch's last one.
         let mut first = usize::from(self.last.is_some());
         for (index, shares) in stitch.clone().zip(steps.of_spans()) {
-            let curve = self.spans.span(points, index);
+            let (span, way) = self.walk.next();
+            let start = points[index].as_vec3a();
             for &t in &shares[first..] {
-                self.set(curve.at(t), curve.tangent(t), || normals[index].lerp(normals[index + 1], t));
+                let offset = span.at(t);
+                let up = || normals[index].as_vec3a().lerp(normals[index + 1].as_vec3a(), t);
+                let ring = self.ring(start + offset, self.ahead + offset, span.tangent(t), up);
+                self.set(ring);
+                self.ahead = -offset;
             }
+            self.ahead += way;
             first = 0;
         }
         self.steps = steps;
     }
 
-    /// Sets the next ring and joins it to the last one. `up` is the fabric's normal there.
-    fn set(&mut self, center: DVec3, along: DVec3, up: impl Fn() -> DVec3) {
-        let ring = self.ring(center, along, up);
+    /// Sets the next ring and joins it to the last one.
+    fn set(&mut self, ring: Ring) {
         let base = index32(self.tubes.positions.len());
         let v = narrow(self.section.texture_per_mm * ring.length);
         // Four lanes at a time; f32 loses nothing that a file would hold.
-        let (center, up, sideways) = (ring.center.as_vec3a(), ring.normal, ring.tangent.cross(ring.normal));
+        let (center, up, sideways) = (ring.center, ring.normal, ring.tangent.cross(ring.normal));
         let Outline { vertices, normals, u, triangles } = &self.outline;
         self.tubes.positions.extend(vertices.iter().map(|vertex| Vec3::from(center + (up * vertex.x + sideways * vertex.y))));
         self.tubes.normals.extend(normals.iter().map(|normal| Vec3::from(up * normal.x + sideways * normal.y)));
@@ -258,16 +266,14 @@ impl<'a> Rings<'a> {
         self.last = Some(ring);
     }
 
-    /// Where and how the next ring stands. A round section turns as little as it can; a flattened one lies in the fabric's plane,
+    /// Where and how the next ring stands; `chord` comes from the last one, `up` is the fabric's normal. A round section turns as little as it can; a flattened one lies in the fabric's plane,
     /// or keeps its last direction where the yarn runs along the normal.
-    fn ring(&self, center: DVec3, along: DVec3, up: impl Fn() -> DVec3) -> Ring {
-        let (along, up) = (along.as_vec3a(), || up().as_vec3a());
+    fn ring(&self, center: Vec3A, chord: Vec3A, along: Vec3A, up: impl Fn() -> Vec3A) -> Ring {
         let Some(last) = self.last else {
             let tangent = along.normalize_or(Vec3A::X);
             return Ring { center, tangent, normal: frame::across(up(), tangent), length: 0.0 };
         };
         let tangent = along.normalize_or(last.tangent);
-        let chord = (center - last.center).as_vec3a();
         let lies_flat = self.section.flatten != 1.0 && tangent.cross(up()).length() >= 1e-3;
         let normal =
             if lies_flat { frame::across(up(), tangent) } else { frame::carry(last.normal, chord, last.tangent, tangent) };
@@ -278,7 +284,7 @@ impl<'a> Rings<'a> {
     fn cap(&mut self, ring: Ring, outward: Vec3A, rim: u32) {
         let base = index32(self.tubes.positions.len());
         let v = narrow(self.section.texture_per_mm * ring.length);
-        self.tubes.positions.push(ring.center.as_vec3());
+        self.tubes.positions.push(Vec3::from(ring.center));
         self.tubes.uvs.push(Vec2::new(0.5, v));
         for s in 0..self.section.sr {
             let position = self.tubes.positions[(rim + s) as usize];
