@@ -294,7 +294,7 @@ pub(crate) struct Reading {
 /// What `drape` and `swatch` share.
 #[derive(Args, Debug)]
 pub(crate) struct Shared {
-    /// A file to write, by its ending: .png .glb .obj .csv (data points) .json (report); may be repeated [default: a .png here, named after the drape or the fabric]
+    /// A file to write, by its ending: .png .glb .obj .ply .csv (data points) .json (report); may be repeated [default: a .png here, named after the drape or the fabric]
     #[arg(short, long = "output", value_name = "OUT", value_parser = output)]
     pub(crate) outputs: Vec<(PathBuf, Format)>,
     /// A built-in fabric or a fabric file
@@ -317,7 +317,7 @@ pub(crate) struct Shared {
     /// Draw yarns with this radius [default: from the yarn's count, as far as the loops leave room]
     #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) radius: Option<f64>,
-    /// Width over height of the tubes' section in .glb and .obj: over 1 lies flat in the fabric's plane, its area kept
+    /// Width over height of the tubes' section in files: over 1 lies flat in the fabric's plane, its area kept
     #[arg(long, value_name = "K", default_value_t = 1.0, value_parser = flattening)]
     pub(crate) flatten: f64,
     /// Close the tubes' ends

@@ -10,6 +10,7 @@ use warpknit::drape::{self, Block, Cloth, Stage, Totals, picture};
 use warpknit::export::csv::CsvWriter;
 use warpknit::export::glb::GlbWriter;
 use warpknit::export::obj::ObjWriter;
+use warpknit::export::ply::PlyWriter;
 use warpknit::export::{ExportError, Format, Output, Sink};
 use warpknit::fabric::{Fabric, FabricError};
 use warpknit::garment::stretch::stretch;
@@ -206,8 +207,8 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
     let section = section(job)?;
     let near = clearance::measure(job.shown, job.cloth.pattern(), section.radius);
     warnings.extend(clearance::warnings(job.shown, job.cloth.pattern(), &near, section.radius));
-    let mut sinks = sinks(&outputs, job)?;
-    let wants_surface = outputs.iter().any(|(_, format)| matches!(format, Format::Glb | Format::Obj));
+    let mut sinks = sinks(&outputs, job, &section)?;
+    let wants_surface = outputs.iter().any(|(_, format)| matches!(format, Format::Glb | Format::Obj | Format::Ply));
     let options = drape::Options { surface: wants_surface.then_some(section), ..job.options };
     let looks = picture::looks(job.shown, section.radius);
     let textures = Textures::of(job.shared, job.shown)?;
@@ -313,12 +314,13 @@ fn wants_gauge(job: &Job<'_>, outputs: &[(PathBuf, Format)]) -> bool {
 }
 
 /// Writers of everything that streams.
-fn sinks<'a>(outputs: &[(PathBuf, Format)], job: &Job<'a>) -> Result<Vec<Box<dyn Sink + 'a>>, ExportError> {
+fn sinks<'a>(outputs: &[(PathBuf, Format)], job: &Job<'a>, section: &Section) -> Result<Vec<Box<dyn Sink + 'a>>, ExportError> {
     let mut sinks: Vec<Box<dyn Sink + 'a>> = Vec::new();
     for (path, format) in outputs {
         match format {
-            Format::Glb => sinks.push(Box::new(GlbWriter::create(path, job.shown)?)),
+            Format::Glb => sinks.push(Box::new(GlbWriter::create(path, job.shown, job.cloth.blocks())?)),
             Format::Obj => sinks.push(Box::new(ObjWriter::create(path)?)),
+            Format::Ply => sinks.push(Box::new(PlyWriter::create(path, job.shown, section)?)),
             Format::Csv => sinks.push(Box::new(CsvWriter::create(path, job.cloth.garment())?)),
             // Made whole at the end; that they can be written is asked before the work and not after it.
             Format::Png | Format::Json => drop(Output::create(path)?),

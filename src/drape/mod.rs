@@ -154,6 +154,12 @@ impl<'a> Cloth<'a> {
         self.blocks.iter().map(BlockPlan::stitches).sum()
     }
 
+    /// Blocks that [`run`] will hand over.
+    #[must_use]
+    pub fn blocks(&self) -> usize {
+        self.blocks.len()
+    }
+
     /// The garment beneath.
     #[must_use]
     pub fn garment(&self) -> &'a Garment {
@@ -285,7 +291,7 @@ pub struct Options {
 }
 
 /// Some consecutive yarns of one bar on one panel, after all stages.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Block {
     /// Index of the panel in [`Garment::panels`].
     pub panel: usize,

@@ -1,21 +1,26 @@
-//! Tubes as Wavefront OBJ: one object a strand, with texture coordinates and normals, mm.
+//! Tubes as Wavefront OBJ: one object a strand, with texture coordinates and normals, mm, to four decimals.
 
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::ops::Range;
 use std::path::Path;
 
-use rayon::prelude::*;
+use glam::{Vec2, Vec3};
 
+use super::buffer::{Buffer, Conveyor};
 use super::{ExportError, Output, Sink};
 use crate::drape::Block;
+
+/// The longest line, bytes: nine indices of twenty digits, or three numbers of 48.
+const LINE: usize = 200;
 
 /// Writes tubes as text.
 #[derive(Debug)]
 pub struct ObjWriter {
     output: Output,
     /// Vertices written so far.
-    vertices: usize,
+    vertices: u64,
+    conveyor: Conveyor,
 }
 
 impl ObjWriter {
@@ -26,21 +31,24 @@ impl ObjWriter {
     pub fn create(target: &Path) -> Result<Self, ExportError> {
         let mut output = Output::create(target)?;
         output.write_with(|file| file.write_all(b"# yarns by warpknit, mm\n"))?;
-        Ok(Self { output, vertices: 0 })
+        Ok(Self { output, vertices: 0, conveyor: Conveyor::default() })
     }
 }
 
 impl Sink for ObjWriter {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
-        let firsts = blocks.iter().scan(self.vertices, |next, block| {
-            let first = *next;
-            *next += block.tubes.positions.len();
-            Some(first)
-        });
-        let numbered: Vec<_> = blocks.iter().zip(firsts).collect();
-        let texts: Vec<String> = numbered.into_par_iter().map(|(block, first)| objects(block, first)).collect();
-        self.vertices += blocks.iter().map(|block| block.tubes.positions.len()).sum::<usize>();
-        self.output.write_with(|file| texts.iter().try_for_each(|text| file.write_all(text.as_bytes())))
+        let Self { output, vertices, conveyor } = self;
+        let number = |block| {
+            let first = *vertices;
+            *vertices += block_vertices(block);
+            (block, first)
+        };
+        let numbered: Vec<_> = blocks.iter().map(number).collect();
+        conveyor.carry(
+            &numbered,
+            |(block, first), text| objects(block, *first, text),
+            |text| output.write_with(|file| file.write_all(text)),
+        )
     }
 
     fn finish(self: Box<Self>) -> Result<Output, ExportError> {
@@ -48,32 +56,53 @@ impl Sink for ObjWriter {
     }
 }
 
-/// The objects of a block whose first vertex is the file's `first`, counted from 0.
-fn objects(block: &Block, first: usize) -> String {
-    let mut text = String::with_capacity(100 * block.tubes.positions.len());
-    for (strand, tube) in block.strands.strands.iter().zip(&block.tubes.strands) {
-        let (panel, bar, yarn) = (block.panel, block.bar + 1, strand.yarn.0);
-        writeln!(text, "o panel{panel}_bar{bar}_yarn{yarn}").expect("a String takes all text");
-        object(block, tube, first, &mut text).expect("a String takes all text");
-    }
-    text
+fn block_vertices(block: &Block) -> u64 {
+    block.tubes.positions.len() as u64
 }
 
-fn object(block: &Block, (vertices, triangles): &(Range<u32>, Range<u32>), first: usize, text: &mut String) -> std::fmt::Result {
+/// The objects of a block whose first vertex is the file's `first`, counted from 0.
+fn objects(block: &Block, first: u64, text: &mut Buffer) {
+    for (strand, tube) in block.strands.strands.iter().zip(&block.tubes.strands) {
+        let (panel, bar, yarn) = (block.panel, block.bar + 1, strand.yarn.0);
+        writeln!(text, "o panel{panel}_bar{bar}_yarn{yarn}").expect("memory takes all text");
+        object(block, tube, first, text);
+    }
+}
+
+fn object(block: &Block, (vertices, triangles): &(Range<u32>, Range<u32>), first: u64, text: &mut Buffer) {
     let tubes = &block.tubes;
     let vertices = vertices.start as usize..vertices.end as usize;
-    for p in &tubes.positions[vertices.clone()] {
-        writeln!(text, "v {} {} {}", p.x, p.y, p.z)?;
+    for &Vec3 { x, y, z } in &tubes.positions[vertices.clone()] {
+        line(text, b"v", [x, y, z]);
     }
-    for uv in &tubes.uvs[vertices.clone()] {
-        writeln!(text, "vt {} {}", uv.x, uv.y)?;
+    for &Vec2 { x, y } in &tubes.uvs[vertices.clone()] {
+        line(text, b"vt", [x, y]);
     }
-    for n in &tubes.normals[vertices] {
-        writeln!(text, "vn {} {} {}", n.x, n.y, n.z)?;
+    for &Vec3 { x, y, z } in &tubes.normals[vertices] {
+        line(text, b"vn", [x, y, z]);
     }
-    for t in &tubes.triangles[triangles.start as usize..triangles.end as usize] {
-        let [a, b, c] = t.map(|v| v as usize + first + 1);
-        writeln!(text, "f {a}/{a}/{a} {b}/{b}/{b} {c}/{c}/{c}")?;
+    for triangle in &tubes.triangles[triangles.start as usize..triangles.end as usize] {
+        face(text, triangle.map(|vertex| u64::from(vertex) + first + 1));
     }
-    Ok(())
+}
+
+/// A line of numbers behind a word.
+fn line<const N: usize, const M: usize>(text: &mut Buffer, word: &[u8; N], numbers: [f32; M]) {
+    text.reserve(LINE);
+    word.iter().for_each(|&letter| text.word(u64::from(letter), 1));
+    for number in numbers {
+        text.word(u64::from(b' '), 1);
+        text.decimal(number);
+    }
+    text.word(u64::from(b'\n'), 1);
+}
+
+/// A triangle whose positions, texture coordinates and normals have the same numbers.
+fn face(text: &mut Buffer, corners: [u64; 3]) {
+    text.reserve(LINE);
+    text.word(u64::from(b'f'), 1);
+    for corner in corners {
+        text.thrice(corner, *b" //");
+    }
+    text.word(u64::from(b'\n'), 1);
 }
