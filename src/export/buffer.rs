@@ -6,9 +6,6 @@ use rayon::prelude::*;
 
 use super::ExportError;
 
-/// What is stored at a time, bytes.
-const WORD: usize = 8;
-
 /// Bytes that grow at their end.
 #[derive(Debug, Default)]
 pub(super) struct Buffer {
@@ -27,32 +24,25 @@ impl Buffer {
         &self.bytes[..self.length]
     }
 
-    /// Makes room for so many more bytes.
-    pub(super) fn reserve(&mut self, bytes: usize) {
-        // One more word, since words are stored whole whatever counts of them.
-        let needed = self.length + bytes + WORD;
-        if self.bytes.len() < needed {
-            self.bytes.resize(needed.max(2 * self.bytes.len()), 0);
-        }
-    }
-
-    /// Appends bytes, for which it makes room.
-    pub(super) fn push(&mut self, bytes: &[u8]) {
-        self.reserve(bytes.len());
-        self.bytes[self.length..self.length + bytes.len()].copy_from_slice(bytes);
-        self.length += bytes.len();
-    }
-
-    /// Appends the lowest `count` bytes of a word, eight at most, where there is room.
-    pub(super) fn word(&mut self, word: u64, count: usize) {
-        self.bytes[self.length..self.length + WORD].copy_from_slice(&word.to_le_bytes());
+    /// So many more bytes at the end, to be overwritten.
+    pub(super) fn grow(&mut self, count: usize) -> &mut [u8] {
+        let start = self.length;
         self.length += count;
+        if self.bytes.len() < self.length {
+            self.bytes.resize(self.length.max(2 * self.bytes.len()), 0);
+        }
+        &mut self.bytes[start..self.length]
+    }
+
+    /// Takes back the last bytes.
+    pub(super) fn shrink(&mut self, count: usize) {
+        self.length -= count;
     }
 }
 
 impl fmt::Write for Buffer {
     fn write_str(&mut self, text: &str) -> fmt::Result {
-        self.push(text.as_bytes());
+        self.grow(text.len()).copy_from_slice(text.as_bytes());
         Ok(())
     }
 }
@@ -113,7 +103,7 @@ mod tests {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let (mut conveyor, mut written) = (Conveyor::default(), Vec::new());
             for items in items.chunks(34) {
-                let make = |item: &u32, buffer: &mut Buffer| buffer.push(item.to_string().as_bytes());
+                let make = |item: &u32, buffer: &mut Buffer| fmt::Write::write_str(buffer, &item.to_string()).unwrap();
                 let mut write = |bytes: &[u8]| {
                     written.extend_from_slice(bytes);
                     Ok(())

@@ -3,11 +3,9 @@
 //! In: numbers. Out: ASCII in a buffer that is used again. Decimals are fixed at 1e-4 (a tenth of a micrometre where units are mm, about what an `f32` still holds a
 //! metre away from 0) and lose their trailing zeros: half the bytes of numbers that read back to the bit, and bytes are what writing costs.
 //! Eight digits are found in one 64-bit word (P. Khuong, "How to print integers really fast", 2017), whose leading zeros are shifted out, and always
-//! eight bytes are stored, so that nothing branches on how long a number is: 4 ns a number, against 50 of `core::fmt`.
+//! eight bytes are stored, so that nothing branches on how long a number is.
 
-use std::fmt::Write as _;
-
-use super::buffer::Buffer;
+use std::io::Write as _;
 
 /// Parts of a unit that are kept.
 const PARTS: u64 = 10_000;
@@ -17,48 +15,65 @@ const PLACES: usize = 4;
 const LARGE: u64 = 100_000_000;
 /// '0' in every byte.
 const ZEROS: u64 = 0x3030_3030_3030_3030;
+/// Room of a line: nine indices of twenty digits and what is between them, or three numbers of forty, and the word that is stored last.
+pub(super) const LINE: usize = 256;
 
-impl Buffer {
-    /// Appends a whole number three times, each behind its separator, in at most 63 bytes, for which there is room.
-    pub(super) fn thrice(&mut self, number: u64, separators: [u8; 3]) {
-        if number >= LARGE {
-            return separators.into_iter().for_each(|separator| {
-                write!(self, "{}{number}", char::from(separator)).expect("memory takes all text");
-            });
-        }
-        let (digits, count) = trimmed(number);
-        for separator in separators {
-            self.word(u64::from(separator), 1);
-            self.word(digits, count);
-        }
-    }
+/// Where a line of text is made: no more than two letters, and three numbers or a triangle's indices.
+///
+/// Functions that append to it take and return its length, which so stays in a register.
+pub(super) type Line = [u8; LINE];
 
-    /// Appends a number to four decimals, in at most 48 bytes, for which there is room.
-    pub(super) fn decimal(&mut self, number: f32) {
-        let magnitude = f64::from(number.abs()) * PARTS as f64 + 0.5;
-        if magnitude.is_nan() || magnitude >= (LARGE * PARTS) as f64 {
-            return self.odd(number);
-        }
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "between 0 and 1e12, and rounded by the half above"
-        )]
-        let parts = magnitude as u64;
-        self.word(u64::from(b'-'), usize::from(number < 0.0 && parts > 0));
-        let (digits, count) = trimmed(parts / PARTS);
-        self.word(digits, count);
-        // The fraction stands in the upper half of the word, after four zeros; of its own zeros those at the end are the highest bytes.
-        let digits = eight(parts % PARTS) >> 32;
-        let zeros = ((digits << 32).leading_zeros() as usize / 8).min(PLACES);
-        self.word(((digits | ZEROS) << 8) | u64::from(b'.'), if zeros == PLACES { 0 } else { PLACES + 1 - zeros });
-    }
+/// Appends the lowest `count` bytes of a word, eight at most.
+#[inline]
+pub(super) fn word(line: &mut Line, at: usize, word: u64, count: usize) -> usize {
+    *line[at..].first_chunk_mut().expect("a line has room for what belongs in it") = word.to_le_bytes();
+    at + count
+}
 
-    /// Appends a number that no garment has: a hundred thousand kilometres, or none at all.
-    #[cold]
-    fn odd(&mut self, number: f32) {
-        write!(self, "{number}").expect("memory takes all text");
+/// Appends a whole number three times, each behind its separator.
+#[inline]
+pub(super) fn thrice(line: &mut Line, mut at: usize, number: u64, separators: [u8; 3]) -> usize {
+    if number >= LARGE {
+        let [a, b, c] = separators.map(char::from);
+        return rare(line, at, format_args!("{a}{number}{b}{number}{c}{number}"));
     }
+    let (digits, count) = trimmed(number);
+    for separator in separators {
+        at = word(line, at, u64::from(separator), 1);
+        at = word(line, at, digits, count);
+    }
+    at
+}
+
+/// Appends a number to four decimals.
+#[inline]
+pub(super) fn decimal(line: &mut Line, at: usize, number: f32) -> usize {
+    let magnitude = f64::from(number.abs()) * PARTS as f64 + 0.5;
+    if magnitude.is_nan() || magnitude >= (LARGE * PARTS) as f64 {
+        return rare(line, at, format_args!("{number}"));
+    }
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "between 0 and 1e12, and rounded by the half above"
+    )]
+    let parts = magnitude as i64 as u64;
+    let at = word(line, at, u64::from(b'-'), usize::from(number < 0.0 && parts > 0));
+    let (digits, count) = trimmed(parts / PARTS);
+    let at = word(line, at, digits, count);
+    // The fraction stands in the upper half of the word, behind four zeros; zeros at its own end are the highest bytes.
+    let digits = eight(parts % PARTS);
+    let zeros = (digits.leading_zeros() as usize / 8).min(PLACES);
+    let point = (((digits | ZEROS) >> 32) << 8) | u64::from(b'.');
+    word(line, at, point, if zeros == PLACES { 0 } else { PLACES + 1 - zeros })
+}
+
+/// Appends what hardly any garment has: numbers of more than eight digits, or none at all.
+#[cold]
+fn rare(line: &mut Line, at: usize, text: std::fmt::Arguments<'_>) -> usize {
+    let mut rest = &mut line[at..];
+    rest.write_fmt(text).expect("a line has room for what belongs in it");
+    LINE - rest.len()
 }
 
 /// A whole number below [`LARGE`] as text in a word, and how many bytes of it.
@@ -85,11 +100,14 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    fn line(fill: impl FnOnce(&mut Line) -> usize) -> String {
+        let mut bytes = [b'?'; LINE];
+        let length = fill(&mut bytes);
+        String::from_utf8(bytes[..length].to_vec()).unwrap()
+    }
+
     fn decimal(number: f32) -> String {
-        let mut text = Buffer::default();
-        text.reserve(48);
-        text.decimal(number);
-        String::from_utf8(text.as_bytes().to_vec()).unwrap()
+        line(|line| super::decimal(line, 0, number))
     }
 
     #[test]
@@ -115,15 +133,11 @@ mod tests {
     }
 
     #[test]
-    fn text_goes_on_after_an_odd_number() {
-        let mut text = Buffer::default();
-        text.reserve(200);
-        text.decimal(-3e30);
-        text.decimal(2.5);
-        text.push(b"!");
-        assert_eq!(text.as_bytes(), b"-30000000000000000000000000000002.5!".as_slice());
-        text.clear();
-        assert!(text.as_bytes().is_empty());
+    fn a_line_has_room_for_the_longest_numbers() {
+        let longest = line(|line| (0..3).fold(0, |at, _| super::decimal(line, at, -f32::MAX)));
+        assert_eq!(longest, format!("{0}{0}{0}", -f32::MAX));
+        let longest = line(|line| (0..3).fold(0, |at, _| thrice(line, at, u64::MAX, *b" //")));
+        assert_eq!(longest, format!(" {0}/{0}/{0}", u64::MAX).repeat(3));
     }
 
     proptest! {

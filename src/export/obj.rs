@@ -8,11 +8,9 @@ use std::path::Path;
 use glam::{Vec2, Vec3};
 
 use super::buffer::{Buffer, Conveyor};
+use super::digits::{LINE, Line, decimal, thrice, word};
 use super::{ExportError, Output, Sink};
 use crate::drape::Block;
-
-/// The longest line, bytes: nine indices of twenty digits, or three numbers of 48.
-const LINE: usize = 200;
 
 /// Writes tubes as text.
 #[derive(Debug)]
@@ -73,36 +71,44 @@ fn object(block: &Block, (vertices, triangles): &(Range<u32>, Range<u32>), first
     let tubes = &block.tubes;
     let vertices = vertices.start as usize..vertices.end as usize;
     for &Vec3 { x, y, z } in &tubes.positions[vertices.clone()] {
-        line(text, b"v", [x, y, z]);
+        line(text, "v", [x, y, z]);
     }
     for &Vec2 { x, y } in &tubes.uvs[vertices.clone()] {
-        line(text, b"vt", [x, y]);
+        line(text, "vt", [x, y]);
     }
     for &Vec3 { x, y, z } in &tubes.normals[vertices] {
-        line(text, b"vn", [x, y, z]);
+        line(text, "vn", [x, y, z]);
     }
     for triangle in &tubes.triangles[triangles.start as usize..triangles.end as usize] {
         face(text, triangle.map(|vertex| u64::from(vertex) + first + 1));
     }
 }
 
-/// A line of numbers behind a word.
-fn line<const N: usize, const M: usize>(text: &mut Buffer, word: &[u8; N], numbers: [f32; M]) {
-    text.reserve(LINE);
-    word.iter().for_each(|&letter| text.word(u64::from(letter), 1));
-    for number in numbers {
-        text.word(u64::from(b' '), 1);
-        text.decimal(number);
-    }
-    text.word(u64::from(b'\n'), 1);
+/// A line of numbers behind its keyword.
+fn line<const N: usize>(text: &mut Buffer, keyword: &str, numbers: [f32; N]) {
+    add_line(text, |line| {
+        let mut at = keyword.bytes().fold(0, |at, letter| word(line, at, u64::from(letter), 1));
+        for number in numbers {
+            at = word(line, at, u64::from(b' '), 1);
+            at = decimal(line, at, number);
+        }
+        at
+    });
 }
 
 /// A triangle whose positions, texture coordinates and normals have the same numbers.
 fn face(text: &mut Buffer, corners: [u64; 3]) {
-    text.reserve(LINE);
-    text.word(u64::from(b'f'), 1);
-    for corner in corners {
-        text.thrice(corner, *b" //");
-    }
-    text.word(u64::from(b'\n'), 1);
+    add_line(text, |line| {
+        let at = word(line, 0, u64::from(b'f'), 1);
+        corners.into_iter().fold(at, |at, corner| thrice(line, at, corner, *b" //"))
+    });
+}
+
+/// Adds what `fill` puts into a line and says the length of.
+#[inline]
+fn add_line(text: &mut Buffer, fill: impl FnOnce(&mut Line) -> usize) {
+    let line = text.grow(LINE).first_chunk_mut().expect("grown by as much");
+    let length = fill(line);
+    let length = word(line, length, u64::from(b'\n'), 1);
+    text.shrink(LINE - length);
 }

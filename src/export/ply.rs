@@ -7,7 +7,7 @@
 use std::ops::Range;
 use std::path::Path;
 
-use bytemuck::NoUninit;
+use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
 
 use super::buffer::{Buffer, Conveyor};
@@ -22,7 +22,7 @@ use crate::yarn::tube::Section;
 const STRANDS: usize = 16;
 
 /// A vertex as it lies in the file.
-#[derive(Clone, Copy, NoUninit)]
+#[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C, packed)]
 struct Vertex {
     position: Vec3,
@@ -32,7 +32,7 @@ struct Vertex {
 }
 
 /// A triangle as it lies in the file.
-#[derive(Clone, Copy, NoUninit)]
+#[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C, packed)]
 struct Face {
     corners: u8,
@@ -90,17 +90,13 @@ impl Sink for PlyWriter {
         let strands = self.numbered(vertices)?;
         let Self { file, section, conveyor, .. } = &mut *self;
         let strands: Vec<_> = strands.chunks(STRANDS).collect();
-        let mut size = 0;
+        let count = strands.iter().copied().flatten().map(|vertices| faces::count(section, vertices) as u64).sum();
         let add = |strands: &&[Range<u32>], bytes: &mut Buffer| {
             strands.iter().for_each(|vertices| add_faces(section, vertices.clone(), bytes));
         };
-        conveyor.carry(&strands, add, |bytes| {
-            size += bytes.len();
-            file.write(bytes)
-        })?;
-        let faces = (size / size_of::<Face>()) as u64;
-        let padding = file.room() - header(vertices, faces, 0).len();
-        self.file.finish(header(vertices, faces, padding).as_bytes())
+        conveyor.carry(&strands, add, |bytes| file.write(bytes))?;
+        let padding = file.room() - header(vertices, count, 0).len();
+        self.file.finish(header(vertices, count, padding).as_bytes())
     }
 }
 
@@ -124,12 +120,19 @@ fn header(vertices: u64, faces: u64, padding: usize) -> String {
 
 fn add_vertices(block: &Block, color: [u8; 3], bytes: &mut Buffer) {
     let tubes = &block.tubes;
-    for ((&position, &normal), &texture) in tubes.positions.iter().zip(&tubes.normals).zip(&tubes.uvs) {
-        bytes.push(bytemuck::bytes_of(&Vertex { position, normal, texture, color }));
+    let vertices = bytemuck::cast_slice_mut::<_, Vertex>(bytes.grow(tubes.positions.len() * size_of::<Vertex>()));
+    let values = tubes.positions.iter().zip(&tubes.normals).zip(&tubes.uvs);
+    for (vertex, ((&position, &normal), &texture)) in vertices.iter_mut().zip(values) {
+        *vertex = Vertex { position, normal, texture, color };
     }
 }
 
 fn add_faces(section: &Section, vertices: Range<u32>, bytes: &mut Buffer) {
-    let add = |vertices| bytes.push(bytemuck::bytes_of(&Face { corners: 3, vertices }));
-    faces::triangles(section, vertices).for_each(add);
+    let count = faces::count(section, &vertices);
+    let mut faces = bytemuck::cast_slice_mut::<_, Face>(bytes.grow(count * size_of::<Face>())).iter_mut();
+    faces::each(section, vertices, |vertices| {
+        if let Some(face) = faces.next() {
+            *face = Face { corners: 3, vertices };
+        }
+    });
 }

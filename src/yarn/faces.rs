@@ -8,7 +8,15 @@ use std::ops::Range;
 
 use super::tube::Section;
 
-/// The triangles of a tube whose vertices are numbered `vertices`.
+/// How many triangles a tube of these vertices has.
+#[must_use]
+pub fn count(section: &Section, vertices: &Range<u32>) -> usize {
+    let (sr, rings) = (section.sr as usize, vertices.len() / (section.sr as usize + 1));
+    // A cap has the vertices of a ring and half the triangles between two.
+    if section.caps { 2 * sr * rings.saturating_sub(3) + 2 * sr } else { 2 * sr * rings.saturating_sub(1) }
+}
+
+/// Hands over the triangles of a tube whose vertices are numbered `vertices`.
 ///
 /// ```
 /// use glam::DVec3;
@@ -16,22 +24,27 @@ use super::tube::Section;
 /// let section = Section { st: 10, sr: 5, radius: 0.1, flatten: 1.0, caps: true, texture_per_mm: 1.0 };
 /// let mut tubes = Tubes::default();
 /// tubes.add(&[DVec3::ZERO, DVec3::X, DVec3::ONE], &[DVec3::Z; 3], [0..3], &section);
-/// assert!(faces::triangles(&section, tubes.strands[0].0.clone()).eq(tubes.triangles));
+/// let vertices = tubes.strands[0].0.clone();
+/// assert_eq!(faces::count(&section, &vertices), tubes.triangles.len());
+/// let mut made = Vec::new();
+/// faces::each(&section, vertices, |triangle| made.push(triangle));
+/// assert_eq!(made, tubes.triangles);
 /// ```
-pub fn triangles(section: &Section, vertices: Range<u32>) -> impl Iterator<Item = [u32; 3]> {
+pub fn each(section: &Section, vertices: Range<u32>, mut take: impl FnMut([u32; 3])) {
     let Section { sr, caps, .. } = *section;
     let ring = sr + 1;
-    // A cap has a middle and a rim of its own.
+    // A cap has a middle and a rim of its own: one ring's worth of vertices.
     let ends = if caps { [vertices.end - 2 * ring, vertices.end - ring] } else { [vertices.end; 2] };
-    let sides = (vertices.start..ends[0].saturating_sub(ring))
-        .step_by(ring as usize)
-        .flat_map(move |before| (before..before + sr).flat_map(move |a| [[a, a + 1, a + ring], [a + 1, a + ring + 1, a + ring]]));
-    let cap = move |middle: u32, ahead: bool| {
-        (0..sr).map(move |s| {
+    for before in (vertices.start..ends[0].saturating_sub(ring)).step_by(ring as usize) {
+        for a in before..before + sr {
+            take([a, a + 1, a + ring]);
+            take([a + 1, a + ring + 1, a + ring]);
+        }
+    }
+    for (middle, ahead) in ends.into_iter().zip([false, true]).filter(|_| caps) {
+        for s in 0..sr {
             let (p, q) = (middle + 1 + s, middle + 1 + (s + 1) % sr);
-            if ahead { [middle, p, q] } else { [middle, q, p] }
-        })
-    };
-    let caps = ends.into_iter().zip([false, true]).filter(move |_| caps).flat_map(move |(middle, ahead)| cap(middle, ahead));
-    sides.chain(caps)
+            take(if ahead { [middle, p, q] } else { [middle, q, p] });
+        }
+    }
 }
