@@ -9,6 +9,7 @@ use warpknit::chart;
 use warpknit::export::Format;
 use warpknit::garment::Unit;
 use warpknit::render::Background;
+use warpknit::tile::Tile;
 
 #[cfg(feature = "view")]
 use super::values::picture;
@@ -129,6 +130,8 @@ pub(crate) struct Drape {
     #[command(flatten)]
     pub(crate) laying: Laying,
     #[command(flatten)]
+    pub(crate) part: Part,
+    #[command(flatten)]
     pub(crate) shared: Shared,
 }
 
@@ -140,6 +143,8 @@ pub(crate) struct Swatch {
     /// Courses
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=20_000))]
     pub(crate) courses: u32,
+    #[command(flatten)]
+    pub(crate) part: Part,
     #[command(flatten)]
     pub(crate) shared: Shared,
 }
@@ -261,6 +266,14 @@ pub(crate) struct Chains {
     /// Which guides of a --lapping carry a yarn: I threaded, . empty, repeated across; one for each --lapping, or one for all [default: I]
     #[arg(long, value_name = "MARKS", requires = "lapping")]
     pub(crate) threading: Vec<String>,
+}
+
+/// What of a run's outputs is made.
+#[derive(Args, Debug)]
+pub(crate) struct Part {
+    /// Make the I-th of N parts, for N machines: files hold a part of the yarns, and pictures a band of rows, which together are the whole
+    #[arg(long, value_name = "I/N")]
+    pub(crate) tile: Option<Tile>,
 }
 
 /// How yarns are laid on a garment.

@@ -24,7 +24,9 @@ const METRES_PER_MM: f32 = 1e-3;
 /// Fibres are rough and no metal.
 const ROUGHNESS: f32 = 0.75;
 /// Header of the file, and of each of its two chunks.
-const HEADERS: usize = 12 + 8 + 8;
+const HEADERS: usize = BARE_HEADERS + 8;
+/// The same where there is no vertex, and so no second chunk.
+const BARE_HEADERS: usize = 12 + 8;
 /// Room for a block's entries in the JSON: a primitive, four accessors, four views, a mesh and a node if need be. They take 700 to 1000.
 const BLOCK_JSON: usize = 1200;
 /// Room for what closes the JSON.
@@ -170,6 +172,10 @@ impl GlbWriter {
     /// The JSON chunk, filled up with spaces to its room or else to a multiple of 4 bytes.
     fn json_chunk(&mut self) -> Vec<u8> {
         self.root.buffers[self.buffer.value()].byte_length = USize64(self.bytes);
+        if self.bytes == 0 {
+            // The format knows no empty buffers.
+            self.root.buffers.clear();
+        }
         let nodes = (0..self.root.nodes.len()).map(|node| Index::new(index32(node))).collect();
         let scene = self.root.push(json::Scene {
             name: Some("warpknit".to_owned()),
@@ -179,7 +185,7 @@ impl GlbWriter {
         });
         self.root.scene = Some(scene);
         let mut text = json_text(&self.root);
-        text.resize(text.len().next_multiple_of(4).max(self.file.room() - HEADERS), b' ');
+        text.resize(text.len().next_multiple_of(4).max(self.file.room() - self.headers()), b' ');
         text
     }
 }
@@ -200,7 +206,7 @@ impl Sink for GlbWriter {
 
     fn finish(mut self: Box<Self>) -> Result<Output, ExportError> {
         let text = self.json_chunk();
-        let length = self.within_limit((HEADERS + text.len()) as u64 + self.bytes)?;
+        let length = self.within_limit((self.headers() + text.len()) as u64 + self.bytes)?;
         let binary = self.within_limit(self.bytes)?;
         let mut head = Vec::with_capacity(HEADERS + text.len());
         head.extend_from_slice(b"glTF");
@@ -209,13 +215,20 @@ impl Sink for GlbWriter {
         }
         head.extend_from_slice(b"JSON");
         head.extend_from_slice(&text);
-        head.extend_from_slice(&binary.to_le_bytes());
-        head.extend_from_slice(b"BIN\0");
+        if binary > 0 {
+            head.extend_from_slice(&binary.to_le_bytes());
+            head.extend_from_slice(b"BIN\0");
+        }
         self.file.finish(&head)
     }
 }
 
 impl GlbWriter {
+    /// Bytes of the headers that the file has.
+    fn headers(&self) -> usize {
+        if self.bytes > 0 { HEADERS } else { BARE_HEADERS }
+    }
+
     /// A number of bytes that the format can hold.
     fn within_limit(&self, bytes: u64) -> Result<u32, ExportError> {
         u32::try_from(bytes).map_err(|_over_4_gib| ExportError::TooLarge { path: self.file.target().to_owned(), bytes })
