@@ -87,7 +87,7 @@ mod tests {
             let mut next = 0;
             for number in 1..=of {
                 let share = Tile::new(number, of).unwrap().share(count);
-                assert!(share.start == next && share.len() as u32 <= count.div_ceil(of));
+                assert!(share.start == next && share.end - share.start <= count.div_ceil(of));
                 next = share.end;
             }
             assert_eq!(next, count);

@@ -24,11 +24,6 @@ impl Mesh {
         [fold(f32::min, f32::INFINITY), fold(f32::max, f32::NEG_INFINITY)]
     }
 
-    /// Corners of the triangles.
-    pub(crate) fn corners(&self) -> Vec<[[f32; 3]; 3]> {
-        self.triangles.iter().map(|triangle| triangle.map(|vertex| self.positions[vertex])).collect()
-    }
-
     /// Appends another file's mesh.
     pub(crate) fn append(&mut self, other: Self) {
         let first = self.positions.len();
