@@ -1,7 +1,7 @@
 //! Tubes as binary glTF 2.0: a node for each bar of each panel, a primitive for each block, metres.
 //!
-//! The JSON chunk comes first in the file but is known last (counts and bounds), so it gets room for what so many blocks will need, and what it doesn't fill is spaces
-//! ([`HeadLast`]). Positions, normals and texture coordinates are `f32`, indices `u32`.
+//! The JSON chunk comes first in the file but is known last (counts and bounds), so it gets room for what so many blocks will need, and what it doesn't fill is spaces.
+//! Positions, normals and texture coordinates are `f32`, indices `u32`.
 
 use std::path::Path;
 

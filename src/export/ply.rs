@@ -1,6 +1,6 @@
 //! Tubes as binary PLY, little-endian: positions, normals, texture coordinates (s, t) and the bar's colour at each vertex, then all triangles, mm.
 //!
-//! One pass: the counts in the header are known last ([`HeadLast`]), and so are the vertices before which no triangle may stand; but which vertices a tube's triangles
+//! One pass: the counts in the header are known last, and the head gets room for them, and so are the vertices before which no triangle may stand; but which vertices a tube's triangles
 //! join follows from its length ([`faces`]), so that triangles are made at the end and only the tubes' lengths are kept, 4 bytes a strand. Property names are
 //! those that Blender, MeshLab and CloudCompare take for what they are.
 
