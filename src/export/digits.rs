@@ -1,7 +1,7 @@
 //! Numbers as text, eight digits at a time: what most of an `.obj` is made of.
 //!
 //! In: numbers. Out: ASCII in a buffer that is used again. Decimals are fixed at 1e-4 (a tenth of a micrometre where units are mm, about what an `f32` still holds a
-//! metre away from 0) and lose their trailing zeros: half the bytes of numbers that read back to the bit, and bytes are what writing costs.
+//! metre away from 0) and lose their trailing zeros: fewer bytes than numbers that read back to the bit, and bytes are what writing costs.
 //! Eight digits are found in one 64-bit word (P. Khuong, "How to print integers really fast", 2017), whose leading zeros are shifted out, and always
 //! eight bytes are stored, so that nothing branches on how long a number is.
 

@@ -27,7 +27,7 @@ const ROUGHNESS: f32 = 0.75;
 const HEADERS: usize = BARE_HEADERS + 8;
 /// The same where there is no vertex, and so no second chunk.
 const BARE_HEADERS: usize = 12 + 8;
-/// Room for a block's entries in the JSON: a primitive, four accessors, four views, a mesh and a node if need be. They take 700 to 1000.
+/// Room for a block's entries in the JSON: a primitive, four accessors, four views, a mesh and a node if need be. They take about 900.
 const BLOCK_JSON: usize = 1200;
 /// Room for what closes the JSON.
 const LAST_JSON: usize = 200;
