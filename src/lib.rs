@@ -12,6 +12,7 @@
 //!
 //! [`chart`] draws a fabric's lapping diagram without knitting it.
 //! [`drape`] runs stages 3 to 7 block by block, so that memory does not grow with the fabric.
+//! Of a large cloth [`tile`] says what is one machine's part.
 //! Lengths are millimetres and angles radians throughout, unless a name says otherwise.
 
 pub mod chart;
@@ -27,5 +28,6 @@ pub mod photo;
 pub mod render;
 pub mod report;
 pub mod scene;
+pub mod tile;
 pub mod unit;
 pub mod yarn;

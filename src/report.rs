@@ -14,6 +14,8 @@ pub struct Report {
     pub garment: GarmentReport,
     pub wales_per_cm: f64,
     pub courses_per_cm: f64,
+    /// Which part, from 1, and of how many, where the counts are a part's; null for the whole.
+    pub tile: Option<[u32; 2]>,
     pub yarns: usize,
     pub stitches: usize,
     pub data_points: usize,
@@ -80,7 +82,7 @@ pub struct ClearanceReport {
     pub pairs_below_1: usize,
     /// Sweeps of the yarns' relaxation; null where the repeat is too large for it.
     pub sweeps: Option<usize>,
-    /// The same on the body; null for a swatch, and for a garment of too many stitches.
+    /// The same on the body; null for a swatch, for a part, and for a garment of too many stitches.
     pub draped: Option<DrapedClearance>,
 }
 

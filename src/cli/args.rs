@@ -9,6 +9,7 @@ use warpknit::chart;
 use warpknit::export::Format;
 use warpknit::garment::Unit;
 use warpknit::render::Background;
+use warpknit::tile::Tile;
 
 #[cfg(feature = "view")]
 use super::values::picture;
@@ -129,6 +130,8 @@ pub(crate) struct Drape {
     #[command(flatten)]
     pub(crate) laying: Laying,
     #[command(flatten)]
+    pub(crate) part: Part,
+    #[command(flatten)]
     pub(crate) shared: Shared,
 }
 
@@ -140,6 +143,8 @@ pub(crate) struct Swatch {
     /// Courses
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=20_000))]
     pub(crate) courses: u32,
+    #[command(flatten)]
+    pub(crate) part: Part,
     #[command(flatten)]
     pub(crate) shared: Shared,
 }
@@ -263,6 +268,14 @@ pub(crate) struct Chains {
     pub(crate) threading: Vec<String>,
 }
 
+/// What of a run's outputs is made.
+#[derive(Args, Debug)]
+pub(crate) struct Part {
+    /// Make the I-th of N parts, for N machines: files hold a part of the yarns, and pictures a band of rows, which together are the whole
+    #[arg(long, value_name = "I/N")]
+    pub(crate) tile: Option<Tile>,
+}
+
 /// How yarns are laid on a garment.
 #[derive(Args, Debug)]
 pub(crate) struct Laying {
@@ -294,7 +307,7 @@ pub(crate) struct Reading {
 /// What `drape` and `swatch` share.
 #[derive(Args, Debug)]
 pub(crate) struct Shared {
-    /// A file to write, by its ending: .png .glb .obj .csv (data points) .json (report); may be repeated [default: a .png here, named after the drape or the fabric]
+    /// A file to write, by its ending: .png .glb .obj .ply .csv (data points) .json (report); may be repeated [default: a .png here, named after the drape or the fabric]
     #[arg(short, long = "output", value_name = "OUT", value_parser = output)]
     pub(crate) outputs: Vec<(PathBuf, Format)>,
     /// A built-in fabric or a fabric file
@@ -317,7 +330,7 @@ pub(crate) struct Shared {
     /// Draw yarns with this radius [default: from the yarn's count, as far as the loops leave room]
     #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) radius: Option<f64>,
-    /// Width over height of the tubes' section in .glb and .obj: over 1 lies flat in the fabric's plane, its area kept
+    /// Width over height of the tubes' section in files: over 1 lies flat in the fabric's plane, its area kept
     #[arg(long, value_name = "K", default_value_t = 1.0, value_parser = flattening)]
     pub(crate) flatten: f64,
     /// Close the tubes' ends

@@ -10,6 +10,7 @@ use warpknit::drape::{self, Block, Cloth, Stage, Totals, picture};
 use warpknit::export::csv::CsvWriter;
 use warpknit::export::glb::GlbWriter;
 use warpknit::export::obj::ObjWriter;
+use warpknit::export::ply::PlyWriter;
 use warpknit::export::{ExportError, Format, Output, Sink};
 use warpknit::fabric::{Fabric, FabricError};
 use warpknit::garment::stretch::stretch;
@@ -18,6 +19,7 @@ use warpknit::ids::index32;
 use warpknit::knit::clearance::{self, Clearance};
 use warpknit::report::{ClearanceReport, ClothReport, GarmentReport, Report, SurfaceReport};
 use warpknit::scene::Shape;
+use warpknit::tile::Tile;
 use warpknit::yarn::tube::Section;
 
 use super::args::{Chains, Drape, Laying, Reading, Shared, Swatch};
@@ -57,8 +59,9 @@ pub(crate) fn drape(arguments: &Drape) -> Result<()> {
     let options = arguments.laying.options();
     let stem = arguments.draped.as_ref().unwrap_or(&arguments.flat).file_stem().unwrap_or_default();
     let inputs = std::iter::once(arguments.flat.as_path()).chain(arguments.draped.as_deref()).collect();
+    let part = arguments.part.tile.map(|tile| (tile, cloth.part(tile)));
     let (fabric, shown, cloth, stem) = (&fabric, &shown, &cloth, Path::new(stem));
-    make(&Job { shared, fabric, shown, enlarged, cloth, options, area, inputs, stem, tells_numbers: false }, clock)
+    make(&Job { shared, fabric, shown, enlarged, cloth, part, options, area, inputs, stem, tells_numbers: false }, clock)
 }
 
 /// Knits a flat piece of fabric.
@@ -72,9 +75,10 @@ pub(crate) fn swatch(arguments: &Swatch) -> Result<()> {
     let area = f64::from(arguments.wales) * fabric.wale_spacing() * f64::from(arguments.courses) * fabric.course_spacing();
     // A fabric of chains is named by them, and a file may name its fabric anything.
     let stem = if fabric.name.is_empty() || fabric.name.contains(['/', '\\']) { "swatch" } else { &fabric.name };
+    let part = arguments.part.tile.map(|tile| (tile, cloth.part(tile)));
     let (fabric, cloth, stem) = (&fabric, &cloth, Path::new(stem));
     let (enlarged, inputs) = (None, Vec::new());
-    make(&Job { shared, fabric, shown: fabric, enlarged, cloth, options, area, inputs, stem, tells_numbers: true }, clock)
+    make(&Job { shared, fabric, shown: fabric, enlarged, cloth, part, options, area, inputs, stem, tells_numbers: true }, clock)
 }
 
 impl Laying {
@@ -101,6 +105,8 @@ struct Job<'a> {
     /// How much larger that is, if it is; said in the report too.
     enlarged: Option<String>,
     cloth: &'a Cloth<'a>,
+    /// The part that files hold, if it isn't the whole.
+    part: Option<(Tile, Cloth<'a>)>,
     options: drape::Options,
     /// Flat area that is knitted, mm².
     area: f64,
@@ -110,6 +116,18 @@ struct Job<'a> {
     stem: &'a Path,
     /// Whether the fabric's numbers are printed.
     tells_numbers: bool,
+}
+
+impl Job<'_> {
+    /// The part that is made, if it isn't the whole.
+    fn tile(&self) -> Option<Tile> {
+        self.part.as_ref().map(|(tile, _)| *tile)
+    }
+
+    /// The yarns that files hold.
+    fn filed(&self) -> &Cloth<'_> {
+        self.part.as_ref().map_or(self.cloth, |(_, part)| part)
+    }
 }
 
 /// Turns the panels whose layout in the fabric says so.
@@ -206,8 +224,8 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
     let section = section(job)?;
     let near = clearance::measure(job.shown, job.cloth.pattern(), section.radius);
     warnings.extend(clearance::warnings(job.shown, job.cloth.pattern(), &near, section.radius));
-    let mut sinks = sinks(&outputs, job)?;
-    let wants_surface = outputs.iter().any(|(_, format)| matches!(format, Format::Glb | Format::Obj));
+    let mut sinks = sinks(&outputs, job, &section)?;
+    let wants_surface = outputs.iter().any(|(_, format)| matches!(format, Format::Glb | Format::Obj | Format::Ply));
     let options = drape::Options { surface: wants_surface.then_some(section), ..job.options };
     let looks = picture::looks(job.shown, section.radius);
     let textures = Textures::of(job.shared, job.shown)?;
@@ -221,8 +239,16 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
     let totals = {
         let clock = RefCell::new(&mut clock);
         let mut announce = |stage, done| clock.borrow_mut().begin(task(stage), done);
+        if wants_picture && job.part.is_some() {
+            // A part of a picture has the light and the shadows of the whole.
+            let mut show = |blocks: &[Block]| -> Result<(), ExportError> {
+                blocks.iter().for_each(|block| picture::add_to(&mut scene, block));
+                Ok(())
+            };
+            drape::run(job.cloth, &job.options, &mut announce, &mut show)?;
+        }
         let mut deliver = |blocks: &[Block]| -> Result<(), ExportError> {
-            if wants_picture {
+            if wants_picture && job.part.is_none() {
                 blocks.iter().for_each(|block| picture::add_to(&mut scene, block));
             }
             sinks.iter_mut().try_for_each(|sink| sink.take(blocks))?;
@@ -233,10 +259,13 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
             }
             Ok(())
         };
-        drape::run(job.cloth, &options, &mut announce, &mut deliver)?
+        drape::run(job.filed(), &options, &mut announce, &mut deliver)?
     };
     let draped = gauge.map(Gauge::finish);
-    check_laid(&totals)?;
+    // A part may well have no yarn.
+    if job.part.is_none() {
+        check_laid(&totals)?;
+    }
     warnings.extend(loss_warning(&totals));
     for warning in &warnings {
         tell(job.shared.quiet, &format!("warning: {warning}"));
@@ -252,7 +281,7 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
     let mut drawn_by = String::new();
     if wants_picture {
         let paths: Vec<_> = outputs.iter().filter(|(_, format)| *format == Format::Png).map(|(path, _)| path.as_path()).collect();
-        let pictures = pictures::draw(&scene, job.shared, &paths, &mut clock)?;
+        let pictures = pictures::draw(&scene, job.shared, job.tile(), &paths, &mut clock)?;
         warnings.extend(pictures.notice);
         whole.extend(pictures.files);
         drawn_by = pictures.drawn_by;
@@ -306,19 +335,21 @@ fn outputs(job: &Job<'_>) -> Result<Vec<(PathBuf, Format)>> {
     Ok(outputs)
 }
 
-/// Whether clearance is to be measured on the body: for a report alone, and not on a swatch, which has none.
+/// Whether clearance is to be measured on the body: for a report of the whole alone, and not on a swatch, which has none.
 fn wants_gauge(job: &Job<'_>, outputs: &[(PathBuf, Format)]) -> bool {
-    let draped = !job.inputs.is_empty();
+    // Of a part the yarns beside it are missing, which may be the nearest.
+    let draped = !job.inputs.is_empty() && job.part.is_none();
     draped && outputs.iter().any(|(_, format)| *format == Format::Json) && job.cloth.stitches() <= MEASURED_STITCHES
 }
 
 /// Writers of everything that streams.
-fn sinks<'a>(outputs: &[(PathBuf, Format)], job: &Job<'a>) -> Result<Vec<Box<dyn Sink + 'a>>, ExportError> {
+fn sinks<'a>(outputs: &[(PathBuf, Format)], job: &Job<'a>, section: &Section) -> Result<Vec<Box<dyn Sink + 'a>>, ExportError> {
     let mut sinks: Vec<Box<dyn Sink + 'a>> = Vec::new();
     for (path, format) in outputs {
         match format {
-            Format::Glb => sinks.push(Box::new(GlbWriter::create(path, job.shown)?)),
+            Format::Glb => sinks.push(Box::new(GlbWriter::create(path, job.shown, job.filed().blocks())?)),
             Format::Obj => sinks.push(Box::new(ObjWriter::create(path)?)),
+            Format::Ply => sinks.push(Box::new(PlyWriter::create(path, job.shown, section)?)),
             Format::Csv => sinks.push(Box::new(CsvWriter::create(path, job.cloth.garment())?)),
             // Made whole at the end; that they can be written is asked before the work and not after it.
             Format::Png | Format::Json => drop(Output::create(path)?),
@@ -356,12 +387,20 @@ pub(super) fn task(stage: Stage) -> Task {
 
 /// Refuses what can't be done, before any work.
 fn check_request(job: &Job<'_>, wants_picture: bool) -> Result<()> {
-    let stitches = job.cloth.stitches();
+    let stitches = if wants_picture { job.cloth.stitches() } else { job.filed().stitches() };
     if stitches > MOST_STITCHES {
         bail!("{stitches} stitches are over the limit of {MOST_STITCHES}: lower --wales-per-cm and --courses-per-cm");
     }
     if wants_picture && job.shared.eye.is_some() && job.shared.eye == job.shared.look_at {
         bail!("--eye and --look-at are the same point: there is no direction to look in");
+    }
+    if let (true, Some([number, of])) = (wants_picture, job.tile().map(Tile::numbers))
+        && of > job.shared.size.1
+    {
+        bail!(
+            "--tile {number}/{of}: a picture of {} rows can't be cut into {of} parts; raise --size, or ask for fewer",
+            job.shared.size.1
+        );
     }
     if wants_picture { check_memory(stitches, PICTURE_GB, "lower the densities, or write no .png") } else { Ok(()) }
 }
@@ -429,6 +468,7 @@ fn report(job: &Job<'_>, facts: &Facts<'_>, real: &RealCloth, clock: &Clock) -> 
         },
         wales_per_cm: job.shown.wales_per_cm,
         courses_per_cm: job.shown.courses_per_cm,
+        tile: job.tile().map(Tile::numbers),
         yarns: totals.yarns,
         stitches: totals.losses.stitches,
         data_points: totals.data_points,

@@ -9,8 +9,9 @@ use warpknit::fabric::Fabric;
 use warpknit::fabric::yarn::Yarn;
 use warpknit::photo::read_maps;
 use warpknit::render::maps::Maps;
-use warpknit::render::{self, Camera, Painter};
+use warpknit::render::{self, Camera, Choice, Painter};
 use warpknit::scene::{Bounds, Scene, Shape, YarnLook};
+use warpknit::tile::Tile;
 
 use super::args::Shared;
 use super::clock::{Clock, Task};
@@ -113,10 +114,17 @@ pub(super) fn frames(path: &Path, turntable: Option<u32>) -> Vec<PathBuf> {
     (1..=count).map(numbered).collect()
 }
 
-/// Draws the scene and writes it to `paths`: each place's frames in a row.
-pub(super) fn draw(scene: &Scene, shared: &Shared, paths: &[&Path], clock: &mut Clock) -> Result<Pictures> {
+/// Draws the scene, or a tile of the picture, and writes it to `paths`: each place's frames in a row.
+pub(super) fn draw(scene: &Scene, shared: &Shared, tile: Option<Tile>, paths: &[&Path], clock: &mut Clock) -> Result<Pictures> {
     clock.begin(Task::Render, 0.0);
-    let options = options(shared);
+    let mut options = options(shared);
+    if let Some(tile) = tile {
+        options.rows = Some(tile.share(options.height));
+        // What one machine draws and another one draws must fit together, whichever has an adapter.
+        if options.renderer == Choice::Auto {
+            options.renderer = Choice::Cpu;
+        }
+    }
     let count = shared.drawing.turntable.unwrap_or(1);
     let mut painter = Painter::new(scene, &options)?;
     let mut files = Vec::new();

@@ -21,6 +21,7 @@ use crate::knit::mesh::{StructureMesh, vertices};
 use crate::knit::{Knitted, Pattern};
 use crate::locate::{Locator, SurfacePoint};
 use crate::map::{Draped, Mapping, map_into};
+use crate::tile::Tile;
 use crate::yarn::tube::{Section, Tubes};
 use strands::{Edge, Losses, Strands};
 
@@ -142,6 +143,25 @@ impl<'a> Cloth<'a> {
         Self { garment, pattern, thickness, meshes, blocks: Vec::new(), yarns: 0 }
     }
 
+    /// One part's yarns, numbered as they are in the whole. Parts are of consecutive yarns and as even as whole yarns allow: a yarn is where its middle
+    /// stitch is.
+    #[must_use]
+    pub fn part(&self, tile: Tile) -> Self {
+        let twice_all = 2 * self.stitches();
+        let mut before = 0;
+        let mut is_own = |job: &Job| {
+            let twice_middle = 2 * before + job.stitches();
+            before += job.stitches();
+            tile.holds(twice_middle, twice_all)
+        };
+        let own =
+            |block: &BlockPlan| BlockPlan { jobs: block.jobs.iter().filter(|job| is_own(job)).cloned().collect(), ..*block };
+        let blocks: Vec<_> = self.blocks.iter().map(own).filter(|block| !block.jobs.is_empty()).collect();
+        let yarns = blocks.iter().map(|block| block.jobs.len()).sum();
+        let (pattern, thickness, meshes) = (self.pattern.clone(), self.thickness.clone(), self.meshes.clone());
+        Self { garment: self.garment, pattern, thickness, meshes, blocks, yarns }
+    }
+
     /// The repeat that is laid.
     #[must_use]
     pub fn pattern(&self) -> &Pattern {
@@ -152,6 +172,12 @@ impl<'a> Cloth<'a> {
     #[must_use]
     pub fn stitches(&self) -> u64 {
         self.blocks.iter().map(BlockPlan::stitches).sum()
+    }
+
+    /// Blocks that [`run`] will hand over.
+    #[must_use]
+    pub fn blocks(&self) -> usize {
+        self.blocks.len()
     }
 
     /// The garment beneath.
@@ -285,7 +311,7 @@ pub struct Options {
 }
 
 /// Some consecutive yarns of one bar on one panel, after all stages.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Block {
     /// Index of the panel in [`Garment::panels`].
     pub panel: usize,
@@ -400,9 +426,15 @@ fn window(blocks: &[BlockPlan], surface: Option<&Section>) -> usize {
     blocks.iter().take(most).take_while(fits).count().max(1)
 }
 
+impl Job {
+    fn stitches(&self) -> u64 {
+        u64::try_from(self.courses.end - self.courses.start).unwrap_or(0)
+    }
+}
+
 impl BlockPlan {
     fn stitches(&self) -> u64 {
-        self.jobs.iter().map(|job| u64::try_from(job.courses.end - job.courses.start).unwrap_or(0)).sum()
+        self.jobs.iter().map(Job::stitches).sum()
     }
 }
 

@@ -8,8 +8,8 @@ use std::io::Write as _;
 use std::path::Path;
 
 use glam::{DAffine3, DVec3};
-use rayon::prelude::*;
 
+use super::buffer::{Buffer, Conveyor};
 use super::{ExportError, Output, Sink};
 use crate::drape::Block;
 use crate::drape::strands::{CUT, Strand};
@@ -25,6 +25,7 @@ pub const HEADER: &str = "panel,bar,yarn,course,wale,kind,point,triangle,flat_x,
 pub struct CsvWriter<'a> {
     output: Output,
     garment: &'a Garment,
+    conveyor: Conveyor,
 }
 
 impl<'a> CsvWriter<'a> {
@@ -35,14 +36,18 @@ impl<'a> CsvWriter<'a> {
     pub fn create(target: &Path, garment: &'a Garment) -> Result<Self, ExportError> {
         let mut output = Output::create(target)?;
         output.write_with(|file| file.write_all(HEADER.as_bytes()))?;
-        Ok(Self { output, garment })
+        Ok(Self { output, garment, conveyor: Conveyor::default() })
     }
 }
 
 impl Sink for CsvWriter<'_> {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
-        let texts: Vec<String> = blocks.par_iter().map(|block| rows(block, &self.garment.panels[block.panel])).collect();
-        self.output.write_with(|file| texts.iter().try_for_each(|text| file.write_all(text.as_bytes())))
+        let Self { output, garment, conveyor } = self;
+        conveyor.carry(
+            blocks,
+            |block, text| rows(block, &garment.panels[block.panel], text),
+            |text| output.write_with(|file| file.write_all(text)),
+        )
     }
 
     fn finish(self: Box<Self>) -> Result<Output, ExportError> {
@@ -50,19 +55,17 @@ impl Sink for CsvWriter<'_> {
     }
 }
 
-fn rows(block: &Block, panel: &Panel) -> String {
-    let mut text = String::with_capacity(200 * block.strands.sources.len());
+fn rows(block: &Block, panel: &Panel, text: &mut Buffer) {
     for strand in &block.strands.strands {
         for at in strand.points.start as usize..strand.points.end as usize {
             if block.strands.sources[at] != CUT {
-                row(block, strand, at, panel, &mut text).expect("a String takes all text");
+                row(block, strand, at, panel, text).expect("memory takes all text");
             }
         }
     }
-    text
 }
 
-fn row(block: &Block, strand: &Strand, at: usize, panel: &Panel, text: &mut String) -> std::fmt::Result {
+fn row(block: &Block, strand: &Strand, at: usize, panel: &Panel, text: &mut Buffer) -> std::fmt::Result {
     let tag = block.knitted.tags[block.strands.sources[at] as usize];
     let kind = match tag.kind {
         PointKind::Loop => "loop",
@@ -76,8 +79,7 @@ fn row(block: &Block, strand: &Strand, at: usize, panel: &Panel, text: &mut Stri
     for v in [flat, block.draped.positions[at], block.draped.normals[at]] {
         write!(text, ",{},{},{}", v.x, v.y, v.z)?;
     }
-    text.push('\n');
-    Ok(())
+    text.write_char('\n')
 }
 
 /// A flat point in the flat mesh's own axes.

@@ -1,10 +1,8 @@
 //! Tubes as binary glTF 2.0: a node for each bar of each panel, a primitive for each block, metres.
 //!
-//! The JSON chunk comes first in the file but is known last (counts and bounds), so vertices stream to a nameless temporary file
-//! that is appended at the end. Positions, normals and texture coordinates are `f32`, indices `u32`.
+//! The JSON chunk comes first in the file but is known last (counts and bounds), so it gets room for what so many blocks will need, and what it doesn't fill is spaces.
+//! Positions, normals and texture coordinates are `f32`, indices `u32`.
 
-use std::fs::File;
-use std::io::{self, BufWriter, Read, Seek, Write};
 use std::path::Path;
 
 use glam::Vec3;
@@ -16,6 +14,7 @@ use json::validation::USize64;
 use json::{Accessor, Index, Root};
 use rayon::prelude::*;
 
+use super::head::HeadLast;
 use super::{ExportError, Output, Sink};
 use crate::drape::Block;
 use crate::fabric::Fabric;
@@ -25,29 +24,42 @@ const METRES_PER_MM: f32 = 1e-3;
 /// Fibres are rough and no metal.
 const ROUGHNESS: f32 = 0.75;
 /// Header of the file, and of each of its two chunks.
-const HEADERS: u64 = 12 + 8 + 8;
+const HEADERS: usize = BARE_HEADERS + 8;
+/// The same where there is no vertex, and so no second chunk.
+const BARE_HEADERS: usize = 12 + 8;
+/// Room for a block's entries in the JSON: a primitive, four accessors, four views, a mesh and a node if need be. They take about 900.
+const BLOCK_JSON: usize = 1200;
+/// Room for what closes the JSON.
+const LAST_JSON: usize = 200;
 
 /// Writes tubes as glTF.
 #[derive(Debug)]
 pub struct GlbWriter {
-    output: Output,
-    binary: BufWriter<File>,
+    file: HeadLast,
+    /// Bytes of the binary chunk.
     bytes: u64,
     root: Root,
     buffer: Index<json::Buffer>,
     /// Panel and bar of the last mesh.
     current: Option<(usize, usize)>,
+    /// Positions of the blocks at hand in metres, with their bounds.
+    scaled: Vec<Scaled>,
+}
+
+/// A block's positions, m.
+#[derive(Debug, Default)]
+struct Scaled {
+    positions: Vec<Vec3>,
+    low: Vec3,
+    high: Vec3,
 }
 
 impl GlbWriter {
-    /// Starts the file: one material a bar.
+    /// Starts the file: one material a bar. There is room for so many blocks; with more of them the file takes longer to finish.
     ///
     /// # Errors
     /// What the disk says.
-    pub fn create(target: &Path, fabric: &Fabric) -> Result<Self, ExportError> {
-        let output = Output::create(target)?;
-        let folder = output.target().parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let binary = tempfile::tempfile_in(folder).map_err(|source| ExportError::Io { path: target.to_owned(), source })?;
+    pub fn create(target: &Path, fabric: &Fabric, blocks: usize) -> Result<Self, ExportError> {
         let mut root = Root {
             asset: json::Asset {
                 generator: Some(concat!("warpknit ", env!("CARGO_PKG_VERSION")).to_owned()),
@@ -65,14 +77,15 @@ impl GlbWriter {
         for (bar, number) in fabric.bars.iter().zip(1..) {
             root.push(material(&format!("{} bar {number}", fabric.name), bar.yarn.color.linear()));
         }
-        Ok(Self { output, binary: BufWriter::with_capacity(1 << 20, binary), bytes: 0, root, buffer, current: None })
+        let room = (HEADERS + json_text(&root).len() + LAST_JSON + BLOCK_JSON * blocks).next_multiple_of(4);
+        let file = HeadLast::create(target, room)?;
+        Ok(Self { file, bytes: 0, root, buffer, current: None, scaled: Vec::new() })
     }
 
     /// Adds one block's tubes as a primitive.
-    fn add(&mut self, block: &Block, positions: &[Vec3]) -> io::Result<()> {
+    fn add(&mut self, block: &Block, Scaled { positions, low, high }: &Scaled) -> Result<(), ExportError> {
         let tubes = &block.tubes;
         let position = self.vectors(positions, Type::Vec3)?;
-        let (low, high) = positions.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
         let accessor = &mut self.root.accessors[position.value()];
         accessor.min = Some(json::Value::from(low.to_array().to_vec()));
         accessor.max = Some(json::Value::from(high.to_array().to_vec()));
@@ -115,7 +128,7 @@ impl GlbWriter {
         self.root.meshes.last_mut().expect("pushed above")
     }
 
-    fn vectors<T: bytemuck::NoUninit>(&mut self, values: &[T], kind: Type) -> io::Result<Index<Accessor>> {
+    fn vectors<T: bytemuck::NoUninit>(&mut self, values: &[T], kind: Type) -> Result<Index<Accessor>, ExportError> {
         self.array(values, kind, ComponentType::F32, Target::ArrayBuffer)
     }
 
@@ -126,9 +139,9 @@ impl GlbWriter {
         kind: Type,
         component: ComponentType,
         target: Target,
-    ) -> io::Result<Index<Accessor>> {
+    ) -> Result<Index<Accessor>, ExportError> {
         let bytes: &[u8] = bytemuck::cast_slice(values);
-        self.binary.write_all(bytes)?;
+        self.file.write(bytes)?;
         let view = self.root.push(json::buffer::View {
             buffer: self.buffer,
             byte_length: USize64::from(bytes.len()),
@@ -156,9 +169,13 @@ impl GlbWriter {
         }))
     }
 
-    /// The JSON chunk, padded with spaces to a multiple of 4 bytes.
+    /// The JSON chunk, filled up with spaces to its room or else to a multiple of 4 bytes.
     fn json_chunk(&mut self) -> Vec<u8> {
         self.root.buffers[self.buffer.value()].byte_length = USize64(self.bytes);
+        if self.bytes == 0 {
+            // The format knows no empty buffers.
+            self.root.buffers.clear();
+        }
         let nodes = (0..self.root.nodes.len()).map(|node| Index::new(index32(node))).collect();
         let scene = self.root.push(json::Scene {
             name: Some("warpknit".to_owned()),
@@ -167,50 +184,68 @@ impl GlbWriter {
             extras: json::Extras::default(),
         });
         self.root.scene = Some(scene);
-        let mut text = json::serialize::to_vec(&self.root).expect("numbers here are finite and keys are text");
-        text.resize(text.len().next_multiple_of(4), b' ');
+        let mut text = json_text(&self.root);
+        text.resize(text.len().next_multiple_of(4).max(self.file.room() - self.headers()), b' ');
         text
     }
 }
 
 impl Sink for GlbWriter {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
-        let metres = |block: &Block| block.tubes.positions.iter().map(|p| *p * METRES_PER_MM).collect();
-        let positions: Vec<Vec<Vec3>> = blocks.par_iter().map(metres).collect();
-        for (block, positions) in blocks.iter().zip(&positions) {
-            if !positions.is_empty() {
-                let path = self.output.target().to_owned();
-                self.add(block, positions).map_err(|source| ExportError::Io { path, source })?;
+        let mut scaled = std::mem::take(&mut self.scaled);
+        scaled.resize_with(blocks.len().max(scaled.len()), Scaled::default);
+        blocks.par_iter().zip(&mut scaled).for_each(|(block, scaled)| scaled.fill(&block.tubes.positions));
+        for (block, scaled) in blocks.iter().zip(&scaled) {
+            if !scaled.positions.is_empty() {
+                self.add(block, scaled)?;
             }
         }
-        if self.bytes > u64::from(u32::MAX) {
-            return Err(ExportError::TooLarge { path: self.output.target().to_owned(), bytes: self.bytes });
-        }
-        Ok(())
+        self.scaled = scaled;
+        self.within_limit(self.bytes).map(drop)
     }
 
     fn finish(mut self: Box<Self>) -> Result<Output, ExportError> {
         let text = self.json_chunk();
-        let length = HEADERS + text.len() as u64 + self.bytes;
-        let too_large = || ExportError::TooLarge { path: self.output.target().to_owned(), bytes: length };
-        let length = u32::try_from(length).map_err(|_over_4_gib| too_large())?;
-        let Self { mut output, binary, bytes, .. } = *self;
-        output.write_with(|file| {
-            let mut binary = binary.into_inner()?;
-            binary.rewind()?;
-            file.write_all(b"glTF")?;
-            for word in [2, length, index32(text.len())] {
-                file.write_all(&word.to_le_bytes())?;
-            }
-            file.write_all(b"JSON")?;
-            file.write_all(&text)?;
-            file.write_all(&index32(usize::try_from(bytes).expect("checked against 4 GiB")).to_le_bytes())?;
-            file.write_all(b"BIN\0")?;
-            io::copy(&mut binary.take(bytes), file)?;
-            Ok(())
-        })?;
-        output.seal()
+        let length = self.within_limit((self.headers() + text.len()) as u64 + self.bytes)?;
+        let binary = self.within_limit(self.bytes)?;
+        let mut head = Vec::with_capacity(HEADERS + text.len());
+        head.extend_from_slice(b"glTF");
+        for word in [2, length, index32(text.len())] {
+            head.extend_from_slice(&word.to_le_bytes());
+        }
+        head.extend_from_slice(b"JSON");
+        head.extend_from_slice(&text);
+        if binary > 0 {
+            head.extend_from_slice(&binary.to_le_bytes());
+            head.extend_from_slice(b"BIN\0");
+        }
+        self.file.finish(&head)
     }
+}
+
+impl GlbWriter {
+    /// Bytes of the headers that the file has.
+    fn headers(&self) -> usize {
+        if self.bytes > 0 { HEADERS } else { BARE_HEADERS }
+    }
+
+    /// A number of bytes that the format can hold.
+    fn within_limit(&self, bytes: u64) -> Result<u32, ExportError> {
+        u32::try_from(bytes).map_err(|_over_4_gib| ExportError::TooLarge { path: self.file.target().to_owned(), bytes })
+    }
+}
+
+impl Scaled {
+    fn fill(&mut self, positions: &[Vec3]) {
+        self.positions.clear();
+        self.positions.extend(positions.iter().map(|position| *position * METRES_PER_MM));
+        let bounds = |(low, high): (Vec3, Vec3), position: &Vec3| (low.min(*position), high.max(*position));
+        (self.low, self.high) = self.positions.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), bounds);
+    }
+}
+
+fn json_text(root: &Root) -> Vec<u8> {
+    json::serialize::to_vec(root).expect("numbers here are finite and keys are text")
 }
 
 fn material(name: &str, [r, g, b]: [f32; 3]) -> json::Material {

@@ -4,11 +4,15 @@
 //! temporary file beside its target ([`Output`]) and takes the target's name only when every output of the run is whole, so a failed run
 //! leaves no partial file and the old one stays.
 
+mod buffer;
 pub mod csv;
+mod digits;
 mod folder;
 pub mod glb;
+mod head;
 pub mod obj;
 mod output;
+pub mod ply;
 pub mod png;
 
 use std::path::{Path, PathBuf};
@@ -16,6 +20,9 @@ use std::path::{Path, PathBuf};
 use crate::drape::Block;
 pub use folder::OutputFolder;
 pub use output::Output;
+
+/// Binary formats take numbers as they lie in memory.
+const _: () = assert!(cfg!(target_endian = "little"), ".glb and .ply are little-endian");
 
 /// A writer that takes a run's blocks as they come.
 pub trait Sink {
@@ -41,6 +48,8 @@ pub enum Format {
     Glb,
     /// Wavefront OBJ.
     Obj,
+    /// Binary PLY.
+    Ply,
     /// Data points.
     Csv,
     /// The run's report.
@@ -58,6 +67,7 @@ impl Format {
             Some("png") => Ok(Self::Png),
             Some("glb") => Ok(Self::Glb),
             Some("obj") => Ok(Self::Obj),
+            Some("ply") => Ok(Self::Ply),
             Some("csv") => Ok(Self::Csv),
             Some("json") => Ok(Self::Json),
             _ => Err(ExportError::UnknownEnding(path.to_owned())),
@@ -69,7 +79,7 @@ impl Format {
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
     /// No writer for that ending.
-    #[error("{}: no writer for this ending; known are .png .glb .obj .csv .json", .0.display())]
+    #[error("{}: no writer for this ending; known are .png .glb .obj .ply .csv .json", .0.display())]
     UnknownEnding(PathBuf),
     /// The disk said no.
     #[error("{}: can't write", path.display())]
@@ -86,5 +96,13 @@ pub enum ExportError {
         path: PathBuf,
         /// What it would take.
         bytes: u64,
+    },
+    /// More vertices than the format numbers.
+    #[error("{}: {vertices} vertices are more than the 2^32 that a .ply numbers; lower --st or --sr, or write .obj", path.display())]
+    TooMany {
+        /// The target.
+        path: PathBuf,
+        /// How many there would be.
+        vertices: u64,
     },
 }

@@ -1,12 +1,14 @@
-//! Tubes as Wavefront OBJ: one object a strand, with texture coordinates and normals, mm.
+//! Tubes as Wavefront OBJ: one object a strand, with texture coordinates and normals, mm, to four decimals.
 
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::ops::Range;
 use std::path::Path;
 
-use rayon::prelude::*;
+use glam::{Vec2, Vec3};
 
+use super::buffer::{Buffer, Conveyor};
+use super::digits::{LINE, Line, decimal, thrice, word};
 use super::{ExportError, Output, Sink};
 use crate::drape::Block;
 
@@ -15,7 +17,8 @@ use crate::drape::Block;
 pub struct ObjWriter {
     output: Output,
     /// Vertices written so far.
-    vertices: usize,
+    vertices: u64,
+    conveyor: Conveyor,
 }
 
 impl ObjWriter {
@@ -26,21 +29,24 @@ impl ObjWriter {
     pub fn create(target: &Path) -> Result<Self, ExportError> {
         let mut output = Output::create(target)?;
         output.write_with(|file| file.write_all(b"# yarns by warpknit, mm\n"))?;
-        Ok(Self { output, vertices: 0 })
+        Ok(Self { output, vertices: 0, conveyor: Conveyor::default() })
     }
 }
 
 impl Sink for ObjWriter {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
-        let firsts = blocks.iter().scan(self.vertices, |next, block| {
-            let first = *next;
-            *next += block.tubes.positions.len();
-            Some(first)
-        });
-        let numbered: Vec<_> = blocks.iter().zip(firsts).collect();
-        let texts: Vec<String> = numbered.into_par_iter().map(|(block, first)| objects(block, first)).collect();
-        self.vertices += blocks.iter().map(|block| block.tubes.positions.len()).sum::<usize>();
-        self.output.write_with(|file| texts.iter().try_for_each(|text| file.write_all(text.as_bytes())))
+        let Self { output, vertices, conveyor } = self;
+        let number = |block| {
+            let first = *vertices;
+            *vertices += block_vertices(block);
+            (block, first)
+        };
+        let numbered: Vec<_> = blocks.iter().map(number).collect();
+        conveyor.carry(
+            &numbered,
+            |(block, first), text| objects(block, *first, text),
+            |text| output.write_with(|file| file.write_all(text)),
+        )
     }
 
     fn finish(self: Box<Self>) -> Result<Output, ExportError> {
@@ -48,32 +54,61 @@ impl Sink for ObjWriter {
     }
 }
 
-/// The objects of a block whose first vertex is the file's `first`, counted from 0.
-fn objects(block: &Block, first: usize) -> String {
-    let mut text = String::with_capacity(100 * block.tubes.positions.len());
-    for (strand, tube) in block.strands.strands.iter().zip(&block.tubes.strands) {
-        let (panel, bar, yarn) = (block.panel, block.bar + 1, strand.yarn.0);
-        writeln!(text, "o panel{panel}_bar{bar}_yarn{yarn}").expect("a String takes all text");
-        object(block, tube, first, &mut text).expect("a String takes all text");
-    }
-    text
+fn block_vertices(block: &Block) -> u64 {
+    block.tubes.positions.len() as u64
 }
 
-fn object(block: &Block, (vertices, triangles): &(Range<u32>, Range<u32>), first: usize, text: &mut String) -> std::fmt::Result {
+/// The objects of a block whose first vertex is the file's `first`, counted from 0.
+fn objects(block: &Block, first: u64, text: &mut Buffer) {
+    for (strand, tube) in block.strands.strands.iter().zip(&block.tubes.strands) {
+        let (panel, bar, yarn) = (block.panel, block.bar + 1, strand.yarn.0);
+        writeln!(text, "o panel{panel}_bar{bar}_yarn{yarn}").expect("memory takes all text");
+        object(block, tube, first, text);
+    }
+}
+
+fn object(block: &Block, (vertices, triangles): &(Range<u32>, Range<u32>), first: u64, text: &mut Buffer) {
     let tubes = &block.tubes;
     let vertices = vertices.start as usize..vertices.end as usize;
-    for p in &tubes.positions[vertices.clone()] {
-        writeln!(text, "v {} {} {}", p.x, p.y, p.z)?;
+    for &Vec3 { x, y, z } in &tubes.positions[vertices.clone()] {
+        line(text, "v", [x, y, z]);
     }
-    for uv in &tubes.uvs[vertices.clone()] {
-        writeln!(text, "vt {} {}", uv.x, uv.y)?;
+    for &Vec2 { x, y } in &tubes.uvs[vertices.clone()] {
+        line(text, "vt", [x, y]);
     }
-    for n in &tubes.normals[vertices] {
-        writeln!(text, "vn {} {} {}", n.x, n.y, n.z)?;
+    for &Vec3 { x, y, z } in &tubes.normals[vertices] {
+        line(text, "vn", [x, y, z]);
     }
-    for t in &tubes.triangles[triangles.start as usize..triangles.end as usize] {
-        let [a, b, c] = t.map(|v| v as usize + first + 1);
-        writeln!(text, "f {a}/{a}/{a} {b}/{b}/{b} {c}/{c}/{c}")?;
+    for triangle in &tubes.triangles[triangles.start as usize..triangles.end as usize] {
+        face(text, triangle.map(|vertex| u64::from(vertex) + first + 1));
     }
-    Ok(())
+}
+
+/// A line of numbers behind its keyword.
+fn line<const N: usize>(text: &mut Buffer, keyword: &str, numbers: [f32; N]) {
+    add_line(text, |line| {
+        let mut at = keyword.bytes().fold(0, |at, letter| word(line, at, u64::from(letter), 1));
+        for number in numbers {
+            at = word(line, at, u64::from(b' '), 1);
+            at = decimal(line, at, number);
+        }
+        at
+    });
+}
+
+/// A triangle whose positions, texture coordinates and normals have the same numbers.
+fn face(text: &mut Buffer, corners: [u64; 3]) {
+    add_line(text, |line| {
+        let at = word(line, 0, u64::from(b'f'), 1);
+        corners.into_iter().fold(at, |at, corner| thrice(line, at, corner, *b" //"))
+    });
+}
+
+/// Adds what `fill` puts into a line and says the length of.
+#[inline]
+fn add_line(text: &mut Buffer, fill: impl FnOnce(&mut Line) -> usize) {
+    let line = text.grow(LINE).first_chunk_mut().expect("grown by as much");
+    let length = fill(line);
+    let length = word(line, length, u64::from(b'\n'), 1);
+    text.shrink(LINE - length);
 }

@@ -8,8 +8,8 @@ use tempfile::{NamedTempFile, TempPath};
 
 use super::ExportError;
 
-/// Buffer of an output: large enough that the system is rarely called.
-const BUFFER: usize = 1 << 20;
+/// Buffer of an output: large enough that the system is rarely called, and small enough that what a writer has made whole goes to it at once, uncopied.
+pub(super) const BUFFER: usize = 1 << 16;
 
 /// A file being written beside its target, or the target itself where that is no regular file (a pipe, `/dev/stdout`).
 ///
@@ -49,6 +49,11 @@ impl Output {
     #[must_use]
     pub fn target(&self) -> &Path {
         &self.target
+    }
+
+    /// Whether it can go back to what is written: a pipe can't.
+    pub(super) fn is_regular(&self) -> bool {
+        self.temporary.is_some()
     }
 
     /// Bytes of `write`'s making, its error told with the target's name.

@@ -36,6 +36,8 @@ pub use light::Light;
 pub use painter::{Choice, Painter};
 pub use tone::Background;
 
+use std::ops::Range;
+
 use crate::scene::Scene;
 use image::RgbaImage;
 
@@ -46,6 +48,8 @@ pub struct Options {
     pub width: u32,
     /// Pixels down.
     pub height: u32,
+    /// Which rows of the picture are wanted, all if none are named. Seen is what the whole picture shows there, to the byte.
+    pub rows: Option<Range<u32>>,
     /// What draws.
     pub renderer: Choice,
     /// Samples a pixel, at least 1. Where yarns are drawn as triangles, what goes beyond `samples` is made up by drawing larger.
@@ -76,6 +80,14 @@ impl Options {
     pub fn aspect(&self) -> f64 {
         f64::from(self.width.max(1)) / f64::from(self.height.max(1))
     }
+
+    /// The rows that are wanted and there.
+    #[must_use]
+    pub fn rows(&self) -> Range<u32> {
+        let rows = self.rows.clone().unwrap_or(0..self.height);
+        let end = rows.end.min(self.height);
+        rows.start.min(end)..end
+    }
 }
 
 impl Default for Options {
@@ -83,6 +95,7 @@ impl Default for Options {
         Self {
             width: 1600,
             height: 1200,
+            rows: None,
             renderer: Choice::Cpu,
             spp: 4,
             sky_rays: 2,

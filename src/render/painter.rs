@@ -3,7 +3,7 @@
 //! In: a scene, and [`Choice`]. Out: pictures, and the name of what drew them. `Auto` takes a hardware adapter and never a software one,
 //! which is slower than tracing rays; whatever goes wrong there, the processor draws instead, and [`Painter::notice`] says why.
 
-use image::RgbaImage;
+use image::{RgbaImage, imageops};
 
 use super::gpu::{Gpu, GpuError, Renderer, Yarns};
 use super::{Camera, Options, cpu};
@@ -118,7 +118,9 @@ impl Uploaded {
                 coarser.insert((st, self.renderer.load(scene, st)?))
             }
         };
-        self.renderer.draw(yarns, camera, options)
+        let whole = self.renderer.draw(yarns, camera, options)?;
+        let rows = options.rows();
+        Ok(imageops::crop_imm(&whole, 0, rows.start, options.width, rows.end - rows.start).to_image())
     }
 }
 

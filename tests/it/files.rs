@@ -5,6 +5,8 @@ use std::path::Path;
 use assert_cmd::Command;
 use serde_json::Value;
 
+use crate::readback;
+
 /// Runs `warpknit` in a folder; the report's JSON.
 fn knit(folder: &Path, arguments: &[&str]) -> Value {
     let mut command = Command::cargo_bin("warpknit").unwrap();
@@ -72,6 +74,32 @@ fn obj_reads_back_with_an_object_a_yarn() {
 }
 
 #[test]
+fn ply_holds_what_the_obj_of_the_same_run_holds_and_the_colours() {
+    let folder = tempfile::tempdir().unwrap();
+    for caps in [&[][..], &["--caps"]] {
+        let report = knit(folder.path(), &[&SWATCH[..], &["-o", "s.ply", "-o", "s.obj", "-o", "s.glb"], caps].concat());
+        let ply = readback::ply(&folder.path().join("s.ply"));
+        let counts = (ply.positions.len(), ply.triangles.len());
+        assert_eq!(counts, (count(&report["surface"], "vertices"), count(&report["surface"], "triangles")));
+        let (obj, glb) = (readback::obj(&folder.path().join("s.obj")), readback::glb(&folder.path().join("s.glb")));
+        assert_eq!((&ply.triangles, &ply.triangles), (&obj.triangles, &glb.triangles));
+        // Text has four decimals, and .glb is in metres.
+        let near = |a: &[f32], b: &[f32], least: f32| a.iter().zip(b).all(|(a, b)| (a - b).abs() < least);
+        assert!(near(ply.positions.as_flattened(), obj.positions.as_flattened(), 0.6e-4));
+        assert!(near(ply.normals.as_flattened(), obj.normals.as_flattened(), 0.6e-4));
+        assert!(near(ply.uvs.as_flattened(), obj.uvs.as_flattened(), 0.6e-4));
+        assert_eq!((&ply.normals, &ply.uvs), (&glb.normals, &glb.uvs));
+        for (ply, (obj, glb)) in ply.bounds(1.0).iter().zip(obj.bounds(1.0).iter().zip(&glb.bounds(1e3))) {
+            assert!(near(ply, obj, 0.6e-4) && near(ply, glb, 1e-5), "{ply:?} {obj:?} {glb:?}");
+        }
+        let tricot = warpknit::fabric::Fabric::named("tricot").unwrap();
+        let (front, back) = (tricot.bars[0].yarn.color.0, tricot.bars[1].yarn.color.0);
+        assert_eq!((ply.colors[0], *ply.colors.last().unwrap()), (front, back));
+        assert!(ply.colors.chunk_by(|a, b| a == b).count() <= 2);
+    }
+}
+
+#[test]
 fn csv_has_the_contracts_columns_a_row_a_point_and_numbers_that_read_back() {
     let folder = tempfile::tempdir().unwrap();
     let report = knit(folder.path(), &[&SWATCH[..], &["-o", "s.csv"]].concat());
@@ -101,7 +129,7 @@ fn the_report_has_the_contracts_keys_in_their_order() {
     let text = std::fs::read_to_string(folder.path().join("report.json")).unwrap();
     let keys: Vec<&str> =
         text.lines().filter_map(|line| line.trim().strip_prefix('"')?.split_once("\":").map(|(key, _)| key)).collect();
-    let contract = "warpknit fabric garment panels triangles unit uv_scale_mm warnings wales_per_cm courses_per_cm yarns stitches \
+    let contract = "warpknit fabric garment panels triangles unit uv_scale_mm warnings wales_per_cm courses_per_cm tile yarns stitches \
         data_points points_off_panel stitches_clipped surface shape st sr radius_mm triangles_per_stitch triangles vertices timings_ms read \
         knit locate map surface render write total clearance min_over_2r pairs_below_1 sweeps draped plane_ms curved_ms threads peak_memory_mb renderer \
         cloth mass_g_m2 yarn_length_m run_in_mm_per_rack thickness_mm cover_factor porosity stretch_warp stretch_weft";

@@ -24,9 +24,11 @@ mod malformed;
 mod map;
 mod nets;
 mod photo;
+mod readback;
 mod relax;
 mod render;
 mod ribbon;
+mod tile;
 #[cfg(all(feature = "view", target_os = "linux"))]
 mod view;
 mod weft;

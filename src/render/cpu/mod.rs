@@ -2,7 +2,7 @@
 //!
 //! In: the same as every renderer's. Out: the picture. What a sample of a pixel sees is found by tracing rays (`near`), or where all yarns are
 //! thinner than pixels by drawing their pieces (`far`). Rows are lit in parallel and no sample depends on another, so that any number of threads
-//! gives the same bytes.
+//! gives the same bytes, and some rows of a picture are drawn alone as they are in the whole.
 
 mod far;
 mod film;
@@ -34,32 +34,36 @@ const TILE: u32 = 8;
 #[must_use]
 pub fn render(scene: &Scene, camera: &Camera, options: &Options, progress: &(dyn Fn(f32) + Sync)) -> RgbaImage {
     let (width, height) = (options.width, options.height);
-    let mut picture = RgbaImage::new(width, height);
+    let wanted = options.rows();
+    let mut picture = RgbaImage::new(width, wanted.end - wanted.start);
+    // A pixel needs the samples of the rows next to its own, which count even where they are not wanted.
+    let lit = lit_rows(options);
     let mut looking = scene.bounds().map(|bounds| match Far::new(scene, &bounds, camera, options) {
         Some(far) => Looking::Far(far),
         None => Looking::Near(Near::new(scene, &bounds, camera, options)),
     });
     let done = AtomicU32::new(0);
-    // A pixel needs the rows next to its own, so the last two rows of a band wait for the next one.
-    let mut rows = vec![Splats::new(width)];
+    // So the last two rows of a band wait for the next one. Beyond the picture's edges nothing is.
+    let mut rows = Vec::new();
+    rows.extend((wanted.start == 0).then(|| Splats::new(width)));
     let row_bytes = (width as usize * 4).max(1);
     let mut unwritten = picture.as_mut();
     let band_rows = TILE * index32(TILES_A_THREAD * rayon::current_num_threads());
-    for band in (0..height).step_by(band_rows as usize) {
-        let end = height.min(band.saturating_add(band_rows));
+    for band in lit.clone().step_by(band_rows as usize) {
+        let end = lit.end.min(band.saturating_add(band_rows));
         if let Some(looking) = &mut looking {
             looking.look_at(&(band..end));
         }
         let light = |first: u32| {
-            let rows = light(looking.as_ref(), first..height.min(first.saturating_add(TILE)), width);
+            let rows = light(looking.as_ref(), first..end.min(first.saturating_add(TILE)), width);
             for _ in &rows {
-                progress(share(done.fetch_add(1, Ordering::Relaxed) + 1, height));
+                progress(share(done.fetch_add(1, Ordering::Relaxed) + 1, lit.end - lit.start));
             }
             rows
         };
         let tiles: Vec<_> = (band..end).into_par_iter().step_by(TILE as usize).map(light).collect();
         rows.extend(tiles.into_iter().flatten());
-        if end == height {
+        if end == lit.end && wanted.end == height {
             rows.push(Splats::new(width));
         }
         let (written, rest) = unwritten.split_at_mut((rows.len() - 2) * width as usize * 4);
@@ -72,6 +76,12 @@ pub fn render(scene: &Scene, camera: &Camera, options: &Options, progress: &(dyn
         rows.drain(..rows.len() - 2);
     }
     picture
+}
+
+/// The rows that are wanted and those next to them, if any are.
+fn lit_rows(options: &Options) -> Range<u32> {
+    let wanted = options.rows();
+    if wanted.is_empty() { wanted } else { wanted.start.saturating_sub(1)..options.height.min(wanted.end + 1) }
 }
 
 /// Lights the pixels of some rows, square after square.

@@ -19,7 +19,7 @@ use glam::{Vec2, Vec3, Vec4};
 use super::film::Splats;
 use super::lit::{Sky, Spot, direct, mapped, opaque};
 use super::sample::{Purpose, Sampler};
-use super::{is_thin, narrow};
+use super::{is_thin, lit_rows, narrow};
 use crate::render::light::Rig;
 use crate::render::shade::Surface;
 use crate::render::{Camera, Options, ply};
@@ -82,7 +82,7 @@ impl<'a> Far<'a> {
         // What was seen before goes first, since both may not fit.
         self.seen = None;
         let height = self.options.height;
-        let end = rows.end.max(height.min(rows.start.saturating_add(Nearest::most_rows(self.options))));
+        let end = rows.end.max(lit_rows(self.options).end.min(rows.start.saturating_add(Nearest::most_rows(self.options))));
         let around = rows.start.saturating_sub(MARGIN)..height.min(end + MARGIN);
         let nearest = Nearest::new(&self.pieces, &self.screen, self.options, around);
         let layers = Layers::of(&nearest, self.pieces.scene.radii().0);
