@@ -7,10 +7,11 @@ use std::path::Path;
 
 use glam::{DAffine3, DVec2, DVec3};
 use warpknit::fabric::Fabric;
-use warpknit::garment::Panel;
+use warpknit::garment::{Garment, Panel, ReadOptions, read};
 use warpknit::ids::FaceId;
 use warpknit::knit::mesh::StructureMesh;
 use warpknit::knit::{Knitted, Pattern};
+use warpknit::yarn::tube::Section;
 
 const SIZE: DVec2 = DVec2::new(600.0, 800.0);
 /// Meshes by what they are called: cells across and along.
@@ -62,10 +63,7 @@ pub(crate) fn points(name: &str) -> Points {
         return Points { points, yarn: 8 * wales, stitch: 8 };
     }
     let stitches = POINTS.iter().find(|(known, _)| *known == name).expect("one of the sizes").1;
-    let tricot = Fabric::named("tricot").expect("built in");
-    let times = (2.0 * SIZE.x * SIZE.y / (tricot.wale_spacing() * tricot.course_spacing()) / stitches).sqrt();
-    let (wales, courses) = (tricot.wales_per_cm / times, tricot.courses_per_cm / times);
-    knitted(&tricot.at_densities(wales, courses).expect("positive"))
+    knitted(&tricot_for(SIZE.x * SIZE.y, stitches))
 }
 
 /// The yarns of a fabric that lie within the panel whole.
@@ -83,6 +81,31 @@ fn knitted(fabric: &Fabric) -> Points {
     let points: Vec<_> = knitted.points.iter().map(|p| p.clamp(low, high).as_vec3().to_array()).collect();
     // Every stitch of tricot is a loop and the two turns of its underlap.
     Points { points, yarn: 10 * pattern.steps_along(0, 0.0..room.y).count(), stitch: 10 }
+}
+
+/// Our own skirt.
+pub(crate) fn skirt() -> Garment {
+    let meshes = Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes");
+    let read = read(&meshes.join("skirt_flat.obj"), Some(&meshes.join("skirt_draped.obj")), &ReadOptions::default());
+    read.expect("a shipped garment")
+}
+
+/// Its area that takes stitches, mm².
+pub(crate) fn area(garment: &Garment) -> f64 {
+    garment.panels.iter().map(Panel::area).sum()
+}
+
+/// Tricot at densities that give it about so many stitches on an area, mm².
+pub(crate) fn tricot_for(area: f64, stitches: f64) -> Fabric {
+    let fabric = Fabric::named("tricot").expect("built in");
+    let times = (2.0 * area / (fabric.wale_spacing() * fabric.course_spacing()) / stitches).sqrt();
+    let (wales, courses) = (fabric.wales_per_cm / times, fabric.courses_per_cm / times);
+    fabric.at_densities(wales, courses).expect("positive")
+}
+
+/// St 10, Sr 5: the least of the source paper's table.
+pub(crate) fn section(fabric: &Fabric) -> Section {
+    Section { st: 10, sr: 5, radius: fabric.radius(), flatten: 1.0, caps: false, texture_per_mm: 1.0 }
 }
 
 /// Cells with random diagonals and moved corners, triangles and vertices in random order.

@@ -7,6 +7,7 @@ mod locate;
 mod render;
 mod tube;
 mod whole;
+mod write;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 
@@ -21,6 +22,6 @@ fn configured() -> Criterion<CpuTime> {
 criterion_group! {
     name = benches;
     config = configured();
-    targets = knit::benches, locate::benches, tube::benches, whole::benches, render::benches
+    targets = knit::benches, locate::benches, tube::benches, write::benches, whole::benches, render::benches
 }
 criterion_main!(benches);
