@@ -1,23 +1,88 @@
 #!/usr/bin/env bash
-# What a user would take instead, timed in turn with warpknit on the same yarns: ratios of the CPU time of one thread, medians of several runs.
+# What a user would take instead, timed in turn with warpknit on the same inputs: ratios of the CPU time of one thread, medians of several runs.
 #
 #     benches/against_peers.sh PEERS
 #
-# PEERS is a folder with three_tube.mjs and node_modules/three in it (npm i three). A peer that isn't there is named and left out.
+# PEERS is a folder with make_inputs.py and what there is of embree_locate (built), numpy_tube.py, three_tube.mjs and node_modules/three (npm i three).
+# A peer that isn't there is named and left out. PYTHON names a python3 with numpy; PEER_INPUTS a folder of inputs that are made already.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-[ $# -eq 1 ] || { sed -n '2,6s/^# \{0,1\}//p' "$0" >&2; exit 2; }
+[ $# -eq 1 ] || { sed -n '2,7s/^# \{0,1\}//p' "$0" >&2; exit 2; }
 peers=$(realpath "$1")
-inputs=$(mktemp -d)
-trap 'rm -rf "$inputs"' EXIT
+python=${PYTHON:-python3}
+scratch=$(mktemp -d)
+trap 'rm -rf "$scratch"' EXIT
 
 cargo build --quiet --release
+cargo bench --quiet --no-run
 warpknit() { cargo run --quiet --release -- "$@"; }
+left_out() { echo "$1: no $2 in $peers; left out"; }
+
+if [ -z "${PEER_INPUTS:-}" ]; then
+    if [ -f "$peers/make_inputs.py" ] && "$python" -c 'import numpy' 2>"$scratch/why"; then
+        PEER_INPUTS=$scratch/inputs
+        "$python" "$peers/make_inputs.py" "$PEER_INPUTS"
+    else
+        echo "inputs: no make_inputs.py in $peers, or no numpy in $python; locate and tubes are left out"
+    fi
+fi
+export PEER_INPUTS=${PEER_INPUTS:-}
+
+# Milliseconds of CPU of one of our benches, by its name.
+bench() {
+    cargo bench --quiet --bench pipeline -- --output-format bencher "^$1\$" 2>"$scratch/log" |
+        awk '/ns\/iter/ { for (i = 1; i <= NF; i++) if ($i == "ns/iter") { gsub(",", "", $(i - 1)); print $(i - 1) / 1e6 } }'
+}
+# A number of a peer's JSON line.
+field() { sed "s/.*\"$1\": *\([0-9.]*\).*/\1/"; }
+# A row: what, ours, theirs.
+row() { awk -v what="$1" -v own="$2" -v other="$3" 'BEGIN { printf "%-34s %10.2f %10.2f %8.1f\n", what, own, other, other / own }'; }
+head() { printf '\n%-34s %10s %10s %8s\n' "$1" warpknit "$2" times; }
+
+locate() {
+    [ -x "$peers/embree_locate" ] || { left_out Embree embree_locate; return; }
+    head "locate, build and query, ms" "Embree x16"
+    for pair in 20k/26180 20k/1m 200k/26180 200k/1m; do
+        own=$(bench "locate/$pair")
+        other=$("$peers/embree_locate" "$PEER_INPUTS" "${pair%/*}" "${pair#*/}" | field total_ms)
+        row "$pair triangles/stitches" "$own" "$other"
+    done
+}
+
+# No peer: what mapping adds to location, for each point.
+map() {
+    printf '\n%-34s %10s\n' "map after locate, ns a point" warpknit
+    local points
+    points=$(($(stat -c %s "$PEER_INPUTS/points_1m.bin") / 12))
+    for mapping in frame smooth; do
+        awk -v both="$(bench "locate and map $mapping/20k/1m")" -v own="$(bench locate/20k/1m)" -v points="$points" -v what="$mapping" \
+            'BEGIN { printf "%-34s %10.2f\n", what, (both - own) * 1e6 / points }'
+    done
+}
+
+tubes() {
+    head "tubes, 26180 stitches 10 x 5, ms" peer
+    if [ -f "$peers/numpy_tube.py" ]; then
+        own=$(bench "tubes streamed/26180/10x5")
+        row "numpy" "$own" "$("$python" "$peers/numpy_tube.py" "$PEER_INPUTS" 26180 10 5 | field cpu_ms)"
+    else
+        left_out numpy numpy_tube.py
+    fi
+    if has_three; then
+        own=$(bench "tubes streamed/26180/10x5")
+        row "three.js" "$own" "$(three "$PEER_INPUTS" 26180 10)"
+    fi
+}
+
+has_three() {
+    [ -f "$peers/three_tube.mjs" ] && [ -d "$peers/node_modules/three" ] || { left_out three.js "three_tube.mjs with node_modules/three"; return 1; }
+}
+three() { (cd "$peers" && node --expose-gc three_tube.mjs "$1" "$2" "$3" 5) | field cpu_ms; }
 
 # The eight named points of each loop of a plain weft knit of N x N loops, as three_tube.mjs reads them.
 weft_points() {
-    warpknit swatch --fabric jersey --wales "$1" --courses "$1" --quiet -o "$inputs/points.csv" >"$inputs/numbers"
-    node - "$inputs" "$1" <<'JS'
+    warpknit swatch --fabric jersey --wales "$1" --courses "$1" --quiet -o "$scratch/points.csv" >"$scratch/numbers"
+    node - "$scratch" "$1" <<'JS'
 const fs = require('fs');
 const [, , dir, side] = process.argv;
 const [head, ...rows] = fs.readFileSync(`${dir}/points.csv`, 'utf8').trim().split('\n').map((row) => row.split(','));
@@ -31,20 +96,22 @@ fs.writeFileSync(`${dir}/points_${side}.txt`, `${side} ${side}\n`);
 JS
 }
 
-# Milliseconds of CPU of ours, by the table; measured anew for each row, so that both sides of a row run one after the other.
-ours() { warpknit bench --weft --threads 1 --quiet | awk -v side="$1" -v st="$2" '$1 == side && $4 == st { print $9 }'; }
-
-if [ -f "$peers/three_tube.mjs" ] && [ -d "$peers/node_modules/three" ]; then
-    echo "plain weft knits from motif to tubes (Sr 5), ms of CPU: warpknit, three.js TubeGeometry (from points to tubes alone), times"
+# Plain weft knits from motif to tubes; three.js starts from points. Ours is measured anew for each row, so that both sides run one after the other.
+weft() {
+    has_three || return 0
+    head "weft, loops and segments, ms" three.js
     for side in 20 50 100; do
         weft_points "$side"
         for st in 15 20 50; do
-            own=$(ours "$side" "$st")
-            other=$(cd "$peers" && node --expose-gc three_tube.mjs "$inputs" "$side" "$st" 5 | sed 's/.*"cpu_ms":\([0-9.]*\).*/\1/')
-            awk -v side="$side" -v st="$st" -v own="$own" -v other="$other" \
-                'BEGIN { printf "%3d x %-3d  %2d segments  %9.2f  %9.2f  %6.1f\n", side, side, st, own, other, other / own }'
+            own=$(warpknit bench --weft --threads 1 --quiet | awk -v side="$side" -v st="$st" '$1 == side && $4 == st { print $9 }')
+            row "$side x $side, $st" "$own" "$(three "$scratch" "$side" "$st")"
         done
     done
-else
-    echo "three.js: no three_tube.mjs with node_modules/three in $peers; left out"
+}
+
+if [ -n "$PEER_INPUTS" ]; then
+    locate
+    map
+    tubes
 fi
+weft
