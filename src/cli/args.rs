@@ -10,12 +10,12 @@ use warpknit::export::Format;
 use warpknit::garment::Unit;
 use warpknit::render::Background;
 
+use super::bench::{BenchFormat, Subject};
 #[cfg(feature = "view")]
 use super::values::picture;
-use super::bench::{BenchFormat, Subject};
 use super::values::{
-    EdgeArg, MappingArg, RendererArg, ShapeArg, SwitchArg, ViewArg, brightness, contrast, diagram, field_of_view, figures, finite,
-    flattening, output, positive, rectangle, samples, size, vector,
+    EdgeArg, MappingArg, RendererArg, ShapeArg, SwitchArg, ViewArg, brightness, contrast, diagram, field_of_view, figures,
+    finite, flattening, output, positive, rectangle, samples, size, vector,
 };
 
 /// The largest side of a picture.

@@ -38,7 +38,8 @@ impl<'a> Canvas<'a> {
         let color = on_white(color);
         let is_line = |shape: &Shape| matches!(shape, Shape::Path { .. });
         let layers = &mut self.drawing.layers;
-        let fits = |layer: &&mut Layer| layer.color == color && layer.shapes.iter().all(|other| is_line(other) == is_line(&shape));
+        let fits =
+            |layer: &&mut Layer| layer.color == color && layer.shapes.iter().all(|other| is_line(other) == is_line(&shape));
         match layers.last_mut().filter(fits) {
             Some(layer) => layer.shapes.push(shape),
             None => layers.push(Layer { name: format!("layer-{}", layers.len() + 1), color, shapes: vec![shape] }),
@@ -97,11 +98,7 @@ impl DrawingBackend for Canvas<'_> {
         self.add(style.color(), Shape::Text { at: baseline, text: text.to_owned(), size, anchor })
     }
 
-    fn estimate_text_size<S: BackendTextStyle>(
-        &self,
-        text: &str,
-        style: &S,
-    ) -> Result<(u32, u32), DrawingErrorKind<Infallible>> {
+    fn estimate_text_size<S: BackendTextStyle>(&self, text: &str, style: &S) -> Result<(u32, u32), DrawingErrorKind<Infallible>> {
         let size = text_size(style.size());
         let UVec2 { x, y } = DVec2::new(size.width(text), CAPITAL * size.px()).ceil().as_uvec2();
         Ok((x, y))

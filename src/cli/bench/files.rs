@@ -9,9 +9,9 @@ use serde::ser::Serializer;
 use warpknit::chart::{png, svg};
 use warpknit::export::{self, Output};
 
+use super::super::args::Bench;
 use super::plot::sheet;
 use super::table::Table;
-use super::super::args::Bench;
 
 /// The formats of a run's files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,15 +83,17 @@ pub(super) fn check(arguments: &Bench) -> Result<()> {
 
 /// Writes what was asked for. Files appear under their names only when all are whole.
 pub(super) fn write(arguments: &Bench, tables: &[Table]) -> Result<()> {
-    let outputs = arguments.outputs.iter().map(|(path, format)| Ok(match format {
-        BenchFormat::Json => {
-            let record =
-                Record { warpknit: env!("CARGO_PKG_VERSION"), machine: Machine::here(), runs: arguments.runs, tables };
-            text_file(path, &(serde_json::to_string_pretty(&record)? + "\n"))?
-        }
-        BenchFormat::Svg => text_file(path, &svg::text(&plots(tables)?))?,
-        BenchFormat::Png => export::png::write(path, &png::paint(&plots(tables)?))?,
-    }));
+    let outputs = arguments.outputs.iter().map(|(path, format)| {
+        Ok(match format {
+            BenchFormat::Json => {
+                let record =
+                    Record { warpknit: env!("CARGO_PKG_VERSION"), machine: Machine::here(), runs: arguments.runs, tables };
+                text_file(path, &(serde_json::to_string_pretty(&record)? + "\n"))?
+            }
+            BenchFormat::Svg => text_file(path, &svg::text(&plots(tables)?))?,
+            BenchFormat::Png => export::png::write(path, &png::paint(&plots(tables)?))?,
+        })
+    });
     let whole = outputs.collect::<Result<Vec<_>>>()?;
     Ok(whole.into_iter().try_for_each(Output::publish)?)
 }

@@ -36,13 +36,9 @@ impl Shipped {
     /// The flat and the draped file, embedded so that an installed program has them too.
     fn files(self) -> [&'static [u8]; 2] {
         match self {
-            Self::Pinch => {
-                [include_bytes!("../../../meshes/pinch_flat.obj"), include_bytes!("../../../meshes/pinch_draped.obj")]
-            }
+            Self::Pinch => [include_bytes!("../../../meshes/pinch_flat.obj"), include_bytes!("../../../meshes/pinch_draped.obj")],
             Self::Tube => [include_bytes!("../../../meshes/tube_flat.obj"), include_bytes!("../../../meshes/tube_draped.obj")],
-            Self::Skirt => {
-                [include_bytes!("../../../meshes/skirt_flat.obj"), include_bytes!("../../../meshes/skirt_draped.obj")]
-            }
+            Self::Skirt => [include_bytes!("../../../meshes/skirt_flat.obj"), include_bytes!("../../../meshes/skirt_draped.obj")],
         }
     }
 
@@ -91,18 +87,19 @@ pub(super) fn at_stitches(fabric: &Fabric, garment: &Garment, stitches: f64) -> 
     scaled(fabric, stitches / there)
 }
 
-/// The same to within .3 %, or as near as some tries come: bars are not always full, and panels have edges.
-pub(super) fn fitted(fabric: &Fabric, garment: &Garment, stitches: f64) -> Result<Fabric> {
+/// The same counted, to within .3 % or as near as some tries come, for bars are not always full and panels have edges; and the count.
+pub(super) fn fitted(fabric: &Fabric, garment: &Garment, stitches: f64) -> Result<(Fabric, usize)> {
     let mut fitted = at_stitches(fabric, garment, stitches)?;
-    for _ in 0..TRIES {
+    let mut tries = 1..=TRIES;
+    loop {
         let (_, totals) = staged(&Cloth::cover(garment, &fitted)?, &Options::default());
-        let there = f64::from(index32(totals.losses.stitches)).max(1.0);
-        if (stitches / there - 1.0).abs() < NEAR {
-            break;
+        let there = totals.losses.stitches;
+        let times = stitches / f64::from(index32(there)).max(1.0);
+        if tries.next().is_none() || (times - 1.0).abs() < NEAR {
+            return Ok((fitted, there));
         }
-        fitted = scaled(&fitted, stitches / there)?;
+        fitted = scaled(&fitted, times)?;
     }
-    Ok(fitted)
 }
 
 /// The fabric with so many times as many stitches on an area.
@@ -122,8 +119,8 @@ mod tests {
             assert_eq!(shipped.read().unwrap().panels.len(), panels, "{}", shipped.name());
         }
         let garment = Shipped::Pinch.read().unwrap();
-        let net = fitted(&Fabric::named("hex-net-3").unwrap(), &garment, 576.0).unwrap();
+        let (net, stitches) = fitted(&Fabric::named("hex-net-3").unwrap(), &garment, 576.0).unwrap();
         let (_, totals) = staged(&Cloth::cover(&garment, &net).unwrap(), &Options::default());
-        assert!((570..=582).contains(&totals.losses.stitches), "{}", totals.losses.stitches);
+        assert!((570..=582).contains(&stitches) && totals.losses.stitches == stitches, "{stitches}");
     }
 }

@@ -54,7 +54,9 @@ struct Row {
 /// Measures both tables: over stitches on the skirt (or on the user's garment), and over triangles.
 pub(super) fn growth(arguments: &Bench, garments: &Garments, progress: &mut dyn FnMut(f64)) -> Result<Vec<Table>> {
     let (st, sr) = SECTION;
-    let stages = format!("lay out: the relaxed repeat and the plan of its yarns. index: what location searches in. surface: tubes of St {st}, Sr {sr}, streamed.");
+    let stages = format!(
+        "lay out: the relaxed repeat and the plan of its yarns. index: what location searches in. surface: tubes of St {st}, Sr {sr}, streamed."
+    );
     let note = "Memory: the most that was held during the row, and what is held after it; 0 where the system doesn't say.";
     let (name, garment) = garments.get(Shipped::Skirt)?;
     let fabric = Fabric::named(DEFAULT_FABRIC)?;

@@ -106,10 +106,7 @@ pub(super) fn measured(runs: u32, work: &mut dyn FnMut() -> Result<()>) -> Resul
 }
 
 /// The same for work that takes the time of its parts on its own.
-pub(super) fn measured_parts<const N: usize>(
-    runs: u32,
-    work: &mut dyn FnMut() -> Result<[Sample; N]>,
-) -> Result<[Times; N]> {
+pub(super) fn measured_parts<const N: usize>(runs: u32, work: &mut dyn FnMut() -> Result<[Sample; N]>) -> Result<[Times; N]> {
     work()?;
     let runs = (0..runs).map(|_| work()).collect::<Result<Vec<_>>>()?;
     Ok(std::array::from_fn(|part| Times::of(&runs.iter().map(|run| run[part]).collect::<Vec<_>>())))

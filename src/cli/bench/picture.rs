@@ -37,7 +37,7 @@ impl Easel {
             Choice::Gpu => "drawn on the graphics adapter, which is found anew each time",
             Choice::Auto => "drawn on the graphics adapter, found anew each time, or on the processor where there is none",
         };
-        format!("{by}; {} runs of each", self.runs)
+        format!("{by}; runs of each: {}", self.runs)
     }
 
     /// Draws once.

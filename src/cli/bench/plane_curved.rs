@@ -33,15 +33,17 @@ const LINES: [Line; 4] = [
     Line { cloth: "skirt", fabric: DEFAULT_FABRIC, garment: Shipped::Skirt, stitches: 26_180, plane: 1208.39, curved: 1375.15 },
 ];
 
-/// What is told apart of a cloth's making: three that make up the fourth and fifth.
+/// What is told apart of a cloth's making.
 struct Parts {
     relaxed: Times,
     plane: Times,
+    /// Location and mapping.
     carried: Times,
+    /// `plane` and `carried`, run by run.
     curved: Times,
 }
 
-/// Where the columns of `--brute` stand, at the right.
+/// What `--brute` adds at the right.
 const BRUTE: [Column; 2] = [("brute_ms", "all triangles\nin turn, ms"), ("brute_times", "times")];
 
 /// Measures the table, on the user's garment if there is one.
@@ -58,14 +60,17 @@ pub(super) fn plane_curved(arguments: &Bench, garments: &Garments, progress: &mu
     table.add_columns(TIMES.into_iter().chain(BESIDE));
     if arguments.brute {
         table.add_columns(BRUTE);
-        table.notes.push("all triangles in turn: the paper's own location run here, with as many threads, once and not several times.".to_owned());
+        table.notes.push(
+            "all triangles in turn: the paper's own location run here, with as many threads, once and not several times."
+                .to_owned(),
+        );
     }
     let series = [
         Series::ours("plane, here"),
         Series::ours("curved, here"),
+        Series::ours("all triangles, here"),
         Series::published("plane, published"),
         Series::published("curved, published"),
-        Series::published("curved, all triangles here"),
     ];
     let mut plot = Plot::new("Table 2: plane and curved", "stitches", "ms", series);
     for (at, line) in LINES.iter().enumerate() {
@@ -73,19 +78,18 @@ pub(super) fn plane_curved(arguments: &Bench, garments: &Garments, progress: &mu
         let (own, garment) = garments.get(line.garment)?;
         let (cloth, fabric) = if garments.are_own() { (own.as_str(), DEFAULT_FABRIC) } else { (line.cloth, line.fabric) };
         let published = (!garments.are_own()).then_some((line.plane, line.curved));
-        let fabric = fitted(&Fabric::named(fabric)?, &garment, f64::from(line.stitches))?;
-        let (stitches, parts) = measure(arguments.runs, &garment, &fabric)?;
-        let brute =
-            if arguments.brute { Some(brute::located_and_mapped(&Cloth::cover(&garment, &fabric)?)) } else { None };
+        let (fabric, stitches) = fitted(&Fabric::named(fabric)?, &garment, f64::from(line.stitches))?;
+        let parts = measure(arguments.runs, &garment, &fabric)?;
+        let brute = if arguments.brute { Some(brute::located_and_mapped(&Cloth::cover(&garment, &fabric)?)) } else { None };
         push(&mut table, [cloth, &fabric.name], stitches, &parts, published, brute);
         plot.push_known(
             f64::from(index32(stitches)),
             [
                 Some(parts.plane.wall.median),
                 Some(parts.curved.wall.median),
+                brute.map(|brute| parts.plane.wall.median + brute.wall),
                 published.map(|(plane, _)| plane),
                 published.map(|(_, curved)| curved),
-                brute.map(|brute| parts.plane.wall.median + brute.wall),
             ],
         );
     }
@@ -93,9 +97,7 @@ pub(super) fn plane_curved(arguments: &Bench, garments: &Garments, progress: &mu
     Ok(table)
 }
 
-/// Stitches on the garment, and what their parts take.
-fn measure(runs: u32, garment: &Garment, fabric: &Fabric) -> Result<(usize, Parts)> {
-    let mut stitches = 0;
+fn measure(runs: u32, garment: &Garment, fabric: &Fabric) -> Result<Parts> {
     let [relaxed, plane, carried, curved] = measured_parts(runs, &mut || {
         let start = Moment::now();
         std::hint::black_box(Pattern::new(fabric));
@@ -103,14 +105,13 @@ fn measure(runs: u32, garment: &Garment, fabric: &Fabric) -> Result<(usize, Part
         let start = Moment::now();
         let cloth = Cloth::cover(garment, fabric)?;
         let covered = start.elapsed();
-        let (staged, totals) = staged(&cloth, &Options::default());
-        stitches = totals.losses.stitches;
+        let (staged, _) = staged(&cloth, &Options::default());
         let plane = covered + staged.of(Stage::Knit);
         let carried = [Stage::Index, Stage::Locate, Stage::Map].into_iter().map(|stage| staged.of(stage));
         let carried = carried.fold(Sample::default(), |sum, stage| sum + stage);
         Ok([relaxed, plane, carried, plane + carried])
     })?;
-    Ok((stitches, Parts { relaxed, plane, carried, curved }))
+    Ok(Parts { relaxed, plane, carried, curved })
 }
 
 /// A row a part.

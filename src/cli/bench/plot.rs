@@ -18,10 +18,14 @@ use super::canvas::{Canvas, NORMAL, SMALL, TITLE};
 const CELL: (u32, u32) = (600, 400);
 /// Room for the names of the series, at the right.
 const LEGEND: u32 = 190;
+/// Room for the words above all plots, px.
+const HEADING: u32 = 40;
 /// Plots side by side.
 const ACROSS: usize = 2;
 /// From this ratio of the largest to the smallest on, an axis is logarithmic.
 const DECADE: f64 = 10.0;
+/// Up to this ratio powers of ten alone are too few marks.
+const FEW: f64 = 2000.0;
 /// Dashes and the gaps between them, px.
 const DASH: (u32, u32) = (7, 5);
 const LINE_WIDTH: u32 = 2;
@@ -94,9 +98,9 @@ impl Plot {
         self.draw_legend(&legend)?;
         let (Some(xs), Some(ys)) = (self.span(|point| point.0), self.span(|point| point.1)) else { return Ok(()) };
         match (is_wide(&xs), is_wide(&ys)) {
-            (true, true) => self.draw_lines(&left, padded(&xs).log_scale(), padded(&ys).log_scale()),
-            (true, false) => self.draw_lines(&left, padded(&xs).log_scale(), from_zero(&ys)),
-            (false, true) => self.draw_lines(&left, from_zero(&xs), padded(&ys).log_scale()),
+            (true, true) => self.draw_lines(&left, logarithmic(&xs), logarithmic(&ys)),
+            (true, false) => self.draw_lines(&left, logarithmic(&xs), from_zero(&ys)),
+            (false, true) => self.draw_lines(&left, from_zero(&xs), logarithmic(&ys)),
             (false, false) => self.draw_lines(&left, from_zero(&xs), from_zero(&ys)),
         }
     }
@@ -139,10 +143,10 @@ impl Plot {
     fn draw_legend(&self, area: &Area<'_>) -> Result<()> {
         for ((series, color), y) in self.colored().zip((84..).step_by(22)) {
             let piece = |from, to| PathElement::new([(from, y), (to, y)], color.stroke_width(LINE_WIDTH));
-            let pieces = if series.ours { vec![piece(2, 26)] } else { vec![piece(2, 10), piece(18, 26)] };
+            let pieces = if series.ours { vec![piece(0, 30)] } else { vec![piece(0, 5), piece(25, 30)] };
             pieces.iter().try_for_each(|piece| area.draw(piece)).map_err(drawn)?;
-            area.draw(&Circle::new((14, y), DOT_RADIUS, color.filled())).map_err(drawn)?;
-            area.draw_text(&series.name, &text(SMALL, INK), (34, y - 6)).map_err(drawn)?;
+            area.draw(&Circle::new((15, y), DOT_RADIUS, color.filled())).map_err(drawn)?;
+            area.draw_text(&series.name, &text(SMALL, INK), (38, y - 3)).map_err(drawn)?;
         }
         Ok(())
     }
@@ -174,9 +178,6 @@ pub(super) fn sheet(heading: &str, plots: &[&Plot]) -> Result<Drawing> {
     Ok(drawing)
 }
 
-/// Room for the words above all plots, px.
-const HEADING: u32 = 40;
-
 fn text(size: i32, color: RGBColor) -> TextStyle<'static> {
     ("monospace", size).into_font().color(&color)
 }
@@ -191,9 +192,17 @@ fn is_wide(span: &Range<f64>) -> bool {
     span.end > DECADE * span.start
 }
 
-/// With room at both ends, on a logarithmic axis.
-fn padded(span: &Range<f64>) -> Range<f64> {
-    span.start / 1.5..span.end * 1.5
+/// A logarithmic axis with room at both ends; its marks are powers of ten, with 2 and 5 between where there are few.
+fn logarithmic(
+    span: &Range<f64>,
+) -> impl AsRangedCoord<Value = f64, CoordDescType: Ranged<ValueType = f64> + ValueFormatter<f64>> {
+    let room = span.start / 1.5..span.end * 1.5;
+    let between: &[f64] = if room.end / room.start < FEW { &[1.0, 2.0, 5.0] } else { &[1.0] };
+    #[expect(clippy::cast_possible_truncation, reason = "an exponent of ten of a 64-bit float has three digits")]
+    let exponents = room.start.log10().floor() as i32..=room.end.log10().ceil() as i32;
+    let marks = exponents.flat_map(|exponent| between.iter().map(move |step| step * 10.0_f64.powi(exponent)));
+    let marks = marks.filter(|mark| room.contains(mark)).collect();
+    room.log_scale().with_key_points(marks)
 }
 
 /// With room at the upper end, on a plain axis.
@@ -219,7 +228,10 @@ mod tests {
 
     #[test]
     fn numbers_on_axes_are_short() {
-        assert_eq!([0.0, 0.05, 20.0, 999.0, 1000.0, 26_180.0, 4.4e6].map(short), ["0", "0.05", "20", "999", "1k", "26.2k", "4.4M"]);
+        assert_eq!(
+            [0.0, 0.05, 20.0, 999.0, 1000.0, 26_180.0, 4.4e6].map(short),
+            ["0", "0.05", "20", "999", "1k", "26.2k", "4.4M"]
+        );
     }
 
     #[test]
@@ -232,7 +244,7 @@ mod tests {
         let drawing = sheet("words", &[&plot, &empty, &plot]).unwrap();
         let shapes: Vec<_> = drawing.layers.iter().flat_map(|layer| &layer.shapes).collect();
         let has = |wanted: &str| shapes.iter().any(|shape| matches!(shape, Shape::Text { text, .. } if text == wanted));
-        for wanted in ["words", "Times", "stitches", "ms", "here", "published", "10k", "100", "Nothing"] {
+        for wanted in ["words", "Times", "stitches", "ms", "here", "published", "10k", "500", "Nothing"] {
             assert!(has(wanted), "{wanted}: {shapes:?}");
         }
         let dots = shapes.iter().filter(|shape| matches!(shape, Shape::Dot { .. })).count();

@@ -32,7 +32,9 @@ pub(super) fn textures(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Resu
     let mut table = Table::new(
         "textures",
         "Figure 15: render time over the size of the yarn's texture",
-        &["published: the paper's figure is a plot, and its text prints no times; it says that the size makes no great difference."],
+        &[
+            "published: the paper's figure is a plot, and its text prints no times; it says that the size makes no great difference.",
+        ],
         [("texture", "texture"), ("over_none", "over none")],
     );
     let (st, sr) = SECTION;
@@ -41,7 +43,8 @@ pub(super) fn textures(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Resu
         format!("Flat {DEFAULT_FABRIC} of {SIDE} x {SIDE}, St {st}, Sr {sr}, {} x {} pixels, {}.", SIZE.0, SIZE.1, easel.note()),
     );
     table.add_columns(TIMES.into_iter().chain(BESIDE));
-    let mut plot = Plot::new("Figure 15: textures", "pixels each way", "ms", [Series::ours("textured"), Series::ours("none")]);
+    let mut plot =
+        Plot::new("Figure 15: textures", "pixels each way", "ms", [Series::ours("textured"), Series::ours("without texture")]);
     let panel = swatch_panel(&fabric, SIDE, SIDE);
     let cloth = Cloth::swatch(&panel, &fabric, SIDE, SIDE);
     let mut plain = None;

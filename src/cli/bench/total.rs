@@ -11,7 +11,7 @@ use warpknit::render::View;
 
 use super::super::args::{Bench, DEFAULT_FABRIC};
 use super::garments::{Garments, Shipped, fitted};
-use super::measure::{Times, measured_parts, Moment};
+use super::measure::{Moment, Times, measured_parts};
 use super::picture::{Easel, SIZE};
 use super::plot::{Plot, Series};
 use super::table::{BESIDE, Cell, TIMES, Table, beside, times};
@@ -26,7 +26,9 @@ pub(super) fn total(arguments: &Bench, garments: &Garments, progress: &mut dyn F
     let mut table = Table::new(
         "total",
         &format!("Table 3: total with rendering, {DEFAULT_FABRIC} on {name}"),
-        &["published: Liu, Kyosev, Jiang 2022, Table 3, which names neither fabric nor garment nor picture; C# and WebGL on an i7-9750H."],
+        &[
+            "published: Liu, Kyosev, Jiang 2022, Table 3, which names neither fabric nor garment nor picture; C# and WebGL on an i7-9750H.",
+        ],
         [("stitches", "stitches"), ("cloth_ms", "cloth, ms"), ("picture_ms", "picture, ms")],
     );
     table.notes.insert(0, format!("From fabric to picture of {} x {} pixels, 4 samples each, {}.", SIZE.0, SIZE.1, easel.note()));
@@ -35,8 +37,8 @@ pub(super) fn total(arguments: &Bench, garments: &Garments, progress: &mut dyn F
         Plot::new("Table 3: total with rendering", "stitches", "ms", [Series::ours("here"), Series::published("published")]);
     for (at, (wanted, seconds)) in LINES.into_iter().enumerate() {
         progress(at as f64 / LINES.len() as f64);
-        let fabric = fitted(&Fabric::named(DEFAULT_FABRIC)?, &garment, f64::from(wanted))?;
-        let (stitches, [cloth, picture, all]) = measure(&easel, &garment, &fabric)?;
+        let (fabric, stitches) = fitted(&Fabric::named(DEFAULT_FABRIC)?, &garment, f64::from(wanted))?;
+        let [cloth, picture, all] = measure(&easel, &garment, &fabric)?;
         let published = (!garments.are_own()).then_some(1e3 * seconds);
         let sizes = [Cell::Count(stitches), Cell::ms(cloth.wall.median), Cell::ms(picture.wall.median)];
         table.push(sizes.into_iter().chain(times(&all)).chain(beside(published, &all)));
@@ -46,18 +48,15 @@ pub(super) fn total(arguments: &Bench, garments: &Garments, progress: &mut dyn F
     Ok(table)
 }
 
-/// Stitches on the garment; what cloth, picture and both take.
-fn measure(easel: &Easel, garment: &Garment, fabric: &Fabric) -> Result<(usize, [Times; 3])> {
-    let mut stitches = 0;
-    let taken = measured_parts(easel.runs, &mut || {
+/// What cloth, picture and both take.
+fn measure(easel: &Easel, garment: &Garment, fabric: &Fabric) -> Result<[Times; 3]> {
+    measured_parts(easel.runs, &mut || {
         let start = Moment::now();
         let scene = picture::of(&Cloth::cover(garment, fabric)?, fabric);
         let cloth = start.elapsed();
-        stitches = scene.stitches.len();
         let start = Moment::now();
         easel.draw(&scene, View::Front)?;
         let picture = start.elapsed();
         Ok([cloth, picture, cloth + picture])
-    })?;
-    Ok((stitches, taken))
+    })
 }
