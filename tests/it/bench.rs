@@ -54,7 +54,7 @@ fn table_2_stands_beside_what_was_published_wherever_the_program_runs() {
     let svg = std::fs::read_to_string(folder.path().join("b.svg")).unwrap();
     let document = roxmltree::Document::parse(&svg).unwrap();
     let texts: Vec<_> = document.descendants().filter(|node| node.has_tag_name("text")).filter_map(|node| node.text()).collect();
-    for wanted in ["stitches", "ms", "plane, here", "curved, published", "10k"] {
+    for wanted in ["stitches", "time, ms", "plane, here", "curved, published", "10k"] {
         assert!(texts.contains(&wanted), "{wanted}: {texts:?}");
     }
     let picture = image::open(folder.path().join("b.png")).unwrap().into_rgb8();

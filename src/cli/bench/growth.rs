@@ -88,8 +88,8 @@ pub(super) fn growth(arguments: &Bench, garments: &Garments, progress: &mut dyn 
 
 /// Time over size, and memory over size.
 fn plots(size: &'static str) -> [Plot; 2] {
-    let time = Plot::new(&format!("Growth with the {size}: time"), size, "ms", NAMES.map(Series::ours));
-    [time, Plot::new(&format!("Growth with the {size}: memory"), size, "MB", [Series::ours("peak")])]
+    let time = Plot::new(&format!("Growth with the {size}: time"), size, "time, ms", NAMES.map(Series::ours));
+    [time, Plot::new(&format!("Growth with the {size}: memory"), size, "memory, MB", [Series::ours("peak")])]
 }
 
 fn push(plots: &mut [Plot; 2], size: f64, row: &Row) {
@@ -127,4 +127,20 @@ fn measure(runs: u32, table: &mut Table, garment: &Garment, fabric: &Fabric) -> 
     let memory = [Cell::known(all.cpu.map(|Spread { median, .. }| median), 2), Cell::Number(peak, 0), Cell::Number(held, 0)];
     table.push(sizes.into_iter().chain(stages.map(Cell::ms)).chain(memory));
     Ok(Row { stitches, stages, peak })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_row_has_every_stage_and_what_it_held() {
+        let garment = folded_cone(200);
+        let fabric = at_stitches(&Fabric::named(DEFAULT_FABRIC).unwrap(), &garment, 500.0).unwrap();
+        let mut table = Table::new("growth", "", &[], COLUMNS);
+        let row = measure(1, &mut table, &garment, &fabric).unwrap();
+        assert!(row.stitches.abs_diff(500) < 100 && row.stages.iter().all(|ms| *ms > 0.0), "{:?}", row.stages);
+        #[cfg(target_os = "linux")]
+        assert!(row.peak > 1.0);
+    }
 }

@@ -43,7 +43,7 @@ pub(crate) enum Subject {
     Textures,
     /// Plain weft knits, the ribbon paper's table
     Weft,
-    /// Time and memory from a thousand to 4.4 million stitches and from 2000 to 2 million triangles: some minutes, 3 GB
+    /// Time and memory from a thousand to 4.4 million stitches and from 2000 to 2 million triangles: a minute or two, 1 GB
     Growth,
 }
 
@@ -90,5 +90,26 @@ impl Subject {
             Self::Growth => return growth::growth(arguments, garments, progress),
         };
         Ok(vec![table?])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::args::{Arguments, Command};
+    use clap::Parser as _;
+
+    fn chosen(flags: &[&str]) -> Vec<Subject> {
+        let arguments = Arguments::try_parse_from([&["warpknit", "bench"], flags].concat()).unwrap();
+        let Command::Bench(arguments) = arguments.command else { panic!("another command") };
+        subjects(&arguments)
+    }
+
+    #[test]
+    fn growth_and_weft_are_measured_only_where_they_are_asked_for() {
+        assert_eq!(chosen(&[]), PAPER);
+        assert_eq!(chosen(&["own.obj", "--unit", "cm"]), ON_GARMENTS);
+        assert_eq!(chosen(&["--weft", "--only", "weft"]), [Subject::Weft]);
+        assert_eq!(chosen(&["--only", "growth", "--only", "total", "own.obj"]), [Subject::Total, Subject::Growth]);
     }
 }

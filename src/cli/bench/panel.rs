@@ -20,7 +20,8 @@ const JITTER: f64 = 0.25;
 /// A garment of one such panel of about so many triangles, which follow each other in no order, as after a remesher. The same for the same number.
 pub(super) fn folded_cone(triangles: usize) -> Garment {
     let mut random = Random(0x9e37_79b9_7f4a_7c15);
-    let across = ((triangles as f64 / 2.0 * SIZE.x / SIZE.y).sqrt().round() as u32).max(1);
+    // Cells about as wide as high: the rectangle is 12 by 7.
+    let across = index32((triangles / 2 * 12 / 7).isqrt()).max(1);
     let along = index32(triangles / 2).div_ceil(across).max(1);
     let uv = grid(across, along, &mut random);
     let draped: Vec<_> = uv.iter().map(|&at| on_cone(at)).collect();
@@ -104,7 +105,7 @@ impl Random {
 
     /// 0 to `end`, without it.
     fn below(&mut self, end: u32) -> u32 {
-        u32::try_from(u64::from(self.next()) * u64::from(end) >> 32).expect("below end")
+        u32::try_from((u64::from(self.next()) * u64::from(end)) >> 32).expect("below end")
     }
 }
 

@@ -5,6 +5,7 @@ use warpknit::render::{Camera, Choice, Options, Painter, View};
 use warpknit::scene::Scene;
 
 use super::super::args::Bench;
+use super::measure::{Moment, Sample};
 
 /// Pixels each way: small, so that three pictures of every row take minutes and not an hour.
 pub(super) const SIZE: (u32, u32) = (640, 480);
@@ -40,11 +41,23 @@ impl Easel {
         format!("{by}; runs of each: {}", self.runs)
     }
 
-    /// Draws once.
-    pub(super) fn draw(&self, scene: &Scene, view: View) -> Result<()> {
+    /// Whether St and Sr make a difference.
+    pub(super) fn heeds_tubes(&self) -> bool {
+        self.options.renderer != Choice::Cpu
+    }
+
+    /// Draws once to warm up, and then as often as runs are wanted.
+    pub(super) fn timed(&self, scene: &Scene, view: View) -> Result<Vec<Sample>> {
+        self.draw(scene, view)?;
+        (0..self.runs).map(|_| self.draw(scene, view)).collect()
+    }
+
+    /// Draws once, and says how long that took.
+    pub(super) fn draw(&self, scene: &Scene, view: View) -> Result<Sample> {
+        let start = Moment::now();
         let camera = Camera::view(view, &scene.positions, Camera::DEFAULT_FOV, 1.0, self.options.aspect());
         let picture = Painter::new(scene, &self.options)?.draw(&camera, &self.options, &|_| ())?;
         std::hint::black_box(picture);
-        Ok(())
+        Ok(start.elapsed())
     }
 }

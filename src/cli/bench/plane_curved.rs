@@ -72,7 +72,7 @@ pub(super) fn plane_curved(arguments: &Bench, garments: &Garments, progress: &mu
         Series::published("plane, published"),
         Series::published("curved, published"),
     ];
-    let mut plot = Plot::new("Table 2: plane and curved", "stitches", "ms", series);
+    let mut plot = Plot::new("Table 2: plane and curved", "stitches", "time, ms", series);
     for (at, line) in LINES.iter().enumerate() {
         progress(at as f64 / LINES.len() as f64);
         let (own, garment) = garments.get(line.garment)?;

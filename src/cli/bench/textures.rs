@@ -12,7 +12,7 @@ use warpknit::render::maps::{Kind, Maps, Mips};
 use warpknit::scene::{Scene, Shape};
 
 use super::super::args::{Bench, DEFAULT_FABRIC};
-use super::measure::measured;
+use super::measure::Times;
 use super::picture::{Easel, SIZE};
 use super::plot::{Plot, Series};
 use super::table::{BESIDE, Cell, TIMES, Table, beside, times};
@@ -43,8 +43,12 @@ pub(super) fn textures(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Resu
         format!("Flat {DEFAULT_FABRIC} of {SIDE} x {SIDE}, St {st}, Sr {sr}, {} x {} pixels, {}.", SIZE.0, SIZE.1, easel.note()),
     );
     table.add_columns(TIMES.into_iter().chain(BESIDE));
-    let mut plot =
-        Plot::new("Figure 15: textures", "pixels each way", "ms", [Series::ours("textured"), Series::ours("without texture")]);
+    let mut plot = Plot::new(
+        "Figure 15: textures",
+        "pixels each way",
+        "time, ms",
+        [Series::ours("textured"), Series::ours("without texture")],
+    );
     let panel = swatch_panel(&fabric, SIDE, SIDE);
     let cloth = Cloth::swatch(&panel, &fabric, SIDE, SIDE);
     let mut plain = None;
@@ -53,7 +57,7 @@ pub(super) fn textures(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Resu
         let maps: Vec<_> = side.map(|side| maps(side, 2.0 * fabric.radius())).into_iter().collect();
         let worn = (!maps.is_empty()).then_some(0);
         let scene = laid(&cloth, Scene::wearing(Shape::Tube, looks(&fabric, fabric.radius()), maps, |_| worn));
-        let taken = measured(easel.runs, &mut || easel.draw(&scene, View::Front))?;
+        let taken = Times::of(&easel.timed(&scene, View::Front)?);
         let plain = *plain.get_or_insert(taken.wall.median);
         let name = side.map_or_else(|| "none".to_owned(), |side| format!("{side} x {side}"));
         let labels = [Cell::Text(name), Cell::Number(taken.wall.median / plain, 2)];

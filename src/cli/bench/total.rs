@@ -33,8 +33,12 @@ pub(super) fn total(arguments: &Bench, garments: &Garments, progress: &mut dyn F
     );
     table.notes.insert(0, format!("From fabric to picture of {} x {} pixels, 4 samples each, {}.", SIZE.0, SIZE.1, easel.note()));
     table.add_columns(TIMES.into_iter().chain(BESIDE));
-    let mut plot =
-        Plot::new("Table 3: total with rendering", "stitches", "ms", [Series::ours("here"), Series::published("published")]);
+    let mut plot = Plot::new(
+        "Table 3: total with rendering",
+        "stitches",
+        "time, ms",
+        [Series::ours("here"), Series::published("published")],
+    );
     for (at, (wanted, seconds)) in LINES.into_iter().enumerate() {
         progress(at as f64 / LINES.len() as f64);
         let (fabric, stitches) = fitted(&Fabric::named(DEFAULT_FABRIC)?, &garment, f64::from(wanted))?;
@@ -54,9 +58,7 @@ fn measure(easel: &Easel, garment: &Garment, fabric: &Fabric) -> Result<[Times; 
         let start = Moment::now();
         let scene = picture::of(&Cloth::cover(garment, fabric)?, fabric);
         let cloth = start.elapsed();
-        let start = Moment::now();
-        easel.draw(&scene, View::Front)?;
-        let picture = start.elapsed();
+        let picture = easel.draw(&scene, View::Front)?;
         Ok([cloth, picture, cloth + picture])
     })
 }

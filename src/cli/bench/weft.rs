@@ -34,7 +34,7 @@ pub(super) fn weft(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<T
         &["ns/vertex: of CPU time. published: on another machine."],
         columns.into_iter().chain(TIMES).chain(further),
     );
-    let mut plot = Plot::new("Plain weft knits", "segments", "ms", [Series::ours("here"), Series::published("published")]);
+    let mut plot = Plot::new("Plain weft knits", "segments", "time, ms", [Series::ours("here"), Series::published("published")]);
     let count = PUBLISHED.len() * SEGMENTS.len();
     let sizes = PUBLISHED.iter().flat_map(|(side, times)| SEGMENTS.iter().zip(times).map(move |(st, ms)| (*side, *st, *ms)));
     for (number, (side, st, published)) in sizes.enumerate() {
