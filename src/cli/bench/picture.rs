@@ -47,15 +47,15 @@ impl Easel {
     }
 
     /// Draws once to warm up, and then as often as runs are wanted.
-    pub(super) fn timed(&self, scene: &Scene, view: View) -> Result<Vec<Sample>> {
-        self.draw(scene, view)?;
-        (0..self.runs).map(|_| self.draw(scene, view)).collect()
+    pub(super) fn timed(&self, scene: &Scene) -> Result<Vec<Sample>> {
+        self.draw(scene)?;
+        (0..self.runs).map(|_| self.draw(scene)).collect()
     }
 
     /// Draws once, and says how long that took.
-    pub(super) fn draw(&self, scene: &Scene, view: View) -> Result<Sample> {
+    pub(super) fn draw(&self, scene: &Scene) -> Result<Sample> {
         let start = Moment::now();
-        let camera = Camera::view(view, &scene.positions, Camera::DEFAULT_FOV, 1.0, self.options.aspect());
+        let camera = Camera::view(View::Front, &scene.positions, Camera::DEFAULT_FOV, 1.0, self.options.aspect());
         let picture = Painter::new(scene, &self.options)?.draw(&camera, &self.options, &|_| ())?;
         std::hint::black_box(picture);
         Ok(start.elapsed())

@@ -151,10 +151,10 @@ impl Plot {
         Ok(())
     }
 
-    /// The series that have points, each with its colour; what was published has that of ours in its place.
+    /// The series that have points, each with its colour: what was published comes after all of ours, in the same order and colours.
     fn colored(&self) -> impl Iterator<Item = (&Series, RGBColor)> {
         let ours = self.series.iter().filter(|series| series.ours).count().max(1);
-        let color = move |(at, series): (usize, _)| (series, COLORS[(at % ours + at / (2 * ours) * ours) % COLORS.len()]);
+        let color = move |(at, series): (usize, _)| (series, COLORS[at % ours % COLORS.len()]);
         self.series.iter().enumerate().map(color).filter(|(series, _)| !series.points.is_empty())
     }
 }

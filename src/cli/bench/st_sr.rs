@@ -5,7 +5,6 @@
 use anyhow::Result;
 use warpknit::drape::{Cloth, Options, Stage, picture, swatch_panel};
 use warpknit::fabric::Fabric;
-use warpknit::render::View;
 use warpknit::yarn::tube::Section;
 
 use super::super::args::{Bench, DEFAULT_FABRIC};
@@ -44,8 +43,7 @@ pub(super) fn st_sr(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<
         let (panel, mut all) = (swatch_panel(&fabric, side, side), Vec::new());
         let cloth = Cloth::swatch(&panel, &fabric, side, side);
         let scene = picture::of(&cloth, &fabric);
-        let mut one_for_all =
-            if easel.heeds_tubes() { None } else { Some(easel.timed(&scene, View::Front)?.into_iter().cycle()) };
+        let mut one_for_all = if easel.heeds_tubes() { None } else { Some(easel.timed(&scene)?.into_iter().cycle()) };
         for (number, (st, sr)) in SECTIONS.into_iter().enumerate() {
             progress((at as f64 + number as f64 / SECTIONS.len() as f64) / SIDES.len() as f64);
             let section = Section { st, sr, radius: fabric.radius(), flatten: 1.0, caps: false, texture_per_mm: 1.0 };
@@ -55,7 +53,7 @@ pub(super) fn st_sr(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<
                 let tubes = staged(&cloth, &options).0.of(Stage::Surface);
                 let picture = match one_for_all.as_mut().and_then(Iterator::next) {
                     Some(picture) => picture,
-                    None => easel.draw(&scene, View::Front)?,
+                    None => easel.draw(&scene)?,
                 };
                 Ok([tubes, tubes + picture])
             })?;

@@ -1,7 +1,6 @@
 //! Tables of figures: text with aligned columns for people, a record a row for scripts.
 
 use serde::ser::{Serialize, Serializer};
-use warpknit::ids::index32;
 
 use super::measure::Times;
 use super::plot::Plot;
@@ -75,7 +74,7 @@ impl Serialize for Cell {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         match self {
             Self::Text(text) => serializer.serialize_str(text),
-            Self::Count(count) => serializer.serialize_u32(index32(*count)),
+            Self::Count(count) => serializer.serialize_u64(*count as u64),
             Self::Number(number, _) => serializer.serialize_f64(*number),
             Self::Missing => serializer.serialize_none(),
         }

@@ -7,7 +7,6 @@ use image::{Rgba, RgbaImage};
 use warpknit::drape::picture::{laid, looks};
 use warpknit::drape::{Cloth, swatch_panel};
 use warpknit::fabric::Fabric;
-use warpknit::render::View;
 use warpknit::render::maps::{Kind, Maps, Mips};
 use warpknit::scene::{Scene, Shape};
 
@@ -57,7 +56,7 @@ pub(super) fn textures(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Resu
         let maps: Vec<_> = side.map(|side| maps(side, 2.0 * fabric.radius())).into_iter().collect();
         let worn = (!maps.is_empty()).then_some(0);
         let scene = laid(&cloth, Scene::wearing(Shape::Tube, looks(&fabric, fabric.radius()), maps, |_| worn));
-        let taken = Times::of(&easel.timed(&scene, View::Front)?);
+        let taken = Times::of(&easel.timed(&scene)?);
         let plain = *plain.get_or_insert(taken.wall.median);
         let name = side.map_or_else(|| "none".to_owned(), |side| format!("{side} x {side}"));
         let labels = [Cell::Text(name), Cell::Number(taken.wall.median / plain, 2)];

@@ -7,7 +7,6 @@ use warpknit::drape::{Cloth, picture};
 use warpknit::fabric::Fabric;
 use warpknit::garment::Garment;
 use warpknit::ids::index32;
-use warpknit::render::View;
 
 use super::super::args::{Bench, DEFAULT_FABRIC};
 use super::garments::{Garments, Shipped, fitted};
@@ -58,7 +57,7 @@ fn measure(easel: &Easel, garment: &Garment, fabric: &Fabric) -> Result<[Times; 
         let start = Moment::now();
         let scene = picture::of(&Cloth::cover(garment, fabric)?, fabric);
         let cloth = start.elapsed();
-        let picture = easel.draw(&scene, View::Front)?;
+        let picture = easel.draw(&scene)?;
         Ok([cloth, picture, cloth + picture])
     })
 }
