@@ -26,12 +26,14 @@ impl TextSize {
     }
 
     /// What an SVG calls the font's size: that at which a character is as wide as in the PNG (a mono character is .6 of it).
-    pub(super) fn px(self) -> f64 {
+    #[must_use]
+    pub fn px(self) -> f64 {
         self.width("0") / 0.6
     }
 
     /// Width of a text, px.
-    pub(super) fn width(self, text: &str) -> f64 {
+    #[must_use]
+    pub fn width(self, text: &str) -> f64 {
         let (weight, height) = self.font();
         let characters = u32::try_from(text.chars().count() * get_raster_width(weight, height)).unwrap_or(u32::MAX);
         f64::from(characters) / SCALE

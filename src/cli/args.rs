@@ -11,11 +11,12 @@ use warpknit::garment::Unit;
 use warpknit::render::Background;
 use warpknit::tile::Tile;
 
+use super::bench::{BenchFormat, Subject};
 #[cfg(feature = "view")]
 use super::values::picture;
 use super::values::{
-    EdgeArg, MappingArg, RendererArg, ShapeArg, SwitchArg, ViewArg, brightness, contrast, diagram, field_of_view, finite,
-    flattening, output, positive, rectangle, samples, size, vector,
+    EdgeArg, MappingArg, RendererArg, ShapeArg, SwitchArg, ViewArg, brightness, contrast, diagram, field_of_view, figures,
+    finite, flattening, output, positive, rectangle, samples, size, vector,
 };
 
 /// The largest side of a picture.
@@ -108,10 +109,15 @@ Examples:
     Yarn(Yarn),
     /// Time the work here, beside what the papers published
     #[command(
-        after_help = "Times are medians of several runs, with the fastest and the slowest; the last column says how many times as long the paper's machine took.
+        after_help = "Times are medians of several runs, with the fastest and the slowest. Published figures are those of the papers' machines; `times` says how many
+times as long they are. --brute runs the source paper's own algorithm here, as the fair baseline.
 
 Examples:
-  warpknit bench --weft
+  warpknit bench
+  warpknit bench --only plane-curved --brute --threads 1
+  warpknit bench -o bench.json -o bench.svg
+  warpknit bench FLAT.obj DRAPED.obj --unit cm
+  warpknit bench --only growth -o growth.png
   warpknit bench --weft --threads 1 --runs 21"
     )]
     Bench(Bench),
@@ -240,13 +246,30 @@ pub(crate) struct Yarn {
 
 #[derive(Args, Debug)]
 pub(crate) struct Bench {
-    /// Plain weft knits from 20 x 20 to 100 x 100 loops, from their motif to tubes (the ribbon paper's table)
-    #[arg(long, required = true)]
+    /// A garment of your own in place of ours: the flat pattern and the same faces draped, or one file with vt; measures plane-curved and total
+    #[arg(value_name = "OBJ", num_args = 0..=2)]
+    pub(crate) meshes: Vec<PathBuf>,
+    /// What to measure; may be repeated [default: plane-curved, total, st-sr, textures]
+    #[arg(long, value_enum, value_name = "NAME")]
+    pub(crate) only: Vec<Subject>,
+    /// Plain weft knits from 20 x 20 to 100 x 100 loops, from their motif to tubes (the ribbon paper's table): --only weft
+    #[arg(long)]
     pub(crate) weft: bool,
-    /// Edges of the tubes' section
+    /// Also the paper's own algorithm in plane-curved: every triangle in turn for each point, run once
+    #[arg(long)]
+    pub(crate) brute: bool,
+    /// A file to write, by its ending: .json (all figures) .svg .png (plots); may be repeated
+    #[arg(short, long = "output", value_name = "OUT", value_parser = figures)]
+    pub(crate) outputs: Vec<(PathBuf, BenchFormat)>,
+    #[command(flatten)]
+    pub(crate) reading: Reading,
+    /// What draws the pictures that are timed
+    #[arg(long, value_enum, default_value = "cpu")]
+    pub(crate) renderer: RendererArg,
+    /// Edges of the tubes' section in weft
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(3..=64))]
     pub(crate) sr: u32,
-    /// Runs of each, after one that warms up
+    /// Runs of each, after one that warms up; of pictures three at most
     #[arg(long, value_name = "N", default_value_t = 9, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub(crate) runs: u32,
     /// Threads [default: all cores]

@@ -136,8 +136,23 @@ pub(crate) fn available_memory_gb() -> Option<f64> {
 
 /// The most memory this process has held, as Linux counts it; 0 on systems that don't say.
 pub(crate) fn peak_memory_mb() -> f64 {
+    memory_mb("VmHWM:")
+}
+
+/// The memory that this process holds now, as Linux counts it; 0 on systems that don't say.
+pub(crate) fn resident_memory_mb() -> f64 {
+    memory_mb("VmRSS:")
+}
+
+/// Begins the count of [`peak_memory_mb`] anew, from what is held now, where Linux lets a process do so.
+pub(crate) fn forget_peak_memory() {
+    // Where that is refused the peak stays that of the process, which only larger work moves.
+    let _kept = std::fs::write("/proc/self/clear_refs", "5");
+}
+
+fn memory_mb(name: &str) -> f64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    let line = status.lines().find_map(|line| line.strip_prefix(name));
     let kilobytes = line.and_then(|line| line.trim().trim_end_matches("kB").trim().parse::<f64>().ok());
     kilobytes.map_or(0.0, |kilobytes| kilobytes / 1024.0)
 }

@@ -12,6 +12,7 @@ use warpknit::render::{Choice, View};
 use warpknit::scene::Shape;
 
 use super::args::MOST_PIXELS;
+use super::bench::BenchFormat;
 
 #[derive(ValueEnum, Clone, Copy, Debug)]
 pub(crate) enum RendererArg {
@@ -131,6 +132,12 @@ pub(super) fn picture(text: &str) -> Result<PathBuf, String> {
 pub(super) fn diagram(text: &str) -> Result<(PathBuf, chart::Format), String> {
     let path = PathBuf::from(text);
     let format = chart::Format::of(&path).ok_or("no lapping diagram has this ending; known are .svg .png")?;
+    Ok((path, format))
+}
+
+pub(super) fn figures(text: &str) -> Result<(PathBuf, BenchFormat), String> {
+    let path = PathBuf::from(text);
+    let format = BenchFormat::of(&path).ok_or("no figures are written with this ending; known are .json .svg .png")?;
     Ok((path, format))
 }
 

@@ -369,5 +369,5 @@ fn bench_prints_the_papers_table() {
         assert_eq!(number(4), side * (side * segments + 1.0) * 6.0, "vertices: {table}");
         assert!(number(5) > 0.0 && number(6) <= number(5) && number(5) <= number(7), "{table}");
     }
-    fails(2, &["bench"], |_| {});
+    fails(2, &["bench", "--sr", "2"], |_| {});
 }

@@ -7,6 +7,7 @@
 )]
 
 mod architecture;
+mod bench;
 mod chart;
 mod clearance;
 mod cli;

@@ -1,0 +1,69 @@
+//! The source paper's own way, as a baseline that runs on the same machine: every triangle in turn for each data point, until one holds it.
+//!
+//! Section 3.1, equation 1, and then section 3.2's mapping of what was found. The cut at the panel's edge is ours and left out.
+
+use std::convert::Infallible;
+use std::hint::black_box;
+
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
+use warpknit::drape::{self, Block, Cloth, Options};
+use warpknit::garment::Panel;
+use warpknit::locate::SurfacePoint;
+use warpknit::locate::sign::crosses;
+use warpknit::map::{Mapping, map};
+
+use super::measure::{Moment, Sample};
+
+/// Locates and maps all data points of a cloth with as many threads as ours, and says how long that took.
+pub(super) fn located_and_mapped(cloth: &Cloth<'_>) -> Sample {
+    let panels = &cloth.garment().panels;
+    let mut taken = Sample::default();
+    let mut deliver = |blocks: &[Block]| -> Result<(), Infallible> {
+        let start = Moment::now();
+        blocks.par_iter().for_each(|block| {
+            let panel = &panels[block.panel];
+            let on_panel = |point: &DVec3| Some((*point, locate(panel, point.truncate())?));
+            let (flat, located): (Vec<_>, Vec<_>) = block.knitted.points.iter().filter_map(on_panel).unzip();
+            black_box(map(panel, &flat, &located, Mapping::Smooth));
+        });
+        taken += start.elapsed();
+        Ok(())
+    };
+    let Ok(_totals) = drape::run(cloth, &Options::default(), &mut |_, _| {}, &mut deliver);
+    taken
+}
+
+/// The first triangle that holds the point.
+fn locate(panel: &Panel, point: DVec2) -> Option<SurfacePoint> {
+    panel.triangles.iter().zip(0..).find_map(|(corners, triangle)| {
+        let [a, b, c] = corners.map(|vertex| panel.uv[vertex as usize]);
+        let signs @ [ab, bc, ca] = crosses(point, a, b, c);
+        let holds = signs.iter().all(|&sign| sign >= 0.0) || signs.iter().all(|&sign| sign <= 0.0);
+        let area = ab + bc + ca;
+        holds.then(|| SurfacePoint { triangle, b: ca / area, c: ab / area })
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::panel::folded_cone;
+    use super::*;
+    use warpknit::locate::Locator;
+
+    #[test]
+    fn it_finds_what_the_locator_finds_on_edges_and_corners_too() {
+        let garment = folded_cone(400);
+        let panel = &garment.panels[0];
+        let [low, high] = panel.bounds();
+        let grid = (0..40).flat_map(|x| (0..40).map(move |y| DVec2::new(f64::from(x), f64::from(y)) / 38.0));
+        let points: Vec<_> = grid.map(|share| low + share * (high - low)).chain(panel.uv.iter().copied()).collect();
+        let middles = panel.triangles.iter().map(|[a, b, _]| panel.uv[*a as usize].midpoint(panel.uv[*b as usize]));
+        let points: Vec<_> = points.into_iter().chain(middles).map(|point| point.extend(0.0)).collect();
+        let ours = Locator::new(panel).locate(&points);
+        assert!(ours.iter().any(Option::is_none) && ours.iter().flatten().count() > 1600);
+        for (point, ours) in points.iter().zip(ours) {
+            assert_eq!(locate(panel, point.truncate()), ours, "{point}");
+        }
+    }
+}

@@ -1,0 +1,126 @@
+//! What is measured on: the shipped garments, wherever the program runs, or the user's own; and fabrics with a wanted number of stitches on them.
+
+use std::fs;
+
+use anyhow::{Context, Result};
+use warpknit::drape::{Cloth, Options};
+use warpknit::fabric::Fabric;
+use warpknit::garment::{Garment, Panel, ReadOptions, read};
+use warpknit::ids::index32;
+
+use super::super::args::Bench;
+use super::measure::staged;
+
+/// A count of stitches this near to the wanted one will do.
+const NEAR: f64 = 0.003;
+/// Tries at it.
+const TRIES: usize = 5;
+
+/// A garment in `meshes/`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Shipped {
+    Pinch,
+    Tube,
+    Skirt,
+}
+
+impl Shipped {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Pinch => "pinch",
+            Self::Tube => "tube",
+            Self::Skirt => "skirt",
+        }
+    }
+
+    /// The flat and the draped file, embedded so that an installed program has them too.
+    fn files(self) -> [&'static [u8]; 2] {
+        match self {
+            Self::Pinch => [include_bytes!("../../../meshes/pinch_flat.obj"), include_bytes!("../../../meshes/pinch_draped.obj")],
+            Self::Tube => [include_bytes!("../../../meshes/tube_flat.obj"), include_bytes!("../../../meshes/tube_draped.obj")],
+            Self::Skirt => [include_bytes!("../../../meshes/skirt_flat.obj"), include_bytes!("../../../meshes/skirt_draped.obj")],
+        }
+    }
+
+    fn read(self) -> Result<Garment> {
+        let folder = tempfile::tempdir().context("no room for a temporary file")?;
+        let [flat, draped] = ["flat.obj", "draped.obj"].map(|name| folder.path().join(name));
+        for (path, bytes) in [&flat, &draped].into_iter().zip(self.files()) {
+            fs::write(path, bytes).with_context(|| format!("{}: can't write", path.display()))?;
+        }
+        Ok(read(&flat, Some(&draped), &ReadOptions::default())?)
+    }
+}
+
+/// The garments of a run: the user's in place of all, where there is one.
+#[derive(Debug)]
+pub(super) struct Garments {
+    own: Option<(String, Garment)>,
+}
+
+impl Garments {
+    /// Reads the user's.
+    pub(super) fn of(arguments: &Bench) -> Result<Self> {
+        let Some(flat) = arguments.meshes.first() else { return Ok(Self { own: None }) };
+        let draped = arguments.meshes.get(1);
+        let garment = read(flat, draped.map(AsRef::as_ref), &arguments.reading.options())?;
+        let name = draped.unwrap_or(flat).file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        Ok(Self { own: Some((name, garment)) })
+    }
+
+    /// Whether the user brought one: what was published is of other shapes then.
+    pub(super) fn are_own(&self) -> bool {
+        self.own.is_some()
+    }
+
+    /// Its name, and the garment.
+    pub(super) fn get(&self, shipped: Shipped) -> Result<(String, Garment)> {
+        self.own.clone().map_or_else(|| Ok((shipped.name().to_owned(), shipped.read()?)), Ok)
+    }
+}
+
+/// The fabric with about so many stitches on the garment, by the areas, its loops in their shape.
+pub(super) fn at_stitches(fabric: &Fabric, garment: &Garment, stitches: f64) -> Result<Fabric> {
+    let area: f64 = garment.panels.iter().map(Panel::area).sum();
+    let bars = f64::from(index32(fabric.bars.len()));
+    let there = bars * area / (fabric.wale_spacing() * fabric.course_spacing());
+    scaled(fabric, stitches / there)
+}
+
+/// The same counted, to within .3 % or as near as some tries come, for bars are not always full and panels have edges; and the count.
+pub(super) fn fitted(fabric: &Fabric, garment: &Garment, stitches: f64) -> Result<(Fabric, usize)> {
+    let mut fitted = at_stitches(fabric, garment, stitches)?;
+    let mut tries = 1..=TRIES;
+    loop {
+        let (_, totals) = staged(&Cloth::cover(garment, &fitted)?, &Options::default());
+        let there = totals.losses.stitches;
+        let times = stitches / f64::from(index32(there)).max(1.0);
+        if tries.next().is_none() || (times - 1.0).abs() < NEAR {
+            return Ok((fitted, there));
+        }
+        fitted = scaled(&fitted, times)?;
+    }
+}
+
+/// The fabric with so many times as many stitches on an area.
+fn scaled(fabric: &Fabric, times: f64) -> Result<Fabric> {
+    let finer = times.sqrt();
+    let scaled = fabric.clone().at_densities(fabric.wales_per_cm * finer, fabric.courses_per_cm * finer);
+    scaled.context("the garment is too small or too large for that many stitches: check --unit")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shipped_garments_are_read_anywhere_and_take_the_wanted_stitches() {
+        for (shipped, panels) in [(Shipped::Pinch, 1), (Shipped::Tube, 1), (Shipped::Skirt, 6)] {
+            assert_eq!(shipped.read().unwrap().panels.len(), panels, "{}", shipped.name());
+        }
+        let garment = Shipped::Pinch.read().unwrap();
+        let (net, stitches) = fitted(&Fabric::named("hex-net-3").unwrap(), &garment, 576.0).unwrap();
+        let (_, totals) = staged(&Cloth::cover(&garment, &net).unwrap(), &Options::default());
+        assert!((570..=582).contains(&stitches) && totals.losses.stitches == stitches, "{stitches}");
+    }
+}

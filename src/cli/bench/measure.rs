@@ -1,0 +1,183 @@
+//! Measuring: wall time and CPU time of some work, several times, as median, fastest and slowest.
+
+use std::convert::Infallible;
+use std::hint::black_box;
+use std::ops::{Add, AddAssign};
+use std::time::Instant;
+
+use anyhow::Result;
+use warpknit::drape::{self, Block, Cloth, Options, Stage, Totals};
+
+use super::super::clock::cpu_ms;
+
+/// A point in time, by the clock on the wall and by what the process has worked.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Moment {
+    wall: Instant,
+    cpu: Option<f64>,
+}
+
+/// What one run of some work took, ms.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Sample {
+    pub(super) wall: f64,
+    /// Of all threads together, where the system says it.
+    cpu: Option<f64>,
+}
+
+/// Several measurements of one thing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Spread {
+    pub(super) median: f64,
+    pub(super) least: f64,
+    pub(super) most: f64,
+}
+
+/// What some work takes, ms.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Times {
+    pub(super) wall: Spread,
+    /// Of all threads together, where the system says it.
+    pub(super) cpu: Option<Spread>,
+}
+
+impl Moment {
+    pub(super) fn now() -> Self {
+        Self { cpu: cpu_ms(), wall: Instant::now() }
+    }
+
+    pub(super) fn elapsed(self) -> Sample {
+        Self::now().since(self)
+    }
+
+    fn since(self, start: Self) -> Sample {
+        Sample {
+            wall: 1e3 * (self.wall - start.wall).as_secs_f64(),
+            cpu: self.cpu.zip(start.cpu).map(|(after, before)| after - before),
+        }
+    }
+}
+
+impl Add for Sample {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        // A sample that was never taken, as that of a stage that did not run, has no CPU time to lose.
+        let cpu = match (self.cpu, other.cpu) {
+            (Some(own), Some(other)) => Some(own + other),
+            (own, other) => own.or(other),
+        };
+        Self { wall: self.wall + other.wall, cpu }
+    }
+}
+
+impl AddAssign for Sample {
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+
+impl Spread {
+    /// Of one number at least.
+    fn of(mut numbers: Vec<f64>) -> Self {
+        numbers.sort_by(f64::total_cmp);
+        let last = numbers.len() - 1;
+        Self { median: numbers[last / 2].midpoint(numbers[numbers.len() / 2]), least: numbers[0], most: numbers[last] }
+    }
+}
+
+impl Times {
+    /// Of one sample at least.
+    pub(super) fn of(samples: &[Sample]) -> Self {
+        let cpu: Vec<_> = samples.iter().filter_map(|sample| sample.cpu).collect();
+        let wall = Spread::of(samples.iter().map(|sample| sample.wall).collect());
+        Self { wall, cpu: (cpu.len() == samples.len()).then(|| Spread::of(cpu)) }
+    }
+}
+
+/// Does the work once to warm up, and then so many times.
+pub(super) fn measured(runs: u32, work: &mut dyn FnMut() -> Result<()>) -> Result<Times> {
+    let [times] = measured_parts(runs, &mut || {
+        let start = Moment::now();
+        work()?;
+        Ok([start.elapsed()])
+    })?;
+    Ok(times)
+}
+
+/// The same for work that takes the time of its parts on its own.
+pub(super) fn measured_parts<const N: usize>(runs: u32, work: &mut dyn FnMut() -> Result<[Sample; N]>) -> Result<[Times; N]> {
+    work()?;
+    let runs = (0..runs).map(|_| work()).collect::<Result<Vec<_>>>()?;
+    Ok(std::array::from_fn(|part| Times::of(&runs.iter().map(|run| run[part]).collect::<Vec<_>>())))
+}
+
+/// What each stage of the pipeline took.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Staged([Sample; 6]);
+
+impl Staged {
+    pub(super) fn of(&self, stage: Stage) -> Sample {
+        self.0[stage as usize]
+    }
+}
+
+/// Lays a cloth, hands its blocks to nobody, and says how long each stage took.
+pub(super) fn staged(cloth: &Cloth<'_>, options: &Options) -> (Staged, Totals) {
+    let (mut staged, mut begun) = (Staged::default(), None);
+    let mut announce = |stage: Stage, _| {
+        let now = Moment::now();
+        if let Some((last, start)) = begun.replace((stage, now)) {
+            staged.0[last as usize] += now.since(start);
+        }
+    };
+    let mut deliver = |blocks: &[Block]| -> Result<(), Infallible> {
+        black_box(blocks);
+        Ok(())
+    };
+    let Ok(totals) = drape::run(cloth, options, &mut announce, &mut deliver);
+    if let Some((last, start)) = begun {
+        staged.0[last as usize] += start.elapsed();
+    }
+    (staged, totals)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use warpknit::fabric::Fabric;
+
+    #[test]
+    fn the_median_lies_between_the_least_and_the_most() {
+        let Spread { median, least, most } = Spread::of(vec![4.0, 1.0, 9.0, 2.0]);
+        assert_eq!((median, least, most), (3.0, 1.0, 9.0));
+        assert_eq!(Spread::of(vec![4.0, 1.0, 9.0]).median, 4.0);
+    }
+
+    #[test]
+    fn samples_add_up_and_an_untaken_one_takes_nothing_away() {
+        let sample = Sample { wall: 2.0, cpu: Some(3.0) };
+        assert_eq!(sample + Sample::default(), sample);
+        assert_eq!((sample + sample).cpu, Some(6.0));
+    }
+
+    #[test]
+    fn the_warm_up_does_not_count() {
+        let mut runs = 0;
+        let times = measured(3, &mut || {
+            runs += 1;
+            Ok(())
+        });
+        let wall = times.unwrap().wall;
+        assert!(runs == 4 && wall.least <= wall.median && wall.median <= wall.most);
+    }
+
+    #[test]
+    fn stages_that_run_take_time_and_the_surface_that_nobody_wants_takes_none() {
+        let fabric = Fabric::named("tricot").unwrap();
+        let panel = drape::swatch_panel(&fabric, 8, 8);
+        let (staged, totals) = staged(&Cloth::swatch(&panel, &fabric, 8, 8), &Options::default());
+        assert_eq!(totals.losses.stitches, 2 * 8 * 8);
+        assert!(staged.of(Stage::Knit).wall > 0.0 && staged.of(Stage::Surface) == Sample::default());
+    }
+}

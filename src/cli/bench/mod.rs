@@ -1,0 +1,115 @@
+//! `warpknit bench`: how long the work takes here, beside what the papers published.
+//!
+//! Each subject is a file and gives tables: the source paper's Table 2 ([`plane_curved`], with [`brute`] as its baseline), its Table 3
+//! ([`total`]), its Figures 14 and 15 ([`st_sr`], [`textures`]), the ribbon paper's table ([`weft`](mod@weft)), and [`growth`](mod@growth) with the size.
+//! Figures are medians of several runs after one that warms up; `from` and `to` are the fastest and the slowest.
+
+mod brute;
+mod canvas;
+mod files;
+mod garments;
+mod growth;
+mod measure;
+mod panel;
+mod picture;
+mod plane_curved;
+mod plot;
+mod st_sr;
+mod table;
+mod textures;
+mod total;
+mod weft;
+
+use anyhow::Result;
+use clap::ValueEnum;
+
+use super::args::Bench;
+use super::clock::{Clock, Task};
+use super::print;
+pub(crate) use files::BenchFormat;
+use garments::Garments;
+use table::Table;
+
+/// What can be measured.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Subject {
+    /// Table 2: coordinates on the plane fabric and on the curved one
+    PlaneCurved,
+    /// Table 3: total with rendering
+    Total,
+    /// Figure 14: render time over St, Sr and the fabric's size
+    StSr,
+    /// Figure 15: render time over the size of the yarn's texture
+    Textures,
+    /// Plain weft knits, the ribbon paper's table
+    Weft,
+    /// Time and memory from a thousand to 4.4 million stitches and from 2000 to 2 million triangles: a minute or two, 1 GB
+    Growth,
+}
+
+/// What is measured unasked: the source paper's tables and figures.
+const PAPER: [Subject; 4] = [Subject::PlaneCurved, Subject::Total, Subject::StSr, Subject::Textures];
+/// What of it a garment of one's own takes part in.
+const ON_GARMENTS: [Subject; 2] = [Subject::PlaneCurved, Subject::Total];
+
+/// Prints the tables that were asked for, and writes them to files.
+pub(crate) fn bench(arguments: &Bench) -> Result<()> {
+    files::check(arguments)?;
+    let mut clock = Clock::with_threads(arguments.threads, arguments.quiet)?;
+    let garments = Garments::of(arguments)?;
+    let subjects = subjects(arguments);
+    let mut tables = Vec::new();
+    for (at, subject) in subjects.iter().enumerate() {
+        let mut progress = |done: f64| clock.begin(Task::Measure, (at as f64 + done) / subjects.len() as f64);
+        tables.extend(subject.measure(arguments, &garments, &mut progress)?);
+    }
+    files::write(arguments, &tables)?;
+    clock.clear();
+    // Scripts split the one table that `--weft` has always printed, and find no words above it.
+    let bare = subjects == [Subject::Weft];
+    let texts: Vec<_> = tables.iter().map(|table| if bare { table.body() } else { table.text() }).collect();
+    print(&texts.join("\n"))
+}
+
+/// What the flags ask for, each once and in the papers' order.
+fn subjects(arguments: &Bench) -> Vec<Subject> {
+    let unasked: &[Subject] = if arguments.meshes.is_empty() { &PAPER } else { &ON_GARMENTS };
+    let asked = |subject: &Subject| arguments.only.contains(subject) || (arguments.weft && *subject == Subject::Weft);
+    let chosen: Vec<_> = Subject::value_variants().iter().copied().filter(asked).collect();
+    if chosen.is_empty() { unasked.to_vec() } else { chosen }
+}
+
+impl Subject {
+    fn measure(self, arguments: &Bench, garments: &Garments, progress: &mut dyn FnMut(f64)) -> Result<Vec<Table>> {
+        let table = match self {
+            Self::PlaneCurved => plane_curved::plane_curved(arguments, garments, progress),
+            Self::Total => total::total(arguments, garments, progress),
+            Self::StSr => st_sr::st_sr(arguments, progress),
+            Self::Textures => textures::textures(arguments, progress),
+            Self::Weft => weft::weft(arguments, progress),
+            Self::Growth => return growth::growth(arguments, garments, progress),
+        };
+        Ok(vec![table?])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::args::{Arguments, Command};
+    use clap::Parser as _;
+
+    fn chosen(flags: &[&str]) -> Vec<Subject> {
+        let arguments = Arguments::try_parse_from([&["warpknit", "bench"], flags].concat()).unwrap();
+        let Command::Bench(arguments) = arguments.command else { panic!("another command") };
+        subjects(&arguments)
+    }
+
+    #[test]
+    fn growth_and_weft_are_measured_only_where_they_are_asked_for() {
+        assert_eq!(chosen(&[]), PAPER);
+        assert_eq!(chosen(&["own.obj", "--unit", "cm"]), ON_GARMENTS);
+        assert_eq!(chosen(&["--weft", "--only", "weft"]), [Subject::Weft]);
+        assert_eq!(chosen(&["--only", "growth", "--only", "total", "own.obj"]), [Subject::Total, Subject::Growth]);
+    }
+}

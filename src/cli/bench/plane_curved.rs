@@ -1,0 +1,139 @@
+//! The source paper's Table 2: all data points on the flat fabric, and on the garment.
+//!
+//! The paper names a mesh fabric, a tricot fabric, a tube and a skirt; the latter two are taken to be of tricot.
+
+use anyhow::Result;
+use warpknit::drape::{Cloth, Options, Stage};
+use warpknit::fabric::Fabric;
+use warpknit::garment::Garment;
+use warpknit::ids::index32;
+use warpknit::knit::Pattern;
+
+use super::super::args::{Bench, DEFAULT_FABRIC};
+use super::brute;
+use super::garments::{Garments, Shipped, fitted};
+use super::measure::{Moment, Sample, Times, measured_parts, staged};
+use super::plot::{Plot, Series};
+use super::table::{BESIDE, Cell, Column, TIMES, Table, beside, times};
+
+/// A line of the paper's table.
+struct Line {
+    cloth: &'static str,
+    fabric: &'static str,
+    garment: Shipped,
+    stitches: u32,
+    plane: f64,
+    curved: f64,
+}
+
+const LINES: [Line; 4] = [
+    Line { cloth: "mesh", fabric: "hex-net-3", garment: Shipped::Pinch, stitches: 576, plane: 41.46, curved: 58.35 },
+    Line { cloth: "tricot", fabric: DEFAULT_FABRIC, garment: Shipped::Pinch, stitches: 3500, plane: 201.45, curved: 209.46 },
+    Line { cloth: "tube", fabric: DEFAULT_FABRIC, garment: Shipped::Tube, stitches: 8480, plane: 496.52, curved: 521.08 },
+    Line { cloth: "skirt", fabric: DEFAULT_FABRIC, garment: Shipped::Skirt, stitches: 26_180, plane: 1208.39, curved: 1375.15 },
+];
+
+/// What is told apart of a cloth's making.
+struct Parts {
+    relaxed: Times,
+    plane: Times,
+    /// Location and mapping.
+    carried: Times,
+    /// `plane` and `carried`, run by run.
+    curved: Times,
+}
+
+/// What `--brute` adds at the right.
+const BRUTE: [Column; 2] = [("brute_ms", "all triangles\nin turn, ms"), ("brute_times", "times")];
+
+/// Measures the table, on the user's garment if there is one.
+pub(super) fn plane_curved(arguments: &Bench, garments: &Garments, progress: &mut dyn FnMut(f64)) -> Result<Table> {
+    let mut table = Table::new(
+        "plane-curved",
+        "Table 2: coordinates on the plane fabric and on the curved one",
+        &[
+            "relax: one repeat in balance. plane: relax, laying out and all data points on the flat fabric. curved: plane, location and mapping.",
+            "published: Liu, Kyosev, Jiang 2022, Table 2, C# on an i7-9750H. The paper's meshes are not public; these are our own.",
+        ],
+        [("cloth", "cloth"), ("fabric", "fabric"), ("stitches", "stitches"), ("part", "part")],
+    );
+    table.add_columns(TIMES.into_iter().chain(BESIDE));
+    if arguments.brute {
+        table.add_columns(BRUTE);
+        table.notes.push(
+            "all triangles in turn: the paper's own location run here, with as many threads, once and not several times."
+                .to_owned(),
+        );
+    }
+    let series = [
+        Series::ours("plane, here"),
+        Series::ours("curved, here"),
+        Series::ours("all triangles, here"),
+        Series::published("plane, published"),
+        Series::published("curved, published"),
+    ];
+    let mut plot = Plot::new("Table 2: plane and curved", "stitches", "time, ms", series);
+    for (at, line) in LINES.iter().enumerate() {
+        progress(at as f64 / LINES.len() as f64);
+        let (own, garment) = garments.get(line.garment)?;
+        let (cloth, fabric) = if garments.are_own() { (own.as_str(), DEFAULT_FABRIC) } else { (line.cloth, line.fabric) };
+        let published = (!garments.are_own()).then_some((line.plane, line.curved));
+        let (fabric, stitches) = fitted(&Fabric::named(fabric)?, &garment, f64::from(line.stitches))?;
+        let parts = measure(arguments.runs, &garment, &fabric)?;
+        let brute = if arguments.brute { Some(brute::located_and_mapped(&Cloth::cover(&garment, &fabric)?)) } else { None };
+        push(&mut table, [cloth, &fabric.name], stitches, &parts, published, brute);
+        plot.push_known(
+            f64::from(index32(stitches)),
+            [
+                Some(parts.plane.wall.median),
+                Some(parts.curved.wall.median),
+                brute.map(|brute| parts.plane.wall.median + brute.wall),
+                published.map(|(plane, _)| plane),
+                published.map(|(_, curved)| curved),
+            ],
+        );
+    }
+    table.plots.push(plot);
+    Ok(table)
+}
+
+fn measure(runs: u32, garment: &Garment, fabric: &Fabric) -> Result<Parts> {
+    let [relaxed, plane, carried, curved] = measured_parts(runs, &mut || {
+        let start = Moment::now();
+        std::hint::black_box(Pattern::new(fabric));
+        let relaxed = start.elapsed();
+        let start = Moment::now();
+        let cloth = Cloth::cover(garment, fabric)?;
+        let covered = start.elapsed();
+        let (staged, _) = staged(&cloth, &Options::default());
+        let plane = covered + staged.of(Stage::Knit);
+        let carried = [Stage::Index, Stage::Locate, Stage::Map].into_iter().map(|stage| staged.of(stage));
+        let carried = carried.fold(Sample::default(), |sum, stage| sum + stage);
+        Ok([relaxed, plane, carried, plane + carried])
+    })?;
+    Ok(Parts { relaxed, plane, carried, curved })
+}
+
+/// A row a part.
+fn push(
+    table: &mut Table,
+    names: [&str; 2],
+    stitches: usize,
+    parts: &Parts,
+    published: Option<(f64, f64)>,
+    brute: Option<Sample>,
+) {
+    let brute_curved = brute.map(|brute| parts.plane.wall.median + brute.wall);
+    let rows = [
+        ("relax", &parts.relaxed, None, None),
+        ("plane", &parts.plane, published.map(|(plane, _)| plane), None),
+        ("location and mapping", &parts.carried, None, brute.map(|brute| brute.wall)),
+        ("curved", &parts.curved, published.map(|(_, curved)| curved), brute_curved),
+    ];
+    for (part, taken, published, by_brute) in rows {
+        let labels = [Cell::text(names[0]), Cell::text(names[1]), Cell::Count(stitches), Cell::text(part)];
+        let row = labels.into_iter().chain(times(taken)).chain(beside(published, taken));
+        let last = [Cell::known(by_brute, 2), Cell::times(by_brute.map(|ms| ms / taken.wall.median))];
+        table.push(row.chain(last.into_iter().filter(|_| brute.is_some())));
+    }
+}

@@ -1,0 +1,71 @@
+//! The source paper's Figure 14: render time over St, Sr and the size of the fabric.
+//!
+//! The figure is a plot whose values the text does not print. Its St and Sr are those of Table 1; its sizes are not printed either.
+
+use anyhow::Result;
+use warpknit::drape::{Cloth, Options, Stage, picture, swatch_panel};
+use warpknit::fabric::Fabric;
+use warpknit::yarn::tube::Section;
+
+use super::super::args::{Bench, DEFAULT_FABRIC};
+use super::measure::{measured_parts, staged};
+use super::picture::{Easel, SIZE};
+use super::plot::{Plot, Series};
+use super::table::{BESIDE, Cell, TIMES, Table, beside, times};
+
+/// The paper's tube parameters.
+const SECTIONS: [(u32, u32); 6] = [(10, 5), (25, 5), (40, 5), (10, 13), (25, 13), (40, 13)];
+/// Wales and courses of the fabrics.
+const SIDES: [u32; 3] = [10, 20, 40];
+
+/// Measures tubes and picture for each of the paper's St, Sr and for each size.
+pub(super) fn st_sr(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<Table> {
+    let fabric = Fabric::named(DEFAULT_FABRIC)?;
+    let easel = Easel::new(arguments);
+    let mut table = Table::new(
+        "st-sr",
+        "Figure 14: render time over St, Sr and the fabric's size",
+        &[
+            "The time is that of tubes and picture. The processor traces the yarns' curves whatever St and Sr, so its picture is timed once a size; --renderer gpu draws tubes.",
+            "published: the paper's figure is a plot, and its text prints neither its times nor its sizes.",
+        ],
+        [("fabric", "fabric"), ("st", "St"), ("sr", "Sr"), ("triangles", "triangles\na stitch"), ("tubes_ms", "tubes, ms")],
+    );
+    table.notes.insert(
+        0,
+        format!("Flat {DEFAULT_FABRIC} of so many wales and courses, {} x {} pixels, {}.", SIZE.0, SIZE.1, easel.note()),
+    );
+    table.add_columns(TIMES.into_iter().chain(BESIDE));
+    let series = SECTIONS.map(|(st, sr)| Series::ours(&format!("St {st}, Sr {sr}")));
+    let mut rendered = Plot::new("Figure 14: tubes and picture", "stitches", "time, ms", series.clone());
+    let mut tubed = Plot::new("Figure 14: tubes alone", "stitches", "time, ms", series);
+    for (at, side) in SIDES.into_iter().enumerate() {
+        let (panel, mut all) = (swatch_panel(&fabric, side, side), Vec::new());
+        let cloth = Cloth::swatch(&panel, &fabric, side, side);
+        let scene = picture::of(&cloth, &fabric);
+        let mut one_for_all = if easel.heeds_tubes() { None } else { Some(easel.timed(&scene)?.into_iter().cycle()) };
+        for (number, (st, sr)) in SECTIONS.into_iter().enumerate() {
+            progress((at as f64 + number as f64 / SECTIONS.len() as f64) / SIDES.len() as f64);
+            let section = Section { st, sr, radius: fabric.radius(), flatten: 1.0, caps: false, texture_per_mm: 1.0 };
+            let options = Options { surface: Some(section), ..Options::default() };
+            let easel = easel.with_tubes(st, sr);
+            let [tubes, taken] = measured_parts(easel.runs, &mut || {
+                let tubes = staged(&cloth, &options).0.of(Stage::Surface);
+                let picture = match one_for_all.as_mut().and_then(Iterator::next) {
+                    Some(picture) => picture,
+                    None => easel.draw(&scene)?,
+                };
+                Ok([tubes, tubes + picture])
+            })?;
+            let sizes = [Cell::Text(format!("{side} x {side}")), Cell::Count(st as usize), Cell::Count(sr as usize)];
+            let further = [Cell::Count(section.triangles_per_stitch() as usize), Cell::ms(tubes.wall.median)];
+            table.push(sizes.into_iter().chain(further).chain(times(&taken)).chain(beside(None, &taken)));
+            all.push((taken.wall.median, tubes.wall.median));
+        }
+        let stitches = scene.stitches.len() as f64;
+        rendered.push_known(stitches, all.iter().map(|(taken, _)| Some(*taken)));
+        tubed.push_known(stitches, all.iter().map(|(_, tubes)| Some(*tubes)));
+    }
+    table.plots.extend([rendered, tubed]);
+    Ok(table)
+}

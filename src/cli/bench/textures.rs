@@ -1,0 +1,82 @@
+//! The source paper's Figure 15: render time over the size of the yarn's picture.
+//!
+//! The figure is a plot whose values the text does not print; that the size makes no difference it says.
+
+use anyhow::Result;
+use image::{Rgba, RgbaImage};
+use warpknit::drape::picture::{laid, looks};
+use warpknit::drape::{Cloth, swatch_panel};
+use warpknit::fabric::Fabric;
+use warpknit::render::maps::{Kind, Maps, Mips};
+use warpknit::scene::{Scene, Shape};
+
+use super::super::args::{Bench, DEFAULT_FABRIC};
+use super::measure::Times;
+use super::picture::{Easel, SIZE};
+use super::plot::{Plot, Series};
+use super::table::{BESIDE, Cell, TIMES, Table, beside, times};
+
+/// The paper's fabric: wales and courses, St and Sr.
+const SIDE: u32 = 10;
+const SECTION: (u32, u32) = (30, 13);
+/// Sides of the pictures, pixels.
+const TEXTURES: [u32; 5] = [128, 256, 512, 1024, 2048];
+/// Yarn that a picture shows, in its thicknesses.
+const REPEAT: f64 = 4.0;
+
+/// Measures a picture without texture, and with each size of it.
+pub(super) fn textures(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<Table> {
+    let fabric = Fabric::named(DEFAULT_FABRIC)?;
+    let easel = Easel::new(arguments).with_tubes(SECTION.0, SECTION.1);
+    let mut table = Table::new(
+        "textures",
+        "Figure 15: render time over the size of the yarn's texture",
+        &[
+            "published: the paper's figure is a plot, and its text prints no times; it says that the size makes no great difference.",
+        ],
+        [("texture", "texture"), ("over_none", "over none")],
+    );
+    let (st, sr) = SECTION;
+    table.notes.insert(
+        0,
+        format!("Flat {DEFAULT_FABRIC} of {SIDE} x {SIDE}, St {st}, Sr {sr}, {} x {} pixels, {}.", SIZE.0, SIZE.1, easel.note()),
+    );
+    table.add_columns(TIMES.into_iter().chain(BESIDE));
+    let mut plot = Plot::new(
+        "Figure 15: textures",
+        "pixels each way",
+        "time, ms",
+        [Series::ours("textured"), Series::ours("without texture")],
+    );
+    let panel = swatch_panel(&fabric, SIDE, SIDE);
+    let cloth = Cloth::swatch(&panel, &fabric, SIDE, SIDE);
+    let mut plain = None;
+    for (at, side) in std::iter::once(None).chain(TEXTURES.map(Some)).enumerate() {
+        progress(at as f64 / (TEXTURES.len() + 1) as f64);
+        let maps: Vec<_> = side.map(|side| maps(side, 2.0 * fabric.radius())).into_iter().collect();
+        let worn = (!maps.is_empty()).then_some(0);
+        let scene = laid(&cloth, Scene::wearing(Shape::Tube, looks(&fabric, fabric.radius()), maps, |_| worn));
+        let taken = Times::of(&easel.timed(&scene)?);
+        let plain = *plain.get_or_insert(taken.wall.median);
+        let name = side.map_or_else(|| "none".to_owned(), |side| format!("{side} x {side}"));
+        let labels = [Cell::Text(name), Cell::Number(taken.wall.median / plain, 2)];
+        table.push(labels.into_iter().chain(times(&taken)).chain(beside(None, &taken)));
+        if let Some(side) = side {
+            plot.push(f64::from(side), [taken.wall.median, plain]);
+        }
+    }
+    table.plots.push(plot);
+    Ok(table)
+}
+
+/// A picture of a yarn `thickness` mm thick, its colour and surface changing from pixel to pixel, so that each lookup reads another one.
+fn maps(side: u32, thickness: f64) -> Maps {
+    let shade = |x: u32, y: u32| u8::try_from((x * 7 + y * 13) % 96 + 128).expect("below 224");
+    let base = RgbaImage::from_fn(side, side, |x, y| Rgba([shade(x, y), shade(y, x), 160, 255]));
+    let normal = RgbaImage::from_fn(side, side, |x, y| Rgba([shade(x, y) / 4 + 84, shade(y, x) / 4 + 84, 250, 255]));
+    let surface = RgbaImage::from_fn(side, side, |x, y| Rgba([255, shade(x, y), 0, 255]));
+    #[expect(clippy::cast_possible_truncation, reason = "a length in mm needs no more")]
+    let (length, width) = ((REPEAT * thickness) as f32, thickness as f32);
+    let (base, normal) = (Mips::new(base, Kind::Color), Mips::new(normal, Kind::Normal));
+    Maps { base, normal, surface: Mips::new(surface, Kind::Plain), length, width }
+}

@@ -1,0 +1,116 @@
+//! `warpknit bench`: its tables, on our garments and on a user's, and its files read back.
+
+use std::path::Path;
+
+use assert_cmd::Command;
+use serde_json::Value;
+
+fn bench(folder: &Path, arguments: &[&str]) -> Command {
+    let mut command = Command::cargo_bin("warpknit").unwrap();
+    command.current_dir(folder).arg("bench").args(arguments).args(["--runs", "1", "--quiet"]);
+    command
+}
+
+/// stdout of a run that succeeds and says nothing else.
+fn table(folder: &Path, arguments: &[&str]) -> String {
+    let output = bench(folder, arguments).assert().success().stderr("").get_output().clone();
+    String::from_utf8(output.stdout).unwrap()
+}
+
+fn json(path: &Path) -> Value {
+    serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
+}
+
+/// A panel of two triangles that hangs in a bend.
+fn garment(folder: &Path) {
+    let text = "v 0 0 0\nv 200 0 40\nv 200 300 40\nv 0 300 0\nvt 0 0\nvt 204 0\nvt 204 300\nvt 0 300\nf 1/1 2/2 3/3 4/4\n";
+    std::fs::write(folder.join("own.obj"), text).unwrap();
+}
+
+#[test]
+fn table_2_stands_beside_what_was_published_wherever_the_program_runs() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = table(folder.path(), &["--only", "plane-curved", "-o", "b.json", "-o", "b.svg", "-o", "b.png"]);
+    assert!(text.starts_with("Table 2") && text.contains("published,\n") && text.contains("other machine"), "{text}");
+
+    let record = json(&folder.path().join("b.json"));
+    assert!(record["machine"]["cores"].as_u64().unwrap() > 0 && record["machine"]["threads"].as_u64().unwrap() > 0);
+    assert_eq!((&record["runs"], &record["warpknit"]), (&1.into(), &env!("CARGO_PKG_VERSION").into()));
+    let rows = record["tables"]["plane-curved"]["rows"].as_array().unwrap();
+    assert_eq!(rows.len(), 4 * 4);
+    let paper = [(576.0, 41.46, 58.35), (3500.0, 201.45, 209.46), (8480.0, 496.52, 521.08), (26_180.0, 1208.39, 1375.15)];
+    for (rows, (stitches, plane, curved)) in rows.chunks(4).zip(paper) {
+        let ms = |row: usize| rows[row]["ms"].as_f64().unwrap();
+        let there = rows[0]["stitches"].as_f64().unwrap();
+        assert!((there / stitches - 1.0).abs() < 0.01, "{there} stitches for {stitches}");
+        assert_eq!([1, 3].map(|row| rows[row]["published"].as_f64().unwrap()), [plane, curved]);
+        assert_eq!(rows.iter().map(|row| row["part"].as_str().unwrap().len()).collect::<Vec<_>>(), [5, 5, 20, 6]);
+        // With one run the parts add up.
+        assert!((ms(1) + ms(2) - ms(3)).abs() < 1e-6 && ms(0) > 0.0, "{rows:?}");
+        let times = rows[3]["times"].as_f64().unwrap();
+        assert!((times - curved / ms(3)).abs() < 1e-9);
+    }
+
+    let svg = std::fs::read_to_string(folder.path().join("b.svg")).unwrap();
+    let document = roxmltree::Document::parse(&svg).unwrap();
+    let texts: Vec<_> = document.descendants().filter(|node| node.has_tag_name("text")).filter_map(|node| node.text()).collect();
+    for wanted in ["stitches", "time, ms", "plane, here", "curved, published", "10k"] {
+        assert!(texts.contains(&wanted), "{wanted}: {texts:?}");
+    }
+    let picture = image::open(folder.path().join("b.png")).unwrap().into_rgb8();
+    assert!(picture.width() >= 1000 && picture.pixels().any(|pixel| pixel.0 == [0x00, 0x72, 0xb2]));
+}
+
+#[test]
+fn a_garment_of_ones_own_is_measured_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    garment(folder.path());
+    let arguments = ["own.obj", "--unit", "mm", "--only", "plane-curved", "--brute", "--threads", "1", "-o", "b.json"];
+    let text = table(folder.path(), &arguments);
+    assert!(text.contains("all triangles") && text.contains("own") && !text.contains("hex-net-3"), "{text}");
+    let record = json(&folder.path().join("b.json"));
+    assert_eq!(record["machine"]["threads"], 1);
+    for row in record["tables"]["plane-curved"]["rows"].as_array().unwrap() {
+        assert!(row["cloth"] == "own" && row["fabric"] == "tricot" && row["published"].is_null(), "{row}");
+        assert_eq!(row["brute_ms"].is_number(), ["curved", "location and mapping"].contains(&row["part"].as_str().unwrap()));
+    }
+}
+
+#[test]
+fn what_the_ribbon_paper_published_is_printed_bare_alone_and_titled_among_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let headings = "loops segments vertices ms from to cpu ms ns/vertex published times";
+    let words = |line: &str| line.split_whitespace().collect::<Vec<_>>().join(" ");
+    for flags in [&["--weft"][..], &["--only", "weft"]] {
+        let text = table(folder.path(), flags);
+        let lines: Vec<_> = text.lines().collect();
+        assert_eq!((lines.len(), words(lines[0])), (10, headings.to_owned()), "{text}");
+        // Where the scripts look: loops, segments, CPU time.
+        let cells: Vec<_> = lines[1].split_whitespace().collect();
+        assert_eq!((cells[0], cells[3]), ("20", "15"));
+        assert!(cells[8].parse::<f64>().is_ok_and(|ms| ms > 0.0), "{text}");
+    }
+    garment(folder.path());
+    let both = table(folder.path(), &["own.obj", "--weft", "--only", "plane-curved"]);
+    assert!(both.contains("Plain weft knits from motif to tubes") && both.contains("Table 2"), "{both}");
+}
+
+#[test]
+fn wrong_files_are_told_of_before_anything_is_measured() {
+    let folder = tempfile::tempdir().unwrap();
+    garment(folder.path());
+    // Growth would take minutes.
+    let fails = |code: i32, arguments: &[&str], why: &str| {
+        let arguments = [&["--only", "growth"], arguments].concat();
+        let output = bench(folder.path(), &arguments).assert().code(code).stdout("").get_output().clone();
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert!(message.contains(why), "{arguments:?}: {message}");
+    };
+    fails(2, &["-o", "b.csv"], ".json .svg .png");
+    fails(2, &["--only", "speed"], "plane-curved");
+    fails(2, &["a.obj", "b.obj", "c.obj"], "unexpected");
+    fails(1, &["-o", "absent/b.json"], "there is no folder absent");
+    fails(1, &["-o", "b.json", "-o", "b.json"], "another output");
+    fails(1, &["absent.obj"], "absent.obj");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}
