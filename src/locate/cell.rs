@@ -34,10 +34,11 @@ pub(super) struct Cell {
     pub(super) neighbours: [u32; 3],
 }
 
-/// Where a point lies.
+/// Where a point lies: small enough to stay in a register, which on the way from triangle to triangle counts.
+#[derive(Clone, Copy)]
 pub(super) enum Side {
     /// Within the triangle, its edges left out.
-    Inside(SurfacePoint),
+    Inside,
     /// On the far side of this edge.
     Beyond(usize),
     /// On an edge, or so near that only exact signs tell.
@@ -75,7 +76,7 @@ impl Cell {
 
     /// Where `p` lies.
     #[inline]
-    pub(super) fn side(&self, triangle: u32, p: DVec2) -> Side {
+    pub(super) fn side(&self, p: DVec2) -> Side {
         let (b, c) = self.weights(p);
         let a = 1.0 - b - c;
         // Each corner's weight is nothing on the edge that it faces.
@@ -83,7 +84,7 @@ impl Cell {
             [(b, 2), (c, 0)].into_iter().fold((a, 1), |least, other| if other.0 < least.0 { other } else { least });
         let margin = f64::from(self.margin);
         if least > margin {
-            Side::Inside(SurfacePoint { triangle, b, c })
+            Side::Inside
         } else if least < -margin {
             Side::Beyond(edge)
         } else {
@@ -93,13 +94,13 @@ impl Cell {
 
     /// Where `to` lies, seen by a way to it that comes through this triangle: beyond the only edge that it can leave through, if there is only one.
     #[inline]
-    pub(super) fn side_of_way(&self, triangle: u32, to: DVec2) -> Side {
+    pub(super) fn side_of_way(&self, to: DVec2) -> Side {
         let (b, c) = self.weights(to);
         let margin = f64::from(self.margin);
         let weights = [c, 1.0 - b - c, b];
         let sides = weights.map(|weight| (weight > margin, weight < -margin));
         match sides {
-            [(true, _), (true, _), (true, _)] => Side::Inside(SurfacePoint { triangle, b, c }),
+            [(true, _), (true, _), (true, _)] => Side::Inside,
             [(_, true), (true, _), (true, _)] => Side::Beyond(0),
             [(true, _), (_, true), (true, _)] => Side::Beyond(1),
             [(true, _), (true, _), (_, true)] => Side::Beyond(2),
@@ -114,16 +115,17 @@ impl Cell {
         let margin = f64::from(self.margin);
         let mut count = 0;
         for (points, located) in points.as_chunks::<LANES>().0.iter().zip(located.as_chunks_mut::<LANES>().0) {
-            let mut inside = 0_u32;
+            let mut outside = 0_u32;
             for (lane, (point, located)) in points.iter().zip(located).enumerate() {
                 let (b, c) = self.weights(point.truncate());
-                inside |= u32::from(b.min(c).min(1.0 - b - c) > margin) << lane;
+                let inside = (b > margin) & (c > margin) & (1.0 - b - c > margin);
+                outside |= u32::from(!inside) << lane;
                 *located = Some(SurfacePoint { triangle, b, c });
             }
-            count += inside.trailing_ones() as usize;
-            if inside.count_ones() < LANES as u32 {
-                break;
+            if outside != 0 {
+                return count + outside.trailing_zeros() as usize;
             }
+            count += LANES;
         }
         count
     }
@@ -151,13 +153,13 @@ mod tests {
                 _ => along + DVec2::new(0.0, (share(9) - 0.5) * 1e-12),
             };
             let [ab, bc, ca] = crosses(p, corners[0], corners[1], corners[2]);
-            match cell.side(0, p) {
-                Side::Inside(_) => assert!(ab > 0.0 && bc > 0.0 && ca > 0.0),
+            match cell.side(p) {
+                Side::Inside => assert!(ab > 0.0 && bc > 0.0 && ca > 0.0),
                 Side::Beyond(edge) => assert!([ab, bc, ca][edge] < 0.0),
                 Side::Near => assert!(ab.abs().min(bc.abs()).min(ca.abs()) < 1e-8),
             }
-            counts[match cell.side(0, p) {
-                Side::Inside(_) => 0,
+            counts[match cell.side(p) {
+                Side::Inside => 0,
                 Side::Beyond(_) => 1,
                 Side::Near => 2,
             }] += 1;

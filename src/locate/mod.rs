@@ -76,7 +76,7 @@ pub struct Locator<'a> {
 /// Where a walk ended.
 enum Walk {
     /// Strictly inside this triangle, or on an edge that it shares with a neighbour that comes later in the file.
-    Found(SurfacePoint),
+    Found(u32),
     /// On an edge or corner whose triangles the walk doesn't all know, off the panel, or too far.
     Ask,
 }
@@ -120,7 +120,8 @@ impl<'a> Locator<'a> {
                 at += self.cells[triangle as usize].run(triangle, &points[at..], &mut located[at..]);
             }
             if let Some(point) = points.get(at) {
-                located[at] = self.find(point.truncate(), &mut triangle);
+                let p = point.truncate();
+                located[at] = self.find(p, &mut triangle).map(|found| self.cells[found as usize].point(found, p));
                 at += 1;
             }
         }
@@ -129,16 +130,17 @@ impl<'a> Locator<'a> {
     /// The triangle that holds `p`; `hint` is any triangle, best one nearby.
     #[must_use]
     pub fn at(&self, p: DVec2, hint: u32) -> Option<SurfacePoint> {
-        self.find(p, &mut hint.clone())
+        let mut triangle = hint;
+        self.find(p, &mut triangle).map(|found| self.cells[found as usize].point(found, p))
     }
 
     /// The triangle that holds `p`, from `triangle` on, which becomes a good one to start from for a point nearby.
-    fn find(&self, p: DVec2, triangle: &mut u32) -> Option<SurfacePoint> {
+    fn find(&self, p: DVec2, triangle: &mut u32) -> Option<u32> {
         if self.embedded
-            && let Walk::Found(at) = self.walk(p, triangle)
+            && let Walk::Found(found) = self.walk(p, triangle)
         {
-            *triangle = at.triangle;
-            return Some(at);
+            *triangle = found;
+            return Some(found);
         }
         self.search(p)
     }
@@ -157,8 +159,8 @@ impl<'a> Locator<'a> {
     fn walk(&self, p: DVec2, triangle: &mut u32) -> Walk {
         for _ in 0..self.most_steps {
             let cell = &self.cells[*triangle as usize];
-            let out = match cell.side(*triangle, p) {
-                Side::Inside(at) => return Walk::Found(at),
+            let out = match cell.side(p) {
+                Side::Inside => return Walk::Found(*triangle),
                 Side::Beyond(edge) => edge,
                 Side::Near => match self.beyond(*triangle, p) {
                     Ok(edge) => edge,
@@ -182,22 +184,22 @@ impl<'a> Locator<'a> {
         }
         let cell = &self.cells[triangle as usize];
         Err(match t.map(|t| t == 0.0) {
-            [false, false, false] => Walk::Found(cell.point(triangle, p)),
+            [false, false, false] => Walk::Found(triangle),
             // On one inner edge: its two triangles are all that hold the point.
-            [true, false, false] => self.first_of(triangle, cell.neighbours[0], p),
-            [false, true, false] => self.first_of(triangle, cell.neighbours[1], p),
-            [false, false, true] => self.first_of(triangle, cell.neighbours[2], p),
+            [true, false, false] => self.first_of(triangle, cell.neighbours[0]),
+            [false, true, false] => self.first_of(triangle, cell.neighbours[1]),
+            [false, false, true] => self.first_of(triangle, cell.neighbours[2]),
             _ => Walk::Ask,
         })
     }
 
-    fn first_of(&self, triangle: u32, neighbour: u32, p: DVec2) -> Walk {
-        let first = if neighbour == BORDER || self.face(triangle) < self.face(neighbour) { triangle } else { neighbour };
-        Walk::Found(self.cells[first as usize].point(first, p))
+    fn first_of(&self, triangle: u32, neighbour: u32) -> Walk {
+        let triangle_first = neighbour == BORDER || self.face(triangle) < self.face(neighbour);
+        Walk::Found(if triangle_first { triangle } else { neighbour })
     }
 
     /// The first in the file of all triangles that hold `p`, by the BVH.
-    fn search(&self, p: DVec2) -> Option<SurfacePoint> {
+    fn search(&self, p: DVec2) -> Option<u32> {
         let bvh = self.bvh.get_or_init(|| boxes_bvh(&self.panel.uv, &self.panel.triangles)).as_ref()?;
         let mut first: Option<u32> = None;
         for_candidates(bvh, p, |triangle| {
@@ -205,7 +207,7 @@ impl<'a> Locator<'a> {
                 first = Some(triangle);
             }
         });
-        first.map(|triangle| self.cells[triangle as usize].point(triangle, p))
+        first
     }
 
     /// Where a triangle comes in the file.

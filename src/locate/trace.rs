@@ -37,8 +37,8 @@ impl Locator<'_> {
         let mut triangle = start.triangle;
         let mut last = None;
         for _ in 0..MAX_STEPS {
-            let exit = match self.cells[triangle as usize].side_of_way(triangle, to) {
-                Side::Inside(_) => return Traced::Arrived,
+            let exit = match self.cells[triangle as usize].side_of_way(to) {
+                Side::Inside => return Traced::Arrived,
                 Side::Beyond(edge) => edge,
                 Side::Near => {
                     let beyond = self.crosses_of(triangle, to);
