@@ -44,7 +44,7 @@ pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
             let vertices = points.points.len() / points.stitch * st as usize * (sr as usize + 1);
             group.throughput(Throughput::Elements(vertices as u64));
             group.bench_function(BenchmarkId::new("26180", format!("{st}x{sr}")), |bench| {
-                bench.iter(|| tubes(&points, &section, held))
+                bench.iter(|| tubes(&points, &section, held));
             });
         }
         group.finish();

@@ -96,12 +96,10 @@ mod tests {
     use crate::garment::Garment;
     use crate::ids::FaceId;
 
-    /// The corners of each face, flat and draped, by the face.
-    fn faces(panel: &Panel) -> Vec<(FaceId, [(DVec2, DVec3, DVec3); 3])> {
-        let corner = |v: u32| (panel.uv[v as usize], panel.draped[v as usize], panel.normals[v as usize]);
-        let mut faces: Vec<_> = panel.faces.iter().copied().zip(panel.triangles.iter().map(|t| t.map(corner))).collect();
-        faces.sort_by_key(|(face, _)| *face);
-        faces
+    /// The corners of each face, flat and draped with its normal, by the face.
+    fn faces(panel: &Panel) -> std::collections::BTreeMap<FaceId, [[DVec3; 3]; 3]> {
+        let corner = |v: u32| [panel.uv[v as usize].extend(0.0), panel.draped[v as usize], panel.normals[v as usize]];
+        panel.faces.iter().copied().zip(panel.triangles.iter().map(|t| t.map(corner))).collect()
     }
 
     /// A square of cells in rows, its triangles in an order of no sense, with a vertex that nothing uses.
