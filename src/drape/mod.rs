@@ -452,7 +452,6 @@ impl Block {
     }
 
     fn locate(&mut self, locator: &Locator<'_>, edge: Edge) {
-        self.located.clear();
         locator.locate_into(&self.knitted.points, &mut self.located);
         self.strands.clear();
         for (yarn, stitches) in &self.yarns {

@@ -73,7 +73,7 @@ pub(super) fn growth(arguments: &Bench, garments: &Garments, progress: &mut dyn 
     over_stitches.plots.extend(plots);
 
     let title = format!("Growth with the triangles: {DEFAULT_FABRIC} on a folded cone");
-    let cone = "A rectangle of 1200 x 700 mm, its triangles jittered and in no order.";
+    let cone = "A rectangle of 1200 x 700 mm, its triangles jittered, made in no order and put in order as on reading.";
     let mut over_triangles = Table::new("growth-triangles", &title, &[cone, &stages, note], COLUMNS);
     let mut plots = self::plots("triangles");
     for (at, wanted) in TRIANGLES.into_iter().enumerate() {

@@ -17,7 +17,8 @@ const DEPTH: f64 = 0.2;
 /// How far a vertex is moved from its place in the grid, in cells: triangles of all shapes, but none turned over.
 const JITTER: f64 = 0.25;
 
-/// A garment of one such panel of about so many triangles, which follow each other in no order, as after a remesher. The same for the same number.
+/// A garment of one such panel of about so many triangles. They are made in no order, as by a remesher, and put in order as they are when a garment is read. The
+/// same for the same number.
 pub(super) fn folded_cone(triangles: usize) -> Garment {
     let mut random = Random(0x9e37_79b9_7f4a_7c15);
     // Cells about as wide as high: the rectangle is 12 by 7.
@@ -29,7 +30,7 @@ pub(super) fn folded_cone(triangles: usize) -> Garment {
     let normals = normals(&draped, &triangles);
     let faces = (0..index32(triangles.len())).map(FaceId).collect();
     let facts = Facts { triangles: triangles.len(), unit: "mm", uv_scale_mm: 1.0, ..Facts::default() };
-    let panel = Panel {
+    let mut panel = Panel {
         uv,
         draped,
         normals,
@@ -39,6 +40,7 @@ pub(super) fn folded_cone(triangles: usize) -> Garment {
         flat_from_panel: DAffine3::IDENTITY,
         mirrored: false,
     };
+    panel.order_along_curve();
     Garment { panels: vec![panel], facts }
 }
 
