@@ -9,8 +9,8 @@
 //! neighbours; where that can't tell, or where the panel overlaps itself, a BVH gives all candidates, and it is built when first asked.
 //! The depth of a point plays no part.
 //!
-//! Cost, on a machine where Embree's packets of rays take 60 to 100 ns (`benches/against_peers.sh`): 6 to 20 ns a point, more where a
-//! triangle holds few of them, and some 100 ns a triangle before the first.
+//! Cost, on a machine where Embree's packets of rays take 60 to 100 ns a point (`benches/against_peers.sh`): 10 to 20 ns a point, more where a
+//! triangle holds few of them, and some 0.2 µs a triangle before the first, its place in memory included.
 
 mod cell;
 pub mod sign;

@@ -31,7 +31,7 @@ pub enum Traced {
 impl Locator<'_> {
     /// Goes straight from `from`, which `start` holds, to `to`.
     ///
-    /// Cost: some 5 ns where the target lies in the same triangle or the next, six exact signs a triangle passed beyond that.
+    /// Cost: a few multiplications for each triangle passed; six exact signs more where the way passes near a corner.
     #[must_use]
     pub fn trace(&self, from: DVec2, start: SurfacePoint, to: DVec2) -> Traced {
         let mut triangle = start.triangle;

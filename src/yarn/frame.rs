@@ -28,19 +28,21 @@ pub fn across(v: Vec3A, tangent: Vec3A) -> Vec3A {
 #[inline]
 #[must_use]
 pub fn carry(normal: Vec3A, chord: Vec3A, from: Vec3A, to: Vec3A) -> Vec3A {
-    // Both reflections, r' = r - a·chord - b·mirror: written out so that all products with the normal are taken side by side. A ring waits for the
-    // one before it, so what counts is the longest way from a normal to the next: 20 ns a ring less than one reflection after the other.
-    let squared = chord.length_squared();
-    let by_chord = if squared > 0.0 { 2.0 / squared } else { 0.0 };
-    let mirror = to - (from - chord * (by_chord * chord.dot(from)));
-    let squared = mirror.length_squared();
-    let by_mirror = if squared > 0.0 { 2.0 / squared } else { 0.0 };
-    let a = by_chord * chord.dot(normal);
-    let b = by_mirror * (mirror.dot(normal) - a * chord.dot(mirror));
-    // Reflections keep lengths and angles: only rounding is to be mended. What leans along the tangent goes, and the length is set right for the
-    // normal before by a step of Newton's in place of a root and a division.
-    let along = normal.dot(to) - a * chord.dot(to) - b * mirror.dot(to);
-    (normal - chord * a - mirror * b - to * along) * (1.5 - 0.5 * normal.length_squared())
+    let (normal, tangent) = match chord.length_squared() {
+        0.0 => (normal, from),
+        squared => {
+            let twice = chord * (2.0 / squared);
+            (normal - twice * chord.dot(normal), from - twice * chord.dot(from))
+        }
+    };
+    let mirror = to - tangent;
+    let normal = match mirror.length_squared() {
+        0.0 => normal,
+        squared => normal - mirror * (2.0 / squared * mirror.dot(normal)),
+    };
+    // Reflections keep lengths and angles: only rounding is to be mended, for which a step of Newton's takes the place of a root and a division.
+    let normal = normal - to * normal.dot(to);
+    normal * (1.5 - 0.5 * normal.length_squared())
 }
 
 #[cfg(test)]
