@@ -16,10 +16,13 @@ trap 'rm -rf "$scratch"' EXIT
 cargo build --quiet --release
 cargo bench --quiet --no-run
 warpknit() { cargo run --quiet --release -- "$@"; }
+# Whether a command runs here.
+has() { command -v "$1" >/dev/null; }
+has_numpy() { "$python" -c 'import numpy' 2>/dev/null; }
 left_out() { echo "$1: no $2 in $peers; left out"; }
 
 if [ -z "${PEER_INPUTS:-}" ]; then
-    if [ -f "$peers/make_inputs.py" ] && "$python" -c 'import numpy' 2>"$scratch/why"; then
+    if [ -f "$peers/make_inputs.py" ] && has_numpy; then
         PEER_INPUTS=$scratch/inputs
         "$python" "$peers/make_inputs.py" "$PEER_INPUTS"
     else
@@ -30,8 +33,8 @@ export PEER_INPUTS=${PEER_INPUTS:-}
 
 # Milliseconds of CPU of one of our benches, by its name.
 bench() {
-    cargo bench --quiet --bench pipeline -- --output-format bencher "^$1\$" 2>"$scratch/log" |
-        awk '/ns\/iter/ { for (i = 1; i <= NF; i++) if ($i == "ns/iter") { gsub(",", "", $(i - 1)); print $(i - 1) / 1e6 } }'
+    cargo bench --quiet --bench pipeline -- --output-format bencher "^$1\$" >"$scratch/figures" 2>"$scratch/log" || { cat "$scratch/log" >&2; exit 1; }
+    awk '/ns\/iter/ { for (i = 1; i <= NF; i++) if ($i == "ns/iter") { gsub(",", "", $(i - 1)); print $(i - 1) / 1e6 } }' "$scratch/figures"
 }
 # A number of a peer's JSON line.
 field() { sed "s/.*\"$1\": *\([0-9.]*\).*/\1/"; }
@@ -62,20 +65,23 @@ map() {
 
 tubes() {
     head "tubes, 26180 stitches 10 x 5, ms" peer
-    if [ -f "$peers/numpy_tube.py" ]; then
+    if [ -f "$peers/numpy_tube.py" ] && has_numpy; then
         own=$(bench "tubes streamed/26180/10x5")
-        row "numpy" "$own" "$("$python" "$peers/numpy_tube.py" "$PEER_INPUTS" 26180 10 5 | field cpu_ms)"
+        other=$("$python" "$peers/numpy_tube.py" "$PEER_INPUTS" 26180 10 5 | field cpu_ms)
+        row "numpy" "$own" "$other"
     else
-        left_out numpy numpy_tube.py
+        left_out numpy "numpy_tube.py, or no numpy in $python,"
     fi
     if has_three; then
         own=$(bench "tubes streamed/26180/10x5")
-        row "three.js" "$own" "$(three "$PEER_INPUTS" 26180 10)"
+        other=$(three "$PEER_INPUTS" 26180 10)
+        row "three.js" "$own" "$other"
     fi
 }
 
 has_three() {
-    [ -f "$peers/three_tube.mjs" ] && [ -d "$peers/node_modules/three" ] || { left_out three.js "three_tube.mjs with node_modules/three"; return 1; }
+    [ -f "$peers/three_tube.mjs" ] && [ -d "$peers/node_modules/three" ] && has node ||
+        { left_out three.js "three_tube.mjs with node_modules/three, or no node,"; return 1; }
 }
 three() { (cd "$peers" && node --expose-gc three_tube.mjs "$1" "$2" "$3" 5) | field cpu_ms; }
 
@@ -104,7 +110,8 @@ weft() {
         weft_points "$side"
         for st in 15 20 50; do
             own=$(warpknit bench --weft --threads 1 --quiet | awk -v side="$side" -v st="$st" '$1 == side && $4 == st { print $9 }')
-            row "$side x $side, $st" "$own" "$(three "$scratch" "$side" "$st")"
+            other=$(three "$scratch" "$side" "$st")
+            row "$side x $side, $st" "$own" "$other"
         done
     done
 }

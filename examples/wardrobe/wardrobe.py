@@ -30,17 +30,28 @@ GARMENTS = {
 RETRIES = 5
 
 
+def label(fabric):
+    """A fabric in the name of a job: a fabric file without its folder and ending."""
+    return Path(fabric).stem
+
+
+def part_of(arguments, part):
+    """The name of the job of one part: another fabric or number of parts is another job."""
+    return f"{arguments.large}-{label(arguments.fabrics[0])}-part-{part}-of-{arguments.tiles}"
+
+
 def jobs_of(arguments):
     """Each job's name, with the arguments and the endings of its files."""
     common = ["--renderer", "cpu", "--threads", "1", "--quiet"]
     for garment in arguments.garments:
         meshes = [str(MESHES / name) for name in GARMENTS[garment]]
         for fabric in arguments.fabrics:
-            yield f"{garment}-{fabric}", [*meshes, "--fabric", fabric, "--size", arguments.size, *common], ["png", "json"]
+            name = f"{garment}-{label(fabric)}-{arguments.size}"
+            yield name, [*meshes, "--fabric", fabric, "--size", arguments.size, *common], ["png", "json"]
     meshes = [str(MESHES / name) for name in GARMENTS[arguments.large]]
     for part in range(1, arguments.tiles + 1):
         tile = ["--fabric", arguments.fabrics[0], "--tile", f"{part}/{arguments.tiles}"]
-        yield f"{arguments.large}-part-{part}", [*meshes, *tile, *common], ["csv", "json"]
+        yield part_of(arguments, part), [*meshes, *tile, *common], ["csv", "json"]
 
 
 def note(out, name, event):
@@ -108,7 +119,7 @@ def run(arguments):
 def join(arguments):
     """The parts' data points as one file, under its name only when it is whole."""
     target = arguments.out / f"{arguments.large}.csv"
-    names = [f"{arguments.large}-part-{part}" for part in range(1, arguments.tiles + 1)]
+    names = [part_of(arguments, part) for part in range(1, arguments.tiles + 1)]
     with tempfile.NamedTemporaryFile("wb", dir=arguments.out, delete=False) as whole:
         for number, name in enumerate(names):
             with open(arguments.out / name / f"{name}.csv", "rb") as part:

@@ -165,6 +165,9 @@ impl Builder<'_, '_> {
 
     /// Adds a stitch's data points, the first of which is number `first`.
     fn add_stitch(&mut self, first: usize, flat: &[DVec3], located: &[Option<SurfacePoint>]) {
+        if flat.is_empty() {
+            return;
+        }
         if self.stays(flat, located) {
             // Nearly every stitch: no point needs a look of its own.
             let sources = index32(first)..index32(first + flat.len());

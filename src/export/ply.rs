@@ -49,6 +49,8 @@ pub struct PlyWriter {
     colors: Vec<[u8; 3]>,
     /// Vertices of each strand.
     strands: Vec<u32>,
+    /// Of all of them.
+    vertices: u64,
     conveyor: Conveyor,
 }
 
@@ -61,19 +63,18 @@ impl PlyWriter {
         let colors = fabric.bars.iter().map(|bar| bar.yarn.color.0).collect();
         // Counts are never longer than these.
         let file = HeadLast::create(target, header(u64::MAX, u64::MAX, 0).len())?;
-        Ok(Self { file, section: *section, colors, strands: Vec::new(), conveyor: Conveyor::default() })
+        Ok(Self { file, section: *section, colors, strands: Vec::new(), vertices: 0, conveyor: Conveyor::default() })
     }
 
     /// Vertices of all strands in turn, numbered through.
-    fn numbered(&self, vertices: u64) -> Result<Vec<Range<u32>>, ExportError> {
+    fn numbered(&self) -> Vec<Range<u32>> {
         let mut next = 0_u32;
         let number = |&count: &u32| {
             let first = next;
-            next = next.checked_add(count)?;
-            Some(first..next)
+            next += count;
+            first..next
         };
-        let numbered: Option<Vec<_>> = self.strands.iter().map(number).collect();
-        numbered.ok_or_else(|| ExportError::TooMany { path: self.file.target().to_owned(), vertices })
+        self.strands.iter().map(number).collect()
     }
 }
 
@@ -81,22 +82,27 @@ impl Sink for PlyWriter {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
         let strands = blocks.iter().flat_map(|block| &block.tubes.strands);
         self.strands.extend(strands.map(|(vertices, _)| vertices.end - vertices.start));
+        self.vertices += blocks.iter().map(|block| block.tubes.positions.len() as u64).sum::<u64>();
+        if self.vertices > u64::from(u32::MAX) {
+            // Said now, not when the disk is full of what can't be numbered.
+            return Err(ExportError::TooMany { path: self.file.target().to_owned(), vertices: self.vertices });
+        }
         let Self { file, colors, conveyor, .. } = self;
         conveyor.carry(blocks, |block, bytes| add_vertices(block, colors[block.bar], bytes), |bytes| file.write(bytes))
     }
 
     fn finish(mut self: Box<Self>) -> Result<Output, ExportError> {
-        let vertices = self.strands.iter().map(|&count| u64::from(count)).sum();
-        let strands = self.numbered(vertices)?;
-        let Self { file, section, conveyor, .. } = &mut *self;
+        let strands = self.numbered();
+        let Self { file, section, conveyor, vertices, .. } = &mut *self;
         let strands: Vec<_> = strands.chunks(STRANDS).collect();
         let count = strands.iter().copied().flatten().map(|vertices| faces::count(section, vertices) as u64).sum();
         let add = |strands: &&[Range<u32>], bytes: &mut Buffer| {
             strands.iter().for_each(|vertices| add_faces(section, vertices.clone(), bytes));
         };
         conveyor.carry(&strands, add, |bytes| file.write(bytes))?;
-        let padding = file.room() - header(vertices, count, 0).len();
-        self.file.finish(header(vertices, count, padding).as_bytes())
+        let padding = file.room() - header(*vertices, count, 0).len();
+        let header = header(*vertices, count, padding);
+        self.file.finish(header.as_bytes())
     }
 }
 

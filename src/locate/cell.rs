@@ -67,6 +67,11 @@ impl Cell {
         (self.b.x * d.x + self.b.y * d.y, self.c.x * d.x + self.c.y * d.y)
     }
 
+    /// Whether it is thick enough for its gradients to tell anything.
+    pub(super) fn is_sure(&self) -> bool {
+        self.margin.is_finite()
+    }
+
     /// `p` as a point of this triangle, whose index is given.
     #[inline]
     pub(super) fn point(&self, triangle: u32, p: DVec2) -> SurfacePoint {
@@ -92,7 +97,8 @@ impl Cell {
         }
     }
 
-    /// Where `to` lies, seen by a way to it that comes through this triangle: beyond the only edge that it can leave through, if there is only one.
+    /// Where `to` lies, seen by a way to it that comes through this triangle: beyond the only edge that it can leave through, if there is only one. For
+    /// points no farther off the panel than it is wide; yarns' are.
     #[inline]
     pub(super) fn side_of_way(&self, to: DVec2) -> Side {
         let (b, c) = self.weights(to);

@@ -121,7 +121,7 @@ impl<'a> Locator<'a> {
             }
             if let Some(point) = points.get(at) {
                 let p = point.truncate();
-                located[at] = self.find(p, &mut triangle).map(|found| self.cells[found as usize].point(found, p));
+                located[at] = self.find(p, &mut triangle).map(|found| self.point(found, p));
                 at += 1;
             }
         }
@@ -131,7 +131,7 @@ impl<'a> Locator<'a> {
     #[must_use]
     pub fn at(&self, p: DVec2, hint: u32) -> Option<SurfacePoint> {
         let mut triangle = hint;
-        self.find(p, &mut triangle).map(|found| self.cells[found as usize].point(found, p))
+        self.find(p, &mut triangle).map(|found| self.point(found, p))
     }
 
     /// The triangle that holds `p`, from `triangle` on, which becomes a good one to start from for a point nearby.
@@ -184,7 +184,7 @@ impl<'a> Locator<'a> {
         }
         let cell = &self.cells[triangle as usize];
         Err(match t.map(|t| t == 0.0) {
-            [false, false, false] => Walk::Found(triangle),
+            [false, false, false] if t.iter().all(|&t| t > 0.0) => Walk::Found(triangle),
             // On one inner edge: its two triangles are all that hold the point.
             [true, false, false] => self.first_of(triangle, cell.neighbours[0]),
             [false, true, false] => self.first_of(triangle, cell.neighbours[1]),
@@ -208,6 +208,17 @@ impl<'a> Locator<'a> {
             }
         });
         first
+    }
+
+    /// `p` as a point of a triangle. One too thin for gradients takes its weights from the exact products.
+    fn point(&self, triangle: u32, p: DVec2) -> SurfacePoint {
+        let cell = &self.cells[triangle as usize];
+        if cell.is_sure() {
+            return cell.point(triangle, p);
+        }
+        let [ab, bc, ca] = self.crosses_of(triangle, p);
+        let area = ab + bc + ca;
+        SurfacePoint { triangle, b: ca / area, c: ab / area }
     }
 
     /// Where a triangle comes in the file.

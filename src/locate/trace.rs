@@ -66,7 +66,7 @@ impl Locator<'_> {
         let (a, b) = self.ends(triangle, exit);
         let (inside, beyond) = (cross(from, a, b).max(0.0), cross(to, a, b));
         let share = inside / (inside - beyond);
-        Traced::Left { at: self.cells[triangle as usize].point(triangle, from.lerp(to, share)), share }
+        Traced::Left { at: self.point(triangle, from.lerp(to, share)), share }
     }
 
     /// The edge through which the way from `from` to `to` leaves a triangle, by exact signs.

@@ -6,7 +6,7 @@
 
 use glam::DVec3;
 
-/// Coincident points would divide by zero, so they count as one micrometre apart, mm.
+/// Coincident points would divide by zero, so they count as one nanometre apart, mm.
 pub(super) const LEAST_CHORD: f32 = 1e-6;
 
 /// One cubic of the path: `p(t) = ((a t + b) t + c) t + d`, t in 0..1 between two data points.

@@ -87,8 +87,8 @@ impl Tubes {
         self.triangles.reserve(triangles);
     }
 
-    /// Adds the tube of one strand: points in mm, the fabric's unit normal at each, and its stitches as ranges of points that share
-    /// their ends.
+    /// Adds the tube of one strand: two points or more in mm, the fabric's unit normal at each, and its stitches as ranges of points that share
+    /// their ends, from the first point on.
     ///
     /// Cost: about 100 ns a ring and 3 ns a vertex more.
     ///
