@@ -1,7 +1,7 @@
 //! Parts of a whole, for work that is shared out among machines.
 //!
-//! In: which of how many parts. Out: what belongs to it. Every part is found from the whole's size alone, the parts follow each other without gap or overlap, and none
-//! is larger than another by more than one thing that isn't cut: a row of a picture, a yarn of a cloth.
+//! In: which of how many parts. Out: what belongs to it. Every part is found from the whole's size alone, the parts follow each other without gap or overlap, and they
+//! are as even as things that aren't cut allow: rows of a picture, yarns of a cloth.
 
 use std::ops::Range;
 use std::str::FromStr;
