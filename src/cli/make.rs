@@ -26,6 +26,7 @@ use super::args::{Chains, Drape, Laying, Reading, Shared, Swatch};
 use super::clock::{Clock, Task, available_memory_gb, peak_memory_mb};
 use super::numbers::RealCloth;
 use super::pictures::{self, Textures};
+use super::targets::{check_distinct, text_file};
 use super::{print, tell};
 
 /// The most stitches that a garment is given unasked. A picture of 1600 x 1200 shows no more of them one by one.
@@ -324,14 +325,7 @@ fn outputs(job: &Job<'_>) -> Result<Vec<(PathBuf, Format)>> {
             pictures::frames(&path, turntable).into_iter().map(move |path| (path, format))
         })
         .collect();
-    let place = |path: &Path| path.canonicalize().unwrap_or_else(|_absent| path.to_owned());
-    let mut taken: Vec<_> = job.inputs.iter().map(|path| place(path)).collect();
-    for (path, _) in &outputs {
-        if taken.contains(&place(path)) {
-            bail!("{}: this file is an input or another output; name another one with -o", path.display());
-        }
-        taken.push(place(path));
-    }
+    check_distinct(job.inputs.iter().copied(), outputs.iter().map(|(path, _)| path.as_path()))?;
     Ok(outputs)
 }
 
@@ -431,12 +425,6 @@ pub(super) fn loss_warning(totals: &Totals) -> Option<String> {
     let percent = 100.0 * in_defects as f64 / (totals.data_points + in_defects).max(1) as f64;
     (in_defects > 0)
         .then(|| format!("{in_defects} data points ({percent:.3} %) lie in triangles that can't be knitted and are lost"))
-}
-
-fn text_file(path: &Path, text: &str) -> Result<Output, ExportError> {
-    let mut output = Output::create(path)?;
-    output.write_with(|file| std::io::Write::write_all(file, text.as_bytes()))?;
-    output.seal()
 }
 
 /// What is known after the run.

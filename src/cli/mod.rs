@@ -10,6 +10,7 @@ mod make;
 mod numbers;
 mod pictures;
 mod sheet;
+mod targets;
 mod values;
 #[cfg(feature = "view")]
 mod view;

@@ -1,15 +1,15 @@
 //! Files of a run: all figures as JSON, the plots as a picture.
 
-use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use serde::Serialize;
 use serde::ser::Serializer;
 use warpknit::chart::{png, svg};
 use warpknit::export::{self, Output};
 
 use super::super::args::Bench;
+use super::super::targets::{check_distinct, text_file};
 use super::plot::sheet;
 use super::table::Table;
 
@@ -69,13 +69,9 @@ fn by_key<S: Serializer>(tables: &[Table], serializer: S) -> Result<S::Ok, S::Er
 
 /// Refuses, before anything is measured, files that can't be written, or that are inputs or named twice.
 pub(super) fn check(arguments: &Bench) -> Result<()> {
-    let place = |path: &Path| path.canonicalize().unwrap_or_else(|_absent| path.to_owned());
-    let mut taken: Vec<PathBuf> = arguments.meshes.iter().map(|path| place(path)).collect();
-    for (path, _) in &arguments.outputs {
-        if taken.contains(&place(path)) {
-            bail!("{}: this file is an input or another output; name another one with -o", path.display());
-        }
-        taken.push(place(path));
+    let outputs = || arguments.outputs.iter().map(|(path, _)| path.as_path());
+    check_distinct(arguments.meshes.iter().map(AsRef::as_ref), outputs())?;
+    for path in outputs() {
         drop(Output::create(path)?);
     }
     Ok(())
@@ -105,10 +101,4 @@ fn plots(tables: &[Table]) -> Result<warpknit::chart::Drawing> {
         env!("CARGO_PKG_VERSION")
     );
     sheet(&heading, &tables.iter().flat_map(|table| &table.plots).collect::<Vec<_>>())
-}
-
-fn text_file(path: &Path, text: &str) -> Result<Output> {
-    let mut output = Output::create(path)?;
-    output.write_with(|file| file.write_all(text.as_bytes()))?;
-    Ok(output.seal()?)
 }
