@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
 # What a user would take instead, timed in turn with warpknit on the same inputs: ratios of the CPU time of one thread, medians of several runs.
+# Stages for which PEERS has no program stand beside what bounds them, or alone.
 #
 #     benches/against_peers.sh PEERS
 #
@@ -7,7 +8,7 @@
 # A peer that isn't there is named and left out. PYTHON names a python3 with numpy; PEER_INPUTS a folder of inputs that are made already.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-[ $# -eq 1 ] || { sed -n '2,7s/^# \{0,1\}//p' "$0" >&2; exit 2; }
+[ $# -eq 1 ] || { sed -n '2,8s/^# \{0,1\}//p' "$0" >&2; exit 2; }
 peers=$(realpath "$1")
 python=${PYTHON:-python3}
 scratch=$(mktemp -d)
@@ -116,9 +117,38 @@ weft() {
     done
 }
 
+# Files of the tubes of 26180 stitches, beside as many bytes as the .glb has, only written.
+write() {
+    head "write, 1.8 M vertices, ms" "bytes"
+    local format
+    for format in glb ply obj; do
+        own=$(bench "write/$format")
+        row "$format" "$own" "$(bench write/bytes)"
+    done
+}
+
+# Time on the wall.
+threads() {
+    head "threads, 262 k with tubes, wall ms" "one thread"
+    own=$(bench "wall, 262k with tubes/threads/2")
+    row "two threads" "$own" "$(bench "wall, 262k with tubes/threads/1")"
+}
+
+# No peers: ours alone.
+alone() {
+    printf '\n%-34s %10s\n' "no program in PEERS, ms" warpknit
+    local stage
+    for stage in "read/skirt" "relax/tricot" "lay/tricot/1024" "render 400x300/tricot/50 x 50" "render 400x300/tricot/400 x 400"; do
+        printf '%-34s %10.2f\n' "$stage" "$(bench "$stage")"
+    done
+}
+
 if [ -n "$PEER_INPUTS" ]; then
     locate
     map
     tubes
 fi
 weft
+write
+threads
+alone

@@ -4,6 +4,7 @@ mod cpu;
 mod inputs;
 mod knit;
 mod locate;
+mod read;
 mod render;
 mod tube;
 mod whole;
@@ -22,6 +23,6 @@ fn configured() -> Criterion<CpuTime> {
 criterion_group! {
     name = benches;
     config = configured();
-    targets = knit::benches, locate::benches, tube::benches, write::benches, whole::benches, render::benches
+    targets = read::benches, knit::benches, locate::benches, tube::benches, write::benches, whole::benches, render::benches
 }
 criterion_main!(benches);

@@ -1,4 +1,4 @@
-//! Time and memory for people: how long each stage took, a progress bar on a terminal, the most memory held.
+//! Time for people: how long each stage took, and a progress bar on a terminal.
 
 use std::time::{Duration, Instant};
 
@@ -114,45 +114,4 @@ impl Clock {
 fn show(bar: &ProgressBar, done: f64) {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share in thousandths")]
     bar.set_position((1000.0 * done.clamp(0.0, 1.0)) as u64);
-}
-
-/// CPU time that this process has taken, its threads together, ms; unknown on systems that don't say.
-pub(crate) fn cpu_ms() -> Option<f64> {
-    #[cfg(unix)]
-    {
-        let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
-        Some(1e3 * time.tv_sec as f64 + 1e-6 * time.tv_nsec as f64)
-    }
-    #[cfg(not(unix))]
-    None
-}
-
-/// Memory that is free for this process, GB, as Linux counts it; unknown on systems that don't say.
-pub(crate) fn available_memory_gb() -> Option<f64> {
-    let status = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
-    line.trim().trim_end_matches("kB").trim().parse::<f64>().ok().map(|kilobytes| kilobytes / 1e6)
-}
-
-/// The most memory this process has held, as Linux counts it; 0 on systems that don't say.
-pub(crate) fn peak_memory_mb() -> f64 {
-    memory_mb("VmHWM:")
-}
-
-/// The memory that this process holds now, as Linux counts it; 0 on systems that don't say.
-pub(crate) fn resident_memory_mb() -> f64 {
-    memory_mb("VmRSS:")
-}
-
-/// Begins the count of [`peak_memory_mb`] anew, from what is held now, where Linux lets a process do so.
-pub(crate) fn forget_peak_memory() {
-    // Where that is refused the peak stays that of the process, which only larger work moves.
-    let _kept = std::fs::write("/proc/self/clear_refs", "5");
-}
-
-fn memory_mb(name: &str) -> f64 {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find_map(|line| line.strip_prefix(name));
-    let kilobytes = line.and_then(|line| line.trim().trim_end_matches("kB").trim().parse::<f64>().ok());
-    kilobytes.map_or(0.0, |kilobytes| kilobytes / 1024.0)
 }

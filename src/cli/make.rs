@@ -13,19 +13,19 @@ use warpknit::export::obj::ObjWriter;
 use warpknit::export::ply::PlyWriter;
 use warpknit::export::{ExportError, Format, Output, Sink};
 use warpknit::fabric::{Fabric, FabricError};
-use warpknit::garment::stretch::stretch;
 use warpknit::garment::{Garment, Panel, ReadOptions, read};
 use warpknit::ids::index32;
-use warpknit::knit::clearance::{self, Clearance};
-use warpknit::report::{ClearanceReport, ClothReport, GarmentReport, Report, SurfaceReport};
+use warpknit::knit::clearance;
 use warpknit::scene::Shape;
 use warpknit::tile::Tile;
 use warpknit::yarn::tube::Section;
 
 use super::args::{Chains, Drape, Laying, Reading, Shared, Swatch};
-use super::clock::{Clock, Task, available_memory_gb, peak_memory_mb};
+use super::clock::{Clock, Task};
+use super::facts::Facts;
 use super::numbers::RealCloth;
 use super::pictures::{self, Textures};
+use super::system::available_memory_gb;
 use super::targets::{check_distinct, text_file};
 use super::{print, tell};
 
@@ -97,20 +97,20 @@ impl Reading {
 }
 
 /// One run: what is knitted, onto what, and how it is shown.
-struct Job<'a> {
+pub(super) struct Job<'a> {
     shared: &'a Shared,
     /// The fabric as named, whose numbers are reported.
-    fabric: &'a Fabric,
+    pub(super) fabric: &'a Fabric,
     /// The fabric at the densities at which it is drawn.
-    shown: &'a Fabric,
+    pub(super) shown: &'a Fabric,
     /// How much larger that is, if it is; said in the report too.
     enlarged: Option<String>,
-    cloth: &'a Cloth<'a>,
+    pub(super) cloth: &'a Cloth<'a>,
     /// The part that files hold, if it isn't the whole.
     part: Option<(Tile, Cloth<'a>)>,
     options: drape::Options,
     /// Flat area that is knitted, mm².
-    area: f64,
+    pub(super) area: f64,
     /// Files that were read, and must not be overwritten.
     inputs: Vec<&'a Path>,
     /// What an output is called if none is named.
@@ -121,7 +121,7 @@ struct Job<'a> {
 
 impl Job<'_> {
     /// The part that is made, if it isn't the whole.
-    fn tile(&self) -> Option<Tile> {
+    pub(super) fn tile(&self) -> Option<Tile> {
         self.part.as_ref().map(|(tile, _)| *tile)
     }
 
@@ -241,7 +241,8 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
         let clock = RefCell::new(&mut clock);
         let mut announce = |stage, done| clock.borrow_mut().begin(task(stage), done);
         if wants_picture && job.part.is_some() {
-            // A part of a picture has the light and the shadows of the whole.
+            // A part of a picture has the light and the shadows of the whole, whose knitting is no part of what is told of the part.
+            let mut announce = |_, _| clock.borrow_mut().begin(Task::Render, 0.0);
             let mut show = |blocks: &[Block]| -> Result<(), ExportError> {
                 blocks.iter().for_each(|block| picture::add_to(&mut scene, block));
                 Ok(())
@@ -296,7 +297,7 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
     let real = (job.tells_numbers || !reports.is_empty()).then(|| RealCloth::of(job.fabric, shown));
     if let Some(real) = &real {
         for (path, _) in reports {
-            whole.push(text_file(path, &report(job, &facts, real, &clock).to_json())?);
+            whole.push(text_file(path, &facts.report(job, real, &clock).to_json())?);
         }
     }
     whole.into_iter().try_for_each(Output::publish)?;
@@ -425,81 +426,4 @@ pub(super) fn loss_warning(totals: &Totals) -> Option<String> {
     let percent = 100.0 * in_defects as f64 / (totals.data_points + in_defects).max(1) as f64;
     (in_defects > 0)
         .then(|| format!("{in_defects} data points ({percent:.3} %) lie in triangles that can't be knitted and are lost"))
-}
-
-/// What is known after the run.
-struct Facts<'a> {
-    section: &'a Section,
-    totals: &'a Totals,
-    near: Clearance,
-    /// The same on the body, where it was measured.
-    draped: Option<Clearance>,
-    warnings: Vec<String>,
-    /// What drew the picture; empty where there is none.
-    drawn_by: String,
-}
-
-fn report(job: &Job<'_>, facts: &Facts<'_>, real: &RealCloth, clock: &Clock) -> Report {
-    let Facts { section, totals, near, draped, .. } = *facts;
-    let garment = job.cloth.garment();
-    let timings_ms = clock.timings();
-    let (vertices, triangles) = section.size_of(totals.pieces, totals.strands);
-    Report {
-        warpknit: env!("CARGO_PKG_VERSION"),
-        fabric: job.fabric.name.clone(),
-        garment: GarmentReport {
-            panels: garment.panels.len(),
-            triangles: garment.facts.triangles,
-            unit: garment.facts.unit,
-            uv_scale_mm: garment.facts.uv_scale_mm,
-            warnings: facts.warnings.clone(),
-        },
-        wales_per_cm: job.shown.wales_per_cm,
-        courses_per_cm: job.shown.courses_per_cm,
-        tile: job.tile().map(Tile::numbers),
-        yarns: totals.yarns,
-        stitches: totals.losses.stitches,
-        data_points: totals.data_points,
-        points_off_panel: totals.losses.off_panel,
-        stitches_clipped: totals.losses.clipped,
-        surface: SurfaceReport {
-            shape: "tube",
-            st: section.st,
-            sr: section.sr,
-            radius_mm: section.radius,
-            triangles_per_stitch: section.triangles_per_stitch(),
-            triangles,
-            vertices,
-        },
-        timings_ms,
-        clearance: ClearanceReport {
-            min_over_2r: near.min_over_2r,
-            pairs_below_1: near.pairs_below_1,
-            sweeps: job.cloth.pattern().settled().map(|settled| settled.sweeps),
-            draped: draped.map(Into::into),
-        },
-        plane_ms: timings_ms.knit,
-        curved_ms: timings_ms.knit + timings_ms.locate + timings_ms.map,
-        threads: rayon::current_num_threads(),
-        peak_memory_mb: peak_memory_mb(),
-        renderer: facts.drawn_by.clone(),
-        cloth: cloth_report(job, real),
-    }
-}
-
-/// The real cloth: the fabric at its own densities over the garment's flat area.
-fn cloth_report(job: &Job<'_>, real: &RealCloth) -> ClothReport {
-    let garment = job.cloth.garment();
-    let numbers = &real.numbers;
-    let (stretch_warp, stretch_weft) = stretch(garment);
-    ClothReport {
-        mass_g_m2: numbers.mass,
-        yarn_length_m: numbers.yarn_length * job.area * 1e-6,
-        run_in_mm_per_rack: numbers.run_in.clone(),
-        thickness_mm: numbers.thickness,
-        cover_factor: numbers.cover,
-        porosity: numbers.porosity,
-        stretch_warp,
-        stretch_weft,
-    }
 }

@@ -5,11 +5,13 @@ mod bench;
 mod clock;
 mod contact;
 mod fabrics;
+mod facts;
 mod inspect;
 mod make;
 mod numbers;
 mod pictures;
 mod sheet;
+mod system;
 mod targets;
 mod values;
 #[cfg(feature = "view")]

@@ -1,6 +1,7 @@
 //! What a flag's text may be: choices by name, and numbers, sizes and paths that are checked as they are read.
 
 use std::path::PathBuf;
+use std::str::FromStr;
 
 use clap::ValueEnum;
 use glam::DVec3;
@@ -172,42 +173,32 @@ pub(super) fn rectangle(text: &str) -> Result<[u32; 4], String> {
 }
 
 pub(super) fn brightness(text: &str) -> Result<f32, String> {
-    match text.parse::<f32>() {
-        Ok(share) if (-1.0..=1.0).contains(&share) => Ok(share),
-        _ => Err("it must be between -1 and 1".to_owned()),
-    }
+    number(text, |share| (-1.0..=1.0).contains(share), "it must be between -1 and 1")
 }
 
 pub(super) fn contrast(text: &str) -> Result<f32, String> {
-    match text.parse::<f32>() {
-        Ok(factor) if (0.1..=10.0).contains(&factor) => Ok(factor),
-        _ => Err("it must be between 0.1 and 10".to_owned()),
-    }
+    number(text, |factor| (0.1..=10.0).contains(factor), "it must be between 0.1 and 10")
 }
 
 pub(super) fn finite(text: &str) -> Result<f64, String> {
-    text.parse::<f64>().ok().filter(|number| number.is_finite()).ok_or_else(|| "it must be a number".to_owned())
+    number(text, |number: &f64| number.is_finite(), "it must be a number")
 }
 
 pub(super) fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(number) if number > 0.0 && number.is_finite() => Ok(number),
-        _ => Err("it must be a number over 0".to_owned()),
-    }
+    number(text, |number: &f64| *number > 0.0 && number.is_finite(), "it must be a number over 0")
 }
 
 pub(super) fn flattening(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(ratio) if (0.1..=10.0).contains(&ratio) => Ok(ratio),
-        _ => Err("it must be between 0.1 and 10".to_owned()),
-    }
+    number(text, |ratio| (0.1..=10.0).contains(ratio), "it must be between 0.1 and 10")
 }
 
 pub(super) fn field_of_view(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(degrees) if (1.0..=120.0).contains(&degrees) => Ok(degrees),
-        _ => Err("it must be between 1 and 120 degrees".to_owned()),
-    }
+    number(text, |degrees| (1.0..=120.0).contains(degrees), "it must be between 1 and 120 degrees")
+}
+
+/// The number, if it is one that `suits`.
+fn number<T: FromStr>(text: &str, suits: impl FnOnce(&T) -> bool, otherwise: &str) -> Result<T, String> {
+    text.parse().ok().filter(suits).ok_or_else(|| otherwise.to_owned())
 }
 
 #[cfg(test)]

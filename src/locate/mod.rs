@@ -10,7 +10,7 @@
 //! The depth of a point plays no part.
 //!
 //! Cost, on a machine where Embree's packets of rays take 60 to 100 ns a point (`benches/against_peers.sh`): 10 to 20 ns a point, more where a
-//! triangle holds few of them, and some 0.2 µs a triangle before the first, its place in memory included.
+//! triangle holds few of them, and some 0.2 µs a triangle before the first, half of which puts triangles in their place in memory, once a garment.
 
 mod cell;
 pub mod sign;
@@ -82,7 +82,7 @@ enum Walk {
 }
 
 impl<'a> Locator<'a> {
-    /// Builds what a walk needs. Cost: about 0.1 µs a triangle; three times that once a search is needed too.
+    /// Builds what a walk needs. Cost: about 0.1 µs a triangle, as much again once a search is needed.
     #[must_use]
     pub fn new(panel: &'a Panel) -> Self {
         let Topology { neighbours, embedded } = Topology::new(&panel.uv, &panel.triangles);

@@ -77,16 +77,40 @@ fn a_garment_of_ones_own_is_measured_alone() {
 }
 
 #[test]
+fn pictures_are_timed_over_stitches_tubes_and_textures() {
+    let folder = tempfile::tempdir().unwrap();
+    table(folder.path(), &["--only", "total", "--only", "st-sr", "--only", "textures", "-o", "b.json"]);
+    let tables = &json(&folder.path().join("b.json"))["tables"];
+    let of = |table: &str, key: &str| -> Vec<f64> {
+        tables[table]["rows"].as_array().unwrap().iter().map(|row| row[key].as_f64().unwrap()).collect()
+    };
+    let stitches = of("total", "stitches");
+    assert!(
+        stitches.iter().zip([5400.0, 9996.0, 10_400.0, 21_600.0]).all(|(there, asked)| (there / asked - 1.0_f64).abs() < 0.01)
+    );
+    assert_eq!(of("total", "published"), [4420.0, 7430.0, 7800.0, 15_560.0]);
+    for ((cloth, picture), all) in of("total", "cloth_ms").into_iter().zip(of("total", "picture_ms")).zip(of("total", "ms")) {
+        assert!(cloth > 0.0 && picture > 0.0 && (cloth + picture - all).abs() < 1e-6);
+    }
+    // Six sections on each of three sizes; a stitch has two triangles for each of its St times Sr.
+    let (st, sr, triangles) = (of("st-sr", "st"), of("st-sr", "sr"), of("st-sr", "triangles"));
+    assert!(st.len() == 18 && (0..18).all(|row| triangles[row] == 2.0 * st[row] * sr[row]));
+    assert!(of("st-sr", "tubes_ms").iter().zip(of("st-sr", "ms")).all(|(tubes, all)| *tubes > 0.0 && *tubes < all));
+    let over_none = of("textures", "over_none");
+    assert!(over_none.len() == 6 && over_none[0] == 1.0 && over_none.iter().all(|times| *times > 0.0));
+}
+
+#[test]
 fn what_the_ribbon_paper_published_is_printed_bare_alone_and_titled_among_others() {
     let folder = tempfile::tempdir().unwrap();
-    let headings = "loops segments vertices ms from to cpu ms ns/vertex published times";
+    let headings = "loops segments vertices ms from to cpu ms ns/vertex other machine times";
     let words = |line: &str| line.split_whitespace().collect::<Vec<_>>().join(" ");
     for flags in [&["--weft"][..], &["--only", "weft"]] {
         let text = table(folder.path(), flags);
         let lines: Vec<_> = text.lines().collect();
-        assert_eq!((lines.len(), words(lines[0])), (10, headings.to_owned()), "{text}");
+        assert_eq!((lines.len(), words(lines[0]).as_str(), words(lines[1]).as_str()), (11, "published,", headings), "{text}");
         // Where the scripts look: loops, segments, CPU time.
-        let cells: Vec<_> = lines[1].split_whitespace().collect();
+        let cells: Vec<_> = lines[2].split_whitespace().collect();
         assert_eq!((cells[0], cells[3]), ("20", "15"));
         assert!(cells[8].parse::<f64>().is_ok_and(|ms| ms > 0.0), "{text}");
     }
@@ -112,5 +136,6 @@ fn wrong_files_are_told_of_before_anything_is_measured() {
     fails(1, &["-o", "absent/b.json"], "there is no folder absent");
     fails(1, &["-o", "b.json", "-o", "b.json"], "another output");
     fails(1, &["absent.obj"], "absent.obj");
+    fails(1, &["--brute"], "--only plane-curved");
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
 }

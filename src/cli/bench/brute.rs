@@ -56,7 +56,7 @@ fn locate(panel: &Panel, order: &[u32], point: DVec2) -> Option<SurfacePoint> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::panel::folded_cone;
+    use super::super::garments::folded_cone;
     use super::*;
     use warpknit::locate::Locator;
 

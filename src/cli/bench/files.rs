@@ -9,6 +9,7 @@ use warpknit::chart::{png, svg};
 use warpknit::export::{self, Output};
 
 use super::super::args::Bench;
+use super::super::system::{memory_gb, processor};
 use super::super::targets::{check_distinct, text_file};
 use super::plot::sheet;
 use super::table::Table;
@@ -51,7 +52,10 @@ struct Record<'a> {
 #[derive(Serialize)]
 struct Machine {
     system: &'static str,
-    processor: &'static str,
+    architecture: &'static str,
+    /// Its name, where the system tells it.
+    processor: Option<String>,
+    memory_gb: Option<f64>,
     cores: usize,
     threads: usize,
 }
@@ -59,7 +63,14 @@ struct Machine {
 impl Machine {
     fn here() -> Self {
         let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-        Self { system: std::env::consts::OS, processor: std::env::consts::ARCH, cores, threads: rayon::current_num_threads() }
+        Self {
+            system: std::env::consts::OS,
+            architecture: std::env::consts::ARCH,
+            processor: processor(),
+            memory_gb: memory_gb(),
+            cores,
+            threads: rayon::current_num_threads(),
+        }
     }
 }
 
@@ -95,9 +106,10 @@ pub(super) fn write(arguments: &Bench, tables: &[Table]) -> Result<()> {
 }
 
 fn plots(tables: &[Table]) -> Result<warpknit::chart::Drawing> {
-    let Machine { system, processor, cores, threads } = Machine::here();
+    let Machine { system, architecture, processor, cores, threads, .. } = Machine::here();
+    let processor = processor.as_deref().unwrap_or(architecture);
     let heading = format!(
-        "warpknit {} bench on {system} {processor}, {threads} threads on {cores} cores; dashed: published, other machine",
+        "warpknit {} bench on {system}, {processor}, {threads} threads on {cores} cores; dashed: published, other machine",
         env!("CARGO_PKG_VERSION")
     );
     sheet(&heading, &tables.iter().flat_map(|table| &table.plots).collect::<Vec<_>>())

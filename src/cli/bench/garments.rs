@@ -5,11 +5,12 @@ use std::fs;
 use anyhow::{Context, Result};
 use warpknit::drape::{Cloth, Options};
 use warpknit::fabric::Fabric;
-use warpknit::garment::{Garment, Panel, ReadOptions, read};
+use warpknit::garment::{Facts, Garment, Panel, ReadOptions, read};
 use warpknit::ids::index32;
 
 use super::super::args::Bench;
 use super::measure::staged;
+use super::panel::shuffled_cone;
 
 /// A count of stitches this near to the wanted one will do.
 const NEAR: f64 = 0.003;
@@ -79,6 +80,14 @@ impl Garments {
     }
 }
 
+/// A garment of one panel of about so many triangles, in the order in which a garment's are read.
+pub(super) fn folded_cone(triangles: usize) -> Garment {
+    let mut panel = shuffled_cone(triangles);
+    panel.order_along_curve();
+    let facts = Facts { triangles: panel.triangles.len(), unit: "mm", uv_scale_mm: 1.0, ..Facts::default() };
+    Garment { panels: vec![panel], facts }
+}
+
 /// The fabric with about so many stitches on the garment, by the areas, its loops in their shape.
 pub(super) fn at_stitches(fabric: &Fabric, garment: &Garment, stitches: f64) -> Result<Fabric> {
     let area: f64 = garment.panels.iter().map(Panel::area).sum();
@@ -111,6 +120,7 @@ fn scaled(fabric: &Fabric, times: f64) -> Result<Fabric> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::panel::SIZE;
     use super::*;
 
     #[test]
@@ -122,5 +132,22 @@ mod tests {
         let (net, stitches) = fitted(&Fabric::named("hex-net-3").unwrap(), &garment, 576.0).unwrap();
         let (_, totals) = staged(&Cloth::cover(&garment, &net).unwrap(), &Options::default());
         assert!((570..=582).contains(&stitches) && totals.losses.stitches == stitches, "{stitches}");
+    }
+
+    #[test]
+    fn a_cone_covers_its_rectangle_with_triangles_the_right_way_round() {
+        for wanted in [2, 2000] {
+            let panel = shuffled_cone(wanted);
+            assert!(panel.triangles.len().abs_diff(wanted) * 20 <= wanted, "{} for {wanted}", panel.triangles.len());
+            assert!((panel.area() - SIZE.x * SIZE.y).abs() < 1e-6);
+            for corners in &panel.triangles {
+                let [a, b, c] = corners.map(|vertex| panel.uv[vertex as usize]);
+                assert!((b - a).perp_dot(c - a) > 0.0);
+            }
+        }
+        let cone = shuffled_cone(2000);
+        assert!(cone.triangles.windows(2).any(|pair| pair[0] > pair[1]));
+        let outward = cone.draped.iter().zip(&cone.normals).filter(|(at, normal)| at.with_y(0.0).dot(**normal) > 0.0).count();
+        assert!(outward * 10 > cone.draped.len() * 9, "{outward} of {}", cone.draped.len());
     }
 }

@@ -10,12 +10,11 @@ use warpknit::ids::index32;
 use warpknit::yarn::tube::Section;
 
 use super::super::args::{Bench, DEFAULT_FABRIC};
-use super::super::clock::{forget_peak_memory, peak_memory_mb, resident_memory_mb};
-use super::garments::{Garments, Shipped, at_stitches};
-use super::measure::{Moment, Sample, Spread, Staged, Times, staged};
-use super::panel::folded_cone;
+use super::super::system::{forget_peak_memory, peak_memory_mb, resident_memory_mb};
+use super::garments::{Garments, Shipped, at_stitches, folded_cone};
+use super::measure::{Moment, Sample, Staged, Times, staged};
 use super::plot::{Plot, Series};
-use super::table::{Cell, Column, Table};
+use super::table::{Cell, Column, Table, times};
 
 /// Wanted stitches; the last is a skirt at its true gauge, E28.
 const STITCHES: [f64; 5] = [1e3, 1e4, 1e5, 1e6, 4.4e6];
@@ -27,7 +26,7 @@ const ONCE: usize = 100_000;
 /// The surface that is streamed.
 const SECTION: (u32, u32) = (10, 5);
 
-const COLUMNS: [Column; 11] = [
+const COLUMNS: [Column; 15] = [
     ("stitches", "stitches"),
     ("triangles", "triangles"),
     ("lay_out_ms", "lay out,\nms"),
@@ -36,7 +35,11 @@ const COLUMNS: [Column; 11] = [
     ("locate_ms", "locate,\nms"),
     ("map_ms", "map,\nms"),
     ("surface_ms", "surface,\nms"),
+    ("ms", "all,\nms"),
+    ("from", "from"),
+    ("to", "to"),
     ("cpu_ms", "all,\ncpu ms"),
+    ("runs", "runs"),
     ("peak_mb", "peak,\nMB"),
     ("resident_mb", "held after,\nMB"),
 ];
@@ -57,7 +60,7 @@ pub(super) fn growth(arguments: &Bench, garments: &Garments, progress: &mut dyn 
     let stages = format!(
         "lay out: the relaxed repeat and the plan of its yarns. index: what location searches in. surface: tubes of St {st}, Sr {sr}, streamed."
     );
-    let note = "Beyond 100 000 stitches or triangles a row is measured once, without a run that warms up. Memory: the most that was held during the row, and what is held after it; 0 where the system doesn't say.";
+    let note = "A row of one run, beyond 100 000 stitches or triangles, has none before it that warms up. Memory: the most that was held during the row, and what is held after it; 0 where the system doesn't say.";
     let (name, garment) = garments.get(Shipped::Skirt)?;
     let fabric = Fabric::named(DEFAULT_FABRIC)?;
 
@@ -124,8 +127,8 @@ fn measure(runs: u32, table: &mut Table, garment: &Garment, fabric: &Fabric) -> 
     }
     let all = median(&|run| STAGES.iter().map(|stage| run.1.of(*stage)).fold(run.0, |sum, stage| sum + stage));
     let sizes = [Cell::Count(stitches), Cell::Count(triangles)];
-    let memory = [Cell::known(all.cpu.map(|Spread { median, .. }| median), 2), Cell::Number(peak, 0), Cell::Number(held, 0)];
-    table.push(sizes.into_iter().chain(stages.map(Cell::ms)).chain(memory));
+    let further = [Cell::Count(taken.len()), Cell::Number(peak, 0), Cell::Number(held, 0)];
+    table.push(sizes.into_iter().chain(stages.map(Cell::ms)).chain(times(&all)).chain(further));
     Ok(Row { stitches, stages, peak })
 }
 

@@ -20,7 +20,7 @@ mod textures;
 mod total;
 mod weft;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use clap::ValueEnum;
 
 use super::args::Bench;
@@ -49,15 +49,16 @@ pub(crate) enum Subject {
 
 /// What is measured unasked: the source paper's tables and figures.
 const PAPER: [Subject; 4] = [Subject::PlaneCurved, Subject::Total, Subject::StSr, Subject::Textures];
-/// What of it a garment of one's own takes part in.
-const ON_GARMENTS: [Subject; 2] = [Subject::PlaneCurved, Subject::Total];
+/// What is measured on a garment of one's own, if there is one: growth only where it is asked for.
+const ON_GARMENTS: [Subject; 3] = [Subject::PlaneCurved, Subject::Total, Subject::Growth];
 
 /// Prints the tables that were asked for, and writes them to files.
 pub(crate) fn bench(arguments: &Bench) -> Result<()> {
+    let subjects = subjects(arguments);
+    check(arguments, &subjects)?;
     files::check(arguments)?;
     let mut clock = Clock::with_threads(arguments.threads, arguments.quiet)?;
     let garments = Garments::of(arguments)?;
-    let subjects = subjects(arguments);
     let mut tables = Vec::new();
     for (at, subject) in subjects.iter().enumerate() {
         let mut progress = |done: f64| clock.begin(Task::Measure, (at as f64 + done) / subjects.len() as f64);
@@ -71,9 +72,20 @@ pub(crate) fn bench(arguments: &Bench) -> Result<()> {
     print(&texts.join("\n"))
 }
 
+/// Refuses what would go unheeded.
+fn check(arguments: &Bench, subjects: &[Subject]) -> Result<()> {
+    if arguments.brute && !subjects.contains(&Subject::PlaneCurved) {
+        bail!("--brute is part of plane-curved, which is not measured: add --only plane-curved");
+    }
+    if !arguments.meshes.is_empty() && !subjects.iter().any(|subject| ON_GARMENTS.contains(subject)) {
+        bail!("a garment of your own is measured in plane-curved, total and growth: name one of them with --only, or no garment");
+    }
+    Ok(())
+}
+
 /// What the flags ask for, each once and in the papers' order.
 fn subjects(arguments: &Bench) -> Vec<Subject> {
-    let unasked: &[Subject] = if arguments.meshes.is_empty() { &PAPER } else { &ON_GARMENTS };
+    let unasked = if arguments.meshes.is_empty() { &PAPER[..] } else { &ON_GARMENTS[..2] };
     let asked = |subject: &Subject| arguments.only.contains(subject) || (arguments.weft && *subject == Subject::Weft);
     let chosen: Vec<_> = Subject::value_variants().iter().copied().filter(asked).collect();
     if chosen.is_empty() { unasked.to_vec() } else { chosen }
@@ -108,7 +120,7 @@ mod tests {
     #[test]
     fn growth_and_weft_are_measured_only_where_they_are_asked_for() {
         assert_eq!(chosen(&[]), PAPER);
-        assert_eq!(chosen(&["own.obj", "--unit", "cm"]), ON_GARMENTS);
+        assert_eq!(chosen(&["own.obj", "--unit", "cm"]), [Subject::PlaneCurved, Subject::Total]);
         assert_eq!(chosen(&["--weft", "--only", "weft"]), [Subject::Weft]);
         assert_eq!(chosen(&["--only", "growth", "--only", "total", "own.obj"]), [Subject::Total, Subject::Growth]);
     }

@@ -43,6 +43,8 @@ struct Parts {
     curved: Times,
 }
 
+/// How many times as long as `plane` a part takes.
+const OVER_PLANE: Column = ("over_plane", "over\nplane");
 /// What `--brute` adds at the right.
 const BRUTE: [Column; 2] = [("brute_ms", "all triangles\nin turn, ms"), ("brute_times", "times")];
 
@@ -57,7 +59,7 @@ pub(super) fn plane_curved(arguments: &Bench, garments: &Garments, progress: &mu
         ],
         [("cloth", "cloth"), ("fabric", "fabric"), ("stitches", "stitches"), ("part", "part")],
     );
-    table.add_columns(TIMES.into_iter().chain(BESIDE));
+    table.add_columns(TIMES.into_iter().chain([OVER_PLANE]).chain(BESIDE));
     if arguments.brute {
         table.add_columns(BRUTE);
         table.notes.push(
@@ -132,7 +134,8 @@ fn push(
     ];
     for (part, taken, published, by_brute) in rows {
         let labels = [Cell::text(names[0]), Cell::text(names[1]), Cell::Count(stitches), Cell::text(part)];
-        let row = labels.into_iter().chain(times(taken)).chain(beside(published, taken));
+        let over_plane = Cell::Number(taken.wall.median / parts.plane.wall.median, 2);
+        let row = labels.into_iter().chain(times(taken)).chain([over_plane]).chain(beside(published, taken));
         let last = [Cell::known(by_brute, 2), Cell::times(by_brute.map(|ms| ms / taken.wall.median))];
         table.push(row.chain(last.into_iter().filter(|_| brute.is_some())));
     }

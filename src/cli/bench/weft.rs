@@ -13,7 +13,7 @@ use warpknit::yarn::tube::{Section, Tubes};
 use super::super::args::Bench;
 use super::measure::measured;
 use super::plot::{Plot, Series};
-use super::table::{Cell, TIMES, Table, times};
+use super::table::{BESIDE, Cell, TIMES, Table, beside, times};
 
 /// The plain cloths of the ribbon paper's table: loops each way, and its times in ms at each of [`SEGMENTS`].
 const PUBLISHED: [(u32, [f64; 3]); 3] =
@@ -27,11 +27,11 @@ const PLAIN: &str = "jersey";
 pub(super) fn weft(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<Table> {
     let fabric = Fabric::named(PLAIN)?;
     let columns = [("loops", "loops"), ("segments", "segments"), ("vertices", "vertices")];
-    let further = [("ns_a_vertex", "ns/vertex"), ("published", "published"), ("times", "times")];
+    let further = [("ns_a_vertex", "ns/vertex")].into_iter().chain(BESIDE);
     let mut table = Table::new(
         "weft",
         "Plain weft knits from motif to tubes (the ribbon paper's table)",
-        &["ns/vertex: of CPU time. published: on another machine."],
+        &["ns/vertex: of CPU time."],
         columns.into_iter().chain(TIMES).chain(further),
     );
     let mut plot = Plot::new("Plain weft knits", "segments", "time, ms", [Series::ours("here"), Series::published("published")]);
@@ -47,8 +47,7 @@ pub(super) fn weft(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<T
         })?;
         let sizes = [Cell::Text(format!("{side} x {side}")), Cell::Count(st as usize), Cell::Count(vertices)];
         let each = taken.cpu.map(|cpu| 1e6 * cpu.median / vertices as f64);
-        let further =
-            [Cell::known(each, 1), Cell::Number(published, 0), Cell::Number((published / taken.wall.median).round(), 0)];
+        let further = std::iter::once(Cell::known(each, 1)).chain(beside(Some(published), &taken));
         table.push(sizes.into_iter().chain(times(&taken)).chain(further));
         plot.push(f64::from(side * side * st), [taken.wall.median, published]);
     }

@@ -1,0 +1,13 @@
+//! Reading a garment: two files to panels that are ready to be knitted on.
+
+use criterion::{Criterion, Throughput};
+
+use super::cpu::CpuTime;
+use super::inputs::skirt;
+
+pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
+    let mut group = criterion.benchmark_group("read");
+    group.throughput(Throughput::Elements(skirt().facts.triangles as u64));
+    group.bench_function("skirt", |bench| bench.iter(skirt));
+    group.finish();
+}

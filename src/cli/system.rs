@@ -1,0 +1,68 @@
+//! What the operating system says of this process and of its machine: CPU time, memory, the processor.
+//!
+//! Memory and the processor's name are read where Linux tells them; elsewhere they are unknown.
+
+/// CPU time that this process has taken, its threads together, ms; unknown on systems that don't say.
+pub(crate) fn cpu_ms() -> Option<f64> {
+    #[cfg(unix)]
+    {
+        let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+        Some(1e3 * time.tv_sec as f64 + 1e-6 * time.tv_nsec as f64)
+    }
+    #[cfg(not(unix))]
+    None
+}
+
+/// The processor's name.
+pub(crate) fn processor() -> Option<String> {
+    line("/proc/cpuinfo", "model name")
+}
+
+/// Memory that the machine has, GB.
+pub(crate) fn memory_gb() -> Option<f64> {
+    kilobytes("/proc/meminfo", "MemTotal").map(|kilobytes| kilobytes / 1e6)
+}
+
+/// Memory that is free for this process, GB.
+pub(crate) fn available_memory_gb() -> Option<f64> {
+    kilobytes("/proc/meminfo", "MemAvailable").map(|kilobytes| kilobytes / 1e6)
+}
+
+/// The most memory this process has held, MB; 0 where that is unknown.
+pub(crate) fn peak_memory_mb() -> f64 {
+    kilobytes("/proc/self/status", "VmHWM").map_or(0.0, |kilobytes| kilobytes / 1024.0)
+}
+
+/// The memory that this process holds now, MB; 0 where that is unknown.
+pub(crate) fn resident_memory_mb() -> f64 {
+    kilobytes("/proc/self/status", "VmRSS").map_or(0.0, |kilobytes| kilobytes / 1024.0)
+}
+
+/// Begins the count of [`peak_memory_mb`] anew, from what is held now, where Linux lets a process do so.
+pub(crate) fn forget_peak_memory() {
+    // Where that is refused the peak stays that of the process, which only larger work moves.
+    let _kept = std::fs::write("/proc/self/clear_refs", "5");
+}
+
+fn kilobytes(file: &str, name: &str) -> Option<f64> {
+    line(file, name)?.trim_end_matches("kB").trim().parse().ok()
+}
+
+/// What stands behind `name` and a colon in one of the system's files.
+fn line(file: &str, name: &str) -> Option<String> {
+    let text = std::fs::read_to_string(file).ok()?;
+    let found = text.lines().filter_map(|line| line.split_once(':')).find(|(at, _)| at.trim() == name);
+    found.map(|(_, told)| told.trim().to_owned())
+}
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn linux_tells_what_is_asked() {
+        assert!(memory_gb() >= available_memory_gb() && available_memory_gb() > Some(0.0));
+        assert!(peak_memory_mb() >= resident_memory_mb() && resident_memory_mb() > 1.0);
+        assert_eq!(line("/proc/self/status", "no such line"), None);
+    }
+}
