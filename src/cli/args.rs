@@ -236,12 +236,8 @@ pub(crate) struct Yarn {
     /// Say what each step decided
     #[arg(short, long)]
     pub(crate) verbose: bool,
-    /// Threads [default: all cores]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
-    pub(crate) threads: Option<u32>,
-    /// Say nothing but errors, the report, and with -v the decisions
-    #[arg(long)]
-    pub(crate) quiet: bool,
+    #[command(flatten)]
+    pub(crate) running: Running,
 }
 
 #[derive(Args, Debug)]
@@ -272,12 +268,8 @@ pub(crate) struct Bench {
     /// Runs of each, after one that warms up; of pictures three at most
     #[arg(long, value_name = "N", default_value_t = 9, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub(crate) runs: u32,
-    /// Threads [default: all cores]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
-    pub(crate) threads: Option<u32>,
-    /// No progress bar
-    #[arg(long)]
-    pub(crate) quiet: bool,
+    #[command(flatten)]
+    pub(crate) running: Running,
 }
 
 /// A lapping of one's own.
@@ -382,10 +374,17 @@ pub(crate) struct Shared {
     pub(crate) background: Option<Background>,
     #[command(flatten)]
     pub(crate) drawing: Drawing,
+    #[command(flatten)]
+    pub(crate) running: Running,
+}
+
+/// How a command runs.
+#[derive(Args, Clone, Copy, Debug)]
+pub(crate) struct Running {
     /// Threads [default: all cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub(crate) threads: Option<u32>,
-    /// Say nothing but errors, and the numbers of a swatch
+    /// Say nothing but errors and the numbers that were asked for
     #[arg(long)]
     pub(crate) quiet: bool,
 }

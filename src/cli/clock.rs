@@ -7,6 +7,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 use rayon::ThreadPoolBuilder;
 use warpknit::report::Timings;
 
+use super::args::Running;
+
 /// What time is spent on, as the report names it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Task {
@@ -36,11 +38,11 @@ pub(crate) struct Clock {
 
 impl Clock {
     /// Starts a command: its threads, all cores where no number is given, and the clock.
-    pub(crate) fn with_threads(threads: Option<u32>, quiet: bool) -> Result<Self> {
-        if let Some(threads) = threads {
+    pub(crate) fn begin_command(running: &Running) -> Result<Self> {
+        if let Some(threads) = running.threads {
             ThreadPoolBuilder::new().num_threads(threads as usize).build_global().context("can't start the threads")?;
         }
-        Ok(Self::start(quiet))
+        Ok(Self::start(running.quiet))
     }
 
     /// Starts. The bar shows itself on a terminal only.

@@ -22,7 +22,7 @@ use warpknit::yarn::tube::Section;
 
 use super::args::{Chains, Drape, Laying, Reading, Shared, Swatch};
 use super::clock::{Clock, Task};
-use super::facts::Facts;
+use super::job::{Facts, Job};
 use super::numbers::RealCloth;
 use super::pictures::{self, Textures};
 use super::system::available_memory_gb;
@@ -48,7 +48,7 @@ const TEXTURE_PER_MM: f64 = 1.0;
 /// Knits a fabric onto a garment.
 pub(crate) fn drape(arguments: &Drape) -> Result<()> {
     let shared = &arguments.shared;
-    let mut clock = Clock::with_threads(shared.threads, shared.quiet)?;
+    let mut clock = Clock::begin_command(&shared.running)?;
     clock.begin(Task::Read, 0.0);
     let fabric = fabric(shared)?;
     let mut garment = read(&arguments.flat, arguments.draped.as_deref(), &arguments.reading.options())?;
@@ -68,7 +68,7 @@ pub(crate) fn drape(arguments: &Drape) -> Result<()> {
 /// Knits a flat piece of fabric.
 pub(crate) fn swatch(arguments: &Swatch) -> Result<()> {
     let shared = &arguments.shared;
-    let clock = Clock::with_threads(shared.threads, shared.quiet)?;
+    let clock = Clock::begin_command(&shared.running)?;
     let fabric = fabric(shared)?;
     let panel = drape::swatch_panel(&fabric, arguments.wales, arguments.courses);
     let cloth = Cloth::swatch(&panel, &fabric, arguments.wales, arguments.courses);
@@ -93,41 +93,6 @@ impl Reading {
     /// What the library takes.
     pub(super) fn options(&self) -> ReadOptions {
         ReadOptions { unit: self.unit, uv_scale: self.uv_scale, grain: self.grain.to_radians(), turn: self.turn }
-    }
-}
-
-/// One run: what is knitted, onto what, and how it is shown.
-pub(super) struct Job<'a> {
-    shared: &'a Shared,
-    /// The fabric as named, whose numbers are reported.
-    pub(super) fabric: &'a Fabric,
-    /// The fabric at the densities at which it is drawn.
-    pub(super) shown: &'a Fabric,
-    /// How much larger that is, if it is; said in the report too.
-    enlarged: Option<String>,
-    pub(super) cloth: &'a Cloth<'a>,
-    /// The part that files hold, if it isn't the whole.
-    part: Option<(Tile, Cloth<'a>)>,
-    options: drape::Options,
-    /// Flat area that is knitted, mm².
-    pub(super) area: f64,
-    /// Files that were read, and must not be overwritten.
-    inputs: Vec<&'a Path>,
-    /// What an output is called if none is named.
-    stem: &'a Path,
-    /// Whether the fabric's numbers are printed.
-    tells_numbers: bool,
-}
-
-impl Job<'_> {
-    /// The part that is made, if it isn't the whole.
-    pub(super) fn tile(&self) -> Option<Tile> {
-        self.part.as_ref().map(|(tile, _)| *tile)
-    }
-
-    /// The yarns that files hold.
-    fn filed(&self) -> &Cloth<'_> {
-        self.part.as_ref().map_or(self.cloth, |(_, part)| part)
     }
 }
 
@@ -164,7 +129,7 @@ pub(super) fn fabric(shared: &Shared) -> Result<Fabric> {
     let fabric = shared.chains.on(named_fabric(&shared.fabric)?)?;
     let name = shared.chains.label(&shared.fabric, &fabric);
     for warning in fabric.warnings() {
-        tell(shared.quiet, &format!("warning: {name}: {warning}"));
+        tell(shared.running.quiet, &format!("warning: {name}: {warning}"));
     }
     match (shared.wales_per_cm, shared.courses_per_cm) {
         (None, None) => Ok(fabric),
@@ -270,11 +235,11 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
     }
     warnings.extend(loss_warning(&totals));
     for warning in &warnings {
-        tell(job.shared.quiet, &format!("warning: {warning}"));
+        tell(job.shared.running.quiet, &format!("warning: {warning}"));
     }
     // No fault, but a script should know as well.
     if let Some(note) = &job.enlarged {
-        tell(job.shared.quiet, &format!("note: {note}"));
+        tell(job.shared.running.quiet, &format!("note: {note}"));
         warnings.push(note.clone());
     }
 
@@ -303,7 +268,7 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
     whole.into_iter().try_for_each(Output::publish)?;
     clock.clear();
     let names: Vec<_> = outputs.iter().map(|(path, _)| path.display().to_string()).collect();
-    tell(job.shared.quiet, &format!("{} stitches, {} yarns: {}", totals.losses.stitches, totals.yarns, names.join(" ")));
+    tell(job.shared.running.quiet, &format!("{} stitches, {} yarns: {}", totals.losses.stitches, totals.yarns, names.join(" ")));
     match real {
         Some(real) if job.tells_numbers => print(&real.table()),
         _ => Ok(()),

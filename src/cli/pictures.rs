@@ -140,7 +140,7 @@ pub(super) fn draw(scene: &Scene, shared: &Shared, tile: Option<Tile>, paths: &[
     }
     let notice = painter.notice().map(str::to_owned);
     if let Some(notice) = &notice {
-        tell(shared.quiet, &format!("note: {notice}"));
+        tell(shared.running.quiet, &format!("note: {notice}"));
     }
     Ok(Pictures { drawn_by: painter.name().to_owned(), notice, files })
 }

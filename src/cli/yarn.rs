@@ -22,7 +22,7 @@ const STEPS_SHARE: f32 = 0.6;
 
 /// Develops a photo. The folder is seen only when all of it is whole.
 pub(crate) fn yarn(arguments: &Yarn) -> Result<()> {
-    let mut clock = Clock::with_threads(arguments.threads, arguments.quiet)?;
+    let mut clock = Clock::begin_command(&arguments.running)?;
     clock.begin(Task::Read, 0.0);
     check_names(arguments)?;
     let folder = OutputFolder::create(&arguments.output)?;
@@ -50,8 +50,8 @@ pub(crate) fn yarn(arguments: &Yarn) -> Result<()> {
     folder.publish()?;
     clock.stop();
     clock.clear();
-    notes(&yarn).iter().for_each(|note| tell(arguments.quiet, &format!("note: {}: {note}", arguments.photo.display())));
-    tell(arguments.quiet, &format!("{} maps: {}", FILES.len() - OTHER_FILES, arguments.output.display()));
+    notes(&yarn).iter().for_each(|note| tell(arguments.running.quiet, &format!("note: {}: {note}", arguments.photo.display())));
+    tell(arguments.running.quiet, &format!("{} maps: {}", FILES.len() - OTHER_FILES, arguments.output.display()));
     print(&report(&yarn))
 }
 

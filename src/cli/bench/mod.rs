@@ -57,7 +57,7 @@ pub(crate) fn bench(arguments: &Bench) -> Result<()> {
     let subjects = subjects(arguments);
     check(arguments, &subjects)?;
     files::check(arguments)?;
-    let mut clock = Clock::with_threads(arguments.threads, arguments.quiet)?;
+    let mut clock = Clock::begin_command(&arguments.running)?;
     let garments = Garments::of(arguments)?;
     let mut tables = Vec::new();
     for (at, subject) in subjects.iter().enumerate() {

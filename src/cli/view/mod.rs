@@ -44,7 +44,7 @@ pub(crate) fn view(arguments: Live) -> Result<()> {
     if shared.eye.is_some() && shared.eye == shared.look_at {
         bail!("--eye and --look-at are the same point: there is no direction to look in");
     }
-    let mut clock = Clock::with_threads(shared.threads, shared.quiet)?;
+    let mut clock = Clock::begin_command(&shared.running)?;
     clock.begin(Task::Read, 0.0);
     let stock = Arc::new(Stock::of(&arguments)?);
     clock.clear();

@@ -1,16 +1,54 @@
-//! What a run of `drape` or `swatch` knows at its end → its report.
+//! A run of `drape` or `swatch`: what it makes, what is known at its end, and its report.
 
-use warpknit::drape::Totals;
+use std::path::Path;
+
+use warpknit::drape::{self, Cloth, Totals};
+use warpknit::fabric::Fabric;
 use warpknit::garment::stretch::stretch;
 use warpknit::knit::clearance::Clearance;
 use warpknit::report::{ClearanceReport, ClothReport, GarmentReport, Report, SurfaceReport};
 use warpknit::tile::Tile;
 use warpknit::yarn::tube::Section;
 
+use super::args::Shared;
 use super::clock::Clock;
-use super::make::Job;
 use super::numbers::RealCloth;
 use super::system::peak_memory_mb;
+
+/// One run: what is knitted, onto what, and how it is shown.
+pub(super) struct Job<'a> {
+    pub(super) shared: &'a Shared,
+    /// The fabric as named, whose numbers are reported.
+    pub(super) fabric: &'a Fabric,
+    /// The fabric at the densities at which it is drawn.
+    pub(super) shown: &'a Fabric,
+    /// How much larger that is, if it is; said in the report too.
+    pub(super) enlarged: Option<String>,
+    pub(super) cloth: &'a Cloth<'a>,
+    /// The part that files hold, if it isn't the whole.
+    pub(super) part: Option<(Tile, Cloth<'a>)>,
+    pub(super) options: drape::Options,
+    /// Flat area that is knitted, mm².
+    pub(super) area: f64,
+    /// Files that were read, and must not be overwritten.
+    pub(super) inputs: Vec<&'a Path>,
+    /// What an output is called if none is named.
+    pub(super) stem: &'a Path,
+    /// Whether the fabric's numbers are printed.
+    pub(super) tells_numbers: bool,
+}
+
+impl Job<'_> {
+    /// The part that is made, if it isn't the whole.
+    pub(super) fn tile(&self) -> Option<Tile> {
+        self.part.as_ref().map(|(tile, _)| *tile)
+    }
+
+    /// The yarns that files hold.
+    pub(super) fn filed(&self) -> &Cloth<'_> {
+        self.part.as_ref().map_or(self.cloth, |(_, part)| part)
+    }
+}
 
 /// What is known after the run.
 pub(super) struct Facts<'a> {
