@@ -40,7 +40,7 @@ bench() {
 # A number of a peer's JSON line.
 field() { sed "s/.*\"$1\": *\([0-9.]*\).*/\1/"; }
 # A row: what, ours, theirs.
-row() { awk -v what="$1" -v own="$2" -v other="$3" 'BEGIN { printf "%-34s %10.2f %10.2f %8.1f\n", what, own, other, other / own }'; }
+row() { awk -v what="$1" -v own="$2" -v other="$3" 'BEGIN { times = other / own; printf "%-34s %10.2f %10.2f %8.*f\n", what, own, other, times < 1 ? 2 : 1, times }'; }
 head() { printf '\n%-34s %10s %10s %8s\n' "$1" warpknit "$2" times; }
 
 locate() {

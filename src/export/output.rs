@@ -60,7 +60,7 @@ impl Output {
     ///
     /// # Errors
     /// [`ExportError::Io`].
-    pub fn write_with(&mut self, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<(), ExportError> {
+    pub fn write_with<T>(&mut self, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<T>) -> Result<T, ExportError> {
         write(&mut self.file).map_err(|source| ExportError::Io { path: self.target.clone(), source })
     }
 
