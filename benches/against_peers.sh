@@ -7,9 +7,10 @@
 # PEERS is a folder with make_inputs.py and what there is of embree_locate (built), numpy_tube.py, three_tube.mjs and node_modules/three (npm i three).
 # A peer that isn't there is named and left out. PYTHON names a python3 with numpy; PEER_INPUTS a folder of inputs that are made already.
 set -euo pipefail
-cd "$(dirname "$0")/.."
 [ $# -eq 1 ] || { sed -n '2,8s/^# \{0,1\}//p' "$0" >&2; exit 2; }
 peers=$(realpath "$1")
+inputs=${PEER_INPUTS:+$(realpath "$inputs")}
+cd "$(dirname "$0")/.."
 python=${PYTHON:-python3}
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
@@ -22,15 +23,16 @@ has() { command -v "$1" >/dev/null; }
 has_numpy() { "$python" -c 'import numpy' 2>/dev/null; }
 left_out() { echo "$1: no $2 in $peers; left out"; }
 
-if [ -z "${PEER_INPUTS:-}" ]; then
+if [ -z "$inputs" ]; then
     if [ -f "$peers/make_inputs.py" ] && has_numpy; then
-        PEER_INPUTS=$scratch/inputs
-        "$python" "$peers/make_inputs.py" "$PEER_INPUTS"
+        inputs=$scratch/inputs
+        "$python" "$peers/make_inputs.py" "$inputs"
     else
-        echo "inputs: no make_inputs.py in $peers, or no numpy in $python; locate and tubes are left out"
+        echo "inputs: no make_inputs.py in $peers, or no numpy in $python; locate, map and tubes are left out"
     fi
 fi
-export PEER_INPUTS=${PEER_INPUTS:-}
+unset PEER_INPUTS
+[ -z "$inputs" ] || export PEER_INPUTS=$inputs
 
 # Milliseconds of CPU of one of our benches, by its name.
 bench() {
@@ -41,14 +43,14 @@ bench() {
 field() { sed "s/.*\"$1\": *\([0-9.]*\).*/\1/"; }
 # A row: what, ours, theirs.
 row() { awk -v what="$1" -v own="$2" -v other="$3" 'BEGIN { times = other / own; printf "%-34s %10.2f %10.2f %8.*f\n", what, own, other, times < 1 ? 2 : 1, times }'; }
-head() { printf '\n%-34s %10s %10s %8s\n' "$1" warpknit "$2" times; }
+heading() { printf '\n%-34s %10s %10s %8s\n' "$1" warpknit "$2" times; }
 
 locate() {
     [ -x "$peers/embree_locate" ] || { left_out Embree embree_locate; return; }
-    head "locate, build and query, ms" "Embree x16"
+    heading "locate, build and query, ms" "Embree x16"
     for pair in 20k/26180 20k/1m 200k/26180 200k/1m; do
         own=$(bench "locate/$pair")
-        other=$("$peers/embree_locate" "$PEER_INPUTS" "${pair%/*}" "${pair#*/}" | field total_ms)
+        other=$("$peers/embree_locate" "$inputs" "${pair%/*}" "${pair#*/}" | field total_ms)
         row "$pair triangles/stitches" "$own" "$other"
     done
 }
@@ -56,26 +58,28 @@ locate() {
 # No peer: what mapping adds to location, for each point.
 map() {
     printf '\n%-34s %10s\n' "map after locate, ns a point" warpknit
-    local points
-    points=$(($(stat -c %s "$PEER_INPUTS/points_1m.bin") / 12))
+    local points both
+    points=$(($(stat -c %s "$inputs/points_1m.bin") / 12))
     for mapping in frame smooth; do
-        awk -v both="$(bench "locate and map $mapping/20k/1m")" -v own="$(bench locate/20k/1m)" -v points="$points" -v what="$mapping" \
+        both=$(bench "locate and map $mapping/20k/1m")
+        own=$(bench locate/20k/1m)
+        awk -v both="$both" -v own="$own" -v points="$points" -v what="$mapping" \
             'BEGIN { printf "%-34s %10.2f\n", what, (both - own) * 1e6 / points }'
     done
 }
 
 tubes() {
-    head "tubes, 26180 stitches 10 x 5, ms" peer
+    heading "tubes, 26180 stitches 10 x 5, ms" peer
     if [ -f "$peers/numpy_tube.py" ] && has_numpy; then
         own=$(bench "tubes streamed/26180/10x5")
-        other=$("$python" "$peers/numpy_tube.py" "$PEER_INPUTS" 26180 10 5 | field cpu_ms)
+        other=$("$python" "$peers/numpy_tube.py" "$inputs" 26180 10 5 | field cpu_ms)
         row "numpy" "$own" "$other"
     else
         left_out numpy "numpy_tube.py, or no numpy in $python,"
     fi
     if has_three; then
         own=$(bench "tubes streamed/26180/10x5")
-        other=$(three "$PEER_INPUTS" 26180 10)
+        other=$(three "$inputs" 26180 10)
         row "three.js" "$own" "$other"
     fi
 }
@@ -106,7 +110,7 @@ JS
 # Plain weft knits from motif to tubes; three.js starts from points. Ours is measured anew for each row, so that both sides run one after the other.
 weft() {
     has_three || return 0
-    head "weft, loops and segments, ms" three.js
+    heading "weft, loops and segments, ms" three.js
     for side in 20 50 100; do
         weft_points "$side"
         for st in 15 20 50; do
@@ -119,19 +123,21 @@ weft() {
 
 # Files of the tubes of 26180 stitches, beside as many bytes as the .glb has, only written.
 write() {
-    head "write, 1.8 M vertices, ms" "bytes"
+    heading "write, 1.8 M vertices, ms" "bytes"
     local format
     for format in glb ply obj; do
         own=$(bench "write/$format")
-        row "$format" "$own" "$(bench write/bytes)"
+        other=$(bench write/bytes)
+        row "$format" "$own" "$other"
     done
 }
 
 # Time on the wall.
 threads() {
-    head "threads, 262 k with tubes, wall ms" "one thread"
+    heading "threads, 262 k with tubes, wall ms" "one thread"
     own=$(bench "wall, 262k with tubes/threads/2")
-    row "two threads" "$own" "$(bench "wall, 262k with tubes/threads/1")"
+    other=$(bench "wall, 262k with tubes/threads/1")
+    row "two threads" "$own" "$other"
 }
 
 # No peers: ours alone.
@@ -139,11 +145,12 @@ alone() {
     printf '\n%-34s %10s\n' "no program in PEERS, ms" warpknit
     local stage
     for stage in "read/skirt" "relax/tricot" "lay/tricot/1024" "render 400x300/tricot/50 x 50" "render 400x300/tricot/400 x 400"; do
-        printf '%-34s %10.2f\n' "$stage" "$(bench "$stage")"
+        own=$(bench "$stage")
+        printf '%-34s %10.2f\n' "$stage" "$own"
     done
 }
 
-if [ -n "$PEER_INPUTS" ]; then
+if [ -n "$inputs" ]; then
     locate
     map
     tubes

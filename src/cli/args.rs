@@ -242,7 +242,7 @@ pub(crate) struct Yarn {
 
 #[derive(Args, Debug)]
 pub(crate) struct Bench {
-    /// A garment of your own in place of ours: the flat pattern and the same faces draped, or one file with vt; measures plane-curved and total
+    /// A garment of your own in place of ours: the flat pattern and the same faces draped, or one file with vt; for plane-curved, total and growth
     #[arg(value_name = "OBJ", num_args = 0..=2)]
     pub(crate) meshes: Vec<PathBuf>,
     /// What to measure; may be repeated [default: plane-curved, total, st-sr, textures]

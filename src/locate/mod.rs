@@ -9,7 +9,7 @@
 //! neighbours; where that can't tell, or where the panel overlaps itself, a BVH gives all candidates, and it is built when first asked.
 //! The depth of a point plays no part.
 //!
-//! Cost, on a machine where Embree's packets of rays take 60 to 100 ns a point (`benches/against_peers.sh`): 10 to 20 ns a point, more where a
+//! Cost, on a machine where Embree's packets of rays take 50 to 140 ns a point (`benches/against_peers.sh`): 10 to 20 ns a point, more where a
 //! triangle holds few of them, and some 0.2 µs a triangle before the first, half of which puts triangles in their place in memory, once a garment.
 
 mod cell;

@@ -137,5 +137,7 @@ fn wrong_files_are_told_of_before_anything_is_measured() {
     fails(1, &["-o", "b.json", "-o", "b.json"], "another output");
     fails(1, &["absent.obj"], "absent.obj");
     fails(1, &["--brute"], "--only plane-curved");
+    let pictures = bench(folder.path(), &["own.obj", "--only", "st-sr"]).assert().code(1).stdout("").get_output().clone();
+    assert!(String::from_utf8(pictures.stderr).unwrap().contains("plane-curved, total and growth"));
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
 }

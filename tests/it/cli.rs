@@ -206,7 +206,7 @@ fn every_output_is_the_same_on_one_and_on_two_threads() {
     let folder = tempfile::tempdir().unwrap();
     let garment = [mesh("pinch_flat.obj"), mesh("pinch_draped.obj")];
     for threads in ["1", "2"] {
-        let outputs = ["png", "glb", "csv", "obj"].map(|ending| format!("t{threads}.{ending}"));
+        let outputs = ["png", "glb", "csv", "obj", "ply"].map(|ending| format!("t{threads}.{ending}"));
         let mut command = warpknit(folder.path());
         command.arg("drape").args(&garment).args(["--wales-per-cm", "1", "--courses-per-cm", "1.5", "--st", "3", "--sr", "3"]);
         command
@@ -215,7 +215,7 @@ fn every_output_is_the_same_on_one_and_on_two_threads() {
             .assert()
             .success();
     }
-    for ending in ["png", "glb", "csv", "obj"] {
+    for ending in ["png", "glb", "csv", "obj", "ply"] {
         let read = |threads: u32| std::fs::read(folder.path().join(format!("t{threads}.{ending}"))).unwrap();
         assert!(read(1) == read(2), ".{ending} differs");
     }

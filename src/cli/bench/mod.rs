@@ -49,7 +49,7 @@ pub(crate) enum Subject {
 
 /// What is measured unasked: the source paper's tables and figures.
 const PAPER: [Subject; 4] = [Subject::PlaneCurved, Subject::Total, Subject::StSr, Subject::Textures];
-/// What is measured on a garment of one's own, if there is one: growth only where it is asked for.
+/// What is measured on a garment of one's own, if there is one.
 const ON_GARMENTS: [Subject; 3] = [Subject::PlaneCurved, Subject::Total, Subject::Growth];
 
 /// Prints the tables that were asked for, and writes them to files.
@@ -72,7 +72,7 @@ pub(crate) fn bench(arguments: &Bench) -> Result<()> {
     print(&texts.join("\n"))
 }
 
-/// Refuses what would go unheeded.
+/// Refuses the baseline and a garment where no subject takes them.
 fn check(arguments: &Bench, subjects: &[Subject]) -> Result<()> {
     if arguments.brute && !subjects.contains(&Subject::PlaneCurved) {
         bail!("--brute is part of plane-curved, which is not measured: add --only plane-curved");
@@ -85,7 +85,7 @@ fn check(arguments: &Bench, subjects: &[Subject]) -> Result<()> {
 
 /// What the flags ask for, each once and in the papers' order.
 fn subjects(arguments: &Bench) -> Vec<Subject> {
-    let unasked = if arguments.meshes.is_empty() { &PAPER[..] } else { &ON_GARMENTS[..2] };
+    let unasked: &[Subject] = if arguments.meshes.is_empty() { &PAPER } else { &[Subject::PlaneCurved, Subject::Total] };
     let asked = |subject: &Subject| arguments.only.contains(subject) || (arguments.weft && *subject == Subject::Weft);
     let chosen: Vec<_> = Subject::value_variants().iter().copied().filter(asked).collect();
     if chosen.is_empty() { unasked.to_vec() } else { chosen }
