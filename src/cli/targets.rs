@@ -11,7 +11,6 @@ pub(super) fn check_distinct<'a>(
     inputs: impl IntoIterator<Item = &'a Path>,
     outputs: impl IntoIterator<Item = &'a Path>,
 ) -> Result<()> {
-    let place = |path: &Path| path.canonicalize().unwrap_or_else(|_absent| path.to_owned());
     let mut taken: Vec<PathBuf> = inputs.into_iter().map(place).collect();
     for path in outputs {
         if taken.contains(&place(path)) {
@@ -20,6 +19,15 @@ pub(super) fn check_distinct<'a>(
         taken.push(place(path));
     }
     Ok(())
+}
+
+/// Where a path leads, however it is spelled; a file that is not there yet is looked for in its folder.
+fn place(path: &Path) -> PathBuf {
+    let in_folder = || {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        Some(folder.canonicalize().ok()?.join(path.file_name()?))
+    };
+    path.canonicalize().ok().or_else(in_folder).unwrap_or_else(|| path.to_owned())
 }
 
 /// A whole file of text, still under its temporary name.

@@ -135,6 +135,7 @@ fn wrong_files_are_told_of_before_anything_is_measured() {
     fails(2, &["a.obj", "b.obj", "c.obj"], "unexpected");
     fails(1, &["-o", "absent/b.json"], "there is no folder absent");
     fails(1, &["-o", "b.json", "-o", "b.json"], "another output");
+    fails(1, &["-o", "b.json", "-o", "./b.json"], "another output");
     fails(1, &["absent.obj"], "absent.obj");
     fails(1, &["--brute"], "--only plane-curved");
     let pictures = bench(folder.path(), &["own.obj", "--only", "st-sr"]).assert().code(1).stdout("").get_output().clone();
