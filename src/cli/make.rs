@@ -7,10 +7,15 @@ use anyhow::{Context, Result, bail};
 use warpknit::drape::clearance::Gauge;
 use warpknit::drape::strands::Losses;
 use warpknit::drape::{self, Block, Cloth, Stage, Totals, picture};
+use warpknit::export::bcc::BccWriter;
 use warpknit::export::csv::CsvWriter;
+use warpknit::export::curves::CurvesWriter;
 use warpknit::export::glb::GlbWriter;
+use warpknit::export::inp::InpWriter;
+use warpknit::export::npz::NpzWriter;
 use warpknit::export::obj::ObjWriter;
 use warpknit::export::ply::PlyWriter;
+use warpknit::export::usda::UsdaWriter;
 use warpknit::export::{ExportError, Format, Output, Sink};
 use warpknit::fabric::{Fabric, FabricError};
 use warpknit::garment::{Garment, Panel, ReadOptions, read};
@@ -188,7 +193,7 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
     let near = clearance::measure(job.shown, job.cloth.pattern(), section.radius);
     warnings.extend(clearance::warnings(job.shown, job.cloth.pattern(), &near, section.radius));
     let mut sinks = sinks(&outputs, job, &section)?;
-    let wants_surface = outputs.iter().any(|(_, format)| matches!(format, Format::Glb | Format::Obj | Format::Ply));
+    let wants_surface = outputs.iter().any(|(_, format)| format.holds_tubes());
     let options = drape::Options { surface: wants_surface.then_some(section), ..job.options };
     let looks = picture::looks(job.shown, section.radius);
     let textures = Textures::of(job.shared, job.shown)?;
@@ -329,6 +334,11 @@ fn sinks<'a>(outputs: &[(PathBuf, Format)], job: &Job<'a>, section: &Section) ->
             Format::Glb => sinks.push(Box::new(GlbWriter::create(path, job.shown, job.filed().blocks())?)),
             Format::Obj => sinks.push(Box::new(ObjWriter::create(path)?)),
             Format::Ply => sinks.push(Box::new(PlyWriter::create(path, job.shown, section)?)),
+            Format::Usda => sinks.push(Box::new(UsdaWriter::create(path, job.shown, section)?)),
+            Format::Bcc => sinks.push(Box::new(BccWriter::create(path, section.st)?)),
+            Format::Curves => sinks.push(Box::new(CurvesWriter::create(path, job.shown, section)?)),
+            Format::Inp => sinks.push(Box::new(InpWriter::create(path, job.shown, section)?)),
+            Format::Npz => sinks.push(Box::new(NpzWriter::create(path, job.shown, job.cloth.garment(), section)?)),
             Format::Csv => sinks.push(Box::new(CsvWriter::create(path, job.cloth.garment())?)),
             // Made whole at the end; that they can be written is asked before the work and not after it.
             Format::Png | Format::Json => drop(Output::create(path)?),

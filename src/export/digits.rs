@@ -7,6 +7,8 @@
 
 use std::io::Write as _;
 
+use super::buffer::Buffer;
+
 /// Parts of a unit that are kept.
 const PARTS: u64 = 10_000;
 /// Digits after the point.
@@ -15,7 +17,7 @@ const PLACES: usize = 4;
 const LARGE: u64 = 100_000_000;
 /// '0' in every byte.
 const ZEROS: u64 = 0x3030_3030_3030_3030;
-/// Room of a line: nine indices of twenty digits and what is between them, or three numbers of forty, and the word that is stored last.
+/// Room of a line: nine indices of twenty digits and what is between them, or four numbers of forty, and the word that is stored last.
 pub(super) const LINE: usize = 256;
 
 /// Where a line of text is made: no more than two letters, and three numbers or a triangle's indices.
@@ -66,6 +68,27 @@ pub(super) fn decimal(line: &mut Line, at: usize, number: f32) -> usize {
     let zeros = (digits.leading_zeros() as usize / 8).min(PLACES);
     let point = (((digits | ZEROS) >> 32) << 8) | u64::from(b'.');
     word(line, at, point, if zeros == PLACES { 0 } else { PLACES + 1 - zeros })
+}
+
+/// Appends numbers to four decimals to a text, with a byte between each two.
+#[inline]
+pub(super) fn numbers<const N: usize>(text: &mut Buffer, numbers: [f32; N], between: u8) {
+    add_line(text, |line| {
+        let mut at = 0;
+        for (index, number) in numbers.into_iter().enumerate() {
+            at = word(line, at, u64::from(between), usize::from(index > 0));
+            at = decimal(line, at, number);
+        }
+        at
+    });
+}
+
+/// Appends what `fill` puts into a line and says the length of.
+#[inline]
+pub(super) fn add_line(text: &mut Buffer, fill: impl FnOnce(&mut Line) -> usize) {
+    let line = text.grow(LINE).first_chunk_mut().expect("grown by as much");
+    let length = fill(line);
+    text.shrink(LINE - length);
 }
 
 /// Appends what hardly any garment has: numbers of more than eight digits, or none at all.

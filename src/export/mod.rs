@@ -4,20 +4,29 @@
 //! temporary file beside its target ([`Output`]) and takes the target's name only when every output of the run is whole, so a failed run
 //! leaves no partial file and the old one stays.
 
+pub mod bcc;
 mod buffer;
 pub mod csv;
+pub mod curves;
 mod digits;
 mod folder;
 pub mod glb;
 mod head;
+pub mod inp;
+mod lines;
+pub mod npz;
 pub mod obj;
 mod output;
 pub mod ply;
 pub mod png;
+mod spill;
+pub mod usda;
 
 use std::path::{Path, PathBuf};
 
 use crate::drape::Block;
+use crate::fabric::Fabric;
+use crate::yarn::tube::Section;
 pub use folder::OutputFolder;
 pub use output::Output;
 
@@ -50,11 +59,36 @@ pub enum Format {
     Obj,
     /// Binary PLY.
     Ply,
+    /// USD text: curves.
+    Usda,
+    /// Binary Curve Collection.
+    Bcc,
+    /// Mitsuba's curves, as text.
+    Curves,
+    /// Abaqus input: beams.
+    Inp,
+    /// Arrays for numpy.
+    Npz,
     /// Data points.
     Csv,
     /// The run's report.
     Json,
 }
+
+/// What endings ask for.
+const ENDINGS: [(&str, Format); 11] = [
+    (".png", Format::Png),
+    (".glb", Format::Glb),
+    (".obj", Format::Obj),
+    (".ply", Format::Ply),
+    (".usda", Format::Usda),
+    (".bcc", Format::Bcc),
+    (".curves.txt", Format::Curves),
+    (".inp", Format::Inp),
+    (".npz", Format::Npz),
+    (".csv", Format::Csv),
+    (".json", Format::Json),
+];
 
 impl Format {
     /// The format of a path, by its ending in any case.
@@ -62,24 +96,30 @@ impl Format {
     /// # Errors
     /// [`ExportError::UnknownEnding`].
     pub fn of(path: &Path) -> Result<Self, ExportError> {
-        let ending = path.extension().and_then(|ending| ending.to_str()).map(str::to_ascii_lowercase);
-        match ending.as_deref() {
-            Some("png") => Ok(Self::Png),
-            Some("glb") => Ok(Self::Glb),
-            Some("obj") => Ok(Self::Obj),
-            Some("ply") => Ok(Self::Ply),
-            Some("csv") => Ok(Self::Csv),
-            Some("json") => Ok(Self::Json),
-            _ => Err(ExportError::UnknownEnding(path.to_owned())),
-        }
+        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default().to_ascii_lowercase();
+        // A name is more than its ending.
+        let known = ENDINGS.iter().find(|(ending, _)| name.strip_suffix(ending).is_some_and(|stem| !stem.is_empty()));
+        known.map(|(_, format)| *format).ok_or_else(|| ExportError::UnknownEnding(path.to_owned()))
     }
+
+    /// Whether it holds tubes.
+    #[must_use]
+    pub fn holds_tubes(self) -> bool {
+        matches!(self, Self::Glb | Self::Obj | Self::Ply)
+    }
+}
+
+/// Each bar's radius, mm, where the thickest one's is the section's.
+fn radii(fabric: &Fabric, section: &Section) -> Vec<f32> {
+    let narrow = |thickness| crate::yarn::narrow(section.radius * thickness);
+    fabric.thickness().into_iter().map(narrow).collect()
 }
 
 /// Why a file could not be written.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
     /// No writer for that ending.
-    #[error("{}: no writer for this ending; known are .png .glb .obj .ply .csv .json", .0.display())]
+    #[error("{}: no writer for this ending; known are {}", .0.display(), ENDINGS.map(|(ending, _)| ending).join(" "))]
     UnknownEnding(PathBuf),
     /// The disk said no.
     #[error("{}: can't write", path.display())]

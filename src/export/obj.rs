@@ -8,7 +8,7 @@ use std::path::Path;
 use glam::{Vec2, Vec3};
 
 use super::buffer::{Buffer, Conveyor};
-use super::digits::{LINE, Line, decimal, thrice, word};
+use super::digits::{add_line, decimal, thrice, word};
 use super::{ExportError, Output, Sink};
 use crate::drape::Block;
 
@@ -92,7 +92,7 @@ fn line<const N: usize>(text: &mut Buffer, keyword: &str, numbers: [f32; N]) {
             at = word(line, at, u64::from(b' '), 1);
             at = decimal(line, at, number);
         }
-        at
+        word(line, at, u64::from(b'\n'), 1)
     });
 }
 
@@ -100,15 +100,7 @@ fn line<const N: usize>(text: &mut Buffer, keyword: &str, numbers: [f32; N]) {
 fn face(text: &mut Buffer, corners: [u64; 3]) {
     add_line(text, |line| {
         let at = word(line, 0, u64::from(b'f'), 1);
-        corners.into_iter().fold(at, |at, corner| thrice(line, at, corner, *b" //"))
+        let at = corners.into_iter().fold(at, |at, corner| thrice(line, at, corner, *b" //"));
+        word(line, at, u64::from(b'\n'), 1)
     });
-}
-
-/// Adds what `fill` puts into a line and says the length of.
-#[inline]
-fn add_line(text: &mut Buffer, fill: impl FnOnce(&mut Line) -> usize) {
-    let line = text.grow(LINE).first_chunk_mut().expect("grown by as much");
-    let length = fill(line);
-    let length = word(line, length, u64::from(b'\n'), 1);
-    text.shrink(LINE - length);
 }

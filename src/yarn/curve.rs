@@ -31,6 +31,13 @@ impl Span {
         (self.a * (3.0 * t) + self.b * 2.0) * t + self.c
     }
 
+    /// Its Bézier control points.
+    #[must_use]
+    pub fn bezier(&self) -> [DVec3; 4] {
+        let [first, second] = [self.d, self.d + self.c / 3.0];
+        [first, second, second + (self.c + self.b) / 3.0, self.a + self.b + self.c + self.d]
+    }
+
     /// The mean of its positions by `t`.
     #[must_use]
     pub fn mean(&self) -> DVec3 {
@@ -139,6 +146,18 @@ pub fn nearest_of_segments([p, q]: [DVec3; 2], [u, v]: [DVec3; 2]) -> (f64, f64)
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn bezier_points_give_the_span() {
+        let points = [DVec3::ZERO, DVec3::new(1.0, 0.2, -0.1), DVec3::new(1.5, 1.3, 0.4), DVec3::new(0.2, 2.0, 0.0)];
+        let span = span(&points, 1);
+        let [p, q, r, s] = span.bezier();
+        for t in [0.0, 0.3, 0.8, 1.0] {
+            let u = 1.0 - t;
+            let at = p * (u * u * u) + q * (3.0 * u * u * t) + r * (3.0 * u * t * t) + s * (t * t * t);
+            assert!(at.distance(span.at(t)) < 1e-12);
+        }
+    }
 
     #[test]
     fn weights_give_the_span() {

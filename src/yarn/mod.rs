@@ -3,6 +3,15 @@
 pub mod curve;
 pub mod faces;
 pub mod frame;
+pub mod line;
 pub mod nurbs;
+mod steps;
 pub mod tube;
 mod walk;
+
+/// To the precision that files and renderers take.
+pub(crate) fn narrow(x: f64) -> f32 {
+    #[expect(clippy::cast_possible_truncation, reason = "a texture coordinate needs no more")]
+    let x = x as f32;
+    x
+}

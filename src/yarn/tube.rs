@@ -11,6 +11,8 @@ use std::ops::Range;
 use glam::{DVec2, DVec3, Vec2, Vec3, Vec3A};
 
 use super::frame;
+use super::narrow;
+use super::steps::Steps;
 use super::walk::Walk;
 use crate::ids::index32;
 
@@ -139,39 +141,6 @@ struct Rings<'a> {
     first_vertex: u32,
     first: Option<Ring>,
     last: Option<Ring>,
-}
-
-/// Where on its spans the rings of a stitch stand: the same for all stitches of as many spans, which is nearly all of a yarn's.
-#[derive(Default)]
-struct Steps {
-    /// The share of its span at each ring, span after span.
-    shares: Vec<f32>,
-    /// The end of each span's.
-    ends: Vec<usize>,
-}
-
-impl Steps {
-    /// For St segments over so many spans. The very last ring is the last span's end, not the start of one more.
-    fn fit(&mut self, spans: usize, st: u32) {
-        if self.ends.len() == spans && self.shares.len() == st as usize + 1 {
-            return;
-        }
-        let length = f64::from(index32(spans)) / f64::from(st);
-        self.shares.clear();
-        self.ends.clear();
-        for span in 0..spans {
-            let start = f64::from(index32(span));
-            let parameters = (index32(self.shares.len())..=st).map(|step| length * f64::from(step));
-            let own = parameters.take_while(|&parameter| parameter < start + 1.0 || span + 1 == spans);
-            self.shares.extend(own.map(|parameter| narrow(parameter - start)));
-            self.ends.push(self.shares.len());
-        }
-    }
-
-    fn of_spans(&self) -> impl Iterator<Item = &[f32]> {
-        let starts = std::iter::once(0).chain(self.ends.iter().copied());
-        starts.zip(&self.ends).map(|(start, &end)| &self.shares[start..end])
-    }
 }
 
 /// What all rings of a strand share, so that a ring is a few copies with multiplications and nothing is pushed vertex by vertex.
@@ -305,13 +274,6 @@ impl<'a> Rings<'a> {
         self.cap(first, -first.tangent, self.first_vertex);
         self.cap(last, last.tangent, last_rim);
     }
-}
-
-/// To the precision that files and renderers take.
-fn narrow(x: f64) -> f32 {
-    #[expect(clippy::cast_possible_truncation, reason = "a texture coordinate needs no more")]
-    let x = x as f32;
-    x
 }
 
 #[cfg(test)]
