@@ -331,7 +331,7 @@ fn sinks<'a>(outputs: &[(PathBuf, Format)], job: &Job<'a>, section: &Section) ->
     let mut sinks: Vec<Box<dyn Sink + 'a>> = Vec::new();
     for (path, format) in outputs {
         match format {
-            Format::Glb => sinks.push(Box::new(GlbWriter::create(path, job.shown, job.filed().blocks())?)),
+            Format::Glb => sinks.push(Box::new(GlbWriter::create(path, job.shown, job.filed().blocks(), job.filed().yarns())?)),
             Format::Obj => sinks.push(Box::new(ObjWriter::create(path)?)),
             Format::Ply => sinks.push(Box::new(PlyWriter::create(path, job.shown, section)?)),
             Format::Usda => sinks.push(Box::new(UsdaWriter::create(path, job.shown, section)?)),

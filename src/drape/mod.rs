@@ -180,6 +180,12 @@ impl<'a> Cloth<'a> {
         self.blocks.len()
     }
 
+    /// Yarns planned, those that turn out to miss their panel included; one that is cut into blocks counts in each.
+    #[must_use]
+    pub fn yarns(&self) -> usize {
+        self.blocks.iter().map(|block| block.jobs.len()).sum()
+    }
+
     /// The garment beneath.
     #[must_use]
     pub fn garment(&self) -> &'a Garment {

@@ -1,14 +1,17 @@
-//! Tubes as binary glTF 2.0: a node for each bar of each panel, a primitive for each block, metres.
+//! Tubes as binary glTF 2.0: a node for each bar of each panel, below it a node with a mesh for each yarn, a material a bar; metres.
 //!
+//! Materials are those of fibres: rough, no metal, and with a sheen (`KHR_materials_sheen`) by which cloth is brighter where it turns away.
 //! The JSON chunk comes first in the file but is known last (counts and bounds), so it gets room for what so many blocks will need, and what it doesn't fill is spaces.
-//! Positions, normals and texture coordinates are `f32`, indices `u32`.
+//! Positions, normals and texture coordinates are `f32`, indices `u32`. A block's arrays lie together; each of its yarns is a part of them, its indices counted from its own first vertex.
 
+use std::ops::Range;
 use std::path::Path;
 
 use glam::Vec3;
 use gltf_json as json;
 use json::accessor::{ComponentType, GenericComponentType, Type};
 use json::buffer::Target;
+use json::mesh::Semantic;
 use json::validation::Checked::Valid;
 use json::validation::USize64;
 use json::{Accessor, Index, Root};
@@ -18,17 +21,23 @@ use super::head::HeadLast;
 use super::{ExportError, Output, Sink};
 use crate::drape::Block;
 use crate::fabric::Fabric;
-use crate::ids::index32;
+use crate::ids::{YarnId, index32};
 
 const METRES_PER_MM: f32 = 1e-3;
 /// Fibres are rough and no metal.
 const ROUGHNESS: f32 = 0.75;
+/// Light that fibres standing off a yarn scatter, as a share of its colour, and how widely.
+const SHEEN: f32 = 0.4;
+const SHEEN_ROUGHNESS: f32 = 0.5;
+const SHEEN_EXTENSION: &str = "KHR_materials_sheen";
 /// Header of the file, and of each of its two chunks.
 const HEADERS: usize = BARE_HEADERS + 8;
 /// The same where there is no vertex, and so no second chunk.
 const BARE_HEADERS: usize = 12 + 8;
-/// Room for a block's entries in the JSON: a primitive, four accessors, four views, a mesh and a node if need be. They take about 900.
-const BLOCK_JSON: usize = 1200;
+/// Room for a block's entries in the JSON: four views, and a node if need be. They take about 500.
+const BLOCK_JSON: usize = 700;
+/// Room for a yarn's: four accessors, a mesh, a node. They take about 900.
+const YARN_JSON: usize = 1100;
 /// Room for what closes the JSON.
 const LAST_JSON: usize = 200;
 
@@ -39,32 +48,57 @@ pub struct GlbWriter {
     /// Bytes of the binary chunk.
     bytes: u64,
     root: Root,
+    /// Nodes of panels' bars.
+    bars: Vec<Index<json::Node>>,
     buffer: Index<json::Buffer>,
-    /// Panel and bar of the last mesh.
-    current: Option<(usize, usize)>,
-    /// Positions of the blocks at hand in metres, with their bounds.
-    scaled: Vec<Scaled>,
+    /// Panel and bar of the last yarn, and their node.
+    current: Option<((usize, usize), Index<json::Node>)>,
+    /// The blocks at hand as the file holds them.
+    prepared: Vec<Prepared>,
 }
 
-/// A block's positions, m.
+/// What of a block's arrays is not as tubes have it.
 #[derive(Debug, Default)]
-struct Scaled {
+struct Prepared {
+    /// m.
     positions: Vec<Vec3>,
+    /// Counted from the first vertex of each yarn.
+    triangles: Vec<[u32; 3]>,
+    yarns: Vec<Part>,
+}
+
+/// A yarn's part of a block's arrays.
+#[derive(Debug)]
+struct Part {
+    yarn: YarnId,
+    vertices: Range<usize>,
+    triangles: Range<usize>,
     low: Vec3,
     high: Vec3,
 }
 
+/// Where an array lies in the file.
+#[derive(Clone, Copy)]
+struct View {
+    index: Index<json::buffer::View>,
+    kind: Type,
+    component: ComponentType,
+    /// Bytes of an element.
+    size: usize,
+}
+
 impl GlbWriter {
-    /// Starts the file: one material a bar. There is room for so many blocks; with more of them the file takes longer to finish.
+    /// Starts the file: one material a bar. There is room for so many blocks and yarns; with more of them the file takes longer to finish.
     ///
     /// # Errors
     /// What the disk says.
-    pub fn create(target: &Path, fabric: &Fabric, blocks: usize) -> Result<Self, ExportError> {
+    pub fn create(target: &Path, fabric: &Fabric, blocks: usize, yarns: usize) -> Result<Self, ExportError> {
         let mut root = Root {
             asset: json::Asset {
                 generator: Some(concat!("warpknit ", env!("CARGO_PKG_VERSION")).to_owned()),
                 ..json::Asset::default()
             },
+            extensions_used: vec![SHEEN_EXTENSION.to_owned()],
             ..Root::default()
         };
         let buffer = root.push(json::Buffer {
@@ -77,72 +111,94 @@ impl GlbWriter {
         for (bar, number) in fabric.bars.iter().zip(1..) {
             root.push(material(&format!("{} bar {number}", fabric.name), bar.yarn.color.linear()));
         }
-        let room = (HEADERS + json_text(&root).len() + LAST_JSON + BLOCK_JSON * blocks).next_multiple_of(4);
+        let room = (HEADERS + json_text(&root).len() + LAST_JSON + BLOCK_JSON * blocks + YARN_JSON * yarns).next_multiple_of(4);
         let file = HeadLast::create(target, room)?;
-        Ok(Self { file, bytes: 0, root, buffer, current: None, scaled: Vec::new() })
+        Ok(Self { file, bytes: 0, root, bars: Vec::new(), buffer, current: None, prepared: Vec::new() })
     }
 
-    /// Adds one block's tubes as a primitive.
-    fn add(&mut self, block: &Block, Scaled { positions, low, high }: &Scaled) -> Result<(), ExportError> {
-        let tubes = &block.tubes;
-        let position = self.vectors(positions, Type::Vec3)?;
-        let accessor = &mut self.root.accessors[position.value()];
-        accessor.min = Some(json::Value::from(low.to_array().to_vec()));
-        accessor.max = Some(json::Value::from(high.to_array().to_vec()));
-        let normal = self.vectors(&tubes.normals, Type::Vec3)?;
-        let uv = self.vectors(&tubes.uvs, Type::Vec2)?;
-        let corners: &[u32] = bytemuck::cast_slice(&tubes.triangles);
-        let indices = self.array(corners, Type::Scalar, ComponentType::U32, Target::ElementArrayBuffer)?;
-        let attributes = [
-            (Valid(json::mesh::Semantic::Positions), position),
-            (Valid(json::mesh::Semantic::Normals), normal),
-            (Valid(json::mesh::Semantic::TexCoords(0)), uv),
+    /// Adds one block's tubes, a mesh a yarn.
+    fn add(&mut self, block: &Block, prepared: &Prepared) -> Result<(), ExportError> {
+        let vertices = [
+            (Semantic::Positions, self.array(&prepared.positions, Type::Vec3, ComponentType::F32)?),
+            (Semantic::Normals, self.array(&block.tubes.normals, Type::Vec3, ComponentType::F32)?),
+            (Semantic::TexCoords(0), self.array(&block.tubes.uvs, Type::Vec2, ComponentType::F32)?),
         ];
-        let primitive = json::mesh::Primitive {
-            attributes: attributes.into_iter().collect(),
-            indices: Some(indices),
-            material: Some(Index::new(index32(block.bar))),
-            mode: Valid(json::mesh::Mode::Triangles),
-            targets: None,
-            extensions: None,
-            extras: json::Extras::default(),
-        };
-        self.mesh_of(block).primitives.push(primitive);
+        let corners: &[u32] = bytemuck::cast_slice(&prepared.triangles);
+        let corners = self.array(corners, Type::Scalar, ComponentType::U32)?;
+        for part in &prepared.yarns {
+            let mut attributes = std::collections::BTreeMap::new();
+            for (semantic, view) in &vertices {
+                let bounds = (*semantic == Semantic::Positions).then_some([part.low, part.high]);
+                attributes.insert(Valid(semantic.clone()), self.part_of(*view, part.vertices.clone(), bounds));
+            }
+            let indices = self.part_of(corners, 3 * part.triangles.start..3 * part.triangles.end, None);
+            let primitive = json::mesh::Primitive {
+                attributes,
+                indices: Some(indices),
+                material: Some(Index::new(index32(block.bar))),
+                mode: Valid(json::mesh::Mode::Triangles),
+                targets: None,
+                extensions: None,
+                extras: json::Extras::default(),
+            };
+            self.add_yarn(block, part.yarn, primitive);
+        }
         Ok(())
     }
 
-    /// The mesh of the block's panel and bar, new when one of them is.
-    fn mesh_of(&mut self, block: &Block) -> &mut json::Mesh {
-        if self.current != Some((block.panel, block.bar)) {
-            self.current = Some((block.panel, block.bar));
-            let name = Some(format!("panel {} bar {}", block.panel, block.bar + 1));
-            let mesh = self.root.push(json::Mesh {
-                name: name.clone(),
-                primitives: Vec::new(),
-                weights: None,
-                extensions: None,
-                extras: json::Extras::default(),
-            });
-            self.root.push(json::Node { name, mesh: Some(mesh), ..json::Node::default() });
+    /// Hangs a yarn below the node of its panel's bar.
+    fn add_yarn(&mut self, block: &Block, yarn: YarnId, primitive: json::mesh::Primitive) {
+        let name = Some(format!("yarn {}", yarn.0));
+        let mesh = self.root.push(json::Mesh {
+            name: name.clone(),
+            primitives: vec![primitive],
+            weights: None,
+            extensions: None,
+            extras: json::Extras::default(),
+        });
+        let node = self.root.push(json::Node { name, mesh: Some(mesh), ..json::Node::default() });
+        let parent = self.node_of(block);
+        self.root.nodes[parent.value()].children.get_or_insert_default().push(node);
+    }
+
+    /// The node of the block's panel and bar, new when one of them is.
+    fn node_of(&mut self, block: &Block) -> Index<json::Node> {
+        let at = (block.panel, block.bar);
+        if let Some((_, node)) = self.current.filter(|(current, _)| *current == at) {
+            return node;
         }
-        self.root.meshes.last_mut().expect("pushed above")
+        let name = Some(format!("panel {} bar {}", block.panel, block.bar + 1));
+        let node = self.root.push(json::Node { name, ..json::Node::default() });
+        self.bars.push(node);
+        self.current = Some((at, node));
+        node
     }
 
-    fn vectors<T: bytemuck::NoUninit>(&mut self, values: &[T], kind: Type) -> Result<Index<Accessor>, ExportError> {
-        self.array(values, kind, ComponentType::F32, Target::ArrayBuffer)
+    /// Some elements of an array, with their bounds if they are to be told.
+    fn part_of(&mut self, view: View, elements: Range<usize>, bounds: Option<[Vec3; 2]>) -> Index<Accessor> {
+        let bound = |at: usize| bounds.map(|bounds| json::Value::from(bounds[at].to_array().to_vec()));
+        self.root.push(Accessor {
+            buffer_view: Some(view.index),
+            byte_offset: Some(USize64::from(elements.start * view.size)),
+            count: USize64::from(elements.len()),
+            component_type: Valid(GenericComponentType(view.component)),
+            type_: Valid(view.kind),
+            min: bound(0),
+            max: bound(1),
+            name: None,
+            normalized: false,
+            sparse: None,
+            extensions: None,
+            extras: json::Extras::default(),
+        })
     }
 
-    /// Appends an array to the binary chunk with its view and accessor. All of its element sizes are multiples of 4, so it stays aligned.
-    fn array<T: bytemuck::NoUninit>(
-        &mut self,
-        values: &[T],
-        kind: Type,
-        component: ComponentType,
-        target: Target,
-    ) -> Result<Index<Accessor>, ExportError> {
+    /// Appends an array to the binary chunk with its view. All of its element sizes are multiples of 4, so it stays aligned.
+    fn array<T: bytemuck::NoUninit>(&mut self, values: &[T], kind: Type, component: ComponentType) -> Result<View, ExportError> {
         let bytes: &[u8] = bytemuck::cast_slice(values);
         self.file.write(bytes)?;
-        let view = self.root.push(json::buffer::View {
+        let target = if kind == Type::Scalar { Target::ElementArrayBuffer } else { Target::ArrayBuffer };
+        let index = self.root.push(json::buffer::View {
             buffer: self.buffer,
             byte_length: USize64::from(bytes.len()),
             byte_offset: Some(USize64(self.bytes)),
@@ -153,20 +209,7 @@ impl GlbWriter {
             extras: json::Extras::default(),
         });
         self.bytes += bytes.len() as u64;
-        Ok(self.root.push(Accessor {
-            buffer_view: Some(view),
-            byte_offset: Some(USize64(0)),
-            count: USize64::from(values.len()),
-            component_type: Valid(GenericComponentType(component)),
-            type_: Valid(kind),
-            min: None,
-            max: None,
-            name: None,
-            normalized: false,
-            sparse: None,
-            extensions: None,
-            extras: json::Extras::default(),
-        }))
+        Ok(View { index, kind, component, size: size_of::<T>() })
     }
 
     /// The JSON chunk, filled up with spaces to its room or else to a multiple of 4 bytes.
@@ -176,10 +219,9 @@ impl GlbWriter {
             // The format knows no empty buffers.
             self.root.buffers.clear();
         }
-        let nodes = (0..self.root.nodes.len()).map(|node| Index::new(index32(node))).collect();
         let scene = self.root.push(json::Scene {
             name: Some("warpknit".to_owned()),
-            nodes,
+            nodes: std::mem::take(&mut self.bars),
             extensions: None,
             extras: json::Extras::default(),
         });
@@ -192,15 +234,15 @@ impl GlbWriter {
 
 impl Sink for GlbWriter {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
-        let mut scaled = std::mem::take(&mut self.scaled);
-        scaled.resize_with(blocks.len().max(scaled.len()), Scaled::default);
-        blocks.par_iter().zip(&mut scaled).for_each(|(block, scaled)| scaled.fill(&block.tubes.positions));
-        for (block, scaled) in blocks.iter().zip(&scaled) {
-            if !scaled.positions.is_empty() {
-                self.add(block, scaled)?;
+        let mut prepared = std::mem::take(&mut self.prepared);
+        prepared.resize_with(blocks.len().max(prepared.len()), Prepared::default);
+        blocks.par_iter().zip(&mut prepared).for_each(|(block, prepared)| prepared.fill(block));
+        for (block, prepared) in blocks.iter().zip(&prepared) {
+            if !prepared.positions.is_empty() {
+                self.add(block, prepared)?;
             }
         }
-        self.scaled = scaled;
+        self.prepared = prepared;
         self.within_limit(self.bytes).map(drop)
     }
 
@@ -235,12 +277,25 @@ impl GlbWriter {
     }
 }
 
-impl Scaled {
-    fn fill(&mut self, positions: &[Vec3]) {
+impl Prepared {
+    fn fill(&mut self, block: &Block) {
+        let tubes = &block.tubes;
         self.positions.clear();
-        self.positions.extend(positions.iter().map(|position| *position * METRES_PER_MM));
-        let bounds = |(low, high): (Vec3, Vec3), position: &Vec3| (low.min(*position), high.max(*position));
-        (self.low, self.high) = self.positions.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), bounds);
+        self.positions.extend(tubes.positions.iter().map(|position| *position * METRES_PER_MM));
+        self.triangles.clear();
+        self.yarns.clear();
+        let strands: Vec<_> = block.strands.strands.iter().zip(&tubes.strands).collect();
+        // A yarn's strands follow each other, and so do their vertices and triangles.
+        for strands in strands.chunk_by(|(a, _), (b, _)| a.yarn == b.yarn) {
+            let ((strand, (first, first_triangles)), (_, (last, last_triangles))) = (strands[0], strands[strands.len() - 1]);
+            let (vertices, triangles) = (first.start as usize..last.end as usize, first_triangles.start as usize..last_triangles.end as usize);
+            let own = tubes.triangles[triangles.clone()].iter().map(|corners| corners.map(|corner| corner - first.start));
+            self.triangles.extend(own);
+            let bounds = |(low, high): (Vec3, Vec3), position: &Vec3| (low.min(*position), high.max(*position));
+            let positions = &self.positions[vertices.clone()];
+            let (low, high) = positions.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), bounds);
+            self.yarns.push(Part { yarn: strand.yarn, vertices, triangles, low, high });
+        }
     }
 }
 
@@ -257,6 +312,13 @@ fn material(name: &str, [r, g, b]: [f32; 3]) -> json::Material {
             roughness_factor: json::material::StrengthFactor(ROUGHNESS),
             ..json::material::PbrMetallicRoughness::default()
         },
+        extensions: Some(json::extensions::material::Material {
+            others: [(SHEEN_EXTENSION.to_owned(), sheen([r, g, b]))].into_iter().collect(),
+        }),
         ..json::Material::default()
     }
+}
+
+fn sheen(color: [f32; 3]) -> json::Value {
+    serde_json::json!({ "sheenColorFactor": color.map(|channel| SHEEN * channel), "sheenRoughnessFactor": SHEEN_ROUGHNESS })
 }

@@ -108,7 +108,7 @@ impl Sink for NpzWriter<'_> {
 /// Puts all arrays into one file.
 fn archive(file: &mut impl io::Write, spills: &mut [Spill], bars: &[(f64, [u8; 3])]) -> io::Result<()> {
     let mut archive = ZipWriter::new_stream(file);
-    let mut begin = |archive: &mut ZipWriter<_>, name: &str, header: &[u8], bytes: u64| {
+    let begin = |archive: &mut ZipWriter<_>, name: &str, header: &[u8], bytes: u64| {
         let large = bytes + 4096 > u64::from(u32::MAX);
         let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored).large_file(large);
         archive.start_file(format!("{name}.npy"), options)?;

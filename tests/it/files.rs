@@ -33,31 +33,45 @@ fn glb_holds_the_counts_of_the_report_in_valid_chunks() {
     assert_eq!((&bytes[24 + json_length..28 + json_length], word(20 + json_length)), (&b"BIN\0"[..], binary.len()));
     assert_eq!(json["buffers"][0]["byteLength"], binary.len());
 
-    let array = |accessor: &Value| {
-        let view = &json["bufferViews"][accessor["bufferView"].as_u64().unwrap() as usize];
-        let (start, length) = (view["byteOffset"].as_u64().unwrap() as usize, view["byteLength"].as_u64().unwrap() as usize);
-        &binary[start..start + length]
+    let number = |value: &Value| value.as_u64().unwrap() as usize;
+    let array = |accessor: &Value, size: usize| {
+        let view = &json["bufferViews"][number(&accessor["bufferView"])];
+        let whole = &binary[number(&view["byteOffset"])..][..number(&view["byteLength"])];
+        &whole[number(&accessor["byteOffset"])..][..size * number(&accessor["count"])]
     };
     let accessor = |index: &Value| &json["accessors"][index.as_u64().unwrap() as usize];
     let (mut vertices, mut triangles) = (0, 0);
     for primitive in json["meshes"].as_array().unwrap().iter().flat_map(|mesh| mesh["primitives"].as_array().unwrap()) {
         let positions = accessor(&primitive["attributes"]["POSITION"]);
         let count = positions["count"].as_u64().unwrap() as usize;
-        let floats: &[f32] = &bytemuck::pod_collect_to_vec(array(positions));
+        let floats: &[f32] = &bytemuck::pod_collect_to_vec(array(positions, 12));
         assert_eq!(floats.len(), 3 * count);
         for axis in 0..3 {
             let low = floats.iter().skip(axis).step_by(3).copied().fold(f32::INFINITY, f32::min);
             assert!((positions["min"][axis].as_f64().unwrap() - f64::from(low)).abs() < 1e-9);
         }
         assert!(floats.iter().all(|x| x.abs() < 0.02), "metres: the swatch is some millimetres large");
-        let indices: &[u32] = &bytemuck::pod_collect_to_vec(array(accessor(&primitive["indices"])));
-        assert!(indices.iter().all(|&index| (index as usize) < count));
+        let indices: &[u32] = &bytemuck::pod_collect_to_vec(array(accessor(&primitive["indices"]), 4));
+        assert_eq!(indices.iter().max(), Some(&(u32::try_from(count).unwrap() - 1)));
         vertices += count;
         triangles += indices.len() / 3;
     }
     assert_eq!((vertices, triangles), (count(&report["surface"], "vertices"), count(&report["surface"], "triangles")));
     assert_eq!(triangles, 2 * 5 * 7 * 40, "2 · St · Sr a stitch");
     assert_eq!(json["materials"].as_array().unwrap().len(), 2);
+    let sheen = &json["materials"][0]["extensions"]["KHR_materials_sheen"];
+    assert!(json["extensionsUsed"] == serde_json::json!(["KHR_materials_sheen"]) && sheen["sheenColorFactor"][0].as_f64().unwrap() > 0.0);
+
+    // From the scene down: a panel's bars, and their yarns by name.
+    let nodes = |indices: &Value| -> Vec<&Value> { indices.as_array().unwrap().iter().map(|at| &json["nodes"][number(at)]).collect() };
+    let bars = nodes(&json["scenes"][0]["nodes"]);
+    assert_eq!(bars.iter().map(|bar| bar["name"].as_str().unwrap()).collect::<Vec<_>>(), ["panel 0 bar 1", "panel 0 bar 2"]);
+    let yarns: Vec<_> = bars.iter().flat_map(|bar| nodes(&bar["children"])).collect();
+    assert_eq!(yarns.len(), count(&report, "yarns"));
+    for (at, yarn) in yarns.iter().enumerate() {
+        assert_eq!(yarn["name"], format!("yarn {at}"));
+        assert_eq!(json["meshes"][number(&yarn["mesh"])]["name"], yarn["name"]);
+    }
 }
 
 #[test]

@@ -11,6 +11,7 @@ mod bench;
 mod chart;
 mod clearance;
 mod cli;
+mod curves;
 mod drape;
 mod fabrics;
 mod files;

@@ -125,8 +125,9 @@ pub(crate) fn glb(path: &Path) -> Mesh {
     let array = |index: &Value| {
         let accessor = &json["accessors"][index.as_u64().unwrap() as usize];
         let view = &json["bufferViews"][accessor["bufferView"].as_u64().unwrap() as usize];
-        let (start, count) = (view["byteOffset"].as_u64().unwrap() as usize, accessor["count"].as_u64().unwrap() as usize);
-        (Bytes(&binary[start..start + view["byteLength"].as_u64().unwrap() as usize]), count)
+        let number = |value: &Value| value.as_u64().unwrap() as usize;
+        let view_bytes = &binary[number(&view["byteOffset"])..][..number(&view["byteLength"])];
+        (Bytes(&view_bytes[number(&accessor["byteOffset"])..]), number(&accessor["count"]))
     };
     for primitive in json["meshes"].as_array().unwrap().iter().flat_map(|mesh| mesh["primitives"].as_array().unwrap()) {
         let (mut positions, count) = array(&primitive["attributes"]["POSITION"]);

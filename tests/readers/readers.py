@@ -1,0 +1,174 @@
+"""Opens every file that `warpknit` writes with a reader that is not ours, and compares yarns, points and bounding boxes. See README.md beside this file."""
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import meshio
+import mitsuba
+import numpy as np
+import trimesh
+from pxr import Gf, Usd, UsdGeom, UsdUtils
+
+ROOT = Path(__file__).resolve().parents[2]
+GARMENT = [ROOT / "meshes/skirt_flat.obj", ROOT / "meshes/skirt_draped.obj"]
+# Boxes may differ by so much, mm.
+NEAR = 0.1
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--binary", default="warpknit", help="the program [default: the one on the path]")
+    parser.add_argument("--validator", type=Path, help="a node_modules folder with gltf-validator; without it .glb is opened but not validated")
+    parser.add_argument("--fabric", default="locknit")
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        folder = Path(folder)
+        names = ["glb", "obj", "ply", "usda", "bcc", "curves.txt", "inp", "npz", "csv", "json"]
+        outputs = [flag for name in names for flag in ("-o", folder / f"skirt.{name}")]
+        subprocess.run([arguments.binary, "drape", *GARMENT, "--fabric", arguments.fabric, "--quiet", *outputs], check=True)
+        report = json.loads((folder / "skirt.json").read_text())
+        arrays = np.load(folder / "skirt.npz")
+        checks = [
+            ("npz", "numpy", lambda: numpy_arrays(arrays, report)),
+            ("csv", "numpy", lambda: csv(folder / "skirt.csv", arrays, report)),
+            ("glb", "trimesh", lambda: glb(folder / "skirt.glb", report, arguments.validator)),
+            ("obj", "trimesh", lambda: tubes(folder / "skirt.obj", report)),
+            ("ply", "trimesh", lambda: tubes(folder / "skirt.ply", report)),
+            ("usda", "usd-core", lambda: usda(folder / "skirt.usda", arrays)),
+            ("inp", "meshio", lambda: beams(folder / "skirt.inp", arrays, report)),
+            ("curves.txt", "mitsuba", lambda: curves(folder / "skirt.curves.txt", arrays)),
+        ]
+        boxes = {name: (reader, check()) for name, reader, check in checks}
+        print(f"{'file':12} {'reader':10} {'yarns or strands':>16} {'points':>9}  box, mm")
+        for name, (reader, (yarns, points, box)) in boxes.items():
+            print(f"{name:12} {reader:10} {yarns:16} {points:9}  {np.round(box, 2).tolist()}")
+        # Tubes are wider than their centre lines by their radius, which the wider boxes have taken off already.
+        reference = boxes["npz"][1][2]
+        for name, (_, (_, _, box)) in boxes.items():
+            slack = NEAR if name in ("npz", "csv", "usda") else 2 * arrays["radius"].max()
+            assert np.abs(box - reference).max() <= slack, f"{name}: its box is off by {np.abs(box - reference).max()} mm"
+        print("all files hold the same cloth")
+
+
+def box_of(points):
+    return np.array([points.min(axis=0), points.max(axis=0)])
+
+
+def strands(arrays):
+    return len(arrays["length"])
+
+
+def numpy_arrays(arrays, report):
+    data = arrays["kind"] != 255
+    assert data.sum() == report["data_points"] and arrays["length"].sum() == len(data)
+    assert len(np.unique(arrays["yarn"])) == report["yarns"]
+    return strands(arrays), len(data), box_of(arrays["draped"])
+
+
+def csv(path, arrays, report):
+    rows = np.genfromtxt(path, delimiter=",", names=True, usecols=("yarn", "draped_x", "draped_y", "draped_z"))
+    points = np.stack([rows["draped_x"], rows["draped_y"], rows["draped_z"]], axis=1)
+    assert np.array_equal(points, arrays["draped"][arrays["kind"] != 255])
+    assert len(np.unique(rows["yarn"])) == report["yarns"]
+    # Cut ends are no data points, and may lie at the very edge.
+    return report["yarns"], len(points), box_of(arrays["draped"])
+
+
+def tubes(path, report):
+    mesh = trimesh.load(path, process=False, force="mesh")
+    assert len(mesh.faces) == report["surface"]["triangles"], f"{path}: {len(mesh.faces)} triangles"
+    return report["yarns"], len(mesh.vertices), box_of(mesh.vertices)
+
+
+def glb(path, report, validator):
+    if validator:
+        script = (
+            "const fs = require('fs'), v = require(process.argv[1] + '/gltf-validator');"
+            "v.validateBytes(new Uint8Array(fs.readFileSync(process.argv[2])), { maxIssues: 20 }).then((r) => console.log(JSON.stringify(r)));"
+        )
+        found = subprocess.run(["node", "-e", script, validator.resolve(), path], check=True, capture_output=True, text=True)
+        issues = json.loads(found.stdout)["issues"]
+        print(f"gltf-validator: {issues['numErrors']} errors, {issues['numWarnings']} warnings")
+        assert issues["numErrors"] == 0 and issues["numWarnings"] == 0, issues["messages"]
+    scene = trimesh.load(path, process=False)
+    yarns = len(scene.geometry)
+    mesh = scene.to_geometry()
+    assert len(mesh.faces) == report["surface"]["triangles"]
+    return yarns, len(mesh.vertices), box_of(mesh.vertices) * 1000
+
+
+def usda(path, arrays):
+    stage = Usd.Stage.Open(str(path))
+    errors = UsdUtils.ComplianceChecker(arkit=False)
+    errors.CheckCompliance(str(path))
+    assert not errors.GetErrors() and not errors.GetFailedChecks(), errors.GetErrors() + errors.GetFailedChecks()
+    assert UsdGeom.GetStageMetersPerUnit(stage) == 0.001 and UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.y
+    box, count, points = Gf.Range3d(), 0, 0
+    for prim in stage.Traverse():
+        if not prim.IsA(UsdGeom.BasisCurves):
+            continue
+        curves = UsdGeom.BasisCurves(prim)
+        counts = np.array(curves.GetCurveVertexCountsAttr().Get())
+        control = np.array(curves.GetPointsAttr().Get())
+        assert counts.sum() == len(control) and (counts % 3 == 1).all()
+        data = int((counts + 2).sum()) // 3
+        for name, size in [("course", data), ("wale", data), ("st", data), ("yarn", len(counts))]:
+            primvar = UsdGeom.PrimvarsAPI(prim).GetPrimvar(name)
+            assert len(primvar.Get()) == size, f"{prim.GetPath()}.{name}"
+        bar = UsdGeom.PrimvarsAPI(prim).GetPrimvar("bar").Get()
+        width = curves.GetWidthsAttr().Get()[0]
+        assert abs(width / 2 - arrays["radius"][bar - 1]) < 1e-6
+        low, high = curves.GetExtentAttr().Get()
+        computed = UsdGeom.Boundable.ComputeExtentFromPlugins(UsdGeom.Boundable(prim), Usd.TimeCode.Default())
+        assert np.abs(np.array([low, high]) - np.array(computed)).max() < 1e-3, f"{prim.GetPath()}: its extent is not that of its curves"
+        firsts = np.concatenate([[0], np.cumsum(counts)[:-1]])
+        on_curve = np.concatenate([np.arange(first, first + size, 3) for first, size in zip(firsts, counts)])
+        for point in (control[on_curve].min(axis=0), control[on_curve].max(axis=0)):
+            box.UnionWith(Gf.Vec3d(*map(float, point)))
+        count += len(counts)
+        points += data
+    assert count == strands(arrays) and points == len(arrays["draped"])
+    return count, points, np.array([box.GetMin(), box.GetMax()])
+
+
+def beams(path, arrays, report):
+    mesh = meshio.read(path)
+    lines = sum(len(block.data) for block in mesh.cells if block.type == "line")
+    assert len(mesh.points) - lines == strands(arrays), "an element less than nodes in each strand"
+    return strands(arrays), len(mesh.points), box_of(mesh.points)
+
+
+def curves(path, arrays):
+    mitsuba.set_variant("scalar_rgb")
+    shape = {"type": "linearcurve", "filename": str(path)}
+    loaded = mitsuba.load_dict(shape)
+    box = loaded.bbox()
+    middle, size = np.array(box.center()), np.array(box.extents())
+    eye = middle + np.array([0, 0, 1.2]) * size.max()
+    transform = mitsuba.ScalarTransform4f().look_at(origin=eye.tolist(), target=middle.tolist(), up=[0, 1, 0])
+    scene = mitsuba.load_dict(
+        {
+            "type": "scene",
+            "integrator": {"type": "path", "max_depth": 3},
+            "sensor": {"type": "perspective", "fov": 50, "to_world": transform, "film": {"type": "hdrfilm", "width": 256, "height": 256}},
+            "sky": {"type": "constant"},
+            "yarns": shape | {"bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.6, 0.3, 0.3]}}},
+        }
+    )
+    image = np.array(mitsuba.render(scene, spp=4))
+    covered = (image[..., 1] < 0.9).mean()
+    assert 0.05 < covered < 0.9, f"{covered} of the picture is yarn"
+    text = path.read_text()
+    count = sum(1 for block in text.split("\n\n") if block.strip())
+    assert count == strands(arrays)
+    points = sum(1 for line in text.splitlines() if line)
+    radius = arrays["radius"].max()
+    return count, points, np.array([np.array(box.min) + radius, np.array(box.max) - radius])
+
+
+if __name__ == "__main__":
+    sys.exit(main())
