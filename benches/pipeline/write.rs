@@ -57,7 +57,9 @@ pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
                 .expect("room on the disk");
             output
         }),
-        ("glb", &|| write_all(GlbWriter::create(&at("skirt.glb"), &fabric, blocks.len(), cloth.yarns()).expect("a new file"), &blocks)),
+        ("glb", &|| {
+            write_all(GlbWriter::create(&at("skirt.glb"), &fabric, blocks.len(), cloth.yarns()).expect("a new file"), &blocks)
+        }),
         ("obj", &|| write_all(ObjWriter::create(&at("skirt.obj")).expect("a new file"), &blocks)),
         ("ply", &|| write_all(PlyWriter::create(&at("skirt.ply"), &fabric, &section).expect("a new file"), &blocks)),
     ];

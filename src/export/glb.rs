@@ -10,7 +10,7 @@ use std::path::Path;
 use glam::Vec3;
 use gltf_json as json;
 use json::accessor::{ComponentType, GenericComponentType, Type};
-use json::buffer::Target;
+use json::buffer::{Stride, Target};
 use json::mesh::Semantic;
 use json::validation::Checked::Valid;
 use json::validation::USize64;
@@ -197,12 +197,17 @@ impl GlbWriter {
     fn array<T: bytemuck::NoUninit>(&mut self, values: &[T], kind: Type, component: ComponentType) -> Result<View, ExportError> {
         let bytes: &[u8] = bytemuck::cast_slice(values);
         self.file.write(bytes)?;
-        let target = if kind == Type::Scalar { Target::ElementArrayBuffer } else { Target::ArrayBuffer };
+        // Parts of one view need its stride, but indices may have none.
+        let (target, stride) = if kind == Type::Scalar {
+            (Target::ElementArrayBuffer, None)
+        } else {
+            (Target::ArrayBuffer, Some(Stride(size_of::<T>())))
+        };
         let index = self.root.push(json::buffer::View {
             buffer: self.buffer,
             byte_length: USize64::from(bytes.len()),
             byte_offset: Some(USize64(self.bytes)),
-            byte_stride: None,
+            byte_stride: stride,
             name: None,
             target: Some(Valid(target)),
             extensions: None,
@@ -288,7 +293,8 @@ impl Prepared {
         // A yarn's strands follow each other, and so do their vertices and triangles.
         for strands in strands.chunk_by(|(a, _), (b, _)| a.yarn == b.yarn) {
             let ((strand, (first, first_triangles)), (_, (last, last_triangles))) = (strands[0], strands[strands.len() - 1]);
-            let (vertices, triangles) = (first.start as usize..last.end as usize, first_triangles.start as usize..last_triangles.end as usize);
+            let (vertices, triangles) =
+                (first.start as usize..last.end as usize, first_triangles.start as usize..last_triangles.end as usize);
             let own = tubes.triangles[triangles.clone()].iter().map(|corners| corners.map(|corner| corner - first.start));
             self.triangles.extend(own);
             let bounds = |(low, high): (Vec3, Vec3), position: &Vec3| (low.min(*position), high.max(*position));

@@ -13,7 +13,9 @@ fn knitted(folder: &Path) {
     let mesh = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes").join(name);
     let mut command = Command::cargo_bin("warpknit").unwrap();
     command.current_dir(folder).arg("drape").args([mesh("pinch_flat.obj"), mesh("pinch_draped.obj")]);
-    command.args(["--fabric", "locknit", "--wales-per-cm", "1", "--courses-per-cm", "1.5", "--quiet"]).args(["--st", &ST.to_string()]);
+    command
+        .args(["--fabric", "locknit", "--wales-per-cm", "1", "--courses-per-cm", "1.5", "--quiet"])
+        .args(["--st", &ST.to_string()]);
     let outputs = ["s.bcc", "s.curves.txt", "s.inp", "s.npz", "s.usda", "s.csv"];
     command.args(outputs.iter().flat_map(|out| ["-o", out])).assert().success().stderr("");
 }
@@ -27,7 +29,10 @@ fn text(folder: &Path, name: &str) -> String {
 }
 
 fn numbers(text: &str) -> Vec<f64> {
-    text.split(|c: char| c == ',' || c.is_whitespace()).filter(|word| !word.is_empty()).map(|word| word.parse().unwrap()).collect()
+    text.split(|c: char| c == ',' || c.is_whitespace())
+        .filter(|word| !word.is_empty())
+        .map(|word| word.parse().unwrap())
+        .collect()
 }
 
 fn near(a: [f64; 3], b: [f64; 3], least: f64) -> bool {
@@ -114,7 +119,9 @@ fn bcc_mitsuba_and_abaqus_files_hold_the_same_points() {
     let text = text(folder.path(), "s.inp");
     let sections: Vec<(&str, Vec<&str>)> = text
         .split("\n*")
-        .map(|section| (section.lines().next().unwrap(), section.lines().skip(1).filter(|line| !line.starts_with("**")).collect()))
+        .map(|section| {
+            (section.lines().next().unwrap(), section.lines().skip(1).filter(|line| !line.starts_with("**")).collect())
+        })
         .collect();
     let nodes = &sections.iter().find(|(name, _)| name.starts_with("NODE")).unwrap().1;
     let points: Vec<[f64; 3]> = curves.iter().flatten().copied().collect();
@@ -164,7 +171,13 @@ fn npz_holds_the_data_points_of_the_csv_and_the_cut_ends() {
     assert!(rows.len() == data.len() && kinds.len() > data.len(), "the garment cuts yarns");
     for (row, at) in rows.iter().zip(data) {
         let kind = ["loop", "inlay", "turn"][usize::from(kinds[at])];
-        let tags = [course[at].cast_signed().to_string(), wale[at].cast_signed().to_string(), kind.to_owned(), points[at].to_string(), triangle[at].to_string()];
+        let tags = [
+            course[at].cast_signed().to_string(),
+            wale[at].cast_signed().to_string(),
+            kind.to_owned(),
+            points[at].to_string(),
+            triangle[at].to_string(),
+        ];
         assert_eq!(row[3..8], tags);
         let numbers: Vec<f64> = row[8..].iter().map(|number| number.parse().unwrap()).collect();
         assert_eq!(numbers, [flat[at], draped[at], normals[at]].concat());

@@ -60,10 +60,14 @@ fn glb_holds_the_counts_of_the_report_in_valid_chunks() {
     assert_eq!(triangles, 2 * 5 * 7 * 40, "2 · St · Sr a stitch");
     assert_eq!(json["materials"].as_array().unwrap().len(), 2);
     let sheen = &json["materials"][0]["extensions"]["KHR_materials_sheen"];
-    assert!(json["extensionsUsed"] == serde_json::json!(["KHR_materials_sheen"]) && sheen["sheenColorFactor"][0].as_f64().unwrap() > 0.0);
+    assert!(
+        json["extensionsUsed"] == serde_json::json!(["KHR_materials_sheen"])
+            && sheen["sheenColorFactor"][0].as_f64().unwrap() > 0.0
+    );
 
     // From the scene down: a panel's bars, and their yarns by name.
-    let nodes = |indices: &Value| -> Vec<&Value> { indices.as_array().unwrap().iter().map(|at| &json["nodes"][number(at)]).collect() };
+    let nodes =
+        |indices: &Value| -> Vec<&Value> { indices.as_array().unwrap().iter().map(|at| &json["nodes"][number(at)]).collect() };
     let bars = nodes(&json["scenes"][0]["nodes"]);
     assert_eq!(bars.iter().map(|bar| bar["name"].as_str().unwrap()).collect::<Vec<_>>(), ["panel 0 bar 1", "panel 0 bar 2"]);
     let yarns: Vec<_> = bars.iter().flat_map(|bar| nodes(&bar["children"])).collect();

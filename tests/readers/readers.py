@@ -88,7 +88,7 @@ def glb(path, report, validator):
     if validator:
         script = (
             "const fs = require('fs'), v = require(process.argv[1] + '/gltf-validator');"
-            "v.validateBytes(new Uint8Array(fs.readFileSync(process.argv[2])), { maxIssues: 20 }).then((r) => console.log(JSON.stringify(r)));"
+            "v.validateBytes(new Uint8Array(fs.readFileSync(process.argv[2])), { maxIssues: 1000, ignoredIssues: ['UNUSED_OBJECT'] }).then((r) => console.log(JSON.stringify(r)));"
         )
         found = subprocess.run(["node", "-e", script, validator.resolve(), path], check=True, capture_output=True, text=True)
         issues = json.loads(found.stdout)["issues"]
