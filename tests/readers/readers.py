@@ -11,12 +11,12 @@ import meshio
 import mitsuba
 import numpy as np
 import trimesh
-from pxr import Gf, Usd, UsdGeom, UsdUtils
+from pxr import Usd, UsdGeom, UsdValidation
 
 ROOT = Path(__file__).resolve().parents[2]
 GARMENT = [ROOT / "meshes/skirt_flat.obj", ROOT / "meshes/skirt_draped.obj"]
-# Boxes may differ by so much, mm.
-NEAR = 0.1
+# Boxes of the same points may differ by so much, mm: what four decimals and 32 bits leave.
+NEAR = 1e-3
 
 
 def main():
@@ -46,10 +46,13 @@ def main():
         print(f"{'file':12} {'reader':10} {'yarns or strands':>16} {'points':>9}  box, mm")
         for name, (reader, (yarns, points, box)) in boxes.items():
             print(f"{name:12} {reader:10} {yarns:16} {points:9}  {np.round(box, 2).tolist()}")
-        # Tubes are wider than their centre lines by their radius, which the wider boxes have taken off already.
+        # Tubes are wider than their centre lines by their radius, and a bend may swing out between data points.
         reference = boxes["npz"][1][2]
         for name, (_, (_, _, box)) in boxes.items():
-            slack = NEAR if name in ("npz", "csv", "usda") else 2 * arrays["radius"].max()
+            if name == "csv":
+                # Cut ends are no data points and may lie at the very edge; the others have been compared one by one.
+                continue
+            slack = NEAR if name in ("npz", "usda") else 2 * arrays["radius"].max()
             assert np.abs(box - reference).max() <= slack, f"{name}: its box is off by {np.abs(box - reference).max()} mm"
         print("all files hold the same cloth")
 
@@ -74,8 +77,7 @@ def csv(path, arrays, report):
     points = np.stack([rows["draped_x"], rows["draped_y"], rows["draped_z"]], axis=1)
     assert np.array_equal(points, arrays["draped"][arrays["kind"] != 255])
     assert len(np.unique(rows["yarn"])) == report["yarns"]
-    # Cut ends are no data points, and may lie at the very edge.
-    return report["yarns"], len(points), box_of(arrays["draped"])
+    return report["yarns"], len(points), box_of(points)
 
 
 def tubes(path, report):
@@ -103,11 +105,12 @@ def glb(path, report, validator):
 
 def usda(path, arrays):
     stage = Usd.Stage.Open(str(path))
-    errors = UsdUtils.ComplianceChecker(arkit=False)
-    errors.CheckCompliance(str(path))
-    assert not errors.GetErrors() and not errors.GetFailedChecks(), errors.GetErrors() + errors.GetFailedChecks()
+    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    errors = UsdValidation.ValidationContext(validators).Validate(stage)
+    assert not errors, [error.GetErrorAsString() for error in errors]
+    print(f"usd-core: {len(validators)} validators, no error")
     assert UsdGeom.GetStageMetersPerUnit(stage) == 0.001 and UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.y
-    box, count, points = Gf.Range3d(), 0, 0
+    boxes, count, points = [], 0, 0
     for prim in stage.Traverse():
         if not prim.IsA(UsdGeom.BasisCurves):
             continue
@@ -127,12 +130,11 @@ def usda(path, arrays):
         assert np.abs(np.array([low, high]) - np.array(computed)).max() < 1e-3, f"{prim.GetPath()}: its extent is not that of its curves"
         firsts = np.concatenate([[0], np.cumsum(counts)[:-1]])
         on_curve = np.concatenate([np.arange(first, first + size, 3) for first, size in zip(firsts, counts)])
-        for point in (control[on_curve].min(axis=0), control[on_curve].max(axis=0)):
-            box.UnionWith(Gf.Vec3d(*map(float, point)))
+        boxes.append(box_of(control[on_curve]))
         count += len(counts)
         points += data
     assert count == strands(arrays) and points == len(arrays["draped"])
-    return count, points, np.array([box.GetMin(), box.GetMax()])
+    return count, points, box_of(np.concatenate(boxes))
 
 
 def beams(path, arrays, report):
