@@ -9,6 +9,7 @@ use std::io::Write as _;
 use std::path::Path;
 
 use glam::{DVec3, Vec3};
+use rayon::prelude::*;
 
 use super::buffer::{Buffer, Conveyor};
 use super::digits::numbers;
@@ -23,6 +24,8 @@ use crate::yarn::{curve, narrow};
 
 /// Fibres are rough and no metal.
 const ROUGHNESS: f32 = 0.75;
+/// The box of nothing.
+const EMPTY: [Vec3; 2] = [Vec3::INFINITY, Vec3::NEG_INFINITY];
 /// A course and a wale that are not known.
 const UNKNOWN: i32 = -1;
 
@@ -43,8 +46,8 @@ pub struct UsdaWriter {
 struct Group {
     panel: usize,
     bar: usize,
-    low: Vec3,
-    high: Vec3,
+    /// Lowest and highest control point so far, mm.
+    extent: [Vec3; 2],
 }
 
 /// An array beside the points.
@@ -84,13 +87,11 @@ impl UsdaWriter {
             self.end_group()?;
             let text = prim(panel, bar, self.bars[bar]);
             self.output.write_with(|file| file.write_all(text.as_bytes()))?;
-            self.group = Some(Group { panel, bar, low: Vec3::INFINITY, high: Vec3::NEG_INFINITY });
+            self.group = Some(Group { panel, bar, extent: EMPTY });
         }
         let Self { output, group, later, conveyor, .. } = self;
-        if let Some(Group { low, high, .. }) = group {
-            for control in blocks.iter().flat_map(controls) {
-                (*low, *high) = (low.min(control), high.max(control));
-            }
+        if let Some(Group { extent, .. }) = group {
+            *extent = blocks.par_iter().map(bounds).reduce(|| *extent, union);
         }
         conveyor.carry(blocks, points, |text| output.write_with(|file| file.write_all(text)))?;
         for (attribute, spill) in later {
@@ -101,7 +102,7 @@ impl UsdaWriter {
 
     /// Closes the prim that is being written, if there is one.
     fn end_group(&mut self) -> Result<(), ExportError> {
-        let Some(Group { bar, low, high, .. }) = self.group.take() else { return Ok(()) };
+        let Some(Group { bar, extent: [low, high], .. }) = self.group.take() else { return Ok(()) };
         let Self { output, bars, later, .. } = self;
         output.write_with(|file| file.write_all(b"]\n"))?;
         for (attribute, spill) in later {
@@ -196,6 +197,15 @@ fn controls(block: &Block) -> impl Iterator<Item = Vec3> {
         let spans = (0..points.len() - 1).flat_map(|index| curve::span(points, index).bezier().into_iter().skip(1));
         points.first().copied().into_iter().chain(spans).map(|point| point.as_vec3())
     })
+}
+
+/// The box of a block's control points, which hold its curves.
+fn bounds(block: &Block) -> [Vec3; 2] {
+    controls(block).fold(EMPTY, |extent, control| union(extent, [control; 2]))
+}
+
+fn union(a: [Vec3; 2], b: [Vec3; 2]) -> [Vec3; 2] {
+    [a[0].min(b[0]), a[1].max(b[1])]
 }
 
 fn points(block: &Block, text: &mut Buffer) {
