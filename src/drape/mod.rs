@@ -474,9 +474,8 @@ impl Block {
         self.tubes.clear();
         self.tubes.reserve(self.strands.pieces.len(), self.strands.strands.len(), section);
         for strand in &self.strands.strands {
-            let (start, end) = (strand.points.start as usize, strand.points.end as usize);
-            let pieces = self.strands.pieces_of(strand).map(|piece| piece.start as usize - start..piece.end as usize - start);
-            self.tubes.add(&self.draped.positions[start..end], &self.draped.normals[start..end], pieces, section);
+            let (positions, normals) = (&self.draped.positions[strand.range()], &self.draped.normals[strand.range()]);
+            self.tubes.add(positions, normals, self.strands.pieces_of(strand), section);
         }
     }
 }

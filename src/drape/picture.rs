@@ -4,10 +4,11 @@
 
 use super::{Block, Cloth, Options, run, swatch_panel};
 use crate::fabric::{Bar, Fabric};
+use crate::ids::index32;
 use crate::scene::{Scene, YarnLook};
 
-/// How rough yarns look; fibres are dull.
-const ROUGHNESS: f32 = 0.75;
+/// How rough yarns look, in files too; fibres are dull.
+pub(crate) const ROUGHNESS: f32 = 0.75;
 
 /// One look a bar; `radius` is the thickest one's, mm.
 #[must_use]
@@ -28,10 +29,9 @@ pub fn looks(fabric: &Fabric, radius: f64) -> Vec<YarnLook> {
 pub fn add_to(scene: &mut Scene, block: &Block) {
     let look = u16::try_from(block.bar).expect("machines have some tens of bars");
     for strand in &block.strands.strands {
-        let range = strand.points.start as usize..strand.points.end as usize;
-        let (positions, normals) = (&block.draped.positions[range.clone()], &block.draped.normals[range]);
+        let (positions, normals) = (&block.draped.positions[strand.range()], &block.draped.normals[strand.range()]);
         let points = positions.iter().zip(normals).map(|(position, normal)| (position.as_vec3(), normal.as_vec3()));
-        let stitches = block.strands.pieces_of(strand).map(|piece| piece.start - strand.points.start);
+        let stitches = block.strands.pieces_of(strand).map(|piece| index32(piece.start));
         scene.push_stitches(points, stitches, look);
     }
 }

@@ -76,6 +76,14 @@ impl std::ops::AddAssign for Losses {
     }
 }
 
+impl Strand {
+    /// Its points in arrays that have an entry a point of [`Strands`].
+    #[must_use]
+    pub fn range(&self) -> Range<usize> {
+        self.points.start as usize..self.points.end as usize
+    }
+}
+
 impl Strands {
     /// Forgets everything but keeps the memory.
     pub fn clear(&mut self) {
@@ -87,11 +95,14 @@ impl Strands {
         self.losses = Losses::default();
     }
 
-    /// The pieces of a strand as ranges of points. Neighbouring pieces share a point: the next one's first.
-    pub fn pieces_of(&self, strand: &Strand) -> impl Iterator<Item = Range<u32>> {
-        let last = strand.points.end - 1;
+    /// The pieces of a strand as ranges of its own points, counted from its first. Neighbouring pieces share a point: the next one's first.
+    pub fn pieces_of(&self, strand: &Strand) -> impl Iterator<Item = Range<usize>> {
+        let (start, last) = (strand.points.start, strand.points.end - 1);
         let pieces = &self.pieces[strand.pieces.start as usize..strand.pieces.end as usize];
-        pieces.iter().enumerate().map(move |(at, &first)| first..pieces.get(at + 1).copied().unwrap_or(last) + 1)
+        pieces.iter().enumerate().map(move |(at, &first)| {
+            let next = pieces.get(at + 1).copied().unwrap_or(last);
+            (first - start) as usize..(next - start) as usize + 1
+        })
     }
 
     /// Adds what the panel holds of one yarn, whose stitches in `knitted` are `stitches`.

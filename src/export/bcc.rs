@@ -61,7 +61,7 @@ impl Sink for BccWriter {
             *curves += 1;
             *points += u64::from(lines::count(strand, *st));
         }
-        let make = |block: &Block, bytes: &mut Buffer| lines::each(block, *st, |_, line| add(line, bytes));
+        let make = |block: &Block, bytes: &mut Buffer| lines::each(block, *st, |line| add(line, bytes));
         conveyor.carry(blocks, make, |bytes| file.write(bytes))
     }
 

@@ -47,7 +47,7 @@ impl Sink for CurvesWriter {
 }
 
 fn add(block: &Block, st: u32, radius: f32, text: &mut Buffer) {
-    lines::each(block, st, |_, line| {
+    lines::each(block, st, |line| {
         for point in line {
             numbers(text, [point.x, point.y, point.z, radius], b' ');
             text.write_char('\n').expect("memory takes all text");

@@ -20,12 +20,11 @@ use rayon::prelude::*;
 use super::head::HeadLast;
 use super::{ExportError, Output, Sink};
 use crate::drape::Block;
+use crate::drape::picture::ROUGHNESS;
 use crate::fabric::Fabric;
 use crate::ids::{YarnId, index32};
 
 const METRES_PER_MM: f32 = 1e-3;
-/// Fibres are rough and no metal.
-const ROUGHNESS: f32 = 0.75;
 /// Light that fibres standing off a yarn scatter, as a share of its colour, and how widely.
 const SHEEN: f32 = 0.4;
 const SHEEN_ROUGHNESS: f32 = 0.5;

@@ -150,7 +150,7 @@ fn set(panel: usize, bar: usize) -> String {
 
 /// A line a node, the first with this number.
 fn add_nodes(block: &Block, st: u32, mut number: u64, text: &mut Buffer) {
-    lines::each(block, st, |_, line| {
+    lines::each(block, st, |line| {
         for point in line {
             write!(text, "{number},").expect("memory takes all text");
             numbers(text, point.to_array(), b',');

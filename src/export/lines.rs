@@ -11,14 +11,12 @@ pub(super) fn count(strand: &Strand, st: u32) -> u32 {
     (strand.pieces.end - strand.pieces.start) * st + 1
 }
 
-/// Calls `take` with each strand of a block and its centre line, mm.
-pub(super) fn each(block: &Block, st: u32, mut take: impl FnMut(&Strand, &[Vec3])) {
+/// Calls `take` with the centre line of each strand of a block, mm.
+pub(super) fn each(block: &Block, st: u32, mut take: impl FnMut(&[Vec3])) {
     let mut line = Vec::new();
     for strand in &block.strands.strands {
-        let (start, end) = (strand.points.start as usize, strand.points.end as usize);
-        let stitches = block.strands.pieces_of(strand).map(|piece| piece.start as usize - start..piece.end as usize - start);
         line.clear();
-        line::add(&block.draped.positions[start..end], stitches, st, &mut line);
-        take(strand, &line);
+        line::add(&block.draped.positions[strand.range()], block.strands.pieces_of(strand), st, &mut line);
+        take(&line);
     }
 }

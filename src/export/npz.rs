@@ -26,7 +26,7 @@ use crate::yarn::tube::Section;
 const CUT_KIND: u8 = u8::MAX;
 
 /// An array with an entry a point or a strand.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug)]
 enum Array {
     Flat,
     Draped,
@@ -43,20 +43,21 @@ enum Array {
     Bar,
 }
 
-const ARRAYS: [Array; 13] = [
-    Array::Flat,
-    Array::Draped,
-    Array::Normal,
-    Array::Triangle,
-    Array::Weights,
-    Array::Course,
-    Array::Wale,
-    Array::Kind,
-    Array::Point,
-    Array::Length,
-    Array::Yarn,
-    Array::Panel,
-    Array::Bar,
+/// Each array's name, numpy's name of its type, and numbers an entry.
+const ARRAYS: [(Array, &str, &str, usize); 13] = [
+    (Array::Flat, "flat", "<f8", 3),
+    (Array::Draped, "draped", "<f8", 3),
+    (Array::Normal, "normal", "<f8", 3),
+    (Array::Triangle, "triangle", "<u4", 1),
+    (Array::Weights, "weights", "<f8", 3),
+    (Array::Course, "course", "<i4", 1),
+    (Array::Wale, "wale", "<i4", 1),
+    (Array::Kind, "kind", "|u1", 1),
+    (Array::Point, "point", "<u2", 1),
+    (Array::Length, "length", "<u4", 1),
+    (Array::Yarn, "yarn", "<u4", 1),
+    (Array::Panel, "panel", "<u4", 1),
+    (Array::Bar, "bar", "<u4", 1),
 ];
 
 /// Writes arrays for numpy.
@@ -88,7 +89,7 @@ impl<'a> NpzWriter<'a> {
 impl Sink for NpzWriter<'_> {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
         let Self { output, garment, spills, conveyor, .. } = self;
-        for (array, spill) in ARRAYS.iter().zip(spills) {
+        for ((array, ..), spill) in ARRAYS.iter().zip(spills) {
             conveyor.carry(
                 blocks,
                 |block, bytes| array.add(block, &garment.panels[block.panel], bytes),
@@ -114,10 +115,9 @@ fn archive(file: &mut impl io::Write, spills: &mut [Spill], bars: &[(f64, [u8; 3
         archive.start_file(format!("{name}.npy"), options)?;
         archive.write_all(header)
     };
-    for (array, spill) in ARRAYS.iter().zip(spills) {
-        let (name, kind, width) = array.layout();
-        let rows = spill.length() / (width * size(kind)) as u64;
-        begin(&mut archive, name, &header(kind, rows, width), spill.length())?;
+    for ((_, name, kind, width), spill) in ARRAYS.iter().zip(spills) {
+        let rows = spill.length() / (*width * size(kind)) as u64;
+        begin(&mut archive, name, &header(kind, rows, *width), spill.length())?;
         spill.pour(&mut archive)?;
     }
     let rows = bars.len() as u64;
@@ -132,25 +132,6 @@ fn archive(file: &mut impl io::Write, spills: &mut [Spill], bars: &[(f64, [u8; 3
 }
 
 impl Array {
-    /// Its name, numpy's name of its type, and numbers an entry.
-    fn layout(self) -> (&'static str, &'static str, usize) {
-        match self {
-            Self::Flat => ("flat", "<f8", 3),
-            Self::Draped => ("draped", "<f8", 3),
-            Self::Normal => ("normal", "<f8", 3),
-            Self::Triangle => ("triangle", "<u4", 1),
-            Self::Weights => ("weights", "<f8", 3),
-            Self::Course => ("course", "<i4", 1),
-            Self::Wale => ("wale", "<i4", 1),
-            Self::Kind => ("kind", "|u1", 1),
-            Self::Point => ("point", "<u2", 1),
-            Self::Length => ("length", "<u4", 1),
-            Self::Yarn => ("yarn", "<u4", 1),
-            Self::Panel => ("panel", "<u4", 1),
-            Self::Bar => ("bar", "<u4", 1),
-        }
-    }
-
     /// Appends a block's entries.
     fn add(self, block: &Block, panel: &Panel, bytes: &mut Buffer) {
         let strands = &block.strands;

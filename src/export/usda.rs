@@ -16,14 +16,13 @@ use super::digits::numbers;
 use super::spill::Spill;
 use super::{ExportError, Output, Sink};
 use crate::drape::Block;
+use crate::drape::picture::ROUGHNESS;
 use crate::drape::strands::{CUT, Strand};
 use crate::fabric::Fabric;
 use crate::ids::index32;
 use crate::yarn::tube::Section;
 use crate::yarn::{curve, narrow};
 
-/// Fibres are rough and no metal.
-const ROUGHNESS: f32 = 0.75;
 /// The box of nothing.
 const EMPTY: [Vec3; 2] = [Vec3::INFINITY, Vec3::NEG_INFINITY];
 /// A course and a wale that are not known.
@@ -155,7 +154,7 @@ impl Attribute {
                 Self::Yarns => item(text, format_args!("{}", strand.yarn.0)),
                 Self::Courses => points.for_each(|at| item(text, format_args!("{}", place(block, strand, at)[0]))),
                 Self::Wales => points.for_each(|at| item(text, format_args!("{}", place(block, strand, at)[1]))),
-                Self::Lengths => lengths(&block.draped.positions[points.start as usize..points.end as usize], text),
+                Self::Lengths => lengths(&block.draped.positions[strand.range()], text),
             }
         }
     }
@@ -193,7 +192,7 @@ fn lengths(points: &[DVec3], text: &mut Buffer) {
 /// Control points of a block's strands, strand after strand.
 fn controls(block: &Block) -> impl Iterator<Item = Vec3> {
     block.strands.strands.iter().flat_map(|strand| {
-        let points = &block.draped.positions[strand.points.start as usize..strand.points.end as usize];
+        let points = &block.draped.positions[strand.range()];
         let spans = (0..points.len() - 1).flat_map(|index| curve::span(points, index).bezier().into_iter().skip(1));
         points.first().copied().into_iter().chain(spans).map(|point| point.as_vec3())
     })
