@@ -65,12 +65,12 @@ impl Sink for BccWriter {
         conveyor.carry(blocks, make, |bytes| file.write(bytes))
     }
 
-    fn finish(self: Box<Self>) -> Result<Output, ExportError> {
+    fn finish(self: Box<Self>) -> Result<Vec<Output>, ExportError> {
         let mut info = [0; 40];
         info[..INFO.len()].copy_from_slice(INFO);
         let (curves, points) = (self.curves, self.points);
         let header = Header { sign: *b"BCC", sizes: 0x44, curve: *b"C0", dimensions: 3, up: 1, curves, points, info };
-        self.file.finish(bytemuck::bytes_of(&header))
+        Ok(vec![self.file.finish(bytemuck::bytes_of(&header))?])
     }
 }
 

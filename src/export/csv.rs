@@ -50,8 +50,8 @@ impl Sink for CsvWriter<'_> {
         )
     }
 
-    fn finish(self: Box<Self>) -> Result<Output, ExportError> {
-        self.output.seal()
+    fn finish(self: Box<Self>) -> Result<Vec<Output>, ExportError> {
+        Ok(vec![self.output.seal()?])
     }
 }
 

@@ -41,8 +41,8 @@ impl Sink for CurvesWriter {
         conveyor.carry(blocks, make, |text| output.write_with(|file| std::io::Write::write_all(file, text)))
     }
 
-    fn finish(self: Box<Self>) -> Result<Output, ExportError> {
-        self.output.seal()
+    fn finish(self: Box<Self>) -> Result<Vec<Output>, ExportError> {
+        Ok(vec![self.output.seal()?])
     }
 }
 

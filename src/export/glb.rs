@@ -1,13 +1,14 @@
 //! Tubes as binary glTF 2.0: a node for each bar of each panel, below it a node with a mesh for each yarn, a material a bar; metres.
 //!
-//! Materials are those of fibres: rough, no metal, and with a sheen (`KHR_materials_sheen`) by which cloth is brighter where it turns away.
+//! Materials are those of fibres: rough, no metal, and with a sheen (`KHR_materials_sheen`) by which cloth is brighter where it turns away. Bars whose yarns wear pictures have them as textures, in
+//! the file; the second texture coordinate then counts repeats of the picture, and else millimetres of yarn.
 //! The JSON chunk comes first in the file but is known last (counts and bounds), so it gets room for what so many blocks will need, and what it doesn't fill is spaces.
 //! Positions, normals and texture coordinates are `f32`, indices `u32`. A block's arrays lie together; each of its yarns is a part of them, its indices counted from its own first vertex.
 
 use std::ops::Range;
 use std::path::Path;
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use gltf_json as json;
 use json::accessor::{ComponentType, GenericComponentType, Type};
 use json::buffer::{Stride, Target};
@@ -18,11 +19,13 @@ use json::{Accessor, Index, Root};
 use rayon::prelude::*;
 
 use super::head::HeadLast;
+use super::texture::{Texture, Wardrobe};
 use super::{ExportError, Output, Sink};
 use crate::drape::Block;
 use crate::drape::picture::ROUGHNESS;
 use crate::fabric::Fabric;
 use crate::ids::{YarnId, index32};
+use crate::scene::Scene;
 
 const METRES_PER_MM: f32 = 1e-3;
 /// Light that fibres standing off a yarn scatter, as a share of its colour, and how widely.
@@ -50,6 +53,7 @@ pub struct GlbWriter {
     /// Nodes of panels' bars.
     bars: Vec<Index<json::Node>>,
     buffer: Index<json::Buffer>,
+    wardrobe: Wardrobe,
     /// Panel and bar of the last yarn, and their node.
     current: Option<((usize, usize), Index<json::Node>)>,
     /// The blocks at hand as the file holds them.
@@ -61,6 +65,8 @@ pub struct GlbWriter {
 struct Prepared {
     /// m.
     positions: Vec<Vec3>,
+    /// Counted in repeats of the bar's picture; empty where it has none.
+    uvs: Vec<Vec2>,
     /// Counted from the first vertex of each yarn.
     triangles: Vec<[u32; 3]>,
     yarns: Vec<Part>,
@@ -87,11 +93,13 @@ struct View {
 }
 
 impl GlbWriter {
-    /// Starts the file: one material a bar. There is room for so many blocks and yarns; with more of them the file takes longer to finish.
+    /// Starts the file: one material a bar, with the pictures that `dressed`, a scene of tubes, has for it. There is room for so many blocks and yarns; with more of them the
+    /// file takes longer to finish.
     ///
     /// # Errors
     /// What the disk says.
-    pub fn create(target: &Path, fabric: &Fabric, blocks: usize, yarns: usize) -> Result<Self, ExportError> {
+    pub fn create(target: &Path, fabric: &Fabric, dressed: &Scene, blocks: usize, yarns: usize) -> Result<Self, ExportError> {
+        let wardrobe = Wardrobe::of(dressed);
         let mut root = Root {
             asset: json::Asset {
                 generator: Some(concat!("warpknit ", env!("CARGO_PKG_VERSION")).to_owned()),
@@ -107,20 +115,42 @@ impl GlbWriter {
             extensions: None,
             extras: json::Extras::default(),
         });
-        for (bar, number) in fabric.bars.iter().zip(1..) {
-            root.push(material(&format!("{} bar {number}", fabric.name), bar.yarn.color.linear()));
+        push_textures(&mut root, buffer, &wardrobe.textures);
+        for (number, bar) in fabric.bars.iter().enumerate() {
+            let name = format!("{} bar {}", fabric.name, number + 1);
+            let material = match wardrobe.worn_by(number) {
+                Some(place) => textured(&name, place, wardrobe.textures[place].mean),
+                None => plain(&name, bar.yarn.color.linear()),
+            };
+            root.push(material);
         }
         let room = (HEADERS + json_text(&root).len() + LAST_JSON + BLOCK_JSON * blocks + YARN_JSON * yarns).next_multiple_of(4);
         let file = HeadLast::create(target, room)?;
-        Ok(Self { file, bytes: 0, root, bars: Vec::new(), buffer, current: None, prepared: Vec::new() })
+        let mut writer = Self { file, bytes: 0, root, bars: Vec::new(), buffer, wardrobe, current: None, prepared: Vec::new() };
+        writer.write_textures()?;
+        Ok(writer)
+    }
+
+    /// Appends the pictures to the binary chunk, each from a multiple of 4 bytes on, as their views say.
+    fn write_textures(&mut self) -> Result<(), ExportError> {
+        for texture in &mut self.wardrobe.textures {
+            for picture in std::mem::take(&mut texture.pictures) {
+                let padding = picture.len().next_multiple_of(4) - picture.len();
+                self.file.write(&picture)?;
+                self.file.write(&[0; 3][..padding])?;
+                self.bytes += (picture.len() + padding) as u64;
+            }
+        }
+        Ok(())
     }
 
     /// Adds one block's tubes, a mesh a yarn.
     fn add(&mut self, block: &Block, prepared: &Prepared) -> Result<(), ExportError> {
+        let uvs = if prepared.uvs.is_empty() { &block.tubes.uvs } else { &prepared.uvs };
         let vertices = [
             (Semantic::Positions, self.array(&prepared.positions, Type::Vec3, ComponentType::F32)?),
             (Semantic::Normals, self.array(&block.tubes.normals, Type::Vec3, ComponentType::F32)?),
-            (Semantic::TexCoords(0), self.array(&block.tubes.uvs, Type::Vec2, ComponentType::F32)?),
+            (Semantic::TexCoords(0), self.array(uvs, Type::Vec2, ComponentType::F32)?),
         ];
         let corners: &[u32] = bytemuck::cast_slice(&prepared.triangles);
         let corners = self.array(corners, Type::Scalar, ComponentType::U32)?;
@@ -240,7 +270,8 @@ impl Sink for GlbWriter {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
         let mut prepared = std::mem::take(&mut self.prepared);
         prepared.resize_with(blocks.len().max(prepared.len()), Prepared::default);
-        blocks.par_iter().zip(&mut prepared).for_each(|(block, prepared)| prepared.fill(block));
+        let wardrobe = &self.wardrobe;
+        blocks.par_iter().zip(&mut prepared).for_each(|(block, prepared)| prepared.fill(block, wardrobe));
         for (block, prepared) in blocks.iter().zip(&prepared) {
             if !prepared.positions.is_empty() {
                 self.add(block, prepared)?;
@@ -250,7 +281,7 @@ impl Sink for GlbWriter {
         self.within_limit(self.bytes).map(drop)
     }
 
-    fn finish(mut self: Box<Self>) -> Result<Output, ExportError> {
+    fn finish(mut self: Box<Self>) -> Result<Vec<Output>, ExportError> {
         let text = self.json_chunk();
         let length = self.within_limit((self.headers() + text.len()) as u64 + self.bytes)?;
         let binary = self.within_limit(self.bytes)?;
@@ -265,7 +296,7 @@ impl Sink for GlbWriter {
             head.extend_from_slice(&binary.to_le_bytes());
             head.extend_from_slice(b"BIN\0");
         }
-        self.file.finish(&head)
+        Ok(vec![self.file.finish(&head)?])
     }
 }
 
@@ -282,10 +313,15 @@ impl GlbWriter {
 }
 
 impl Prepared {
-    fn fill(&mut self, block: &Block) {
+    fn fill(&mut self, block: &Block, wardrobe: &Wardrobe) {
         let tubes = &block.tubes;
         self.positions.clear();
         self.positions.extend(tubes.positions.iter().map(|position| *position * METRES_PER_MM));
+        self.uvs.clear();
+        if wardrobe.worn_by(block.bar).is_some() {
+            let repeats = Vec2::new(1.0, wardrobe.per_mm(block.bar));
+            self.uvs.extend(tubes.uvs.iter().map(|uv| *uv * repeats));
+        }
         self.triangles.clear();
         self.yarns.clear();
         let strands: Vec<_> = block.strands.strands.iter().zip(&tubes.strands).collect();
@@ -308,22 +344,87 @@ fn json_text(root: &Root) -> Vec<u8> {
     json::serialize::to_vec(root).expect("numbers here are finite and keys are text")
 }
 
-fn material(name: &str, [r, g, b]: [f32; 3]) -> json::Material {
-    json::Material {
-        name: Some(name.to_owned()),
-        pbr_metallic_roughness: json::material::PbrMetallicRoughness {
-            base_color_factor: json::material::PbrBaseColorFactor([r, g, b, 1.0]),
-            metallic_factor: json::material::StrengthFactor(0.0),
-            roughness_factor: json::material::StrengthFactor(ROUGHNESS),
-            ..json::material::PbrMetallicRoughness::default()
-        },
-        extensions: Some(json::extensions::material::Material {
-            others: [(SHEEN_EXTENSION.to_owned(), sheen([r, g, b]))].into_iter().collect(),
-        }),
-        ..json::Material::default()
+/// Adds the views, images and textures of pictures that the binary chunk begins with: base colour, normals and surface of each yarn.
+fn push_textures(root: &mut Root, buffer: Index<json::Buffer>, textures: &[Texture]) {
+    let mut offset = 0;
+    for picture in textures.iter().flat_map(|texture| &texture.pictures) {
+        let view = root.push(json::buffer::View {
+            buffer,
+            byte_length: USize64::from(picture.len()),
+            byte_offset: Some(USize64::from(offset)),
+            byte_stride: None,
+            name: None,
+            target: None,
+            extensions: None,
+            extras: json::Extras::default(),
+        });
+        offset += picture.len().next_multiple_of(4);
+        let source = root.push(json::Image {
+            buffer_view: Some(view),
+            mime_type: Some(json::image::MimeType("image/png".to_owned())),
+            name: None,
+            uri: None,
+            extensions: None,
+            extras: json::Extras::default(),
+        });
+        root.push(json::Texture { name: None, sampler: None, source, extensions: None, extras: json::Extras::default() });
     }
 }
 
-fn sheen(color: [f32; 3]) -> json::Value {
-    serde_json::json!({ "sheenColorFactor": color.map(|channel| SHEEN * channel), "sheenRoughnessFactor": SHEEN_ROUGHNESS })
+/// A yarn of one colour.
+fn plain(name: &str, color: [f32; 3]) -> json::Material {
+    let surface = json::material::PbrMetallicRoughness {
+        base_color_factor: json::material::PbrBaseColorFactor([color[0], color[1], color[2], 1.0]),
+        metallic_factor: json::material::StrengthFactor(0.0),
+        roughness_factor: json::material::StrengthFactor(ROUGHNESS),
+        ..json::material::PbrMetallicRoughness::default()
+    };
+    material(name, color, surface)
+}
+
+/// A yarn that wears the pictures at that place of the wardrobe, of such a mean colour.
+fn textured(name: &str, place: usize, mean: [f32; 3]) -> json::Material {
+    let texture = |picture: usize| Index::new(index32(Texture::PICTURES * place + picture));
+    let info = |picture: usize| json::texture::Info {
+        index: texture(picture),
+        tex_coord: 0,
+        extensions: None,
+        extras: json::Extras::default(),
+    };
+    // Factors are 1 where nothing is said: the pictures' own values.
+    let surface = json::material::PbrMetallicRoughness {
+        base_color_texture: Some(info(Texture::BASE)),
+        metallic_roughness_texture: Some(info(Texture::SURFACE)),
+        ..json::material::PbrMetallicRoughness::default()
+    };
+    json::Material {
+        normal_texture: Some(json::material::NormalTexture {
+            index: texture(Texture::NORMAL),
+            scale: 1.0,
+            tex_coord: 0,
+            extensions: None,
+            extras: json::Extras::default(),
+        }),
+        occlusion_texture: Some(json::material::OcclusionTexture {
+            index: texture(Texture::SURFACE),
+            strength: json::material::StrengthFactor(1.0),
+            tex_coord: 0,
+            extensions: None,
+            extras: json::Extras::default(),
+        }),
+        ..material(name, mean, surface)
+    }
+}
+
+/// A yarn whose fibres catch the light as its colour says.
+fn material(name: &str, color: [f32; 3], surface: json::material::PbrMetallicRoughness) -> json::Material {
+    let sheen = serde_json::json!({ "sheenColorFactor": color.map(|channel| SHEEN * channel), "sheenRoughnessFactor": SHEEN_ROUGHNESS });
+    json::Material {
+        name: Some(name.to_owned()),
+        pbr_metallic_roughness: surface,
+        extensions: Some(json::extensions::material::Material {
+            others: [(SHEEN_EXTENSION.to_owned(), sheen)].into_iter().collect(),
+        }),
+        ..json::Material::default()
+    }
 }

@@ -135,11 +135,11 @@ impl Sink for InpWriter {
         conveyor.carry(&numbered, make, |text| output.write_with(|file| file.write_all(text)))
     }
 
-    fn finish(mut self: Box<Self>) -> Result<Output, ExportError> {
+    fn finish(mut self: Box<Self>) -> Result<Vec<Output>, ExportError> {
         self.write_elements()?;
         let properties = self.properties();
         self.output.write_with(|file| file.write_all(properties.as_bytes()))?;
-        self.output.seal()
+        Ok(vec![self.output.seal()?])
     }
 }
 

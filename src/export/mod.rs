@@ -14,12 +14,15 @@ pub mod glb;
 mod head;
 pub mod inp;
 mod lines;
+pub mod mtl;
 pub mod npz;
 pub mod obj;
+pub mod obj_lines;
 mod output;
 pub mod ply;
 pub mod png;
 mod spill;
+mod texture;
 pub mod usda;
 
 use std::path::{Path, PathBuf};
@@ -41,11 +44,11 @@ pub trait Sink {
     /// What the disk says.
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError>;
 
-    /// Writes what belongs to the end and gives back the whole file, still under its temporary name.
+    /// Writes what belongs to the end and gives back the whole file, and those that come with it, still under their temporary names.
     ///
     /// # Errors
     /// What the disk says.
-    fn finish(self: Box<Self>) -> Result<Output, ExportError>;
+    fn finish(self: Box<Self>) -> Result<Vec<Output>, ExportError>;
 }
 
 /// What a file's ending asks for.
@@ -55,8 +58,10 @@ pub enum Format {
     Png,
     /// Binary glTF 2.0.
     Glb,
-    /// Wavefront OBJ.
+    /// Wavefront OBJ: tubes.
     Obj,
+    /// Wavefront OBJ: centre lines. It has the ending of [`Format::Obj`], which is what endings ask for.
+    ObjLines,
     /// Binary PLY.
     Ply,
     /// USD text: curves.

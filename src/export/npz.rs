@@ -99,10 +99,10 @@ impl Sink for NpzWriter<'_> {
         Ok(())
     }
 
-    fn finish(self: Box<Self>) -> Result<Output, ExportError> {
+    fn finish(self: Box<Self>) -> Result<Vec<Output>, ExportError> {
         let Self { mut output, mut spills, bars, .. } = *self;
         output.write_with(|file| archive(file, &mut spills, &bars))?;
-        output.seal()
+        Ok(vec![output.seal()?])
     }
 }
 

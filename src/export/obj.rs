@@ -1,4 +1,6 @@
-//! Tubes as Wavefront OBJ: one object a strand, with texture coordinates and normals, mm, to four decimals.
+//! Tubes as Wavefront OBJ: one object a strand, with texture coordinates and normals, mm, to four decimals, and a material a bar ([`super::mtl`]).
+//!
+//! Where a bar's yarns wear a picture, the second texture coordinate counts its repeats, downward, since OBJ's pictures begin at the bottom; else it is millimetres of yarn.
 
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -9,33 +11,41 @@ use glam::{Vec2, Vec3};
 
 use super::buffer::{Buffer, Conveyor};
 use super::digits::{add_line, decimal, thrice, word};
-use super::{ExportError, Output, Sink};
+use super::texture::Wardrobe;
+use super::{ExportError, Output, Sink, mtl};
 use crate::drape::Block;
+use crate::fabric::Fabric;
+use crate::scene::Scene;
 
 /// Writes tubes as text.
 #[derive(Debug)]
 pub struct ObjWriter {
     output: Output,
+    /// Materials and pictures.
+    companions: Vec<Output>,
+    wardrobe: Wardrobe,
     /// Vertices written so far.
     vertices: u64,
     conveyor: Conveyor,
 }
 
 impl ObjWriter {
-    /// Starts the file.
+    /// Starts the file, and writes what comes with it: a material for each of the fabric's bars, with the pictures that `dressed`, a scene of tubes, has for it.
     ///
     /// # Errors
     /// What the disk says.
-    pub fn create(target: &Path) -> Result<Self, ExportError> {
+    pub fn create(target: &Path, fabric: &Fabric, dressed: &Scene) -> Result<Self, ExportError> {
+        let wardrobe = Wardrobe::of(dressed);
+        let companions = mtl::write(target, fabric, &wardrobe)?;
         let mut output = Output::create(target)?;
-        output.write_with(|file| file.write_all(b"# yarns by warpknit, mm\n"))?;
-        Ok(Self { output, vertices: 0, conveyor: Conveyor::default() })
+        output.write_with(|file| write!(file, "# yarns by warpknit, mm\n{}", mtl::reference(target)))?;
+        Ok(Self { output, companions, wardrobe, vertices: 0, conveyor: Conveyor::default() })
     }
 }
 
 impl Sink for ObjWriter {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
-        let Self { output, vertices, conveyor } = self;
+        let Self { output, vertices, conveyor, wardrobe, .. } = self;
         let number = |block| {
             let first = *vertices;
             *vertices += block_vertices(block);
@@ -44,13 +54,14 @@ impl Sink for ObjWriter {
         let numbered: Vec<_> = blocks.iter().map(number).collect();
         conveyor.carry(
             &numbered,
-            |(block, first), text| objects(block, *first, text),
+            |(block, first), text| objects(block, *first, wardrobe, text),
             |text| output.write_with(|file| file.write_all(text)),
         )
     }
 
-    fn finish(self: Box<Self>) -> Result<Output, ExportError> {
-        self.output.seal()
+    fn finish(self: Box<Self>) -> Result<Vec<Output>, ExportError> {
+        let Self { output, companions, .. } = *self;
+        Ok(std::iter::once(output.seal()?).chain(companions).collect())
     }
 }
 
@@ -59,22 +70,23 @@ fn block_vertices(block: &Block) -> u64 {
 }
 
 /// The objects of a block whose first vertex is the file's `first`, counted from 0.
-fn objects(block: &Block, first: u64, text: &mut Buffer) {
+fn objects(block: &Block, first: u64, wardrobe: &Wardrobe, text: &mut Buffer) {
+    let along = wardrobe.worn_by(block.bar).map_or(1.0, |_| -wardrobe.per_mm(block.bar));
     for (strand, tube) in block.strands.strands.iter().zip(&block.tubes.strands) {
         let (panel, bar, yarn) = (block.panel, block.bar + 1, strand.yarn.0);
-        writeln!(text, "o panel{panel}_bar{bar}_yarn{yarn}").expect("memory takes all text");
-        object(block, tube, first, text);
+        write!(text, "o panel{panel}_bar{bar}_yarn{yarn}\nusemtl bar_{bar}\n").expect("memory takes all text");
+        object(block, tube, first, along, text);
     }
 }
 
-fn object(block: &Block, (vertices, triangles): &(Range<u32>, Range<u32>), first: u64, text: &mut Buffer) {
+fn object(block: &Block, (vertices, triangles): &(Range<u32>, Range<u32>), first: u64, along: f32, text: &mut Buffer) {
     let tubes = &block.tubes;
     let vertices = vertices.start as usize..vertices.end as usize;
     for &Vec3 { x, y, z } in &tubes.positions[vertices.clone()] {
         line(text, "v", [x, y, z]);
     }
     for &Vec2 { x, y } in &tubes.uvs[vertices.clone()] {
-        line(text, "vt", [x, y]);
+        line(text, "vt", [x, along * y]);
     }
     for &Vec3 { x, y, z } in &tubes.normals[vertices] {
         line(text, "vn", [x, y, z]);

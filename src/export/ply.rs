@@ -91,7 +91,7 @@ impl Sink for PlyWriter {
         conveyor.carry(blocks, |block, bytes| add_vertices(block, colors[block.bar], bytes), |bytes| file.write(bytes))
     }
 
-    fn finish(mut self: Box<Self>) -> Result<Output, ExportError> {
+    fn finish(mut self: Box<Self>) -> Result<Vec<Output>, ExportError> {
         let strands = self.numbered();
         let Self { file, section, conveyor, vertices, .. } = &mut *self;
         let strands: Vec<_> = strands.chunks(STRANDS).collect();
@@ -102,7 +102,7 @@ impl Sink for PlyWriter {
         conveyor.carry(&strands, add, |bytes| file.write(bytes))?;
         let padding = file.room() - header(*vertices, count, 0).len();
         let header = header(*vertices, count, padding);
-        self.file.finish(header.as_bytes())
+        Ok(vec![self.file.finish(header.as_bytes())?])
     }
 }
 

@@ -125,10 +125,10 @@ impl Sink for UsdaWriter {
             .try_for_each(|blocks| self.add(blocks))
     }
 
-    fn finish(mut self: Box<Self>) -> Result<Output, ExportError> {
+    fn finish(mut self: Box<Self>) -> Result<Vec<Output>, ExportError> {
         self.end_group()?;
         self.output.write_with(|file| file.write_all(b"}\n"))?;
-        self.output.seal()
+        Ok(vec![self.output.seal()?])
     }
 }
 

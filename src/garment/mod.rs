@@ -16,6 +16,7 @@ use glam::{DAffine3, DVec2, DVec3};
 use crate::ids::FaceId;
 
 mod error;
+mod frames;
 mod obj;
 mod order;
 mod pair;
@@ -26,10 +27,12 @@ pub mod stretch;
 mod unit;
 
 pub use error::{Fault, GarmentError};
+pub use frames::Frames;
 pub use unit::{Unit, UnknownUnit};
 
-use pair::Pairs;
-use panel::{Piece, Refusal};
+use obj::ObjMesh;
+use pair::{Pairs, Pattern};
+use panel::{Piece, Refusal, Refused};
 
 /// What the user may say about the files.
 ///
@@ -188,32 +191,68 @@ impl Garment {
 /// # }
 /// ```
 pub fn read(flat: &Path, draped: Option<&Path>, options: &ReadOptions) -> Result<Garment, GarmentError> {
-    check(options)?;
-    let mut pairs = match draped {
-        None => pair::with_texture(obj::read(flat)?, flat)?,
-        Some(draped) => pair::two_files(obj::read(flat)?, obj::read(draped)?, [flat, draped])?,
-    };
-    let mut facts = Facts {
-        triangles: pairs.total,
-        untextured: pairs.untextured,
-        warnings: std::mem::take(&mut pairs.warnings),
-        ..Facts::default()
-    };
-    let unit = settle_unit(&pairs, options, &mut facts);
-    let pieces = usable_pieces(&pairs, flat, &mut facts)?;
-    let scales = settle_scales(&pairs, &pieces, unit, options, draped.is_some(), &mut facts);
-    let panels: Vec<Panel> = pieces
-        .iter()
-        .zip(scales)
-        .map(|(piece, scale_mm)| {
-            let (panel, degenerate) = piece.panel(&pairs, scale_mm, unit.millimetres(), options);
-            facts.panels.push(PanelFacts { scale_mm, degenerate });
-            facts.degenerate += degenerate;
-            panel
-        })
-        .collect();
-    count_defects(&panels, &mut facts);
-    Ok(Garment { panels, facts })
+    Files::read(flat, draped, options)?.garment(options).map(|(garment, _, _)| garment)
+}
+
+/// The files of a garment, paired.
+struct Files<'a> {
+    path: &'a Path,
+    flat: ObjMesh,
+    /// The flat file itself where there is no other.
+    draped: Option<ObjMesh>,
+    pattern: Pattern,
+    pairs: Pairs,
+    pieces: Vec<Result<Piece, Refused>>,
+}
+
+impl<'a> Files<'a> {
+    fn read(path: &'a Path, draped_path: Option<&Path>, options: &ReadOptions) -> Result<Self, GarmentError> {
+        check(options)?;
+        let flat = obj::read(path)?;
+        let draped = draped_path.map(obj::read).transpose()?;
+        let pair = |pattern| match draped_path.zip(draped.as_ref()) {
+            None => pair::with_texture(&flat, path),
+            Some((draped_path, draped)) => pair::two_files(&flat, draped, [path, draped_path], pattern),
+        };
+        let mut pattern = if draped.is_some() { Pattern::Positions } else { Pattern::Texture };
+        let mut pairs = pair(pattern)?;
+        let mut pieces = panel::pieces(&pairs);
+        // A garment at rest on the body is no pattern, but may carry one.
+        let leaves_plane = |piece: &Result<Piece, Refused>| matches!(piece, Err((Refusal::NotFlat(_), _, _)));
+        if pattern == Pattern::Positions && flat.is_textured() && pieces.iter().any(leaves_plane) {
+            pattern = Pattern::Texture;
+            pairs = pair(pattern)?;
+            pairs.warnings.push(format!("{} does not lie flat: its vt are taken for the flat pattern", path.display()));
+            pieces = panel::pieces(&pairs);
+        }
+        Ok(Self { path, flat, draped, pattern, pairs, pieces })
+    }
+
+    /// The garment, the unit of its draped positions, and itself, for frames to be paired with.
+    fn garment(mut self, options: &ReadOptions) -> Result<(Garment, Unit, Self), GarmentError> {
+        let mut facts = Facts {
+            triangles: self.pairs.total,
+            untextured: self.pairs.untextured,
+            warnings: std::mem::take(&mut self.pairs.warnings),
+            ..Facts::default()
+        };
+        let pairs = &self.pairs;
+        let unit = settle_unit(pairs, options, &mut facts);
+        let pieces = usable_pieces(std::mem::take(&mut self.pieces), self.path, &mut facts)?;
+        let scales = settle_scales(pairs, &pieces, unit, options, self.pattern == Pattern::Positions, &mut facts);
+        let panels: Vec<Panel> = pieces
+            .iter()
+            .zip(scales)
+            .map(|(piece, scale_mm)| {
+                let (panel, degenerate) = piece.panel(pairs, scale_mm, unit.millimetres(), options);
+                facts.panels.push(PanelFacts { scale_mm, degenerate });
+                facts.degenerate += degenerate;
+                panel
+            })
+            .collect();
+        count_defects(&panels, &mut facts);
+        Ok((Garment { panels, facts }, unit, self))
+    }
 }
 
 fn check(options: &ReadOptions) -> Result<(), GarmentError> {
@@ -246,10 +285,10 @@ fn settle_unit(pairs: &Pairs, options: &ReadOptions, facts: &mut Facts) -> Unit 
 }
 
 /// The pieces that can be knitted on; the others are counted and warned of.
-fn usable_pieces(pairs: &Pairs, flat: &Path, facts: &mut Facts) -> Result<Vec<Piece>, GarmentError> {
+fn usable_pieces(pieces: Vec<Result<Piece, Refused>>, flat: &Path, facts: &mut Facts) -> Result<Vec<Piece>, GarmentError> {
     let mut usable = Vec::new();
     let mut refusals = Vec::new();
-    for piece in panel::pieces(pairs) {
+    for piece in pieces {
         match piece {
             Ok(piece) => usable.push(piece),
             Err((refusal, triangles, polygon)) => {

@@ -66,9 +66,18 @@ impl Pairs {
     }
 }
 
+/// Which coordinates of the flat file are the flat pattern.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Pattern {
+    /// Its positions.
+    Positions,
+    /// Its texture coordinates.
+    Texture,
+}
+
 /// Pairs `v` with `vt` of one file.
-pub(super) fn with_texture(mesh: ObjMesh, path: &Path) -> Result<Pairs, GarmentError> {
-    let faces = triangle_faces(&mesh);
+pub(super) fn with_texture(mesh: &ObjMesh, path: &Path) -> Result<Pairs, GarmentError> {
+    let faces = triangle_faces(mesh);
     let mut pairs = Pairs { total: faces.len(), ..Default::default() };
     for (triangle, &face) in faces.iter().enumerate() {
         let Face { line, textured, .. } = mesh.faces[face as usize];
@@ -80,31 +89,42 @@ pub(super) fn with_texture(mesh: ObjMesh, path: &Path) -> Result<Pairs, GarmentE
             pairs.untextured += 1;
         }
     }
+    pairs.flat = mesh.texture.iter().map(|vt| vt.extend(0.0)).collect();
+    pairs.draped.clone_from(&mesh.positions);
+    check_texture(&mut pairs, mesh, path)?;
+    check_size(&pairs, path, path)?;
+    Ok(pairs)
+}
+
+/// Refuses a pattern without a face, and warns of faces that are not in it.
+fn check_texture(pairs: &mut Pairs, mesh: &ObjMesh, path: &Path) -> Result<(), GarmentError> {
     if pairs.triangles.is_empty() {
         return Err(GarmentError::NoTexture { path: path.to_path_buf(), texture: mesh.texture_count });
     }
     if pairs.untextured > 0 {
         pairs.warnings.push(format!("{} of {} triangles have no vt and take no stitches", pairs.untextured, pairs.total));
     }
-    pairs.flat = mesh.texture.iter().map(|vt| vt.extend(0.0)).collect();
-    pairs.draped = mesh.positions;
-    check_size(&pairs, path, path)?;
-    Ok(pairs)
+    Ok(())
 }
 
 /// Pairs a flat file with a draped one.
-pub(super) fn two_files(flat: ObjMesh, draped: ObjMesh, paths: [&Path; 2]) -> Result<Pairs, GarmentError> {
+pub(super) fn two_files(flat: &ObjMesh, draped: &ObjMesh, paths: [&Path; 2], pattern: Pattern) -> Result<Pairs, GarmentError> {
     let mut pairs = Pairs { total: flat.triangles.len(), ..Default::default() };
-    let partner = match by_name(&flat, &draped) {
+    let partner = match by_name(flat, draped) {
         Some(partner) => partner,
-        None => by_order(&flat, &draped, paths, &mut pairs.warnings)?,
+        None => by_order(flat, draped, paths, &mut pairs.warnings)?,
     };
-    let (flat_first, draped_first) = (first_triangles(&flat), first_triangles(&draped));
+    let (flat_first, draped_first) = (first_triangles(flat), first_triangles(draped));
     for (face, &other) in partner.iter().enumerate() {
-        for fan in 0..flat.faces[face].corners as usize - 2 {
+        let fans = flat.faces[face].corners as usize - 2;
+        if pattern == Pattern::Texture && !flat.faces[face].textured {
+            pairs.untextured += fans;
+            continue;
+        }
+        for fan in 0..fans {
             let triangle = flat_first[face] + fan;
             pairs.triangles.push(Paired {
-                flat: flat.triangles[triangle],
+                flat: if pattern == Pattern::Texture { flat.texture_triangles[triangle] } else { flat.triangles[triangle] },
                 draped: draped.triangles[draped_first[other as usize] + fan],
                 face: FaceId(index32(triangle)),
                 polygon: index32(face),
@@ -112,10 +132,20 @@ pub(super) fn two_files(flat: ObjMesh, draped: ObjMesh, paths: [&Path; 2]) -> Re
             });
         }
     }
-    pairs.flat = flat.positions;
-    pairs.draped = draped.positions;
-    check_size(&pairs, paths[0], paths[1])?;
-    check_corners(&mut pairs, paths, [flat.faces.len(), draped.faces.len()])?;
+    pairs.draped.clone_from(&draped.positions);
+    match pattern {
+        Pattern::Positions => {
+            pairs.flat.clone_from(&flat.positions);
+            check_size(&pairs, paths[0], paths[1])?;
+            check_corners(&mut pairs, paths, [flat.faces.len(), draped.faces.len()])?;
+        }
+        // Two sleeves may share their vt, and be at two places.
+        Pattern::Texture => {
+            pairs.flat = flat.texture.iter().map(|vt| vt.extend(0.0)).collect();
+            check_texture(&mut pairs, flat, paths[0])?;
+            check_size(&pairs, paths[0], paths[1])?;
+        }
+    }
     Ok(pairs)
 }
 

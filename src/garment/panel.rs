@@ -57,8 +57,11 @@ pub(super) enum Refusal {
     NotFlat(f64),
 }
 
-/// Splits the pattern into pieces: the usable ones, or why not with the number of triangles and the first polygon.
-pub(super) fn pieces(pairs: &Pairs) -> Vec<Result<Piece, (Refusal, usize, u32)>> {
+/// A piece that is no panel: why not, its number of triangles and its first polygon.
+pub(super) type Refused = (Refusal, usize, u32);
+
+/// Splits the pattern into pieces.
+pub(super) fn pieces(pairs: &Pairs) -> Vec<Result<Piece, Refused>> {
     let vertices = vertex_ids(pairs);
     let mut piece_of = HashMap::new();
     let mut members: Vec<Vec<u32>> = Vec::new();
@@ -145,7 +148,7 @@ impl Sets {
 }
 
 /// Twice a triangle's area, as a vector along its normal.
-fn cross([a, b, c]: [DVec3; 3]) -> DVec3 {
+pub(super) fn cross([a, b, c]: [DVec3; 3]) -> DVec3 {
     (b - a).cross(c - a)
 }
 
@@ -310,7 +313,7 @@ fn bounds(points: impl Iterator<Item = DVec3>) -> [DVec3; 2] {
 /// Unit vertex normals, each triangle weighted by its angle at the vertex, so that they don't depend on how the cloth was triangulated.
 ///
 /// A vertex of collapsed triangles alone takes the panel's mean normal, and where that vanishes too (a closed or collapsed panel) +z.
-fn normals(draped: &[DVec3], triangles: &[[u32; 3]]) -> Vec<DVec3> {
+pub(super) fn normals(draped: &[DVec3], triangles: &[[u32; 3]]) -> Vec<DVec3> {
     let mut sums = vec![DVec3::ZERO; draped.len()];
     let mut mean = DVec3::ZERO;
     for triangle in triangles {

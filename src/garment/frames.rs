@@ -1,0 +1,151 @@
+//! Drape sequences: the same garment, draped again and again.
+//!
+//! In: a garment's first drape ([`Frames::read`]), then one file a frame ([`Frames::pose`]). Out: the garment where the frame has it. Faces don't change in a sequence, so
+//! what was located on the flat pattern stays located, and of a frame whose faces have the first one's corners only the positions are read. A frame whose
+//! vertices are numbered otherwise is paired with the flat pattern as the first one was.
+//!
+//! Not promised: that a frame shows the same cloth, only that its faces pair.
+
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+
+use super::obj::{self, ObjMesh};
+use super::pair::{LARGEST, Pairs, Pattern, two_files};
+use super::panel::{cross, normals};
+use super::{Files, Garment, GarmentError, Panel, ReadOptions, Unit};
+use crate::ids::index32;
+
+/// A frame's lengths over the first one's, beyond which it is taken to be in another unit. Cloth hardly stretches so far, and all units but inches and centimetres are
+/// further apart.
+const OTHER_UNIT: f64 = 4.0;
+/// A vertex of no triangle that can hold stitches: it stays where it is.
+const UNUSED: u32 = u32::MAX;
+
+/// What further frames of a garment are read with.
+#[derive(Debug)]
+pub struct Frames {
+    path: PathBuf,
+    flat: ObjMesh,
+    pattern: Pattern,
+    /// That of the first drape's faces.
+    connectivity: u64,
+    /// Each panel's vertices: corners of paired triangles, three times the triangle's place and 0, 1 or 2.
+    corners: Vec<Vec<u32>>,
+    /// The same as vertices of the first drape.
+    vertices: Vec<Vec<u32>>,
+    unit: Unit,
+    /// Whether the user said so.
+    unit_given: bool,
+    /// What the first drape measures, mm: the root of its area.
+    size: f64,
+}
+
+impl Frames {
+    /// Reads a garment as [`super::read`] does, ready for further frames. Where there is no `first` file, the flat one is the first frame too.
+    ///
+    /// # Errors
+    /// Those of [`super::read`].
+    pub fn read(flat: &Path, first: Option<&Path>, options: &ReadOptions) -> Result<(Garment, Self), GarmentError> {
+        let (garment, unit, files) = Files::read(flat, first, options)?.garment(options)?;
+        let Files { path, flat, draped, pattern, pairs, .. } = files;
+        let connectivity = draped.as_ref().map_or(flat.connectivity, |draped| draped.connectivity);
+        let corners: Vec<_> = garment.panels.iter().map(|panel| corners(panel, &pairs, options.turn)).collect();
+        let vertices = corners.iter().map(|corners| vertices(corners, &pairs)).collect();
+        let frames = Self {
+            path: path.to_owned(),
+            flat,
+            pattern,
+            connectivity,
+            corners,
+            vertices,
+            unit,
+            unit_given: options.unit.is_some(),
+            size: size(garment.panels.iter().map(|panel| (panel, &panel.draped)), |draped, vertex| draped[vertex]),
+        };
+        Ok((garment, frames))
+    }
+
+    /// Puts the garment that [`Frames::read`] gave where the frame has it, and says what is odd about the frame. The garment stays as it was where the frame can't be taken.
+    ///
+    /// Cost: some 400 ns a triangle, nearly all of it the text.
+    ///
+    /// # Errors
+    /// [`GarmentError`] where the file can't be read, doesn't pair, or has no area.
+    pub fn pose(&self, garment: &mut Garment, frame: &Path) -> Result<Option<String>, GarmentError> {
+        let (draped, odd) = match obj::read_positions(frame, self.connectivity)? {
+            Some(positions) if positions.iter().all(|position| position.abs().max_element() <= LARGEST) => {
+                (self.vertices.iter().map(|vertices| taken(vertices, &positions)).collect::<Vec<_>>(), None)
+            }
+            _ => {
+                let mesh = obj::read(frame)?;
+                let mut pairs = two_files(&self.flat, &mesh, [&self.path, frame], self.pattern)?;
+                let places = self.corners.iter().map(|corners| taken(&vertices(corners, &pairs), &pairs.draped));
+                (places.collect(), pairs.warnings.pop())
+            }
+        };
+        let size = size(garment.panels.iter().zip(&draped), |draped, vertex| draped[vertex].unwrap_or_default());
+        if size == 0.0 {
+            return Err(GarmentError::NoPanel { path: frame.to_owned(), reason: "it has no draped area".to_owned() });
+        }
+        let (unit, strange) = self.unit_of(size);
+        for (panel, draped) in garment.panels.iter_mut().zip(&draped) {
+            for (place, new) in panel.draped.iter_mut().zip(draped) {
+                if let Some(new) = new {
+                    *place = *new * unit.millimetres();
+                }
+            }
+            panel.normals = normals(&panel.draped, &panel.triangles);
+        }
+        Ok(strange.or(odd).map(|what| format!("{}: {what}", frame.display())))
+    }
+
+    /// The unit of a frame that measures so much in its own, and what is odd about it.
+    fn unit_of(&self, size: f64) -> (Unit, Option<String>) {
+        let times = |unit: Unit| size * unit.millimetres() / self.size;
+        let fits = |unit: Unit| (1.0 / OTHER_UNIT..OTHER_UNIT).contains(&times(unit));
+        if self.unit_given || fits(self.unit) {
+            return (self.unit, None);
+        }
+        let nearest = Unit::ALL.into_iter().min_by(|a, b| times(*a).ln().abs().total_cmp(&times(*b).ln().abs())).unwrap_or(self.unit);
+        if fits(nearest) {
+            return (nearest, Some(format!("taken to be in {nearest}, while the first frame is in {}; --unit says otherwise", self.unit)));
+        }
+        (self.unit, Some(format!("{:.3} times as large as the first frame", times(self.unit))))
+    }
+}
+
+/// The corner of a paired triangle that each vertex of a panel is.
+fn corners(panel: &Panel, pairs: &Pairs, turned: bool) -> Vec<u32> {
+    let order = if turned { [0, 2, 1] } else { [0, 1, 2] };
+    let mut corners = vec![UNUSED; panel.draped.len()];
+    for (triangle, face) in panel.triangles.iter().zip(&panel.faces) {
+        // Pairs are in the order of the flat file's triangles, some of which have none.
+        let pair = pairs.triangles.partition_point(|pair| pair.face < *face);
+        for (vertex, corner) in triangle.iter().zip(order) {
+            corners[*vertex as usize] = 3 * index32(pair) + corner;
+        }
+    }
+    corners
+}
+
+/// The draped vertex at each corner.
+fn vertices(corners: &[u32], pairs: &Pairs) -> Vec<u32> {
+    let vertex = |&corner: &u32| {
+        if corner == UNUSED { UNUSED } else { pairs.triangles[(corner / 3) as usize].draped[(corner % 3) as usize] }
+    };
+    corners.iter().map(vertex).collect()
+}
+
+/// The positions of vertices that are used.
+fn taken(vertices: &[u32], positions: &[DVec3]) -> Vec<Option<DVec3>> {
+    vertices.iter().map(|&vertex| (vertex != UNUSED).then(|| positions[vertex as usize])).collect()
+}
+
+/// The root of the area of panels whose vertices are at `place` of what comes with each.
+fn size<'a, T>(panels: impl Iterator<Item = (&'a Panel, T)>, place: impl Fn(&T, usize) -> DVec3) -> f64 {
+    let area = |(panel, draped): (&Panel, T)| -> f64 {
+        panel.triangles.iter().map(|corners| 0.5 * cross(corners.map(|vertex| place(&draped, vertex as usize))).length()).sum()
+    };
+    panels.map(area).sum::<f64>().sqrt()
+}
