@@ -33,6 +33,23 @@ pub struct Report {
     /// What drew the picture; empty where none was asked for.
     pub renderer: String,
     pub cloth: ClothReport,
+    /// The frames of a drape sequence; there is no such key without one.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub frames: Vec<FrameReport>,
+}
+
+/// A frame of a drape sequence.
+#[derive(Clone, Debug, Serialize)]
+#[expect(missing_docs, reason = "see Report")]
+pub struct FrameReport {
+    pub file: String,
+    /// Why it was left out; null for one that is there.
+    pub skipped: Option<String>,
+    /// What it took without its pictures; the first one's time is that of reading, knitting and location too.
+    pub ms: f64,
+    /// 5th, 50th, 95th percentile.
+    pub stretch_warp: [f64; 3],
+    pub stretch_weft: [f64; 3],
 }
 
 /// The garment as read.

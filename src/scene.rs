@@ -149,6 +149,14 @@ impl Scene {
         Self { shape, looks, maps, ..Self::default() }
     }
 
+    /// Forgets the yarns, and keeps what they look like.
+    pub fn clear(&mut self) {
+        self.positions.clear();
+        self.normals.clear();
+        self.stitches.clear();
+        self.strands.clear();
+    }
+
     /// Appends one strand through `points` with the look at index `look`, all of it one stitch, in a fabric that faces +z.
     ///
     /// ```

@@ -125,16 +125,18 @@ Examples:
 
 #[derive(Args, Debug)]
 pub(crate) struct Drape {
-    /// The flat pattern, or one file whose positions are draped and whose vt is the flat pattern
+    /// The flat pattern; or one file whose positions are draped and whose vt is the flat pattern, or a folder of frames of which the first is such a file
     #[arg(value_name = "FLAT.obj|GARMENT.obj")]
     pub(crate) flat: PathBuf,
-    /// The same faces, draped
+    /// The same faces, draped; or the frames of a drape sequence: files, folders of them, or patterns such as 'frames/*.obj'
     #[arg(value_name = "DRAPED.obj")]
-    pub(crate) draped: Option<PathBuf>,
+    pub(crate) draped: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) reading: Reading,
     #[command(flatten)]
     pub(crate) laying: Laying,
+    #[command(flatten)]
+    pub(crate) motion: MotionArgs,
     #[command(flatten)]
     pub(crate) part: Part,
     #[command(flatten)]
@@ -291,6 +293,17 @@ pub(crate) struct Part {
     pub(crate) tile: Option<Tile>,
 }
 
+/// How a drape sequence is taken.
+#[derive(Args, Debug)]
+pub(crate) struct MotionArgs {
+    /// Leave out frames of a drape sequence that can't be read, with a warning, in place of ending there
+    #[arg(long)]
+    pub(crate) skip_bad_frames: bool,
+    /// Frames a second, for a .usda of a drape sequence
+    #[arg(long, value_name = "N", default_value_t = 24.0, value_parser = positive)]
+    pub(crate) fps: f64,
+}
+
 /// How yarns are laid on a garment.
 #[derive(Args, Debug)]
 pub(crate) struct Laying {
@@ -351,6 +364,9 @@ pub(crate) struct Shared {
     /// Close the tubes' ends
     #[arg(long)]
     pub(crate) caps: bool,
+    /// Write the yarns' centre lines, as l records, to .obj in place of tubes
+    #[arg(long)]
+    pub(crate) curves: bool,
     /// Size of the picture
     #[arg(long, value_name = "WxH", default_value = "1600x1200", value_parser = size)]
     pub(crate) size: (u32, u32),

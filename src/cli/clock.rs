@@ -98,6 +98,11 @@ impl Clock {
         1000.0 * self.spent[task as usize].as_secs_f64()
     }
 
+    /// What all stages but drawing took so far, ms.
+    pub(crate) fn without_pictures(&self) -> f64 {
+        1000.0 * self.spent.iter().sum::<Duration>().as_secs_f64() - self.spent(Task::Render)
+    }
+
     /// All stages, ms; building the search structures counts as location.
     pub(crate) fn timings(&self) -> Timings {
         Timings {

@@ -50,7 +50,7 @@ pub(super) fn swatch(mut maps: Maps, yarn: &Developed, progress: &(dyn Fn(f32) +
     let width = (2.0 * fabric.radius() * f64::from(yarn.base.height()) / yarn.yarn_width) as f32;
     maps.length *= width / maps.width;
     maps.width = width;
-    let mut scene = pictures::scene(Shape::Ribbon, picture::looks(&fabric, fabric.radius()), &Textures::for_all(maps), 1.0);
+    let mut scene = pictures::scene(Shape::Ribbon, &fabric, fabric.radius(), &Textures::for_all(maps));
     let mut deliver = |blocks: &[Block]| -> Result<()> {
         blocks.iter().for_each(|block| picture::add_to(&mut scene, block));
         Ok(())

@@ -6,7 +6,7 @@ use anyhow::Result;
 use warpknit::fabric::{Bar, Fabric, builtin};
 
 use super::args::Fabrics;
-use super::make::named_fabric;
+use super::choice::named_fabric;
 use super::print;
 
 /// Characters of the chains that are listed; nets have long ones, and `warpknit fabrics NAME` shows them whole.

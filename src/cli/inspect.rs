@@ -10,7 +10,7 @@ use warpknit::garment::stretch::stretch;
 use warpknit::garment::{Garment, read};
 
 use super::args::{DEFAULT_FABRIC, Inspect};
-use super::make::named_fabric;
+use super::choice::named_fabric;
 use super::sheet::{diagrams, sheet};
 use super::{print, tell};
 

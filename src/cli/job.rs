@@ -2,18 +2,25 @@
 
 use std::path::Path;
 
+use anyhow::Result;
 use warpknit::drape::{self, Cloth, Totals};
+use warpknit::export::{Format, Output};
 use warpknit::fabric::Fabric;
 use warpknit::garment::stretch::stretch;
-use warpknit::knit::clearance::Clearance;
-use warpknit::report::{ClearanceReport, ClothReport, GarmentReport, Report, SurfaceReport};
+use warpknit::knit::clearance::{self, Clearance};
+use warpknit::report::{ClearanceReport, ClothReport, FrameReport, GarmentReport, Report, SurfaceReport};
+use warpknit::scene::Scene;
 use warpknit::tile::Tile;
 use warpknit::yarn::tube::Section;
 
 use super::args::Shared;
 use super::clock::Clock;
 use super::numbers::RealCloth;
+use super::pictures::{self, Textures};
 use super::system::peak_memory_mb;
+use super::targets::text_file;
+use super::values::ShapeArg;
+use super::writers::{Wanted, section};
 
 /// One run: what is knitted, onto what, and how it is shown.
 pub(super) struct Job<'a> {
@@ -38,7 +45,41 @@ pub(super) struct Job<'a> {
     pub(super) tells_numbers: bool,
 }
 
+/// What a run's files make and draw with.
+pub(super) struct Setup {
+    pub(super) section: Section,
+    pub(super) textures: Textures,
+    /// How yarns are laid, with surfaces where a file holds them.
+    pub(super) options: drape::Options,
+    /// How near yarns come to each other on the flat fabric.
+    pub(super) near: Clearance,
+}
+
 impl Job<'_> {
+    /// What the run needs before its first yarn; `wanted` are its files.
+    pub(super) fn setup(&self, wanted: &[Wanted]) -> Result<Setup> {
+        let section = section(self)?;
+        let near = clearance::measure(self.shown, self.cloth.pattern(), section.radius);
+        let wants_surface = wanted.iter().any(|(_, format)| format.holds_tubes());
+        let options = drape::Options { surface: wants_surface.then_some(section), ..self.options };
+        Ok(Setup { section, textures: Textures::of(self.shared, self.shown)?, options, near })
+    }
+
+    /// What is to be said of the garment and of how the fabric is drawn, before any yarn is laid.
+    pub(super) fn first_warnings(&self, setup: &Setup) -> Vec<String> {
+        let mut warnings = self.cloth.garment().facts.warnings.clone();
+        warnings.extend(clearance::warnings(self.shown, self.cloth.pattern(), &setup.near, setup.section.radius));
+        if let ShapeArg::Ribbon = self.shared.drawing.shape {
+            warnings.extend(setup.textures.misfit(self.shown));
+        }
+        warnings
+    }
+
+    /// The scene that its yarns are drawn in.
+    pub(super) fn scene(&self, setup: &Setup) -> Scene {
+        pictures::scene(self.shared.drawing.shape.into(), self.shown, setup.section.radius, &setup.textures)
+    }
+
     /// The part that is made, if it isn't the whole.
     pub(super) fn tile(&self) -> Option<Tile> {
         self.part.as_ref().map(|(tile, _)| *tile)
@@ -52,20 +93,36 @@ impl Job<'_> {
 
 /// What is known after the run.
 pub(super) struct Facts<'a> {
-    pub(super) section: &'a Section,
+    pub(super) setup: &'a Setup,
     pub(super) totals: &'a Totals,
-    pub(super) near: Clearance,
     /// The same on the body, where it was measured.
     pub(super) draped: Option<Clearance>,
     pub(super) warnings: Vec<String>,
     /// What drew the picture; empty where there is none.
     pub(super) drawn_by: String,
+    /// Of a drape sequence.
+    pub(super) frames: Vec<FrameReport>,
 }
 
 impl Facts<'_> {
-    /// The report of a run, whose time ends here.
-    pub(super) fn report(&self, job: &Job<'_>, real: &RealCloth, clock: &Clock) -> Report {
-        let Self { section, totals, near, draped, .. } = *self;
+    /// The reports among the files, of a run whose time ends here, and the numbers of the real cloth where they or the person at the terminal are told them.
+    pub(super) fn files(&self, job: &Job<'_>, wanted: &[Wanted], clock: &Clock) -> Result<(Vec<Output>, Option<RealCloth>)> {
+        let Setup { section, near, .. } = self.setup;
+        let mut reports = wanted.iter().filter(|(_, format)| *format == Format::Json).map(|(path, _)| path).peekable();
+        if !job.tells_numbers && reports.peek().is_none() {
+            return Ok((Vec::new(), None));
+        }
+        // What is shown with its own yarns is the real cloth, and need not be knitted again.
+        let shown = (job.fabric == job.shown && job.fabric.enlargement == 1.0 && section.radius == job.fabric.radius())
+            .then(|| (job.cloth.pattern(), *near));
+        let real = RealCloth::of(job.fabric, shown);
+        let text = self.report(job, &real, clock).to_json();
+        let files = reports.map(|path| text_file(path, &text)).collect::<Result<_, _>>()?;
+        Ok((files, Some(real)))
+    }
+
+    fn report(&self, job: &Job<'_>, real: &RealCloth, clock: &Clock) -> Report {
+        let Self { setup: Setup { section, near, .. }, totals, draped, .. } = self;
         let garment = job.cloth.garment();
         let timings_ms = clock.timings();
         let (vertices, triangles) = section.size_of(totals.pieces, totals.strands);
@@ -101,7 +158,7 @@ impl Facts<'_> {
                 min_over_2r: near.min_over_2r,
                 pairs_below_1: near.pairs_below_1,
                 sweeps: job.cloth.pattern().settled().map(|settled| settled.sweeps),
-                draped: draped.map(Into::into),
+                draped: (*draped).map(Into::into),
             },
             plane_ms: timings_ms.knit,
             curved_ms: timings_ms.knit + timings_ms.locate + timings_ms.map,
@@ -109,6 +166,7 @@ impl Facts<'_> {
             peak_memory_mb: peak_memory_mb(),
             renderer: self.drawn_by.clone(),
             cloth: cloth_report(job, real),
+            frames: self.frames.clone(),
         }
     }
 }

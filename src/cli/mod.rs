@@ -2,8 +2,10 @@
 
 mod args;
 mod bench;
+mod choice;
 mod clock;
 mod contact;
+mod drapes;
 mod fabrics;
 mod inspect;
 mod job;
@@ -13,9 +15,11 @@ mod pictures;
 mod sheet;
 mod system;
 mod targets;
+mod sequence;
 mod values;
 #[cfg(feature = "view")]
 mod view;
+mod writers;
 mod yarn;
 
 use std::io::{self, Write};

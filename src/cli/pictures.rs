@@ -1,16 +1,17 @@
 //! The pictures of a run: from the scene to `.png`, one or all around.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context, Result};
 use glam::{DVec3, Vec3};
+use warpknit::drape::picture;
 use warpknit::export::{Output, png};
 use warpknit::fabric::Fabric;
 use warpknit::fabric::yarn::Yarn;
 use warpknit::photo::read_maps;
 use warpknit::render::maps::Maps;
 use warpknit::render::{self, Camera, Choice, Painter};
-use warpknit::scene::{Bounds, Scene, Shape, YarnLook};
+use warpknit::scene::{Bounds, Scene, Shape};
 use warpknit::tile::Tile;
 
 use super::args::Shared;
@@ -92,30 +93,34 @@ impl Textures {
         })
     }
 
+    /// How many different yarns have pictures.
+    pub(super) fn count(&self) -> usize {
+        self.maps.len()
+    }
+
     fn of_bar(&self, bar: usize) -> Option<u16> {
         self.of_bars.get(bar).or(self.of_bars.last()).copied().flatten()
     }
 }
 
-/// The scene that yarns of these looks go into, with their pictures: those are as much enlarged as the cloth.
-pub(super) fn scene(shape: Shape, looks: Vec<YarnLook>, textures: &Textures, enlargement: f64) -> Scene {
+/// The scene that a fabric's yarns go into, the thickest of that radius, with their pictures: those are as much enlarged as the cloth.
+pub(super) fn scene(shape: Shape, fabric: &Fabric, radius: f64, textures: &Textures) -> Scene {
+    let looks = picture::looks(fabric, radius);
     #[expect(clippy::cast_possible_truncation, reason = "a length in mm needs no more")]
-    let enlargement = enlargement as f32;
+    let enlargement = fabric.enlargement as f32;
     let enlarged = |maps: &Maps| Maps { length: enlargement * maps.length, width: enlargement * maps.width, ..maps.clone() };
     Scene::wearing(shape, looks, textures.maps.iter().map(enlarged).collect(), |bar| textures.of_bar(bar))
 }
 
-/// The files for one picture, or for each one all around: `NAME-001.png` and so on.
-pub(super) fn frames(path: &Path, turntable: Option<u32>) -> Vec<PathBuf> {
-    let Some(count) = turntable else { return vec![path.to_owned()] };
-    let digits = count.to_string().len().max(3);
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let numbered = |number| path.with_file_name(format!("{stem}-{number:0digits$}.png"));
-    (1..=count).map(numbered).collect()
-}
-
-/// Draws the scene, or a tile of the picture, and writes it to `paths`: each place's frames in a row.
-pub(super) fn draw(scene: &Scene, shared: &Shared, tile: Option<Tile>, paths: &[&Path], clock: &mut Clock) -> Result<Pictures> {
+/// Draws the scene, or a tile of the picture, and writes it to `paths`: each place's frames in a row. The camera sees all of `seen`, or all of the scene.
+pub(super) fn draw(
+    scene: &Scene,
+    shared: &Shared,
+    tile: Option<Tile>,
+    seen: Option<&[Vec3]>,
+    paths: &[&Path],
+    clock: &mut Clock,
+) -> Result<Pictures> {
     clock.begin(Task::Render, 0.0);
     let mut options = options(shared);
     if let Some(tile) = tile {
@@ -132,7 +137,7 @@ pub(super) fn draw(scene: &Scene, shared: &Shared, tile: Option<Tile>, paths: &[
         clock.begin(Task::Render, f64::from(frame) / f64::from(count));
         let shown = clock.progress();
         let progress = |done: f32| shown((frame as f32 + done) / count as f32);
-        let picture = painter.draw(&camera(scene, shared, options.aspect(), frame), &options, &progress)?;
+        let picture = painter.draw(&camera(scene, seen, shared, options.aspect(), frame), &options, &progress)?;
         clock.begin(Task::Write, 1.0);
         for path in paths.iter().skip(frame as usize).step_by(count as usize) {
             files.push(png::write(path, &picture)?);
@@ -167,9 +172,9 @@ pub(super) fn options(shared: &Shared) -> render::Options {
 }
 
 /// The camera of a frame.
-fn camera(scene: &Scene, shared: &Shared, aspect: f64, frame: u32) -> Camera {
+fn camera(scene: &Scene, seen: Option<&[Vec3]>, shared: &Shared, aspect: f64, frame: u32) -> Camera {
     let fov = shared.fov.to_radians();
-    let Some(count) = shared.drawing.turntable else { return still(shared, &scene.positions, fov, aspect) };
+    let Some(count) = shared.drawing.turntable else { return still(shared, seen.unwrap_or(&scene.positions), fov, aspect) };
     let Some(bounds) = scene.bounds() else { return still(shared, &[], fov, aspect) };
     let angle = std::f64::consts::TAU * f64::from(frame) / f64::from(count);
     still(shared, &drum(&scene.positions, &bounds), fov, aspect).turned_about(bounds.centre().as_dvec3(), angle)
@@ -201,15 +206,6 @@ fn drum(points: &[Vec3], bounds: &Bounds) -> Vec<Vec3> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn frames_are_numbered_before_the_ending() {
-        let path = Path::new("out/skirt.png");
-        assert_eq!(frames(path, None), [path]);
-        assert_eq!(frames(path, Some(2)), [Path::new("out/skirt-001.png"), Path::new("out/skirt-002.png")]);
-        assert_eq!(frames(path, Some(1000))[999], Path::new("out/skirt-1000.png"));
-        assert_eq!(frames(path, Some(1000))[0], Path::new("out/skirt-0001.png"));
-    }
 
     #[test]
     fn the_drum_holds_all_that_turns() {

@@ -6,6 +6,7 @@
 //! depends on nothing but itself, so the result is the same for any number of threads.
 
 pub mod clearance;
+pub mod held;
 pub mod picture;
 pub mod strands;
 
@@ -390,6 +391,23 @@ pub fn run<E>(
     announce: &mut dyn FnMut(Stage, f64),
     deliver: &mut dyn FnMut(&[Block]) -> Result<(), E>,
 ) -> Result<Totals, E> {
+    lay(cloth, options, announce, &mut |blocks, announce, done| {
+        clothe(blocks, cloth.garment, &cloth.thickness, options, &mut |stage| announce(stage, done));
+        announce(Stage::Deliver, done);
+        deliver(blocks)
+    })
+}
+
+/// Who hears of each stage, with the share of yarns that are done.
+type Announce<'a> = dyn FnMut(Stage, f64) + 'a;
+
+/// Knits and locates, handing windows of blocks on.
+fn lay<E>(
+    cloth: &Cloth<'_>,
+    options: &Options,
+    announce: &mut Announce<'_>,
+    hand_on: &mut dyn FnMut(&mut [Block], &mut Announce<'_>, f64) -> Result<(), E>,
+) -> Result<Totals, E> {
     announce(Stage::Index, 0.0);
     let locators: Vec<_> = cloth.garment.panels.par_iter().map(Locator::new).collect();
     let mut blocks: Vec<Block> = Vec::new();
@@ -398,38 +416,41 @@ pub fn run<E>(
     let mut rest = cloth.blocks.as_slice();
     while !rest.is_empty() {
         let done = 1.0 - f64::from(index32(rest.len())) / f64::from(index32(cloth.blocks.len()));
-        let (plans, later) = rest.split_at(window(rest, options.surface.as_ref()));
+        let (plans, later) = rest.split_at(window(rest.iter().map(BlockPlan::stitches), options.surface.as_ref()));
         rest = later;
         let blocks = &mut blocks[..plans.len()];
         announce(Stage::Knit, done);
         blocks.par_iter_mut().zip(plans).for_each(|(block, plan)| block.knit(cloth, plan));
         announce(Stage::Locate, done);
         blocks.par_iter_mut().for_each(|block| block.locate(&locators[block.panel], options.edge));
-        announce(Stage::Map, done);
-        blocks.par_iter_mut().for_each(|block| block.map(&cloth.garment.panels[block.panel], options.mapping));
-        if let Some(section) = &options.surface {
-            announce(Stage::Surface, done);
-            blocks.par_iter_mut().for_each(|block| block.add_tubes(section, cloth.thickness[block.bar]));
-        }
-        announce(Stage::Deliver, done);
         blocks.iter().for_each(|block| totals.add(block, options.edge));
-        deliver(blocks)?;
+        hand_on(blocks, announce, done)?;
     }
     Ok(totals)
 }
 
-/// How many of the next blocks fit the window.
-fn window(blocks: &[BlockPlan], surface: Option<&Section>) -> usize {
+/// Maps located blocks to where the garment is, and gives them surfaces if asked to.
+fn clothe(blocks: &mut [Block], garment: &Garment, thickness: &[f64], options: &Options, announce: &mut dyn FnMut(Stage)) {
+    announce(Stage::Map);
+    blocks.par_iter_mut().for_each(|block| block.map(&garment.panels[block.panel], options.mapping));
+    if let Some(section) = &options.surface {
+        announce(Stage::Surface);
+        blocks.par_iter_mut().for_each(|block| block.add_tubes(section, thickness[block.bar]));
+    }
+}
+
+/// How many of the next blocks, of so many stitches each, fit the window.
+fn window(stitches: impl Iterator<Item = u64>, surface: Option<&Section>) -> usize {
     // A surface is held once, and again as bytes or text on its way to a file.
     let (vertices, triangles) = surface.map_or((0, 0), |section| section.size_of(1, 1));
     let stitch = STITCH_BYTES + 4 * (32 * vertices + 12 * triangles);
     let most = (THREAD_BLOCKS * rayon::current_num_threads()).min(MOST_BLOCKS);
     let mut bytes = 0;
-    let fits = |block: &&BlockPlan| {
-        bytes += stitch.saturating_mul(usize::try_from(block.stitches()).unwrap_or(usize::MAX));
+    let fits = |&stitches: &u64| {
+        bytes += stitch.saturating_mul(usize::try_from(stitches).unwrap_or(usize::MAX));
         bytes <= WINDOW_BYTES
     };
-    blocks.iter().take(most).take_while(fits).count().max(1)
+    stitches.take(most).take_while(fits).count().max(1)
 }
 
 impl Job {

@@ -24,6 +24,7 @@ pub mod png;
 mod spill;
 mod texture;
 pub mod usda;
+pub mod usda_frames;
 
 use std::path::{Path, PathBuf};
 
@@ -105,6 +106,13 @@ impl Format {
         // A name is more than its ending.
         let known = ENDINGS.iter().find(|(ending, _)| name.strip_suffix(ending).is_some_and(|stem| !stem.is_empty()));
         known.map(|(_, format)| *format).ok_or_else(|| ExportError::UnknownEnding(path.to_owned()))
+    }
+
+    /// The ending that asks for it.
+    #[must_use]
+    pub fn ending(self) -> &'static str {
+        let asked = if self == Self::ObjLines { Self::Obj } else { self };
+        ENDINGS.iter().find(|(_, format)| *format == asked).map_or("", |(ending, _)| ending)
     }
 
     /// Whether it holds tubes.

@@ -93,7 +93,7 @@ impl Sink for NpzWriter<'_> {
             conveyor.carry(
                 blocks,
                 |block, bytes| array.add(block, &garment.panels[block.panel], bytes),
-                |bytes| output.write_with(|_| spill.write(bytes)),
+                |bytes| output.write_with(|_| spill.write_all(bytes)),
             )?;
         }
         Ok(())

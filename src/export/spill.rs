@@ -1,11 +1,12 @@
 //! Parts of a file that are known while an earlier part is being written: they wait in a nameless temporary file, so that no part is held in memory.
 
 use std::fs::File;
-use std::io::{self, BufWriter, Read as _, Seek as _, Write as _};
+use std::io::{self, BufWriter, Read as _, Seek as _, SeekFrom, Write as _};
+use std::ops::Range;
 use std::path::Path;
 
 use super::output::BUFFER;
-use super::{ExportError, Output};
+use super::ExportError;
 
 /// One such part.
 #[derive(Debug)]
@@ -29,15 +30,6 @@ impl Spill {
         self.length
     }
 
-    /// Appends.
-    ///
-    /// # Errors
-    /// What the disk says.
-    pub(super) fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.length += bytes.len() as u64;
-        self.file.write_all(bytes)
-    }
-
     /// Copies the part to where it belongs; it is empty afterwards.
     ///
     /// # Errors
@@ -52,11 +44,27 @@ impl Spill {
         Ok(())
     }
 
-    /// The same into an output.
+    /// Copies so many of its bytes, counted from its beginning; it stays.
     ///
     /// # Errors
-    /// What the disk says, with the target's name.
-    pub(super) fn pour_into(&mut self, output: &mut Output) -> Result<(), ExportError> {
-        output.write_with(|file| self.pour(file))
+    /// What the disk says.
+    pub(super) fn copy(&mut self, bytes: &Range<u64>, target: &mut impl io::Write) -> io::Result<()> {
+        self.file.flush()?;
+        let file = self.file.get_mut();
+        file.seek(SeekFrom::Start(bytes.start))?;
+        io::copy(&mut file.take(bytes.end - bytes.start), target)?;
+        file.seek(SeekFrom::Start(self.length)).map(drop)
+    }
+}
+
+impl io::Write for Spill {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.file.write(bytes)?;
+        self.length += written as u64;
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
     }
 }

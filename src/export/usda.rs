@@ -5,7 +5,7 @@
 //! a prim's points go to the file as they come, and what follows them waits on the disk.
 
 use std::fmt::Write as _;
-use std::io::Write as _;
+use std::io::{self, Write as _};
 use std::path::Path;
 
 use glam::{DVec3, Vec3};
@@ -24,7 +24,7 @@ use crate::yarn::tube::Section;
 use crate::yarn::{curve, narrow};
 
 /// The box of nothing.
-const EMPTY: [Vec3; 2] = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+pub(super) const EMPTY: [Vec3; 2] = [Vec3::INFINITY, Vec3::NEG_INFINITY];
 /// A course and a wale that are not known.
 const UNKNOWN: i32 = -1;
 
@@ -35,8 +35,7 @@ pub struct UsdaWriter {
     /// Each bar's colour, linear, and radius, mm.
     bars: Vec<([f32; 3], f32)>,
     group: Option<Group>,
-    /// Arrays that come after the points, in their order in the file.
-    later: [(Attribute, Spill); 5],
+    later: Attributes,
     conveyor: Conveyor,
 }
 
@@ -48,6 +47,10 @@ struct Group {
     /// Lowest and highest control point so far, mm.
     extent: [Vec3; 2],
 }
+
+/// The arrays that come after the points, in their order in the file.
+#[derive(Debug)]
+pub(super) struct Attributes([(Attribute, Spill); 5]);
 
 /// An array beside the points.
 #[derive(Clone, Copy, Debug)]
@@ -66,17 +69,9 @@ impl UsdaWriter {
     /// What the disk says.
     pub fn create(target: &Path, fabric: &Fabric, section: &Section) -> Result<Self, ExportError> {
         let mut output = Output::create(target)?;
-        let bars: Vec<_> = fabric.bars.iter().map(|bar| bar.yarn.color.linear()).zip(super::radii(fabric, section)).collect();
-        output.write_with(|file| file.write_all(head(&bars).as_bytes()))?;
-        let spill = |attribute| Spill::create(target).map(|spill| (attribute, spill));
-        let later = [
-            spill(Attribute::Counts)?,
-            spill(Attribute::Yarns)?,
-            spill(Attribute::Courses)?,
-            spill(Attribute::Wales)?,
-            spill(Attribute::Lengths)?,
-        ];
-        Ok(Self { output, bars, group: None, later, conveyor: Conveyor::default() })
+        let bars = bars(fabric, section);
+        output.write_with(|file| file.write_all(head(&bars, "").as_bytes()))?;
+        Ok(Self { output, bars, group: None, later: Attributes::create(target)?, conveyor: Conveyor::default() })
     }
 
     /// Adds blocks of one bar of one panel.
@@ -85,7 +80,7 @@ impl UsdaWriter {
         if self.group.as_ref().is_none_or(|group| (group.panel, group.bar) != (panel, bar)) {
             self.end_group()?;
             let text = prim(panel, bar, self.bars[bar]);
-            self.output.write_with(|file| file.write_all(text.as_bytes()))?;
+            self.output.write_with(|file| write!(file, "{text}        point3f[] points = ["))?;
             self.group = Some(Group { panel, bar, extent: EMPTY });
         }
         let Self { output, group, later, conveyor, .. } = self;
@@ -93,27 +88,18 @@ impl UsdaWriter {
             *extent = blocks.par_iter().map(bounds).reduce(|| *extent, union);
         }
         conveyor.carry(blocks, points, |text| output.write_with(|file| file.write_all(text)))?;
-        for (attribute, spill) in later {
-            conveyor.carry(blocks, |block, text| attribute.add(block, text), |text| output.write_with(|_| spill.write(text)))?;
-        }
-        Ok(())
+        later.add(blocks, conveyor, output)
     }
 
     /// Closes the prim that is being written, if there is one.
     fn end_group(&mut self) -> Result<(), ExportError> {
-        let Some(Group { bar, extent: [low, high], .. }) = self.group.take() else { return Ok(()) };
+        let Some(Group { bar, extent, .. }) = self.group.take() else { return Ok(()) };
         let Self { output, bars, later, .. } = self;
-        output.write_with(|file| file.write_all(b"]\n"))?;
-        for (attribute, spill) in later {
-            let (declared, interpolation) = attribute.declared();
-            output.write_with(|file| write!(file, "        {declared} = ["))?;
-            spill.pour_into(output)?;
-            let metadata = interpolation.map_or(String::new(), |name| format!(" (interpolation = \"{name}\")"));
-            output.write_with(|file| writeln!(file, "]{metadata}"))?;
-        }
-        let radius = bars[bar].1;
-        let ([a, b, c], [d, e, f]) = ((low - radius).to_array(), (high + radius).to_array());
-        output.write_with(|file| writeln!(file, "        float3[] extent = [({a}, {b}, {c}), ({d}, {e}, {f})]\n    }}"))
+        output.write_with(|file| {
+            file.write_all(b"]\n")?;
+            later.pour(file)?;
+            writeln!(file, "        float3[] extent = {}\n    }}", boxed(extent, bars[bar].1))
+        })
     }
 }
 
@@ -129,6 +115,39 @@ impl Sink for UsdaWriter {
         self.end_group()?;
         self.output.write_with(|file| file.write_all(b"}\n"))?;
         Ok(vec![self.output.seal()?])
+    }
+}
+
+impl Attributes {
+    pub(super) fn create(target: &Path) -> Result<Self, ExportError> {
+        let spill = |attribute| Spill::create(target).map(|spill| (attribute, spill));
+        Ok(Self([
+            spill(Attribute::Counts)?,
+            spill(Attribute::Yarns)?,
+            spill(Attribute::Courses)?,
+            spill(Attribute::Wales)?,
+            spill(Attribute::Lengths)?,
+        ]))
+    }
+
+    /// Appends those of blocks of one prim; errors are told with the output's name.
+    pub(super) fn add(&mut self, blocks: &[Block], conveyor: &mut Conveyor, output: &mut Output) -> Result<(), ExportError> {
+        for (attribute, spill) in &mut self.0 {
+            conveyor.carry(blocks, |block, text| attribute.add(block, text), |text| output.write_with(|_| spill.write_all(text)))?;
+        }
+        Ok(())
+    }
+
+    /// Writes what there is of the prim, and forgets it.
+    pub(super) fn pour(&mut self, file: &mut impl io::Write) -> io::Result<()> {
+        for (attribute, spill) in &mut self.0 {
+            let (declared, interpolation) = attribute.declared();
+            write!(file, "        {declared} = [")?;
+            spill.pour(file)?;
+            let metadata = interpolation.map_or(String::new(), |name| format!(" (interpolation = \"{name}\")"));
+            writeln!(file, "]{metadata}")?;
+        }
+        Ok(())
     }
 }
 
@@ -199,15 +218,27 @@ fn controls(block: &Block) -> impl Iterator<Item = Vec3> {
 }
 
 /// The box of a block's control points, which hold its curves.
-fn bounds(block: &Block) -> [Vec3; 2] {
+pub(super) fn bounds(block: &Block) -> [Vec3; 2] {
     controls(block).fold(EMPTY, |extent, control| union(extent, [control; 2]))
 }
 
-fn union(a: [Vec3; 2], b: [Vec3; 2]) -> [Vec3; 2] {
+pub(super) fn union(a: [Vec3; 2], b: [Vec3; 2]) -> [Vec3; 2] {
     [a[0].min(b[0]), a[1].max(b[1])]
 }
 
-fn points(block: &Block, text: &mut Buffer) {
+/// A box that is wider by a radius, as the format has it.
+pub(super) fn boxed([low, high]: [Vec3; 2], radius: f32) -> String {
+    let ([a, b, c], [d, e, f]) = ((low - radius).to_array(), (high + radius).to_array());
+    format!("[({a}, {b}, {c}), ({d}, {e}, {f})]")
+}
+
+/// Each bar's colour, linear, and radius, mm.
+pub(super) fn bars(fabric: &Fabric, section: &Section) -> Vec<([f32; 3], f32)> {
+    fabric.bars.iter().map(|bar| bar.yarn.color.linear()).zip(super::radii(fabric, section)).collect()
+}
+
+/// Appends a block's control points.
+pub(super) fn points(block: &Block, text: &mut Buffer) {
     for control in controls(block) {
         text.write_char('(').expect("memory takes all text");
         numbers(text, control.to_array(), b',');
@@ -215,11 +246,11 @@ fn points(block: &Block, text: &mut Buffer) {
     }
 }
 
-/// What stands before the first prim: units, and the materials.
-fn head(bars: &[([f32; 3], f32)]) -> String {
-    let mut text = String::from(
-        "#usda 1.0\n(\n    defaultPrim = \"cloth\"\n    doc = \"yarns by warpknit\"\n    metersPerUnit = 0.001\n    upAxis = \"Y\"\n)\n\n\
-         def Xform \"cloth\" (\n    kind = \"component\"\n)\n{\n    def Scope \"looks\"\n    {\n",
+/// What stands before the first prim: units, what is to be said of time (lines), and the materials.
+pub(super) fn head(bars: &[([f32; 3], f32)], time: &str) -> String {
+    let mut text = format!(
+        "#usda 1.0\n(\n    defaultPrim = \"cloth\"\n    doc = \"yarns by warpknit\"\n{time}    metersPerUnit = 0.001\n    upAxis = \"Y\"\n)\n\n\
+         def Xform \"cloth\" (\n    kind = \"component\"\n)\n{{\n    def Scope \"looks\"\n    {{\n",
     );
     for (([r, g, b], _), number) in bars.iter().zip(1..) {
         text += &format!(
@@ -236,7 +267,7 @@ fn head(bars: &[([f32; 3], f32)]) -> String {
 }
 
 /// The beginning of a prim, up to its points.
-fn prim(panel: usize, bar: usize, ([r, g, b], radius): ([f32; 3], f32)) -> String {
+pub(super) fn prim(panel: usize, bar: usize, ([r, g, b], radius): ([f32; 3], f32)) -> String {
     let number = index32(bar) + 1;
     format!(
         "\n    def BasisCurves \"panel_{panel}_bar_{number}\" (\n        prepend apiSchemas = [\"MaterialBindingAPI\"]\n    )\n    {{\n        \
@@ -244,8 +275,7 @@ fn prim(panel: usize, bar: usize, ([r, g, b], radius): ([f32; 3], f32)) -> Strin
          uniform token type = \"cubic\"\n        uniform token basis = \"bezier\"\n        uniform token wrap = \"nonperiodic\"\n        \
          float[] widths = [{}] (interpolation = \"constant\")\n        \
          color3f[] primvars:displayColor = [({r}, {g}, {b})] (interpolation = \"constant\")\n        \
-         int primvars:bar = {number}\n        \
-         point3f[] points = [",
+         int primvars:bar = {number}\n",
         2.0 * radius
     )
 }

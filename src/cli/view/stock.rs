@@ -15,10 +15,8 @@ use warpknit::scene::{Scene, Shape};
 
 use super::super::args::Live;
 use super::super::clock::{Clock, Task};
-use super::super::make::{
-    MOST_STITCHES, check_laid, check_memory, drawn_radius, enlarged, fabric, loss_warning, named_fabric, pictured, task,
-    turn_grains,
-};
+use super::super::choice::{drawn_radius, enlarged, fabric, named_fabric, pictured, turn_grains};
+use super::super::make::{MOST_STITCHES, check_laid, check_memory, loss_warning, task};
 use super::super::pictures::{self, Textures};
 
 /// What a stitch takes, GB: 160 bytes of scene, and on a software adapter 25 for each of ten points and their copies on the way.
@@ -147,12 +145,7 @@ impl Stock {
         superseded: &dyn Fn() -> bool,
     ) -> Result<Option<Knitted>> {
         check_room(cloth.stitches())?;
-        let mut scene = pictures::scene(
-            recipe.shape,
-            picture::looks(fabric, radius),
-            &self.choices[recipe.fabric].textures,
-            fabric.enlargement,
-        );
+        let mut scene = pictures::scene(recipe.shape, fabric, radius, &self.choices[recipe.fabric].textures);
         let totals = {
             let clock = RefCell::new(&mut clock);
             let mut announce = |stage, done| clock.borrow_mut().begin(task(stage), done);

@@ -1,0 +1,125 @@
+//! Which files a run writes, and who writes each.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use warpknit::export::bcc::BccWriter;
+use warpknit::export::csv::CsvWriter;
+use warpknit::export::curves::CurvesWriter;
+use warpknit::export::glb::GlbWriter;
+use warpknit::export::inp::InpWriter;
+use warpknit::export::npz::NpzWriter;
+use warpknit::export::obj::ObjWriter;
+use warpknit::export::obj_lines::ObjLinesWriter;
+use warpknit::export::ply::PlyWriter;
+use warpknit::export::usda::UsdaWriter;
+use warpknit::export::{ExportError, Format, Output, Sink, mtl};
+use warpknit::scene::{Scene, Shape};
+use warpknit::yarn::tube::Section;
+
+use super::args::Shared;
+use super::choice::drawn_radius;
+use super::job::{Job, Setup};
+use super::pictures::{self, Textures};
+use super::targets::check_distinct;
+
+/// St and Sr of tubes in files, where nobody asks for others.
+const FILE_ST: u32 = 10;
+const FILE_SR: u32 = 6;
+/// The texture's real length where there is none: v counts millimetres.
+const TEXTURE_PER_MM: f64 = 1.0;
+
+/// A file and what is to be in it.
+pub(super) type Wanted = (PathBuf, Format);
+
+/// The files that were asked for, or a picture named after the input.
+pub(super) fn wanted(job: &Job<'_>) -> Vec<Wanted> {
+    let mut wanted = job.shared.outputs.clone();
+    if wanted.is_empty() {
+        let mut name = job.stem.as_os_str().to_owned();
+        name.push(".png");
+        wanted.push((PathBuf::from(name), Format::Png));
+    }
+    if job.shared.curves {
+        wanted.iter_mut().filter(|(_, format)| *format == Format::Obj).for_each(|(_, format)| *format = Format::ObjLines);
+    }
+    wanted
+}
+
+/// Refuses files that are written twice, or over one that was read; those that come with others count too.
+pub(super) fn check_places<'a>(job: &Job<'_>, outputs: impl Iterator<Item = &'a Wanted> + Clone, textures: &Textures) -> Result<()> {
+    let companions: Vec<_> = outputs
+        .clone()
+        .flat_map(|(path, format)| match format {
+            Format::Obj => mtl::companions(path, textures.count()),
+            Format::ObjLines => mtl::companions(path, 0),
+            _ => Vec::new(),
+        })
+        .collect();
+    check_distinct(job.inputs.iter().copied(), outputs.map(|(path, _)| path.as_path()).chain(companions.iter().map(PathBuf::as_path)))
+}
+
+/// The names of `count` files in place of one: `NAME-001.png` and so on.
+pub(super) fn numbered(path: &Path, format: Format, count: u32) -> Vec<PathBuf> {
+    let digits = count.to_string().len().max(3);
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let (stem, ending) = name.split_at(name.len() - format.ending().len());
+    (1..=count).map(|number| path.with_file_name(format!("{stem}-{number:0digits$}{ending}"))).collect()
+}
+
+/// Writers of everything that streams.
+pub(super) fn sinks<'a>(
+    outputs: &[Wanted],
+    job: &Job<'a>,
+    setup: &Setup,
+) -> Result<Vec<Box<dyn Sink + 'a>>, ExportError> {
+    let Setup { section, textures, .. } = setup;
+    let wears = outputs.iter().any(|(_, format)| matches!(format, Format::Glb | Format::Obj));
+    let dressed = if wears { pictures::scene(Shape::Tube, job.shown, section.radius, textures) } else { Scene::default() };
+    let (cloth, fabric) = (job.filed(), job.shown);
+    let mut sinks: Vec<Box<dyn Sink + 'a>> = Vec::new();
+    for (path, format) in outputs {
+        match format {
+            Format::Glb => sinks.push(Box::new(GlbWriter::create(path, fabric, &dressed, cloth.blocks(), cloth.yarns())?)),
+            Format::Obj => sinks.push(Box::new(ObjWriter::create(path, fabric, &dressed)?)),
+            Format::ObjLines => sinks.push(Box::new(ObjLinesWriter::create(path, fabric, section.st)?)),
+            Format::Ply => sinks.push(Box::new(PlyWriter::create(path, fabric, section)?)),
+            Format::Usda => sinks.push(Box::new(UsdaWriter::create(path, fabric, section)?)),
+            Format::Bcc => sinks.push(Box::new(BccWriter::create(path, section.st)?)),
+            Format::Curves => sinks.push(Box::new(CurvesWriter::create(path, fabric, section)?)),
+            Format::Inp => sinks.push(Box::new(InpWriter::create(path, fabric, section)?)),
+            Format::Npz => sinks.push(Box::new(NpzWriter::create(path, fabric, job.cloth.garment(), section)?)),
+            Format::Csv => sinks.push(Box::new(CsvWriter::create(path, job.cloth.garment())?)),
+            // Made whole at the end; that they can be written is asked before the work and not after it.
+            Format::Png | Format::Json => drop(Output::create(path)?),
+        }
+    }
+    Ok(sinks)
+}
+
+/// The whole files, and what comes with each.
+pub(super) fn finished<S: Sink + ?Sized>(sinks: Vec<Box<S>>) -> Result<Vec<Output>, ExportError> {
+    Ok(sinks.into_iter().map(Sink::finish).collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect())
+}
+
+/// How fine and how thick tubes in files are.
+pub(super) fn section(job: &Job<'_>) -> Result<Section> {
+    let Shared { radius, flatten, caps, .. } = *job.shared;
+    let (st, sr) = (job.shared.st.unwrap_or(FILE_ST), job.shared.sr.unwrap_or(FILE_SR));
+    let radius = drawn_radius(job.shown, radius)?;
+    Ok(Section { st, sr, radius, flatten, caps, texture_per_mm: TEXTURE_PER_MM })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_are_numbered_before_their_ending() {
+        let named = |path, format, count| numbered(Path::new(path), format, count);
+        assert_eq!(named("out/skirt.png", Format::Png, 2), [Path::new("out/skirt-001.png"), Path::new("out/skirt-002.png")]);
+        assert_eq!(named("a.Curves.TXT", Format::Curves, 1), [Path::new("a-001.Curves.TXT")]);
+        assert_eq!(named("out/skirt.png", Format::Png, 1000)[999], Path::new("out/skirt-1000.png"));
+        assert_eq!(named("out/skirt.png", Format::Png, 1000)[0], Path::new("out/skirt-0001.png"));
+    }
+}
