@@ -10,8 +10,7 @@ use std::process::ExitCode;
 use warpknit::fabric::FabricError;
 
 fn main() -> ExitCode {
-    let arguments = cli::Arguments::of_process();
-    match cli::run(arguments) {
+    match cli::Arguments::of_process().and_then(cli::run) {
         Ok(()) => ExitCode::SUCCESS,
         // Whoever read our output has seen enough.
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,

@@ -1,6 +1,7 @@
 //! What each stage costs, in CPU time of one thread: `cargo bench`, or `cargo bench -- locate` for some. One file a stage; `inputs` says on what.
 
 mod cpu;
+mod frames;
 mod inputs;
 mod knit;
 mod locate;
@@ -23,6 +24,6 @@ fn configured() -> Criterion<CpuTime> {
 criterion_group! {
     name = benches;
     config = configured();
-    targets = read::benches, knit::benches, locate::benches, tube::benches, write::benches, whole::benches, render::benches
+    targets = read::benches, knit::benches, locate::benches, tube::benches, write::benches, whole::benches, frames::benches, render::benches
 }
 criterion_main!(benches);

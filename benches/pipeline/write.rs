@@ -9,6 +9,7 @@ use warpknit::export::glb::GlbWriter;
 use warpknit::export::obj::ObjWriter;
 use warpknit::export::ply::PlyWriter;
 use warpknit::export::{Output, Sink};
+use warpknit::scene::Scene;
 use warpknit::yarn::tube::Section;
 
 use super::cpu::CpuTime;
@@ -30,7 +31,7 @@ fn tubes(cloth: &Cloth<'_>, section: Section) -> Vec<Block> {
 }
 
 /// Writes all blocks; the file is there until the result is dropped, which is off the clock.
-fn write_all(mut sink: impl Sink, blocks: &[Block]) -> Output {
+fn write_all(mut sink: impl Sink, blocks: &[Block]) -> Vec<Output> {
     blocks.chunks(WINDOW).try_for_each(|window| sink.take(window)).expect("room on the disk");
     Box::new(sink).finish().expect("room on the disk")
 }
@@ -45,22 +46,24 @@ pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let at = |name: &str| folder.path().join(name);
     let bytes = vec![7; 1 << 20];
+    let plain = Scene::default();
 
     let mut group = criterion.benchmark_group("write");
     group.sample_size(10).throughput(Throughput::Elements(vertices as u64));
-    let writers: [(&str, &dyn Fn() -> Output); 4] = [
+    let writers: [(&str, &dyn Fn() -> Vec<Output>); 4] = [
         ("bytes", &|| {
             let mut output = Output::create(&at("bytes")).expect("a new file");
             let pieces = || (0..vertices * GLB_BYTES / bytes.len()).map(|_| &bytes);
             output
                 .write_with(|file| pieces().try_for_each(|piece| std::io::Write::write_all(file, piece)))
                 .expect("room on the disk");
-            output
+            vec![output]
         }),
         ("glb", &|| {
-            write_all(GlbWriter::create(&at("skirt.glb"), &fabric, blocks.len(), cloth.yarns()).expect("a new file"), &blocks)
+            let writer = GlbWriter::create(&at("skirt.glb"), &fabric, &plain, blocks.len(), cloth.yarns());
+            write_all(writer.expect("a new file"), &blocks)
         }),
-        ("obj", &|| write_all(ObjWriter::create(&at("skirt.obj")).expect("a new file"), &blocks)),
+        ("obj", &|| write_all(ObjWriter::create(&at("skirt.obj"), &fabric, &plain).expect("a new file"), &blocks)),
         ("ply", &|| write_all(PlyWriter::create(&at("skirt.ply"), &fabric, &section).expect("a new file"), &blocks)),
     ];
     for (name, write) in writers {

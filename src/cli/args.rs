@@ -1,9 +1,9 @@
 //! The command line, as the specification's cli page has it.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::error::ErrorKind;
-use clap::{ArgGroup, Args, CommandFactory as _, Parser, Subcommand};
+use clap::{ArgGroup, Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 use glam::DVec3;
 use warpknit::chart;
 use warpknit::export::Format;
@@ -12,6 +12,7 @@ use warpknit::render::Background;
 use warpknit::tile::Tile;
 
 use super::bench::{BenchFormat, Subject};
+use super::config::{self, Trouble};
 #[cfg(feature = "view")]
 use super::values::picture;
 use super::values::{
@@ -31,19 +32,37 @@ pub(crate) const DEFAULT_FABRIC: &str = "tricot";
 pub(crate) struct Arguments {
     #[command(subcommand)]
     pub(crate) command: Command,
+    /// Don't read warpknit.toml of this folder, which may hold other defaults
+    #[arg(long, global = true)]
+    no_config: bool,
 }
 
 impl Arguments {
     /// The arguments of this process; ends it where they are wrong usage.
-    pub(crate) fn of_process() -> Self {
-        let arguments = Self::parse();
-        let chains = match &arguments.command {
+    ///
+    /// # Errors
+    /// What is wrong with [`config::FILE`].
+    pub(crate) fn of_process() -> anyhow::Result<Self> {
+        let words: Vec<_> = std::env::args_os().collect();
+        let matches = match config::matches(&Self::command(), Path::new(config::FILE), &words) {
+            Ok(matches) => matches,
+            Err(Trouble::Usage(error)) => error.exit(),
+            Err(Trouble::File(error)) => return Err(error),
+        };
+        let arguments = Self::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+        arguments.check_chains();
+        Ok(arguments)
+    }
+
+    /// Ends the process where marks and chains don't fit.
+    fn check_chains(&self) {
+        let chains = match &self.command {
             Command::Drape(drape) => Some(&drape.shared.chains),
             Command::Swatch(swatch) => Some(&swatch.shared.chains),
             Command::Inspect(inspect) => Some(&inspect.chains),
             #[cfg(feature = "view")]
             Command::View(view) => Some(&view.shared.chains),
-            Command::Fabrics(_) | Command::Yarn(_) | Command::Bench(_) => None,
+            Command::Fabrics(_) | Command::Yarn(_) | Command::Bench(_) | Command::Completions(_) | Command::Man(_) => None,
         };
         if let Some(Chains { lapping, threading }) = chains
             && threading.len() > 1
@@ -56,7 +75,6 @@ impl Arguments {
             );
             Self::command().error(ErrorKind::WrongNumberOfValues, message).exit();
         }
-        arguments
     }
 }
 
@@ -65,7 +83,9 @@ pub(crate) enum Command {
     /// Knit a fabric onto a garment
     #[command(after_help = "Examples:
   warpknit drape meshes/skirt_flat.obj meshes/skirt_draped.obj -o skirt.png -o skirt.glb
-  warpknit drape meshes/tshirt.obj --fabric locknit --view iso -o tshirt.png -o tshirt.json")]
+  warpknit drape meshes/tshirt.obj --fabric locknit --view iso -o tshirt.png -o tshirt.json
+  warpknit drape pattern.obj 'frames/*.obj' -o dance.png -o dance.usda
+  warpknit drape pattern.obj frames/ --skip-bad-frames --fps 30 -o dance.usda")]
     Drape(Drape),
     /// Knit a flat piece of fabric
     #[command(after_help = "Examples:
@@ -121,6 +141,17 @@ Examples:
   warpknit bench --weft --threads 1 --runs 21"
     )]
     Bench(Bench),
+    /// Print a shell's completion script
+    #[command(after_help = "Examples:
+  warpknit completions bash > ~/.local/share/bash-completion/completions/warpknit
+  warpknit completions zsh > ~/.zfunc/_warpknit
+  warpknit completions fish > ~/.config/fish/completions/warpknit.fish")]
+    Completions(Completions),
+    /// Print the manual page, of the program or of a command
+    #[command(after_help = "Examples:
+  warpknit man | man -l -
+  warpknit man drape > ~/.local/share/man/man1/warpknit-drape.1")]
+    Man(Man),
 }
 
 #[derive(Args, Debug)]
@@ -240,6 +271,18 @@ pub(crate) struct Yarn {
     pub(crate) verbose: bool,
     #[command(flatten)]
     pub(crate) running: Running,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct Completions {
+    /// The shell
+    pub(crate) shell: clap_complete::Shell,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct Man {
+    /// The command [default: the program as a whole]
+    pub(crate) command: Option<String>,
 }
 
 #[derive(Args, Debug)]

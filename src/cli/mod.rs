@@ -4,6 +4,7 @@ mod args;
 mod bench;
 mod choice;
 mod clock;
+mod config;
 mod contact;
 mod drapes;
 mod fabrics;
@@ -13,6 +14,7 @@ mod make;
 mod numbers;
 mod pictures;
 mod sheet;
+mod shell;
 mod system;
 mod targets;
 mod sequence;
@@ -40,6 +42,8 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         Command::Fabrics(fabrics) => fabrics::fabrics(&fabrics),
         Command::Yarn(arguments) => yarn::yarn(&arguments),
         Command::Bench(arguments) => bench::bench(&arguments),
+        Command::Completions(arguments) => shell::completions(&arguments),
+        Command::Man(arguments) => shell::man(&arguments),
     }
 }
 

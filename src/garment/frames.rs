@@ -32,7 +32,7 @@ pub struct Frames {
     connectivity: u64,
     /// Each panel's vertices: corners of paired triangles, three times the triangle's place and 0, 1 or 2.
     corners: Vec<Vec<u32>>,
-    /// The same as vertices of the first drape.
+    /// The same as vertices of the first drape's file.
     vertices: Vec<Vec<u32>>,
     unit: Unit,
     /// Whether the user said so.
@@ -49,9 +49,11 @@ impl Frames {
     pub fn read(flat: &Path, first: Option<&Path>, options: &ReadOptions) -> Result<(Garment, Self), GarmentError> {
         let (garment, unit, files) = Files::read(flat, first, options)?.garment(options)?;
         let Files { path, flat, draped, pattern, pairs, .. } = files;
-        let connectivity = draped.as_ref().map_or(flat.connectivity, |draped| draped.connectivity);
+        let first_drape = draped.as_ref().unwrap_or(&flat);
+        let in_file = |vertex: u32| if vertex == UNUSED { UNUSED } else { first_drape.order[vertex as usize] };
         let corners: Vec<_> = garment.panels.iter().map(|panel| corners(panel, &pairs, options.turn)).collect();
-        let vertices = corners.iter().map(|corners| vertices(corners, &pairs)).collect();
+        let vertices = corners.iter().map(|corners| vertices(corners, &pairs).into_iter().map(in_file).collect()).collect();
+        let connectivity = first_drape.connectivity;
         let frames = Self {
             path: path.to_owned(),
             flat,
@@ -148,4 +150,88 @@ fn size<'a, T>(panels: impl Iterator<Item = (&'a Panel, T)>, place: impl Fn(&T, 
         panel.triangles.iter().map(|corners| 0.5 * cross(corners.map(|vertex| place(&draped, vertex as usize))).length()).sum()
     };
     panels.map(area).sum::<f64>().sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fmt::Write as _;
+
+    /// A strip of two squares, four corners each, its vertices in an order in which faces don't come to them, the first one in no face.
+    fn strip(place: impl Fn(f64, f64) -> [f64; 3], rotated: bool) -> String {
+        let mut text = String::from("v 9 9 9\n");
+        for (x, y) in [(2.0, 1.0), (0.0, 0.0), (1.0, 1.0), (2.0, 0.0), (0.0, 1.0), (1.0, 0.0)] {
+            let [a, b, c] = place(x, y);
+            writeln!(text, "v {a} {b} {c}").unwrap();
+        }
+        // The same faces, their vertices numbered otherwise by two more that nothing uses.
+        let more = if rotated { 2 } else { 0 };
+        if rotated {
+            text = format!("v 8 8 8\nv 8 8 8\n{text}");
+        }
+        for face in [[7, 5, 2, 4], [3, 7, 4, 6]] {
+            writeln!(text, "f {}", face.map(|vertex| (vertex + more).to_string()).join(" ")).unwrap();
+        }
+        text
+    }
+
+    fn written(folder: &Path, name: &str, text: &str) -> PathBuf {
+        let path = folder.join(name);
+        std::fs::write(&path, text).unwrap();
+        path
+    }
+
+    #[test]
+    fn a_frame_is_the_drape_that_reading_it_alone_gives() {
+        let folder = tempfile::tempdir().unwrap();
+        let flat = written(folder.path(), "flat.obj", &strip(|x, y| [100.0 * x, 100.0 * y, 0.0], false));
+        let first = written(folder.path(), "1.obj", &strip(|x, y| [100.0 * x, 100.0 * y, 5.0 * x], false));
+        let bent = |x: f64, y: f64| [110.0 * x, 90.0 * y, 30.0 * x * x];
+        for turn in [false, true] {
+            let options = ReadOptions { unit: Some(Unit::Mm), uv_scale: Some(1.0), turn, ..ReadOptions::default() };
+            let (garment, frames) = Frames::read(&flat, Some(&first), &options).unwrap();
+            for rotated in [false, true] {
+                let frame = written(folder.path(), "2.obj", &strip(bent, rotated));
+                let mut posed = garment.clone();
+                assert_eq!(frames.pose(&mut posed, &frame).unwrap(), None);
+                let alone = super::super::read(&flat, Some(&frame), &options).unwrap();
+                assert_eq!(posed.panels[0].draped, alone.panels[0].draped, "turned {turn}, renumbered {rotated}");
+                assert_eq!(posed.panels[0].normals, alone.panels[0].normals);
+                assert_ne!(posed.panels[0].draped, garment.panels[0].draped);
+            }
+        }
+    }
+
+    #[test]
+    fn a_frame_in_another_unit_is_as_large_as_the_first() {
+        let folder = tempfile::tempdir().unwrap();
+        let flat = written(folder.path(), "flat.obj", &strip(|x, y| [100.0 * x, 100.0 * y, 0.0], false));
+        let metres = written(folder.path(), "m.obj", &strip(|x, y| [0.1 * x, 0.1 * y, 0.0], false));
+        let options = ReadOptions { uv_scale: Some(1.0), ..ReadOptions::default() };
+        let (mut garment, frames) = Frames::read(&flat, Some(&flat), &options).unwrap();
+        let before = garment.panels[0].draped.clone();
+        let odd = frames.pose(&mut garment, &metres).unwrap().unwrap();
+        assert!(odd.contains("taken to be in m") && odd.contains("m.obj"), "{odd}");
+        assert!(garment.panels[0].draped.iter().zip(&before).all(|(a, b)| a.distance(*b) < 1e-9));
+    }
+
+    #[test]
+    fn a_bad_frame_is_named_and_leaves_the_garment_as_it_was() {
+        let folder = tempfile::tempdir().unwrap();
+        let flat = written(folder.path(), "flat.obj", &strip(|x, y| [100.0 * x, 100.0 * y, 0.0], false));
+        let (mut garment, frames) = Frames::read(&flat, Some(&flat), &ReadOptions::default()).unwrap();
+        let before = garment.panels[0].draped.clone();
+        let whole = strip(|x, y| [100.0 * x, 100.0 * y, 0.0], false);
+        for (name, text) in [
+            ("cut.obj", &whole[..whole.len() - 9]),
+            ("point.obj", &strip(|_, _| [1.0; 3], false)),
+            ("nan.obj", &whole.replace("100 0 0", "nan 0 0")),
+            ("empty.obj", ""),
+        ] {
+            let frame = written(folder.path(), name, text);
+            let message = frames.pose(&mut garment, &frame).unwrap_err().to_string();
+            assert!(message.contains(name) && !message.contains('\n'), "{message}");
+            assert_eq!(garment.panels[0].draped, before);
+        }
+    }
 }

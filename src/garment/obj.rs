@@ -47,6 +47,8 @@ pub(super) struct ObjMesh {
     pub(super) texture_count: usize,
     /// The same for files whose faces have the same corners in the same order.
     pub(super) connectivity: u64,
+    /// The file's own number of each of `positions`, from 0: they come in the order in which faces first use them, and unused ones are left out.
+    pub(super) order: Vec<u32>,
 }
 
 impl ObjMesh {
@@ -83,7 +85,8 @@ fn open(path: &Path) -> Result<BufReader<File>, GarmentError> {
     Ok(BufReader::with_capacity(1 << 16, File::open(path).map_err(refused)?))
 }
 
-/// Reads the positions of an OBJ file alone, where its faces have that connectivity; nothing where they have another. It costs a third of [`read`].
+/// Reads the positions of an OBJ file alone, in its own order, where its faces have that connectivity; nothing where they have another. It costs a third of
+/// [`read`].
 pub(super) fn read_positions(path: &Path, connectivity: u64) -> Result<Option<Vec<DVec3>>, GarmentError> {
     let mut cleaner = Cleaner::new(open(path)?);
     cleaner.kept = Some(Vec::new());
@@ -124,6 +127,8 @@ struct Notes {
     group: Option<u32>,
     /// All faces' corners so far.
     connectivity: DefaultHasher,
+    /// Their vertices as numbered in the file, from 1.
+    corners: Vec<u32>,
 }
 
 impl Notes {
@@ -141,8 +146,16 @@ impl Notes {
             names: self.names,
             texture_count: usize::try_from(self.texture).unwrap_or(usize::MAX),
             connectivity: self.connectivity.finish(),
+            order: first_uses(&self.corners, self.positions),
         }
     }
+}
+
+/// The vertices, of so many, in the order in which corners first use them, from 0.
+fn first_uses(corners: &[u32], vertices: u64) -> Vec<u32> {
+    let mut used = vec![false; usize::try_from(vertices).expect("they have been read")];
+    let is_new = |vertex: &u32| !std::mem::replace(&mut used[*vertex as usize], true);
+    corners.iter().map(|vertex| vertex - 1).filter(is_new).collect()
 }
 
 /// Positive indices may point forward (`vt` after the faces), so they can be judged at the end alone. Only those that exceed all
@@ -305,6 +318,8 @@ impl<R: BufRead> Cleaner<R> {
             self.forward_v.note(v, self.notes.positions, self.lines.first);
             if own_texture {
                 self.notes.connectivity.write_u64(v);
+                // One beyond 32 bits is out of range, which is judged at the end.
+                self.notes.corners.push(u32::try_from(v).unwrap_or(u32::MAX));
             }
             let vt = vt.map(|vt| absolute("vt", vt, self.notes.texture, token)).transpose()?;
             if let Some(vt) = vt {

@@ -40,7 +40,7 @@ fn near(a: [f64; 3], b: [f64; 3], least: f64) -> bool {
 }
 
 /// The curves of a BCC file, by cemyuksel.com's description of it.
-fn bcc(bytes: &[u8]) -> Vec<Vec<[f64; 3]>> {
+pub(crate) fn bcc(bytes: &[u8]) -> Vec<Vec<[f64; 3]>> {
     assert_eq!(&bytes[..8], [b'B', b'C', b'C', 0x44, b'C', b'0', 3, 1]);
     let long = |at: usize| u64::from_le_bytes(bytes[at..at + 8].try_into().unwrap()) as usize;
     let (curves, points) = (long(8), long(16));

@@ -91,6 +91,94 @@ fn obj_reads_back_with_an_object_a_yarn() {
     assert!(models.iter().all(|model| model.mesh.normals.len() == model.mesh.positions.len()));
 }
 
+/// A picture that an image of a file holds, as the file's readers see it.
+fn image_of(binary: &[u8], json: &Value, place: usize) -> image::RgbImage {
+    let number = |value: &Value| usize::try_from(value.as_u64().unwrap()).unwrap();
+    let source = number(&json["textures"][place]["source"]);
+    assert_eq!(json["images"][source]["mimeType"], "image/png");
+    let view = &json["bufferViews"][number(&json["images"][source]["bufferView"])];
+    let start = number(&view["byteOffset"]);
+    assert_eq!(start % 4, 0);
+    image::load_from_memory(&binary[start..start + number(&view["byteLength"])]).unwrap().into_rgb8()
+}
+
+#[test]
+fn glb_and_obj_wear_the_pictures_of_their_yarn() {
+    let folder = tempfile::tempdir().unwrap();
+    // A picture of a whole surface, dark at its top and light at its bottom, red growing along the yarn.
+    let picture = image::RgbImage::from_fn(32, 16, |x, y| image::Rgb([8 * x as u8, 100, 10 * y as u8]));
+    picture.save(folder.path().join("yarn.png")).unwrap();
+    knit(folder.path(), &[&SWATCH[..], &["--texture", "yarn.png", "-o", "s.glb", "-o", "s.obj", "-o", "plain.ply"]].concat());
+    let bytes = std::fs::read(folder.path().join("s.glb")).unwrap();
+    let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+    let (json, binary): (Value, _) = (serde_json::from_slice(&bytes[20..20 + length]).unwrap(), &bytes[28 + length..]);
+    assert_eq!(json["materials"].as_array().unwrap().len(), 2);
+    for material in json["materials"].as_array().unwrap() {
+        let surface = &material["pbrMetallicRoughness"];
+        let place = |texture: &Value| texture["index"].as_u64().unwrap() as usize;
+        let base = image_of(binary, &json, place(&surface["baseColorTexture"]));
+        assert_eq!(base.dimensions(), (16, 32));
+        assert_eq!(base.get_pixel(3, 20), picture.get_pixel(20, 3), "turned: x goes round the yarn");
+        // Nothing stands out, so normals point out and what is around is open.
+        let normal = image_of(binary, &json, place(&material["normalTexture"]));
+        assert!(normal.pixels().all(|pixel| pixel.0[0].abs_diff(128) < 2 && pixel.0[1].abs_diff(128) < 2 && pixel.0[2] == 255));
+        let rough = image_of(binary, &json, place(&surface["metallicRoughnessTexture"]));
+        assert_eq!(rough.get_pixel(0, 0).0[2], 0, "no metal");
+        assert_eq!(material["occlusionTexture"]["index"], surface["metallicRoughnessTexture"]["index"]);
+        assert!(material["extensions"]["KHR_materials_sheen"]["sheenColorFactor"][1].as_f64().unwrap() > 0.0);
+    }
+    // One yarn's pictures are held once, and lengths count their repeats.
+    assert_eq!(json["images"].as_array().unwrap().len(), 3);
+    let (glb, obj, plain) = (
+        readback::glb(&folder.path().join("s.glb")),
+        readback::obj(&folder.path().join("s.obj")),
+        readback::ply(&folder.path().join("plain.ply")),
+    );
+    let last = plain.uvs.iter().position(|uv| uv[1] > 1.0).unwrap();
+    let per_mm = glb.uvs[last][1] / plain.uvs[last][1];
+    assert!(per_mm > 0.1 && (per_mm - 1.0).abs() > 1e-3, "{per_mm}");
+    for ((glb, obj), plain) in glb.uvs.iter().zip(&obj.uvs).zip(&plain.uvs) {
+        assert!((glb[1] - per_mm * plain[1]).abs() < 1e-3 && (glb[1] + obj[1]).abs() < 1e-3 && glb[0] == plain[0]);
+    }
+    let materials = std::fs::read_to_string(folder.path().join("s.mtl")).unwrap();
+    assert!(materials.contains("newmtl bar_2") && materials.contains("map_Kd s-yarn-1.png"), "{materials}");
+    let worn = image::open(folder.path().join("s-yarn-1.png")).unwrap().into_rgb8();
+    assert_eq!(worn.get_pixel(3, 20), picture.get_pixel(20, 3));
+}
+
+#[test]
+fn obj_names_a_material_a_bar_and_holds_lines_if_asked_to() {
+    let folder = tempfile::tempdir().unwrap();
+    let report = knit(folder.path(), &[&SWATCH[..], &["-o", "s.obj"]].concat());
+    let (models, materials) = tobj::load_obj(folder.path().join("s.obj"), &tobj::LoadOptions::default()).unwrap();
+    let materials = materials.unwrap();
+    let tricot = warpknit::fabric::Fabric::named("tricot").unwrap();
+    for (bar, material) in tricot.bars.iter().zip(&materials) {
+        let [r, g, b] = bar.yarn.color.linear().map(f64::from);
+        assert!(material.diffuse.unwrap().iter().zip([r, g, b]).all(|(a, b)| (a - b).abs() < 1e-6));
+    }
+    let bar = |name: &str| usize::from(name.contains("bar2"));
+    assert!(models.iter().all(|model| model.mesh.material_id == Some(bar(&model.name))));
+
+    let lines = knit(folder.path(), &[&SWATCH[..], &["-o", "l.obj", "-o", "l.bcc", "--curves"]].concat());
+    assert_eq!(lines["yarns"], report["yarns"]);
+    let text = std::fs::read_to_string(folder.path().join("l.obj")).unwrap();
+    let points: Vec<Vec<f64>> = text
+        .lines()
+        .filter_map(|line| Some(line.strip_prefix("v ")?.split(' ').map(|word| word.parse().unwrap()).collect()))
+        .collect();
+    let polylines: Vec<Vec<usize>> =
+        text.lines().filter_map(|line| Some(line.strip_prefix("l ")?.split(' ').map(|word| word.parse().unwrap()).collect())).collect();
+    assert_eq!(polylines.len(), count(&report, "yarns"));
+    assert_eq!(polylines.concat(), (1..=points.len()).collect::<Vec<_>>());
+    assert!(polylines.iter().all(|line| line.len() == 7 * 4 + 1), "St segments a stitch");
+    assert!(!text.contains("\nf ") && text.contains("mtllib l.mtl") && folder.path().join("l.mtl").exists());
+    // The same points as the other format of centre lines.
+    let curves = crate::curves::bcc(&std::fs::read(folder.path().join("l.bcc")).unwrap()).concat();
+    assert!(curves.iter().flatten().zip(points.iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-4));
+    assert_eq!(curves.len(), points.len());
+}
+
 #[test]
 fn ply_holds_what_the_obj_of_the_same_run_holds_and_the_colours() {
     let folder = tempfile::tempdir().unwrap();

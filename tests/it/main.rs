@@ -11,6 +11,7 @@ mod bench;
 mod chart;
 mod clearance;
 mod cli;
+mod config;
 mod curves;
 mod drape;
 mod fabrics;
@@ -30,6 +31,7 @@ mod readback;
 mod relax;
 mod render;
 mod ribbon;
+mod sequence;
 mod tile;
 #[cfg(all(feature = "view", target_os = "linux"))]
 mod view;

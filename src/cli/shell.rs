@@ -1,0 +1,34 @@
+//! `warpknit completions` and `warpknit man`: what a shell and `man` want to know, from the definition of the command line.
+
+use anyhow::{Result, bail};
+use clap::CommandFactory as _;
+
+use super::args::{Arguments, Completions, Man};
+use super::print;
+
+/// Prints a completion script.
+pub(crate) fn completions(arguments: &Completions) -> Result<()> {
+    let mut script = Vec::new();
+    clap_complete::generate(arguments.shell, &mut Arguments::command(), env!("CARGO_PKG_NAME"), &mut script);
+    print(&String::from_utf8_lossy(&script))
+}
+
+/// Prints the manual page of the program, or of one of its commands.
+pub(crate) fn man(arguments: &Man) -> Result<()> {
+    let mut program = Arguments::command();
+    // Commands learn their full names and what they inherit.
+    program.build();
+    let Some(name) = &arguments.command else { return page(program) };
+    let Some(command) = program.find_subcommand(name) else {
+        let known: Vec<_> = program.get_subcommands().map(clap::Command::get_name).collect();
+        bail!("there is no command {name}: known are {}", known.join(" "));
+    };
+    let name = format!("{}-{name}", env!("CARGO_PKG_NAME"));
+    page(command.clone().name(name))
+}
+
+fn page(command: clap::Command) -> Result<()> {
+    let mut page = Vec::new();
+    clap_mangen::Man::new(command).render(&mut page)?;
+    print(&String::from_utf8_lossy(&page))
+}
