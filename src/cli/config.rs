@@ -33,7 +33,9 @@ struct Entry {
 pub(super) fn matches(command: &Command, path: &Path, arguments: &[OsString]) -> Result<ArgMatches, Trouble> {
     let parse = |command: &Command| command.clone().try_get_matches_from(arguments);
     let plain = parse(command);
-    if arguments.iter().any(|argument| argument.to_str().is_some_and(|text| text.strip_prefix("--") == Some(IGNORE))) || !path.is_file() {
+    if arguments.iter().any(|argument| argument.to_str().is_some_and(|text| text.strip_prefix("--") == Some(IGNORE)))
+        || !path.is_file()
+    {
         return plain.map_err(Trouble::Usage);
     }
     let usable = plain.is_ok();
@@ -82,7 +84,8 @@ fn entries(path: &Path) -> Result<Vec<Entry>> {
         let mut add = |command: Option<&str>, key: &Spanned<toml::de::DeString<'_>>, value: &DeValue<'_>| {
             let start = key.span().start;
             let line = line_of(start);
-            let values = values(value).with_context(|| format!("{}:{line}: {} is no value of a flag", path.display(), key.get_ref()))?;
+            let values =
+                values(value).with_context(|| format!("{}:{line}: {} is no value of a flag", path.display(), key.get_ref()))?;
             entries.push((start, Entry { command: command.map(str::to_owned), flag: key.get_ref().to_string(), values, line }));
             anyhow::Ok(())
         };
@@ -129,7 +132,8 @@ impl Entry {
                 bail!("--{} takes one value and not {}", self.flag, self.values.len());
             }
             let id = argument.get_id().clone();
-            program = program.mut_subcommand(name, |command| command.mut_arg(id, |argument| argument.default_values(self.values.clone())));
+            program = program
+                .mut_subcommand(name, |command| command.mut_arg(id, |argument| argument.default_values(self.values.clone())));
         }
         if !known {
             let whose = self.command.as_ref().map_or_else(|| "no command".to_owned(), |name| format!("{name} does not"));

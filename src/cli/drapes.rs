@@ -76,17 +76,21 @@ impl Motion {
 
 /// The files that a path means: itself, the `.obj` files of a folder, or those that fit a pattern, by the numbers in their names.
 fn expanded(path: &Path) -> Result<Vec<PathBuf>> {
-    let mut files = if path.is_dir() {
-        obj_files(path)?
-    } else {
-        let Some(pattern) = path.to_str().filter(|text| text.contains(['*', '?', '[']) && !path.exists()) else {
-            return Ok(vec![path.to_owned()]);
-        };
-        let found = glob::glob(pattern).with_context(|| format!("{pattern}: no pattern that can be understood"))?;
-        found.collect::<Result<_, _>>()?
+    let pattern = path.to_str().filter(|text| text.contains(['*', '?', '[']) && !path.exists());
+    let mut files: Vec<_> = match pattern {
+        Some(pattern) => {
+            let found = glob::glob(pattern).with_context(|| format!("{pattern}: no pattern that can be understood"))?;
+            found.collect::<Result<_, _>>()?
+        }
+        None if path.is_dir() => obj_files(path)?,
+        None => Vec::new(),
     };
+    if let (Some(pattern), true) = (pattern, files.is_empty()) {
+        bail!("{pattern}: no file fits this pattern");
+    }
     if files.is_empty() {
-        bail!("{}: there is no .obj file", path.display());
+        // What is missing, or a folder without any frame, is for its reader to name.
+        files.push(path.to_owned());
     }
     files.sort_by(|a, b| by_numbers(&a.to_string_lossy(), &b.to_string_lossy()));
     Ok(files)
@@ -154,6 +158,6 @@ mod tests {
         let missing = folder.path().join("c*.obj");
         let message = expanded(&missing).unwrap_err().to_string();
         assert!(message.contains(missing.to_str().unwrap()), "{message}");
-        assert_eq!(expanded(&folder.path().join("c.obj")).unwrap().len(), 1, "a missing file is for its reader to name");
+        assert_eq!(expanded(&folder.path().join("c.obj")).unwrap(), [folder.path().join("c.obj")]);
     }
 }

@@ -13,11 +13,11 @@ mod job;
 mod make;
 mod numbers;
 mod pictures;
+mod sequence;
 mod sheet;
 mod shell;
 mod system;
 mod targets;
-mod sequence;
 mod values;
 #[cfg(feature = "view")]
 mod view;

@@ -60,19 +60,29 @@ pub(super) fn make(job: &Job<'_>, sequence: &Sequence<'_>, mut clock: Clock) -> 
         bail!("--turntable and --tile are for one drape, and these are {} frames", paths.len());
     }
     let setup = job.setup(&files)?;
-    let (whole, single): (Vec<_>, Vec<_>) = files.iter().cloned().partition(|(_, format)| matches!(format, Format::Usda | Format::Json));
+    let (whole, single): (Vec<_>, Vec<_>) =
+        files.iter().cloned().partition(|(_, format)| matches!(format, Format::Usda | Format::Json));
     let count = index32(paths.len());
     let numbered: Vec<_> = single.iter().map(|(path, format)| (numbered(path, *format, count), *format)).collect();
-    let all: Vec<Wanted> = numbered.iter().flat_map(|(paths, format)| paths.iter().map(|path| (path.clone(), *format))).chain(whole.clone()).collect();
+    let all: Vec<Wanted> = numbered
+        .iter()
+        .flat_map(|(paths, format)| paths.iter().map(|path| (path.clone(), *format)))
+        .chain(whole.clone())
+        .collect();
     check_places(job, all.iter(), &setup.textures)?;
     motion.tell_bad(job.shared.running.quiet);
     let mut warnings = job.first_warnings(&setup);
     warnings.extend(motion.bad.iter().map(|what| format!("left out: {what}")));
 
     let mut garment = job.cloth.garment().clone();
-    let seen = if wants_picture && job.shared.eye.is_none() { seen(sequence, &garment, &mut clock)? } else { Vec::new() };
+    let seen = if wants_picture && job.shared.eye.is_none() {
+        seen(sequence, &garment, job.shown.wale_spacing(), &mut clock)?
+    } else {
+        Vec::new()
+    };
     let usda = whole.iter().filter(|(_, format)| *format == Format::Usda);
-    let usda = usda.map(|(path, _)| UsdaFramesWriter::create(path, job.shown, &setup.section, sequence.frames_per_second).map(Box::new));
+    let usda =
+        usda.map(|(path, _)| UsdaFramesWriter::create(path, job.shown, &setup.section, sequence.frames_per_second).map(Box::new));
     let usda = usda.collect::<Result<Vec<_>, _>>()?;
     whole.iter().filter(|(_, format)| *format == Format::Json).try_for_each(|(path, _)| Output::create(path).map(drop))?;
     let held = Held::lay(job.cloth, &setup.options, &mut |stage, done| clock.begin(task(stage), done));
@@ -116,13 +126,20 @@ pub(super) fn make(job: &Job<'_>, sequence: &Sequence<'_>, mut clock: Clock) -> 
     clock.clear();
     let totals = held.totals();
     let names: Vec<_> = files.iter().map(|(path, _)| path.display().to_string()).collect();
-    let what = format!("{shown} of {count} frames, {} stitches, {} yarns: {}", totals.losses.stitches, totals.yarns, names.join(" "));
+    let what =
+        format!("{shown} of {count} frames, {} stitches, {} yarns: {}", totals.losses.stitches, totals.yarns, names.join(" "));
     tell(job.shared.running.quiet, &what);
     Ok(())
 }
 
 fn left_out(path: &Path, what: &str) -> FrameReport {
-    FrameReport { file: path.display().to_string(), skipped: Some(what.to_owned()), ms: 0.0, stretch_warp: [0.0; 3], stretch_weft: [0.0; 3] }
+    FrameReport {
+        file: path.display().to_string(),
+        skipped: Some(what.to_owned()),
+        ms: 0.0,
+        stretch_warp: [0.0; 3],
+        stretch_weft: [0.0; 3],
+    }
 }
 
 impl Show<'_, '_> {
@@ -159,14 +176,14 @@ impl Show<'_, '_> {
     }
 }
 
-/// Points on the hull of all frames, which the camera is to see: the outermost one in each of 26 directions, frame by frame.
-fn seen(sequence: &Sequence<'_>, first: &Garment, clock: &mut Clock) -> Result<Vec<Vec3>> {
+/// Points around all frames, which the camera is to see: the outermost one in each of 26 directions, frame by frame, and `reach` mm beyond it.
+fn seen(sequence: &Sequence<'_>, first: &Garment, reach: f64, clock: &mut Clock) -> Result<Vec<Vec3>> {
     clock.begin(Task::Read, 0.0);
     let mut garment = first.clone();
-    let mut seen = outermost(&garment);
+    let mut seen = outermost(&garment, reach);
     for path in &sequence.paths[sequence.motion.first + 1..] {
         match sequence.motion.reader.pose(&mut garment, path) {
-            Ok(_odd) => seen.extend(outermost(&garment)),
+            Ok(_odd) => seen.extend(outermost(&garment, reach)),
             // Told of when its turn comes.
             Err(_bad) if sequence.skip_bad => {}
             Err(error) => return Err(error.into()),
@@ -175,10 +192,13 @@ fn seen(sequence: &Sequence<'_>, first: &Garment, clock: &mut Clock) -> Result<V
     Ok(seen)
 }
 
-fn outermost(garment: &Garment) -> Vec<Vec3> {
+fn outermost(garment: &Garment, reach: f64) -> Vec<Vec3> {
     let points: Vec<DVec3> = garment.panels.iter().flat_map(|panel| panel.draped.iter().copied()).collect();
     let steps = || [-1.0, 0.0, 1.0].into_iter();
     let directions = steps().flat_map(|x| steps().flat_map(move |y| steps().map(move |z| DVec3::new(x, y, z))));
-    let farthest = |toward: DVec3| points.iter().copied().max_by(|a, b| a.dot(toward).total_cmp(&b.dot(toward)));
-    directions.filter_map(farthest).map(|point| point.as_vec3()).collect()
+    let beyond = |toward: DVec3| {
+        let farthest = points.iter().copied().max_by(|a, b| a.dot(toward).total_cmp(&b.dot(toward)));
+        farthest.map(|point| (point + reach * toward.normalize_or_zero()).as_vec3())
+    };
+    directions.filter_map(beyond).collect()
 }

@@ -47,7 +47,11 @@ pub(super) fn wanted(job: &Job<'_>) -> Vec<Wanted> {
 }
 
 /// Refuses files that are written twice, or over one that was read; those that come with others count too.
-pub(super) fn check_places<'a>(job: &Job<'_>, outputs: impl Iterator<Item = &'a Wanted> + Clone, textures: &Textures) -> Result<()> {
+pub(super) fn check_places<'a>(
+    job: &Job<'_>,
+    outputs: impl Iterator<Item = &'a Wanted> + Clone,
+    textures: &Textures,
+) -> Result<()> {
     let companions: Vec<_> = outputs
         .clone()
         .flat_map(|(path, format)| match format {
@@ -56,7 +60,10 @@ pub(super) fn check_places<'a>(job: &Job<'_>, outputs: impl Iterator<Item = &'a 
             _ => Vec::new(),
         })
         .collect();
-    check_distinct(job.inputs.iter().copied(), outputs.map(|(path, _)| path.as_path()).chain(companions.iter().map(PathBuf::as_path)))
+    check_distinct(
+        job.inputs.iter().copied(),
+        outputs.map(|(path, _)| path.as_path()).chain(companions.iter().map(PathBuf::as_path)),
+    )
 }
 
 /// The names of `count` files in place of one: `NAME-001.png` and so on.
@@ -68,11 +75,7 @@ pub(super) fn numbered(path: &Path, format: Format, count: u32) -> Vec<PathBuf> 
 }
 
 /// Writers of everything that streams.
-pub(super) fn sinks<'a>(
-    outputs: &[Wanted],
-    job: &Job<'a>,
-    setup: &Setup,
-) -> Result<Vec<Box<dyn Sink + 'a>>, ExportError> {
+pub(super) fn sinks<'a>(outputs: &[Wanted], job: &Job<'a>, setup: &Setup) -> Result<Vec<Box<dyn Sink + 'a>>, ExportError> {
     let Setup { section, textures, .. } = setup;
     let wears = outputs.iter().any(|(_, format)| matches!(format, Format::Glb | Format::Obj));
     let dressed = if wears { pictures::scene(Shape::Tube, job.shown, section.radius, textures) } else { Scene::default() };

@@ -97,7 +97,14 @@ impl Block {
     /// A copy of what is known on the flat pattern, as small as it is.
     fn located(&self) -> Self {
         let Self { panel, bar, knitted, strands, yarns, .. } = self;
-        Self { panel: *panel, bar: *bar, knitted: knitted.clone(), strands: strands.clone(), yarns: yarns.clone(), ..Self::default() }
+        Self {
+            panel: *panel,
+            bar: *bar,
+            knitted: knitted.clone(),
+            strands: strands.clone(),
+            yarns: yarns.clone(),
+            ..Self::default()
+        }
     }
 
     fn stitches(&self) -> u64 {

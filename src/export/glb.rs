@@ -418,7 +418,8 @@ fn textured(name: &str, place: usize, mean: [f32; 3]) -> json::Material {
 
 /// A yarn whose fibres catch the light as its colour says.
 fn material(name: &str, color: [f32; 3], surface: json::material::PbrMetallicRoughness) -> json::Material {
-    let sheen = serde_json::json!({ "sheenColorFactor": color.map(|channel| SHEEN * channel), "sheenRoughnessFactor": SHEEN_ROUGHNESS });
+    let sheen =
+        serde_json::json!({ "sheenColorFactor": color.map(|channel| SHEEN * channel), "sheenRoughnessFactor": SHEEN_ROUGHNESS });
     json::Material {
         name: Some(name.to_owned()),
         pbr_metallic_roughness: surface,

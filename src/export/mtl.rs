@@ -52,7 +52,8 @@ fn text(fabric: &Fabric, wardrobe: &Wardrobe, pictures: &[PathBuf]) -> String {
         let [r, g, b] = worn.map_or(bar.yarn.color.linear(), |_| [1.0; 3]);
         // The exponent whose highlight is as wide: 2 / roughness^4 - 2.
         let exponent = 2.0 / ROUGHNESS.powi(4) - 2.0;
-        write!(text, "newmtl bar_{number}\nKd {r} {g} {b}\nKs 0.04 0.04 0.04\nNs {exponent:.3}\nPr {ROUGHNESS}\nillum 2\n").expect("text takes all text");
+        write!(text, "newmtl bar_{number}\nKd {r} {g} {b}\nKs 0.04 0.04 0.04\nNs {exponent:.3}\nPr {ROUGHNESS}\nillum 2\n")
+            .expect("text takes all text");
         if let Some(place) = worn {
             writeln!(text, "map_Kd {}", name(&pictures[place])).expect("text takes all text");
         }

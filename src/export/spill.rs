@@ -5,8 +5,8 @@ use std::io::{self, BufWriter, Read as _, Seek as _, SeekFrom, Write as _};
 use std::ops::Range;
 use std::path::Path;
 
-use super::output::BUFFER;
 use super::ExportError;
+use super::output::BUFFER;
 
 /// One such part.
 #[derive(Debug)]

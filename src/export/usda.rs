@@ -133,7 +133,11 @@ impl Attributes {
     /// Appends those of blocks of one prim; errors are told with the output's name.
     pub(super) fn add(&mut self, blocks: &[Block], conveyor: &mut Conveyor, output: &mut Output) -> Result<(), ExportError> {
         for (attribute, spill) in &mut self.0 {
-            conveyor.carry(blocks, |block, text| attribute.add(block, text), |text| output.write_with(|_| spill.write_all(text)))?;
+            conveyor.carry(
+                blocks,
+                |block, text| attribute.add(block, text),
+                |text| output.write_with(|_| spill.write_all(text)),
+            )?;
         }
         Ok(())
     }

@@ -109,9 +109,13 @@ impl Frames {
         if self.unit_given || fits(self.unit) {
             return (self.unit, None);
         }
-        let nearest = Unit::ALL.into_iter().min_by(|a, b| times(*a).ln().abs().total_cmp(&times(*b).ln().abs())).unwrap_or(self.unit);
+        let nearest =
+            Unit::ALL.into_iter().min_by(|a, b| times(*a).ln().abs().total_cmp(&times(*b).ln().abs())).unwrap_or(self.unit);
         if fits(nearest) {
-            return (nearest, Some(format!("taken to be in {nearest}, while the first frame is in {}; --unit says otherwise", self.unit)));
+            return (
+                nearest,
+                Some(format!("taken to be in {nearest}, while the first frame is in {}; --unit says otherwise", self.unit)),
+            );
         }
         (self.unit, Some(format!("{:.3} times as large as the first frame", times(self.unit))))
     }

@@ -209,7 +209,8 @@ fn every_output_is_the_same_on_one_and_on_two_threads() {
     let folder = tempfile::tempdir().unwrap();
     let garment = [mesh("pinch_flat.obj"), mesh("pinch_draped.obj")];
     for threads in ["1", "2"] {
-        let outputs = ENDINGS.map(|ending| format!("t{threads}.{ending}"));
+        std::fs::create_dir(folder.path().join(threads)).unwrap();
+        let outputs = ENDINGS.map(|ending| format!("{threads}/cloth.{ending}"));
         let mut command = warpknit(folder.path());
         command.arg("drape").args(&garment).args(["--wales-per-cm", "1", "--courses-per-cm", "1.5", "--st", "3", "--sr", "3"]);
         command
@@ -219,7 +220,7 @@ fn every_output_is_the_same_on_one_and_on_two_threads() {
             .success();
     }
     for ending in ENDINGS {
-        let read = |threads: u32| std::fs::read(folder.path().join(format!("t{threads}.{ending}"))).unwrap();
+        let read = |threads: u32| std::fs::read(folder.path().join(format!("{threads}/cloth.{ending}"))).unwrap();
         assert!(read(1) == read(2), ".{ending} differs");
     }
 }

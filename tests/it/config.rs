@@ -23,7 +23,11 @@ fn a_file_in_the_folder_sets_defaults_and_the_command_line_goes_before_it() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     assert_eq!(fabric_of(folder, &[]), ("tricot".to_owned(), 10));
-    std::fs::write(folder.join("warpknit.toml"), "fabric = \"locknit\"\nst = 7\nquiet = true\n\n[swatch]\nst = 8\n\n[yarn]\ndpi = 600.0\n").unwrap();
+    std::fs::write(
+        folder.join("warpknit.toml"),
+        "fabric = \"locknit\"\nst = 7\nquiet = true\n\n[swatch]\nst = 8\n\n[yarn]\ndpi = 600.0\n",
+    )
+    .unwrap();
     assert_eq!(fabric_of(folder, &[]), ("locknit".to_owned(), 8), "a command's own table goes before what is for all");
     assert_eq!(fabric_of(folder, &["--fabric", "satin", "--st", "9"]), ("satin".to_owned(), 9));
     assert_eq!(fabric_of(folder, &["--no-config"]), ("tricot".to_owned(), 10));

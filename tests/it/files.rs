@@ -167,8 +167,10 @@ fn obj_names_a_material_a_bar_and_holds_lines_if_asked_to() {
         .lines()
         .filter_map(|line| Some(line.strip_prefix("v ")?.split(' ').map(|word| word.parse().unwrap()).collect()))
         .collect();
-    let polylines: Vec<Vec<usize>> =
-        text.lines().filter_map(|line| Some(line.strip_prefix("l ")?.split(' ').map(|word| word.parse().unwrap()).collect())).collect();
+    let polylines: Vec<Vec<usize>> = text
+        .lines()
+        .filter_map(|line| Some(line.strip_prefix("l ")?.split(' ').map(|word| word.parse().unwrap()).collect()))
+        .collect();
     assert_eq!(polylines.len(), count(&report, "yarns"));
     assert_eq!(polylines.concat(), (1..=points.len()).collect::<Vec<_>>());
     assert!(polylines.iter().all(|line| line.len() == 7 * 4 + 1), "St segments a stitch");

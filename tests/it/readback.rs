@@ -102,7 +102,7 @@ pub(crate) fn obj(path: &Path) -> Mesh {
                 let corners: Vec<_> = rest.split(' ').map(corner).collect();
                 mesh.triangles.push(corners.try_into().unwrap());
             }
-            _ => assert!(["o", "#"].contains(&key), "{line}"),
+            _ => assert!(["o", "#", "mtllib", "usemtl"].contains(&key), "{line}"),
         }
     }
     mesh

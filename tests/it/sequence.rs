@@ -60,11 +60,17 @@ fn each_frame_is_what_a_run_of_its_own_gives() {
     let outputs = |name: &str| ["csv", "glb", "npz", "obj", "curves.txt"].map(|ending| format!("{name}.{ending}"));
     let flags = |name: &str| outputs(name).into_iter().flat_map(|path| ["-o".to_owned(), path]).collect::<Vec<_>>();
     let together = flags("a");
-    let together: Vec<_> = [flat, "frames", "--unit", "cm", "-o", "a.json"].into_iter().chain(together.iter().map(String::as_str)).collect();
+    let together: Vec<_> = [flat, "frames", "--unit", "cm", "--uv-scale", "10", "-o", "a.json"]
+        .into_iter()
+        .chain(together.iter().map(String::as_str))
+        .collect();
     drape(folder, &together).success();
     for (number, frame) in ["f_8", "f_9", "f_10"].into_iter().enumerate() {
         let (alone, path) = (flags("b"), format!("frames/{frame}.obj"));
-        let alone: Vec<_> = [flat, &path, "--unit", "cm", "-o", "b.json"].into_iter().chain(alone.iter().map(String::as_str)).collect();
+        let alone: Vec<_> = [flat, &path, "--unit", "cm", "--uv-scale", "10", "-o", "b.json"]
+            .into_iter()
+            .chain(alone.iter().map(String::as_str))
+            .collect();
         drape(folder, &alone).success();
         let numbered = format!("a-{:03}", number + 1);
         for (a, b) in outputs(&numbered).iter().zip(outputs("b")) {
@@ -106,7 +112,8 @@ fn a_usda_holds_all_frames_and_a_bad_one_is_left_out_by_choice() {
     drape(folder, &[flat, "frames/f_9.obj", "-o", "one.usda"]).success();
     let one = String::from_utf8(read(folder, "one.usda")).unwrap();
     let points = one.split("point3f[] points = [").nth(1).unwrap().split(']').next().unwrap();
-    let points: Vec<f64> = points.split(|c: char| "(), ".contains(c)).filter(|word| !word.is_empty()).map(|word| word.parse().unwrap()).collect();
+    let points: Vec<f64> =
+        points.split(|c: char| "(), ".contains(c)).filter(|word| !word.is_empty()).map(|word| word.parse().unwrap()).collect();
     assert_eq!(all[1].1, points);
 
     let text = std::fs::read_to_string(folder.join("frames/f_9.obj")).unwrap();
@@ -116,7 +123,8 @@ fn a_usda_holds_all_frames_and_a_bad_one_is_left_out_by_choice() {
     assert!(told.contains("error: ") && told.contains("f_9.obj"), "{told}");
     assert!(!folder.join("bad.usda").exists() && folder.join("bad-001.csv").exists(), "what was whole stays");
 
-    let passed = drape(folder, &[flat, "frames", "--skip-bad-frames", "-o", "bad.usda", "-o", "bad.csv", "-o", "bad.json"]).success();
+    let passed =
+        drape(folder, &[flat, "frames", "--skip-bad-frames", "-o", "bad.usda", "-o", "bad.csv", "-o", "bad.json"]).success();
     let told = String::from_utf8_lossy(&passed.get_output().stderr).into_owned();
     assert!(told.contains("left out: ") && told.contains("f_9.obj") && told.contains("2 of 3 frames"), "{told}");
     let bad = String::from_utf8(read(folder, "bad.usda")).unwrap();
@@ -139,7 +147,7 @@ fn the_camera_stays_while_the_cloth_moves() {
     moved(folder, "1.obj", |p| p);
     moved(folder, "2.obj", |p| p + DVec3::new(40.0, 0.0, 0.0));
     let picture = ["-o", "p.png", "--size", "96x72", "--spp", "1", "--renderer", "cpu"];
-    drape(folder, &[&[flat.to_str().unwrap(), "1.obj", "2.obj", "--unit", "mm"][..], &picture].concat()).success();
+    drape(folder, &[&[flat.to_str().unwrap(), "1.obj", "2.obj", "--unit", "cm"][..], &picture].concat()).success();
     let columns = |name: &str| {
         let picture = image::load_from_memory(&read(folder, name)).unwrap().into_rgb8();
         let drawn = |x: &u32| (0..picture.height()).any(|y| picture.get_pixel(*x, y).0.iter().any(|&level| level < 200));
@@ -209,7 +217,10 @@ fn real_sequences_are_read() {
         assert!(String::from_utf8_lossy(&told.get_output().stderr).contains("frame_0059.obj: taken to be in cm"));
         let positions = |name: &str| -> Vec<f64> {
             let rows = String::from_utf8(read(folder.path(), name)).unwrap();
-            rows.lines().skip(1).flat_map(|row| row.split(',').skip(11).take(3).map(|number| number.parse().unwrap()).collect::<Vec<f64>>()).collect()
+            rows.lines()
+                .skip(1)
+                .flat_map(|row| row.split(',').skip(11).take(3).map(|number| number.parse().unwrap()).collect::<Vec<f64>>())
+                .collect()
         };
         let (a, b) = (positions("a-010.csv"), positions("b-003.csv"));
         assert_eq!(a.len(), b.len());
@@ -223,8 +234,10 @@ fn real_sequences_are_read() {
     // At rest on the body, with vt; its frames have none.
     if let Some(shirt) = real("diffcloth_nasty") {
         let folder = tempfile::tempdir().unwrap();
-        let paths = ["tshirt1000-tri.obj", "1.obj", "50.obj", "250.obj"].map(|name| shirt.join(name).to_str().unwrap().to_owned());
-        let told = drape(folder.path(), &[&paths.iter().map(String::as_str).collect::<Vec<_>>()[..], &["-o", "t.csv"]].concat()).success();
+        let paths =
+            ["tshirt1000-tri.obj", "1.obj", "50.obj", "250.obj"].map(|name| shirt.join(name).to_str().unwrap().to_owned());
+        let told = drape(folder.path(), &[&paths.iter().map(String::as_str).collect::<Vec<_>>()[..], &["-o", "t.csv"]].concat())
+            .success();
         assert!(String::from_utf8_lossy(&told.get_output().stderr).contains("does not lie flat: its vt"));
         assert!(folder.path().join("t-003.csv").exists());
     }

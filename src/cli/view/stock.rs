@@ -14,8 +14,8 @@ use warpknit::report::Timings;
 use warpknit::scene::{Scene, Shape};
 
 use super::super::args::Live;
-use super::super::clock::{Clock, Task};
 use super::super::choice::{drawn_radius, enlarged, fabric, named_fabric, pictured, turn_grains};
+use super::super::clock::{Clock, Task};
 use super::super::make::{MOST_STITCHES, check_laid, check_memory, loss_warning, task};
 use super::super::pictures::{self, Textures};
 
