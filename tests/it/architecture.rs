@@ -37,3 +37,18 @@ fn every_file_is_listed_and_every_listed_file_is_there() {
     assert_eq!(there.difference(&listed).collect::<Vec<_>>(), Vec::<&String>::new(), "in the tree, not in ARCHITECTURE.md");
     assert_eq!(listed.difference(&there).collect::<Vec<_>>(), Vec::<&String>::new(), "in ARCHITECTURE.md, not in the tree");
 }
+
+#[test]
+fn every_file_format_has_a_page_and_a_row_in_the_tables() {
+    let refused = warpknit::export::Format::of(Path::new("cloth.unknown")).unwrap_err().to_string();
+    let endings: Vec<&str> = refused.split("known are ").nth(1).unwrap().split_whitespace().collect();
+    assert!(endings.len() > 10, "{refused}");
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let read = |path: &str| std::fs::read_to_string(root.join(path)).unwrap_or_else(|error| panic!("{path}: {error}"));
+    for ending in endings {
+        let page = format!("formats/{}.md", ending.trim_start_matches('.'));
+        assert!(read(&format!("docs/{page}")).starts_with(&format!("# {ending}\n")), "{page}");
+        assert!(read("README.md").contains(&format!("| [`{ending}`](docs/{page}) |")), "{ending} in README.md");
+        assert!(read("docs/formats.md").contains(&format!("| [`{ending}`]({page}) |")), "{ending} in docs/formats.md");
+    }
+}
