@@ -11,6 +11,8 @@ mod make;
 mod numbers;
 mod pictures;
 mod sheet;
+#[cfg(unix)]
+mod signals;
 mod system;
 mod targets;
 mod values;
@@ -24,6 +26,8 @@ use anyhow::Result;
 
 pub(crate) use args::Arguments;
 use args::Command;
+#[cfg(unix)]
+pub(crate) use signals::clean_up_on_signals;
 
 /// Runs the command that was asked for.
 pub(crate) fn run(arguments: Arguments) -> Result<()> {

@@ -21,6 +21,9 @@ mod garment;
 mod golden;
 mod gpu;
 mod interlock;
+#[cfg(unix)]
+mod interruption;
+mod licences;
 mod locate;
 mod malformed;
 mod map;
