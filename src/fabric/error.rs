@@ -114,7 +114,9 @@ pub enum Fault {
     #[error("the bars repeat together only after {0} courses; at most {MAX_REPEAT} are taken")]
     RepeatTooLong(usize),
     /// Bars and threadings that meet too rarely together.
-    #[error("a repeat of {wales} wales by {courses} courses is too large for {bars} bars or feeders; at most {most} laps are taken")]
+    #[error(
+        "a repeat of {wales} wales by {courses} courses is too large for {bars} bars or feeders; at most {most} laps are taken"
+    )]
     RepeatTooLarge {
         /// Wales of the common repeat.
         wales: usize,

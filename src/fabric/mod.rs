@@ -326,7 +326,8 @@ mod tests {
         let warp = good.replacen("1-2/1-0//", &"1-2/1-0/".repeat(3_000), 1).replacen("threading = \"I\"", &threading(900), 1);
         assert!(matches!(Fabric::parse(&warp), Err(FabricError { fault: Fault::RepeatTooLarge { bars: 2, .. }, .. })));
         let feeder = &good[good.find("[bars.yarn]").unwrap()..good.rfind("[[bars]]").unwrap()].replace("bars", "feeders");
-        let head = format!("name = \"w\"\nkind = \"weft\"\nwales_per_cm = 7.0\ncourses_per_cm = 8.0\nchart = \"{}\"\n", "k".repeat(500));
+        let head =
+            format!("name = \"w\"\nkind = \"weft\"\nwales_per_cm = 7.0\ncourses_per_cm = 8.0\nchart = \"{}\"\n", "k".repeat(500));
         let weft = |courses: usize| format!("{head}[[feeders]]\ncourses = \"{}\"\n{feeder}", "I".repeat(courses));
         assert!(Fabric::parse(&weft(2_000)).is_ok());
         let refused = Fabric::parse(&weft(2_001));

@@ -143,9 +143,22 @@ fn interrupts(subject: &Subject, signals: &[Signal], moments: &[f64]) {
     }
 }
 
+/// Whether what is started here is told of SIGHUP: where the system doesn't say, the program doesn't listen for it.
+fn hears_hangups() -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored = status.lines().find_map(|line| u64::from_str_radix(line.strip_prefix("SigIgn:")?.trim(), 16).ok());
+    ignored.is_some_and(|ignored| ignored & 1 == 0)
+}
+
 #[test]
 fn an_interrupted_run_leaves_old_files_and_no_others() {
-    interrupts(&Subject::drape(), &[Signal::INT, Signal::TERM, Signal::HUP], &MOMENTS);
+    let mut signals = vec![Signal::INT, Signal::TERM];
+    if hears_hangups() {
+        signals.push(Signal::HUP);
+    } else {
+        eprintln!("skipped: SIGHUP, which is ignored where these tests run (nohup), and so by what they start");
+    }
+    interrupts(&Subject::drape(), &signals, &MOMENTS);
 }
 
 #[test]
@@ -153,7 +166,8 @@ fn an_interrupted_yarn_leaves_no_folder_or_the_old_one() {
     let place = tempfile::tempdir().unwrap();
     let photo = photo(place.path());
     interrupts(&Subject::yarn(&photo, Files::new()), &[Signal::INT], &FEW_MOMENTS);
-    let old = ["base_color.png", "yarn.toml", "mine.txt"].map(|name| (format!("maps/{name}"), format!("old {name}").into_bytes()));
+    let old =
+        ["base_color.png", "yarn.toml", "mine.txt"].map(|name| (format!("maps/{name}"), format!("old {name}").into_bytes()));
     interrupts(&Subject::yarn(&photo, old.into()), &[Signal::INT], &FEW_MOMENTS);
 }
 
@@ -233,7 +247,10 @@ fn check_refusal(output: &Output, folder: &Path, why: &str) {
     let message = String::from_utf8_lossy(&output.stderr);
     assert_eq!((output.status.code(), output.status.signal()), (Some(1), None), "{message}");
     assert!(message.starts_with("error: ") && message.lines().count() == 1, "{message}");
-    assert!((message.contains("x.glb: can't write") || message.contains("x.csv: can't write")) && message.contains(why), "{message}");
+    assert!(
+        (message.contains("x.glb: can't write") || message.contains("x.csv: can't write")) && message.contains(why),
+        "{message}"
+    );
     assert_eq!(files(folder), Files::from([("x.glb".to_owned(), b"old".to_vec())]), "{message}");
 }
 

@@ -117,7 +117,9 @@ fn what_is_not_allowed_is_found() {
     for license in ["MIT/Apache-2.0", "GPL-3.0-only OR Zlib", "(MIT OR Apache-2.0) AND Unicode-3.0"] {
         assert_eq!(of(Some(license), index.as_deref()), None);
     }
-    for license in ["GPL-3.0-only", "MIT AND GPL-2.0-or-later", "OFL-1.1", "Apache-2.0 WITH LLVM-exception", "none of your business"] {
+    for license in
+        ["GPL-3.0-only", "MIT AND GPL-2.0-or-later", "OFL-1.1", "Apache-2.0 WITH LLVM-exception", "none of your business"]
+    {
         assert!(of(Some(license), None).is_some(), "{license}");
     }
     assert!(of(None, None).is_some());

@@ -27,6 +27,8 @@ mod licences;
 mod locate;
 mod malformed;
 mod map;
+#[cfg(target_os = "linux")]
+mod memory;
 mod nets;
 mod photo;
 mod readback;
