@@ -88,12 +88,13 @@ fn noise_is_refused_early() {
 #[test]
 fn records_take_a_known_multiple_of_their_size() {
     let flat = |number: u64| format!("v {} {} 0\nvt {0} {1}\n", number % 1000, number / 1000);
-    // The shortest records that there are, and those of a real file. MULTIPLE is what docs and README say.
+    // The shortest records that there are, which take most for their size, and a plain net's.
     for (what, head, line) in [
         ("v", TRIANGLE, Box::new(|_| "v 1 2 3\n".to_owned()) as Box<dyn FnMut(u64) -> String + Send>),
         ("vt", TRIANGLE, Box::new(|_| "vt 1 2\n".to_owned())),
         ("faces", TRIANGLE, Box::new(|_| "f 1 2 3\n".to_owned())),
         ("faces that are no garment", "", Box::new(|_| "f 1 2 3\n".to_owned())),
+        ("polygons", TRIANGLE, Box::new(|_| format!("f{}\n", " 1 2 3".repeat(7)))),
         ("named faces", TRIANGLE, Box::new(|number| format!("o {number}\nf 1 2 3\n"))),
         ("a net", TRIANGLE, Box::new(move |number| flat(number) + &face(number))),
     ] {
@@ -103,7 +104,8 @@ fn records_take_a_known_multiple_of_their_size() {
     }
 }
 
-/// The most bytes that are held for each that is read.
+/// The most bytes that are held for each that is read, as the README says. Measured 2026-11: polygons of short indices 26, triangles of them 19, each with a
+/// name of its own 16, vertices 4.
 const MULTIPLE: u64 = 40;
 
 /// A triangle of the net that [`records_take_a_known_multiple_of_their_size`] writes.
