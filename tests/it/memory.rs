@@ -72,7 +72,7 @@ fn names_that_no_face_has_take_nothing() {
 #[test]
 fn noise_is_refused_early() {
     let mut state = 1_u64;
-    let mut noise = move |_| {
+    let noise = move |_| {
         let next = || {
             state ^= state << 13;
             state ^= state >> 7;
@@ -81,7 +81,7 @@ fn noise_is_refused_early() {
         };
         std::iter::repeat_with(next).take(4096).collect::<String>()
     };
-    let (most, read) = peak("", &mut noise, 20 * MB);
+    let (most, read) = peak("", noise, 20 * MB);
     assert!(!read && most < PROGRAM, "{} MB", most / MB);
 }
 
@@ -111,5 +111,9 @@ const MULTIPLE: u64 = 40;
 /// A triangle of the net that [`records_take_a_known_multiple_of_their_size`] writes.
 fn face(number: u64) -> String {
     let at = number + 3;
-    if number <= 1000 || number % 1000 == 0 { String::new() } else { format!("f {at}/{at} {0}/{0} {1}/{1}\n", at - 1, at - 1000) }
+    if number <= 1000 || number.is_multiple_of(1000) {
+        String::new()
+    } else {
+        format!("f {at}/{at} {0}/{0} {1}/{1}\n", at - 1, at - 1000)
+    }
 }
