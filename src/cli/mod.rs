@@ -16,6 +16,8 @@ mod pictures;
 mod sequence;
 mod sheet;
 mod shell;
+#[cfg(unix)]
+mod signals;
 mod system;
 mod targets;
 mod values;
@@ -30,6 +32,8 @@ use anyhow::Result;
 
 pub(crate) use args::Arguments;
 use args::Command;
+#[cfg(unix)]
+pub(crate) use signals::clean_up_on_signals;
 
 /// Runs the command that was asked for.
 pub(crate) fn run(arguments: Arguments) -> Result<()> {

@@ -1,12 +1,10 @@
 //! A folder that becomes visible only when it is whole; one that is there already takes the new files, each whole, one after another.
 
-use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use tempfile::TempDir;
-
 use super::ExportError;
+use super::temporary::TemporaryFolder;
 
 /// A folder being filled beside its target.
 ///
@@ -14,7 +12,7 @@ use super::ExportError;
 #[derive(Debug)]
 pub struct OutputFolder {
     target: PathBuf,
-    temporary: TempDir,
+    temporary: TemporaryFolder,
 }
 
 impl OutputFolder {
@@ -36,14 +34,7 @@ impl OutputFolder {
         if !around.is_dir() {
             return Err(io::Error::new(io::ErrorKind::NotFound, format!("there is no folder {}", around.display())));
         }
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(".warpknit-");
-        #[cfg(unix)]
-        {
-            use std::os::unix::fs::PermissionsExt;
-            builder.permissions(fs::Permissions::from_mode(0o777));
-        }
-        let temporary = builder.tempdir_in(around)?;
+        let temporary = TemporaryFolder::create_in(around)?;
         Ok(Self { target, temporary })
     }
 
@@ -64,23 +55,15 @@ impl OutputFolder {
     /// # Errors
     /// [`ExportError::Io`].
     pub fn publish(self) -> Result<(), ExportError> {
-        self.rename().map_err(|source| ExportError::Io { path: self.target.clone(), source })
-    }
-
-    fn rename(&self) -> io::Result<()> {
-        if !self.target.exists() {
-            return fs::rename(self.temporary.path(), &self.target);
-        }
-        for entry in fs::read_dir(self.temporary.path())? {
-            let entry = entry?;
-            fs::rename(entry.path(), self.target.join(entry.file_name()))?;
-        }
-        Ok(())
+        let Self { target, temporary } = self;
+        temporary.publish(&target).map_err(|source| ExportError::Io { path: target, source })
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     #[test]

@@ -2,7 +2,7 @@
 //!
 //! In: blocks of yarns as [`crate::drape::run`] hands them over, yarn by yarn, so that nothing is held whole. Out: one file a writer. Each goes to a
 //! temporary file beside its target ([`Output`]) and takes the target's name only when every output of the run is whole, so a failed run
-//! leaves no partial file and the old one stays.
+//! leaves no partial file and the old one stays. A program that ends in another way than by returning calls [`remove_temporaries`] first.
 
 pub mod bcc;
 mod buffer;
@@ -23,6 +23,7 @@ pub mod ply;
 pub mod png;
 mod spill;
 mod texture;
+mod temporary;
 pub mod usda;
 pub mod usda_frames;
 
@@ -33,6 +34,7 @@ use crate::fabric::Fabric;
 use crate::yarn::tube::Section;
 pub use folder::OutputFolder;
 pub use output::Output;
+pub use temporary::{TemporaryFolder, remove_temporaries};
 
 /// Binary formats take numbers as they lie in memory.
 const _: () = assert!(cfg!(target_endian = "little"), ".glb and .ply are little-endian");

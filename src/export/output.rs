@@ -4,9 +4,8 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use tempfile::{NamedTempFile, TempPath};
-
 use super::ExportError;
+use super::temporary::TemporaryFile;
 
 /// Buffer of an output: large enough that the system is rarely called, and small enough that what a writer has made whole goes to it at once, uncopied.
 pub(super) const BUFFER: usize = 1 << 16;
@@ -19,7 +18,7 @@ pub struct Output {
     target: PathBuf,
     file: BufWriter<File>,
     /// The temporary name, removed on drop.
-    temporary: Option<TempPath>,
+    temporary: Option<TemporaryFile>,
 }
 
 impl Output {
@@ -41,7 +40,7 @@ impl Output {
             let file = File::options().write(true).open(&target)?;
             return Ok(Self { target, file: BufWriter::with_capacity(BUFFER, file), temporary: None });
         }
-        let (file, temporary) = temporary_beside(&target)?.into_parts();
+        let (file, temporary) = temporary_beside(&target)?;
         Ok(Self { target, file: BufWriter::with_capacity(BUFFER, file), temporary: Some(temporary) })
     }
 
@@ -79,28 +78,21 @@ impl Output {
     /// [`ExportError::Io`].
     pub fn publish(self) -> Result<(), ExportError> {
         match self.temporary {
-            Some(temporary) => temporary
-                .persist(&self.target)
-                .map_err(|refused| ExportError::Io { path: self.target.clone(), source: refused.error }),
+            Some(temporary) => {
+                temporary.publish(&self.target).map_err(|source| ExportError::Io { path: self.target.clone(), source })
+            }
             None => Ok(()),
         }
     }
 }
 
-/// A new file beside `target`, with the rights that the user's own new files have.
-fn temporary_beside(target: &Path) -> io::Result<NamedTempFile> {
+/// A new file beside `target`.
+fn temporary_beside(target: &Path) -> io::Result<(File, TemporaryFile)> {
     let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".warpknit-");
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        builder.permissions(std::fs::Permissions::from_mode(0o666));
-    }
     if !folder.is_dir() {
         return Err(io::Error::new(io::ErrorKind::NotFound, format!("there is no folder {}", folder.display())));
     }
-    builder.tempfile_in(folder)
+    TemporaryFile::create_in(folder)
 }
 
 #[cfg(test)]

@@ -113,6 +113,20 @@ pub enum Fault {
     /// Bars that meet too rarely.
     #[error("the bars repeat together only after {0} courses; at most {MAX_REPEAT} are taken")]
     RepeatTooLong(usize),
+    /// Bars and threadings that meet too rarely together.
+    #[error(
+        "a repeat of {wales} wales by {courses} courses is too large for {bars} bars or feeders; at most {most} laps are taken"
+    )]
+    RepeatTooLarge {
+        /// Wales of the common repeat.
+        wales: usize,
+        /// Its courses.
+        courses: usize,
+        /// Bars that lap each of them, or the one feeder that does.
+        bars: usize,
+        /// The limit.
+        most: usize,
+    },
 }
 
 impl From<Fault> for FabricError {

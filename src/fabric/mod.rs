@@ -36,6 +36,11 @@ pub const MAX_THREADING: usize = 1_000;
 /// The most guide bars; machines have up to some 80, most of them for a few patterning threads.
 pub const MAX_BARS: usize = 100;
 
+/// The most needles of the common repeat, over all of its courses and bars: each is looked at for warnings.
+pub const MAX_LAPS: usize = 10_000_000;
+/// The most loops of a weft knit's common repeat: all are laid out, and take a kilobyte each.
+pub const MAX_LOOPS: usize = 1_000_000;
+
 const INCH_IN_CM: f64 = 2.54;
 /// The thickest radius that leaves a loop open, over W and over C.
 const THICKEST_ACROSS: f64 = 0.12;
@@ -142,12 +147,15 @@ impl Fabric {
     /// Refuses more bars and longer repeats than can be knitted.
     fn check_repeats(&self) -> Result<(), Fault> {
         let (courses, guides) = (self.repeat(), self.threading_repeat());
+        // Of feeders one alone knits each course.
+        let (bars, most) = if self.motif.is_some() { (1, MAX_LOOPS) } else { (self.bars.len(), MAX_LAPS) };
         match self.bars.len() {
             0 if self.motif.is_some() => Err(Fault::NoFeeders),
             0 => Err(Fault::NoBars),
             bars if bars > MAX_BARS => Err(Fault::TooManyBars(bars)),
             _ if courses > MAX_REPEAT => Err(Fault::RepeatTooLong(courses)),
             _ if guides > MAX_THREADING => Err(Fault::ThreadingTooLong(guides)),
+            _ if guides * courses * bars > most => Err(Fault::RepeatTooLarge { wales: guides, courses, bars, most }),
             _ => self.check_feeders(),
         }
     }
@@ -299,14 +307,31 @@ mod tests {
         assert_eq!(Fabric::parse(&fabric.to_string()).unwrap(), fabric);
     }
 
+    fn threading(marks: usize) -> String {
+        format!("threading = \"{}\"", "I".repeat(marks))
+    }
+
     #[test]
     fn too_much_of_anything_is_refused() {
         let good = Fabric::named("tricot").unwrap().to_string();
-        let threading = |marks: usize| format!("threading = \"{}\"", "I".repeat(marks));
         let long = good.replacen("threading = \"I\"", &threading(997), 1).replacen("threading = \"I\"", &threading(1009), 1);
         assert!(matches!(Fabric::parse(&long), Err(FabricError { fault: Fault::ThreadingTooLong(_), .. })));
         let bars = good[good.find("[[bars]]").unwrap()..].repeat(60);
         assert!(matches!(Fabric::parse(&(good + "\n" + &bars)), Err(FabricError { fault: Fault::TooManyBars(122), .. })));
+    }
+
+    #[test]
+    fn a_repeat_that_takes_minutes_or_gigabytes_is_refused() {
+        let good = Fabric::named("tricot").unwrap().to_string();
+        let warp = good.replacen("1-2/1-0//", &"1-2/1-0/".repeat(3_000), 1).replacen("threading = \"I\"", &threading(900), 1);
+        assert!(matches!(Fabric::parse(&warp), Err(FabricError { fault: Fault::RepeatTooLarge { bars: 2, .. }, .. })));
+        let feeder = &good[good.find("[bars.yarn]").unwrap()..good.rfind("[[bars]]").unwrap()].replace("bars", "feeders");
+        let head =
+            format!("name = \"w\"\nkind = \"weft\"\nwales_per_cm = 7.0\ncourses_per_cm = 8.0\nchart = \"{}\"\n", "k".repeat(500));
+        let weft = |courses: usize| format!("{head}[[feeders]]\ncourses = \"{}\"\n{feeder}", "I".repeat(courses));
+        assert!(Fabric::parse(&weft(2_000)).is_ok());
+        let refused = Fabric::parse(&weft(2_001));
+        assert!(matches!(refused, Err(FabricError { fault: Fault::RepeatTooLarge { bars: 1, .. }, .. })), "{refused:?}");
     }
 
     #[test]

@@ -123,8 +123,6 @@ struct Notes {
     positions: u64,
     texture: u64,
     triangles: u64,
-    object: Option<u32>,
-    group: Option<u32>,
     /// All faces' corners so far.
     connectivity: DefaultHasher,
     /// Their vertices as numbered in the file, from 1.
@@ -176,6 +174,39 @@ impl Forward {
     }
 }
 
+/// What the faces to come are called. A name is kept only once a face has it: a file may hold millions that none has.
+#[derive(Debug, Default)]
+enum Label {
+    #[default]
+    None,
+    Written(String),
+    /// Its index in [`Notes::names`].
+    Kept(u32),
+}
+
+impl Label {
+    fn of(rest: &[u8]) -> Self {
+        let words: Vec<_> = tokens(rest).map(String::from_utf8_lossy).collect();
+        Self::Written(words.join(" "))
+    }
+
+    /// The name's index, for a face that has it.
+    fn keep(&mut self, known: &mut HashMap<String, u32>, names: &mut Vec<String>) -> Option<u32> {
+        if let Self::Written(name) = self {
+            let next = index32(names.len());
+            let index = *known.entry(std::mem::take(name)).or_insert_with_key(|name| {
+                names.push(name.clone());
+                next
+            });
+            *self = Self::Kept(index);
+        }
+        match self {
+            Self::Kept(index) => Some(*index),
+            _ => None,
+        }
+    }
+}
+
 /// OBJ text in, clean OBJ text out, as a [`BufRead`] for tobj.
 struct Cleaner<R> {
     lines: Records<R>,
@@ -183,6 +214,8 @@ struct Cleaner<R> {
     at: usize,
     notes: Notes,
     known: HashMap<String, u32>,
+    object: Label,
+    group: Label,
     forward_v: Forward,
     forward_vt: Forward,
     stop: Option<Stop>,
@@ -198,6 +231,8 @@ impl<R: BufRead> Cleaner<R> {
             at: 0,
             notes: Notes::default(),
             known: HashMap::new(),
+            object: Label::None,
+            group: Label::None,
             forward_v: Forward::default(),
             forward_vt: Forward::default(),
             stop: None,
@@ -232,11 +267,11 @@ impl<R: BufRead> Cleaner<R> {
             }
             b"f" => self.face(without_comment(rest)),
             b"o" => {
-                self.notes.object = Some(self.name(rest));
+                self.object = Label::of(rest);
                 Ok(())
             }
             b"g" => {
-                self.notes.group = Some(self.name(rest));
+                self.group = Label::of(rest);
                 Ok(())
             }
             _ => Ok(()),
@@ -302,7 +337,7 @@ impl<R: BufRead> Cleaner<R> {
             return Err(Fault::TooMany { limit: MOST });
         }
         self.notes.connectivity.write_usize(corners);
-        let (object, group) = (self.notes.object, self.notes.group);
+        let [object, group] = [&mut self.object, &mut self.group].map(|label| label.keep(&mut self.known, &mut self.notes.names));
         self.notes.faces.push(Face { line: self.lines.first, corners: index32(corners), textured, object, group });
         Ok(())
     }
@@ -333,16 +368,6 @@ impl<R: BufRead> Cleaner<R> {
         }
         self.clean.push(b'\n');
         Ok(textured)
-    }
-
-    /// The index of an object's or a group's name.
-    fn name(&mut self, rest: &[u8]) -> u32 {
-        let words: Vec<_> = tokens(rest).map(String::from_utf8_lossy).collect();
-        let next = index32(self.notes.names.len());
-        *self.known.entry(words.join(" ")).or_insert_with_key(|name| {
-            self.notes.names.push(name.clone());
-            next
-        })
     }
 
     /// What can be judged at the end of the file alone.

@@ -258,8 +258,10 @@ impl Piece {
                 panel.faces.push(pair.face);
             }
         }
-        panel.normals = normals(&panel.draped, &panel.triangles);
+        panel.normals.resize(panel.draped.len(), DVec3::Z);
         panel.order_along_curve();
+        // In this order, as for each frame of a sequence, so that the same drape has the same normals to the last bit.
+        panel.normals = normals(&panel.draped, &panel.triangles);
         (panel, self.degenerate + vanished)
     }
 }

@@ -1,9 +1,15 @@
 //! What can be wrong with the pictures of a yarn.
 
+use std::fmt::Display;
 use std::io;
 use std::path::PathBuf;
 
 use super::develop::DevelopError;
+
+/// What others say in lines, in one.
+fn one_line(message: impl Display) -> String {
+    message.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
+}
 
 /// Why a yarn's pictures can't be used; each names the file and what to do.
 #[derive(Debug, thiserror::Error)]
@@ -18,14 +24,14 @@ pub enum PhotoError {
         reason: io::Error,
     },
     /// Bytes that no decoder takes.
-    #[error("{}: is no image that can be read ({reason}): save it as PNG or JPEG", .path.display())]
+    #[error("{}: is no image that can be read ({}): save it as PNG or JPEG", .path.display(), one_line(.reason))]
     NotAnImage {
         /// The file.
         path: PathBuf,
         /// What the decoder said.
         reason: image::ImageError,
     },
-    /// A JPEG that ends before its picture does; decoders make up the rest.
+    /// A file that ends before its picture does; decoders of JPEG make up the rest.
     #[error("{}: ends in the middle of its picture: copy it again", .path.display())]
     CutShort {
         /// The file.
@@ -70,7 +76,7 @@ pub enum PhotoError {
         reason: DevelopError,
     },
     /// yarn.toml is no TOML, or has a size that is no number.
-    #[error("{}: can't be understood ({}): its keys are width_mm, length_mm and width_in_yarns, all numbers", .path.display(), .reason.message())]
+    #[error("{}: can't be understood ({}): its keys are width_mm, length_mm and width_in_yarns, all numbers", .path.display(), one_line(.reason.message()))]
     Toml {
         /// The file.
         path: PathBuf,

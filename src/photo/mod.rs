@@ -40,6 +40,12 @@ const ROUGHNESS: u8 = 191;
 /// How far white lies above black in a height map, in widths of the picture: half as high as a round yarn is wide.
 const RELIEF: f32 = 0.5;
 
+/// How many bytes of picture a byte of a file may hold: deflate reaches 1032, JPEG some 1200. A file that claims more is cut short, and would take memory
+/// that its size doesn't bound.
+const MOST_PACKED: u64 = 2048;
+/// What decoding takes beside the picture, bytes.
+const DECODER_BYTES: u64 = 16 << 20;
+
 /// A map of heights or shares.
 type Grey = ImageBuffer<Luma<u16>, Vec<u16>>;
 
@@ -114,12 +120,18 @@ fn decoded(path: &Path, check: impl Fn(u32, u32) -> Result<(), PhotoError>) -> R
     check(width, height)?;
     let bytes = fs::read(path).map_err(unread)?;
     let mut reader = ImageReader::new(Cursor::new(&bytes)).with_guessed_format().map_err(unread)?;
-    // The size is known to be bearable.
-    reader.limits(Limits::no_limits());
+    let holds = MOST_PACKED.saturating_mul(bytes.len() as u64);
+    // The sides are known to be bearable; what else a file may unpack to is bounded by its size.
+    let mut limits = Limits::no_limits();
+    limits.max_alloc = Some(holds.saturating_add(DECODER_BYTES));
+    reader.limits(limits);
     if reader.format() == Some(ImageFormat::Jpeg) && is_cut_short(&bytes) {
         return Err(PhotoError::CutShort { path: path.to_owned() });
     }
     let mut decoder = reader.into_decoder().map_err(undecoded)?;
+    if decoder.total_bytes() > holds {
+        return Err(PhotoError::CutShort { path: path.to_owned() });
+    }
     // Phones keep pictures as the chip lies and say how they are to be turned.
     let orientation = decoder.orientation().map_err(undecoded)?;
     let mut picture = DynamicImage::from_decoder(decoder).map_err(undecoded)?;

@@ -22,9 +22,14 @@ mod garment;
 mod golden;
 mod gpu;
 mod interlock;
+#[cfg(unix)]
+mod interruption;
+mod licences;
 mod locate;
 mod malformed;
 mod map;
+#[cfg(target_os = "linux")]
+mod memory;
 mod nets;
 mod photo;
 mod readback;

@@ -20,7 +20,7 @@ fn grey(folder: &TempDir, name: &str, side: (u32, u32), of: impl Fn(u32, u32) ->
 fn error(path: &Path) -> (PhotoError, String) {
     let error = read_maps(path, 1.0, None).unwrap_err();
     let text = error.to_string();
-    assert!(text.contains(path.file_name().unwrap().to_str().unwrap()), "{text}");
+    assert!(text.contains(path.file_name().unwrap().to_str().unwrap()) && !text.contains('\n'), "{text:?}");
     (error, text)
 }
 
@@ -92,4 +92,28 @@ fn what_is_wrong_is_said_with_the_files_name_and_a_way_out() {
         };
         assert_eq!(message, key);
     }
+}
+
+#[test]
+fn a_decoder_that_speaks_in_lines_is_quoted_in_one() {
+    let folder = folder();
+    let path = folder.path().join("start.jpg");
+    std::fs::write(&path, b"\xFF\xD8\xFF").unwrap();
+    assert!(matches!(error(&path).0, PhotoError::NotAnImage { .. }));
+}
+
+#[test]
+fn a_file_that_claims_more_than_it_can_hold_takes_no_memory() {
+    let folder = folder();
+    let path = folder.path().join("claims.png");
+    // 16384 x 16384 pixels of eight bytes: 2 GB, in a file of 57 bytes.
+    let head = b"\x89PNG\r\n\x1A\n\0\0\0\x0DIHDR\0\0\x40\0\0\0\x40\0\x10\x06\0\0\0\xF9\x58\xCC\xC7";
+    let data = b"\0\0\0\0IDAT\x35\xAF\x06\x1E\0\0\0\0IEND\xAE\x42\x60\x82";
+    std::fs::write(&path, [&head[..], data].concat()).unwrap();
+    assert!(matches!(error(&path).0, PhotoError::CutShort { .. }));
+    // What is packed tightly is read all the same.
+    let black = folder.path().join("black.png");
+    RgbaImage::new(2048, 1024).save(&black).unwrap();
+    assert!(std::fs::metadata(&black).unwrap().len() < 2048 * 1024 * 4 / 100);
+    assert!(read_maps(&black, 1.0, None).is_ok());
 }

@@ -4,6 +4,7 @@ use std::fs;
 
 use anyhow::{Context, Result};
 use warpknit::drape::{Cloth, Options};
+use warpknit::export::TemporaryFolder;
 use warpknit::fabric::Fabric;
 use warpknit::garment::{Facts, Garment, Panel, ReadOptions, read};
 use warpknit::ids::index32;
@@ -44,7 +45,7 @@ impl Shipped {
     }
 
     fn read(self) -> Result<Garment> {
-        let folder = tempfile::tempdir().context("no room for a temporary file")?;
+        let folder = TemporaryFolder::create_in(&std::env::temp_dir()).context("no room for a temporary file")?;
         let [flat, draped] = ["flat.obj", "draped.obj"].map(|name| folder.path().join(name));
         for (path, bytes) in [&flat, &draped].into_iter().zip(self.files()) {
             fs::write(path, bytes).with_context(|| format!("{}: can't write", path.display()))?;

@@ -4,10 +4,10 @@
 //! 16 bits, all else 8. yarn.toml holds lengths only where the scale is known: the reader then takes the fabric's own yarn for the width.
 
 use std::fmt::Write as _;
-use std::fs;
-use std::io;
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write as _};
 
-use image::ImageError;
+use image::{ImageError, ImageFormat};
 
 use super::Developed;
 use crate::export::{ExportError, OutputFolder};
@@ -22,28 +22,31 @@ pub const FILES: [&str; 8] =
 /// What the disk says.
 pub fn save(yarn: &Developed, folder: &OutputFolder) -> Result<(), ExportError> {
     let surface = &yarn.surface;
-    picture(folder, "base_color.png", &|path| yarn.base.save(path))?;
-    picture(folder, "height.png", &|path| surface.height.save(path))?;
-    picture(folder, "normal.png", &|path| image::DynamicImage::from(surface.normal.clone()).into_rgb8().save(path))?;
-    picture(folder, "roughness.png", &|path| surface.roughness.save(path))?;
-    picture(folder, "metallic.png", &|path| surface.metallic.save(path))?;
-    picture(folder, "ao.png", &|path| surface.occlusion.save(path))?;
+    picture(folder, "base_color.png", &|file| yarn.base.write_to(file, ImageFormat::Png))?;
+    picture(folder, "height.png", &|file| surface.height.write_to(file, ImageFormat::Png))?;
+    picture(folder, "normal.png", &|file| {
+        image::DynamicImage::from(surface.normal.clone()).into_rgb8().write_to(file, ImageFormat::Png)
+    })?;
+    picture(folder, "roughness.png", &|file| surface.roughness.write_to(file, ImageFormat::Png))?;
+    picture(folder, "metallic.png", &|file| surface.metallic.write_to(file, ImageFormat::Png))?;
+    picture(folder, "ao.png", &|file| surface.occlusion.write_to(file, ImageFormat::Png))?;
     let io = |source| ExportError::Io { path: folder.target().join("yarn.toml"), source };
     fs::write(folder.file("yarn.toml"), toml(yarn)).map_err(io)
 }
 
+/// Writes a picture and hears whether there was room for its last bytes too, which `ImageBuffer::save` doesn't.
 fn picture(
     folder: &OutputFolder,
     name: &str,
-    save: &dyn Fn(&std::path::Path) -> Result<(), ImageError>,
+    write: &dyn Fn(&mut BufWriter<File>) -> Result<(), ImageError>,
 ) -> Result<(), ExportError> {
-    save(&folder.file(name)).map_err(|error| {
-        let source = match error {
-            ImageError::IoError(source) => source,
-            other => io::Error::other(other),
-        };
-        ExportError::Io { path: folder.target().join(name), source }
-    })
+    let io = |source| ExportError::Io { path: folder.target().join(name), source };
+    let mut file = BufWriter::new(File::create(folder.file(name)).map_err(io)?);
+    write(&mut file).map_err(|error| match error {
+        ImageError::IoError(source) => io(source),
+        other => io(io::Error::other(other)),
+    })?;
+    file.flush().map_err(io)
 }
 
 fn toml(yarn: &Developed) -> String {

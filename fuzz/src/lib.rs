@@ -1,0 +1,73 @@
+//! What the fuzz targets share: files in memory for readers that take paths, and fabric knitted onto small garments.
+
+use std::convert::Infallible;
+use std::path::{Path, PathBuf};
+
+use tempfile::TempDir;
+use warpknit::drape::{self, Cloth, LayoutError, Totals};
+use warpknit::fabric::Fabric;
+use warpknit::garment::Garment;
+use warpknit::yarn::tube::Section;
+
+/// The most stitches that are knitted for one input: a few milliseconds.
+pub const MOST_STITCHES: u64 = 1_000;
+
+/// A folder in memory that is removed when the fuzzer ends, and written to anew for each input.
+pub struct Desk(TempDir);
+
+impl Desk {
+    /// A folder in `/dev/shm` where there is one.
+    pub fn new() -> Self {
+        let memory = Path::new("/dev/shm");
+        let folder = if memory.is_dir() { tempfile::tempdir_in(memory) } else { tempfile::tempdir() };
+        Self(folder.expect("a temporary folder can be made"))
+    }
+
+    /// A file of these bytes.
+    pub fn file(&self, name: &str, bytes: &[u8]) -> PathBuf {
+        let path = self.path().join(name);
+        std::fs::write(&path, bytes).expect("a temporary file can be written");
+        path
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        self.0.path()
+    }
+}
+
+impl Default for Desk {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Splits an input into its parts.
+pub fn parts<'a>(data: &'a [u8], mark: &[u8]) -> Vec<&'a [u8]> {
+    let mut parts = Vec::new();
+    let mut rest = data;
+    while let Some(at) = rest.windows(mark.len()).position(|window| window == mark) {
+        parts.push(&rest[..at]);
+        rest = &rest[at + mark.len()..];
+    }
+    parts.push(rest);
+    parts
+}
+
+/// Lays a fabric over a garment, and knits it with tubes where it is small enough to be done at once.
+pub fn knit(garment: &Garment, fabric: &Fabric) -> Result<Option<Totals>, LayoutError> {
+    let cloth = Cloth::cover(garment, fabric)?;
+    if cloth.stitches() > MOST_STITCHES {
+        return Ok(None);
+    }
+    let section = Section { st: 2, sr: 3, radius: fabric.radius(), flatten: 1.0, caps: true, texture_per_mm: 1.0 };
+    let options = drape::Options { surface: Some(section), ..drape::Options::default() };
+    let Ok(totals) = drape::run(&cloth, &options, &mut |_, _| {}, &mut |_| Ok::<_, Infallible>(()));
+    Ok(Some(totals))
+}
+
+/// Asserts that a message is one line.
+pub fn one_line(error: &impl std::fmt::Display) {
+    let text = error.to_string();
+    assert!(!text.is_empty() && !text.contains(['\n', '\r']), "not one line: {text:?}");
+}

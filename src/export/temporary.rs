@@ -1,0 +1,257 @@
+//! Files and folders that have no name yet, and that never outlive their process for long.
+//!
+//! In: a folder. Out: a file or a folder in it called `.warpknit-` and six letters and `.part`. It is gone when it is dropped or published; when a
+//! signal ends the process, if the program then calls [`remove_temporaries`]; and where a process had no time for that (SIGKILL, a power cut), the next
+//! one that writes beside it removes it. To tell a dead process's temporaries from those at work, each is locked while it is written: the system gives
+//! locks back whatever way a process ends.
+//!
+//! Not promised: that the dead's are removed where files can't be locked (some network file systems) or elsewhere than on Unix.
+
+use std::ffi::OsStr;
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use tempfile::{Builder, TempDir, TempPath};
+
+const PREFIX: &str = ".warpknit-";
+const SUFFIX: &str = ".part";
+const RANDOM_LETTERS: usize = 6;
+/// How often a folder is emptied anew, if another thread goes on writing into it.
+const REMOVALS: usize = 100;
+
+/// This process's temporaries. Whoever makes, publishes or removes one holds it.
+static REGISTER: Mutex<Register> = Mutex::new(Register { alive: Vec::new(), swept: Vec::new() });
+
+struct Register {
+    /// All that are on the disk.
+    alive: Vec<PathBuf>,
+    /// Folders without temporaries of dead processes.
+    swept: Vec<PathBuf>,
+}
+
+fn register() -> MutexGuard<'static, Register> {
+    REGISTER.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Removes all temporary files and folders of this process, for a process that is about to end: no other can be made or published from now on, and
+/// whoever tries waits for the end.
+///
+/// A program calls it when a signal asks it to end. Outputs that are whole keep their names.
+pub fn remove_temporaries() {
+    let register = register();
+    for path in register.alive.iter().rev() {
+        // Nothing more can be done about one that can't be removed.
+        let _gone = if path.is_dir() { remove_folder(path) } else { fs::remove_file(path) };
+    }
+    std::mem::forget(register);
+}
+
+/// Removes a folder, though another thread may be writing into it.
+fn remove_folder(path: &Path) -> io::Result<()> {
+    let mut result = Ok(());
+    for _ in 0..REMOVALS {
+        result = fs::remove_dir_all(path);
+        if result.is_ok() || !path.exists() {
+            return Ok(());
+        }
+    }
+    result
+}
+
+/// A path's place in the register, given up on drop.
+#[derive(Debug)]
+struct Entry(PathBuf);
+
+impl Entry {
+    fn new(register: &mut Register, path: &Path) -> Self {
+        register.alive.push(path.to_owned());
+        Self(path.to_owned())
+    }
+}
+
+impl Drop for Entry {
+    fn drop(&mut self) {
+        register().alive.retain(|path| *path != self.0);
+    }
+}
+
+/// A file without a name.
+#[derive(Debug)]
+pub(super) struct TemporaryFile {
+    path: TempPath,
+    _entry: Entry,
+}
+
+impl TemporaryFile {
+    /// A new file in `folder`, with the rights that the user's own new files have. It is locked until it is closed.
+    pub(super) fn create_in(folder: &Path) -> io::Result<(File, Self)> {
+        let mut builder = builder();
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let mut register = register();
+        register.sweep(folder);
+        loop {
+            let (file, path) = builder.tempfile_in(folder)?.into_parts();
+            if is_kept(&file, &path) {
+                let entry = Entry::new(&mut register, &path);
+                return Ok((file, Self { path, _entry: entry }));
+            }
+        }
+    }
+
+    /// Gives the file its name, in place of any file of that name.
+    pub(super) fn publish(self, target: &Path) -> io::Result<()> {
+        let Self { path, _entry } = self;
+        let _held = register();
+        path.persist(target).map_err(|refused| refused.error)
+    }
+}
+
+/// A folder without a name.
+#[derive(Debug)]
+pub struct TemporaryFolder {
+    folder: TempDir,
+    _entry: Entry,
+    /// What keeps it locked, where a folder can be.
+    _lock: Option<File>,
+}
+
+impl TemporaryFolder {
+    /// A new folder in another one, with the rights that the user's own new folders have.
+    ///
+    /// # Errors
+    /// What the disk says.
+    pub fn create_in(around: &Path) -> io::Result<Self> {
+        let mut builder = builder();
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o777));
+        let mut register = register();
+        register.sweep(around);
+        loop {
+            let folder = builder.tempdir_in(around)?;
+            let lock = File::open(folder.path()).ok();
+            if lock.as_ref().is_none_or(|lock| is_kept(lock, folder.path())) {
+                let entry = Entry::new(&mut register, folder.path());
+                return Ok(Self { folder, _entry: entry, _lock: lock });
+            }
+        }
+    }
+
+    /// Where it is for now.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        self.folder.path()
+    }
+
+    /// Gives the folder its name. Where a folder has it already, the files take their places in it, one after another.
+    pub(super) fn publish(self, target: &Path) -> io::Result<()> {
+        let Self { _entry, _lock, folder } = self;
+        let _held = register();
+        if !target.exists() {
+            return fs::rename(folder.path(), target);
+        }
+        for entry in fs::read_dir(folder.path())? {
+            let entry = entry?;
+            fs::rename(entry.path(), target.join(entry.file_name()))?;
+        }
+        Ok(())
+    }
+}
+
+fn builder() -> Builder<'static, 'static> {
+    let mut builder = Builder::new();
+    builder.prefix(PREFIX).suffix(SUFFIX).rand_bytes(RANDOM_LETTERS);
+    builder
+}
+
+/// Whether a name is one that [`builder`] makes.
+fn is_temporary(name: &OsStr) -> bool {
+    let letters = name.to_str().and_then(|name| name.strip_prefix(PREFIX)?.strip_suffix(SUFFIX));
+    letters.is_some_and(|letters| letters.len() == RANDOM_LETTERS && letters.bytes().all(|letter| letter.is_ascii_alphanumeric()))
+}
+
+/// Locks a new temporary; false where another process, between its making and its locking, took it for a dead one's and removed it.
+#[cfg(unix)]
+fn is_kept(file: &File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt as _;
+    // Where there are no locks, nothing is swept either.
+    let _unlocked = file.lock();
+    match (file.metadata(), fs::symlink_metadata(path)) {
+        (Ok(made), Ok(there)) => (made.dev(), made.ino()) == (there.dev(), there.ino()),
+        _ => false,
+    }
+}
+
+#[cfg(not(unix))]
+fn is_kept(_file: &File, _path: &Path) -> bool {
+    true
+}
+
+impl Register {
+    /// Removes what dead processes left in a folder, once a process.
+    fn sweep(&mut self, folder: &Path) {
+        if !cfg!(unix) || self.swept.iter().any(|swept| swept == folder) {
+            return;
+        }
+        self.swept.push(folder.to_owned());
+        let Ok(entries) = fs::read_dir(folder) else { return };
+        for entry in entries.flatten().filter(|entry| is_temporary(&entry.file_name())) {
+            // What can't be removed is somebody else's, and no reason to fail.
+            let _kept = remove_dead(&entry.path());
+        }
+    }
+}
+
+/// Removes a temporary that nobody holds locked.
+fn remove_dead(path: &Path) -> io::Result<()> {
+    let kind = fs::symlink_metadata(path)?.file_type();
+    if kind.is_dir() {
+        let folder = File::open(path)?;
+        folder.try_lock()?;
+        fs::remove_dir_all(path)
+    } else if kind.is_file() {
+        // Network file systems lock only what may be written.
+        let file = File::options().write(true).open(path)?;
+        file.try_lock()?;
+        fs::remove_file(path)
+    } else {
+        Ok(())
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_the_dead_left_is_removed_and_nothing_else() {
+        let around = tempfile::tempdir().unwrap();
+        let place = |name: &str| around.path().join(name);
+        fs::write(place(".warpknit-dead00.part"), "x").unwrap();
+        fs::create_dir(place(".warpknit-dead01.part")).unwrap();
+        fs::write(place(".warpknit-dead01.part/map.png"), "x").unwrap();
+        std::os::unix::fs::symlink(place("own"), place(".warpknit-aLink0.part")).unwrap();
+        let kept = [".warpknit-notes", ".warpknit-long-name.part", ".warpknit-é0000.part", ".warpknit-alive0.part", "own"];
+        kept.iter().for_each(|name| fs::write(place(name), "x").unwrap());
+        let alive = File::open(place(".warpknit-alive0.part")).unwrap();
+        alive.lock().unwrap();
+        let (_file, temporary) = TemporaryFile::create_in(around.path()).unwrap();
+        for name in [".warpknit-dead00.part", ".warpknit-dead01.part"] {
+            assert!(!place(name).exists(), "{name}");
+        }
+        assert!(kept.iter().all(|name| place(name).exists()) && place(".warpknit-aLink0.part").is_symlink());
+        assert!(temporary.path.exists() && is_temporary(temporary.path.file_name().unwrap()));
+    }
+
+    #[test]
+    fn a_temporary_at_work_is_locked() {
+        let around = tempfile::tempdir().unwrap();
+        let (_file, file) = TemporaryFile::create_in(around.path()).unwrap();
+        let folder = TemporaryFolder::create_in(around.path()).unwrap();
+        assert!(remove_dead(&file.path).is_err() && remove_dead(folder.path()).is_err());
+        assert!(file.path.exists() && folder.path().exists());
+        assert!(!is_kept(&_file, &around.path().join("gone")));
+    }
+}
