@@ -105,12 +105,12 @@ pub(super) fn scene(shape: Shape, looks: Vec<YarnLook>, textures: &Textures, enl
     Scene::wearing(shape, looks, textures.maps.iter().map(enlarged).collect(), |bar| textures.of_bar(bar))
 }
 
-/// The files for one picture, or for each one all around: `NAME-001.png` and so on.
-pub(super) fn frames(path: &Path, turntable: Option<u32>) -> Vec<PathBuf> {
-    let Some(count) = turntable else { return vec![path.to_owned()] };
+/// The files for one picture, or for each of a number of them: `NAME-001.png` and so on.
+pub(super) fn frames(path: &Path, count: Option<u32>) -> Vec<PathBuf> {
+    let Some(count) = count else { return vec![path.to_owned()] };
     let digits = count.to_string().len().max(3);
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let numbered = |number| path.with_file_name(format!("{stem}-{number:0digits$}.png"));
+    let [stem, ending] = [path.file_stem(), path.extension()].map(|part| part.unwrap_or_default().to_string_lossy());
+    let numbered = |number| path.with_file_name(format!("{stem}-{number:0digits$}.{ending}"));
     (1..=count).map(numbered).collect()
 }
 
@@ -207,6 +207,7 @@ mod tests {
         let path = Path::new("out/skirt.png");
         assert_eq!(frames(path, None), [path]);
         assert_eq!(frames(path, Some(2)), [Path::new("out/skirt-001.png"), Path::new("out/skirt-002.png")]);
+        assert_eq!(frames(Path::new("a.b.SVG"), Some(1)), [Path::new("a.b-001.SVG")]);
         assert_eq!(frames(path, Some(1000))[999], Path::new("out/skirt-1000.png"));
         assert_eq!(frames(path, Some(1000))[0], Path::new("out/skirt-0001.png"));
     }
