@@ -161,38 +161,33 @@ fn panel_table(text: &mut String, garment: &Garment) -> std::fmt::Result {
 /// What lies over what in the flat layout, the largest overlaps by name.
 fn overlap_lines(found: &Overlaps) -> String {
     let least = if found.complete { "" } else { "at least " };
-    let area = |area: f64| format!("{:.1} cm²", area / 100.0);
+    // A fold of one triangle is too small for cm².
+    let area = |area: f64| if area < 100.0 { format!("{area:.2} mm²") } else { format!("{:.1} cm²", area / 100.0) };
     let named = |mut all: Vec<(String, f64)>| {
         // A stable sort: equal ones stay in the panels' order.
         all.sort_by(|a, b| b.1.total_cmp(&a.1));
         let more = all.len().saturating_sub(NAMED);
-        let list: Vec<_> = all.iter().take(NAMED).map(|(name, size)| format!("{name} ({})", area(*size))).collect();
+        let list: Vec<_> = all.iter().take(NAMED).map(|(name, size)| format!("{name} ({least}{})", area(*size))).collect();
         list.join(", ") + &if more > 0 { format!(" and {more} more") } else { String::new() }
     };
     let mut text = String::new();
     if !found.between.is_empty() {
         let pairs = found.between.iter().map(|([a, b], area)| (format!("{a} and {b}"), *area)).collect();
         let count = found.between.len();
-        let plural = if count == 1 { "pair" } else { "pairs" };
-        text +=
-            &format!("  overlaps: {least}{count} {plural} of panels lie over each other in the flat file: {}\n", named(pairs));
+        let plural = if count == 1 { "" } else { "s" };
+        text += &format!("  panels over each other in the flat file: {least}{count} pair{plural}, {}\n", named(pairs));
     }
     if !found.within.is_empty() {
         let panels = found.within.iter().map(|(panel, area)| (format!("panel {panel}"), *area)).collect();
-        text += &format!(
-            "  warning: {least}{} lie over themselves, stitches there go to one of two places: {}\n",
-            counted(found.within.len()),
-            named(panels)
-        );
+        text += &format!("  warning: over themselves, so that stitches there go to one of two places: {}\n", named(panels));
     }
     if text.is_empty() {
-        text += &format!("  overlaps: none{}\n", if found.complete { "" } else { " found before the search ended" });
+        text += &format!(
+            "  overlaps: none{}\n",
+            if found.complete { "" } else { " found, but there is more to look at than there is time for" }
+        );
     }
     text
-}
-
-fn counted(panels: usize) -> String {
-    if panels == 1 { "1 panel".to_owned() } else { format!("{panels} panels") }
 }
 
 #[cfg(test)]
@@ -201,12 +196,12 @@ mod tests {
 
     #[test]
     fn the_largest_overlaps_are_named_first() {
-        let between = (1..=8_u8).map(|b| ([0, usize::from(b)], f64::from(b) * 100.0)).collect();
+        let between = (1..=8_u8).map(|b| ([0, usize::from(b)], f64::from(b) * 50.0)).collect();
         let found = Overlaps { within: Vec::new(), between, complete: true };
         assert_eq!(
             overlap_lines(&found),
-            "  overlaps: 8 pairs of panels lie over each other in the flat file: 0 and 8 (8.0 cm²), 0 and 7 (7.0 cm²), 0 and 6 (6.0 cm²), \
-             0 and 5 (5.0 cm²), 0 and 4 (4.0 cm²), 0 and 3 (3.0 cm²) and 2 more\n"
+            "  panels over each other in the flat file: 8 pairs, 0 and 8 (4.0 cm²), 0 and 7 (3.5 cm²), 0 and 6 (3.0 cm²), 0 and 5 (2.5 cm²), \
+             0 and 4 (2.0 cm²), 0 and 3 (1.5 cm²) and 2 more\n"
         );
     }
 
@@ -214,7 +209,7 @@ mod tests {
     fn no_overlap_and_a_search_that_ended_early() {
         let none = Overlaps { within: Vec::new(), between: Vec::new(), complete: true };
         assert_eq!(overlap_lines(&none), "  overlaps: none\n");
-        let early = overlap_lines(&Overlaps { within: vec![(3, 250.0)], complete: false, ..none });
-        assert!(early.starts_with("  warning: at least 1 panel lie") && early.ends_with(": panel 3 (2.5 cm²)\n"), "{early}");
+        let early = overlap_lines(&Overlaps { within: vec![(3, 2.5)], complete: false, ..none });
+        assert!(early.starts_with("  warning: over themselves") && early.ends_with(": panel 3 (at least 2.50 mm²)\n"), "{early}");
     }
 }

@@ -20,6 +20,7 @@ mod gallery;
 mod garment;
 mod golden;
 mod gpu;
+mod inspect;
 mod interlock;
 mod locate;
 mod malformed;

@@ -179,7 +179,8 @@ mod tests {
         let at = |view: &View, x| view.paint(&garment, UVec2::splat(40), &color, RED).get_pixel(x, 20).0;
         assert_eq!([at(&front, 10), at(&front, 30)], [[255, 0, 0, 255], [0, 0, 255, 255]]);
         assert_eq!([at(&back, 10), at(&back, 30)], [[255, 0, 0, 255]; 2]);
-        assert_eq!(at(&front, 0)[3], 0, "a margin");
+        let wide = front.paint(&garment, UVec2::new(60, 40), &color, RED);
+        assert_eq!([8, 12, 48, 52].map(|x| wide.get_pixel(x, 20).0[3]), [0, 255, 255, 0], "in the middle of the picture");
     }
 
     #[test]

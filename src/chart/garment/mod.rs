@@ -128,7 +128,7 @@ fn legend(colors: &Colors, defects: bool, corner: DVec2) -> Layer {
         let [r, g, b] = colors.at(2.0 * middle(x) - 1.0).0;
         Rgba([r, g, b, 255])
     });
-    let words = "draped over flat length: 1 unstretched, under 1 compressed; darker where the cloth turns away";
+    let words = "draped over flat length, 1 is unstretched; the ends stand for all beyond; darker where the cloth turns away";
     let mut shapes =
         vec![label(corner + DVec2::new(0.0, 12.0), words.to_owned(), Anchor::Start), Shape::Picture { at, picture: bar }];
     for (place, stretch) in colors.marks() {

@@ -24,8 +24,10 @@ const GAP: f64 = 14.0;
 /// Room for the two lines below a panel, px.
 const WORDS: f64 = 32.0;
 const OUTLINE: f64 = 1.6;
-/// An arrow's length over that of the cloth it lies on, its greatest and its head's length, px.
+/// An arrow's length over that of the cloth it lies on.
 const ARROW: f64 = 0.6;
+/// Its least length, even where it is longer than a narrow piece, its greatest, and its head's, px.
+const SHORTEST: f64 = 16.0;
 const LONGEST: f64 = 110.0;
 const HEAD: f64 = 7.0;
 /// The longest scale bar, px.
@@ -209,14 +211,14 @@ impl Placed<'_> {
         layers
     }
 
-    /// An arrow along the wales, on the piece's cloth.
+    /// An arrow along the wales, on the piece's cloth if that has room for it.
     fn arrow(&self, grain: f64) -> Vec<Piece> {
         let along = DVec2::from_angle(grain).perp();
         let [tail, tip] = self.longest_chord(along).map(|end| self.place(end));
         let (middle, length) = (0.5 * (tail + tip), (tip - tail).length());
         let along = DVec2::new(along.x, -along.y);
-        let half = along * 0.5 * (ARROW * length).min(LONGEST);
-        let head = |side: f64| middle + half - (along + side * 0.5 * along.perp()) * HEAD.min(half.length());
+        let half = along * 0.5 * (ARROW * length).clamp(SHORTEST, LONGEST);
+        let head = |side: f64| middle + half - (along + side * 0.5 * along.perp()) * HEAD.min(0.8 * half.length());
         let tip = middle + half;
         vec![Piece::Move(middle - half), Piece::Line(tip), Piece::Move(head(1.0)), Piece::Line(tip), Piece::Line(head(-1.0))]
     }
