@@ -25,8 +25,9 @@ use super::{outer_box, visit_boxes};
 use crate::garment::{Garment, Panel};
 use crate::ids::index32;
 
-/// Pairs of triangles after which the search ends: some seconds.
-const MOST_PAIRS: usize = 20_000_000;
+/// Pairs of triangles after which the search ends: a few seconds, and 200 MB if each is of two panels of its own. A pattern that lies five deep has some 40 pairs
+/// a triangle.
+const MOST_PAIRS: usize = 4_000_000;
 /// Triangles looked at between two looks at that limit.
 const BATCH: usize = 1024;
 /// Less than this part of the smaller panel is rounding in the file: panels laid edge to edge.
@@ -50,6 +51,14 @@ pub struct Overlaps {
 struct Laid {
     panel: u32,
     corners: [DVec2; 3],
+}
+
+/// What one triangle has to do with those after it.
+struct Met {
+    /// How many may meet it.
+    looked_at: usize,
+    /// Panels of those that do, with the area that both triangles cover.
+    shared: Vec<([usize; 2], f64)>,
 }
 
 /// Panels that lie in one plane.
@@ -150,9 +159,8 @@ impl Layout {
         let mut left = most;
         let numbers: Vec<u32> = (0..index32(self.triangles.len())).collect();
         for batch in numbers.chunks(BATCH) {
-            let found: Vec<(usize, Vec<([usize; 2], f64)>)> =
-                batch.par_iter().map(|&triangle| self.meets(triangle, &boxes, &bvh, simple)).collect();
-            for (looked_at, shared) in found {
+            let found: Vec<Met> = batch.par_iter().map(|&triangle| self.meets(triangle, &boxes, &bvh, simple)).collect();
+            for Met { looked_at, shared } in found {
                 left = left.checked_sub(looked_at)?;
                 shared.into_iter().for_each(|(panels, area)| *areas.entry(panels).or_default() += area);
             }
@@ -160,8 +168,8 @@ impl Layout {
         Some(left)
     }
 
-    /// How many later triangles may meet one, and what it shares with them.
-    fn meets(&self, triangle: u32, boxes: &[Aabb], bvh: &Bvh2, simple: &[bool]) -> (usize, Vec<([usize; 2], f64)>) {
+    /// What a triangle has to do with those after it.
+    fn meets(&self, triangle: u32, boxes: &[Aabb], bvh: &Bvh2, simple: &[bool]) -> Met {
         let one = &self.triangles[triangle as usize];
         let mut others = Vec::new();
         let own_box = boxes[triangle as usize];
@@ -179,7 +187,7 @@ impl Layout {
             let area = common_area(one.corners, other.corners);
             (area > 0.0).then(|| ([one.panel.min(other.panel) as usize, one.panel.max(other.panel) as usize], area))
         };
-        (others.len(), others.iter().filter_map(area).collect())
+        Met { looked_at: others.len(), shared: others.iter().filter_map(area).collect() }
     }
 }
 

@@ -24,7 +24,7 @@ use rayon::prelude::*;
 use super::png::SCALE;
 use super::{Anchor, Drawing, FAINT, HEADING, INK, Layer, MARGIN, Piece, Shape, TextSize, label, shortened};
 use crate::fabric::yarn::Color;
-use crate::garment::stretch::{Percentiles, TriangleStretch, percentiles, stretch, triangles};
+use crate::garment::stretch::{Percentiles, TriangleStretch, percentiles, stretch, triangle, triangles};
 use crate::garment::{Facts, Garment, Panel};
 use body::{View, views};
 use colors::Colors;
@@ -91,23 +91,36 @@ fn spread(panels: &[Panel]) -> [f64; 4] {
     [a, b, c, d]
 }
 
+/// A direction in which stretch is shown.
+struct Direction {
+    name: &'static str,
+    meaning: &'static str,
+    of: fn(&TriangleStretch) -> f64,
+    percentiles: Percentiles,
+}
+
 /// A row of maps for each direction: both sides of the draped garment.
 fn maps_of(garment: &Garment, views: &[View; 2], colors: &Colors, corner: DVec2, size: DVec2) -> Vec<Layer> {
     let (warp, weft) = stretch(garment);
-    let rows: [(&str, &str, fn(&TriangleStretch) -> f64, Percentiles); 2] =
-        [("warp", "along the wales", |one| one.warp, warp), ("weft", "along the courses", |one| one.weft, weft)];
-    let jobs: Vec<_> = rows.iter().enumerate().flat_map(|(row, kind)| [(row, 0, kind), (row, 1, kind)]).collect();
+    let rows = [
+        Direction { name: "warp", meaning: "along the wales", of: |one| one.warp, percentiles: warp },
+        Direction { name: "weft", meaning: "along the courses", of: |one| one.weft, percentiles: weft },
+    ];
+    // The upper left corner of a row's caption.
+    let place = |row: usize| corner + DVec2::new(0.0, row as f64 * (CAPTION + size.y + NAMES));
     let pixels = (size * SCALE).as_uvec2();
-    let paint = |&(row, side, &(name, _, value, _)): &(usize, usize, &(&str, &str, fn(&TriangleStretch) -> f64, Percentiles))| {
-        let color = |panel: &Panel, corners| colors.of(value(&crate::garment::stretch::triangle(panel, corners)));
-        let at = corner + DVec2::new(side as f64 * (MAP + GAP), row as f64 * (CAPTION + size.y + NAMES) + CAPTION);
+    let paint = |map: usize| {
+        let (row, side) = (map / 2, map % 2);
+        let Direction { name, of, .. } = rows[row];
+        let color = |panel: &Panel, corners| colors.of(of(&triangle(panel, corners)));
         let picture = views[side].paint(garment, pixels, &color, DEFECT);
+        let at = place(row) + DVec2::new(side as f64 * (MAP + GAP), CAPTION);
         layer(&format!("{name}-{}", views[side].name), INK, vec![Shape::Picture { at, picture }])
     };
-    let mut layers: Vec<Layer> = jobs.par_iter().map(paint).collect();
+    let mut layers: Vec<Layer> = (0..2 * rows.len()).into_par_iter().map(paint).collect();
     let (mut captions, mut names) = (Vec::new(), Vec::new());
-    for (row, (name, meaning, _, [low, middle, high])) in rows.iter().enumerate() {
-        let at = corner + DVec2::new(0.0, row as f64 * (CAPTION + size.y + NAMES) + 12.0);
+    for (row, Direction { name, meaning, percentiles: [low, middle, high], .. }) in rows.iter().enumerate() {
+        let at = place(row) + DVec2::new(0.0, 12.0);
         let text = format!("stretch {meaning} ({name}); 5/50/95 % of the cloth: {low:.3} {middle:.3} {high:.3}");
         captions.push(Shape::Text { at, text, size: TextSize::Normal, anchor: Anchor::Start });
         for (side, view) in views.iter().enumerate() {
