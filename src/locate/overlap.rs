@@ -7,7 +7,7 @@
 //! Panels over each other are nothing wrong, since points belong to a panel first. A panel over itself is: a point there lies in two triangles, of which
 //! stitches take the one that comes first in the file.
 //!
-//! Not promised: that a point which three triangles cover is counted once (it is counted for each pair), and more than [`MOST_PAIRS`] pairs of triangles:
+//! Not promised: that a point which three triangles cover is counted once (it is counted for each pair), and more than four million pairs of triangles:
 //! a texture that is repeated over a whole mesh has the square of its triangles, and then the areas are least ones.
 
 use std::collections::BTreeMap;

@@ -21,8 +21,8 @@ const CLOTH: Color = Color([0xee, 0xf1, 0xf4]);
 const GRAIN: Color = Color([0x12, 0x5d, 0xa8]);
 /// Between panels, px.
 const GAP: f64 = 14.0;
-/// Room for the two lines below a panel, px.
-const WORDS: f64 = 32.0;
+/// Room for the two lines below a panel, clear of an arrow that is longer than it, px.
+const WORDS: f64 = 36.0;
 const OUTLINE: f64 = 1.6;
 /// An arrow's length over that of the cloth it lies on.
 const ARROW: f64 = 0.6;
@@ -260,7 +260,7 @@ impl Placed<'_> {
         let Cut { size, words: [name, extent], .. } = self.piece;
         let below = self.at + DVec2::new(0.5 * size.x, size.y) * self.scale;
         let line = |down: f64, text: &str| label(below + DVec2::new(0.0, down), text.to_owned(), Anchor::Middle);
-        [line(13.0, name), line(26.0, extent)]
+        [line(18.0, name), line(31.0, extent)]
     }
 }
 
