@@ -1,12 +1,13 @@
-//! Diagrams of fabrics: the bars of a warp knit on point paper, as textbooks draw them, and the loops of a weft knit as a chart.
+//! Diagrams of fabrics: the bars of a warp knit on point paper, as textbooks draw them, and the loops of a weft knit as a chart. And sheets of garments.
 //!
-//! In: a [`Fabric`]. Out: a [`Drawing`], a list of shapes that [`svg`] writes as text and [`png`] paints. A row of dots is a course, the first at
+//! In: a [`Fabric`], or a [`Garment`]. Out: a [`Drawing`], a list of shapes that [`svg`] writes as text and [`png`] paints. Of a fabric a row of dots is a course, the first at
 //! the bottom; of a warp knit a dot is a needle; gaps are numbered below from the drive. Seen from the technical back, each bar's path goes over the dots
 //! that it laps and between the rows where it lies under them. One yarn a bar is drawn, that of its first threaded guide; where two
 //! bars or fewer leave room, its neighbours too, lightly.
 //!
 //! Not promised: that a very large fabric is drawn whole ([`Drawing::notes`] says what is left out).
 
+mod garment;
 mod lapping;
 mod motif;
 mod path;
@@ -16,9 +17,11 @@ pub mod svg;
 use std::path::Path;
 
 use glam::DVec2;
+use image::RgbaImage;
 
 use crate::fabric::Fabric;
 use crate::fabric::yarn::Color;
+use crate::garment::Garment;
 pub use path::Piece;
 
 const INK: Color = Color([0x22, 0x26, 0x2b]);
@@ -39,6 +42,18 @@ pub enum Shape {
         pieces: Vec<Piece>,
         /// How wide it is drawn.
         width: f64,
+    },
+    /// What a line around pieces encloses, filled; each of its loops inside another one is a hole.
+    Area {
+        /// What the line passes.
+        pieces: Vec<Piece>,
+    },
+    /// Pixels, two to a px.
+    Picture {
+        /// Its upper left corner.
+        at: DVec2,
+        /// What it shows.
+        picture: RgbaImage,
     },
     /// A filled circle.
     Dot {
@@ -87,7 +102,7 @@ pub enum Anchor {
 pub struct Layer {
     /// What it is: `needles`, `bar-1` …; unique in a drawing.
     pub name: String,
-    /// Colour of lines, dots and text.
+    /// Colour of lines, areas, dots and text.
     pub color: Color,
     /// What is drawn, first below.
     pub shapes: Vec<Shape>,
@@ -123,6 +138,15 @@ impl Format {
             _ => None,
         }
     }
+
+    /// The ending that asks for it.
+    #[must_use]
+    pub fn ending(self) -> &'static str {
+        match self {
+            Self::Svg => ".svg",
+            Self::Png => ".png",
+        }
+    }
 }
 
 impl Drawing {
@@ -136,6 +160,19 @@ impl Drawing {
     #[must_use]
     pub fn of(fabric: &Fabric) -> Self {
         fabric.motif.as_ref().map_or_else(|| lapping::draw(fabric), |motif| motif::draw(fabric, motif))
+    }
+
+    /// The sheet of a garment: its flat panels with their grain at the left, at the right how it is stretched when draped. `title` says which garment
+    /// it is. Cost: the maps have a fixed number of pixels, so only the outlines grow with the panels' edges.
+    ///
+    /// ```
+    /// use warpknit::{chart::Drawing, garment::Garment};
+    /// let drawing = Drawing::of_garment("square.obj", &Garment::rectangle(50.0, 50.0));
+    /// assert!(drawing.layers.iter().any(|layer| layer.name == "panel-0"));
+    /// ```
+    #[must_use]
+    pub fn of_garment(title: &str, garment: &Garment) -> Self {
+        garment::draw(title, garment)
     }
 }
 

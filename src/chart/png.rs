@@ -1,18 +1,18 @@
 //! A drawing as pixels, two to a px of the drawing, on white.
 //!
-//! Lines and dots are painted by `tiny-skia`. Text comes from `noto-sans-mono-bitmap`, whose glyphs are drawn beforehand in the very sizes
+//! Lines, areas and dots are painted by `tiny-skia`. Text comes from `noto-sans-mono-bitmap`, whose glyphs are drawn beforehand in the very sizes
 //! that are used, so a machine without any font writes the same file.
 
 use glam::DVec2;
 use image::RgbaImage;
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
-use tiny_skia::{FillRule, LineCap, LineJoin, Paint, PathBuilder, Pixmap, Stroke, Transform};
+use tiny_skia::{FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, Stroke, Transform};
 
 use super::{Anchor, Drawing, Piece, Shape, TextSize};
 use crate::fabric::yarn::Color;
 
 /// Pixels a px.
-const SCALE: f64 = 2.0;
+pub(super) const SCALE: f64 = 2.0;
 /// Where a glyph's baseline lies in its raster, from the top, over the raster's height.
 const BASELINE: f64 = 0.79;
 
@@ -43,11 +43,11 @@ impl TextSize {
 /// Paints a drawing.
 ///
 /// # Panics
-/// If the drawing is over 16 000 px wide or high, which a [`Drawing::of`] never is.
+/// If the drawing is over 16 000 px wide or high, which no drawing of this module is.
 #[must_use]
 pub fn paint(drawing: &Drawing) -> RgbaImage {
     let (width, height) = (pixels(drawing.size.x), pixels(drawing.size.y));
-    let mut sheet = Pixmap::new(width, height).expect("a sheet is limited in its needles, courses and bars");
+    let mut sheet = Pixmap::new(width, height).expect("a sheet is limited in its needles, courses and bars, or of one size");
     sheet.fill(tiny_skia::Color::WHITE);
     for layer in &drawing.layers {
         let [r, g, b] = layer.color.0;
@@ -56,6 +56,8 @@ pub fn paint(drawing: &Drawing) -> RgbaImage {
         for shape in &layer.shapes {
             match shape {
                 Shape::Path { pieces, width } => line(&mut sheet, pieces, *width, &paint),
+                Shape::Area { pieces } => area(&mut sheet, pieces, &paint),
+                Shape::Picture { at, picture } => lay(&mut sheet, *at, picture),
                 Shape::Dot { at, radius } => dot(&mut sheet, *at, *radius, &paint),
                 Shape::Text { at, text, size, anchor } => write(&mut sheet, *at, text, *size, *anchor, layer.color),
             }
@@ -76,7 +78,7 @@ fn device(at: DVec2) -> (f32, f32) {
     (at.x, at.y)
 }
 
-fn line(sheet: &mut Pixmap, pieces: &[Piece], width: f64, paint: &Paint<'_>) {
+fn track(pieces: &[Piece]) -> Option<Path> {
     let mut builder = PathBuilder::new();
     for piece in pieces {
         match *piece {
@@ -94,10 +96,31 @@ fn line(sheet: &mut Pixmap, pieces: &[Piece], width: f64, paint: &Paint<'_>) {
             }
         }
     }
+    builder.finish()
+}
+
+fn line(sheet: &mut Pixmap, pieces: &[Piece], width: f64, paint: &Paint<'_>) {
     let (width, _) = device(DVec2::splat(width));
     let stroke = Stroke { width, line_cap: LineCap::Round, line_join: LineJoin::Round, ..Stroke::default() };
-    if let Some(path) = builder.finish() {
+    if let Some(path) = track(pieces) {
         sheet.stroke_path(&path, paint, &stroke, Transform::identity(), None);
+    }
+}
+
+fn area(sheet: &mut Pixmap, pieces: &[Piece], paint: &Paint<'_>) {
+    if let Some(path) = track(pieces) {
+        sheet.fill_path(&path, paint, FillRule::EvenOdd, Transform::identity(), None);
+    }
+}
+
+/// Lays a picture's pixels over those of the sheet.
+fn lay(sheet: &mut Pixmap, at: DVec2, picture: &RgbaImage) {
+    let at = at * SCALE;
+    #[expect(clippy::cast_possible_truncation, reason = "a place on the sheet, in whole pixels")]
+    let (left, top) = (at.x.round() as i64, at.y.round() as i64);
+    for (x, y, pixel) in picture.enumerate_pixels() {
+        let [r, g, b, cover] = pixel.0;
+        blend(sheet, left + i64::from(x), top + i64::from(y), Color([r, g, b]), cover);
     }
 }
 
@@ -162,6 +185,24 @@ mod tests {
             assert!(picture.pixels().any(|pixel| pixel.0 == [r, g, b, 255]), "{}", layer.name);
         }
         assert_eq!(picture.get_pixel(0, 0).0, [255; 4]);
+    }
+
+    #[test]
+    fn areas_have_holes_and_pictures_lie_pixel_on_pixel() {
+        let square = |low: f64, high: f64| {
+            let [a, b, c, d] = [(low, low), (high, low), (high, high), (low, high)].map(DVec2::from);
+            [Piece::Move(a), Piece::Line(b), Piece::Line(c), Piece::Line(d), Piece::Line(a)]
+        };
+        let pieces = [square(0.0, 10.0), square(4.0, 6.0)].concat();
+        let mut picture = RgbaImage::from_pixel(2, 2, image::Rgba([0, 200, 0, 255]));
+        picture.put_pixel(0, 0, image::Rgba([0, 200, 0, 0]));
+        let shapes = vec![Shape::Area { pieces }, Shape::Picture { at: DVec2::new(12.0, 3.0), picture }];
+        let layer = super::super::Layer { name: "a".into(), color: Color([9; 3]), shapes };
+        let painted = paint(&Drawing { size: DVec2::new(20.0, 10.0), layers: vec![layer], notes: Vec::new() });
+        let [cloth, hole, clear, green, beyond] =
+            [(3, 3), (10, 10), (24, 6), (25, 6), (26, 7)].map(|(x, y)| painted.get_pixel(x, y).0);
+        assert_eq!((cloth, hole, clear), ([9, 9, 9, 255], [255; 4], [255; 4]));
+        assert_eq!((green, beyond), ([0, 200, 0, 255], [255; 4]));
     }
 
     #[test]

@@ -1,9 +1,12 @@
-//! A drawing as SVG: a group a layer, text as text, nothing that a hand can't edit.
+//! A drawing as SVG: a group a layer, text as text, nothing that a hand can't edit but pictures, which are in it as PNG.
 
 use std::fmt::{self, Write};
 
 use glam::DVec2;
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ExtendedColorType, ImageEncoder, RgbaImage};
 
+use super::png::SCALE;
 use super::{Anchor, Drawing, Layer, Piece, Shape, TextSize};
 
 /// The text of an `.svg` file.
@@ -46,6 +49,8 @@ fn group(out: &mut String, layer: &Layer) -> fmt::Result {
     for shape in shapes {
         match shape {
             Shape::Path { pieces, width } => writeln!(out, "<path stroke-width=\"{}\" d=\"{}\"/>", Px(*width), Track(pieces))?,
+            Shape::Area { pieces } => writeln!(out, "<path fill-rule=\"evenodd\" d=\"{}\"/>", Track(pieces))?,
+            Shape::Picture { at, picture: pixels } => picture(out, *at, pixels)?,
             Shape::Dot { at, radius } => {
                 writeln!(out, "<circle cx=\"{}\" cy=\"{}\" r=\"{}\"/>", Px(at.x), Px(at.y), Px(*radius))?;
             }
@@ -67,6 +72,36 @@ fn group(out: &mut String, layer: &Layer) -> fmt::Result {
         }
     }
     writeln!(out, "</g>")
+}
+
+/// Pixels as an image that holds its own file. The old name of its address is the one that every program knows.
+fn picture(out: &mut String, at: DVec2, pixels: &RgbaImage) -> fmt::Result {
+    let mut file = Vec::new();
+    let encoder = PngEncoder::new_with_quality(&mut file, CompressionType::Default, FilterType::Adaptive);
+    encoder
+        .write_image(pixels.as_raw(), pixels.width(), pixels.height(), ExtendedColorType::Rgba8)
+        .expect("memory takes any picture");
+    let [width, height] = [pixels.width(), pixels.height()].map(|side| Px(f64::from(side) / SCALE));
+    let (x, y) = (Px(at.x), Px(at.y));
+    write!(
+        out,
+        "<image x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" "
+    )?;
+    write!(out, "xlink:href=\"data:image/png;base64,")?;
+    base64(out, &file);
+    writeln!(out, "\"/>")
+}
+
+/// Bytes as text, three to four characters (RFC 4648).
+fn base64(out: &mut String, bytes: &[u8]) {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    for three in bytes.chunks(3) {
+        let byte = |at: usize| three.get(at).map_or(0, |&byte| u32::from(byte));
+        let bits = byte(0) << 16 | byte(1) << 8 | byte(2);
+        for (digit, shift) in [18, 12, 6, 0].into_iter().enumerate() {
+            out.push(if digit <= three.len() { char::from(DIGITS[(bits >> shift & 63) as usize]) } else { '=' });
+        }
+    }
 }
 
 /// A length with at most two decimals and no idle zeros.
@@ -119,6 +154,12 @@ mod tests {
     #[test]
     fn numbers_are_short_and_text_is_escaped() {
         assert_eq!([1.0, -0.001, 2.345, 10.5].map(|px| Px(px).to_string()), ["1", "0", "2.35", "10.5"]);
+        let encoded = |text: &str| {
+            let mut out = String::new();
+            base64(&mut out, text.as_bytes());
+            out
+        };
+        assert_eq!(["", "f", "fo", "foo", "foob"].map(encoded), ["", "Zg==", "Zm8=", "Zm9v", "Zm9vYg=="]);
         assert_eq!(Escaped("a<b & \u{1}c>").to_string(), "a&lt;b &amp; \u{fffd}c&gt;");
     }
 }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::error::ErrorKind;
-use clap::{ArgGroup, Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
+use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 use glam::DVec3;
 use warpknit::chart;
 use warpknit::export::Format;
@@ -75,6 +75,13 @@ impl Arguments {
             );
             Self::command().error(ErrorKind::WrongNumberOfValues, message).exit();
         }
+        if let Command::Inspect(inspect) = &self.command
+            && inspect.is_ambiguous()
+        {
+            let message =
+                "-o draws a fabric's diagram or a garment's sheet: give it with one of them, or inspect both without -o";
+            Self::command().error(ErrorKind::ArgumentConflict, message).exit();
+        }
     }
 }
 
@@ -108,8 +115,9 @@ Examples:
     #[command(after_help = "Examples:
   warpknit inspect --fabric locknit -o lapping.svg -o lapping.png
   warpknit inspect --lapping 3-4/1-0// --lapping 1-0/1-2//
-  warpknit inspect meshes/tshirt.obj
-  warpknit inspect meshes/skirt_flat.obj meshes/skirt_draped.obj")]
+  warpknit inspect meshes/tshirt.obj -o tshirt.png
+  warpknit inspect meshes/skirt_flat.obj meshes/skirt_draped.obj -o skirt.svg
+  warpknit inspect FLAT.obj FRAME_1.obj FRAME_2.obj -o frame.png")]
     Inspect(Inspect),
     /// List the built-in fabrics, or print one as TOML
     #[command(after_help = "Examples:
@@ -216,7 +224,6 @@ pub(crate) struct Live {
 }
 
 #[derive(Args, Debug)]
-#[command(group = ArgGroup::new("a fabric").args(["fabric", "lapping"]).multiple(true))]
 pub(crate) struct Inspect {
     /// One garment with vt, or the flat mesh and one or more drapes of it
     #[arg(value_name = "OBJ", required_unless_present_any = ["fabric", "lapping"])]
@@ -226,11 +233,23 @@ pub(crate) struct Inspect {
     pub(crate) fabric: Option<String>,
     #[command(flatten)]
     pub(crate) chains: Chains,
-    /// A file for the fabric's lapping diagram, by its ending: .svg .png; may be repeated
-    #[arg(short, long = "output", value_name = "OUT", value_parser = diagram, requires = "a fabric")]
+    /// A file by its ending, .svg .png: of meshes a sheet of flat panels and stretch, of more than one drape OUT-001 and so on; of a fabric its lapping diagram; may be repeated
+    #[arg(short, long = "output", value_name = "OUT", value_parser = diagram)]
     pub(crate) outputs: Vec<(PathBuf, chart::Format)>,
     #[command(flatten)]
     pub(crate) reading: Reading,
+}
+
+impl Inspect {
+    /// Whether a fabric is asked for.
+    pub(crate) fn has_fabric(&self) -> bool {
+        self.fabric.is_some() || !self.chains.lapping.is_empty()
+    }
+
+    /// Whether files are asked for that could be of the fabric or of the meshes.
+    fn is_ambiguous(&self) -> bool {
+        self.has_fabric() && !self.meshes.is_empty() && !self.outputs.is_empty()
+    }
 }
 
 #[derive(Args, Debug)]

@@ -1,47 +1,103 @@
-//! `warpknit inspect`: what meshes hold and whether they pair, and what a fabric's lapping is.
+//! `warpknit inspect`: what meshes hold and whether they pair, with a sheet of each garment, and what a fabric's lapping is.
 
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use anyhow::Result;
+use anyhow::{Result, anyhow};
 use glam::DVec3;
+use warpknit::chart::{Drawing, Format};
 use warpknit::export::Output;
-use warpknit::garment::stretch::stretch;
-use warpknit::garment::{Garment, read};
+use warpknit::garment::stretch::{Percentiles, isometry, stretch};
+use warpknit::garment::{Facts, Garment, GarmentError, read};
+use warpknit::locate::overlap::{Overlaps, overlaps};
 
 use super::args::{DEFAULT_FABRIC, Inspect};
 use super::choice::named_fabric;
-use super::sheet::{diagrams, sheet};
+use super::sheet::{diagrams, drawn, sheet};
+use super::targets::{check_distinct, numbered};
 use super::{print, tell};
+
+/// Overlaps that are named, the largest ones.
+const NAMED: usize = 6;
 
 /// Prints what was asked for: a fabric, then one section a garment. Pictures appear under their names only when nothing failed.
 pub(crate) fn inspect(arguments: &Inspect) -> Result<()> {
     let mut pictures = Vec::new();
     let Inspect { fabric: asked, chains, .. } = arguments;
-    if asked.is_some() || !chains.lapping.is_empty() {
+    if arguments.has_fabric() {
         let asked = asked.as_deref().unwrap_or(DEFAULT_FABRIC);
         let fabric = chains.on(named_fabric(asked)?)?;
         let name = chains.label(asked, &fabric);
-        let (drawn, notes) = diagrams(&fabric, &arguments.outputs)?;
+        let (whole, notes) = diagrams(&fabric, &arguments.outputs)?;
         notes.iter().for_each(|note| tell(false, &format!("note: {name}: {note}")));
         print(&sheet(&fabric)?)?;
-        pictures = drawn;
+        pictures = whole;
     }
-    inspect_meshes(arguments)?;
+    pictures.extend(inspect_meshes(arguments)?);
     Ok(pictures.into_iter().try_for_each(Output::publish)?)
 }
 
-/// One section a garment: a lone file with its vt, or the first file as the flat mesh of each other one.
-fn inspect_meshes(arguments: &Inspect) -> Result<()> {
+/// One section a garment, and its sheets: a lone file with its vt, or the first file as the flat mesh of each other one. A garment that can't be read has a
+/// section that says why, and the others follow; the run fails at its end.
+fn inspect_meshes(arguments: &Inspect) -> Result<Vec<Output>> {
+    let Some((first, others)) = arguments.meshes.split_first() else { return Ok(Vec::new()) };
+    let garments: Vec<Option<&Path>> =
+        if others.is_empty() { vec![None] } else { others.iter().map(|path| Some(path.as_path())).collect() };
+    let targets = sheets_of_each(arguments, garments.len())?;
     let options = arguments.reading.options();
-    let Some((first, others)) = arguments.meshes.split_first() else { return Ok(()) };
-    if others.is_empty() {
-        return print(&section(&first.display().to_string(), &read(first, None, &options)?)?);
+    let (mut whole, mut failed) = (Vec::new(), Vec::new());
+    for (number, draped) in garments.iter().enumerate() {
+        let name = draped.map_or_else(|| first.display().to_string(), |draped| pair(first, draped));
+        match read(first, *draped, &options) {
+            Ok(garment) => {
+                print(&section(&name, &garment)?)?;
+                whole.extend(draw(&name, &garment, &targets[number])?);
+            }
+            // The same for every file: nothing more can be said.
+            Err(error @ GarmentError::Option { .. }) => return Err(error.into()),
+            Err(error) => {
+                print(&format!("{name}\n  pairs: no: {error}\n"))?;
+                failed.push(error);
+            }
+        }
     }
-    for draped in others {
-        print(&section(&pair(first, draped), &read(first, Some(draped), &options)?)?)?;
+    let more = failed.len().saturating_sub(1);
+    match failed.into_iter().next() {
+        None => Ok(whole),
+        Some(error) if more == 0 => Err(error.into()),
+        Some(error) => Err(anyhow!("{error}; {more} more of {} garments can't be read, their sections say why", garments.len())),
     }
-    Ok(())
+}
+
+/// The files of each garment's sheet, none over an input or over another, in folders that can be written to.
+fn sheets_of_each(arguments: &Inspect, garments: usize) -> Result<Vec<Vec<(PathBuf, Format)>>> {
+    let mut each = vec![Vec::new(); garments];
+    // Those of a fabric are drawn already.
+    if arguments.has_fabric() {
+        return Ok(each);
+    }
+    let count = u32::try_from(garments)?;
+    for (path, format) in &arguments.outputs {
+        let paths = if count > 1 { numbered(path, format.ending(), count) } else { vec![path.clone()] };
+        for (files, path) in each.iter_mut().zip(paths) {
+            files.push((path, *format));
+        }
+    }
+    let paths = || each.iter().flatten().map(|(path, _)| path.as_path());
+    check_distinct(arguments.meshes.iter().map(PathBuf::as_path), paths())?;
+    for path in paths() {
+        drop(Output::create(path)?);
+    }
+    Ok(each)
+}
+
+/// Draws a garment's sheet into files that are whole but not yet under their names.
+fn draw(name: &str, garment: &Garment, targets: &[(PathBuf, Format)]) -> Result<Vec<Output>> {
+    if targets.is_empty() {
+        return Ok(Vec::new());
+    }
+    let drawing = Drawing::of_garment(name, garment);
+    Ok(targets.iter().map(|(path, format)| drawn(&drawing, path, *format)).collect::<Result<_, _>>()?)
 }
 
 fn pair(flat: &Path, draped: &Path) -> String {
@@ -52,33 +108,108 @@ fn section(name: &str, garment: &Garment) -> Result<String, std::fmt::Error> {
     let facts = &garment.facts;
     let mut text = String::new();
     writeln!(text, "{name}")?;
+    let Facts { triangles, unit, untextured, .. } = facts;
+    writeln!(text, "  pairs: yes ({} of {triangles} triangles)", triangles - untextured)?;
     let guessed = if facts.unit_guessed { " (guessed)" } else { "" };
-    writeln!(text, "  triangles {}, unit {}{guessed}, flat unit {:.6} mm", facts.triangles, facts.unit, facts.uv_scale_mm)?;
-    writeln!(text, "  left out: {} flipped, {} degenerate, {} without vt", facts.flipped, facts.degenerate, facts.untextured)?;
+    writeln!(text, "  triangles {triangles}, unit {unit}{guessed}, flat unit {:.6} mm", facts.uv_scale_mm)?;
+    writeln!(text, "  left out: {} flipped, {} degenerate, {untextured} without vt", facts.flipped, facts.degenerate)?;
     let points = || garment.panels.iter().flat_map(|panel| panel.draped.iter().copied());
     let (low, high) = (points().fold(DVec3::INFINITY, DVec3::min), points().fold(DVec3::NEG_INFINITY, DVec3::max));
     let vector = |v: DVec3| format!("{:.1},{:.1},{:.1}", v.x, v.y, v.z);
     writeln!(text, "  draped from {} to {} mm, {} mm large", vector(low), vector(high), vector(high - low))?;
     let (warp, weft) = stretch(garment);
-    let percentiles = |p: [f64; 3]| format!("{:.3} {:.3} {:.3}", p[0], p[1], p[2]);
+    let percentiles = |p: Percentiles| format!("{:.3} {:.3} {:.3}", p[0], p[1], p[2]);
     writeln!(text, "  stretch 5/50/95 %: warp {}, weft {}", percentiles(warp), percentiles(weft))?;
-    writeln!(text, "  panel  triangles   width mm  height mm   area cm²  mirrored  flipped  non-manifold edges")?;
+    let whole = isometry(&garment.panels);
+    let [smallest, largest, area] = [whole.smallest, whole.largest, whole.area].map(percentiles);
+    writeln!(text, "  isometry 5/50/95 %: smallest stretch {smallest}, largest stretch {largest}, area {area}")?;
+    text += &overlap_lines(&overlaps(garment));
+    panel_table(&mut text, garment)?;
+    for warning in &facts.warnings {
+        writeln!(text, "  warning: {warning}")?;
+    }
+    Ok(text)
+}
+
+/// A row a panel, with the smallest stretch that 5 % of its cloth are under and the largest that 5 % are over.
+fn panel_table(text: &mut String, garment: &Garment) -> std::fmt::Result {
+    writeln!(
+        text,
+        "  panel  triangles   width mm  height mm   area cm²  flat unit mm  smallest 5 %  largest 95 %  mirrored  flipped  non-manifold edges"
+    )?;
     for (number, panel) in garment.panels.iter().enumerate() {
         let size = panel.size();
+        let own = isometry(std::slice::from_ref(panel));
         writeln!(
             text,
-            "  {number:5}  {:9}  {:9.1}  {:9.1}  {:9.1}  {:>8}  {:7}  {:18}",
+            "  {number:5}  {:9}  {:9.1}  {:9.1}  {:9.1}  {:12.4}  {:12.3}  {:12.3}  {:>8}  {:7}  {:18}",
             panel.triangles.len(),
             size.x,
             size.y,
             panel.area() / 100.0,
+            garment.facts.panels[number].scale_mm,
+            own.smallest[0],
+            own.largest[2],
             if panel.mirrored { "yes" } else { "no" },
             panel.flipped.len(),
             panel.non_manifold_edges()
         )?;
     }
-    for warning in &facts.warnings {
-        writeln!(text, "  warning: {warning}")?;
+    Ok(())
+}
+
+/// What lies over what in the flat layout, the largest overlaps by name.
+fn overlap_lines(found: &Overlaps) -> String {
+    let least = if found.complete { "" } else { "at least " };
+    // A fold of one triangle is too small for cm².
+    let area = |area: f64| if area < 100.0 { format!("{area:.2} mm²") } else { format!("{:.1} cm²", area / 100.0) };
+    let named = |mut all: Vec<(String, f64)>| {
+        // A stable sort: equal ones stay in the panels' order.
+        all.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let more = all.len().saturating_sub(NAMED);
+        let list: Vec<_> = all.iter().take(NAMED).map(|(name, size)| format!("{name} ({least}{})", area(*size))).collect();
+        list.join(", ") + &if more > 0 { format!(" and {more} more") } else { String::new() }
+    };
+    let mut text = String::new();
+    if !found.between.is_empty() {
+        let pairs = found.between.iter().map(|([a, b], area)| (format!("{a} and {b}"), *area)).collect();
+        let count = found.between.len();
+        let plural = if count == 1 { "" } else { "s" };
+        text += &format!("  panels over each other in the flat file: {least}{count} pair{plural}, {}\n", named(pairs));
     }
-    Ok(text)
+    if !found.within.is_empty() {
+        let panels = found.within.iter().map(|(panel, area)| (format!("panel {panel}"), *area)).collect();
+        text += &format!("  warning: over themselves, so that stitches there go to one of two places: {}\n", named(panels));
+    }
+    if text.is_empty() {
+        text += &format!(
+            "  overlaps: none{}\n",
+            if found.complete { "" } else { " found, but there is more to look at than there is time for" }
+        );
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_largest_overlaps_are_named_first() {
+        let between = (1..=8_u8).map(|b| ([0, usize::from(b)], f64::from(b) * 50.0)).collect();
+        let found = Overlaps { within: Vec::new(), between, complete: true };
+        assert_eq!(
+            overlap_lines(&found),
+            "  panels over each other in the flat file: 8 pairs, 0 and 8 (4.0 cm²), 0 and 7 (3.5 cm²), 0 and 6 (3.0 cm²), 0 and 5 (2.5 cm²), \
+             0 and 4 (2.0 cm²), 0 and 3 (1.5 cm²) and 2 more\n"
+        );
+    }
+
+    #[test]
+    fn no_overlap_and_a_search_that_ended_early() {
+        let none = Overlaps { within: Vec::new(), between: Vec::new(), complete: true };
+        assert_eq!(overlap_lines(&none), "  overlaps: none\n");
+        let early = overlap_lines(&Overlaps { within: vec![(3, 2.5)], complete: false, ..none });
+        assert!(early.starts_with("  warning: over themselves") && early.ends_with(": panel 3 (at least 2.50 mm²)\n"), "{early}");
+    }
 }

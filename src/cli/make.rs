@@ -21,7 +21,8 @@ use super::job::{Facts, Job};
 use super::pictures;
 use super::sequence::{self, Sequence};
 use super::system::available_memory_gb;
-use super::writers::{Wanted, check_places, finished, numbered, sinks, wanted};
+use super::targets::numbered;
+use super::writers::{Wanted, check_places, finished, sinks, wanted};
 use super::{print, tell};
 
 /// The most stitches that are taken on: beyond them 32 bits no longer number the data points, and any garment at its true gauge has far
@@ -122,7 +123,7 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
 fn all_around(wanted: Vec<Wanted>, turntable: Option<u32>) -> Vec<Wanted> {
     let Some(count) = turntable else { return wanted };
     let turned = |(path, format): Wanted| match format {
-        Format::Png => numbered(&path, format, count).into_iter().map(|path| (path, format)).collect(),
+        Format::Png => numbered(&path, format.ending(), count).into_iter().map(|path| (path, format)).collect(),
         _ => vec![(path, format)],
     };
     wanted.into_iter().flat_map(turned).collect()

@@ -23,8 +23,9 @@ use super::drapes::Motion;
 use super::job::{Facts, Job, Setup};
 use super::make::{check_laid, check_request, loss_warning, task, tell_warnings};
 use super::pictures;
+use super::targets::numbered;
 use super::tell;
-use super::writers::{Wanted, check_places, finished, numbered, sinks, wanted};
+use super::writers::{Wanted, check_places, finished, sinks, wanted};
 
 /// What a sequence needs besides its job, whose cloth is laid on the first frame.
 pub(super) struct Sequence<'a> {
@@ -63,7 +64,7 @@ pub(super) fn make(job: &Job<'_>, sequence: &Sequence<'_>, mut clock: Clock) -> 
     let (whole, single): (Vec<_>, Vec<_>) =
         files.iter().cloned().partition(|(_, format)| matches!(format, Format::Usda | Format::Json));
     let count = index32(paths.len());
-    let numbered: Vec<_> = single.iter().map(|(path, format)| (numbered(path, *format, count), *format)).collect();
+    let numbered: Vec<_> = single.iter().map(|(path, format)| (numbered(path, format.ending(), count), *format)).collect();
     let all: Vec<Wanted> = numbered
         .iter()
         .flat_map(|(paths, format)| paths.iter().map(|path| (path.clone(), *format)))

@@ -1,15 +1,16 @@
 //! `warpknit inspect --fabric`: a fabric as a designer checks it, the chain as a table and as a lapping diagram, or a weft knit's chart.
 
 use std::fmt::{self, Write as _};
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use warpknit::chart::{Drawing, Format, png, svg};
-use warpknit::export::{self, Output};
+use warpknit::export::{self, ExportError, Output};
 use warpknit::fabric::motif::Motif;
 use warpknit::fabric::{Bar, BarKind, Fabric};
 use warpknit::knit::{Pattern, clearance};
+
+use super::targets::{check_distinct, text_file};
 
 /// The most courses of the table.
 const MOST_ROWS: usize = 200;
@@ -125,39 +126,20 @@ fn cells(bar: &Bar, course: i64) -> [String; 4] {
 
 /// Draws the lapping diagram into files that are whole but not yet under their names; and what the diagram leaves out.
 pub(super) fn diagrams(fabric: &Fabric, outputs: &[(PathBuf, Format)]) -> Result<(Vec<Output>, Vec<String>)> {
-    let mut taken: Vec<PathBuf> = Vec::new();
-    for (path, _) in outputs {
-        let place = place(path);
-        if taken.contains(&place) {
-            bail!("{}: this file is another output as well; name another one with -o", path.display());
-        }
-        taken.push(place);
-    }
+    check_distinct([], outputs.iter().map(|(path, _)| path.as_path()))?;
     if outputs.is_empty() {
         return Ok((Vec::new(), Vec::new()));
     }
     let drawing = Drawing::of(fabric);
-    let mut whole = Vec::new();
-    for (path, format) in outputs {
-        whole.push(match format {
-            Format::Png => export::png::write(path, &png::paint(&drawing))?,
-            Format::Svg => {
-                let mut output = Output::create(path)?;
-                output.write_with(|file| file.write_all(svg::text(&drawing).as_bytes()))?;
-                output.seal()?
-            }
-        });
-    }
+    let whole = outputs.iter().map(|(path, format)| drawn(&drawing, path, *format)).collect::<Result<_, _>>()?;
     Ok((whole, drawing.notes))
 }
 
-/// The same path for the same file, there or not yet there.
-fn place(path: &Path) -> PathBuf {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    match (path.canonicalize(), folder.canonicalize(), path.file_name()) {
-        (Ok(there), ..) => there,
-        (_, Ok(folder), Some(name)) => folder.join(name),
-        _ => path.to_owned(),
+/// A drawing in a file that is whole but not yet under its name.
+pub(super) fn drawn(drawing: &Drawing, path: &Path, format: Format) -> Result<Output, ExportError> {
+    match format {
+        Format::Png => export::png::write(path, &png::paint(drawing)),
+        Format::Svg => text_file(path, &svg::text(drawing)),
     }
 }
 

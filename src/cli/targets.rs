@@ -21,6 +21,14 @@ pub(super) fn check_distinct<'a>(
     Ok(())
 }
 
+/// The names of `count` files in place of one with this ending: `NAME-001.png` and so on.
+pub(super) fn numbered(path: &Path, ending: &str, count: u32) -> Vec<PathBuf> {
+    let digits = count.to_string().len().max(3);
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let (stem, ending) = name.split_at(name.len() - ending.len());
+    (1..=count).map(|number| path.with_file_name(format!("{stem}-{number:0digits$}{ending}"))).collect()
+}
+
 /// Where a path leads, however it is spelled; a file that is not there yet is looked for in its folder.
 fn place(path: &Path) -> PathBuf {
     let in_folder = || {
@@ -35,4 +43,18 @@ pub(super) fn text_file(path: &Path, text: &str) -> Result<Output, ExportError> 
     let mut output = Output::create(path)?;
     output.write_with(|file| file.write_all(text.as_bytes()))?;
     output.seal()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_are_numbered_before_their_ending() {
+        let named = |path, ending, count| numbered(Path::new(path), ending, count);
+        assert_eq!(named("out/skirt.png", ".png", 2), [Path::new("out/skirt-001.png"), Path::new("out/skirt-002.png")]);
+        assert_eq!(named("a.b.Curves.TXT", ".curves.txt", 1), [Path::new("a.b-001.Curves.TXT")]);
+        assert_eq!(named("skirt.svg", ".svg", 1000)[999], Path::new("skirt-1000.svg"));
+        assert_eq!(named("skirt.svg", ".svg", 1000)[0], Path::new("skirt-0001.svg"));
+    }
 }

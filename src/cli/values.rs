@@ -132,7 +132,7 @@ pub(super) fn picture(text: &str) -> Result<PathBuf, String> {
 
 pub(super) fn diagram(text: &str) -> Result<(PathBuf, chart::Format), String> {
     let path = PathBuf::from(text);
-    let format = chart::Format::of(&path).ok_or("no lapping diagram has this ending; known are .svg .png")?;
+    let format = chart::Format::of(&path).ok_or("nothing is drawn with this ending; known are .svg .png")?;
     Ok((path, format))
 }
 

@@ -1,6 +1,6 @@
 //! Which files a run writes, and who writes each.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::Result;
 use warpknit::export::bcc::BccWriter;
@@ -66,14 +66,6 @@ pub(super) fn check_places<'a>(
     )
 }
 
-/// The names of `count` files in place of one: `NAME-001.png` and so on.
-pub(super) fn numbered(path: &Path, format: Format, count: u32) -> Vec<PathBuf> {
-    let digits = count.to_string().len().max(3);
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let (stem, ending) = name.split_at(name.len() - format.ending().len());
-    (1..=count).map(|number| path.with_file_name(format!("{stem}-{number:0digits$}{ending}"))).collect()
-}
-
 /// Writers of everything that streams.
 pub(super) fn sinks<'a>(outputs: &[Wanted], job: &Job<'a>, setup: &Setup) -> Result<Vec<Box<dyn Sink + 'a>>, ExportError> {
     let Setup { section, textures, .. } = setup;
@@ -111,18 +103,4 @@ pub(super) fn section(job: &Job<'_>) -> Result<Section> {
     let (st, sr) = (job.shared.st.unwrap_or(FILE_ST), job.shared.sr.unwrap_or(FILE_SR));
     let radius = drawn_radius(job.shown, radius)?;
     Ok(Section { st, sr, radius, flatten, caps, texture_per_mm: TEXTURE_PER_MM })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn files_are_numbered_before_their_ending() {
-        let named = |path, format, count| numbered(Path::new(path), format, count);
-        assert_eq!(named("out/skirt.png", Format::Png, 2), [Path::new("out/skirt-001.png"), Path::new("out/skirt-002.png")]);
-        assert_eq!(named("a.Curves.TXT", Format::Curves, 1), [Path::new("a-001.Curves.TXT")]);
-        assert_eq!(named("out/skirt.png", Format::Png, 1000)[999], Path::new("out/skirt-1000.png"));
-        assert_eq!(named("out/skirt.png", Format::Png, 1000)[0], Path::new("out/skirt-0001.png"));
-    }
 }

@@ -22,8 +22,8 @@ mod output;
 pub mod ply;
 pub mod png;
 mod spill;
-mod texture;
 mod temporary;
+mod texture;
 pub mod usda;
 pub mod usda_frames;
 

@@ -197,10 +197,7 @@ impl Piece {
     /// Panel axes (columns u, v, w) in the flat mesh's: v along its y, or z where y stands on the panel, turned by `grain`.
     fn axes(&self, grain: f64, turn: bool) -> DMat3 {
         let normal = if turn { -self.normal } else { self.normal };
-        let along = |axis: DVec3| axis - normal * axis.dot(normal);
-        let up = along(DVec3::Y);
-        let up = if up.length() < UPRIGHT { along(DVec3::Z) } else { up }.normalize();
-        let right = up.cross(normal);
+        let [right, up] = as_cut(normal);
         let (sin, cos) = grain.sin_cos();
         DMat3::from_cols(right * cos + up * sin, up * cos - right * sin, normal)
     }
@@ -266,7 +263,30 @@ impl Piece {
     }
 }
 
+/// Right and up of a piece as it lies in the flat file, seen from the side to which the normal points.
+fn as_cut(normal: DVec3) -> [DVec3; 2] {
+    let along = |axis: DVec3| axis - normal * axis.dot(normal);
+    let up = along(DVec3::Y);
+    let up = if up.length() < UPRIGHT { along(DVec3::Z) } else { up }.normalize();
+    [up.cross(normal), up]
+}
+
 impl Panel {
+    /// How far the wale direction is turned from the flat mesh's upright axis, radians, counter-clockwise seen from the technical face.
+    ///
+    /// ```
+    /// use warpknit::garment::Garment;
+    /// let mut garment = Garment::rectangle(100.0, 40.0);
+    /// garment.turn_grain(0, 0.25);
+    /// assert!((garment.panels[0].grain() - 0.25).abs() < 1e-12);
+    /// ```
+    #[must_use]
+    pub fn grain(&self) -> f64 {
+        let axes = self.flat_from_panel.matrix3;
+        let [right, up] = as_cut(axes.z_axis);
+        (-axes.y_axis.dot(right)).atan2(axes.y_axis.dot(up))
+    }
+
     /// Turns the wale direction further, by `grain` radians counter-clockwise seen from the technical face, and gives the number of
     /// triangles that are lost: slivers so thin that rounding to the new axes closed them.
     pub(super) fn turn_grain(&mut self, grain: f64) -> usize {

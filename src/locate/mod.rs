@@ -13,6 +13,7 @@
 //! triangle holds few of them, and some 0.2 µs a triangle before the first, half of which puts triangles in their place in memory, once a garment.
 
 mod cell;
+pub mod overlap;
 pub mod sign;
 mod topology;
 mod trace;
@@ -259,8 +260,13 @@ fn boxes_bvh(uv: &[DVec2], triangles: &[[u32; 3]]) -> Option<Bvh2> {
 }
 
 /// Calls `visit` for every triangle whose box holds `p`.
-fn for_candidates(bvh: &Bvh2, p: DVec2, mut visit: impl FnMut(u32)) {
-    bvh.aabb_traverse(outer_box(std::iter::once(p)), |bvh, node| {
+fn for_candidates(bvh: &Bvh2, p: DVec2, visit: impl FnMut(u32)) {
+    visit_boxes(bvh, outer_box(std::iter::once(p)), visit);
+}
+
+/// Calls `visit` for every triangle whose box meets another, and for some whose box only comes near.
+fn visit_boxes(bvh: &Bvh2, around: Aabb, mut visit: impl FnMut(u32)) {
+    bvh.aabb_traverse(around, |bvh, node| {
         let node = &bvh.nodes[node as usize];
         for slot in node.first_index..node.first_index + node.prim_count {
             visit(bvh.primitive_indices[slot as usize]);

@@ -180,7 +180,10 @@ fn huge_fabrics_are_cut_to_a_sheet_and_say_so() {
     assert!(svg::text(&drawing).len() < 1_000_000);
     let sheet = drawing.layers.iter().flat_map(|layer| &layer.shapes).all(|shape| match shape {
         Shape::Path { pieces, .. } => pieces.iter().all(|piece| (0.0..=drawing.size.x).contains(&piece.end().x)),
-        Shape::Dot { at, .. } | Shape::Text { at, .. } => at.cmpge(DVec2::ZERO).all() && at.cmple(drawing.size).all(),
+        Shape::Area { pieces } => pieces.iter().all(|piece| piece.end().cmpge(DVec2::ZERO).all()),
+        Shape::Dot { at, .. } | Shape::Text { at, .. } | Shape::Picture { at, .. } => {
+            at.cmpge(DVec2::ZERO).all() && at.cmple(drawing.size).all()
+        }
     });
     assert!(sheet, "everything lies on the sheet");
 }
@@ -238,7 +241,10 @@ fn a_warning_is_data_and_a_note_is_not() {
 fn wrong_usage_and_failures_leave_nothing_behind() {
     for (code, arguments) in [
         (2, &[][..]),
-        (2, &["-o", "a.svg", "m.obj"]),
+        (2, &["-o", "a.svg"]),
+        (2, &["--fabric", "tricot", "-o", "a.svg", "m.obj"]),
+        (2, &["--lapping", "1-0/1-2//", "-o", "a.svg", "m.obj"]),
+        (2, &["-o", "a.pdf", "m.obj"]),
         (2, &["--fabric", "tricot", "-o", "a.pdf"]),
         (2, &["--fabric", "tricot", "-o", "a"]),
         (1, &["--fabric", "tweed", "-o", "a.svg"]),
@@ -252,6 +258,6 @@ fn wrong_usage_and_failures_leave_nothing_behind() {
         assert_eq!(names(folder.path()), Vec::<String>::new(), "{arguments:?}");
     }
     let folder = tempfile::tempdir().unwrap();
-    inspect(folder.path(), &["--fabric", "tricot", "-o", "a.svg", "missing.obj"]).assert().code(1);
+    inspect(folder.path(), &["-o", "a.svg", "missing.obj"]).assert().code(1);
     assert_eq!(names(folder.path()), Vec::<String>::new(), "the mesh failed, so there is no picture either");
 }

@@ -21,6 +21,7 @@ mod gallery;
 mod garment;
 mod golden;
 mod gpu;
+mod inspect;
 mod interlock;
 #[cfg(unix)]
 mod interruption;
