@@ -154,7 +154,7 @@ mod tests {
         }
         let named = |files: Vec<PathBuf>| files.iter().map(|path| path.file_name().unwrap().to_owned()).collect::<Vec<_>>();
         assert_eq!(named(expanded(folder.path()).unwrap()), ["b2.OBJ", "b10.obj"]);
-        assert_eq!(named(expanded(&folder.path().join("b*.*")).unwrap()), ["b2.mtl", "b2.OBJ", "b10.obj"]);
+        assert_eq!(named(expanded(&folder.path().join("b*.*")).unwrap()), ["b2.OBJ", "b2.mtl", "b10.obj"]);
         let missing = folder.path().join("c*.obj");
         let message = expanded(&missing).unwrap_err().to_string();
         assert!(message.contains(missing.to_str().unwrap()), "{message}");
