@@ -37,7 +37,7 @@ pub const MAX_THREADING: usize = 1_000;
 pub const MAX_BARS: usize = 100;
 
 /// The most needles of the common repeat, over all of its courses and bars: each is looked at for warnings.
-pub const MAX_LAPS: usize = 100_000_000;
+pub const MAX_LAPS: usize = 10_000_000;
 /// The most loops of a weft knit's common repeat: all are laid out, and take a kilobyte each.
 pub const MAX_LOOPS: usize = 1_000_000;
 
