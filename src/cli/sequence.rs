@@ -43,7 +43,7 @@ struct Show<'a, 'b> {
     held: Held,
     /// Each numbered file, a frame an entry.
     numbered: Vec<(Vec<PathBuf>, Format)>,
-    usda: Vec<Box<UsdaFramesWriter>>,
+    usda: Vec<UsdaFramesWriter>,
     scene: Option<Scene>,
     /// What the camera sees: the sequence's extent.
     seen: Vec<Vec3>,
@@ -82,8 +82,7 @@ pub(super) fn make(job: &Job<'_>, sequence: &Sequence<'_>, mut clock: Clock) -> 
         Vec::new()
     };
     let usda = whole.iter().filter(|(_, format)| *format == Format::Usda);
-    let usda =
-        usda.map(|(path, _)| UsdaFramesWriter::create(path, job.shown, &setup.section, sequence.frames_per_second).map(Box::new));
+    let usda = usda.map(|(path, _)| UsdaFramesWriter::create(path, job.shown, &setup.section, sequence.frames_per_second));
     let usda = usda.collect::<Result<Vec<_>, _>>()?;
     whole.iter().filter(|(_, format)| *format == Format::Json).try_for_each(|(path, _)| Output::create(path).map(drop))?;
     let held = Held::lay(job.cloth, &setup.options, &mut |stage, done| clock.begin(task(stage), done));
@@ -117,7 +116,7 @@ pub(super) fn make(job: &Job<'_>, sequence: &Sequence<'_>, mut clock: Clock) -> 
     }
     let Show { held, usda, drawn_by, .. } = show;
     clock.begin(Task::Write, 1.0);
-    let mut finished = finished(usda)?;
+    let mut finished = finished(usda.into_iter().map(Box::new).collect())?;
     clock.stop();
     let shown = frames.iter().filter(|frame| frame.skipped.is_none()).count();
     let facts = Facts { setup: &setup, totals: held.totals(), draped: None, warnings, drawn_by, frames };

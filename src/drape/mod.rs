@@ -401,13 +401,11 @@ pub fn run<E>(
 /// Who hears of each stage, with the share of yarns that are done.
 type Announce<'a> = dyn FnMut(Stage, f64) + 'a;
 
+/// Who takes the located blocks of a window, tells of what is done with them, and knows the share of yarns that are done.
+type HandOn<'a, E> = dyn FnMut(&mut [Block], &mut Announce<'_>, f64) -> Result<(), E> + 'a;
+
 /// Knits and locates, handing windows of blocks on.
-fn lay<E>(
-    cloth: &Cloth<'_>,
-    options: &Options,
-    announce: &mut Announce<'_>,
-    hand_on: &mut dyn FnMut(&mut [Block], &mut Announce<'_>, f64) -> Result<(), E>,
-) -> Result<Totals, E> {
+fn lay<E>(cloth: &Cloth<'_>, options: &Options, announce: &mut Announce<'_>, hand_on: &mut HandOn<'_, E>) -> Result<Totals, E> {
     announce(Stage::Index, 0.0);
     let locators: Vec<_> = cloth.garment.panels.par_iter().map(Locator::new).collect();
     let mut blocks: Vec<Block> = Vec::new();

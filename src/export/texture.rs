@@ -13,7 +13,7 @@ use crate::scene::Scene;
 #[derive(Debug)]
 pub(super) struct Texture {
     /// PNG, one after the other: base colour, sRGB (tubes are solid, so there is no alpha); normals, OpenGL's way; and red: ambient occlusion, green: roughness, blue: metal.
-    pub(super) pictures: [Vec<u8>; Texture::PICTURES],
+    pub(super) pictures: [Vec<u8>; Self::PICTURES],
     /// The mean base colour, linear.
     pub(super) mean: [f32; 3],
 }

@@ -142,7 +142,7 @@ impl Sink for UsdaFramesWriter {
         output.write_with(|file| {
             file.write_all(head(&bars, &time).as_bytes())?;
             for Prim { panel, bar, points, extents, attributes } in &prims {
-                write!(file, "{}        point3f[] points.timeSamples = {{\n", prim(*panel, *bar, bars[*bar]))?;
+                writeln!(file, "{}        point3f[] points.timeSamples = {{", prim(*panel, *bar, bars[*bar]))?;
                 for (code, sample) in codes.iter().zip(points) {
                     write!(file, "            {code}: [")?;
                     waiting.copy(sample, file)?;

@@ -152,7 +152,7 @@ fn the_camera_stays_while_the_cloth_moves() {
         let picture = image::load_from_memory(&read(folder, name)).unwrap().into_rgb8();
         let drawn = |x: &u32| (0..picture.height()).any(|y| picture.get_pixel(*x, y).0.iter().any(|&level| level < 200));
         let mut drawn = (0..picture.width()).filter(drawn);
-        (drawn.next().unwrap(), drawn.last().unwrap())
+        (drawn.next().unwrap(), drawn.next_back().unwrap())
     };
     let (first, second) = (columns("p-001.png"), columns("p-002.png"));
     assert!(first.0 + 4 < second.0 && first.1 + 4 < second.1, "{first:?} {second:?}");
