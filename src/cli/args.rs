@@ -397,7 +397,7 @@ pub(crate) struct Reading {
 /// What `drape` and `swatch` share.
 #[derive(Args, Debug)]
 pub(crate) struct Shared {
-    /// A file to write, by its ending: .png .glb .obj .ply .csv (data points) .json (report); may be repeated [default: a .png here, named after the drape or the fabric]
+    /// A file to write, by its ending: .png .glb .obj .ply .usda .bcc .curves.txt .inp .npz .csv (data points) .json (report); may be repeated [default: a .png here, named after the drape or the fabric]
     #[arg(short, long = "output", value_name = "OUT", value_parser = output)]
     pub(crate) outputs: Vec<(PathBuf, Format)>,
     /// A built-in fabric or a fabric file

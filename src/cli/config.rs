@@ -2,11 +2,14 @@
 //!
 //! A key is a flag's long name, for every command that has it, or for one command alone in a table of that command's name. What stands on the command line goes before what stands in
 //! the file. A flag that takes no value is switched on by `true`.
+//!
+//! Not promised: flags that need each other (`eye` and `look-at`) stand together, in the file or on the command line.
 
 use std::ffi::OsString;
 use std::path::Path;
 
 use anyhow::{Context, Result, anyhow, bail};
+use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Command};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
@@ -15,6 +18,12 @@ use toml::de::{DeTable, DeValue};
 pub(super) const FILE: &str = "warpknit.toml";
 /// The flag by which it is not read.
 pub(super) const IGNORE: &str = "no-config";
+
+/// A flag that on the command line means more than itself, and those of the file that would go before it or make no sense with it.
+const OVERRULES: [(&str, &[&str]); 3] =
+    [("fabric", &["lapping", "threading"]), ("lapping", &["threading"]), ("view", &["eye", "look-at"])];
+/// A command that is asked about a fabric by these flags, which for others only say which one.
+const ASKED: (&str, [&str; 3]) = ("inspect", ["fabric", "lapping", "threading"]);
 
 /// What the file says of one flag.
 #[derive(Debug)]
@@ -38,10 +47,16 @@ pub(super) fn matches(command: &Command, path: &Path, arguments: &[OsString]) ->
     {
         return plain.map_err(Trouble::Usage);
     }
+    let entries = match (entries(path), plain.as_ref()) {
+        // Help is there for whoever has to mend the file.
+        (Err(_wrong), Err(shown)) if !shown.use_stderr() => Vec::new(),
+        (entries, _) => entries?,
+    };
     let usable = plain.is_ok();
+    let overruled = plain.as_ref().map(overruled).unwrap_or_default();
     let mut command = command.clone();
     let mut last = plain;
-    for entry in entries(path)? {
+    for entry in entries.into_iter().filter(|entry| !overruled.contains(&entry.flag.as_str())) {
         command = entry.set(command).map_err(|what| anyhow!("{}:{}: {what}", path.display(), entry.line))?;
         last = parse(&command);
         // Without the file the command line was right, so a value of the file is wrong.
@@ -50,10 +65,17 @@ pub(super) fn matches(command: &Command, path: &Path, arguments: &[OsString]) ->
         {
             let told = error.to_string();
             let what = told.lines().next().unwrap_or_default().trim_start_matches("error: ").to_owned();
-            return Err(anyhow!("{}:{}: {what}", path.display(), entry.line).into());
+            return Err(anyhow!("{}:{}: {what}; --{IGNORE} passes the file over", path.display(), entry.line).into());
         }
     }
     last.map_err(Trouble::Usage)
+}
+
+/// Flags of the file that others on the command line stand in for.
+fn overruled(matches: &ArgMatches) -> Vec<&'static str> {
+    let Some((_, given)) = matches.subcommand() else { return Vec::new() };
+    let is_given = |flag: &str| given.try_contains_id(flag).is_ok() && given.value_source(flag) == Some(ValueSource::CommandLine);
+    OVERRULES.iter().filter(|(flag, _)| is_given(flag)).flat_map(|(_, others)| others.iter().copied()).collect()
 }
 
 /// Why there are no arguments.
@@ -122,7 +144,7 @@ impl Entry {
         }
         let mut known = false;
         let mut program = program;
-        for name in names.iter().filter(|name| self.command.as_ref().is_none_or(|own| own == *name)) {
+        for name in names.iter().filter(|name| self.is_for(name)) {
             let Some(argument) = program.find_subcommand(name).and_then(|command| self.argument(command)) else { continue };
             known = true;
             if !argument.get_action().takes_values() && self.values.iter().any(|value| value != "true" && value != "false") {
@@ -141,6 +163,12 @@ impl Entry {
             bail!("{whose} {has} a flag --{}; `warpknit COMMAND --help` lists them", self.flag);
         }
         Ok(program)
+    }
+
+    /// Whether a command takes it, if it has the flag.
+    fn is_for(&self, command: &str) -> bool {
+        let asks = command == ASKED.0 && ASKED.1.contains(&self.flag.as_str());
+        self.command.as_ref().map_or(!asks, |own| own == command)
     }
 
     fn argument<'a>(&self, command: &'a Command) -> Option<&'a Arg> {

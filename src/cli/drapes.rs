@@ -6,8 +6,6 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use warpknit::garment::{Frames, Garment, ReadOptions, read};
 
-use super::tell;
-
 /// Which files hold a garment.
 #[derive(Debug)]
 pub(super) struct Drapes {
@@ -15,6 +13,8 @@ pub(super) struct Drapes {
     flat: Option<PathBuf>,
     /// At least one.
     pub(super) frames: Vec<PathBuf>,
+    /// What an output is called if none is named: the lone drape, or the folder of the frames.
+    stem: PathBuf,
 }
 
 /// A sequence whose first usable frame has been read.
@@ -30,11 +30,26 @@ pub(super) struct Motion {
 impl Drapes {
     /// A lone file has its flat pattern in its vt, and so has the first file of a lone folder or pattern; else the first path is the flat pattern.
     pub(super) fn of(first: &Path, others: &[PathBuf]) -> Result<Self> {
+        let named = others.first().map_or(first, PathBuf::as_path);
+        let named = if named.is_dir() { named.file_name() } else { named.file_stem() };
+        let stem = PathBuf::from(named.unwrap_or_default());
         if others.is_empty() {
-            return Ok(Self { flat: None, frames: expanded(first)? });
+            return Ok(Self { flat: None, frames: expanded(first)?, stem });
         }
-        let frames = others.iter().map(|path| expanded(path)).collect::<Result<Vec<_>>>()?.concat();
-        Ok(Self { flat: Some(first.to_owned()), frames })
+        let mut frames = Vec::new();
+        for path in others {
+            let found = expanded(path)?;
+            if path.is_dir() && found == [path.as_path()] {
+                bail!("{}: there is no .obj file in this folder", path.display());
+            }
+            // The flat pattern may lie among its drapes, and is none of them unless it is named as one.
+            let is_flat = |frame: &PathBuf| frame != path && frame.canonicalize().ok() == first.canonicalize().ok();
+            frames.extend(found.into_iter().filter(|frame| !is_flat(frame)));
+        }
+        if frames.is_empty() {
+            bail!("{}: there is no drape beside the flat pattern", others[0].display());
+        }
+        Ok(Self { flat: Some(first.to_owned()), frames, stem })
     }
 
     /// Everything that is read, and must not be overwritten.
@@ -42,9 +57,9 @@ impl Drapes {
         self.flat.iter().chain(&self.frames).map(PathBuf::as_path)
     }
 
-    /// What an output is called if none is named: a lone drape, or the folder of the frames.
+    /// What an output is called if none is named.
     pub(super) fn stem(&self) -> &Path {
-        Path::new(self.frames[0].file_stem().unwrap_or_default())
+        &self.stem
     }
 
     /// Reads the garment as its first drape has it. Of a sequence drapes before it that can't be read are passed over, if they may be.
@@ -64,13 +79,6 @@ impl Drapes {
             }
         }
         bail!("not one of {} frames can be read; the first: {}", frames.len(), bad[0])
-    }
-}
-
-impl Motion {
-    /// Tells of the frames before the first one that could be read.
-    pub(super) fn tell_bad(&self, quiet: bool) {
-        self.bad.iter().for_each(|what| tell(quiet, &format!("warning: left out: {what}")));
     }
 }
 

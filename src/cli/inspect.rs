@@ -61,6 +61,9 @@ fn inspect_meshes(arguments: &Inspect) -> Result<Vec<Output>> {
             }
         }
     }
+    if !failed.is_empty() && !arguments.outputs.is_empty() {
+        tell(false, "note: no sheet is written, since not every garment could be read");
+    }
     let more = failed.len().saturating_sub(1);
     match failed.into_iter().next() {
         None => Ok(whole),

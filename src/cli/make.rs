@@ -222,16 +222,16 @@ pub(super) fn check_request(job: &Job<'_>, wants_picture: bool) -> Result<()> {
             job.shared.size.1
         );
     }
-    if wants_picture { check_memory(stitches, PICTURE_GB, "lower the densities, or write no .png") } else { Ok(()) }
+    if wants_picture { check_memory("a picture", stitches, PICTURE_GB, "lower the densities, or write no .png") } else { Ok(()) }
 }
 
-/// Refuses a picture that would not fit the memory at so many GB a stitch, before the work and not in the middle of it.
-pub(super) fn check_memory(stitches: u64, gb_a_stitch: f64, remedy: &str) -> Result<()> {
+/// Refuses what would not fit the memory at so many GB a stitch, before the work and not in the middle of it.
+pub(super) fn check_memory(what: &str, stitches: u64, gb_a_stitch: f64, remedy: &str) -> Result<()> {
     #[expect(clippy::cast_precision_loss, reason = "an estimate")]
     let needed = stitches as f64 * gb_a_stitch;
     match available_memory_gb() {
         Some(free) if needed > free => {
-            bail!("a picture of {stitches} stitches takes about {needed:.0} GB of memory and {free:.0} GB are free: {remedy}")
+            bail!("{what} of {stitches} stitches takes about {needed:.0} GB of memory and {free:.0} GB are free: {remedy}")
         }
         _ => Ok(()),
     }

@@ -21,11 +21,14 @@ use warpknit::scene::Scene;
 use super::clock::{Clock, Task};
 use super::drapes::Motion;
 use super::job::{Facts, Job, Setup};
-use super::make::{check_laid, check_request, loss_warning, task, tell_warnings};
+use super::make::{check_laid, check_memory, check_request, loss_warning, task, tell_warnings};
 use super::pictures;
 use super::targets::numbered;
 use super::tell;
 use super::writers::{Wanted, check_places, finished, sinks, wanted};
+
+/// What a held stitch takes, GB: measured .94 kB.
+const HELD_GB: f64 = 1e-6;
 
 /// What a sequence needs besides its job, whose cloth is laid on the first frame.
 pub(super) struct Sequence<'a> {
@@ -36,100 +39,104 @@ pub(super) struct Sequence<'a> {
     pub(super) frames_per_second: f64,
 }
 
+/// The files of a sequence.
+struct Files {
+    /// Those that hold one drape, numbered: a frame an entry.
+    numbered: Vec<(Vec<PathBuf>, Format)>,
+    /// Those that hold all frames.
+    whole: Vec<Wanted>,
+}
+
 /// What is made frame by frame.
 struct Show<'a, 'b> {
     job: &'a Job<'a>,
     setup: &'a Setup,
     held: Held,
-    /// Each numbered file, a frame an entry.
-    numbered: Vec<(Vec<PathBuf>, Format)>,
+    files: &'a Files,
     usda: Vec<UsdaFramesWriter>,
     scene: Option<Scene>,
     /// What the camera sees: the sequence's extent.
     seen: Vec<Vec3>,
     drawn_by: String,
+    warnings: Vec<String>,
     clock: &'b mut Clock,
 }
 
 /// Knits once, and draws and writes every frame.
 pub(super) fn make(job: &Job<'_>, sequence: &Sequence<'_>, mut clock: Clock) -> Result<()> {
-    let Sequence { motion, paths, .. } = sequence;
-    let files = wanted(job);
-    let wants_picture = files.iter().any(|(_, format)| *format == Format::Png);
-    check_request(job, wants_picture)?;
-    if job.shared.drawing.turntable.is_some() || job.part.is_some() {
-        bail!("--turntable and --tile are for one drape, and these are {} frames", paths.len());
-    }
-    let setup = job.setup(&files)?;
-    let (whole, single): (Vec<_>, Vec<_>) =
-        files.iter().cloned().partition(|(_, format)| matches!(format, Format::Usda | Format::Json));
-    let count = index32(paths.len());
-    let numbered: Vec<_> = single.iter().map(|(path, format)| (numbered(path, format.ending(), count), *format)).collect();
-    let all: Vec<Wanted> = numbered
-        .iter()
-        .flat_map(|(paths, format)| paths.iter().map(|path| (path.clone(), *format)))
-        .chain(whole.clone())
-        .collect();
-    check_places(job, all.iter(), &setup.textures)?;
-    motion.tell_bad(job.shared.running.quiet);
+    let files = Files::of(wanted(job), index32(sequence.paths.len()));
+    let wants_picture = files.numbered.iter().any(|(_, format)| *format == Format::Png);
+    check(job, sequence, wants_picture)?;
+    let setup = job.setup(&files.all())?;
+    check_places(job, files.all().iter(), &setup.textures)?;
     let mut warnings = job.first_warnings(&setup);
-    warnings.extend(motion.bad.iter().map(|what| format!("left out: {what}")));
+    warnings.extend(sequence.motion.bad.iter().map(|what| format!("left out: {what}")));
 
-    let mut garment = job.cloth.garment().clone();
-    let seen = if wants_picture && job.shared.eye.is_none() {
-        seen(sequence, &garment, job.shown.wale_spacing(), &mut clock)?
-    } else {
-        Vec::new()
-    };
-    let usda = whole.iter().filter(|(_, format)| *format == Format::Usda);
+    let wants_extent = wants_picture && job.shared.eye.is_none();
+    let seen = if wants_extent { seen(sequence, job, &mut clock)? } else { Vec::new() };
+    let usda = files.whole.iter().filter(|(_, format)| *format == Format::Usda);
     let usda = usda.map(|(path, _)| UsdaFramesWriter::create(path, job.shown, &setup.section, sequence.frames_per_second));
     let usda = usda.collect::<Result<Vec<_>, _>>()?;
-    whole.iter().filter(|(_, format)| *format == Format::Json).try_for_each(|(path, _)| Output::create(path).map(drop))?;
+    let reports = files.whole.iter().filter(|(_, format)| *format == Format::Json);
+    reports.into_iter().try_for_each(|(path, _)| Output::create(path).map(drop))?;
     let held = Held::lay(job.cloth, &setup.options, &mut |stage, done| clock.begin(task(stage), done));
     check_laid(held.totals())?;
     warnings.extend(loss_warning(held.totals()));
     tell_warnings(job, &mut warnings);
 
     let scene = wants_picture.then(|| job.scene(&setup));
-    let mut show = Show { job, setup: &setup, held, numbered, usda, scene, seen, drawn_by: String::new(), clock: &mut clock };
-    let mut frames: Vec<_> = paths.iter().zip(&motion.bad).map(|(path, what)| left_out(path, what)).collect();
-    for (number, path) in paths.iter().enumerate().skip(motion.first) {
-        show.clock.begin(Task::Read, 0.0);
-        if number > motion.first {
-            match motion.reader.pose(&mut garment, path) {
-                Ok(odd) => warnings.extend(odd.inspect(|odd| show.clock.aside(&format!("warning: {odd}")))),
-                Err(error) if sequence.skip_bad => {
-                    let what = error.to_string();
-                    show.clock.aside(&format!("warning: left out: {what}"));
-                    frames.push(left_out(path, &what));
-                    warnings.push(format!("left out: {what}"));
-                    continue;
-                }
-                Err(error) => return Err(error.into()),
-            }
-        }
-        show.frame(&garment, number)?;
-        let before: f64 = frames.iter().map(|frame: &FrameReport| frame.ms).sum();
-        let (stretch_warp, stretch_weft) = stretch(&garment);
-        let ms = show.clock.without_pictures() - before;
-        frames.push(FrameReport { file: path.display().to_string(), skipped: None, ms, stretch_warp, stretch_weft });
-    }
-    let Show { held, usda, drawn_by, .. } = show;
+    let drawn_by = String::new();
+    let mut show = Show { job, setup: &setup, held, files: &files, usda, scene, seen, drawn_by, warnings, clock: &mut clock };
+    let frames = show.all(sequence)?;
+    let Show { held, usda, drawn_by, warnings, .. } = show;
     clock.begin(Task::Write, 1.0);
     let mut finished = finished(usda.into_iter().map(Box::new).collect())?;
     clock.stop();
     let shown = frames.iter().filter(|frame| frame.skipped.is_none()).count();
-    let facts = Facts { setup: &setup, totals: held.totals(), draped: None, warnings, drawn_by, frames };
-    let (reports, _) = facts.files(job, &whole, &clock)?;
-    finished.extend(reports);
+    let totals = *held.totals();
+    let facts = Facts { setup: &setup, totals: &totals, draped: None, warnings, drawn_by, frames };
+    finished.extend(facts.files(job, &files.whole, &clock)?.0);
     finished.into_iter().try_for_each(Output::publish)?;
     clock.clear();
-    let totals = held.totals();
-    let names: Vec<_> = files.iter().map(|(path, _)| path.display().to_string()).collect();
-    let what =
-        format!("{shown} of {count} frames, {} stitches, {} yarns: {}", totals.losses.stitches, totals.yarns, names.join(" "));
-    tell(job.shared.running.quiet, &what);
+    let (count, stitches, yarns) = (sequence.paths.len(), totals.losses.stitches, totals.yarns);
+    tell(job.shared.running.quiet, &format!("{shown} of {count} frames, {stitches} stitches, {yarns} yarns: {}", files.names()));
     Ok(())
+}
+
+/// Refuses what can't be done, before any work.
+fn check(job: &Job<'_>, sequence: &Sequence<'_>, wants_picture: bool) -> Result<()> {
+    check_request(job, wants_picture)?;
+    if job.shared.drawing.turntable.is_some() || job.part.is_some() {
+        bail!("--turntable and --tile are for one drape, and these are {} frames", sequence.paths.len());
+    }
+    check_memory("a drape sequence", job.cloth.stitches(), HELD_GB, "lower the densities, or drape the frames one by one")
+}
+
+impl Files {
+    fn of(wanted: Vec<Wanted>, count: u32) -> Self {
+        let (whole, single): (Vec<_>, Vec<_>) =
+            wanted.into_iter().partition(|(_, format)| matches!(format, Format::Usda | Format::Json));
+        let numbered = single.into_iter().map(|(path, format)| (numbered(&path, format.ending(), count), format)).collect();
+        Self { numbered, whole }
+    }
+
+    fn all(&self) -> Vec<Wanted> {
+        let numbered = self.numbered.iter().flat_map(|(paths, format)| paths.iter().map(|path| (path.clone(), *format)));
+        numbered.chain(self.whole.iter().cloned()).collect()
+    }
+
+    /// Those of one frame.
+    fn of_frame(&self, number: usize) -> Vec<Wanted> {
+        self.numbered.iter().map(|(paths, format)| (paths[number].clone(), *format)).collect()
+    }
+
+    /// What they are called, in a line.
+    fn names(&self) -> String {
+        let series =
+            |(paths, _): &(Vec<PathBuf>, Format)| format!("{} to {}", paths[0].display(), paths[paths.len() - 1].display());
+        let whole = self.whole.iter().map(|(path, _)| path.display().to_string());
+        self.numbered.iter().map(series).chain(whole).collect::<Vec<_>>().join(", ")
+    }
 }
 
 fn left_out(path: &Path, what: &str) -> FrameReport {
@@ -143,10 +150,44 @@ fn left_out(path: &Path, what: &str) -> FrameReport {
 }
 
 impl Show<'_, '_> {
+    /// Makes the files of all frames; says of each what there is to be told.
+    fn all(&mut self, sequence: &Sequence<'_>) -> Result<Vec<FrameReport>> {
+        let Sequence { motion, paths, .. } = sequence;
+        let mut garment = self.job.cloth.garment().clone();
+        let mut frames: Vec<_> = paths.iter().zip(&motion.bad).map(|(path, what)| left_out(path, what)).collect();
+        for (number, path) in paths.iter().enumerate().skip(motion.first) {
+            self.clock.begin(Task::Read, 0.0);
+            if number > motion.first {
+                match motion.reader.pose(&mut garment, path) {
+                    Ok(odd) => odd.into_iter().for_each(|odd| self.warn(odd)),
+                    Err(error) if sequence.skip_bad => {
+                        self.warn(format!("left out: {error}"));
+                        frames.push(left_out(path, &error.to_string()));
+                        continue;
+                    }
+                    Err(error) => return Err(error.into()),
+                }
+            }
+            self.frame(&garment, number)?;
+            let before: f64 = frames.iter().map(|frame: &FrameReport| frame.ms).sum();
+            let (stretch_warp, stretch_weft) = stretch(&garment);
+            let ms = self.clock.without_pictures() - before;
+            frames.push(FrameReport { file: path.display().to_string(), skipped: None, ms, stretch_warp, stretch_weft });
+        }
+        Ok(frames)
+    }
+
+    fn warn(&mut self, what: String) {
+        if !self.job.shared.running.quiet {
+            self.clock.aside(&format!("warning: {what}"));
+        }
+        self.warnings.push(what);
+    }
+
     /// Makes a frame's files.
     fn frame(&mut self, garment: &Garment, number: usize) -> Result<()> {
-        let Self { job, setup, held, numbered, usda, scene, clock, .. } = self;
-        let own: Vec<Wanted> = numbered.iter().map(|(paths, format)| (paths[number].clone(), *format)).collect();
+        let Self { job, setup, held, files, usda, scene, clock, .. } = self;
+        let own = files.of_frame(number);
         let mut sinks = sinks(&own, job, setup)?;
         usda.iter_mut().try_for_each(|usda| usda.begin_frame(index32(number + 1)))?;
         if let Some(scene) = scene {
@@ -176,10 +217,10 @@ impl Show<'_, '_> {
     }
 }
 
-/// Points around all frames, which the camera is to see: the outermost one in each of 26 directions, frame by frame, and `reach` mm beyond it.
-fn seen(sequence: &Sequence<'_>, first: &Garment, reach: f64, clock: &mut Clock) -> Result<Vec<Vec3>> {
+/// Points around all frames, which the camera is to see: the outermost one in each of 26 directions, frame by frame, and a stitch beyond it.
+fn seen(sequence: &Sequence<'_>, job: &Job<'_>, clock: &mut Clock) -> Result<Vec<Vec3>> {
     clock.begin(Task::Read, 0.0);
-    let mut garment = first.clone();
+    let (mut garment, reach) = (job.cloth.garment().clone(), job.shown.wale_spacing());
     let mut seen = outermost(&garment, reach);
     for path in &sequence.paths[sequence.motion.first + 1..] {
         match sequence.motion.reader.pose(&mut garment, path) {

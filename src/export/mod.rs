@@ -145,7 +145,7 @@ pub enum ExportError {
         source: std::io::Error,
     },
     /// Over what the format holds.
-    #[error("{}: {bytes} bytes are over the 4 GiB that a .glb holds; lower --st or --sr, or write .obj", path.display())]
+    #[error("{}: {bytes} bytes are over the 4 GiB that a .glb holds; make parts with --tile, lower --st, --sr or the densities, or write .obj", path.display())]
     TooLarge {
         /// The target.
         path: PathBuf,

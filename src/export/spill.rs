@@ -1,4 +1,4 @@
-//! Parts of a file that are known while an earlier part is being written: they wait in a nameless temporary file, so that no part is held in memory.
+//! Parts of a file that are known while an earlier part is being written: they wait in a nameless temporary file beside the target, so that no part is held in memory.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Read as _, Seek as _, SeekFrom, Write as _};
@@ -6,7 +6,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use super::ExportError;
-use super::output::BUFFER;
+use super::output::{BUFFER, folder_of};
 
 /// One such part.
 #[derive(Debug)]
@@ -21,7 +21,9 @@ impl Spill {
     /// # Errors
     /// What the disk says.
     pub(super) fn create(target: &Path) -> Result<Self, ExportError> {
-        let file = tempfile::tempfile().map_err(|source| ExportError::Io { path: target.to_owned(), source })?;
+        // There is room for the file itself, which is more than the system's own place for such files may have; beside a pipe there may be none.
+        let file = tempfile::tempfile_in(folder_of(target)).or_else(|_refused| tempfile::tempfile());
+        let file = file.map_err(|source| ExportError::Io { path: target.to_owned(), source })?;
         Ok(Self { file: BufWriter::with_capacity(BUFFER, file), length: 0 })
     }
 

@@ -131,7 +131,12 @@ impl TemporaryFolder {
         register.sweep(around);
         loop {
             let folder = builder.tempdir_in(around)?;
-            let lock = File::open(folder.path()).ok();
+            let lock = match File::open(folder.path()) {
+                Ok(lock) => Some(lock),
+                // Swept away by another run before it could be kept.
+                Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
+                Err(_no_lock) => None,
+            };
             if lock.as_ref().is_none_or(|lock| is_kept(lock, folder.path())) {
                 let entry = Entry::new(&mut register, folder.path());
                 return Ok(Self { folder, _entry: entry, _lock: lock });

@@ -16,9 +16,9 @@ use super::panel::{cross, normals};
 use super::{Files, Garment, GarmentError, Panel, ReadOptions, Unit};
 use crate::ids::index32;
 
-/// A frame's lengths over the first one's, beyond which it is taken to be in another unit. Cloth hardly stretches so far, and all units but inches and centimetres are
-/// further apart.
-const OTHER_UNIT: f64 = 4.0;
+/// A frame's lengths over the first one's, beyond which it is taken to be in another unit: cloth hardly stretches to twice its length in both directions, and units are
+/// 2.5 times apart or more.
+const OTHER_UNIT: f64 = 2.0;
 /// A vertex of no triangle that can hold stitches: it stays where it is.
 const UNUSED: u32 = u32::MAX;
 
@@ -74,16 +74,16 @@ impl Frames {
     ///
     /// # Errors
     /// [`GarmentError`] where the file can't be read, doesn't pair, or has no area.
-    pub fn pose(&self, garment: &mut Garment, frame: &Path) -> Result<Option<String>, GarmentError> {
-        let (draped, odd) = match obj::read_positions(frame, self.connectivity)? {
+    pub fn pose(&self, garment: &mut Garment, frame: &Path) -> Result<Vec<String>, GarmentError> {
+        let (draped, mut odd) = match obj::read_positions(frame, self.connectivity)? {
             Some(positions) if positions.iter().all(|position| position.abs().max_element() <= LARGEST) => {
-                (self.vertices.iter().map(|vertices| taken(vertices, &positions)).collect::<Vec<_>>(), None)
+                (self.vertices.iter().map(|vertices| taken(vertices, &positions)).collect::<Vec<_>>(), Vec::new())
             }
             _ => {
                 let mesh = obj::read(frame)?;
                 let mut pairs = two_files(&self.flat, &mesh, [&self.path, frame], self.pattern)?;
                 let places = self.corners.iter().map(|corners| taken(&vertices(corners, &pairs), &pairs.draped));
-                (places.collect(), pairs.warnings.pop())
+                (places.collect(), std::mem::take(&mut pairs.warnings))
             }
         };
         let size = size(garment.panels.iter().zip(&draped), |draped, vertex| draped[vertex].unwrap_or_default());
@@ -99,7 +99,8 @@ impl Frames {
             }
             panel.normals = normals(&panel.draped, &panel.triangles);
         }
-        Ok(strange.or(odd).map(|what| format!("{}: {what}", frame.display())))
+        odd.extend(strange.map(|what| format!("{}: {what}", frame.display())));
+        Ok(odd)
     }
 
     /// The unit of a frame that measures so much in its own, and what is odd about it.
@@ -197,7 +198,7 @@ mod tests {
             for rotated in [false, true] {
                 let frame = written(folder.path(), "2.obj", &strip(bent, rotated));
                 let mut posed = garment.clone();
-                assert_eq!(frames.pose(&mut posed, &frame).unwrap(), None);
+                assert_eq!(frames.pose(&mut posed, &frame).unwrap(), Vec::<String>::new());
                 let alone = super::super::read(&flat, Some(&frame), &options).unwrap();
                 assert_eq!(posed.panels[0].draped, alone.panels[0].draped, "turned {turn}, renumbered {rotated}");
                 assert_eq!(posed.panels[0].normals, alone.panels[0].normals);
@@ -209,14 +210,45 @@ mod tests {
     #[test]
     fn a_frame_in_another_unit_is_as_large_as_the_first() {
         let folder = tempfile::tempdir().unwrap();
-        let flat = written(folder.path(), "flat.obj", &strip(|x, y| [100.0 * x, 100.0 * y, 0.0], false));
-        let metres = written(folder.path(), "m.obj", &strip(|x, y| [0.1 * x, 0.1 * y, 0.0], false));
-        let options = ReadOptions { uv_scale: Some(1.0), ..ReadOptions::default() };
+        let flat = written(folder.path(), "flat.obj", &strip(|x, y| [50.0 * x, 50.0 * y, 0.0], false));
+        let options = ReadOptions { uv_scale: Some(10.0), ..ReadOptions::default() };
         let (mut garment, frames) = Frames::read(&flat, Some(&flat), &options).unwrap();
+        assert_eq!(garment.facts.unit, "cm");
         let before = garment.panels[0].draped.clone();
-        let odd = frames.pose(&mut garment, &metres).unwrap().unwrap();
-        assert!(odd.contains("taken to be in m") && odd.contains("m.obj"), "{odd}");
-        assert!(garment.panels[0].draped.iter().zip(&before).all(|(a, b)| a.distance(*b) < 1e-9));
+        for (unit, times) in [("m", 0.01), ("mm", 10.0), ("in", 1.0 / 2.54)] {
+            let text = strip(|x, y| [50.0 * times * x, 50.0 * times * y, 0.0], false);
+            let frame = written(folder.path(), &format!("{unit}.obj"), &text);
+            let odd = frames.pose(&mut garment, &frame).unwrap().concat();
+            assert!(odd.contains(&format!("{unit}.obj: taken to be in {unit}, while")), "{odd}");
+            assert!(garment.panels[0].draped.iter().zip(&before).all(|(a, b)| a.distance(*b) < 1e-6), "{unit}");
+        }
+        // Cloth stretches, but not so far that the next unit is nearer.
+        let stretched = written(folder.path(), "s.obj", &strip(|x, y| [150.0 * x, 60.0 * y, 0.0], false));
+        assert_eq!(frames.pose(&mut garment, &stretched).unwrap(), Vec::<String>::new());
+    }
+
+    #[test]
+    fn pieces_in_another_order_are_found_by_their_names() {
+        let folder = tempfile::tempdir().unwrap();
+        // Two squares of four vertices each; `first` is the name of the one that comes first in the file.
+        let text = |names: [&str; 2], x: [f64; 2]| {
+            let mut text = String::new();
+            for (at, (name, x)) in names.into_iter().zip(x).enumerate() {
+                let corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)];
+                corners.iter().for_each(|(u, v)| writeln!(text, "v {} {} 0", 200.0 * (x + u), 200.0 * v).unwrap());
+                let vertex = |corner: usize| 4 * at + corner;
+                writeln!(text, "o {name}\nf {} {} {} {}", vertex(1), vertex(2), vertex(3), vertex(4)).unwrap();
+            }
+            text
+        };
+        let flat = written(folder.path(), "flat.obj", &text(["a", "b"], [0.0, 2.0]));
+        let frame = written(folder.path(), "2.obj", &text(["b", "a"], [2.0, 0.0]));
+        let (garment, frames) = Frames::read(&flat, Some(&flat), &ReadOptions::default()).unwrap();
+        let mut posed = garment.clone();
+        frames.pose(&mut posed, &frame).unwrap();
+        for (posed, first) in posed.panels.iter().zip(&garment.panels) {
+            assert_eq!(posed.draped, first.draped);
+        }
     }
 
     #[test]

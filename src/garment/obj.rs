@@ -15,7 +15,7 @@
 
 use std::collections::HashMap;
 use std::fs::File;
-use std::hash::{DefaultHasher, Hasher as _};
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
 
@@ -45,7 +45,7 @@ pub(super) struct ObjMesh {
     pub(super) names: Vec<String>,
     /// `vt` records in the file, used or not.
     pub(super) texture_count: usize,
-    /// The same for files whose faces have the same corners in the same order.
+    /// The same for files whose faces have the same corners and names in the same order.
     pub(super) connectivity: u64,
     /// The file's own number of each of `positions`, from 0: they come in the order in which faces first use them, and unused ones are left out.
     pub(super) order: Vec<u32>,
@@ -221,6 +221,8 @@ struct Cleaner<R> {
     stop: Option<Stop>,
     /// Positions, if they are to be kept.
     kept: Option<Vec<DVec3>>,
+    /// Object and group of the last face.
+    named: Option<[Option<u32>; 2]>,
 }
 
 impl<R: BufRead> Cleaner<R> {
@@ -237,6 +239,7 @@ impl<R: BufRead> Cleaner<R> {
             forward_vt: Forward::default(),
             stop: None,
             kept: None,
+            named: None,
         }
     }
 
@@ -337,9 +340,19 @@ impl<R: BufRead> Cleaner<R> {
             return Err(Fault::TooMany { limit: MOST });
         }
         self.notes.connectivity.write_usize(corners);
-        let [object, group] = [&mut self.object, &mut self.group].map(|label| label.keep(&mut self.known, &mut self.notes.names));
+        let names = [&mut self.object, &mut self.group].map(|label| label.keep(&mut self.known, &mut self.notes.names));
+        self.note_names(names);
+        let [object, group] = names;
         self.notes.faces.push(Face { line: self.lines.first, corners: index32(corners), textured, object, group });
         Ok(())
+    }
+
+    /// Faces are paired by their names first, so files whose faces have other names are connected otherwise.
+    fn note_names(&mut self, names: [Option<u32>; 2]) {
+        if self.named != Some(names) {
+            self.named = Some(names);
+            names.map(|name| name.map(|name| self.notes.names[name as usize].as_str())).hash(&mut self.notes.connectivity);
+        }
     }
 
     /// Writes a face's corners, each with its own `vt` or the dummy `vt` 1; whether all had one of their own.

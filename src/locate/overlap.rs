@@ -28,8 +28,8 @@ use crate::ids::index32;
 /// Pairs of triangles after which the search ends: a few seconds, and 200 MB if each is of two panels of its own. A pattern that lies five deep has some 40 pairs
 /// a triangle.
 const MOST_PAIRS: usize = 4_000_000;
-/// Triangles looked at between two looks at that limit.
-const BATCH: usize = 1024;
+/// Triangles looked at between two looks at that limit: few, since each of them may meet all others, as those of a tiled `vt` do.
+const BATCH: usize = 32;
 /// Less than this part of the smaller panel is rounding in the file: panels laid edge to edge.
 const ROUNDING: f64 = 1e-6;
 /// Planes whose normals' cosine is over this, and that are less apart than this part of the larger panel, are one: as flat as a panel must be.

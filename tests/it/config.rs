@@ -33,6 +33,23 @@ fn a_file_in_the_folder_sets_defaults_and_the_command_line_goes_before_it() {
     assert_eq!(fabric_of(folder, &["--no-config"]), ("tricot".to_owned(), 10));
     let (code, help, _) = run(folder, &["swatch", "--help"]);
     assert!(code == 0 && help.contains("[default: locknit]"), "help tells the defaults that hold here");
+    // What is given stands in for what the file has of it; `inspect` is not asked about the file's fabric.
+    std::fs::write(folder.join("warpknit.toml"), "lapping = \"1-0/1-2//\"\neye = \"0,0,90\"\nlook-at = \"0,0,0\"\n").unwrap();
+    assert_eq!(fabric_of(folder, &["--fabric", "satin"]).0, "satin");
+    let picture = |flags: &[&str]| {
+        let all = [&["swatch", "--fabric", "tricot", "--size", "64x48", "--renderer", "cpu", "-o", "p.png"][..], flags].concat();
+        assert_eq!(run(folder, &all).0, 0);
+        std::fs::read(folder.join("p.png")).unwrap()
+    };
+    assert!(
+        picture(&["--view", "back"]) == picture(&["--view", "back", "--no-config"]) && picture(&[]) != picture(&["--no-config"])
+    );
+    let mesh = Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes/tshirt.obj");
+    std::fs::write(folder.join("warpknit.toml"), "fabric = \"locknit\"\n").unwrap();
+    let (code, told, _) = run(folder, &["inspect", mesh.to_str().unwrap(), "-o", "sheet.svg"]);
+    assert!(code == 0 && told.contains("pairs: yes") && !told.contains("locknit"), "{told}");
+    std::fs::write(folder.join("warpknit.toml"), "fabric = \n").unwrap();
+    assert_eq!(run(folder, &["swatch", "--help"]).0, 0, "help is there for whoever mends the file");
     // Several values, and a flag without one.
     std::fs::write(folder.join("warpknit.toml"), "lapping = [\"1-0/1-2//\", \"1-2/1-0//\"]\ncaps = true\n").unwrap();
     assert_eq!(fabric_of(folder, &[]).0, "1-0/1-2// + 1-2/1-0//");

@@ -56,6 +56,11 @@ def main():
                 continue
             slack = NEAR if name in ("npz", "usda") else 2 * arrays["radius"].max()
             assert np.abs(box - reference).max() <= slack, f"{name}: its box is off by {np.abs(box - reference).max()} mm"
+        # Those that hold the same geometry agree to a tenth of a millimetre.
+        for same in (["glb", "obj", "ply"], ["inp", "curves.txt"], ["npz", "usda"]):
+            off = max(np.abs(boxes[name][1][2] - boxes[same[0]][1][2]).max() for name in same)
+            assert off <= 0.1, f"{same}: boxes are off by {off} mm"
+            assert len({boxes[name][1][1] for name in same}) == 1, f"{same}: numbers of points differ"
         print("all files hold the same cloth")
         lines(arguments.binary, folder, arguments.fabric, arrays)
         dressed(arguments.binary, folder, arguments.validator)
@@ -88,6 +93,7 @@ def csv(path, arrays, report):
 def tubes(path, report):
     mesh = trimesh.load(path, process=False, force="mesh")
     assert len(mesh.faces) == report["surface"]["triangles"], f"{path}: {len(mesh.faces)} triangles"
+    assert len(mesh.vertices) == report["surface"]["vertices"], f"{path}: {len(mesh.vertices)} vertices"
     return report["yarns"], len(mesh.vertices), box_of(mesh.vertices)
 
 
@@ -96,6 +102,7 @@ def glb(path, report, validator):
         validate(path, validator)
     scene = trimesh.load(path, process=False)
     yarns = len(scene.geometry)
+    assert yarns == report["yarns"], f"{yarns} meshes"
     mesh = scene.to_geometry()
     assert len(mesh.faces) == report["surface"]["triangles"]
     return yarns, len(mesh.vertices), box_of(mesh.vertices) * 1000

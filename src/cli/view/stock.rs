@@ -180,5 +180,5 @@ fn check_room(stitches: u64) -> Result<()> {
     if stitches > MOST_STITCHES {
         bail!("{stitches} stitches are too many: lower the densities");
     }
-    check_memory(stitches, STITCH_GB, "lower the densities")
+    check_memory("a picture", stitches, STITCH_GB, "lower the densities")
 }
