@@ -1,5 +1,5 @@
-//! OBJ files: a garment with its `vt`, or, where a NUL stands between them, a flat and a draped file. What is read is inspected and, coarsely,
-//! knitted onto.
+//! OBJ files: a garment with its `vt`, or, with a NUL between each two, a flat and a draped file, and one more frame. What is read is inspected and, coarsely,
+//! knitted onto; the frame is taken or refused.
 
 #![no_main]
 
@@ -7,8 +7,9 @@ use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
 use warpknit::fabric::Fabric;
-use warpknit::garment::stretch::stretch;
-use warpknit::garment::{Garment, Panel, ReadOptions, read};
+use warpknit::garment::stretch::{isometry, stretch};
+use warpknit::garment::{Frames, Garment, Panel, ReadOptions, read};
+use warpknit::locate::overlap::overlaps;
 use warpknit_fuzz::{Desk, knit, one_line, parts};
 
 static DESK: LazyLock<Desk> = LazyLock::new(Desk::new);
@@ -27,6 +28,15 @@ fuzz_target!(|data: &[u8]| {
             Ok(garment) => use_it(&garment),
             Err(error) => one_line(&error),
         }
+        if let Some(frame) = files.get(2).map(|frame| DESK.file("frame.obj", frame))
+            && let Ok((mut garment, frames)) = Frames::read(&flat, draped.as_deref(), &options)
+        {
+            match frames.pose(&mut garment, &frame) {
+                Ok(odd) => odd.iter().for_each(one_line),
+                Err(error) => one_line(&error),
+            }
+            garment.panels.iter().for_each(check);
+        }
     }
 });
 
@@ -38,6 +48,7 @@ fn use_it(garment: &Garment) {
         check(panel);
     }
     garment.facts.warnings.iter().for_each(one_line);
+    let _inspected = (isometry(&garment.panels), overlaps(garment));
     // Some ten wales and courses of the largest panel.
     let side = garment.panels.iter().map(|panel| panel.size().max_element()).fold(0.0, f64::max);
     if let Ok(fabric) = TRICOT.clone().at_densities(100.0 / side, 100.0 / side)

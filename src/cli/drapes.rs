@@ -39,9 +39,6 @@ impl Drapes {
         let mut frames = Vec::new();
         for path in others {
             let found = expanded(path)?;
-            if path.is_dir() && found == [path.as_path()] {
-                bail!("{}: there is no .obj file in this folder", path.display());
-            }
             // The flat pattern may lie among its drapes, and is none of them unless it is named as one.
             let is_flat = |frame: &PathBuf| frame != path && frame.canonicalize().ok() == first.canonicalize().ok();
             frames.extend(found.into_iter().filter(|frame| !is_flat(frame)));

@@ -61,14 +61,14 @@ fn inspect_meshes(arguments: &Inspect) -> Result<Vec<Output>> {
             }
         }
     }
-    if !failed.is_empty() && !arguments.outputs.is_empty() {
-        tell(false, "note: no sheet is written, since not every garment could be read");
-    }
+    let sheets = if arguments.outputs.is_empty() || garments.len() == 1 { "" } else { "; no sheet is written" };
     let more = failed.len().saturating_sub(1);
     match failed.into_iter().next() {
         None => Ok(whole),
-        Some(error) if more == 0 => Err(error.into()),
-        Some(error) => Err(anyhow!("{error}; {more} more of {} garments can't be read, their sections say why", garments.len())),
+        Some(error) if more == 0 => Err(anyhow!("{error}{sheets}")),
+        Some(error) => {
+            Err(anyhow!("{error}; {more} more of {} garments can't be read, their sections say why{sheets}", garments.len()))
+        }
     }
 }
 

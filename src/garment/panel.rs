@@ -88,24 +88,68 @@ pub(super) fn pieces(pairs: &Pairs) -> Vec<Result<Piece, Refused>> {
 /// rounding put them a little apart.
 fn vertex_ids(pairs: &Pairs) -> Vec<[u32; 3]> {
     let same_place = pairs.same_place();
-    let mut places: HashMap<u32, Vec<(DVec3, u32)>> = HashMap::new();
+    let mut places: HashMap<u32, Places> = HashMap::new();
     let mut count = 0;
     let mut number = |flat: u32, draped: DVec3| {
         let places = places.entry(flat).or_default();
-        match places.iter().find(|(place, _)| place.distance(draped) <= same_place) {
-            Some((_, number)) => *number,
-            None => {
-                places.push((draped, count));
-                count += 1;
-                count - 1
-            }
-        }
+        places.find(draped, same_place).unwrap_or_else(|| {
+            places.add(draped, count, same_place);
+            count += 1;
+            count - 1
+        })
     };
     let corner = |triangle: &Paired| {
         let draped = pairs.draped_corners(triangle);
         std::array::from_fn(|i| number(triangle.flat[i], draped[i]))
     };
     pairs.triangles.iter().map(corner).collect()
+}
+
+/// The most places that are searched one by one.
+const FEW: usize = 16;
+
+/// Where a flat vertex is when draped, with the number of each place: one or two in a pattern, thousands where a picture's `vt` are tiled over a mesh.
+#[derive(Debug, Default)]
+struct Places {
+    /// All, as long as they are few.
+    few: Vec<(DVec3, u32)>,
+    /// All, once they are many, by cells as large as places may be apart.
+    cells: HashMap<[i64; 3], Vec<(DVec3, u32)>>,
+}
+
+impl Places {
+    /// The first number of a place that is no further off than that.
+    fn find(&self, draped: DVec3, same_place: f64) -> Option<u32> {
+        let near = |&&(place, _): &&(DVec3, u32)| place.distance(draped) <= same_place;
+        if self.cells.is_empty() {
+            return self.few.iter().find(near).map(|&(_, number)| number);
+        }
+        let [x, y, z] = cell(draped, same_place);
+        let around = |at: i64| at.saturating_sub(1)..=at.saturating_add(1);
+        let cells = around(x).flat_map(|x| around(y).flat_map(move |y| around(z).map(move |z| [x, y, z])));
+        let found = cells.filter_map(|cell| self.cells.get(&cell)).flatten().filter(near);
+        found.map(|&(_, number)| number).min()
+    }
+
+    fn add(&mut self, draped: DVec3, number: u32, same_place: f64) {
+        if self.cells.is_empty() && self.few.len() < FEW {
+            self.few.push((draped, number));
+            return;
+        }
+        for (draped, number) in self.few.drain(..).chain([(draped, number)]) {
+            self.cells.entry(cell(draped, same_place)).or_default().push((draped, number));
+        }
+    }
+}
+
+/// The cell of a place, twice as wide as places may be apart, so that rounding puts none of them two cells away; all are one where nothing has an extent.
+fn cell(draped: DVec3, same_place: f64) -> [i64; 3] {
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "at most some million cells across, by the size's definition; `as` saturates"
+    )]
+    let cell = (draped / (2.0 * same_place)).to_array().map(|at| at.floor() as i64);
+    cell
 }
 
 /// Numbers things in the order in which they first come.
@@ -351,4 +395,37 @@ pub(super) fn normals(draped: &[DVec3], triangles: &[[u32; 3]]) -> Vec<DVec3> {
     }
     let fallback = mean.normalize_or(DVec3::Z);
     sums.into_iter().map(|sum| sum.normalize_or(fallback)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn many_places_are_found_as_few_are() {
+        let mut places = Places::default();
+        let mut all: Vec<(DVec3, u32)> = Vec::new();
+        let mut state = 7_u64;
+        let mut random = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 40) as f64 / f64::from(1 << 24)
+        };
+        let same_place = 0.01;
+        for _ in 0..2000 {
+            // Some on cells' borders.
+            let point = DVec3::new(random(), (random() * 50.0).round() / 50.0, 0.1 * random());
+            let first = all.iter().find(|(place, _)| place.distance(point) <= same_place).map(|(_, number)| *number);
+            assert_eq!(places.find(point, same_place), first, "{point}");
+            if first.is_none() {
+                let number = index32(all.len());
+                places.add(point, number, same_place);
+                all.push((point, number));
+            }
+        }
+        assert!(all.len() > 10 * FEW && places.few.is_empty());
+        // Nothing that has an extent.
+        let mut point = Places::default();
+        (0..40).for_each(|number| point.add(DVec3::ONE, number, 0.0));
+        assert_eq!(point.find(DVec3::ONE, 0.0), Some(0));
+    }
 }
