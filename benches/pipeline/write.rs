@@ -3,13 +3,14 @@
 //! 26180 stitches of tricot on our own skirt: the tubes are made beforehand, the files go to a temporary folder; the system's share of the time counts too.
 //! `bytes` writes as much as the `.glb` out of memory and nothing else: what no writer can be faster than here.
 
+use std::sync::Arc;
+
 use criterion::{BatchSize, Criterion, Throughput};
 use warpknit::drape::{self, Block, Cloth, Options};
 use warpknit::export::glb::GlbWriter;
 use warpknit::export::obj::ObjWriter;
 use warpknit::export::ply::PlyWriter;
-use warpknit::export::{Output, Sink};
-use warpknit::scene::Scene;
+use warpknit::export::{Output, Sink, Wardrobe};
 use warpknit::yarn::tube::Section;
 
 use super::cpu::CpuTime;
@@ -46,7 +47,7 @@ pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let at = |name: &str| folder.path().join(name);
     let bytes = vec![7; 1 << 20];
-    let plain = Scene::default();
+    let plain = || Arc::new(Wardrobe::default());
 
     let mut group = criterion.benchmark_group("write");
     group.sample_size(10).throughput(Throughput::Elements(vertices as u64));
@@ -60,10 +61,10 @@ pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
             vec![output]
         }),
         ("glb", &|| {
-            let writer = GlbWriter::create(&at("skirt.glb"), &fabric, &plain, blocks.len(), cloth.yarns());
+            let writer = GlbWriter::create(&at("skirt.glb"), &fabric, plain(), blocks.len(), cloth.yarns());
             write_all(writer.expect("a new file"), &blocks)
         }),
-        ("obj", &|| write_all(ObjWriter::create(&at("skirt.obj"), &fabric, &plain).expect("a new file"), &blocks)),
+        ("obj", &|| write_all(ObjWriter::create(&at("skirt.obj"), &fabric, plain()).expect("a new file"), &blocks)),
         ("ply", &|| write_all(PlyWriter::create(&at("skirt.ply"), &fabric, &section).expect("a new file"), &blocks)),
     ];
     for (name, write) in writers {

@@ -1,10 +1,11 @@
 //! A run of `drape` or `swatch`: what it makes, what is known at its end, and its report.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use anyhow::Result;
 use warpknit::drape::{self, Cloth, Totals};
-use warpknit::export::{Format, Output};
+use warpknit::export::{Format, Output, Wardrobe};
 use warpknit::fabric::Fabric;
 use warpknit::garment::stretch::stretch;
 use warpknit::knit::clearance::{self, Clearance};
@@ -20,7 +21,7 @@ use super::pictures::{self, Textures};
 use super::system::peak_memory_mb;
 use super::targets::text_file;
 use super::values::ShapeArg;
-use super::writers::{Wanted, section};
+use super::writers::{Wanted, section, wardrobe};
 
 /// One run: what is knitted, onto what, and how it is shown.
 pub(super) struct Job<'a> {
@@ -49,6 +50,8 @@ pub(super) struct Job<'a> {
 pub(super) struct Setup {
     pub(super) section: Section,
     pub(super) textures: Textures,
+    /// The same as files hold them.
+    pub(super) wardrobe: Arc<Wardrobe>,
     /// How yarns are laid, with surfaces where a file holds them.
     pub(super) options: drape::Options,
     /// How near yarns come to each other on the flat fabric.
@@ -62,7 +65,9 @@ impl Job<'_> {
         let near = clearance::measure(self.shown, self.cloth.pattern(), section.radius);
         let wants_surface = wanted.iter().any(|(_, format)| format.holds_tubes());
         let options = drape::Options { surface: wants_surface.then_some(section), ..self.options };
-        Ok(Setup { section, textures: Textures::of(self.shared, self.shown)?, options, near })
+        let textures = Textures::of(self.shared, self.shown)?;
+        let wardrobe = wardrobe(wanted, self, section.radius, &textures);
+        Ok(Setup { section, textures, wardrobe, options, near })
     }
 
     /// What is to be said of the garment and of how the fabric is drawn, before any yarn is laid.

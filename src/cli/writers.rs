@@ -1,6 +1,7 @@
 //! Which files a run writes, and who writes each.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use anyhow::Result;
 use warpknit::export::bcc::BccWriter;
@@ -13,8 +14,8 @@ use warpknit::export::obj::ObjWriter;
 use warpknit::export::obj_lines::ObjLinesWriter;
 use warpknit::export::ply::PlyWriter;
 use warpknit::export::usda::UsdaWriter;
-use warpknit::export::{ExportError, Format, Output, Sink, mtl};
-use warpknit::scene::{Scene, Shape};
+use warpknit::export::{ExportError, Format, Output, Sink, Wardrobe, mtl};
+use warpknit::scene::Shape;
 use warpknit::yarn::tube::Section;
 
 use super::args::Shared;
@@ -68,15 +69,14 @@ pub(super) fn check_places<'a>(
 
 /// Writers of everything that streams.
 pub(super) fn sinks<'a>(outputs: &[Wanted], job: &Job<'a>, setup: &Setup) -> Result<Vec<Box<dyn Sink + 'a>>, ExportError> {
-    let Setup { section, textures, .. } = setup;
-    let wears = outputs.iter().any(|(_, format)| matches!(format, Format::Glb | Format::Obj));
-    let dressed = if wears { pictures::scene(Shape::Tube, job.shown, section.radius, textures) } else { Scene::default() };
+    let Setup { section, wardrobe, .. } = setup;
+    let wardrobe = || Arc::clone(wardrobe);
     let (cloth, fabric) = (job.filed(), job.shown);
     let mut sinks: Vec<Box<dyn Sink + 'a>> = Vec::new();
     for (path, format) in outputs {
         match format {
-            Format::Glb => sinks.push(Box::new(GlbWriter::create(path, fabric, &dressed, cloth.blocks(), cloth.yarns())?)),
-            Format::Obj => sinks.push(Box::new(ObjWriter::create(path, fabric, &dressed)?)),
+            Format::Glb => sinks.push(Box::new(GlbWriter::create(path, fabric, wardrobe(), cloth.blocks(), cloth.yarns())?)),
+            Format::Obj => sinks.push(Box::new(ObjWriter::create(path, fabric, wardrobe())?)),
             Format::ObjLines => sinks.push(Box::new(ObjLinesWriter::create(path, fabric, section.st)?)),
             Format::Ply => sinks.push(Box::new(PlyWriter::create(path, fabric, section)?)),
             Format::Usda => sinks.push(Box::new(UsdaWriter::create(path, fabric, section)?)),
@@ -95,6 +95,13 @@ pub(super) fn sinks<'a>(outputs: &[Wanted], job: &Job<'a>, setup: &Setup) -> Res
 /// The whole files, and what comes with each.
 pub(super) fn finished<S: Sink + ?Sized>(sinks: Vec<Box<S>>) -> Result<Vec<Output>, ExportError> {
     Ok(sinks.into_iter().map(Sink::finish).collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect())
+}
+
+/// What the yarns of these files wear, made ready where there is a file that holds pictures.
+pub(super) fn wardrobe(outputs: &[Wanted], job: &Job<'_>, radius: f64, textures: &Textures) -> Arc<Wardrobe> {
+    let holds_pictures = outputs.iter().any(|(_, format)| matches!(format, Format::Glb | Format::Obj));
+    let dressed = holds_pictures.then(|| pictures::scene(Shape::Tube, job.shown, radius, textures));
+    Arc::new(dressed.as_ref().map(Wardrobe::of).unwrap_or_default())
 }
 
 /// How fine and how thick tubes in files are.

@@ -7,6 +7,7 @@
 
 use std::ops::Range;
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 use gltf_json as json;
@@ -25,7 +26,6 @@ use crate::drape::Block;
 use crate::drape::picture::ROUGHNESS;
 use crate::fabric::Fabric;
 use crate::ids::{YarnId, index32};
-use crate::scene::Scene;
 
 const METRES_PER_MM: f32 = 1e-3;
 /// Light that fibres standing off a yarn scatter, as a share of its colour, and how widely.
@@ -53,7 +53,7 @@ pub struct GlbWriter {
     /// Nodes of panels' bars.
     bars: Vec<Index<json::Node>>,
     buffer: Index<json::Buffer>,
-    wardrobe: Wardrobe,
+    wardrobe: Arc<Wardrobe>,
     /// Panel and bar of the last yarn, and their node.
     current: Option<((usize, usize), Index<json::Node>)>,
     /// The blocks at hand as the file holds them.
@@ -93,13 +93,18 @@ struct View {
 }
 
 impl GlbWriter {
-    /// Starts the file: one material a bar, with the pictures that `dressed`, a scene of tubes, has for it. There is room for so many blocks and yarns; with more of them the
+    /// Starts the file: one material a bar, with the pictures that the wardrobe has for it. There is room for so many blocks and yarns; with more of them the
     /// file takes longer to finish.
     ///
     /// # Errors
     /// What the disk says.
-    pub fn create(target: &Path, fabric: &Fabric, dressed: &Scene, blocks: usize, yarns: usize) -> Result<Self, ExportError> {
-        let wardrobe = Wardrobe::of(dressed);
+    pub fn create(
+        target: &Path,
+        fabric: &Fabric,
+        wardrobe: Arc<Wardrobe>,
+        blocks: usize,
+        yarns: usize,
+    ) -> Result<Self, ExportError> {
         let mut root = Root {
             asset: json::Asset {
                 generator: Some(concat!("warpknit ", env!("CARGO_PKG_VERSION")).to_owned()),
@@ -133,13 +138,11 @@ impl GlbWriter {
 
     /// Appends the pictures to the binary chunk, each from a multiple of 4 bytes on, as their views say.
     fn write_textures(&mut self) -> Result<(), ExportError> {
-        for texture in &mut self.wardrobe.textures {
-            for picture in std::mem::take(&mut texture.pictures) {
-                let padding = picture.len().next_multiple_of(4) - picture.len();
-                self.file.write(&picture)?;
-                self.file.write(&[0; 3][..padding])?;
-                self.bytes += (picture.len() + padding) as u64;
-            }
+        for picture in self.wardrobe.textures.iter().flat_map(|texture| &texture.pictures) {
+            let padding = picture.len().next_multiple_of(4) - picture.len();
+            self.file.write(picture)?;
+            self.file.write(&[0; 3][..padding])?;
+            self.bytes += (picture.len() + padding) as u64;
         }
         Ok(())
     }

@@ -35,6 +35,7 @@ use crate::yarn::tube::Section;
 pub use folder::OutputFolder;
 pub use output::Output;
 pub use temporary::{TemporaryFolder, remove_temporaries};
+pub use texture::Wardrobe;
 
 /// Binary formats take numbers as they lie in memory.
 const _: () = assert!(cfg!(target_endian = "little"), ".glb and .ply are little-endian");

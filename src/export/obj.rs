@@ -6,6 +6,7 @@ use std::fmt::Write as _;
 use std::io::Write as _;
 use std::ops::Range;
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 
@@ -15,7 +16,6 @@ use super::texture::Wardrobe;
 use super::{ExportError, Output, Sink, mtl};
 use crate::drape::Block;
 use crate::fabric::Fabric;
-use crate::scene::Scene;
 
 /// Writes tubes as text.
 #[derive(Debug)]
@@ -23,19 +23,18 @@ pub struct ObjWriter {
     output: Output,
     /// Materials and pictures.
     companions: Vec<Output>,
-    wardrobe: Wardrobe,
+    wardrobe: Arc<Wardrobe>,
     /// Vertices written so far.
     vertices: u64,
     conveyor: Conveyor,
 }
 
 impl ObjWriter {
-    /// Starts the file, and writes what comes with it: a material for each of the fabric's bars, with the pictures that `dressed`, a scene of tubes, has for it.
+    /// Starts the file, and writes what comes with it: a material for each of the fabric's bars, with the pictures that the wardrobe has for it.
     ///
     /// # Errors
     /// What the disk says.
-    pub fn create(target: &Path, fabric: &Fabric, dressed: &Scene) -> Result<Self, ExportError> {
-        let wardrobe = Wardrobe::of(dressed);
+    pub fn create(target: &Path, fabric: &Fabric, wardrobe: Arc<Wardrobe>) -> Result<Self, ExportError> {
         let companions = mtl::write(target, fabric, &wardrobe)?;
         let mut output = Output::create(target)?;
         output.write_with(|file| write!(file, "# yarns by warpknit, mm\n{}", mtl::reference(target)))?;

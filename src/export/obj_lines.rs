@@ -10,7 +10,6 @@ use super::texture::Wardrobe;
 use super::{ExportError, Output, Sink, lines, mtl};
 use crate::drape::Block;
 use crate::fabric::Fabric;
-use crate::scene::Scene;
 
 /// Writes centre lines as text.
 #[derive(Debug)]
@@ -31,7 +30,7 @@ impl ObjLinesWriter {
     /// What the disk says.
     pub fn create(target: &Path, fabric: &Fabric, st: u32) -> Result<Self, ExportError> {
         // A line has no surface to put a picture on.
-        let companions = mtl::write(target, fabric, &Wardrobe::of(&Scene::default()))?;
+        let companions = mtl::write(target, fabric, &Wardrobe::default())?;
         let mut output = Output::create(target)?;
         output.write_with(|file| write!(file, "# yarns by warpknit, mm\n{}", mtl::reference(target)))?;
         Ok(Self { output, companions, st, points: 0, conveyor: Conveyor::default() })

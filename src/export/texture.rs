@@ -18,9 +18,9 @@ pub(super) struct Texture {
     pub(super) mean: [f32; 3],
 }
 
-/// What the bars of a fabric wear.
-#[derive(Debug)]
-pub(super) struct Wardrobe {
+/// The pictures that the bars of a fabric wear, made ready once for all files of a run. The default is that of plain yarns.
+#[derive(Debug, Default)]
+pub struct Wardrobe {
     pub(super) textures: Vec<Texture>,
     /// Each bar's place in `textures`.
     of_bars: Vec<Option<usize>>,
@@ -29,8 +29,9 @@ pub(super) struct Wardrobe {
 }
 
 impl Wardrobe {
-    /// The pictures of a scene of tubes, whose looks are the fabric's bars.
-    pub(super) fn of(dressed: &Scene) -> Self {
+    /// The pictures of a scene of tubes, whose looks are the fabric's bars. Cost: each picture is turned and compressed.
+    #[must_use]
+    pub fn of(dressed: &Scene) -> Self {
         let of_bars: Vec<_> = dressed.looks.iter().map(|look| look.maps.map(usize::from)).collect();
         let per_mm = dressed.looks.iter().map(|look| dressed.maps_of(look).map_or(1.0, |maps| 1.0 / maps.length)).collect();
         Self { textures: dressed.maps.iter().map(Texture::of).collect(), of_bars, per_mm }

@@ -103,12 +103,15 @@ impl UsdaWriter {
     }
 }
 
+/// Blocks in a row that belong to one prim, where anything of them is on the panel.
+pub(super) fn groups(blocks: &[Block]) -> impl Iterator<Item = &[Block]> {
+    let groups = blocks.chunk_by(|a, b| (a.panel, a.bar) == (b.panel, b.bar));
+    groups.filter(|blocks| blocks.iter().any(|block| !block.strands.strands.is_empty()))
+}
+
 impl Sink for UsdaWriter {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
-        let groups = blocks.chunk_by(|a, b| (a.panel, a.bar) == (b.panel, b.bar));
-        groups
-            .filter(|blocks| blocks.iter().any(|block| !block.strands.strands.is_empty()))
-            .try_for_each(|blocks| self.add(blocks))
+        groups(blocks).try_for_each(|blocks| self.add(blocks))
     }
 
     fn finish(mut self: Box<Self>) -> Result<Vec<Output>, ExportError> {

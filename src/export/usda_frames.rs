@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use super::buffer::Conveyor;
 use super::spill::Spill;
-use super::usda::{Attributes, EMPTY, bars, bounds, boxed, head, points, prim, union};
+use super::usda::{Attributes, EMPTY, bars, bounds, boxed, groups, head, points, prim, union};
 use super::{ExportError, Output, Sink};
 use crate::drape::Block;
 use crate::fabric::Fabric;
@@ -129,10 +129,7 @@ impl UsdaFramesWriter {
 
 impl Sink for UsdaFramesWriter {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
-        let groups = blocks.chunk_by(|a, b| (a.panel, a.bar) == (b.panel, b.bar));
-        groups
-            .filter(|blocks| blocks.iter().any(|block| !block.strands.strands.is_empty()))
-            .try_for_each(|blocks| self.add(blocks))
+        groups(blocks).try_for_each(|blocks| self.add(blocks))
     }
 
     fn finish(mut self: Box<Self>) -> Result<Vec<Output>, ExportError> {

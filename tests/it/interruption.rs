@@ -67,6 +67,22 @@ impl Subject {
         Self::new(&[&["drape", &flat, &draped], &drawing[..], &outputs].concat(), old.into())
     }
 
+    /// A sequence of three frames: files of one frame, with companions, and one of all, which keeps what it has in a file of its own meanwhile.
+    fn sequence() -> Self {
+        let [flat, draped] = ["pinch_flat.obj", "pinch_draped.obj"].map(|name| mesh(name).display().to_string());
+        let drawing = ["--wales-per-cm", "1", "--size", "160x120", "--renderer", "cpu"];
+        let outputs = ["-o", "x.obj", "-o", "x.usda", "-o", "x.png"];
+        let numbered = (1..=3).flat_map(|frame| ["obj", "mtl", "png"].map(|end| format!("x-{frame:03}.{end}")));
+        let old = numbered.chain(["x.usda".to_owned()]).map(|name| (name.clone(), format!("old {name}").into_bytes()));
+        let subject = Self::new(&[&["drape", &flat, &draped, &draped, &draped], &drawing[..], &outputs].concat(), old.collect());
+        assert_eq!(
+            subject.old.keys().collect::<Vec<_>>(),
+            subject.whole.keys().collect::<Vec<_>>(),
+            "each file was there before"
+        );
+        subject
+    }
+
     /// A yarn's maps in a folder, which is there already or not.
     fn yarn(photo: &Path, old: Files) -> Self {
         Self::new(&["yarn", photo.to_str().unwrap(), "-o", "maps"], old)
@@ -161,6 +177,7 @@ fn heard() -> Vec<Signal> {
 #[test]
 fn an_interrupted_run_leaves_old_files_and_no_others() {
     interrupts(&Subject::drape(), &heard(), &MOMENTS);
+    interrupts(&Subject::sequence(), &[Signal::TERM], &MOMENTS);
 }
 
 #[test]
@@ -176,8 +193,8 @@ fn an_interrupted_yarn_leaves_no_folder_or_the_old_one() {
 #[test]
 fn what_a_killed_run_leaves_the_next_one_removes() {
     let place = tempfile::tempdir().unwrap();
-    let drape = (Subject::drape(), &MOMENTS[..]);
-    for (subject, moments) in [drape, (Subject::yarn(&photo(place.path()), Files::new()), &FEW_MOMENTS)] {
+    let [drape, sequence] = [Subject::drape(), Subject::sequence()].map(|subject| (subject, &MOMENTS[..]));
+    for (subject, moments) in [drape, sequence, (Subject::yarn(&photo(place.path()), Files::new()), &FEW_MOMENTS)] {
         let mut swept = 0;
         for &share in moments {
             let what = format!("killed at {share} of {:?}", subject.takes);
