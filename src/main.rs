@@ -19,17 +19,13 @@ fn main() -> ExitCode {
     match cli::Arguments::of_process().and_then(cli::run) {
         Ok(()) => ExitCode::SUCCESS,
         // Whoever read our output has seen enough.
-        Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
+        Err(error) if cli::is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
             // Nothing is left to be done if even stderr is closed.
             let _unheard = writeln!(io::stderr(), "error: {error:#}{}", caret(&error));
             ExitCode::FAILURE
         }
     }
-}
-
-fn is_broken_pipe(error: &anyhow::Error) -> bool {
-    error.chain().filter_map(|cause| cause.downcast_ref::<io::Error>()).any(|cause| cause.kind() == io::ErrorKind::BrokenPipe)
 }
 
 /// Where an error is about a place in a fabric: its line, and carets below that place.

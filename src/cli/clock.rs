@@ -21,10 +21,12 @@ pub(crate) enum Task {
     Develop,
     Measure,
     Render,
+    /// Pictures, into files.
+    Compress,
     Write,
 }
 
-const TASKS: usize = 10;
+const TASKS: usize = 11;
 
 /// A stopwatch that is always running for exactly one task, or none.
 #[derive(Debug)]
@@ -63,7 +65,7 @@ impl Clock {
             Task::Develop => "developing",
             Task::Measure => "measuring",
             Task::Render => "rendering",
-            Task::Write => "writing",
+            Task::Compress | Task::Write => "writing",
             _ => "knitting",
         });
         show(&self.bar, done);
@@ -98,9 +100,9 @@ impl Clock {
         1000.0 * self.spent[task as usize].as_secs_f64()
     }
 
-    /// What all stages but drawing took so far, ms.
+    /// What all stages but drawing and its files took so far, ms.
     pub(crate) fn without_pictures(&self) -> f64 {
-        1000.0 * self.spent.iter().sum::<Duration>().as_secs_f64() - self.spent(Task::Render)
+        1000.0 * self.spent.iter().sum::<Duration>().as_secs_f64() - self.spent(Task::Render) - self.spent(Task::Compress)
     }
 
     /// All stages, ms; building the search structures counts as location.
@@ -112,7 +114,7 @@ impl Clock {
             map: self.spent(Task::Map),
             surface: self.spent(Task::Surface),
             render: self.spent(Task::Render),
-            write: self.spent(Task::Write),
+            write: self.spent(Task::Compress) + self.spent(Task::Write),
             total: 1000.0 * self.start.elapsed().as_secs_f64(),
         }
     }

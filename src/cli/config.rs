@@ -148,10 +148,14 @@ impl Entry {
             let Some(argument) = program.find_subcommand(name).and_then(|command| self.argument(command)) else { continue };
             known = true;
             if !argument.get_action().takes_values() && self.values.iter().any(|value| value != "true" && value != "false") {
-                bail!("--{} takes no value: true switches it on", self.flag);
+                bail!("--{} of {name} takes no value: true switches it on", self.flag);
             }
             if matches!(argument.get_action(), ArgAction::Set) && self.values.len() != 1 {
-                bail!("--{} takes one value and not {}", self.flag, self.values.len());
+                bail!(
+                    "--{} of {name} takes one value and not {}: a table [COMMAND] sets it for one command",
+                    self.flag,
+                    self.values.len()
+                );
             }
             let id = argument.get_id().clone();
             program = program

@@ -80,7 +80,7 @@ impl Drapes {
 }
 
 /// The files that a path means: itself, the `.obj` files of a folder, or those that fit a pattern, by the numbers in their names.
-fn expanded(path: &Path) -> Result<Vec<PathBuf>> {
+pub(super) fn expanded(path: &Path) -> Result<Vec<PathBuf>> {
     let pattern = path.to_str().filter(|text| text.contains(['*', '?', '[']) && !path.exists());
     let mut files: Vec<_> = match pattern {
         Some(pattern) => {
@@ -93,8 +93,11 @@ fn expanded(path: &Path) -> Result<Vec<PathBuf>> {
     if let (Some(pattern), true) = (pattern, files.is_empty()) {
         bail!("{pattern}: no file fits this pattern");
     }
+    if files.is_empty() && path.is_dir() {
+        bail!("{}: there is no .obj file in this folder", path.display());
+    }
     if files.is_empty() {
-        // What is missing, or a folder without any frame, is for its reader to name.
+        // What is missing is for its reader to name.
         files.push(path.to_owned());
     }
     files.sort_by(|a, b| by_numbers(&a.to_string_lossy(), &b.to_string_lossy()));

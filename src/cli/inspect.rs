@@ -13,6 +13,7 @@ use warpknit::locate::overlap::{Overlaps, overlaps};
 
 use super::args::{DEFAULT_FABRIC, Inspect};
 use super::choice::named_fabric;
+use super::drapes::expanded;
 use super::sheet::{diagrams, drawn, sheet};
 use super::targets::{check_distinct, numbered};
 use super::{print, tell};
@@ -37,13 +38,14 @@ pub(crate) fn inspect(arguments: &Inspect) -> Result<()> {
     Ok(pictures.into_iter().try_for_each(Output::publish)?)
 }
 
-/// One section a garment, and its sheets: a lone file with its vt, or the first file as the flat mesh of each other one. A garment that can't be read has a
+/// One section a garment, and its sheets: a lone file with its vt, or the first file as the flat mesh of each other one; folders and patterns stand for their files. A garment that can't be read has a
 /// section that says why, and the others follow; the run fails at its end.
 fn inspect_meshes(arguments: &Inspect) -> Result<Vec<Output>> {
-    let Some((first, others)) = arguments.meshes.split_first() else { return Ok(Vec::new()) };
+    let meshes = arguments.meshes.iter().map(|path| expanded(path)).collect::<Result<Vec<_>>>()?.concat();
+    let Some((first, others)) = meshes.split_first() else { return Ok(Vec::new()) };
     let garments: Vec<Option<&Path>> =
         if others.is_empty() { vec![None] } else { others.iter().map(|path| Some(path.as_path())).collect() };
-    let targets = sheets_of_each(arguments, garments.len())?;
+    let targets = sheets_of_each(arguments, &meshes, garments.len())?;
     let options = arguments.reading.options();
     let (mut whole, mut failed) = (Vec::new(), Vec::new());
     for (number, draped) in garments.iter().enumerate() {
@@ -73,7 +75,7 @@ fn inspect_meshes(arguments: &Inspect) -> Result<Vec<Output>> {
 }
 
 /// The files of each garment's sheet, none over an input or over another, in folders that can be written to.
-fn sheets_of_each(arguments: &Inspect, garments: usize) -> Result<Vec<Vec<(PathBuf, Format)>>> {
+fn sheets_of_each(arguments: &Inspect, meshes: &[PathBuf], garments: usize) -> Result<Vec<Vec<(PathBuf, Format)>>> {
     let mut each = vec![Vec::new(); garments];
     // Those of a fabric are drawn already.
     if arguments.has_fabric() {
@@ -87,10 +89,8 @@ fn sheets_of_each(arguments: &Inspect, garments: usize) -> Result<Vec<Vec<(PathB
         }
     }
     let paths = || each.iter().flatten().map(|(path, _)| path.as_path());
-    check_distinct(arguments.meshes.iter().map(PathBuf::as_path), paths())?;
-    for path in paths() {
-        drop(Output::create(path)?);
-    }
+    check_distinct(meshes.iter().map(PathBuf::as_path), paths())?;
+    paths().try_for_each(Output::check)?;
     Ok(each)
 }
 

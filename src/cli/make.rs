@@ -102,7 +102,10 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
     let mut drawn_by = String::new();
     if !pictures.is_empty() {
         let pictures = pictures::draw(&scene, job.shared, job.tile(), None, &pictures, &mut clock)?;
-        warnings.extend(pictures.notice);
+        if let Some(notice) = pictures.notice {
+            tell(job.shared.running.quiet, &format!("note: {notice}"));
+            warnings.push(notice);
+        }
         whole.extend(pictures.files);
         drawn_by = pictures.drawn_by;
     }

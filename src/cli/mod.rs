@@ -28,7 +28,7 @@ mod yarn;
 
 use std::io::{self, Write};
 
-use anyhow::Result;
+use anyhow::{Result, anyhow};
 
 pub(crate) use args::Arguments;
 use args::Command;
@@ -38,8 +38,8 @@ pub(crate) use signals::clean_up_on_signals;
 /// Runs the command that was asked for.
 pub(crate) fn run(arguments: Arguments) -> Result<()> {
     match arguments.command {
-        Command::Drape(drape) => make::drape(&drape),
-        Command::Swatch(swatch) => make::swatch(&swatch),
+        Command::Drape(drape) => told_of_loss(drape.shared.outputs.len(), make::drape(&drape)),
+        Command::Swatch(swatch) => told_of_loss(swatch.shared.outputs.len(), make::swatch(&swatch)),
         #[cfg(feature = "view")]
         Command::View(live) => view::view(live),
         Command::Inspect(inspect) => inspect::inspect(&inspect),
@@ -51,11 +51,26 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     }
 }
 
-/// Prints data to stdout; a closed pipe is an error that `main` takes for the end.
+/// Whether a reader of ours has gone: it has seen enough.
+pub(crate) fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    error.chain().filter_map(|cause| cause.downcast_ref::<io::Error>()).any(|cause| cause.kind() == io::ErrorKind::BrokenPipe)
+}
+
+/// An output whose reader has gone is no error, unless others are lost with it.
+fn told_of_loss(outputs: usize, made: Result<()>) -> Result<()> {
+    match made {
+        Err(error) if outputs > 1 && is_broken_pipe(&error) => Err(anyhow!("{error:#}; no other file is written")),
+        made => made,
+    }
+}
+
+/// Prints data to stdout. Whoever closes it has seen enough, and files are still to be written.
 fn print(text: &str) -> Result<()> {
     let mut stdout = io::stdout().lock();
-    stdout.write_all(text.as_bytes())?;
-    Ok(stdout.flush()?)
+    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        printed => Ok(printed?),
+    }
 }
 
 /// Tells a person something, on stderr.

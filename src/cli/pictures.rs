@@ -16,7 +16,6 @@ use warpknit::tile::Tile;
 
 use super::args::Shared;
 use super::clock::{Clock, Task};
-use super::tell;
 
 /// Widths of pictures that fit a yarn, in thicknesses of the yarn: from hardly any fuzz to loops that stand far off.
 const FITTING_WIDTHS: (f64, f64) = (0.8, 4.0);
@@ -138,15 +137,12 @@ pub(super) fn draw(
         let shown = clock.progress();
         let progress = |done: f32| shown((frame as f32 + done) / count as f32);
         let picture = painter.draw(&camera(scene, seen, shared, options.aspect(), frame), &options, &progress)?;
-        clock.begin(Task::Write, 1.0);
+        clock.begin(Task::Compress, 1.0);
         for path in paths.iter().skip(frame as usize).step_by(count as usize) {
             files.push(png::write(path, &picture)?);
         }
     }
     let notice = painter.notice().map(str::to_owned);
-    if let Some(notice) = &notice {
-        tell(shared.running.quiet, &format!("note: {notice}"));
-    }
     Ok(Pictures { drawn_by: painter.name().to_owned(), notice, files })
 }
 

@@ -78,7 +78,7 @@ pub(super) fn make(job: &Job<'_>, sequence: &Sequence<'_>, mut clock: Clock) -> 
     let usda = usda.map(|(path, _)| UsdaFramesWriter::create(path, job.shown, &setup.section, sequence.frames_per_second));
     let usda = usda.collect::<Result<Vec<_>, _>>()?;
     let reports = files.whole.iter().filter(|(_, format)| *format == Format::Json);
-    reports.into_iter().try_for_each(|(path, _)| Output::create(path).map(drop))?;
+    reports.into_iter().try_for_each(|(path, _)| Output::check(path))?;
     let held = Held::lay(job.cloth, &setup.options, &mut |stage, done| clock.begin(task(stage), done));
     check_laid(held.totals())?;
     warnings.extend(loss_warning(held.totals()));
@@ -211,6 +211,13 @@ impl Show<'_, '_> {
             let pictures = pictures::draw(scene, self.job.shared, None, seen, &paths, self.clock)?;
             whole.extend(pictures.files);
             self.drawn_by = pictures.drawn_by;
+            // What draws is the same for all frames, and so is what there is to be said of it.
+            if let Some(notice) = pictures.notice.filter(|notice| !self.warnings.contains(notice)) {
+                if !self.job.shared.running.quiet {
+                    self.clock.aside(&format!("note: {notice}"));
+                }
+                self.warnings.push(notice);
+            }
         }
         self.clock.stop();
         Ok(whole.into_iter().try_for_each(Output::publish)?)
@@ -219,7 +226,7 @@ impl Show<'_, '_> {
 
 /// Points around all frames, which the camera is to see: the outermost one in each of 26 directions, frame by frame, and a stitch beyond it.
 fn seen(sequence: &Sequence<'_>, job: &Job<'_>, clock: &mut Clock) -> Result<Vec<Vec3>> {
-    clock.begin(Task::Read, 0.0);
+    clock.begin(Task::Render, 0.0);
     let (mut garment, reach) = (job.cloth.garment().clone(), job.shown.wale_spacing());
     let mut seen = outermost(&garment, reach);
     for path in &sequence.paths[sequence.motion.first + 1..] {

@@ -30,5 +30,27 @@ pub(crate) fn man(arguments: &Man) -> Result<()> {
 fn page(command: clap::Command) -> Result<()> {
     let mut page = Vec::new();
     clap_mangen::Man::new(command).render(&mut page)?;
-    print(&String::from_utf8_lossy(&page))
+    print(&as_written(&String::from_utf8_lossy(&page)))
+}
+
+/// The page with its examples line by line: `man` would fill them up to whole lines, and nobody could copy them.
+fn as_written(page: &str) -> String {
+    let mut text = String::with_capacity(page.len() + 16);
+    let mut is_open = false;
+    for line in page.lines() {
+        if is_open && (line.starts_with(".SH") || line.is_empty()) {
+            text += ".fi\n";
+            is_open = false;
+        }
+        text += line;
+        text.push('\n');
+        if line == "Examples:" {
+            text += ".nf\n";
+            is_open = true;
+        }
+    }
+    if is_open {
+        text += ".fi\n";
+    }
+    text
 }

@@ -86,7 +86,7 @@ pub(super) fn sinks<'a>(outputs: &[Wanted], job: &Job<'a>, setup: &Setup) -> Res
             Format::Npz => sinks.push(Box::new(NpzWriter::create(path, fabric, job.cloth.garment(), section)?)),
             Format::Csv => sinks.push(Box::new(CsvWriter::create(path, job.cloth.garment())?)),
             // Made whole at the end; that they can be written is asked before the work and not after it.
-            Format::Png | Format::Json => drop(Output::create(path)?),
+            Format::Png | Format::Json => Output::check(path)?,
         }
     }
     Ok(sinks)

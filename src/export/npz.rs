@@ -106,9 +106,36 @@ impl Sink for NpzWriter<'_> {
     }
 }
 
+/// A file that takes everything after its first error and keeps that: an archive that is dropped unfinished prints to stderr.
+struct Lasting<W> {
+    file: W,
+    failed: io::Result<()>,
+}
+
+impl<W: io::Write> io::Write for Lasting<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        if self.failed.is_ok() {
+            self.failed = self.file.write_all(bytes);
+        }
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        if self.failed.is_ok() {
+            self.failed = self.file.flush();
+        }
+        Ok(())
+    }
+}
+
 /// Puts all arrays into one file.
 fn archive(file: &mut impl io::Write, spills: &mut [Spill], bars: &[(f64, [u8; 3])]) -> io::Result<()> {
-    let mut archive = ZipWriter::new_stream(file);
+    let mut file = Lasting { file, failed: Ok(()) };
+    fill(ZipWriter::new_stream(&mut file), spills, bars)?;
+    file.failed
+}
+
+fn fill(mut archive: ZipWriter<impl io::Write + io::Seek>, spills: &mut [Spill], bars: &[(f64, [u8; 3])]) -> io::Result<()> {
     let begin = |archive: &mut ZipWriter<_>, name: &str, header: &[u8], bytes: u64| {
         let large = bytes + 4096 > u64::from(u32::MAX);
         let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored).large_file(large);

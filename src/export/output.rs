@@ -30,6 +30,15 @@ impl Output {
         Self::open(target).map_err(|source| ExportError::Io { path: target.to_owned(), source })
     }
 
+    /// Asks, before the work, whether the target can be written after it. A pipe is left alone: whoever reads it would see its end.
+    ///
+    /// # Errors
+    /// As of [`Output::create`].
+    pub fn check(target: &Path) -> Result<(), ExportError> {
+        let is_pipe = target.exists() && !target.is_file() && !target.is_dir();
+        if is_pipe { Ok(()) } else { Self::create(target).map(drop) }
+    }
+
     fn open(target: &Path) -> io::Result<Self> {
         // A link is followed, so that the file it points to is replaced and not the link.
         let target = target.canonicalize().unwrap_or_else(|_absent| target.to_owned());

@@ -1,7 +1,7 @@
 //! Files and folders that have no name yet, and that never outlive their process for long.
 //!
 //! In: a folder. Out: a file or a folder in it called `.warpknit-` and six letters and `.part`. It is gone when it is dropped or published; when a
-//! signal ends the process, if the program then calls [`remove_temporaries`]; and where a process had no time for that (SIGKILL, a power cut), the next
+//! signal ends the process, if the program then calls [`remove_temporaries`]; and where a process had no time for that (SIGKILL), the next
 //! one that writes beside it removes it. To tell a dead process's temporaries from those at work, each is locked while it is written: the system gives
 //! locks back whatever way a process ends.
 //!

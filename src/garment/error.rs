@@ -17,7 +17,7 @@ pub enum GarmentError {
         reason: std::io::Error,
     },
     /// A folder was given where a file is needed.
-    #[error("{}: is a directory: give an OBJ file, or to drape a folder that holds some", .path.display())]
+    #[error("{}: is a directory: give an OBJ file", .path.display())]
     Directory {
         /// The folder.
         path: PathBuf,

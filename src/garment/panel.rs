@@ -113,7 +113,7 @@ const FEW: usize = 16;
 struct Places {
     /// All, as long as they are few.
     few: Vec<(DVec3, u32)>,
-    /// All, once they are many, by cells as large as places may be apart.
+    /// All, once they are many, by cells twice as large as places may be apart.
     cells: HashMap<[i64; 3], Vec<(DVec3, u32)>>,
 }
 

@@ -12,6 +12,7 @@
 //! Cost, on a machine where Embree's packets of rays take 50 to 140 ns a point (`benches/against_peers.sh`): 10 to 20 ns a point, more where a
 //! triangle holds few of them, and some 0.2 µs a triangle before the first, half of which puts triangles in their place in memory, once a garment.
 
+mod boxes;
 mod cell;
 pub mod overlap;
 pub mod sign;
@@ -20,14 +21,12 @@ mod trace;
 
 use std::sync::OnceLock;
 
-use glam::{DVec2, DVec3, Vec3A};
-use obvhs::BvhBuildParams;
-use obvhs::aabb::Aabb;
+use glam::{DVec2, DVec3};
 use obvhs::bvh2::Bvh2;
-use obvhs::bvh2::builder::build_bvh2;
 
 use crate::garment::Panel;
 use crate::ids::FaceId;
+use boxes::{outer_box, tree, visit_boxes};
 use cell::{Cell, Side};
 use sign::crosses;
 use topology::{BORDER, Topology};
@@ -244,33 +243,13 @@ fn crosses_of(uv: &[DVec2], [a, b, c]: [u32; 3], p: DVec2) -> [f64; 3] {
     crosses(p, uv[a as usize], uv[b as usize], uv[c as usize])
 }
 
-/// A box in `f32` that holds all of the points: rounded outward, since the BVH knows no `f64`.
-fn outer_box(points: impl Iterator<Item = DVec2> + Clone) -> Aabb {
-    #[expect(clippy::cast_possible_truncation, reason = "rounded outward right after")]
-    let (down, up) = (|x: f64| (x as f32).next_down(), |x: f64| (x as f32).next_up());
-    let low = points.clone().fold(DVec2::INFINITY, DVec2::min);
-    let high = points.fold(DVec2::NEG_INFINITY, DVec2::max);
-    Aabb::new(Vec3A::new(down(low.x), down(low.y), 0.0), Vec3A::new(up(high.x), up(high.y), 0.0))
-}
-
+/// Nothing where there are no triangles.
 fn boxes_bvh(uv: &[DVec2], triangles: &[[u32; 3]]) -> Option<Bvh2> {
     let boxes: Vec<_> = triangles.iter().map(|t| outer_box(t.iter().map(|&v| uv[v as usize]))).collect();
-    let mut build_time = std::time::Duration::ZERO;
-    (!boxes.is_empty()).then(|| build_bvh2(&boxes, BvhBuildParams::fastest_build(), &mut build_time))
+    (!boxes.is_empty()).then(|| tree(&boxes))
 }
 
 /// Calls `visit` for every triangle whose box holds `p`.
 fn for_candidates(bvh: &Bvh2, p: DVec2, visit: impl FnMut(u32)) {
     visit_boxes(bvh, outer_box(std::iter::once(p)), visit);
-}
-
-/// Calls `visit` for every triangle whose box meets another, and for some whose box only comes near.
-fn visit_boxes(bvh: &Bvh2, around: Aabb, mut visit: impl FnMut(u32)) {
-    bvh.aabb_traverse(around, |bvh, node| {
-        let node = &bvh.nodes[node as usize];
-        for slot in node.first_index..node.first_index + node.prim_count {
-            visit(bvh.primitive_indices[slot as usize]);
-        }
-        true
-    });
 }

@@ -13,15 +13,13 @@
 use std::collections::BTreeMap;
 
 use glam::DVec2;
-use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
-use obvhs::bvh2::builder::build_bvh2;
 use rayon::prelude::*;
 
+use super::boxes::{outer_box, tree, visit_boxes};
 use super::sign::cross;
 use super::topology::Topology;
-use super::{outer_box, visit_boxes};
 use crate::garment::{Garment, Panel};
 use crate::ids::index32;
 
@@ -154,8 +152,7 @@ impl Layout {
     /// looked at, or none where there were too many.
     fn measure(&self, simple: &[bool], most: usize, areas: &mut BTreeMap<[usize; 2], f64>) -> Option<usize> {
         let boxes: Vec<_> = self.triangles.iter().map(|laid| outer_box(laid.corners.iter().copied())).collect();
-        let mut build_time = std::time::Duration::ZERO;
-        let bvh = build_bvh2(&boxes, BvhBuildParams::fastest_build(), &mut build_time);
+        let bvh = tree(&boxes);
         let mut left = most;
         let numbers: Vec<u32> = (0..index32(self.triangles.len())).collect();
         for batch in numbers.chunks(BATCH) {

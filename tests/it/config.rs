@@ -64,8 +64,8 @@ fn what_is_wrong_with_the_file_is_told_with_its_line() {
         ("[swatch]\nfps = 3\n", 2, "swatch does not have a flag --fps"),
         ("\n[sweater]\nst = 3\n", 3, "there is no command sweater"),
         ("st = \"many\"\n", 1, "invalid value 'many' for '--st <N>'"),
-        ("size = [\"3x3\", \"4x4\"]\n", 1, "--size takes one value"),
-        ("quiet = \"loudly\"\n", 1, "--quiet takes no value"),
+        ("size = [\"3x3\", \"4x4\"]\n", 1, "--size of drape takes one value"),
+        ("quiet = \"loudly\"\n", 1, "--quiet of drape takes no value"),
         ("st = 1979-05-27\n", 1, "st is no value of a flag"),
         ("st = \n", 1, ""),
     ] {

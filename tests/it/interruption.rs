@@ -278,6 +278,11 @@ fn a_limit_of_files_is_an_error_that_names_the_file() {
     let folder = tempfile::tempdir().unwrap();
     let output = in_shell("ulimit -f 40 && exec \"$@\"", folder.path(), &LARGE);
     check_refusal(&output, folder.path(), "File too large");
+    // An archive has a way of its own to fail, and a word for it.
+    let output = in_shell("ulimit -f 2000 && exec \"$@\"", folder.path(), &[&LARGE[..5], &["-o", "x.npz"]].concat());
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(message.starts_with("error: x.npz: can't write") && message.lines().count() == 1, "{message}");
+    assert_eq!(files(folder.path()).len(), 1, "nothing but the old file: {:?}", files(folder.path()).keys());
     let photo = photo(folder.path());
     let outputs = tempfile::tempdir().unwrap();
     let output = in_shell("ulimit -f 1 && exec \"$@\"", outputs.path(), &["yarn", photo.to_str().unwrap(), "-o", "x.glb.maps"]);
@@ -285,6 +290,46 @@ fn a_limit_of_files_is_an_error_that_names_the_file() {
     assert_eq!(output.status.code(), Some(1), "{message}");
     assert!(message.contains("x.glb.maps/") && message.contains("File too large") && message.lines().count() == 1, "{message}");
     assert_eq!(files(outputs.path()).len(), 1, "nothing but the old file: {:?}", files(outputs.path()).keys());
+}
+
+#[test]
+fn a_reader_who_leaves_takes_no_sheet_along() {
+    let folder = tempfile::tempdir().unwrap();
+    let [flat, draped] = ["pinch_flat.obj", "pinch_draped.obj"].map(mesh);
+    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("warpknit"));
+    command.arg("inspect").args([&flat, &draped, &draped]).args(["-o", "sheet.svg"]).current_dir(folder.path());
+    let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
+    drop(child.stdout.take());
+    assert!(child.wait().unwrap().success());
+    assert_eq!(files(folder.path()).keys().collect::<Vec<_>>(), ["sheet-001.svg", "sheet-002.svg"]);
+}
+
+#[test]
+fn a_pipe_whose_reader_leaves_is_no_error_unless_other_files_are_lost() {
+    let folder = tempfile::tempdir().unwrap();
+    for (others, expected) in [(&[][..], true), (&["-o", "other.csv"], false)] {
+        // `/dev/stdout` has no ending, and a link to it has one.
+        let link = folder.path().join("out.csv");
+        if !link.exists() {
+            std::os::unix::fs::symlink("/dev/stdout", &link).unwrap();
+        }
+        let mut command = Command::new(assert_cmd::cargo::cargo_bin!("warpknit"));
+        command.args(&LARGE[..5]).args(["-o", "out.csv", "--quiet"]).args(others).current_dir(folder.path());
+        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+        drop(child.stdout.take());
+        assert_eq!(child.wait().unwrap().success(), expected, "{others:?}");
+        assert!(!folder.path().join("other.csv").exists());
+    }
+}
+
+#[test]
+fn a_pipe_gets_the_whole_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let pipe = folder.path().join("x.png");
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let reader = std::thread::spawn(move || std::fs::read(pipe).unwrap());
+    swatch(folder.path(), "x.png");
+    assert!(image::load_from_memory(&reader.join().unwrap()).is_ok(), "it is a picture");
 }
 
 /// A script in which `mount` is allowed and seen by nobody else; none where the system doesn't let us.

@@ -166,10 +166,14 @@ fn what_is_no_readable_file_is_named() {
     let path = folder.path().join("garment.obj");
     check_path("a missing file", &path, None, 0, "cannot be opened");
     std::fs::create_dir(&path).unwrap();
-    check_path("a folder", &path, None, 0, "is a directory");
     let good = folder.path().join("good.obj");
     std::fs::write(&good, format!("{HEAD}f 1/1 2/2 3/3\n")).unwrap();
-    check_path("a folder for the draped file", &good, Some(&path), 0, "is a directory");
+    for (flat, draped) in [(&path, None), (&good, Some(path.as_path()))] {
+        let error = read(flat, draped, &ReadOptions::default()).unwrap_err().to_string();
+        assert_eq!(error, format!("{}: is a directory: give an OBJ file", path.display()));
+        // A folder may hold the frames of a sequence, and this one has none.
+        check_command("an empty folder", flat, draped, &format!("{}: there is no .obj file in this folder", path.display()));
+    }
 }
 
 #[cfg(unix)]

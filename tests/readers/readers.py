@@ -38,8 +38,8 @@ def main():
             ("npz", "numpy", lambda: numpy_arrays(arrays, report)),
             ("csv", "numpy", lambda: csv(folder / "skirt.csv", arrays, report)),
             ("glb", "trimesh", lambda: glb(folder / "skirt.glb", report, arguments.validator)),
-            ("obj", "trimesh", lambda: tubes(folder / "skirt.obj", report)),
-            ("ply", "trimesh", lambda: tubes(folder / "skirt.ply", report)),
+            ("obj", "trimesh", lambda: tubes(folder / "skirt.obj", report, strands(arrays))),
+            ("ply", "trimesh", lambda: tubes(folder / "skirt.ply", report, strands(arrays))),
             ("usda", "usd-core", lambda: usda(folder / "skirt.usda", arrays)),
             ("inp", "meshio", lambda: beams(folder / "skirt.inp", arrays, report)),
             ("curves.txt", "mitsuba", lambda: curves(folder / "skirt.curves.txt", arrays)),
@@ -90,11 +90,17 @@ def csv(path, arrays, report):
     return report["yarns"], len(points), box_of(points)
 
 
-def tubes(path, report):
+def tubes(path, report, parts):
+    """Strands are the objects of an `.obj`, as its reader has them, and in a `.ply` what hangs together."""
     mesh = trimesh.load(path, process=False, force="mesh")
     assert len(mesh.faces) == report["surface"]["triangles"], f"{path}: {len(mesh.faces)} triangles"
     assert len(mesh.vertices) == report["surface"]["vertices"], f"{path}: {len(mesh.vertices)} vertices"
-    return report["yarns"], len(mesh.vertices), box_of(mesh.vertices)
+    if path.suffix == ".obj":
+        found = len(trimesh.load(path, process=False, split_object=True, group_material=False).geometry)
+    else:
+        found = len(trimesh.graph.connected_components(mesh.face_adjacency, nodes=np.arange(len(mesh.faces))))
+    assert found == parts, f"{path}: {found} parts for {parts} strands"
+    return found, len(mesh.vertices), box_of(mesh.vertices)
 
 
 def glb(path, report, validator):
