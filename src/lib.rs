@@ -11,10 +11,12 @@
 //! 7. [`render`] traces a picture of the yarns, [`export`] writes files.
 //!
 //! [`chart`] draws a fabric's lapping diagram without knitting it.
+//! [`capture`] finds the yarns in a photo of a cloth, [`photo`] makes maps of a photo of a yarn.
 //! [`drape`] runs stages 3 to 7 block by block, so that memory does not grow with the fabric.
 //! Of a large cloth [`tile`] says what is one machine's part.
 //! Lengths are millimetres and angles radians throughout, unless a name says otherwise.
 
+pub mod capture;
 pub mod chart;
 pub mod drape;
 pub mod export;
@@ -25,6 +27,7 @@ pub mod knit;
 pub mod locate;
 pub mod map;
 pub mod photo;
+mod plane;
 pub mod render;
 pub mod report;
 pub mod scene;

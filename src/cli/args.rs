@@ -17,7 +17,7 @@ use super::config::{self, Trouble};
 use super::values::picture;
 use super::values::{
     EdgeArg, MappingArg, RendererArg, ShapeArg, SwitchArg, ViewArg, brightness, contrast, diagram, field_of_view, figures,
-    finite, flattening, output, positive, rectangle, samples, size, vector,
+    finite, flattening, output, positive, rectangle, samples, size, two_vectors, vector,
 };
 
 /// The largest side of a picture.
@@ -62,7 +62,12 @@ impl Arguments {
             Command::Inspect(inspect) => Some(&inspect.chains),
             #[cfg(feature = "view")]
             Command::View(view) => Some(&view.shared.chains),
-            Command::Fabrics(_) | Command::Yarn(_) | Command::Bench(_) | Command::Completions(_) | Command::Man(_) => None,
+            Command::Fabrics(_)
+            | Command::Yarn(_)
+            | Command::Capture(_)
+            | Command::Bench(_)
+            | Command::Completions(_)
+            | Command::Man(_) => None,
         };
         if let Some(Chains { lapping, threading }) = chains
             && threading.len() > 1
@@ -135,6 +140,17 @@ Examples:
   warpknit swatch --fabric jersey --shape ribbon --texture my-yarn -o swatch.png"
     )]
     Yarn(Yarn),
+    /// Find the yarns in a photo of a cloth
+    #[command(
+        after_help = "The folder gets cell.png, the mean of all copies of what repeats; grid3x3.png, nine of them with the segments of yarn drawn; layout.toml, the cell and its
+segments, to be changed by hand and given back with --layout; report.json. The segments aren't made into a fabric yet.
+
+Examples:
+  warpknit capture linen.jpg -o linen
+  warpknit capture linen.jpg --layout linen/layout.toml -o mine
+  warpknit capture twill.png --cell 24,0,0,18 -o twill"
+    )]
+    Capture(Capture),
     /// Time the work here, beside what the papers published
     #[command(
         after_help = "Times are medians of several runs, with the fastest and the slowest. Published figures are those of the papers' machines; `times` says how many
@@ -288,6 +304,24 @@ pub(crate) struct Yarn {
     /// Say what each step decided
     #[arg(short, long)]
     pub(crate) verbose: bool,
+    #[command(flatten)]
+    pub(crate) running: Running,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct Capture {
+    /// A photo, .png or .jpg: cloth that fills it, sharp and evenly lit, its pattern seen four times each way
+    #[arg(value_name = "IMAGE")]
+    pub(crate) photo: PathBuf,
+    /// The folder for the cell and its layout
+    #[arg(short, long = "output", value_name = "DIR")]
+    pub(crate) output: PathBuf,
+    /// Both vectors of the cell that repeats, pixels, y down, in place of what is found
+    #[arg(long, value_name = "AX,AY,BX,BY", value_parser = two_vectors, allow_hyphen_values = true, conflicts_with = "layout")]
+    pub(crate) cell: Option<[f64; 4]>,
+    /// A layout.toml, perhaps changed by hand: its cell and its segments, in place of what is found
+    #[arg(long, value_name = "FILE")]
+    pub(crate) layout: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) running: Running,
 }

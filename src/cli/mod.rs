@@ -2,6 +2,7 @@
 
 mod args;
 mod bench;
+mod capture;
 mod choice;
 mod clock;
 mod config;
@@ -45,6 +46,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
         Command::Inspect(inspect) => inspect::inspect(&inspect),
         Command::Fabrics(fabrics) => fabrics::fabrics(&fabrics),
         Command::Yarn(arguments) => yarn::yarn(&arguments),
+        Command::Capture(arguments) => capture::capture(&arguments),
         Command::Bench(arguments) => bench::bench(&arguments),
         Command::Completions(arguments) => shell::completions(&arguments),
         Command::Man(arguments) => shell::man(&arguments),

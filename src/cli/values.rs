@@ -172,6 +172,13 @@ pub(super) fn rectangle(text: &str) -> Result<[u32; 4], String> {
     sides.ok_or_else(|| "write x, y, width and height in pixels with commas, such as 100,50,800,300".to_owned())
 }
 
+pub(super) fn two_vectors(text: &str) -> Result<[f64; 4], String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
+    let finite = numbers.filter(|numbers| numbers.iter().all(|number| number.is_finite()));
+    let both = finite.and_then(|numbers| <[f64; 4]>::try_from(numbers).ok());
+    both.ok_or_else(|| "write both vectors in pixels with commas, such as 24,0,0,18".to_owned())
+}
+
 pub(super) fn brightness(text: &str) -> Result<f32, String> {
     number(text, |share| (-1.0..=1.0).contains(share), "it must be between -1 and 1")
 }

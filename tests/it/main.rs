@@ -8,9 +8,11 @@
 
 mod architecture;
 mod bench;
+mod capture;
 mod chart;
 mod clearance;
 mod cli;
+mod cloth;
 mod config;
 mod curves;
 mod drape;

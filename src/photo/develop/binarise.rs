@@ -4,7 +4,8 @@
 //! ground. T is Otsu's (1979): the one that splits the histogram into the two classes that are tightest. The ground is the class that most of the
 //! photo's border is in.
 
-use super::plane::{Mask, Plane, byte, float, percentile};
+use super::mask::Mask;
+use crate::plane::{Plane, byte, float, percentile};
 
 /// A threshold and the two classes that it makes.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -13,8 +13,9 @@
 use rayon::prelude::*;
 
 use super::binarise::Split;
+use super::mask::Mask;
 use super::orient::FIBRE;
-use super::plane::{Mask, Plane, double, float, narrow, percentile, whole};
+use crate::plane::{Plane, double, float, narrow, percentile, whole};
 
 /// Least matte of a fibre; JPEG rings with about half of it around an edge.
 const LEAST_MATTE: f32 = 0.16;

@@ -5,7 +5,7 @@
 //! the photo makes such a gradient, which one threshold for the whole photo would stumble over. Cost: some dozen passes over the border and some
 //! thousand pixels between. Sums run in one thread.
 
-use super::plane::{Plane, double, float, narrow, percentile, whole};
+use crate::plane::{Plane, double, float, narrow, percentile, whole};
 
 /// Share of the shorter side that counts as border.
 const BORDER: f32 = 0.03;

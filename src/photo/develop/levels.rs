@@ -8,7 +8,7 @@ use image::RgbImage;
 
 use super::ground::Ground;
 use super::orient::Orientation;
-use super::plane::{Plane, byte, double, float, narrow, percentile};
+use crate::plane::{Plane, byte, double, float, narrow, percentile};
 
 /// Shares of the pixels that may be clipped at the dark and at the light end.
 const CLIPPED: (f32, f32) = (0.005, 0.995);

@@ -10,7 +10,7 @@ use image::{Rgb, RgbImage, RgbaImage};
 use rayon::prelude::*;
 
 use super::cutout::CutOut;
-use super::plane::{Plane, column_sums, double, float, narrow, side, whole};
+use crate::plane::{Plane, column_sums, double, float, narrow, side, whole};
 use crate::render::maps::LINEAR;
 use crate::render::tone;
 

@@ -9,7 +9,7 @@
 //!             strip                                  flattened
 //! ```
 //!
-//! `ground` is the light of what lies behind the yarn, `plane` the grey pictures and masks that the steps hand on, `files` writes the maps.
+//! `ground` is the light of what lies behind the yarn, `mask` says which pixels belong to something, `files` writes the maps.
 //! Cost: 48 megapixels, with a strip of 16, take some six seconds on two cores and 820 MB, reading included; a photo of half a megapixel a few tenths of
 //! a second. That is 3 bytes a pixel of the photo and some 40 of the strip. The same photo and settings give the same bytes for any number of threads.
 //!
@@ -22,18 +22,18 @@ mod files;
 mod ground;
 mod levels;
 mod light;
+mod mask;
 mod orient;
-mod plane;
 mod repeat;
 mod seamless;
 mod surface;
 
 use image::{GrayImage, Luma, RgbImage, RgbaImage};
 
+use crate::plane::{byte, side};
 use binarise::{Split, binarise, otsu};
 use cutout::cut_out;
 use levels::Chosen;
-use plane::{byte, side};
 
 pub use error::DevelopError;
 pub use files::{FILES, save};

@@ -18,7 +18,8 @@ use rayon::prelude::*;
 use super::binarise::{Split, binarise, is_light, otsu};
 use super::error::DevelopError;
 use super::ground::{Ground, border};
-use super::plane::{Mask, Plane, byte, double, float, narrow, side, whole};
+use super::mask::Mask;
+use crate::plane::{Plane, byte, double, float, narrow, side, whole};
 
 /// The longer side of the photo in which the yarn is searched.
 const SEARCHED: usize = 800;
@@ -266,7 +267,7 @@ impl Axis {
 
     fn reach_of(&self, mask: &Mask) -> f64 {
         let mut off: Vec<f32> = pixels(mask).map(|at| narrow(self.seen_from(at).1.abs())).collect();
-        f64::from(super::plane::percentile(&mut off, 0.98)).clamp(0.5 * self.width, 0.7 * self.width)
+        f64::from(crate::plane::percentile(&mut off, 0.98)).clamp(0.5 * self.width, 0.7 * self.width)
     }
 
     /// The longest stretch of yarn with ground on both sides, as wide as that costs little length.

@@ -12,7 +12,7 @@
 use image::RgbaImage;
 use rayon::prelude::*;
 
-use super::plane::{double, float, narrow, whole};
+use crate::plane::{double, float, narrow, whole};
 
 /// Bands across the yarn.
 const BINS: usize = 24;
@@ -169,15 +169,15 @@ fn summit(curve: &[f32], peak: usize) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::plane::side;
     use super::*;
+    use crate::plane::side;
     use crate::render::ply::hash;
     use image::Rgba;
     use std::f64::consts::TAU;
 
     fn strip(columns: u32, shade: impl Fn(f64, f64) -> f64) -> RgbaImage {
         RgbaImage::from_fn(columns, 40, |x, y| {
-            let grey = super::super::plane::byte(narrow(128.0 + 90.0 * shade(f64::from(x), f64::from(y))));
+            let grey = crate::plane::byte(narrow(128.0 + 90.0 * shade(f64::from(x), f64::from(y))));
             Rgba([grey, grey, grey, 255])
         })
     }

@@ -13,7 +13,7 @@ use glam::Vec4;
 use image::{Rgba, RgbaImage};
 use rayon::prelude::*;
 
-use super::plane::{column_sums, double, float, narrow, side, whole};
+use crate::plane::{column_sums, double, float, narrow, side, whole};
 
 /// Lengths of overlaps that are tried, as shares of the unit.
 const OVERLAPS: [f64; 2] = [0.25, 0.1];
@@ -246,7 +246,7 @@ mod tests {
         RgbaImage::from_fn(240, 30, |x, y| {
             let (x, y) = (f64::from(x), f64::from(y));
             let wave = (TAU * (x / 40.0 + x * x / 200_000.0 + y / 30.0)).sin();
-            let grey = super::super::plane::byte(narrow(128.0 + (70.0 + x / 10.0) * wave));
+            let grey = crate::plane::byte(narrow(128.0 + (70.0 + x / 10.0) * wave));
             Rgba([grey, grey / 2, 90, if (4.0..26.0).contains(&y) { 255 } else { 0 }])
         })
     }

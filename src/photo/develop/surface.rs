@@ -12,7 +12,7 @@
 use image::{GrayImage, Luma, RgbaImage};
 
 use super::super::{Grey, normals};
-use super::plane::{Plane, byte, float, narrow, percentile, side, whole};
+use crate::plane::{Plane, byte, float, narrow, percentile, side, whole};
 
 /// Share of a round yarn's height that plies and fibres make.
 const RELIEF: f32 = 0.3;
@@ -90,7 +90,7 @@ fn relief(unit: &RgbaImage, width: f64) -> Plane {
     let (columns, rows) = (unit.width() as usize, unit.height() as usize);
     let light = Plane::from_fn(columns, rows, |x, y| {
         let [r, g, b, _] = unit.get_pixel(side(x), side(y)).0;
-        super::plane::luma(image::Rgb([r, g, b]))
+        crate::plane::luma(image::Rgb([r, g, b]))
     });
     let light = light.blurred(whole(narrow(SMOOTHED * width)), true);
     let mut yarn: Vec<f32> =

@@ -1,0 +1,44 @@
+//! Why a photo gives no yarns.
+
+/// What stands in the way, and what to try.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum CaptureError {
+    /// Nothing is lighter than anything else.
+    #[error("the photo is blank: take cloth that fills the picture, sharp and evenly lit")]
+    Blank,
+    /// Nothing repeats.
+    #[error(
+        "no repeat found (confidence {confidence:.2}, {least} is needed): is it velvet, fur, heavily distorted or out of focus? Four copies of the pattern and more should be seen each \
+         way; --cell gives the vectors of one that is hard to see"
+    )]
+    NoRepeat {
+        /// Of the best guess.
+        confidence: f64,
+        /// The limit.
+        least: f64,
+    },
+    /// Vectors that span no cell of a bearable size.
+    #[error("--cell {},{},{},{} spans no cell: give two vectors of 3 pixels and more, neither along the other, that fit the photo three times", .cell[0], .cell[1], .cell[2], .cell[3])]
+    Cell {
+        /// Both vectors, pixels.
+        cell: [f64; 4],
+    },
+    /// A repeat without any yarn to be told in it.
+    #[error("no yarns can be told in the repeat: take a photo in which each yarn is four pixels wide and more")]
+    NoYarns,
+    /// A given layout whose yarns lie over each other or leave too much blank.
+    #[error(
+        "the layout does not cover its cell: {:.0} % lie under two segments (at most {:.0}) and {:.0} % under none (at most {:.0}); move, add or delete segments", 100.0 * .overlap, 100.0 * .most_overlap, 100.0 * .blank, 100.0 * .most_blank
+    )]
+    Invalid {
+        /// Share of the cell under two segments.
+        overlap: f64,
+        /// Share under none.
+        blank: f64,
+        /// The limit of overlaps.
+        most_overlap: f64,
+        /// The limit of blanks.
+        most_blank: f64,
+    },
+}

@@ -1,0 +1,195 @@
+//! The folder that a capture fills, and the layout that a person may have changed.
+//!
+//! In: [`Captured`] and an [`OutputFolder`]. Out: [`FILES`] in it: the mean cell as a picture (along its vectors), the grid of nine with the segments drawn, `layout.toml` with the cell and
+//! its segments, and `report.json`. What [`GivenLayout::parse`] reads is what `layout.toml` holds.
+
+use std::fs;
+
+use glam::DVec2;
+use image::RgbaImage;
+use serde::{Deserialize, Serialize};
+
+use super::layout::Layout;
+use super::segment::Segment;
+use super::{Captured, Hypothesis, sheet};
+use crate::export::{ExportError, OutputFolder, png};
+
+/// All files of such a folder.
+pub const FILES: [&str; 4] = ["cell.png", "grid3x3.png", "layout.toml", "report.json"];
+/// Segments of a cell, at most.
+const MOST_SEGMENTS: usize = 64;
+/// What lengths and places may be, pixels.
+const MOST_LENGTH: f64 = 16_384.0;
+
+/// A cell and its segments as a person wants them, pixels of the photo.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GivenLayout {
+    /// Both vectors.
+    pub cell: [DVec2; 2],
+    /// How light the ground is.
+    pub ground: f64,
+    /// One of each copy, relative to a cell's corner.
+    pub segments: Vec<Segment>,
+}
+
+/// What is wrong with a layout file.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("line {line}: {what}")]
+pub struct LayoutError {
+    /// From 1.
+    pub line: usize,
+    /// One line.
+    pub what: String,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LayoutFile {
+    cell: CellTable,
+    #[serde(default)]
+    segments: Vec<toml::Spanned<SegmentTable>>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CellTable {
+    a: [f64; 2],
+    b: [f64; 2],
+    ground: f64,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SegmentTable {
+    center: [f64; 2],
+    angle_deg: f64,
+    width: f64,
+    length: f64,
+    top: f64,
+    round: f64,
+    sag: f64,
+    #[serde(default)]
+    tilt: f64,
+}
+
+impl GivenLayout {
+    /// Reads a layout.
+    ///
+    /// ```
+    /// use warpknit::capture::GivenLayout;
+    /// let text = "[cell]\na = [20, 0]\nb = [0, 10]\nground = -1\n[[segments]]\ncenter = [5, 5]\nangle_deg = 90\nwidth = 4\nlength = 9\ntop = 1\nround = 0.5\nsag = 0.2\n";
+    /// assert_eq!(GivenLayout::parse(text)?.segments.len(), 1);
+    /// assert_eq!(GivenLayout::parse("[cell]\na = 3\n").unwrap_err().line, 2);
+    /// # Ok::<(), warpknit::capture::LayoutError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`LayoutError`], with its line.
+    pub fn parse(text: &str) -> Result<Self, LayoutError> {
+        let line_of = |at: usize| 1 + text[..at.min(text.len())].matches('\n').count();
+        let file: LayoutFile = toml::from_str(text).map_err(|error| LayoutError {
+            line: error.span().map_or(1, |span| line_of(span.start)),
+            what: error.message().split_whitespace().collect::<Vec<_>>().join(" "),
+        })?;
+        if file.segments.len() > MOST_SEGMENTS {
+            let what = format!("{} segments are too many: at most {MOST_SEGMENTS} lie in a cell", file.segments.len());
+            return Err(LayoutError { line: line_of(file.segments[MOST_SEGMENTS].span().start), what });
+        }
+        let CellTable { a, b, ground } = file.cell;
+        if ![a, b].concat().iter().all(|number| number.abs() <= MOST_LENGTH) || !ground.is_finite() {
+            return Err(LayoutError { line: 1, what: "the cell's numbers are no pixels of a photo".to_owned() });
+        }
+        let segments = file.segments.iter().map(|table| {
+            let wrong = |what: &str| Err(LayoutError { line: line_of(table.span().start), what: what.to_owned() });
+            let own = table.get_ref();
+            if !own.center.iter().chain([&own.angle_deg]).all(|number| number.abs() <= MOST_LENGTH) {
+                return wrong("a segment lies nowhere near the cell");
+            }
+            if ![own.width, own.length].iter().all(|size| *size > 0.0 && *size <= MOST_LENGTH) {
+                return wrong("a segment's width and length are to be over 0 pixels");
+            }
+            if ![own.top, own.round, own.sag, own.tilt].iter().all(|light| light.abs() <= 1000.0) {
+                return wrong("top, round, sag and tilt are shares of the picture's contrast, a few at most");
+            }
+            Ok(own.segment())
+        });
+        Ok(Self { cell: [a.into(), b.into()], ground, segments: segments.collect::<Result<_, _>>()? })
+    }
+}
+
+impl SegmentTable {
+    fn of(segment: &Segment) -> Self {
+        let Segment { centre, angle, width, length, top, round, sag, tilt } = *segment;
+        let angle_deg = angle.to_degrees().rem_euclid(360.0);
+        Self { center: centre.to_array(), angle_deg, width, length, top, round, sag, tilt }
+    }
+
+    fn segment(&self) -> Segment {
+        let Self { center, angle_deg, width, length, top, round, sag, tilt } = *self;
+        Segment { centre: center.into(), angle: angle_deg.to_radians(), width, length, top, round, sag, tilt }
+    }
+}
+
+/// What `report.json` holds.
+#[derive(Serialize)]
+struct Report<'a> {
+    warpknit: &'a str,
+    /// Pixels of the photo.
+    lattice: [[f64; 2]; 2],
+    confidence: f64,
+    /// Pixels worked on for each of the photo's.
+    scale: f64,
+    hypothesis: &'a str,
+    unexplained: f64,
+    overlap: f64,
+    blank: f64,
+    segments: Vec<SegmentTable>,
+}
+
+/// Writes all files.
+///
+/// # Errors
+/// What the disk says.
+pub fn save(captured: &Captured, folder: &OutputFolder) -> Result<(), ExportError> {
+    let Captured { unit, layout, scale, cell, .. } = captured;
+    let picture = |name: &str, picture: &RgbaImage| png::write(&folder.file(name), picture)?.publish();
+    picture("cell.png", &sheet::grey(&cell.plane))?;
+    let segments = layout.segments.iter().map(|segment| segment.scaled(*scale)).collect();
+    picture("grid3x3.png", &sheet::grid(cell, &Layout { segments, ..layout.clone() }))?;
+    let io = |name: &str| {
+        let path = folder.target().join(name);
+        move |source| ExportError::Io { path, source }
+    };
+    fs::write(folder.file("layout.toml"), layout_text(captured)).map_err(io("layout.toml"))?;
+    let Layout { hypothesis, error, overlap, blank, .. } = layout;
+    let hypothesis = match hypothesis {
+        Hypothesis::Woven => "woven",
+        Hypothesis::Cover => "cover",
+        Hypothesis::Given => "given",
+    };
+    let report = Report {
+        warpknit: env!("CARGO_PKG_VERSION"),
+        lattice: [unit.lattice.a.to_array(), unit.lattice.b.to_array()],
+        confidence: unit.confidence,
+        scale: *scale,
+        hypothesis,
+        unexplained: *error,
+        overlap: *overlap,
+        blank: *blank,
+        segments: layout.segments.iter().map(SegmentTable::of).collect(),
+    };
+    let text = serde_json::to_string_pretty(&report).expect("numbers and names are JSON") + "\n";
+    fs::write(folder.file("report.json"), text).map_err(io("report.json"))
+}
+
+/// `layout.toml`.
+fn layout_text(captured: &Captured) -> String {
+    let Captured { unit, layout, .. } = captured;
+    let cell = CellTable { a: unit.lattice.a.to_array(), b: unit.lattice.b.to_array(), ground: layout.ground };
+    let segments = layout.segments.iter().map(|segment| toml::Spanned::new(0..0, SegmentTable::of(segment))).collect();
+    let tables = toml::to_string(&LayoutFile { cell, segments }).expect("numbers are TOML");
+    format!(
+        "# The yarns of a cloth's cell, by warpknit capture. Pixels of the photo, y down; top, round, sag, tilt and ground are lightness, 1 about the photo's contrast.\n\
+         # Change, add or delete segments and give this file to capture with --layout.\n{tables}"
+    )
+}

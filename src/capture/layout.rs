@@ -1,0 +1,122 @@
+//! Step 3, layout: the yarn segments of a cell.
+//!
+//! In: the mean cell. Out: a [`Layout`]. Layouts that a weave may have ([`woven`]) and layouts that merely cover the cell ([`cover`]) are refined on a coarse cell; what they
+//! leave unexplained, how many segments they take and how much these overlap say which is best, and that is refined on a finer cell. Cost: one to five seconds on two cores.
+
+use super::cell::Cell;
+use super::fit::{Fit, refine};
+use super::lattice::Lattice;
+use super::segment::{Segment, places, shares, trimmed};
+use super::target::Target;
+use super::{cover, woven};
+use crate::plane::double;
+
+/// Places of a cell each way while layouts compete, and for the last refinement.
+const COARSE: f64 = 26.0;
+const FINE: f64 = 52.0;
+/// Places each way on which shares of the cell are counted.
+const COUNTED: usize = 128;
+/// Weaves that are refined, the likeliest.
+const WEAVES: usize = 4;
+/// A weave that leaves so little is believed without looking further.
+const CLEAR: f64 = 0.045;
+/// What a segment more must at least explain of the cell.
+const EXPLAINS: f64 = 0.02;
+/// What a layout pays for each segment, as a share of its error, and for overlaps above a share of the cell.
+const SEGMENT_COST: f64 = 0.08;
+const OVERLAP_COST: (f64, f64) = (0.35, 0.08);
+
+/// What a layout was sought as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Hypothesis {
+    /// A matrix of warp and weft.
+    Woven,
+    /// Whatever covers the cell best, such as legs of loops.
+    Cover,
+    /// A person's.
+    Given,
+}
+
+/// The yarns of a cell.
+#[derive(Clone, Debug)]
+pub struct Layout {
+    /// One of each copy.
+    pub segments: Vec<Segment>,
+    /// How light the deepest ground is.
+    pub ground: f64,
+    /// Share of the mean cell's variance that the segments leave.
+    pub error: f64,
+    /// What they were sought as.
+    pub hypothesis: Hypothesis,
+    /// Share of the cell that lies under two segments.
+    pub overlap: f64,
+    /// Share of the cell that lies under none.
+    pub blank: f64,
+}
+
+impl Layout {
+    /// The paper's rule: little overlap and little blank. So much of the cell may be either in a layout that a person gives.
+    pub const MOST_OVERLAP: f64 = 0.35;
+    /// The same for what lies under no yarn; nets are mostly that.
+    pub const MOST_BLANK: f64 = 0.75;
+
+    pub(super) fn of(segments: Vec<Segment>, lattice: &Lattice, ground: f64, error: f64, hypothesis: Hypothesis) -> Self {
+        let [overlap, blank] = shares(&segments, lattice, &places(lattice, [COUNTED; 2]));
+        Self { segments, ground, error, hypothesis, overlap, blank }
+    }
+
+    /// Whether it keeps the rule.
+    #[must_use]
+    pub fn is_valid(&self) -> bool {
+        !self.segments.is_empty() && self.overlap <= Self::MOST_OVERLAP && self.blank <= Self::MOST_BLANK
+    }
+}
+
+/// Finds the layout of a cell; nothing where it shows no yarn at all.
+pub(super) fn find(cell: &Cell) -> Option<Layout> {
+    let coarse = Target::new(cell, COARSE);
+    let (ground, top) = (coarse.quantile(0.04), coarse.quantile(0.9));
+    let weaves = woven::candidates(&coarse, ground, top).into_iter().take(WEAVES).map(|(_, segments)| {
+        let fit = refine(&coarse, &segments, ground, 12);
+        (Hypothesis::Woven, pruned(&coarse, fit))
+    });
+    let mut best = weaves.min_by(|p, q| cost(&coarse, &p.1).total_cmp(&cost(&coarse, &q.1)));
+    if best.as_ref().is_none_or(|(_, fit)| cost(&coarse, fit) > CLEAR) {
+        let covers = cover::fits(&coarse, ground, top).into_iter().map(|fit| (Hypothesis::Cover, pruned(&coarse, fit)));
+        best = best.into_iter().chain(covers).min_by(|p, q| cost(&coarse, &p.1).total_cmp(&cost(&coarse, &q.1)));
+    }
+    let (hypothesis, fit) = best?;
+    let fine = Target::new(cell, FINE);
+    let fit = refine(&fine, &fit.segments, fit.ground, 20);
+    let segments = trimmed(&fit.segments, &cell.lattice);
+    let error = fine.error(&segments, fit.ground);
+    (!segments.is_empty()).then(|| Layout::of(segments, &cell.lattice, fit.ground, error, hypothesis))
+}
+
+/// A person's layout on a cell, with the error that it has there.
+pub(super) fn given(cell: &Cell, segments: Vec<Segment>, ground: f64) -> Layout {
+    let error = Target::new(cell, FINE).error(&segments, ground);
+    Layout::of(segments, &cell.lattice, ground, error, Hypothesis::Given)
+}
+
+fn cost(target: &Target, fit: &Fit) -> f64 {
+    let seen = trimmed(&fit.segments, &target.lattice);
+    let [overlap, _] = shares(&seen, &target.lattice, &target.places);
+    fit.error * (1.0 + SEGMENT_COST * double(fit.segments.len())) + OVERLAP_COST.0 * (overlap - OVERLAP_COST.1).max(0.0)
+}
+
+/// Without segments that explain next to nothing.
+fn pruned(target: &Target, mut fit: Fit) -> Fit {
+    while fit.segments.len() > 1 {
+        let without = |number: usize| {
+            let mut rest = fit.segments.clone();
+            rest.remove(number);
+            (target.error(&rest, fit.ground), number)
+        };
+        let least = (0..fit.segments.len()).map(without).min_by(|p, q| p.0.total_cmp(&q.0));
+        let Some((_, number)) = least.filter(|(error, _)| *error <= fit.error + EXPLAINS) else { break };
+        fit.segments.remove(number);
+        fit = refine(target, &fit.segments, fit.ground, 8);
+    }
+    fit
+}

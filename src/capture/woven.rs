@@ -1,0 +1,174 @@
+//! Step 3, the woven hypothesis: a matrix of warp and weft on a lattice of crossings.
+//!
+//! In: a [`Target`]. Out: layouts of floats. The crossings' lattice has the cell's as a part of index 2 to 8, and goes nearly squarely along both yarns. Of small
+//! matrices all are tried; of larger ones the one whose yarns run as the picture does at each crossing.
+
+use glam::{DMat2, DVec2};
+use rayon::prelude::*;
+
+use super::lattice::{Lattice, hermite};
+use super::segment::Segment;
+use super::steps;
+use super::target::Target;
+use crate::plane::double;
+
+/// Places along each yarn where the first crossing is tried.
+const OFFSETS: usize = 6;
+/// Crossings of a cell up to which all matrices are tried.
+const TRIED: usize = 4;
+
+/// Layouts of a weave that may be the cell, the likeliest first, with the share of variance that each leaves.
+pub(super) fn candidates(target: &Target, ground: f64, top: f64) -> Vec<(f64, Vec<Segment>)> {
+    let tensor = Tensor::of(target);
+    let grids: Vec<Crossings> = (2_u8..=8)
+        .flat_map(|index| hermite(index.into()).map(move |form| (index.into(), form)))
+        .filter_map(|(index, form)| Crossings::new(&target.lattice, index, form))
+        .collect();
+    let mut found: Vec<(f64, Vec<Segment>)> = grids
+        .into_par_iter()
+        .flat_map_iter(|grid| {
+            let tensor = &tensor;
+            (0..OFFSETS * OFFSETS).flat_map(move |number| {
+                let share = |part: usize| double(part) / double(OFFSETS);
+                let origin = grid.weft * share(number % OFFSETS) + grid.warp * share(number / OFFSETS);
+                let layouts: Vec<_> = grid
+                    .matrices(origin, tensor, target)
+                    .iter()
+                    .filter_map(|ups| grid.layout(origin, ups, ground, top))
+                    .collect();
+                layouts.into_iter().map(|segments| (target.scaled_error(&segments, ground), segments)).collect::<Vec<_>>()
+            })
+        })
+        .collect();
+    found.sort_by(|p, q| p.0.total_cmp(&q.0));
+    found
+}
+
+/// How much each place changes along which directions: the structure tensor in pixels.
+struct Tensor(Vec<[f64; 3]>);
+
+impl Tensor {
+    fn of(target: &Target) -> Self {
+        let [columns, rows] = target.size;
+        let inverse = DMat2::from_cols(target.lattice.a / double(columns), target.lattice.b / double(rows)).inverse().transpose();
+        let light = |x: usize, y: usize| target.light[(y % rows) * columns + x % columns];
+        let of = |at: usize| {
+            let (x, y) = (at % columns + columns, at / columns + rows);
+            let steps = DVec2::new(light(x + 1, y) - light(x - 1, y), light(x, y + 1) - light(x, y - 1)) * 0.5;
+            let g = inverse * steps;
+            [g.x * g.x, g.x * g.y, g.y * g.y]
+        };
+        Self((0..columns * rows).map(of).collect())
+    }
+
+    /// How much it changes along `way` around a place.
+    fn along(&self, target: &Target, place: DVec2, radius: f64, way: DVec2) -> f64 {
+        let inverse = target.lattice.matrix().inverse();
+        let way = way.normalize();
+        let mut sum = 0.0;
+        for (other, [xx, xy, yy]) in target.places.iter().zip(&self.0) {
+            let count = inverse * (*other - place);
+            let near = target.lattice.matrix() * (count - count.round());
+            let weight = (-0.5 * near.length_squared() / (radius * radius)).exp();
+            sum += weight * (xx * way.x * way.x + 2.0 * xy * way.x * way.y + yy * way.y * way.y);
+        }
+        sum
+    }
+}
+
+/// Where yarns cross: a lattice of which the cell's is a part.
+struct Crossings {
+    /// From a crossing to the next along a weft yarn, and along a warp yarn.
+    weft: DVec2,
+    warp: DVec2,
+    /// Crossings in a cell.
+    index: usize,
+    /// Counts of both to counts of the cell's vectors.
+    to_cell: DMat2,
+}
+
+impl Crossings {
+    fn new(cell: &Lattice, index: usize, [p, q, r]: [i32; 3]) -> Option<Self> {
+        let finer =
+            cell.matrix() * DMat2::from_cols(DVec2::new(f64::from(p), 0.0), DVec2::new(f64::from(q), f64::from(r))).inverse();
+        let reduced = Lattice::reduced(finer.x_axis, finer.y_axis);
+        let cosine = reduced.a.dot(reduced.b).abs() / (reduced.a.length() * reduced.b.length());
+        if cosine > 0.3 || reduced.longer() > 2.5 * reduced.shorter() {
+            return None;
+        }
+        Some(Self { weft: reduced.a, warp: reduced.b, index, to_cell: cell.matrix().inverse() * reduced.matrix() })
+    }
+
+    /// One crossing for each of the cell: counts of weft and warp.
+    fn crossings(&self) -> Vec<[i32; 2]> {
+        let mut crossings: Vec<[i32; 2]> = Vec::with_capacity(self.index);
+        let reach = steps(double(self.index));
+        for j in 0..reach {
+            for i in 0..reach {
+                if crossings.len() < self.index && !crossings.iter().any(|&other| self.same(other, [i, j])) {
+                    crossings.push([i, j]);
+                }
+            }
+        }
+        crossings
+    }
+
+    fn same(&self, [i, j]: [i32; 2], [k, l]: [i32; 2]) -> bool {
+        let off = self.to_cell * DVec2::new(f64::from(k - i), f64::from(l - j));
+        (off - off.round()).abs().max_element() < 1e-6
+    }
+
+    fn at(&self, [i, j]: [i32; 2]) -> DVec2 {
+        self.weft * f64::from(i) + self.warp * f64::from(j)
+    }
+
+    /// Matrices that may be the weave's: all of small ones, else the one that the picture's directions say.
+    fn matrices(&self, origin: DVec2, tensor: &Tensor, target: &Target) -> Vec<Vec<([i32; 2], bool)>> {
+        if self.index > TRIED {
+            return vec![self.ups(origin, tensor, target)];
+        }
+        let crossings = self.crossings();
+        (1..(1 << self.index) - 1)
+            .map(|bits: u32| crossings.iter().enumerate().map(|(n, crossing)| (*crossing, bits >> n & 1 == 1)).collect())
+            .collect()
+    }
+
+    /// Whether the warp is above at each crossing: the picture changes more across it than along it.
+    fn ups(&self, origin: DVec2, tensor: &Tensor, target: &Target) -> Vec<([i32; 2], bool)> {
+        let radius = 0.28 * self.weft.length().min(self.warp.length());
+        let up = |crossing: [i32; 2]| {
+            let place = origin + self.at(crossing);
+            tensor.along(target, place, radius, self.warp.perp()) > tensor.along(target, place, radius, self.weft.perp())
+        };
+        self.crossings().into_iter().map(|crossing| (crossing, up(crossing))).collect()
+    }
+
+    /// The floats of both, if each yarn goes down somewhere.
+    fn layout(&self, origin: DVec2, ups: &[([i32; 2], bool)], ground: f64, top: f64) -> Option<Vec<Segment>> {
+        let is_up = |crossing: [i32; 2]| ups.iter().find(|(other, _)| self.same(*other, crossing)).is_some_and(|(_, up)| *up);
+        let mut segments = Vec::new();
+        for (step, way, across, above) in [([0, 1], self.warp, self.weft, true), ([1, 0], self.weft, self.warp, false)] {
+            for &(crossing, up) in ups {
+                let before = is_up([crossing[0] - step[0], crossing[1] - step[1]]);
+                if up != above || before == above {
+                    continue;
+                }
+                let count = (1..=8).find(|&n| is_up([crossing[0] + n * step[0], crossing[1] + n * step[1]]) != above)?;
+                let width = 0.85 * across.length() * (across.normalize().perp_dot(way.normalize())).abs();
+                segments.push(Segment {
+                    centre: origin + self.at(crossing) + way * (0.5 * f64::from(count - 1)),
+                    angle: way.to_angle(),
+                    width,
+                    length: way.length() * (f64::from(count) + 0.25),
+                    top: top - ground,
+                    round: 0.5 * (top - ground),
+                    sag: 0.35 * (top - ground),
+                    tilt: 0.0,
+                });
+            }
+        }
+        let wefts = ups.iter().any(|(_, up)| !up);
+        let warps = ups.iter().any(|(_, up)| *up);
+        (wefts && warps && segments.len() >= 2).then_some(segments)
+    }
+}

@@ -1,0 +1,109 @@
+//! `warpknit capture`: a photo of a cloth to the yarns of its repeat.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use anyhow::{Context, Result, anyhow, bail};
+use glam::DVec2;
+use warpknit::capture::{Captured, FILES, GivenLayout, Layout, Settings, capture as captured, save};
+use warpknit::export::OutputFolder;
+use warpknit::photo::read_photo;
+
+use super::args::Capture;
+use super::clock::{Clock, Task};
+use super::{print, tell};
+
+/// A layout file that is longer is none.
+const MOST_BYTES: u64 = 1 << 20;
+/// More unexplained than this is told: yarns are missing, or bend more than cylinders do.
+const UNEXPLAINED: f64 = 0.25;
+
+/// Captures a photo. The folder is seen only when all of it is whole.
+pub(crate) fn capture(arguments: &Capture) -> Result<()> {
+    let mut clock = Clock::begin_command(&arguments.running)?;
+    clock.begin(Task::Read, 0.0);
+    check_names(arguments)?;
+    let folder = OutputFolder::create(&arguments.output)?;
+    let layout = arguments.layout.as_deref().map(given).transpose()?;
+    let cell = arguments.cell.map(|[ax, ay, bx, by]| [DVec2::new(ax, ay), DVec2::new(bx, by)]);
+    let photo = read_photo(&arguments.photo)?;
+    clock.begin(Task::Develop, 0.2);
+    // What is wrong with a person's layout is told with its file.
+    let about = arguments.layout.as_ref().unwrap_or(&arguments.photo);
+    let found = captured(&photo, &Settings { cell, layout }).with_context(|| about.display().to_string())?;
+    clock.begin(Task::Write, 0.9);
+    save(&found, &folder)?;
+    folder.publish()?;
+    clock.stop();
+    clock.clear();
+    let quiet = arguments.running.quiet;
+    notes(&found).iter().for_each(|note| tell(quiet, &format!("note: {}: {note}", arguments.photo.display())));
+    tell(quiet, &format!("{} segments: {}", found.layout.segments.len(), arguments.output.display()));
+    print(&report(&found))
+}
+
+/// Reads a layout that a person gives.
+fn given(path: &Path) -> Result<GivenLayout> {
+    let size = std::fs::metadata(path).with_context(|| format!("{}: can't be read", path.display()))?.len();
+    if size > MOST_BYTES {
+        bail!("{}: is no layout of capture: {size} bytes are too many", path.display());
+    }
+    let text = std::fs::read_to_string(path).with_context(|| format!("{}: can't be read", path.display()))?;
+    GivenLayout::parse(&text).map_err(|error| anyhow!("{}:{}: {}", path.display(), error.line, error.what))
+}
+
+/// Refuses to write over what is read.
+fn check_names(arguments: &Capture) -> Result<()> {
+    let place = |path: &Path| path.canonicalize().ok();
+    for input in [Some(&arguments.photo), arguments.layout.as_ref()].into_iter().flatten() {
+        for file in FILES {
+            let target = arguments.output.join(file);
+            if place(input).is_some() && place(&target) == place(input) {
+                bail!("{}: this is read, and would be written over; name another folder with -o", target.display());
+            }
+        }
+    }
+    Ok(())
+}
+
+/// What whoever uses the layout should know.
+fn notes(found: &Captured) -> Vec<String> {
+    let Layout { error, .. } = found.layout;
+    let mut notes = Vec::new();
+    if error > UNEXPLAINED {
+        notes.push(format!(
+            "the segments leave {:.0} % of the cell unexplained: look at grid3x3.png, and mend layout.toml",
+            100.0 * error
+        ));
+    }
+    if !found.layout.is_valid() {
+        notes.push(
+            "the segments lie over each other, or leave much of the cell blank: look at grid3x3.png, and mend layout.toml"
+                .to_owned(),
+        );
+    }
+    notes
+}
+
+/// A line a number, its name first, then a row a segment.
+fn report(found: &Captured) -> String {
+    let Captured { unit, layout, scale, .. } = found;
+    let vector = |vector: DVec2| format!("{:.2},{:.2}", vector.x, vector.y);
+    let share = |share: f64| format!("{:.1} %", 100.0 * share);
+    let rows = [
+        ("cell", format!("{} and {} pixels, confidence {:.2}", vector(unit.lattice.a), vector(unit.lattice.b), unit.confidence)),
+        ("seen at", format!("{scale:.2} of the photo's size")),
+        ("unexplained", share(layout.error)),
+        ("overlap", share(layout.overlap)),
+        ("blank", share(layout.blank)),
+    ];
+    let mut text = String::new();
+    let mut line = |words: String| writeln!(text, "{words}").expect("a string takes any text");
+    rows.iter().for_each(|(name, value)| line(format!("{name:12}{value}")));
+    line(format!("{:>7} {:>9} {:>9} {:>9} {:>9} {:>9}", "segment", "x", "y", "degrees", "width", "length"));
+    for (number, segment) in (1..).zip(&layout.segments) {
+        let (centre, degrees) = (segment.centre, segment.angle.to_degrees().rem_euclid(180.0));
+        line(format!("{number:7} {:9.2} {:9.2} {degrees:9.1} {:9.2} {:9.2}", centre.x, centre.y, segment.width, segment.length));
+    }
+    text
+}

@@ -1,0 +1,178 @@
+//! A photo of a cloth to its yarns: known cloth found again, what is no cloth refused, and a person's layout taken.
+
+use std::path::Path;
+use std::process::Output;
+
+use glam::{DMat2, DVec2};
+use image::RgbImage;
+use warpknit::capture::{CERTAIN, CaptureError, Captured, GivenLayout, Settings, capture};
+
+use crate::cloth::{Disturbance, Kind, Random, Sample, between, fur, sample};
+
+fn found(image: &RgbImage) -> Captured {
+    capture(image, &Settings::default()).unwrap()
+}
+
+/// Whether both span the same lattice, vectors being off by no more than a share of their length.
+fn same_lattice(found: &Captured, truth: [DVec2; 2], share: f64) -> bool {
+    let matrix = found.unit.lattice.matrix();
+    let counts = truth.map(|vector| matrix.inverse() * vector);
+    let near = |(count, vector): (&DVec2, &DVec2)| (matrix * count.round()).distance(*vector) < share * vector.length();
+    DMat2::from_cols(counts[0].round(), counts[1].round()).determinant().abs() == 1.0 && counts.iter().zip(&truth).all(near)
+}
+
+/// How far each stretch of yarn is from the segment nearest to it: widths off across it, radians, and the share by which it is too wide.
+fn errors(found: &Captured, truth: &Sample) -> Vec<[f64; 3]> {
+    let matrix = found.unit.lattice.matrix();
+    let error = |stretch: &crate::cloth::Stretch| {
+        let of = |segment: &warpknit::capture::Segment| {
+            let count = matrix.inverse() * (segment.centre + found.corner - stretch.centre);
+            let off = matrix * (count - count.round());
+            let across = DVec2::from_angle(stretch.angle).perp_dot(off).abs() / stretch.width;
+            let along = off.length() / stretch.length;
+            (along, [across, between(segment.angle, stretch.angle), (segment.width / stretch.width - 1.0).abs()])
+        };
+        let nearest = found.layout.segments.iter().map(of).min_by(|p, q| (p.0 + p.1[1]).total_cmp(&(q.0 + q.1[1])));
+        nearest.unwrap().1
+    };
+    truth.stretches.iter().filter(|stretch| stretch.length > 0.8 * stretch.width).map(error).collect()
+}
+
+#[test]
+fn weaves_are_found_again() {
+    let photo = Disturbance { distortion: 2.0, noise: 0.02, light: 0.2 };
+    for (kind, seed, disturbance) in
+        [(Kind::Plain, 103, Disturbance::default()), (Kind::Plain, 110, photo), (Kind::Twill(2, 1), 101, photo)]
+    {
+        let truth = sample(kind, seed, 320, disturbance);
+        let found = found(&truth.image);
+        assert!(same_lattice(&found, truth.lattice, 0.025), "{kind:?} {seed}: {:?} is not {:?}", found.unit, truth.lattice);
+        let errors = errors(&found, &truth);
+        assert!(errors.len() >= 2 && found.layout.segments.len() >= 2, "{kind:?} {seed}: {:?}", truth.stretches);
+        for [off, turn, wider] in errors {
+            assert!(
+                off < 0.3 && turn < 0.06 && wider < 0.15,
+                "{kind:?} {seed}: off by {off} widths, {turn} rad, {wider}: {:?}",
+                found.layout
+            );
+        }
+    }
+}
+
+#[test]
+fn a_jersey_has_its_cell_and_a_leg_on_either_side() {
+    let truth = sample(Kind::Jersey, 133, 320, Disturbance { distortion: 2.0, noise: 0.02, light: 0.1 });
+    let found = found(&truth.image);
+    assert!(same_lattice(&found, truth.lattice, 0.025), "{:?} is not {:?}", found.unit, truth.lattice);
+    let wale = truth.lattice[1].to_angle();
+    let lean = |segment: &warpknit::capture::Segment| {
+        (segment.angle - wale + 0.5 * std::f64::consts::PI).rem_euclid(std::f64::consts::PI) - 0.5 * std::f64::consts::PI
+    };
+    let leans: Vec<f64> = found.layout.segments.iter().filter(|segment| segment.length > 1.5 * segment.width).map(lean).collect();
+    for side in [-1.0, 1.0] {
+        assert!(leans.iter().any(|lean| (0.1..0.7).contains(&(side * lean))), "legs lean by {leans:?}");
+    }
+}
+
+#[test]
+fn what_does_not_repeat_is_refused() {
+    let mut random = Random::new(7);
+    let noise = RgbImage::from_fn(300, 260, |_, _| image::Rgb([(128.0 + 40.0 * random.bell()) as u8; 3]));
+    let grain = image::imageops::fast_blur(&noise, 3.0);
+    for (what, image) in [("noise", noise), ("grain", grain), ("fur", fur(3, 300))] {
+        match capture(&image, &Settings::default()) {
+            Err(CaptureError::NoRepeat { confidence, least }) => assert!(confidence < least && least == CERTAIN, "{what}"),
+            other => panic!("{what}: {other:?}"),
+        }
+    }
+    let grey = RgbImage::from_pixel(200, 200, image::Rgb([90, 100, 110]));
+    assert_eq!(capture(&grey, &Settings::default()).unwrap_err(), CaptureError::Blank);
+}
+
+fn run(folder: &Path, arguments: &[&str]) -> Output {
+    let mut command = assert_cmd::Command::cargo_bin("warpknit").unwrap();
+    command.current_dir(folder).arg("capture").args(arguments).output().unwrap()
+}
+
+#[test]
+fn the_command_fills_a_folder_and_takes_its_layout_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    sample(Kind::Plain, 103, 320, Disturbance::default()).image.save(folder.join("cloth.png")).unwrap();
+    let output = run(folder, &["cloth.png", "-o", "first", "--threads", "1"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(run(folder, &["cloth.png", "-o", "second", "--threads", "3", "--quiet"]).status.success());
+    let read = |path: &str| std::fs::read(folder.join(path)).unwrap();
+    for file in warpknit::capture::FILES {
+        assert!(read(&format!("first/{file}")) == read(&format!("second/{file}")), "{file} depends on the number of threads");
+    }
+    let text = String::from_utf8(read("first/layout.toml")).unwrap();
+    let layout = GivenLayout::parse(&text).unwrap();
+    assert_eq!(layout.segments.len(), 2);
+
+    // The same layout given back explains as much; moved segments, less; one left out leaves a blank, and is taken; ten times as wide ones are none.
+    let unexplained = |name: &str| {
+        let output = run(folder, &["cloth.png", "--layout", name, "-o", "given"]);
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        let report: Option<serde_json::Value> =
+            output.status.success().then(|| serde_json::from_slice(&read("given/report.json")).unwrap());
+        report.map(|report| report["unexplained"].as_f64().unwrap()).ok_or(message)
+    };
+    let error: serde_json::Value = serde_json::from_slice(&read("first/report.json")).unwrap();
+    let error = error["unexplained"].as_f64().unwrap();
+    assert!((unexplained("first/layout.toml").unwrap() - error).abs() < 1e-9);
+    let edited = |from: &str, to: &str| {
+        std::fs::write(folder.join("edited.toml"), text.replace(from, to)).unwrap();
+        unexplained("edited.toml")
+    };
+    let second = text.rfind("[[segments]]").unwrap();
+    assert!(edited(&text[second..], "").unwrap() > error + 0.1, "one is deleted");
+    let wide = edited("width = ", "width = 9").unwrap_err();
+    assert!(
+        wide.starts_with("error: edited.toml: the layout does not cover its cell: ") && wide.contains("% lie under two"),
+        "{wide}"
+    );
+    let broken = edited("length", "lenght").unwrap_err();
+    assert!(broken.starts_with("error: edited.toml:") && broken.contains("lenght") && broken.lines().count() == 1, "{broken}");
+    // What is read is not written over.
+    let over = run(folder, &["cloth.png", "--layout", "first/layout.toml", "-o", "first"]);
+    assert!(!over.status.success() && read("first/layout.toml") == text.as_bytes());
+}
+
+#[test]
+fn what_is_no_photo_of_cloth_is_named_and_leaves_no_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    RgbImage::new(8, 8).save(folder.join("tiny.png")).unwrap();
+    RgbImage::new(100, 100).save(folder.join("blank.png")).unwrap();
+    std::fs::write(
+        folder.join("moving.gif"),
+        b"GIF89a\x01\x00\x01\x00\x80\x00\x00\x00\x00\x00\xff\xff\xff!\xf9\x04\x00\x00\x00\x00\x00,\x00",
+    )
+    .unwrap();
+    let whole = std::fs::read(folder.join("blank.png")).unwrap();
+    std::fs::write(folder.join("cut.png"), &whole[..whole.len() / 2]).unwrap();
+    // A header alone says that it is 20000 x 10000 pixels.
+    let mut huge = whole;
+    huge[16..24].copy_from_slice(&[0, 0, 0x4E, 0x20, 0, 0, 0x27, 0x10]);
+    std::fs::write(folder.join("huge.png"), huge).unwrap();
+    for (name, part) in [
+        ("tiny.png", "too few"),
+        ("blank.png", "blank"),
+        ("moving.gif", "PNG or JPEG"),
+        ("cut.png", "cut.png"),
+        ("huge.png", "huge.png"),
+        ("none.png", "can't be read"),
+    ] {
+        let output = run(folder, &[name, "-o", "out"]);
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{name}: {message}");
+        assert!(
+            message.starts_with("error: ") && message.contains(name) && message.contains(part) && message.lines().count() == 1,
+            "{message}"
+        );
+        assert!(!folder.join("out").exists());
+    }
+    let output = run(folder, &["blank.png", "-o", "out", "--cell", "1,2,3"]);
+    assert_eq!(output.status.code(), Some(2));
+}
