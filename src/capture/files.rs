@@ -18,6 +18,8 @@ use crate::export::{ExportError, OutputFolder, png};
 pub const FILES: [&str; 4] = ["cell.png", "grid3x3.png", "layout.toml", "report.json"];
 /// Segments of a cell, at most.
 const MOST_SEGMENTS: usize = 64;
+/// The longest segment, in lengths of the cell's longer vector.
+const MOST_CELLS: f64 = 10.0;
 /// What lengths and places may be, pixels.
 const MOST_LENGTH: f64 = 16_384.0;
 
@@ -99,14 +101,15 @@ impl GivenLayout {
         if ![a, b].concat().iter().all(|number| number.abs() <= MOST_LENGTH) || !ground.is_finite() {
             return Err(LayoutError { line: 1, what: "the cell's numbers are no pixels of a photo".to_owned() });
         }
+        let longer = DVec2::from(a).length().max(DVec2::from(b).length());
         let segments = file.segments.iter().map(|table| {
             let wrong = |what: &str| Err(LayoutError { line: line_of(table.span().start), what: what.to_owned() });
             let own = table.get_ref();
             if !own.center.iter().chain([&own.angle_deg]).all(|number| number.abs() <= MOST_LENGTH) {
                 return wrong("a segment lies nowhere near the cell");
             }
-            if ![own.width, own.length].iter().all(|size| *size > 0.0 && *size <= MOST_LENGTH) {
-                return wrong("a segment's width and length are to be over 0 pixels");
+            if ![own.width, own.length].iter().all(|size| *size > 0.0 && *size <= MOST_CELLS * longer) {
+                return wrong("a segment's width and length are to be over 0 pixels, and under ten cells");
             }
             if ![own.top, own.round, own.sag, own.tilt].iter().all(|light| light.abs() <= 1000.0) {
                 return wrong("top, round, sag and tilt are shares of the picture's contrast, a few at most");
@@ -143,6 +146,7 @@ struct Report<'a> {
     unexplained: f64,
     overlap: f64,
     blank: f64,
+    /// As far as they are seen.
     segments: Vec<SegmentTable>,
 }
 
@@ -154,8 +158,7 @@ pub fn save(captured: &Captured, folder: &OutputFolder) -> Result<(), ExportErro
     let Captured { unit, layout, scale, cell, .. } = captured;
     let picture = |name: &str, picture: &RgbaImage| png::write(&folder.file(name), picture)?.publish();
     picture("cell.png", &sheet::grey(&cell.plane))?;
-    let segments = layout.segments.iter().map(|segment| segment.scaled(*scale)).collect();
-    picture("grid3x3.png", &sheet::grid(cell, &Layout { segments, ..layout.clone() }))?;
+    picture("grid3x3.png", &sheet::grid(cell, &layout.scaled(*scale)))?;
     let io = |name: &str| {
         let path = folder.target().join(name);
         move |source| ExportError::Io { path, source }
@@ -176,13 +179,13 @@ pub fn save(captured: &Captured, folder: &OutputFolder) -> Result<(), ExportErro
         unexplained: *error,
         overlap: *overlap,
         blank: *blank,
-        segments: layout.segments.iter().map(SegmentTable::of).collect(),
+        segments: layout.seen.iter().map(SegmentTable::of).collect(),
     };
     let text = serde_json::to_string_pretty(&report).expect("numbers and names are JSON") + "\n";
     fs::write(folder.file("report.json"), text).map_err(io("report.json"))
 }
 
-/// `layout.toml`.
+/// `layout.toml`, of numbers that read back as the same.
 fn layout_text(captured: &Captured) -> String {
     let Captured { unit, layout, .. } = captured;
     let cell = CellTable { a: unit.lattice.a.to_array(), b: unit.lattice.b.to_array(), ground: layout.ground };
@@ -190,6 +193,43 @@ fn layout_text(captured: &Captured) -> String {
     let tables = toml::to_string(&LayoutFile { cell, segments }).expect("numbers are TOML");
     format!(
         "# The yarns of a cloth's cell, by warpknit capture. Pixels of the photo, y down; top, round, sag, tilt and ground are lightness, 1 about the photo's contrast.\n\
-         # Change, add or delete segments and give this file to capture with --layout.\n{tables}"
+         # Segments go on below others, and the grid shows what is seen of them. Change, add or delete some and give this file to capture with --layout.\n{tables}"
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const WHOLE: &str = "[cell]\na = [20, 0]\nb = [0, 10]\nground = -1\n[[segments]]\ncenter = [5, 5]\nangle_deg = 90\nwidth = 4\nlength = 9\ntop = 1\nround = 0.5\nsag = 0.2\n";
+
+    #[test]
+    fn what_is_wrong_is_told_with_its_line() {
+        for (from, to, line, part) in [
+            ("width = 4", "width = 0", 5, "over 0 pixels"),
+            ("length = 9", "length = 900", 5, "ten cells"),
+            ("center = [5, 5]", "center = [5, nan]", 5, "nowhere near"),
+            ("top = 1", "top = 1e9", 5, "a few at most"),
+            ("a = [20, 0]", "a = [inf, 0]", 1, "no pixels"),
+            ("sag", "sga", 12, "sga"),
+            ("[cell]", "[cel]", 1, "cel"),
+        ] {
+            let error = GivenLayout::parse(&WHOLE.replace(from, to)).unwrap_err();
+            assert!(error.line == line && error.what.contains(part) && !error.what.contains('\n'), "{to}: {error}");
+        }
+        let many = WHOLE.to_owned() + &WHOLE[WHOLE.find("[[").unwrap()..].repeat(MOST_SEGMENTS);
+        assert!(GivenLayout::parse(&many).unwrap_err().what.starts_with("65 segments"));
+    }
+
+    proptest! {
+        #[test]
+        fn garbage_is_an_error_in_one_line(at in 0..WHOLE.len(), garbage in "[\\x00-\\x7f]{0,8}") {
+            let mut text = WHOLE.to_owned();
+            text.replace_range(at..(at + garbage.len()).min(text.len()), &garbage);
+            if let Err(error) = GivenLayout::parse(&text) {
+                prop_assert!(!error.to_string().contains(['\n', '\r']) && error.line <= 1 + text.matches('\n').count());
+            }
+        }
+    }
 }

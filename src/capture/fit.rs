@@ -10,6 +10,9 @@ use rayon::prelude::*;
 use super::segment::{Segment, drawn, heights};
 use super::target::Target;
 
+/// The longest segment, in lengths of the cell's longer vector.
+const LONGEST: f64 = 3.0;
+
 /// Segments on a ground of some lightness, and the share of the cell's variance that they leave.
 #[derive(Clone, Debug)]
 pub(super) struct Fit {
@@ -42,11 +45,14 @@ impl Problem<'_> {
     /// Segments as the numbers have them, held to what yarns can be.
     fn segments(&self, numbers: &DVector<f64>) -> (Vec<Segment>, f64) {
         let numbers = numbers.as_slice();
+        let longer = self.target.lattice.longer();
         let segment = |(numbers, start): (&[f64], &Segment)| {
             let s = Segment::of_numbers(numbers);
+            // However often a fit begins anew from the last one's end, no float is longer than some cells.
+            let width = s.width.clamp(0.5 * start.width, 1.9 * start.width).min(0.5 * LONGEST * longer);
             Segment {
-                width: s.width.clamp(0.5 * start.width, 1.9 * start.width),
-                length: s.length.clamp(0.45 * start.length, 2.2 * start.length).max(0.7 * s.width),
+                width,
+                length: s.length.clamp(0.45 * start.length, 2.2 * start.length).min(LONGEST * longer).max(0.7 * width),
                 top: s.top.max(0.0),
                 round: s.round.clamp(0.0, 6.0),
                 sag: s.sag.clamp(0.0, 6.0),
@@ -118,5 +124,58 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
             })
             .collect();
         Some(DMatrix::from_iterator(light.len(), columns.len(), columns.into_iter().flatten()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::FRAC_PI_2;
+
+    use glam::DVec2;
+
+    use super::super::cell::Cell;
+    use super::super::lattice::Lattice;
+    use super::*;
+    use crate::plane::{Plane, double, narrow};
+
+    const LATTICE: Lattice = Lattice { a: DVec2::new(30.0, 2.0), b: DVec2::new(-3.0, 24.0) };
+
+    /// A cell that two segments make, of so many places a pixel.
+    fn cell(segments: &[Segment]) -> Cell {
+        let light = |x: usize, y: usize| {
+            let place = LATTICE.a * (double(x) / 60.0) + LATTICE.b * (double(y) / 48.0);
+            narrow(drawn(segments, -1.0, &LATTICE, &[place])[0])
+        };
+        Cell { lattice: LATTICE, plane: Plane::from_fn(60, 48, light) }
+    }
+
+    fn segment(x: f64, y: f64, angle: f64) -> Segment {
+        Segment { centre: DVec2::new(x, y), angle, width: 9.0, length: 20.0, top: 1.6, round: 0.8, sag: 0.5, tilt: 0.1 }
+    }
+
+    #[test]
+    fn segments_move_to_where_the_cell_has_them() {
+        let truth = [segment(8.0, 7.0, 0.2), segment(21.0, 16.0, FRAC_PI_2)];
+        let target = Target::new(&cell(&truth), 40.0);
+        let start = truth.map(|s| Segment { centre: s.centre + 1.2, angle: s.angle - 0.1, width: 8.0, top: 1.2, tilt: 0.0, ..s });
+        let fit = refine(&target, &start, -0.8, 30);
+        assert!(fit.error < 0.01, "{fit:?}");
+        for (found, truth) in fit.segments.iter().zip(&truth) {
+            assert!(found.centre.distance(truth.centre) < 0.6 && (found.angle - truth.angle).abs() < 0.05, "{found:?}");
+            assert!((found.width / truth.width - 1.0).abs() < 0.08, "{found:?}");
+        }
+    }
+
+    #[test]
+    fn no_segment_outgrows_some_cells() {
+        let start = vec![segment(8.0, 7.0, 0.2)];
+        let target = Target::new(&cell(&start), 20.0);
+        let mut fit = refine(&target, &start, -1.0, 1);
+        for _ in 0..20 {
+            let numbers = DVector::from_element(Segment::NUMBERS + 1, 1e12);
+            let problem = Problem { target: &target, start: fit.segments, numbers };
+            fit = Fit { segments: problem.segments(&problem.numbers).0, ground: 0.0, error: 1.0 };
+        }
+        assert!(fit.segments[0].length <= 3.0 * LATTICE.longer() && fit.segments[0].copies(&LATTICE).len() < 400, "{fit:?}");
     }
 }

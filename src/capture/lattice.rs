@@ -142,6 +142,8 @@ fn orientation(even: &Plane, scale: f64, reach: usize) -> Correlogram {
 const NEAREST: usize = 28;
 /// How high a peak is, as a share of the highest, that counts.
 const COUNTS: f32 = 0.3;
+/// Places halfway between points that correlate so well, as a share of the points, lie on a ridge.
+const RIDGE: f64 = 0.9;
 /// The finest lattice is taken whose points correlate as well as this share of the best one's.
 const FINEST: f64 = 0.6;
 
@@ -165,7 +167,15 @@ fn base(intensity: &Correlogram) -> Option<Lattice> {
             {
                 return None;
             }
-            let score = score(intensity, &lattice, 4.0 * lattice.longer())?;
+            let radius = 4.0 * lattice.longer();
+            let score = score(intensity, &lattice, radius)?;
+            // Along a ridge, as legs and floats make them, any step would do.
+            let halves = [0.5 * lattice.a, 0.5 * lattice.b, 0.5 * (lattice.a + lattice.b)];
+            let is_ridge =
+                |half: DVec2| mean_at(intensity, &lattice, radius, half).is_some_and(|between| between > RIDGE * score);
+            if halves.into_iter().any(is_ridge) {
+                return None;
+            }
             Some((lattice, score))
         })
         .collect();
@@ -179,11 +189,16 @@ fn base(intensity: &Correlogram) -> Option<Lattice> {
 
 /// Mean correlation at a lattice's points; none if too few are in reach.
 fn score(correlogram: &Correlogram, lattice: &Lattice, radius: f64) -> Option<f64> {
+    mean_at(correlogram, lattice, radius, DVec2::ZERO)
+}
+
+/// The same at places that are off its points.
+fn mean_at(correlogram: &Correlogram, lattice: &Lattice, radius: f64, off: DVec2) -> Option<f64> {
     let tolerance = (0.1 * lattice.shorter()).max(0.71);
     let values: Vec<_> = lattice
         .points(radius)
         .into_iter()
-        .map(|point| lattice.at(point))
+        .map(|point| lattice.at(point) + off)
         .filter(|&lag| correlogram.holds(lag, tolerance))
         .map(|lag| f64::from(correlogram.highest_near(lag, tolerance)))
         .collect();

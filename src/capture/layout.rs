@@ -40,8 +40,10 @@ pub enum Hypothesis {
 /// The yarns of a cell.
 #[derive(Clone, Debug)]
 pub struct Layout {
-    /// One of each copy.
+    /// One of each copy, as far as they go below others.
     pub segments: Vec<Segment>,
+    /// The same as far as they are seen; without those that aren't.
+    pub seen: Vec<Segment>,
     /// How light the deepest ground is.
     pub ground: f64,
     /// Share of the mean cell's variance that the segments leave.
@@ -55,20 +57,27 @@ pub struct Layout {
 }
 
 impl Layout {
+    /// The same in pixels of another size.
+    pub(super) fn scaled(&self, scale: f64) -> Self {
+        let of = |segments: &[Segment]| segments.iter().map(|segment| segment.scaled(scale)).collect();
+        Self { segments: of(&self.segments), seen: of(&self.seen), ..*self }
+    }
+
     /// The paper's rule: little overlap and little blank. So much of the cell may be either in a layout that a person gives.
     pub const MOST_OVERLAP: f64 = 0.35;
     /// The same for what lies under no yarn; nets are mostly that.
     pub const MOST_BLANK: f64 = 0.75;
 
     pub(super) fn of(segments: Vec<Segment>, lattice: &Lattice, ground: f64, error: f64, hypothesis: Hypothesis) -> Self {
-        let [overlap, blank] = shares(&segments, lattice, &places(lattice, [COUNTED; 2]));
-        Self { segments, ground, error, hypothesis, overlap, blank }
+        let seen = trimmed(&segments, lattice);
+        let [overlap, blank] = shares(&seen, lattice, &places(lattice, [COUNTED; 2]));
+        Self { segments, seen, ground, error, hypothesis, overlap, blank }
     }
 
     /// Whether it keeps the rule.
     #[must_use]
     pub fn is_valid(&self) -> bool {
-        !self.segments.is_empty() && self.overlap <= Self::MOST_OVERLAP && self.blank <= Self::MOST_BLANK
+        !self.seen.is_empty() && self.overlap <= Self::MOST_OVERLAP && self.blank <= Self::MOST_BLANK
     }
 }
 
@@ -86,11 +95,9 @@ pub(super) fn find(cell: &Cell) -> Option<Layout> {
         best = best.into_iter().chain(covers).min_by(|p, q| cost(&coarse, &p.1).total_cmp(&cost(&coarse, &q.1)));
     }
     let (hypothesis, fit) = best?;
-    let fine = Target::new(cell, FINE);
-    let fit = refine(&fine, &fit.segments, fit.ground, 20);
-    let segments = trimmed(&fit.segments, &cell.lattice);
-    let error = fine.error(&segments, fit.ground);
-    (!segments.is_empty()).then(|| Layout::of(segments, &cell.lattice, fit.ground, error, hypothesis))
+    let fit = refine(&Target::new(cell, FINE), &fit.segments, fit.ground, 20);
+    let layout = Layout::of(fit.segments, &cell.lattice, fit.ground, fit.error, hypothesis);
+    (!layout.seen.is_empty()).then_some(layout)
 }
 
 /// A person's layout on a cell, with the error that it has there.

@@ -105,9 +105,8 @@ pub fn capture(photo: &RgbImage, settings: &Settings) -> Result<Captured, Captur
     };
     let photos = 1.0 / view.scale;
     let lattice = Lattice { a: unit.lattice.a * photos, b: unit.lattice.b * photos };
-    let segments = layout.segments.iter().map(|segment| segment.scaled(photos)).collect();
-    let (corner, layout) = (view.corner, Layout { segments, ..layout });
-    Ok(Captured { unit: UnitCell { lattice, ..unit }, corner, layout, scale: view.scale, cell })
+    let unit = UnitCell { lattice, ..unit };
+    Ok(Captured { unit, corner: view.corner, layout: layout.scaled(photos), scale: view.scale, cell })
 }
 
 /// The view in which the repeat is seen best, and the repeat in its pixels.

@@ -34,7 +34,7 @@ pub(super) fn grid(cell: &Cell, layout: &Layout) -> RgbaImage {
     // No pixel is transparent, so that colours with and without their alpha are the same.
     canvas.data_mut().copy_from_slice(picture.as_raw());
     let stroke = Stroke { width: 2.0, ..Stroke::default() };
-    for (segment, [red, green, blue]) in layout.segments.iter().zip(COLORS.into_iter().cycle()) {
+    for (segment, [red, green, blue]) in layout.seen.iter().zip(COLORS.into_iter().cycle()) {
         let mut paint = Paint::default();
         paint.set_color(Color::from_rgba8(red, green, blue, u8::MAX));
         for copy in 0..9_u8 {

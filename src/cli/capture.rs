@@ -38,7 +38,7 @@ pub(crate) fn capture(arguments: &Capture) -> Result<()> {
     clock.clear();
     let quiet = arguments.running.quiet;
     notes(&found).iter().for_each(|note| tell(quiet, &format!("note: {}: {note}", arguments.photo.display())));
-    tell(quiet, &format!("{} segments: {}", found.layout.segments.len(), arguments.output.display()));
+    tell(quiet, &format!("{} segments: {}", found.layout.seen.len(), arguments.output.display()));
     print(&report(&found))
 }
 
@@ -101,7 +101,7 @@ fn report(found: &Captured) -> String {
     let mut line = |words: String| writeln!(text, "{words}").expect("a string takes any text");
     rows.iter().for_each(|(name, value)| line(format!("{name:12}{value}")));
     line(format!("{:>7} {:>9} {:>9} {:>9} {:>9} {:>9}", "segment", "x", "y", "degrees", "width", "length"));
-    for (number, segment) in (1..).zip(&layout.segments) {
+    for (number, segment) in (1..).zip(&layout.seen) {
         let (centre, degrees) = (segment.centre, segment.angle.to_degrees().rem_euclid(180.0));
         line(format!("{number:7} {:9.2} {:9.2} {degrees:9.1} {:9.2} {:9.2}", centre.x, centre.y, segment.width, segment.length));
     }

@@ -32,7 +32,7 @@ fn errors(found: &Captured, truth: &Sample) -> Vec<[f64; 3]> {
             let along = off.length() / stretch.length;
             (along, [across, between(segment.angle, stretch.angle), (segment.width / stretch.width - 1.0).abs()])
         };
-        let nearest = found.layout.segments.iter().map(of).min_by(|p, q| (p.0 + p.1[1]).total_cmp(&(q.0 + q.1[1])));
+        let nearest = found.layout.seen.iter().map(of).min_by(|p, q| (p.0 + p.1[1]).total_cmp(&(q.0 + q.1[1])));
         nearest.unwrap().1
     };
     truth.stretches.iter().filter(|stretch| stretch.length > 0.8 * stretch.width).map(error).collect()
@@ -48,7 +48,7 @@ fn weaves_are_found_again() {
         let found = found(&truth.image);
         assert!(same_lattice(&found, truth.lattice, 0.025), "{kind:?} {seed}: {:?} is not {:?}", found.unit, truth.lattice);
         let errors = errors(&found, &truth);
-        assert!(errors.len() >= 2 && found.layout.segments.len() >= 2, "{kind:?} {seed}: {:?}", truth.stretches);
+        assert!(errors.len() >= 2 && found.layout.seen.len() >= 2, "{kind:?} {seed}: {:?}", truth.stretches);
         for [off, turn, wider] in errors {
             assert!(
                 off < 0.3 && turn < 0.06 && wider < 0.15,
@@ -68,7 +68,7 @@ fn a_jersey_has_its_cell_and_a_leg_on_either_side() {
     let lean = |segment: &warpknit::capture::Segment| {
         (segment.angle - wale + 0.5 * std::f64::consts::PI).rem_euclid(std::f64::consts::PI) - 0.5 * std::f64::consts::PI
     };
-    let leans: Vec<f64> = found.layout.segments.iter().filter(|segment| segment.length > 1.5 * segment.width).map(lean).collect();
+    let leans: Vec<f64> = found.layout.seen.iter().filter(|segment| segment.length > 1.5 * segment.width).map(lean).collect();
     for side in [-1.0, 1.0] {
         assert!(leans.iter().any(|lean| (0.1..0.7).contains(&(side * lean))), "legs lean by {leans:?}");
     }
@@ -127,7 +127,7 @@ fn the_command_fills_a_folder_and_takes_its_layout_back() {
     };
     let second = text.rfind("[[segments]]").unwrap();
     assert!(edited(&text[second..], "").unwrap() > error + 0.1, "one is deleted");
-    let wide = edited("width = ", "width = 9").unwrap_err();
+    let wide = edited("width = ", "width = 1").unwrap_err();
     assert!(
         wide.starts_with("error: edited.toml: the layout does not cover its cell: ") && wide.contains("% lie under two"),
         "{wide}"
