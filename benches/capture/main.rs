@@ -136,9 +136,9 @@ fn hits(found: &Captured, stretch: &Stretch) -> Vec<[f64; 3]> {
 
 /// Share by which a segment is too wide, radians and widths off across, if it lies on a stretch and runs along it.
 fn hit(found: &Captured, number: usize, stretch: &Stretch) -> Option<[f64; 3]> {
-    let (segment, matrix) = (&found.layout.seen[number], found.unit.lattice.matrix());
-    let count = matrix.inverse() * (segment.centre + found.corner - stretch.centre);
-    let off = DVec2::from_angle(-stretch.angle).rotate(matrix * (count - count.round()));
+    let segment = &found.layout.seen[number];
+    let off = found.unit.lattice.nearest(segment.centre + found.corner - stretch.centre);
+    let off = DVec2::from_angle(-stretch.angle).rotate(off);
     let turn = between(segment.angle, stretch.angle);
     let lies_on = off.x.abs() < 0.5 * stretch.length && off.y.abs() < 0.5 * stretch.width;
     (lies_on && turn < 25_f64.to_radians()).then(|| [segment.width / stretch.width - 1.0, turn, off.y.abs() / stretch.width])

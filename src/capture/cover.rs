@@ -114,10 +114,8 @@ fn spots(target: &Target, light: &[f64], width: f64, ground: f64, top: f64) -> V
         })
         .collect();
     answers.sort_by(|p, q| q.0.total_cmp(&p.0));
-    let inverse = target.lattice.matrix().inverse();
     let near = |p: &Segment, q: &Segment| {
-        let count = inverse * (p.centre - q.centre);
-        let off = (target.lattice.matrix() * (count - count.round())).length();
+        let off = target.lattice.nearest(p.centre - q.centre).length();
         let turn = (p.angle - q.angle).rem_euclid(PI);
         off < 0.4 * width && turn.min(PI - turn) < 0.2 && (p.length - q.length).abs() < 0.1 * width
     };

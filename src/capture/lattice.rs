@@ -1,6 +1,6 @@
 //! Step 1, unit cell: the two vectors after which the cloth looks the same again.
 //!
-//! In: how light each pixel is. Out: a [`UnitCell`], or nothing. In two stages, since intensity alone locks on to a half or a third of a weave's cell: the finest
+//! In: how light each pixel is, without slow shading. Out: a [`UnitCell`], or nothing. In two stages, since intensity alone locks on to a half or a third of a weave's cell: the finest
 //! lattice that the autocorrelation of the intensity has; then, of all lattices of index 1 to 8 in it, the one that tells best which of its points correlate and which
 //! don't, once the structure tensor (in which direction things run) has its say too. A point's height is compared with others as far away, since stretched cloth loses its
 //! step with distance.
@@ -13,11 +13,10 @@ use glam::{DMat2, DVec2};
 use rayon::prelude::*;
 
 use super::correlogram::Correlogram;
-use super::plane::evened;
 use super::steps;
 #[cfg(test)]
 use crate::ids::index32;
-use crate::plane::{Plane, double, float, narrow};
+use crate::plane::{Plane, double, narrow};
 
 /// Two vectors of a repeat, pixels, y down; reduced: none is shorter with the other added or taken off.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -79,6 +78,13 @@ impl Lattice {
         self.a.length().max(self.b.length())
     }
 
+    /// A way less the lattice's vector nearest to it: the way to the nearest copy.
+    #[must_use]
+    pub fn nearest(&self, way: DVec2) -> DVec2 {
+        let count = self.matrix().inverse() * way;
+        self.matrix() * (count - count.round())
+    }
+
     /// Its points within a radius, one of each pair of opposite ones, without the origin, as counts of both vectors.
     fn points(&self, radius: f64) -> Vec<[i32; 2]> {
         let [m, n] = [self.b, self.a].map(|other| steps((radius * other.length() / self.area()).ceil().min(200.0)));
@@ -117,13 +123,12 @@ const DEVIATIONS: [f64; 2] = [2.0, 6.0];
 /// Copies of the cell along the picture's shorter side: too few, and enough.
 const COPIES: [f64; 2] = [2.0, 4.0];
 
-/// Finds the repeat of a picture; nothing where nothing correlates.
-pub(super) fn find(lightness: &Plane) -> Option<UnitCell> {
-    let side = lightness.width.min(lightness.height);
-    let even = evened(lightness, float(side) / 8.0);
-    let intensity = Correlogram::of(&even, None, side * 9 / 20).smoothed(0.7);
+/// Finds the repeat of a picture without slow shading; nothing where nothing correlates.
+pub(super) fn find(even: &Plane) -> Option<UnitCell> {
+    let side = even.width.min(even.height);
+    let intensity = Correlogram::of(even, None, side * 9 / 20).smoothed(0.7);
     let base = base(&intensity)?;
-    let both = intensity.mean_with(&orientation(&even, base.shorter(), intensity.reach));
+    let both = intensity.mean_with(&orientation(even, base.shorter(), intensity.reach));
     let lattice = fitted(&both, coarser(&both, &base));
     let confidence = confidence(&both, &lattice, double(side));
     Some(UnitCell { lattice, confidence })
@@ -333,6 +338,7 @@ fn confidence(correlogram: &Correlogram, lattice: &Lattice, side: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::plane::without_shading;
     use super::*;
 
     #[test]
@@ -363,7 +369,7 @@ mod tests {
             let (u, v) = if along_x { (u, v) } else { (v, u) };
             narrow(0.5 + 0.4 * (-(u * u / 60.0) - v * v / 18.0).exp())
         };
-        let found = find(&Plane::from_fn(240, 220, |x, y| bump(double(x), double(y)))).unwrap();
+        let found = find(&without_shading(&Plane::from_fn(240, 220, |x, y| bump(double(x), double(y))))).unwrap();
         assert!((found.lattice.area() / 288.0 - 1.0).abs() < 0.02 && found.confidence > CERTAIN, "{found:?}");
     }
 
@@ -372,7 +378,7 @@ mod tests {
         let noise = Plane::from_fn(200, 200, |x, y| {
             narrow(f64::from(crate::render::ply::hash(index32(200 * y + x))) / f64::from(u32::MAX))
         });
-        assert!(find(&noise.smoothed(1.5)).is_none_or(|found| found.confidence < 0.2));
-        assert!(find(&Plane::from_fn(64, 64, |_, _| 0.5)).is_none());
+        assert!(find(&without_shading(&noise.smoothed(1.5))).is_none_or(|found| found.confidence < 0.2));
+        assert!(find(&without_shading(&Plane::from_fn(64, 64, |_, _| 0.5))).is_none());
     }
 }

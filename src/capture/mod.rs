@@ -35,7 +35,7 @@ use image::RgbImage;
 
 use crate::plane::{Plane, float, narrow};
 use cell::Cell;
-use plane::evened;
+use plane::{evened, without_shading};
 use register::register;
 use view::View;
 
@@ -81,15 +81,12 @@ pub struct Captured {
 /// # Errors
 /// [`CaptureError`]: what the photo lacks.
 pub fn capture(photo: &RgbImage, settings: &Settings) -> Result<Captured, CaptureError> {
-    let (view, unit) = repeat(photo, settings)?;
-    let lightness = Plane::lightness(&view.picture);
-    let warp = register(&evened(&lightness, float(lightness.width.min(lightness.height)) / 8.0), &unit.lattice);
-    let even = evened(&lightness, narrow(1.5 * unit.lattice.longer()));
-    let cell = Cell::folded(&even, &warp, &unit.lattice);
+    let Repeating { scale, corner, lightness, even, unit } = repeat(photo, settings)?;
+    let warp = register(&even, &unit.lattice);
+    let cell = Cell::folded(&evened(&lightness, narrow(1.5 * unit.lattice.longer())), &warp, &unit.lattice);
     let layout = match &settings.layout {
         Some(given) => {
-            let layout =
-                layout::given(&cell, given.segments.iter().map(|segment| segment.scaled(view.scale)).collect(), given.ground);
+            let layout = layout::given(&cell, given.segments.iter().map(|segment| segment.scaled(scale)).collect(), given.ground);
             if !layout.is_valid() {
                 let Layout { overlap, blank, .. } = layout;
                 return Err(CaptureError::Invalid {
@@ -103,48 +100,62 @@ pub fn capture(photo: &RgbImage, settings: &Settings) -> Result<Captured, Captur
         }
         None => layout::find(&cell).ok_or(CaptureError::NoYarns)?,
     };
-    let photos = 1.0 / view.scale;
+    let photos = 1.0 / scale;
     let lattice = Lattice { a: unit.lattice.a * photos, b: unit.lattice.b * photos };
     let unit = UnitCell { lattice, ..unit };
-    Ok(Captured { unit, corner: view.corner, layout: layout.scaled(photos), scale: view.scale, cell })
+    Ok(Captured { unit, corner, layout: layout.scaled(photos), scale, cell })
 }
 
-/// The view in which the repeat is seen best, and the repeat in its pixels.
-fn repeat(photo: &RgbImage, settings: &Settings) -> Result<(View, UnitCell), CaptureError> {
+/// A view of the photo with a repeat in it.
+struct Repeating {
+    /// Its pixels for each of the photo's.
+    scale: f64,
+    /// Its corner in the photo.
+    corner: DVec2,
+    lightness: Plane,
+    /// The same without slow shading.
+    even: Plane,
+    /// In the view's pixels.
+    unit: UnitCell,
+}
+
+/// The view in which the repeat is seen best.
+fn repeat(photo: &RgbImage, settings: &Settings) -> Result<Repeating, CaptureError> {
     let given = settings.layout.as_ref().map(|layout| layout.cell).or(settings.cell);
-    let mut best: Option<(View, UnitCell)> = None;
-    for view in View::all(photo) {
-        let lightness = Plane::lightness(&view.picture);
+    let mut best: Option<Repeating> = None;
+    for View { picture, scale, corner } in View::all(photo) {
+        let lightness = Plane::lightness(&picture);
         let mean = lightness.values.iter().sum::<f32>() / float(lightness.values.len());
         if lightness.map(|value| value - mean).power() < BLANK {
             return Err(CaptureError::Blank);
         }
+        let even = without_shading(&lightness);
         let found = match given {
-            Some([a, b]) => Some(UnitCell { lattice: Lattice { a: a * view.scale, b: b * view.scale }, confidence: 1.0 }),
-            None => lattice::find(&lightness),
+            Some([a, b]) => Some(UnitCell { lattice: Lattice { a: a * scale, b: b * scale }, confidence: 1.0 }),
+            None => lattice::find(&even),
         };
         let Some(unit) = found else { continue };
         let is_enough = unit.confidence >= CERTAIN && unit.lattice.shorter() >= ENOUGH;
-        let is_better = best.as_ref().is_none_or(|(_, other)| {
+        let is_better = best.as_ref().is_none_or(|Repeating { unit: other, .. }| {
             unit.confidence >= other.confidence || other.lattice.shorter() < ENOUGH && unit.confidence >= CERTAIN
         });
         if is_better {
-            best = Some((view, unit));
+            best = Some(Repeating { scale, corner, lightness, even, unit });
         }
         if is_enough {
             break;
         }
     }
-    if let (Some([a, b]), Some((view, unit))) = (given, &best) {
+    if let (Some([a, b]), Some(Repeating { scale, unit, .. })) = (given, &best) {
         let side = f64::from(photo.width().min(photo.height()));
         let is_flat = unit.lattice.area() < 0.1 * unit.lattice.shorter() * unit.lattice.longer();
-        let shorter = unit.lattice.shorter() / view.scale;
-        if is_flat || shorter.is_nan() || shorter < GIVEN.0 || unit.lattice.longer() / view.scale * GIVEN.1 > side {
+        let shorter = unit.lattice.shorter() / scale;
+        if is_flat || shorter.is_nan() || shorter < GIVEN.0 || unit.lattice.longer() / scale * GIVEN.1 > side {
             return Err(CaptureError::Cell { cell: [a.x, a.y, b.x, b.y] });
         }
     }
-    let confidence = best.as_ref().map_or(0.0, |(_, unit)| unit.confidence);
-    best.filter(|(_, unit)| unit.confidence >= CERTAIN).ok_or(CaptureError::NoRepeat { confidence, least: CERTAIN })
+    let confidence = best.as_ref().map_or(0.0, |best| best.unit.confidence);
+    best.filter(|best| best.unit.confidence >= CERTAIN).ok_or(CaptureError::NoRepeat { confidence, least: CERTAIN })
 }
 
 /// Whole steps of a lag or a count, which are some thousands at most.

@@ -82,6 +82,11 @@ impl Plane {
     }
 }
 
+/// A whole picture without slow shading.
+pub(super) fn without_shading(lightness: &Plane) -> Plane {
+    evened(lightness, float(lightness.width.min(lightness.height)) / 8.0)
+}
+
 /// Without slow shading, and with the same contrast everywhere: about -3..3.
 pub(super) fn evened(lightness: &Plane, sigma: f32) -> Plane {
     let detail = lightness.zip(&lightness.smoothed(sigma), |value, mean| value - mean);

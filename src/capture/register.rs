@@ -57,26 +57,29 @@ pub(super) fn register(even: &Plane, lattice: &Lattice) -> Warp {
     // A window of some cells: less would let the wave's neighbours in.
     let sigma = 1.1 * lattice.longer();
     let reciprocal = lattice.matrix().inverse().transpose();
-    let mut waves: Vec<DVec2> = (-4..=4)
+    let waves: Vec<DVec2> = (-4..=4)
         .flat_map(|m| (0..=4).map(move |n| [m, n]))
         .filter(|&[m, n]| n > 0 || m > 0)
         .map(|[m, n]| reciprocal * DVec2::new(f64::from(m), f64::from(n)))
         .filter(|wave| wave.length() < 0.4)
         .collect();
-    let fields: Vec<Vec<[f64; 2]>> = waves.par_iter().map(|wave| follow(even, *wave, step, columns, rows, sigma)).collect();
-    let strength = |field: &Vec<[f64; 2]>| field.iter().map(|[re, im]| re.hypot(*im)).sum::<f64>() / double(field.len());
-    let mut order: Vec<usize> = (0..waves.len()).collect();
-    order.sort_by(|p, q| strength(&fields[*q]).total_cmp(&strength(&fields[*p])));
-    order.truncate(WAVES);
-    let phases: Vec<Vec<f64>> = order.iter().map(|&wave| unwrapped(&fields[wave], columns, rows)).collect();
-    waves = order.iter().map(|&wave| waves[wave]).collect();
-    let weights: Vec<&Vec<[f64; 2]>> = order.iter().map(|&wave| &fields[wave]).collect();
+    let strength = |field: &[[f64; 2]]| field.iter().map(|[re, im]| re.hypot(*im)).sum::<f64>() / double(field.len());
+    let mut followed: Vec<(f64, DVec2, Vec<[f64; 2]>)> = waves
+        .into_par_iter()
+        .map(|wave| {
+            let field = follow(even, wave, step, columns, rows, sigma);
+            (strength(&field), wave, field)
+        })
+        .collect();
+    followed.sort_by(|p, q| q.0.total_cmp(&p.0));
+    followed.truncate(WAVES);
+    let phases: Vec<Vec<f64>> = followed.iter().map(|(_, _, field)| unwrapped(field, columns, rows)).collect();
     // Phases of the middle are the cloth's own; only what is other elsewhere is displacement.
     let middle = (rows / 2) * columns + columns / 2;
     let nodes = (0..columns * rows).map(|node| {
         let (mut normal, mut right) = (DMat2::ZERO, DVec2::ZERO);
-        for ((wave, phase), weight) in waves.iter().zip(&phases).zip(&weights) {
-            let [re, im] = weight[node];
+        for ((_, wave, field), phase) in followed.iter().zip(&phases) {
+            let [re, im] = field[node];
             let weight = re * re + im * im;
             let turn = *wave * TAU;
             normal += DMat2::from_cols(turn * turn.x, turn * turn.y) * weight;

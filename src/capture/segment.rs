@@ -190,11 +190,10 @@ fn seen_part(segments: &[Segment], number: usize, lattice: &Lattice) -> Option<S
 /// How light a segment or one of its copies makes a place, relative to the ground.
 fn highest(segment: &Segment, place: DVec2, lattice: &Lattice) -> f64 {
     let way = DVec2::from_angle(segment.angle);
-    let count = lattice.matrix().inverse() * (place - segment.centre);
-    let near = count - count.round();
+    let near = lattice.nearest(place - segment.centre);
     let reach = 2 + steps(segment.length / lattice.shorter());
     let counts = (-reach..=reach).flat_map(|j| (-reach..=reach).map(move |i| DVec2::new(f64::from(i), f64::from(j))));
-    counts.map(|count| segment.height(lattice.matrix() * (near + count), way)).fold(0.0, f64::max)
+    counts.map(|count| segment.height(near + lattice.matrix() * count, way)).fold(0.0, f64::max)
 }
 
 /// Shares of a cell that lie under two segments, and under none.

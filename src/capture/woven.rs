@@ -63,12 +63,10 @@ impl Tensor {
 
     /// How much it changes along `way` around a place.
     fn along(&self, target: &Target, place: DVec2, radius: f64, way: DVec2) -> f64 {
-        let inverse = target.lattice.matrix().inverse();
         let way = way.normalize();
         let mut sum = 0.0;
         for (other, [xx, xy, yy]) in target.places.iter().zip(&self.0) {
-            let count = inverse * (*other - place);
-            let near = target.lattice.matrix() * (count - count.round());
+            let near = target.lattice.nearest(*other - place);
             let weight = (-0.5 * near.length_squared() / (radius * radius)).exp();
             sum += weight * (xx * way.x * way.x + 2.0 * xy * way.x * way.y + yy * way.y * way.y);
         }

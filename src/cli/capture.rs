@@ -1,7 +1,7 @@
 //! `warpknit capture`: a photo of a cloth to the yarns of its repeat.
 
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail};
 use glam::DVec2;
@@ -11,6 +11,7 @@ use warpknit::photo::read_photo;
 
 use super::args::Capture;
 use super::clock::{Clock, Task};
+use super::targets::check_distinct;
 use super::{print, tell};
 
 /// A layout file that is longer is none.
@@ -22,7 +23,9 @@ const UNEXPLAINED: f64 = 0.25;
 pub(crate) fn capture(arguments: &Capture) -> Result<()> {
     let mut clock = Clock::begin_command(&arguments.running)?;
     clock.begin(Task::Read, 0.0);
-    check_names(arguments)?;
+    let inputs = [Some(&arguments.photo), arguments.layout.as_ref()].into_iter().flatten().map(PathBuf::as_path);
+    let outputs = FILES.map(|file| arguments.output.join(file));
+    check_distinct(inputs, outputs.iter().map(PathBuf::as_path))?;
     let folder = OutputFolder::create(&arguments.output)?;
     let layout = arguments.layout.as_deref().map(given).transpose()?;
     let cell = arguments.cell.map(|[ax, ay, bx, by]| [DVec2::new(ax, ay), DVec2::new(bx, by)]);
@@ -50,20 +53,6 @@ fn given(path: &Path) -> Result<GivenLayout> {
     }
     let text = std::fs::read_to_string(path).with_context(|| format!("{}: can't be read", path.display()))?;
     GivenLayout::parse(&text).map_err(|error| anyhow!("{}:{}: {}", path.display(), error.line, error.what))
-}
-
-/// Refuses to write over what is read.
-fn check_names(arguments: &Capture) -> Result<()> {
-    let place = |path: &Path| path.canonicalize().ok();
-    for input in [Some(&arguments.photo), arguments.layout.as_ref()].into_iter().flatten() {
-        for file in FILES {
-            let target = arguments.output.join(file);
-            if place(input).is_some() && place(&target) == place(input) {
-                bail!("{}: this is read, and would be written over; name another folder with -o", target.display());
-            }
-        }
-    }
-    Ok(())
 }
 
 /// What whoever uses the layout should know.

@@ -159,24 +159,23 @@ pub(super) fn samples(text: &str) -> Result<u32, String> {
 }
 
 pub(super) fn vector(text: &str) -> Result<DVec3, String> {
-    let numbers: Vec<f64> = text.split(',').filter_map(|n| n.trim().parse().ok()).filter(|n: &f64| n.is_finite()).collect();
-    match numbers[..] {
-        [x, y, z] if text.split(',').count() == 3 => Ok(DVec3::new(x, y, z)),
-        _ => Err("write three numbers with commas, such as 0,500,1200".to_owned()),
-    }
+    let numbers = list(text).filter(|numbers: &[f64; 3]| numbers.iter().all(|number| number.is_finite()));
+    numbers.map(DVec3::from).ok_or_else(|| "write three numbers with commas, such as 0,500,1200".to_owned())
 }
 
 pub(super) fn rectangle(text: &str) -> Result<[u32; 4], String> {
-    let numbers: Option<Vec<u32>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
-    let sides = numbers.and_then(|numbers| <[u32; 4]>::try_from(numbers).ok());
-    sides.ok_or_else(|| "write x, y, width and height in pixels with commas, such as 100,50,800,300".to_owned())
+    list(text).ok_or_else(|| "write x, y, width and height in pixels with commas, such as 100,50,800,300".to_owned())
 }
 
 pub(super) fn two_vectors(text: &str) -> Result<[f64; 4], String> {
-    let numbers: Option<Vec<f64>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
-    let finite = numbers.filter(|numbers| numbers.iter().all(|number| number.is_finite()));
-    let both = finite.and_then(|numbers| <[f64; 4]>::try_from(numbers).ok());
-    both.ok_or_else(|| "write both vectors in pixels with commas, such as 24,0,0,18".to_owned())
+    let numbers = list(text).filter(|numbers: &[f64; 4]| numbers.iter().all(|number| number.is_finite()));
+    numbers.ok_or_else(|| "write both vectors in pixels with commas, such as 24,0,0,18".to_owned())
+}
+
+/// So many numbers with commas between them.
+fn list<T: FromStr, const N: usize>(text: &str) -> Option<[T; N]> {
+    let numbers: Option<Vec<T>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
+    numbers?.try_into().ok()
 }
 
 pub(super) fn brightness(text: &str) -> Result<f32, String> {

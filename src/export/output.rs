@@ -35,8 +35,7 @@ impl Output {
     /// # Errors
     /// As of [`Output::create`].
     pub fn check(target: &Path) -> Result<(), ExportError> {
-        let is_pipe = target.exists() && !target.is_file() && !target.is_dir();
-        if is_pipe { Ok(()) } else { Self::create(target).map(drop) }
+        if is_pipe(target) { Ok(()) } else { Self::create(target).map(drop) }
     }
 
     fn open(target: &Path) -> io::Result<Self> {
@@ -45,7 +44,7 @@ impl Output {
         if target.is_dir() {
             return Err(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder"));
         }
-        if target.exists() && !target.is_file() {
+        if is_pipe(&target) {
             let file = File::options().write(true).open(&target)?;
             return Ok(Self { target, file: BufWriter::with_capacity(BUFFER, file), temporary: None });
         }
@@ -93,6 +92,11 @@ impl Output {
             None => Ok(()),
         }
     }
+}
+
+/// Whether what is there is neither a file nor a folder.
+fn is_pipe(target: &Path) -> bool {
+    target.exists() && !target.is_file() && !target.is_dir()
 }
 
 /// Where a file is.

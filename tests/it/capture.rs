@@ -23,11 +23,9 @@ fn same_lattice(found: &Captured, truth: [DVec2; 2], share: f64) -> bool {
 
 /// How far each stretch of yarn is from the segment nearest to it: widths off across it, radians, and the share by which it is too wide.
 fn errors(found: &Captured, truth: &Sample) -> Vec<[f64; 3]> {
-    let matrix = found.unit.lattice.matrix();
     let error = |stretch: &crate::cloth::Stretch| {
         let of = |segment: &warpknit::capture::Segment| {
-            let count = matrix.inverse() * (segment.centre + found.corner - stretch.centre);
-            let off = matrix * (count - count.round());
+            let off = found.unit.lattice.nearest(segment.centre + found.corner - stretch.centre);
             let across = DVec2::from_angle(stretch.angle).perp_dot(off).abs() / stretch.width;
             let along = off.length() / stretch.length;
             (along, [across, between(segment.angle, stretch.angle), (segment.width / stretch.width - 1.0).abs()])
