@@ -11,17 +11,27 @@ use serde::{Deserialize, Serialize};
 
 use super::layout::Layout;
 use super::segment::Segment;
-use super::{Captured, Hypothesis, sheet};
+use super::{Captured, Hypothesis, Shape, sheet};
+use crate::drape::picture;
 use crate::export::{ExportError, OutputFolder, png};
+use crate::fabric::Fabric;
+use crate::ids::index32;
+use crate::plane::{narrow, whole};
+use crate::render::{self, Camera, View};
 
 /// All files of such a folder.
-pub const FILES: [&str; 4] = ["cell.png", "grid3x3.png", "layout.toml", "report.json"];
+pub const FILES: [&str; 7] = ["cell.png", "grid3x3.png", "depth.png", "layout.toml", "fabric.toml", "preview.png", "report.json"];
 /// Segments of a cell, at most.
 const MOST_SEGMENTS: usize = 64;
 /// The longest segment, in lengths of the cell's longer vector.
 const MOST_CELLS: f64 = 10.0;
 /// What lengths and places may be, pixels.
 const MOST_LENGTH: f64 = 16_384.0;
+
+/// Cells each way of the preview, its pixels, and how wide its camera sees.
+const PREVIEW_CELLS: f64 = 5.0;
+const PREVIEW_SIDE: u32 = 640;
+const PREVIEW_VIEW: f64 = 0.3;
 
 /// A cell and its segments as a person wants them, pixels of the photo.
 #[derive(Clone, Debug, PartialEq)]
@@ -140,6 +150,9 @@ struct Report<'a> {
     /// Pixels of the photo.
     lattice: [[f64; 2]; 2],
     confidence: f64,
+    pixels_per_mm: f64,
+    /// Of the light with the heights of the cylinders.
+    correlation: f64,
     /// Pixels worked on for each of the photo's.
     scale: f64,
     hypothesis: &'a str,
@@ -148,6 +161,34 @@ struct Report<'a> {
     blank: f64,
     /// As far as they are seen.
     segments: Vec<SegmentTable>,
+    /// The same segments as curved cylinders.
+    yarns: Vec<YarnReport>,
+}
+
+/// A curved cylinder, as Irawan and Marschner name its numbers.
+#[derive(Serialize)]
+struct YarnReport {
+    width_mm: f64,
+    length_mm: f64,
+    semi_axis_mm: f64,
+    umax_deg: f64,
+    kappa_per_mm: f64,
+    theta_deg: f64,
+    center_mm: [f64; 3],
+}
+
+impl From<&Shape> for YarnReport {
+    fn from(shape: &Shape) -> Self {
+        Self {
+            width_mm: shape.width,
+            length_mm: shape.length,
+            semi_axis_mm: shape.semi_axis,
+            umax_deg: shape.steepest.to_degrees(),
+            kappa_per_mm: shape.curvature,
+            theta_deg: shape.rotation.to_degrees().rem_euclid(180.0),
+            center_mm: shape.centre.to_array(),
+        }
+    }
 }
 
 /// Writes all files.
@@ -155,15 +196,18 @@ struct Report<'a> {
 /// # Errors
 /// What the disk says.
 pub fn save(captured: &Captured, folder: &OutputFolder) -> Result<(), ExportError> {
-    let Captured { unit, layout, scale, cell, .. } = captured;
+    let Captured { unit, layout, scale, cell, depth, .. } = captured;
     let picture = |name: &str, picture: &RgbaImage| png::write(&folder.file(name), picture)?.publish();
     picture("cell.png", &sheet::grey(&cell.plane))?;
     picture("grid3x3.png", &sheet::grid(cell, &layout.scaled(*scale)))?;
+    picture("depth.png", &sheet::grey(&depth.cell.plane))?;
+    picture("preview.png", &preview(&captured.fabric))?;
     let io = |name: &str| {
         let path = folder.target().join(name);
         move |source| ExportError::Io { path, source }
     };
     fs::write(folder.file("layout.toml"), layout_text(captured)).map_err(io("layout.toml"))?;
+    fs::write(folder.file("fabric.toml"), fabric_text(captured)).map_err(io("fabric.toml"))?;
     let Layout { hypothesis, error, overlap, blank, .. } = layout;
     let hypothesis = match hypothesis {
         Hypothesis::Woven => "woven",
@@ -174,12 +218,15 @@ pub fn save(captured: &Captured, folder: &OutputFolder) -> Result<(), ExportErro
         warpknit: env!("CARGO_PKG_VERSION"),
         lattice: [unit.lattice.a.to_array(), unit.lattice.b.to_array()],
         confidence: unit.confidence,
+        pixels_per_mm: captured.pixel.recip(),
+        correlation: captured.correlation(),
         scale: *scale,
         hypothesis,
         unexplained: *error,
         overlap: *overlap,
         blank: *blank,
         segments: layout.seen.iter().map(SegmentTable::of).collect(),
+        yarns: captured.shapes.iter().map(YarnReport::from).collect(),
     };
     let text = serde_json::to_string_pretty(&report).expect("numbers and names are JSON") + "\n";
     fs::write(folder.file("report.json"), text).map_err(io("report.json"))
@@ -195,6 +242,25 @@ fn layout_text(captured: &Captured) -> String {
         "# The yarns of a cloth's cell, by warpknit capture. Pixels of the photo, y down; top, round, sag, tilt and ground are lightness, 1 about the photo's contrast.\n\
          # Segments go on below others, and the grid shows what is seen of them. Change, add or delete some and give this file to capture with --layout.\n{tables}"
     )
+}
+
+/// `fabric.toml`, as `drape` takes it.
+fn fabric_text(captured: &Captured) -> String {
+    let Captured { fabric, pixel, .. } = captured;
+    format!(
+        "# A cloth's yarns as warpknit capture found them, at {:.2} pixels of the photo a mm. A wale and a course are the sides of its cell; paths are x and y in cells, z in mm.\n{fabric}",
+        pixel.recip()
+    )
+}
+
+/// The cloth as it will look, some cells of it.
+fn preview(fabric: &Fabric) -> RgbaImage {
+    let longer = fabric.wale_spacing().max(fabric.course_spacing());
+    let cells = |spacing: f64| index32(whole(narrow((PREVIEW_CELLS * longer / spacing).round())).min(4 * MOST_SEGMENTS));
+    let scene = picture::swatch(fabric, cells(fabric.wale_spacing()), cells(fabric.course_spacing()));
+    let options = render::Options { width: PREVIEW_SIDE, height: PREVIEW_SIDE, ..render::Options::default() };
+    let camera = Camera::view(View::Front, &scene.positions, PREVIEW_VIEW, 1.0, 1.0);
+    render::render(&scene, &camera, &options, &|_| ()).expect("pictures of that size can be drawn")
 }
 
 #[cfg(test)]

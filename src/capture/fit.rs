@@ -13,6 +13,9 @@ use super::target::Target;
 /// The longest segment, in lengths of the cell's longer vector.
 const LONGEST: f64 = 3.0;
 
+/// How far a fit turns a segment, radians: one that is as wide as long has no direction of its own.
+const TURNS: f64 = 0.2;
+
 /// Segments on a ground of some lightness, and the share of the cell's variance that they leave.
 #[derive(Clone, Debug)]
 pub(super) struct Fit {
@@ -51,6 +54,7 @@ impl Problem<'_> {
             // However often a fit begins anew from the last one's end, no float is longer than some cells.
             let width = s.width.clamp(0.5 * start.width, 1.9 * start.width).min(0.5 * LONGEST * longer);
             Segment {
+                angle: s.angle.clamp(start.angle - TURNS, start.angle + TURNS),
                 width,
                 length: s.length.clamp(0.45 * start.length, 2.2 * start.length).min(LONGEST * longer).max(0.7 * width),
                 top: s.top.max(0.0),

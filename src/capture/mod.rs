@@ -15,8 +15,11 @@
 //! Not promised: a scale. A photo doesn't say how large anything is, and lengths are its pixels.
 
 mod cell;
+mod cloth;
+mod color;
 mod correlogram;
 mod cover;
+mod depth;
 mod error;
 mod files;
 mod fit;
@@ -25,18 +28,25 @@ mod layout;
 mod plane;
 mod register;
 mod segment;
+mod shape;
 mod sheet;
+mod strands;
 mod target;
+mod upright;
 mod view;
 mod woven;
 
 use glam::DVec2;
 use image::RgbImage;
 
-use crate::plane::{Plane, float, narrow};
+use crate::fabric::Fabric;
+use crate::plane::{Plane, double, float, narrow};
 use cell::Cell;
+use color::Colors;
+use depth::Depth;
 use plane::{evened, without_shading};
-use register::register;
+use register::{Warp, register};
+use shape::Scale;
 use view::View;
 
 pub use error::CaptureError;
@@ -44,6 +54,7 @@ pub use files::{FILES, GivenLayout, LayoutError, save};
 pub use lattice::{CERTAIN, Lattice, UnitCell};
 pub use layout::{Hypothesis, Layout};
 pub use segment::Segment;
+pub use shape::Shape;
 
 /// A cell's shorter vector, pixels, from which on a view is large enough.
 const ENOUGH: f64 = 8.0;
@@ -52,16 +63,31 @@ const GIVEN: (f64, f64) = (3.0, 3.0);
 /// Lightness that differs by less is blank.
 const BLANK: f32 = 1e-5;
 
+/// How thick cloth is taken to be, mm, where nobody says it.
+pub const THICKNESS: f64 = 0.5;
+/// Yarns that lie over each other where two cross: as many times as thick as a yarn is the cloth.
+const LAYERS: f64 = 2.0;
+
 /// What overrules the steps' own decisions.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Settings {
+    /// How thick the cloth is, mm: the scale of depth.
+    pub thickness: f64,
+    /// How many pixels of the photo are a mm; if nobody says it, as many as make a yarn half as wide as the cloth is thick.
+    pub pixels_per_mm: Option<f64>,
     /// Both vectors of the cell, pixels of the photo.
     pub cell: Option<[DVec2; 2]>,
     /// The cell and its segments.
     pub layout: Option<GivenLayout>,
 }
 
-/// What a photo says. Lengths are pixels of the photo, y down.
+impl Default for Settings {
+    fn default() -> Self {
+        Self { thickness: THICKNESS, pixels_per_mm: None, cell: None, layout: None }
+    }
+}
+
+/// What a photo says. Lengths are pixels of the photo, y down, if no other unit is given.
 #[derive(Clone, Debug)]
 pub struct Captured {
     /// The repeat.
@@ -70,8 +96,18 @@ pub struct Captured {
     pub corner: DVec2,
     /// The segments of a cell, relative to its corner.
     pub layout: Layout,
+    /// Each segment of the layout that is seen as a curved cylinder, mm.
+    pub shapes: Vec<Shape>,
+    /// The cloth as it can be draped.
+    pub fabric: Fabric,
+    /// mm a pixel of the photo.
+    pub pixel: f64,
     /// Pixels of the picture that was worked on for each of the photo's.
     pub scale: f64,
+    /// Heights over the mean cell.
+    depth: Depth,
+    /// Where the cloth lies in that picture.
+    warp: Warp,
     /// The mean cell, in pixels of that picture.
     cell: Cell,
 }
@@ -81,7 +117,7 @@ pub struct Captured {
 /// # Errors
 /// [`CaptureError`]: what the photo lacks.
 pub fn capture(photo: &RgbImage, settings: &Settings) -> Result<Captured, CaptureError> {
-    let Repeating { scale, corner, lightness, even, unit } = repeat(photo, settings)?;
+    let Repeating { scale, corner, picture, lightness, even, unit } = repeat(photo, settings)?;
     let warp = register(&even, &unit.lattice);
     let cell = Cell::folded(&evened(&lightness, narrow(1.5 * unit.lattice.longer())), &warp, &unit.lattice);
     let layout = match &settings.layout {
@@ -100,10 +136,37 @@ pub fn capture(photo: &RgbImage, settings: &Settings) -> Result<Captured, Captur
         }
         None => layout::find(&cell).ok_or(CaptureError::NoYarns)?,
     };
+    let colors = Colors::of(&Plane::channels(&picture).map(|plane| Cell::folded(&plane, &warp, &unit.lattice)), &layout.seen);
+    let depth = Depth::of(&cell, &layout, &colors.groups, settings.thickness);
     let photos = 1.0 / scale;
     let lattice = Lattice { a: unit.lattice.a * photos, b: unit.lattice.b * photos };
     let unit = UnitCell { lattice, ..unit };
-    Ok(Captured { unit, corner, layout: layout.scaled(photos), scale, cell })
+    let layout = layout.scaled(photos);
+    let width = layout.seen.iter().map(|segment| segment.width).sum::<f64>() / double(layout.seen.len());
+    let pixel = settings.pixels_per_mm.map_or(settings.thickness / LAYERS / width, f64::recip);
+    let shapes: Vec<Shape> = layout.seen.iter().map(|segment| Shape::of(segment, Scale { pixel, light: depth.scale })).collect();
+    let fabric = cloth::fabric(&lattice, &layout, &shapes, &colors, pixel);
+    Ok(Captured { unit, corner, layout, shapes, fabric, pixel, scale, depth, warp, cell })
+}
+
+impl Captured {
+    /// Correlation of the light with the heights of the cylinders: under .2 light says little of the depth.
+    #[must_use]
+    pub fn correlation(&self) -> f64 {
+        self.depth.correlation
+    }
+
+    /// Counts of both vectors of the cell at a pixel of the photo.
+    #[must_use]
+    pub fn count(&self, pixel: DVec2) -> DVec2 {
+        self.warp.count((pixel - self.corner) * self.scale)
+    }
+
+    /// How high the cloth lies over its deepest ground at counts of both vectors, mm.
+    #[must_use]
+    pub fn height(&self, count: DVec2) -> f64 {
+        f64::from(self.depth.cell.at(count))
+    }
 }
 
 /// A view of the photo with a repeat in it.
@@ -112,6 +175,7 @@ struct Repeating {
     scale: f64,
     /// Its corner in the photo.
     corner: DVec2,
+    picture: RgbImage,
     lightness: Plane,
     /// The same without slow shading.
     even: Plane,
@@ -140,7 +204,7 @@ fn repeat(photo: &RgbImage, settings: &Settings) -> Result<Repeating, CaptureErr
             unit.confidence >= other.confidence || other.lattice.shorter() < ENOUGH && unit.confidence >= CERTAIN
         });
         if is_better {
-            best = Some(Repeating { scale, corner, lightness, even, unit });
+            best = Some(Repeating { scale, corner, picture, lightness, even, unit });
         }
         if is_enough {
             break;

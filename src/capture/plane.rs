@@ -3,6 +3,7 @@
 use image::RgbImage;
 use rayon::prelude::*;
 
+use crate::fabric::yarn::Color;
 use crate::plane::{Plane, double, float, narrow, whole};
 
 /// Standard deviations below which a bell is summed as it is; above, two boxes are near enough and cost the same for any width.
@@ -11,7 +12,7 @@ const NARROW: f32 = 4.0;
 impl Plane {
     /// How light each pixel looks, 0..1: CIE's L* of its colour.
     pub(super) fn lightness(picture: &RgbImage) -> Self {
-        let linear: Vec<f32> = (0..=u8::MAX).map(|byte| linear(f32::from(byte) / 255.0)).collect();
+        let linear = all_linear();
         let value = |pixel: &[u8]| {
             let [red, green, blue] = [0, 1, 2].map(|channel| linear[usize::from(pixel[channel])]);
             let luminance = 0.2126 * red + 0.7152 * green + 0.0722 * blue;
@@ -19,6 +20,14 @@ impl Plane {
         };
         let [width, height] = [picture.width(), picture.height()].map(|side| side as usize);
         Self { width, height, values: picture.as_raw().par_chunks_exact(3).map(value).collect() }
+    }
+
+    /// Red, green and blue of each pixel in linear light, 0..1.
+    pub(super) fn channels(picture: &RgbImage) -> [Self; 3] {
+        let linear = all_linear();
+        let [width, height] = [picture.width(), picture.height()].map(|side| side as usize);
+        let channel = |at: usize| picture.as_raw().par_chunks_exact(3).map(|pixel| linear[usize::from(pixel[at])]).collect();
+        [0, 1, 2].map(|at| Self { width, height, values: channel(at) })
     }
 
     /// Blurred by a bell of that standard deviation, pixels; outside, the picture is as at its rim.
@@ -95,9 +104,9 @@ pub(super) fn evened(lightness: &Plane, sigma: f32) -> Plane {
     detail.zip(&power, |value, power| (value / (power + floor).sqrt()).clamp(-3.0, 3.0))
 }
 
-/// sRGB 0..1 to linear light.
-fn linear(value: f32) -> f32 {
-    if value <= 0.040_45 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
+/// Each byte of sRGB in linear light.
+fn all_linear() -> Vec<f32> {
+    (0..=u8::MAX).map(|byte| Color([byte; 3]).linear()[0]).collect()
 }
 
 fn bell(sigma: f32) -> Vec<f32> {

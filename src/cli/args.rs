@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::error::ErrorKind;
 use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 use glam::DVec3;
+use warpknit::capture::THICKNESS;
 use warpknit::chart;
 use warpknit::export::Format;
 use warpknit::garment::Unit;
@@ -313,12 +314,18 @@ pub(crate) struct Capture {
     /// A photo, .png or .jpg: cloth that fills it, sharp and evenly lit, its pattern seen four times each way
     #[arg(value_name = "IMAGE")]
     pub(crate) photo: PathBuf,
-    /// The folder for the cell and its layout
+    /// The folder for the cell, its layout and the fabric
     #[arg(short, long = "output", value_name = "DIR")]
     pub(crate) output: PathBuf,
     /// Both vectors of the cell that repeats, pixels, y down, in place of what is found
     #[arg(long, value_name = "AX,AY,BX,BY", value_parser = two_vectors, allow_hyphen_values = true, conflicts_with = "layout")]
     pub(crate) cell: Option<[f64; 4]>,
+    /// How thick the cloth is, mm: the scale of its depth
+    #[arg(long, value_name = "MM", value_parser = positive, default_value_t = THICKNESS)]
+    pub(crate) thickness: f64,
+    /// Pixels of the photo a mm [default: as many as make a yarn half as wide as the cloth is thick]
+    #[arg(long, value_name = "N", value_parser = positive)]
+    pub(crate) pixels_per_mm: Option<f64>,
     /// A layout.toml, perhaps changed by hand: its cell and its segments, in place of what is found
     #[arg(long, value_name = "FILE")]
     pub(crate) layout: Option<PathBuf>,

@@ -18,6 +18,8 @@ use super::{print, tell};
 const MOST_BYTES: u64 = 1 << 20;
 /// More unexplained than this is told: yarns are missing, or bend more than cylinders do.
 const UNEXPLAINED: f64 = 0.25;
+/// Light and heights that correlate less have little to do with each other, as on satin.
+const CORRELATED: f64 = 0.2;
 
 /// Captures a photo. The folder is seen only when all of it is whole.
 pub(crate) fn capture(arguments: &Capture) -> Result<()> {
@@ -33,7 +35,9 @@ pub(crate) fn capture(arguments: &Capture) -> Result<()> {
     clock.begin(Task::Develop, 0.2);
     // What is wrong with a person's layout is told with its file.
     let about = arguments.layout.as_ref().unwrap_or(&arguments.photo);
-    let found = captured(&photo, &Settings { cell, layout }).with_context(|| about.display().to_string())?;
+    let &Capture { thickness, pixels_per_mm, .. } = arguments;
+    let found =
+        captured(&photo, &Settings { thickness, pixels_per_mm, cell, layout }).with_context(|| about.display().to_string())?;
     clock.begin(Task::Write, 0.9);
     save(&found, &folder)?;
     folder.publish()?;
@@ -65,6 +69,12 @@ fn notes(found: &Captured) -> Vec<String> {
             100.0 * error
         ));
     }
+    if found.correlation() < CORRELATED {
+        notes.push(format!(
+            "light and the heights of the segments correlate by {:.2} alone, as on satin, which gleams: don't trust the depth",
+            found.correlation()
+        ));
+    }
     if !found.layout.is_valid() {
         notes.push(
             "the segments lie over each other, or leave much of the cell blank: look at grid3x3.png, and mend layout.toml"
@@ -76,11 +86,16 @@ fn notes(found: &Captured) -> Vec<String> {
 
 /// A line a number, its name first, then a row a segment.
 fn report(found: &Captured) -> String {
-    let Captured { unit, layout, scale, .. } = found;
+    let Captured { unit, layout, fabric, pixel, scale, .. } = found;
     let vector = |vector: DVec2| format!("{:.2},{:.2}", vector.x, vector.y);
     let share = |share: f64| format!("{:.1} %", 100.0 * share);
     let rows = [
         ("cell", format!("{} and {} pixels, confidence {:.2}", vector(unit.lattice.a), vector(unit.lattice.b), unit.confidence)),
+        (
+            "laid",
+            format!("cell of {:.3} x {:.3} mm, {} strands", fabric.wale_spacing(), fabric.course_spacing(), fabric.bars.len()),
+        ),
+        ("scale", format!("{:.2} pixels a mm", pixel.recip())),
         ("seen at", format!("{scale:.2} of the photo's size")),
         ("unexplained", share(layout.error)),
         ("overlap", share(layout.overlap)),
@@ -89,10 +104,11 @@ fn report(found: &Captured) -> String {
     let mut text = String::new();
     let mut line = |words: String| writeln!(text, "{words}").expect("a string takes any text");
     rows.iter().for_each(|(name, value)| line(format!("{name:12}{value}")));
-    line(format!("{:>7} {:>9} {:>9} {:>9} {:>9} {:>9}", "segment", "x", "y", "degrees", "width", "length"));
-    for (number, segment) in (1..).zip(&layout.seen) {
+    line(format!("{:>7} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9}", "segment", "x", "y", "degrees", "width", "length", "width mm"));
+    for ((number, segment), shape) in (1..).zip(&layout.seen).zip(&found.shapes) {
         let (centre, degrees) = (segment.centre, segment.angle.to_degrees().rem_euclid(180.0));
-        line(format!("{number:7} {:9.2} {:9.2} {degrees:9.1} {:9.2} {:9.2}", centre.x, centre.y, segment.width, segment.length));
+        let (width, length) = (segment.width, segment.length);
+        line(format!("{number:7} {:9.2} {:9.2} {degrees:9.1} {width:9.2} {length:9.2} {:9.3}", centre.x, centre.y, shape.width));
     }
     text
 }

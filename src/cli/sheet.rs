@@ -27,17 +27,22 @@ pub(super) fn sheet(fabric: &Fabric) -> Result<String, fmt::Error> {
         fabric.wale_spacing(),
         fabric.course_spacing()
     )?;
-    text.push_str(&fabric.motif.as_ref().map_or_else(|| table(fabric), chart));
+    match &fabric.motif {
+        Some(motif) => text.push_str(&chart(motif)),
+        None if fabric.is_laid() => {}
+        None => text.push_str(&table(fabric)),
+    }
     for (bar, number) in fabric.bars.iter().zip(1..) {
         let (drive, threading) =
             if bar.counts_from_left() { (", drive left", bar.threading.mirrored()) } else { ("", bar.threading.clone()) };
         let laid = match bar.kind {
             BarKind::Feeder => format!("feeder {number}: {}", bar.lapping()),
+            BarKind::LaidAlong | BarKind::LaidAcross => format!("strand {number}: {}", bar.lapping()),
             _ => format!("bar {number}: chain {}{drive}, threading {threading}", bar.lapping()),
         };
         writeln!(text, "  {laid}, yarn {}, diameter {:.3} mm", bar.yarn.count, bar.yarn.diameter())?;
     }
-    if fabric.motif.is_none() {
+    if fabric.motif.is_none() && !fabric.is_laid() {
         let needles = fabric.needles();
         writeln!(text, "  threads on a needle: {}..{}", needles.fewest, needles.most)?;
     }

@@ -1,4 +1,4 @@
-//! Guide bars: a lapping, a threading and a yarn; and what else brings yarns, wefts and feeders.
+//! Guide bars: a lapping, a threading and a yarn; and what else brings yarns, wefts, feeders and the strands of laid cloth.
 
 use super::error::Fault;
 use super::lapping::{Chain, Numbering};
@@ -11,7 +11,7 @@ const WEFT: &str = "weft";
 /// A guide bar, or what lays wefts in.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bar {
-    /// Its lapping, numbered from x = 0 upward; `0-0//` for a weft and a feeder.
+    /// Its lapping, numbered from x = 0 upward; `0-0//` for what doesn't lap.
     pub chain: Chain,
     /// Which of its guides carry a yarn; for a weft and a feeder, which courses get one.
     pub threading: Threading,
@@ -31,6 +31,18 @@ pub enum BarKind {
     Weft,
     /// A feeder of a weft-knitting machine: a yarn across the whole width that loops on every needle, as the fabric's motif says.
     Feeder,
+    /// Nothing: the yarn lies as its path in [`super::Fabric::paths`] says, and goes on along the wales.
+    LaidAlong,
+    /// The same, and goes on across the wales.
+    LaidAcross,
+}
+
+impl BarKind {
+    /// Whether yarns go on across the wales and not along them.
+    #[must_use]
+    pub fn runs_across(self) -> bool {
+        matches!(self, Self::Weft | Self::Feeder | Self::LaidAcross)
+    }
 }
 
 impl Bar {
@@ -38,7 +50,7 @@ impl Bar {
     #[must_use]
     pub fn loops_on(&self, wale: i64, course: i64) -> bool {
         match self.kind {
-            BarKind::Weft => return false,
+            BarKind::Weft | BarKind::LaidAlong | BarKind::LaidAcross => return false,
             BarKind::Feeder => return self.threading.carries(course),
             BarKind::Guide => {}
         }
@@ -62,6 +74,7 @@ impl Bar {
         match self.kind {
             BarKind::Guide => self.chain.laps().len(),
             BarKind::Weft | BarKind::Feeder => self.threading.repeat(),
+            BarKind::LaidAlong | BarKind::LaidAcross => 1,
         }
     }
 
@@ -70,7 +83,7 @@ impl Bar {
     pub fn guides(&self) -> usize {
         match self.kind {
             BarKind::Guide => self.threading.repeat(),
-            BarKind::Weft | BarKind::Feeder => 1,
+            BarKind::Weft | BarKind::Feeder | BarKind::LaidAlong | BarKind::LaidAcross => 1,
         }
     }
 
@@ -82,13 +95,16 @@ impl Bar {
         self.chain.gaps().0 < 0
     }
 
-    /// Its lapping as a designer writes it: the chain with gaps counted from the drive, or `weft`; for a feeder its courses.
+    /// Its lapping as a designer writes it: the chain with gaps counted from the drive, or `weft`; for a feeder its courses,
+    /// for a laid strand where it goes on.
     #[must_use]
     pub fn lapping(&self) -> String {
         match self.kind {
             BarKind::Guide => self.written_chain().to_string(),
             BarKind::Weft => WEFT.to_owned(),
             BarKind::Feeder => format!("courses {}", self.threading),
+            BarKind::LaidAlong => "along".to_owned(),
+            BarKind::LaidAcross => "across".to_owned(),
         }
     }
 
@@ -102,9 +118,18 @@ impl Bar {
 impl Bar {
     /// A feeder that knits the courses that are marked.
     pub(super) fn feeder(courses: Threading, yarn: Yarn) -> Self {
-        let chain = Chain::parse("0-0//", Numbering::default()).expect("the chain that stays where it is");
-        Self { chain, threading: courses, yarn, kind: BarKind::Feeder }
+        Self { chain: staying(), threading: courses, yarn, kind: BarKind::Feeder }
     }
+
+    /// A strand of laid cloth.
+    pub(crate) fn laid(kind: BarKind, yarn: Yarn) -> Self {
+        Self { chain: staying(), threading: Threading::full(), yarn, kind }
+    }
+}
+
+/// The chain of what doesn't lap.
+fn staying() -> Chain {
+    Chain::parse("0-0//", Numbering::default()).expect("the chain that stays where it is")
 }
 
 /// Reads a lapping: a chain, or `weft`. `what` names it in the fault.

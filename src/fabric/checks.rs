@@ -46,6 +46,9 @@ impl Fabric {
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
+        if self.is_laid() {
+            return warnings;
+        }
         for (bar, number) in self.bars.iter().zip(1..) {
             if !bar.chain.laps().iter().any(|lap| lap.from == 0 || lap.to == 0) {
                 warnings.push(format!("bar {number}: the chain {} has no gap 0", bar.lapping()));

@@ -81,9 +81,9 @@ pub enum Fault {
     #[error("legend: {0}")]
     Legend(String),
     /// A key that the other kind of fabric has.
-    #[error("a {kind} knit has no {key}: {instead}")]
+    #[error("a {kind} has no {key}: {instead}")]
     OtherKind {
-        /// `warp` or `weft`.
+        /// Such as `warp knit`.
         kind: &'static str,
         /// The key.
         key: &'static str,
@@ -100,6 +100,17 @@ pub enum Fault {
         course: usize,
         /// How many feeders knit it.
         count: usize,
+    },
+    /// No strand.
+    #[error("laid cloth needs at least one [[strands]] table")]
+    NoStrands,
+    /// A strand's path that is none.
+    #[error("strand {number}: its path {why}")]
+    Path {
+        /// Counted from 1.
+        number: usize,
+        /// What is wrong with it, and what to do.
+        why: &'static str,
     },
     /// No bar.
     #[error("a fabric needs at least one [[bars]] table")]

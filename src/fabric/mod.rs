@@ -15,9 +15,9 @@ pub mod threading;
 pub mod yarn;
 
 use std::fmt;
-use std::path::Path;
+use std::path;
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
 use file::{FabricFile, in_range};
 use lapping::Numbering;
@@ -41,12 +41,19 @@ pub const MAX_LAPS: usize = 10_000_000;
 /// The most loops of a weft knit's common repeat: all are laid out, and take a kilobyte each.
 pub const MAX_LOOPS: usize = 1_000_000;
 
+/// The most points of a laid strand's path.
+pub const MAX_PATH: usize = 1_000;
+
 const INCH_IN_CM: f64 = 2.54;
 /// The thickest radius that leaves a loop open, over W and over C.
 const THICKEST_ACROSS: f64 = 0.12;
 const THICKEST_ALONG: f64 = 0.2;
 
-/// A knitted fabric: warp knit by guide bars, or weft knit by feeders after a motif.
+/// How the yarn of a laid strand runs through its cell: x and y in cells, counted from its lower left corner, z in mm before [`Fabric::enlargement`]. From the last point it goes on
+/// to the first one of the next cell.
+pub type Path = Vec<DVec3>;
+
+/// A fabric: warp knit by guide bars, weft knit by feeders after a motif, or laid as its strands' paths say, in cells of one wale and one course.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fabric {
     /// The name by which the command line knows it.
@@ -61,10 +68,12 @@ pub struct Fabric {
     pub courses_per_cm: f64,
     /// The shape of its stitches.
     pub stitch: Dimensions,
-    /// Guide bars, front first (bar 1 = front guide bar, nearest the technical back); of a weft knit its feeders.
+    /// Guide bars, front first (bar 1 = front guide bar, nearest the technical back); of a weft knit its feeders, of laid cloth its strands.
     pub bars: Vec<Bar>,
-    /// Which loop stands where in a weft knit; none in a warp knit.
+    /// Which loop stands where in a weft knit; none in others.
     pub motif: Option<Motif>,
+    /// Of laid cloth the path of each of [`Fabric::bars`]; none in a knit.
+    pub paths: Vec<Path>,
     /// Panels on which it lies otherwise than along the garment's grain from the lowest-left corner.
     pub panels: Vec<PanelLayout>,
     /// How many times the yarns are drawn larger than their count says: cloth shown at another scale.
@@ -96,9 +105,9 @@ impl Fabric {
     ///
     /// # Errors
     /// What is wrong with it; the caller knows the file's name.
-    pub fn read(path: &Path) -> Result<Self, FabricError> {
+    pub fn read(path: &path::Path) -> Result<Self, FabricError> {
         let mut fabric = Self::parse(&std::fs::read_to_string(path).map_err(Fault::Io)?)?;
-        let folder = path.parent().unwrap_or(Path::new(""));
+        let folder = path.parent().unwrap_or(path::Path::new(""));
         for texture in fabric.bars.iter_mut().filter_map(|bar| bar.yarn.texture.as_mut()) {
             *texture = folder.join(&*texture);
         }
@@ -139,7 +148,7 @@ impl Fabric {
         };
         let bars = chains.iter().enumerate().map(bar).collect::<Result<Vec<_>, FabricError>>()?;
         let name = bars.iter().map(Bar::lapping).collect::<Vec<_>>().join(" + ");
-        let fabric = Self { name, about: String::new(), bars, motif: None, ..self };
+        let fabric = Self { name, about: String::new(), bars, motif: None, paths: Vec::new(), ..self };
         fabric.check_repeats()?;
         Ok(fabric)
     }
@@ -190,6 +199,12 @@ impl Fabric {
         Ok(self)
     }
 
+    /// Whether its yarns lie as paths say.
+    #[must_use]
+    pub fn is_laid(&self) -> bool {
+        !self.paths.is_empty()
+    }
+
     /// Wale spacing W, mm.
     #[must_use]
     pub fn wale_spacing(&self) -> f64 {
@@ -204,12 +219,15 @@ impl Fabric {
 
     /// The radius for which all of the fabric's yarns are laid out, and with which the thickest is drawn, mm.
     ///
-    /// It is the thickest yarn's own, but no more than what leaves a loop open. The layout takes one radius for all bars, so that their
+    /// It is the thickest yarn's own, but in a knit no more than what leaves a loop open. The layout takes one radius for all bars, so that their
     /// layers stay apart.
     #[must_use]
     pub fn radius(&self) -> f64 {
-        let limit = (THICKEST_ACROSS * self.wale_spacing()).min(THICKEST_ALONG * self.course_spacing());
-        (self.true_radius() * self.enlargement).min(limit)
+        let radius = self.true_radius() * self.enlargement;
+        if self.is_laid() {
+            return radius;
+        }
+        radius.min(THICKEST_ACROSS * self.wale_spacing()).min(THICKEST_ALONG * self.course_spacing())
     }
 
     /// Each bar's drawn radius over the thickest one's: yarns keep their proportions whatever the radius they are laid out for.

@@ -6,6 +6,8 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
+use crate::plane::byte;
+
 /// A yarn as a designer orders it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Yarn {
@@ -79,6 +81,11 @@ pub struct Count {
 }
 
 impl Count {
+    /// So many tex, held to what yarns can have, to a thousandth.
+    pub(crate) fn of_tex(tex: f64) -> Self {
+        Self { value: ((1000.0 * tex).round() / 1000.0).clamp(LEAST_TEX, MOST_TEX), unit: CountUnit::Tex }
+    }
+
     /// Linear density in tex (g per 1000 m).
     #[must_use]
     pub fn tex(self) -> f64 {
@@ -157,6 +164,14 @@ impl From<Count> for String {
 pub struct Color(pub [u8; 3]);
 
 impl Color {
+    /// The nearest colour to one in linear light.
+    pub(crate) fn of_linear(linear: [f32; 3]) -> Self {
+        Self(linear.map(|c| {
+            let s = if c <= 0.003_130_8 { 12.92 * c } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 };
+            byte(255.0 * s.clamp(0.0, 1.0))
+        }))
+    }
+
     /// The colour in linear light, 0..1 (IEC 61966-2-1).
     #[must_use]
     pub fn linear(self) -> [f32; 3] {

@@ -84,6 +84,10 @@ impl Knitted {
 /// out at full thickness a locknit would be a tenth heavier than mills make it.
 const PRESSED: f64 = 0.75;
 
+/// Laid yarns are pushed apart as if they were this share of their thickness: in woven cloth they are squeezed flat where they cross. Round ones on square
+/// crossings would have no room from .577 of the pitch on (Peirce 1937), and cloth whose yarns hide the ground is far beyond.
+const SQUEEZED: f64 = 0.6;
+
 /// One bar's repeat.
 #[derive(Clone, Debug)]
 struct BarPattern {
@@ -120,6 +124,9 @@ impl Pattern {
         if let Some(motif) = &fabric.motif {
             return Self::weft_knit(fabric, motif);
         }
+        if fabric.is_laid() {
+            return Self::laid(fabric);
+        }
         let (wales, courses) = (fabric.threading_repeat(), fabric.repeat());
         if wales * courses * fabric.bars.len() > MOST_RELAXED {
             return Self::straight(fabric);
@@ -131,7 +138,7 @@ impl Pattern {
             let led = |guide: usize| bar.threading.carries(i64::from(index32(guide)));
             pattern.add_bar(bar, &layer, &lattice, (0..guides).map(|guide| led(guide).then_some(guide)), steps);
         }
-        pattern.settle(fabric, pattern.spacing * DVec2::new(f64::from(index32(wales)), f64::from(index32(courses))));
+        pattern.settle(fabric, pattern.spacing * DVec2::new(f64::from(index32(wales)), f64::from(index32(courses))), 1.0);
         pattern.measure_bounds();
         pattern
     }
@@ -153,8 +160,25 @@ impl Pattern {
             pattern.bars.push(BarPattern { kind: feeder.kind, yarns, bounds: (DVec2::ZERO, DVec2::ZERO) });
         }
         if wales * courses <= MOST_RELAXED {
-            pattern.settle(fabric, pattern.spacing * as_vec(wales, courses));
+            pattern.settle(fabric, pattern.spacing * as_vec(wales, courses), 1.0);
         }
+        pattern.measure_bounds();
+        pattern
+    }
+
+    /// Yarns as their paths say, scaled to the fabric's densities.
+    fn laid(fabric: &Fabric) -> Self {
+        let mut pattern = Self::empty(fabric);
+        let cell = pattern.spacing.extend(fabric.enlargement);
+        for (number, (bar, path)) in fabric.bars.iter().zip(&fabric.paths).enumerate() {
+            pattern.repeat.add_path(
+                number,
+                path.iter().map(|&point| point * cell),
+                if bar.kind.runs_across() { DVec3::X } else { DVec3::Y } * cell,
+            );
+            pattern.bars.push(BarPattern { kind: bar.kind, yarns: vec![Some(number)], bounds: (DVec2::ZERO, DVec2::ZERO) });
+        }
+        pattern.settle(fabric, pattern.spacing, SQUEEZED);
         pattern.measure_bounds();
         pattern
     }
@@ -203,8 +227,8 @@ impl Pattern {
         self.bars.push(BarPattern { kind: bar.kind, yarns, bounds: (DVec2::ZERO, DVec2::ZERO) });
     }
 
-    /// Pushes apart what would cut.
-    fn settle(&mut self, fabric: &Fabric, cell: DVec2) {
+    /// Pushes apart what would cut, were yarns a share as thick as they are.
+    fn settle(&mut self, fabric: &Fabric, cell: DVec2, share: f64) {
         let thickness = fabric.thickness();
         let yarns: Vec<_> = self
             .repeat
@@ -213,7 +237,7 @@ impl Pattern {
             .map(|yarn| contact::Chain {
                 points: self.repeat.points_of(yarn),
                 period: yarn.period,
-                radius: thickness[yarn.bar] * fabric.radius(),
+                radius: share * thickness[yarn.bar] * fabric.radius(),
             })
             .collect();
         self.settled = Some(contact::settle(&mut self.repeat.points, &yarns, cell));
@@ -224,7 +248,7 @@ impl Pattern {
             let bar = &mut self.bars[yarn.bar];
             for step in 0..yarn.steps.len() - 1 {
                 let home =
-                    self.spacing * if bar.kind == BarKind::Guide { as_vec(yarn.guide, step) } else { as_vec(step, yarn.guide) };
+                    self.spacing * if bar.kind.runs_across() { as_vec(step, yarn.guide) } else { as_vec(yarn.guide, step) };
                 for point in &self.repeat.points[self.repeat.points_of_steps(yarn, step..step + 1)] {
                     let place = point.truncate() - home;
                     bar.bounds = (bar.bounds.0.min(place), bar.bounds.1.max(place));
@@ -252,7 +276,7 @@ impl Pattern {
     /// Whether a bar's yarns run across the wales, as wefts and feeders' yarns do, and not along them.
     #[must_use]
     pub fn runs_across(&self, bar: usize) -> bool {
-        self.bars[bar].kind != BarKind::Guide
+        self.bars[bar].kind.runs_across()
     }
 
     /// Numbers of a bar's yarns that may touch a range of x (for wefts: of y), mm from gap 0 of guide 0, course 0.
@@ -291,7 +315,7 @@ impl Pattern {
         let gap_0 = mesh.vertex(0, 0) - DVec2::new(self.spacing.x / 2.0, 0.0);
         for step in steps {
             let place = step.rem_euclid(repeat);
-            let (wales, courses) = if bar.kind == BarKind::Guide { (number, step - place) } else { (step - place, number) };
+            let (wales, courses) = if bar.kind.runs_across() { (step - place, number) } else { (number, step - place) };
             let moved = |count: i64| i32::try_from(count).expect("a panel has fewer wales and courses than 2^31");
             let (wales, courses) = (moved(wales), moved(courses));
             let offset = (gap_0 + self.spacing * DVec2::new(f64::from(wales), f64::from(courses))).extend(0.0);
@@ -316,7 +340,7 @@ impl BarPattern {
 
     /// The axis (0 x, 1 y) across which the yarns are numbered (0) and along which they run (1).
     fn axis(&self, which: usize) -> usize {
-        if self.kind == BarKind::Guide { which } else { 1 - which }
+        if self.kind.runs_across() { 1 - which } else { which }
     }
 
     fn extent(&self, which: usize) -> Range<f64> {

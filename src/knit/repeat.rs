@@ -30,7 +30,7 @@ pub(super) struct Repeat {
 pub(super) struct Yarn {
     /// Its bar, front first.
     pub(super) bar: usize,
-    /// The guide that leads it, or a weft's course.
+    /// The guide that leads it, or a weft's course; 0 of a laid strand.
     pub(super) guide: usize,
     /// The first stitch of each course (of each wale, for a weft), and the end of the last.
     pub(super) steps: Vec<u32>,
@@ -66,6 +66,16 @@ impl Repeat {
         }
         let steps = (first..=first + index32(wales)).collect();
         self.yarns.push(Yarn { bar: feeder, guide: course, steps, period });
+    }
+
+    /// Lays out a strand of laid cloth, one stitch of it a cell.
+    pub(super) fn add_path(&mut self, strand: usize, path: impl Iterator<Item = DVec3>, period: DVec3) {
+        let first = index32(self.stitches.len());
+        self.begin_stitch();
+        for (point, place) in (1..).zip(path) {
+            self.push(place, Tag { course: 0, wale: 0, kind: PointKind::Inlay, point });
+        }
+        self.yarns.push(Yarn { bar: strand, guide: 0, steps: vec![first, first + 1], period });
     }
 
     /// Points of a yarn.

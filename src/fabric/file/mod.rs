@@ -1,7 +1,10 @@
-//! The fabric file: its TOML tables, and the way from them to a checked [`Fabric`] and back.
+//! The fabric file: its TOML tables, and the way from them to a checked [`Fabric`] and back. What only some kinds of fabric have is in rooms of its own.
 //!
 //! Every value that can be out of its range is read with its span, so that what is found after TOML's own checks is pointed at in the file as
 //! well. What is printed reads back as the same fabric; comments and the numbering and tempi of a chain are not kept.
+
+mod laid;
+mod weft;
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -14,9 +17,11 @@ use super::bar::{self, Bar, BarKind};
 use super::dimensions::{Dimensions, KEYS};
 use super::error::{FabricError, Fault};
 use super::lapping::Numbering;
-use super::motif::{Motif, Symbol, SymbolError};
+use super::motif::{Motif, Symbol};
 use super::yarn::{Color, Count, Yarn};
 use super::{Fabric, INCH_IN_CM, PanelLayout};
+use laid::StrandTable;
+use weft::{FeederTable, motif};
 
 /// From, to and the unit of what a number may be.
 pub(super) type Limits = (f64, f64, &'static str);
@@ -65,29 +70,23 @@ pub(super) struct FabricFile {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     feeders: Vec<FeederTable>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    strands: Vec<StrandTable>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     panels: Vec<PanelTable>,
 }
 
-/// How a fabric is knitted.
+/// How a fabric is knitted, or that its yarns are given as they lie.
 #[derive(Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum Kind {
     #[default]
     Warp,
     Weft,
+    Laid,
 }
 
 fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
-}
-
-/// A `[[feeders]]` table.
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct FeederTable {
-    #[serde(default = "full_set")]
-    courses: Spanned<String>,
-    yarn: YarnTable,
 }
 
 /// A `[[bars]]` table.
@@ -219,6 +218,11 @@ impl FabricFile {
         if self.kind == Kind::Weft && motif.is_none() {
             return Err(Fault::NoFeeders.into());
         }
+        if self.kind == Kind::Laid && self.strands.is_empty() {
+            return Err(Fault::NoStrands.into());
+        }
+        let laid = self.strands.into_iter().zip(1..).map(|(table, number)| table.into_bar(number, source));
+        let (strands, paths): (Vec<_>, Vec<_>) = laid.collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
         let guides = self.bars.into_iter().zip(1..).map(|(table, number)| table.into_bar(number, source));
         let feeders = self.feeders.into_iter().zip(1..).map(|(table, number)| table.into_bar(number, source));
         let fabric = Fabric {
@@ -228,8 +232,9 @@ impl FabricFile {
             gauge,
             courses_per_cm,
             stitch,
-            bars: guides.chain(feeders).collect::<Result<_, _>>()?,
+            bars: guides.chain(feeders).chain(strands.into_iter().map(Ok)).collect::<Result<_, _>>()?,
             motif,
+            paths,
             panels: panels(&self.panels, source)?,
             enlargement: 1.0,
         };
@@ -239,44 +244,24 @@ impl FabricFile {
 
     /// Refuses keys that a fabric of this kind doesn't have.
     fn check_kind(&self) -> Result<(), Fault> {
+        let bars = [("[[bars]]", !self.bars.is_empty()), ("[stitch]", !self.stitch.is_empty())];
+        let weft =
+            [("chart", self.chart.is_some()), ("legend", !self.legend.is_empty()), ("[[feeders]]", !self.feeders.is_empty())];
+        let strands = [("[[strands]]", !self.strands.is_empty())];
         let (kind, instead, others) = match self.kind {
             Kind::Warp => (
-                "warp",
-                "it has [[bars]], and kind = \"weft\" a chart and [[feeders]]",
-                [("chart", self.chart.is_some()), ("legend", !self.legend.is_empty()), ("[[feeders]]", !self.feeders.is_empty())],
+                "warp knit",
+                "it has [[bars]], kind = \"weft\" a chart and [[feeders]], and kind = \"laid\" [[strands]]",
+                [&weft[..], &strands].concat(),
             ),
-            Kind::Weft => (
-                "weft",
-                "it has a chart and [[feeders]]",
-                [("[[bars]]", !self.bars.is_empty()), ("[stitch]", !self.stitch.is_empty()), ("", false)],
-            ),
+            Kind::Weft => ("weft knit", "it has a chart and [[feeders]]", [&bars[..], &strands].concat()),
+            Kind::Laid => ("laid cloth", "it has [[strands]]", [&bars[..], &weft].concat()),
         };
         match others.into_iter().find(|(_, given)| *given) {
             Some((key, _)) => Err(Fault::OtherKind { kind, key, instead }),
             None => Ok(()),
         }
     }
-}
-
-fn motif(
-    chart: &Spanned<String>,
-    legend: &BTreeMap<Spanned<String>, Spanned<String>>,
-    source: Source<'_>,
-) -> Result<Motif, FabricError> {
-    let mut symbols = BTreeMap::new();
-    for (letter, symbol) in legend {
-        let mut letters = letter.get_ref().chars();
-        let (Some(only), None) = (letters.next().filter(|letter| !letter.is_whitespace()), letters.next()) else {
-            return Err(Fault::Legend(format!("{:?} is not one letter", letter.get_ref())).at(source.0, letter.span()));
-        };
-        let symbol =
-            symbol.get_ref().parse().map_err(|why: SymbolError| Fault::Legend(why.to_string()).at(source.0, symbol.span()))?;
-        symbols.insert(only, symbol);
-    }
-    Motif::parse(chart.get_ref(), &symbols).map_err(|why| {
-        let fault = Fault::Chart(why);
-        source.in_string(chart, fault.span(), fault)
-    })
 }
 
 fn stitch(table: &BTreeMap<Spanned<String>, Spanned<f64>>, source: Source<'_>) -> Result<Dimensions, FabricError> {
@@ -317,14 +302,6 @@ impl BarTable {
     }
 }
 
-impl FeederTable {
-    fn into_bar(self, number: usize, source: Source<'_>) -> Result<Bar, FabricError> {
-        let courses = bar::read_threading(&format!("feeder {number}, courses"), self.courses.get_ref())
-            .map_err(|fault| source.in_string(&self.courses, fault.span(), fault))?;
-        Ok(Bar::feeder(courses, self.yarn.into_yarn(&format!("feeder {number}"), source)?))
-    }
-}
-
 impl YarnTable {
     /// `whose` names the bar in messages.
     fn into_yarn(self, whose: &str, source: Source<'_>) -> Result<Yarn, FabricError> {
@@ -355,7 +332,9 @@ impl From<&Fabric> for FabricFile {
             let value = *(key.of)(&mut stitch);
             (value != *(key.of)(&mut default)).then(|| (unplaced(key.name.to_owned()), unplaced(value)))
         });
-        let knitted_by = |feeder: bool| fabric.bars.iter().filter(move |bar| (bar.kind == BarKind::Feeder) == feeder);
+        // Of a knit there are no paths, and of laid cloth as many as bars.
+        let knitting = fabric.bars.iter().skip(fabric.paths.len());
+        let knitted_by = |feeder: bool| knitting.clone().filter(move |bar| (bar.kind == BarKind::Feeder) == feeder);
         let legend = |motif: &Motif| {
             let written = |(letter, symbol): (&char, &Symbol)| (unplaced(letter.to_string()), unplaced(symbol.to_string()));
             motif.legend().iter().map(written).collect::<Vec<_>>()
@@ -367,11 +346,16 @@ impl From<&Fabric> for FabricFile {
             gauge: fabric.gauge.map(unplaced),
             courses_per_cm: unplaced(fabric.courses_per_cm),
             stitch: changed.collect(),
-            kind: if fabric.motif.is_some() { Kind::Weft } else { Kind::Warp },
+            kind: match &fabric.motif {
+                Some(_) => Kind::Weft,
+                None if fabric.is_laid() => Kind::Laid,
+                None => Kind::Warp,
+            },
             chart: fabric.motif.as_ref().map(|motif| unplaced(format!("\n{}\n", motif.rows().join("\n")))),
             legend: fabric.motif.iter().flat_map(legend).collect(),
             bars: knitted_by(false).map(BarTable::from).collect(),
             feeders: knitted_by(true).map(FeederTable::from).collect(),
+            strands: fabric.bars.iter().zip(&fabric.paths).map(|(bar, path)| StrandTable::of(bar, path)).collect(),
             panels: fabric.panels.iter().map(PanelTable::from).collect(),
         }
     }
@@ -387,12 +371,6 @@ impl From<&Bar> for BarTable {
             threading: unplaced(if left { bar.threading.mirrored() } else { bar.threading.clone() }.to_string()),
             yarn: YarnTable::from(&bar.yarn),
         }
-    }
-}
-
-impl From<&Bar> for FeederTable {
-    fn from(feeder: &Bar) -> Self {
-        Self { courses: unplaced(feeder.threading.to_string()), yarn: YarnTable::from(&feeder.yarn) }
     }
 }
 
@@ -564,6 +542,7 @@ panel = 1
                 stitch,
                 bars,
                 motif: None,
+                paths: Vec::new(),
                 panels: panels
                     .into_iter()
                     .map(|(panel, (grain_degrees, origin))| PanelLayout { panel, grain_degrees, origin: origin.into() })

@@ -1,0 +1,93 @@
+//! Step 5, shape: each segment as the curved cylinder of Irawan and Marschner 2012, in mm.
+//!
+//! In: segments in pixels and lightness, and how many mm both are. Out: [`Shape`]s. Along its length the cylinder's axis is an arc that leaves the cloth's plane at its ends by `umax`; across it
+//! is an ellipse as wide as the yarn, with the semi-axis `a` upward.
+//!
+//! Not promised: a section and an arc better than 'dark is deep' knows them; both are held to what yarns can be.
+
+use glam::{DVec2, DVec3};
+
+use super::segment::Segment;
+
+/// How flat a yarn can be: its height over its width.
+const FLATTEST: f64 = 0.5;
+/// The steepest end of a segment, radians: yarns don't stand upright.
+const STEEPEST: f64 = 1.2;
+
+/// A segment of yarn in space. Lengths are mm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shape {
+    /// Width w.
+    pub width: f64,
+    /// Length l.
+    pub length: f64,
+    /// Semi-axis a of its section, upward.
+    pub semi_axis: f64,
+    /// How steeply its axis leaves the cloth's plane at its ends, radians: u_max.
+    pub steepest: f64,
+    /// Curvature of its axis in its middle, 1/mm: kappa.
+    pub curvature: f64,
+    /// Direction of its axis in the photo, radians from x towards y (down): theta.
+    pub rotation: f64,
+    /// Its axis's middle: x and y in the photo from a cell's corner, z over the deepest ground.
+    pub centre: DVec3,
+}
+
+/// How many mm a pixel and a lightness of 1 are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Scale {
+    pub(super) pixel: f64,
+    pub(super) light: f64,
+}
+
+impl Shape {
+    /// A segment's shape.
+    pub(super) fn of(segment: &Segment, scale: Scale) -> Self {
+        let Segment { centre, angle, width, length, top, round, sag, .. } = *segment;
+        let (width, length) = (width * scale.pixel, length * scale.pixel);
+        let semi_axis = (round * scale.light).clamp(FLATTEST * width / 2.0, width / 2.0);
+        // The parabola that goes down by `sag` over half the length.
+        let slope = (4.0 * sag * scale.light / length).min(STEEPEST.tan());
+        let DVec2 { x, y } = centre * scale.pixel;
+        Self {
+            width,
+            length,
+            semi_axis,
+            steepest: slope.atan(),
+            curvature: 2.0 * slope / length,
+            rotation: angle,
+            centre: DVec3::new(x, y, top * scale.light - semi_axis),
+        }
+    }
+
+    /// How far its axis is below its middle, `along` mm from it.
+    pub(super) fn sinks(&self, along: f64) -> f64 {
+        0.5 * self.curvature * along * along
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_parabola_and_an_ellipse_in_mm() {
+        let segment = Segment {
+            centre: DVec2::new(10.0, 4.0),
+            angle: 0.3,
+            width: 8.0,
+            length: 20.0,
+            top: 2.0,
+            round: 0.7,
+            sag: 1.0,
+            tilt: 0.0,
+        };
+        let shape = Shape::of(&segment, Scale { pixel: 0.05, light: 0.25 });
+        assert!((shape.width - 0.4).abs() < 1e-12 && (shape.length - 1.0).abs() < 1e-12);
+        assert!((shape.semi_axis - 0.175).abs() < 1e-12 && (shape.centre - DVec3::new(0.5, 0.2, 0.325)).length() < 1e-12);
+        // At its ends it is as far below its middle as the light says, and slopes so.
+        assert!((shape.sinks(0.5) - 0.25).abs() < 1e-12 && (shape.steepest.tan() - 1.0).abs() < 1e-12);
+        let flat = Shape::of(&Segment { round: 0.0, ..segment }, Scale { pixel: 0.05, light: 0.25 });
+        assert!((flat.semi_axis - 0.1).abs() < 1e-12, "{flat:?}");
+    }
+}
