@@ -4,6 +4,7 @@
 //! its segments, and `report.json`. What [`GivenLayout::parse`] reads is what `layout.toml` holds.
 
 use std::fs;
+use std::path::Path;
 
 use glam::DVec2;
 use image::RgbaImage;
@@ -12,12 +13,16 @@ use serde::{Deserialize, Serialize};
 use super::layout::Layout;
 use super::segment::Segment;
 use super::{Captured, Hypothesis, Shape, sheet};
-use crate::drape::picture;
-use crate::export::{ExportError, OutputFolder, png};
+use crate::drape::{self, Cloth, Options, picture, spun, swatch_panel};
+use crate::export::spun::SpunWriter;
+use crate::export::usda::UsdaWriter;
+use crate::export::{ExportError, Output, OutputFolder, Sink, png};
 use crate::fabric::Fabric;
 use crate::ids::index32;
 use crate::plane::{narrow, whole};
 use crate::render::{self, Camera, View};
+use crate::yarn::fibres::FIBRE_RADIUS;
+use crate::yarn::tube::Section;
 
 /// All files of such a folder.
 pub const FILES: [&str; 7] = ["cell.png", "grid3x3.png", "depth.png", "layout.toml", "fabric.toml", "preview.png", "report.json"];
@@ -202,6 +207,7 @@ pub fn save(captured: &Captured, folder: &OutputFolder) -> Result<(), ExportErro
     picture("grid3x3.png", &sheet::grid(cell, &layout.scaled(*scale)))?;
     picture("depth.png", &sheet::grey(&depth.cell.plane))?;
     picture("preview.png", &preview(&captured.fabric))?;
+    fibres(&captured.fabric, &folder.file("fibres.usda"))?;
     let io = |name: &str| {
         let path = folder.target().join(name);
         move |source| ExportError::Io { path, source }
@@ -251,6 +257,18 @@ fn fabric_text(captured: &Captured) -> String {
         "# A cloth's yarns as warpknit capture found them, at {:.2} pixels of the photo a mm. A wale and a course are the sides of its cell; paths are x and y in cells, z in mm.\n{fabric}",
         pixel.recip()
     )
+}
+
+/// All fibres of one cell, as thick as the paper's.
+fn fibres(fabric: &Fabric, path: &Path) -> Result<(), ExportError> {
+    let bundles = spun::bundles(fabric, fabric.radius(), FIBRE_RADIUS);
+    let radius = bundles.iter().map(|bundle| bundle.fibre).fold(0.0, f64::max);
+    let section = Section { st: 1, sr: 4, radius, flatten: 1.0, caps: false, texture_per_mm: 1.0 };
+    let panel = swatch_panel(fabric, 1, 1);
+    let writer = UsdaWriter::create(path, &spun::fabric(fabric, &bundles), &section)?;
+    let mut sink = Box::new(SpunWriter::new(Box::new(writer), bundles, None));
+    drape::run(&Cloth::swatch(&panel, fabric, 1, 1), &Options::default(), &mut |_, _| {}, &mut |blocks| sink.take(blocks))?;
+    sink.finish()?.into_iter().try_for_each(Output::publish)
 }
 
 /// The cloth as it will look, some cells of it.

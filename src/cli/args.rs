@@ -11,6 +11,7 @@ use warpknit::export::Format;
 use warpknit::garment::Unit;
 use warpknit::render::Background;
 use warpknit::tile::Tile;
+use warpknit::yarn::fibres::FIBRE_RADIUS;
 
 use super::bench::{BenchFormat, Subject};
 use super::config::{self, Trouble};
@@ -467,6 +468,12 @@ pub(crate) struct Shared {
     /// Close the tubes' ends
     #[arg(long)]
     pub(crate) caps: bool,
+    /// Yarns as their fibres, in files and in pictures [default: in pictures from near, of captured cloth]
+    #[arg(long, value_enum, value_name = "on|off")]
+    pub(crate) fibres: Option<SwitchArg>,
+    /// Radius of a fibre, mm; thicker ones are fewer
+    #[arg(long, value_name = "MM", value_parser = positive, default_value_t = FIBRE_RADIUS)]
+    pub(crate) fibre_radius: f64,
     /// Write the yarns' centre lines, as l records, to .obj in place of tubes
     #[arg(long)]
     pub(crate) curves: bool,

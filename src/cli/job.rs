@@ -3,15 +3,17 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::Result;
-use warpknit::drape::{self, Cloth, Totals};
+use anyhow::{Result, bail};
+use warpknit::drape::{self, Cloth, Totals, spun};
 use warpknit::export::{Format, Output, Wardrobe};
 use warpknit::fabric::Fabric;
 use warpknit::garment::stretch::stretch;
+use warpknit::ids::index32;
 use warpknit::knit::clearance::{self, Clearance};
 use warpknit::report::{ClearanceReport, ClothReport, FrameReport, GarmentReport, Report, SurfaceReport};
 use warpknit::scene::Scene;
 use warpknit::tile::Tile;
+use warpknit::yarn::fibres::Bundle;
 use warpknit::yarn::tube::Section;
 
 use super::args::Shared;
@@ -20,7 +22,7 @@ use super::numbers::RealCloth;
 use super::pictures::{self, Textures};
 use super::system::peak_memory_mb;
 use super::targets::text_file;
-use super::values::ShapeArg;
+use super::values::{ShapeArg, SwitchArg};
 use super::writers::{Wanted, section, wardrobe};
 
 /// One run: what is knitted, onto what, and how it is shown.
@@ -52,13 +54,64 @@ pub(super) struct Setup {
     pub(super) textures: Textures,
     /// The same as files hold them.
     pub(super) wardrobe: Arc<Wardrobe>,
+    /// What yarns are spun of, where their fibres are to be seen.
+    pub(super) fibres: Option<Fibres>,
     /// How yarns are laid, with surfaces where a file holds them.
     pub(super) options: drape::Options,
     /// How near yarns come to each other on the flat fabric.
     pub(super) near: Clearance,
 }
 
+/// What of a run is made of fibres.
+pub(super) struct Fibres {
+    /// One a bar.
+    pub(super) bundles: Vec<Bundle>,
+    /// Pixels across a yarn from which on a picture shows them.
+    pub(super) near: f64,
+    /// What files hold: a fabric of fibres, and how their tubes are made; none where files hold yarns.
+    pub(super) filed: Option<(Fabric, Section)>,
+}
+
+/// The most points of fibres in files: a .usda of them takes some 20 GB.
+const MOST_FIBRE_POINTS: f64 = 2e8;
+/// Edges of a fibre's section in files, where nobody asks for others.
+const FIBRE_SR: u32 = 4;
+
 impl Job<'_> {
+    /// What is asked for of fibres; unasked, captured cloth shows them from near.
+    fn fibres(&self, wanted: &[Wanted], section: &Section) -> Result<Option<Fibres>> {
+        let asked = self.shared.fibres.map(SwitchArg::is_on);
+        if !asked.unwrap_or(self.shown.is_laid()) || matches!(self.shared.drawing.shape, ShapeArg::Ribbon) {
+            return Ok(None);
+        }
+        let bundles = spun::bundles(self.shown, section.radius, self.shared.fibre_radius);
+        if asked.is_none() {
+            return Ok(Some(Fibres { bundles, near: spun::NEAR, filed: None }));
+        }
+        if let Some((path, _)) = wanted.iter().find(|(_, format)| matches!(format, Format::Csv | Format::Npz)) {
+            bail!(
+                "{}: data points are of yarns and not of fibres: leave out --fibres, or write .usda, .bcc, .curves.txt or .glb",
+                path.display()
+            );
+        }
+        // A stitch of two thicknesses at the least: nobody needs to know it better to be warned.
+        let stitch = self.shown.wale_spacing().min(self.shown.course_spacing()).max(4.0 * section.radius);
+        let points = bundles.iter().map(|bundle| f64::from(bundle.count) * bundle.points_per_mm() * stitch).sum::<f64>()
+            / f64::from(index32(bundles.len()));
+        #[expect(clippy::cast_precision_loss, reason = "an estimate")]
+        let points = points * self.filed().stitches() as f64;
+        if points > MOST_FIBRE_POINTS && wanted.iter().any(|(_, format)| !matches!(format, Format::Png | Format::Json)) {
+            bail!(
+                "the fibres of {} stitches take {points:.1e} points: raise --fibre-radius, or write a swatch",
+                self.filed().stitches()
+            );
+        }
+        let fabric = spun::fabric(self.shown, &bundles);
+        let radius = bundles.iter().map(|bundle| bundle.fibre).fold(0.0, f64::max);
+        let section = Section { st: 1, sr: self.shared.sr.unwrap_or(FIBRE_SR), radius, flatten: 1.0, ..*section };
+        Ok(Some(Fibres { bundles, near: 0.0, filed: Some((fabric, section)) }))
+    }
+
     /// What the run needs before its first yarn; `wanted` are its files.
     pub(super) fn setup(&self, wanted: &[Wanted]) -> Result<Setup> {
         let section = section(self)?;
@@ -67,7 +120,8 @@ impl Job<'_> {
         let options = drape::Options { surface: wants_surface.then_some(section), ..self.options };
         let textures = Textures::of(self.shared, self.shown)?;
         let wardrobe = wardrobe(wanted, self, section.radius, &textures);
-        Ok(Setup { section, textures, wardrobe, options, near })
+        let fibres = self.fibres(wanted, &section)?;
+        Ok(Setup { section, textures, wardrobe, fibres, options, near })
     }
 
     /// What is to be said of the garment and of how the fabric is drawn, before any yarn is laid.

@@ -101,7 +101,7 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
     let mut whole = finished(sinks)?;
     let mut drawn_by = String::new();
     if !pictures.is_empty() {
-        let pictures = pictures::draw(&scene, job.shared, job.tile(), None, &pictures, &mut clock)?;
+        let pictures = pictures::draw(&scene, setup.fibres.as_ref(), job.shared, job.tile(), None, &pictures, &mut clock)?;
         if let Some(notice) = pictures.notice {
             tell(job.shared.running.quiet, &format!("note: {notice}"));
             warnings.push(notice);

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use glam::{DVec3, Vec3};
-use warpknit::drape::picture;
+use warpknit::drape::{picture, spun};
 use warpknit::export::{Output, png};
 use warpknit::fabric::Fabric;
 use warpknit::fabric::yarn::Yarn;
@@ -16,6 +16,7 @@ use warpknit::tile::Tile;
 
 use super::args::Shared;
 use super::clock::{Clock, Task};
+use super::job::Fibres;
 
 /// Widths of pictures that fit a yarn, in thicknesses of the yarn: from hardly any fuzz to loops that stand far off.
 const FITTING_WIDTHS: (f64, f64) = (0.8, 4.0);
@@ -111,9 +112,11 @@ pub(super) fn scene(shape: Shape, fabric: &Fabric, radius: f64, textures: &Textu
     Scene::wearing(shape, looks, textures.maps.iter().map(enlarged).collect(), |bar| textures.of_bar(bar))
 }
 
-/// Draws the scene, or a tile of the picture, and writes it to `paths`: each place's frames in a row. The camera sees all of `seen`, or all of the scene.
+/// Draws the scene, or a tile of the picture, and writes it to `paths`: each place's frames in a row. The camera sees all of `seen`, or all of the scene, with its fibres
+/// where they show.
 pub(super) fn draw(
     scene: &Scene,
+    fibres: Option<&Fibres>,
     shared: &Shared,
     tile: Option<Tile>,
     seen: Option<&[Vec3]>,
@@ -136,7 +139,13 @@ pub(super) fn draw(
         clock.begin(Task::Render, f64::from(frame) / f64::from(count));
         let shown = clock.progress();
         let progress = |done: f32| shown((frame as f32 + done) / count as f32);
-        let picture = painter.draw(&camera(scene, seen, shared, options.aspect(), frame), &options, &progress)?;
+        let camera = camera(scene, seen, shared, options.aspect(), frame);
+        let size = [options.width, options.height];
+        let spun = fibres.and_then(|fibres| spun::scene(scene, &fibres.bundles, fibres.near, &camera, size));
+        let picture = match &spun {
+            Some(spun) => Painter::new(spun, &options)?.draw(&camera, &options, &progress)?,
+            None => painter.draw(&camera, &options, &progress)?,
+        };
         clock.begin(Task::Compress, 1.0);
         for path in paths.iter().skip(frame as usize).step_by(count as usize) {
             files.push(png::write(path, &picture)?);

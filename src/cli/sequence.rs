@@ -25,6 +25,7 @@ use super::make::{check_laid, check_memory, check_request, loss_warning, task, t
 use super::pictures;
 use super::targets::numbered;
 use super::tell;
+use super::values::SwitchArg;
 use super::writers::{Wanted, check_places, finished, sinks, wanted};
 
 /// What a held stitch takes, GB: measured .94 kB.
@@ -108,6 +109,9 @@ fn check(job: &Job<'_>, sequence: &Sequence<'_>, wants_picture: bool) -> Result<
     check_request(job, wants_picture)?;
     if job.shared.drawing.turntable.is_some() || job.part.is_some() {
         bail!("--turntable and --tile are for one drape, and these are {} frames", sequence.paths.len());
+    }
+    if job.shared.fibres.is_some_and(SwitchArg::is_on) && wanted(job).iter().any(|(_, format)| *format == Format::Usda) {
+        bail!("a .usda of a drape sequence holds yarns and not fibres: leave out --fibres, or drape the frames one by one");
     }
     check_memory("a drape sequence", job.cloth.stitches(), HELD_GB, "lower the densities, or drape the frames one by one")
 }
@@ -208,7 +212,7 @@ impl Show<'_, '_> {
         let paths: Vec<_> = own.iter().filter(|(_, format)| *format == Format::Png).map(|(path, _)| path.as_path()).collect();
         if let (Some(scene), false) = (&self.scene, paths.is_empty()) {
             let seen = (!self.seen.is_empty()).then_some(self.seen.as_slice());
-            let pictures = pictures::draw(scene, self.job.shared, None, seen, &paths, self.clock)?;
+            let pictures = pictures::draw(scene, self.setup.fibres.as_ref(), self.job.shared, None, seen, &paths, self.clock)?;
             whole.extend(pictures.files);
             self.drawn_by = pictures.drawn_by;
             // What draws is the same for all frames, and so is what there is to be said of it.

@@ -13,6 +13,7 @@ use warpknit::export::npz::NpzWriter;
 use warpknit::export::obj::ObjWriter;
 use warpknit::export::obj_lines::ObjLinesWriter;
 use warpknit::export::ply::PlyWriter;
+use warpknit::export::spun::SpunWriter;
 use warpknit::export::usda::UsdaWriter;
 use warpknit::export::{ExportError, Format, Output, Sink, Wardrobe, mtl};
 use warpknit::scene::Shape;
@@ -69,9 +70,11 @@ pub(super) fn check_places<'a>(
 
 /// Writers of everything that streams.
 pub(super) fn sinks<'a>(outputs: &[Wanted], job: &Job<'a>, setup: &Setup) -> Result<Vec<Box<dyn Sink + 'a>>, ExportError> {
-    let Setup { section, wardrobe, .. } = setup;
-    let wardrobe = || Arc::clone(wardrobe);
-    let (cloth, fabric) = (job.filed(), job.shown);
+    let filed = setup.fibres.as_ref().and_then(|fibres| fibres.filed.as_ref().map(|filed| (&fibres.bundles, filed)));
+    let (fabric, section) = filed.map_or((job.shown, &setup.section), |(_, (fabric, section))| (fabric, section));
+    // Fibres wear no pictures of yarns.
+    let wardrobe = || if filed.is_some() { Arc::default() } else { Arc::clone(&setup.wardrobe) };
+    let cloth = job.filed();
     let mut sinks: Vec<Box<dyn Sink + 'a>> = Vec::new();
     for (path, format) in outputs {
         match format {
@@ -89,7 +92,12 @@ pub(super) fn sinks<'a>(outputs: &[Wanted], job: &Job<'a>, setup: &Setup) -> Res
             Format::Png | Format::Json => Output::check(path)?,
         }
     }
-    Ok(sinks)
+    let Some((bundles, (_, section))) = filed else { return Ok(sinks) };
+    let surface = setup.options.surface.map(|_| *section);
+    Ok(sinks
+        .into_iter()
+        .map(|sink| -> Box<dyn Sink + 'a> { Box::new(SpunWriter::new(sink, bundles.clone(), surface)) })
+        .collect())
 }
 
 /// The whole files, and what comes with each.

@@ -9,6 +9,7 @@ pub mod clearance;
 pub mod held;
 mod lengths;
 pub mod picture;
+pub mod spun;
 pub mod strands;
 
 use std::ops::Range;

@@ -22,6 +22,7 @@ mod output;
 pub mod ply;
 pub mod png;
 mod spill;
+pub mod spun;
 mod temporary;
 mod texture;
 pub mod usda;

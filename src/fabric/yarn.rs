@@ -81,6 +81,11 @@ pub struct Count {
 }
 
 impl Count {
+    /// As coarse as that, times a share, held to what yarns can have.
+    pub(crate) fn times(self, share: f64) -> Self {
+        Self { value: (share * self.tex()).clamp(LEAST_TEX, MOST_TEX), unit: CountUnit::Tex }
+    }
+
     /// So many tex, held to what yarns can have, to a thousandth.
     pub(crate) fn of_tex(tex: f64) -> Self {
         Self { value: ((1000.0 * tex).round() / 1000.0).clamp(LEAST_TEX, MOST_TEX), unit: CountUnit::Tex }

@@ -2,6 +2,7 @@
 
 pub mod curve;
 pub mod faces;
+pub mod fibres;
 pub mod frame;
 pub mod line;
 pub mod nurbs;
