@@ -52,7 +52,7 @@ fn brdf(m: Material, toward_light: vec3f, toward_eye: vec3f) -> vec3f {
 
 // The colour of a sheen.
 fn glint(m: Material) -> vec3f {
-    return (m.albedo + 1.0) * 0.5;
+    return mix(m.albedo, vec3f(1.0), 1.0 / 3.0);
 }
 
 fn base_brdf(m: Material, toward_light: vec3f, toward_eye: vec3f) -> vec3f {

@@ -68,10 +68,10 @@ impl Surface {
         (self.diffuse(fresnel) / PI + specular) * self.sheen.spared(nl, nv)
     }
 
-    /// The colour of a sheen: half of it comes off the fibres, white, and half through them.
+    /// The colour of a sheen: a third of it comes off the fibres, white, and the rest through them.
     #[must_use]
     pub fn glint(&self) -> Vec3 {
-        self.albedo.midpoint(Vec3::ONE)
+        self.albedo.lerp(Vec3::ONE, 1.0 / 3.0)
     }
 
     /// The part of the light that leaves as the base colour where the share `fresnel` is mirrored.
