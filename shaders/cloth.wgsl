@@ -71,18 +71,25 @@ fn open_sky(at: vec2f, radius: f32, depth: f32, cosine: f32) -> f32 {
     return open_share((m.x - depth) / radius, depth - m.x > view.layer, m.z, cosine, SHAPE == RIBBON);
 }
 
-// What sun and sky send to the eye from a place whose round surface looks `outward`.
-fn light_of(material: Material, outward: vec3f, world: vec3f, toward_eye: vec3f, open: f32, occlusion: f32) -> vec3f {
+// What sun and sky send to the eye from a place whose round surface looks `outward` and has the BRDF `reflected` for the sun.
+fn light_of(
+    material: Material, reflected: vec3f, outward: vec3f, world: vec3f, toward_eye: vec3f, open: f32, occlusion: f32,
+) -> vec3f {
     var light = vec3f(0.0);
     let sun_cosine = dot(material.normal, view.toward_sun);
     if sun_cosine > 0.0 && (SHAPE == RIBBON || dot(outward, view.toward_sun) > 0.0) {
-        light = brdf(material, view.toward_sun, toward_eye) * view.sun * (sun_cosine * sunlit(world));
+        light = reflected * view.sun * (sun_cosine * sunlit(world));
     }
     let mirrored = schlick_rough(reflectance(material), dot(material.normal, toward_eye), material.roughness);
     let mirror = reflect(-toward_eye, material.normal);
     // The mean of a gradient over cosine-weighted directions is the gradient two thirds of the way to the normal.
     let above = sky(material.normal * (2.0 / 3.0)) * open + view.interior * (1.0 - open);
-    return light + (diffuse(material, mirrored) * above + mirrored * sky(mirror) * open) * occlusion;
+    var skylight = diffuse(material, mirrored) * above + mirrored * sky(mirror) * open;
+    if SHEEN {
+        skylight = skylight * sheen_spared_by_sky(material.sheen, dot(material.normal, toward_eye))
+            + glint(material) * above * sheen_of_sky(material.sheen, material.normal, toward_eye);
+    }
+    return light + skylight * occlusion;
 }
 
 struct Texel {
@@ -156,7 +163,8 @@ fn shade(in: Surface) -> Light {
     let cosine = dot(outward, toward_eye);
     let footprint = view.pixel * select(1.0, eye_distance, view.eye.w > 0.5);
 
-    var material = Material(outward, look.albedo, look.roughness, look.metallic);
+    let sheen = Sheen(look.sheen, look.fibre_slope, tangent);
+    var material = Material(outward, look.albedo, look.roughness, look.metallic, sheen);
     var alpha = 1.0;
     var occlusion = 1.0;
     if MAPS {
@@ -169,7 +177,7 @@ fn shade(in: Surface) -> Light {
         // A ribbon's back is its front seen through: only what looks outward turns.
         let sideways = cross(tangent, select(outward, normalize(in.normal), SHAPE == RIBBON));
         let tilted = tangent * texel.normal.x + sideways * texel.normal.y + outward * texel.normal.z;
-        material = Material(facing(normalize(tilted), toward_eye), texel.albedo, texel.roughness, texel.metallic);
+        material = Material(facing(normalize(tilted), toward_eye), texel.albedo, texel.roughness, texel.metallic, sheen);
     } else if SHAPE != RIBBON {
         let detail = ply_detail(Place(
             outward, toward_eye, tangent, around, in.along, in.radius, footprint, look.plies, look.ply_slope, look.fibre_slope,
@@ -182,7 +190,8 @@ fn shade(in: Surface) -> Light {
     }
 
     let open = open_sky(in.clip.xy, in.radius, 1.0 / in.clip.w, cosine);
-    let light = light_of(material, outward, world, toward_eye, open, occlusion);
+    let reflected = brdf(material, view.toward_sun, toward_eye);
+    let light = light_of(material, reflected, outward, world, toward_eye, open, occlusion);
 
     // Alpha to coverage, done here so that every driver takes the same samples and a solid sample's alpha is 1. Which samples differs from
     // yarn to yarn, or two half-covering ones would leave the same half open.
@@ -223,10 +232,19 @@ fn expand_lit(@builtin(vertex_index) vertex: u32, @builtin(instance_index) insta
     // The strip's edge stands MEAN_RISE before the axis.
     let world = in.world + (in.normal * (in.side * (GAUSS - 1.0)) + front_of * (rise - MEAN_RISE)) * in.radius;
     let shade = 1.0 - GROOVE * select(0.0, MEAN_GROOVE, look.plies > 1.0);
-    let material = Material(facing(outward, toward_eye), look.albedo * shade, look.roughness, look.metallic);
+    let sheen = Sheen(look.sheen, look.fibre_slope, normalize(in.tangent));
+    let material = Material(facing(outward, toward_eye), look.albedo * shade, look.roughness, look.metallic, sheen);
     let pixel = (in.clip.xy / in.clip.w * vec2f(0.5, -0.5) + 0.5) * vec2f(view.tile_width, view.tile_height);
     let open = open_sky(pixel, in.radius, in.clip.w, dot(outward, toward_eye));
-    return Lit(in.clip, light_of(material, outward, world, toward_eye, open, 1.0));
+    let reflected = base_brdf(material, view.toward_sun, toward_eye);
+    var light = light_of(material, reflected, outward, world, toward_eye, open, 1.0);
+    if SHEEN {
+        // That of the whole width, in the sun where the brightest of it is, as far pictures on the processor have it.
+        let brightest = sheen_brightest(sheen, view.toward_sun, toward_eye);
+        let shone = sunlit(world + (brightest - outward) * in.radius);
+        light += glint(material) * view.sun * (sheen_across(sheen, view.toward_sun, toward_eye) * shone);
+    }
+    return Lit(in.clip, light);
 }
 
 @fragment

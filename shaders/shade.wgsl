@@ -9,6 +9,7 @@ struct Material {
     albedo: vec3f,
     roughness: f32,
     metallic: f32,
+    sheen: Sheen,
 }
 
 fn reflectance(m: Material) -> vec3f {
@@ -42,6 +43,19 @@ fn masking(cosine: f32, k: f32) -> f32 {
 }
 
 fn brdf(m: Material, toward_light: vec3f, toward_eye: vec3f) -> vec3f {
+    let base = base_brdf(m, toward_light, toward_eye);
+    if !SHEEN {
+        return base;
+    }
+    return base + glint(m) * sheen_lobe(m.sheen, m.normal, toward_light, toward_eye);
+}
+
+// The colour of a sheen.
+fn glint(m: Material) -> vec3f {
+    return mix(m.albedo, vec3f(1.0), 1.0 / 3.0);
+}
+
+fn base_brdf(m: Material, toward_light: vec3f, toward_eye: vec3f) -> vec3f {
     let nl = dot(m.normal, toward_light);
     let nv = dot(m.normal, toward_eye);
     let sum = toward_light + toward_eye;
@@ -54,7 +68,11 @@ fn brdf(m: Material, toward_light: vec3f, toward_eye: vec3f) -> vec3f {
     let fresnel = schlick(reflectance(m), dot(toward_eye, half_way));
     let k = (roughness + 1.0) * (roughness + 1.0) / 8.0;
     let specular = fresnel * (beckmann(nh, roughness * roughness) * masking(nl, k) * masking(nv, k) / 4.0);
-    return diffuse(m, fresnel) / PI + specular;
+    let base = diffuse(m, fresnel) / PI + specular;
+    if !SHEEN {
+        return base;
+    }
+    return base * sheen_spared(m.sheen, nl, nv);
 }
 
 // Share of the sky that yarns nearby leave open: see open_sky in src/render/shade.rs. `other` where the yarn is one of another layer.

@@ -45,7 +45,9 @@ struct Look {
     fibre_slope: f32,
     // Length of one repeat of the maps, mm; 0 where there are none.
     repeat: f32,
-    spare: vec2f,
+    // Share that fibres mirror of what they could.
+    sheen: f32,
+    spare: f32,
 }
 
 @group(0) @binding(0) var<uniform> view: View;

@@ -42,6 +42,8 @@ pub struct YarnLook {
     /// Circumference over the length of one turn of the plies, or of the fibres where there is one ply; S over 0, Z under 0. A middling
     /// twist where it isn't known.
     pub twist_slope: Option<f32>,
+    /// How much its fibres mirror, 0 for dull ones to 1; see [`crate::render::sheen`].
+    pub sheen: f32,
     /// Its pictures in [`Scene::maps`]; a plain yarn has none, and plies and fibres are made up.
     pub maps: Option<u16>,
 }
@@ -50,7 +52,7 @@ impl YarnLook {
     /// Fibres of one colour in three plies of a middling twist.
     #[must_use]
     pub const fn plain(albedo: Vec3, roughness: f32, radius: f32) -> Self {
-        Self { albedo, roughness, metallic: 0.0, radius, plies: 3, twist_slope: None, maps: None }
+        Self { albedo, roughness, metallic: 0.0, radius, plies: 3, twist_slope: None, sheen: 0.0, maps: None }
     }
 }
 

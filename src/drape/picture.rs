@@ -14,10 +14,12 @@ pub(crate) const ROUGHNESS: f32 = 0.75;
 #[must_use]
 pub fn looks(fabric: &Fabric, radius: f64) -> Vec<YarnLook> {
     let look = |(bar, thickness): (&Bar, f64)| {
-        #[expect(clippy::cast_possible_truncation, reason = "a radius in mm and a slope about 1")]
-        let (radius, twist_slope) = ((radius * thickness) as f32, bar.yarn.twist_slope().map(|slope| slope as f32));
+        #[expect(clippy::cast_possible_truncation, reason = "a radius in mm, and what is about 1")]
+        let [radius, sheen] = [radius * thickness, bar.yarn.sheen.unwrap_or(0.0)].map(|number| number as f32);
+        #[expect(clippy::cast_possible_truncation, reason = "a slope about 1")]
+        let twist_slope = bar.yarn.twist_slope().map(|slope| slope as f32);
         let look = YarnLook::plain(bar.yarn.color.linear().into(), ROUGHNESS, radius);
-        YarnLook { plies: bar.yarn.plies.unwrap_or(look.plies), twist_slope, ..look }
+        YarnLook { plies: bar.yarn.plies.unwrap_or(look.plies), twist_slope, sheen, ..look }
     };
     fabric.bars.iter().zip(fabric.thickness()).map(look).collect()
 }

@@ -23,6 +23,8 @@ pub struct Yarn {
     pub plies: Option<u32>,
     /// Turns per metre of the plies, or of the fibres of a single yarn; over 0 is S, under 0 is Z.
     pub twist: Option<f64>,
+    /// How much fibres that lie side by side mirror, as filaments do and spun fibres don't, 0 to 1, where it is said.
+    pub sheen: Option<f64>,
     /// The yarn's pictures, a folder or an image for [`crate::photo::read_maps`]; in a file its path starts from the file's folder.
     pub texture: Option<PathBuf>,
     /// Length of yarn that the pictures show, mm, whatever they say themselves.
@@ -30,10 +32,10 @@ pub struct Yarn {
 }
 
 impl Yarn {
-    /// A plain yarn: nothing is said of its plies, twist and texture.
+    /// A plain yarn: nothing is said of its plies, twist, sheen and texture.
     #[must_use]
     pub fn plain(count: Count, density: f64, packing: f64, color: Color) -> Self {
-        Self { count, density, packing, color, plies: None, twist: None, texture: None, texture_length: None }
+        Self { count, density, packing, color, plies: None, twist: None, sheen: None, texture: None, texture_length: None }
     }
 
     /// Diameter in mm of the round yarn, `d = 0.03568 sqrt(tex / (density · packing))`.

@@ -1,7 +1,7 @@
 //! Pictures of yarns: one scene, one camera, one shading model, whatever draws it.
 //!
 //! In: a [`Scene`], a [`Camera`] and [`Options`]. Out: an sRGB picture with straight alpha. Rooms that every renderer shares:
-//! [`camera`] (rays and framing), [`light`] (sun and sky), [`shade`] (how a surface reflects), [`ply`] (what makes a tube read as
+//! [`camera`] (rays and framing), [`light`] (sun and sky), [`shade`] (how a surface reflects), [`sheen`] (what its fibres mirror), [`ply`] (what makes a tube read as
 //! yarn), [`maps`] (what a photo of a yarn says), `paths` (yarns as short pieces) and [`tone`] (from light to pixels). [`cpu`] traces rays, or draws
 //! what is far, and is the only room that knows of bounding volume hierarchies; [`gpu`] draws triangles and is the only one that names wgpu; [`painter`]
 //! chooses between the two.
@@ -28,6 +28,7 @@ pub mod painter;
 mod paths;
 pub mod ply;
 pub mod shade;
+pub mod sheen;
 pub mod tone;
 mod unroll;
 

@@ -14,6 +14,7 @@
 //! 0.55 up, where fibres lie; smoother white dielectrics gain up to 8 % at grazing angles, because the diffuse part gives up F of
 //! the half vector and not what the specular part takes.
 
+use super::sheen::Sheen;
 use glam::Vec3;
 use std::f32::consts::PI;
 
@@ -31,6 +32,8 @@ pub struct Surface {
     pub roughness: f32,
     /// 0 for fibres, 1 for metal.
     pub metallic: f32,
+    /// What its fibres mirror besides.
+    pub sheen: Sheen,
 }
 
 impl Surface {
@@ -43,6 +46,13 @@ impl Surface {
     /// The BRDF toward `view` of light from `light`, unit vectors away from the surface; zero where either is below it.
     #[must_use]
     pub fn brdf(&self, light: Vec3, view: Vec3) -> Vec3 {
+        let base = self.base(light, view);
+        if self.sheen.share > 0.0 { base + self.glint() * self.sheen.lobe(self.normal, light, view) } else { base }
+    }
+
+    /// The BRDF without the fibres' sheen, less what this takes.
+    #[must_use]
+    pub fn base(&self, light: Vec3, view: Vec3) -> Vec3 {
         let (nl, nv) = (self.normal.dot(light), self.normal.dot(view));
         let half = (light + view).normalize_or_zero();
         let nh = self.normal.dot(half);
@@ -55,7 +65,13 @@ impl Surface {
         let k = (roughness + 1.0) * (roughness + 1.0) / 8.0;
         let masking = |cosine: f32| 1.0 / (cosine * (1.0 - k) + k);
         let specular = fresnel * (beckmann(nh, roughness * roughness) * masking(nl) * masking(nv) / 4.0);
-        self.diffuse(fresnel) / PI + specular
+        (self.diffuse(fresnel) / PI + specular) * self.sheen.spared(nl, nv)
+    }
+
+    /// The colour of a sheen: a third of it comes off the fibres, white, and the rest through them.
+    #[must_use]
+    pub fn glint(&self) -> Vec3 {
+        self.albedo.lerp(Vec3::ONE, 1.0 / 3.0)
     }
 
     /// The part of the light that leaves as the base colour where the share `fresnel` is mirrored.
@@ -115,6 +131,7 @@ mod tests {
             albedo: Vec3::splat(albedo),
             roughness,
             metallic,
+            sheen: Sheen::NONE,
         };
         [0.25, 0.55, 0.7, 1.0].into_iter().flat_map(move |roughness| {
             [(0.0, 1.0), (0.0, 0.5), (0.5, 1.0), (1.0, 1.0)].map(|(metallic, albedo)| of(roughness, metallic, albedo))
@@ -149,9 +166,30 @@ mod tests {
         }
     }
 
+    /// The materials with sheens of several shares and slopes.
+    fn shining() -> impl Iterator<Item = Surface> {
+        let sheens = [(0.3, 0.0), (0.6, -0.4), (1.0, 0.0), (1.0, 0.7)];
+        let of = |(share, slope)| Sheen { share, slope, tangent: Vec3::X };
+        materials().flat_map(move |surface| sheens.map(|sheen| Surface { sheen: of(sheen), ..surface }))
+    }
+
+    #[test]
+    fn a_sheen_gains_no_energy_that_the_rest_does_not() {
+        for surface in shining() {
+            let dull = Surface { sheen: Sheen::NONE, ..surface };
+            for cosine in [1.0, 0.5, 0.05] {
+                for angle in [0.3, 1.5] {
+                    let view = direction(cosine, angle);
+                    let (total, without) = (furnace(&surface, view), furnace(&dull, view));
+                    assert!(total <= without.max(1.0), "{total} {without} at {cosine} for {surface:?}");
+                }
+            }
+        }
+    }
+
     #[test]
     fn light_and_view_may_be_exchanged() {
-        for surface in materials() {
+        for surface in materials().chain(shining()) {
             for (a, b) in [(0.9, 0.2), (0.5, 0.6), (0.05, 1.0)] {
                 let (l, v) = (direction(a, 0.4), direction(b, 2.0));
                 assert!((surface.brdf(l, v) - surface.brdf(v, l)).abs().max_element() < 1e-5);
@@ -161,7 +199,7 @@ mod tests {
 
     #[test]
     fn head_on_the_terms_have_closed_forms() {
-        let surface = Surface { normal: Vec3::Z, albedo: Vec3::splat(0.6), roughness: 0.5, metallic: 0.0 };
+        let surface = Surface { normal: Vec3::Z, albedo: Vec3::splat(0.6), roughness: 0.5, metallic: 0.0, sheen: Sheen::NONE };
         // n = l = v: F = 0.04, G = 1, D = 1 / (pi a^2), a = 1/4.
         let expected = 0.96 * 0.6 / PI + 16.0 / PI * 0.04 / 4.0;
         assert!((surface.brdf(Vec3::Z, Vec3::Z).x - expected).abs() < 1e-6);
@@ -169,7 +207,7 @@ mod tests {
 
     #[test]
     fn nothing_comes_from_below_and_nothing_is_nan() {
-        for surface in materials() {
+        for surface in materials().chain(shining()) {
             assert_eq!(surface.brdf(Vec3::NEG_Z, Vec3::Z), Vec3::ZERO);
             assert_eq!(surface.brdf(direction(0.1, 0.0), -direction(0.1, 0.0)), Vec3::ZERO);
             assert!(surface.brdf(direction(1e-6, 0.0), direction(1e-6, PI)).is_finite());

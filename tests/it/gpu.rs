@@ -17,7 +17,7 @@ use warpknit::render::{Background, Camera, Choice, Options, Painter, View, rende
 use warpknit::scene::{Scene, Shape, YarnLook};
 
 /// Whether there is an adapter, be it software; CI must have one.
-fn can_draw(test: &str) -> bool {
+pub(crate) fn can_draw(test: &str) -> bool {
     match Gpu::find(true) {
         Ok(_) => true,
         Err(error) => {

@@ -40,6 +40,7 @@ mod relax;
 mod render;
 mod ribbon;
 mod sequence;
+mod sheen;
 mod tile;
 #[cfg(all(feature = "view", target_os = "linux"))]
 mod view;

@@ -32,6 +32,7 @@ const FIBRE_DENSITY: Limits = (0.1, 25.0, "g/cm³");
 const PACKING: Limits = (0.01, 1.0, "");
 const PLIES: Limits = (1.0, 12.0, "");
 const TWIST: Limits = (-5000.0, 5000.0, "turns per metre");
+const SHEEN: Limits = (0.0, 1.0, "");
 const TEXTURE_LENGTH: Limits = (0.01, 10_000.0, "mm");
 const GRAIN: Limits = (-360.0, 360.0, "degrees");
 const ORIGIN: Limits = (-1e5, 1e5, "mm");
@@ -128,6 +129,8 @@ struct YarnTable {
     plies: Option<Spanned<u32>>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     twist: Option<Spanned<f64>>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    sheen: Option<Spanned<f64>>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     texture: Option<PathBuf>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -319,6 +322,7 @@ impl YarnTable {
             color: self.color,
             plies: self.plies.map(Spanned::into_inner),
             twist: optional("twist", &self.twist, TWIST)?,
+            sheen: optional("sheen", &self.sheen, SHEEN)?,
             texture: self.texture,
             texture_length: optional("texture_length", &self.texture_length, TEXTURE_LENGTH)?,
         })
@@ -383,6 +387,7 @@ impl From<&Yarn> for YarnTable {
             color: yarn.color,
             plies: yarn.plies.map(unplaced),
             twist: yarn.twist.map(unplaced),
+            sheen: yarn.sheen.map(unplaced),
             texture: yarn.texture.clone(),
             texture_length: yarn.texture_length.map(unplaced),
         }
@@ -452,6 +457,7 @@ panel = 1
         pointed("plies = 2", "plies = 99", "bar 1: yarn.plies is 99", "9: ", "99");
         pointed("plies = 2", "plies = 2.5", "expected u32", "9: ", "2.5");
         pointed("plies = 2", "twist = 1e9", "yarn.twist is 1000000000", "9: ", "1e9");
+        pointed("plies = 2", "sheen = 1.5", "yarn.sheen is 1.5, but must be between 0 and 1", "9: ", "1.5");
         pointed("44 dtex", "44 stone", "no yarn count", "9: ", "\"44 stone\"");
         pointed("w1 = 0.2", "w1 = 0.9", "stitch.w1 is 0.9, but must be between 0.01 and 0.5 of the wale", "4: ", "0.9");
         pointed("w1", "w9", "[stitch] has no w9: it takes w1 w1x", "4: ", "w9");
@@ -490,12 +496,13 @@ panel = 1
     fn yarns() -> impl Strategy<Value = Yarn> {
         let count = (0.01..9999.0, prop::sample::select(vec!["tex", "dtex", "den", "Nm"]));
         let count = count.prop_filter_map("too fine", |(value, unit): (f64, &str)| format!("{value} {unit}").parse().ok());
-        let look = (prop::option::of(1..=12_u32), prop::option::of(-5000.0..5000.0));
+        let look = (prop::option::of(1..=12_u32), prop::option::of(-5000.0..5000.0), prop::option::of(0.0..=1.0));
         let texture = (prop::option::of(".{0,12}"), prop::option::of(0.01..10_000.0));
         (count, 0.1..25.0, 0.01..1.0, prop::array::uniform3(0_u8..), look, texture).prop_map(
-            |(count, density, packing, rgb, (plies, twist), (texture, texture_length))| Yarn {
+            |(count, density, packing, rgb, (plies, twist, sheen), (texture, texture_length))| Yarn {
                 plies,
                 twist,
+                sheen,
                 texture: texture.map(PathBuf::from),
                 texture_length,
                 ..Yarn::plain(count, density, packing, Color(rgb))

@@ -6,10 +6,13 @@ use std::f32::consts::TAU;
 
 use glam::{Vec3, Vec4};
 
+use super::narrow;
 use crate::render::light::Rig;
 use crate::render::maps::Maps;
+use crate::render::ply;
 use crate::render::shade::{Surface, schlick_rough};
-use crate::scene::Shape;
+use crate::render::sheen::Sheen;
+use crate::scene::{Shape, YarnLook};
 
 /// A place on a yarn, before anything is known of its colour.
 pub(super) struct Spot {
@@ -48,11 +51,24 @@ impl Sky {
         let normal = surface.normal;
         let mirrored = schlick_rough(surface.f0(), normal.dot(toward_eye), surface.roughness);
         let mirror = (normal * (2.0 * normal.dot(toward_eye)) - toward_eye).normalize_or(normal);
-        surface.diffuse(mirrored) * self.light + mirrored * rig.sky(mirror) * self.open
+        let base = surface.diffuse(mirrored) * self.light + mirrored * rig.sky(mirror) * self.open;
+        let sheen = &surface.sheen;
+        if sheen.share <= 0.0 {
+            return base;
+        }
+        // Fibres mirror a whole cone of the sky: its mean is not far from that of all.
+        let of_fibres = surface.glint() * self.light * sheen.of_sky(normal, toward_eye);
+        base * sheen.spared_by_sky(normal.dot(toward_eye)) + of_fibres
     }
 }
 
-/// The surface of a yarn at a place of its photo, and its occlusion.
+/// The sheen of a yarn that runs along `tangent`.
+pub(super) fn sheen(look: &YarnLook, tangent: Vec3) -> Sheen {
+    let [_, slope] = ply::slopes(narrow(f64::from(look.plies)), look.twist_slope);
+    Sheen { share: look.sheen, slope, tangent }
+}
+
+/// The surface of a yarn, without its sheen, at a place of its photo, and its occlusion.
 ///
 /// `footprint` is what a pixel shows of the photo's height and length, as shares of these.
 pub(super) fn mapped(maps: &Maps, spot: &Spot, footprint: [f32; 2], shape: Shape) -> (Surface, f32) {
@@ -60,5 +76,8 @@ pub(super) fn mapped(maps: &Maps, spot: &Spot, footprint: [f32; 2], shape: Shape
     let texel = maps.sample(u, v, footprint[0], footprint[1], shape);
     let tilt = texel.normal;
     let normal = (spot.tangent * tilt.x + spot.top * tilt.y + spot.normal * tilt.z).normalize_or(spot.normal);
-    (Surface { normal, albedo: texel.albedo, roughness: texel.roughness, metallic: texel.metallic }, texel.occlusion)
+    (
+        Surface { normal, albedo: texel.albedo, roughness: texel.roughness, metallic: texel.metallic, sheen: Sheen::NONE },
+        texel.occlusion,
+    )
 }

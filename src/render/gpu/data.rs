@@ -48,7 +48,8 @@ pub(super) struct Look {
     pub(super) ply_slope: f32,
     pub(super) fibre_slope: f32,
     pub(super) repeat: f32,
-    pub(super) spare: Vec2,
+    pub(super) sheen: f32,
+    pub(super) spare: f32,
 }
 
 /// `Chunk` of `shaders/yarn.wgsl`.
@@ -127,7 +128,7 @@ mod tests {
         let twins = [
             layout!(View: clip_from_world, sun_from_world, eye, toward_sun, pixel, sun, tile_width, zenith, tile_height, sky_above,
                 depth_scale, sky_below, corner_x, interior, corner_y, sun_bias, layer, spare),
-            layout!(Look: albedo, roughness, metallic, radius, plies, ply_slope, fibre_slope, repeat, spare),
+            layout!(Look: albedo, roughness, metallic, radius, plies, ply_slope, fibre_slope, repeat, sheen, spare),
             layout!(Chunk: first, count, look, spare),
             layout!(Draw: first, stride, edges, spare),
             layout!(Blur: step, reach, sigma, near, far, perspective, layer),

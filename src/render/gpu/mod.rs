@@ -67,6 +67,8 @@ pub struct Yarns {
     pages: Vec<Page>,
     shape: Shape,
     kinds: Kinds,
+    /// Whether any of them has a sheen.
+    shines: bool,
     looks: wgpu::Buffer,
     thinnest: f32,
     /// See [`Scene::mean_albedo`].
@@ -113,6 +115,7 @@ impl Renderer {
         if looks.is_empty() {
             looks.push(bytemuck::Zeroable::zeroed());
         }
+        let shines = scene.looks.iter().any(|look| look.sheen > 0.0);
         let looks = self.gpu.store("looks", bytemuck::cast_slice(&looks), BufferUsages::STORAGE);
         let most = self.gpu.device.limits().max_texture_dimension_2d;
         if let Some(maps) = scene.maps.iter().find(|maps| maps.base.levels[0].width().max(maps.base.levels[0].height()) > most) {
@@ -125,7 +128,7 @@ impl Renderer {
         maps.push(self.maps_group(&none, &none, &none));
         let pages = pages::upload(&self.gpu, scene, centre, st)?;
         let (albedo, kinds) = (scene.mean_albedo(), Kinds::of(scene));
-        Ok(Yarns { centre, pages, shape: scene.shape, kinds, looks, thinnest, albedo, maps })
+        Ok(Yarns { centre, pages, shape: scene.shape, kinds, shines, looks, thinnest, albedo, maps })
     }
 
     /// Draws a picture and brings it back.
@@ -338,6 +341,7 @@ fn shader_look(look: &YarnLook, scene: &Scene) -> data::Look {
         ply_slope,
         fibre_slope,
         repeat,
-        spare: Vec2::ZERO,
+        sheen: look.sheen,
+        spare: 0.0,
     }
 }

@@ -9,6 +9,7 @@ use wgpu::util::DeviceExt;
 use super::{Gpu, shaders};
 use crate::render::ply::{self, Place};
 use crate::render::shade::{self, Surface, schlick_rough};
+use crate::render::sheen::Sheen;
 use crate::render::{Background, tone};
 
 /// Inputs of each formula, four numbers four times.
@@ -21,6 +22,15 @@ const RUN: &str = "
 @compute @workgroup_size(64)
 fn run(@builtin(global_invocation_id) id: vec3u) {
     outputs[id.x] = formula(inputs[id.x]);
+}
+";
+
+/// The twin of [`direction`].
+const DIRECTION: &str = "
+fn direction(u: vec2f) -> vec3f {
+    let height = 2.0 * u.x - 1.0;
+    let around = sqrt(max(1.0 - height * height, 0.0));
+    return vec3f(cos(TAU * u.y) * around, sin(TAU * u.y) * around, height);
 }
 ";
 
@@ -127,25 +137,50 @@ fn formula(u: mat4x4f) -> vec4f {
 fn reflection_is_the_same() {
     let Some(gpu) = adapter("reflection_is_the_same") else { return };
     let formula = "
-fn direction(u: vec2f) -> vec3f {
-    let height = 2.0 * u.x - 1.0;
-    let around = sqrt(max(1.0 - height * height, 0.0));
-    return vec3f(cos(TAU * u.y) * around, sin(TAU * u.y) * around, height);
-}
 fn formula(u: mat4x4f) -> vec4f {
-    let m = Material(direction(u[0].xy), u[1].xyz, u[2].x, u[2].y);
+    let sheen = Sheen(select(0.0, u[2].z, u[2].w > 0.3), u[3].w - 0.5, direction(vec2f(u[2].w, u[2].z)));
+    let m = Material(direction(u[0].xy), u[1].xyz, u[2].x, u[2].y, sheen);
     return vec4f(brdf(m, direction(u[0].zw), direction(u[3].xy)), schlick_rough(reflectance(m), u[3].z, m.roughness).x);
 }";
     let inputs = random();
     let twin = |u: &Input| {
-        let surface = Surface { normal: direction(u[0]), albedo: u[1].truncate(), roughness: u[2].x, metallic: u[2].y };
+        let share = if u[2].w > 0.3 { u[2].z } else { 0.0 };
+        let sheen = Sheen { share, slope: u[3].w - 0.5, tangent: direction(Vec4::new(u[2].w, u[2].z, 0.0, 0.0)) };
+        let (normal, albedo) = (direction(u[0]), u[1].truncate());
+        let surface = Surface { normal, albedo, roughness: u[2].x, metallic: u[2].y, sheen };
         let toward = Vec4::new(u[0].z, u[0].w, 0.0, 0.0);
         let skylight = schlick_rough(surface.f0(), u[3].z, surface.roughness).x;
         surface.brdf(direction(toward), direction(u[3])).extend(skylight)
     };
     let expected: Vec<_> = inputs.iter().map(twin).collect();
     assert!(expected.iter().filter(|f| f.x > 0.0).count() > COUNT / 8, "light and eye are often enough on one side");
-    assert_close(&on_device(&gpu, shaders::YARN, formula, &inputs), &expected, 1e-3, 2);
+    assert_close(&on_device(&gpu, shaders::YARN, &format!("{DIRECTION}{formula}"), &inputs), &expected, 1e-3, 2);
+}
+
+#[test]
+fn sheens_of_yarns_and_skies_are_the_same() {
+    let Some(gpu) = adapter("sheens_of_yarns_and_skies_are_the_same") else { return };
+    let formula = "
+fn formula(u: mat4x4f) -> vec4f {
+    let s = Sheen(u[0].x, u[0].y - 0.5, direction(u[0].zw));
+    let toward_light = direction(u[1].xy);
+    let toward_eye = direction(u[1].zw);
+    let height = dot(sheen_brightest(s, toward_light, toward_eye), vec3f(0.6, 0.0, 0.8));
+    return vec4f(
+        sheen_across(s, toward_light, toward_eye), sheen_spared_by_sky(s, u[2].z), sheen_of_sky(s, direction(u[2].xy), toward_eye), height,
+    );
+}";
+    let inputs = random();
+    let twin = |u: &Input| {
+        let [tangent, view] = [u[0], u[1]].map(|row| direction(Vec4::new(row.z, row.w, 0.0, 0.0)));
+        let light = direction(u[1]);
+        let sheen = Sheen { share: u[0].x, slope: u[0].y - 0.5, tangent };
+        let height = sheen.brightest(light, view).dot(Vec3::new(0.6, 0.0, 0.8));
+        Vec4::new(sheen.across(light, view), sheen.spared_by_sky(u[2].z), sheen.of_sky(direction(u[2]), view), height)
+    };
+    let expected: Vec<_> = inputs.iter().map(twin).collect();
+    assert!(expected.iter().filter(|f| f.x > 0.01).count() > COUNT / 8, "many shine");
+    assert_close(&on_device(&gpu, shaders::YARN, &format!("{DIRECTION}{formula}"), &inputs), &expected, 1e-3, 2);
 }
 
 #[test]

@@ -27,7 +27,8 @@ impl Yarns {
             (Shape::Tube, 2) => Expansion::Strip,
             (Shape::Tube, _) => Expansion::Tube,
         };
-        Purpose { expansion, writes, has_maps: kind.maps.is_some() }
+        let shines = self.shines && matches!(writes, Writes::Light | Writes::Fuzz);
+        Purpose { expansion, writes, has_maps: kind.maps.is_some(), shines }
     }
 }
 

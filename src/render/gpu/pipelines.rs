@@ -39,6 +39,8 @@ pub(super) struct Purpose {
     pub(super) expansion: Expansion,
     pub(super) writes: Writes,
     pub(super) has_maps: bool,
+    /// Whether yarns may have a sheen.
+    pub(super) shines: bool,
 }
 
 impl Purpose {
@@ -177,7 +179,7 @@ fn yarn_pipeline(
     purpose: Purpose,
     samples: u32,
 ) -> wgpu::RenderPipeline {
-    let Purpose { expansion, writes, has_maps } = purpose;
+    let Purpose { expansion, writes, has_maps, shines } = purpose;
     let samples = if writes == Writes::Depth { 1 } else { samples };
     let groups = if matches!(writes, Writes::Depth | Writes::Before) { 3 } else { 4 };
     let groups = &[Some(&layouts.view), Some(&layouts.page), Some(&layouts.maps), Some(&layouts.light)][..groups];
@@ -187,7 +189,12 @@ fn yarn_pipeline(
         immediate_size: 0,
     });
     let is_fuzz = writes == Writes::Fuzz;
-    let constants = &[("SHAPE", f64::from(expansion as u32)), ("FUZZ", switch(is_fuzz)), ("MAPS", switch(has_maps))];
+    let constants = &[
+        ("SHAPE", f64::from(expansion as u32)),
+        ("FUZZ", switch(is_fuzz)),
+        ("MAPS", switch(has_maps)),
+        ("SHEEN", switch(shines)),
+    ];
     let compilation_options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
     let blend = is_fuzz.then_some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING);
     let light = [Some(wgpu::ColorTargetState { format: LIGHT, blend, write_mask: wgpu::ColorWrites::ALL })];

@@ -4,6 +4,7 @@
 pub(super) const YARN: &str = concat!(
     include_str!("../../../shaders/view.wgsl"),
     include_str!("../../../shaders/yarn.wgsl"),
+    include_str!("../../../shaders/sheen.wgsl"),
     include_str!("../../../shaders/shade.wgsl"),
     include_str!("../../../shaders/ply.wgsl"),
     include_str!("../../../shaders/cloth.wgsl"),

@@ -17,11 +17,12 @@ use std::ops::Range;
 use glam::{Vec2, Vec3, Vec4};
 
 use super::film::Splats;
-use super::lit::{Sky, Spot, direct, mapped, opaque};
+use super::lit::{self, Sky, Spot, mapped, opaque};
 use super::sample::{Purpose, Sampler};
 use super::{is_thin, lit_rows, narrow};
 use crate::render::light::Rig;
 use crate::render::shade::Surface;
+use crate::render::sheen::Sheen;
 use crate::render::{Camera, Options, ply};
 use crate::scene::{Bounds, Scene, Shape};
 use layers::Layers;
@@ -129,16 +130,31 @@ impl<'a> Far<'a> {
             }
             None => {
                 let albedo = look.albedo * ply::mean_shade(look.plies);
-                (Surface { normal: outward, albedo, roughness: look.roughness, metallic: look.metallic }, 1.0)
+                let (roughness, metallic) = (look.roughness, look.metallic);
+                (Surface { normal: outward, albedo, roughness, metallic, sheen: Sheen::NONE }, 1.0)
             }
         };
         surface.normal = ply::facing(surface.normal, toward_eye);
-        let toward_sun = self.rig.sun_sample(sun);
-        let in_sun = outward.dot(toward_sun) > 0.0 && self.sun.reaches(position, piece.radius, toward_sun);
-        let from_sun = if in_sun { direct(&self.rig, &surface, toward_sun, toward_eye) } else { Vec3::ZERO };
+        surface.sheen = lit::sheen(look, tangent);
+        let from_sun = self.sunlight(&surface, outward, axis, piece.radius, self.rig.sun_sample(sun), toward_eye);
         let cosine = outward.dot(toward_eye);
         let open = layers.open_sky(place, piece.radius, self.screen.depth(position), cosine);
         Some(from_sun + self.sky(&surface, open).reflected(&self.rig, &surface, toward_eye) * occlusion)
+    }
+
+    /// The sun's light toward the eye from the side of a yarn that looks `outward`. The sheen is that of all the width that is seen, in the sun
+    /// where the brightest of it is: other samples of the pixel would find it on the average, but with more noise.
+    fn sunlight(&self, surface: &Surface, outward: Vec3, axis: Vec3, radius: f32, toward_sun: Vec3, toward_eye: Vec3) -> Vec3 {
+        let reaches = |outward: Vec3| self.sun.reaches(axis + outward * radius, radius, toward_sun);
+        let mut light = Vec3::ZERO;
+        if outward.dot(toward_sun) > 0.0 && reaches(outward) {
+            light = surface.base(toward_sun, toward_eye) * self.rig.sun() * surface.normal.dot(toward_sun).max(0.0);
+        }
+        let sheen = &surface.sheen;
+        if sheen.share > 0.0 && reaches(sheen.brightest(toward_sun, toward_eye)) {
+            light += surface.glint() * self.rig.sun() * sheen.across(toward_sun, toward_eye);
+        }
+        light
     }
 
     /// What a place sees above it, of which yarns leave some share open.

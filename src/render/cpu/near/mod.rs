@@ -14,12 +14,13 @@ use std::f32::consts::TAU;
 use glam::{Vec3, Vec4};
 
 use super::film::Splats;
-use super::lit::{Sky, Spot, direct, mapped, opaque};
+use super::lit::{self, Sky, Spot, direct, mapped, opaque};
 use super::sample::{Purpose, Sampler};
 use super::{is_thin, narrow, share};
 use crate::render::light::Rig;
 use crate::render::ply::{self, Place};
 use crate::render::shade::Surface;
+use crate::render::sheen::Sheen;
 use crate::render::{Camera, Options};
 use crate::scene::{Bounds, Scene, Shape, YarnLook};
 use ray::{Eye, Hit, Path};
@@ -110,6 +111,7 @@ impl<'a> Near<'a> {
             None => (self.plied(look, &spot, toward_eye, footprint), 1.0),
         };
         surface.normal = ply::facing(surface.normal, toward_eye);
+        surface.sheen = lit::sheen(look, spot.tangent);
         Meeting {
             start: hit.start,
             position: spot.position,
@@ -152,7 +154,7 @@ impl<'a> Near<'a> {
         Spot { position: path.at(hit.distance), normal, tangent, top, around: u * TAU, along }
     }
 
-    /// The surface of a yarn of which there is no photo.
+    /// The surface of a yarn of which there is no photo, without its sheen.
     fn plied(&self, look: &YarnLook, spot: &Spot, toward_eye: Vec3, footprint: f32) -> Surface {
         let (normal, shade) = match self.tracer.segments.scene.shape {
             Shape::Ribbon => (spot.normal, 1.0),
@@ -168,7 +170,7 @@ impl<'a> Near<'a> {
                 twist_slope: look.twist_slope,
             }),
         };
-        Surface { normal, albedo: look.albedo * shade, roughness: look.roughness, metallic: look.metallic }
+        Surface { normal, albedo: look.albedo * shade, roughness: look.roughness, metallic: look.metallic, sheen: Sheen::NONE }
     }
 
     /// What a yarn that stops a sky ray is coloured like.

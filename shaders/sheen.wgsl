@@ -1,0 +1,66 @@
+// src/render/sheen.rs, line by line: what fibres mirror that lie side by side. A test compares the two on random input.
+
+// Whether any yarn of the scene has a sheen.
+override SHEEN: bool = true;
+const CONCENTRATION = 40.0;
+const EVEN = 0.6;
+const FORWARD = 3.0;
+const ALONG = 0.95;
+
+struct Sheen {
+    share: f32,
+    slope: f32,
+    tangent: vec3f,
+}
+
+fn fibre_of(s: Sheen, normal: vec3f) -> vec3f {
+    let turned = s.tangent - cross(s.tangent, normal) * s.slope;
+    let flat = turned - normal * dot(turned, normal);
+    return select(s.tangent, normalize(flat), dot(flat, flat) > 0.0);
+}
+
+fn sheen_lobe(s: Sheen, normal: vec3f, toward_light: vec3f, toward_eye: vec3f) -> f32 {
+    let nl = dot(normal, toward_light);
+    let nv = dot(normal, toward_eye);
+    if nl <= 0.0 || nv <= 0.0 {
+        return 0.0;
+    }
+    let sine = dot(fibre_of(s, normal), normalize(toward_light + toward_eye));
+    let spread = exp(CONCENTRATION * (sqrt(max(1.0 - sine * sine, 0.0)) - 1.0));
+    let phase = EVEN + (1.0 - EVEN) * exp(-FORWARD * (1.0 + dot(toward_light, toward_eye)));
+    return s.share * spread * phase / (nl + nv);
+}
+
+fn sheen_at(s: Sheen, width: vec3f, front: vec3f, side: f32, toward_light: vec3f, toward_eye: vec3f) -> f32 {
+    let normal = width * side + front * sqrt(1.0 - side * side);
+    return sheen_lobe(s, normal, toward_light, toward_eye) * max(dot(normal, toward_light), 0.0);
+}
+
+fn sheen_across(s: Sheen, toward_light: vec3f, toward_eye: vec3f) -> f32 {
+    let sideways = cross(s.tangent, toward_eye);
+    let width = select(vec3f(0.0), normalize(sideways), dot(sideways, sideways) > 0.0);
+    let front = cross(width, s.tangent);
+    let outer = sheen_at(s, width, front, -0.861136, toward_light, toward_eye) + sheen_at(s, width, front, 0.861136, toward_light, toward_eye);
+    let inner = sheen_at(s, width, front, -0.339981, toward_light, toward_eye) + sheen_at(s, width, front, 0.339981, toward_light, toward_eye);
+    return 0.173927 * outer + 0.326073 * inner;
+}
+
+fn sheen_brightest(s: Sheen, toward_light: vec3f, toward_eye: vec3f) -> vec3f {
+    let sum = toward_light + toward_eye;
+    let flat = sum - s.tangent * dot(sum, s.tangent);
+    return select(toward_eye, normalize(flat), dot(flat, flat) > 0.0);
+}
+
+fn sheen_spared(s: Sheen, light_cosine: f32, view_cosine: f32) -> f32 {
+    return 1.0 - s.share / (1.0 + saturate(min(light_cosine, view_cosine)));
+}
+
+fn sheen_spared_by_sky(s: Sheen, view_cosine: f32) -> f32 {
+    let cosine = saturate(view_cosine);
+    return 1.0 - s.share * (1.0 + cosine - 2.0 * log(1.0 + cosine));
+}
+
+fn sheen_of_sky(s: Sheen, normal: vec3f, toward_eye: vec3f) -> f32 {
+    let along = dot(fibre_of(s, normal), toward_eye);
+    return s.share * sqrt(1.0 - ALONG * along * along) / (1.0 + saturate(dot(normal, toward_eye)));
+}

@@ -1,0 +1,222 @@
+//! The sheen of satin and silk: what fibres mirror that lie side by side, along a yarn or around it at the angle of their twist.
+//!
+//! In: a [`Sheen`] and unit directions. Out: what it adds to the BRDF, and what it leaves of the rest. After Irawan and Marschner 2012
+//! ("Specular reflection from woven cloth"), with their terms but not their curved cylinders, since here the yarns are there:
+//!
+//! ```text
+//! f = share e^(40 (cos d - 1)) P / (n.l + n.v),   sin d = t.h
+//! P = .6 + .4 e^(-3 (1 + l.v))
+//! ```
+//!
+//! A fibre along t mirrors light where the half vector h is across it; fibres are not quite parallel, so that d is spread by a von Mises
+//! distribution. P is their phase function: as much to all sides, and more forward. The divisor is Seeliger's law for fibres that shadow and hide
+//! each other. A shader is to follow this file line by line.
+//!
+//! It is reciprocal. With these constants it mirrors at most 1 / (1 + n.v) of the light toward v, and that is what the rest of the surface is
+//! denied, so that both together gain no energy that the rest alone doesn't. It does not change colour with the angle.
+
+use glam::Vec3;
+
+/// Von Mises' concentration of the fibres: they stray by 9 degrees root mean square, as filaments of a little crimp do.
+const CONCENTRATION: f32 = 40.0;
+/// The phase function's even part. What is above is the share of what goes forward, of this concentration.
+const EVEN: f32 = 0.6;
+const FORWARD: f32 = 3.0;
+/// What of its width a fibre hides that is seen along its length; it strays by some degrees, so not all.
+const ALONG: f32 = 0.95;
+/// Where across a yarn's width, in radii, its highlight is asked for, and for what share of the mean (Gauss and Legendre).
+const NODES: [(f32, f32); 4] = [(-0.861_136, 0.173_927), (-0.339_981, 0.326_073), (0.339_981, 0.326_073), (0.861_136, 0.173_927)];
+
+/// Fibres in a yarn's surface that mirror light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sheen {
+    /// Share of what they could mirror, 0..1.
+    pub share: f32,
+    /// Slope of the fibres against the yarn's axis: S over 0, Z under 0.
+    pub slope: f32,
+    /// Unit tangent of the yarn.
+    pub tangent: Vec3,
+}
+
+impl Sheen {
+    /// That of dull fibres.
+    pub const NONE: Self = Self { share: 0.0, slope: 0.0, tangent: Vec3::X };
+
+    /// Unit direction of the fibres where the yarn's surface looks along `normal`.
+    #[must_use]
+    pub fn fibre(&self, normal: Vec3) -> Vec3 {
+        let turned = self.tangent - self.tangent.cross(normal) * self.slope;
+        (turned - normal * turned.dot(normal)).normalize_or(self.tangent)
+    }
+
+    /// What it adds to the BRDF of a surface that looks along `normal`; zero where either direction is below it.
+    #[must_use]
+    pub fn lobe(&self, normal: Vec3, light: Vec3, view: Vec3) -> f32 {
+        let (nl, nv) = (normal.dot(light), normal.dot(view));
+        if nl <= 0.0 || nv <= 0.0 {
+            return 0.0;
+        }
+        let sine = self.fibre(normal).dot((light + view).normalize_or_zero());
+        let spread = (CONCENTRATION * ((1.0 - sine * sine).max(0.0).sqrt() - 1.0)).exp();
+        let phase = EVEN + (1.0 - EVEN) * (-FORWARD * (1.0 + light.dot(view))).exp();
+        self.share * spread * phase / (nl + nv)
+    }
+
+    /// What it adds to the light from a yarn, of a light of irradiance 1, in the mean over the width that is seen: for yarns of which a pixel shows
+    /// the whole width. Their highlight is a narrow line if they are twisted, which one place of the width would hit or miss; four are enough, since
+    /// the fibres' spread is wider than their distance.
+    #[must_use]
+    pub fn across(&self, light: Vec3, view: Vec3) -> f32 {
+        let width = self.tangent.cross(view).normalize_or_zero();
+        let front = width.cross(self.tangent);
+        let at = |(side, share): (f32, f32)| {
+            let normal = width * side + front * (1.0 - side * side).sqrt();
+            share * self.lobe(normal, light, view) * normal.dot(light).max(0.0)
+        };
+        NODES.into_iter().map(at).sum()
+    }
+
+    /// Where around its yarn the highlight is, as the normal there: where a yarn hides the light from the next, it does so there.
+    #[must_use]
+    pub fn brightest(&self, light: Vec3, view: Vec3) -> Vec3 {
+        let sum = light + view;
+        (sum - self.tangent * sum.dot(self.tangent)).normalize_or(view)
+    }
+
+    /// What it leaves to the rest of the surface of light that comes and goes at these cosines.
+    #[must_use]
+    pub fn spared(&self, light_cosine: f32, view_cosine: f32) -> f32 {
+        1.0 - self.share / (1.0 + light_cosine.min(view_cosine).clamp(0.0, 1.0))
+    }
+
+    /// The same of light from a whole sky: the mean of [`Self::spared`] by the cosine.
+    #[must_use]
+    pub fn spared_by_sky(&self, view_cosine: f32) -> f32 {
+        let cosine = view_cosine.clamp(0.0, 1.0);
+        1.0 - self.share * (1.0 + cosine - 2.0 * cosine.ln_1p())
+    }
+
+    /// Share of a whole sky's light that it mirrors toward `view`. Fitted to the lobe: fibres seen along their length show less of themselves.
+    #[must_use]
+    pub fn of_sky(&self, normal: Vec3, view: Vec3) -> f32 {
+        let along = self.fibre(normal).dot(view);
+        self.share * (1.0 - ALONG * along * along).sqrt() / (1.0 + normal.dot(view).clamp(0.0, 1.0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f32::consts::{PI, TAU};
+
+    fn sheen(slope: f32) -> Sheen {
+        Sheen { share: 1.0, slope, tangent: Vec3::X }
+    }
+
+    fn direction(cosine: f32, angle: f32) -> Vec3 {
+        let sine = (1.0 - cosine * cosine).sqrt();
+        Vec3::new(sine * angle.cos(), sine * angle.sin(), cosine)
+    }
+
+    /// Share of a white sky's light that the lobe sends to `view`.
+    fn mirrored(view: Vec3) -> f32 {
+        let (rings, spokes) = (300_u16, 300_u16);
+        let cell = TAU / f32::from(rings) / f32::from(spokes);
+        let of_ring = |ring: u16| {
+            let cosine = (f32::from(ring) + 0.5) / f32::from(rings);
+            let lights = (0..spokes).map(|spoke| direction(cosine, (f32::from(spoke) + 0.5) / f32::from(spokes) * TAU));
+            lights.map(|light| sheen(0.0).lobe(Vec3::Z, light, view) * cosine * cell).sum::<f32>()
+        };
+        (0..rings).map(of_ring).sum()
+    }
+
+    #[test]
+    fn it_mirrors_no_more_than_the_rest_is_denied_and_as_much_of_the_sky_as_it_says() {
+        for cosine in [1.0, 0.8, 0.6, 0.4, 0.2, 0.05, 0.01] {
+            for angle in [0.0, 0.4, 0.8, 1.2, PI / 2.0] {
+                let view = direction(cosine, angle);
+                let total = mirrored(view);
+                assert!(total <= 1.0 / (1.0 + cosine), "{total} at {cosine} {angle}");
+                let said = sheen(0.0).of_sky(Vec3::Z, view);
+                assert!((said - total).abs() < 0.09, "{said} for {total} at {cosine} {angle}");
+            }
+        }
+    }
+
+    #[test]
+    fn light_and_view_may_be_exchanged() {
+        for (a, b) in [(0.9, 0.2), (0.5, 0.6), (0.05, 1.0)] {
+            let (l, v) = (direction(a, 0.4), direction(b, 2.0));
+            let [one, other] = [(l, v), (v, l)].map(|(l, v)| sheen(0.3).lobe(Vec3::Z, l, v));
+            assert!((one - other).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn it_is_brightest_where_the_half_vector_is_across_the_fibre() {
+        let view = direction(0.8, 0.0);
+        let lobe = |angle: f32| sheen(0.0).lobe(Vec3::Z, Vec3::new(angle.sin(), 0.0, angle.cos()), view);
+        let mirror = -0.8_f32.acos();
+        // There the closed form has no exponential but that of its phase.
+        let phase = 0.6 + 0.4 * (-3.0 * (1.0 + (2.0 * mirror).cos())).exp();
+        assert!((lobe(mirror) - phase / 1.6).abs() < 1e-5);
+        // A change of the light's angle moves the half vector by half of it: at 2 * 9 degrees by one standard deviation.
+        let share = lobe(mirror + 2.0 / CONCENTRATION.sqrt()) / lobe(mirror);
+        assert!((share - (-0.5_f32).exp()).abs() < 0.1, "{share}");
+        // Across the fibre all directions are as bright but for the shadows.
+        let beside = Vec3::new(mirror.sin(), 0.6 * mirror.cos(), 0.8 * mirror.cos());
+        assert!(sheen(0.0).lobe(Vec3::Z, beside, view) > 0.9 * lobe(mirror));
+    }
+
+    /// A twisted yarn along x, seen from +z and lit from a little aside along it: where around the yarn is it brightest?
+    fn brightest(slope: f32, tilt: f32) -> f32 {
+        let light = Vec3::new(tilt.sin(), 0.0, tilt.cos());
+        let seen = |angle: f32| {
+            let normal = Vec3::new(0.0, angle.sin(), angle.cos());
+            sheen(slope).lobe(normal, light, Vec3::Z) * normal.dot(light)
+        };
+        let angles = (-700_i16..=700).map(|step| f32::from(step) / 1000.0);
+        angles.max_by(|one, other| seen(*one).total_cmp(&seen(*other))).unwrap()
+    }
+
+    #[test]
+    fn twist_moves_the_highlight_off_the_middle_line_and_the_other_twist_to_the_other_side() {
+        let tilt = 0.2_f32;
+        // At angle a around the yarn fibres run along (1, s cos a, -s sin a), across (sin b, 0, cos b) with b half the tilt.
+        let expected = |slope: f32| ((tilt / 2.0).tan() / slope).asin();
+        for slope in [0.3, -0.3, 0.5] {
+            let found = brightest(slope, tilt);
+            assert!((found - expected(slope)).abs() < 0.002, "{found} {} for {slope}", expected(slope));
+        }
+        assert!(brightest(0.3, 0.0).abs() < 0.01, "with the light behind the eye it is in the middle");
+        // The fibre itself turns by the slope's angle, S to the left of one who looks along it.
+        assert!((sheen(0.5).fibre(Vec3::Z) - Vec3::new(1.0, 0.5, 0.0).normalize()).length() < 1e-6);
+    }
+
+    #[test]
+    fn the_mean_over_the_width_is_that_of_many_places() {
+        for slope in [0.0, -0.12, 0.3, 0.6] {
+            for (light, view) in [(direction(0.7, 0.3), direction(0.8, 4.0)), (direction(0.9, 1.5), direction(0.95, 3.0))] {
+                let width = Vec3::X.cross(view).normalize();
+                let front = width.cross(Vec3::X);
+                let at = |step: u16| {
+                    let side = (f32::from(step) + 0.5) / 500.0 - 1.0;
+                    let normal = width * side + front * (1.0 - side * side).sqrt();
+                    sheen(slope).lobe(normal, light, view) * normal.dot(light).max(0.0)
+                };
+                let exact = (0..1000).map(at).sum::<f32>() / 1000.0;
+                let found = sheen(slope).across(light, view);
+                assert!((found - exact).abs() < 0.1 * exact + 0.005, "{found} {exact} for {slope}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_a_sky_leaves_is_the_mean_of_what_lights_leave() {
+        for view in [0.0, 0.3, 0.7, 1.0] {
+            let light = |step: u16| (f32::from(step) + 0.5) / 1000.0;
+            let mean = (0..1000).map(|step| sheen(0.0).spared(light(step), view) * 2.0 * light(step)).sum::<f32>() / 1000.0;
+            assert!((mean - sheen(0.0).spared_by_sky(view)).abs() < 1e-3);
+        }
+    }
+}
