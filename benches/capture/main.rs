@@ -11,6 +11,7 @@
 #[path = "../../tests/it/cloth.rs"]
 mod cloth;
 
+use std::path::Path;
 use std::time::Instant;
 
 use cloth::{Disturbance, Kind, Random, Sample, Stretch, between, fur, sample};
@@ -44,6 +45,10 @@ fn main() {
     if std::env::args().any(|argument| argument == "--test") {
         return;
     }
+    // `photos` alone, for whoever looks at these.
+    if std::env::args().any(|argument| argument == "photos") {
+        return photos();
+    }
     println!(
         "| cloth | lattice right | vectors off | stretches found | segments wrong | width off | degrees off | widths off across | seconds |"
     );
@@ -73,6 +78,66 @@ fn main() {
         refused(&grain),
         refused(&|seed| fur(seed, SIDE))
     );
+    photos();
+}
+
+/// Photos with the normal map that somebody else made of each, and how far our depth agrees with it.
+fn photos() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/cloth-photos");
+    if !folder.is_dir() {
+        println!("\nskipped: no photos in ../shared/cloth-photos");
+        return;
+    }
+    println!(
+        "\n| photo | cell, pixels | light and heights correlate | slopes and normal map correlate | seconds |\n|---|---|---|---|---|"
+    );
+    for (name, normals) in [
+        ("cotton_jersey_diff_2k.jpg", "cotton_jersey_nor_gl_2k.jpg"),
+        ("rough_linen_diff_2k.jpg", "rough_linen_nor_gl_2k.jpg"),
+        ("fabric_pattern_05_col_01_2k.jpg", "fabric_pattern_05_nor_gl_2k.jpg"),
+    ] {
+        let read = |name: &str| image::open(folder.join(name)).unwrap().to_rgb8();
+        let begun = Instant::now();
+        match capture(&read(name), &Settings::default()) {
+            Ok(found) => {
+                let seconds = begun.elapsed().as_secs_f64();
+                let agreement = slopes_agree(&found, &read(normals));
+                let [a, b] = [found.unit.lattice.a, found.unit.lattice.b];
+                println!("| {name} | {a:.2} and {b:.2} | {:.2} | {agreement:.2} | {seconds:.1} |", found.correlation());
+            }
+            Err(error) => println!("| {name} | {error} | | | |"),
+        }
+    }
+}
+
+/// Correlation of the depth's slopes with those of a normal map (OpenGL's: y up), both as means over all copies of the cell.
+fn slopes_agree(found: &Captured, normals: &RgbImage) -> f64 {
+    const BINS: f64 = 24.0;
+    let mut bins = vec![(DVec2::ZERO, DVec2::ZERO, 0.0); (BINS * BINS) as usize];
+    let reach = 1200.0 / found.scale;
+    let within = |at: f64, corner: f64| at > corner + 2.0 && at < corner + reach - 2.0;
+    for (x, y, pixel) in normals.enumerate_pixels() {
+        let place = DVec2::new(f64::from(x), f64::from(y));
+        if !within(place.x, found.corner.x) || !within(place.y, found.corner.y) {
+            continue;
+        }
+        let [nx, ny, nz] = pixel.0.map(|byte| f64::from(byte) / 127.5 - 1.0);
+        let height = |x: f64, y: f64| found.height(found.count(place + DVec2::new(x, y)));
+        let ours = 0.5 * DVec2::new(height(1.0, 0.0) - height(-1.0, 0.0), height(0.0, 1.0) - height(0.0, -1.0));
+        let bin = (found.count(place).rem_euclid(DVec2::ONE) * BINS).min(DVec2::splat(BINS - 1.0)).floor();
+        let bin = &mut bins[(bin.y * BINS + bin.x) as usize];
+        *bin = (bin.0 + ours, bin.1 + DVec2::new(-nx, ny) / nz.max(0.2), bin.2 + 1.0);
+    }
+    let pairs: Vec<(f64, f64)> = bins
+        .iter()
+        .filter(|bin| bin.2 > 0.0)
+        .flat_map(|(ours, theirs, count)| [(ours.x / count, theirs.x / count), (ours.y / count, theirs.y / count)])
+        .collect();
+    let mean = |of: &dyn Fn(&(f64, f64)) -> f64| pairs.iter().map(of).sum::<f64>() / pairs.len() as f64;
+    let (x, y) = (mean(&|pair| pair.0), mean(&|pair| pair.1));
+    let product = |p: &dyn Fn(&(f64, f64)) -> f64, q: &dyn Fn(&(f64, f64)) -> f64| mean(&|pair| p(pair) * q(pair));
+    let (ours, theirs) = (|pair: &(f64, f64)| pair.0 - x, |pair: &(f64, f64)| pair.1 - y);
+    product(&ours, &theirs) / (product(&ours, &ours) * product(&theirs, &theirs)).sqrt()
 }
 
 impl Score {

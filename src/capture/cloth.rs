@@ -19,6 +19,8 @@ use crate::plane::double;
 const NAME: &str = "captured";
 /// Density of the fibre, g/cm³, and the share of a yarn's section that it fills (the paper's .6).
 const COTTON: (f64, f64) = (1.5, 0.6);
+/// How much of the light its yarns' fibres mirror: what dull cotton does; a person who knows better changes it.
+const SHEEN: f64 = 0.2;
 
 /// The fabric of a layout in pixels, so many mm each; `shapes` are those of the segments that are seen.
 pub(super) fn fabric(lattice: &Lattice, layout: &Layout, shapes: &[Shape], colors: &Colors, pixel: f64) -> Fabric {
@@ -68,6 +70,6 @@ fn group(strand: &Strand, colors: &Colors) -> usize {
 /// A yarn so many mm wide: the inverse of [`Yarn::diameter`].
 fn yarn(width: f64, color: Color) -> Yarn {
     let (density, packing) = COTTON;
-    let of = |tex: f64| Yarn { plies: Some(1), ..Yarn::plain(Count::of_tex(tex), density, packing, color) };
+    let of = |tex: f64| Yarn { plies: Some(1), sheen: Some(SHEEN), ..Yarn::plain(Count::of_tex(tex), density, packing, color) };
     of((width / of(1.0).diameter()).powi(2))
 }

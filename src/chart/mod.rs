@@ -1,4 +1,4 @@
-//! Diagrams of fabrics: the bars of a warp knit on point paper, as textbooks draw them, and the loops of a weft knit as a chart. And sheets of garments.
+//! Diagrams of fabrics: the bars of a warp knit on point paper, as textbooks draw them, the loops of a weft knit as a chart, and laid cloth in plan. And sheets of garments.
 //!
 //! In: a [`Fabric`], or a [`Garment`]. Out: a [`Drawing`], a list of shapes that [`svg`] writes as text and [`png`] paints. Of a fabric a row of dots is a course, the first at
 //! the bottom; of a warp knit a dot is a needle; gaps are numbered below from the drive. Seen from the technical back, each bar's path goes over the dots
@@ -8,6 +8,7 @@
 //! Not promised: that a very large fabric is drawn whole ([`Drawing::notes`] says what is left out).
 
 mod garment;
+mod laid;
 mod lapping;
 mod motif;
 mod path;
@@ -150,7 +151,7 @@ impl Format {
 }
 
 impl Drawing {
-    /// The lapping diagram of a warp knit, the chart of a weft knit. Cost: at most some thousand shapes, whatever the fabric.
+    /// The lapping diagram of a warp knit, the chart of a weft knit, the plan of laid cloth. Cost: at most some thousand shapes, whatever the fabric.
     ///
     /// ```
     /// use warpknit::{chart::Drawing, fabric::Fabric};
@@ -159,7 +160,11 @@ impl Drawing {
     /// ```
     #[must_use]
     pub fn of(fabric: &Fabric) -> Self {
-        fabric.motif.as_ref().map_or_else(|| lapping::draw(fabric), |motif| motif::draw(fabric, motif))
+        match &fabric.motif {
+            Some(motif) => motif::draw(fabric, motif),
+            None if fabric.is_laid() => laid::draw(fabric),
+            None => lapping::draw(fabric),
+        }
     }
 
     /// The sheet of a garment: its flat panels with their grain at the left, at the right how it is stretched when draped. `title` says which garment

@@ -82,9 +82,11 @@ pub fn block(yarns: &Block, bundle: &Bundle, surface: Option<&Section>) -> Block
 pub fn scene(yarns: &Scene, bundles: &[Bundle], near: f64, camera: &Camera, [width, height]: [u32; 2]) -> Option<Scene> {
     let aspect = f64::from(width) / f64::from(height);
     let pixel = |point: DVec3| camera.pixel_size(point.distance(camera.eye()), height);
-    let is_near = |point: &DVec3, bundle: &Bundle| {
+    // Of yarns side by side all show their fibres or none does.
+    let widest = 2.0 * bundles.iter().map(|bundle| bundle.radius).fold(0.0, f64::max);
+    let is_near = |point: &DVec3| {
         let at = camera.project(*point, aspect);
-        at.is_some_and(|at| at.abs().max_element() < MARGIN) && 2.0 * bundle.radius > near * pixel(*point)
+        at.is_some_and(|at| at.abs().max_element() < MARGIN) && widest > near * pixel(*point)
     };
     let controls = |strand: &crate::scene::Strand| -> Vec<DVec3> {
         yarns.positions[strand.points.start as usize..strand.points.end as usize].iter().map(|point| point.as_dvec3()).collect()
@@ -93,7 +95,7 @@ pub fn scene(yarns: &Scene, bundles: &[Bundle], near: f64, camera: &Camera, [wid
     let (mut lengths, mut finest) = (vec![0.0; bundles.len()], f64::INFINITY);
     for strand in &yarns.strands {
         let (look, points) = (usize::from(strand.look), controls(strand));
-        for ends in points.windows(2).filter(|ends| ends.iter().any(|end| is_near(end, &bundles[look]))) {
+        for ends in points.windows(2).filter(|ends| ends.iter().any(is_near)) {
             lengths[look] += ends[0].distance(ends[1]);
             finest = finest.min(pixel(ends[0]));
         }
@@ -115,7 +117,7 @@ pub fn scene(yarns: &Scene, bundles: &[Bundle], near: f64, camera: &Camera, [wid
     for (number, strand) in (0_u64..).zip(&yarns.strands) {
         let (look, points) = (usize::from(strand.look), controls(strand));
         let bundle = &drawn[look];
-        let runs: Vec<bool> = points.windows(2).map(|ends| ends.iter().any(|end| is_near(end, bundle))).collect();
+        let runs: Vec<bool> = points.windows(2).map(|ends| ends.iter().any(is_near)).collect();
         let axis = runs.contains(&true).then(|| Axis::through(&points, bundle.points_per_mm()));
         let mut first = 0;
         for run in runs.chunk_by(|a, b| a == b) {
