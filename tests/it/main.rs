@@ -27,6 +27,7 @@ mod inspect;
 mod interlock;
 #[cfg(unix)]
 mod interruption;
+mod laid;
 mod licences;
 mod locate;
 mod malformed;

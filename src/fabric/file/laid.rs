@@ -64,3 +64,81 @@ impl StrandTable {
         Self { runs, path: unplaced(path), yarn: YarnTable::from(&bar.yarn) }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use crate::fabric::Fabric;
+
+    const PLAIN: &str = r##"name = "plain"
+kind = "laid"
+wales_per_cm = 8
+courses_per_cm = 10
+
+[[strands]]
+runs = "along"
+path = [[0.5, 0.0, 0.1], [0.5, 0.5, -0.1]]
+yarn = { count = "20 tex", density = 1.5, packing = 0.6, color = "#c8b090" }
+
+[[strands]]
+runs = "across"
+path = [[0.0, 0.25, 0.0], [0.5, 0.25, 0.0]]
+yarn = { count = "20 tex", density = 1.5, packing = 0.6, color = "#907050" }
+"##;
+
+    #[test]
+    fn laid_cloth_reads_back_and_has_no_bars() {
+        let fabric = Fabric::parse(PLAIN).unwrap();
+        assert!(fabric.is_laid() && fabric.warnings().is_empty() && (fabric.repeat(), fabric.threading_repeat()) == (1, 1));
+        assert_eq!(Fabric::parse(&fabric.to_string()).unwrap(), fabric);
+        let chained = fabric.with_chains(&["1-0/1-2".to_owned()], &[]).unwrap();
+        assert!(!chained.is_laid());
+    }
+
+    #[test]
+    fn faults_are_pointed_at() {
+        for (from, to, message, carets) in [
+            (
+                "[0.5, 0.5, -0.1]",
+                "[0.5, 1e9, -0.1]",
+                "strand 1: path is 1000000000, but must be between -100 and 100 cells",
+                "^^^",
+            ),
+            ("[0.5, 0.5, -0.1]", "[0.5, nan, -0.1]", "strand 1: path is NaN", "^^^"),
+            (", [0.5, 0.5, -0.1]", "", "strand 1: its path has too few or too many points: 2 to 1000 are taken", "^^^^"),
+            ("[0.5, 0.5, -0.1]", "[0.5, 1.0, 0.1]", "has two points in a row in one place", "^^^^"),
+            ("\"along\"", "\"up\"", "unknown variant `up`", "^^^^"),
+            ("[0.5, 0.5, -0.1]", "[0.5, 0.5]", "invalid length 2", "^^^^"),
+        ] {
+            let error = Fabric::parse(&PLAIN.replacen(from, to, 1)).unwrap_err();
+            assert!(error.to_string().contains(message), "{to}: {error}");
+            assert!(error.place.unwrap().to_string().contains(carets), "{to}");
+        }
+        let fault = |text: &str| Fabric::parse(text).unwrap_err().to_string();
+        assert_eq!(fault(&PLAIN[..PLAIN.find("[[").unwrap()]), "laid cloth needs at least one [[strands]] table");
+        assert!(fault(&PLAIN.replace("kind = \"laid\"\n", "")).starts_with("a warp knit has no [[strands]]"));
+        assert!(
+            fault(&PLAIN.replace("10\n", "10\nchart = \"k\"\n")).starts_with("a laid cloth has no chart: it has [[strands]]")
+        );
+    }
+
+    proptest! {
+        #[test]
+        fn every_path_reads_back(points in prop::collection::vec((-100.0..100.0, -100.0..100.0, -1000.0..1000.0), 2..9), across in any::<bool>()) {
+            let mut fabric = Fabric::parse(PLAIN).unwrap();
+            fabric.bars.swap(0, usize::from(across));
+            fabric.paths[0] = points.into_iter().map(glam::DVec3::from).collect();
+            prop_assert_eq!(Fabric::parse(&fabric.to_string()).unwrap(), fabric);
+        }
+
+        #[test]
+        fn no_damage_panics(from in 0..PLAIN.len(), length in 0..40_usize, patch in "(?s)[\\[\\]{}\"'=\n0-9-]{0,6}|.{0,3}") {
+            let mut text = PLAIN.to_owned();
+            text.replace_range(from..(from + length).min(PLAIN.len()), &patch);
+            if let Err(error) = Fabric::parse(&text) {
+                prop_assert!(!error.to_string().is_empty());
+            }
+        }
+    }
+}
