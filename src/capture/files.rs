@@ -1,6 +1,6 @@
 //! The folder that a capture fills, and the layout that a person may have changed.
 //!
-//! In: [`Captured`] and an [`OutputFolder`]. Out: [`FILES`] in it: the mean cell as a picture (along its vectors), the grid of nine with the segments drawn, `layout.toml` with the cell and
+//! In: [`Captured`] and an [`OutputFolder`]. Out: [`FILES`] in it: the mean cell as a picture (along its vectors), the grid of nine with the segments drawn, the texture that tiles, `layout.toml` with the cell and
 //! its segments, and `report.json`. What [`GivenLayout::parse`] reads is what `layout.toml` holds.
 
 use std::fs;
@@ -15,7 +15,7 @@ use super::{Captured, Hypothesis, sheet};
 use crate::export::{ExportError, OutputFolder, png};
 
 /// All files of such a folder.
-pub const FILES: [&str; 4] = ["cell.png", "grid3x3.png", "layout.toml", "report.json"];
+pub const FILES: [&str; 5] = ["cell.png", "grid3x3.png", "layout.toml", "report.json", "texture.png"];
 /// Segments of a cell, at most.
 const MOST_SEGMENTS: usize = 64;
 /// The longest segment, in lengths of the cell's longer vector.
@@ -155,10 +155,11 @@ struct Report<'a> {
 /// # Errors
 /// What the disk says.
 pub fn save(captured: &Captured, folder: &OutputFolder) -> Result<(), ExportError> {
-    let Captured { unit, layout, scale, cell, .. } = captured;
+    let Captured { unit, layout, scale, cell, texture, .. } = captured;
     let picture = |name: &str, picture: &RgbaImage| png::write(&folder.file(name), picture)?.publish();
     picture("cell.png", &sheet::grey(&cell.plane))?;
     picture("grid3x3.png", &sheet::grid(cell, &layout.scaled(*scale)))?;
+    picture("texture.png", texture)?;
     let io = |name: &str| {
         let path = folder.target().join(name);
         move |source| ExportError::Io { path, source }

@@ -1,12 +1,13 @@
 //! From one photo of a cloth to its yarns.
 //!
-//! In: one photo, evenly lit, of a knit or woven cloth, and [`Settings`] that may overrule what is found. Out: [`Captured`]: the cell that repeats, its mean, and the yarn
-//! segments in it. No training data: every step is analysis. Source: Wu, Chen, Zhang, Zhou and Zhao 2017, *Modeling yarn-level geometry from a single micro-image*. The steps so far:
+//! In: one photo, evenly lit, of a knit or woven cloth, and [`Settings`] that may overrule what is found. Out: [`Captured`]: the cell that repeats, its mean, a texture
+//! that tiles, and the yarn segments in the cell. No training data: every step is analysis. Source: Wu, Chen, Zhang, Zhou and Zhao 2017, *Modeling yarn-level geometry from a single micro-image*. The steps so far:
 //!
 //! ```text
 //!   photo ─▶ view ─▶ lattice ─▶ register ─▶ cell ─▶ layout ─────────────▶ files
-//!            size    repeat     where each  mean    woven ╮  ╭ fit, segment
-//!                               copy lies   cell    cover ┴──╯
+//!            size    repeat     where each  mean    woven ╮  ╭ fit, segment   ▲
+//!                               copy lies   cell    cover ┴──╯                │
+//!                                   ╰─────▶ quilt: the texture that tiles ────╯
 //! ```
 //!
 //! `plane` and `correlogram` are what pictures are asked by, `target` is the mean cell as fits see it, `sheet` draws. Cost: about a second for the repeat and its mean, up to
@@ -23,6 +24,7 @@ mod fit;
 mod lattice;
 mod layout;
 mod plane;
+mod quilt;
 mod register;
 mod segment;
 mod sheet;
@@ -31,11 +33,12 @@ mod view;
 mod woven;
 
 use glam::DVec2;
-use image::RgbImage;
+use image::{RgbImage, RgbaImage};
 
 use crate::plane::{Plane, float, narrow};
 use cell::Cell;
 use plane::{evened, without_shading};
+use quilt::quilt;
 use register::register;
 use view::View;
 
@@ -74,6 +77,8 @@ pub struct Captured {
     pub scale: f64,
     /// The mean cell, in pixels of that picture.
     cell: Cell,
+    /// Some cells as the photo has them, so joined that they tile.
+    texture: RgbaImage,
 }
 
 /// Captures a photo's yarns.
@@ -81,7 +86,7 @@ pub struct Captured {
 /// # Errors
 /// [`CaptureError`]: what the photo lacks.
 pub fn capture(photo: &RgbImage, settings: &Settings) -> Result<Captured, CaptureError> {
-    let Repeating { scale, corner, lightness, even, unit } = repeat(photo, settings)?;
+    let Repeating { scale, corner, picture, lightness, even, unit } = repeat(photo, settings)?;
     let warp = register(&even, &unit.lattice);
     let cell = Cell::folded(&evened(&lightness, narrow(1.5 * unit.lattice.longer())), &warp, &unit.lattice);
     let layout = match &settings.layout {
@@ -100,10 +105,11 @@ pub fn capture(photo: &RgbImage, settings: &Settings) -> Result<Captured, Captur
         }
         None => layout::find(&cell).ok_or(CaptureError::NoYarns)?,
     };
+    let texture = quilt(&picture, &warp, &unit.lattice);
     let photos = 1.0 / scale;
     let lattice = Lattice { a: unit.lattice.a * photos, b: unit.lattice.b * photos };
     let unit = UnitCell { lattice, ..unit };
-    Ok(Captured { unit, corner, layout: layout.scaled(photos), scale, cell })
+    Ok(Captured { unit, corner, layout: layout.scaled(photos), scale, cell, texture })
 }
 
 /// A view of the photo with a repeat in it.
@@ -112,6 +118,7 @@ struct Repeating {
     scale: f64,
     /// Its corner in the photo.
     corner: DVec2,
+    picture: RgbImage,
     lightness: Plane,
     /// The same without slow shading.
     even: Plane,
@@ -140,7 +147,7 @@ fn repeat(photo: &RgbImage, settings: &Settings) -> Result<Repeating, CaptureErr
             unit.confidence >= other.confidence || other.lattice.shorter() < ENOUGH && unit.confidence >= CERTAIN
         });
         if is_better {
-            best = Some(Repeating { scale, corner, lightness, even, unit });
+            best = Some(Repeating { scale, corner, picture, lightness, even, unit });
         }
         if is_enough {
             break;
