@@ -1,7 +1,7 @@
 //! The folder that a capture fills, and the layout that a person may have changed.
 //!
-//! In: [`Captured`] and an [`OutputFolder`]. Out: [`FILES`] in it: the mean cell as a picture (along its vectors), the grid of nine with the segments drawn, the texture that tiles, `layout.toml` with the cell and
-//! its segments, and `report.json`. What [`GivenLayout::parse`] reads is what `layout.toml` holds.
+//! In: [`Captured`] and an [`OutputFolder`]. Out: [`FILES`] in it: the mean cell as a picture (along its vectors), the grid of nine with the segments drawn, the texture that tiles,
+//! `layout.toml` with the cell and its segments, `layout.svg` that shows which is which, and `report.json`. What [`GivenLayout::parse`] reads is what `layout.toml` holds.
 
 use std::fs;
 
@@ -12,10 +12,11 @@ use serde::{Deserialize, Serialize};
 use super::layout::Layout;
 use super::segment::Segment;
 use super::{Captured, Hypothesis, sheet};
+use crate::chart::svg;
 use crate::export::{ExportError, OutputFolder, png};
 
 /// All files of such a folder.
-pub const FILES: [&str; 5] = ["cell.png", "grid3x3.png", "layout.toml", "report.json", "texture.png"];
+pub const FILES: [&str; 6] = ["cell.png", "grid3x3.png", "layout.svg", "layout.toml", "report.json", "texture.png"];
 /// Segments of a cell, at most.
 const MOST_SEGMENTS: usize = 64;
 /// The longest segment, in lengths of the cell's longer vector.
@@ -164,6 +165,8 @@ pub fn save(captured: &Captured, folder: &OutputFolder) -> Result<(), ExportErro
         let path = folder.target().join(name);
         move |source| ExportError::Io { path, source }
     };
+    let drawing = svg::text(&sheet::drawing(cell, &layout.segments, *scale));
+    fs::write(folder.file("layout.svg"), drawing).map_err(io("layout.svg"))?;
     fs::write(folder.file("layout.toml"), layout_text(captured)).map_err(io("layout.toml"))?;
     let Layout { hypothesis, error, overlap, blank, .. } = layout;
     let hypothesis = match hypothesis {
