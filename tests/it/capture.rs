@@ -76,8 +76,14 @@ fn a_jersey_has_its_cell_and_a_leg_on_either_side() {
 fn what_does_not_repeat_is_refused() {
     let noise = noise(&mut Random::new(7), 300);
     let grain = image::imageops::fast_blur(&noise, 3.0);
-    let pictures =
-        [("noise", noise), ("grain", grain), ("fur", fur(3, 300)), ("a face", face(5, 400)), ("an old wall", bricks(5, 400))];
+    let pictures = [
+        ("noise", noise),
+        ("grain", grain),
+        ("fur", fur(3, 300)),
+        ("a face", face(5, 400)),
+        ("an old wall", bricks(5, 480)),
+        ("another", bricks(27, 480)),
+    ];
     for (what, image) in pictures {
         match capture(&image, &Settings::default()) {
             Err(CaptureError::NoRepeat { confidence, least }) => assert!(confidence < least && least == CERTAIN, "{what}"),
