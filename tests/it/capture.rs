@@ -238,7 +238,9 @@ fn the_drawing_numbers_segments_as_the_layout_does_and_the_texture_tiles() {
     let texture = image::open(folder.path().join("out/texture.png")).unwrap().into_rgb8();
     let (width, height) = texture.dimensions();
     let [a, b] = layout.cell.map(|vector| vector.length());
-    assert!((f64::from(width) / a - 6.0).abs() < 0.3 && (f64::from(height) / b - 6.0).abs() < 0.3, "{width} x {height}");
+    for cells in [f64::from(width) / a, f64::from(height) / b] {
+        assert!((cells - cells.round()).abs() < 0.1 && (3.0..=6.0).contains(&cells.round()), "{width} x {height}");
+    }
     let step = |x: u32, y: u32, [next_x, next_y]: [u32; 2]| {
         f64::from(texture.get_pixel(x, y).0[0].abs_diff(texture.get_pixel(next_x % width, next_y % height).0[0]))
     };
