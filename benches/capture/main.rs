@@ -14,7 +14,7 @@ mod cloth;
 use std::path::Path;
 use std::time::Instant;
 
-use cloth::{Disturbance, Kind, Random, Sample, Stretch, between, fur, sample};
+use cloth::{Disturbance, Kind, Random, Sample, Stretch, between, bricks, face, fur, noise, sample};
 use glam::{DMat2, DVec2};
 use image::RgbImage;
 use warpknit::capture::{Captured, Settings, capture};
@@ -67,16 +67,15 @@ fn main() {
     let refused = |images: &dyn Fn(u64) -> RgbImage| {
         (0..PICTURES).filter(|seed| capture(&images(FIRST_SEED + seed), &Settings::default()).is_err()).count()
     };
-    let noise = |seed: u64| {
-        let mut random = Random::new(seed);
-        RgbImage::from_fn(SIDE, SIDE, |_, _| image::Rgb([(128.0 + 40.0 * random.bell()) as u8; 3]))
-    };
+    let noise = |seed: u64| noise(&mut Random::new(seed), SIDE);
     let grain = |seed: u64| image::imageops::fast_blur(&noise(seed), 1.0 + (seed % 6) as f32);
     println!(
-        "\nRefused, of {PICTURES} each: noise {}, noise of a grain {}, fur {}",
+        "\nRefused, of {PICTURES} each: noise {}, noise of a grain {}, fur {}, faces {}, old walls {}",
         refused(&noise),
         refused(&grain),
-        refused(&|seed| fur(seed, SIDE))
+        refused(&|seed| fur(seed, SIDE)),
+        refused(&|seed| face(seed, SIDE)),
+        refused(&|seed| bricks(seed, SIDE))
     );
     photos();
 }

@@ -1,7 +1,7 @@
 //! The folder that a capture fills, and the layout that a person may have changed.
 //!
-//! In: [`Captured`] and an [`OutputFolder`]. Out: [`FILES`] in it: the mean cell as a picture (along its vectors), the grid of nine with the segments drawn, `layout.toml` with the cell and
-//! its segments, and `report.json`. What [`GivenLayout::parse`] reads is what `layout.toml` holds.
+//! In: [`Captured`] and an [`OutputFolder`]. Out: [`FILES`] in it: the mean cell as a picture (along its vectors), the grid of nine with the segments drawn, the texture that tiles,
+//! `layout.toml` with the cell and its segments, `layout.svg` that shows which is which, and `report.json`. What [`GivenLayout::parse`] reads is what `layout.toml` holds.
 
 use std::fs;
 use std::path::Path;
@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::layout::Layout;
 use super::segment::Segment;
 use super::{Captured, Hypothesis, Shape, sheet};
+use crate::chart::svg;
 use crate::drape::{self, Cloth, Options, picture, spun, swatch_panel};
 use crate::export::spun::SpunWriter;
 use crate::export::usda::UsdaWriter;
@@ -25,7 +26,18 @@ use crate::yarn::fibres::FIBRE_RADIUS;
 use crate::yarn::tube::Section;
 
 /// All files of such a folder.
-pub const FILES: [&str; 7] = ["cell.png", "grid3x3.png", "depth.png", "layout.toml", "fabric.toml", "preview.png", "report.json"];
+pub const FILES: [&str; 10] = [
+    "cell.png",
+    "texture.png",
+    "grid3x3.png",
+    "layout.svg",
+    "layout.toml",
+    "depth.png",
+    "fabric.toml",
+    "fibres.usda",
+    "preview.png",
+    "report.json",
+];
 /// Segments of a cell, at most.
 const MOST_SEGMENTS: usize = 64;
 /// The longest segment, in lengths of the cell's longer vector.
@@ -201,10 +213,11 @@ impl From<&Shape> for YarnReport {
 /// # Errors
 /// What the disk says.
 pub fn save(captured: &Captured, folder: &OutputFolder) -> Result<(), ExportError> {
-    let Captured { unit, layout, scale, cell, depth, .. } = captured;
+    let Captured { unit, layout, scale, cell, depth, texture, .. } = captured;
     let picture = |name: &str, picture: &RgbaImage| png::write(&folder.file(name), picture)?.publish();
     picture("cell.png", &sheet::grey(&cell.plane))?;
     picture("grid3x3.png", &sheet::grid(cell, &layout.scaled(*scale)))?;
+    picture("texture.png", texture)?;
     picture("depth.png", &sheet::grey(&depth.cell.plane))?;
     picture("preview.png", &preview(&captured.fabric))?;
     fibres(&captured.fabric, &folder.file("fibres.usda"))?;
@@ -212,6 +225,8 @@ pub fn save(captured: &Captured, folder: &OutputFolder) -> Result<(), ExportErro
         let path = folder.target().join(name);
         move |source| ExportError::Io { path, source }
     };
+    let drawing = svg::text(&sheet::drawing(cell, &layout.segments, *scale));
+    fs::write(folder.file("layout.svg"), drawing).map_err(io("layout.svg"))?;
     fs::write(folder.file("layout.toml"), layout_text(captured)).map_err(io("layout.toml"))?;
     fs::write(folder.file("fabric.toml"), fabric_text(captured)).map_err(io("fabric.toml"))?;
     let Layout { hypothesis, error, overlap, blank, .. } = layout;

@@ -1,12 +1,13 @@
 //! From one photo of a cloth to its yarns.
 //!
-//! In: one photo, evenly lit, of a knit or woven cloth, and [`Settings`] that may overrule what is found. Out: [`Captured`]: the cell that repeats, its mean, and the yarn
-//! segments in it. No training data: every step is analysis. Source: Wu, Chen, Zhang, Zhou and Zhao 2017, *Modeling yarn-level geometry from a single micro-image*. The steps so far:
+//! In: one photo, evenly lit, of a knit or woven cloth, and [`Settings`] that may overrule what is found. Out: [`Captured`]: the cell that repeats, its mean, a texture
+//! that tiles, and the yarn segments in the cell. No training data: every step is analysis. Source: Wu, Chen, Zhang, Zhou and Zhao 2017, *Modeling yarn-level geometry from a single micro-image*. The steps so far:
 //!
 //! ```text
 //!   photo ─▶ view ─▶ lattice ─▶ register ─▶ cell ─▶ layout ─────────────▶ files
-//!            size    repeat     where each  mean    woven ╮  ╭ fit, segment
-//!                               copy lies   cell    cover ┴──╯
+//!            size    repeat     where each  mean    woven ╮  ╭ fit, segment   ▲
+//!                               copy lies   cell    cover ┴──╯                │
+//!                                   ╰─────▶ quilt: the texture that tiles ────╯
 //! ```
 //!
 //! `plane` and `correlogram` are what pictures are asked by, `target` is the mean cell as fits see it, `sheet` draws. Cost: about a second for the repeat and its mean, up to
@@ -26,6 +27,7 @@ mod fit;
 mod lattice;
 mod layout;
 mod plane;
+mod quilt;
 mod register;
 mod segment;
 mod shape;
@@ -37,7 +39,7 @@ mod view;
 mod woven;
 
 use glam::DVec2;
-use image::RgbImage;
+use image::{RgbImage, RgbaImage};
 
 use crate::fabric::Fabric;
 use crate::plane::{Plane, double, float, narrow};
@@ -45,6 +47,7 @@ use cell::Cell;
 use color::Colors;
 use depth::Depth;
 use plane::{evened, without_shading};
+use quilt::quilt;
 use register::{Warp, register};
 use shape::Scale;
 use view::View;
@@ -110,6 +113,8 @@ pub struct Captured {
     warp: Warp,
     /// The mean cell, in pixels of that picture.
     cell: Cell,
+    /// Some cells as the photo has them, so joined that they tile.
+    texture: RgbaImage,
 }
 
 /// Captures a photo's yarns.
@@ -138,6 +143,7 @@ pub fn capture(photo: &RgbImage, settings: &Settings) -> Result<Captured, Captur
     };
     let colors = Colors::of(&Plane::channels(&picture).map(|plane| Cell::folded(&plane, &warp, &unit.lattice)), &layout.seen);
     let depth = Depth::of(&cell, &layout, &colors.groups, settings.thickness);
+    let texture = quilt(&picture, &warp, &unit.lattice);
     let photos = 1.0 / scale;
     let lattice = Lattice { a: unit.lattice.a * photos, b: unit.lattice.b * photos };
     let unit = UnitCell { lattice, ..unit };
@@ -146,7 +152,7 @@ pub fn capture(photo: &RgbImage, settings: &Settings) -> Result<Captured, Captur
     let pixel = settings.pixels_per_mm.map_or(settings.thickness / LAYERS / width, f64::recip);
     let shapes: Vec<Shape> = layout.seen.iter().map(|segment| Shape::of(segment, Scale { pixel, light: depth.scale })).collect();
     let fabric = cloth::fabric(&lattice, &layout, &shapes, &colors, pixel);
-    Ok(Captured { unit, corner, layout, shapes, fabric, pixel, scale, depth, warp, cell })
+    Ok(Captured { unit, corner, layout, shapes, fabric, pixel, scale, depth, warp, cell, texture })
 }
 
 impl Captured {

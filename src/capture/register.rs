@@ -45,6 +45,13 @@ impl Warp {
     pub(super) fn count(&self, at: DVec2) -> DVec2 {
         self.to_counts * (at - self.displacement(at))
     }
+
+    /// The pixel at counts of the lattice's vectors.
+    pub(super) fn place(&self, count: DVec2) -> DVec2 {
+        let straight = self.to_counts.inverse() * count;
+        // Displacements change slowly, so that each step is some times nearer.
+        (0..6).fold(straight, |at, _| straight + self.displacement(at))
+    }
 }
 
 /// Waves that are followed at most.
@@ -143,4 +150,24 @@ fn unwrapped(field: &[[f64; 2]], columns: usize, rows: usize) -> Vec<f64> {
         }
     }
     phases
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_and_counts_are_each_others_inverse() {
+        let lattice = Lattice { a: DVec2::new(20.0, 1.0), b: DVec2::new(-2.0, 16.0) };
+        let inverse = lattice.matrix().inverse();
+        let moved = Plane::from_fn(300, 260, |x, y| {
+            let at = DVec2::new(double(x), double(y));
+            let count = inverse * (at + DVec2::new((at.y / 60.0).sin(), (at.x / 50.0).cos()) * 3.0);
+            narrow((TAU * count.x).cos() + (TAU * count.y).sin())
+        });
+        let warp = register(&moved, &lattice);
+        for at in [[20.0, 30.0], [150.0, 130.0], [290.0, 250.0]].map(DVec2::from) {
+            assert!(warp.displacement(at).length() < 8.0 && warp.place(warp.count(at)).distance(at) < 1e-2, "{at}");
+        }
+    }
 }

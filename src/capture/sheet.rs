@@ -1,4 +1,6 @@
-//! `grid3x3.png`: the mean cell nine times, with the segments of the middle one and of its neighbours drawn over it.
+//! Sheets on which a person sees the layout: the mean cell nine times, with the segments of the middle one and of its neighbours drawn over it.
+//!
+//! In: a [`Cell`] and segments. Out: `grid3x3.png`, with what is seen of them; `layout.svg`, with all of them as they are in `layout.toml`, numbered.
 
 use glam::DVec2;
 use image::{Rgba, RgbaImage};
@@ -6,10 +8,17 @@ use tiny_skia::{Color, Paint, PathBuilder, Pixmap, Stroke, Transform};
 
 use super::cell::Cell;
 use super::layout::Layout;
+use super::segment::Segment;
+use crate::chart::{Anchor, Drawing, Layer, Piece, Shape, TextSize};
+use crate::fabric::yarn;
 use crate::plane::{Plane, byte, side};
 
 /// Pixels of the longer vector in the picture.
 const CELL: f64 = 240.0;
+/// The same in the drawing, where each number needs its place.
+const DRAWN_CELL: f64 = 320.0;
+/// Pixels of a drawing's picture for each of its px.
+const FINER: f64 = 2.0;
 /// Colours of segments, in turn: told apart by those who don't tell red from green as well (Okabe and Ito 2008).
 const COLORS: [[u8; 3]; 6] = [[213, 94, 0], [0, 114, 178], [240, 228, 66], [0, 158, 115], [204, 121, 167], [86, 180, 233]];
 
@@ -21,6 +30,20 @@ pub(super) fn grey(plane: &Plane) -> RgbaImage {
     RgbaImage::from_fn(side(plane.width), side(plane.height), |x, y| {
         let grey = byte((plane.at(x as usize, y as usize) - low) * scale);
         Rgba([grey, grey, grey, u8::MAX])
+    })
+}
+
+/// Corners of a segment in each of the nine cells; that in the middle is the fifth.
+fn outlines(segment: &Segment, cell: &Cell) -> [[DVec2; 4]; 9] {
+    let matrix = cell.lattice.matrix();
+    let count = matrix.inverse() * segment.centre;
+    let way = DVec2::from_angle(segment.angle);
+    [0_u8, 1, 2, 3, 4, 5, 6, 7, 8].map(|copy| {
+        let cells = DVec2::new(f64::from(copy % 3), f64::from(copy / 3));
+        // A person may give the place of any copy.
+        let centre = matrix * (count - count.floor() + cells);
+        [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]
+            .map(|[u, v]| centre + way * (u * segment.length) + way.perp() * (v * segment.width))
     })
 }
 
@@ -37,12 +60,8 @@ pub(super) fn grid(cell: &Cell, layout: &Layout) -> RgbaImage {
     for (segment, [red, green, blue]) in layout.seen.iter().zip(COLORS.into_iter().cycle()) {
         let mut paint = Paint::default();
         paint.set_color(Color::from_rgba8(red, green, blue, u8::MAX));
-        for copy in 0..9_u8 {
-            let centre = segment.centre + cell.lattice.a * f64::from(copy % 3) + cell.lattice.b * f64::from(copy / 3);
-            let way = DVec2::from_angle(segment.angle);
-            let corners = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]].map(|[u, v]| {
-                ((centre + way * (u * segment.length) + way.perp() * (v * segment.width) - corner) * scale).as_vec2()
-            });
+        for outline in outlines(segment, cell) {
+            let corners = outline.map(|place| ((place - corner) * scale).as_vec2());
             let mut path = PathBuilder::new();
             path.move_to(corners[0].x, corners[0].y);
             corners[1..].iter().for_each(|corner| path.line_to(corner.x, corner.y));
@@ -53,4 +72,82 @@ pub(super) fn grid(cell: &Cell, layout: &Layout) -> RgbaImage {
         }
     }
     RgbaImage::from_raw(width, height, canvas.take()).expect("four bytes a pixel")
+}
+
+/// The grid with segments that say their numbers; these are pixels of the photo, of which the cell has `scale` for each.
+pub(super) fn drawing(cell: &Cell, segments: &[Segment], scale: f64) -> Drawing {
+    let finer = DRAWN_CELL / cell.lattice.longer();
+    let (plane, corner) = cell.grid(finer);
+    let picture = grey(&plane);
+    let size = DVec2::new(f64::from(picture.width()), f64::from(picture.height())) / FINER;
+    let px = |place: DVec2| (place - corner) * (finer / FINER);
+    let drawn: Vec<[[DVec2; 4]; 9]> =
+        segments.iter().map(|segment| outlines(&segment.scaled(scale), cell).map(|outline| outline.map(px))).collect();
+    let middles: Vec<DVec2> = drawn.iter().map(|copies| 0.5 * (copies[4][0] + copies[4][2])).collect();
+    let dots = middles.iter().map(|&at| Shape::Dot { at, radius: 8.0 }).collect();
+    let numbers = (1..).zip(&middles).map(|(number, &middle)| Shape::Text {
+        at: middle + DVec2::new(0.0, 3.5),
+        text: format!("{number}"),
+        size: TextSize::Small,
+        anchor: Anchor::Middle,
+    });
+    let layer =
+        |name: &str, color: [u8; 3], shapes: Vec<Shape>| Layer { name: name.to_owned(), color: yarn::Color(color), shapes };
+    let mut layers = vec![
+        layer("grid", [0; 3], vec![Shape::Picture { at: DVec2::ZERO, picture }]),
+        layer("dots", [20; 3], dots),
+        layer("numbers", [255; 3], numbers.collect()),
+    ];
+    for (((number, segment), copies), color) in (1..).zip(segments).zip(&drawn).zip(COLORS.into_iter().cycle()) {
+        let title = Shape::Title { text: title(number, segment) };
+        let lines = copies.iter().map(|[a, b, c, d]| Shape::Path {
+            pieces: vec![Piece::Move(*a), Piece::Line(*b), Piece::Line(*c), Piece::Line(*d), Piece::Line(*a)],
+            width: 1.5,
+        });
+        layers.push(layer(&format!("segment-{number}"), color, [title].into_iter().chain(lines).collect()));
+    }
+    Drawing { size, layers, notes: Vec::new() }
+}
+
+/// What `layout.toml` says of a segment.
+fn title(number: usize, segment: &Segment) -> String {
+    let Segment { centre, angle, width, length, .. } = segment;
+    let degrees = angle.to_degrees().rem_euclid(360.0);
+    format!("{number}: center {:.2}, {:.2}; angle_deg {degrees:.1}; width {width:.2}; length {length:.2}", centre.x, centre.y)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::lattice::Lattice;
+    use super::*;
+
+    #[test]
+    fn a_segment_is_drawn_in_each_cell_whichever_copy_is_given() {
+        let lattice = Lattice { a: DVec2::new(20.0, 0.0), b: DVec2::new(0.0, 10.0) };
+        let cell = Cell { lattice, plane: Plane::from_fn(20, 10, |x, _| f32::from(u8::try_from(x).unwrap())) };
+        let segment = Segment {
+            centre: DVec2::new(65.0, -7.0),
+            angle: 0.0,
+            width: 4.0,
+            length: 12.0,
+            top: 1.0,
+            round: 0.5,
+            sag: 0.4,
+            tilt: 0.0,
+        };
+        let copies = outlines(&segment, &cell);
+        let near = |place: DVec2, x: f64, y: f64| place.distance(DVec2::new(x, y)) < 1e-9;
+        assert!(near(copies[4][0], 19.0, 11.0) && near(copies[4][2], 31.0, 15.0), "{:?}", copies[4]);
+        assert!(near(copies[0][0] - copies[4][0], -20.0, -10.0) && near(copies[8][0] - copies[4][0], 20.0, 10.0));
+        // The photo has half as many pixels; the drawing has 8 px for each of the cell's.
+        let drawing = drawing(&cell, &[segment.scaled(0.5)], 2.0);
+        assert_eq!(drawing.size, DVec2::new(480.0, 240.0));
+        let Shape::Path { pieces, .. } = &drawing.layers[3].shapes[5] else { panic!("{:?}", drawing.layers[3].shapes[5]) };
+        let (Piece::Move(first), Piece::Line(second)) = (pieces[0], pieces[1]) else { panic!("{pieces:?}") };
+        assert!(near(first, 19.0 * 8.0, 11.0 * 8.0) && near(second, 31.0 * 8.0, 11.0 * 8.0), "{pieces:?}");
+        assert_eq!(
+            drawing.layers[3].shapes[0],
+            Shape::Title { text: "1: center 32.50, -3.50; angle_deg 0.0; width 2.00; length 6.00".to_owned() }
+        );
+    }
 }

@@ -74,6 +74,11 @@ pub enum Shape {
         /// What of it stands at `at`.
         anchor: Anchor,
     },
+    /// What the layer's lines are, told where a pointer rests within them. A PNG has no place for it.
+    Title {
+        /// One line.
+        text: String,
+    },
 }
 
 /// Sizes of text: those that the PNG's font comes in.

@@ -60,6 +60,7 @@ pub fn paint(drawing: &Drawing) -> RgbaImage {
                 Shape::Picture { at, picture } => lay(&mut sheet, *at, picture),
                 Shape::Dot { at, radius } => dot(&mut sheet, *at, *radius, &paint),
                 Shape::Text { at, text, size, anchor } => write(&mut sheet, *at, text, *size, *anchor, layer.color),
+                Shape::Title { .. } => {}
             }
         }
     }

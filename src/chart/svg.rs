@@ -39,15 +39,18 @@ fn write(out: &mut String, drawing: &Drawing) -> fmt::Result {
 
 fn group(out: &mut String, layer: &Layer) -> fmt::Result {
     let Layer { name, color, shapes } = layer;
-    let lines = shapes.iter().all(|shape| matches!(shape, Shape::Path { .. }));
+    let lines = shapes.iter().all(|shape| matches!(shape, Shape::Path { .. } | Shape::Title { .. }));
+    // A pointer is to find what lines enclose too, though it isn't filled.
+    let rests = if shapes.iter().any(|shape| matches!(shape, Shape::Title { .. })) { " pointer-events=\"all\"" } else { "" };
     let paint = if lines {
-        format!("fill=\"none\" stroke=\"{color}\" stroke-linecap=\"round\" stroke-linejoin=\"round\"")
+        format!("fill=\"none\" stroke=\"{color}\" stroke-linecap=\"round\" stroke-linejoin=\"round\"{rests}")
     } else {
         format!("fill=\"{color}\"")
     };
     writeln!(out, "<g id=\"{name}\" {paint}>")?;
     for shape in shapes {
         match shape {
+            Shape::Title { text } => writeln!(out, "<title>{}</title>", Escaped(text))?,
             Shape::Path { pieces, width } => writeln!(out, "<path stroke-width=\"{}\" d=\"{}\"/>", Px(*width), Track(pieces))?,
             Shape::Area { pieces } => writeln!(out, "<path fill-rule=\"evenodd\" d=\"{}\"/>", Track(pieces))?,
             Shape::Picture { at, picture: pixels } => picture(out, *at, pixels)?,

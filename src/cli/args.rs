@@ -144,8 +144,9 @@ Examples:
     Yarn(Yarn),
     /// Find the yarns in a photo of a cloth
     #[command(
-        after_help = "The folder gets cell.png, the mean of all copies of what repeats; grid3x3.png, nine of them with the segments of yarn drawn; layout.toml, the cell and its
-segments, to be changed by hand and given back with --layout; report.json. The segments aren't made into a fabric yet.
+        after_help = "The folder gets cell.png, the mean of all copies of what repeats; grid3x3.png, nine of them with the segments of yarn drawn; texture.png, some cells as the
+photo has them, which tile; layout.toml, the cell and its segments, to be changed by hand and given back with --layout; layout.svg, which of them is which; report.json.
+The segments aren't made into a fabric yet.
 
 Examples:
   warpknit capture linen.jpg -o linen

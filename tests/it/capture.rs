@@ -5,9 +5,9 @@ use std::process::Output;
 
 use glam::{DMat2, DVec2};
 use image::RgbImage;
-use warpknit::capture::{CERTAIN, CaptureError, Captured, GivenLayout, Settings, capture};
+use warpknit::capture::{CERTAIN, CaptureError, Captured, GivenLayout, Segment, Settings, capture};
 
-use crate::cloth::{Disturbance, Kind, Random, Sample, between, fur, sample};
+use crate::cloth::{Disturbance, Kind, Random, Sample, between, bricks, face, fur, noise, sample};
 
 fn found(image: &RgbImage) -> Captured {
     capture(image, &Settings::default()).unwrap()
@@ -24,7 +24,7 @@ fn same_lattice(found: &Captured, truth: [DVec2; 2], share: f64) -> bool {
 /// How far each stretch of yarn is from the segment nearest to it: widths off across it, radians, and the share by which it is too wide.
 fn errors(found: &Captured, truth: &Sample) -> Vec<[f64; 3]> {
     let error = |stretch: &crate::cloth::Stretch| {
-        let of = |segment: &warpknit::capture::Segment| {
+        let of = |segment: &Segment| {
             let off = found.unit.lattice.nearest(segment.centre + found.corner - stretch.centre);
             let across = DVec2::from_angle(stretch.angle).perp_dot(off).abs() / stretch.width;
             let along = off.length() / stretch.length;
@@ -63,7 +63,7 @@ fn a_jersey_has_its_cell_and_a_leg_on_either_side() {
     let found = found(&truth.image);
     assert!(same_lattice(&found, truth.lattice, 0.025), "{:?} is not {:?}", found.unit, truth.lattice);
     let wale = truth.lattice[1].to_angle();
-    let lean = |segment: &warpknit::capture::Segment| {
+    let lean = |segment: &Segment| {
         (segment.angle - wale + 0.5 * std::f64::consts::PI).rem_euclid(std::f64::consts::PI) - 0.5 * std::f64::consts::PI
     };
     let leans: Vec<f64> = found.layout.seen.iter().filter(|segment| segment.length > 1.5 * segment.width).map(lean).collect();
@@ -74,10 +74,17 @@ fn a_jersey_has_its_cell_and_a_leg_on_either_side() {
 
 #[test]
 fn what_does_not_repeat_is_refused() {
-    let mut random = Random::new(7);
-    let noise = RgbImage::from_fn(300, 260, |_, _| image::Rgb([(128.0 + 40.0 * random.bell()) as u8; 3]));
+    let noise = noise(&mut Random::new(7), 300);
     let grain = image::imageops::fast_blur(&noise, 3.0);
-    for (what, image) in [("noise", noise), ("grain", grain), ("fur", fur(3, 300))] {
+    let pictures = [
+        ("noise", noise),
+        ("grain", grain),
+        ("fur", fur(3, 300)),
+        ("a face", face(5, 400)),
+        ("an old wall", bricks(5, 480)),
+        ("another", bricks(27, 480)),
+    ];
+    for (what, image) in pictures {
         match capture(&image, &Settings::default()) {
             Err(CaptureError::NoRepeat { confidence, least }) => assert!(confidence < least && least == CERTAIN, "{what}"),
             other => panic!("{what}: {other:?}"),
@@ -135,6 +142,116 @@ fn the_command_fills_a_folder_and_takes_its_layout_back() {
     // What is read is not written over.
     let over = run(folder, &["cloth.png", "--layout", "first/layout.toml", "-o", "first"]);
     assert!(!over.status.success() && read("first/layout.toml") == text.as_bytes());
+}
+
+#[test]
+fn a_layout_is_corrected_by_hand() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    sample(Kind::Plain, 103, 320, Disturbance::default()).image.save(folder.join("cloth.png")).unwrap();
+    assert!(run(folder, &["cloth.png", "-o", "found"]).status.success());
+    let read = |path: &str| std::fs::read_to_string(folder.join(path)).unwrap();
+    let report = |name: &str| -> serde_json::Value { serde_json::from_str(&read(&format!("{name}/report.json"))).unwrap() };
+    let unexplained = |report: &serde_json::Value| report["unexplained"].as_f64().unwrap();
+    let (text, found) = (read("found/layout.toml"), report("found"));
+    let [first, second] = GivenLayout::parse(&text).unwrap().segments[..] else { panic!("{text}") };
+    let taken = |name: &str, text: &str| {
+        std::fs::write(folder.join("edited.toml"), text).unwrap();
+        let output = run(folder, &["cloth.png", "--layout", "edited.toml", "-o", name]);
+        assert!(output.status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
+        let report = report(name);
+        assert_eq!(report["hypothesis"], "given");
+        report
+    };
+    // How far a seen segment is from the axis of another one: what lies over it may take some of its length.
+    let off_axis = |report: &serde_json::Value, number: usize, axis: &Segment| {
+        let centre = &report["segments"][number]["center"];
+        let centre = DVec2::new(centre[0].as_f64().unwrap(), centre[1].as_f64().unwrap());
+        DVec2::from_angle(axis.angle).perp_dot(centre - axis.centre).abs()
+    };
+    let count = |report: &serde_json::Value| report["segments"].as_array().unwrap().len();
+
+    // Deleted: the other one stays where it was, and what the deleted one explained is unexplained.
+    let (head, _) = text.rsplit_once("[[segments]]").unwrap();
+    let deleted = taken("deleted", head);
+    assert!(count(&deleted) == 1 && off_axis(&deleted, 0, &first) < 1e-6, "{deleted}");
+    assert!(unexplained(&deleted) > unexplained(&found) + 0.1, "{deleted}");
+
+    // Added by eye, to the nearest pixel: explains as much as the one that was found.
+    let table = |segment: &Segment| {
+        let Segment { centre, angle, width, length, top, round, sag, .. } = segment;
+        let [x, y, width, length] = [centre.x, centre.y, *width, *length].map(f64::round);
+        let degrees = angle.to_degrees().round();
+        format!(
+            "\n[[segments]]\ncenter = [{x:.1}, {y:.1}]\nangle_deg = {degrees:.1}\nwidth = {width:.1}\nlength = {length:.1}\n\
+             top = {top:.1}\nround = {round:.1}\nsag = {sag:.1}\n"
+        )
+    };
+    let added = taken("added", &(head.to_owned() + &table(&second)));
+    assert!(count(&added) == 2 && off_axis(&added, 1, &second) < 1.0, "{added}");
+    assert!(unexplained(&added) < unexplained(&found) + 0.06, "{added}");
+
+    // Moved across itself by a third of its width: it is there, and explains less.
+    let way = DVec2::from_angle(second.angle).perp();
+    let moved = Segment { centre: second.centre + way * (second.width / 3.0), ..second };
+    let center = |segment: &Segment| format!("center = [{:?}, {:?}]", segment.centre.x, segment.centre.y);
+    let edited = text.replace(&center(&second), &center(&moved));
+    assert_ne!(edited, text, "{} isn't in {text}", center(&second));
+    let moved_report = taken("moved", &edited);
+    assert!(count(&moved_report) == 2 && off_axis(&moved_report, 1, &moved) < 1e-6, "{moved_report}");
+    assert!(unexplained(&moved_report) > unexplained(&found) + 0.01, "{moved_report}");
+    assert_eq!(GivenLayout::parse(&read("moved/layout.toml")).unwrap().segments.len(), 2);
+
+    // One more than there are, small and on top: it is taken, and explains nothing.
+    let small = Segment { width: 4.0, length: 6.0, top: 2.0 * second.top, ..second };
+    let more = taken("more", &(text.clone() + &table(&small)));
+    assert!(count(&more) == 3 && off_axis(&more, 2, &second) < 1.0, "{more}");
+    assert!(unexplained(&more) > unexplained(&found), "{more}");
+}
+
+#[test]
+fn the_drawing_numbers_segments_as_the_layout_does_and_the_texture_tiles() {
+    let truth = sample(Kind::Twill(2, 1), 101, 320, Disturbance { distortion: 2.0, noise: 0.02, light: 0.2 });
+    let folder = tempfile::tempdir().unwrap();
+    truth.image.save(folder.path().join("cloth.png")).unwrap();
+    assert!(run(folder.path(), &["cloth.png", "-o", "out"]).status.success());
+    let read = |name: &str| std::fs::read_to_string(folder.path().join("out").join(name)).unwrap();
+    let layout = GivenLayout::parse(&read("layout.toml")).unwrap();
+    let text = read("layout.svg");
+    let svg = roxmltree::Document::parse(&text).unwrap();
+    let groups = svg.descendants().filter(|node| node.attribute("id").is_some_and(|id| id.starts_with("segment-")));
+    let groups: Vec<_> = groups.collect();
+    assert_eq!(groups.len(), layout.segments.len());
+    for ((number, segment), group) in (1..).zip(&layout.segments).zip(groups) {
+        assert_eq!(group.attribute("id"), Some(format!("segment-{number}").as_str()));
+        let title = group.first_element_child().unwrap();
+        assert_eq!(title.tag_name().name(), "title");
+        let expected = format!("{number}: center {:.2}, {:.2}; angle_deg ", segment.centre.x, segment.centre.y);
+        assert!(title.text().unwrap().starts_with(&expected), "{:?} is not {expected}", title.text());
+        assert_eq!(group.children().filter(|node| node.has_tag_name(("http://www.w3.org/2000/svg", "path"))).count(), 9);
+    }
+    let picture = svg.descendants().find(|node| node.tag_name().name() == "image").unwrap();
+    assert!(picture.attributes().any(|attribute| attribute.value().starts_with("data:image/png;base64,iVBOR")));
+    assert!(text.len() < 1 << 20, "{} bytes", text.len());
+
+    // Whole cells each way, of neighbours that differ no more where the texture meets itself than elsewhere.
+    let texture = image::open(folder.path().join("out/texture.png")).unwrap().into_rgb8();
+    let (width, height) = texture.dimensions();
+    let [a, b] = layout.cell.map(|vector| vector.length());
+    for cells in [f64::from(width) / a, f64::from(height) / b] {
+        assert!((cells - cells.round()).abs() < 0.1 && (3.0..=6.0).contains(&cells.round()), "{width} x {height}");
+    }
+    let step = |x: u32, y: u32, [next_x, next_y]: [u32; 2]| {
+        f64::from(texture.get_pixel(x, y).0[0].abs_diff(texture.get_pixel(next_x % width, next_y % height).0[0]))
+    };
+    let mean = |columns: std::ops::Range<u32>, rows: std::ops::Range<u32>, way: [u32; 2]| {
+        let count = f64::from((columns.end - columns.start) * (rows.end - rows.start));
+        let places = rows.flat_map(|y| columns.clone().map(move |x| (x, y)));
+        places.map(|(x, y)| step(x, y, [x + way[0], y + way[1]])).sum::<f64>() / count
+    };
+    let across = (mean(width - 1..width, 0..height, [1, 0]), mean(0..width - 1, 0..height, [1, 0]));
+    let down = (mean(0..width, height - 1..height, [0, 1]), mean(0..width, 0..height - 1, [0, 1]));
+    assert!(across.0 < 1.5 * across.1 && down.0 < 1.5 * down.1, "{across:?} {down:?}");
 }
 
 #[test]
