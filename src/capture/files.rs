@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::layout::Layout;
 use super::segment::Segment;
-use super::{Captured, Hypothesis, sheet};
+use super::{Captured, Hypothesis, Twist, sheet};
 use crate::export::{ExportError, OutputFolder, png};
 
 /// All files of such a folder.
@@ -133,6 +133,27 @@ impl SegmentTable {
     }
 }
 
+/// A segment as far as it is seen, and its fibres.
+#[derive(Serialize)]
+struct SeenTable {
+    #[serde(flatten)]
+    segment: SegmentTable,
+    /// S over 0, Z under 0.
+    twist_deg: f64,
+    twist_is_guess: bool,
+    /// Pixels of the photo.
+    fibre_px: f64,
+    fibres: usize,
+    spread_deg: f64,
+}
+
+impl SeenTable {
+    fn of(segment: &Segment, twist: &Twist) -> Self {
+        let Twist { degrees: twist_deg, fibre_px, is_guess: twist_is_guess, fibres, spread: spread_deg } = *twist;
+        Self { segment: SegmentTable::of(segment), twist_deg, twist_is_guess, fibre_px, fibres, spread_deg }
+    }
+}
+
 /// What `report.json` holds.
 #[derive(Serialize)]
 struct Report<'a> {
@@ -146,8 +167,7 @@ struct Report<'a> {
     unexplained: f64,
     overlap: f64,
     blank: f64,
-    /// As far as they are seen.
-    segments: Vec<SegmentTable>,
+    segments: Vec<SeenTable>,
 }
 
 /// Writes all files.
@@ -155,7 +175,7 @@ struct Report<'a> {
 /// # Errors
 /// What the disk says.
 pub fn save(captured: &Captured, folder: &OutputFolder) -> Result<(), ExportError> {
-    let Captured { unit, layout, scale, cell, .. } = captured;
+    let Captured { unit, layout, twists, scale, cell, .. } = captured;
     let picture = |name: &str, picture: &RgbaImage| png::write(&folder.file(name), picture)?.publish();
     picture("cell.png", &sheet::grey(&cell.plane))?;
     picture("grid3x3.png", &sheet::grid(cell, &layout.scaled(*scale)))?;
@@ -179,7 +199,7 @@ pub fn save(captured: &Captured, folder: &OutputFolder) -> Result<(), ExportErro
         unexplained: *error,
         overlap: *overlap,
         blank: *blank,
-        segments: layout.seen.iter().map(SegmentTable::of).collect(),
+        segments: layout.seen.iter().zip(twists).map(|(segment, twist)| SeenTable::of(segment, twist)).collect(),
     };
     let text = serde_json::to_string_pretty(&report).expect("numbers and names are JSON") + "\n";
     fs::write(folder.file("report.json"), text).map_err(io("report.json"))

@@ -4,9 +4,9 @@
 //! segments in it. No training data: every step is analysis. Source: Wu, Chen, Zhang, Zhou and Zhao 2017, *Modeling yarn-level geometry from a single micro-image*. The steps so far:
 //!
 //! ```text
-//!   photo ─▶ view ─▶ lattice ─▶ register ─▶ cell ─▶ layout ─────────────▶ files
-//!            size    repeat     where each  mean    woven ╮  ╭ fit, segment
-//!                               copy lies   cell    cover ┴──╯
+//!   photo ─▶ view ─▶ lattice ─▶ register ─▶ cell ─▶ layout ─────────────▶ fibres ─▶ files
+//!            size    repeat     where each  mean    woven ╮  ╭ fit,       twist
+//!                               copy lies   cell    cover ┴──╯ segment
 //! ```
 //!
 //! `plane` and `correlogram` are what pictures are asked by, `target` is the mean cell as fits see it, `sheet` draws. Cost: about a second for the repeat and its mean, up to
@@ -18,6 +18,7 @@ mod cell;
 mod correlogram;
 mod cover;
 mod error;
+mod fibres;
 mod files;
 mod fit;
 mod lattice;
@@ -33,13 +34,15 @@ mod woven;
 use glam::DVec2;
 use image::RgbImage;
 
-use crate::plane::{Plane, float, narrow};
+use crate::plane::{Plane, double, float, narrow};
 use cell::Cell;
+use fibres::{Sight, twists};
 use plane::{evened, without_shading};
 use register::register;
 use view::View;
 
 pub use error::CaptureError;
+pub use fibres::Twist;
 pub use files::{FILES, GivenLayout, LayoutError, save};
 pub use lattice::{CERTAIN, Lattice, UnitCell};
 pub use layout::{Hypothesis, Layout};
@@ -70,6 +73,8 @@ pub struct Captured {
     pub corner: DVec2,
     /// The segments of a cell, relative to its corner.
     pub layout: Layout,
+    /// The twist of each segment in [`Layout::seen`].
+    pub twists: Vec<Twist>,
     /// Pixels of the picture that was worked on for each of the photo's.
     pub scale: f64,
     /// The mean cell, in pixels of that picture.
@@ -100,10 +105,13 @@ pub fn capture(photo: &RgbImage, settings: &Settings) -> Result<Captured, Captur
         }
         None => layout::find(&cell).ok_or(CaptureError::NoYarns)?,
     };
+    let view = DVec2::new(double(lightness.width), double(lightness.height));
+    let sight = Sight { photo, warp: &warp, lattice: &unit.lattice, view, scale, corner };
+    let twists = twists(&sight, &layout.seen);
     let photos = 1.0 / scale;
     let lattice = Lattice { a: unit.lattice.a * photos, b: unit.lattice.b * photos };
     let unit = UnitCell { lattice, ..unit };
-    Ok(Captured { unit, corner, layout: layout.scaled(photos), scale, cell })
+    Ok(Captured { unit, corner, layout: layout.scaled(photos), twists, scale, cell })
 }
 
 /// A view of the photo with a repeat in it.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail};
 use glam::DVec2;
-use warpknit::capture::{Captured, FILES, GivenLayout, Layout, Settings, capture as captured, save};
+use warpknit::capture::{Captured, FILES, GivenLayout, Layout, Settings, Twist, capture as captured, save};
 use warpknit::export::OutputFolder;
 use warpknit::photo::read_photo;
 
@@ -71,6 +71,12 @@ fn notes(found: &Captured) -> Vec<String> {
                 .to_owned(),
         );
     }
+    let is_narrow = |twist: &Twist| twist.is_guess && twist.fibre_px < Twist::LEAST_PX;
+    if found.twists.iter().all(is_narrow) {
+        notes.push(format!("twist is a guess: fibres are under {} pixels wide", Twist::LEAST_PX));
+    } else if found.twists.iter().any(|twist| twist.is_guess) {
+        notes.push("where the twist has a question mark it is a guess: too few fibres are seen".to_owned());
+    }
     notes
 }
 
@@ -89,10 +95,12 @@ fn report(found: &Captured) -> String {
     let mut text = String::new();
     let mut line = |words: String| writeln!(text, "{words}").expect("a string takes any text");
     rows.iter().for_each(|(name, value)| line(format!("{name:12}{value}")));
-    line(format!("{:>7} {:>9} {:>9} {:>9} {:>9} {:>9}", "segment", "x", "y", "degrees", "width", "length"));
-    for (number, segment) in (1..).zip(&layout.seen) {
+    line(format!("{:>7} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9}", "segment", "x", "y", "degrees", "width", "length", "twist"));
+    for ((number, segment), twist) in (1..).zip(&layout.seen).zip(&found.twists) {
         let (centre, degrees) = (segment.centre, segment.angle.to_degrees().rem_euclid(180.0));
-        line(format!("{number:7} {:9.2} {:9.2} {degrees:9.1} {:9.2} {:9.2}", centre.x, centre.y, segment.width, segment.length));
+        let sizes = format!("{:9.2} {:9.2}", segment.width, segment.length);
+        let mark = if twist.is_guess { "?" } else { "" };
+        line(format!("{number:7} {:9.2} {:9.2} {degrees:9.1} {sizes} {:9.1}{mark}", centre.x, centre.y, twist.degrees));
     }
     text
 }

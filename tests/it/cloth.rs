@@ -6,6 +6,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DVec2, DVec3, Vec3};
 use image::RgbImage;
+use warpknit::capture::{GivenLayout, Segment};
 use warpknit::drape::picture;
 use warpknit::fabric::Fabric;
 use warpknit::render::{Background, Camera, Light, Options, render};
@@ -105,7 +106,7 @@ pub(crate) fn fibrous(seed: u64, size: u32, fibre: f64, disturbance: Disturbance
     let radius = 0.5 * fibre * (f64::from(count) / PACKING).sqrt();
     let pitch = 2.0 * radius / random.within(0.8, 0.95);
     let aspect: f64 = random.within(0.92, 1.08);
-    let laid = woven(DVec2::new(pitch * aspect.sqrt(), pitch / aspect.sqrt()), radius, [1, 1], f64::from(size));
+    let laid = woven(DVec2::new(pitch * aspect.sqrt(), pitch / aspect.sqrt()), radius, [1, 1], 8, f64::from(size));
     let degrees = random.within(8.0, 35.0) * if random.within(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 };
     let near = |p: &DVec3| p.truncate().abs().max_element() < 0.75 * f64::from(size);
     let mut fibres = Vec::new();
@@ -213,10 +214,11 @@ fn weave(random: &mut Random, [over, under]: [i64; 2], side: f64) -> Laid {
     let (pitch, aspect) = (random.within(13.0, 32.0), random.within(0.85, 1.18));
     let spacing = DVec2::new(pitch * aspect.sqrt(), pitch / aspect.sqrt());
     let radius = 0.5 * random.within(0.72, 0.95) * spacing.min_element();
-    woven(spacing, radius, [over, under], side)
+    woven(spacing, radius, [over, under], 2, side)
 }
 
-fn woven(spacing: DVec2, radius: f64, [over, under]: [i64; 2], side: f64) -> Laid {
+/// The same with so many points from one crossing to the next.
+fn woven(spacing: DVec2, radius: f64, [over, under]: [i64; 2], parts: u8, side: f64) -> Laid {
     let is_up = |warp: i64, weft: i64| (weft - warp).rem_euclid(over + under) < over;
     let [warps, wefts] = (spacing.recip() * (0.75 * side)).to_array().map(|count| whole(count) + 1);
     let mut yarns = Vec::new();
@@ -226,7 +228,10 @@ fn woven(spacing: DVec2, radius: f64, [over, under]: [i64; 2], side: f64) -> Lai
                 |step: i64| if along_y == if along_y { is_up(yarn, step) } else { is_up(step, yarn) } { radius } else { -radius };
             let mut points = Vec::new();
             for step in -steps..=steps {
-                for (along, z) in [(step as f64, height(step)), (step as f64 + 0.5, 0.5 * (height(step) + height(step + 1)))] {
+                for part in 0..parts {
+                    let share = f64::from(part) / f64::from(parts);
+                    let (along, eased) = (step as f64 + share, 0.5 - 0.5 * (PI * share).cos());
+                    let z = height(step) + eased * (height(step + 1) - height(step));
                     let place = if along_y { DVec2::new(yarn as f64, along) } else { DVec2::new(along, yarn as f64) };
                     points.push((place * spacing).extend(z));
                 }
@@ -372,6 +377,22 @@ fn one_of_each(mut found: Vec<Stretch>, [a, b]: [DVec2; 2], longest: f64) -> Vec
         }
     }
     kept
+}
+
+/// The layout of a picture as somebody would give it who sees all of it; lightness is what a yarn's mostly is.
+pub(crate) fn layout(truth: &Sample) -> GivenLayout {
+    let long = truth.stretches.iter().filter(|stretch| stretch.length > 0.8 * stretch.width);
+    let segment = |&Stretch { centre, angle, length, width }: &Stretch| Segment {
+        centre,
+        angle,
+        width,
+        length,
+        top: 1.0,
+        round: 0.5,
+        sag: 0.3,
+        tilt: 0.0,
+    };
+    GivenLayout { cell: truth.lattice, ground: -1.0, segments: long.map(segment).collect() }
 }
 
 /// The angle between two directions without a sign, radians.
