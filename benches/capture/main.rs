@@ -1,6 +1,7 @@
 //! How much of a known cloth `capture` finds again, on seeds that nobody tuned it on: `cargo bench --bench capture`.
 //!
-//! Twelve pictures of each cloth, 480 pixels each way, every other with distortion, noise and uneven light up to the most that a decent photo has. Prints the table of docs/capture.md.
+//! Twelve pictures of each cloth, 480 pixels each way, every other with distortion, noise and uneven light up to the most that a decent photo has. Prints the tables of docs/capture.md:
+//! that of layouts, and that of fibres (`-- fibres` prints this one only).
 
 #![expect(
     clippy::cast_possible_truncation,
@@ -14,7 +15,7 @@ mod cloth;
 use std::path::Path;
 use std::time::Instant;
 
-use cloth::{Disturbance, Kind, Random, Sample, Stretch, between, bricks, face, fur, noise, sample};
+use cloth::{Disturbance, Kind, Random, Sample, Stretch, between, bricks, face, fibrous, fur, layout, noise, sample};
 use glam::{DMat2, DVec2};
 use image::RgbImage;
 use warpknit::capture::{Captured, Settings, capture};
@@ -45,10 +46,69 @@ fn main() {
     if std::env::args().any(|argument| argument == "--test") {
         return;
     }
-    // `photos` alone, for whoever looks at these.
-    if std::env::args().any(|argument| argument == "photos") {
-        return photos();
+    // One part alone, for whoever works on it.
+    let named = |part: &str| std::env::args().any(|argument| argument == part);
+    let all = !named("layouts") && !named("fibres") && !named("photos");
+    for (part, of) in [("layouts", layouts as fn()), ("fibres", fibres), ("photos", photos)] {
+        if all || named(part) {
+            of();
+        }
     }
+}
+
+fn disturbance(seed: u64) -> Disturbance {
+    let most = f64::from(u32::try_from(seed % 4).unwrap()) / 3.0;
+    Disturbance { distortion: 4.0 * most, noise: 0.03 * most, light: 0.3 * most }
+}
+
+/// How well twist is told where the layout is known, by the width of a fibre.
+fn fibres() {
+    println!(
+        "\n| pixels a fibre | degrees off, median | 90th percentile | within 4 degrees | sign right | guesses | fibre's width off | seconds |"
+    );
+    println!("|---|---|---|---|---|---|---|---|");
+    for fibre in [2.0, 4.0, 6.0, 8.0] {
+        let (mut off, mut widths, mut seconds, mut signs, mut guesses) = (Vec::new(), Vec::new(), Vec::new(), 0, 0);
+        for seed in FIRST_SEED..FIRST_SEED + PICTURES {
+            let (truth, degrees) = fibrous(seed, (100.0 * fibre) as u32, fibre, disturbance(seed));
+            let settings = Settings { layout: Some(layout(&truth)), ..Settings::default() };
+            let begun = Instant::now();
+            let found = capture(&truth.image, &settings).unwrap();
+            seconds.push(begun.elapsed().as_secs_f64());
+            for twist in &found.twists {
+                guesses += usize::from(twist.is_guess);
+                if !twist.is_guess {
+                    off.push((twist.degrees - degrees).abs());
+                    widths.push((twist.fibre_px / fibre - 1.0).abs());
+                    signs += usize::from(twist.degrees * degrees > 0.0);
+                }
+            }
+        }
+        let near = off.iter().filter(|off| **off <= 4.0).count();
+        let told = off.len();
+        println!(
+            "| {fibre} | {:.1} | {:.1} | {} | {} | {} | {:.0} % | {:.2} |",
+            quantile(&mut off, 0.5),
+            quantile(&mut off, 0.9),
+            share(near, told),
+            share(signs, told),
+            share(guesses, told + guesses),
+            100.0 * quantile(&mut widths, 0.5),
+            quantile(&mut seconds, 0.5)
+        );
+    }
+}
+
+fn share(part: usize, whole: usize) -> String {
+    format!("{:.0} %", 100.0 * part as f64 / whole.max(1) as f64)
+}
+
+fn quantile(values: &mut [f64], share: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get((share * values.len() as f64) as usize).copied().unwrap_or(f64::NAN)
+}
+
+fn layouts() {
     println!(
         "| cloth | lattice right | vectors off | stretches found | segments wrong | width off | degrees off | widths off across | seconds |"
     );
@@ -58,9 +118,7 @@ fn main() {
     {
         let mut score = Score::default();
         for seed in 0..PICTURES {
-            let most = f64::from(u32::try_from(seed % 4).unwrap()) / 3.0;
-            let disturbance = Disturbance { distortion: 4.0 * most, noise: 0.03 * most, light: 0.3 * most };
-            score.take(&sample(kind, FIRST_SEED + seed, SIDE, disturbance));
+            score.take(&sample(kind, FIRST_SEED + seed, SIDE, disturbance(seed)));
         }
         println!("| {name} | {} |", score.row());
     }
@@ -166,11 +224,7 @@ impl Score {
     }
 
     fn row(&mut self) -> String {
-        let share = |part: usize, whole: usize| format!("{:.0} %", 100.0 * part as f64 / whole.max(1) as f64);
-        let median = |values: &mut Vec<f64>| {
-            values.sort_by(f64::total_cmp);
-            values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
-        };
+        let median = |values: &mut Vec<f64>| quantile(values, 0.5);
         [
             share(self.lattices, self.pictures),
             format!("{:.2} %", 100.0 * median(&mut self.vectors)),

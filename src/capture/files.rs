@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::layout::Layout;
 use super::segment::Segment;
-use super::{Captured, Hypothesis, Shape, sheet};
+use super::{Captured, Hypothesis, Shape, Twist, sheet};
 use crate::chart::svg;
 use crate::drape::{self, Cloth, Options, picture, spun, swatch_panel};
 use crate::export::spun::SpunWriter;
@@ -160,6 +160,27 @@ impl SegmentTable {
     }
 }
 
+/// A segment as far as it is seen, and its fibres.
+#[derive(Serialize)]
+struct SeenTable {
+    #[serde(flatten)]
+    segment: SegmentTable,
+    /// S over 0, Z under 0.
+    twist_deg: f64,
+    twist_is_guess: bool,
+    /// Pixels of the photo.
+    fibre_px: f64,
+    fibres: usize,
+    spread_deg: f64,
+}
+
+impl SeenTable {
+    fn of(segment: &Segment, twist: &Twist) -> Self {
+        let Twist { degrees: twist_deg, fibre_px, is_guess: twist_is_guess, fibres, spread: spread_deg } = *twist;
+        Self { segment: SegmentTable::of(segment), twist_deg, twist_is_guess, fibre_px, fibres, spread_deg }
+    }
+}
+
 /// What `report.json` holds.
 #[derive(Serialize)]
 struct Report<'a> {
@@ -177,7 +198,7 @@ struct Report<'a> {
     overlap: f64,
     blank: f64,
     /// As far as they are seen.
-    segments: Vec<SegmentTable>,
+    segments: Vec<SeenTable>,
     /// The same segments as curved cylinders.
     yarns: Vec<YarnReport>,
 }
@@ -213,7 +234,7 @@ impl From<&Shape> for YarnReport {
 /// # Errors
 /// What the disk says.
 pub fn save(captured: &Captured, folder: &OutputFolder) -> Result<(), ExportError> {
-    let Captured { unit, layout, scale, cell, depth, texture, .. } = captured;
+    let Captured { unit, layout, twists, scale, cell, depth, texture, .. } = captured;
     let picture = |name: &str, picture: &RgbaImage| png::write(&folder.file(name), picture)?.publish();
     picture("cell.png", &sheet::grey(&cell.plane))?;
     picture("grid3x3.png", &sheet::grid(cell, &layout.scaled(*scale)))?;
@@ -246,7 +267,7 @@ pub fn save(captured: &Captured, folder: &OutputFolder) -> Result<(), ExportErro
         unexplained: *error,
         overlap: *overlap,
         blank: *blank,
-        segments: layout.seen.iter().map(SegmentTable::of).collect(),
+        segments: layout.seen.iter().zip(twists).map(|(segment, twist)| SeenTable::of(segment, twist)).collect(),
         yarns: captured.shapes.iter().map(YarnReport::from).collect(),
     };
     let text = serde_json::to_string_pretty(&report).expect("numbers and names are JSON") + "\n";

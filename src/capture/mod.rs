@@ -1,19 +1,19 @@
 //! From one photo of a cloth to its yarns.
 //!
 //! In: one photo, evenly lit, of a knit or woven cloth, and [`Settings`] that may overrule what is found. Out: [`Captured`]: the cell that repeats, its mean, a texture
-//! that tiles, and the yarn segments in the cell. No training data: every step is analysis. Source: Wu, Chen, Zhang, Zhou and Zhao 2017, *Modeling yarn-level geometry from a single micro-image*. The steps so far:
+//! that tiles, and the yarn segments in the cell. No training data: every step is analysis. Source: Wu, Chen, Zhang, Zhou and Zhao 2017, *Modeling yarn-level geometry from a single micro-image*. The steps:
 //!
 //! ```text
-//!   photo ─▶ view ─▶ lattice ─▶ register ─▶ cell ─▶ layout ─────────────▶ files
-//!            size    repeat     where each  mean    woven ╮  ╭ fit, segment   ▲
-//!                               copy lies   cell    cover ┴──╯                │
-//!                                   ╰─────▶ quilt: the texture that tiles ────╯
+//!   photo ─▶ view ─▶ lattice ─▶ register ─▶ cell ─▶ layout ─────────▶ depth ─▶ shape ─▶ strands ─▶ cloth
+//!            size    repeat     where each  mean    woven ╮  ╭ fit,   color    mm       joined     fabric
+//!                               copy lies   cell    cover ┴──╯ segment                  upright      ▲
+//!                                   ╰─────▶ quilt: a texture            ╰────▶ fibres: twist ────────╯
 //! ```
 //!
 //! `plane` and `correlogram` are what pictures are asked by, `target` is the mean cell as fits see it, `sheet` draws. Cost: about a second for the repeat and its mean, up to
 //! ten for the layout, on two cores; 140 MB. The same photo gives the same bytes for any number of threads.
 //!
-//! Not promised: a scale. A photo doesn't say how large anything is, and lengths are its pixels.
+//! Not promised: a scale. A photo doesn't say how large anything is; a person does, by how thick the cloth is or how many pixels are a mm.
 
 mod cell;
 mod cloth;
@@ -22,6 +22,7 @@ mod correlogram;
 mod cover;
 mod depth;
 mod error;
+mod fibres;
 mod files;
 mod fit;
 mod lattice;
@@ -44,8 +45,10 @@ use image::{RgbImage, RgbaImage};
 use crate::fabric::Fabric;
 use crate::plane::{Plane, double, float, narrow};
 use cell::Cell;
+use cloth::Yarns;
 use color::Colors;
 use depth::Depth;
+use fibres::{Sight, twists};
 use plane::{evened, without_shading};
 use quilt::quilt;
 use register::{Warp, register};
@@ -53,6 +56,7 @@ use shape::Scale;
 use view::View;
 
 pub use error::CaptureError;
+pub use fibres::Twist;
 pub use files::{FILES, GivenLayout, LayoutError, save};
 pub use lattice::{CERTAIN, Lattice, UnitCell};
 pub use layout::{Hypothesis, Layout};
@@ -99,6 +103,8 @@ pub struct Captured {
     pub corner: DVec2,
     /// The segments of a cell, relative to its corner.
     pub layout: Layout,
+    /// The twist of each segment in [`Layout::seen`].
+    pub twists: Vec<Twist>,
     /// Each segment of the layout that is seen as a curved cylinder, mm.
     pub shapes: Vec<Shape>,
     /// The cloth as it can be draped.
@@ -143,6 +149,8 @@ pub fn capture(photo: &RgbImage, settings: &Settings) -> Result<Captured, Captur
     };
     let colors = Colors::of(&Plane::channels(&picture).map(|plane| Cell::folded(&plane, &warp, &unit.lattice)), &layout.seen);
     let depth = Depth::of(&cell, &layout, &colors.groups, settings.thickness);
+    let view = DVec2::new(double(lightness.width), double(lightness.height));
+    let twists = twists(&Sight { photo, warp: &warp, lattice: &unit.lattice, view, scale, corner }, &layout.seen);
     let texture = quilt(&picture, &warp, &unit.lattice);
     let photos = 1.0 / scale;
     let lattice = Lattice { a: unit.lattice.a * photos, b: unit.lattice.b * photos };
@@ -151,8 +159,9 @@ pub fn capture(photo: &RgbImage, settings: &Settings) -> Result<Captured, Captur
     let width = layout.seen.iter().map(|segment| segment.width).sum::<f64>() / double(layout.seen.len());
     let pixel = settings.pixels_per_mm.map_or(settings.thickness / LAYERS / width, f64::recip);
     let shapes: Vec<Shape> = layout.seen.iter().map(|segment| Shape::of(segment, Scale { pixel, light: depth.scale })).collect();
-    let fabric = cloth::fabric(&lattice, &layout, &shapes, &colors, pixel);
-    Ok(Captured { unit, corner, layout, shapes, fabric, pixel, scale, depth, warp, cell, texture })
+    let yarns = Yarns { shapes: &shapes, twists: &twists, colors: &colors };
+    let fabric = cloth::fabric(&lattice, &layout, &yarns, pixel);
+    Ok(Captured { unit, corner, layout, twists, shapes, fabric, pixel, scale, depth, warp, cell, texture })
 }
 
 impl Captured {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail};
 use glam::DVec2;
-use warpknit::capture::{Captured, FILES, GivenLayout, Layout, Settings, capture as captured, save};
+use warpknit::capture::{Captured, FILES, GivenLayout, Layout, Settings, Twist, capture as captured, save};
 use warpknit::export::OutputFolder;
 use warpknit::photo::read_photo;
 
@@ -81,6 +81,12 @@ fn notes(found: &Captured) -> Vec<String> {
                 .to_owned(),
         );
     }
+    let is_narrow = |twist: &Twist| twist.is_guess && twist.fibre_px < Twist::LEAST_PX;
+    if found.twists.iter().all(is_narrow) {
+        notes.push(format!("twist is a guess: fibres are under {} pixels wide", Twist::LEAST_PX));
+    } else if found.twists.iter().any(|twist| twist.is_guess) {
+        notes.push("where the twist has a question mark it is a guess: too few fibres are seen".to_owned());
+    }
     notes
 }
 
@@ -104,11 +110,15 @@ fn report(found: &Captured) -> String {
     let mut text = String::new();
     let mut line = |words: String| writeln!(text, "{words}").expect("a string takes any text");
     rows.iter().for_each(|(name, value)| line(format!("{name:12}{value}")));
-    line(format!("{:>7} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9}", "segment", "x", "y", "degrees", "width", "length", "width mm"));
-    for ((number, segment), shape) in (1..).zip(&layout.seen).zip(&found.shapes) {
+    line(format!(
+        "{:>7} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9}",
+        "segment", "x", "y", "degrees", "width", "length", "width mm", "twist"
+    ));
+    for ((number, segment), (shape, twist)) in (1..).zip(&layout.seen).zip(found.shapes.iter().zip(&found.twists)) {
         let (centre, degrees) = (segment.centre, segment.angle.to_degrees().rem_euclid(180.0));
-        let (width, length) = (segment.width, segment.length);
-        line(format!("{number:7} {:9.2} {:9.2} {degrees:9.1} {width:9.2} {length:9.2} {:9.3}", centre.x, centre.y, shape.width));
+        let sizes = format!("{:9.2} {:9.2} {:9.3}", segment.width, segment.length, shape.width);
+        let mark = if twist.is_guess { "?" } else { "" };
+        line(format!("{number:7} {:9.2} {:9.2} {degrees:9.1} {sizes} {:9.1}{mark}", centre.x, centre.y, twist.degrees));
     }
     text
 }

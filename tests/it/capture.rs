@@ -7,7 +7,7 @@ use glam::{DMat2, DVec2};
 use image::RgbImage;
 use warpknit::capture::{CERTAIN, CaptureError, Captured, GivenLayout, Segment, Settings, capture};
 
-use crate::cloth::{Disturbance, Kind, Random, Sample, between, bricks, face, fur, noise, sample};
+use crate::cloth::{Disturbance, Kind, Random, Sample, between, bricks, face, fibrous, fur, layout, noise, sample};
 
 fn found(image: &RgbImage) -> Captured {
     capture(image, &Settings::default()).unwrap()
@@ -69,6 +69,21 @@ fn a_jersey_has_its_cell_and_a_leg_on_either_side() {
     let leans: Vec<f64> = found.layout.seen.iter().filter(|segment| segment.length > 1.5 * segment.width).map(lean).collect();
     for side in [-1.0, 1.0] {
         assert!(leans.iter().any(|lean| (0.1..0.7).contains(&(side * lean))), "legs lean by {leans:?}");
+    }
+}
+
+#[test]
+fn fibres_tell_their_twist_and_say_so_where_they_are_too_narrow() {
+    let photo = Disturbance { distortion: 2.0, noise: 0.02, light: 0.2 };
+    for (seed, fibre, disturbance) in [(101, 4.0, photo), (102, 4.0, Disturbance::default()), (105, 2.0, photo)] {
+        let (truth, degrees) = fibrous(seed, (100.0 * fibre) as u32, fibre, disturbance);
+        let found = capture(&truth.image, &Settings { layout: Some(layout(&truth)), ..Settings::default() }).unwrap();
+        assert!(found.twists.len() == found.layout.seen.len() && found.twists.len() >= 2, "{seed}: {:?}", found.layout);
+        for twist in &found.twists {
+            assert_eq!(twist.is_guess, fibre < 3.0, "{seed}: {twist:?}");
+            let is_near = (twist.degrees - degrees).abs() < 4.0 && (twist.fibre_px / fibre - 1.0).abs() < 0.3;
+            assert!(twist.is_guess || is_near, "{seed}: {twist:?} is not {degrees}");
+        }
     }
 }
 

@@ -6,6 +6,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DVec2, DVec3, Vec3};
 use image::RgbImage;
+use warpknit::capture::{GivenLayout, Segment};
 use warpknit::drape::picture;
 use warpknit::fabric::Fabric;
 use warpknit::render::{Background, Camera, Light, Options, render};
@@ -94,6 +95,77 @@ pub(crate) fn sample(kind: Kind, seed: u64, size: u32, disturbance: Disturbance)
         Kind::Twill(over, under) => weave(&mut random, [i64::from(over), i64::from(under)], side),
         Kind::Jersey => jersey(&mut random, side),
     };
+    pictured(&laid, &laid.yarns, laid.radius, size, disturbance, &mut random)
+}
+
+/// A square picture of a plain weave whose yarns are bundles of twisted fibres, `fibre` pixels wide each, and the degrees by which the outermost lean against the
+/// yarn: S over 0, Z under 0.
+pub(crate) fn fibrous(seed: u64, size: u32, fibre: f64, disturbance: Disturbance) -> (Sample, f64) {
+    let mut random = Random::new(seed);
+    let count = u16::try_from(whole(random.within(40.0, 90.0))).unwrap();
+    let radius = 0.5 * fibre * (f64::from(count) / PACKING).sqrt();
+    let pitch = 2.0 * radius / random.within(0.8, 0.95);
+    let aspect: f64 = random.within(0.92, 1.08);
+    let laid = woven(DVec2::new(pitch * aspect.sqrt(), pitch / aspect.sqrt()), radius, [1, 1], 8, f64::from(size));
+    let degrees = random.within(8.0, 35.0) * if random.within(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 };
+    let near = |p: &DVec3| p.truncate().abs().max_element() < 0.75 * f64::from(size);
+    let mut fibres = Vec::new();
+    for yarn in &laid.yarns {
+        let (first, last) = (yarn.iter().position(near), yarn.iter().rposition(near));
+        if let (Some(first), Some(last)) = (first, last) {
+            fibres.extend(bundle(&yarn[first..=last], radius, 0.5 * fibre, count, degrees, &mut random));
+        }
+    }
+    (pictured(&laid, &fibres, 0.5 * fibre, size, disturbance, &mut random), degrees)
+}
+
+/// Share of a yarn's section that is fibre.
+const PACKING: f64 = 0.6;
+
+/// Fibres wound around a yarn's axis, all with as many turns; each wanders a little in and out.
+fn bundle(yarn: &[DVec3], radius: f64, fibre: f64, count: u16, degrees: f64, random: &mut Random) -> Vec<Vec<DVec3>> {
+    let outermost = radius - fibre;
+    // From aside over the top and back against the way ahead: fibres seen from above lean as the bar of an S does.
+    let turns = degrees.to_radians().tan() / outermost;
+    let (mut axis, mut along) = (Vec::new(), 0.0);
+    for at in 0..yarn.len() - 1 {
+        let span = curve::span(yarn, at);
+        let pieces = whole(span.length() / (0.3 * radius)) + 1;
+        for piece in 0..pieces {
+            let t = piece as f64 / pieces as f64;
+            let ahead = span.tangent(t).normalize();
+            let aside = ahead.cross(DVec3::Z).normalize();
+            axis.push((span.at(t), aside, aside.cross(ahead), along + t * span.length()));
+        }
+        along += span.length();
+    }
+    let start = random.within(0.0, TAU);
+    (0..count)
+        .map(|number| {
+            // Sunflower seeds: evenly over the section.
+            let out = outermost * ((f64::from(number) + 0.5) / f64::from(count)).sqrt() + 0.3 * fibre * random.bell();
+            let around = start + f64::from(number) * 2.399_963 + 0.1 * random.bell();
+            let (wave, phase) = (random.within(0.3, 0.8) / radius, random.within(0.0, TAU));
+            let place = |&(middle, aside, up, along): &(DVec3, DVec3, DVec3, f64)| {
+                let out = (out + 0.35 * fibre * (wave * along + phase).sin()).clamp(0.0, outermost);
+                let (sin, cos) = (around + turns * along).sin_cos();
+                middle + (aside * cos + up * sin) * out
+            };
+            axis.iter().map(place).collect()
+        })
+        .collect()
+}
+
+/// A cloth as a camera sees it, drawn with `strands` of a radius, and its truth.
+fn pictured(
+    laid: &Laid,
+    strands: &[Vec<DVec3>],
+    strand_radius: f64,
+    size: u32,
+    disturbance: Disturbance,
+    random: &mut Random,
+) -> Sample {
+    let side = f64::from(size);
     let turn = random.within(-8.0, 8.0).to_radians();
     let turned = |p: DVec2| DVec2::from_angle(turn).rotate(p);
     let waves: Vec<(DVec2, f64, DVec2)> = (0..4)
@@ -106,8 +178,8 @@ pub(crate) fn sample(kind: Kind, seed: u64, size: u32, disturbance: Disturbance)
         p + waves.iter().map(|(wave, phase, way)| *way * (wave.dot(p) + phase).sin()).sum::<DVec2>()
             * (disturbance.distortion / 2.0)
     };
-    let yarns = laid.yarns.iter().map(|yarn| yarn.iter().map(|p| moved(turned(p.truncate())).extend(p.z).as_vec3()).collect());
-    let picture = photographed(yarns.collect(), laid.radius, size, &mut random);
+    let strands = strands.iter().map(|strand| strand.iter().map(|p| moved(turned(p.truncate())).extend(p.z).as_vec3()).collect());
+    let picture = photographed(strands.collect(), strand_radius, size, random);
     let gradient = DVec2::from_angle(random.within(0.0, TAU)) * disturbance.light;
     let image = RgbImage::from_fn(size, size, |x, y| {
         let light = 1.0 + 2.0 * gradient.dot(DVec2::new(f64::from(x), f64::from(y)) / side - 0.5);
@@ -122,7 +194,7 @@ pub(crate) fn sample(kind: Kind, seed: u64, size: u32, disturbance: Disturbance)
         ..stretch
     };
     let lattice = laid.lattice.map(|vector| flipped(turned(vector)));
-    Sample { image, lattice, stretches: seen(&laid).into_iter().map(in_picture).collect() }
+    Sample { image, lattice, stretches: seen(laid).into_iter().map(in_picture).collect() }
 }
 
 fn byte(value: f64) -> u8 {
@@ -142,6 +214,11 @@ fn weave(random: &mut Random, [over, under]: [i64; 2], side: f64) -> Laid {
     let (pitch, aspect) = (random.within(13.0, 32.0), random.within(0.85, 1.18));
     let spacing = DVec2::new(pitch * aspect.sqrt(), pitch / aspect.sqrt());
     let radius = 0.5 * random.within(0.72, 0.95) * spacing.min_element();
+    woven(spacing, radius, [over, under], 2, side)
+}
+
+/// The same with so many points from one crossing to the next.
+fn woven(spacing: DVec2, radius: f64, [over, under]: [i64; 2], parts: u8, side: f64) -> Laid {
     let is_up = |warp: i64, weft: i64| (weft - warp).rem_euclid(over + under) < over;
     let [warps, wefts] = (spacing.recip() * (0.75 * side)).to_array().map(|count| whole(count) + 1);
     let mut yarns = Vec::new();
@@ -151,7 +228,10 @@ fn weave(random: &mut Random, [over, under]: [i64; 2], side: f64) -> Laid {
                 |step: i64| if along_y == if along_y { is_up(yarn, step) } else { is_up(step, yarn) } { radius } else { -radius };
             let mut points = Vec::new();
             for step in -steps..=steps {
-                for (along, z) in [(step as f64, height(step)), (step as f64 + 0.5, 0.5 * (height(step) + height(step + 1)))] {
+                for part in 0..parts {
+                    let share = f64::from(part) / f64::from(parts);
+                    let (along, eased) = (step as f64 + share, 0.5 - 0.5 * (PI * share).cos());
+                    let z = height(step) + eased * (height(step + 1) - height(step));
                     let place = if along_y { DVec2::new(yarn as f64, along) } else { DVec2::new(along, yarn as f64) };
                     points.push((place * spacing).extend(z));
                 }
@@ -297,6 +377,22 @@ fn one_of_each(mut found: Vec<Stretch>, [a, b]: [DVec2; 2], longest: f64) -> Vec
         }
     }
     kept
+}
+
+/// The layout of a picture as somebody would give it who sees all of it; lightness is what a yarn's mostly is.
+pub(crate) fn layout(truth: &Sample) -> GivenLayout {
+    let long = truth.stretches.iter().filter(|stretch| stretch.length > 0.8 * stretch.width);
+    let segment = |&Stretch { centre, angle, length, width }: &Stretch| Segment {
+        centre,
+        angle,
+        width,
+        length,
+        top: 1.0,
+        round: 0.5,
+        sag: 0.3,
+        tilt: 0.0,
+    };
+    GivenLayout { cell: truth.lattice, ground: -1.0, segments: long.map(segment).collect() }
 }
 
 /// The angle between two directions without a sign, radians.

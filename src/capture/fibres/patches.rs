@@ -1,0 +1,126 @@
+//! Copies of a segment, each in its own frame: along the yarn to the right, across it downwards.
+//!
+//! In: the photo, and where the copies lie. Out: one plane a copy, all of a size, a pixel of the photo a pixel, without the yarn's own shading: what all copies
+//! share isn't fibres, since each copy has fibres of its own.
+//!
+//! Not promised: copies at the photo's rim, which are left out.
+
+use glam::DVec2;
+use image::RgbImage;
+use image::imageops::crop_imm;
+use rayon::prelude::*;
+
+use super::super::segment::Segment;
+use super::super::steps;
+use super::Sight;
+use crate::plane::{Plane, double, float, narrow, side, whole};
+
+/// Copies from which on their mean says more of the yarn than of its fibres.
+const ENOUGH: usize = 4;
+/// How often a place is corrected until the cloth there is the cloth that is sought.
+const CORRECTIONS: usize = 8;
+
+/// Where a copy lies, pixels of the photo.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Frame {
+    pub(super) middle: DVec2,
+    /// Along the yarn, of unit length.
+    pub(super) way: DVec2,
+}
+
+/// All copies of a segment that the view holds, the one nearest to its middle first.
+pub(super) fn frames(sight: &Sight, segment: &Segment) -> Vec<Frame> {
+    let matrix = sight.lattice.matrix();
+    let inverse = matrix.inverse();
+    let view = |count: DVec2| {
+        let step = |at: DVec2, _| at + matrix * (count - sight.warp.count(at));
+        (0..CORRECTIONS).fold(matrix * count, step)
+    };
+    let photo = |at: DVec2| sight.corner + (at + 0.5) / sight.scale - 0.5;
+    let corners = [DVec2::ZERO, sight.view.with_x(0.0), sight.view.with_y(0.0), sight.view].map(|corner| inverse * corner);
+    let low = corners.into_iter().fold(DVec2::INFINITY, DVec2::min).floor();
+    let high = corners.into_iter().fold(DVec2::NEG_INFINITY, DVec2::max).ceil();
+    let half = 0.5 * DVec2::from_angle(segment.angle) * segment.length;
+    let mut frames = Vec::new();
+    for j in steps(low.y) - 1..=steps(high.y) {
+        for i in steps(low.x) - 1..=steps(high.x) {
+            let middle = segment.centre + matrix * DVec2::new(f64::from(i), f64::from(j));
+            let [middle, first, last] = [middle, middle - half, middle + half].map(|place| view(inverse * place));
+            let reach = 0.5 * segment.length.hypot(segment.width) + 2.0;
+            let is_in = middle.cmpge(DVec2::splat(reach)).all() && (middle + reach).cmple(sight.view - 1.0).all();
+            if is_in {
+                frames.push(Frame { middle: photo(middle), way: (last - first).normalize_or(DVec2::X) });
+            }
+        }
+    }
+    let centre = photo(0.5 * sight.view);
+    frames.sort_by(|p, q| p.middle.distance_squared(centre).total_cmp(&q.middle.distance_squared(centre)));
+    frames
+}
+
+/// A count of copies from what they may cost; one at least.
+pub(super) fn bounded(count: f64) -> usize {
+    whole(narrow(count)).max(1)
+}
+
+/// What tells the copies from each other; `size` is along and across them, pixels of the photo.
+pub(super) fn details(photo: &RgbImage, frames: &[Frame], size: DVec2) -> Vec<Plane> {
+    let [columns, rows] = size.to_array().map(|side| 2 * whole(narrow(0.5 * side)) + 1);
+    let patches: Vec<Plane> = frames.par_iter().map(|frame| patch(photo, frame, columns, rows)).collect();
+    if patches.len() < ENOUGH {
+        return patches;
+    }
+    let mean =
+        Plane::from_fn(columns, rows, |x, y| patches.iter().map(|patch| patch.at(x, y)).sum::<f32>() / float(patches.len()));
+    patches.iter().map(|patch| patch.zip(&mean, |value, mean| value - mean)).collect()
+}
+
+fn patch(photo: &RgbImage, frame: &Frame, columns: usize, rows: usize) -> Plane {
+    let half = 0.5 * DVec2::new(double(columns - 1), double(rows - 1));
+    let reach = half.length() + 2.0;
+    let limits = DVec2::new(f64::from(photo.width()), f64::from(photo.height())) - 1.0;
+    let [low, high] = [frame.middle - reach, frame.middle + reach].map(|corner| corner.clamp(DVec2::ZERO, limits).floor());
+    let [x, y] = low.to_array().map(|at| side(whole(narrow(at))));
+    let [width, height] = (high - low).to_array().map(|size| side(whole(narrow(size))) + 1);
+    let light = Plane::lightness(&crop_imm(photo, x, y, width, height).to_image());
+    Plane::from_fn(columns, rows, |u, v| {
+        let off = DVec2::new(double(u), double(v)) - half;
+        between(&light, frame.middle + frame.way * off.x + frame.way.perp() * off.y - low)
+    })
+}
+
+/// The value of the four pixels around a place; outside, of those at the rim.
+fn between(plane: &Plane, place: DVec2) -> f32 {
+    let place = place.clamp(DVec2::ZERO, DVec2::new(double(plane.width - 1), double(plane.height - 1)));
+    let [left, top] = place.to_array().map(|at| whole(narrow(at)));
+    let [right, bottom] = [(left + 1).min(plane.width - 1), (top + 1).min(plane.height - 1)];
+    let [across, down] = place.fract().to_array().map(narrow);
+    let row = |y: usize| plane.at(left, y) * (1.0 - across) + plane.at(right, y) * across;
+    row(top) * (1.0 - down) + row(bottom) * down
+}
+
+#[cfg(test)]
+mod tests {
+    use image::Rgb;
+
+    use super::*;
+
+    #[test]
+    fn a_patch_lies_along_the_yarn() {
+        // Lighter towards the right, then turned by a quarter: lighter across the yarn, against its left.
+        let photo = RgbImage::from_fn(60, 60, |x, _| Rgb([u8::try_from(4 * x).unwrap(); 3]));
+        let along = patch(&photo, &Frame { middle: DVec2::new(30.5, 30.0), way: DVec2::X }, 21, 11);
+        assert!(along.at(20, 3) > along.at(0, 3) + 0.1 && (along.at(4, 0) - along.at(4, 10)).abs() < 1e-6);
+        let down = patch(&photo, &Frame { middle: DVec2::new(30.0, 30.0), way: DVec2::Y }, 21, 11);
+        assert!(down.at(4, 0) > down.at(4, 10) + 0.1 && (down.at(0, 5) - down.at(20, 5)).abs() < 1e-6);
+    }
+
+    #[test]
+    fn what_all_copies_share_is_taken_off() {
+        let photo = RgbImage::from_fn(80, 80, |x, _| Rgb([if x % 20 < 10 { 40 } else { 200 }; 3]));
+        let frames: Vec<Frame> =
+            (0..4).map(|n| Frame { middle: DVec2::new(40.0, 20.0 + 10.0 * f64::from(n)), way: DVec2::X }).collect();
+        assert!(details(&photo, &frames, DVec2::new(30.0, 10.0)).iter().all(|detail| detail.power() < 1e-9));
+        assert!(details(&photo, &frames[..1], DVec2::new(30.0, 10.0))[0].power() > 0.01);
+    }
+}
