@@ -296,7 +296,9 @@ mod tests {
             let picture = cloth(size, 0.0, 0.0);
             let texture = quilted(&picture);
             let [width, height] = [20, 16_u32];
-            assert!(texture.width() % width == 0 && texture.height() % height == 0 && texture.width() >= 3 * width);
+            assert!(
+                texture.width().is_multiple_of(width) && texture.height().is_multiple_of(height) && texture.width() >= 3 * width
+            );
             let next = |x: u32, y: u32| Some([(x + width) % texture.width(), (y + height) % texture.height()]);
             assert!(differs(&texture, next) < 4.0, "{}", differs(&texture, next));
             // In the middle of the photo nothing is moved: the cell there is the texture's.
