@@ -113,9 +113,13 @@ fn layouts() {
         "| cloth | lattice right | vectors off | stretches found | segments wrong | width off | degrees off | widths off across | seconds |"
     );
     println!("|---|---|---|---|---|---|---|---|---|");
-    for (name, kind) in
-        [("plain", Kind::Plain), ("twill 2/1", Kind::Twill(2, 1)), ("twill 2/2", Kind::Twill(2, 2)), ("jersey", Kind::Jersey)]
-    {
+    for (name, kind) in [
+        ("plain", Kind::Plain),
+        ("plain, two colours", Kind::Colored),
+        ("twill 2/1", Kind::Twill(2, 1)),
+        ("twill 2/2", Kind::Twill(2, 2)),
+        ("jersey", Kind::Jersey),
+    ] {
         let mut score = Score::default();
         for seed in 0..PICTURES {
             score.take(&sample(kind, FIRST_SEED + seed, SIDE, disturbance(seed)));

@@ -130,7 +130,9 @@ pub struct Captured {
 pub fn capture(photo: &RgbImage, settings: &Settings) -> Result<Captured, CaptureError> {
     let Repeating { scale, corner, picture, lightness, even, unit } = repeat(photo, settings)?;
     let warp = register(&even, &unit.lattice);
+    let hues = Plane::channels(&picture).map(|plane| Cell::folded(&plane, &warp, &unit.lattice));
     let cell = Cell::folded(&evened(&lightness, narrow(1.5 * unit.lattice.longer())), &warp, &unit.lattice);
+    let cell = color::levelled(cell, &hues);
     let layout = match &settings.layout {
         Some(given) => {
             let layout = layout::given(&cell, given.segments.iter().map(|segment| segment.scaled(scale)).collect(), given.ground);
@@ -147,7 +149,7 @@ pub fn capture(photo: &RgbImage, settings: &Settings) -> Result<Captured, Captur
         }
         None => layout::find(&cell).ok_or(CaptureError::NoYarns)?,
     };
-    let colors = Colors::of(&Plane::channels(&picture).map(|plane| Cell::folded(&plane, &warp, &unit.lattice)), &layout.seen);
+    let colors = Colors::of(&hues, &layout.seen);
     let depth = Depth::of(&cell, &layout, &colors.groups, settings.thickness);
     let view = DVec2::new(double(lightness.width), double(lightness.height));
     let twists = twists(&Sight { photo, warp: &warp, lattice: &unit.lattice, view, scale, corner }, &layout.seen);

@@ -39,9 +39,12 @@ fn errors(found: &Captured, truth: &Sample) -> Vec<[f64; 3]> {
 #[test]
 fn weaves_are_found_again() {
     let photo = Disturbance { distortion: 2.0, noise: 0.02, light: 0.2 };
-    for (kind, seed, disturbance) in
-        [(Kind::Plain, 103, Disturbance::default()), (Kind::Plain, 110, photo), (Kind::Twill(2, 1), 101, photo)]
-    {
+    for (kind, seed, disturbance) in [
+        (Kind::Plain, 103, Disturbance::default()),
+        (Kind::Plain, 110, photo),
+        (Kind::Twill(2, 1), 101, photo),
+        (Kind::Colored, 104, photo),
+    ] {
         let truth = sample(kind, seed, 320, disturbance);
         let found = found(&truth.image);
         assert!(same_lattice(&found, truth.lattice, 0.025), "{kind:?} {seed}: {:?} is not {:?}", found.unit, truth.lattice);

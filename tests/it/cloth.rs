@@ -4,7 +4,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec3, Vec3Swizzles};
 use image::RgbImage;
 use warpknit::capture::{GivenLayout, Segment};
 use warpknit::drape::picture;
@@ -17,6 +17,8 @@ use warpknit::yarn::curve;
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Kind {
     Plain,
+    /// The same with wefts of another colour.
+    Colored,
     /// So many wefts over which a warp goes, and under which.
     Twill(u8, u8),
     Jersey,
@@ -82,6 +84,8 @@ impl Random {
 /// Yarns around the origin, y up.
 struct Laid {
     yarns: Vec<Vec<DVec3>>,
+    /// From which yarn on they are of the second colour.
+    colored: usize,
     radius: f64,
     lattice: [DVec2; 2],
 }
@@ -92,6 +96,11 @@ pub(crate) fn sample(kind: Kind, seed: u64, size: u32, disturbance: Disturbance)
     let side = f64::from(size);
     let laid = match kind {
         Kind::Plain => weave(&mut random, [1, 1], side),
+        Kind::Colored => {
+            let laid = weave(&mut random, [1, 1], side);
+            let warps = laid.yarns.iter().take_while(|yarn| yarn[0].x == yarn[1].x).count();
+            Laid { colored: warps, ..laid }
+        }
         Kind::Twill(over, under) => weave(&mut random, [i64::from(over), i64::from(under)], side),
         Kind::Jersey => jersey(&mut random, side),
     };
@@ -179,7 +188,7 @@ fn pictured(
             * (disturbance.distortion / 2.0)
     };
     let strands = strands.iter().map(|strand| strand.iter().map(|p| moved(turned(p.truncate())).extend(p.z).as_vec3()).collect());
-    let picture = photographed(strands.collect(), strand_radius, size, random);
+    let picture = photographed(strands.collect(), laid.colored, strand_radius, size, random);
     let gradient = DVec2::from_angle(random.within(0.0, TAU)) * disturbance.light;
     let image = RgbImage::from_fn(size, size, |x, y| {
         let light = 1.0 + 2.0 * gradient.dot(DVec2::new(f64::from(x), f64::from(y)) / side - 0.5);
@@ -239,7 +248,7 @@ fn woven(spacing: DVec2, radius: f64, [over, under]: [i64; 2], parts: u8, side: 
             yarns.push(points);
         }
     }
-    Laid { yarns, radius, lattice: [spacing, DVec2::new(0.0, (over + under) as f64 * spacing.y)] }
+    Laid { colored: yarns.len(), yarns, radius, lattice: [spacing, DVec2::new(0.0, (over + under) as f64 * spacing.y)] }
 }
 
 /// Our own jersey, from its technical face.
@@ -254,16 +263,18 @@ fn jersey(random: &mut Random, side: f64) -> Laid {
     let yarns =
         scene.strands.iter().map(|strand| points(&strand.points).iter().map(|p| (p.as_dvec3() - centre) * scale).collect());
     let lattice = [DVec2::new(width, 0.0), DVec2::new(0.0, width / aspect)];
-    Laid { yarns: yarns.collect(), radius: fabric.radius() * scale, lattice }
+    let yarns: Vec<_> = yarns.collect();
+    Laid { colored: yarns.len(), yarns, radius: fabric.radius() * scale, lattice }
 }
 
 /// Seen from far above, in a light that comes from everywhere.
-fn photographed(yarns: Vec<Vec<Vec3>>, radius: f64, size: u32, random: &mut Random) -> image::RgbaImage {
+fn photographed(yarns: Vec<Vec<Vec3>>, colored: usize, radius: f64, size: u32, random: &mut Random) -> image::RgbaImage {
     let mut part = || random.within(0.25, 0.7) as f32;
     let mut look = YarnLook::plain(Vec3::new(part(), part(), part()), 0.8, radius as f32);
     look.plies = 1 + u32::from(random.within(0.0, 1.0) > 0.5);
-    let mut scene = Scene { looks: vec![look], ..Scene::default() };
-    yarns.into_iter().for_each(|yarn| scene.push_strand(yarn, 0));
+    let second = YarnLook { albedo: look.albedo.zxy() * Vec3::new(1.0, 0.3, 0.15), ..look };
+    let mut scene = Scene { looks: vec![look, second], ..Scene::default() };
+    (0..).zip(yarns).for_each(|(number, yarn)| scene.push_strand(yarn, u16::from(number >= colored)));
     let far = 40.0 * f64::from(size);
     let camera = Camera::look_at(DVec3::new(0.0, 0.0, far), DVec3::ZERO, 2.0 * (0.5 * f64::from(size) / far).atan(), 1.0);
     let sky = Vec3::splat(0.9);

@@ -57,7 +57,7 @@ impl Twist {
     /// A fibre's width as a share of the spacing at which fibres are seen: they don't lie side by side, and lower ones show between them.
     const WIDTH: f64 = 0.65;
 
-    pub(super) fn guess(spacing: f64) -> Self {
+    pub(in crate::capture) fn guess(spacing: f64) -> Self {
         Self { degrees: MIDDLING, fibre_px: Self::WIDTH * spacing, is_guess: true, fibres: 0, spread: 0.0 }
     }
 
