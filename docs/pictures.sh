@@ -13,3 +13,10 @@ knit swatch --fabric hex-net-5 --wales 14 --courses 20 --size 800x600 --spp 16 -
 knit swatch --fabric locknit --wales 8 --courses 9 --shape ribbon --texture meshes/yarns/two-ply --size 800x600 --spp 16 -o docs/ribbon.png
 knit swatch --fabric cable --wales 32 --courses 36 --size 1000x920 --spp 8 -o docs/cable.png
 cargo run --quiet --release -- inspect --fabric locknit -o docs/locknit_lapping.svg >/dev/null
+
+captured=$(mktemp -d)
+trap 'rm -r "$captured"' EXIT
+knit swatch --fabric jersey --view front --wales 24 --courses 30 --zoom 1.5 --size 800x800 --background '#101010' -o "$captured/photo.png"
+knit capture "$captured/photo.png" -o "$captured/cloth"
+knit drape meshes/tshirt.obj --fabric "$captured/cloth/fabric.toml" --size 800x800 --spp 16 -o docs/captured_shirt.png
+knit drape meshes/tshirt.obj --fabric "$captured/cloth/fabric.toml" --size 800x800 --spp 16 --zoom 12 -o docs/captured_fibres.png

@@ -142,14 +142,15 @@ Examples:
   warpknit swatch --fabric jersey --shape ribbon --texture my-yarn -o swatch.png"
     )]
     Yarn(Yarn),
-    /// Find the yarns in a photo of a cloth
+    /// Turn a photo of a cloth into a fabric of its yarns and fibres
     #[command(
         after_help = "The folder gets cell.png, the mean of all copies of what repeats; grid3x3.png, nine of them with the segments of yarn drawn; texture.png, some cells as the
-photo has them, which tile; layout.toml, the cell and its segments, to be changed by hand and given back with --layout; layout.svg, which of them is which; report.json.
-The segments aren't made into a fabric yet.
+photo has them, which tile; layout.toml, the cell and its segments, to be changed by hand and given back with --layout; layout.svg, which of them is which; depth.png;
+fabric.toml, for --fabric; fibres.usda, the fibres of a cell; preview.png; report.json.
 
 Examples:
   warpknit capture linen.jpg -o linen
+  warpknit drape meshes/tshirt.obj --fabric linen/fabric.toml -o shirt.png
   warpknit capture linen.jpg --layout linen/layout.toml -o mine
   warpknit capture twill.png --cell 24,0,0,18 -o twill"
     )]
