@@ -6,6 +6,7 @@ use std::process::Output;
 use glam::{DMat2, DVec2};
 use image::RgbImage;
 use warpknit::capture::{CERTAIN, CaptureError, Captured, GivenLayout, Segment, Settings, capture};
+use warpknit::fabric::BarKind;
 
 use crate::cloth::{Disturbance, Kind, Random, Sample, between, bricks, face, fibrous, fur, layout, noise, sample};
 
@@ -270,6 +271,50 @@ fn the_drawing_numbers_segments_as_the_layout_does_and_the_texture_tiles() {
     let across = (mean(width - 1..width, 0..height, [1, 0]), mean(0..width - 1, 0..height, [1, 0]));
     let down = (mean(0..width, height - 1..height, [0, 1]), mean(0..width, 0..height - 1, [0, 1]));
     assert!(across.0 < 1.5 * across.1 && down.0 < 1.5 * down.1, "{across:?} {down:?}");
+}
+
+#[test]
+fn a_captured_weave_goes_over_and_under_and_drapes() {
+    let truth = sample(Kind::Colored, 104, 320, Disturbance::default());
+    let settings = Settings { pixels_per_mm: Some(20.0), ..Settings::default() };
+    let Captured { fabric, shapes, layout, .. } = capture(&truth.image, &settings).unwrap();
+    // A cell of two warps and two wefts, each over one and under one, and as far apart as in the picture.
+    let area = fabric.wale_spacing() * fabric.course_spacing() * 400.0;
+    let cell = (truth.lattice[0].perp_dot(truth.lattice[1]) * 2.0).abs();
+    assert!((area / cell - 1.0).abs() < 0.05, "{area} {cell}");
+    let across = |kind: BarKind| fabric.bars.iter().filter(|bar| bar.kind == kind).count();
+    assert_eq!((across(BarKind::LaidAlong), across(BarKind::LaidAcross)), (2, 2));
+    for path in &fabric.paths {
+        let heights: Vec<f64> = path.iter().map(|point| point.z).collect();
+        assert!(heights.iter().any(|z| *z > 0.05) && heights.iter().any(|z| *z < -0.05), "{heights:?}");
+    }
+    let width = truth.stretches[0].width / 20.0;
+    for bar in &fabric.bars {
+        assert!((bar.yarn.diameter() / width - 1.0).abs() < 0.1, "{} {width}", bar.yarn.diameter());
+    }
+    // Warps of one colour, wefts of another.
+    let color = |kind: BarKind| fabric.bars.iter().find(|bar| bar.kind == kind).unwrap().yarn.color;
+    assert_ne!(color(BarKind::LaidAlong), color(BarKind::LaidAcross));
+    assert!(fabric.bars.iter().all(|bar| bar.yarn.color == color(bar.kind)));
+    for (shape, segment) in shapes.iter().zip(&layout.seen) {
+        assert!(
+            (shape.width - segment.width / 20.0).abs() < 1e-9 && shape.semi_axis <= shape.width / 2.0 && shape.steepest > 0.0
+        );
+    }
+
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("cloth.toml"), fabric.to_string()).unwrap();
+    let shirt = Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes/tshirt.obj");
+    let mut command = assert_cmd::Command::cargo_bin("warpknit").unwrap();
+    let arguments = ["--fabric", "cloth.toml", "-o", "shirt.png", "-o", "shirt.json", "--size", "160x160", "--quiet"];
+    let output = command.current_dir(folder.path()).arg("drape").arg(shirt).args(arguments).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let report: serde_json::Value = serde_json::from_slice(&std::fs::read(folder.path().join("shirt.json")).unwrap()).unwrap();
+    assert!(report["stitches"].as_u64().unwrap() > 8_000, "{report}");
+    // It covers the shirt: the middle of the picture is cloth.
+    let picture = image::open(folder.path().join("shirt.png")).unwrap().to_rgba8();
+    let opaque = (60..100).flat_map(|y| (60..100).map(move |x| (x, y))).filter(|&(x, y)| picture.get_pixel(x, y).0[3] > 128);
+    assert!(opaque.count() > 1500, "of 1600 pixels");
 }
 
 #[test]
