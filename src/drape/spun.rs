@@ -12,12 +12,11 @@ use super::strands::Strand;
 use crate::fabric::Fabric;
 use crate::ids::index32;
 use crate::render::Camera;
+use crate::render::ply::MIDDLING_SLOPE;
 use crate::scene::{Scene, YarnLook};
 use crate::yarn::fibres::{Axis, Bundle, FIBRE_RADIUS, spin};
 use crate::yarn::tube::Section;
 
-/// Slope of the twist where none is known: a middling one, tan 17 degrees.
-const MIDDLING: f64 = 0.3;
 /// Pixels across a yarn from which on its fibres show.
 pub const NEAR: f64 = 36.0;
 /// Fibres are drawn at least so many pixels thick.
@@ -31,7 +30,7 @@ const MARGIN: f64 = 1.15;
 #[must_use]
 pub fn bundles(fabric: &Fabric, radius: f64, fibre: f64) -> Vec<Bundle> {
     let bundle = |(bar, thickness): (&crate::fabric::Bar, f64)| {
-        let slope = bar.yarn.twist_slope().unwrap_or(MIDDLING);
+        let slope = bar.yarn.twist_slope().unwrap_or_else(|| MIDDLING_SLOPE.into());
         Bundle::filling(radius * thickness, bar.yarn.packing, fibre * fabric.enlargement, slope)
     };
     fabric.bars.iter().zip(fabric.thickness()).map(bundle).collect()

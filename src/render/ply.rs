@@ -7,8 +7,8 @@
 use glam::Vec3;
 use std::f32::consts::TAU;
 
-/// Slope of the plies against the yarn's axis where no twist is known: tan 24 degrees, a middling twist.
-const PLY_SLOPE: f32 = 0.445;
+/// Slope of plies and fibres against the yarn's axis where no twist is known: tan 24 degrees, a middling twist.
+pub const MIDDLING_SLOPE: f32 = 0.445;
 /// Tilt of the normal in the groove between plies, radians. A full half circle a ply looks like rope at this size.
 const PLY_TILT: f32 = 0.42;
 /// Light lost in the groove between plies.
@@ -74,7 +74,7 @@ pub(super) fn mean_shade(plies: u32) -> f32 {
 /// Slopes of plies and of fibres against the axis. A single yarn's twist is its fibres'.
 pub(super) fn slopes(plies: f32, twist_slope: Option<f32>) -> [f32; 2] {
     let fibre = if plies > 1.0 { FIBRE_SLOPE } else { twist_slope.unwrap_or(FIBRE_SLOPE) };
-    [twist_slope.unwrap_or(PLY_SLOPE), fibre]
+    [twist_slope.unwrap_or(MIDDLING_SLOPE), fibre]
 }
 
 /// What the plies add to the normal, and how deep in a groove between them `place` lies, 0..1.

@@ -13,9 +13,8 @@ use glam::DVec2;
 
 use super::sticks::Stick;
 use crate::plane::double;
+use crate::render::ply::MIDDLING_SLOPE;
 
-/// Slope of fibres where no twist is seen: tan 24 degrees, the middling twist of [`crate::render::ply`].
-const MIDDLING: f64 = 24.0;
 /// Rounds of the fit.
 const ROUNDS: usize = 20;
 /// Deviations from which on a stick counts nothing (Tukey), and the least deviation, radians.
@@ -51,6 +50,11 @@ pub struct Twist {
     pub spread: f64,
 }
 
+/// Degrees where no twist is seen.
+fn middling() -> f64 {
+    f64::from(MIDDLING_SLOPE).atan().to_degrees()
+}
+
 impl Twist {
     /// Pixels below which fibres are told from nothing.
     pub const LEAST_PX: f64 = 3.0;
@@ -58,7 +62,7 @@ impl Twist {
     const WIDTH: f64 = 0.65;
 
     pub(in crate::capture) fn guess(spacing: f64) -> Self {
-        Self { degrees: MIDDLING, fibre_px: Self::WIDTH * spacing, is_guess: true, fibres: 0, spread: 0.0 }
+        Self { degrees: middling(), fibre_px: Self::WIDTH * spacing, is_guess: true, fibres: 0, spread: 0.0 }
     }
 
     /// Of fibres that are `spacing` pixels apart on a segment; `size` is along and across it.
@@ -69,7 +73,7 @@ impl Twist {
         let (fibre_px, degrees, spread) =
             (Self::WIDTH * spacing * slope.atan().cos(), -slope.atan().to_degrees(), spread.to_degrees());
         let is_guess = fibre_px < Self::LEAST_PX || fibres.len() < FIBRES || spread > SPREAD;
-        let degrees = if is_guess { MIDDLING } else { degrees };
+        let degrees = if is_guess { middling() } else { degrees };
         Self { degrees, fibre_px, is_guess, fibres: fibres.len(), spread }
     }
 }
@@ -199,7 +203,7 @@ mod tests {
         let scattered: Vec<_> = (0..60).map(|n| vec![stick(0.0, 0.0, 0.05 * f64::from(n) - 1.5)]).collect();
         for (fibres, spacing) in [(&helix[..], 4.0), (&helix[..8], 8.0), (&scattered[..], 8.0), (&[], 8.0)] {
             let twist = Twist::of(fibres, spacing, SIZE);
-            assert!(twist.is_guess && twist.degrees == MIDDLING, "{twist:?}");
+            assert!(twist.is_guess && twist.degrees == middling(), "{twist:?}");
         }
     }
 }
