@@ -5,7 +5,7 @@
 
 use std::f64::consts::PI;
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
 use super::color::Colors;
 use super::fibres::Twist;
@@ -57,11 +57,17 @@ pub(super) fn fabric(lattice: &Lattice, layout: &Layout, yarns: &Yarns, pixel: f
         let kind = if strand.across { BarKind::LaidAcross } else { BarKind::LaidAlong };
         Bar::laid(kind, yarn(width, twist, Color::of_linear(colors.linear[group(strand, colors)].as_vec3().into())))
     };
+    // Numbers that a person can read: a hundred-thousandth of a cell or a mm is far under what a photo tells.
+    let round = |number: f64| (1e5 * number).round() / 1e5;
+    let rounded = |point: DVec3| DVec3::from(point.to_array().map(round));
     Fabric {
-        wales_per_cm: 10.0 / cell.x,
-        courses_per_cm: 10.0 / cell.y,
+        wales_per_cm: round(10.0 / cell.x),
+        courses_per_cm: round(10.0 / cell.y),
         bars: strands.iter().map(bar).collect(),
-        paths: strands.iter().map(|strand| strand.path.iter().map(|&point| point / cell.extend(1.0)).collect()).collect(),
+        paths: strands
+            .iter()
+            .map(|strand| strand.path.iter().map(|&point| rounded(point / cell.extend(1.0))).collect())
+            .collect(),
         name: NAME.to_owned(),
         about: String::new(),
         gauge: None,
@@ -91,7 +97,7 @@ fn yarn(width: f64, twist: f64, color: Color) -> Yarn {
     let turns_per_m = 1000.0 * twist.tan() / (PI * width);
     let of = |tex: f64| Yarn {
         plies: Some(1),
-        twist: Some(turns_per_m.clamp(-MOST_TWIST, MOST_TWIST)),
+        twist: Some(turns_per_m.clamp(-MOST_TWIST, MOST_TWIST).round()),
         sheen: Some(SHEEN),
         ..Yarn::plain(Count::of_tex(tex), density, packing, color)
     };

@@ -21,8 +21,8 @@ use crate::yarn::tube::Section;
 pub const NEAR: f64 = 36.0;
 /// Fibres are drawn at least so many pixels thick.
 const FINEST: f64 = 0.9;
-/// The most points of fibres in a picture: 3 GB once rays are traced.
-const MOST_POINTS: f64 = 1e7;
+/// The most points of fibres in a picture: a gigabyte once rays are traced.
+const MOST_POINTS: f64 = 4e6;
 /// How far beside the picture yarns are spun, as a share of its half: they shade what is in it.
 const MARGIN: f64 = 1.15;
 
