@@ -29,6 +29,8 @@ const WAVES: u8 = 14;
 const HIGHER: f64 = 0.1;
 /// An interval of a segment's half, halved so often, is far under a pixel.
 const HALVINGS: usize = 14;
+/// The most that a round changes a slope: where fibres are steep it leaps otherwise.
+const STRIDE: f64 = 0.1;
 /// A median deviation is so much of a bell's standard one.
 const MEDIAN: f64 = 0.6745;
 /// Degrees by which fibres may differ from one twist, and how many there are at least.
@@ -100,51 +102,76 @@ fn fitted(sticks: &[Stick], size: DVec2) -> Option<Fit> {
     // The lowest point of a parabola through three losses.
     let off = 0.5 * (before.loss - after.loss) / (before.loss - 2.0 * fits[best].loss + after.loss).max(f64::MIN_POSITIVE);
     on_wave(sticks, size, (double(best) + off.clamp(-0.5, 0.5)) * HIGHER)
+        .filter(|fit| fit.loss <= fits[best].loss)
+        .or(Some(fits[best]))
 }
 
 /// The slope that explains the sticks best if the axis is a wave so many radii high.
 fn on_wave(sticks: &[Stick], size: DVec2, height: f64) -> Option<Fit> {
-    let seen: Vec<(f64, f64)> =
-        sticks.iter().map(|stick| ((stick.way.y / stick.way.x).atan(), lean(stick.middle, size, height))).collect();
-    let mut slope = median(seen.iter().map(|(angle, lean)| (angle / lean.max(LEAST)).clamp(-1.0, 1.0)).collect())?;
+    let seen: Vec<(f64, Lean)> =
+        sticks.iter().map(|stick| ((stick.way.y / stick.way.x).atan(), Lean::at(stick.middle, size, height))).collect();
+    let mut slope = median(seen.iter().map(|(angle, lean)| (angle / lean.share.max(LEAST)).clamp(-1.0, 1.0)).collect())?;
+    let off = |(angle, lean): &(f64, Lean), slope: f64| angle - lean.seen(slope).0.atan();
     let mut deviation = 0.0;
     for _ in 0..ROUNDS {
-        deviation = median(seen.iter().map(|(angle, lean)| (angle - (slope * lean).atan()).abs()).collect())? / MEDIAN;
+        deviation = median(seen.iter().map(|stick| off(stick, slope).abs()).collect())? / MEDIAN;
         let (mut normal, mut right) = (0.0, 0.0);
-        for (angle, lean) in &seen {
-            let off = angle - (slope * lean).atan();
-            let far = off / (COUNTS * deviation.max(LEAST));
+        for stick in &seen {
+            let far = off(stick, slope) / (COUNTS * deviation.max(LEAST));
             let weight = (1.0 - far * far).max(0.0).powi(2);
-            let change = lean / (1.0 + (slope * lean).powi(2));
+            let (as_seen, change) = stick.1.seen(slope);
+            let change = change / (1.0 + as_seen * as_seen);
             normal += weight * change * change;
-            right += weight * change * off;
+            right += weight * change * off(stick, slope);
         }
         if normal <= 0.0 {
             return None;
         }
-        slope += right / normal;
+        slope += (right / normal).clamp(-STRIDE, STRIDE);
     }
-    let loss = seen.iter().map(|(angle, lean)| (1.0 + ((angle - (slope * lean).atan()) / FAR).powi(2)).ln()).sum();
+    let loss = seen.iter().map(|stick| (1.0 + (off(stick, slope) / FAR).powi(2)).ln()).sum();
     Some(Fit { slope, deviation, loss })
 }
 
-/// The slope at which a fibre of slope 1 is seen at a place, on a yarn whose axis is a wave so many radii high.
-fn lean(place: DVec2, size: DVec2, height: f64) -> f64 {
-    let radius = 0.5 * size.y;
-    let cosine = (1.0 - (place.y / radius).powi(2)).max(0.0).sqrt();
-    let wave = PI / (size.x - BEYOND * size.y);
-    let steep = height * radius * wave;
-    // A place of the axis, how much longer than its shadow the axis is there, and how fast what is seen of the back moves with it.
-    let dive = |x: f64| (1.0 + (steep * (wave * x).sin()).powi(2)).sqrt();
-    let back = |x: f64| x + radius * cosine * steep * (wave * x).sin() / dive(x);
-    let speed = |x: f64| 1.0 + radius * cosine * steep * wave * (wave * x).cos() / dive(x).powi(3);
-    // The back runs ahead of the axis: halving an interval that holds the place.
-    let (mut low, mut high) = (0.0, place.x.abs().min(0.5 * size.x));
-    for _ in 0..HALVINGS {
-        let middle = 0.5 * (low + high);
-        if back(middle) < place.x.abs() { low = middle } else { high = middle }
+/// How slopes are seen at a place of a yarn.
+#[derive(Clone, Copy)]
+struct Lean {
+    /// What is seen of a small slope.
+    share: f64,
+    /// How fast a fibre that comes down a side of a diving yarn moves along it, a slope of it: it is seen steeper, and on the other side less steep.
+    drift: f64,
+}
+
+impl Lean {
+    /// At a place of a yarn whose axis is a wave so many radii high.
+    fn at(place: DVec2, size: DVec2, height: f64) -> Self {
+        let radius = 0.5 * size.y;
+        let sine = (place.y / radius).clamp(-1.0, 1.0);
+        let cosine = (1.0 - sine * sine).sqrt();
+        let wave = PI / (size.x - BEYOND * size.y);
+        let steep = height * radius * wave;
+        // At a place of the axis: how much longer than its shadow it is, where the back over it is seen, and how fast that moves.
+        let dive = |x: f64| (1.0 + (steep * (wave * x).sin()).powi(2)).sqrt();
+        let back = |x: f64| x + radius * cosine * steep * (wave * x).sin() / dive(x);
+        let speed = |x: f64| 1.0 + radius * cosine * steep * wave * (wave * x).cos() / dive(x).powi(3);
+        // The back runs ahead of the axis: halving an interval that holds the place.
+        let (mut low, mut high) = (0.0, place.x.abs().min(0.5 * size.x));
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (low + high);
+            if back(middle) < place.x.abs() { low = middle } else { high = middle }
+        }
+        let speed_there = speed(low).max(LEAST);
+        Self {
+            share: cosine * dive(low) / speed_there,
+            drift: sine * steep * (wave * low).sin() * place.x.signum() / speed_there,
+        }
     }
-    cosine * dive(low) / speed(low)
+
+    /// The slope that is seen of one, and how fast it changes with that.
+    fn seen(&self, slope: f64) -> (f64, f64) {
+        let onward = (1.0 - slope * self.drift).max(0.2);
+        (slope * self.share / onward, self.share / (onward * onward))
+    }
 }
 
 fn median(mut values: Vec<f64>) -> Option<f64> {
@@ -175,7 +202,8 @@ mod tests {
                 points.push(DVec2::new(x - 20.0 * cos * dive / dive.hypot(1.0), 20.0 * sin));
             }
             let at = |n: usize| stick(points[n].x, points[n].y, (points[n + 1] - points[n - 1]).to_angle());
-            let is_seen = |stick: &Stick| stick.middle.x.abs() < 27.0 && stick.middle.y.abs() < 16.0;
+            // Sides that dive turn away before they end.
+            let is_seen = |stick: &Stick| stick.middle.x.abs() < 25.0 && stick.middle.y.abs() < 16.0 && stick.way.x > 0.5;
             (1..600).step_by(40).map(at).filter(is_seen).collect()
         };
         let anyhow = |number: u8| vec![stick(0.0, 0.0, -1.3 + 0.1 * f64::from(number))];
