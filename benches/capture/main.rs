@@ -84,17 +84,21 @@ fn fibres() {
                 }
             }
         }
-        let near = off.iter().filter(|off| **off <= 4.0).count();
         let told = off.len();
+        let seconds = format!("{:.2}", quantile(&mut seconds, 0.5));
+        if told == 0 {
+            println!("| {fibre} | | | | | {} | | {seconds} |", share(guesses, guesses));
+            continue;
+        }
+        let near = off.iter().filter(|off| **off <= 4.0).count();
         println!(
-            "| {fibre} | {:.1} | {:.1} | {} | {} | {} | {:.0} % | {:.2} |",
+            "| {fibre} | {:.1} | {:.1} | {} | {} | {} | {:.0} % | {seconds} |",
             quantile(&mut off, 0.5),
             quantile(&mut off, 0.9),
             share(near, told),
             share(signs, told),
             share(guesses, told + guesses),
             100.0 * quantile(&mut widths, 0.5),
-            quantile(&mut seconds, 0.5)
         );
     }
 }

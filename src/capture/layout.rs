@@ -25,6 +25,9 @@ const EXPLAINS: f64 = 0.02;
 /// What a layout pays for each segment, as a share of its error, and for overlaps above a share of the cell.
 const SEGMENT_COST: f64 = 0.08;
 const OVERLAP_COST: (f64, f64) = (0.35, 0.08);
+/// What it pays for what only its hidden segments explain, beyond what the ends of seen ones do below others; and for breaking the rule of overlaps.
+const UNSEEN_COST: (f64, f64) = (0.05, 0.5);
+const INVALID_COST: f64 = 0.1;
 
 /// What a layout was sought as.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -109,7 +112,11 @@ pub(super) fn given(cell: &Cell, segments: Vec<Segment>, ground: f64) -> Layout 
 fn cost(target: &Target, fit: &Fit) -> f64 {
     let seen = trimmed(&fit.segments, &target.lattice);
     let [overlap, _] = shares(&seen, &target.lattice, &target.places);
-    fit.error * (1.0 + SEGMENT_COST * double(fit.segments.len())) + OVERLAP_COST.0 * (overlap - OVERLAP_COST.1).max(0.0)
+    // What is told in the end is what is seen: slivers that make up for a wrong layout are not.
+    let told = target.error(&seen, fit.ground);
+    let error = fit.error + UNSEEN_COST.0 * (told - fit.error - UNSEEN_COST.1).max(0.0);
+    let error = error + if overlap > Layout::MOST_OVERLAP { INVALID_COST } else { 0.0 };
+    error * (1.0 + SEGMENT_COST * double(fit.segments.len())) + OVERLAP_COST.0 * (overlap - OVERLAP_COST.1).max(0.0)
 }
 
 /// Without segments that explain next to nothing.

@@ -49,6 +49,8 @@ pub(super) struct Strand {
 
 /// An end of a piece: its number and which end.
 type End = (usize, usize);
+/// The end to which a yarn goes on, and how many cells away.
+type Next = Option<(End, DVec2)>;
 
 /// Two ends that are one yarn, the second in the copy of the cell that is so many cells away.
 #[derive(Clone, Copy, Debug)]
@@ -136,10 +138,10 @@ struct Chain {
 
 /// Follows links from piece to piece until they close or end.
 fn chains(count: usize, links: &[Link]) -> Vec<Chain> {
-    let mut next: Vec<[Option<(End, DVec2, f64)>; 2]> = vec![[None; 2]; count];
-    for Link { ends: [p, q], cells, cost } in links {
-        next[p.0][p.1] = Some((*q, *cells, *cost));
-        next[q.0][q.1] = Some((*p, -*cells, *cost));
+    let mut next: Vec<[Next; 2]> = vec![[None; 2]; count];
+    for Link { ends: [p, q], cells, .. } in links {
+        next[p.0][p.1] = Some((*q, *cells));
+        next[q.0][q.1] = Some((*p, -*cells));
     }
     let mut seen = vec![false; count];
     let mut chains = Vec::new();
@@ -154,7 +156,7 @@ fn chains(count: usize, links: &[Link]) -> Vec<Chain> {
         pieces.extend(followed(&next, begin, count));
         pieces.iter().for_each(|((piece, _), _)| seen[*piece] = true);
         let (last, cells) = pieces[pieces.len() - 1];
-        let closing = next[last.0][1 - last.1].filter(|(to, ..)| *to == begin).map(|(_, step, _)| cells + step);
+        let closing = next[last.0][1 - last.1].filter(|(to, _)| *to == begin).map(|(_, step)| cells + step);
         let is_step = |period: &DVec2| period.abs().element_sum() == 1.0;
         let closed = closing.filter(is_step);
         chains.push(Chain { pieces, period: closed.unwrap_or(DVec2::ZERO), is_closed_underneath: closed.is_none() });
@@ -163,10 +165,10 @@ fn chains(count: usize, links: &[Link]) -> Vec<Chain> {
 }
 
 /// The pieces after one that is entered at an end, up to the last or until the first comes again.
-fn followed(next: &[[Option<(End, DVec2, f64)>; 2]], entered: End, count: usize) -> Vec<(End, DVec2)> {
+fn followed(next: &[[Next; 2]], entered: End, count: usize) -> Vec<(End, DVec2)> {
     let (mut at, mut cells) = (entered, DVec2::ZERO);
     let mut pieces = Vec::new();
-    while let Some((to, step, _)) = next[at.0][1 - at.1] {
+    while let Some((to, step)) = next[at.0][1 - at.1] {
         if to.0 == entered.0 || pieces.len() >= count {
             break;
         }
@@ -178,10 +180,10 @@ fn followed(next: &[[Option<(End, DVec2, f64)>; 2]], entered: End, count: usize)
 }
 
 /// Whether following links from a piece leads back to it.
-fn is_ring(next: &[[Option<(End, DVec2, f64)>; 2]], first: usize, count: usize) -> bool {
+fn is_ring(next: &[[Next; 2]], first: usize, count: usize) -> bool {
     let entered = (first, 0);
     let last = followed(next, entered, count).last().map_or(entered, |(end, _)| *end);
-    next[last.0][1 - last.1].is_some_and(|(to, ..)| to == entered)
+    next[last.0][1 - last.1].is_some_and(|(to, _)| to == entered)
 }
 
 impl Chain {

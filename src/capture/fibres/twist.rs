@@ -5,7 +5,7 @@
 //! it dives: both change slopes by half and more, in a tight weave. So its axis is taken for a wave, of which a segment shows half and a little more, and how high the wave is comes from the fibres too: they are
 //! the straighter in a segment's middle and the steeper at its ends, the higher it is. φ by least squares of the angles (Gauss-Newton), sticks far from it counting less each time (Tukey's weights).
 //!
-//! Not promised: the twist of yarns that aren't round, and of those whose fibres shifted along each other when they were bent.
+//! Not promised: the twist of yarns that aren't round or whose waves are sharper than a sine (fibres of a sharp one seem twisted by a fifth more), and of those whose fibres shifted along each other when they were bent.
 
 use std::f64::consts::PI;
 
@@ -42,7 +42,7 @@ const FIBRES: usize = 12;
 pub struct Twist {
     /// The angle of the outermost fibres to the yarn's axis. S over 0, Z under 0, as of [`crate::scene::YarnLook::twist_slope`], whose arctangent it is.
     pub degrees: f64,
-    /// How wide a fibre is, pixels of the photo; 0 where none is seen.
+    /// How wide a fibre is, pixels of the photo; the most that it can be where the yarn is too narrow to look, 0 where none is seen.
     pub fibre_px: f64,
     /// Whether too little is seen: then the twist is a middling one, which says nothing of this yarn.
     pub is_guess: bool,
