@@ -201,6 +201,7 @@ struct Report<'a> {
     segments: Vec<SeenTable>,
     /// The same segments as curved cylinders.
     yarns: Vec<YarnReport>,
+    warnings: Vec<String>,
 }
 
 /// A curved cylinder, as Irawan and Marschner name its numbers.
@@ -269,6 +270,7 @@ pub fn save(captured: &Captured, folder: &OutputFolder) -> Result<(), ExportErro
         blank: *blank,
         segments: layout.seen.iter().zip(twists).map(|(segment, twist)| SeenTable::of(segment, twist)).collect(),
         yarns: captured.shapes.iter().map(YarnReport::from).collect(),
+        warnings: captured.warnings(),
     };
     let text = serde_json::to_string_pretty(&report).expect("numbers and names are JSON") + "\n";
     fs::write(folder.file("report.json"), text).map_err(io("report.json"))

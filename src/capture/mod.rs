@@ -37,6 +37,7 @@ mod strands;
 mod target;
 mod upright;
 mod view;
+mod warnings;
 mod woven;
 
 use glam::DVec2;

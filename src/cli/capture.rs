@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail};
 use glam::DVec2;
-use warpknit::capture::{Captured, FILES, GivenLayout, Layout, Settings, Twist, capture as captured, save};
+use warpknit::capture::{Captured, FILES, GivenLayout, Settings, capture as captured, save};
 use warpknit::export::OutputFolder;
 use warpknit::photo::read_photo;
 
@@ -16,11 +16,6 @@ use super::{print, tell};
 
 /// A layout file that is longer is none.
 const MOST_BYTES: u64 = 1 << 20;
-/// More unexplained than this is told: yarns are missing, or bend more than cylinders do.
-const UNEXPLAINED: f64 = 0.25;
-/// Light and heights that correlate less have little to do with each other, as on satin.
-const CORRELATED: f64 = 0.2;
-
 /// Captures a photo. The folder is seen only when all of it is whole.
 pub(crate) fn capture(arguments: &Capture) -> Result<()> {
     let mut clock = Clock::begin_command(&arguments.running)?;
@@ -44,7 +39,7 @@ pub(crate) fn capture(arguments: &Capture) -> Result<()> {
     clock.stop();
     clock.clear();
     let quiet = arguments.running.quiet;
-    notes(&found).iter().for_each(|note| tell(quiet, &format!("note: {}: {note}", arguments.photo.display())));
+    found.warnings().iter().for_each(|note| tell(quiet, &format!("note: {}: {note}", arguments.photo.display())));
     tell(quiet, &format!("{} segments: {}", found.layout.seen.len(), arguments.output.display()));
     print(&report(&found))
 }
@@ -57,37 +52,6 @@ fn given(path: &Path) -> Result<GivenLayout> {
     }
     let text = std::fs::read_to_string(path).with_context(|| format!("{}: can't be read", path.display()))?;
     GivenLayout::parse(&text).map_err(|error| anyhow!("{}:{}: {}", path.display(), error.line, error.what))
-}
-
-/// What whoever uses the layout should know.
-fn notes(found: &Captured) -> Vec<String> {
-    let Layout { error, .. } = found.layout;
-    let mut notes = Vec::new();
-    if error > UNEXPLAINED {
-        notes.push(format!(
-            "the segments leave {:.0} % of the cell unexplained: look at grid3x3.png, and mend layout.toml",
-            100.0 * error
-        ));
-    }
-    if found.correlation() < CORRELATED {
-        notes.push(format!(
-            "light and the heights of the segments correlate by {:.2} alone, as on satin, which gleams: don't trust the depth",
-            found.correlation()
-        ));
-    }
-    if !found.layout.is_valid() {
-        notes.push(
-            "the segments lie over each other, or leave much of the cell blank: look at grid3x3.png, and mend layout.toml"
-                .to_owned(),
-        );
-    }
-    let is_narrow = |twist: &Twist| twist.is_guess && twist.fibre_px < Twist::LEAST_PX;
-    if found.twists.iter().all(is_narrow) {
-        notes.push(format!("twist is a guess: fibres are under {} pixels wide", Twist::LEAST_PX));
-    } else if found.twists.iter().any(|twist| twist.is_guess) {
-        notes.push("where the twist has a question mark it is a guess: too few fibres are seen".to_owned());
-    }
-    notes
 }
 
 /// A line a number, its name first, then a row a segment.

@@ -143,6 +143,8 @@ fn the_command_fills_a_folder_and_takes_its_layout_back() {
         report.map(|report| report["unexplained"].as_f64().unwrap()).ok_or(message)
     };
     let error: serde_json::Value = serde_json::from_slice(&read("first/report.json")).unwrap();
+    assert_eq!(error["warnings"][0], "twist is a guess: fibres are under 3 pixels wide");
+    assert_eq!(error["yarns"].as_array().unwrap().len(), error["segments"].as_array().unwrap().len());
     let error = error["unexplained"].as_f64().unwrap();
     assert!((unexplained("first/layout.toml").unwrap() - error).abs() < 1e-9);
     let edited = |from: &str, to: &str| {

@@ -1,0 +1,42 @@
+//! What whoever uses a capture should know, although there is one.
+
+use super::{Captured, Layout, Twist};
+
+/// More unexplained than this is told: yarns are missing, or bend more than cylinders do.
+const UNEXPLAINED: f64 = 0.25;
+/// Light and heights that correlate less have little to do with each other, as on satin.
+const CORRELATED: f64 = 0.2;
+
+impl Captured {
+    /// What to look at and to mend, a line each.
+    #[must_use]
+    pub fn warnings(&self) -> Vec<String> {
+        let Layout { error, .. } = self.layout;
+        let correlation = self.correlation();
+        let unexplained = (error > UNEXPLAINED).then(|| {
+            format!(
+                "the segments leave {:.0} % of the cell unexplained: look at grid3x3.png, and mend layout.toml",
+                100.0 * error
+            )
+        });
+        let gleaming = (correlation < CORRELATED).then(|| {
+            format!("light and the heights of the segments correlate by {correlation:.2} alone, as on satin, which gleams: don't trust the depth")
+        });
+        let invalid = (!self.layout.is_valid()).then(|| {
+            "the segments lie over each other, or leave much of the cell blank: look at grid3x3.png, and mend layout.toml"
+                .to_owned()
+        });
+        [unexplained, gleaming, invalid, self.twist_warning()].into_iter().flatten().collect()
+    }
+
+    fn twist_warning(&self) -> Option<String> {
+        let is_narrow = |twist: &Twist| twist.is_guess && twist.fibre_px < Twist::LEAST_PX;
+        if self.twists.iter().all(is_narrow) {
+            return Some(format!("twist is a guess: fibres are under {} pixels wide", Twist::LEAST_PX));
+        }
+        let guesses = self.twists.iter().filter(|twist| twist.is_guess).count();
+        (guesses > 0).then(|| {
+            format!("the twist of {guesses} of {} segments is a guess: too few of their fibres are seen", self.twists.len())
+        })
+    }
+}
