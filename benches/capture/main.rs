@@ -143,7 +143,6 @@ fn layouts() {
         refused(&|seed| face(seed, SIDE)),
         refused(&|seed| bricks(seed, SIDE))
     );
-    photos();
 }
 
 /// Photos with the normal map that somebody else made of each, and how far our depth agrees with it.

@@ -20,6 +20,8 @@ const LEAST_SHARE: f64 = 0.12;
 const DARK: f64 = 18.0;
 /// Rounds in which clusters find their centres.
 const ROUNDS: usize = 12;
+/// Darker yarns are made lighter by this factor at most.
+const MOST_GAIN: f32 = 6.0;
 /// Shares of the places below the ground, and below a cluster's tops.
 const GROUND: f32 = 0.04;
 const TOPS: f32 = 0.9;
@@ -40,11 +42,8 @@ pub(super) fn levelled(cell: Cell, cells: &[Cell; 3]) -> Cell {
         percentile(&mut own.collect::<Vec<_>>(), TOPS) - ground
     });
     let top = tops[0].max(tops[1]);
-    if tops[0].min(tops[1]) <= 0.0 {
-        return cell;
-    }
-    let level =
-        |(value, cluster): (&f32, &Option<usize>)| cluster.map_or(*value, |own| ground + (value - ground) * top / tops[own]);
+    let gains = tops.map(|own| top / own.max(top / MOST_GAIN).max(f32::MIN_POSITIVE));
+    let level = |(value, cluster): (&f32, &Option<usize>)| cluster.map_or(*value, |own| ground + (value - ground) * gains[own]);
     let values = values.iter().zip(&clusters).map(level).collect();
     Cell { plane: Plane { values, ..cell.plane }, ..cell }
 }

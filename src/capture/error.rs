@@ -19,7 +19,7 @@ pub enum CaptureError {
         least: f64,
     },
     /// Vectors that span no cell of a bearable size.
-    #[error("--cell {},{},{},{} spans no cell: give two vectors of 3 pixels and more, neither along the other, that fit the photo three times", .cell[0], .cell[1], .cell[2], .cell[3])]
+    #[error("the vectors {},{} and {},{} span no cell: give two of 3 pixels and more, neither along the other, that fit the photo three times", .cell[0], .cell[1], .cell[2], .cell[3])]
     Cell {
         /// Both vectors, pixels.
         cell: [f64; 4],

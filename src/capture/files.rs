@@ -138,8 +138,9 @@ impl GivenLayout {
             if ![own.width, own.length].iter().all(|size| *size > 0.0 && *size <= MOST_CELLS * longer) {
                 return wrong("a segment's width and length are to be over 0 pixels, and under ten cells");
             }
-            if ![own.top, own.round, own.sag, own.tilt].iter().all(|light| light.abs() <= 1000.0) {
-                return wrong("top, round, sag and tilt are shares of the picture's contrast, a few at most");
+            let is_share = |light: &f64| (0.0..=1000.0).contains(light);
+            if ![own.top, own.round, own.sag].iter().all(is_share) || own.tilt.is_nan() || own.tilt.abs() > 1000.0 {
+                return wrong("top, round and sag are shares of the picture's contrast, 0 to a few, and tilt may be under 0");
             }
             Ok(own.segment())
         });
@@ -163,6 +164,8 @@ impl SegmentTable {
 /// A segment as far as it is seen, and its fibres.
 #[derive(Serialize)]
 struct SeenTable {
+    /// As of its table in layout.toml and in layout.svg, from 1.
+    segment_number: usize,
     #[serde(flatten)]
     segment: SegmentTable,
     /// S over 0, Z under 0.
@@ -175,9 +178,17 @@ struct SeenTable {
 }
 
 impl SeenTable {
-    fn of(segment: &Segment, twist: &Twist) -> Self {
+    fn of(number: usize, segment: &Segment, twist: &Twist) -> Self {
         let Twist { degrees: twist_deg, fibre_px, is_guess: twist_is_guess, fibres, spread: spread_deg } = *twist;
-        Self { segment: SegmentTable::of(segment), twist_deg, twist_is_guess, fibre_px, fibres, spread_deg }
+        Self {
+            segment_number: number + 1,
+            segment: SegmentTable::of(segment),
+            twist_deg,
+            twist_is_guess,
+            fibre_px,
+            fibres,
+            spread_deg,
+        }
     }
 }
 
@@ -199,6 +210,8 @@ struct Report<'a> {
     blank: f64,
     /// As far as they are seen.
     segments: Vec<SeenTable>,
+    /// What white in depth.png is; black is 0.
+    depth_mm: f64,
     /// The same segments as curved cylinders.
     yarns: Vec<YarnReport>,
     warnings: Vec<String>,
@@ -257,6 +270,7 @@ pub fn save(captured: &Captured, folder: &OutputFolder) -> Result<(), ExportErro
         Hypothesis::Cover => "cover",
         Hypothesis::Given => "given",
     };
+    let seen = layout.numbers.iter().zip(layout.seen.iter().zip(twists));
     let report = Report {
         warpknit: env!("CARGO_PKG_VERSION"),
         lattice: [unit.lattice.a.to_array(), unit.lattice.b.to_array()],
@@ -268,7 +282,8 @@ pub fn save(captured: &Captured, folder: &OutputFolder) -> Result<(), ExportErro
         unexplained: *error,
         overlap: *overlap,
         blank: *blank,
-        segments: layout.seen.iter().zip(twists).map(|(segment, twist)| SeenTable::of(segment, twist)).collect(),
+        segments: seen.map(|(number, (segment, twist))| SeenTable::of(*number, segment, twist)).collect(),
+        depth_mm: depth.cell.plane.values.iter().copied().fold(0.0, f32::max).into(),
         yarns: captured.shapes.iter().map(YarnReport::from).collect(),
         warnings: captured.warnings(),
     };
@@ -332,7 +347,10 @@ mod tests {
             ("width = 4", "width = 0", 5, "over 0 pixels"),
             ("length = 9", "length = 900", 5, "ten cells"),
             ("center = [5, 5]", "center = [5, nan]", 5, "nowhere near"),
-            ("top = 1", "top = 1e9", 5, "a few at most"),
+            ("top = 1", "top = 1e9", 5, "0 to a few"),
+            ("sag = 0.2", "sag = -30", 5, "0 to a few"),
+            ("sag = 0.2", "sag = 0.2\ntilt = nan", 5, "tilt may be"),
+            ("sag = 0.2", "sag = inf", 5, "0 to a few"),
             ("a = [20, 0]", "a = [inf, 0]", 1, "no pixels"),
             ("sag", "sga", 12, "sga"),
             ("[cell]", "[cel]", 1, "cel"),

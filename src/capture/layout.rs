@@ -22,6 +22,8 @@ const WEAVES: usize = 4;
 const CLEAR: f64 = 0.045;
 /// What a segment more must at least explain of the cell.
 const EXPLAINS: f64 = 0.02;
+/// A share of the cell under two segments as they are given from which on they bury each other.
+const BURIED: f64 = 0.9;
 /// What a layout pays for each segment, as a share of its error, and for overlaps above a share of the cell.
 const SEGMENT_COST: f64 = 0.08;
 const OVERLAP_COST: (f64, f64) = (0.35, 0.08);
@@ -47,6 +49,8 @@ pub struct Layout {
     pub segments: Vec<Segment>,
     /// The same as far as they are seen; without those that aren't.
     pub seen: Vec<Segment>,
+    /// Which of the segments each of these is.
+    pub numbers: Vec<usize>,
     /// How light the deepest ground is.
     pub ground: f64,
     /// Share of the mean cell's variance that the segments leave.
@@ -63,7 +67,7 @@ impl Layout {
     /// The same in pixels of another size.
     pub(super) fn scaled(&self, scale: f64) -> Self {
         let of = |segments: &[Segment]| segments.iter().map(|segment| segment.scaled(scale)).collect();
-        Self { segments: of(&self.segments), seen: of(&self.seen), ..*self }
+        Self { segments: of(&self.segments), seen: of(&self.seen), numbers: self.numbers.clone(), ..*self }
     }
 
     /// The paper's rule: little overlap and little blank. So much of the cell may be either in a layout that a person gives.
@@ -72,9 +76,9 @@ impl Layout {
     pub const MOST_BLANK: f64 = 0.75;
 
     pub(super) fn of(segments: Vec<Segment>, lattice: &Lattice, ground: f64, error: f64, hypothesis: Hypothesis) -> Self {
-        let seen = trimmed(&segments, lattice);
+        let (numbers, seen): (Vec<_>, Vec<_>) = trimmed(&segments, lattice).into_iter().unzip();
         let [overlap, blank] = shares(&seen, lattice, &places(lattice, [COUNTED; 2]));
-        Self { segments, seen, ground, error, hypothesis, overlap, blank }
+        Self { segments, seen, numbers, ground, error, hypothesis, overlap, blank }
     }
 
     /// Whether it keeps the rule.
@@ -103,14 +107,17 @@ pub(super) fn find(cell: &Cell) -> Option<Layout> {
     (!layout.seen.is_empty()).then_some(layout)
 }
 
-/// A person's layout on a cell, with the error that it has there.
+/// A person's layout on a cell, with the error that it has there. Segments that bury each other are counted as they are given, since little of them is seen.
 pub(super) fn given(cell: &Cell, segments: Vec<Segment>, ground: f64) -> Layout {
     let error = Target::new(cell, FINE).error(&segments, ground);
-    Layout::of(segments, &cell.lattice, ground, error, Hypothesis::Given)
+    let [overlap, blank] = shares(&segments, &cell.lattice, &places(&cell.lattice, [COUNTED; 2]));
+    let layout = Layout::of(segments, &cell.lattice, ground, error, Hypothesis::Given);
+    let is_buried = overlap > BURIED || 2 * layout.seen.len() < layout.segments.len();
+    if is_buried { Layout { overlap, blank, ..layout } } else { layout }
 }
 
 fn cost(target: &Target, fit: &Fit) -> f64 {
-    let seen = trimmed(&fit.segments, &target.lattice);
+    let seen: Vec<Segment> = trimmed(&fit.segments, &target.lattice).into_iter().map(|(_, segment)| segment).collect();
     let [overlap, _] = shares(&seen, &target.lattice, &target.places);
     // What is told in the end is what is seen: slivers that make up for a wrong layout are not.
     let told = target.error(&seen, fit.ground);

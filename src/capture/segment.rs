@@ -160,9 +160,9 @@ pub(super) fn drawn(segments: &[Segment], ground: f64, lattice: &Lattice, places
 /// Places along a segment that are looked at.
 const STEPS: usize = 60;
 
-/// Segments as long as they are seen: those parts left out that others lie over. Those that are hardly seen are gone.
-pub(super) fn trimmed(segments: &[Segment], lattice: &Lattice) -> Vec<Segment> {
-    (0..segments.len()).filter_map(|number| seen_part(segments, number, lattice)).collect()
+/// Segments as long as they are seen, each with its number: those parts left out that others lie over. Those that are hardly seen are gone.
+pub(super) fn trimmed(segments: &[Segment], lattice: &Lattice) -> Vec<(usize, Segment)> {
+    (0..segments.len()).filter_map(|number| seen_part(segments, number, lattice).map(|seen| (number, seen))).collect()
 }
 
 /// The longest stretch of a segment's axis over which nothing else lies.
@@ -236,7 +236,8 @@ mod tests {
             (segment(10.0, 5.0, 0.0), Segment { top: 0.9, length: 9.0, ..segment(10.0, 5.0, std::f64::consts::FRAC_PI_2) });
         let seen = trimmed(&[over, under], &LATTICE);
         assert_eq!(seen.len(), 2, "{seen:?}");
-        assert!(seen[0].length > 12.0 && seen[1].length < 4.0 && seen[1].centre.y != 5.0, "{seen:?}");
+        let [(first, over), (second, under)] = seen[..] else { panic!("{seen:?}") };
+        assert!((first, second) == (0, 1) && over.length > 12.0 && under.length < 4.0 && under.centre.y != 5.0, "{seen:?}");
         assert_eq!(trimmed(&[over, Segment { top: 0.2, ..over }], &LATTICE).len(), 1);
     }
 

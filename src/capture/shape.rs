@@ -47,7 +47,7 @@ impl Shape {
         let (width, length) = (width * scale.pixel, length * scale.pixel);
         let semi_axis = (round * scale.light).clamp(FLATTEST * width / 2.0, width / 2.0);
         // The parabola that goes down by `sag` over half the length.
-        let slope = (4.0 * sag * scale.light / length).min(STEEPEST.tan());
+        let slope = (4.0 * sag * scale.light / length).clamp(0.0, STEEPEST.tan());
         let DVec2 { x, y } = centre * scale.pixel;
         Self {
             width,

@@ -64,7 +64,7 @@ struct Link {
 pub(super) fn strands(pieces: &[Piece], cell: DVec2) -> Vec<Strand> {
     let mean = pieces.iter().map(|piece| piece.shape.centre.z + piece.shape.semi_axis).sum::<f64>() / double(pieces.len().max(1));
     let links = links(pieces, cell);
-    let chains = chains(pieces.len(), &links);
+    let chains = chains(pieces, cell, &links);
     chains.into_iter().map(|chain| chain.laid(pieces, cell, mean)).collect()
 }
 
@@ -74,7 +74,7 @@ fn links(pieces: &[Piece], cell: DVec2) -> Vec<Link> {
     let ends: Vec<End> = (0..pieces.len()).flat_map(|piece| [(piece, 0), (piece, 1)]).collect();
     for (number, &from) in ends.iter().enumerate() {
         for &to in &ends[number..] {
-            let reach = FARTHEST * pieces[from.0].shape.width;
+            let reach = FARTHEST * 0.5 * (pieces[from.0].shape.width + pieces[to.0].shape.width);
             let off = place(pieces, to) - place(pieces, from);
             let (low, high) = (((-reach - off) / cell).ceil(), ((reach - off) / cell).floor());
             for (i, j) in counts(low, high) {
@@ -119,11 +119,11 @@ fn outward(pieces: &[Piece], (piece, end): End) -> DVec2 {
 /// What joining two ends costs, if they may be one yarn's.
 fn cost(pieces: &[Piece], from: End, to: End, gap: DVec2) -> Option<f64> {
     let (out, back) = (outward(pieces, from), -outward(pieces, to));
-    let width = pieces[from.0].shape.width;
+    let width = 0.5 * (pieces[from.0].shape.width + pieces[to.0].shape.width);
     // What nearly touches has no direction of its own.
     let way = if gap.length() < TOUCHING * width { out + back } else { gap };
     let turns = [out, back].map(|direction| way.angle_to(direction).abs());
-    let widths = (width / pieces[to.0].shape.width).ln().abs();
+    let widths = (pieces[from.0].shape.width / pieces[to.0].shape.width).ln().abs();
     (turns[0].max(turns[1]) < SHARPEST && widths < 0.5)
         .then(|| (gap.length() + 0.2 * width) * (1.0 + TURNING * (turns[0] + turns[1]) + widths))
 }
@@ -137,7 +137,8 @@ struct Chain {
 }
 
 /// Follows links from piece to piece until they close or end.
-fn chains(count: usize, links: &[Link]) -> Vec<Chain> {
+fn chains(all: &[Piece], cell: DVec2, links: &[Link]) -> Vec<Chain> {
+    let count = all.len();
     let mut next: Vec<[Next; 2]> = vec![[None; 2]; count];
     for Link { ends: [p, q], cells, .. } in links {
         next[p.0][p.1] = Some((*q, *cells));
@@ -158,10 +159,31 @@ fn chains(count: usize, links: &[Link]) -> Vec<Chain> {
         let (last, cells) = pieces[pieces.len() - 1];
         let closing = next[last.0][1 - last.1].filter(|(to, _)| *to == begin).map(|(_, step)| cells + step);
         let is_step = |period: &DVec2| period.abs().element_sum() == 1.0;
-        let closed = closing.filter(is_step);
-        chains.push(Chain { pieces, period: closed.unwrap_or(DVec2::ZERO), is_closed_underneath: closed.is_none() });
+        match closing.filter(is_step) {
+            Some(period) => chains.push(Chain { pieces, period, is_closed_underneath: false }),
+            None => chains.extend(parts(pieces, all, cell)),
+        }
     }
     chains
+}
+
+/// A chain that comes back to itself in another cell than the next, or nowhere, in parts of a cell each: a longer one would have to come back underneath, in every cell.
+fn parts(chain: Vec<(End, DVec2)>, all: &[Piece], cell: DVec2) -> Vec<Chain> {
+    let mut parts: Vec<Chain> = Vec::new();
+    let mut start = DVec2::ZERO;
+    for (entered, cells) in chain {
+        let from = place(all, entered) + cells * cell;
+        let to = place(all, (entered.0, 1 - entered.1)) + cells * cell;
+        let fits = ((to - start) / cell).abs().max_element() <= 1.0;
+        match parts.last_mut().filter(|_| fits) {
+            Some(part) => part.pieces.push((entered, cells)),
+            None => {
+                start = from;
+                parts.push(Chain { pieces: vec![(entered, cells)], period: DVec2::ZERO, is_closed_underneath: true });
+            }
+        }
+    }
+    parts
 }
 
 /// The pieces after one that is entered at an end, up to the last or until the first comes again.
@@ -192,11 +214,10 @@ impl Chain {
         if self.is_closed_underneath {
             let [(first, _), (last, cells)] = [self.pieces[0], self.pieces[self.pieces.len() - 1]];
             let run = place(pieces, (last.0, 1 - last.1)) + cells * cell - place(pieces, first);
-            let along = run / cell;
-            self.period = if along.x.abs() > along.y.abs() {
-                DVec2::X * along.x.signum()
+            self.period = if run.x.abs() > run.y.abs() {
+                DVec2::X * run.x.signum()
             } else {
-                DVec2::Y * if along.y < 0.0 { -1.0 } else { 1.0 }
+                DVec2::Y * if run.y < 0.0 { -1.0 } else { 1.0 }
             };
         }
         if self.period.element_sum() < 0.0 {
@@ -239,7 +260,7 @@ impl Piece {
         let radius = self.shape.width / 2.0;
         let relief =
             (RELIEF.0 * (self.shape.centre.z + self.shape.semi_axis - mean)).clamp(-RELIEF.1 * radius, RELIEF.1 * radius);
-        let sinks = self.shape.sinks(self.shape.length / 2.0).min(SINKS * radius);
+        let sinks = self.shape.sinks(self.shape.length / 2.0).clamp(0.0, SINKS * radius);
         let top = radius + relief;
         [from.extend(top - sinks), from.midpoint(to).extend(top), to.extend(top - sinks)]
     }
@@ -301,5 +322,19 @@ mod tests {
         let strands = strands(&[piece(3, [0.1, 0.5], [0.4, 0.5]), piece(5, [0.6, 0.5], [0.9, 0.5])], DVec2::ONE);
         assert_eq!(strands.len(), 1, "{strands:?}");
         assert!(strands[0].across && strands[0].segments == [3, 5]);
+    }
+
+    #[test]
+    fn no_yarn_goes_on_for_cells_and_comes_back_underneath() {
+        // Floats of neighbouring warps that lie so near each other's ends that links run diagonally, cell after cell.
+        let cell = DVec2::new(0.9, 1.2);
+        let pieces = [piece(0, [0.2, 0.1], [0.35, 0.55]), piece(0, [0.65, 0.7], [0.8, 1.15]), piece(1, [0.1, 0.62], [0.5, 0.68])];
+        for strand in strands(&pieces, cell) {
+            let along = |point: &DVec3| if strand.across { point.x } else { point.y };
+            let side = if strand.across { cell.x } else { cell.y };
+            let ends = strand.path.iter().map(along).chain([along(&strand.path[0]) + side]).collect::<Vec<_>>();
+            let backward: f64 = ends.windows(2).map(|ends| (ends[0] - ends[1]).max(0.0)).sum();
+            assert!(backward < 0.2 * side, "{strand:?}");
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! What whoever uses a capture should know, although there is one.
 
-use super::{Captured, Layout, Twist};
+use super::{Captured, Hypothesis, Layout, Twist};
 
 /// More unexplained than this is told: yarns are missing, or bend more than cylinders do.
 const UNEXPLAINED: f64 = 0.25;
@@ -26,7 +26,15 @@ impl Captured {
             "the segments lie over each other, or leave much of the cell blank: look at grid3x3.png, and mend layout.toml"
                 .to_owned()
         });
-        [unexplained, gleaming, invalid, self.twist_warning()].into_iter().flatten().collect()
+        let across = self.fabric.bars.iter().filter(|bar| bar.kind.runs_across()).count();
+        let loose = (across == 0 || across == self.fabric.bars.len()).then(|| {
+            "all yarns run one way, and nothing holds them together: look at grid3x3.png, and add what is missing to layout.toml"
+                .to_owned()
+        });
+        let hidden = self.layout.segments.len() - self.layout.seen.len();
+        let hidden = (self.layout.hypothesis == Hypothesis::Given && hidden > 0)
+            .then(|| format!("{hidden} of the layout's segments are hidden under others, and left out"));
+        [unexplained, gleaming, invalid, loose, hidden, self.twist_warning()].into_iter().flatten().collect()
     }
 
     fn twist_warning(&self) -> Option<String> {

@@ -1,12 +1,14 @@
 //! The plan of laid cloth: its strands as they lie in some cells, seen from the technical face.
 //!
-//! In: a laid [`Fabric`]. Out: a [`Drawing`]: each strand as wide as its yarn, straight from point to point, those parts that lie above the cloth's middle over all that lie below it.
+//! In: a laid [`Fabric`]. Out: a [`Drawing`]: each strand as wide as its yarn, straight from point to point, those parts that lie above the cloth's middle over all that lie below it, with dark edges.
 
 use glam::DVec2;
 
 use super::path::Piece;
 use super::{Anchor, Drawing, FAINT, HAIR, HEADING, INK, Layer, MARGIN, Shape, TextSize, shortened};
+use crate::fabric::yarn::Color;
 use crate::fabric::{BarKind, Fabric, Path};
+use crate::plane::byte;
 
 /// Cells each way, and the longer side of one, px.
 const CELLS: u8 = 3;
@@ -14,6 +16,9 @@ const SIDE: f64 = 110.0;
 const VIEW: &str = "seen from the technical face";
 /// Yarns are drawn this share of their width, so that neighbours can be told apart.
 const SHOWN: f64 = 0.85;
+/// How light the edges of what lies above are, and what lies below.
+const EDGE: f32 = 0.4;
+const UNDER: f32 = 0.7;
 
 pub(super) fn draw(fabric: &Fabric) -> Drawing {
     let spacing = DVec2::new(fabric.wale_spacing(), fabric.course_spacing());
@@ -34,8 +39,17 @@ pub(super) fn draw(fabric: &Fabric) -> Drawing {
     for (name, above) in [("under", false), ("over", true)] {
         for (number, ((bar, path), thickness)) in (1..).zip(fabric.bars.iter().zip(&fabric.paths).zip(fabric.thickness())) {
             let width = SHOWN * 2.0 * thickness * fabric.radius() * scale;
-            let shapes = lines(path, bar.kind, above, |at| origin + at * cell * DVec2::new(1.0, -1.0), width);
-            layers.push(Layer { name: format!("strand-{number}-{name}"), color: bar.yarn.color, shapes });
+            let lines = |width: f64| lines(path, bar.kind, above, |at| origin + at * cell * DVec2::new(1.0, -1.0), width);
+            let color = bar.yarn.color;
+            if above {
+                layers.push(Layer {
+                    name: format!("strand-{number}-edge"),
+                    color: shaded(color, EDGE),
+                    shapes: lines(width + 2.0),
+                });
+            }
+            let color = if above { color } else { shaded(color, UNDER) };
+            layers.push(Layer { name: format!("strand-{number}-{name}"), color, shapes: lines(width) });
         }
     }
     let faint = vec![text(DVec2::new(MARGIN, MARGIN + 34.0), VIEW, TextSize::Small)];
@@ -46,6 +60,11 @@ pub(super) fn draw(fabric: &Fabric) -> Drawing {
         [(fabric.name.as_str(), TextSize::Title), (VIEW, TextSize::Small)].map(|(words, size)| size.width(&shortened(words)));
     let width = widest.into_iter().fold(sheet.x, f64::max);
     Drawing { size: DVec2::new(width + 2.0 * MARGIN, origin.y + MARGIN), layers, notes: Vec::new() }
+}
+
+/// A darker colour.
+fn shaded(Color(bytes): Color, share: f32) -> Color {
+    Color(bytes.map(|value| byte(f32::from(value) * share)))
 }
 
 /// The spans of a strand whose middle is above the cloth's, or isn't, in all cells. Those that leave the sheet are left out.

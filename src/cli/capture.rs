@@ -78,7 +78,9 @@ fn report(found: &Captured) -> String {
         "{:>7} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9}",
         "segment", "x", "y", "degrees", "width", "length", "width mm", "twist"
     ));
-    for ((number, segment), (shape, twist)) in (1..).zip(&layout.seen).zip(found.shapes.iter().zip(&found.twists)) {
+    for ((number, segment), (shape, twist)) in
+        layout.numbers.iter().map(|number| number + 1).zip(&layout.seen).zip(found.shapes.iter().zip(&found.twists))
+    {
         let (centre, degrees) = (segment.centre, segment.angle.to_degrees().rem_euclid(180.0));
         let sizes = format!("{:9.2} {:9.2} {:9.3}", segment.width, segment.length, shape.width);
         let mark = if twist.is_guess { "?" } else { "" };

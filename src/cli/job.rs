@@ -72,16 +72,47 @@ pub(super) struct Fibres {
     pub(super) filed: Option<(Fabric, Section)>,
 }
 
-/// The most points of fibres in files: a .usda of them takes some 20 GB.
-const MOST_FIBRE_POINTS: f64 = 2e8;
+/// The most points of fibres in files: as curves, of which a .usda takes some 20 GB, and as tubes, of which a .glb holds no more than 4 GB.
+const MOST_CURVE_POINTS: f64 = 2e8;
+const MOST_TUBE_POINTS: f64 = 1.5e7;
 /// Edges of a fibre's section in files, where nobody asks for others.
 const FIBRE_SR: u32 = 4;
 
 impl Job<'_> {
+    /// Refuses files of more fibres than they or the memory can hold, before the work.
+    fn check_fibres(&self, bundles: &[Bundle], wanted: &[Wanted]) -> Result<()> {
+        let pattern = self.cloth.pattern();
+        let steps = |bar: usize| if pattern.runs_across(bar) { self.shown.threading_repeat() } else { self.shown.repeat() };
+        // A span has two points of each fibre at the least.
+        let samples = |(bar, bundle): (usize, &Bundle)| {
+            let spans = f64::from(index32(pattern.points_per_repeat(bar))) / f64::from(index32(steps(bar)));
+            let side = self.shown.wale_spacing().max(self.shown.course_spacing());
+            f64::from(bundle.count) * (bundle.points_per_mm() * side).max(2.0 * spans)
+        };
+        let a_stitch = bundles.iter().enumerate().map(samples).sum::<f64>() / f64::from(index32(bundles.len()));
+        #[expect(clippy::cast_precision_loss, reason = "an estimate")]
+        let points = a_stitch * self.filed().stitches() as f64;
+        let most = |format: Format| if format.holds_tubes() { MOST_TUBE_POINTS } else { MOST_CURVE_POINTS };
+        let streams = |format: &Format| !matches!(format, Format::Png | Format::Json);
+        match wanted.iter().find(|(_, format)| streams(format) && points > most(*format)) {
+            Some((path, format)) => bail!(
+                "{}: the fibres of {} stitches take about {points:.0e} points, and it holds {:.0e} at most: raise --fibre-radius, or write a swatch",
+                path.display(),
+                self.filed().stitches(),
+                most(*format)
+            ),
+            None => Ok(()),
+        }
+    }
+
     /// What is asked for of fibres; unasked, captured cloth shows them from near.
     fn fibres(&self, wanted: &[Wanted], section: &Section) -> Result<Option<Fibres>> {
         let asked = self.shared.fibres.map(SwitchArg::is_on);
-        if !asked.unwrap_or(self.shown.is_laid()) || matches!(self.shared.drawing.shape, ShapeArg::Ribbon) {
+        let is_ribbon = matches!(self.shared.drawing.shape, ShapeArg::Ribbon);
+        if is_ribbon && asked == Some(true) {
+            bail!("--shape ribbon has no fibres: leave out one of --shape and --fibres");
+        }
+        if is_ribbon || !asked.unwrap_or(self.shown.is_laid()) {
             return Ok(None);
         }
         let bundles = spun::bundles(self.shown, section.radius, self.shared.fibre_radius);
@@ -94,18 +125,7 @@ impl Job<'_> {
                 path.display()
             );
         }
-        // A stitch of two thicknesses at the least: nobody needs to know it better to be warned.
-        let stitch = self.shown.wale_spacing().min(self.shown.course_spacing()).max(4.0 * section.radius);
-        let points = bundles.iter().map(|bundle| f64::from(bundle.count) * bundle.points_per_mm() * stitch).sum::<f64>()
-            / f64::from(index32(bundles.len()));
-        #[expect(clippy::cast_precision_loss, reason = "an estimate")]
-        let points = points * self.filed().stitches() as f64;
-        if points > MOST_FIBRE_POINTS && wanted.iter().any(|(_, format)| !matches!(format, Format::Png | Format::Json)) {
-            bail!(
-                "the fibres of {} stitches take {points:.1e} points: raise --fibre-radius, or write a swatch",
-                self.filed().stitches()
-            );
-        }
+        self.check_fibres(&bundles, wanted)?;
         let fabric = spun::fabric(self.shown, &bundles);
         let radius = bundles.iter().map(|bundle| bundle.fibre).fold(0.0, f64::max);
         let section = Section { st: 1, sr: self.shared.sr.unwrap_or(FIBRE_SR), radius, flatten: 1.0, ..*section };

@@ -91,11 +91,12 @@ pub fn scene(yarns: &Scene, bundles: &[Bundle], near: f64, camera: &Camera, [wid
         yarns.positions[strand.points.start as usize..strand.points.end as usize].iter().map(|point| point.as_dvec3()).collect()
     };
     // How long the yarns are that are near, and the smallest pixel there.
-    let (mut lengths, mut finest) = (vec![0.0; bundles.len()], f64::INFINITY);
+    let (mut lengths, mut finest) = (vec![(0.0, 0.0); bundles.len()], f64::INFINITY);
     for strand in &yarns.strands {
         let (look, points) = (usize::from(strand.look), controls(strand));
         for ends in points.windows(2).filter(|ends| ends.iter().any(is_near)) {
-            lengths[look] += ends[0].distance(ends[1]);
+            lengths[look].0 += ends[0].distance(ends[1]);
+            lengths[look].1 += 1.0;
             finest = finest.min(pixel(ends[0]));
         }
     }
@@ -134,8 +135,8 @@ pub fn scene(yarns: &Scene, bundles: &[Bundle], near: f64, camera: &Camera, [wid
     Some(spun)
 }
 
-/// Bundles whose fibres are as thick as pixels can tell, and as few as memory holds, over so many mm of each yarn.
-fn drawn(bundles: &[Bundle], lengths: &[f64], pixel: f64) -> Vec<Bundle> {
+/// Bundles whose fibres are as thick as pixels can tell, and as few as memory holds, over so many mm and spans of each yarn.
+fn drawn(bundles: &[Bundle], lengths: &[(f64, f64)], pixel: f64) -> Vec<Bundle> {
     let mut finest = FINEST * pixel / 2.0;
     loop {
         let thicker = |bundle: &Bundle| {
@@ -143,7 +144,10 @@ fn drawn(bundles: &[Bundle], lengths: &[f64], pixel: f64) -> Vec<Bundle> {
             Bundle::filling(bundle.radius, packing, bundle.fibre.max(finest), bundle.slope)
         };
         let drawn: Vec<Bundle> = bundles.iter().map(thicker).collect();
-        let points = |(bundle, length): (&Bundle, &f64)| f64::from(bundle.count) * bundle.points_per_mm() * length;
+        // A span has two points at the least.
+        let points = |(bundle, (length, spans)): (&Bundle, &(f64, f64))| {
+            f64::from(bundle.count) * (bundle.points_per_mm() * length).max(2.0 * spans)
+        };
         let all: f64 = drawn.iter().zip(lengths).map(points).sum();
         if all <= MOST_POINTS || drawn.iter().all(|bundle| bundle.count == 1) {
             return drawn;

@@ -26,6 +26,8 @@ const FARTHEST: f64 = 2.0;
 const NEIGHBOURHOOD: f64 = 7.0;
 /// Yarns this near to touching have settled.
 const SETTLED: f64 = 0.98;
+/// Laid yarns are squeezed where they cross, and are pushed apart to a little more than this.
+const PRESSED: f64 = 0.55;
 /// One segment that meets more others than this, or looks at more, lies in a heap of yarns; the rest of the heap adds nothing.
 const HEAP: usize = 1000;
 const MOST_LOOKS: usize = 5 * HEAP;
@@ -282,7 +284,15 @@ pub fn warnings(fabric: &Fabric, pattern: &Pattern, clearance: &Clearance, radiu
                 .to_owned(),
         );
     }
-    if clearance.min_over_2r < SETTLED {
+    if fabric.is_laid() {
+        if clearance.min_over_2r < PRESSED {
+            warnings.push(format!(
+                "laid yarns cut each other: the nearest lie at {:.2} of their thickness, and {PRESSED} is what yarns stand that are squeezed flat \
+                 where they cross; move their paths, or take finer yarns",
+                clearance.min_over_2r
+            ));
+        }
+    } else if clearance.min_over_2r < SETTLED {
         warnings.push(format!(
             "yarns drawn {:.3} mm thick cut each other: {} pairs of path segments in a repeat are nearer than their thickness, the \
              nearest at {:.2} of it; thinner yarns, lower densities or another lapping give them room",

@@ -63,7 +63,9 @@ pub(super) fn twists(sight: &Sight, segments: &[Segment]) -> Vec<Twist> {
 }
 
 fn twist(sight: &Sight, segment: &Segment) -> Twist {
-    let size = DVec2::new(segment.length, segment.width) / sight.scale;
+    let whole = DVec2::new(segment.length, segment.width) / sight.scale;
+    // Of a very large segment the middle is enough.
+    let size = DVec2::new(whole.x.min((MOST_PIXELS / whole.y).max(0.5 * whole.y)), whole.y);
     if size.y < LEAST_ACROSS * Twist::LEAST_PX {
         return Twist::guess(size.y / LEAST_ACROSS);
     }
@@ -72,7 +74,7 @@ fn twist(sight: &Sight, segment: &Segment) -> Twist {
     let details = patches::details(sight.photo, &frames, size);
     let Some(across) = orientation::spacing(&details, size.y) else { return Twist::guess(0.0) };
     let fibres: Vec<Vec<Vec<Stick>>> = details.par_iter().map(|detail| fibres(detail, across, LOOKED_AT * size)).collect();
-    Twist::of(&fibres.concat(), across, size)
+    Twist::of(&fibres.concat(), across, whole)
 }
 
 /// The fibres that are traced in one copy, from its middle.
