@@ -101,7 +101,7 @@ fn fibres_are_drawn_where_the_camera_is_near_and_nowhere_else() {
     let size = [300, 300];
     let camera = |zoom: f64| Camera::view(View::Front, &scene.positions, Camera::DEFAULT_FOV, zoom, 1.0);
     assert!(spun::scene(&scene, &bundles, spun::NEAR, &camera(1.0), size).is_none());
-    let near = spun::scene(&scene, &bundles, spun::NEAR, &camera(6.0), size).unwrap();
+    let near = spun::scene(&scene, &bundles, spun::NEAR, &camera(14.0), size).unwrap();
     let (yarns, fibres): (Vec<_>, Vec<_>) = near.strands.iter().partition(|strand| usize::from(strand.look) < scene.looks.len());
     assert!(!yarns.is_empty() && fibres.len() > 20 * scene.strands.len(), "{} {}", yarns.len(), fibres.len());
     // All of it is there, and no fibre is thinner than half a pixel.
@@ -113,7 +113,7 @@ fn fibres_are_drawn_where_the_camera_is_near_and_nowhere_else() {
         strands.iter().map(of).sum()
     };
     assert!(length(&fibres) > length(&yarns));
-    let pixel = camera(6.0).pixel_size(camera(6.0).eye().z, size[1]);
+    let pixel = camera(14.0).pixel_size(camera(14.0).eye().z, size[1]);
     assert!(near.looks[scene.looks.len()..].iter().all(|look| f64::from(2.0 * look.radius) > 0.8 * pixel));
 }
 
