@@ -96,7 +96,7 @@ impl Job<'_> {
         let streams = |format: &Format| !matches!(format, Format::Png | Format::Json);
         match wanted.iter().find(|(_, format)| streams(format) && points > most(*format)) {
             Some((path, format)) => bail!(
-                "{}: the fibres of {} stitches take about {points:.0e} points, and it holds {:.0e} at most: raise --fibre-radius, or write a swatch",
+                "{}: the fibres of {} stitches take about {points:.1e} points, and it holds {:.1e} at most: raise --fibre-radius, or write a swatch",
                 path.display(),
                 self.filed().stitches(),
                 most(*format)
