@@ -14,12 +14,10 @@ use super::layout::Layout;
 use super::shape::Shape;
 use super::strands::{Piece, Strand, strands};
 use super::upright::Upright;
-use crate::fabric::yarn::{Color, Count, Yarn};
+use crate::fabric::yarn::{Color, Count, MOST_TWIST, Yarn};
 use crate::fabric::{Bar, BarKind, Dimensions, Fabric};
 use crate::plane::double;
 
-/// The most turns a metre that a fabric file takes.
-const MOST_TWIST: f64 = 5000.0;
 /// What the fabric is called until a person gives it a name.
 const NAME: &str = "captured";
 /// Density of the fibre, g/cm³, and the share of a yarn's section that it fills (the paper's .6).

@@ -8,7 +8,7 @@
 
 use super::cell::Cell;
 use super::layout::Layout;
-use super::segment::{drawn, heights, places};
+use super::segment::{heights, places};
 use crate::plane::{Plane, double, narrow, percentile};
 
 /// The light's share in the depth; the cylinders' is the rest.
@@ -37,10 +37,10 @@ impl Depth {
     pub(super) fn of(cell: &Cell, layout: &Layout, groups: &[usize], thickness: f64) -> Self {
         let Plane { width, height, ref values } = cell.plane;
         let places = places(&cell.lattice, [width, height]);
-        let model = drawn(&layout.seen, 0.0, &cell.lattice, &places);
+        let own: Vec<Vec<f64>> = layout.seen.iter().map(|segment| heights(segment, &cell.lattice, &places)).collect();
+        let model: Vec<f64> = (0..places.len()).map(|at| own.iter().map(|heights| heights[at]).fold(0.0, f64::max)).collect();
         let correlation = line(values.iter().map(|light| f64::from(*light)).zip(model.iter().copied())).2;
         // Which colour each place has: that of the highest segment.
-        let own: Vec<Vec<f64>> = layout.seen.iter().map(|segment| heights(segment, &cell.lattice, &places)).collect();
         let group = |at: usize| {
             let highest = (0..own.len()).max_by(|&p, &q| own[p][at].total_cmp(&own[q][at]));
             highest.filter(|&segment| own[segment][at] > 0.0).map(|segment| groups[segment])

@@ -1,5 +1,6 @@
 //! What capture asks of planes besides what `photo` does.
 
+use glam::DVec2;
 use image::RgbImage;
 use rayon::prelude::*;
 
@@ -85,7 +86,19 @@ impl Plane {
         let [x, y] = [(u, self.width), (v, self.height)].map(|(share, side)| (share - share.floor()) * double(side));
         let [left, top] = [(x, self.width), (y, self.height)].map(|(at, side)| whole(narrow(at)).min(side - 1));
         let [right, bottom] = [(left + 1) % self.width, (top + 1) % self.height];
-        let [across, down] = [narrow(x) - float(left), narrow(y) - float(top)];
+        self.mixed([left, right], [top, bottom], [narrow(x) - float(left), narrow(y) - float(top)])
+    }
+
+    /// The value of the four pixels around a place; outside, of those at the rim.
+    pub(super) fn between(&self, place: DVec2) -> f32 {
+        let place = place.clamp(DVec2::ZERO, DVec2::new(double(self.width - 1), double(self.height - 1)));
+        let [left, top] = place.to_array().map(|at| whole(narrow(at)));
+        let [right, bottom] = [(left + 1).min(self.width - 1), (top + 1).min(self.height - 1)];
+        self.mixed([left, right], [top, bottom], place.fract().to_array().map(narrow))
+    }
+
+    /// Four pixels by how far a place is from the left ones and from the upper ones.
+    fn mixed(&self, [left, right]: [usize; 2], [top, bottom]: [usize; 2], [across, down]: [f32; 2]) -> f32 {
         let row = |y: usize| self.at(left, y) * (1.0 - across) + self.at(right, y) * across;
         row(top) * (1.0 - down) + row(bottom) * down
     }

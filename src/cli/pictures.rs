@@ -133,7 +133,7 @@ pub(super) fn draw(
         }
     }
     let count = shared.drawing.turntable.unwrap_or(1);
-    let mut painter = Painter::new(scene, &options)?;
+    let (mut far, mut drawn_by, mut notice) = (None, String::new(), None);
     let mut files = Vec::new();
     for frame in 0..count {
         clock.begin(Task::Render, f64::from(frame) / f64::from(count));
@@ -142,17 +142,24 @@ pub(super) fn draw(
         let camera = camera(scene, seen, shared, options.aspect(), frame);
         let size = [options.width, options.height];
         let spun = fibres.and_then(|fibres| spun::scene(scene, &fibres.bundles, fibres.near, &camera, size));
-        let picture = match &spun {
-            Some(spun) => Painter::new(spun, &options)?.draw(&camera, &options, &progress)?,
-            None => painter.draw(&camera, &options, &progress)?,
+        let mut drawn = |painter: &mut Painter<'_>| {
+            let picture = painter.draw(&camera, &options, &progress)?;
+            painter.name().clone_into(&mut drawn_by);
+            notice = painter.notice().map(str::to_owned).or(notice.take());
+            anyhow::Ok(picture)
+        };
+        // Yarns are made ready once; fibres are those that this camera sees.
+        let picture = match (&spun, &mut far) {
+            (Some(spun), _) => drawn(&mut Painter::new(spun, &options)?)?,
+            (None, Some(far)) => drawn(far)?,
+            (None, None) => drawn(far.insert(Painter::new(scene, &options)?))?,
         };
         clock.begin(Task::Compress, 1.0);
         for path in paths.iter().skip(frame as usize).step_by(count as usize) {
             files.push(png::write(path, &picture)?);
         }
     }
-    let notice = painter.notice().map(str::to_owned);
-    Ok(Pictures { drawn_by: painter.name().to_owned(), notice, files })
+    Ok(Pictures { drawn_by, notice, files })
 }
 
 /// How the arguments want pictures to be.

@@ -105,6 +105,8 @@ impl Count {
     }
 }
 
+/// The most turns per metre either way.
+pub(crate) const MOST_TWIST: f64 = 5000.0;
 /// The finest yarn: microfibres have some 0.03 tex.
 const LEAST_TEX: f64 = 1e-3;
 /// The coarsest: ropes.

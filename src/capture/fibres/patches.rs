@@ -17,8 +17,6 @@ use crate::plane::{Plane, double, float, narrow, side, whole};
 
 /// Copies from which on their mean says more of the yarn than of its fibres.
 const ENOUGH: usize = 4;
-/// How often a place is corrected until the cloth there is the cloth that is sought.
-const CORRECTIONS: usize = 8;
 
 /// Where a copy lies, pixels of the photo.
 #[derive(Clone, Copy, Debug)]
@@ -32,10 +30,6 @@ pub(super) struct Frame {
 pub(super) fn frames(sight: &Sight, segment: &Segment) -> Vec<Frame> {
     let matrix = sight.lattice.matrix();
     let inverse = matrix.inverse();
-    let view = |count: DVec2| {
-        let step = |at: DVec2, _| at + matrix * (count - sight.warp.count(at));
-        (0..CORRECTIONS).fold(matrix * count, step)
-    };
     let photo = |at: DVec2| sight.corner + (at + 0.5) / sight.scale - 0.5;
     let corners = [DVec2::ZERO, sight.view.with_x(0.0), sight.view.with_y(0.0), sight.view].map(|corner| inverse * corner);
     let low = corners.into_iter().fold(DVec2::INFINITY, DVec2::min).floor();
@@ -45,7 +39,7 @@ pub(super) fn frames(sight: &Sight, segment: &Segment) -> Vec<Frame> {
     for j in steps(low.y) - 1..=steps(high.y) {
         for i in steps(low.x) - 1..=steps(high.x) {
             let middle = segment.centre + matrix * DVec2::new(f64::from(i), f64::from(j));
-            let [middle, first, last] = [middle, middle - half, middle + half].map(|place| view(inverse * place));
+            let [middle, first, last] = [middle, middle - half, middle + half].map(|place| sight.warp.place(inverse * place));
             let reach = 0.5 * segment.length.hypot(segment.width) + 2.0;
             let is_in = middle.cmpge(DVec2::splat(reach)).all() && (middle + reach).cmple(sight.view - 1.0).all();
             if is_in {
@@ -85,18 +79,8 @@ fn patch(photo: &RgbImage, frame: &Frame, columns: usize, rows: usize) -> Plane 
     let light = Plane::lightness(&crop_imm(photo, x, y, width, height).to_image());
     Plane::from_fn(columns, rows, |u, v| {
         let off = DVec2::new(double(u), double(v)) - half;
-        between(&light, frame.middle + frame.way * off.x + frame.way.perp() * off.y - low)
+        light.between(frame.middle + frame.way * off.x + frame.way.perp() * off.y - low)
     })
-}
-
-/// The value of the four pixels around a place; outside, of those at the rim.
-fn between(plane: &Plane, place: DVec2) -> f32 {
-    let place = place.clamp(DVec2::ZERO, DVec2::new(double(plane.width - 1), double(plane.height - 1)));
-    let [left, top] = place.to_array().map(|at| whole(narrow(at)));
-    let [right, bottom] = [(left + 1).min(plane.width - 1), (top + 1).min(plane.height - 1)];
-    let [across, down] = place.fract().to_array().map(narrow);
-    let row = |y: usize| plane.at(left, y) * (1.0 - across) + plane.at(right, y) * across;
-    row(top) * (1.0 - down) + row(bottom) * down
 }
 
 #[cfg(test)]
