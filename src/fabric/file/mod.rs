@@ -4,36 +4,31 @@
 //! well. What is printed reads back as the same fabric; comments and the numbering and tempi of a chain are not kept.
 
 mod laid;
+mod warp;
 mod weft;
+mod yarn;
 
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
-use super::bar::{self, Bar, BarKind};
+use super::bar::BarKind;
 use super::dimensions::{Dimensions, KEYS};
 use super::error::{FabricError, Fault};
-use super::lapping::Numbering;
 use super::motif::{Motif, Symbol};
-use super::yarn::{Color, Count, MOST_TWIST, Yarn};
 use super::{Fabric, INCH_IN_CM, PanelLayout};
 use laid::StrandTable;
+use warp::{BarTable, stitch};
 use weft::{FeederTable, motif};
+use yarn::YarnTable;
 
 /// From, to and the unit of what a number may be.
 pub(super) type Limits = (f64, f64, &'static str);
 
 pub(super) const DENSITY: Limits = (0.01, 1000.0, "per cm");
 const GAUGE: Limits = (0.1, 1000.0, "needles an inch");
-const FIBRE_DENSITY: Limits = (0.1, 25.0, "g/cm³");
-const PACKING: Limits = (0.01, 1.0, "");
-const PLIES: Limits = (1.0, 12.0, "");
-const TWIST: Limits = (-MOST_TWIST, MOST_TWIST, "turns per metre");
-const SHEEN: Limits = (0.0, 1.0, "");
-const TEXTURE_LENGTH: Limits = (0.01, 10_000.0, "mm");
 const GRAIN: Limits = (-360.0, 360.0, "degrees");
 const ORIGIN: Limits = (-1e5, 1e5, "mm");
 
@@ -90,51 +85,8 @@ fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
 
-/// A `[[bars]]` table.
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct BarTable {
-    lapping: Spanned<String>,
-    #[serde(default)]
-    numbering: Numbering,
-    #[serde(default)]
-    drive: Drive,
-    #[serde(default = "full_set")]
-    threading: Spanned<String>,
-    yarn: YarnTable,
-}
-
-/// The side of the machine from which gaps are counted, for somebody in front of it, who sees the technical back.
-#[derive(Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum Drive {
-    #[default]
-    Right,
-    Left,
-}
-
 fn full_set() -> Spanned<String> {
     unplaced("I".to_owned())
-}
-
-/// A bar's `yarn`.
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct YarnTable {
-    count: Count,
-    density: Spanned<f64>,
-    packing: Spanned<f64>,
-    color: Color,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    plies: Option<Spanned<u32>>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    twist: Option<Spanned<f64>>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    sheen: Option<Spanned<f64>>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    texture: Option<PathBuf>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    texture_length: Option<Spanned<f64>>,
 }
 
 /// A `[[panels]]` table.
@@ -267,17 +219,6 @@ impl FabricFile {
     }
 }
 
-fn stitch(table: &BTreeMap<Spanned<String>, Spanned<f64>>, source: Source<'_>) -> Result<Dimensions, FabricError> {
-    let mut stitch = Dimensions::default();
-    for (name, value) in table {
-        let Some(key) = KEYS.iter().find(|key| key.name == name.get_ref()) else {
-            return Err(Fault::UnknownDimension(name.get_ref().clone()).at(source.0, name.span()));
-        };
-        *(key.of)(&mut stitch) = source.number(&format!("stitch.{}", key.name), value, key.range)?;
-    }
-    Ok(stitch)
-}
-
 fn panels(tables: &[PanelTable], source: Source<'_>) -> Result<Vec<PanelLayout>, FabricError> {
     let mut panels: Vec<PanelLayout> = Vec::new();
     for table in tables {
@@ -290,43 +231,6 @@ fn panels(tables: &[PanelTable], source: Source<'_>) -> Result<Vec<PanelLayout>,
         panels.push(PanelLayout { panel, grain_degrees, origin: [x?, y?].into() });
     }
     Ok(panels)
-}
-
-impl BarTable {
-    fn into_bar(self, number: usize, source: Source<'_>) -> Result<Bar, FabricError> {
-        let (kind, chain) = bar::read_lapping(&format!("bar {number}, lapping"), self.lapping.get_ref(), self.numbering)
-            .map_err(|fault| source.in_string(&self.lapping, fault.span(), fault))?;
-        let threading = bar::read_threading(&format!("bar {number}, threading"), self.threading.get_ref())
-            .map_err(|fault| source.in_string(&self.threading, fault.span(), fault))?;
-        // Both gaps and guides are counted from the drive; a weft's marks are courses.
-        let mirrored = self.drive == Drive::Left && kind == BarKind::Guide;
-        let (chain, threading) = if mirrored { (chain.mirrored(), threading.mirrored()) } else { (chain, threading) };
-        Ok(Bar { chain, threading, yarn: self.yarn.into_yarn(&format!("bar {number}"), source)?, kind })
-    }
-}
-
-impl YarnTable {
-    /// `whose` names the bar in messages.
-    fn into_yarn(self, whose: &str, source: Source<'_>) -> Result<Yarn, FabricError> {
-        let what = |key: &str| format!("{whose}: yarn.{key}");
-        let optional = |key: &str, number: &Option<Spanned<f64>>, limits| {
-            number.as_ref().map(|number| source.number(&what(key), number, limits)).transpose()
-        };
-        if let Some(plies) = &self.plies {
-            source.number(&what("plies"), &Spanned::new(plies.span(), f64::from(*plies.get_ref())), PLIES)?;
-        }
-        Ok(Yarn {
-            count: self.count,
-            density: source.number(&what("density"), &self.density, FIBRE_DENSITY)?,
-            packing: source.number(&what("packing"), &self.packing, PACKING)?,
-            color: self.color,
-            plies: self.plies.map(Spanned::into_inner),
-            twist: optional("twist", &self.twist, TWIST)?,
-            sheen: optional("sheen", &self.sheen, SHEEN)?,
-            texture: self.texture,
-            texture_length: optional("texture_length", &self.texture_length, TEXTURE_LENGTH)?,
-        })
-    }
 }
 
 impl From<&Fabric> for FabricFile {
@@ -365,35 +269,6 @@ impl From<&Fabric> for FabricFile {
     }
 }
 
-impl From<&Bar> for BarTable {
-    fn from(bar: &Bar) -> Self {
-        let left = bar.counts_from_left();
-        Self {
-            lapping: unplaced(bar.lapping()),
-            numbering: Numbering::Tricot,
-            drive: if left { Drive::Left } else { Drive::Right },
-            threading: unplaced(if left { bar.threading.mirrored() } else { bar.threading.clone() }.to_string()),
-            yarn: YarnTable::from(&bar.yarn),
-        }
-    }
-}
-
-impl From<&Yarn> for YarnTable {
-    fn from(yarn: &Yarn) -> Self {
-        Self {
-            count: yarn.count,
-            density: unplaced(yarn.density),
-            packing: unplaced(yarn.packing),
-            color: yarn.color,
-            plies: yarn.plies.map(unplaced),
-            twist: yarn.twist.map(unplaced),
-            sheen: yarn.sheen.map(unplaced),
-            texture: yarn.texture.clone(),
-            texture_length: yarn.texture_length.map(unplaced),
-        }
-    }
-}
-
 impl From<&PanelLayout> for PanelTable {
     fn from(layout: &PanelLayout) -> Self {
         Self {
@@ -406,10 +281,14 @@ impl From<&PanelLayout> for PanelTable {
 
 #[cfg(test)]
 mod tests {
+    use std::path::PathBuf;
+
     use super::*;
+    use crate::fabric::bar::Bar;
     use crate::fabric::builtin;
-    use crate::fabric::lapping::{Chain, MAX_GAP};
+    use crate::fabric::lapping::{Chain, MAX_GAP, Numbering};
     use crate::fabric::threading::Threading;
+    use crate::fabric::yarn::{Color, Yarn};
     use proptest::prelude::*;
 
     const FABRIC: &str = r##"name = "net"

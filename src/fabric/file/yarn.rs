@@ -1,0 +1,77 @@
+//! The table of a yarn, whatever brings it.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+use toml::Spanned;
+
+use super::{Limits, Source, unplaced};
+use crate::fabric::error::FabricError;
+use crate::fabric::yarn::{Color, Count, MOST_TWIST, Yarn};
+
+const FIBRE_DENSITY: Limits = (0.1, 25.0, "g/cm³");
+const PACKING: Limits = (0.01, 1.0, "");
+const PLIES: Limits = (1.0, 12.0, "");
+const TWIST: Limits = (-MOST_TWIST, MOST_TWIST, "turns per metre");
+const SHEEN: Limits = (0.0, 1.0, "");
+const TEXTURE_LENGTH: Limits = (0.01, 10_000.0, "mm");
+
+/// A bar's `yarn`.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct YarnTable {
+    count: Count,
+    density: Spanned<f64>,
+    packing: Spanned<f64>,
+    color: Color,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    plies: Option<Spanned<u32>>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    twist: Option<Spanned<f64>>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    sheen: Option<Spanned<f64>>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    texture: Option<PathBuf>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    texture_length: Option<Spanned<f64>>,
+}
+
+impl YarnTable {
+    /// `whose` names the bar in messages.
+    pub(super) fn into_yarn(self, whose: &str, source: Source<'_>) -> Result<Yarn, FabricError> {
+        let what = |key: &str| format!("{whose}: yarn.{key}");
+        let optional = |key: &str, number: &Option<Spanned<f64>>, limits| {
+            number.as_ref().map(|number| source.number(&what(key), number, limits)).transpose()
+        };
+        if let Some(plies) = &self.plies {
+            source.number(&what("plies"), &Spanned::new(plies.span(), f64::from(*plies.get_ref())), PLIES)?;
+        }
+        Ok(Yarn {
+            count: self.count,
+            density: source.number(&what("density"), &self.density, FIBRE_DENSITY)?,
+            packing: source.number(&what("packing"), &self.packing, PACKING)?,
+            color: self.color,
+            plies: self.plies.map(Spanned::into_inner),
+            twist: optional("twist", &self.twist, TWIST)?,
+            sheen: optional("sheen", &self.sheen, SHEEN)?,
+            texture: self.texture,
+            texture_length: optional("texture_length", &self.texture_length, TEXTURE_LENGTH)?,
+        })
+    }
+}
+
+impl From<&Yarn> for YarnTable {
+    fn from(yarn: &Yarn) -> Self {
+        Self {
+            count: yarn.count,
+            density: unplaced(yarn.density),
+            packing: unplaced(yarn.packing),
+            color: yarn.color,
+            plies: yarn.plies.map(unplaced),
+            twist: yarn.twist.map(unplaced),
+            sheen: yarn.sheen.map(unplaced),
+            texture: yarn.texture.clone(),
+            texture_length: yarn.texture_length.map(unplaced),
+        }
+    }
+}
