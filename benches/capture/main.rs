@@ -15,10 +15,10 @@ mod cloth;
 use std::path::Path;
 use std::time::Instant;
 
-use cloth::{Disturbance, Kind, Random, Sample, Stretch, between, bricks, face, fibrous, fur, layout, noise, sample};
-use glam::{DMat2, DVec2};
+use cloth::{Disturbance, Kind, Random, Sample, Stretch, between, bricks, face, fibrous, fur, layout, noise, sample, straight};
+use glam::{DMat2, DVec2, DVec3};
 use image::RgbImage;
-use warpknit::capture::{Captured, Settings, capture};
+use warpknit::capture::{Captured, Segment, Settings, capture};
 
 /// Seeds below are for tuning, and those of the tests are among them.
 const FIRST_SEED: u64 = 2000;
@@ -216,7 +216,9 @@ impl Score {
         let Some(off) = lattice_error(&found, truth.lattice) else { return };
         self.lattices += 1;
         self.vectors.push(off);
-        let matches: Vec<Vec<[f64; 3]>> = wanted.iter().map(|stretch| hits(&found, stretch)).collect();
+        let segments = &found.layout.seen;
+        let hits = |stretch: &&Stretch| segments.iter().filter_map(|segment| passes(segment, stretch, &found)).collect();
+        let matches: Vec<Vec<[f64; 3]>> = wanted.iter().map(hits).collect();
         self.recalled += matches.iter().filter(|hits| !hits.is_empty()).count();
         for hits in matches {
             if let Some([width, turn, off]) = hits.into_iter().min_by(|p, q| p[2].total_cmp(&q[2])) {
@@ -225,9 +227,10 @@ impl Score {
                 self.places.push(off);
             }
         }
-        self.segments += found.layout.seen.len();
-        let is_true = |number: usize| truth.stretches.iter().any(|stretch| hit(&found, number, stretch).is_some());
-        self.wrong += (0..found.layout.seen.len()).filter(|&number| !is_true(number)).count();
+        let told: Vec<Stretch> = segments.iter().flat_map(|segment| pieces(segment, found.corner)).collect();
+        self.segments += told.len();
+        let is_true = |piece: &&Stretch| truth.stretches.iter().any(|stretch| lies_on(piece, stretch, &found));
+        self.wrong += told.len() - told.iter().filter(is_true).count();
     }
 
     fn row(&mut self) -> String {
@@ -255,16 +258,47 @@ fn lattice_error(found: &Captured, truth: [DVec2; 2]) -> Option<f64> {
     Some(off[0].max(off[1])).filter(|off| is_same && *off < 0.1)
 }
 
-fn hits(found: &Captured, stretch: &Stretch) -> Vec<[f64; 3]> {
-    (0..found.layout.seen.len()).filter_map(|number| hit(found, number, stretch)).collect()
+/// Places along a segment at which it is looked at.
+const STEPS: i32 = 96;
+
+/// A segment's axis at so many places, in the picture: where it is, and its direction.
+fn axis(segment: &Segment, corner: DVec2) -> impl Iterator<Item = (DVec2, f64)> {
+    let along = |step: i32| (f64::from(step) / f64::from(STEPS) - 0.5) * segment.length;
+    (0..=STEPS).map(move |step| segment.axis(along(step))).map(move |(place, angle)| (corner + place, angle))
 }
 
-/// Share by which a segment is too wide, radians and widths off across, if it lies on a stretch and runs along it.
-fn hit(found: &Captured, number: usize, stretch: &Stretch) -> Option<[f64; 3]> {
-    let segment = &found.layout.seen[number];
-    let off = found.unit.lattice.nearest(segment.centre + found.corner - stretch.centre);
-    let off = DVec2::from_angle(-stretch.angle).rotate(off);
-    let turn = between(segment.angle, stretch.angle);
-    let lies_on = off.x.abs() < 0.5 * stretch.length && off.y.abs() < 0.5 * stretch.width;
-    (lies_on && turn < 25_f64.to_radians()).then(|| [segment.width / stretch.width - 1.0, turn, off.y.abs() / stretch.width])
+/// A segment in pieces as straight as the truth's.
+fn pieces(segment: &Segment, corner: DVec2) -> Vec<Stretch> {
+    let path: Vec<DVec3> = axis(segment, corner).map(|(place, _)| place.extend(0.0)).collect();
+    let mut pieces = Vec::new();
+    straight(&path, 0.5 * segment.width, &mut pieces);
+    pieces
 }
+
+/// Along and across a stretch from its middle, and how far a direction leaves it.
+fn beside(place: DVec2, angle: f64, stretch: &Stretch, found: &Captured) -> (DVec2, f64) {
+    let off = found.unit.lattice.nearest(place - stretch.centre);
+    (DVec2::from_angle(-stretch.angle).rotate(off), between(angle, stretch.angle))
+}
+
+/// Whether the middle of a piece of a segment is on a stretch, and it runs along it.
+fn lies_on(piece: &Stretch, stretch: &Stretch, found: &Captured) -> bool {
+    let (off, turn) = beside(piece.centre, piece.angle, stretch, found);
+    off.x.abs() < 0.5 * stretch.length && off.y.abs() < 0.5 * stretch.width && turn < NEAR.to_radians()
+}
+
+/// Share by which a segment is too wide, radians and widths off across, where it passes the middle of a stretch; if it does, and runs along it. Directions are those of chords as long as
+/// the stretch.
+fn passes(segment: &Segment, stretch: &Stretch, found: &Captured) -> Option<[f64; 3]> {
+    let beside = |(place, angle): (DVec2, f64)| beside(place, angle, stretch, found);
+    let places: Vec<(DVec2, f64)> = axis(segment, found.corner).map(beside).collect();
+    let (off, turn) = *places.iter().min_by(|p, q| p.0.length().total_cmp(&q.0.length()))?;
+    let is_there = off.x.abs() < 0.1 * stretch.length && off.y.abs() < 0.5 * stretch.width && turn < NEAR.to_radians();
+    let mut chord =
+        places.iter().map(|(off, _)| *off).filter(|off| off.x.abs() <= 0.5 * stretch.length && off.y.abs() < stretch.width);
+    let chord = chord.next_back().unwrap_or(off) - chord.next().unwrap_or(off);
+    is_there.then(|| [segment.width / stretch.width - 1.0, between(chord.to_angle(), 0.0), off.y.abs() / stretch.width])
+}
+
+/// A segment that turns aside further than that, degrees, is another yarn's.
+const NEAR: f64 = 25.0;

@@ -39,9 +39,8 @@ pub(super) fn fabric(lattice: &Lattice, layout: &Layout, yarns: &Yarns, pixel: f
     let cell = upright.size() * pixel;
     let piece = &|corner: DVec2, segment: usize| {
         let own = &layout.seen[segment];
-        let half = DVec2::from_angle(own.angle) * (0.5 * own.length);
-        let ends = [-half, half].map(|end| upright.count(own.centre + corner + end) * cell);
-        Piece { segment, ends, shape: shapes[segment] }
+        let axis = [-0.5, -0.25, 0.0, 0.25, 0.5].map(|share| upright.count(own.axis(share * own.length).0 + corner) * cell);
+        Piece { segment, axis, shape: shapes[segment] }
     };
     let corners = upright.copies.iter();
     let pieces: Vec<Piece> =

@@ -120,13 +120,13 @@ impl Colors {
 
 /// The mean colour of a segment's middle.
 fn mean(cells: &[Cell; 3], segment: &Segment) -> DVec3 {
-    let way = DVec2::from_angle(segment.angle);
     let inverse = cells[0].lattice.matrix().inverse();
     let share = |step: usize| (double(step) + 0.5) / double(ASKED) - 0.5;
     let mut sum = DVec3::ZERO;
     for at in 0..ASKED * ASKED {
         let (along, across) = (share(at % ASKED) * INNER[1] * segment.length, share(at / ASKED) * INNER[0] * segment.width);
-        let count = inverse * (segment.centre + way * along + way.perp() * across);
+        let (place, angle) = segment.axis(along);
+        let count = inverse * (place + DVec2::from_angle(angle).perp() * across);
         sum += DVec3::from(cells.each_ref().map(|cell| f64::from(cell.at(count))));
     }
     (sum / double(ASKED * ASKED)).max(DVec3::ZERO)
@@ -194,6 +194,8 @@ mod tests {
             round: 0.5,
             sag: 0.2,
             tilt: 0.0,
+            bow: 0.0,
+            sway: 0.0,
         };
         // The third is the second in some shade.
         let stripes = [DVec3::new(0.5, 0.1, 0.1), DVec3::new(0.1, 0.1, 0.5), DVec3::new(0.09, 0.09, 0.45)];

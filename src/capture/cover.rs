@@ -43,7 +43,7 @@ const MOST: usize = 8;
 const HELPS: f64 = 0.85;
 
 /// With segments added where the cell is lighter than drawn, while they help.
-fn grown(target: &Target, mut fit: Fit, top: f64) -> Fit {
+pub(super) fn grown(target: &Target, mut fit: Fit, top: f64) -> Fit {
     while fit.segments.len() < MOST && fit.error > 0.02 {
         let drawn = drawn(&fit.segments, fit.ground, &target.lattice, &target.places);
         let rest: Vec<f64> = target.light.iter().zip(&drawn).map(|(light, drawn)| light - drawn).collect();
@@ -106,6 +106,8 @@ fn spots(target: &Target, light: &[f64], width: f64, ground: f64, top: f64) -> V
                             round: 0.5 * height,
                             sag: 0.3 * height,
                             tilt: 0.0,
+                            bow: 0.0,
+                            sway: 0.0,
                         },
                     ));
                 }

@@ -99,6 +99,10 @@ struct SegmentTable {
     sag: f64,
     #[serde(default)]
     tilt: f64,
+    #[serde(default)]
+    bow: f64,
+    #[serde(default)]
+    sway: f64,
 }
 
 impl GivenLayout {
@@ -150,14 +154,14 @@ impl GivenLayout {
 
 impl SegmentTable {
     fn of(segment: &Segment) -> Self {
-        let Segment { centre, angle, width, length, top, round, sag, tilt } = *segment;
+        let Segment { centre, angle, width, length, top, round, sag, tilt, bow, sway } = *segment;
         let angle_deg = angle.to_degrees().rem_euclid(360.0);
-        Self { center: centre.to_array(), angle_deg, width, length, top, round, sag, tilt }
+        Self { center: centre.to_array(), angle_deg, width, length, top, round, sag, tilt, bow, sway }
     }
 
     fn segment(&self) -> Segment {
-        let Self { center, angle_deg, width, length, top, round, sag, tilt } = *self;
-        Segment { centre: center.into(), angle: angle_deg.to_radians(), width, length, top, round, sag, tilt }
+        let Self { center, angle_deg, width, length, top, round, sag, tilt, bow, sway } = *self;
+        Segment { centre: center.into(), angle: angle_deg.to_radians(), width, length, top, round, sag, tilt, bow, sway }
     }
 }
 

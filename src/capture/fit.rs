@@ -1,7 +1,7 @@
 //! Step 3, refinement: all segments together, by Levenberg-Marquardt on the cell.
 //!
 //! In: a [`Target`] and segments near what it shows. Out: a [`Fit`]. Derivatives are differences, each drawing one segment over what the others make. Cost: a drawing
-//! of one segment for each of its nine numbers and side, a round; some milliseconds at 26 x 26 places.
+//! of one segment for each of its eleven numbers and side, a round; some milliseconds at 26 x 26 places.
 
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{DMatrix, DVector, Dyn, Owned};
@@ -15,6 +15,12 @@ const LONGEST: f64 = 3.0;
 
 /// How far a fit turns a segment, radians: one that is as wide as long has no direction of its own.
 const TURNS: f64 = 0.2;
+
+/// How far aside a segment bends, of what it is longer than so many widths: one that is as wide as long has no bend of its own either.
+const BENDS: f64 = 0.15;
+const STUBBY: f64 = 1.5;
+/// How much darker its edges are at most, of how much lighter than the ground its middle is: darker ones would make it seem narrower than it is said to be.
+const ROUNDEST: f64 = 0.7;
 
 /// Segments on a ground of some lightness, and the share of the cell's variance that they leave.
 #[derive(Clone, Debug)]
@@ -53,14 +59,19 @@ impl Problem<'_> {
             let s = Segment::of_numbers(numbers);
             // However often a fit begins anew from the last one's end, no float is longer than some cells.
             let width = s.width.clamp(0.5 * start.width, 1.9 * start.width).min(0.5 * LONGEST * longer);
+            let length = s.length.clamp(0.45 * start.length, 2.2 * start.length).min(LONGEST * longer).max(0.7 * width);
+            let top = s.top.max(0.0);
+            let bends = BENDS * (length - STUBBY * width).max(0.0);
             Segment {
                 angle: s.angle.clamp(start.angle - TURNS, start.angle + TURNS),
                 width,
-                length: s.length.clamp(0.45 * start.length, 2.2 * start.length).min(LONGEST * longer).max(0.7 * width),
-                top: s.top.max(0.0),
-                round: s.round.clamp(0.0, 6.0),
+                length,
+                top,
+                round: s.round.clamp(0.0, ROUNDEST * top),
                 sag: s.sag.clamp(0.0, 6.0),
                 tilt: s.tilt.clamp(-3.0, 3.0),
+                bow: s.bow.clamp(-bends, bends),
+                sway: s.sway.clamp(-bends, bends),
                 ..s
             }
         };
@@ -112,7 +123,7 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
                 }
                 // Lengths are pixels; angles and lightness are about 1.
                 let which = number / Segment::NUMBERS;
-                let step = if matches!(number % Segment::NUMBERS, 0 | 1 | 3 | 4) {
+                let step = if matches!(number % Segment::NUMBERS, 0 | 1 | 3 | 4 | 9 | 10) {
                     0.03 * self.start[which].width.max(0.3)
                 } else {
                     0.01
@@ -154,7 +165,18 @@ mod tests {
     }
 
     fn segment(x: f64, y: f64, angle: f64) -> Segment {
-        Segment { centre: DVec2::new(x, y), angle, width: 9.0, length: 20.0, top: 1.6, round: 0.8, sag: 0.5, tilt: 0.1 }
+        Segment {
+            centre: DVec2::new(x, y),
+            angle,
+            width: 9.0,
+            length: 20.0,
+            top: 1.6,
+            round: 0.8,
+            sag: 0.5,
+            tilt: 0.1,
+            bow: 0.0,
+            sway: 0.0,
+        }
     }
 
     #[test]

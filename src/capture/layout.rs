@@ -1,7 +1,9 @@
 //! Step 3, layout: the yarn segments of a cell.
 //!
 //! In: the mean cell. Out: a [`Layout`]. Layouts that a weave may have ([`woven`]) and layouts that merely cover the cell ([`cover`]) are refined on a coarse cell; what they
-//! leave unexplained, how many segments they take and how much these overlap say which is best, and that is refined on a finer cell. Cost: one to five seconds on two cores.
+//! leave unexplained, how many segments they take and how much these overlap say which is best; of that, segments are joined, dropped and added while that helps, and the rest is refined on a finer cell. Cost: one to five seconds on two cores.
+
+use rayon::prelude::*;
 
 use super::cell::Cell;
 use super::fit::{Fit, refine};
@@ -20,15 +22,17 @@ const COUNTED: usize = 128;
 const WEAVES: usize = 4;
 /// A weave that leaves so little is believed without looking further.
 const CLEAR: f64 = 0.045;
+/// Changes of a layout after its fit.
+const MOVES: usize = 12;
 /// What a segment more must at least explain of the cell.
-const EXPLAINS: f64 = 0.02;
+const EXPLAINS: f64 = 0.01;
 /// A share of the cell under two segments as they are given from which on they bury each other.
 const BURIED: f64 = 0.9;
 /// What a layout pays for each segment, as a share of its error, and for overlaps above a share of the cell.
 const SEGMENT_COST: f64 = 0.08;
 const OVERLAP_COST: (f64, f64) = (0.35, 0.08);
 /// What it pays for what only its hidden segments explain, beyond what the ends of seen ones do below others; and for breaking the rule of overlaps.
-const UNSEEN_COST: (f64, f64) = (0.05, 0.5);
+const UNSEEN_COST: (f64, f64) = (0.05, 0.2);
 const INVALID_COST: f64 = 0.1;
 
 /// What a layout was sought as.
@@ -102,7 +106,8 @@ pub(super) fn find(cell: &Cell) -> Option<Layout> {
         best = best.into_iter().chain(covers).min_by(|p, q| cost(&coarse, &p.1).total_cmp(&cost(&coarse, &q.1)));
     }
     let (hypothesis, fit) = best?;
-    let fit = refine(&Target::new(cell, FINE), &fit.segments, fit.ground, 20);
+    let fit = settled(&coarse, fit, top);
+    let fit = refine(&Target::new(cell, FINE), &fit.segments, fit.ground, 40);
     let layout = Layout::of(fit.segments, &cell.lattice, fit.ground, fit.error, hypothesis);
     (!layout.seen.is_empty()).then_some(layout)
 }
@@ -124,6 +129,37 @@ fn cost(target: &Target, fit: &Fit) -> f64 {
     let error = fit.error + UNSEEN_COST.0 * (told - fit.error - UNSEEN_COST.1).max(0.0);
     let error = error + if overlap > Layout::MOST_OVERLAP { INVALID_COST } else { 0.0 };
     error * (1.0 + SEGMENT_COST * double(fit.segments.len())) + OVERLAP_COST.0 * (overlap - OVERLAP_COST.1).max(0.0)
+}
+
+/// With segments joined that are one yarn, without needless ones, and with those added that are lacking then, as long as the layout costs less so.
+fn settled(target: &Target, mut fit: Fit, top: f64) -> Fit {
+    let mut least = cost(target, &fit);
+    for _ in 0..MOVES {
+        let fewer =
+            fewer(&fit.segments, &target.lattice).into_par_iter().map(|segments| refine(target, &segments, fit.ground, 12));
+        let costed = |fit: Fit| (cost(target, &fit), fit);
+        let best = fewer.map(costed).min_by(|p, q| p.0.total_cmp(&q.0)).filter(|(less, _)| *less < least);
+        let best = best.or_else(|| Some(costed(cover::grown(target, fit.clone(), top))).filter(|(less, _)| *less < least));
+        let Some(better) = best else { break };
+        (least, fit) = better;
+    }
+    fit
+}
+
+/// All layouts with a segment less: without it, or joined with another.
+fn fewer(segments: &[Segment], lattice: &Lattice) -> Vec<Vec<Segment>> {
+    let without = |gone: [usize; 2]| -> Vec<Segment> {
+        segments.iter().enumerate().filter(|(number, _)| !gone.contains(number)).map(|(_, segment)| *segment).collect()
+    };
+    let mut layouts = Vec::new();
+    for p in 0..segments.len() {
+        layouts.push(without([p, p]));
+        for q in p + 1..segments.len() {
+            layouts.extend(segments[p].joined(&segments[q], lattice).map(|joined| [without([p, q]), vec![joined]].concat()));
+        }
+    }
+    layouts.retain(|layout| !layout.is_empty());
+    layouts
 }
 
 /// Without segments that explain next to nothing.

@@ -29,62 +29,163 @@ pub struct Segment {
     pub sag: f64,
     /// How much lighter one end is than the middle, and darker the other.
     pub tilt: f64,
+    /// How far its middle lies aside of the line between its ends, to the right of its direction as it is seen.
+    pub bow: f64,
+    /// How far it lies to one side of that line in its first half, and to the other in its second, as an S does.
+    pub sway: f64,
 }
 
 /// How fast a yarn goes down beyond its end, lightness a width.
 const DIVES: f64 = 6.0;
+/// How far from its ends a yarn begins to go down, widths: what lies over several others is level between.
+const FALLS: f64 = 0.75;
+/// The cubic `t^3 - t` by this is 1 where it is greatest, at [`CREST`].
+const S_CURVE: f64 = 1.5 / CREST;
+/// Edges are blurred by so many pixels to either side.
+const BLUR: f64 = 0.5;
+/// Segments that may be one: how far apart their ends are at most, widths; how sharply one turns there, radians; and how much wider one is.
+const GAP: f64 = 1.5;
+const SHARPEST: f64 = 1.2;
+const ALIKE: f64 = 1.8;
+/// Where on its way from the middle to an end an S lies farthest aside.
+const CREST: f64 = 0.577_350_269_189_625_8;
 
 impl Segment {
     /// Numbers that a fit may change.
-    pub(super) const NUMBERS: usize = 9;
+    pub(super) const NUMBERS: usize = 11;
 
     /// The same in pixels of another size.
     pub(super) fn scaled(&self, scale: f64) -> Self {
-        Self { centre: self.centre * scale, width: self.width * scale, length: self.length * scale, ..*self }
+        let [width, length, bow, sway] = [self.width, self.length, self.bow, self.sway].map(|length| length * scale);
+        Self { centre: self.centre * scale, width, length, bow, sway, ..*self }
     }
 
-    /// The stretch from one place along it to another, as light there as it was.
+    /// Where its axis is, so far along from its middle, and its direction there.
+    #[must_use]
+    pub fn axis(&self, along: f64) -> (DVec2, f64) {
+        let (aside, slope) = self.aside(along);
+        (self.centre + DVec2::from_angle(self.angle).rotate(DVec2::new(along, aside)), self.angle + slope.atan())
+    }
+
+    /// The stretch from one place along it to another: as light at its ends and in its middle as it was, and as far aside there and at its crests.
     fn part(&self, first: f64, last: f64) -> Self {
-        let (half, middle, length) = (0.5 * self.length, 0.5 * (first + last), last - first);
-        let (at, shrunk) = (middle / half, 0.5 * length / half);
+        let aside = |share: f64| {
+            let along = first + share * (last - first);
+            DVec2::new(along, self.aside(along).0)
+        };
+        let light = |along: f64| self.light(along);
+        let (from, to) = (aside(0.0), aside(1.0));
+        let way = (to - from).normalize_or(DVec2::X);
+        let off = |t: f64| way.perp_dot(aside(0.5 + 0.5 * t) - from);
+        let [start, middle, end] = [first, 0.5 * (first + last), last].map(light);
+        let bow = off(0.0);
+        let sag = middle - 0.5 * (start + end);
         Self {
-            centre: self.centre + DVec2::from_angle(self.angle) * middle,
-            length,
-            top: self.top - self.sag * at * at + self.tilt * at,
-            sag: self.sag * shrunk * shrunk,
-            tilt: (self.tilt - 2.0 * self.sag * at) * shrunk,
+            centre: self.centre + DVec2::from_angle(self.angle).rotate(from.midpoint(to)),
+            angle: self.angle + way.to_angle(),
+            length: from.distance(to),
+            top: middle,
+            sag,
+            tilt: 0.5 * (end - start),
+            bow,
+            sway: 0.5 * (off(-CREST) - off(CREST)),
             ..*self
         }
     }
 
+    /// This segment and one that goes on where it ends, as one that bends through both; nothing where none goes on.
+    pub(super) fn joined(&self, other: &Self, lattice: &Lattice) -> Option<Self> {
+        let width = 0.5 * (self.width + other.width);
+        let is_alike = self.width.max(other.width) < ALIKE * self.width.min(other.width);
+        let half = |segment: &Self, end: f64| segment.axis(0.5 * end * segment.length);
+        let meeting = |from: f64, to: f64| {
+            let ((place, out), (next, back)) = (half(self, from), half(other, to));
+            // Directions in which the yarn goes on, seen from the first.
+            let turn = (from * DVec2::from_angle(out)).angle_to(-to * DVec2::from_angle(back)).abs();
+            let gap = lattice.nearest(next - place);
+            let shift = gap - (next - place);
+            (turn < SHARPEST && gap.length() < GAP * width).then_some((gap.length(), from, to, shift))
+        };
+        let ends = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)];
+        let (_, from, to, shift) = ends
+            .into_iter()
+            .filter_map(|(from, to)| meeting(from, to))
+            .min_by(|p, q| p.0.total_cmp(&q.0))
+            .filter(|_| is_alike)?;
+        let along = |step: usize| 0.5 - double(step) / double(STEPS);
+        let first = (0..=STEPS).map(|step| self.axis(-from * along(step) * self.length).0);
+        let second = (0..=STEPS).map(|step| other.axis(to * along(step) * other.length).0 + shift);
+        let path: Vec<DVec2> = first.chain(second).collect();
+        let (start, end) = (path[0], path[path.len() - 1]);
+        let way = (end - start).normalize_or_zero();
+        let length = start.distance(end);
+        // How far aside the path is when it has gone so far along the line between its ends.
+        let aside = |share: f64| {
+            let beyond = path.iter().find(|place| way.dot(**place - start) >= share * length).copied().unwrap_or(end);
+            way.perp_dot(beyond - start)
+        };
+        let [before, middle, after] = [-CREST, 0.0, CREST].map(|t| aside(0.5 + 0.5 * t));
+        Some(Self {
+            centre: start.midpoint(end),
+            angle: way.to_angle(),
+            width,
+            length,
+            top: self.top.max(other.top),
+            round: 0.5 * (self.round + other.round),
+            sag: 0.5 * (self.sag + other.sag),
+            tilt: 0.5 * (other.top - self.top),
+            bow: middle,
+            sway: 0.5 * (before - after),
+        })
+        .filter(|joined| joined.length > self.length.max(other.length))
+    }
+
+    /// How far its axis lies aside of the line between its ends, and how steeply it leaves it, so far along. It goes straight on beyond its ends.
+    fn aside(&self, along: f64) -> (f64, f64) {
+        let half = 0.5 * self.length;
+        let t = (along / half).clamp(-1.0, 1.0);
+        let slope = (S_CURVE * self.sway * (3.0 * t * t - 1.0) - 2.0 * self.bow * t) / half;
+        (self.bow * (1.0 - t * t) + S_CURVE * self.sway * (t * t * t - t) + slope * (along - t * half), slope)
+    }
+
+    /// How light its axis is relative to the ground, so far along.
+    fn light(&self, along: f64) -> f64 {
+        let half = 0.5 * self.length;
+        let falls = half.min(FALLS * self.width);
+        let fall = ((along.abs() - half + falls) / falls).clamp(0.0, 1.0);
+        self.top - self.sag * fall * fall + self.tilt * (along / half).clamp(-1.0, 1.0)
+    }
+
     /// Along and across a segment whose middle is at the origin; `way` is its direction.
-    fn local(off: DVec2, way: DVec2) -> DVec2 {
-        DVec2::new(way.dot(off), way.perp_dot(off))
+    fn local(&self, off: DVec2, way: DVec2) -> DVec2 {
+        let along = way.dot(off);
+        let (aside, slope) = self.aside(along);
+        DVec2::new(along, (way.perp_dot(off) - aside) / (1.0 + slope * slope).sqrt())
     }
 
     /// How light it is at a place relative to the ground; below 0 where it isn't.
     fn height(&self, off: DVec2, way: DVec2) -> f64 {
-        let at = Self::local(off, way);
-        let across = at.y / (0.5 * self.width);
-        if across.abs() >= 1.0 {
+        let at = self.local(off, way);
+        let edge = 0.5 + (0.5 * self.width - at.y.abs()) / (2.0 * BLUR);
+        if edge <= 0.0 {
             return -1.0;
         }
-        let half = 0.5 * self.length;
-        let along = (at.x / half).clamp(-1.0, 1.0);
-        let beyond = (at.x.abs() - half).max(0.0) / self.width;
-        self.top - self.round * (1.0 - (1.0 - across * across).sqrt()) - self.sag * along * along + self.tilt * along
-            - DIVES * beyond
+        let across = (at.y / (0.5 * self.width)).clamp(-1.0, 1.0);
+        let beyond = (at.x.abs() - 0.5 * self.length).max(0.0) / self.width;
+        let lit = self.light(at.x) - DIVES * beyond - self.round * (1.0 - (1.0 - across * across).sqrt());
+        // A pixel that is half yarn has half its luminance, of which lightness is about the cube root.
+        lit * edge.min(1.0).cbrt()
     }
 
     /// Whether it lies over a place, relative to its middle.
     fn covers(&self, off: DVec2) -> bool {
-        let at = Self::local(off, DVec2::from_angle(self.angle));
+        let at = self.local(off, DVec2::from_angle(self.angle));
         at.y.abs() <= 0.5 * self.width && at.x.abs() <= 0.5 * self.length
     }
 
     /// How far from its middle it reaches.
     fn reach(&self) -> f64 {
-        0.5 * (self.length + 0.8 * self.width).hypot(self.width)
+        0.5 * (self.length + 0.8 * self.width).hypot(self.width) + self.bow.abs() + self.sway.abs()
     }
 
     /// Places of its copies that may touch the cell.
@@ -105,7 +206,8 @@ impl Segment {
 
     /// What a fit may change.
     pub(super) fn numbers(&self) -> [f64; Self::NUMBERS] {
-        [self.centre.x, self.centre.y, self.angle, self.width, self.length, self.top, self.round, self.sag, self.tilt]
+        let Self { centre, angle, width, length, top, round, sag, tilt, bow, sway } = *self;
+        [centre.x, centre.y, angle, width, length, top, round, sag, tilt, bow, sway]
     }
 
     /// The segment of [`Segment::numbers`].
@@ -119,6 +221,8 @@ impl Segment {
             round: n[6],
             sag: n[7],
             tilt: n[8],
+            bow: n[9],
+            sway: n[10],
         }
     }
 }
@@ -162,17 +266,19 @@ const STEPS: usize = 60;
 
 /// Segments as long as they are seen, each with its number: those parts left out that others lie over. Those that are hardly seen are gone.
 pub(super) fn trimmed(segments: &[Segment], lattice: &Lattice) -> Vec<(usize, Segment)> {
-    (0..segments.len()).filter_map(|number| seen_part(segments, number, lattice).map(|seen| (number, seen))).collect()
+    (0..segments.len())
+        .flat_map(|number| seen_parts(segments, number, lattice).into_iter().map(move |seen| (number, seen)))
+        .collect()
 }
 
-/// The longest stretch of a segment's axis over which nothing else lies.
-fn seen_part(segments: &[Segment], number: usize, lattice: &Lattice) -> Option<Segment> {
+/// The stretches of a segment's axis over which nothing else lies.
+fn seen_parts(segments: &[Segment], number: usize, lattice: &Lattice) -> Vec<Segment> {
     let segment = &segments[number];
     let way = DVec2::from_angle(segment.angle);
     // A yarn goes down beyond its ends, and is still seen there.
     let along = |step: usize| (segment.length + 0.8 * segment.width) * (double(step) / double(STEPS) - 0.5);
     let is_seen = |step: usize| {
-        let off = way * along(step);
+        let off = way * along(step) + way.perp() * segment.aside(along(step)).0;
         let own = segment.height(off, way);
         let others = segments.iter().map(|other| highest(other, segment.centre + off, lattice)).fold(0.0, f64::max);
         own > 0.0 && own >= others - 1e-9
@@ -182,9 +288,8 @@ fn seen_part(segments: &[Segment], number: usize, lattice: &Lattice) -> Option<S
         *start += run.len();
         Some((run[0], *start - run.len(), *start - 1))
     });
-    let (_, first, last) = runs.filter(|run| run.0).max_by_key(|(_, first, last)| last - first)?;
-    let (first, last) = (along(first), along(last));
-    (last - first > 0.5 * segment.width).then(|| segment.part(first, last))
+    let stretches = runs.filter(|run| run.0).map(|(_, first, last)| (along(first), along(last)));
+    stretches.filter(|(first, last)| last - first > 0.5 * segment.width).map(|(first, last)| segment.part(first, last)).collect()
 }
 
 /// How light a segment or one of its copies makes a place, relative to the ground.
@@ -212,13 +317,15 @@ pub(super) fn shares(segments: &[Segment], lattice: &Lattice, places: &[DVec2]) 
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::PI;
+
     use super::*;
 
     const LATTICE: Lattice = Lattice { a: DVec2::new(20.0, 0.0), b: DVec2::new(0.0, 10.0) };
 
     fn segment(x: f64, y: f64, angle: f64) -> Segment {
         let centre = DVec2::new(x, y);
-        Segment { centre, angle, width: 4.0, length: 12.0, top: 1.0, round: 0.5, sag: 0.4, tilt: 0.1 }
+        Segment { centre, angle, width: 4.0, length: 12.0, top: 1.0, round: 0.5, sag: 0.4, tilt: 0.1, bow: 0.0, sway: 0.0 }
     }
 
     #[test]
@@ -235,23 +342,67 @@ mod tests {
         let (over, under) =
             (segment(10.0, 5.0, 0.0), Segment { top: 0.9, length: 9.0, ..segment(10.0, 5.0, std::f64::consts::FRAC_PI_2) });
         let seen = trimmed(&[over, under], &LATTICE);
-        assert_eq!(seen.len(), 2, "{seen:?}");
-        let [(first, over), (second, under)] = seen[..] else { panic!("{seen:?}") };
-        assert!((first, second) == (0, 1) && over.length > 12.0 && under.length < 4.0 && under.centre.y != 5.0, "{seen:?}");
+        let [(0, over), (1, first), (1, second)] = seen[..] else { panic!("{seen:?}") };
+        assert!(over.length > 12.0 && first.length < 4.0 && second.length < 4.0, "{seen:?}");
+        assert!(first.centre.y < 3.5 && second.centre.y > 6.5, "{seen:?}");
         assert_eq!(trimmed(&[over, Segment { top: 0.2, ..over }], &LATTICE).len(), 1);
     }
 
     #[test]
-    fn a_part_is_as_light_as_the_whole_was_there() {
-        let whole = segment(10.0, 5.0, 0.3);
-        let part = whole.part(-4.0, 2.0);
+    fn a_part_lies_where_the_whole_did_and_is_as_light() {
+        let whole = Segment { bow: 1.0, sway: -0.6, ..segment(10.0, 5.0, 0.3) };
+        let (first, last) = (-4.0, 3.0);
+        let part = whole.part(first, last);
         let way = DVec2::from_angle(0.3);
-        for along in [-3.9, -1.0, 0.0, 1.9] {
-            let place = whole.centre + way * along + way.perp() * 0.7;
-            let light = |segment: &Segment| segment.height(place - segment.centre, way);
-            assert!((light(&part) - light(&whole)).abs() < 1e-12, "{along}");
+        for (share, light) in [(-0.5, first), (0.0, 0.5 * (first + last)), (0.5, last)] {
+            assert!((part.light(share * part.length) - whole.light(light)).abs() < 1e-12, "{share}");
         }
-        assert!((part.length - 6.0).abs() < 1e-12 && !part.covers(way * 3.5));
+        for along in [-3.9, -2.0, 0.0, 2.9] {
+            // Its frame is turned a little.
+            let (place, _) = whole.axis(along);
+            let off = part.local(place - part.centre, DVec2::from_angle(part.angle));
+            assert!(off.y.abs() < 0.02 && off.x.abs() < 0.5 * part.length, "{along}: {off}");
+        }
+        assert!((part.length - 7.0).abs() < 0.2 && !part.covers(way * 3.8));
+    }
+
+    #[test]
+    fn a_bent_segment_is_as_wide_as_a_straight_one_and_keeps_its_ends() {
+        let bent = Segment { bow: 1.0, sway: 0.5, ..segment(10.0, 5.0, 0.0) };
+        let end = |side: f64| bent.axis(side * 6.0).0;
+        assert!(end(1.0).distance(DVec2::new(16.0, 5.0)) < 1e-12 && end(-1.0).distance(DVec2::new(4.0, 5.0)) < 1e-12);
+        // An S bends most where it has gone .577 of its way to an end.
+        assert!((bent.axis(-6.0 * CREST).0.y - 5.0 - (1.0 - CREST * CREST) - 0.5).abs() < 1e-12);
+        for along in [-4.0, -2.0, 0.0, 2.0, 5.0] {
+            let (place, angle) = bent.axis(along);
+            let aside = DVec2::from_angle(angle).perp();
+            assert!(bent.covers(place + aside * 1.8 - bent.centre) && !bent.covers(place + aside * 2.4 - bent.centre), "{along}");
+        }
+    }
+
+    #[test]
+    fn two_that_go_on_straight_ahead_are_one() {
+        let whole = Segment { bow: 1.5, sway: 0.5, length: 16.0, ..segment(10.0, 5.0, 0.2) };
+        // The second is given backwards, and in the cell beside.
+        let (first, second) = (whole.part(-8.0, -1.0), whole.part(0.0, 8.0));
+        let second = Segment {
+            centre: second.centre + LATTICE.b,
+            angle: second.angle + PI,
+            sway: second.sway,
+            bow: -second.bow,
+            ..second
+        };
+        let joined = first.joined(&second, &LATTICE).unwrap();
+        assert!((joined.length - 16.0).abs() < 0.1 && between(joined.angle, 0.2) < 0.02, "{joined:?}");
+        assert!((joined.bow - 1.5).abs() < 0.2 && (joined.sway - 0.5).abs() < 0.2 && joined.width == 4.0, "{joined:?}");
+        let across = Segment { angle: 1.8, ..second };
+        assert_eq!(first.joined(&across, &LATTICE), None);
+        assert_eq!(first.joined(&Segment { width: 8.0, ..second }, &LATTICE), None);
+    }
+
+    fn between(p: f64, q: f64) -> f64 {
+        let turn = (p - q).rem_euclid(PI);
+        turn.min(PI - turn)
     }
 
     #[test]

@@ -81,6 +81,8 @@ mod tests {
             round: 0.7,
             sag: 1.0,
             tilt: 0.0,
+            bow: 0.0,
+            sway: 0.0,
         };
         let shape = Shape::of(&segment, Scale { pixel: 0.05, light: 0.25 });
         assert!((shape.width - 0.4).abs() < 1e-12 && (shape.length - 1.0).abs() < 1e-12);

@@ -11,7 +11,7 @@ use super::layout::Layout;
 use super::segment::Segment;
 use crate::chart::{Anchor, Drawing, Layer, Piece, Shape, TextSize};
 use crate::fabric::yarn;
-use crate::plane::{Plane, byte, side};
+use crate::plane::{Plane, byte, double, side};
 
 /// Pixels of the longer vector in the picture.
 const CELL: f64 = 240.0;
@@ -33,17 +33,25 @@ pub(super) fn grey(plane: &Plane) -> RgbaImage {
     })
 }
 
-/// Corners of a segment in each of the nine cells; that in the middle is the fifth.
-fn outlines(segment: &Segment, cell: &Cell) -> [[DVec2; 4]; 9] {
+/// Places along each edge of an outline, the same number for both.
+const ALONG: usize = 9;
+/// All of them: there along one edge, back along the other.
+const AROUND: usize = 2 * ALONG;
+
+/// A segment's outline in each of the nine cells; that in the middle is the fifth.
+fn outlines(segment: &Segment, cell: &Cell) -> [[DVec2; AROUND]; 9] {
     let matrix = cell.lattice.matrix();
     let count = matrix.inverse() * segment.centre;
-    let way = DVec2::from_angle(segment.angle);
+    let outline: [DVec2; AROUND] = std::array::from_fn(|at| {
+        let (step, side) = if at < ALONG { (at, -0.5) } else { (AROUND - 1 - at, 0.5) };
+        let (place, angle) = segment.axis((double(step) / double(ALONG - 1) - 0.5) * segment.length);
+        place + DVec2::from_angle(angle).perp() * (side * segment.width) - segment.centre
+    });
     [0_u8, 1, 2, 3, 4, 5, 6, 7, 8].map(|copy| {
         let cells = DVec2::new(f64::from(copy % 3), f64::from(copy / 3));
         // A person may give the place of any copy.
         let centre = matrix * (count - count.floor() + cells);
-        [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]
-            .map(|[u, v]| centre + way * (u * segment.length) + way.perp() * (v * segment.width))
+        outline.map(|off| centre + off)
     })
 }
 
@@ -81,9 +89,10 @@ pub(super) fn drawing(cell: &Cell, segments: &[Segment], scale: f64) -> Drawing 
     let picture = grey(&plane);
     let size = DVec2::new(f64::from(picture.width()), f64::from(picture.height())) / FINER;
     let px = |place: DVec2| (place - corner) * (finer / FINER);
-    let drawn: Vec<[[DVec2; 4]; 9]> =
+    let drawn: Vec<[[DVec2; AROUND]; 9]> =
         segments.iter().map(|segment| outlines(&segment.scaled(scale), cell).map(|outline| outline.map(px))).collect();
-    let middles: Vec<DVec2> = drawn.iter().map(|copies| 0.5 * (copies[4][0] + copies[4][2])).collect();
+    let middles: Vec<DVec2> =
+        drawn.iter().map(|copies| copies[4][ALONG / 2].midpoint(copies[4][AROUND - 1 - ALONG / 2])).collect();
     let dots = middles.iter().map(|&at| Shape::Dot { at, radius: 8.0 }).collect();
     let numbers = (1..).zip(&middles).map(|(number, &middle)| Shape::Text {
         at: middle + DVec2::new(0.0, 3.5),
@@ -100,9 +109,9 @@ pub(super) fn drawing(cell: &Cell, segments: &[Segment], scale: f64) -> Drawing 
     ];
     for (((number, segment), copies), color) in (1..).zip(segments).zip(&drawn).zip(COLORS.into_iter().cycle()) {
         let title = Shape::Title { text: title(number, segment) };
-        let lines = copies.iter().map(|[a, b, c, d]| Shape::Path {
-            pieces: vec![Piece::Move(*a), Piece::Line(*b), Piece::Line(*c), Piece::Line(*d), Piece::Line(*a)],
-            width: 1.5,
+        let lines = copies.iter().map(|outline| {
+            let ahead = outline[1..].iter().chain([&outline[0]]).map(|place| Piece::Line(*place));
+            Shape::Path { pieces: [Piece::Move(outline[0])].into_iter().chain(ahead).collect(), width: 1.5 }
         });
         layers.push(layer(&format!("segment-{number}"), color, [title].into_iter().chain(lines).collect()));
     }
@@ -134,16 +143,18 @@ mod tests {
             round: 0.5,
             sag: 0.4,
             tilt: 0.0,
+            bow: 0.0,
+            sway: 0.0,
         };
         let copies = outlines(&segment, &cell);
         let near = |place: DVec2, x: f64, y: f64| place.distance(DVec2::new(x, y)) < 1e-9;
-        assert!(near(copies[4][0], 19.0, 11.0) && near(copies[4][2], 31.0, 15.0), "{:?}", copies[4]);
+        assert!(near(copies[4][0], 19.0, 11.0) && near(copies[4][ALONG], 31.0, 15.0), "{:?}", copies[4]);
         assert!(near(copies[0][0] - copies[4][0], -20.0, -10.0) && near(copies[8][0] - copies[4][0], 20.0, 10.0));
         // The photo has half as many pixels; the drawing has 8 px for each of the cell's.
         let drawing = drawing(&cell, &[segment.scaled(0.5)], 2.0);
         assert_eq!(drawing.size, DVec2::new(480.0, 240.0));
         let Shape::Path { pieces, .. } = &drawing.layers[3].shapes[5] else { panic!("{:?}", drawing.layers[3].shapes[5]) };
-        let (Piece::Move(first), Piece::Line(second)) = (pieces[0], pieces[1]) else { panic!("{pieces:?}") };
+        let (Piece::Move(first), Piece::Line(second)) = (pieces[0], pieces[ALONG - 1]) else { panic!("{pieces:?}") };
         assert!(near(first, 19.0 * 8.0, 11.0 * 8.0) && near(second, 31.0 * 8.0, 11.0 * 8.0), "{pieces:?}");
         assert_eq!(
             drawing.layers[3].shapes[0],

@@ -30,7 +30,8 @@ const UNDERNEATH: f64 = 1.6;
 pub(super) struct Piece {
     /// Which of the layout's segments it is.
     pub(super) segment: usize,
-    pub(super) ends: [DVec2; 2],
+    /// Five places along its axis, from end to end.
+    pub(super) axis: [DVec2; 5],
     pub(super) shape: Shape,
 }
 
@@ -46,6 +47,10 @@ pub(super) struct Strand {
     /// mm.
     pub(super) width: f64,
 }
+
+/// Which places of a piece's axis are its ends, and which ones are next to them.
+const END: [usize; 2] = [0, 4];
+const BEFORE: [usize; 2] = [1, 3];
 
 /// An end of a piece: its number and which end.
 type End = (usize, usize);
@@ -108,12 +113,13 @@ fn counts(low: DVec2, high: DVec2) -> impl Iterator<Item = (f64, f64)> {
 }
 
 fn place(pieces: &[Piece], (piece, end): End) -> DVec2 {
-    pieces[piece].ends[end]
+    pieces[piece].axis[END[end]]
 }
 
 /// The direction in which a piece leaves at an end.
 fn outward(pieces: &[Piece], (piece, end): End) -> DVec2 {
-    (pieces[piece].ends[end] - pieces[piece].ends[1 - end]).normalize_or_zero()
+    let axis = &pieces[piece].axis;
+    (axis[END[end]] - axis[BEFORE[end]]).normalize_or_zero()
 }
 
 /// What joining two ends costs, if they may be one yarn's.
@@ -226,8 +232,12 @@ impl Chain {
         let mut path = Vec::new();
         for (at, &((piece, end), cells)) in self.pieces.iter().enumerate() {
             let own = &pieces[piece];
-            let [from, to] = [own.ends[end], own.ends[1 - end]].map(|place| place + cells * cell);
-            path.extend(own.arc(from, to, mean));
+            let mut axis = own.axis.map(|place| place + cells * cell);
+            if end == 1 {
+                axis.reverse();
+            }
+            let to = axis[END[1]];
+            path.extend(own.arc(axis, mean));
             let is_last = at + 1 == self.pieces.len();
             let (next, beyond) = if is_last { (self.pieces[0].0, self.period) } else { self.pieces[at + 1] };
             let goal = place(pieces, next) + beyond * cell;
@@ -255,14 +265,15 @@ impl Chain {
 }
 
 impl Piece {
-    /// Three points along it: above the cloth's middle by its radius, and by what light says beside.
-    fn arc(&self, from: DVec2, to: DVec2, mean: f64) -> [DVec3; 3] {
+    /// Its axis, above the cloth's middle by its radius, and by what light says beside.
+    fn arc(&self, axis: [DVec2; 5], mean: f64) -> [DVec3; 5] {
         let radius = self.shape.width / 2.0;
         let relief =
             (RELIEF.0 * (self.shape.centre.z + self.shape.semi_axis - mean)).clamp(-RELIEF.1 * radius, RELIEF.1 * radius);
         let sinks = self.shape.sinks(self.shape.length / 2.0).clamp(0.0, SINKS * radius);
         let top = radius + relief;
-        [from.extend(top - sinks), from.midpoint(to).extend(top), to.extend(top - sinks)]
+        let heights = [1.0, 0.25, 0.0, 0.25, 1.0].map(|share| top - share * sinks);
+        std::array::from_fn(|at| axis[at].extend(heights[at]))
     }
 
     /// Points below the cloth's middle between its end and the next piece's.
@@ -284,7 +295,8 @@ mod tests {
         let length = ends[0].distance(ends[1]);
         let centre = ends[0].midpoint(ends[1]).extend(0.3);
         let shape = Shape { width: 0.4, length, semi_axis: 0.2, steepest: 0.3, curvature: 1.0, rotation: 0.0, centre };
-        Piece { segment, ends, shape }
+        let axis = [0.0, 0.25, 0.5, 0.75, 1.0].map(|share| ends[0].lerp(ends[1], share));
+        Piece { segment, axis, shape }
     }
 
     #[test]
@@ -305,7 +317,7 @@ mod tests {
             assert!(strand.path.iter().all(|point| (beside(point) - first).abs() < 1e-12), "{strand:?}");
             let along: Vec<f64> = strand.path.iter().map(|point| if across { point.x } else { point.y }).collect();
             assert!(along.is_sorted(), "{strand:?}");
-            assert!((strand.path[1].z - 0.2).abs() < 1e-12 && (strand.path[3].z + 0.2).abs() < 1e-12, "{strand:?}");
+            assert!((strand.path[2].z - 0.2).abs() < 1e-12 && (strand.path[5].z + 0.2).abs() < 1e-12, "{strand:?}");
         }
     }
 
@@ -314,7 +326,7 @@ mod tests {
         let strands = strands(&[piece(0, [0.2, 0.1], [0.5, 0.9])], DVec2::new(4.0, 3.0));
         assert_eq!(strands.len(), 1);
         let Strand { across, path, .. } = &strands[0];
-        assert!(!across && path.len() >= 5 && path[4].y > 0.9 && path[4].z < -0.2, "{path:?}");
+        assert!(!across && path.len() >= 7 && path[6].y > 0.9 && path[6].z < -0.2, "{path:?}");
     }
 
     #[test]

@@ -162,6 +162,8 @@ impl Crossings {
                     round: 0.5 * (top - ground),
                     sag: 0.35 * (top - ground),
                     tilt: 0.0,
+                    bow: 0.0,
+                    sway: 0.0,
                 });
             }
         }

@@ -360,7 +360,7 @@ fn top(paths: &[Vec<DVec3>], reach: f64, step: f64, radius: f64) -> Top {
 }
 
 /// A stretch in pieces that are straight enough.
-fn straight(path: &[DVec3], radius: f64, found: &mut Vec<Stretch>) {
+pub(crate) fn straight(path: &[DVec3], radius: f64, found: &mut Vec<Stretch>) {
     let (p, q) = (path[0].truncate(), path[path.len() - 1].truncate());
     let way = (q - p).normalize_or_zero();
     let off = |at: usize| way.perp_dot(path[at].truncate() - p).abs();
@@ -402,6 +402,8 @@ pub(crate) fn layout(truth: &Sample) -> GivenLayout {
         round: 0.5,
         sag: 0.3,
         tilt: 0.0,
+        bow: 0.0,
+        sway: 0.0,
     };
     GivenLayout { cell: truth.lattice, ground: -1.0, segments: long.map(segment).collect() }
 }
