@@ -20,7 +20,7 @@ const TURNS: f64 = 0.2;
 const BENDS: f64 = 0.15;
 const STUBBY: f64 = 1.5;
 /// How much darker its edges are at most, of how much lighter than the ground its middle is: darker ones would make it seem narrower than it is said to be.
-const ROUNDEST: f64 = 0.7;
+const ROUNDEST: f64 = 0.6;
 
 /// Segments on a ground of some lightness, and the share of the cell's variance that they leave.
 #[derive(Clone, Debug)]
