@@ -19,8 +19,8 @@ fuzz_target!(|text: &str| {
 fn check(layout: &GivenLayout) {
     assert!(layout.cell.iter().all(|vector| vector.is_finite()) && layout.ground.is_finite(), "{layout:?}");
     for segment in &layout.segments {
-        let Segment { centre, angle, width, length, top, round, sag, tilt } = *segment;
-        assert!(centre.is_finite() && [angle, top, round, sag, tilt].iter().all(|number| number.is_finite()), "{segment:?}");
+        let Segment { centre, angle, width, length, top, round, sag, tilt, bow, sway } = *segment;
+        assert!(centre.is_finite() && [angle, top, round, sag, tilt, bow, sway].iter().all(|number| number.is_finite()), "{segment:?}");
         assert!(width > 0.0 && length > 0.0 && width.is_finite() && length.is_finite(), "{segment:?}");
     }
 }

@@ -146,6 +146,9 @@ impl GivenLayout {
             if ![own.top, own.round, own.sag].iter().all(is_share) || own.tilt.is_nan() || own.tilt.abs() > 1000.0 {
                 return wrong("top, round and sag are shares of the picture's contrast, 0 to a few, and tilt may be under 0");
             }
+            if ![own.bow, own.sway].iter().all(|aside| aside.abs() <= own.length) {
+                return wrong("bow and sway are pixels, and a segment bends less far aside than it is long");
+            }
             Ok(own.segment())
         });
         Ok(Self { cell: [a.into(), b.into()], ground, segments: segments.collect::<Result<_, _>>()? })
@@ -355,6 +358,8 @@ mod tests {
             ("sag = 0.2", "sag = -30", 5, "0 to a few"),
             ("sag = 0.2", "sag = 0.2\ntilt = nan", 5, "tilt may be"),
             ("sag = 0.2", "sag = inf", 5, "0 to a few"),
+            ("sag = 0.2", "sag = 0.2\nbow = 1e300", 5, "bow and sway"),
+            ("sag = 0.2", "sag = 0.2\nsway = nan", 5, "bow and sway"),
             ("a = [20, 0]", "a = [inf, 0]", 1, "no pixels"),
             ("sag", "sga", 12, "sga"),
             ("[cell]", "[cel]", 1, "cel"),
