@@ -23,6 +23,8 @@ use warpknit::capture::{Captured, Segment, Settings, capture};
 /// Seeds below are for tuning, and those of the tests are among them; those from 2000 told that widths of jersey were to be tuned once more.
 const FIRST_SEED: u64 = 3000;
 const PICTURES: u64 = 12;
+/// A segment that leaves a stretch's direction by more degrees is another yarn's.
+const NEAR: f64 = 25.0;
 const SIDE: u32 = 480;
 
 /// What was found of one kind of cloth.
@@ -290,15 +292,17 @@ fn lies_on(piece: &Stretch, stretch: &Stretch, found: &Captured) -> bool {
 /// Share by which a segment is too wide, radians and widths off across, where it passes the middle of a stretch; if it does, and runs along it. Directions are those of chords as long as
 /// the stretch.
 fn passes(segment: &Segment, stretch: &Stretch, found: &Captured) -> Option<[f64; 3]> {
-    let beside = |(place, angle): (DVec2, f64)| beside(place, angle, stretch, found);
-    let places: Vec<(DVec2, f64)> = axis(segment, found.corner).map(beside).collect();
-    let (off, turn) = *places.iter().min_by(|p, q| p.0.length().total_cmp(&q.0.length()))?;
+    let places: Vec<(DVec2, f64)> = axis(segment, found.corner).collect();
+    let seen: Vec<(DVec2, f64)> = places.iter().map(|&(place, angle)| beside(place, angle, stretch, found)).collect();
+    let nearest = (0..seen.len()).min_by(|&p, &q| seen[p].0.length().total_cmp(&seen[q].0.length()))?;
+    let (off, turn) = seen[nearest];
+    // The others as they lie by that one, whichever copy of the stretch it passes.
+    let relative = |place: &DVec2| off + DVec2::from_angle(-stretch.angle).rotate(*place - places[nearest].0);
+    let mut chord = places
+        .iter()
+        .map(|(place, _)| relative(place))
+        .filter(|off| off.x.abs() <= 0.5 * stretch.length && off.y.abs() < stretch.width);
+    let turn_of_chord = chord.next().zip(chord.next_back()).map(|(first, last)| between((last - first).to_angle(), 0.0));
     let is_there = off.x.abs() < 0.1 * stretch.length && off.y.abs() < 0.5 * stretch.width && turn < NEAR.to_radians();
-    let mut chord =
-        places.iter().map(|(off, _)| *off).filter(|off| off.x.abs() <= 0.5 * stretch.length && off.y.abs() < stretch.width);
-    let chord = chord.next_back().unwrap_or(off) - chord.next().unwrap_or(off);
-    is_there.then(|| [segment.width / stretch.width - 1.0, between(chord.to_angle(), 0.0), off.y.abs() / stretch.width])
+    is_there.then(|| [segment.width / stretch.width - 1.0, turn_of_chord.unwrap_or(turn), off.y.abs() / stretch.width])
 }
-
-/// A segment that turns aside further than that, degrees, is another yarn's.
-const NEAR: f64 = 25.0;

@@ -86,6 +86,11 @@ impl Layout {
         Self { segments, seen, numbers, ground, error, hypothesis, overlap, blank }
     }
 
+    /// Segments of which nothing is seen.
+    pub(super) fn hidden(&self) -> usize {
+        self.segments.len() - self.numbers.chunk_by(|p, q| p == q).count()
+    }
+
     /// Whether it keeps the rule.
     #[must_use]
     pub fn is_valid(&self) -> bool {
@@ -118,8 +123,7 @@ pub(super) fn given(cell: &Cell, segments: Vec<Segment>, ground: f64) -> Layout 
     let error = Target::new(cell, FINE).error(&segments, ground);
     let [overlap, blank] = shares(&segments, &cell.lattice, &places(&cell.lattice, [COUNTED; 2]));
     let layout = Layout::of(segments, &cell.lattice, ground, error, Hypothesis::Given);
-    let seen = layout.numbers.chunk_by(|p, q| p == q).count();
-    let is_buried = overlap > BURIED || 2 * seen < layout.segments.len();
+    let is_buried = overlap > BURIED || 2 * layout.hidden() > layout.segments.len();
     if is_buried { Layout { overlap, blank, ..layout } } else { layout }
 }
 

@@ -1,8 +1,8 @@
 //! Steps 3 and 5: a segment of yarn as a curved cylinder, and the cell that some of them make.
 //!
 //! In: [`Segment`]s on a [`Lattice`]. Out: how light each place of the cell is, and which segments are seen there. 'Dark is deep': heights are in units of lightness,
-//! until somebody says how thick the cloth is. Source: the cylinder of Irawan and Marschner 2012, bent to a parabola along its axis, with a tilt for yarns that
-//! come up at one end and go down at the other.
+//! until somebody says how thick the cloth is. Source: the cylinder of Irawan and Marschner 2012, bent down at its ends (level between, where it lies over several
+//! others), with a tilt for yarns that come up at one end and go down at the other; in the cloth's plane its axis is a cubic, as legs of loops are.
 
 use glam::DVec2;
 
@@ -39,8 +39,6 @@ pub struct Segment {
 const DIVES: f64 = 6.0;
 /// How far from its ends a yarn begins to go down, widths: what lies over several others is level between.
 const FALLS: f64 = 0.75;
-/// The cubic `t^3 - t` by this is 1 where it is greatest, at [`CREST`].
-const S_CURVE: f64 = 1.5 / CREST;
 /// Edges are blurred by so many pixels to either side.
 const BLUR: f64 = 0.5;
 /// Segments that may be one: how far apart their ends are at most, widths; how sharply one turns there, radians; and how much wider one is.
@@ -49,6 +47,8 @@ const SHARPEST: f64 = 1.2;
 const ALIKE: f64 = 1.8;
 /// Where on its way from the middle to an end an S lies farthest aside.
 const CREST: f64 = 0.577_350_269_189_625_8;
+/// The cubic `t^3 - t` by this is as far from 0 as 1 at its crests.
+const S_CURVE: f64 = 1.5 / CREST;
 
 impl Segment {
     /// Numbers that a fit may change.
@@ -69,75 +69,66 @@ impl Segment {
 
     /// The stretch from one place along it to another: as light at its ends and in its middle as it was, and as far aside there and at its crests.
     fn part(&self, first: f64, last: f64) -> Self {
-        let aside = |share: f64| {
-            let along = first + share * (last - first);
-            DVec2::new(along, self.aside(along).0)
-        };
-        let light = |along: f64| self.light(along);
-        let (from, to) = (aside(0.0), aside(1.0));
-        let way = (to - from).normalize_or(DVec2::X);
-        let off = |t: f64| way.perp_dot(aside(0.5 + 0.5 * t) - from);
-        let [start, middle, end] = [first, 0.5 * (first + last), last].map(light);
-        let bow = off(0.0);
-        let sag = middle - 0.5 * (start + end);
-        Self {
-            centre: self.centre + DVec2::from_angle(self.angle).rotate(from.midpoint(to)),
-            angle: self.angle + way.to_angle(),
-            length: from.distance(to),
-            top: middle,
-            sag,
-            tilt: 0.5 * (end - start),
-            bow,
-            sway: 0.5 * (off(-CREST) - off(CREST)),
-            ..*self
-        }
+        let on_axis = |t: f64| self.axis(first + (0.5 + 0.5 * t) * (last - first)).0;
+        let [start, middle, end] = [first, 0.5 * (first + last), last].map(|along| self.light(along));
+        let light = Self { top: middle, sag: middle - 0.5 * (start + end), tilt: 0.5 * (end - start), ..*self };
+        light.through(on_axis(-1.0), on_axis(1.0), on_axis)
     }
 
     /// This segment and one that goes on where it ends, as one that bends through both; nothing where none goes on.
     pub(super) fn joined(&self, other: &Self, lattice: &Lattice) -> Option<Self> {
-        let width = 0.5 * (self.width + other.width);
-        let is_alike = self.width.max(other.width) < ALIKE * self.width.min(other.width);
-        let half = |segment: &Self, end: f64| segment.axis(0.5 * end * segment.length);
-        let meeting = |from: f64, to: f64| {
-            let ((place, out), (next, back)) = (half(self, from), half(other, to));
-            // Directions in which the yarn goes on, seen from the first.
-            let turn = (from * DVec2::from_angle(out)).angle_to(-to * DVec2::from_angle(back)).abs();
-            let gap = lattice.nearest(next - place);
-            let shift = gap - (next - place);
-            (turn < SHARPEST && gap.length() < GAP * width).then_some((gap.length(), from, to, shift))
-        };
-        let ends = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)];
-        let (_, from, to, shift) = ends
-            .into_iter()
-            .filter_map(|(from, to)| meeting(from, to))
-            .min_by(|p, q| p.0.total_cmp(&q.0))
-            .filter(|_| is_alike)?;
-        let along = |step: usize| 0.5 - double(step) / double(STEPS);
-        let first = (0..=STEPS).map(|step| self.axis(-from * along(step) * self.length).0);
-        let second = (0..=STEPS).map(|step| other.axis(to * along(step) * other.length).0 + shift);
+        if self.width.max(other.width) > ALIKE * self.width.min(other.width) {
+            return None;
+        }
+        let (from, to, shift) = self.meeting(other, lattice)?;
+        // Through the first towards where they meet, and on through the second.
+        let along = |step: usize| double(step) / double(STEPS) - 0.5;
+        let first = (0..=STEPS).map(|step| self.axis(from * along(step) * self.length).0);
+        let second = (0..=STEPS).map(|step| other.axis(-to * along(step) * other.length).0 + shift);
         let path: Vec<DVec2> = first.chain(second).collect();
         let (start, end) = (path[0], path[path.len() - 1]);
-        let way = (end - start).normalize_or_zero();
-        let length = start.distance(end);
-        // How far aside the path is when it has gone so far along the line between its ends.
-        let aside = |share: f64| {
-            let beyond = path.iter().find(|place| way.dot(**place - start) >= share * length).copied().unwrap_or(end);
-            way.perp_dot(beyond - start)
+        let on_path = |t: f64| {
+            let way = end - start;
+            let is_beyond = |place: &&DVec2| way.dot(**place - start) >= (0.5 + 0.5 * t) * way.length_squared();
+            path.iter().find(is_beyond).copied().unwrap_or(end)
         };
-        let [before, middle, after] = [-CREST, 0.0, CREST].map(|t| aside(0.5 + 0.5 * t));
-        Some(Self {
+        let mean = |p: f64, q: f64| 0.5 * (p + q);
+        let light = Self {
+            width: mean(self.width, other.width),
+            top: self.top.max(other.top),
+            round: mean(self.round, other.round),
+            sag: mean(self.sag, other.sag),
+            tilt: 0.5 * (other.top - self.top),
+            ..*self
+        };
+        Some(light.through(start, end, on_path)).filter(|joined| joined.length > self.length.max(other.length))
+    }
+
+    /// Which ends of two segments meet (1 is ahead, -1 behind), and how far the second one's copy is that is meant.
+    fn meeting(&self, other: &Self, lattice: &Lattice) -> Option<(f64, f64, DVec2)> {
+        let meeting = |(from, to): (f64, f64)| {
+            let ((place, out), (next, back)) = (self.axis(0.5 * from * self.length), other.axis(0.5 * to * other.length));
+            let turn = (from * DVec2::from_angle(out)).angle_to(-to * DVec2::from_angle(back)).abs();
+            let gap = lattice.nearest(next - place);
+            let is_near = turn < SHARPEST && gap.length() < GAP * 0.5 * (self.width + other.width);
+            is_near.then_some((gap.length(), (from, to, gap - (next - place))))
+        };
+        let ends = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)];
+        ends.into_iter().filter_map(meeting).min_by(|p, q| p.0.total_cmp(&q.0)).map(|(_, meeting)| meeting)
+    }
+
+    /// The same between two other ends, as far aside in its middle and at the crests of an S as some path there (-1 and 1 are its ends).
+    fn through(&self, start: DVec2, end: DVec2, path: impl Fn(f64) -> DVec2) -> Self {
+        let way = (end - start).normalize_or(DVec2::X);
+        let [before, middle, after] = [-CREST, 0.0, CREST].map(|t| way.perp_dot(path(t) - start));
+        Self {
             centre: start.midpoint(end),
             angle: way.to_angle(),
-            width,
-            length,
-            top: self.top.max(other.top),
-            round: 0.5 * (self.round + other.round),
-            sag: 0.5 * (self.sag + other.sag),
-            tilt: 0.5 * (other.top - self.top),
+            length: start.distance(end),
             bow: middle,
             sway: 0.5 * (before - after),
-        })
-        .filter(|joined| joined.length > self.length.max(other.length))
+            ..*self
+        }
     }
 
     /// How far its axis lies aside of the line between its ends, and how steeply it leaves it, so far along. It goes straight on beyond its ends.
@@ -288,8 +279,18 @@ fn seen_parts(segments: &[Segment], number: usize, lattice: &Lattice) -> Vec<Seg
         *start += run.len();
         Some((run[0], *start - run.len(), *start - 1))
     });
-    let stretches = runs.filter(|run| run.0).map(|(_, first, last)| (along(first), along(last)));
-    stretches.filter(|(first, last)| last - first > 0.5 * segment.width).map(|(first, last)| segment.part(first, last)).collect()
+    let mut stretches: Vec<(f64, f64)> = runs.filter(|run| run.0).map(|(_, first, last)| (along(first), along(last))).collect();
+    stretches.retain(|(first, last)| last - first > 0.5 * segment.width);
+    // What is longer than a cell passes under the same yarn once a cell: its stretches are copies of each other.
+    let middle = |(first, last): &(f64, f64)| segment.axis(0.5 * (first + last)).0;
+    let same = |p: &(f64, f64), q: &(f64, f64)| lattice.nearest(middle(p) - middle(q)).length() < 0.5 * segment.width;
+    let mut kept: Vec<(f64, f64)> = Vec::new();
+    for stretch in stretches {
+        if !kept.iter().any(|other| same(other, &stretch)) {
+            kept.push(stretch);
+        }
+    }
+    kept.into_iter().map(|(first, last)| segment.part(first, last)).collect()
 }
 
 /// How light a segment or one of its copies makes a place, relative to the ground.
@@ -346,6 +347,14 @@ mod tests {
         assert!(over.length > 12.0 && first.length < 4.0 && second.length < 4.0, "{seen:?}");
         assert!(first.centre.y < 3.5 && second.centre.y > 6.5, "{seen:?}");
         assert_eq!(trimmed(&[over, Segment { top: 0.2, ..over }], &LATTICE).len(), 1);
+    }
+
+    #[test]
+    fn what_is_longer_than_a_cell_is_seen_once() {
+        let long = Segment { length: 50.0, ..segment(10.0, 5.0, 0.0) };
+        let over = Segment { top: 2.0, length: 9.0, ..segment(10.0, 5.0, std::f64::consts::FRAC_PI_2) };
+        let seen = trimmed(&[long, over], &LATTICE);
+        assert_eq!(seen.iter().filter(|(number, _)| *number == 0).count(), 1, "{seen:?}");
     }
 
     #[test]

@@ -19,6 +19,10 @@ const CELL: f64 = 240.0;
 const DRAWN_CELL: f64 = 320.0;
 /// Pixels of a drawing's picture for each of its px.
 const FINER: f64 = 2.0;
+/// Places along each edge of an outline, the same number for both.
+const ALONG: usize = 9;
+/// All of them: there along one edge, back along the other.
+const AROUND: usize = 2 * ALONG;
 /// Colours of segments, in turn: told apart by those who don't tell red from green as well (Okabe and Ito 2008).
 const COLORS: [[u8; 3]; 6] = [[213, 94, 0], [0, 114, 178], [240, 228, 66], [0, 158, 115], [204, 121, 167], [86, 180, 233]];
 
@@ -32,11 +36,6 @@ pub(super) fn grey(plane: &Plane) -> RgbaImage {
         Rgba([grey, grey, grey, u8::MAX])
     })
 }
-
-/// Places along each edge of an outline, the same number for both.
-const ALONG: usize = 9;
-/// All of them: there along one edge, back along the other.
-const AROUND: usize = 2 * ALONG;
 
 /// A segment's outline in each of the nine cells; that in the middle is the fifth.
 fn outlines(segment: &Segment, cell: &Cell) -> [[DVec2; AROUND]; 9] {

@@ -28,7 +28,7 @@ const UNDERNEATH: f64 = 1.6;
 /// A segment as it lies in the cell, mm, y up.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Piece {
-    /// Which of the layout's segments it is.
+    /// Which of the layout's segments that are seen it is.
     pub(super) segment: usize,
     /// Five places along its axis, from end to end.
     pub(super) axis: [DVec2; 5],
@@ -42,7 +42,7 @@ pub(super) struct Strand {
     pub(super) across: bool,
     /// Its axis, mm; from the last point it goes on to the first one of the next cell.
     pub(super) path: Vec<DVec3>,
-    /// The layout's segments along it.
+    /// The layout's segments that are seen along it.
     pub(super) segments: Vec<usize>,
     /// mm.
     pub(super) width: f64,

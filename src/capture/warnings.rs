@@ -31,7 +31,7 @@ impl Captured {
             "all yarns run one way, and nothing holds them together: look at grid3x3.png, and add what is missing to layout.toml"
                 .to_owned()
         });
-        let hidden = self.layout.segments.len() - self.layout.seen.len();
+        let hidden = self.layout.hidden();
         let hidden = (self.layout.hypothesis == Hypothesis::Given && hidden > 0)
             .then(|| format!("{hidden} of the layout's segments are hidden under others, and left out"));
         [unexplained, gleaming, invalid, loose, hidden, self.twist_warning()].into_iter().flatten().collect()

@@ -34,12 +34,12 @@ pub(super) fn frames(sight: &Sight, segment: &Segment) -> Vec<Frame> {
     let corners = [DVec2::ZERO, sight.view.with_x(0.0), sight.view.with_y(0.0), sight.view].map(|corner| inverse * corner);
     let low = corners.into_iter().fold(DVec2::INFINITY, DVec2::min).floor();
     let high = corners.into_iter().fold(DVec2::NEG_INFINITY, DVec2::max).ceil();
-    let half = 0.5 * DVec2::from_angle(segment.angle) * segment.length;
+    let [first, own, last] = [-0.5, 0.0, 0.5].map(|share| segment.axis(share * segment.length).0);
     let mut frames = Vec::new();
     for j in steps(low.y) - 1..=steps(high.y) {
         for i in steps(low.x) - 1..=steps(high.x) {
-            let middle = segment.centre + matrix * DVec2::new(f64::from(i), f64::from(j));
-            let [middle, first, last] = [middle, middle - half, middle + half].map(|place| sight.warp.place(inverse * place));
+            let copy = matrix * DVec2::new(f64::from(i), f64::from(j));
+            let [middle, first, last] = [own, first, last].map(|place| sight.warp.place(inverse * (place + copy)));
             let reach = 0.5 * segment.length.hypot(segment.width) + 2.0;
             let is_in = middle.cmpge(DVec2::splat(reach)).all() && (middle + reach).cmple(sight.view - 1.0).all();
             if is_in {
