@@ -123,7 +123,7 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
                 }
                 // Lengths are pixels; angles and lightness are about 1.
                 let which = number / Segment::NUMBERS;
-                let step = if matches!(number % Segment::NUMBERS, 0 | 1 | 3 | 4 | 9 | 10) {
+                let step = if Segment::PIXELS.contains(&(number % Segment::NUMBERS)) {
                     0.03 * self.start[which].width.max(0.3)
                 } else {
                     0.01

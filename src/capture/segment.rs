@@ -53,6 +53,8 @@ const S_CURVE: f64 = 1.5 / CREST;
 impl Segment {
     /// Numbers that a fit may change.
     pub(super) const NUMBERS: usize = 11;
+    /// Those of them that are pixels.
+    pub(super) const PIXELS: [usize; 6] = [0, 1, 3, 4, 9, 10];
 
     /// The same in pixels of another size.
     pub(super) fn scaled(&self, scale: f64) -> Self {

@@ -203,6 +203,7 @@ fn a_layout_is_corrected_by_hand() {
     let (head, _) = text.rsplit_once("[[segments]]").unwrap();
     let deleted = taken("deleted", head);
     assert!(count(&deleted) == 1 && off_axis(&deleted, 0, &first) < BENT, "{deleted}");
+    assert_eq!(GivenLayout::parse(&read("deleted/layout.toml")).unwrap().segments, [first]);
     assert!(unexplained(&deleted) > unexplained(&found) + 0.1, "{deleted}");
 
     // Added by eye, to the nearest pixel: explains as much as the one that was found.
@@ -228,7 +229,7 @@ fn a_layout_is_corrected_by_hand() {
     let moved_report = taken("moved", &edited);
     assert!(count(&moved_report) == 2 && off_axis(&moved_report, 1, &moved) < BENT, "{moved_report}");
     assert!(unexplained(&moved_report) > unexplained(&found) + 0.01, "{moved_report}");
-    assert_eq!(GivenLayout::parse(&read("moved/layout.toml")).unwrap().segments.len(), 2);
+    assert_eq!(GivenLayout::parse(&read("moved/layout.toml")).unwrap().segments, [first, moved]);
 
     // One more than there are, small and on top: it is taken, and explains nothing; the one below is seen on both sides of it.
     let small = Segment { width: 4.0, length: 6.0, top: 2.0 * second.top, ..second };
