@@ -39,8 +39,10 @@ pub(super) fn fabric(lattice: &Lattice, layout: &Layout, yarns: &Yarns, pixel: f
     let cell = upright.size() * pixel;
     let piece = &|corner: DVec2, segment: usize| {
         let own = &layout.seen[segment];
-        let axis = [-0.5, -0.25, 0.0, 0.25, 0.5].map(|share| upright.count(own.axis(share * own.length).0 + corner) * cell);
-        Piece { segment, axis, shape: shapes[segment] }
+        let along = [-0.5, -0.25, 0.0, 0.25, 0.5].map(|share| share * own.length);
+        let axis = along.map(|along| upright.count(own.axis(along).0 + corner) * cell);
+        let fallen = along.map(|along| own.fallen(along));
+        Piece { segment, whole: layout.numbers[segment], axis, fallen, shape: shapes[segment] }
     };
     let corners = upright.copies.iter();
     let pieces: Vec<Piece> =

@@ -85,6 +85,13 @@ impl Lattice {
         self.matrix() * (count - count.round())
     }
 
+    /// The copy of a place that is in the cell at the origin.
+    #[must_use]
+    pub fn home(&self, place: DVec2) -> DVec2 {
+        let count = self.matrix().inverse() * place;
+        self.matrix() * (count - count.floor())
+    }
+
     /// Its points within a radius, one of each pair of opposite ones, without the origin, as counts of both vectors.
     fn points(&self, radius: f64) -> Vec<[i32; 2]> {
         let [m, n] = [self.b, self.a].map(|other| steps((radius * other.length() / self.area()).ceil().min(200.0)));
@@ -253,13 +260,13 @@ const ABOVE: f64 = 1.1;
 /// What a coarser lattice leaves of the differences between points, at most.
 const EXPLAINS: f64 = 0.75;
 
-/// Points in two groups, each with a correlation that dies away with the distance.
+/// Points in two groups, each with a correlation that dies away with the distance. Near ones tell more: how far others have lost their step differs by direction.
 struct Split {
     on: f64,
     off: f64,
     /// How many are on.
     count: usize,
-    /// Squares that are left.
+    /// Weighted squares that are left.
     rest: f64,
 }
 
@@ -267,19 +274,20 @@ impl Split {
     fn of(points: &[([i32; 2], f64, f64)], is_on: impl Fn([i32; 2]) -> bool) -> Self {
         let member: Vec<bool> = points.iter().map(|point| is_on(point.0)).collect();
         let count = member.iter().filter(|on| **on).count();
+        let weight = |distance: f64| 1.0 / (1.0 + distance * distance);
         let of = |reach: f64| {
             let fade = |distance: f64| (-0.5 * (distance / reach).powi(2)).exp();
             let level = |which: bool| {
                 let (mut product, mut square) = (0.0, 1e-12);
-                for (point, _) in points.iter().zip(&member).filter(|(_, on)| **on == which) {
-                    product += fade(point.1) * point.2;
-                    square += fade(point.1).powi(2);
+                for ((_, distance, height), _) in points.iter().zip(&member).filter(|(_, on)| **on == which) {
+                    product += weight(*distance) * fade(*distance) * height;
+                    square += weight(*distance) * fade(*distance).powi(2);
                 }
                 product / square
             };
             let (on, off) = (level(true), level(false));
-            let error = |(point, is_on): (&([i32; 2], f64, f64), &bool)| {
-                (point.2 - fade(point.1) * if *is_on { on } else { off }).powi(2)
+            let error = |((_, distance, height), is_on): (&([i32; 2], f64, f64), &bool)| {
+                weight(*distance) * (height - fade(*distance) * if *is_on { on } else { off }).powi(2)
             };
             Self { on, off, count, rest: points.iter().zip(&member).map(error).sum() }
         };

@@ -100,7 +100,7 @@ impl Default for Settings {
 pub struct Captured {
     /// The repeat.
     pub unit: UnitCell,
-    /// Where the corner of a cell is in the photo.
+    /// Where the corner of a cell is in the photo, the middle of whose first pixel is at 0.
     pub corner: DVec2,
     /// The segments of a cell, relative to its corner.
     pub layout: Layout,
@@ -191,7 +191,7 @@ impl Captured {
 struct Repeating {
     /// Its pixels for each of the photo's.
     scale: f64,
-    /// Its corner in the photo.
+    /// The middle of its first pixel in the photo.
     corner: DVec2,
     picture: RgbImage,
     lightness: Plane,

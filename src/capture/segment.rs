@@ -141,12 +141,16 @@ impl Segment {
         (self.bow * (1.0 - t * t) + S_CURVE * self.sway * (t * t * t - t) + slope * (along - t * half), slope)
     }
 
-    /// How light its axis is relative to the ground, so far along.
-    fn light(&self, along: f64) -> f64 {
+    /// How far it has gone down so far along: 0 where it is level, 1 at its ends.
+    pub(super) fn fallen(&self, along: f64) -> f64 {
         let half = 0.5 * self.length;
         let falls = half.min(FALLS * self.width);
-        let fall = ((along.abs() - half + falls) / falls).clamp(0.0, 1.0);
-        self.top - self.sag * fall * fall + self.tilt * (along / half).clamp(-1.0, 1.0)
+        ((along.abs() - half + falls) / falls).clamp(0.0, 1.0).powi(2)
+    }
+
+    /// How light its axis is relative to the ground, so far along.
+    fn light(&self, along: f64) -> f64 {
+        self.top - self.sag * self.fallen(along) + self.tilt * (along / (0.5 * self.length)).clamp(-1.0, 1.0)
     }
 
     /// Along and across a segment whose middle is at the origin; `way` is its direction.
@@ -257,7 +261,7 @@ pub(super) fn drawn(segments: &[Segment], ground: f64, lattice: &Lattice, places
 /// Places along a segment that are looked at.
 const STEPS: usize = 60;
 
-/// Segments as long as they are seen, each with its number: those parts left out that others lie over. Those that are hardly seen are gone.
+/// Segments as long as they are seen, each with its number: those parts left out that others lie over, of which there are half as many as [`STEPS`] at most. Those that are hardly seen are gone.
 pub(super) fn trimmed(segments: &[Segment], lattice: &Lattice) -> Vec<(usize, Segment)> {
     (0..segments.len())
         .flat_map(|number| seen_parts(segments, number, lattice).into_iter().map(move |seen| (number, seen)))
@@ -270,13 +274,14 @@ fn seen_parts(segments: &[Segment], number: usize, lattice: &Lattice) -> Vec<Seg
     let way = DVec2::from_angle(segment.angle);
     // A yarn goes down beyond its ends, and is still seen there.
     let along = |step: usize| (segment.length + 0.8 * segment.width) * (double(step) / double(STEPS) - 0.5);
-    let is_seen = |step: usize| {
-        let off = way * along(step) + way.perp() * segment.aside(along(step)).0;
-        let own = segment.height(off, way);
-        let others = segments.iter().map(|other| highest(other, segment.centre + off, lattice)).fold(0.0, f64::max);
-        own > 0.0 && own >= others - 1e-9
+    let places: Vec<DVec2> = (0..=STEPS).map(|step| segment.axis(along(step)).0).collect();
+    let homes: Vec<DVec2> = places.iter().map(|place| lattice.home(*place)).collect();
+    let highest = drawn(segments, 0.0, lattice, &homes);
+    let is_seen = |(place, highest): (&DVec2, &f64)| {
+        let own = segment.height(*place - segment.centre, way);
+        own > 0.0 && own >= highest - 1e-9
     };
-    let seen: Vec<bool> = (0..=STEPS).map(is_seen).collect();
+    let seen: Vec<bool> = places.iter().zip(&highest).map(is_seen).collect();
     let runs = seen.chunk_by(|a, b| a == b).scan(0, |start, run| {
         *start += run.len();
         Some((run[0], *start - run.len(), *start - 1))
@@ -293,15 +298,6 @@ fn seen_parts(segments: &[Segment], number: usize, lattice: &Lattice) -> Vec<Seg
         }
     }
     kept.into_iter().map(|(first, last)| segment.part(first, last)).collect()
-}
-
-/// How light a segment or one of its copies makes a place, relative to the ground.
-fn highest(segment: &Segment, place: DVec2, lattice: &Lattice) -> f64 {
-    let way = DVec2::from_angle(segment.angle);
-    let near = lattice.nearest(place - segment.centre);
-    let reach = 2 + steps(segment.length / lattice.shorter());
-    let counts = (-reach..=reach).flat_map(|j| (-reach..=reach).map(move |i| DVec2::new(f64::from(i), f64::from(j))));
-    counts.map(|count| segment.height(near + lattice.matrix() * count, way)).fold(0.0, f64::max)
 }
 
 /// Shares of a cell that lie under two segments, and under none.

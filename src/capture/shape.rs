@@ -43,12 +43,12 @@ pub(super) struct Scale {
 impl Shape {
     /// A segment's shape.
     pub(super) fn of(segment: &Segment, scale: Scale) -> Self {
-        let Segment { centre, angle, width, length, top, round, sag, .. } = *segment;
+        let Segment { angle, width, length, top, round, sag, .. } = *segment;
         let (width, length) = (width * scale.pixel, length * scale.pixel);
         let semi_axis = (round * scale.light).clamp(FLATTEST * width / 2.0, width / 2.0);
         // The parabola that goes down by `sag` over half the length.
         let slope = (4.0 * sag * scale.light / length).clamp(0.0, STEEPEST.tan());
-        let DVec2 { x, y } = centre * scale.pixel;
+        let DVec2 { x, y } = segment.axis(0.0).0 * scale.pixel;
         Self {
             width,
             length,
@@ -60,9 +60,9 @@ impl Shape {
         }
     }
 
-    /// How far its axis is below its middle, `along` mm from it.
-    pub(super) fn sinks(&self, along: f64) -> f64 {
-        0.5 * self.curvature * along * along
+    /// How far the ends of its axis are below its middle, mm.
+    pub(super) fn sinks(&self) -> f64 {
+        0.125 * self.curvature * self.length * self.length
     }
 }
 
@@ -81,14 +81,17 @@ mod tests {
             round: 0.7,
             sag: 1.0,
             tilt: 0.0,
-            bow: 0.0,
+            bow: 2.0,
             sway: 0.0,
         };
         let shape = Shape::of(&segment, Scale { pixel: 0.05, light: 0.25 });
         assert!((shape.width - 0.4).abs() < 1e-12 && (shape.length - 1.0).abs() < 1e-12);
-        assert!((shape.semi_axis - 0.175).abs() < 1e-12 && (shape.centre - DVec3::new(0.5, 0.2, 0.325)).length() < 1e-12);
+        assert!((shape.semi_axis - 0.175).abs() < 1e-12);
+        // Its middle is aside of the line between its ends.
+        let middle = DVec2::new(0.5, 0.2) + 0.1 * DVec2::from_angle(0.3).perp();
+        assert!((shape.centre - middle.extend(0.325)).length() < 1e-12, "{shape:?}");
         // At its ends it is as far below its middle as the light says, and slopes so.
-        assert!((shape.sinks(0.5) - 0.25).abs() < 1e-12 && (shape.steepest.tan() - 1.0).abs() < 1e-12);
+        assert!((shape.sinks() - 0.25).abs() < 1e-12 && (shape.steepest.tan() - 1.0).abs() < 1e-12);
         let flat = Shape::of(&Segment { round: 0.0, ..segment }, Scale { pixel: 0.05, light: 0.25 });
         assert!((flat.semi_axis - 0.1).abs() < 1e-12, "{flat:?}");
     }

@@ -39,8 +39,8 @@ pub(super) fn grey(plane: &Plane) -> RgbaImage {
 
 /// A segment's outline in each of the nine cells; that in the middle is the fifth.
 fn outlines(segment: &Segment, cell: &Cell) -> [[DVec2; AROUND]; 9] {
-    let matrix = cell.lattice.matrix();
-    let count = matrix.inverse() * segment.centre;
+    // A person may give the place of any copy.
+    let home = cell.lattice.home(segment.centre);
     let outline: [DVec2; AROUND] = std::array::from_fn(|at| {
         let (step, side) = if at < ALONG { (at, -0.5) } else { (AROUND - 1 - at, 0.5) };
         let (place, angle) = segment.axis((double(step) / double(ALONG - 1) - 0.5) * segment.length);
@@ -48,8 +48,7 @@ fn outlines(segment: &Segment, cell: &Cell) -> [[DVec2; AROUND]; 9] {
     });
     [0_u8, 1, 2, 3, 4, 5, 6, 7, 8].map(|copy| {
         let cells = DVec2::new(f64::from(copy % 3), f64::from(copy / 3));
-        // A person may give the place of any copy.
-        let centre = matrix * (count - count.floor() + cells);
+        let centre = home + cell.lattice.matrix() * cells;
         outline.map(|off| centre + off)
     })
 }
@@ -117,11 +116,14 @@ pub(super) fn drawing(cell: &Cell, segments: &[Segment], scale: f64) -> Drawing 
     Drawing { size, layers, notes: Vec::new() }
 }
 
-/// What `layout.toml` says of a segment.
+/// What `layout.toml` says of a segment's place.
 fn title(number: usize, segment: &Segment) -> String {
-    let Segment { centre, angle, width, length, .. } = segment;
+    let Segment { centre, angle, width, length, bow, sway, .. } = segment;
     let degrees = angle.to_degrees().rem_euclid(360.0);
-    format!("{number}: center {:.2}, {:.2}; angle_deg {degrees:.1}; width {width:.2}; length {length:.2}", centre.x, centre.y)
+    format!(
+        "{number}: center {:.2}, {:.2}; angle_deg {degrees:.1}; width {width:.2}; length {length:.2}; bow {bow:.2}; sway {sway:.2}",
+        centre.x, centre.y
+    )
 }
 
 #[cfg(test)]
@@ -157,7 +159,9 @@ mod tests {
         assert!(near(first, 19.0 * 8.0, 11.0 * 8.0) && near(second, 31.0 * 8.0, 11.0 * 8.0), "{pieces:?}");
         assert_eq!(
             drawing.layers[3].shapes[0],
-            Shape::Title { text: "1: center 32.50, -3.50; angle_deg 0.0; width 2.00; length 6.00".to_owned() }
+            Shape::Title {
+                text: "1: center 32.50, -3.50; angle_deg 0.0; width 2.00; length 6.00; bow 0.00; sway 0.00".to_owned()
+            }
         );
     }
 }

@@ -1,6 +1,6 @@
 //! From segments to yarns that go on: what lies between the stretches that are seen.
 //!
-//! In: the segments of a rectangular cell. Out: [`Strand`]s, each the path of a yarn through the cell, which goes on into the next one above or beside. Ends of segments are joined, those first that lie near
+//! In: the segments of a rectangular cell. Out: [`Strand`]s, each the path of a yarn through the cell, which goes on into the next one above or beside. Ends of segments are joined: those first between which a segment is known to go on below others, then those that lie near
 //! each other and straight ahead; between them a yarn lies as deep under the cloth's middle as it lies above it where it is seen. A yarn of which no other end is found goes on, underneath, to
 //! its own copy in the next cell.
 //!
@@ -30,8 +30,11 @@ const UNDERNEATH: f64 = 1.6;
 pub(super) struct Piece {
     /// Which of the layout's segments that are seen it is.
     pub(super) segment: usize,
-    /// Five places along its axis, from end to end.
+    /// Which of the layout's segments that is: they have several parts that are seen where others lie over them.
+    pub(super) whole: usize,
+    /// Five places along its axis, from end to end, and how far it has gone down there, 0 to 1.
     pub(super) axis: [DVec2; 5],
+    pub(super) fallen: [f64; 5],
     pub(super) shape: Shape,
 }
 
@@ -88,7 +91,9 @@ fn links(pieces: &[Piece], cell: DVec2) -> Vec<Link> {
                     continue;
                 }
                 let gap = off + cells * cell;
-                if let Some(cost) = cost(pieces, from, to, gap).filter(|_| gap.length() < reach) {
+                let is_known = cells == DVec2::ZERO && go_on(pieces, from, to);
+                let cost = if is_known { Some(0.0) } else { cost(pieces, from, to, gap) };
+                if let Some(cost) = cost.filter(|_| gap.length() < reach) {
                     all.push(Link { ends: [from, to], cells, cost });
                 }
             }
@@ -120,6 +125,12 @@ fn place(pieces: &[Piece], (piece, end): End) -> DVec2 {
 fn outward(pieces: &[Piece], (piece, end): End) -> DVec2 {
     let axis = &pieces[piece].axis;
     (axis[END[end]] - axis[BEFORE[end]]).normalize_or_zero()
+}
+
+/// Whether the second is the next part of the same segment: between them it lies below others.
+fn go_on(pieces: &[Piece], from: End, to: End) -> bool {
+    let [p, q] = [from, to].map(|(piece, _)| &pieces[piece]);
+    p.whole == q.whole && p.segment + 1 == q.segment && [from.1, to.1] == [1, 0] && to.0 == from.0 + 1
 }
 
 /// What joining two ends costs, if they may be one yarn's.
@@ -232,12 +243,12 @@ impl Chain {
         let mut path = Vec::new();
         for (at, &((piece, end), cells)) in self.pieces.iter().enumerate() {
             let own = &pieces[piece];
-            let mut axis = own.axis.map(|place| place + cells * cell);
+            let mut arc = own.arc(cells * cell, mean);
             if end == 1 {
-                axis.reverse();
+                arc.reverse();
             }
-            let to = axis[END[1]];
-            path.extend(own.arc(axis, mean));
+            path.extend(arc);
+            let to = arc[END[1]].truncate();
             let is_last = at + 1 == self.pieces.len();
             let (next, beyond) = if is_last { (self.pieces[0].0, self.period) } else { self.pieces[at + 1] };
             let goal = place(pieces, next) + beyond * cell;
@@ -265,15 +276,14 @@ impl Chain {
 }
 
 impl Piece {
-    /// Its axis, above the cloth's middle by its radius, and by what light says beside.
-    fn arc(&self, axis: [DVec2; 5], mean: f64) -> [DVec3; 5] {
+    /// Its axis, so far from where it is given, above the cloth's middle by its radius, and by what light says beside.
+    fn arc(&self, off: DVec2, mean: f64) -> [DVec3; 5] {
         let radius = self.shape.width / 2.0;
         let relief =
             (RELIEF.0 * (self.shape.centre.z + self.shape.semi_axis - mean)).clamp(-RELIEF.1 * radius, RELIEF.1 * radius);
-        let sinks = self.shape.sinks(self.shape.length / 2.0).clamp(0.0, SINKS * radius);
+        let sinks = self.shape.sinks().clamp(0.0, SINKS * radius);
         let top = radius + relief;
-        let heights = [1.0, 0.25, 0.0, 0.25, 1.0].map(|share| top - share * sinks);
-        std::array::from_fn(|at| axis[at].extend(heights[at]))
+        std::array::from_fn(|at| (self.axis[at] + off).extend(top - self.fallen[at] * sinks))
     }
 
     /// Points below the cloth's middle between its end and the next piece's.
@@ -296,7 +306,7 @@ mod tests {
         let centre = ends[0].midpoint(ends[1]).extend(0.3);
         let shape = Shape { width: 0.4, length, semi_axis: 0.2, steepest: 0.3, curvature: 1.0, rotation: 0.0, centre };
         let axis = [0.0, 0.25, 0.5, 0.75, 1.0].map(|share| ends[0].lerp(ends[1], share));
-        Piece { segment, axis, shape }
+        Piece { segment, whole: segment, axis, fallen: [1.0, 0.25, 0.0, 0.25, 1.0], shape }
     }
 
     #[test]
@@ -327,6 +337,32 @@ mod tests {
         assert_eq!(strands.len(), 1);
         let Strand { across, path, .. } = &strands[0];
         assert!(!across && path.len() >= 7 && path[6].y > 0.9 && path[6].z < -0.2, "{path:?}");
+    }
+
+    #[test]
+    fn a_piece_lies_as_it_does_whichever_end_the_yarn_enters() {
+        // Bent, level towards its second end, and below the other way: the yarn runs to the right.
+        let bent = [[0.9, 0.5], [0.7, 0.56], [0.5, 0.6], [0.3, 0.58], [0.1, 0.5]].map(DVec2::from);
+        let own = Piece { axis: bent, fallen: [1.0, 0.5, 0.0, 0.0, 0.2], ..piece(0, [0.9, 0.5], [0.1, 0.5]) };
+        let strands = strands(&[own], DVec2::ONE);
+        let [Strand { across: true, path, .. }] = &strands[..] else { panic!("{strands:?}") };
+        let sinks = own.shape.sinks();
+        for (at, point) in path[..5].iter().enumerate() {
+            assert!(point.truncate().distance(bent[4 - at]) < 1e-12, "{path:?}");
+            assert!((point.z - (0.2 - sinks * own.fallen[4 - at])).abs() < 1e-12, "{path:?}");
+        }
+    }
+
+    #[test]
+    fn parts_of_one_segment_are_one_yarn_though_another_end_is_nearer() {
+        let parts = [piece(0, [0.1, 0.5], [0.3, 0.5]), piece(1, [0.7, 0.58], [0.95, 0.7])];
+        let other = piece(2, [0.35, 0.5], [0.55, 0.5]);
+        let whole = |whole: usize| [Piece { whole: 0, ..parts[0] }, Piece { whole, ..parts[1] }, Piece { whole: 2, ..other }];
+        let with = |pieces: [Piece; 3]| {
+            strands(&pieces, DVec2::new(1.4, 1.0)).iter().map(|strand| strand.segments.clone()).collect::<Vec<_>>()
+        };
+        assert!(with(whole(0)).iter().any(|segments| segments == &[0, 1]), "{:?}", with(whole(0)));
+        assert!(!with(whole(1)).iter().any(|segments| segments == &[0, 1]), "{:?}", with(whole(1)));
     }
 
     #[test]

@@ -17,7 +17,7 @@ pub(super) struct View {
     pub(super) picture: RgbImage,
     /// Its pixels for each of the photo's.
     pub(super) scale: f64,
-    /// Its corner in the photo.
+    /// Where the middle of its first pixel is in the photo, whose own first one's is at 0.
     pub(super) corner: DVec2,
 }
 
@@ -36,7 +36,7 @@ impl View {
         let scale = f64::from(MOST) / f64::from(width.max(height));
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a side of at most 1200 pixels")]
         let [columns, rows] = [width, height].map(|side| (f64::from(side) * scale).round().max(1.0) as u32);
-        Self { picture: resize(photo, columns, rows, FilterType::Triangle), scale, corner: DVec2::ZERO }
+        Self::of(resize(photo, columns, rows, FilterType::Triangle), scale, DVec2::ZERO)
     }
 
     /// The middle, each pixel `times` as large.
@@ -46,7 +46,12 @@ impl View {
         let (x, y) = ((width - columns) / 2, (height - rows) / 2);
         let part = crop_imm(photo, x, y, columns, rows).to_image();
         let picture = if times == 1 { part } else { resize(&part, columns * times, rows * times, FilterType::CatmullRom) };
-        Self { picture, scale: f64::from(times), corner: DVec2::new(f64::from(x), f64::from(y)) }
+        Self::of(picture, f64::from(times), DVec2::new(f64::from(x), f64::from(y)))
+    }
+
+    /// The part of a photo from one of its pixels on.
+    fn of(picture: RgbImage, scale: f64, first: DVec2) -> Self {
+        Self { picture, scale, corner: first + 0.5 / scale - 0.5 }
     }
 }
 
@@ -61,9 +66,9 @@ mod tests {
         assert_eq!(
             seen,
             [
-                ((1200, 600), 0.4, DVec2::ZERO),
+                ((1200, 600), 0.4, DVec2::splat(0.75)),
                 ((1200, 1200), 1.0, DVec2::new(900.0, 150.0)),
-                ((1200, 1200), 2.0, DVec2::new(1200.0, 450.0))
+                ((1200, 1200), 2.0, DVec2::new(1199.75, 449.75))
             ]
         );
         assert_eq!(

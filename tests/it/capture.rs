@@ -8,7 +8,8 @@ use image::RgbImage;
 use warpknit::capture::{CERTAIN, CaptureError, Captured, GivenLayout, Segment, Settings, capture};
 use warpknit::fabric::BarKind;
 
-use crate::cloth::{Disturbance, Kind, Random, Sample, between, bricks, face, fibrous, fur, layout, noise, sample};
+use crate::aperiodic::{bricks, face, fur, noise};
+use crate::cloth::{Disturbance, Kind, Random, Sample, between, fibrous, layout, sample};
 
 fn found(image: &RgbImage) -> Captured {
     capture(image, &Settings::default()).unwrap()
@@ -26,7 +27,7 @@ fn same_lattice(found: &Captured, truth: [DVec2; 2], share: f64) -> bool {
 fn errors(found: &Captured, truth: &Sample) -> Vec<[f64; 3]> {
     let error = |stretch: &crate::cloth::Stretch| {
         let of = |segment: &Segment| {
-            let off = found.unit.lattice.nearest(segment.centre + found.corner - stretch.centre);
+            let off = found.unit.lattice.nearest(segment.centre - stretch.centre);
             let across = DVec2::from_angle(stretch.angle).perp_dot(off).abs() / stretch.width;
             let along = off.length() / stretch.length;
             (along, [across, between(segment.angle, stretch.angle), (segment.width / stretch.width - 1.0).abs()])
@@ -34,7 +35,7 @@ fn errors(found: &Captured, truth: &Sample) -> Vec<[f64; 3]> {
         let nearest = found.layout.seen.iter().map(of).min_by(|p, q| (p.0 + p.1[1]).total_cmp(&(q.0 + q.1[1])));
         nearest.unwrap().1
     };
-    truth.stretches.iter().filter(|stretch| stretch.length > 0.8 * stretch.width).map(error).collect()
+    truth.in_cell(found).iter().filter(|stretch| stretch.is_long()).map(error).collect()
 }
 
 #[test]

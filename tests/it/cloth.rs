@@ -6,7 +6,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DVec2, DVec3, Vec3, Vec3Swizzles};
 use image::RgbImage;
-use warpknit::capture::{GivenLayout, Segment};
+use warpknit::capture::{Captured, GivenLayout, Segment};
 use warpknit::drape::picture;
 use warpknit::fabric::Fabric;
 use warpknit::render::{Background, Camera, Light, Options, render};
@@ -27,7 +27,9 @@ pub(crate) enum Kind {
 /// A stretch of yarn that is seen.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Stretch {
+    /// Where it is in the picture.
     pub(crate) centre: DVec2,
+    /// Its direction where nothing moves the cloth.
     pub(crate) angle: f64,
     pub(crate) length: f64,
     pub(crate) width: f64,
@@ -49,6 +51,21 @@ pub(crate) struct Sample {
     pub(crate) image: RgbImage,
     pub(crate) lattice: [DVec2; 2],
     pub(crate) stretches: Vec<Stretch>,
+}
+
+impl Stretch {
+    /// Whether it is long enough to have a direction.
+    pub(crate) fn is_long(&self) -> bool {
+        self.length > 0.8 * self.width
+    }
+}
+
+impl Sample {
+    /// Its stretches as `found` has its segments: from a cell's corner, where nothing moves the cloth.
+    pub(crate) fn in_cell(&self, found: &Captured) -> Vec<Stretch> {
+        let place = |pixel: DVec2| found.unit.lattice.matrix() * found.count(pixel);
+        self.stretches.iter().map(|stretch| Stretch { centre: place(stretch.centre), ..*stretch }).collect()
+    }
 }
 
 /// Numbers that a seed tells (Marsaglia's xorshift).
@@ -198,7 +215,8 @@ fn pictured(
     });
     let flipped = |p: DVec2| DVec2::new(p.x, -p.y);
     let in_picture = |stretch: Stretch| Stretch {
-        centre: flipped(turned(stretch.centre)) + 0.5 * side,
+        // The middle of the first pixel is at 0.
+        centre: flipped(moved(turned(stretch.centre))) + 0.5 * side - 0.5,
         angle: -(stretch.angle + turn),
         ..stretch
     };
@@ -206,13 +224,13 @@ fn pictured(
     Sample { image, lattice, stretches: seen(laid).into_iter().map(in_picture).collect() }
 }
 
-fn byte(value: f64) -> u8 {
+pub(crate) fn byte(value: f64) -> u8 {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates")]
     let byte = value.round() as u8;
     byte
 }
 
-fn whole(value: f64) -> i64 {
+pub(crate) fn whole(value: f64) -> i64 {
     #[expect(clippy::cast_possible_truncation, reason = "pixels")]
     let whole = value as i64;
     whole
@@ -392,7 +410,7 @@ fn one_of_each(mut found: Vec<Stretch>, [a, b]: [DVec2; 2], longest: f64) -> Vec
 
 /// The layout of a picture as somebody would give it who sees all of it; lightness is what a yarn's mostly is.
 pub(crate) fn layout(truth: &Sample) -> GivenLayout {
-    let long = truth.stretches.iter().filter(|stretch| stretch.length > 0.8 * stretch.width);
+    let long = truth.stretches.iter().filter(|stretch| stretch.is_long());
     let segment = |&Stretch { centre, angle, length, width }: &Stretch| Segment {
         centre,
         angle,
@@ -412,97 +430,4 @@ pub(crate) fn layout(truth: &Sample) -> GivenLayout {
 pub(crate) fn between(a: f64, b: f64) -> f64 {
     let turn = (a - b).rem_euclid(PI);
     turn.min(PI - turn)
-}
-
-/// Fur: strokes that lie nearly one way.
-pub(crate) fn fur(seed: u64, size: u32) -> RgbImage {
-    let mut random = Random::new(seed);
-    let mut image = RgbImage::from_pixel(size, size, image::Rgb([128; 3]));
-    let way = random.within(0.0, PI);
-    for _ in 0..size * size / 60 {
-        let mut at = DVec2::new(random.within(0.0, f64::from(size)), random.within(0.0, f64::from(size)));
-        let (mut turn, bend, shade) = (way + 0.35 * random.bell(), 0.01 * random.bell(), byte(random.within(50.0, 230.0)));
-        for _ in 0..whole(random.within(20.0, 60.0)) {
-            turn += bend;
-            at += DVec2::from_angle(turn);
-            let [x, y] = at.to_array().map(|place| u32::try_from(whole(place)).unwrap_or(size));
-            if let Some(pixel) = image.get_pixel_mut_checked(x, y) {
-                *pixel = image::Rgb([shade; 3]);
-            }
-        }
-    }
-    image
-}
-
-/// A portrait: a head, its hair and eyes, nose and mouth, on shoulders, as smoothly shaded as skin is, with the noise of skin.
-pub(crate) fn face(seed: u64, size: u32) -> RgbImage {
-    let mut random = Random::new(seed);
-    let side = f64::from(size);
-    let middle = DVec2::new(random.within(0.45, 0.55), random.within(0.42, 0.5));
-    let head = DVec2::new(random.within(0.2, 0.26), random.within(0.28, 0.34));
-    let light = DVec2::from_angle(random.within(0.0, TAU)) * random.within(0.1, 0.3);
-    let skin = random.within(120.0, 200.0);
-    let [behind, cloth, hair] = [(40.0, 220.0), (30.0, 200.0), (20.0, 90.0)].map(|(low, high)| random.within(low, high));
-    // Squares of the distance from the middle of an ellipse; 1 on its rim.
-    let within =
-        |at: DVec2, centre: [f64; 2], radii: [f64; 2]| ((at - DVec2::from(centre)) / DVec2::from(radii)).length_squared();
-    let shade = |at: DVec2| {
-        let p = (at - middle) / head;
-        let mut grey = behind * (1.0 + 0.4 * light.dot(at - 0.5));
-        let mut lay = |how_far: f64, value: f64| {
-            let share = ((1.0 - how_far) / 0.12).clamp(0.0, 1.0);
-            grey += (value - grey) * share;
-        };
-        lay(within(p, [0.0, 2.3], [2.0, 1.3]), cloth * (1.0 - 0.2 * p.x * p.x));
-        lay(within(p, [0.0, 1.0], [0.45, 0.6]), 0.75 * skin);
-        lay(within(p, [0.0, -0.25], [1.12, 1.0]), hair);
-        lay(within(p, [0.0, 0.08], [0.95, 0.98]), skin * (1.0 + light.dot(p) - 0.25 * p.length_squared()));
-        for eye in [-0.38, 0.38] {
-            lay(within(p, [eye, -0.3], [0.24, 0.05]), hair);
-            lay(within(p, [eye, -0.12], [0.17, 0.08]), 1.15 * skin);
-            lay(within(p, [eye, -0.12], [0.08, 0.08]), 35.0);
-        }
-        lay(within(p, [0.06, 0.2], [0.1, 0.2]), 0.85 * skin);
-        lay(within(p, [0.0, 0.52], [0.32, 0.09]), 0.6 * skin);
-        grey
-    };
-    let pores = image::imageops::fast_blur(&noise(&mut random, size), 1.2);
-    RgbImage::from_fn(size, size, |x, y| {
-        let grain = 0.12 * (f64::from(pores.get_pixel(x, y).0[0]) - 128.0) + 2.0 * random.bell();
-        let grey = shade(DVec2::new(f64::from(x), f64::from(y)) / side) + grain;
-        image::Rgb([grey, 0.8 * grey, 0.68 * grey].map(byte))
-    })
-}
-
-/// An old wall, out of focus: courses of all heights, bricks of all lengths, no two alike.
-pub(crate) fn bricks(seed: u64, size: u32) -> RgbImage {
-    let mut random = Random::new(seed);
-    let side = f64::from(size);
-    let (height, joint, blur) = (side / random.within(8.0, 16.0), random.within(2.0, 4.0), random.within(1.5, 4.0));
-    let [mortar, clay] = [random.within(140.0, 210.0), random.within(80.0, 130.0)];
-    let mut image = RgbImage::from_pixel(size, size, image::Rgb([mortar, 0.97 * mortar, 0.9 * mortar].map(byte)));
-    let mut top = -random.within(0.0, height);
-    while top < side {
-        let bottom = top + height * random.within(0.55, 1.5);
-        let mut left = -2.0 * height * random.within(0.0, 1.0);
-        while left < side {
-            let right = left + 2.2 * height * random.within(0.4, 1.7);
-            let grey = clay + 18.0 * random.bell();
-            let corners = [left, top + random.within(0.0, joint), right - joint, bottom - joint - random.within(0.0, joint)];
-            let [x, y, end_x, end_y] = corners.map(|place| u32::try_from(whole(place.clamp(0.0, side))).unwrap());
-            for (x, y) in (y..end_y).flat_map(|y| (x..end_x).map(move |x| (x, y))) {
-                image.put_pixel(x, y, image::Rgb([grey, 0.6 * grey, 0.5 * grey].map(|value| byte(value + 5.0 * random.bell()))));
-            }
-            left = right;
-        }
-        top = bottom;
-    }
-    #[expect(clippy::cast_possible_truncation, reason = "a few pixels")]
-    let blur = blur as f32;
-    image::imageops::fast_blur(&image, blur)
-}
-
-/// Noise without any grain.
-pub(crate) fn noise(random: &mut Random, size: u32) -> RgbImage {
-    RgbImage::from_fn(size, size, |_, _| image::Rgb([byte(128.0 + 40.0 * random.bell()); 3]))
 }

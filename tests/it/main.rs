@@ -6,6 +6,7 @@
     reason = "tests count in small numbers, and a failure there is a message to us and not to a user"
 )]
 
+mod aperiodic;
 mod architecture;
 mod bench;
 mod capture;

@@ -51,7 +51,7 @@ pub(super) struct Sight<'a> {
     /// The view's pixels to counts of the lattice, which is in those pixels too.
     pub(super) warp: &'a Warp,
     pub(super) lattice: &'a Lattice,
-    /// Sides of the view, its pixels for each of the photo's, and its corner in the photo.
+    /// Sides of the view, its pixels for each of the photo's, and where the middle of its first one is in the photo.
     pub(super) view: DVec2,
     pub(super) scale: f64,
     pub(super) corner: DVec2,
@@ -71,7 +71,7 @@ fn twist(sight: &Sight, segment: &Segment) -> Twist {
     }
     let mut frames = patches::frames(sight, segment);
     frames.truncate(MOST_COPIES.min(patches::bounded(MOST_PIXELS / (size.x * size.y))));
-    let details = patches::details(sight.photo, &frames, size);
+    let details = patches::details(sight.photo, &frames, &segment.scaled(1.0 / sight.scale), size);
     let Some(across) = orientation::spacing(&details, size.y) else { return Twist::guess(0.0) };
     let fibres: Vec<Vec<Vec<Stick>>> = details.par_iter().map(|detail| fibres(detail, across, LOOKED_AT * size)).collect();
     Twist::of(&fibres.concat(), across, whole)

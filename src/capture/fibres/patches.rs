@@ -1,4 +1,4 @@
-//! Copies of a segment, each in its own frame: along the yarn to the right, across it downwards.
+//! Copies of a segment, each in its own frame and straightened: along the yarn to the right, across it downwards.
 //!
 //! In: the photo, and where the copies lie. Out: one plane a copy, all of a size, a pixel of the photo a pixel, without the yarn's own shading: what all copies
 //! share isn't fibres, since each copy has fibres of its own.
@@ -30,7 +30,7 @@ pub(super) struct Frame {
 pub(super) fn frames(sight: &Sight, segment: &Segment) -> Vec<Frame> {
     let matrix = sight.lattice.matrix();
     let inverse = matrix.inverse();
-    let photo = |at: DVec2| sight.corner + (at + 0.5) / sight.scale - 0.5;
+    let photo = |at: DVec2| sight.corner + at / sight.scale;
     let corners = [DVec2::ZERO, sight.view.with_x(0.0), sight.view.with_y(0.0), sight.view].map(|corner| inverse * corner);
     let low = corners.into_iter().fold(DVec2::INFINITY, DVec2::min).floor();
     let high = corners.into_iter().fold(DVec2::NEG_INFINITY, DVec2::max).ceil();
@@ -57,10 +57,16 @@ pub(super) fn bounded(count: f64) -> usize {
     whole(narrow(count)).max(1)
 }
 
-/// What tells the copies from each other; `size` is along and across them, pixels of the photo.
-pub(super) fn details(photo: &RgbImage, frames: &[Frame], size: DVec2) -> Vec<Plane> {
+/// What tells the copies of a segment from each other; it and `size`, along and across them, are in pixels of the photo.
+pub(super) fn details(photo: &RgbImage, frames: &[Frame], segment: &Segment, size: DVec2) -> Vec<Plane> {
     let [columns, rows] = size.to_array().map(|side| 2 * whole(narrow(0.5 * side)) + 1);
-    let patches: Vec<Plane> = frames.par_iter().map(|frame| patch(photo, frame, columns, rows)).collect();
+    let flat = Segment { centre: DVec2::ZERO, angle: 0.0, ..*segment };
+    let middle = flat.axis(0.0).0;
+    let axis: Vec<(DVec2, DVec2)> = (0..columns)
+        .map(|u| flat.axis(double(u) - 0.5 * double(columns - 1)))
+        .map(|(place, angle)| (place - middle, DVec2::from_angle(angle).perp()))
+        .collect();
+    let patches: Vec<Plane> = frames.par_iter().map(|frame| patch(photo, frame, &axis, rows)).collect();
     if patches.len() < ENOUGH {
         return patches;
     }
@@ -69,17 +75,18 @@ pub(super) fn details(photo: &RgbImage, frames: &[Frame], size: DVec2) -> Vec<Pl
     patches.iter().map(|patch| patch.zip(&mean, |value, mean| value - mean)).collect()
 }
 
-fn patch(photo: &RgbImage, frame: &Frame, columns: usize, rows: usize) -> Plane {
-    let half = 0.5 * DVec2::new(double(columns - 1), double(rows - 1));
-    let reach = half.length() + 2.0;
+/// A patch along an axis: where each column is from its middle in the frame, and which way is across it there.
+fn patch(photo: &RgbImage, frame: &Frame, axis: &[(DVec2, DVec2)], rows: usize) -> Plane {
+    let half = 0.5 * double(rows - 1);
+    let reach = axis.iter().map(|(place, _)| place.length()).fold(0.0, f64::max) + half + 2.0;
     let limits = DVec2::new(f64::from(photo.width()), f64::from(photo.height())) - 1.0;
     let [low, high] = [frame.middle - reach, frame.middle + reach].map(|corner| corner.clamp(DVec2::ZERO, limits).floor());
     let [x, y] = low.to_array().map(|at| side(whole(narrow(at))));
     let [width, height] = (high - low).to_array().map(|size| side(whole(narrow(size))) + 1);
     let light = Plane::lightness(&crop_imm(photo, x, y, width, height).to_image());
-    Plane::from_fn(columns, rows, |u, v| {
-        let off = DVec2::new(double(u), double(v)) - half;
-        light.between(frame.middle + frame.way * off.x + frame.way.perp() * off.y - low)
+    Plane::from_fn(axis.len(), rows, |u, v| {
+        let (place, across) = axis[u];
+        light.between(frame.middle + frame.way.rotate(place + across * (double(v) - half)) - low)
     })
 }
 
@@ -89,14 +96,34 @@ mod tests {
 
     use super::*;
 
+    const STRAIGHT: Segment = Segment {
+        centre: DVec2::ZERO,
+        angle: 0.0,
+        width: 10.0,
+        length: 20.0,
+        top: 1.0,
+        round: 0.5,
+        sag: 0.3,
+        tilt: 0.0,
+        bow: 0.0,
+        sway: 0.0,
+    };
+
     #[test]
     fn a_patch_lies_along_the_yarn() {
         // Lighter towards the right, then turned by a quarter: lighter across the yarn, against its left.
         let photo = RgbImage::from_fn(60, 60, |x, _| Rgb([u8::try_from(4 * x).unwrap(); 3]));
-        let along = patch(&photo, &Frame { middle: DVec2::new(30.5, 30.0), way: DVec2::X }, 21, 11);
+        let at = |middle: DVec2, way: DVec2, segment: &Segment| {
+            details(&photo, &[Frame { middle, way }], segment, DVec2::new(20.0, 10.0)).remove(0)
+        };
+        let along = at(DVec2::new(30.5, 30.0), DVec2::X, &STRAIGHT);
         assert!(along.at(20, 3) > along.at(0, 3) + 0.1 && (along.at(4, 0) - along.at(4, 10)).abs() < 1e-6);
-        let down = patch(&photo, &Frame { middle: DVec2::new(30.0, 30.0), way: DVec2::Y }, 21, 11);
+        let down = at(DVec2::new(30.0, 30.0), DVec2::Y, &STRAIGHT);
         assert!(down.at(4, 0) > down.at(4, 10) + 0.1 && (down.at(0, 5) - down.at(20, 5)).abs() < 1e-6);
+        // One that bends to its right, which is the photo's left, is the lighter the farther from its middle.
+        let bent = at(DVec2::new(30.0, 30.0), DVec2::Y, &Segment { bow: 3.0, ..STRAIGHT });
+        let lighter = |u: usize| bent.at(u, 5) - bent.at(10, 5);
+        assert!(lighter(0) > 0.02 && lighter(20) > 0.02 && (bent.at(10, 5) - down.at(10, 5)).abs() < 1e-6, "{}", lighter(0));
     }
 
     #[test]
@@ -104,7 +131,7 @@ mod tests {
         let photo = RgbImage::from_fn(80, 80, |x, _| Rgb([if x % 20 < 10 { 40 } else { 200 }; 3]));
         let frames: Vec<Frame> =
             (0..4).map(|n| Frame { middle: DVec2::new(40.0, 20.0 + 10.0 * f64::from(n)), way: DVec2::X }).collect();
-        assert!(details(&photo, &frames, DVec2::new(30.0, 10.0)).iter().all(|detail| detail.power() < 1e-9));
-        assert!(details(&photo, &frames[..1], DVec2::new(30.0, 10.0))[0].power() > 0.01);
+        assert!(details(&photo, &frames, &STRAIGHT, DVec2::new(30.0, 10.0)).iter().all(|detail| detail.power() < 1e-9));
+        assert!(details(&photo, &frames[..1], &STRAIGHT, DVec2::new(30.0, 10.0))[0].power() > 0.01);
     }
 }

@@ -4,6 +4,7 @@
 //! well. What is printed reads back as the same fabric; comments and the numbering and tempi of a chain are not kept.
 
 mod laid;
+mod panel;
 mod warp;
 mod weft;
 mod yarn;
@@ -18,8 +19,9 @@ use super::bar::BarKind;
 use super::dimensions::{Dimensions, KEYS};
 use super::error::{FabricError, Fault};
 use super::motif::{Motif, Symbol};
-use super::{Fabric, INCH_IN_CM, PanelLayout};
+use super::{Fabric, INCH_IN_CM};
 use laid::StrandTable;
+use panel::{PanelTable, panels};
 use warp::{BarTable, stitch};
 use weft::{FeederTable, motif};
 use yarn::YarnTable;
@@ -29,8 +31,6 @@ pub(super) type Limits = (f64, f64, &'static str);
 
 pub(super) const DENSITY: Limits = (0.01, 1000.0, "per cm");
 const GAUGE: Limits = (0.1, 1000.0, "needles an inch");
-const GRAIN: Limits = (-360.0, 360.0, "degrees");
-const ORIGIN: Limits = (-1e5, 1e5, "mm");
 
 /// Refuses a value outside its limits (NaN included).
 pub(super) fn in_range(what: &str, value: f64, (low, high, unit): Limits) -> Result<f64, Fault> {
@@ -87,33 +87,6 @@ fn is_default<T: Default + PartialEq>(value: &T) -> bool {
 
 fn full_set() -> Spanned<String> {
     unplaced("I".to_owned())
-}
-
-/// A `[[panels]]` table.
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct PanelTable {
-    panel: Spanned<usize>,
-    #[serde(default = "nothing", skip_serializing_if = "is_nothing")]
-    grain: Spanned<f64>,
-    #[serde(default = "nowhere", skip_serializing_if = "is_nowhere")]
-    origin: [Spanned<f64>; 2],
-}
-
-fn nothing() -> Spanned<f64> {
-    unplaced(0.0)
-}
-
-fn is_nothing(number: &Spanned<f64>) -> bool {
-    *number.get_ref() == 0.0
-}
-
-fn nowhere() -> [Spanned<f64>; 2] {
-    [nothing(), nothing()]
-}
-
-fn is_nowhere(point: &[Spanned<f64>; 2]) -> bool {
-    point.iter().all(is_nothing)
 }
 
 /// A value that comes from no text.
@@ -219,20 +192,6 @@ impl FabricFile {
     }
 }
 
-fn panels(tables: &[PanelTable], source: Source<'_>) -> Result<Vec<PanelLayout>, FabricError> {
-    let mut panels: Vec<PanelLayout> = Vec::new();
-    for table in tables {
-        let panel = *table.panel.get_ref();
-        if panels.iter().any(|other| other.panel == panel) {
-            return Err(Fault::PanelTwice(panel).at(source.0, table.panel.span()));
-        }
-        let grain_degrees = source.number(&format!("panel {panel}: grain"), &table.grain, GRAIN)?;
-        let [x, y] = table.origin.each_ref().map(|number| source.number(&format!("panel {panel}: origin"), number, ORIGIN));
-        panels.push(PanelLayout { panel, grain_degrees, origin: [x?, y?].into() });
-    }
-    Ok(panels)
-}
-
 impl From<&Fabric> for FabricFile {
     fn from(fabric: &Fabric) -> Self {
         let (mut stitch, mut default) = (fabric.stitch, Dimensions::default());
@@ -265,16 +224,6 @@ impl From<&Fabric> for FabricFile {
             feeders: knitted_by(true).map(FeederTable::from).collect(),
             strands: fabric.bars.iter().zip(&fabric.paths).map(|(bar, path)| StrandTable::of(bar, path)).collect(),
             panels: fabric.panels.iter().map(PanelTable::from).collect(),
-        }
-    }
-}
-
-impl From<&PanelLayout> for PanelTable {
-    fn from(layout: &PanelLayout) -> Self {
-        Self {
-            panel: unplaced(layout.panel),
-            grain: unplaced(layout.grain_degrees),
-            origin: layout.origin.to_array().map(unplaced),
         }
     }
 }
@@ -431,7 +380,11 @@ panel = 1
                 paths: Vec::new(),
                 panels: panels
                     .into_iter()
-                    .map(|(panel, (grain_degrees, origin))| PanelLayout { panel, grain_degrees, origin: origin.into() })
+                    .map(|(panel, (grain_degrees, origin))| crate::fabric::PanelLayout {
+                        panel,
+                        grain_degrees,
+                        origin: origin.into(),
+                    })
                     .collect(),
                 enlargement: 1.0,
             },

@@ -1,0 +1,63 @@
+//! The table of a panel: how the fabric lies on it.
+
+use serde::{Deserialize, Serialize};
+use toml::Spanned;
+
+use super::{Limits, Source, unplaced};
+use crate::fabric::PanelLayout;
+use crate::fabric::error::{FabricError, Fault};
+
+const GRAIN: Limits = (-360.0, 360.0, "degrees");
+const ORIGIN: Limits = (-1e5, 1e5, "mm");
+
+/// A `[[panels]]` table.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PanelTable {
+    panel: Spanned<usize>,
+    #[serde(default = "nothing", skip_serializing_if = "is_nothing")]
+    grain: Spanned<f64>,
+    #[serde(default = "nowhere", skip_serializing_if = "is_nowhere")]
+    origin: [Spanned<f64>; 2],
+}
+
+fn nothing() -> Spanned<f64> {
+    unplaced(0.0)
+}
+
+fn is_nothing(number: &Spanned<f64>) -> bool {
+    *number.get_ref() == 0.0
+}
+
+fn nowhere() -> [Spanned<f64>; 2] {
+    [nothing(), nothing()]
+}
+
+fn is_nowhere(point: &[Spanned<f64>; 2]) -> bool {
+    point.iter().all(is_nothing)
+}
+
+/// How panels are laid, each at most once.
+pub(super) fn panels(tables: &[PanelTable], source: Source<'_>) -> Result<Vec<PanelLayout>, FabricError> {
+    let mut panels: Vec<PanelLayout> = Vec::new();
+    for table in tables {
+        let panel = *table.panel.get_ref();
+        if panels.iter().any(|other| other.panel == panel) {
+            return Err(Fault::PanelTwice(panel).at(source.0, table.panel.span()));
+        }
+        let grain_degrees = source.number(&format!("panel {panel}: grain"), &table.grain, GRAIN)?;
+        let [x, y] = table.origin.each_ref().map(|number| source.number(&format!("panel {panel}: origin"), number, ORIGIN));
+        panels.push(PanelLayout { panel, grain_degrees, origin: [x?, y?].into() });
+    }
+    Ok(panels)
+}
+
+impl From<&PanelLayout> for PanelTable {
+    fn from(layout: &PanelLayout) -> Self {
+        Self {
+            panel: unplaced(layout.panel),
+            grain: unplaced(layout.grain_degrees),
+            origin: layout.origin.to_array().map(unplaced),
+        }
+    }
+}
