@@ -185,18 +185,7 @@ mod tests {
     #[test]
     fn a_red_stripe_and_two_blue_ones_are_two_yarns() {
         let lattice = Lattice { a: DVec2::new(30.0, 0.0), b: DVec2::new(0.0, 20.0) };
-        let segment = |x: f64| Segment {
-            centre: DVec2::new(x, 10.0),
-            angle: std::f64::consts::FRAC_PI_2,
-            width: 8.0,
-            length: 18.0,
-            top: 1.0,
-            round: 0.5,
-            sag: 0.2,
-            tilt: 0.0,
-            bow: 0.0,
-            sway: 0.0,
-        };
+        let segment = |x: f64| Segment::straight(DVec2::new(x, 10.0), std::f64::consts::FRAC_PI_2, 8.0, 18.0, 1.0);
         // The third is the second in some shade.
         let stripes = [DVec3::new(0.5, 0.1, 0.1), DVec3::new(0.1, 0.1, 0.5), DVec3::new(0.09, 0.09, 0.45)];
         let cell = |channel: usize| Cell { lattice, plane: Plane::from_fn(60, 40, |x, _| narrow(stripes[x / 20][channel])) };

@@ -94,22 +94,7 @@ fn spots(target: &Target, light: &[f64], width: f64, ground: f64, top: f64) -> V
                 let value = answers[at];
                 let higher = (0..9).any(|n| answers[(y + n / 3 - 1) % rows * columns + (x + n % 3 - 1) % columns] > value);
                 if value > 0.0 && !higher {
-                    let height = top - ground;
-                    peaks.push((
-                        value,
-                        Segment {
-                            centre: target.places[at],
-                            angle,
-                            width,
-                            length,
-                            top: height,
-                            round: 0.5 * height,
-                            sag: 0.3 * height,
-                            tilt: 0.0,
-                            bow: 0.0,
-                            sway: 0.0,
-                        },
-                    ));
+                    peaks.push((value, Segment::straight(target.places[at], angle, width, length, top - ground)));
                 }
             }
             peaks

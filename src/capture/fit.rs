@@ -165,18 +165,7 @@ mod tests {
     }
 
     fn segment(x: f64, y: f64, angle: f64) -> Segment {
-        Segment {
-            centre: DVec2::new(x, y),
-            angle,
-            width: 9.0,
-            length: 20.0,
-            top: 1.6,
-            round: 0.8,
-            sag: 0.5,
-            tilt: 0.1,
-            bow: 0.0,
-            sway: 0.0,
-        }
+        Segment { sag: 0.5, tilt: 0.1, ..Segment::straight(DVec2::new(x, y), angle, 9.0, 20.0, 1.6) }
     }
 
     #[test]

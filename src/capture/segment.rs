@@ -56,6 +56,12 @@ impl Segment {
     /// Those of them that are pixels.
     pub(super) const PIXELS: [usize; 6] = [0, 1, 3, 4, 9, 10];
 
+    /// A straight one that lies as high at both ends, as much darker at edges and ends as yarns mostly are.
+    #[must_use]
+    pub const fn straight(centre: DVec2, angle: f64, width: f64, length: f64, top: f64) -> Self {
+        Self { centre, angle, width, length, top, round: 0.5 * top, sag: 0.3 * top, tilt: 0.0, bow: 0.0, sway: 0.0 }
+    }
+
     /// The same in pixels of another size.
     pub(super) fn scaled(&self, scale: f64) -> Self {
         let [width, length, bow, sway] = [self.width, self.length, self.bow, self.sway].map(|length| length * scale);
@@ -324,7 +330,7 @@ mod tests {
 
     fn segment(x: f64, y: f64, angle: f64) -> Segment {
         let centre = DVec2::new(x, y);
-        Segment { centre, angle, width: 4.0, length: 12.0, top: 1.0, round: 0.5, sag: 0.4, tilt: 0.1, bow: 0.0, sway: 0.0 }
+        Segment { sag: 0.4, tilt: 0.1, ..Segment::straight(centre, angle, 4.0, 12.0, 1.0) }
     }
 
     #[test]

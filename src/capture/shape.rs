@@ -72,18 +72,7 @@ mod tests {
 
     #[test]
     fn a_parabola_and_an_ellipse_in_mm() {
-        let segment = Segment {
-            centre: DVec2::new(10.0, 4.0),
-            angle: 0.3,
-            width: 8.0,
-            length: 20.0,
-            top: 2.0,
-            round: 0.7,
-            sag: 1.0,
-            tilt: 0.0,
-            bow: 2.0,
-            sway: 0.0,
-        };
+        let segment = Segment { round: 0.7, sag: 1.0, bow: 2.0, ..Segment::straight(DVec2::new(10.0, 4.0), 0.3, 8.0, 20.0, 2.0) };
         let shape = Shape::of(&segment, Scale { pixel: 0.05, light: 0.25 });
         assert!((shape.width - 0.4).abs() < 1e-12 && (shape.length - 1.0).abs() < 1e-12);
         assert!((shape.semi_axis - 0.175).abs() < 1e-12);

@@ -135,18 +135,7 @@ mod tests {
     fn a_segment_is_drawn_in_each_cell_whichever_copy_is_given() {
         let lattice = Lattice { a: DVec2::new(20.0, 0.0), b: DVec2::new(0.0, 10.0) };
         let cell = Cell { lattice, plane: Plane::from_fn(20, 10, |x, _| f32::from(u8::try_from(x).unwrap())) };
-        let segment = Segment {
-            centre: DVec2::new(65.0, -7.0),
-            angle: 0.0,
-            width: 4.0,
-            length: 12.0,
-            top: 1.0,
-            round: 0.5,
-            sag: 0.4,
-            tilt: 0.0,
-            bow: 0.0,
-            sway: 0.0,
-        };
+        let segment = Segment::straight(DVec2::new(65.0, -7.0), 0.0, 4.0, 12.0, 1.0);
         let copies = outlines(&segment, &cell);
         let near = |place: DVec2, x: f64, y: f64| place.distance(DVec2::new(x, y)) < 1e-9;
         assert!(near(copies[4][0], 19.0, 11.0) && near(copies[4][ALONG], 31.0, 15.0), "{:?}", copies[4]);

@@ -91,18 +91,7 @@ mod tests {
     use super::*;
 
     fn segment(angle: f64) -> Segment {
-        Segment {
-            centre: DVec2::ZERO,
-            angle,
-            width: 4.0,
-            length: 12.0,
-            top: 1.0,
-            round: 0.5,
-            sag: 0.4,
-            tilt: 0.1,
-            bow: 0.0,
-            sway: 0.0,
-        }
+        Segment::straight(DVec2::ZERO, angle, 4.0, 12.0, 1.0)
     }
 
     #[test]

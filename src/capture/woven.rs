@@ -153,18 +153,10 @@ impl Crossings {
                 }
                 let count = (1..=8).find(|&n| is_up([crossing[0] + n * step[0], crossing[1] + n * step[1]]) != above)?;
                 let width = 0.85 * across.length() * (across.normalize().perp_dot(way.normalize())).abs();
-                segments.push(Segment {
-                    centre: origin + self.at(crossing) + way * (0.5 * f64::from(count - 1)),
-                    angle: way.to_angle(),
-                    width,
-                    length: way.length() * (f64::from(count) + 0.25),
-                    top: top - ground,
-                    round: 0.5 * (top - ground),
-                    sag: 0.35 * (top - ground),
-                    tilt: 0.0,
-                    bow: 0.0,
-                    sway: 0.0,
-                });
+                let centre = origin + self.at(crossing) + way * (0.5 * f64::from(count - 1));
+                let length = way.length() * (f64::from(count) + 0.25);
+                let float = Segment::straight(centre, way.to_angle(), width, length, top - ground);
+                segments.push(Segment { sag: 0.35 * float.top, ..float });
             }
         }
         let wefts = ups.iter().any(|(_, up)| !up);

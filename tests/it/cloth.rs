@@ -411,18 +411,7 @@ fn one_of_each(mut found: Vec<Stretch>, [a, b]: [DVec2; 2], longest: f64) -> Vec
 /// The layout of a picture as somebody would give it who sees all of it; lightness is what a yarn's mostly is.
 pub(crate) fn layout(truth: &Sample) -> GivenLayout {
     let long = truth.stretches.iter().filter(|stretch| stretch.is_long());
-    let segment = |&Stretch { centre, angle, length, width }: &Stretch| Segment {
-        centre,
-        angle,
-        width,
-        length,
-        top: 1.0,
-        round: 0.5,
-        sag: 0.3,
-        tilt: 0.0,
-        bow: 0.0,
-        sway: 0.0,
-    };
+    let segment = |&Stretch { centre, angle, length, width }: &Stretch| Segment::straight(centre, angle, width, length, 1.0);
     GivenLayout { cell: truth.lattice, ground: -1.0, segments: long.map(segment).collect() }
 }
 

@@ -96,18 +96,7 @@ mod tests {
 
     use super::*;
 
-    const STRAIGHT: Segment = Segment {
-        centre: DVec2::ZERO,
-        angle: 0.0,
-        width: 10.0,
-        length: 20.0,
-        top: 1.0,
-        round: 0.5,
-        sag: 0.3,
-        tilt: 0.0,
-        bow: 0.0,
-        sway: 0.0,
-    };
+    const STRAIGHT: Segment = Segment::straight(DVec2::ZERO, 0.0, 10.0, 20.0, 1.0);
 
     #[test]
     fn a_patch_lies_along_the_yarn() {
