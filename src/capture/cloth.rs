@@ -42,7 +42,7 @@ pub(super) fn fabric(lattice: &Lattice, layout: &Layout, yarns: &Yarns, pixel: f
         let along = [-0.5, -0.25, 0.0, 0.25, 0.5].map(|share| share * own.length);
         let axis = along.map(|along| upright.count(own.axis(along).0 + corner) * cell);
         let fallen = along.map(|along| own.fallen(along));
-        Piece { segment, whole: layout.numbers[segment], axis, fallen, shape: shapes[segment] }
+        Piece { segment, number: layout.numbers[segment], axis, fallen, shape: shapes[segment] }
     };
     let corners = upright.copies.iter();
     let pieces: Vec<Piece> =

@@ -27,6 +27,22 @@ pub enum CaptureError {
     /// A repeat without any yarn to be told in it.
     #[error("no yarns can be told in the repeat: take a photo in which each yarn is four pixels wide and more")]
     NoYarns,
+    /// A given layout whose segments lie in more cells than any cloth's.
+    #[error(
+        "the layout's segments and their copies touch each cell {copies:.0} times, and may {most:.0} times: make the longest, widest and most bent of them smaller, or the cell larger"
+    )]
+    Crowded {
+        /// Copies that may touch a cell.
+        copies: f64,
+        /// How many may.
+        most: f64,
+    },
+    /// A cloth that no fabric file may hold.
+    #[error("no fabric file holds such cloth: {why}; mind --thickness and --pixels-per-mm")]
+    Unreal {
+        /// What is wrong with it.
+        why: String,
+    },
     /// A given layout whose yarns lie over each other or leave too much blank.
     #[error(
         "the layout does not cover its cell: {:.0} % lie under two segments (at most {:.0}) and {:.0} % under none (at most {:.0}); move, add or delete segments", 100.0 * .overlap, 100.0 * .most_overlap, 100.0 * .blank, 100.0 * .most_blank

@@ -213,6 +213,7 @@ struct Report<'a> {
     scale: f64,
     hypothesis: &'a str,
     unexplained: f64,
+    unexplained_by_seen: f64,
     overlap: f64,
     blank: f64,
     /// As far as they are seen.
@@ -271,7 +272,7 @@ pub fn save(captured: &Captured, folder: &OutputFolder) -> Result<(), ExportErro
     fs::write(folder.file("layout.svg"), drawing).map_err(io("layout.svg"))?;
     fs::write(folder.file("layout.toml"), layout_text(captured)).map_err(io("layout.toml"))?;
     fs::write(folder.file("fabric.toml"), fabric_text(captured)).map_err(io("fabric.toml"))?;
-    let Layout { hypothesis, error, overlap, blank, .. } = layout;
+    let Layout { hypothesis, error, seen_error, overlap, blank, .. } = layout;
     let hypothesis = match hypothesis {
         Hypothesis::Woven => "woven",
         Hypothesis::Cover => "cover",
@@ -287,6 +288,7 @@ pub fn save(captured: &Captured, folder: &OutputFolder) -> Result<(), ExportErro
         scale: *scale,
         hypothesis,
         unexplained: *error,
+        unexplained_by_seen: *seen_error,
         overlap: *overlap,
         blank: *blank,
         segments: seen.map(|(number, (segment, twist))| SeenTable::of(*number, segment, twist)).collect(),

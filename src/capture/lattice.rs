@@ -16,7 +16,7 @@ use super::correlogram::Correlogram;
 use super::steps;
 #[cfg(test)]
 use crate::ids::index32;
-use crate::plane::{Plane, double, narrow};
+use crate::plane::{Plane, double, float, narrow};
 
 /// Two vectors of a repeat, pixels, y down; reduced: none is shorter with the other added or taken off.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -144,13 +144,19 @@ pub(super) fn find(even: &Plane) -> Option<UnitCell> {
     Some(UnitCell { lattice, confidence })
 }
 
-/// Correlation of the structure tensor: its two components that say in which direction things run, and how much.
+/// Share of the mean power that is added where directions are told by their clarity.
+const FLOOR: f32 = 0.3;
+
+/// Correlation of the structure tensor: its two components that say in which direction things run, and how clearly. How strongly doesn't count: edges of holes, which are the
+/// strongest and repeat after each crossing, would drown the yarns.
 fn orientation(even: &Plane, scale: f64, reach: usize) -> Correlogram {
     let [gx, gy] = even.smoothed(narrow((0.05 * scale).clamp(0.6, 3.0))).gradient();
     let sigma = narrow((0.12 * scale).clamp(0.7, 8.0));
-    let along = gx.zip(&gy, |x, y| x * x - y * y).smoothed(sigma);
-    let across = gx.zip(&gy, |x, y| 2.0 * x * y).smoothed(sigma);
-    Correlogram::of(&along, Some(&across), reach)
+    let power = gx.zip(&gy, |x, y| x * x + y * y).smoothed(sigma);
+    let floor = FLOOR * power.values.iter().sum::<f32>() / float(power.values.len());
+    let clearly = |component: Plane| component.smoothed(sigma).zip(&power, |value, power| value / (power + floor));
+    let (along, across) = (gx.zip(&gy, |x, y| x * x - y * y), gx.zip(&gy, |x, y| 2.0 * x * y));
+    Correlogram::of(&clearly(along), Some(&clearly(across)), reach)
 }
 
 /// Peaks that may span the lattice.
@@ -383,6 +389,21 @@ mod tests {
             narrow(0.5 + 0.4 * (-(u * u / 60.0) - v * v / 18.0).exp())
         };
         let found = find(&without_shading(&Plane::from_fn(240, 220, |x, y| bump(double(x), double(y))))).unwrap();
+        assert!((found.lattice.area() / 288.0 - 1.0).abs() < 0.02 && found.confidence > CERTAIN, "{found:?}");
+    }
+
+    #[test]
+    fn deep_holes_do_not_drown_a_weave() {
+        // A plain weave of flat yarns, each lighter along its middle by a little, with black holes after each crossing.
+        let light = |x: f64, y: f64| {
+            let (i, j) = ((x / 12.0).round(), (y / 12.0).round());
+            let (u, v) = (x - 12.0 * i, y - 12.0 * j);
+            let is_hole = u.abs() > 4.5 && v.abs() > 4.5;
+            let warp_is_up = if u.abs() > 4.5 { false } else { v.abs() > 4.5 || (i + j).rem_euclid(2.0) < 0.5 };
+            let off = if warp_is_up { u } else { v };
+            if is_hole { 0.0 } else { narrow(0.7 - 0.006 * off * off) }
+        };
+        let found = find(&without_shading(&Plane::from_fn(240, 220, |x, y| light(double(x), double(y))).smoothed(0.7))).unwrap();
         assert!((found.lattice.area() / 288.0 - 1.0).abs() < 0.02 && found.confidence > CERTAIN, "{found:?}");
     }
 

@@ -7,6 +7,7 @@
 use rayon::prelude::*;
 
 use super::cell::Cell;
+use super::error::CaptureError;
 use super::fit::{Fit, refine};
 use super::lattice::Lattice;
 use super::segment::{Segment, places, shares, trimmed};
@@ -22,9 +23,11 @@ const COUNTED: usize = 128;
 /// Weaves that are refined, the likeliest.
 const WEAVES: usize = 4;
 /// A weave that leaves so little is believed without looking further.
-const CLEAR: f64 = 0.045;
+const CLEAR: f64 = 0.08;
 /// Changes of a layout after its fit.
 const MOVES: usize = 12;
+/// Copies of segments that touch a cell, in a person's layout; those of 64 floats over ten cells are fewer, and more only cost time.
+const MOST_COPIES: f64 = 10_000.0;
 /// What a segment more must at least explain of the cell.
 const EXPLAINS: f64 = 0.01;
 /// A share of the cell under two segments as they are given from which on they bury each other.
@@ -60,6 +63,8 @@ pub struct Layout {
     pub ground: f64,
     /// Share of the mean cell's variance that the segments leave.
     pub error: f64,
+    /// Share that those parts of them leave which are seen: the cloth is made of these.
+    pub seen_error: f64,
     /// What they were sought as.
     pub hypothesis: Hypothesis,
     /// Share of the cell that lies under two segments.
@@ -80,15 +85,16 @@ impl Layout {
     /// The same for what lies under no yarn; nets are mostly that.
     pub const MOST_BLANK: f64 = 0.75;
 
-    pub(super) fn of(segments: Vec<Segment>, lattice: &Lattice, ground: f64, error: f64, hypothesis: Hypothesis) -> Self {
-        let (numbers, seen): (Vec<_>, Vec<_>) = trimmed(&segments, lattice).into_iter().unzip();
-        let [overlap, blank] = shares(&seen, lattice, &places(lattice, [COUNTED; 2]));
-        Self { segments, seen, numbers, ground, error, hypothesis, overlap, blank }
+    fn of(segments: Vec<Segment>, target: &Target, ground: f64, hypothesis: Hypothesis) -> Self {
+        let (numbers, seen): (Vec<_>, Vec<_>) = trimmed(&segments, &target.lattice).into_iter().unzip();
+        let [overlap, blank] = counted(&seen, &target.lattice);
+        let [error, seen_error] = [&segments, &seen].map(|segments| target.error(segments, ground));
+        Self { segments, seen, numbers, ground, error, seen_error, hypothesis, overlap, blank }
     }
 
-    /// Segments of which nothing is seen.
-    pub(super) fn hidden(&self) -> usize {
-        self.segments.len() - self.numbers.chunk_by(|p, q| p == q).count()
+    /// The numbers of segments of which nothing is seen.
+    pub(super) fn hidden(&self) -> Vec<usize> {
+        (0..self.segments.len()).filter(|number| !self.numbers.contains(number)).collect()
     }
 
     /// Whether it keeps the rule.
@@ -102,29 +108,46 @@ impl Layout {
 pub(super) fn find(cell: &Cell) -> Option<Layout> {
     let coarse = Target::new(cell, COARSE);
     let (ground, top) = (coarse.quantile(0.04), coarse.quantile(0.9));
-    let weaves = woven::candidates(&coarse, ground, top).into_iter().take(WEAVES).map(|(_, segments)| {
+    let weaves = woven::candidates(&coarse, ground, top).into_iter().take(WEAVES).flat_map(|(_, segments)| {
         let fit = refine(&coarse, &segments, ground, 12);
-        (Hypothesis::Woven, pruned(&coarse, fit))
+        let longer = woven::beneath(&fit.segments).map(|segments| refine(&coarse, &segments, fit.ground, 12));
+        std::iter::once(fit).chain(longer)
     });
+    let weaves = weaves.map(|fit| (Hypothesis::Woven, pruned(&coarse, fit)));
     let mut best = weaves.min_by(|p, q| cost(&coarse, &p.1).total_cmp(&cost(&coarse, &q.1)));
-    if best.as_ref().is_none_or(|(_, fit)| cost(&coarse, fit) > CLEAR) {
+    let is_clear = best.as_ref().is_some_and(|(_, fit)| cost(&coarse, fit) < CLEAR);
+    if !is_clear {
         let covers = cover::fits(&coarse, ground, top).into_iter().map(|fit| (Hypothesis::Cover, pruned(&coarse, fit)));
         best = best.into_iter().chain(covers).min_by(|p, q| cost(&coarse, &p.1).total_cmp(&cost(&coarse, &q.1)));
     }
     let (hypothesis, fit) = best?;
-    let fit = settled(&coarse, fit, top);
-    let fit = refine(&Target::new(cell, FINE), &fit.segments, fit.ground, 40);
-    let layout = Layout::of(fit.segments, &cell.lattice, fit.ground, fit.error, hypothesis);
+    let fit = if is_clear { fit } else { settled(&coarse, fit, top) };
+    let fine = Target::new(cell, FINE);
+    let fit = refine(&fine, &fit.segments, fit.ground, 40);
+    let layout = Layout::of(fit.segments, &fine, fit.ground, hypothesis);
     (!layout.seen.is_empty()).then_some(layout)
 }
 
-/// A person's layout on a cell, with the error that it has there. Segments that bury each other are counted as they are given, since little of them is seen.
-pub(super) fn given(cell: &Cell, segments: Vec<Segment>, ground: f64) -> Layout {
-    let error = Target::new(cell, FINE).error(&segments, ground);
-    let [overlap, blank] = shares(&segments, &cell.lattice, &places(&cell.lattice, [COUNTED; 2]));
-    let layout = Layout::of(segments, &cell.lattice, ground, error, Hypothesis::Given);
-    let is_buried = overlap > BURIED || 2 * layout.hidden() > layout.segments.len();
-    if is_buried { Layout { overlap, blank, ..layout } } else { layout }
+/// A person's layout on a cell. Segments that bury each other are counted as they are given, since little of them is seen.
+pub(super) fn given(cell: &Cell, segments: Vec<Segment>, ground: f64) -> Result<Layout, CaptureError> {
+    let copies = segments.iter().map(|segment| segment.crowd(&cell.lattice)).sum::<f64>();
+    if copies > MOST_COPIES {
+        return Err(CaptureError::Crowded { copies, most: MOST_COPIES });
+    }
+    let [overlap, blank] = counted(&segments, &cell.lattice);
+    let layout = Layout::of(segments, &Target::new(cell, FINE), ground, Hypothesis::Given);
+    let is_buried = overlap > BURIED || 2 * layout.hidden().len() > layout.segments.len();
+    let layout = if is_buried { Layout { overlap, blank, ..layout } } else { layout };
+    if layout.is_valid() {
+        return Ok(layout);
+    }
+    let (most_overlap, most_blank) = (Layout::MOST_OVERLAP, Layout::MOST_BLANK);
+    Err(CaptureError::Invalid { overlap: layout.overlap, blank: layout.blank, most_overlap, most_blank })
+}
+
+/// Shares of a cell that lie under two segments, and under none.
+fn counted(segments: &[Segment], lattice: &Lattice) -> [f64; 2] {
+    shares(segments, lattice, &places(lattice, [COUNTED; 2]))
 }
 
 fn cost(target: &Target, fit: &Fit) -> f64 {

@@ -135,19 +135,7 @@ pub fn capture(photo: &RgbImage, settings: &Settings) -> Result<Captured, Captur
     let cell = Cell::folded(&evened(&lightness, narrow(1.5 * unit.lattice.longer())), &warp, &unit.lattice);
     let cell = color::levelled(cell, &hues);
     let layout = match &settings.layout {
-        Some(given) => {
-            let layout = layout::given(&cell, given.segments.iter().map(|segment| segment.scaled(scale)).collect(), given.ground);
-            if !layout.is_valid() {
-                let Layout { overlap, blank, .. } = layout;
-                return Err(CaptureError::Invalid {
-                    overlap,
-                    blank,
-                    most_overlap: Layout::MOST_OVERLAP,
-                    most_blank: Layout::MOST_BLANK,
-                });
-            }
-            layout
-        }
+        Some(given) => layout::given(&cell, given.segments.iter().map(|segment| segment.scaled(scale)).collect(), given.ground)?,
         None => layout::find(&cell).ok_or(CaptureError::NoYarns)?,
     };
     let colors = Colors::of(&hues, &layout.seen);
@@ -164,6 +152,7 @@ pub fn capture(photo: &RgbImage, settings: &Settings) -> Result<Captured, Captur
     let shapes: Vec<Shape> = layout.seen.iter().map(|segment| Shape::of(segment, Scale { pixel, light: depth.scale })).collect();
     let yarns = Yarns { shapes: &shapes, twists: &twists, colors: &colors };
     let fabric = cloth::fabric(&lattice, &layout, &yarns, pixel);
+    Fabric::parse(&fabric.to_string()).map_err(|error| CaptureError::Unreal { why: error.to_string() })?;
     Ok(Captured { unit, corner, layout, twists, shapes, fabric, pixel, scale, depth, warp, cell, texture })
 }
 

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use super::lattice::Lattice;
 use crate::plane::{Plane, double, narrow, whole};
 
-/// Displacements on a coarse grid, and where the lattice's origin is.
+/// How far the cloth is moved, on a coarse grid; nothing in the picture's middle.
 #[derive(Clone, Debug)]
 pub(super) struct Warp {
     /// Pixels to counts of the lattice's vectors.
@@ -25,7 +25,7 @@ pub(super) struct Warp {
     step: f64,
     columns: usize,
     rows: usize,
-    /// Where the cloth at each node belongs: the node less its displacement.
+    /// The displacement of the cloth that is seen at each node.
     nodes: Vec<DVec2>,
 }
 

@@ -187,17 +187,26 @@ impl Segment {
     }
 
     /// How far from its middle it reaches.
-    fn reach(&self) -> f64 {
+    pub(super) fn reach(&self) -> f64 {
         0.5 * (self.length + 0.8 * self.width).hypot(self.width) + self.bow.abs() + self.sway.abs()
+    }
+
+    /// Counts of both vectors, lowest and highest, to its copies that may touch the cell.
+    fn counts(&self, lattice: &Lattice) -> (DVec2, DVec2) {
+        let count = lattice.matrix().inverse() * self.centre;
+        let margin = DVec2::new(lattice.b.length(), lattice.a.length()) * self.reach() / lattice.area();
+        ((-margin - count).ceil(), (DVec2::ONE + margin - count).floor())
+    }
+
+    /// How many copies may touch the cell.
+    pub(super) fn crowd(&self, lattice: &Lattice) -> f64 {
+        let (low, high) = self.counts(lattice);
+        (high - low + 1.0).element_product()
     }
 
     /// Places of its copies that may touch the cell.
     pub(super) fn copies(&self, lattice: &Lattice) -> Vec<DVec2> {
-        let inverse = lattice.matrix().inverse();
-        let count = inverse * self.centre;
-        let reach = self.reach();
-        let margin = DVec2::new(lattice.b.length(), lattice.a.length()) * reach / lattice.area();
-        let (low, high) = ((-margin - count).ceil(), (DVec2::ONE + margin - count).floor());
+        let (low, high) = self.counts(lattice);
         let mut copies = Vec::new();
         for j in steps(low.y)..=steps(high.y) {
             for i in steps(low.x)..=steps(high.x) {
@@ -267,43 +276,49 @@ pub(super) fn drawn(segments: &[Segment], ground: f64, lattice: &Lattice, places
 /// Places along a segment that are looked at.
 const STEPS: usize = 60;
 
-/// Segments as long as they are seen, each with its number: those parts left out that others lie over, of which there are half as many as [`STEPS`] at most. Those that are hardly seen are gone.
+/// Segments as long as they are seen, each with its number, in [`STEPS`] / 3 parts at most: those parts left out that others lie over. Those that are hardly seen are gone.
 pub(super) fn trimmed(segments: &[Segment], lattice: &Lattice) -> Vec<(usize, Segment)> {
-    (0..segments.len())
-        .flat_map(|number| seen_parts(segments, number, lattice).into_iter().map(move |seen| (number, seen)))
-        .collect()
+    let parts = |(number, stretches): (usize, Vec<(f64, f64)>)| {
+        let part = move |(first, last)| (number, segments[number].part(first, last));
+        stretches.into_iter().map(part)
+    };
+    stretches(segments, lattice).into_iter().enumerate().flat_map(parts).collect()
 }
 
-/// The stretches of a segment's axis over which nothing else lies.
-fn seen_parts(segments: &[Segment], number: usize, lattice: &Lattice) -> Vec<Segment> {
-    let segment = &segments[number];
-    let way = DVec2::from_angle(segment.angle);
+/// Where along each segment nothing else lies over its axis.
+fn stretches(segments: &[Segment], lattice: &Lattice) -> Vec<Vec<(f64, f64)>> {
     // A yarn goes down beyond its ends, and is still seen there.
-    let along = |step: usize| (segment.length + 0.8 * segment.width) * (double(step) / double(STEPS) - 0.5);
-    let places: Vec<DVec2> = (0..=STEPS).map(|step| segment.axis(along(step)).0).collect();
+    let along = |segment: &Segment, step: usize| (segment.length + 0.8 * segment.width) * (double(step) / double(STEPS) - 0.5);
+    let axis = |segment: &Segment| (0..=STEPS).map(|step| segment.axis(along(segment, step)).0).collect::<Vec<_>>();
+    let places = segments.iter().flat_map(axis).collect::<Vec<_>>();
     let homes: Vec<DVec2> = places.iter().map(|place| lattice.home(*place)).collect();
     let highest = drawn(segments, 0.0, lattice, &homes);
-    let is_seen = |(place, highest): (&DVec2, &f64)| {
-        let own = segment.height(*place - segment.centre, way);
-        own > 0.0 && own >= highest - 1e-9
-    };
-    let seen: Vec<bool> = places.iter().zip(&highest).map(is_seen).collect();
-    let runs = seen.chunk_by(|a, b| a == b).scan(0, |start, run| {
-        *start += run.len();
-        Some((run[0], *start - run.len(), *start - 1))
-    });
-    let mut stretches: Vec<(f64, f64)> = runs.filter(|run| run.0).map(|(_, first, last)| (along(first), along(last))).collect();
-    stretches.retain(|(first, last)| last - first > 0.5 * segment.width);
-    // What is longer than a cell passes under the same yarn once a cell: its stretches are copies of each other.
-    let middle = |(first, last): &(f64, f64)| segment.axis(0.5 * (first + last)).0;
-    let same = |p: &(f64, f64), q: &(f64, f64)| lattice.nearest(middle(p) - middle(q)).length() < 0.5 * segment.width;
-    let mut kept: Vec<(f64, f64)> = Vec::new();
-    for stretch in stretches {
-        if !kept.iter().any(|other| same(other, &stretch)) {
-            kept.push(stretch);
+    let axes = places.chunks_exact(STEPS + 1).zip(highest.chunks_exact(STEPS + 1));
+    let seen = |(segment, (places, highest)): (&Segment, (&[DVec2], &[f64]))| {
+        let way = DVec2::from_angle(segment.angle);
+        let is_seen = |(place, highest): (&DVec2, &f64)| {
+            let own = segment.height(*place - segment.centre, way);
+            own > 0.0 && own >= highest - 1e-9
+        };
+        let seen: Vec<bool> = places.iter().zip(highest).map(is_seen).collect();
+        let runs = seen.chunk_by(|a, b| a == b).scan(0, |start, run| {
+            *start += run.len();
+            Some((run[0], along(segment, *start - run.len()), along(segment, *start - 1)))
+        });
+        let long = runs.filter(|(is_seen, first, last)| *is_seen && last - first > 0.5 * segment.width);
+        let mut kept: Vec<(f64, f64)> = Vec::new();
+        for (_, first, last) in long {
+            // What is longer than a cell passes under the same yarn once a cell: its stretches are copies of each other.
+            let middle = |(first, last): (f64, f64)| segment.axis(0.5 * (first + last)).0;
+            let same =
+                |other: &(f64, f64)| lattice.nearest(middle((first, last)) - middle(*other)).length() < 0.5 * segment.width;
+            if !kept.iter().any(same) {
+                kept.push((first, last));
+            }
         }
-    }
-    kept.into_iter().map(|(first, last)| segment.part(first, last)).collect()
+        kept
+    };
+    segments.iter().zip(axes).map(seen).collect()
 }
 
 /// Shares of a cell that lie under two segments, and under none.

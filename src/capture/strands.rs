@@ -30,10 +30,11 @@ const UNDERNEATH: f64 = 1.6;
 pub(super) struct Piece {
     /// Which of the layout's segments that are seen it is.
     pub(super) segment: usize,
-    /// Which of the layout's segments that is: they have several parts that are seen where others lie over them.
-    pub(super) whole: usize,
-    /// Five places along its axis, from end to end, and how far it has gone down there, 0 to 1.
+    /// The number of the segment that is seen there: parts of it have the same, one after another, where others lie over it.
+    pub(super) number: usize,
+    /// Five places along its axis, from end to end.
     pub(super) axis: [DVec2; 5],
+    /// How far it has gone down at each of them, 0 to 1.
     pub(super) fallen: [f64; 5],
     pub(super) shape: Shape,
 }
@@ -68,7 +69,7 @@ struct Link {
     cost: f64,
 }
 
-/// Joins pieces to yarns.
+/// Joins pieces to yarns; they are given copy by copy, in the order in which segments are seen.
 pub(super) fn strands(pieces: &[Piece], cell: DVec2) -> Vec<Strand> {
     let mean = pieces.iter().map(|piece| piece.shape.centre.z + piece.shape.semi_axis).sum::<f64>() / double(pieces.len().max(1));
     let links = links(pieces, cell);
@@ -130,7 +131,7 @@ fn outward(pieces: &[Piece], (piece, end): End) -> DVec2 {
 /// Whether the second is the next part of the same segment: between them it lies below others.
 fn go_on(pieces: &[Piece], from: End, to: End) -> bool {
     let [p, q] = [from, to].map(|(piece, _)| &pieces[piece]);
-    p.whole == q.whole && p.segment + 1 == q.segment && [from.1, to.1] == [1, 0] && to.0 == from.0 + 1
+    p.number == q.number && p.segment + 1 == q.segment && [from.1, to.1] == [1, 0] && to.0 == from.0 + 1
 }
 
 /// What joining two ends costs, if they may be one yarn's.
@@ -306,7 +307,7 @@ mod tests {
         let centre = ends[0].midpoint(ends[1]).extend(0.3);
         let shape = Shape { width: 0.4, length, semi_axis: 0.2, steepest: 0.3, curvature: 1.0, rotation: 0.0, centre };
         let axis = [0.0, 0.25, 0.5, 0.75, 1.0].map(|share| ends[0].lerp(ends[1], share));
-        Piece { segment, whole: segment, axis, fallen: [1.0, 0.25, 0.0, 0.25, 1.0], shape }
+        Piece { segment, number: segment, axis, fallen: [1.0, 0.25, 0.0, 0.25, 1.0], shape }
     }
 
     #[test]
@@ -357,12 +358,13 @@ mod tests {
     fn parts_of_one_segment_are_one_yarn_though_another_end_is_nearer() {
         let parts = [piece(0, [0.1, 0.5], [0.3, 0.5]), piece(1, [0.7, 0.58], [0.95, 0.7])];
         let other = piece(2, [0.35, 0.5], [0.55, 0.5]);
-        let whole = |whole: usize| [Piece { whole: 0, ..parts[0] }, Piece { whole, ..parts[1] }, Piece { whole: 2, ..other }];
+        let numbered =
+            |number: usize| [Piece { number: 0, ..parts[0] }, Piece { number, ..parts[1] }, Piece { number: 2, ..other }];
         let with = |pieces: [Piece; 3]| {
             strands(&pieces, DVec2::new(1.4, 1.0)).iter().map(|strand| strand.segments.clone()).collect::<Vec<_>>()
         };
-        assert!(with(whole(0)).iter().any(|segments| segments == &[0, 1]), "{:?}", with(whole(0)));
-        assert!(!with(whole(1)).iter().any(|segments| segments == &[0, 1]), "{:?}", with(whole(1)));
+        assert!(with(numbered(0)).iter().any(|segments| segments == &[0, 1]), "{:?}", with(numbered(0)));
+        assert!(!with(numbered(1)).iter().any(|segments| segments == &[0, 1]), "{:?}", with(numbered(1)));
     }
 
     #[test]

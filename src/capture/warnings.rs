@@ -1,6 +1,6 @@
 //! What whoever uses a capture should know, although there is one.
 
-use super::{Captured, Hypothesis, Layout, Twist};
+use super::{Captured, Layout, Twist};
 
 /// More unexplained than this is told: yarns are missing, or bend more than cylinders do.
 const UNEXPLAINED: f64 = 0.25;
@@ -32,8 +32,10 @@ impl Captured {
                 .to_owned()
         });
         let hidden = self.layout.hidden();
-        let hidden = (self.layout.hypothesis == Hypothesis::Given && hidden > 0)
-            .then(|| format!("{hidden} of the layout's segments are hidden under others, and left out"));
+        let hidden = (!hidden.is_empty()).then(|| {
+            let numbers = hidden.iter().map(|number| format!("{}", number + 1)).collect::<Vec<_>>().join(", ");
+            format!("hidden under others, and left out of the cloth: of layout.toml's segments {numbers}")
+        });
         [unexplained, gleaming, invalid, loose, hidden, self.twist_warning()].into_iter().flatten().collect()
     }
 

@@ -3,6 +3,8 @@
 //! In: a [`Target`]. Out: layouts of floats. The crossings' lattice has the cell's as a part of index 2 to 8, and goes nearly squarely along both yarns. Of small
 //! matrices all are tried; of larger ones the one whose yarns run as the picture does at each crossing.
 
+use std::f64::consts::FRAC_1_SQRT_2;
+
 use glam::{DMat2, DVec2};
 use rayon::prelude::*;
 
@@ -12,8 +14,12 @@ use super::steps;
 use super::target::Target;
 use crate::plane::double;
 
-/// Places along each yarn where the first crossing is tried.
-const OFFSETS: usize = 6;
+/// Places along each yarn where the first crossing is tried, and how wide yarns are tried, as shares of their distance: where holes are deep, they tell nothing of a weave whose holes lie
+/// beside them.
+const OFFSETS: usize = 8;
+const WIDTHS: [f64; 2] = [0.72, 0.88];
+/// How much longer a float is that is seen beyond its neighbours, widths.
+const BEYOND: f64 = 1.3;
 /// Crossings of a cell up to which all matrices are tried.
 const TRIED: usize = 4;
 
@@ -31,17 +37,26 @@ pub(super) fn candidates(target: &Target, ground: f64, top: f64) -> Vec<(f64, Ve
             (0..OFFSETS * OFFSETS).flat_map(move |number| {
                 let share = |part: usize| double(part) / double(OFFSETS);
                 let origin = grid.weft * share(number % OFFSETS) + grid.warp * share(number / OFFSETS);
-                let layouts: Vec<_> = grid
-                    .matrices(origin, tensor, target)
-                    .iter()
-                    .filter_map(|ups| grid.layout(origin, ups, ground, top))
-                    .collect();
-                layouts.into_iter().map(|segments| (target.scaled_error(&segments, ground), segments)).collect::<Vec<_>>()
+                let matrices = grid.matrices(origin, tensor, target);
+                let layouts = matrices.iter().flat_map(|ups| WIDTHS.map(|width| grid.layout(origin, ups, width, top - ground)));
+                layouts.flatten().map(|segments| (target.scaled_error(&segments, ground), segments)).collect::<Vec<_>>()
             })
         })
         .collect();
     found.sort_by(|p, q| p.0.total_cmp(&q.0));
     found
+}
+
+/// The same layout with floats that go on below their neighbours and are seen beyond, as in loose cloth: those along the first segment, those across it, and all.
+pub(super) fn beneath(segments: &[Segment]) -> [Vec<Segment>; 3] {
+    [[true, false], [false, true], [true, true]].map(|[along, across]| {
+        let goes_on = |segment: &Segment| {
+            let is_along = (segment.angle - segments[0].angle).cos().abs() > FRAC_1_SQRT_2;
+            if is_along { along } else { across }
+        };
+        let beyond = |segment: &Segment| if goes_on(segment) { BEYOND * segment.width } else { 0.0 };
+        segments.iter().map(|segment| Segment { length: segment.length + beyond(segment), ..*segment }).collect()
+    })
 }
 
 /// How much each place changes along which directions: the structure tensor in pixels.
@@ -141,8 +156,8 @@ impl Crossings {
         self.crossings().into_iter().map(|crossing| (crossing, up(crossing))).collect()
     }
 
-    /// The floats of both, if each yarn goes down somewhere.
-    fn layout(&self, origin: DVec2, ups: &[([i32; 2], bool)], ground: f64, top: f64) -> Option<Vec<Segment>> {
+    /// The floats of both, so wide and so much lighter than the ground, if each yarn goes down somewhere.
+    fn layout(&self, origin: DVec2, ups: &[([i32; 2], bool)], width: f64, top: f64) -> Option<Vec<Segment>> {
         let is_up = |crossing: [i32; 2]| ups.iter().find(|(other, _)| self.same(*other, crossing)).is_some_and(|(_, up)| *up);
         let mut segments = Vec::new();
         for (step, way, across, above) in [([0, 1], self.warp, self.weft, true), ([1, 0], self.weft, self.warp, false)] {
@@ -152,15 +167,30 @@ impl Crossings {
                     continue;
                 }
                 let count = (1..=8).find(|&n| is_up([crossing[0] + n * step[0], crossing[1] + n * step[1]]) != above)?;
-                let width = 0.85 * across.length() * (across.normalize().perp_dot(way.normalize())).abs();
+                let width = width * across.length() * (across.normalize().perp_dot(way.normalize())).abs();
                 let centre = origin + self.at(crossing) + way * (0.5 * f64::from(count - 1));
                 let length = way.length() * (f64::from(count) + 0.25);
-                let float = Segment::straight(centre, way.to_angle(), width, length, top - ground);
-                segments.push(Segment { sag: 0.35 * float.top, ..float });
+                let float = Segment::straight(centre, way.to_angle(), width, length, top);
+                segments.push(Segment { sag: 0.35 * top, ..float });
             }
         }
         let wefts = ups.iter().any(|(_, up)| !up);
         let warps = ups.iter().any(|(_, up)| *up);
         (wefts && warps && segments.len() >= 2).then_some(segments)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::FRAC_PI_2;
+
+    use super::*;
+
+    #[test]
+    fn floats_that_go_on_are_those_of_a_yarn_or_of_both() {
+        let along =
+            [0.1, 0.1 + FRAC_PI_2, 0.1 + 2.0 * FRAC_PI_2].map(|angle| Segment::straight(DVec2::ZERO, angle, 4.0, 10.0, 1.0));
+        let longer = beneath(&along).map(|segments| segments.iter().map(|segment| segment.length > 10.0).collect::<Vec<_>>());
+        assert_eq!(longer, [vec![true, false, true], vec![false, true, false], vec![true; 3]]);
     }
 }

@@ -67,7 +67,7 @@ fn report(found: &Captured) -> String {
         ),
         ("scale", format!("{:.2} pixels a mm", pixel.recip())),
         ("seen at", format!("{scale:.2} of the photo's size")),
-        ("unexplained", share(layout.error)),
+        ("unexplained", format!("{}, by what is seen {}", share(layout.error), share(layout.seen_error))),
         ("overlap", share(layout.overlap)),
         ("blank", share(layout.blank)),
     ];
@@ -81,7 +81,7 @@ fn report(found: &Captured) -> String {
     for ((number, segment), (shape, twist)) in
         layout.numbers.iter().map(|number| number + 1).zip(&layout.seen).zip(found.shapes.iter().zip(&found.twists))
     {
-        let (centre, degrees) = (segment.centre, segment.angle.to_degrees().rem_euclid(180.0));
+        let (centre, degrees) = (segment.centre, segment.angle.to_degrees().rem_euclid(360.0));
         let sizes = format!("{:9.2} {:9.2} {:9.3}", segment.width, segment.length, shape.width);
         let mark = if twist.is_guess { "?" } else { "" };
         line(format!("{number:7} {:9.2} {:9.2} {degrees:9.1} {sizes} {:9.1}{mark}", centre.x, centre.y, twist.degrees));

@@ -54,7 +54,7 @@ fn weaves_are_found_again() {
         assert!(errors.len() >= 2 && found.layout.seen.len() >= 2, "{kind:?} {seed}: {:?}", truth.stretches);
         for [off, turn, wider] in errors {
             assert!(
-                off < 0.3 && turn < 0.06 && wider < 0.15,
+                off < 0.1 && turn < 0.06 && wider < 0.1,
                 "{kind:?} {seed}: off by {off} widths, {turn} rad, {wider}: {:?}",
                 found.layout
             );
@@ -165,6 +165,15 @@ fn the_command_fills_a_folder_and_takes_its_layout_back() {
     );
     let broken = edited("length", "lenght").unwrap_err();
     assert!(broken.starts_with("error: edited.toml:") && broken.contains("lenght") && broken.lines().count() == 1, "{broken}");
+    // One segment as large as a file may say, bent as far, on a cell that is all length: some hundred thousand copies of it, none of which is drawn.
+    let crowd = "[cell]\na = [4, 0]\nb = [0, 100]\nground = -1\n[[segments]]\ncenter = [0, 0]\nangle_deg = 45\nwidth = 900\nlength = 900\ntop = 1\nround = 0.5\nsag = 0.3\nbow = 900\n";
+    std::fs::write(folder.join("crowd.toml"), crowd).unwrap();
+    let crowded = unexplained("crowd.toml").unwrap_err();
+    assert!(crowded.starts_with("error: crowd.toml: ") && crowded.contains("copies touch each cell"), "{crowded}");
+    // No fabric file holds cloth of a thousand wales a mm.
+    let fine = run(folder, &["cloth.png", "--layout", "first/layout.toml", "-o", "fine", "--pixels-per-mm", "1e9"]);
+    let message = String::from_utf8(fine.stderr).unwrap();
+    assert!(message.contains("wales_per_cm") && message.lines().count() == 1 && !folder.join("fine").exists(), "{message}");
     // What is read is not written over.
     let over = run(folder, &["cloth.png", "--layout", "first/layout.toml", "-o", "first"]);
     assert!(!over.status.success() && read("first/layout.toml") == text.as_bytes());

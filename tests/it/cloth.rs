@@ -27,7 +27,7 @@ pub(crate) enum Kind {
 /// A stretch of yarn that is seen.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Stretch {
-    /// Where it is in the picture.
+    /// Where it is seen in the picture, or of [`Sample::in_cell`] from a cell's corner.
     pub(crate) centre: DVec2,
     /// Its direction where nothing moves the cloth.
     pub(crate) angle: f64,

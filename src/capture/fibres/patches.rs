@@ -40,7 +40,7 @@ pub(super) fn frames(sight: &Sight, segment: &Segment) -> Vec<Frame> {
         for i in steps(low.x) - 1..=steps(high.x) {
             let copy = matrix * DVec2::new(f64::from(i), f64::from(j));
             let [middle, first, last] = [own, first, last].map(|place| sight.warp.place(inverse * (place + copy)));
-            let reach = 0.5 * segment.length.hypot(segment.width) + 2.0;
+            let reach = segment.reach();
             let is_in = middle.cmpge(DVec2::splat(reach)).all() && (middle + reach).cmple(sight.view - 1.0).all();
             if is_in {
                 frames.push(Frame { middle: photo(middle), way: (last - first).normalize_or(DVec2::X) });
@@ -60,12 +60,7 @@ pub(super) fn bounded(count: f64) -> usize {
 /// What tells the copies of a segment from each other; it and `size`, along and across them, are in pixels of the photo.
 pub(super) fn details(photo: &RgbImage, frames: &[Frame], segment: &Segment, size: DVec2) -> Vec<Plane> {
     let [columns, rows] = size.to_array().map(|side| 2 * whole(narrow(0.5 * side)) + 1);
-    let flat = Segment { centre: DVec2::ZERO, angle: 0.0, ..*segment };
-    let middle = flat.axis(0.0).0;
-    let axis: Vec<(DVec2, DVec2)> = (0..columns)
-        .map(|u| flat.axis(double(u) - 0.5 * double(columns - 1)))
-        .map(|(place, angle)| (place - middle, DVec2::from_angle(angle).perp()))
-        .collect();
+    let axis = straightened(segment, columns);
     let patches: Vec<Plane> = frames.par_iter().map(|frame| patch(photo, frame, &axis, rows)).collect();
     if patches.len() < ENOUGH {
         return patches;
@@ -75,19 +70,31 @@ pub(super) fn details(photo: &RgbImage, frames: &[Frame], segment: &Segment, siz
     patches.iter().map(|patch| patch.zip(&mean, |value, mean| value - mean)).collect()
 }
 
+/// Where so many columns lie, a pixel of the axis apart, from its middle in the frame of a segment; and which way is across it there.
+fn straightened(segment: &Segment, columns: usize) -> Vec<(DVec2, DVec2)> {
+    let flat = Segment { centre: DVec2::ZERO, angle: 0.0, ..*segment };
+    let middle = flat.axis(0.0).0;
+    // A step along the axis is one along the line between its ends by the cosine of its turn; a quarter of a pixel at a time.
+    let walk = |from: f64, by: f64| (0..4).fold(from, |along, _| along + 0.25 * by * flat.axis(along).1.cos());
+    let half = columns / 2;
+    let side = |by: f64| std::iter::successors(Some(0.0), move |along| Some(walk(*along, by))).skip(1).take(half);
+    let before = side(-1.0).collect::<Vec<_>>();
+    let along = before.into_iter().rev().chain([0.0]).chain(side(1.0));
+    along.map(|along| flat.axis(along)).map(|(place, angle)| (place - middle, DVec2::from_angle(angle).perp())).collect()
+}
+
 /// A patch along an axis: where each column is from its middle in the frame, and which way is across it there.
 fn patch(photo: &RgbImage, frame: &Frame, axis: &[(DVec2, DVec2)], rows: usize) -> Plane {
     let half = 0.5 * double(rows - 1);
-    let reach = axis.iter().map(|(place, _)| place.length()).fold(0.0, f64::max) + half + 2.0;
+    let place = |u: usize, off: f64| frame.middle + frame.way.rotate(axis[u].0 + axis[u].1 * off);
+    let edges = || (0..axis.len()).flat_map(|u| [place(u, -half), place(u, half)]);
+    let corners = [edges().fold(DVec2::INFINITY, DVec2::min) - 1.0, edges().fold(DVec2::NEG_INFINITY, DVec2::max) + 1.0];
     let limits = DVec2::new(f64::from(photo.width()), f64::from(photo.height())) - 1.0;
-    let [low, high] = [frame.middle - reach, frame.middle + reach].map(|corner| corner.clamp(DVec2::ZERO, limits).floor());
+    let [low, high] = corners.map(|corner| corner.clamp(DVec2::ZERO, limits).floor());
     let [x, y] = low.to_array().map(|at| side(whole(narrow(at))));
     let [width, height] = (high - low).to_array().map(|size| side(whole(narrow(size))) + 1);
     let light = Plane::lightness(&crop_imm(photo, x, y, width, height).to_image());
-    Plane::from_fn(axis.len(), rows, |u, v| {
-        let (place, across) = axis[u];
-        light.between(frame.middle + frame.way.rotate(place + across * (double(v) - half)) - low)
-    })
+    Plane::from_fn(axis.len(), rows, |u, v| light.between(place(u, double(v) - half) - low))
 }
 
 #[cfg(test)]

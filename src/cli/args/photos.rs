@@ -53,10 +53,10 @@ pub(crate) struct Capture {
     #[arg(long, value_name = "AX,AY,BX,BY", value_parser = two_vectors, allow_hyphen_values = true, conflicts_with = "layout")]
     pub(crate) cell: Option<[f64; 4]>,
     /// How thick the cloth is, mm: the scale of its depth
-    #[arg(long, value_name = "MM", value_parser = positive, default_value_t = THICKNESS)]
+    #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true, default_value_t = THICKNESS)]
     pub(crate) thickness: f64,
     /// Pixels of the photo a mm [default: as many as make a yarn half as wide as the cloth is thick]
-    #[arg(long, value_name = "N", value_parser = positive)]
+    #[arg(long, value_name = "N", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) pixels_per_mm: Option<f64>,
     /// A layout.toml, perhaps changed by hand: its cell and its segments, in place of what is found
     #[arg(long, value_name = "FILE")]

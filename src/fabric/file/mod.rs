@@ -233,6 +233,7 @@ mod tests {
     use std::path::PathBuf;
 
     use super::*;
+    use crate::fabric::PanelLayout;
     use crate::fabric::bar::Bar;
     use crate::fabric::builtin;
     use crate::fabric::lapping::{Chain, MAX_GAP, Numbering};
@@ -380,11 +381,7 @@ panel = 1
                 paths: Vec::new(),
                 panels: panels
                     .into_iter()
-                    .map(|(panel, (grain_degrees, origin))| crate::fabric::PanelLayout {
-                        panel,
-                        grain_degrees,
-                        origin: origin.into(),
-                    })
+                    .map(|(panel, (grain_degrees, origin))| PanelLayout { panel, grain_degrees, origin: origin.into() })
                     .collect(),
                 enlargement: 1.0,
             },
