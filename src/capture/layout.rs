@@ -1,8 +1,8 @@
 //! Step 3, layout: the yarn segments of a cell.
 //!
 //! In: the mean cell. Out: a [`Layout`]. Layouts that a weave may have ([`woven`]) and layouts that merely cover the cell ([`cover`]) are refined on a coarse cell; what they
-//! leave unexplained, how many segments they take and how much these overlap say which is best; of that,
-//! segments are joined, dropped and added while that helps, and then it is refined on a finer cell. Cost: half a second where a weave is clear, else four to eight on two cores.
+//! leave unexplained, how many segments they take and how much these overlap say which is best. A clear weave is believed; of other layouts segments are joined, dropped and added while
+//! that helps. The best one is refined on a finer cell. Cost: half a second to two where a weave is clear, else up to ten on two cores.
 
 use rayon::prelude::*;
 
