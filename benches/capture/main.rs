@@ -124,6 +124,7 @@ fn layouts() {
         "| cloth | lattice right | vectors off | stretches found | segments wrong | width off | degrees off | widths off across | seconds |"
     );
     println!("|---|---|---|---|---|---|---|---|---|");
+    let mut all = Score::default();
     for (name, kind) in [
         ("plain", Kind::Plain),
         ("plain, two colours", Kind::Colored),
@@ -136,7 +137,9 @@ fn layouts() {
             score.take(&sample(kind, FIRST_SEED + seed, SIDE, disturbance(seed)));
         }
         println!("| {name} | {} |", score.row());
+        all.add(score);
     }
+    println!("| all | {} |", all.row());
     let refused = |images: &dyn Fn(u64) -> RgbImage| {
         (0..PICTURES).filter(|seed| capture(&images(FIRST_SEED + seed), &Settings::default()).is_err()).count()
     };
@@ -238,6 +241,20 @@ impl Score {
         self.segments += told.len();
         let is_true = |piece: &&Stretch| stretches.iter().any(|stretch| lies_on(piece, stretch, lattice));
         self.wrong += told.len() - told.iter().filter(is_true).count();
+    }
+
+    fn add(&mut self, other: Self) {
+        self.pictures += other.pictures;
+        self.lattices += other.lattices;
+        self.stretches += other.stretches;
+        self.recalled += other.recalled;
+        self.segments += other.segments;
+        self.wrong += other.wrong;
+        self.vectors.extend(other.vectors);
+        self.widths.extend(other.widths);
+        self.degrees.extend(other.degrees);
+        self.places.extend(other.places);
+        self.seconds.extend(other.seconds);
     }
 
     fn row(&mut self) -> String {
