@@ -125,8 +125,7 @@ fn mean(cells: &[Cell; 3], segment: &Segment) -> DVec3 {
     let mut sum = DVec3::ZERO;
     for at in 0..ASKED * ASKED {
         let (along, across) = (share(at % ASKED) * INNER[1] * segment.length, share(at / ASKED) * INNER[0] * segment.width);
-        let (place, angle) = segment.axis(along);
-        let count = inverse * (place + DVec2::from_angle(angle).perp() * across);
+        let count = inverse * segment.beside(along, across);
         sum += DVec3::from(cells.each_ref().map(|cell| f64::from(cell.at(count))));
     }
     (sum / double(ASKED * ASKED)).max(DVec3::ZERO)

@@ -113,15 +113,18 @@ pub(super) fn find(cell: &Cell) -> Option<Layout> {
         let longer = woven::beneath(&fit.segments).map(|segments| refine(&coarse, &segments, fit.ground, 12));
         std::iter::once(fit).chain(longer)
     });
-    let weaves = weaves.map(|fit| (Hypothesis::Woven, pruned(&coarse, fit)));
-    let mut best = weaves.min_by(|p, q| cost(&coarse, &p.1).total_cmp(&cost(&coarse, &q.1)));
-    let is_clear = best.as_ref().is_some_and(|(_, fit)| cost(&coarse, fit) < CLEAR);
+    let costed = |hypothesis: Hypothesis, fit: Fit| {
+        let fit = pruned(&coarse, fit);
+        (cost(&coarse, &fit), hypothesis, fit)
+    };
+    let mut best = weaves.map(|fit| costed(Hypothesis::Woven, fit)).min_by(|p, q| p.0.total_cmp(&q.0));
+    let is_clear = best.as_ref().is_some_and(|(cost, ..)| *cost < CLEAR);
     if !is_clear {
-        let covers = cover::fits(&coarse, ground, top).into_iter().map(|fit| (Hypothesis::Cover, pruned(&coarse, fit)));
-        best = best.into_iter().chain(covers).min_by(|p, q| cost(&coarse, &p.1).total_cmp(&cost(&coarse, &q.1)));
+        let covers = cover::fits(&coarse, ground, top).into_iter().map(|fit| costed(Hypothesis::Cover, fit));
+        best = best.into_iter().chain(covers).min_by(|p, q| p.0.total_cmp(&q.0));
     }
-    let (hypothesis, fit) = best?;
-    let fit = if is_clear { fit } else { settled(&coarse, fit, top) };
+    let (least, hypothesis, fit) = best?;
+    let fit = if is_clear { fit } else { settled(&coarse, fit, least, top) };
     let fine = Target::new(cell, FINE);
     let fit = refine(&fine, &fit.segments, fit.ground, 40);
     let layout = Layout::of(fit.segments, &fine, fit.ground, hypothesis);
@@ -160,9 +163,8 @@ fn cost(target: &Target, fit: &Fit) -> f64 {
     error * (1.0 + SEGMENT_COST * double(fit.segments.len())) + OVERLAP_COST.0 * (overlap - OVERLAP_COST.1).max(0.0)
 }
 
-/// With segments joined that are one yarn, without needless ones, and with those added that are lacking then, as long as the layout costs less so.
-fn settled(target: &Target, mut fit: Fit, top: f64) -> Fit {
-    let mut least = cost(target, &fit);
+/// With segments joined that are one yarn, without needless ones, and with those added that are lacking then, as long as the layout costs less than `least` so.
+fn settled(target: &Target, mut fit: Fit, mut least: f64, top: f64) -> Fit {
     for _ in 0..MOVES {
         let fewer =
             fewer(&fit.segments, &target.lattice).into_par_iter().map(|segments| refine(target, &segments, fit.ground, 12));

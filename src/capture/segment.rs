@@ -75,6 +75,12 @@ impl Segment {
         (self.centre + DVec2::from_angle(self.angle).rotate(DVec2::new(along, aside)), self.angle + slope.atan())
     }
 
+    /// Where it is so far along its axis, and so far beside it.
+    pub(super) fn beside(&self, along: f64, across: f64) -> DVec2 {
+        let (place, angle) = self.axis(along);
+        place + DVec2::from_angle(angle).perp() * across
+    }
+
     /// The stretch from one place along it to another: as light at its ends and in its middle as it was, and as far aside there and at its crests.
     fn part(&self, first: f64, last: f64) -> Self {
         let on_axis = |t: f64| self.axis(first + (0.5 + 0.5 * t) * (last - first)).0;

@@ -43,8 +43,8 @@ fn outlines(segment: &Segment, cell: &Cell) -> [[DVec2; AROUND]; 9] {
     let home = cell.lattice.home(segment.centre);
     let outline: [DVec2; AROUND] = std::array::from_fn(|at| {
         let (step, side) = if at < ALONG { (at, -0.5) } else { (AROUND - 1 - at, 0.5) };
-        let (place, angle) = segment.axis((double(step) / double(ALONG - 1) - 0.5) * segment.length);
-        place + DVec2::from_angle(angle).perp() * (side * segment.width) - segment.centre
+        let along = (double(step) / double(ALONG - 1) - 0.5) * segment.length;
+        segment.beside(along, side * segment.width) - segment.centre
     });
     [0_u8, 1, 2, 3, 4, 5, 6, 7, 8].map(|copy| {
         let cells = DVec2::new(f64::from(copy % 3), f64::from(copy / 3));
