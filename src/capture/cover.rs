@@ -8,7 +8,7 @@ use std::f64::consts::PI;
 use glam::DVec2;
 use rayon::prelude::*;
 
-use super::fit::{Fit, refine};
+use super::fit::{Fit, Hypothesis, refine};
 use super::segment::{Segment, drawn};
 use super::steps;
 use super::target::Target;
@@ -32,7 +32,7 @@ pub(super) fn fits(target: &Target, ground: f64, top: f64) -> Vec<Fit> {
         .filter_map(|share| {
             let spots = spots(target, &target.light, share * scale, ground, top);
             let pair = best_pair(target, &spots, ground)?;
-            Some(grown(target, refine(target, &pair, ground, 8), top))
+            Some(grown(target, refine(target, Hypothesis::Cover, &pair, ground, 8), top))
         })
         .collect()
 }
@@ -55,11 +55,8 @@ pub(super) fn grown(target: &Target, mut fit: Fit, top: f64) -> Fit {
         let mut tried: Vec<(f64, &Segment)> =
             spots.par_iter().map(|spot| (target.error(&with(spot), fit.ground), spot)).collect();
         tried.sort_by(|p, q| p.0.total_cmp(&q.0));
-        let best = tried
-            .iter()
-            .take(2)
-            .map(|(_, spot)| refine(target, &with(spot), fit.ground, 8))
-            .min_by(|p, q| p.error.total_cmp(&q.error));
+        let best =
+            tried.iter().take(2).map(|(_, spot)| fit.with(target, &with(spot), 8)).min_by(|p, q| p.error.total_cmp(&q.error));
         match best {
             Some(better) if better.error < HELPS * fit.error => fit = better,
             _ => break,

@@ -13,8 +13,9 @@ use super::target::Target;
 /// The longest segment, in lengths of the cell's longer vector.
 const LONGEST: f64 = 3.0;
 
-/// How far a fit turns a segment, radians: one that is as wide as long has no direction of its own.
+/// How far a fit turns a segment, radians; in a weave, whose yarns run as their crossings do, so much for each width by which it is longer than wide, up to the last.
 const TURNS: f64 = 0.2;
+const WOVEN_TURNS: f64 = 0.08;
 
 /// How far aside a segment bends, of what it is longer than so many widths: one that is as wide as long has no bend of its own either.
 const BENDS: f64 = 0.15;
@@ -22,30 +23,51 @@ const STUBBY: f64 = 1.5;
 /// How much darker its edges are at most, of how much lighter than the ground its middle is: darker ones would make it seem narrower than it is said to be.
 const ROUNDEST: f64 = 0.6;
 
-/// Segments on a ground of some lightness, and the share of the cell's variance that they leave.
+/// What a layout is sought as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Hypothesis {
+    /// A matrix of warp and weft.
+    Woven,
+    /// Whatever covers the cell best, such as legs of loops.
+    Cover,
+    /// A person's.
+    Given,
+}
+
+/// Segments on a ground of some lightness, what they were sought as, and the share of the cell's variance that they leave.
 #[derive(Clone, Debug)]
 pub(super) struct Fit {
     pub(super) segments: Vec<Segment>,
+    pub(super) hypothesis: Hypothesis,
     pub(super) ground: f64,
     pub(super) error: f64,
 }
 
+impl Fit {
+    /// The fit of other segments of the same hypothesis.
+    pub(super) fn with(&self, target: &Target, segments: &[Segment], rounds: usize) -> Self {
+        refine(target, self.hypothesis, segments, self.ground, rounds)
+    }
+}
+
 /// Moves segments until they suit the cell.
-pub(super) fn refine(target: &Target, segments: &[Segment], ground: f64, rounds: usize) -> Fit {
+pub(super) fn refine(target: &Target, hypothesis: Hypothesis, segments: &[Segment], ground: f64, rounds: usize) -> Fit {
     let numbers = segments.iter().flat_map(Segment::numbers).chain([ground]);
     let problem = Problem {
         target,
+        hypothesis,
         start: segments.to_vec(),
         numbers: DVector::from_iterator(segments.len() * Segment::NUMBERS + 1, numbers),
     };
     let (solved, _) = LevenbergMarquardt::new().with_patience(rounds).with_ftol(1e-4).with_xtol(1e-4).minimize(problem);
     let (segments, ground) = solved.segments(&solved.numbers);
     let error = target.error(&segments, ground);
-    Fit { segments, ground, error }
+    Fit { segments, hypothesis, ground, error }
 }
 
 struct Problem<'a> {
     target: &'a Target,
+    hypothesis: Hypothesis,
     start: Vec<Segment>,
     numbers: DVector<f64>,
 }
@@ -61,9 +83,13 @@ impl Problem<'_> {
             let width = s.width.clamp(0.5 * start.width, 1.9 * start.width).min(0.5 * LONGEST * longer);
             let length = s.length.clamp(0.45 * start.length, 2.2 * start.length).min(LONGEST * longer).max(0.7 * width);
             let top = s.top.max(0.0);
+            let turns = match self.hypothesis {
+                Hypothesis::Woven => WOVEN_TURNS * (length / width - 1.0).clamp(0.0, 1.0),
+                Hypothesis::Cover | Hypothesis::Given => TURNS,
+            };
             let bends = BENDS * (length - STUBBY * width).max(0.0);
             Segment {
-                angle: s.angle.clamp(start.angle - TURNS, start.angle + TURNS),
+                angle: s.angle.clamp(start.angle - turns, start.angle + turns),
                 width,
                 length,
                 top,
@@ -173,7 +199,7 @@ mod tests {
         let truth = [segment(8.0, 7.0, 0.2), segment(21.0, 16.0, FRAC_PI_2)];
         let target = Target::new(&cell(&truth), 40.0);
         let start = truth.map(|s| Segment { centre: s.centre + 1.2, angle: s.angle - 0.1, width: 8.0, top: 1.2, tilt: 0.0, ..s });
-        let fit = refine(&target, &start, -0.8, 30);
+        let fit = refine(&target, Hypothesis::Cover, &start, -0.8, 30);
         assert!(fit.error < 0.01, "{fit:?}");
         for (found, truth) in fit.segments.iter().zip(&truth) {
             assert!(found.centre.distance(truth.centre) < 0.6 && (found.angle - truth.angle).abs() < 0.05, "{found:?}");
@@ -185,11 +211,11 @@ mod tests {
     fn no_segment_outgrows_some_cells() {
         let start = vec![segment(8.0, 7.0, 0.2)];
         let target = Target::new(&cell(&start), 20.0);
-        let mut fit = refine(&target, &start, -1.0, 1);
+        let mut fit = refine(&target, Hypothesis::Cover, &start, -1.0, 1);
         for _ in 0..20 {
             let numbers = DVector::from_element(Segment::NUMBERS + 1, 1e12);
-            let problem = Problem { target: &target, start: fit.segments, numbers };
-            fit = Fit { segments: problem.segments(&problem.numbers).0, ground: 0.0, error: 1.0 };
+            let problem = Problem { target: &target, hypothesis: fit.hypothesis, start: fit.segments, numbers };
+            fit.segments = problem.segments(&problem.numbers).0;
         }
         assert!(fit.segments[0].length <= 3.0 * LATTICE.longer() && fit.segments[0].copies(&LATTICE).len() < 400, "{fit:?}");
     }

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::cell::Cell;
 use super::error::CaptureError;
-use super::fit::{Fit, refine};
+use super::fit::{Fit, Hypothesis, refine};
 use super::lattice::Lattice;
 use super::segment::{Segment, places, shares, trimmed};
 use super::target::Target;
@@ -22,8 +22,8 @@ const FINE: f64 = 52.0;
 const COUNTED: usize = 128;
 /// Weaves that are refined, the likeliest.
 const WEAVES: usize = 4;
-/// A weave that leaves so little is believed without looking further.
-const CLEAR: f64 = 0.08;
+/// A weave that costs less is believed without looking further: drawn weaves cost up to .05 and photographed ones .07; satin .13, and loops taken for weaves .18 and more.
+const CLEAR: f64 = 0.1;
 /// Changes of a layout after its fit.
 const MOVES: usize = 12;
 /// Copies of segments that touch a cell, in a person's layout; those of 64 floats over ten cells are fewer, and more only cost time.
@@ -39,17 +39,6 @@ const OVERLAP_COST: (f64, f64) = (0.35, 0.08);
 const UNSEEN_COST: (f64, f64) = (0.05, 0.2);
 const INVALID_COST: f64 = 0.1;
 
-/// What a layout was sought as.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Hypothesis {
-    /// A matrix of warp and weft.
-    Woven,
-    /// Whatever covers the cell best, such as legs of loops.
-    Cover,
-    /// A person's.
-    Given,
-}
-
 /// The yarns of a cell.
 #[derive(Clone, Debug)]
 pub struct Layout {
@@ -61,7 +50,7 @@ pub struct Layout {
     pub numbers: Vec<usize>,
     /// How light the deepest ground is.
     pub ground: f64,
-    /// Share of the mean cell's variance that the segments leave.
+    /// Share of the mean cell's variance that the segments leave, with what the fit has below others.
     pub error: f64,
     /// Share that those parts of them leave which are seen: the cloth is made of these.
     pub seen_error: f64,
@@ -85,11 +74,20 @@ impl Layout {
     /// The same for what lies under no yarn; nets are mostly that.
     pub const MOST_BLANK: f64 = 0.75;
 
-    fn of(segments: Vec<Segment>, target: &Target, ground: f64, hypothesis: Hypothesis) -> Self {
+    fn of(Fit { segments, hypothesis, ground, error }: Fit, target: &Target) -> Self {
         let (numbers, seen): (Vec<_>, Vec<_>) = trimmed(&segments, &target.lattice).into_iter().unzip();
         let [overlap, blank] = counted(&seen, &target.lattice);
-        let [error, seen_error] = [&segments, &seen].map(|segments| target.error(segments, ground));
+        let seen_error = target.error(&seen, ground);
         Self { segments, seen, numbers, ground, error, seen_error, hypothesis, overlap, blank }
+    }
+
+    /// Without segments of which nothing is seen.
+    fn without_hidden(&mut self) {
+        let hidden = self.hidden();
+        for number in hidden.into_iter().rev() {
+            self.segments.remove(number);
+            self.numbers.iter_mut().for_each(|of| *of -= usize::from(*of > number));
+        }
     }
 
     /// The numbers of segments of which nothing is seen.
@@ -108,27 +106,37 @@ impl Layout {
 pub(super) fn find(cell: &Cell) -> Option<Layout> {
     let coarse = Target::new(cell, COARSE);
     let (ground, top) = (coarse.quantile(0.04), coarse.quantile(0.9));
-    let weaves = woven::candidates(&coarse, ground, top).into_iter().take(WEAVES).flat_map(|(_, segments)| {
-        let fit = refine(&coarse, &segments, ground, 12);
-        let longer = woven::beneath(&fit.segments).map(|segments| refine(&coarse, &segments, fit.ground, 12));
-        std::iter::once(fit).chain(longer)
+    let weaves = woven::candidates(&coarse, ground, top).into_iter().take(WEAVES).flat_map(|weave| {
+        let dense = refine(&coarse, Hypothesis::Woven, &weave.floats, ground, 12);
+        let loose = dense.with(&coarse, &[&dense.segments[..], &weave.sunken].concat(), 12);
+        [dense, loose].into_iter().filter(|fit| is_weave(fit, weave.floats.len(), &coarse.lattice)).collect::<Vec<_>>()
     });
-    let costed = |hypothesis: Hypothesis, fit: Fit| {
+    let costed = |fit: Fit| {
         let fit = pruned(&coarse, fit);
-        (cost(&coarse, &fit), hypothesis, fit)
+        (cost(&coarse, &fit), fit)
     };
-    let mut best = weaves.map(|fit| costed(Hypothesis::Woven, fit)).min_by(|p, q| p.0.total_cmp(&q.0));
-    let is_clear = best.as_ref().is_some_and(|(cost, ..)| *cost < CLEAR);
+    let mut best = weaves.map(costed).min_by(|p, q| p.0.total_cmp(&q.0));
+    let is_clear = best.as_ref().is_some_and(|(cost, _)| *cost < CLEAR);
     if !is_clear {
-        let covers = cover::fits(&coarse, ground, top).into_iter().map(|fit| costed(Hypothesis::Cover, fit));
+        let covers = cover::fits(&coarse, ground, top).into_iter().map(costed);
         best = best.into_iter().chain(covers).min_by(|p, q| p.0.total_cmp(&q.0));
     }
-    let (least, hypothesis, fit) = best?;
+    let (least, fit) = best?;
     let fit = if is_clear { fit } else { settled(&coarse, fit, least, top) };
     let fine = Target::new(cell, FINE);
-    let fit = refine(&fine, &fit.segments, fit.ground, 40);
-    let layout = Layout::of(fit.segments, &fine, fit.ground, hypothesis);
+    let mut layout = Layout::of(fit.with(&fine, &fit.segments, 40), &fine);
+    if layout.hypothesis == Hypothesis::Woven {
+        // Yarns that cross densely are seen as floats alone; what they are below is not to be told.
+        layout.without_hidden();
+    }
     (!layout.seen.is_empty()).then_some(layout)
+}
+
+/// Whether so many floats, which come first, are as they are in cloth: seen, and longer than wide. Whatever a cell shows, yarns above others can be made to look like it.
+fn is_weave(fit: &Fit, floats: usize, lattice: &Lattice) -> bool {
+    let seen = trimmed(&fit.segments, lattice);
+    let is_float = |(number, float): (usize, &Segment)| float.length > float.width && seen.iter().any(|(of, _)| *of == number);
+    fit.segments[..floats].iter().enumerate().all(is_float)
 }
 
 /// A person's layout on a cell. Segments that bury each other are counted as they are given, since little of them is seen.
@@ -138,7 +146,9 @@ pub(super) fn given(cell: &Cell, segments: Vec<Segment>, ground: f64) -> Result<
         return Err(CaptureError::Crowded { copies, most: MOST_COPIES });
     }
     let [overlap, blank] = counted(&segments, &cell.lattice);
-    let layout = Layout::of(segments, &Target::new(cell, FINE), ground, Hypothesis::Given);
+    let target = Target::new(cell, FINE);
+    let error = target.error(&segments, ground);
+    let layout = Layout::of(Fit { segments, hypothesis: Hypothesis::Given, ground, error }, &target);
     let is_buried = overlap > BURIED || 2 * layout.hidden().len() > layout.segments.len();
     let layout = if is_buried { Layout { overlap, blank, ..layout } } else { layout };
     if layout.is_valid() {
@@ -166,8 +176,7 @@ fn cost(target: &Target, fit: &Fit) -> f64 {
 /// With segments joined that are one yarn, without needless ones, and with those added that are lacking then, as long as the layout costs less than `least` so.
 fn settled(target: &Target, mut fit: Fit, mut least: f64, top: f64) -> Fit {
     for _ in 0..MOVES {
-        let fewer =
-            fewer(&fit.segments, &target.lattice).into_par_iter().map(|segments| refine(target, &segments, fit.ground, 12));
+        let fewer = fewer(&fit.segments, &target.lattice).into_par_iter().map(|segments| fit.with(target, &segments, 12));
         let costed = |fit: Fit| (cost(target, &fit), fit);
         let best = fewer.map(costed).min_by(|p, q| p.0.total_cmp(&q.0)).filter(|(less, _)| *less < least);
         let best = best.or_else(|| Some(costed(cover::grown(target, fit.clone(), top))).filter(|(less, _)| *less < least));
@@ -204,7 +213,7 @@ fn pruned(target: &Target, mut fit: Fit) -> Fit {
         let least = (0..fit.segments.len()).map(without).min_by(|p, q| p.0.total_cmp(&q.0));
         let Some((_, number)) = least.filter(|(error, _)| *error <= fit.error + EXPLAINS) else { break };
         fit.segments.remove(number);
-        fit = refine(target, &fit.segments, fit.ground, 8);
+        fit = fit.with(target, &fit.segments, 8);
     }
     fit
 }

@@ -59,8 +59,9 @@ use view::View;
 pub use error::CaptureError;
 pub use fibres::Twist;
 pub use files::{FILES, GivenLayout, LayoutError, save};
+pub use fit::Hypothesis;
 pub use lattice::{CERTAIN, Lattice, UnitCell};
-pub use layout::{Hypothesis, Layout};
+pub use layout::Layout;
 pub use segment::Segment;
 pub use shape::Shape;
 

@@ -281,6 +281,8 @@ pub(super) fn drawn(segments: &[Segment], ground: f64, lattice: &Lattice, places
 
 /// Places along a segment that are looked at.
 const STEPS: usize = 60;
+/// What is seen over fewer widths of a segment is not told.
+const LEAST: f64 = 0.25;
 
 /// Segments as long as they are seen, each with its number, in [`STEPS`] / 3 parts at most: those parts left out that others lie over. Those that are hardly seen are gone.
 pub(super) fn trimmed(segments: &[Segment], lattice: &Lattice) -> Vec<(usize, Segment)> {
@@ -311,7 +313,7 @@ fn stretches(segments: &[Segment], lattice: &Lattice) -> Vec<Vec<(f64, f64)>> {
             *start += run.len();
             Some((run[0], along(segment, *start - run.len()), along(segment, *start - 1)))
         });
-        let long = runs.filter(|(is_seen, first, last)| *is_seen && last - first > 0.5 * segment.width);
+        let long = runs.filter(|(is_seen, first, last)| *is_seen && last - first > LEAST * segment.width);
         let mut kept: Vec<(f64, f64)> = Vec::new();
         for (_, first, last) in long {
             // What is longer than a cell passes under the same yarn once a cell: its stretches are copies of each other.

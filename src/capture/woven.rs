@@ -1,9 +1,7 @@
 //! Step 3, the woven hypothesis: a matrix of warp and weft on a lattice of crossings.
 //!
-//! In: a [`Target`]. Out: layouts of floats. The crossings' lattice has the cell's as a part of index 2 to 8, and goes nearly squarely along both yarns. Of small
+//! In: a [`Target`]. Out: [`Weave`]s. The crossings' lattice has the cell's as a part of index 2 to 8, and goes nearly squarely along both yarns. Of small
 //! matrices all are tried; of larger ones the one whose yarns run as the picture does at each crossing.
-
-use std::f64::consts::FRAC_1_SQRT_2;
 
 use glam::{DMat2, DVec2};
 use rayon::prelude::*;
@@ -18,19 +16,27 @@ use crate::plane::double;
 /// beside them.
 const OFFSETS: usize = 8;
 const WIDTHS: [f64; 2] = [0.72, 0.88];
-/// How much longer a float is that is seen beyond its neighbours, widths.
-const BEYOND: f64 = 1.3;
+/// How light a yarn is where it lies below others, as a share of how light its floats are.
+const SUNKEN: f64 = 0.5;
 /// Crossings of a cell up to which all matrices are tried.
 const TRIED: usize = 4;
 
-/// Layouts of a weave that may be the cell, the likeliest first, with the share of variance that each leaves.
-pub(super) fn candidates(target: &Target, ground: f64, top: f64) -> Vec<(f64, Vec<Segment>)> {
+/// A layout that a weave may have.
+pub(super) struct Weave {
+    /// What lies above.
+    pub(super) floats: Vec<Segment>,
+    /// The same yarns from float to float, which gaps of loose cloth show.
+    pub(super) sunken: Vec<Segment>,
+}
+
+/// Weaves that the cell may be, the likeliest first.
+pub(super) fn candidates(target: &Target, ground: f64, top: f64) -> Vec<Weave> {
     let tensor = Tensor::of(target);
     let grids: Vec<Crossings> = (2_u8..=8)
         .flat_map(|index| hermite(index.into()).map(move |form| (index.into(), form)))
         .filter_map(|(index, form)| Crossings::new(&target.lattice, index, form))
         .collect();
-    let mut found: Vec<(f64, Vec<Segment>)> = grids
+    let mut found: Vec<(f64, Weave)> = grids
         .into_par_iter()
         .flat_map_iter(|grid| {
             let tensor = &tensor;
@@ -38,25 +44,13 @@ pub(super) fn candidates(target: &Target, ground: f64, top: f64) -> Vec<(f64, Ve
                 let share = |part: usize| double(part) / double(OFFSETS);
                 let origin = grid.weft * share(number % OFFSETS) + grid.warp * share(number / OFFSETS);
                 let matrices = grid.matrices(origin, tensor, target);
-                let layouts = matrices.iter().flat_map(|ups| WIDTHS.map(|width| grid.layout(origin, ups, width, top - ground)));
-                layouts.flatten().map(|segments| (target.scaled_error(&segments, ground), segments)).collect::<Vec<_>>()
+                let layouts = matrices.iter().flat_map(|ups| WIDTHS.map(|width| grid.weave(origin, ups, width, top - ground)));
+                layouts.flatten().map(|weave| (target.scaled_error(&weave.floats, ground), weave)).collect::<Vec<_>>()
             })
         })
         .collect();
     found.sort_by(|p, q| p.0.total_cmp(&q.0));
-    found
-}
-
-/// The same layout with floats that go on below their neighbours and are seen beyond, as in loose cloth: those along the first segment, those across it, and all.
-pub(super) fn beneath(segments: &[Segment]) -> [Vec<Segment>; 3] {
-    [[true, false], [false, true], [true, true]].map(|[along, across]| {
-        let goes_on = |segment: &Segment| {
-            let is_along = (segment.angle - segments[0].angle).cos().abs() > FRAC_1_SQRT_2;
-            if is_along { along } else { across }
-        };
-        let beyond = |segment: &Segment| if goes_on(segment) { BEYOND * segment.width } else { 0.0 };
-        segments.iter().map(|segment| Segment { length: segment.length + beyond(segment), ..*segment }).collect()
-    })
+    found.into_iter().map(|(_, weave)| weave).collect()
 }
 
 /// How much each place changes along which directions: the structure tensor in pixels.
@@ -156,41 +150,48 @@ impl Crossings {
         self.crossings().into_iter().map(|crossing| (crossing, up(crossing))).collect()
     }
 
-    /// The floats of both, so wide and so much lighter than the ground, if each yarn goes down somewhere.
-    fn layout(&self, origin: DVec2, ups: &[([i32; 2], bool)], width: f64, top: f64) -> Option<Vec<Segment>> {
+    /// Both yarns, so wide and so much lighter than the ground, if each of them goes down somewhere.
+    fn weave(&self, origin: DVec2, ups: &[([i32; 2], bool)], width: f64, top: f64) -> Option<Weave> {
         let is_up = |crossing: [i32; 2]| ups.iter().find(|(other, _)| self.same(*other, crossing)).is_some_and(|(_, up)| *up);
-        let mut segments = Vec::new();
+        let (mut floats, mut sunken) = (Vec::new(), Vec::new());
         for (step, way, across, above) in [([0, 1], self.warp, self.weft, true), ([1, 0], self.weft, self.warp, false)] {
-            for &(crossing, up) in ups {
-                let before = is_up([crossing[0] - step[0], crossing[1] - step[1]]);
-                if up != above || before == above {
-                    continue;
-                }
-                let count = (1..=8).find(|&n| is_up([crossing[0] + n * step[0], crossing[1] + n * step[1]]) != above)?;
-                let width = width * across.length() * (across.normalize().perp_dot(way.normalize())).abs();
-                let centre = origin + self.at(crossing) + way * (0.5 * f64::from(count - 1));
-                let length = way.length() * (f64::from(count) + 0.25);
-                let float = Segment::straight(centre, way.to_angle(), width, length, top);
-                segments.push(Segment { sag: 0.35 * top, ..float });
+            let width = width * across.length() * (across.normalize().perp_dot(way.normalize())).abs();
+            let is_above = |crossing: [i32; 2], n: i32| is_up([crossing[0] + n * step[0], crossing[1] + n * step[1]]) == above;
+            let stretch = |crossing: [i32; 2], [first, end]: [i32; 2], top: f64| {
+                let centre = origin + self.at(crossing) + way * (0.5 * f64::from(first + end - 1));
+                Segment::straight(centre, way.to_angle(), width, way.length() * (f64::from(end - first) + 0.25), top)
+            };
+            for &(crossing, _) in ups.iter().filter(|(crossing, _)| is_above(*crossing, 0) && !is_above(*crossing, -1)) {
+                let down = (1..=8).find(|n| !is_above(crossing, *n))?;
+                let up = (down..=down + 8).find(|n| is_above(crossing, *n))?;
+                floats.push(Segment { sag: 0.35 * top, ..stretch(crossing, [0, down], top) });
+                sunken.push(Segment { sag: 0.0, ..stretch(crossing, [down, up], SUNKEN * top) });
             }
         }
-        let wefts = ups.iter().any(|(_, up)| !up);
-        let warps = ups.iter().any(|(_, up)| *up);
-        (wefts && warps && segments.len() >= 2).then_some(segments)
+        let [warps, wefts] = [true, false].map(|above| ups.iter().any(|(_, up)| *up == above));
+        (warps && wefts && floats.len() >= 2).then_some(Weave { floats, sunken })
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use std::f64::consts::FRAC_PI_2;
-
     use super::*;
 
     #[test]
-    fn floats_that_go_on_are_those_of_a_yarn_or_of_both() {
-        let along =
-            [0.1, 0.1 + FRAC_PI_2, 0.1 + 2.0 * FRAC_PI_2].map(|angle| Segment::straight(DVec2::ZERO, angle, 4.0, 10.0, 1.0));
-        let longer = beneath(&along).map(|segments| segments.iter().map(|segment| segment.length > 10.0).collect::<Vec<_>>());
-        assert_eq!(longer, [vec![true, false, true], vec![false, true, false], vec![true; 3]]);
+    fn a_yarn_goes_on_below_from_float_to_float() {
+        // A twill: the warp over two of three.
+        let cell = Lattice { a: DVec2::new(30.0, 0.0), b: DVec2::new(10.0, 10.0) };
+        let grid = Crossings { weft: DVec2::X * 10.0, warp: DVec2::Y * 10.0, index: 3, to_cell: cell.matrix().inverse() * 10.0 };
+        let ups: Vec<([i32; 2], bool)> = grid.crossings().into_iter().map(|at| (at, (at[0] - at[1]).rem_euclid(3) < 2)).collect();
+        let weave = grid.weave(DVec2::ZERO, &ups, 0.8, 1.0).unwrap();
+        let counts = |segments: &[Segment], angle: f64| -> Vec<f64> {
+            segments.iter().filter(|s| (s.angle - angle).abs() < 0.1).map(|s| (s.length / 10.0).floor()).collect()
+        };
+        let (warp, weft) = (DVec2::Y.to_angle(), 0.0);
+        assert_eq!([counts(&weave.floats, warp), counts(&weave.sunken, warp)], [[2.0], [1.0]]);
+        assert_eq!([counts(&weave.floats, weft), counts(&weave.sunken, weft)], [[1.0], [2.0]]);
+        for (float, sunken) in weave.floats.iter().zip(&weave.sunken) {
+            assert!(float.centre.distance(sunken.centre) == 15.0 && sunken.top < float.top, "{float:?} {sunken:?}");
+        }
     }
 }

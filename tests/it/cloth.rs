@@ -386,7 +386,7 @@ pub(crate) fn straight(path: &[DVec3], radius: f64, found: &mut Vec<Stretch>) {
     if off(farthest) > 0.4 * radius && path.len() > 8 {
         straight(&path[..=farthest], radius, found);
         straight(&path[farthest..], radius, found);
-    } else if p.distance(q) > 1.2 * radius {
+    } else if p.distance(q) > 0.3 * radius {
         found.push(Stretch { centre: 0.5 * (p + q), angle: way.to_angle(), length: p.distance(q), width: 2.0 * radius });
     }
 }
