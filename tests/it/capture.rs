@@ -63,6 +63,23 @@ fn weaves_are_found_again() {
 }
 
 #[test]
+fn yarns_of_a_loose_twill_are_its_floats_and_what_gaps_show_of_them() {
+    let truth = sample(Kind::Twill(2, 2), 5001, 480, Disturbance { distortion: 1.3, noise: 0.01, light: 0.1 });
+    let found = found(&truth.image);
+    let stretches = truth.in_cell(&found);
+    let is_float = |segment: &&Segment| segment.length > segment.width;
+    assert_eq!(found.layout.seen.iter().filter(is_float).count(), 2, "{:?}", found.layout);
+    for segment in &found.layout.seen {
+        let lies_on = |stretch: &crate::cloth::Stretch| {
+            let off = found.unit.lattice.nearest(segment.centre - stretch.centre);
+            let off = DVec2::from_angle(-stretch.angle).rotate(off).abs();
+            off.x < 0.5 * stretch.length && off.y < 0.1 * stretch.width && between(segment.angle, stretch.angle) < 0.15
+        };
+        assert!(stretches.iter().any(lies_on), "{segment:?} lies on none of {stretches:?}");
+    }
+}
+
+#[test]
 fn a_jersey_has_its_cell_and_a_leg_on_either_side() {
     let truth = sample(Kind::Jersey, 133, 320, Disturbance { distortion: 2.0, noise: 0.02, light: 0.1 });
     let found = found(&truth.image);
