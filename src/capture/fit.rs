@@ -13,7 +13,8 @@ use super::target::Target;
 /// The longest segment, in lengths of the cell's longer vector.
 const LONGEST: f64 = 3.0;
 
-/// How far a fit turns a segment, radians; in a weave, whose yarns run as their crossings do, so much for each width by which it is longer than wide, up to the last.
+/// How far one fit turns a segment, radians. Yarns of a weave run as their crossings do, and one that is as wide as long shows no direction of its own: there it is so much less for each width
+/// by which a segment is longer than wide, and no more than that for longer ones.
 const TURNS: f64 = 0.2;
 const WOVEN_TURNS: f64 = 0.08;
 
@@ -81,14 +82,15 @@ impl Problem<'_> {
             let s = Segment::of_numbers(numbers);
             // However often a fit begins anew from the last one's end, no float is longer than some cells.
             let width = s.width.clamp(0.5 * start.width, 1.9 * start.width).min(0.5 * LONGEST * longer);
-            let length = s.length.clamp(0.45 * start.length, 2.2 * start.length).min(LONGEST * longer).max(0.7 * width);
+            let is_woven = self.hypothesis == Hypothesis::Woven;
+            let shortest = if is_woven { 1.0 } else { 0.7 } * width;
+            let length = s.length.clamp(0.45 * start.length, 2.2 * start.length).min(LONGEST * longer).max(shortest);
             let top = s.top.max(0.0);
-            let turns = match self.hypothesis {
-                Hypothesis::Woven => WOVEN_TURNS * (length / width - 1.0).clamp(0.0, 1.0),
-                Hypothesis::Cover | Hypothesis::Given => TURNS,
-            };
+            let turns = if is_woven { WOVEN_TURNS * (length / width - 1.0).min(1.0) } else { TURNS };
             let bends = BENDS * (length - STUBBY * width).max(0.0);
             Segment {
+                // What lies below others for the most part could slide along its yarn for ever.
+                centre: start.centre + (s.centre - start.centre).clamp_length_max(longer),
                 angle: s.angle.clamp(start.angle - turns, start.angle + turns),
                 width,
                 length,
@@ -98,7 +100,6 @@ impl Problem<'_> {
                 tilt: s.tilt.clamp(-3.0, 3.0),
                 bow: s.bow.clamp(-bends, bends),
                 sway: s.sway.clamp(-bends, bends),
-                ..s
             }
         };
         (numbers.chunks_exact(Segment::NUMBERS).zip(&self.start).map(segment).collect(), numbers[numbers.len() - 1])

@@ -1,8 +1,8 @@
 //! Step 3, layout: the yarn segments of a cell.
 //!
 //! In: the mean cell. Out: a [`Layout`]. Layouts that a weave may have ([`woven`]) and layouts that merely cover the cell ([`cover`]) are refined on a coarse cell; what they
-//! leave unexplained, how many segments they take and how much these overlap say which is best. A clear weave is believed; of other layouts segments are joined, dropped and added while
-//! that helps. The best one is refined on a finer cell. Cost: half a second to two where a weave is clear, else up to ten on two cores.
+//! leave unexplained, how many segments they take and how much these overlap say which is best. A clear weave is believed without looking further, and any weave taken as it is; of covers
+//! segments are joined, dropped and added while that helps. The best one is refined on a finer cell. Cost: half a second to two where a weave is clear, else five to twenty on two cores.
 
 use rayon::prelude::*;
 
@@ -42,7 +42,7 @@ const INVALID_COST: f64 = 0.1;
 /// The yarns of a cell.
 #[derive(Clone, Debug)]
 pub struct Layout {
-    /// One of each copy, as far as they go below others.
+    /// One of each copy, as far as they go below others; of weaves without those of which nothing is seen.
     pub segments: Vec<Segment>,
     /// The same as far as they are seen, one that passes under another in several parts; without those that aren't.
     pub seen: Vec<Segment>,
@@ -50,7 +50,7 @@ pub struct Layout {
     pub numbers: Vec<usize>,
     /// How light the deepest ground is.
     pub ground: f64,
-    /// Share of the mean cell's variance that the segments leave, with what the fit has below others.
+    /// Share of the mean cell's variance that the segments leave.
     pub error: f64,
     /// Share that those parts of them leave which are seen: the cloth is made of these.
     pub seen_error: f64,
@@ -79,15 +79,6 @@ impl Layout {
         let [overlap, blank] = counted(&seen, &target.lattice);
         let seen_error = target.error(&seen, ground);
         Self { segments, seen, numbers, ground, error, seen_error, hypothesis, overlap, blank }
-    }
-
-    /// Without segments of which nothing is seen.
-    fn without_hidden(&mut self) {
-        let hidden = self.hidden();
-        for number in hidden.into_iter().rev() {
-            self.segments.remove(number);
-            self.numbers.iter_mut().for_each(|of| *of -= usize::from(*of > number));
-        }
     }
 
     /// The numbers of segments of which nothing is seen.
@@ -122,17 +113,26 @@ pub(super) fn find(cell: &Cell) -> Option<Layout> {
         best = best.into_iter().chain(covers).min_by(|p, q| p.0.total_cmp(&q.0));
     }
     let (least, fit) = best?;
-    let fit = if is_clear { fit } else { settled(&coarse, fit, least, top) };
+    let fit = if fit.hypothesis == Hypothesis::Woven { fit } else { settled(&coarse, fit, least, top) };
     let fine = Target::new(cell, FINE);
-    let mut layout = Layout::of(fit.with(&fine, &fit.segments, 40), &fine);
-    if layout.hypothesis == Hypothesis::Woven {
-        // Yarns that cross densely are seen as floats alone; what they are below is not to be told.
-        layout.without_hidden();
-    }
+    let fit = told(fit.with(&fine, &fit.segments, 40), &fine);
+    let layout = Layout::of(fit, &fine);
     (!layout.seen.is_empty()).then_some(layout)
 }
 
-/// Whether so many floats, which come first, are as they are in cloth: seen, and longer than wide. Whatever a cell shows, yarns above others can be made to look like it.
+/// A fit with its segments in the cell; of a weave without what nobody sees, as yarns below are where cloth is dense.
+fn told(mut fit: Fit, target: &Target) -> Fit {
+    let lattice = &target.lattice;
+    if fit.hypothesis == Hypothesis::Woven {
+        let seen = trimmed(&fit.segments, lattice);
+        fit.segments = seen.chunk_by(|p, q| p.0 == q.0).map(|parts| fit.segments[parts[0].0]).collect();
+    }
+    fit.segments.iter_mut().for_each(|segment| segment.centre = lattice.home(segment.centre));
+    fit.error = target.error(&fit.segments, fit.ground);
+    fit
+}
+
+/// Whether a weave's first segments, so many floats, are as floats are in cloth: seen, and longer than wide. Whatever a cell shows, yarns above others can be made to look like it.
 fn is_weave(fit: &Fit, floats: usize, lattice: &Lattice) -> bool {
     let seen = trimmed(&fit.segments, lattice);
     let is_float = |(number, float): (usize, &Segment)| float.length > float.width && seen.iter().any(|(of, _)| *of == number);

@@ -281,8 +281,20 @@ pub(super) fn drawn(segments: &[Segment], ground: f64, lattice: &Lattice, places
 
 /// Places along a segment that are looked at.
 const STEPS: usize = 60;
-/// What is seen over fewer widths of a segment is not told.
-const LEAST: f64 = 0.25;
+/// What is seen over fewer widths of a segment is not told; between two others that lie over it, less is enough than at an end that peeps out.
+const LEAST: f64 = 0.5;
+const LEAST_GAP: f64 = 0.25;
+
+/// What a segment shows at a place of its axis.
+#[derive(Clone, Copy, PartialEq)]
+enum Shows {
+    /// Nothing: it has gone down.
+    Ended,
+    /// Nothing: others lie over it.
+    Below,
+    /// Itself.
+    Seen,
+}
 
 /// Segments as long as they are seen, each with its number, in [`STEPS`] / 3 parts at most: those parts left out that others lie over. Those that are hardly seen are gone.
 pub(super) fn trimmed(segments: &[Segment], lattice: &Lattice) -> Vec<(usize, Segment)> {
@@ -304,18 +316,25 @@ fn stretches(segments: &[Segment], lattice: &Lattice) -> Vec<Vec<(f64, f64)>> {
     let axes = places.chunks_exact(STEPS + 1).zip(highest.chunks_exact(STEPS + 1));
     let seen = |(segment, (places, highest)): (&Segment, (&[DVec2], &[f64]))| {
         let way = DVec2::from_angle(segment.angle);
-        let is_seen = |(place, highest): (&DVec2, &f64)| {
-            let own = segment.height(*place - segment.centre, way);
-            own > 0.0 && own >= highest - 1e-9
+        let shows = |(place, highest): (&DVec2, &f64)| match segment.height(*place - segment.centre, way) {
+            own if own <= 0.0 => Shows::Ended,
+            own if own >= highest - 1e-9 => Shows::Seen,
+            _ => Shows::Below,
         };
-        let seen: Vec<bool> = places.iter().zip(highest).map(is_seen).collect();
-        let runs = seen.chunk_by(|a, b| a == b).scan(0, |start, run| {
+        let shown: Vec<Shows> = places.iter().zip(highest).map(shows).collect();
+        let runs: Vec<&[Shows]> = shown.chunk_by(|a, b| a == b).collect();
+        let starts = runs.iter().scan(0, |start, run| {
             *start += run.len();
-            Some((run[0], along(segment, *start - run.len()), along(segment, *start - 1)))
+            Some(*start - run.len())
         });
-        let long = runs.filter(|(is_seen, first, last)| *is_seen && last - first > LEAST * segment.width);
+        let long = starts.enumerate().filter(|(number, _)| runs[*number][0] == Shows::Seen).filter_map(|(number, start)| {
+            let is_below = |number: Option<usize>| number.and_then(|n| runs.get(n)).is_some_and(|run| run[0] == Shows::Below);
+            let is_gap = is_below(number.checked_sub(1)) && is_below(Some(number + 1));
+            let (first, last) = (along(segment, start), along(segment, start + runs[number].len() - 1));
+            (last - first > if is_gap { LEAST_GAP } else { LEAST } * segment.width).then_some((first, last))
+        });
         let mut kept: Vec<(f64, f64)> = Vec::new();
-        for (_, first, last) in long {
+        for (first, last) in long {
             // What is longer than a cell passes under the same yarn once a cell: its stretches are copies of each other.
             let middle = |(first, last): (f64, f64)| segment.axis(0.5 * (first + last)).0;
             let same =

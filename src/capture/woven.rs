@@ -25,7 +25,7 @@ const TRIED: usize = 4;
 pub(super) struct Weave {
     /// What lies above.
     pub(super) floats: Vec<Segment>,
-    /// The same yarns from float to float, which gaps of loose cloth show.
+    /// After each of them its yarn up to the next float, which gaps of loose cloth show.
     pub(super) sunken: Vec<Segment>,
 }
 
@@ -150,7 +150,7 @@ impl Crossings {
         self.crossings().into_iter().map(|crossing| (crossing, up(crossing))).collect()
     }
 
-    /// Both yarns, so wide and so much lighter than the ground, if each of them goes down somewhere.
+    /// Both yarns, so wide and so much lighter than the ground, without those that never go down; nothing where one of both never comes up.
     fn weave(&self, origin: DVec2, ups: &[([i32; 2], bool)], width: f64, top: f64) -> Option<Weave> {
         let is_up = |crossing: [i32; 2]| ups.iter().find(|(other, _)| self.same(*other, crossing)).is_some_and(|(_, up)| *up);
         let (mut floats, mut sunken) = (Vec::new(), Vec::new());
@@ -163,7 +163,7 @@ impl Crossings {
             };
             for &(crossing, _) in ups.iter().filter(|(crossing, _)| is_above(*crossing, 0) && !is_above(*crossing, -1)) {
                 let down = (1..=8).find(|n| !is_above(crossing, *n))?;
-                let up = (down..=down + 8).find(|n| is_above(crossing, *n))?;
+                let up = (down + 1..=down + 8).find(|n| is_above(crossing, *n))?;
                 floats.push(Segment { sag: 0.35 * top, ..stretch(crossing, [0, down], top) });
                 sunken.push(Segment { sag: 0.0, ..stretch(crossing, [down, up], SUNKEN * top) });
             }

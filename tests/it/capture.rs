@@ -9,7 +9,7 @@ use warpknit::capture::{CERTAIN, CaptureError, Captured, GivenLayout, Segment, S
 use warpknit::fabric::BarKind;
 
 use crate::aperiodic::{bricks, face, fur, noise};
-use crate::cloth::{Disturbance, Kind, Random, Sample, between, fibrous, layout, sample};
+use crate::cloth::{Disturbance, Kind, Random, Sample, Stretch, between, fibrous, layout, sample};
 
 fn found(image: &RgbImage) -> Captured {
     capture(image, &Settings::default()).unwrap()
@@ -25,7 +25,7 @@ fn same_lattice(found: &Captured, truth: [DVec2; 2], share: f64) -> bool {
 
 /// How far each stretch of yarn is from the segment nearest to it: widths off across it, radians, and the share by which it is too wide.
 fn errors(found: &Captured, truth: &Sample) -> Vec<[f64; 3]> {
-    let error = |stretch: &crate::cloth::Stretch| {
+    let error = |stretch: &Stretch| {
         let of = |segment: &Segment| {
             let off = found.unit.lattice.nearest(segment.centre - stretch.centre);
             let across = DVec2::from_angle(stretch.angle).perp_dot(off).abs() / stretch.width;
@@ -70,7 +70,7 @@ fn yarns_of_a_loose_twill_are_its_floats_and_what_gaps_show_of_them() {
     let is_float = |segment: &&Segment| segment.length > segment.width;
     assert_eq!(found.layout.seen.iter().filter(is_float).count(), 2, "{:?}", found.layout);
     for segment in &found.layout.seen {
-        let lies_on = |stretch: &crate::cloth::Stretch| {
+        let lies_on = |stretch: &Stretch| {
             let off = found.unit.lattice.nearest(segment.centre - stretch.centre);
             let off = DVec2::from_angle(-stretch.angle).rotate(off).abs();
             off.x < 0.5 * stretch.length && off.y < 0.1 * stretch.width && between(segment.angle, stretch.angle) < 0.15

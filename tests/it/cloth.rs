@@ -387,6 +387,7 @@ pub(crate) fn straight(path: &[DVec3], radius: f64, found: &mut Vec<Stretch>) {
         straight(&path[..=farthest], radius, found);
         straight(&path[farthest..], radius, found);
     } else if p.distance(q) > 0.3 * radius {
+        // However short: gaps of loose cloth show such pieces of the yarns below.
         found.push(Stretch { centre: 0.5 * (p + q), angle: way.to_angle(), length: p.distance(q), width: 2.0 * radius });
     }
 }
