@@ -82,11 +82,10 @@ impl Problem<'_> {
             let s = Segment::of_numbers(numbers);
             // However often a fit begins anew from the last one's end, no float is longer than some cells.
             let width = s.width.clamp(0.5 * start.width, 1.9 * start.width).min(0.5 * LONGEST * longer);
-            let is_woven = self.hypothesis == Hypothesis::Woven;
-            let shortest = if is_woven { 1.0 } else { 0.7 } * width;
-            let length = s.length.clamp(0.45 * start.length, 2.2 * start.length).min(LONGEST * longer).max(shortest);
+            let length = s.length.clamp(0.45 * start.length, 2.2 * start.length).min(LONGEST * longer).max(0.7 * width);
             let top = s.top.max(0.0);
-            let turns = if is_woven { WOVEN_TURNS * (length / width - 1.0).min(1.0) } else { TURNS };
+            let is_woven = self.hypothesis == Hypothesis::Woven;
+            let turns = if is_woven { WOVEN_TURNS * (length / width - 1.0).clamp(0.0, 1.0) } else { TURNS };
             let bends = BENDS * (length - STUBBY * width).max(0.0);
             Segment {
                 // What lies below others for the most part could slide along its yarn for ever.

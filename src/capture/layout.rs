@@ -22,8 +22,8 @@ const FINE: f64 = 52.0;
 const COUNTED: usize = 128;
 /// Weaves that are refined, the likeliest.
 const WEAVES: usize = 4;
-/// A weave that costs less is believed without looking further: drawn weaves cost up to .05 and photographed ones .07; satin .13, and loops taken for weaves .18 and more.
-const CLEAR: f64 = 0.1;
+/// A weave that costs less is believed without looking further: drawn weaves cost up to .05 and photographed ones .11; satin .13, and loops taken for weaves .18 and more.
+const CLEAR: f64 = 0.12;
 /// Changes of a layout after its fit.
 const MOVES: usize = 12;
 /// Copies of segments that touch a cell, in a person's layout; those of 64 floats over ten cells are fewer, and more only cost time.
