@@ -84,12 +84,14 @@ impl Problem<'_> {
             let width = s.width.clamp(0.5 * start.width, 1.9 * start.width).min(0.5 * LONGEST * longer);
             let length = s.length.clamp(0.45 * start.length, 2.2 * start.length).min(LONGEST * longer).max(0.7 * width);
             let top = s.top.max(0.0);
-            let is_woven = self.hypothesis == Hypothesis::Woven;
-            let turns = if is_woven { WOVEN_TURNS * (length / width - 1.0).clamp(0.0, 1.0) } else { TURNS };
+            // A yarn of a weave, which lies below others for the most part, could slide along its way for ever.
+            let (farthest, turns) = match self.hypothesis {
+                Hypothesis::Woven => (longer, WOVEN_TURNS * (length / width - 1.0).clamp(0.0, 1.0)),
+                Hypothesis::Cover | Hypothesis::Given => (f64::INFINITY, TURNS),
+            };
             let bends = BENDS * (length - STUBBY * width).max(0.0);
             Segment {
-                // What lies below others for the most part could slide along its yarn for ever.
-                centre: start.centre + (s.centre - start.centre).clamp_length_max(longer),
+                centre: start.centre + (s.centre - start.centre).clamp_length_max(farthest),
                 angle: s.angle.clamp(start.angle - turns, start.angle + turns),
                 width,
                 length,

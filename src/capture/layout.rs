@@ -10,7 +10,7 @@ use super::cell::Cell;
 use super::error::CaptureError;
 use super::fit::{Fit, Hypothesis, refine};
 use super::lattice::Lattice;
-use super::segment::{Segment, places, shares, trimmed};
+use super::segment::{LEAST, LEAST_GAP, Segment, places, shares, trimmed};
 use super::target::Target;
 use super::{cover, woven};
 use crate::plane::double;
@@ -75,7 +75,7 @@ impl Layout {
     pub const MOST_BLANK: f64 = 0.75;
 
     fn of(Fit { segments, hypothesis, ground, error }: Fit, target: &Target) -> Self {
-        let (numbers, seen): (Vec<_>, Vec<_>) = trimmed(&segments, &target.lattice).into_iter().unzip();
+        let (numbers, seen): (Vec<_>, Vec<_>) = trimmed(&segments, &target.lattice, LEAST_GAP).into_iter().unzip();
         let [overlap, blank] = counted(&seen, &target.lattice);
         let seen_error = target.error(&seen, ground);
         Self { segments, seen, numbers, ground, error, seen_error, hypothesis, overlap, blank }
@@ -124,7 +124,7 @@ pub(super) fn find(cell: &Cell) -> Option<Layout> {
 fn told(mut fit: Fit, target: &Target) -> Fit {
     let lattice = &target.lattice;
     if fit.hypothesis == Hypothesis::Woven {
-        let seen = trimmed(&fit.segments, lattice);
+        let seen = trimmed(&fit.segments, lattice, LEAST_GAP);
         fit.segments = seen.chunk_by(|p, q| p.0 == q.0).map(|parts| fit.segments[parts[0].0]).collect();
     }
     fit.segments.iter_mut().for_each(|segment| segment.centre = lattice.home(segment.centre));
@@ -134,7 +134,7 @@ fn told(mut fit: Fit, target: &Target) -> Fit {
 
 /// Whether a weave's first segments, so many floats, are as floats are in cloth: seen, and longer than wide. Whatever a cell shows, yarns above others can be made to look like it.
 fn is_weave(fit: &Fit, floats: usize, lattice: &Lattice) -> bool {
-    let seen = trimmed(&fit.segments, lattice);
+    let seen = trimmed(&fit.segments, lattice, LEAST_GAP);
     let is_float = |(number, float): (usize, &Segment)| float.length > float.width && seen.iter().any(|(of, _)| *of == number);
     fit.segments[..floats].iter().enumerate().all(is_float)
 }
@@ -164,7 +164,9 @@ fn counted(segments: &[Segment], lattice: &Lattice) -> [f64; 2] {
 }
 
 fn cost(target: &Target, fit: &Fit) -> f64 {
-    let seen: Vec<Segment> = trimmed(&fit.segments, &target.lattice).into_iter().map(|(_, segment)| segment).collect();
+    // Gaps of a weave show yarns that are known to run there; those of covers are no reason to believe in a segment.
+    let gap = if fit.hypothesis == Hypothesis::Woven { LEAST_GAP } else { LEAST };
+    let seen: Vec<Segment> = trimmed(&fit.segments, &target.lattice, gap).into_iter().map(|(_, segment)| segment).collect();
     let [overlap, _] = shares(&seen, &target.lattice, &target.places);
     // What is told in the end is what is seen: slivers that make up for a wrong layout are not.
     let told = target.error(&seen, fit.ground);

@@ -281,9 +281,10 @@ pub(super) fn drawn(segments: &[Segment], ground: f64, lattice: &Lattice, places
 
 /// Places along a segment that are looked at.
 const STEPS: usize = 60;
-/// What is seen over fewer widths of a segment is not told; between two others that lie over it, less is enough than at an end that peeps out.
-const LEAST: f64 = 0.5;
-const LEAST_GAP: f64 = 0.25;
+/// What is seen over fewer widths of a segment at one of its ends is not told.
+pub(super) const LEAST: f64 = 0.5;
+/// The same between two others that lie over it.
+pub(super) const LEAST_GAP: f64 = 0.25;
 
 /// What a segment shows at a place of its axis.
 #[derive(Clone, Copy, PartialEq)]
@@ -296,17 +297,18 @@ enum Shows {
     Seen,
 }
 
-/// Segments as long as they are seen, each with its number, in [`STEPS`] / 3 parts at most: those parts left out that others lie over. Those that are hardly seen are gone.
-pub(super) fn trimmed(segments: &[Segment], lattice: &Lattice) -> Vec<(usize, Segment)> {
+/// Segments as long as they are seen, each with its number, in [`STEPS`] / 3 parts at most: those parts left out that others lie over. Those that are hardly seen are gone,
+/// and so is what is seen between two others over fewer widths than `gap`.
+pub(super) fn trimmed(segments: &[Segment], lattice: &Lattice, gap: f64) -> Vec<(usize, Segment)> {
     let parts = |(number, stretches): (usize, Vec<(f64, f64)>)| {
         let part = move |(first, last)| (number, segments[number].part(first, last));
         stretches.into_iter().map(part)
     };
-    stretches(segments, lattice).into_iter().enumerate().flat_map(parts).collect()
+    stretches(segments, lattice, gap).into_iter().enumerate().flat_map(parts).collect()
 }
 
 /// Where along each segment nothing else lies over its axis.
-fn stretches(segments: &[Segment], lattice: &Lattice) -> Vec<Vec<(f64, f64)>> {
+fn stretches(segments: &[Segment], lattice: &Lattice, gap: f64) -> Vec<Vec<(f64, f64)>> {
     // A yarn goes down beyond its ends, and is still seen there.
     let along = |segment: &Segment, step: usize| (segment.length + 0.8 * segment.width) * (double(step) / double(STEPS) - 0.5);
     let axis = |segment: &Segment| (0..=STEPS).map(|step| segment.axis(along(segment, step)).0).collect::<Vec<_>>();
@@ -331,7 +333,7 @@ fn stretches(segments: &[Segment], lattice: &Lattice) -> Vec<Vec<(f64, f64)>> {
             let is_below = |number: Option<usize>| number.and_then(|n| runs.get(n)).is_some_and(|run| run[0] == Shows::Below);
             let is_gap = is_below(number.checked_sub(1)) && is_below(Some(number + 1));
             let (first, last) = (along(segment, start), along(segment, start + runs[number].len() - 1));
-            (last - first > if is_gap { LEAST_GAP } else { LEAST } * segment.width).then_some((first, last))
+            (last - first > if is_gap { gap } else { LEAST } * segment.width).then_some((first, last))
         });
         let mut kept: Vec<(f64, f64)> = Vec::new();
         for (first, last) in long {
@@ -388,18 +390,18 @@ mod tests {
     fn what_lies_below_another_is_not_seen() {
         let (over, under) =
             (segment(10.0, 5.0, 0.0), Segment { top: 0.9, length: 9.0, ..segment(10.0, 5.0, std::f64::consts::FRAC_PI_2) });
-        let seen = trimmed(&[over, under], &LATTICE);
+        let seen = trimmed(&[over, under], &LATTICE, LEAST_GAP);
         let [(0, over), (1, first), (1, second)] = seen[..] else { panic!("{seen:?}") };
         assert!(over.length > 12.0 && first.length < 4.0 && second.length < 4.0, "{seen:?}");
         assert!(first.centre.y < 3.5 && second.centre.y > 6.5, "{seen:?}");
-        assert_eq!(trimmed(&[over, Segment { top: 0.2, ..over }], &LATTICE).len(), 1);
+        assert_eq!(trimmed(&[over, Segment { top: 0.2, ..over }], &LATTICE, LEAST_GAP).len(), 1);
     }
 
     #[test]
     fn what_is_longer_than_a_cell_is_seen_once() {
         let long = Segment { length: 50.0, ..segment(10.0, 5.0, 0.0) };
         let over = Segment { top: 2.0, length: 9.0, ..segment(10.0, 5.0, std::f64::consts::FRAC_PI_2) };
-        let seen = trimmed(&[long, over], &LATTICE);
+        let seen = trimmed(&[long, over], &LATTICE, LEAST_GAP);
         assert_eq!(seen.iter().filter(|(number, _)| *number == 0).count(), 1, "{seen:?}");
     }
 
