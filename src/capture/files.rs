@@ -158,7 +158,10 @@ impl GivenLayout {
 impl SegmentTable {
     fn of(segment: &Segment) -> Self {
         let Segment { centre, angle, width, length, top, round, sag, tilt, bow, sway } = *segment;
-        let angle_deg = angle.to_degrees().rem_euclid(360.0);
+        let degrees = angle.to_degrees().rem_euclid(360.0);
+        // Of neighbouring numbers the one that is read as this angle again, where one is: a layout that is given back stays as it was.
+        let read_again = |degrees: &f64| degrees.to_radians() == angle;
+        let angle_deg = [degrees, degrees.next_up(), degrees.next_down()].into_iter().find(read_again).unwrap_or(degrees);
         Self { center: centre.to_array(), angle_deg, width, length, top, round, sag, tilt, bow, sway }
     }
 
