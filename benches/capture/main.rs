@@ -24,7 +24,7 @@ use image::RgbImage;
 use warpknit::capture::{Captured, Lattice, Segment, Settings, capture};
 
 /// Seeds below are for tuning: those of the tests are among them, and those from 2000, 3000, 4000 and 5000 were new once each, and told what was to be mended.
-const FIRST_SEED: u64 = 6000;
+const FIRST_SEED: u64 = 8000;
 const PICTURES: u64 = 24;
 const SIDE: u32 = 480;
 /// A segment that leaves a stretch's direction by more degrees is another yarn's.

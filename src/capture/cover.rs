@@ -9,7 +9,7 @@ use glam::DVec2;
 use rayon::prelude::*;
 
 use super::fit::{Fit, Hypothesis, refine};
-use super::segment::{Segment, drawn};
+use super::segment::{Segment, drawn, heights, over};
 use super::steps;
 use super::target::Target;
 use crate::ids::index32;
@@ -25,16 +25,13 @@ const LENGTHS: [f64; 4] = [1.6, 2.4, 3.6, 5.4];
 const TRIED: usize = 48;
 
 /// Layouts that cover the cell, refined, one a width of filters.
-pub(super) fn fits(target: &Target, ground: f64, top: f64) -> Vec<Fit> {
+pub(super) fn fits(target: &Target, ground: f64, top: f64) -> impl ParallelIterator<Item = Fit> {
     let scale = target.lattice.area().sqrt();
-    WIDTHS
-        .into_par_iter()
-        .filter_map(|share| {
-            let spots = spots(target, &target.light, share * scale, ground, top);
-            let pair = best_pair(target, &spots, ground)?;
-            Some(grown(target, refine(target, Hypothesis::Cover, &pair, ground, 8), top))
-        })
-        .collect()
+    WIDTHS.into_par_iter().filter_map(move |share| {
+        let spots = spots(target, &target.light, share * scale, ground, top);
+        let pair = best_pair(target, &spots)?;
+        Some(grown(target, refine(target, Hypothesis::Cover, &pair, ground, 8), top))
+    })
 }
 
 /// Most segments of a cell.
@@ -51,12 +48,17 @@ pub(super) fn grown(target: &Target, mut fit: Fit, top: f64) -> Fit {
         let widths = [0.7 * mean_width, mean_width];
         let spots: Vec<Segment> =
             widths.into_iter().flat_map(|width| spots(target, &rest, width, fit.ground, top).into_iter().take(24)).collect();
-        let with = |spot: &Segment| [&fit.segments[..], &[*spot]].concat();
-        let mut tried: Vec<(f64, &Segment)> =
-            spots.par_iter().map(|spot| (target.error(&with(spot), fit.ground), spot)).collect();
+        let left = |spot: &Segment| {
+            let mut with = heights(spot, &target.lattice, &target.places);
+            with.iter_mut().for_each(|height| *height += fit.ground);
+            over(&mut with, &drawn);
+            target.left(&with)
+        };
+        let mut tried: Vec<(f64, &Segment)> = spots.par_iter().map(|spot| (left(spot), spot)).collect();
         tried.sort_by(|p, q| p.0.total_cmp(&q.0));
-        let best =
-            tried.iter().take(2).map(|(_, spot)| fit.with(target, &with(spot), 8)).min_by(|p, q| p.error.total_cmp(&q.error));
+        tried.truncate(2);
+        let with = |(_, spot): &(f64, &Segment)| fit.with(target, &[&fit.segments[..], &[**spot]].concat(), 8);
+        let best = tried.par_iter().map(with).min_by(|p, q| p.error.total_cmp(&q.error));
         match best {
             Some(better) if better.error < HELPS * fit.error => fit = better,
             _ => break,
@@ -73,18 +75,12 @@ fn spots(target: &Target, light: &[f64], width: f64, ground: f64, top: f64) -> V
         .filter(|(_, length)| *length <= longest)
         .collect();
     let [columns, rows] = target.size;
+    let twice = twice(light, target.size);
     let mut answers: Vec<(f64, Segment)> = filters
         .into_par_iter()
         .flat_map_iter(|(angle, length)| {
             let angle = double(angle) / double(ANGLES) * PI;
-            let kernel = kernel(target, angle, width, length);
-            let answer = move |at: usize| {
-                let (x, y) = (at % columns, at / columns);
-                let sum: f64 =
-                    kernel.iter().map(|&(dx, dy, weight)| light[(y + dy) % rows * columns + (x + dx) % columns] * weight).sum();
-                sum
-            };
-            let answers: Vec<f64> = (0..columns * rows).map(answer).collect();
+            let answers = answers(&kernel(target, angle, width, length), &twice, target.size);
             let mut peaks: Vec<(f64, Segment)> = Vec::new();
             for at in 0..columns * rows {
                 let (x, y) = (at % columns + columns, at / columns + rows);
@@ -110,6 +106,24 @@ fn spots(target: &Target, light: &[f64], width: f64, ground: f64, top: f64) -> V
         }
     }
     kept
+}
+
+/// A cell's light twice each way, so that no filter within it has to come in again on the other side.
+fn twice(light: &[f64], [columns, rows]: [usize; 2]) -> Vec<f64> {
+    let row = |y: usize| &light[y % rows * columns..][..columns];
+    (0..2 * rows).flat_map(|y| [row(y), row(y)].concat()).collect()
+}
+
+/// What a filter answers at each place of a cell that is given [`twice`].
+fn answers(kernel: &[(usize, usize, f64)], twice: &[f64], [columns, rows]: [usize; 2]) -> Vec<f64> {
+    let mut answers = vec![0.0; columns * rows];
+    for &(dx, dy, weight) in kernel {
+        for (y, answers) in answers.chunks_exact_mut(columns).enumerate() {
+            let light = &twice[(y + dy) * 2 * columns + dx..][..columns];
+            answers.iter_mut().zip(light).for_each(|(answer, light)| *answer += light * weight);
+        }
+    }
+    answers
 }
 
 /// A step on a ring of that many places.
@@ -146,10 +160,14 @@ fn kernel(target: &Target, angle: f64, width: f64, length: f64) -> Vec<(usize, u
 }
 
 /// The two spots that explain most together.
-fn best_pair(target: &Target, spots: &[Segment], ground: f64) -> Option<Vec<Segment>> {
-    let pairs: Vec<[Segment; 2]> =
-        (0..spots.len()).flat_map(|i| (i + 1..spots.len()).map(move |j| [spots[i], spots[j]])).collect();
-    let error = |pair: &[Segment; 2]| target.scaled_error(pair, ground);
-    let best = pairs.par_iter().map(|pair| (error(pair), pair)).min_by(|p, q| p.0.total_cmp(&q.0));
-    best.map(|(_, pair)| pair.to_vec())
+fn best_pair(target: &Target, spots: &[Segment]) -> Option<[Segment; 2]> {
+    let own: Vec<Vec<f64>> = spots.par_iter().map(|spot| heights(spot, &target.lattice, &target.places)).collect();
+    let pairs: Vec<[usize; 2]> = (0..spots.len()).flat_map(|i| (i + 1..spots.len()).map(move |j| [i, j])).collect();
+    let left = |&[i, j]: &[usize; 2]| {
+        let mut both = own[i].clone();
+        over(&mut both, &own[j]);
+        target.left_scaled(&both)
+    };
+    let best = pairs.par_iter().map(|pair| (left(pair), pair)).min_by(|p, q| p.0.total_cmp(&q.0));
+    best.map(|(_, pair)| pair.map(|number| spots[number]))
 }

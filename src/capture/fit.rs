@@ -7,7 +7,7 @@ use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{DMatrix, DVector, Dyn, Owned};
 use rayon::prelude::*;
 
-use super::segment::{Segment, drawn, heights};
+use super::segment::{Segment, drawn, heights, over};
 use super::target::Target;
 
 /// The longest segment, in lengths of the cell's longer vector.
@@ -137,7 +137,7 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
         let others = |number: usize| {
             let mut highest = vec![0.0_f64; places.len()];
             for heights in own.iter().enumerate().filter(|(other, _)| *other != number).map(|(_, heights)| heights) {
-                highest.iter_mut().zip(heights).for_each(|(highest, height)| *highest = highest.max(*height));
+                over(&mut highest, heights);
             }
             highest
         };

@@ -1,14 +1,14 @@
 //! Step 3, layout: the yarn segments of a cell.
 //!
 //! In: the mean cell. Out: a [`Layout`]. Layouts that a weave may have ([`woven`]) and layouts that merely cover the cell ([`cover`]) are refined on a coarse cell; what they
-//! leave unexplained, how many segments they take and how much these overlap say which is best. A clear weave is believed without looking further, and any weave taken as it is; of covers
-//! segments are joined, dropped and added while that helps. The best one is refined on a finer cell. Cost: half a second to two where a weave is clear, else five to twenty on two cores.
+//! leave unexplained, how many segments they take and how much these overlap say which is best. A clear weave is believed without looking further, and any weave taken as it is; of each cover
+//! segments are joined, dropped and added while that helps. The best one is refined on a finer cell. Cost: half a second to two where a weave is clear, else three to fifteen on two cores.
 
 use rayon::prelude::*;
 
 use super::cell::Cell;
 use super::error::CaptureError;
-use super::fit::{Fit, Hypothesis, refine};
+use super::fit::{Fit, Hypothesis};
 use super::lattice::Lattice;
 use super::segment::{LEAST, LEAST_GAP, Segment, places, shares, trimmed};
 use super::target::Target;
@@ -20,10 +20,10 @@ const COARSE: f64 = 26.0;
 const FINE: f64 = 52.0;
 /// Places each way on which shares of the cell are counted.
 const COUNTED: usize = 128;
-/// Weaves that are refined, the likeliest.
-const WEAVES: usize = 4;
 /// A weave that costs less is believed without looking further: drawn weaves cost up to .05 and photographed ones .11; satin .13, and loops taken for weaves .18 and more.
 const CLEAR: f64 = 0.12;
+/// What a weave's segments leave at most without those that aren't seen: drawn and photographed weaves leave up to .28, and the likeliest of loops taken for one .52.
+const TOLD: f64 = 0.4;
 /// Changes of a layout after its fit.
 const MOVES: usize = 12;
 /// Copies of segments that touch a cell, in a person's layout; those of 64 floats over ten cells are fewer, and more only cost time.
@@ -97,23 +97,19 @@ impl Layout {
 pub(super) fn find(cell: &Cell) -> Option<Layout> {
     let coarse = Target::new(cell, COARSE);
     let (ground, top) = (coarse.quantile(0.04), coarse.quantile(0.9));
-    let weaves = woven::candidates(&coarse, ground, top).into_iter().take(WEAVES).flat_map(|weave| {
-        let dense = refine(&coarse, Hypothesis::Woven, &weave.floats, ground, 12);
-        let loose = dense.with(&coarse, &[&dense.segments[..], &weave.sunken].concat(), 12);
-        [dense, loose].into_iter().filter(|fit| is_weave(fit, weave.floats.len(), &coarse.lattice)).collect::<Vec<_>>()
-    });
     let costed = |fit: Fit| {
         let fit = pruned(&coarse, fit);
         (cost(&coarse, &fit), fit)
     };
-    let mut best = weaves.map(costed).min_by(|p, q| p.0.total_cmp(&q.0));
+    let weaves = woven::fits(&coarse, ground, top).map(costed).filter(|(_, fit)| told(fit.clone(), &coarse).error < TOLD);
+    let mut best = weaves.min_by(|p, q| p.0.total_cmp(&q.0));
     let is_clear = best.as_ref().is_some_and(|(cost, _)| *cost < CLEAR);
     if !is_clear {
-        let covers = cover::fits(&coarse, ground, top).into_iter().map(costed);
-        best = best.into_iter().chain(covers).min_by(|p, q| p.0.total_cmp(&q.0));
+        let covers = cover::fits(&coarse, ground, top).map(costed).map(|(cost, fit)| settled(&coarse, fit, cost, top));
+        let cover = covers.min_by(|p, q| p.0.total_cmp(&q.0));
+        best = best.into_iter().chain(cover).min_by(|p, q| p.0.total_cmp(&q.0));
     }
-    let (least, fit) = best?;
-    let fit = if fit.hypothesis == Hypothesis::Woven { fit } else { settled(&coarse, fit, least, top) };
+    let (_, fit) = best?;
     let fine = Target::new(cell, FINE);
     let fit = told(fit.with(&fine, &fit.segments, 40), &fine);
     let layout = Layout::of(fit, &fine);
@@ -130,13 +126,6 @@ fn told(mut fit: Fit, target: &Target) -> Fit {
     fit.segments.iter_mut().for_each(|segment| segment.centre = lattice.home(segment.centre));
     fit.error = target.error(&fit.segments, fit.ground);
     fit
-}
-
-/// Whether a weave's first segments, so many floats, are as floats are in cloth: seen, and longer than wide. Whatever a cell shows, yarns above others can be made to look like it.
-fn is_weave(fit: &Fit, floats: usize, lattice: &Lattice) -> bool {
-    let seen = trimmed(&fit.segments, lattice, LEAST_GAP);
-    let is_float = |(number, float): (usize, &Segment)| float.length > float.width && seen.iter().any(|(of, _)| *of == number);
-    fit.segments[..floats].iter().enumerate().all(is_float)
 }
 
 /// A person's layout on a cell. Segments that bury each other are counted as they are given, since little of them is seen.
@@ -176,7 +165,7 @@ fn cost(target: &Target, fit: &Fit) -> f64 {
 }
 
 /// With segments joined that are one yarn, without needless ones, and with those added that are lacking then, as long as the layout costs less than `least` so.
-fn settled(target: &Target, mut fit: Fit, mut least: f64, top: f64) -> Fit {
+fn settled(target: &Target, mut fit: Fit, mut least: f64, top: f64) -> (f64, Fit) {
     for _ in 0..MOVES {
         let fewer = fewer(&fit.segments, &target.lattice).into_par_iter().map(|segments| fit.with(target, &segments, 12));
         let costed = |fit: Fit| (cost(target, &fit), fit);
@@ -185,7 +174,7 @@ fn settled(target: &Target, mut fit: Fit, mut least: f64, top: f64) -> Fit {
         let Some(better) = best else { break };
         (least, fit) = better;
     }
-    fit
+    (least, fit)
 }
 
 /// All layouts with a segment less: without it, or joined with another.

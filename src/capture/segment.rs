@@ -183,7 +183,7 @@ impl Segment {
         let beyond = (at.x.abs() - 0.5 * self.length).max(0.0) / self.width;
         let lit = self.light(at.x) - DIVES * beyond - self.round * (1.0 - (1.0 - across * across).sqrt());
         // A pixel that is half yarn has half its luminance, of which lightness is about the cube root.
-        lit * edge.min(1.0).cbrt()
+        if edge < 1.0 { lit * edge.cbrt() } else { lit }
     }
 
     /// Whether it lies over a place, relative to its middle.
@@ -195,6 +195,14 @@ impl Segment {
     /// How far from its middle it reaches.
     pub(super) fn reach(&self) -> f64 {
         0.5 * (self.length + 0.8 * self.width).hypot(self.width) + self.bow.abs() + self.sway.abs()
+    }
+
+    /// How far from the line through its middle it reaches at most, as far along as [`Segment::reach`].
+    fn wide(&self) -> f64 {
+        let steepest = (2.0 * S_CURVE * self.sway.abs() + 2.0 * self.bow.abs()) / (0.5 * self.length);
+        let beyond = self.reach() + 0.5 - 0.5 * self.length;
+        // An edge seen at a slant is farther from its axis by less than its slope has it.
+        (0.5 * self.width + BLUR) * (1.0 + steepest) + self.bow.abs() + self.sway.abs() + steepest * beyond
     }
 
     /// Counts of both vectors, lowest and highest, to its copies that may touch the cell.
@@ -255,13 +263,13 @@ pub(super) fn places(lattice: &Lattice, [columns, rows]: [usize; 2]) -> Vec<DVec
 /// How much lighter than the ground a segment and its copies make each place.
 pub(super) fn heights(segment: &Segment, lattice: &Lattice, places: &[DVec2]) -> Vec<f64> {
     let mut heights = vec![0.0_f64; places.len()];
-    let reach = segment.reach() + 0.5;
+    let (reach, wide) = (segment.reach() + 0.5, segment.wide());
     let reach = reach * reach;
     let way = DVec2::from_angle(segment.angle);
     for copy in segment.copies(lattice) {
         for (height, place) in heights.iter_mut().zip(places) {
             let off = *place - copy;
-            if off.length_squared() < reach {
+            if off.length_squared() < reach && way.perp_dot(off).abs() < wide {
                 *height = height.max(segment.height(off, way));
             }
         }
@@ -272,11 +280,14 @@ pub(super) fn heights(segment: &Segment, lattice: &Lattice, places: &[DVec2]) ->
 /// How light each place of a cell is.
 pub(super) fn drawn(segments: &[Segment], ground: f64, lattice: &Lattice, places: &[DVec2]) -> Vec<f64> {
     let mut light = vec![0.0_f64; places.len()];
-    for segment in segments {
-        light.iter_mut().zip(heights(segment, lattice, places)).for_each(|(light, height)| *light = light.max(height));
-    }
+    segments.iter().for_each(|segment| over(&mut light, &heights(segment, lattice, places)));
     light.iter_mut().for_each(|light| *light += ground);
     light
+}
+
+/// The lighter ones of two layers' places.
+pub(super) fn over(light: &mut [f64], heights: &[f64]) {
+    light.iter_mut().zip(heights).for_each(|(light, height)| *light = light.max(*height));
 }
 
 /// Places along a segment that are looked at.
@@ -345,6 +356,11 @@ fn stretches(segments: &[Segment], lattice: &Lattice, gap: f64) -> Vec<Vec<(f64,
                 kept.push((first, last));
             }
         }
+        // Gaps that show a little tell of yarns that are seen nowhere else.
+        let is_long = |(first, last): &(f64, f64)| last - first > LEAST * segment.width;
+        if kept.iter().any(is_long) {
+            kept.retain(is_long);
+        }
         kept
     };
     segments.iter().zip(axes).map(seen).collect()
@@ -395,6 +411,35 @@ mod tests {
         assert!(over.length > 12.0 && first.length < 4.0 && second.length < 4.0, "{seen:?}");
         assert!(first.centre.y < 3.5 && second.centre.y > 6.5, "{seen:?}");
         assert_eq!(trimmed(&[over, Segment { top: 0.2, ..over }], &LATTICE, LEAST_GAP).len(), 1);
+    }
+
+    #[test]
+    fn slivers_are_told_of_a_yarn_that_is_seen_nowhere_else() {
+        // Of the lower one a gap of some .35 widths is seen between two others; and, where it is longer, its end.
+        let across = |x: f64| Segment { top: 2.0, sag: 0.2, ..segment(x, 5.0, std::f64::consts::FRAC_PI_2) };
+        let over = [across(7.0), across(13.0)];
+        let seen = |length: f64, gap: f64| {
+            let below = Segment { length, tilt: 0.0, ..segment(10.0, 5.0, 0.0) };
+            let trimmed = trimmed(&[over[0], over[1], below], &LATTICE, gap);
+            trimmed.iter().filter(|(number, _)| *number == 2).map(|(_, part)| part.length / part.width).collect::<Vec<_>>()
+        };
+        let [sliver] = seen(6.0, LEAST_GAP)[..] else { panic!("{:?}", seen(6.0, LEAST_GAP)) };
+        assert!(sliver > LEAST_GAP && sliver < LEAST && seen(6.0, LEAST).is_empty(), "{sliver}");
+        let long = seen(17.0, LEAST_GAP);
+        assert!(!long.is_empty() && long.iter().all(|length| *length > LEAST), "{long:?}");
+    }
+
+    #[test]
+    fn no_segment_reaches_beyond_its_strip() {
+        for (bow, sway) in [(0.0, 0.0), (2.0, 0.0), (-1.5, 2.5), (1.0, -3.0)] {
+            let bent = Segment { bow, sway, ..segment(0.0, 0.0, 0.3) };
+            let (way, wide) = (DVec2::from_angle(0.3), bent.wide());
+            let places = (0..200 * 200).map(|at| DVec2::new(double(at % 200), double(at / 200)) * 0.1 - 10.0);
+            let seen: Vec<DVec2> =
+                places.filter(|place| place.length() < bent.reach() && bent.height(*place, way) > 0.0).collect();
+            let widest = seen.iter().map(|place| way.perp_dot(*place).abs()).fold(0.0, f64::max);
+            assert!(!seen.is_empty() && widest < wide, "{bow} {sway}: {widest} {wide}");
+        }
     }
 
     #[test]

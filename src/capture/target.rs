@@ -52,14 +52,17 @@ impl Target {
 
     /// Share of the cell's variance that segments leave.
     pub(super) fn error(&self, segments: &[Segment], ground: f64) -> f64 {
-        let drawn = drawn(segments, ground, &self.lattice, &self.places);
+        self.left(&drawn(segments, ground, &self.lattice, &self.places))
+    }
+
+    /// The same of what they draw.
+    pub(super) fn left(&self, drawn: &[f64]) -> f64 {
         let sum: f64 = drawn.iter().zip(&self.light).map(|(model, light)| (model - light).powi(2)).sum();
         sum / (double(self.light.len()) * self.variance)
     }
 
     /// The same, with the gain and offset that suit best.
-    pub(super) fn scaled_error(&self, segments: &[Segment], ground: f64) -> f64 {
-        let drawn = drawn(segments, ground, &self.lattice, &self.places);
+    pub(super) fn left_scaled(&self, drawn: &[f64]) -> f64 {
         let count = double(drawn.len());
         let (mx, my) = (drawn.iter().sum::<f64>() / count, self.light.iter().sum::<f64>() / count);
         let (mut xx, mut xy) = (1e-12, 0.0);

@@ -1,13 +1,14 @@
 //! Step 3, the woven hypothesis: a matrix of warp and weft on a lattice of crossings.
 //!
-//! In: a [`Target`]. Out: [`Weave`]s. The crossings' lattice has the cell's as a part of index 2 to 8, and goes nearly squarely along both yarns. Of small
-//! matrices all are tried; of larger ones the one whose yarns run as the picture does at each crossing.
+//! In: a [`Target`]. Out: [`Fit`]s, two a matrix: floats alone, and with what gaps of loose cloth show. The crossings' lattice has the cell's as a part of index 2 to 8,
+//! and goes nearly squarely along both yarns. Of small matrices all are tried; of larger ones the one whose yarns run as the picture does at each crossing.
 
 use glam::{DMat2, DVec2};
 use rayon::prelude::*;
 
+use super::fit::{Fit, Hypothesis, refine};
 use super::lattice::{Lattice, hermite};
-use super::segment::Segment;
+use super::segment::{LEAST_GAP, Segment, drawn, trimmed};
 use super::steps;
 use super::target::Target;
 use crate::plane::double;
@@ -20,17 +21,37 @@ const WIDTHS: [f64; 2] = [0.72, 0.88];
 const SUNKEN: f64 = 0.5;
 /// Crossings of a cell up to which all matrices are tried.
 const TRIED: usize = 4;
+/// Weaves that are refined.
+const REFINED: usize = 4;
 
 /// A layout that a weave may have.
-pub(super) struct Weave {
+struct Weave {
     /// What lies above.
-    pub(super) floats: Vec<Segment>,
+    floats: Vec<Segment>,
     /// After each of them its yarn up to the next float, which gaps of loose cloth show.
-    pub(super) sunken: Vec<Segment>,
+    sunken: Vec<Segment>,
+}
+
+/// The likeliest weaves that the cell may be, refined, each dense and loose; without those whose floats are none.
+pub(super) fn fits(target: &Target, ground: f64, top: f64) -> impl ParallelIterator<Item = Fit> {
+    let mut weaves = candidates(target, ground, top);
+    weaves.truncate(REFINED);
+    weaves.into_par_iter().flat_map_iter(move |Weave { floats, sunken }| {
+        let dense = refine(target, Hypothesis::Woven, &floats, ground, 12);
+        let loose = dense.with(target, &[&dense.segments[..], &sunken].concat(), 12);
+        [dense, loose].into_iter().filter(move |fit| is_weave(fit, floats.len(), &target.lattice))
+    })
+}
+
+/// Whether a weave's first segments, so many floats, are as floats are in cloth: seen, and longer than wide. Whatever a cell shows, yarns above others can be made to look like it.
+fn is_weave(fit: &Fit, floats: usize, lattice: &Lattice) -> bool {
+    let seen = trimmed(&fit.segments, lattice, LEAST_GAP);
+    let is_float = |(number, float): (usize, &Segment)| float.length > float.width && seen.iter().any(|(of, _)| *of == number);
+    fit.segments[..floats].iter().enumerate().all(is_float)
 }
 
 /// Weaves that the cell may be, the likeliest first.
-pub(super) fn candidates(target: &Target, ground: f64, top: f64) -> Vec<Weave> {
+fn candidates(target: &Target, ground: f64, top: f64) -> Vec<Weave> {
     let tensor = Tensor::of(target);
     let grids: Vec<Crossings> = (2_u8..=8)
         .flat_map(|index| hermite(index.into()).map(move |form| (index.into(), form)))
@@ -45,7 +66,8 @@ pub(super) fn candidates(target: &Target, ground: f64, top: f64) -> Vec<Weave> {
                 let origin = grid.weft * share(number % OFFSETS) + grid.warp * share(number / OFFSETS);
                 let matrices = grid.matrices(origin, tensor, target);
                 let layouts = matrices.iter().flat_map(|ups| WIDTHS.map(|width| grid.weave(origin, ups, width, top - ground)));
-                layouts.flatten().map(|weave| (target.scaled_error(&weave.floats, ground), weave)).collect::<Vec<_>>()
+                let left = |weave: &Weave| target.left_scaled(&drawn(&weave.floats, 0.0, &target.lattice, &target.places));
+                layouts.flatten().map(|weave| (left(&weave), weave)).collect::<Vec<_>>()
             })
         })
         .collect();
