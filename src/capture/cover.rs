@@ -118,9 +118,9 @@ fn twice(light: &[f64], [columns, rows]: [usize; 2]) -> Vec<f64> {
 fn answers(kernel: &[(usize, usize, f64)], twice: &[f64], [columns, rows]: [usize; 2]) -> Vec<f64> {
     let mut answers = vec![0.0; columns * rows];
     for &(dx, dy, weight) in kernel {
-        for (y, answers) in answers.chunks_exact_mut(columns).enumerate() {
+        for (y, row) in answers.chunks_exact_mut(columns).enumerate() {
             let light = &twice[(y + dy) * 2 * columns + dx..][..columns];
-            answers.iter_mut().zip(light).for_each(|(answer, light)| *answer += light * weight);
+            row.iter_mut().zip(light).for_each(|(answer, light)| *answer += light * weight);
         }
     }
     answers
@@ -170,4 +170,17 @@ fn best_pair(target: &Target, spots: &[Segment]) -> Option<[Segment; 2]> {
     };
     let best = pairs.par_iter().map(|pair| (left(pair), pair)).min_by(|p, q| p.0.total_cmp(&q.0));
     best.map(|(_, pair)| pair.map(|number| spots[number]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn filters_come_in_again_on_the_other_side() {
+        let (size, light) = ([3, 2], [1.0, 2.0, 4.0, 8.0, 16.0, 32.0]);
+        let answers = answers(&[(0, 0, 1.0), (2, 1, 10.0)], &twice(&light, size), size);
+        // Each place, and ten times the one two to its right (one to its left) in the other row.
+        assert_eq!(answers, [321.0, 82.0, 164.0, 48.0, 26.0, 52.0]);
+    }
 }

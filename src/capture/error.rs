@@ -25,8 +25,14 @@ pub enum CaptureError {
         cell: [f64; 4],
     },
     /// A repeat without any yarn to be told in it.
-    #[error("no yarns can be told in the repeat: take a photo in which each yarn is four pixels wide and more")]
+    #[error(
+        "no yarns can be told in the repeat: take a photo in which each yarn is four pixels wide and more; if each is, the cloth may repeat after twice as much only, as a tight plain weave \
+         does, and --cell gives the vectors of that"
+    )]
     NoYarns,
+    /// A given layout of which nothing is seen.
+    #[error("nothing is seen of the layout's segments: their tops are no lighter than the ground; raise them")]
+    Unseen,
     /// A given layout whose segments lie in more cells than any cloth's.
     #[error(
         "the layout's segments and their copies touch each cell {copies:.0} times, and may {most:.0} times: make the longest, widest and most bent of them smaller, or the cell larger"

@@ -44,6 +44,8 @@ const MOST_SEGMENTS: usize = 64;
 const MOST_CELLS: f64 = 10.0;
 /// What lengths and places may be, pixels.
 const MOST_LENGTH: f64 = 16_384.0;
+/// What lightness may be, of the photo's contrast.
+const MOST_LIGHT: f64 = 1000.0;
 
 /// Cells each way of the preview, its pixels, and how wide its camera sees.
 const PREVIEW_CELLS: f64 = 5.0;
@@ -129,8 +131,11 @@ impl GivenLayout {
             return Err(LayoutError { line: line_of(file.segments[MOST_SEGMENTS].span().start), what });
         }
         let CellTable { a, b, ground } = file.cell;
-        if ![a, b].concat().iter().all(|number| number.abs() <= MOST_LENGTH) || !ground.is_finite() {
+        if ![a, b].concat().iter().all(|number| number.abs() <= MOST_LENGTH) {
             return Err(LayoutError { line: 1, what: "the cell's numbers are no pixels of a photo".to_owned() });
+        }
+        if ground.is_nan() || ground.abs() > MOST_LIGHT {
+            return Err(LayoutError { line: 1, what: "ground is a share of the picture's contrast, -5 to 5 mostly".to_owned() });
         }
         let longer = DVec2::from(a).length().max(DVec2::from(b).length());
         let segments = file.segments.iter().map(|table| {
@@ -142,8 +147,8 @@ impl GivenLayout {
             if ![own.width, own.length].iter().all(|size| *size > 0.0 && *size <= MOST_CELLS * longer) {
                 return wrong("a segment's width and length are to be over 0 pixels, and under ten cells");
             }
-            let is_share = |light: &f64| (0.0..=1000.0).contains(light);
-            if ![own.top, own.round, own.sag].iter().all(is_share) || own.tilt.is_nan() || own.tilt.abs() > 1000.0 {
+            let is_share = |light: &f64| (0.0..=MOST_LIGHT).contains(light);
+            if ![own.top, own.round, own.sag].iter().all(is_share) || own.tilt.is_nan() || own.tilt.abs() > MOST_LIGHT {
                 return wrong("top, round and sag are shares of the picture's contrast, 0 to a few, and tilt may be under 0");
             }
             if ![own.bow, own.sway].iter().all(|aside| aside.abs() <= own.length) {

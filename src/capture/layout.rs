@@ -86,6 +86,12 @@ impl Layout {
         (0..self.segments.len()).filter(|number| !self.numbers.contains(number)).collect()
     }
 
+    /// Whether it tells of the cell at all, after its last fit: floats may sink then, and what covers a cell by what nobody sees leaves more than nothing would.
+    fn is_believable(&self) -> bool {
+        let most = if self.hypothesis == Hypothesis::Woven { TOLD } else { 1.0 };
+        !self.seen.is_empty() && self.error < most && self.seen_error < 1.0
+    }
+
     /// Whether it keeps the rule.
     #[must_use]
     pub fn is_valid(&self) -> bool {
@@ -95,25 +101,25 @@ impl Layout {
 
 /// Finds the layout of a cell; nothing where it shows no yarn at all.
 pub(super) fn find(cell: &Cell) -> Option<Layout> {
-    let coarse = Target::new(cell, COARSE);
+    let (coarse, fine) = (Target::new(cell, COARSE), Target::new(cell, FINE));
     let (ground, top) = (coarse.quantile(0.04), coarse.quantile(0.9));
     let costed = |fit: Fit| {
         let fit = pruned(&coarse, fit);
         (cost(&coarse, &fit), fit)
     };
-    let weaves = woven::fits(&coarse, ground, top).map(costed).filter(|(_, fit)| told(fit.clone(), &coarse).error < TOLD);
-    let mut best = weaves.min_by(|p, q| p.0.total_cmp(&q.0));
-    let is_clear = best.as_ref().is_some_and(|(cost, _)| *cost < CLEAR);
-    if !is_clear {
-        let covers = cover::fits(&coarse, ground, top).map(costed).map(|(cost, fit)| settled(&coarse, fit, cost, top));
-        let cover = covers.min_by(|p, q| p.0.total_cmp(&q.0));
-        best = best.into_iter().chain(cover).min_by(|p, q| p.0.total_cmp(&q.0));
-    }
-    let (_, fit) = best?;
-    let fine = Target::new(cell, FINE);
-    let fit = told(fit.with(&fine, &fit.segments, 40), &fine);
-    let layout = Layout::of(fit, &fine);
-    (!layout.seen.is_empty()).then_some(layout)
+    let layout = |(_, fit): &(f64, Fit)| {
+        let layout = Layout::of(told(fit.with(&fine, &fit.segments, 40), &fine), &fine);
+        layout.is_believable().then_some(layout)
+    };
+    let mut fits: Vec<(f64, Fit)> = woven::fits(&coarse, ground, top).map(costed).collect();
+    fits.retain(|(_, fit)| told(fit.clone(), &coarse).error < TOLD);
+    fits.sort_by(|p, q| p.0.total_cmp(&q.0));
+    let clear = fits.iter().take_while(|(cost, _)| *cost < CLEAR).find_map(layout);
+    clear.or_else(|| {
+        fits.par_extend(cover::fits(&coarse, ground, top).map(costed).map(|(cost, fit)| settled(&coarse, fit, cost, top)));
+        fits.sort_by(|p, q| p.0.total_cmp(&q.0));
+        fits.iter().find_map(layout)
+    })
 }
 
 /// A fit with its segments in the cell; of a weave without what nobody sees, as yarns below are where cloth is dense.
@@ -144,6 +150,9 @@ pub(super) fn given(cell: &Cell, segments: Vec<Segment>, ground: f64) -> Result<
         return Ok(layout);
     }
     let (most_overlap, most_blank) = (Layout::MOST_OVERLAP, Layout::MOST_BLANK);
+    if layout.overlap <= most_overlap && layout.blank <= most_blank {
+        return Err(CaptureError::Unseen);
+    }
     Err(CaptureError::Invalid { overlap: layout.overlap, blank: layout.blank, most_overlap, most_blank })
 }
 

@@ -11,7 +11,7 @@
 //! ```
 //!
 //! `plane` and `correlogram` are what pictures are asked by, `target` is the mean cell as fits see it, `sheet` draws. Cost: about a second for the repeat and its mean, up to
-//! twenty for the layout, on two cores; 140 MB. The same photo gives the same bytes for any number of threads.
+//! fifteen for the layout, on two cores; 160 MB for a photo of 4 megapixels. The same photo gives the same bytes for any number of threads.
 //!
 //! Not promised: a scale. A photo doesn't say how large anything is; a person does, by how thick the cloth is or how many pixels are a mm.
 

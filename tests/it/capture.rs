@@ -182,6 +182,14 @@ fn the_command_fills_a_folder_and_takes_its_layout_back() {
     );
     let broken = edited("length", "lenght").unwrap_err();
     assert!(broken.starts_with("error: edited.toml:") && broken.contains("lenght") && broken.lines().count() == 1, "{broken}");
+    // Nothing is seen of what is no lighter than the ground.
+    let dark: String =
+        text.lines().map(|line| if line.starts_with("top = ") { "top = 0\n".into() } else { format!("{line}\n") }).collect();
+    std::fs::write(folder.join("dark.toml"), dark).unwrap();
+    let unseen = unexplained("dark.toml").unwrap_err();
+    assert!(unseen.starts_with("error: dark.toml: nothing is seen of the layout's segments"), "{unseen}");
+    let bright = edited("ground = ", "ground = 9e99 #").unwrap_err();
+    assert!(bright.starts_with("error: edited.toml:") && bright.contains("ground is a share"), "{bright}");
     // One segment as large as a file may say, bent as far, on a cell that is all length: some hundred thousand copies of it, none of which is drawn.
     let crowd = "[cell]\na = [4, 0]\nb = [0, 100]\nground = -1\n[[segments]]\ncenter = [0, 0]\nangle_deg = 45\nwidth = 900\nlength = 900\ntop = 1\nround = 0.5\nsag = 0.3\nbow = 900\n";
     std::fs::write(folder.join("crowd.toml"), crowd).unwrap();
