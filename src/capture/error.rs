@@ -31,7 +31,7 @@ pub enum CaptureError {
     )]
     NoYarns,
     /// A given layout of which nothing is seen.
-    #[error("nothing is seen of the layout's segments: their tops are no lighter than the ground; raise them")]
+    #[error("nothing is seen of any of the layout's segments: raise their tops, lower their sag or make them longer")]
     Unseen,
     /// A given layout whose segments lie in more cells than any cloth's.
     #[error(

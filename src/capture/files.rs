@@ -76,7 +76,7 @@ pub struct LayoutError {
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct LayoutFile {
-    cell: CellTable,
+    cell: toml::Spanned<CellTable>,
     #[serde(default)]
     segments: Vec<toml::Spanned<SegmentTable>>,
 }
@@ -130,12 +130,13 @@ impl GivenLayout {
             let what = format!("{} segments are too many: at most {MOST_SEGMENTS} lie in a cell", file.segments.len());
             return Err(LayoutError { line: line_of(file.segments[MOST_SEGMENTS].span().start), what });
         }
-        let CellTable { a, b, ground } = file.cell;
+        let &CellTable { a, b, ground } = file.cell.get_ref();
+        let wrong = |what: &str| Err(LayoutError { line: line_of(file.cell.span().start), what: what.to_owned() });
         if ![a, b].concat().iter().all(|number| number.abs() <= MOST_LENGTH) {
-            return Err(LayoutError { line: 1, what: "the cell's numbers are no pixels of a photo".to_owned() });
+            return wrong("the cell's numbers are no pixels of a photo");
         }
         if ground.is_nan() || ground.abs() > MOST_LIGHT {
-            return Err(LayoutError { line: 1, what: "ground is a share of the picture's contrast, -5 to 5 mostly".to_owned() });
+            return wrong("ground is to be a share of the picture's contrast, -1000 to 1000 and mostly about -1");
         }
         let longer = DVec2::from(a).length().max(DVec2::from(b).length());
         let segments = file.segments.iter().map(|table| {
@@ -312,6 +313,7 @@ pub fn save(captured: &Captured, folder: &OutputFolder) -> Result<(), ExportErro
 fn layout_text(captured: &Captured) -> String {
     let Captured { unit, layout, .. } = captured;
     let cell = CellTable { a: unit.lattice.a.to_array(), b: unit.lattice.b.to_array(), ground: layout.ground };
+    let cell = toml::Spanned::new(0..0, cell);
     let segments = layout.segments.iter().map(|segment| toml::Spanned::new(0..0, SegmentTable::of(segment))).collect();
     let tables = toml::to_string(&LayoutFile { cell, segments }).expect("numbers are TOML");
     format!(

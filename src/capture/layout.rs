@@ -1,8 +1,8 @@
 //! Step 3, layout: the yarn segments of a cell.
 //!
 //! In: the mean cell. Out: a [`Layout`]. Layouts that a weave may have ([`woven`]) and layouts that merely cover the cell ([`cover`]) are refined on a coarse cell; what they
-//! leave unexplained, how many segments they take and how much these overlap say which is best. A clear weave is believed without looking further, and any weave taken as it is; of each cover
-//! segments are joined, dropped and added while that helps. The best one is refined on a finer cell. Cost: half a second to two where a weave is clear, else three to fifteen on two cores.
+//! leave unexplained, how many segments they take and how much these overlap say which is best. Where a weave is clear covers are not looked at; of each of them
+//! segments are joined, dropped and added while that helps. The best one is refined on a finer cell, and if it can't be believed then, the next one. Cost: half a second to two where a weave is clear, else three to fifteen on two cores.
 
 use rayon::prelude::*;
 
@@ -10,7 +10,7 @@ use super::cell::Cell;
 use super::error::CaptureError;
 use super::fit::{Fit, Hypothesis};
 use super::lattice::Lattice;
-use super::segment::{LEAST, LEAST_GAP, Segment, places, shares, trimmed};
+use super::segment::{LEAST, LEAST_GAP, Segment, drawn, places, shares, trimmed};
 use super::target::Target;
 use super::{cover, woven};
 use crate::plane::double;
@@ -20,7 +20,7 @@ const COARSE: f64 = 26.0;
 const FINE: f64 = 52.0;
 /// Places each way on which shares of the cell are counted.
 const COUNTED: usize = 128;
-/// A weave that costs less is believed without looking further: drawn weaves cost up to .05 and photographed ones .11; satin .13, and loops taken for weaves .18 and more.
+/// Where a weave costs less no cover is looked at, if it is believable in the end: drawn weaves cost up to .05 and photographed ones .11; satin .13, and loops taken for weaves .18 and more.
 const CLEAR: f64 = 0.12;
 /// What a weave's segments leave at most without those that aren't seen: drawn and photographed weaves leave up to .28, and the likeliest of loops taken for one .52.
 const TOLD: f64 = 0.4;
@@ -99,7 +99,7 @@ impl Layout {
     }
 }
 
-/// Finds the layout of a cell; nothing where it shows no yarn at all.
+/// Finds the layout of a cell; nothing where none can be believed.
 pub(super) fn find(cell: &Cell) -> Option<Layout> {
     let (coarse, fine) = (Target::new(cell, COARSE), Target::new(cell, FINE));
     let (ground, top) = (coarse.quantile(0.04), coarse.quantile(0.9));
@@ -107,18 +107,19 @@ pub(super) fn find(cell: &Cell) -> Option<Layout> {
         let fit = pruned(&coarse, fit);
         (cost(&coarse, &fit), fit)
     };
-    let layout = |(_, fit): &(f64, Fit)| {
+    let refined = |(_, fit): &(f64, Fit)| {
         let layout = Layout::of(told(fit.with(&fine, &fit.segments, 40), &fine), &fine);
         layout.is_believable().then_some(layout)
     };
     let mut fits: Vec<(f64, Fit)> = woven::fits(&coarse, ground, top).map(costed).collect();
     fits.retain(|(_, fit)| told(fit.clone(), &coarse).error < TOLD);
     fits.sort_by(|p, q| p.0.total_cmp(&q.0));
-    let clear = fits.iter().take_while(|(cost, _)| *cost < CLEAR).find_map(layout);
-    clear.or_else(|| {
+    let unclear = fits.split_off(fits.partition_point(|(cost, _)| *cost < CLEAR));
+    fits.iter().find_map(refined).or_else(|| {
+        let mut fits = unclear;
         fits.par_extend(cover::fits(&coarse, ground, top).map(costed).map(|(cost, fit)| settled(&coarse, fit, cost, top)));
         fits.sort_by(|p, q| p.0.total_cmp(&q.0));
-        fits.iter().find_map(layout)
+        fits.iter().find_map(refined)
     })
 }
 
@@ -150,7 +151,9 @@ pub(super) fn given(cell: &Cell, segments: Vec<Segment>, ground: f64) -> Result<
         return Ok(layout);
     }
     let (most_overlap, most_blank) = (Layout::MOST_OVERLAP, Layout::MOST_BLANK);
-    if layout.overlap <= most_overlap && layout.blank <= most_blank {
+    // The shares say nothing of segments that are as dark as the ground, or too short to be told.
+    let is_dark = drawn(&layout.segments, 0.0, &target.lattice, &target.places).iter().all(|light| *light <= 0.0);
+    if is_dark || layout.overlap <= most_overlap && layout.blank <= most_blank {
         return Err(CaptureError::Unseen);
     }
     Err(CaptureError::Invalid { overlap: layout.overlap, blank: layout.blank, most_overlap, most_blank })
@@ -216,4 +219,25 @@ fn pruned(target: &Target, mut fit: Fit) -> Fit {
         fit = fit.with(target, &fit.segments, 8);
     }
     fit
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec2;
+
+    use super::*;
+
+    #[test]
+    fn what_explains_less_than_nothing_would_is_not_believed() {
+        let segments = vec![Segment::straight(DVec2::ZERO, 0.0, 4.0, 9.0, 1.0)];
+        let (seen, numbers, ground) = (segments.clone(), vec![0], -1.0);
+        let layout = |hypothesis, error, seen_error| {
+            let (segments, seen, numbers) = (segments.clone(), seen.clone(), numbers.clone());
+            Layout { segments, seen, numbers, ground, error, seen_error, hypothesis, overlap: 0.0, blank: 0.5 }
+        };
+        assert!(layout(Hypothesis::Woven, 0.05, 0.3).is_believable() && layout(Hypothesis::Cover, 0.5, 0.9).is_believable());
+        assert!(!layout(Hypothesis::Woven, 0.45, 0.5).is_believable(), "its floats have sunk");
+        assert!(!layout(Hypothesis::Cover, 0.05, 1.1).is_believable(), "what is hidden explains it");
+        assert!(!Layout { seen: Vec::new(), ..layout(Hypothesis::Woven, 0.05, 0.3) }.is_believable());
+    }
 }

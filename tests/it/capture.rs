@@ -63,6 +63,13 @@ fn weaves_are_found_again() {
 }
 
 #[test]
+fn a_plain_weave_of_two_colours_is_believed() {
+    let truth = sample(Kind::Colored, 1008, 480, Disturbance::default());
+    let found = found(&truth.image);
+    assert!(same_lattice(&found, truth.lattice, 0.025), "{:?} is not {:?}", found.unit, truth.lattice);
+}
+
+#[test]
 fn yarns_of_a_loose_twill_are_its_floats_and_what_gaps_show_of_them() {
     let truth = sample(Kind::Twill(2, 2), 5001, 480, Disturbance { distortion: 1.3, noise: 0.01, light: 0.1 });
     let found = found(&truth.image);
@@ -182,14 +189,19 @@ fn the_command_fills_a_folder_and_takes_its_layout_back() {
     );
     let broken = edited("length", "lenght").unwrap_err();
     assert!(broken.starts_with("error: edited.toml:") && broken.contains("lenght") && broken.lines().count() == 1, "{broken}");
-    // Nothing is seen of what is no lighter than the ground.
-    let dark: String =
-        text.lines().map(|line| if line.starts_with("top = ") { "top = 0\n".into() } else { format!("{line}\n") }).collect();
-    std::fs::write(folder.join("dark.toml"), dark).unwrap();
+    // Nothing is seen of what is no lighter than the ground, however wide it is.
+    let darker = |line: &str| match line.split_once(" = ") {
+        Some((name @ ("top" | "tilt"), _)) => format!("{name} = 0\n"),
+        _ => format!("{line}\n"),
+    };
+    let dark: String = text.lines().map(darker).collect();
+    std::fs::write(folder.join("dark.toml"), &dark).unwrap();
     let unseen = unexplained("dark.toml").unwrap_err();
-    assert!(unseen.starts_with("error: dark.toml: nothing is seen of the layout's segments"), "{unseen}");
+    assert!(unseen.starts_with("error: dark.toml: nothing is seen of any of the layout's segments"), "{unseen}");
+    std::fs::write(folder.join("dark.toml"), dark.replace("width = ", "width = 1")).unwrap();
+    assert_eq!(unexplained("dark.toml").unwrap_err(), unseen);
     let bright = edited("ground = ", "ground = 9e99 #").unwrap_err();
-    assert!(bright.starts_with("error: edited.toml:") && bright.contains("ground is a share"), "{bright}");
+    assert!(bright.starts_with("error: edited.toml:3: ") && bright.contains("ground is to be a share"), "{bright}");
     // One segment as large as a file may say, bent as far, on a cell that is all length: some hundred thousand copies of it, none of which is drawn.
     let crowd = "[cell]\na = [4, 0]\nb = [0, 100]\nground = -1\n[[segments]]\ncenter = [0, 0]\nangle_deg = 45\nwidth = 900\nlength = 900\ntop = 1\nround = 0.5\nsag = 0.3\nbow = 900\n";
     std::fs::write(folder.join("crowd.toml"), crowd).unwrap();
