@@ -30,6 +30,7 @@ mod layout;
 mod plane;
 mod quilt;
 mod register;
+mod seen;
 mod segment;
 mod shape;
 mod sheet;

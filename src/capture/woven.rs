@@ -8,7 +8,8 @@ use rayon::prelude::*;
 
 use super::fit::{Fit, Hypothesis, refine};
 use super::lattice::{Lattice, hermite};
-use super::segment::{LEAST_GAP, Segment, drawn, trimmed};
+use super::seen::{LEAST_GAP, trimmed};
+use super::segment::{Segment, drawn};
 use super::steps;
 use super::target::Target;
 use crate::plane::double;
