@@ -1,9 +1,11 @@
-//! Draws the pictures of yarns in `meshes/yarns/`, for `--texture` and the `texture` of a fabric's yarns.
+//! Draws the pictures of yarns in `meshes/yarns/`, for `--texture` and the `texture` of a fabric's
+//! yarns.
 //!
 //!     cargo run --release --example make_yarns
 //!
-//! A picture shows one repeat of a yarn, x along it and y across: round plies wound around each other, fibres in them, loops of an effect yarn,
-//! and fuzz that thins out to both sides. Everything comes from the numbers in [`YARNS`] and a hash, so the bytes are the same each time.
+//! A picture shows one repeat of a yarn, x along it and y across: round plies wound around each
+//! other, fibres in them, loops of an effect yarn, and fuzz that thins out to both sides.
+//! Everything comes from the numbers in [`YARNS`] and a hash, so the bytes are the same each time.
 
 use std::error::Error;
 use std::f32::consts::{PI, TAU};
@@ -29,7 +31,8 @@ const FARTHEST: f32 = 0.96;
 struct Yarn {
     name: &'static str,
     plies: u32,
-    /// Share of the picture's width that the plies take; the rest is fuzz, and loops where there are any.
+    /// Share of the picture's width that the plies take; the rest is fuzz, and loops where there
+    /// are any.
     core: f32,
     /// sRGB of its fibres, each as often as the others.
     colors: &'static [[f32; 3]],
@@ -82,7 +85,12 @@ const YARNS: [Yarn; 5] = [
         name: "melange",
         plies: 2,
         core: 0.68,
-        colors: &[[58.0, 62.0, 70.0], [110.0, 114.0, 120.0], [196.0, 196.0, 192.0], [236.0, 232.0, 224.0]],
+        colors: &[
+            [58.0, 62.0, 70.0],
+            [110.0, 114.0, 120.0],
+            [196.0, 196.0, 192.0],
+            [236.0, 232.0, 224.0],
+        ],
         fibres: 30.0,
         strays: 80,
         loops: 0,
@@ -150,8 +158,12 @@ impl Yarn {
         let canvas = self.drawn();
         let fine = (FINER * SIZE.0, FINER * SIZE.1);
         let color = RgbaImage::from_fn(fine.0, fine.1, |x, y| canvas.at(x, y).color());
-        let height = GrayImage::from_fn(fine.0, fine.1, |x, y| Luma([byte(255.0 * canvas.at(x, y).height)]));
-        (resize(&color, SIZE.0, SIZE.1, FilterType::Triangle), resize(&height, SIZE.0, SIZE.1, FilterType::Triangle))
+        let height =
+            GrayImage::from_fn(fine.0, fine.1, |x, y| Luma([byte(255.0 * canvas.at(x, y).height)]));
+        (
+            resize(&color, SIZE.0, SIZE.1, FilterType::Triangle),
+            resize(&height, SIZE.0, SIZE.1, FilterType::Triangle),
+        )
     }
 
     fn sizes(&self) -> String {
@@ -165,7 +177,8 @@ impl Yarn {
         // Where nothing is, the colour goes on, so that no rim shows when texels are mixed.
         let empty = Point { rgb: mean, alpha: 0.0, height: 0.0 };
         let places = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
-        let mut canvas = Canvas { points: places.map(|(x, y)| self.core_at(x, y).unwrap_or(empty)).collect() };
+        let mut canvas =
+            Canvas { points: places.map(|(x, y)| self.core_at(x, y).unwrap_or(empty)).collect() };
         (0..self.strays).for_each(|stray| self.stray(stray, &mut canvas));
         (0..self.loops).for_each(|number| self.effect_loop(number, &mut canvas));
         canvas
@@ -184,19 +197,26 @@ impl Yarn {
             (off.abs() < 1.0).then_some((helix * phase.sin() + radius * round, off, round, ply))
         });
         let (height, off, round, ply) = near.max_by(|a, b| a.0.total_cmp(&b.0))?;
-        // Single yarns show their twist; plied ones are wound back, so that fibres lie nearly along the axis.
+        // Single yarns show their twist; plied ones are wound back, so that fibres lie nearly along
+        // the axis.
         let wound = if self.plies == 1 { 1.0 } else { -1.0 };
         let fibre = self.fibre(off.asin() / TAU + wound * turn, turn, ply);
         // Grooves lie deep, and get less light.
         let light = (0.66 + 0.34 * round) * (0.8 + 0.2 * (0.5 + 0.5 * height));
         let ridge = 0.97 + 0.06 * (fibre.1 - 0.5);
-        Some(Point { rgb: fibre.0.map(|c| c * light), alpha: 1.0, height: (height * self.core * ridge).clamp(0.0, 1.0) })
+        Some(Point {
+            rgb: fibre.0.map(|c| c * light),
+            alpha: 1.0,
+            height: (height * self.core * ridge).clamp(0.0, 1.0),
+        })
     }
 
-    /// Colour and brightness 0..1 of the fibre at `around` turns of a ply, at a share of the repeat.
+    /// Colour and brightness 0..1 of the fibre at `around` turns of a ply, at a share of the
+    /// repeat.
     fn fibre(&self, around: f32, along: f32, salt: u32) -> ([f32; 3], f32) {
         // A fibre wanders a little, and ends.
-        let band = whole(((around + 4.0) * self.fibres) + 0.35 * (TAU * 3.0 * along).sin()) % whole(self.fibres);
+        let band = whole(((around + 4.0) * self.fibres) + 0.35 * (TAU * 3.0 * along).sin())
+            % whole(self.fibres);
         let start = random(band * 31 + salt * 7);
         let piece = whole((along + start) * PIECES) % whole(PIECES);
         let own = hash(band * 977 + piece * 13 + salt * 101);
@@ -208,8 +228,12 @@ impl Yarn {
     /// A fibre that stands off the yarn and comes back.
     fn stray(&self, number: u32, canvas: &mut Canvas) {
         let random = |salt: u32| random(number * 7 + salt);
-        let (start, length, side) = (random(1), 0.08 + 0.22 * random(2), if random(3) < 0.5 { -1.0 } else { 1.0 });
-        let (inside, farthest) = (self.core * 0.8, self.core + (FARTHEST - self.core) * (0.2 + 0.8 * random(4) * random(5)));
+        let (start, length, side) =
+            (random(1), 0.08 + 0.22 * random(2), if random(3) < 0.5 { -1.0 } else { 1.0 });
+        let (inside, farthest) = (
+            self.core * 0.8,
+            self.core + (FARTHEST - self.core) * (0.2 + 0.8 * random(4) * random(5)),
+        );
         let stroke = Stroke { radius: 0.008, alpha: 0.55 + 0.3 * random(6), seed: 5000 + number };
         canvas.lay(self, &stroke, |t| {
             let off = inside + (farthest - inside) * (PI * t).sin();
@@ -236,7 +260,8 @@ impl Yarn {
 }
 
 impl Stroke {
-    /// Where along a repeat's fibres a share of the path lies: a stray fibre is one from end to end.
+    /// Where along a repeat's fibres a share of the path lies: a stray fibre is one from end to
+    /// end.
     fn share_of(&self, t: f32) -> f32 {
         if self.alpha < 1.0 { 0.0 } else { t }
     }
@@ -247,7 +272,8 @@ impl Canvas {
         self.points[(y * FINER * SIZE.0 + x) as usize]
     }
 
-    /// Lays a stroke along a path: at a share of it the place along the repeat, across and over the axis. The seam is crossed without a break.
+    /// Lays a stroke along a path: at a share of it the place along the repeat, across and over the
+    /// axis. The seam is crossed without a break.
     fn lay(&mut self, yarn: &Yarn, stroke: &Stroke, path: impl Fn(f32) -> (f32, f32, f32)) {
         let (width, height) = (FINER * SIZE.0, FINER * SIZE.1);
         let texels = stroke.radius * 0.5 * to_float(height);
@@ -255,11 +281,18 @@ impl Canvas {
         for step in 0..=STEPS {
             let t = to_float(step) / to_float(STEPS);
             let (along, across, over) = path(t);
-            let (x, y) =
-                (along.rem_euclid(1.0) * to_float(width), (0.5 + 0.5 * across.clamp(-FARTHEST, FARTHEST)) * to_float(height));
+            let (x, y) = (
+                along.rem_euclid(1.0) * to_float(width),
+                (0.5 + 0.5 * across.clamp(-FARTHEST, FARTHEST)) * to_float(height),
+            );
             for (dx, dy) in (0..=2 * reach).flat_map(|dx| (0..=2 * reach).map(move |dy| (dx, dy))) {
-                let (column, row) = (whole(x) + width + dx - reach, (whole(y) + dy).saturating_sub(reach).min(height - 1));
-                let off = (to_float(row) + 0.5 - y).hypot(to_float(whole(x) + dx) - to_float(reach) + 0.5 - x) / texels;
+                let (column, row) = (
+                    whole(x) + width + dx - reach,
+                    (whole(y) + dy).saturating_sub(reach).min(height - 1),
+                );
+                let off = (to_float(row) + 0.5 - y)
+                    .hypot(to_float(whole(x) + dx) - to_float(reach) + 0.5 - x)
+                    / texels;
                 if off < 1.0 {
                     // Balls along the path, the highest seen of each: a round yarn.
                     let round = (1.0 - off * off).sqrt();
@@ -268,7 +301,11 @@ impl Canvas {
                     let lifted = (over + stroke.radius * round).clamp(0.0, 1.0);
                     let point = &mut self.points[(row * width + column % width) as usize];
                     if lifted > point.height {
-                        *point = Point { rgb: rgb.map(|c| c * light), alpha: point.alpha.max(stroke.alpha), height: lifted };
+                        *point = Point {
+                            rgb: rgb.map(|c| c * light),
+                            alpha: point.alpha.max(stroke.alpha),
+                            height: lifted,
+                        };
                     }
                 }
             }
@@ -303,7 +340,8 @@ mod tests {
     /// Mean difference of bytes: another machine's sine may round another way.
     fn difference(one: &[u8], other: &[u8]) -> f64 {
         assert_eq!(one.len(), other.len());
-        one.iter().zip(other).map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>() / one.len() as f64
+        one.iter().zip(other).map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>()
+            / one.len() as f64
     }
 
     #[test]
@@ -312,8 +350,16 @@ mod tests {
             let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes/yarns").join(yarn.name);
             let shipped = |name: &str| image::open(folder.join(name)).unwrap();
             let (color, height) = yarn.pictures();
-            assert!(difference(&shipped("base_color.png").into_rgba8(), &color) < 0.1, "{}", yarn.name);
-            assert!(difference(&shipped("height.png").into_luma8(), &height) < 0.1, "{}", yarn.name);
+            assert!(
+                difference(&shipped("base_color.png").into_rgba8(), &color) < 0.1,
+                "{}",
+                yarn.name
+            );
+            assert!(
+                difference(&shipped("height.png").into_luma8(), &height) < 0.1,
+                "{}",
+                yarn.name
+            );
             assert_eq!(std::fs::read_to_string(folder.join("yarn.toml")).unwrap(), yarn.sizes());
         }
     }

@@ -1,7 +1,8 @@
-//! The `warpknit` command: reads its arguments, runs one of the library's jobs, prints what a person wants to know.
+//! The `warpknit` command: reads its arguments, runs one of the library's jobs, prints what a
+//! person wants to know.
 //!
-//! Data go to stdout, all else to stderr. Exit status: 0 done, 1 failed, 2 wrong usage; a signal that ends it
-//! does so after the temporary files are removed.
+//! Data go to stdout, all else to stderr. Exit status: 0 done, 1 failed, 2 wrong usage; a signal
+//! that ends it does so after the temporary files are removed.
 
 mod cli;
 
@@ -13,7 +14,8 @@ use warpknit::fabric::FabricError;
 fn main() -> ExitCode {
     #[cfg(unix)]
     if let Err(error) = cli::clean_up_on_signals() {
-        // Cloth can be made without; only an interrupted run then leaves its temporary files to the next one.
+        // Cloth can be made without; only an interrupted run then leaves its temporary files to the
+        // next one.
         let _unheard = writeln!(io::stderr(), "warning: signals can't be heard: {error}");
     }
     match cli::Arguments::of_process().and_then(cli::run) {

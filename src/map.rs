@@ -1,8 +1,8 @@
 //! From the flat panel to the draped one.
 //!
-//! In: [`SurfacePoint`]s with the flat position they stand for. Out: draped positions, mm, and unit normals. Source: Liu, Kyosev,
-//! Jiang 2022, section 3.2, equations 2 to 5. The search structure is not needed here: a drape sequence locates once and maps
-//! each frame.
+//! In: [`SurfacePoint`]s with the flat position they stand for. Out: draped positions, mm, and unit
+//! normals. Source: Liu, Kyosev, Jiang 2022, section 3.2, equations 2 to 5. The search structure is
+//! not needed here: a drape sequence locates once and maps each frame.
 
 use std::array::from_fn;
 
@@ -16,7 +16,8 @@ use crate::locate::SurfacePoint;
 pub enum Mapping {
     /// The paper's: exactly affine in each triangle, depth scales with the triangle's area.
     Frame,
-    /// Depth in mm along a normal that is smooth across triangle edges, so yarns neither crack nor change their thickness.
+    /// Depth in mm along a normal that is smooth across triangle edges, so yarns neither crack nor
+    /// change their thickness.
     #[default]
     Smooth,
 }
@@ -32,8 +33,8 @@ pub struct Draped {
 
 /// Maps located points. `flat` are their positions in panel axes (u, v, depth), mm.
 ///
-/// Cost: a triangle is worked out once for all points in a row that lie in it. With some fifty of them 15 ns a point (`smooth`) or 11 (`frame`), of which
-/// most is the way through memory.
+/// Cost: a triangle is worked out once for all points in a row that lie in it. With some fifty of
+/// them 15 ns a point (`smooth`) or 11 (`frame`), of which most is the way through memory.
 ///
 /// ```
 /// use warpknit::{garment::Garment, locate::Locator, map::{map, Mapping}};
@@ -52,18 +53,33 @@ pub fn map(panel: &Panel, flat: &[DVec3], located: &[SurfacePoint], mapping: Map
 }
 
 /// [`map`] into memory that is there already: what `draped` held is forgotten.
-pub fn map_into(panel: &Panel, flat: &[DVec3], located: &[SurfacePoint], mapping: Mapping, draped: &mut Draped) {
+pub fn map_into(
+    panel: &Panel,
+    flat: &[DVec3],
+    located: &[SurfacePoint],
+    mapping: Mapping,
+    draped: &mut Draped,
+) {
     draped.positions.resize(located.len(), DVec3::ZERO);
     draped.normals.resize(located.len(), DVec3::ZERO);
-    let (mut flat, mut positions, mut normals) = (flat, &mut draped.positions[..], &mut draped.normals[..]);
+    let (mut flat, mut positions, mut normals) =
+        (flat, &mut draped.positions[..], &mut draped.normals[..]);
     for located in located.chunk_by(|one, next| one.triangle == next.triangle) {
-        let (flat, positions, normals) =
-            (take(&mut flat, located.len()), take_mut(&mut positions, located.len()), take_mut(&mut normals, located.len()));
+        let (flat, positions, normals) = (
+            take(&mut flat, located.len()),
+            take_mut(&mut positions, located.len()),
+            take_mut(&mut normals, located.len()),
+        );
         match mapping {
-            Mapping::Smooth => Facet::of(panel, located[0].triangle).map(flat, located, positions, normals),
+            Mapping::Smooth => {
+                Facet::of(panel, located[0].triangle).map(flat, located, positions, normals)
+            }
             Mapping::Frame => {
                 let (matrix, normal) = frame_map(panel, located[0].triangle);
-                positions.iter_mut().zip(flat).for_each(|(position, point)| *position = matrix.transform_point3(*point));
+                positions
+                    .iter_mut()
+                    .zip(flat)
+                    .for_each(|(position, point)| *position = matrix.transform_point3(*point));
                 normals.fill(normal);
             }
         }
@@ -79,14 +95,15 @@ fn take_mut<'a, T>(left: &mut &'a mut [T], count: usize) -> &'a mut [T] {
     left.split_off_mut(..count).expect("as many as there are located points")
 }
 
-/// A draped triangle with normals at its corners: both are linear in the second and the third corner's weights.
+/// A draped triangle with normals at its corners: both are linear in the second and the third
+/// corner's weights.
 struct Facet {
     position: [DVec3; 3],
     normal: [DVec3; 3],
 }
 
-/// Points that are mapped at a time: each number of four lies side by side, so that roots and divisions are taken by twos. 6 instead of 8 ns
-/// a point; wider registers would take fours.
+/// Points that are mapped at a time: each number of four lies side by side, so that roots and
+/// divisions are taken by twos. 6 instead of 8 ns a point; wider registers would take fours.
 const LANES: usize = 4;
 
 impl Facet {
@@ -101,21 +118,35 @@ impl Facet {
 
     /// Maps a run of points in the triangle.
     #[inline]
-    fn map(&self, flat: &[DVec3], located: &[SurfacePoint], positions: &mut [DVec3], normals: &mut [DVec3]) {
+    fn map(
+        &self,
+        flat: &[DVec3],
+        located: &[SurfacePoint],
+        positions: &mut [DVec3],
+        normals: &mut [DVec3],
+    ) {
         let (flat, last_flat) = flat.as_chunks::<LANES>();
         let (located, last_located) = located.as_chunks::<LANES>();
         let (positions, last_positions) = positions.as_chunks_mut::<LANES>();
         let (normals, last_normals) = normals.as_chunks_mut::<LANES>();
-        for (((flat, located), positions), normals) in flat.iter().zip(located).zip(positions).zip(normals) {
+        for (((flat, located), positions), normals) in
+            flat.iter().zip(located).zip(positions).zip(normals)
+        {
             self.map_lanes(flat, located, positions, normals);
         }
         let last = last_flat.iter().zip(last_located).zip(last_positions).zip(last_normals);
         for (((flat, located), position), normal) in last {
-            self.map_lanes(&[*flat], &[*located], std::array::from_mut(position), std::array::from_mut(normal));
+            self.map_lanes(
+                &[*flat],
+                &[*located],
+                std::array::from_mut(position),
+                std::array::from_mut(normal),
+            );
         }
     }
 
-    /// The interpolated normal, of unit length (+z where it vanishes), and the position at the point's depth along it.
+    /// The interpolated normal, of unit length (+z where it vanishes), and the position at the
+    /// point's depth along it.
     #[inline]
     fn map_lanes<const N: usize>(
         &self,
@@ -127,7 +158,8 @@ impl Facet {
         let (b, c): ([f64; N], [f64; N]) = (from_fn(|k| located[k].b), from_fn(|k| located[k].c));
         let (mut position, mut normal, mut squared) = ([[0.0; N]; 3], [[0.0; N]; 3], [0.0; N]);
         for axis in 0..3 {
-            let [[p, p_b, p_c], [n, n_b, n_c]] = [&self.position, &self.normal].map(|corners| corners.map(|corner| corner[axis]));
+            let [[p, p_b, p_c], [n, n_b, n_c]] =
+                [&self.position, &self.normal].map(|corners| corners.map(|corner| corner[axis]));
             for k in 0..N {
                 position[axis][k] = p + p_b * b[k] + p_c * c[k];
                 normal[axis][k] = n + n_b * b[k] + n_c * c[k];
@@ -136,7 +168,8 @@ impl Facet {
         }
         let over_length = squared.map(|squared| 1.0 / squared.sqrt());
         for k in 0..N {
-            // Corners' normals that cancel each other: rarer than rare, and the lanes need not know of it.
+            // Corners' normals that cancel each other: rarer than rare, and the lanes need not know
+            // of it.
             let unit = DVec3::from_array(from_fn(|axis| normal[axis][k])) * over_length[k];
             let unit = if squared[k] > 0.0 { unit } else { DVec3::Z };
             normals[k] = unit;
@@ -147,8 +180,9 @@ impl Facet {
 
 /// A triangle's matrix M and its draped unit normal.
 ///
-/// M = M1 · M2⁻¹ takes flat points to draped ones when M1 is the frame of the target (the draped triangle) and M2 the frame of the source
-/// (the flat one). The paper makes M1 of the flat triangle and M2 of the draped one; with column vectors that goes the wrong way.
+/// M = M1 · M2⁻¹ takes flat points to draped ones when M1 is the frame of the target (the draped
+/// triangle) and M2 the frame of the source (the flat one). The paper makes M1 of the flat triangle
+/// and M2 of the draped one; with column vectors that goes the wrong way.
 fn frame_map(panel: &Panel, triangle: u32) -> (DAffine3, DVec3) {
     let corners = panel.triangles[triangle as usize];
     let source = frame(corners.map(|v| panel.uv[v as usize]).map(|p: DVec2| p.extend(0.0)));
@@ -156,7 +190,8 @@ fn frame_map(panel: &Panel, triangle: u32) -> (DAffine3, DVec3) {
     (target * source.inverse(), target.matrix3.z_axis.normalize_or(DVec3::Z))
 }
 
-/// The 4 x 4 frame of a triangle (equations 2 and 3), whose last row is always 0 0 0 1: columns AB, AC, AB x AC (not normalised) and A.
+/// The 4 x 4 frame of a triangle (equations 2 and 3), whose last row is always 0 0 0 1: columns AB,
+/// AC, AB x AC (not normalised) and A.
 fn frame([a, b, c]: [DVec3; 3]) -> DAffine3 {
     let (ab, ac) = (b - a, c - a);
     DAffine3::from_cols(ab, ac, ab.cross(ac), a)

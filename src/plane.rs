@@ -1,8 +1,8 @@
 //! Grey pictures as numbers: what the steps of `photo` and `capture` hand to each other.
 //!
-//! In: pixels. Out: [`Plane`]s of f32, row by row, four bytes a pixel. A photo is never held as f64 or as three planes, so that
-//! 48 megapixels fit 2 GB. Rows are worked on in parallel and each sum stays within one row or one thread: results are the same for any number
-//! of threads.
+//! In: pixels. Out: [`Plane`]s of f32, row by row, four bytes a pixel. A photo is never held as f64
+//! or as three planes, so that 48 megapixels fit 2 GB. Rows are worked on in parallel and each sum
+//! stays within one row or one thread: results are the same for any number of threads.
 
 use image::{Rgb, RgbImage};
 use rayon::prelude::*;
@@ -16,11 +16,21 @@ pub(crate) struct Plane {
 }
 
 impl Plane {
-    pub(crate) fn from_fn(width: usize, height: usize, of: impl Fn(usize, usize) -> f32 + Sync) -> Self {
-        Self::from_rows(width, height, |y, row| row.iter_mut().enumerate().for_each(|(x, value)| *value = of(x, y)))
+    pub(crate) fn from_fn(
+        width: usize,
+        height: usize,
+        of: impl Fn(usize, usize) -> f32 + Sync,
+    ) -> Self {
+        Self::from_rows(width, height, |y, row| {
+            row.iter_mut().enumerate().for_each(|(x, value)| *value = of(x, y))
+        })
     }
 
-    pub(crate) fn from_rows(width: usize, height: usize, fill: impl Fn(usize, &mut [f32]) + Sync) -> Self {
+    pub(crate) fn from_rows(
+        width: usize,
+        height: usize,
+        fill: impl Fn(usize, &mut [f32]) + Sync,
+    ) -> Self {
         let mut values = vec![0.0; width * height];
         values.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| fill(y, row));
         Self { width, height, values }
@@ -33,8 +43,12 @@ impl Plane {
         let stride = 3 * picture.width() as usize;
         let pixels = float(step * step);
         Self::from_fn(width, height, |x, y| {
-            let rows = (y * step..(y + 1) * step).map(|row| &bytes[row * stride + 3 * x * step..][..3 * step]);
-            let sum: f32 = rows.flat_map(|row| row.chunks_exact(3)).map(|p| luma(Rgb([p[0], p[1], p[2]]))).sum();
+            let rows = (y * step..(y + 1) * step)
+                .map(|row| &bytes[row * stride + 3 * x * step..][..3 * step]);
+            let sum: f32 = rows
+                .flat_map(|row| row.chunks_exact(3))
+                .map(|p| luma(Rgb([p[0], p[1], p[2]])))
+                .sum();
             sum / pixels
         })
     }
@@ -57,8 +71,8 @@ impl Plane {
         Self { values, ..*self }
     }
 
-    /// Means over boxes of `2 radius + 1` pixels each way, twice, which is nearly a bell; along x it goes around if `wraps`. Cost: a few operations a
-    /// pixel whatever the radius.
+    /// Means over boxes of `2 radius + 1` pixels each way, twice, which is nearly a bell; along x
+    /// it goes around if `wraps`. Cost: a few operations a pixel whatever the radius.
     pub(crate) fn blurred(&self, radius: usize, wraps: bool) -> Self {
         let once = |plane: &Self| plane.box_rows(radius, wraps).box_columns(radius);
         if radius == 0 { self.clone() } else { once(&once(self)) }
@@ -71,7 +85,11 @@ impl Plane {
             let source = self.row(y);
             let at = |x: usize| {
                 // x counts from `radius` before the row.
-                if wraps { source[(x + width - radius) % width] } else { source[x.saturating_sub(radius).min(width - 1)] }
+                if wraps {
+                    source[(x + width - radius) % width]
+                } else {
+                    source[x.saturating_sub(radius).min(width - 1)]
+                }
             };
             let mut sum: f64 = (0..2 * radius).map(|x| f64::from(at(x))).sum();
             for (x, value) in row.iter_mut().enumerate() {
@@ -107,8 +125,8 @@ impl Plane {
     }
 }
 
-/// Rows that a thread works down at a time. It reads `2 radius` more to begin with, so these are to be few beside. Threads have no say in it: sums are
-/// the same for any number of them.
+/// Rows that a thread works down at a time. It reads `2 radius` more to begin with, so these are to
+/// be few beside. Threads have no say in it: sums are the same for any number of them.
 pub(crate) fn band(radius: usize) -> usize {
     (4 * radius).max(64)
 }
@@ -145,7 +163,10 @@ pub(crate) fn percentile(values: &mut [f32], share: f32) -> f32 {
     *values.select_nth_unstable_by(at, f32::total_cmp).1
 }
 
-#[expect(clippy::cast_precision_loss, reason = "counts of pixels: rounding is far below what is seen")]
+#[expect(
+    clippy::cast_precision_loss,
+    reason = "counts of pixels: rounding is far below what is seen"
+)]
 pub(crate) fn float(count: usize) -> f32 {
     count as f32
 }

@@ -1,4 +1,5 @@
-//! The run's report: the `.json` that scripts read. Keys and their order are those of the specification's cli page.
+//! The run's report: the `.json` that scripts read. Keys and their order are those of the
+//! specification's cli page.
 
 use serde::Serialize;
 
@@ -6,7 +7,10 @@ use crate::knit::clearance::Clearance;
 
 /// Everything about a run.
 #[derive(Clone, Debug, Serialize)]
-#[expect(missing_docs, reason = "the keys are the specification's, and their units stand in their names or beside them")]
+#[expect(
+    missing_docs,
+    reason = "the keys are the specification's, and their units stand in their names or beside them"
+)]
 pub struct Report {
     /// The program's version.
     pub warpknit: &'static str,
@@ -45,7 +49,8 @@ pub struct FrameReport {
     pub file: String,
     /// Why it was left out; null for one that is there.
     pub skipped: Option<String>,
-    /// What it took without its pictures; the first one's time is that of reading, knitting and location too.
+    /// What it took without its pictures; the first one's time is that of reading, knitting and
+    /// location too.
     pub ms: f64,
     /// 5th, 50th, 95th percentile.
     pub stretch_warp: [f64; 3],

@@ -1,7 +1,8 @@
 //! What a renderer draws: yarns as control points, and what they are made of.
 //!
-//! In: the strands of the blocks that [`crate::drape`] hands out. Out: structure-of-arrays control points in `f32`, 12 bytes a
-//! data point and 4 a stitch, so that millions of stitches fit; renderers expand them on their own.
+//! In: the strands of the blocks that [`crate::drape`] hands out. Out: structure-of-arrays control
+//! points in `f32`, 12 bytes a data point and 4 a stitch, so that millions of stitches fit;
+//! renderers expand them on their own.
 
 use std::ops::Range;
 
@@ -12,7 +13,8 @@ use crate::ids::index32;
 use crate::render::maps::Maps;
 use crate::unit::PackedUnit;
 
-/// Renderers pass over points with a larger coordinate, mm: ten kilometres, where `f32` has lost whole stitches.
+/// Renderers pass over points with a larger coordinate, mm: ten kilometres, where `f32` has lost
+/// whole stitches.
 pub const FARTHEST: f32 = 1e7;
 
 /// Whether renderers take `point` for a point of a yarn: finite and not beyond [`FARTHEST`].
@@ -39,8 +41,8 @@ pub struct YarnLook {
     pub radius: f32,
     /// Single yarns that are wound around each other.
     pub plies: u32,
-    /// Circumference over the length of one turn of the plies, or of the fibres where there is one ply; S over 0, Z under 0. A middling
-    /// twist where it isn't known.
+    /// Circumference over the length of one turn of the plies, or of the fibres where there is one
+    /// ply; S over 0, Z under 0. A middling twist where it isn't known.
     pub twist_slope: Option<f32>,
     /// How much its fibres mirror, 0 for dull ones to 1; see [`crate::render::sheen`].
     pub sheen: f32,
@@ -52,7 +54,16 @@ impl YarnLook {
     /// Fibres of one colour in three plies of a middling twist.
     #[must_use]
     pub const fn plain(albedo: Vec3, roughness: f32, radius: f32) -> Self {
-        Self { albedo, roughness, metallic: 0.0, radius, plies: 3, twist_slope: None, sheen: 0.0, maps: None }
+        Self {
+            albedo,
+            roughness,
+            metallic: 0.0,
+            radius,
+            plies: 3,
+            twist_slope: None,
+            sheen: 0.0,
+            maps: None,
+        }
     }
 }
 
@@ -62,7 +73,8 @@ pub enum Shape {
     /// Round, with [`YarnLook::radius`].
     #[default]
     Tube,
-    /// Flat strips in the fabric's plane, [`YarnLook::radius`] to either side of the axis, lit as the fabric's surface is.
+    /// Flat strips in the fabric's plane, [`YarnLook::radius`] to either side of the axis, lit as
+    /// the fabric's surface is.
     Ribbon,
 }
 
@@ -82,7 +94,8 @@ pub struct Strand {
 pub struct Scene {
     /// What all yarns are drawn as.
     pub shape: Shape,
-    /// Control points of all strands, mm; the yarn passes through each (centripetal Catmull-Rom, [`crate::yarn::curve`]).
+    /// Control points of all strands, mm; the yarn passes through each (centripetal Catmull-Rom,
+    /// [`crate::yarn::curve`]).
     pub positions: Vec<Vec3>,
     /// The fabric's normal at each, for ribbons; tubes need none.
     pub normals: Vec<PackedUnit>,
@@ -132,15 +145,24 @@ impl Bounds {
     /// All eight corners.
     #[must_use]
     pub fn corners(&self) -> [Vec3; 8] {
-        let pick = |corner: usize, axis: usize| if corner >> axis & 1 == 0 { self.min[axis] } else { self.max[axis] };
-        std::array::from_fn(|corner| Vec3::from_array(std::array::from_fn(|axis| pick(corner, axis))))
+        let pick = |corner: usize, axis: usize| {
+            if corner >> axis & 1 == 0 { self.min[axis] } else { self.max[axis] }
+        };
+        std::array::from_fn(|corner| {
+            Vec3::from_array(std::array::from_fn(|axis| pick(corner, axis)))
+        })
     }
 }
 
 impl Scene {
-    /// An empty scene for yarns of these looks that wear `maps`, those at `worn(bar)`: tubes what of the pictures goes around them, and ribbons are as
-    /// wide as their pictures.
-    pub fn wearing(shape: Shape, mut looks: Vec<YarnLook>, maps: Vec<Maps>, worn: impl Fn(usize) -> Option<u16>) -> Self {
+    /// An empty scene for yarns of these looks that wear `maps`, those at `worn(bar)`: tubes what
+    /// of the pictures goes around them, and ribbons are as wide as their pictures.
+    pub fn wearing(
+        shape: Shape,
+        mut looks: Vec<YarnLook>,
+        maps: Vec<Maps>,
+        worn: impl Fn(usize) -> Option<u16>,
+    ) -> Self {
         let maps: Vec<_> = maps.into_iter().map(|maps| maps.fitting(shape)).collect();
         for (bar, look) in looks.iter_mut().enumerate() {
             look.maps = worn(bar);
@@ -159,7 +181,8 @@ impl Scene {
         self.strands.clear();
     }
 
-    /// Appends one strand through `points` with the look at index `look`, all of it one stitch, in a fabric that faces +z.
+    /// Appends one strand through `points` with the look at index `look`, all of it one stitch, in
+    /// a fabric that faces +z.
     ///
     /// ```
     /// use glam::Vec3;
@@ -171,7 +194,8 @@ impl Scene {
         self.push_stitches(points.into_iter().map(|point| (point, Vec3::Z)), [0], look);
     }
 
-    /// Appends one strand through points, each with the fabric's unit normal there, and says which of them begin stitches, from 0.
+    /// Appends one strand through points, each with the fabric's unit normal there, and says which
+    /// of them begin stitches, from 0.
     pub fn push_stitches(
         &mut self,
         points: impl IntoIterator<Item = (Vec3, Vec3)>,
@@ -186,7 +210,8 @@ impl Scene {
             }
         }
         self.stitches.extend(stitches.into_iter().map(|stitch| start + stitch));
-        let (points, stitches) = (start..index32(self.positions.len()), first..index32(self.stitches.len()));
+        let (points, stitches) =
+            (start..index32(self.positions.len()), first..index32(self.stitches.len()));
         self.strands.push(Strand { points, stitches, look });
     }
 
@@ -202,7 +227,8 @@ impl Scene {
         self.maps_of(look).map_or(look.albedo, Maps::mean_albedo)
     }
 
-    /// The colour of all yarn, by the share of the data points that each look has: what light between the yarns takes on.
+    /// The colour of all yarn, by the share of the data points that each look has: what light
+    /// between the yarns takes on.
     #[must_use]
     pub fn mean_albedo(&self) -> Vec3 {
         let drawn = self.strands.iter().filter(|strand| self.radius(strand).is_some());
@@ -213,11 +239,14 @@ impl Scene {
         if points > 0.0 { sum / points } else { Vec3::ZERO }
     }
 
-    /// Radii of the thinnest and the thickest yarn that is drawn, mm; infinite and 0 where there is none.
+    /// Radii of the thinnest and the thickest yarn that is drawn, mm; infinite and 0 where there is
+    /// none.
     #[must_use]
     pub fn radii(&self) -> (f32, f32) {
         let drawn = self.strands.iter().filter_map(|strand| self.radius(strand));
-        drawn.fold((f32::INFINITY, 0.0), |(thinnest, thickest), radius| (radius.min(thinnest), radius.max(thickest)))
+        drawn.fold((f32::INFINITY, 0.0), |(thinnest, thickest), radius| {
+            (radius.min(thinnest), radius.max(thickest))
+        })
     }
 
     /// How far the data points that are drawn lie from the next one on their strand.
@@ -226,7 +255,9 @@ impl Scene {
         let of_strand = |strand: &Strand| {
             let points = &self.positions[strand.points.start as usize..strand.points.end as usize];
             let drawn = points.windows(2).filter(|ends| ends.iter().all(|end| drawable(*end)));
-            drawn.map(|ends| f64::from(ends[0].distance(ends[1]))).fold(SpanLengths::default(), SpanLengths::with)
+            drawn
+                .map(|ends| f64::from(ends[0].distance(ends[1])))
+                .fold(SpanLengths::default(), SpanLengths::with)
         };
         // Summed in order, so that any number of threads finds the same.
         let strands: Vec<SpanLengths> = self.strands.par_iter().map(of_strand).collect();
@@ -246,7 +277,8 @@ impl Scene {
 
     /// The box around all yarns, their radii included; `None` where nothing is there to be seen.
     ///
-    /// The curve between two data points may leave the box by a little: Catmull-Rom curves overshoot their points.
+    /// The curve between two data points may leave the box by a little: Catmull-Rom curves
+    /// overshoot their points.
     #[must_use]
     pub fn bounds(&self) -> Option<Bounds> {
         let mut bounds: Option<Bounds> = None;
@@ -255,7 +287,10 @@ impl Scene {
             let points = &self.positions[strand.points.start as usize..strand.points.end as usize];
             for &point in points.iter().filter(|&&point| drawable(point)) {
                 let ball = Bounds { min: point - radius, max: point + radius };
-                bounds = Some(bounds.map_or(ball, |b| Bounds { min: b.min.min(ball.min), max: b.max.max(ball.max) }));
+                bounds = Some(bounds.map_or(ball, |b| Bounds {
+                    min: b.min.min(ball.min),
+                    max: b.max.max(ball.max),
+                }));
             }
         }
         bounds

@@ -1,7 +1,8 @@
 //! Parts of a whole, for work that is shared out among machines.
 //!
-//! In: which of how many parts. Out: what belongs to it. Every part is found from the whole's size alone, the parts follow each other without gap or overlap, and they
-//! are as even as things that aren't cut allow: rows of a picture, yarns of a cloth.
+//! In: which of how many parts. Out: what belongs to it. Every part is found from the whole's size
+//! alone, the parts follow each other without gap or overlap, and they are as even as things that
+//! aren't cut allow: rows of a picture, yarns of a cloth.
 
 use std::ops::Range;
 use std::str::FromStr;
@@ -59,10 +60,12 @@ impl Tile {
         border(self.number - 1)..border(self.number)
     }
 
-    /// Whether this part holds the place `at` on a way of some length; places at its end are the last part's.
+    /// Whether this part holds the place `at` on a way of some length; places at its end are the
+    /// last part's.
     #[must_use]
     pub fn holds(self, at: u64, length: u64) -> bool {
-        let part = (u128::from(at) * u128::from(self.of)).checked_div(u128::from(length)).unwrap_or(0);
+        let part =
+            (u128::from(at) * u128::from(self.of)).checked_div(u128::from(length)).unwrap_or(0);
         part.min(u128::from(self.of - 1)) == u128::from(self.number - 1)
     }
 }
@@ -71,9 +74,15 @@ impl FromStr for Tile {
     type Err = TileError;
 
     fn from_str(text: &str) -> Result<Self, TileError> {
-        let numbers = text.split_once('/').and_then(|(number, of)| Some((number.parse().ok()?, of.parse().ok()?)));
+        let numbers = text
+            .split_once('/')
+            .and_then(|(number, of)| Some((number.parse().ok()?, of.parse().ok()?)));
         let (number, of) = numbers.ok_or(TileError::Form)?;
-        if of == 0 { Err(TileError::Form) } else { Self::new(number, of).ok_or(TileError::Missing { number, of }) }
+        if of == 0 {
+            Err(TileError::Form)
+        } else {
+            Self::new(number, of).ok_or(TileError::Missing { number, of })
+        }
     }
 }
 
@@ -97,7 +106,8 @@ mod tests {
     #[test]
     fn a_place_is_held_by_one_part() {
         for (at, length) in [(0, 0), (0, 9), (4, 9), (9, 9), (u64::MAX, u64::MAX)] {
-            let holding = (1..=5).filter(|&number| Tile::new(number, 5).unwrap().holds(at, length)).count();
+            let holding =
+                (1..=5).filter(|&number| Tile::new(number, 5).unwrap().holds(at, length)).count();
             assert_eq!(holding, 1, "{at} of {length}");
         }
     }
@@ -108,7 +118,10 @@ mod tests {
             assert_eq!(text.parse::<Tile>(), Err(TileError::Form), "{text}");
         }
         for (number, of) in [(0, 3), (4, 3)] {
-            assert_eq!(format!("{number}/{of}").parse::<Tile>(), Err(TileError::Missing { number, of }));
+            assert_eq!(
+                format!("{number}/{of}").parse::<Tile>(),
+                Err(TileError::Missing { number, of })
+            );
         }
     }
 }

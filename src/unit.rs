@@ -1,7 +1,8 @@
 //! Directions in four bytes.
 //!
-//! In: a unit vector. Out: its octahedral projection (Meyer et al. 2010, On floating-point normal vectors) in two 16-bit numbers, which is what a shader's
-//! `unpack2x16snorm` takes apart. A direction comes back within .01 degrees.
+//! In: a unit vector. Out: its octahedral projection (Meyer et al. 2010, On floating-point normal
+//! vectors) in two 16-bit numbers, which is what a shader's `unpack2x16snorm` takes apart. A
+//! direction comes back within .01 degrees.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec2Swizzles, Vec3, Vec3Swizzles};
@@ -24,14 +25,19 @@ impl PackedUnit {
         let sum = v.abs().element_sum();
         let v = if sum > 0.0 && sum.is_finite() { v / sum } else { Vec3::Z };
         let flat = if v.z >= 0.0 { v.xy() } else { folded(v.xy()) };
-        let [x, y] = (flat * 32_767.0).round().as_i16vec2().to_array().map(|part| u32::from(part.cast_unsigned()));
+        let [x, y] = (flat * 32_767.0)
+            .round()
+            .as_i16vec2()
+            .to_array()
+            .map(|part| u32::from(part.cast_unsigned()));
         Self(x | y << 16)
     }
 
     /// The unit vector.
     #[must_use]
     pub fn unpack(self) -> Vec3 {
-        let [x, y, ..] = bytemuck::cast::<u32, [i16; 2]>(self.0.to_le()).map(i16::from_le).map(f32::from);
+        let [x, y, ..] =
+            bytemuck::cast::<u32, [i16; 2]>(self.0.to_le()).map(i16::from_le).map(f32::from);
         let flat = Vec2::new(x, y) / 32_767.0;
         let z = 1.0 - flat.x.abs() - flat.y.abs();
         let flat = if z >= 0.0 { flat } else { folded(flat) };
@@ -57,7 +63,10 @@ mod tests {
             assert!(PackedUnit::new(v).unpack().distance(v) < 1.5e-4, "{v}");
         }
         for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
-            assert_eq!((PackedUnit::new(axis).unpack(), PackedUnit::new(-axis).unpack()), (axis, -axis));
+            assert_eq!(
+                (PackedUnit::new(axis).unpack(), PackedUnit::new(-axis).unpack()),
+                (axis, -axis)
+            );
         }
         assert_eq!(PackedUnit::new(Vec3::NAN).unpack(), Vec3::Z);
     }

@@ -1,7 +1,9 @@
-//! How much of a known cloth `capture` finds again, on seeds that nobody tuned it on: `cargo bench --bench capture`.
+//! How much of a known cloth `capture` finds again, on seeds that nobody tuned it on: `cargo bench
+//! --bench capture`.
 //!
-//! Two dozen pictures of each cloth, 480 pixels each way, three of four with distortion, noise and uneven light up to the most that a decent photo has. Prints the tables of docs/capture.md:
-//! that of layouts, and that of fibres (`-- fibres` prints this one only).
+//! Two dozen pictures of each cloth, 480 pixels each way, three of four with distortion, noise and
+//! uneven light up to the most that a decent photo has. Prints the tables of docs/capture.md: that
+//! of layouts, and that of fibres (`-- fibres` prints this one only).
 
 #![expect(
     clippy::cast_possible_truncation,
@@ -18,12 +20,15 @@ use std::path::Path;
 use std::time::Instant;
 
 use aperiodic::{bricks, face, fur, noise};
-use cloth::{Disturbance, Kind, Random, Sample, Stretch, between, fibrous, layout, sample, straight};
+use cloth::{
+    Disturbance, Kind, Random, Sample, Stretch, between, fibrous, layout, sample, straight,
+};
 use glam::{DMat2, DVec2, DVec3};
 use image::RgbImage;
 use warpknit::capture::{Captured, Lattice, Segment, Settings, capture};
 
-/// Seeds below are for tuning: those of the tests are among them, and those from 2000, 3000 and so on up to 8000 were new once each, and told what was to be mended.
+/// Seeds below are for tuning: those of the tests are among them, and those from 2000, 3000 and so
+/// on up to 8000 were new once each, and told what was to be mended.
 const FIRST_SEED: u64 = 9000;
 const PICTURES: u64 = 24;
 const SIDE: u32 = 480;
@@ -75,7 +80,8 @@ fn fibres() {
     );
     println!("|---|---|---|---|---|---|---|---|");
     for fibre in [2.0, 4.0, 6.0, 8.0] {
-        let (mut off, mut widths, mut seconds, mut signs, mut guesses) = (Vec::new(), Vec::new(), Vec::new(), 0, 0);
+        let (mut off, mut widths, mut seconds, mut signs, mut guesses) =
+            (Vec::new(), Vec::new(), Vec::new(), 0, 0);
         for seed in FIRST_SEED..FIRST_SEED + PICTURES {
             let (truth, degrees) = fibrous(seed, (100.0 * fibre) as u32, fibre, disturbance(seed));
             let settings = Settings { layout: Some(layout(&truth)), ..Settings::default() };
@@ -141,7 +147,9 @@ fn layouts() {
     }
     println!("| all | {} |", all.row());
     let refused = |images: &dyn Fn(u64) -> RgbImage| {
-        (0..PICTURES).filter(|seed| capture(&images(FIRST_SEED + seed), &Settings::default()).is_err()).count()
+        (0..PICTURES)
+            .filter(|seed| capture(&images(FIRST_SEED + seed), &Settings::default()).is_err())
+            .count()
     };
     let noise = |seed: u64| noise(&mut Random::new(seed), SIDE);
     let grain = |seed: u64| image::imageops::fast_blur(&noise(seed), 1.0 + (seed % 6) as f32);
@@ -155,7 +163,8 @@ fn layouts() {
     );
 }
 
-/// Photos with the normal map that somebody else made of each, and how far our depth agrees with it.
+/// Photos with the normal map that somebody else made of each, and how far our depth agrees with
+/// it.
 fn photos() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/cloth-photos");
     if !folder.is_dir() {
@@ -177,14 +186,18 @@ fn photos() {
                 let seconds = begun.elapsed().as_secs_f64();
                 let agreement = slopes_agree(&found, &read(normals));
                 let [a, b] = [found.unit.lattice.a, found.unit.lattice.b];
-                println!("| {name} | {a:.2} and {b:.2} | {:.2} | {agreement:.2} | {seconds:.1} |", found.correlation());
+                println!(
+                    "| {name} | {a:.2} and {b:.2} | {:.2} | {agreement:.2} | {seconds:.1} |",
+                    found.correlation()
+                );
             }
             Err(error) => println!("| {name} | {error} | | | |"),
         }
     }
 }
 
-/// Correlation of the depth's slopes with those of a normal map (OpenGL's: y up), both as means over all copies of the cell.
+/// Correlation of the depth's slopes with those of a normal map (OpenGL's: y up), both as means
+/// over all copies of the cell.
 fn slopes_agree(found: &Captured, normals: &RgbImage) -> f64 {
     const BINS: f64 = 24.0;
     let mut bins = vec![(DVec2::ZERO, DVec2::ZERO, 0.0); (BINS * BINS) as usize];
@@ -197,19 +210,30 @@ fn slopes_agree(found: &Captured, normals: &RgbImage) -> f64 {
         }
         let [nx, ny, nz] = pixel.0.map(|byte| f64::from(byte) / 127.5 - 1.0);
         let height = |x: f64, y: f64| found.height(found.count(place + DVec2::new(x, y)));
-        let ours = 0.5 * DVec2::new(height(1.0, 0.0) - height(-1.0, 0.0), height(0.0, 1.0) - height(0.0, -1.0));
-        let bin = (found.count(place).rem_euclid(DVec2::ONE) * BINS).min(DVec2::splat(BINS - 1.0)).floor();
+        let ours = 0.5
+            * DVec2::new(
+                height(1.0, 0.0) - height(-1.0, 0.0),
+                height(0.0, 1.0) - height(0.0, -1.0),
+            );
+        let bin = (found.count(place).rem_euclid(DVec2::ONE) * BINS)
+            .min(DVec2::splat(BINS - 1.0))
+            .floor();
         let bin = &mut bins[(bin.y * BINS + bin.x) as usize];
         *bin = (bin.0 + ours, bin.1 + DVec2::new(-nx, ny) / nz.max(0.2), bin.2 + 1.0);
     }
     let pairs: Vec<(f64, f64)> = bins
         .iter()
         .filter(|bin| bin.2 > 0.0)
-        .flat_map(|(ours, theirs, count)| [(ours.x / count, theirs.x / count), (ours.y / count, theirs.y / count)])
+        .flat_map(|(ours, theirs, count)| {
+            [(ours.x / count, theirs.x / count), (ours.y / count, theirs.y / count)]
+        })
         .collect();
-    let mean = |of: &dyn Fn(&(f64, f64)) -> f64| pairs.iter().map(of).sum::<f64>() / pairs.len() as f64;
+    let mean =
+        |of: &dyn Fn(&(f64, f64)) -> f64| pairs.iter().map(of).sum::<f64>() / pairs.len() as f64;
     let (x, y) = (mean(&|pair| pair.0), mean(&|pair| pair.1));
-    let product = |p: &dyn Fn(&(f64, f64)) -> f64, q: &dyn Fn(&(f64, f64)) -> f64| mean(&|pair| p(pair) * q(pair));
+    let product = |p: &dyn Fn(&(f64, f64)) -> f64, q: &dyn Fn(&(f64, f64)) -> f64| {
+        mean(&|pair| p(pair) * q(pair))
+    };
     let (ours, theirs) = (|pair: &(f64, f64)| pair.0 - x, |pair: &(f64, f64)| pair.1 - y);
     product(&ours, &theirs) / (product(&ours, &ours) * product(&theirs, &theirs)).sqrt()
 }
@@ -227,11 +251,15 @@ impl Score {
         self.vectors.push(off);
         let (segments, lattice) = (&found.layout.seen, &found.unit.lattice);
         let stretches = truth.in_cell(&found);
-        let hits = |stretch: &Stretch| segments.iter().filter_map(|segment| passes(segment, stretch, lattice)).collect();
-        let matches: Vec<Vec<[f64; 3]>> = stretches.iter().filter(|stretch| stretch.is_long()).map(hits).collect();
+        let hits = |stretch: &Stretch| {
+            segments.iter().filter_map(|segment| passes(segment, stretch, lattice)).collect()
+        };
+        let matches: Vec<Vec<[f64; 3]>> =
+            stretches.iter().filter(|stretch| stretch.is_long()).map(hits).collect();
         self.recalled += matches.iter().filter(|hits| !hits.is_empty()).count();
         for hits in matches {
-            if let Some([width, turn, off]) = hits.into_iter().min_by(|p, q| p[2].total_cmp(&q[2])) {
+            if let Some([width, turn, off]) = hits.into_iter().min_by(|p, q| p[2].total_cmp(&q[2]))
+            {
                 self.widths.push(width.abs());
                 self.degrees.push(turn.to_degrees());
                 self.places.push(off);
@@ -239,7 +267,8 @@ impl Score {
         }
         let told: Vec<Stretch> = segments.iter().flat_map(pieces).collect();
         self.segments += told.len();
-        let is_true = |piece: &&Stretch| stretches.iter().any(|stretch| lies_on(piece, stretch, lattice));
+        let is_true =
+            |piece: &&Stretch| stretches.iter().any(|stretch| lies_on(piece, stretch, lattice));
         self.wrong += told.len() - told.iter().filter(is_true).count();
     }
 
@@ -305,23 +334,40 @@ fn beside(place: DVec2, angle: f64, stretch: &Stretch, lattice: &Lattice) -> (DV
 /// Whether the middle of a piece of a segment is on a stretch, and it runs along it.
 fn lies_on(piece: &Stretch, stretch: &Stretch, lattice: &Lattice) -> bool {
     let (off, turn) = beside(piece.centre, piece.angle, stretch, lattice);
-    off.x.abs() < 0.5 * stretch.length && off.y.abs() < 0.5 * stretch.width && turn < NEAR.to_radians()
+    off.x.abs() < 0.5 * stretch.length
+        && off.y.abs() < 0.5 * stretch.width
+        && turn < NEAR.to_radians()
 }
 
-/// Share by which a segment is too wide, radians and widths off across, where it passes the middle of a stretch; if it does, and runs along it. Directions are those of chords as long as
-/// the stretch.
+/// Share by which a segment is too wide, radians and widths off across, where it passes the middle
+/// of a stretch; if it does, and runs along it. Directions are those of chords as long as the
+/// stretch.
 fn passes(segment: &Segment, stretch: &Stretch, lattice: &Lattice) -> Option<[f64; 3]> {
     let places: Vec<(DVec2, f64)> = axis(segment).collect();
-    let seen: Vec<(DVec2, f64)> = places.iter().map(|&(place, angle)| beside(place, angle, stretch, lattice)).collect();
-    let nearest = (0..seen.len()).min_by(|&p, &q| seen[p].0.length().total_cmp(&seen[q].0.length()))?;
+    let seen: Vec<(DVec2, f64)> =
+        places.iter().map(|&(place, angle)| beside(place, angle, stretch, lattice)).collect();
+    let nearest =
+        (0..seen.len()).min_by(|&p, &q| seen[p].0.length().total_cmp(&seen[q].0.length()))?;
     let (off, turn) = seen[nearest];
     // The others as they lie by that one, whichever copy of the stretch it passes.
-    let relative = |place: &DVec2| off + DVec2::from_angle(-stretch.angle).rotate(*place - places[nearest].0);
+    let relative =
+        |place: &DVec2| off + DVec2::from_angle(-stretch.angle).rotate(*place - places[nearest].0);
     let mut chord = places
         .iter()
         .map(|(place, _)| relative(place))
         .filter(|off| off.x.abs() <= 0.5 * stretch.length && off.y.abs() < stretch.width);
-    let turn_of_chord = chord.next().zip(chord.next_back()).map(|(first, last)| between((last - first).to_angle(), 0.0));
-    let is_there = off.x.abs() < 0.1 * stretch.length && off.y.abs() < 0.5 * stretch.width && turn < NEAR.to_radians();
-    is_there.then(|| [segment.width / stretch.width - 1.0, turn_of_chord.unwrap_or(turn), off.y.abs() / stretch.width])
+    let turn_of_chord = chord
+        .next()
+        .zip(chord.next_back())
+        .map(|(first, last)| between((last - first).to_angle(), 0.0));
+    let is_there = off.x.abs() < 0.1 * stretch.length
+        && off.y.abs() < 0.5 * stretch.width
+        && turn < NEAR.to_radians();
+    is_there.then(|| {
+        [
+            segment.width / stretch.width - 1.0,
+            turn_of_chord.unwrap_or(turn),
+            off.y.abs() / stretch.width,
+        ]
+    })
 }

@@ -1,4 +1,5 @@
-//! What a stage takes of one processor: on a busy machine that is steadier than the time on the wall, and it is what peers are timed by.
+//! What a stage takes of one processor: on a busy machine that is steadier than the time on the
+//! wall, and it is what peers are timed by.
 
 use std::time::Duration;
 
@@ -40,11 +41,15 @@ impl Measurement for CpuTime {
 #[cfg(unix)]
 fn now() -> Duration {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
-    Duration::new(time.tv_sec.unsigned_abs(), u32::try_from(time.tv_nsec).expect("under a thousand million"))
+    Duration::new(
+        time.tv_sec.unsigned_abs(),
+        u32::try_from(time.tv_nsec).expect("under a thousand million"),
+    )
 }
 
 #[cfg(not(unix))]
 fn now() -> Duration {
-    static START: std::sync::LazyLock<std::time::Instant> = std::sync::LazyLock::new(std::time::Instant::now);
+    static START: std::sync::LazyLock<std::time::Instant> =
+        std::sync::LazyLock::new(std::time::Instant::now);
     START.elapsed()
 }

@@ -1,6 +1,8 @@
-//! A drape sequence: its first frame, with all that is done once, and each one after it; our own skirt in tricot.
+//! A drape sequence: its first frame, with all that is done once, and each one after it; our own
+//! skirt in tricot.
 //!
-//! `first` reads two files, relaxes the fabric, lays and locates its yarns and maps them; `next` reads the positions of another drape and maps.
+//! `first` reads two files, relaxes the fabric, lays and locates its yarns and maps them; `next`
+//! reads the positions of another drape and maps.
 
 use std::path::Path;
 
@@ -15,7 +17,8 @@ use super::inputs::{area, tricot_for};
 pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
     let meshes = Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes");
     let (flat, draped) = (meshes.join("skirt_flat.obj"), meshes.join("skirt_draped.obj"));
-    let open = || Frames::read(&flat, Some(&draped), &ReadOptions::default()).expect("a shipped garment");
+    let open =
+        || Frames::read(&flat, Some(&draped), &ReadOptions::default()).expect("a shipped garment");
     let (mut garment, frames) = open();
     let mut group = criterion.benchmark_group("frames");
     group.sample_size(10);

@@ -1,7 +1,9 @@
-//! What the stages are measured on: a panel draped on a folded cone, as `warpknit bench` has it, and the data points of loops that cover it.
+//! What the stages are measured on: a panel draped on a folded cone, as `warpknit bench` has it,
+//! and the data points of loops that cover it.
 //!
-//! Where PEER_INPUTS names a folder with `mesh_*_v.bin`, `mesh_*_f.bin` and `points_*.bin`, these are read, so that other programs work on the same
-//! (`benches/against_peers.sh`). Otherwise a panel is made, and a tricot knitted on it.
+//! Where PEER_INPUTS names a folder with `mesh_*_v.bin`, `mesh_*_f.bin` and `points_*.bin`, these
+//! are read, so that other programs work on the same (`benches/against_peers.sh`). Otherwise a
+//! panel is made, and a tricot knitted on it.
 
 use std::path::Path;
 
@@ -19,7 +21,8 @@ use cone::{SIZE, draped, shuffled_cone};
 /// Meshes by what they are called: triangles.
 pub(crate) const MESHES: [(&str, usize); 3] = [("2k", 2000), ("20k", 20_000), ("200k", 200_000)];
 /// Points by what they are called: about as many stitches.
-pub(crate) const POINTS: [(&str, f64); 4] = [("3500", 3500.0), ("26180", 26_180.0), ("262k", 262e3), ("1m", 1e6)];
+pub(crate) const POINTS: [(&str, f64); 4] =
+    [("3500", 3500.0), ("26180", 26_180.0), ("262k", 262e3), ("1m", 1e6)];
 
 /// Data points as files hold them, yarn after yarn.
 pub(crate) struct Points {
@@ -42,22 +45,34 @@ fn numbers<const N: usize>(bytes: &[u8]) -> Vec<[[u8; 4]; N]> {
 
 /// One of [`MESHES`], as its file has it: shuffled.
 pub(crate) fn panel(name: &str) -> Panel {
-    let files = peer_file(&format!("mesh_{name}_v.bin")).zip(peer_file(&format!("mesh_{name}_f.bin")));
+    let files =
+        peer_file(&format!("mesh_{name}_v.bin")).zip(peer_file(&format!("mesh_{name}_f.bin")));
     match files {
         Some((vertices, faces)) => draped(
-            numbers(&vertices).into_iter().map(|p: [_; 2]| DVec2::from(p.map(|x| f64::from(f32::from_le_bytes(x))))).collect(),
+            numbers(&vertices)
+                .into_iter()
+                .map(|p: [_; 2]| DVec2::from(p.map(|x| f64::from(f32::from_le_bytes(x)))))
+                .collect(),
             numbers(&faces).into_iter().map(|face| face.map(u32::from_le_bytes)).collect(),
         ),
-        None => shuffled_cone(MESHES.iter().find(|(known, _)| *known == name).expect("one of the meshes").1),
+        None => shuffled_cone(
+            MESHES.iter().find(|(known, _)| *known == name).expect("one of the meshes").1,
+        ),
     }
 }
 
 /// One of [`POINTS`].
 pub(crate) fn points(name: &str) -> Points {
-    if let Some((points, size)) = peer_file(&format!("points_{name}.bin")).zip(peer_file(&format!("points_{name}.txt"))) {
+    if let Some((points, size)) =
+        peer_file(&format!("points_{name}.bin")).zip(peer_file(&format!("points_{name}.txt")))
+    {
         let points = numbers(&points).into_iter().map(|p| p.map(f32::from_le_bytes)).collect();
         let size = String::from_utf8(size).expect("text");
-        let wales: usize = size.split_whitespace().next().and_then(|wales| wales.parse().ok()).expect("wales and courses");
+        let wales: usize = size
+            .split_whitespace()
+            .next()
+            .and_then(|wales| wales.parse().ok())
+            .expect("wales and courses");
         return Points { points, yarn: 8 * wales, stitch: 8 };
     }
     let stitches = POINTS.iter().find(|(known, _)| *known == name).expect("one of the sizes").1;
@@ -66,7 +81,10 @@ pub(crate) fn points(name: &str) -> Points {
 
 /// The yarns of a fabric that lie within the panel whole.
 fn knitted(fabric: &Fabric) -> Points {
-    let (pattern, mesh) = (Pattern::new(fabric), StructureMesh::anchored_at(fabric, DVec2::splat(2.0) * fabric.wale_spacing()));
+    let (pattern, mesh) = (
+        Pattern::new(fabric),
+        StructureMesh::anchored_at(fabric, DVec2::splat(2.0) * fabric.wale_spacing()),
+    );
     let room = SIZE - 4.0 * fabric.wale_spacing();
     let mut knitted = Knitted::default();
     for bar in 0..fabric.bars.len() {
@@ -76,7 +94,8 @@ fn knitted(fabric: &Fabric) -> Points {
     }
     let low = DVec3::new(1.0, 1.0, -1e3);
     let high = (SIZE - 1.0).extend(1e3);
-    let points: Vec<_> = knitted.points.iter().map(|p| p.clamp(low, high).as_vec3().to_array()).collect();
+    let points: Vec<_> =
+        knitted.points.iter().map(|p| p.clamp(low, high).as_vec3().to_array()).collect();
     // Every stitch of tricot is a loop and the two turns of its underlap.
     Points { points, yarn: 10 * pattern.steps_along(0, 0.0..room.y).count(), stitch: 10 }
 }
@@ -84,7 +103,11 @@ fn knitted(fabric: &Fabric) -> Points {
 /// Our own skirt.
 pub(crate) fn skirt() -> Garment {
     let meshes = Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes");
-    let read = read(&meshes.join("skirt_flat.obj"), Some(&meshes.join("skirt_draped.obj")), &ReadOptions::default());
+    let read = read(
+        &meshes.join("skirt_flat.obj"),
+        Some(&meshes.join("skirt_draped.obj")),
+        &ReadOptions::default(),
+    );
     read.expect("a shipped garment")
 }
 
@@ -103,5 +126,12 @@ pub(crate) fn tricot_for(area: f64, stitches: f64) -> Fabric {
 
 /// St 10, Sr 5: the least of the source paper's table.
 pub(crate) fn section(fabric: &Fabric) -> Section {
-    Section { st: 10, sr: 5, radius: fabric.radius(), flatten: 1.0, caps: false, texture_per_mm: 1.0 }
+    Section {
+        st: 10,
+        sr: 5,
+        radius: fabric.radius(),
+        flatten: 1.0,
+        caps: false,
+        texture_per_mm: 1.0,
+    }
 }

@@ -1,4 +1,5 @@
-//! Knitting: the repeat in balance, which each run pays before it lays a yarn, and the data points of yarns.
+//! Knitting: the repeat in balance, which each run pays before it lays a yarn, and the data points
+//! of yarns.
 
 use criterion::{BenchmarkId, Criterion, Throughput};
 use glam::DVec2;
@@ -11,7 +12,9 @@ use super::cpu::CpuTime;
 pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
     let mut group = criterion.benchmark_group("relax");
     group.sample_size(10);
-    for name in ["tricot", "locknit", "velour", "double-atlas", "hex-net-5", "power-net", "jersey", "cable"] {
+    for name in
+        ["tricot", "locknit", "velour", "double-atlas", "hex-net-5", "power-net", "jersey", "cable"]
+    {
         let fabric = Fabric::named(name).expect("built in");
         group.bench_function(name, |bench| bench.iter(|| Pattern::new(&fabric)));
     }
@@ -27,7 +30,9 @@ pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
         group.bench_function(BenchmarkId::new("tricot", courses), |bench| {
             bench.iter(|| {
                 knitted.clear();
-                (0..32).for_each(|guide| pattern.lay(0, guide, 0..i64::from(courses), &mesh, &mut knitted));
+                (0..32).for_each(|guide| {
+                    pattern.lay(0, guide, 0..i64::from(courses), &mesh, &mut knitted)
+                });
                 std::hint::black_box(&knitted).points.len()
             });
         });

@@ -1,4 +1,5 @@
-//! Location, and mapping on top of it: from a shuffled mesh to every point's triangle and draped place.
+//! Location, and mapping on top of it: from a shuffled mesh to every point's triangle and draped
+//! place.
 
 use criterion::{BatchSize, BenchmarkId, Criterion, Throughput};
 use glam::DVec3;
@@ -12,7 +13,8 @@ use super::inputs::{Points, panel, points};
 /// Points at a time: what they take stays in the processor's cache, as the blocks of a run do.
 const BLOCK: usize = 4096;
 /// Meshes and points that are tried together.
-const PAIRS: [(&str, &str); 5] = [("20k", "3500"), ("20k", "26180"), ("200k", "26180"), ("20k", "1m"), ("200k", "1m")];
+const PAIRS: [(&str, &str); 5] =
+    [("20k", "3500"), ("20k", "26180"), ("200k", "26180"), ("20k", "1m"), ("200k", "1m")];
 
 /// What blocks are worked on in.
 #[derive(Default)]
@@ -39,8 +41,14 @@ impl Memory {
     }
 }
 
-/// Orders the panel, builds what location needs, and locates all points, block by block; `then` does the rest with each block.
-fn locate(mut panel: Panel, points: &Points, memory: &mut Memory, then: impl Fn(&mut Memory, &Panel)) -> Panel {
+/// Orders the panel, builds what location needs, and locates all points, block by block; `then`
+/// does the rest with each block.
+fn locate(
+    mut panel: Panel,
+    points: &Points,
+    memory: &mut Memory,
+    then: impl Fn(&mut Memory, &Panel),
+) -> Panel {
     panel.order_along_curve();
     let locator = Locator::new(&panel);
     for block in points.points.chunks(BLOCK) {
@@ -53,14 +61,19 @@ fn locate(mut panel: Panel, points: &Points, memory: &mut Memory, then: impl Fn(
 
 pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
     build(criterion);
-    for (name, mapping) in
-        [("locate", None), ("locate and map smooth", Some(Mapping::Smooth)), ("locate and map frame", Some(Mapping::Frame))]
-    {
+    for (name, mapping) in [
+        ("locate", None),
+        ("locate and map smooth", Some(Mapping::Smooth)),
+        ("locate and map frame", Some(Mapping::Frame)),
+    ] {
         let mut group = criterion.benchmark_group(name);
         group.sample_size(10);
         for (mesh, size) in PAIRS {
             let id = BenchmarkId::new(mesh, size);
-            let (panel, points) = (std::cell::LazyCell::new(|| panel(mesh)), std::cell::LazyCell::new(|| points(size)));
+            let (panel, points) = (
+                std::cell::LazyCell::new(|| panel(mesh)),
+                std::cell::LazyCell::new(|| points(size)),
+            );
             group.bench_function(id, |bench| {
                 let mut memory = Memory::default();
                 let then = |memory: &mut Memory, panel: &Panel| {

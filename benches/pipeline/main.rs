@@ -1,4 +1,5 @@
-//! What each stage costs, in CPU time of one thread: `cargo bench`, or `cargo bench -- locate` for some. One file a stage; `inputs` says on what.
+//! What each stage costs, in CPU time of one thread: `cargo bench`, or `cargo bench -- locate` for
+//! some. One file a stage; `inputs` says on what.
 
 mod cpu;
 mod frames;
@@ -17,7 +18,10 @@ use cpu::CpuTime;
 
 /// One thread, whatever the machine has.
 fn configured() -> Criterion<CpuTime> {
-    rayon::ThreadPoolBuilder::new().num_threads(1).build_global().expect("nothing has started threads before");
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .build_global()
+        .expect("nothing has started threads before");
     Criterion::default().with_measurement(CpuTime)
 }
 

@@ -1,4 +1,5 @@
-//! Pictures by the processor: yarns wider than pixels, which are traced, and thinner ones, which are drawn piece by piece.
+//! Pictures by the processor: yarns wider than pixels, which are traced, and thinner ones, which
+//! are drawn piece by piece.
 
 use criterion::{BenchmarkId, Criterion};
 use warpknit::drape::{Cloth, picture, swatch_panel};
@@ -17,9 +18,12 @@ pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
         let panel = swatch_panel(&fabric, side, side);
         let scene = picture::of(&Cloth::swatch(&panel, &fabric, side, side), &fabric);
         let corners = scene.bounds().expect("yarns").corners();
-        let camera = Camera::view(View::Front, &corners, Camera::DEFAULT_FOV, 1.0, options.aspect());
+        let camera =
+            Camera::view(View::Front, &corners, Camera::DEFAULT_FOV, 1.0, options.aspect());
         group.bench_function(BenchmarkId::new("tricot", format!("{side} x {side}")), |bench| {
-            bench.iter(|| render(&scene, &camera, &options, &|_| {}).expect("the processor draws anything"));
+            bench.iter(|| {
+                render(&scene, &camera, &options, &|_| {}).expect("the processor draws anything")
+            });
         });
     }
     group.finish();

@@ -14,7 +14,8 @@ pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
     let mut group = criterion.benchmark_group("knit, locate and map");
     group.sample_size(10);
     for stitches in [576_u32, 3500, 8480, 26_180, 262_000] {
-        let cloth = Cloth::cover(&garment, &tricot_for(area(&garment), f64::from(stitches))).expect("the skirt has room");
+        let cloth = Cloth::cover(&garment, &tricot_for(area(&garment), f64::from(stitches)))
+            .expect("the skirt has room");
         group.throughput(Throughput::Elements(u64::from(stitches)));
         group.bench_function(BenchmarkId::from_parameter(stitches), |bench| {
             bench.iter(|| run(&cloth, &Options::default()));

@@ -1,7 +1,8 @@
 //! What files of tubes cost to write, for each vertex.
 //!
-//! 26180 stitches of tricot on our own skirt: the tubes are made beforehand, the files go to a temporary folder; the system's share of the time counts too.
-//! `bytes` writes as much as the `.glb` out of memory and nothing else: what no writer can be faster than here.
+//! 26180 stitches of tricot on our own skirt: the tubes are made beforehand, the files go to a
+//! temporary folder; the system's share of the time counts too. `bytes` writes as much as the
+//! `.glb` out of memory and nothing else: what no writer can be faster than here.
 
 use std::sync::Arc;
 
@@ -27,7 +28,12 @@ fn tubes(cloth: &Cloth<'_>, section: Section) -> Vec<Block> {
         held.extend_from_slice(blocks);
         Ok(())
     };
-    let Ok(_totals) = drape::run(cloth, &Options { surface: Some(section), ..Options::default() }, &mut |_, _| {}, &mut hold);
+    let Ok(_totals) = drape::run(
+        cloth,
+        &Options { surface: Some(section), ..Options::default() },
+        &mut |_, _| {},
+        &mut hold,
+    );
     held
 }
 
@@ -56,19 +62,34 @@ pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
             let mut output = Output::create(&at("bytes")).expect("a new file");
             let pieces = || (0..vertices * GLB_BYTES / bytes.len()).map(|_| &bytes);
             output
-                .write_with(|file| pieces().try_for_each(|piece| std::io::Write::write_all(file, piece)))
+                .write_with(|file| {
+                    pieces().try_for_each(|piece| std::io::Write::write_all(file, piece))
+                })
                 .expect("room on the disk");
             vec![output]
         }),
         ("glb", &|| {
-            let writer = GlbWriter::create(&at("skirt.glb"), &fabric, plain(), blocks.len(), cloth.yarns());
+            let writer =
+                GlbWriter::create(&at("skirt.glb"), &fabric, plain(), blocks.len(), cloth.yarns());
             write_all(writer.expect("a new file"), &blocks)
         }),
-        ("obj", &|| write_all(ObjWriter::create(&at("skirt.obj"), &fabric, plain()).expect("a new file"), &blocks)),
-        ("ply", &|| write_all(PlyWriter::create(&at("skirt.ply"), &fabric, &section).expect("a new file"), &blocks)),
+        ("obj", &|| {
+            write_all(
+                ObjWriter::create(&at("skirt.obj"), &fabric, plain()).expect("a new file"),
+                &blocks,
+            )
+        }),
+        ("ply", &|| {
+            write_all(
+                PlyWriter::create(&at("skirt.ply"), &fabric, &section).expect("a new file"),
+                &blocks,
+            )
+        }),
     ];
     for (name, write) in writers {
-        group.bench_function(name, |bench| bench.iter_batched(|| (), |()| write(), BatchSize::PerIteration));
+        group.bench_function(name, |bench| {
+            bench.iter_batched(|| (), |()| write(), BatchSize::PerIteration)
+        });
     }
     group.finish();
 }

@@ -1,4 +1,5 @@
-//! Makes the gallery of built-in fabrics: `docs/gallery.md` and a picture of each side of each in `docs/gallery/`.
+//! Makes the gallery of built-in fabrics: `docs/gallery.md` and a picture of each side of each in
+//! `docs/gallery/`.
 //!
 //! In: nothing. Out: the same bytes for any number of threads.
 //!
@@ -51,7 +52,10 @@ fn compare(folder: &Path) -> Result<()> {
     let yarn = Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes/yarns").join(page::WORN);
     for (name, shape) in [("tubes", Shape::Tube), ("ribbons", Shape::Ribbon)] {
         let maps = read_maps(&yarn, 2.0 * fabric.radius(), None)?;
-        let scene = laid(&cloth, Scene::wearing(shape, looks(&fabric, fabric.radius()), vec![maps], |_| Some(0)));
+        let scene = laid(
+            &cloth,
+            Scene::wearing(shape, looks(&fabric, fabric.radius()), vec![maps], |_| Some(0)),
+        );
         both_sides(folder, name, &frame, &scene)?;
     }
     Ok(())

@@ -1,4 +1,5 @@
-//! The text of `docs/gallery.md`: a section for each built-in fabric, and our numbers beside those of sources.
+//! The text of `docs/gallery.md`: a section for each built-in fabric, and our numbers beside those
+//! of sources.
 //!
 //! In: nothing but the library. Out: Markdown. A test compares it with the file.
 
@@ -18,7 +19,8 @@ Run-in is the yarn of a rack of 480 courses; thickness is from the lowest to the
 that no fibre fills; clearance the least distance between yarns, 1 being touch.
 ";
 
-/// The fabric that is shown as tubes and as ribbons, and the yarn of `meshes/yarns/` that both wear.
+/// The fabric that is shown as tubes and as ribbons, and the yarn of `meshes/yarns/` that both
+/// wear.
 pub(crate) const COMPARED: &str = "jersey";
 pub(crate) const WORN: &str = "spun";
 
@@ -48,7 +50,8 @@ fn shapes(page: &mut String) {
         ),
     );
     for name in ["tubes", "ribbons"] {
-        let [front, back] = ["front", "back"].map(|side| format!("![{name}, {side}](gallery/{})", picture_name(name, side)));
+        let [front, back] = ["front", "back"]
+            .map(|side| format!("![{name}, {side}](gallery/{})", picture_name(name, side)));
         line(page, format_args!("| {name} | {front} | {back} |"));
     }
 }
@@ -58,11 +61,17 @@ fn section(page: &mut String, fabric: &Fabric) {
     let numbers = numbers::measure(fabric, &pattern);
     let clearance = clearance::measure(fabric, &pattern, fabric.radius());
     let name = &fabric.name;
-    let pictures = ["front", "back"].map(|side| format!("![{name}, {side}](gallery/{})", picture_name(name, side)));
-    line(page, format_args!("\n## {name}\n\n{}.\n\n{}\n", capitalised(&fabric.about), pictures.join(" ")));
+    let pictures = ["front", "back"]
+        .map(|side| format!("![{name}, {side}](gallery/{})", picture_name(name, side)));
     line(
         page,
-        format_args!("| bar | lapping | threading | yarn | diameter mm | run-in mm/rack | g/m² |\n|---|---|---|---|---|---|---|"),
+        format_args!("\n## {name}\n\n{}.\n\n{}\n", capitalised(&fabric.about), pictures.join(" ")),
+    );
+    line(
+        page,
+        format_args!(
+            "| bar | lapping | threading | yarn | diameter mm | run-in mm/rack | g/m² |\n|---|---|---|---|---|---|---|"
+        ),
     );
     for (at, bar) in fabric.bars.iter().enumerate() {
         let run_in = numbers.run_in[at].map_or("-".to_owned(), |run_in| format!("{run_in:.0}"));
@@ -81,7 +90,9 @@ fn section(page: &mut String, fabric: &Fabric) {
     let porosity = numbers.porosity.expect("built-in fabrics are drawn with their own yarns");
     line(
         page,
-        format_args!("\n| per cm | g/m² | thickness mm | cover factor | porosity | clearance |\n|---|---|---|---|---|---|"),
+        format_args!(
+            "\n| per cm | g/m² | thickness mm | cover factor | porosity | clearance |\n|---|---|---|---|---|---|"
+        ),
     );
     line(
         page,
@@ -94,11 +105,19 @@ fn section(page: &mut String, fabric: &Fabric) {
 
 /// What others measured, and what we compute.
 fn sources(page: &mut String) {
-    let fabric = Fabric::named("locknit").and_then(|locknit| locknit.at_densities(15.0, 22.0)).expect("densities in range");
+    let fabric = Fabric::named("locknit")
+        .and_then(|locknit| locknit.at_densities(15.0, 22.0))
+        .expect("densities in range");
     let fabric = Fabric { enlargement: 1.0, ..fabric };
     let numbers = numbers::measure(&fabric, &Pattern::new(&fabric));
-    let ratio = numbers.run_in[0].zip(numbers.run_in[1]).map_or(f64::NAN, |(front, back)| front / back);
-    line(page, format_args!("\n## Beside the sources\n\nA locknit of 44 dtex, finished at 15 wales and 22 courses per cm:\n"));
+    let ratio =
+        numbers.run_in[0].zip(numbers.run_in[1]).map_or(f64::NAN, |(front, back)| front / back);
+    line(
+        page,
+        format_args!(
+            "\n## Beside the sources\n\nA locknit of 44 dtex, finished at 15 wales and 22 courses per cm:\n"
+        ),
+    );
     line(page, format_args!("| | mills report | here |\n|---|---|---|"));
     line(page, format_args!("| mass, g/m² | 80 to 110 | {:.1} |", numbers.mass));
     line(page, format_args!("| run-in, front over back bar | 1.24 to 1.35 | {ratio:.2} |"));

@@ -1,19 +1,21 @@
 //! The body under the garment, as a signed distance.
 //!
-//! In: round cones (two spheres and the hull around them), blended into one another, and perhaps a table top.
-//! Out: at any point the distance in cm (negative inside), the outward unit normal, and how far the surface there has
-//! moved in the last step, which friction needs. Also rings: closed curves around the body at a height, of a wanted girth,
-//! along which a panel is wrapped before the simulation starts.
-//! Source: the nearest sphere of a round cone's family in closed form (derived below); the polynomial smooth minimum of
-//! I. Quilez, "smooth minimum", whose gradient is the same blend of the two gradients.
-//! Not promised: the blended distance is exact only where one round cone is clearly nearest; in a blend it is a little
-//! short, which only makes the body a little fuller there.
+//! In: round cones (two spheres and the hull around them), blended into one another, and perhaps a
+//! table top. Out: at any point the distance in cm (negative inside), the outward unit normal, and
+//! how far the surface there has moved in the last step, which friction needs. Also rings: closed
+//! curves around the body at a height, of a wanted girth, along which a panel is wrapped before the
+//! simulation starts. Source: the nearest sphere of a round cone's family in closed form (derived
+//! below); the polynomial smooth minimum of I. Quilez, "smooth minimum", whose gradient is the same
+//! blend of the two gradients. Not promised: the blended distance is exact only where one round
+//! cone is clearly nearest; in a blend it is a little short, which only makes the body a little
+//! fuller there.
 
 use std::f64::consts::TAU;
 
 use glam::{DVec2, DVec3};
 
-/// A sphere at `a` and one at `b` with the hull around both. `drift_*` is how far each centre moved in the last step.
+/// A sphere at `a` and one at `b` with the hull around both. `drift_*` is how far each centre moved
+/// in the last step.
 #[derive(Clone, Copy)]
 pub(crate) struct RoundCone {
     a: DVec3,
@@ -43,9 +45,10 @@ impl RoundCone {
         Self::new(self.a * flip, self.radius_a, self.b * flip, self.radius_b)
     }
 
-    /// The hull is the union of spheres centred at a + t (b - a) with radii between the two. The distance to the sphere t is
-    /// convex in t, and its minimum satisfies y - t l = x tan(alpha), where (x, y) is the point across and along the axis
-    /// and sin(alpha) = (radius_a - radius_b) / l; clamping t gives the end spheres.
+    /// The hull is the union of spheres centred at a + t (b - a) with radii between the two. The
+    /// distance to the sphere t is convex in t, and its minimum satisfies y - t l = x tan(alpha),
+    /// where (x, y) is the point across and along the axis and sin(alpha) = (radius_a - radius_b) /
+    /// l; clamping t gives the end spheres.
     fn touch(&self, point: DVec3) -> Touch {
         let axis = self.b - self.a;
         let length = axis.length();
@@ -89,7 +92,8 @@ impl Body {
         }
         let weight = 0.5 + 0.5 * gap / self.blend;
         let distance = near.distance + (1.0 - weight) * gap - self.blend * weight * (1.0 - weight);
-        let normal = (near.normal * weight + other.normal * (1.0 - weight)).normalize_or(near.normal);
+        let normal =
+            (near.normal * weight + other.normal * (1.0 - weight)).normalize_or(near.normal);
         Touch { distance, normal, drift: near.drift }
     }
 
@@ -104,21 +108,30 @@ impl Body {
 
     /// No point of the surface has moved farther in the last step.
     pub(crate) fn farthest_drift(&self) -> f64 {
-        self.shapes.iter().map(|shape| shape.drift_a.length().max(shape.drift_b.length())).fold(0.0, f64::max)
+        self.shapes
+            .iter()
+            .map(|shape| shape.drift_a.length().max(shape.drift_b.length()))
+            .fold(0.0, f64::max)
     }
 
-    /// The closed curve around the body at a height whose length is `girth`: the contour at the clearance that gives it.
+    /// The closed curve around the body at a height whose length is `girth`: the contour at the
+    /// clearance that gives it.
     pub(crate) fn ring(&self, height: f64, girth: f64) -> Ring {
         let (mut low, mut high) = (-10.0, 60.0);
         for _ in 0..40 {
             let clearance = 0.5 * (low + high);
-            if Ring::around(self, height, clearance).girth() < girth { low = clearance } else { high = clearance }
+            if Ring::around(self, height, clearance).girth() < girth {
+                low = clearance
+            } else {
+                high = clearance
+            }
         }
         Ring::around(self, height, 0.5 * (low + high))
     }
 }
 
-/// A closed horizontal curve around the y axis, starting in front (+z) and running by the wearer's left (+x) to the back.
+/// A closed horizontal curve around the y axis, starting in front (+z) and running by the wearer's
+/// left (+x) to the back.
 pub(crate) struct Ring {
     points: Vec<DVec2>,
     /// Arc length up to each point; one longer than `points`.
@@ -134,7 +147,8 @@ impl Ring {
             let (x, z) = (TAU * f64::from(step) / f64::from(Self::STEPS)).sin_cos();
             let mut radius = 100.0;
             for _ in 0..60 {
-                radius -= body.touch(DVec3::new(radius * x, height, radius * z)).distance - clearance;
+                radius -=
+                    body.touch(DVec3::new(radius * x, height, radius * z)).distance - clearance;
             }
             DVec2::new(x, z) * radius.max(0.1)
         };
@@ -143,7 +157,9 @@ impl Ring {
 
     /// A circle about the y axis.
     pub(crate) fn circle(girth: f64) -> Self {
-        let point = |step| DVec2::from(f64::sin_cos(TAU * f64::from(step) / f64::from(Self::STEPS))) * girth / TAU;
+        let point = |step| {
+            DVec2::from(f64::sin_cos(TAU * f64::from(step) / f64::from(Self::STEPS))) * girth / TAU
+        };
         Self::through((0..Self::STEPS).map(point).collect())
     }
 
@@ -163,7 +179,8 @@ impl Ring {
     /// The point (x, z) a part `turn` of the way around; whole turns make no difference.
     pub(crate) fn at(&self, turn: f64) -> DVec2 {
         let arc = turn.rem_euclid(1.0) * self.girth();
-        let step = self.lengths.partition_point(|&length| length <= arc).clamp(1, self.points.len()) - 1;
+        let step =
+            self.lengths.partition_point(|&length| length <= arc).clamp(1, self.points.len()) - 1;
         let part = (arc - self.lengths[step]) / (self.lengths[step + 1] - self.lengths[step]);
         self.points[step].lerp(self.points[(step + 1) % self.points.len()], part)
     }
@@ -183,12 +200,14 @@ mod tests {
         let cone = body().shapes[0];
         for index in 0..200 {
             let turn = f64::from(index);
-            let point = DVec3::new(17.0 * turn.sin(), 0.25 * turn - 40.0, 19.0 * (1.7 * turn).cos());
+            let point =
+                DVec3::new(17.0 * turn.sin(), 0.25 * turn - 40.0, 19.0 * (1.7 * turn).cos());
             let here = cone.touch(point);
             let there = cone.touch(point + 0.5 * here.normal);
             assert!((there.distance - here.distance - 0.5).abs() < 1e-9, "at {point}");
             let side = here.normal.any_orthonormal_vector();
-            let slope = cone.touch(point + 1e-5 * side).distance - cone.touch(point - 1e-5 * side).distance;
+            let slope =
+                cone.touch(point + 1e-5 * side).distance - cone.touch(point - 1e-5 * side).distance;
             assert!(slope.abs() < 1e-9, "at {point}");
         }
     }

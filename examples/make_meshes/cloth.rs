@@ -1,26 +1,33 @@
 //! The cloth: particles, and the constraints that make them a knit.
 //!
-//! In: a pattern placed in space, unsewn or welded at its seams. Out: where its particles are after a stage of simulation.
-//! Source: XPBD (Macklin, Müller, Chentanez 2016) in small steps of one iteration (Macklin et al. 2019). Stretch and shear:
-//! a distance along every edge of the irregular triangles. Bending: the quadratic energy of Bergou et al. 2006, whose
-//! constraint per inner edge is a weighted sum of four points and so needs no angle. Friction: Coulomb's, on positions.
-//! Not promised: physical units of time to rest; the drag is chosen to come to rest soon. The constraints are solved one
-//! after the other in a fixed order, so a garment's result does not depend on threads; garments run beside each other.
+//! In: a pattern placed in space, unsewn or welded at its seams. Out: where its particles are after
+//! a stage of simulation. Source: XPBD (Macklin, Müller, Chentanez 2016) in small steps of one
+//! iteration (Macklin et al. 2019). Stretch and shear: a distance along every edge of the irregular
+//! triangles. Bending: the quadratic energy of Bergou et al. 2006, whose constraint per inner edge
+//! is a weighted sum of four points and so needs no angle. Friction: Coulomb's, on positions. Not
+//! promised: physical units of time to rest; the drag is chosen to come to rest soon. The
+//! constraints are solved one after the other in a fixed order, so a garment's result does not
+//! depend on threads; garments run beside each other.
 
 use glam::{DVec2, DVec3};
 
 use crate::{body::Body, contact::near_pairs, pattern::Garment};
 
-/// One iteration a step makes an edge yield by 2 STEP² / mass at the least, whatever its stiffness. At 1/1200 s the weight of
-/// a skirt stretches its waist by 6 % for that reason alone, at 1/2400 s by under 2 %.
+/// One iteration a step makes an edge yield by 2 STEP² / mass at the least, whatever its stiffness.
+/// At 1/1200 s the weight of a skirt stretches its waist by 6 % for that reason alone, at 1/2400 s
+/// by under 2 %.
 const STEP: f64 = 1.0 / 2400.0;
-/// Steps between two searches for near particles, which thus may approach each other by 0.3 cm in 1/150 s.
+/// Steps between two searches for near particles, which thus may approach each other by 0.3 cm in
+/// 1/150 s.
 const SEARCH_EVERY: u32 = 16;
-/// No particle moves faster, in cm/s: a stop for seams that snap shut, far above the speeds of draping.
+/// No particle moves faster, in cm/s: a stop for seams that snap shut, far above the speeds of
+/// draping.
 const SPEED_LIMIT: f64 = 250.0;
-/// The part of a layer's overlap that one step takes back. With all of it, layers pressed together never come to rest.
+/// The part of a layer's overlap that one step takes back. With all of it, layers pressed together
+/// never come to rest.
 const CONTACT_PART: f64 = 0.25;
-/// The part of their relative movement that two touching particles lose in a step. Without it pressed layers churn.
+/// The part of their relative movement that two touching particles lose in a step. Without it
+/// pressed layers churn.
 const RUBBING: f64 = 0.2;
 const GRAVITY: DVec3 = DVec3::new(0.0, -981.0, 0.0);
 
@@ -50,7 +57,8 @@ pub(crate) struct Stage {
     pub(crate) self_contact: bool,
 }
 
-/// What the cloth meets: the body at a time, and where a held particle is at a time, given where it started.
+/// What the cloth meets: the body at a time, and where a held particle is at a time, given where it
+/// started.
 pub(crate) struct Scene<'a> {
     pub(crate) body: &'a dyn Fn(f64) -> Body,
     pub(crate) hold: &'a dyn Fn(f64, DVec3) -> DVec3,
@@ -85,7 +93,8 @@ pub(crate) struct Cloth {
     gaps: Vec<Gap>,
     held: Vec<(u32, DVec3)>,
     near: Vec<[u32; 2]>,
-    /// How far each particle may still move before it can touch the body; until then the body isn't asked.
+    /// How far each particle may still move before it can touch the body; until then the body isn't
+    /// asked.
     slack: Vec<f64>,
     fabric: Fabric,
     time: f64,
@@ -94,7 +103,8 @@ pub(crate) struct Cloth {
 impl Cloth {
     /// The panels apart, each vertex a particle; a stage closes the seams evenly over its duration.
     pub(crate) fn unsewn(garment: &Garment, fabric: Fabric) -> Self {
-        let particle_of: Vec<u32> = (0..u32::try_from(garment.flat.len()).expect("few vertices")).collect();
+        let particle_of: Vec<u32> =
+            (0..u32::try_from(garment.flat.len()).expect("few vertices")).collect();
         let mut cloth = Self::new(garment, garment.start.clone(), &particle_of, fabric);
         let gap = |&ends: &[u32; 2]| {
             let [a, b] = ends.map(|end| garment.start[end as usize]);
@@ -104,7 +114,8 @@ impl Cloth {
         cloth
     }
 
-    /// The garment with its seams closed: sewn vertices are one particle, at the mean of `positions`, one a vertex.
+    /// The garment with its seams closed: sewn vertices are one particle, at the mean of
+    /// `positions`, one a vertex.
     pub(crate) fn sewn(garment: &Garment, positions: &[DVec3], fabric: Fabric) -> Self {
         let (particle_of, count) = garment.welded();
         let mut sums = vec![(DVec3::ZERO, 0.0); count];
@@ -120,7 +131,8 @@ impl Cloth {
         let mut mass = vec![0.0; position.len()];
         for &triangle in &garment.triangles {
             for vertex in triangle {
-                mass[particle_of[vertex as usize] as usize] += fabric.density * area(garment, triangle) / 3.0;
+                mass[particle_of[vertex as usize] as usize] +=
+                    fabric.density * area(garment, triangle) / 3.0;
             }
         }
         Self {
@@ -196,7 +208,8 @@ impl Cloth {
         }
     }
 
-    /// The constraint is the weighted sum itself, a vector that is zero where the two triangles lie flat.
+    /// The constraint is the weighted sum itself, a vector that is zero where the two triangles lie
+    /// flat.
     fn solve_hinges(&mut self) {
         for hinge in &self.hinges {
             let points = hinge.points.map(|point| point as usize);
@@ -226,10 +239,12 @@ impl Cloth {
             let apart = self.position[i] - self.position[j];
             let (distance, sum) = (apart.length(), self.inverse_mass[i] + self.inverse_mass[j]);
             if distance < self.fabric.thickness && distance > 0.0 && sum > 0.0 {
-                let push = apart * (CONTACT_PART * (self.fabric.thickness - distance) / (distance * sum));
+                let push =
+                    apart * (CONTACT_PART * (self.fabric.thickness - distance) / (distance * sum));
                 self.position[i] += self.inverse_mass[i] * push;
                 self.position[j] -= self.inverse_mass[j] * push;
-                let moved = [i, j].map(|particle| self.position[particle] - self.previous[particle]);
+                let moved =
+                    [i, j].map(|particle| self.position[particle] - self.previous[particle]);
                 let rub = (moved[0] - moved[1]) * (RUBBING / sum);
                 self.position[i] -= self.inverse_mass[i] * rub;
                 self.position[j] += self.inverse_mass[j] * rub;
@@ -237,7 +252,8 @@ impl Cloth {
         }
     }
 
-    /// Pushes particles out of the body; friction takes back their sliding, up to a part of how deep they were.
+    /// Pushes particles out of the body; friction takes back their sliding, up to a part of how
+    /// deep they were.
     fn keep_off(&mut self, body: &Body) {
         let farthest = body.farthest_drift();
         for (index, position) in self.position.iter_mut().enumerate() {
@@ -261,7 +277,8 @@ impl Cloth {
 
     fn take_speeds(&mut self) {
         for (index, position) in self.position.iter().enumerate() {
-            self.velocity[index] = ((*position - self.previous[index]) / STEP).clamp_length_max(SPEED_LIMIT);
+            self.velocity[index] =
+                ((*position - self.previous[index]) / STEP).clamp_length_max(SPEED_LIMIT);
         }
     }
 }
@@ -285,7 +302,8 @@ fn area(garment: &Garment, triangle: [u32; 3]) -> f64 {
     0.5 * (b - a).perp_dot(c - a)
 }
 
-/// Every edge of the pattern once. At a seam both panels' edges are there, so that each keeps its own length.
+/// Every edge of the pattern once. At a seam both panels' edges are there, so that each keeps its
+/// own length.
 fn edges(garment: &Garment, particle_of: &[u32]) -> Vec<Edge> {
     let mut pairs: Vec<[u32; 2]> = Vec::new();
     for &[a, b, c] in &garment.triangles {
@@ -300,7 +318,8 @@ fn edges(garment: &Garment, particle_of: &[u32]) -> Vec<Edge> {
     pairs.into_iter().map(edge).collect()
 }
 
-/// One hinge for every two triangles that share an edge, be it within a panel or along a closed seam.
+/// One hinge for every two triangles that share an edge, be it within a panel or along a closed
+/// seam.
 fn hinges(garment: &Garment, particle_of: &[u32], fabric: Fabric) -> Vec<Hinge> {
     // For each triangle's edge: its particles, the triangle, and which corner lies opposite.
     let mut sides: Vec<([u32; 2], usize, usize)> = Vec::new();
@@ -314,25 +333,35 @@ fn hinges(garment: &Garment, particle_of: &[u32], fabric: Fabric) -> Vec<Hinge> 
     let mut hinges: Vec<Hinge> = Vec::new();
     for pair in sides.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
         let ends = pair[0].0;
-        let opposite = |side: usize| particle_of[garment.triangles[pair[side].1][pair[side].2] as usize];
-        let (first, second) = (cotangents(garment, particle_of, pair[0]), cotangents(garment, particle_of, pair[1]));
-        let both_areas = area(garment, garment.triangles[pair[0].1]) + area(garment, garment.triangles[pair[1].1]);
+        let opposite =
+            |side: usize| particle_of[garment.triangles[pair[side].1][pair[side].2] as usize];
+        let (first, second) =
+            (cotangents(garment, particle_of, pair[0]), cotangents(garment, particle_of, pair[1]));
+        let both_areas = area(garment, garment.triangles[pair[0].1])
+            + area(garment, garment.triangles[pair[1].1]);
         hinges.push(Hinge {
             points: [ends[0], ends[1], opposite(0), opposite(1)],
-            weights: [first[1] + second[1], first[0] + second[0], -(first[0] + first[1]), -(second[0] + second[1])],
+            weights: [
+                first[1] + second[1],
+                first[0] + second[0],
+                -(first[0] + first[1]),
+                -(second[0] + second[1]),
+            ],
             softness: both_areas / (3.0 * fabric.bending * STEP * STEP),
         });
     }
     hinges
 }
 
-/// The cotangents of a triangle's angles at the two ends of a side, the end with the lower particle number first.
+/// The cotangents of a triangle's angles at the two ends of a side, the end with the lower particle
+/// number first.
 fn cotangents(garment: &Garment, particle_of: &[u32], side: ([u32; 2], usize, usize)) -> [f64; 2] {
     let (ends, triangle, corner) = side;
     let vertices = garment.triangles[triangle];
     let [a, b] = [1, 2].map(|step| vertices[(corner + step) % 3]);
     let [low, high] = if particle_of[a as usize] == ends[0] { [a, b] } else { [b, a] };
-    let [top, low, high] = [vertices[corner], low, high].map(|vertex| garment.flat[vertex as usize]);
+    let [top, low, high] =
+        [vertices[corner], low, high].map(|vertex| garment.flat[vertex as usize]);
     let cotangent = |from: DVec2, other: DVec2| {
         let (u, v) = (other - from, top - from);
         u.dot(v) / u.perp_dot(v).abs()

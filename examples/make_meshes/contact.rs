@@ -1,17 +1,19 @@
 //! Cloth against itself: particles of different places of the cloth keep a distance.
 //!
-//! In: particle positions, now and at the start. Out: the pairs that are or may soon be too near, found on a hashed grid.
-//! Source: M. Müller, "Ten Minute Physics 15: self-collision": a spring-free repulsion between particles, where a pair that
-//! was nearer than the thickness at the start is left alone.
-//! Not promised: a full collision response. It holds layers apart as long as the thickness is over 0.6 edge lengths (the
-//! distance from a triangle's centre to its corners), but two layers that are already through each other stay so.
+//! In: particle positions, now and at the start. Out: the pairs that are or may soon be too near,
+//! found on a hashed grid. Source: M. Müller, "Ten Minute Physics 15: self-collision": a
+//! spring-free repulsion between particles, where a pair that was nearer than the thickness at the
+//! start is left alone. Not promised: a full collision response. It holds layers apart as long as
+//! the thickness is over 0.6 edge lengths (the distance from a triangle's centre to its corners),
+//! but two layers that are already through each other stay so.
 
 use glam::{DVec3, IVec3};
 
 /// Pairs are looked for with this much to spare, in cm, so that a list serves for several steps.
 const MARGIN: f64 = 0.3;
 
-/// A grid of cubes, hashed into a table; the particles of one table entry follow one another in `members`.
+/// A grid of cubes, hashed into a table; the particles of one table entry follow one another in
+/// `members`.
 struct Grid {
     cell: f64,
     starts: Vec<u32>,
@@ -20,8 +22,10 @@ struct Grid {
 
 impl Grid {
     fn new(positions: &[DVec3], cell: f64) -> Self {
-        let mut grid = Self { cell, starts: vec![0; positions.len() + 1], members: vec![0; positions.len()] };
-        let slots: Vec<usize> = positions.iter().map(|&position| grid.slot(grid.cube(position))).collect();
+        let mut grid =
+            Self { cell, starts: vec![0; positions.len() + 1], members: vec![0; positions.len()] };
+        let slots: Vec<usize> =
+            positions.iter().map(|&position| grid.slot(grid.cube(position))).collect();
         for &slot in &slots {
             grid.starts[slot] += 1;
         }
@@ -44,7 +48,8 @@ impl Grid {
     fn slot(&self, cube: IVec3) -> usize {
         let mixed = cube.as_i64vec3() * glam::I64Vec3::new(92_837_111, 689_287_499, 283_923_481);
         let hash = (mixed.x ^ mixed.y ^ mixed.z).unsigned_abs();
-        usize::try_from(hash % self.members.len() as u64).expect("less than the number of particles")
+        usize::try_from(hash % self.members.len() as u64)
+            .expect("less than the number of particles")
     }
 
     fn members(&self, cube: IVec3) -> &[u32] {
@@ -53,12 +58,14 @@ impl Grid {
     }
 }
 
-/// The half of the 27 cubes around one that, taken for every cube, meets each pair of cubes once; the first is the cube itself.
+/// The half of the 27 cubes around one that, taken for every cube, meets each pair of cubes once;
+/// the first is the cube itself.
 fn half_of_neighbours() -> impl Iterator<Item = IVec3> {
     (0..27).map(|index| IVec3::new(index % 3, index / 3 % 3, index / 9) - 1).skip(13)
 }
 
-/// All pairs nearer than `thickness` and a margin whose distance in `start` was well over `thickness`.
+/// All pairs nearer than `thickness` and a margin whose distance in `start` was well over
+/// `thickness`.
 pub(crate) fn near_pairs(positions: &[DVec3], start: &[DVec3], thickness: f64) -> Vec<[u32; 2]> {
     let reach = thickness + MARGIN;
     let grid = Grid::new(positions, reach);
@@ -90,7 +97,9 @@ mod tests {
 
     #[test]
     fn the_grid_finds_the_pairs_that_comparing_all_finds() {
-        let place = |seed: u64, i: u64| 4.0 * DVec3::new(noise(seed, 3 * i), noise(seed, 3 * i + 1), noise(seed, 3 * i + 2));
+        let place = |seed: u64, i: u64| {
+            4.0 * DVec3::new(noise(seed, 3 * i), noise(seed, 3 * i + 1), noise(seed, 3 * i + 2))
+        };
         let now: Vec<DVec3> = (0..300).map(|i| place(1, i)).collect();
         let start: Vec<DVec3> = (0..300).map(|i| place(2, i)).collect();
         let mut found = near_pairs(&now, &start, 0.5);

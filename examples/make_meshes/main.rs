@@ -1,8 +1,9 @@
 //! Makes the garments in `meshes/`: cut, sew, drape, check, write.
 //!
-//! In: nothing. Out: `skirt`, `tube` and `pinch` as pairs of flat and draped OBJ files, and `tshirt` as one OBJ with its
-//! pattern in `vt`; on standard output a table of what came out. The same bytes for any number of threads.
-//! It fails if a garment is stretched too much, faces inwards, or cuts into the body.
+//! In: nothing. Out: `skirt`, `tube` and `pinch` as pairs of flat and draped OBJ files, and
+//! `tshirt` as one OBJ with its pattern in `vt`; on standard output a table of what came out. The
+//! same bytes for any number of threads. It fails if a garment is stretched too much, faces
+//! inwards, or cuts into the body.
 //!
 //! `cargo run --release --example make_meshes [FOLDER]`, with `meshes` as the default folder.
 

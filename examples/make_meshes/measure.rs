@@ -1,9 +1,10 @@
 //! What makes a garment fit for use as a pair: nearly isometric, facing outward, outside the body.
 //!
-//! In: the flat pattern and the draped positions. Out: percentiles of the principal stretches over all triangles, both of a
-//! triangle's pooled, the share of triangles whose normal points into the body, and how deep a vertex lies in it.
-//! Source: the singular values of the map from the flat triangle to the draped one.
-//! Not promised: that the cloth does not pass through itself; for that, look at it.
+//! In: the flat pattern and the draped positions. Out: percentiles of the principal stretches over
+//! all triangles, both of a triangle's pooled, the share of triangles whose normal points into the
+//! body, and how deep a vertex lies in it. Source: the singular values of the map from the flat
+//! triangle to the draped one. Not promised: that the cloth does not pass through itself; for that,
+//! look at it.
 
 use glam::{DVec2, DVec3};
 
@@ -18,7 +19,8 @@ pub(crate) struct Stretch {
 }
 
 impl Stretch {
-    /// The limits that the project sets itself: the median within 2 % of 1, the outer percentiles within 8 %.
+    /// The limits that the project sets itself: the median within 2 % of 1, the outer percentiles
+    /// within 8 %.
     pub(crate) fn is_near_isometric(&self) -> bool {
         (self.median - 1.0).abs() <= 0.02 && self.low >= 0.92 && self.high <= 1.08
     }
@@ -35,7 +37,8 @@ pub(crate) fn stretch(garment: &Garment, draped: &[DVec3]) -> Stretch {
     Stretch { low: percentile(5), median: percentile(50), high: percentile(95) }
 }
 
-/// The singular values of the linear map that takes the flat triangle's edges to the draped triangle's.
+/// The singular values of the linear map that takes the flat triangle's edges to the draped
+/// triangle's.
 fn principal_stretches(flat: [DVec2; 3], draped: [DVec3; 3]) -> [f64; 2] {
     let (u, v) = (flat[1] - flat[0], flat[2] - flat[0]);
     let (p, q) = (draped[1] - draped[0], draped[2] - draped[0]);
@@ -52,7 +55,8 @@ pub(crate) fn depth(body: &Body, draped: &[DVec3]) -> f64 {
     draped.iter().map(|&position| -body.touch(position).distance).fold(f64::NEG_INFINITY, f64::max)
 }
 
-/// The share of triangles whose normal points towards the body. Folds turn some inwards, so only most can be asked for.
+/// The share of triangles whose normal points towards the body. Folds turn some inwards, so only
+/// most can be asked for.
 pub(crate) fn inward_share(garment: &Garment, draped: &[DVec3], body: &Body) -> f64 {
     let is_inward = |triangle: &&[u32; 3]| {
         let [a, b, c] = triangle.map(|vertex| draped[vertex as usize]);

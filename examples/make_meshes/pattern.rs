@@ -1,8 +1,9 @@
-//! Outlines of panels: named sides, cut into equal segments, filled with triangles; then panels laid out, placed and sewn.
+//! Outlines of panels: named sides, cut into equal segments, filled with triangles; then panels
+//! laid out, placed and sewn.
 //!
-//! In: curves in the plane, in cm, y along the grain. Out: a [`Garment`]: the flat pattern, its triangles, where each vertex
-//! starts in space, and which vertices are sewn together.
-//! Not promised: that panels don't overlap in the plane; the recipe chooses their places.
+//! In: curves in the plane, in cm, y along the grain. Out: a [`Garment`]: the flat pattern, its
+//! triangles, where each vertex starts in space, and which vertices are sewn together. Not
+//! promised: that panels don't overlap in the plane; the recipe chooses their places.
 
 use std::{f64::consts::FRAC_PI_2, ops::Range};
 
@@ -10,7 +11,8 @@ use glam::{DVec2, DVec3};
 
 use crate::triangulate::triangulate;
 
-/// Points on a curve, dense enough to measure and divide it (a chord of a 20 cm arc is 0.3 mm shorter than the arc at most).
+/// Points on a curve, dense enough to measure and divide it (a chord of a 20 cm arc is 0.3 mm
+/// shorter than the arc at most).
 pub(crate) type Curve = Vec<DVec2>;
 
 const CURVE_STEPS: u32 = 200;
@@ -23,7 +25,8 @@ pub(crate) fn line(a: DVec2, b: DVec2) -> Curve {
     vec![a, b]
 }
 
-/// An arc about `centre`; the angles are from straight down, positive to the right, so a hem runs from negative to positive.
+/// An arc about `centre`; the angles are from straight down, positive to the right, so a hem runs
+/// from negative to positive.
 pub(crate) fn arc(centre: DVec2, radius: f64, from: f64, to: f64) -> Curve {
     trace(|t| centre + radius * DVec2::from_angle(from + t * (to - from) - FRAC_PI_2))
 }
@@ -36,7 +39,8 @@ pub(crate) fn bezier([a, b, c, d]: [DVec2; 4]) -> Curve {
     })
 }
 
-/// The same curve mirrored, x to -x, and run backwards, so that the outline stays counter-clockwise.
+/// The same curve mirrored, x to -x, and run backwards, so that the outline stays
+/// counter-clockwise.
 pub(crate) fn mirrored(curve: &[DVec2]) -> Curve {
     curve.iter().rev().map(|point| DVec2::new(-point.x, point.y)).collect()
 }
@@ -50,7 +54,8 @@ pub(crate) fn segments(length: f64, spacing: f64) -> u32 {
     DVec2::splat(length / spacing).round().as_uvec2().x.max(1)
 }
 
-/// The start of each of `count` parts of equal arc length; the curve's end is left to the next side.
+/// The start of each of `count` parts of equal arc length; the curve's end is left to the next
+/// side.
 fn divide(curve: &[DVec2], count: u32) -> Vec<DVec2> {
     let total = length(curve);
     let mut points = Vec::new();
@@ -90,14 +95,19 @@ pub(crate) struct Panel {
 }
 
 impl Panel {
-    /// Cuts a panel. The sides follow one another counter-clockwise, each beginning where the one before it ends.
+    /// Cuts a panel. The sides follow one another counter-clockwise, each beginning where the one
+    /// before it ends.
     pub(crate) fn cut(name: &str, outline: &[Side], spacing: f64, seed: u64) -> Self {
-        let points: Vec<DVec2> = outline.iter().flat_map(|side| divide(&side.curve, side.segments)).collect();
+        let points: Vec<DVec2> =
+            outline.iter().flat_map(|side| divide(&side.curve, side.segments)).collect();
         let count = u32::try_from(points.len()).expect("an outline has few points");
         let mut first = 0;
         let mut sides = Vec::new();
         for side in outline {
-            sides.push((side.name, (first..=first + side.segments).map(|index| index % count).collect()));
+            sides.push((
+                side.name,
+                (first..=first + side.segments).map(|index| index % count).collect(),
+            ));
             first += side.segments;
         }
         let (points, triangles) = triangulate(&points, spacing, seed);
@@ -113,7 +123,8 @@ pub(crate) struct Piece {
     sides: Vec<(&'static str, Vec<u32>)>,
 }
 
-/// The whole pattern: every panel's vertices and triangles one after the other, and the pairs of vertices to be sewn.
+/// The whole pattern: every panel's vertices and triangles one after the other, and the pairs of
+/// vertices to be sewn.
 #[derive(Default)]
 pub(crate) struct Garment {
     pub(crate) flat: Vec<DVec2>,
@@ -124,15 +135,24 @@ pub(crate) struct Garment {
 }
 
 impl Garment {
-    /// Adds a panel: `offset` places it in the flat layout, `place` in space. Returns its number, for [`Garment::sew`].
-    pub(crate) fn add(&mut self, panel: Panel, offset: DVec2, place: impl Fn(DVec2) -> DVec3) -> usize {
+    /// Adds a panel: `offset` places it in the flat layout, `place` in space. Returns its number,
+    /// for [`Garment::sew`].
+    pub(crate) fn add(
+        &mut self,
+        panel: Panel,
+        offset: DVec2,
+        place: impl Fn(DVec2) -> DVec3,
+    ) -> usize {
         let first = u32::try_from(self.flat.len()).expect("a garment has few vertices");
         let vertices = self.flat.len()..self.flat.len() + panel.points.len();
         let triangles = self.triangles.len()..self.triangles.len() + panel.triangles.len();
         self.flat.extend(panel.points.iter().map(|&point| point + offset));
         self.start.extend(panel.points.iter().map(|&point| place(point)));
-        self.triangles.extend(panel.triangles.iter().map(|triangle| triangle.map(|corner| corner + first)));
-        let shift = |(name, side): (_, Vec<u32>)| (name, side.into_iter().map(|vertex| vertex + first).collect());
+        self.triangles
+            .extend(panel.triangles.iter().map(|triangle| triangle.map(|corner| corner + first)));
+        let shift = |(name, side): (_, Vec<u32>)| {
+            (name, side.into_iter().map(|vertex| vertex + first).collect())
+        };
         let sides = panel.sides.into_iter().map(shift).collect();
         self.pieces.push(Piece { name: panel.name, vertices, triangles, sides });
         self.pieces.len() - 1
@@ -144,7 +164,8 @@ impl Garment {
         &side.expect("the recipe names a side that it has cut").1
     }
 
-    /// Sews two sides. All panels are seen from outside and run counter-clockwise, so partners run against one another.
+    /// Sews two sides. All panels are seen from outside and run counter-clockwise, so partners run
+    /// against one another.
     pub(crate) fn sew(&mut self, a: (usize, &str), b: (usize, &str)) {
         let (a, b) = (self.side(a.0, a.1), self.side(b.0, b.1));
         assert_eq!(a.len(), b.len(), "sewn sides have the same number of vertices");
@@ -152,10 +173,13 @@ impl Garment {
         self.seams.extend(pairs);
     }
 
-    /// Numbers the particles that are left when all seams are closed: for each vertex its particle, and how many there are.
+    /// Numbers the particles that are left when all seams are closed: for each vertex its particle,
+    /// and how many there are.
     pub(crate) fn welded(&self) -> (Vec<u32>, usize) {
-        let mut lowest: Vec<u32> = (0..u32::try_from(self.flat.len()).expect("a garment has few vertices")).collect();
-        // Where several seams meet, a vertex has several partners; repeat until the lowest number has reached them all.
+        let mut lowest: Vec<u32> =
+            (0..u32::try_from(self.flat.len()).expect("a garment has few vertices")).collect();
+        // Where several seams meet, a vertex has several partners; repeat until the lowest number
+        // has reached them all.
         let mut changed = true;
         while changed {
             changed = false;
@@ -182,7 +206,8 @@ mod tests {
     use super::*;
 
     fn square(name: &str) -> Panel {
-        let corners = [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0)].map(|(x, y)| DVec2::new(x, y));
+        let corners =
+            [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0)].map(|(x, y)| DVec2::new(x, y));
         let names = ["bottom", "right", "top", "left"];
         let side = |i: usize| Side::new(names[i], line(corners[i], corners[(i + 1) % 4]), 0.5);
         Panel::cut(name, &[side(0), side(1), side(2), side(3)], 0.5, 1)

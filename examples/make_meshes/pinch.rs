@@ -1,4 +1,5 @@
-//! The paper's pinched fabric: a square on a table, lifted at its middle until it hangs in folds from there.
+//! The paper's pinched fabric: a square on a table, lifted at its middle until it hangs in folds
+//! from there.
 
 use glam::{DVec2, DVec3};
 
@@ -17,19 +18,36 @@ const LIFT_SECONDS: f64 = 1.5;
 /// What the fingers hold, a radius in cm.
 const FINGERS: f64 = 0.65;
 
-const FABRIC: Fabric = Fabric { density: 0.02, stretch: 2e5, bending: 35.0, clearance: 0.1, thickness: 0.42, friction: 0.15 };
+const FABRIC: Fabric = Fabric {
+    density: 0.02,
+    stretch: 2e5,
+    bending: 35.0,
+    clearance: 0.1,
+    thickness: 0.42,
+    friction: 0.15,
+};
 
 pub(crate) fn make() -> Made {
     let garment = cut_and_place();
     let body = Body { shapes: Vec::new(), blend: 1.0, table: Some(0.0) };
-    let scene = Scene { body: &|_| body.clone(), hold: &|time, start| start + LIFT * progress(time) * DVec3::Y };
+    let scene = Scene {
+        body: &|_| body.clone(),
+        hold: &|time, start| start + LIFT * progress(time) * DVec3::Y,
+    };
     let mut cloth = Cloth::unsewn(&garment, FABRIC);
     let middle = |&vertex: &u32| garment.flat[vertex as usize].length() < FINGERS;
     cloth.hold((0..u32::try_from(garment.flat.len()).expect("few vertices")).filter(middle));
     for (seconds, drag) in [(LIFT_SECONDS, 2.0), (1.5, 2.0), (1.5, 12.0)] {
         cloth.run(Stage { seconds, gravity: 1.0, drag, self_contact: true }, &scene);
     }
-    Made { name: "pinch", speed: cloth.speed(), draped: cloth.position, garment, one_file: false, body }
+    Made {
+        name: "pinch",
+        speed: cloth.speed(),
+        draped: cloth.position,
+        garment,
+        one_file: false,
+        body,
+    }
 }
 
 fn progress(time: f64) -> f64 {
@@ -39,11 +57,15 @@ fn progress(time: f64) -> f64 {
 
 /// The square lies on the table face up, its grain away from the viewer, and not quite even.
 fn cut_and_place() -> Garment {
-    let corners = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)].map(|(x, y)| SIZE * DVec2::new(x, y));
-    let side = |index: usize| Side::new("edge", line(corners[index], corners[(index + 1) % 4]), SPACING);
+    let corners =
+        [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)].map(|(x, y)| SIZE * DVec2::new(x, y));
+    let side =
+        |index: usize| Side::new("edge", line(corners[index], corners[(index + 1) % 4]), SPACING);
     let panel = Panel::cut("square", &[side(0), side(1), side(2), side(3)], SPACING, 31);
     let mut garment = Garment::default();
-    garment.add(panel, DVec2::ZERO, |point| DVec3::new(point.x, FABRIC.clearance + bump(point), -point.y));
+    garment.add(panel, DVec2::ZERO, |point| {
+        DVec3::new(point.x, FABRIC.clearance + bump(point), -point.y)
+    });
     garment
 }
 

@@ -1,6 +1,7 @@
 //! A flared skirt of six gores, 55 cm long and 70 cm round the waist, hanging from waist and hips.
 //!
-//! Each gore is a piece of a ring, so that the sewn skirt is a cone that the body does not fill: it must fold.
+//! Each gore is a piece of a ring, so that the sewn skirt is a cone that the body does not fill: it
+//! must fold.
 
 use std::f64::consts::TAU;
 
@@ -20,7 +21,14 @@ const HEM: f64 = 215.0;
 const LENGTH: f64 = 55.0;
 const SPACING: f64 = 0.8;
 
-const FABRIC: Fabric = Fabric { density: 0.02, stretch: 2e5, bending: 60.0, clearance: 0.25, thickness: 0.6, friction: 0.3 };
+const FABRIC: Fabric = Fabric {
+    density: 0.02,
+    stretch: 2e5,
+    bending: 60.0,
+    clearance: 0.25,
+    thickness: 0.6,
+    friction: 0.3,
+};
 
 pub(crate) fn make() -> Made {
     let garment = cut_and_place();
@@ -29,14 +37,26 @@ pub(crate) fn make() -> Made {
     // The gores already meet where they start, so nothing needs drawing together.
     let mut cloth = Cloth::sewn(&garment, &garment.start, FABRIC);
     let (particle_of, _) = garment.welded();
-    cloth.hold((0..garment.pieces.len()).flat_map(|gore| garment.side(gore, "waist")).map(|&v| particle_of[v as usize]));
+    cloth.hold(
+        (0..garment.pieces.len())
+            .flat_map(|gore| garment.side(gore, "waist"))
+            .map(|&v| particle_of[v as usize]),
+    );
     for (seconds, drag) in [(2.0, 1.0), (1.0, 4.0), (1.0, 12.0)] {
         cloth.run(Stage { seconds, gravity: 1.0, drag, self_contact: true }, &scene);
     }
-    Made { name: "skirt", draped: spread(&cloth, &particle_of), speed: cloth.speed(), garment, one_file: false, body }
+    Made {
+        name: "skirt",
+        draped: spread(&cloth, &particle_of),
+        speed: cloth.speed(),
+        garment,
+        one_file: false,
+        body,
+    }
 }
 
-/// The apex of the cone lies above the waist; the gore's angle is what the waist takes of the circle there.
+/// The apex of the cone lies above the waist; the gore's angle is what the waist takes of the
+/// circle there.
 fn apex_distance() -> f64 {
     WAIST * LENGTH / (HEM - WAIST)
 }
@@ -85,7 +105,8 @@ impl Rings {
     const FALL: f64 = 0.92;
 
     fn new(body: &Body) -> Self {
-        let rings = (0..=56).map(|down| body.ring(-Self::FALL * f64::from(down), girth(f64::from(down))));
+        let rings =
+            (0..=56).map(|down| body.ring(-Self::FALL * f64::from(down), girth(f64::from(down))));
         Self(rings.collect())
     }
 
@@ -102,14 +123,18 @@ fn girth(down: f64) -> f64 {
     WAIST + (HEM - WAIST) * down / LENGTH
 }
 
-/// Uneven waves of a few per cent, so that the folds form where chance has it and not where the mesh does.
+/// Uneven waves of a few per cent, so that the folds form where chance has it and not where the
+/// mesh does.
 fn ripple(turn: f64) -> f64 {
-    (5..12_u32).map(|wave| 0.012 * (f64::from(wave) * TAU * turn + 3.0 * noise(11, wave.into())).sin()).sum()
+    (5..12_u32)
+        .map(|wave| 0.012 * (f64::from(wave) * TAU * turn + 3.0 * noise(11, wave.into())).sin())
+        .sum()
 }
 
 /// Waist and hips of two blended columns, and legs.
 fn body() -> Body {
-    let [waist, hip, knee] = [DVec3::new(3.4, 0.0, 0.0), DVec3::new(5.6, -20.0, -0.5), DVec3::new(7.5, -55.0, 0.0)];
+    let [waist, hip, knee] =
+        [DVec3::new(3.4, 0.0, 0.0), DVec3::new(5.6, -20.0, -0.5), DVec3::new(7.5, -55.0, 0.0)];
     let ankle = DVec3::new(7.0, -85.0, -2.0);
     let left = [
         RoundCone::new(waist + 6.0 * DVec3::Y, 8.2, waist, 8.0),
@@ -117,5 +142,9 @@ fn body() -> Body {
         RoundCone::new(hip, 10.2, knee, 6.0),
         RoundCone::new(knee, 6.0, ankle, 4.0),
     ];
-    Body { shapes: left.iter().flat_map(|shape| [*shape, shape.mirrored()]).collect(), blend: 3.0, table: None }
+    Body {
+        shapes: left.iter().flat_map(|shape| [*shape, shape.mirrored()]).collect(),
+        blend: 3.0,
+        table: None,
+    }
 }

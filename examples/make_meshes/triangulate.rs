@@ -1,17 +1,18 @@
 //! An outline becomes triangles, irregular as a pattern tool's.
 //!
-//! In: the outline's points, counter-clockwise and evenly spaced, and that spacing. Out: the outline's points, unmoved and
-//! first, then inner ones, and counter-clockwise triangles over them.
-//! Source: inner points start on a jittered hexagonal grid and are smoothed between Delaunay triangulations (Bowyer 1981,
-//! Watson 1981, swept in x so that finished triangles are not asked again).
-//! Not promised: an outline with a corner under about 30 degrees, or a neck narrower than twice the spacing, is not served;
-//! `triangulate` panics if an edge of the outline is missing from the result.
+//! In: the outline's points, counter-clockwise and evenly spaced, and that spacing. Out: the
+//! outline's points, unmoved and first, then inner ones, and counter-clockwise triangles over them.
+//! Source: inner points start on a jittered hexagonal grid and are smoothed between Delaunay
+//! triangulations (Bowyer 1981, Watson 1981, swept in x so that finished triangles are not asked
+//! again). Not promised: an outline with a corner under about 30 degrees, or a neck narrower than
+//! twice the spacing, is not served; `triangulate` panics if an edge of the outline is missing from
+//! the result.
 
 use glam::DVec2;
 use robust::{Coord, incircle, orient2d};
 
-/// How far a start point strays from its grid place, and how near to the outline it may be, both in spacings. Nearer than
-/// 0.6 gives flat triangles along the outline, farther than 0.8 long ones.
+/// How far a start point strays from its grid place, and how near to the outline it may be, both in
+/// spacings. Nearer than 0.6 gives flat triangles along the outline, farther than 0.8 long ones.
 const JITTER: f64 = 0.28;
 const CLEARANCE: f64 = 0.7;
 /// Rounds of smoothing. More than a dozen rounds would comb the irregularity out again.
@@ -19,7 +20,8 @@ const ROUNDS: usize = 6;
 
 /// A number in -1..1 that depends only on the two given (the SplitMix64 finaliser).
 pub(crate) fn noise(seed: u64, index: u64) -> f64 {
-    let mut bits = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ index.wrapping_add(1).wrapping_mul(0xD1B5_4A32_D192_ED03);
+    let mut bits = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15)
+        ^ index.wrapping_add(1).wrapping_mul(0xD1B5_4A32_D192_ED03);
     bits = (bits ^ (bits >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     bits = (bits ^ (bits >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
     let high = u32::try_from((bits ^ (bits >> 31)) >> 32).expect("32 bits remain");
@@ -27,7 +29,11 @@ pub(crate) fn noise(seed: u64, index: u64) -> f64 {
 }
 
 /// Fills the outline with triangles. Returns all points, the outline's first, and the triangles.
-pub(crate) fn triangulate(outline: &[DVec2], spacing: f64, seed: u64) -> (Vec<DVec2>, Vec<[u32; 3]>) {
+pub(crate) fn triangulate(
+    outline: &[DVec2],
+    spacing: f64,
+    seed: u64,
+) -> (Vec<DVec2>, Vec<[u32; 3]>) {
     let mut points = outline.to_vec();
     points.extend(inner_points(outline, spacing, seed));
     let mut triangles = inside_only(outline, &points, delaunay(&points), spacing);
@@ -35,7 +41,11 @@ pub(crate) fn triangulate(outline: &[DVec2], spacing: f64, seed: u64) -> (Vec<DV
         smooth(&mut points, &triangles, outline.len());
         triangles = inside_only(outline, &points, delaunay(&points), spacing);
     }
-    assert_eq!(outline_edges(&triangles, outline.len()), outline.len(), "every edge of the outline is an edge of a triangle");
+    assert_eq!(
+        outline_edges(&triangles, outline.len()),
+        outline.len(),
+        "every edge of the outline is an edge of a triangle"
+    );
     (points, triangles)
 }
 
@@ -67,7 +77,8 @@ fn edges(outline: &[DVec2]) -> impl Iterator<Item = (DVec2, DVec2)> {
 /// The even-odd rule.
 fn contains(outline: &[DVec2], point: DVec2) -> bool {
     let crosses = |(a, b): &(DVec2, DVec2)| {
-        (a.y > point.y) != (b.y > point.y) && point.x < a.x + (point.y - a.y) / (b.y - a.y) * (b.x - a.x)
+        (a.y > point.y) != (b.y > point.y)
+            && point.x < a.x + (point.y - a.y) / (b.y - a.y) * (b.x - a.x)
     };
     edges(outline).filter(crosses).count() % 2 == 1
 }
@@ -80,13 +91,15 @@ fn distance_to(outline: &[DVec2], point: DVec2) -> f64 {
     edges(outline).map(to_edge).fold(f64::INFINITY, f64::min)
 }
 
-/// Moves each inner point to the mean of its neighbours. The outline, whose points come first, stays.
+/// Moves each inner point to the mean of its neighbours. The outline, whose points come first,
+/// stays.
 fn smooth(points: &mut [DVec2], triangles: &[[u32; 3]], fixed: usize) {
     let mut sums = vec![(DVec2::ZERO, 0.0); points.len()];
     for triangle in triangles {
         for corner in 0..3 {
             let sum = &mut sums[triangle[corner] as usize];
-            sum.0 += points[triangle[(corner + 1) % 3] as usize] + points[triangle[(corner + 2) % 3] as usize];
+            sum.0 += points[triangle[(corner + 1) % 3] as usize]
+                + points[triangle[(corner + 2) % 3] as usize];
             sum.1 += 2.0;
         }
     }
@@ -95,8 +108,14 @@ fn smooth(points: &mut [DVec2], triangles: &[[u32; 3]], fixed: usize) {
     }
 }
 
-/// Drops the triangles outside the outline, and the flat ones between outline points that lie in one line.
-fn inside_only(outline: &[DVec2], points: &[DVec2], mut triangles: Vec<[u32; 3]>, spacing: f64) -> Vec<[u32; 3]> {
+/// Drops the triangles outside the outline, and the flat ones between outline points that lie in
+/// one line.
+fn inside_only(
+    outline: &[DVec2],
+    points: &[DVec2],
+    mut triangles: Vec<[u32; 3]>,
+    spacing: f64,
+) -> Vec<[u32; 3]> {
     triangles.retain(|triangle| {
         let [a, b, c] = triangle.map(|corner| points[corner as usize]);
         let all_on_outline = triangle.iter().all(|&corner| (corner as usize) < outline.len());
@@ -108,7 +127,10 @@ fn inside_only(outline: &[DVec2], points: &[DVec2], mut triangles: Vec<[u32; 3]>
 
 fn outline_edges(triangles: &[[u32; 3]], count: usize) -> usize {
     let follows = |a: u32, b: u32| (a as usize) < count && (a as usize + 1) % count == b as usize;
-    triangles.iter().map(|&[a, b, c]| [(a, b), (b, c), (c, a)].iter().filter(|&&(a, b)| follows(a, b)).count()).sum()
+    triangles
+        .iter()
+        .map(|&[a, b, c]| [(a, b), (b, c), (c, a)].iter().filter(|&&(a, b)| follows(a, b)).count())
+        .sum()
 }
 
 /// A triangle still open to change, with the x beyond which no point can lie in its circumcircle.
@@ -121,16 +143,20 @@ impl Open {
     fn new(corners: [u32; 3], points: &[DVec2]) -> Self {
         let [a, b, c] = corners.map(|corner| points[corner as usize]);
         let (ab, ac) = (b - a, c - a);
-        let centre = (ac.perp() * ab.length_squared() - ab.perp() * ac.length_squared()) / (-2.0 * ab.perp_dot(ac));
-        // A little is added for rounding; a flat triangle's reach is not finite and it simply stays open.
+        let centre = (ac.perp() * ab.length_squared() - ab.perp() * ac.length_squared())
+            / (-2.0 * ab.perp_dot(ac));
+        // A little is added for rounding; a flat triangle's reach is not finite and it simply stays
+        // open.
         let reach = a.x + centre.x + centre.length() * (1.0 + 1e-9);
         Self { corners, reach: if reach.is_finite() { reach } else { f64::INFINITY } }
     }
 }
 
-/// The Delaunay triangulation of points in general position: in any set of cocircular points one choice is made.
+/// The Delaunay triangulation of points in general position: in any set of cocircular points one
+/// choice is made.
 fn delaunay(points: &[DVec2]) -> Vec<[u32; 3]> {
-    let count = u32::try_from(points.len()).expect("a panel has fewer than four thousand million points");
+    let count =
+        u32::try_from(points.len()).expect("a panel has fewer than four thousand million points");
     let mut all = points.to_vec();
     all.extend([DVec2::new(-3e4, -2e4), DVec2::new(3e4, -2e4), DVec2::new(0.0, 4e4)]);
     let mut order: Vec<u32> = (0..count).collect();
@@ -160,7 +186,9 @@ fn delaunay(points: &[DVec2]) -> Vec<[u32; 3]> {
         }
     }
     closed.extend(open.into_iter().map(|triangle| triangle.corners));
-    closed.retain(|corners| corners.iter().all(|&corner| corner < count) && is_proper(points, *corners));
+    closed.retain(|corners| {
+        corners.iter().all(|&corner| corner < count) && is_proper(points, *corners)
+    });
     closed
 }
 
@@ -186,7 +214,8 @@ mod tests {
         let corners = [(0.0, 0.0), (10.0, 0.0), (10.0, 4.0), (4.0, 4.0), (4.0, 12.0), (0.0, 12.0)];
         let corners = corners.map(|(x, y)| DVec2::new(x, y));
         let side = |(a, b): (DVec2, DVec2)| {
-            (0..crate::pattern::segments(a.distance(b), 0.5)).map(move |i| a.move_towards(b, 0.5 * f64::from(i)))
+            (0..crate::pattern::segments(a.distance(b), 0.5))
+                .map(move |i| a.move_towards(b, 0.5 * f64::from(i)))
         };
         edges(&corners).flat_map(side).collect()
     }
@@ -207,7 +236,8 @@ mod tests {
 
     #[test]
     fn no_point_lies_in_a_circumcircle() {
-        let points: Vec<DVec2> = (0..60).map(|i| DVec2::new(noise(7, 2 * i), noise(7, 2 * i + 1))).collect();
+        let points: Vec<DVec2> =
+            (0..60).map(|i| DVec2::new(noise(7, 2 * i), noise(7, 2 * i + 1))).collect();
         for corners in delaunay(&points) {
             assert!(points.iter().all(|&point| !in_circle(&points, corners, point)));
         }

@@ -1,6 +1,7 @@
 //! A T-shirt: front, back and two sleeves on a torso with arms held a little away.
 //!
-//! The panels start around the body and their seams are drawn together as in a pattern tool; then the shirt drapes.
+//! The panels start around the body and their seams are drawn together as in a pattern tool; then
+//! the shirt drapes.
 
 use std::f64::consts::TAU;
 
@@ -15,7 +16,8 @@ use crate::{
 };
 
 const SPACING: f64 = 0.85;
-/// Half the width of front and back; the underarm; the shoulder seam's ends at the neck and at the tip. The hem is at y = 0.
+/// Half the width of front and back; the underarm; the shoulder seam's ends at the neck and at the
+/// tip. The hem is at y = 0.
 const HALF_WIDTH: f64 = 26.0;
 const UNDERARM: DVec2 = DVec2::new(HALF_WIDTH, 40.5);
 const NECK: DVec2 = DVec2::new(8.4, 69.0);
@@ -29,7 +31,14 @@ const BELOW_CAP: f64 = 11.0;
 const ARMS_REST: f64 = 0.4;
 const ARMS_SECONDS: f64 = 1.2;
 
-const FABRIC: Fabric = Fabric { density: 0.02, stretch: 2e5, bending: 20.0, clearance: 0.3, thickness: 0.64, friction: 0.35 };
+const FABRIC: Fabric = Fabric {
+    density: 0.02,
+    stretch: 2e5,
+    bending: 20.0,
+    clearance: 0.3,
+    thickness: 0.64,
+    friction: 0.35,
+};
 
 pub(crate) fn make() -> Made {
     let garment = cut_and_place();
@@ -43,7 +52,14 @@ pub(crate) fn make() -> Made {
         cloth.run(Stage { seconds, gravity: 1.0, drag, self_contact: true }, &scene);
     }
     let body = body(f64::INFINITY);
-    Made { name: "tshirt", draped: spread(&cloth, &particle_of), speed: cloth.speed(), garment, one_file: true, body }
+    Made {
+        name: "tshirt",
+        draped: spread(&cloth, &particle_of),
+        speed: cloth.speed(),
+        garment,
+        one_file: true,
+        body,
+    }
 }
 
 /// From the underarm up to the shoulder's tip, scooped inwards.
@@ -51,10 +67,17 @@ fn armhole() -> Curve {
     bezier([UNDERARM, DVec2::new(20.0, 41.5), DVec2::new(19.0, 54.0), TIP])
 }
 
-/// The sleeve's right half of the cap, from the underarm to the top, as wide as the armhole's length asks for.
+/// The sleeve's right half of the cap, from the underarm to the top, as wide as the armhole's
+/// length asks for.
 fn cap() -> Curve {
-    let curve =
-        |half: f64| bezier([DVec2::new(half, -CAP), DVec2::new(0.55 * half, -CAP), DVec2::new(0.45 * half, 0.0), DVec2::ZERO]);
+    let curve = |half: f64| {
+        bezier([
+            DVec2::new(half, -CAP),
+            DVec2::new(0.55 * half, -CAP),
+            DVec2::new(0.45 * half, 0.0),
+            DVec2::ZERO,
+        ])
+    };
     let (mut low, mut high) = (5.0, 40.0);
     for _ in 0..60 {
         let half = 0.5 * (low + high);
@@ -78,7 +101,8 @@ fn trunk(name: &str, neck_depth: f64, seed: u64) -> Panel {
         DVec2::new(0.6 * NECK.x, bottom),
         DVec2::new(0.0, bottom),
     ]);
-    let neck: Curve = neck_right.iter().copied().chain(mirrored(&neck_right).into_iter().skip(1)).collect();
+    let neck: Curve =
+        neck_right.iter().copied().chain(mirrored(&neck_right).into_iter().skip(1)).collect();
     let armhole_side = |name, curve| Side { name, curve, segments: armhole_segments() };
     let outline = [
         Side::new("hem", line(left(hem), hem), SPACING),
@@ -118,9 +142,12 @@ fn cut_and_place() -> Garment {
         DVec3::new(place.x, point.y + HEM, place.y)
     };
     let front = garment.add(trunk("front", 8.5, 51), DVec2::ZERO, |point| around(0.0, point));
-    let back = garment.add(trunk("back", 2.5, 52), DVec2::new(58.0, 0.0), |point| around(0.5, point));
-    let left = garment.add(sleeve("left_sleeve", 53), DVec2::new(110.0, 30.0), |point| on_arm(point, 1.0));
-    let right = garment.add(sleeve("right_sleeve", 54), DVec2::new(110.0, 60.0), |point| on_arm(point, -1.0));
+    let back =
+        garment.add(trunk("back", 2.5, 52), DVec2::new(58.0, 0.0), |point| around(0.5, point));
+    let left =
+        garment.add(sleeve("left_sleeve", 53), DVec2::new(110.0, 30.0), |point| on_arm(point, 1.0));
+    let right = garment
+        .add(sleeve("right_sleeve", 54), DVec2::new(110.0, 60.0), |point| on_arm(point, -1.0));
     garment.sew((front, "right"), (back, "left"));
     garment.sew((front, "left"), (back, "right"));
     garment.sew((front, "right_shoulder"), (back, "left_shoulder"));
@@ -148,7 +175,9 @@ fn on_arm(point: DVec2, side: f64) -> DVec3 {
 
 /// A few millimetres of unevenness.
 fn ripple(turn: f64) -> f64 {
-    (3..9_u32).map(|wave| 0.008 * noise(61, wave.into()) * (f64::from(wave) * TAU * turn).cos()).sum()
+    (3..9_u32)
+        .map(|wave| 0.008 * noise(61, wave.into()) * (f64::from(wave) * TAU * turn).cos())
+        .sum()
 }
 
 /// Heights in space: y = 0 is the crotch's.
@@ -164,13 +193,18 @@ fn arm_direction(time: f64) -> DVec3 {
 }
 
 fn trunk_only() -> Body {
-    let [hip, waist, chest] = [DVec3::new(6.5, 4.0, -0.5), DVec3::new(5.5, 24.0, 0.0), DVec3::new(7.0, 46.0, 0.5)];
+    let [hip, waist, chest] =
+        [DVec3::new(6.5, 4.0, -0.5), DVec3::new(5.5, 24.0, 0.0), DVec3::new(7.0, 46.0, 0.5)];
     let left = [
         RoundCone::new(hip - 8.0 * DVec3::Y, 9.8, hip, 10.0),
         RoundCone::new(hip, 10.0, waist, 9.0),
         RoundCone::new(waist, 9.0, chest, 9.7),
     ];
-    Body { shapes: left.iter().flat_map(|shape| [*shape, shape.mirrored()]).collect(), blend: 2.5, table: None }
+    Body {
+        shapes: left.iter().flat_map(|shape| [*shape, shape.mirrored()]).collect(),
+        blend: 2.5,
+        table: None,
+    }
 }
 
 fn body(time: f64) -> Body {

@@ -24,7 +24,14 @@ const SLACK: f64 = 3.0;
 const BEND: f64 = 0.8;
 const BEND_SECONDS: f64 = 1.5;
 
-const FABRIC: Fabric = Fabric { density: 0.02, stretch: 2e5, bending: 60.0, clearance: 0.2, thickness: 0.45, friction: 0.35 };
+const FABRIC: Fabric = Fabric {
+    density: 0.02,
+    stretch: 2e5,
+    bending: 60.0,
+    clearance: 0.2,
+    thickness: 0.45,
+    friction: 0.35,
+};
 
 pub(crate) fn make() -> Made {
     let garment = cut_and_place();
@@ -36,7 +43,14 @@ pub(crate) fn make() -> Made {
         cloth.run(Stage { seconds, gravity: 1.0, drag, self_contact: true }, &scene);
     }
     let body = arm(f64::INFINITY);
-    Made { name: "tube", draped: spread(&cloth, &particle_of), speed: cloth.speed(), garment, one_file: false, body }
+    Made {
+        name: "tube",
+        draped: spread(&cloth, &particle_of),
+        speed: cloth.speed(),
+        garment,
+        one_file: false,
+        body,
+    }
 }
 
 fn cut_and_place() -> Garment {
@@ -58,12 +72,14 @@ fn cut_and_place() -> Garment {
     garment
 }
 
-/// Uneven ring waves that take up about the slack: none at the ends, so that the top is held as a circle.
+/// Uneven ring waves that take up about the slack: none at the ends, so that the top is held as a
+/// circle.
 fn ripple(point: DVec2) -> f64 {
     let wave = |number: u32| {
         let along = TAU * f64::from(number) * point.y / LENGTH;
         let around = TAU * point.x / GIRTH;
-        (along + 3.0 * noise(5, number.into())).sin() * (around + 3.0 * noise(6, number.into())).cos()
+        (along + 3.0 * noise(5, number.into())).sin()
+            * (around + 3.0 * noise(6, number.into())).cos()
     };
     let inner = (-point.y / LENGTH * (1.0 + point.y / LENGTH) * 4.0).clamp(0.0, 1.0);
     0.035 * inner * (4..9).map(wave).sum::<f64>()
@@ -76,7 +92,11 @@ fn progress(time: f64) -> f64 {
 }
 
 fn arm(time: f64) -> Body {
-    let wrist = ELBOW + DQuat::from_rotation_x(-BEND * progress(time)) * DVec3::new(0.0, -27.0, 0.0);
-    let shapes = vec![RoundCone::new(DVec3::new(0.0, 4.0, 0.0), 4.2, ELBOW, 3.7), RoundCone::new(ELBOW, 3.7, wrist, 3.1)];
+    let wrist =
+        ELBOW + DQuat::from_rotation_x(-BEND * progress(time)) * DVec3::new(0.0, -27.0, 0.0);
+    let shapes = vec![
+        RoundCone::new(DVec3::new(0.0, 4.0, 0.0), 4.2, ELBOW, 3.7),
+        RoundCone::new(ELBOW, 3.7, wrist, 3.1),
+    ];
     Body { shapes, blend: 1.0, table: None }
 }

@@ -1,8 +1,9 @@
 //! OBJ files, in centimetres, y up.
 //!
-//! In: a pattern and its draped positions. Out: either two files, flat and draped, whose vertices and faces correspond one
-//! to one, or one file whose `v` are draped and welded at the seams and whose `vt` are the flat pattern.
-//! Four decimals (a micrometre) keep the stretch of a 5 mm edge to 0.03 %.
+//! In: a pattern and its draped positions. Out: either two files, flat and draped, whose vertices
+//! and faces correspond one to one, or one file whose `v` are draped and welded at the seams and
+//! whose `vt` are the flat pattern. Four decimals (a micrometre) keep the stretch of a 5 mm edge to
+//! 0.03 %.
 
 use std::{fmt::Write as _, fs, path::Path};
 
@@ -12,11 +13,18 @@ use glam::DVec3;
 use crate::pattern::Garment;
 
 /// Writes the pair and returns how many bytes both take.
-pub(crate) fn pair(folder: &Path, name: &str, garment: &Garment, draped: &[DVec3]) -> Result<usize> {
+pub(crate) fn pair(
+    folder: &Path,
+    name: &str,
+    garment: &Garment,
+    draped: &[DVec3],
+) -> Result<usize> {
     let flat: Vec<DVec3> = garment.flat.iter().map(|point| point.extend(0.0)).collect();
     let mut bytes = 0;
     for (kind, positions) in [("flat", &flat[..]), ("draped", draped)] {
-        let mut text = header(&format!("{name}, {kind}; its vertices and faces are those of the other file of the pair"));
+        let mut text = header(&format!(
+            "{name}, {kind}; its vertices and faces are those of the other file of the pair"
+        ));
         for piece in &garment.pieces {
             push(&mut text, format_args!("o {}\n", piece.name));
             for &position in &positions[piece.vertices.clone()] {
@@ -33,8 +41,14 @@ pub(crate) fn pair(folder: &Path, name: &str, garment: &Garment, draped: &[DVec3
 }
 
 /// Writes one file with the pattern as texture coordinates and returns its bytes.
-pub(crate) fn with_pattern(folder: &Path, name: &str, garment: &Garment, draped: &[DVec3]) -> Result<usize> {
-    let mut text = header(&format!("{name}: v draped, vt the flat pattern in cm, panels side by side"));
+pub(crate) fn with_pattern(
+    folder: &Path,
+    name: &str,
+    garment: &Garment,
+    draped: &[DVec3],
+) -> Result<usize> {
+    let mut text =
+        header(&format!("{name}: v draped, vt the flat pattern in cm, panels side by side"));
     let (particle_of, count) = garment.welded();
     let mut written = 0;
     for (&particle, &position) in particle_of.iter().zip(draped) {
@@ -59,7 +73,9 @@ pub(crate) fn with_pattern(folder: &Path, name: &str, garment: &Garment, draped:
 }
 
 fn header(what: &str) -> String {
-    format!("# {what}\n# Made by warpknit's example make_meshes. Unit: 1 cm, y up. Licence: CC0 1.0.\n")
+    format!(
+        "# {what}\n# Made by warpknit's example make_meshes. Unit: 1 cm, y up. Licence: CC0 1.0.\n"
+    )
 }
 
 fn vertex(text: &mut String, position: DVec3) {

@@ -1,4 +1,5 @@
-//! Layout files of `capture`: what is read has numbers that can be worked with, what isn't is told in one line, with the line of the file.
+//! Layout files of `capture`: what is read has numbers that can be worked with, what isn't is told
+//! in one line, with the line of the file.
 
 #![no_main]
 

@@ -1,4 +1,5 @@
-//! Fabric files. What is read is checked, printed, read back, drawn and, where its repeat is small, knitted as a swatch.
+//! Fabric files. What is read is checked, printed, read back, drawn and, where its repeat is small,
+//! knitted as a swatch.
 
 #![no_main]
 

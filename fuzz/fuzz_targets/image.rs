@@ -1,5 +1,5 @@
-//! Pictures of yarns: a photo, read and, where it is small, developed; or a folder of maps, its files divided by a line `--`: the base colour, `yarn.toml`, a
-//! height map, a normal map.
+//! Pictures of yarns: a photo, read and, where it is small, developed; or a folder of maps, its
+//! files divided by a line `--`: the base colour, `yarn.toml`, a height map, a normal map.
 
 #![no_main]
 

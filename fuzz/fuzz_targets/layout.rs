@@ -42,7 +42,8 @@ fuzz_target!(|tables: &str| {
     for layout in &fabric.panels {
         garment.turn_grain(layout.panel, layout.grain_degrees.to_radians());
     }
-    // Other keys may come with the tables, and whole bars: large repeats are for the target of fabrics.
+    // Other keys may come with the tables, and whole bars: large repeats are for the target of
+    // fabrics.
     if fabric.repeat() * fabric.threading_repeat() * fabric.bars.len() > 60 {
         return;
     }

@@ -1,5 +1,6 @@
-//! OBJ files: a garment with its `vt`, or, with a NUL between each two, a flat and a draped file, and one more frame. What is read is inspected and, coarsely,
-//! knitted onto; the frame is taken or refused.
+//! OBJ files: a garment with its `vt`, or, with a NUL between each two, a flat and a draped file,
+//! and one more frame. What is read is inspected and, coarsely, knitted onto; the frame is taken or
+//! refused.
 
 #![no_main]
 

@@ -1,4 +1,5 @@
-//! What the fuzz targets share: files in memory for readers that take paths, and fabric knitted onto small garments.
+//! What the fuzz targets share: files in memory for readers that take paths, and fabric knitted
+//! onto small garments.
 
 use std::convert::Infallible;
 use std::path::{Path, PathBuf};
@@ -54,7 +55,8 @@ pub fn parts<'a>(data: &'a [u8], mark: &[u8]) -> Vec<&'a [u8]> {
     parts
 }
 
-/// Lays a fabric over a garment, and knits it with tubes where it is small enough to be done at once.
+/// Lays a fabric over a garment, and knits it with tubes where it is small enough to be done at
+/// once.
 pub fn knit(garment: &Garment, fabric: &Fabric) -> Result<Option<Totals>, LayoutError> {
     let cloth = Cloth::cover(garment, fabric)?;
     if cloth.stitches() > MOST_STITCHES {

@@ -1,7 +1,8 @@
 //! From what a photo says to a fabric that can be draped.
 //!
-//! In: a layout with its shapes and colours. Out: a laid [`Fabric`]: the strands of a rectangular cell, in mm. Its yarns are as thick as they are wide in the photo; their count follows from that, and
-//! from the density and the packing of spun cotton.
+//! In: a layout with its shapes and colours. Out: a laid [`Fabric`]: the strands of a rectangular
+//! cell, in mm. Its yarns are as thick as they are wide in the photo; their count follows from
+//! that, and from the density and the packing of spun cotton.
 
 use std::f64::consts::PI;
 
@@ -22,7 +23,8 @@ use crate::plane::double;
 const NAME: &str = "captured";
 /// Density of the fibre, g/cm³, and the share of a yarn's section that it fills (the paper's .6).
 const COTTON: (f64, f64) = (1.5, 0.6);
-/// How much of the light its yarns' fibres mirror: what dull cotton does; a person who knows better changes it.
+/// How much of the light its yarns' fibres mirror: what dull cotton does; a person who knows better
+/// changes it.
 const SHEEN: f64 = 0.2;
 
 /// What is known of the segments that are seen, one after another.
@@ -45,18 +47,31 @@ pub(super) fn fabric(lattice: &Lattice, layout: &Layout, yarns: &Yarns, pixel: f
         Piece { segment, number: layout.numbers[segment], axis, fallen, shape: shapes[segment] }
     };
     let corners = upright.copies.iter();
-    let pieces: Vec<Piece> =
-        corners.flat_map(|&corner| (0..layout.seen.len()).map(move |segment| piece(corner, segment))).collect();
+    let pieces: Vec<Piece> = corners
+        .flat_map(|&corner| (0..layout.seen.len()).map(move |segment| piece(corner, segment)))
+        .collect();
     let strands = strands(&pieces, cell);
     let bar = |strand: &Strand| {
         // All strands of a colour that run one way are of one yarn.
-        let alike = strands.iter().filter(|other| other.across == strand.across && group(other, colors) == group(strand, colors));
-        let width = alike.clone().map(|other| other.width).sum::<f64>() / double(alike.clone().count());
-        let twist = mean_twist(alike.flat_map(|strand| &strand.segments).map(|&segment| &twists[segment]));
+        let alike = strands.iter().filter(|other| {
+            other.across == strand.across && group(other, colors) == group(strand, colors)
+        });
+        let width =
+            alike.clone().map(|other| other.width).sum::<f64>() / double(alike.clone().count());
+        let twist =
+            mean_twist(alike.flat_map(|strand| &strand.segments).map(|&segment| &twists[segment]));
         let kind = if strand.across { BarKind::LaidAcross } else { BarKind::LaidAlong };
-        Bar::laid(kind, yarn(width, twist, Color::of_linear(colors.linear[group(strand, colors)].as_vec3().into())))
+        Bar::laid(
+            kind,
+            yarn(
+                width,
+                twist,
+                Color::of_linear(colors.linear[group(strand, colors)].as_vec3().into()),
+            ),
+        )
     };
-    // Numbers that a person can read: a hundred-thousandth of a cell or a mm is far under what a photo tells.
+    // Numbers that a person can read: a hundred-thousandth of a cell or a mm is far under what a
+    // photo tells.
     let round = |number: f64| (1e5 * number).round() / 1e5;
     let rounded = |point: DVec3| DVec3::from(point.to_array().map(round));
     Fabric {
@@ -65,7 +80,9 @@ pub(super) fn fabric(lattice: &Lattice, layout: &Layout, yarns: &Yarns, pixel: f
         bars: strands.iter().map(bar).collect(),
         paths: strands
             .iter()
-            .map(|strand| strand.path.iter().map(|&point| rounded(point / cell.extend(1.0))).collect())
+            .map(|strand| {
+                strand.path.iter().map(|&point| rounded(point / cell.extend(1.0))).collect()
+            })
             .collect(),
         name: NAME.to_owned(),
         about: String::new(),
@@ -79,18 +96,24 @@ pub(super) fn fabric(lattice: &Lattice, layout: &Layout, yarns: &Yarns, pixel: f
 
 /// The colour of most of a strand's segments.
 fn group(strand: &Strand, colors: &Colors) -> usize {
-    let count = |group: usize| strand.segments.iter().filter(|&&segment| colors.groups[segment] == group).count();
-    (0..colors.linear.len()).max_by_key(|&group| (count(group), colors.linear.len() - group)).unwrap_or(0)
+    let count = |group: usize| {
+        strand.segments.iter().filter(|&&segment| colors.groups[segment] == group).count()
+    };
+    (0..colors.linear.len())
+        .max_by_key(|&group| (count(group), colors.linear.len() - group))
+        .unwrap_or(0)
 }
 
 /// The mean of what was measured, or of the guesses where nothing was, radians.
 fn mean_twist<'a>(twists: impl Iterator<Item = &'a Twist> + Clone) -> f64 {
     let any_told = twists.clone().any(|twist| !twist.is_guess);
     let counted = twists.filter(|twist| twist.is_guess != any_told);
-    counted.clone().map(|twist| twist.degrees.to_radians()).sum::<f64>() / double(counted.count()).max(1.0)
+    counted.clone().map(|twist| twist.degrees.to_radians()).sum::<f64>()
+        / double(counted.count()).max(1.0)
 }
 
-/// A yarn so many mm wide whose fibres run at an angle to it: the inverse of [`Yarn::diameter`] and of [`Yarn::twist_slope`].
+/// A yarn so many mm wide whose fibres run at an angle to it: the inverse of [`Yarn::diameter`] and
+/// of [`Yarn::twist_slope`].
 fn yarn(width: f64, twist: f64, color: Color) -> Yarn {
     let (density, packing) = COTTON;
     let turns_per_m = 1000.0 * twist.tan() / (PI * width);
@@ -110,7 +133,11 @@ mod tests {
     #[test]
     fn a_yarn_is_as_wide_and_as_twisted_as_was_seen() {
         let yarn = yarn(0.25, -0.3, Color([200, 100, 50]));
-        assert!((yarn.diameter() - 0.25).abs() < 1e-4 && (yarn.twist_slope().unwrap() + 0.3_f64.tan()).abs() < 1e-3, "{yarn:?}");
+        assert!(
+            (yarn.diameter() - 0.25).abs() < 1e-4
+                && (yarn.twist_slope().unwrap() + 0.3_f64.tan()).abs() < 1e-3,
+            "{yarn:?}"
+        );
     }
 
     #[test]

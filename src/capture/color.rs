@@ -1,10 +1,15 @@
-//! Steps 3 and 4, colours: yarns of several colours on one scale of light, and which yarns are of one.
+//! Steps 3 and 4, colours: yarns of several colours on one scale of light, and which yarns are of
+//! one.
 //!
-//! In: the mean cell in each of red, green and blue (linear light). Out: [`levelled`], a cell whose light is that of yarns of one colour: where places fall into two clusters by their chroma (of CIE Lab, over the
-//! lightness, which shade changes), each is as light as the lighter one. And for the segments that are seen [`Colors`]: a colour a segment, the mean of its group. Segments whose colours
-//! differ by less than [`SAME`] are of one yarn (single linkage). A photo's light is taken for even and white.
+//! In: the mean cell in each of red, green and blue (linear light). Out: [`levelled`], a cell whose
+//! light is that of yarns of one colour: where places fall into two clusters by their chroma (of
+//! CIE Lab, over the lightness, which shade changes), each is as light as the lighter one. And for
+//! the segments that are seen [`Colors`]: a colour a segment, the mean of its group. Segments whose
+//! colours differ by less than [`SAME`] are of one yarn (single linkage). A photo's light is taken
+//! for even and white.
 //!
-//! Not promised: yarns that differ in lightness alone, as black and white do: in a photo a dark yarn is a deep one.
+//! Not promised: yarns that differ in lightness alone, as black and white do: in a photo a dark
+//! yarn is a deep one.
 
 use glam::{DVec2, DVec3};
 
@@ -12,7 +17,8 @@ use super::cell::Cell;
 use super::segment::Segment;
 use crate::plane::{Plane, double, percentile};
 
-/// Chroma over lightness of two clusters differ by so much at least, and by so many of their own spreads; each has this share of the cell.
+/// Chroma over lightness of two clusters differ by so much at least, and by so many of their own
+/// spreads; each has this share of the cell.
 const DIFFERENT: f64 = 0.25;
 const SPREADS: f64 = 3.0;
 const LEAST_SHARE: f64 = 0.12;
@@ -32,18 +38,25 @@ const INNER: [f64; 2] = [0.5, 0.8];
 /// Places each way at which a segment's colour is asked.
 const ASKED: usize = 16;
 
-/// A cell of light with yarns of both colours equally light, if there are two; `cells` are its colours.
+/// A cell of light with yarns of both colours equally light, if there are two; `cells` are its
+/// colours.
 pub(super) fn levelled(cell: Cell, cells: &[Cell; 3]) -> Cell {
     let Some(clusters) = clusters(cells) else { return cell };
     let values = &cell.plane.values;
     let ground = percentile(&mut values.clone(), GROUND);
     let tops = [0, 1].map(|cluster| {
-        let own = values.iter().zip(&clusters).filter(|(_, own)| **own == Some(cluster)).map(|(value, _)| *value);
+        let own = values
+            .iter()
+            .zip(&clusters)
+            .filter(|(_, own)| **own == Some(cluster))
+            .map(|(value, _)| *value);
         percentile(&mut own.collect::<Vec<_>>(), TOPS) - ground
     });
     let top = tops[0].max(tops[1]);
     let gains = tops.map(|own| top / own.max(top / MOST_GAIN).max(f32::MIN_POSITIVE));
-    let level = |(value, cluster): (&f32, &Option<usize>)| cluster.map_or(*value, |own| ground + (value - ground) * gains[own]);
+    let level = |(value, cluster): (&f32, &Option<usize>)| {
+        cluster.map_or(*value, |own| ground + (value - ground) * gains[own])
+    };
     let values = values.iter().zip(&clusters).map(level).collect();
     Cell { plane: Plane { values, ..cell.plane }, ..cell }
 }
@@ -59,10 +72,13 @@ fn clusters(cells: &[Cell; 3]) -> Option<Vec<Option<usize>>> {
     let told = || places.iter().flatten();
     let mean = told().sum::<DVec2>() / double(told().count().max(1));
     // From the place that is farthest from the mean, and from that which is farthest from it.
-    let farthest = |from: DVec2| told().copied().max_by(|p, q| p.distance(from).total_cmp(&q.distance(from)));
+    let farthest =
+        |from: DVec2| told().copied().max_by(|p, q| p.distance(from).total_cmp(&q.distance(from)));
     let first = farthest(mean)?;
     let mut centres = [first, farthest(first)?];
-    let nearest = |place: DVec2, [p, q]: [DVec2; 2]| usize::from(place.distance_squared(q) < place.distance_squared(p));
+    let nearest = |place: DVec2, [p, q]: [DVec2; 2]| {
+        usize::from(place.distance_squared(q) < place.distance_squared(p))
+    };
     let mut counts = [0; 2];
     for _ in 0..ROUNDS {
         let mut sums = [DVec2::ZERO; 2];
@@ -75,11 +91,14 @@ fn clusters(cells: &[Cell; 3]) -> Option<Vec<Option<usize>>> {
         centres = [0, 1].map(|cluster| sums[cluster] / double(counts[cluster].max(1)));
     }
     let spread =
-        told().map(|place| place.distance_squared(centres[nearest(*place, centres)])).sum::<f64>() / double(told().count());
+        told().map(|place| place.distance_squared(centres[nearest(*place, centres)])).sum::<f64>()
+            / double(told().count());
     let apart = centres[0].distance(centres[1]);
     let least = LEAST_SHARE * double(places.len());
-    (apart > DIFFERENT && apart > SPREADS * spread.sqrt() && counts.iter().all(|&count| double(count) > least))
-        .then(|| places.iter().map(|place| place.map(|place| nearest(place, centres))).collect())
+    (apart > DIFFERENT
+        && apart > SPREADS * spread.sqrt()
+        && counts.iter().all(|&count| double(count) > least))
+    .then(|| places.iter().map(|place| place.map(|place| nearest(place, centres))).collect())
 }
 
 /// What colours the segments of a cell have.
@@ -100,8 +119,12 @@ impl Colors {
         for first in 0..segments.len() {
             for second in first + 1..segments.len() {
                 if labs[first].distance(labs[second]) < SAME {
-                    let (keep, merge) = (groups[first].min(groups[second]), groups[first].max(groups[second]));
-                    groups.iter_mut().filter(|group| **group == merge).for_each(|group| *group = keep);
+                    let (keep, merge) =
+                        (groups[first].min(groups[second]), groups[first].max(groups[second]));
+                    groups
+                        .iter_mut()
+                        .filter(|group| **group == merge)
+                        .for_each(|group| *group = keep);
                 }
             }
         }
@@ -111,7 +134,11 @@ impl Colors {
         let number = |group: &usize| known.binary_search(group).expect("each group is known");
         let groups: Vec<usize> = groups.iter().map(number).collect();
         let linear = (0..known.len()).map(|group| {
-            let members = own.iter().zip(&groups).filter(|(_, own)| **own == group).map(|(linear, _)| *linear);
+            let members = own
+                .iter()
+                .zip(&groups)
+                .filter(|(_, own)| **own == group)
+                .map(|(linear, _)| *linear);
             members.clone().sum::<DVec3>() / double(members.count())
         });
         Self { linear: linear.collect(), groups }
@@ -124,7 +151,10 @@ fn mean(cells: &[Cell; 3], segment: &Segment) -> DVec3 {
     let share = |step: usize| (double(step) + 0.5) / double(ASKED) - 0.5;
     let mut sum = DVec3::ZERO;
     for at in 0..ASKED * ASKED {
-        let (along, across) = (share(at % ASKED) * INNER[1] * segment.length, share(at / ASKED) * INNER[0] * segment.width);
+        let (along, across) = (
+            share(at % ASKED) * INNER[1] * segment.length,
+            share(at / ASKED) * INNER[0] * segment.width,
+        );
         let count = inverse * segment.beside(along, across);
         sum += DVec3::from(cells.each_ref().map(|cell| f64::from(cell.at(count))));
     }
@@ -159,17 +189,31 @@ mod tests {
             lattice,
             plane: Plane::from_fn(60, 40, |x, _| narrow(shade(x) * of(x / 20))),
         };
-        ([0, 1, 2].map(|channel| cell(&|stripe| stripes[stripe][channel])), cell(&|stripe| stripes[stripe].element_sum()))
+        (
+            [0, 1, 2].map(|channel| cell(&|stripe| stripes[stripe][channel])),
+            cell(&|stripe| stripes[stripe].element_sum()),
+        )
     }
 
     #[test]
     fn two_colours_are_levelled_and_one_in_some_shade_is_left() {
-        let (cells, light) = striped([DVec3::new(0.5, 0.1, 0.1), DVec3::new(0.1, 0.1, 0.2), DVec3::new(0.5, 0.1, 0.1)]);
+        let (cells, light) = striped([
+            DVec3::new(0.5, 0.1, 0.1),
+            DVec3::new(0.1, 0.1, 0.2),
+            DVec3::new(0.5, 0.1, 0.1),
+        ]);
         let level = levelled(light.clone(), &cells);
         let top = |stripe: usize, cell: &Cell| cell.plane.at(20 * stripe + 9, 5);
-        assert!(top(1, &light) < 0.7 * top(0, &light) && (top(1, &level) / top(0, &level) - 1.0).abs() < 0.05);
+        assert!(
+            top(1, &light) < 0.7 * top(0, &light)
+                && (top(1, &level) / top(0, &level) - 1.0).abs() < 0.05
+        );
         assert!(level.plane.at(20, 5) < 0.5 * level.plane.at(29, 5), "edges stay dark");
-        let (cells, light) = striped([DVec3::new(0.5, 0.3, 0.2), DVec3::new(0.3, 0.18, 0.12), DVec3::new(0.45, 0.27, 0.18)]);
+        let (cells, light) = striped([
+            DVec3::new(0.5, 0.3, 0.2),
+            DVec3::new(0.3, 0.18, 0.12),
+            DVec3::new(0.45, 0.27, 0.18),
+        ]);
         assert_eq!(levelled(light.clone(), &cells).plane, light.plane);
     }
 
@@ -184,12 +228,22 @@ mod tests {
     #[test]
     fn a_red_stripe_and_two_blue_ones_are_two_yarns() {
         let lattice = Lattice { a: DVec2::new(30.0, 0.0), b: DVec2::new(0.0, 20.0) };
-        let segment = |x: f64| Segment::straight(DVec2::new(x, 10.0), std::f64::consts::FRAC_PI_2, 8.0, 18.0, 1.0);
+        let segment = |x: f64| {
+            Segment::straight(DVec2::new(x, 10.0), std::f64::consts::FRAC_PI_2, 8.0, 18.0, 1.0)
+        };
         // The third is the second in some shade.
-        let stripes = [DVec3::new(0.5, 0.1, 0.1), DVec3::new(0.1, 0.1, 0.5), DVec3::new(0.09, 0.09, 0.45)];
-        let cell = |channel: usize| Cell { lattice, plane: Plane::from_fn(60, 40, |x, _| narrow(stripes[x / 20][channel])) };
-        let colors = Colors::of(&[cell(0), cell(1), cell(2)], &[segment(5.0), segment(15.0), segment(25.0)]);
+        let stripes =
+            [DVec3::new(0.5, 0.1, 0.1), DVec3::new(0.1, 0.1, 0.5), DVec3::new(0.09, 0.09, 0.45)];
+        let cell = |channel: usize| Cell {
+            lattice,
+            plane: Plane::from_fn(60, 40, |x, _| narrow(stripes[x / 20][channel])),
+        };
+        let colors =
+            Colors::of(&[cell(0), cell(1), cell(2)], &[segment(5.0), segment(15.0), segment(25.0)]);
         assert_eq!(colors.groups, [0, 1, 1]);
-        assert!(colors.linear[0].distance(stripes[0]) < 0.01 && colors.linear[1].z > 0.46, "{colors:?}");
+        assert!(
+            colors.linear[0].distance(stripes[0]) < 0.01 && colors.linear[1].z > 0.46,
+            "{colors:?}"
+        );
     }
 }

@@ -1,6 +1,7 @@
 //! How alike a picture is to itself, moved: the autocorrelation of planes.
 //!
-//! In: one plane, or two that are taken together. Out: a [`Correlogram`]. Cost: two Fourier transforms of about twice the pixels (0.1 s a megapixel on two cores).
+//! In: one plane, or two that are taken together. Out: a [`Correlogram`]. Cost: two Fourier
+//! transforms of about twice the pixels (0.1 s a megapixel on two cores).
 
 use std::sync::Arc;
 
@@ -22,8 +23,9 @@ pub(super) struct Correlogram {
 }
 
 impl Correlogram {
-    /// Of a plane, or of two as the parts of a complex one: the correlation of both together. Means are taken off. Products are divided by how many pairs of pixels
-    /// there are. Cost: two Fourier transforms of 2.3 times the pixels.
+    /// Of a plane, or of two as the parts of a complex one: the correlation of both together. Means
+    /// are taken off. Products are divided by how many pairs of pixels there are. Cost: two Fourier
+    /// transforms of 2.3 times the pixels.
     pub(super) fn of(real: &Plane, imaginary: Option<&Plane>, reach: usize) -> Self {
         let (width, height) = (real.width, real.height);
         let [columns, rows] = [width, height].map(|side| smooth(side + reach));
@@ -48,7 +50,8 @@ impl Correlogram {
         let values = Plane::from_rows(side, side, |row, to| {
             for (column, to) in to.iter_mut().enumerate() {
                 // Lags below 0 are at the transform's far end.
-                let [x, y] = [(column, columns), (row, rows)].map(|(at, size)| (at + size - reach) % size);
+                let [x, y] =
+                    [(column, columns), (row, rows)].map(|(at, size)| (at + size - reach) % size);
                 let pairs = (width - column.abs_diff(reach)) * (height - row.abs_diff(reach));
                 *to = grid[y * columns + x].re * scale / float(pairs);
             }
@@ -67,7 +70,9 @@ impl Correlogram {
 
     /// Correlation at a lag.
     pub(super) fn at(&self, dx: i32, dy: i32) -> f32 {
-        let place = |lag: i32| self.reach.checked_add_signed(lag as isize).expect("lags are asked within the reach");
+        let place = |lag: i32| {
+            self.reach.checked_add_signed(lag as isize).expect("lags are asked within the reach")
+        };
         self.values.at(place(dx), place(dy))
     }
 
@@ -104,10 +109,14 @@ impl Correlogram {
             if bend < 0.0 { f64::from(0.5 * (before - after) / bend).clamp(-0.5, 0.5) } else { 0.0 }
         };
         let middle = self.at(x, y);
-        at + DVec2::new(top(self.at(x - 1, y), middle, self.at(x + 1, y)), top(self.at(x, y - 1), middle, self.at(x, y + 1)))
+        at + DVec2::new(
+            top(self.at(x - 1, y), middle, self.at(x + 1, y)),
+            top(self.at(x, y - 1), middle, self.at(x, y + 1)),
+        )
     }
 
-    /// Local maxima at lags of at least `least` pixels, one of each pair of opposite ones, the highest first.
+    /// Local maxima at lags of at least `least` pixels, one of each pair of opposite ones, the
+    /// highest first.
     pub(super) fn peaks(&self, least: f64) -> Vec<(DVec2, f32)> {
         let reach = index32(self.reach).cast_signed() - 3;
         let mut peaks: Vec<_> = (0..=reach)
@@ -117,8 +126,11 @@ impl Correlogram {
                 (first..=reach).filter_map(move |dx| {
                     let value = self.at(dx, dy);
                     let lag = DVec2::new(f64::from(dx), f64::from(dy));
-                    let higher = |oy: i32| (-2..=2).any(|ox| (ox, oy) != (0, 0) && self.at(dx + ox, dy + oy) > value);
-                    (lag.length() >= least && value > 0.0 && !(-2..=2).any(higher)).then(|| (self.refined(lag), value))
+                    let higher = |oy: i32| {
+                        (-2..=2).any(|ox| (ox, oy) != (0, 0) && self.at(dx + ox, dy + oy) > value)
+                    };
+                    (lag.length() >= least && value > 0.0 && !(-2..=2).any(higher))
+                        .then(|| (self.refined(lag), value))
                 })
             })
             .collect();
@@ -128,11 +140,18 @@ impl Correlogram {
 }
 
 fn mean(plane: &Plane) -> f32 {
-    narrow(plane.values.iter().map(|value| f64::from(*value)).sum::<f64>() / double(plane.values.len().max(1)))
+    narrow(
+        plane.values.iter().map(|value| f64::from(*value)).sum::<f64>()
+            / double(plane.values.len().max(1)),
+    )
 }
 
 /// Rows, then columns; the result is transposed.
-fn transform(mut grid: Vec<Complex32>, columns: usize, plans: &[Arc<dyn Fft<f32>>; 2]) -> Vec<Complex32> {
+fn transform(
+    mut grid: Vec<Complex32>,
+    columns: usize,
+    plans: &[Arc<dyn Fft<f32>>; 2],
+) -> Vec<Complex32> {
     let rows = grid.len() / columns;
     let run = |grid: &mut [Complex32], plan: &Arc<dyn Fft<f32>>, length: usize| {
         grid.par_chunks_exact_mut(length).for_each_init(
@@ -161,7 +180,9 @@ fn smooth(least: usize) -> usize {
         }
         rest
     };
-    (least.max(1)..).find(|&number| [2, 3, 5].into_iter().fold(number, without) == 1).expect("powers of two have no end")
+    (least.max(1)..)
+        .find(|&number| [2, 3, 5].into_iter().fold(number, without) == 1)
+        .expect("powers of two have no end")
 }
 
 #[cfg(test)]
@@ -170,15 +191,22 @@ mod tests {
 
     #[test]
     fn a_wave_is_like_itself_a_wavelength_on() {
-        let wave = Plane::from_fn(120, 90, |x, y| (std::f32::consts::TAU * (float(x) / 12.0 + float(y) / 30.0)).sin());
+        let wave = Plane::from_fn(120, 90, |x, y| {
+            (std::f32::consts::TAU * (float(x) / 12.0 + float(y) / 30.0)).sin()
+        });
         let found = Correlogram::of(&wave, None, 40);
         assert!((found.at(0, 0) - 1.0).abs() < 1e-4);
-        for (dx, dy, expected) in [(12, 0, 1.0), (6, 0, -1.0), (0, 30, 1.0), (-12, 30, 1.0), (3, 0, 0.0)] {
+        for (dx, dy, expected) in
+            [(12, 0, 1.0), (6, 0, -1.0), (0, 30, 1.0), (-12, 30, 1.0), (3, 0, 0.0)]
+        {
             assert!((found.at(dx, dy) - expected).abs() < 0.1, "{dx} {dy}: {}", found.at(dx, dy));
         }
         let (summit, _) = found.summit_near(DVec2::new(11.0, 1.0), 3.0);
         assert!(summit.distance(DVec2::new(12.0, 0.0)) < 2.0, "{summit}");
-        assert!((found.at(-5, 7) - found.at(5, -7)).abs() < 1e-5, "lags of opposite signs are the same");
+        assert!(
+            (found.at(-5, 7) - found.at(5, -7)).abs() < 1e-5,
+            "lags of opposite signs are the same"
+        );
     }
 
     #[test]

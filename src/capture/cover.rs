@@ -1,7 +1,9 @@
-//! Step 3, the other hypothesis, knit legs among them: whatever yarns cover the cell best, sought by oriented matched filters and taken greedily.
+//! Step 3, the other hypothesis, knit legs among them: whatever yarns cover the cell best, sought
+//! by oriented matched filters and taken greedily.
 //!
-//! In: a [`Target`]. Out: [`Fit`]s, one a width of filters: the two spots that explain most together, refined, and then one more where the cell is lighter than drawn,
-//! as long as that helps.
+//! In: a [`Target`]. Out: [`Fit`]s, one a width of filters: the two spots that explain most
+//! together, refined, and then one more where the cell is lighter than drawn, as long as that
+//! helps.
 
 use std::f64::consts::PI;
 
@@ -43,21 +45,28 @@ const HELPS: f64 = 0.85;
 pub(super) fn grown(target: &Target, mut fit: Fit, top: f64) -> Fit {
     while fit.segments.len() < MOST && fit.error > 0.02 {
         let drawn = drawn(&fit.segments, fit.ground, &target.lattice, &target.places);
-        let rest: Vec<f64> = target.light.iter().zip(&drawn).map(|(light, drawn)| light - drawn).collect();
-        let mean_width = fit.segments.iter().map(|segment| segment.width).sum::<f64>() / double(fit.segments.len());
+        let rest: Vec<f64> =
+            target.light.iter().zip(&drawn).map(|(light, drawn)| light - drawn).collect();
+        let mean_width = fit.segments.iter().map(|segment| segment.width).sum::<f64>()
+            / double(fit.segments.len());
         let widths = [0.7 * mean_width, mean_width];
-        let spots: Vec<Segment> =
-            widths.into_iter().flat_map(|width| spots(target, &rest, width, fit.ground, top).into_iter().take(24)).collect();
+        let spots: Vec<Segment> = widths
+            .into_iter()
+            .flat_map(|width| spots(target, &rest, width, fit.ground, top).into_iter().take(24))
+            .collect();
         let left = |spot: &Segment| {
             let mut with = heights(spot, &target.lattice, &target.places);
             with.iter_mut().for_each(|height| *height += fit.ground);
             over(&mut with, &drawn);
             target.left(&with)
         };
-        let mut tried: Vec<(f64, &Segment)> = spots.par_iter().map(|spot| (left(spot), spot)).collect();
+        let mut tried: Vec<(f64, &Segment)> =
+            spots.par_iter().map(|spot| (left(spot), spot)).collect();
         tried.sort_by(|p, q| p.0.total_cmp(&q.0));
         tried.truncate(2);
-        let with = |(_, spot): &(f64, &Segment)| fit.with(target, &[&fit.segments[..], &[**spot]].concat(), 8);
+        let with = |(_, spot): &(f64, &Segment)| {
+            fit.with(target, &[&fit.segments[..], &[**spot]].concat(), 8)
+        };
         let best = tried.par_iter().map(with).min_by(|p, q| p.error.total_cmp(&q.error));
         match best {
             Some(better) if better.error < HELPS * fit.error => fit = better,
@@ -85,9 +94,14 @@ fn spots(target: &Target, light: &[f64], width: f64, ground: f64, top: f64) -> V
             for at in 0..columns * rows {
                 let (x, y) = (at % columns + columns, at / columns + rows);
                 let value = answers[at];
-                let higher = (0..9).any(|n| answers[(y + n / 3 - 1) % rows * columns + (x + n % 3 - 1) % columns] > value);
+                let higher = (0..9).any(|n| {
+                    answers[(y + n / 3 - 1) % rows * columns + (x + n % 3 - 1) % columns] > value
+                });
                 if value > 0.0 && !higher {
-                    peaks.push((value, Segment::straight(target.places[at], angle, width, length, top - ground)));
+                    peaks.push((
+                        value,
+                        Segment::straight(target.places[at], angle, width, length, top - ground),
+                    ));
                 }
             }
             peaks
@@ -108,7 +122,8 @@ fn spots(target: &Target, light: &[f64], width: f64, ground: f64, top: f64) -> V
     kept
 }
 
-/// A cell's light twice each way, so that no filter within it has to come in again on the other side.
+/// A cell's light twice each way, so that no filter within it has to come in again on the other
+/// side.
 fn twice(light: &[f64], [columns, rows]: [usize; 2]) -> Vec<f64> {
     let row = |y: usize| &light[y % rows * columns..][..columns];
     (0..2 * rows).flat_map(|y| [row(y), row(y)].concat()).collect()
@@ -132,18 +147,21 @@ fn around(step: i32, count: usize) -> usize {
     usize::try_from(step.rem_euclid(count)).expect("a remainder is not negative")
 }
 
-/// A filter's weights: a cylinder's shading, its flanks and nothing on the whole; its answer is what it explains of the cell.
+/// A filter's weights: a cylinder's shading, its flanks and nothing on the whole; its answer is
+/// what it explains of the cell.
 fn kernel(target: &Target, angle: f64, width: f64, length: f64) -> Vec<(usize, usize, f64)> {
     let [columns, rows] = target.size;
     let lattice = &target.lattice;
     let reach = 0.5 * length + width;
     let sine = lattice.area() / (lattice.a.length() * lattice.b.length());
     let counts = [(lattice.a, columns), (lattice.b, rows)];
-    let [across, down] = counts.map(|(vector, count)| steps((reach * double(count) / (vector.length() * sine)).ceil()));
+    let [across, down] = counts
+        .map(|(vector, count)| steps((reach * double(count) / (vector.length() * sine)).ceil()));
     let mut weights = Vec::new();
     for j in -down..=down {
         for i in -across..=across {
-            let off = lattice.a * (f64::from(i) / double(columns)) + lattice.b * (f64::from(j) / double(rows));
+            let off = lattice.a * (f64::from(i) / double(columns))
+                + lattice.b * (f64::from(j) / double(rows));
             let at = DVec2::from_angle(-angle).rotate(off);
             let v = at.y.abs() / (0.5 * width);
             if at.x.abs() > 0.5 * length || v > 1.5 {
@@ -161,8 +179,10 @@ fn kernel(target: &Target, angle: f64, width: f64, length: f64) -> Vec<(usize, u
 
 /// The two spots that explain most together.
 fn best_pair(target: &Target, spots: &[Segment]) -> Option<[Segment; 2]> {
-    let own: Vec<Vec<f64>> = spots.par_iter().map(|spot| heights(spot, &target.lattice, &target.places)).collect();
-    let pairs: Vec<[usize; 2]> = (0..spots.len()).flat_map(|i| (i + 1..spots.len()).map(move |j| [i, j])).collect();
+    let own: Vec<Vec<f64>> =
+        spots.par_iter().map(|spot| heights(spot, &target.lattice, &target.places)).collect();
+    let pairs: Vec<[usize; 2]> =
+        (0..spots.len()).flat_map(|i| (i + 1..spots.len()).map(move |j| [i, j])).collect();
     let left = |&[i, j]: &[usize; 2]| {
         let mut both = own[i].clone();
         over(&mut both, &own[j]);

@@ -1,10 +1,14 @@
 //! Step 4, depth: how high each place of the cell lies.
 //!
-//! In: the mean cell, its segments and their colours, and how thick the cloth is. Out: [`Depth`], heights over the deepest ground, mm. The curved cylinders that were fitted say most of it; 'dark is
-//! deep' says the rest, for each colour of yarn on a scale of its own, and what both say is smoothed where the cylinders have no edge. The smoother is the fast global one of Min et al. 2014: the weighted least squares
-//! of Farbman et al. 2008, row by row and column by column. Cost: some milliseconds; a few operations a place.
+//! In: the mean cell, its segments and their colours, and how thick the cloth is. Out: [`Depth`],
+//! heights over the deepest ground, mm. The curved cylinders that were fitted say most of it; 'dark
+//! is deep' says the rest, for each colour of yarn on a scale of its own, and what both say is
+//! smoothed where the cylinders have no edge. The smoother is the fast global one of Min et al.
+//! 2014: the weighted least squares of Farbman et al. 2008, row by row and column by column. Cost:
+//! some milliseconds; a few operations a place.
 //!
-//! Not promised: a depth where light is no sign of it, as on satin; [`Depth::correlation`] says how far it is one.
+//! Not promised: a depth where light is no sign of it, as on satin; [`Depth::correlation`] says how
+//! far it is one.
 
 use super::cell::Cell;
 use super::layout::Layout;
@@ -13,7 +17,8 @@ use crate::plane::{Plane, double, narrow, percentile};
 
 /// The light's share in the depth; the cylinders' is the rest.
 const PRIOR: f64 = 0.25;
-/// How far the smoother carries a value where there is no edge, squares of places, and the difference of heights that is one, in contrasts.
+/// How far the smoother carries a value where there is no edge, squares of places, and the
+/// difference of heights that is one, in contrasts.
 const SMOOTHNESS: f32 = 6.0;
 const EDGE: f32 = 0.15;
 /// Rounds of the smoother; each evens out what rows left between columns.
@@ -33,13 +38,18 @@ pub(super) struct Depth {
 }
 
 impl Depth {
-    /// The depth of cloth that is `thickness` mm thick; `groups` has a colour for each of the layout's segments that are seen.
+    /// The depth of cloth that is `thickness` mm thick; `groups` has a colour for each of the
+    /// layout's segments that are seen.
     pub(super) fn of(cell: &Cell, layout: &Layout, groups: &[usize], thickness: f64) -> Self {
         let Plane { width, height, ref values } = cell.plane;
         let places = places(&cell.lattice, [width, height]);
-        let own: Vec<Vec<f64>> = layout.seen.iter().map(|segment| heights(segment, &cell.lattice, &places)).collect();
-        let model: Vec<f64> = (0..places.len()).map(|at| own.iter().map(|heights| heights[at]).fold(0.0, f64::max)).collect();
-        let correlation = line(values.iter().map(|light| f64::from(*light)).zip(model.iter().copied())).2;
+        let own: Vec<Vec<f64>> =
+            layout.seen.iter().map(|segment| heights(segment, &cell.lattice, &places)).collect();
+        let model: Vec<f64> = (0..places.len())
+            .map(|at| own.iter().map(|heights| heights[at]).fold(0.0, f64::max))
+            .collect();
+        let correlation =
+            line(values.iter().map(|light| f64::from(*light)).zip(model.iter().copied())).2;
         // Which colour each place has: that of the highest segment.
         let group = |at: usize| {
             let highest = (0..own.len()).max_by(|&p, &q| own[p][at].total_cmp(&own[q][at]));
@@ -47,16 +57,27 @@ impl Depth {
         };
         let of_places: Vec<Option<usize>> = (0..places.len()).map(group).collect();
         let mut said = model.clone();
-        for group in groups.iter().copied().map(Some).chain([None]).collect::<std::collections::BTreeSet<_>>() {
+        for group in groups
+            .iter()
+            .copied()
+            .map(Some)
+            .chain([None])
+            .collect::<std::collections::BTreeSet<_>>()
+        {
             let members = || (0..places.len()).filter(|&at| of_places[at] == group);
             let (gain, offset, _) = line(members().map(|at| (f64::from(values[at]), model[at])));
             for at in members() {
                 // Where lighter isn't higher, light says nothing.
-                let light = if gain > 0.0 { gain * f64::from(values[at]) + offset } else { model[at] };
+                let light =
+                    if gain > 0.0 { gain * f64::from(values[at]) + offset } else { model[at] };
                 said[at] += PRIOR * (light - model[at]);
             }
         }
-        let plane = |values: &[f64]| Plane { width, height, values: values.iter().map(|value| narrow(*value)).collect() };
+        let plane = |values: &[f64]| Plane {
+            width,
+            height,
+            values: values.iter().map(|value| narrow(*value)).collect(),
+        };
         let smooth = smoothed(&plane(&said), &plane(&model));
         let [low, high] = ENDS.map(|share| percentile(&mut smooth.values.clone(), share));
         let scale = thickness / f64::from((high - low).max(1e-3));
@@ -68,7 +89,8 @@ impl Depth {
 /// The line through some points by least squares: gain, offset, and the correlation.
 fn line(points: impl Iterator<Item = (f64, f64)> + Clone) -> (f64, f64, f64) {
     let count = double(points.clone().count()).max(1.0);
-    let (x, y) = points.clone().fold((0.0, 0.0), |(x, y), point| (x + point.0 / count, y + point.1 / count));
+    let (x, y) =
+        points.clone().fold((0.0, 0.0), |(x, y), point| (x + point.0 / count, y + point.1 / count));
     let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
     for (px, py) in points {
         xx += (px - x).powi(2);
@@ -86,7 +108,11 @@ fn smoothed(plane: &Plane, guide: &Plane) -> Plane {
     let mut values = plane.clone();
     for round in 1..=ROUNDS {
         let smoothness = SMOOTHNESS * 4.0_f32.powi(ROUNDS - round) / whole;
-        values = turned(&rows_smoothed(&turned(&rows_smoothed(&values, guide, smoothness)), &turned(guide), smoothness));
+        values = turned(&rows_smoothed(
+            &turned(&rows_smoothed(&values, guide, smoothness)),
+            &turned(guide),
+            smoothness,
+        ));
     }
     values
 }
@@ -105,13 +131,16 @@ fn tie(a: f32, b: f32) -> f32 {
 fn rows_smoothed(plane: &Plane, guide: &Plane, smoothness: f32) -> Plane {
     Plane::from_rows(plane.width, plane.height, |y, row| {
         let guide = guide.row(y);
-        let ties: Vec<f32> = (0..guide.len()).map(|x| smoothness * tie(guide[x], guide[(x + 1) % guide.len()])).collect();
+        let ties: Vec<f32> = (0..guide.len())
+            .map(|x| smoothness * tie(guide[x], guide[(x + 1) % guide.len()]))
+            .collect();
         row.copy_from_slice(&ring(&ties, plane.row(y)));
     })
 }
 
-/// Solves (1 + t before + t after) u - t before u before - t after u after = f on a ring; `ties[x]` is between x and x + 1. The Sherman-Morrison formula opens the ring, and
-/// Thomas's elimination solves both lines that are left.
+/// Solves (1 + t before + t after) u - t before u before - t after u after = f on a ring; `ties[x]`
+/// is between x and x + 1. The Sherman-Morrison formula opens the ring, and Thomas's elimination
+/// solves both lines that are left.
 fn ring(ties: &[f32], right: &[f32]) -> Vec<f32> {
     let count = ties.len();
     let closing = ties[count - 1];
@@ -168,7 +197,9 @@ mod tests {
         let solved = ring(&ties, &right);
         for x in 0..7 {
             let (before, after) = ((x + 6) % 7, (x + 1) % 7);
-            let left = (1.0 + ties[before] + ties[x]) * solved[x] - ties[before] * solved[before] - ties[x] * solved[after];
+            let left = (1.0 + ties[before] + ties[x]) * solved[x]
+                - ties[before] * solved[before]
+                - ties[x] * solved[after];
             assert!((left - right[x]).abs() < 1e-5, "{x}: {left} {}", right[x]);
         }
     }
@@ -176,7 +207,12 @@ mod tests {
     #[test]
     fn the_smoother_is_near_the_exact_least_squares_and_keeps_edges() {
         let (width, height) = (20, 16);
-        let guide = Plane::from_fn(width, height, |x, y| if (4..13).contains(&x) && y > 3 { 1.0 } else { 0.0 });
+        let guide =
+            Plane::from_fn(
+                width,
+                height,
+                |x, y| if (4..13).contains(&x) && y > 3 { 1.0 } else { 0.0 },
+            );
         let noise = |x: usize, y: usize| float((x * 37 + y * 101) % 19) / 19.0 - 0.5;
         let plane = Plane::from_fn(width, height, |x, y| guide.at(x, y) + noise(x, y));
         let fast = smoothed(&plane, &guide);
@@ -194,11 +230,18 @@ mod tests {
                 }
             }
         }
-        let right = nalgebra::DVector::from_iterator(width * height, plane.values.iter().map(|value| f64::from(*value)));
+        let right = nalgebra::DVector::from_iterator(
+            width * height,
+            plane.values.iter().map(|value| f64::from(*value)),
+        );
         let exact = matrix.cholesky().unwrap().solve(&right);
-        let rms = |of: &dyn Fn(usize) -> f64| ((0..width * height).map(|at| of(at).powi(2)).sum::<f64>() / 320.0).sqrt();
-        let (off, noise) =
-            (rms(&|at| f64::from(fast.values[at]) - exact[at]), rms(&|at| f64::from(plane.values[at]) - exact[at]));
+        let rms = |of: &dyn Fn(usize) -> f64| {
+            ((0..width * height).map(|at| of(at).powi(2)).sum::<f64>() / 320.0).sqrt()
+        };
+        let (off, noise) = (
+            rms(&|at| f64::from(fast.values[at]) - exact[at]),
+            rms(&|at| f64::from(plane.values[at]) - exact[at]),
+        );
         assert!(off < 0.2 * noise, "{off} of {noise}");
         let edge = fast.at(4, 10) - fast.at(3, 10);
         assert!((edge - 1.0).abs() < 0.2, "{edge}");

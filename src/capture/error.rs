@@ -31,7 +31,9 @@ pub enum CaptureError {
     )]
     NoYarns,
     /// A given layout of which nothing is seen.
-    #[error("nothing is seen of any of the layout's segments: raise their tops, lower their sag or make them longer")]
+    #[error(
+        "nothing is seen of any of the layout's segments: raise their tops, lower their sag or make them longer"
+    )]
     Unseen,
     /// A given layout whose segments lie in more cells than any cloth's.
     #[error(

@@ -1,7 +1,9 @@
 //! The folder that a capture fills, and the layout that a person may have changed.
 //!
-//! In: [`Captured`] and an [`OutputFolder`]. Out: [`FILES`] in it: the mean cell as a picture (along its vectors), the grid of nine with the segments drawn, the texture that tiles,
-//! `layout.toml` with the cell and its segments, `layout.svg` that shows which is which, and `report.json`. What [`GivenLayout::parse`] reads is what `layout.toml` holds.
+//! In: [`Captured`] and an [`OutputFolder`]. Out: [`FILES`] in it: the mean cell as a picture
+//! (along its vectors), the grid of nine with the segments drawn, the texture that tiles,
+//! `layout.toml` with the cell and its segments, `layout.svg` that shows which is which, and
+//! `report.json`. What [`GivenLayout::parse`] reads is what `layout.toml` holds.
 
 use std::fs;
 use std::path::Path;
@@ -127,16 +129,26 @@ impl GivenLayout {
             what: error.message().split_whitespace().collect::<Vec<_>>().join(" "),
         })?;
         if file.segments.len() > MOST_SEGMENTS {
-            let what = format!("{} segments are too many: at most {MOST_SEGMENTS} lie in a cell", file.segments.len());
-            return Err(LayoutError { line: line_of(file.segments[MOST_SEGMENTS].span().start), what });
+            let what = format!(
+                "{} segments are too many: at most {MOST_SEGMENTS} lie in a cell",
+                file.segments.len()
+            );
+            return Err(LayoutError {
+                line: line_of(file.segments[MOST_SEGMENTS].span().start),
+                what,
+            });
         }
         let &CellTable { a, b, ground } = file.cell.get_ref();
-        let wrong = |what: &str| Err(LayoutError { line: line_of(file.cell.span().start), what: what.to_owned() });
+        let wrong = |what: &str| {
+            Err(LayoutError { line: line_of(file.cell.span().start), what: what.to_owned() })
+        };
         if ![a, b].concat().iter().all(|number| number.abs() <= MOST_LENGTH) {
             return wrong("the cell's numbers are no pixels of a photo");
         }
         if ground.is_nan() || ground.abs() > MOST_LIGHT {
-            return wrong("ground is to be a share of the picture's contrast, -1000 to 1000 and mostly about -1");
+            return wrong(
+                "ground is to be a share of the picture's contrast, -1000 to 1000 and mostly about -1",
+            );
         }
         let longer = DVec2::from(a).length().max(DVec2::from(b).length());
         let segments = file.segments.iter().map(|table| {
@@ -157,7 +169,11 @@ impl GivenLayout {
             }
             Ok(own.segment())
         });
-        Ok(Self { cell: [a.into(), b.into()], ground, segments: segments.collect::<Result<_, _>>()? })
+        Ok(Self {
+            cell: [a.into(), b.into()],
+            ground,
+            segments: segments.collect::<Result<_, _>>()?,
+        })
     }
 }
 
@@ -165,15 +181,41 @@ impl SegmentTable {
     fn of(segment: &Segment) -> Self {
         let Segment { centre, angle, width, length, top, round, sag, tilt, bow, sway } = *segment;
         let degrees = angle.to_degrees().rem_euclid(360.0);
-        // Of neighbouring numbers the one that is read as this angle again, where one is: a layout that is given back stays as it was.
+        // Of neighbouring numbers the one that is read as this angle again, where one is: a layout
+        // that is given back stays as it was.
         let read_again = |degrees: &f64| degrees.to_radians() == angle;
-        let angle_deg = [degrees, degrees.next_up(), degrees.next_down()].into_iter().find(read_again).unwrap_or(degrees);
-        Self { center: centre.to_array(), angle_deg, width, length, top, round, sag, tilt, bow, sway }
+        let angle_deg = [degrees, degrees.next_up(), degrees.next_down()]
+            .into_iter()
+            .find(read_again)
+            .unwrap_or(degrees);
+        Self {
+            center: centre.to_array(),
+            angle_deg,
+            width,
+            length,
+            top,
+            round,
+            sag,
+            tilt,
+            bow,
+            sway,
+        }
     }
 
     fn segment(&self) -> Segment {
         let Self { center, angle_deg, width, length, top, round, sag, tilt, bow, sway } = *self;
-        Segment { centre: center.into(), angle: angle_deg.to_radians(), width, length, top, round, sag, tilt, bow, sway }
+        Segment {
+            centre: center.into(),
+            angle: angle_deg.to_radians(),
+            width,
+            length,
+            top,
+            round,
+            sag,
+            tilt,
+            bow,
+            sway,
+        }
     }
 }
 
@@ -195,7 +237,13 @@ struct SeenTable {
 
 impl SeenTable {
     fn of(number: usize, segment: &Segment, twist: &Twist) -> Self {
-        let Twist { degrees: twist_deg, fibre_px, is_guess: twist_is_guess, fibres, spread: spread_deg } = *twist;
+        let Twist {
+            degrees: twist_deg,
+            fibre_px,
+            is_guess: twist_is_guess,
+            fibres,
+            spread: spread_deg,
+        } = *twist;
         Self {
             segment_number: number + 1,
             segment: SegmentTable::of(segment),
@@ -266,7 +314,8 @@ impl From<&Shape> for YarnReport {
 /// What the disk says.
 pub fn save(captured: &Captured, folder: &OutputFolder) -> Result<(), ExportError> {
     let Captured { unit, layout, twists, scale, cell, depth, texture, .. } = captured;
-    let picture = |name: &str, picture: &RgbaImage| png::write(&folder.file(name), picture)?.publish();
+    let picture =
+        |name: &str, picture: &RgbaImage| png::write(&folder.file(name), picture)?.publish();
     picture("cell.png", &sheet::grey(&cell.plane))?;
     picture("grid3x3.png", &sheet::grid(cell, &layout.scaled(*scale)))?;
     picture("texture.png", texture)?;
@@ -300,7 +349,9 @@ pub fn save(captured: &Captured, folder: &OutputFolder) -> Result<(), ExportErro
         unexplained_by_seen: *seen_error,
         overlap: *overlap,
         blank: *blank,
-        segments: seen.map(|(number, (segment, twist))| SeenTable::of(*number, segment, twist)).collect(),
+        segments: seen
+            .map(|(number, (segment, twist))| SeenTable::of(*number, segment, twist))
+            .collect(),
         depth_mm: depth.cell.plane.values.iter().copied().fold(0.0, f32::max).into(),
         yarns: captured.shapes.iter().map(YarnReport::from).collect(),
         warnings: captured.warnings(),
@@ -312,9 +363,17 @@ pub fn save(captured: &Captured, folder: &OutputFolder) -> Result<(), ExportErro
 /// `layout.toml`, of numbers that read back as the same.
 fn layout_text(captured: &Captured) -> String {
     let Captured { unit, layout, .. } = captured;
-    let cell = CellTable { a: unit.lattice.a.to_array(), b: unit.lattice.b.to_array(), ground: layout.ground };
+    let cell = CellTable {
+        a: unit.lattice.a.to_array(),
+        b: unit.lattice.b.to_array(),
+        ground: layout.ground,
+    };
     let cell = toml::Spanned::new(0..0, cell);
-    let segments = layout.segments.iter().map(|segment| toml::Spanned::new(0..0, SegmentTable::of(segment))).collect();
+    let segments = layout
+        .segments
+        .iter()
+        .map(|segment| toml::Spanned::new(0..0, SegmentTable::of(segment)))
+        .collect();
     let tables = toml::to_string(&LayoutFile { cell, segments }).expect("numbers are TOML");
     format!(
         "# The yarns of a cloth's cell, by warpknit capture. Pixels of the photo, y down; top, round, sag, tilt and ground are lightness, 1 about the photo's contrast.\n\
@@ -339,16 +398,25 @@ fn fibres(fabric: &Fabric, path: &Path) -> Result<(), ExportError> {
     let panel = swatch_panel(fabric, 1, 1);
     let writer = UsdaWriter::create(path, &spun::fabric(fabric, &bundles), &section)?;
     let mut sink = Box::new(SpunWriter::new(Box::new(writer), bundles, None));
-    drape::run(&Cloth::swatch(&panel, fabric, 1, 1), &Options::default(), &mut |_, _| {}, &mut |blocks| sink.take(blocks))?;
+    drape::run(
+        &Cloth::swatch(&panel, fabric, 1, 1),
+        &Options::default(),
+        &mut |_, _| {},
+        &mut |blocks| sink.take(blocks),
+    )?;
     sink.finish()?.into_iter().try_for_each(Output::publish)
 }
 
 /// The cloth as it will look, some cells of it.
 fn preview(fabric: &Fabric) -> RgbaImage {
     let longer = fabric.wale_spacing().max(fabric.course_spacing());
-    let cells = |spacing: f64| index32(whole(narrow((PREVIEW_CELLS * longer / spacing).round())).min(4 * MOST_SEGMENTS));
-    let scene = picture::swatch(fabric, cells(fabric.wale_spacing()), cells(fabric.course_spacing()));
-    let options = render::Options { width: PREVIEW_SIDE, height: PREVIEW_SIDE, ..render::Options::default() };
+    let cells = |spacing: f64| {
+        index32(whole(narrow((PREVIEW_CELLS * longer / spacing).round())).min(4 * MOST_SEGMENTS))
+    };
+    let scene =
+        picture::swatch(fabric, cells(fabric.wale_spacing()), cells(fabric.course_spacing()));
+    let options =
+        render::Options { width: PREVIEW_SIDE, height: PREVIEW_SIDE, ..render::Options::default() };
     let camera = Camera::view(View::Front, &scene.positions, PREVIEW_VIEW, 1.0, 1.0);
     render::render(&scene, &camera, &options, &|_| ()).expect("pictures of that size can be drawn")
 }
@@ -377,7 +445,10 @@ mod tests {
             ("[cell]", "[cel]", 1, "cel"),
         ] {
             let error = GivenLayout::parse(&WHOLE.replace(from, to)).unwrap_err();
-            assert!(error.line == line && error.what.contains(part) && !error.what.contains('\n'), "{to}: {error}");
+            assert!(
+                error.line == line && error.what.contains(part) && !error.what.contains('\n'),
+                "{to}: {error}"
+            );
         }
         let many = WHOLE.to_owned() + &WHOLE[WHOLE.find("[[").unwrap()..].repeat(MOST_SEGMENTS);
         assert!(GivenLayout::parse(&many).unwrap_err().what.starts_with("65 segments"));

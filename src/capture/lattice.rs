@@ -1,9 +1,11 @@
 //! Step 1, unit cell: the two vectors after which the cloth looks the same again.
 //!
-//! In: how light each pixel is, without slow shading. Out: a [`UnitCell`], or nothing. In two stages, since intensity alone locks on to a half or a third of a weave's cell: the finest
-//! lattice that the autocorrelation of the intensity has; then, of all lattices of index 1 to 8 in it, the one that tells best which of its points correlate and which
-//! don't, once the structure tensor (in which direction things run) has its say too. A point's height is compared with others as far away, since stretched cloth loses its
-//! step with distance.
+//! In: how light each pixel is, without slow shading. Out: a [`UnitCell`], or nothing. In two
+//! stages, since intensity alone locks on to a half or a third of a weave's cell: the finest
+//! lattice that the autocorrelation of the intensity has; then, of all lattices of index 1 to 8 in
+//! it, the one that tells best which of its points correlate and which don't, once the structure
+//! tensor (in which direction things run) has its say too. A point's height is compared with others
+//! as far away, since stretched cloth loses its step with distance.
 //!
 //! Not promised: cells under four pixels or over a third of the picture.
 
@@ -18,7 +20,8 @@ use super::steps;
 use crate::ids::index32;
 use crate::plane::{Plane, double, float, narrow};
 
-/// Two vectors of a repeat, pixels, y down; reduced: none is shorter with the other added or taken off.
+/// Two vectors of a repeat, pixels, y down; reduced: none is shorter with the other added or taken
+/// off.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lattice {
     /// The one nearer to the picture's rows.
@@ -28,7 +31,8 @@ pub struct Lattice {
 }
 
 impl Lattice {
-    /// The reduced basis of the same lattice (Gauss, Lagrange), `a` the one nearer to the picture's rows, pointing right, `b` pointing down.
+    /// The reduced basis of the same lattice (Gauss, Lagrange), `a` the one nearer to the picture's
+    /// rows, pointing right, `b` pointing down.
     #[must_use]
     pub fn reduced(a: DVec2, b: DVec2) -> Self {
         let (mut a, mut b) = (a, b);
@@ -92,9 +96,11 @@ impl Lattice {
         self.matrix() * (count - count.floor())
     }
 
-    /// Its points within a radius, one of each pair of opposite ones, without the origin, as counts of both vectors.
+    /// Its points within a radius, one of each pair of opposite ones, without the origin, as counts
+    /// of both vectors.
     fn points(&self, radius: f64) -> Vec<[i32; 2]> {
-        let [m, n] = [self.b, self.a].map(|other| steps((radius * other.length() / self.area()).ceil().min(200.0)));
+        let [m, n] = [self.b, self.a]
+            .map(|other| steps((radius * other.length() / self.area()).ceil().min(200.0)));
         let mut points = Vec::new();
         for j in 0..=n {
             for i in -m..=m {
@@ -125,11 +131,12 @@ pub struct UnitCell {
 pub const CERTAIN: f64 = 0.5;
 /// How much better the lattice's points correlate than points anywhere: nothing, and enough.
 const CONTRAST: [f64; 2] = [0.04, 0.18];
-/// The same in deviations of points anywhere: weaves of two colours have 3.8 and more. Of 240 pictures that repeat
-/// nowhere none gets a confidence over .36 by all these rules.
+/// The same in deviations of points anywhere: weaves of two colours have 3.8 and more. Of 240
+/// pictures that repeat nowhere none gets a confidence over .36 by all these rules.
 const DEVIATIONS: [f64; 2] = [2.0, 5.5];
-/// How much better they correlate, times the root of the copies in the picture: of few copies some are alike by chance, as in an old wall. Of 100
-/// walls the other rules let 12 pass, none of them over 1.7; 100 drawn cloths have 2.9 and more, photos of cloth 4.
+/// How much better they correlate, times the root of the copies in the picture: of few copies some
+/// are alike by chance, as in an old wall. Of 100 walls the other rules let 12 pass, none of them
+/// over 1.7; 100 drawn cloths have 2.9 and more, photos of cloth 4.
 const CHANCE: [f64; 2] = [1.0, 3.0];
 /// Copies of the cell along the picture's shorter side: too few, and enough.
 const COPIES: [f64; 2] = [2.0, 4.0];
@@ -148,14 +155,17 @@ pub(super) fn find(even: &Plane) -> Option<UnitCell> {
 /// Share of the mean power that is added where directions are told by their clarity.
 const FLOOR: f32 = 0.3;
 
-/// Correlation of the structure tensor: its two components that say in which direction things run, and how clearly. How strongly doesn't count: edges of holes, which are the
-/// strongest and repeat after each crossing, would drown the yarns.
+/// Correlation of the structure tensor: its two components that say in which direction things run,
+/// and how clearly. How strongly doesn't count: edges of holes, which are the strongest and repeat
+/// after each crossing, would drown the yarns.
 fn orientation(even: &Plane, scale: f64, reach: usize) -> Correlogram {
     let [gx, gy] = even.smoothed(narrow((0.05 * scale).clamp(0.6, 3.0))).gradient();
     let sigma = narrow((0.12 * scale).clamp(0.7, 8.0));
     let power = gx.zip(&gy, |x, y| x * x + y * y).smoothed(sigma);
     let floor = FLOOR * power.values.iter().sum::<f32>() / float(power.values.len());
-    let clearly = |component: Plane| component.smoothed(sigma).zip(&power, |value, power| value / (power + floor));
+    let clearly = |component: Plane| {
+        component.smoothed(sigma).zip(&power, |value, power| value / (power + floor))
+    };
     let (along, across) = (gx.zip(&gy, |x, y| x * x - y * y), gx.zip(&gy, |x, y| 2.0 * x * y));
     Correlogram::of(&clearly(along), Some(&clearly(across)), reach)
 }
@@ -176,7 +186,8 @@ fn base(intensity: &Correlogram) -> Option<Lattice> {
     let mut near: Vec<_> = peaks.into_iter().filter(|peak| peak.1 >= COUNTS * highest).collect();
     near.sort_by(|p, q| p.0.length().total_cmp(&q.0.length()));
     near.truncate(NEAREST);
-    let pairs: Vec<_> = (0..near.len()).flat_map(|i| (i + 1..near.len()).map(move |j| (i, j))).collect();
+    let pairs: Vec<_> =
+        (0..near.len()).flat_map(|i| (i + 1..near.len()).map(move |j| (i, j))).collect();
     let scored: Vec<(Lattice, f64)> = pairs
         .into_par_iter()
         .filter_map(|(i, j)| {
@@ -193,8 +204,10 @@ fn base(intensity: &Correlogram) -> Option<Lattice> {
             let score = score(intensity, &lattice, radius)?;
             // Along a ridge, as legs and floats make them, any step would do.
             let halves = [0.5 * lattice.a, 0.5 * lattice.b, 0.5 * (lattice.a + lattice.b)];
-            let is_ridge =
-                |half: DVec2| mean_at(intensity, &lattice, radius, half).is_some_and(|between| between > RIDGE * score);
+            let is_ridge = |half: DVec2| {
+                mean_at(intensity, &lattice, radius, half)
+                    .is_some_and(|between| between > RIDGE * score)
+            };
             if halves.into_iter().any(is_ridge) {
                 return None;
             }
@@ -227,7 +240,8 @@ fn mean_at(correlogram: &Correlogram, lattice: &Lattice, radius: f64, off: DVec2
     (values.len() >= 4).then(|| values.iter().sum::<f64>() / double(values.len()))
 }
 
-/// The lattice of index 1 to 8 in `base` that tells best which of its points correlate well and which don't, where one does.
+/// The lattice of index 1 to 8 in `base` that tells best which of its points correlate well and
+/// which don't, where one does.
 fn coarser(correlogram: &Correlogram, base: &Lattice) -> Lattice {
     let radius = (5.0 * base.longer()).min(0.9 * double(correlogram.reach));
     let tolerance = (0.1 * base.shorter()).max(0.71);
@@ -237,24 +251,38 @@ fn coarser(correlogram: &Correlogram, base: &Lattice) -> Lattice {
         .filter(|&point| correlogram.holds(base.at(point), tolerance))
         .map(|point| {
             let lag = base.at(point);
-            (point, lag.length() / base.longer(), f64::from(correlogram.highest_near(lag, tolerance)))
+            (
+                point,
+                lag.length() / base.longer(),
+                f64::from(correlogram.highest_near(lag, tolerance)),
+            )
         })
         .collect();
     let alike = Split::of(&points, |_| true);
     let mut best = (alike.rest, *base);
     for index in 2..=8 {
         for [p, q, r] in hermite(index) {
-            let lattice = Lattice::reduced(base.a * f64::from(p) + base.b * f64::from(q), base.b * f64::from(r));
+            let lattice = Lattice::reduced(
+                base.a * f64::from(p) + base.b * f64::from(q),
+                base.b * f64::from(r),
+            );
             if lattice.longer() > 8.5 * lattice.shorter() {
                 continue;
             }
-            let inverse = DMat2::from_cols(DVec2::new(f64::from(p), f64::from(q)), DVec2::new(0.0, f64::from(r))).inverse();
+            let inverse = DMat2::from_cols(
+                DVec2::new(f64::from(p), f64::from(q)),
+                DVec2::new(0.0, f64::from(r)),
+            )
+            .inverse();
             let is_on = |[i, j]: [i32; 2]| {
                 let place = inverse * DVec2::new(f64::from(i), f64::from(j));
                 (place - place.round()).abs().max_element() < 1e-6
             };
             let split = Split::of(&points, is_on);
-            if split.count >= 3 && split.on > ABOVE * split.off.max(0.0) + 0.03 && split.rest < best.0 {
+            if split.count >= 3
+                && split.on > ABOVE * split.off.max(0.0) + 0.03
+                && split.rest < best.0
+            {
                 best = (split.rest, lattice);
             }
         }
@@ -267,7 +295,8 @@ const ABOVE: f64 = 1.1;
 /// What a coarser lattice leaves of the differences between points, at most.
 const EXPLAINS: f64 = 0.75;
 
-/// Points in two groups, each with a correlation that dies away with the distance. Near ones tell more: how far others have lost their step differs by direction.
+/// Points in two groups, each with a correlation that dies away with the distance. Near ones tell
+/// more: how far others have lost their step differs by direction.
 struct Split {
     on: f64,
     off: f64,
@@ -286,7 +315,9 @@ impl Split {
             let fade = |distance: f64| (-0.5 * (distance / reach).powi(2)).exp();
             let level = |which: bool| {
                 let (mut product, mut square) = (0.0, 1e-12);
-                for ((_, distance, height), _) in points.iter().zip(&member).filter(|(_, on)| **on == which) {
+                for ((_, distance, height), _) in
+                    points.iter().zip(&member).filter(|(_, on)| **on == which)
+                {
                     product += weight(*distance) * fade(*distance) * height;
                     square += weight(*distance) * fade(*distance).powi(2);
                 }
@@ -294,17 +325,24 @@ impl Split {
             };
             let (on, off) = (level(true), level(false));
             let error = |((_, distance, height), is_on): (&([i32; 2], f64, f64), &bool)| {
-                weight(*distance) * (height - fade(*distance) * if *is_on { on } else { off }).powi(2)
+                weight(*distance)
+                    * (height - fade(*distance) * if *is_on { on } else { off }).powi(2)
             };
             Self { on, off, count, rest: points.iter().zip(&member).map(error).sum() }
         };
-        [1.5, 2.2, 3.3, 5.0, 10.0, 100.0].into_iter().map(of).min_by(|p, q| p.rest.total_cmp(&q.rest)).expect("there are some")
+        [1.5, 2.2, 3.3, 5.0, 10.0, 100.0]
+            .into_iter()
+            .map(of)
+            .min_by(|p, q| p.rest.total_cmp(&q.rest))
+            .expect("there are some")
     }
 }
 
 /// All lattices of an index in another: their Hermite normal forms.
 pub(super) fn hermite(index: i32) -> impl Iterator<Item = [i32; 3]> {
-    (1..=index).filter(move |p| index % p == 0).flat_map(move |p| (0..index / p).map(move |q| [p, q, index / p]))
+    (1..=index)
+        .filter(move |p| index % p == 0)
+        .flat_map(move |p| (0..index / p).map(move |q| [p, q, index / p]))
 }
 
 /// The lattice through the peaks near its points, by least squares, from near ones to far ones.
@@ -335,25 +373,39 @@ fn fitted(correlogram: &Correlogram, mut lattice: Lattice) -> Lattice {
     Lattice::reduced(lattice.a, lattice.b)
 }
 
-/// How sure a lattice is: its points correlate better than those of the same lattice turned this way and that, and there are some copies of the cell, the more the less they correlate.
+/// How sure a lattice is: its points correlate better than those of the same lattice turned this
+/// way and that, and there are some copies of the cell, the more the less they correlate.
 fn confidence(correlogram: &Correlogram, lattice: &Lattice, [width, height]: [f64; 2]) -> f64 {
     let radius = 3.2 * lattice.longer();
     let turned: Vec<f64> = (1..40)
         .filter_map(|turn| {
             // The golden angle comes back to no direction.
-            let turn = DVec2::from_angle(f64::from(turn) * 2.399_963) * (0.8 + 0.01 * f64::from(turn));
-            score(correlogram, &Lattice { a: turn.rotate(lattice.a), b: turn.rotate(lattice.b) }, radius)
+            let turn =
+                DVec2::from_angle(f64::from(turn) * 2.399_963) * (0.8 + 0.01 * f64::from(turn));
+            score(
+                correlogram,
+                &Lattice { a: turn.rotate(lattice.a), b: turn.rotate(lattice.b) },
+                radius,
+            )
         })
         .collect();
-    let (Some(on), Some(count)) = (score(correlogram, lattice, radius), NonZeroUsize::new(turned.len())) else { return 0.0 };
+    let (Some(on), Some(count)) =
+        (score(correlogram, lattice, radius), NonZeroUsize::new(turned.len()))
+    else {
+        return 0.0;
+    };
     let count = double(count.get());
     let mean = turned.iter().sum::<f64>() / count;
     let deviation = (turned.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / count).sqrt();
-    let between = |value: f64, [nothing, enough]: [f64; 2]| ((value - nothing) / (enough - nothing)).clamp(0.0, 1.0);
+    let between = |value: f64, [nothing, enough]: [f64; 2]| {
+        ((value - nothing) / (enough - nothing)).clamp(0.0, 1.0)
+    };
     let better = on - mean;
     let chance = between(better * (width * height / lattice.area()).sqrt(), CHANCE);
     let contrast = between(better, CONTRAST).min(chance);
-    contrast.min(between(better / deviation.max(1e-9), DEVIATIONS)).min(between(width.min(height) / lattice.longer(), COPIES))
+    contrast
+        .min(between(better / deviation.max(1e-9), DEVIATIONS))
+        .min(between(width.min(height) / lattice.longer(), COPIES))
 }
 
 #[cfg(test)]
@@ -381,7 +433,8 @@ mod tests {
 
     #[test]
     fn a_chequered_wave_has_the_cell_that_its_directions_have() {
-        // Bumps on a square lattice of 12 pixels, ridged in turn along x and along y: the intensity repeats after one bump, the cloth after two.
+        // Bumps on a square lattice of 12 pixels, ridged in turn along x and along y: the intensity
+        // repeats after one bump, the cloth after two.
         let bump = |x: f64, y: f64| {
             let (i, j) = ((x / 12.0).round(), (y / 12.0).round());
             let (u, v) = (x - 12.0 * i, y - 12.0 * j);
@@ -389,23 +442,36 @@ mod tests {
             let (u, v) = if along_x { (u, v) } else { (v, u) };
             narrow(0.5 + 0.4 * (-(u * u / 60.0) - v * v / 18.0).exp())
         };
-        let found = find(&without_shading(&Plane::from_fn(240, 220, |x, y| bump(double(x), double(y))))).unwrap();
-        assert!((found.lattice.area() / 288.0 - 1.0).abs() < 0.02 && found.confidence > CERTAIN, "{found:?}");
+        let found =
+            find(&without_shading(&Plane::from_fn(240, 220, |x, y| bump(double(x), double(y)))))
+                .unwrap();
+        assert!(
+            (found.lattice.area() / 288.0 - 1.0).abs() < 0.02 && found.confidence > CERTAIN,
+            "{found:?}"
+        );
     }
 
     #[test]
     fn deep_holes_do_not_drown_a_weave() {
-        // A plain weave of flat yarns, each lighter along its middle by a little, with black holes after each crossing.
+        // A plain weave of flat yarns, each lighter along its middle by a little, with black holes
+        // after each crossing.
         let light = |x: f64, y: f64| {
             let (i, j) = ((x / 12.0).round(), (y / 12.0).round());
             let (u, v) = (x - 12.0 * i, y - 12.0 * j);
             let is_hole = u.abs() > 4.5 && v.abs() > 4.5;
-            let warp_is_up = if u.abs() > 4.5 { false } else { v.abs() > 4.5 || (i + j).rem_euclid(2.0) < 0.5 };
+            let warp_is_up =
+                if u.abs() > 4.5 { false } else { v.abs() > 4.5 || (i + j).rem_euclid(2.0) < 0.5 };
             let off = if warp_is_up { u } else { v };
             if is_hole { 0.0 } else { narrow(0.7 - 0.006 * off * off) }
         };
-        let found = find(&without_shading(&Plane::from_fn(240, 220, |x, y| light(double(x), double(y))).smoothed(0.7))).unwrap();
-        assert!((found.lattice.area() / 288.0 - 1.0).abs() < 0.02 && found.confidence > CERTAIN, "{found:?}");
+        let found = find(&without_shading(
+            &Plane::from_fn(240, 220, |x, y| light(double(x), double(y))).smoothed(0.7),
+        ))
+        .unwrap();
+        assert!(
+            (found.lattice.area() / 288.0 - 1.0).abs() < 0.02 && found.confidence > CERTAIN,
+            "{found:?}"
+        );
     }
 
     #[test]
@@ -413,7 +479,9 @@ mod tests {
         let noise = Plane::from_fn(200, 200, |x, y| {
             narrow(f64::from(crate::render::ply::hash(index32(200 * y + x))) / f64::from(u32::MAX))
         });
-        assert!(find(&without_shading(&noise.smoothed(1.5))).is_none_or(|found| found.confidence < 0.2));
+        assert!(
+            find(&without_shading(&noise.smoothed(1.5))).is_none_or(|found| found.confidence < 0.2)
+        );
         assert!(find(&without_shading(&Plane::from_fn(64, 64, |_, _| 0.5))).is_none());
     }
 }

@@ -1,7 +1,9 @@
 //! From one photo of a cloth to its yarns.
 //!
-//! In: one photo, evenly lit, of a knit or woven cloth, and [`Settings`] that may overrule what is found. Out: [`Captured`]: the cell that repeats, its mean, a texture
-//! that tiles, and the yarn segments in the cell. No training data: every step is analysis. Source: Wu, Chen, Zhang, Zhou and Zhao 2017, *Modeling yarn-level geometry from a single micro-image*. The steps:
+//! In: one photo, evenly lit, of a knit or woven cloth, and [`Settings`] that may overrule what is
+//! found. Out: [`Captured`]: the cell that repeats, its mean, a texture that tiles, and the yarn
+//! segments in the cell. No training data: every step is analysis. Source: Wu, Chen, Zhang, Zhou
+//! and Zhao 2017, *Modeling yarn-level geometry from a single micro-image*. The steps:
 //!
 //! ```text
 //!   photo ─▶ view ─▶ lattice ─▶ register ─▶ cell ─▶ layout ─────────▶ depth ─▶ shape ─▶ strands ─▶ cloth
@@ -10,10 +12,13 @@
 //!                                   ╰─────▶ quilt: a texture            ╰────▶ fibres: twist ────────╯
 //! ```
 //!
-//! `plane` and `correlogram` are what pictures are asked by, `target` is the mean cell as fits see it, `sheet` draws. Cost: about a second for the repeat and its mean, up to
-//! fifteen for the layout, on two cores; 160 MB for a photo of 4 megapixels. The same photo gives the same bytes for any number of threads.
+//! `plane` and `correlogram` are what pictures are asked by, `target` is the mean cell as fits see
+//! it, `sheet` draws. Cost: about a second for the repeat and its mean, up to fifteen for the
+//! layout, on two cores; 160 MB for a photo of 4 megapixels. The same photo gives the same bytes
+//! for any number of threads.
 //!
-//! Not promised: a scale. A photo doesn't say how large anything is; a person does, by how thick the cloth is or how many pixels are a mm.
+//! Not promised: a scale. A photo doesn't say how large anything is; a person does, by how thick
+//! the cloth is or how many pixels are a mm.
 
 mod cell;
 mod cloth;
@@ -83,7 +88,8 @@ const LAYERS: f64 = 2.0;
 pub struct Settings {
     /// How thick the cloth is, mm: the scale of depth.
     pub thickness: f64,
-    /// How many pixels of the photo are a mm; if nobody says it, as many as make a yarn half as wide as the cloth is thick.
+    /// How many pixels of the photo are a mm; if nobody says it, as many as make a yarn half as
+    /// wide as the cloth is thick.
     pub pixels_per_mm: Option<f64>,
     /// Both vectors of the cell, pixels of the photo.
     pub cell: Option<[DVec2; 2]>,
@@ -134,32 +140,63 @@ pub fn capture(photo: &RgbImage, settings: &Settings) -> Result<Captured, Captur
     let Repeating { scale, corner, picture, lightness, even, unit } = repeat(photo, settings)?;
     let warp = register(&even, &unit.lattice);
     let hues = Plane::channels(&picture).map(|plane| Cell::folded(&plane, &warp, &unit.lattice));
-    let cell = Cell::folded(&evened(&lightness, narrow(1.5 * unit.lattice.longer())), &warp, &unit.lattice);
+    let cell = Cell::folded(
+        &evened(&lightness, narrow(1.5 * unit.lattice.longer())),
+        &warp,
+        &unit.lattice,
+    );
     let cell = color::levelled(cell, &hues);
     let layout = match &settings.layout {
-        Some(given) => layout::given(&cell, given.segments.iter().map(|segment| segment.scaled(scale)).collect(), given.ground)?,
+        Some(given) => layout::given(
+            &cell,
+            given.segments.iter().map(|segment| segment.scaled(scale)).collect(),
+            given.ground,
+        )?,
         None => layout::find(&cell).ok_or(CaptureError::NoYarns)?,
     };
     let colors = Colors::of(&hues, &layout.seen);
     let depth = Depth::of(&cell, &layout, &colors.groups, settings.thickness);
     let view = DVec2::new(double(lightness.width), double(lightness.height));
-    let twists = twists(&Sight { photo, warp: &warp, lattice: &unit.lattice, view, scale, corner }, &layout.seen);
+    let twists = twists(
+        &Sight { photo, warp: &warp, lattice: &unit.lattice, view, scale, corner },
+        &layout.seen,
+    );
     let texture = quilt(&picture, &warp, &unit.lattice);
     let photos = 1.0 / scale;
     let lattice = Lattice { a: unit.lattice.a * photos, b: unit.lattice.b * photos };
     let unit = UnitCell { lattice, ..unit };
     let layout = layout.scaled(photos);
-    let width = layout.seen.iter().map(|segment| segment.width).sum::<f64>() / double(layout.seen.len());
+    let width =
+        layout.seen.iter().map(|segment| segment.width).sum::<f64>() / double(layout.seen.len());
     let pixel = settings.pixels_per_mm.map_or(settings.thickness / LAYERS / width, f64::recip);
-    let shapes: Vec<Shape> = layout.seen.iter().map(|segment| Shape::of(segment, Scale { pixel, light: depth.scale })).collect();
+    let shapes: Vec<Shape> = layout
+        .seen
+        .iter()
+        .map(|segment| Shape::of(segment, Scale { pixel, light: depth.scale }))
+        .collect();
     let yarns = Yarns { shapes: &shapes, twists: &twists, colors: &colors };
     let fabric = cloth::fabric(&lattice, &layout, &yarns, pixel);
-    Fabric::parse(&fabric.to_string()).map_err(|error| CaptureError::Unreal { why: error.to_string() })?;
-    Ok(Captured { unit, corner, layout, twists, shapes, fabric, pixel, scale, depth, warp, cell, texture })
+    Fabric::parse(&fabric.to_string())
+        .map_err(|error| CaptureError::Unreal { why: error.to_string() })?;
+    Ok(Captured {
+        unit,
+        corner,
+        layout,
+        twists,
+        shapes,
+        fabric,
+        pixel,
+        scale,
+        depth,
+        warp,
+        cell,
+        texture,
+    })
 }
 
 impl Captured {
-    /// Correlation of the light with the heights of the cylinders: under .2 light says little of the depth.
+    /// Correlation of the light with the heights of the cylinders: under .2 light says little of
+    /// the depth.
     #[must_use]
     pub fn correlation(&self) -> f64 {
         self.depth.correlation
@@ -204,13 +241,16 @@ fn repeat(photo: &RgbImage, settings: &Settings) -> Result<Repeating, CaptureErr
         }
         let even = without_shading(&lightness);
         let found = match given {
-            Some([a, b]) => Some(UnitCell { lattice: Lattice { a: a * scale, b: b * scale }, confidence: 1.0 }),
+            Some([a, b]) => {
+                Some(UnitCell { lattice: Lattice { a: a * scale, b: b * scale }, confidence: 1.0 })
+            }
             None => lattice::find(&even),
         };
         let Some(unit) = found else { continue };
         let is_enough = unit.confidence >= CERTAIN && unit.lattice.shorter() >= ENOUGH;
         let is_better = best.as_ref().is_none_or(|Repeating { unit: other, .. }| {
-            unit.confidence >= other.confidence || other.lattice.shorter() < ENOUGH && unit.confidence >= CERTAIN
+            unit.confidence >= other.confidence
+                || other.lattice.shorter() < ENOUGH && unit.confidence >= CERTAIN
         });
         if is_better {
             best = Some(Repeating { scale, corner, picture, lightness, even, unit });
@@ -223,12 +263,17 @@ fn repeat(photo: &RgbImage, settings: &Settings) -> Result<Repeating, CaptureErr
         let side = f64::from(photo.width().min(photo.height()));
         let is_flat = unit.lattice.area() < 0.1 * unit.lattice.shorter() * unit.lattice.longer();
         let shorter = unit.lattice.shorter() / scale;
-        if is_flat || shorter.is_nan() || shorter < GIVEN.0 || unit.lattice.longer() / scale * GIVEN.1 > side {
+        if is_flat
+            || shorter.is_nan()
+            || shorter < GIVEN.0
+            || unit.lattice.longer() / scale * GIVEN.1 > side
+        {
             return Err(CaptureError::Cell { cell: [a.x, a.y, b.x, b.y] });
         }
     }
     let confidence = best.as_ref().map_or(0.0, |best| best.unit.confidence);
-    best.filter(|best| best.unit.confidence >= CERTAIN).ok_or(CaptureError::NoRepeat { confidence, least: CERTAIN })
+    best.filter(|best| best.unit.confidence >= CERTAIN)
+        .ok_or(CaptureError::NoRepeat { confidence, least: CERTAIN })
 }
 
 /// Whole steps of a lag or a count, which are some thousands at most.

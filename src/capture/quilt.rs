@@ -1,11 +1,16 @@
-//! `texture.png`: some cells each way that tile and are the photo's own cloth, lint and light and dark yarns and all, where the mean cell is that of no place.
+//! `texture.png`: some cells each way that tile and are the photo's own cloth, lint and light and
+//! dark yarns and all, where the mean cell is that of no place.
 //!
-//! In: the colours of the view, its [`Warp`] and its lattice. Out: a picture along both vectors as the mean cell is: columns go along a, rows along b, and its corner is a cell's corner.
-//! Source: Efros and Freeman 2001, *Image quilting for texture synthesis and transfer*. Blocks of one or two cells come from the photo, whole cells apart so that yarns meet; each is the
-//! one that differs least from what lies where it overlaps others, and is cut there where it differs least. The last block of a row overlaps the first, and the last row the
-//! first, so that the picture tiles. Cost: about half a second, and four bytes for each pixel of the view.
+//! In: the colours of the view, its [`Warp`] and its lattice. Out: a picture along both vectors as
+//! the mean cell is: columns go along a, rows along b, and its corner is a cell's corner. Source:
+//! Efros and Freeman 2001, *Image quilting for texture synthesis and transfer*. Blocks of one or
+//! two cells come from the photo, whole cells apart so that yarns meet; each is the one that
+//! differs least from what lies where it overlaps others, and is cut there where it differs least.
+//! The last block of a row overlaps the first, and the last row the first, so that the picture
+//! tiles. Cost: about half a second, and four bytes for each pixel of the view.
 //!
-//! Not promised: patterns wider than a block, and colours as in another light: of the photo's light only slow differences are taken off, and its colours stay.
+//! Not promised: patterns wider than a block, and colours as in another light: of the photo's light
+//! only slow differences are taken off, and its colours stay.
 
 use glam::DVec2;
 use image::imageops::interpolate_bilinear;
@@ -23,7 +28,8 @@ const CELLS: usize = 6;
 const PIXELS: f64 = 1024.0;
 /// A photo that shows so many cells each way gives blocks of two.
 const MANY: f64 = 8.0;
-/// The overlap of blocks as a share of a cell. With it, a block of one cell is in any photo that shows three each way.
+/// The overlap of blocks as a share of a cell. With it, a block of one cell is in any photo that
+/// shows three each way.
 const OVERLAP: f64 = 1.0 / 3.0;
 /// How much lighter or darker a place is made, at most.
 const GAIN: f32 = 4.0;
@@ -38,10 +44,17 @@ pub(super) fn quilt(picture: &RgbImage, warp: &Warp, lattice: &Lattice) -> RgbaI
         for column in 0..blocks.count[0] {
             let laid = tile.laid(column, row);
             let error = |origin: &[usize; 2]| -> u64 {
-                laid.iter().map(|&([x, y], old)| u64::from(difference(old, along.at(origin[0] + x, origin[1] + y).0))).sum()
+                laid.iter()
+                    .map(|&([x, y], old)| {
+                        u64::from(difference(old, along.at(origin[0] + x, origin[1] + y).0))
+                    })
+                    .sum()
             };
             // Of equally good ones the first, which is nearest to the middle.
-            let best = origins.par_iter().enumerate().min_by_key(|(number, origin)| (error(origin), *number));
+            let best = origins
+                .par_iter()
+                .enumerate()
+                .min_by_key(|(number, origin)| (error(origin), *number));
             let [left, top] = *best.expect("the middle one, if no other").1;
             tile.lay(column, row, |x, y| along.at(left + x, top + y).0);
         }
@@ -124,14 +137,17 @@ impl Unsheared {
         let first = (centre - 0.5 * DVec2::from(size.map(double))).round();
         let before = ((first - low) / cell).floor().max(DVec2::ZERO);
         let start = first - before * cell;
-        let [width, height] = [0, 1].map(|axis| whole(narrow((high - start)[axis])).max(size[axis]));
+        let [width, height] =
+            [0, 1].map(|axis| whole(narrow((high - start)[axis])).max(size[axis]));
         let pixel = |x: usize, y: usize| {
             let place = warp.place((start + DVec2::new(double(x), double(y))) / cell);
             let near = place.clamp(DVec2::ZERO, last);
-            let color = interpolate_bilinear(picture, narrow(near.x), narrow(near.y)).map_or([0; 3], |Rgb(color)| color);
+            let color = interpolate_bilinear(picture, narrow(near.x), narrow(near.y))
+                .map_or([0; 3], |Rgb(color)| color);
             (color, near == place)
         };
-        let pixels = (0..width * height).into_par_iter().map(|at| pixel(at % width, at / width)).collect();
+        let pixels =
+            (0..width * height).into_par_iter().map(|at| pixel(at % width, at / width)).collect();
         let middle = [0, 1].map(|axis| whole(narrow(before[axis])) * blocks.cell[axis]);
         Self { width, pixels, start: start.to_array().map(steps), middle, blocks: *blocks }
     }
@@ -144,10 +160,15 @@ impl Unsheared {
     fn origins(&self) -> Vec<[usize; 2]> {
         let [width, height] = self.blocks.size();
         let rows = (0..=self.pixels.len() / self.width - height).step_by(self.blocks.cell[1]);
-        let all = rows.flat_map(|y| (0..=self.width - width).step_by(self.blocks.cell[0]).map(move |x| [x, y]));
-        let is_seen = |&[x, y]: &[usize; 2]| (y..y + height).all(|y| (x..x + width).all(|x| self.at(x, y).1));
+        let all = rows.flat_map(|y| {
+            (0..=self.width - width).step_by(self.blocks.cell[0]).map(move |x| [x, y])
+        });
+        let is_seen =
+            |&[x, y]: &[usize; 2]| (y..y + height).all(|y| (x..x + width).all(|x| self.at(x, y).1));
         let mut origins: Vec<_> = all.filter(is_seen).collect();
-        let off = |origin: &[usize; 2]| [0, 1].map(|axis| origin[axis].abs_diff(self.middle[axis]).pow(2)).iter().sum::<usize>();
+        let off = |origin: &[usize; 2]| {
+            [0, 1].map(|axis| origin[axis].abs_diff(self.middle[axis]).pow(2)).iter().sum::<usize>()
+        };
         origins.sort_by_key(off);
         if origins.is_empty() { vec![self.middle] } else { origins }
     }
@@ -174,19 +195,26 @@ impl Tile {
     fn laid(&self, column: usize, row: usize) -> Vec<([usize; 2], [u8; 3])> {
         let [width, height] = self.blocks.size();
         let places = (0..height).flat_map(|y| (0..width).map(move |x| [x, y]));
-        places.filter_map(|[x, y]| self.pixels[self.index(column, row, x, y)].map(|color| ([x, y], color))).collect()
+        places
+            .filter_map(|[x, y]| {
+                self.pixels[self.index(column, row, x, y)].map(|color| ([x, y], color))
+            })
+            .collect()
     }
 
     /// Lays a block up to the cuts through its overlaps.
     fn lay(&mut self, column: usize, row: usize, color: impl Fn(usize, usize) -> [u8; 3]) {
         let ([width, height], [across, down]) = (self.blocks.size(), self.blocks.overlap);
-        let differs =
-            |x: usize, y: usize| self.pixels[self.index(column, row, x, y)].map_or(0, |old| difference(old, color(x, y)));
+        let differs = |x: usize, y: usize| {
+            self.pixels[self.index(column, row, x, y)].map_or(0, |old| difference(old, color(x, y)))
+        };
         let [last_column, last_row] = self.blocks.count.map(|count| count - 1);
         let left = (column > 0).then(|| cut(height, across, |y, x| differs(x, y)));
-        let right = (column == last_column).then(|| cut(height, across, |y, x| differs(width - across + x, y)));
+        let right = (column == last_column)
+            .then(|| cut(height, across, |y, x| differs(width - across + x, y)));
         let top = (row > 0).then(|| cut(width, down, differs));
-        let bottom = (row == last_row).then(|| cut(width, down, |x, y| differs(x, height - down + y)));
+        let bottom =
+            (row == last_row).then(|| cut(width, down, |x, y| differs(x, height - down + y)));
         let from = |seam: &Option<Vec<usize>>, at: usize| seam.as_ref().map_or(0, |seam| seam[at]);
         let until = |seam: &Option<Vec<usize>>, at: usize, size: usize, overlap: usize| {
             seam.as_ref().map_or(size, |seam| size - overlap + seam[at])
@@ -201,14 +229,18 @@ impl Tile {
         }
     }
 
-    /// The picture with a cell's corner in its corner, which the blocks' own corner is off by `start`.
+    /// The picture with a cell's corner in its corner, which the blocks' own corner is off by
+    /// `start`.
     fn picture(&self, start: [i32; 2]) -> RgbaImage {
         let [width, height] = self.blocks.whole();
-        let off =
-            [(start[0], width), (start[1], height)].map(|(start, size)| start.rem_euclid(steps(double(size))).unsigned_abs());
-        let at = |place: u32, axis: usize, size: usize| (place as usize + size - off[axis] as usize) % size;
+        let off = [(start[0], width), (start[1], height)]
+            .map(|(start, size)| start.rem_euclid(steps(double(size))).unsigned_abs());
+        let at = |place: u32, axis: usize, size: usize| {
+            (place as usize + size - off[axis] as usize) % size
+        };
         RgbaImage::from_fn(side(width), side(height), |x, y| {
-            let [red, green, blue] = self.pixels[at(y, 1, height) * width + at(x, 0, width)].expect("blocks leave no gap");
+            let [red, green, blue] = self.pixels[at(y, 1, height) * width + at(x, 0, width)]
+                .expect("blocks leave no gap");
             Rgba([red, green, blue, u8::MAX])
         })
     }
@@ -219,7 +251,8 @@ fn difference(a: [u8; 3], b: [u8; 3]) -> u32 {
     a.iter().zip(b).map(|(a, b)| u32::from(a.abs_diff(b)).pow(2)).sum()
 }
 
-/// The cheapest way along a strip, which goes at most one place aside at a time: its place across at each place along.
+/// The cheapest way along a strip, which goes at most one place aside at a time: its place across
+/// at each place along.
 fn cut(length: usize, breadth: usize, cost: impl Fn(usize, usize) -> u32) -> Vec<usize> {
     let near = |across: usize| across.saturating_sub(1)..(across + 2).min(breadth);
     let mut sums: Vec<Vec<u64>> = Vec::with_capacity(length);
@@ -228,7 +261,8 @@ fn cut(length: usize, breadth: usize, cost: impl Fn(usize, usize) -> u32) -> Vec
             let least = |sums: &Vec<u64>| sums[near(across)].iter().copied().min();
             sums.last().and_then(least).unwrap_or(0)
         };
-        let row = (0..breadth).map(|across| before(across) + u64::from(cost(along, across))).collect();
+        let row =
+            (0..breadth).map(|across| before(across) + u64::from(cost(along, across))).collect();
         sums.push(row);
     }
     let mut way = vec![0; length];
@@ -252,12 +286,15 @@ mod tests {
 
     const LATTICE: Lattice = Lattice { a: DVec2::new(20.0, 0.0), b: DVec2::new(4.0, 16.0) };
 
-    /// A cloth of two bumps a cell, in a light that is lighter by a share on the right, with so much noise.
+    /// A cloth of two bumps a cell, in a light that is lighter by a share on the right, with so
+    /// much noise.
     fn cloth(size: [usize; 2], light: f64, noise: f64) -> RgbImage {
         let inverse = LATTICE.matrix().inverse();
         RgbImage::from_fn(side(size[0]), side(size[1]), |x, y| {
             let count = inverse * DVec2::new(f64::from(x), f64::from(y));
-            let wave = 0.6 * (TAU * count.x).cos() + 0.4 * (TAU * (count.y - count.x)).sin() + 0.2 * (2.0 * TAU * count.y).cos();
+            let wave = 0.6 * (TAU * count.x).cos()
+                + 0.4 * (TAU * (count.y - count.x)).sin()
+                + 0.2 * (2.0 * TAU * count.y).cos();
             let random = f64::from(hash(y * 1000 + x)) / f64::from(u32::MAX) - 0.5;
             let lit = 1.0 + light * (f64::from(x) / double(size[0]) - 0.5);
             let grey = narrow((120.0 + 50.0 * wave + noise * random) * lit);
@@ -271,9 +308,9 @@ mod tests {
 
     /// Mean difference of the red of pixels, each from the one that a function gives.
     fn differs(picture: &RgbaImage, of: impl Fn(u32, u32) -> Option<[u32; 2]>) -> f64 {
-        let pairs = picture
-            .enumerate_pixels()
-            .filter_map(|(x, y, pixel)| of(x, y).map(|[x, y]| f64::from(pixel.0[0].abs_diff(picture.get_pixel(x, y).0[0]))));
+        let pairs = picture.enumerate_pixels().filter_map(|(x, y, pixel)| {
+            of(x, y).map(|[x, y]| f64::from(pixel.0[0].abs_diff(picture.get_pixel(x, y).0[0])))
+        });
         let values: Vec<f64> = pairs.collect();
         values.iter().sum::<f64>() / double(values.len())
     }
@@ -284,9 +321,12 @@ mod tests {
         assert_eq!(cut(8, 6, |along, across| if valley[along] == across { 0 } else { 9 }), valley);
         assert_eq!(cut(3, 1, |_, _| 5), [0, 0, 0]);
         let cost = |along: usize, across: usize| hash(index32(7 * along + across)) % 100;
-        let paths = (0..4_usize.pow(5)).map(|code| [0, 1, 2, 3, 4].map(|along| code / 4_usize.pow(along) % 4));
+        let paths = (0..4_usize.pow(5))
+            .map(|code| [0, 1, 2, 3, 4].map(|along| code / 4_usize.pow(along) % 4));
         let allowed = paths.filter(|path| path.windows(2).all(|two| two[0].abs_diff(two[1]) <= 1));
-        let of = |path: &[usize]| path.iter().enumerate().map(|(along, across)| cost(along, *across)).sum::<u32>();
+        let of = |path: &[usize]| {
+            path.iter().enumerate().map(|(along, across)| cost(along, *across)).sum::<u32>()
+        };
         assert_eq!(of(&cut(5, 4, cost)), allowed.map(|path| of(&path)).min().unwrap());
     }
 
@@ -297,15 +337,22 @@ mod tests {
             let texture = quilted(&picture);
             let [width, height] = [20, 16_u32];
             assert!(
-                texture.width().is_multiple_of(width) && texture.height().is_multiple_of(height) && texture.width() >= 3 * width
+                texture.width().is_multiple_of(width)
+                    && texture.height().is_multiple_of(height)
+                    && texture.width() >= 3 * width
             );
-            let next = |x: u32, y: u32| Some([(x + width) % texture.width(), (y + height) % texture.height()]);
+            let next = |x: u32, y: u32| {
+                Some([(x + width) % texture.width(), (y + height) % texture.height()])
+            };
             assert!(differs(&texture, next) < 4.0, "{}", differs(&texture, next));
             // In the middle of the photo nothing is moved: the cell there is the texture's.
-            let light = |at: DVec2| interpolate_bilinear(&picture, narrow(at.x), narrow(at.y)).unwrap().0[0];
+            let light = |at: DVec2| {
+                interpolate_bilinear(&picture, narrow(at.x), narrow(at.y)).unwrap().0[0]
+            };
             let corner = LATTICE.matrix() * DVec2::new(1.0, 1.0);
             let off = (0..height).flat_map(|y| (0..width).map(move |x| [x, y])).map(|[x, y]| {
-                let at = corner + LATTICE.a * (f64::from(x) / 20.0) + LATTICE.b * (f64::from(y) / 16.0);
+                let at =
+                    corner + LATTICE.a * (f64::from(x) / 20.0) + LATTICE.b * (f64::from(y) / 16.0);
                 f64::from(light(at).abs_diff(texture.get_pixel(x, y).0[0]))
             });
             let mean = off.sum::<f64>() / 320.0;
@@ -317,8 +364,12 @@ mod tests {
     fn no_seam_is_seen_where_it_tiles() {
         let texture = quilted(&cloth([300, 260], 0.0, 60.0));
         let (width, height) = texture.dimensions();
-        let across = |edge: bool| differs(&texture, |x, y| ((x + 1 == width) == edge).then_some([(x + 1) % width, y]));
-        let down = |edge: bool| differs(&texture, |x, y| ((y + 1 == height) == edge).then_some([x, (y + 1) % height]));
+        let across = |edge: bool| {
+            differs(&texture, |x, y| ((x + 1 == width) == edge).then_some([(x + 1) % width, y]))
+        };
+        let down = |edge: bool| {
+            differs(&texture, |x, y| ((y + 1 == height) == edge).then_some([x, (y + 1) % height]))
+        };
         assert!(across(true) < 1.15 * across(false), "{} {}", across(true), across(false));
         assert!(down(true) < 1.15 * down(false), "{} {}", down(true), down(false));
         // Noise is the photo's own, and not the mean of some copies.
@@ -330,11 +381,16 @@ mod tests {
     fn uneven_light_is_taken_off() {
         let texture = quilted(&cloth([300, 260], 0.4, 0.0));
         let mean = |column: u32| {
-            let cell = image::imageops::crop_imm(&texture, 20 * column, 0, 20, texture.height()).to_image();
-            cell.pixels().map(|pixel| f64::from(pixel.0[0])).sum::<f64>() / f64::from(20 * texture.height())
+            let cell = image::imageops::crop_imm(&texture, 20 * column, 0, 20, texture.height())
+                .to_image();
+            cell.pixels().map(|pixel| f64::from(pixel.0[0])).sum::<f64>()
+                / f64::from(20 * texture.height())
         };
         let means: Vec<f64> = (0..texture.width() / 20).map(mean).collect();
-        let (low, high) = (means.iter().copied().fold(f64::MAX, f64::min), means.iter().copied().fold(0.0, f64::max));
+        let (low, high) = (
+            means.iter().copied().fold(f64::MAX, f64::min),
+            means.iter().copied().fold(0.0, f64::max),
+        );
         assert!(high / low < 1.06, "{means:?}");
     }
 }

@@ -1,9 +1,12 @@
 //! Step 2, registration: how far each copy of the cell lies from where the lattice has it.
 //!
-//! In: the picture without slow shading, and its lattice. Out: a [`Warp`], a displacement at each place that changes slowly across the picture.
+//! In: the picture without slow shading, and its lattice. Out: a [`Warp`], a displacement at each
+//! place that changes slowly across the picture.
 //!
-//! Waves of the lattice's frequencies are followed through the picture (geometric phase analysis, Hÿtch, Snoeck and Kilaas 1998): where the cloth is moved by d, the
-//! phase of a wave k is less by k·d. Two waves that aren't parallel tell d, and all strong ones together tell it better. Cost: a few operations a pixel and wave.
+//! Waves of the lattice's frequencies are followed through the picture (geometric phase analysis,
+//! Hÿtch, Snoeck and Kilaas 1998): where the cloth is moved by d, the phase of a wave k is less by
+//! k·d. Two waves that aren't parallel tell d, and all strong ones together tell it better. Cost: a
+//! few operations a pixel and wave.
 //!
 //! Not promised: cloth that is moved by half a cell or more from one cell to the next.
 
@@ -32,12 +35,15 @@ pub(super) struct Warp {
 impl Warp {
     /// How far the cloth at a pixel is from where it belongs.
     fn displacement(&self, at: DVec2) -> DVec2 {
-        let place = (at / self.step).clamp(DVec2::ZERO, DVec2::new(double(self.columns - 1), double(self.rows - 1)));
+        let place = (at / self.step)
+            .clamp(DVec2::ZERO, DVec2::new(double(self.columns - 1), double(self.rows - 1)));
         let node = |at: f64, count: usize| whole(narrow(at)).min(count.saturating_sub(2));
         let (x, y) = (node(place.x, self.columns), node(place.y, self.rows));
         let (right, down) = ((x + 1).min(self.columns - 1), (y + 1).min(self.rows - 1));
         let (u, v) = (place.x - double(x), place.y - double(y));
-        let row = |y: usize| self.nodes[y * self.columns + x].lerp(self.nodes[y * self.columns + right], u);
+        let row = |y: usize| {
+            self.nodes[y * self.columns + x].lerp(self.nodes[y * self.columns + right], u)
+        };
         row(y).lerp(row(down), v)
     }
 
@@ -60,7 +66,8 @@ const WAVES: usize = 6;
 /// Follows the cloth through `even`, the picture without slow shading.
 pub(super) fn register(even: &Plane, lattice: &Lattice) -> Warp {
     let step = (0.5 * lattice.shorter()).max(3.0);
-    let [columns, rows] = [even.width, even.height].map(|side| whole(narrow(double(side) / step)) + 2);
+    let [columns, rows] =
+        [even.width, even.height].map(|side| whole(narrow(double(side) / step)) + 2);
     // A window of some cells: less would let the wave's neighbours in.
     let sigma = 1.1 * lattice.longer();
     let reciprocal = lattice.matrix().inverse().transpose();
@@ -70,7 +77,9 @@ pub(super) fn register(even: &Plane, lattice: &Lattice) -> Warp {
         .map(|[m, n]| reciprocal * DVec2::new(f64::from(m), f64::from(n)))
         .filter(|wave| wave.length() < 0.4)
         .collect();
-    let strength = |field: &[[f64; 2]]| field.iter().map(|[re, im]| re.hypot(*im)).sum::<f64>() / double(field.len());
+    let strength = |field: &[[f64; 2]]| {
+        field.iter().map(|[re, im]| re.hypot(*im)).sum::<f64>() / double(field.len())
+    };
     let mut followed: Vec<(f64, DVec2, Vec<[f64; 2]>)> = waves
         .into_par_iter()
         .map(|wave| {
@@ -80,7 +89,8 @@ pub(super) fn register(even: &Plane, lattice: &Lattice) -> Warp {
         .collect();
     followed.sort_by(|p, q| q.0.total_cmp(&p.0));
     followed.truncate(WAVES);
-    let phases: Vec<Vec<f64>> = followed.iter().map(|(_, _, field)| unwrapped(field, columns, rows)).collect();
+    let phases: Vec<Vec<f64>> =
+        followed.iter().map(|(_, _, field)| unwrapped(field, columns, rows)).collect();
     // Phases of the middle are the cloth's own; only what is other elsewhere is displacement.
     let middle = (rows / 2) * columns + columns / 2;
     let nodes = (0..columns * rows).map(|node| {
@@ -99,9 +109,17 @@ pub(super) fn register(even: &Plane, lattice: &Lattice) -> Warp {
 }
 
 /// A wave's amplitude at each node, relative to one that goes straight on: real and imaginary part.
-fn follow(even: &Plane, wave: DVec2, step: f64, columns: usize, rows: usize, sigma: f64) -> Vec<[f64; 2]> {
-    let along =
-        |count: usize, wave: f64| -> Vec<(f64, f64)> { (0..count).map(|at| (TAU * wave * double(at)).sin_cos()).collect() };
+fn follow(
+    even: &Plane,
+    wave: DVec2,
+    step: f64,
+    columns: usize,
+    rows: usize,
+    sigma: f64,
+) -> Vec<[f64; 2]> {
+    let along = |count: usize, wave: f64| -> Vec<(f64, f64)> {
+        (0..count).map(|at| (TAU * wave * double(at)).sin_cos()).collect()
+    };
     let (along_x, along_y) = (along(even.width, wave.x), along(even.height, wave.y));
     let node = |at: usize| whole(narrow((double(at) / step).round()));
     // Sums around each node first, then a blur of the nodes.
@@ -167,7 +185,11 @@ mod tests {
         });
         let warp = register(&moved, &lattice);
         for at in [[20.0, 30.0], [150.0, 130.0], [290.0, 250.0]].map(DVec2::from) {
-            assert!(warp.displacement(at).length() < 8.0 && warp.place(warp.count(at)).distance(at) < 1e-2, "{at}");
+            assert!(
+                warp.displacement(at).length() < 8.0
+                    && warp.place(warp.count(at)).distance(at) < 1e-2,
+                "{at}"
+            );
         }
     }
 }

@@ -1,8 +1,10 @@
 //! Steps 3 and 5: a segment of yarn as a curved cylinder, and the cell that some of them make.
 //!
-//! In: [`Segment`]s on a [`Lattice`]. Out: how light each place of the cell is. 'Dark is deep': heights are in units of lightness,
-//! until somebody says how thick the cloth is. Source: the cylinder of Irawan and Marschner 2012, bent down at its ends (level between, where it lies over several
-//! others), with a tilt for yarns that come up at one end and go down at the other; in the cloth's plane its axis is a cubic, as legs of loops are.
+//! In: [`Segment`]s on a [`Lattice`]. Out: how light each place of the cell is. 'Dark is deep':
+//! heights are in units of lightness, until somebody says how thick the cloth is. Source: the
+//! cylinder of Irawan and Marschner 2012, bent down at its ends (level between, where it lies over
+//! several others), with a tilt for yarns that come up at one end and go down at the other; in the
+//! cloth's plane its axis is a cubic, as legs of loops are.
 
 use glam::DVec2;
 
@@ -29,21 +31,25 @@ pub struct Segment {
     pub sag: f64,
     /// How much lighter one end is than the middle, and darker the other.
     pub tilt: f64,
-    /// How far its middle lies aside of the line between its ends, to the right of its direction as it is seen.
+    /// How far its middle lies aside of the line between its ends, to the right of its direction as
+    /// it is seen.
     pub bow: f64,
-    /// How far it lies to one side of that line in its first half, and to the other in its second, as an S does.
+    /// How far it lies to one side of that line in its first half, and to the other in its second,
+    /// as an S does.
     pub sway: f64,
 }
 
 /// How fast a yarn goes down beyond its end, lightness a width.
 const DIVES: f64 = 6.0;
-/// How far from its ends a yarn begins to go down, widths: what lies over several others is level between.
+/// How far from its ends a yarn begins to go down, widths: what lies over several others is level
+/// between.
 const FALLS: f64 = 0.75;
 /// Edges are blurred by so many pixels to either side.
 const BLUR: f64 = 0.5;
 /// Places along a segment that are looked at.
 pub(super) const STEPS: usize = 60;
-/// Segments that may be one: how far apart their ends are at most, widths; how sharply one turns there, radians; and how much wider one is.
+/// Segments that may be one: how far apart their ends are at most, widths; how sharply one turns
+/// there, radians; and how much wider one is.
 const GAP: f64 = 1.5;
 const SHARPEST: f64 = 1.2;
 const ALIKE: f64 = 1.8;
@@ -58,15 +64,28 @@ impl Segment {
     /// Those of them that are pixels.
     pub(super) const PIXELS: [usize; 6] = [0, 1, 3, 4, 9, 10];
 
-    /// A straight one that lies as high at both ends, as much darker at edges and ends as yarns mostly are.
+    /// A straight one that lies as high at both ends, as much darker at edges and ends as yarns
+    /// mostly are.
     #[must_use]
     pub const fn straight(centre: DVec2, angle: f64, width: f64, length: f64, top: f64) -> Self {
-        Self { centre, angle, width, length, top, round: 0.5 * top, sag: 0.3 * top, tilt: 0.0, bow: 0.0, sway: 0.0 }
+        Self {
+            centre,
+            angle,
+            width,
+            length,
+            top,
+            round: 0.5 * top,
+            sag: 0.3 * top,
+            tilt: 0.0,
+            bow: 0.0,
+            sway: 0.0,
+        }
     }
 
     /// The same in pixels of another size.
     pub(super) fn scaled(&self, scale: f64) -> Self {
-        let [width, length, bow, sway] = [self.width, self.length, self.bow, self.sway].map(|length| length * scale);
+        let [width, length, bow, sway] =
+            [self.width, self.length, self.bow, self.sway].map(|length| length * scale);
         Self { centre: self.centre * scale, width, length, bow, sway, ..*self }
     }
 
@@ -74,7 +93,10 @@ impl Segment {
     #[must_use]
     pub fn axis(&self, along: f64) -> (DVec2, f64) {
         let (aside, slope) = self.aside(along);
-        (self.centre + DVec2::from_angle(self.angle).rotate(DVec2::new(along, aside)), self.angle + slope.atan())
+        (
+            self.centre + DVec2::from_angle(self.angle).rotate(DVec2::new(along, aside)),
+            self.angle + slope.atan(),
+        )
     }
 
     /// Where it is so far along its axis, and so far beside it.
@@ -83,15 +105,23 @@ impl Segment {
         place + DVec2::from_angle(angle).perp() * across
     }
 
-    /// The stretch from one place along it to another: as light at its ends and in its middle as it was, and as far aside there and at its crests.
+    /// The stretch from one place along it to another: as light at its ends and in its middle as it
+    /// was, and as far aside there and at its crests.
     pub(super) fn part(&self, first: f64, last: f64) -> Self {
         let on_axis = |t: f64| self.axis(first + (0.5 + 0.5 * t) * (last - first)).0;
-        let [start, middle, end] = [first, 0.5 * (first + last), last].map(|along| self.light(along));
-        let light = Self { top: middle, sag: middle - 0.5 * (start + end), tilt: 0.5 * (end - start), ..*self };
+        let [start, middle, end] =
+            [first, 0.5 * (first + last), last].map(|along| self.light(along));
+        let light = Self {
+            top: middle,
+            sag: middle - 0.5 * (start + end),
+            tilt: 0.5 * (end - start),
+            ..*self
+        };
         light.through(on_axis(-1.0), on_axis(1.0), on_axis)
     }
 
-    /// This segment and one that goes on where it ends, as one that bends through both; nothing where none goes on.
+    /// This segment and one that goes on where it ends, as one that bends through both; nothing
+    /// where none goes on.
     pub(super) fn joined(&self, other: &Self, lattice: &Lattice) -> Option<Self> {
         if self.width.max(other.width) > ALIKE * self.width.min(other.width) {
             return None;
@@ -105,7 +135,8 @@ impl Segment {
         let (start, end) = (path[0], path[path.len() - 1]);
         let on_path = |t: f64| {
             let way = end - start;
-            let is_beyond = |place: &&DVec2| way.dot(**place - start) >= (0.5 + 0.5 * t) * way.length_squared();
+            let is_beyond =
+                |place: &&DVec2| way.dot(**place - start) >= (0.5 + 0.5 * t) * way.length_squared();
             path.iter().find(is_beyond).copied().unwrap_or(end)
         };
         let mean = |p: f64, q: f64| 0.5 * (p + q);
@@ -117,23 +148,31 @@ impl Segment {
             tilt: 0.5 * (other.top - self.top),
             ..*self
         };
-        Some(light.through(start, end, on_path)).filter(|joined| joined.length > self.length.max(other.length))
+        Some(light.through(start, end, on_path))
+            .filter(|joined| joined.length > self.length.max(other.length))
     }
 
-    /// Which ends of two segments meet (1 is ahead, -1 behind), and how far the second one's copy is that is meant.
+    /// Which ends of two segments meet (1 is ahead, -1 behind), and how far the second one's copy
+    /// is that is meant.
     fn meeting(&self, other: &Self, lattice: &Lattice) -> Option<(f64, f64, DVec2)> {
         let meeting = |(from, to): (f64, f64)| {
-            let ((place, out), (next, back)) = (self.axis(0.5 * from * self.length), other.axis(0.5 * to * other.length));
-            let turn = (from * DVec2::from_angle(out)).angle_to(-to * DVec2::from_angle(back)).abs();
+            let ((place, out), (next, back)) =
+                (self.axis(0.5 * from * self.length), other.axis(0.5 * to * other.length));
+            let turn =
+                (from * DVec2::from_angle(out)).angle_to(-to * DVec2::from_angle(back)).abs();
             let gap = lattice.nearest(next - place);
             let is_near = turn < SHARPEST && gap.length() < GAP * 0.5 * (self.width + other.width);
             is_near.then_some((gap.length(), (from, to, gap - (next - place))))
         };
         let ends = [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)];
-        ends.into_iter().filter_map(meeting).min_by(|p, q| p.0.total_cmp(&q.0)).map(|(_, meeting)| meeting)
+        ends.into_iter()
+            .filter_map(meeting)
+            .min_by(|p, q| p.0.total_cmp(&q.0))
+            .map(|(_, meeting)| meeting)
     }
 
-    /// The same between two other ends, as far aside in its middle and at the crests of an S as some path there (-1 and 1 are its ends).
+    /// The same between two other ends, as far aside in its middle and at the crests of an S as
+    /// some path there (-1 and 1 are its ends).
     fn through(&self, start: DVec2, end: DVec2, path: impl Fn(f64) -> DVec2) -> Self {
         let way = (end - start).normalize_or(DVec2::X);
         let [before, middle, after] = [-CREST, 0.0, CREST].map(|t| way.perp_dot(path(t) - start));
@@ -147,12 +186,18 @@ impl Segment {
         }
     }
 
-    /// How far its axis lies aside of the line between its ends, and how steeply it leaves it, so far along. It goes straight on beyond its ends.
+    /// How far its axis lies aside of the line between its ends, and how steeply it leaves it, so
+    /// far along. It goes straight on beyond its ends.
     fn aside(&self, along: f64) -> (f64, f64) {
         let half = 0.5 * self.length;
         let t = (along / half).clamp(-1.0, 1.0);
         let slope = (S_CURVE * self.sway * (3.0 * t * t - 1.0) - 2.0 * self.bow * t) / half;
-        (self.bow * (1.0 - t * t) + S_CURVE * self.sway * (t * t * t - t) + slope * (along - t * half), slope)
+        (
+            self.bow * (1.0 - t * t)
+                + S_CURVE * self.sway * (t * t * t - t)
+                + slope * (along - t * half),
+            slope,
+        )
     }
 
     /// How far it has gone down so far along: 0 where it is level, 1 at its ends.
@@ -164,7 +209,8 @@ impl Segment {
 
     /// How light its axis is relative to the ground, so far along.
     fn light(&self, along: f64) -> f64 {
-        self.top - self.sag * self.fallen(along) + self.tilt * (along / (0.5 * self.length)).clamp(-1.0, 1.0)
+        self.top - self.sag * self.fallen(along)
+            + self.tilt * (along / (0.5 * self.length)).clamp(-1.0, 1.0)
     }
 
     /// Along and across a segment whose middle is at the origin; `way` is its direction.
@@ -183,8 +229,10 @@ impl Segment {
         }
         let across = (at.y / (0.5 * self.width)).clamp(-1.0, 1.0);
         let beyond = (at.x.abs() - 0.5 * self.length).max(0.0) / self.width;
-        let lit = self.light(at.x) - DIVES * beyond - self.round * (1.0 - (1.0 - across * across).sqrt());
-        // A pixel that is half yarn has half its luminance, of which lightness is about the cube root.
+        let lit =
+            self.light(at.x) - DIVES * beyond - self.round * (1.0 - (1.0 - across * across).sqrt());
+        // A pixel that is half yarn has half its luminance, of which lightness is about the cube
+        // root.
         if edge < 1.0 { lit * edge.cbrt() } else { lit }
     }
 
@@ -199,18 +247,24 @@ impl Segment {
         0.5 * (self.length + 0.8 * self.width).hypot(self.width) + self.bow.abs() + self.sway.abs()
     }
 
-    /// How far from the line through its middle it reaches at most, as far along as [`Segment::reach`].
+    /// How far from the line through its middle it reaches at most, as far along as
+    /// [`Segment::reach`].
     fn wide(&self) -> f64 {
-        let steepest = (2.0 * S_CURVE * self.sway.abs() + 2.0 * self.bow.abs()) / (0.5 * self.length);
+        let steepest =
+            (2.0 * S_CURVE * self.sway.abs() + 2.0 * self.bow.abs()) / (0.5 * self.length);
         let beyond = self.reach() + 0.5 - 0.5 * self.length;
         // An edge seen at a slant is farther from its axis by less than its slope has it.
-        (0.5 * self.width + BLUR) * (1.0 + steepest) + self.bow.abs() + self.sway.abs() + steepest * beyond
+        (0.5 * self.width + BLUR) * (1.0 + steepest)
+            + self.bow.abs()
+            + self.sway.abs()
+            + steepest * beyond
     }
 
     /// Counts of both vectors, lowest and highest, to its copies that may touch the cell.
     fn counts(&self, lattice: &Lattice) -> (DVec2, DVec2) {
         let count = lattice.matrix().inverse() * self.centre;
-        let margin = DVec2::new(lattice.b.length(), lattice.a.length()) * self.reach() / lattice.area();
+        let margin =
+            DVec2::new(lattice.b.length(), lattice.a.length()) * self.reach() / lattice.area();
         ((-margin - count).ceil(), (DVec2::ONE + margin - count).floor())
     }
 
@@ -257,8 +311,10 @@ impl Segment {
 
 /// Places of a grid over a cell, pixels.
 pub(super) fn places(lattice: &Lattice, [columns, rows]: [usize; 2]) -> Vec<DVec2> {
-    let place =
-        |at: usize| lattice.a * (double(at % columns) / double(columns)) + lattice.b * (double(at / columns) / double(rows));
+    let place = |at: usize| {
+        lattice.a * (double(at % columns) / double(columns))
+            + lattice.b * (double(at / columns) / double(rows))
+    };
     (0..columns * rows).map(place).collect()
 }
 
@@ -280,7 +336,12 @@ pub(super) fn heights(segment: &Segment, lattice: &Lattice, places: &[DVec2]) ->
 }
 
 /// How light each place of a cell is.
-pub(super) fn drawn(segments: &[Segment], ground: f64, lattice: &Lattice, places: &[DVec2]) -> Vec<f64> {
+pub(super) fn drawn(
+    segments: &[Segment],
+    ground: f64,
+    lattice: &Lattice,
+    places: &[DVec2],
+) -> Vec<f64> {
     let mut light = vec![0.0_f64; places.len()];
     segments.iter().for_each(|segment| over(&mut light, &heights(segment, lattice, places)));
     light.iter_mut().for_each(|light| *light += ground);
@@ -302,7 +363,9 @@ pub(super) fn shares(segments: &[Segment], lattice: &Lattice, places: &[DVec2]) 
             }
         }
     }
-    let share = |which: &dyn Fn(u8) -> bool| double(counts.iter().filter(|count| which(**count)).count()) / double(counts.len());
+    let share = |which: &dyn Fn(u8) -> bool| {
+        double(counts.iter().filter(|count| which(**count)).count()) / double(counts.len())
+    };
     [share(&|count| count > 1), share(&|count| count == 0)]
 }
 
@@ -324,20 +387,31 @@ mod tests {
         let places = places(&LATTICE, [20, 10]);
         let drawn = drawn(&[segment(0.0, 5.0, 0.0)], 0.2, &LATTICE, &places);
         let at = |x: usize, y: usize| drawn[20 * y + x];
-        assert!((at(0, 5) - 1.2).abs() < 1e-12 && at(1, 5) > at(19, 5), "lifted towards +x: {} {}", at(1, 5), at(19, 5));
+        assert!(
+            (at(0, 5) - 1.2).abs() < 1e-12 && at(1, 5) > at(19, 5),
+            "lifted towards +x: {} {}",
+            at(1, 5),
+            at(19, 5)
+        );
         assert!(at(16, 5) > 0.2 && at(10, 5) == 0.2 && at(0, 8) == 0.2 && at(0, 6) < at(0, 5));
     }
 
     #[test]
     fn all_that_a_segment_draws_lies_in_its_strip() {
-        let around: Vec<DVec2> = (0..300 * 300).map(|at| DVec2::new(double(at % 300), double(at / 300)) * 0.1).collect();
+        let around: Vec<DVec2> =
+            (0..300 * 300).map(|at| DVec2::new(double(at % 300), double(at / 300)) * 0.1).collect();
         let wide = Lattice { a: DVec2::X * 60.0, b: DVec2::Y * 60.0 };
         for (bow, sway) in [(0.0, 0.0), (2.0, 0.0), (-1.5, 2.5), (1.0, -3.0)] {
             let bent = Segment { bow, sway, ..segment(15.0, 15.0, 0.3) };
             let way = DVec2::from_angle(0.3);
             let reaches = |off: DVec2| off.length() < bent.reach() + 0.5;
-            let height = |place: &DVec2| Some(*place - bent.centre).filter(|off| reaches(*off)).map(|off| bent.height(off, way));
-            let expected: Vec<f64> = around.iter().map(|place| height(place).unwrap_or(0.0).max(0.0)).collect();
+            let height = |place: &DVec2| {
+                Some(*place - bent.centre)
+                    .filter(|off| reaches(*off))
+                    .map(|off| bent.height(off, way))
+            };
+            let expected: Vec<f64> =
+                around.iter().map(|place| height(place).unwrap_or(0.0).max(0.0)).collect();
             assert!(heights(&bent, &wide, &around) == expected, "{bow} {sway}");
         }
     }
@@ -349,7 +423,10 @@ mod tests {
         let part = whole.part(first, last);
         let way = DVec2::from_angle(0.3);
         for (share, light) in [(-0.5, first), (0.0, 0.5 * (first + last)), (0.5, last)] {
-            assert!((part.light(share * part.length) - whole.light(light)).abs() < 1e-12, "{share}");
+            assert!(
+                (part.light(share * part.length) - whole.light(light)).abs() < 1e-12,
+                "{share}"
+            );
         }
         for along in [-3.9, -2.0, 0.0, 2.9] {
             // Its frame is turned a little.
@@ -364,13 +441,20 @@ mod tests {
     fn a_bent_segment_is_as_wide_as_a_straight_one_and_keeps_its_ends() {
         let bent = Segment { bow: 1.0, sway: 0.5, ..segment(10.0, 5.0, 0.0) };
         let end = |side: f64| bent.axis(side * 6.0).0;
-        assert!(end(1.0).distance(DVec2::new(16.0, 5.0)) < 1e-12 && end(-1.0).distance(DVec2::new(4.0, 5.0)) < 1e-12);
+        assert!(
+            end(1.0).distance(DVec2::new(16.0, 5.0)) < 1e-12
+                && end(-1.0).distance(DVec2::new(4.0, 5.0)) < 1e-12
+        );
         // An S bends most where it has gone .577 of its way to an end.
         assert!((bent.axis(-6.0 * CREST).0.y - 5.0 - (1.0 - CREST * CREST) - 0.5).abs() < 1e-12);
         for along in [-4.0, -2.0, 0.0, 2.0, 5.0] {
             let (place, angle) = bent.axis(along);
             let aside = DVec2::from_angle(angle).perp();
-            assert!(bent.covers(place + aside * 1.8 - bent.centre) && !bent.covers(place + aside * 2.4 - bent.centre), "{along}");
+            assert!(
+                bent.covers(place + aside * 1.8 - bent.centre)
+                    && !bent.covers(place + aside * 2.4 - bent.centre),
+                "{along}"
+            );
         }
     }
 
@@ -387,8 +471,16 @@ mod tests {
             ..second
         };
         let joined = first.joined(&second, &LATTICE).unwrap();
-        assert!((joined.length - 16.0).abs() < 0.1 && between(joined.angle, 0.2) < 0.02, "{joined:?}");
-        assert!((joined.bow - 1.5).abs() < 0.2 && (joined.sway - 0.5).abs() < 0.2 && joined.width == 4.0, "{joined:?}");
+        assert!(
+            (joined.length - 16.0).abs() < 0.1 && between(joined.angle, 0.2) < 0.02,
+            "{joined:?}"
+        );
+        assert!(
+            (joined.bow - 1.5).abs() < 0.2
+                && (joined.sway - 0.5).abs() < 0.2
+                && joined.width == 4.0,
+            "{joined:?}"
+        );
         let across = Segment { angle: 1.8, ..second };
         assert_eq!(first.joined(&across, &LATTICE), None);
         assert_eq!(first.joined(&Segment { width: 8.0, ..second }, &LATTICE), None);
@@ -404,7 +496,8 @@ mod tests {
         let places = places(&LATTICE, [200, 100]);
         let [overlap, blank] = shares(&[segment(10.0, 5.0, 0.0)], &LATTICE, &places);
         assert!(overlap == 0.0 && (blank - 0.76).abs() < 0.01, "{blank}");
-        let [overlap, _] = shares(&[segment(10.0, 5.0, 0.0), segment(16.0, 5.0, 0.0)], &LATTICE, &places);
+        let [overlap, _] =
+            shares(&[segment(10.0, 5.0, 0.0), segment(16.0, 5.0, 0.0)], &LATTICE, &places);
         assert!((overlap - 0.12).abs() < 0.01, "{overlap}");
     }
 }

@@ -1,9 +1,11 @@
 //! Step 5, shape: each segment as the curved cylinder of Irawan and Marschner 2012, in mm.
 //!
-//! In: segments in pixels and lightness, and how many mm both are. Out: [`Shape`]s. Along its length the cylinder's axis is an arc that leaves the cloth's plane at its ends by `umax`; across it
-//! is an ellipse as wide as the yarn, with the semi-axis `a` upward.
+//! In: segments in pixels and lightness, and how many mm both are. Out: [`Shape`]s. Along its
+//! length the cylinder's axis is an arc that leaves the cloth's plane at its ends by `umax`; across
+//! it is an ellipse as wide as the yarn, with the semi-axis `a` upward.
 //!
-//! Not promised: a section and an arc better than 'dark is deep' knows them; both are held to what yarns can be.
+//! Not promised: a section and an arc better than 'dark is deep' knows them; both are held to what
+//! yarns can be.
 
 use glam::{DVec2, DVec3};
 
@@ -72,7 +74,12 @@ mod tests {
 
     #[test]
     fn a_parabola_and_an_ellipse_in_mm() {
-        let segment = Segment { round: 0.7, sag: 1.0, bow: 2.0, ..Segment::straight(DVec2::new(10.0, 4.0), 0.3, 8.0, 20.0, 2.0) };
+        let segment = Segment {
+            round: 0.7,
+            sag: 1.0,
+            bow: 2.0,
+            ..Segment::straight(DVec2::new(10.0, 4.0), 0.3, 8.0, 20.0, 2.0)
+        };
         let shape = Shape::of(&segment, Scale { pixel: 0.05, light: 0.25 });
         assert!((shape.width - 0.4).abs() < 1e-12 && (shape.length - 1.0).abs() < 1e-12);
         assert!((shape.semi_axis - 0.175).abs() < 1e-12);
@@ -81,7 +88,8 @@ mod tests {
         assert!((shape.centre - middle.extend(0.325)).length() < 1e-12, "{shape:?}");
         // At its ends it is as far below its middle as the light says, and slopes so.
         assert!((shape.sinks() - 0.25).abs() < 1e-12 && (shape.steepest.tan() - 1.0).abs() < 1e-12);
-        let flat = Shape::of(&Segment { round: 0.0, ..segment }, Scale { pixel: 0.05, light: 0.25 });
+        let flat =
+            Shape::of(&Segment { round: 0.0, ..segment }, Scale { pixel: 0.05, light: 0.25 });
         assert!((flat.semi_axis - 0.1).abs() < 1e-12, "{flat:?}");
     }
 }

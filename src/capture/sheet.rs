@@ -1,6 +1,8 @@
-//! Sheets on which a person sees the layout: the mean cell nine times, with the segments of the middle one and of its neighbours drawn over it.
+//! Sheets on which a person sees the layout: the mean cell nine times, with the segments of the
+//! middle one and of its neighbours drawn over it.
 //!
-//! In: a [`Cell`] and segments. Out: `grid3x3.png`, with what is seen of them; `layout.svg`, with all of them as they are in `layout.toml`, numbered.
+//! In: a [`Cell`] and segments. Out: `grid3x3.png`, with what is seen of them; `layout.svg`, with
+//! all of them as they are in `layout.toml`, numbered.
 
 use glam::DVec2;
 use image::{Rgba, RgbaImage};
@@ -23,13 +25,17 @@ const FINER: f64 = 2.0;
 const ALONG: usize = 9;
 /// All of them: there along one edge, back along the other.
 const AROUND: usize = 2 * ALONG;
-/// Colours of segments, in turn: told apart by those who don't tell red from green as well (Okabe and Ito 2008).
-const COLORS: [[u8; 3]; 6] = [[213, 94, 0], [0, 114, 178], [240, 228, 66], [0, 158, 115], [204, 121, 167], [86, 180, 233]];
+/// Colours of segments, in turn: told apart by those who don't tell red from green as well (Okabe
+/// and Ito 2008).
+const COLORS: [[u8; 3]; 6] =
+    [[213, 94, 0], [0, 114, 178], [240, 228, 66], [0, 158, 115], [204, 121, 167], [86, 180, 233]];
 
 /// A plane's values, darkest to lightest, as greys.
 pub(super) fn grey(plane: &Plane) -> RgbaImage {
     let (low, high) =
-        plane.values.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), value| (low.min(*value), high.max(*value)));
+        plane.values.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), value| {
+            (low.min(*value), high.max(*value))
+        });
     let scale = 255.0 / (high - low).max(f32::MIN_POSITIVE);
     RgbaImage::from_fn(side(plane.width), side(plane.height), |x, y| {
         let grey = byte((plane.at(x as usize, y as usize) - low) * scale);
@@ -80,17 +86,22 @@ pub(super) fn grid(cell: &Cell, layout: &Layout) -> RgbaImage {
     RgbaImage::from_raw(width, height, canvas.take()).expect("four bytes a pixel")
 }
 
-/// The grid with segments that say their numbers; these are pixels of the photo, of which the cell has `scale` for each.
+/// The grid with segments that say their numbers; these are pixels of the photo, of which the cell
+/// has `scale` for each.
 pub(super) fn drawing(cell: &Cell, segments: &[Segment], scale: f64) -> Drawing {
     let finer = DRAWN_CELL / cell.lattice.longer();
     let (plane, corner) = cell.grid(finer);
     let picture = grey(&plane);
     let size = DVec2::new(f64::from(picture.width()), f64::from(picture.height())) / FINER;
     let px = |place: DVec2| (place - corner) * (finer / FINER);
-    let drawn: Vec<[[DVec2; AROUND]; 9]> =
-        segments.iter().map(|segment| outlines(&segment.scaled(scale), cell).map(|outline| outline.map(px))).collect();
-    let middles: Vec<DVec2> =
-        drawn.iter().map(|copies| copies[4][ALONG / 2].midpoint(copies[4][AROUND - 1 - ALONG / 2])).collect();
+    let drawn: Vec<[[DVec2; AROUND]; 9]> = segments
+        .iter()
+        .map(|segment| outlines(&segment.scaled(scale), cell).map(|outline| outline.map(px)))
+        .collect();
+    let middles: Vec<DVec2> = drawn
+        .iter()
+        .map(|copies| copies[4][ALONG / 2].midpoint(copies[4][AROUND - 1 - ALONG / 2]))
+        .collect();
     let dots = middles.iter().map(|&at| Shape::Dot { at, radius: 8.0 }).collect();
     let numbers = (1..).zip(&middles).map(|(number, &middle)| Shape::Text {
         at: middle + DVec2::new(0.0, 3.5),
@@ -98,20 +109,32 @@ pub(super) fn drawing(cell: &Cell, segments: &[Segment], scale: f64) -> Drawing 
         size: TextSize::Small,
         anchor: Anchor::Middle,
     });
-    let layer =
-        |name: &str, color: [u8; 3], shapes: Vec<Shape>| Layer { name: name.to_owned(), color: yarn::Color(color), shapes };
+    let layer = |name: &str, color: [u8; 3], shapes: Vec<Shape>| Layer {
+        name: name.to_owned(),
+        color: yarn::Color(color),
+        shapes,
+    };
     let mut layers = vec![
         layer("grid", [0; 3], vec![Shape::Picture { at: DVec2::ZERO, picture }]),
         layer("dots", [20; 3], dots),
         layer("numbers", [255; 3], numbers.collect()),
     ];
-    for (((number, segment), copies), color) in (1..).zip(segments).zip(&drawn).zip(COLORS.into_iter().cycle()) {
+    for (((number, segment), copies), color) in
+        (1..).zip(segments).zip(&drawn).zip(COLORS.into_iter().cycle())
+    {
         let title = Shape::Title { text: title(number, segment) };
         let lines = copies.iter().map(|outline| {
             let ahead = outline[1..].iter().chain([&outline[0]]).map(|place| Piece::Line(*place));
-            Shape::Path { pieces: [Piece::Move(outline[0])].into_iter().chain(ahead).collect(), width: 1.5 }
+            Shape::Path {
+                pieces: [Piece::Move(outline[0])].into_iter().chain(ahead).collect(),
+                width: 1.5,
+            }
         });
-        layers.push(layer(&format!("segment-{number}"), color, [title].into_iter().chain(lines).collect()));
+        layers.push(layer(
+            &format!("segment-{number}"),
+            color,
+            [title].into_iter().chain(lines).collect(),
+        ));
     }
     Drawing { size, layers, notes: Vec::new() }
 }
@@ -134,18 +157,35 @@ mod tests {
     #[test]
     fn a_segment_is_drawn_in_each_cell_whichever_copy_is_given() {
         let lattice = Lattice { a: DVec2::new(20.0, 0.0), b: DVec2::new(0.0, 10.0) };
-        let cell = Cell { lattice, plane: Plane::from_fn(20, 10, |x, _| f32::from(u8::try_from(x).unwrap())) };
+        let cell = Cell {
+            lattice,
+            plane: Plane::from_fn(20, 10, |x, _| f32::from(u8::try_from(x).unwrap())),
+        };
         let segment = Segment::straight(DVec2::new(65.0, -7.0), 0.0, 4.0, 12.0, 1.0);
         let copies = outlines(&segment, &cell);
         let near = |place: DVec2, x: f64, y: f64| place.distance(DVec2::new(x, y)) < 1e-9;
-        assert!(near(copies[4][0], 19.0, 11.0) && near(copies[4][ALONG], 31.0, 15.0), "{:?}", copies[4]);
-        assert!(near(copies[0][0] - copies[4][0], -20.0, -10.0) && near(copies[8][0] - copies[4][0], 20.0, 10.0));
+        assert!(
+            near(copies[4][0], 19.0, 11.0) && near(copies[4][ALONG], 31.0, 15.0),
+            "{:?}",
+            copies[4]
+        );
+        assert!(
+            near(copies[0][0] - copies[4][0], -20.0, -10.0)
+                && near(copies[8][0] - copies[4][0], 20.0, 10.0)
+        );
         // The photo has half as many pixels; the drawing has 8 px for each of the cell's.
         let drawing = drawing(&cell, &[segment.scaled(0.5)], 2.0);
         assert_eq!(drawing.size, DVec2::new(480.0, 240.0));
-        let Shape::Path { pieces, .. } = &drawing.layers[3].shapes[5] else { panic!("{:?}", drawing.layers[3].shapes[5]) };
-        let (Piece::Move(first), Piece::Line(second)) = (pieces[0], pieces[ALONG - 1]) else { panic!("{pieces:?}") };
-        assert!(near(first, 19.0 * 8.0, 11.0 * 8.0) && near(second, 31.0 * 8.0, 11.0 * 8.0), "{pieces:?}");
+        let Shape::Path { pieces, .. } = &drawing.layers[3].shapes[5] else {
+            panic!("{:?}", drawing.layers[3].shapes[5])
+        };
+        let (Piece::Move(first), Piece::Line(second)) = (pieces[0], pieces[ALONG - 1]) else {
+            panic!("{pieces:?}")
+        };
+        assert!(
+            near(first, 19.0 * 8.0, 11.0 * 8.0) && near(second, 31.0 * 8.0, 11.0 * 8.0),
+            "{pieces:?}"
+        );
         assert_eq!(
             drawing.layers[3].shapes[0],
             Shape::Title {

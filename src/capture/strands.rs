@@ -1,8 +1,11 @@
 //! From segments to yarns that go on: what lies between the stretches that are seen.
 //!
-//! In: the segments of a rectangular cell. Out: [`Strand`]s, each the path of a yarn through the cell, which goes on into the next one above or beside. Ends of segments are joined: those first between which a segment is known to go on below others, then those that lie near
-//! each other and straight ahead; between them a yarn lies as deep under the cloth's middle as it lies above it where it is seen. A yarn of which no other end is found goes on, underneath, to
-//! its own copy in the next cell.
+//! In: the segments of a rectangular cell. Out: [`Strand`]s, each the path of a yarn through the
+//! cell, which goes on into the next one above or beside. Ends of segments are joined: those first
+//! between which a segment is known to go on below others, then those that lie near each other and
+//! straight ahead; between them a yarn lies as deep under the cloth's middle as it lies above it
+//! where it is seen. A yarn of which no other end is found goes on, underneath, to its own copy in
+//! the next cell.
 //!
 //! Not promised: what a photo doesn't show. Which leg of a loop goes on as which head is a guess.
 
@@ -11,7 +14,8 @@ use glam::{DVec2, DVec3};
 use super::shape::Shape;
 use crate::plane::double;
 
-/// Gaps between ends that are joined, in widths of the yarn, and how far either end may turn aside, radians.
+/// Gaps between ends that are joined, in widths of the yarn, and how far either end may turn aside,
+/// radians.
 const FARTHEST: f64 = 4.5;
 const SHARPEST: f64 = 0.7;
 /// What a radian of turning aside costs, as a share of the gap.
@@ -30,7 +34,8 @@ const UNDERNEATH: f64 = 1.6;
 pub(super) struct Piece {
     /// Which of the layout's segments that are seen it is.
     pub(super) segment: usize,
-    /// The number of the segment that is seen there: parts of it have the same, one after another, where others lie over it.
+    /// The number of the segment that is seen there: parts of it have the same, one after another,
+    /// where others lie over it.
     pub(super) number: usize,
     /// Five places along its axis, from end to end.
     pub(super) axis: [DVec2; 5],
@@ -71,7 +76,8 @@ struct Link {
 
 /// Joins pieces to yarns; they are given copy by copy, in the order in which segments are seen.
 pub(super) fn strands(pieces: &[Piece], cell: DVec2) -> Vec<Strand> {
-    let mean = pieces.iter().map(|piece| piece.shape.centre.z + piece.shape.semi_axis).sum::<f64>() / double(pieces.len().max(1));
+    let mean = pieces.iter().map(|piece| piece.shape.centre.z + piece.shape.semi_axis).sum::<f64>()
+        / double(pieces.len().max(1));
     let links = links(pieces, cell);
     let chains = chains(pieces, cell, &links);
     chains.into_iter().map(|chain| chain.laid(pieces, cell, mean)).collect()
@@ -131,7 +137,10 @@ fn outward(pieces: &[Piece], (piece, end): End) -> DVec2 {
 /// Whether the second is the next part of the same segment: between them it lies below others.
 fn go_on(pieces: &[Piece], from: End, to: End) -> bool {
     let [p, q] = [from, to].map(|(piece, _)| &pieces[piece]);
-    p.number == q.number && p.segment + 1 == q.segment && [from.1, to.1] == [1, 0] && to.0 == from.0 + 1
+    p.number == q.number
+        && p.segment + 1 == q.segment
+        && [from.1, to.1] == [1, 0]
+        && to.0 == from.0 + 1
 }
 
 /// What joining two ends costs, if they may be one yarn's.
@@ -146,7 +155,8 @@ fn cost(pieces: &[Piece], from: End, to: End, gap: DVec2) -> Option<f64> {
         .then(|| (gap.length() + 0.2 * width) * (1.0 + TURNING * (turns[0] + turns[1]) + widths))
 }
 
-/// Pieces one after another: each with the end where the yarn enters it and the copy of the cell that it is in.
+/// Pieces one after another: each with the end where the yarn enters it and the copy of the cell
+/// that it is in.
 struct Chain {
     pieces: Vec<(End, DVec2)>,
     /// Cells from a piece to its next copy on the yarn, and whether no link says so.
@@ -169,13 +179,16 @@ fn chains(all: &[Piece], cell: DVec2, links: &[Link]) -> Vec<Chain> {
             continue;
         }
         // Back to where it begins, if it does anywhere.
-        let begin = followed(&next, (first, 1), count).last().map_or((first, 0), |&((piece, end), _)| (piece, 1 - end));
+        let begin = followed(&next, (first, 1), count)
+            .last()
+            .map_or((first, 0), |&((piece, end), _)| (piece, 1 - end));
         let begin = if is_ring(&next, first, count) { (first, 0) } else { begin };
         let mut pieces = vec![(begin, DVec2::ZERO)];
         pieces.extend(followed(&next, begin, count));
         pieces.iter().for_each(|((piece, _), _)| seen[*piece] = true);
         let (last, cells) = pieces[pieces.len() - 1];
-        let closing = next[last.0][1 - last.1].filter(|(to, _)| *to == begin).map(|(_, step)| cells + step);
+        let closing =
+            next[last.0][1 - last.1].filter(|(to, _)| *to == begin).map(|(_, step)| cells + step);
         let is_step = |period: &DVec2| period.abs().element_sum() == 1.0;
         match closing.filter(is_step) {
             Some(period) => chains.push(Chain { pieces, period, is_closed_underneath: false }),
@@ -185,7 +198,8 @@ fn chains(all: &[Piece], cell: DVec2, links: &[Link]) -> Vec<Chain> {
     chains
 }
 
-/// A chain that comes back to itself in another cell than the next, or nowhere, in parts of a cell each: a longer one would have to come back underneath, in every cell.
+/// A chain that comes back to itself in another cell than the next, or nowhere, in parts of a cell
+/// each: a longer one would have to come back underneath, in every cell.
 fn parts(chain: Vec<(End, DVec2)>, all: &[Piece], cell: DVec2) -> Vec<Chain> {
     let mut parts: Vec<Chain> = Vec::new();
     let mut start = DVec2::ZERO;
@@ -197,7 +211,11 @@ fn parts(chain: Vec<(End, DVec2)>, all: &[Piece], cell: DVec2) -> Vec<Chain> {
             Some(part) => part.pieces.push((entered, cells)),
             None => {
                 start = from;
-                parts.push(Chain { pieces: vec![(entered, cells)], period: DVec2::ZERO, is_closed_underneath: true });
+                parts.push(Chain {
+                    pieces: vec![(entered, cells)],
+                    period: DVec2::ZERO,
+                    is_closed_underneath: true,
+                });
             }
         }
     }
@@ -251,7 +269,8 @@ impl Chain {
             path.extend(arc);
             let to = arc[END[1]].truncate();
             let is_last = at + 1 == self.pieces.len();
-            let (next, beyond) = if is_last { (self.pieces[0].0, self.period) } else { self.pieces[at + 1] };
+            let (next, beyond) =
+                if is_last { (self.pieces[0].0, self.period) } else { self.pieces[at + 1] };
             let goal = place(pieces, next) + beyond * cell;
             let depth = if is_last && self.is_closed_underneath { UNDERNEATH } else { 1.0 };
             path.extend(own.under(to, goal, depth));
@@ -259,7 +278,9 @@ impl Chain {
         // Each yarn begins in the cell itself.
         let home = ((path[0].truncate() / cell).floor() * cell).extend(0.0);
         path.iter_mut().for_each(|point| *point -= home);
-        let width = self.pieces.iter().map(|((piece, _), _)| pieces[*piece].shape.width).sum::<f64>() / double(self.pieces.len());
+        let width =
+            self.pieces.iter().map(|((piece, _), _)| pieces[*piece].shape.width).sum::<f64>()
+                / double(self.pieces.len());
         let segments = self.pieces.iter().map(|((piece, _), _)| pieces[*piece].segment).collect();
         Strand { across: self.period.x != 0.0, path, segments, width }
     }
@@ -277,11 +298,12 @@ impl Chain {
 }
 
 impl Piece {
-    /// Its axis, so far from where it is given, above the cloth's middle by its radius, and by what light says beside.
+    /// Its axis, so far from where it is given, above the cloth's middle by its radius, and by what
+    /// light says beside.
     fn arc(&self, off: DVec2, mean: f64) -> [DVec3; 5] {
         let radius = self.shape.width / 2.0;
-        let relief =
-            (RELIEF.0 * (self.shape.centre.z + self.shape.semi_axis - mean)).clamp(-RELIEF.1 * radius, RELIEF.1 * radius);
+        let relief = (RELIEF.0 * (self.shape.centre.z + self.shape.semi_axis - mean))
+            .clamp(-RELIEF.1 * radius, RELIEF.1 * radius);
         let sinks = self.shape.sinks().clamp(0.0, SINKS * radius);
         let top = radius + relief;
         std::array::from_fn(|at| (self.axis[at] + off).extend(top - self.fallen[at] * sinks))
@@ -293,7 +315,8 @@ impl Piece {
         let gap = from.distance(to);
         let count = super::steps((gap / width).round()).clamp(i32::from(gap > TOUCHING * width), 4);
         let low = -depth * width / 2.0 * (gap / width).min(1.0);
-        (0..count).map(move |step| from.lerp(to, (f64::from(step) + 0.5) / f64::from(count)).extend(low))
+        (0..count)
+            .map(move |step| from.lerp(to, (f64::from(step) + 0.5) / f64::from(count)).extend(low))
     }
 }
 
@@ -305,14 +328,23 @@ mod tests {
         let ends = [from, to].map(DVec2::from);
         let length = ends[0].distance(ends[1]);
         let centre = ends[0].midpoint(ends[1]).extend(0.3);
-        let shape = Shape { width: 0.4, length, semi_axis: 0.2, steepest: 0.3, curvature: 1.0, rotation: 0.0, centre };
+        let shape = Shape {
+            width: 0.4,
+            length,
+            semi_axis: 0.2,
+            steepest: 0.3,
+            curvature: 1.0,
+            rotation: 0.0,
+            centre,
+        };
         let axis = [0.0, 0.25, 0.5, 0.75, 1.0].map(|share| ends[0].lerp(ends[1], share));
         Piece { segment, number: segment, axis, fallen: [1.0, 0.25, 0.0, 0.25, 1.0], shape }
     }
 
     #[test]
     fn a_plain_weave_is_four_yarns_that_go_over_and_under() {
-        // Floats of half a millimetre on crossings half a millimetre apart; one of each pair is given backwards.
+        // Floats of half a millimetre on crossings half a millimetre apart; one of each pair is
+        // given backwards.
         let pieces = [
             piece(0, [0.25, 0.0], [0.25, 0.5]),
             piece(0, [0.75, 1.0], [0.75, 0.5]),
@@ -325,10 +357,17 @@ mod tests {
             assert_eq!((strand.across, strand.segments.len()), (across, 1));
             let beside = |point: &DVec3| if across { point.y } else { point.x };
             let first = beside(&strand.path[0]);
-            assert!(strand.path.iter().all(|point| (beside(point) - first).abs() < 1e-12), "{strand:?}");
-            let along: Vec<f64> = strand.path.iter().map(|point| if across { point.x } else { point.y }).collect();
+            assert!(
+                strand.path.iter().all(|point| (beside(point) - first).abs() < 1e-12),
+                "{strand:?}"
+            );
+            let along: Vec<f64> =
+                strand.path.iter().map(|point| if across { point.x } else { point.y }).collect();
             assert!(along.is_sorted(), "{strand:?}");
-            assert!((strand.path[2].z - 0.2).abs() < 1e-12 && (strand.path[5].z + 0.2).abs() < 1e-12, "{strand:?}");
+            assert!(
+                (strand.path[2].z - 0.2).abs() < 1e-12 && (strand.path[5].z + 0.2).abs() < 1e-12,
+                "{strand:?}"
+            );
         }
     }
 
@@ -344,7 +383,11 @@ mod tests {
     fn a_piece_lies_as_it_does_whichever_end_the_yarn_enters() {
         // Bent, level towards its second end, and below the other way: the yarn runs to the right.
         let bent = [[0.9, 0.5], [0.7, 0.56], [0.5, 0.6], [0.3, 0.58], [0.1, 0.5]].map(DVec2::from);
-        let own = Piece { axis: bent, fallen: [1.0, 0.5, 0.0, 0.0, 0.2], ..piece(0, [0.9, 0.5], [0.1, 0.5]) };
+        let own = Piece {
+            axis: bent,
+            fallen: [1.0, 0.5, 0.0, 0.0, 0.2],
+            ..piece(0, [0.9, 0.5], [0.1, 0.5])
+        };
         let strands = strands(&[own], DVec2::ONE);
         let [Strand { across: true, path, .. }] = &strands[..] else { panic!("{strands:?}") };
         let sinks = own.shape.sinks();
@@ -358,31 +401,60 @@ mod tests {
     fn parts_of_one_segment_are_one_yarn_though_another_end_is_nearer() {
         let parts = [piece(0, [0.1, 0.5], [0.3, 0.5]), piece(1, [0.7, 0.58], [0.95, 0.7])];
         let other = piece(2, [0.35, 0.5], [0.55, 0.5]);
-        let numbered =
-            |number: usize| [Piece { number: 0, ..parts[0] }, Piece { number, ..parts[1] }, Piece { number: 2, ..other }];
-        let with = |pieces: [Piece; 3]| {
-            strands(&pieces, DVec2::new(1.4, 1.0)).iter().map(|strand| strand.segments.clone()).collect::<Vec<_>>()
+        let numbered = |number: usize| {
+            [
+                Piece { number: 0, ..parts[0] },
+                Piece { number, ..parts[1] },
+                Piece { number: 2, ..other },
+            ]
         };
-        assert!(with(numbered(0)).iter().any(|segments| segments == &[0, 1]), "{:?}", with(numbered(0)));
-        assert!(!with(numbered(1)).iter().any(|segments| segments == &[0, 1]), "{:?}", with(numbered(1)));
+        let with = |pieces: [Piece; 3]| {
+            strands(&pieces, DVec2::new(1.4, 1.0))
+                .iter()
+                .map(|strand| strand.segments.clone())
+                .collect::<Vec<_>>()
+        };
+        assert!(
+            with(numbered(0)).iter().any(|segments| segments == &[0, 1]),
+            "{:?}",
+            with(numbered(0))
+        );
+        assert!(
+            !with(numbered(1)).iter().any(|segments| segments == &[0, 1]),
+            "{:?}",
+            with(numbered(1))
+        );
     }
 
     #[test]
     fn two_floats_in_a_row_are_one_yarn() {
-        let strands = strands(&[piece(3, [0.1, 0.5], [0.4, 0.5]), piece(5, [0.6, 0.5], [0.9, 0.5])], DVec2::ONE);
+        let strands = strands(
+            &[piece(3, [0.1, 0.5], [0.4, 0.5]), piece(5, [0.6, 0.5], [0.9, 0.5])],
+            DVec2::ONE,
+        );
         assert_eq!(strands.len(), 1, "{strands:?}");
         assert!(strands[0].across && strands[0].segments == [3, 5]);
     }
 
     #[test]
     fn no_yarn_goes_on_for_cells_and_comes_back_underneath() {
-        // Floats of neighbouring warps that lie so near each other's ends that links run diagonally, cell after cell.
+        // Floats of neighbouring warps that lie so near each other's ends that links run
+        // diagonally, cell after cell.
         let cell = DVec2::new(0.9, 1.2);
-        let pieces = [piece(0, [0.2, 0.1], [0.35, 0.55]), piece(0, [0.65, 0.7], [0.8, 1.15]), piece(1, [0.1, 0.62], [0.5, 0.68])];
+        let pieces = [
+            piece(0, [0.2, 0.1], [0.35, 0.55]),
+            piece(0, [0.65, 0.7], [0.8, 1.15]),
+            piece(1, [0.1, 0.62], [0.5, 0.68]),
+        ];
         for strand in strands(&pieces, cell) {
             let along = |point: &DVec3| if strand.across { point.x } else { point.y };
             let side = if strand.across { cell.x } else { cell.y };
-            let ends = strand.path.iter().map(along).chain([along(&strand.path[0]) + side]).collect::<Vec<_>>();
+            let ends = strand
+                .path
+                .iter()
+                .map(along)
+                .chain([along(&strand.path[0]) + side])
+                .collect::<Vec<_>>();
             let backward: f64 = ends.windows(2).map(|ends| (ends[0] - ends[1]).max(0.0)).sum();
             assert!(backward < 0.2 * side, "{strand:?}");
         }

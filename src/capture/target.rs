@@ -27,19 +27,28 @@ impl Target {
     pub(super) fn new(cell: &Cell, side: f64) -> Self {
         const OVER: usize = 4;
         let lattice = cell.lattice;
-        let scale = (side / (lattice.a.length() * lattice.b.length()).sqrt()).min(double(cell.plane.width) / lattice.a.length());
-        let size = [lattice.a, lattice.b].map(|vector| whole(narrow((vector.length() * scale).round())).max(8));
+        let scale = (side / (lattice.a.length() * lattice.b.length()).sqrt())
+            .min(double(cell.plane.width) / lattice.a.length());
+        let size = [lattice.a, lattice.b]
+            .map(|vector| whole(narrow((vector.length() * scale).round())).max(8));
         let [columns, rows] = size;
-        let within =
-            |at: usize, part: usize, count: usize| (double(at) + (double(part) + 0.5) / double(OVER) - 0.5) / double(count);
+        let within = |at: usize, part: usize, count: usize| {
+            (double(at) + (double(part) + 0.5) / double(OVER) - 0.5) / double(count)
+        };
         let mean = |at: usize| {
-            let place =
-                |part: usize| DVec2::new(within(at % columns, part % OVER, columns), within(at / columns, part / OVER, rows));
-            (0..OVER * OVER).map(|part| f64::from(cell.at(place(part)))).sum::<f64>() / double(OVER * OVER)
+            let place = |part: usize| {
+                DVec2::new(
+                    within(at % columns, part % OVER, columns),
+                    within(at / columns, part / OVER, rows),
+                )
+            };
+            (0..OVER * OVER).map(|part| f64::from(cell.at(place(part)))).sum::<f64>()
+                / double(OVER * OVER)
         };
         let light: Vec<f64> = (0..columns * rows).into_par_iter().map(mean).collect();
         let mean = light.iter().sum::<f64>() / double(light.len());
-        let variance = light.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / double(light.len());
+        let variance =
+            light.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / double(light.len());
         Self { lattice, size, places: places(&lattice, size), light, variance: variance.max(1e-12) }
     }
 
@@ -57,7 +66,8 @@ impl Target {
 
     /// The same of what they draw.
     pub(super) fn left(&self, drawn: &[f64]) -> f64 {
-        let sum: f64 = drawn.iter().zip(&self.light).map(|(model, light)| (model - light).powi(2)).sum();
+        let sum: f64 =
+            drawn.iter().zip(&self.light).map(|(model, light)| (model - light).powi(2)).sum();
         sum / (double(self.light.len()) * self.variance)
     }
 

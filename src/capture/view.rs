@@ -1,7 +1,9 @@
-//! Which part of a photo is worked on, and how large: cells of eight pixels and more, in a picture of a megapixel or so.
+//! Which part of a photo is worked on, and how large: cells of eight pixels and more, in a picture
+//! of a megapixel or so.
 //!
-//! In: the photo. Out: [`View`]s, in the order in which they are tried: all of it, made smaller if it is large; its middle as it is; the middle of that, twice as large, where
-//! yarns are a few pixels wide.
+//! In: the photo. Out: [`View`]s, in the order in which they are tried: all of it, made smaller if
+//! it is large; its middle as it is; the middle of that, twice as large, where yarns are a few
+//! pixels wide.
 
 use glam::DVec2;
 use image::RgbImage;
@@ -28,14 +30,21 @@ impl View {
         let is_large = width.max(height) > MOST;
         let shrunk = is_large.then_some(0).into_iter();
         // One at a time: the first is enough for most photos.
-        shrunk.chain([1, ENLARGED]).map(|times| if times == 0 { Self::shrunk(photo) } else { Self::middle(photo, times) })
+        shrunk
+            .chain([1, ENLARGED])
+            .map(|times| if times == 0 { Self::shrunk(photo) } else { Self::middle(photo, times) })
     }
 
     fn shrunk(photo: &RgbImage) -> Self {
         let (width, height) = photo.dimensions();
         let scale = f64::from(MOST) / f64::from(width.max(height));
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a side of at most 1200 pixels")]
-        let [columns, rows] = [width, height].map(|side| (f64::from(side) * scale).round().max(1.0) as u32);
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a side of at most 1200 pixels"
+        )]
+        let [columns, rows] =
+            [width, height].map(|side| (f64::from(side) * scale).round().max(1.0) as u32);
         Self::of(resize(photo, columns, rows, FilterType::Triangle), scale, DVec2::ZERO)
     }
 
@@ -45,7 +54,11 @@ impl View {
         let [columns, rows] = [width, height].map(|side| side.min(MOST / times));
         let (x, y) = ((width - columns) / 2, (height - rows) / 2);
         let part = crop_imm(photo, x, y, columns, rows).to_image();
-        let picture = if times == 1 { part } else { resize(&part, columns * times, rows * times, FilterType::CatmullRom) };
+        let picture = if times == 1 {
+            part
+        } else {
+            resize(&part, columns * times, rows * times, FilterType::CatmullRom)
+        };
         Self::of(picture, f64::from(times), DVec2::new(f64::from(x), f64::from(y)))
     }
 
@@ -62,7 +75,8 @@ mod tests {
     #[test]
     fn views_are_bearable_and_of_the_middle() {
         let views: Vec<_> = View::all(&RgbImage::new(3000, 1500)).collect();
-        let seen: Vec<_> = views.iter().map(|view| (view.picture.dimensions(), view.scale, view.corner)).collect();
+        let seen: Vec<_> =
+            views.iter().map(|view| (view.picture.dimensions(), view.scale, view.corner)).collect();
         assert_eq!(
             seen,
             [
@@ -72,7 +86,9 @@ mod tests {
             ]
         );
         assert_eq!(
-            View::all(&RgbImage::new(100, 80)).map(|view| view.picture.dimensions()).collect::<Vec<_>>(),
+            View::all(&RgbImage::new(100, 80))
+                .map(|view| view.picture.dimensions())
+                .collect::<Vec<_>>(),
             [(100, 80), (200, 160)]
         );
     }

@@ -4,7 +4,8 @@ use super::{Captured, Layout, Twist};
 
 /// More unexplained than this is told: yarns are missing, or bend more than cylinders do.
 const UNEXPLAINED: f64 = 0.25;
-/// The same by what is seen of them, which is less than what was fitted: photos that are told well leave up to .3.
+/// The same by what is seen of them, which is less than what was fitted: photos that are told well
+/// leave up to .3.
 const UNEXPLAINED_BY_SEEN: f64 = 0.4;
 /// Light and heights that correlate less have little to do with each other, as on satin.
 const CORRELATED: f64 = 0.2;
@@ -44,13 +45,19 @@ impl Captured {
             let numbers = hidden.iter().map(|number| format!("{}", number + 1)).collect::<Vec<_>>().join(", ");
             format!("hidden under others, and left out of the cloth: of layout.toml's segments {numbers}")
         });
-        [unexplained, by_seen, gleaming, invalid, loose, hidden, self.twist_warning()].into_iter().flatten().collect()
+        [unexplained, by_seen, gleaming, invalid, loose, hidden, self.twist_warning()]
+            .into_iter()
+            .flatten()
+            .collect()
     }
 
     fn twist_warning(&self) -> Option<String> {
         let is_narrow = |twist: &Twist| twist.is_guess && twist.fibre_px < Twist::LEAST_PX;
         if self.twists.iter().all(is_narrow) {
-            return Some(format!("twist is a guess: fibres are under {} pixels wide", Twist::LEAST_PX));
+            return Some(format!(
+                "twist is a guess: fibres are under {} pixels wide",
+                Twist::LEAST_PX
+            ));
         }
         let guesses = self.twists.iter().filter(|twist| twist.is_guess).count();
         (guesses > 0).then(|| {

@@ -1,7 +1,9 @@
 //! Step 3, the woven hypothesis: a matrix of warp and weft on a lattice of crossings.
 //!
-//! In: a [`Target`]. Out: [`Fit`]s, two a matrix: floats alone, and with what gaps of loose cloth show. The crossings' lattice has the cell's as a part of index 2 to 8,
-//! and goes nearly squarely along both yarns. Of small matrices all are tried; of larger ones the one whose yarns run as the picture does at each crossing.
+//! In: a [`Target`]. Out: [`Fit`]s, two a matrix: floats alone, and with what gaps of loose cloth
+//! show. The crossings' lattice has the cell's as a part of index 2 to 8, and goes nearly squarely
+//! along both yarns. Of small matrices all are tried; of larger ones the one whose yarns run as the
+//! picture does at each crossing.
 
 use glam::{DMat2, DVec2};
 use rayon::prelude::*;
@@ -14,7 +16,8 @@ use super::steps;
 use super::target::Target;
 use crate::plane::double;
 
-/// Places along each yarn where the first crossing is tried, and how wide yarns are tried, as shares of their distance: where holes are deep, they tell nothing of a weave whose holes lie
+/// Places along each yarn where the first crossing is tried, and how wide yarns are tried, as
+/// shares of their distance: where holes are deep, they tell nothing of a weave whose holes lie
 /// beside them.
 const OFFSETS: usize = 8;
 const WIDTHS: [f64; 2] = [0.72, 0.88];
@@ -33,7 +36,8 @@ struct Weave {
     sunken: Vec<Segment>,
 }
 
-/// The likeliest weaves that the cell may be, refined, each dense and loose; without those whose floats are none.
+/// The likeliest weaves that the cell may be, refined, each dense and loose; without those whose
+/// floats are none.
 pub(super) fn fits(target: &Target, ground: f64, top: f64) -> impl ParallelIterator<Item = Fit> {
     let mut weaves = candidates(target, ground, top);
     weaves.truncate(REFINED);
@@ -44,10 +48,13 @@ pub(super) fn fits(target: &Target, ground: f64, top: f64) -> impl ParallelItera
     })
 }
 
-/// Whether a weave's first segments, so many floats, are as floats are in cloth: seen, and longer than wide. Whatever a cell shows, yarns above others can be made to look like it.
+/// Whether a weave's first segments, so many floats, are as floats are in cloth: seen, and longer
+/// than wide. Whatever a cell shows, yarns above others can be made to look like it.
 fn is_weave(fit: &Fit, floats: usize, lattice: &Lattice) -> bool {
     let seen = trimmed(&fit.segments, lattice, LEAST_GAP);
-    let is_float = |(number, float): (usize, &Segment)| float.length > float.width && seen.iter().any(|(of, _)| *of == number);
+    let is_float = |(number, float): (usize, &Segment)| {
+        float.length > float.width && seen.iter().any(|(of, _)| *of == number)
+    };
     fit.segments[..floats].iter().enumerate().all(is_float)
 }
 
@@ -64,10 +71,15 @@ fn candidates(target: &Target, ground: f64, top: f64) -> Vec<Weave> {
             let tensor = &tensor;
             (0..OFFSETS * OFFSETS).flat_map(move |number| {
                 let share = |part: usize| double(part) / double(OFFSETS);
-                let origin = grid.weft * share(number % OFFSETS) + grid.warp * share(number / OFFSETS);
+                let origin =
+                    grid.weft * share(number % OFFSETS) + grid.warp * share(number / OFFSETS);
                 let matrices = grid.matrices(origin, tensor, target);
-                let layouts = matrices.iter().flat_map(|ups| WIDTHS.map(|width| grid.weave(origin, ups, width, top - ground)));
-                let left = |weave: &Weave| target.left_scaled(&drawn(&weave.floats, 0.0, &target.lattice, &target.places));
+                let layouts = matrices.iter().flat_map(|ups| {
+                    WIDTHS.map(|width| grid.weave(origin, ups, width, top - ground))
+                });
+                let left = |weave: &Weave| {
+                    target.left_scaled(&drawn(&weave.floats, 0.0, &target.lattice, &target.places))
+                };
                 layouts.flatten().map(|weave| (left(&weave), weave)).collect::<Vec<_>>()
             })
         })
@@ -82,11 +94,16 @@ struct Tensor(Vec<[f64; 3]>);
 impl Tensor {
     fn of(target: &Target) -> Self {
         let [columns, rows] = target.size;
-        let inverse = DMat2::from_cols(target.lattice.a / double(columns), target.lattice.b / double(rows)).inverse().transpose();
+        let inverse =
+            DMat2::from_cols(target.lattice.a / double(columns), target.lattice.b / double(rows))
+                .inverse()
+                .transpose();
         let light = |x: usize, y: usize| target.light[(y % rows) * columns + x % columns];
         let of = |at: usize| {
             let (x, y) = (at % columns + columns, at / columns + rows);
-            let steps = DVec2::new(light(x + 1, y) - light(x - 1, y), light(x, y + 1) - light(x, y - 1)) * 0.5;
+            let steps =
+                DVec2::new(light(x + 1, y) - light(x - 1, y), light(x, y + 1) - light(x, y - 1))
+                    * 0.5;
             let g = inverse * steps;
             [g.x * g.x, g.x * g.y, g.y * g.y]
         };
@@ -119,14 +136,23 @@ struct Crossings {
 
 impl Crossings {
     fn new(cell: &Lattice, index: usize, [p, q, r]: [i32; 3]) -> Option<Self> {
-        let finer =
-            cell.matrix() * DMat2::from_cols(DVec2::new(f64::from(p), 0.0), DVec2::new(f64::from(q), f64::from(r))).inverse();
+        let finer = cell.matrix()
+            * DMat2::from_cols(
+                DVec2::new(f64::from(p), 0.0),
+                DVec2::new(f64::from(q), f64::from(r)),
+            )
+            .inverse();
         let reduced = Lattice::reduced(finer.x_axis, finer.y_axis);
         let cosine = reduced.a.dot(reduced.b).abs() / (reduced.a.length() * reduced.b.length());
         if cosine > 0.3 || reduced.longer() > 2.5 * reduced.shorter() {
             return None;
         }
-        Some(Self { weft: reduced.a, warp: reduced.b, index, to_cell: cell.matrix().inverse() * reduced.matrix() })
+        Some(Self {
+            weft: reduced.a,
+            warp: reduced.b,
+            index,
+            to_cell: cell.matrix().inverse() * reduced.matrix(),
+        })
     }
 
     /// One crossing for each of the cell: counts of weft and warp.
@@ -135,7 +161,9 @@ impl Crossings {
         let reach = steps(double(self.index));
         for j in 0..reach {
             for i in 0..reach {
-                if crossings.len() < self.index && !crossings.iter().any(|&other| self.same(other, [i, j])) {
+                if crossings.len() < self.index
+                    && !crossings.iter().any(|&other| self.same(other, [i, j]))
+                {
                     crossings.push([i, j]);
                 }
             }
@@ -152,39 +180,76 @@ impl Crossings {
         self.weft * f64::from(i) + self.warp * f64::from(j)
     }
 
-    /// Matrices that may be the weave's: all of small ones, else the one that the picture's directions say.
-    fn matrices(&self, origin: DVec2, tensor: &Tensor, target: &Target) -> Vec<Vec<([i32; 2], bool)>> {
+    /// Matrices that may be the weave's: all of small ones, else the one that the picture's
+    /// directions say.
+    fn matrices(
+        &self,
+        origin: DVec2,
+        tensor: &Tensor,
+        target: &Target,
+    ) -> Vec<Vec<([i32; 2], bool)>> {
         if self.index > TRIED {
             return vec![self.ups(origin, tensor, target)];
         }
         let crossings = self.crossings();
         (1..(1 << self.index) - 1)
-            .map(|bits: u32| crossings.iter().enumerate().map(|(n, crossing)| (*crossing, bits >> n & 1 == 1)).collect())
+            .map(|bits: u32| {
+                crossings
+                    .iter()
+                    .enumerate()
+                    .map(|(n, crossing)| (*crossing, bits >> n & 1 == 1))
+                    .collect()
+            })
             .collect()
     }
 
-    /// Whether the warp is above at each crossing: the picture changes more across it than along it.
+    /// Whether the warp is above at each crossing: the picture changes more across it than along
+    /// it.
     fn ups(&self, origin: DVec2, tensor: &Tensor, target: &Target) -> Vec<([i32; 2], bool)> {
         let radius = 0.28 * self.weft.length().min(self.warp.length());
         let up = |crossing: [i32; 2]| {
             let place = origin + self.at(crossing);
-            tensor.along(target, place, radius, self.warp.perp()) > tensor.along(target, place, radius, self.weft.perp())
+            tensor.along(target, place, radius, self.warp.perp())
+                > tensor.along(target, place, radius, self.weft.perp())
         };
         self.crossings().into_iter().map(|crossing| (crossing, up(crossing))).collect()
     }
 
-    /// Both yarns, so wide and so much lighter than the ground, without those that never go down; nothing where one of both never comes up.
-    fn weave(&self, origin: DVec2, ups: &[([i32; 2], bool)], width: f64, top: f64) -> Option<Weave> {
-        let is_up = |crossing: [i32; 2]| ups.iter().find(|(other, _)| self.same(*other, crossing)).is_some_and(|(_, up)| *up);
+    /// Both yarns, so wide and so much lighter than the ground, without those that never go down;
+    /// nothing where one of both never comes up.
+    fn weave(
+        &self,
+        origin: DVec2,
+        ups: &[([i32; 2], bool)],
+        width: f64,
+        top: f64,
+    ) -> Option<Weave> {
+        let is_up = |crossing: [i32; 2]| {
+            ups.iter().find(|(other, _)| self.same(*other, crossing)).is_some_and(|(_, up)| *up)
+        };
         let (mut floats, mut sunken) = (Vec::new(), Vec::new());
-        for (step, way, across, above) in [([0, 1], self.warp, self.weft, true), ([1, 0], self.weft, self.warp, false)] {
-            let width = width * across.length() * (across.normalize().perp_dot(way.normalize())).abs();
-            let is_above = |crossing: [i32; 2], n: i32| is_up([crossing[0] + n * step[0], crossing[1] + n * step[1]]) == above;
+        for (step, way, across, above) in
+            [([0, 1], self.warp, self.weft, true), ([1, 0], self.weft, self.warp, false)]
+        {
+            let width =
+                width * across.length() * (across.normalize().perp_dot(way.normalize())).abs();
+            let is_above = |crossing: [i32; 2], n: i32| {
+                is_up([crossing[0] + n * step[0], crossing[1] + n * step[1]]) == above
+            };
             let stretch = |crossing: [i32; 2], [first, end]: [i32; 2], top: f64| {
                 let centre = origin + self.at(crossing) + way * (0.5 * f64::from(first + end - 1));
-                Segment::straight(centre, way.to_angle(), width, way.length() * (f64::from(end - first) + 0.25), top)
+                Segment::straight(
+                    centre,
+                    way.to_angle(),
+                    width,
+                    way.length() * (f64::from(end - first) + 0.25),
+                    top,
+                )
             };
-            for &(crossing, _) in ups.iter().filter(|(crossing, _)| is_above(*crossing, 0) && !is_above(*crossing, -1)) {
+            for &(crossing, _) in ups
+                .iter()
+                .filter(|(crossing, _)| is_above(*crossing, 0) && !is_above(*crossing, -1))
+            {
                 let down = (1..=8).find(|n| !is_above(crossing, *n))?;
                 let up = (down + 1..=down + 8).find(|n| is_above(crossing, *n))?;
                 floats.push(Segment { sag: 0.35 * top, ..stretch(crossing, [0, down], top) });
@@ -204,17 +269,33 @@ mod tests {
     fn a_yarn_goes_on_below_from_float_to_float() {
         // A twill: the warp over two of three.
         let cell = Lattice { a: DVec2::new(30.0, 0.0), b: DVec2::new(10.0, 10.0) };
-        let grid = Crossings { weft: DVec2::X * 10.0, warp: DVec2::Y * 10.0, index: 3, to_cell: cell.matrix().inverse() * 10.0 };
-        let ups: Vec<([i32; 2], bool)> = grid.crossings().into_iter().map(|at| (at, (at[0] - at[1]).rem_euclid(3) < 2)).collect();
+        let grid = Crossings {
+            weft: DVec2::X * 10.0,
+            warp: DVec2::Y * 10.0,
+            index: 3,
+            to_cell: cell.matrix().inverse() * 10.0,
+        };
+        let ups: Vec<([i32; 2], bool)> = grid
+            .crossings()
+            .into_iter()
+            .map(|at| (at, (at[0] - at[1]).rem_euclid(3) < 2))
+            .collect();
         let weave = grid.weave(DVec2::ZERO, &ups, 0.8, 1.0).unwrap();
         let counts = |segments: &[Segment], angle: f64| -> Vec<f64> {
-            segments.iter().filter(|s| (s.angle - angle).abs() < 0.1).map(|s| (s.length / 10.0).floor()).collect()
+            segments
+                .iter()
+                .filter(|s| (s.angle - angle).abs() < 0.1)
+                .map(|s| (s.length / 10.0).floor())
+                .collect()
         };
         let (warp, weft) = (DVec2::Y.to_angle(), 0.0);
         assert_eq!([counts(&weave.floats, warp), counts(&weave.sunken, warp)], [[2.0], [1.0]]);
         assert_eq!([counts(&weave.floats, weft), counts(&weave.sunken, weft)], [[1.0], [2.0]]);
         for (float, sunken) in weave.floats.iter().zip(&weave.sunken) {
-            assert!(float.centre.distance(sunken.centre) == 15.0 && sunken.top < float.top, "{float:?} {sunken:?}");
+            assert!(
+                float.centre.distance(sunken.centre) == 15.0 && sunken.top < float.top,
+                "{float:?} {sunken:?}"
+            );
         }
     }
 }

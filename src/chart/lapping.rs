@@ -5,12 +5,16 @@ use std::ops::Range;
 use glam::DVec2;
 
 use super::path::{Lane, Piece, Pitch, clipped, rounded, waypoints};
-use super::{Anchor, Drawing, FAINT, HAIR, HEADING, INK, Layer, MARGIN, Shape, TextSize, cut, label, shortened};
+use super::{
+    Anchor, Drawing, FAINT, HAIR, HEADING, INK, Layer, MARGIN, Shape, TextSize, cut, label,
+    shortened,
+};
 use crate::fabric::yarn::Color;
 use crate::fabric::{Bar, BarKind, Fabric};
 use crate::ids::index32;
 
-/// The most needles, courses and bars on a sheet: a PNG of that size still takes less than 200 MB to paint.
+/// The most needles, courses and bars on a sheet: a PNG of that size still takes less than 200 MB
+/// to paint.
 const MOST_NEEDLES: i64 = 40;
 const MOST_COURSES: usize = 40;
 const MOST_BARS: usize = 24;
@@ -86,7 +90,8 @@ fn bar_color(at: usize) -> Color {
     BAR_COLORS[at % BAR_COLORS.len()]
 }
 
-/// The guide whose yarn stands for its bar: the first threaded one from the drive. Wefts have none and are all drawn.
+/// The guide whose yarn stands for its bar: the first threaded one from the drive. Wefts have none
+/// and are all drawn.
 fn drawn_guide(bar: &Bar) -> i64 {
     if bar.kind == BarKind::Weft {
         return 0;
@@ -113,7 +118,8 @@ fn lanes(bars: &[Bar], pitch: Pitch) -> Vec<Lane> {
     let number = |count: usize| f64::from(index32(count));
     let knitting = bars.iter().filter(|bar| !bar.chain.is_inlay()).count();
     let (nearest, farthest) = (0.19 * pitch.across, CORNER * pitch.across);
-    let leg_step = (0.09 * pitch.across).min((farthest - nearest) / number(knitting.saturating_sub(1).max(1)));
+    let leg_step =
+        (0.09 * pitch.across).min((farthest - nearest) / number(knitting.saturating_sub(1).max(1)));
     let aside_step = (0.1 * pitch.across).min(0.24 * pitch.across / number(bars.len()));
     let mut nested = 0;
     let lane = |(at, bar): (usize, &Bar)| {
@@ -128,11 +134,17 @@ fn notes(fabric: &Fabric, sheet: &Sheet, reach: &Range<i64>) -> Vec<String> {
     let mut notes = Vec::new();
     let repeat = fabric.repeat();
     if sheet.courses < 2 * repeat {
-        notes.push(format!("the first {} courses of two repeats of {repeat} are drawn", sheet.courses));
+        notes.push(format!(
+            "the first {} courses of two repeats of {repeat} are drawn",
+            sheet.courses
+        ));
     }
     if reach.start < sheet.gaps.start || reach.end > sheet.gaps.end {
         let gaps = reach.end - reach.start + 1;
-        notes.push(format!("the lapping reaches over {gaps} gaps; {} are drawn", sheet.gaps.end - sheet.gaps.start + 1));
+        notes.push(format!(
+            "the lapping reaches over {gaps} gaps; {} are drawn",
+            sheet.gaps.end - sheet.gaps.start + 1
+        ));
     }
     if sheet.bars < fabric.bars.len() {
         notes.push(format!("the first {} of {} bars are drawn", sheet.bars, fabric.bars.len()));
@@ -148,20 +160,32 @@ impl Sheet {
         // A needle more on each side shows where the pattern goes on.
         let (mut low, mut high) = (reach.start - 1, reach.end + 1);
         if high - low > MOST_NEEDLES {
-            (low, high) = if high > 1 { (low, low + MOST_NEEDLES) } else { (high - MOST_NEEDLES, high) };
+            (low, high) =
+                if high > 1 { (low, low + MOST_NEEDLES) } else { (high - MOST_NEEDLES, high) };
         }
         let courses = (2 * fabric.repeat()).clamp(LEAST_COURSES, MOST_COURSES);
-        let heading = TextSize::Title.width(&shortened(&fabric.name)).max(TextSize::Small.width(VIEW));
-        let words = words_of(fabric, bars).map(|(text, indent)| TextSize::Normal.width(&text) + indent).fold(heading, f64::max);
+        let heading =
+            TextSize::Title.width(&shortened(&fabric.name)).max(TextSize::Small.width(VIEW));
+        let words = words_of(fabric, bars)
+            .map(|(text, indent)| TextSize::Normal.width(&text) + indent)
+            .fold(heading, f64::max);
         let diagram = whole(high - low) * pitch.across + COURSE_NUMBERS;
         let width = 2.0 * MARGIN + diagram.max(words);
-        let first_course = MARGIN + HEADING + whole(index32(courses).into()) * pitch.along - 0.5 * pitch.along;
+        let first_course =
+            MARGIN + HEADING + whole(index32(courses).into()) * pitch.along - 0.5 * pitch.along;
         let lines = f64::from(index32(bars.len()));
         let height = first_course + 0.5 * pitch.along + GAP_NUMBERS + lines * LEGEND_ROW + MARGIN;
         // The diagram stands in the middle of a sheet that its words make wider.
         let left = MARGIN + COURSE_NUMBERS + (width - 2.0 * MARGIN - diagram) / 2.0;
         let origin = DVec2::new(left + whole(high) * pitch.across, first_course);
-        Self { pitch, gaps: low..high, courses, origin, bars: bars.len(), size: DVec2::new(width, height) }
+        Self {
+            pitch,
+            gaps: low..high,
+            courses,
+            origin,
+            bars: bars.len(),
+            size: DVec2::new(width, height),
+        }
     }
 
     /// A place of the point paper, gaps to the left and courses up.
@@ -179,18 +203,26 @@ impl Sheet {
 
     fn needles(&self) -> Layer {
         let row = |course: usize| {
-            self.gaps
-                .clone()
-                .map(move |gap| Shape::Dot { at: self.at(whole(gap) + 0.5, f64::from(index32(course))), radius: DOT })
+            self.gaps.clone().map(move |gap| Shape::Dot {
+                at: self.at(whole(gap) + 0.5, f64::from(index32(course))),
+                radius: DOT,
+            })
         };
-        Layer { name: "needles".to_owned(), color: INK, shapes: (0..self.courses).flat_map(row).collect() }
+        Layer {
+            name: "needles".to_owned(),
+            color: INK,
+            shapes: (0..self.courses).flat_map(row).collect(),
+        }
     }
 
     /// A hairline where one repeat ends and the next begins.
     fn repeats(&self, repeat: usize) -> Layer {
         let line = |course: usize| {
             let y = self.at(0.0, f64::from(index32(course)) - 0.5).y;
-            let pieces = vec![Piece::Move(DVec2::new(self.left(), y)), Piece::Line(DVec2::new(self.right(), y))];
+            let pieces = vec![
+                Piece::Move(DVec2::new(self.left(), y)),
+                Piece::Line(DVec2::new(self.right(), y)),
+            ];
             Shape::Path { pieces, width: 1.0 }
         };
         let shapes = (repeat..self.courses).step_by(repeat).map(line).collect();
@@ -203,18 +235,24 @@ impl Sheet {
             return self.wefts(bar, lane, width);
         }
         let corners = waypoints(&bar.chain, guide, index32(self.courses).into(), self.pitch, lane);
-        let corners: Vec<_> = corners.into_iter().map(|point| self.origin + DVec2::new(point.x, -point.y)).collect();
+        let corners: Vec<_> =
+            corners.into_iter().map(|point| self.origin + DVec2::new(point.x, -point.y)).collect();
         let parts = clipped(&corners, self.left(), self.right());
-        let pieces: Vec<_> = parts.iter().flat_map(|part| rounded(part, CORNER * self.pitch.across)).collect();
+        let pieces: Vec<_> =
+            parts.iter().flat_map(|part| rounded(part, CORNER * self.pitch.across)).collect();
         if pieces.is_empty() { Vec::new() } else { vec![Shape::Path { pieces, width }] }
     }
 
     /// The wefts of a bar: straight through all gaps, above the needles of their course.
     fn wefts(&self, bar: &Bar, lane: Lane, width: f64) -> Vec<Shape> {
-        let courses = (0..self.courses).filter(|&course| bar.threading.carries(i64::from(index32(course))));
+        let courses =
+            (0..self.courses).filter(|&course| bar.threading.carries(i64::from(index32(course))));
         let line = |course: usize| {
             let y = self.at(0.0, f64::from(index32(course)) + 0.5).y + lane.aside;
-            let pieces = vec![Piece::Move(DVec2::new(self.left(), y)), Piece::Line(DVec2::new(self.right(), y))];
+            let pieces = vec![
+                Piece::Move(DVec2::new(self.left(), y)),
+                Piece::Line(DVec2::new(self.right(), y)),
+            ];
             Shape::Path { pieces, width }
         };
         courses.map(line).collect()
@@ -235,7 +273,13 @@ impl Sheet {
         let from_left = bars.iter().all(Bar::counts_from_left);
         let number = |gap: i64| if from_left { -gap } else { gap };
         let y = self.origin.y + 0.5 * self.pitch.along + 18.0;
-        let text = |gap: i64| label(DVec2::new(self.at(whole(gap), 0.0).x, y), number(gap).to_string(), Anchor::Middle);
+        let text = |gap: i64| {
+            label(
+                DVec2::new(self.at(whole(gap), 0.0).x, y),
+                number(gap).to_string(),
+                Anchor::Middle,
+            )
+        };
         let gaps = self.gaps.start + 1..self.gaps.end;
         let mut shapes: Vec<_> = gaps.map(text).collect();
         shapes.push(label(DVec2::new(self.left() - 14.0, y), "gap".to_owned(), Anchor::End));
@@ -245,8 +289,13 @@ impl Sheet {
     fn course_numbers(&self, repeat: usize) -> Layer {
         let x = self.left() - 14.0;
         let place = |course: usize| DVec2::new(x, self.at(0.0, f64::from(index32(course))).y + 4.0);
-        let number = |course: usize| label(place(course), (course % repeat + 1).to_string(), Anchor::End);
-        Layer { name: "courses".to_owned(), color: FAINT, shapes: (0..self.courses).map(number).collect() }
+        let number =
+            |course: usize| label(place(course), (course % repeat + 1).to_string(), Anchor::End);
+        Layer {
+            name: "courses".to_owned(),
+            color: FAINT,
+            shapes: (0..self.courses).map(number).collect(),
+        }
     }
 
     /// The heading and the legend.
@@ -263,14 +312,23 @@ impl Sheet {
             let ends = [0.0, SAMPLE - 8.0].map(|x| DVec2::new(MARGIN + x, legend - 4.0));
             let pieces = vec![Piece::Move(ends[0]), Piece::Line(ends[1])];
             let name = format!("legend-{}", at + 1);
-            samples.push(Layer { name, color: bar_color(at), shapes: vec![Shape::Path { pieces, width: YARN + 0.6 }] });
+            samples.push(Layer {
+                name,
+                color: bar_color(at),
+                shapes: vec![Shape::Path { pieces, width: YARN + 0.6 }],
+            });
             texts.push(line(legend, indent, &text, TextSize::Normal));
             legend += LEGEND_ROW;
         }
         let view = line(MARGIN + 34.0, 0.0, VIEW, TextSize::Small);
         let mut faint = vec![view];
         for (at, note) in notes.iter().enumerate() {
-            faint.push(line(legend + f64::from(index32(at)) * NOTE_ROW, 0.0, note, TextSize::Small));
+            faint.push(line(
+                legend + f64::from(index32(at)) * NOTE_ROW,
+                0.0,
+                note,
+                TextSize::Small,
+            ));
         }
         samples.push(Layer { name: "text".to_owned(), color: INK, shapes: texts });
         samples.push(Layer { name: "notes".to_owned(), color: FAINT, shapes: faint });
@@ -292,7 +350,8 @@ fn words_of<'a>(fabric: &'a Fabric, bars: &'a [Bar]) -> impl Iterator<Item = (St
             guide => format!("  (guide {}: gaps + {guide})", guide + 1),
         };
         let chain = cut(&bar.lapping(), MOST_OF_CHAIN);
-        let threading = if bar.counts_from_left() { bar.threading.mirrored() } else { bar.threading.clone() };
+        let threading =
+            if bar.counts_from_left() { bar.threading.mirrored() } else { bar.threading.clone() };
         let threading = cut(&threading.to_string(), MOST_OF_THREADING);
         (shortened(&format!("bar {number}  {chain:widest$}  {threading}{guide}{drive}")), SAMPLE)
     })

@@ -1,11 +1,15 @@
-//! Diagrams of fabrics: the bars of a warp knit on point paper, as textbooks draw them, the loops of a weft knit as a chart, and laid cloth in plan. And sheets of garments.
+//! Diagrams of fabrics: the bars of a warp knit on point paper, as textbooks draw them, the loops
+//! of a weft knit as a chart, and laid cloth in plan. And sheets of garments.
 //!
-//! In: a [`Fabric`], or a [`Garment`]. Out: a [`Drawing`], a list of shapes that [`svg`] writes as text and [`png`] paints. Of a fabric a row of dots is a course, the first at
-//! the bottom; of a warp knit a dot is a needle; gaps are numbered below from the drive. Seen from the technical back, each bar's path goes over the dots
-//! that it laps and between the rows where it lies under them. One yarn a bar is drawn, that of its first threaded guide; where two
-//! bars or fewer leave room, its neighbours too, lightly.
+//! In: a [`Fabric`], or a [`Garment`]. Out: a [`Drawing`], a list of shapes that [`svg`] writes as
+//! text and [`png`] paints. Of a fabric a row of dots is a course, the first at the bottom; of a
+//! warp knit a dot is a needle; gaps are numbered below from the drive. Seen from the technical
+//! back, each bar's path goes over the dots that it laps and between the rows where it lies under
+//! them. One yarn a bar is drawn, that of its first threaded guide; where two bars or fewer leave
+//! room, its neighbours too, lightly.
 //!
-//! Not promised: that a very large fabric is drawn whole ([`Drawing::notes`] says what is left out).
+//! Not promised: that a very large fabric is drawn whole ([`Drawing::notes`] says what is left
+//! out).
 
 mod garment;
 mod laid;
@@ -74,7 +78,8 @@ pub enum Shape {
         /// What of it stands at `at`.
         anchor: Anchor,
     },
-    /// What the layer's lines are, told where a pointer rests within them. A PNG has no place for it.
+    /// What the layer's lines are, told where a pointer rests within them. A PNG has no place for
+    /// it.
     Title {
         /// One line.
         text: String,
@@ -156,7 +161,8 @@ impl Format {
 }
 
 impl Drawing {
-    /// The lapping diagram of a warp knit, the chart of a weft knit, the plan of laid cloth. Cost: at most some thousand shapes, whatever the fabric.
+    /// The lapping diagram of a warp knit, the chart of a weft knit, the plan of laid cloth. Cost:
+    /// at most some thousand shapes, whatever the fabric.
     ///
     /// ```
     /// use warpknit::{chart::Drawing, fabric::Fabric};
@@ -172,8 +178,9 @@ impl Drawing {
         }
     }
 
-    /// The sheet of a garment: its flat panels with their grain at the left, at the right how it is stretched when draped. `title` says which garment
-    /// it is. Cost: the maps have a fixed number of pixels, so only the outlines grow with the panels' edges.
+    /// The sheet of a garment: its flat panels with their grain at the left, at the right how it is
+    /// stretched when draped. `title` says which garment it is. Cost: the maps have a fixed number
+    /// of pixels, so only the outlines grow with the panels' edges.
     ///
     /// ```
     /// use warpknit::{chart::Drawing, garment::Garment};

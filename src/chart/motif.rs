@@ -1,14 +1,17 @@
 //! The chart of a weft knit: a square a loop, as knitters draw it, seen from the technical face.
 //!
-//! In: a [`Motif`]. Out: a [`Drawing`]: legs that show are a V, reverse loops a dash, and the heads of a crossing lines to where they go, those in front
-//! dark. Course 1 is below, wale 1 on the left.
+//! In: a [`Motif`]. Out: a [`Drawing`]: legs that show are a V, reverse loops a dash, and the heads
+//! of a crossing lines to where they go, those in front dark. Course 1 is below, wale 1 on the
+//! left.
 
 use std::ops::Range;
 
 use glam::DVec2;
 
 use super::path::Piece;
-use super::{Anchor, Drawing, FAINT, HAIR, HEADING, INK, Layer, MARGIN, Shape, TextSize, label, shortened};
+use super::{
+    Anchor, Drawing, FAINT, HAIR, HEADING, INK, Layer, MARGIN, Shape, TextSize, label, shortened,
+};
 use crate::fabric::Fabric;
 use crate::fabric::motif::{Cell, Motif};
 use crate::ids::index32;
@@ -41,28 +44,59 @@ pub(super) fn draw(fabric: &Fabric, motif: &Motif) -> Drawing {
         .map(|(letter, meaning)| format!("{letter}  {meaning}"))
         .collect();
     let notes: Vec<String> = (wales < motif.wales() || courses < motif.courses())
-        .then(|| format!("{wales} by {courses} of {} by {} loops are drawn", motif.wales(), motif.courses()))
+        .then(|| {
+            format!(
+                "{wales} by {courses} of {} by {} loops are drawn",
+                motif.wales(),
+                motif.courses()
+            )
+        })
         .into_iter()
         .collect();
-    let words = [fabric.name.as_str(), VIEW].into_iter().chain(legend.iter().chain(&notes).map(String::as_str));
+    let words = [fabric.name.as_str(), VIEW]
+        .into_iter()
+        .chain(legend.iter().chain(&notes).map(String::as_str));
     let widest = words.map(|text| TextSize::Title.width(&shortened(text))).fold(0.0, f64::max);
     let chart = SIDE * DVec2::new(count(wales), count(courses));
     let bottom = MARGIN + HEADING + chart.y;
     let sheet = Sheet { motif, wales, courses, origin: DVec2::new(MARGIN + NUMBERS, bottom) };
     let lines = count(legend.len() + notes.len());
-    let size = DVec2::new((chart.x + NUMBERS).max(widest) + 2.0 * MARGIN, bottom + NUMBERS + lines * ROW + MARGIN);
+    let size = DVec2::new(
+        (chart.x + NUMBERS).max(widest) + 2.0 * MARGIN,
+        bottom + NUMBERS + lines * ROW + MARGIN,
+    );
 
     let below = |line: usize| DVec2::new(MARGIN, bottom + NUMBERS + (count(line) + 0.5) * ROW);
-    let text = |at: DVec2, text: &str, size| Shape::Text { at, text: shortened(text), size, anchor: Anchor::Start };
+    let text = |at: DVec2, text: &str, size| Shape::Text {
+        at,
+        text: shortened(text),
+        size,
+        anchor: Anchor::Start,
+    };
     let mut ink = vec![text(DVec2::new(MARGIN, MARGIN + 14.0), &fabric.name, TextSize::Title)];
-    ink.extend(legend.iter().enumerate().map(|(line, words)| text(below(line), words, TextSize::Normal)));
+    ink.extend(
+        legend.iter().enumerate().map(|(line, words)| text(below(line), words, TextSize::Normal)),
+    );
     let mut faint = sheet.numbers();
     faint.push(text(DVec2::new(MARGIN, MARGIN + 34.0), VIEW, TextSize::Small));
-    faint.extend(notes.iter().zip(legend.len()..).map(|(note, line)| text(below(line), note, TextSize::Small)));
+    faint.extend(
+        notes
+            .iter()
+            .zip(legend.len()..)
+            .map(|(note, line)| text(below(line), note, TextSize::Small)),
+    );
     let layers = vec![
         Layer { name: "squares".to_owned(), color: HAIR, shapes: sheet.squares() },
-        Layer { name: "behind".to_owned(), color: FAINT, shapes: sheet.symbols(|cell| cell.layer < 0) },
-        Layer { name: "loops".to_owned(), color: INK, shapes: sheet.symbols(|cell| cell.layer >= 0) },
+        Layer {
+            name: "behind".to_owned(),
+            color: FAINT,
+            shapes: sheet.symbols(|cell| cell.layer < 0),
+        },
+        Layer {
+            name: "loops".to_owned(),
+            color: INK,
+            shapes: sheet.symbols(|cell| cell.layer >= 0),
+        },
         Layer { name: "numbers".to_owned(), color: FAINT, shapes: faint },
         Layer { name: "text".to_owned(), color: INK, shapes: ink },
     ];
@@ -81,8 +115,11 @@ impl Sheet<'_> {
 
     fn squares(&self) -> Vec<Shape> {
         let (wales, courses) = (count(self.wales), count(self.courses));
-        let upright = (0..=self.wales).map(|wale| Self::line(self.at(count(wale), 0.0), self.at(count(wale), courses), 1.0));
-        let level = (0..=self.courses).map(|course| Self::line(self.at(0.0, count(course)), self.at(wales, count(course)), 1.0));
+        let upright = (0..=self.wales)
+            .map(|wale| Self::line(self.at(count(wale), 0.0), self.at(count(wale), courses), 1.0));
+        let level = (0..=self.courses).map(|course| {
+            Self::line(self.at(0.0, count(course)), self.at(wales, count(course)), 1.0)
+        });
         upright.chain(level).collect()
     }
 
@@ -108,16 +145,31 @@ impl Sheet<'_> {
         if cell.reverse {
             return Self::line(place(0.25, 0.5), place(0.75, 0.5), SYMBOL);
         }
-        let pieces = vec![Piece::Move(place(0.28, 0.78)), Piece::Line(place(0.5, 0.22)), Piece::Line(place(0.72, 0.78))];
+        let pieces = vec![
+            Piece::Move(place(0.28, 0.78)),
+            Piece::Line(place(0.5, 0.22)),
+            Piece::Line(place(0.72, 0.78)),
+        ];
         Shape::Path { pieces, width: SYMBOL }
     }
 
     fn numbers(&self) -> Vec<Shape> {
-        let numbered = |end: usize| (1..=end).filter(move |&number| number == 1 || number % NUMBERED == 0);
-        let wales = numbered(self.wales)
-            .map(|wale| label(self.at(count(wale) - 0.5, 0.0) + DVec2::Y * 16.0, wale.to_string(), Anchor::Middle));
-        let courses = numbered(self.courses)
-            .map(|course| label(self.at(0.0, count(course) - 0.5) + DVec2::new(-6.0, 4.0), course.to_string(), Anchor::End));
+        let numbered =
+            |end: usize| (1..=end).filter(move |&number| number == 1 || number % NUMBERED == 0);
+        let wales = numbered(self.wales).map(|wale| {
+            label(
+                self.at(count(wale) - 0.5, 0.0) + DVec2::Y * 16.0,
+                wale.to_string(),
+                Anchor::Middle,
+            )
+        });
+        let courses = numbered(self.courses).map(|course| {
+            label(
+                self.at(0.0, count(course) - 0.5) + DVec2::new(-6.0, 4.0),
+                course.to_string(),
+                Anchor::End,
+            )
+        });
         wales.chain(courses).collect()
     }
 }

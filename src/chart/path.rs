@@ -1,8 +1,9 @@
 //! One yarn of a bar on point paper: from its chain to a path around the needles' dots.
 //!
-//! In: a chain and the [`Lane`] that keeps the bar clear of the others. Out: waypoints in px ([`waypoints`]), cut at the sheet's sides
-//! ([`clipped`]) and rounded ([`rounded`]). x grows to the right as seen from the technical back, so gap 0 of a right-hand drive is rightmost;
-//! y grows with the courses.
+//! In: a chain and the [`Lane`] that keeps the bar clear of the others. Out: waypoints in px
+//! ([`waypoints`]), cut at the sheet's sides ([`clipped`]) and rounded ([`rounded`]). x grows to
+//! the right as seen from the technical back, so gap 0 of a right-hand drive is rightmost; y grows
+//! with the courses.
 //!
 //! ```text
 //!        ___          the overlap: up through the entry gap, over the dot, down through the exit gap
@@ -17,7 +18,8 @@ use glam::DVec2;
 
 use crate::fabric::lapping::Chain;
 
-/// Height of the band of underlaps above a row of dots, and of the next band below it, over the row pitch.
+/// Height of the band of underlaps above a row of dots, and of the next band below it, over the row
+/// pitch.
 const BAND: f64 = 0.36;
 /// How far below its dot an open lap comes, and a closed one at least, over the row pitch.
 const OPEN_FOOT: f64 = 0.06;
@@ -63,7 +65,13 @@ impl Piece {
 }
 
 /// The corners that the yarn of `guide` passes in courses `0..courses`, before they are rounded.
-pub(super) fn waypoints(chain: &Chain, guide: i64, courses: i64, pitch: Pitch, lane: Lane) -> Vec<DVec2> {
+pub(super) fn waypoints(
+    chain: &Chain,
+    guide: i64,
+    courses: i64,
+    pitch: Pitch,
+    lane: Lane,
+) -> Vec<DVec2> {
     (0..courses).flat_map(|course| lap(chain, guide, course, pitch, lane)).collect()
 }
 
@@ -94,7 +102,14 @@ fn lap(chain: &Chain, guide: i64, course: i64, pitch: Pitch, lane: Lane) -> Vec<
     };
     let channel = x(channel) + lane.aside;
     let foot = lane.aside / 2.0 - foot;
-    let path = [(entry, below), (entry, lane.leg), (exit, lane.leg), (exit, foot), (channel, foot), (channel, above)];
+    let path = [
+        (entry, below),
+        (entry, lane.leg),
+        (exit, lane.leg),
+        (exit, foot),
+        (channel, foot),
+        (channel, above),
+    ];
     path.map(|(x, above)| point(x, above)).to_vec()
 }
 
@@ -129,7 +144,8 @@ pub(super) fn clipped(points: &[DVec2], low: f64, high: f64) -> Vec<Vec<DVec2>> 
     parts
 }
 
-/// A polyline with its corners rounded, each over `reach` px of its sides or as far as half of the shorter one allows.
+/// A polyline with its corners rounded, each over `reach` px of its sides or as far as half of the
+/// shorter one allows.
 pub(super) fn rounded(points: &[DVec2], reach: f64) -> Vec<Piece> {
     let mut corners: Vec<DVec2> = Vec::new();
     for &point in points {
@@ -141,7 +157,8 @@ pub(super) fn rounded(points: &[DVec2], reach: f64) -> Vec<Piece> {
     for corner in corners.windows(3) {
         let [before, at, after] = [corner[0], corner[1], corner[2]];
         let reach = reach.min(at.distance(before) / 2.0).min(at.distance(after) / 2.0);
-        let (start, end) = (at + (before - at).normalize() * reach, at + (after - at).normalize() * reach);
+        let (start, end) =
+            (at + (before - at).normalize() * reach, at + (after - at).normalize() * reach);
         let turn = (at - before).angle_to(after - at).abs();
         if turn < 1e-6 {
             pieces.push(Piece::Line(at));
@@ -176,10 +193,13 @@ mod tests {
     fn crossings(points: &[DVec2]) -> usize {
         let side = |a: DVec2, b: DVec2, p: DVec2| (b - a).perp_dot(p - a);
         let cross = |a: &[DVec2], b: &[DVec2]| {
-            side(a[0], a[1], b[0]) * side(a[0], a[1], b[1]) < 0.0 && side(b[0], b[1], a[0]) * side(b[0], b[1], a[1]) < 0.0
+            side(a[0], a[1], b[0]) * side(a[0], a[1], b[1]) < 0.0
+                && side(b[0], b[1], a[0]) * side(b[0], b[1], a[1]) < 0.0
         };
         let lines: Vec<_> = points.windows(2).collect();
-        (0..lines.len()).map(|at| lines[at + 1..].iter().filter(|line| cross(lines[at], line)).count()).sum()
+        (0..lines.len())
+            .map(|at| lines[at + 1..].iter().filter(|line| cross(lines[at], line)).count())
+            .sum()
     }
 
     #[test]
@@ -187,7 +207,11 @@ mod tests {
         // The needle of 1-0 lies half a pitch to the left of gap 0.
         for (chain, entry, exit) in [("1-0", -30.0, -10.0), ("0-1", -10.0, -30.0)] {
             let path = corners(chain, 1);
-            assert_eq!((path[1], path[2]), (DVec2::new(entry, 10.0), DVec2::new(exit, 10.0)), "{chain}");
+            assert_eq!(
+                (path[1], path[2]),
+                (DVec2::new(entry, 10.0), DVec2::new(exit, 10.0)),
+                "{chain}"
+            );
         }
         let two = corners("0-2/2-0", 1);
         assert_eq!((two[1].x, two[2].x), (-10.0, -70.0));
@@ -214,9 +238,20 @@ mod tests {
 
     #[test]
     fn a_cut_path_keeps_what_lies_inside() {
-        let path = [DVec2::new(-10.0, 0.0), DVec2::new(30.0, 40.0), DVec2::new(30.0, 50.0), DVec2::new(5.0, 50.0)];
+        let path = [
+            DVec2::new(-10.0, 0.0),
+            DVec2::new(30.0, 40.0),
+            DVec2::new(30.0, 50.0),
+            DVec2::new(5.0, 50.0),
+        ];
         let parts = clipped(&path, 0.0, 20.0);
-        assert_eq!(parts, [[DVec2::new(0.0, 10.0), DVec2::new(20.0, 30.0)], [DVec2::new(20.0, 50.0), DVec2::new(5.0, 50.0)]]);
+        assert_eq!(
+            parts,
+            [
+                [DVec2::new(0.0, 10.0), DVec2::new(20.0, 30.0)],
+                [DVec2::new(20.0, 50.0), DVec2::new(5.0, 50.0)]
+            ]
+        );
         assert_eq!(clipped(&path, -100.0, 100.0), [path.to_vec()]);
         assert!(clipped(&path, 100.0, 200.0).is_empty());
     }
@@ -225,8 +260,14 @@ mod tests {
     fn rounding_keeps_the_ends_and_straight_lines() {
         let path = corners("1-0/1-2", 3);
         let pieces = rounded(&path, 15.0);
-        assert_eq!((pieces[0], pieces[pieces.len() - 1].end()), (Piece::Move(path[0]), path[path.len() - 1]));
-        assert_eq!(rounded(&[DVec2::ZERO, DVec2::ZERO, DVec2::X], 15.0), [Piece::Move(DVec2::ZERO), Piece::Line(DVec2::X)]);
+        assert_eq!(
+            (pieces[0], pieces[pieces.len() - 1].end()),
+            (Piece::Move(path[0]), path[path.len() - 1])
+        );
+        assert_eq!(
+            rounded(&[DVec2::ZERO, DVec2::ZERO, DVec2::X], 15.0),
+            [Piece::Move(DVec2::ZERO), Piece::Line(DVec2::X)]
+        );
         assert!(rounded(&[], 15.0).is_empty());
     }
 }

@@ -1,7 +1,8 @@
 //! A drawing as pixels, two to a px of the drawing, on white.
 //!
-//! Lines, areas and dots are painted by `tiny-skia`. Text comes from `noto-sans-mono-bitmap`, whose glyphs are drawn beforehand in the very sizes
-//! that are used, so a machine without any font writes the same file.
+//! Lines, areas and dots are painted by `tiny-skia`. Text comes from `noto-sans-mono-bitmap`, whose
+//! glyphs are drawn beforehand in the very sizes that are used, so a machine without any font
+//! writes the same file.
 
 use glam::DVec2;
 use image::RgbaImage;
@@ -25,7 +26,8 @@ impl TextSize {
         }
     }
 
-    /// What an SVG calls the font's size: that at which a character is as wide as in the PNG (a mono character is .6 of it).
+    /// What an SVG calls the font's size: that at which a character is as wide as in the PNG (a
+    /// mono character is .6 of it).
     #[must_use]
     pub fn px(self) -> f64 {
         self.width("0") / 0.6
@@ -35,7 +37,8 @@ impl TextSize {
     #[must_use]
     pub fn width(self, text: &str) -> f64 {
         let (weight, height) = self.font();
-        let characters = u32::try_from(text.chars().count() * get_raster_width(weight, height)).unwrap_or(u32::MAX);
+        let characters = u32::try_from(text.chars().count() * get_raster_width(weight, height))
+            .unwrap_or(u32::MAX);
         f64::from(characters) / SCALE
     }
 }
@@ -47,7 +50,8 @@ impl TextSize {
 #[must_use]
 pub fn paint(drawing: &Drawing) -> RgbaImage {
     let (width, height) = (pixels(drawing.size.x), pixels(drawing.size.y));
-    let mut sheet = Pixmap::new(width, height).expect("a sheet is limited in its needles, courses and bars, or of one size");
+    let mut sheet = Pixmap::new(width, height)
+        .expect("a sheet is limited in its needles, courses and bars, or of one size");
     sheet.fill(tiny_skia::Color::WHITE);
     for layer in &drawing.layers {
         let [r, g, b] = layer.color.0;
@@ -59,7 +63,9 @@ pub fn paint(drawing: &Drawing) -> RgbaImage {
                 Shape::Area { pieces } => area(&mut sheet, pieces, &paint),
                 Shape::Picture { at, picture } => lay(&mut sheet, *at, picture),
                 Shape::Dot { at, radius } => dot(&mut sheet, *at, *radius, &paint),
-                Shape::Text { at, text, size, anchor } => write(&mut sheet, *at, text, *size, *anchor, layer.color),
+                Shape::Text { at, text, size, anchor } => {
+                    write(&mut sheet, *at, text, *size, *anchor, layer.color)
+                }
                 Shape::Title { .. } => {}
             }
         }
@@ -69,7 +75,11 @@ pub fn paint(drawing: &Drawing) -> RgbaImage {
 }
 
 fn pixels(length: f64) -> u32 {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates, and a sheet is no larger")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "`as` saturates, and a sheet is no larger"
+    )]
     let pixels = (length * SCALE).ceil() as u32;
     pixels.max(1)
 }
@@ -102,7 +112,8 @@ fn track(pieces: &[Piece]) -> Option<Path> {
 
 fn line(sheet: &mut Pixmap, pieces: &[Piece], width: f64, paint: &Paint<'_>) {
     let (width, _) = device(DVec2::splat(width));
-    let stroke = Stroke { width, line_cap: LineCap::Round, line_join: LineJoin::Round, ..Stroke::default() };
+    let stroke =
+        Stroke { width, line_cap: LineCap::Round, line_join: LineJoin::Round, ..Stroke::default() };
     if let Some(path) = track(pieces) {
         sheet.stroke_path(&path, paint, &stroke, Transform::identity(), None);
     }
@@ -140,11 +151,13 @@ fn write(sheet: &mut Pixmap, at: DVec2, text: &str, size: TextSize, anchor: Anch
         Anchor::End => size.width(text),
     };
     let (weight, height) = size.font();
-    let start = (at - DVec2::new(before, 0.0)) * SCALE - DVec2::new(0.0, BASELINE * f64::from(height_of(height)));
+    let start = (at - DVec2::new(before, 0.0)) * SCALE
+        - DVec2::new(0.0, BASELINE * f64::from(height_of(height)));
     #[expect(clippy::cast_possible_truncation, reason = "a place on the sheet, in whole pixels")]
     let (mut left, top) = (start.x.round() as i64, start.y.round() as i64);
     for character in text.chars() {
-        let glyph = get_raster(character, weight, height).or_else(|| get_raster('?', weight, height));
+        let glyph =
+            get_raster(character, weight, height).or_else(|| get_raster('?', weight, height));
         let Some(glyph) = glyph else { continue };
         for (row, y) in glyph.rows().zip(top..) {
             for (&cover, x) in row.iter().zip(left..) {
@@ -167,7 +180,9 @@ fn blend(sheet: &mut Pixmap, x: i64, y: i64, color: Color, cover: u8) {
     }
     let first = 4 * (y as usize * sheet.width() as usize + x as usize);
     for (byte, ink) in sheet.data_mut()[first..].iter_mut().zip(color.0) {
-        let mixed = (u16::from(*byte) * u16::from(255 - cover) + u16::from(ink) * u16::from(cover) + 127) / 255;
+        let mixed =
+            (u16::from(*byte) * u16::from(255 - cover) + u16::from(ink) * u16::from(cover) + 127)
+                / 255;
         *byte = u8::try_from(mixed).expect("a mean of two bytes is a byte");
     }
 }
@@ -191,15 +206,21 @@ mod tests {
     #[test]
     fn areas_have_holes_and_pictures_lie_pixel_on_pixel() {
         let square = |low: f64, high: f64| {
-            let [a, b, c, d] = [(low, low), (high, low), (high, high), (low, high)].map(DVec2::from);
+            let [a, b, c, d] =
+                [(low, low), (high, low), (high, high), (low, high)].map(DVec2::from);
             [Piece::Move(a), Piece::Line(b), Piece::Line(c), Piece::Line(d), Piece::Line(a)]
         };
         let pieces = [square(0.0, 10.0), square(4.0, 6.0)].concat();
         let mut picture = RgbaImage::from_pixel(2, 2, image::Rgba([0, 200, 0, 255]));
         picture.put_pixel(0, 0, image::Rgba([0, 200, 0, 0]));
-        let shapes = vec![Shape::Area { pieces }, Shape::Picture { at: DVec2::new(12.0, 3.0), picture }];
+        let shapes =
+            vec![Shape::Area { pieces }, Shape::Picture { at: DVec2::new(12.0, 3.0), picture }];
         let layer = super::super::Layer { name: "a".into(), color: Color([9; 3]), shapes };
-        let painted = paint(&Drawing { size: DVec2::new(20.0, 10.0), layers: vec![layer], notes: Vec::new() });
+        let painted = paint(&Drawing {
+            size: DVec2::new(20.0, 10.0),
+            layers: vec![layer],
+            notes: Vec::new(),
+        });
         let [cloth, hole, clear, green, beyond] =
             [(3, 3), (10, 10), (24, 6), (25, 6), (26, 7)].map(|(x, y)| painted.get_pixel(x, y).0);
         assert_eq!((cloth, hole, clear), ([9, 9, 9, 255], [255; 4], [255; 4]));
@@ -214,9 +235,13 @@ mod tests {
             size: TextSize::Title,
             anchor: Anchor::Middle,
         };
-        let layer =
-            super::super::Layer { name: "t".into(), color: Color([0; 3]), shapes: vec![text(-5.0), text(400.0), text(20.0)] };
-        let drawing = Drawing { size: DVec2::new(40.0, 20.0), layers: vec![layer], notes: Vec::new() };
+        let layer = super::super::Layer {
+            name: "t".into(),
+            color: Color([0; 3]),
+            shapes: vec![text(-5.0), text(400.0), text(20.0)],
+        };
+        let drawing =
+            Drawing { size: DVec2::new(40.0, 20.0), layers: vec![layer], notes: Vec::new() };
         assert!(paint(&drawing).pixels().any(|pixel| pixel.0 == [0, 0, 0, 255]));
     }
 }

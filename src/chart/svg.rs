@@ -1,4 +1,5 @@
-//! A drawing as SVG: a group a layer, text as text, nothing that a hand can't edit but pictures, which are in it as PNG.
+//! A drawing as SVG: a group a layer, text as text, nothing that a hand can't edit but pictures,
+//! which are in it as PNG.
 
 use std::fmt::{self, Write};
 
@@ -39,11 +40,18 @@ fn write(out: &mut String, drawing: &Drawing) -> fmt::Result {
 
 fn group(out: &mut String, layer: &Layer) -> fmt::Result {
     let Layer { name, color, shapes } = layer;
-    let lines = shapes.iter().all(|shape| matches!(shape, Shape::Path { .. } | Shape::Title { .. }));
+    let lines =
+        shapes.iter().all(|shape| matches!(shape, Shape::Path { .. } | Shape::Title { .. }));
     // A pointer is to find what lines enclose too, though it isn't filled.
-    let rests = if shapes.iter().any(|shape| matches!(shape, Shape::Title { .. })) { " pointer-events=\"all\"" } else { "" };
+    let rests = if shapes.iter().any(|shape| matches!(shape, Shape::Title { .. })) {
+        " pointer-events=\"all\""
+    } else {
+        ""
+    };
     let paint = if lines {
-        format!("fill=\"none\" stroke=\"{color}\" stroke-linecap=\"round\" stroke-linejoin=\"round\"{rests}")
+        format!(
+            "fill=\"none\" stroke=\"{color}\" stroke-linecap=\"round\" stroke-linejoin=\"round\"{rests}"
+        )
     } else {
         format!("fill=\"{color}\"")
     };
@@ -51,11 +59,21 @@ fn group(out: &mut String, layer: &Layer) -> fmt::Result {
     for shape in shapes {
         match shape {
             Shape::Title { text } => writeln!(out, "<title>{}</title>", Escaped(text))?,
-            Shape::Path { pieces, width } => writeln!(out, "<path stroke-width=\"{}\" d=\"{}\"/>", Px(*width), Track(pieces))?,
-            Shape::Area { pieces } => writeln!(out, "<path fill-rule=\"evenodd\" d=\"{}\"/>", Track(pieces))?,
+            Shape::Path { pieces, width } => {
+                writeln!(out, "<path stroke-width=\"{}\" d=\"{}\"/>", Px(*width), Track(pieces))?
+            }
+            Shape::Area { pieces } => {
+                writeln!(out, "<path fill-rule=\"evenodd\" d=\"{}\"/>", Track(pieces))?
+            }
             Shape::Picture { at, picture: pixels } => picture(out, *at, pixels)?,
             Shape::Dot { at, radius } => {
-                writeln!(out, "<circle cx=\"{}\" cy=\"{}\" r=\"{}\"/>", Px(at.x), Px(at.y), Px(*radius))?;
+                writeln!(
+                    out,
+                    "<circle cx=\"{}\" cy=\"{}\" r=\"{}\"/>",
+                    Px(at.x),
+                    Px(at.y),
+                    Px(*radius)
+                )?;
             }
             Shape::Text { at, text, size, anchor } => {
                 let place = match anchor {
@@ -77,10 +95,12 @@ fn group(out: &mut String, layer: &Layer) -> fmt::Result {
     writeln!(out, "</g>")
 }
 
-/// Pixels as an image that holds its own file. The old name of its address is the one that every program knows.
+/// Pixels as an image that holds its own file. The old name of its address is the one that every
+/// program knows.
 fn picture(out: &mut String, at: DVec2, pixels: &RgbaImage) -> fmt::Result {
     let mut file = Vec::new();
-    let encoder = PngEncoder::new_with_quality(&mut file, CompressionType::Default, FilterType::Adaptive);
+    let encoder =
+        PngEncoder::new_with_quality(&mut file, CompressionType::Default, FilterType::Adaptive);
     encoder
         .write_image(pixels.as_raw(), pixels.width(), pixels.height(), ExtendedColorType::Rgba8)
         .expect("memory takes any picture");
@@ -102,7 +122,11 @@ fn base64(out: &mut String, bytes: &[u8]) {
         let byte = |at: usize| three.get(at).map_or(0, |&byte| u32::from(byte));
         let bits = byte(0) << 16 | byte(1) << 8 | byte(2);
         for (digit, shift) in [18, 12, 6, 0].into_iter().enumerate() {
-            out.push(if digit <= three.len() { char::from(DIGITS[(bits >> shift & 63) as usize]) } else { '=' });
+            out.push(if digit <= three.len() {
+                char::from(DIGITS[(bits >> shift & 63) as usize])
+            } else {
+                '='
+            });
         }
     }
 }
@@ -156,13 +180,19 @@ mod tests {
 
     #[test]
     fn numbers_are_short_and_text_is_escaped() {
-        assert_eq!([1.0, -0.001, 2.345, 10.5].map(|px| Px(px).to_string()), ["1", "0", "2.35", "10.5"]);
+        assert_eq!(
+            [1.0, -0.001, 2.345, 10.5].map(|px| Px(px).to_string()),
+            ["1", "0", "2.35", "10.5"]
+        );
         let encoded = |text: &str| {
             let mut out = String::new();
             base64(&mut out, text.as_bytes());
             out
         };
-        assert_eq!(["", "f", "fo", "foo", "foob"].map(encoded), ["", "Zg==", "Zm8=", "Zm9v", "Zm9vYg=="]);
+        assert_eq!(
+            ["", "f", "fo", "foo", "foob"].map(encoded),
+            ["", "Zg==", "Zm8=", "Zm9v", "Zm9vYg=="]
+        );
         assert_eq!(Escaped("a<b & \u{1}c>").to_string(), "a&lt;b &amp; \u{fffd}c&gt;");
     }
 }

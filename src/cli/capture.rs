@@ -20,7 +20,10 @@ const MOST_BYTES: u64 = 1 << 20;
 pub(crate) fn capture(arguments: &Capture) -> Result<()> {
     let mut clock = Clock::begin_command(&arguments.running)?;
     clock.begin(Task::Read, 0.0);
-    let inputs = [Some(&arguments.photo), arguments.layout.as_ref()].into_iter().flatten().map(PathBuf::as_path);
+    let inputs = [Some(&arguments.photo), arguments.layout.as_ref()]
+        .into_iter()
+        .flatten()
+        .map(PathBuf::as_path);
     let outputs = FILES.map(|file| arguments.output.join(file));
     check_distinct(inputs, outputs.iter().map(PathBuf::as_path))?;
     let folder = OutputFolder::create(&arguments.output)?;
@@ -31,27 +34,34 @@ pub(crate) fn capture(arguments: &Capture) -> Result<()> {
     // What is wrong with a person's layout is told with its file.
     let about = arguments.layout.as_ref().unwrap_or(&arguments.photo);
     let &Capture { thickness, pixels_per_mm, .. } = arguments;
-    let found =
-        captured(&photo, &Settings { thickness, pixels_per_mm, cell, layout }).with_context(|| about.display().to_string())?;
+    let found = captured(&photo, &Settings { thickness, pixels_per_mm, cell, layout })
+        .with_context(|| about.display().to_string())?;
     clock.begin(Task::Write, 0.9);
     save(&found, &folder)?;
     folder.publish()?;
     clock.stop();
     clock.clear();
     let quiet = arguments.running.quiet;
-    found.warnings().iter().for_each(|note| tell(quiet, &format!("note: {}: {note}", arguments.photo.display())));
+    found
+        .warnings()
+        .iter()
+        .for_each(|note| tell(quiet, &format!("note: {}: {note}", arguments.photo.display())));
     tell(quiet, &format!("{} segments: {}", found.layout.seen.len(), arguments.output.display()));
     print(&report(&found))
 }
 
 /// Reads a layout that a person gives.
 fn given(path: &Path) -> Result<GivenLayout> {
-    let size = std::fs::metadata(path).with_context(|| format!("{}: can't be read", path.display()))?.len();
+    let size = std::fs::metadata(path)
+        .with_context(|| format!("{}: can't be read", path.display()))?
+        .len();
     if size > MOST_BYTES {
         bail!("{}: is no layout of capture: {size} bytes are too many", path.display());
     }
-    let text = std::fs::read_to_string(path).with_context(|| format!("{}: can't be read", path.display()))?;
-    GivenLayout::parse(&text).map_err(|error| anyhow!("{}:{}: {}", path.display(), error.line, error.what))
+    let text = std::fs::read_to_string(path)
+        .with_context(|| format!("{}: can't be read", path.display()))?;
+    GivenLayout::parse(&text)
+        .map_err(|error| anyhow!("{}:{}: {}", path.display(), error.line, error.what))
 }
 
 /// A line a number, its name first, then a row a segment.
@@ -60,14 +70,30 @@ fn report(found: &Captured) -> String {
     let vector = |vector: DVec2| format!("{:.2},{:.2}", vector.x, vector.y);
     let share = |share: f64| format!("{:.1} %", 100.0 * share);
     let rows = [
-        ("cell", format!("{} and {} pixels, confidence {:.2}", vector(unit.lattice.a), vector(unit.lattice.b), unit.confidence)),
+        (
+            "cell",
+            format!(
+                "{} and {} pixels, confidence {:.2}",
+                vector(unit.lattice.a),
+                vector(unit.lattice.b),
+                unit.confidence
+            ),
+        ),
         (
             "laid",
-            format!("cell of {:.3} x {:.3} mm, {} strands", fabric.wale_spacing(), fabric.course_spacing(), fabric.bars.len()),
+            format!(
+                "cell of {:.3} x {:.3} mm, {} strands",
+                fabric.wale_spacing(),
+                fabric.course_spacing(),
+                fabric.bars.len()
+            ),
         ),
         ("scale", format!("{:.2} pixels a mm", pixel.recip())),
         ("seen at", format!("{scale:.2} of the photo's size")),
-        ("unexplained", format!("{}, by what is seen {}", share(layout.error), share(layout.seen_error))),
+        (
+            "unexplained",
+            format!("{}, by what is seen {}", share(layout.error), share(layout.seen_error)),
+        ),
         ("overlap", share(layout.overlap)),
         ("blank", share(layout.blank)),
     ];
@@ -78,13 +104,20 @@ fn report(found: &Captured) -> String {
         "{:>7} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9}",
         "segment", "x", "y", "degrees", "width", "length", "width mm", "twist"
     ));
-    for ((number, segment), (shape, twist)) in
-        layout.numbers.iter().map(|number| number + 1).zip(&layout.seen).zip(found.shapes.iter().zip(&found.twists))
+    for ((number, segment), (shape, twist)) in layout
+        .numbers
+        .iter()
+        .map(|number| number + 1)
+        .zip(&layout.seen)
+        .zip(found.shapes.iter().zip(&found.twists))
     {
         let (centre, degrees) = (segment.centre, segment.angle.to_degrees().rem_euclid(360.0));
         let sizes = format!("{:9.2} {:9.2} {:9.3}", segment.width, segment.length, shape.width);
         let mark = if twist.is_guess { "?" } else { "" };
-        line(format!("{number:7} {:9.2} {:9.2} {degrees:9.1} {sizes} {:9.1}{mark}", centre.x, centre.y, twist.degrees));
+        line(format!(
+            "{number:7} {:9.2} {:9.2} {degrees:9.1} {sizes} {:9.1}{mark}",
+            centre.x, centre.y, twist.degrees
+        ));
     }
     text
 }

@@ -1,4 +1,5 @@
-//! What the arguments choose: the fabric, its densities and its yarns' radius, how the garment is read and how yarns are laid on it.
+//! What the arguments choose: the fabric, its densities and its yarns' radius, how the garment is
+//! read and how yarns are laid on it.
 
 use std::path::Path;
 
@@ -11,10 +12,12 @@ use warpknit::ids::index32;
 use super::args::{Chains, Laying, Reading, Shared};
 use super::tell;
 
-/// The most stitches that a garment is given unasked. A picture of 1600 x 1200 shows no more of them one by one.
+/// The most stitches that a garment is given unasked. A picture of 1600 x 1200 shows no more of
+/// them one by one.
 const PICTURED_STITCHES: f64 = 12_000.0;
-/// The most that a picture takes for each stitch, GB: measured 1.7 kB where a million are traced piece by piece. Far ones take a quarter of it,
-/// but how far they are is not known before they are knitted.
+/// The most that a picture takes for each stitch, GB: measured 1.7 kB where a million are traced
+/// piece by piece. Far ones take a quarter of it, but how far they are is not known before they are
+/// knitted.
 pub(super) const PICTURE_GB: f64 = 1.7e-6;
 
 impl Laying {
@@ -27,7 +30,12 @@ impl Laying {
 impl Reading {
     /// What the library takes.
     pub(super) fn options(&self) -> ReadOptions {
-        ReadOptions { unit: self.unit, uv_scale: self.uv_scale, grain: self.grain.to_radians(), turn: self.turn }
+        ReadOptions {
+            unit: self.unit,
+            uv_scale: self.uv_scale,
+            grain: self.grain.to_radians(),
+            turn: self.turn,
+        }
     }
 }
 
@@ -50,7 +58,11 @@ pub(super) fn named_fabric(name: &str) -> Result<Fabric> {
 impl Chains {
     /// The fabric with these bars, if there are any.
     pub(super) fn on(&self, fabric: Fabric) -> Result<Fabric> {
-        if self.lapping.is_empty() { Ok(fabric) } else { Ok(fabric.with_chains(&self.lapping, &self.threading)?) }
+        if self.lapping.is_empty() {
+            Ok(fabric)
+        } else {
+            Ok(fabric.with_chains(&self.lapping, &self.threading)?)
+        }
     }
 
     /// What messages call the fabric: as it was asked for, or by its chains.
@@ -71,7 +83,8 @@ pub(super) fn fabric(shared: &Shared) -> Result<Fabric> {
         (wales, courses) => {
             // One density alone scales the other, so that loops keep their shape.
             let aspect = fabric.courses_per_cm / fabric.wales_per_cm;
-            let wales = wales.or(courses.map(|courses| courses / aspect)).unwrap_or(fabric.wales_per_cm);
+            let wales =
+                wales.or(courses.map(|courses| courses / aspect)).unwrap_or(fabric.wales_per_cm);
             Ok(fabric.at_densities(wales, courses.unwrap_or(wales * aspect))?)
         }
     }
@@ -86,8 +99,13 @@ fn in_file(name: &str, error: FabricError) -> anyhow::Error {
     anyhow::Error::new(error).context(place)
 }
 
-/// The fabric for `area` mm² of garment, enlarged where nobody chose densities and its loops would be too many and too small to see.
-pub(super) fn pictured(fabric: &Fabric, area: f64, shared: &Shared) -> Result<(Fabric, Option<String>)> {
+/// The fabric for `area` mm² of garment, enlarged where nobody chose densities and its loops would
+/// be too many and too small to see.
+pub(super) fn pictured(
+    fabric: &Fabric,
+    area: f64,
+    shared: &Shared,
+) -> Result<(Fabric, Option<String>)> {
     if shared.wales_per_cm.is_some() || shared.courses_per_cm.is_some() {
         Ok((fabric.clone(), None))
     } else {
@@ -117,7 +135,9 @@ pub(super) fn enlarged(fabric: &Fabric, area: f64) -> Result<(Fabric, Option<Str
 pub(super) fn drawn_radius(fabric: &Fabric, chosen: Option<f64>) -> Result<f64> {
     let wale_spacing = fabric.wale_spacing();
     if let Some(radius) = chosen.filter(|radius| *radius > wale_spacing) {
-        bail!("a radius of {radius} mm is over the wale spacing of {wale_spacing:.3} mm: yarns would fill each other's place");
+        bail!(
+            "a radius of {radius} mm is over the wale spacing of {wale_spacing:.3} mm: yarns would fill each other's place"
+        );
     }
     Ok(chosen.unwrap_or(fabric.radius()))
 }

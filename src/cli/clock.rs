@@ -1,4 +1,5 @@
-//! A command's threads, and its time for people: how long each stage took, and a progress bar on a terminal.
+//! A command's threads, and its time for people: how long each stage took, and a progress bar on a
+//! terminal.
 
 use std::time::{Duration, Instant};
 
@@ -42,7 +43,10 @@ impl Clock {
     /// Starts a command: its threads, all cores where no number is given, and the clock.
     pub(crate) fn begin_command(running: &Running) -> Result<Self> {
         if let Some(threads) = running.threads {
-            ThreadPoolBuilder::new().num_threads(threads as usize).build_global().context("can't start the threads")?;
+            ThreadPoolBuilder::new()
+                .num_threads(threads as usize)
+                .build_global()
+                .context("can't start the threads")?;
         }
         Ok(Self::start(running.quiet))
     }
@@ -50,7 +54,8 @@ impl Clock {
     /// Starts. The bar shows itself on a terminal only.
     pub(crate) fn start(quiet: bool) -> Self {
         let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(1000) };
-        let style = ProgressStyle::with_template("{msg:10} {bar:40} {percent:>3} %").expect("a fixed template");
+        let style = ProgressStyle::with_template("{msg:10} {bar:40} {percent:>3} %")
+            .expect("a fixed template");
         bar.set_style(style);
         let now = Instant::now();
         Self { start: now, lap: now, running: None, spent: [Duration::ZERO; TASKS], bar }
@@ -102,7 +107,9 @@ impl Clock {
 
     /// What all stages but drawing and its files took so far, ms.
     pub(crate) fn without_pictures(&self) -> f64 {
-        1000.0 * self.spent.iter().sum::<Duration>().as_secs_f64() - self.spent(Task::Render) - self.spent(Task::Compress)
+        1000.0 * self.spent.iter().sum::<Duration>().as_secs_f64()
+            - self.spent(Task::Render)
+            - self.spent(Task::Compress)
     }
 
     /// All stages, ms; building the search structures counts as location.
@@ -121,6 +128,10 @@ impl Clock {
 }
 
 fn show(bar: &ProgressBar, done: f64) {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share in thousandths")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a share in thousandths"
+    )]
     bar.set_position((1000.0 * done.clamp(0.0, 1.0)) as u64);
 }

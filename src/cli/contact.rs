@@ -1,6 +1,8 @@
-//! The contact sheet of a developed photo: photo, mask, unit, maps, the unit following itself, and some loops knitted with it.
+//! The contact sheet of a developed photo: photo, mask, unit, maps, the unit following itself, and
+//! some loops knitted with it.
 //!
-//! Units are often narrow: they and their maps are drawn again and again along the yarn until their place is filled.
+//! Units are often narrow: they and their maps are drawn again and again along the yarn until their
+//! place is filled.
 
 use anyhow::Result;
 use glam::DVec2;
@@ -17,9 +19,11 @@ use warpknit::scene::Shape;
 
 use super::pictures::{self, Textures};
 
-/// Width of the yarn's picture where nothing says it, mm: any will do, the swatch's yarn is as wide as its loops let it.
+/// Width of the yarn's picture where nothing says it, mm: any will do, the swatch's yarn is as wide
+/// as its loops let it.
 pub(super) const SWATCH_YARN_WIDTH: f64 = 1.0;
-/// What the swatch shows: plain loops, few and from their front, so that the yarn is seen and not only the fabric.
+/// What the swatch shows: plain loops, few and from their front, so that the yarn is seen and not
+/// only the fabric.
 const FABRIC: &str = "jersey";
 /// Wales and courses of the swatch.
 const SWATCH: (u32, u32) = (4, 3);
@@ -41,7 +45,11 @@ struct Cell {
 }
 
 /// A swatch of ribbons that wear these maps, the yarn without its fuzz as thick as the fabric's.
-pub(super) fn swatch(mut maps: Maps, yarn: &Developed, progress: &(dyn Fn(f32) + Sync)) -> Result<RgbaImage> {
+pub(super) fn swatch(
+    mut maps: Maps,
+    yarn: &Developed,
+    progress: &(dyn Fn(f32) + Sync),
+) -> Result<RgbaImage> {
     let fabric = Fabric::named(FABRIC)?;
     let (wales, courses) = SWATCH;
     let panel = drape::swatch_panel(&fabric, wales, courses);
@@ -50,14 +58,22 @@ pub(super) fn swatch(mut maps: Maps, yarn: &Developed, progress: &(dyn Fn(f32) +
     let width = (2.0 * fabric.radius() * f64::from(yarn.base.height()) / yarn.yarn_width) as f32;
     maps.length *= width / maps.width;
     maps.width = width;
-    let mut scene = pictures::scene(Shape::Ribbon, &fabric, fabric.radius(), &Textures::for_all(maps));
+    let mut scene =
+        pictures::scene(Shape::Ribbon, &fabric, fabric.radius(), &Textures::for_all(maps));
     let mut deliver = |blocks: &[Block]| -> Result<()> {
         blocks.iter().for_each(|block| picture::add_to(&mut scene, block));
         Ok(())
     };
     drape::run(&cloth, &drape::Options::default(), &mut |_, _| {}, &mut deliver)?;
-    let options = Options { width: column_width(2), height: ROWS[2], spp: 2, sky_rays: 1, ..Options::default() };
-    let camera = Camera::view(View::Front, &scene.positions, Camera::DEFAULT_FOV, 1.0, options.aspect());
+    let options = Options {
+        width: column_width(2),
+        height: ROWS[2],
+        spp: 2,
+        sky_rays: 1,
+        ..Options::default()
+    };
+    let camera =
+        Camera::view(View::Front, &scene.positions, Camera::DEFAULT_FOV, 1.0, options.aspect());
     Ok(render(&scene, &camera, &options, progress)?)
 }
 
@@ -69,7 +85,9 @@ pub(super) fn sheet(photo: &RgbImage, yarn: &Developed, swatch: &RgbaImage) -> R
     let half = column_width(2);
     let photo = small(photo, half, ROWS[0]);
     let (left, right) = (photo.width(), SHEET - 3 * GAP - photo.width());
-    let map = |(label, picture): (_, RgbaImage)| cell(label, tiled(&picture, 1, column_width(6), ROWS[1]), column_width(6));
+    let map = |(label, picture): (_, RgbaImage)| {
+        cell(label, tiled(&picture, 1, column_width(6), ROWS[1]), column_width(6))
+    };
     let rows = [
         vec![cell("photo", photo, left), cell("mask", small(&yarn.mask, right, ROWS[0]), right)],
         [
@@ -121,14 +139,20 @@ fn labels(rows: &[Vec<Cell>; 3]) -> Drawing {
     let mut shapes = Vec::new();
     for (cell, left, top) in places(rows) {
         let baseline = DVec2::new(f64::from(left), f64::from(top + LABEL - 8)) / PAINTED;
-        shapes.push(Mark::Text { at: baseline, text: cell.label.to_owned(), size: TextSize::Small, anchor: Anchor::Start });
+        shapes.push(Mark::Text {
+            at: baseline,
+            text: cell.label.to_owned(),
+            size: TextSize::Small,
+            anchor: Anchor::Start,
+        });
     }
     let size = DVec2::new(f64::from(SHEET), f64::from(tops()[2] + LABEL + ROWS[2] + GAP)) / PAINTED;
     let layer = Layer { name: "labels".to_owned(), color: Color([40; 3]), shapes };
     Drawing { size, layers: vec![layer], notes: Vec::new() }
 }
 
-/// A picture as large as a cell holds it, made smaller without a large copy; made larger, its texels stay squares.
+/// A picture as large as a cell holds it, made smaller without a large copy; made larger, its
+/// texels stay squares.
 fn small<P>(picture: &ImageBuffer<P, Vec<u8>>, width: u32, height: u32) -> RgbaImage
 where
     P: Pixel<Subpixel = u8> + 'static,

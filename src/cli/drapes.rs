@@ -1,4 +1,5 @@
-//! The drapes that `drape` is given: one, or the frames of a sequence, as files, folders and patterns such as `'frames/*.obj'`.
+//! The drapes that `drape` is given: one, or the frames of a sequence, as files, folders and
+//! patterns such as `'frames/*.obj'`.
 
 use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
@@ -28,7 +29,8 @@ pub(super) struct Motion {
 }
 
 impl Drapes {
-    /// A lone file has its flat pattern in its vt, and so has the first file of a lone folder or pattern; else the first path is the flat pattern.
+    /// A lone file has its flat pattern in its vt, and so has the first file of a lone folder or
+    /// pattern; else the first path is the flat pattern.
     pub(super) fn of(first: &Path, others: &[PathBuf]) -> Result<Self> {
         let named = others.first().map_or(first, PathBuf::as_path);
         let named = if named.is_dir() { named.file_name() } else { named.file_stem() };
@@ -39,8 +41,11 @@ impl Drapes {
         let mut frames = Vec::new();
         for path in others {
             let found = expanded(path)?;
-            // The flat pattern may lie among its drapes, and is none of them unless it is named as one.
-            let is_flat = |frame: &PathBuf| frame != path && frame.canonicalize().ok() == first.canonicalize().ok();
+            // The flat pattern may lie among its drapes, and is none of them unless it is named as
+            // one.
+            let is_flat = |frame: &PathBuf| {
+                frame != path && frame.canonicalize().ok() == first.canonicalize().ok()
+            };
             frames.extend(found.into_iter().filter(|frame| !is_flat(frame)));
         }
         if frames.is_empty() {
@@ -59,16 +64,27 @@ impl Drapes {
         &self.stem
     }
 
-    /// Reads the garment as its first drape has it. Of a sequence drapes before it that can't be read are passed over, if they may be.
-    pub(super) fn open(&self, options: &ReadOptions, skip_bad: bool) -> Result<(Garment, Option<Motion>)> {
+    /// Reads the garment as its first drape has it. Of a sequence drapes before it that can't be
+    /// read are passed over, if they may be.
+    pub(super) fn open(
+        &self,
+        options: &ReadOptions,
+        skip_bad: bool,
+    ) -> Result<(Garment, Option<Motion>)> {
         let (flat, frames) = (self.flat.as_deref(), &self.frames);
         if let [only] = frames.as_slice() {
-            let garment = flat.map_or_else(|| read(only, None, options), |flat| read(flat, Some(only), options))?;
+            let garment = flat.map_or_else(
+                || read(only, None, options),
+                |flat| read(flat, Some(only), options),
+            )?;
             return Ok((garment, None));
         }
         let mut bad = Vec::new();
         for (first, frame) in frames.iter().enumerate() {
-            let opened = flat.map_or_else(|| Frames::read(frame, None, options), |flat| Frames::read(flat, Some(frame), options));
+            let opened = flat.map_or_else(
+                || Frames::read(frame, None, options),
+                |flat| Frames::read(flat, Some(frame), options),
+            );
             match opened {
                 Ok((garment, reader)) => return Ok((garment, Some(Motion { reader, first, bad }))),
                 Err(error) if skip_bad => bad.push(error.to_string()),
@@ -79,12 +95,14 @@ impl Drapes {
     }
 }
 
-/// The files that a path means: itself, the `.obj` files of a folder, or those that fit a pattern, by the numbers in their names.
+/// The files that a path means: itself, the `.obj` files of a folder, or those that fit a pattern,
+/// by the numbers in their names.
 pub(super) fn expanded(path: &Path) -> Result<Vec<PathBuf>> {
     let pattern = path.to_str().filter(|text| text.contains(['*', '?', '[']) && !path.exists());
     let mut files: Vec<_> = match pattern {
         Some(pattern) => {
-            let found = glob::glob(pattern).with_context(|| format!("{pattern}: no pattern that can be understood"))?;
+            let found = glob::glob(pattern)
+                .with_context(|| format!("{pattern}: no pattern that can be understood"))?;
             found.collect::<Result<_, _>>()?
         }
         None if path.is_dir() => obj_files(path)?,
@@ -109,14 +127,17 @@ fn obj_files(folder: &Path) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for entry in folder.read_dir().with_context(named)? {
         let path = entry.with_context(named)?.path();
-        if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("obj")) && path.is_file() {
+        if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("obj"))
+            && path.is_file()
+        {
             files.push(path);
         }
     }
     Ok(files)
 }
 
-/// Orders names so that `frame_2` comes before `frame_10`: runs of digits by their number, all else by its letters.
+/// Orders names so that `frame_2` comes before `frame_10`: runs of digits by their number, all else
+/// by its letters.
 fn by_numbers(a: &str, b: &str) -> Ordering {
     let (mut a_rest, mut b_rest) = (a, b);
     while let (Some(x), Some(y)) = (a_rest.chars().next(), b_rest.chars().next()) {
@@ -149,9 +170,28 @@ mod tests {
 
     #[test]
     fn names_are_ordered_by_their_numbers() {
-        let mut names = ["f_10.obj", "f_9.obj", "f_009.obj", "f_1b.obj", "f_1.obj", "e_99999999999999999999.obj", "f.obj"];
+        let mut names = [
+            "f_10.obj",
+            "f_9.obj",
+            "f_009.obj",
+            "f_1b.obj",
+            "f_1.obj",
+            "e_99999999999999999999.obj",
+            "f.obj",
+        ];
         names.sort_by(|a, b| by_numbers(a, b));
-        assert_eq!(names, ["e_99999999999999999999.obj", "f.obj", "f_1.obj", "f_1b.obj", "f_009.obj", "f_9.obj", "f_10.obj"]);
+        assert_eq!(
+            names,
+            [
+                "e_99999999999999999999.obj",
+                "f.obj",
+                "f_1.obj",
+                "f_1b.obj",
+                "f_009.obj",
+                "f_9.obj",
+                "f_10.obj"
+            ]
+        );
     }
 
     #[test]
@@ -160,9 +200,14 @@ mod tests {
         for name in ["b10.obj", "b2.OBJ", "b2.mtl", "a.txt"] {
             std::fs::write(folder.path().join(name), "").unwrap();
         }
-        let named = |files: Vec<PathBuf>| files.iter().map(|path| path.file_name().unwrap().to_owned()).collect::<Vec<_>>();
+        let named = |files: Vec<PathBuf>| {
+            files.iter().map(|path| path.file_name().unwrap().to_owned()).collect::<Vec<_>>()
+        };
         assert_eq!(named(expanded(folder.path()).unwrap()), ["b2.OBJ", "b10.obj"]);
-        assert_eq!(named(expanded(&folder.path().join("b*.*")).unwrap()), ["b2.OBJ", "b2.mtl", "b10.obj"]);
+        assert_eq!(
+            named(expanded(&folder.path().join("b*.*")).unwrap()),
+            ["b2.OBJ", "b2.mtl", "b10.obj"]
+        );
         let missing = folder.path().join("c*.obj");
         let message = expanded(&missing).unwrap_err().to_string();
         assert!(message.contains(missing.to_str().unwrap()), "{message}");

@@ -9,10 +9,12 @@ use super::args::Fabrics;
 use super::choice::named_fabric;
 use super::print;
 
-/// Characters of the chains that are listed; nets have long ones, and `warpknit fabrics NAME` shows them whole.
+/// Characters of the chains that are listed; nets have long ones, and `warpknit fabrics NAME` shows
+/// them whole.
 const CHAINS: usize = 32;
 
-/// Lists the fabrics, a line each with the name first, or prints one as the TOML that `--fabric` takes.
+/// Lists the fabrics, a line each with the name first, or prints one as the TOML that `--fabric`
+/// takes.
 pub(crate) fn fabrics(arguments: &Fabrics) -> Result<()> {
     match &arguments.name {
         Some(name) => match builtin::text(name) {
@@ -28,7 +30,12 @@ pub(crate) fn fabrics(arguments: &Fabrics) -> Result<()> {
                     Some(motif) => format!("weft knit, {} x {}", motif.wales(), motif.courses()),
                     None => fabric.bars.iter().map(Bar::lapping).collect::<Vec<_>>().join(" + "),
                 };
-                writeln!(list, "{name:width$}  {:CHAINS$}  {}", shortened(&structure), fabric.about)?;
+                writeln!(
+                    list,
+                    "{name:width$}  {:CHAINS$}  {}",
+                    shortened(&structure),
+                    fabric.about
+                )?;
             }
             print(&list)
         }

@@ -1,4 +1,5 @@
-//! `warpknit inspect`: what meshes hold and whether they pair, with a sheet of each garment, and what a fabric's lapping is.
+//! `warpknit inspect`: what meshes hold and whether they pair, with a sheet of each garment, and
+//! what a fabric's lapping is.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -21,7 +22,8 @@ use super::{print, tell};
 /// Overlaps that are named, the largest ones.
 const NAMED: usize = 6;
 
-/// Prints what was asked for: a fabric, then one section a garment. Pictures appear under their names only when nothing failed.
+/// Prints what was asked for: a fabric, then one section a garment. Pictures appear under their
+/// names only when nothing failed.
 pub(crate) fn inspect(arguments: &Inspect) -> Result<()> {
     let mut pictures = Vec::new();
     let Inspect { fabric: asked, chains, .. } = arguments;
@@ -38,13 +40,18 @@ pub(crate) fn inspect(arguments: &Inspect) -> Result<()> {
     Ok(pictures.into_iter().try_for_each(Output::publish)?)
 }
 
-/// One section a garment, and its sheets: a lone file with its vt, or the first file as the flat mesh of each other one; folders and patterns stand for their files. A garment that can't be read has a
-/// section that says why, and the others follow; the run fails at its end.
+/// One section a garment, and its sheets: a lone file with its vt, or the first file as the flat
+/// mesh of each other one; folders and patterns stand for their files. A garment that can't be read
+/// has a section that says why, and the others follow; the run fails at its end.
 fn inspect_meshes(arguments: &Inspect) -> Result<Vec<Output>> {
-    let meshes = arguments.meshes.iter().map(|path| expanded(path)).collect::<Result<Vec<_>>>()?.concat();
+    let meshes =
+        arguments.meshes.iter().map(|path| expanded(path)).collect::<Result<Vec<_>>>()?.concat();
     let Some((first, others)) = meshes.split_first() else { return Ok(Vec::new()) };
-    let garments: Vec<Option<&Path>> =
-        if others.is_empty() { vec![None] } else { others.iter().map(|path| Some(path.as_path())).collect() };
+    let garments: Vec<Option<&Path>> = if others.is_empty() {
+        vec![None]
+    } else {
+        others.iter().map(|path| Some(path.as_path())).collect()
+    };
     let targets = sheets_of_each(arguments, &meshes, garments.len())?;
     let options = arguments.reading.options();
     let (mut whole, mut failed) = (Vec::new(), Vec::new());
@@ -63,19 +70,29 @@ fn inspect_meshes(arguments: &Inspect) -> Result<Vec<Output>> {
             }
         }
     }
-    let sheets = if arguments.outputs.is_empty() || garments.len() == 1 { "" } else { "; no sheet is written" };
+    let sheets = if arguments.outputs.is_empty() || garments.len() == 1 {
+        ""
+    } else {
+        "; no sheet is written"
+    };
     let more = failed.len().saturating_sub(1);
     match failed.into_iter().next() {
         None => Ok(whole),
         Some(error) if more == 0 => Err(anyhow!("{error}{sheets}")),
-        Some(error) => {
-            Err(anyhow!("{error}; {more} more of {} garments can't be read, their sections say why{sheets}", garments.len()))
-        }
+        Some(error) => Err(anyhow!(
+            "{error}; {more} more of {} garments can't be read, their sections say why{sheets}",
+            garments.len()
+        )),
     }
 }
 
-/// The files of each garment's sheet, none over an input or over another, in folders that can be written to.
-fn sheets_of_each(arguments: &Inspect, meshes: &[PathBuf], garments: usize) -> Result<Vec<Vec<(PathBuf, Format)>>> {
+/// The files of each garment's sheet, none over an input or over another, in folders that can be
+/// written to.
+fn sheets_of_each(
+    arguments: &Inspect,
+    meshes: &[PathBuf],
+    garments: usize,
+) -> Result<Vec<Vec<(PathBuf, Format)>>> {
     let mut each = vec![Vec::new(); garments];
     // Those of a fabric are drawn already.
     if arguments.has_fabric() {
@@ -83,7 +100,8 @@ fn sheets_of_each(arguments: &Inspect, meshes: &[PathBuf], garments: usize) -> R
     }
     let count = u32::try_from(garments)?;
     for (path, format) in &arguments.outputs {
-        let paths = if count > 1 { numbered(path, format.ending(), count) } else { vec![path.clone()] };
+        let paths =
+            if count > 1 { numbered(path, format.ending(), count) } else { vec![path.clone()] };
         for (files, path) in each.iter_mut().zip(paths) {
             files.push((path, *format));
         }
@@ -100,7 +118,10 @@ fn draw(name: &str, garment: &Garment, targets: &[(PathBuf, Format)]) -> Result<
         return Ok(Vec::new());
     }
     let drawing = Drawing::of_garment(name, garment);
-    Ok(targets.iter().map(|(path, format)| drawn(&drawing, path, *format)).collect::<Result<_, _>>()?)
+    Ok(targets
+        .iter()
+        .map(|(path, format)| drawn(&drawing, path, *format))
+        .collect::<Result<_, _>>()?)
 }
 
 fn pair(flat: &Path, draped: &Path) -> String {
@@ -114,18 +135,38 @@ fn section(name: &str, garment: &Garment) -> Result<String, std::fmt::Error> {
     let Facts { triangles, unit, untextured, .. } = facts;
     writeln!(text, "  pairs: yes ({} of {triangles} triangles)", triangles - untextured)?;
     let guessed = if facts.unit_guessed { " (guessed)" } else { "" };
-    writeln!(text, "  triangles {triangles}, unit {unit}{guessed}, flat unit {:.6} mm", facts.uv_scale_mm)?;
-    writeln!(text, "  left out: {} flipped, {} degenerate, {untextured} without vt", facts.flipped, facts.degenerate)?;
+    writeln!(
+        text,
+        "  triangles {triangles}, unit {unit}{guessed}, flat unit {:.6} mm",
+        facts.uv_scale_mm
+    )?;
+    writeln!(
+        text,
+        "  left out: {} flipped, {} degenerate, {untextured} without vt",
+        facts.flipped, facts.degenerate
+    )?;
     let points = || garment.panels.iter().flat_map(|panel| panel.draped.iter().copied());
-    let (low, high) = (points().fold(DVec3::INFINITY, DVec3::min), points().fold(DVec3::NEG_INFINITY, DVec3::max));
+    let (low, high) = (
+        points().fold(DVec3::INFINITY, DVec3::min),
+        points().fold(DVec3::NEG_INFINITY, DVec3::max),
+    );
     let vector = |v: DVec3| format!("{:.1},{:.1},{:.1}", v.x, v.y, v.z);
-    writeln!(text, "  draped from {} to {} mm, {} mm large", vector(low), vector(high), vector(high - low))?;
+    writeln!(
+        text,
+        "  draped from {} to {} mm, {} mm large",
+        vector(low),
+        vector(high),
+        vector(high - low)
+    )?;
     let (warp, weft) = stretch(garment);
     let percentiles = |p: Percentiles| format!("{:.3} {:.3} {:.3}", p[0], p[1], p[2]);
     writeln!(text, "  stretch 5/50/95 %: warp {}, weft {}", percentiles(warp), percentiles(weft))?;
     let whole = isometry(&garment.panels);
     let [smallest, largest, area] = [whole.smallest, whole.largest, whole.area].map(percentiles);
-    writeln!(text, "  isometry 5/50/95 %: smallest stretch {smallest}, largest stretch {largest}, area {area}")?;
+    writeln!(
+        text,
+        "  isometry 5/50/95 %: smallest stretch {smallest}, largest stretch {largest}, area {area}"
+    )?;
     text += &overlap_lines(&overlaps(garment));
     panel_table(&mut text, garment)?;
     for warning in &facts.warnings {
@@ -134,7 +175,8 @@ fn section(name: &str, garment: &Garment) -> Result<String, std::fmt::Error> {
     Ok(text)
 }
 
-/// A row a panel, with the smallest stretch that 5 % of its cloth are under and the largest that 5 % are over.
+/// A row a panel, with the smallest stretch that 5 % of its cloth are under and the largest that 5
+/// % are over.
 fn panel_table(text: &mut String, garment: &Garment) -> std::fmt::Result {
     writeln!(
         text,
@@ -165,29 +207,47 @@ fn panel_table(text: &mut String, garment: &Garment) -> std::fmt::Result {
 fn overlap_lines(found: &Overlaps) -> String {
     let least = if found.complete { "" } else { "at least " };
     // A fold of one triangle is too small for cm².
-    let area = |area: f64| if area < 100.0 { format!("{area:.2} mm²") } else { format!("{:.1} cm²", area / 100.0) };
+    let area = |area: f64| {
+        if area < 100.0 { format!("{area:.2} mm²") } else { format!("{:.1} cm²", area / 100.0) }
+    };
     let named = |mut all: Vec<(String, f64)>| {
         // A stable sort: equal ones stay in the panels' order.
         all.sort_by(|a, b| b.1.total_cmp(&a.1));
         let more = all.len().saturating_sub(NAMED);
-        let list: Vec<_> = all.iter().take(NAMED).map(|(name, size)| format!("{name} ({least}{})", area(*size))).collect();
+        let list: Vec<_> = all
+            .iter()
+            .take(NAMED)
+            .map(|(name, size)| format!("{name} ({least}{})", area(*size)))
+            .collect();
         list.join(", ") + &if more > 0 { format!(" and {more} more") } else { String::new() }
     };
     let mut text = String::new();
     if !found.between.is_empty() {
-        let pairs = found.between.iter().map(|([a, b], area)| (format!("{a} and {b}"), *area)).collect();
+        let pairs =
+            found.between.iter().map(|([a, b], area)| (format!("{a} and {b}"), *area)).collect();
         let count = found.between.len();
         let plural = if count == 1 { "" } else { "s" };
-        text += &format!("  panels over each other in the flat file: {least}{count} pair{plural}, {}\n", named(pairs));
+        text += &format!(
+            "  panels over each other in the flat file: {least}{count} pair{plural}, {}\n",
+            named(pairs)
+        );
     }
     if !found.within.is_empty() {
-        let panels = found.within.iter().map(|(panel, area)| (format!("panel {panel}"), *area)).collect();
-        text += &format!("  warning: over themselves, so that stitches there go to one of two places: {}\n", named(panels));
+        let panels =
+            found.within.iter().map(|(panel, area)| (format!("panel {panel}"), *area)).collect();
+        text += &format!(
+            "  warning: over themselves, so that stitches there go to one of two places: {}\n",
+            named(panels)
+        );
     }
     if text.is_empty() {
         text += &format!(
             "  overlaps: none{}\n",
-            if found.complete { "" } else { " found, but there is more to look at than there is time for" }
+            if found.complete {
+                ""
+            } else {
+                " found, but there is more to look at than there is time for"
+            }
         );
     }
     text
@@ -213,6 +273,10 @@ mod tests {
         let none = Overlaps { within: Vec::new(), between: Vec::new(), complete: true };
         assert_eq!(overlap_lines(&none), "  overlaps: none\n");
         let early = overlap_lines(&Overlaps { within: vec![(3, 2.5)], complete: false, ..none });
-        assert!(early.starts_with("  warning: over themselves") && early.ends_with(": panel 3 (at least 2.50 mm²)\n"), "{early}");
+        assert!(
+            early.starts_with("  warning: over themselves")
+                && early.ends_with(": panel 3 (at least 2.50 mm²)\n"),
+            "{early}"
+        );
     }
 }

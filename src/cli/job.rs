@@ -10,7 +10,9 @@ use warpknit::fabric::Fabric;
 use warpknit::garment::stretch::stretch;
 use warpknit::ids::index32;
 use warpknit::knit::clearance::{self, Clearance};
-use warpknit::report::{ClearanceReport, ClothReport, FrameReport, GarmentReport, Report, SurfaceReport};
+use warpknit::report::{
+    ClearanceReport, ClothReport, FrameReport, GarmentReport, Report, SurfaceReport,
+};
 use warpknit::scene::Scene;
 use warpknit::tile::Tile;
 use warpknit::yarn::fibres::Bundle;
@@ -68,11 +70,13 @@ pub(super) struct Fibres {
     pub(super) bundles: Vec<Bundle>,
     /// Pixels across a yarn from which on a picture shows them.
     pub(super) near: f64,
-    /// What files hold: a fabric of fibres, and how their tubes are made; none where files hold yarns.
+    /// What files hold: a fabric of fibres, and how their tubes are made; none where files hold
+    /// yarns.
     pub(super) filed: Option<(Fabric, Section)>,
 }
 
-/// The most points of fibres in files: as curves, of which a .usda takes some 20 GB, and as tubes, of which a .glb holds no more than 4 GB.
+/// The most points of fibres in files: as curves, of which a .usda takes some 20 GB, and as tubes,
+/// of which a .glb holds no more than 4 GB.
 const MOST_CURVE_POINTS: f64 = 2e8;
 const MOST_TUBE_POINTS: f64 = 1.5e7;
 /// Edges of a fibre's section in files, where nobody asks for others.
@@ -82,17 +86,27 @@ impl Job<'_> {
     /// Refuses files of more fibres than they or the memory can hold, before the work.
     fn check_fibres(&self, bundles: &[Bundle], wanted: &[Wanted]) -> Result<()> {
         let pattern = self.cloth.pattern();
-        let steps = |bar: usize| if pattern.runs_across(bar) { self.shown.threading_repeat() } else { self.shown.repeat() };
+        let steps = |bar: usize| {
+            if pattern.runs_across(bar) {
+                self.shown.threading_repeat()
+            } else {
+                self.shown.repeat()
+            }
+        };
         // A span has two points of each fibre at the least.
         let samples = |(bar, bundle): (usize, &Bundle)| {
-            let spans = f64::from(index32(pattern.points_per_repeat(bar))) / f64::from(index32(steps(bar)));
+            let spans =
+                f64::from(index32(pattern.points_per_repeat(bar))) / f64::from(index32(steps(bar)));
             let side = self.shown.wale_spacing().max(self.shown.course_spacing());
             f64::from(bundle.count) * (bundle.points_per_mm() * side).max(2.0 * spans)
         };
-        let a_stitch = bundles.iter().enumerate().map(samples).sum::<f64>() / f64::from(index32(bundles.len()));
+        let a_stitch = bundles.iter().enumerate().map(samples).sum::<f64>()
+            / f64::from(index32(bundles.len()));
         #[expect(clippy::cast_precision_loss, reason = "an estimate")]
         let points = a_stitch * self.filed().stitches() as f64;
-        let most = |format: Format| if format.holds_tubes() { MOST_TUBE_POINTS } else { MOST_CURVE_POINTS };
+        let most = |format: Format| {
+            if format.holds_tubes() { MOST_TUBE_POINTS } else { MOST_CURVE_POINTS }
+        };
         let streams = |format: &Format| !matches!(format, Format::Png | Format::Json);
         match wanted.iter().find(|(_, format)| streams(format) && points > most(*format)) {
             Some((path, format)) => bail!(
@@ -119,7 +133,9 @@ impl Job<'_> {
         if asked.is_none() {
             return Ok(Some(Fibres { bundles, near: spun::NEAR, filed: None }));
         }
-        if let Some((path, _)) = wanted.iter().find(|(_, format)| matches!(format, Format::Csv | Format::Npz)) {
+        if let Some((path, _)) =
+            wanted.iter().find(|(_, format)| matches!(format, Format::Csv | Format::Npz))
+        {
             bail!(
                 "{}: data points are of yarns and not of fibres: leave out --fibres, or write .usda, .bcc, .curves.txt or .glb",
                 path.display()
@@ -128,7 +144,13 @@ impl Job<'_> {
         self.check_fibres(&bundles, wanted)?;
         let fabric = spun::fabric(self.shown, &bundles);
         let radius = bundles.iter().map(|bundle| bundle.fibre).fold(0.0, f64::max);
-        let section = Section { st: 1, sr: self.shared.sr.unwrap_or(FIBRE_SR), radius, flatten: 1.0, ..*section };
+        let section = Section {
+            st: 1,
+            sr: self.shared.sr.unwrap_or(FIBRE_SR),
+            radius,
+            flatten: 1.0,
+            ..*section
+        };
         Ok(Some(Fibres { bundles, near: 0.0, filed: Some((fabric, section)) }))
     }
 
@@ -147,7 +169,12 @@ impl Job<'_> {
     /// What is to be said of the garment and of how the fabric is drawn, before any yarn is laid.
     pub(super) fn first_warnings(&self, setup: &Setup) -> Vec<String> {
         let mut warnings = self.cloth.garment().facts.warnings.clone();
-        warnings.extend(clearance::warnings(self.shown, self.cloth.pattern(), &setup.near, setup.section.radius));
+        warnings.extend(clearance::warnings(
+            self.shown,
+            self.cloth.pattern(),
+            &setup.near,
+            setup.section.radius,
+        ));
         if let ShapeArg::Ribbon = self.shared.drawing.shape {
             warnings.extend(setup.textures.misfit(self.shown));
         }
@@ -156,7 +183,12 @@ impl Job<'_> {
 
     /// The scene that its yarns are drawn in.
     pub(super) fn scene(&self, setup: &Setup) -> Scene {
-        pictures::scene(self.shared.drawing.shape.into(), self.shown, setup.section.radius, &setup.textures)
+        pictures::scene(
+            self.shared.drawing.shape.into(),
+            self.shown,
+            setup.section.radius,
+            &setup.textures,
+        )
     }
 
     /// The part that is made, if it isn't the whole.
@@ -184,16 +216,28 @@ pub(super) struct Facts<'a> {
 }
 
 impl Facts<'_> {
-    /// The reports among the files, of a run whose time ends here, and the numbers of the real cloth where they or the person at the terminal are told them.
-    pub(super) fn files(&self, job: &Job<'_>, wanted: &[Wanted], clock: &Clock) -> Result<(Vec<Output>, Option<RealCloth>)> {
+    /// The reports among the files, of a run whose time ends here, and the numbers of the real
+    /// cloth where they or the person at the terminal are told them.
+    pub(super) fn files(
+        &self,
+        job: &Job<'_>,
+        wanted: &[Wanted],
+        clock: &Clock,
+    ) -> Result<(Vec<Output>, Option<RealCloth>)> {
         let Setup { section, near, .. } = self.setup;
-        let mut reports = wanted.iter().filter(|(_, format)| *format == Format::Json).map(|(path, _)| path).peekable();
+        let mut reports = wanted
+            .iter()
+            .filter(|(_, format)| *format == Format::Json)
+            .map(|(path, _)| path)
+            .peekable();
         if !job.tells_numbers && reports.peek().is_none() {
             return Ok((Vec::new(), None));
         }
         // What is shown with its own yarns is the real cloth, and need not be knitted again.
-        let shown = (job.fabric == job.shown && job.fabric.enlargement == 1.0 && section.radius == job.fabric.radius())
-            .then(|| (job.cloth.pattern(), *near));
+        let shown = (job.fabric == job.shown
+            && job.fabric.enlargement == 1.0
+            && section.radius == job.fabric.radius())
+        .then(|| (job.cloth.pattern(), *near));
         let real = RealCloth::of(job.fabric, shown);
         let text = self.report(job, &real, clock).to_json();
         let files = reports.map(|path| text_file(path, &text)).collect::<Result<_, _>>()?;

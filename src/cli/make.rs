@@ -25,10 +25,11 @@ use super::targets::numbered;
 use super::writers::{Wanted, check_places, finished, sinks, wanted};
 use super::{print, tell};
 
-/// The most stitches that are taken on: beyond them 32 bits no longer number the data points, and any garment at its true gauge has far
-/// fewer.
+/// The most stitches that are taken on: beyond them 32 bits no longer number the data points, and
+/// any garment at its true gauge has far fewer.
 pub(super) const MOST_STITCHES: u64 = 200_000_000;
-/// The most stitches whose clearance on the body is measured: some 20 kB each, were they all on one panel.
+/// The most stitches whose clearance on the body is measured: some 20 kB each, were they all on one
+/// panel.
 const MEASURED_STITCHES: u64 = 50_000;
 
 /// Knits a fabric onto a garment.
@@ -44,17 +45,34 @@ pub(crate) fn drape(arguments: &Drape) -> Result<()> {
     clock.stop();
     let area = garment.panels.iter().map(Panel::area).sum();
     let (shown, enlarged) = pictured(&fabric, area, shared)?;
-    let cloth = Cloth::cover(&garment, &shown).with_context(|| shared.chains.label(&shared.fabric, &fabric).to_owned())?;
+    let cloth = Cloth::cover(&garment, &shown)
+        .with_context(|| shared.chains.label(&shared.fabric, &fabric).to_owned())?;
     let options = arguments.laying.options();
     let part = arguments.part.tile.map(|tile| (tile, cloth.part(tile)));
     let (inputs, stem) = (drapes.inputs().collect(), drapes.stem());
     let (fabric, shown, cloth) = (&fabric, &shown, &cloth);
-    let job = Job { shared, fabric, shown, enlarged, cloth, part, options, area, inputs, stem, tells_numbers: false };
+    let job = Job {
+        shared,
+        fabric,
+        shown,
+        enlarged,
+        cloth,
+        part,
+        options,
+        area,
+        inputs,
+        stem,
+        tells_numbers: false,
+    };
     match &motion {
         None => make(&job, clock),
         Some(motion) => {
             let frames_per_second = arguments.motion.fps;
-            sequence::make(&job, &Sequence { motion, paths: &drapes.frames, skip_bad, frames_per_second }, clock)
+            sequence::make(
+                &job,
+                &Sequence { motion, paths: &drapes.frames, skip_bad, frames_per_second },
+                clock,
+            )
         }
     }
 }
@@ -67,19 +85,45 @@ pub(crate) fn swatch(arguments: &Swatch) -> Result<()> {
     let panel = drape::swatch_panel(&fabric, arguments.wales, arguments.courses);
     let cloth = Cloth::swatch(&panel, &fabric, arguments.wales, arguments.courses);
     let options = drape::Options::default();
-    let area = f64::from(arguments.wales) * fabric.wale_spacing() * f64::from(arguments.courses) * fabric.course_spacing();
+    let area = f64::from(arguments.wales)
+        * fabric.wale_spacing()
+        * f64::from(arguments.courses)
+        * fabric.course_spacing();
     // A fabric of chains is named by them, and a file may name its fabric anything.
-    let stem = if fabric.name.is_empty() || fabric.name.contains(['/', '\\']) { "swatch" } else { &fabric.name };
+    let stem = if fabric.name.is_empty() || fabric.name.contains(['/', '\\']) {
+        "swatch"
+    } else {
+        &fabric.name
+    };
     let part = arguments.part.tile.map(|tile| (tile, cloth.part(tile)));
     let (fabric, cloth, stem) = (&fabric, &cloth, Path::new(stem));
     let (enlarged, inputs) = (None, Vec::new());
-    make(&Job { shared, fabric, shown: fabric, enlarged, cloth, part, options, area, inputs, stem, tells_numbers: true }, clock)
+    make(
+        &Job {
+            shared,
+            fabric,
+            shown: fabric,
+            enlarged,
+            cloth,
+            part,
+            options,
+            area,
+            inputs,
+            stem,
+            tells_numbers: true,
+        },
+        clock,
+    )
 }
 
 /// Knits, draws and writes. Files appear under their names only when all are whole.
 fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
     let outputs = all_around(wanted(job), job.shared.drawing.turntable);
-    let pictures: Vec<_> = outputs.iter().filter(|(_, format)| *format == Format::Png).map(|(path, _)| path.as_path()).collect();
+    let pictures: Vec<_> = outputs
+        .iter()
+        .filter(|(_, format)| *format == Format::Png)
+        .map(|(path, _)| path.as_path())
+        .collect();
     check_request(job, !pictures.is_empty())?;
     let setup = job.setup(&outputs)?;
     check_places(job, outputs.iter(), &setup.textures)?;
@@ -88,7 +132,8 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
     let mut scene = job.scene(&setup);
 
     let gauge = wants_gauge(job, &outputs).then(|| Gauge::new(job.cloth, setup.section.radius));
-    let takers = Takers { scene: (!pictures.is_empty()).then_some(&mut scene), sinks: &mut sinks, gauge };
+    let takers =
+        Takers { scene: (!pictures.is_empty()).then_some(&mut scene), sinks: &mut sinks, gauge };
     let (totals, draped) = lay(job, &setup.options, takers, &mut clock)?;
     // A part may well have no yarn.
     if job.part.is_none() {
@@ -101,7 +146,15 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
     let mut whole = finished(sinks)?;
     let mut drawn_by = String::new();
     if !pictures.is_empty() {
-        let pictures = pictures::draw(&scene, setup.fibres.as_ref(), job.shared, job.tile(), None, &pictures, &mut clock)?;
+        let pictures = pictures::draw(
+            &scene,
+            setup.fibres.as_ref(),
+            job.shared,
+            job.tile(),
+            None,
+            &pictures,
+            &mut clock,
+        )?;
         if let Some(notice) = pictures.notice {
             tell(job.shared.running.quiet, &format!("note: {notice}"));
             warnings.push(notice);
@@ -110,12 +163,21 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
         drawn_by = pictures.drawn_by;
     }
     clock.stop();
-    let facts = Facts { setup: &setup, totals: &totals, draped, warnings, drawn_by, frames: Vec::new() };
+    let facts =
+        Facts { setup: &setup, totals: &totals, draped, warnings, drawn_by, frames: Vec::new() };
     let (reports, real) = facts.files(job, &outputs, &clock)?;
     whole.into_iter().chain(reports).try_for_each(Output::publish)?;
     clock.clear();
     let names: Vec<_> = outputs.iter().map(|(path, _)| path.display().to_string()).collect();
-    tell(job.shared.running.quiet, &format!("{} stitches, {} yarns: {}", totals.losses.stitches, totals.yarns, names.join(" ")));
+    tell(
+        job.shared.running.quiet,
+        &format!(
+            "{} stitches, {} yarns: {}",
+            totals.losses.stitches,
+            totals.yarns,
+            names.join(" ")
+        ),
+    );
     match real {
         Some(real) if job.tells_numbers => print(&real.table()),
         _ => Ok(()),
@@ -126,7 +188,9 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
 fn all_around(wanted: Vec<Wanted>, turntable: Option<u32>) -> Vec<Wanted> {
     let Some(count) = turntable else { return wanted };
     let turned = |(path, format): Wanted| match format {
-        Format::Png => numbered(&path, format.ending(), count).into_iter().map(|path| (path, format)).collect(),
+        Format::Png => {
+            numbered(&path, format.ending(), count).into_iter().map(|path| (path, format)).collect()
+        }
         _ => vec![(path, format)],
     };
     wanted.into_iter().flat_map(turned).collect()
@@ -161,7 +225,8 @@ fn lay(
     let Takers { mut scene, sinks, mut gauge } = takers;
     let clock = RefCell::new(clock);
     if let (Some(whole), true) = (&mut scene, job.part.is_some()) {
-        // A part of a picture has the light and the shadows of the whole, whose knitting is no part of what is told of the part.
+        // A part of a picture has the light and the shadows of the whole, whose knitting is no part
+        // of what is told of the part.
         let mut announce = |_, _| clock.borrow_mut().begin(Task::Render, 0.0);
         let mut show = |blocks: &[Block]| -> Result<(), ExportError> {
             blocks.iter().for_each(|block| picture::add_to(whole, block));
@@ -187,11 +252,14 @@ fn lay(
     Ok((totals, gauge.map(Gauge::finish)))
 }
 
-/// Whether clearance is to be measured on the body: for a report of the whole alone, and not on a swatch, which has none.
+/// Whether clearance is to be measured on the body: for a report of the whole alone, and not on a
+/// swatch, which has none.
 fn wants_gauge(job: &Job<'_>, outputs: &[Wanted]) -> bool {
     // Of a part the yarns beside it are missing, which may be the nearest.
     let draped = !job.inputs.is_empty() && job.part.is_none();
-    draped && outputs.iter().any(|(_, format)| *format == Format::Json) && job.cloth.stitches() <= MEASURED_STITCHES
+    draped
+        && outputs.iter().any(|(_, format)| *format == Format::Json)
+        && job.cloth.stitches() <= MEASURED_STITCHES
 }
 
 pub(super) fn task(stage: Stage) -> Task {
@@ -209,10 +277,14 @@ pub(super) fn task(stage: Stage) -> Task {
 pub(super) fn check_request(job: &Job<'_>, wants_picture: bool) -> Result<()> {
     let stitches = if wants_picture { job.cloth.stitches() } else { job.filed().stitches() };
     if stitches > MOST_STITCHES {
-        bail!("{stitches} stitches are over the limit of {MOST_STITCHES}: lower --wales-per-cm and --courses-per-cm");
+        bail!(
+            "{stitches} stitches are over the limit of {MOST_STITCHES}: lower --wales-per-cm and --courses-per-cm"
+        );
     }
     if job.shared.drawing.turntable.is_some() && !wants_picture {
-        bail!("--turntable turns pictures, and none is asked for: name one, such as -o all-around.png");
+        bail!(
+            "--turntable turns pictures, and none is asked for: name one, such as -o all-around.png"
+        );
     }
     if wants_picture && job.shared.eye.is_some() && job.shared.eye == job.shared.look_at {
         bail!("--eye and --look-at are the same point: there is no direction to look in");
@@ -225,16 +297,28 @@ pub(super) fn check_request(job: &Job<'_>, wants_picture: bool) -> Result<()> {
             job.shared.size.1
         );
     }
-    if wants_picture { check_memory("a picture", stitches, PICTURE_GB, "lower the densities, or write no .png") } else { Ok(()) }
+    if wants_picture {
+        check_memory("a picture", stitches, PICTURE_GB, "lower the densities, or write no .png")
+    } else {
+        Ok(())
+    }
 }
 
-/// Refuses what would not fit the memory at so many GB a stitch, before the work and not in the middle of it.
-pub(super) fn check_memory(what: &str, stitches: u64, gb_a_stitch: f64, remedy: &str) -> Result<()> {
+/// Refuses what would not fit the memory at so many GB a stitch, before the work and not in the
+/// middle of it.
+pub(super) fn check_memory(
+    what: &str,
+    stitches: u64,
+    gb_a_stitch: f64,
+    remedy: &str,
+) -> Result<()> {
     #[expect(clippy::cast_precision_loss, reason = "an estimate")]
     let needed = stitches as f64 * gb_a_stitch;
     match available_memory_gb() {
         Some(free) if needed > free => {
-            bail!("{what} of {stitches} stitches takes about {needed:.0} GB of memory and {free:.0} GB are free: {remedy}")
+            bail!(
+                "{what} of {stitches} stitches takes about {needed:.0} GB of memory and {free:.0} GB are free: {remedy}"
+            )
         }
         _ => Ok(()),
     }
@@ -243,7 +327,9 @@ pub(super) fn check_memory(what: &str, stitches: u64, gb_a_stitch: f64, remedy: 
 /// Refuses cloth of which nothing can be seen.
 pub(super) fn check_laid(totals: &Totals) -> Result<()> {
     if totals.strands == 0 {
-        bail!("no yarn lies on the garment: its panels are smaller than a stitch; raise --wales-per-cm and --courses-per-cm");
+        bail!(
+            "no yarn lies on the garment: its panels are smaller than a stitch; raise --wales-per-cm and --courses-per-cm"
+        );
     }
     Ok(())
 }

@@ -55,13 +55,18 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
 
 /// Whether a reader of ours has gone: it has seen enough.
 pub(crate) fn is_broken_pipe(error: &anyhow::Error) -> bool {
-    error.chain().filter_map(|cause| cause.downcast_ref::<io::Error>()).any(|cause| cause.kind() == io::ErrorKind::BrokenPipe)
+    error
+        .chain()
+        .filter_map(|cause| cause.downcast_ref::<io::Error>())
+        .any(|cause| cause.kind() == io::ErrorKind::BrokenPipe)
 }
 
 /// An output whose reader has gone is no error, unless others are lost with it.
 fn told_of_loss(outputs: usize, made: Result<()>) -> Result<()> {
     match made {
-        Err(error) if outputs > 1 && is_broken_pipe(&error) => Err(anyhow!("{error:#}; no other file is written")),
+        Err(error) if outputs > 1 && is_broken_pipe(&error) => {
+            Err(anyhow!("{error:#}; no other file is written"))
+        }
         made => made,
     }
 }

@@ -1,7 +1,7 @@
 //! The numbers of a fabric as a table for designers.
 //!
-//! They are those of the real cloth: at the densities of its file or of the command line, with yarns as thick as their count says, however
-//! much it is drawn enlarged.
+//! They are those of the real cloth: at the densities of its file or of the command line, with
+//! yarns as thick as their count says, however much it is drawn enlarged.
 
 use std::fmt::Write as _;
 
@@ -25,7 +25,10 @@ impl RealCloth {
             (numbers::measure(&fabric, pattern), clearance)
         } else {
             let pattern = Pattern::new(&fabric);
-            (numbers::measure(&fabric, &pattern), clearance::measure(&fabric, &pattern, fabric.radius()))
+            (
+                numbers::measure(&fabric, &pattern),
+                clearance::measure(&fabric, &pattern, fabric.radius()),
+            )
         };
         Self { numbers, clearance, fabric }
     }
@@ -36,20 +39,30 @@ impl RealCloth {
         let mut rows = vec![
             ("fabric", fabric.name.clone()),
             ("wales", format!("{:.2} /cm, W {:.3} mm", fabric.wales_per_cm, fabric.wale_spacing())),
-            ("courses", format!("{:.2} /cm, C {:.3} mm", fabric.courses_per_cm, fabric.course_spacing())),
+            (
+                "courses",
+                format!("{:.2} /cm, C {:.3} mm", fabric.courses_per_cm, fabric.course_spacing()),
+            ),
             ("mass", format!("{:.1} g/m²", numbers.mass)),
             ("yarn length", format!("{:.0} m/m²", numbers.yarn_length)),
             ("thickness", format!("{:.3} mm", numbers.thickness)),
             ("cover factor", format!("{:.3}", numbers.cover)),
-            ("porosity", numbers.porosity.map_or("-".to_owned(), |porosity| format!("{porosity:.3}"))),
+            (
+                "porosity",
+                numbers.porosity.map_or("-".to_owned(), |porosity| format!("{porosity:.3}")),
+            ),
             (
                 "clearance",
-                format!("{:.2} of touching, {} pairs nearer", self.clearance.min_over_2r, self.clearance.pairs_below_1),
+                format!(
+                    "{:.2} of touching, {} pairs nearer",
+                    self.clearance.min_over_2r, self.clearance.pairs_below_1
+                ),
             ),
         ];
         if fabric.motif.is_some() {
             // m a m² is also 1/1000 mm a mm².
-            let length = numbers.yarn_length / 1000.0 * fabric.wale_spacing() * fabric.course_spacing();
+            let length =
+                numbers.yarn_length / 1000.0 * fabric.wale_spacing() * fabric.course_spacing();
             rows.push(("loop length", format!("{length:.2} mm")));
         }
         if fabric.radius() < fabric.true_radius() {
@@ -73,14 +86,18 @@ impl RealCloth {
             ),
         );
         for (at, bar) in fabric.bars.iter().enumerate() {
-            let (count, diameter, mass) = (bar.yarn.count.to_string(), bar.yarn.diameter(), numbers.bar_mass[at]);
+            let (count, diameter, mass) =
+                (bar.yarn.count.to_string(), bar.yarn.diameter(), numbers.bar_mass[at]);
             let run_in = numbers.run_in[at].map_or("-".to_owned(), |run_in| format!("{run_in:.0}"));
-            let ratio =
-                numbers.run_in[at].zip(numbers.run_in[0]).map_or("-".to_owned(), |(own, first)| format!("{:.3}", own / first));
+            let ratio = numbers.run_in[at]
+                .zip(numbers.run_in[0])
+                .map_or("-".to_owned(), |(own, first)| format!("{:.3}", own / first));
             let (number, lapping) = (at + 1, bar.lapping());
             line(
                 &mut table,
-                format_args!("{number:<3}  {count:>10}  {diameter:>11.3}  {run_in:>14}  {ratio:>7}  {mass:>6.1}  {lapping}"),
+                format_args!(
+                    "{number:<3}  {count:>10}  {diameter:>11.3}  {run_in:>14}  {ratio:>7}  {mass:>6.1}  {lapping}"
+                ),
             );
         }
         table

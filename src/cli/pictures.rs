@@ -18,7 +18,8 @@ use super::args::Shared;
 use super::clock::{Clock, Task};
 use super::job::Fibres;
 
-/// Widths of pictures that fit a yarn, in thicknesses of the yarn: from hardly any fuzz to loops that stand far off.
+/// Widths of pictures that fit a yarn, in thicknesses of the yarn: from hardly any fuzz to loops
+/// that stand far off.
 const FITTING_WIDTHS: (f64, f64) = (0.8, 4.0);
 /// Points on each rim of the drum around a scene, which a camera on a turntable must see whole.
 const RIM: u32 = 64;
@@ -42,7 +43,8 @@ pub(super) struct Textures {
 impl Textures {
     /// Those that the arguments ask for, for all bars; else those that the fabric names.
     ///
-    /// Where nothing says how wide a picture is, it fits the yarn that wears it, the thickest if all do.
+    /// Where nothing says how wide a picture is, it fits the yarn that wears it, the thickest if
+    /// all do.
     pub(super) fn of(shared: &Shared, fabric: &Fabric) -> Result<Self> {
         let thickest = 2.0 * fabric.radius() / fabric.enlargement;
         match &shared.drawing.texture {
@@ -76,7 +78,8 @@ impl Textures {
         Ok(textures)
     }
 
-    /// What is odd about ribbons as wide as the pictures say in place of a fabric's yarns, for the first such bar.
+    /// What is odd about ribbons as wide as the pictures say in place of a fabric's yarns, for the
+    /// first such bar.
     pub(super) fn misfit(&self, fabric: &Fabric) -> Option<String> {
         fabric.thickness().into_iter().enumerate().find_map(|(bar, thickness)| {
             let shown = f64::from(self.maps[usize::from(self.of_bar(bar)?)].width);
@@ -103,17 +106,24 @@ impl Textures {
     }
 }
 
-/// The scene that a fabric's yarns go into, the thickest of that radius, with their pictures: those are as much enlarged as the cloth.
+/// The scene that a fabric's yarns go into, the thickest of that radius, with their pictures: those
+/// are as much enlarged as the cloth.
 pub(super) fn scene(shape: Shape, fabric: &Fabric, radius: f64, textures: &Textures) -> Scene {
     let looks = picture::looks(fabric, radius);
     #[expect(clippy::cast_possible_truncation, reason = "a length in mm needs no more")]
     let enlargement = fabric.enlargement as f32;
-    let enlarged = |maps: &Maps| Maps { length: enlargement * maps.length, width: enlargement * maps.width, ..maps.clone() };
-    Scene::wearing(shape, looks, textures.maps.iter().map(enlarged).collect(), |bar| textures.of_bar(bar))
+    let enlarged = |maps: &Maps| Maps {
+        length: enlargement * maps.length,
+        width: enlargement * maps.width,
+        ..maps.clone()
+    };
+    Scene::wearing(shape, looks, textures.maps.iter().map(enlarged).collect(), |bar| {
+        textures.of_bar(bar)
+    })
 }
 
-/// Draws the scene, or a tile of the picture, and writes it to `paths`: each place's frames in a row. The camera sees all of `seen`, or all of the scene, with its fibres
-/// where they show.
+/// Draws the scene, or a tile of the picture, and writes it to `paths`: each place's frames in a
+/// row. The camera sees all of `seen`, or all of the scene, with its fibres where they show.
 pub(super) fn draw(
     scene: &Scene,
     fibres: Option<&Fibres>,
@@ -141,7 +151,8 @@ pub(super) fn draw(
         let progress = |done: f32| shown((frame as f32 + done) / count as f32);
         let camera = camera(scene, seen, shared, options.aspect(), frame);
         let size = [options.width, options.height];
-        let spun = fibres.and_then(|fibres| spun::scene(scene, &fibres.bundles, fibres.near, &camera, size));
+        let spun = fibres
+            .and_then(|fibres| spun::scene(scene, &fibres.bundles, fibres.near, &camera, size));
         let mut drawn = |painter: &mut Painter<'_>| {
             let picture = painter.draw(&camera, &options, &progress)?;
             painter.name().clone_into(&mut drawn_by);
@@ -184,12 +195,21 @@ pub(super) fn options(shared: &Shared) -> render::Options {
 }
 
 /// The camera of a frame.
-fn camera(scene: &Scene, seen: Option<&[Vec3]>, shared: &Shared, aspect: f64, frame: u32) -> Camera {
+fn camera(
+    scene: &Scene,
+    seen: Option<&[Vec3]>,
+    shared: &Shared,
+    aspect: f64,
+    frame: u32,
+) -> Camera {
     let fov = shared.fov.to_radians();
-    let Some(count) = shared.drawing.turntable else { return still(shared, seen.unwrap_or(&scene.positions), fov, aspect) };
+    let Some(count) = shared.drawing.turntable else {
+        return still(shared, seen.unwrap_or(&scene.positions), fov, aspect);
+    };
     let Some(bounds) = scene.bounds() else { return still(shared, &[], fov, aspect) };
     let angle = std::f64::consts::TAU * f64::from(frame) / f64::from(count);
-    still(shared, &drum(&scene.positions, &bounds), fov, aspect).turned_about(bounds.centre().as_dvec3(), angle)
+    still(shared, &drum(&scene.positions, &bounds), fov, aspect)
+        .turned_about(bounds.centre().as_dvec3(), angle)
 }
 
 /// A camera that stands where the arguments say, or where it sees all of `points`.
@@ -203,7 +223,10 @@ fn still(shared: &Shared, points: &[Vec3], fov: f64, aspect: f64) -> Camera {
 /// The rims of the upright drum around all points: what a turning scene sweeps.
 fn drum(points: &[Vec3], bounds: &Bounds) -> Vec<Vec3> {
     let centre = bounds.centre();
-    let farthest = points.iter().map(|point| (*point - centre).with_y(0.0).length_squared()).filter(|length| length.is_finite());
+    let farthest = points
+        .iter()
+        .map(|point| (*point - centre).with_y(0.0).length_squared())
+        .filter(|length| length.is_finite());
     let radius = f64::from(farthest.fold(0.0, f32::max).sqrt());
     let rim = |height: f32| {
         (0..RIM).map(move |step| {

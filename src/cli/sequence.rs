@@ -1,7 +1,8 @@
 //! `warpknit drape` of a sequence: knitted and located once, shown on every frame.
 //!
-//! Files that hold one drape are numbered as the frames are and appear frame by frame, so what is done stays done when a run of hours ends early; a `.usda` holds all
-//! frames and appears at the end, as the report does.
+//! Files that hold one drape are numbered as the frames are and appear frame by frame, so what is
+//! done stays done when a run of hours ends early; a `.usda` holds all frames and appears at the
+//! end, as the report does.
 
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
@@ -76,18 +77,32 @@ pub(super) fn make(job: &Job<'_>, sequence: &Sequence<'_>, mut clock: Clock) -> 
     let wants_extent = wants_picture && job.shared.eye.is_none();
     let seen = if wants_extent { seen(sequence, job, &mut clock)? } else { Vec::new() };
     let usda = files.whole.iter().filter(|(_, format)| *format == Format::Usda);
-    let usda = usda.map(|(path, _)| UsdaFramesWriter::create(path, job.shown, &setup.section, sequence.frames_per_second));
+    let usda = usda.map(|(path, _)| {
+        UsdaFramesWriter::create(path, job.shown, &setup.section, sequence.frames_per_second)
+    });
     let usda = usda.collect::<Result<Vec<_>, _>>()?;
     let reports = files.whole.iter().filter(|(_, format)| *format == Format::Json);
     reports.into_iter().try_for_each(|(path, _)| Output::check(path))?;
-    let held = Held::lay(job.cloth, &setup.options, &mut |stage, done| clock.begin(task(stage), done));
+    let held =
+        Held::lay(job.cloth, &setup.options, &mut |stage, done| clock.begin(task(stage), done));
     check_laid(held.totals())?;
     warnings.extend(loss_warning(held.totals()));
     tell_warnings(job, &mut warnings);
 
     let scene = wants_picture.then(|| job.scene(&setup));
     let drawn_by = String::new();
-    let mut show = Show { job, setup: &setup, held, files: &files, usda, scene, seen, drawn_by, warnings, clock: &mut clock };
+    let mut show = Show {
+        job,
+        setup: &setup,
+        held,
+        files: &files,
+        usda,
+        scene,
+        seen,
+        drawn_by,
+        warnings,
+        clock: &mut clock,
+    };
     let frames = show.all(sequence)?;
     let Show { held, usda, drawn_by, warnings, .. } = show;
     clock.begin(Task::Write, 1.0);
@@ -100,7 +115,13 @@ pub(super) fn make(job: &Job<'_>, sequence: &Sequence<'_>, mut clock: Clock) -> 
     finished.into_iter().try_for_each(Output::publish)?;
     clock.clear();
     let (count, stitches, yarns) = (sequence.paths.len(), totals.losses.stitches, totals.yarns);
-    tell(job.shared.running.quiet, &format!("{shown} of {count} frames, {stitches} stitches, {yarns} yarns: {}", files.names()));
+    tell(
+        job.shared.running.quiet,
+        &format!(
+            "{shown} of {count} frames, {stitches} stitches, {yarns} yarns: {}",
+            files.names()
+        ),
+    );
     Ok(())
 }
 
@@ -108,24 +129,43 @@ pub(super) fn make(job: &Job<'_>, sequence: &Sequence<'_>, mut clock: Clock) -> 
 fn check(job: &Job<'_>, sequence: &Sequence<'_>, wants_picture: bool) -> Result<()> {
     check_request(job, wants_picture)?;
     if job.shared.drawing.turntable.is_some() || job.part.is_some() {
-        bail!("--turntable and --tile are for one drape, and these are {} frames", sequence.paths.len());
+        bail!(
+            "--turntable and --tile are for one drape, and these are {} frames",
+            sequence.paths.len()
+        );
     }
-    if job.shared.fibres.is_some_and(SwitchArg::is_on) && wanted(job).iter().any(|(_, format)| *format == Format::Usda) {
-        bail!("a .usda of a drape sequence holds yarns and not fibres: leave out --fibres, or drape the frames one by one");
+    if job.shared.fibres.is_some_and(SwitchArg::is_on)
+        && wanted(job).iter().any(|(_, format)| *format == Format::Usda)
+    {
+        bail!(
+            "a .usda of a drape sequence holds yarns and not fibres: leave out --fibres, or drape the frames one by one"
+        );
     }
-    check_memory("a drape sequence", job.cloth.stitches(), HELD_GB, "lower the densities, or drape the frames one by one")
+    check_memory(
+        "a drape sequence",
+        job.cloth.stitches(),
+        HELD_GB,
+        "lower the densities, or drape the frames one by one",
+    )
 }
 
 impl Files {
     fn of(wanted: Vec<Wanted>, count: u32) -> Self {
-        let (whole, single): (Vec<_>, Vec<_>) =
-            wanted.into_iter().partition(|(_, format)| matches!(format, Format::Usda | Format::Json));
-        let numbered = single.into_iter().map(|(path, format)| (numbered(&path, format.ending(), count), format)).collect();
+        let (whole, single): (Vec<_>, Vec<_>) = wanted
+            .into_iter()
+            .partition(|(_, format)| matches!(format, Format::Usda | Format::Json));
+        let numbered = single
+            .into_iter()
+            .map(|(path, format)| (numbered(&path, format.ending(), count), format))
+            .collect();
         Self { numbered, whole }
     }
 
     fn all(&self) -> Vec<Wanted> {
-        let numbered = self.numbered.iter().flat_map(|(paths, format)| paths.iter().map(|path| (path.clone(), *format)));
+        let numbered = self
+            .numbered
+            .iter()
+            .flat_map(|(paths, format)| paths.iter().map(|path| (path.clone(), *format)));
         numbered.chain(self.whole.iter().cloned()).collect()
     }
 
@@ -136,8 +176,9 @@ impl Files {
 
     /// What they are called, in a line.
     fn names(&self) -> String {
-        let series =
-            |(paths, _): &(Vec<PathBuf>, Format)| format!("{} to {}", paths[0].display(), paths[paths.len() - 1].display());
+        let series = |(paths, _): &(Vec<PathBuf>, Format)| {
+            format!("{} to {}", paths[0].display(), paths[paths.len() - 1].display())
+        };
         let whole = self.whole.iter().map(|(path, _)| path.display().to_string());
         self.numbered.iter().map(series).chain(whole).collect::<Vec<_>>().join(", ")
     }
@@ -158,7 +199,8 @@ impl Show<'_, '_> {
     fn all(&mut self, sequence: &Sequence<'_>) -> Result<Vec<FrameReport>> {
         let Sequence { motion, paths, .. } = sequence;
         let mut garment = self.job.cloth.garment().clone();
-        let mut frames: Vec<_> = paths.iter().zip(&motion.bad).map(|(path, what)| left_out(path, what)).collect();
+        let mut frames: Vec<_> =
+            paths.iter().zip(&motion.bad).map(|(path, what)| left_out(path, what)).collect();
         for (number, path) in paths.iter().enumerate().skip(motion.first) {
             self.clock.begin(Task::Read, 0.0);
             if number > motion.first {
@@ -176,7 +218,13 @@ impl Show<'_, '_> {
             let before: f64 = frames.iter().map(|frame: &FrameReport| frame.ms).sum();
             let (stretch_warp, stretch_weft) = stretch(&garment);
             let ms = self.clock.without_pictures() - before;
-            frames.push(FrameReport { file: path.display().to_string(), skipped: None, ms, stretch_warp, stretch_weft });
+            frames.push(FrameReport {
+                file: path.display().to_string(),
+                skipped: None,
+                ms,
+                stretch_warp,
+                stretch_weft,
+            });
         }
         Ok(frames)
     }
@@ -206,13 +254,30 @@ impl Show<'_, '_> {
             sinks.iter_mut().try_for_each(|sink| sink.take(blocks))
         };
         let options: &Options = &setup.options;
-        held.show(garment, options, &mut |stage, done| clock.borrow_mut().begin(task(stage), done), &mut deliver)?;
+        held.show(
+            garment,
+            options,
+            &mut |stage, done| clock.borrow_mut().begin(task(stage), done),
+            &mut deliver,
+        )?;
         self.clock.begin(Task::Write, 1.0);
         let mut whole = finished(sinks)?;
-        let paths: Vec<_> = own.iter().filter(|(_, format)| *format == Format::Png).map(|(path, _)| path.as_path()).collect();
+        let paths: Vec<_> = own
+            .iter()
+            .filter(|(_, format)| *format == Format::Png)
+            .map(|(path, _)| path.as_path())
+            .collect();
         if let (Some(scene), false) = (&self.scene, paths.is_empty()) {
             let seen = (!self.seen.is_empty()).then_some(self.seen.as_slice());
-            let pictures = pictures::draw(scene, self.setup.fibres.as_ref(), self.job.shared, None, seen, &paths, self.clock)?;
+            let pictures = pictures::draw(
+                scene,
+                self.setup.fibres.as_ref(),
+                self.job.shared,
+                None,
+                seen,
+                &paths,
+                self.clock,
+            )?;
             whole.extend(pictures.files);
             self.drawn_by = pictures.drawn_by;
             // What draws is the same for all frames, and so is what there is to be said of it.
@@ -228,7 +293,8 @@ impl Show<'_, '_> {
     }
 }
 
-/// Points around all frames, which the camera is to see: the outermost one in each of 26 directions, frame by frame, and a stitch beyond it.
+/// Points around all frames, which the camera is to see: the outermost one in each of 26
+/// directions, frame by frame, and a stitch beyond it.
 fn seen(sequence: &Sequence<'_>, job: &Job<'_>, clock: &mut Clock) -> Result<Vec<Vec3>> {
     clock.begin(Task::Render, 0.0);
     let (mut garment, reach) = (job.cloth.garment().clone(), job.shown.wale_spacing());
@@ -245,11 +311,14 @@ fn seen(sequence: &Sequence<'_>, job: &Job<'_>, clock: &mut Clock) -> Result<Vec
 }
 
 fn outermost(garment: &Garment, reach: f64) -> Vec<Vec3> {
-    let points: Vec<DVec3> = garment.panels.iter().flat_map(|panel| panel.draped.iter().copied()).collect();
+    let points: Vec<DVec3> =
+        garment.panels.iter().flat_map(|panel| panel.draped.iter().copied()).collect();
     let steps = || [-1.0, 0.0, 1.0].into_iter();
-    let directions = steps().flat_map(|x| steps().flat_map(move |y| steps().map(move |z| DVec3::new(x, y, z))));
+    let directions =
+        steps().flat_map(|x| steps().flat_map(move |y| steps().map(move |z| DVec3::new(x, y, z))));
     let beyond = |toward: DVec3| {
-        let farthest = points.iter().copied().max_by(|a, b| a.dot(toward).total_cmp(&b.dot(toward)));
+        let farthest =
+            points.iter().copied().max_by(|a, b| a.dot(toward).total_cmp(&b.dot(toward)));
         farthest.map(|point| (point + reach * toward.normalize_or_zero()).as_vec3())
     };
     directions.filter_map(beyond).collect()

@@ -1,4 +1,5 @@
-//! `warpknit inspect --fabric`: a fabric as a designer checks it, the chain as a table and as a lapping diagram, or a weft knit's chart.
+//! `warpknit inspect --fabric`: a fabric as a designer checks it, the chain as a table and as a
+//! lapping diagram, or a weft knit's chart.
 
 use std::fmt::{self, Write as _};
 use std::path::{Path, PathBuf};
@@ -18,7 +19,13 @@ const MOST_ROWS: usize = 200;
 /// What a fabric's chains say, and whether its yarns fit once a repeat is knitted.
 pub(super) fn sheet(fabric: &Fabric) -> Result<String, fmt::Error> {
     let mut text = String::new();
-    writeln!(text, "{}{}{}", fabric.name, if fabric.about.is_empty() { "" } else { ": " }, fabric.about)?;
+    writeln!(
+        text,
+        "{}{}{}",
+        fabric.name,
+        if fabric.about.is_empty() { "" } else { ": " },
+        fabric.about
+    )?;
     writeln!(
         text,
         "  {} wales/cm, {} courses/cm; W {:.3} mm, C {:.3} mm",
@@ -33,14 +40,24 @@ pub(super) fn sheet(fabric: &Fabric) -> Result<String, fmt::Error> {
         None => text.push_str(&table(fabric)),
     }
     for (bar, number) in fabric.bars.iter().zip(1..) {
-        let (drive, threading) =
-            if bar.counts_from_left() { (", drive left", bar.threading.mirrored()) } else { ("", bar.threading.clone()) };
+        let (drive, threading) = if bar.counts_from_left() {
+            (", drive left", bar.threading.mirrored())
+        } else {
+            ("", bar.threading.clone())
+        };
         let laid = match bar.kind {
             BarKind::Feeder => format!("feeder {number}: {}", bar.lapping()),
-            BarKind::LaidAlong | BarKind::LaidAcross => format!("strand {number}: {}", bar.lapping()),
+            BarKind::LaidAlong | BarKind::LaidAcross => {
+                format!("strand {number}: {}", bar.lapping())
+            }
             _ => format!("bar {number}: chain {}{drive}, threading {threading}", bar.lapping()),
         };
-        writeln!(text, "  {laid}, yarn {}, diameter {:.3} mm", bar.yarn.count, bar.yarn.diameter())?;
+        writeln!(
+            text,
+            "  {laid}, yarn {}, diameter {:.3} mm",
+            bar.yarn.count,
+            bar.yarn.diameter()
+        )?;
     }
     if fabric.motif.is_none() && !fabric.is_laid() {
         let needles = fabric.needles();
@@ -49,7 +66,11 @@ pub(super) fn sheet(fabric: &Fabric) -> Result<String, fmt::Error> {
     let (pattern, radius) = (Pattern::new(fabric), fabric.radius());
     let clearance = clearance::measure(fabric, &pattern, radius);
     writeln!(text, "  nearest yarns: {:.2} of touching", clearance.min_over_2r)?;
-    for warning in fabric.warnings().into_iter().chain(clearance::warnings(fabric, &pattern, &clearance, radius)) {
+    for warning in fabric
+        .warnings()
+        .into_iter()
+        .chain(clearance::warnings(fabric, &pattern, &clearance, radius))
+    {
         writeln!(text, "  warning: {warning}")?;
     }
     Ok(text)
@@ -72,12 +93,17 @@ fn table(fabric: &Fabric) -> String {
     let mut groups: Vec<Vec<[String; 4]>> = Vec::new();
     for bar in &fabric.bars {
         let header = columns.map(str::to_owned);
-        groups.push(std::iter::once(header).chain((0_i64..).take(shown).map(|course| cells(bar, course))).collect());
+        groups.push(
+            std::iter::once(header)
+                .chain((0_i64..).take(shown).map(|course| cells(bar, course)))
+                .collect(),
+        );
     }
     let mut lines = vec!["        ".to_owned(), "  course".to_owned()];
     lines.extend((1..=shown).map(|course| format!("  {course:6}")));
     for (group, number) in groups.iter().zip(1..) {
-        let width = |column: usize| group.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+        let width =
+            |column: usize| group.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
         let widths = [0, 1, 2, 3].map(width);
         let title = format!("bar {number}");
         let all: usize = widths.iter().sum::<usize>() + 6;
@@ -95,8 +121,8 @@ fn table(fabric: &Fabric) -> String {
     lines.iter().map(|line| format!("{}\n", line.trim_end())).collect()
 }
 
-/// A lap as written, its kind, the underlap that follows (arrows as in the diagram), and the needles on which guide 1 loops, in the order of
-/// the swing; needle 1 lies between gaps 0 and 1.
+/// A lap as written, its kind, the underlap that follows (arrows as in the diagram), and the
+/// needles on which guide 1 loops, in the order of the swing; needle 1 lies between gaps 0 and 1.
 fn cells(bar: &Bar, course: i64) -> [String; 4] {
     if bar.kind == BarKind::Weft {
         let weft = if bar.threading.carries(course) { "weft" } else { "none" };
@@ -129,14 +155,21 @@ fn cells(bar: &Bar, course: i64) -> [String; 4] {
     [format!("{}-{}", lap.from, lap.to), kind.to_owned(), arrow, needles]
 }
 
-/// Draws the lapping diagram into files that are whole but not yet under their names; and what the diagram leaves out.
-pub(super) fn diagrams(fabric: &Fabric, outputs: &[(PathBuf, Format)]) -> Result<(Vec<Output>, Vec<String>)> {
+/// Draws the lapping diagram into files that are whole but not yet under their names; and what the
+/// diagram leaves out.
+pub(super) fn diagrams(
+    fabric: &Fabric,
+    outputs: &[(PathBuf, Format)],
+) -> Result<(Vec<Output>, Vec<String>)> {
     check_distinct([], outputs.iter().map(|(path, _)| path.as_path()))?;
     if outputs.is_empty() {
         return Ok((Vec::new(), Vec::new()));
     }
     let drawing = Drawing::of(fabric);
-    let whole = outputs.iter().map(|(path, format)| drawn(&drawing, path, *format)).collect::<Result<_, _>>()?;
+    let whole = outputs
+        .iter()
+        .map(|(path, format)| drawn(&drawing, path, *format))
+        .collect::<Result<_, _>>()?;
     Ok((whole, drawing.notes))
 }
 
@@ -158,7 +191,14 @@ mod tests {
         let text = text.replacen("\"1-2/1-0//\"", "\"0-2/2-2/2-2/3-2/0-0/0-1/1-2//\"", 1);
         let table = table(&Fabric::parse(&text).unwrap());
         let column = |row: &str| {
-            row.split('|').nth(1).unwrap().split("  ").map(str::trim).filter(|c| !c.is_empty()).collect::<Vec<_>>().join(",")
+            row.split('|')
+                .nth(1)
+                .unwrap()
+                .split("  ")
+                .map(str::trim)
+                .filter(|c| !c.is_empty())
+                .collect::<Vec<_>>()
+                .join(",")
         };
         let rows: Vec<_> = table.lines().map(column).collect();
         assert_eq!(rows.len(), 2 + 14);
@@ -180,7 +220,11 @@ mod tests {
     #[test]
     fn a_long_chain_is_cut_with_a_word() {
         let chain = "1-0/1-2/".repeat(300);
-        let text = Fabric::named("tricot").unwrap().to_string().replacen("\"1-2/1-0//\"", &format!("\"{chain}\""), 1);
+        let text = Fabric::named("tricot").unwrap().to_string().replacen(
+            "\"1-2/1-0//\"",
+            &format!("\"{chain}\""),
+            1,
+        );
         let table = table(&Fabric::parse(&text).unwrap());
         assert_eq!(table.lines().count(), 2 + MOST_ROWS + 1);
         assert_eq!(table.lines().last(), Some("  ... and 400 more courses"));

@@ -1,4 +1,5 @@
-//! `warpknit completions` and `warpknit man`: what a shell and `man` want to know, from the definition of the command line.
+//! `warpknit completions` and `warpknit man`: what a shell and `man` want to know, from the
+//! definition of the command line.
 
 use anyhow::{Result, bail};
 use clap::CommandFactory as _;
@@ -9,7 +10,12 @@ use super::print;
 /// Prints a completion script.
 pub(crate) fn completions(arguments: &Completions) -> Result<()> {
     let mut script = Vec::new();
-    clap_complete::generate(arguments.shell, &mut Arguments::command(), env!("CARGO_PKG_NAME"), &mut script);
+    clap_complete::generate(
+        arguments.shell,
+        &mut Arguments::command(),
+        env!("CARGO_PKG_NAME"),
+        &mut script,
+    );
     print(&String::from_utf8_lossy(&script))
 }
 
@@ -33,7 +39,8 @@ fn page(command: clap::Command) -> Result<()> {
     print(&as_written(&String::from_utf8_lossy(&page)))
 }
 
-/// The page with its examples line by line: `man` would fill them up to whole lines, and nobody could copy them.
+/// The page with its examples line by line: `man` would fill them up to whole lines, and nobody
+/// could copy them.
 fn as_written(page: &str) -> String {
     let mut text = String::with_capacity(page.len() + 16);
     let mut is_open = false;

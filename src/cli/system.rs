@@ -1,8 +1,10 @@
-//! What the operating system says of this process and of its machine: CPU time, memory, the processor.
+//! What the operating system says of this process and of its machine: CPU time, memory, the
+//! processor.
 //!
 //! Memory and the processor's name are read where Linux tells them; elsewhere they are unknown.
 
-/// CPU time that this process has taken, its threads together, ms; unknown on systems that don't say.
+/// CPU time that this process has taken, its threads together, ms; unknown on systems that don't
+/// say.
 pub(crate) fn cpu_ms() -> Option<f64> {
     #[cfg(unix)]
     {
@@ -38,7 +40,8 @@ pub(crate) fn resident_memory_mb() -> f64 {
     bytes("/proc/self/status", "VmRSS").map_or(0.0, |bytes| bytes / 1e6)
 }
 
-/// Begins the count of [`peak_memory_mb`] anew, from what is held now, where Linux lets a process do so.
+/// Begins the count of [`peak_memory_mb`] anew, from what is held now, where Linux lets a process
+/// do so.
 pub(crate) fn forget_peak_memory() {
     // Where that is refused the peak stays that of the process, which only larger work moves.
     let _kept = std::fs::write("/proc/self/clear_refs", "5");
@@ -52,7 +55,8 @@ fn bytes(file: &str, name: &str) -> Option<f64> {
 /// What stands behind `name` and a colon in one of the system's files.
 fn line(file: &str, name: &str) -> Option<String> {
     let text = std::fs::read_to_string(file).ok()?;
-    let found = text.lines().filter_map(|line| line.split_once(':')).find(|(at, _)| at.trim() == name);
+    let found =
+        text.lines().filter_map(|line| line.split_once(':')).find(|(at, _)| at.trim() == name);
     found.map(|(_, told)| told.trim().to_owned())
 }
 
@@ -63,7 +67,8 @@ mod tests {
     #[test]
     fn linux_tells_what_is_asked() {
         assert!(memory_gb() >= available_memory_gb() && available_memory_gb() > Some(0.0));
-        // Other tests run beside this one, one of them has the peak counted anew, and counts lag behind by some pages.
+        // Other tests run beside this one, one of them has the peak counted anew, and counts lag
+        // behind by some pages.
         let held = resident_memory_mb();
         assert!(held > 1.0 && peak_memory_mb() > held / 2.0);
         assert_eq!(line("/proc/self/status", "no such line"), None);

@@ -14,7 +14,10 @@ pub(super) fn check_distinct<'a>(
     let mut taken: Vec<PathBuf> = inputs.into_iter().map(place).collect();
     for path in outputs {
         if taken.contains(&place(path)) {
-            bail!("{}: this file is an input or another output; name another one with -o", path.display());
+            bail!(
+                "{}: this file is an input or another output; name another one with -o",
+                path.display()
+            );
         }
         taken.push(place(path));
     }
@@ -26,13 +29,17 @@ pub(super) fn numbered(path: &Path, ending: &str, count: u32) -> Vec<PathBuf> {
     let digits = count.to_string().len().max(3);
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let (stem, ending) = name.split_at(name.len() - ending.len());
-    (1..=count).map(|number| path.with_file_name(format!("{stem}-{number:0digits$}{ending}"))).collect()
+    (1..=count)
+        .map(|number| path.with_file_name(format!("{stem}-{number:0digits$}{ending}")))
+        .collect()
 }
 
-/// Where a path leads, however it is spelled; a file that is not there yet is looked for in its folder.
+/// Where a path leads, however it is spelled; a file that is not there yet is looked for in its
+/// folder.
 fn place(path: &Path) -> PathBuf {
     let in_folder = || {
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let folder =
+            path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         Some(folder.canonicalize().ok()?.join(path.file_name()?))
     };
     path.canonicalize().ok().or_else(in_folder).unwrap_or_else(|| path.to_owned())
@@ -52,7 +59,10 @@ mod tests {
     #[test]
     fn files_are_numbered_before_their_ending() {
         let named = |path, ending, count| numbered(Path::new(path), ending, count);
-        assert_eq!(named("out/skirt.png", ".png", 2), [Path::new("out/skirt-001.png"), Path::new("out/skirt-002.png")]);
+        assert_eq!(
+            named("out/skirt.png", ".png", 2),
+            [Path::new("out/skirt-001.png"), Path::new("out/skirt-002.png")]
+        );
         assert_eq!(named("a.b.Curves.TXT", ".curves.txt", 1), [Path::new("a.b-001.Curves.TXT")]);
         assert_eq!(named("skirt.svg", ".svg", 1000)[999], Path::new("skirt-1000.svg"));
         assert_eq!(named("skirt.svg", ".svg", 1000)[0], Path::new("skirt-0001.svg"));

@@ -1,4 +1,5 @@
-//! What a flag's text may be: choices by name, and numbers, sizes and paths that are checked as they are read.
+//! What a flag's text may be: choices by name, and numbers, sizes and paths that are checked as
+//! they are read.
 
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -132,20 +133,26 @@ pub(super) fn picture(text: &str) -> Result<PathBuf, String> {
 
 pub(super) fn diagram(text: &str) -> Result<(PathBuf, chart::Format), String> {
     let path = PathBuf::from(text);
-    let format = chart::Format::of(&path).ok_or("nothing is drawn with this ending; known are .svg .png")?;
+    let format =
+        chart::Format::of(&path).ok_or("nothing is drawn with this ending; known are .svg .png")?;
     Ok((path, format))
 }
 
 pub(super) fn figures(text: &str) -> Result<(PathBuf, BenchFormat), String> {
     let path = PathBuf::from(text);
-    let format = BenchFormat::of(&path).ok_or("no figures are written with this ending; known are .json .svg .png")?;
+    let format = BenchFormat::of(&path)
+        .ok_or("no figures are written with this ending; known are .json .svg .png")?;
     Ok((path, format))
 }
 
 pub(super) fn size(text: &str) -> Result<(u32, u32), String> {
-    let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some((w.parse::<u32>().ok()?, h.parse::<u32>().ok()?)));
+    let sides = text
+        .split_once(['x', 'X'])
+        .and_then(|(w, h)| Some((w.parse::<u32>().ok()?, h.parse::<u32>().ok()?)));
     match sides {
-        Some((w, h)) if (1..=MOST_PIXELS).contains(&w) && (1..=MOST_PIXELS).contains(&h) => Ok((w, h)),
+        Some((w, h)) if (1..=MOST_PIXELS).contains(&w) && (1..=MOST_PIXELS).contains(&h) => {
+            Ok((w, h))
+        }
         _ => Err(format!("write it as 1600x1200, both sides from 1 to {MOST_PIXELS}")),
     }
 }
@@ -159,22 +166,29 @@ pub(super) fn samples(text: &str) -> Result<u32, String> {
 }
 
 pub(super) fn vector(text: &str) -> Result<DVec3, String> {
-    let numbers = list(text).filter(|numbers: &[f64; 3]| numbers.iter().all(|number| number.is_finite()));
-    numbers.map(DVec3::from).ok_or_else(|| "write three numbers with commas, such as 0,500,1200".to_owned())
+    let numbers =
+        list(text).filter(|numbers: &[f64; 3]| numbers.iter().all(|number| number.is_finite()));
+    numbers
+        .map(DVec3::from)
+        .ok_or_else(|| "write three numbers with commas, such as 0,500,1200".to_owned())
 }
 
 pub(super) fn rectangle(text: &str) -> Result<[u32; 4], String> {
-    list(text).ok_or_else(|| "write x, y, width and height in pixels with commas, such as 100,50,800,300".to_owned())
+    list(text).ok_or_else(|| {
+        "write x, y, width and height in pixels with commas, such as 100,50,800,300".to_owned()
+    })
 }
 
 pub(super) fn two_vectors(text: &str) -> Result<[f64; 4], String> {
-    let numbers = list(text).filter(|numbers: &[f64; 4]| numbers.iter().all(|number| number.is_finite()));
+    let numbers =
+        list(text).filter(|numbers: &[f64; 4]| numbers.iter().all(|number| number.is_finite()));
     numbers.ok_or_else(|| "write both vectors in pixels with commas, such as 24,0,0,18".to_owned())
 }
 
 /// So many numbers with commas between them.
 fn list<T: FromStr, const N: usize>(text: &str) -> Option<[T; N]> {
-    let numbers: Option<Vec<T>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
+    let numbers: Option<Vec<T>> =
+        text.split(',').map(|number| number.trim().parse().ok()).collect();
     numbers?.try_into().ok()
 }
 
@@ -203,7 +217,11 @@ pub(super) fn field_of_view(text: &str) -> Result<f64, String> {
 }
 
 /// The number, if it is one that `suits`.
-fn number<T: FromStr>(text: &str, suits: impl FnOnce(&T) -> bool, otherwise: &str) -> Result<T, String> {
+fn number<T: FromStr>(
+    text: &str,
+    suits: impl FnOnce(&T) -> bool,
+    otherwise: &str,
+) -> Result<T, String> {
     text.parse().ok().filter(suits).ok_or_else(|| otherwise.to_owned())
 }
 
@@ -218,7 +236,11 @@ mod tests {
         assert_eq!(vector("1,-2, 3.5"), Ok(DVec3::new(1.0, -2.0, 3.5)));
         assert!(vector("1,2").is_err() && vector("1,2,x").is_err() && vector("1,2,3,x").is_err());
         assert_eq!(rectangle("1, 2,30,40"), Ok([1, 2, 30, 40]));
-        assert!(rectangle("1,2,3").is_err() && rectangle("1,2,3,-4").is_err() && rectangle("1,2,3,4,5").is_err());
+        assert!(
+            rectangle("1,2,3").is_err()
+                && rectangle("1,2,3,-4").is_err()
+                && rectangle("1,2,3,4,5").is_err()
+        );
         assert!(brightness("-2").is_err() && contrast("0").is_err() && contrast("1.5").is_ok());
         assert!(positive("0").is_err() && positive("nan").is_err() && positive("inf").is_err());
     }

@@ -43,12 +43,16 @@ pub(super) fn wanted(job: &Job<'_>) -> Vec<Wanted> {
         wanted.push((PathBuf::from(name), Format::Png));
     }
     if job.shared.curves {
-        wanted.iter_mut().filter(|(_, format)| *format == Format::Obj).for_each(|(_, format)| *format = Format::ObjLines);
+        wanted
+            .iter_mut()
+            .filter(|(_, format)| *format == Format::Obj)
+            .for_each(|(_, format)| *format = Format::ObjLines);
     }
     wanted
 }
 
-/// Refuses files that are written twice, or over one that was read; those that come with others count too.
+/// Refuses files that are written twice, or over one that was read; those that come with others
+/// count too.
 pub(super) fn check_places<'a>(
     job: &Job<'_>,
     outputs: impl Iterator<Item = &'a Wanted> + Clone,
@@ -69,26 +73,45 @@ pub(super) fn check_places<'a>(
 }
 
 /// Writers of everything that streams.
-pub(super) fn sinks<'a>(outputs: &[Wanted], job: &Job<'a>, setup: &Setup) -> Result<Vec<Box<dyn Sink + 'a>>, ExportError> {
-    let filed = setup.fibres.as_ref().and_then(|fibres| fibres.filed.as_ref().map(|filed| (&fibres.bundles, filed)));
-    let (fabric, section) = filed.map_or((job.shown, &setup.section), |(_, (fabric, section))| (fabric, section));
+pub(super) fn sinks<'a>(
+    outputs: &[Wanted],
+    job: &Job<'a>,
+    setup: &Setup,
+) -> Result<Vec<Box<dyn Sink + 'a>>, ExportError> {
+    let filed = setup
+        .fibres
+        .as_ref()
+        .and_then(|fibres| fibres.filed.as_ref().map(|filed| (&fibres.bundles, filed)));
+    let (fabric, section) =
+        filed.map_or((job.shown, &setup.section), |(_, (fabric, section))| (fabric, section));
     // Fibres wear no pictures of yarns.
     let wardrobe = || if filed.is_some() { Arc::default() } else { Arc::clone(&setup.wardrobe) };
     let cloth = job.filed();
     let mut sinks: Vec<Box<dyn Sink + 'a>> = Vec::new();
     for (path, format) in outputs {
         match format {
-            Format::Glb => sinks.push(Box::new(GlbWriter::create(path, fabric, wardrobe(), cloth.blocks(), cloth.yarns())?)),
+            Format::Glb => sinks.push(Box::new(GlbWriter::create(
+                path,
+                fabric,
+                wardrobe(),
+                cloth.blocks(),
+                cloth.yarns(),
+            )?)),
             Format::Obj => sinks.push(Box::new(ObjWriter::create(path, fabric, wardrobe())?)),
-            Format::ObjLines => sinks.push(Box::new(ObjLinesWriter::create(path, fabric, section.st)?)),
+            Format::ObjLines => {
+                sinks.push(Box::new(ObjLinesWriter::create(path, fabric, section.st)?))
+            }
             Format::Ply => sinks.push(Box::new(PlyWriter::create(path, fabric, section)?)),
             Format::Usda => sinks.push(Box::new(UsdaWriter::create(path, fabric, section)?)),
             Format::Bcc => sinks.push(Box::new(BccWriter::create(path, section.st)?)),
             Format::Curves => sinks.push(Box::new(CurvesWriter::create(path, fabric, section)?)),
             Format::Inp => sinks.push(Box::new(InpWriter::create(path, fabric, section)?)),
-            Format::Npz => sinks.push(Box::new(NpzWriter::create(path, fabric, job.cloth.garment(), section)?)),
+            Format::Npz => {
+                sinks.push(Box::new(NpzWriter::create(path, fabric, job.cloth.garment(), section)?))
+            }
             Format::Csv => sinks.push(Box::new(CsvWriter::create(path, job.cloth.garment())?)),
-            // Made whole at the end; that they can be written is asked before the work and not after it.
+            // Made whole at the end; that they can be written is asked before the work and not
+            // after it.
             Format::Png | Format::Json => Output::check(path)?,
         }
     }
@@ -96,18 +119,32 @@ pub(super) fn sinks<'a>(outputs: &[Wanted], job: &Job<'a>, setup: &Setup) -> Res
     let surface = setup.options.surface.map(|_| *section);
     Ok(sinks
         .into_iter()
-        .map(|sink| -> Box<dyn Sink + 'a> { Box::new(SpunWriter::new(sink, bundles.clone(), surface)) })
+        .map(|sink| -> Box<dyn Sink + 'a> {
+            Box::new(SpunWriter::new(sink, bundles.clone(), surface))
+        })
         .collect())
 }
 
 /// The whole files, and what comes with each.
 pub(super) fn finished<S: Sink + ?Sized>(sinks: Vec<Box<S>>) -> Result<Vec<Output>, ExportError> {
-    Ok(sinks.into_iter().map(Sink::finish).collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect())
+    Ok(sinks
+        .into_iter()
+        .map(Sink::finish)
+        .collect::<Result<Vec<_>, _>>()?
+        .into_iter()
+        .flatten()
+        .collect())
 }
 
 /// What the yarns of these files wear, made ready where there is a file that holds pictures.
-pub(super) fn wardrobe(outputs: &[Wanted], job: &Job<'_>, radius: f64, textures: &Textures) -> Arc<Wardrobe> {
-    let holds_pictures = outputs.iter().any(|(_, format)| matches!(format, Format::Glb | Format::Obj));
+pub(super) fn wardrobe(
+    outputs: &[Wanted],
+    job: &Job<'_>,
+    radius: f64,
+    textures: &Textures,
+) -> Arc<Wardrobe> {
+    let holds_pictures =
+        outputs.iter().any(|(_, format)| matches!(format, Format::Glb | Format::Obj));
     let dressed = holds_pictures.then(|| pictures::scene(Shape::Tube, job.shown, radius, textures));
     Arc::new(dressed.as_ref().map(Wardrobe::of).unwrap_or_default())
 }

@@ -1,4 +1,5 @@
-//! `warpknit yarn`: a photo of a yarn to a folder of maps, with a contact sheet of everything that was made.
+//! `warpknit yarn`: a photo of a yarn to a folder of maps, with a contact sheet of everything that
+//! was made.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -34,9 +35,13 @@ pub(crate) fn yarn(arguments: &Yarn) -> Result<()> {
         if arguments.verbose {
             clock.aside(&format!("{:9}{decision}", step.name()));
         }
-        clock.begin(Task::Develop, f64::from(STEPS_SHARE) * f64::from(steps) / Step::ALL.len() as f64);
+        clock.begin(
+            Task::Develop,
+            f64::from(STEPS_SHARE) * f64::from(steps) / Step::ALL.len() as f64,
+        );
     };
-    let yarn = develop(&photo, &arguments.settings(), &mut decided).with_context(|| arguments.photo.display().to_string())?;
+    let yarn = develop(&photo, &arguments.settings(), &mut decided)
+        .with_context(|| arguments.photo.display().to_string())?;
     check_size(&yarn)?;
     clock.begin(Task::Write, f64::from(STEPS_SHARE));
     save(&yarn, &folder)?;
@@ -44,14 +49,20 @@ pub(crate) fn yarn(arguments: &Yarn) -> Result<()> {
     let maps = read_maps(&folder.file(""), SWATCH_YARN_WIDTH, None)?;
     clock.begin(Task::Render, f64::from(STEPS_SHARE));
     let shown = clock.progress();
-    let swatch = contact::swatch(maps, &yarn, &|done| shown(STEPS_SHARE + (1.0 - STEPS_SHARE) * done))?;
+    let swatch =
+        contact::swatch(maps, &yarn, &|done| shown(STEPS_SHARE + (1.0 - STEPS_SHARE) * done))?;
     clock.begin(Task::Write, 1.0);
     png::write(&folder.file("sheet.png"), &contact::sheet(&photo, &yarn, &swatch))?.publish()?;
     folder.publish()?;
     clock.stop();
     clock.clear();
-    notes(&yarn).iter().for_each(|note| tell(arguments.running.quiet, &format!("note: {}: {note}", arguments.photo.display())));
-    tell(arguments.running.quiet, &format!("{} maps: {}", FILES.len() - OTHER_FILES, arguments.output.display()));
+    notes(&yarn).iter().for_each(|note| {
+        tell(arguments.running.quiet, &format!("note: {}: {note}", arguments.photo.display()))
+    });
+    tell(
+        arguments.running.quiet,
+        &format!("{} maps: {}", FILES.len() - OTHER_FILES, arguments.output.display()),
+    );
     print(&report(&yarn))
 }
 
@@ -74,7 +85,10 @@ fn check_names(arguments: &Yarn) -> Result<()> {
     for file in FILES {
         let target = arguments.output.join(file);
         if photo.is_some() && place(&target) == photo {
-            bail!("{}: this is the photo, and would be written over; name another folder with -o", target.display());
+            bail!(
+                "{}: this is the photo, and would be written over; name another folder with -o",
+                target.display()
+            );
         }
     }
     Ok(())
@@ -85,7 +99,9 @@ fn check_size(yarn: &Developed) -> Result<()> {
     if let Some((width, length)) = yarn.width().zip(yarn.length())
         && !(SIZES.contains(&width) && SIZES.contains(&length))
     {
-        bail!("the maps would be {width:.3e} mm wide and {length:.3e} mm long: check --yarn-width-mm or --dpi");
+        bail!(
+            "the maps would be {width:.3e} mm wide and {length:.3e} mm long: check --yarn-width-mm or --dpi"
+        );
     }
     Ok(())
 }
@@ -110,7 +126,9 @@ fn notes(yarn: &Developed) -> Vec<String> {
 
 /// A line a number, its name first.
 fn report(yarn: &Developed) -> String {
-    let mm = |pixels: f64| yarn.mm_per_pixel.map_or_else(String::new, |scale| format!(", {:.4} mm", pixels * scale));
+    let mm = |pixels: f64| {
+        yarn.mm_per_pixel.map_or_else(String::new, |scale| format!(", {:.4} mm", pixels * scale))
+    };
     let (width, height) = yarn.base.dimensions();
     let rows = [
         ("yarn", yarn.orientation.to_string()),
@@ -119,7 +137,11 @@ fn report(yarn: &Developed) -> String {
         ("repeat", format!("{}{}", yarn.repeat, mm(yarn.repeat.length))),
         ("seam", format!("{}, gradient energy {:.2} of the rest's", yarn.seam, yarn.seam.energy)),
         ("maps", format!("{width} x {height} texels, {} wide with the fuzz", wide(yarn))),
-        ("e", yarn.mapping_coefficient().map_or_else(|| "-".to_owned(), |e| format!("{e:.4} repeats a mm"))),
+        (
+            "e",
+            yarn.mapping_coefficient()
+                .map_or_else(|| "-".to_owned(), |e| format!("{e:.4} repeats a mm")),
+        ),
     ];
     rows.iter().fold(String::new(), |mut text, (name, value)| {
         writeln!(text, "{name:12}{value}").expect("a string takes any text");
@@ -128,6 +150,8 @@ fn report(yarn: &Developed) -> String {
 }
 
 fn wide(yarn: &Developed) -> String {
-    yarn.width()
-        .map_or_else(|| format!("{:.2} yarns", f64::from(yarn.base.height()) / yarn.yarn_width), |mm| format!("{mm:.4} mm"))
+    yarn.width().map_or_else(
+        || format!("{:.2} yarns", f64::from(yarn.base.height()) / yarn.yarn_width),
+        |mm| format!("{mm:.4} mm"),
+    )
 }

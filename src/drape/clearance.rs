@@ -1,11 +1,14 @@
 //! How near yarns come to each other on the body.
 //!
-//! In: [`Block`]s as [`run`](super::run) delivers them. Out: one [`Clearance`] of the whole garment, measured as [`crate::knit::clearance`]
-//! measures a repeat: on the path that is drawn, each bar with its drawn radius. A panel is measured by itself, since yarns of two panels
-//! may touch at a seam, and that is not the mapping's doing. Nor are stitches that the panel's edge cuts: what
-//! is left of them bends otherwise than the whole, and stays out. A panel's seam with itself and cloth that lies on cloth do count.
+//! In: [`Block`]s as [`run`](super::run) delivers them. Out: one [`Clearance`] of the whole
+//! garment, measured as [`crate::knit::clearance`] measures a repeat: on the path that is drawn,
+//! each bar with its drawn radius. A panel is measured by itself, since yarns of two panels may
+//! touch at a seam, and that is not the mapping's doing. Nor are stitches that the panel's edge
+//! cuts: what is left of them bends otherwise than the whole, and stays out. A panel's seam with
+//! itself and cloth that lies on cloth do count.
 //!
-//! Cost: about 20 kB and .7 ms a stitch, on one thread; a panel's memory is let go before the next one's is taken.
+//! Cost: about 20 kB and .7 ms a stitch, on one thread; a panel's memory is let go before the next
+//! one's is taken.
 
 use std::ops::Range;
 
@@ -54,7 +57,11 @@ impl Gauge {
                 self.panel = block.panel;
             }
             for strand in &block.strands.strands {
-                self.paths.add(&block.draped.positions[whole(&block.strands, strand)], self.radii[block.bar], |_| true);
+                self.paths.add(
+                    &block.draped.positions[whole(&block.strands, strand)],
+                    self.radii[block.bar],
+                    |_| true,
+                );
             }
         }
     }
@@ -67,7 +74,8 @@ impl Gauge {
     }
 
     fn end_panel(&mut self) {
-        self.clearance = self.clearance.and(std::mem::take(&mut self.paths).clearance(|_| I64Vec2::ZERO));
+        self.clearance =
+            self.clearance.and(std::mem::take(&mut self.paths).clearance(|_| I64Vec2::ZERO));
     }
 }
 
@@ -76,7 +84,9 @@ fn whole(strands: &Strands, strand: &Strand) -> Range<usize> {
     let (first, last) = (strand.points.start as usize, strand.points.end as usize - 1);
     let pieces = &strands.pieces[strand.pieces.start as usize..strand.pieces.end as usize];
     let is_cut = |at: usize| strands.sources[at] == CUT;
-    let start = if is_cut(first) { pieces.get(1).map_or(last, |&piece| piece as usize) } else { first };
-    let end = if is_cut(last) { pieces.last().map_or(first, |&piece| piece as usize) } else { last };
+    let start =
+        if is_cut(first) { pieces.get(1).map_or(last, |&piece| piece as usize) } else { first };
+    let end =
+        if is_cut(last) { pieces.last().map_or(first, |&piece| piece as usize) } else { last };
     start..(end + 1).max(start)
 }

@@ -1,7 +1,9 @@
 //! Yarns that are laid once and shown on many drapes of their garment.
 //!
-//! In: a [`Cloth`], and the garment as each frame of a sequence has it. Out: [`Block`]s as [`super::run`] hands them over, frame by frame. Knitting, location and the cut at
-//! the panels' edges happen on the flat pattern, which doesn't change, so they are done once and held: some 1 kB a stitch. A frame costs its mapping, and its surfaces if it has any.
+//! In: a [`Cloth`], and the garment as each frame of a sequence has it. Out: [`Block`]s as
+//! [`super::run`] hands them over, frame by frame. Knitting, location and the cut at the panels'
+//! edges happen on the flat pattern, which doesn't change, so they are done once and held: some 1
+//! kB a stitch. A frame costs its mapping, and its surfaces if it has any.
 
 use super::{Announce, Block, Cloth, Options, Stage, Totals, clothe, lay, window};
 use crate::garment::Garment;
@@ -25,10 +27,15 @@ impl Held {
     #[must_use]
     pub fn lay(cloth: &Cloth<'_>, options: &Options, announce: &mut Announce<'_>) -> Self {
         let mut held = Vec::with_capacity(cloth.blocks());
-        let laid = lay(cloth, options, announce, &mut |blocks, _, _| -> Result<(), std::convert::Infallible> {
-            held.extend(blocks.iter().map(Block::located));
-            Ok(())
-        });
+        let laid = lay(
+            cloth,
+            options,
+            announce,
+            &mut |blocks, _, _| -> Result<(), std::convert::Infallible> {
+                held.extend(blocks.iter().map(Block::located));
+                Ok(())
+            },
+        );
         let Ok(totals) = laid;
         Self { blocks: held, thickness: cloth.thickness.clone(), totals, spare: Vec::new() }
     }
@@ -39,7 +46,8 @@ impl Held {
         &self.totals
     }
 
-    /// Hands over the yarns where `garment` has them: the one that they were laid on, or a frame of it.
+    /// Hands over the yarns where `garment` has them: the one that they were laid on, or a frame of
+    /// it.
     ///
     /// # Errors
     /// The first error of `deliver`, at once.

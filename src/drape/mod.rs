@@ -1,9 +1,11 @@
 //! The pipeline: from a garment and a fabric to yarns on the body, block by block.
 //!
-//! In: a [`Garment`] and a [`Fabric`]. Out: [`Block`]s of consecutive yarns, handed in yarn order to whoever wants them ([`run`]).
-//! A block is knitted, located, cut at the panel's edge, mapped and, if asked, given a surface; then its memory serves the next one. So
-//! memory is bounded by a window of blocks, not by the fabric. Blocks of a window are worked on in parallel, stage by stage; each yarn
-//! depends on nothing but itself, so the result is the same for any number of threads.
+//! In: a [`Garment`] and a [`Fabric`]. Out: [`Block`]s of consecutive yarns, handed in yarn order
+//! to whoever wants them ([`run`]). A block is knitted, located, cut at the panel's edge, mapped
+//! and, if asked, given a surface; then its memory serves the next one. So memory is bounded by a
+//! window of blocks, not by the fabric. Blocks of a window are worked on in parallel, stage by
+//! stage; each yarn depends on nothing but itself, so the result is the same for any number of
+//! threads.
 
 pub mod clearance;
 pub mod held;
@@ -29,9 +31,11 @@ use crate::yarn::tube::{Section, Tubes};
 use lengths::Lengths;
 use strands::{Edge, Losses, Strands};
 
-/// Stitches after which a block ends: enough work for a thread to be worth handing out, few enough to stay in its cache.
+/// Stitches after which a block ends: enough work for a thread to be worth handing out, few enough
+/// to stay in its cache.
 const BLOCK_STITCHES: usize = 512;
-/// Blocks in the window for each thread: enough to keep all of them busy, few enough that what they hold is used again before it is cold.
+/// Blocks in the window for each thread: enough to keep all of them busy, few enough that what they
+/// hold is used again before it is cold.
 const THREAD_BLOCKS: usize = 4;
 /// The most blocks in the window.
 const MOST_BLOCKS: usize = 64;
@@ -99,14 +103,18 @@ pub struct Cloth<'a> {
 }
 
 impl<'a> Cloth<'a> {
-    /// Covers every panel, from the lowest-left corner of its bounding box along the grain, or from where the fabric's layout of that
-    /// panel says. Panels are as they were turned: their layouts' grain is for [`Garment::turn_grain`], before.
+    /// Covers every panel, from the lowest-left corner of its bounding box along the grain, or from
+    /// where the fabric's layout of that panel says. Panels are as they were turned: their layouts'
+    /// grain is for [`Garment::turn_grain`], before.
     ///
     /// # Errors
-    /// A panel that would take more stitches than any garment has, or a layout of a panel that isn't there.
+    /// A panel that would take more stitches than any garment has, or a layout of a panel that
+    /// isn't there.
     pub fn cover(garment: &'a Garment, fabric: &Fabric) -> Result<Self, LayoutError> {
         for (panel, size) in garment.panels.iter().map(Panel::size).enumerate() {
-            if size.x > MOST_SPACINGS * fabric.wale_spacing() || size.y > MOST_SPACINGS * fabric.course_spacing() {
+            if size.x > MOST_SPACINGS * fabric.wale_spacing()
+                || size.y > MOST_SPACINGS * fabric.course_spacing()
+            {
                 return Err(LayoutError::TooLarge { panel, width: size.x, height: size.y });
             }
         }
@@ -114,7 +122,11 @@ impl<'a> Cloth<'a> {
         if let Some(layout) = fabric.panels.iter().find(|layout| layout.panel > last) {
             return Err(LayoutError::NoPanel { panel: layout.panel, last });
         }
-        let corners = garment.panels.iter().enumerate().map(|(at, panel)| panel.bounds()[0] + shift(fabric, at));
+        let corners = garment
+            .panels
+            .iter()
+            .enumerate()
+            .map(|(at, panel)| panel.bounds()[0] + shift(fabric, at));
         let meshes = corners.map(|corner| StructureMesh::anchored_at(fabric, corner)).collect();
         let mut cloth = Self::bare(garment, fabric, meshes);
         for panel in 0..garment.panels.len() {
@@ -125,16 +137,22 @@ impl<'a> Cloth<'a> {
         Ok(cloth)
     }
 
-    /// A swatch of `wales` yarns a bar and `courses` courses, all of its loops whole, on the panel that [`swatch_panel`] gives.
+    /// A swatch of `wales` yarns a bar and `courses` courses, all of its loops whole, on the panel
+    /// that [`swatch_panel`] gives.
     #[must_use]
     pub fn swatch(panel: &'a Garment, fabric: &Fabric, wales: u32, courses: u32) -> Self {
-        // One auxiliary wale on the left and half a course below: the first yarn's feet and turns reach out of the pattern.
+        // One auxiliary wale on the left and half a course below: the first yarn's feet and turns
+        // reach out of the pattern.
         let low = fabric.bars.iter().map(|bar| bar.chain.gaps().0).min().unwrap_or(0);
-        let corner = DVec2::new((1.0 - f64::from(low)) * fabric.wale_spacing(), 0.5 * fabric.course_spacing());
+        let corner = DVec2::new(
+            (1.0 - f64::from(low)) * fabric.wale_spacing(),
+            0.5 * fabric.course_spacing(),
+        );
         let mut cloth = Self::bare(panel, fabric, vec![StructureMesh::anchored_at(fabric, corner)]);
         let (wales, courses) = (i64::from(wales), i64::from(courses));
         for (bar, threads) in fabric.bars.iter().enumerate() {
-            let (numbers, steps) = if cloth.pattern.runs_across(bar) { (courses, wales) } else { (wales, courses) };
+            let (numbers, steps) =
+                if cloth.pattern.runs_across(bar) { (courses, wales) } else { (wales, courses) };
             let numbers = (0..numbers).filter(|&number| threads.threading.carries(number));
             cloth.plan_yarns(0, bar, numbers.map(|number| (number, 0..steps)));
         }
@@ -147,8 +165,8 @@ impl<'a> Cloth<'a> {
         Self { garment, pattern, thickness, meshes, blocks: Vec::new(), yarns: 0 }
     }
 
-    /// One part's yarns, numbered as they are in the whole. Parts are of consecutive yarns and as even as whole yarns allow: a yarn is where its middle
-    /// stitch is.
+    /// One part's yarns, numbered as they are in the whole. Parts are of consecutive yarns and as
+    /// even as whole yarns allow: a yarn is where its middle stitch is.
     #[must_use]
     pub fn part(&self, tile: Tile) -> Self {
         let twice_all = 2 * self.stitches();
@@ -158,11 +176,15 @@ impl<'a> Cloth<'a> {
             before += job.stitches();
             tile.holds(twice_middle, twice_all)
         };
-        let own =
-            |block: &BlockPlan| BlockPlan { jobs: block.jobs.iter().filter(|job| is_own(job)).cloned().collect(), ..*block };
-        let blocks: Vec<_> = self.blocks.iter().map(own).filter(|block| !block.jobs.is_empty()).collect();
+        let own = |block: &BlockPlan| BlockPlan {
+            jobs: block.jobs.iter().filter(|job| is_own(job)).cloned().collect(),
+            ..*block
+        };
+        let blocks: Vec<_> =
+            self.blocks.iter().map(own).filter(|block| !block.jobs.is_empty()).collect();
         let yarns = blocks.iter().map(|block| block.jobs.len()).sum();
-        let (pattern, thickness, meshes) = (self.pattern.clone(), self.thickness.clone(), self.meshes.clone());
+        let (pattern, thickness, meshes) =
+            (self.pattern.clone(), self.thickness.clone(), self.meshes.clone());
         Self { garment: self.garment, pattern, thickness, meshes, blocks, yarns }
     }
 
@@ -184,7 +206,8 @@ impl<'a> Cloth<'a> {
         self.blocks.len()
     }
 
-    /// Yarns planned, those that turn out to miss their panel included; one that is cut into blocks counts in each.
+    /// Yarns planned, those that turn out to miss their panel included; one that is cut into blocks
+    /// counts in each.
     #[must_use]
     pub fn yarns(&self) -> usize {
         self.blocks.iter().map(|block| block.jobs.len()).sum()
@@ -196,7 +219,8 @@ impl<'a> Cloth<'a> {
         self.garment
     }
 
-    /// Plans the yarns of a bar that may touch a panel, each no longer than the panel is in its strip.
+    /// Plans the yarns of a bar that may touch a panel, each no longer than the panel is in its
+    /// strip.
     fn plan_bar(&mut self, fabric: &Fabric, panel: usize, bar: usize) {
         // Gap 0 of guide 0 lies half a wale to the left of wale 0.
         let origin = self.meshes[panel].origin - DVec2::new(fabric.wale_spacing() / 2.0, 0.0);
@@ -205,20 +229,29 @@ impl<'a> Cloth<'a> {
         let turned = |p: DVec2| if across { p.yx() } else { p };
         let [low, high] = self.garment.panels[panel].bounds().map(|corner| turned(corner - origin));
         let spacing = if across { fabric.course_spacing() } else { fabric.wale_spacing() };
-        let lengths = Lengths::new(&self.garment.panels[panel], |p| turned(p - origin) - low, spacing);
+        let lengths =
+            Lengths::new(&self.garment.panels[panel], |p| turned(p - origin) - low, spacing);
         let numbers = self.pattern.yarns_over(bar, low.x..high.x);
         let yarns: Vec<_> = numbers
             .filter_map(|number| {
                 let strip = self.pattern.strip(bar, number);
                 let along = lengths.along(strip.start - low.x..strip.end - low.x)?;
-                Some((number, self.pattern.steps_along(bar, along.start + low.y..along.end + low.y)))
+                Some((
+                    number,
+                    self.pattern.steps_along(bar, along.start + low.y..along.end + low.y),
+                ))
             })
             .collect();
         self.plan_yarns(panel, bar, yarns);
     }
 
     /// Shares yarns out among blocks.
-    fn plan_yarns(&mut self, panel: usize, bar: usize, yarns: impl IntoIterator<Item = (i64, Range<i64>)>) {
+    fn plan_yarns(
+        &mut self,
+        panel: usize,
+        bar: usize,
+        yarns: impl IntoIterator<Item = (i64, Range<i64>)>,
+    ) {
         let mut stitches = usize::MAX;
         for (guide, courses) in yarns {
             if stitches >= BLOCK_STITCHES {
@@ -233,22 +266,31 @@ impl<'a> Cloth<'a> {
     }
 }
 
-/// Where the fabric starts on a panel, from its lowest-left corner: its origin, moved by whole repeats to the corner or to the left of and below
-/// it, so that wales and courses count from 0 on as they do without an origin.
+/// Where the fabric starts on a panel, from its lowest-left corner: its origin, moved by whole
+/// repeats to the corner or to the left of and below it, so that wales and courses count from 0 on
+/// as they do without an origin.
 fn shift(fabric: &Fabric, panel: usize) -> DVec2 {
     let repeat = DVec2::new(
         f64::from(index32(fabric.threading_repeat())) * fabric.wale_spacing(),
         f64::from(index32(fabric.repeat())) * fabric.course_spacing(),
     );
-    let origin = fabric.panels.iter().find(|layout| layout.panel == panel).map_or(DVec2::ZERO, |layout| layout.origin);
+    let origin = fabric
+        .panels
+        .iter()
+        .find(|layout| layout.panel == panel)
+        .map_or(DVec2::ZERO, |layout| layout.origin);
     -(-origin).rem_euclid(repeat)
 }
 
-/// The panel of a swatch: as large as its structure mesh, auxiliary vertices included, and half a course more at both ends.
+/// The panel of a swatch: as large as its structure mesh, auxiliary vertices included, and half a
+/// course more at both ends.
 #[must_use]
 pub fn swatch_panel(fabric: &Fabric, wales: u32, courses: u32) -> Garment {
     let (wales, courses) = vertices(fabric, wales, courses);
-    Garment::rectangle(f64::from(wales) * fabric.wale_spacing(), f64::from(courses + 1) * fabric.course_spacing())
+    Garment::rectangle(
+        f64::from(wales) * fabric.wale_spacing(),
+        f64::from(courses + 1) * fabric.course_spacing(),
+    )
 }
 
 /// How the pipeline is to run.
@@ -316,7 +358,8 @@ pub struct Totals {
 
 /// Runs the pipeline, handing windows of blocks to `deliver` in yarn order.
 ///
-/// `announce` hears of each stage as it begins, with the share of yarns that are done: a program can time stages or draw a progress bar by it.
+/// `announce` hears of each stage as it begins, with the share of yarns that are done: a program
+/// can time stages or draw a progress bar by it.
 ///
 /// # Errors
 /// The first error of `deliver`, at once.
@@ -337,7 +380,9 @@ pub fn run<E>(
     deliver: &mut dyn FnMut(&[Block]) -> Result<(), E>,
 ) -> Result<Totals, E> {
     lay(cloth, options, announce, &mut |blocks, announce, done| {
-        clothe(blocks, cloth.garment, &cloth.thickness, options, &mut |stage| announce(stage, done));
+        clothe(blocks, cloth.garment, &cloth.thickness, options, &mut |stage| {
+            announce(stage, done)
+        });
         announce(Stage::Deliver, done);
         deliver(blocks)
     })
@@ -346,11 +391,17 @@ pub fn run<E>(
 /// Who hears of each stage, with the share of yarns that are done.
 type Announce<'a> = dyn FnMut(Stage, f64) + 'a;
 
-/// Who takes the located blocks of a window, tells of what is done with them, and knows the share of yarns that are done.
+/// Who takes the located blocks of a window, tells of what is done with them, and knows the share
+/// of yarns that are done.
 type HandOn<'a, E> = dyn FnMut(&mut [Block], &mut Announce<'_>, f64) -> Result<(), E> + 'a;
 
 /// Knits and locates, handing windows of blocks on.
-fn lay<E>(cloth: &Cloth<'_>, options: &Options, announce: &mut Announce<'_>, hand_on: &mut HandOn<'_, E>) -> Result<Totals, E> {
+fn lay<E>(
+    cloth: &Cloth<'_>,
+    options: &Options,
+    announce: &mut Announce<'_>,
+    hand_on: &mut HandOn<'_, E>,
+) -> Result<Totals, E> {
     announce(Stage::Index, 0.0);
     let locators: Vec<_> = cloth.garment.panels.par_iter().map(Locator::new).collect();
     let mut blocks: Vec<Block> = Vec::new();
@@ -359,7 +410,8 @@ fn lay<E>(cloth: &Cloth<'_>, options: &Options, announce: &mut Announce<'_>, han
     let mut rest = cloth.blocks.as_slice();
     while !rest.is_empty() {
         let done = 1.0 - f64::from(index32(rest.len())) / f64::from(index32(cloth.blocks.len()));
-        let (plans, later) = rest.split_at(window(rest.iter().map(BlockPlan::stitches), options.surface.as_ref()));
+        let (plans, later) =
+            rest.split_at(window(rest.iter().map(BlockPlan::stitches), options.surface.as_ref()));
         rest = later;
         let blocks = &mut blocks[..plans.len()];
         announce(Stage::Knit, done);
@@ -373,9 +425,17 @@ fn lay<E>(cloth: &Cloth<'_>, options: &Options, announce: &mut Announce<'_>, han
 }
 
 /// Maps located blocks to where the garment is, and gives them surfaces if asked to.
-fn clothe(blocks: &mut [Block], garment: &Garment, thickness: &[f64], options: &Options, announce: &mut dyn FnMut(Stage)) {
+fn clothe(
+    blocks: &mut [Block],
+    garment: &Garment,
+    thickness: &[f64],
+    options: &Options,
+    announce: &mut dyn FnMut(Stage),
+) {
     announce(Stage::Map);
-    blocks.par_iter_mut().for_each(|block| block.map(&garment.panels[block.panel], options.mapping));
+    blocks
+        .par_iter_mut()
+        .for_each(|block| block.map(&garment.panels[block.panel], options.mapping));
     if let Some(section) = &options.surface {
         announce(Stage::Surface);
         blocks.par_iter_mut().for_each(|block| block.add_tubes(section, thickness[block.bar]));
@@ -425,7 +485,14 @@ impl Block {
         locator.locate_into(&self.knitted.points, &mut self.located);
         self.strands.clear();
         for (yarn, stitches) in &self.yarns {
-            self.strands.add_yarn(*yarn, &self.knitted, stitches.clone(), &self.located, locator, edge);
+            self.strands.add_yarn(
+                *yarn,
+                &self.knitted,
+                stitches.clone(),
+                &self.located,
+                locator,
+                edge,
+            );
         }
     }
 
@@ -438,7 +505,8 @@ impl Block {
         self.tubes.clear();
         self.tubes.reserve(self.strands.pieces.len(), self.strands.strands.len(), section);
         for strand in &self.strands.strands {
-            let (positions, normals) = (&self.draped.positions[strand.range()], &self.draped.normals[strand.range()]);
+            let (positions, normals) =
+                (&self.draped.positions[strand.range()], &self.draped.normals[strand.range()]);
             self.tubes.add(positions, normals, self.strands.pieces_of(strand), section);
         }
     }
@@ -450,7 +518,8 @@ impl Totals {
         self.yarns += strands.strands.chunk_by(|a, b| a.yarn == b.yarn).count();
         self.strands += strands.strands.len();
         self.pieces += strands.pieces.len();
-        self.data_points += strands.sources.iter().filter(|&&source| source != strands::CUT).count();
+        self.data_points +=
+            strands.sources.iter().filter(|&&source| source != strands::CUT).count();
         self.losses += strands.losses;
         if edge == Edge::Drop {
             self.losses.stitches -= strands.losses.clipped;

@@ -1,6 +1,7 @@
 //! Blocks of yarn as a scene for a renderer.
 //!
-//! In: a [`Fabric`] and [`Block`]s. Out: a [`Scene`] with a look a bar. Points keep their strands and lose their tags; nothing is drawn here.
+//! In: a [`Fabric`] and [`Block`]s. Out: a [`Scene`] with a look a bar. Points keep their strands
+//! and lose their tags; nothing is drawn here.
 
 use super::{Block, Cloth, Options, run, swatch_panel};
 use crate::fabric::{Bar, Fabric};
@@ -15,7 +16,8 @@ pub(crate) const ROUGHNESS: f32 = 0.75;
 pub fn looks(fabric: &Fabric, radius: f64) -> Vec<YarnLook> {
     let look = |(bar, thickness): (&Bar, f64)| {
         #[expect(clippy::cast_possible_truncation, reason = "a radius in mm, and what is about 1")]
-        let [radius, sheen] = [radius * thickness, bar.yarn.sheen.unwrap_or(0.0)].map(|number| number as f32);
+        let [radius, sheen] =
+            [radius * thickness, bar.yarn.sheen.unwrap_or(0.0)].map(|number| number as f32);
         #[expect(clippy::cast_possible_truncation, reason = "a slope about 1")]
         let twist_slope = bar.yarn.twist_slope().map(|slope| slope as f32);
         let look = YarnLook::plain(bar.yarn.color.linear().into(), ROUGHNESS, radius);
@@ -31,14 +33,19 @@ pub fn looks(fabric: &Fabric, radius: f64) -> Vec<YarnLook> {
 pub fn add_to(scene: &mut Scene, block: &Block) {
     let look = u16::try_from(block.bar).expect("machines have some tens of bars");
     for strand in &block.strands.strands {
-        let (positions, normals) = (&block.draped.positions[strand.range()], &block.draped.normals[strand.range()]);
-        let points = positions.iter().zip(normals).map(|(position, normal)| (position.as_vec3(), normal.as_vec3()));
+        let (positions, normals) =
+            (&block.draped.positions[strand.range()], &block.draped.normals[strand.range()]);
+        let points = positions
+            .iter()
+            .zip(normals)
+            .map(|(position, normal)| (position.as_vec3(), normal.as_vec3()));
         let stitches = block.strands.pieces_of(strand).map(|piece| index32(piece.start));
         scene.push_stitches(points, stitches, look);
     }
 }
 
-/// A flat piece of fabric, `wales` yarns a bar and `courses` courses, at the radius for which it is laid out.
+/// A flat piece of fabric, `wales` yarns a bar and `courses` courses, at the radius for which it is
+/// laid out.
 ///
 /// ```
 /// use warpknit::{drape::picture, fabric::Fabric};

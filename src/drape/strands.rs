@@ -1,8 +1,9 @@
 //! Where yarns end: at the panel's edge.
 //!
-//! In: a yarn's data points and where each lies on the panel, if at all. Out: [`Strands`], uninterrupted runs of points that all lie
-//! on the panel. With [`Edge::Clip`] the last segment is cut where it crosses the border; with [`Edge::Drop`] every stitch with a
-//! point off the panel goes whole.
+//! In: a yarn's data points and where each lies on the panel, if at all. Out: [`Strands`],
+//! uninterrupted runs of points that all lie on the panel. With [`Edge::Clip`] the last segment is
+//! cut where it crosses the border; with [`Edge::Drop`] every stitch with a point off the panel
+//! goes whole.
 
 use std::ops::Range;
 
@@ -42,8 +43,8 @@ pub struct Strands {
     pub located: Vec<SurfacePoint>,
     /// Index of the data point, or [`CUT`] for an end that was cut between two.
     pub sources: Vec<u32>,
-    /// First point of each piece: a stitch, or what the edge left of it. A piece runs to the next one's first point or to the
-    /// strand's end.
+    /// First point of each piece: a stitch, or what the edge left of it. A piece runs to the next
+    /// one's first point or to the strand's end.
     pub pieces: Vec<u32>,
     /// The strands, in yarn order.
     pub strands: Vec<Strand>,
@@ -63,7 +64,8 @@ pub struct Losses {
     pub clipped: usize,
     /// Data points off the panel, of stitches with a point on it.
     pub off_panel: usize,
-    /// Data points, of any stitch, that lie within the panel's outline but in triangles that can't be knitted.
+    /// Data points, of any stitch, that lie within the panel's outline but in triangles that can't
+    /// be knitted.
     pub in_defects: usize,
 }
 
@@ -95,7 +97,8 @@ impl Strands {
         self.losses = Losses::default();
     }
 
-    /// The pieces of a strand as ranges of its own points, counted from its first. Neighbouring pieces share a point: the next one's first.
+    /// The pieces of a strand as ranges of its own points, counted from its first. Neighbouring
+    /// pieces share a point: the next one's first.
     pub fn pieces_of(&self, strand: &Strand) -> impl Iterator<Item = Range<usize>> {
         let (start, last) = (strand.points.start, strand.points.end - 1);
         let pieces = &self.pieces[strand.pieces.start as usize..strand.pieces.end as usize];
@@ -115,10 +118,14 @@ impl Strands {
         locator: &Locator<'_>,
         edge: Edge,
     ) {
-        let mut builder = Builder { strands: self, yarn, locator, open: None, counted_as_clipped: false };
+        let mut builder =
+            Builder { strands: self, yarn, locator, open: None, counted_as_clipped: false };
         for stitch in stitches {
             let first = knitted.stitches[stitch] as usize;
-            let last = knitted.stitches.get(stitch + 1).map_or(knitted.points.len(), |&next| next as usize);
+            let last = knitted
+                .stitches
+                .get(stitch + 1)
+                .map_or(knitted.points.len(), |&next| next as usize);
             let whole = builder.count(&knitted.points[first..last], &located[first..last]);
             if edge == Edge::Drop && !whole {
                 builder.end();
@@ -155,7 +162,10 @@ impl Builder<'_, '_> {
         let off = located.iter().filter(|at| at.is_none()).count();
         let losses = &mut self.strands.losses;
         if off > 0 {
-            let lost = points.iter().zip(located).filter(|(p, at)| at.is_none() && self.locator.is_defect(p.truncate()));
+            let lost = points
+                .iter()
+                .zip(located)
+                .filter(|(p, at)| at.is_none() && self.locator.is_defect(p.truncate()));
             losses.in_defects += lost.count();
         }
         if off < located.len() {
@@ -183,9 +193,12 @@ impl Builder<'_, '_> {
             // Nearly every stitch: no point needs a look of its own.
             let sources = index32(first)..index32(first + flat.len());
             self.strands.flat.extend_from_slice(flat);
-            self.strands.located.extend(located.iter().map(|at| at.expect("it stays on the panel")));
+            self.strands
+                .located
+                .extend(located.iter().map(|at| at.expect("it stays on the panel")));
             self.strands.sources.extend(sources);
-            self.open = flat.last().zip(located.last()).map(|(&flat, &located)| Last { flat, located });
+            self.open =
+                flat.last().zip(located.last()).map(|(&flat, &located)| Last { flat, located });
         } else {
             for ((source, flat), located) in (first..).zip(flat).zip(located) {
                 self.add(index32(source), *flat, *located);
@@ -195,7 +208,9 @@ impl Builder<'_, '_> {
 
     /// Whether the yarn is on the panel and all of the stitch is too.
     fn stays(&self, flat: &[DVec3], located: &[Option<SurfacePoint>]) -> bool {
-        let Some(Last { flat: mut before, located: Some(mut from) }) = self.open else { return false };
+        let Some(Last { flat: mut before, located: Some(mut from) }) = self.open else {
+            return false;
+        };
         flat.iter().zip(located).all(|(&flat, &located)| {
             let Some(to) = located else { return false };
             let stays = self.cut(before, from, flat, to).is_none();
@@ -210,13 +225,16 @@ impl Builder<'_, '_> {
             (Some((before, from)), Some(to)) => {
                 if let Some(share) = self.cut(before, from, flat, to) {
                     self.end_at(before, flat, share.0, share.1);
-                    self.strands.losses.clipped += usize::from(!std::mem::replace(&mut self.counted_as_clipped, true));
+                    self.strands.losses.clipped +=
+                        usize::from(!std::mem::replace(&mut self.counted_as_clipped, true));
                     self.finish_strand();
                     self.enter(flat, to, before);
                 }
             }
             (Some((before, from)), None) => {
-                if let Traced::Left { at, share } = self.locator.trace(before.truncate(), from, flat.truncate()) {
+                if let Traced::Left { at, share } =
+                    self.locator.trace(before.truncate(), from, flat.truncate())
+                {
                     self.end_at(before, flat, share, at);
                 }
                 self.finish_strand();
@@ -233,8 +251,15 @@ impl Builder<'_, '_> {
         self.open = Some(Last { flat, located });
     }
 
-    /// Where the straight way between two points of the panel leaves it, if it does. Points in one triangle need no look.
-    fn cut(&self, from: DVec3, start: SurfacePoint, to: DVec3, end: SurfacePoint) -> Option<(f64, SurfacePoint)> {
+    /// Where the straight way between two points of the panel leaves it, if it does. Points in one
+    /// triangle need no look.
+    fn cut(
+        &self,
+        from: DVec3,
+        start: SurfacePoint,
+        to: DVec3,
+        end: SurfacePoint,
+    ) -> Option<(f64, SurfacePoint)> {
         if start.triangle == end.triangle {
             return None;
         }
@@ -253,7 +278,8 @@ impl Builder<'_, '_> {
         }
     }
 
-    /// Adds a cut end on the way from `inside` to `outside`. A point on the border itself needs none: it would only repeat it.
+    /// Adds a cut end on the way from `inside` to `outside`. A point on the border itself needs
+    /// none: it would only repeat it.
     fn end_at(&mut self, inside: DVec3, outside: DVec3, share: f64, at: SurfacePoint) {
         if share > 0.0 {
             self.push(CUT, inside.lerp(outside, share), at);
@@ -263,7 +289,11 @@ impl Builder<'_, '_> {
     fn start_strand(&mut self) {
         let (point, piece) = (index32(self.strands.flat.len()), index32(self.strands.pieces.len()));
         self.strands.pieces.push(point);
-        self.strands.strands.push(Strand { yarn: self.yarn, points: point..point, pieces: piece..piece });
+        self.strands.strands.push(Strand {
+            yarn: self.yarn,
+            points: point..point,
+            pieces: piece..piece,
+        });
     }
 
     fn push(&mut self, source: u32, flat: DVec3, located: SurfacePoint) {
@@ -272,7 +302,8 @@ impl Builder<'_, '_> {
         self.strands.sources.push(source);
     }
 
-    /// Closes the running strand. One of a single point draws nothing and goes; so does a last piece of a single point.
+    /// Closes the running strand. One of a single point draws nothing and goes; so does a last
+    /// piece of a single point.
     fn finish_strand(&mut self) {
         let strands = &mut *self.strands;
         let Some(strand) = strands.strands.last_mut() else { return };

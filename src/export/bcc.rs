@@ -1,8 +1,10 @@
-//! Centre lines as a Binary Curve Collection, the format of Cem Yuksel's yarn-level models (cemyuksel.com, "Yarn-level Cloth Models").
+//! Centre lines as a Binary Curve Collection, the format of Cem Yuksel's yarn-level models
+//! (cemyuksel.com, "Yarn-level Cloth Models").
 //!
-//! Open Catmull-Rom curves with uniform parameters (`C0`) in three dimensions, y up, `i32` and `f32`, mm. The curve through our points has centripetal
-//! parameters, so points are St a stitch on that curve: with few of them the two curves part between points. Radii are no part of the format.
-//! The header counts curves and points, which are known last: it gets room.
+//! Open Catmull-Rom curves with uniform parameters (`C0`) in three dimensions, y up, `i32` and
+//! `f32`, mm. The curve through our points has centripetal parameters, so points are St a stitch on
+//! that curve: with few of them the two curves part between points. Radii are no part of the
+//! format. The header counts curves and points, which are known last: it gets room.
 
 use std::path::Path;
 
@@ -61,7 +63,8 @@ impl Sink for BccWriter {
             *curves += 1;
             *points += u64::from(lines::count(strand, *st));
         }
-        let make = |block: &Block, bytes: &mut Buffer| lines::each(block, *st, |line| add(line, bytes));
+        let make =
+            |block: &Block, bytes: &mut Buffer| lines::each(block, *st, |line| add(line, bytes));
         conveyor.carry(blocks, make, |bytes| file.write(bytes))
     }
 
@@ -69,7 +72,16 @@ impl Sink for BccWriter {
         let mut info = [0; 40];
         info[..INFO.len()].copy_from_slice(INFO);
         let (curves, points) = (self.curves, self.points);
-        let header = Header { sign: *b"BCC", sizes: 0x44, curve: *b"C0", dimensions: 3, up: 1, curves, points, info };
+        let header = Header {
+            sign: *b"BCC",
+            sizes: 0x44,
+            curve: *b"C0",
+            dimensions: 3,
+            up: 1,
+            curves,
+            points,
+            info,
+        };
         Ok(vec![self.file.finish(bytemuck::bytes_of(&header))?])
     }
 }

@@ -1,4 +1,5 @@
-//! Bytes on their way to a file: made in parallel, in memory that is used again, and written in order.
+//! Bytes on their way to a file: made in parallel, in memory that is used again, and written in
+//! order.
 
 use std::fmt;
 
@@ -47,7 +48,8 @@ impl fmt::Write for Buffer {
     }
 }
 
-/// Makes bytes of items in parallel and writes them in order, those of some items while those of the next ones are being made.
+/// Makes bytes of items in parallel and writes them in order, those of some items while those of
+/// the next ones are being made.
 #[derive(Debug, Default)]
 pub(super) struct Conveyor {
     /// What is being written.
@@ -103,7 +105,9 @@ mod tests {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let (mut conveyor, mut written) = (Conveyor::default(), Vec::new());
             for items in items.chunks(34) {
-                let make = |item: &u32, buffer: &mut Buffer| fmt::Write::write_str(buffer, &item.to_string()).unwrap();
+                let make = |item: &u32, buffer: &mut Buffer| {
+                    fmt::Write::write_str(buffer, &item.to_string()).unwrap()
+                };
                 let mut write = |bytes: &[u8]| {
                     written.extend_from_slice(bytes);
                     Ok(())

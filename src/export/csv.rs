@@ -1,7 +1,8 @@
 //! Data points as text, one row a point.
 //!
-//! Columns as the specification's cli page has them; panels, yarns, courses, wales and triangles are counted from 0, bars from 1 (front bar), points
-//! from 1. Numbers are the shortest that read back as the same `f64`. Cut ends are no data points and have no row.
+//! Columns as the specification's cli page has them; panels, yarns, courses, wales and triangles
+//! are counted from 0, bars from 1 (front bar), points from 1. Numbers are the shortest that read
+//! back as the same `f64`. Cut ends are no data points and have no row.
 
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -65,7 +66,13 @@ fn rows(block: &Block, panel: &Panel, text: &mut Buffer) {
     }
 }
 
-fn row(block: &Block, strand: &Strand, at: usize, panel: &Panel, text: &mut Buffer) -> std::fmt::Result {
+fn row(
+    block: &Block,
+    strand: &Strand,
+    at: usize,
+    panel: &Panel,
+    text: &mut Buffer,
+) -> std::fmt::Result {
     let tag = block.knitted.tags[block.strands.sources[at] as usize];
     let kind = match tag.kind {
         PointKind::Loop => "loop",
@@ -74,7 +81,11 @@ fn row(block: &Block, strand: &Strand, at: usize, panel: &Panel, text: &mut Buff
     };
     let face = panel.faces[block.strands.located[at].triangle as usize];
     let (panel_number, bar, yarn) = (block.panel, block.bar + 1, strand.yarn.0);
-    write!(text, "{panel_number},{bar},{yarn},{},{},{kind},{},{}", tag.course, tag.wale, tag.point, face.0)?;
+    write!(
+        text,
+        "{panel_number},{bar},{yarn},{},{},{kind},{},{}",
+        tag.course, tag.wale, tag.point, face.0
+    )?;
     let flat = in_own_axes(&panel.flat_from_panel, block.strands.flat[at]);
     for v in [flat, block.draped.positions[at], block.draped.normals[at]] {
         write!(text, ",{},{},{}", v.x, v.y, v.z)?;

@@ -1,7 +1,9 @@
-//! Centre lines as text for Mitsuba's `linearcurve` and `bsplinecurve`: a line `x y z radius` a point in mm, an empty line between yarns.
+//! Centre lines as text for Mitsuba's `linearcurve` and `bsplinecurve`: a line `x y z radius` a
+//! point in mm, an empty line between yarns.
 //!
-//! Points are St a stitch. As a `linearcurve` yarns go through them; a `bsplinecurve` takes them for control points, which rounds bends off by about the sixth part of
-//! the distance between points squared over the bend's radius.
+//! Points are St a stitch. As a `linearcurve` yarns go through them; a `bsplinecurve` takes them
+//! for control points, which rounds bends off by about the sixth part of the distance between
+//! points squared over the bend's radius.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -24,13 +26,19 @@ pub struct CurvesWriter {
 }
 
 impl CurvesWriter {
-    /// Starts the file of a fabric's yarns, as thick and with as many segments a stitch as their tubes.
+    /// Starts the file of a fabric's yarns, as thick and with as many segments a stitch as their
+    /// tubes.
     ///
     /// # Errors
     /// What the disk says.
     pub fn create(target: &Path, fabric: &Fabric, section: &Section) -> Result<Self, ExportError> {
         let radii = super::radii(fabric, section);
-        Ok(Self { output: Output::create(target)?, st: section.st, radii, conveyor: Conveyor::default() })
+        Ok(Self {
+            output: Output::create(target)?,
+            st: section.st,
+            radii,
+            conveyor: Conveyor::default(),
+        })
     }
 }
 
@@ -38,7 +46,9 @@ impl Sink for CurvesWriter {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
         let Self { output, st, radii, conveyor } = self;
         let make = |block: &Block, text: &mut Buffer| add(block, *st, radii[block.bar], text);
-        conveyor.carry(blocks, make, |text| output.write_with(|file| std::io::Write::write_all(file, text)))
+        conveyor.carry(blocks, make, |text| {
+            output.write_with(|file| std::io::Write::write_all(file, text))
+        })
     }
 
     fn finish(self: Box<Self>) -> Result<Vec<Output>, ExportError> {

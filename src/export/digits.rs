@@ -1,9 +1,11 @@
 //! Numbers as text, eight digits at a time: what most of an `.obj` is made of.
 //!
-//! In: numbers. Out: ASCII in a buffer that is used again. Decimals are fixed at 1e-4 (a tenth of a micrometre where units are mm, about what an `f32` still holds a
-//! metre away from 0) and lose their trailing zeros: fewer bytes than numbers that read back to the bit, and bytes are what writing costs.
-//! Eight digits are found in one 64-bit word (P. Khuong, "How to print integers really fast", 2017), whose leading zeros are shifted out, and always
-//! eight bytes are stored, so that nothing branches on how long a number is.
+//! In: numbers. Out: ASCII in a buffer that is used again. Decimals are fixed at 1e-4 (a tenth of a
+//! micrometre where units are mm, about what an `f32` still holds a metre away from 0) and lose
+//! their trailing zeros: fewer bytes than numbers that read back to the bit, and bytes are what
+//! writing costs. Eight digits are found in one 64-bit word (P. Khuong, "How to print integers
+//! really fast", 2017), whose leading zeros are shifted out, and always eight bytes are stored, so
+//! that nothing branches on how long a number is.
 
 use std::io::Write as _;
 
@@ -17,10 +19,12 @@ const PLACES: usize = 4;
 const LARGE: u64 = 100_000_000;
 /// '0' in every byte.
 const ZEROS: u64 = 0x3030_3030_3030_3030;
-/// Room of a line: nine indices of twenty digits and what is between them, or four numbers of forty, and the word that is stored last.
+/// Room of a line: nine indices of twenty digits and what is between them, or four numbers of
+/// forty, and the word that is stored last.
 pub(super) const LINE: usize = 256;
 
-/// Where a line of text is made: no more than two letters, and three numbers or a triangle's indices.
+/// Where a line of text is made: no more than two letters, and three numbers or a triangle's
+/// indices.
 ///
 /// Functions that append to it take and return its length, which so stays in a register.
 pub(super) type Line = [u8; LINE];
@@ -28,7 +32,8 @@ pub(super) type Line = [u8; LINE];
 /// Appends the lowest `count` bytes of a word, eight at most.
 #[inline]
 pub(super) fn word(line: &mut Line, at: usize, word: u64, count: usize) -> usize {
-    *line[at..].first_chunk_mut().expect("a line has room for what belongs in it") = word.to_le_bytes();
+    *line[at..].first_chunk_mut().expect("a line has room for what belongs in it") =
+        word.to_le_bytes();
     at + count
 }
 
@@ -63,7 +68,8 @@ pub(super) fn decimal(line: &mut Line, at: usize, number: f32) -> usize {
     let at = word(line, at, u64::from(b'-'), usize::from(number < 0.0 && parts > 0));
     let (digits, count) = trimmed(parts / PARTS);
     let at = word(line, at, digits, count);
-    // The fraction stands in the upper half of the word, behind four zeros; zeros at its own end are the highest bytes.
+    // The fraction stands in the upper half of the word, behind four zeros; zeros at its own end
+    // are the highest bytes.
     let digits = eight(parts % PARTS);
     let zeros = (digits.leading_zeros() as usize / 8).min(PLACES);
     let point = (((digits | ZEROS) >> 32) << 8) | u64::from(b'.');
@@ -109,8 +115,9 @@ fn trimmed(number: u64) -> (u64, usize) {
 
 /// The eight digits of a number below [`LARGE`], the first in the lowest byte.
 fn eight(number: u64) -> u64 {
-    // Two halves of four digits, then four quarters of two, then eight digits, each step for all of them at once: x / 100 is x * 10486 >> 20
-    // for x below 10000, and x / 10 is x * 103 >> 10 for x below 100.
+    // Two halves of four digits, then four quarters of two, then eight digits, each step for all of
+    // them at once: x / 100 is x * 10486 >> 20 for x below 10000, and x / 10 is x * 103 >> 10 for x
+    // below 100.
     let halves = (number / 10_000) | ((number % 10_000) << 32);
     let hundreds = ((halves * 10_486) >> 20) & 0x7f_0000_007f;
     let quarters = hundreds | ((halves - 100 * hundreds) << 16);

@@ -1,4 +1,5 @@
-//! A folder that becomes visible only when it is whole; one that is there already takes the new files, each whole, one after another.
+//! A folder that becomes visible only when it is whole; one that is there already takes the new
+//! files, each whole, one after another.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -8,7 +9,8 @@ use super::temporary::TemporaryFolder;
 
 /// A folder being filled beside its target.
 ///
-/// Dropped before [`OutputFolder::publish`], it leaves nothing behind. A folder that is there already keeps its other files.
+/// Dropped before [`OutputFolder::publish`], it leaves nothing behind. A folder that is there
+/// already keeps its other files.
 #[derive(Debug)]
 pub struct OutputFolder {
     target: PathBuf,
@@ -19,7 +21,8 @@ impl OutputFolder {
     /// Opens a temporary folder beside the target.
     ///
     /// # Errors
-    /// [`ExportError::Io`] where the folder around it is missing or can't be written, or the target is a file.
+    /// [`ExportError::Io`] where the folder around it is missing or can't be written, or the target
+    /// is a file.
     pub fn create(target: &Path) -> Result<Self, ExportError> {
         Self::open(target).map_err(|source| ExportError::Io { path: target.to_owned(), source })
     }
@@ -28,11 +31,20 @@ impl OutputFolder {
         // A link is followed, so that files go to the folder it points to.
         let target = target.canonicalize().unwrap_or_else(|_absent| target.to_owned());
         if target.exists() && !target.is_dir() {
-            return Err(io::Error::new(io::ErrorKind::NotADirectory, "it is a file, and a folder is needed"));
+            return Err(io::Error::new(
+                io::ErrorKind::NotADirectory,
+                "it is a file, and a folder is needed",
+            ));
         }
-        let around = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let around = target
+            .parent()
+            .filter(|folder| !folder.as_os_str().is_empty())
+            .unwrap_or(Path::new("."));
         if !around.is_dir() {
-            return Err(io::Error::new(io::ErrorKind::NotFound, format!("there is no folder {}", around.display())));
+            return Err(io::Error::new(
+                io::ErrorKind::NotFound,
+                format!("there is no folder {}", around.display()),
+            ));
         }
         let temporary = TemporaryFolder::create_in(around)?;
         Ok(Self { target, temporary })
@@ -50,7 +62,8 @@ impl OutputFolder {
         self.temporary.path().join(name)
     }
 
-    /// Gives the folder its name. Where a folder has it already, the files take their places in it, one after another.
+    /// Gives the folder its name. Where a folder has it already, the files take their places in it,
+    /// one after another.
     ///
     /// # Errors
     /// [`ExportError::Io`].
@@ -91,7 +104,8 @@ mod tests {
         let around = tempfile::tempdir().unwrap();
         fs::write(around.path().join("file"), "").unwrap();
         for target in [around.path().join("file"), around.path().join("no").join("yarn")] {
-            let message = format!("{:#}", anyhow::Error::from(OutputFolder::create(&target).unwrap_err()));
+            let message =
+                format!("{:#}", anyhow::Error::from(OutputFolder::create(&target).unwrap_err()));
             assert!(message.contains(&target.display().to_string()), "{message}");
         }
     }

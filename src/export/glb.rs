@@ -1,9 +1,13 @@
-//! Tubes as binary glTF 2.0: a node for each bar of each panel, below it a node with a mesh for each yarn, a material a bar; metres.
+//! Tubes as binary glTF 2.0: a node for each bar of each panel, below it a node with a mesh for
+//! each yarn, a material a bar; metres.
 //!
-//! Materials are those of fibres: rough, no metal, and with a sheen (`KHR_materials_sheen`) by which cloth is brighter where it turns away. Bars whose yarns wear pictures have them as textures, in
-//! the file; the second texture coordinate then counts repeats of the picture, and else millimetres of yarn.
-//! The JSON chunk comes first in the file but is known last (counts and bounds), so it gets room for what so many blocks will need, and what it doesn't fill is spaces.
-//! Positions, normals and texture coordinates are `f32`, indices `u32`. A block's arrays lie together; each of its yarns is a part of them, its indices counted from its own first vertex.
+//! Materials are those of fibres: rough, no metal, and with a sheen (`KHR_materials_sheen`) by
+//! which cloth is brighter where it turns away. Bars whose yarns wear pictures have them as
+//! textures, in the file; the second texture coordinate then counts repeats of the picture, and
+//! else millimetres of yarn. The JSON chunk comes first in the file but is known last (counts and
+//! bounds), so it gets room for what so many blocks will need, and what it doesn't fill is spaces.
+//! Positions, normals and texture coordinates are `f32`, indices `u32`. A block's arrays lie
+//! together; each of its yarns is a part of them, its indices counted from its own first vertex.
 
 use std::ops::Range;
 use std::path::Path;
@@ -93,8 +97,8 @@ struct View {
 }
 
 impl GlbWriter {
-    /// Starts the file: one material a bar, with the pictures that the wardrobe has for it. There is room for so many blocks and yarns; with more of them the
-    /// file takes longer to finish.
+    /// Starts the file: one material a bar, with the pictures that the wardrobe has for it. There
+    /// is room for so many blocks and yarns; with more of them the file takes longer to finish.
     ///
     /// # Errors
     /// What the disk says.
@@ -129,14 +133,29 @@ impl GlbWriter {
             };
             root.push(material);
         }
-        let room = (HEADERS + json_text(&root).len() + LAST_JSON + BLOCK_JSON * blocks + YARN_JSON * yarns).next_multiple_of(4);
+        let room = (HEADERS
+            + json_text(&root).len()
+            + LAST_JSON
+            + BLOCK_JSON * blocks
+            + YARN_JSON * yarns)
+            .next_multiple_of(4);
         let file = HeadLast::create(target, room)?;
-        let mut writer = Self { file, bytes: 0, root, bars: Vec::new(), buffer, wardrobe, current: None, prepared: Vec::new() };
+        let mut writer = Self {
+            file,
+            bytes: 0,
+            root,
+            bars: Vec::new(),
+            buffer,
+            wardrobe,
+            current: None,
+            prepared: Vec::new(),
+        };
         writer.write_textures()?;
         Ok(writer)
     }
 
-    /// Appends the pictures to the binary chunk, each from a multiple of 4 bytes on, as their views say.
+    /// Appends the pictures to the binary chunk, each from a multiple of 4 bytes on, as their views
+    /// say.
     fn write_textures(&mut self) -> Result<(), ExportError> {
         for picture in self.wardrobe.textures.iter().flat_map(|texture| &texture.pictures) {
             let padding = picture.len().next_multiple_of(4) - picture.len();
@@ -161,9 +180,13 @@ impl GlbWriter {
             let mut attributes = std::collections::BTreeMap::new();
             for (semantic, view) in &vertices {
                 let bounds = (*semantic == Semantic::Positions).then_some([part.low, part.high]);
-                attributes.insert(Valid(semantic.clone()), self.part_of(*view, part.vertices.clone(), bounds));
+                attributes.insert(
+                    Valid(semantic.clone()),
+                    self.part_of(*view, part.vertices.clone(), bounds),
+                );
             }
-            let indices = self.part_of(corners, 3 * part.triangles.start..3 * part.triangles.end, None);
+            let indices =
+                self.part_of(corners, 3 * part.triangles.start..3 * part.triangles.end, None);
             let primitive = json::mesh::Primitive {
                 attributes,
                 indices: Some(indices),
@@ -207,8 +230,14 @@ impl GlbWriter {
     }
 
     /// Some elements of an array, with their bounds if they are to be told.
-    fn part_of(&mut self, view: View, elements: Range<usize>, bounds: Option<[Vec3; 2]>) -> Index<Accessor> {
-        let bound = |at: usize| bounds.map(|bounds| json::Value::from(bounds[at].to_array().to_vec()));
+    fn part_of(
+        &mut self,
+        view: View,
+        elements: Range<usize>,
+        bounds: Option<[Vec3; 2]>,
+    ) -> Index<Accessor> {
+        let bound =
+            |at: usize| bounds.map(|bounds| json::Value::from(bounds[at].to_array().to_vec()));
         self.root.push(Accessor {
             buffer_view: Some(view.index),
             byte_offset: Some(USize64::from(elements.start * view.size)),
@@ -225,8 +254,14 @@ impl GlbWriter {
         })
     }
 
-    /// Appends an array to the binary chunk with its view. All of its element sizes are multiples of 4, so it stays aligned.
-    fn array<T: bytemuck::NoUninit>(&mut self, values: &[T], kind: Type, component: ComponentType) -> Result<View, ExportError> {
+    /// Appends an array to the binary chunk with its view. All of its element sizes are multiples
+    /// of 4, so it stays aligned.
+    fn array<T: bytemuck::NoUninit>(
+        &mut self,
+        values: &[T],
+        kind: Type,
+        component: ComponentType,
+    ) -> Result<View, ExportError> {
         let bytes: &[u8] = bytemuck::cast_slice(values);
         self.file.write(bytes)?;
         // Parts of one view need its stride, but indices may have none.
@@ -274,7 +309,10 @@ impl Sink for GlbWriter {
         let mut prepared = std::mem::take(&mut self.prepared);
         prepared.resize_with(blocks.len().max(prepared.len()), Prepared::default);
         let wardrobe = &self.wardrobe;
-        blocks.par_iter().zip(&mut prepared).for_each(|(block, prepared)| prepared.fill(block, wardrobe));
+        blocks
+            .par_iter()
+            .zip(&mut prepared)
+            .for_each(|(block, prepared)| prepared.fill(block, wardrobe));
         for (block, prepared) in blocks.iter().zip(&prepared) {
             if !prepared.positions.is_empty() {
                 self.add(block, prepared)?;
@@ -311,7 +349,10 @@ impl GlbWriter {
 
     /// A number of bytes that the format can hold.
     fn within_limit(&self, bytes: u64) -> Result<u32, ExportError> {
-        u32::try_from(bytes).map_err(|_over_4_gib| ExportError::TooLarge { path: self.file.target().to_owned(), bytes })
+        u32::try_from(bytes).map_err(|_over_4_gib| ExportError::TooLarge {
+            path: self.file.target().to_owned(),
+            bytes,
+        })
     }
 }
 
@@ -330,12 +371,19 @@ impl Prepared {
         let strands: Vec<_> = block.strands.strands.iter().zip(&tubes.strands).collect();
         // A yarn's strands follow each other, and so do their vertices and triangles.
         for strands in strands.chunk_by(|(a, _), (b, _)| a.yarn == b.yarn) {
-            let ((strand, (first, first_triangles)), (_, (last, last_triangles))) = (strands[0], strands[strands.len() - 1]);
-            let (vertices, triangles) =
-                (first.start as usize..last.end as usize, first_triangles.start as usize..last_triangles.end as usize);
-            let own = tubes.triangles[triangles.clone()].iter().map(|corners| corners.map(|corner| corner - first.start));
+            let ((strand, (first, first_triangles)), (_, (last, last_triangles))) =
+                (strands[0], strands[strands.len() - 1]);
+            let (vertices, triangles) = (
+                first.start as usize..last.end as usize,
+                first_triangles.start as usize..last_triangles.end as usize,
+            );
+            let own = tubes.triangles[triangles.clone()]
+                .iter()
+                .map(|corners| corners.map(|corner| corner - first.start));
             self.triangles.extend(own);
-            let bounds = |(low, high): (Vec3, Vec3), position: &Vec3| (low.min(*position), high.max(*position));
+            let bounds = |(low, high): (Vec3, Vec3), position: &Vec3| {
+                (low.min(*position), high.max(*position))
+            };
             let positions = &self.positions[vertices.clone()];
             let (low, high) = positions.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), bounds);
             self.yarns.push(Part { yarn: strand.yarn, vertices, triangles, low, high });
@@ -347,7 +395,8 @@ fn json_text(root: &Root) -> Vec<u8> {
     json::serialize::to_vec(root).expect("numbers here are finite and keys are text")
 }
 
-/// Adds the views, images and textures of pictures that the binary chunk begins with: base colour, normals and surface of each yarn.
+/// Adds the views, images and textures of pictures that the binary chunk begins with: base colour,
+/// normals and surface of each yarn.
 fn push_textures(root: &mut Root, buffer: Index<json::Buffer>, textures: &[Texture]) {
     let mut offset = 0;
     for picture in textures.iter().flat_map(|texture| &texture.pictures) {
@@ -370,7 +419,13 @@ fn push_textures(root: &mut Root, buffer: Index<json::Buffer>, textures: &[Textu
             extensions: None,
             extras: json::Extras::default(),
         });
-        root.push(json::Texture { name: None, sampler: None, source, extensions: None, extras: json::Extras::default() });
+        root.push(json::Texture {
+            name: None,
+            sampler: None,
+            source,
+            extensions: None,
+            extras: json::Extras::default(),
+        });
     }
 }
 
@@ -420,9 +475,12 @@ fn textured(name: &str, place: usize, mean: [f32; 3]) -> json::Material {
 }
 
 /// A yarn whose fibres catch the light as its colour says.
-fn material(name: &str, color: [f32; 3], surface: json::material::PbrMetallicRoughness) -> json::Material {
-    let sheen =
-        serde_json::json!({ "sheenColorFactor": color.map(|channel| SHEEN * channel), "sheenRoughnessFactor": SHEEN_ROUGHNESS });
+fn material(
+    name: &str,
+    color: [f32; 3],
+    surface: json::material::PbrMetallicRoughness,
+) -> json::Material {
+    let sheen = serde_json::json!({ "sheenColorFactor": color.map(|channel| SHEEN * channel), "sheenRoughnessFactor": SHEEN_ROUGHNESS });
     json::Material {
         name: Some(name.to_owned()),
         pbr_metallic_roughness: surface,

@@ -1,7 +1,10 @@
-//! Yarns as Abaqus input: two-node beams (B31) along the centre lines, a section and a material a bar, contact pairs between the bars; mm, tonnes, N, MPa.
+//! Yarns as Abaqus input: two-node beams (B31) along the centre lines, a section and a material a
+//! bar, contact pairs between the bars; mm, tonnes, N, MPa.
 //!
-//! An element set a bar of a panel, `PANEL_0_BAR_1`. What a fabric does not say stands in the file as a value to be replaced, with a comment: Young's modulus and friction.
-//! Density is that of the yarn, fibre and air. One pass: nodes come first, and the elements follow from the strands' lengths, 4 bytes a strand.
+//! An element set a bar of a panel, `PANEL_0_BAR_1`. What a fabric does not say stands in the file
+//! as a value to be replaced, with a comment: Young's modulus and friction. Density is that of the
+//! yarn, fibre and air. One pass: nodes come first, and the elements follow from the strands'
+//! lengths, 4 bytes a strand.
 
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -19,7 +22,8 @@ const ELASTIC: (f64, f64) = (1000.0, 0.3);
 const FRICTION: f64 = 0.3;
 /// Tonnes per mm³ in a g/cm³.
 const DENSITY: f64 = 1e-9;
-/// A direction along which no yarn runs: the first axis of each beam's section must not be the beam's own, and of a round section it is no matter which.
+/// A direction along which no yarn runs: the first axis of each beam's section must not be the
+/// beam's own, and of a round section it is no matter which.
 const FIRST_AXIS: &str = "0.3713, 0.5571, 0.7428";
 /// Strands whose elements are made at a time by one thread.
 const STRANDS: usize = 64;
@@ -47,18 +51,31 @@ pub struct InpWriter {
 }
 
 impl InpWriter {
-    /// Starts the file of a fabric's yarns, as thick and with as many segments a stitch as their tubes.
+    /// Starts the file of a fabric's yarns, as thick and with as many segments a stitch as their
+    /// tubes.
     ///
     /// # Errors
     /// What the disk says.
     pub fn create(target: &Path, fabric: &Fabric, section: &Section) -> Result<Self, ExportError> {
         let mut output = Output::create(target)?;
         let name = &fabric.name;
-        output
-            .write_with(|file| writeln!(file, "*HEADING\nyarns of {name} by warpknit; mm, tonnes, N, MPa\n*NODE, NSET=YARNS"))?;
+        output.write_with(|file| {
+            writeln!(
+                file,
+                "*HEADING\nyarns of {name} by warpknit; mm, tonnes, N, MPa\n*NODE, NSET=YARNS"
+            )
+        })?;
         let radii = super::radii(fabric, section);
         let (groups, conveyor) = (Vec::new(), Conveyor::default());
-        Ok(Self { output, st: section.st, bars: fabric.bars.clone(), radii, groups, nodes: 0, conveyor })
+        Ok(Self {
+            output,
+            st: section.st,
+            bars: fabric.bars.clone(),
+            radii,
+            groups,
+            nodes: 0,
+            conveyor,
+        })
     }
 
     /// Elements of all groups, each under its set's name.
@@ -77,9 +94,11 @@ impl InpWriter {
                 first
             };
             let numbered: Vec<_> = group.strands.chunks(STRANDS).map(number).collect();
-            let make =
-                |(strands, node, element): &(&[u32], u64, u64), text: &mut Buffer| elements(strands, *node, *element, text);
-            conveyor.carry(&numbered, make, |text| output.write_with(|file| file.write_all(text)))?;
+            let make = |(strands, node, element): &(&[u32], u64, u64), text: &mut Buffer| {
+                elements(strands, *node, *element, text)
+            };
+            conveyor
+                .carry(&numbered, make, |text| output.write_with(|file| file.write_all(text)))?;
         }
         Ok(())
     }
@@ -92,26 +111,41 @@ impl InpWriter {
             text.push('\n');
         };
         for Group { panel, bar, .. } in &self.groups {
-            add(&format!("*BEAM SECTION, ELSET={}, MATERIAL=YARN_{}, SECTION=CIRC", set(*panel, *bar), bar + 1));
+            add(&format!(
+                "*BEAM SECTION, ELSET={}, MATERIAL=YARN_{}, SECTION=CIRC",
+                set(*panel, *bar),
+                bar + 1
+            ));
             add(&format!("{}\n{FIRST_AXIS}", self.radii[*bar]));
         }
         for (bar, number) in self.bars.iter().zip(1..) {
             add(&format!("*MATERIAL, NAME=YARN_{number}"));
             add(&format!("*DENSITY\n{:e}", bar.yarn.density * bar.yarn.packing * DENSITY));
-            add("** A fabric file does not know Young's modulus and Poisson's ratio: put your yarn's here.");
+            add(
+                "** A fabric file does not know Young's modulus and Poisson's ratio: put your yarn's here.",
+            );
             add(&format!("*ELASTIC\n{:?}, {:?}", ELASTIC.0, ELASTIC.1));
         }
-        let laid: Vec<usize> = (0..self.bars.len()).filter(|bar| self.groups.iter().any(|group| group.bar == *bar)).collect();
+        let laid: Vec<usize> = (0..self.bars.len())
+            .filter(|bar| self.groups.iter().any(|group| group.bar == *bar))
+            .collect();
         for bar in &laid {
             add(&format!("*SURFACE, TYPE=ELEMENT, NAME=SURFACE_{}", bar + 1));
-            self.groups.iter().filter(|group| group.bar == *bar).for_each(|group| add(&format!("{},", set(group.panel, *bar))));
+            self.groups
+                .iter()
+                .filter(|group| group.bar == *bar)
+                .for_each(|group| add(&format!("{},", set(group.panel, *bar))));
         }
         add("*SURFACE INTERACTION, NAME=YARN_ON_YARN");
         add("** Friction is not known either.");
         add(&format!("*FRICTION\n{FRICTION:?}"));
         for (at, bar) in laid.iter().enumerate() {
             for other in &laid[at..] {
-                add(&format!("*CONTACT PAIR, INTERACTION=YARN_ON_YARN\nSURFACE_{}, SURFACE_{}", bar + 1, other + 1));
+                add(&format!(
+                    "*CONTACT PAIR, INTERACTION=YARN_ON_YARN\nSURFACE_{}, SURFACE_{}",
+                    bar + 1,
+                    other + 1
+                ));
             }
         }
         text
@@ -123,7 +157,10 @@ impl Sink for InpWriter {
         let Self { output, st, groups, nodes, conveyor, .. } = self;
         let mut numbered = Vec::new();
         for block in blocks.iter().filter(|block| !block.strands.strands.is_empty()) {
-            if groups.last().is_none_or(|group| (group.panel, group.bar) != (block.panel, block.bar)) {
+            if groups
+                .last()
+                .is_none_or(|group| (group.panel, group.bar) != (block.panel, block.bar))
+            {
                 groups.push(Group { panel: block.panel, bar: block.bar, strands: Vec::new() });
             }
             numbered.push((block, *nodes + 1));
@@ -131,7 +168,8 @@ impl Sink for InpWriter {
             *nodes += counts.clone().map(u64::from).sum::<u64>();
             groups.last_mut().expect("pushed above").strands.extend(counts);
         }
-        let make = |(block, first): &(&Block, u64), text: &mut Buffer| add_nodes(block, *st, *first, text);
+        let make =
+            |(block, first): &(&Block, u64), text: &mut Buffer| add_nodes(block, *st, *first, text);
         conveyor.carry(&numbered, make, |text| output.write_with(|file| file.write_all(text)))
     }
 

@@ -16,7 +16,12 @@ pub(super) fn each(block: &Block, st: u32, mut take: impl FnMut(&[Vec3])) {
     let mut line = Vec::new();
     for strand in &block.strands.strands {
         line.clear();
-        line::add(&block.draped.positions[strand.range()], block.strands.pieces_of(strand), st, &mut line);
+        line::add(
+            &block.draped.positions[strand.range()],
+            block.strands.pieces_of(strand),
+            st,
+            &mut line,
+        );
         take(&line);
     }
 }

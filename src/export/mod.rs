@@ -1,8 +1,10 @@
 //! Files: what the pipeline makes, in formats that other tools open.
 //!
-//! In: blocks of yarns as [`crate::drape::run`] hands them over, yarn by yarn, so that nothing is held whole. Out: one file a writer. Each goes to a
-//! temporary file beside its target ([`Output`]) and takes the target's name only when every output of the run is whole, so a failed run
-//! leaves no partial file and the old one stays. A program that ends in another way than by returning calls [`remove_temporaries`] first.
+//! In: blocks of yarns as [`crate::drape::run`] hands them over, yarn by yarn, so that nothing is
+//! held whole. Out: one file a writer. Each goes to a temporary file beside its target ([`Output`])
+//! and takes the target's name only when every output of the run is whole, so a failed run leaves
+//! no partial file and the old one stays. A program that ends in another way than by returning
+//! calls [`remove_temporaries`] first.
 
 pub mod bcc;
 mod buffer;
@@ -49,7 +51,8 @@ pub trait Sink {
     /// What the disk says.
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError>;
 
-    /// Writes what belongs to the end and gives back the whole file, and those that come with it, still under their temporary names.
+    /// Writes what belongs to the end and gives back the whole file, and those that come with it,
+    /// still under their temporary names.
     ///
     /// # Errors
     /// What the disk says.
@@ -65,7 +68,8 @@ pub enum Format {
     Glb,
     /// Wavefront OBJ: tubes.
     Obj,
-    /// Wavefront OBJ: centre lines. It has the ending of [`Format::Obj`], which is what endings ask for.
+    /// Wavefront OBJ: centre lines. It has the ending of [`Format::Obj`], which is what endings ask
+    /// for.
     ObjLines,
     /// Binary PLY.
     Ply,
@@ -106,9 +110,15 @@ impl Format {
     /// # Errors
     /// [`ExportError::UnknownEnding`].
     pub fn of(path: &Path) -> Result<Self, ExportError> {
-        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default().to_ascii_lowercase();
+        let name = path
+            .file_name()
+            .and_then(|name| name.to_str())
+            .unwrap_or_default()
+            .to_ascii_lowercase();
         // A name is more than its ending.
-        let known = ENDINGS.iter().find(|(ending, _)| name.strip_suffix(ending).is_some_and(|stem| !stem.is_empty()));
+        let known = ENDINGS
+            .iter()
+            .find(|(ending, _)| name.strip_suffix(ending).is_some_and(|stem| !stem.is_empty()));
         known.map(|(_, format)| *format).ok_or_else(|| ExportError::UnknownEnding(path.to_owned()))
     }
 

@@ -1,6 +1,8 @@
-//! What stands beside an `.obj`: its materials (`.mtl`), one a bar, and the base colours of yarns that wear pictures.
+//! What stands beside an `.obj`: its materials (`.mtl`), one a bar, and the base colours of yarns
+//! that wear pictures.
 //!
-//! Roughness is told both ways, by Phong's exponent (`Ns`) for the many readers that know no other, and by `Pr`, which Blender reads.
+//! Roughness is told both ways, by Phong's exponent (`Ns`) for the many readers that know no other,
+//! and by `Pr`, which Blender reads.
 
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -11,7 +13,8 @@ use super::{ExportError, Output};
 use crate::drape::picture::ROUGHNESS;
 use crate::fabric::Fabric;
 
-/// The files that come with the `.obj` of cloth whose yarns wear so many pictures: `skirt.mtl`, `skirt-yarn-1.png` and so on.
+/// The files that come with the `.obj` of cloth whose yarns wear so many pictures: `skirt.mtl`,
+/// `skirt-yarn-1.png` and so on.
 #[must_use]
 pub fn companions(obj: &Path, pictures: usize) -> Vec<PathBuf> {
     let beside = |ending: String| {
@@ -19,14 +22,22 @@ pub fn companions(obj: &Path, pictures: usize) -> Vec<PathBuf> {
         name.push(ending);
         obj.with_file_name(name)
     };
-    std::iter::once(".mtl".to_owned()).chain((1..=pictures).map(|number| format!("-yarn-{number}.png"))).map(beside).collect()
+    std::iter::once(".mtl".to_owned())
+        .chain((1..=pictures).map(|number| format!("-yarn-{number}.png")))
+        .map(beside)
+        .collect()
 }
 
 /// Writes them: whole, but still under their temporary names.
-pub(super) fn write(obj: &Path, fabric: &Fabric, wardrobe: &Wardrobe) -> Result<Vec<Output>, ExportError> {
+pub(super) fn write(
+    obj: &Path,
+    fabric: &Fabric,
+    wardrobe: &Wardrobe,
+) -> Result<Vec<Output>, ExportError> {
     let paths = companions(obj, wardrobe.textures.len());
     let text = text(fabric, wardrobe, &paths[1..]);
-    let pictures = wardrobe.textures.iter().map(|texture| texture.pictures[Texture::BASE].as_slice());
+    let pictures =
+        wardrobe.textures.iter().map(|texture| texture.pictures[Texture::BASE].as_slice());
     let contents = std::iter::once(text.as_bytes()).chain(pictures);
     let whole = |(path, bytes): (&PathBuf, &[u8])| {
         let mut output = Output::create(path)?;
@@ -68,6 +79,10 @@ mod tests {
     #[test]
     fn companions_are_named_after_their_obj() {
         let named = companions(Path::new("out/skirt.v2.obj"), 2);
-        assert_eq!(named, ["out/skirt.v2.mtl", "out/skirt.v2-yarn-1.png", "out/skirt.v2-yarn-2.png"].map(PathBuf::from));
+        assert_eq!(
+            named,
+            ["out/skirt.v2.mtl", "out/skirt.v2-yarn-1.png", "out/skirt.v2-yarn-2.png"]
+                .map(PathBuf::from)
+        );
     }
 }

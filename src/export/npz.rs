@@ -1,8 +1,12 @@
-//! All of a cloth's arrays for Python (`numpy.load`): an uncompressed `.npz`, one `.npy` an array, little-endian.
+//! All of a cloth's arrays for Python (`numpy.load`): an uncompressed `.npz`, one `.npy` an array,
+//! little-endian.
 //!
-//! An entry a point, yarns one after the other, the ends that the panel's edge cut included: `flat`, `draped`, `normal` (f8, 3 each, mm), `triangle` (u4, in file order),
-//! `weights` (f8, 3), `course`, `wale` (i4), `kind` (u1: 0 loop, 1 inlay, 2 turn, 255 a cut end, whose other tags are 0) and `point` (u2). An entry a strand: `length` (u4, its points), `yarn`,
-//! `panel`, `bar` (u4, from 0). An entry a bar: `radius` (f8, mm), `color` (u1, 3, sRGB). Each array waits on the disk until the archive is put together at the end.
+//! An entry a point, yarns one after the other, the ends that the panel's edge cut included:
+//! `flat`, `draped`, `normal` (f8, 3 each, mm), `triangle` (u4, in file order), `weights` (f8, 3),
+//! `course`, `wale` (i4), `kind` (u1: 0 loop, 1 inlay, 2 turn, 255 a cut end, whose other tags are
+//! 0) and `point` (u2). An entry a strand: `length` (u4, its points), `yarn`, `panel`, `bar` (u4,
+//! from 0). An entry a bar: `radius` (f8, mm), `color` (u1, 3, sRGB). Each array waits on the disk
+//! until the archive is put together at the end.
 
 use std::io::{self, Write as _};
 use std::path::Path;
@@ -77,7 +81,12 @@ impl<'a> NpzWriter<'a> {
     ///
     /// # Errors
     /// What the disk says.
-    pub fn create(target: &Path, fabric: &Fabric, garment: &'a Garment, section: &Section) -> Result<Self, ExportError> {
+    pub fn create(
+        target: &Path,
+        fabric: &Fabric,
+        garment: &'a Garment,
+        section: &Section,
+    ) -> Result<Self, ExportError> {
         let output = Output::create(target)?;
         let spills = ARRAYS.iter().map(|_| Spill::create(target)).collect::<Result<_, _>>()?;
         let radii = fabric.thickness().into_iter().map(|thickness| section.radius * thickness);
@@ -106,7 +115,8 @@ impl Sink for NpzWriter<'_> {
     }
 }
 
-/// A file that takes everything after its first error and keeps that: an archive that is dropped unfinished prints to stderr.
+/// A file that takes everything after its first error and keeps that: an archive that is dropped
+/// unfinished prints to stderr.
 struct Lasting<W> {
     file: W,
     failed: io::Result<()>,
@@ -129,16 +139,26 @@ impl<W: io::Write> io::Write for Lasting<W> {
 }
 
 /// Puts all arrays into one file.
-fn archive(file: &mut impl io::Write, spills: &mut [Spill], bars: &[(f64, [u8; 3])]) -> io::Result<()> {
+fn archive(
+    file: &mut impl io::Write,
+    spills: &mut [Spill],
+    bars: &[(f64, [u8; 3])],
+) -> io::Result<()> {
     let mut file = Lasting { file, failed: Ok(()) };
     fill(ZipWriter::new_stream(&mut file), spills, bars)?;
     file.failed
 }
 
-fn fill(mut archive: ZipWriter<impl io::Write + io::Seek>, spills: &mut [Spill], bars: &[(f64, [u8; 3])]) -> io::Result<()> {
+fn fill(
+    mut archive: ZipWriter<impl io::Write + io::Seek>,
+    spills: &mut [Spill],
+    bars: &[(f64, [u8; 3])],
+) -> io::Result<()> {
     let begin = |archive: &mut ZipWriter<_>, name: &str, header: &[u8], bytes: u64| {
         let large = bytes + 4096 > u64::from(u32::MAX);
-        let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored).large_file(large);
+        let options = SimpleFileOptions::default()
+            .compression_method(CompressionMethod::Stored)
+            .large_file(large);
         archive.start_file(format!("{name}.npy"), options)?;
         archive.write_all(header)
     };
@@ -171,22 +191,47 @@ impl Array {
                 let own = |flat: &DVec3| vector(panel.flat_from_panel.transform_point3(*flat));
                 strands.flat.iter().for_each(|flat| put(bytemuck::bytes_of(&own(flat))));
             }
-            Self::Draped => block.draped.positions.iter().for_each(|at| put(bytemuck::bytes_of(&vector(*at)))),
-            Self::Normal => block.draped.normals.iter().for_each(|normal| put(bytemuck::bytes_of(&vector(*normal)))),
+            Self::Draped => {
+                block.draped.positions.iter().for_each(|at| put(bytemuck::bytes_of(&vector(*at))))
+            }
+            Self::Normal => block
+                .draped
+                .normals
+                .iter()
+                .for_each(|normal| put(bytemuck::bytes_of(&vector(*normal)))),
             Self::Triangle => {
-                strands.located.iter().for_each(|at| put(&panel.faces[at.triangle as usize].0.to_le_bytes()));
+                strands
+                    .located
+                    .iter()
+                    .for_each(|at| put(&panel.faces[at.triangle as usize].0.to_le_bytes()));
             }
-            Self::Weights => strands.located.iter().for_each(|at| put(bytemuck::bytes_of(&at.weights()))),
-            Self::Course => tags().for_each(|tag| put(&tag.map_or(0, |tag| tag.course).to_le_bytes())),
+            Self::Weights => {
+                strands.located.iter().for_each(|at| put(bytemuck::bytes_of(&at.weights())))
+            }
+            Self::Course => {
+                tags().for_each(|tag| put(&tag.map_or(0, |tag| tag.course).to_le_bytes()))
+            }
             Self::Wale => tags().for_each(|tag| put(&tag.map_or(0, |tag| tag.wale).to_le_bytes())),
-            Self::Kind => tags().for_each(|tag| put(&[tag.map_or(CUT_KIND, |tag| number(tag.kind))])),
-            Self::Point => tags().for_each(|tag| put(&tag.map_or(0, |tag| tag.point).to_le_bytes())),
-            Self::Length => {
-                strands.strands.iter().for_each(|strand| put(&(strand.points.end - strand.points.start).to_le_bytes()));
+            Self::Kind => {
+                tags().for_each(|tag| put(&[tag.map_or(CUT_KIND, |tag| number(tag.kind))]))
             }
-            Self::Yarn => strands.strands.iter().for_each(|strand| put(&strand.yarn.0.to_le_bytes())),
-            Self::Panel => strands.strands.iter().for_each(|_| put(&index32(block.panel).to_le_bytes())),
-            Self::Bar => strands.strands.iter().for_each(|_| put(&index32(block.bar).to_le_bytes())),
+            Self::Point => {
+                tags().for_each(|tag| put(&tag.map_or(0, |tag| tag.point).to_le_bytes()))
+            }
+            Self::Length => {
+                strands.strands.iter().for_each(|strand| {
+                    put(&(strand.points.end - strand.points.start).to_le_bytes())
+                });
+            }
+            Self::Yarn => {
+                strands.strands.iter().for_each(|strand| put(&strand.yarn.0.to_le_bytes()))
+            }
+            Self::Panel => {
+                strands.strands.iter().for_each(|_| put(&index32(block.panel).to_le_bytes()))
+            }
+            Self::Bar => {
+                strands.strands.iter().for_each(|_| put(&index32(block.bar).to_le_bytes()))
+            }
         }
     }
 }
@@ -204,7 +249,8 @@ fn size(kind: &str) -> usize {
     usize::from(kind.as_bytes()[2] - b'0')
 }
 
-/// What an array's file begins with: version 1.0 of the format, filled up to a multiple of 64 bytes.
+/// What an array's file begins with: version 1.0 of the format, filled up to a multiple of 64
+/// bytes.
 fn header(kind: &str, rows: u64, width: usize) -> Vec<u8> {
     let shape = if width == 1 { format!("({rows},)") } else { format!("({rows}, {width})") };
     let mut text = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}");

@@ -1,6 +1,8 @@
-//! Tubes as Wavefront OBJ: one object a strand, with texture coordinates and normals, mm, to four decimals, and a material a bar ([`super::mtl`]).
+//! Tubes as Wavefront OBJ: one object a strand, with texture coordinates and normals, mm, to four
+//! decimals, and a material a bar ([`super::mtl`]).
 //!
-//! Where a bar's yarns wear a picture, the second texture coordinate counts its repeats, downward, since OBJ's pictures begin at the bottom; else it is millimetres of yarn.
+//! Where a bar's yarns wear a picture, the second texture coordinate counts its repeats, downward,
+//! since OBJ's pictures begin at the bottom; else it is millimetres of yarn.
 
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -30,14 +32,21 @@ pub struct ObjWriter {
 }
 
 impl ObjWriter {
-    /// Starts the file, and writes what comes with it: a material for each of the fabric's bars, with the pictures that the wardrobe has for it.
+    /// Starts the file, and writes what comes with it: a material for each of the fabric's bars,
+    /// with the pictures that the wardrobe has for it.
     ///
     /// # Errors
     /// What the disk says.
-    pub fn create(target: &Path, fabric: &Fabric, wardrobe: Arc<Wardrobe>) -> Result<Self, ExportError> {
+    pub fn create(
+        target: &Path,
+        fabric: &Fabric,
+        wardrobe: Arc<Wardrobe>,
+    ) -> Result<Self, ExportError> {
         let companions = mtl::write(target, fabric, &wardrobe)?;
         let mut output = Output::create(target)?;
-        output.write_with(|file| write!(file, "# yarns by warpknit, mm\n{}", mtl::reference(target)))?;
+        output.write_with(|file| {
+            write!(file, "# yarns by warpknit, mm\n{}", mtl::reference(target))
+        })?;
         Ok(Self { output, companions, wardrobe, vertices: 0, conveyor: Conveyor::default() })
     }
 }
@@ -73,12 +82,19 @@ fn objects(block: &Block, first: u64, wardrobe: &Wardrobe, text: &mut Buffer) {
     let along = wardrobe.worn_by(block.bar).map_or(1.0, |_| -wardrobe.per_mm(block.bar));
     for (strand, tube) in block.strands.strands.iter().zip(&block.tubes.strands) {
         let (panel, bar, yarn) = (block.panel, block.bar + 1, strand.yarn.0);
-        write!(text, "o panel{panel}_bar{bar}_yarn{yarn}\nusemtl bar_{bar}\n").expect("memory takes all text");
+        write!(text, "o panel{panel}_bar{bar}_yarn{yarn}\nusemtl bar_{bar}\n")
+            .expect("memory takes all text");
         object(block, tube, first, along, text);
     }
 }
 
-fn object(block: &Block, (vertices, triangles): &(Range<u32>, Range<u32>), first: u64, along: f32, text: &mut Buffer) {
+fn object(
+    block: &Block,
+    (vertices, triangles): &(Range<u32>, Range<u32>),
+    first: u64,
+    along: f32,
+    text: &mut Buffer,
+) {
     let tubes = &block.tubes;
     let vertices = vertices.start as usize..vertices.end as usize;
     for &Vec3 { x, y, z } in &tubes.positions[vertices.clone()] {

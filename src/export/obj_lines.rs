@@ -1,4 +1,5 @@
-//! Centre lines as Wavefront OBJ: one object a strand, a polyline (`l`) through its points in mm, to four decimals, and a material a bar ([`super::mtl`]).
+//! Centre lines as Wavefront OBJ: one object a strand, a polyline (`l`) through its points in mm,
+//! to four decimals, and a material a bar ([`super::mtl`]).
 
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -24,7 +25,8 @@ pub struct ObjLinesWriter {
 }
 
 impl ObjLinesWriter {
-    /// Starts the file of lines with `st` segments a stitch, and writes the materials that come with it, one for each of the fabric's bars.
+    /// Starts the file of lines with `st` segments a stitch, and writes the materials that come
+    /// with it, one for each of the fabric's bars.
     ///
     /// # Errors
     /// What the disk says.
@@ -32,7 +34,9 @@ impl ObjLinesWriter {
         // A line has no surface to put a picture on.
         let companions = mtl::write(target, fabric, &Wardrobe::default())?;
         let mut output = Output::create(target)?;
-        output.write_with(|file| write!(file, "# yarns by warpknit, mm\n{}", mtl::reference(target)))?;
+        output.write_with(|file| {
+            write!(file, "# yarns by warpknit, mm\n{}", mtl::reference(target))
+        })?;
         Ok(Self { output, companions, st, points: 0, conveyor: Conveyor::default() })
     }
 }
@@ -69,7 +73,8 @@ fn objects(block: &Block, st: u32, mut first: u64, text: &mut Buffer) {
     lines::each(block, st, |line| {
         let (panel, bar) = (block.panel, block.bar + 1);
         let yarn = strands.next().expect("a line a strand").yarn.0;
-        write!(text, "o panel{panel}_bar{bar}_yarn{yarn}\nusemtl bar_{bar}\n").expect("memory takes all text");
+        write!(text, "o panel{panel}_bar{bar}_yarn{yarn}\nusemtl bar_{bar}\n")
+            .expect("memory takes all text");
         for point in line {
             text.write_str("v ").expect("memory takes all text");
             numbers(text, point.to_array(), b' ');
@@ -77,7 +82,8 @@ fn objects(block: &Block, st: u32, mut first: u64, text: &mut Buffer) {
         }
         let end = first + line.len() as u64;
         text.write_char('l').expect("memory takes all text");
-        (first..end).for_each(|point| write!(text, " {}", point + 1).expect("memory takes all text"));
+        (first..end)
+            .for_each(|point| write!(text, " {}", point + 1).expect("memory takes all text"));
         text.write_char('\n').expect("memory takes all text");
         first = end;
     });

@@ -7,10 +7,12 @@ use std::path::{Path, PathBuf};
 use super::ExportError;
 use super::temporary::TemporaryFile;
 
-/// Buffer of an output: large enough that the system is rarely called, and small enough that what a writer has made whole goes to it at once, uncopied.
+/// Buffer of an output: large enough that the system is rarely called, and small enough that what a
+/// writer has made whole goes to it at once, uncopied.
 pub(super) const BUFFER: usize = 1 << 16;
 
-/// A file being written beside its target, or the target itself where that is no regular file (a pipe, `/dev/stdout`).
+/// A file being written beside its target, or the target itself where that is no regular file (a
+/// pipe, `/dev/stdout`).
 ///
 /// Dropped before [`Output::publish`], it leaves nothing behind.
 #[derive(Debug)]
@@ -25,12 +27,14 @@ impl Output {
     /// Opens a temporary file in the target's folder.
     ///
     /// # Errors
-    /// [`ExportError::Io`] where the folder is missing or can't be written, or the target is a folder.
+    /// [`ExportError::Io`] where the folder is missing or can't be written, or the target is a
+    /// folder.
     pub fn create(target: &Path) -> Result<Self, ExportError> {
         Self::open(target).map_err(|source| ExportError::Io { path: target.to_owned(), source })
     }
 
-    /// Asks, before the work, whether the target can be written after it. A pipe is left alone: whoever reads it would see its end.
+    /// Asks, before the work, whether the target can be written after it. A pipe is left alone:
+    /// whoever reads it would see its end.
     ///
     /// # Errors
     /// As of [`Output::create`].
@@ -46,10 +50,18 @@ impl Output {
         }
         if is_pipe(&target) {
             let file = File::options().write(true).open(&target)?;
-            return Ok(Self { target, file: BufWriter::with_capacity(BUFFER, file), temporary: None });
+            return Ok(Self {
+                target,
+                file: BufWriter::with_capacity(BUFFER, file),
+                temporary: None,
+            });
         }
         let (file, temporary) = temporary_beside(&target)?;
-        Ok(Self { target, file: BufWriter::with_capacity(BUFFER, file), temporary: Some(temporary) })
+        Ok(Self {
+            target,
+            file: BufWriter::with_capacity(BUFFER, file),
+            temporary: Some(temporary),
+        })
     }
 
     /// The file's final path.
@@ -67,8 +79,12 @@ impl Output {
     ///
     /// # Errors
     /// [`ExportError::Io`].
-    pub fn write_with<T>(&mut self, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<T>) -> Result<T, ExportError> {
-        write(&mut self.file).map_err(|source| ExportError::Io { path: self.target.clone(), source })
+    pub fn write_with<T>(
+        &mut self,
+        write: impl FnOnce(&mut BufWriter<File>) -> io::Result<T>,
+    ) -> Result<T, ExportError> {
+        write(&mut self.file)
+            .map_err(|source| ExportError::Io { path: self.target.clone(), source })
     }
 
     /// Hands everything that is buffered to the system, which says now if there is no room for it.
@@ -86,9 +102,9 @@ impl Output {
     /// [`ExportError::Io`].
     pub fn publish(self) -> Result<(), ExportError> {
         match self.temporary {
-            Some(temporary) => {
-                temporary.publish(&self.target).map_err(|source| ExportError::Io { path: self.target.clone(), source })
-            }
+            Some(temporary) => temporary
+                .publish(&self.target)
+                .map_err(|source| ExportError::Io { path: self.target.clone(), source }),
             None => Ok(()),
         }
     }
@@ -108,7 +124,10 @@ pub(super) fn folder_of(target: &Path) -> &Path {
 fn temporary_beside(target: &Path) -> io::Result<(File, TemporaryFile)> {
     let folder = folder_of(target);
     if !folder.is_dir() {
-        return Err(io::Error::new(io::ErrorKind::NotFound, format!("there is no folder {}", folder.display())));
+        return Err(io::Error::new(
+            io::ErrorKind::NotFound,
+            format!("there is no folder {}", folder.display()),
+        ));
     }
     TemporaryFile::create_in(folder)
 }
@@ -118,7 +137,9 @@ mod tests {
     use super::*;
 
     fn files_in(folder: &Path) -> Vec<String> {
-        let names = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned());
+        let names = std::fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned());
         names.collect()
     }
 
@@ -144,8 +165,12 @@ mod tests {
     fn a_folder_or_a_missing_folder_is_an_error_that_names_the_target() {
         let folder = tempfile::tempdir().unwrap();
         for target in [folder.path().to_owned(), folder.path().join("no").join("a.png")] {
-            let message = format!("{:#}", anyhow::Error::from(Output::create(&target).unwrap_err()));
-            assert!(message.contains(&target.display().to_string()) && !message.contains('\n'), "{message}");
+            let message =
+                format!("{:#}", anyhow::Error::from(Output::create(&target).unwrap_err()));
+            assert!(
+                message.contains(&target.display().to_string()) && !message.contains('\n'),
+                "{message}"
+            );
         }
     }
 }

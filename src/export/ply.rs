@@ -1,8 +1,11 @@
-//! Tubes as binary PLY, little-endian: positions, normals, texture coordinates (s, t) and the bar's colour at each vertex, then all triangles, mm.
+//! Tubes as binary PLY, little-endian: positions, normals, texture coordinates (s, t) and the bar's
+//! colour at each vertex, then all triangles, mm.
 //!
-//! One pass: the counts in the header are known last, and the head gets room for them, and so are the vertices before which no triangle may stand; but which vertices a tube's triangles
-//! join follows from its length ([`faces`]), so that triangles are made at the end and only the tubes' lengths are kept, 4 bytes a strand. Property names are
-//! those that Blender, MeshLab and CloudCompare take for what they are.
+//! One pass: the counts in the header are known last, and the head gets room for them, and so are
+//! the vertices before which no triangle may stand; but which vertices a tube's triangles join
+//! follows from its length ([`faces`]), so that triangles are made at the end and only the tubes'
+//! lengths are kept, 4 bytes a strand. Property names are those that Blender, MeshLab and
+//! CloudCompare take for what they are.
 
 use std::ops::Range;
 use std::path::Path;
@@ -63,7 +66,14 @@ impl PlyWriter {
         let colors = fabric.bars.iter().map(|bar| bar.yarn.color.0).collect();
         // Counts are never longer than these.
         let file = HeadLast::create(target, header(u64::MAX, u64::MAX, 0).len())?;
-        Ok(Self { file, section: *section, colors, strands: Vec::new(), vertices: 0, conveyor: Conveyor::default() })
+        Ok(Self {
+            file,
+            section: *section,
+            colors,
+            strands: Vec::new(),
+            vertices: 0,
+            conveyor: Conveyor::default(),
+        })
     }
 
     /// Vertices of all strands in turn, numbered through.
@@ -85,17 +95,29 @@ impl Sink for PlyWriter {
         self.vertices += blocks.iter().map(|block| block.tubes.positions.len() as u64).sum::<u64>();
         if self.vertices > u64::from(u32::MAX) {
             // Said now, not when the disk is full of what can't be numbered.
-            return Err(ExportError::TooMany { path: self.file.target().to_owned(), vertices: self.vertices });
+            return Err(ExportError::TooMany {
+                path: self.file.target().to_owned(),
+                vertices: self.vertices,
+            });
         }
         let Self { file, colors, conveyor, .. } = self;
-        conveyor.carry(blocks, |block, bytes| add_vertices(block, colors[block.bar], bytes), |bytes| file.write(bytes))
+        conveyor.carry(
+            blocks,
+            |block, bytes| add_vertices(block, colors[block.bar], bytes),
+            |bytes| file.write(bytes),
+        )
     }
 
     fn finish(mut self: Box<Self>) -> Result<Vec<Output>, ExportError> {
         let strands = self.numbered();
         let Self { file, section, conveyor, vertices, .. } = &mut *self;
         let strands: Vec<_> = strands.chunks(STRANDS).collect();
-        let count = strands.iter().copied().flatten().map(|vertices| faces::count(section, vertices) as u64).sum();
+        let count = strands
+            .iter()
+            .copied()
+            .flatten()
+            .map(|vertices| faces::count(section, vertices) as u64)
+            .sum();
         let add = |strands: &&[Range<u32>], bytes: &mut Buffer| {
             strands.iter().for_each(|vertices| add_faces(section, vertices.clone(), bytes));
         };
@@ -126,7 +148,9 @@ fn header(vertices: u64, faces: u64, padding: usize) -> String {
 
 fn add_vertices(block: &Block, color: [u8; 3], bytes: &mut Buffer) {
     let tubes = &block.tubes;
-    let vertices = bytemuck::cast_slice_mut::<_, Vertex>(bytes.grow(tubes.positions.len() * size_of::<Vertex>()));
+    let vertices = bytemuck::cast_slice_mut::<_, Vertex>(
+        bytes.grow(tubes.positions.len() * size_of::<Vertex>()),
+    );
     let values = tubes.positions.iter().zip(&tubes.normals).zip(&tubes.uvs);
     for (vertex, ((&position, &normal), &texture)) in vertices.iter_mut().zip(values) {
         *vertex = Vertex { position, normal, texture, color };
@@ -135,7 +159,8 @@ fn add_vertices(block: &Block, color: [u8; 3], bytes: &mut Buffer) {
 
 fn add_faces(section: &Section, vertices: Range<u32>, bytes: &mut Buffer) {
     let count = faces::count(section, &vertices);
-    let mut faces = bytemuck::cast_slice_mut::<_, Face>(bytes.grow(count * size_of::<Face>())).iter_mut();
+    let mut faces =
+        bytemuck::cast_slice_mut::<_, Face>(bytes.grow(count * size_of::<Face>())).iter_mut();
     faces::each(section, vertices, |vertices| {
         if let Some(face) = faces.next() {
             *face = Face { corners: 3, vertices };

@@ -14,8 +14,14 @@ use super::{ExportError, Output};
 pub fn write(target: &Path, picture: &RgbaImage) -> Result<Output, ExportError> {
     let mut output = Output::create(target)?;
     output.write_with(|file| {
-        let encoder = PngEncoder::new_with_quality(file, CompressionType::Fast, FilterType::Adaptive);
-        let encoded = encoder.write_image(picture.as_raw(), picture.width(), picture.height(), ExtendedColorType::Rgba8);
+        let encoder =
+            PngEncoder::new_with_quality(file, CompressionType::Fast, FilterType::Adaptive);
+        let encoded = encoder.write_image(
+            picture.as_raw(),
+            picture.width(),
+            picture.height(),
+            ExtendedColorType::Rgba8,
+        );
         encoded.map_err(|error| match error {
             image::ImageError::IoError(source) => source,
             other => std::io::Error::other(other),

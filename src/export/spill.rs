@@ -1,4 +1,5 @@
-//! Parts of a file that are known while an earlier part is being written: they wait in a nameless temporary file beside the target, so that no part is held in memory.
+//! Parts of a file that are known while an earlier part is being written: they wait in a nameless
+//! temporary file beside the target, so that no part is held in memory.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Read as _, Seek as _, SeekFrom, Write as _};
@@ -21,8 +22,10 @@ impl Spill {
     /// # Errors
     /// What the disk says.
     pub(super) fn create(target: &Path) -> Result<Self, ExportError> {
-        // There is room for the file itself, which is more than the system's own place for such files may have; beside a pipe there may be none.
-        let file = tempfile::tempfile_in(folder_of(target)).or_else(|_refused| tempfile::tempfile());
+        // There is room for the file itself, which is more than the system's own place for such
+        // files may have; beside a pipe there may be none.
+        let file =
+            tempfile::tempfile_in(folder_of(target)).or_else(|_refused| tempfile::tempfile());
         let file = file.map_err(|source| ExportError::Io { path: target.to_owned(), source })?;
         Ok(Self { file: BufWriter::with_capacity(BUFFER, file), length: 0 })
     }
@@ -50,7 +53,11 @@ impl Spill {
     ///
     /// # Errors
     /// What the disk says.
-    pub(super) fn copy(&mut self, bytes: &Range<u64>, target: &mut impl io::Write) -> io::Result<()> {
+    pub(super) fn copy(
+        &mut self,
+        bytes: &Range<u64>,
+        target: &mut impl io::Write,
+    ) -> io::Result<()> {
         self.file.flush()?;
         let file = self.file.get_mut();
         file.seek(SeekFrom::Start(bytes.start))?;

@@ -1,6 +1,7 @@
 //! Files of fibres: whatever a writer takes, with each yarn's fibres in its place.
 //!
-//! In: blocks of yarns. Out: what the writer makes of blocks of fibres. Blocks are spun in parallel, as many at a time as there are threads: fibres take a thousand times a yarn's memory.
+//! In: blocks of yarns. Out: what the writer makes of blocks of fibres. Blocks are spun in
+//! parallel, as many at a time as there are threads: fibres take a thousand times a yarn's memory.
 
 use rayon::prelude::*;
 
@@ -18,7 +19,8 @@ pub struct SpunWriter<'a> {
 }
 
 impl<'a> SpunWriter<'a> {
-    /// Spins for a writer of the fabric that [`spun::fabric`] gives; `surface` where it takes tubes.
+    /// Spins for a writer of the fabric that [`spun::fabric`] gives; `surface` where it takes
+    /// tubes.
     #[must_use]
     pub fn new(writer: Box<dyn Sink + 'a>, bundles: Vec<Bundle>, surface: Option<Section>) -> Self {
         Self { writer, bundles, surface }
@@ -28,8 +30,10 @@ impl<'a> SpunWriter<'a> {
 impl Sink for SpunWriter<'_> {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
         for blocks in blocks.chunks(rayon::current_num_threads().max(1)) {
-            let spun: Vec<Block> =
-                blocks.par_iter().map(|block| spun::block(block, &self.bundles[block.bar], self.surface.as_ref())).collect();
+            let spun: Vec<Block> = blocks
+                .par_iter()
+                .map(|block| spun::block(block, &self.bundles[block.bar], self.surface.as_ref()))
+                .collect();
             self.writer.take(&spun)?;
         }
         Ok(())

@@ -1,11 +1,13 @@
 //! Files and folders that have no name yet, and that never outlive their process for long.
 //!
-//! In: a folder. Out: a file or a folder in it called `.warpknit-` and six letters and `.part`. It is gone when it is dropped or published; when a
-//! signal ends the process, if the program then calls [`remove_temporaries`]; and where a process had no time for that (SIGKILL), the next
-//! one that writes beside it removes it. To tell a dead process's temporaries from those at work, each is locked while it is written: the system gives
-//! locks back whatever way a process ends.
+//! In: a folder. Out: a file or a folder in it called `.warpknit-` and six letters and `.part`. It
+//! is gone when it is dropped or published; when a signal ends the process, if the program then
+//! calls [`remove_temporaries`]; and where a process had no time for that (SIGKILL), the next one
+//! that writes beside it removes it. To tell a dead process's temporaries from those at work, each
+//! is locked while it is written: the system gives locks back whatever way a process ends.
 //!
-//! Not promised: that the dead's are removed where files can't be locked (some network file systems) or elsewhere than on Unix.
+//! Not promised: that the dead's are removed where files can't be locked (some network file
+//! systems) or elsewhere than on Unix.
 
 use std::ffi::OsStr;
 use std::fs::{self, File};
@@ -35,8 +37,8 @@ fn register() -> MutexGuard<'static, Register> {
     REGISTER.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Removes all temporary files and folders of this process, for a process that is about to end: no other can be made or published from now on, and
-/// whoever tries waits for the end.
+/// Removes all temporary files and folders of this process, for a process that is about to end: no
+/// other can be made or published from now on, and whoever tries waits for the end.
 ///
 /// A program calls it when a signal asks it to end. Outputs that are whole keep their names.
 pub fn remove_temporaries() {
@@ -85,7 +87,8 @@ pub(super) struct TemporaryFile {
 }
 
 impl TemporaryFile {
-    /// A new file in `folder`, with the rights that the user's own new files have. It is locked until it is closed.
+    /// A new file in `folder`, with the rights that the user's own new files have. It is locked
+    /// until it is closed.
     pub(super) fn create_in(folder: &Path) -> io::Result<(File, Self)> {
         let mut builder = builder();
         #[cfg(unix)]
@@ -150,7 +153,8 @@ impl TemporaryFolder {
         self.folder.path()
     }
 
-    /// Gives the folder its name. Where a folder has it already, the files take their places in it, one after another.
+    /// Gives the folder its name. Where a folder has it already, the files take their places in it,
+    /// one after another.
     pub(super) fn publish(self, target: &Path) -> io::Result<()> {
         let Self { _entry, _lock, folder } = self;
         let _held = register();
@@ -174,10 +178,14 @@ fn builder() -> Builder<'static, 'static> {
 /// Whether a name is one that [`builder`] makes.
 fn is_temporary(name: &OsStr) -> bool {
     let letters = name.to_str().and_then(|name| name.strip_prefix(PREFIX)?.strip_suffix(SUFFIX));
-    letters.is_some_and(|letters| letters.len() == RANDOM_LETTERS && letters.bytes().all(|letter| letter.is_ascii_alphanumeric()))
+    letters.is_some_and(|letters| {
+        letters.len() == RANDOM_LETTERS
+            && letters.bytes().all(|letter| letter.is_ascii_alphanumeric())
+    })
 }
 
-/// Locks a new temporary; false where another process, between its making and its locking, took it for a dead one's and removed it.
+/// Locks a new temporary; false where another process, between its making and its locking, took it
+/// for a dead one's and removed it.
 #[cfg(unix)]
 fn is_kept(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt as _;
@@ -238,7 +246,13 @@ mod tests {
         fs::create_dir(place(".warpknit-dead01.part")).unwrap();
         fs::write(place(".warpknit-dead01.part/map.png"), "x").unwrap();
         std::os::unix::fs::symlink(place("own"), place(".warpknit-aLink0.part")).unwrap();
-        let kept = [".warpknit-notes", ".warpknit-long-name.part", ".warpknit-é0000.part", ".warpknit-alive0.part", "own"];
+        let kept = [
+            ".warpknit-notes",
+            ".warpknit-long-name.part",
+            ".warpknit-é0000.part",
+            ".warpknit-alive0.part",
+            "own",
+        ];
         kept.iter().for_each(|name| fs::write(place(name), "x").unwrap());
         let alive = File::open(place(".warpknit-alive0.part")).unwrap();
         alive.lock().unwrap();
@@ -246,7 +260,10 @@ mod tests {
         for name in [".warpknit-dead00.part", ".warpknit-dead01.part"] {
             assert!(!place(name).exists(), "{name}");
         }
-        assert!(kept.iter().all(|name| place(name).exists()) && place(".warpknit-aLink0.part").is_symlink());
+        assert!(
+            kept.iter().all(|name| place(name).exists())
+                && place(".warpknit-aLink0.part").is_symlink()
+        );
         assert!(temporary.path.exists() && is_temporary(temporary.path.file_name().unwrap()));
     }
 

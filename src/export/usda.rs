@@ -1,8 +1,11 @@
-//! Yarns as USD text (`.usda`): cubic Bézier curves, one `BasisCurves` for each bar of each panel, a material a bar; mm, y up.
+//! Yarns as USD text (`.usda`): cubic Bézier curves, one `BasisCurves` for each bar of each panel,
+//! a material a bar; mm, y up.
 //!
-//! The curves are the tubes' own ([`crate::yarn::curve`]), to four decimals of a millimetre. Each data point has its course and wale (`primvars:course`, `primvars:wale`; -1 where the panel's
-//! edge cut the yarn off before its first data point), and the yarn's length up to it in mm (`primvars:st`, second number); each curve the number of its yarn. One pass:
-//! a prim's points go to the file as they come, and what follows them waits on the disk.
+//! The curves are the tubes' own ([`crate::yarn::curve`]), to four decimals of a millimetre. Each
+//! data point has its course and wale (`primvars:course`, `primvars:wale`; -1 where the panel's
+//! edge cut the yarn off before its first data point), and the yarn's length up to it in mm
+//! (`primvars:st`, second number); each curve the number of its yarn. One pass: a prim's points go
+//! to the file as they come, and what follows them waits on the disk.
 
 use std::fmt::Write as _;
 use std::io::{self, Write as _};
@@ -71,7 +74,13 @@ impl UsdaWriter {
         let mut output = Output::create(target)?;
         let bars = bars(fabric, section);
         output.write_with(|file| file.write_all(head(&bars, "").as_bytes()))?;
-        Ok(Self { output, bars, group: None, later: Attributes::create(target)?, conveyor: Conveyor::default() })
+        Ok(Self {
+            output,
+            bars,
+            group: None,
+            later: Attributes::create(target)?,
+            conveyor: Conveyor::default(),
+        })
     }
 
     /// Adds blocks of one bar of one panel.
@@ -134,7 +143,12 @@ impl Attributes {
     }
 
     /// Appends those of blocks of one prim; errors are told with the output's name.
-    pub(super) fn add(&mut self, blocks: &[Block], conveyor: &mut Conveyor, output: &mut Output) -> Result<(), ExportError> {
+    pub(super) fn add(
+        &mut self,
+        blocks: &[Block],
+        conveyor: &mut Conveyor,
+        output: &mut Output,
+    ) -> Result<(), ExportError> {
         for (attribute, spill) in &mut self.0 {
             conveyor.carry(
                 blocks,
@@ -151,7 +165,8 @@ impl Attributes {
             let (declared, interpolation) = attribute.declared();
             write!(file, "        {declared} = [")?;
             spill.pour(file)?;
-            let metadata = interpolation.map_or(String::new(), |name| format!(" (interpolation = \"{name}\")"));
+            let metadata = interpolation
+                .map_or(String::new(), |name| format!(" (interpolation = \"{name}\")"));
             writeln!(file, "]{metadata}")?;
         }
         Ok(())
@@ -178,8 +193,10 @@ impl Attribute {
                 // Three for each span, and the first.
                 Self::Counts => item(text, format_args!("{}", 3 * (points.end - points.start) - 2)),
                 Self::Yarns => item(text, format_args!("{}", strand.yarn.0)),
-                Self::Courses => points.for_each(|at| item(text, format_args!("{}", place(block, strand, at)[0]))),
-                Self::Wales => points.for_each(|at| item(text, format_args!("{}", place(block, strand, at)[1]))),
+                Self::Courses => points
+                    .for_each(|at| item(text, format_args!("{}", place(block, strand, at)[0]))),
+                Self::Wales => points
+                    .for_each(|at| item(text, format_args!("{}", place(block, strand, at)[1]))),
                 Self::Lengths => lengths(&block.draped.positions[strand.range()], text),
             }
         }
@@ -195,7 +212,8 @@ fn item(text: &mut Buffer, value: std::fmt::Arguments<'_>) {
 fn place(block: &Block, strand: &Strand, at: u32) -> [i32; 2] {
     let sources = &block.strands.sources;
     let inner = if at == strand.points.start { at + 1 } else { at.saturating_sub(1) };
-    let source = [at, inner].map(|at| sources[at as usize]).into_iter().find(|&source| source != CUT);
+    let source =
+        [at, inner].map(|at| sources[at as usize]).into_iter().find(|&source| source != CUT);
     source.map_or([UNKNOWN; 2], |source| {
         let tag = block.knitted.tags[source as usize];
         [tag.course, tag.wale]
@@ -219,7 +237,8 @@ fn lengths(points: &[DVec3], text: &mut Buffer) {
 fn controls(block: &Block) -> impl Iterator<Item = Vec3> {
     block.strands.strands.iter().flat_map(|strand| {
         let points = &block.draped.positions[strand.range()];
-        let spans = (0..points.len() - 1).flat_map(|index| curve::span(points, index).bezier().into_iter().skip(1));
+        let spans = (0..points.len() - 1)
+            .flat_map(|index| curve::span(points, index).bezier().into_iter().skip(1));
         points.first().copied().into_iter().chain(spans).map(|point| point.as_vec3())
     })
 }
@@ -241,7 +260,12 @@ pub(super) fn boxed([low, high]: [Vec3; 2], radius: f32) -> String {
 
 /// Each bar's colour, linear, and radius, mm.
 pub(super) fn bars(fabric: &Fabric, section: &Section) -> Vec<([f32; 3], f32)> {
-    fabric.bars.iter().map(|bar| bar.yarn.color.linear()).zip(super::radii(fabric, section)).collect()
+    fabric
+        .bars
+        .iter()
+        .map(|bar| bar.yarn.color.linear())
+        .zip(super::radii(fabric, section))
+        .collect()
 }
 
 /// Appends a block's control points.

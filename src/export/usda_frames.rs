@@ -1,7 +1,10 @@
-//! A drape sequence as one `.usda`: the curves of [`super::usda`] with time samples, a time code a frame.
+//! A drape sequence as one `.usda`: the curves of [`super::usda`] with time samples, a time code a
+//! frame.
 //!
-//! Points and boxes have samples; which yarns there are, their courses and wales and their lengths are the first frame's, since the yarns of a sequence are those of its first frame. Frames come
-//! one after the other and the file wants each prim with all of its frames, so everything waits in a nameless temporary file until the last frame is there.
+//! Points and boxes have samples; which yarns there are, their courses and wales and their lengths
+//! are the first frame's, since the yarns of a sequence are those of its first frame. Frames come
+//! one after the other and the file wants each prim with all of its frames, so everything waits in
+//! a nameless temporary file until the last frame is there.
 
 use std::io::Write as _;
 use std::ops::Range;
@@ -54,7 +57,12 @@ impl UsdaFramesWriter {
     ///
     /// # Errors
     /// What the disk says.
-    pub fn create(target: &Path, fabric: &Fabric, section: &Section, frames_per_second: f64) -> Result<Self, ExportError> {
+    pub fn create(
+        target: &Path,
+        fabric: &Fabric,
+        section: &Section,
+        frames_per_second: f64,
+    ) -> Result<Self, ExportError> {
         Ok(Self {
             output: Output::create(target)?,
             bars: bars(fabric, section),
@@ -68,7 +76,8 @@ impl UsdaFramesWriter {
         })
     }
 
-    /// Says that the blocks to come are those of the frame with this time code: higher than the last one's.
+    /// Says that the blocks to come are those of the frame with this time code: higher than the
+    /// last one's.
     ///
     /// # Errors
     /// What the disk says.
@@ -86,7 +95,13 @@ impl UsdaFramesWriter {
             let place = self.prims.iter().position(known).unwrap_or(self.prims.len());
             if place == self.prims.len() {
                 let (panel, bar) = at;
-                self.prims.push(Prim { panel, bar, points: Vec::new(), extents: Vec::new(), attributes: 0..0 });
+                self.prims.push(Prim {
+                    panel,
+                    bar,
+                    points: Vec::new(),
+                    extents: Vec::new(),
+                    attributes: 0..0,
+                });
             }
             let start = self.waiting.length();
             self.prims[place].points.push(start..start);
@@ -119,7 +134,8 @@ impl UsdaFramesWriter {
 
     /// What the file says of time.
     fn time(&self) -> String {
-        let (first, last) = (self.codes.first().copied().unwrap_or(1), self.codes.last().copied().unwrap_or(1));
+        let (first, last) =
+            (self.codes.first().copied().unwrap_or(1), self.codes.last().copied().unwrap_or(1));
         let speed = self.frames_per_second;
         format!(
             "    startTimeCode = {first}\n    endTimeCode = {last}\n    timeCodesPerSecond = {speed}\n    framesPerSecond = {speed}\n"
@@ -139,7 +155,11 @@ impl Sink for UsdaFramesWriter {
         output.write_with(|file| {
             file.write_all(head(&bars, &time).as_bytes())?;
             for Prim { panel, bar, points, extents, attributes } in &prims {
-                writeln!(file, "{}        point3f[] points.timeSamples = {{", prim(*panel, *bar, bars[*bar]))?;
+                writeln!(
+                    file,
+                    "{}        point3f[] points.timeSamples = {{",
+                    prim(*panel, *bar, bars[*bar])
+                )?;
                 for (code, sample) in codes.iter().zip(points) {
                     write!(file, "            {code}: [")?;
                     waiting.copy(sample, file)?;

@@ -1,4 +1,5 @@
-//! Guide bars: a lapping, a threading and a yarn; and what else brings yarns, wefts, feeders and the strands of laid cloth.
+//! Guide bars: a lapping, a threading and a yarn; and what else brings yarns, wefts, feeders and
+//! the strands of laid cloth.
 
 use super::error::Fault;
 use super::lapping::{Chain, Numbering};
@@ -29,9 +30,11 @@ pub enum BarKind {
     Guide,
     /// Weft insertion: straight yarns across the whole width, in the layer of an inlay.
     Weft,
-    /// A feeder of a weft-knitting machine: a yarn across the whole width that loops on every needle, as the fabric's motif says.
+    /// A feeder of a weft-knitting machine: a yarn across the whole width that loops on every
+    /// needle, as the fabric's motif says.
     Feeder,
-    /// Nothing: the yarn lies as its path in [`super::Fabric::paths`] says, and goes on along the wales.
+    /// Nothing: the yarn lies as its path in [`super::Fabric::paths`] says, and goes on along the
+    /// wales.
     LaidAlong,
     /// The same, and goes on across the wales.
     LaidAcross,
@@ -95,8 +98,8 @@ impl Bar {
         self.chain.gaps().0 < 0
     }
 
-    /// Its lapping as a designer writes it: the chain with gaps counted from the drive, or `weft`; for a feeder its courses,
-    /// for a laid strand where it goes on.
+    /// Its lapping as a designer writes it: the chain with gaps counted from the drive, or `weft`;
+    /// for a feeder its courses, for a laid strand where it goes on.
     #[must_use]
     pub fn lapping(&self) -> String {
         match self.kind {
@@ -133,7 +136,11 @@ fn staying() -> Chain {
 }
 
 /// Reads a lapping: a chain, or `weft`. `what` names it in the fault.
-pub(super) fn read_lapping(what: &str, text: &str, numbering: Numbering) -> Result<(BarKind, Chain), Fault> {
+pub(super) fn read_lapping(
+    what: &str,
+    text: &str,
+    numbering: Numbering,
+) -> Result<(BarKind, Chain), Fault> {
     let weft = text.trim() == WEFT;
     let kind = if weft { BarKind::Weft } else { BarKind::Guide };
     match Chain::parse(if weft { "0-0//" } else { text }, numbering) {
@@ -144,5 +151,9 @@ pub(super) fn read_lapping(what: &str, text: &str, numbering: Numbering) -> Resu
 
 /// Reads a threading. `what` names it in the fault.
 pub(super) fn read_threading(what: &str, text: &str) -> Result<Threading, Fault> {
-    Threading::parse(text).map_err(|why| Fault::Threading { what: what.to_owned(), text: text.to_owned(), why })
+    Threading::parse(text).map_err(|why| Fault::Threading {
+        what: what.to_owned(),
+        text: text.to_owned(),
+        why,
+    })
 }

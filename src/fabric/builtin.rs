@@ -1,6 +1,7 @@
 //! The fabrics that come with the program, one TOML file each, embedded in the binary.
 
-/// Name and text of each: the default first, then cloths of two bars, single bars, nets and inlays, and weft knits.
+/// Name and text of each: the default first, then cloths of two bars, single bars, nets and inlays,
+/// and weft knits.
 const FABRICS: &[(&str, &str)] = &[
     ("tricot", include_str!("builtin/tricot.toml")),
     ("locknit", include_str!("builtin/locknit.toml")),

@@ -1,7 +1,9 @@
-//! What a designer should know of a fabric although it can be knitted: [`Fabric::warnings`], and the threads each needle gets.
+//! What a designer should know of a fabric although it can be knitted: [`Fabric::warnings`], and
+//! the threads each needle gets.
 //!
-//! Everything here follows from the chains and threadings over one common repeat; no yarn is laid. Not promised: an inlay that moves
-//! is taken to be held, whatever needles it passes; yarns that share their place in some courses alone are no fault.
+//! Everything here follows from the chains and threadings over one common repeat; no yarn is laid.
+//! Not promised: an inlay that moves is taken to be held, whatever needles it passes; yarns that
+//! share their place in some courses alone are no fault.
 
 use super::{Bar, BarKind, Fabric};
 
@@ -67,7 +69,10 @@ impl Fabric {
             return warnings;
         }
         if self.bars.iter().all(|bar| bar.chain.is_inlay()) {
-            warnings.push("no bar knits: without an overlap, such as 1-0, there is no loop that holds a yarn".to_owned());
+            warnings.push(
+                "no bar knits: without an overlap, such as 1-0, there is no loop that holds a yarn"
+                    .to_owned(),
+            );
             return warnings;
         }
         warnings.extend(self.dropped_stitches());
@@ -84,18 +89,21 @@ impl Fabric {
             others => format!("and {others} more"),
         };
         let (wales, courses) = (self.threading_repeat(), self.repeat());
-        let repeat = format!("{wales} {} by {courses} {}", plural(wales, "wale"), plural(courses, "course"));
+        let repeat =
+            format!("{wales} {} by {courses} {}", plural(wales, "wale"), plural(courses, "course"));
         Some(format!(
             "no bar laps the needle of wale {wale} in course {course}: the stitch drops ({others}; the repeat is {repeat})"
         ))
     }
 
-    /// Inlays that no loop can hold, because nothing that knits lies in front of them or crosses their gap.
+    /// Inlays that no loop can hold, because nothing that knits lies in front of them or crosses
+    /// their gap.
     fn loose_inlays(&self) -> Vec<String> {
         let mut warnings = Vec::new();
         for (at, bar) in self.bars.iter().enumerate().filter(|(_, bar)| bar.chain.is_inlay()) {
             let number = at + 1;
-            let mut in_front = self.bars[..at].iter().filter(|bar| !bar.chain.is_inlay()).peekable();
+            let mut in_front =
+                self.bars[..at].iter().filter(|bar| !bar.chain.is_inlay()).peekable();
             if in_front.peek().is_none() {
                 warnings.push(format!("bar {number} lays in yarns in front of all knitting bars: no underlap holds them"));
             } else if bar.kind == BarKind::Guide && !bar.moves() && !in_front.any(Bar::ever_shogs) {
@@ -108,13 +116,20 @@ impl Fabric {
         warnings
     }
 
-    /// Bars with a yarn in exactly the same place as one of a bar in front of them, each with the first such bar.
+    /// Bars with a yarn in exactly the same place as one of a bar in front of them, each with the
+    /// first such bar.
     fn twin_bars(&self) -> Vec<String> {
         let twin = |behind: usize| {
             let rear = &self.bars[behind];
-            let (at, (guide, other)) =
-                self.bars[..behind].iter().enumerate().find_map(|(at, front)| Some((at, front.shares_place_with(rear)?)))?;
-            let how = if rear.chain.is_inlay() { "lie in the same gaps" } else { "make the same laps on the same needles" };
+            let (at, (guide, other)) = self.bars[..behind]
+                .iter()
+                .enumerate()
+                .find_map(|(at, front)| Some((at, front.shares_place_with(rear)?)))?;
+            let how = if rear.chain.is_inlay() {
+                "lie in the same gaps"
+            } else {
+                "make the same laps on the same needles"
+            };
             Some(format!(
                 "bars {} and {} collide: from course 1 on, the yarns of guide {} of the one and guide {} of the other {how}, so they \
                  run as one",
@@ -138,18 +153,21 @@ impl Bar {
     /// Whether it may have been taken from a raschel chart, whose gaps are numbered 0, 2, 4.
     fn looks_like_raschel(&self) -> bool {
         let laps = self.chain.laps();
-        laps.iter().all(|lap| lap.from % 2 == 0 && lap.to % 2 == 0) && laps.iter().any(|lap| lap.overlap() != 0)
+        laps.iter().all(|lap| lap.from % 2 == 0 && lap.to % 2 == 0)
+            && laps.iter().any(|lap| lap.overlap() != 0)
     }
 
-    /// Whether its loops follow each other on different needles, so that underlaps cross the gaps between wales.
+    /// Whether its loops follow each other on different needles, so that underlaps cross the gaps
+    /// between wales.
     fn ever_shogs(&self) -> bool {
-        let mut needles = self.chain.laps().iter().filter(|lap| lap.overlap() != 0).map(|lap| lap.needle());
+        let mut needles =
+            self.chain.laps().iter().filter(|lap| lap.overlap() != 0).map(|lap| lap.needle());
         let first = needles.next();
         needles.any(|needle| Some(needle) != first)
     }
 
-    /// The first guides of this bar and of `other` (within a repeat of both threadings) whose yarns make the same movement in the same
-    /// gaps in every course.
+    /// The first guides of this bar and of `other` (within a repeat of both threadings) whose yarns
+    /// make the same movement in the same gaps in every course.
     fn shares_place_with(&self, other: &Self) -> Option<(i64, i64)> {
         if self.kind == BarKind::Weft || other.kind == BarKind::Weft {
             // A weft crosses the yarns of guides, and those of two bars lie in layers of their own.
@@ -159,10 +177,14 @@ impl Bar {
         let shift = ours[0].from - theirs[0].from;
         let courses = super::least_common_multiple(ours.len(), theirs.len());
         let together = ours.iter().cycle().zip(theirs.iter().cycle()).take(courses);
-        let same = together.into_iter().all(|(a, b)| a.from == b.from + shift && a.to == b.to + shift);
-        let guides = super::least_common_multiple(self.threading.repeat(), other.threading.repeat());
+        let same =
+            together.into_iter().all(|(a, b)| a.from == b.from + shift && a.to == b.to + shift);
+        let guides =
+            super::least_common_multiple(self.threading.repeat(), other.threading.repeat());
         let guides = i64::try_from(guides).expect("repeats are limited");
-        let shared = |&guide: &i64| self.threading.carries(guide) && other.threading.carries(guide + i64::from(shift));
+        let shared = |&guide: &i64| {
+            self.threading.carries(guide) && other.threading.carries(guide + i64::from(shift))
+        };
         let guide = (0..guides).find(shared).filter(|_| same)?;
         Some((guide, guide + i64::from(shift)))
     }
@@ -220,7 +242,12 @@ mod tests {
         for bars in [
             &[("1-0/1-2/2-3/2-1", "I."), ("2-3/2-1/1-0/1-2", ".I")][..],
             &[("1-0/1-2/1-0/2-3/2-1/2-3", "I."), ("2-3/2-1/2-3/1-0/1-2/1-0", ".I")],
-            &[("2-1/2-3/2-1/1-2/1-0/1-2", "I."), ("1-2/1-0/1-2/2-1/2-3/2-1", ".I"), ("0-0/1-1", "I."), ("1-1/0-0", ".I")],
+            &[
+                ("2-1/2-3/2-1/1-2/1-0/1-2", "I."),
+                ("1-2/1-0/1-2/2-1/2-3/2-1", ".I"),
+                ("0-0/1-1", "I."),
+                ("1-1/0-0", ".I"),
+            ],
             // One lapping on two bars, for stripes of two yarns.
             &[("1-0/1-2", "I."), ("1-0/1-2", ".I")],
         ] {
@@ -231,11 +258,16 @@ mod tests {
     #[test]
     fn needles_without_a_loop_are_named_and_counted() {
         let half = fabric(&[("1-0/1-2", "..I")]);
-        assert_eq!(half.needles(), Needles { fewest: 0, most: 1, dropped: 4, first_dropped: Some((1, 1)) });
+        assert_eq!(
+            half.needles(),
+            Needles { fewest: 0, most: 1, dropped: 4, first_dropped: Some((1, 1)) }
+        );
         let warnings = half.warnings();
         assert_eq!(
             warnings,
-            ["no bar laps the needle of wale 1 in course 1: the stitch drops (and 3 more; the repeat is 3 wales by 2 courses)"]
+            [
+                "no bar laps the needle of wale 1 in course 1: the stitch drops (and 3 more; the repeat is 3 wales by 2 courses)"
+            ]
         );
     }
 
@@ -259,7 +291,11 @@ mod tests {
             ["bar 1 lays in yarns in front of all knitting bars: no underlap holds them"]
         );
         let between = full(&["1-0/0-1", "0-0"]).warnings();
-        assert!(between.len() == 1 && between[0].contains("bar 2 lays yarns straight between the wales"), "{between:?}");
+        assert!(
+            between.len() == 1
+                && between[0].contains("bar 2 lays yarns straight between the wales"),
+            "{between:?}"
+        );
     }
 
     #[test]
@@ -273,10 +309,18 @@ mod tests {
             ]
         );
         let inlays = full(&["1-0/0-1", "0-0/2-2", "0-0/2-2/0-0/2-2"]).warnings();
-        assert!(inlays.len() == 1 && inlays[0].starts_with("bars 2 and 3 collide") && inlays[0].contains("gaps"), "{inlays:?}");
+        assert!(
+            inlays.len() == 1
+                && inlays[0].starts_with("bars 2 and 3 collide")
+                && inlays[0].contains("gaps"),
+            "{inlays:?}"
+        );
         // A guide further on with a chain a gap lower is the same place.
         let shifted = fabric(&[("1-0/0-1", "I"), ("1-1/3-3", "I."), ("0-0/2-2", ".I")]).warnings();
-        assert!(shifted.iter().any(|warning| warning.starts_with("bars 2 and 3 collide")), "{shifted:?}");
+        assert!(
+            shifted.iter().any(|warning| warning.starts_with("bars 2 and 3 collide")),
+            "{shifted:?}"
+        );
         let apart = fabric(&[("1-0/0-1", "I"), ("0-0/2-2", "I."), ("0-0/2-2", ".I")]).warnings();
         assert_eq!(apart, Vec::<String>::new());
         let turned = full(&["1-0/0-1", "0-0/2-2", "2-2/0-0"]).warnings();

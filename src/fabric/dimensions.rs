@@ -1,10 +1,12 @@
 //! The dimensions of the eight-point stitch, which a fabric file may change.
 //!
-//! In: numbers over the wale spacing W, the course spacing C or the yarn's radius r. Out: [`Dimensions`], whose default is the specification's
-//! table. Each is held in a range in which a loop stays a loop: feet below legs below head, and the head above the next course. That
-//! yarns keep clear of each other is not promised for any but the default.
+//! In: numbers over the wale spacing W, the course spacing C or the yarn's radius r. Out:
+//! [`Dimensions`], whose default is the specification's table. Each is held in a range in which a
+//! loop stays a loop: feet below legs below head, and the head above the next course. That yarns
+//! keep clear of each other is not promised for any but the default.
 
-/// Dimensions of a stitch. S1, S8 are its feet, S2, S7 its lower legs, S3, S6 its upper legs and S4, S5 its head.
+/// Dimensions of a stitch. S1, S8 are its feet, S2, S7 its lower legs, S3, S6 its upper legs and
+/// S4, S5 its head.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dimensions {
     /// Half the distance between the feet, over W.

@@ -10,7 +10,8 @@ use super::{MAX_BARS, MAX_REPEAT, MAX_THREADING};
 
 /// Why there is no fabric.
 ///
-/// It prints as one line without the place, which whoever knows the file's name puts in front: see [`Place`].
+/// It prints as one line without the place, which whoever knows the file's name puts in front: see
+/// [`Place`].
 #[derive(Debug, thiserror::Error)]
 #[error("{fault}")]
 pub struct FabricError {
@@ -27,7 +28,9 @@ pub enum Fault {
     #[error("can't read the fabric file: {0}")]
     Io(std::io::Error),
     /// No built-in fabric of that name.
-    #[error("there is no built-in fabric '{0}': `warpknit fabrics` lists them, and a file's name ends in .toml")]
+    #[error(
+        "there is no built-in fabric '{0}': `warpknit fabrics` lists them, and a file's name ends in .toml"
+    )]
     Unknown(String),
     /// Not TOML, or not what a fabric file holds; TOML's own words.
     #[error("{0}")]
@@ -94,7 +97,9 @@ pub enum Fault {
     #[error("a weft knit needs a chart and at least one [[feeders]] table")]
     NoFeeders,
     /// A course without a yarn, or with several.
-    #[error("course {course} is knitted by {count} feeders: the marks of `courses` must give each course one")]
+    #[error(
+        "course {course} is knitted by {count} feeders: the marks of `courses` must give each course one"
+    )]
     Feeders {
         /// Counted from 1.
         course: usize,
@@ -119,7 +124,9 @@ pub enum Fault {
     #[error("{0} bars; at most {MAX_BARS} are taken")]
     TooManyBars(usize),
     /// Threadings that meet too rarely.
-    #[error("the threadings repeat together only after {0} guides; at most {MAX_THREADING} are taken")]
+    #[error(
+        "the threadings repeat together only after {0} guides; at most {MAX_THREADING} are taken"
+    )]
     ThreadingTooLong(usize),
     /// Bars that meet too rarely.
     #[error("the bars repeat together only after {0} courses; at most {MAX_REPEAT} are taken")]
@@ -190,11 +197,13 @@ pub struct Place {
     pub columns: Range<usize>,
 }
 
-/// Characters shown before and from the fault in a long line: a chain of a thousand courses need not fill the screen.
+/// Characters shown before and from the fault in a long line: a chain of a thousand courses need
+/// not fill the screen.
 const SHOWN: usize = 80;
 
 impl Place {
-    /// The place of some bytes of a text; a span over several lines is shown as far as its first line goes.
+    /// The place of some bytes of a text; a span over several lines is shown as far as its first
+    /// line goes.
     #[must_use]
     pub fn of(text: &str, span: Range<usize>) -> Self {
         let start = text.floor_char_boundary(span.start);
@@ -219,7 +228,12 @@ impl Place {
 impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         // A tab above stays a tab below, whatever width the terminal gives it.
-        let indent: String = self.text.chars().take(self.columns.start).map(|c| if c == '\t' { c } else { ' ' }).collect();
+        let indent: String = self
+            .text
+            .chars()
+            .take(self.columns.start)
+            .map(|c| if c == '\t' { c } else { ' ' })
+            .collect();
         write!(f, "{}\n{indent}{}", self.text, "^".repeat(self.columns.len()))
     }
 }
@@ -238,7 +252,10 @@ mod tests {
         assert_eq!(Place::of("", 0..0).to_string(), "\n^");
         let long = "x".repeat(1000);
         let place = Place::of(&long, 500..501);
-        assert_eq!((place.text.chars().count(), place.columns), (SHOWN * 2 + 2, SHOWN + 1..SHOWN + 2));
+        assert_eq!(
+            (place.text.chars().count(), place.columns),
+            (SHOWN * 2 + 2, SHOWN + 1..SHOWN + 2)
+        );
     }
 
     proptest! {

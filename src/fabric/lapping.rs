@@ -1,9 +1,10 @@
 //! The chain notation of warp knitting: `1-0/1-2//` to laps, and back.
 //!
-//! In: the text of one guide bar's lapping. Out: a [`Chain`], one [`Lap`] a course; or a [`LappingError`] with the byte span that is
-//! wrong, so that whoever prints it can point at it. `-` is the overlap in front of the needle, `/` the underlap behind the
-//! needles. Rules: the specification's knit page; the numbering is that of tricot machines (0, 1, 2 …) or of raschel charts
-//! (0, 2, 4 …), which is halved.
+//! In: the text of one guide bar's lapping. Out: a [`Chain`], one [`Lap`] a course; or a
+//! [`LappingError`] with the byte span that is wrong, so that whoever prints it can point at it.
+//! `-` is the overlap in front of the needle, `/` the underlap behind the needles. Rules: the
+//! specification's knit page; the numbering is that of tricot machines (0, 1, 2 …) or of raschel
+//! charts (0, 2, 4 …), which is halved.
 
 use std::fmt;
 use std::ops::Range;
@@ -44,13 +45,15 @@ impl Lap {
         (self.to - self.from).signum()
     }
 
-    /// The needle of the first loop, counted from the guide's own gap 0 (or the gap itself for an inlay).
+    /// The needle of the first loop, counted from the guide's own gap 0 (or the gap itself for an
+    /// inlay).
     #[must_use]
     pub fn needle(self) -> i32 {
         self.from.min(self.to)
     }
 
-    /// The needles that get a loop, counted from the guide's own gap 0, in the order of the swing; none for an inlay.
+    /// The needles that get a loop, counted from the guide's own gap 0, in the order of the swing;
+    /// none for an inlay.
     ///
     /// ```
     /// use warpknit::fabric::lapping::Lap;
@@ -60,7 +63,9 @@ impl Lap {
     /// ```
     pub fn needles(self) -> impl Iterator<Item = i32> {
         let count = (self.to - self.from).abs();
-        (0..count).map(move |step| if self.to > self.from { self.from + step } else { self.from - 1 - step })
+        (0..count).map(
+            move |step| if self.to > self.from { self.from + step } else { self.from - 1 - step },
+        )
     }
 }
 
@@ -88,7 +93,8 @@ impl Chain {
         if courses.is_empty() {
             return Err(LappingError { fault: Fault::Empty, span: 0..text.len() });
         }
-        let laps = courses.into_iter().map(|course| course.lap(numbering)).collect::<Result<_, _>>()?;
+        let laps =
+            courses.into_iter().map(|course| course.lap(numbering)).collect::<Result<_, _>>()?;
         Ok(Self { laps })
     }
 
@@ -226,7 +232,9 @@ impl CourseText {
     fn finish(&self) -> Result<(), LappingError> {
         match (self.open_dash, self.links.as_slice()) {
             (Some(at), _) => Err(LappingError { fault: Fault::MissingLink, span: at..at + 1 }),
-            (None, [only]) => Err(LappingError { fault: Fault::LoneLink(only.gap), span: only.span.clone() }),
+            (None, [only]) => {
+                Err(LappingError { fault: Fault::LoneLink(only.gap), span: only.span.clone() })
+            }
             (None, links) if links.len() > MAX_LINKS => {
                 Err(LappingError { fault: Fault::TooManyLinks(links.len()), span: self.span() })
             }
@@ -243,7 +251,9 @@ impl CourseText {
         let gap = |link: &Link| match numbering {
             Numbering::Tricot => Ok(link.gap),
             Numbering::Raschel if link.gap % 2 == 0 => Ok(link.gap / 2),
-            Numbering::Raschel => Err(LappingError { fault: Fault::OddRaschelGap(link.gap), span: link.span.clone() }),
+            Numbering::Raschel => {
+                Err(LappingError { fault: Fault::OddRaschelGap(link.gap), span: link.span.clone() })
+            }
         };
         let lap = Lap { from: gap(&self.links[0])?, to: gap(&self.links[1])? };
         let needles = (lap.to - lap.from).abs();
@@ -282,7 +292,12 @@ fn split(text: &str) -> Result<Vec<CourseText>, LappingError> {
                 }
             }
             c if c.is_whitespace() => {}
-            c => return Err(LappingError { fault: Fault::NotANumber(c), span: at..at + c.len_utf8() }),
+            c => {
+                return Err(LappingError {
+                    fault: Fault::NotANumber(c),
+                    span: at..at + c.len_utf8(),
+                });
+            }
         }
     }
     course.finish()?;
@@ -296,7 +311,10 @@ fn gap_number(digits: &str, at: usize) -> Result<i32, LappingError> {
     // Only overflow can fail here, and a number that long is over the limit as well.
     match digits.parse::<i32>() {
         Ok(gap) if gap <= MAX_GAP => Ok(gap),
-        _ => Err(LappingError { fault: Fault::GapTooHigh(digits.to_owned()), span: at..at + digits.len() }),
+        _ => Err(LappingError {
+            fault: Fault::GapTooHigh(digits.to_owned()),
+            span: at..at + digits.len(),
+        }),
     }
 }
 
@@ -332,7 +350,10 @@ mod tests {
         assert_eq!(fault("1-0/1-2//3-4 "), (Fault::AfterEnd, 9..12));
         assert_eq!(fault("1-0-0-0-0"), (Fault::TooManyLinks(5), 0..9));
         assert_eq!(fault("0-4097"), (Fault::GapTooHigh("4097".into()), 2..6));
-        assert_eq!(fault("0-99999999999999999999"), (Fault::GapTooHigh("99999999999999999999".into()), 2..22));
+        assert_eq!(
+            fault("0-99999999999999999999"),
+            (Fault::GapTooHigh("99999999999999999999".into()), 2..22)
+        );
         assert_eq!(fault("1-0/0-3//"), (Fault::OverlapTooWide(3), 4..7));
     }
 

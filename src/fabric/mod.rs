@@ -1,7 +1,9 @@
-//! Fabrics as a designer names them: guide bars with their lapping, threading and yarn, and the densities.
+//! Fabrics as a designer names them: guide bars with their lapping, threading and yarn, and the
+//! densities.
 //!
-//! In: a TOML file ([`Fabric::read`]) or a built-in name ([`Fabric::named`]). Out: a checked [`Fabric`]. Lengths that are drawn
-//! follow from it ([`Fabric::radius`]), weights always from the yarn's count.
+//! In: a TOML file ([`Fabric::read`]) or a built-in name ([`Fabric::named`]). Out: a checked
+//! [`Fabric`]. Lengths that are drawn follow from it ([`Fabric::radius`]), weights always from the
+//! yarn's count.
 
 mod bar;
 pub mod builtin;
@@ -36,7 +38,8 @@ pub const MAX_THREADING: usize = 1_000;
 /// The most guide bars; machines have up to some 80, most of them for a few patterning threads.
 pub const MAX_BARS: usize = 100;
 
-/// The most needles of the common repeat, over all of its courses and bars: each is looked at for warnings.
+/// The most needles of the common repeat, over all of its courses and bars: each is looked at for
+/// warnings.
 pub const MAX_LAPS: usize = 10_000_000;
 /// The most loops of a weft knit's common repeat: all are laid out, and take a kilobyte each.
 pub const MAX_LOOPS: usize = 1_000_000;
@@ -49,11 +52,13 @@ const INCH_IN_CM: f64 = 2.54;
 const THICKEST_ACROSS: f64 = 0.12;
 const THICKEST_ALONG: f64 = 0.2;
 
-/// How the yarn of a laid strand runs through its cell: x and y in cells, counted from its lower left corner, z in mm before [`Fabric::enlargement`]. From the last point it goes on
-/// to the first one of the next cell.
+/// How the yarn of a laid strand runs through its cell: x and y in cells, counted from its lower
+/// left corner, z in mm before [`Fabric::enlargement`]. From the last point it goes on to the first
+/// one of the next cell.
 pub type Path = Vec<DVec3>;
 
-/// A fabric: warp knit by guide bars, weft knit by feeders after a motif, or laid as its strands' paths say, in cells of one wale and one course.
+/// A fabric: warp knit by guide bars, weft knit by feeders after a motif, or laid as its strands'
+/// paths say, in cells of one wale and one course.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fabric {
     /// The name by which the command line knows it.
@@ -62,21 +67,25 @@ pub struct Fabric {
     pub about: String,
     /// Wales per centimetre of the finished cloth.
     pub wales_per_cm: f64,
-    /// Needles an inch, where the wales were given so: `wales_per_cm` follows from it, before finishing.
+    /// Needles an inch, where the wales were given so: `wales_per_cm` follows from it, before
+    /// finishing.
     pub gauge: Option<f64>,
     /// Courses per centimetre of the finished cloth.
     pub courses_per_cm: f64,
     /// The shape of its stitches.
     pub stitch: Dimensions,
-    /// Guide bars, front first (bar 1 = front guide bar, nearest the technical back); of a weft knit its feeders, of laid cloth its strands.
+    /// Guide bars, front first (bar 1 = front guide bar, nearest the technical back); of a weft
+    /// knit its feeders, of laid cloth its strands.
     pub bars: Vec<Bar>,
     /// Which loop stands where in a weft knit; none in others.
     pub motif: Option<Motif>,
     /// Of laid cloth the path of each of [`Fabric::bars`]; none in a knit.
     pub paths: Vec<Path>,
-    /// Panels on which it lies otherwise than along the garment's grain from the lowest-left corner.
+    /// Panels on which it lies otherwise than along the garment's grain from the lowest-left
+    /// corner.
     pub panels: Vec<PanelLayout>,
-    /// How many times the yarns are drawn larger than their count says: cloth shown at another scale.
+    /// How many times the yarns are drawn larger than their count says: cloth shown at another
+    /// scale.
     pub enlargement: f64,
 }
 
@@ -85,9 +94,11 @@ pub struct Fabric {
 pub struct PanelLayout {
     /// Index of the panel in [`crate::garment::Garment::panels`].
     pub panel: usize,
-    /// Turns the panel's wales, degrees, counter-clockwise seen from the technical face, on top of the garment's grain.
+    /// Turns the panel's wales, degrees, counter-clockwise seen from the technical face, on top of
+    /// the garment's grain.
     pub grain_degrees: f64,
-    /// Where gap 0 of course 0 lies, mm from the lowest-left corner of the panel once its wales run upward.
+    /// Where gap 0 of course 0 lies, mm from the lowest-left corner of the panel once its wales run
+    /// upward.
     pub origin: DVec2,
 }
 
@@ -122,13 +133,15 @@ impl Fabric {
         file::parse(text)
     }
 
-    /// The fabric with other bars, of these chains (or `weft`) and threadings, front first, as the command line gives them.
+    /// The fabric with other bars, of these chains (or `weft`) and threadings, front first, as the
+    /// command line gives them.
     ///
-    /// Densities and yarns stay: each bar has the yarn of this fabric's bar in its place, or of the last. Without threadings all are full, and the
-    /// last one is that of all bars after it.
+    /// Densities and yarns stay: each bar has the yarn of this fabric's bar in its place, or of the
+    /// last. Without threadings all are full, and the last one is that of all bars after it.
     ///
     /// # Errors
-    /// A chain or a threading that can't be read, under the name of its flag, or too much of anything.
+    /// A chain or a threading that can't be read, under the name of its flag, or too much of
+    /// anything.
     ///
     /// ```
     /// use warpknit::fabric::Fabric;
@@ -136,19 +149,31 @@ impl Fabric {
     /// assert_eq!(satin.name, "3-4/1-0// + 1-0/1-2//");
     /// # Ok::<(), warpknit::fabric::FabricError>(())
     /// ```
-    pub fn with_chains(self, chains: &[String], threadings: &[String]) -> Result<Self, FabricError> {
-        let threading = |text: &String| bar::read_threading("--threading", text).map_err(|fault| fault.in_own(text));
+    pub fn with_chains(
+        self,
+        chains: &[String],
+        threadings: &[String],
+    ) -> Result<Self, FabricError> {
+        let threading = |text: &String| {
+            bar::read_threading("--threading", text).map_err(|fault| fault.in_own(text))
+        };
         let threadings = threadings.iter().map(threading).collect::<Result<Vec<_>, _>>()?;
         let last = self.bars.last().ok_or(Fault::NoBars)?;
         let bar = |(index, text): (usize, &String)| {
-            let (kind, chain) = bar::read_lapping("--lapping", text, Numbering::default()).map_err(|fault| fault.in_own(text))?;
-            let threading = threadings.get(index).or(threadings.last()).cloned().unwrap_or_else(Threading::full);
+            let (kind, chain) = bar::read_lapping("--lapping", text, Numbering::default())
+                .map_err(|fault| fault.in_own(text))?;
+            let threading = threadings
+                .get(index)
+                .or(threadings.last())
+                .cloned()
+                .unwrap_or_else(Threading::full);
             let yarn = self.bars.get(index).unwrap_or(last).yarn.clone();
             Ok(Bar { chain, threading, yarn, kind })
         };
         let bars = chains.iter().enumerate().map(bar).collect::<Result<Vec<_>, FabricError>>()?;
         let name = bars.iter().map(Bar::lapping).collect::<Vec<_>>().join(" + ");
-        let fabric = Self { name, about: String::new(), bars, motif: None, paths: Vec::new(), ..self };
+        let fabric =
+            Self { name, about: String::new(), bars, motif: None, paths: Vec::new(), ..self };
         fabric.check_repeats()?;
         Ok(fabric)
     }
@@ -157,14 +182,17 @@ impl Fabric {
     fn check_repeats(&self) -> Result<(), Fault> {
         let (courses, guides) = (self.repeat(), self.threading_repeat());
         // Of feeders one alone knits each course.
-        let (bars, most) = if self.motif.is_some() { (1, MAX_LOOPS) } else { (self.bars.len(), MAX_LAPS) };
+        let (bars, most) =
+            if self.motif.is_some() { (1, MAX_LOOPS) } else { (self.bars.len(), MAX_LAPS) };
         match self.bars.len() {
             0 if self.motif.is_some() => Err(Fault::NoFeeders),
             0 => Err(Fault::NoBars),
             bars if bars > MAX_BARS => Err(Fault::TooManyBars(bars)),
             _ if courses > MAX_REPEAT => Err(Fault::RepeatTooLong(courses)),
             _ if guides > MAX_THREADING => Err(Fault::ThreadingTooLong(guides)),
-            _ if guides * courses * bars > most => Err(Fault::RepeatTooLarge { wales: guides, courses, bars, most }),
+            _ if guides * courses * bars > most => {
+                Err(Fault::RepeatTooLarge { wales: guides, courses, bars, most })
+            }
             _ => self.check_feeders(),
         }
     }
@@ -183,13 +211,19 @@ impl Fabric {
         Ok(())
     }
 
-    /// The same cloth at other densities, the yarns drawn in the same proportion to the wale spacing.
+    /// The same cloth at other densities, the yarns drawn in the same proportion to the wale
+    /// spacing.
     ///
-    /// A named fabric is a look: at a tenth of its wales its true yarns would be hairlines. Weights still follow the count.
+    /// A named fabric is a look: at a tenth of its wales its true yarns would be hairlines. Weights
+    /// still follow the count.
     ///
     /// # Errors
     /// [`Fault::Range`] where a density is not positive.
-    pub fn at_densities(mut self, wales_per_cm: f64, courses_per_cm: f64) -> Result<Self, FabricError> {
+    pub fn at_densities(
+        mut self,
+        wales_per_cm: f64,
+        courses_per_cm: f64,
+    ) -> Result<Self, FabricError> {
         in_range("wales_per_cm", wales_per_cm, file::DENSITY)?;
         in_range("courses_per_cm", courses_per_cm, file::DENSITY)?;
         self.enlargement *= self.wales_per_cm / wales_per_cm;
@@ -217,20 +251,24 @@ impl Fabric {
         10.0 / self.courses_per_cm
     }
 
-    /// The radius for which all of the fabric's yarns are laid out, and with which the thickest is drawn, mm.
+    /// The radius for which all of the fabric's yarns are laid out, and with which the thickest is
+    /// drawn, mm.
     ///
-    /// It is the thickest yarn's own, but in a knit no more than what leaves a loop open. The layout takes one radius for all bars, so that their
-    /// layers stay apart.
+    /// It is the thickest yarn's own, but in a knit no more than what leaves a loop open. The
+    /// layout takes one radius for all bars, so that their layers stay apart.
     #[must_use]
     pub fn radius(&self) -> f64 {
         let radius = self.true_radius() * self.enlargement;
         if self.is_laid() {
             return radius;
         }
-        radius.min(THICKEST_ACROSS * self.wale_spacing()).min(THICKEST_ALONG * self.course_spacing())
+        radius
+            .min(THICKEST_ACROSS * self.wale_spacing())
+            .min(THICKEST_ALONG * self.course_spacing())
     }
 
-    /// Each bar's drawn radius over the thickest one's: yarns keep their proportions whatever the radius they are laid out for.
+    /// Each bar's drawn radius over the thickest one's: yarns keep their proportions whatever the
+    /// radius they are laid out for.
     #[must_use]
     pub fn thickness(&self) -> Vec<f64> {
         self.bars.iter().map(|bar| bar.yarn.diameter() / 2.0 / self.true_radius()).collect()
@@ -249,7 +287,8 @@ impl Fabric {
         self.bars.iter().fold(motif, |repeat, bar| least_common_multiple(repeat, bar.courses()))
     }
 
-    /// Guides after which all threadings repeat together; of a weft knit the motif's wales. Wefts count courses and not guides, and so are left out.
+    /// Guides after which all threadings repeat together; of a weft knit the motif's wales. Wefts
+    /// count courses and not guides, and so are left out.
     #[must_use]
     pub fn threading_repeat(&self) -> usize {
         let motif = self.motif.as_ref().map_or(1, Motif::wales);
@@ -260,7 +299,8 @@ impl Fabric {
 impl fmt::Display for Fabric {
     /// The fabric as the TOML that [`Fabric::parse`] reads.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let text = toml::to_string(&FabricFile::from(self)).map_err(|_unserialisable| fmt::Error)?;
+        let text =
+            toml::to_string(&FabricFile::from(self)).map_err(|_unserialisable| fmt::Error)?;
         f.write_str(&text)
     }
 }
@@ -289,7 +329,10 @@ mod tests {
 
     #[test]
     fn a_left_hand_drive_mirrors_and_prints_as_given() {
-        let text = Fabric::named("tricot").unwrap().to_string().replace("\"1-2/1-0//\"", "\"1-2/1-0//\"\ndrive = \"left\"");
+        let text = Fabric::named("tricot")
+            .unwrap()
+            .to_string()
+            .replace("\"1-2/1-0//\"", "\"1-2/1-0//\"\ndrive = \"left\"");
         let text = text.replacen("drive = \"right\"\n", "", 1);
         let fabric = Fabric::parse(&text).unwrap();
         assert_eq!(fabric.bars[0].chain.gaps(), (-2, 0));
@@ -300,8 +343,13 @@ mod tests {
     fn a_left_hand_drive_is_the_mirror_image() {
         let bar = |drive: &str| {
             let yarn = "yarn = { count = \"44 dtex\", density = 1.38, packing = 0.65, color = \"#ffffff\" }";
-            let bars = format!("[[bars]]\nlapping = \"1-0/1-2//\"\nthreading = \"II.\"\n{drive}\n{yarn}\n");
-            let fabric = Fabric::parse(&format!("name = \"t\"\nwales_per_cm = 10.0\ncourses_per_cm = 10.0\n{bars}")).unwrap();
+            let bars = format!(
+                "[[bars]]\nlapping = \"1-0/1-2//\"\nthreading = \"II.\"\n{drive}\n{yarn}\n"
+            );
+            let fabric = Fabric::parse(&format!(
+                "name = \"t\"\nwales_per_cm = 10.0\ncourses_per_cm = 10.0\n{bars}"
+            ))
+            .unwrap();
             assert!(!fabric.warnings().iter().any(|warning| warning.contains("no gap 0")));
             fabric.bars[0].clone()
         };
@@ -309,7 +357,11 @@ mod tests {
         for course in 0..2 {
             for wale in -6..6 {
                 // Wale w lies between gaps w and w + 1, so its mirror image is wale -w - 1.
-                assert_eq!(right.loops_on(wale, course), left.loops_on(-wale - 1, course), "wale {wale}, course {course}");
+                assert_eq!(
+                    right.loops_on(wale, course),
+                    left.loops_on(-wale - 1, course),
+                    "wale {wale}, course {course}"
+                );
             }
         }
     }
@@ -317,7 +369,8 @@ mod tests {
     #[test]
     fn a_weft_counts_courses_and_knits_nothing() {
         let text = Fabric::named("tricot").unwrap().to_string().replacen("1-2/1-0//", "weft", 1);
-        let fabric = Fabric::parse(&text.replacen("threading = \"I\"", "threading = \"I..\"", 1)).unwrap();
+        let fabric =
+            Fabric::parse(&text.replacen("threading = \"I\"", "threading = \"I..\"", 1)).unwrap();
         let weft = &fabric.bars[0];
         assert!(weft.kind == BarKind::Weft && weft.chain.is_inlay() && !weft.loops_on(0, 0));
         assert_eq!((fabric.repeat(), fabric.threading_repeat()), (6, 1));
@@ -332,39 +385,74 @@ mod tests {
     #[test]
     fn too_much_of_anything_is_refused() {
         let good = Fabric::named("tricot").unwrap().to_string();
-        let long = good.replacen("threading = \"I\"", &threading(997), 1).replacen("threading = \"I\"", &threading(1009), 1);
-        assert!(matches!(Fabric::parse(&long), Err(FabricError { fault: Fault::ThreadingTooLong(_), .. })));
+        let long = good.replacen("threading = \"I\"", &threading(997), 1).replacen(
+            "threading = \"I\"",
+            &threading(1009),
+            1,
+        );
+        assert!(matches!(
+            Fabric::parse(&long),
+            Err(FabricError { fault: Fault::ThreadingTooLong(_), .. })
+        ));
         let bars = good[good.find("[[bars]]").unwrap()..].repeat(60);
-        assert!(matches!(Fabric::parse(&(good + "\n" + &bars)), Err(FabricError { fault: Fault::TooManyBars(122), .. })));
+        assert!(matches!(
+            Fabric::parse(&(good + "\n" + &bars)),
+            Err(FabricError { fault: Fault::TooManyBars(122), .. })
+        ));
     }
 
     #[test]
     fn a_repeat_that_takes_minutes_or_gigabytes_is_refused() {
         let good = Fabric::named("tricot").unwrap().to_string();
         let bars = good[good.find("[[bars]]").unwrap()..].repeat(10);
-        let warp = good.replacen("1-2/1-0//", &"1-2/1-0/".repeat(3_000), 1).replacen("threading = \"I\"", &threading(900), 1);
+        let warp = good.replacen("1-2/1-0//", &"1-2/1-0/".repeat(3_000), 1).replacen(
+            "threading = \"I\"",
+            &threading(900),
+            1,
+        );
         let warp = warp + "\n" + &bars;
-        assert!(matches!(Fabric::parse(&warp), Err(FabricError { fault: Fault::RepeatTooLarge { bars: 22, .. }, .. })));
-        let feeder = &good[good.find("[bars.yarn]").unwrap()..good.rfind("[[bars]]").unwrap()].replace("bars", "feeders");
-        let head =
-            format!("name = \"w\"\nkind = \"weft\"\nwales_per_cm = 7.0\ncourses_per_cm = 8.0\nchart = \"{}\"\n", "k".repeat(500));
-        let weft = |courses: usize| format!("{head}[[feeders]]\ncourses = \"{}\"\n{feeder}", "I".repeat(courses));
+        assert!(matches!(
+            Fabric::parse(&warp),
+            Err(FabricError { fault: Fault::RepeatTooLarge { bars: 22, .. }, .. })
+        ));
+        let feeder = &good[good.find("[bars.yarn]").unwrap()..good.rfind("[[bars]]").unwrap()]
+            .replace("bars", "feeders");
+        let head = format!(
+            "name = \"w\"\nkind = \"weft\"\nwales_per_cm = 7.0\ncourses_per_cm = 8.0\nchart = \"{}\"\n",
+            "k".repeat(500)
+        );
+        let weft = |courses: usize| {
+            format!("{head}[[feeders]]\ncourses = \"{}\"\n{feeder}", "I".repeat(courses))
+        };
         assert!(Fabric::parse(&weft(2_000)).is_ok());
         let refused = Fabric::parse(&weft(2_001));
-        assert!(matches!(refused, Err(FabricError { fault: Fault::RepeatTooLarge { bars: 1, .. }, .. })), "{refused:?}");
+        assert!(
+            matches!(
+                refused,
+                Err(FabricError { fault: Fault::RepeatTooLarge { bars: 1, .. }, .. })
+            ),
+            "{refused:?}"
+        );
     }
 
     #[test]
     fn a_needle_without_a_loop_is_named() {
-        let text = Fabric::named("tricot").unwrap().to_string().replace("threading = \"I\"", "threading = \"..I\"");
+        let text = Fabric::named("tricot")
+            .unwrap()
+            .to_string()
+            .replace("threading = \"I\"", "threading = \"..I\"");
         assert_eq!(Fabric::parse(&text).unwrap().warnings().len(), 1);
     }
 
     #[test]
     fn chains_take_the_bars_places_and_keep_their_yarns() {
-        let strings = |texts: &[&str]| texts.iter().map(|text| (*text).to_owned()).collect::<Vec<_>>();
+        let strings =
+            |texts: &[&str]| texts.iter().map(|text| (*text).to_owned()).collect::<Vec<_>>();
         let tricot = Fabric::named("tricot").unwrap();
-        let net = tricot.clone().with_chains(&strings(&["2-1/1-2", "1-0/1-2", "weft"]), &strings(&["I."])).unwrap();
+        let net = tricot
+            .clone()
+            .with_chains(&strings(&["2-1/1-2", "1-0/1-2", "weft"]), &strings(&["I."]))
+            .unwrap();
         assert_eq!(net.name, "2-1/1-2// + 1-0/1-2// + weft");
         let yarns: Vec<_> = net.bars.iter().map(|bar| bar.yarn.color).collect();
         assert_eq!(yarns, [0, 1, 1].map(|bar: usize| tricot.bars[bar].yarn.color));
@@ -372,7 +460,10 @@ mod tests {
         assert_eq!((net.wales_per_cm, net.bars[2].kind), (tricot.wales_per_cm, BarKind::Weft));
 
         let wrong = tricot.clone().with_chains(&strings(&["1-0", "1-0/1-7"]), &[]).unwrap_err();
-        assert_eq!(wrong.to_string(), "--lapping \"1-0/1-7\": an overlap over 6 needles: guides lap over 1 or 2");
+        assert_eq!(
+            wrong.to_string(),
+            "--lapping \"1-0/1-7\": an overlap over 6 needles: guides lap over 1 or 2"
+        );
         assert_eq!(wrong.place.unwrap().to_string(), "1-0/1-7\n    ^^^");
         let wrong = tricot.with_chains(&strings(&["1-0"]), &strings(&["Ix"])).unwrap_err();
         assert_eq!(wrong.place.unwrap().to_string(), "Ix\n ^");
@@ -381,7 +472,10 @@ mod tests {
     #[test]
     fn densities_scale_the_drawing_but_not_the_count() {
         let fabric = Fabric::named("tricot").unwrap();
-        let coarse = fabric.clone().at_densities(fabric.wales_per_cm / 10.0, fabric.courses_per_cm / 10.0).unwrap();
+        let coarse = fabric
+            .clone()
+            .at_densities(fabric.wales_per_cm / 10.0, fabric.courses_per_cm / 10.0)
+            .unwrap();
         assert!((coarse.radius() - 10.0 * fabric.radius()).abs() < 1e-12);
         assert_eq!(coarse.bars, fabric.bars);
         assert!(fabric.at_densities(0.0, 1.0).is_err());
@@ -393,7 +487,12 @@ mod tests {
         let wales = format!("wales_per_cm = {:?}", tricot.wales_per_cm);
         let fabric = Fabric::parse(&tricot.to_string().replace(&wales, "gauge = 28.0")).unwrap();
         assert!((fabric.wale_spacing() - 25.4 / 28.0).abs() < 1e-12);
-        assert!(fabric.to_string().contains("gauge = 28.0") && !fabric.to_string().contains("wales_per_cm"));
-        assert!(fabric.at_densities(10.0, 10.0).unwrap().to_string().contains("wales_per_cm = 10.0"));
+        assert!(
+            fabric.to_string().contains("gauge = 28.0")
+                && !fabric.to_string().contains("wales_per_cm")
+        );
+        assert!(
+            fabric.at_densities(10.0, 10.0).unwrap().to_string().contains("wales_per_cm = 10.0")
+        );
     }
 }

@@ -1,7 +1,9 @@
-//! Motifs of weft-knit fabric: which loop stands at each wale and course, as a chart that a designer draws.
+//! Motifs of weft-knit fabric: which loop stands at each wale and course, as a chart that a
+//! designer draws.
 //!
-//! In: rows of letters, the last course on top, and a legend of what each letter is. Out: a checked [`Motif`], repeated for ever across and along; or a
-//! [`MotifError`] with the byte span that is wrong. A run of one cable letter is as many crossings as fit into it.
+//! In: rows of letters, the last course on top, and a legend of what each letter is. Out: a checked
+//! [`Motif`], repeated for ever across and along; or a [`MotifError`] with the byte span that is
+//! wrong. A run of one cable letter is as many crossings as fit into it.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -20,7 +22,8 @@ pub enum Symbol {
     Face,
     /// A loop whose legs show on the technical back: a purl.
     Reverse,
-    /// Face loops whose heads change places: those of `front` wales pass in front of those of `behind`.
+    /// Face loops whose heads change places: those of `front` wales pass in front of those of
+    /// `behind`.
     Cable {
         /// Wales that cross in front.
         front: u32,
@@ -65,10 +68,12 @@ pub struct Motif {
 }
 
 impl Motif {
-    /// Reads a chart: a line a course, the last one on top, a letter a loop. `k` is face and `p` reverse, unless the legend says otherwise.
+    /// Reads a chart: a line a course, the last one on top, a letter a loop. `k` is face and `p`
+    /// reverse, unless the legend says otherwise.
     ///
     /// # Errors
-    /// Rows of unequal length, letters without a meaning, cables that don't fit their run, too large a chart, or none.
+    /// Rows of unequal length, letters without a meaning, cables that don't fit their run, too
+    /// large a chart, or none.
     pub fn parse(chart: &str, legend: &BTreeMap<char, Symbol>) -> Result<Self, MotifError> {
         let mut known = BTreeMap::from([('k', Symbol::Face), ('p', Symbol::Reverse)]);
         known.extend(legend);
@@ -141,12 +146,19 @@ impl Motif {
 }
 
 /// Appends a row's loops.
-fn add_row(row: &str, start: usize, legend: &BTreeMap<char, Symbol>, cells: &mut Vec<Cell>) -> Result<(), MotifError> {
+fn add_row(
+    row: &str,
+    start: usize,
+    legend: &BTreeMap<char, Symbol>,
+    cells: &mut Vec<Cell>,
+) -> Result<(), MotifError> {
     let letters: Vec<(usize, char)> = row.char_indices().collect();
     let mut at = 0;
     while let Some(&(byte, letter)) = letters.get(at) {
         let span = start + byte..start + byte + letter.len_utf8();
-        let Some(&symbol) = legend.get(&letter) else { return Err(Fault::Unknown(letter).at(span)) };
+        let Some(&symbol) = legend.get(&letter) else {
+            return Err(Fault::Unknown(letter).at(span));
+        };
         let plain = |reverse| Cell { reverse, carried: 0, layer: 0 };
         match symbol {
             Symbol::Face | Symbol::Reverse => {
@@ -175,7 +187,9 @@ fn crossing(front: u32, behind: u32, lean: Lean) -> impl Iterator<Item = Cell> {
         Lean::Right => (moved(behind), -moved(front)),
         Lean::Left => (-moved(behind), moved(front)),
     };
-    let block = |count: u32, carried, layer| (0..count).map(move |_| Cell { reverse: false, carried, layer });
+    let block = |count: u32, carried, layer| {
+        (0..count).map(move |_| Cell { reverse: false, carried, layer })
+    };
     let (fronts, backs) = (block(front, in_front, 1), block(behind, at_back, -1));
     let (left, right): (Vec<Cell>, Vec<Cell>) = match lean {
         Lean::Right => (fronts.collect(), backs.collect()),
@@ -195,7 +209,12 @@ impl FromStr for Symbol {
             ["reverse"] => Ok(Self::Reverse),
             ["cable", wales, lean] => {
                 let (front, behind) = wales.split_once('/').ok_or_else(error)?;
-                let count = |text: &str| text.parse().ok().filter(|count| (1..=MOST_CROSSED).contains(count)).ok_or_else(error);
+                let count = |text: &str| {
+                    text.parse()
+                        .ok()
+                        .filter(|count| (1..=MOST_CROSSED).contains(count))
+                        .ok_or_else(error)
+                };
                 let lean = match lean {
                     "left" => Lean::Left,
                     "right" => Lean::Right,
@@ -214,7 +233,11 @@ impl fmt::Display for Symbol {
             Self::Face => f.write_str("face"),
             Self::Reverse => f.write_str("reverse"),
             Self::Cable { front, behind, lean } => {
-                write!(f, "cable {front}/{behind} {}", if *lean == Lean::Left { "left" } else { "right" })
+                write!(
+                    f,
+                    "cable {front}/{behind} {}",
+                    if *lean == Lean::Left { "left" } else { "right" }
+                )
             }
         }
     }
@@ -222,7 +245,9 @@ impl fmt::Display for Symbol {
 
 /// A symbol that can't be read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{0:?} is no loop: face, reverse, or a cable such as \"cable 3/3 left\" (3 wales in front of 3, 12 at most)")]
+#[error(
+    "{0:?} is no loop: face, reverse, or a cable such as \"cable 3/3 left\" (3 wales in front of 3, 12 at most)"
+)]
 pub struct SymbolError(String);
 
 /// What is wrong with a chart, and where.
@@ -238,11 +263,15 @@ pub struct MotifError {
 enum Fault {
     #[error("the chart is empty: a line a course, a letter a loop")]
     Empty,
-    #[error("the chart has {wales} wales and {courses} courses; at most {MOST_SIDE} of each are taken")]
+    #[error(
+        "the chart has {wales} wales and {courses} courses; at most {MOST_SIDE} of each are taken"
+    )]
     TooLarge { wales: usize, courses: usize },
     #[error("this row has {count} loops, the first one {wales}")]
     Ragged { count: usize, wales: usize },
-    #[error("'{0}' stands for nothing: k is face, p reverse, and other letters need a line in [legend]")]
+    #[error(
+        "'{0}' stands for nothing: k is face, p reverse, and other letters need a line in [legend]"
+    )]
     Unknown(char),
     #[error("'{letter}' is {symbol}, but stands {run} times in a row, too few for a crossing")]
     Narrow { letter: char, symbol: Symbol, run: usize },
@@ -268,20 +297,29 @@ mod tests {
         let motif = motif("\n  pk\n  kk\n").unwrap();
         assert_eq!((motif.wales(), motif.courses()), (2, 2));
         let reverse = |wale, course| motif.cell(wale, course).reverse;
-        assert!(!reverse(0, 0) && reverse(0, 1) && !reverse(1, 1) && reverse(-2, -1) && reverse(4, 7));
+        assert!(
+            !reverse(0, 0) && reverse(0, 1) && !reverse(1, 1) && reverse(-2, -1) && reverse(4, 7)
+        );
     }
 
     #[test]
     fn heads_of_a_crossing_change_places() {
         for chart in ["kLLLp", "RRRRRRRR"] {
             let motif = motif(chart).unwrap();
-            let mut places: Vec<i64> = (0_i64..).take(motif.wales()).map(|w| w + i64::from(motif.cell(w, 0).carried)).collect();
+            let mut places: Vec<i64> = (0_i64..)
+                .take(motif.wales())
+                .map(|w| w + i64::from(motif.cell(w, 0).carried))
+                .collect();
             places.sort_unstable();
             assert_eq!(places, (0_i64..).take(motif.wales()).collect::<Vec<_>>(), "{chart}");
         }
         let left = motif("LLL").unwrap();
         let cells = [0, 1, 2].map(|wale| (left.cell(wale, 0).carried, left.cell(wale, 0).layer));
-        assert_eq!(cells, [(2, -1), (-1, 1), (-1, 1)], "the one behind goes right, the two in front lean left");
+        assert_eq!(
+            cells,
+            [(2, -1), (-1, 1), (-1, 1)],
+            "the one behind goes right, the two in front lean left"
+        );
     }
 
     #[test]
@@ -293,7 +331,10 @@ mod tests {
         assert_eq!(pointed("kk\nk?"), "?");
         assert_eq!(pointed("kLLk"), "LL");
         assert!(fault("kLLk").to_string().contains("cable 2/1 left, but stands 2 times"));
-        assert!(fault(" \n ").to_string().contains("empty") && fault(&"k".repeat(1001)).to_string().contains("1001 wales"));
+        assert!(
+            fault(" \n ").to_string().contains("empty")
+                && fault(&"k".repeat(1001)).to_string().contains("1001 wales")
+        );
     }
 
     #[test]
@@ -301,7 +342,15 @@ mod tests {
         for text in ["face", "reverse", "cable 3/3 left", "cable 1/12 right"] {
             assert_eq!(text.parse::<Symbol>().unwrap().to_string(), text);
         }
-        for text in ["", "cable", "cable 3/3", "cable 0/3 left", "cable 3/13 left", "cable 3 left", "cable 3/3 up"] {
+        for text in [
+            "",
+            "cable",
+            "cable 3/3",
+            "cable 0/3 left",
+            "cable 3/13 left",
+            "cable 3 left",
+            "cable 3/3 up",
+        ] {
             assert!(text.parse::<Symbol>().is_err(), "{text}");
         }
     }

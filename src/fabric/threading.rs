@@ -1,6 +1,7 @@
 //! Threadings: which guides of a bar carry a yarn.
 //!
-//! In: marks such as `I.`. Out: a [`Threading`], repeated for ever; or a [`ThreadingError`] with the byte span that is wrong.
+//! In: marks such as `I.`. Out: a [`Threading`], repeated for ever; or a [`ThreadingError`] with
+//! the byte span that is wrong.
 
 use std::fmt;
 use std::ops::Range;
@@ -21,13 +22,21 @@ impl Threading {
     /// # Errors
     /// An unknown mark, or no threaded guide at all.
     pub fn parse(text: &str) -> Result<Self, ThreadingError> {
-        let marks = text.char_indices().filter(|(_, c)| !c.is_whitespace()).map(|(at, c)| match c {
-            'I' | '1' | '|' => Ok(true),
-            '.' | '0' | '*' => Ok(false),
-            other => Err(ThreadingError { fault: Fault::UnknownMark(other), span: at..at + other.len_utf8() }),
-        });
+        let marks =
+            text.char_indices().filter(|(_, c)| !c.is_whitespace()).map(|(at, c)| match c {
+                'I' | '1' | '|' => Ok(true),
+                '.' | '0' | '*' => Ok(false),
+                other => Err(ThreadingError {
+                    fault: Fault::UnknownMark(other),
+                    span: at..at + other.len_utf8(),
+                }),
+            });
         let marks = marks.collect::<Result<Vec<_>, _>>()?;
-        if marks.contains(&true) { Ok(Self(marks)) } else { Err(ThreadingError { fault: Fault::NoYarn, span: 0..text.len() }) }
+        if marks.contains(&true) {
+            Ok(Self(marks))
+        } else {
+            Err(ThreadingError { fault: Fault::NoYarn, span: 0..text.len() })
+        }
     }
 
     /// Whether guide `k` carries a yarn; the first mark is guide 0.
@@ -74,7 +83,9 @@ pub enum Fault {
     #[error("'{0}' is no threading mark: use I for a threaded guide and . for an empty one")]
     UnknownMark(char),
     /// Every guide empty.
-    #[error("a bar without a threaded guide knits nothing: use I for a threaded guide and . for an empty one")]
+    #[error(
+        "a bar without a threaded guide knits nothing: use I for a threaded guide and . for an empty one"
+    )]
     NoYarn,
 }
 
@@ -85,8 +96,14 @@ mod tests {
     #[test]
     fn marks_read_in_all_spellings_and_faults_have_their_span() {
         assert_eq!(Threading::parse("I 1|.0*").unwrap().to_string(), "III...");
-        assert_eq!(Threading::parse("I.é").unwrap_err(), ThreadingError { fault: Fault::UnknownMark('é'), span: 2..4 });
-        assert_eq!(Threading::parse("..").unwrap_err(), ThreadingError { fault: Fault::NoYarn, span: 0..2 });
+        assert_eq!(
+            Threading::parse("I.é").unwrap_err(),
+            ThreadingError { fault: Fault::UnknownMark('é'), span: 2..4 }
+        );
+        assert_eq!(
+            Threading::parse("..").unwrap_err(),
+            ThreadingError { fault: Fault::NoYarn, span: 0..2 }
+        );
         assert!(Threading::parse("").is_err());
     }
 

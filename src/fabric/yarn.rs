@@ -15,7 +15,8 @@ pub struct Yarn {
     pub count: Count,
     /// Density of the fibre, g/cm³.
     pub density: f64,
-    /// Share of the yarn's section that is fibre: about .45 textured, .6 spun, .65 filament, .9 elastane, 1 monofilament.
+    /// Share of the yarn's section that is fibre: about .45 textured, .6 spun, .65 filament, .9
+    /// elastane, 1 monofilament.
     pub packing: f64,
     /// Colour, sRGB.
     pub color: Color,
@@ -23,9 +24,11 @@ pub struct Yarn {
     pub plies: Option<u32>,
     /// Turns per metre of the plies, or of the fibres of a single yarn; over 0 is S, under 0 is Z.
     pub twist: Option<f64>,
-    /// How much fibres that lie side by side mirror, as filaments do and spun fibres don't, 0 to 1, where it is said.
+    /// How much fibres that lie side by side mirror, as filaments do and spun fibres don't, 0 to 1,
+    /// where it is said.
     pub sheen: Option<f64>,
-    /// The yarn's pictures, a folder or an image for [`crate::photo::read_maps`]; in a file its path starts from the file's folder.
+    /// The yarn's pictures, a folder or an image for [`crate::photo::read_maps`]; in a file its
+    /// path starts from the file's folder.
     pub texture: Option<PathBuf>,
     /// Length of yarn that the pictures show, mm, whatever they say themselves.
     pub texture_length: Option<f64>,
@@ -35,7 +38,17 @@ impl Yarn {
     /// A plain yarn: nothing is said of its plies, twist, sheen and texture.
     #[must_use]
     pub fn plain(count: Count, density: f64, packing: f64, color: Color) -> Self {
-        Self { count, density, packing, color, plies: None, twist: None, sheen: None, texture: None, texture_length: None }
+        Self {
+            count,
+            density,
+            packing,
+            color,
+            plies: None,
+            twist: None,
+            sheen: None,
+            texture: None,
+            texture_length: None,
+        }
     }
 
     /// Diameter in mm of the round yarn, `d = 0.03568 sqrt(tex / (density · packing))`.
@@ -50,7 +63,8 @@ impl Yarn {
         0.03568 * (self.count.tex() / (self.density * self.packing)).sqrt()
     }
 
-    /// Slope of its twist against its axis, circumference over the length of a turn, where a twist is given: the same at any scale.
+    /// Slope of its twist against its axis, circumference over the length of a turn, where a twist
+    /// is given: the same at any scale.
     ///
     /// ```
     /// # use warpknit::fabric::yarn::Yarn;
@@ -90,7 +104,10 @@ impl Count {
 
     /// So many tex, held to what yarns can have, to a thousandth.
     pub(crate) fn of_tex(tex: f64) -> Self {
-        Self { value: ((1000.0 * tex).round() / 1000.0).clamp(LEAST_TEX, MOST_TEX), unit: CountUnit::Tex }
+        Self {
+            value: ((1000.0 * tex).round() / 1000.0).clamp(LEAST_TEX, MOST_TEX),
+            unit: CountUnit::Tex,
+        }
     }
 
     /// Linear density in tex (g per 1000 m).
@@ -126,7 +143,8 @@ impl FromStr for Count {
     fn from_str(text: &str) -> Result<Self, CountError> {
         let refuse = || CountError(text.to_owned());
         let trimmed = text.trim();
-        let split = trimmed.find(|c: char| c.is_ascii_alphabetic() && c != 'e').ok_or_else(refuse)?;
+        let split =
+            trimmed.find(|c: char| c.is_ascii_alphabetic() && c != 'e').ok_or_else(refuse)?;
         let (number, unit) = trimmed.split_at(split);
         let unit = match unit.to_ascii_lowercase().as_str() {
             "tex" => CountUnit::Tex,
@@ -135,7 +153,12 @@ impl FromStr for Count {
             "nm" => CountUnit::Nm,
             _ => return Err(refuse()),
         };
-        let value = number.trim().parse().ok().filter(|value: &f64| value.is_finite() && *value > 0.0).ok_or_else(refuse)?;
+        let value = number
+            .trim()
+            .parse()
+            .ok()
+            .filter(|value: &f64| value.is_finite() && *value > 0.0)
+            .ok_or_else(refuse)?;
         let count = Self { value, unit };
         if (LEAST_TEX..=MOST_TEX).contains(&count.tex()) { Ok(count) } else { Err(refuse()) }
     }
@@ -201,9 +224,12 @@ impl FromStr for Color {
 
     fn from_str(text: &str) -> Result<Self, ColorError> {
         let refuse = || ColorError(text.to_owned());
-        let digits = text.strip_prefix('#').filter(|d| d.len() == 6 && d.bytes().all(|b| b.is_ascii_hexdigit()));
+        let digits = text
+            .strip_prefix('#')
+            .filter(|d| d.len() == 6 && d.bytes().all(|b| b.is_ascii_hexdigit()));
         let digits = digits.ok_or_else(refuse)?;
-        let byte = |at: usize| u8::from_str_radix(&digits[at..at + 2], 16).map_err(|_not_hex| refuse());
+        let byte =
+            |at: usize| u8::from_str_radix(&digits[at..at + 2], 16).map_err(|_not_hex| refuse());
         Ok(Self([byte(0)?, byte(2)?, byte(4)?]))
     }
 }
@@ -235,17 +261,36 @@ mod tests {
 
     #[test]
     fn counts_convert_to_tex() {
-        for (text, tex) in [("44 dtex", 4.4), ("20tex", 20.0), ("40 DEN", 40.0 / 9.0), ("50 Nm", 20.0), ("1e1 tex", 10.0)] {
+        for (text, tex) in [
+            ("44 dtex", 4.4),
+            ("20tex", 20.0),
+            ("40 DEN", 40.0 / 9.0),
+            ("50 Nm", 20.0),
+            ("1e1 tex", 10.0),
+        ] {
             assert!((text.parse::<Count>().unwrap().tex() - tex).abs() < 1e-12, "{text}");
         }
-        for text in ["", "44", "dtex", "-3 tex", "0 tex", "inf tex", "4 stone", "nan tex", "1e300 tex", "1e-9 dtex"] {
+        for text in [
+            "",
+            "44",
+            "dtex",
+            "-3 tex",
+            "0 tex",
+            "inf tex",
+            "4 stone",
+            "nan tex",
+            "1e300 tex",
+            "1e-9 dtex",
+        ] {
             assert!(text.parse::<Count>().is_err(), "{text}");
         }
     }
 
     #[test]
     fn diameters_of_the_specification() {
-        let yarn = |count: &str, density, packing| Yarn::plain(count.parse().unwrap(), density, packing, Color([0; 3]));
+        let yarn = |count: &str, density, packing| {
+            Yarn::plain(count.parse().unwrap(), density, packing, Color([0; 3]))
+        };
         assert!((yarn("44 dtex", 1.38, 0.65).diameter() - 0.079).abs() < 5e-4);
         assert!((yarn("78 dtex", 1.38, 0.65).diameter() - 0.105).abs() < 5e-4);
         assert!((yarn("20 tex", 1.52, 0.6).diameter() - 0.167).abs() < 5e-4);

@@ -1,4 +1,5 @@
-//! What can be wrong with a garment's files: one line each, with the file, the line where there is one, and what to do.
+//! What can be wrong with a garment's files: one line each, with the file, the line where there is
+//! one, and what to do.
 
 use std::path::{Path, PathBuf};
 
@@ -167,7 +168,8 @@ impl GarmentError {
     }
 }
 
-/// What can be wrong with one record of an OBJ file. Tokens are quoted cut short and with odd characters escaped.
+/// What can be wrong with one record of an OBJ file. Tokens are quoted cut short and with odd
+/// characters escaped.
 #[derive(Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum Fault {
@@ -186,7 +188,9 @@ pub enum Fault {
         token: String,
     },
     /// A NaN, an infinity, or a number over what 64-bit floats hold.
-    #[error("`{record}` holds {token}, which is not finite: repair or re-run the simulation that wrote it")]
+    #[error(
+        "`{record}` holds {token}, which is not finite: repair or re-run the simulation that wrote it"
+    )]
     NotFinite {
         /// `v` or `vt`.
         record: &'static str,
@@ -206,7 +210,9 @@ pub enum Fault {
         most: usize,
     },
     /// A corner that isn't `v`, `v/vt`, `v//vn` or `v/vt/vn`.
-    #[error("the face's corner {token} is not of the form v, v/vt, v//vn or v/vt/vn: is the file cut off?")]
+    #[error(
+        "the face's corner {token} is not of the form v, v/vt, v//vn or v/vt/vn: is the file cut off?"
+    )]
     Corner {
         /// What stands there.
         token: String,
@@ -218,7 +224,9 @@ pub enum Fault {
         token: String,
     },
     /// A vertex that the file doesn't hold.
-    #[error("the face refers to `{record}` number {index}, but there are {count}: is the file cut off, or edited by hand?")]
+    #[error(
+        "the face refers to `{record}` number {index}, but there are {count}: is the file cut off, or edited by hand?"
+    )]
     IndexRange {
         /// `v` or `vt`.
         record: &'static str,
@@ -241,7 +249,8 @@ pub enum Fault {
     },
 }
 
-/// A token for a message: cut at 40 characters, in quotes, with control characters escaped so that it stays on one line.
+/// A token for a message: cut at 40 characters, in quotes, with control characters escaped so that
+/// it stays on one line.
 pub(super) fn quoted(token: &[u8]) -> String {
     let text = String::from_utf8_lossy(&token[..token.len().min(160)]);
     let mut short: String = text.chars().take(40).collect();

@@ -1,12 +1,15 @@
 //! The garment: panels that know where each of their flat triangles lies when draped.
 //!
-//! In: one OBJ with `vt`, or a flat and a draped OBJ ([`read`]). Out: a [`Garment`] in millimetres, each [`Panel`] in axes of its
-//! own. The specification's garment page says what real files hold and what is made of it.
+//! In: one OBJ with `vt`, or a flat and a draped OBJ ([`read`]). Out: a [`Garment`] in millimetres,
+//! each [`Panel`] in axes of its own. The specification's garment page says what real files hold
+//! and what is made of it.
 //!
-//! The way: `obj` makes a mesh of the text, `pair` pairs flat and draped triangles, `panel` finds the connected pieces and their planes,
-//! `unit` finds the millimetres, `error` says what was wrong.
+//! The way: `obj` makes a mesh of the text, `pair` pairs flat and draped triangles, `panel` finds
+//! the connected pieces and their planes, `unit` finds the millimetres, `error` says what was
+//! wrong.
 //!
-//! Not promised: that flat and draped are the same cloth (only that they pair), and anything about self-intersection.
+//! Not promised: that flat and draped are the same cloth (only that they pair), and anything about
+//! self-intersection.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -36,14 +39,16 @@ use panel::{Piece, Refusal, Refused};
 
 /// What the user may say about the files.
 ///
-/// The default guesses units and scale, lays the wales along the flat y axis and leaves the cloth's sides as they are.
+/// The default guesses units and scale, lays the wales along the flat y axis and leaves the cloth's
+/// sides as they are.
 #[derive(Clone, Debug, Default)]
 pub struct ReadOptions {
     /// Unit of the draped coordinates; guessed where absent.
     pub unit: Option<Unit>,
     /// mm that one flat unit stands for; estimated where absent.
     pub uv_scale: Option<f64>,
-    /// Turns the wale direction in the panel's plane, radians, counter-clockwise as seen from the technical face.
+    /// Turns the wale direction in the panel's plane, radians, counter-clockwise as seen from the
+    /// technical face.
     pub grain: f64,
     /// Puts the technical face on the other side of the cloth.
     pub turn: bool,
@@ -51,21 +56,25 @@ pub struct ReadOptions {
 
 /// A panel: one connected piece of the flat pattern, with its draped positions.
 ///
-/// Panel axes: `u` across the wales, to the right seen from the technical face; `v` along the wales; `w` out of the technical
-/// face. Triangles are counter-clockwise in (u, v), and their draped winding points out of the technical face.
+/// Panel axes: `u` across the wales, to the right seen from the technical face; `v` along the
+/// wales; `w` out of the technical face. Triangles are counter-clockwise in (u, v), and their
+/// draped winding points out of the technical face.
 #[derive(Clone, Debug)]
 pub struct Panel {
     /// Flat vertices in panel axes, mm.
     pub uv: Vec<DVec2>,
     /// The same vertices draped, mm.
     pub draped: Vec<DVec3>,
-    /// Unit draped vertex normals, angle-weighted over this panel's triangles alone (split at panel borders).
+    /// Unit draped vertex normals, angle-weighted over this panel's triangles alone (split at panel
+    /// borders).
     pub normals: Vec<DVec3>,
-    /// Triangles that can hold stitches, those next to each other on the panel near each other here.
+    /// Triangles that can hold stitches, those next to each other on the panel near each other
+    /// here.
     pub triangles: Vec<[u32; 3]>,
     /// The face of each triangle.
     pub faces: Vec<FaceId>,
-    /// Triangles wound against their panel: they take no stitches, but points that fall there are counted as lost.
+    /// Triangles wound against their panel: they take no stitches, but points that fall there are
+    /// counted as lost.
     pub flipped: Vec<[u32; 3]>,
     /// Panel axes (u, v, depth) to the flat mesh's own axes, both in mm.
     pub flat_from_panel: DAffine3,
@@ -91,7 +100,8 @@ pub struct Facts {
     pub unit: &'static str,
     /// Whether the unit was guessed, and not given.
     pub unit_guessed: bool,
-    /// mm that one flat unit stands for (the garment's; panels that differ are named in `warnings`).
+    /// mm that one flat unit stands for (the garment's; panels that differ are named in
+    /// `warnings`).
     pub uv_scale_mm: f64,
     /// Triangles without flat area.
     pub degenerate: usize,
@@ -155,8 +165,9 @@ impl Panel {
 }
 
 impl Garment {
-    /// Turns the wale direction of one panel further, on top of [`ReadOptions::grain`]: radians, counter-clockwise seen from the technical
-    /// face. A panel that isn't there is left to whoever lays a fabric out to tell of.
+    /// Turns the wale direction of one panel further, on top of [`ReadOptions::grain`]: radians,
+    /// counter-clockwise seen from the technical face. A panel that isn't there is left to whoever
+    /// lays a fabric out to tell of.
     ///
     /// ```
     /// use warpknit::garment::Garment;
@@ -177,7 +188,8 @@ impl Garment {
 /// Reads a garment: `flat` and `draped`, or one file whose `vt` are the flat pattern.
 ///
 /// # Errors
-/// [`GarmentError`]: one line that names the file, the line where there is one, and what to do. No input makes it panic.
+/// [`GarmentError`]: one line that names the file, the line where there is one, and what to do. No
+/// input makes it panic.
 ///
 /// ```
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -190,7 +202,11 @@ impl Garment {
 /// # Ok(())
 /// # }
 /// ```
-pub fn read(flat: &Path, draped: Option<&Path>, options: &ReadOptions) -> Result<Garment, GarmentError> {
+pub fn read(
+    flat: &Path,
+    draped: Option<&Path>,
+    options: &ReadOptions,
+) -> Result<Garment, GarmentError> {
     Files::read(flat, draped, options)?.garment(options).map(|(garment, _, _)| garment)
 }
 
@@ -206,23 +222,33 @@ struct Files<'a> {
 }
 
 impl<'a> Files<'a> {
-    fn read(path: &'a Path, draped_path: Option<&Path>, options: &ReadOptions) -> Result<Self, GarmentError> {
+    fn read(
+        path: &'a Path,
+        draped_path: Option<&Path>,
+        options: &ReadOptions,
+    ) -> Result<Self, GarmentError> {
         check(options)?;
         let flat = obj::read(path)?;
         let draped = draped_path.map(obj::read).transpose()?;
         let pair = |pattern| match draped_path.zip(draped.as_ref()) {
             None => pair::with_texture(&flat, path),
-            Some((draped_path, draped)) => pair::two_files(&flat, draped, [path, draped_path], pattern),
+            Some((draped_path, draped)) => {
+                pair::two_files(&flat, draped, [path, draped_path], pattern)
+            }
         };
         let mut pattern = if draped.is_some() { Pattern::Positions } else { Pattern::Texture };
         let mut pairs = pair(pattern)?;
         let mut pieces = panel::pieces(&pairs);
         // A garment at rest on the body is no pattern, but may carry one.
-        let leaves_plane = |piece: &Result<Piece, Refused>| matches!(piece, Err((Refusal::NotFlat(_), _, _)));
+        let leaves_plane =
+            |piece: &Result<Piece, Refused>| matches!(piece, Err((Refusal::NotFlat(_), _, _)));
         if pattern == Pattern::Positions && flat.is_textured() && pieces.iter().any(leaves_plane) {
             pattern = Pattern::Texture;
             pairs = pair(pattern)?;
-            pairs.warnings.push(format!("{} does not lie flat: its vt are taken for the flat pattern", path.display()));
+            pairs.warnings.push(format!(
+                "{} does not lie flat: its vt are taken for the flat pattern",
+                path.display()
+            ));
             pieces = panel::pieces(&pairs);
         }
         Ok(Self { path, flat, draped, pattern, pairs, pieces })
@@ -239,7 +265,14 @@ impl<'a> Files<'a> {
         let pairs = &self.pairs;
         let unit = settle_unit(pairs, options, &mut facts);
         let pieces = usable_pieces(std::mem::take(&mut self.pieces), self.path, &mut facts)?;
-        let scales = settle_scales(pairs, &pieces, unit, options, self.pattern == Pattern::Positions, &mut facts);
+        let scales = settle_scales(
+            pairs,
+            &pieces,
+            unit,
+            options,
+            self.pattern == Pattern::Positions,
+            &mut facts,
+        );
         let panels: Vec<Panel> = pieces
             .iter()
             .zip(scales)
@@ -257,12 +290,18 @@ impl<'a> Files<'a> {
 
 fn check(options: &ReadOptions) -> Result<(), GarmentError> {
     if !options.grain.is_finite() {
-        return Err(GarmentError::Option { option: "--grain", value: options.grain, must: "a finite angle" });
+        return Err(GarmentError::Option {
+            option: "--grain",
+            value: options.grain,
+            must: "a finite angle",
+        });
     }
     match options.uv_scale {
-        Some(value) if !(1e-9..=1e9).contains(&value) => {
-            Err(GarmentError::Option { option: "--uv-scale", value, must: "between 1e-9 and 1e9 mm per flat unit" })
-        }
+        Some(value) if !(1e-9..=1e9).contains(&value) => Err(GarmentError::Option {
+            option: "--uv-scale",
+            value,
+            must: "between 1e-9 and 1e9 mm per flat unit",
+        }),
         _ => Ok(()),
     }
 }
@@ -285,7 +324,11 @@ fn settle_unit(pairs: &Pairs, options: &ReadOptions, facts: &mut Facts) -> Unit 
 }
 
 /// The pieces that can be knitted on; the others are counted and warned of.
-fn usable_pieces(pieces: Vec<Result<Piece, Refused>>, flat: &Path, facts: &mut Facts) -> Result<Vec<Piece>, GarmentError> {
+fn usable_pieces(
+    pieces: Vec<Result<Piece, Refused>>,
+    flat: &Path,
+    facts: &mut Facts,
+) -> Result<Vec<Piece>, GarmentError> {
     let mut usable = Vec::new();
     let mut refusals = Vec::new();
     for piece in pieces {
@@ -300,10 +343,16 @@ fn usable_pieces(pieces: Vec<Result<Piece, Refused>>, flat: &Path, facts: &mut F
                     }
                     Refusal::NoDrapedArea => "has no draped area".to_owned(),
                     Refusal::NotFlat(share) => {
-                        format!("leaves its plane by {:.1} % of its size (2 % is the most)", 100.0 * share)
+                        format!(
+                            "leaves its plane by {:.1} % of its size (2 % is the most)",
+                            100.0 * share
+                        )
                     }
                 };
-                refusals.push(format!("the piece of {triangles} triangles at face {} {why}", polygon + 1));
+                refusals.push(format!(
+                    "the piece of {triangles} triangles at face {} {why}",
+                    polygon + 1
+                ));
             }
         }
     }
@@ -330,12 +379,14 @@ fn settle_scales(
         facts.uv_scale_mm = scale;
         return vec![scale; pieces.len()];
     }
-    let mut all: Vec<Vec<_>> = pieces.iter().map(|piece| piece.stretches(pairs, unit.millimetres())).collect();
+    let mut all: Vec<Vec<_>> =
+        pieces.iter().map(|piece| piece.stretches(pairs, unit.millimetres())).collect();
     let own: Vec<f64> = all.iter_mut().map(|stretches| unit::scale(stretches)).collect();
     let scales = unit::settle(unit::scale(&mut all.concat()), &own, flat_file);
     facts.uv_scale_mm = scales.garment;
     if !scales.differing.is_empty() {
-        let names: Vec<_> = scales.differing.iter().map(|&i| format!("panel {i} {:.4}", own[i])).collect();
+        let names: Vec<_> =
+            scales.differing.iter().map(|&i| format!("panel {i} {:.4}", own[i])).collect();
         facts.warnings.push(format!(
             "panels differ in scale from the garment's {:.4} mm per flat unit and take their own: {}; --uv-scale sets one for all",
             scales.garment,
@@ -349,8 +400,9 @@ fn settle_scales(
 fn count_defects(panels: &[Panel], facts: &mut Facts) {
     facts.flipped = panels.iter().map(|panel| panel.flipped.len()).sum();
     if facts.flipped > 0 {
-        let of =
-            |(i, panel): (usize, &Panel)| (!panel.flipped.is_empty()).then(|| format!("{} in panel {i}", panel.flipped.len()));
+        let of = |(i, panel): (usize, &Panel)| {
+            (!panel.flipped.is_empty()).then(|| format!("{} in panel {i}", panel.flipped.len()))
+        };
         let places: Vec<_> = panels.iter().enumerate().filter_map(of).collect();
         facts.warnings.push(format!(
             "{} flat triangles are flipped against their panel and take no stitches: {}",
@@ -359,9 +411,12 @@ fn count_defects(panels: &[Panel], facts: &mut Facts) {
         ));
     }
     if facts.degenerate > 0 {
-        facts.warnings.push(format!("{} triangles have no flat area and take no stitches", facts.degenerate));
+        facts
+            .warnings
+            .push(format!("{} triangles have no flat area and take no stitches", facts.degenerate));
     }
-    // A sewing pattern has large pieces; an automatic unwrap falls apart into scraps on which no fabric can be seen.
+    // A sewing pattern has large pieces; an automatic unwrap falls apart into scraps on which no
+    // fabric can be seen.
     let usable: usize = panels.iter().map(|panel| panel.triangles.len()).sum();
     if panels.len() > 8 && usable < 4 * panels.len() {
         facts.warnings.push(format!(

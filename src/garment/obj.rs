@@ -1,17 +1,22 @@
 //! OBJ text to a triangulated mesh: a cleaning pass that streams into tobj.
 //!
-//! In: a path. Out: an [`ObjMesh`], its triangles in file order (a fan from each face's first corner), positions and texture
-//! coordinates numbered apart, and for each face its line, its names and whether all its corners have a `vt`.
+//! In: a path. Out: an [`ObjMesh`], its triangles in file order (a fan from each face's first
+//! corner), positions and texture coordinates numbered apart, and for each face its line, its names
+//! and whether all its corners have a `vt`.
 //!
-//! tobj 4.0.5 alone won't do: it fills a missing `vt` with a neighbour's, makes a triangle of `l 1 2 3`, loses the first vertex
-//! to a byte order mark, accepts NaN, renumbers vertices at each group, refuses `\` continuations and trailing comments, and its errors
-//! have no line. So [`Cleaner`] stands in front of it. It joins continuations, drops everything but `v`, `vt` and `f`, checks every
-//! number and every index with its line, makes indices positive, gives faces without `vt` a dummy one (and remembers them), and hands
-//! tobj one clean group. Its memory is bounded by the longest record ([`super::records`]) and the notes on faces, whatever the file's length.
+//! tobj 4.0.5 alone won't do: it fills a missing `vt` with a neighbour's, makes a triangle of `l 1
+//! 2 3`, loses the first vertex to a byte order mark, accepts NaN, renumbers vertices at each
+//! group, refuses `\` continuations and trailing comments, and its errors have no line. So
+//! [`Cleaner`] stands in front of it. It joins continuations, drops everything but `v`, `vt` and
+//! `f`, checks every number and every index with its line, makes indices positive, gives faces
+//! without `vt` a dummy one (and remembers them), and hands tobj one clean group. Its memory is
+//! bounded by the longest record ([`super::records`]) and the notes on faces, whatever the file's
+//! length.
 //!
-//! Why tobj stays: on 81 MB of `v`, `vt` and `f` (a million triangles; 2 cores, 2026-11) the cleaning pass takes 380 ms and both together
-//! 985 ms, so a reader of our own would save 600 ns a triangle: 70 ms on the largest real garment, 115 200 triangles. No run that knits
-//! and draws such a garment is held up by that, and nothing that the specification asks is out of reach.
+//! Why tobj stays: on 81 MB of `v`, `vt` and `f` (a million triangles; 2 cores, 2026-11) the
+//! cleaning pass takes 380 ms and both together 985 ms, so a reader of our own would save 600 ns a
+//! triangle: 70 ms on the largest real garment, 115 200 triangles. No run that knits and draws such
+//! a garment is held up by that, and nothing that the specification asks is out of reach.
 
 use std::collections::HashMap;
 use std::fs::File;
@@ -39,7 +44,8 @@ pub(super) struct ObjMesh {
     pub(super) faces: Vec<Face>,
     /// Triangles of all faces, indices into `positions`.
     pub(super) triangles: Vec<[u32; 3]>,
-    /// The same triangles, indices into `texture`; empty where the file has no `vt`. Means nothing for untextured faces.
+    /// The same triangles, indices into `texture`; empty where the file has no `vt`. Means nothing
+    /// for untextured faces.
     pub(super) texture_triangles: Vec<[u32; 3]>,
     /// Object and group names; faces refer to them.
     pub(super) names: Vec<String>,
@@ -47,7 +53,8 @@ pub(super) struct ObjMesh {
     pub(super) texture_count: usize,
     /// The same for files whose faces have the same corners and names in the same order.
     pub(super) connectivity: u64,
-    /// The file's own number of each of `positions`, from 0: they come in the order in which faces first use them, and unused ones are left out.
+    /// The file's own number of each of `positions`, from 0: they come in the order in which faces
+    /// first use them, and unused ones are left out.
     pub(super) order: Vec<u32>,
 }
 
@@ -78,16 +85,20 @@ pub(super) fn read(path: &Path) -> Result<ObjMesh, GarmentError> {
 
 fn open(path: &Path) -> Result<BufReader<File>, GarmentError> {
     let refused = |reason| GarmentError::Open { path: path.to_path_buf(), reason };
-    // Opening a folder works on Unix and fails on Windows: ask first, so that the message is the same.
+    // Opening a folder works on Unix and fails on Windows: ask first, so that the message is the
+    // same.
     if std::fs::metadata(path).map_err(refused)?.is_dir() {
         return Err(GarmentError::Directory { path: path.to_path_buf() });
     }
     Ok(BufReader::with_capacity(1 << 16, File::open(path).map_err(refused)?))
 }
 
-/// Reads the positions of an OBJ file alone, in its own order, where its faces have that connectivity; nothing where they have another. It costs a third of
-/// [`read`].
-pub(super) fn read_positions(path: &Path, connectivity: u64) -> Result<Option<Vec<DVec3>>, GarmentError> {
+/// Reads the positions of an OBJ file alone, in its own order, where its faces have that
+/// connectivity; nothing where they have another. It costs a third of [`read`].
+pub(super) fn read_positions(
+    path: &Path,
+    connectivity: u64,
+) -> Result<Option<Vec<DVec3>>, GarmentError> {
     let mut cleaner = Cleaner::new(open(path)?);
     cleaner.kept = Some(Vec::new());
     loop {
@@ -105,12 +116,14 @@ pub(super) fn read_positions(path: &Path, connectivity: u64) -> Result<Option<Ve
 pub(super) fn parse(input: impl BufRead, path: &Path) -> Result<ObjMesh, GarmentError> {
     let mut cleaner = Cleaner::new(input);
     let options = tobj::LoadOptions { triangulate: true, ..Default::default() };
-    let parsed = tobj::load_obj_buf(&mut cleaner, &options, |_| Err(tobj::LoadError::OpenFileFailed));
+    let parsed =
+        tobj::load_obj_buf(&mut cleaner, &options, |_| Err(tobj::LoadError::OpenFileFailed));
     if let Some(stop) = cleaner.stop.take() {
         return Err(stop.at(path));
     }
     cleaner.check_whole(path)?;
-    let (models, _) = parsed.map_err(|reason| GarmentError::Parser { path: path.to_path_buf(), reason })?;
+    let (models, _) =
+        parsed.map_err(|reason| GarmentError::Parser { path: path.to_path_buf(), reason })?;
     let mesh = models.into_iter().next().expect("tobj makes one model of one group").mesh;
     Ok(cleaner.notes.into_mesh(mesh))
 }
@@ -131,12 +144,22 @@ struct Notes {
 
 impl Notes {
     fn into_mesh(self, mesh: tobj::Mesh) -> ObjMesh {
-        let threes = |indices: &[u32]| indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect::<Vec<_>>();
+        let threes = |indices: &[u32]| {
+            indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect::<Vec<_>>()
+        };
         let triangles = threes(&mesh.indices);
         let expected: usize = self.faces.iter().map(|face| face.corners as usize - 2).sum();
-        assert_eq!(triangles.len(), expected, "tobj fans every face of three or more corners into two fewer triangles");
+        assert_eq!(
+            triangles.len(),
+            expected,
+            "tobj fans every face of three or more corners into two fewer triangles"
+        );
         ObjMesh {
-            positions: mesh.positions.chunks_exact(3).map(|p| DVec3::new(p[0], p[1], p[2])).collect(),
+            positions: mesh
+                .positions
+                .chunks_exact(3)
+                .map(|p| DVec3::new(p[0], p[1], p[2]))
+                .collect(),
             texture: mesh.texcoords.chunks_exact(2).map(|p| DVec2::new(p[0], p[1])).collect(),
             faces: self.faces,
             triangles,
@@ -156,8 +179,9 @@ fn first_uses(corners: &[u32], vertices: u64) -> Vec<u32> {
     corners.iter().map(|vertex| vertex - 1).filter(is_new).collect()
 }
 
-/// Positive indices may point forward (`vt` after the faces), so they can be judged at the end alone. Only those that exceed all
-/// before them are kept: the first one out of range is always among them.
+/// Positive indices may point forward (`vt` after the faces), so they can be judged at the end
+/// alone. Only those that exceed all before them are kept: the first one out of range is always
+/// among them.
 #[derive(Debug, Default)]
 struct Forward(Vec<(u64, u64)>);
 
@@ -174,7 +198,8 @@ impl Forward {
     }
 }
 
-/// What the faces to come are called. A name is kept only once a face has it: a file may hold millions that none has.
+/// What the faces to come are called. A name is kept only once a face has it: a file may hold
+/// millions that none has.
 #[derive(Debug, Default)]
 enum Label {
     #[default]
@@ -281,8 +306,15 @@ impl<R: BufRead> Cleaner<R> {
         }
     }
 
-    /// Checks a `v` or `vt`, and hands on its first three or two numbers: weights, colours and a third `vt` play no part.
-    fn numbers(&mut self, record: &'static str, rest: &[u8], least: usize, most: usize) -> Result<(), Fault> {
+    /// Checks a `v` or `vt`, and hands on its first three or two numbers: weights, colours and a
+    /// third `vt` play no part.
+    fn numbers(
+        &mut self,
+        record: &'static str,
+        rest: &[u8],
+        least: usize,
+        most: usize,
+    ) -> Result<(), Fault> {
         if self.notes.positions.max(self.notes.texture) > MOST {
             return Err(Fault::TooMany { limit: MOST });
         }
@@ -291,7 +323,8 @@ impl<R: BufRead> Cleaner<R> {
         let mut found = 0;
         let mut position = DVec3::ZERO;
         for token in tokens(rest) {
-            let value: Option<f64> = std::str::from_utf8(token).ok().and_then(|text| text.parse().ok());
+            let value: Option<f64> =
+                std::str::from_utf8(token).ok().and_then(|text| text.parse().ok());
             // 1.#QNAN is how Microsoft's older runtimes print a NaN.
             let microsoft_nan = token.windows(2).any(|pair| pair == b".#");
             match value {
@@ -300,7 +333,9 @@ impl<R: BufRead> Cleaner<R> {
                         position[found] = value;
                     }
                 }
-                None if !microsoft_nan => return Err(Fault::Number { record, token: quoted(token) }),
+                None if !microsoft_nan => {
+                    return Err(Fault::Number { record, token: quoted(token) });
+                }
                 _ => return Err(Fault::NotFinite { record, token: quoted(token) }),
             }
             if found < kept {
@@ -327,7 +362,8 @@ impl<R: BufRead> Cleaner<R> {
         let start = self.clean.len();
         let textured = self.corners(rest, true)?;
         if !textured {
-            // tobj would fill a missing `vt` with the last corner's; a dummy on every corner has no such history.
+            // tobj would fill a missing `vt` with the last corner's; a dummy on every corner has no
+            // such history.
             self.clean.truncate(start);
             self.corners(rest, false)?;
         }
@@ -340,22 +376,33 @@ impl<R: BufRead> Cleaner<R> {
             return Err(Fault::TooMany { limit: MOST });
         }
         self.notes.connectivity.write_usize(corners);
-        let names = [&mut self.object, &mut self.group].map(|label| label.keep(&mut self.known, &mut self.notes.names));
+        let names = [&mut self.object, &mut self.group]
+            .map(|label| label.keep(&mut self.known, &mut self.notes.names));
         self.note_names(names);
         let [object, group] = names;
-        self.notes.faces.push(Face { line: self.lines.first, corners: index32(corners), textured, object, group });
+        self.notes.faces.push(Face {
+            line: self.lines.first,
+            corners: index32(corners),
+            textured,
+            object,
+            group,
+        });
         Ok(())
     }
 
-    /// Faces are paired by their names first, so files whose faces have other names are connected otherwise.
+    /// Faces are paired by their names first, so files whose faces have other names are connected
+    /// otherwise.
     fn note_names(&mut self, names: [Option<u32>; 2]) {
         if self.named != Some(names) {
             self.named = Some(names);
-            names.map(|name| name.map(|name| self.notes.names[name as usize].as_str())).hash(&mut self.notes.connectivity);
+            names
+                .map(|name| name.map(|name| self.notes.names[name as usize].as_str()))
+                .hash(&mut self.notes.connectivity);
         }
     }
 
-    /// Writes a face's corners, each with its own `vt` or the dummy `vt` 1; whether all had one of their own.
+    /// Writes a face's corners, each with its own `vt` or the dummy `vt` 1; whether all had one of
+    /// their own.
     fn corners(&mut self, rest: &[u8], own_texture: bool) -> Result<bool, Fault> {
         let mut textured = true;
         self.clean.push(b'f');
@@ -393,11 +440,19 @@ impl<R: BufRead> Cleaner<R> {
         if positions == 0 && self.notes.faces.is_empty() {
             return Err(GarmentError::NotObj { path, lines: self.lines.number });
         }
-        let beyond_v = self.forward_v.first_beyond(positions).map(|(line, index)| (line, "v", index, positions));
-        let beyond_vt = self.forward_vt.first_beyond(texture).map(|(line, index)| (line, "vt", index, texture));
+        let beyond_v = self
+            .forward_v
+            .first_beyond(positions)
+            .map(|(line, index)| (line, "v", index, positions));
+        let beyond_vt =
+            self.forward_vt.first_beyond(texture).map(|(line, index)| (line, "vt", index, texture));
         if let Some((line, record, index, count)) = beyond_v.into_iter().chain(beyond_vt).min() {
             let index = i64::try_from(index).unwrap_or(i64::MAX);
-            return Err(GarmentError::Record { path, line, fault: Fault::IndexRange { record, index, count } });
+            return Err(GarmentError::Record {
+                path,
+                line,
+                fault: Fault::IndexRange { record, index, count },
+            });
         }
         if self.notes.faces.is_empty() {
             return Err(GarmentError::NoFaces { path, vertices: positions });
@@ -431,14 +486,16 @@ impl<R: BufRead> BufRead for Cleaner<R> {
     }
 }
 
-/// A corner's vertex and texture indices as written. The normal's must be a number, but which one plays no part.
+/// A corner's vertex and texture indices as written. The normal's must be a number, but which one
+/// plays no part.
 fn corner(token: &[u8]) -> Result<[Option<i64>; 2], Fault> {
     let malformed = || Fault::Corner { token: quoted(token) };
     let mut parts = token.split(|&byte| byte == b'/');
     let mut indices = [None; 3];
     let mut count = 0;
     for part in parts.by_ref().take(3) {
-        indices[count] = if part.is_empty() { None } else { Some(integer(part).ok_or_else(malformed)?) };
+        indices[count] =
+            if part.is_empty() { None } else { Some(integer(part).ok_or_else(malformed)?) };
         count += 1;
     }
     // `1//` is written by real exporters, a bare `1/` only by a cut-off file.
@@ -458,11 +515,14 @@ fn integer(text: &[u8]) -> Option<i64> {
     if digits.is_empty() || !digits.iter().all(u8::is_ascii_digit) {
         return None;
     }
-    let value = digits.iter().fold(0_i64, |value, &digit| value.saturating_mul(10).saturating_add(i64::from(digit - b'0')));
+    let value = digits.iter().fold(0_i64, |value, &digit| {
+        value.saturating_mul(10).saturating_add(i64::from(digit - b'0'))
+    });
     Some(if negative { -value } else { value })
 }
 
-/// A written index as a positive one. Negative ones count back from the records so far; positive ones are judged at the end.
+/// A written index as a positive one. Negative ones count back from the records so far; positive
+/// ones are judged at the end.
 fn absolute(record: &'static str, index: i64, count: u64, token: &[u8]) -> Result<u64, Fault> {
     let from_end = index.unsigned_abs();
     match index {

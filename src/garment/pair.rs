@@ -1,7 +1,8 @@
 //! Flat and draped triangles, one to one.
 //!
-//! In: one [`ObjMesh`] with `vt`, or a flat and a draped one. Out: [`Pairs`]. Faces are paired by their order and corners by theirs, never
-//! by welded vertices: `v` and `vt` are numbered apart at seams, and exporters weld as they please.
+//! In: one [`ObjMesh`] with `vt`, or a flat and a draped one. Out: [`Pairs`]. Faces are paired by
+//! their order and corners by theirs, never by welded vertices: `v` and `vt` are numbered apart at
+//! seams, and exporters weld as they please.
 
 use std::path::Path;
 
@@ -11,9 +12,11 @@ use super::error::GarmentError;
 use super::obj::{Face, ObjMesh};
 use crate::ids::{FaceId, index32};
 
-/// Coordinates beyond this make areas whose squares leave the range in which 64-bit floats are exact enough.
+/// Coordinates beyond this make areas whose squares leave the range in which 64-bit floats are
+/// exact enough.
 pub(super) const LARGEST: f64 = 1e12;
-/// Flat vertices that may be at two places when draped before the files are refused: a few are a torn seam, many are another mesh.
+/// Flat vertices that may be at two places when draped before the files are refused: a few are a
+/// torn seam, many are another mesh.
 const TORN: f64 = 0.01;
 
 /// Paired triangles, still in the files' own units.
@@ -42,16 +45,19 @@ pub(super) struct Paired {
 }
 
 impl Pairs {
-    /// Draped positions nearer than this are one place: unwelded copies of a vertex may be rounded apart, while another vertex is
-    /// about an edge's length away.
+    /// Draped positions nearer than this are one place: unwelded copies of a vertex may be rounded
+    /// apart, while another vertex is about an edge's length away.
     pub(super) fn same_place(&self) -> f64 {
         1e-6 * self.draped_extent().length()
     }
 
-    /// Size of the draped bounding box of all paired triangles: a body in the file, or a stray vertex, has no say.
+    /// Size of the draped bounding box of all paired triangles: a body in the file, or a stray
+    /// vertex, has no say.
     pub(super) fn draped_extent(&self) -> DVec3 {
         let corners = self.triangles.iter().flat_map(|triangle| self.draped_corners(triangle));
-        let [low, high] = corners.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], p| [low.min(p), high.max(p)]);
+        let [low, high] = corners.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], p| {
+            [low.min(p), high.max(p)]
+        });
         high - low
     }
 
@@ -84,7 +90,13 @@ pub(super) fn with_texture(mesh: &ObjMesh, path: &Path) -> Result<Pairs, Garment
         let draped = mesh.triangles[triangle];
         if textured {
             let flat = mesh.texture_triangles[triangle];
-            pairs.triangles.push(Paired { flat, draped, face: FaceId(index32(triangle)), polygon: face, lines: [line, line] });
+            pairs.triangles.push(Paired {
+                flat,
+                draped,
+                face: FaceId(index32(triangle)),
+                polygon: face,
+                lines: [line, line],
+            });
         } else {
             pairs.untextured += 1;
         }
@@ -99,16 +111,27 @@ pub(super) fn with_texture(mesh: &ObjMesh, path: &Path) -> Result<Pairs, Garment
 /// Refuses a pattern without a face, and warns of faces that are not in it.
 fn check_texture(pairs: &mut Pairs, mesh: &ObjMesh, path: &Path) -> Result<(), GarmentError> {
     if pairs.triangles.is_empty() {
-        return Err(GarmentError::NoTexture { path: path.to_path_buf(), texture: mesh.texture_count });
+        return Err(GarmentError::NoTexture {
+            path: path.to_path_buf(),
+            texture: mesh.texture_count,
+        });
     }
     if pairs.untextured > 0 {
-        pairs.warnings.push(format!("{} of {} triangles have no vt and take no stitches", pairs.untextured, pairs.total));
+        pairs.warnings.push(format!(
+            "{} of {} triangles have no vt and take no stitches",
+            pairs.untextured, pairs.total
+        ));
     }
     Ok(())
 }
 
 /// Pairs a flat file with a draped one.
-pub(super) fn two_files(flat: &ObjMesh, draped: &ObjMesh, paths: [&Path; 2], pattern: Pattern) -> Result<Pairs, GarmentError> {
+pub(super) fn two_files(
+    flat: &ObjMesh,
+    draped: &ObjMesh,
+    paths: [&Path; 2],
+    pattern: Pattern,
+) -> Result<Pairs, GarmentError> {
     let mut pairs = Pairs { total: flat.triangles.len(), ..Default::default() };
     let partner = match by_name(flat, draped) {
         Some(partner) => partner,
@@ -124,7 +147,11 @@ pub(super) fn two_files(flat: &ObjMesh, draped: &ObjMesh, paths: [&Path; 2], pat
         for fan in 0..fans {
             let triangle = flat_first[face] + fan;
             pairs.triangles.push(Paired {
-                flat: if pattern == Pattern::Texture { flat.texture_triangles[triangle] } else { flat.triangles[triangle] },
+                flat: if pattern == Pattern::Texture {
+                    flat.texture_triangles[triangle]
+                } else {
+                    flat.triangles[triangle]
+                },
                 draped: draped.triangles[draped_first[other as usize] + fan],
                 face: FaceId(index32(triangle)),
                 polygon: index32(face),
@@ -151,7 +178,8 @@ pub(super) fn two_files(flat: &ObjMesh, draped: &ObjMesh, paths: [&Path; 2], pat
 
 /// The face of each triangle.
 fn triangle_faces(mesh: &ObjMesh) -> Vec<u32> {
-    let fan = |(i, face): (usize, &Face)| std::iter::repeat_n(index32(i), face.corners as usize - 2);
+    let fan =
+        |(i, face): (usize, &Face)| std::iter::repeat_n(index32(i), face.corners as usize - 2);
     mesh.faces.iter().enumerate().flat_map(fan).collect()
 }
 
@@ -165,12 +193,14 @@ fn first_triangles(mesh: &ObjMesh) -> Vec<usize> {
     mesh.faces.iter().map(first).collect()
 }
 
-/// For each flat face the draped face, by object names or else by group names, where every flat name is in the draped file with as
-/// many faces of the same corners. It finds a garment exported with the body, before or after it, and pieces in another order.
+/// For each flat face the draped face, by object names or else by group names, where every flat
+/// name is in the draped file with as many faces of the same corners. It finds a garment exported
+/// with the body, before or after it, and pieces in another order.
 fn by_name(flat: &ObjMesh, draped: &ObjMesh) -> Option<Vec<u32>> {
     let kinds: [fn(&Face) -> Option<u32>; 2] = [|face| face.object, |face| face.group];
     kinds.into_iter().find_map(|name_of| {
-        let mut waiting: std::collections::HashMap<&str, std::collections::VecDeque<u32>> = Default::default();
+        let mut waiting: std::collections::HashMap<&str, std::collections::VecDeque<u32>> =
+            Default::default();
         for (i, face) in draped.faces.iter().enumerate() {
             if let Some(name) = name_of(face) {
                 waiting.entry(&draped.names[name as usize]).or_default().push_back(index32(i));
@@ -185,15 +215,23 @@ fn by_name(flat: &ObjMesh, draped: &ObjMesh) -> Option<Vec<u32>> {
             }
             partner.push(other);
         }
-        // A name of which faces are left over names something else in each file: the order has to decide.
-        let used = flat.faces.iter().filter_map(name_of).map(|name| flat.names[name as usize].as_str());
+        // A name of which faces are left over names something else in each file: the order has to
+        // decide.
+        let used =
+            flat.faces.iter().filter_map(name_of).map(|name| flat.names[name as usize].as_str());
         let mut all_used = used.map(|name| waiting.get(name).is_some_and(|left| left.is_empty()));
         all_used.all(|empty| empty).then_some(partner)
     })
 }
 
-/// Flat faces with the draped faces at the same place in their file; the draped file may hold more after them.
-fn by_order(flat: &ObjMesh, draped: &ObjMesh, paths: [&Path; 2], warnings: &mut Vec<String>) -> Result<Vec<u32>, GarmentError> {
+/// Flat faces with the draped faces at the same place in their file; the draped file may hold more
+/// after them.
+fn by_order(
+    flat: &ObjMesh,
+    draped: &ObjMesh,
+    paths: [&Path; 2],
+    warnings: &mut Vec<String>,
+) -> Result<Vec<u32>, GarmentError> {
     let [flat_path, draped_path] = paths.map(|path| path.display());
     let (flat_faces, draped_faces) = (flat.faces.len(), draped.faces.len());
     let differing = flat.faces.iter().zip(&draped.faces).position(|(a, b)| a.corners != b.corners);
@@ -208,7 +246,14 @@ fn by_order(flat: &ObjMesh, draped: &ObjMesh, paths: [&Path; 2], warnings: &mut 
             None => format!("{flat_path}:{} has no counterpart", here.line),
         };
         let [flat, draped] = paths.map(Path::to_path_buf);
-        return Err(GarmentError::Faces { flat, draped, flat_faces, draped_faces, face: face + 1, difference });
+        return Err(GarmentError::Faces {
+            flat,
+            draped,
+            flat_faces,
+            draped_faces,
+            face: face + 1,
+            difference,
+        });
     }
     if draped_faces > flat_faces {
         warnings.push(format!(
@@ -220,21 +265,32 @@ fn by_order(flat: &ObjMesh, draped: &ObjMesh, paths: [&Path; 2], warnings: &mut 
 
 /// Refuses coordinates with which areas would overflow.
 fn check_size(pairs: &Pairs, flat: &Path, draped: &Path) -> Result<(), GarmentError> {
-    let largest = |corners: [DVec3; 3]| corners.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
+    let largest =
+        |corners: [DVec3; 3]| corners.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
     for triangle in &pairs.triangles {
-        let values = [largest(pairs.flat_corners(triangle)), largest(pairs.draped_corners(triangle))];
+        let values =
+            [largest(pairs.flat_corners(triangle)), largest(pairs.draped_corners(triangle))];
         for ((path, line), value) in [flat, draped].into_iter().zip(triangle.lines).zip(values) {
             if value > LARGEST {
-                return Err(GarmentError::TooLarge { path: path.to_path_buf(), line, value, limit: LARGEST });
+                return Err(GarmentError::TooLarge {
+                    path: path.to_path_buf(),
+                    line,
+                    value,
+                    limit: LARGEST,
+                });
             }
         }
     }
     Ok(())
 }
 
-/// A flat vertex is one point of the cloth, so it is at one place when draped (maybe under several numbers). Where many are not, the
-/// files' corners don't correspond.
-fn check_corners(pairs: &mut Pairs, paths: [&Path; 2], faces: [usize; 2]) -> Result<(), GarmentError> {
+/// A flat vertex is one point of the cloth, so it is at one place when draped (maybe under several
+/// numbers). Where many are not, the files' corners don't correspond.
+fn check_corners(
+    pairs: &mut Pairs,
+    paths: [&Path; 2],
+    faces: [usize; 2],
+) -> Result<(), GarmentError> {
     let tolerance = pairs.same_place();
     let mut places: Vec<Option<DVec3>> = vec![None; pairs.flat.len()];
     let mut torn = vec![false; pairs.flat.len()];

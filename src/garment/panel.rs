@@ -1,9 +1,12 @@
-//! Panels: connected pieces of the flat pattern, each fitted to its plane and put in axes of its own.
+//! Panels: connected pieces of the flat pattern, each fitted to its plane and put in axes of its
+//! own.
 //!
-//! In: [`Pairs`]. Out: [`Piece`]s in the order of their lowest face ([`pieces`]), then, once the scale is known, [`Panel`]s.
+//! In: [`Pairs`]. Out: [`Piece`]s in the order of their lowest face ([`pieces`]), then, once the
+//! scale is known, [`Panel`]s.
 //!
-//! Two triangles belong to one piece where they share a flat vertex *that is at the same place draped*. The flat vertex alone isn't enough:
-//! the left and the right sleeve often share their `vt`, one lying mirrored on the other, while their `v` are elsewhere on the body.
+//! Two triangles belong to one piece where they share a flat vertex *that is at the same place
+//! draped*. The flat vertex alone isn't enough: the left and the right sleeve often share their
+//! `vt`, one lying mirrored on the other, while their `v` are elsewhere on the body.
 
 use std::collections::HashMap;
 use std::hash::Hash;
@@ -20,12 +23,14 @@ use crate::ids::index32;
 const OFF_PLANE: f64 = 0.02;
 /// A triangle with less than this part of its panel's flat area can't be told from a line.
 const DEGENERATE: f64 = 1e-12;
-/// Less area than this, in the file's units, is none: quotients of such areas would leave the range of 64-bit floats.
+/// Less area than this, in the file's units, is none: quotients of such areas would leave the range
+/// of 64-bit floats.
 const LEAST_AREA: f64 = 1e-30;
-/// A piece with less flat area than this part of its size squared is a line, too. Atlases hold such scraps, and scaling one to its draped
-/// area would make a panel of kilometres.
+/// A piece with less flat area than this part of its size squared is a line, too. Atlases hold such
+/// scraps, and scaling one to its draped area would make a panel of kilometres.
 const SLIVER: f64 = 1e-6;
-/// The grain runs along the flat y axis unless that projects to less than this on the panel's plane.
+/// The grain runs along the flat y axis unless that projects to less than this on the panel's
+/// plane.
 const UPRIGHT: f64 = 0.1;
 
 /// A usable piece of the pattern, in the files' own units.
@@ -79,13 +84,14 @@ pub(super) fn pieces(pairs: &Pairs) -> Vec<Result<Piece, Refused>> {
     }
     let fit = |triangles: Vec<u32>| {
         let polygon = pairs.triangles[triangles[0] as usize].polygon;
-        Piece::fit(pairs, &vertices, &triangles).map_err(|refusal| (refusal, triangles.len(), polygon))
+        Piece::fit(pairs, &vertices, &triangles)
+            .map_err(|refusal| (refusal, triangles.len(), polygon))
     };
     members.into_iter().map(fit).collect()
 }
 
-/// One number for each flat vertex at each draped place. Copies of a draped vertex (an unwelded export) are one place, also where
-/// rounding put them a little apart.
+/// One number for each flat vertex at each draped place. Copies of a draped vertex (an unwelded
+/// export) are one place, also where rounding put them a little apart.
 fn vertex_ids(pairs: &Pairs) -> Vec<[u32; 3]> {
     let same_place = pairs.same_place();
     let mut places: HashMap<u32, Places> = HashMap::new();
@@ -108,7 +114,8 @@ fn vertex_ids(pairs: &Pairs) -> Vec<[u32; 3]> {
 /// The most places that are searched one by one.
 const FEW: usize = 16;
 
-/// Where a flat vertex is when draped, with the number of each place: one or two in a pattern, thousands where a picture's `vt` are tiled over a mesh.
+/// Where a flat vertex is when draped, with the number of each place: one or two in a pattern,
+/// thousands where a picture's `vt` are tiled over a mesh.
 #[derive(Debug, Default)]
 struct Places {
     /// All, as long as they are few.
@@ -126,7 +133,8 @@ impl Places {
         }
         let [x, y, z] = cell(draped, same_place);
         let around = |at: i64| at.saturating_sub(1)..=at.saturating_add(1);
-        let cells = around(x).flat_map(|x| around(y).flat_map(move |y| around(z).map(move |z| [x, y, z])));
+        let cells =
+            around(x).flat_map(|x| around(y).flat_map(move |y| around(z).map(move |z| [x, y, z])));
         let found = cells.filter_map(|cell| self.cells.get(&cell)).flatten().filter(near);
         found.map(|&(_, number)| number).min()
     }
@@ -142,7 +150,8 @@ impl Places {
     }
 }
 
-/// The cell of a place, twice as wide as places may be apart, so that rounding puts none of them two cells away; all are one where nothing has an extent.
+/// The cell of a place, twice as wide as places may be apart, so that rounding puts none of them
+/// two cells away; all are one where nothing has an extent.
 fn cell(draped: DVec3, same_place: f64) -> [i64; 3] {
     #[expect(
         clippy::cast_possible_truncation,
@@ -202,14 +211,22 @@ impl Piece {
         let total: f64 = triangles.iter().map(|&i| flat(i).length()).sum();
         let mut solid: Vec<u32> = triangles.to_vec();
         solid.retain(|&i| total > LEAST_AREA && flat(i).length() >= DEGENERATE * total);
-        let largest =
-            solid.iter().map(|&i| flat(i)).max_by(|a, b| a.length().total_cmp(&b.length())).ok_or(Refusal::NoFlatArea)?;
-        let draped_area: f64 = solid.iter().map(|&i| cross(pairs.draped_corners(&pairs.triangles[i as usize])).length()).sum();
+        let largest = solid
+            .iter()
+            .map(|&i| flat(i))
+            .max_by(|a, b| a.length().total_cmp(&b.length()))
+            .ok_or(Refusal::NoFlatArea)?;
+        let draped_area: f64 = solid
+            .iter()
+            .map(|&i| cross(pairs.draped_corners(&pairs.triangles[i as usize])).length())
+            .sum();
         if draped_area <= LEAST_AREA {
             return Err(Refusal::NoDrapedArea);
         }
-        // Every normal is first turned to the largest triangle's side, so that flipped triangles can't cancel the sum.
-        let normal: DVec3 = solid.iter().map(|&i| flat(i)).map(|n| if n.dot(largest) < 0.0 { -n } else { n }).sum();
+        // Every normal is first turned to the largest triangle's side, so that flipped triangles
+        // can't cancel the sum.
+        let normal: DVec3 =
+            solid.iter().map(|&i| flat(i)).map(|n| if n.dot(largest) < 0.0 { -n } else { n }).sum();
         let mut normal = normal.normalize();
         let winding: f64 = solid.iter().map(|&i| flat(i).dot(normal)).sum();
         // Of two equal halves the one that lies face up wins.
@@ -217,8 +234,16 @@ impl Piece {
         if if balanced { faces_down(normal) } else { winding < 0.0 } {
             normal = -normal;
         }
-        let corners = |&i: &u32| Corners { pair: i, vertices: vertices[i as usize], flipped: flat(i).dot(normal) < 0.0 };
-        let piece = Self { triangles: solid.iter().map(corners).collect(), normal, degenerate: triangles.len() - solid.len() };
+        let corners = |&i: &u32| Corners {
+            pair: i,
+            vertices: vertices[i as usize],
+            flipped: flat(i).dot(normal) < 0.0,
+        };
+        let piece = Self {
+            triangles: solid.iter().map(corners).collect(),
+            normal,
+            degenerate: triangles.len() - solid.len(),
+        };
         let axes = piece.axes(0.0, false).transpose();
         let [low, high] = bounds(piece.flat_points(pairs).map(|p| axes * p));
         let extent = high - low;
@@ -238,7 +263,8 @@ impl Piece {
         self.triangles.iter().flat_map(|t| pairs.flat_corners(&pairs.triangles[t.pair as usize]))
     }
 
-    /// Panel axes (columns u, v, w) in the flat mesh's: v along its y, or z where y stands on the panel, turned by `grain`.
+    /// Panel axes (columns u, v, w) in the flat mesh's: v along its y, or z where y stands on the
+    /// panel, turned by `grain`.
     fn axes(&self, grain: f64, turn: bool) -> DMat3 {
         let normal = if turn { -self.normal } else { self.normal };
         let [right, up] = as_cut(normal);
@@ -251,15 +277,26 @@ impl Piece {
         let ratio = |t: &Corners| {
             let pair = &pairs.triangles[t.pair as usize];
             let weight = cross(pairs.flat_corners(pair)).length();
-            Stretch { ratio: cross(pairs.draped_corners(pair)).length() * unit_mm * unit_mm / weight, weight }
+            Stretch {
+                ratio: cross(pairs.draped_corners(pair)).length() * unit_mm * unit_mm / weight,
+                weight,
+            }
         };
         self.triangles.iter().map(ratio).collect()
     }
 
-    /// The panel in mm, and its degenerate triangles: those without area, and slivers so thin that rounding to panel axes closed them.
-    pub(super) fn panel(&self, pairs: &Pairs, scale_mm: f64, unit_mm: f64, options: &ReadOptions) -> (Panel, usize) {
+    /// The panel in mm, and its degenerate triangles: those without area, and slivers so thin that
+    /// rounding to panel axes closed them.
+    pub(super) fn panel(
+        &self,
+        pairs: &Pairs,
+        scale_mm: f64,
+        unit_mm: f64,
+        options: &ReadOptions,
+    ) -> (Panel, usize) {
         let axes = self.axes(options.grain, options.turn);
-        // The middle of the piece is the origin: patterns lie anywhere, and numbers near zero are the most exact.
+        // The middle of the piece is the origin: patterns lie anywhere, and numbers near zero are
+        // the most exact.
         let [low, high] = bounds(self.flat_points(pairs).map(|p| axes.transpose() * p));
         let origin = axes * ((low + high) * 0.5) * scale_mm;
         let mut panel = Panel {
@@ -278,7 +315,8 @@ impl Piece {
             let pair = &pairs.triangles[t.pair as usize];
             let (flat, draped) = (pairs.flat_corners(pair), pairs.draped_corners(pair));
             let uv = flat.map(|p| (axes.transpose() * (p * scale_mm - origin)).truncate());
-            // The same cloth seen from behind: the other way round in (u, v), and the other way out on the body.
+            // The same cloth seen from behind: the other way round in (u, v), and the other way out
+            // on the body.
             let order = if options.turn { [0, 2, 1] } else { [0, 1, 2] };
             if side(order.map(|corner| uv[corner])) != if t.flipped { -1.0 } else { 1.0 } {
                 vanished += 1;
@@ -301,13 +339,15 @@ impl Piece {
         }
         panel.normals.resize(panel.draped.len(), DVec3::Z);
         panel.order_along_curve();
-        // In this order, as for each frame of a sequence, so that the same drape has the same normals to the last bit.
+        // In this order, as for each frame of a sequence, so that the same drape has the same
+        // normals to the last bit.
         panel.normals = normals(&panel.draped, &panel.triangles);
         (panel, self.degenerate + vanished)
     }
 }
 
-/// Right and up of a piece as it lies in the flat file, seen from the side to which the normal points.
+/// Right and up of a piece as it lies in the flat file, seen from the side to which the normal
+/// points.
 fn as_cut(normal: DVec3) -> [DVec3; 2] {
     let along = |axis: DVec3| axis - normal * axis.dot(normal);
     let up = along(DVec3::Y);
@@ -316,7 +356,8 @@ fn as_cut(normal: DVec3) -> [DVec3; 2] {
 }
 
 impl Panel {
-    /// How far the wale direction is turned from the flat mesh's upright axis, radians, counter-clockwise seen from the technical face.
+    /// How far the wale direction is turned from the flat mesh's upright axis, radians,
+    /// counter-clockwise seen from the technical face.
     ///
     /// ```
     /// use warpknit::garment::Garment;
@@ -331,8 +372,9 @@ impl Panel {
         (-axes.y_axis.dot(right)).atan2(axes.y_axis.dot(up))
     }
 
-    /// Turns the wale direction further, by `grain` radians counter-clockwise seen from the technical face, and gives the number of
-    /// triangles that are lost: slivers so thin that rounding to the new axes closed them.
+    /// Turns the wale direction further, by `grain` radians counter-clockwise seen from the
+    /// technical face, and gives the number of triangles that are lost: slivers so thin that
+    /// rounding to the new axes closed them.
     pub(super) fn turn_grain(&mut self, grain: f64) -> usize {
         let old_from_new = DMat2::from_angle(grain);
         let new_from_old = old_from_new.transpose();
@@ -350,8 +392,9 @@ impl Panel {
     }
 }
 
-/// 1 for a counter-clockwise triangle, -1 for a clockwise one, 0 for one so thin that exact and plain arithmetic disagree: location judges
-/// by the exact sign, but what divides by the area must not meet the plain one's opposite.
+/// 1 for a counter-clockwise triangle, -1 for a clockwise one, 0 for one so thin that exact and
+/// plain arithmetic disagree: location judges by the exact sign, but what divides by the area must
+/// not meet the plain one's opposite.
 fn side(corners: [DVec2; 3]) -> f64 {
     let [a, b, c] = corners;
     let plain = (b - a).perp_dot(c - a);
@@ -359,7 +402,8 @@ fn side(corners: [DVec2; 3]) -> f64 {
     if orient2d(a, b, c) * plain > 0.0 { plain.signum() } else { 0.0 }
 }
 
-/// Whether a flat normal points against the axis it is nearest to: the piece lies clockwise to somebody who looks down that axis.
+/// Whether a flat normal points against the axis it is nearest to: the piece lies clockwise to
+/// somebody who looks down that axis.
 fn faces_down(normal: DVec3) -> bool {
     let [x, y, z] = normal.abs().to_array();
     let dominant = if z >= x && z >= y {
@@ -376,9 +420,11 @@ fn bounds(points: impl Iterator<Item = DVec3>) -> [DVec3; 2] {
     points.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], p| [low.min(p), high.max(p)])
 }
 
-/// Unit vertex normals, each triangle weighted by its angle at the vertex, so that they don't depend on how the cloth was triangulated.
+/// Unit vertex normals, each triangle weighted by its angle at the vertex, so that they don't
+/// depend on how the cloth was triangulated.
 ///
-/// A vertex of collapsed triangles alone takes the panel's mean normal, and where that vanishes too (a closed or collapsed panel) +z.
+/// A vertex of collapsed triangles alone takes the panel's mean normal, and where that vanishes too
+/// (a closed or collapsed panel) +z.
 pub(super) fn normals(draped: &[DVec3], triangles: &[[u32; 3]]) -> Vec<DVec3> {
     let mut sums = vec![DVec3::ZERO; draped.len()];
     let mut mean = DVec3::ZERO;
@@ -388,7 +434,8 @@ pub(super) fn normals(draped: &[DVec3], triangles: &[[u32; 3]]) -> Vec<DVec3> {
         mean += area;
         let normal = area.normalize_or_zero();
         for i in 0..3 {
-            let (to_next, to_last) = (corners[(i + 1) % 3] - corners[i], corners[(i + 2) % 3] - corners[i]);
+            let (to_next, to_last) =
+                (corners[(i + 1) % 3] - corners[i], corners[(i + 2) % 3] - corners[i]);
             let angle = to_next.cross(to_last).length().atan2(to_next.dot(to_last));
             sums[triangle[i] as usize] += normal * angle;
         }
@@ -407,14 +454,19 @@ mod tests {
         let mut all: Vec<(DVec3, u32)> = Vec::new();
         let mut state = 7_u64;
         let mut random = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
             (state >> 40) as f64 / f64::from(1 << 24)
         };
         let same_place = 0.01;
         for _ in 0..2000 {
             // Some on cells' borders.
             let point = DVec3::new(random(), (random() * 50.0).round() / 50.0, 0.1 * random());
-            let first = all.iter().find(|(place, _)| place.distance(point) <= same_place).map(|(_, number)| *number);
+            let first = all
+                .iter()
+                .find(|(place, _)| place.distance(point) <= same_place)
+                .map(|(_, number)| *number);
             assert_eq!(places.find(point, same_place), first, "{point}");
             if first.is_none() {
                 let number = index32(all.len());

@@ -1,7 +1,8 @@
 //! The records of an OBJ text, one at a time, whatever its line ends, continuations and comments.
 //!
-//! In: bytes. Out: `Records::record`, one record without leading blanks, with the line on which it starts. Memory is bounded by
-//! `LONGEST_RECORD`: gigabytes of blanks or comments pass through without being kept.
+//! In: bytes. Out: `Records::record`, one record without leading blanks, with the line on which it
+//! starts. Memory is bounded by `LONGEST_RECORD`: gigabytes of blanks or comments pass through
+//! without being kept.
 
 use std::io::{self, BufRead};
 use std::path::Path;
@@ -21,14 +22,18 @@ impl Stop {
     pub(super) fn at(self, path: &Path) -> GarmentError {
         match self {
             Self::Fault(line, fault) => GarmentError::record(path, line, fault),
-            Self::Input(line, reason) => GarmentError::Read { path: path.to_path_buf(), line, reason },
+            Self::Input(line, reason) => {
+                GarmentError::Read { path: path.to_path_buf(), line, reason }
+            }
         }
     }
 }
 
-/// Records of a text: lines without leading blanks and comment lines, `\` continuations of `v`, `vt` and `f` joined.
+/// Records of a text: lines without leading blanks and comment lines, `\` continuations of `v`,
+/// `vt` and `f` joined.
 ///
-/// Other records aren't joined: a comment or a `mtllib` may well end in the `\` of a Windows folder, and would swallow the next line.
+/// Other records aren't joined: a comment or a `mtllib` may well end in the `\` of a Windows
+/// folder, and would swallow the next line.
 pub(super) struct Records<R> {
     input: R,
     /// The current record.
@@ -51,7 +56,8 @@ impl<R: BufRead> Records<R> {
     pub(super) fn next(&mut self) -> Result<bool, Stop> {
         self.record.clear();
         loop {
-            // Only the new line is looked at: a record of a hundred thousand continuations must not take their square in time.
+            // Only the new line is looked at: a record of a hundred thousand continuations must not
+            // take their square in time.
             let from = self.record.len();
             let more = self.line()?;
             let line = self.record[from..].trim_ascii_end();
@@ -72,8 +78,8 @@ impl<R: BufRead> Records<R> {
         }
     }
 
-    /// Appends the next line to `self.record`; false where the file ends. Blanks and comments before a record aren't kept, so gigabytes
-    /// of them take no memory.
+    /// Appends the next line to `self.record`; false where the file ends. Blanks and comments
+    /// before a record aren't kept, so gigabytes of them take no memory.
     fn line(&mut self) -> Result<bool, Stop> {
         self.number += 1;
         if self.record.is_empty() {
@@ -104,7 +110,10 @@ impl<R: BufRead> Records<R> {
             comment |= self.record.is_empty() && kept.first() == Some(&b'#');
             if !comment {
                 if self.record.len() + kept.len() > LONGEST_RECORD {
-                    return Err(Stop::Fault(self.first, Fault::LineTooLong { limit: LONGEST_RECORD }));
+                    return Err(Stop::Fault(
+                        self.first,
+                        Fault::LineTooLong { limit: LONGEST_RECORD },
+                    ));
                 }
                 self.record.extend_from_slice(kept);
             }
@@ -128,9 +137,11 @@ fn is_blank(byte: u8) -> bool {
     byte == b' ' || (b'\t'..=b'\r').contains(&byte)
 }
 
-/// A record's first word, and the rest. A `\` ends it too: the record may continue right after its keyword.
+/// A record's first word, and the rest. A `\` ends it too: the record may continue right after its
+/// keyword.
 pub(super) fn split_keyword(record: &[u8]) -> (&[u8], &[u8]) {
-    let end = record.iter().position(|&byte| is_blank(byte) || byte == b'\\').unwrap_or(record.len());
+    let end =
+        record.iter().position(|&byte| is_blank(byte) || byte == b'\\').unwrap_or(record.len());
     record.split_at(end)
 }
 

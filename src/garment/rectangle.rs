@@ -6,10 +6,12 @@ use super::{Facts, Garment, Panel};
 use crate::ids::FaceId;
 
 impl Garment {
-    /// A rectangle of two triangles from (0, 0) to (`width`, `height`) mm, lying in z = 0 with its technical face up.
+    /// A rectangle of two triangles from (0, 0) to (`width`, `height`) mm, lying in z = 0 with its
+    /// technical face up.
     #[must_use]
     pub fn rectangle(width: f64, height: f64) -> Self {
-        let uv = [(0.0, 0.0), (width, 0.0), (width, height), (0.0, height)].map(DVec2::from).to_vec();
+        let uv =
+            [(0.0, 0.0), (width, 0.0), (width, height), (0.0, height)].map(DVec2::from).to_vec();
         let panel = Panel {
             draped: uv.iter().map(|p| p.extend(0.0)).collect(),
             normals: vec![DVec3::Z; uv.len()],
@@ -20,6 +22,9 @@ impl Garment {
             flat_from_panel: DAffine3::IDENTITY,
             mirrored: false,
         };
-        Self { panels: vec![panel], facts: Facts { triangles: 2, unit: "mm", uv_scale_mm: 1.0, ..Facts::default() } }
+        Self {
+            panels: vec![panel],
+            facts: Facts { triangles: 2, unit: "mm", uv_scale_mm: 1.0, ..Facts::default() },
+        }
     }
 }

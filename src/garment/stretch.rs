@@ -1,8 +1,10 @@
-//! How far a garment is stretched, triangle by triangle: along its wales and courses, and at the most and at the least in any direction.
+//! How far a garment is stretched, triangle by triangle: along its wales and courses, and at the
+//! most and at the least in any direction.
 //!
-//! The map from a flat triangle to the draped one is linear. Its two singular values are the principal stretches: the largest and the smallest ratio of
-//! draped to flat length over all directions, at right angles to each other in the flat triangle. Both are 1 where draping kept all lengths (an
-//! isometry); their product is the ratio of the areas.
+//! The map from a flat triangle to the draped one is linear. Its two singular values are the
+//! principal stretches: the largest and the smallest ratio of draped to flat length over all
+//! directions, at right angles to each other in the flat triangle. Both are 1 where draping kept
+//! all lengths (an isometry); their product is the ratio of the areas.
 
 use glam::{DMat2, DVec2, DVec3};
 
@@ -70,7 +72,10 @@ pub fn isometry(panels: &[Panel]) -> Isometry {
 
 /// All usable triangles, panel after panel.
 pub(crate) fn triangles(panels: &[Panel]) -> Vec<TriangleStretch> {
-    panels.iter().flat_map(|panel| panel.triangles.iter().map(|corners| triangle(panel, *corners))).collect()
+    panels
+        .iter()
+        .flat_map(|panel| panel.triangles.iter().map(|corners| triangle(panel, *corners)))
+        .collect()
 }
 
 /// The stretch of one triangle of [`Panel::triangles`].
@@ -85,7 +90,13 @@ pub(crate) fn triangle(panel: &Panel, corners: [u32; 3]) -> TriangleStretch {
     };
     let (along_u, along_v) = (draped(DVec2::X), draped(DVec2::Y));
     let (largest, smallest) = singular_values(along_u, along_v);
-    TriangleStretch { area: flat.determinant() / 2.0, warp: along_v.length(), weft: along_u.length(), largest, smallest }
+    TriangleStretch {
+        area: flat.determinant() / 2.0,
+        warp: along_v.length(),
+        weft: along_u.length(),
+        largest,
+        smallest,
+    }
 }
 
 /// Singular values of the matrix of two columns, the larger first.
@@ -141,7 +152,10 @@ mod tests {
         let garment = draped(|p| DVec3::new(p.x + 1.5 * p.y, p.y, 7.0));
         let Isometry { smallest, largest, area } = isometry(&garment.panels);
         for share in 0..3 {
-            assert!((largest[share] - 2.0).abs() < 1e-12 && (smallest[share] - 0.5).abs() < 1e-12, "{largest:?} {smallest:?}");
+            assert!(
+                (largest[share] - 2.0).abs() < 1e-12 && (smallest[share] - 0.5).abs() < 1e-12,
+                "{largest:?} {smallest:?}"
+            );
             assert!((area[share] - 1.0).abs() < 1e-12);
         }
         let (warp, weft) = stretch(&garment);
@@ -151,15 +165,22 @@ mod tests {
     #[test]
     fn a_turned_and_a_collapsed_square() {
         let turned = draped(|p| DVec3::new(p.y, 0.0, -p.x));
-        assert_eq!(isometry(&turned.panels), Isometry { smallest: [1.0; 3], largest: [1.0; 3], area: [1.0; 3] });
+        assert_eq!(
+            isometry(&turned.panels),
+            Isometry { smallest: [1.0; 3], largest: [1.0; 3], area: [1.0; 3] }
+        );
         let collapsed = isometry(&draped(|_| DVec3::ONE).panels);
         assert_eq!((collapsed.largest, collapsed.smallest), ([0.0; 3], [0.0; 3]));
     }
 
     #[test]
     fn percentiles_go_by_area() {
-        let one = |area, warp| TriangleStretch { area, warp, weft: 1.0, largest: 1.0, smallest: 1.0 };
+        let one =
+            |area, warp| TriangleStretch { area, warp, weft: 1.0, largest: 1.0, smallest: 1.0 };
         let all = [one(90.0, 1.0), one(6.0, 3.0), one(4.0, 2.0)];
-        assert_eq!(percentiles(&all, |one| one.warp, [0.05, 0.5, 0.91, 0.95]), [1.0, 1.0, 2.0, 3.0]);
+        assert_eq!(
+            percentiles(&all, |one| one.warp, [0.05, 0.5, 0.91, 0.95]),
+            [1.0, 1.0, 2.0, 3.0]
+        );
     }
 }

@@ -64,17 +64,23 @@ impl FromStr for Unit {
     type Err = UnknownUnit;
 
     fn from_str(name: &str) -> Result<Self, UnknownUnit> {
-        Self::ALL.into_iter().find(|unit| unit.name() == name).ok_or_else(|| UnknownUnit(name.to_owned()))
+        Self::ALL
+            .into_iter()
+            .find(|unit| unit.name() == name)
+            .ok_or_else(|| UnknownUnit(name.to_owned()))
     }
 }
 
-/// A garment's largest dimension lies between these, mm: a sock or a swatch, and a gown with a train.
+/// A garment's largest dimension lies between these, mm: a sock or a swatch, and a gown with a
+/// train.
 pub(super) const GARMENT_SIZE: (f64, f64) = (80.0, 2500.0);
 
-/// The unit in which `extent` is a garment's size, and whether it really is; if none is, the nearest one.
+/// The unit in which `extent` is a garment's size, and whether it really is; if none is, the
+/// nearest one.
 ///
-/// Inches are no candidate: whatever could be inches could be centimetres two and a half times as large, and no tool's default
-/// is inches, so guessing them would only ever take centimetres for something else. Ties go to the larger unit.
+/// Inches are no candidate: whatever could be inches could be centimetres two and a half times as
+/// large, and no tool's default is inches, so guessing them would only ever take centimetres for
+/// something else. Ties go to the larger unit.
 pub(super) fn guess(extent: f64) -> (Unit, bool) {
     let (least, most) = GARMENT_SIZE;
     let misfit = |unit: Unit| {
@@ -90,7 +96,8 @@ pub(super) fn guess(extent: f64) -> (Unit, bool) {
     (best, misfit(best) == 1.0)
 }
 
-/// A FLAT file's scale this near to a unit's length is taken to be in that unit, and the rest to be the fabric's stretch.
+/// A FLAT file's scale this near to a unit's length is taken to be in that unit, and the rest to be
+/// the fabric's stretch.
 const PLAIN: f64 = 0.15;
 /// Panels whose own scale is off the garment's by more than this take their own.
 const DISAGREE: f64 = 0.05;
@@ -102,10 +109,11 @@ pub(super) struct Stretch {
     pub(super) weight: f64,
 }
 
-/// The scale that makes a flat piece as large as it is draped: the square root of the area-weighted median of area ratios.
+/// The scale that makes a flat piece as large as it is draped: the square root of the area-weighted
+/// median of area ratios.
 ///
-/// The median, because a few stretched or crumpled triangles say nothing about the unit. Where over half of the area has
-/// collapsed the median is 0 and the total areas are taken instead.
+/// The median, because a few stretched or crumpled triangles say nothing about the unit. Where over
+/// half of the area has collapsed the median is 0 and the total areas are taken instead.
 pub(super) fn scale(stretches: &mut [Stretch]) -> f64 {
     stretches.sort_by(|a, b| a.ratio.total_cmp(&b.ratio));
     let total: f64 = stretches.iter().map(|s| s.weight).sum();
@@ -131,14 +139,19 @@ pub(super) struct Scales {
 
 /// Settles the scales from the garment's own estimate and each panel's.
 ///
-/// A FLAT file (`plain`) is nearly always in one of the plain units. Taken exactly, a garment draped as it was cut comes out as the
-/// identity, and a fabric stretched by 2 % stays stretched; there a panel must be off by [`PLAIN`] to count as another unit.
-/// `vt` has no unit, so a panel that disagrees by [`DISAGREE`] takes its own: atlases scale their islands freely.
+/// A FLAT file (`plain`) is nearly always in one of the plain units. Taken exactly, a garment
+/// draped as it was cut comes out as the identity, and a fabric stretched by 2 % stays stretched;
+/// there a panel must be off by [`PLAIN`] to count as another unit. `vt` has no unit, so a panel
+/// that disagrees by [`DISAGREE`] takes its own: atlases scale their islands freely.
 pub(super) fn settle(estimate: f64, own: &[f64], plain: bool) -> Scales {
-    let unit = Unit::ALL.into_iter().map(Unit::millimetres).find(|&mm| plain && (estimate / mm - 1.0).abs() <= PLAIN);
+    let unit = Unit::ALL
+        .into_iter()
+        .map(Unit::millimetres)
+        .find(|&mm| plain && (estimate / mm - 1.0).abs() <= PLAIN);
     let garment = unit.unwrap_or(estimate);
     let tolerance = if unit.is_some() { PLAIN } else { DISAGREE };
-    let differing: Vec<usize> = (0..own.len()).filter(|&i| (own[i] / garment - 1.0).abs() > tolerance).collect();
+    let differing: Vec<usize> =
+        (0..own.len()).filter(|&i| (own[i] / garment - 1.0).abs() > tolerance).collect();
     let mut panels = vec![garment; own.len()];
     for &i in &differing {
         panels[i] = own[i];
@@ -166,7 +179,8 @@ mod tests {
         let mut stretches = vec![Stretch { ratio: 4.0, weight: 1.0 }; 9];
         stretches.push(Stretch { ratio: 1e9, weight: 1.0 });
         assert_eq!(scale(&mut stretches), 2.0);
-        let mut collapsed = [Stretch { ratio: 0.0, weight: 3.0 }, Stretch { ratio: 16.0, weight: 1.0 }];
+        let mut collapsed =
+            [Stretch { ratio: 0.0, weight: 3.0 }, Stretch { ratio: 16.0, weight: 1.0 }];
         assert_eq!(scale(&mut collapsed), 2.0);
     }
 

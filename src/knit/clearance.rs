@@ -1,10 +1,12 @@
 //! How near yarns come to each other: the check that none cuts another.
 //!
-//! In: paths of yarn and their radii ([`Paths`]), or a fabric's [`Pattern`] ([`measure`]): one repeat against everything around it. Out: a
-//! [`Clearance`], the least distance between centre lines over the sum of the two radii. Paths are sampled 12 times a span and segments
-//! compared exactly. Parts of one strand nearer than 7 radii along it are neighbours, not contacts. Source: the specification's knit page.
-//! Cost: a grid of cells finds candidates, about 1 µs a segment on one thread; some milliseconds a repeat.
-//! Not promised: of repeats over 96 courses or 64 wales only that much is looked at, and of heaps of yarns in one place only some.
+//! In: paths of yarn and their radii ([`Paths`]), or a fabric's [`Pattern`] ([`measure`]): one
+//! repeat against everything around it. Out: a [`Clearance`], the least distance between centre
+//! lines over the sum of the two radii. Paths are sampled 12 times a span and segments compared
+//! exactly. Parts of one strand nearer than 7 radii along it are neighbours, not contacts. Source:
+//! the specification's knit page. Cost: a grid of cells finds candidates, about 1 µs a segment on
+//! one thread; some milliseconds a repeat. Not promised: of repeats over 96 courses or 64 wales
+//! only that much is looked at, and of heaps of yarns in one place only some.
 
 use glam::{DVec2, DVec3, I64Vec2, I64Vec3};
 use rayon::prelude::*;
@@ -28,15 +30,16 @@ const NEIGHBOURHOOD: f64 = 7.0;
 const SETTLED: f64 = 0.98;
 /// Laid yarns are squeezed where they cross, and are pushed apart to a little more than this.
 const PRESSED: f64 = 0.55;
-/// One segment that meets more others than this, or looks at more, lies in a heap of yarns; the rest of the heap adds nothing.
+/// One segment that meets more others than this, or looks at more, lies in a heap of yarns; the
+/// rest of the heap adds nothing.
 const HEAP: usize = 1000;
 const MOST_LOOKS: usize = 5 * HEAP;
 
 /// How close yarns come.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clearance {
-    /// Least distance between centre lines over the sum of their radii (2r for equal yarns): under 1 yarns cut each other. At most 2:
-    /// farther neighbours are not looked for.
+    /// Least distance between centre lines over the sum of their radii (2r for equal yarns): under
+    /// 1 yarns cut each other. At most 2: farther neighbours are not looked for.
     pub min_over_2r: f64,
     /// Pairs of path segments nearer than twice touching.
     pub pairs: usize,
@@ -48,7 +51,8 @@ pub struct Clearance {
 
 impl Clearance {
     /// Nothing near anything.
-    pub const FREE: Self = Self { min_over_2r: FARTHEST, pairs: 0, pairs_below_1: 0, pairs_below_95: 0 };
+    pub const FREE: Self =
+        Self { min_over_2r: FARTHEST, pairs: 0, pairs_below_1: 0, pairs_below_95: 0 };
 
     fn with(mut self, ratio: f64) -> Self {
         if ratio < FARTHEST {
@@ -94,8 +98,10 @@ impl Segment {
 
     /// Least distance to another over touching.
     fn ratio(&self, other: &Self) -> f64 {
-        let (share, share_other) = curve::nearest_of_segments([self.from, self.to], [other.from, other.to]);
-        self.from.lerp(self.to, share).distance(other.from.lerp(other.to, share_other)) / (self.radius + other.radius)
+        let (share, share_other) =
+            curve::nearest_of_segments([self.from, self.to], [other.from, other.to]);
+        self.from.lerp(self.to, share).distance(other.from.lerp(other.to, share_other))
+            / (self.radius + other.radius)
     }
 }
 
@@ -107,12 +113,14 @@ pub struct Paths {
 }
 
 impl Paths {
-    /// Adds one uninterrupted strand through `points`, mm, with its radius; only where it is `near` something of interest.
+    /// Adds one uninterrupted strand through `points`, mm, with its radius; only where it is `near`
+    /// something of interest.
     pub fn add(&mut self, points: &[DVec3], radius: f64, near: impl Fn(DVec3) -> bool) {
         let mut along = 0.0;
         for index in 0..points.len().saturating_sub(1) {
             if !near(points[index]) && !near(points[index + 1]) {
-                // Far away, its length is of no interest either: both of its ends are off by the same.
+                // Far away, its length is of no interest either: both of its ends are off by the
+                // same.
                 along += points[index].distance(points[index + 1]);
                 continue;
             }
@@ -121,7 +129,13 @@ impl Paths {
             for step in 1..=SAMPLES {
                 let to = span.at(f64::from(step) / f64::from(SAMPLES));
                 let length = from.distance(to);
-                self.segments.push(Segment { from, to, radius, along: along + length / 2.0, strand: self.strands });
+                self.segments.push(Segment {
+                    from,
+                    to,
+                    radius,
+                    along: along + length / 2.0,
+                    strand: self.strands,
+                });
                 along += length;
                 from = to;
             }
@@ -131,8 +145,9 @@ impl Paths {
 
     /// Compares each segment with all others nearby; a pair counts once.
     ///
-    /// `repeat` says in which repeat a place lies: only segments of repeat (0, 0) are compared with others. A pair of two repeats is met
-    /// again one repeat further, from the other's side, and so counts from one side alone.
+    /// `repeat` says in which repeat a place lies: only segments of repeat (0, 0) are compared with
+    /// others. A pair of two repeats is met again one repeat further, from the other's side, and so
+    /// counts from one side alone.
     pub fn clearance(&self, repeat: impl Fn(DVec3) -> I64Vec2 + Sync) -> Clearance {
         let longest = self.segments.iter().map(|s| s.from.distance(s.to)).fold(0.0, f64::max);
         let thickest = self.segments.iter().map(|s| s.radius).fold(0.0, f64::max);
@@ -145,12 +160,18 @@ impl Paths {
                 let reach = FARTHEST * s.radius + s.half();
                 for other in grid.around(s.middle()).take(MOST_LOOKS) {
                     let t = &self.segments[other.at as usize];
-                    // Most are farther than their spheres reach, which is a tenth of the work to see. A pair within is met from both sides.
-                    let far = other.middle.distance_squared(s.middle()) > (reach + other.reach).powi(2);
-                    let neighbours = s.strand == t.strand && (s.along - t.along).abs() <= NEIGHBOURHOOD * s.radius;
+                    // Most are farther than their spheres reach, which is a tenth of the work to
+                    // see. A pair within is met from both sides.
+                    let far =
+                        other.middle.distance_squared(s.middle()) > (reach + other.reach).powi(2);
+                    let neighbours = s.strand == t.strand
+                        && (s.along - t.along).abs() <= NEIGHBOURHOOD * s.radius;
                     let there = repeat(other.middle);
-                    let is_met_elsewhere =
-                        if there == I64Vec2::ZERO { (other.at as usize) < at } else { (there.y, there.x) < (0, 0) };
+                    let is_met_elsewhere = if there == I64Vec2::ZERO {
+                        (other.at as usize) < at
+                    } else {
+                        (there.y, there.x) < (0, 0)
+                    };
                     if far || neighbours || is_met_elsewhere {
                         continue;
                     }
@@ -162,7 +183,11 @@ impl Paths {
             }
             clearance
         };
-        (0..self.segments.len()).into_par_iter().with_min_len(1024).map(of_segment).reduce(|| Clearance::FREE, Clearance::and)
+        (0..self.segments.len())
+            .into_par_iter()
+            .with_min_len(1024)
+            .map(of_segment)
+            .reduce(|| Clearance::FREE, Clearance::and)
     }
 }
 
@@ -175,7 +200,8 @@ struct Entry {
     reach: f64,
 }
 
-/// Segments by the cell of space in which their middles lie: buckets of a hash, each in the segments' order.
+/// Segments by the cell of space in which their middles lie: buckets of a hash, each in the
+/// segments' order.
 struct Grid {
     size: f64,
     starts: Vec<u32>,
@@ -210,7 +236,9 @@ impl Grid {
 
     /// Odd multipliers spread neighbouring cells (Teschner et al. 2003).
     fn bucket(&self, cell: I64Vec3) -> usize {
-        let hash = cell.x.wrapping_mul(73_856_093) ^ cell.y.wrapping_mul(19_349_663) ^ cell.z.wrapping_mul(83_492_791);
+        let hash = cell.x.wrapping_mul(73_856_093)
+            ^ cell.y.wrapping_mul(19_349_663)
+            ^ cell.z.wrapping_mul(83_492_791);
         let buckets = i64::from(index32(self.starts.len() - 1));
         usize::try_from(hash.rem_euclid(buckets)).expect("a remainder is not negative")
     }
@@ -221,7 +249,8 @@ impl Grid {
         let cells = (0..27).map(move |n| home + I64Vec3::new(n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1));
         cells.flat_map(move |cell| {
             let bucket = self.bucket(cell);
-            let entries = &self.entries[self.starts[bucket] as usize..self.starts[bucket + 1] as usize];
+            let entries =
+                &self.entries[self.starts[bucket] as usize..self.starts[bucket + 1] as usize];
             // Other cells may share the bucket.
             entries.iter().filter(move |entry| entry.cell == cell)
         })
@@ -238,24 +267,37 @@ impl Grid {
 #[must_use]
 pub fn measure(fabric: &Fabric, pattern: &Pattern, radius: f64) -> Clearance {
     let mesh = StructureMesh::anchored_at(fabric, DVec2::ZERO);
-    let (wales, courses) = (fabric.threading_repeat().min(MOST_WALES), fabric.repeat().min(MOST_COURSES));
+    let (wales, courses) =
+        (fabric.threading_repeat().min(MOST_WALES), fabric.repeat().min(MOST_COURSES));
     let spacing = DVec2::new(fabric.wale_spacing(), fabric.course_spacing());
     let cell = spacing * DVec2::new(f64::from(index32(wales)), f64::from(index32(courses)));
-    // Yarns thicker than two wales cut everything around them; there is no need to look further for the least distance.
+    // Yarns thicker than two wales cut everything around them; there is no need to look further for
+    // the least distance.
     let margin = (8.0 * radius).min(2.0 * spacing.x);
     // No span between data points is much longer than a wale or a course.
     let reach = 1.5 * spacing.max_element() + 2.0 * FARTHEST * radius;
-    let near = |p: DVec3| (p.truncate() + reach).cmpge(DVec2::ZERO).all() && (p.truncate() - reach).cmple(cell).all();
+    let near = |p: DVec3| {
+        (p.truncate() + reach).cmpge(DVec2::ZERO).all() && (p.truncate() - reach).cmple(cell).all()
+    };
     let mut paths = Paths::default();
     let mut knitted = Knitted::default();
     for (bar, thickness) in fabric.thickness().into_iter().enumerate() {
-        let (beside, along, step) =
-            if pattern.runs_across(bar) { (cell.y, cell.x, spacing.x) } else { (cell.x, cell.y, spacing.y) };
+        let (beside, along, step) = if pattern.runs_across(bar) {
+            (cell.y, cell.x, spacing.x)
+        } else {
+            (cell.x, cell.y, spacing.y)
+        };
         // Four steps more at both ends: their heads and feet reach into the repeat.
         let ends = 4.0 * step;
         for number in pattern.yarns_over(bar, -margin..beside + margin) {
             knitted.clear();
-            pattern.lay(bar, number, pattern.steps_along(bar, -ends..along + ends), &mesh, &mut knitted);
+            pattern.lay(
+                bar,
+                number,
+                pattern.steps_along(bar, -ends..along + ends),
+                &mesh,
+                &mut knitted,
+            );
             paths.add(&knitted.points, radius * thickness, near);
         }
     }
@@ -266,7 +308,12 @@ pub fn measure(fabric: &Fabric, pattern: &Pattern, radius: f64) -> Clearance {
 ///
 /// `radius` is that of the thickest yarn as drawn, `clearance` what [`measure`] found with it.
 #[must_use]
-pub fn warnings(fabric: &Fabric, pattern: &Pattern, clearance: &Clearance, radius: f64) -> Vec<String> {
+pub fn warnings(
+    fabric: &Fabric,
+    pattern: &Pattern,
+    clearance: &Clearance,
+    radius: f64,
+) -> Vec<String> {
     let mut warnings = Vec::new();
     let true_radius = fabric.true_radius() * fabric.enlargement;
     let (wales, courses) = (fabric.wales_per_cm, fabric.courses_per_cm);
@@ -344,14 +391,19 @@ mod tests {
 
     #[test]
     fn least_distances_of_the_specification() {
-        // Before any relaxation. The prototype behind the specification's table, at C/W = .70 with r/W = .042 and .60 with .036. (The table itself has
-        // the least of all two-bar fabrics: 1.05 and 1.00.)
+        // Before any relaxation. The prototype behind the specification's table, at C/W = .70 with
+        // r/W = .042 and .60 with .036. (The table itself has the least of all two-bar fabrics:
+        // 1.05 and 1.00.)
         for name in ["tricot", "locknit"] {
             for (course, radius, expected) in [(0.70, 0.042, 1.054), (0.60, 0.036, 1.027)] {
-                let mut fabric = Fabric::named(name).unwrap().at_densities(10.0, 10.0 / course).unwrap();
+                let mut fabric =
+                    Fabric::named(name).unwrap().at_densities(10.0, 10.0 / course).unwrap();
                 fabric.enlargement = radius / fabric.true_radius();
                 let found = measure(&fabric, &Pattern::straight(&fabric), radius).min_over_2r;
-                assert!((found - expected).abs() < 0.01, "{name} at C {course}: {found}, the prototype has {expected}");
+                assert!(
+                    (found - expected).abs() < 0.01,
+                    "{name} at C {course}: {found}, the prototype has {expected}"
+                );
             }
         }
     }

@@ -1,12 +1,15 @@
 //! The yarn relaxation: yarns that would cut each other are pushed apart.
 //!
-//! In: the yarns of one repeat as closed chains of data points, periodic across and along, and their radii. Out: the same points, moved.
-//! Position-based: where two paths are nearer than the sum of their radii, the data points that carry them are moved apart by what is
-//! missing, chords pull back to their lengths and the yarn's bends to their shapes, sweep after sweep. The path is the Catmull-Rom curve through
-//! the data points itself, so what is settled here is what is drawn. Source: the specification's knit page; Müller et al. 2007
-//! (position-based dynamics). Sweeps run in a fixed order on one thread, so the result is the same everywhere.
-//! Not promised: a state without cuts ([`Settled`] says how it ended, [`super::clearance`] measures it), or loops that interlock where the
-//! layout doesn't: of three bars and more, a few are laid beside each other and stay so.
+//! In: the yarns of one repeat as closed chains of data points, periodic across and along, and
+//! their radii. Out: the same points, moved. Position-based: where two paths are nearer than the
+//! sum of their radii, the data points that carry them are moved apart by what is missing, chords
+//! pull back to their lengths and the yarn's bends to their shapes, sweep after sweep. The path is
+//! the Catmull-Rom curve through the data points itself, so what is settled here is what is drawn.
+//! Source: the specification's knit page; Müller et al. 2007 (position-based dynamics). Sweeps run
+//! in a fixed order on one thread, so the result is the same everywhere. Not promised: a state
+//! without cuts ([`Settled`] says how it ended, [`super::clearance`] measures it), or loops that
+//! interlock where the layout doesn't: of three bars and more, a few are laid beside each other and
+//! stay so.
 
 use std::ops::Range;
 
@@ -24,14 +27,16 @@ const MOST_SEGMENTS: f64 = 12.0;
 const TOUCHING: f64 = 1.04;
 /// Settled at this share of touching.
 const GOAL: f64 = 1.01;
-/// Yarns start as thick as they lie clear and grow by this share a look, so that none is pushed through to another's wrong side.
+/// Yarns start as thick as they lie clear and grow by this share a look, so that none is pushed
+/// through to another's wrong side.
 const GROWTH: f64 = 0.05;
 /// Sweeps between two looks at what is near, and the most of them.
 const SWEEPS: usize = 8;
 const MOST_SWEEPS: usize = 400;
 /// The most looks at a pair in all: some seconds.
 const MOST_VISITS: usize = 40_000_000;
-/// More neighbours than this at one look, or more pairs, mean that whole yarns lie in each other's place, which nothing pushes apart.
+/// More neighbours than this at one look, or more pairs, mean that whole yarns lie in each other's
+/// place, which nothing pushes apart.
 const MOST_NEIGHBOURS: usize = 40_000_000;
 const MOST_PAIRS: usize = 400_000;
 /// Pairs up to this many times touching are watched until the next look.
@@ -98,7 +103,8 @@ pub(super) fn settle(points: &mut [DVec3], yarns: &[Chain], cell: DVec2) -> Sett
         visits += SWEEPS * state.pairs.len();
     }
     state.sample();
-    let changes = state.lengths.iter().zip(&lengths).map(|(now, &before)| (now / before - 1.0).abs());
+    let changes =
+        state.lengths.iter().zip(&lengths).map(|(now, &before)| (now / before - 1.0).abs());
     Settled { sweeps, stretch: changes.fold(0.0, f64::max) }
 }
 
@@ -181,18 +187,29 @@ impl<'a> State<'a> {
         let count = i64::from(index32(thread.points.len()));
         let at = i64::from(index32(at - thread.points.start));
         let carriers = [at - 1, at, at + 1, at + 2];
-        let place = |i: i64| usize::try_from(i.rem_euclid(count)).expect("a remainder is not negative");
+        let place =
+            |i: i64| usize::try_from(i.rem_euclid(count)).expect("a remainder is not negative");
         #[expect(clippy::cast_precision_loss, reason = "a repeat or two")]
         let turns = |i: i64| i.div_euclid(count) as f64;
         let (start, number) = (index32(self.samples.len()), index32(self.spans.len()));
         let points = carriers.map(|i| index32(thread.points.start + place(i)));
         self.spans.push(Span { yarn, points, turns: carriers.map(turns), start, segments: 0 });
         let chord = self.chord(number as usize).length();
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to some segments")]
-        let segments = (chord / (SEGMENT_RADII * thread.radius)).ceil().clamp(FEWEST_SEGMENTS, MOST_SEGMENTS) as u32;
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "clamped to some segments"
+        )]
+        let segments = (chord / (SEGMENT_RADII * thread.radius))
+            .ceil()
+            .clamp(FEWEST_SEGMENTS, MOST_SEGMENTS) as u32;
         self.spans[number as usize].segments = segments;
         self.chords.push(chord);
-        self.segments.extend((start..start + segments).map(|sample| Segment { span: number, sample, along: 0.0 }));
+        self.segments.extend((start..start + segments).map(|sample| Segment {
+            span: number,
+            sample,
+            along: 0.0,
+        }));
         self.samples.resize(self.samples.len() + segments as usize + 1, DVec3::ZERO);
     }
 
@@ -222,18 +239,23 @@ impl<'a> State<'a> {
         self.lengths.fill(0.0);
         for segment in &mut self.segments {
             let length = &mut self.lengths[self.spans[segment.span as usize].yarn as usize];
-            let own = self.samples[segment.sample as usize].distance(self.samples[segment.sample as usize + 1]);
+            let own = self.samples[segment.sample as usize]
+                .distance(self.samples[segment.sample as usize + 1]);
             segment.along = *length + own / 2.0;
             *length += own;
         }
     }
 
-    /// Notes all pairs that might touch before the next look, and returns the least distance over touching; `None` if there are too many.
+    /// Notes all pairs that might touch before the next look, and returns the least distance over
+    /// touching; `None` if there are too many.
     fn watch(&mut self) -> Option<f64> {
         let thickest = self.yarns.iter().map(|yarn| yarn.radius).fold(0.0, f64::max);
-        let ends = |segment: &Segment| [0, 1].map(|end| self.samples[segment.sample as usize + end]);
-        let middles: Vec<_> = self.segments.iter().map(|s| (ends(s)[0] + ends(s)[1]) / 2.0).collect();
-        let halves: Vec<_> = self.segments.iter().map(|s| ends(s)[0].distance(ends(s)[1]) / 2.0).collect();
+        let ends =
+            |segment: &Segment| [0, 1].map(|end| self.samples[segment.sample as usize + end]);
+        let middles: Vec<_> =
+            self.segments.iter().map(|s| (ends(s)[0] + ends(s)[1]) / 2.0).collect();
+        let halves: Vec<_> =
+            self.segments.iter().map(|s| ends(s)[0].distance(ends(s)[1]) / 2.0).collect();
         let longest = halves.iter().copied().fold(0.0, f64::max);
         let images = Images::new(&middles, self.cell, WATCHED * 2.0 * thickest + 2.0 * longest);
         let mut pairs = std::mem::take(&mut self.pairs);
@@ -292,7 +314,8 @@ impl<'a> State<'a> {
             let (a, b) = (self.segments[a as usize], self.segments[b as usize]);
             let (span_a, span_b) = (self.spans[a.span as usize], self.spans[b.span as usize]);
             let (carriers_a, carriers_b) = (self.carriers(&span_a), self.carriers(&span_b));
-            let shares = |segment: Segment, end: usize| &self.weights[segment.sample as usize + end];
+            let shares =
+                |segment: Segment, end: usize| &self.weights[segment.sample as usize + end];
             let one = [0, 1].map(|end| blend(&carriers_a, shares(a, end)));
             let other = [0, 1].map(|end| blend(&carriers_b, shares(b, end)) + offset);
             let (along_a, along_b) = curve::nearest_of_segments(one, other);
@@ -300,18 +323,25 @@ impl<'a> State<'a> {
             let distance = apart.length();
             let missing = TOUCHING * grown * touching - distance;
             if missing <= 0.0 {
-                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few sweeps")]
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "a few sweeps"
+                )]
                 let sweeps = (-missing / (DOZING * touching)) as u32;
                 self.pairs[at].dozing = sweeps;
                 continue;
             }
             let direction = if distance > 1e-9 { apart / distance } else { DVec3::Z };
             let between = |segment: Segment, along: f64| -> [f64; 4] {
-                std::array::from_fn(|k| shares(segment, 0)[k] + along * (shares(segment, 1)[k] - shares(segment, 0)[k]))
+                std::array::from_fn(|k| {
+                    shares(segment, 0)[k] + along * (shares(segment, 1)[k] - shares(segment, 0)[k])
+                })
             };
             let (shares_a, shares_b) = (between(a, along_a), between(b, along_b));
             let inertia: f64 = shares_a.iter().chain(&shares_b).map(|share| share * share).sum();
-            let push = direction * ((CONTACT_STIFFNESS * missing).min(LARGEST_MOVE * touching) / inertia);
+            let push =
+                direction * ((CONTACT_STIFFNESS * missing).min(LARGEST_MOVE * touching) / inertia);
             for k in 0..4 {
                 self.points[span_a.points[k] as usize] += push * shares_a[k];
                 self.points[span_b.points[k] as usize] -= push * shares_b[k];
@@ -351,7 +381,9 @@ impl<'a> State<'a> {
             let change = now / drawn - 1.0;
             let excess = change - change.clamp(-LENGTH_SLACK, LENGTH_SLACK);
             let count = chords.len();
-            let gradient = |i: usize| chords[(i + count - 1) % count].normalize_or_zero() - chords[i].normalize_or_zero();
+            let gradient = |i: usize| {
+                chords[(i + count - 1) % count].normalize_or_zero() - chords[i].normalize_or_zero()
+            };
             let steepness: f64 = (0..count).map(|i| gradient(i).length_squared()).sum();
             if excess == 0.0 || steepness < 1e-12 {
                 continue;
@@ -371,7 +403,10 @@ fn gap(one: [DVec3; 2], other: [DVec3; 2]) -> DVec3 {
 }
 
 fn blend(carriers: &[DVec3; 4], weights: &[f64; 4]) -> DVec3 {
-    carriers[0] * weights[0] + carriers[1] * weights[1] + carriers[2] * weights[2] + carriers[3] * weights[3]
+    carriers[0] * weights[0]
+        + carriers[1] * weights[1]
+        + carriers[2] * weights[2]
+        + carriers[3] * weights[3]
 }
 
 #[cfg(test)]
@@ -383,7 +418,9 @@ mod tests {
 
     /// A straight yarn up the cell through `points` places.
     fn upright(x: f64, z: f64, points: usize) -> Vec<DVec3> {
-        (0..points).map(|i| DVec3::new(x, f64::from(index32(i)) / f64::from(index32(points)), z)).collect()
+        (0..points)
+            .map(|i| DVec3::new(x, f64::from(index32(i)) / f64::from(index32(points)), z))
+            .collect()
     }
 
     fn chain(points: Range<usize>, radius: f64) -> Chain {
@@ -413,12 +450,19 @@ mod tests {
             let mut paths = Paths::default();
             // The yarn and its image, over three repeats.
             for image in [DVec3::ZERO, DVec3::X] {
-                let run = (-1..2).flat_map(|turn| points.iter().map(move |p| *p + image + DVec3::Y * f64::from(turn)));
+                let run = (-1..2).flat_map(|turn| {
+                    points.iter().map(move |p| *p + image + DVec3::Y * f64::from(turn))
+                });
                 paths.add(&run.collect::<Vec<_>>(), 0.06, |_| true);
             }
             paths.clearance(|p| DVec2::new(0.0, p.y).floor().as_i64vec2()).min_over_2r
         };
-        assert!(least(&before) < 0.5 && least(&points) > 0.98, "{} before, {} after", least(&before), least(&points));
+        assert!(
+            least(&before) < 0.5 && least(&points) > 0.98,
+            "{} before, {} after",
+            least(&before),
+            least(&points)
+        );
     }
 
     #[test]
@@ -431,7 +475,8 @@ mod tests {
 
     #[test]
     fn what_lies_in_the_same_place_stays_finite() {
-        let mut points = [upright(0.5, 0.0, 3), upright(0.5, 0.0, 3), upright(0.5, 0.0, 3)].concat();
+        let mut points =
+            [upright(0.5, 0.0, 3), upright(0.5, 0.0, 3), upright(0.5, 0.0, 3)].concat();
         let chains = [chain(0..3, 0.05), chain(3..6, 0.05), chain(6..9, 0.02)];
         let settled = settle(&mut points, &chains, CELL);
         assert!(points.iter().all(|p| p.is_finite()) && settled.stretch < 0.02);

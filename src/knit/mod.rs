@@ -1,12 +1,14 @@
 //! From lapping to data points: the yarns of a fabric on a flat panel.
 //!
-//! In: a [`Fabric`] and where its [`StructureMesh`] lies. Out: [`Knitted`] data points, step after step, eight a loop, in panel
-//! axes (x across the wales, y along them, z towards the technical face), mm. A garment is never seen here.
+//! In: a [`Fabric`] and where its [`StructureMesh`] lies. Out: [`Knitted`] data points, step after
+//! step, eight a loop, in panel axes (x across the wales, y along them, z towards the technical
+//! face), mm. A garment is never seen here.
 //!
-//! Everything is worked out on one repeat ([`Pattern::new`]): the wales are bent by the underlaps' pull (`lattice`), laps become points on
-//! them (`stitch`, `repeat`), yarns that would cut each other are pushed apart (`contact`). Laying a yarn then is an addition a point
-//! (about 5 ns). Source: Liu, Kyosev, Jiang 2022, section 2; the specification's knit page.
-//! Not promised: repeats over [`MOST_RELAXED`] laps are laid out with straight wales and not relaxed.
+//! Everything is worked out on one repeat ([`Pattern::new`]): the wales are bent by the underlaps'
+//! pull (`lattice`), laps become points on them (`stitch`, `repeat`), yarns that would cut each
+//! other are pushed apart (`contact`). Laying a yarn then is an addition a point (about 5 ns).
+//! Source: Liu, Kyosev, Jiang 2022, section 2; the specification's knit page. Not promised: repeats
+//! over [`MOST_RELAXED`] laps are laid out with straight wales and not relaxed.
 
 pub mod clearance;
 mod contact;
@@ -39,7 +41,8 @@ pub const MOST_RELAXED: usize = 2_000;
 /// What a data point is part of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PointKind {
-    /// S1 to S8 of a loop; of a weft-knit loop the eight places of its curve, each followed by the one halfway to the next.
+    /// S1 to S8 of a loop; of a weft-knit loop the eight places of its curve, each followed by the
+    /// one halfway to the next.
     Loop,
     /// A point of a yarn that is laid in.
     Inlay,
@@ -56,7 +59,8 @@ pub struct Tag {
     pub wale: i32,
     /// Loop, inlay or turn.
     pub kind: PointKind,
-    /// 1 to 8 in a loop of a warp knit, 1 to 16 in one of a weft knit; counted from 1 within other kinds.
+    /// 1 to 8 in a loop of a warp knit, 1 to 16 in one of a weft knit; counted from 1 within other
+    /// kinds.
     pub point: u16,
 }
 
@@ -80,27 +84,32 @@ impl Knitted {
     }
 }
 
-/// Loops are laid out for yarns of this share of their thickness, and what cuts then is pushed apart: cloth is pressed together, and laid
-/// out at full thickness a locknit would be a tenth heavier than mills make it.
+/// Loops are laid out for yarns of this share of their thickness, and what cuts then is pushed
+/// apart: cloth is pressed together, and laid out at full thickness a locknit would be a tenth
+/// heavier than mills make it.
 const PRESSED: f64 = 0.75;
 
-/// Laid yarns are pushed apart as if they were this share of their thickness: in woven cloth they are squeezed flat where they cross. Round ones on square
-/// crossings would have no room from .577 of the pitch on (Peirce 1937), and cloth whose yarns hide the ground is far beyond.
+/// Laid yarns are pushed apart as if they were this share of their thickness: in woven cloth they
+/// are squeezed flat where they cross. Round ones on square crossings would have no room from .577
+/// of the pitch on (Peirce 1937), and cloth whose yarns hide the ground is far beyond.
 const SQUEEZED: f64 = 0.6;
 
 /// One bar's repeat.
 #[derive(Clone, Debug)]
 struct BarPattern {
     kind: BarKind,
-    /// Index in [`Repeat::yarns`] of the yarn that each guide (for a weft: each course) of the repeat leads, if any.
+    /// Index in [`Repeat::yarns`] of the yarn that each guide (for a weft: each course) of the
+    /// repeat leads, if any.
     yarns: Vec<Option<usize>>,
-    /// Lowest and highest point of its yarns, relative to gap 0 of their guide and to the course of their step, mm.
+    /// Lowest and highest point of its yarns, relative to gap 0 of their guide and to the course of
+    /// their step, mm.
     bounds: (DVec2, DVec2),
 }
 
 /// The repeat of a fabric as data points.
 ///
-/// A bar's yarns are numbered by their guides and take a step a course; wefts are numbered by their courses and take a step a wale.
+/// A bar's yarns are numbered by their guides and take a step a course; wefts are numbered by their
+/// courses and take a step a wale.
 #[derive(Clone, Debug)]
 pub struct Pattern {
     repeat: Repeat,
@@ -112,7 +121,8 @@ pub struct Pattern {
 }
 
 impl Pattern {
-    /// Works out the repeat of a fabric. Cost: some milliseconds for a common one, most of it the relaxation of its yarns.
+    /// Works out the repeat of a fabric. Cost: some milliseconds for a common one, most of it the
+    /// relaxation of its yarns.
     ///
     /// ```
     /// use warpknit::{fabric::Fabric, knit::Pattern};
@@ -134,11 +144,22 @@ impl Pattern {
         let lattice = Lattice::relaxed(fabric);
         let mut pattern = Self::empty(fabric);
         for (bar, layer) in fabric.bars.iter().zip(layers(fabric, PRESSED)) {
-            let (guides, steps) = if bar.kind == BarKind::Guide { (wales, courses) } else { (courses, wales) };
+            let (guides, steps) =
+                if bar.kind == BarKind::Guide { (wales, courses) } else { (courses, wales) };
             let led = |guide: usize| bar.threading.carries(i64::from(index32(guide)));
-            pattern.add_bar(bar, &layer, &lattice, (0..guides).map(|guide| led(guide).then_some(guide)), steps);
+            pattern.add_bar(
+                bar,
+                &layer,
+                &lattice,
+                (0..guides).map(|guide| led(guide).then_some(guide)),
+                steps,
+            );
         }
-        pattern.settle(fabric, pattern.spacing * DVec2::new(f64::from(index32(wales)), f64::from(index32(courses))), 1.0);
+        pattern.settle(
+            fabric,
+            pattern.spacing * DVec2::new(f64::from(index32(wales)), f64::from(index32(courses))),
+            1.0,
+        );
         pattern.measure_bounds();
         pattern
     }
@@ -157,7 +178,11 @@ impl Pattern {
                 })
             });
             let yarns = yarns.collect();
-            pattern.bars.push(BarPattern { kind: feeder.kind, yarns, bounds: (DVec2::ZERO, DVec2::ZERO) });
+            pattern.bars.push(BarPattern {
+                kind: feeder.kind,
+                yarns,
+                bounds: (DVec2::ZERO, DVec2::ZERO),
+            });
         }
         if wales * courses <= MOST_RELAXED {
             pattern.settle(fabric, pattern.spacing * as_vec(wales, courses), 1.0);
@@ -176,7 +201,11 @@ impl Pattern {
                 path.iter().map(|&point| point * cell),
                 if bar.kind.runs_across() { DVec3::X } else { DVec3::Y } * cell,
             );
-            pattern.bars.push(BarPattern { kind: bar.kind, yarns: vec![Some(number)], bounds: (DVec2::ZERO, DVec2::ZERO) });
+            pattern.bars.push(BarPattern {
+                kind: bar.kind,
+                yarns: vec![Some(number)],
+                bounds: (DVec2::ZERO, DVec2::ZERO),
+            });
         }
         pattern.settle(fabric, pattern.spacing, SQUEEZED);
         pattern.measure_bounds();
@@ -190,7 +219,13 @@ impl Pattern {
         for (bar, layer) in fabric.bars.iter().zip(layers(fabric, 1.0)) {
             let steps = if bar.kind == BarKind::Guide { bar.chain.laps().len() } else { 1 };
             let led = |guide: usize| bar.threading.carries(i64::from(index32(guide)));
-            pattern.add_bar(bar, &layer, &lattice, (0..bar.threading.repeat()).map(|guide| led(guide).then_some(0)), steps);
+            pattern.add_bar(
+                bar,
+                &layer,
+                &lattice,
+                (0..bar.threading.repeat()).map(|guide| led(guide).then_some(0)),
+                steps,
+            );
         }
         pattern.measure_bounds();
         pattern
@@ -201,7 +236,8 @@ impl Pattern {
         Self { repeat: Repeat::default(), bars: Vec::new(), spacing, settled: None }
     }
 
-    /// Adds a bar whose guides are led as `models` says: like which guide's yarn of the repeat, if any.
+    /// Adds a bar whose guides are led as `models` says: like which guide's yarn of the repeat, if
+    /// any.
     fn add_bar(
         &mut self,
         bar: &Bar,
@@ -247,9 +283,14 @@ impl Pattern {
         for yarn in &self.repeat.yarns {
             let bar = &mut self.bars[yarn.bar];
             for step in 0..yarn.steps.len() - 1 {
-                let home =
-                    self.spacing * if bar.kind.runs_across() { as_vec(step, yarn.guide) } else { as_vec(yarn.guide, step) };
-                for point in &self.repeat.points[self.repeat.points_of_steps(yarn, step..step + 1)] {
+                let home = self.spacing
+                    * if bar.kind.runs_across() {
+                        as_vec(step, yarn.guide)
+                    } else {
+                        as_vec(yarn.guide, step)
+                    };
+                for point in &self.repeat.points[self.repeat.points_of_steps(yarn, step..step + 1)]
+                {
                     let place = point.truncate() - home;
                     bar.bounds = (bar.bounds.0.min(place), bar.bounds.1.max(place));
                 }
@@ -273,13 +314,15 @@ impl Pattern {
         yarn.map_or(0, |&yarn| self.repeat.points_of(&self.repeat.yarns[yarn]).len())
     }
 
-    /// Whether a bar's yarns run across the wales, as wefts and feeders' yarns do, and not along them.
+    /// Whether a bar's yarns run across the wales, as wefts and feeders' yarns do, and not along
+    /// them.
     #[must_use]
     pub fn runs_across(&self, bar: usize) -> bool {
         self.bars[bar].kind.runs_across()
     }
 
-    /// Numbers of a bar's yarns that may touch a range of x (for wefts: of y), mm from gap 0 of guide 0, course 0.
+    /// Numbers of a bar's yarns that may touch a range of x (for wefts: of y), mm from gap 0 of
+    /// guide 0, course 0.
     pub fn yarns_over(&self, bar: usize, range: Range<f64>) -> impl Iterator<Item = i64> {
         let bar = &self.bars[bar];
         let numbers = steps(range, bar.extent(0), self.spacing[bar.axis(0)]);
@@ -290,24 +333,36 @@ impl Pattern {
     #[must_use]
     pub fn strip(&self, bar: usize, number: i64) -> Range<f64> {
         let bar = &self.bars[bar];
-        #[expect(clippy::cast_precision_loss, reason = "guides and courses are counted in thousands")]
+        #[expect(
+            clippy::cast_precision_loss,
+            reason = "guides and courses are counted in thousands"
+        )]
         let at = number as f64 * self.spacing[bar.axis(0)];
         let extent = bar.extent(0);
         at + extent.start..at + extent.end
     }
 
-    /// The steps of a bar's yarns whose points may touch a range of y (for wefts: of x), mm from gap 0 of guide 0, course 0.
+    /// The steps of a bar's yarns whose points may touch a range of y (for wefts: of x), mm from
+    /// gap 0 of guide 0, course 0.
     #[must_use]
     pub fn steps_along(&self, bar: usize, range: Range<f64>) -> Range<i64> {
         let bar = &self.bars[bar];
         steps(range, bar.extent(1), self.spacing[bar.axis(1)])
     }
 
-    /// Lays one yarn: its data points over `steps`, appended to `knitted`. Numbers without a yarn lay nothing.
+    /// Lays one yarn: its data points over `steps`, appended to `knitted`. Numbers without a yarn
+    /// lay nothing.
     ///
     /// # Panics
     /// If `bar` is not one of the fabric's.
-    pub fn lay(&self, bar: usize, number: i64, steps: Range<i64>, mesh: &StructureMesh, knitted: &mut Knitted) {
+    pub fn lay(
+        &self,
+        bar: usize,
+        number: i64,
+        steps: Range<i64>,
+        mesh: &StructureMesh,
+        knitted: &mut Knitted,
+    ) {
         let bar = &self.bars[bar];
         let Some(yarn) = bar.yarn(number).map(|yarn| &self.repeat.yarns[yarn]) else { return };
         let repeat = i64::from(index32(yarn.steps.len() - 1));
@@ -315,18 +370,34 @@ impl Pattern {
         let gap_0 = mesh.vertex(0, 0) - DVec2::new(self.spacing.x / 2.0, 0.0);
         for step in steps {
             let place = step.rem_euclid(repeat);
-            let (wales, courses) = if bar.kind.runs_across() { (step - place, number) } else { (number, step - place) };
-            let moved = |count: i64| i32::try_from(count).expect("a panel has fewer wales and courses than 2^31");
+            let (wales, courses) = if bar.kind.runs_across() {
+                (step - place, number)
+            } else {
+                (number, step - place)
+            };
+            let moved = |count: i64| {
+                i32::try_from(count).expect("a panel has fewer wales and courses than 2^31")
+            };
             let (wales, courses) = (moved(wales), moved(courses));
-            let offset = (gap_0 + self.spacing * DVec2::new(f64::from(wales), f64::from(courses))).extend(0.0);
+            let offset = (gap_0 + self.spacing * DVec2::new(f64::from(wales), f64::from(courses)))
+                .extend(0.0);
             let place = usize::try_from(place).expect("a remainder is not negative");
             let points = self.repeat.points_of_steps(yarn, place..place + 1);
             let start = index32(knitted.points.len());
-            let stitches = &self.repeat.stitches[yarn.steps[place] as usize..yarn.steps[place + 1] as usize];
-            knitted.stitches.extend(stitches.iter().map(|stitch| start + stitch - index32(points.start)));
-            knitted.points.extend(self.repeat.points[points.clone()].iter().map(|&point| point + offset));
+            let stitches =
+                &self.repeat.stitches[yarn.steps[place] as usize..yarn.steps[place + 1] as usize];
+            knitted
+                .stitches
+                .extend(stitches.iter().map(|stitch| start + stitch - index32(points.start)));
+            knitted
+                .points
+                .extend(self.repeat.points[points.clone()].iter().map(|&point| point + offset));
             let tags = &self.repeat.tags[points];
-            knitted.tags.extend(tags.iter().map(|tag| Tag { course: tag.course + courses, wale: tag.wale + wales, ..*tag }));
+            knitted.tags.extend(tags.iter().map(|tag| Tag {
+                course: tag.course + courses,
+                wale: tag.wale + wales,
+                ..*tag
+            }));
         }
     }
 }
@@ -354,7 +425,8 @@ fn steps(range: Range<f64>, extent: Range<f64>, spacing: f64) -> Range<i64> {
     // Panels are metres and spacings over a micrometre, so it fits.
     #[expect(clippy::cast_possible_truncation, reason = "rounded before, and `as` saturates")]
     let whole = |steps: f64| steps as i64;
-    whole(((range.start - extent.end) / spacing).floor())..whole(((range.end - extent.start) / spacing).ceil()) + 1
+    whole(((range.start - extent.end) / spacing).floor())
+        ..whole(((range.end - extent.start) / spacing).ceil()) + 1
 }
 
 fn as_vec(x: usize, y: usize) -> DVec2 {
@@ -364,9 +436,13 @@ fn as_vec(x: usize, y: usize) -> DVec2 {
 /// The layer of each bar, laid out for yarns of a share of their thickness.
 fn layers(fabric: &Fabric, share: f64) -> Vec<Layer> {
     let radius = share * fabric.radius();
-    let nesting: Vec<_> = (0..fabric.bars.len()).map(|bar| knitting_bars_behind(fabric, bar)).collect();
+    let nesting: Vec<_> =
+        (0..fabric.bars.len()).map(|bar| knitting_bars_behind(fabric, bar)).collect();
     let inlays = fabric.bars.iter().map(|bar| bar.chain.is_inlay());
-    let depths = stitch::layer_depths(&inlays.zip(nesting.iter().copied()).collect::<Vec<_>>(), &fabric.stitch);
+    let depths = stitch::layer_depths(
+        &inlays.zip(nesting.iter().copied()).collect::<Vec<_>>(),
+        &fabric.stitch,
+    );
     let layer = |(nesting, depth): (&u32, f64)| Layer {
         dimensions: fabric.stitch,
         wale_spacing: fabric.wale_spacing(),
@@ -378,11 +454,14 @@ fn layers(fabric: &Fabric, share: f64) -> Vec<Layer> {
     nesting.iter().zip(depths).map(layer).collect()
 }
 
-/// How many knitting bars behind this one ever put their loop on a needle in the same course as it does.
+/// How many knitting bars behind this one ever put their loop on a needle in the same course as it
+/// does.
 fn knitting_bars_behind(fabric: &Fabric, bar: usize) -> u32 {
     let own = &fabric.bars[bar];
     let meets = |other: &&Bar| {
-        let [along, across] = own.repeat_with(other).map(|repeat| i64::try_from(repeat).expect("repeats are limited"));
+        let [along, across] = own
+            .repeat_with(other)
+            .map(|repeat| i64::try_from(repeat).expect("repeats are limited"));
         (0..along).any(|c| (0..across).any(|w| own.loops_on(w, c) && other.loops_on(w, c)))
     };
     index32(fabric.bars[bar + 1..].iter().filter(meets).count())
@@ -409,7 +488,11 @@ mod tests {
         for (course, &first) in (0..).zip(&knitted.stitches) {
             let first = first as usize;
             let tag = knitted.tags[first];
-            assert_eq!((tag.wale, tag.course), (3 + course % 2, course), "1-0/1-2 laps needles 0 and 1 in turn");
+            assert_eq!(
+                (tag.wale, tag.course),
+                (3 + course % 2, course),
+                "1-0/1-2 laps needles 0 and 1 in turn"
+            );
             let head = (knitted.points[first + 3] + knitted.points[first + 4]) / 2.0;
             assert!((head.x - mesh.vertex(tag.wale, tag.course).x).abs() < 1e-12);
         }
@@ -435,7 +518,10 @@ mod tests {
 
     #[test]
     fn every_point_of_a_very_long_inlay_has_its_tag() {
-        let text = Fabric::named("tricot").unwrap().to_string().replace("\"1-2/1-0//\"", "\"0-0/4096-4096//\"");
+        let text = Fabric::named("tricot")
+            .unwrap()
+            .to_string()
+            .replace("\"1-2/1-0//\"", "\"0-0/4096-4096//\"");
         let fabric = Fabric::parse(&text).unwrap();
         let mesh = StructureMesh::anchored_at(&fabric, DVec2::ZERO);
         let mut knitted = Knitted::default();

@@ -1,8 +1,10 @@
-//! What a fabric takes, weighs and hides: run-in, yarn length, mass, thickness, cover factor, porosity.
+//! What a fabric takes, weighs and hides: run-in, yarn length, mass, thickness, cover factor,
+//! porosity.
 //!
-//! In: a [`Fabric`]. Out: [`Numbers`] of its repeat. Lengths and masses come from the relaxed yarn path and the yarn's count, never from the drawn
-//! radius; thickness and cover factor from the yarns as they are laid out, at [`Fabric::radius`]. Source: the specification's knit page.
-//! Not promised: what a mill finds. Its cloth is stretched and set; ours lies as its densities say.
+//! In: a [`Fabric`]. Out: [`Numbers`] of its repeat. Lengths and masses come from the relaxed yarn
+//! path and the yarn's count, never from the drawn radius; thickness and cover factor from the
+//! yarns as they are laid out, at [`Fabric::radius`]. Source: the specification's knit page. Not
+//! promised: what a mill finds. Its cloth is stretched and set; ours lies as its densities say.
 
 use super::repeat::{Repeat, Yarn};
 use super::{Pattern, cover};
@@ -16,7 +18,8 @@ const RACK: f64 = 480.0;
 /// A fabric in numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Numbers {
-    /// mm of yarn for 480 courses, a bar each, front first; none for wefts, which no guide leads along the wales.
+    /// mm of yarn for 480 courses, a bar each, front first; none for wefts, which no guide leads
+    /// along the wales.
     pub run_in: Vec<Option<f64>>,
     /// g of each bar's yarns in a m² of flat cloth, front first.
     pub bar_mass: Vec<f64>,
@@ -28,7 +31,8 @@ pub struct Numbers {
     pub thickness: f64,
     /// Share of the flat area that yarns hide, seen from the front, to .005.
     pub cover: f64,
-    /// Share of the cloth's volume, area times thickness, that no fibre fills; none where yarns are drawn thinner than they are.
+    /// Share of the cloth's volume, area times thickness, that no fibre fills; none where yarns are
+    /// drawn thinner than they are.
     pub porosity: Option<f64>,
 }
 
@@ -50,7 +54,9 @@ pub fn measure(fabric: &Fabric, pattern: &Pattern) -> Numbers {
         let sum: f64 = per_step.iter().flatten().sum();
         let threaded = f64::from(index32(per_step.iter().flatten().count()));
         // mm of yarn on a mm² is also km on a m²; tex is g a km.
-        let kilometres = sum / f64::from(index32(per_step.len())) / (fabric.wale_spacing() * fabric.course_spacing());
+        let kilometres = sum
+            / f64::from(index32(per_step.len()))
+            / (fabric.wale_spacing() * fabric.course_spacing());
         let mass = bar.yarn.count.tex() * kilometres;
         run_in.push((bar.kind == BarKind::Guide && threaded > 0.0).then(|| RACK * sum / threaded));
         bar_mass.push(mass);
@@ -61,11 +67,20 @@ pub fn measure(fabric: &Fabric, pattern: &Pattern) -> Numbers {
     let mass = bar_mass.iter().sum();
     let is_thinned = fabric.radius() < fabric.true_radius() * fabric.enlargement;
     let porosity = (body.thickness > 0.0 && !is_thinned).then(|| 1.0 - fibre / body.thickness);
-    Numbers { run_in, bar_mass, mass, yarn_length, thickness: body.thickness, cover: body.cover, porosity }
+    Numbers {
+        run_in,
+        bar_mass,
+        mass,
+        yarn_length,
+        thickness: body.thickness,
+        cover: body.cover,
+        porosity,
+    }
 }
 
 impl Pattern {
-    /// mm of yarn a step, for each guide of a bar in the repeat (each course, for wefts) that has a yarn.
+    /// mm of yarn a step, for each guide of a bar in the repeat (each course, for wefts) that has a
+    /// yarn.
     fn lengths_per_step(&self, bar: usize) -> Vec<Option<f64>> {
         let length = |&yarn: &usize| {
             let yarn = &self.repeat.yarns[yarn];
@@ -116,11 +131,14 @@ mod tests {
 
     #[test]
     fn porosity_of_parallel_yarns_in_closed_form() {
-        let fabric = Fabric::named("tricot").unwrap().with_chains(&["0-0//".to_owned()], &[]).unwrap();
+        let fabric =
+            Fabric::named("tricot").unwrap().with_chains(&["0-0//".to_owned()], &[]).unwrap();
         let numbers = measure(&fabric, &Pattern::new(&fabric));
-        // A round yarn fills pi/4 of the square around it, its fibres `packing` of that, and beside it is air.
+        // A round yarn fills pi/4 of the square around it, its fibres `packing` of that, and beside
+        // it is air.
         let yarn = &fabric.bars[0].yarn;
-        let filled = std::f64::consts::FRAC_PI_4 * yarn.packing * yarn.diameter() / fabric.wale_spacing();
+        let filled =
+            std::f64::consts::FRAC_PI_4 * yarn.packing * yarn.diameter() / fabric.wale_spacing();
         let porosity = numbers.porosity.unwrap();
         assert!((porosity - (1.0 - filled)).abs() < 1e-3, "{porosity} {filled}");
         assert!((numbers.mass - numbers.bar_mass[0]).abs() < 1e-12);

@@ -1,7 +1,8 @@
 //! The yarns of one repeat: every lap's data points, with the underlap that follows.
 //!
-//! In: a fabric's bars and the [`Lattice`] of its control points. Out: a [`Repeat`], each threaded guide's (or weft's) yarn as a chain that goes on
-//! into the next repeat. Coordinates are mm from gap 0 of guide 0 in course 0. Cost: linear in the points, about 0.2 µs each.
+//! In: a fabric's bars and the [`Lattice`] of its control points. Out: a [`Repeat`], each threaded
+//! guide's (or weft's) yarn as a chain that goes on into the next repeat. Coordinates are mm from
+//! gap 0 of guide 0 in course 0. Cost: linear in the points, about 0.2 µs each.
 
 use std::ops::Range;
 
@@ -39,21 +40,45 @@ pub(super) struct Yarn {
 }
 
 impl Repeat {
-    /// Lays out the yarn that a guide of a bar leads over `steps` courses (for a weft: the one of a course, over `steps` wales).
-    pub(super) fn add_yarn(&mut self, bar: &Bar, number: usize, layer: &Layer, lattice: &Lattice, [guide, steps]: [usize; 2]) {
+    /// Lays out the yarn that a guide of a bar leads over `steps` courses (for a weft: the one of a
+    /// course, over `steps` wales).
+    pub(super) fn add_yarn(
+        &mut self,
+        bar: &Bar,
+        number: usize,
+        layer: &Layer,
+        lattice: &Lattice,
+        [guide, steps]: [usize; 2],
+    ) {
         let laying = Laying { bar, layer, lattice, guide: i64::from(index32(guide)) };
         let count = i64::from(index32(steps));
-        let mut yarn = Yarn { bar: number, guide, steps: Vec::with_capacity(steps + 1), period: laying.period(count) };
+        let mut yarn = Yarn {
+            bar: number,
+            guide,
+            steps: Vec::with_capacity(steps + 1),
+            period: laying.period(count),
+        };
         for step in 0..count {
             yarn.steps.push(index32(self.stitches.len()));
-            if bar.kind == BarKind::Guide { laying.add_lap(step, self) } else { laying.add_weft(step, self) }
+            if bar.kind == BarKind::Guide {
+                laying.add_lap(step, self)
+            } else {
+                laying.add_weft(step, self)
+            }
         }
         yarn.steps.push(index32(self.stitches.len()));
         self.yarns.push(yarn);
     }
 
     /// Lays out a course of a weft knit, which a feeder brings, over `wales` wales.
-    pub(super) fn add_course(&mut self, feeder: usize, motif: &Motif, loops: &Loops, course: usize, wales: usize) {
+    pub(super) fn add_course(
+        &mut self,
+        feeder: usize,
+        motif: &Motif,
+        loops: &Loops,
+        course: usize,
+        wales: usize,
+    ) {
         let (first, end) = (index32(self.stitches.len()), i64::from(index32(wales)));
         let period = DVec3::X * (f64::from(index32(wales)) * loops.spacing.x);
         let points = loops.data_points(motif, i64::from(index32(course)), 0..end);
@@ -69,7 +94,12 @@ impl Repeat {
     }
 
     /// Lays out a strand of laid cloth, one stitch of it a cell.
-    pub(super) fn add_path(&mut self, strand: usize, path: impl Iterator<Item = DVec3>, period: DVec3) {
+    pub(super) fn add_path(
+        &mut self,
+        strand: usize,
+        path: impl Iterator<Item = DVec3>,
+        period: DVec3,
+    ) {
         let first = index32(self.stitches.len());
         self.begin_stitch();
         for (point, place) in (1..).zip(path) {
@@ -85,11 +115,16 @@ impl Repeat {
 
     /// Points of some steps of a yarn.
     pub(super) fn points_of_steps(&self, yarn: &Yarn, steps: Range<usize>) -> Range<usize> {
-        let start = |step: usize| self.stitches.get(yarn.steps[step] as usize).map_or(self.points.len(), |&point| point as usize);
+        let start = |step: usize| {
+            self.stitches
+                .get(yarn.steps[step] as usize)
+                .map_or(self.points.len(), |&point| point as usize)
+        };
         start(steps.start)..start(steps.end)
     }
 
-    /// A yarn's points over one repeat, with one before and two after: the spans from 1 to the last but two are the repeat's.
+    /// A yarn's points over one repeat, with one before and two after: the spans from 1 to the last
+    /// but two are the repeat's.
     pub(super) fn unrolled(&self, yarn: &Yarn) -> Vec<DVec3> {
         let points = &self.points[self.points_of(yarn)];
         let count = i64::from(index32(points.len()));
@@ -137,20 +172,26 @@ impl Laying<'_> {
         if lap.overlap() == 0 {
             let points = self.inlay(course);
             repeat.begin_stitch();
-            (1u16..)
-                .zip(points)
-                .for_each(|(number, point)| repeat.push(point, self.tag(course, lap.needle(), PointKind::Inlay, number)));
+            (1u16..).zip(points).for_each(|(number, point)| {
+                repeat.push(point, self.tag(course, lap.needle(), PointKind::Inlay, number))
+            });
             return;
         }
         let needles = lap.needles().count();
         for (at, needle) in lap.needles().enumerate() {
             let points = self.loop_points(course, at);
             repeat.begin_stitch();
-            (1u16..)
-                .zip(points)
-                .for_each(|(number, point)| repeat.push(point, self.tag(course, needle, PointKind::Loop, number)));
-            let next = if at + 1 < needles { self.loop_points(course, at + 1)[0] } else { self.first_point(course + 1) };
-            for (number, turn) in (1u16..).zip(stitch::turns(points[7], next, self.layer.wale_spacing)) {
+            (1u16..).zip(points).for_each(|(number, point)| {
+                repeat.push(point, self.tag(course, needle, PointKind::Loop, number))
+            });
+            let next = if at + 1 < needles {
+                self.loop_points(course, at + 1)[0]
+            } else {
+                self.first_point(course + 1)
+            };
+            for (number, turn) in
+                (1u16..).zip(stitch::turns(points[7], next, self.layer.wale_spacing))
+            {
                 repeat.push(turn, self.tag(course, needle, PointKind::Turn, number));
             }
         }
@@ -180,17 +221,23 @@ impl Laying<'_> {
         let lap = chain.lap(course);
         let last = lap.needles().count() - 1;
         let needle = lap.needles().nth(at).expect("a lap has that loop");
-        // Between the loops of one lap the yarn goes on in the overlap's direction, as an underlap of an open lap does.
+        // Between the loops of one lap the yarn goes on in the overlap's direction, as an underlap
+        // of an open lap does.
         let before = if at == 0 { chain.underlap(course - 1) } else { lap.overlap() };
         let after = if at == last { chain.underlap(course) } else { lap.overlap() };
         let points = self.layer.loop_points(Turns { overlap: lap.overlap(), before, after });
-        points.map(|point| self.lattice.on_wale(self.guide + i64::from(needle), course, point, self.layer))
+        points.map(|point| {
+            self.lattice.on_wale(self.guide + i64::from(needle), course, point, self.layer)
+        })
     }
 
     /// An inlay on its way to the next course's first gap.
     fn inlay(&self, course: i64) -> Vec<DVec3> {
         let (from, to) = (self.bar.chain.lap(course).from, self.bar.chain.lap(course + 1).from);
-        #[expect(clippy::cast_precision_loss, reason = "guides and courses are counted in thousands")]
+        #[expect(
+            clippy::cast_precision_loss,
+            reason = "guides and courses are counted in thousands"
+        )]
         let (gap_0, bottom) = (self.guide as f64, course as f64 * self.layer.course_spacing);
         let run = self.layer.inlay_points(from, to);
         let last = run.len() - 1;
@@ -201,7 +248,9 @@ impl Laying<'_> {
             let (y, z) = (bottom + y, -self.layer.depth);
             match at {
                 0 if last > 0 => self.lattice.beside_wale(wale_after(from, side), -side, y, z),
-                _ if last > 0 && at == last => self.lattice.beside_wale(wale_after(to, -side), side, y, z),
+                _ if last > 0 && at == last => {
+                    self.lattice.beside_wale(wale_after(to, -side), side, y, z)
+                }
                 _ => self.lattice.between_wales(gap_0 + gap, y, z),
             }
         };

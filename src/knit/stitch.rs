@@ -1,14 +1,17 @@
-//! The eight-point stitch: where the yarn of one lap passes, relative to its guide's gap 0 and its course.
+//! The eight-point stitch: where the yarn of one lap passes, relative to its guide's gap 0 and its
+//! course.
 //!
-//! Source: Liu, Kyosev, Jiang 2022, section 2.1 and Fig. 2, with the [`Dimensions`] of the specification's knit page, which also gives
-//! the least distances between yarns that they reach. S1, S8 are the feet (behind, where the underlaps join), S2, S7 the lower
-//! legs, S3, S6 the upper legs, S4, S5 the head.
+//! Source: Liu, Kyosev, Jiang 2022, section 2.1 and Fig. 2, with the [`Dimensions`] of the
+//! specification's knit page, which also gives the least distances between yarns that they reach.
+//! S1, S8 are the feet (behind, where the underlaps join), S2, S7 the lower legs, S3, S6 the upper
+//! legs, S4, S5 the head.
 
 use glam::DVec3;
 
 use crate::fabric::Dimensions;
 
-// Further bars nest inside those behind them: changes in radii, times the number of knitting bars behind on the same needle.
+// Further bars nest inside those behind them: changes in radii, times the number of knitting bars
+// behind on the same needle.
 const NEST_X: f64 = -2.25;
 const NEST_FEET_Y: f64 = -2.9;
 const NEST_LOWER_Y: f64 = -1.1;
@@ -19,8 +22,9 @@ const NEST_HEAD_Z: f64 = -0.9;
 /// Nesting leaves a loop this share of its width, and its head at this height, courses.
 const NARROWEST: f64 = 0.3;
 const LOWEST_HEAD: f64 = 1.12;
-/// Depth between the feet of two knitting bars on the same needles, radii. The specification has 7.2, so that nothing cuts without
-/// relaxation; contact makes the room that is needed, and at 7.2 two-bar cloth is a fifth thicker and its front bar takes the more yarn whatever it laps.
+/// Depth between the feet of two knitting bars on the same needles, radii. The specification has
+/// 7.2, so that nothing cuts without relaxation; contact makes the room that is needed, and at 7.2
+/// two-bar cloth is a fifth thicker and its front bar takes the more yarn whatever it laps.
 const LAYER: f64 = 3.6;
 /// Depth of a layer next to an inlay, radii.
 const INLAY_LAYER: f64 = 2.6;
@@ -47,7 +51,8 @@ pub(super) struct Layer {
 
 /// Depths of all bars' feet, front first, in radii.
 ///
-/// `bars` says, front first, whether each is an inlay and how many knitting bars behind it share its needles.
+/// `bars` says, front first, whether each is an inlay and how many knitting bars behind it share
+/// its needles.
 pub(super) fn layer_depths(bars: &[(bool, u32)], dimensions: &Dimensions) -> Vec<f64> {
     let mut depths = vec![0.0; bars.len()];
     let mut behind: Option<(bool, f64)> = None;
@@ -78,7 +83,8 @@ pub(super) struct Turns {
 }
 
 impl Layer {
-    /// S1 to S8 relative to the control point O1, mm: x to the right, y along the wale, z towards the technical face.
+    /// S1 to S8 relative to the control point O1, mm: x to the right, y along the wale, z towards
+    /// the technical face.
     pub(super) fn loop_points(&self, turns: Turns) -> [DVec3; 8] {
         let (w, c, r) = (self.wale_spacing, self.course_spacing, self.radius);
         let d = &self.dimensions;
@@ -89,11 +95,16 @@ impl Layer {
         let crossed_out = turns.after.signum() == -turns.overlap;
         let foot = |crossed: bool| if crossed { d.w1x } else { d.w1 } * widen * w;
         let nested = self.nesting * r;
-        // Of many thick bars the innermost would turn inside out: it keeps some of its width, and its head stays over the next loop.
+        // Of many thick bars the innermost would turn inside out: it keeps some of its width, and
+        // its head stays over the next loop.
         let nest = |x: f64| (x + NEST_X * nested).max(NARROWEST * x);
 
         let foot_y = NEST_FEET_Y * nested;
-        let lower = (nest(d.w2 * widen * w), d.h1 * raise * c + NEST_LOWER_Y * nested, d.zs * r + NEST_LOWER_Z * nested);
+        let lower = (
+            nest(d.w2 * widen * w),
+            d.h1 * raise * c + NEST_LOWER_Y * nested,
+            d.zs * r + NEST_LOWER_Z * nested,
+        );
         let upper = (nest(d.w3 * w), d.h2 * c, d.z1 * r + NEST_UPPER_Z * nested);
         let head_y = ((1.0 + (d.h3 - 1.0) * raise) * c + NEST_HEAD_Y * nested).max(LOWEST_HEAD * c);
         let head = (nest(d.w4 * w), head_y, NEST_HEAD_Z * nested);
@@ -110,7 +121,8 @@ impl Layer {
         ]
     }
 
-    /// Points of an inlay that runs from gap `from` to gap `to` in a course: gaps from gap 0, and mm from the course.
+    /// Points of an inlay that runs from gap `from` to gap `to` in a course: gaps from gap 0, and
+    /// mm from the course.
     pub(super) fn inlay_points(&self, from: i32, to: i32) -> Vec<(f64, f64)> {
         let c = self.course_spacing;
         let gaps = f64::from((to - from).abs());
@@ -130,14 +142,22 @@ impl Layer {
     }
 }
 
-/// Where an underlap longer than .57 W turns: .22 W from its ends, and once a wale between them. Without them long spans bulge in depth.
+/// Where an underlap longer than .57 W turns: .22 W from its ends, and once a wale between them.
+/// Without them long spans bulge in depth.
 pub(super) fn turns(from: DVec3, to: DVec3, wale_spacing: f64) -> impl Iterator<Item = DVec3> {
     let length = (to - from).truncate().length() / wale_spacing;
     let inset = 0.22 / length;
-    // One turn more for every whole wale between the two ends; spans are short, so the numbers are small.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an underlap passes at most MAX_GAP wales")]
+    // One turn more for every whole wale between the two ends; spans are short, so the numbers are
+    // small.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "an underlap passes at most MAX_GAP wales"
+    )]
     let count = if length > 0.57 { 2 + (length - 0.44).round().max(1.0) as u32 - 1 } else { 0 };
-    (0..count).map(move |turn| from.lerp(to, inset + (1.0 - 2.0 * inset) * f64::from(turn) / f64::from(count - 1)))
+    (0..count).map(move |turn| {
+        from.lerp(to, inset + (1.0 - 2.0 * inset) * f64::from(turn) / f64::from(count - 1))
+    })
 }
 
 /// How far an inlay's corners lie outside its run, over C.
@@ -149,7 +169,14 @@ mod tests {
 
     fn layer_0() -> Layer {
         let dimensions = Dimensions::default();
-        Layer { dimensions, wale_spacing: 1.0, course_spacing: 0.7, radius: 0.042, nesting: 0.0, depth: 1.9 * 0.042 }
+        Layer {
+            dimensions,
+            wale_spacing: 1.0,
+            course_spacing: 0.7,
+            radius: 0.042,
+            nesting: 0.0,
+            depth: 1.9 * 0.042,
+        }
     }
 
     #[test]
@@ -165,8 +192,14 @@ mod tests {
 
     #[test]
     fn layers_of_the_specification() {
-        assert_eq!(layer_depths(&[(false, 1), (false, 0)], &Dimensions::default()), [1.9 + LAYER, 1.9]);
-        assert_eq!(layer_depths(&[(false, 0), (true, 0)], &Dimensions::default()), [2.6 + 2.6, 2.6]);
+        assert_eq!(
+            layer_depths(&[(false, 1), (false, 0)], &Dimensions::default()),
+            [1.9 + LAYER, 1.9]
+        );
+        assert_eq!(
+            layer_depths(&[(false, 0), (true, 0)], &Dimensions::default()),
+            [2.6 + 2.6, 2.6]
+        );
         assert_eq!(layer_depths(&[(false, 0), (false, 0)], &Dimensions::default()), [1.9, 1.9]);
     }
 

@@ -1,9 +1,11 @@
 //! Weft-knit loops: where the yarn of a course passes, wale after wale.
 //!
-//! In: a [`Motif`] and the fabric's spacings. Out: a course's data points, [`POINTS`] a loop: on the cubic NURBS whose control points, eight new ones a loop, make it
-//! pass through the loop's eight named places, and halfway between them, so that the path that all yarns are drawn along follows it to a tenth of the yarn's
-//! radius, in crossings to a fifth. Source: the ribbon
-//! paper's loop of nine control points, with the places of the specification's weft page, which interlock. The crossings of cables are ours.
+//! In: a [`Motif`] and the fabric's spacings. Out: a course's data points, [`POINTS`] a loop: on
+//! the cubic NURBS whose control points, eight new ones a loop, make it pass through the loop's
+//! eight named places, and halfway between them, so that the path that all yarns are drawn along
+//! follows it to a tenth of the yarn's radius, in crossings to a fifth. Source: the ribbon paper's
+//! loop of nine control points, with the places of the specification's weft page, which interlock.
+//! The crossings of cables are ours.
 
 use std::ops::Range;
 
@@ -17,7 +19,8 @@ pub const CONTROL_POINTS: usize = 8;
 /// Data points of a loop.
 pub const POINTS: usize = 2 * CONTROL_POINTS;
 
-/// The places of a face loop: x over W from the wale, y over C from the loop's middle, z over the radius.
+/// The places of a face loop: x over W from the wale, y over C from the loop's middle, z over the
+/// radius.
 const PLACES: [[f64; 3]; CONTROL_POINTS] = [
     [-0.5, -0.92, -0.70],
     [-0.15, -0.735, -0.38],
@@ -28,14 +31,17 @@ const PLACES: [[f64; 3]; CONTROL_POINTS] = [
     [0.25, 0.0, 1.68],
     [0.15, -0.735, -0.38],
 ];
-/// Courses over which a wale leans that is carried: one, and so many more for each wale that it passes. Leaning more steeply it would press its
-/// neighbours, and the knitter's row of crossing stands taller for it.
+/// Courses over which a wale leans that is carried: one, and so many more for each wale that it
+/// passes. Leaning more steeply it would press its neighbours, and the knitter's row of crossing
+/// stands taller for it.
 const LEAN: f64 = 1.2;
 /// Height of a crossing's middle over that of the loops whose heads are carried, courses.
 const MIDDLE: f64 = 0.4;
-/// How far wales that cross rise in front of each other, and sink behind, where they are halfway: half as thick as the cloth, radii.
+/// How far wales that cross rise in front of each other, and sink behind, where they are halfway:
+/// half as thick as the cloth, radii.
 const RISE: f64 = 2.4;
-/// Loops before and behind a stretch of yarn that its curve is solved with: farther ones change nothing that `f64` holds.
+/// Loops before and behind a stretch of yarn that its curve is solved with: farther ones change
+/// nothing that `f64` holds.
 const MARGIN: i64 = 4;
 
 /// What all loops of a fabric share.
@@ -51,13 +57,17 @@ impl Loops {
     /// The eight places of a loop, mm from gap 0 and course 0 of the motif.
     fn places(&self, motif: &Motif, wale: i64, course: i64) -> [DVec3; CONTROL_POINTS] {
         let (before, cell) = (motif.cell(wale - 1, course), motif.cell(wale, course));
-        #[expect(clippy::cast_precision_loss, reason = "wales and courses are counted in thousands")]
+        #[expect(
+            clippy::cast_precision_loss,
+            reason = "wales and courses are counted in thousands"
+        )]
         let home = (DVec2::new(wale as f64, course as f64) + 0.5) * self.spacing;
         let side = |cell: Cell| if cell.reverse { -1.0 } else { 1.0 };
         std::array::from_fn(|at| {
             let [x, y, z] = PLACES[at];
             let (z, moved) = match at {
-                // Between two loops the yarn belongs to both; between a face and a reverse one it passes through the fabric's middle.
+                // Between two loops the yarn belongs to both; between a face and a reverse one it
+                // passes through the fabric's middle.
                 0 => (
                     z * (side(before) + side(cell)) / 2.0,
                     leaning(motif, wale - 1, course, y).midpoint(leaning(motif, wale, course, y)),
@@ -80,7 +90,8 @@ impl Loops {
         Nurbs::through(&points, &parameters(&points))
     }
 
-    /// Data points of a course over some wales of a fabric that goes on beyond them, [`POINTS`] a loop.
+    /// Data points of a course over some wales of a fabric that goes on beyond them, [`POINTS`] a
+    /// loop.
     #[must_use]
     pub fn data_points(&self, motif: &Motif, course: i64, wales: Range<i64>) -> Vec<DVec3> {
         let points = self.through(motif, course, wales.start - MARGIN..wales.end + MARGIN);
@@ -88,7 +99,9 @@ impl Loops {
         let curve = Nurbs::through(&points, &at);
         let first = CONTROL_POINTS * usize::try_from(MARGIN).expect("a few loops");
         let shown = first..points.len() - 1 - first;
-        shown.flat_map(|index| [points[index], curve.at(at[index].midpoint(at[index + 1]))]).collect()
+        shown
+            .flat_map(|index| [points[index], curve.at(at[index].midpoint(at[index + 1]))])
+            .collect()
     }
 
     fn through(&self, motif: &Motif, course: i64, wales: Range<i64>) -> Vec<DVec3> {
@@ -97,8 +110,8 @@ impl Loops {
     }
 }
 
-/// How far a wale lies aside of its place at `y` courses from the middle of a loop, over W, and how far it has risen, radii: because its
-/// heads are carried in a row above, or were in one below.
+/// How far a wale lies aside of its place at `y` courses from the middle of a loop, over W, and how
+/// far it has risen, radii: because its heads are carried in a row above, or were in one below.
 fn leaning(motif: &Motif, wale: i64, course: i64, y: f64) -> DVec2 {
     let reach = i64::from(motif.reach());
     let mut sum = DVec2::ZERO;
@@ -112,7 +125,11 @@ fn leaning(motif: &Motif, wale: i64, course: i64, y: f64) -> DVec2 {
         let row = |wale: i64| motif.cell(wale, course + rows);
         // Heads that are carried above stand on this wale; of those below, the one that came here.
         let came = |from: &i64| from + i64::from(row(*from).carried) == wale;
-        let cell = if rows >= 0 { row(wale) } else { (wale - reach..=wale + reach).find(came).map_or(row(wale), row) };
+        let cell = if rows >= 0 {
+            row(wale)
+        } else {
+            (wale - reach..=wale + reach).find(came).map_or(row(wale), row)
+        };
         if cell.carried == 0 {
             continue;
         }
@@ -122,7 +139,10 @@ fn leaning(motif: &Motif, wale: i64, course: i64, y: f64) -> DVec2 {
         let t = (above / (1.0 + LEAN * carried.abs()) + 0.5).clamp(0.0, 1.0);
         let share = t * t * (3.0 - 2.0 * t);
         let gone = if rows >= 0 { 0.0 } else { 1.0 };
-        sum += DVec2::new(carried * (share - gone), f64::from(cell.layer) * RISE * 4.0 * share * (1.0 - share));
+        sum += DVec2::new(
+            carried * (share - gone),
+            f64::from(cell.layer) * RISE * 4.0 * share * (1.0 - share),
+        );
     }
     sum
 }
@@ -159,7 +179,8 @@ mod tests {
         let at = |step: u32| curve.at(end * f64::from(step) / 130_000.0);
         // The middle one of thirteen loops.
         let length: f64 = (60_000..70_000).map(|step| at(step).distance(at(step + 1))).sum();
-        // Loop length times wales per length: 4.1 in relaxed plain knit (Munden 1959); the specification has 4.07.
+        // Loop length times wales per length: 4.1 in relaxed plain knit (Munden 1959); the
+        // specification has 4.07.
         assert!((length - 4.1).abs() < 0.05, "{length}");
     }
 
@@ -171,16 +192,23 @@ mod tests {
             let at = parameters(&through);
             let curve = Nurbs::through(&through, &at);
             let points = loops.data_points(&motif, 0, -6..9);
-            // The third loop from the middle on, where neither has an end near: points and those halfway, by turns.
+            // The third loop from the middle on, where neither has an end near: points and those
+            // halfway, by turns.
             let farthest = (6 * CONTROL_POINTS..9 * CONTROL_POINTS)
                 .flat_map(|place| (0..16).map(move |step| (place, f64::from(step) / 16.0)));
             let off = farthest.map(|(place, t)| {
                 let drawn = span(&points, 2 * place + usize::from(t >= 0.5)).at((2.0 * t).fract());
-                let near = (0..=400).map(|step| curve.at(at[place] + (at[place + 1] - at[place]) * f64::from(step) / 400.0));
+                let near = (0..=400).map(|step| {
+                    curve.at(at[place] + (at[place + 1] - at[place]) * f64::from(step) / 400.0)
+                });
                 near.map(|point| point.distance(drawn)).fold(f64::MAX, f64::min)
             });
             let most = off.fold(0.0, f64::max);
-            assert!(most < share * loops.radius, "{chart}: {most} mm off, of a radius of {}", loops.radius);
+            assert!(
+                most < share * loops.radius,
+                "{chart}: {most} mm off, of a radius of {}",
+                loops.radius
+            );
         }
     }
 
@@ -194,7 +222,8 @@ mod tests {
             for (index, point) in one.iter().enumerate() {
                 let shift = DVec3::X * f64::from(u32::try_from(repeat).unwrap());
                 assert!(
-                    (all[index] + shift).distance(*point) < 1e-6 && all[index + one.len()].distance(*point) < 1e-6,
+                    (all[index] + shift).distance(*point) < 1e-6
+                        && all[index + one.len()].distance(*point) < 1e-6,
                     "{chart}"
                 );
             }
@@ -203,8 +232,13 @@ mod tests {
 
     #[test]
     fn purl_loops_are_face_loops_from_behind() {
-        let (face, purl) = (loops().data_points(&motif("k"), 0, 0..2), loops().data_points(&motif("p"), 0, 0..2));
-        assert!(face.iter().zip(&purl).all(|(a, b)| (*a - *b * DVec3::new(1.0, 1.0, -1.0)).length() < 1e-12));
+        let (face, purl) =
+            (loops().data_points(&motif("k"), 0, 0..2), loops().data_points(&motif("p"), 0, 0..2));
+        assert!(
+            face.iter()
+                .zip(&purl)
+                .all(|(a, b)| (*a - *b * DVec3::new(1.0, 1.0, -1.0)).length() < 1e-12)
+        );
         let rib = loops().data_points(&motif("kp"), 0, 0..2);
         assert!(rib[0].z.abs() < 1e-12 && rib[4].z > 0.0 && rib[POINTS + 4].z < 0.0);
     }

@@ -1,7 +1,8 @@
 //! Boxes around triangles, and the tree that finds those in the way of another.
 //!
-//! In: boxes. Out: a BVH over them, each box once: a builder that joins neighbours by how near they are takes the square of a box's copies, and where a
-//! picture's `vt` are tiled over a mesh, thousands of triangles have the same one.
+//! In: boxes. Out: a BVH over them, each box once: a builder that joins neighbours by how near they
+//! are takes the square of a box's copies, and where a picture's `vt` are tiled over a mesh,
+//! thousands of triangles have the same one.
 
 use std::collections::{HashMap, HashSet};
 use std::time::Duration;
@@ -14,7 +15,8 @@ use obvhs::bvh2::builder::build_bvh2;
 
 use crate::ids::index32;
 
-/// Boxes that are looked at to see whether there are many copies. Of a hundredth of all boxes or more two are among them nearly always; fewer copies cost little.
+/// Boxes that are looked at to see whether there are many copies. Of a hundredth of all boxes or
+/// more two are among them nearly always; fewer copies cost little.
 const SAMPLED: usize = 256;
 
 /// A box in `f32` that holds all of the points: rounded outward, since the BVH knows no `f64`.
@@ -67,7 +69,8 @@ fn bits(of: &Aabb) -> [u32; 4] {
     [of.min.x, of.min.y, of.max.x, of.max.y].map(f32::to_bits)
 }
 
-/// Calls `visit` for every triangle whose box meets another, and for some whose box only comes near.
+/// Calls `visit` for every triangle whose box meets another, and for some whose box only comes
+/// near.
 pub(super) fn visit_boxes(bvh: &Bvh2, around: Aabb, mut visit: impl FnMut(u32)) {
     bvh.aabb_traverse(around, |bvh, node| {
         let node = &bvh.nodes[node as usize];
@@ -86,11 +89,14 @@ mod tests {
     fn copies_of_a_box_are_all_found_and_soon() {
         let square = |x: f64| outer_box([DVec2::new(x, 0.0), DVec2::new(x + 0.5, 1.0)].into_iter());
         // Half a million of two boxes: joined one by one they would take hours.
-        let boxes: Vec<Aabb> = (0..500_000).map(|number| square(f64::from(number % 2))).chain([square(7.0)]).collect();
+        let boxes: Vec<Aabb> =
+            (0..500_000).map(|number| square(f64::from(number % 2))).chain([square(7.0)]).collect();
         let tree = tree(&boxes);
         let found = |x: f64| {
             let mut found = Vec::new();
-            visit_boxes(&tree, outer_box([DVec2::new(x, 0.5)].into_iter()), |number| found.push(number));
+            visit_boxes(&tree, outer_box([DVec2::new(x, 0.5)].into_iter()), |number| {
+                found.push(number)
+            });
             found.sort_unstable();
             found
         };

@@ -1,16 +1,21 @@
 //! Which flat triangle holds a data point.
 //!
-//! In: a [`Panel`] and points in its axes. Out: a [`SurfacePoint`] each, or none off the panel. Source: Liu, Kyosev, Jiang 2022,
-//! section 3.1, equation 1, with its print error mended (see [`sign`]).
+//! In: a [`Panel`] and points in its axes. Out: a [`SurfacePoint`] each, or none off the panel.
+//! Source: Liu, Kyosev, Jiang 2022, section 3.1, equation 1, with its print error mended (see
+//! [`sign`]).
 //!
-//! The answer is a function of mesh and point alone: of all triangles that hold the point, edges and corners included, the one that comes first in the
-//! file. Signs are exact, so a point within the panel's area is never lost in a crack. How it is found is another matter. Yarns run on from
-//! point to point, so four points at a time are held against the triangle of the last one (`cell`); the first that is not in it is looked for by a walk over
-//! neighbours; where that can't tell, or where the panel overlaps itself, a BVH gives all candidates, and it is built when first asked.
+//! The answer is a function of mesh and point alone: of all triangles that hold the point, edges
+//! and corners included, the one that comes first in the file. Signs are exact, so a point within
+//! the panel's area is never lost in a crack. How it is found is another matter. Yarns run on from
+//! point to point, so four points at a time are held against the triangle of the last one (`cell`);
+//! the first that is not in it is looked for by a walk over neighbours; where that can't tell, or
+//! where the panel overlaps itself, a BVH gives all candidates, and it is built when first asked.
 //! The depth of a point plays no part.
 //!
-//! Cost, on a machine where Embree's packets of rays take 50 to 140 ns a point (`benches/against_peers.sh`): 10 to 20 ns a point, more where a
-//! triangle holds few of them, and some 0.2 µs a triangle before the first, half of which puts triangles in their place in memory, once a garment.
+//! Cost, on a machine where Embree's packets of rays take 50 to 140 ns a point
+//! (`benches/against_peers.sh`): 10 to 20 ns a point, more where a triangle holds few of them, and
+//! some 0.2 µs a triangle before the first, half of which puts triangles in their place in memory,
+//! once a garment.
 
 mod boxes;
 mod cell;
@@ -32,7 +37,8 @@ use sign::crosses;
 use topology::{BORDER, Topology};
 pub use trace::Traced;
 
-/// A point on a panel, whatever shape the panel takes: a triangle and two barycentric coordinates in it.
+/// A point on a panel, whatever shape the panel takes: a triangle and two barycentric coordinates
+/// in it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfacePoint {
     /// Index into [`Panel::triangles`].
@@ -63,9 +69,11 @@ pub struct Locator<'a> {
     panel: &'a Panel,
     /// One a triangle.
     cells: Vec<Cell>,
-    /// Whether the panel is certain to cover no point twice, so that a walk may stand in for a search.
+    /// Whether the panel is certain to cover no point twice, so that a walk may stand in for a
+    /// search.
     embedded: bool,
-    /// Steps after which a walk gives up: enough to cross a panel, and in the rare mesh where it would go round in a circle soon over.
+    /// Steps after which a walk gives up: enough to cross a panel, and in the rare mesh where it
+    /// would go round in a circle soon over.
     most_steps: usize,
     /// Built when first asked: on a panel whose yarns all stay within it no one does.
     bvh: OnceLock<Option<Bvh2>>,
@@ -75,26 +83,30 @@ pub struct Locator<'a> {
 
 /// Where a walk ended.
 enum Walk {
-    /// Strictly inside this triangle, or on an edge that it shares with a neighbour that comes later in the file.
+    /// Strictly inside this triangle, or on an edge that it shares with a neighbour that comes
+    /// later in the file.
     Found(u32),
     /// On an edge or corner whose triangles the walk doesn't all know, off the panel, or too far.
     Ask,
 }
 
 impl<'a> Locator<'a> {
-    /// Builds what a walk needs. Cost: about 0.1 µs a triangle, as much again once a search is needed.
+    /// Builds what a walk needs. Cost: about 0.1 µs a triangle, as much again once a search is
+    /// needed.
     #[must_use]
     pub fn new(panel: &'a Panel) -> Self {
         let Topology { neighbours, embedded } = Topology::new(&panel.uv, &panel.triangles);
         let size = panel.size();
-        let cell =
-            |(corners, neighbours): (&[u32; 3], [u32; 3])| Cell::new(corners.map(|v| panel.uv[v as usize]), neighbours, size);
+        let cell = |(corners, neighbours): (&[u32; 3], [u32; 3])| {
+            Cell::new(corners.map(|v| panel.uv[v as usize]), neighbours, size)
+        };
         let cells: Vec<_> = panel.triangles.iter().zip(neighbours).map(cell).collect();
         let most_steps = 32 + 4 * cells.len().isqrt();
         Self { panel, cells, embedded, most_steps, bvh: OnceLock::new(), flipped: OnceLock::new() }
     }
 
-    /// The triangle that holds each point, in order. Neighbouring points should follow each other, as a yarn's do.
+    /// The triangle that holds each point, in order. Neighbouring points should follow each other,
+    /// as a yarn's do.
     ///
     /// ```
     /// use warpknit::garment::Garment;
@@ -117,7 +129,8 @@ impl<'a> Locator<'a> {
         let (mut triangle, mut at) = (0, 0);
         while at < points.len() {
             if self.embedded {
-                at += self.cells[triangle as usize].run(triangle, &points[at..], &mut located[at..]);
+                at +=
+                    self.cells[triangle as usize].run(triangle, &points[at..], &mut located[at..]);
             }
             if let Some(point) = points.get(at) {
                 let p = point.truncate();
@@ -134,7 +147,8 @@ impl<'a> Locator<'a> {
         self.find(p, &mut triangle).map(|found| self.point(found, p))
     }
 
-    /// The triangle that holds `p`, from `triangle` on, which becomes a good one to start from for a point nearby.
+    /// The triangle that holds `p`, from `triangle` on, which becomes a good one to start from for
+    /// a point nearby.
     fn find(&self, p: DVec2, triangle: &mut u32) -> Option<u32> {
         if self.embedded
             && let Walk::Found(found) = self.walk(p, triangle)
@@ -145,13 +159,16 @@ impl<'a> Locator<'a> {
         self.search(p)
     }
 
-    /// Whether `p` lies in a triangle that is wound against its panel, where nothing can be knitted.
+    /// Whether `p` lies in a triangle that is wound against its panel, where nothing can be
+    /// knitted.
     #[must_use]
     pub fn is_defect(&self, p: DVec2) -> bool {
         let Panel { uv, flipped, .. } = self.panel;
         let Some(bvh) = self.flipped.get_or_init(|| boxes_bvh(uv, flipped)) else { return false };
         let mut found = false;
-        for_candidates(bvh, p, |triangle| found |= holds(crosses_of(uv, flipped[triangle as usize], p)));
+        for_candidates(bvh, p, |triangle| {
+            found |= holds(crosses_of(uv, flipped[triangle as usize], p))
+        });
         found
     }
 
@@ -200,17 +217,21 @@ impl<'a> Locator<'a> {
 
     /// The first in the file of all triangles that hold `p`, by the BVH.
     fn search(&self, p: DVec2) -> Option<u32> {
-        let bvh = self.bvh.get_or_init(|| boxes_bvh(&self.panel.uv, &self.panel.triangles)).as_ref()?;
+        let bvh =
+            self.bvh.get_or_init(|| boxes_bvh(&self.panel.uv, &self.panel.triangles)).as_ref()?;
         let mut first: Option<u32> = None;
         for_candidates(bvh, p, |triangle| {
-            if first.is_none_or(|first| self.face(triangle) < self.face(first)) && holds(self.crosses_of(triangle, p)) {
+            if first.is_none_or(|first| self.face(triangle) < self.face(first))
+                && holds(self.crosses_of(triangle, p))
+            {
                 first = Some(triangle);
             }
         });
         first
     }
 
-    /// `p` as a point of a triangle. One too thin for gradients takes its weights from the exact products.
+    /// `p` as a point of a triangle. One too thin for gradients takes its weights from the exact
+    /// products.
     fn point(&self, triangle: u32, p: DVec2) -> SurfacePoint {
         let cell = &self.cells[triangle as usize];
         if cell.is_sure() {
@@ -231,8 +252,9 @@ impl<'a> Locator<'a> {
     }
 }
 
-/// The paper's rule, edges and corners included: no two of the products have opposite signs. Panels are counter-clockwise and
-/// without degenerate triangles, so a triangle that holds a point has no negative product.
+/// The paper's rule, edges and corners included: no two of the products have opposite signs. Panels
+/// are counter-clockwise and without degenerate triangles, so a triangle that holds a point has no
+/// negative product.
 #[inline]
 fn holds(t: [f64; 3]) -> bool {
     t[0] >= 0.0 && t[1] >= 0.0 && t[2] >= 0.0 || t[0] <= 0.0 && t[1] <= 0.0 && t[2] <= 0.0
@@ -245,7 +267,8 @@ fn crosses_of(uv: &[DVec2], [a, b, c]: [u32; 3], p: DVec2) -> [f64; 3] {
 
 /// Nothing where there are no triangles.
 fn boxes_bvh(uv: &[DVec2], triangles: &[[u32; 3]]) -> Option<Bvh2> {
-    let boxes: Vec<_> = triangles.iter().map(|t| outer_box(t.iter().map(|&v| uv[v as usize]))).collect();
+    let boxes: Vec<_> =
+        triangles.iter().map(|t| outer_box(t.iter().map(|&v| uv[v as usize]))).collect();
     (!boxes.is_empty()).then(|| tree(&boxes))
 }
 

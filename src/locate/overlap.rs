@@ -1,14 +1,18 @@
-//! Where the flat pattern lies over itself: panels over each other, and panels that cover a point of their plane twice.
+//! Where the flat pattern lies over itself: panels over each other, and panels that cover a point
+//! of their plane twice.
 //!
-//! In: a [`Garment`]. Out: [`Overlaps`], in mm² of the flat layout. Panels are laid out as the file has them, at the garment's scale, and compared where they
-//! lie in one plane. Triangles that may meet are found by a BVH; each pair's common part is a convex polygon, whose area is
-//! exact to rounding.
+//! In: a [`Garment`]. Out: [`Overlaps`], in mm² of the flat layout. Panels are laid out as the file
+//! has them, at the garment's scale, and compared where they lie in one plane. Triangles that may
+//! meet are found by a BVH; each pair's common part is a convex polygon, whose area is exact to
+//! rounding.
 //!
-//! Panels over each other are nothing wrong, since points belong to a panel first. A panel over itself is: a point there lies in two triangles, of which
-//! stitches take the one that comes first in the file.
+//! Panels over each other are nothing wrong, since points belong to a panel first. A panel over
+//! itself is: a point there lies in two triangles, of which stitches take the one that comes first
+//! in the file.
 //!
-//! Not promised: that a point which three triangles cover is counted once (it is counted for each pair), and more than four million pairs of triangles:
-//! a texture that is repeated over a whole mesh has the square of its triangles, and then the areas are least ones.
+//! Not promised: that a point which three triangles cover is counted once (it is counted for each
+//! pair), and more than four million pairs of triangles: a texture that is repeated over a whole
+//! mesh has the square of its triangles, and then the areas are least ones.
 
 use std::collections::BTreeMap;
 
@@ -23,14 +27,16 @@ use super::topology::Topology;
 use crate::garment::{Garment, Panel};
 use crate::ids::index32;
 
-/// Pairs of triangles after which the search ends: a few seconds, and 200 MB if each is of two panels of its own. A pattern that lies five deep has some 40 pairs
-/// a triangle.
+/// Pairs of triangles after which the search ends: a few seconds, and 200 MB if each is of two
+/// panels of its own. A pattern that lies five deep has some 40 pairs a triangle.
 const MOST_PAIRS: usize = 4_000_000;
-/// Triangles looked at between two looks at that limit: few, since each of them may meet all others, as those of a tiled `vt` do.
+/// Triangles looked at between two looks at that limit: few, since each of them may meet all
+/// others, as those of a tiled `vt` do.
 const BATCH: usize = 32;
 /// Less than this part of the smaller panel is rounding in the file: panels laid edge to edge.
 const ROUNDING: f64 = 1e-6;
-/// Planes whose normals' cosine is over this, and that are less apart than this part of the larger panel, are one: as flat as a panel must be.
+/// Planes whose normals' cosine is over this, and that are less apart than this part of the larger
+/// panel, are one: as flat as a panel must be.
 const PARALLEL: f64 = 0.999;
 const APART: f64 = 0.02;
 
@@ -82,15 +88,22 @@ pub fn overlaps(garment: &Garment) -> Overlaps {
 /// All overlaps, or those among the first `most` pairs of triangles.
 fn among(garment: &Garment, most: usize) -> Overlaps {
     let Garment { panels, .. } = garment;
-    let simple: Vec<bool> = panels.par_iter().map(|panel| Topology::new(&panel.uv, &panel.triangles).embedded).collect();
+    let simple: Vec<bool> = panels
+        .par_iter()
+        .map(|panel| Topology::new(&panel.uv, &panel.triangles).embedded)
+        .collect();
     let mut areas = BTreeMap::new();
     let mut left = Some(most);
     for layout in layouts(garment) {
-        if layout.shared || layout.triangles.first().is_some_and(|laid| !simple[laid.panel as usize]) {
+        if layout.shared
+            || layout.triangles.first().is_some_and(|laid| !simple[laid.panel as usize])
+        {
             left = left.and_then(|left| layout.measure(&simple, left, &mut areas));
         }
     }
-    let size: Vec<f64> = (0..panels.len()).map(|panel| panels[panel].area() * relative_scale(garment, panel).powi(2)).collect();
+    let size: Vec<f64> = (0..panels.len())
+        .map(|panel| panels[panel].area() * relative_scale(garment, panel).powi(2))
+        .collect();
     areas.retain(|&[a, b], area| *area > ROUNDING * size[a].min(size[b]));
     let mut found = Overlaps { within: Vec::new(), between: Vec::new(), complete: left.is_some() };
     for ([a, b], area) in areas {
@@ -105,7 +118,8 @@ fn among(garment: &Garment, most: usize) -> Overlaps {
 
 /// What a panel's own millimetres are multiplied by to lie beside the others as in the file.
 fn relative_scale(garment: &Garment, panel: usize) -> f64 {
-    let own = garment.facts.panels.get(panel).map_or(garment.facts.uv_scale_mm, |facts| facts.scale_mm);
+    let own =
+        garment.facts.panels.get(panel).map_or(garment.facts.uv_scale_mm, |facts| facts.scale_mm);
     garment.facts.uv_scale_mm / own
 }
 
@@ -141,25 +155,43 @@ fn coplanar(garment: &Garment, one: usize, other: usize) -> bool {
     let plane = |number: usize| {
         let Panel { flat_from_panel, .. } = &garment.panels[number];
         let size = garment.panels[number].size().max_element() * relative_scale(garment, number);
-        (flat_from_panel.matrix3.z_axis, flat_from_panel.translation * relative_scale(garment, number), size)
+        (
+            flat_from_panel.matrix3.z_axis,
+            flat_from_panel.translation * relative_scale(garment, number),
+            size,
+        )
     };
-    let ((normal, origin, size), (other_normal, other_origin, other_size)) = (plane(one), plane(other));
-    normal.dot(other_normal).abs() > PARALLEL && normal.dot(other_origin - origin).abs() < APART * size.max(other_size)
+    let ((normal, origin, size), (other_normal, other_origin, other_size)) =
+        (plane(one), plane(other));
+    normal.dot(other_normal).abs() > PARALLEL
+        && normal.dot(other_origin - origin).abs() < APART * size.max(other_size)
 }
 
 impl Layout {
-    /// Adds the common area of every two of its triangles to that of their panels, those in one `simple` panel excepted. Gives how many more pairs may be
-    /// looked at, or none where there were too many.
-    fn measure(&self, simple: &[bool], most: usize, areas: &mut BTreeMap<[usize; 2], f64>) -> Option<usize> {
-        let boxes: Vec<_> = self.triangles.iter().map(|laid| outer_box(laid.corners.iter().copied())).collect();
+    /// Adds the common area of every two of its triangles to that of their panels, those in one
+    /// `simple` panel excepted. Gives how many more pairs may be looked at, or none where there
+    /// were too many.
+    fn measure(
+        &self,
+        simple: &[bool],
+        most: usize,
+        areas: &mut BTreeMap<[usize; 2], f64>,
+    ) -> Option<usize> {
+        let boxes: Vec<_> =
+            self.triangles.iter().map(|laid| outer_box(laid.corners.iter().copied())).collect();
         let bvh = tree(&boxes);
         let mut left = most;
         let numbers: Vec<u32> = (0..index32(self.triangles.len())).collect();
         for batch in numbers.chunks(BATCH) {
-            let found: Vec<Met> = batch.par_iter().map(|&triangle| self.meets(triangle, &boxes, &bvh, simple)).collect();
+            let found: Vec<Met> = batch
+                .par_iter()
+                .map(|&triangle| self.meets(triangle, &boxes, &bvh, simple))
+                .collect();
             for Met { looked_at, shared } in found {
                 left = left.checked_sub(looked_at)?;
-                shared.into_iter().for_each(|(panels, area)| *areas.entry(panels).or_default() += area);
+                shared
+                    .into_iter()
+                    .for_each(|(panels, area)| *areas.entry(panels).or_default() += area);
             }
         }
         Some(left)
@@ -172,23 +204,28 @@ impl Layout {
         let own_box = boxes[triangle as usize];
         visit_boxes(bvh, own_box, |other| {
             let same_panel = self.triangles[other as usize].panel == one.panel;
-            let apart = same_panel && simple[one.panel as usize] || !boxes[other as usize].intersect_aabb(&own_box);
+            let apart = same_panel && simple[one.panel as usize]
+                || !boxes[other as usize].intersect_aabb(&own_box);
             if other > triangle && !apart {
                 others.push(other);
             }
         });
-        // The tree's shape must have no say in how a sum is rounded, nor in how many pairs there are.
+        // The tree's shape must have no say in how a sum is rounded, nor in how many pairs there
+        // are.
         others.sort_unstable();
         let area = |&other: &u32| {
             let other = &self.triangles[other as usize];
             let area = common_area(one.corners, other.corners);
-            (area > 0.0).then(|| ([one.panel.min(other.panel) as usize, one.panel.max(other.panel) as usize], area))
+            (area > 0.0).then(|| {
+                ([one.panel.min(other.panel) as usize, one.panel.max(other.panel) as usize], area)
+            })
         };
         Met { looked_at: others.len(), shared: others.iter().filter_map(area).collect() }
     }
 }
 
-/// Area of what two counter-clockwise triangles both cover: the first one, cut along each side of the other.
+/// Area of what two counter-clockwise triangles both cover: the first one, cut along each side of
+/// the other.
 fn common_area(triangle: [DVec2; 3], other: [DVec2; 3]) -> f64 {
     let mut polygon = triangle.to_vec();
     for side in 0..3 {
@@ -210,7 +247,10 @@ fn common_area(triangle: [DVec2; 3], other: [DVec2; 3]) -> f64 {
         }
     }
     let corner = polygon[0];
-    0.5 * polygon[1..].windows(2).map(|pair| (pair[0] - corner).perp_dot(pair[1] - corner)).sum::<f64>()
+    0.5 * polygon[1..]
+        .windows(2)
+        .map(|pair| (pair[0] - corner).perp_dot(pair[1] - corner))
+        .sum::<f64>()
 }
 
 #[cfg(test)]
@@ -233,16 +273,26 @@ mod tests {
     fn near(found: &[([usize; 2], f64)], expected: &[([usize; 2], f64)]) {
         assert_eq!(found.len(), expected.len(), "{found:?}");
         for ((panels, area), (expected_panels, expected_area)) in found.iter().zip(expected) {
-            assert!(panels == expected_panels && (area - expected_area).abs() < 1e-9 * expected_area, "{found:?}");
+            assert!(
+                panels == expected_panels && (area - expected_area).abs() < 1e-9 * expected_area,
+                "{found:?}"
+            );
         }
     }
 
     #[test]
     fn panels_share_the_area_that_both_cover() {
-        let panels = vec![rectangle(0.0, 0.0, 10.0, 10.0), rectangle(7.0, 6.0, 10.0, 10.0), rectangle(10.0, 0.0, 5.0, 6.0)];
+        let panels = vec![
+            rectangle(0.0, 0.0, 10.0, 10.0),
+            rectangle(7.0, 6.0, 10.0, 10.0),
+            rectangle(10.0, 0.0, 5.0, 6.0),
+        ];
         let found = overlaps(&garment(panels));
         near(&found.between, &[([0, 1], 12.0)]);
-        assert!(found.within.is_empty() && found.complete, "those that touch along an edge don't overlap");
+        assert!(
+            found.within.is_empty() && found.complete,
+            "those that touch along an edge don't overlap"
+        );
     }
 
     #[test]
@@ -253,8 +303,12 @@ mod tests {
         mirrored.flat_from_panel.matrix3.z_axis = -DVec3::Z;
         let mut found = garment(vec![rectangle(8.0, 5.0, 10.0, 10.0), mirrored]);
         near(&overlaps(&found).between, &[([0, 1], 10.0)]);
-        // Panel 0 takes two mm for each of the garment's, so in the layout it is 5 by 5 at (4, 2.5).
-        found.facts.panels = vec![PanelFacts { scale_mm: 2.0, degenerate: 0 }, PanelFacts { scale_mm: 1.0, degenerate: 0 }];
+        // Panel 0 takes two mm for each of the garment's, so in the layout it is 5 by 5 at (4,
+        // 2.5).
+        found.facts.panels = vec![
+            PanelFacts { scale_mm: 2.0, degenerate: 0 },
+            PanelFacts { scale_mm: 1.0, degenerate: 0 },
+        ];
         near(&overlaps(&found).between, &[([0, 1], 25.0)]);
     }
 
@@ -262,7 +316,9 @@ mod tests {
     fn another_plane_is_elsewhere() {
         let mut above = rectangle(0.0, 0.0, 10.0, 10.0);
         above.flat_from_panel.translation.z = 5.0;
-        assert!(overlaps(&garment(vec![rectangle(0.0, 0.0, 10.0, 10.0), above])).between.is_empty());
+        assert!(
+            overlaps(&garment(vec![rectangle(0.0, 0.0, 10.0, 10.0), above])).between.is_empty()
+        );
     }
 
     #[test]

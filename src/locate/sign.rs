@@ -1,17 +1,19 @@
 //! On which side of a line a point lies: exact, for any finite coordinates.
 //!
-//! The location test of the source paper compares signs of cross products. In floating point those signs are wrong for points
-//! next to an edge, which opens cracks between triangles; a yarn that meets one is cut. Shewchuk's adaptive predicate
-//! (`robust::orient2d`) gives the true sign; the filter in front of it settles nearly all calls with one comparison.
+//! The location test of the source paper compares signs of cross products. In floating point those
+//! signs are wrong for points next to an edge, which opens cracks between triangles; a yarn that
+//! meets one is cut. Shewchuk's adaptive predicate (`robust::orient2d`) gives the true sign; the
+//! filter in front of it settles nearly all calls with one comparison.
 
 use glam::DVec2;
 
-/// The paper's `PA x PB`: twice the area of the triangle P, A, B, positive when it runs counter-clockwise. The sign is exact; the
-/// value is good to rounding.
+/// The paper's `PA x PB`: twice the area of the triangle P, A, B, positive when it runs
+/// counter-clockwise. The sign is exact; the value is good to rounding.
 #[inline]
 #[must_use]
 pub fn cross(p: DVec2, a: DVec2, b: DVec2) -> f64 {
-    /// Shewchuk's first bound, (3 + 16 eps) eps: beyond it the rounded difference has the right sign.
+    /// Shewchuk's first bound, (3 + 16 eps) eps: beyond it the rounded difference has the right
+    /// sign.
     const BOUND: f64 = 3.330_669_062_177_372e-16;
     let left = (a.x - p.x) * (b.y - p.y);
     let right = (a.y - p.y) * (b.x - p.x);
@@ -25,8 +27,8 @@ pub fn cross(p: DVec2, a: DVec2, b: DVec2) -> f64 {
 
 /// The three products `PA x PB`, `PB x PC`, `PC x PA` of a point and a triangle.
 ///
-/// P is inside when no two of them have opposite signs. The paper prints the second as `PA x PC`, whose sign is the opposite of
-/// `PC x PA`: taken so, no interior point would ever pass.
+/// P is inside when no two of them have opposite signs. The paper prints the second as `PA x PC`,
+/// whose sign is the opposite of `PC x PA`: taken so, no interior point would ever pass.
 ///
 /// ```
 /// use glam::DVec2;

@@ -1,11 +1,14 @@
-//! Which triangles of a panel are neighbours, and whether the panel lies flat without overlapping itself.
+//! Which triangles of a panel are neighbours, and whether the panel lies flat without overlapping
+//! itself.
 //!
-//! Only on a panel that doesn't overlap does "inside this triangle" mean "inside no other", which is what lets a walk over
-//! neighbours stand in for a search. [`Topology::embedded`] says so only when it is certain:
-//! all triangles are counter-clockwise and hang together by edges, every edge joins at most two of them, the triangles around each inner vertex go round once, those around each border vertex less
-//! than once, and no two border edges touch except at a common vertex. Such a panel is an immersed surface whose border is simple
-//! curves; the sum of the curves' turning numbers is its Euler characteristic, which leaves one outer curve and holes, so it covers
-//! each point at most once. Cost: linear in triangles, plus a sweep over border edges.
+//! Only on a panel that doesn't overlap does "inside this triangle" mean "inside no other", which
+//! is what lets a walk over neighbours stand in for a search. [`Topology::embedded`] says so only
+//! when it is certain: all triangles are counter-clockwise and hang together by edges, every edge
+//! joins at most two of them, the triangles around each inner vertex go round once, those around
+//! each border vertex less than once, and no two border edges touch except at a common vertex. Such
+//! a panel is an immersed surface whose border is simple curves; the sum of the curves' turning
+//! numbers is its Euler characteristic, which leaves one outer curve and holes, so it covers each
+//! point at most once. Cost: linear in triangles, plus a sweep over border edges.
 
 use glam::DVec2;
 
@@ -49,16 +52,18 @@ struct Side {
     /// The higher of the edge's two vertices.
     high: u32,
     triangle: u32,
-    /// Which edge of the triangle it is, and whether the triangle runs along it from the higher to the lower vertex.
+    /// Which edge of the triangle it is, and whether the triangle runs along it from the higher to
+    /// the lower vertex.
     edge: u8,
     down: bool,
 }
 
-/// Joins triangles along edges that exactly two of them run through, in opposite directions. The flag tells whether no edge
-/// has more.
+/// Joins triangles along edges that exactly two of them run through, in opposite directions. The
+/// flag tells whether no edge has more.
 ///
-/// Sides are put in drawers by the lower vertex of their edge, some three a drawer, so that each finds its partner by looking at a few that lie next to
-/// it; a drawer of a hub with more is sorted first. A hash table of edges takes four times as long.
+/// Sides are put in drawers by the lower vertex of their edge, some three a drawer, so that each
+/// finds its partner by looking at a few that lie next to it; a drawer of a hub with more is sorted
+/// first. A hash table of edges takes four times as long.
 fn neighbours(vertices: usize, triangles: &[[u32; 3]]) -> (Vec<[u32; 3]>, bool) {
     let low = |corners: &[u32; 3], i| {
         let (a, b) = edge(*corners, i);
@@ -80,7 +85,8 @@ fn neighbours(vertices: usize, triangles: &[[u32; 3]]) -> (Vec<[u32; 3]>, bool) 
             let (a, b) = edge(*corners, i.into());
             let slot = &mut drawers[a.min(b) as usize];
             *slot -= 1;
-            sides[*slot as usize] = Side { high: a.max(b), triangle: index32(triangle), edge: i, down: a > b };
+            sides[*slot as usize] =
+                Side { high: a.max(b), triangle: index32(triangle), edge: i, down: a > b };
         }
     }
     let mut across = vec![[BORDER; 3]; triangles.len()];
@@ -91,7 +97,9 @@ fn neighbours(vertices: usize, triangles: &[[u32; 3]]) -> (Vec<[u32; 3]>, bool) 
             manifold &= join(drawer, &mut across);
         } else {
             drawer.sort_unstable_by_key(|side| side.high);
-            drawer.chunk_by(|one, next| one.high == next.high).for_each(|edge| manifold &= join(edge, &mut across));
+            drawer
+                .chunk_by(|one, next| one.high == next.high)
+                .for_each(|edge| manifold &= join(edge, &mut across));
         }
     }
     (across, manifold)
@@ -100,11 +108,15 @@ fn neighbours(vertices: usize, triangles: &[[u32; 3]]) -> (Vec<[u32; 3]>, bool) 
 /// Sides that are looked through in turn; of more, those of one edge are brought together first.
 const FEW: usize = 32;
 
-/// Joins the triangles of sides that share both vertices; false where an edge has more than two, or two that run the same way.
+/// Joins the triangles of sides that share both vertices; false where an edge has more than two, or
+/// two that run the same way.
 fn join(sides: &[Side], across: &mut [[u32; 3]]) -> bool {
     let mut manifold = true;
     for (at, side) in sides.iter().enumerate() {
-        let mut others = sides.iter().enumerate().filter(|&(other, there)| other != at && there.high == side.high);
+        let mut others = sides
+            .iter()
+            .enumerate()
+            .filter(|&(other, there)| other != at && there.high == side.high);
         match (others.next(), others.next()) {
             (None, _) => {}
             (Some((_, other)), None) if other.down != side.down => {
@@ -116,9 +128,13 @@ fn join(sides: &[Side], across: &mut [[u32; 3]]) -> bool {
     manifold
 }
 
-/// Whether every triangle is counter-clockwise, by exact signs: what goes round a vertex is counted on that ground.
+/// Whether every triangle is counter-clockwise, by exact signs: what goes round a vertex is counted
+/// on that ground.
 fn all_face_up(uv: &[DVec2], triangles: &[[u32; 3]]) -> bool {
-    triangles.iter().map(|corners| corners.map(|v| uv[v as usize])).all(|[a, b, c]| cross(a, b, c) > 0.0)
+    triangles
+        .iter()
+        .map(|corners| corners.map(|v| uv[v as usize]))
+        .all(|[a, b, c]| cross(a, b, c) > 0.0)
 }
 
 /// Whether every triangle can be reached from the first; false where there is none.
@@ -137,11 +153,13 @@ fn is_connected(neighbours: &[[u32; 3]]) -> bool {
     count > 0 && count == neighbours.len()
 }
 
-/// Whether the triangles around each inner vertex go round it once, and those around each border vertex less than once.
+/// Whether the triangles around each inner vertex go round it once, and those around each border
+/// vertex less than once.
 ///
-/// Round an inner vertex they go as often as they pass its right, which comparing coordinates counts exactly: a triangle passes it when it runs from
-/// below the vertex to its height or above. At the border, where there are few, angles are added up: a turn is two half-turns apart from the next
-/// sum that matters, so floating point can't be mistaken.
+/// Round an inner vertex they go as often as they pass its right, which comparing coordinates
+/// counts exactly: a triangle passes it when it runs from below the vertex to its height or above.
+/// At the border, where there are few, angles are added up: a turn is two half-turns apart from the
+/// next sum that matters, so floating point can't be mistaken.
 fn goes_round_once(uv: &[DVec2], triangles: &[[u32; 3]], neighbours: &[[u32; 3]]) -> bool {
     let mut passes = vec![0_u32; uv.len()];
     let mut border_edges = vec![0_u32; uv.len()];
@@ -173,12 +191,12 @@ fn goes_round_once(uv: &[DVec2], triangles: &[[u32; 3]], neighbours: &[[u32; 3]]
     })
 }
 
-/// Whether no two border edges touch, except where they share a vertex. A sweep along x over edges sorted by their left ends.
+/// Whether no two border edges touch, except where they share a vertex. A sweep along x over edges
+/// sorted by their left ends.
 fn border_is_simple(uv: &[DVec2], triangles: &[[u32; 3]], neighbours: &[[u32; 3]]) -> bool {
-    let border = triangles
-        .iter()
-        .zip(neighbours)
-        .flat_map(|(&corners, across)| (0..3).filter(|&i| across[i] == BORDER).map(move |i| edge(corners, i)));
+    let border = triangles.iter().zip(neighbours).flat_map(|(&corners, across)| {
+        (0..3).filter(|&i| across[i] == BORDER).map(move |i| edge(corners, i))
+    });
     let point = |v: u32| uv[v as usize];
     let left = |&(a, b): &(u32, u32)| point(a).x.min(point(b).x);
     let mut edges: Vec<_> = border.collect();
@@ -200,11 +218,17 @@ fn border_is_simple(uv: &[DVec2], triangles: &[[u32; 3]], neighbours: &[[u32; 3]
 }
 
 fn segments_touch(p: DVec2, q: DVec2, r: DVec2, s: DVec2) -> bool {
-    let apart = |low: f64, high: f64, other_low: f64, other_high: f64| low.max(high) < other_low.min(other_high);
-    let boxes_apart =
-        apart(p.x, q.x, r.x, s.x) || apart(r.x, s.x, p.x, q.x) || apart(p.y, q.y, r.y, s.y) || apart(r.y, s.y, p.y, q.y);
+    let apart = |low: f64, high: f64, other_low: f64, other_high: f64| {
+        low.max(high) < other_low.min(other_high)
+    };
+    let boxes_apart = apart(p.x, q.x, r.x, s.x)
+        || apart(r.x, s.x, p.x, q.x)
+        || apart(p.y, q.y, r.y, s.y)
+        || apart(r.y, s.y, p.y, q.y);
     let same_side = |a: f64, b: f64| (a > 0.0 && b > 0.0) || (a < 0.0 && b < 0.0);
-    !boxes_apart && !same_side(cross(p, q, r), cross(p, q, s)) && !same_side(cross(r, s, p), cross(r, s, q))
+    !boxes_apart
+        && !same_side(cross(p, q, r), cross(p, q, s))
+        && !same_side(cross(r, s, p), cross(r, s, q))
 }
 
 #[cfg(test)]
@@ -221,12 +245,16 @@ mod tests {
         let uv = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)];
         assert!(is_embedded(&uv, &[[0, 1, 2], [0, 2, 3]]));
         let uv: Vec<_> = uv.iter().map(|&(x, y)| DVec2::new(x, y)).collect();
-        assert_eq!(Topology::new(&uv, &[[0, 1, 2], [0, 2, 3]]).neighbours, [[BORDER, BORDER, 1], [0, BORDER, BORDER]]);
+        assert_eq!(
+            Topology::new(&uv, &[[0, 1, 2], [0, 2, 3]]).neighbours,
+            [[BORDER, BORDER, 1], [0, BORDER, BORDER]]
+        );
     }
 
     #[test]
     fn overlaps_are_seen() {
-        // Two triangles over each other, joined by a third: no edge has three faces, but the border crosses itself.
+        // Two triangles over each other, joined by a third: no edge has three faces, but the border
+        // crosses itself.
         let uv = [(0.0, 0.0), (4.0, 0.0), (2.0, 3.0), (4.0, 3.0), (0.0, 2.0)];
         assert!(!is_embedded(&uv, &[[0, 1, 2], [1, 3, 2], [2, 3, 4]]));
         // Three faces on one edge.
@@ -237,12 +265,17 @@ mod tests {
     #[test]
     fn a_hub_of_many_triangles_is_joined_too() {
         let count = 1000_u32;
-        let around = |k: u32| DVec2::from_angle(std::f64::consts::TAU * f64::from(k) / f64::from(count));
+        let around =
+            |k: u32| DVec2::from_angle(std::f64::consts::TAU * f64::from(k) / f64::from(count));
         let uv: Vec<_> = std::iter::once(DVec2::ZERO).chain((0..count).map(around)).collect();
         let triangles: Vec<_> = (0..count).map(|k| [0, 1 + k, 1 + (k + 1) % count]).collect();
         let Topology { neighbours, embedded } = Topology::new(&uv, &triangles);
         assert!(embedded);
-        assert!((0..count).all(|k| neighbours[k as usize] == [(k + count - 1) % count, BORDER, (k + 1) % count]));
+        assert!(
+            (0..count)
+                .all(|k| neighbours[k as usize]
+                    == [(k + count - 1) % count, BORDER, (k + 1) % count])
+        );
     }
 
     #[test]

@@ -1,7 +1,8 @@
-//! Straight across a panel from a point to another: does the way stay on the panel, and where does it leave?
+//! Straight across a panel from a point to another: does the way stay on the panel, and where does
+//! it leave?
 //!
-//! Yarns are cut where they leave their panel, so the place must be exact to rounding, and a yarn must not jump a slit or a
-//! notch whose two sides lie far apart on the body.
+//! Yarns are cut where they leave their panel, so the place must be exact to rounding, and a yarn
+//! must not jump a slit or a notch whose two sides lie far apart on the body.
 
 use glam::DVec2;
 
@@ -10,8 +11,8 @@ use super::sign::cross;
 use super::topology::{BORDER, edge};
 use super::{Locator, SurfacePoint};
 
-/// Triangles after which a trace ends where it is: no two neighbouring data points are that far apart, so it only bounds walks around a
-/// corner in which rounding lets no edge win.
+/// Triangles after which a trace ends where it is: no two neighbouring data points are that far
+/// apart, so it only bounds walks around a corner in which rounding lets no edge win.
 const MAX_STEPS: usize = 4096;
 
 /// How a trace ended.
@@ -31,7 +32,8 @@ pub enum Traced {
 impl Locator<'_> {
     /// Goes straight from `from`, which `start` holds, to `to`.
     ///
-    /// Cost: a few multiplications for each triangle passed; six exact signs more where the way passes near a corner.
+    /// Cost: a few multiplications for each triangle passed; six exact signs more where the way
+    /// passes near a corner.
     #[must_use]
     pub fn trace(&self, from: DVec2, start: SurfacePoint, to: DVec2) -> Traced {
         let mut triangle = start.triangle;
@@ -58,7 +60,9 @@ impl Locator<'_> {
                 next => triangle = next,
             }
         }
-        last.map_or(Traced::Left { at: start, share: 0.0 }, |(triangle, exit)| self.left(triangle, exit, from, to))
+        last.map_or(Traced::Left { at: start, share: 0.0 }, |(triangle, exit)| {
+            self.left(triangle, exit, from, to)
+        })
     }
 
     /// Where the way from `from` to `to` crosses an edge of a triangle.
@@ -73,7 +77,8 @@ impl Locator<'_> {
     fn exit(&self, triangle: u32, from: DVec2, to: DVec2, beyond: [f64; 3]) -> Option<usize> {
         (0..3).filter(|&i| beyond[i] < 0.0).find(|&i| {
             let (a, b) = self.ends(triangle, i);
-            // Looking along the way, a counter-clockwise triangle's exit edge runs from right to left.
+            // Looking along the way, a counter-clockwise triangle's exit edge runs from right to
+            // left.
             cross(from, to, a) <= 0.0 && cross(from, to, b) >= 0.0
         })
     }
@@ -94,12 +99,19 @@ mod tests {
     fn a_way_off_a_square_is_cut_at_its_edge() {
         let garment = Garment::rectangle(4.0, 2.0);
         let locator = Locator::new(&garment.panels[0]);
-        for (from, to, share) in [((1.0, 1.0), (7.0, 1.0), 0.5), ((3.0, 1.0), (3.0, -3.0), 0.25), ((4.0, 1.0), (5.0, 1.0), 0.0)] {
+        for (from, to, share) in [
+            ((1.0, 1.0), (7.0, 1.0), 0.5),
+            ((3.0, 1.0), (3.0, -3.0), 0.25),
+            ((4.0, 1.0), (5.0, 1.0), 0.0),
+        ] {
             let (from, to) = (DVec2::from(from), DVec2::from(to));
             let start = locator.at(from, 0).unwrap();
-            let Traced::Left { at, share: found } = locator.trace(from, start, to) else { panic!("left the square") };
+            let Traced::Left { at, share: found } = locator.trace(from, start, to) else {
+                panic!("left the square")
+            };
             assert!((found - share).abs() < 1e-12);
-            let corners = garment.panels[0].triangles[at.triangle as usize].map(|v| garment.panels[0].uv[v as usize].extend(0.0));
+            let corners = garment.panels[0].triangles[at.triangle as usize]
+                .map(|v| garment.panels[0].uv[v as usize].extend(0.0));
             assert!((at.blend(corners).truncate() - from.lerp(to, share)).length() < 1e-12);
         }
     }
@@ -108,8 +120,12 @@ mod tests {
     fn a_way_within_a_square_arrives_also_through_corners_and_along_edges() {
         let garment = Garment::rectangle(2.0, 2.0);
         let locator = Locator::new(&garment.panels[0]);
-        for (from, to) in [((0.0, 0.0), (2.0, 2.0)), ((0.5, 1.5), (1.5, 0.5)), ((0.0, 2.0), (2.0, 0.0)), ((0.0, 0.0), (2.0, 0.0))]
-        {
+        for (from, to) in [
+            ((0.0, 0.0), (2.0, 2.0)),
+            ((0.5, 1.5), (1.5, 0.5)),
+            ((0.0, 2.0), (2.0, 0.0)),
+            ((0.0, 0.0), (2.0, 0.0)),
+        ] {
             let (from, to) = (DVec2::from(from), DVec2::from(to));
             let start = locator.at(from, 0).unwrap();
             assert_eq!(locator.trace(from, start, to), Traced::Arrived);

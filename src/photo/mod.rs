@@ -1,7 +1,8 @@
 //! The pictures of a yarn: from files to [`Maps`].
 //!
-//! In: a folder of maps, or one picture of a yarn. Out: [`Maps`], whole, with what is missing made up: flat normals, or those of a height map
-//! by Scharr's operator, the roughness of fibres, no metal, no occlusion. Pictures of another size than the base colour's are scaled to it.
+//! In: a folder of maps, or one picture of a yarn. Out: [`Maps`], whole, with what is missing made
+//! up: flat normals, or those of a height map by Scharr's operator, the roughness of fibres, no
+//! metal, no occlusion. Pictures of another size than the base colour's are scaled to it.
 //!
 //! | file | what it is |
 //! |---|---|
@@ -22,7 +23,10 @@ use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 use image::imageops::{FilterType, resize};
-use image::{DynamicImage, ImageBuffer, ImageDecoder as _, ImageFormat, ImageReader, Limits, Luma, RgbImage, Rgba, RgbaImage};
+use image::{
+    DynamicImage, ImageBuffer, ImageDecoder as _, ImageFormat, ImageReader, Limits, Luma, RgbImage,
+    Rgba, RgbaImage,
+};
 use serde::Deserialize;
 
 pub use error::PhotoError;
@@ -37,11 +41,12 @@ const MOST_SIZE: f64 = 10_000.0;
 const FUZZY_WIDTH: f64 = 1.25;
 /// Fibres are dull.
 const ROUGHNESS: u8 = 191;
-/// How far white lies above black in a height map, in widths of the picture: half as high as a round yarn is wide.
+/// How far white lies above black in a height map, in widths of the picture: half as high as a
+/// round yarn is wide.
 const RELIEF: f32 = 0.5;
 
-/// How many bytes of picture a byte of a file may hold: deflate reaches 1032, JPEG some 1200. A file that claims more is cut short, and would take memory
-/// that its size doesn't bound.
+/// How many bytes of picture a byte of a file may hold: deflate reaches 1032, JPEG some 1200. A
+/// file that claims more is cut short, and would take memory that its size doesn't bound.
 const MOST_PACKED: u64 = 2048;
 /// What decoding takes beside the picture, bytes.
 const DECODER_BYTES: u64 = 16 << 20;
@@ -49,8 +54,9 @@ const DECODER_BYTES: u64 = 16 << 20;
 /// A map of heights or shares.
 type Grey = ImageBuffer<Luma<u16>, Vec<u16>>;
 
-/// Reads the folder or the picture at `path`. Where no file says how wide it is, it fits a yarn that is `thickness` mm thick; `length`, mm of yarn that the
-/// picture shows, goes before what a file says.
+/// Reads the folder or the picture at `path`. Where no file says how wide it is, it fits a yarn
+/// that is `thickness` mm thick; `length`, mm of yarn that the picture shows, goes before what a
+/// file says.
 ///
 /// # Errors
 /// [`PhotoError`] where there is no picture, or a file is not what its name says.
@@ -67,16 +73,21 @@ pub fn read_maps(path: &Path, thickness: f64, length: Option<f64>) -> Result<Map
         let file = path.join(name);
         if in_folder && file.is_file() { picture(&file).map(Some) } else { Ok(None) }
     };
-    let grey = |name: &str| Ok(companion(name)?.map(|picture| fitted(&picture.into_luma16(), size)));
-    let (length, width) = lengths(in_folder.then(|| path.join("yarn.toml")), size, thickness, length)?;
+    let grey =
+        |name: &str| Ok(companion(name)?.map(|picture| fitted(&picture.into_luma16(), size)));
+    let (length, width) =
+        lengths(in_folder.then(|| path.join("yarn.toml")), size, thickness, length)?;
     let normal = match (companion("normal.png")?, grey("height.png")?) {
         (Some(normal), _) => fitted_color(normal.into_rgba8(), size),
         (None, Some(height)) => normals(&height, length, width),
         (None, None) => RgbaImage::from_pixel(size.0, size.1, Rgba([128, 128, 255, 255])),
     };
-    let (occlusion, roughness, metallic) = (grey("ao.png")?, grey("roughness.png")?, grey("metallic.png")?);
+    let (occlusion, roughness, metallic) =
+        (grey("ao.png")?, grey("roughness.png")?, grey("metallic.png")?);
     let surface = RgbaImage::from_fn(size.0, size.1, |x, y| {
-        let at = |map: &Option<Grey>, missing| map.as_ref().map_or(missing, |map| eight(map.get_pixel(x, y).0[0]));
+        let at = |map: &Option<Grey>, missing| {
+            map.as_ref().map_or(missing, |map| eight(map.get_pixel(x, y).0[0]))
+        };
         Rgba([at(&occlusion, u8::MAX), at(&roughness, ROUGHNESS), at(&metallic, 0), u8::MAX])
     });
     Ok(Maps {
@@ -94,7 +105,8 @@ pub fn read_maps(path: &Path, thickness: f64, length: Option<f64>) -> Result<Map
 /// [`PhotoError`] where it can't be read, or is too small or too large.
 pub fn read_photo(path: &Path) -> Result<RgbImage, PhotoError> {
     let unfit = |reason| PhotoError::Photo { path: path.to_owned(), reason };
-    Ok(decoded(path, |width, height| develop::check_size(width, height).map_err(unfit))?.into_rgb8())
+    Ok(decoded(path, |width, height| develop::check_size(width, height).map_err(unfit))?
+        .into_rgb8())
 }
 
 /// Decodes a picture whose sides are within [`SIDES`].
@@ -112,10 +124,14 @@ fn picture(path: &Path) -> Result<DynamicImage, PhotoError> {
 }
 
 /// Decodes a picture of whose sides `check` approves.
-fn decoded(path: &Path, check: impl Fn(u32, u32) -> Result<(), PhotoError>) -> Result<DynamicImage, PhotoError> {
+fn decoded(
+    path: &Path,
+    check: impl Fn(u32, u32) -> Result<(), PhotoError>,
+) -> Result<DynamicImage, PhotoError> {
     let unread = |reason: io::Error| PhotoError::Read { path: path.to_owned(), reason };
     let undecoded = |reason| PhotoError::NotAnImage { path: path.to_owned(), reason };
-    let known = ImageReader::open(path).and_then(ImageReader::with_guessed_format).map_err(unread)?;
+    let known =
+        ImageReader::open(path).and_then(ImageReader::with_guessed_format).map_err(unread)?;
     let (width, height) = known.into_dimensions().map_err(undecoded)?;
     check(width, height)?;
     let bytes = fs::read(path).map_err(unread)?;
@@ -146,11 +162,19 @@ fn is_cut_short(bytes: &[u8]) -> bool {
 }
 
 fn fitted(map: &Grey, (width, height): (u32, u32)) -> Grey {
-    if map.dimensions() == (width, height) { map.clone() } else { resize(map, width, height, FilterType::Triangle) }
+    if map.dimensions() == (width, height) {
+        map.clone()
+    } else {
+        resize(map, width, height, FilterType::Triangle)
+    }
 }
 
 fn fitted_color(map: RgbaImage, (width, height): (u32, u32)) -> RgbaImage {
-    if map.dimensions() == (width, height) { map } else { resize(&map, width, height, FilterType::Triangle) }
+    if map.dimensions() == (width, height) {
+        map
+    } else {
+        resize(&map, width, height, FilterType::Triangle)
+    }
 }
 
 /// What yarn.toml says; it may say more, which is for others.
@@ -162,7 +186,8 @@ struct YarnFile {
     width_in_yarns: Option<f64>,
 }
 
-/// Length and width of the picture, mm: the `known` length, else as the file says, else as wide as fits a yarn of that thickness, and the rest by the picture's shape.
+/// Length and width of the picture, mm: the `known` length, else as the file says, else as wide as
+/// fits a yarn of that thickness, and the rest by the picture's shape.
 fn lengths(
     file: Option<PathBuf>,
     (along, across): (u32, u32),
@@ -181,7 +206,11 @@ fn lengths(
     let width = said.width_mm.map(|value| checked("width_mm", value)).transpose()?;
     let length = said.length_mm.map(|value| checked("length_mm", value)).transpose()?;
     let length = known.or(length);
-    let in_yarns = said.width_in_yarns.map(|value| checked("width_in_yarns", value)).transpose()?.unwrap_or(FUZZY_WIDTH);
+    let in_yarns = said
+        .width_in_yarns
+        .map(|value| checked("width_in_yarns", value))
+        .transpose()?
+        .unwrap_or(FUZZY_WIDTH);
     let width = width.or(length.map(|length| length / aspect)).unwrap_or(in_yarns * thickness);
     #[expect(clippy::cast_possible_truncation, reason = "rounding is meant")]
     let (length, width) = (length.unwrap_or(width * aspect) as f32, width as f32);
@@ -189,11 +218,14 @@ fn lengths(
 }
 
 fn read_toml(path: &Path) -> Result<YarnFile, PhotoError> {
-    let text = fs::read_to_string(path).map_err(|reason| PhotoError::Read { path: path.to_owned(), reason })?;
-    toml::from_str(&text).map_err(|reason| PhotoError::Toml { path: path.to_owned(), reason: Box::new(reason) })
+    let text = fs::read_to_string(path)
+        .map_err(|reason| PhotoError::Read { path: path.to_owned(), reason })?;
+    toml::from_str(&text)
+        .map_err(|reason| PhotoError::Toml { path: path.to_owned(), reason: Box::new(reason) })
 }
 
-/// Normals of a height map, by Scharr's 3 x 3 operator; the picture repeats along the yarn and ends across it.
+/// Normals of a height map, by Scharr's 3 x 3 operator; the picture repeats along the yarn and ends
+/// across it.
 fn normals(height: &Grey, length: f32, width: f32) -> RgbaImage {
     let (columns, rows) = height.dimensions();
     // Height of white, in texels along and across.
@@ -201,10 +233,12 @@ fn normals(height: &Grey, length: f32, width: f32) -> RgbaImage {
     RgbaImage::from_fn(columns, rows, |x, y| {
         let at = |dx: u32, dy: u32| {
             let row = (y + dy).saturating_sub(1).min(rows - 1);
-            f32::from(height.get_pixel((x + columns + dx - 1) % columns, row).0[0]) / f32::from(u16::MAX)
+            f32::from(height.get_pixel((x + columns + dx - 1) % columns, row).0[0])
+                / f32::from(u16::MAX)
         };
-        let rise =
-            |from: [f32; 3], to: [f32; 3]| (3.0 * (to[0] - from[0]) + 10.0 * (to[1] - from[1]) + 3.0 * (to[2] - from[2])) / 32.0;
+        let rise = |from: [f32; 3], to: [f32; 3]| {
+            (3.0 * (to[0] - from[0]) + 10.0 * (to[1] - from[1]) + 3.0 * (to[2] - from[2])) / 32.0
+        };
         let right = rise([at(0, 0), at(0, 1), at(0, 2)], [at(2, 0), at(2, 1), at(2, 2)]);
         let up = rise([at(0, 2), at(1, 2), at(2, 2)], [at(0, 0), at(1, 0), at(2, 0)]);
         let normal = Vec3::new(-right * per_column, -up * per_row, 1.0).normalize();

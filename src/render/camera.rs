@@ -1,8 +1,9 @@
 //! The camera: where each point of the picture looks, and how things are framed.
 //!
-//! In: a view's name and points to be seen, or an eye and a target. Out: rays, and the projection that is their inverse, in `f64` world
-//! coordinates, mm, y up. Picture coordinates run from -1 at the left and bottom edge to 1 at the right and top.
-//! Distances to the eye are not promised to suit a depth buffer: a renderer that needs near and far planes takes them from the scene.
+//! In: a view's name and points to be seen, or an eye and a target. Out: rays, and the projection
+//! that is their inverse, in `f64` world coordinates, mm, y up. Picture coordinates run from -1 at
+//! the left and bottom edge to 1 at the right and top. Distances to the eye are not promised to
+//! suit a depth buffer: a renderer that needs near and far planes takes them from the scene.
 
 use glam::{DMat4, DQuat, DVec2, DVec3, DVec4, Mat4, Vec3};
 
@@ -59,10 +60,11 @@ impl Camera {
     /// Vertical field of view where none is asked for: 30 degrees.
     pub const DEFAULT_FOV: f64 = std::f64::consts::PI / 6.0;
 
-    /// Looks at `points` from the side that `view` names, near enough that they fill [`FRAME_FILL`] of the frame in one direction.
+    /// Looks at `points` from the side that `view` names, near enough that they fill [`FRAME_FILL`]
+    /// of the frame in one direction.
     ///
-    /// `fov` is the vertical field of view, radians; `zoom` magnifies the middle of the picture; `aspect` is width over height.
-    /// Without points it looks at the origin.
+    /// `fov` is the vertical field of view, radians; `zoom` magnifies the middle of the picture;
+    /// `aspect` is width over height. Without points it looks at the origin.
     #[must_use]
     pub fn view(view: View, points: &[Vec3], fov: f64, zoom: f64, aspect: f64) -> Self {
         Self::facing(view.toward_eye(), points, fov, zoom, aspect)
@@ -72,10 +74,16 @@ impl Camera {
     #[must_use]
     pub fn facing(toward_eye: DVec3, points: &[Vec3], fov: f64, zoom: f64, aspect: f64) -> Self {
         let axes = Self::look_at(toward_eye, DVec3::ZERO, fov, 1.0);
-        let seen = || points.iter().map(|point| axes.seen_from_here(point.as_dvec3())).filter(|point| point.is_finite());
+        let seen = || {
+            points
+                .iter()
+                .map(|point| axes.seen_from_here(point.as_dvec3()))
+                .filter(|point| point.is_finite())
+        };
         let low = seen().fold(DVec3::INFINITY, DVec3::min);
         let high = seen().fold(DVec3::NEG_INFINITY, DVec3::max);
-        // The middle of what is seen, not of the world's box around it: from a corner the two lie far apart.
+        // The middle of what is seen, not of the world's box around it: from a corner the two lie
+        // far apart.
         let middle = if low.x <= high.x { low.midpoint(high) } else { DVec3::ZERO };
         let reach = FRAME_FILL * axes.tan_half;
         let distance = seen().map(|point| point - middle).fold(0.0_f64, |farthest, offset| {
@@ -87,22 +95,26 @@ impl Camera {
         Self::look_at(target + toward_eye * distance.max(1e-3), target, fov, zoom)
     }
 
-    /// Stands at `eye` and looks at `target`, upright, or with -z up where it looks straight down (+z straight up).
+    /// Stands at `eye` and looks at `target`, upright, or with -z up where it looks straight down
+    /// (+z straight up).
     ///
-    /// `fov` is the vertical field of view, radians, held to a range in which rays are finite; `zoom` magnifies. Where `eye` is
-    /// `target`, it looks along -z.
+    /// `fov` is the vertical field of view, radians, held to a range in which rays are finite;
+    /// `zoom` magnifies. Where `eye` is `target`, it looks along -z.
     #[must_use]
     pub fn look_at(eye: DVec3, target: DVec3, fov: f64, zoom: f64) -> Self {
         let back = (eye - target).try_normalize().unwrap_or(DVec3::Z);
         let steep = back.y.abs() > 0.9999;
         let upright = if steep { DVec3::NEG_Z * back.y.signum() } else { DVec3::Y };
         let right = upright.cross(back).normalize();
-        let half = (if fov.is_finite() { fov } else { Self::DEFAULT_FOV }).clamp(FOV_LIMITS.0, FOV_LIMITS.1) / 2.0;
+        let half = (if fov.is_finite() { fov } else { Self::DEFAULT_FOV })
+            .clamp(FOV_LIMITS.0, FOV_LIMITS.1)
+            / 2.0;
         let zoom = if zoom > 0.0 && zoom.is_finite() { zoom } else { 1.0 };
         Self { eye, right, up: back.cross(right), back, tan_half: half.tan() / zoom }
     }
 
-    /// The camera carried around the upright line through `target`, counter-clockwise seen from above, radians.
+    /// The camera carried around the upright line through `target`, counter-clockwise seen from
+    /// above, radians.
     #[must_use]
     pub fn turned_about(&self, target: DVec3, angle: f64) -> Self {
         let turn = DQuat::from_rotation_y(angle);
@@ -129,8 +141,8 @@ impl Camera {
         (seen.z < 0.0).then(|| DVec2::new(seen.x / aspect, seen.y) / (-seen.z * self.tan_half))
     }
 
-    /// Clip coordinates of points given relative to `centre`: z is 0 at distance `near` along the camera's axis and 1 at `far`, and w is
-    /// that distance.
+    /// Clip coordinates of points given relative to `centre`: z is 0 at distance `near` along the
+    /// camera's axis and 1 at `far`, and w is that distance.
     #[must_use]
     pub fn clip_from_world(&self, centre: DVec3, aspect: f64, near: f32, far: f32) -> Mat4 {
         let offset = centre - self.eye;
@@ -138,12 +150,18 @@ impl Camera {
         let distance = row(-self.back, 1.0);
         let (near, far) = (f64::from(near), f64::from(far));
         let depth = (distance - DVec4::W * near) * (far / (far - near));
-        DMat4::from_cols(row(self.right, 1.0 / (aspect * self.tan_half)), row(self.up, 1.0 / self.tan_half), depth, distance)
-            .transpose()
-            .as_mat4()
+        DMat4::from_cols(
+            row(self.right, 1.0 / (aspect * self.tan_half)),
+            row(self.up, 1.0 / self.tan_half),
+            depth,
+            distance,
+        )
+        .transpose()
+        .as_mat4()
     }
 
-    /// The size of a pixel, mm, on things at `distance` from the eye, for a picture `height` pixels high.
+    /// The size of a pixel, mm, on things at `distance` from the eye, for a picture `height` pixels
+    /// high.
     #[must_use]
     pub fn pixel_size(&self, distance: f64, height: u32) -> f64 {
         2.0 * self.tan_half * distance / f64::from(height.max(1))
@@ -175,7 +193,8 @@ mod tests {
 
     /// The largest coordinate of any corner in the picture.
     fn extent(camera: &Camera, bounds: &Bounds, aspect: f64) -> f64 {
-        let seen = |corner: &Vec3| camera.project(corner.as_dvec3(), aspect).unwrap().abs().max_element();
+        let seen =
+            |corner: &Vec3| camera.project(corner.as_dvec3(), aspect).unwrap().abs().max_element();
         bounds.corners().iter().map(seen).fold(0.0, f64::max)
     }
 
@@ -184,16 +203,23 @@ mod tests {
         for bounds in [box_of(3.0, 4.0, 0.1), box_of(300.0, 1.0, 40.0), box_of(0.5, 900.0, 200.0)] {
             for view in ALL {
                 let camera = Camera::view(view, &bounds.corners(), 0.5, 1.0, 4.0 / 3.0);
-                assert!((extent(&camera, &bounds, 4.0 / 3.0) - FRAME_FILL).abs() < 1e-6, "{view:?}");
+                assert!(
+                    (extent(&camera, &bounds, 4.0 / 3.0) - FRAME_FILL).abs() < 1e-6,
+                    "{view:?}"
+                );
                 let zoomed = Camera::view(view, &bounds.corners(), 0.5, 2.0, 4.0 / 3.0);
-                assert!((extent(&zoomed, &bounds, 4.0 / 3.0) - 2.0 * FRAME_FILL).abs() < 1e-6, "{view:?}");
+                assert!(
+                    (extent(&zoomed, &bounds, 4.0 / 3.0) - 2.0 * FRAME_FILL).abs() < 1e-6,
+                    "{view:?}"
+                );
             }
         }
     }
 
     #[test]
     fn rays_and_projection_are_inverse() {
-        let camera = Camera::look_at(DVec3::new(3.0, 4.0, 5.0), DVec3::new(-1.0, 0.0, 2.0), 0.7, 1.3);
+        let camera =
+            Camera::look_at(DVec3::new(3.0, 4.0, 5.0), DVec3::new(-1.0, 0.0, 2.0), 0.7, 1.3);
         for (x, y) in [(0.0, 0.0), (-0.9, 0.4), (0.2, -1.0)] {
             let point = camera.eye() + camera.direction(x, y, 1.6) * 17.0;
             assert!(camera.project(point, 1.6).unwrap().distance(DVec2::new(x, y)) < 1e-12);
@@ -202,16 +228,21 @@ mod tests {
 
     #[test]
     fn a_turned_camera_sees_what_it_saw_of_a_turned_world() {
-        let camera = Camera::look_at(DVec3::new(3.0, 4.0, 5.0), DVec3::new(-1.0, 0.0, 2.0), 0.7, 1.3);
+        let camera =
+            Camera::look_at(DVec3::new(3.0, 4.0, 5.0), DVec3::new(-1.0, 0.0, 2.0), 0.7, 1.3);
         let (target, point) = (DVec3::new(1.0, 2.0, -1.0), DVec3::new(0.5, 1.0, 0.3));
         let carried = target + DQuat::from_rotation_y(0.8) * (point - target);
         let turned = camera.turned_about(target, 0.8);
-        assert!(turned.project(carried, 1.6).unwrap().distance(camera.project(point, 1.6).unwrap()) < 1e-12);
+        assert!(
+            turned.project(carried, 1.6).unwrap().distance(camera.project(point, 1.6).unwrap())
+                < 1e-12
+        );
     }
 
     #[test]
     fn clip_coordinates_are_the_projection() {
-        let camera = Camera::look_at(DVec3::new(3.0, 4.0, 5.0), DVec3::new(-1.0, 0.0, 2.0), 0.7, 1.3);
+        let camera =
+            Camera::look_at(DVec3::new(3.0, 4.0, 5.0), DVec3::new(-1.0, 0.0, 2.0), 0.7, 1.3);
         let centre = DVec3::new(-0.5, 0.2, 1.0);
         let clip = camera.clip_from_world(centre, 1.6, 2.0, 30.0);
         for (x, y, distance) in [(0.0, 0.0, 2.0), (-0.9, 0.4, 17.0), (0.2, -1.0, 30.0)] {
@@ -228,7 +259,9 @@ mod tests {
     fn front_has_x_right_and_y_up_and_back_mirrors_x() {
         let bounds = box_of(1.0, 1.0, 1.0);
         let point = bounds.centre().as_dvec3() + DVec3::new(0.2, 0.3, 0.0);
-        let seen = |view| Camera::view(view, &bounds.corners(), 0.5, 1.0, 1.0).project(point, 1.0).unwrap();
+        let seen = |view| {
+            Camera::view(view, &bounds.corners(), 0.5, 1.0, 1.0).project(point, 1.0).unwrap()
+        };
         assert!(seen(View::Front).x > 0.0 && seen(View::Front).y > 0.0);
         assert!(seen(View::Back).x < 0.0 && seen(View::Back).y > 0.0);
     }
@@ -237,7 +270,8 @@ mod tests {
     fn top_view_has_the_front_at_the_bottom() {
         let bounds = box_of(1.0, 1.0, 1.0);
         let point = bounds.centre().as_dvec3() + DVec3::new(0.2, 0.0, 0.3);
-        let seen = Camera::view(View::Top, &bounds.corners(), 0.5, 1.0, 1.0).project(point, 1.0).unwrap();
+        let seen =
+            Camera::view(View::Top, &bounds.corners(), 0.5, 1.0, 1.0).project(point, 1.0).unwrap();
         assert!(seen.x > 0.0 && seen.y < 0.0);
     }
 
@@ -256,7 +290,8 @@ mod tests {
 
     #[test]
     fn the_pixel_size_spans_the_field_of_view() {
-        let camera = Camera::look_at(DVec3::Z * 100.0, DVec3::ZERO, std::f64::consts::FRAC_PI_2, 1.0);
+        let camera =
+            Camera::look_at(DVec3::Z * 100.0, DVec3::ZERO, std::f64::consts::FRAC_PI_2, 1.0);
         assert!((camera.pixel_size(100.0, 50) - 4.0).abs() < 1e-12);
     }
 }

@@ -1,14 +1,16 @@
 //! The light of a product photograph: one sun and a sky, both placed relative to the camera.
 //!
-//! In: a [`Light`] and the camera. Out: a [`Rig`] in world axes. The sun stands to the upper left and rakes over a cloth that faces
-//! the camera at about 40 degrees, so that loops show relief from every side of a garment; the sky is a gradient, brightest above
-//! and behind the camera. A light fixed in the world would leave the back of a garment in the dark.
+//! In: a [`Light`] and the camera. Out: a [`Rig`] in world axes. The sun stands to the upper left
+//! and rakes over a cloth that faces the camera at about 40 degrees, so that loops show relief from
+//! every side of a garment; the sky is a gradient, brightest above and behind the camera. A light
+//! fixed in the world would leave the back of a garment in the dark.
 
 use crate::render::camera::Camera;
 use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
 
-/// Share of the light on the cloth that still reaches the gaps between its yarns; a stand-in for light reflected more than once.
+/// Share of the light on the cloth that still reaches the gaps between its yarns; a stand-in for
+/// light reflected more than once.
 const INTERIOR: f32 = 0.40;
 
 /// Sun and sky, linear RGB.

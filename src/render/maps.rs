@@ -1,8 +1,11 @@
-//! What a photo of a yarn says of its surface: base colour, normals, roughness, metal, occlusion, each with its smaller levels.
+//! What a photo of a yarn says of its surface: base colour, normals, roughness, metal, occlusion,
+//! each with its smaller levels.
 //!
-//! In: pictures of one repeat of the yarn, x along it and y across. Out: [`Maps`], which both renderers look up, the GPU's hardware and
-//! [`Maps::sample`] alike. Levels are means over areas: of light and not of its sRGB code, of colours by how opaque they are, of normals as
-//! vectors. Lookups repeat along the yarn without a seam; what the picture shows must match at its ends by itself.
+//! In: pictures of one repeat of the yarn, x along it and y across. Out: [`Maps`], which both
+//! renderers look up, the GPU's hardware and [`Maps::sample`] alike. Levels are means over areas:
+//! of light and not of its sRGB code, of colours by how opaque they are, of normals as vectors.
+//! Lookups repeat along the yarn without a seam; what the picture shows must match at its ends by
+//! itself.
 
 use std::sync::LazyLock;
 
@@ -15,7 +18,8 @@ use crate::scene::Shape;
 
 /// Most lookups along the longer side of a pixel's trace on the yarn; a longer one blurs.
 const MOST_TAPS: f32 = 8.0;
-/// What a transparent texel weighs in a mean of colours, so that a level without any yarn still has a colour.
+/// What a transparent texel weighs in a mean of colours, so that a level without any yarn still has
+/// a colour.
 const LEAST_WEIGHT: f32 = 1e-3;
 
 /// A picture and its smaller levels, each half as large, down to one pixel.
@@ -69,8 +73,9 @@ pub struct Texel {
 }
 
 impl Mips {
-    /// `picture` and its levels, each side of one half the last one's, rounded down. Transparent texels take the colour of the yarn beside
-    /// them: hardware that filters colours without regard to alpha must not find a photo's background there.
+    /// `picture` and its levels, each side of one half the last one's, rounded down. Transparent
+    /// texels take the colour of the yarn beside them: hardware that filters colours without regard
+    /// to alpha must not find a photo's background there.
     #[must_use]
     pub fn new(picture: RgbaImage, kind: Kind) -> Self {
         let mut levels = vec![picture];
@@ -86,7 +91,8 @@ impl Mips {
         Self { levels }
     }
 
-    /// Between four texels of a level; what of them leaves the picture sideways comes back where `shape` closes around the yarn.
+    /// Between four texels of a level; what of them leaves the picture sideways comes back where
+    /// `shape` closes around the yarn.
     fn bilinear(&self, level: usize, at: Place, kind: Kind) -> Vec4 {
         let picture = &self.levels[level];
         let (width, height) = picture.dimensions();
@@ -97,7 +103,9 @@ impl Mips {
             Shape::Tube => wrapped(row, height),
             Shape::Ribbon => clamped(row, height),
         });
-        let texel = |column: usize, row: usize| weighed(*picture.get_pixel(columns[column], rows[row]), kind);
+        let texel = |column: usize, row: usize| {
+            weighed(*picture.get_pixel(columns[column], rows[row]), kind)
+        };
         texel(0, 0).lerp(texel(1, 0), x).lerp(texel(0, 1).lerp(texel(1, 1), x), y)
     }
 }
@@ -111,14 +119,26 @@ struct Place {
 }
 
 impl Maps {
-    /// The mean over about the rectangle of `footprint_u` by `footprint_v` around (u, v), all in shares of the picture: u across the yarn from
-    /// the picture's top, v along it. u goes around a tube and ends at a ribbon's edges.
+    /// The mean over about the rectangle of `footprint_u` by `footprint_v` around (u, v), all in
+    /// shares of the picture: u across the yarn from the picture's top, v along it. u goes around a
+    /// tube and ends at a ribbon's edges.
     #[must_use]
-    pub fn sample(&self, u: f32, v: f32, footprint_u: f32, footprint_v: f32, shape: Shape) -> Texel {
+    pub fn sample(
+        &self,
+        u: f32,
+        v: f32,
+        footprint_u: f32,
+        footprint_v: f32,
+        shape: Shape,
+    ) -> Texel {
         let (base, normal, surface) = self
             .taps([u, v], [footprint_u, footprint_v], shape, |level, at| {
                 let of = |mips: &Mips, kind| mips.bilinear(level, at, kind);
-                [of(&self.base, Kind::Color), of(&self.normal, Kind::Normal), of(&self.surface, Kind::Plain)]
+                [
+                    of(&self.base, Kind::Color),
+                    of(&self.normal, Kind::Normal),
+                    of(&self.surface, Kind::Plain),
+                ]
             })
             .into();
         let alpha = base.w.clamp(0.0, 1.0);
@@ -135,20 +155,25 @@ impl Maps {
     /// [`Self::sample`]'s alpha alone.
     #[must_use]
     pub fn alpha(&self, u: f32, v: f32, footprint_u: f32, footprint_v: f32, shape: Shape) -> f32 {
-        let [alpha] =
-            self.taps([u, v], [footprint_u, footprint_v], shape, |level, at| [self.base.bilinear(level, at, Kind::Plain)]);
+        let [alpha] = self.taps([u, v], [footprint_u, footprint_v], shape, |level, at| {
+            [self.base.bilinear(level, at, Kind::Plain)]
+        });
         alpha.w
     }
 
     /// The colour of all of the picture's yarn.
     #[must_use]
     pub fn mean_albedo(&self) -> Vec3 {
-        let mean = self.base.levels.last().map_or(Vec4::ZERO, |level| weighed(*level.get_pixel(0, 0), Kind::Color));
+        let mean = self
+            .base
+            .levels
+            .last()
+            .map_or(Vec4::ZERO, |level| weighed(*level.get_pixel(0, 0), Kind::Color));
         mean.xyz() / (mean.w + LEAST_WEIGHT)
     }
 
-    /// The mean of what `look_up` gives over a footprint: of as many places along its longer side as its shorter one fits into it, at the
-    /// two levels between which that one is a texel.
+    /// The mean of what `look_up` gives over a footprint: of as many places along its longer side
+    /// as its shorter one fits into it, at the two levels between which that one is a texel.
     fn taps<const N: usize>(
         &self,
         [u, v]: [f32; 2],
@@ -157,7 +182,8 @@ impl Maps {
         look_up: impl Fn(usize, Place) -> [Vec4; N],
     ) -> [Vec4; N] {
         let (width, height) = self.base.levels[0].dimensions();
-        let (across, along) = (footprint[0].abs() * float(height), footprint[1].abs() * float(width));
+        let (across, along) =
+            (footprint[0].abs() * float(height), footprint[1].abs() * float(width));
         let (short, long) = (across.min(along).max(1.0), across.max(along).max(1.0));
         let taps = (long / short).ceil().clamp(1.0, MOST_TAPS);
         let top = float(u32::try_from(self.base.levels.len() - 1).unwrap_or(0));
@@ -165,11 +191,17 @@ impl Maps {
         let (fine, share) = (whole(level), level.fract());
         let mut sum = [Vec4::ZERO; N];
         let mut add = |level: usize, at: Place, share: f32| {
-            sum.iter_mut().zip(look_up(level, at)).for_each(|(sum, value)| *sum += value * (share / taps));
+            sum.iter_mut()
+                .zip(look_up(level, at))
+                .for_each(|(sum, value)| *sum += value * (share / taps));
         };
         for tap in 0..whole(taps) {
             let aside = (float(u32::try_from(tap).unwrap_or(0)) + 0.5) / taps - 0.5;
-            let (du, dv) = if across > along { (aside * footprint[0], 0.0) } else { (0.0, aside * footprint[1]) };
+            let (du, dv) = if across > along {
+                (aside * footprint[0], 0.0)
+            } else {
+                (0.0, aside * footprint[1])
+            };
             let at = Place { u: u + du, v: v + dv, shape };
             add(fine, at, 1.0 - share);
             if share > 0.0 {
@@ -208,7 +240,8 @@ fn halved(picture: &RgbaImage, kind: Kind) -> Option<RgbaImage> {
 /// Gives transparent texels the colour that the next smaller level has there.
 fn fill_transparent(picture: &mut RgbaImage, smaller: &RgbaImage) {
     for (x, y, texel) in picture.enumerate_pixels_mut().filter(|(_, _, texel)| texel.0[3] == 0) {
-        let Rgba([r, g, b, _]) = *smaller.get_pixel((x / 2).min(smaller.width() - 1), (y / 2).min(smaller.height() - 1));
+        let Rgba([r, g, b, _]) =
+            *smaller.get_pixel((x / 2).min(smaller.width() - 1), (y / 2).min(smaller.height() - 1));
         *texel = Rgba([r, g, b, 0]);
     }
 }
@@ -220,13 +253,16 @@ struct Shares {
     weights: [f32; 3],
 }
 
-/// How `small` texels share `large` ones among them: two each, or some of a third where the number is odd.
+/// How `small` texels share `large` ones among them: two each, or some of a third where the number
+/// is odd.
 fn shares(large: u32, small: u32) -> Vec<Shares> {
     let size = float(large) / float(small);
     let share = |index: u32| {
         let (start, end) = (float(index) * size, float(index + 1) * size);
-        let first = (u64::from(index) * u64::from(large) / u64::from(small)).try_into().unwrap_or(0);
-        let covered = |texel: u32| ((float(texel) + 1.0).min(end) - float(texel).max(start)).max(0.0) / size;
+        let first =
+            (u64::from(index) * u64::from(large) / u64::from(small)).try_into().unwrap_or(0);
+        let covered =
+            |texel: u32| ((float(texel) + 1.0).min(end) - float(texel).max(start)).max(0.0) / size;
         // Rounding may leave a trace of weight on a texel beyond the last.
         let weight = |texel: u32| if texel < large { covered(texel) } else { 0.0 };
         Shares { first, weights: [first, first + 1, first + 2].map(weight) }
@@ -259,8 +295,11 @@ fn packed(mean: Vec4, kind: Kind) -> [u8; 4] {
 }
 
 /// sRGB bytes as light.
-pub(crate) static LINEAR: LazyLock<[f32; 256]> =
-    LazyLock::new(|| std::array::from_fn(|byte| tone::linear(f32::from(u8::try_from(byte).unwrap_or(u8::MAX)) / 255.0)));
+pub(crate) static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
+    std::array::from_fn(|byte| {
+        tone::linear(f32::from(u8::try_from(byte).unwrap_or(u8::MAX)) / 255.0)
+    })
+});
 
 /// The texel left of or above `share` of a side, and how far it is on to the next.
 fn cell(share: f32, size: u32) -> (i64, f32) {
@@ -283,7 +322,11 @@ fn float(count: u32) -> f32 {
     count as f32
 }
 
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small number from 0 up")]
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a small number from 0 up"
+)]
 fn whole(number: f32) -> usize {
     number as usize
 }
@@ -303,7 +346,9 @@ mod tests {
     #[test]
     fn transparent_texels_take_the_colour_beside_them_and_stay_transparent() {
         // A yarn two texels wide on a green ground.
-        let picture = RgbaImage::from_fn(9, 7, |_, y| if y / 2 == 1 { Rgba([200, 90, 40, 255]) } else { Rgba([0, 255, 0, 0]) });
+        let picture = RgbaImage::from_fn(9, 7, |_, y| {
+            if y / 2 == 1 { Rgba([200, 90, 40, 255]) } else { Rgba([0, 255, 0, 0]) }
+        });
         for level in Mips::new(picture, Kind::Color).levels {
             for texel in level.pixels() {
                 let mut colours = texel.0.into_iter().zip([200, 90, 40]);
@@ -328,7 +373,9 @@ mod tests {
     #[test]
     fn levels_halve_down_to_one_pixel_and_keep_the_mean() {
         for (width, height) in [(8, 8), (12, 5), (31, 2), (1, 7)] {
-            let noise = RgbaImage::from_fn(width, height, |x, y| Rgba([x, y, x * y, 7].map(|n| (n * 97 % 251).to_le_bytes()[0])));
+            let noise = RgbaImage::from_fn(width, height, |x, y| {
+                Rgba([x, y, x * y, 7].map(|n| (n * 97 % 251).to_le_bytes()[0]))
+            });
             let levels = Mips::new(noise, Kind::Plain).levels;
             assert_eq!(levels.last().unwrap().dimensions(), (1, 1));
             let mean = |level: &RgbaImage| {
@@ -348,18 +395,31 @@ mod tests {
         let levels = Mips::new(stripes(4, 4), Kind::Color).levels;
         // Half of the light is 188 in sRGB; a transparent texel's colour hardly counts.
         assert_eq!(levels[2].get_pixel(0, 0).0, [188, 40, 200, 128]);
-        let tilted = RgbaImage::from_fn(2, 2, |x, _| if x == 0 { Rgba([218, 128, 218, 255]) } else { Rgba([38, 128, 218, 255]) });
-        assert_eq!(Mips::new(tilted, Kind::Normal).levels[1].get_pixel(0, 0).0, [128, 128, 255, 255]);
+        let tilted = RgbaImage::from_fn(2, 2, |x, _| {
+            if x == 0 { Rgba([218, 128, 218, 255]) } else { Rgba([38, 128, 218, 255]) }
+        });
+        assert_eq!(
+            Mips::new(tilted, Kind::Normal).levels[1].get_pixel(0, 0).0,
+            [128, 128, 255, 255]
+        );
     }
 
     #[test]
     fn the_middles_of_texels_give_texels_and_far_looks_give_the_mean() {
         let maps = maps(stripes(8, 4));
         for column in 0..8_u8 {
-            let texel = maps.sample(0.125, (f32::from(column) + 0.5) / 8.0, 0.0, 0.0, Shape::Ribbon);
+            let texel =
+                maps.sample(0.125, (f32::from(column) + 0.5) / 8.0, 0.0, 0.0, Shape::Ribbon);
             let red = if column % 2 == 0 { 1.0 } else { 0.0 };
-            assert!((texel.albedo.x - red).abs() < 1e-5 && (texel.alpha - 1.0).abs() < 1e-5, "{texel:?}");
-            assert!((texel.roughness - 0.749).abs() < 1e-3 && texel.metallic == 0.0 && texel.normal.z > 0.999);
+            assert!(
+                (texel.albedo.x - red).abs() < 1e-5 && (texel.alpha - 1.0).abs() < 1e-5,
+                "{texel:?}"
+            );
+            assert!(
+                (texel.roughness - 0.749).abs() < 1e-3
+                    && texel.metallic == 0.0
+                    && texel.normal.z > 0.999
+            );
         }
         let far = maps.sample(0.3, 0.3, 50.0, 50.0, Shape::Tube);
         assert!((far.albedo.x - 0.5).abs() < 0.01 && (far.alpha - 0.5).abs() < 0.01);
@@ -378,11 +438,22 @@ mod tests {
         let maps = maps(stripes(8, 4));
         let at = |u: f32, v: f32, shape| maps.sample(u, v, 0.0, 0.0, shape);
         for (u, v) in [(0.1, 0.0), (0.4, 0.97), (0.2, 0.51)] {
-            assert!((at(u, v, Shape::Ribbon).albedo - at(u, v + 3.0, Shape::Ribbon).albedo).length() < 1e-4);
+            assert!(
+                (at(u, v, Shape::Ribbon).albedo - at(u, v + 3.0, Shape::Ribbon).albedo).length()
+                    < 1e-4
+            );
             assert!((at(u, v, Shape::Tube).alpha - at(u + 1.0, v, Shape::Tube).alpha).abs() < 1e-4);
         }
-        assert!((at(0.2, 0.0, Shape::Tube).albedo.x - 0.5).abs() < 1e-4, "halfway between the last column and the first");
-        assert!((at(0.0, 0.3, Shape::Tube).alpha - 0.5).abs() < 1e-4, "halfway between the lowest row and the top one");
-        assert!(at(0.0, 0.3, Shape::Ribbon).alpha > 0.999 && at(1.0, 0.3, Shape::Ribbon).alpha < 0.001);
+        assert!(
+            (at(0.2, 0.0, Shape::Tube).albedo.x - 0.5).abs() < 1e-4,
+            "halfway between the last column and the first"
+        );
+        assert!(
+            (at(0.0, 0.3, Shape::Tube).alpha - 0.5).abs() < 1e-4,
+            "halfway between the lowest row and the top one"
+        );
+        assert!(
+            at(0.0, 0.3, Shape::Ribbon).alpha > 0.999 && at(1.0, 0.3, Shape::Ribbon).alpha < 0.001
+        );
     }
 }

@@ -1,10 +1,12 @@
 //! Pictures of yarns: one scene, one camera, one shading model, whatever draws it.
 //!
-//! In: a [`Scene`], a [`Camera`] and [`Options`]. Out: an sRGB picture with straight alpha. Rooms that every renderer shares:
-//! [`camera`] (rays and framing), [`light`] (sun and sky), [`shade`] (how a surface reflects), [`sheen`] (what its fibres mirror), [`ply`] (what makes a tube read as
-//! yarn), [`maps`] (what a photo of a yarn says), `paths` (yarns as short pieces) and [`tone`] (from light to pixels). [`cpu`] traces rays, or draws
-//! what is far, and is the only room that knows of bounding volume hierarchies; [`gpu`] draws triangles and is the only one that names wgpu; [`painter`]
-//! chooses between the two.
+//! In: a [`Scene`], a [`Camera`] and [`Options`]. Out: an sRGB picture with straight alpha. Rooms
+//! that every renderer shares: [`camera`] (rays and framing), [`light`] (sun and sky), [`shade`]
+//! (how a surface reflects), [`sheen`] (what its fibres mirror), [`ply`] (what makes a tube read as
+//! yarn), [`maps`] (what a photo of a yarn says), `paths` (yarns as short pieces) and [`tone`]
+//! (from light to pixels). [`cpu`] traces rays, or draws what is far, and is the only room that
+//! knows of bounding volume hierarchies; [`gpu`] draws triangles and is the only one that names
+//! wgpu; [`painter`] chooses between the two.
 //!
 //! ```
 //! use warpknit::render::{Camera, Options, View, render};
@@ -49,11 +51,13 @@ pub struct Options {
     pub width: u32,
     /// Pixels down.
     pub height: u32,
-    /// Which rows of the picture are wanted, all if none are named. Seen is what the whole picture shows there, to the byte.
+    /// Which rows of the picture are wanted, all if none are named. Seen is what the whole picture
+    /// shows there, to the byte.
     pub rows: Option<Range<u32>>,
     /// What draws.
     pub renderer: Choice,
-    /// Samples a pixel, at least 1. Where yarns are drawn as triangles, what goes beyond `samples` is made up by drawing larger.
+    /// Samples a pixel, at least 1. Where yarns are drawn as triangles, what goes beyond `samples`
+    /// is made up by drawing larger.
     pub spp: u32,
     /// Rays a sample that look for nearby yarns in the way of the sky.
     pub sky_rays: u32,
@@ -112,10 +116,12 @@ impl Default for Options {
     }
 }
 
-/// Draws `scene` as `camera` sees it. `progress` is told the finished share, 0..1, from any thread and in no fixed order.
+/// Draws `scene` as `camera` sees it. `progress` is told the finished share, 0..1, from any thread
+/// and in no fixed order.
 ///
-/// The bytes depend on the arguments alone, and on the adapter if one draws, but not on the number of threads. An empty scene gives the
-/// background. [`Painter`] draws several pictures of one scene.
+/// The bytes depend on the arguments alone, and on the adapter if one draws, but not on the number
+/// of threads. An empty scene gives the background. [`Painter`] draws several pictures of one
+/// scene.
 ///
 /// # Errors
 /// With [`Choice::Gpu`] whatever the adapter can't do.

@@ -1,7 +1,8 @@
 //! Which renderer draws: the one that is wanted, or the best that there is.
 //!
-//! In: a scene, and [`Choice`]. Out: pictures, and the name of what drew them. `Auto` takes a hardware adapter and never a software one,
-//! which is slower than tracing rays; whatever goes wrong there, the processor draws instead, and [`Painter::notice`] says why.
+//! In: a scene, and [`Choice`]. Out: pictures, and the name of what drew them. `Auto` takes a
+//! hardware adapter and never a software one, which is slower than tracing rays; whatever goes
+//! wrong there, the processor draws instead, and [`Painter::notice`] says why.
 
 use image::{RgbaImage, imageops};
 
@@ -22,7 +23,8 @@ pub enum Choice {
     Cpu,
 }
 
-/// Fewest pieces of a stitch that are uploaded: its data points. What needs fewer is made of them as it is drawn.
+/// Fewest pieces of a stitch that are uploaded: its data points. What needs fewer is made of them
+/// as it is drawn.
 const LEAST_ST: u32 = 10;
 /// Pieces that are uploaded for each pixel of a stitch's length, where far yarns may be coarser.
 const PIECES_A_PIXEL: f64 = 2.0;
@@ -43,11 +45,18 @@ impl<'a> Painter<'a> {
     /// # Errors
     /// With [`Choice::Gpu`] whatever the adapter can't do.
     pub fn new(scene: &'a Scene, options: &Options) -> Result<Self, GpuError> {
-        let mut painter = Self { scene, gpu: None, falls_back: options.renderer == Choice::Auto, notice: None };
+        let mut painter =
+            Self { scene, gpu: None, falls_back: options.renderer == Choice::Auto, notice: None };
         if options.renderer != Choice::Cpu {
             let found = Gpu::find(options.renderer == Choice::Gpu);
             match found.and_then(|gpu| Renderer::new(gpu, options.samples)) {
-                Ok(renderer) => painter.gpu = Some(Box::new(Uploaded { renderer, stitch: stitch_length(scene), yarns: None })),
+                Ok(renderer) => {
+                    painter.gpu = Some(Box::new(Uploaded {
+                        renderer,
+                        stitch: stitch_length(scene),
+                        yarns: None,
+                    }))
+                }
                 Err(error) => painter.fall_back(error)?,
             }
         }
@@ -70,7 +79,12 @@ impl<'a> Painter<'a> {
     ///
     /// # Errors
     /// With [`Choice::Gpu`] whatever the adapter can't do.
-    pub fn draw(&mut self, camera: &Camera, options: &Options, progress: &(dyn Fn(f32) + Sync)) -> Result<RgbaImage, GpuError> {
+    pub fn draw(
+        &mut self,
+        camera: &Camera,
+        options: &Options,
+        progress: &(dyn Fn(f32) + Sync),
+    ) -> Result<RgbaImage, GpuError> {
         if let Some(gpu) = &mut self.gpu {
             match gpu.draw(self.scene, camera, options) {
                 Ok(picture) => {
@@ -108,7 +122,12 @@ struct Uploaded {
 }
 
 impl Uploaded {
-    fn draw(&mut self, scene: &Scene, camera: &Camera, options: &Options) -> Result<RgbaImage, GpuError> {
+    fn draw(
+        &mut self,
+        scene: &Scene,
+        camera: &Camera,
+        options: &Options,
+    ) -> Result<RgbaImage, GpuError> {
         let st = uploaded_st(scene, self.stitch, camera, options);
         let (_, yarns) = match &mut self.yarns {
             Some(uploaded) if uploaded.0 >= st => uploaded,
@@ -120,7 +139,8 @@ impl Uploaded {
         };
         let whole = self.renderer.draw(yarns, camera, options)?;
         let rows = options.rows();
-        Ok(imageops::crop_imm(&whole, 0, rows.start, options.width, rows.end - rows.start).to_image())
+        Ok(imageops::crop_imm(&whole, 0, rows.start, options.width, rows.end - rows.start)
+            .to_image())
     }
 }
 
@@ -129,7 +149,8 @@ fn stitch_length(scene: &Scene) -> f64 {
     scene.span_lengths().sum / f64::from(index32(scene.stitches.len().max(1)))
 }
 
-/// St that the nearest stitches need, [`Options::st`] at most: a million stitches of forty pieces would take a gigabyte.
+/// St that the nearest stitches need, [`Options::st`] at most: a million stitches of forty pieces
+/// would take a gigabyte.
 fn uploaded_st(scene: &Scene, stitch: f64, camera: &Camera, options: &Options) -> u32 {
     let Some(bounds) = scene.bounds().filter(|_| options.lod) else { return options.st };
     let eye = camera.eye();

@@ -1,9 +1,11 @@
 //! Yarns as chains of short straight pieces, for whoever draws them.
 //!
-//! In: a scene and how finely to cut it. Out: [`Paths`], structure of arrays, 30 bytes a point: points on the centripetal Catmull-Rom curve,
-//! with the curve's own tangent at each and a direction across it. Around a tube that is a rotation-minimising frame's (double
-//! reflection, Wang et al. 2008), on a ribbon the fabric's normal. Coordinates are relative to the scene's middle, which keeps `f32` good to
-//! a ten-thousandth of a millimetre on a garment. A strand is broken where a point is not [`drawable`]; a lone point becomes a ball.
+//! In: a scene and how finely to cut it. Out: [`Paths`], structure of arrays, 30 bytes a point:
+//! points on the centripetal Catmull-Rom curve, with the curve's own tangent at each and a
+//! direction across it. Around a tube that is a rotation-minimising frame's (double reflection,
+//! Wang et al. 2008), on a ribbon the fabric's normal. Coordinates are relative to the scene's
+//! middle, which keeps `f32` good to a ten-thousandth of a millimetre on a garment. A strand is
+//! broken where a point is not [`drawable`]; a lone point becomes a ball.
 
 use std::ops::Range;
 
@@ -20,19 +22,21 @@ use crate::yarn::frame;
 const CHORD_ERROR: f64 = 0.2;
 /// Most pieces between two data points; at 8, a half turn is a sixteen-sided polygon's.
 const MAX_PIECES: u32 = 8;
-/// Most by which a piece that stands for several spans is widened, so that it hides what they hid; a sharper bend is kept.
+/// Most by which a piece that stands for several spans is widened, so that it hides what they hid;
+/// a sharper bend is kept.
 const WIDEST: f64 = 1.5;
-/// Farthest that several spans may lie from their piece on the average, pixels. At .2 loops grow flat enough that a fabric of a million
-/// stitches is 2 % brighter, at .1 it is by less than 1 %.
+/// Farthest that several spans may lie from their piece on the average, pixels. At .2 loops grow
+/// flat enough that a fabric of a million stitches is 2 % brighter, at .1 it is by less than 1 %.
 const MOST_BULGE: f64 = 0.1;
-/// Least sine of the angle between a yarn and the fabric's normal at which a ribbon's width is across both.
+/// Least sine of the angle between a yarn and the fabric's normal at which a ribbon's width is
+/// across both.
 const LEAST_SINE: f32 = 1e-3;
 
 /// How finely yarns are cut.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Cut<'a> {
-    /// So that a chord leaves its curve by less than [`CHORD_ERROR`] pixels, where [`MAX_PIECES`] allows; with [`Options::lod`] by no pieces
-    /// shorter than a pixel, where bends allow.
+    /// So that a chord leaves its curve by less than [`CHORD_ERROR`] pixels, where [`MAX_PIECES`]
+    /// allows; with [`Options::lod`] by no pieces shorter than a pixel, where bends allow.
     Picture(&'a Camera, &'a Options),
     /// St pieces a stitch, evenly in its own parameter, as [`crate::yarn::tube`] cuts it.
     Stitch(u32),
@@ -43,11 +47,13 @@ pub(super) enum Cut<'a> {
 pub(super) struct Paths {
     /// What to add to a point to be in the world.
     pub(super) centre: DVec3,
-    /// Points on the axis, and in w the radius of the piece that starts here: 0 at a strand's end, where none does.
+    /// Points on the axis, and in w the radius of the piece that starts here: 0 at a strand's end,
+    /// where none does.
     pub(super) points: Vec<Vec4>,
     /// Unit tangents.
     pub(super) tangents: Vec<PackedUnit>,
-    /// Of a tube the unit vector across the yarn from which angles around it count, of a ribbon the fabric's normal.
+    /// Of a tube the unit vector across the yarn from which angles around it count, of a ribbon the
+    /// fabric's normal.
     pub(super) across: Vec<PackedUnit>,
     /// Arc length, mm, from a start that differs from strand to strand.
     pub(super) along: Vec<f32>,
@@ -75,16 +81,29 @@ impl Paths {
         self.looks.extend_from_slice(&other.looks);
     }
 
-    fn push_strand(&mut self, scene: &Scene, strand: &Strand, number: u32, cut: Cut<'_>, room: &mut Room) {
+    fn push_strand(
+        &mut self,
+        scene: &Scene,
+        strand: &Strand,
+        number: u32,
+        cut: Cut<'_>,
+        room: &mut Room,
+    ) {
         let Some(radius) = scene.radius(strand) else { return };
         let mut along = phase(number);
         let mut start = strand.points.start;
         while start < strand.points.end {
             let good = |point: u32| drawable(scene.positions[point as usize]);
-            let end = (start..strand.points.end).find(|&point| !good(point)).unwrap_or(strand.points.end);
+            let end =
+                (start..strand.points.end).find(|&point| !good(point)).unwrap_or(strand.points.end);
             if start < end {
                 room.fill(scene, strand, start..end, self.centre);
-                along = self.push_run(room, Yarn { radius, look: strand.look, shape: scene.shape }, along, cut);
+                along = self.push_run(
+                    room,
+                    Yarn { radius, look: strand.look, shape: scene.shape },
+                    along,
+                    cut,
+                );
             }
             start = end + 1;
         }
@@ -92,7 +111,14 @@ impl Paths {
 
     /// The length at the run's end.
     fn push_run(&mut self, run: &Room, yarn: Yarn, along: f64, cut: Cut<'_>) -> f64 {
-        let mut laying = Laying { paths: self, run, yarn, at: (usize::MAX, None), frame: Frame::default(), along };
+        let mut laying = Laying {
+            paths: self,
+            run,
+            yarn,
+            at: (usize::MAX, None),
+            frame: Frame::default(),
+            along,
+        };
         match cut {
             Cut::Picture(camera, options) => laying.by_spans(camera, options),
             Cut::Stitch(st) => laying.by_stitches(st),
@@ -113,7 +139,8 @@ struct Yarn {
     shape: Shape,
 }
 
-/// A run of drawable points, in double precision, relative to the middle. Its memory serves strand after strand.
+/// A run of drawable points, in double precision, relative to the middle. Its memory serves strand
+/// after strand.
 #[derive(Default)]
 struct Room {
     points: Vec<DVec3>,
@@ -127,10 +154,13 @@ impl Room {
     fn fill(&mut self, scene: &Scene, strand: &Strand, range: Range<u32>, centre: DVec3) {
         let (start, end) = (range.start as usize, range.end as usize);
         self.points.clear();
-        self.points.extend(scene.positions[start..end].iter().map(|point| point.as_dvec3() - centre));
+        self.points
+            .extend(scene.positions[start..end].iter().map(|point| point.as_dvec3() - centre));
         self.normals.clear();
         if scene.shape == Shape::Ribbon {
-            self.normals.extend(scene.normals[start..end].iter().map(|normal| Vec3A::from(normal.unpack())));
+            self.normals.extend(
+                scene.normals[start..end].iter().map(|normal| Vec3A::from(normal.unpack())),
+            );
         }
         if let [only] = self.points[..] {
             self.points.push(only);
@@ -140,13 +170,16 @@ impl Room {
         let starts = &scene.stitches[strand.stitches.start as usize..strand.stitches.end as usize];
         self.stitches.clear();
         self.stitches.push(0);
-        let within =
-            starts.iter().map(|&point| (point as usize).saturating_sub(start)).filter(|&point| 0 < point && point < last);
+        let within = starts
+            .iter()
+            .map(|&point| (point as usize).saturating_sub(start))
+            .filter(|&point| 0 < point && point < last);
         self.stitches.extend(within);
         self.stitches.push(last);
     }
 
-    /// From point `index` on as many spans as it takes to come a pixel far, fewer where they bend too much for one piece.
+    /// From point `index` on as many spans as it takes to come a pixel far, fewer where they bend
+    /// too much for one piece.
     fn chord(&self, index: usize, pixel: f64) -> Chord {
         let start = self.points[index];
         let (mut found, mut arc, mut moment) = (Chord::default(), 0.0, DVec3::ZERO);
@@ -205,7 +238,11 @@ impl Laying<'_> {
         let mut index = 0;
         let mut bulge = DVec3::ZERO;
         while index < last {
-            let far = if options.lod { self.run.chord(index, pixel(self.run.points[index])) } else { Chord::default() };
+            let far = if options.lod {
+                self.run.chord(index, pixel(self.run.points[index]))
+            } else {
+                Chord::default()
+            };
             if far.spans > 0 {
                 self.chord(index, &far, bulge);
                 index += far.spans;
@@ -222,14 +259,16 @@ impl Laying<'_> {
         self.point(last - 1, 1.0);
     }
 
-    /// One piece for all of a chord's spans: as long as they are in `along`, and as much wider as it is shorter than they are. Its start
-    /// is moved so that it lies where they lie on the average, not inside their bend; `bulge` is that of the chord before.
+    /// One piece for all of a chord's spans: as long as they are in `along`, and as much wider as
+    /// it is shorter than they are. Its start is moved so that it lies where they lie on the
+    /// average, not inside their bend; `bulge` is that of the chord before.
     fn chord(&mut self, index: usize, chord: &Chord, bulge: DVec3) {
         self.point(index, 0.0);
         if let Some(start) = self.paths.points.last_mut() {
             let moved = (bulge + chord.bulge).as_vec3() * 0.5;
             #[expect(clippy::cast_possible_truncation, reason = "rounding is meant")]
-            let widening = (chord.arc / chord.length.max(f64::MIN_POSITIVE)).clamp(1.0, WIDEST) as f32;
+            let widening =
+                (chord.arc / chord.length.max(f64::MIN_POSITIVE)).clamp(1.0, WIDEST) as f32;
             *start = (start.truncate() + moved).extend(start.w * widening);
         }
         self.along += chord.arc - chord.length;
@@ -243,7 +282,11 @@ impl Laying<'_> {
             let spans = f64::from(index32(ends[1] - ends[0]));
             for step in 1..=st {
                 let parameter = spans * f64::from(step) / f64::from(st);
-                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and the number of spans")]
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "between 0 and the number of spans"
+                )]
                 let index = (ends[0] + parameter.floor() as usize).min(ends[1] - 1);
                 self.point(index, parameter - f64::from(index32(index - ends[0])));
             }
@@ -282,17 +325,20 @@ impl Laying<'_> {
     }
 }
 
-/// Pieces that keep the chord error of `span` below [`CHORD_ERROR`], given the size of a pixel at a point.
+/// Pieces that keep the chord error of `span` below [`CHORD_ERROR`], given the size of a pixel at a
+/// point.
 fn pieces(span: &Span, pixel: impl Fn(DVec3) -> f64) -> u32 {
     let (start, middle, end) = (span.tangent(0.0), span.tangent(0.5), span.tangent(1.0));
-    // The second derivative is linear in t, so its largest value is at an end; a chord of 1/n leaves the curve by |p''| / (8 n^2).
+    // The second derivative is linear in t, so its largest value is at an end; a chord of 1/n
+    // leaves the curve by |p''| / (8 n^2).
     let cubic = 2.0 * (start + end) - 4.0 * middle;
     let bend = (end - start - cubic).length().max((end - start + cubic).length());
     let wanted = (bend / (8.0 * CHORD_ERROR * pixel(span.at(0.5)).max(f64::MIN_POSITIVE))).sqrt();
     (1..MAX_PIECES).find(|&count| f64::from(count) >= wanted).unwrap_or(MAX_PIECES)
 }
 
-/// Where a strand's arc length starts, mm: spread out, so that neighbours don't show the same plies side by side.
+/// Where a strand's arc length starts, mm: spread out, so that neighbours don't show the same plies
+/// side by side.
 pub(super) fn phase(strand: u32) -> f64 {
     f64::from(super::ply::hash(strand) >> 20) * 0.37
 }
@@ -306,10 +352,12 @@ struct Frame {
 }
 
 impl Frame {
-    /// Moves on to `position`, where the curve runs along `derivative`; the distance moved, 0 for the first point.
+    /// Moves on to `position`, where the curve runs along `derivative`; the distance moved, 0 for
+    /// the first point.
     fn advance(&mut self, position: DVec3, derivative: DVec3) -> f64 {
         let first = self.tangent == Vec3A::ZERO;
-        let tangent = derivative.as_vec3a().normalize_or(if first { Vec3A::X } else { self.tangent });
+        let tangent =
+            derivative.as_vec3a().normalize_or(if first { Vec3A::X } else { self.tangent });
         let chord = position - self.position;
         let (across, moved) = if first {
             (frame::across(Vec3A::Z, tangent), 0.0)
@@ -320,8 +368,8 @@ impl Frame {
         moved
     }
 
-    /// The fabric's normal where it is `normal`, leant so that a ribbon across both it and the tangent keeps its last direction where the
-    /// yarn runs along the normal.
+    /// The fabric's normal where it is `normal`, leant so that a ribbon across both it and the
+    /// tangent keeps its last direction where the yarn runs along the normal.
     fn over(&mut self, normal: Vec3A) -> Vec3A {
         let width = self.tangent.cross(normal);
         if width.length_squared() >= LEAST_SINE * LEAST_SINE {

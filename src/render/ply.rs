@@ -1,15 +1,18 @@
 //! What makes a smooth tube read as yarn: plies wound around each other, and fibres in the plies.
 //!
-//! In: where on the tube a point lies (around and along) and how large a pixel is there. Out: a tilted normal and a factor on the
-//! albedo. The tube's outline stays round. Detail that a pixel cannot hold fades out instead of flickering. A picture made from
-//! a photo of a yarn takes its place where there is one; this room is a look, not a model of any one yarn.
+//! In: where on the tube a point lies (around and along) and how large a pixel is there. Out: a
+//! tilted normal and a factor on the albedo. The tube's outline stays round. Detail that a pixel
+//! cannot hold fades out instead of flickering. A picture made from a photo of a yarn takes its
+//! place where there is one; this room is a look, not a model of any one yarn.
 
 use glam::Vec3;
 use std::f32::consts::TAU;
 
-/// Slope of plies and fibres against the yarn's axis where no twist is known: tan 24 degrees, a middling twist.
+/// Slope of plies and fibres against the yarn's axis where no twist is known: tan 24 degrees, a
+/// middling twist.
 pub const MIDDLING_SLOPE: f32 = 0.445;
-/// Tilt of the normal in the groove between plies, radians. A full half circle a ply looks like rope at this size.
+/// Tilt of the normal in the groove between plies, radians. A full half circle a ply looks like
+/// rope at this size.
 const PLY_TILT: f32 = 0.42;
 /// Light lost in the groove between plies.
 const GROOVE: f32 = 0.30;
@@ -17,7 +20,8 @@ const GROOVE: f32 = 0.30;
 const MEAN_GROOVE: f32 = 0.25;
 /// Fibres to be seen around the yarn; real yarns have more, which no pixel shows.
 const FIBRES: i32 = 26;
-/// Slope of the fibres: single yarns are twisted against their plying, so that fibres lie almost along the axis.
+/// Slope of the fibres: single yarns are twisted against their plying, so that fibres lie almost
+/// along the axis.
 const FIBRE_SLOPE: f32 = -0.12;
 /// Length over which a fibre stays at the surface, in radii.
 const FIBRE_LENGTH: f32 = 5.0;
@@ -55,7 +59,8 @@ pub struct Place {
 pub fn detail(place: &Place) -> (Vec3, f32) {
     let turn = TAU * place.radius;
     let around = place.tangent.cross(place.normal);
-    let (ply_tilt, groove) = if place.plies > 1.0 { plies(place, turn, around) } else { (Vec3::ZERO, 0.0) };
+    let (ply_tilt, groove) =
+        if place.plies > 1.0 { plies(place, turn, around) } else { (Vec3::ZERO, 0.0) };
     let fibre_share = fade(place.footprint, 2.0 * turn / small(FIBRES));
     if fibre_share <= 0.0 && ply_tilt == Vec3::ZERO {
         return (facing(place.normal, place.toward_eye), 1.0 - GROOVE * groove);
@@ -85,14 +90,23 @@ fn plies(place: &Place, turn: f32, around: Vec3) -> (Vec3, f32) {
     let ply = place.plies * (place.around / TAU + slope * place.along / turn);
     let offset = ply - ply.round();
     let groove = (2.0 * offset.abs()).powi(3);
-    // Unresolved grooves still darken the yarn by their mean, so that colour does not jump with distance.
-    ((around + place.tangent * slope) * (2.0 * offset * PLY_TILT * share), groove * share + MEAN_GROOVE * (1.0 - share))
+    // Unresolved grooves still darken the yarn by their mean, so that colour does not jump with
+    // distance.
+    (
+        (around + place.tangent * slope) * (2.0 * offset * PLY_TILT * share),
+        groove * share + MEAN_GROOVE * (1.0 - share),
+    )
 }
 
-/// `normal`, bent toward the eye where it would look away: what is seen must face the eye, or outlines turn black.
+/// `normal`, bent toward the eye where it would look away: what is seen must face the eye, or
+/// outlines turn black.
 pub(super) fn facing(normal: Vec3, toward_eye: Vec3) -> Vec3 {
     let cosine = normal.dot(toward_eye);
-    if cosine >= LEAST_COSINE { normal } else { (normal + toward_eye * (LEAST_COSINE - cosine)).normalize_or(toward_eye) }
+    if cosine >= LEAST_COSINE {
+        normal
+    } else {
+        (normal + toward_eye * (LEAST_COSINE - cosine)).normalize_or(toward_eye)
+    }
 }
 
 /// Slope and height of the fibres' noise, both about -1..1.
@@ -112,9 +126,15 @@ fn fibres(place: &Place, turn: f32) -> (f32, f32) {
 
 /// Noise on a grid that wraps around the yarn, -1..1.
 fn noise(column: f32, row: f32) -> f32 {
-    #[expect(clippy::cast_possible_truncation, reason = "whole numbers; far rows may saturate, which only repeats the pattern")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "whole numbers; far rows may saturate, which only repeats the pattern"
+    )]
     let (column, row) = ((column as i32).rem_euclid(FIBRES), row as i32);
-    let bits = hash(column.cast_unsigned().wrapping_mul(0x9E37_79B9) ^ row.cast_unsigned().wrapping_mul(0x85EB_CA6B));
+    let bits = hash(
+        column.cast_unsigned().wrapping_mul(0x9E37_79B9)
+            ^ row.cast_unsigned().wrapping_mul(0x85EB_CA6B),
+    );
     f32::from(u16::try_from(bits >> 16).unwrap_or(0)) / 32_767.5 - 1.0
 }
 
@@ -144,7 +164,17 @@ mod tests {
     fn place(around: f32, along: f32, footprint: f32) -> Place {
         let normal = Vec3::new(around.cos(), around.sin(), 0.0);
         let (plies, twist_slope) = (3.0, None);
-        Place { normal, toward_eye: normal, tangent: Vec3::Z, around, along, radius: 0.05, footprint, plies, twist_slope }
+        Place {
+            normal,
+            toward_eye: normal,
+            tangent: Vec3::Z,
+            around,
+            along,
+            radius: 0.05,
+            footprint,
+            plies,
+            twist_slope,
+        }
     }
 
     #[test]
@@ -175,17 +205,26 @@ mod tests {
                 detail(&Place { plies, twist_slope, ..here }).1
             };
             let shades: Vec<_> = (0..720).map(shade).collect();
-            let darkest = shades.iter().copied().enumerate().min_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+            let darkest =
+                shades.iter().copied().enumerate().min_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
             // A groove takes 30 % of the light, fibres 16 %.
             let dark = |step: usize| shades[step % 720] < 0.8;
-            ((0..720).filter(|&step| dark(step) && (1..20).all(|next| !dark(step + next))).count(), darkest.0)
+            (
+                (0..720)
+                    .filter(|&step| dark(step) && (1..20).all(|next| !dark(step + next)))
+                    .count(),
+                darkest.0,
+            )
         };
         assert_eq!(grooves(1.0, None, 0.0).0, 0, "a single yarn has no grooves");
         for plies in [2_u8, 3, 5] {
             assert_eq!(grooves(f32::from(plies), None, 0.0).0, usize::from(plies));
         }
-        // A sixth of a turn: two plies' grooves move by a third of their distance, one way or the other.
-        let sixth = |slope: f32| (grooves(2.0, Some(slope), 0.0).1, grooves(2.0, Some(slope), TAU * 0.05 / 6.0).1);
+        // A sixth of a turn: two plies' grooves move by a third of their distance, one way or the
+        // other.
+        let sixth = |slope: f32| {
+            (grooves(2.0, Some(slope), 0.0).1, grooves(2.0, Some(slope), TAU * 0.05 / 6.0).1)
+        };
         let moved = |(before, after): (usize, usize)| (after + 720 - before) % 360;
         assert!(moved(sixth(1.0)).abs_diff(240) < 50 && moved(sixth(-1.0)).abs_diff(120) < 50);
     }

@@ -1,4 +1,5 @@
-//! How a yarn's surface reflects light: Cook-Torrance with Beckmann's distribution and Schlick's Fresnel and Smith terms.
+//! How a yarn's surface reflects light: Cook-Torrance with Beckmann's distribution and Schlick's
+//! Fresnel and Smith terms.
 //!
 //! In: a [`Surface`] (normal and material at a point) and two unit directions. Out: the BRDF
 //!
@@ -9,10 +10,11 @@
 //! G = G1(l) G1(v),   G1(x) = n.x / ((n.x)(1-k) + k),   k = (roughness+1)^2/8
 //! ```
 //!
-//! Source: the yarn papers' shading section with its misprints mended (Cook and Torrance 1982; Schlick 1994). A shader is to
-//! follow this file line by line. It is reciprocal, and loses a little light between microfacets. It gains none for roughness from
-//! 0.55 up, where fibres lie; smoother white dielectrics gain up to 8 % at grazing angles, because the diffuse part gives up F of
-//! the half vector and not what the specular part takes.
+//! Source: the yarn papers' shading section with its misprints mended (Cook and Torrance 1982;
+//! Schlick 1994). A shader is to follow this file line by line. It is reciprocal, and loses a
+//! little light between microfacets. It gains none for roughness from 0.55 up, where fibres lie;
+//! smoother white dielectrics gain up to 8 % at grazing angles, because the diffuse part gives up F
+//! of the half vector and not what the specular part takes.
 
 use super::sheen::Sheen;
 use glam::Vec3;
@@ -43,11 +45,16 @@ impl Surface {
         Vec3::splat(0.04).lerp(self.albedo, self.metallic)
     }
 
-    /// The BRDF toward `view` of light from `light`, unit vectors away from the surface; zero where either is below it.
+    /// The BRDF toward `view` of light from `light`, unit vectors away from the surface; zero where
+    /// either is below it.
     #[must_use]
     pub fn brdf(&self, light: Vec3, view: Vec3) -> Vec3 {
         let base = self.base(light, view);
-        if self.sheen.share > 0.0 { base + self.glint() * self.sheen.lobe(self.normal, light, view) } else { base }
+        if self.sheen.share > 0.0 {
+            base + self.glint() * self.sheen.lobe(self.normal, light, view)
+        } else {
+            base
+        }
     }
 
     /// The BRDF without the fibres' sheen, less what this takes.
@@ -64,7 +71,8 @@ impl Surface {
         // G1(x) / n.x, so that the BRDF's own 1 / (n.l n.v) cancels and grazing angles stay finite.
         let k = (roughness + 1.0) * (roughness + 1.0) / 8.0;
         let masking = |cosine: f32| 1.0 / (cosine * (1.0 - k) + k);
-        let specular = fresnel * (beckmann(nh, roughness * roughness) * masking(nl) * masking(nv) / 4.0);
+        let specular =
+            fresnel * (beckmann(nh, roughness * roughness) * masking(nl) * masking(nv) / 4.0);
         (self.diffuse(fresnel) / PI + specular) * self.sheen.spared(nl, nv)
     }
 
@@ -87,21 +95,25 @@ pub fn schlick(f0: Vec3, cosine: f32) -> Vec3 {
     f0 + (Vec3::ONE - f0) * (1.0 - cosine.clamp(0.0, 1.0)).powi(5)
 }
 
-/// The mean of Schlick's term over the microfacets of a rough surface (Lagarde 2011): rough cloth does not turn into a mirror at
-/// grazing angles. For light from a whole sky, where there is no single half vector.
+/// The mean of Schlick's term over the microfacets of a rough surface (Lagarde 2011): rough cloth
+/// does not turn into a mirror at grazing angles. For light from a whole sky, where there is no
+/// single half vector.
 #[must_use]
 pub fn schlick_rough(f0: Vec3, cosine: f32, roughness: f32) -> Vec3 {
     f0 + (f0.max(Vec3::splat(1.0 - roughness)) - f0) * (1.0 - cosine.clamp(0.0, 1.0)).powi(5)
 }
 
-/// Cloth is about this thick, radii of its thinnest yarn; what lies deeper is another layer, such as a skirt's other side.
+/// Cloth is about this thick, radii of its thinnest yarn; what lies deeper is another layer, such
+/// as a skirt's other side.
 pub(super) const LAYER_RADII: f32 = 12.0;
 
-/// Share of the sky that yarns nearby leave open for a yarn that lies `before` the mean depth of the nearest layer around it, radii; none
-/// for one of another layer. `cover` is the share of the surroundings that are yarn, `cosine` that of its surface with the direction to the eye.
+/// Share of the sky that yarns nearby leave open for a yarn that lies `before` the mean depth of
+/// the nearest layer around it, radii; none for one of another layer. `cover` is the share of the
+/// surroundings that are yarn, `cosine` that of its surface with the direction to the eye.
 ///
-/// A logistic curve, fitted to what traced rays see on tricot and locknit from three sides, to .13 root mean square of a share that varies
-/// by .26. Another layer, seen through a hole, has the sky of a cloth's middle.
+/// A logistic curve, fitted to what traced rays see on tricot and locknit from three sides, to .13
+/// root mean square of a share that varies by .26. Another layer, seen through a hole, has the sky
+/// of a cloth's middle.
 pub(super) fn open_sky(before: Option<f32>, cover: f32, cosine: f32, is_ribbon: bool) -> f32 {
     let middle = if is_ribbon { -0.35 } else { 0.065 };
     let level = before.map_or(0.5, |before| 1.0 / (1.0 + (middle - 0.427 * before).exp()));
@@ -134,18 +146,21 @@ mod tests {
             sheen: Sheen::NONE,
         };
         [0.25, 0.55, 0.7, 1.0].into_iter().flat_map(move |roughness| {
-            [(0.0, 1.0), (0.0, 0.5), (0.5, 1.0), (1.0, 1.0)].map(|(metallic, albedo)| of(roughness, metallic, albedo))
+            [(0.0, 1.0), (0.0, 0.5), (0.5, 1.0), (1.0, 1.0)]
+                .map(|(metallic, albedo)| of(roughness, metallic, albedo))
         })
     }
 
-    /// The integral of f (n.l) over the hemisphere, by the midpoint rule in the cosine and the angle.
+    /// The integral of f (n.l) over the hemisphere, by the midpoint rule in the cosine and the
+    /// angle.
     fn furnace(surface: &Surface, view: Vec3) -> f32 {
         let (rings, spokes) = (400_u16, 160_u16);
         let mut sum = 0.0_f64;
         for ring in 0..rings {
             let cosine = (f32::from(ring) + 0.5) / f32::from(rings);
             for spoke in 0..spokes {
-                let light = direction(cosine, (f32::from(spoke) + 0.5) / f32::from(spokes) * 2.0 * PI);
+                let light =
+                    direction(cosine, (f32::from(spoke) + 0.5) / f32::from(spokes) * 2.0 * PI);
                 sum += f64::from(surface.brdf(light, view).x * cosine);
             }
         }
@@ -158,7 +173,8 @@ mod tests {
     #[test]
     fn a_white_furnace_gains_no_energy_on_fibres_and_little_on_gloss() {
         for surface in materials() {
-            let most = if surface.roughness >= 0.55 || surface.metallic == 1.0 { 1.0 } else { 1.09 };
+            let most =
+                if surface.roughness >= 0.55 || surface.metallic == 1.0 { 1.0 } else { 1.09 };
             for cosine in [1.0, 0.8, 0.5, 0.2, 0.05] {
                 let total = furnace(&surface, direction(cosine, 0.3));
                 assert!(total <= most && total > 0.05, "{total} at {cosine} for {surface:?}");
@@ -170,7 +186,8 @@ mod tests {
     fn shining() -> impl Iterator<Item = Surface> {
         let sheens = [(0.3, 0.0), (0.6, -0.4), (1.0, 0.0), (1.0, 0.7)];
         let of = |(share, slope)| Sheen { share, slope, tangent: Vec3::X };
-        materials().flat_map(move |surface| sheens.map(|sheen| Surface { sheen: of(sheen), ..surface }))
+        materials()
+            .flat_map(move |surface| sheens.map(|sheen| Surface { sheen: of(sheen), ..surface }))
     }
 
     #[test]
@@ -181,7 +198,10 @@ mod tests {
                 for angle in [0.3, 1.5] {
                     let view = direction(cosine, angle);
                     let (total, without) = (furnace(&surface, view), furnace(&dull, view));
-                    assert!(total <= without.max(1.0), "{total} {without} at {cosine} for {surface:?}");
+                    assert!(
+                        total <= without.max(1.0),
+                        "{total} {without} at {cosine} for {surface:?}"
+                    );
                 }
             }
         }
@@ -199,7 +219,13 @@ mod tests {
 
     #[test]
     fn head_on_the_terms_have_closed_forms() {
-        let surface = Surface { normal: Vec3::Z, albedo: Vec3::splat(0.6), roughness: 0.5, metallic: 0.0, sheen: Sheen::NONE };
+        let surface = Surface {
+            normal: Vec3::Z,
+            albedo: Vec3::splat(0.6),
+            roughness: 0.5,
+            metallic: 0.0,
+            sheen: Sheen::NONE,
+        };
         // n = l = v: F = 0.04, G = 1, D = 1 / (pi a^2), a = 1/4.
         let expected = 0.96 * 0.6 / PI + 16.0 / PI * 0.04 / 4.0;
         assert!((surface.brdf(Vec3::Z, Vec3::Z).x - expected).abs() < 1e-6);

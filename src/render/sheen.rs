@@ -1,31 +1,44 @@
-//! The sheen of satin and silk: what fibres mirror that lie side by side, along a yarn or around it at the angle of their twist.
+//! The sheen of satin and silk: what fibres mirror that lie side by side, along a yarn or around it
+//! at the angle of their twist.
 //!
-//! In: a [`Sheen`] and unit directions. Out: what it adds to the BRDF, and what it leaves of the rest. After Irawan and Marschner 2012
-//! ("Specular reflection from woven cloth"), with their terms but not their curved cylinders, since here the yarns are there:
+//! In: a [`Sheen`] and unit directions. Out: what it adds to the BRDF, and what it leaves of the
+//! rest. After Irawan and Marschner 2012 ("Specular reflection from woven cloth"), with their terms
+//! but not their curved cylinders, since here the yarns are there:
 //!
 //! ```text
 //! f = share e^(40 (cos d - 1)) P / (n.l + n.v),   sin d = t.h
 //! P = .6 + .4 e^(-3 (1 + l.v))
 //! ```
 //!
-//! A fibre along t mirrors light where the half vector h is across it; fibres are not quite parallel, so that d is spread by a von Mises
-//! distribution. P is their phase function: as much to all sides, and more forward. The divisor is Seeliger's law for fibres that shadow and hide
-//! each other. A shader is to follow this file line by line.
+//! A fibre along t mirrors light where the half vector h is across it; fibres are not quite
+//! parallel, so that d is spread by a von Mises distribution. P is their phase function: as much to
+//! all sides, and more forward. The divisor is Seeliger's law for fibres that shadow and hide each
+//! other. A shader is to follow this file line by line.
 //!
-//! It is reciprocal. With these constants it mirrors at most 1 / (1 + n.v) of the light toward v, and that is what the rest of the surface is
-//! denied, so that both together gain no energy that the rest alone doesn't. It does not change colour with the angle.
+//! It is reciprocal. With these constants it mirrors at most 1 / (1 + n.v) of the light toward v,
+//! and that is what the rest of the surface is denied, so that both together gain no energy that
+//! the rest alone doesn't. It does not change colour with the angle.
 
 use glam::Vec3;
 
-/// Von Mises' concentration of the fibres: they stray by 9 degrees root mean square, as filaments of a little crimp do.
+/// Von Mises' concentration of the fibres: they stray by 9 degrees root mean square, as filaments
+/// of a little crimp do.
 const CONCENTRATION: f32 = 40.0;
-/// The phase function's even part. What is above is the share of what goes forward, of this concentration.
+/// The phase function's even part. What is above is the share of what goes forward, of this
+/// concentration.
 const EVEN: f32 = 0.6;
 const FORWARD: f32 = 3.0;
-/// What of its width a fibre hides that is seen along its length; it strays by some degrees, so not all.
+/// What of its width a fibre hides that is seen along its length; it strays by some degrees, so not
+/// all.
 const ALONG: f32 = 0.95;
-/// Where across a yarn's width, in radii, its highlight is asked for, and for what share of the mean (Gauss and Legendre).
-const NODES: [(f32, f32); 4] = [(-0.861_136, 0.173_927), (-0.339_981, 0.326_073), (0.339_981, 0.326_073), (0.861_136, 0.173_927)];
+/// Where across a yarn's width, in radii, its highlight is asked for, and for what share of the
+/// mean (Gauss and Legendre).
+const NODES: [(f32, f32); 4] = [
+    (-0.861_136, 0.173_927),
+    (-0.339_981, 0.326_073),
+    (0.339_981, 0.326_073),
+    (0.861_136, 0.173_927),
+];
 
 /// Fibres in a yarn's surface that mirror light.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,7 +62,8 @@ impl Sheen {
         (turned - normal * turned.dot(normal)).normalize_or(self.tangent)
     }
 
-    /// What it adds to the BRDF of a surface that looks along `normal`; zero where either direction is below it.
+    /// What it adds to the BRDF of a surface that looks along `normal`; zero where either direction
+    /// is below it.
     #[must_use]
     pub fn lobe(&self, normal: Vec3, light: Vec3, view: Vec3) -> f32 {
         let (nl, nv) = (normal.dot(light), normal.dot(view));
@@ -62,9 +76,10 @@ impl Sheen {
         self.share * spread * phase / (nl + nv)
     }
 
-    /// What it adds to the light from a yarn, of a light of irradiance 1, in the mean over the width that is seen: for yarns of which a pixel shows
-    /// the whole width. Their highlight is a narrow line if they are twisted, which one place of the width would hit or miss; four are enough, since
-    /// the fibres' spread is wider than their distance.
+    /// What it adds to the light from a yarn, of a light of irradiance 1, in the mean over the
+    /// width that is seen: for yarns of which a pixel shows the whole width. Their highlight is a
+    /// narrow line if they are twisted, which one place of the width would hit or miss; four are
+    /// enough, since the fibres' spread is wider than their distance.
     #[must_use]
     pub fn across(&self, light: Vec3, view: Vec3) -> f32 {
         let width = self.tangent.cross(view).normalize_or_zero();
@@ -76,7 +91,8 @@ impl Sheen {
         NODES.into_iter().map(at).sum()
     }
 
-    /// Where around its yarn the highlight is, as the normal there: where a yarn hides the light from the next, it does so there.
+    /// Where around its yarn the highlight is, as the normal there: where a yarn hides the light
+    /// from the next, it does so there.
     #[must_use]
     pub fn brightest(&self, light: Vec3, view: Vec3) -> Vec3 {
         let sum = light + view;
@@ -96,7 +112,8 @@ impl Sheen {
         1.0 - self.share * (1.0 + cosine - 2.0 * cosine.ln_1p())
     }
 
-    /// Share of a whole sky's light that it mirrors toward `view`. Fitted to the lobe: fibres seen along their length show less of themselves.
+    /// Share of a whole sky's light that it mirrors toward `view`. Fitted to the lobe: fibres seen
+    /// along their length show less of themselves.
     #[must_use]
     pub fn of_sky(&self, normal: Vec3, view: Vec3) -> f32 {
         let along = self.fibre(normal).dot(view);
@@ -124,7 +141,8 @@ mod tests {
         let cell = TAU / f32::from(rings) / f32::from(spokes);
         let of_ring = |ring: u16| {
             let cosine = (f32::from(ring) + 0.5) / f32::from(rings);
-            let lights = (0..spokes).map(|spoke| direction(cosine, (f32::from(spoke) + 0.5) / f32::from(spokes) * TAU));
+            let lights = (0..spokes)
+                .map(|spoke| direction(cosine, (f32::from(spoke) + 0.5) / f32::from(spokes) * TAU));
             lights.map(|light| sheen(0.0).lobe(Vec3::Z, light, view) * cosine * cell).sum::<f32>()
         };
         (0..rings).map(of_ring).sum()
@@ -155,12 +173,14 @@ mod tests {
     #[test]
     fn it_is_brightest_where_the_half_vector_is_across_the_fibre() {
         let view = direction(0.8, 0.0);
-        let lobe = |angle: f32| sheen(0.0).lobe(Vec3::Z, Vec3::new(angle.sin(), 0.0, angle.cos()), view);
+        let lobe =
+            |angle: f32| sheen(0.0).lobe(Vec3::Z, Vec3::new(angle.sin(), 0.0, angle.cos()), view);
         let mirror = -0.8_f32.acos();
         // There the closed form has no exponential but that of its phase.
         let phase = 0.6 + 0.4 * (-3.0 * (1.0 + (2.0 * mirror).cos())).exp();
         assert!((lobe(mirror) - phase / 1.6).abs() < 1e-5);
-        // A change of the light's angle moves the half vector by half of it: at 2 * 9 degrees by one standard deviation.
+        // A change of the light's angle moves the half vector by half of it: at 2 * 9 degrees by
+        // one standard deviation.
         let share = lobe(mirror + 2.0 / CONCENTRATION.sqrt()) / lobe(mirror);
         assert!((share - (-0.5_f32).exp()).abs() < 0.1, "{share}");
         // Across the fibre all directions are as bright but for the shadows.
@@ -168,7 +188,8 @@ mod tests {
         assert!(sheen(0.0).lobe(Vec3::Z, beside, view) > 0.9 * lobe(mirror));
     }
 
-    /// A twisted yarn along x, seen from +z and lit from a little aside along it: where around the yarn is it brightest?
+    /// A twisted yarn along x, seen from +z and lit from a little aside along it: where around the
+    /// yarn is it brightest?
     fn brightest(slope: f32, tilt: f32) -> f32 {
         let light = Vec3::new(tilt.sin(), 0.0, tilt.cos());
         let seen = |angle: f32| {
@@ -182,13 +203,21 @@ mod tests {
     #[test]
     fn twist_moves_the_highlight_off_the_middle_line_and_the_other_twist_to_the_other_side() {
         let tilt = 0.2_f32;
-        // At angle a around the yarn fibres run along (1, s cos a, -s sin a), across (sin b, 0, cos b) with b half the tilt.
+        // At angle a around the yarn fibres run along (1, s cos a, -s sin a), across (sin b, 0, cos
+        // b) with b half the tilt.
         let expected = |slope: f32| ((tilt / 2.0).tan() / slope).asin();
         for slope in [0.3, -0.3, 0.5] {
             let found = brightest(slope, tilt);
-            assert!((found - expected(slope)).abs() < 0.002, "{found} {} for {slope}", expected(slope));
+            assert!(
+                (found - expected(slope)).abs() < 0.002,
+                "{found} {} for {slope}",
+                expected(slope)
+            );
         }
-        assert!(brightest(0.3, 0.0).abs() < 0.01, "with the light behind the eye it is in the middle");
+        assert!(
+            brightest(0.3, 0.0).abs() < 0.01,
+            "with the light behind the eye it is in the middle"
+        );
         // The fibre itself turns by the slope's angle, S to the left of one who looks along it.
         assert!((sheen(0.5).fibre(Vec3::Z) - Vec3::new(1.0, 0.5, 0.0).normalize()).length() < 1e-6);
     }
@@ -196,7 +225,10 @@ mod tests {
     #[test]
     fn the_mean_over_the_width_is_that_of_many_places() {
         for slope in [0.0, -0.12, 0.3, 0.6] {
-            for (light, view) in [(direction(0.7, 0.3), direction(0.8, 4.0)), (direction(0.9, 1.5), direction(0.95, 3.0))] {
+            for (light, view) in [
+                (direction(0.7, 0.3), direction(0.8, 4.0)),
+                (direction(0.9, 1.5), direction(0.95, 3.0)),
+            ] {
                 let width = Vec3::X.cross(view).normalize();
                 let front = width.cross(Vec3::X);
                 let at = |step: u16| {
@@ -215,7 +247,10 @@ mod tests {
     fn what_a_sky_leaves_is_the_mean_of_what_lights_leave() {
         for view in [0.0, 0.3, 0.7, 1.0] {
             let light = |step: u16| (f32::from(step) + 0.5) / 1000.0;
-            let mean = (0..1000).map(|step| sheen(0.0).spared(light(step), view) * 2.0 * light(step)).sum::<f32>() / 1000.0;
+            let mean = (0..1000)
+                .map(|step| sheen(0.0).spared(light(step), view) * 2.0 * light(step))
+                .sum::<f32>()
+                / 1000.0;
             assert!((mean - sheen(0.0).spared_by_sky(view)).abs() < 1e-3);
         }
     }

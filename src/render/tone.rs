@@ -1,8 +1,9 @@
 //! From light to pixels: exposure, a soft shoulder, the background, sRGB.
 //!
-//! In: linear RGB light with the share of the pixel that yarns cover. Out: 8-bit sRGB with straight alpha. The curve leaves
-//! everything up to [`SHOULDER`] as it is, so that a yarn's colour in the picture is its colour, and bends what is brighter toward
-//! white without ever clipping. A background colour is no light: it comes out exactly as given.
+//! In: linear RGB light with the share of the pixel that yarns cover. Out: 8-bit sRGB with straight
+//! alpha. The curve leaves everything up to [`SHOULDER`] as it is, so that a yarn's colour in the
+//! picture is its colour, and bends what is brighter toward white without ever clipping. A
+//! background colour is no light: it comes out exactly as given.
 
 use glam::{Vec3, Vec4};
 use std::str::FromStr;
@@ -52,7 +53,10 @@ impl FromStr for Background {
 
 /// `rrggbb` or `rgb`.
 fn hex(digits: &str) -> Option<[u8; 3]> {
-    let values: Vec<u8> = digits.chars().map(|c| c.to_digit(16).and_then(|d| u8::try_from(d).ok())).collect::<Option<_>>()?;
+    let values: Vec<u8> = digits
+        .chars()
+        .map(|c| c.to_digit(16).and_then(|d| u8::try_from(d).ok()))
+        .collect::<Option<_>>()?;
     match values[..] {
         [r, g, b] => Some([r * 17, g * 17, b * 17]),
         [r1, r0, g1, g0, b1, b0] => Some([r1 * 16 + r0, g1 * 16 + g0, b1 * 16 + b0]),
@@ -60,11 +64,13 @@ fn hex(digits: &str) -> Option<[u8; 3]> {
     }
 }
 
-/// The pixel for `light`, whose xyz hold linear RGB times coverage and whose w holds the coverage, 0..1.
+/// The pixel for `light`, whose xyz hold linear RGB times coverage and whose w holds the coverage,
+/// 0..1.
 #[must_use]
 pub fn pixel(light: Vec4, exposure: f32, background: Background) -> [u8; 4] {
     let coverage = light.w.clamp(0.0, 1.0);
-    let yarn = if light.w > 0.0 { shoulder(light.truncate() / light.w * exposure) } else { Vec3::ZERO };
+    let yarn =
+        if light.w > 0.0 { shoulder(light.truncate() / light.w * exposure) } else { Vec3::ZERO };
     match background {
         Background::Transparent => {
             let [r, g, b] = encode(yarn);
@@ -94,7 +100,9 @@ pub(super) fn linear(c: f32) -> f32 {
 }
 
 pub(crate) fn encode(color: Vec3) -> [u8; 3] {
-    color.to_array().map(|c| byte(if c <= 0.003_130_8 { c * 12.92 } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 }))
+    color
+        .to_array()
+        .map(|c| byte(if c <= 0.003_130_8 { c * 12.92 } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 }))
 }
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=255")]
@@ -112,7 +120,10 @@ mod tests {
         assert_eq!("#0a0".parse(), Ok(Background::Color([0, 170, 0])));
         assert_eq!("transparent".parse(), Ok(Background::Transparent));
         for bad in ["", "#", "#12345", "#gg0000", "#éab", "reddish"] {
-            assert!(bad.parse::<Background>().unwrap_err().to_string().contains("#rrggbb"), "{bad}");
+            assert!(
+                bad.parse::<Background>().unwrap_err().to_string().contains("#rrggbb"),
+                "{bad}"
+            );
         }
     }
 

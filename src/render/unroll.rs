@@ -1,8 +1,9 @@
 //! The picture of a yarn laid around a tube.
 //!
-//! In: [`Maps`] of a yarn seen from one side, with its fuzz and the ground beside it. Out: maps that go around a tube: the yarn alone, from its middle over
-//! one flank to the back and over the other flank home, the back being what the front was. A picture that is yarn from edge to edge is no view of
-//! a yarn but its surface, and stays. Cost: a pass over the pictures.
+//! In: [`Maps`] of a yarn seen from one side, with its fuzz and the ground beside it. Out: maps
+//! that go around a tube: the yarn alone, from its middle over one flank to the back and over the
+//! other flank home, the back being what the front was. A picture that is yarn from edge to edge is
+//! no view of a yarn but its surface, and stays. Cost: a pass over the pictures.
 //!
 //! Not promised: what a yarn looks like from behind; a photo has one side.
 
@@ -16,7 +17,8 @@ use super::maps::{Kind, Maps, Mips};
 use super::tone::byte;
 use crate::scene::Shape;
 
-/// Share of the yarn's half width that is shown: at the flanks a photo has little yarn and much fuzz.
+/// Share of the yarn's half width that is shown: at the flanks a photo has little yarn and much
+/// fuzz.
 const SHOWN: f32 = 0.88;
 /// Coverage of rows that belong to the yarn, as a share of the best row's.
 const COVERED: f32 = 0.6;
@@ -24,7 +26,8 @@ const COVERED: f32 = 0.6;
 const STEEPEST: f32 = 1.0;
 
 impl Maps {
-    /// What yarns of this shape wear: ribbons the picture as it is, tubes what of it goes around them.
+    /// What yarns of this shape wear: ribbons the picture as it is, tubes what of it goes around
+    /// them.
     #[must_use]
     pub fn fitting(self, shape: Shape) -> Self {
         let rows = yarn_rows(&self.base.levels[0]);
@@ -38,15 +41,20 @@ impl Maps {
         let upright = |normal: Vec4, row: u32, side: f32| {
             let normal = normal.xyz() * 2.0 - 1.0;
             let slopes = normal.truncate() / normal.z.max(1e-3);
-            // The yarn is round already: what rises toward its middle in every column is its roundness.
+            // The yarn is round already: what rises toward its middle in every column is its
+            // roundness.
             let across = side * (slopes.y - lean[row as usize]);
-            let slopes = glam::Vec2::new(slopes.x, across).clamp(glam::Vec2::splat(-STEEPEST), glam::Vec2::splat(STEEPEST));
+            let slopes = glam::Vec2::new(slopes.x, across)
+                .clamp(glam::Vec2::splat(-STEEPEST), glam::Vec2::splat(STEEPEST));
             (slopes.extend(1.0).normalize() * 0.5 + Vec3::splat(0.5)).extend(1.0)
         };
         Self {
             base: Mips::new(around.laid(&self.base.levels[0], opaque), Kind::Color),
             normal: Mips::new(around.laid(&self.normal.levels[0], upright), Kind::Normal),
-            surface: Mips::new(around.laid(&self.surface.levels[0], |value, _, _| value), Kind::Plain),
+            surface: Mips::new(
+                around.laid(&self.surface.levels[0], |value, _, _| value),
+                Kind::Plain,
+            ),
             ..self
         }
     }
@@ -54,7 +62,8 @@ impl Maps {
 
 /// The rows that are yarn: from the first to the last that it covers nearly as much as any.
 fn yarn_rows(base: &RgbaImage) -> Range<u32> {
-    let covered = |row: u32| (0..base.width()).map(|x| f32::from(base.get_pixel(x, row).0[3])).sum::<f32>();
+    let covered =
+        |row: u32| (0..base.width()).map(|x| f32::from(base.get_pixel(x, row).0[3])).sum::<f32>();
     let rows: Vec<f32> = (0..base.height()).map(covered).collect();
     let least = COVERED * rows.iter().copied().fold(0.0, f32::max);
     let is_yarn = |row: &u32| rows[*row as usize] >= least;
@@ -68,7 +77,10 @@ fn mean_slopes(normals: &RgbaImage) -> Vec<f32> {
         let [_, y, z, _] = pixel.0.map(|byte| f32::from(byte) / 127.5 - 1.0);
         y / z.max(0.1)
     };
-    let mean = |y: u32| (0..normals.width()).map(|x| slope(normals.get_pixel(x, y))).sum::<f32>() / normals.width() as f32;
+    let mean = |y: u32| {
+        (0..normals.width()).map(|x| slope(normals.get_pixel(x, y))).sum::<f32>()
+            / normals.width() as f32
+    };
     (0..normals.height()).map(mean).collect()
 }
 
@@ -80,21 +92,28 @@ struct Around {
 
 impl Around {
     fn of(yarn: &Range<u32>, height: u32) -> Self {
-        let (middle, half) = (0.5 * (yarn.start + yarn.end) as f32, 0.5 * SHOWN * (yarn.end - yarn.start) as f32);
+        let (middle, half) =
+            (0.5 * (yarn.start + yarn.end) as f32, 0.5 * SHOWN * (yarn.end - yarn.start) as f32);
         let row = |row: u32| {
             let (sin, cos) = (TAU * (row as f32 + 0.5) / height as f32).sin_cos();
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the yarn's rows")]
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "within the yarn's rows"
+            )]
             let source = (middle + half * sin) as u32;
             (source.min(height - 1), if cos < 0.0 { -1.0 } else { 1.0 })
         };
         Self { rows: (0..height).map(row).collect() }
     }
 
-    /// The picture around the tube, each value changed by `of`, which gets the row that it comes from and the way that lies.
+    /// The picture around the tube, each value changed by `of`, which gets the row that it comes
+    /// from and the way that lies.
     fn laid(&self, picture: &RgbaImage, of: impl Fn(Vec4, u32, f32) -> Vec4) -> RgbaImage {
         RgbaImage::from_fn(picture.width(), picture.height(), |x, y| {
             let (row, side) = self.rows[y as usize];
-            let value = Vec4::from_array(picture.get_pixel(x, row).0.map(|byte| f32::from(byte) / 255.0));
+            let value =
+                Vec4::from_array(picture.get_pixel(x, row).0.map(|byte| f32::from(byte) / 255.0));
             Rgba(of(value, row, side).to_array().map(byte))
         })
     }
@@ -107,17 +126,26 @@ mod tests {
     /// A round yarn in the middle half of 32 rows, darker at its upper flank, with a step along it.
     fn maps() -> Maps {
         let base = RgbaImage::from_fn(16, 32, |_, y| {
-            Rgba([if y < 14 { 90 } else { 200 }, 80, 60, if (8..24).contains(&y) { 255 } else { 20 }])
+            Rgba([
+                if y < 14 { 90 } else { 200 },
+                80,
+                60,
+                if (8..24).contains(&y) { 255 } else { 20 },
+            ])
         });
         let normal = RgbaImage::from_fn(16, 32, |x, y| {
             let across = (15.5 - y as f32) / 8.0;
-            let round = Vec3::new(if x == 4 { -0.5 } else { 0.0 }, across.clamp(-0.7, 0.7), 1.0).normalize();
+            let round = Vec3::new(if x == 4 { -0.5 } else { 0.0 }, across.clamp(-0.7, 0.7), 1.0)
+                .normalize();
             let [r, g, b] = (round * 0.5 + 0.5).to_array().map(byte);
             Rgba([r, g, b, 255])
         });
         let surface = RgbaImage::from_pixel(16, 32, Rgba([255, 190, 0, 255]));
-        let (base, normal, surface) =
-            (Mips::new(base, Kind::Color), Mips::new(normal, Kind::Normal), Mips::new(surface, Kind::Plain));
+        let (base, normal, surface) = (
+            Mips::new(base, Kind::Color),
+            Mips::new(normal, Kind::Normal),
+            Mips::new(surface, Kind::Plain),
+        );
         Maps { base, normal, surface, length: 1.0, width: 0.5 }
     }
 
@@ -145,7 +173,10 @@ mod tests {
     #[test]
     fn ribbons_and_pictures_of_a_whole_surface_stay() {
         assert_eq!(maps().fitting(Shape::Ribbon), maps());
-        let whole = Maps { base: Mips::new(RgbaImage::from_pixel(16, 32, Rgba([9, 9, 9, 255])), Kind::Color), ..maps() };
+        let whole = Maps {
+            base: Mips::new(RgbaImage::from_pixel(16, 32, Rgba([9, 9, 9, 255])), Kind::Color),
+            ..maps()
+        };
         assert_eq!(whole.clone().fitting(Shape::Tube), whole);
     }
 }

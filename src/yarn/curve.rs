@@ -1,8 +1,9 @@
 //! The path of a yarn: a centripetal Catmull-Rom curve through its data points.
 //!
-//! In: an ordered list of points, mm. Out: [`Span`]s, one cubic between each two neighbours. It is the curve that three.js draws
-//! by default for a `CatmullRomCurve3` (alpha = 1/2), which the source paper's tubes follow; at both ends a phantom point mirrors
-//! the first inner one. Centripetal spacing has no cusps and no loops within a span (Yuksel et al. 2011).
+//! In: an ordered list of points, mm. Out: [`Span`]s, one cubic between each two neighbours. It is
+//! the curve that three.js draws by default for a `CatmullRomCurve3` (alpha = 1/2), which the
+//! source paper's tubes follow; at both ends a phantom point mirrors the first inner one.
+//! Centripetal spacing has no cusps and no loops within a span (Yuksel et al. 2011).
 
 use glam::DVec3;
 
@@ -47,7 +48,8 @@ impl Span {
     /// Its length, by Simpson's rule: within a hundredth for the bends of yarns.
     #[must_use]
     pub fn length(&self) -> f64 {
-        (self.tangent(0.0).length() + 4.0 * self.tangent(0.5).length() + self.tangent(1.0).length()) / 6.0
+        (self.tangent(0.0).length() + 4.0 * self.tangent(0.5).length() + self.tangent(1.0).length())
+            / 6.0
     }
 }
 
@@ -85,7 +87,8 @@ fn intervals(p: &[DVec3; 4]) -> [f64; 3] {
     std::array::from_fn(|i| p[i].distance(p[i + 1]).max(f64::from(LEAST_CHORD)).sqrt())
 }
 
-/// The same span as shares of its four points, for whoever wants to move the points so that the path moves.
+/// The same span as shares of its four points, for whoever wants to move the points so that the
+/// path moves.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Weights {
     /// Shares of the points in the derivatives at both ends.
@@ -94,7 +97,8 @@ pub(crate) struct Weights {
 }
 
 impl Weights {
-    /// Shares of the four points in the position at `t`, with the knots as they were; they add up to 1.
+    /// Shares of the four points in the position at `t`, with the knots as they were; they add up
+    /// to 1.
     pub(crate) fn at(&self, t: f64) -> [f64; 4] {
         let (t2, t3) = (t * t, t * t * t);
         let (h1, h2) = (t3 - 2.0 * t2 + t, t3 - t2);
@@ -109,10 +113,14 @@ impl Weights {
 pub(crate) fn weights(points: &[DVec3; 4]) -> Weights {
     let [d0, d1, d2] = intervals(points);
     let (into, out) = (d1 / (d0 + d1), d1 / (d1 + d2));
-    Weights { m1: [into - d1 / d0, d1 / d0 - 1.0, 1.0 - into, 0.0], m2: [0.0, out - 1.0, 1.0 - d1 / d2, d1 / d2 - out] }
+    Weights {
+        m1: [into - d1 / d0, d1 / d0 - 1.0, 1.0 - into, 0.0],
+        m2: [0.0, out - 1.0, 1.0 - d1 / d2, d1 / d2 - out],
+    }
 }
 
-/// Where two segments come nearest: the share of the way along each (Ericson 2005, Real-Time Collision Detection, 5.1.9).
+/// Where two segments come nearest: the share of the way along each (Ericson 2005, Real-Time
+/// Collision Detection, 5.1.9).
 ///
 /// ```
 /// use glam::DVec3;
@@ -126,13 +134,21 @@ pub fn nearest_of_segments([p, q]: [DVec3; 2], [u, v]: [DVec3; 2]) -> (f64, f64)
     if a == 0.0 || e == 0.0 {
         // A segment without length: the other one's nearest point to it.
         let share = |from: DVec3, along: DVec3, point: DVec3| {
-            if along == DVec3::ZERO { 0.0 } else { ((point - from).dot(along) / along.length_squared()).clamp(0.0, 1.0) }
+            if along == DVec3::ZERO {
+                0.0
+            } else {
+                ((point - from).dot(along) / along.length_squared()).clamp(0.0, 1.0)
+            }
         };
         return if a == 0.0 { (0.0, share(u, d2, p)) } else { (share(p, d1, u), 0.0) };
     }
     let (b, c) = (d1.dot(d2), d1.dot(r));
     let denominator = a * e - b * b;
-    let s = if denominator > 1e-14 * a * e { ((b * f - c * e) / denominator).clamp(0.0, 1.0) } else { 0.0 };
+    let s = if denominator > 1e-14 * a * e {
+        ((b * f - c * e) / denominator).clamp(0.0, 1.0)
+    } else {
+        0.0
+    };
     let t = (b * s + f) / e;
     if t < 0.0 {
         ((-c / a).clamp(0.0, 1.0), 0.0)
@@ -149,19 +165,30 @@ mod tests {
 
     #[test]
     fn bezier_points_give_the_span() {
-        let points = [DVec3::ZERO, DVec3::new(1.0, 0.2, -0.1), DVec3::new(1.5, 1.3, 0.4), DVec3::new(0.2, 2.0, 0.0)];
+        let points = [
+            DVec3::ZERO,
+            DVec3::new(1.0, 0.2, -0.1),
+            DVec3::new(1.5, 1.3, 0.4),
+            DVec3::new(0.2, 2.0, 0.0),
+        ];
         let span = span(&points, 1);
         let [p, q, r, s] = span.bezier();
         for t in [0.0, 0.3, 0.8, 1.0] {
             let u = 1.0 - t;
-            let at = p * (u * u * u) + q * (3.0 * u * u * t) + r * (3.0 * u * t * t) + s * (t * t * t);
+            let at =
+                p * (u * u * u) + q * (3.0 * u * u * t) + r * (3.0 * u * t * t) + s * (t * t * t);
             assert!(at.distance(span.at(t)) < 1e-12);
         }
     }
 
     #[test]
     fn weights_give_the_span() {
-        let points = [DVec3::ZERO, DVec3::new(1.0, 0.2, -0.1), DVec3::new(1.5, 1.3, 0.4), DVec3::new(0.2, 2.0, 0.0)];
+        let points = [
+            DVec3::ZERO,
+            DVec3::new(1.0, 0.2, -0.1),
+            DVec3::new(1.5, 1.3, 0.4),
+            DVec3::new(0.2, 2.0, 0.0),
+        ];
         let (span, weights) = (span(&points, 1), weights(&points));
         for step in 0..=10 {
             let t = f64::from(step) / 10.0;

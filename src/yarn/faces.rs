@@ -1,8 +1,9 @@
-//! Which vertices of a tube its triangles join: known from its section and length alone, so that files that hold triangles behind all vertices
-//! need not keep them until then.
+//! Which vertices of a tube its triangles join: known from its section and length alone, so that
+//! files that hold triangles behind all vertices need not keep them until then.
 //!
-//! In: a [`Section`] and the vertices of a strand's tube. Out: its triangles, as [`Tubes::add`](super::tube::Tubes::add) sets them: those between rings from the
-//! first ring on, then those of the caps.
+//! In: a [`Section`] and the vertices of a strand's tube. Out: its triangles, as
+//! [`Tubes::add`](super::tube::Tubes::add) sets them: those between rings from the first ring on,
+//! then those of the caps.
 
 use std::ops::Range;
 
@@ -13,7 +14,11 @@ use super::tube::Section;
 pub fn count(section: &Section, vertices: &Range<u32>) -> usize {
     let (sr, rings) = (section.sr as usize, vertices.len() / (section.sr as usize + 1));
     // A cap has the vertices of a ring and half the triangles between two.
-    if section.caps { 2 * sr * rings.saturating_sub(3) + 2 * sr } else { 2 * sr * rings.saturating_sub(1) }
+    if section.caps {
+        2 * sr * rings.saturating_sub(3) + 2 * sr
+    } else {
+        2 * sr * rings.saturating_sub(1)
+    }
 }
 
 /// Hands over the triangles of a tube whose vertices are numbered `vertices`.
@@ -34,7 +39,8 @@ pub fn each(section: &Section, vertices: Range<u32>, mut take: impl FnMut([u32; 
     let Section { sr, caps, .. } = *section;
     let ring = sr + 1;
     // A cap has a middle and a rim of its own: one ring's worth of vertices.
-    let ends = if caps { [vertices.end - 2 * ring, vertices.end - ring] } else { [vertices.end; 2] };
+    let ends =
+        if caps { [vertices.end - 2 * ring, vertices.end - ring] } else { [vertices.end; 2] };
     for before in (vertices.start..ends[0].saturating_sub(ring)).step_by(ring as usize) {
         for a in before..before + sr {
             take([a, a + 1, a + ring]);

@@ -1,7 +1,10 @@
 //! A yarn as its fibres: helices around its axis.
 //!
-//! In: the control points of a yarn and a [`Bundle`]. Out: polylines, one a fibre. Source: the simplified model of Schröder, Zhao and Zinke 2012, whose fibres are spread evenly over the yarn's section, wind around
-//! its axis and wander in and out as they do, with all parameters but the twist fixed. Cost: a sine and a cosine a point. The same seed gives the same fibres, whatever of the yarn is asked for.
+//! In: the control points of a yarn and a [`Bundle`]. Out: polylines, one a fibre. Source: the
+//! simplified model of Schröder, Zhao and Zinke 2012, whose fibres are spread evenly over the
+//! yarn's section, wind around its axis and wander in and out as they do, with all parameters but
+//! the twist fixed. Cost: a sine and a cosine a point. The same seed gives the same fibres,
+//! whatever of the yarn is asked for.
 //!
 //! Not promised: fibres that never cut each other; hairs that stand off.
 
@@ -17,10 +20,12 @@ use crate::plane::double;
 pub const FIBRE_RADIUS: f64 = 0.0045;
 /// The most fibres of a yarn.
 pub const MOST_FIBRES: u32 = 4_000;
-/// Points of a fibre for each turn around the yarn, and how far apart they are at the most, radii of the yarn.
+/// Points of a fibre for each turn around the yarn, and how far apart they are at the most, radii
+/// of the yarn.
 const POINTS_A_TURN: f64 = 12.0;
 const FARTHEST: f64 = 1.0;
-/// How far in a fibre wanders, as a share of its distance from the axis, and after how many turns it is out again.
+/// How far in a fibre wanders, as a share of its distance from the axis, and after how many turns
+/// it is out again.
 const WANDERS: f64 = 0.3;
 const WANDERING_TURNS: f64 = 3.3;
 
@@ -40,7 +45,8 @@ pub struct Bundle {
 impl Bundle {
     /// The fibres that fill a share `packing` of a yarn's section.
     ///
-    /// For a section of half width w/2 and semi-axis a that is `.3 a w / r²` of them at the paper's packing of .6.
+    /// For a section of half width w/2 and semi-axis a that is `.3 a w / r²` of them at the paper's
+    /// packing of .6.
     ///
     /// ```
     /// use warpknit::yarn::fibres::Bundle;
@@ -48,7 +54,11 @@ impl Bundle {
     /// ```
     #[must_use]
     pub fn filling(radius: f64, packing: f64, fibre: f64, slope: f64) -> Self {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates, and the limit follows")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "`as` saturates, and the limit follows"
+        )]
         let count = (packing * (radius / fibre).powi(2)).round() as u32;
         let count = count.clamp(1, MOST_FIBRES);
         // Fewer than would fill it are as much thicker.
@@ -89,10 +99,15 @@ impl Axis {
             let is_last = index + 2 == controls.len();
             for sample in 0..samples + usize::from(is_last) {
                 let share = double(sample) / double(samples);
-                let (point, tangent) = (span.at(share), Vec3A::from(span.tangent(share).as_vec3()).normalize_or(Vec3A::X));
+                let (point, tangent) = (
+                    span.at(share),
+                    Vec3A::from(span.tangent(share).as_vec3()).normalize_or(Vec3A::X),
+                );
                 let normal = before.map_or_else(
                     || frame::across(Vec3A::Z, tangent),
-                    |(last, from, normal)| frame::carry(normal, Vec3A::from((point - last).as_vec3()), from, tangent),
+                    |(last, from, normal)| {
+                        frame::carry(normal, Vec3A::from((point - last).as_vec3()), from, tangent)
+                    },
                 );
                 length += before.map_or(0.0, |(last, ..)| point.distance(last));
                 before = Some((point, tangent, normal));
@@ -120,7 +135,9 @@ impl Axis {
     /// The span in which each of the samples over some spans begins.
     pub fn spans_of(&self, spans: Range<usize>) -> impl Iterator<Item = usize> {
         let last = spans.end - 1;
-        self.samples(spans).map(move |sample| self.spans.partition_point(|&first| first <= sample).saturating_sub(1).min(last))
+        self.samples(spans).map(move |sample| {
+            self.spans.partition_point(|&first| first <= sample).saturating_sub(1).min(last)
+        })
     }
 }
 
@@ -128,7 +145,13 @@ impl Axis {
 ///
 /// # Panics
 /// If the axis has no such spans.
-pub fn spin(bundle: &Bundle, axis: &Axis, spans: Range<usize>, seed: u64, take: &mut impl FnMut(&[Vec3])) {
+pub fn spin(
+    bundle: &Bundle,
+    axis: &Axis,
+    spans: Range<usize>,
+    seed: u64,
+    take: &mut impl FnMut(&[Vec3]),
+) {
     let samples = axis.samples(spans);
     let turning = bundle.slope / bundle.radius;
     let wandering = turning.abs().max(0.1 / bundle.radius) / WANDERING_TURNS;
@@ -136,14 +159,16 @@ pub fn spin(bundle: &Bundle, axis: &Axis, spans: Range<usize>, seed: u64, take: 
     for fibre in 0..bundle.count {
         let mut random = Random::of(seed, fibre);
         // Evenly over the section, and within the yarn.
-        let reach = (bundle.radius - bundle.fibre) * ((f64::from(fibre) + random.share()) / f64::from(bundle.count)).sqrt();
+        let reach = (bundle.radius - bundle.fibre)
+            * ((f64::from(fibre) + random.share()) / f64::from(bundle.count)).sqrt();
         let (start, phase) = (TAU * random.share(), TAU * random.share());
         points.clear();
         points.extend(samples.clone().map(|at| {
             let along = axis.lengths[at];
             let (sin, cos) = (start - turning * along).sin_cos();
             let out = reach * (1.0 - WANDERS * 0.5 * (1.0 - (wandering * along + phase).cos()));
-            let off = axis.normals[at] * super::narrow(out * cos) + axis.binormals[at] * super::narrow(out * sin);
+            let off = axis.normals[at] * super::narrow(out * cos)
+                + axis.binormals[at] * super::narrow(out * sin);
             (axis.points[at] + off.as_dvec3()).as_vec3()
         }));
         take(&points);
@@ -155,7 +180,10 @@ struct Random(u64);
 
 impl Random {
     fn of(seed: u64, fibre: u32) -> Self {
-        Self(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ u64::from(fibre).wrapping_mul(0xD1B5_4A32_D192_ED03))
+        Self(
+            seed.wrapping_mul(0x9E37_79B9_7F4A_7C15)
+                ^ u64::from(fibre).wrapping_mul(0xD1B5_4A32_D192_ED03),
+        )
     }
 
     /// Evenly in 0..1.
@@ -188,7 +216,8 @@ mod tests {
                 for (p, q) in points.iter().zip(&points[1..]) {
                     let reach = p.x.hypot(p.z);
                     assert!(reach <= 0.0951 && q.y > p.y, "{p}");
-                    // Seen from +z with the yarn upright, S runs from the upper left to the lower right: up and to the left.
+                    // Seen from +z with the yarn upright, S runs from the upper left to the lower
+                    // right: up and to the left.
                     if reach > 0.09 && p.z > 0.08 {
                         outer.push(f64::from(p.x - q.x) / f64::from(q.y - p.y));
                     }
@@ -220,7 +249,10 @@ mod tests {
         // The paper's number, for a round yarn whose semi-axis is half its width.
         assert_eq!(f64::from(bundle.count), (0.3 * 0.2 * 0.4 / 0.0045_f64.powi(2)).round());
         let few = Bundle::filling(2.0, 0.6, 0.0045, 0.2);
-        assert!(few.count == MOST_FIBRES && (f64::from(few.count) * (few.fibre / 2.0).powi(2) - 0.6).abs() < 1e-9);
+        assert!(
+            few.count == MOST_FIBRES
+                && (f64::from(few.count) * (few.fibre / 2.0).powi(2) - 0.6).abs() < 1e-9
+        );
         let axis = Axis::through(&straight(), 10.0);
         let (mut inner, mut all) = (0, 0);
         spin(&bundle, &axis, 0..1, 3, &mut |points| {

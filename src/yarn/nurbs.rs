@@ -1,8 +1,10 @@
 //! Cubic NURBS: the path of a weft-knit course.
 //!
-//! In: control points with weights, or points that the curve is to pass through. Out: [`Nurbs`], clamped at both ends, which interpolates its first
-//! and last control point. Source: the ribbon paper's loop model (`C(u) = Σ N w A / Σ N w`); basis functions after de Boor; Piegl and Tiller, The
-//! NURBS Book, chapter 9, for the interpolation. Solving takes about 50 ns a point and an evaluation about 20.
+//! In: control points with weights, or points that the curve is to pass through. Out: [`Nurbs`],
+//! clamped at both ends, which interpolates its first and last control point. Source: the ribbon
+//! paper's loop model (`C(u) = Σ N w A / Σ N w`); basis functions after de Boor; Piegl and Tiller,
+//! The NURBS Book, chapter 9, for the interpolation. Solving takes about 50 ns a point and an
+//! evaluation about 20.
 
 use glam::DVec3;
 
@@ -20,7 +22,8 @@ pub struct Nurbs {
 }
 
 impl Nurbs {
-    /// The curve with all weights 1 that passes through `points`, at the [`parameters`] given for them.
+    /// The curve with all weights 1 that passes through `points`, at the [`parameters`] given for
+    /// them.
     ///
     /// # Panics
     /// With fewer than four points, or another number of parameters.
@@ -36,8 +39,15 @@ impl Nurbs {
     /// ```
     #[must_use]
     pub fn through(points: &[DVec3], parameters: &[f64]) -> Self {
-        assert!(points.len() > DEGREE && points.len() == parameters.len(), "a cubic has four points, and each a parameter");
-        let mut curve = Self { control: points.to_vec(), weights: vec![1.0; points.len()], knots: knots(parameters) };
+        assert!(
+            points.len() > DEGREE && points.len() == parameters.len(),
+            "a cubic has four points, and each a parameter"
+        );
+        let mut curve = Self {
+            control: points.to_vec(),
+            weights: vec![1.0; points.len()],
+            knots: knots(parameters),
+        };
         curve.interpolate(parameters);
         curve
     }
@@ -55,7 +65,8 @@ impl Nurbs {
         sum / weight
     }
 
-    /// The four basis functions that are not 0 at `u`, and the knot span, whose number is that of the last of them.
+    /// The four basis functions that are not 0 at `u`, and the knot span, whose number is that of
+    /// the last of them.
     ///
     /// They are at least 0 and add up to 1.
     #[must_use]
@@ -77,9 +88,11 @@ impl Nurbs {
         (span, basis)
     }
 
-    /// Moves the control points, which are the points to be passed, to where they make the curve pass there.
+    /// Moves the control points, which are the points to be passed, to where they make the curve
+    /// pass there.
     ///
-    /// The matrix of basis functions is banded and totally positive, so elimination needs no pivots (de Boor 1978).
+    /// The matrix of basis functions is banded and totally positive, so elimination needs no pivots
+    /// (de Boor 1978).
     fn interpolate(&mut self, parameters: &[f64]) {
         let count = parameters.len();
         // Row by row, the diagonal in the middle.
@@ -88,7 +101,9 @@ impl Nurbs {
             let (span, basis) = self.basis(u);
             for (share, column) in basis.into_iter().zip(span - DEGREE..) {
                 // At the ends alone functions reach farther, where they are 0.
-                if let Some(entry) = (column + DEGREE).checked_sub(row).and_then(|at| band[row].get_mut(at)) {
+                if let Some(entry) =
+                    (column + DEGREE).checked_sub(row).and_then(|at| band[row].get_mut(at))
+                {
                     *entry = share;
                 }
             }
@@ -97,7 +112,8 @@ impl Nurbs {
             for row in pivot + 1..count.min(pivot + 1 + DEGREE) {
                 let factor = band[row][pivot + DEGREE - row] / band[pivot][DEGREE];
                 for column in pivot..count.min(pivot + 1 + DEGREE) {
-                    band[row][column + DEGREE - row] -= factor * band[pivot][column + DEGREE - pivot];
+                    band[row][column + DEGREE - row] -=
+                        factor * band[pivot][column + DEGREE - pivot];
                 }
                 let known = self.control[pivot];
                 self.control[row] -= known * factor;
@@ -113,10 +129,12 @@ impl Nurbs {
     }
 }
 
-/// Centripetal parameters for points to be passed: from 0, by the square root of each distance. Equal points lie a hair apart.
+/// Centripetal parameters for points to be passed: from 0, by the square root of each distance.
+/// Equal points lie a hair apart.
 #[must_use]
 pub fn parameters(points: &[DVec3]) -> Vec<f64> {
-    let steps = points.windows(2).map(|ends| ends[0].distance(ends[1]).sqrt().max(f64::EPSILON.sqrt()));
+    let steps =
+        points.windows(2).map(|ends| ends[0].distance(ends[1]).sqrt().max(f64::EPSILON.sqrt()));
     std::iter::once(0.0)
         .chain(steps.scan(0.0, |sum, step| {
             *sum += step;
@@ -125,12 +143,18 @@ pub fn parameters(points: &[DVec3]) -> Vec<f64> {
         .collect()
 }
 
-/// Knots for an interpolation: inner ones are means of three parameters, so that each span has a point.
+/// Knots for an interpolation: inner ones are means of three parameters, so that each span has a
+/// point.
 fn knots(parameters: &[f64]) -> Vec<f64> {
     let count = parameters.len();
     let (first, last) = (parameters[0], parameters[count - 1]);
-    let inner = parameters[1..count - 1].windows(DEGREE).map(|three| three.iter().sum::<f64>() / 3.0);
-    [first; DEGREE + 1].into_iter().chain(inner.take(count - DEGREE - 1)).chain([last; DEGREE + 1]).collect()
+    let inner =
+        parameters[1..count - 1].windows(DEGREE).map(|three| three.iter().sum::<f64>() / 3.0);
+    [first; DEGREE + 1]
+        .into_iter()
+        .chain(inner.take(count - DEGREE - 1))
+        .chain([last; DEGREE + 1])
+        .collect()
 }
 
 #[cfg(test)]
@@ -142,8 +166,12 @@ mod tests {
     fn de_boor(curve: &Nurbs, u: f64) -> DVec3 {
         let t = &curve.knots;
         let k = (3..curve.control.len()).rfind(|&k| t[k] <= u && t[k] < t[k + 1]).unwrap_or(3);
-        let mut d: Vec<glam::DVec4> =
-            (0..4).map(|j| (curve.control[j + k - 3] * curve.weights[j + k - 3]).extend(curve.weights[j + k - 3])).collect();
+        let mut d: Vec<glam::DVec4> = (0..4)
+            .map(|j| {
+                (curve.control[j + k - 3] * curve.weights[j + k - 3])
+                    .extend(curve.weights[j + k - 3])
+            })
+            .collect();
         for r in 1..4 {
             for j in (r..4).rev() {
                 let a = (u - t[j + k - 3]) / (t[j + 1 + k - r] - t[j + k - 3]);
@@ -154,7 +182,10 @@ mod tests {
     }
 
     fn wavy(count: u32) -> Vec<DVec3> {
-        (0..count).map(f64::from).map(|i| DVec3::new(i + (i * 1.7).sin(), (i * 0.9).cos() * 2.0, (i * 2.3).sin())).collect()
+        (0..count)
+            .map(f64::from)
+            .map(|i| DVec3::new(i + (i * 1.7).sin(), (i * 0.9).cos() * 2.0, (i * 2.3).sin()))
+            .collect()
     }
 
     #[test]

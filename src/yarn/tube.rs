@@ -1,9 +1,11 @@
 //! Tubes around yarns: St segments a stitch, Sr edges round, 2 · St · Sr triangles a stitch.
 //!
-//! In: strands of draped points ([`crate::drape`]). Out: vertices and triangles, in `f32` as every file format takes them. Source: Liu,
-//! Kyosev, Jiang 2022, sections 4.1 and 4.2, equation 6 and Table 1; curve and frames as [`super::curve`] and [`super::frame`] say.
-//! A stitch's own parameter range is sampled evenly, both ends on data points, so neighbouring stitches share a ring. What the panel's edge
-//! left of a stitch gets St segments too. Open at both ends unless asked otherwise.
+//! In: strands of draped points ([`crate::drape`]). Out: vertices and triangles, in `f32` as every
+//! file format takes them. Source: Liu, Kyosev, Jiang 2022, sections 4.1 and 4.2, equation 6 and
+//! Table 1; curve and frames as [`super::curve`] and [`super::frame`] say. A stitch's own parameter
+//! range is sampled evenly, both ends on data points, so neighbouring stitches share a ring. What
+//! the panel's edge left of a stitch gets St segments too. Open at both ends unless asked
+//! otherwise.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -30,7 +32,8 @@ pub struct Section {
     pub sr: u32,
     /// Radius, mm; of a flattened yarn that of the circle of the same area.
     pub radius: f64,
-    /// Width over height of the section: 1 is round, real warp-knit yarns lie flattened in the fabric's plane.
+    /// Width over height of the section: 1 is round, real warp-knit yarns lie flattened in the
+    /// fabric's plane.
     pub flatten: f64,
     /// Whether the ends are closed by flat discs.
     pub caps: bool,
@@ -80,7 +83,8 @@ impl Tubes {
         self.strands.clear();
     }
 
-    /// Makes room for the tubes of so many more strands with so many stitches in all, so that none of them moves while they grow.
+    /// Makes room for the tubes of so many more strands with so many stitches in all, so that none
+    /// of them moves while they grow.
     pub fn reserve(&mut self, stitches: usize, strands: usize, section: &Section) {
         let (vertices, triangles) = section.size_of(stitches, strands);
         self.positions.reserve(vertices);
@@ -89,8 +93,8 @@ impl Tubes {
         self.triangles.reserve(triangles);
     }
 
-    /// Adds the tube of one strand: two points or more in mm, the fabric's unit normal at each, and its stitches as ranges of points that share
-    /// their ends, from the first point on.
+    /// Adds the tube of one strand: two points or more in mm, the fabric's unit normal at each, and
+    /// its stitches as ranges of points that share their ends, from the first point on.
     ///
     /// Cost: about 100 ns a ring and 3 ns a vertex more.
     ///
@@ -109,13 +113,17 @@ impl Tubes {
         stitches: impl IntoIterator<Item = Range<usize>>,
         section: &Section,
     ) {
-        let (first_vertex, first_triangle) = (index32(self.positions.len()), index32(self.triangles.len()));
+        let (first_vertex, first_triangle) =
+            (index32(self.positions.len()), index32(self.triangles.len()));
         let mut rings = Rings::new(self, points, section);
         for stitch in stitches {
             rings.add_stitch(points, normals, stitch);
         }
         rings.finish();
-        self.strands.push((first_vertex..index32(self.positions.len()), first_triangle..index32(self.triangles.len())));
+        self.strands.push((
+            first_vertex..index32(self.positions.len()),
+            first_triangle..index32(self.triangles.len()),
+        ));
     }
 }
 
@@ -143,9 +151,11 @@ struct Rings<'a> {
     last: Option<Ring>,
 }
 
-/// What all rings of a strand share, so that a ring is a few copies with multiplications and nothing is pushed vertex by vertex.
+/// What all rings of a strand share, so that a ring is a few copies with multiplications and
+/// nothing is pushed vertex by vertex.
 struct Outline {
-    /// Vertices of the section, mm along the ring's normal and to its side, the first repeated at the seam.
+    /// Vertices of the section, mm along the ring's normal and to its side, the first repeated at
+    /// the seam.
     vertices: Vec<Vec2>,
     /// Their unit normals: gradients of the ellipse; on a circle the directions outward.
     normals: Vec<Vec2>,
@@ -167,7 +177,9 @@ impl Outline {
             [[a, b, c], [b, d, c]]
         };
         Self {
-            vertices: (0..=section.sr).map(|s| (direction(s) * DVec2::new(half_height, half_width)).as_vec2()).collect(),
+            vertices: (0..=section.sr)
+                .map(|s| (direction(s) * DVec2::new(half_height, half_width)).as_vec2())
+                .collect(),
             normals: (0..=section.sr)
                 .map(|s| (direction(s) * DVec2::new(half_width, half_height)).normalize().as_vec2())
                 .collect(),
@@ -222,21 +234,30 @@ impl<'a> Rings<'a> {
         // Four lanes at a time; f32 loses nothing that a file would hold.
         let (center, up, sideways) = (ring.center, ring.normal, ring.tangent.cross(ring.normal));
         let Outline { vertices, normals, u, triangles } = &self.outline;
-        self.tubes.positions.extend(vertices.iter().map(|vertex| Vec3::from(center + (up * vertex.x + sideways * vertex.y))));
-        self.tubes.normals.extend(normals.iter().map(|normal| Vec3::from(up * normal.x + sideways * normal.y)));
+        self.tubes.positions.extend(
+            vertices
+                .iter()
+                .map(|vertex| Vec3::from(center + (up * vertex.x + sideways * vertex.y))),
+        );
+        self.tubes
+            .normals
+            .extend(normals.iter().map(|normal| Vec3::from(up * normal.x + sideways * normal.y)));
         self.tubes.uvs.extend(u.iter().map(|&u| Vec2::new(u, v)));
         match self.last {
             Some(_) => {
                 let before = base - (self.section.sr + 1);
-                self.tubes.triangles.extend(triangles.iter().map(|[a, b, c]| [before + a, before + b, before + c]));
+                self.tubes
+                    .triangles
+                    .extend(triangles.iter().map(|[a, b, c]| [before + a, before + b, before + c]));
             }
             None => self.first = Some(ring),
         }
         self.last = Some(ring);
     }
 
-    /// Where and how the next ring stands; `chord` comes from the last one, `up` is the fabric's normal. A round section turns as little as it can; a flattened one lies in the fabric's plane,
-    /// or keeps its last direction where the yarn runs along the normal.
+    /// Where and how the next ring stands; `chord` comes from the last one, `up` is the fabric's
+    /// normal. A round section turns as little as it can; a flattened one lies in the fabric's
+    /// plane, or keeps its last direction where the yarn runs along the normal.
     fn ring(&self, center: Vec3A, chord: Vec3A, along: Vec3A, up: impl Fn() -> Vec3A) -> Ring {
         let Some(last) = self.last else {
             let tangent = along.normalize_or(Vec3A::X);
@@ -244,8 +265,11 @@ impl<'a> Rings<'a> {
         };
         let tangent = along.normalize_or(last.tangent);
         let lies_flat = self.section.flatten != 1.0 && tangent.cross(up()).length() >= 1e-3;
-        let normal =
-            if lies_flat { frame::across(up(), tangent) } else { frame::carry(last.normal, chord, last.tangent, tangent) };
+        let normal = if lies_flat {
+            frame::across(up(), tangent)
+        } else {
+            frame::carry(last.normal, chord, last.tangent, tangent)
+        };
         Ring { center, tangent, normal, length: last.length + f64::from(chord.length()) }
     }
 
@@ -260,7 +284,9 @@ impl<'a> Rings<'a> {
             self.tubes.positions.push(position);
             self.tubes.uvs.push(Vec2::new(0.5, v));
         }
-        self.tubes.normals.extend(std::iter::repeat_n(Vec3::from(outward), self.section.sr as usize + 1));
+        self.tubes
+            .normals
+            .extend(std::iter::repeat_n(Vec3::from(outward), self.section.sr as usize + 1));
         let ahead = outward.dot(ring.tangent) > 0.0;
         for s in 0..self.section.sr {
             let (p, q) = (base + 1 + s, base + 1 + (s + 1) % self.section.sr);
@@ -269,7 +295,9 @@ impl<'a> Rings<'a> {
     }
 
     fn finish(&mut self) {
-        let (Some(first), Some(last), true) = (self.first, self.last, self.section.caps) else { return };
+        let (Some(first), Some(last), true) = (self.first, self.last, self.section.caps) else {
+            return;
+        };
         let last_rim = index32(self.tubes.positions.len()) - (self.section.sr + 1);
         self.cap(first, -first.tangent, self.first_vertex);
         self.cap(last, last.tangent, last_rim);
@@ -295,7 +323,9 @@ mod tests {
 
     #[test]
     fn triangle_counts_of_the_table() {
-        for (st, sr, triangles) in [(10, 5, 100), (25, 5, 250), (40, 5, 400), (10, 13, 260), (25, 13, 650), (40, 13, 1040)] {
+        for (st, sr, triangles) in
+            [(10, 5, 100), (25, 5, 250), (40, 5, 400), (10, 13, 260), (25, 13, 650), (40, 13, 1040)]
+        {
             assert_eq!(section(st, sr, false).triangles_per_stitch(), triangles);
             let tubes = straight(st, sr, false);
             assert_eq!(tubes.triangles.len(), 4 * triangles as usize);
@@ -319,8 +349,12 @@ mod tests {
         let mut tubes = Tubes::default();
         let flat = Section { flatten: 4.0, ..section(4, 64, false) };
         tubes.add(&points, &[DVec3::Z; 9], std::iter::once(0..9), &flat);
-        let widest = |axis: usize| tubes.positions.iter().map(|p| p[axis].abs()).fold(0.0, f32::max);
-        assert!((widest(1) - 0.5).abs() < 1e-3 && (widest(2) - 0.125).abs() < 1e-3, "half-width 2r, half-height r/2");
+        let widest =
+            |axis: usize| tubes.positions.iter().map(|p| p[axis].abs()).fold(0.0, f32::max);
+        assert!(
+            (widest(1) - 0.5).abs() < 1e-3 && (widest(2) - 0.125).abs() < 1e-3,
+            "half-width 2r, half-height r/2"
+        );
         for (position, normal) in tubes.positions.iter().zip(&tubes.normals) {
             let gradient = Vec3::new(0.0, position.y / 0.25, position.z / 0.015_625).normalize();
             assert!((gradient - *normal).length() < 1e-4);
@@ -333,16 +367,32 @@ mod tests {
         assert_eq!(tubes.triangles.len(), section(7, 64, true).size_of(4, 2).1);
         assert_eq!(tubes.positions.len(), section(7, 64, true).size_of(4, 2).0);
         let corner = |v: u32| tubes.positions[v as usize].as_dvec3();
-        let six_volumes = tubes.triangles.iter().map(|t| t.map(corner)).map(|[a, b, c]| a.dot(b.cross(c))).sum::<f64>();
+        let six_volumes = tubes
+            .triangles
+            .iter()
+            .map(|t| t.map(corner))
+            .map(|[a, b, c]| a.dot(b.cross(c)))
+            .sum::<f64>();
         let cylinder = std::f64::consts::PI * 0.25 * 0.25 * 8.0;
-        assert!((six_volumes / 6.0 / 2.0 - cylinder).abs() < 0.01 * cylinder, "outward windings add up to the volume");
+        assert!(
+            (six_volumes / 6.0 / 2.0 - cylinder).abs() < 0.01 * cylinder,
+            "outward windings add up to the volume"
+        );
     }
 
     #[test]
     fn a_bent_yarn_keeps_its_radius_and_its_frames_never_flip() {
-        let points: Vec<_> = (0..60).map(|i| f64::from(i) * 0.3).map(|a| DVec3::new(a.cos(), a.sin() * 2.0, a * 0.1)).collect();
+        let points: Vec<_> = (0..60)
+            .map(|i| f64::from(i) * 0.3)
+            .map(|a| DVec3::new(a.cos(), a.sin() * 2.0, a * 0.1))
+            .collect();
         let mut tubes = Tubes::default();
-        tubes.add(&points, &[DVec3::Z; 60], std::iter::once(0..points.len()), &section(256, 6, false));
+        tubes.add(
+            &points,
+            &[DVec3::Z; 60],
+            std::iter::once(0..points.len()),
+            &section(256, 6, false),
+        );
         for ring in tubes.normals.windows(8) {
             assert!(ring[0].dot(ring[7]) > 0.9, "neighbouring rings turn little");
         }

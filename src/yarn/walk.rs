@@ -1,7 +1,9 @@
-//! The path of a yarn, walked from end to end: [`super::curve`]'s Catmull-Rom curve for whoever takes all of its spans in a row, as tubes do.
+//! The path of a yarn, walked from end to end: [`super::curve`]'s Catmull-Rom curve for whoever
+//! takes all of its spans in a row, as tubes do.
 //!
-//! A span shares its chord, its knots and the direction at its start with the one before it, and within a span everything is small, so `f32`
-//! in four lanes loses nothing: places are offsets from the span's first point. Tubes of five edges take 18 ns a vertex so, 21 with
+//! A span shares its chord, its knots and the direction at its start with the one before it, and
+//! within a span everything is small, so `f32` in four lanes loses nothing: places are offsets from
+//! the span's first point. Tubes of five edges take 18 ns a vertex so, 21 with
 //! [`super::curve::span`].
 
 use glam::{DVec3, Vec3A};
@@ -48,7 +50,8 @@ impl Chord {
     #[inline]
     fn slope(&self, next: &Self) -> Vec3A {
         let (own, other) = (1.0 / self.interval, 1.0 / next.interval);
-        self.way * own + next.way * other - (self.way + next.way) * (1.0 / (self.interval + next.interval))
+        self.way * own + next.way * other
+            - (self.way + next.way) * (1.0 / (self.interval + next.interval))
     }
 }
 
@@ -93,7 +96,10 @@ mod tests {
 
     #[test]
     fn a_walk_goes_along_the_curve() {
-        let points: Vec<_> = (0..12).map(f64::from).map(|i| DVec3::new(800.0 + i.sin(), 0.3 * i * i, (1.7 * i).cos())).collect();
+        let points: Vec<_> = (0..12)
+            .map(f64::from)
+            .map(|i| DVec3::new(800.0 + i.sin(), 0.3 * i * i, (1.7 * i).cos()))
+            .collect();
         let mut walk = Walk::new(&points);
         for index in 0..points.len() - 1 {
             let ((own, way), span) = (walk.next(), curve::span(&points, index));
@@ -101,7 +107,10 @@ mod tests {
             for t in [0.0, 0.25, 0.6, 1.0_f32] {
                 let expected = span.at(f64::from(t)) - points[index];
                 assert!(own.at(t).as_dvec3().distance(expected) < 1e-5 * f64::from(way.length()));
-                assert!(own.tangent(t).as_dvec3().distance(span.tangent(f64::from(t))) < 1e-5 * f64::from(way.length()));
+                assert!(
+                    own.tangent(t).as_dvec3().distance(span.tangent(f64::from(t)))
+                        < 1e-5 * f64::from(way.length())
+                );
             }
         }
     }

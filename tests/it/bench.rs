@@ -30,21 +30,43 @@ fn garment(folder: &Path) {
 #[test]
 fn table_2_stands_beside_what_was_published_wherever_the_program_runs() {
     let folder = tempfile::tempdir().unwrap();
-    let text = table(folder.path(), &["--only", "plane-curved", "-o", "b.json", "-o", "b.svg", "-o", "b.png"]);
-    assert!(text.starts_with("Table 2") && text.contains("published,\n") && text.contains("other machine"), "{text}");
+    let text = table(
+        folder.path(),
+        &["--only", "plane-curved", "-o", "b.json", "-o", "b.svg", "-o", "b.png"],
+    );
+    assert!(
+        text.starts_with("Table 2")
+            && text.contains("published,\n")
+            && text.contains("other machine"),
+        "{text}"
+    );
 
     let record = json(&folder.path().join("b.json"));
-    assert!(record["machine"]["cores"].as_u64().unwrap() > 0 && record["machine"]["threads"].as_u64().unwrap() > 0);
-    assert_eq!((&record["runs"], &record["warpknit"]), (&1.into(), &env!("CARGO_PKG_VERSION").into()));
+    assert!(
+        record["machine"]["cores"].as_u64().unwrap() > 0
+            && record["machine"]["threads"].as_u64().unwrap() > 0
+    );
+    assert_eq!(
+        (&record["runs"], &record["warpknit"]),
+        (&1.into(), &env!("CARGO_PKG_VERSION").into())
+    );
     let rows = record["tables"]["plane-curved"]["rows"].as_array().unwrap();
     assert_eq!(rows.len(), 4 * 4);
-    let paper = [(576.0, 41.46, 58.35), (3500.0, 201.45, 209.46), (8480.0, 496.52, 521.08), (26_180.0, 1208.39, 1375.15)];
+    let paper = [
+        (576.0, 41.46, 58.35),
+        (3500.0, 201.45, 209.46),
+        (8480.0, 496.52, 521.08),
+        (26_180.0, 1208.39, 1375.15),
+    ];
     for (rows, (stitches, plane, curved)) in rows.chunks(4).zip(paper) {
         let ms = |row: usize| rows[row]["ms"].as_f64().unwrap();
         let there = rows[0]["stitches"].as_f64().unwrap();
         assert!((there / stitches - 1.0).abs() < 0.01, "{there} stitches for {stitches}");
         assert_eq!([1, 3].map(|row| rows[row]["published"].as_f64().unwrap()), [plane, curved]);
-        assert_eq!(rows.iter().map(|row| row["part"].as_str().unwrap().len()).collect::<Vec<_>>(), [5, 5, 20, 6]);
+        assert_eq!(
+            rows.iter().map(|row| row["part"].as_str().unwrap().len()).collect::<Vec<_>>(),
+            [5, 5, 20, 6]
+        );
         // With one run the parts add up.
         assert!((ms(1) + ms(2) - ms(3)).abs() < 1e-6 && ms(0) > 0.0, "{rows:?}");
         let times = rows[3]["times"].as_f64().unwrap();
@@ -53,7 +75,11 @@ fn table_2_stands_beside_what_was_published_wherever_the_program_runs() {
 
     let svg = std::fs::read_to_string(folder.path().join("b.svg")).unwrap();
     let document = roxmltree::Document::parse(&svg).unwrap();
-    let texts: Vec<_> = document.descendants().filter(|node| node.has_tag_name("text")).filter_map(|node| node.text()).collect();
+    let texts: Vec<_> = document
+        .descendants()
+        .filter(|node| node.has_tag_name("text"))
+        .filter_map(|node| node.text())
+        .collect();
     for wanted in ["stitches", "time, ms", "plane, here", "curved, published", "10k"] {
         assert!(texts.contains(&wanted), "{wanted}: {texts:?}");
     }
@@ -65,39 +91,80 @@ fn table_2_stands_beside_what_was_published_wherever_the_program_runs() {
 fn a_garment_of_ones_own_is_measured_alone() {
     let folder = tempfile::tempdir().unwrap();
     garment(folder.path());
-    let arguments = ["own.obj", "--unit", "mm", "--only", "plane-curved", "--brute", "--threads", "1", "-o", "b.json"];
+    let arguments = [
+        "own.obj",
+        "--unit",
+        "mm",
+        "--only",
+        "plane-curved",
+        "--brute",
+        "--threads",
+        "1",
+        "-o",
+        "b.json",
+    ];
     let text = table(folder.path(), &arguments);
-    assert!(text.contains("all triangles") && text.contains("own") && !text.contains("hex-net-3"), "{text}");
+    assert!(
+        text.contains("all triangles") && text.contains("own") && !text.contains("hex-net-3"),
+        "{text}"
+    );
     let record = json(&folder.path().join("b.json"));
     assert_eq!(record["machine"]["threads"], 1);
     for row in record["tables"]["plane-curved"]["rows"].as_array().unwrap() {
-        assert!(row["cloth"] == "own" && row["fabric"] == "tricot" && row["published"].is_null(), "{row}");
-        assert_eq!(row["brute_ms"].is_number(), ["curved", "location and mapping"].contains(&row["part"].as_str().unwrap()));
+        assert!(
+            row["cloth"] == "own" && row["fabric"] == "tricot" && row["published"].is_null(),
+            "{row}"
+        );
+        assert_eq!(
+            row["brute_ms"].is_number(),
+            ["curved", "location and mapping"].contains(&row["part"].as_str().unwrap())
+        );
     }
 }
 
 #[test]
 fn pictures_are_timed_over_stitches_tubes_and_textures() {
     let folder = tempfile::tempdir().unwrap();
-    table(folder.path(), &["--only", "total", "--only", "st-sr", "--only", "textures", "-o", "b.json"]);
+    table(
+        folder.path(),
+        &["--only", "total", "--only", "st-sr", "--only", "textures", "-o", "b.json"],
+    );
     let tables = &json(&folder.path().join("b.json"))["tables"];
     let of = |table: &str, key: &str| -> Vec<f64> {
-        tables[table]["rows"].as_array().unwrap().iter().map(|row| row[key].as_f64().unwrap()).collect()
+        tables[table]["rows"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|row| row[key].as_f64().unwrap())
+            .collect()
     };
     let stitches = of("total", "stitches");
     assert!(
-        stitches.iter().zip([5400.0, 9996.0, 10_400.0, 21_600.0]).all(|(there, asked)| (there / asked - 1.0_f64).abs() < 0.01)
+        stitches.iter().zip([5400.0, 9996.0, 10_400.0, 21_600.0]).all(|(there, asked)| (there
+            / asked
+            - 1.0_f64)
+            .abs()
+            < 0.01)
     );
     assert_eq!(of("total", "published"), [4420.0, 7430.0, 7800.0, 15_560.0]);
-    for ((cloth, picture), all) in of("total", "cloth_ms").into_iter().zip(of("total", "picture_ms")).zip(of("total", "ms")) {
+    for ((cloth, picture), all) in
+        of("total", "cloth_ms").into_iter().zip(of("total", "picture_ms")).zip(of("total", "ms"))
+    {
         assert!(cloth > 0.0 && picture > 0.0 && (cloth + picture - all).abs() < 1e-6);
     }
     // Six sections on each of three sizes; a stitch has two triangles for each of its St times Sr.
     let (st, sr, triangles) = (of("st-sr", "st"), of("st-sr", "sr"), of("st-sr", "triangles"));
     assert!(st.len() == 18 && (0..18).all(|row| triangles[row] == 2.0 * st[row] * sr[row]));
-    assert!(of("st-sr", "tubes_ms").iter().zip(of("st-sr", "ms")).all(|(tubes, all)| *tubes > 0.0 && *tubes < all));
+    assert!(
+        of("st-sr", "tubes_ms")
+            .iter()
+            .zip(of("st-sr", "ms"))
+            .all(|(tubes, all)| *tubes > 0.0 && *tubes < all)
+    );
     let over_none = of("textures", "over_none");
-    assert!(over_none.len() == 6 && over_none[0] == 1.0 && over_none.iter().all(|times| *times > 0.0));
+    assert!(
+        over_none.len() == 6 && over_none[0] == 1.0 && over_none.iter().all(|times| *times > 0.0)
+    );
 }
 
 #[test]
@@ -108,7 +175,11 @@ fn what_the_ribbon_paper_published_is_printed_bare_alone_and_titled_among_others
     for flags in [&["--weft"][..], &["--only", "weft"]] {
         let text = table(folder.path(), flags);
         let lines: Vec<_> = text.lines().collect();
-        assert_eq!((lines.len(), words(lines[0]).as_str(), words(lines[1]).as_str()), (11, "published,", headings), "{text}");
+        assert_eq!(
+            (lines.len(), words(lines[0]).as_str(), words(lines[1]).as_str()),
+            (11, "published,", headings),
+            "{text}"
+        );
         // Where the scripts look: loops, segments, CPU time.
         let cells: Vec<_> = lines[2].split_whitespace().collect();
         assert_eq!((cells[0], cells[3]), ("20", "15"));
@@ -116,7 +187,10 @@ fn what_the_ribbon_paper_published_is_printed_bare_alone_and_titled_among_others
     }
     garment(folder.path());
     let both = table(folder.path(), &["own.obj", "--weft", "--only", "plane-curved"]);
-    assert!(both.contains("Plain weft knits from motif to tubes") && both.contains("Table 2"), "{both}");
+    assert!(
+        both.contains("Plain weft knits from motif to tubes") && both.contains("Table 2"),
+        "{both}"
+    );
 }
 
 #[test]
@@ -126,7 +200,8 @@ fn wrong_files_are_told_of_before_anything_is_measured() {
     // Growth would take minutes.
     let fails = |code: i32, arguments: &[&str], why: &str| {
         let arguments = [&["--only", "growth"], arguments].concat();
-        let output = bench(folder.path(), &arguments).assert().code(code).stdout("").get_output().clone();
+        let output =
+            bench(folder.path(), &arguments).assert().code(code).stdout("").get_output().clone();
         let message = String::from_utf8(output.stderr).unwrap();
         assert!(message.contains(why), "{arguments:?}: {message}");
     };
@@ -138,7 +213,12 @@ fn wrong_files_are_told_of_before_anything_is_measured() {
     fails(1, &["-o", "b.json", "-o", "./b.json"], "another output");
     fails(1, &["absent.obj"], "absent.obj");
     fails(1, &["--brute"], "--only plane-curved");
-    let pictures = bench(folder.path(), &["own.obj", "--only", "st-sr"]).assert().code(1).stdout("").get_output().clone();
+    let pictures = bench(folder.path(), &["own.obj", "--only", "st-sr"])
+        .assert()
+        .code(1)
+        .stdout("")
+        .get_output()
+        .clone();
     assert!(String::from_utf8(pictures.stderr).unwrap().contains("plane-curved, total and growth"));
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
 }

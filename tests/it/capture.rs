@@ -1,4 +1,5 @@
-//! A photo of a cloth to its yarns: known cloth found again, what is no cloth refused, and a person's layout taken.
+//! A photo of a cloth to its yarns: known cloth found again, what is no cloth refused, and a
+//! person's layout taken.
 
 use std::path::Path;
 use std::process::Output;
@@ -19,20 +20,36 @@ fn found(image: &RgbImage) -> Captured {
 fn same_lattice(found: &Captured, truth: [DVec2; 2], share: f64) -> bool {
     let matrix = found.unit.lattice.matrix();
     let counts = truth.map(|vector| matrix.inverse() * vector);
-    let near = |(count, vector): (&DVec2, &DVec2)| (matrix * count.round()).distance(*vector) < share * vector.length();
-    DMat2::from_cols(counts[0].round(), counts[1].round()).determinant().abs() == 1.0 && counts.iter().zip(&truth).all(near)
+    let near = |(count, vector): (&DVec2, &DVec2)| {
+        (matrix * count.round()).distance(*vector) < share * vector.length()
+    };
+    DMat2::from_cols(counts[0].round(), counts[1].round()).determinant().abs() == 1.0
+        && counts.iter().zip(&truth).all(near)
 }
 
-/// How far each stretch of yarn is from the segment nearest to it: widths off across it, radians, and the share by which it is too wide.
+/// How far each stretch of yarn is from the segment nearest to it: widths off across it, radians,
+/// and the share by which it is too wide.
 fn errors(found: &Captured, truth: &Sample) -> Vec<[f64; 3]> {
     let error = |stretch: &Stretch| {
         let of = |segment: &Segment| {
             let off = found.unit.lattice.nearest(segment.centre - stretch.centre);
             let across = DVec2::from_angle(stretch.angle).perp_dot(off).abs() / stretch.width;
             let along = off.length() / stretch.length;
-            (along, [across, between(segment.angle, stretch.angle), (segment.width / stretch.width - 1.0).abs()])
+            (
+                along,
+                [
+                    across,
+                    between(segment.angle, stretch.angle),
+                    (segment.width / stretch.width - 1.0).abs(),
+                ],
+            )
         };
-        let nearest = found.layout.seen.iter().map(of).min_by(|p, q| (p.0 + p.1[1]).total_cmp(&(q.0 + q.1[1])));
+        let nearest = found
+            .layout
+            .seen
+            .iter()
+            .map(of)
+            .min_by(|p, q| (p.0 + p.1[1]).total_cmp(&(q.0 + q.1[1])));
         nearest.unwrap().1
     };
     truth.in_cell(found).iter().filter(|stretch| stretch.is_long()).map(error).collect()
@@ -49,9 +66,18 @@ fn weaves_are_found_again() {
     ] {
         let truth = sample(kind, seed, 320, disturbance);
         let found = found(&truth.image);
-        assert!(same_lattice(&found, truth.lattice, 0.025), "{kind:?} {seed}: {:?} is not {:?}", found.unit, truth.lattice);
+        assert!(
+            same_lattice(&found, truth.lattice, 0.025),
+            "{kind:?} {seed}: {:?} is not {:?}",
+            found.unit,
+            truth.lattice
+        );
         let errors = errors(&found, &truth);
-        assert!(errors.len() >= 2 && found.layout.seen.len() >= 2, "{kind:?} {seed}: {:?}", truth.stretches);
+        assert!(
+            errors.len() >= 2 && found.layout.seen.len() >= 2,
+            "{kind:?} {seed}: {:?}",
+            truth.stretches
+        );
         for [off, turn, wider] in errors {
             assert!(
                 off < 0.1 && turn < 0.06 && wider < 0.1,
@@ -66,12 +92,22 @@ fn weaves_are_found_again() {
 fn a_plain_weave_of_two_colours_is_believed() {
     let truth = sample(Kind::Colored, 1008, 480, Disturbance::default());
     let found = found(&truth.image);
-    assert!(same_lattice(&found, truth.lattice, 0.025), "{:?} is not {:?}", found.unit, truth.lattice);
+    assert!(
+        same_lattice(&found, truth.lattice, 0.025),
+        "{:?} is not {:?}",
+        found.unit,
+        truth.lattice
+    );
 }
 
 #[test]
 fn yarns_of_a_loose_twill_are_its_floats_and_what_gaps_show_of_them() {
-    let truth = sample(Kind::Twill(2, 2), 5001, 480, Disturbance { distortion: 1.3, noise: 0.01, light: 0.1 });
+    let truth = sample(
+        Kind::Twill(2, 2),
+        5001,
+        480,
+        Disturbance { distortion: 1.3, noise: 0.01, light: 0.1 },
+    );
     let found = found(&truth.image);
     let stretches = truth.in_cell(&found);
     let is_float = |segment: &&Segment| segment.length > segment.width;
@@ -80,7 +116,9 @@ fn yarns_of_a_loose_twill_are_its_floats_and_what_gaps_show_of_them() {
         let lies_on = |stretch: &Stretch| {
             let off = found.unit.lattice.nearest(segment.centre - stretch.centre);
             let off = DVec2::from_angle(-stretch.angle).rotate(off).abs();
-            off.x < 0.5 * stretch.length && off.y < 0.1 * stretch.width && between(segment.angle, stretch.angle) < 0.15
+            off.x < 0.5 * stretch.length
+                && off.y < 0.1 * stretch.width
+                && between(segment.angle, stretch.angle) < 0.15
         };
         assert!(stretches.iter().any(lies_on), "{segment:?} lies on none of {stretches:?}");
     }
@@ -88,29 +126,56 @@ fn yarns_of_a_loose_twill_are_its_floats_and_what_gaps_show_of_them() {
 
 #[test]
 fn a_jersey_has_its_cell_and_a_leg_on_either_side() {
-    let truth = sample(Kind::Jersey, 133, 320, Disturbance { distortion: 2.0, noise: 0.02, light: 0.1 });
+    let truth =
+        sample(Kind::Jersey, 133, 320, Disturbance { distortion: 2.0, noise: 0.02, light: 0.1 });
     let found = found(&truth.image);
-    assert!(same_lattice(&found, truth.lattice, 0.025), "{:?} is not {:?}", found.unit, truth.lattice);
+    assert!(
+        same_lattice(&found, truth.lattice, 0.025),
+        "{:?} is not {:?}",
+        found.unit,
+        truth.lattice
+    );
     let wale = truth.lattice[1].to_angle();
     let lean = |segment: &Segment| {
-        (segment.angle - wale + 0.5 * std::f64::consts::PI).rem_euclid(std::f64::consts::PI) - 0.5 * std::f64::consts::PI
+        (segment.angle - wale + 0.5 * std::f64::consts::PI).rem_euclid(std::f64::consts::PI)
+            - 0.5 * std::f64::consts::PI
     };
-    let leans: Vec<f64> = found.layout.seen.iter().filter(|segment| segment.length > 1.5 * segment.width).map(lean).collect();
+    let leans: Vec<f64> = found
+        .layout
+        .seen
+        .iter()
+        .filter(|segment| segment.length > 1.5 * segment.width)
+        .map(lean)
+        .collect();
     for side in [-1.0, 1.0] {
-        assert!(leans.iter().any(|lean| (0.1..0.7).contains(&(side * lean))), "legs lean by {leans:?}");
+        assert!(
+            leans.iter().any(|lean| (0.1..0.7).contains(&(side * lean))),
+            "legs lean by {leans:?}"
+        );
     }
 }
 
 #[test]
 fn fibres_tell_their_twist_and_say_so_where_they_are_too_narrow() {
     let photo = Disturbance { distortion: 2.0, noise: 0.02, light: 0.2 };
-    for (seed, fibre, disturbance) in [(101, 4.0, photo), (102, 4.0, Disturbance::default()), (105, 2.0, photo)] {
+    for (seed, fibre, disturbance) in
+        [(101, 4.0, photo), (102, 4.0, Disturbance::default()), (105, 2.0, photo)]
+    {
         let (truth, degrees) = fibrous(seed, (100.0 * fibre) as u32, fibre, disturbance);
-        let found = capture(&truth.image, &Settings { layout: Some(layout(&truth)), ..Settings::default() }).unwrap();
-        assert!(found.twists.len() == found.layout.seen.len() && found.twists.len() >= 2, "{seed}: {:?}", found.layout);
+        let found = capture(
+            &truth.image,
+            &Settings { layout: Some(layout(&truth)), ..Settings::default() },
+        )
+        .unwrap();
+        assert!(
+            found.twists.len() == found.layout.seen.len() && found.twists.len() >= 2,
+            "{seed}: {:?}",
+            found.layout
+        );
         for twist in &found.twists {
             assert_eq!(twist.is_guess, fibre < 3.0, "{seed}: {twist:?}");
-            let is_near = (twist.degrees - degrees).abs() < 4.0 && (twist.fibre_px / fibre - 1.0).abs() < 0.3;
+            let is_near =
+                (twist.degrees - degrees).abs() < 4.0 && (twist.fibre_px / fibre - 1.0).abs() < 0.3;
             assert!(twist.is_guess || is_near, "{seed}: {twist:?} is not {degrees}");
         }
     }
@@ -130,7 +195,9 @@ fn what_does_not_repeat_is_refused() {
     ];
     for (what, image) in pictures {
         match capture(&image, &Settings::default()) {
-            Err(CaptureError::NoRepeat { confidence, least }) => assert!(confidence < least && least == CERTAIN, "{what}"),
+            Err(CaptureError::NoRepeat { confidence, least }) => {
+                assert!(confidence < least && least == CERTAIN, "{what}")
+            }
             other => panic!("{what}: {other:?}"),
         }
     }
@@ -147,31 +214,44 @@ fn run(folder: &Path, arguments: &[&str]) -> Output {
 fn the_command_fills_a_folder_and_takes_its_layout_back() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    sample(Kind::Plain, 103, 320, Disturbance::default()).image.save(folder.join("cloth.png")).unwrap();
+    sample(Kind::Plain, 103, 320, Disturbance::default())
+        .image
+        .save(folder.join("cloth.png"))
+        .unwrap();
     let output = run(folder, &["cloth.png", "-o", "first", "--threads", "1"]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    assert!(run(folder, &["cloth.png", "-o", "second", "--threads", "3", "--quiet"]).status.success());
+    assert!(
+        run(folder, &["cloth.png", "-o", "second", "--threads", "3", "--quiet"]).status.success()
+    );
     let read = |path: &str| std::fs::read(folder.join(path)).unwrap();
     for file in warpknit::capture::FILES {
-        assert!(read(&format!("first/{file}")) == read(&format!("second/{file}")), "{file} depends on the number of threads");
+        assert!(
+            read(&format!("first/{file}")) == read(&format!("second/{file}")),
+            "{file} depends on the number of threads"
+        );
     }
     let text = String::from_utf8(read("first/layout.toml")).unwrap();
     let layout = GivenLayout::parse(&text).unwrap();
     assert_eq!(layout.segments.len(), 2);
 
-    // The same layout given back explains as much; moved segments, less; one left out leaves a blank, and is taken; ten times as wide ones are none.
+    // The same layout given back explains as much; moved segments, less; one left out leaves a
+    // blank, and is taken; ten times as wide ones are none.
     let unexplained = |name: &str| {
         let output = run(folder, &["cloth.png", "--layout", name, "-o", "given"]);
         let message = String::from_utf8_lossy(&output.stderr).into_owned();
-        let report: Option<serde_json::Value> =
-            output.status.success().then(|| serde_json::from_slice(&read("given/report.json")).unwrap());
+        let report: Option<serde_json::Value> = output
+            .status
+            .success()
+            .then(|| serde_json::from_slice(&read("given/report.json")).unwrap());
         report.map(|report| report["unexplained"].as_f64().unwrap()).ok_or(message)
     };
     let error: serde_json::Value = serde_json::from_slice(&read("first/report.json")).unwrap();
     let segments = error["segments"].as_array().unwrap();
-    let guesses = segments.iter().filter(|segment| segment["twist_is_guess"].as_bool().unwrap()).count();
+    let guesses =
+        segments.iter().filter(|segment| segment["twist_is_guess"].as_bool().unwrap()).count();
     assert_eq!(error["warnings"].as_array().unwrap().len(), usize::from(guesses > 0), "{error}");
-    let numbers: Vec<u64> = segments.iter().map(|segment| segment["segment_number"].as_u64().unwrap()).collect();
+    let numbers: Vec<u64> =
+        segments.iter().map(|segment| segment["segment_number"].as_u64().unwrap()).collect();
     assert_eq!(numbers, [1, 2]);
     assert_eq!(error["yarns"].as_array().unwrap().len(), segments.len());
     let error = error["unexplained"].as_f64().unwrap();
@@ -184,11 +264,17 @@ fn the_command_fills_a_folder_and_takes_its_layout_back() {
     assert!(edited(&text[second..], "").unwrap() > error + 0.1, "one is deleted");
     let wide = edited("width = ", "width = 1").unwrap_err();
     assert!(
-        wide.starts_with("error: edited.toml: the layout does not cover its cell: ") && wide.contains("% lie under two"),
+        wide.starts_with("error: edited.toml: the layout does not cover its cell: ")
+            && wide.contains("% lie under two"),
         "{wide}"
     );
     let broken = edited("length", "lenght").unwrap_err();
-    assert!(broken.starts_with("error: edited.toml:") && broken.contains("lenght") && broken.lines().count() == 1, "{broken}");
+    assert!(
+        broken.starts_with("error: edited.toml:")
+            && broken.contains("lenght")
+            && broken.lines().count() == 1,
+        "{broken}"
+    );
     // Nothing is seen of what is no lighter than the ground, however wide it is.
     let darker = |line: &str| match line.split_once(" = ") {
         Some((name @ ("top" | "tilt"), _)) => format!("{name} = 0\n"),
@@ -197,36 +283,60 @@ fn the_command_fills_a_folder_and_takes_its_layout_back() {
     let dark: String = text.lines().map(darker).collect();
     std::fs::write(folder.join("dark.toml"), &dark).unwrap();
     let unseen = unexplained("dark.toml").unwrap_err();
-    assert!(unseen.starts_with("error: dark.toml: nothing is seen of any of the layout's segments"), "{unseen}");
+    assert!(
+        unseen.starts_with("error: dark.toml: nothing is seen of any of the layout's segments"),
+        "{unseen}"
+    );
     std::fs::write(folder.join("dark.toml"), dark.replace("width = ", "width = 1")).unwrap();
     assert_eq!(unexplained("dark.toml").unwrap_err(), unseen);
     let bright = edited("ground = ", "ground = 9e99 #").unwrap_err();
-    assert!(bright.starts_with("error: edited.toml:3: ") && bright.contains("ground is to be a share"), "{bright}");
-    // One segment as large as a file may say, bent as far, on a cell that is all length: some hundred thousand copies of it, none of which is drawn.
+    assert!(
+        bright.starts_with("error: edited.toml:3: ") && bright.contains("ground is to be a share"),
+        "{bright}"
+    );
+    // One segment as large as a file may say, bent as far, on a cell that is all length: some
+    // hundred thousand copies of it, none of which is drawn.
     let crowd = "[cell]\na = [4, 0]\nb = [0, 100]\nground = -1\n[[segments]]\ncenter = [0, 0]\nangle_deg = 45\nwidth = 900\nlength = 900\ntop = 1\nround = 0.5\nsag = 0.3\nbow = 900\n";
     std::fs::write(folder.join("crowd.toml"), crowd).unwrap();
     let crowded = unexplained("crowd.toml").unwrap_err();
-    assert!(crowded.starts_with("error: crowd.toml: ") && crowded.contains("copies touch each cell"), "{crowded}");
+    assert!(
+        crowded.starts_with("error: crowd.toml: ") && crowded.contains("copies touch each cell"),
+        "{crowded}"
+    );
     // No fabric file holds cloth of a thousand wales a mm.
-    let fine = run(folder, &["cloth.png", "--layout", "first/layout.toml", "-o", "fine", "--pixels-per-mm", "1e9"]);
+    let fine = run(
+        folder,
+        &["cloth.png", "--layout", "first/layout.toml", "-o", "fine", "--pixels-per-mm", "1e9"],
+    );
     let message = String::from_utf8(fine.stderr).unwrap();
-    assert!(message.contains("wales_per_cm") && message.lines().count() == 1 && !folder.join("fine").exists(), "{message}");
+    assert!(
+        message.contains("wales_per_cm")
+            && message.lines().count() == 1
+            && !folder.join("fine").exists(),
+        "{message}"
+    );
     // What is read is not written over.
     let over = run(folder, &["cloth.png", "--layout", "first/layout.toml", "-o", "first"]);
     assert!(!over.status.success() && read("first/layout.toml") == text.as_bytes());
 }
 
-/// Pixels by which the line between the ends of what is seen of a yarn may leave that of all of it, where it bends.
+/// Pixels by which the line between the ends of what is seen of a yarn may leave that of all of it,
+/// where it bends.
 const BENT: f64 = 1.0;
 
 #[test]
 fn a_layout_is_corrected_by_hand() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    sample(Kind::Plain, 103, 320, Disturbance::default()).image.save(folder.join("cloth.png")).unwrap();
+    sample(Kind::Plain, 103, 320, Disturbance::default())
+        .image
+        .save(folder.join("cloth.png"))
+        .unwrap();
     assert!(run(folder, &["cloth.png", "-o", "found"]).status.success());
     let read = |path: &str| std::fs::read_to_string(folder.join(path)).unwrap();
-    let report = |name: &str| -> serde_json::Value { serde_json::from_str(&read(&format!("{name}/report.json"))).unwrap() };
+    let report = |name: &str| -> serde_json::Value {
+        serde_json::from_str(&read(&format!("{name}/report.json"))).unwrap()
+    };
     let unexplained = |report: &serde_json::Value| report["unexplained"].as_f64().unwrap();
     let (text, found) = (read("found/layout.toml"), report("found"));
     let [first, second] = GivenLayout::parse(&text).unwrap().segments[..] else { panic!("{text}") };
@@ -238,7 +348,8 @@ fn a_layout_is_corrected_by_hand() {
         assert_eq!(report["hypothesis"], "given");
         report
     };
-    // How far a seen segment is from the axis of another one: what lies over it may take some of its length.
+    // How far a seen segment is from the axis of another one: what lies over it may take some of
+    // its length.
     let off_axis = |report: &serde_json::Value, number: usize, axis: &Segment| {
         let centre = &report["segments"][number]["center"];
         let centre = DVec2::new(centre[0].as_f64().unwrap(), centre[1].as_f64().unwrap());
@@ -270,26 +381,40 @@ fn a_layout_is_corrected_by_hand() {
     // Moved across itself by a third of its width: it is there, and explains less.
     let way = DVec2::from_angle(second.angle).perp();
     let moved = Segment { centre: second.centre + way * (second.width / 3.0), ..second };
-    let center = |segment: &Segment| format!("center = [{:?}, {:?}]", segment.centre.x, segment.centre.y);
+    let center =
+        |segment: &Segment| format!("center = [{:?}, {:?}]", segment.centre.x, segment.centre.y);
     let edited = text.replace(&center(&second), &center(&moved));
     assert_ne!(edited, text, "{} isn't in {text}", center(&second));
     let moved_report = taken("moved", &edited);
-    assert!(count(&moved_report) == 2 && off_axis(&moved_report, 1, &moved) < BENT, "{moved_report}");
+    assert!(
+        count(&moved_report) == 2 && off_axis(&moved_report, 1, &moved) < BENT,
+        "{moved_report}"
+    );
     assert!(unexplained(&moved_report) > unexplained(&found) + 0.01, "{moved_report}");
     assert_eq!(GivenLayout::parse(&read("moved/layout.toml")).unwrap().segments, [first, moved]);
 
-    // One more than there are, small and on top: it is taken, and explains nothing; the one below is seen on both sides of it.
+    // One more than there are, small and on top: it is taken, and explains nothing; the one below
+    // is seen on both sides of it.
     let small = Segment { width: 4.0, length: 6.0, top: 2.0 * second.top, ..second };
     let more = taken("more", &(text.clone() + &table(&small)));
-    let numbers: Vec<u64> =
-        more["segments"].as_array().unwrap().iter().map(|row| row["segment_number"].as_u64().unwrap()).collect();
+    let numbers: Vec<u64> = more["segments"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|row| row["segment_number"].as_u64().unwrap())
+        .collect();
     assert!(numbers == [1, 2, 2, 3] && off_axis(&more, 3, &second) < 1.0, "{more}");
     assert!(unexplained(&more) > unexplained(&found), "{more}");
 }
 
 #[test]
 fn the_drawing_numbers_segments_as_the_layout_does_and_the_texture_tiles() {
-    let truth = sample(Kind::Twill(2, 1), 101, 320, Disturbance { distortion: 2.0, noise: 0.02, light: 0.2 });
+    let truth = sample(
+        Kind::Twill(2, 1),
+        101,
+        320,
+        Disturbance { distortion: 2.0, noise: 0.02, light: 0.2 },
+    );
     let folder = tempfile::tempdir().unwrap();
     truth.image.save(folder.path().join("cloth.png")).unwrap();
     assert!(run(folder.path(), &["cloth.png", "-o", "out"]).status.success());
@@ -297,30 +422,56 @@ fn the_drawing_numbers_segments_as_the_layout_does_and_the_texture_tiles() {
     let layout = GivenLayout::parse(&read("layout.toml")).unwrap();
     let text = read("layout.svg");
     let svg = roxmltree::Document::parse(&text).unwrap();
-    let groups = svg.descendants().filter(|node| node.attribute("id").is_some_and(|id| id.starts_with("segment-")));
+    let groups = svg
+        .descendants()
+        .filter(|node| node.attribute("id").is_some_and(|id| id.starts_with("segment-")));
     let groups: Vec<_> = groups.collect();
     assert_eq!(groups.len(), layout.segments.len());
     for ((number, segment), group) in (1..).zip(&layout.segments).zip(groups) {
         assert_eq!(group.attribute("id"), Some(format!("segment-{number}").as_str()));
         let title = group.first_element_child().unwrap();
         assert_eq!(title.tag_name().name(), "title");
-        let expected = format!("{number}: center {:.2}, {:.2}; angle_deg ", segment.centre.x, segment.centre.y);
-        assert!(title.text().unwrap().starts_with(&expected), "{:?} is not {expected}", title.text());
-        assert_eq!(group.children().filter(|node| node.has_tag_name(("http://www.w3.org/2000/svg", "path"))).count(), 9);
+        let expected = format!(
+            "{number}: center {:.2}, {:.2}; angle_deg ",
+            segment.centre.x, segment.centre.y
+        );
+        assert!(
+            title.text().unwrap().starts_with(&expected),
+            "{:?} is not {expected}",
+            title.text()
+        );
+        assert_eq!(
+            group
+                .children()
+                .filter(|node| node.has_tag_name(("http://www.w3.org/2000/svg", "path")))
+                .count(),
+            9
+        );
     }
     let picture = svg.descendants().find(|node| node.tag_name().name() == "image").unwrap();
-    assert!(picture.attributes().any(|attribute| attribute.value().starts_with("data:image/png;base64,iVBOR")));
+    assert!(
+        picture
+            .attributes()
+            .any(|attribute| attribute.value().starts_with("data:image/png;base64,iVBOR"))
+    );
     assert!(text.len() < 1 << 20, "{} bytes", text.len());
 
-    // Whole cells each way, of neighbours that differ no more where the texture meets itself than elsewhere.
+    // Whole cells each way, of neighbours that differ no more where the texture meets itself than
+    // elsewhere.
     let texture = image::open(folder.path().join("out/texture.png")).unwrap().into_rgb8();
     let (width, height) = texture.dimensions();
     let [a, b] = layout.cell.map(|vector| vector.length());
     for cells in [f64::from(width) / a, f64::from(height) / b] {
-        assert!((cells - cells.round()).abs() < 0.1 && (3.0..=6.0).contains(&cells.round()), "{width} x {height}");
+        assert!(
+            (cells - cells.round()).abs() < 0.1 && (3.0..=6.0).contains(&cells.round()),
+            "{width} x {height}"
+        );
     }
     let step = |x: u32, y: u32, [next_x, next_y]: [u32; 2]| {
-        f64::from(texture.get_pixel(x, y).0[0].abs_diff(texture.get_pixel(next_x % width, next_y % height).0[0]))
+        f64::from(
+            texture.get_pixel(x, y).0[0]
+                .abs_diff(texture.get_pixel(next_x % width, next_y % height).0[0]),
+        )
     };
     let mean = |columns: std::ops::Range<u32>, rows: std::ops::Range<u32>, way: [u32; 2]| {
         let count = f64::from((columns.end - columns.start) * (rows.end - rows.start));
@@ -337,7 +488,8 @@ fn a_captured_weave_goes_over_and_under_and_drapes() {
     let truth = sample(Kind::Colored, 104, 320, Disturbance::default());
     let settings = Settings { pixels_per_mm: Some(20.0), ..Settings::default() };
     let Captured { fabric, shapes, layout, .. } = capture(&truth.image, &settings).unwrap();
-    // A cell of two warps and two wefts, each over one and under one, and as far apart as in the picture.
+    // A cell of two warps and two wefts, each over one and under one, and as far apart as in the
+    // picture.
     let area = fabric.wale_spacing() * fabric.course_spacing() * 400.0;
     let cell = (truth.lattice[0].perp_dot(truth.lattice[1]) * 2.0).abs();
     assert!((area / cell - 1.0).abs() < 0.05, "{area} {cell}");
@@ -345,7 +497,10 @@ fn a_captured_weave_goes_over_and_under_and_drapes() {
     assert_eq!((across(BarKind::LaidAlong), across(BarKind::LaidAcross)), (2, 2));
     for path in &fabric.paths {
         let heights: Vec<f64> = path.iter().map(|point| point.z).collect();
-        assert!(heights.iter().any(|z| *z > 0.05) && heights.iter().any(|z| *z < -0.05), "{heights:?}");
+        assert!(
+            heights.iter().any(|z| *z > 0.05) && heights.iter().any(|z| *z < -0.05),
+            "{heights:?}"
+        );
     }
     let width = truth.stretches[0].width / 20.0;
     for bar in &fabric.bars {
@@ -357,7 +512,9 @@ fn a_captured_weave_goes_over_and_under_and_drapes() {
     assert!(fabric.bars.iter().all(|bar| bar.yarn.color == color(bar.kind)));
     for (shape, segment) in shapes.iter().zip(&layout.seen) {
         assert!(
-            (shape.width - segment.width / 20.0).abs() < 1e-9 && shape.semi_axis <= shape.width / 2.0 && shape.steepest > 0.0
+            (shape.width - segment.width / 20.0).abs() < 1e-9
+                && shape.semi_axis <= shape.width / 2.0
+                && shape.steepest > 0.0
         );
     }
 
@@ -365,14 +522,33 @@ fn a_captured_weave_goes_over_and_under_and_drapes() {
     std::fs::write(folder.path().join("cloth.toml"), fabric.to_string()).unwrap();
     let shirt = Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes/tshirt.obj");
     let mut command = assert_cmd::Command::cargo_bin("warpknit").unwrap();
-    let arguments = ["--fabric", "cloth.toml", "-o", "shirt.png", "-o", "shirt.json", "--size", "160x160", "--quiet"];
-    let output = command.current_dir(folder.path()).arg("drape").arg(shirt).args(arguments).output().unwrap();
+    let arguments = [
+        "--fabric",
+        "cloth.toml",
+        "-o",
+        "shirt.png",
+        "-o",
+        "shirt.json",
+        "--size",
+        "160x160",
+        "--quiet",
+    ];
+    let output = command
+        .current_dir(folder.path())
+        .arg("drape")
+        .arg(shirt)
+        .args(arguments)
+        .output()
+        .unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let report: serde_json::Value = serde_json::from_slice(&std::fs::read(folder.path().join("shirt.json")).unwrap()).unwrap();
+    let report: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(folder.path().join("shirt.json")).unwrap()).unwrap();
     assert!(report["stitches"].as_u64().unwrap() > 8_000, "{report}");
     // It covers the shirt: the middle of the picture is cloth.
     let picture = image::open(folder.path().join("shirt.png")).unwrap().to_rgba8();
-    let opaque = (60..100).flat_map(|y| (60..100).map(move |x| (x, y))).filter(|&(x, y)| picture.get_pixel(x, y).0[3] > 128);
+    let opaque = (60..100)
+        .flat_map(|y| (60..100).map(move |x| (x, y)))
+        .filter(|&(x, y)| picture.get_pixel(x, y).0[3] > 128);
     assert!(opaque.count() > 1500, "of 1600 pixels");
 }
 
@@ -405,7 +581,10 @@ fn what_is_no_photo_of_cloth_is_named_and_leaves_no_folder() {
         let message = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(1), "{name}: {message}");
         assert!(
-            message.starts_with("error: ") && message.contains(name) && message.contains(part) && message.lines().count() == 1,
+            message.starts_with("error: ")
+                && message.contains(name)
+                && message.contains(part)
+                && message.lines().count() == 1,
             "{message}"
         );
         assert!(!folder.join("out").exists());

@@ -1,4 +1,5 @@
-//! The lapping diagram: every needle of every course is there, each bar's path passes its needles on the right side, and files are whole.
+//! The lapping diagram: every needle of every course is there, each bar's path passes its needles
+//! on the right side, and files are whole.
 
 use std::path::Path;
 
@@ -60,13 +61,17 @@ fn line(drawing: &Drawing, bar: usize) -> Vec<DVec2> {
 fn crossings(points: &[DVec2]) -> usize {
     let side = |a: DVec2, b: DVec2, p: DVec2| (b - a).perp_dot(p - a);
     let cross = |a: &[DVec2], b: &[DVec2]| {
-        side(a[0], a[1], b[0]) * side(a[0], a[1], b[1]) < 0.0 && side(b[0], b[1], a[0]) * side(b[0], b[1], a[1]) < 0.0
+        side(a[0], a[1], b[0]) * side(a[0], a[1], b[1]) < 0.0
+            && side(b[0], b[1], a[0]) * side(b[0], b[1], a[1]) < 0.0
     };
     let lines: Vec<_> = points.windows(2).collect();
-    (0..lines.len()).map(|at| lines[at + 1..].iter().filter(|other| cross(lines[at], other)).count()).sum()
+    (0..lines.len())
+        .map(|at| lines[at + 1..].iter().filter(|other| cross(lines[at], other)).count())
+        .sum()
 }
 
-/// How often a line passes straight above a dot, nearer than half a row: once where the yarn laps it.
+/// How often a line passes straight above a dot, nearer than half a row: once where the yarn laps
+/// it.
 fn passes_over(points: &[DVec2], dot: DVec2) -> usize {
     let over = |pair: &&[DVec2]| {
         let (a, b) = (pair[0], pair[1]);
@@ -97,8 +102,15 @@ fn each_lap_goes_over_its_needles_and_no_other() {
         for (row, lapped) in rows(&drawing).iter().zip(lapped) {
             // The first dot belongs to the needle that shows where the pattern goes on.
             for (needle, dot) in row[1..].iter().enumerate() {
-                assert_eq!(passes_over(&path, *dot), usize::from(lapped.contains(&needle)), "{chain}, needle {needle}");
-                assert!(path.iter().all(|point| point.distance(*dot) > 5.0), "{chain}: the path hits needle {needle}");
+                assert_eq!(
+                    passes_over(&path, *dot),
+                    usize::from(lapped.contains(&needle)),
+                    "{chain}, needle {needle}"
+                );
+                assert!(
+                    path.iter().all(|point| point.distance(*dot) > 5.0),
+                    "{chain}: the path hits needle {needle}"
+                );
             }
         }
     }
@@ -106,9 +118,15 @@ fn each_lap_goes_over_its_needles_and_no_other() {
 
 #[test]
 fn closed_laps_cross_themselves_once_and_open_ones_never() {
-    for (chain, expected) in
-        [("1-0/1-0", 4), ("1-0/0-1", 0), ("1-0/1-2", 4), ("0-1/2-1", 0), ("2-3/1-0", 4), ("0-2/2-0", 0), ("0-0/3-3", 0)]
-    {
+    for (chain, expected) in [
+        ("1-0/1-0", 4),
+        ("1-0/0-1", 0),
+        ("1-0/1-2", 4),
+        ("0-1/2-1", 0),
+        ("2-3/1-0", 4),
+        ("0-2/2-0", 0),
+        ("0-0/3-3", 0),
+    ] {
         assert_eq!(crossings(&line(&drawing(&[(chain, "I", "")]), 1)), expected, "{chain}");
     }
     // In an atlas only the laps at which it turns are closed; each repeat of this one has two.
@@ -125,12 +143,18 @@ fn gap_0_lies_at_the_drive() {
         });
         at.unwrap()
     };
-    let (right, left) = (drawing(&[("1-0/2-3", "I", "")]), drawing(&[("1-0/2-3", "I", "drive = \"left\"")]));
+    let (right, left) =
+        (drawing(&[("1-0/2-3", "I", "")]), drawing(&[("1-0/2-3", "I", "drive = \"left\"")]));
     assert!(place(&right, "0") > place(&right, "1") && place(&right, "1") > place(&right, "3"));
     assert!(place(&left, "0") < place(&left, "1") && place(&left, "1") < place(&left, "3"));
-    let overlap = |drawing: &Drawing| line(drawing, 1).iter().map(|p| p.x).sum::<f64>() / line(drawing, 1).len() as f64;
+    let overlap = |drawing: &Drawing| {
+        line(drawing, 1).iter().map(|p| p.x).sum::<f64>() / line(drawing, 1).len() as f64
+    };
     let centre = |drawing: &Drawing| (place(drawing, "1") + place(drawing, "2")) / 2.0;
-    assert!((overlap(&right) - centre(&right) + overlap(&left) - centre(&left)).abs() < 1e-6, "one is the other's mirror image");
+    assert!(
+        (overlap(&right) - centre(&right) + overlap(&left) - centre(&left)).abs() < 1e-6,
+        "one is the other's mirror image"
+    );
 }
 
 #[test]
@@ -145,8 +169,15 @@ fn the_svg_is_xml_with_a_dot_a_needle_and_a_path_a_bar() {
         let group = tree.descendants().find(|node| node.attribute("id") == Some(bar)).unwrap();
         assert_eq!(group.children().filter(roxmltree::Node::is_element).count(), 1);
     }
-    let words: Vec<_> = tree.descendants().filter(|node| node.has_tag_name("text")).filter_map(|node| node.text()).collect();
-    assert!(words.contains(&"bar 1  2-3/1-0//  I") && words.contains(&"3") && words.contains(&"t"), "{words:?}");
+    let words: Vec<_> = tree
+        .descendants()
+        .filter(|node| node.has_tag_name("text"))
+        .filter_map(|node| node.text())
+        .collect();
+    assert!(
+        words.contains(&"bar 1  2-3/1-0//  I") && words.contains(&"3") && words.contains(&"t"),
+        "{words:?}"
+    );
     assert!(text.len() < 20_000);
 }
 
@@ -156,7 +187,11 @@ fn no_name_breaks_the_xml() {
     let fabric = Fabric::parse(&toml(name, &[("1-0", "I", "")])).unwrap();
     let text = svg::text(&Drawing::of(&fabric));
     let tree = roxmltree::Document::parse(&text).unwrap();
-    assert!(tree.descendants().filter_map(|node| node.text()).any(|text| text.starts_with("<b> & \"]]>")));
+    assert!(
+        tree.descendants()
+            .filter_map(|node| node.text())
+            .any(|text| text.starts_with("<b> & \"]]>"))
+    );
 }
 
 #[test]
@@ -179,7 +214,9 @@ fn huge_fabrics_are_cut_to_a_sheet_and_say_so() {
     assert_eq!(drawing.notes.len(), 3, "{:?}", drawing.notes);
     assert!(svg::text(&drawing).len() < 1_000_000);
     let sheet = drawing.layers.iter().flat_map(|layer| &layer.shapes).all(|shape| match shape {
-        Shape::Path { pieces, .. } => pieces.iter().all(|piece| (0.0..=drawing.size.x).contains(&piece.end().x)),
+        Shape::Path { pieces, .. } => {
+            pieces.iter().all(|piece| (0.0..=drawing.size.x).contains(&piece.end().x))
+        }
         Shape::Area { pieces } => pieces.iter().all(|piece| piece.end().cmpge(DVec2::ZERO).all()),
         Shape::Dot { at, .. } | Shape::Text { at, .. } | Shape::Picture { at, .. } => {
             at.cmpge(DVec2::ZERO).all() && at.cmple(drawing.size).all()
@@ -196,8 +233,10 @@ fn inspect(folder: &Path, arguments: &[&str]) -> Command {
 }
 
 fn names(folder: &Path) -> Vec<String> {
-    let mut names: Vec<_> =
-        std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    let mut names: Vec<_> = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
     names.sort();
     names
 }
@@ -205,13 +244,23 @@ fn names(folder: &Path) -> Vec<String> {
 #[test]
 fn inspect_prints_the_fabric_and_writes_both_formats() {
     let folder = tempfile::tempdir().unwrap();
-    let run = inspect(folder.path(), &["--fabric", "locknit", "-o", "l.svg", "-o", "l.png"]).assert().success().stderr("");
+    let run = inspect(folder.path(), &["--fabric", "locknit", "-o", "l.svg", "-o", "l.png"])
+        .assert()
+        .success()
+        .stderr("");
     let text = String::from_utf8(run.get_output().stdout.clone()).unwrap();
-    for part in ["locknit: ", "W 0.685 mm, C 0.460 mm", "2-3  closed  2 \u{2192}       3", "diameter 0.079 mm", "needle: 2..2"] {
+    for part in [
+        "locknit: ",
+        "W 0.685 mm, C 0.460 mm",
+        "2-3  closed  2 \u{2192}       3",
+        "diameter 0.079 mm",
+        "needle: 2..2",
+    ] {
         assert!(text.contains(part), "{part}: {text}");
     }
     assert_eq!(names(folder.path()), ["l.png", "l.svg"]);
-    roxmltree::Document::parse(&std::fs::read_to_string(folder.path().join("l.svg")).unwrap()).unwrap();
+    roxmltree::Document::parse(&std::fs::read_to_string(folder.path().join("l.svg")).unwrap())
+        .unwrap();
     let picture = image::open(folder.path().join("l.png")).unwrap().into_rgb8();
     for color in [[0xc6, 0x1f, 0x32], [0x12, 0x5d, 0xa8]] {
         assert!(picture.pixels().any(|pixel| pixel.0 == color), "{color:?}");
@@ -230,12 +279,20 @@ fn inspect_takes_a_fabric_and_meshes_together() {
 #[test]
 fn a_warning_is_data_and_a_note_is_not() {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("wide.toml"), toml("wide", &[("0-0/90-90", "I", ""), ("1-0/1-2", "I", "")])).unwrap();
+    std::fs::write(
+        folder.path().join("wide.toml"),
+        toml("wide", &[("0-0/90-90", "I", ""), ("1-0/1-2", "I", "")]),
+    )
+    .unwrap();
     let run = inspect(folder.path(), &["--fabric", "wide.toml", "-o", "w.svg"]).assert().success();
     let (out, err) = (&run.get_output().stdout, &run.get_output().stderr);
     let (out, err) = (String::from_utf8_lossy(out), String::from_utf8_lossy(err));
     assert!(out.contains("  warning: bar 1 lays in yarns in front of all knitting bars"), "{out}");
-    assert!(err.starts_with("note: wide.toml: the lapping reaches over 91 gaps") && err.lines().count() == 1, "{err}");
+    assert!(
+        err.starts_with("note: wide.toml: the lapping reaches over 91 gaps")
+            && err.lines().count() == 1,
+        "{err}"
+    );
 }
 
 #[test]
@@ -260,5 +317,9 @@ fn wrong_usage_and_failures_leave_nothing_behind() {
     }
     let folder = tempfile::tempdir().unwrap();
     inspect(folder.path(), &["-o", "a.svg", "missing.obj"]).assert().code(1);
-    assert_eq!(names(folder.path()), Vec::<String>::new(), "the mesh failed, so there is no picture either");
+    assert_eq!(
+        names(folder.path()),
+        Vec::<String>::new(),
+        "the mesh failed, so there is no picture either"
+    );
 }

@@ -1,4 +1,5 @@
-//! Clearance on the body: what bending the cloth without stretching it may not change, and what the mapping makes of real folds.
+//! Clearance on the body: what bending the cloth without stretching it may not change, and what the
+//! mapping makes of real folds.
 
 use glam::{DQuat, DVec3};
 use warpknit::drape::clearance::Gauge;
@@ -26,7 +27,8 @@ fn measure(garment: &Garment, fabric: &Fabric, mapping: Mapping) -> Clearance {
         gauge.take(&blocks[..others]);
         Ok::<_, std::io::Error>(())
     };
-    drape::run(&cloth, &Options { mapping, ..Options::default() }, &mut |_, _| {}, deliver).unwrap();
+    drape::run(&cloth, &Options { mapping, ..Options::default() }, &mut |_, _| {}, deliver)
+        .unwrap();
     gauge.finish()
 }
 
@@ -43,9 +45,15 @@ fn a_rigid_motion_changes_no_clearance() {
     let repeat = clearance::measure(&fabric, &pattern, fabric.radius());
     for mapping in BOTH {
         let [flat, draped] = [&lying, &moved].map(|garment| measure(garment, &fabric, mapping));
-        assert!(flat.pairs > 500_000 && flat.pairs.abs_diff(draped.pairs) * 1000 < flat.pairs, "{flat:?} {draped:?}");
+        assert!(
+            flat.pairs > 500_000 && flat.pairs.abs_diff(draped.pairs) * 1000 < flat.pairs,
+            "{flat:?} {draped:?}"
+        );
         assert!((flat.min_over_2r - draped.min_over_2r).abs() < 1e-6, "{flat:?} {draped:?}");
-        assert!(flat.pairs_below_95 == 0 && (flat.min_over_2r - repeat.min_over_2r).abs() < 0.05, "{flat:?} {repeat:?}");
+        assert!(
+            flat.pairs_below_95 == 0 && (flat.min_over_2r - repeat.min_over_2r).abs() < 0.05,
+            "{flat:?} {repeat:?}"
+        );
     }
 }
 
@@ -53,8 +61,10 @@ fn a_rigid_motion_changes_no_clearance() {
 fn a_wide_cylinder_changes_hardly_any() {
     let fabric = at(0.15);
     let radius = 6000.0;
-    let wound = square(|p| DVec3::new(radius * (p.x / radius).sin(), p.y, radius * (p.x / radius).cos()));
-    let [flat, draped] = [&square(|p| p), &wound].map(|garment| measure(garment, &fabric, Mapping::Smooth));
+    let wound =
+        square(|p| DVec3::new(radius * (p.x / radius).sin(), p.y, radius * (p.x / radius).cos()));
+    let [flat, draped] =
+        [&square(|p| p), &wound].map(|garment| measure(garment, &fabric, Mapping::Smooth));
     assert!((flat.min_over_2r - draped.min_over_2r).abs() < 0.01, "{flat:?} {draped:?}");
     assert!((share_below_95(flat) - share_below_95(draped)).abs() < 1e-4, "{flat:?} {draped:?}");
 }
@@ -62,7 +72,8 @@ fn a_wide_cylinder_changes_hardly_any() {
 #[test]
 fn smooth_yarns_cut_each_other_less_than_framed_ones() {
     for name in ["skirt", "tube"] {
-        let (flat, draped) = (mesh(&format!("{name}_flat.obj")), mesh(&format!("{name}_draped.obj")));
+        let (flat, draped) =
+            (mesh(&format!("{name}_flat.obj")), mesh(&format!("{name}_draped.obj")));
         let garment = read(&flat, Some(&draped), &ReadOptions::default()).unwrap();
         let [frame, smooth] = BOTH.map(|mapping| measure(&garment, &at(0.5), mapping));
         assert!(share_below_95(smooth) < share_below_95(frame), "{name}: {smooth:?} {frame:?}");

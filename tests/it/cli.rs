@@ -19,12 +19,16 @@ fn fails(code: i32, arguments: &[&str], prepare: impl Fn(&Path)) -> String {
     let folder = tempfile::tempdir().unwrap();
     prepare(folder.path());
     let names = || {
-        let mut names: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        let mut names: Vec<_> = std::fs::read_dir(folder.path())
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name())
+            .collect();
         names.sort();
         names
     };
     let before = names();
-    let output = warpknit(folder.path()).args(arguments).assert().code(code).stdout("").get_output().clone();
+    let output =
+        warpknit(folder.path()).args(arguments).assert().code(code).stdout("").get_output().clone();
     assert_eq!(names(), before, "{arguments:?} left something behind");
     String::from_utf8(output.stderr).unwrap()
 }
@@ -47,7 +51,19 @@ fn wrong_usage_ends_with_2() {
         &["drape", "a.obj", "--unit", "mile"],
         &["swatch", "--radius", "-1"],
         &["swatch", "--threading", "I"],
-        &["swatch", "--lapping", "1-0", "--lapping", "1-0", "--lapping", "1-0", "--threading", "I", "--threading", "I"],
+        &[
+            "swatch",
+            "--lapping",
+            "1-0",
+            "--lapping",
+            "1-0",
+            "--lapping",
+            "1-0",
+            "--threading",
+            "I",
+            "--threading",
+            "I",
+        ],
         &["swatch", "--lapping", "1-0", "--threading", "I", "--threading", "I"],
     ] {
         assert!(fails(2, arguments, |_| {}).starts_with("error:"), "{arguments:?}");
@@ -57,22 +73,28 @@ fn wrong_usage_ends_with_2() {
 #[test]
 fn failures_end_with_1_and_one_message() {
     let no_file = fails(1, &["drape", "absent.obj", "-o", "a.png"], |_| {});
-    assert!(no_file.starts_with("error: absent.obj: ") && no_file.lines().count() == 1, "{no_file}");
+    assert!(
+        no_file.starts_with("error: absent.obj: ") && no_file.lines().count() == 1,
+        "{no_file}"
+    );
     let no_fabric = fails(1, &["swatch", "--fabric", "tweed"], |_| {});
     assert!(no_fabric.contains("there is no built-in fabric 'tweed'"), "{no_fabric}");
     let no_folder = fails(1, &[&["swatch", "-o", "no/such/a.png"], &SMALL[..]].concat(), |_| {});
     assert!(no_folder.contains("no/such/a.png"), "{no_folder}");
     let endless = fails(1, &["swatch", "--wales", "20000", "--courses", "20000"], |_| {});
     assert!(endless.starts_with("error: 800000000 stitches are over the limit"), "{endless}");
-    let folder = fails(1, &[&["swatch", "-o", "a.png"], &SMALL[..]].concat(), |p| std::fs::create_dir(p.join("a.png")).unwrap());
+    let folder = fails(1, &[&["swatch", "-o", "a.png"], &SMALL[..]].concat(), |p| {
+        std::fs::create_dir(p.join("a.png")).unwrap()
+    });
     assert!(folder.contains("a.png: can't write: it is a folder"), "{folder}");
 }
 
 #[test]
 fn no_file_is_written_twice_or_over_an_input() {
-    let twice = fails(1, &[&["swatch", "-o", "a.csv", "-o", "./a.csv"], &SMALL[..]].concat(), |p| {
-        std::fs::write(p.join("a.csv"), "").unwrap();
-    });
+    let twice =
+        fails(1, &[&["swatch", "-o", "a.csv", "-o", "./a.csv"], &SMALL[..]].concat(), |p| {
+            std::fs::write(p.join("a.csv"), "").unwrap();
+        });
     assert!(twice.contains("a.csv: this file is an input or another output"), "{twice}");
     let input = fails(1, &["drape", "t.obj", "-o", "t.obj"], |p| {
         std::fs::copy(mesh("tshirt.obj"), p.join("t.obj")).unwrap();
@@ -83,8 +105,12 @@ fn no_file_is_written_twice_or_over_an_input() {
 #[test]
 fn an_error_in_a_chain_is_pointed_at() {
     let text = fails(1, &["swatch", "--fabric", "bad.toml"], |folder| {
-        let fabric = String::from_utf8(warpknit(folder).args(["fabrics", "tricot"]).output().unwrap().stdout).unwrap();
-        std::fs::write(folder.join("bad.toml"), fabric.replacen("1-2/1-0//", "1-2/1-7//", 1)).unwrap();
+        let fabric = String::from_utf8(
+            warpknit(folder).args(["fabrics", "tricot"]).output().unwrap().stdout,
+        )
+        .unwrap();
+        std::fs::write(folder.join("bad.toml"), fabric.replacen("1-2/1-0//", "1-2/1-7//", 1))
+            .unwrap();
     });
     assert_eq!(
         text,
@@ -94,16 +120,24 @@ fn an_error_in_a_chain_is_pointed_at() {
     let unknown_key = fails(1, &["swatch", "--fabric", "bad.toml"], |folder| {
         std::fs::write(folder.join("bad.toml"), "name = 'x'\nwhales_per_cm = 3\n").unwrap();
     });
-    assert!(unknown_key.starts_with("error: bad.toml:2: unknown field `whales_per_cm`"), "{unknown_key}");
+    assert!(
+        unknown_key.starts_with("error: bad.toml:2: unknown field `whales_per_cm`"),
+        "{unknown_key}"
+    );
     assert!(unknown_key.ends_with("\n  whales_per_cm = 3\n  ^^^^^^^^^^^^^\n"), "{unknown_key}");
-    let argument = fails(1, &["swatch", "--lapping", "1-0/1-2//", "--lapping", "1-0/3-1-4-1-5//"], |_| {});
+    let argument =
+        fails(1, &["swatch", "--lapping", "1-0/1-2//", "--lapping", "1-0/3-1-4-1-5//"], |_| {});
     assert_eq!(
         argument,
         "error: --lapping \"1-0/3-1-4-1-5//\": a course of 5 links: 2, 3 or 4 (tempi) are known\n  \
          1-0/3-1-4-1-5//\n      ^^^^^^^^^\n"
     );
     let marks = fails(1, &["swatch", "--lapping", "1-0/1-2//", "--threading", "I-"], |_| {});
-    assert!(marks.starts_with("error: --threading \"I-\": '-' is no") && marks.ends_with("\n  I-\n   ^\n"), "{marks}");
+    assert!(
+        marks.starts_with("error: --threading \"I-\": '-' is no")
+            && marks.ends_with("\n  I-\n   ^\n"),
+        "{marks}"
+    );
 }
 
 #[test]
@@ -117,9 +151,17 @@ fn chains_are_knitted_from_the_command_line() {
         .args(["-o", "a.csv", "-o", "a.json"])
         .assert()
         .success();
-    warpknit(folder.path()).args(["swatch", "--fabric", "locknit", "-o", "b.csv"]).args(SMALL).assert().success();
+    warpknit(folder.path())
+        .args(["swatch", "--fabric", "locknit", "-o", "b.csv"])
+        .args(SMALL)
+        .assert()
+        .success();
     let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
-    assert_eq!(read("a.csv"), read("b.csv"), "a locknit's chains at its densities and with its yarns");
+    assert_eq!(
+        read("a.csv"),
+        read("b.csv"),
+        "a locknit's chains at its densities and with its yarns"
+    );
     assert!(read("a.json").contains("\"fabric\": \"2-3/1-0// + 1-0/1-2//\""));
     // A name of chains is no name of a file.
     warpknit(folder.path()).arg("swatch").args(chains).args(SMALL).assert().success();
@@ -129,18 +171,30 @@ fn chains_are_knitted_from_the_command_line() {
 #[test]
 fn a_fabric_lays_itself_out_panel_by_panel() {
     let write = |folder: &Path, panel: usize| {
-        let fabric = String::from_utf8(warpknit(folder).args(["fabrics", "tricot"]).output().unwrap().stdout).unwrap();
+        let fabric = String::from_utf8(
+            warpknit(folder).args(["fabrics", "tricot"]).output().unwrap().stdout,
+        )
+        .unwrap();
         let layout = format!("\n[[panels]]\npanel = {panel}\ngrain = 15.0\norigin = [3.0, 4.5]\n");
         std::fs::write(folder.join("mine.toml"), fabric + &layout).unwrap();
     };
     let (flat, draped) = (mesh("pinch_flat.obj"), mesh("pinch_draped.obj"));
-    let garment = ["drape", flat.to_str().unwrap(), draped.to_str().unwrap(), "--wales-per-cm", "1"];
-    let absent = fails(1, &[&garment[..], &["--fabric", "mine.toml"]].concat(), |folder| write(folder, 7));
-    assert!(absent.contains("a [[panels]] table for panel 7, but the garment's panels are numbered 0 to 0"), "{absent}");
+    let garment =
+        ["drape", flat.to_str().unwrap(), draped.to_str().unwrap(), "--wales-per-cm", "1"];
+    let absent =
+        fails(1, &[&garment[..], &["--fabric", "mine.toml"]].concat(), |folder| write(folder, 7));
+    assert!(
+        absent.contains(
+            "a [[panels]] table for panel 7, but the garment's panels are numbered 0 to 0"
+        ),
+        "{absent}"
+    );
 
     let folder = tempfile::tempdir().unwrap();
     write(folder.path(), 0);
-    for (out, more) in [("a.csv", &["--fabric", "mine.toml"][..]), ("b.csv", &["--grain", "15"]), ("c.csv", &[])] {
+    for (out, more) in
+        [("a.csv", &["--fabric", "mine.toml"][..]), ("b.csv", &["--grain", "15"]), ("c.csv", &[])]
+    {
         warpknit(folder.path()).args(garment).args(more).args(["-o", out]).assert().success();
     }
     let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
@@ -152,8 +206,14 @@ fn a_fabric_lays_itself_out_panel_by_panel() {
 fn a_full_disk_is_an_error_that_names_the_file() {
     for name in ["full.png", "full.glb", "full.obj", "full.csv", "full.json"] {
         let arguments = [&["swatch", "-o", name], &SMALL[..]].concat();
-        let message = fails(1, &arguments, |folder| std::os::unix::fs::symlink("/dev/full", folder.join(name)).unwrap());
-        assert!(message.contains("/dev/full: can't write") && message.contains("No space left on device"), "{name}: {message}");
+        let message = fails(1, &arguments, |folder| {
+            std::os::unix::fs::symlink("/dev/full", folder.join(name)).unwrap()
+        });
+        assert!(
+            message.contains("/dev/full: can't write")
+                && message.contains("No space left on device"),
+            "{name}: {message}"
+        );
         assert_eq!(message.lines().count(), 1);
     }
 }
@@ -170,22 +230,44 @@ fn a_failed_run_keeps_the_old_files() {
 #[test]
 fn data_go_to_stdout_and_a_closed_pipe_is_no_error() {
     let folder = tempfile::tempdir().unwrap();
-    let listed = warpknit(folder.path()).arg("fabrics").assert().success().stderr("").get_output().stdout.clone();
+    let listed = warpknit(folder.path())
+        .arg("fabrics")
+        .assert()
+        .success()
+        .stderr("")
+        .get_output()
+        .stdout
+        .clone();
     let lines: Vec<_> = std::str::from_utf8(&listed).unwrap().lines().collect();
     assert_eq!(
         lines.iter().map(|line| line.split_whitespace().next().unwrap()).collect::<Vec<_>>(),
         builtin::names().collect::<Vec<_>>()
     );
-    let columns = |line: &&str| line.char_indices().map(|(at, _)| at).filter(|&at| line[..at].ends_with("  ")).count();
-    assert!(lines.iter().all(|line| columns(line) >= 2 && line.chars().count() < 170), "three columns each");
-    let inspected =
-        warpknit(folder.path()).arg("inspect").arg(mesh("tshirt.obj")).assert().success().stderr("").get_output().stdout.clone();
+    let columns = |line: &&str| {
+        line.char_indices().map(|(at, _)| at).filter(|&at| line[..at].ends_with("  ")).count()
+    };
+    assert!(
+        lines.iter().all(|line| columns(line) >= 2 && line.chars().count() < 170),
+        "three columns each"
+    );
+    let inspected = warpknit(folder.path())
+        .arg("inspect")
+        .arg(mesh("tshirt.obj"))
+        .assert()
+        .success()
+        .stderr("")
+        .get_output()
+        .stdout
+        .clone();
     assert!(std::str::from_utf8(&inspected).unwrap().contains("unit cm (guessed)"));
 
     let (reader, writer) = std::io::pipe().unwrap();
     drop(reader);
-    let status =
-        std::process::Command::new(assert_cmd::cargo::cargo_bin!("warpknit")).arg("fabrics").stdout(writer).status().unwrap();
+    let status = std::process::Command::new(assert_cmd::cargo::cargo_bin!("warpknit"))
+        .arg("fabrics")
+        .stdout(writer)
+        .status()
+        .unwrap();
     assert!(status.success());
 }
 
@@ -195,14 +277,19 @@ fn a_printed_fabric_is_taken_back() {
     let text = warpknit(folder.path()).args(["fabrics", "locknit"]).output().unwrap().stdout;
     std::fs::write(folder.path().join("mine.toml"), text).unwrap();
     for (fabric, out) in [("mine.toml", "mine.csv"), ("locknit", "own.csv")] {
-        warpknit(folder.path()).args(["swatch", "--fabric", fabric, "-o", out]).args(SMALL).assert().success();
+        warpknit(folder.path())
+            .args(["swatch", "--fabric", fabric, "-o", out])
+            .args(SMALL)
+            .assert()
+            .success();
     }
     let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
     assert_eq!(read("mine.csv"), read("own.csv"));
 }
 
 /// Of every file but the report, which has times in it.
-const ENDINGS: [&str; 10] = ["png", "glb", "csv", "obj", "ply", "usda", "bcc", "curves.txt", "inp", "npz"];
+const ENDINGS: [&str; 10] =
+    ["png", "glb", "csv", "obj", "ply", "usda", "bcc", "curves.txt", "inp", "npz"];
 
 #[test]
 fn every_output_is_the_same_on_one_and_on_two_threads() {
@@ -212,7 +299,16 @@ fn every_output_is_the_same_on_one_and_on_two_threads() {
         std::fs::create_dir(folder.path().join(threads)).unwrap();
         let outputs = ENDINGS.map(|ending| format!("{threads}/cloth.{ending}"));
         let mut command = warpknit(folder.path());
-        command.arg("drape").args(&garment).args(["--wales-per-cm", "1", "--courses-per-cm", "1.5", "--st", "3", "--sr", "3"]);
+        command.arg("drape").args(&garment).args([
+            "--wales-per-cm",
+            "1",
+            "--courses-per-cm",
+            "1.5",
+            "--st",
+            "3",
+            "--sr",
+            "3",
+        ]);
         command
             .args(outputs.iter().flat_map(|out| ["-o", out]))
             .args(["--size", "160x120", "--threads", threads])
@@ -220,7 +316,9 @@ fn every_output_is_the_same_on_one_and_on_two_threads() {
             .success();
     }
     for ending in ENDINGS {
-        let read = |threads: u32| std::fs::read(folder.path().join(format!("{threads}/cloth.{ending}"))).unwrap();
+        let read = |threads: u32| {
+            std::fs::read(folder.path().join(format!("{threads}/cloth.{ending}"))).unwrap()
+        };
         assert!(read(1) == read(2), ".{ending} differs");
     }
 }
@@ -228,14 +326,36 @@ fn every_output_is_the_same_on_one_and_on_two_threads() {
 #[test]
 fn a_swatch_prints_its_numbers_even_quietly() {
     let folder = tempfile::tempdir().unwrap();
-    let output = warpknit(folder.path()).args(["swatch", "--fabric", "weft-inserted", "--quiet"]).args(SMALL).output().unwrap();
+    let output = warpknit(folder.path())
+        .args(["swatch", "--fabric", "weft-inserted", "--quiet"])
+        .args(SMALL)
+        .output()
+        .unwrap();
     let text = String::from_utf8(output.stdout).unwrap();
     assert!(output.status.success() && output.stderr.is_empty());
-    for name in ["fabric", "wales", "courses", "mass", "yarn length", "thickness", "cover factor", "porosity", "clearance"] {
-        assert_eq!(text.lines().filter(|line| line.starts_with(&format!("{name}  "))).count(), 1, "{name}: {text}");
+    for name in [
+        "fabric",
+        "wales",
+        "courses",
+        "mass",
+        "yarn length",
+        "thickness",
+        "cover factor",
+        "porosity",
+        "clearance",
+    ] {
+        assert_eq!(
+            text.lines().filter(|line| line.starts_with(&format!("{name}  "))).count(),
+            1,
+            "{name}: {text}"
+        );
     }
     let weft = text.lines().last().unwrap().split_whitespace().collect::<Vec<_>>();
-    assert_eq!((weft[..3].join(" "), weft[4], weft[7]), ("2 110 dtex".to_owned(), "-", "weft"), "a weft has no run-in: {text}");
+    assert_eq!(
+        (weft[..3].join(" "), weft[4], weft[7]),
+        ("2 110 dtex".to_owned(), "-", "weft"),
+        "a weft has no run-in: {text}"
+    );
 }
 
 #[test]
@@ -246,7 +366,8 @@ fn a_fabric_prints_back_what_it_was_given() {
         assert!(output.status.success(), "{output:?}");
         String::from_utf8(output.stdout).unwrap()
     };
-    std::fs::write(folder.path().join("mine.toml"), print("power-net").replace("0.65", "0.5")).unwrap();
+    std::fs::write(folder.path().join("mine.toml"), print("power-net").replace("0.65", "0.5"))
+        .unwrap();
     let once = print("mine.toml");
     assert!(once.contains("packing = 0.5"), "{once}");
     std::fs::write(folder.path().join("again.toml"), &once).unwrap();
@@ -284,7 +405,12 @@ fn what_pictures_need_is_asked_before_the_work() {
 #[cfg(feature = "view")]
 #[test]
 fn the_window_refuses_what_it_has_no_use_for() {
-    for flags in [&["--turntable", "3"][..], &["--renderer", "cpu"], &["-o", "a.png"], &["--texture", "absent"]] {
+    for flags in [
+        &["--turntable", "3"][..],
+        &["--renderer", "cpu"],
+        &["-o", "a.png"],
+        &["--texture", "absent"],
+    ] {
         let arguments = [&["view", "--wales", "2", "--courses", "2"], flags].concat();
         let message = fails(1, &arguments, |_| {});
         assert!(message.starts_with("error: ") && message.lines().count() == 1, "{message}");
@@ -297,9 +423,12 @@ fn a_turntable_writes_pictures_from_all_around() {
     let arguments = ["swatch", "--turntable", "4", "--renderer", "cpu", "-o", "turn.png"];
     let size = ["--size", "64x48", "--wales", "10", "--courses", "8"];
     warpknit(folder.path()).args(arguments).args(size).assert().success();
-    let frames = [1, 2, 3, 4].map(|frame| image::open(folder.path().join(format!("turn-00{frame}.png"))).unwrap().into_rgba8());
+    let frames = [1, 2, 3, 4].map(|frame| {
+        image::open(folder.path().join(format!("turn-00{frame}.png"))).unwrap().into_rgba8()
+    });
     assert!(!folder.path().join("turn.png").exists());
-    let covered = |frame: &image::RgbaImage| frame.pixels().filter(|pixel| pixel.0 != [255; 4]).count();
+    let covered =
+        |frame: &image::RgbaImage| frame.pixels().filter(|pixel| pixel.0 != [255; 4]).count();
     assert!(covered(&frames[0]) > 2 * covered(&frames[1]), "a swatch seen from its side is thin");
     assert!(frames[0] != frames[2] && covered(&frames[2]) > 2 * covered(&frames[3]));
 }
@@ -307,14 +436,23 @@ fn a_turntable_writes_pictures_from_all_around() {
 #[test]
 fn one_image_makes_ribbons_as_wide_as_yarns() {
     let folder = tempfile::tempdir().unwrap();
-    image::RgbaImage::from_pixel(16, 8, image::Rgba([200, 30, 30, 255])).save(folder.path().join("yarn.png")).unwrap();
+    image::RgbaImage::from_pixel(16, 8, image::Rgba([200, 30, 30, 255]))
+        .save(folder.path().join("yarn.png"))
+        .unwrap();
     let draw = |name: &str, flags: &[&str]| {
-        warpknit(folder.path()).args(["swatch", "--renderer", "cpu", "-o", name]).args(SMALL).args(flags).assert().success();
+        warpknit(folder.path())
+            .args(["swatch", "--renderer", "cpu", "-o", name])
+            .args(SMALL)
+            .args(flags)
+            .assert()
+            .success();
         let picture = image::open(folder.path().join(name)).unwrap().into_rgba8();
         picture.pixels().map(|pixel| f64::from(255 - pixel.0[2])).sum::<f64>()
     };
-    let (tubes, ribbons) =
-        (draw("tubes.png", &["--texture", "yarn.png"]), draw("ribbons.png", &["--texture", "yarn.png", "--shape", "ribbon"]));
+    let (tubes, ribbons) = (
+        draw("tubes.png", &["--texture", "yarn.png"]),
+        draw("ribbons.png", &["--texture", "yarn.png", "--shape", "ribbon"]),
+    );
     assert!(ribbons > 0.8 * tubes && ribbons < 1.6 * tubes, "{ribbons} {tubes}");
 }
 
@@ -328,7 +466,9 @@ fn a_fabric_file_names_its_yarns_pictures() {
         assert_ne!(text, fabric, "{fabric}");
         std::fs::write(folder.path().join("mine/red.toml"), text).unwrap();
     };
-    image::RgbaImage::from_pixel(16, 8, image::Rgba([200, 0, 0, 255])).save(folder.path().join("mine/yarn.png")).unwrap();
+    image::RgbaImage::from_pixel(16, 8, image::Rgba([200, 0, 0, 255]))
+        .save(folder.path().join("mine/yarn.png"))
+        .unwrap();
     let draw = |flags: &[&str]| {
         let arguments = ["swatch", "--fabric", "mine/red.toml", "--renderer", "cpu", "-o", "a.png"];
         warpknit(folder.path()).args(arguments).args(SMALL).args(flags).assert().success();
@@ -340,19 +480,34 @@ fn a_fabric_file_names_its_yarns_pictures() {
     with("texture = \"yarn.png\"");
     let of_one_bar = draw(&[]);
     let of_all = draw(&["--texture", "mine/yarn.png"]);
-    assert!(of_one_bar > 20 && of_all > of_one_bar + 20, "the path starts from the file's folder: {of_one_bar} {of_all}");
+    assert!(
+        of_one_bar > 20 && of_all > of_one_bar + 20,
+        "the path starts from the file's folder: {of_one_bar} {of_all}"
+    );
     // The pictures of a fine yarn on a thick one: ribbons would be threads.
     let thin = "texture = \"yarn.png\"\ntexture_length = 0.02";
     with(thin);
     let arguments = ["swatch", "--fabric", "mine/red.toml", "--shape", "ribbon", "-o", "b.png"];
-    let output = warpknit(folder.path()).args(arguments).args(SMALL).assert().success().get_output().clone();
-    let message = String::from_utf8(output.stderr).unwrap();
-    assert!(message.contains("warning: bar 1: its pictures are of a yarn 0.01 mm wide"), "{message}");
-    with("texture = \"absent\"");
     let output =
-        warpknit(folder.path()).args(["swatch", "--fabric", "mine/red.toml"]).args(SMALL).assert().code(1).get_output().clone();
+        warpknit(folder.path()).args(arguments).args(SMALL).assert().success().get_output().clone();
     let message = String::from_utf8(output.stderr).unwrap();
-    assert!(message.contains("the yarn of bar 1: ") && message.contains("mine/absent"), "{message}");
+    assert!(
+        message.contains("warning: bar 1: its pictures are of a yarn 0.01 mm wide"),
+        "{message}"
+    );
+    with("texture = \"absent\"");
+    let output = warpknit(folder.path())
+        .args(["swatch", "--fabric", "mine/red.toml"])
+        .args(SMALL)
+        .assert()
+        .code(1)
+        .get_output()
+        .clone();
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(
+        message.contains("the yarn of bar 1: ") && message.contains("mine/absent"),
+        "{message}"
+    );
 }
 
 #[test]
@@ -365,10 +520,12 @@ fn bench_prints_the_papers_table() {
         .get_output()
         .clone();
     let table = String::from_utf8(output.stdout).unwrap();
-    let rows: Vec<Vec<&str>> = table.lines().skip(2).map(|row| row.split_whitespace().collect()).collect();
+    let rows: Vec<Vec<&str>> =
+        table.lines().skip(2).map(|row| row.split_whitespace().collect()).collect();
     assert_eq!(rows.len(), 9, "{table}");
     for row in &rows {
-        let number = |column: usize| row[column].parse::<f64>().unwrap_or_else(|_| panic!("{table}"));
+        let number =
+            |column: usize| row[column].parse::<f64>().unwrap_or_else(|_| panic!("{table}"));
         let (side, segments) = (number(0), number(3));
         assert_eq!(number(4), side * (side * segments + 1.0) * 6.0, "vertices: {table}");
         assert!(number(5) > 0.0 && number(6) <= number(5) && number(5) <= number(7), "{table}");

@@ -1,6 +1,8 @@
-//! Pictures of cloth whose yarns are known, for `capture`: our own renderer's, under a sky that is equally light everywhere, which is not how the fit shades its cylinders.
+//! Pictures of cloth whose yarns are known, for `capture`: our own renderer's, under a sky that is
+//! equally light everywhere, which is not how the fit shades its cylinders.
 //!
-//! Lengths are pixels. Truth is what is seen: stretches of yarn over which nothing else lies, in pieces that leave their chords by less than a fifth of the yarn's width.
+//! Lengths are pixels. Truth is what is seen: stretches of yarn over which nothing else lies, in
+//! pieces that leave their chords by less than a fifth of the yarn's width.
 
 use std::f64::consts::{PI, TAU};
 
@@ -61,10 +63,14 @@ impl Stretch {
 }
 
 impl Sample {
-    /// Its stretches as `found` has its segments: from a cell's corner, where nothing moves the cloth.
+    /// Its stretches as `found` has its segments: from a cell's corner, where nothing moves the
+    /// cloth.
     pub(crate) fn in_cell(&self, found: &Captured) -> Vec<Stretch> {
         let place = |pixel: DVec2| found.unit.lattice.matrix() * found.count(pixel);
-        self.stretches.iter().map(|stretch| Stretch { centre: place(stretch.centre), ..*stretch }).collect()
+        self.stretches
+            .iter()
+            .map(|stretch| Stretch { centre: place(stretch.centre), ..*stretch })
+            .collect()
     }
 }
 
@@ -124,22 +130,35 @@ pub(crate) fn sample(kind: Kind, seed: u64, size: u32, disturbance: Disturbance)
     pictured(&laid, &laid.yarns, laid.radius, size, disturbance, &mut random)
 }
 
-/// A square picture of a plain weave whose yarns are bundles of twisted fibres, `fibre` pixels wide each, and the degrees by which the outermost lean against the
-/// yarn: S over 0, Z under 0.
+/// A square picture of a plain weave whose yarns are bundles of twisted fibres, `fibre` pixels wide
+/// each, and the degrees by which the outermost lean against the yarn: S over 0, Z under 0.
 pub(crate) fn fibrous(seed: u64, size: u32, fibre: f64, disturbance: Disturbance) -> (Sample, f64) {
     let mut random = Random::new(seed);
     let count = u16::try_from(whole(random.within(40.0, 90.0))).unwrap();
     let radius = 0.5 * fibre * (f64::from(count) / PACKING).sqrt();
     let pitch = 2.0 * radius / random.within(0.8, 0.95);
     let aspect: f64 = random.within(0.92, 1.08);
-    let laid = woven(DVec2::new(pitch * aspect.sqrt(), pitch / aspect.sqrt()), radius, [1, 1], 8, f64::from(size));
+    let laid = woven(
+        DVec2::new(pitch * aspect.sqrt(), pitch / aspect.sqrt()),
+        radius,
+        [1, 1],
+        8,
+        f64::from(size),
+    );
     let degrees = random.within(8.0, 35.0) * if random.within(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 };
     let near = |p: &DVec3| p.truncate().abs().max_element() < 0.75 * f64::from(size);
     let mut fibres = Vec::new();
     for yarn in &laid.yarns {
         let (first, last) = (yarn.iter().position(near), yarn.iter().rposition(near));
         if let (Some(first), Some(last)) = (first, last) {
-            fibres.extend(bundle(&yarn[first..=last], radius, 0.5 * fibre, count, degrees, &mut random));
+            fibres.extend(bundle(
+                &yarn[first..=last],
+                radius,
+                0.5 * fibre,
+                count,
+                degrees,
+                &mut random,
+            ));
         }
     }
     (pictured(&laid, &fibres, 0.5 * fibre, size, disturbance, &mut random), degrees)
@@ -149,9 +168,17 @@ pub(crate) fn fibrous(seed: u64, size: u32, fibre: f64, disturbance: Disturbance
 const PACKING: f64 = 0.6;
 
 /// Fibres wound around a yarn's axis, all with as many turns; each wanders a little in and out.
-fn bundle(yarn: &[DVec3], radius: f64, fibre: f64, count: u16, degrees: f64, random: &mut Random) -> Vec<Vec<DVec3>> {
+fn bundle(
+    yarn: &[DVec3],
+    radius: f64,
+    fibre: f64,
+    count: u16,
+    degrees: f64,
+    random: &mut Random,
+) -> Vec<Vec<DVec3>> {
     let outermost = radius - fibre;
-    // From aside over the top and back against the way ahead: fibres seen from above lean as the bar of an S does.
+    // From aside over the top and back against the way ahead: fibres seen from above lean as the
+    // bar of an S does.
     let turns = degrees.to_radians().tan() / outermost;
     let (mut axis, mut along) = (Vec::new(), 0.0);
     for at in 0..yarn.len() - 1 {
@@ -169,7 +196,8 @@ fn bundle(yarn: &[DVec3], radius: f64, fibre: f64, count: u16, degrees: f64, ran
     (0..count)
         .map(|number| {
             // Sunflower seeds: evenly over the section.
-            let out = outermost * ((f64::from(number) + 0.5) / f64::from(count)).sqrt() + 0.3 * fibre * random.bell();
+            let out = outermost * ((f64::from(number) + 0.5) / f64::from(count)).sqrt()
+                + 0.3 * fibre * random.bell();
             let around = start + f64::from(number) * 2.399_963 + 0.1 * random.bell();
             let (wave, phase) = (random.within(0.3, 0.8) / radius, random.within(0.0, TAU));
             let place = |&(middle, aside, up, along): &(DVec3, DVec3, DVec3, f64)| {
@@ -196,7 +224,8 @@ fn pictured(
     let turned = |p: DVec2| DVec2::from_angle(turn).rotate(p);
     let waves: Vec<(DVec2, f64, DVec2)> = (0..4)
         .map(|_| {
-            let wave = DVec2::from_angle(random.within(0.0, TAU)) * (TAU / (random.within(0.45, 1.2) * side));
+            let wave = DVec2::from_angle(random.within(0.0, TAU))
+                * (TAU / (random.within(0.45, 1.2) * side));
             (wave, random.within(0.0, TAU), DVec2::from_angle(random.within(0.0, TAU)))
         })
         .collect();
@@ -204,7 +233,9 @@ fn pictured(
         p + waves.iter().map(|(wave, phase, way)| *way * (wave.dot(p) + phase).sin()).sum::<DVec2>()
             * (disturbance.distortion / 2.0)
     };
-    let strands = strands.iter().map(|strand| strand.iter().map(|p| moved(turned(p.truncate())).extend(p.z).as_vec3()).collect());
+    let strands = strands.iter().map(|strand| {
+        strand.iter().map(|p| moved(turned(p.truncate())).extend(p.z).as_vec3()).collect()
+    });
     let picture = photographed(strands.collect(), laid.colored, strand_radius, size, random);
     let gradient = DVec2::from_angle(random.within(0.0, TAU)) * disturbance.light;
     let image = RgbImage::from_fn(size, size, |x, y| {
@@ -251,58 +282,98 @@ fn woven(spacing: DVec2, radius: f64, [over, under]: [i64; 2], parts: u8, side: 
     let mut yarns = Vec::new();
     for (count, steps, along_y) in [(warps, wefts, true), (wefts, warps, false)] {
         for yarn in -count..=count {
-            let height =
-                |step: i64| if along_y == if along_y { is_up(yarn, step) } else { is_up(step, yarn) } { radius } else { -radius };
+            let height = |step: i64| {
+                if along_y == if along_y { is_up(yarn, step) } else { is_up(step, yarn) } {
+                    radius
+                } else {
+                    -radius
+                }
+            };
             let mut points = Vec::new();
             for step in -steps..=steps {
                 for part in 0..parts {
                     let share = f64::from(part) / f64::from(parts);
                     let (along, eased) = (step as f64 + share, 0.5 - 0.5 * (PI * share).cos());
                     let z = height(step) + eased * (height(step + 1) - height(step));
-                    let place = if along_y { DVec2::new(yarn as f64, along) } else { DVec2::new(along, yarn as f64) };
+                    let place = if along_y {
+                        DVec2::new(yarn as f64, along)
+                    } else {
+                        DVec2::new(along, yarn as f64)
+                    };
                     points.push((place * spacing).extend(z));
                 }
             }
             yarns.push(points);
         }
     }
-    Laid { colored: yarns.len(), yarns, radius, lattice: [spacing, DVec2::new(0.0, (over + under) as f64 * spacing.y)] }
+    Laid {
+        colored: yarns.len(),
+        yarns,
+        radius,
+        lattice: [spacing, DVec2::new(0.0, (over + under) as f64 * spacing.y)],
+    }
 }
 
 /// Our own jersey, from its technical face.
 fn jersey(random: &mut Random, side: f64) -> Laid {
-    let (aspect, width, wales) = (random.within(1.15, 1.5), random.within(24.0, 52.0), random.within(11.0, 13.5));
+    let (aspect, width, wales) =
+        (random.within(1.15, 1.5), random.within(24.0, 52.0), random.within(11.0, 13.5));
     let fabric = Fabric::named("jersey").unwrap().at_densities(wales, wales * aspect).unwrap();
     let scale = width / fabric.wale_spacing();
     let count = |spacing: f64| u32::try_from(whole(1.6 * side / spacing)).unwrap() + 2;
     let scene = picture::swatch(&fabric, count(width), count(width / aspect));
     let centre = scene.bounds().unwrap().centre().as_dvec3().with_z(0.0);
-    let points = |points: &std::ops::Range<u32>| &scene.positions[points.start as usize..points.end as usize];
-    let yarns =
-        scene.strands.iter().map(|strand| points(&strand.points).iter().map(|p| (p.as_dvec3() - centre) * scale).collect());
+    let points = |points: &std::ops::Range<u32>| {
+        &scene.positions[points.start as usize..points.end as usize]
+    };
+    let yarns = scene.strands.iter().map(|strand| {
+        points(&strand.points).iter().map(|p| (p.as_dvec3() - centre) * scale).collect()
+    });
     let lattice = [DVec2::new(width, 0.0), DVec2::new(0.0, width / aspect)];
     let yarns: Vec<_> = yarns.collect();
     Laid { colored: yarns.len(), yarns, radius: fabric.radius() * scale, lattice }
 }
 
 /// Seen from far above, in a light that comes from everywhere.
-fn photographed(yarns: Vec<Vec<Vec3>>, colored: usize, radius: f64, size: u32, random: &mut Random) -> image::RgbaImage {
+fn photographed(
+    yarns: Vec<Vec<Vec3>>,
+    colored: usize,
+    radius: f64,
+    size: u32,
+    random: &mut Random,
+) -> image::RgbaImage {
     let mut part = || random.within(0.25, 0.7) as f32;
     let mut look = YarnLook::plain(Vec3::new(part(), part(), part()), 0.8, radius as f32);
     look.plies = 1 + u32::from(random.within(0.0, 1.0) > 0.5);
     let second = YarnLook { albedo: look.albedo.zxy() * Vec3::new(1.0, 0.3, 0.15), ..look };
     let mut scene = Scene { looks: vec![look, second], ..Scene::default() };
-    (0..).zip(yarns).for_each(|(number, yarn)| scene.push_strand(yarn, u16::from(number >= colored)));
+    (0..)
+        .zip(yarns)
+        .for_each(|(number, yarn)| scene.push_strand(yarn, u16::from(number >= colored)));
     let far = 40.0 * f64::from(size);
-    let camera = Camera::look_at(DVec3::new(0.0, 0.0, far), DVec3::ZERO, 2.0 * (0.5 * f64::from(size) / far).atan(), 1.0);
+    let camera = Camera::look_at(
+        DVec3::new(0.0, 0.0, far),
+        DVec3::ZERO,
+        2.0 * (0.5 * f64::from(size) / far).atan(),
+        1.0,
+    );
     let sky = Vec3::splat(0.9);
     let light = Light { sun: Vec3::ZERO, sky_above: sky, sky_below: sky, ..Light::default() };
     let background = Background::Color([12, 12, 12]);
-    let options = Options { width: size, height: size, spp: 4, sky_rays: 6, background, light, ..Options::default() };
+    let options = Options {
+        width: size,
+        height: size,
+        spp: 4,
+        sky_rays: 6,
+        background,
+        light,
+        ..Options::default()
+    };
     render(&scene, &camera, &options, &|_| ()).unwrap()
 }
 
-/// The stretches of yarn that are seen from above, one of each class of the lattice, near the origin.
+/// The stretches of yarn that are seen from above, one of each class of the lattice, near the
+/// origin.
 fn seen(laid: &Laid) -> Vec<Stretch> {
     let longest = laid.lattice.iter().map(|vector| vector.length()).fold(0.0, f64::max);
     let reach = 3.6 * longest + 4.0 * laid.radius;
@@ -312,7 +383,8 @@ fn seen(laid: &Laid) -> Vec<Stretch> {
         let spans = (0..yarn.len() - 1).filter(|&at| near(&yarn[at]) || near(&yarn[at + 1]));
         spans
             .flat_map(|at| {
-                let (span, pieces) = (curve::span(yarn, at), whole(yarn[at].distance(yarn[at + 1]) / step) + 1);
+                let (span, pieces) =
+                    (curve::span(yarn, at), whole(yarn[at].distance(yarn[at + 1]) / step) + 1);
                 (0..pieces).map(move |piece| span.at(piece as f64 / pieces as f64))
             })
             .collect()
@@ -323,7 +395,8 @@ fn seen(laid: &Laid) -> Vec<Stretch> {
     for (number, path) in paths.iter().enumerate() {
         let is_seen = |at: usize| {
             // Of a yarn that turns back, the part that is meant.
-            top.at(path[at].truncate()).is_some_and(|(yarn, place)| yarn == number && place.abs_diff(at) < 26)
+            top.at(path[at].truncate())
+                .is_some_and(|(yarn, place)| yarn == number && place.abs_diff(at) < 26)
         };
         let flags: Vec<bool> = (0..path.len()).map(is_seen).collect();
         let mut start = 0;
@@ -350,14 +423,20 @@ impl Top {
     fn at(&self, p: DVec2) -> Option<(usize, usize)> {
         let [x, y] = ((p + self.reach) / self.step).to_array().map(|at| whole(at.round()));
         let is_in = (0..self.side).contains(&x) && (0..self.side).contains(&y);
-        is_in.then(|| self.cells[usize::try_from(y * self.side + x).unwrap()]).map(|(_, yarn, place)| (yarn, place))
+        is_in
+            .then(|| self.cells[usize::try_from(y * self.side + x).unwrap()])
+            .map(|(_, yarn, place)| (yarn, place))
     }
 }
 
 fn top(paths: &[Vec<DVec3>], reach: f64, step: f64, radius: f64) -> Top {
     let side = whole(2.0 * reach / step) + 1;
-    let mut top =
-        Top { cells: vec![(f64::NEG_INFINITY, usize::MAX, 0); usize::try_from(side * side).unwrap()], side, reach, step };
+    let mut top = Top {
+        cells: vec![(f64::NEG_INFINITY, usize::MAX, 0); usize::try_from(side * side).unwrap()],
+        side,
+        reach,
+        step,
+    };
     let cells = whole(radius / step);
     for (number, path) in paths.iter().enumerate() {
         for (at, p) in path.iter().enumerate() {
@@ -388,7 +467,12 @@ pub(crate) fn straight(path: &[DVec3], radius: f64, found: &mut Vec<Stretch>) {
         straight(&path[farthest..], radius, found);
     } else if p.distance(q) > 0.3 * radius {
         // However short: gaps of loose cloth show such pieces of the yarns below.
-        found.push(Stretch { centre: 0.5 * (p + q), angle: way.to_angle(), length: p.distance(q), width: 2.0 * radius });
+        found.push(Stretch {
+            centre: 0.5 * (p + q),
+            angle: way.to_angle(),
+            length: p.distance(q),
+            width: 2.0 * radius,
+        });
     }
 }
 
@@ -400,7 +484,8 @@ fn one_of_each(mut found: Vec<Stretch>, [a, b]: [DVec2; 2], longest: f64) -> Vec
             let off = stretch.centre - other.centre;
             let count = DVec2::new(off.perp_dot(b), a.perp_dot(off)) / a.perp_dot(b);
             let off = count - count.round();
-            (a * off.x + b * off.y).length() < 0.3 * stretch.width && (stretch.length - other.length).abs() < 0.3 * stretch.width
+            (a * off.x + b * off.y).length() < 0.3 * stretch.width
+                && (stretch.length - other.length).abs() < 0.3 * stretch.width
         };
         if !kept.iter().any(same) {
             kept.push(stretch);
@@ -409,10 +494,13 @@ fn one_of_each(mut found: Vec<Stretch>, [a, b]: [DVec2; 2], longest: f64) -> Vec
     kept
 }
 
-/// The layout of a picture as somebody would give it who sees all of it; lightness is what a yarn's mostly is.
+/// The layout of a picture as somebody would give it who sees all of it; lightness is what a yarn's
+/// mostly is.
 pub(crate) fn layout(truth: &Sample) -> GivenLayout {
     let long = truth.stretches.iter().filter(|stretch| stretch.is_long());
-    let segment = |&Stretch { centre, angle, length, width }: &Stretch| Segment::straight(centre, angle, width, length, 1.0);
+    let segment = |&Stretch { centre, angle, length, width }: &Stretch| {
+        Segment::straight(centre, angle, width, length, 1.0)
+    };
     GivenLayout { cell: truth.lattice, ground: -1.0, segments: long.map(segment).collect() }
 }
 

@@ -1,4 +1,5 @@
-//! Curves read back by readers of their own, written from the formats' published layouts: all hold the same yarns.
+//! Curves read back by readers of their own, written from the formats' published layouts: all hold
+//! the same yarns.
 
 use std::io::Read as _;
 use std::path::Path;
@@ -12,7 +13,10 @@ const ST: usize = 4;
 fn knitted(folder: &Path) {
     let mesh = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes").join(name);
     let mut command = Command::cargo_bin("warpknit").unwrap();
-    command.current_dir(folder).arg("drape").args([mesh("pinch_flat.obj"), mesh("pinch_draped.obj")]);
+    command
+        .current_dir(folder)
+        .arg("drape")
+        .args([mesh("pinch_flat.obj"), mesh("pinch_draped.obj")]);
     command
         .args(["--fabric", "locknit", "--wales-per-cm", "1", "--courses-per-cm", "1.5", "--quiet"])
         .args(["--st", &ST.to_string()]);
@@ -54,7 +58,9 @@ pub(crate) fn bcc(bytes: &[u8]) -> Vec<Vec<[f64; 3]>> {
     let read: Vec<Vec<[f64; 3]>> = (0..curves)
         .map(|_| {
             let count = i32::from_le_bytes(take(4).try_into().unwrap());
-            let floats: Vec<f32> = bytemuck::pod_collect_to_vec(take(12 * usize::try_from(count).expect("no closed curve")));
+            let floats: Vec<f32> = bytemuck::pod_collect_to_vec(take(
+                12 * usize::try_from(count).expect("no closed curve"),
+            ));
             floats.as_chunks::<3>().0.iter().map(|point| point.map(f64::from)).collect()
         })
         .collect();
@@ -65,7 +71,8 @@ pub(crate) fn bcc(bytes: &[u8]) -> Vec<Vec<[f64; 3]>> {
 /// Curves as Mitsuba reads them, and each one's radius.
 fn mitsuba(text: &str) -> Vec<(Vec<[f64; 3]>, f64)> {
     let curve = |text: &str| {
-        let rows: Vec<[f64; 4]> = text.lines().map(|line| numbers(line).try_into().unwrap()).collect();
+        let rows: Vec<[f64; 4]> =
+            text.lines().map(|line| numbers(line).try_into().unwrap()).collect();
         assert!(rows.iter().all(|row| row[3] == rows[0][3]));
         (rows.iter().map(|[x, y, z, _]| [*x, *y, *z]).collect(), rows[0][3])
     };
@@ -82,8 +89,11 @@ fn npz(bytes: &[u8], name: &str) -> (String, Vec<usize>, Vec<u8>) {
     assert_eq!((10 + length) % 64, 0);
     let header = std::str::from_utf8(&array[10..10 + length]).unwrap();
     assert!(header.ends_with('\n') && header.contains("'fortran_order': False"));
-    let between = |from: &str, to: &str| header.split(from).nth(1).unwrap().split(to).next().unwrap().to_owned();
-    let shape = between("'shape': (", ")").split(',').filter_map(|n| n.trim().parse().ok()).collect();
+    let between = |from: &str, to: &str| {
+        header.split(from).nth(1).unwrap().split(to).next().unwrap().to_owned()
+    };
+    let shape =
+        between("'shape': (", ")").split(',').filter_map(|n| n.trim().parse().ok()).collect();
     (between("'descr': '", "'"), shape, array[10 + length..].to_vec())
 }
 
@@ -97,7 +107,10 @@ fn floats(bytes: &[u8], name: &str) -> Vec<[f64; 3]> {
 fn words(bytes: &[u8], name: &str) -> Vec<u32> {
     let (kind, shape, data) = npz(bytes, name);
     let words: Vec<u32> = bytemuck::pod_collect_to_vec(&data);
-    assert!(["<u4", "<i4"].contains(&kind.as_str()) && shape == [words.len()], "{name}: {kind} {shape:?}");
+    assert!(
+        ["<u4", "<i4"].contains(&kind.as_str()) && shape == [words.len()],
+        "{name}: {kind} {shape:?}"
+    );
     words
 }
 
@@ -113,14 +126,21 @@ fn bcc_mitsuba_and_abaqus_files_hold_the_same_points() {
     let same = mitsuba(&text(folder.path(), "s.curves.txt"));
     assert_eq!(same.len(), curves.len());
     for ((own, radius), curve) in same.iter().zip(&curves) {
-        assert!(own.len() == curve.len() && own.iter().zip(curve).all(|(a, b)| near(*a, *b, 0.6e-4)) && *radius > 0.0);
+        assert!(
+            own.len() == curve.len()
+                && own.iter().zip(curve).all(|(a, b)| near(*a, *b, 0.6e-4))
+                && *radius > 0.0
+        );
     }
 
     let text = text(folder.path(), "s.inp");
     let sections: Vec<(&str, Vec<&str>)> = text
         .split("\n*")
         .map(|section| {
-            (section.lines().next().unwrap(), section.lines().skip(1).filter(|line| !line.starts_with("**")).collect())
+            (
+                section.lines().next().unwrap(),
+                section.lines().skip(1).filter(|line| !line.starts_with("**")).collect(),
+            )
         })
         .collect();
     let nodes = &sections.iter().find(|(name, _)| name.starts_with("NODE")).unwrap().1;
@@ -128,14 +148,18 @@ fn bcc_mitsuba_and_abaqus_files_hold_the_same_points() {
     assert_eq!(nodes.len(), points.len());
     for (at, (line, point)) in nodes.iter().zip(&points).enumerate() {
         let row = numbers(line);
-        assert!(row[0] == (at + 1) as f64 && near([row[1], row[2], row[3]], *point, 0.6e-4), "{line}");
+        assert!(
+            row[0] == (at + 1) as f64 && near([row[1], row[2], row[3]], *point, 0.6e-4),
+            "{line}"
+        );
     }
     let elements: Vec<Vec<f64>> = sections
         .iter()
         .filter(|(name, _)| name.starts_with("ELEMENT, TYPE=B31"))
         .flat_map(|(_, lines)| lines.iter().map(|line| numbers(line)))
         .collect();
-    let starts = |curve: &[[f64; 3]], first: usize| (first..first + curve.len() - 1).map(|node| node as f64);
+    let starts =
+        |curve: &[[f64; 3]], first: usize| (first..first + curve.len() - 1).map(|node| node as f64);
     let mut first = 1;
     let mut expected = Vec::new();
     for curve in &curves {
@@ -146,11 +170,20 @@ fn bcc_mitsuba_and_abaqus_files_hold_the_same_points() {
     for (at, (element, node)) in elements.iter().zip(expected).enumerate() {
         assert_eq!(*element, [(at + 1) as f64, node, node + 1.0]);
     }
-    // A set a bar, each with its section; locknit has two bars, which meet themselves and each other.
-    for start in ["ELEMENT, TYPE=B31, ELSET=PANEL_0_BAR_1", "ELEMENT, TYPE=B31, ELSET=PANEL_0_BAR_2", "MATERIAL, NAME=YARN_2"] {
+    // A set a bar, each with its section; locknit has two bars, which meet themselves and each
+    // other.
+    for start in [
+        "ELEMENT, TYPE=B31, ELSET=PANEL_0_BAR_1",
+        "ELEMENT, TYPE=B31, ELSET=PANEL_0_BAR_2",
+        "MATERIAL, NAME=YARN_2",
+    ] {
         assert!(sections.iter().any(|(name, _)| *name == start), "{start}");
     }
-    let pairs: Vec<_> = sections.iter().filter(|(name, _)| name.starts_with("CONTACT PAIR")).map(|(_, lines)| lines[0]).collect();
+    let pairs: Vec<_> = sections
+        .iter()
+        .filter(|(name, _)| name.starts_with("CONTACT PAIR"))
+        .map(|(_, lines)| lines[0])
+        .collect();
     assert_eq!(pairs, ["SURFACE_1, SURFACE_1", "SURFACE_1, SURFACE_2", "SURFACE_2, SURFACE_2"]);
 }
 
@@ -159,8 +192,10 @@ fn npz_holds_the_data_points_of_the_csv_and_the_cut_ends() {
     let folder = tempfile::tempdir().unwrap();
     knitted(folder.path());
     let bytes = read(folder.path(), "s.npz");
-    let (flat, draped, normals) = (floats(&bytes, "flat"), floats(&bytes, "draped"), floats(&bytes, "normal"));
-    let (course, wale, triangle) = (words(&bytes, "course"), words(&bytes, "wale"), words(&bytes, "triangle"));
+    let (flat, draped, normals) =
+        (floats(&bytes, "flat"), floats(&bytes, "draped"), floats(&bytes, "normal"));
+    let (course, wale, triangle) =
+        (words(&bytes, "course"), words(&bytes, "wale"), words(&bytes, "triangle"));
     let kinds = npz(&bytes, "kind").2;
     let weights = floats(&bytes, "weights");
     assert!(weights.iter().all(|weights| (weights.iter().sum::<f64>() - 1.0).abs() < 1e-9));
@@ -184,7 +219,11 @@ fn npz_holds_the_data_points_of_the_csv_and_the_cut_ends() {
     }
     let (lengths, bars) = (words(&bytes, "length"), words(&bytes, "bar"));
     assert_eq!(lengths.iter().sum::<u32>() as usize, kinds.len());
-    assert!(bars.len() == lengths.len() && bars.is_sorted() && words(&bytes, "panel").iter().all(|panel| *panel == 0));
+    assert!(
+        bars.len() == lengths.len()
+            && bars.is_sorted()
+            && words(&bytes, "panel").iter().all(|panel| *panel == 0)
+    );
     let (_, shape, colors) = npz(&bytes, "color");
     let locknit = warpknit::fabric::Fabric::named("locknit").unwrap();
     assert_eq!((shape, &colors[3..]), (vec![2, 3], &locknit.bars[1].yarn.color.0[..]));
@@ -195,32 +234,49 @@ fn usd_curves_go_through_the_data_points_with_their_courses() {
     let folder = tempfile::tempdir().unwrap();
     knitted(folder.path());
     let (text, bytes) = (text(folder.path(), "s.usda"), read(folder.path(), "s.npz"));
-    for wanted in ["#usda 1.0\n", "defaultPrim = \"cloth\"", "metersPerUnit = 0.001", "upAxis = \"Y\""] {
+    for wanted in
+        ["#usda 1.0\n", "defaultPrim = \"cloth\"", "metersPerUnit = 0.001", "upAxis = \"Y\""]
+    {
         assert!(text.contains(wanted), "{wanted}");
     }
     let prims: Vec<&str> = text.split("def BasisCurves").skip(1).collect();
     assert_eq!(prims.len(), 2);
     let array = |prim: &str, name: &str| -> Vec<f64> {
-        let inside = prim.split(&format!(" {name} = [")).nth(1).unwrap_or_else(|| panic!("{name}")).split(']').next().unwrap();
+        let inside = prim
+            .split(&format!(" {name} = ["))
+            .nth(1)
+            .unwrap_or_else(|| panic!("{name}"))
+            .split(']')
+            .next()
+            .unwrap();
         numbers(&inside.replace(['(', ')'], " "))
     };
     let (draped, courses) = (floats(&bytes, "draped"), words(&bytes, "course"));
-    let (lengths, yarns, kinds) = (words(&bytes, "length"), words(&bytes, "yarn"), npz(&bytes, "kind").2);
+    let (lengths, yarns, kinds) =
+        (words(&bytes, "length"), words(&bytes, "yarn"), npz(&bytes, "kind").2);
     let (mut point, mut strand) = (0, 0);
     for prim in prims {
         let points: Vec<[f64; 3]> = array(prim, "points").as_chunks::<3>().0.to_vec();
         let counts = array(prim, "curveVertexCounts");
         let (course, st) = (array(prim, "primvars:course"), array(prim, "primvars:st"));
-        assert_eq!((course.len(), st.len()), (array(prim, "primvars:wale").len(), 2 * course.len()));
+        assert_eq!(
+            (course.len(), st.len()),
+            (array(prim, "primvars:wale").len(), 2 * course.len())
+        );
         let extent = array(prim, "extent");
         let mut next = 0;
         let mut data = 0;
         for (count, yarn) in counts.iter().zip(array(prim, "primvars:yarn")) {
-            assert_eq!((*count, yarn), (f64::from(3 * lengths[strand] - 2), f64::from(yarns[strand])));
+            assert_eq!(
+                (*count, yarn),
+                (f64::from(3 * lengths[strand] - 2), f64::from(yarns[strand]))
+            );
             let mut last = -1.0;
             for _ in 0..lengths[strand] {
                 assert!(near(points[next], draped[point], 0.6e-4));
-                assert!((0..3).all(|k| extent[k] < points[next][k] && points[next][k] < extent[3 + k]));
+                assert!(
+                    (0..3).all(|k| extent[k] < points[next][k] && points[next][k] < extent[3 + k])
+                );
                 if kinds[point] != u8::MAX {
                     assert_eq!(course[data], f64::from(courses[point].cast_signed()));
                 }

@@ -1,4 +1,5 @@
-//! The pipeline as a whole: on our own garments, on real ones, at panel edges, on any number of threads.
+//! The pipeline as a whole: on our own garments, on real ones, at panel edges, on any number of
+//! threads.
 
 use std::path::{Path, PathBuf};
 
@@ -16,11 +17,14 @@ pub(crate) fn mesh(name: &str) -> PathBuf {
 
 /// Our own garments, by name.
 fn shipped() -> Vec<(&'static str, Garment)> {
-    let pair = |name: &str| (mesh(&format!("{name}_flat.obj")), mesh(&format!("{name}_draped.obj")));
+    let pair =
+        |name: &str| (mesh(&format!("{name}_flat.obj")), mesh(&format!("{name}_draped.obj")));
     let mut garments: Vec<_> = ["skirt", "tube", "pinch"]
         .into_iter()
         .map(|name| (name, pair(name)))
-        .map(|(name, (flat, draped))| (name, read(&flat, Some(&draped), &ReadOptions::default()).unwrap()))
+        .map(|(name, (flat, draped))| {
+            (name, read(&flat, Some(&draped), &ReadOptions::default()).unwrap())
+        })
         .collect();
     garments.push(("tshirt", read(&mesh("tshirt.obj"), None, &ReadOptions::default()).unwrap()));
     garments
@@ -51,14 +55,29 @@ fn run(garment: &Garment, fabric: &Fabric, edge: Edge, visit: &mut dyn FnMut(&Bl
 #[test]
 fn shipped_garments_are_near_isometric_and_whole() {
     for (name, garment) in shipped() {
-        assert!((5_000..=40_000).contains(&garment.facts.triangles), "{name}: {} triangles", garment.facts.triangles);
-        assert_eq!((garment.facts.unit, garment.facts.warnings.len()), ("cm", 0), "{name}: {:?}", garment.facts.warnings);
+        assert!(
+            (5_000..=40_000).contains(&garment.facts.triangles),
+            "{name}: {} triangles",
+            garment.facts.triangles
+        );
+        assert_eq!(
+            (garment.facts.unit, garment.facts.warnings.len()),
+            ("cm", 0),
+            "{name}: {:?}",
+            garment.facts.warnings
+        );
         let (warp, weft) = stretch(&garment);
         for [low, median, high] in [warp, weft] {
-            assert!((0.98..=1.02).contains(&median) && low >= 0.92 && high <= 1.08, "{name}: stretch {low} {median} {high}");
+            assert!(
+                (0.98..=1.02).contains(&median) && low >= 0.92 && high <= 1.08,
+                "{name}: stretch {low} {median} {high}"
+            );
         }
     }
-    let bytes: u64 = std::fs::read_dir(mesh("")).unwrap().map(|entry| entry.unwrap().metadata().unwrap().len()).sum();
+    let bytes: u64 = std::fs::read_dir(mesh(""))
+        .unwrap()
+        .map(|entry| entry.unwrap().metadata().unwrap().len())
+        .sum();
     assert!(bytes < 12_000_000, "meshes/ takes {bytes} bytes");
 }
 
@@ -72,7 +91,9 @@ fn the_papers_stitch_counts_are_reached_by_choosing_densities() {
         let mut best = i64::MAX;
         for _ in 0..24 {
             let middle = (low + high) / 2.0;
-            let found = run(garment, &fabric_for(garment, middle), Edge::Clip, &mut |_| {}).losses.stitches as i64;
+            let found = run(garment, &fabric_for(garment, middle), Edge::Clip, &mut |_| {})
+                .losses
+                .stitches as i64;
             best = best.min((found - i64::from(wanted)).abs());
             *(if found > i64::from(wanted) { &mut high } else { &mut low }) = middle;
         }
@@ -98,7 +119,9 @@ fn every_data_point_within_a_panel_is_kept() {
 
 #[test]
 fn clipped_yarns_end_on_the_border_and_dropped_stitches_go_whole() {
-    let garment = read(&mesh("skirt_flat.obj"), Some(&mesh("skirt_draped.obj")), &ReadOptions::default()).unwrap();
+    let garment =
+        read(&mesh("skirt_flat.obj"), Some(&mesh("skirt_draped.obj")), &ReadOptions::default())
+            .unwrap();
     let fabric = fabric_for(&garment, 4000.0);
     let mut ends = 0;
     let clip = run(&garment, &fabric, Edge::Clip, &mut |block| {
@@ -109,7 +132,10 @@ fn clipped_yarns_end_on_the_border_and_dropped_stitches_go_whole() {
                 let point = block.strands.flat[end].truncate();
                 if block.strands.sources[end] == CUT {
                     ends += 1;
-                    let nearest = border.iter().map(|&(a, b)| distance_to_segment(point, a, b)).fold(f64::INFINITY, f64::min);
+                    let nearest = border
+                        .iter()
+                        .map(|&(a, b)| distance_to_segment(point, a, b))
+                        .fold(f64::INFINITY, f64::min);
                     assert!(nearest < 1e-9, "a cut end lies {nearest} mm off the border");
                 }
             }
@@ -117,7 +143,10 @@ fn clipped_yarns_end_on_the_border_and_dropped_stitches_go_whole() {
     });
     assert!(ends > 100 && clip.losses.clipped > 100);
     let dropped = run(&garment, &fabric, Edge::Drop, &mut |block| {
-        assert!(!block.strands.sources.contains(&CUT), "whole stitches need no cut on a convex gore");
+        assert!(
+            !block.strands.sources.contains(&CUT),
+            "whole stitches need no cut on a convex gore"
+        );
     });
     assert_eq!(dropped.losses.stitches, clip.losses.stitches - clip.losses.clipped);
     assert_eq!(dropped.losses.clipped, clip.losses.clipped);
@@ -143,31 +172,46 @@ fn distance_to_segment(p: DVec2, a: DVec2, b: DVec2) -> f64 {
 
 #[test]
 fn yarns_are_cut_at_a_slit_between_sides_that_lie_apart() {
-    // A 60 x 40 mm piece in two halves that touch flat along x = 30 but hang together only at the bottom.
+    // A 60 x 40 mm piece in two halves that touch flat along x = 30 but hang together only at the
+    // bottom.
     let folder = tempfile::tempdir().unwrap();
     let vertices = |gap: f64| {
         let points = [(0., 0.), (30., 0.), (60., 0.), (0., 40.), (60., 40.)];
-        let mut text: String = points.map(|(x, y)| format!("v {} {y} 0\n", if x > 30. { x + gap } else { x })).concat();
+        let mut text: String = points
+            .map(|(x, y)| format!("v {} {y} 0\n", if x > 30. { x + gap } else { x }))
+            .concat();
         text += &format!("v 30 40 0\nv {} 40 0\n", 30. + gap);
         text + "f 1 2 6\nf 1 6 4\nf 2 3 5\nf 2 5 7\n"
     };
     let (flat, draped) = (folder.path().join("flat.obj"), folder.path().join("draped.obj"));
     std::fs::write(&flat, vertices(0.0)).unwrap();
     std::fs::write(&draped, vertices(20.0)).unwrap();
-    let options = ReadOptions { unit: Some(warpknit::garment::Unit::Mm), uv_scale: Some(1.0), ..ReadOptions::default() };
+    let options = ReadOptions {
+        unit: Some(warpknit::garment::Unit::Mm),
+        uv_scale: Some(1.0),
+        ..ReadOptions::default()
+    };
     let garment = read(&flat, Some(&draped), &options).unwrap();
     assert_eq!(garment.panels.len(), 1, "the halves share a vertex");
     let mut longest = 0.0_f64;
-    run(&garment, &Fabric::named("tricot").unwrap().at_densities(2.0, 3.0).unwrap(), Edge::Clip, &mut |block| {
-        for strand in &block.strands.strands {
-            let points = &block.draped.positions[strand.points.start as usize..strand.points.end as usize];
-            longest = points.windows(2).map(|pair| pair[0].distance(pair[1])).fold(longest, f64::max);
-        }
-    });
+    run(
+        &garment,
+        &Fabric::named("tricot").unwrap().at_densities(2.0, 3.0).unwrap(),
+        Edge::Clip,
+        &mut |block| {
+            for strand in &block.strands.strands {
+                let points = &block.draped.positions
+                    [strand.points.start as usize..strand.points.end as usize];
+                longest =
+                    points.windows(2).map(|pair| pair[0].distance(pair[1])).fold(longest, f64::max);
+            }
+        },
+    );
     assert!(longest < 15.0, "a yarn jumps {longest} mm across the open slit");
 }
 
-/// A square of 20 x 20 cells of 25 mm, flat and draped alike, whose inner 6 x 6 cells are wound the wrong way if asked.
+/// A square of 20 x 20 cells of 25 mm, flat and draped alike, whose inner 6 x 6 cells are wound the
+/// wrong way if asked.
 fn square(flipped: bool) -> Garment {
     let folder = tempfile::tempdir().unwrap();
     let mut text = String::new();
@@ -182,7 +226,11 @@ fn square(flipped: bool) -> Garment {
     }
     let path = folder.path().join("square.obj");
     std::fs::write(&path, text).unwrap();
-    let options = ReadOptions { unit: Some(warpknit::garment::Unit::Mm), uv_scale: Some(1.0), ..ReadOptions::default() };
+    let options = ReadOptions {
+        unit: Some(warpknit::garment::Unit::Mm),
+        uv_scale: Some(1.0),
+        ..ReadOptions::default()
+    };
     read(&path, Some(&path), &options).unwrap()
 }
 
@@ -210,7 +258,11 @@ fn copies_of_a_vertex_that_are_rounded_apart_are_one_place() {
             flat += &format!("f {} {} {}\n", triangle[0] + 1, triangle[1] + 1, triangle[2] + 1);
             for vertex in triangle {
                 let jitter = 1e-6 * f64::from((count * 7) % 11);
-                draped += &format!("v {} {} {jitter}\n", f64::from(50 * (vertex % 11)) + jitter, 50 * (vertex / 11));
+                draped += &format!(
+                    "v {} {} {jitter}\n",
+                    f64::from(50 * (vertex % 11)) + jitter,
+                    50 * (vertex / 11)
+                );
                 count += 1;
             }
             draped += "f -3 -2 -1\n";
@@ -234,7 +286,8 @@ fn a_panel_beyond_all_measure_is_refused() {
 fn a_panel_turned_after_reading_is_one_read_with_that_grain() {
     let [flat, draped] = [mesh("skirt_flat.obj"), mesh("skirt_draped.obj")];
     let grain = 0.3;
-    let read_turned = read(&flat, Some(&draped), &ReadOptions { grain, ..ReadOptions::default() }).unwrap();
+    let read_turned =
+        read(&flat, Some(&draped), &ReadOptions { grain, ..ReadOptions::default() }).unwrap();
     let mut turned = read(&flat, Some(&draped), &ReadOptions::default()).unwrap();
     let plain = turned.clone();
     turned.turn_grain(1, grain);
@@ -243,13 +296,16 @@ fn a_panel_turned_after_reading_is_one_read_with_that_grain() {
     let (one, other) = (&turned.panels[1], &read_turned.panels[1]);
     assert!(one.size().distance(other.size()) < 1e-9 && (one.area() - other.area()).abs() < 1e-6);
     let corners = |panel: &Panel| {
-        let in_flat = |v: u32| panel.flat_from_panel.transform_point3(panel.uv[v as usize].extend(0.0));
+        let in_flat =
+            |v: u32| panel.flat_from_panel.transform_point3(panel.uv[v as usize].extend(0.0));
         let corners = panel.triangles.iter().map(|triangle| triangle.map(in_flat));
         panel.faces.iter().copied().zip(corners).collect::<std::collections::BTreeMap<_, _>>()
     };
     let (one, other) = (corners(one), corners(other));
     assert!(one.keys().eq(other.keys()));
-    assert!(one.values().flatten().zip(other.values().flatten()).all(|(a, b)| a.distance(*b) < 1e-9));
+    assert!(
+        one.values().flatten().zip(other.values().flatten()).all(|(a, b)| a.distance(*b) < 1e-9)
+    );
 }
 
 #[test]
@@ -269,9 +325,12 @@ fn an_origin_moves_the_fabric_and_a_whole_repeat_does_not() {
     assert_eq!(plain, points(4.0 * repeat));
     let origin = DVec2::new(1.7, -2.3);
     let moved = points(origin);
-    let inside = |point: &&DVec2| point.cmpgt(DVec2::splat(10.0)).all() && point.cmplt(DVec2::new(50.0, 30.0)).all();
+    let inside = |point: &&DVec2| {
+        point.cmpgt(DVec2::splat(10.0)).all() && point.cmplt(DVec2::new(50.0, 30.0)).all()
+    };
     for point in plain.iter().filter(inside) {
-        let nearest = moved.iter().map(|other| other.distance(*point + origin)).fold(f64::INFINITY, f64::min);
+        let nearest =
+            moved.iter().map(|other| other.distance(*point + origin)).fold(f64::INFINITY, f64::min);
         assert!(nearest < 1e-9, "{point} has no image: {nearest}");
     }
 }
@@ -281,7 +340,10 @@ fn a_layout_of_a_panel_that_is_not_there_is_refused() {
     let garment = Garment::rectangle(60.0, 40.0);
     let panels = vec![PanelLayout { panel: 1, grain_degrees: 0.0, origin: DVec2::ZERO }];
     let fabric = Fabric { panels, ..Fabric::named("tricot").unwrap() };
-    assert_eq!(Cloth::cover(&garment, &fabric).unwrap_err(), drape::LayoutError::NoPanel { panel: 1, last: 0 });
+    assert_eq!(
+        Cloth::cover(&garment, &fabric).unwrap_err(),
+        drape::LayoutError::NoPanel { panel: 1, last: 0 }
+    );
 }
 
 #[test]
@@ -292,7 +354,9 @@ fn the_same_yarns_on_one_and_on_two_threads() {
         let mut positions = Vec::new();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            run(&garment, &fabric, Edge::Clip, &mut |block| positions.extend(block.draped.positions.iter().copied()))
+            run(&garment, &fabric, Edge::Clip, &mut |block| {
+                positions.extend(block.draped.positions.iter().copied())
+            })
         });
         positions
     };
@@ -304,12 +368,14 @@ fn the_same_yarns_on_one_and_on_two_threads() {
 /// Where real garments lie, if they do here.
 fn real_garments() -> Option<PathBuf> {
     let folder = std::env::var_os("WARPKNIT_GARMENTS").map(PathBuf::from);
-    let folder = folder.unwrap_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/garments"));
+    let folder =
+        folder.unwrap_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/garments"));
     folder.is_dir().then_some(folder)
 }
 
 fn obj_files(folder: &Path, files: &mut Vec<PathBuf>) {
-    let mut entries: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    let mut entries: Vec<_> =
+        std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
     entries.sort();
     for entry in entries {
         if entry.is_dir() {
@@ -349,10 +415,15 @@ fn real_garments_are_knitted_with_every_loss_counted() {
         match read(&file, None, &ReadOptions::default()) {
             Ok(garment) => {
                 let totals = run(&garment, &fabric_for(&garment, 6000.0), Edge::Clip, &mut |_| {});
-                let share = totals.losses.in_defects as f64 / (totals.data_points + totals.losses.in_defects) as f64;
+                let share = totals.losses.in_defects as f64
+                    / (totals.data_points + totals.losses.in_defects) as f64;
                 println!("{name}: {totals:?}, lost {:.4} %", 100.0 * share);
                 assert!(totals.data_points > 1000, "{name}");
-                assert!(share < 0.005 || name.starts_with("diffcloth_nasty"), "{name}: lost {:.3} %", 100.0 * share);
+                assert!(
+                    share < 0.005 || name.starts_with("diffcloth_nasty"),
+                    "{name}: lost {:.3} %",
+                    100.0 * share
+                );
             }
             Err(error) => {
                 println!("{name}: {error}");

@@ -46,11 +46,19 @@ fn every_fabric_of_the_specification_is_there_and_serves_every_needle() {
         let fabric = Fabric::named(name).unwrap();
         assert_eq!(fabric.name, name);
         assert_eq!(fabric.warnings(), Vec::<String>::new(), "{name}");
-        assert!(!fabric.about.is_empty() && fabric.about.len() < 110 && !fabric.about.contains('\n'), "{name}: {}", fabric.about);
+        assert!(
+            !fabric.about.is_empty() && fabric.about.len() < 110 && !fabric.about.contains('\n'),
+            "{name}: {}",
+            fabric.about
+        );
         let mut colours: Vec<_> = fabric.bars.iter().map(|bar| bar.yarn.color.0).collect();
         colours.sort_unstable();
         colours.dedup();
-        assert_eq!(colours.len(), fabric.bars.len(), "{name}: bars of one colour can't be told apart");
+        assert_eq!(
+            colours.len(),
+            fabric.bars.len(),
+            "{name}: bars of one colour can't be told apart"
+        );
     }
 }
 
@@ -69,7 +77,8 @@ fn laps_are_open_or_closed_as_their_names_say() {
         ("cord", &[true, true]),
         ("satin-lap", &[true, true]),
         ("velvet-lap", &[true, true]),
-        // Closed where the zigzag turns, open on the way: after 1-0/1-2 the bar goes on in the direction of its overlap.
+        // Closed where the zigzag turns, open on the way: after 1-0/1-2 the bar goes on in the
+        // direction of its overlap.
         ("atlas-4", &[true, false, true, false]),
     ] {
         assert_eq!(closed(name), laps, "{name}");
@@ -81,7 +90,9 @@ fn nets_are_half_set_and_their_bars_never_share_a_needle() {
     for name in ["atlas-net", "hex-net-3", "hex-net-5", "power-net"] {
         let fabric = Fabric::named(name).unwrap();
         assert_eq!(fabric.threading_repeat(), 2);
-        for (wale, course) in (0..2).flat_map(|wale| (0..fabric.repeat() as i64).map(move |course| (wale, course))) {
+        for (wale, course) in
+            (0..2).flat_map(|wale| (0..fabric.repeat() as i64).map(move |course| (wale, course)))
+        {
             let loops = fabric.bars.iter().filter(|bar| bar.loops_on(wale, course)).count();
             assert_eq!(loops, 1, "{name}: wale {wale}, course {course}");
         }
@@ -90,7 +101,13 @@ fn nets_are_half_set_and_their_bars_never_share_a_needle() {
 
 #[test]
 fn inlays_and_wefts_knit_nothing() {
-    for (name, inlays) in [("marquisette", 1), ("marquisette-3", 2), ("power-net", 2), ("tulle-3", 1), ("weft-inserted", 1)] {
+    for (name, inlays) in [
+        ("marquisette", 1),
+        ("marquisette-3", 2),
+        ("power-net", 2),
+        ("tulle-3", 1),
+        ("weft-inserted", 1),
+    ] {
         let fabric = Fabric::named(name).unwrap();
         assert_eq!(fabric.bars.iter().filter(|bar| bar.chain.is_inlay()).count(), inlays, "{name}");
     }
@@ -99,14 +116,24 @@ fn inlays_and_wefts_knit_nothing() {
 
 #[test]
 fn the_documentation_tells_the_truth() {
-    let text = std::fs::read_to_string(std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/fabrics.md")).unwrap();
+    let text = std::fs::read_to_string(
+        std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/fabrics.md"),
+    )
+    .unwrap();
     let example = text.split("```toml\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
     let fabric = Fabric::parse(example).unwrap();
     assert_eq!(fabric.warnings(), Vec::<String>::new());
-    assert_eq!(fabric.bars[0].chain, Fabric::named("power-net").unwrap().bars[0].chain, "raschel numbers are halved");
+    assert_eq!(
+        fabric.bars[0].chain,
+        Fabric::named("power-net").unwrap().bars[0].chain,
+        "raschel numbers are halved"
+    );
     for name in NAMES {
         let about = Fabric::named(name).unwrap().about;
-        let row = text.lines().find(|line| line.starts_with(&format!("| `{name}` |"))).unwrap_or_else(|| panic!("{name}"));
+        let row = text
+            .lines()
+            .find(|line| line.starts_with(&format!("| `{name}` |")))
+            .unwrap_or_else(|| panic!("{name}"));
         assert!(row.contains(&about), "{row}");
     }
 }

@@ -10,7 +10,13 @@ use crate::readback;
 /// Runs `warpknit` in a folder; the report's JSON.
 fn knit(folder: &Path, arguments: &[&str]) -> Value {
     let mut command = Command::cargo_bin("warpknit").unwrap();
-    command.current_dir(folder).args(arguments).args(["-o", "report.json", "--quiet"]).assert().success().stderr("");
+    command
+        .current_dir(folder)
+        .args(arguments)
+        .args(["-o", "report.json", "--quiet"])
+        .assert()
+        .success()
+        .stderr("");
     serde_json::from_slice(&std::fs::read(folder.join("report.json")).unwrap()).unwrap()
 }
 
@@ -30,7 +36,10 @@ fn glb_holds_the_counts_of_the_report_in_valid_chunks() {
     let json_length = word(12);
     let json: Value = serde_json::from_slice(&bytes[20..20 + json_length]).unwrap();
     let binary = &bytes[28 + json_length..];
-    assert_eq!((&bytes[24 + json_length..28 + json_length], word(20 + json_length)), (&b"BIN\0"[..], binary.len()));
+    assert_eq!(
+        (&bytes[24 + json_length..28 + json_length], word(20 + json_length)),
+        (&b"BIN\0"[..], binary.len())
+    );
     assert_eq!(json["buffers"][0]["byteLength"], binary.len());
 
     let number = |value: &Value| value.as_u64().unwrap() as usize;
@@ -41,7 +50,12 @@ fn glb_holds_the_counts_of_the_report_in_valid_chunks() {
     };
     let accessor = |index: &Value| &json["accessors"][index.as_u64().unwrap() as usize];
     let (mut vertices, mut triangles) = (0, 0);
-    for primitive in json["meshes"].as_array().unwrap().iter().flat_map(|mesh| mesh["primitives"].as_array().unwrap()) {
+    for primitive in json["meshes"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .flat_map(|mesh| mesh["primitives"].as_array().unwrap())
+    {
         let positions = accessor(&primitive["attributes"]["POSITION"]);
         let count = positions["count"].as_u64().unwrap() as usize;
         let floats: &[f32] = &bytemuck::pod_collect_to_vec(array(positions, 12));
@@ -50,13 +64,20 @@ fn glb_holds_the_counts_of_the_report_in_valid_chunks() {
             let low = floats.iter().skip(axis).step_by(3).copied().fold(f32::INFINITY, f32::min);
             assert!((positions["min"][axis].as_f64().unwrap() - f64::from(low)).abs() < 1e-9);
         }
-        assert!(floats.iter().all(|x| x.abs() < 0.02), "metres: the swatch is some millimetres large");
-        let indices: &[u32] = &bytemuck::pod_collect_to_vec(array(accessor(&primitive["indices"]), 4));
+        assert!(
+            floats.iter().all(|x| x.abs() < 0.02),
+            "metres: the swatch is some millimetres large"
+        );
+        let indices: &[u32] =
+            &bytemuck::pod_collect_to_vec(array(accessor(&primitive["indices"]), 4));
         assert_eq!(indices.iter().max(), Some(&(u32::try_from(count).unwrap() - 1)));
         vertices += count;
         triangles += indices.len() / 3;
     }
-    assert_eq!((vertices, triangles), (count(&report["surface"], "vertices"), count(&report["surface"], "triangles")));
+    assert_eq!(
+        (vertices, triangles),
+        (count(&report["surface"], "vertices"), count(&report["surface"], "triangles"))
+    );
     assert_eq!(triangles, 2 * 5 * 7 * 40, "2 · St · Sr a stitch");
     assert_eq!(json["materials"].as_array().unwrap().len(), 2);
     let sheen = &json["materials"][0]["extensions"]["KHR_materials_sheen"];
@@ -66,10 +87,14 @@ fn glb_holds_the_counts_of_the_report_in_valid_chunks() {
     );
 
     // From the scene down: a panel's bars, and their yarns by name.
-    let nodes =
-        |indices: &Value| -> Vec<&Value> { indices.as_array().unwrap().iter().map(|at| &json["nodes"][number(at)]).collect() };
+    let nodes = |indices: &Value| -> Vec<&Value> {
+        indices.as_array().unwrap().iter().map(|at| &json["nodes"][number(at)]).collect()
+    };
     let bars = nodes(&json["scenes"][0]["nodes"]);
-    assert_eq!(bars.iter().map(|bar| bar["name"].as_str().unwrap()).collect::<Vec<_>>(), ["panel 0 bar 1", "panel 0 bar 2"]);
+    assert_eq!(
+        bars.iter().map(|bar| bar["name"].as_str().unwrap()).collect::<Vec<_>>(),
+        ["panel 0 bar 1", "panel 0 bar 2"]
+    );
     let yarns: Vec<_> = bars.iter().flat_map(|bar| nodes(&bar["children"])).collect();
     assert_eq!(yarns.len(), count(&report, "yarns"));
     for (at, yarn) in yarns.iter().enumerate() {
@@ -82,12 +107,18 @@ fn glb_holds_the_counts_of_the_report_in_valid_chunks() {
 fn obj_reads_back_with_an_object_a_yarn() {
     let folder = tempfile::tempdir().unwrap();
     let report = knit(folder.path(), &[&SWATCH[..], &["-o", "s.obj", "--caps"]].concat());
-    let (models, _) =
-        tobj::load_obj(folder.path().join("s.obj"), &tobj::LoadOptions { single_index: true, ..Default::default() }).unwrap();
+    let (models, _) = tobj::load_obj(
+        folder.path().join("s.obj"),
+        &tobj::LoadOptions { single_index: true, ..Default::default() },
+    )
+    .unwrap();
     assert_eq!(models.len(), count(&report, "yarns"));
     let triangles: usize = models.iter().map(|model| model.mesh.indices.len() / 3).sum();
     let vertices: usize = models.iter().map(|model| model.mesh.positions.len() / 3).sum();
-    assert_eq!((vertices, triangles), (count(&report["surface"], "vertices"), count(&report["surface"], "triangles")));
+    assert_eq!(
+        (vertices, triangles),
+        (count(&report["surface"], "vertices"), count(&report["surface"], "triangles"))
+    );
     assert!(models.iter().all(|model| model.mesh.normals.len() == model.mesh.positions.len()));
 }
 
@@ -99,33 +130,54 @@ fn image_of(binary: &[u8], json: &Value, place: usize) -> image::RgbImage {
     let view = &json["bufferViews"][number(&json["images"][source]["bufferView"])];
     let start = number(&view["byteOffset"]);
     assert_eq!(start % 4, 0);
-    image::load_from_memory(&binary[start..start + number(&view["byteLength"])]).unwrap().into_rgb8()
+    image::load_from_memory(&binary[start..start + number(&view["byteLength"])])
+        .unwrap()
+        .into_rgb8()
 }
 
 #[test]
 fn glb_and_obj_wear_the_pictures_of_their_yarn() {
     let folder = tempfile::tempdir().unwrap();
-    // A picture of a whole surface, dark at its top and light at its bottom, red growing along the yarn.
-    let picture = image::RgbImage::from_fn(32, 16, |x, y| image::Rgb([8 * x as u8, 100, 10 * y as u8]));
+    // A picture of a whole surface, dark at its top and light at its bottom, red growing along the
+    // yarn.
+    let picture =
+        image::RgbImage::from_fn(32, 16, |x, y| image::Rgb([8 * x as u8, 100, 10 * y as u8]));
     picture.save(folder.path().join("yarn.png")).unwrap();
-    knit(folder.path(), &[&SWATCH[..], &["--texture", "yarn.png", "-o", "s.glb", "-o", "s.obj", "-o", "plain.ply"]].concat());
+    knit(
+        folder.path(),
+        &[&SWATCH[..], &["--texture", "yarn.png", "-o", "s.glb", "-o", "s.obj", "-o", "plain.ply"]]
+            .concat(),
+    );
     let bytes = std::fs::read(folder.path().join("s.glb")).unwrap();
     let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
-    let (json, binary): (Value, _) = (serde_json::from_slice(&bytes[20..20 + length]).unwrap(), &bytes[28 + length..]);
+    let (json, binary): (Value, _) =
+        (serde_json::from_slice(&bytes[20..20 + length]).unwrap(), &bytes[28 + length..]);
     assert_eq!(json["materials"].as_array().unwrap().len(), 2);
     for material in json["materials"].as_array().unwrap() {
         let surface = &material["pbrMetallicRoughness"];
         let place = |texture: &Value| texture["index"].as_u64().unwrap() as usize;
         let base = image_of(binary, &json, place(&surface["baseColorTexture"]));
         assert_eq!(base.dimensions(), (16, 32));
-        assert_eq!(base.get_pixel(3, 20), picture.get_pixel(20, 3), "turned: x goes round the yarn");
+        assert_eq!(
+            base.get_pixel(3, 20),
+            picture.get_pixel(20, 3),
+            "turned: x goes round the yarn"
+        );
         // Nothing stands out, so normals point out and what is around is open.
         let normal = image_of(binary, &json, place(&material["normalTexture"]));
-        assert!(normal.pixels().all(|pixel| pixel.0[0].abs_diff(128) < 2 && pixel.0[1].abs_diff(128) < 2 && pixel.0[2] == 255));
+        assert!(normal.pixels().all(|pixel| pixel.0[0].abs_diff(128) < 2
+            && pixel.0[1].abs_diff(128) < 2
+            && pixel.0[2] == 255));
         let rough = image_of(binary, &json, place(&surface["metallicRoughnessTexture"]));
         assert_eq!(rough.get_pixel(0, 0).0[2], 0, "no metal");
-        assert_eq!(material["occlusionTexture"]["index"], surface["metallicRoughnessTexture"]["index"]);
-        assert!(material["extensions"]["KHR_materials_sheen"]["sheenColorFactor"][1].as_f64().unwrap() > 0.0);
+        assert_eq!(
+            material["occlusionTexture"]["index"],
+            surface["metallicRoughnessTexture"]["index"]
+        );
+        assert!(
+            material["extensions"]["KHR_materials_sheen"]["sheenColorFactor"][1].as_f64().unwrap()
+                > 0.0
+        );
     }
     // One yarn's pictures are held once, and lengths count their repeats.
     assert_eq!(json["images"].as_array().unwrap().len(), 3);
@@ -138,10 +190,17 @@ fn glb_and_obj_wear_the_pictures_of_their_yarn() {
     let per_mm = glb.uvs[last][1] / plain.uvs[last][1];
     assert!(per_mm > 0.1 && (per_mm - 1.0).abs() > 1e-3, "{per_mm}");
     for ((glb, obj), plain) in glb.uvs.iter().zip(&obj.uvs).zip(&plain.uvs) {
-        assert!((glb[1] - per_mm * plain[1]).abs() < 1e-3 && (glb[1] + obj[1]).abs() < 1e-3 && glb[0] == plain[0]);
+        assert!(
+            (glb[1] - per_mm * plain[1]).abs() < 1e-3
+                && (glb[1] + obj[1]).abs() < 1e-3
+                && glb[0] == plain[0]
+        );
     }
     let materials = std::fs::read_to_string(folder.path().join("s.mtl")).unwrap();
-    assert!(materials.contains("newmtl bar_2") && materials.contains("map_Kd s-yarn-1.png"), "{materials}");
+    assert!(
+        materials.contains("newmtl bar_2") && materials.contains("map_Kd s-yarn-1.png"),
+        "{materials}"
+    );
     let worn = image::open(folder.path().join("s-yarn-1.png")).unwrap().into_rgb8();
     assert_eq!(worn.get_pixel(3, 20), picture.get_pixel(20, 3));
 }
@@ -150,7 +209,8 @@ fn glb_and_obj_wear_the_pictures_of_their_yarn() {
 fn obj_names_a_material_a_bar_and_holds_lines_if_asked_to() {
     let folder = tempfile::tempdir().unwrap();
     let report = knit(folder.path(), &[&SWATCH[..], &["-o", "s.obj"]].concat());
-    let (models, materials) = tobj::load_obj(folder.path().join("s.obj"), &tobj::LoadOptions::default()).unwrap();
+    let (models, materials) =
+        tobj::load_obj(folder.path().join("s.obj"), &tobj::LoadOptions::default()).unwrap();
     let materials = materials.unwrap();
     let tricot = warpknit::fabric::Fabric::named("tricot").unwrap();
     for (bar, material) in tricot.bars.iter().zip(&materials) {
@@ -160,24 +220,35 @@ fn obj_names_a_material_a_bar_and_holds_lines_if_asked_to() {
     let bar = |name: &str| usize::from(name.contains("bar2"));
     assert!(models.iter().all(|model| model.mesh.material_id == Some(bar(&model.name))));
 
-    let lines = knit(folder.path(), &[&SWATCH[..], &["-o", "l.obj", "-o", "l.bcc", "--curves"]].concat());
+    let lines =
+        knit(folder.path(), &[&SWATCH[..], &["-o", "l.obj", "-o", "l.bcc", "--curves"]].concat());
     assert_eq!(lines["yarns"], report["yarns"]);
     let text = std::fs::read_to_string(folder.path().join("l.obj")).unwrap();
     let points: Vec<Vec<f64>> = text
         .lines()
-        .filter_map(|line| Some(line.strip_prefix("v ")?.split(' ').map(|word| word.parse().unwrap()).collect()))
+        .filter_map(|line| {
+            Some(line.strip_prefix("v ")?.split(' ').map(|word| word.parse().unwrap()).collect())
+        })
         .collect();
     let polylines: Vec<Vec<usize>> = text
         .lines()
-        .filter_map(|line| Some(line.strip_prefix("l ")?.split(' ').map(|word| word.parse().unwrap()).collect()))
+        .filter_map(|line| {
+            Some(line.strip_prefix("l ")?.split(' ').map(|word| word.parse().unwrap()).collect())
+        })
         .collect();
     assert_eq!(polylines.len(), count(&report, "yarns"));
     assert_eq!(polylines.concat(), (1..=points.len()).collect::<Vec<_>>());
     assert!(polylines.iter().all(|line| line.len() == 7 * 4 + 1), "St segments a stitch");
-    assert!(!text.contains("\nf ") && text.contains("mtllib l.mtl") && folder.path().join("l.mtl").exists());
+    assert!(
+        !text.contains("\nf ")
+            && text.contains("mtllib l.mtl")
+            && folder.path().join("l.mtl").exists()
+    );
     // The same points as the other format of centre lines.
     let curves = crate::curves::bcc(&std::fs::read(folder.path().join("l.bcc")).unwrap()).concat();
-    assert!(curves.iter().flatten().zip(points.iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-4));
+    assert!(
+        curves.iter().flatten().zip(points.iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-4)
+    );
     assert_eq!(curves.len(), points.len());
 }
 
@@ -185,19 +256,31 @@ fn obj_names_a_material_a_bar_and_holds_lines_if_asked_to() {
 fn ply_holds_what_the_obj_of_the_same_run_holds_and_the_colours() {
     let folder = tempfile::tempdir().unwrap();
     for caps in [&[][..], &["--caps"]] {
-        let report = knit(folder.path(), &[&SWATCH[..], &["-o", "s.ply", "-o", "s.obj", "-o", "s.glb"], caps].concat());
+        let report = knit(
+            folder.path(),
+            &[&SWATCH[..], &["-o", "s.ply", "-o", "s.obj", "-o", "s.glb"], caps].concat(),
+        );
         let ply = readback::ply(&folder.path().join("s.ply"));
         let counts = (ply.positions.len(), ply.triangles.len());
-        assert_eq!(counts, (count(&report["surface"], "vertices"), count(&report["surface"], "triangles")));
-        let (obj, glb) = (readback::obj(&folder.path().join("s.obj")), readback::glb(&folder.path().join("s.glb")));
+        assert_eq!(
+            counts,
+            (count(&report["surface"], "vertices"), count(&report["surface"], "triangles"))
+        );
+        let (obj, glb) = (
+            readback::obj(&folder.path().join("s.obj")),
+            readback::glb(&folder.path().join("s.glb")),
+        );
         assert_eq!((&ply.triangles, &ply.triangles), (&obj.triangles, &glb.triangles));
         // Text has four decimals, and .glb is in metres.
-        let near = |a: &[f32], b: &[f32], least: f32| a.iter().zip(b).all(|(a, b)| (a - b).abs() < least);
+        let near =
+            |a: &[f32], b: &[f32], least: f32| a.iter().zip(b).all(|(a, b)| (a - b).abs() < least);
         assert!(near(ply.positions.as_flattened(), obj.positions.as_flattened(), 0.6e-4));
         assert!(near(ply.normals.as_flattened(), obj.normals.as_flattened(), 0.6e-4));
         assert!(near(ply.uvs.as_flattened(), obj.uvs.as_flattened(), 0.6e-4));
         assert_eq!((&ply.normals, &ply.uvs), (&glb.normals, &glb.uvs));
-        for (ply, (obj, glb)) in ply.bounds(1.0).iter().zip(obj.bounds(1.0).iter().zip(&glb.bounds(1e3))) {
+        for (ply, (obj, glb)) in
+            ply.bounds(1.0).iter().zip(obj.bounds(1.0).iter().zip(&glb.bounds(1e3)))
+        {
             assert!(near(ply, obj, 0.6e-4) && near(ply, glb, 1e-5), "{ply:?} {obj:?} {glb:?}");
         }
         let tricot = warpknit::fabric::Fabric::named("tricot").unwrap();
@@ -235,8 +318,10 @@ fn the_report_has_the_contracts_keys_in_their_order() {
     let folder = tempfile::tempdir().unwrap();
     knit(folder.path(), &SWATCH);
     let text = std::fs::read_to_string(folder.path().join("report.json")).unwrap();
-    let keys: Vec<&str> =
-        text.lines().filter_map(|line| line.trim().strip_prefix('"')?.split_once("\":").map(|(key, _)| key)).collect();
+    let keys: Vec<&str> = text
+        .lines()
+        .filter_map(|line| line.trim().strip_prefix('"')?.split_once("\":").map(|(key, _)| key))
+        .collect();
     let contract = "warpknit fabric garment panels triangles unit uv_scale_mm warnings wales_per_cm courses_per_cm tile yarns stitches \
         data_points points_off_panel stitches_clipped surface shape st sr radius_mm triangles_per_stitch triangles vertices timings_ms read \
         knit locate map surface render write total clearance min_over_2r pairs_below_1 sweeps draped plane_ms curved_ms threads peak_memory_mb renderer \

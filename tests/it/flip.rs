@@ -1,10 +1,12 @@
-//! How different two pictures look when flipped between on a screen: a value in 0 to 1 for each pixel.
+//! How different two pictures look when flipped between on a screen: a value in 0 to 1 for each
+//! pixel.
 //!
-//! LDR-FLIP as in Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström and Fairchild, "FLIP: A Difference Evaluator for
-//! Alternating Images", HPG 2020. In go two sRGB pictures of one size, out comes the map. Not for high dynamic range.
+//! LDR-FLIP as in Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström and Fairchild, "FLIP: A
+//! Difference Evaluator for Alternating Images", HPG 2020. In go two sRGB pictures of one size, out
+//! comes the map. Not for high dynamic range.
 //!
-//! Measured against NVIDIA's `flip-evaluator` 1.7 on noise, gradients, text and cropped photographs of cloth: within 3e-4 in
-//! each pixel and 5e-5 in the mean.
+//! Measured against NVIDIA's `flip-evaluator` 1.7 on noise, gradients, text and cropped photographs
+//! of cloth: within 3e-4 in each pixel and 5e-5 in the mean.
 
 use glam::{Mat3, Vec2, Vec3, Vec4};
 use image::{Rgb, RgbImage};
@@ -14,9 +16,10 @@ use std::iter::repeat_n;
 /// A screen 0.7 m wide of 3840 pixels, seen from 0.7 m.
 const PIXELS_PER_DEGREE: f32 = 3840.0 * PI / 180.0;
 
-/// Contrast sensitivity as sums of Gaussians `a √(π/b) exp(-π² d²/b)` in degrees: `a` and `b` of luminance, red-green, and the
-/// two whose sum is blue-yellow.
-const SENSITIVITY: [Vec4; 2] = [Vec4::new(1.0, 1.0, 34.1, 13.5), Vec4::new(0.0047, 0.0053, 0.04, 0.025)];
+/// Contrast sensitivity as sums of Gaussians `a √(π/b) exp(-π² d²/b)` in degrees: `a` and `b` of
+/// luminance, red-green, and the two whose sum is blue-yellow.
+const SENSITIVITY: [Vec4; 2] =
+    [Vec4::new(1.0, 1.0, 34.1, 13.5), Vec4::new(0.0047, 0.0053, 0.04, 0.025)];
 /// How far apart in degrees the flanks of a seen edge are.
 const FEATURE_WIDTH: f32 = 0.082;
 
@@ -57,7 +60,10 @@ pub(crate) fn flip(reference: &RgbImage, test: &RgbImage) -> Difference {
     let [reference, test] = [reference, test].map(to_white);
     let colours = [&reference, &test].map(|picture| seen_colours(picture, width));
     let features = [&reference, &test].map(|picture| features(picture, width));
-    let most = colour_distance(perceived(XYZ_FROM_RGB.y_axis / white()), perceived(XYZ_FROM_RGB.z_axis / white()));
+    let most = colour_distance(
+        perceived(XYZ_FROM_RGB.y_axis / white()),
+        perceived(XYZ_FROM_RGB.z_axis / white()),
+    );
     let pixels = colours[0].iter().zip(&colours[1]).zip(features[0].iter().zip(&features[1]));
     let map = pixels.map(|((a, b), (p, q))| {
         let colour = spread(colour_distance(*a, *b), most);
@@ -79,12 +85,16 @@ fn to_white(picture: &RgbImage) -> Vec<Vec3> {
         .map(|s| if s <= 0.04045 { s / 12.92 } else { ((s + 0.055) / 1.055).powf(2.4) })
         .collect();
     let from_rgb = Mat3::from_diagonal(white().recip()) * XYZ_FROM_RGB;
-    picture.pixels().map(|pixel| from_rgb * Vec3::from(pixel.0.map(|byte| linear[usize::from(byte)]))).collect()
+    picture
+        .pixels()
+        .map(|pixel| from_rgb * Vec3::from(pixel.0.map(|byte| linear[usize::from(byte)])))
+        .collect()
 }
 
 /// What is left of the colours at this distance, in a space where distances are as perceived.
 ///
-/// The paper filters YCxCz. Its scales and offsets cancel on the way back, so here are the bare opponents: Y, X - Y, Y - Z.
+/// The paper filters YCxCz. Its scales and offsets cancel on the way back, so here are the bare
+/// opponents: Y, X - Y, Y - Z.
 fn seen_colours(picture: &[Vec3], width: usize) -> Vec<Vec3> {
     let [heights, widths] = SENSITIVITY;
     let deviation = (widths.max_element() / (2.0 * PI * PI)).sqrt();
@@ -94,15 +104,18 @@ fn seen_colours(picture: &[Vec3], width: usize) -> Vec<Vec3> {
     });
     let sum: Vec4 = kernel.iter().sum();
     kernel.iter_mut().for_each(|weight| *weight /= sum);
-    // Both blue-yellow Gaussians were brought to 1; together they make 1 in the ratio of their volumes.
+    // Both blue-yellow Gaussians were brought to 1; together they make 1 in the ratio of their
+    // volumes.
     let volumes = heights * (PI / widths).powf(0.5) * sum * sum;
     let shares = Vec2::new(volumes.z, volumes.w) / (volumes.z + volumes.w);
 
-    let opponents: Vec<Vec4> = picture.iter().map(|c| Vec4::new(c.y, c.x - c.y, c.y - c.z, c.y - c.z)).collect();
+    let opponents: Vec<Vec4> =
+        picture.iter().map(|c| Vec4::new(c.y, c.x - c.y, c.y - c.z, c.y - c.z)).collect();
     let rgb_from_white = XYZ_FROM_RGB.inverse() * Mat3::from_diagonal(white());
     let white_from_rgb = rgb_from_white.inverse();
     let perceive = |seen: Vec4| {
-        let xyz = Vec3::new(seen.y + seen.x, seen.x, seen.x - shares.dot(Vec2::new(seen.z, seen.w)));
+        let xyz =
+            Vec3::new(seen.y + seen.x, seen.x, seen.x - shares.dot(Vec2::new(seen.z, seen.w)));
         perceived(white_from_rgb * (rgb_from_white * xyz).clamp(Vec3::ZERO, Vec3::ONE))
     };
     filter(&opponents, width, &kernel, &kernel).into_iter().map(perceive).collect()
@@ -111,12 +124,15 @@ fn seen_colours(picture: &[Vec3], width: usize) -> Vec<Vec3> {
 /// L*a*b* of XYZ as parts of white, less colourful the darker (Hunt).
 fn perceived(xyz: Vec3) -> Vec3 {
     const CORNER: f32 = 6.0 / 29.0;
-    let root = xyz.map(|t| if t > CORNER.powi(3) { t.cbrt() } else { t / (3.0 * CORNER * CORNER) + 4.0 / 29.0 });
+    let root = xyz.map(|t| {
+        if t > CORNER.powi(3) { t.cbrt() } else { t / (3.0 * CORNER * CORNER) + 4.0 / 29.0 }
+    });
     let lightness = 116.0 * root.y - 16.0;
     Vec3::new(lightness, 5.0 * lightness * (root.x - root.y), 2.0 * lightness * (root.y - root.z))
 }
 
-/// HyAB, compressed: lightness as city blocks and hue as the crow flies, which holds for large differences too.
+/// HyAB, compressed: lightness as city blocks and hue as the crow flies, which holds for large
+/// differences too.
 fn colour_distance(a: Vec3, b: Vec3) -> f32 {
     let apart = a - b;
     (apart.x.abs() + apart.y.hypot(apart.z)).powf(COLOUR_EXPONENT)
@@ -136,7 +152,8 @@ fn spread(distance: f32, most: f32) -> f32 {
 fn features(picture: &[Vec3], width: usize) -> Vec<Vec2> {
     let deviation = 0.5 * FEATURE_WIDTH * PIXELS_PER_DEGREE;
     let radius = (3.0 * deviation).ceil();
-    // Lanes: edges across and down, points across and down. The derivatives are along one axis, and the other is smoothed.
+    // Lanes: edges across and down, points across and down. The derivatives are along one axis, and
+    // the other is smoothed.
     let mut kernel = sample(radius, |pixels| {
         let at = pixels / deviation;
         let gauss = (-0.5 * at * at).exp();
@@ -145,12 +162,17 @@ fn features(picture: &[Vec3], width: usize) -> Vec<Vec2> {
     let rises: Vec4 = kernel.iter().map(|weight| weight.max(Vec4::ZERO)).sum();
     let falls: Vec4 = kernel.iter().map(|weight| (-weight).max(Vec4::ZERO)).sum();
     for weight in &mut kernel {
-        *weight = weight.max(Vec4::ZERO) / rises + weight.min(Vec4::ZERO) / falls.max(Vec4::splat(f32::MIN_POSITIVE));
+        *weight = weight.max(Vec4::ZERO) / rises
+            + weight.min(Vec4::ZERO) / falls.max(Vec4::splat(f32::MIN_POSITIVE));
     }
-    let turned: Vec<Vec4> = kernel.iter().map(|weight| Vec4::new(weight.y, weight.x, weight.w, weight.z)).collect();
+    let turned: Vec<Vec4> =
+        kernel.iter().map(|weight| Vec4::new(weight.y, weight.x, weight.w, weight.z)).collect();
     let luminance: Vec<Vec4> = picture.iter().map(|colour| Vec4::splat(colour.y)).collect();
     let slopes = filter(&luminance, width, &kernel, &turned);
-    slopes.into_iter().map(|slope| Vec2::new(slope.x.hypot(slope.y), slope.z.hypot(slope.w))).collect()
+    slopes
+        .into_iter()
+        .map(|slope| Vec2::new(slope.x.hypot(slope.y), slope.z.hypot(slope.w)))
+        .collect()
 }
 
 /// A function of the distance in pixels, at -`radius` to `radius`.
@@ -159,7 +181,8 @@ fn sample(radius: f32, function: impl Fn(f32) -> Vec4) -> Vec<Vec4> {
     (-radius..=radius).map(|pixels| function(f32::from(pixels))).collect()
 }
 
-/// Filters each lane by its own kernels, `across` rows and then `down` columns. Edges go on outwards.
+/// Filters each lane by its own kernels, `across` rows and then `down` columns. Edges go on
+/// outwards.
 fn filter(picture: &[Vec4], width: usize, across: &[Vec4], down: &[Vec4]) -> Vec<Vec4> {
     let radius = across.len() / 2;
     let mut rows = Vec::with_capacity(picture.len());
@@ -204,7 +227,11 @@ fn noise(seed: u32) -> RgbImage {
 
 /// Slanted stitches with hard edges.
 fn stitches(shift: u32) -> RgbImage {
-    picture(|x, y| if (x + shift + (y % 12).abs_diff(6)) % 9 < 3 { [40, 30, 60] } else { [210, 180, 120] })
+    picture(
+        |x, y| {
+            if (x + shift + (y % 12).abs_diff(6)) % 9 < 3 { [40, 30, 60] } else { [210, 180, 120] }
+        },
+    )
 }
 
 /// A soft change of all colours, `eighths` of it in red.
@@ -225,10 +252,19 @@ fn identical_pictures_do_not_differ() {
 
 #[test]
 fn flat_fields_differ_by_their_colours_alone() {
-    // Black and white lie 100 apart in HyAB, and green and blue, farthest of all, 203: known in closed form.
-    for (a, b, expected) in [([0; 3], [255; 3], 0.96739), ([0, 255, 0], [0, 0, 255], 1.0), ([255, 0, 0], [0, 255, 0], 0.98667)] {
+    // Black and white lie 100 apart in HyAB, and green and blue, farthest of all, 203: known in
+    // closed form.
+    for (a, b, expected) in [
+        ([0; 3], [255; 3], 0.96739),
+        ([0, 255, 0], [0, 0, 255], 1.0),
+        ([255, 0, 0], [0, 255, 0], 0.98667),
+    ] {
         let difference = flip(&flat(a), &flat(b));
-        assert!(difference.map.iter().all(|value| (value - expected).abs() < 1e-4), "{} not {expected}", difference.mean());
+        assert!(
+            difference.map.iter().all(|value| (value - expected).abs() < 1e-4),
+            "{} not {expected}",
+            difference.mean()
+        );
     }
 }
 
@@ -242,7 +278,11 @@ fn agrees_with_the_reference_implementation() {
     ] {
         let difference = flip(&reference, &test);
         let found = [difference.mean(), difference.percentile(0.99)];
-        assert!(Vec2::from(found).abs_diff_eq(Vec2::new(mean, p99), 2e-4), "{name}: {found:?} not {:?}", [mean, p99]);
+        assert!(
+            Vec2::from(found).abs_diff_eq(Vec2::new(mean, p99), 2e-4),
+            "{name}: {found:?} not {:?}",
+            [mean, p99]
+        );
     }
 }
 
@@ -267,6 +307,9 @@ fn a_line_moved_by_a_pixel_is_seen_more_than_noise_of_its_energy() {
 #[test]
 fn percentiles_are_ranks() {
     let difference = Difference { map: (0_u8..=100).rev().map(f32::from).collect() };
-    assert_eq!([0.0, 0.5, 0.99, 1.0].map(|share| difference.percentile(share)), [0.0, 50.0, 99.0, 100.0]);
+    assert_eq!(
+        [0.0, 0.5, 0.99, 1.0].map(|share| difference.percentile(share)),
+        [0.0, 50.0, 99.0, 100.0]
+    );
     assert_eq!(difference.mean(), 50.0);
 }

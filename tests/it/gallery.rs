@@ -1,4 +1,5 @@
-//! The gallery, the README and the sources' numbers: what documents say is what the program computes.
+//! The gallery, the README and the sources' numbers: what documents say is what the program
+//! computes.
 
 use std::path::{Path, PathBuf};
 
@@ -19,7 +20,10 @@ fn docs() -> PathBuf {
 fn the_page_is_up_to_date() {
     let written = std::fs::read_to_string(docs().join("gallery.md")).unwrap();
     for (line, (written, computed)) in (1..).zip(written.lines().zip(page::text().lines())) {
-        assert_eq!(written, computed, "docs/gallery.md:{line} is old: cargo run --release --example gallery");
+        assert_eq!(
+            written, computed,
+            "docs/gallery.md:{line} is old: cargo run --release --example gallery"
+        );
     }
     assert_eq!(written.lines().count(), page::text().lines().count());
 }
@@ -27,9 +31,16 @@ fn the_page_is_up_to_date() {
 #[test]
 fn every_fabric_has_both_its_pictures_and_they_are_small() {
     let mut bytes = 0;
-    for (name, side) in builtin::names().chain(["tubes", "ribbons"]).flat_map(|name| [(name, "front"), (name, "back")]) {
+    for (name, side) in builtin::names()
+        .chain(["tubes", "ribbons"])
+        .flat_map(|name| [(name, "front"), (name, "back")])
+    {
         let path = docs().join("gallery").join(page::picture_name(name, side));
-        assert_eq!(image::image_dimensions(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display())), (320, 240));
+        assert_eq!(
+            image::image_dimensions(&path)
+                .unwrap_or_else(|error| panic!("{}: {error}", path.display())),
+            (320, 240)
+        );
         bytes += path.metadata().unwrap().len();
     }
     assert!(bytes < MOST_BYTES, "{bytes} bytes");
@@ -40,7 +51,12 @@ fn the_readme_has_a_line_for_every_fabric() {
     let readme = std::fs::read_to_string(docs().join("../README.md")).unwrap();
     for name in builtin::names() {
         let about = Fabric::named(name).unwrap().about;
-        assert!(readme.lines().any(|line| line == format!("| [`{name}`](docs/gallery.md#{name}) | {about} |")), "{name}");
+        assert!(
+            readme
+                .lines()
+                .any(|line| line == format!("| [`{name}`](docs/gallery.md#{name}) | {about} |")),
+            "{name}"
+        );
     }
 }
 

@@ -1,4 +1,5 @@
-//! The garment page of the specification, line by line, on small meshes; then every real garment there is.
+//! The garment page of the specification, line by line, on small meshes; then every real garment
+//! there is.
 
 use std::path::{Path, PathBuf};
 
@@ -43,9 +44,11 @@ fn metres() -> ReadOptions {
 }
 
 /// An upright rectangle of two triangles, 1 m by 2 m, `vt` the same; its face looks along +z.
-const SHEET: &str = "v 0 0 0\nv 1 0 0\nv 1 2 0\nv 0 2 0\nvt 0 0\nvt 1 0\nvt 1 2\nvt 0 2\nf 1/1 2/2 3/3 4/4\n";
+const SHEET: &str =
+    "v 0 0 0\nv 1 0 0\nv 1 2 0\nv 0 2 0\nvt 0 0\nvt 1 0\nvt 1 2\nvt 0 2\nf 1/1 2/2 3/3 4/4\n";
 
-/// A flat file: a grid of `n` by `n` squares of side 1 with positions from `place`, and a body after it.
+/// A flat file: a grid of `n` by `n` squares of side 1 with positions from `place`, and a body
+/// after it.
 fn grid(n: usize, place: impl Fn(f64, f64) -> DVec3) -> String {
     let mut text = String::new();
     for j in 0..=n {
@@ -115,7 +118,10 @@ fn a_flat_file_draped_as_it_was_cut_is_the_identity() {
     let garment = read_two(&flat, &flat, &metres()).unwrap();
     assert_eq!(garment.facts.uv_scale_mm, 1000.0);
     for (uv, draped) in garment.panels[0].uv.iter().zip(&garment.panels[0].draped) {
-        assert!(garment.panels[0].flat_from_panel.transform_point3(uv.extend(0.0)).distance(*draped) < 1e-9);
+        assert!(
+            garment.panels[0].flat_from_panel.transform_point3(uv.extend(0.0)).distance(*draped)
+                < 1e-9
+        );
     }
 }
 
@@ -132,8 +138,10 @@ fn corners_pair_by_order_though_v_and_vt_are_numbered_apart() {
 fn quads_and_polygons_are_fans_from_the_first_corner() {
     let text = "v 0 0 0\nv 2 0 0\nv 3 1 0\nv 1 3 0\nv 0 2 0\nvt 0 0\nvt 2 0\nvt 3 1\nvt 1 3\nvt 0 2\nf 1/1 2/2 3/3 4/4 5/5\n";
     let panel = &read_one(text).unwrap().panels[0];
-    let corners = [(0.0, 0.0), (2.0, 0.0), (3.0, 1.0), (1.0, 3.0), (0.0, 2.0)].map(|(x, y)| DVec3::new(x, y, 0.0) * 1000.0);
-    let expected = [[0, 1, 2], [0, 2, 3], [0, 3, 4]].map(|fan| fan.map(|corner: usize| corners[corner]));
+    let corners = [(0.0, 0.0), (2.0, 0.0), (3.0, 1.0), (1.0, 3.0), (0.0, 2.0)]
+        .map(|(x, y)| DVec3::new(x, y, 0.0) * 1000.0);
+    let expected =
+        [[0, 1, 2], [0, 2, 3], [0, 3, 4]].map(|fan| fan.map(|corner: usize| corners[corner]));
     let found = in_file_order(panel).map(|triangle| triangle.map(|v| panel.draped[v as usize]));
     assert_eq!(found.collect::<Vec<_>>(), expected);
 }
@@ -146,7 +154,10 @@ fn a_draped_file_with_the_body_pairs_by_name() {
         let text = grid(2, |x, y| DVec3::new(x, 0.0, y));
         let shifted = |line: &str| match line.strip_prefix("f ") {
             Some(corners) => {
-                let corners: Vec<_> = corners.split(' ').map(|c| (c.parse::<usize>().unwrap() + shift).to_string()).collect();
+                let corners: Vec<_> = corners
+                    .split(' ')
+                    .map(|c| (c.parse::<usize>().unwrap() + shift).to_string())
+                    .collect();
                 format!("f {}\n", corners.join(" "))
             }
             None => format!("{line}\n"),
@@ -157,18 +168,27 @@ fn a_draped_file_with_the_body_pairs_by_name() {
     let before = read_two(&flat, &format!("{body}{}", shirt(3)), &metres()).unwrap();
     for garment in [&after, &before] {
         assert_eq!(garment.panels[0].triangles.len(), 8);
-        assert!(garment.panels[0].draped.iter().all(|p| p.y == 0.0), "the body is at z = 5, the shirt at y = 0");
+        assert!(
+            garment.panels[0].draped.iter().all(|p| p.y == 0.0),
+            "the body is at z = 5, the shirt at y = 0"
+        );
         assert_eq!(garment.facts.warnings, Vec::<String>::new());
     }
     let grouped = |text: &str| text.replace("o ", "g ");
-    let groups = read_two(&grouped(&flat), &grouped(&format!("{body}{}", shirt(3))), &metres()).unwrap();
+    let groups =
+        read_two(&grouped(&flat), &grouped(&format!("{body}{}", shirt(3))), &metres()).unwrap();
     assert_eq!(groups.panels[0].draped, before.panels[0].draped);
 }
 
 #[test]
 fn pieces_in_another_order_pair_by_name() {
     let piece = |name: &str, x: i32, first: usize| {
-        format!("o {name}\nv {x} 0 0\nv {} 0 0\nv {x} 1 0\nf {first} {} {}\n", x + 1, first + 1, first + 2)
+        format!(
+            "o {name}\nv {x} 0 0\nv {} 0 0\nv {x} 1 0\nf {first} {} {}\n",
+            x + 1,
+            first + 1,
+            first + 2
+        )
     };
     let flat = piece("front", 0, 1) + &piece("back", 5, 4);
     let draped = piece("back", 5, 1) + &piece("front", 0, 4);
@@ -185,7 +205,10 @@ fn a_draped_file_that_continues_pairs_its_first_faces_and_warns() {
     let garment = read_two(&flat, &draped, &metres()).unwrap();
     assert_eq!(garment.panels[0].triangles.len(), 8);
     assert_eq!(garment.facts.warnings.len(), 1);
-    assert!(garment.facts.warnings[0].contains("5 faces") && garment.facts.warnings[0].contains("first 4"));
+    assert!(
+        garment.facts.warnings[0].contains("5 faces")
+            && garment.facts.warnings[0].contains("first 4")
+    );
 }
 
 #[test]
@@ -193,10 +216,16 @@ fn other_faces_are_an_error_with_both_counts_and_the_first_that_differs() {
     let flat = grid(2, in_plane);
     let cut = flat.trim_end().rsplit_once('\n').unwrap().0;
     let error = read_two(&flat, cut, &metres()).unwrap_err().to_string();
-    assert!(error.contains("4 faces") && error.contains("has 3") && error.contains("face 4"), "{error}");
+    assert!(
+        error.contains("4 faces") && error.contains("has 3") && error.contains("face 4"),
+        "{error}"
+    );
     let triangle_second = flat.replacen("f 2 3 6 5", "f 2 3 6", 1);
     let error = read_two(&flat, &triangle_second, &metres()).unwrap_err().to_string();
-    assert!(error.contains("4 faces") && error.contains("face 2 ") && error.contains("4 corners at"), "{error}");
+    assert!(
+        error.contains("4 faces") && error.contains("face 2 ") && error.contains("4 corners at"),
+        "{error}"
+    );
     assert!(error.contains("flat.obj:11") && error.contains("draped.obj:11"), "{error}");
 }
 
@@ -207,8 +236,15 @@ fn corners_that_disagree_are_an_error_and_one_torn_vertex_a_warning() {
     let torn = read_two(&flat, &turned, &metres()).unwrap();
     assert!(torn.facts.warnings[0].contains("4 of 441 flat vertices"), "{:?}", torn.facts.warnings);
     let small = grid(2, in_plane);
-    let error = read_two(&small, &small.replace("f 2 3 6 5", "f 3 6 5 2"), &metres()).unwrap_err().to_string();
-    assert!(error.contains("4 faces") && error.contains("disagree") && error.contains("face 2 (lines 11 and 11)"), "{error}");
+    let error = read_two(&small, &small.replace("f 2 3 6 5", "f 3 6 5 2"), &metres())
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("4 faces")
+            && error.contains("disagree")
+            && error.contains("face 2 (lines 11 and 11)"),
+        "{error}"
+    );
 }
 
 #[test]
@@ -223,7 +259,11 @@ fn an_unwelded_draped_file_pairs() {
 
 #[test]
 fn the_unit_is_guessed_or_given() {
-    let scaled = |k: f64| SHEET.replace("v 1 2 0", &format!("v {k} {} 0", 2.0 * k)).replace("v 1 0 0", &format!("v {k} 0 0"));
+    let scaled = |k: f64| {
+        SHEET
+            .replace("v 1 2 0", &format!("v {k} {} 0", 2.0 * k))
+            .replace("v 1 0 0", &format!("v {k} 0 0"))
+    };
     for (size, unit) in [(1.0, "m"), (10.0, "dm"), (100.0, "cm"), (1000.0, "mm")] {
         let text = scaled(size).replace("v 0 2 0", &format!("v 0 {} 0", 2.0 * size));
         let facts = read_with(&text, &ReadOptions::default()).unwrap().facts;
@@ -234,14 +274,19 @@ fn the_unit_is_guessed_or_given() {
     let garment = read_with(SHEET, &inches).unwrap();
     assert_eq!((garment.facts.unit, garment.facts.unit_guessed), ("in", false));
     assert!(garment.panels[0].draped.contains(&DVec3::new(25.4, 50.8, 0.0)));
-    let tiny = read_with(SHEET.replace("v 1 ", "v 0.01 ").replace(" 2 0", " 0.02 0"), &ReadOptions::default());
+    let tiny = read_with(
+        SHEET.replace("v 1 ", "v 0.01 ").replace(" 2 0", " 0.02 0"),
+        &ReadOptions::default(),
+    );
     assert!(tiny.unwrap().facts.warnings[0].contains("in no unit"));
 }
 
 #[test]
 fn a_stray_vertex_has_no_say_in_the_unit() {
-    let facts =
-        read_with(format!("v 9000 0 0\n{}", SHEET.replace("f 1/1 2/2 3/3 4/4", "f 2/1 3/2 4/3 5/4")), &ReadOptions::default());
+    let facts = read_with(
+        format!("v 9000 0 0\n{}", SHEET.replace("f 1/1 2/2 3/3 4/4", "f 2/1 3/2 4/3 5/4")),
+        &ReadOptions::default(),
+    );
     assert_eq!(facts.unwrap().facts.unit, "m");
 }
 
@@ -250,7 +295,10 @@ fn the_scale_is_the_median_and_a_plain_unit_for_a_flat_file() {
     let flat = grid(4, in_plane);
     let stretched = grid(4, |x, y| DVec3::new(1.04 * x, y, 0.0) / 10.0);
     let file = read_two(&flat, &stretched, &metres()).unwrap();
-    assert_eq!(file.facts.uv_scale_mm, 100.0, "a flat unit is a decimetre, and the rest is stretch");
+    assert_eq!(
+        file.facts.uv_scale_mm, 100.0,
+        "a flat unit is a decimetre, and the rest is stretch"
+    );
     let texture = read_one(SHEET.replace("v 1 ", "v 1.04 ")).unwrap();
     assert!((texture.facts.uv_scale_mm - 1000.0 * 1.04_f64.sqrt()).abs() < 1e-6);
     let given = read_with(SHEET, &ReadOptions { uv_scale: Some(123.0), ..metres() }).unwrap();
@@ -261,7 +309,11 @@ fn the_scale_is_the_median_and_a_plain_unit_for_a_flat_file() {
 /// A big square and a small one, whose `vt` are larger by `factor`.
 fn two_scales(factor: f64) -> String {
     let second = |x: f64| 10.0 + x * factor;
-    format!("{SHEET}v 5 0 0\nv 5.5 0 0\nv 5 0.5 0\nvt 10 0\nvt {} 0\nvt 10 {}\nf 5/5 6/6 7/7\n", second(0.5), 0.5 * factor)
+    format!(
+        "{SHEET}v 5 0 0\nv 5.5 0 0\nv 5 0.5 0\nvt 10 0\nvt {} 0\nvt 10 {}\nf 5/5 6/6 7/7\n",
+        second(0.5),
+        0.5 * factor
+    )
 }
 
 #[test]
@@ -273,7 +325,8 @@ fn panels_that_disagree_take_their_own_scale_and_are_named() {
     assert!((facts.panels[0].scale_mm - 1000.0).abs() < 1e-6);
     assert!((facts.panels[1].scale_mm - 500.0).abs() < 1e-6);
     assert!(facts.warnings[0].contains("panel 1 500.0000"), "{:?}", facts.warnings);
-    let given = read_with(two_scales(2.0), &ReadOptions { uv_scale: Some(1000.0), ..metres() }).unwrap();
+    let given =
+        read_with(two_scales(2.0), &ReadOptions { uv_scale: Some(1000.0), ..metres() }).unwrap();
     assert_eq!(given.facts.panels[1].scale_mm, 1000.0);
 }
 
@@ -284,8 +337,13 @@ fn panels_are_components_over_flat_vertices() {
                 f 1/1 2/2 5/4 4/3\nf 2/5 3/6 6/8 5/7\n";
     let garment = read_one(seam).unwrap();
     assert_eq!(garment.panels.len(), 2);
-    assert_eq!(garment.panels[1].faces.iter().min().unwrap().0, 2, "faces are counted through the file");
-    // The same flat numbers for both: two sleeves lie on one another in the plane, apart on the body.
+    assert_eq!(
+        garment.panels[1].faces.iter().min().unwrap().0,
+        2,
+        "faces are counted through the file"
+    );
+    // The same flat numbers for both: two sleeves lie on one another in the plane, apart on the
+    // body.
     let sleeves = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 5 0 0\nv 4 0 0\nv 5 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\nf 4/1 6/3 5/2\n";
     let garment = read_one(sleeves).unwrap();
     assert_eq!(garment.panels.len(), 2);
@@ -320,7 +378,9 @@ fn turn_shows_the_other_side() {
 #[test]
 fn grain_turns_the_wales_counter_clockwise_seen_from_the_face() {
     for turn in [false, true] {
-        let straight = read_with(SHEET, &ReadOptions { turn, ..metres() }).unwrap().panels[0].flat_from_panel.matrix3;
+        let straight = read_with(SHEET, &ReadOptions { turn, ..metres() }).unwrap().panels[0]
+            .flat_from_panel
+            .matrix3;
         let options = ReadOptions { grain: std::f64::consts::FRAC_PI_2, turn, ..metres() };
         let garment = read_with(SHEET, &options).unwrap();
         check_panel(&garment.panels[0]);
@@ -348,13 +408,19 @@ fn the_flat_mesh_may_lie_in_any_plane() {
             assert!(back.distance(flat) < 1e-9, "plane {i}: {back} is not {flat}");
         }
     }
-    let ground = read_two(&grid(3, planes[1]), &draped, &metres()).unwrap().panels[0].flat_from_panel.matrix3;
-    assert!(ground.y_axis.distance(DVec3::Z) < 1e-12, "y stands on the ground, so the wales run along z");
+    let ground = read_two(&grid(3, planes[1]), &draped, &metres()).unwrap().panels[0]
+        .flat_from_panel
+        .matrix3;
+    assert!(
+        ground.y_axis.distance(DVec3::Z) < 1e-12,
+        "y stands on the ground, so the wales run along z"
+    );
 }
 
 #[test]
 fn a_panel_that_leaves_its_plane_is_refused() {
-    let bent = |height: f64| grid(4, move |x, y| DVec3::new(x, y, if x == 2.0 { height } else { 0.0 }));
+    let bent =
+        |height: f64| grid(4, move |x, y| DVec3::new(x, y, if x == 2.0 { height } else { 0.0 }));
     assert_eq!(read_two(&bent(0.1), &grid(4, in_plane), &metres()).unwrap().panels.len(), 1);
     let error = read_two(&bent(1.0), &grid(4, in_plane), &metres()).unwrap_err();
     assert!(matches!(error, GarmentError::NoPanel { .. }));
@@ -398,13 +464,16 @@ fn degenerate_and_untextured_triangles_are_counted_and_left_out() {
 
 #[test]
 fn a_panel_without_draped_area_is_refused() {
-    let error = read_one(SHEET.replace("v 1 2 0", "v 0 0 0").replace("v 1 0 0", "v 0 0 0")).unwrap_err().to_string();
+    let error = read_one(SHEET.replace("v 1 2 0", "v 0 0 0").replace("v 1 0 0", "v 0 0 0"))
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("no draped area"), "{error}");
 }
 
 #[test]
 fn normals_are_weighted_by_angle() {
-    // A corner of a cube whose sides are cut into one, one and two triangles: the count of triangles must not show.
+    // A corner of a cube whose sides are cut into one, one and two triangles: the count of
+    // triangles must not show.
     let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvt -1 1\nvt -1 0\n\
                 f 1/1 2/2 5/3\nf 1/1 5/3 3/4\nf 1/1 3/4 4/5\nf 1/1 4/5 2/6\n";
     let panel = &read_one(text).unwrap().panels[0];
@@ -423,7 +492,12 @@ fn edges_with_three_faces_and_a_moebius_strip_are_read() {
         let angle = f64::from(i) / f64::from(count) * std::f64::consts::TAU;
         for side in [-0.2, 0.2] {
             let radius = 1.0 + side * (angle / 2.0).cos();
-            strip += &format!("v {} {} {}\n", radius * angle.cos(), radius * angle.sin(), side * (angle / 2.0).sin());
+            strip += &format!(
+                "v {} {} {}\n",
+                radius * angle.cos(),
+                radius * angle.sin(),
+                side * (angle / 2.0).sin()
+            );
         }
     }
     for i in 0..=count {
@@ -450,7 +524,10 @@ fn what_real_files_hold_changes_nothing() {
         ("three-component vt", SHEET.replace("vt 1 2", "vt 1 2 0.5")),
         ("colours", SHEET.replace("v 1 2 0", "v 1 2 0 0.1 0.2 0.3")),
         ("a weight", SHEET.replace("v 1 2 0", "v 1 2 0 0.5")),
-        ("unknown records", format!("e 1 2\nt 1 2 3\nl 1 2 3\nnl 1\nseam 1 2 3\np 1\n{SHEET}l 1 2 3\n")),
+        (
+            "unknown records",
+            format!("e 1 2\nt 1 2 3\nl 1 2 3\nnl 1\nseam 1 2 3\np 1\n{SHEET}l 1 2 3\n"),
+        ),
         ("a banner", format!("File Generated by Meshlab\n\nOBJ\n{SHEET}")),
         ("a missing mtllib", format!("mtllib C:\\nowhere\\\n{SHEET}usemtl x\ns off\n")),
         ("comments everywhere", SHEET.replace('\n', " # a comment\n")),
@@ -460,15 +537,25 @@ fn what_real_files_hold_changes_nothing() {
         ("negative indices", SHEET.replace("f 1/1 2/2 3/3 4/4", "f -4/-4 -3/-3 -2/-2 -1/-1")),
         (
             "continuations",
-            SHEET.replace("f 1/1 2/2 3/3 4/4", "f 1/1 \\\n2/2\\  \r\n 3/3 \\\n\\\n4/4").replace("v 1 2 0", "v 1 \\\n2 0"),
+            SHEET
+                .replace("f 1/1 2/2 3/3 4/4", "f 1/1 \\\n2/2\\  \r\n 3/3 \\\n\\\n4/4")
+                .replace("v 1 2 0", "v 1 \\\n2 0"),
         ),
         ("a continuation after the keyword", SHEET.replace("f 1/1", "f\\\n1/1")),
         ("a continuation at the end", format!("{}\\", SHEET.trim_end())),
         ("a byte order mark", format!("\u{feff}{SHEET}")),
-        ("normals between", SHEET.replace("\nvt", "\nvn 0 0 1\nvt").replace("1/1 2/2 3/3 4/4", "1/1/1 2/2/2 3/3/1 4/4/99")),
+        (
+            "normals between",
+            SHEET
+                .replace("\nvt", "\nvn 0 0 1\nvt")
+                .replace("1/1 2/2 3/3 4/4", "1/1/1 2/2/2 3/3/1 4/4/99"),
+        ),
         ("tabs and blanks", SHEET.replace(' ', " \t  ").replace('\n', "  \n\n \t\n   ")),
         ("no line end", SHEET.trim_end().to_owned()),
-        ("groups", SHEET.replace("vt 0 0", "g one two\nvt 0 0").replace("f ", "g three #4\no x\nf ")),
+        (
+            "groups",
+            SHEET.replace("vt 0 0", "g one two\nvt 0 0").replace("f ", "g three #4\no x\nf "),
+        ),
     ];
     for (what, text) in same {
         let panel = &with(text).panels[0];
@@ -553,12 +640,25 @@ const REAL: [Expected; 17] = [
 fn the_real_garments_read_as_their_sources_say() {
     let Some(folder) = garments() else { return };
     for (name, panels, triangles, unit, scale, flipped, degenerate, mirrored) in REAL {
-        let garment = read(&folder.join(name), None, &ReadOptions::default()).unwrap_or_else(|error| panic!("{error}"));
+        let garment = read(&folder.join(name), None, &ReadOptions::default())
+            .unwrap_or_else(|error| panic!("{error}"));
         let facts = &garment.facts;
-        assert_eq!((garment.panels.len(), facts.triangles, facts.unit), (panels, triangles, unit), "{name}");
-        assert!((facts.uv_scale_mm / scale - 1.0).abs() < 1e-4, "{name}: {} mm per flat unit", facts.uv_scale_mm);
+        assert_eq!(
+            (garment.panels.len(), facts.triangles, facts.unit),
+            (panels, triangles, unit),
+            "{name}"
+        );
+        assert!(
+            (facts.uv_scale_mm / scale - 1.0).abs() < 1e-4,
+            "{name}: {} mm per flat unit",
+            facts.uv_scale_mm
+        );
         assert_eq!((facts.flipped, facts.degenerate), (flipped, degenerate), "{name}");
-        assert_eq!(garment.panels.iter().filter(|panel| panel.mirrored).count(), mirrored, "{name}");
+        assert_eq!(
+            garment.panels.iter().filter(|panel| panel.mirrored).count(),
+            mirrored,
+            "{name}"
+        );
     }
 }
 
@@ -570,7 +670,8 @@ fn every_real_garment_reads_or_says_why_not() {
         match read(&path, None, &ReadOptions::default()) {
             Ok(Garment { panels, facts }) => {
                 panels.iter().for_each(check_panel);
-                let held: usize = panels.iter().map(|panel| panel.triangles.len() + panel.flipped.len()).sum();
+                let held: usize =
+                    panels.iter().map(|panel| panel.triangles.len() + panel.flipped.len()).sum();
                 assert!(held + facts.degenerate + facts.untextured <= facts.triangles, "{name}");
                 assert!(facts.warnings.iter().all(|warning| !warning.contains('\n')), "{name}");
                 println!("{name}: {} panels, {facts:?}", panels.len());
@@ -578,7 +679,8 @@ fn every_real_garment_reads_or_says_why_not() {
             Err(error) => {
                 println!("{error}");
                 assert!(name.starts_with("diffcloth_nasty"), "{error}");
-                let no_pattern = matches!(error, GarmentError::NoTexture { .. } | GarmentError::NoPanel { .. });
+                let no_pattern =
+                    matches!(error, GarmentError::NoTexture { .. } | GarmentError::NoPanel { .. });
                 assert!(no_pattern && !error.to_string().contains('\n'), "{error}");
             }
         }
@@ -595,7 +697,8 @@ fn a_frame_of_a_sequence_pairs_with_the_first() {
 }
 
 proptest! {
-    /// A random height field over a random grid comes back with its positions, its topology and its flat pattern.
+    /// A random height field over a random grid comes back with its positions, its topology and its
+    /// flat pattern.
     #[test]
     fn random_meshes_round_trip(n in 1_usize..8, heights in prop::collection::vec(-0.3_f64..0.3, 81), quads: bool) {
         let mut text = String::new();

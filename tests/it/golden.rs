@@ -1,6 +1,8 @@
-//! Pictures are compared with those accepted before, `tests/golden/NAME.png`, as an eye would compare them.
+//! Pictures are compared with those accepted before, `tests/golden/NAME.png`, as an eye would
+//! compare them.
 //!
-//! `UPDATE_GOLDEN=1` accepts what is drawn now. A failure leaves `target/tmp/golden/NAME.png`: expected, difference, actual.
+//! `UPDATE_GOLDEN=1` accepts what is drawn now. A failure leaves `target/tmp/golden/NAME.png`:
+//! expected, difference, actual.
 
 use crate::flip::{Difference, flip};
 use image::{Rgb, RgbImage, Rgba, RgbaImage, imageops};
@@ -18,13 +20,16 @@ struct Limits {
     p99: f32,
 }
 
-/// Panics unless the picture, straight alpha over grey, looks like its golden one within these FLIP values.
+/// Panics unless the picture, straight alpha over grey, looks like its golden one within these FLIP
+/// values.
 #[track_caller]
 pub(crate) fn check(name: &str, picture: &RgbaImage, mean_limit: f32, p99_limit: f32) {
     let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tests/golden/{name}.png"));
     if env::var_os("UPDATE_GOLDEN").is_some_and(|value| value == "1") {
         save(&over_grey(picture), &golden);
-    } else if let Err(complaint) = compare(&golden, picture, Limits { mean: mean_limit, p99: p99_limit }, &failures()) {
+    } else if let Err(complaint) =
+        compare(&golden, picture, Limits { mean: mean_limit, p99: p99_limit }, &failures())
+    {
         panic!("{complaint}; run with UPDATE_GOLDEN=1 to accept");
     }
 }
@@ -35,7 +40,12 @@ fn failures() -> PathBuf {
 }
 
 /// Says what is wrong, and leaves a picture of it in the folder `failures`.
-fn compare(golden: &Path, picture: &RgbaImage, limits: Limits, failures: &Path) -> Result<(), String> {
+fn compare(
+    golden: &Path,
+    picture: &RgbaImage,
+    limits: Limits,
+    failures: &Path,
+) -> Result<(), String> {
     let actual = over_grey(picture);
     let shown = failures.join(golden.file_name().expect("a golden is a file"));
     if !golden.exists() {
@@ -50,11 +60,16 @@ fn compare(golden: &Path, picture: &RgbaImage, limits: Limits, failures: &Path) 
         if mean <= limits.mean && p99 <= limits.p99 {
             return Ok(());
         }
-        write!(complaint, "FLIP mean {mean:.4} (limit {}), 99th percentile {p99:.4} (limit {})", limits.mean, limits.p99)
-            .unwrap();
+        write!(
+            complaint,
+            "FLIP mean {mean:.4} (limit {}), 99th percentile {p99:.4} (limit {})",
+            limits.mean, limits.p99
+        )
+        .unwrap();
         save(&side_by_side(&[&expected, &heat(&difference, actual.dimensions()), &actual]), &shown);
     } else {
-        write!(complaint, "{:?} pixels and not {:?}", actual.dimensions(), expected.dimensions()).unwrap();
+        write!(complaint, "{:?} pixels and not {:?}", actual.dimensions(), expected.dimensions())
+            .unwrap();
         save(&side_by_side(&[&expected, &actual]), &shown);
     }
     Err(format!("{complaint}; see {}", shown.display()))
@@ -68,13 +83,16 @@ fn save(picture: &RgbImage, path: &Path) {
 fn over_grey(picture: &RgbaImage) -> RgbImage {
     RgbImage::from_fn(picture.width(), picture.height(), |x, y| {
         let [red, green, blue, alpha] = picture.get_pixel(x, y).0.map(u16::from);
-        Rgb([red, green, blue].map(|value| ((value * alpha + u16::from(GREY) * (255 - alpha) + 127) / 255) as u8))
+        Rgb([red, green, blue]
+            .map(|value| ((value * alpha + u16::from(GREY) * (255 - alpha) + 127) / 255) as u8))
     })
 }
 
 /// Black where nothing differs, by red and yellow to white.
 fn heat(difference: &Difference, (width, height): (u32, u32)) -> RgbImage {
-    let ramp = |value: &f32| [0.0, 1.0, 2.0].map(|start| ((3.0 * value - start).clamp(0.0, 1.0) * 255.0).round() as u8);
+    let ramp = |value: &f32| {
+        [0.0, 1.0, 2.0].map(|start| ((3.0 * value - start).clamp(0.0, 1.0) * 255.0).round() as u8)
+    };
     let bytes = difference.map.iter().flat_map(ramp).collect();
     RgbImage::from_raw(width, height, bytes).expect("the map has a value for each pixel")
 }
@@ -101,14 +119,19 @@ fn disc(size: u32, red: u8) -> RgbaImage {
     })
 }
 
-/// Compares a picture with a golden one, both given here, and reads back the picture that a failure left.
-fn judged(golden: Option<&RgbaImage>, picture: &RgbaImage) -> (Result<(), String>, Option<RgbImage>) {
+/// Compares a picture with a golden one, both given here, and reads back the picture that a failure
+/// left.
+fn judged(
+    golden: Option<&RgbaImage>,
+    picture: &RgbaImage,
+) -> (Result<(), String>, Option<RgbImage>) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("accepted/disc.png");
     if let Some(golden) = golden {
         save(&over_grey(golden), &path);
     }
-    let verdict = compare(&path, picture, Limits { mean: 0.03, p99: 0.1 }, &folder.path().join("failed"));
+    let verdict =
+        compare(&path, picture, Limits { mean: 0.03, p99: 0.1 }, &folder.path().join("failed"));
     let left = folder.path().join("failed/disc.png");
     (verdict, left.exists().then(|| image::open(left).unwrap().to_rgb8()))
 }
@@ -135,7 +158,11 @@ fn another_picture_fails_and_is_shown_beside_the_golden() {
     let (expected, actual) = (disc(40, 200), disc(40, 120));
     let (verdict, shown) = judged(Some(&expected), &actual);
     let (complaint, shown) = (verdict.unwrap_err(), shown.unwrap());
-    assert!(complaint.contains("FLIP mean 0.") && complaint.contains("(limit 0.03), 99th percentile 0."), "{complaint}");
+    assert!(
+        complaint.contains("FLIP mean 0.")
+            && complaint.contains("(limit 0.03), 99th percentile 0."),
+        "{complaint}"
+    );
     assert_eq!(shown.dimensions(), (3 * 40 + 2 * 4, 40));
     let panel = |number: u32| imageops::crop_imm(&shown, number * 44, 0, 40, 40).to_image();
     assert!(panel(0) == over_grey(&expected) && panel(2) == over_grey(&actual));

@@ -1,7 +1,7 @@
 //! The graphics processor draws what the processor draws, and what it drew before.
 //!
-//! On the software driver pictures are the same to the byte from run to run. Without any adapter these tests say that they are skipped;
-//! where `WARPKNIT_CI` is set they fail.
+//! On the software driver pictures are the same to the byte from run to run. Without any adapter
+//! these tests say that they are skipped; where `WARPKNIT_CI` is set they fail.
 
 use crate::flip::flip;
 use crate::golden;
@@ -34,16 +34,28 @@ fn on(renderer: Choice, scene: &Scene, camera: &Camera, options: &Options) -> Rg
 
 /// Mean FLIP between both renderers' pictures, 512 pixels square, of sixteen samples.
 fn difference(scene: &Scene, camera: &Camera) -> f64 {
-    let options = Options { width: 512, height: 512, spp: 16, st: 80, sr: 16, lod: false, ..Options::default() };
+    let options = Options {
+        width: 512,
+        height: 512,
+        spp: 16,
+        st: 80,
+        sr: 16,
+        lod: false,
+        ..Options::default()
+    };
     // The processor's noise is no difference between the two.
-    let drawn = |renderer, spp| DynamicImage::from(on(renderer, scene, camera, &Options { spp, ..options.clone() })).into_rgb8();
+    let drawn = |renderer, spp| {
+        DynamicImage::from(on(renderer, scene, camera, &Options { spp, ..options.clone() }))
+            .into_rgb8()
+    };
     let [cpu, gpu] = [drawn(Choice::Cpu, 64), drawn(Choice::Gpu, 16)];
     let difference = f64::from(flip(&cpu, &gpu).mean());
     println!("mean FLIP {difference:.4}");
     difference
 }
 
-/// A picture of a spun yarn along x: two plies, darker between them, fuzz that thins out to both sides.
+/// A picture of a spun yarn along x: two plies, darker between them, fuzz that thins out to both
+/// sides.
 fn yarn_picture() -> RgbaImage {
     RgbaImage::from_fn(96, 48, |x, y| {
         let across = (f32::from(u16::try_from(y).unwrap()) + 0.5) / 24.0 - 1.0;
@@ -74,7 +86,8 @@ fn ribbons(wales: u32, courses: u32) -> Scene {
     let mut scene = Scene { shape: Shape::Ribbon, looks, maps: vec![maps], ..Scene::default() };
     for strand in &tubes.strands {
         let points = &tubes.positions[strand.points.start as usize..strand.points.end as usize];
-        let stitches = &tubes.stitches[strand.stitches.start as usize..strand.stitches.end as usize];
+        let stitches =
+            &tubes.stitches[strand.stitches.start as usize..strand.stitches.end as usize];
         let stitches = stitches.iter().map(|stitch| stitch - strand.points.start);
         scene.push_stitches(points.iter().map(|&point| (point, Vec3::Z)), stitches, strand.look);
     }
@@ -83,8 +96,11 @@ fn ribbons(wales: u32, courses: u32) -> Scene {
 
 /// The shipped skirt in the fabric's loops, `wales_per_cm`.
 fn skirt(wales_per_cm: f64) -> Scene {
-    let mesh = |name: &str| std::path::PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("meshes").join(name);
-    let garment = read(&mesh("skirt_flat.obj"), Some(&mesh("skirt_draped.obj")), &ReadOptions::default()).unwrap();
+    let mesh =
+        |name: &str| std::path::PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("meshes").join(name);
+    let garment =
+        read(&mesh("skirt_flat.obj"), Some(&mesh("skirt_draped.obj")), &ReadOptions::default())
+            .unwrap();
     let fabric = Fabric::named("tricot").unwrap();
     let aspect = fabric.courses_per_cm / fabric.wales_per_cm;
     let fabric = fabric.at_densities(wales_per_cm, wales_per_cm * aspect).unwrap();
@@ -140,13 +156,23 @@ fn golden_tubes_from_the_front_and_the_back() {
 fn golden_strips_of_a_far_skirt() {
     let scene = skirt(0.6);
     golden("gpu_strips", &scene, &front(&scene), &Options::default());
-    golden("gpu_strips_exact", &scene, &front(&scene), &Options { lod: false, samples: 1, ..Options::default() });
+    golden(
+        "gpu_strips_exact",
+        &scene,
+        &front(&scene),
+        &Options { lod: false, samples: 1, ..Options::default() },
+    );
 }
 
 #[test]
 fn golden_net_on_nothing() {
     let scene = picture::swatch(&Fabric::named("hex-net-5").unwrap(), 12, 20);
-    golden("gpu_net", &scene, &front(&scene), &Options { background: Background::Transparent, ..Options::default() });
+    golden(
+        "gpu_net",
+        &scene,
+        &front(&scene),
+        &Options { background: Background::Transparent, ..Options::default() },
+    );
 }
 
 #[test]
@@ -197,14 +223,18 @@ fn the_same_bytes_every_time_and_for_any_number_of_threads() {
 fn tiles_of_a_large_picture_join() {
     if can_draw("tiles_of_a_large_picture_join") {
         // One yarn across the border between two tiles, at 1022 pixels: as bright on both sides.
-        let mut scene = Scene { looks: vec![YarnLook::plain(Vec3::splat(0.6), 0.7, 0.5)], ..Scene::default() };
+        let mut scene =
+            Scene { looks: vec![YarnLook::plain(Vec3::splat(0.6), 0.7, 0.5)], ..Scene::default() };
         scene.push_strand([Vec3::NEG_X * 50.0, Vec3::ZERO, Vec3::X * 50.0], 0);
         let options = Options { width: 1100, height: 60, samples: 1, spp: 1, ..Options::default() };
         let camera = Camera::look_at(DVec3::Z * 100.0, DVec3::ZERO, 0.02, 1.0);
         let picture = on(Choice::Gpu, &scene, &camera, &options);
         for y in 10..50 {
             let [before, after] = [1021, 1022].map(|x| picture.get_pixel(x, y).0);
-            assert!(before.iter().zip(after).all(|(a, b)| a.abs_diff(b) <= 24), "row {y}: {before:?} {after:?}");
+            assert!(
+                before.iter().zip(after).all(|(a, b)| a.abs_diff(b) <= 24),
+                "row {y}: {before:?} {after:?}"
+            );
         }
     }
 }
@@ -212,7 +242,12 @@ fn tiles_of_a_large_picture_join() {
 #[test]
 fn an_empty_scene_is_all_background() {
     if can_draw("an_empty_scene_is_all_background") {
-        let options = Options { width: 33, height: 20, background: "#1030f0".parse().unwrap(), ..Options::default() };
+        let options = Options {
+            width: 33,
+            height: 20,
+            background: "#1030f0".parse().unwrap(),
+            ..Options::default()
+        };
         let camera = Camera::look_at(DVec3::Z, DVec3::ZERO, 0.5, 1.0);
         let picture = on(Choice::Gpu, &Scene::default(), &camera, &options);
         assert!(picture.pixels().all(|pixel| pixel.0 == [0x10, 0x30, 0xF0, 255]));
@@ -222,14 +257,26 @@ fn an_empty_scene_is_all_background() {
 #[test]
 fn odd_strands_are_drawn_or_passed_over() {
     if can_draw("odd_strands_are_drawn_or_passed_over") {
-        let looks = [0.3, 0.0, f32::NAN].map(|radius| YarnLook::plain(Vec3::splat(0.6), 0.7, radius)).to_vec();
+        let looks = [0.3, 0.0, f32::NAN]
+            .map(|radius| YarnLook::plain(Vec3::splat(0.6), 0.7, radius))
+            .to_vec();
         let mut scene = Scene { looks, ..Scene::default() };
         scene.push_strand([], 0);
         scene.push_strand([Vec3::NAN, Vec3::NEG_X, Vec3::X, Vec3::INFINITY], 0);
         scene.push_strand([Vec3::NEG_Y, Vec3::Y], 1);
         scene.push_strand([Vec3::NEG_Y, Vec3::Y], 2);
-        let options = Options { width: 60, height: 60, background: Background::Transparent, ..Options::default() };
-        let picture = on(Choice::Gpu, &scene, &Camera::look_at(DVec3::Z * 20.0, DVec3::ZERO, 0.2, 1.0), &options);
+        let options = Options {
+            width: 60,
+            height: 60,
+            background: Background::Transparent,
+            ..Options::default()
+        };
+        let picture = on(
+            Choice::Gpu,
+            &scene,
+            &Camera::look_at(DVec3::Z * 20.0, DVec3::ZERO, 0.2, 1.0),
+            &options,
+        );
         assert_eq!(picture.get_pixel(30, 30).0[3], 255, "the good part of a strand is drawn");
         assert_eq!(picture.get_pixel(30, 48).0[3], 0, "yarns without a radius are not");
     }

@@ -1,5 +1,6 @@
-//! Loops interlock: seen from the technical face, both legs of a new loop pass in front of the old loop's head and its feet pass
-//! behind the old legs, for every pair of bars. Counted by signed crossings in the plane.
+//! Loops interlock: seen from the technical face, both legs of a new loop pass in front of the old
+//! loop's head and its feet pass behind the old legs, for every pair of bars. Counted by signed
+//! crossings in the plane.
 
 use glam::{DVec2, DVec3};
 use proptest::strategy::{Strategy, ValueTree};
@@ -18,8 +19,14 @@ const SAMPLES: usize = 14;
 /// A path in the plane: for each sample the span it lies in, counted from S1, and where it is.
 type Path = Vec<(i64, DVec3)>;
 
-/// The yarn of a bar that loops on a wale in a course, if one does: from the underlap before its loop to the one after it.
-fn yarn_path(fabric: &Fabric, pattern: &Pattern, bar: usize, (wale, course): (i64, i64)) -> Option<Path> {
+/// The yarn of a bar that loops on a wale in a course, if one does: from the underlap before its
+/// loop to the one after it.
+fn yarn_path(
+    fabric: &Fabric,
+    pattern: &Pattern,
+    bar: usize,
+    (wale, course): (i64, i64),
+) -> Option<Path> {
     if !fabric.bars[bar].loops_on(wale, course) {
         return None;
     }
@@ -28,10 +35,16 @@ fn yarn_path(fabric: &Fabric, pattern: &Pattern, bar: usize, (wale, course): (i6
     let mut paths = guides.filter_map(|guide| {
         let mut knitted = Knitted::default();
         pattern.lay(bar, guide, course - 1..course + 2, &mesh, &mut knitted);
-        let (before, first, next) =
-            (knitted.stitches[0] as usize + 7, knitted.stitches[1] as usize, knitted.stitches[2] as usize);
-        let samples = (before..next).flat_map(|i| (0..SAMPLES).map(move |k| (i, k as f64 / SAMPLES as f64)));
-        let path = samples.map(|(i, t)| (i as i64 - first as i64, span(&knitted.points, i).at(t))).collect();
+        let (before, first, next) = (
+            knitted.stitches[0] as usize + 7,
+            knitted.stitches[1] as usize,
+            knitted.stitches[2] as usize,
+        );
+        let samples =
+            (before..next).flat_map(|i| (0..SAMPLES).map(move |k| (i, k as f64 / SAMPLES as f64)));
+        let path = samples
+            .map(|(i, t)| (i as i64 - first as i64, span(&knitted.points, i).at(t)))
+            .collect();
         let tag = knitted.tags[first];
         (tag.kind == PointKind::Loop && i64::from(tag.wale) == wale).then_some(path)
     });
@@ -60,10 +73,18 @@ fn crossings(old: &Path, new: &Path) -> Vec<Crossing> {
             let (p, r) = (a[0].1, a[1].1 - a[0].1);
             let (q, s) = (b[0].1, b[1].1 - b[0].1);
             let across = r.truncate().perp_dot(s.truncate());
-            let (t, u) = ((q - p).truncate().perp_dot(s.truncate()) / across, (q - p).truncate().perp_dot(r.truncate()) / across);
+            let (t, u) = (
+                (q - p).truncate().perp_dot(s.truncate()) / across,
+                (q - p).truncate().perp_dot(r.truncate()) / across,
+            );
             if (0.0..1.0).contains(&t) && (0.0..1.0).contains(&u) {
                 let depth = (q + s * u).z - (p + r * t).z;
-                found.push(Crossing { old: a[0].0, new: b[0].0, sign: across.signum() as i32, depth });
+                found.push(Crossing {
+                    old: a[0].0,
+                    new: b[0].0,
+                    sign: across.signum() as i32,
+                    depth,
+                });
             }
         }
     }
@@ -74,16 +95,19 @@ fn crossings(old: &Path, new: &Path) -> Vec<Crossing> {
 ///
 /// A leg that lies along the old one may cross it to and fro: signed, such crossings cancel.
 fn check(old: &Path, new: &Path) -> Result<(), String> {
-    // The loop proper is S2 to S7, spans 1 to 5, with the head's span in the middle; the rest are feet and underlaps.
+    // The loop proper is S2 to S7, spans 1 to 5, with the head's span in the middle; the rest are
+    // feet and underlaps.
     let is_loop = |span: i64| (1..6).contains(&span);
-    let crossings: Vec<_> = crossings(old, new).into_iter().filter(|crossing| is_loop(crossing.old)).collect();
+    let crossings: Vec<_> =
+        crossings(old, new).into_iter().filter(|crossing| is_loop(crossing.old)).collect();
     let net = |leg: &dyn Fn(i64) -> bool, in_front: bool| -> i32 {
         let counted = |c: &&Crossing| leg(c.new) && is_loop(c.new) && (c.depth > 0.0) == in_front;
         crossings.iter().filter(counted).map(|crossing| crossing.sign).sum()
     };
     let (entry, exit) = (net(&|span| span <= 3, true), net(&|span| span > 3, true));
     let behind = net(&|span| span <= 3, false) != 0 || net(&|span| span > 3, false) != 0;
-    // As a rule one foot and one underlap a side; of a closed pillar only the underlap crosses the old loop.
+    // As a rule one foot and one underlap a side; of a closed pillar only the underlap crosses the
+    // old loop.
     let feet: Vec<_> = crossings.iter().filter(|crossing| !is_loop(crossing.new)).collect();
     let wrong = if entry.abs() != 1 || exit != -entry {
         "a leg is not in front"
@@ -97,17 +121,27 @@ fn check(old: &Path, new: &Path) -> Result<(), String> {
     Err(format!("{wrong}: {crossings:?}"))
 }
 
-/// Every loop of a fabric through every loop of the course before on its needle: how many there are, or what is wrong.
+/// Every loop of a fabric through every loop of the course before on its needle: how many there
+/// are, or what is wrong.
 fn check_all(fabric: &Fabric) -> Result<usize, String> {
     let pattern = Pattern::new(fabric);
     let (wales, courses) = (fabric.threading_repeat() as i64, fabric.repeat() as i64);
     let mut places = 0;
-    for (wale, course) in (0..wales).flat_map(|wale| (0..courses).map(move |course| (wale, course))) {
-        for (old_bar, new_bar) in (0..fabric.bars.len()).flat_map(|old| (0..fabric.bars.len()).map(move |new| (old, new))) {
+    for (wale, course) in (0..wales).flat_map(|wale| (0..courses).map(move |course| (wale, course)))
+    {
+        for (old_bar, new_bar) in
+            (0..fabric.bars.len()).flat_map(|old| (0..fabric.bars.len()).map(move |new| (old, new)))
+        {
             let old = yarn_path(fabric, &pattern, old_bar, (wale, course));
             let new = yarn_path(fabric, &pattern, new_bar, (wale, course + 1));
             if let (Some(old), Some(new)) = (old, new) {
-                let place = || format!("bar {} through bar {}, wale {wale}, course {course}", new_bar + 1, old_bar + 1);
+                let place = || {
+                    format!(
+                        "bar {} through bar {}, wale {wale}, course {course}",
+                        new_bar + 1,
+                        old_bar + 1
+                    )
+                };
                 check(&old, &new).map_err(|wrong| format!("{}: {wrong}", place()))?;
                 places += 1;
             }
@@ -119,7 +153,8 @@ fn check_all(fabric: &Fabric) -> Result<usize, String> {
 #[test]
 fn legs_pass_in_front_of_the_old_head_and_feet_behind_the_old_legs() {
     for name in NAMES {
-        let places = check_all(&Fabric::named(name).unwrap()).unwrap_or_else(|wrong| panic!("{name}: {wrong}"));
+        let places = check_all(&Fabric::named(name).unwrap())
+            .unwrap_or_else(|wrong| panic!("{name}: {wrong}"));
         assert!(places > 0, "{name}");
     }
 }
@@ -127,12 +162,17 @@ fn legs_pass_in_front_of_the_old_head_and_feet_behind_the_old_legs() {
 #[test]
 fn random_fabrics_of_two_bars_interlock() {
     let mut runner = TestRunner::deterministic();
-    // Laps over one needle in every course; how loops of a lap over two needles lie is another matter.
+    // Laps over one needle in every course; how loops of a lap over two needles lie is another
+    // matter.
     let is_plain = |bar: &Bar| bar.chain.laps().iter().all(|lap| lap.needles().count() == 1);
     let plain = |fabric: &Fabric| fabric.bars.len() <= 2 && fabric.bars.iter().all(is_plain);
-    let fabrics = std::iter::repeat_with(|| fabric().new_tree(&mut runner).unwrap().current()).filter(plain).take(100);
+    let fabrics = std::iter::repeat_with(|| fabric().new_tree(&mut runner).unwrap().current())
+        .filter(plain)
+        .take(100);
     let fabrics: Vec<_> = fabrics.collect();
-    let slipped: Vec<_> =
-        fabrics.par_iter().filter_map(|fabric| Some(format!("{}\nin\n{fabric}", check_all(fabric).err()?))).collect();
+    let slipped: Vec<_> = fabrics
+        .par_iter()
+        .filter_map(|fabric| Some(format!("{}\nin\n{fabric}", check_all(fabric).err()?)))
+        .collect();
     assert!(slipped.len() <= 5, "{}", slipped.join("\n"));
 }

@@ -1,7 +1,8 @@
-//! Runs that are cut off: by signals, by a full disk, in a folder that can't be written. Old files stay whole, new ones are whole or not there, and no
-//! temporary file is left.
+//! Runs that are cut off: by signals, by a full disk, in a folder that can't be written. Old files
+//! stay whole, new ones are whole or not there, and no temporary file is left.
 //!
-//! What a machine doesn't allow (mounting a small disk of one's own) is said to be skipped, and stands beside a test of the same that always runs.
+//! What a machine doesn't allow (mounting a small disk of one's own) is said to be skipped, and
+//! stands beside a test of the same that always runs.
 
 use std::collections::BTreeMap;
 use std::os::unix::process::ExitStatusExt as _;
@@ -60,21 +61,31 @@ impl Subject {
 
     /// Yarns on a garment, in three formats.
     fn drape() -> Self {
-        let [flat, draped] = ["pinch_flat.obj", "pinch_draped.obj"].map(|name| mesh(name).display().to_string());
+        let [flat, draped] =
+            ["pinch_flat.obj", "pinch_draped.obj"].map(|name| mesh(name).display().to_string());
         let drawing = ["--wales-per-cm", "1", "--size", "320x240", "--renderer", "cpu"];
         let outputs = ["-o", "x.glb", "-o", "x.png", "-o", "x.csv"];
-        let old = ["x.glb", "x.png", "x.csv"].map(|name| (name.to_owned(), format!("old {name}").into_bytes()));
+        let old = ["x.glb", "x.png", "x.csv"]
+            .map(|name| (name.to_owned(), format!("old {name}").into_bytes()));
         Self::new(&[&["drape", &flat, &draped], &drawing[..], &outputs].concat(), old.into())
     }
 
-    /// A sequence of three frames: files of one frame, with companions, and one of all, which keeps what it has in a file of its own meanwhile.
+    /// A sequence of three frames: files of one frame, with companions, and one of all, which keeps
+    /// what it has in a file of its own meanwhile.
     fn sequence() -> Self {
-        let [flat, draped] = ["pinch_flat.obj", "pinch_draped.obj"].map(|name| mesh(name).display().to_string());
+        let [flat, draped] =
+            ["pinch_flat.obj", "pinch_draped.obj"].map(|name| mesh(name).display().to_string());
         let drawing = ["--wales-per-cm", "1", "--size", "160x120", "--renderer", "cpu"];
         let outputs = ["-o", "x.obj", "-o", "x.usda", "-o", "x.png"];
-        let numbered = (1..=3).flat_map(|frame| ["obj", "mtl", "png"].map(|end| format!("x-{frame:03}.{end}")));
-        let old = numbered.chain(["x.usda".to_owned()]).map(|name| (name.clone(), format!("old {name}").into_bytes()));
-        let subject = Self::new(&[&["drape", &flat, &draped, &draped, &draped], &drawing[..], &outputs].concat(), old.collect());
+        let numbered = (1..=3)
+            .flat_map(|frame| ["obj", "mtl", "png"].map(|end| format!("x-{frame:03}.{end}")));
+        let old = numbered
+            .chain(["x.usda".to_owned()])
+            .map(|name| (name.clone(), format!("old {name}").into_bytes()));
+        let subject = Self::new(
+            &[&["drape", &flat, &draped, &draped, &draped], &drawing[..], &outputs].concat(),
+            old.collect(),
+        );
         assert_eq!(
             subject.old.keys().collect::<Vec<_>>(),
             subject.whole.keys().collect::<Vec<_>>(),
@@ -112,12 +123,20 @@ impl Subject {
         child.wait().unwrap()
     }
 
-    /// Asserts that each file is the old or the new one, whole, and that there is no other; temporaries aside.
+    /// Asserts that each file is the old or the new one, whole, and that there is no other;
+    /// temporaries aside.
     fn check(&self, folder: &Path, what: &str) {
         let found = files(folder);
         for (name, bytes) in found.iter().filter(|(name, _)| !name.contains(".warpknit-")) {
-            let whole = [&self.old, &self.whole].into_iter().filter_map(|files| files.get(name)).any(|other| other == bytes);
-            assert!(whole, "{what}: {name} is neither the old file nor the whole new one ({} bytes)", bytes.len());
+            let whole = [&self.old, &self.whole]
+                .into_iter()
+                .filter_map(|files| files.get(name))
+                .any(|other| other == bytes);
+            assert!(
+                whole,
+                "{what}: {name} is neither the old file nor the whole new one ({} bytes)",
+                bytes.len()
+            );
         }
         let lost: Vec<_> = self.old.keys().filter(|name| !found.contains_key(*name)).collect();
         assert!(lost.is_empty(), "{what}: {lost:?} are lost");
@@ -130,7 +149,9 @@ const MOMENTS: [f64; 8] = [0.02, 0.15, 0.3, 0.45, 0.6, 0.75, 0.88, 0.97];
 /// A photo of a slanted thread.
 fn photo(folder: &Path) -> std::path::PathBuf {
     let path = folder.join("photo.png");
-    let grey = |x: u32, y: u32| if (60..140).contains(&y) { 150 + 90 * u8::from((x + y) % 40 < 20) } else { 20 };
+    let grey = |x: u32, y: u32| {
+        if (60..140).contains(&y) { 150 + 90 * u8::from((x + y) % 40 < 20) } else { 20 }
+    };
     image::RgbImage::from_fn(500, 200, |x, y| image::Rgb([grey(x, y); 3])).save(&path).unwrap();
     path
 }
@@ -138,7 +159,8 @@ fn photo(folder: &Path) -> std::path::PathBuf {
 /// The same for runs that take long in unoptimised builds.
 const FEW_MOMENTS: [f64; 3] = [0.05, 0.5, 0.85];
 
-/// Interrupts a run at these moments; some of them must hit it, even where the first run, by which they are timed, was slowed down by others.
+/// Interrupts a run at these moments; some of them must hit it, even where the first run, by which
+/// they are timed, was slowed down by others.
 fn interrupts(subject: &Subject, signals: &[Signal], moments: &[f64]) {
     for &signal in signals {
         let mut hits = 0;
@@ -151,22 +173,34 @@ fn interrupts(subject: &Subject, signals: &[Signal], moments: &[f64]) {
             if status.success() {
                 assert_eq!(files(folder.path()), subject.whole, "{what}");
             } else {
-                assert_eq!(status.signal(), Some(signal.as_raw()), "{what}: dies by the signal, as a shell expects");
+                assert_eq!(
+                    status.signal(),
+                    Some(signal.as_raw()),
+                    "{what}: dies by the signal, as a shell expects"
+                );
                 hits += 1;
             }
         }
-        assert!(hits >= moments.len().div_ceil(4), "{signal:?} came too late {} times: this tests nothing", moments.len() - hits);
+        assert!(
+            hits >= moments.len().div_ceil(4),
+            "{signal:?} came too late {} times: this tests nothing",
+            moments.len() - hits
+        );
     }
 }
 
-/// The signals that what is started here hears: those that are ignored here (SIGHUP below nohup, SIGINT in the background of a script) stay so.
+/// The signals that what is started here hears: those that are ignored here (SIGHUP below nohup,
+/// SIGINT in the background of a script) stay so.
 fn heard() -> Vec<Signal> {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let mask = status.lines().find_map(|line| u64::from_str_radix(line.strip_prefix("SigIgn:")?.trim(), 16).ok());
+    let mask = status
+        .lines()
+        .find_map(|line| u64::from_str_radix(line.strip_prefix("SigIgn:")?.trim(), 16).ok());
     // Where the system doesn't say, the program doesn't listen for SIGHUP.
     let ignored = mask.unwrap_or(1 << (Signal::HUP.as_raw() - 1));
     let signals = [Signal::INT, Signal::TERM, Signal::HUP];
-    let (heard, unheard): (Vec<_>, Vec<_>) = signals.into_iter().partition(|signal| ignored & (1 << (signal.as_raw() - 1)) == 0);
+    let (heard, unheard): (Vec<_>, Vec<_>) =
+        signals.into_iter().partition(|signal| ignored & (1 << (signal.as_raw() - 1)) == 0);
     if !unheard.is_empty() {
         eprintln!("skipped: {unheard:?}, ignored where these tests run");
     }
@@ -185,16 +219,19 @@ fn an_interrupted_yarn_leaves_no_folder_or_the_old_one() {
     let place = tempfile::tempdir().unwrap();
     let photo = photo(place.path());
     interrupts(&Subject::yarn(&photo, Files::new()), &heard()[..1], &FEW_MOMENTS);
-    let old =
-        ["base_color.png", "yarn.toml", "mine.txt"].map(|name| (format!("maps/{name}"), format!("old {name}").into_bytes()));
+    let old = ["base_color.png", "yarn.toml", "mine.txt"]
+        .map(|name| (format!("maps/{name}"), format!("old {name}").into_bytes()));
     interrupts(&Subject::yarn(&photo, old.into()), &heard()[..1], &FEW_MOMENTS);
 }
 
 #[test]
 fn what_a_killed_run_leaves_the_next_one_removes() {
     let place = tempfile::tempdir().unwrap();
-    let [drape, sequence] = [Subject::drape(), Subject::sequence()].map(|subject| (subject, &MOMENTS[..]));
-    for (subject, moments) in [drape, sequence, (Subject::yarn(&photo(place.path()), Files::new()), &FEW_MOMENTS)] {
+    let [drape, sequence] =
+        [Subject::drape(), Subject::sequence()].map(|subject| (subject, &MOMENTS[..]));
+    for (subject, moments) in
+        [drape, sequence, (Subject::yarn(&photo(place.path()), Files::new()), &FEW_MOMENTS)]
+    {
         let mut swept = 0;
         for &share in moments {
             let what = format!("killed at {share} of {:?}", subject.takes);
@@ -214,7 +251,10 @@ fn what_a_killed_run_leaves_the_next_one_removes() {
 /// Writes a small swatch.
 fn swatch(folder: &Path, name: &str) {
     let mut command = Command::new(assert_cmd::cargo::cargo_bin!("warpknit"));
-    command.args(["swatch", "--wales", "2", "--courses", "2", "--quiet", "-o", name]).current_dir(folder).stdout(Stdio::null());
+    command
+        .args(["swatch", "--wales", "2", "--courses", "2", "--quiet", "-o", name])
+        .current_dir(folder)
+        .stdout(Stdio::null());
     assert!(command.status().unwrap().success());
 }
 
@@ -240,8 +280,17 @@ fn a_signal_that_is_to_be_ignored_stays_ignored() {
     let folder = subject.folder();
     let binary = assert_cmd::cargo::cargo_bin!("warpknit");
     let mut command = Command::new("sh");
-    command.args(["-c", "trap '' HUP INT; exec \"$@\"", "sh"]).arg(binary).args(&subject.arguments).args(["--threads", "1"]);
-    let mut child = command.current_dir(folder.path()).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    command
+        .args(["-c", "trap '' HUP INT; exec \"$@\"", "sh"])
+        .arg(binary)
+        .args(&subject.arguments)
+        .args(["--threads", "1"]);
+    let mut child = command
+        .current_dir(folder.path())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
     std::thread::sleep(subject.takes.mul_f64(0.5));
     if cfg!(target_os = "linux") {
         kill_process(Pid::from_child(&child), Signal::INT).unwrap();
@@ -255,19 +304,26 @@ fn a_signal_that_is_to_be_ignored_stays_ignored() {
 fn in_shell(script: &str, folder: &Path, arguments: &[&str]) -> Output {
     std::fs::write(folder.join("x.glb"), "old").unwrap();
     let mut command = Command::new("sh");
-    command.args(["-c", script, "sh"]).arg(assert_cmd::cargo::cargo_bin!("warpknit")).args(arguments).arg("--quiet");
+    command
+        .args(["-c", script, "sh"])
+        .arg(assert_cmd::cargo::cargo_bin!("warpknit"))
+        .args(arguments)
+        .arg("--quiet");
     command.current_dir(folder).output().unwrap()
 }
 
-const LARGE: [&str; 9] = ["swatch", "--wales", "30", "--courses", "30", "-o", "x.glb", "-o", "x.csv"];
+const LARGE: [&str; 9] =
+    ["swatch", "--wales", "30", "--courses", "30", "-o", "x.glb", "-o", "x.csv"];
 
-/// Asserts one line on stderr that names a file and says `why`, and nothing in the folder but the old file.
+/// Asserts one line on stderr that names a file and says `why`, and nothing in the folder but the
+/// old file.
 fn check_refusal(output: &Output, folder: &Path, why: &str) {
     let message = String::from_utf8_lossy(&output.stderr);
     assert_eq!((output.status.code(), output.status.signal()), (Some(1), None), "{message}");
     assert!(message.starts_with("error: ") && message.lines().count() == 1, "{message}");
     assert!(
-        (message.contains("x.glb: can't write") || message.contains("x.csv: can't write")) && message.contains(why),
+        (message.contains("x.glb: can't write") || message.contains("x.csv: can't write"))
+            && message.contains(why),
         "{message}"
     );
     assert_eq!(files(folder), Files::from([("x.glb".to_owned(), b"old".to_vec())]), "{message}");
@@ -279,17 +335,43 @@ fn a_limit_of_files_is_an_error_that_names_the_file() {
     let output = in_shell("ulimit -f 40 && exec \"$@\"", folder.path(), &LARGE);
     check_refusal(&output, folder.path(), "File too large");
     // An archive has a way of its own to fail, and a word for it.
-    let output = in_shell("ulimit -f 2000 && exec \"$@\"", folder.path(), &[&LARGE[..5], &["-o", "x.npz"]].concat());
+    let output = in_shell(
+        "ulimit -f 2000 && exec \"$@\"",
+        folder.path(),
+        &[&LARGE[..5], &["-o", "x.npz"]].concat(),
+    );
     let message = String::from_utf8_lossy(&output.stderr);
-    assert!(message.starts_with("error: x.npz: can't write") && message.lines().count() == 1, "{message}");
-    assert_eq!(files(folder.path()).len(), 1, "nothing but the old file: {:?}", files(folder.path()).keys());
+    assert!(
+        message.starts_with("error: x.npz: can't write") && message.lines().count() == 1,
+        "{message}"
+    );
+    assert_eq!(
+        files(folder.path()).len(),
+        1,
+        "nothing but the old file: {:?}",
+        files(folder.path()).keys()
+    );
     let photo = photo(folder.path());
     let outputs = tempfile::tempdir().unwrap();
-    let output = in_shell("ulimit -f 1 && exec \"$@\"", outputs.path(), &["yarn", photo.to_str().unwrap(), "-o", "x.glb.maps"]);
+    let output = in_shell(
+        "ulimit -f 1 && exec \"$@\"",
+        outputs.path(),
+        &["yarn", photo.to_str().unwrap(), "-o", "x.glb.maps"],
+    );
     let message = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{message}");
-    assert!(message.contains("x.glb.maps/") && message.contains("File too large") && message.lines().count() == 1, "{message}");
-    assert_eq!(files(outputs.path()).len(), 1, "nothing but the old file: {:?}", files(outputs.path()).keys());
+    assert!(
+        message.contains("x.glb.maps/")
+            && message.contains("File too large")
+            && message.lines().count() == 1,
+        "{message}"
+    );
+    assert_eq!(
+        files(outputs.path()).len(),
+        1,
+        "nothing but the old file: {:?}",
+        files(outputs.path()).keys()
+    );
 }
 
 #[test]
@@ -297,7 +379,11 @@ fn a_reader_who_leaves_takes_no_sheet_along() {
     let folder = tempfile::tempdir().unwrap();
     let [flat, draped] = ["pinch_flat.obj", "pinch_draped.obj"].map(mesh);
     let mut command = Command::new(assert_cmd::cargo::cargo_bin!("warpknit"));
-    command.arg("inspect").args([&flat, &draped, &draped]).args(["-o", "sheet.svg"]).current_dir(folder.path());
+    command
+        .arg("inspect")
+        .args([&flat, &draped, &draped])
+        .args(["-o", "sheet.svg"])
+        .current_dir(folder.path());
     let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
     drop(child.stdout.take());
     assert!(child.wait().unwrap().success());
@@ -314,7 +400,11 @@ fn a_pipe_whose_reader_leaves_is_no_error_unless_other_files_are_lost() {
             std::os::unix::fs::symlink("/dev/stdout", &link).unwrap();
         }
         let mut command = Command::new(assert_cmd::cargo::cargo_bin!("warpknit"));
-        command.args(&LARGE[..5]).args(["-o", "out.csv", "--quiet"]).args(others).current_dir(folder.path());
+        command
+            .args(&LARGE[..5])
+            .args(["-o", "out.csv", "--quiet"])
+            .args(others)
+            .current_dir(folder.path());
         let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
         drop(child.stdout.take());
         assert_eq!(child.wait().unwrap().success(), expected, "{others:?}");
@@ -332,7 +422,8 @@ fn a_pipe_gets_the_whole_picture() {
     assert!(image::load_from_memory(&reader.join().unwrap()).is_ok(), "it is a picture");
 }
 
-/// A script in which `mount` is allowed and seen by nobody else; none where the system doesn't let us.
+/// A script in which `mount` is allowed and seen by nobody else; none where the system doesn't let
+/// us.
 fn with_mounts(script: &str) -> Option<String> {
     let wraps = ["unshare --mount", "unshare --user --map-root-user --mount"];
     let allowed = |wrap: &&&str| {
@@ -348,7 +439,9 @@ fn a_full_disk_leaves_nothing_but_the_old_files() {
     // What the small disk holds at the end is printed: it is gone with the shell.
     let script = "mount -t tmpfs -o size=64k none . && cd \"$PWD\" && printf old >x.glb && \"$@\"; status=$?; ls -A; cat x.glb; exit $status";
     let Some(script) = with_mounts(script) else {
-        eprintln!("skipped: no small disk can be mounted here; a_limit_of_files… and cli::a_full_disk… test the same");
+        eprintln!(
+            "skipped: no small disk can be mounted here; a_limit_of_files… and cli::a_full_disk… test the same"
+        );
         return;
     };
     let folder = tempfile::tempdir().unwrap();
@@ -363,11 +456,19 @@ fn a_read_only_folder_is_an_error_that_names_the_file() {
     #[cfg(target_os = "linux")]
     {
         let folder = tempfile::tempdir().unwrap();
-        let output = in_shell("exec \"$@\"", folder.path(), &[&LARGE[..5], &["-o", "/proc/self/x.glb"]].concat());
+        let output = in_shell(
+            "exec \"$@\"",
+            folder.path(),
+            &[&LARGE[..5], &["-o", "/proc/self/x.glb"]].concat(),
+        );
         check_refusal(&output, folder.path(), "/proc/self/x.glb");
     }
-    let Some(script) = with_mounts("mount --bind . . && mount -o remount,ro,bind . && cd \"$PWD\" && exec \"$@\"") else {
-        eprintln!("skipped: no folder can be made read-only for root here; /proc is one that was tested");
+    let Some(script) =
+        with_mounts("mount --bind . . && mount -o remount,ro,bind . && cd \"$PWD\" && exec \"$@\"")
+    else {
+        eprintln!(
+            "skipped: no folder can be made read-only for root here; /proc is one that was tested"
+        );
         return;
     };
     let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,5 @@
-//! Laid cloth: paths of yarns as a fabric file gives them, at any density, on a panel; and yarns as their fibres.
+//! Laid cloth: paths of yarns as a fabric file gives them, at any density, on a panel; and yarns as
+//! their fibres.
 
 use std::path::Path;
 
@@ -30,7 +31,12 @@ fn blocks(fabric: &Fabric, wales: u32, courses: u32) -> Vec<Block> {
         all.extend(blocks.to_vec());
         Ok(())
     };
-    let Ok(_) = drape::run(&Cloth::swatch(&panel, fabric, wales, courses), &Options::default(), &mut |_, _| {}, &mut keep);
+    let Ok(_) = drape::run(
+        &Cloth::swatch(&panel, fabric, wales, courses),
+        &Options::default(),
+        &mut |_, _| {},
+        &mut keep,
+    );
     all
 }
 
@@ -56,11 +62,16 @@ fn strands_lie_where_their_paths_say_at_any_density() {
         assert_eq!(strands, 5 + 4);
         for block in &blocks {
             let depth = if block.bar == 0 { -0.2 } else { 0.2 };
-            assert!(block.draped.positions.iter().all(|point| (point.z - depth * times).abs() < 1e-6), "{times}");
+            assert!(
+                block.draped.positions.iter().all(|point| (point.z - depth * times).abs() < 1e-6),
+                "{times}"
+            );
             for strand in &block.strands.strands {
                 let points = &block.draped.positions[strand.range()];
                 let beside = |point: &DVec3| if block.bar == 0 { point.x } else { point.y };
-                assert!(points.iter().all(|point| (beside(point) - beside(&points[0])).abs() < 1e-9));
+                assert!(
+                    points.iter().all(|point| (beside(point) - beside(&points[0])).abs() < 1e-9)
+                );
             }
         }
     }
@@ -78,7 +89,9 @@ fn fibres_take_their_yarns_place() {
         let spun = spun::block(&block, bundle, None);
         assert_eq!(spun.strands.strands.len(), block.strands.strands.len() * bundle.count as usize);
         assert_eq!(spun.strands.sources.len(), spun.draped.positions.len());
-        for (yarn, fibres) in block.strands.strands.iter().zip(spun.strands.strands.chunks(bundle.count as usize)) {
+        for (yarn, fibres) in
+            block.strands.strands.iter().zip(spun.strands.strands.chunks(bundle.count as usize))
+        {
             let points = &block.draped.positions[yarn.range()];
             let off = |point: DVec3| {
                 let off = point - points[0];
@@ -87,7 +100,11 @@ fn fibres_take_their_yarns_place() {
             };
             for fibre in fibres {
                 assert_eq!(fibre.yarn, yarn.yarn);
-                assert!(spun.draped.positions[fibre.range()].iter().all(|&point| off(point) < bundle.radius + 1e-6));
+                assert!(
+                    spun.draped.positions[fibre.range()]
+                        .iter()
+                        .all(|&point| off(point) < bundle.radius + 1e-6)
+                );
             }
         }
     }
@@ -99,11 +116,18 @@ fn fibres_are_drawn_where_the_camera_is_near_and_nowhere_else() {
     let scene = picture::swatch(&fabric, 12, 12);
     let bundles = spun::bundles(&fabric, fabric.radius(), 0.0045);
     let size = [300, 300];
-    let camera = |zoom: f64| Camera::view(View::Front, &scene.positions, Camera::DEFAULT_FOV, zoom, 1.0);
+    let camera =
+        |zoom: f64| Camera::view(View::Front, &scene.positions, Camera::DEFAULT_FOV, zoom, 1.0);
     assert!(spun::scene(&scene, &bundles, spun::NEAR, &camera(1.0), size).is_none());
     let near = spun::scene(&scene, &bundles, spun::NEAR, &camera(14.0), size).unwrap();
-    let (yarns, fibres): (Vec<_>, Vec<_>) = near.strands.iter().partition(|strand| usize::from(strand.look) < scene.looks.len());
-    assert!(!yarns.is_empty() && fibres.len() > 20 * scene.strands.len(), "{} {}", yarns.len(), fibres.len());
+    let (yarns, fibres): (Vec<_>, Vec<_>) =
+        near.strands.iter().partition(|strand| usize::from(strand.look) < scene.looks.len());
+    assert!(
+        !yarns.is_empty() && fibres.len() > 20 * scene.strands.len(),
+        "{} {}",
+        yarns.len(),
+        fibres.len()
+    );
     // All of it is there, and no fibre is thinner than half a pixel.
     let length = |strands: &[&warpknit::scene::Strand]| -> f32 {
         let of = |strand: &&warpknit::scene::Strand| -> f32 {
@@ -114,7 +138,11 @@ fn fibres_are_drawn_where_the_camera_is_near_and_nowhere_else() {
     };
     assert!(length(&fibres) > length(&yarns));
     let pixel = camera(14.0).pixel_size(camera(14.0).eye().z, size[1]);
-    assert!(near.looks[scene.looks.len()..].iter().all(|look| f64::from(2.0 * look.radius) > 0.8 * pixel));
+    assert!(
+        near.looks[scene.looks.len()..]
+            .iter()
+            .all(|look| f64::from(2.0 * look.radius) > 0.8 * pixel)
+    );
 }
 
 fn run(folder: &Path, arguments: &[&str]) -> std::process::Output {
@@ -129,28 +157,54 @@ fn the_commands_take_laid_cloth_and_fibres() {
     std::fs::write(folder.join("grid.toml"), GRID).unwrap();
     let shown = run(folder, &["inspect", "--fabric", "grid.toml", "-o", "grid.svg"]);
     let text = String::from_utf8_lossy(&shown.stdout);
-    assert!(shown.status.success() && text.contains("strand 2: across") && !text.contains("threads on a needle"), "{text}");
+    assert!(
+        shown.status.success()
+            && text.contains("strand 2: across")
+            && !text.contains("threads on a needle"),
+        "{text}"
+    );
     assert!(std::fs::read_to_string(folder.join("grid.svg")).unwrap().contains("strand-1-under"));
 
     let swatch = ["swatch", "--fabric", "grid.toml", "--wales", "2", "--courses", "2"];
     let fibres = ["--fibres", "on", "--fibre-radius", "0.02"];
-    let outputs = ["-o", "f.usda", "-o", "f.bcc", "-o", "f.curves.txt", "-o", "f.glb", "-o", "f.png", "--size", "120x120"];
+    let outputs = [
+        "-o",
+        "f.usda",
+        "-o",
+        "f.bcc",
+        "-o",
+        "f.curves.txt",
+        "-o",
+        "f.glb",
+        "-o",
+        "f.png",
+        "--size",
+        "120x120",
+    ];
     let output = run(folder, &[&swatch[..], &fibres, &outputs].concat());
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let curves = std::fs::read_to_string(folder.join("f.curves.txt")).unwrap();
-    let bundle = &spun::bundles(&Fabric::parse(GRID).unwrap(), Fabric::parse(GRID).unwrap().radius(), 0.02)[0];
+    let bundle =
+        &spun::bundles(&Fabric::parse(GRID).unwrap(), Fabric::parse(GRID).unwrap().radius(), 0.02)
+            [0];
     let strands = curves.split("\n\n").filter(|strand| !strand.trim().is_empty()).count();
     assert_eq!(strands, 4 * bundle.count as usize);
     // The same seed, the same bytes.
     std::fs::rename(folder.join("f.usda"), folder.join("first.usda")).unwrap();
-    assert!(run(folder, &[&swatch[..], &fibres, &["-o", "f.usda", "--threads", "1"]].concat()).status.success());
+    assert!(
+        run(folder, &[&swatch[..], &fibres, &["-o", "f.usda", "--threads", "1"]].concat())
+            .status
+            .success()
+    );
     let read = |name: &str| std::fs::read(folder.join(name)).unwrap();
     assert!(read("first.usda") == read("f.usda"));
 
     let refused = run(folder, &[&swatch[..], &fibres, &["-o", "f.csv"]].concat());
     let message = String::from_utf8_lossy(&refused.stderr);
     assert!(
-        !refused.status.success() && message.contains("f.csv: data points are of yarns") && message.lines().count() == 1,
+        !refused.status.success()
+            && message.contains("f.csv: data points are of yarns")
+            && message.lines().count() == 1,
         "{message}"
     );
     assert!(!folder.join("f.csv").exists());

@@ -1,6 +1,7 @@
 //! Location against brute force in exact arithmetic: every triangle in turn, signs by integers.
 //!
-//! All coordinates here are multiples of 2^-20 mm, so they are integers after scaling and their cross products fit 128 bits.
+//! All coordinates here are multiples of 2^-20 mm, so they are integers after scaling and their
+//! cross products fit 128 bits.
 
 use glam::{DAffine3, DVec2, DVec3};
 use proptest::prelude::*;
@@ -15,7 +16,8 @@ struct Random(u64);
 
 impl Random {
     fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        self.0 =
+            self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 33) ^ (self.0 >> 12)
     }
 
@@ -51,7 +53,8 @@ fn grid(across: u32, cell: f64, jitter: f64, random: &mut Random) -> Panel {
     for y in 0..=across {
         for x in 0..=across {
             let inner = x > 0 && y > 0 && x < across && y < across;
-            let moved = DVec2::new(random.unit() - 0.5, random.unit() - 0.5) * if inner { jitter } else { 0.0 };
+            let moved = DVec2::new(random.unit() - 0.5, random.unit() - 0.5)
+                * if inner { jitter } else { 0.0 };
             uv.push(quantised((DVec2::new(f64::from(x), f64::from(y)) + moved) * cell));
         }
     }
@@ -60,7 +63,11 @@ fn grid(across: u32, cell: f64, jitter: f64, random: &mut Random) -> Panel {
         for x in 0..across {
             let a = y * (across + 1) + x;
             let [b, c, d] = [a + 1, a + across + 2, a + across + 1];
-            triangles.extend(if random.below(2) == 0 { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] });
+            triangles.extend(if random.below(2) == 0 {
+                [[a, b, c], [a, c, d]]
+            } else {
+                [[a, b, d], [b, c, d]]
+            });
         }
     }
     for i in (1..triangles.len()).rev() {
@@ -75,7 +82,9 @@ fn brute_force(panel: &Panel, p: DVec2) -> Option<u32> {
     let [px, py] = scaled(p);
     let found = panel.triangles.iter().position(|t| {
         let corner = t.map(|v| scaled(panel.uv[v as usize])).map(|[x, y]| [x - px, y - py]);
-        let sign = |i: usize| (corner[i][0] * corner[(i + 1) % 3][1] - corner[i][1] * corner[(i + 1) % 3][0]).signum();
+        let sign = |i: usize| {
+            (corner[i][0] * corner[(i + 1) % 3][1] - corner[i][1] * corner[(i + 1) % 3][0]).signum()
+        };
         let signs = [sign(0), sign(1), sign(2)];
         !(signs.contains(&1) && signs.contains(&-1))
     });
@@ -86,12 +95,17 @@ fn brute_force(panel: &Panel, p: DVec2) -> Option<u32> {
 fn points(panel: &Panel, extent: f64, count: usize, random: &mut Random) -> Vec<DVec3> {
     let mut points = Vec::new();
     for _ in 0..count {
-        let t = panel.triangles[random.below(panel.triangles.len() as u64) as usize].map(|v| panel.uv[v as usize]);
+        let t = panel.triangles[random.below(panel.triangles.len() as u64) as usize]
+            .map(|v| panel.uv[v as usize]);
         let anywhere = DVec2::new(random.unit() * 1.2 - 0.1, random.unit() * 1.2 - 0.1) * extent;
-        // Halves and quarters of differences of multiples of 4 units stay multiples of a unit, so they lie exactly on the edge.
+        // Halves and quarters of differences of multiples of 4 units stay multiples of a unit, so
+        // they lie exactly on the edge.
         let share = [0.25, 0.5, 0.75][random.below(3) as usize];
         let on_line = DVec2::new(anywhere.x, t[0].y);
-        points.extend([anywhere, t[0], t[1].lerp(t[2], share), on_line].map(|p| quantised(p).extend(random.unit())));
+        points.extend(
+            [anywhere, t[0], t[1].lerp(t[2], share), on_line]
+                .map(|p| quantised(p).extend(random.unit())),
+        );
     }
     points
 }
@@ -127,12 +141,18 @@ fn grid_aligned_meshes_agree_with_brute_force_on_their_edges_and_vertices() {
 fn no_point_of_the_panel_is_lost() {
     let mut random = Random(3);
     let panel = grid(25, 4.0, 0.6, &mut random);
-    let points: Vec<_> = (0..20_000).map(|_| quantised(DVec2::new(random.unit(), random.unit()) * 100.0).extend(0.0)).collect();
+    let points: Vec<_> = (0..20_000)
+        .map(|_| quantised(DVec2::new(random.unit(), random.unit()) * 100.0).extend(0.0))
+        .collect();
     let located = Locator::new(&panel).locate(&points);
     assert_eq!(located.iter().filter(|at| at.is_none()).count(), 0);
     for (at, point) in located.iter().flatten().zip(&points) {
-        let corners = panel.triangles[at.triangle as usize].map(|v| panel.uv[v as usize].extend(0.0));
-        assert!((at.blend(corners).truncate() - point.truncate()).length() < 1e-9, "the weights give the point back");
+        let corners =
+            panel.triangles[at.triangle as usize].map(|v| panel.uv[v as usize].extend(0.0));
+        assert!(
+            (at.blend(corners).truncate() - point.truncate()).length() < 1e-9,
+            "the weights give the point back"
+        );
         assert!(at.weights().iter().all(|&w| (-1e-9..=1.0 + 1e-9).contains(&w)));
     }
 }
@@ -146,8 +166,10 @@ fn a_panel_that_overlaps_itself_gives_the_lowest_triangle_too() {
     let offset = joint + 1;
     let mut uv = below.uv.clone();
     uv.extend(above.uv.iter().map(|p| *p + DVec2::splat(4.0)));
-    let lifted = above.triangles.iter().map(|t| t.map(|v| if v == offset - 1 { joint } else { v + offset }));
-    let triangles = below.triangles.iter().copied().chain(lifted.filter(|t| !t.contains(&joint))).collect();
+    let lifted =
+        above.triangles.iter().map(|t| t.map(|v| if v == offset - 1 { joint } else { v + offset }));
+    let triangles =
+        below.triangles.iter().copied().chain(lifted.filter(|t| !t.contains(&joint))).collect();
     let panel = panel(uv, triangles);
     let points = points(&panel, 52.0, 2000, &mut random);
     assert_eq!(differences(&panel, &points), 0);
@@ -159,7 +181,8 @@ proptest! {
     fn any_grid_and_any_order_of_points_agree_with_brute_force(seed in 0u64..1 << 40, across in 1u32..12, jitter in 0.0..0.9f64) {
         let mut random = Random(seed);
         let panel = grid(across, 5.0, jitter, &mut random);
-        // Jitter over a half may turn triangles over; those are not a panel's (a reader takes them out).
+        // Jitter over a half may turn triangles over; those are not a panel's (a reader takes them
+        // out).
         let area = |t: &[u32; 3]| {
             let [a, b, c] = t.map(|v| panel.uv[v as usize]);
             (b - a).perp_dot(c - a)

@@ -1,4 +1,5 @@
-//! Malformed input: always one line that names the file, and the line where there is one; never a panic.
+//! Malformed input: always one line that names the file, and the line where there is one; never a
+//! panic.
 
 use std::io::Write;
 use std::path::Path;
@@ -8,7 +9,8 @@ use warpknit::garment::{ReadOptions, read};
 
 const HEAD: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\n";
 
-/// Reads `text` as one file and asserts its error: one line, the file's name, the line (0: none), and `says`.
+/// Reads `text` as one file and asserts its error: one line, the file's name, the line (0: none),
+/// and `says`.
 fn check(what: &str, text: &[u8], line: u64, says: &str) {
     let folder = tempfile::tempdir().expect("a temporary folder can be made");
     let path = folder.path().join("garment.obj");
@@ -34,17 +36,28 @@ fn check_path(what: &str, path: &Path, draped: Option<&Path>, line: u64, says: &
 /// The command says the same in one line, ends with 1 and leaves no output.
 fn check_command(what: &str, path: &Path, draped: Option<&Path>, error: &str) {
     let outputs = tempfile::tempdir().expect("a temporary folder can be made");
-    let mut command = assert_cmd::Command::cargo_bin("warpknit").expect("cargo builds it for tests");
-    command.current_dir(outputs.path()).arg("drape").arg(path).args(draped).args(["-o", "a.png", "-o", "a.glb", "-o", "a.json"]);
+    let mut command =
+        assert_cmd::Command::cargo_bin("warpknit").expect("cargo builds it for tests");
+    command
+        .current_dir(outputs.path())
+        .arg("drape")
+        .arg(path)
+        .args(draped)
+        .args(["-o", "a.png", "-o", "a.glb", "-o", "a.json"]);
     let output = command.output().expect("the command starts");
     assert_eq!((output.status.code(), output.stdout.len()), (Some(1), 0), "{what}");
     assert_eq!(String::from_utf8_lossy(&output.stderr), format!("error: {error}\n"), "{what}");
-    assert_eq!(std::fs::read_dir(outputs.path()).expect("it is there").count(), 0, "{what}: something was left behind");
+    assert_eq!(
+        std::fs::read_dir(outputs.path()).expect("it is there").count(),
+        0,
+        "{what}: something was left behind"
+    );
 }
 
 #[test]
 fn a_bad_record_is_named_with_its_line() {
-    // What is wrong, the record after HEAD's six lines, and what the message says. All of them stand on line 7.
+    // What is wrong, the record after HEAD's six lines, and what the message says. All of them
+    // stand on line 7.
     let records = [
         ("a NaN", "v nan 0 0", "not finite"),
         ("a signed NaN", "v 0 -NaN 0", "not finite"),
@@ -73,7 +86,11 @@ fn a_bad_record_is_named_with_its_line() {
         ("a huge index", "f 1 2 4294967297", "number 4294967297"),
         ("an index over 64 bits", "f 1 2 99999999999999999999999", "number 9223372036854775807"),
         ("a negative index out of range", "f -1 -2 -4", "number -4, but there are 3"),
-        ("a huge negative index", "f -1 -2 -99999999999999999999999", "number -9223372036854775807"),
+        (
+            "a huge negative index",
+            "f -1 -2 -99999999999999999999999",
+            "number -9223372036854775807",
+        ),
         ("a negative texture index out of range", "f 1/-1 2/-2 3/-5", "`vt` number -5"),
         ("no corners", "f", "0 corners"),
         ("one corner", "f 1/1", "1 corners"),
@@ -94,9 +111,19 @@ fn a_bad_record_is_named_with_its_line() {
         for end in ["", "\n", "\r\n"] {
             check(what, format!("{HEAD}{record}{end}").as_bytes(), 7, says);
         }
-        check(what, format!("\u{feff}# a comment\r\n\r\n{HEAD}{record}\nf 1/1 2/2 3/3\n").as_bytes(), 9, says);
+        check(
+            what,
+            format!("\u{feff}# a comment\r\n\r\n{HEAD}{record}\nf 1/1 2/2 3/3\n").as_bytes(),
+            9,
+            says,
+        );
     }
-    check("bytes that aren't UTF-8", &[HEAD.as_bytes(), b"v \xFF\xFE 0 0\n"].concat(), 7, "no number");
+    check(
+        "bytes that aren't UTF-8",
+        &[HEAD.as_bytes(), b"v \xFF\xFE 0 0\n"].concat(),
+        7,
+        "no number",
+    );
 }
 
 #[test]
@@ -113,7 +140,12 @@ fn files_that_are_no_mesh_are_named() {
     check("a mark alone", b"\xEF\xBB\xBF", 0, "no OBJ");
     check("a picture", b"\x89PNG\r\n\x1A\n\0\0\0\rIHDR\0\0\x01\0", 0, "no OBJ");
     check("UTF-16", b"\xFF\xFEv\0 \x000\0 \x000\0 \x000\0\n\0", 0, "no OBJ");
-    check("a PLY file", b"ply\nformat ascii 1.0\nelement vertex 3\nend_header\n0 0 0\n", 0, "no OBJ");
+    check(
+        "a PLY file",
+        b"ply\nformat ascii 1.0\nelement vertex 3\nend_header\n0 0 0\n",
+        0,
+        "no OBJ",
+    );
     check("texture alone", b"vt 0 0\nvt 1 0\n", 0, "no OBJ");
     check("vertices alone", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nl 1 2 3\n", 0, "3 vertices and no face");
     check("faces alone", b"f 1 2 3\n", 1, "there are 0");
@@ -124,8 +156,14 @@ fn files_that_are_no_mesh_are_named() {
     let immense = format!("{HEAD}v 1e200 0 0\nf 1/1 4/2 3/3\n");
     check("a coordinate that overflows areas", immense.as_bytes(), 8, "over the limit");
     let minute = HEAD.replace("v 1", "v 1e-300").replace("v 0 1", "v 0 1e-300");
-    check("a garment smaller than an atom", format!("{minute}f 1/1 2/2 3/3\n").as_bytes(), 0, "no draped area");
-    let noise: Vec<u8> = (0..3_000_000_u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8 | 0x80).collect();
+    check(
+        "a garment smaller than an atom",
+        format!("{minute}f 1/1 2/2 3/3\n").as_bytes(),
+        0,
+        "no draped area",
+    );
+    let noise: Vec<u8> =
+        (0..3_000_000_u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8 | 0x80).collect();
     check("noise without line ends", &noise, 1, "longer than");
 }
 
@@ -139,11 +177,15 @@ fn a_file_cut_anywhere_reads_or_says_why_not() {
         std::fs::write(&path, &text[..length]).unwrap();
         if let Err(error) = read(&path, None, &ReadOptions::default()) {
             let error = error.to_string();
-            assert!(error.contains("garment.obj") && !error.contains('\n'), "cut at {length}: {error}");
+            assert!(
+                error.contains("garment.obj") && !error.contains('\n'),
+                "cut at {length}: {error}"
+            );
             errors += 1;
         }
     }
-    // Up to the first face's last corner nothing can be read; after it the cut shows only inside of the second face.
+    // Up to the first face's last corner nothing can be read; after it the cut shows only inside of
+    // the second face.
     assert!(errors > text.find("\nf -3").unwrap() - 2, "{errors}");
 }
 
@@ -172,7 +214,12 @@ fn what_is_no_readable_file_is_named() {
         let error = read(flat, draped, &ReadOptions::default()).unwrap_err().to_string();
         assert_eq!(error, format!("{}: is a directory: give an OBJ file", path.display()));
         // A folder may hold the frames of a sequence, and this one has none.
-        check_command("an empty folder", flat, draped, &format!("{}: there is no .obj file in this folder", path.display()));
+        check_command(
+            "an empty folder",
+            flat,
+            draped,
+            &format!("{}: there is no .obj file in this folder", path.display()),
+        );
     }
 }
 
@@ -199,8 +246,18 @@ fn files_that_do_not_pair_are_named() {
     let square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
     let pairs = [
         ("fewer faces", "f 1 2 3\nf 1 3 4\n", "f 1 2 3\n", "first that differs is face 2"),
-        ("a quad for two triangles", "f 1 2 3\nf 1 3 4\n", "f 1 2 3 4\n", "first that differs is face 1"),
-        ("another polygon", "f 1 2 3\nf 1 2 3 4\n", "f 1 2 3\nf 1 3 4\n", "first that differs is face 2"),
+        (
+            "a quad for two triangles",
+            "f 1 2 3\nf 1 3 4\n",
+            "f 1 2 3 4\n",
+            "first that differs is face 1",
+        ),
+        (
+            "another polygon",
+            "f 1 2 3\nf 1 2 3 4\n",
+            "f 1 2 3\nf 1 3 4\n",
+            "first that differs is face 2",
+        ),
         ("other corners", "f 1 2 3\nf 1 3 4\n", "f 1 2 3\nf 3 4 1\n", "disagree"),
     ];
     for (what, flat_faces, draped_faces, says) in pairs {
@@ -218,10 +275,13 @@ fn files_that_do_not_pair_are_named() {
 fn options_out_of_range_are_named() {
     let path = Path::new("garment.obj");
     for uv_scale in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e300] {
-        let error = read(path, None, &ReadOptions { uv_scale: Some(uv_scale), ..Default::default() }).unwrap_err();
+        let error =
+            read(path, None, &ReadOptions { uv_scale: Some(uv_scale), ..Default::default() })
+                .unwrap_err();
         assert!(error.to_string().starts_with("--uv-scale is"), "{error}");
     }
-    let error = read(path, None, &ReadOptions { grain: f64::NAN, ..Default::default() }).unwrap_err();
+    let error =
+        read(path, None, &ReadOptions { grain: f64::NAN, ..Default::default() }).unwrap_err();
     assert!(error.to_string().starts_with("--grain is"), "{error}");
 }
 
@@ -239,7 +299,10 @@ fn survives(bytes: &[u8]) -> Result<(), TestCaseError> {
             Ok(garment) => {
                 prop_assert!(!garment.panels.is_empty());
                 for panel in &garment.panels {
-                    prop_assert!(panel.uv.iter().all(|p| p.is_finite()) && panel.draped.iter().all(|p| p.is_finite()));
+                    prop_assert!(
+                        panel.uv.iter().all(|p| p.is_finite())
+                            && panel.draped.iter().all(|p| p.is_finite())
+                    );
                     prop_assert!(panel.normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-9));
                     prop_assert!(panel.area() > 0.0 && panel.area().is_finite());
                 }

@@ -30,7 +30,8 @@ pub(crate) fn garment(drape: impl Fn(DVec3) -> DVec3) -> Garment {
     std::fs::write(&flat, mesh(&|p| p)).unwrap();
     std::fs::write(&draped, mesh(&drape)).unwrap();
     let unit = Some(warpknit::garment::Unit::Mm);
-    read(&flat, Some(&draped), &ReadOptions { unit, uv_scale: Some(1.0), ..ReadOptions::default() }).unwrap()
+    read(&flat, Some(&draped), &ReadOptions { unit, uv_scale: Some(1.0), ..ReadOptions::default() })
+        .unwrap()
 }
 
 /// Flat points of a whole knitted cloth in the flat mesh's own axes, and where they went.
@@ -46,16 +47,25 @@ fn knitted(garment: &Garment, mapping: Mapping) -> Vec<(DVec3, DVec3)> {
         }
         Ok::<_, std::io::Error>(())
     };
-    drape::run(&cloth, &Options { mapping, ..Options::default() }, &mut |_, _| {}, deliver).unwrap();
+    drape::run(&cloth, &Options { mapping, ..Options::default() }, &mut |_, _| {}, deliver)
+        .unwrap();
     assert!(points.len() > 20_000);
     points
 }
 
 const BOTH: [Mapping; 2] = [Mapping::Frame, Mapping::Smooth];
 
-fn assert_maps(drape: impl Fn(DVec3) -> DVec3, expected: impl Fn(DVec3) -> DVec3, mapping: Mapping, tolerance: f64) {
+fn assert_maps(
+    drape: impl Fn(DVec3) -> DVec3,
+    expected: impl Fn(DVec3) -> DVec3,
+    mapping: Mapping,
+    tolerance: f64,
+) {
     let garment = garment(drape);
-    let worst = knitted(&garment, mapping).iter().map(|(flat, draped)| draped.distance(expected(*flat))).fold(0.0, f64::max);
+    let worst = knitted(&garment, mapping)
+        .iter()
+        .map(|(flat, draped)| draped.distance(expected(*flat)))
+        .fold(0.0, f64::max);
     assert!(worst < tolerance, "{mapping:?}: off by {worst} mm");
 }
 
@@ -80,7 +90,12 @@ fn a_stretch_in_the_plane_stretches_stitches_alike() {
     let stretch = |p: DVec3| DVec3::new(1.3 * p.x, 0.8 * p.y, p.z);
     // Smooth keeps depth in mm; frame scales it by the triangle's area.
     assert_maps(stretch, stretch, Mapping::Smooth, 1e-5);
-    assert_maps(stretch, |p| DVec3::new(1.3 * p.x, 0.8 * p.y, 1.3 * 0.8 * p.z), Mapping::Frame, 1e-5);
+    assert_maps(
+        stretch,
+        |p| DVec3::new(1.3 * p.x, 0.8 * p.y, 1.3 * 0.8 * p.z),
+        Mapping::Frame,
+        1e-5,
+    );
 }
 
 #[test]
@@ -105,11 +120,16 @@ fn smooth_yarns_are_continuous_across_edges() {
     for (index, corners) in panel.triangles.iter().enumerate() {
         for i in 0..3 {
             let (a, b) = (corners[i], corners[(i + 1) % 3]);
-            let twin = panel.triangles.iter().position(|t| (0..3).any(|j| t[j] == b && t[(j + 1) % 3] == a));
+            let twin = panel
+                .triangles
+                .iter()
+                .position(|t| (0..3).any(|j| t[j] == b && t[(j + 1) % 3] == a));
             let Some(twin) = twin else { continue };
             let point = panel.uv[a as usize].lerp(panel.uv[b as usize], 0.37).extend(2.0);
-            let sides =
-                [index, twin].map(|t| map(panel, &[point], &[weights(panel, t, point.truncate())], Mapping::Smooth).positions[0]);
+            let sides = [index, twin].map(|t| {
+                map(panel, &[point], &[weights(panel, t, point.truncate())], Mapping::Smooth)
+                    .positions[0]
+            });
             worst = worst.max(sides[0].distance(sides[1]));
         }
     }
@@ -120,7 +140,11 @@ fn smooth_yarns_are_continuous_across_edges() {
 fn weights(panel: &warpknit::garment::Panel, triangle: usize, p: DVec2) -> SurfacePoint {
     let [a, b, c] = panel.triangles[triangle].map(|v| panel.uv[v as usize]);
     let area = (b - a).perp_dot(c - a);
-    SurfacePoint { triangle: triangle as u32, b: (p - a).perp_dot(c - a) / area, c: (b - a).perp_dot(p - a) / area }
+    SurfacePoint {
+        triangle: triangle as u32,
+        b: (p - a).perp_dot(c - a) / area,
+        c: (b - a).perp_dot(p - a) / area,
+    }
 }
 
 #[test]
@@ -128,14 +152,19 @@ fn smooth_keeps_the_thickness_in_mm() {
     let garment = garment(wound);
     let panel = &garment.panels[0];
     let corner = panel.uv.iter().copied().fold(DVec2::INFINITY, DVec2::min);
-    let flat: Vec<_> =
-        (0..5000).map(|i| (corner + DVec2::new(f64::from(i % 71), f64::from(i / 71)) * 14.0).extend(0.0)).collect();
+    let flat: Vec<_> = (0..5000)
+        .map(|i| (corner + DVec2::new(f64::from(i % 71), f64::from(i / 71)) * 14.0).extend(0.0))
+        .collect();
     let located: Vec<_> = Locator::new(panel).locate(&flat).into_iter().flatten().collect();
     let at_depth = |z: f64| {
         let points: Vec<_> = flat.iter().map(|p| p.with_z(z)).collect();
         map(panel, &points, &located, Mapping::Smooth).positions
     };
     assert_eq!(located.len(), flat.len());
-    let worst = at_depth(0.8).iter().zip(at_depth(-0.4)).map(|(p, q)| (p.distance(q) - 1.2).abs()).fold(0.0, f64::max);
+    let worst = at_depth(0.8)
+        .iter()
+        .zip(at_depth(-0.4))
+        .map(|(p, q)| (p.distance(q) - 1.2).abs())
+        .fold(0.0, f64::max);
     assert!(worst < 1e-4, "thickness off by {worst} mm");
 }

@@ -1,6 +1,8 @@
-//! Memory is bounded by what is read: 200 MB that hold nothing take no more than a small file, and what holds something a known multiple of its size.
+//! Memory is bounded by what is read: 200 MB that hold nothing take no more than a small file, and
+//! what holds something a known multiple of its size.
 //!
-//! The peak is the child's `VmHWM`, looked at until it ends; what is written at once before its end is seen all the same, as it takes milliseconds.
+//! The peak is the child's `VmHWM`, looked at until it ends; what is written at once before its end
+//! is seen all the same, as it takes milliseconds.
 
 use std::io::{self, Write};
 use std::process::{Command, Stdio};
@@ -10,10 +12,15 @@ const MB: u64 = 1_000_000;
 /// What a run takes that reads next to nothing, bytes, with room for other machines.
 const PROGRAM: u64 = 60 * MB;
 
-/// The most memory that `warpknit inspect` held while it read `bytes` bytes of lines, bytes; and whether it took them for a garment.
+/// The most memory that `warpknit inspect` held while it read `bytes` bytes of lines, bytes; and
+/// whether it took them for a garment.
 fn peak(head: &str, mut line: impl FnMut(u64) -> String + Send, bytes: u64) -> (u64, bool) {
     let mut command = Command::new(assert_cmd::cargo::cargo_bin!("warpknit"));
-    command.args(["inspect", "/dev/stdin"]).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::null());
+    command
+        .args(["inspect", "/dev/stdin"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
     let mut child = command.spawn().unwrap();
     let status = format!("/proc/{}/status", child.id());
     let mut input = io::BufWriter::with_capacity(1 << 16, child.stdin.take().unwrap());
@@ -34,7 +41,9 @@ fn peak(head: &str, mut line: impl FnMut(u64) -> String + Send, bytes: u64) -> (
         let mut most = 0;
         loop {
             let text = std::fs::read_to_string(&status).unwrap_or_default();
-            let kilobytes = text.lines().find_map(|line| line.strip_prefix("VmHWM:")?.trim().strip_suffix(" kB")?.parse().ok());
+            let kilobytes = text.lines().find_map(|line| {
+                line.strip_prefix("VmHWM:")?.trim().strip_suffix(" kB")?.parse().ok()
+            });
             most = kilobytes.unwrap_or(0_u64).max(most);
             if let Some(status) = child.try_wait().unwrap() {
                 return (1024 * most, status.success());
@@ -53,7 +62,11 @@ fn what_holds_nothing_takes_nothing() {
         ("blanks", TRIANGLE, page(" ")),
         ("blank lines", TRIANGLE, page("   \n")),
         ("comments", TRIANGLE, page("# nothing at all\n")),
-        ("one comment", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n#", page("nothing at all ")),
+        (
+            "one comment",
+            "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n#",
+            page("nothing at all "),
+        ),
         ("unknown records", TRIANGLE, page("seam 1 2 3\n")),
         ("normals", TRIANGLE, page("vn 0 0 1\n")),
     ] {
@@ -90,7 +103,11 @@ fn records_take_a_known_multiple_of_their_size() {
     let flat = |number: u64| format!("v {} {} 0\nvt {0} {1}\n", number % 1000, number / 1000);
     // The shortest records that there are, which take most for their size, and a plain net's.
     for (what, head, line) in [
-        ("v", TRIANGLE, Box::new(|_| "v 1 2 3\n".to_owned()) as Box<dyn FnMut(u64) -> String + Send>),
+        (
+            "v",
+            TRIANGLE,
+            Box::new(|_| "v 1 2 3\n".to_owned()) as Box<dyn FnMut(u64) -> String + Send>,
+        ),
         ("vt", TRIANGLE, Box::new(|_| "vt 1 2\n".to_owned())),
         ("faces", TRIANGLE, Box::new(|_| "f 1 2 3\n".to_owned())),
         ("faces that are no garment", "", Box::new(|_| "f 1 2 3\n".to_owned())),
@@ -100,12 +117,17 @@ fn records_take_a_known_multiple_of_their_size() {
     ] {
         let bytes = 10 * MB;
         let (most, _) = peak(head, line, bytes);
-        assert!(most < PROGRAM + MULTIPLE * bytes, "{what}: {} MB for {} MB", most / MB, bytes / MB);
+        assert!(
+            most < PROGRAM + MULTIPLE * bytes,
+            "{what}: {} MB for {} MB",
+            most / MB,
+            bytes / MB
+        );
     }
 }
 
-/// The most bytes that are held for each that is read, as the README says. Measured 2026-11: polygons of short indices 26, triangles of them 19, each with a
-/// name of its own 16, vertices 4.
+/// The most bytes that are held for each that is read, as the README says. Measured 2026-11:
+/// polygons of short indices 26, triangles of them 19, each with a name of its own 16, vertices 4.
 const MULTIPLE: u64 = 40;
 
 /// A triangle of the net that [`records_take_a_known_multiple_of_their_size`] writes.

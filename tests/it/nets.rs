@@ -1,4 +1,5 @@
-//! Nets are open and cloth is closed, seen through the renderer: shares of see-through pixels, and sizes of holes.
+//! Nets are open and cloth is closed, seen through the renderer: shares of see-through pixels, and
+//! sizes of holes.
 
 use glam::{DVec2, DVec3};
 use warpknit::drape::picture::swatch;
@@ -10,7 +11,8 @@ use warpknit::render::{Background, Camera, Options, render};
 const FINE: f64 = 48.0;
 /// The picture is taken from so many times its height, so that all is seen straight from the front.
 const FAR: f64 = 200.0;
-/// Holes smaller than this share of the largest are the insides of loops and the corners that an inlay cuts off, not meshes.
+/// Holes smaller than this share of the largest are the insides of loops and the corners that an
+/// inlay cuts off, not meshes.
 const MESH: f64 = 0.6;
 
 /// Whole repeats of a fabric as seen from the front.
@@ -28,7 +30,10 @@ impl Window {
         let repeat = [fabric.threading_repeat(), fabric.repeat()];
         let repeats = [4_usize.div_ceil(repeat[0]), 6_usize.div_ceil(repeat[1])];
         let [wales, courses] = [repeat[0] * repeats[0], repeat[1] * repeats[1]];
-        let size = DVec2::new(wales as f64 * fabric.wale_spacing(), courses as f64 * fabric.course_spacing());
+        let size = DVec2::new(
+            wales as f64 * fabric.wale_spacing(),
+            courses as f64 * fabric.course_spacing(),
+        );
         let scene = swatch(fabric, wales as u32 + 16, courses as u32 + 12);
         let middle = scene.bounds().unwrap().centre().as_dvec3();
         let width = (wales as f64 * FINE) as u32;
@@ -37,7 +42,13 @@ impl Window {
         let distance = FAR * size.y;
         let fov = 2.0 * (size.y / 2.0 / distance).atan();
         let camera = Camera::look_at(middle + DVec3::Z * distance, middle, fov, 1.0);
-        let options = Options { width, height, sky_rays: 1, background: Background::Transparent, ..Options::default() };
+        let options = Options {
+            width,
+            height,
+            sky_rays: 1,
+            background: Background::Transparent,
+            ..Options::default()
+        };
         let picture = render(&scene, &camera, &options, &|_| ()).unwrap();
         let alpha = picture.pixels().map(|pixel| f64::from(pixel.0[3]) / 255.0).collect();
         Self { alpha, size: [width as usize, height as usize], repeats }
@@ -47,7 +58,8 @@ impl Window {
         1.0 - self.alpha.iter().sum::<f64>() / self.alpha.len() as f64
     }
 
-    /// Pixels of each see-through region; regions go on beyond the window's edge at its other side, as the fabric does.
+    /// Pixels of each see-through region; regions go on beyond the window's edge at its other side,
+    /// as the fabric does.
     fn regions(&self) -> Vec<usize> {
         let [width, height] = self.size;
         let mut open: Vec<bool> = self.alpha.iter().map(|alpha| *alpha < 0.5).collect();
@@ -81,7 +93,8 @@ impl Window {
     }
 }
 
-/// Name, the least and the most see-through share, and meshes a repeat if it has meshes to be counted.
+/// Name, the least and the most see-through share, and meshes a repeat if it has meshes to be
+/// counted.
 const SHARES: [(&str, f64, f64, Option<usize>); 10] = [
     ("tricot", 0.0, 0.15, None),
     // Its pillars stand a wale apart, and the inlay crosses between them in each course.
@@ -111,9 +124,14 @@ fn cloth_is_as_open_as_its_name_promises_and_its_cover_factor_says() {
         assert!((1.0 - open - cover).abs() < 0.03, "{name}: {open} open, cover factor {cover}");
         if let Some(meshes) = meshes {
             let sizes = window.meshes();
-            assert_eq!(sizes.len(), meshes * window.repeats[0] * window.repeats[1], "{name}: {sizes:?}");
+            assert_eq!(
+                sizes.len(),
+                meshes * window.repeats[0] * window.repeats[1],
+                "{name}: {sizes:?}"
+            );
             let mean = sizes.iter().sum::<usize>() as f64 / sizes.len() as f64;
-            let deviation = sizes.iter().map(|size| (*size as f64 - mean).powi(2)).sum::<f64>() / sizes.len() as f64;
+            let deviation = sizes.iter().map(|size| (*size as f64 - mean).powi(2)).sum::<f64>()
+                / sizes.len() as f64;
             assert!(deviation.sqrt() < 0.1 * mean, "{name}: {sizes:?}");
         }
     }

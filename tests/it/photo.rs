@@ -14,13 +14,18 @@ fn folder() -> TempDir {
 }
 
 fn grey(folder: &TempDir, name: &str, side: (u32, u32), of: impl Fn(u32, u32) -> u8) {
-    GrayImage::from_fn(side.0, side.1, |x, y| Luma([of(x, y)])).save(folder.path().join(name)).unwrap();
+    GrayImage::from_fn(side.0, side.1, |x, y| Luma([of(x, y)]))
+        .save(folder.path().join(name))
+        .unwrap();
 }
 
 fn error(path: &Path) -> (PhotoError, String) {
     let error = read_maps(path, 1.0, None).unwrap_err();
     let text = error.to_string();
-    assert!(text.contains(path.file_name().unwrap().to_str().unwrap()) && !text.contains('\n'), "{text:?}");
+    assert!(
+        text.contains(path.file_name().unwrap().to_str().unwrap()) && !text.contains('\n'),
+        "{text:?}"
+    );
     (error, text)
 }
 
@@ -61,11 +66,20 @@ fn heights_become_normals_where_there_are_none() {
     let at = |y| maps.normal.levels[0].get_pixel(5, y).0;
     // 30 of 255 a texel, white being half of 8 texels high: a slope of 8/17.
     let slope = |pixel: [u8; 4]| (f32::from(pixel[1]) - 127.5) / (f32::from(pixel[2]) - 127.5);
-    assert!((slope(at(1)) - 8.0 / 17.0).abs() < 0.02, "the upper side looks to the top: {:?}", at(1));
+    assert!(
+        (slope(at(1)) - 8.0 / 17.0).abs() < 0.02,
+        "the upper side looks to the top: {:?}",
+        at(1)
+    );
     assert!((slope(at(6)) + 8.0 / 17.0).abs() < 0.02, "{:?}", at(6));
     assert_eq!(at(1)[0], 128);
-    RgbaImage::from_pixel(16, 8, Rgba([200, 128, 230, 255])).save(folder.path().join("normal.png")).unwrap();
-    assert_eq!(read_maps(folder.path(), 1.0, None).unwrap().normal.levels[0].get_pixel(5, 1).0[0], 200);
+    RgbaImage::from_pixel(16, 8, Rgba([200, 128, 230, 255]))
+        .save(folder.path().join("normal.png"))
+        .unwrap();
+    assert_eq!(
+        read_maps(folder.path(), 1.0, None).unwrap().normal.levels[0].get_pixel(5, 1).0[0],
+        200
+    );
 }
 
 #[test]
@@ -77,13 +91,20 @@ fn what_is_wrong_is_said_with_the_files_name_and_a_way_out() {
     assert!(matches!(wrong, PhotoError::NotAnImage { .. }) && text.contains("PNG"));
     assert!(matches!(error(&file("absent.png")).0, PhotoError::Read { .. }));
     RgbaImage::new(9, 3).save(file("small.png")).unwrap();
-    assert!(matches!(error(&file("small.png")).0, PhotoError::TooSmall { width: 9, height: 3, least: 4, .. }));
+    assert!(matches!(
+        error(&file("small.png")).0,
+        PhotoError::TooSmall { width: 9, height: 3, least: 4, .. }
+    ));
     RgbaImage::new(16_385, 4).save(file("large.png")).unwrap();
     assert!(matches!(error(&file("large.png")).0, PhotoError::TooLarge { most: 16_384, .. }));
     std::fs::create_dir(file("empty")).unwrap();
     let (wrong, text) = error(&file("empty"));
     assert!(matches!(wrong, PhotoError::NoBaseColor { .. }) && text.contains("base_color.png"));
-    for (text, key) in [("width_mm = 0", Some("width_mm")), ("length_mm = nan", Some("length_mm")), ("width_mm = 'wide'", None)] {
+    for (text, key) in [
+        ("width_mm = 0", Some("width_mm")),
+        ("length_mm = nan", Some("length_mm")),
+        ("width_mm = 'wide'", None),
+    ] {
         std::fs::write(file("yarn.toml"), text).unwrap();
         let message = match read_maps(folder.path(), 1.0, None).unwrap_err() {
             PhotoError::Size { key, .. } => Some(key),

@@ -27,7 +27,9 @@ impl Mesh {
     /// Appends another file's mesh.
     pub(crate) fn append(&mut self, other: Self) {
         let first = self.positions.len();
-        self.triangles.extend(other.triangles.into_iter().map(|triangle| triangle.map(|vertex| vertex + first)));
+        self.triangles.extend(
+            other.triangles.into_iter().map(|triangle| triangle.map(|vertex| vertex + first)),
+        );
         self.positions.extend(other.positions);
         self.normals.extend(other.normals);
         self.uvs.extend(other.uvs);
@@ -60,12 +62,17 @@ pub(crate) fn ply(path: &Path) -> Mesh {
     let end = file.windows(11).position(|text| text == b"end_header\n").unwrap() + 11;
     let header = std::str::from_utf8(&file[..end]).unwrap();
     let lines: Vec<&str> = header.lines().filter(|line| !line.starts_with("comment")).collect();
-    let count = |line: &str, element: &str| line.strip_prefix(element).unwrap().parse::<usize>().unwrap();
+    let count =
+        |line: &str, element: &str| line.strip_prefix(element).unwrap().parse::<usize>().unwrap();
     let (vertices, faces) = (count(lines[2], "element vertex "), count(lines[14], "element face "));
     assert_eq!(lines[..2], ["ply", "format binary_little_endian 1.0"]);
-    let floats = ["x", "y", "z", "nx", "ny", "nz", "s", "t"].map(|name| format!("property float {name}"));
+    let floats =
+        ["x", "y", "z", "nx", "ny", "nz", "s", "t"].map(|name| format!("property float {name}"));
     assert_eq!(lines[3..11], floats);
-    assert_eq!(lines[11..14], ["red", "green", "blue"].map(|name| format!("property uchar {name}")));
+    assert_eq!(
+        lines[11..14],
+        ["red", "green", "blue"].map(|name| format!("property uchar {name}"))
+    );
     assert_eq!(lines[15..], ["property list uchar uint vertex_indices", "end_header"]);
     let (mut mesh, mut body) = (Mesh::default(), Bytes(&file[end..]));
     for _ in 0..vertices {
@@ -88,14 +95,16 @@ pub(crate) fn obj(path: &Path) -> Mesh {
     let mut mesh = Mesh::default();
     for line in text.lines() {
         let (key, rest) = line.split_once(' ').unwrap();
-        let numbers = || rest.split(' ').map(|number| number.parse::<f32>().unwrap()).collect::<Vec<_>>();
+        let numbers =
+            || rest.split(' ').map(|number| number.parse::<f32>().unwrap()).collect::<Vec<_>>();
         match key {
             "v" => mesh.positions.push(numbers().try_into().unwrap()),
             "vn" => mesh.normals.push(numbers().try_into().unwrap()),
             "vt" => mesh.uvs.push(numbers().try_into().unwrap()),
             "f" => {
                 let corner = |text: &str| {
-                    let numbers: Vec<usize> = text.split('/').map(|number| number.parse().unwrap()).collect();
+                    let numbers: Vec<usize> =
+                        text.split('/').map(|number| number.parse().unwrap()).collect();
                     assert_eq!(numbers, [numbers[0]; 3]);
                     numbers[0] - 1
                 };
@@ -112,7 +121,10 @@ pub(crate) fn obj(path: &Path) -> Mesh {
 pub(crate) fn glb(path: &Path) -> Mesh {
     let file = std::fs::read(path).unwrap();
     let word = |at: usize| u32::from_le_bytes(file[at..at + 4].try_into().unwrap()) as usize;
-    assert_eq!((&file[..4], word(4), word(8), &file[16..20]), (&b"glTF"[..], 2, file.len(), &b"JSON"[..]));
+    assert_eq!(
+        (&file[..4], word(4), word(8), &file[16..20]),
+        (&b"glTF"[..], 2, file.len(), &b"JSON"[..])
+    );
     let binary_at = 20 + word(12);
     let json: Value = serde_json::from_slice(&file[20..binary_at]).unwrap();
     let mut mesh = Mesh::default();
@@ -121,7 +133,10 @@ pub(crate) fn glb(path: &Path) -> Mesh {
         return mesh;
     }
     let binary = &file[binary_at + 8..];
-    assert_eq!((word(binary_at), &file[binary_at + 4..binary_at + 8]), (binary.len(), &b"BIN\0"[..]));
+    assert_eq!(
+        (word(binary_at), &file[binary_at + 4..binary_at + 8]),
+        (binary.len(), &b"BIN\0"[..])
+    );
     let array = |index: &Value| {
         let accessor = &json["accessors"][index.as_u64().unwrap() as usize];
         let view = &json["bufferViews"][accessor["bufferView"].as_u64().unwrap() as usize];
@@ -129,7 +144,12 @@ pub(crate) fn glb(path: &Path) -> Mesh {
         let view_bytes = &binary[number(&view["byteOffset"])..][..number(&view["byteLength"])];
         (Bytes(&view_bytes[number(&accessor["byteOffset"])..]), number(&accessor["count"]))
     };
-    for primitive in json["meshes"].as_array().unwrap().iter().flat_map(|mesh| mesh["primitives"].as_array().unwrap()) {
+    for primitive in json["meshes"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .flat_map(|mesh| mesh["primitives"].as_array().unwrap())
+    {
         let (mut positions, count) = array(&primitive["attributes"]["POSITION"]);
         let (mut normals, _) = array(&primitive["attributes"]["NORMAL"]);
         let (mut uvs, _) = array(&primitive["attributes"]["TEXCOORD_0"]);

@@ -15,10 +15,14 @@ use warpknit::yarn::curve;
 fn every_built_in_fabric_keeps_its_own_yarns_clear() {
     for name in builtin::names() {
         let fabric = Fabric::named(name).unwrap();
-        assert!((fabric.radius() - fabric.true_radius()).abs() < 1e-12, "{name} is drawn with its own yarn");
+        assert!(
+            (fabric.radius() - fabric.true_radius()).abs() < 1e-12,
+            "{name} is drawn with its own yarn"
+        );
         let pattern = Pattern::new(&fabric);
         let found = clearance::measure(&fabric, &pattern, fabric.radius());
-        // Loops of garter stitch and of cables start inside each other, and are let come as near as the weft page says.
+        // Loops of garter stitch and of cables start inside each other, and are let come as near as
+        // the weft page says.
         let least = if ["garter", "cable"].contains(&name) { 0.9 } else { 0.98 };
         assert!(found.min_over_2r >= least, "{name}: {found:?}");
         let settled = pattern.settled().unwrap();
@@ -26,7 +30,8 @@ fn every_built_in_fabric_keeps_its_own_yarns_clear() {
     }
 }
 
-/// Least distance of two segments over a fine grid of places on both: no formula in common with the library's.
+/// Least distance of two segments over a fine grid of places on both: no formula in common with the
+/// library's.
 fn distance(s: [DVec3; 2], t: [DVec3; 2]) -> f64 {
     // The distance is convex along both, so narrowing a grid around its best place finds the least.
     let (mut low, mut high) = ([0.0_f64; 2], [1.0_f64; 2]);
@@ -50,7 +55,8 @@ fn distance(s: [DVec3; 2], t: [DVec3; 2]) -> f64 {
     best
 }
 
-/// The middle of a swatch, yarn by yarn: every pair of segments compared, nothing periodic, no grid.
+/// The middle of a swatch, yarn by yarn: every pair of segments compared, nothing periodic, no
+/// grid.
 fn brute_force(fabric: &Fabric) -> f64 {
     const SAMPLES: u32 = 12;
     let (wales, courses) = (fabric.threading_repeat() as u32 + 12, fabric.repeat() as u32 + 6);
@@ -61,12 +67,14 @@ fn brute_force(fabric: &Fabric) -> f64 {
     let mut collect = |blocks: &[drape::Block]| {
         for block in blocks {
             for strand in &block.strands.strands {
-                let points = &block.strands.flat[strand.points.start as usize..strand.points.end as usize];
+                let points =
+                    &block.strands.flat[strand.points.start as usize..strand.points.end as usize];
                 let mut along = 0.0;
                 for at in 0..points.len() - 1 {
                     let span = curve::span(points, at);
                     for step in 0..SAMPLES {
-                        let ends = [step, step + 1].map(|step| span.at(f64::from(step) / f64::from(SAMPLES)));
+                        let ends = [step, step + 1]
+                            .map(|step| span.at(f64::from(step) / f64::from(SAMPLES)));
                         let length = ends[0].distance(ends[1]);
                         let radius = fabric.radius() * thickness[block.bar];
                         segments.push((ends, radius, strand.yarn, along + length / 2.0));
@@ -80,9 +88,11 @@ fn brute_force(fabric: &Fabric) -> f64 {
     drape::run(&cloth, &drape::Options::default(), &mut |_, _| {}, &mut collect).unwrap();
     // One repeat in the swatch's middle against all of it.
     let size = panel.panels[0].size();
-    let (width, height) = (f64::from(fabric.threading_repeat() as u32), f64::from(fabric.repeat() as u32));
+    let (width, height) =
+        (f64::from(fabric.threading_repeat() as u32), f64::from(fabric.repeat() as u32));
     let half = [width * fabric.wale_spacing() / 2.0, height * fabric.course_spacing() / 2.0];
-    let inside = |p: DVec3| (p.x - size.x / 2.0).abs() <= half[0] && (p.y - size.y / 2.0).abs() <= half[1];
+    let inside =
+        |p: DVec3| (p.x - size.x / 2.0).abs() <= half[0] && (p.y - size.y / 2.0).abs() <= half[1];
     let least = |(ends, radius, yarn, along): &([DVec3; 2], f64, _, f64)| {
         let middle = ends[0].midpoint(ends[1]);
         let mut least = f64::INFINITY;
@@ -103,12 +113,26 @@ fn brute_force(fabric: &Fabric) -> f64 {
 
 #[test]
 fn the_clearance_is_what_brute_force_finds() {
-    for name in ["tricot", "locknit", "satin-lap", "hex-net-3", "marquisette", "weft-inserted", "jersey", "rib-1x1", "garter"] {
+    for name in [
+        "tricot",
+        "locknit",
+        "satin-lap",
+        "hex-net-3",
+        "marquisette",
+        "weft-inserted",
+        "jersey",
+        "rib-1x1",
+        "garter",
+    ] {
         let fabric = Fabric::named(name).unwrap();
-        let measured = clearance::measure(&fabric, &Pattern::new(&fabric), fabric.radius()).min_over_2r;
+        let measured =
+            clearance::measure(&fabric, &Pattern::new(&fabric), fabric.radius()).min_over_2r;
         let brute = brute_force(&fabric);
         // A swatch cuts yarns at its border; its middle may hold a little more than the repeat.
-        assert!((measured - brute).abs() < 1e-3, "{name}: measured {measured}, brute force {brute}");
+        assert!(
+            (measured - brute).abs() < 1e-3,
+            "{name}: measured {measured}, brute force {brute}"
+        );
         assert!(brute >= 0.98, "{name}: {brute}");
     }
 }
@@ -116,19 +140,22 @@ fn the_clearance_is_what_brute_force_finds() {
 /// The chain of a bar: gaps within reach of each other, most laps over one needle.
 fn chain() -> impl Strategy<Value = String> {
     let courses = prop::sample::select(vec![1_usize, 2, 2, 3, 4, 6, 12]);
-    let overlap = prop_oneof![3 => Just(0), 1 => Just(2), 1 => Just(-2), 8 => Just(1), 7 => Just(-1)];
+    let overlap =
+        prop_oneof![3 => Just(0), 1 => Just(2), 1 => Just(-2), 8 => Just(1), 7 => Just(-1)];
     let course = (overlap, -6..=6_i32);
-    (0..4_i32, courses.prop_flat_map(move |courses| prop::collection::vec(course.clone(), courses))).prop_map(|(start, laps)| {
-        let mut gap = start;
-        let text = laps.into_iter().map(|(overlap, underlap)| {
-            let to = (gap + overlap).max(0);
-            let text = format!("{gap}-{to}");
-            // Overlaps begin in gaps 0 to 5, so that no underlap passes more than seven wales, the last one back to the first neither.
-            gap = (to + underlap).clamp(0, 5);
-            text
-        });
-        text.collect::<Vec<_>>().join("/")
-    })
+    (0..4_i32, courses.prop_flat_map(move |courses| prop::collection::vec(course.clone(), courses)))
+        .prop_map(|(start, laps)| {
+            let mut gap = start;
+            let text = laps.into_iter().map(|(overlap, underlap)| {
+                let to = (gap + overlap).max(0);
+                let text = format!("{gap}-{to}");
+                // Overlaps begin in gaps 0 to 5, so that no underlap passes more than seven wales,
+                // the last one back to the first neither.
+                gap = (to + underlap).clamp(0, 5);
+                text
+            });
+            text.collect::<Vec<_>>().join("/")
+        })
 }
 
 /// Fabrics of one to four bars.
@@ -137,18 +164,24 @@ pub(crate) fn fabric() -> impl Strategy<Value = Fabric> {
     let count = prop::sample::select(vec!["22 dtex", "33 dtex", "44 dtex", "44 dtex"]);
     prop::collection::vec((chain(), threading, count), 1..=4).prop_map(|bars| {
         let bar = |(chain, threading, count): (String, &str, &str)| {
-            let yarn = format!("{{ count = \"{count}\", density = 1.38, packing = 0.65, color = \"#ffffff\" }}");
+            let yarn = format!(
+                "{{ count = \"{count}\", density = 1.38, packing = 0.65, color = \"#ffffff\" }}"
+            );
             format!("[[bars]]\nlapping = \"{chain}\"\nthreading = \"{threading}\"\nyarn = {yarn}\n")
         };
         let bars: String = bars.into_iter().map(bar).collect();
-        Fabric::parse(&format!("name = \"random\"\nwales_per_cm = 14.6\ncourses_per_cm = 21.74\n{bars}")).unwrap()
+        Fabric::parse(&format!(
+            "name = \"random\"\nwales_per_cm = 14.6\ncourses_per_cm = 21.74\n{bars}"
+        ))
+        .unwrap()
     })
 }
 
 #[test]
 fn random_fabrics_relax() {
     let mut runner = TestRunner::deterministic();
-    let fabrics: Vec<_> = (0..200).map(|_| fabric().new_tree(&mut runner).unwrap().current()).collect();
+    let fabrics: Vec<_> =
+        (0..200).map(|_| fabric().new_tree(&mut runner).unwrap().current()).collect();
     let clear = fabrics.par_iter().map(|fabric| {
         let pattern = Pattern::new(fabric);
         let settled = pattern.settled().unwrap();
@@ -156,9 +189,13 @@ fn random_fabrics_relax() {
         let mesh = warpknit::knit::mesh::StructureMesh::anchored_at(fabric, glam::DVec2::ZERO);
         let mut knitted = Knitted::default();
         for bar in 0..fabric.bars.len() {
-            (0..fabric.threading_repeat() as i64).for_each(|guide| pattern.lay(bar, guide, 0..12, &mesh, &mut knitted));
+            (0..fabric.threading_repeat() as i64)
+                .for_each(|guide| pattern.lay(bar, guide, 0..12, &mesh, &mut knitted));
         }
-        assert!(!knitted.points.is_empty() && knitted.points.iter().all(|point| point.is_finite()), "in\n{fabric}");
+        assert!(
+            !knitted.points.is_empty() && knitted.points.iter().all(|point| point.is_finite()),
+            "in\n{fabric}"
+        );
         let found = clearance::measure(fabric, &pattern, fabric.radius());
         let warned = !clearance::warnings(fabric, &pattern, &found, fabric.radius()).is_empty();
         assert_eq!(warned, found.min_over_2r < 0.98, "{found:?} in\n{fabric}");
@@ -175,7 +212,12 @@ fn yarns_that_nothing_can_keep_apart_are_warned_of() {
     let pattern = Pattern::new(&fabric);
     let found = clearance::measure(&fabric, &pattern, fabric.radius());
     let warnings = clearance::warnings(&fabric, &pattern, &found, fabric.radius());
-    assert!(warnings.iter().any(|warning| warning.contains("too thick for 14.6 wales and 21.74 courses per cm")), "{warnings:?}");
+    assert!(
+        warnings
+            .iter()
+            .any(|warning| warning.contains("too thick for 14.6 wales and 21.74 courses per cm")),
+        "{warnings:?}"
+    );
     assert!(fabric.radius() < fabric.true_radius());
 }
 

@@ -42,8 +42,14 @@ fn tangle() -> Scene {
     let mut scene = Scene { looks, ..Scene::default() };
     for line in 0_u8..8 {
         let at = f32::from(line) - 3.5;
-        scene.push_strand((0_u8..20).map(|i| Vec3::new(f32::from(i) * 0.4 - 4.0, at, f32::from(i % 4) * 0.3)), 0);
-        scene.push_strand([Vec3::new(at, -4.0, 0.2), Vec3::new(at + 0.3, 0.0, 0.5), Vec3::new(at, 4.0, 0.2)], 1);
+        scene.push_strand(
+            (0_u8..20).map(|i| Vec3::new(f32::from(i) * 0.4 - 4.0, at, f32::from(i % 4) * 0.3)),
+            0,
+        );
+        scene.push_strand(
+            [Vec3::new(at, -4.0, 0.2), Vec3::new(at + 0.3, 0.0, 0.5), Vec3::new(at, 4.0, 0.2)],
+            1,
+        );
     }
     scene
 }
@@ -51,12 +57,18 @@ fn tangle() -> Scene {
 #[test]
 fn an_empty_scene_is_all_background() {
     let camera = facing(10.0, 1.0);
-    for scene in [Scene::default(), Scene { looks: vec![look(Vec3::ONE, 0.1)], ..Scene::default() }] {
+    for scene in [Scene::default(), Scene { looks: vec![look(Vec3::ONE, 0.1)], ..Scene::default() }]
+    {
         assert!(draw(&scene, &camera, &options()).pixels().all(|pixel| pixel.0 == [0; 4]));
         let blue = Options { background: "#1030f0".parse().unwrap(), ..options() };
-        assert!(draw(&scene, &camera, &blue).pixels().all(|pixel| pixel.0 == [0x10, 0x30, 0xF0, 255]));
+        assert!(
+            draw(&scene, &camera, &blue).pixels().all(|pixel| pixel.0 == [0x10, 0x30, 0xF0, 255])
+        );
     }
-    assert_eq!(draw(&tangle(), &camera, &Options { width: 0, height: 0, ..options() }).dimensions(), (0, 0));
+    assert_eq!(
+        draw(&tangle(), &camera, &Options { width: 0, height: 0, ..options() }).dimensions(),
+        (0, 0)
+    );
 }
 
 #[test]
@@ -125,7 +137,9 @@ fn bends_leave_no_gap_at_their_joints() {
     for step in 0_u16..800 {
         let span = warpknit::yarn::curve::span(&strand, usize::from(step / 100));
         let seen = camera.project(span.at(f64::from(step % 100) / 100.0), 1.0).unwrap();
-        let pixel = |c: f64| (0..SIZE).find(|&i| f64::from(i) + 1.0 > (c + 1.0) / 2.0 * f64::from(SIZE)).unwrap();
+        let pixel = |c: f64| {
+            (0..SIZE).find(|&i| f64::from(i) + 1.0 > (c + 1.0) / 2.0 * f64::from(SIZE)).unwrap()
+        };
         assert!(picture.get_pixel(pixel(seen.x), pixel(-seen.y)).0[3] > 150, "gap at step {step}");
     }
 }
@@ -167,12 +181,16 @@ fn far_shadows_fall_where_the_sun_is_hidden_and_nowhere_else() {
     let toward_sun = Options::default().light.around(&facing(400.0, 110.0)).toward_sun;
     for line in 0_u16..80 {
         let y = f32::from(line) * 0.25 - 10.0;
-        scene.push_strand((0_u8..=20).map(|i| Vec3::new(f32::from(i) - 10.0, y, 0.0) + toward_sun * 30.0), 0);
+        scene.push_strand(
+            (0_u8..=20).map(|i| Vec3::new(f32::from(i) - 10.0, y, 0.0) + toward_sun * 30.0),
+            0,
+        );
     }
     let shadowed = draw(&scene, &facing(400.0, 110.0), &Options { spp: 16, ..options() });
     let at = |picture: &RgbaImage, x: f32, y: f32| {
         let pixel = |mm: f32| (f32::from(u16::try_from(SIZE).unwrap()) * (0.5 + mm / 110.0)) as u32;
-        let cells = (0..25).map(|i| picture.get_pixel(pixel(x) + i % 5 - 2, pixel(-y) + i / 5 - 2).0);
+        let cells =
+            (0..25).map(|i| picture.get_pixel(pixel(x) + i % 5 - 2, pixel(-y) + i / 5 - 2).0);
         cells.map(|texel| f32::from(texel[1])).sum::<f32>() / 25.0
     };
     let share = |x, y| at(&shadowed, x, y) / at(&lit, x, y);
@@ -200,13 +218,18 @@ fn odd_strands_are_drawn_or_passed_over() {
     assert_eq!(picture.get_pixel(60, 85).0[3], 0, "yarns without a radius are not seen");
     let far = draw(&scene, &facing(4000.0, 400.0), &Options { spp: 16, ..options() });
     let seen = |x: u32| far.get_pixel(x, 60).0[3];
-    assert!((58..63).map(seen).any(|alpha| alpha > 0) && (0..50).map(seen).all(|alpha| alpha == 0), "specks from afar");
+    assert!(
+        (58..63).map(seen).any(|alpha| alpha > 0) && (0..50).map(seen).all(|alpha| alpha == 0),
+        "specks from afar"
+    );
 }
 
 #[test]
 fn progress_reaches_the_end() {
     let reported = std::sync::Mutex::new(Vec::new());
-    let _ = render(&tangle(), &facing(40.0, 10.0), &options(), &|share| reported.lock().unwrap().push(share));
+    let _ = render(&tangle(), &facing(40.0, 10.0), &options(), &|share| {
+        reported.lock().unwrap().push(share)
+    });
     let reported = reported.into_inner().unwrap();
     assert!(reported.len() == SIZE as usize && reported.contains(&1.0));
     assert!(reported.iter().all(|share| (0.0..=1.0).contains(share)));
@@ -220,7 +243,11 @@ fn mat() -> Scene {
         let x = f32::from(line) * 0.25;
         let loops = (0_u16..600).map(|i| {
             let turn = f32::from(i) * 0.7;
-            Vec3::new(x + turn.sin() * 0.2, f32::from(i) * 0.025, turn.cos() * 0.12 + f32::from(line % 2) * 0.1)
+            Vec3::new(
+                x + turn.sin() * 0.2,
+                f32::from(i) * 0.025,
+                turn.cos() * 0.12 + f32::from(line % 2) * 0.1,
+            )
         });
         scene.push_strand(loops, u16::from(line % 2));
     }
@@ -240,20 +267,26 @@ fn sums<'a>(pixels: impl Iterator<Item = &'a Rgba<u8>>) -> [f64; 4] {
 /// A picture four times smaller.
 fn shrunk(picture: &RgbaImage) -> RgbaImage {
     RgbaImage::from_fn(picture.width() / 4, picture.height() / 4, |x, y| {
-        let [r, g, b, cover] = sums((0..16).map(|i| picture.get_pixel(4 * x + i % 4, 4 * y + i / 4)));
+        let [r, g, b, cover] =
+            sums((0..16).map(|i| picture.get_pixel(4 * x + i % 4, 4 * y + i / 4)));
         let byte = |light: f64| (255.0 * (light / cover.max(1e-9)).powf(1.0 / 2.2)).round() as u8;
         Rgba([byte(r), byte(g), byte(b), (255.0 * cover / 16.0).round() as u8])
     })
 }
 
-/// What `lod` must not change: no colour by more than 5 % of the strongest, coverage by no more than 2 %.
+/// What `lod` must not change: no colour by more than 5 % of the strongest, coverage by no more
+/// than 2 %.
 fn assert_alike(exact: &RgbaImage, coarse: &RgbaImage) {
     assert!(exact != coarse, "nothing was left out");
     let [[red, green, blue, cover], coarse] = [exact, coarse].map(|picture| sums(picture.pixels()));
     let light = red.max(green).max(blue);
     println!("of {light:.0}: {red:.0} {green:.0} {blue:.0} {cover:.0}, {coarse:.0?}");
     for (index, colour) in [red, green, blue].into_iter().enumerate() {
-        assert!((coarse[index] - colour).abs() < 0.05 * light, "colour {index}: {colour} {}", coarse[index]);
+        assert!(
+            (coarse[index] - colour).abs() < 0.05 * light,
+            "colour {index}: {colour} {}",
+            coarse[index]
+        );
     }
     assert!((coarse[3] / cover - 1.0).abs() < 0.02, "coverage: {cover} {}", coarse[3]);
 }
@@ -262,33 +295,42 @@ fn assert_alike(exact: &RgbaImage, coarse: &RgbaImage) {
 fn far_yarns_keep_colour_and_coverage() {
     let scene = mat();
     let camera = Camera::view(View::Front, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0);
-    let [exact, coarse] = [false, true].map(|lod| draw(&scene, &camera, &Options { spp: 16, lod, ..options() }));
+    let [exact, coarse] =
+        [false, true].map(|lod| draw(&scene, &camera, &Options { spp: 16, lod, ..options() }));
     assert_alike(&exact, &coarse);
 }
 
-/// Drawing pieces and tracing rays agree on real cloth, shadows of folds and what is seen through holes included.
+/// Drawing pieces and tracing rays agree on real cloth, shadows of folds and what is seen through
+/// holes included.
 #[test]
 fn far_cloth_looks_as_traced() {
     for (fabric, view) in [("tricot", View::Front), ("locknit", View::Back)] {
         let scene = picture::swatch(&Fabric::named(fabric).unwrap(), 70, 70);
         let camera = Camera::view(view, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0);
         // Four times as fine, for pixels so large that traced pieces are coarse too.
-        let fine = draw(&scene, &camera, &Options { width: 4 * SIZE, height: 4 * SIZE, lod: false, ..options() });
+        let fine = draw(
+            &scene,
+            &camera,
+            &Options { width: 4 * SIZE, height: 4 * SIZE, lod: false, ..options() },
+        );
         let traced = shrunk(&fine);
         let drawn = draw(&scene, &camera, &Options { spp: 16, ..options() });
         assert_alike(&traced, &drawn);
-        let [traced, drawn] = [traced, drawn].map(|picture| DynamicImage::from(picture).into_rgb8());
+        let [traced, drawn] =
+            [traced, drawn].map(|picture| DynamicImage::from(picture).into_rgb8());
         let difference = flip(&traced, &drawn).mean();
         println!("{fabric}: mean FLIP {difference:.4}");
         assert!(difference < 0.08, "{fabric}: {difference}");
     }
 }
 
-/// A picture of a yarn, red at its edges and blue in its middle: from afar both colours are to be seen.
+/// A picture of a yarn, red at its edges and blue in its middle: from afar both colours are to be
+/// seen.
 #[test]
 fn far_textures_are_seen_from_edge_to_edge() {
-    let base =
-        RgbaImage::from_fn(8, 32, |_, y| if (8..24).contains(&y) { Rgba([20, 40, 200, 255]) } else { Rgba([200, 40, 20, 255]) });
+    let base = RgbaImage::from_fn(8, 32, |_, y| {
+        if (8..24).contains(&y) { Rgba([20, 40, 200, 255]) } else { Rgba([200, 40, 20, 255]) }
+    });
     let plain = |texel| Mips::new(RgbaImage::from_pixel(8, 32, Rgba(texel)), Kind::Plain);
     let mut scene = mat();
     scene.maps.push(Maps {
@@ -300,7 +342,8 @@ fn far_textures_are_seen_from_edge_to_edge() {
     });
     scene.looks.iter_mut().for_each(|look| look.maps = Some(0));
     let camera = Camera::view(View::Front, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0);
-    let [exact, coarse] = [false, true].map(|lod| draw(&scene, &camera, &Options { spp: 16, lod, ..options() }));
+    let [exact, coarse] =
+        [false, true].map(|lod| draw(&scene, &camera, &Options { spp: 16, lod, ..options() }));
     assert_alike(&exact, &coarse);
 }
 
@@ -322,6 +365,7 @@ fn the_processor_draws_what_it_drew() {
 fn near_yarns_are_drawn_alike_with_and_without_leaving_out() {
     let scene = tangle();
     let camera = Camera::view(View::Iso, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0);
-    let [exact, coarse] = [false, true].map(|lod| draw(&scene, &camera, &Options { lod, ..options() }));
+    let [exact, coarse] =
+        [false, true].map(|lod| draw(&scene, &camera, &Options { lod, ..options() }));
     assert!(exact == coarse);
 }

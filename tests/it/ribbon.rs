@@ -9,7 +9,13 @@ use warpknit::scene::{Scene, Shape, YarnLook};
 const SIZE: u32 = 120;
 
 fn options() -> Options {
-    Options { width: SIZE, height: SIZE, spp: 16, background: Background::Transparent, ..Options::default() }
+    Options {
+        width: SIZE,
+        height: SIZE,
+        spp: 16,
+        background: Background::Transparent,
+        ..Options::default()
+    }
 }
 
 /// Seen from `toward` mm 40 away, 4 mm high.
@@ -20,7 +26,11 @@ fn draw(scene: &Scene, toward: DVec3) -> RgbaImage {
 
 /// One yarn of `shape` along x, 1 mm to either side.
 fn yarn(shape: Shape, base: Option<RgbaImage>) -> Scene {
-    let mut scene = Scene { shape, looks: vec![YarnLook::plain(Vec3::splat(0.6), 0.7, 1.0)], ..Scene::default() };
+    let mut scene = Scene {
+        shape,
+        looks: vec![YarnLook::plain(Vec3::splat(0.6), 0.7, 1.0)],
+        ..Scene::default()
+    };
     if let Some(base) = base {
         scene.looks[0].maps = Some(0);
         scene.maps.push(maps(base));
@@ -43,7 +53,8 @@ fn maps(base: RgbaImage) -> Maps {
 }
 
 fn coverage(picture: &RgbaImage) -> f64 {
-    picture.pixels().map(|pixel| f64::from(pixel.0[3]) / 255.0).sum::<f64>() / f64::from(SIZE * SIZE)
+    picture.pixels().map(|pixel| f64::from(pixel.0[3]) / 255.0).sum::<f64>()
+        / f64::from(SIZE * SIZE)
 }
 
 #[test]
@@ -59,7 +70,13 @@ fn a_ribbon_is_as_wide_as_its_projection_and_flat_from_the_side() {
 fn bends_leave_no_gap() {
     let mut scene = yarn(Shape::Ribbon, None);
     scene.strands.clear();
-    let arc = |i: u8| Vec3::new(f32::from(i) - 6.0, (f32::from(i) * 0.9).sin() * 0.3, (f32::from(i) * 1.3).cos() * 0.4);
+    let arc = |i: u8| {
+        Vec3::new(
+            f32::from(i) - 6.0,
+            (f32::from(i) * 0.9).sin() * 0.3,
+            (f32::from(i) * 1.3).cos() * 0.4,
+        )
+    };
     scene.push_strand((0_u8..13).map(arc), 0);
     let picture = draw(&scene, DVec3::Z);
     for x in 0..SIZE {
@@ -72,7 +89,10 @@ fn both_sides_are_lit_alike() {
     let scene = yarn(Shape::Ribbon, None);
     let middle = |toward| draw(&scene, toward).get_pixel(SIZE / 2, SIZE / 2).0;
     let (front, back) = (middle(DVec3::Z), middle(DVec3::NEG_Z));
-    assert!(front[0] > 100 && front.iter().zip(back).all(|(a, b)| a.abs_diff(b) <= 3), "{front:?} {back:?}");
+    assert!(
+        front[0] > 100 && front.iter().zip(back).all(|(a, b)| a.abs_diff(b) <= 3),
+        "{front:?} {back:?}"
+    );
 }
 
 /// White, its lower half (u over 1/2) with `alpha`.
@@ -117,13 +137,16 @@ fn holes_let_the_sun_through() {
 #[test]
 fn textures_repeat_with_their_length_on_ribbons_and_tubes() {
     // Black but for a quarter of the length, alike all around.
-    let stripes = RgbaImage::from_fn(16, 16, |x, _| if x < 4 { Rgba([230, 230, 230, 255]) } else { Rgba([0, 0, 0, 255]) });
+    let stripes = RgbaImage::from_fn(16, 16, |x, _| {
+        if x < 4 { Rgba([230, 230, 230, 255]) } else { Rgba([0, 0, 0, 255]) }
+    });
     for shape in [Shape::Ribbon, Shape::Tube] {
         let bright = |length: f32| {
             let mut scene = yarn(shape, Some(stripes.clone()));
             scene.maps[0].length = length;
             let picture = draw(&scene, DVec3::Z);
-            let row: Vec<bool> = (0..SIZE).map(|x| picture.get_pixel(x, SIZE / 2).0[1] > 150).collect();
+            let row: Vec<bool> =
+                (0..SIZE).map(|x| picture.get_pixel(x, SIZE / 2).0[1] > 150).collect();
             let starts = row.windows(2).filter(|pair| !pair[0] && pair[1]).count();
             (starts, row.iter().filter(|&&bright| bright).count())
         };
@@ -141,13 +164,15 @@ fn normal_maps_turn_the_light_and_occlusion_dims_the_sky() {
     let brightness = |normal: [u8; 4], occlusion: u8| {
         let mut scene = yarn(Shape::Ribbon, Some(half_open(255)));
         scene.maps[0].normal = Mips::new(RgbaImage::from_pixel(16, 16, Rgba(normal)), Kind::Normal);
-        scene.maps[0].surface = Mips::new(RgbaImage::from_pixel(16, 16, Rgba([occlusion, 191, 0, 255])), Kind::Plain);
+        scene.maps[0].surface =
+            Mips::new(RgbaImage::from_pixel(16, 16, Rgba([occlusion, 191, 0, 255])), Kind::Plain);
         draw(&scene, DVec3::Z).get_pixel(SIZE / 2, SIZE / 2).0[1]
     };
     let flat = [128, 128, 255, 255];
     // The sun stands up and to the left; the yarn runs to the right.
     let (up, down) = (brightness([128, 200, 230, 255], 255), brightness([128, 56, 230, 255], 255));
-    let (left, right) = (brightness([56, 128, 230, 255], 255), brightness([200, 128, 230, 255], 255));
+    let (left, right) =
+        (brightness([56, 128, 230, 255], 255), brightness([200, 128, 230, 255], 255));
     assert!(up > down + 30 && left > right + 30, "{up} {down} {left} {right}");
     assert!(brightness(flat, 0) + 15 < brightness(flat, 255));
 }

@@ -1,4 +1,5 @@
-//! The sheen of yarns: brighter where light and eye are mirrored across them, from near as from afar, on both renderers.
+//! The sheen of yarns: brighter where light and eye are mirrored across them, from near as from
+//! afar, on both renderers.
 
 use crate::flip::flip;
 use crate::gpu::can_draw;
@@ -11,13 +12,19 @@ use warpknit::scene::{Scene, YarnLook};
 
 /// Width of the cloth, mm.
 const SIDE: f32 = 15.0;
-/// Pixels a side from where the cloth is drawn thread by thread, and from where a pixel holds two threads.
+/// Pixels a side from where the cloth is drawn thread by thread, and from where a pixel holds two
+/// threads.
 const NEAR: u32 = 240;
 const FAR: u32 = 30;
 
 /// A flat cloth of straight yarns of one ply, turned by so much from across the picture.
 fn satin(turn: f32, sheen: f32, slope: f32) -> Scene {
-    let look = YarnLook { plies: 1, twist_slope: Some(slope), sheen, ..YarnLook::plain(Vec3::new(0.5, 0.15, 0.15), 0.75, 0.1) };
+    let look = YarnLook {
+        plies: 1,
+        twist_slope: Some(slope),
+        sheen,
+        ..YarnLook::plain(Vec3::new(0.5, 0.15, 0.15), 0.75, 0.1)
+    };
     let mut scene = Scene { looks: vec![look], ..Scene::default() };
     let (sin, cos) = turn.sin_cos();
     for line in 0_u8..60 {
@@ -34,8 +41,16 @@ fn draw(scene: &Scene, size: u32, renderer: Choice) -> RgbaImage {
     let camera = Camera::look_at(DVec3::Z * 100.0, DVec3::ZERO, 2.0 * 0.05_f64.atan(), 1.0);
     let background = Background::Transparent;
     // Dim enough that the tone curve is a straight line.
-    let options =
-        Options { width: size, height: size, spp: 16, renderer, background, light, exposure: 0.4, ..Options::default() };
+    let options = Options {
+        width: size,
+        height: size,
+        spp: 16,
+        renderer,
+        background,
+        light,
+        exposure: 0.4,
+        ..Options::default()
+    };
     render(scene, &camera, &options, &|_| ()).unwrap()
 }
 
@@ -51,7 +66,8 @@ fn brightness(picture: &RgbaImage) -> f64 {
 #[test]
 fn cloth_shines_across_its_yarns_and_not_along_them() {
     for size in [NEAR, FAR] {
-        let bright = |turn: f32, sheen: f32| brightness(&draw(&satin(turn, sheen, 0.0), size, Choice::Cpu));
+        let bright =
+            |turn: f32, sheen: f32| brightness(&draw(&satin(turn, sheen, 0.0), size, Choice::Cpu));
         let quarter = std::f32::consts::FRAC_PI_2;
         let [dull, shining] = [0.0, 0.5].map(|sheen| bright(0.0, sheen) / bright(quarter, sheen));
         println!("{size} pixels: across over along {dull:.3}, with a sheen {shining:.3}");
@@ -65,19 +81,24 @@ fn cloth_shines_across_its_yarns_and_not_along_them() {
 
 #[test]
 fn twist_spreads_the_shine_over_more_directions() {
-    // Somewhere around a twisted yarn fibres lie across the half vector also where its axis doesn't.
+    // Somewhere around a twisted yarn fibres lie across the half vector also where its axis
+    // doesn't.
     for size in [NEAR, FAR] {
-        let bright = |turn: f32, slope: f32| brightness(&draw(&satin(turn, 0.5, slope), size, Choice::Cpu));
+        let bright =
+            |turn: f32, slope: f32| brightness(&draw(&satin(turn, 0.5, slope), size, Choice::Cpu));
         for slope in [0.6_f32, -0.6] {
             let [square, turned] = [0.0, 0.7].map(|turn| bright(turn, slope) / bright(turn, 0.0));
-            println!("{size} pixels, slope {slope}: {square:.3} of the untwisted yarn's light, turned {turned:.3}");
+            println!(
+                "{size} pixels, slope {slope}: {square:.3} of the untwisted yarn's light, turned {turned:.3}"
+            );
             assert!(square < 0.97 && turned > 1.03, "{square} {turned}");
         }
     }
 }
 
-/// What a sheen adds is the same for thin yarns that are drawn as for those that are traced near by, within 5 % of all light, on both renderers. The
-/// rest differs by a tenth on cloth of one layer of straight yarns: how much of the sky is open is fitted to knits.
+/// What a sheen adds is the same for thin yarns that are drawn as for those that are traced near
+/// by, within 5 % of all light, on both renderers. The rest differs by a tenth on cloth of one
+/// layer of straight yarns: how much of the sky is open is fitted to knits.
 #[test]
 fn far_cloth_shines_as_near_cloth_does() {
     for renderer in [Choice::Cpu, Choice::Gpu] {
@@ -103,7 +124,15 @@ fn a_far_knit_is_as_bright_as_a_near_one() {
     let camera = Camera::view(View::Back, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0);
     let drawn = |size: u32, lod: bool| {
         let (background, exposure) = (Background::Transparent, 0.4);
-        let options = Options { width: size, height: size, spp: 16, background, lod, exposure, ..Options::default() };
+        let options = Options {
+            width: size,
+            height: size,
+            spp: 16,
+            background,
+            lod,
+            exposure,
+            ..Options::default()
+        };
         brightness(&render(&scene, &camera, &options, &|_| ()).unwrap())
     };
     let (near, far) = (drawn(480, false), drawn(120, true));
@@ -119,9 +148,19 @@ fn both_renderers_draw_the_same_sheen() {
     let mut scene = picture::swatch(&Fabric::named("satin").unwrap(), 12, 14);
     scene.looks.iter_mut().for_each(|look| look.sheen = 0.6);
     let camera = Camera::view(View::Back, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0);
-    let options = Options { width: 512, height: 512, spp: 16, st: 80, sr: 16, lod: false, ..Options::default() };
+    let options = Options {
+        width: 512,
+        height: 512,
+        spp: 16,
+        st: 80,
+        sr: 16,
+        lod: false,
+        ..Options::default()
+    };
     let [cpu, gpu] = [(Choice::Cpu, 64), (Choice::Gpu, 16)].map(|(renderer, spp)| {
-        let picture = render(&scene, &camera, &Options { renderer, spp, ..options.clone() }, &|_| ()).unwrap();
+        let picture =
+            render(&scene, &camera, &Options { renderer, spp, ..options.clone() }, &|_| ())
+                .unwrap();
         DynamicImage::from(picture).into_rgb8()
     });
     let difference = flip(&cpu, &gpu).mean();

@@ -1,4 +1,5 @@
-//! Parts put together are the whole: files yarn by yarn, pictures row by row, for any number of parts and of threads.
+//! Parts put together are the whole: files yarn by yarn, pictures row by row, for any number of
+//! parts and of threads.
 
 use std::path::Path;
 
@@ -12,7 +13,11 @@ use crate::readback::{self, Mesh};
 fn drape(folder: &Path, name: &str, arguments: &[&str]) {
     let meshes = Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes");
     let mut command = Command::cargo_bin("warpknit").unwrap();
-    command.current_dir(folder).arg("drape").arg(meshes.join("pinch_flat.obj")).arg(meshes.join("pinch_draped.obj"));
+    command
+        .current_dir(folder)
+        .arg("drape")
+        .arg(meshes.join("pinch_flat.obj"))
+        .arg(meshes.join("pinch_draped.obj"));
     for ending in arguments[0].split(' ') {
         command.args(["-o", &format!("{name}.{ending}")]);
     }
@@ -31,9 +36,18 @@ impl Files {
 
     fn read(folder: &Path, name: &str) -> (Self, Value) {
         let at = |ending: &str| folder.join(format!("{name}.{ending}"));
-        let rows = std::fs::read_to_string(at("csv")).unwrap().lines().skip(1).map(str::to_owned).collect();
-        let meshes = [readback::obj(&at("obj")), readback::ply(&at("ply")), readback::glb(&at("glb"))];
-        (Self { rows, meshes }, serde_json::from_slice(&std::fs::read(at("json")).unwrap()).unwrap())
+        let rows = std::fs::read_to_string(at("csv"))
+            .unwrap()
+            .lines()
+            .skip(1)
+            .map(str::to_owned)
+            .collect();
+        let meshes =
+            [readback::obj(&at("obj")), readback::ply(&at("ply")), readback::glb(&at("glb"))];
+        (
+            Self { rows, meshes },
+            serde_json::from_slice(&std::fs::read(at("json")).unwrap()).unwrap(),
+        )
     }
 
     fn append(&mut self, other: Self) {
@@ -56,12 +70,19 @@ fn parts_of_the_yarns_are_the_whole() {
         let keys = ["yarns", "stitches", "data_points", "stitches_clipped"];
         for number in 1..=of {
             let (tile, threads) = (format!("{number}/{of}"), (1 + number % 3).to_string());
-            drape(folder.path(), "part", &[&[Files::ENDINGS, "--tile", &tile, "--threads", &threads], &coarse[..]].concat());
+            drape(
+                folder.path(),
+                "part",
+                &[&[Files::ENDINGS, "--tile", &tile, "--threads", &threads], &coarse[..]].concat(),
+            );
             let (part, report) = Files::read(folder.path(), "part");
             assert_eq!(report["tile"], serde_json::json!([number, of]));
             assert_eq!(report["data_points"], part.rows.len());
             assert_eq!(report["surface"]["vertices"], part.meshes[0].positions.len());
-            counts.iter_mut().zip(keys).for_each(|(count, key)| *count += report[key].as_u64().unwrap());
+            counts
+                .iter_mut()
+                .zip(keys)
+                .for_each(|(count, key)| *count += report[key].as_u64().unwrap());
             together.append(part);
         }
         assert_eq!(counts, keys.map(|key| report[key].as_u64().unwrap()), "{of} parts");
@@ -86,7 +107,11 @@ fn parts_have_about_as_many_stitches() {
 fn bands_of_a_picture_are_the_whole() {
     let folder = tempfile::tempdir().unwrap();
     let picture = |name: &str, arguments: &[&str]| {
-        drape(folder.path(), name, &[&["png", "--size", "25x19", "--wales-per-cm", "0.5"], arguments].concat());
+        drape(
+            folder.path(),
+            name,
+            &[&["png", "--size", "25x19", "--wales-per-cm", "0.5"], arguments].concat(),
+        );
         image::open(folder.path().join(format!("{name}.png"))).unwrap().into_rgba8()
     };
     let mut seen: Vec<RgbaImage> = Vec::new();
@@ -102,7 +127,13 @@ fn bands_of_a_picture_are_the_whole() {
             let bands: Vec<_> = numbers.iter().map(|&number| band(number)).collect();
             if of == 19 {
                 let rows: Vec<_> = whole.as_raw().chunks(4 * 25).collect();
-                assert!(numbers.iter().zip(bands).all(|(&number, band)| rows[number as usize - 1] == band), "--lod {lod}");
+                assert!(
+                    numbers
+                        .iter()
+                        .zip(bands)
+                        .all(|(&number, band)| rows[number as usize - 1] == band),
+                    "--lod {lod}"
+                );
             } else {
                 assert!(bands.concat() == *whole.as_raw(), "--lod {lod}, {of} bands");
             }

@@ -9,7 +9,9 @@ use std::time::{Duration, Instant};
 use image::RgbImage;
 use warpknit::fabric::Fabric;
 use x11rb::connection::Connection;
-use x11rb::protocol::xproto::{AtomEnum, ClientMessageEvent, ConnectionExt, EventMask, MapState, Window};
+use x11rb::protocol::xproto::{
+    AtomEnum, ClientMessageEvent, ConnectionExt, EventMask, MapState, Window,
+};
 
 /// A window is open and drawn long before this, on two slow cores as well.
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -37,7 +39,10 @@ impl Display {
             .stderr(Stdio::null())
             .spawn();
         let Ok(mut server) = started else {
-            assert!(std::env::var_os("WARPKNIT_CI").is_none(), "Xvfb is not installed, and WARPKNIT_CI wants this test");
+            assert!(
+                std::env::var_os("WARPKNIT_CI").is_none(),
+                "Xvfb is not installed, and WARPKNIT_CI wants this test"
+            );
             println!("skipped: Xvfb is not installed");
             return None;
         };
@@ -51,7 +56,10 @@ impl Display {
 
     fn warpknit(&self, folder: &Path) -> Command {
         let mut command = Command::new(assert_cmd::cargo::cargo_bin!("warpknit"));
-        command.current_dir(folder).env("DISPLAY", &self.name).env("XDG_RUNTIME_DIR", self.runtime.path());
+        command
+            .current_dir(folder)
+            .env("DISPLAY", &self.name)
+            .env("XDG_RUNTIME_DIR", self.runtime.path());
         command.env_remove("WAYLAND_DISPLAY").stdout(Stdio::piped()).stderr(Stdio::piped());
         command
     }
@@ -103,8 +111,14 @@ fn a_window_shows_the_cloth() {
     let window = image::open(folder.path().join("out.png")).unwrap().to_rgb8();
     assert_eq!(window.dimensions(), SIZE);
     let all = (PICTURE * SIZE.1) as usize;
-    let background = window.enumerate_pixels().filter(|(x, _, pixel)| *x < PICTURE && pixel.0 == [0x20, 0x40, 0xc0]).count();
-    assert!((all / 10..all * 9 / 10).contains(&background), "{background} of {all} pixels are background");
+    let background = window
+        .enumerate_pixels()
+        .filter(|(x, _, pixel)| *x < PICTURE && pixel.0 == [0x20, 0x40, 0xc0])
+        .count();
+    assert!(
+        (all / 10..all * 9 / 10).contains(&background),
+        "{background} of {all} pixels are background"
+    );
     for bar in Fabric::named("tricot").unwrap().bars {
         let color = bar.yarn.color.0;
         let seen = pixels_of(color, &window);
@@ -129,10 +143,18 @@ fn without_a_display_it_says_so() {
     let folder = tempfile::tempdir().unwrap();
     let mut command = Command::new(assert_cmd::cargo::cargo_bin!("warpknit"));
     command.current_dir(folder.path()).args(SMALL).stdout(Stdio::piped()).stderr(Stdio::piped());
-    let output = end(command.env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").env_remove("WAYLAND_SOCKET").spawn().unwrap());
+    let output = end(command
+        .env_remove("DISPLAY")
+        .env_remove("WAYLAND_DISPLAY")
+        .env_remove("WAYLAND_SOCKET")
+        .spawn()
+        .unwrap());
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{said}");
-    assert!(said.starts_with("error: no window can be opened here") && said.lines().count() == 1, "{said}");
+    assert!(
+        said.starts_with("error: no window can be opened here") && said.lines().count() == 1,
+        "{said}"
+    );
 }
 
 #[test]
@@ -160,15 +182,24 @@ fn window_of(connection: &impl Connection, root: Window) -> Option<Window> {
     windows.into_iter().find(|&window| {
         // A window may be gone again by the time it is asked.
         let seen = connection.get_window_attributes(window).unwrap().reply();
-        let name = connection.get_property(false, window, AtomEnum::WM_NAME, AtomEnum::ANY, 0, 64).unwrap().reply();
-        seen.is_ok_and(|seen| seen.map_state == MapState::VIEWABLE) && name.is_ok_and(|name| name.value == b"warpknit")
+        let name = connection
+            .get_property(false, window, AtomEnum::WM_NAME, AtomEnum::ANY, 0, 64)
+            .unwrap()
+            .reply();
+        seen.is_ok_and(|seen| seen.map_state == MapState::VIEWABLE)
+            && name.is_ok_and(|name| name.value == b"warpknit")
     })
 }
 
 /// Does what a window manager does when the cross is pressed.
 fn ask_to_close(connection: &impl Connection, window: Window) {
     let atom = |name: &[u8]| connection.intern_atom(false, name).unwrap().reply().unwrap().atom;
-    let message = ClientMessageEvent::new(32, window, atom(b"WM_PROTOCOLS"), [atom(b"WM_DELETE_WINDOW"), 0, 0, 0, 0]);
+    let message = ClientMessageEvent::new(
+        32,
+        window,
+        atom(b"WM_PROTOCOLS"),
+        [atom(b"WM_DELETE_WINDOW"), 0, 0, 0, 0],
+    );
     connection.send_event(false, window, EventMask::NO_EVENT, message).unwrap();
     connection.flush().unwrap();
 }

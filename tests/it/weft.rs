@@ -19,12 +19,14 @@ fn path(points: &[DVec3], from: usize, to: usize) -> Vec<DVec3> {
     places.map(|(at, t)| curve::span(points, at).at(t)).collect()
 }
 
-/// Where two paths cross as seen from the face: how much higher the first one lies, in the order of the first.
+/// Where two paths cross as seen from the face: how much higher the first one lies, in the order of
+/// the first.
 fn crossings(one: &[DVec3], other: &[DVec3]) -> Vec<f64> {
     let mut found = Vec::new();
     for a in one.windows(2) {
         for b in other.windows(2) {
-            let (d, e, f) = ((a[1] - a[0]).truncate(), (b[1] - b[0]).truncate(), (b[0] - a[0]).truncate());
+            let (d, e, f) =
+                ((a[1] - a[0]).truncate(), (b[1] - b[0]).truncate(), (b[0] - a[0]).truncate());
             let volume = d.perp_dot(e);
             let (s, t) = (f.perp_dot(e) / volume, f.perp_dot(d) / volume);
             if (0.0..1.0).contains(&s) && (0.0..1.0).contains(&t) {
@@ -52,9 +54,11 @@ fn every_loop_hangs_in_the_one_below() {
         for row in 0..courses {
             let (below, above) = (course(row), course(row + 1));
             for wale in 0..wales {
-                let (old, home) = (motif.cell(wale, row), wale + i64::from(motif.cell(wale, row).carried));
+                let (old, home) =
+                    (motif.cell(wale, row), wale + i64::from(motif.cell(wale, row).carried));
                 let new = motif.cell(home, row + 1);
-                let near = (row - 3..=row + 4).flat_map(|row| (home - 3..=home + 3).map(move |wale| (wale, row)));
+                let near = (row - 3..=row + 4)
+                    .flat_map(|row| (home - 3..=home + 3).map(move |wale| (wale, row)));
                 let leans = near.into_iter().any(|(wale, row)| motif.cell(wale, row).carried != 0);
                 if leans {
                     // Loops that lean cross their neighbours too.
@@ -63,15 +67,20 @@ fn every_loop_hangs_in_the_one_below() {
                 let head = path(&below, point(wale, 2), point(wale, 14));
                 let loop_ = path(&above, point(home, 0), point(home + 1, 0));
                 let side = if new.reverse { -1.0 } else { 1.0 };
-                let higher: Vec<bool> = crossings(&loop_, &head).into_iter().map(|height| height * side > 0.0).collect();
-                // Its legs come through the head from behind and its own head and feet lie behind; through a head of the other kind all of it
-                // lies in front, as its kind sees it.
-                let expected = if old.reverse == new.reverse { [false, true, true, false] } else { [true; 4] };
+                let higher: Vec<bool> = crossings(&loop_, &head)
+                    .into_iter()
+                    .map(|height| height * side > 0.0)
+                    .collect();
+                // Its legs come through the head from behind and its own head and feet lie behind;
+                // through a head of the other kind all of it lies in front, as its kind sees it.
+                let expected =
+                    if old.reverse == new.reverse { [false, true, true, false] } else { [true; 4] };
                 assert_eq!(higher, expected, "{name}, wale {wale}, course {row}");
                 places += 1;
             }
         }
-        // All loops of plain knits, ribs and garter; of the cable those between its crossings, where no wale leans.
+        // All loops of plain knits, ribs and garter; of the cable those between its crossings,
+        // where no wale leans.
         let all = wales * courses;
         let least = if name == "cable" { all / 20 } else { all };
         assert!(places >= least, "{name}: {places} of {all} loops were looked at");
@@ -87,7 +96,9 @@ fn a_cable_covers_a_garment_and_a_rectangle() {
     assert!(scene.positions.iter().all(|point| point.is_finite()));
 
     let mesh = |name: &str| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("meshes").join(name);
-    let garment = read(&mesh("skirt_flat.obj"), Some(&mesh("skirt_draped.obj")), &ReadOptions::default()).unwrap();
+    let garment =
+        read(&mesh("skirt_flat.obj"), Some(&mesh("skirt_draped.obj")), &ReadOptions::default())
+            .unwrap();
     let stitches = |fabric: &Fabric| {
         let cloth = Cloth::cover(&garment, fabric).unwrap();
         let mut stitches = 0.0;
@@ -99,7 +110,10 @@ fn a_cable_covers_a_garment_and_a_rectangle() {
         stitches
     };
     // A tricot has two loops on each needle.
-    let tricot = Fabric::named("tricot").unwrap().at_densities(fabric.wales_per_cm, fabric.courses_per_cm).unwrap();
+    let tricot = Fabric::named("tricot")
+        .unwrap()
+        .at_densities(fabric.wales_per_cm, fabric.courses_per_cm)
+        .unwrap();
     let ratio = 2.0 * stitches(&fabric) / stitches(&tricot);
     assert!((ratio - 1.0).abs() < 0.1, "{ratio}");
 }

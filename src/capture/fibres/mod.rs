@@ -1,7 +1,9 @@
-//! Step 6, fibres: how wide they are in a photo, and by how much they are twisted around their yarn.
+//! Step 6, fibres: how wide they are in a photo, and by how much they are twisted around their
+//! yarn.
 //!
-//! In: the photo and where each copy of the cell lies in it ([`Sight`]), and the segments that are seen. Out: a [`Twist`] a segment. All copies of a segment have fibres of their own and the
-//! same twist, so they are traced apart and judged together:
+//! In: the photo and where each copy of the cell lies in it ([`Sight`]), and the segments that are
+//! seen. Out: a [`Twist`] a segment. All copies of a segment have fibres of their own and the same
+//! twist, so they are traced apart and judged together:
 //!
 //! ```text
 //!   photo ─▶ patches ──▶ orientation ─▶ sticks ──▶ trace ─▶ twist
@@ -9,11 +11,13 @@
 //!                        run            over it             explains them
 //! ```
 //!
-//! The photo's own pixels are looked at, whatever the size at which its repeat was found. Source: Wu et al. 2017, section 5, with a structure tensor in place of Gabor filters. Cost: 0.1 s a
+//! The photo's own pixels are looked at, whatever the size at which its repeat was found. Source:
+//! Wu et al. 2017, section 5, with a structure tensor in place of Gabor filters. Cost: 0.1 s a
 //! segment on two cores; [`MOST_PIXELS`] bounds it.
 //!
-//! Not promised: plied yarns, of which the angle is that of what is seen, fibres in plies or plies; fibres under [`Twist::LEAST_PX`] pixels, whose twist is a guess and says so. A fibre's width comes from
-//! how far apart fibres are, as if six tenths of a yarn were fibre.
+//! Not promised: plied yarns, of which the angle is that of what is seen, fibres in plies or plies;
+//! fibres under [`Twist::LEAST_PX`] pixels, whose twist is a guess and says so. A fibre's width
+//! comes from how far apart fibres are, as if six tenths of a yarn were fibre.
 
 mod orientation;
 mod patches;
@@ -37,7 +41,8 @@ pub use twist::Twist;
 /// Pixels of a segment's copies that are looked at, and copies.
 const MOST_PIXELS: f64 = 400_000.0;
 const MOST_COPIES: usize = 48;
-/// The part of a segment's length and width that is looked at: beyond, other yarns begin and sides hide their fibres.
+/// The part of a segment's length and width that is looked at: beyond, other yarns begin and sides
+/// hide their fibres.
 const LOOKED_AT: DVec2 = DVec2::new(0.85, 0.8);
 /// Fibres across a yarn, at least; fewer are plies, or nothing.
 const LEAST_ACROSS: f64 = 5.0;
@@ -51,7 +56,8 @@ pub(super) struct Sight<'a> {
     /// The view's pixels to counts of the lattice, which is in those pixels too.
     pub(super) warp: &'a Warp,
     pub(super) lattice: &'a Lattice,
-    /// Sides of the view, its pixels for each of the photo's, and where the middle of its first one is in the photo.
+    /// Sides of the view, its pixels for each of the photo's, and where the middle of its first one
+    /// is in the photo.
     pub(super) view: DVec2,
     pub(super) scale: f64,
     pub(super) corner: DVec2,
@@ -73,7 +79,8 @@ fn twist(sight: &Sight, segment: &Segment) -> Twist {
     frames.truncate(MOST_COPIES.min(patches::bounded(MOST_PIXELS / (size.x * size.y))));
     let details = patches::details(sight.photo, &frames, &segment.scaled(1.0 / sight.scale), size);
     let Some(across) = orientation::spacing(&details, size.y) else { return Twist::guess(0.0) };
-    let fibres: Vec<Vec<Vec<Stick>>> = details.par_iter().map(|detail| fibres(detail, across, LOOKED_AT * size)).collect();
+    let fibres: Vec<Vec<Vec<Stick>>> =
+        details.par_iter().map(|detail| fibres(detail, across, LOOKED_AT * size)).collect();
     Twist::of(&fibres.concat(), across, whole)
 }
 
@@ -87,6 +94,7 @@ fn fibres(detail: &Plane, spacing: f64, size: DVec2) -> Vec<Vec<Stick>> {
         f32::from(u8::from(is_in))
     });
     let from_middle = |stick: Stick| Stick { middle: stick.middle - middle, ..stick };
-    let sticks = sticks::filled(&mask, |x, y| orientation.way(x, y), STICK * spacing, APART * spacing);
+    let sticks =
+        sticks::filled(&mask, |x, y| orientation.way(x, y), STICK * spacing, APART * spacing);
     trace::traced(&sticks.into_iter().map(from_middle).collect::<Vec<_>>(), STICK * spacing)
 }

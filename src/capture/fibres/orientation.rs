@@ -1,7 +1,9 @@
 //! Where fibres run, and how far apart they lie.
 //!
-//! In: copies of a segment in their own frames. Out: the spacing of fibres across the yarn, of all copies together; and the [`Orientation`] of one. A structure tensor (Bigün and Granlund 1987) of
-//! the copy less its blur: a blur wider than a fibre leaves the fibres, and takes off what remains of the cylinder's shading. The strongest of some Gabor filters, as in the paper, errs by 8 to 17
+//! In: copies of a segment in their own frames. Out: the spacing of fibres across the yarn, of all
+//! copies together; and the [`Orientation`] of one. A structure tensor (Bigün and Granlund 1987) of
+//! the copy less its blur: a blur wider than a fibre leaves the fibres, and takes off what remains
+//! of the cylinder's shading. The strongest of some Gabor filters, as in the paper, errs by 8 to 17
 //! degrees here, this by one or two.
 //!
 //! Not promised: two directions at one place, of which the stronger or their mean is told.
@@ -10,7 +12,8 @@ use glam::DVec2;
 
 use crate::plane::{Plane, double, narrow, whole};
 
-/// Deviation of the blur that is taken off before fibres are measured, as a share of the yarn's width, and after, in widths of a fibre.
+/// Deviation of the blur that is taken off before fibres are measured, as a share of the yarn's
+/// width, and after, in widths of a fibre.
 const COARSE: f64 = 0.1;
 const BLUR: f32 = 0.8;
 /// Deviations before slopes are taken, and of the tensor's blur, in widths of a fibre.
@@ -37,8 +40,13 @@ impl Orientation {
         let sigma = AFTER * fibre;
         let all = gx.zip(&gy, |x, y| x * x + y * y).smoothed(sigma);
         // Fibres run across the slope, which is a half turn of the doubled angle.
-        let share = |part: Plane| part.smoothed(sigma).zip(&all, |part, all| part / all.max(f32::MIN_POSITIVE));
-        Self { along: share(gx.zip(&gy, |x, y| y * y - x * x)), across: share(gx.zip(&gy, |x, y| -2.0 * x * y)) }
+        let share = |part: Plane| {
+            part.smoothed(sigma).zip(&all, |part, all| part / all.max(f32::MIN_POSITIVE))
+        };
+        Self {
+            along: share(gx.zip(&gy, |x, y| y * y - x * x)),
+            across: share(gx.zip(&gy, |x, y| -2.0 * x * y)),
+        }
     }
 
     /// Whether things run one way at a place.
@@ -52,15 +60,19 @@ impl Orientation {
     }
 }
 
-/// How far apart fibres lie across a yarn `width` pixels wide: twice the lag at which they correlate least. Nothing where nothing repeats.
+/// How far apart fibres lie across a yarn `width` pixels wide: twice the lag at which they
+/// correlate least. Nothing where nothing repeats.
 pub(super) fn spacing(details: &[Plane], width: f64) -> Option<f64> {
     let first = details.first()?;
     let reach = whole(narrow(0.5 * width * MIDDLE)).min(first.height / 3);
-    let (top, bottom) =
-        (whole(narrow(0.5 * (1.0 - MIDDLE) * width)), whole(narrow(0.5 * (1.0 + MIDDLE) * width)).min(first.height));
+    let (top, bottom) = (
+        whole(narrow(0.5 * (1.0 - MIDDLE) * width)),
+        whole(narrow(0.5 * (1.0 + MIDDLE) * width)).min(first.height),
+    );
     let mut sums = vec![0.0_f64; reach + 1];
     for detail in details {
-        let sharp = detail.zip(&detail.smoothed(narrow(COARSE * width)), |value, mean| value - mean);
+        let sharp =
+            detail.zip(&detail.smoothed(narrow(COARSE * width)), |value, mean| value - mean);
         for (lag, sum) in sums.iter_mut().enumerate() {
             let rows = (top + lag..bottom).map(|y| {
                 let products = sharp.row(y).iter().zip(sharp.row(y - lag)).map(|(a, b)| a * b);
@@ -96,7 +108,10 @@ mod tests {
             let orientation = Orientation::of(&stripes(degrees, fibre), fibre);
             for (x, y) in [(40, 30), (30, 22), (52, 37)] {
                 let found = orientation.way(x, y).to_angle().to_degrees();
-                assert!(orientation.is_clear(x, y) && (found - f64::from(degrees)).abs() < 1.0, "{degrees}: {found}");
+                assert!(
+                    orientation.is_clear(x, y) && (found - f64::from(degrees)).abs() < 1.0,
+                    "{degrees}: {found}"
+                );
             }
         }
     }

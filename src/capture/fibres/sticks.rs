@@ -1,9 +1,12 @@
 //! Short straight pieces of fibre, spread evenly over a copy of a segment.
 //!
-//! In: a mask of where fibres are seen, and their directions. Out: [`Stick`]s. Farthest-point filling: each stick is put where the distance to the mask's border and to all sticks before is
-//! largest, until none is farther than some distance. Cost: pixels by sticks, at worst; near a stick only.
+//! In: a mask of where fibres are seen, and their directions. Out: [`Stick`]s. Farthest-point
+//! filling: each stick is put where the distance to the mask's border and to all sticks before is
+//! largest, until none is farther than some distance. Cost: pixels by sticks, at worst; near a
+//! stick only.
 //!
-//! Not promised: exact distances to the border. Steps along rows, columns and diagonals make them up to 8 % too long, which moves sticks and no direction.
+//! Not promised: exact distances to the border. Steps along rows, columns and diagonals make them
+//! up to 8 % too long, which moves sticks and no direction.
 
 use glam::DVec2;
 
@@ -17,14 +20,22 @@ pub(super) struct Stick {
     pub(super) way: DVec2,
 }
 
-/// Fills what isn't 0 in the mask with sticks of a length until no place is farther than `apart` from the border and from all of them.
-pub(super) fn filled(mask: &Plane, way: impl Fn(usize, usize) -> DVec2, length: f64, apart: f64) -> Vec<Stick> {
+/// Fills what isn't 0 in the mask with sticks of a length until no place is farther than `apart`
+/// from the border and from all of them.
+pub(super) fn filled(
+    mask: &Plane,
+    way: impl Fn(usize, usize) -> DVec2,
+    length: f64,
+    apart: f64,
+) -> Vec<Stick> {
     let mut distances = distances(mask);
     let mut sticks = Vec::new();
     loop {
-        let farthest =
-            (0..distances.values.len()).max_by(|&a, &b| distances.values[a].total_cmp(&distances.values[b]).then(b.cmp(&a)));
-        let Some(at) = farthest.filter(|&at| f64::from(distances.values[at]) > apart) else { return sticks };
+        let farthest = (0..distances.values.len())
+            .max_by(|&a, &b| distances.values[a].total_cmp(&distances.values[b]).then(b.cmp(&a)));
+        let Some(at) = farthest.filter(|&at| f64::from(distances.values[at]) > apart) else {
+            return sticks;
+        };
         let most = f64::from(distances.values[at]);
         let (x, y) = (at % mask.width, at / mask.width);
         let stick = Stick { middle: DVec2::new(double(x), double(y)), way: way(x, y) };
@@ -64,8 +75,8 @@ fn distances(mask: &Plane) -> Plane {
 /// Lowers distances to those from a stick. None is over `most`.
 fn lower(distances: &mut Plane, stick: &Stick, length: f64, most: f64) {
     let reach = most + 0.5 * length;
-    let [first, last] =
-        [stick.middle - reach, stick.middle + reach].map(|at| at.max(DVec2::ZERO).to_array().map(|at| whole(narrow(at))));
+    let [first, last] = [stick.middle - reach, stick.middle + reach]
+        .map(|at| at.max(DVec2::ZERO).to_array().map(|at| whole(narrow(at))));
     for y in first[1]..(last[1] + 1).min(distances.height) {
         for x in first[0]..(last[0] + 1).min(distances.width) {
             let off = DVec2::new(double(x), double(y)) - stick.middle;
@@ -82,7 +93,8 @@ mod tests {
 
     #[test]
     fn distances_are_to_the_border_and_to_holes() {
-        let distances = distances(&Plane::from_fn(21, 11, |x, y| if (x, y) == (15, 5) { 0.0 } else { 1.0 }));
+        let distances =
+            distances(&Plane::from_fn(21, 11, |x, y| if (x, y) == (15, 5) { 0.0 } else { 1.0 }));
         assert_eq!(
             [(0, 0), (5, 5), (20, 5), (15, 5), (14, 5), (13, 5)].map(|(x, y)| distances.at(x, y)),
             [1.0, 6.0, 1.0, 0.0, 1.0, 2.0]
@@ -104,10 +116,16 @@ mod tests {
             (off - way * off.dot(way).clamp(-6.0, 6.0)).length()
         };
         for (number, stick) in sticks.iter().enumerate() {
-            assert!(sticks[..number].iter().all(|before| apart(stick.middle, before) > 3.0), "{stick:?}");
+            assert!(
+                sticks[..number].iter().all(|before| apart(stick.middle, before) > 3.0),
+                "{stick:?}"
+            );
         }
-        let places = (4..46).flat_map(|y| (4..76).map(move |x| DVec2::new(f64::from(x), f64::from(y))));
-        places.for_each(|place| assert!(sticks.iter().any(|stick| apart(place, stick) <= 3.0 + 1e-5), "{place}"));
+        let places =
+            (4..46).flat_map(|y| (4..76).map(move |x| DVec2::new(f64::from(x), f64::from(y))));
+        places.for_each(|place| {
+            assert!(sticks.iter().any(|stick| apart(place, stick) <= 3.0 + 1e-5), "{place}")
+        });
         assert!(filled(&mask.map(|_| 0.0), |_, _| way, 12.0, 3.0).is_empty());
     }
 }

@@ -1,9 +1,12 @@
 //! Sticks joined to fibres.
 //!
-//! In: [`Stick`]s. Out: chains of them, a fibre each. A stick goes on with the one, within four lengths ahead, to which the way bends least: by the angle from the stick to the line between both,
-//! and by that from the line to the other stick. All pairs compete, those that bend least first, and each stick has one before it and one after it at most.
+//! In: [`Stick`]s. Out: chains of them, a fibre each. A stick goes on with the one, within four
+//! lengths ahead, to which the way bends least: by the angle from the stick to the line between
+//! both, and by that from the line to the other stick. All pairs compete, those that bend least
+//! first, and each stick has one before it and one after it at most.
 //!
-//! Not promised: that a chain stays on one fibre. It may hop to a neighbour that runs the same way, so that its sticks tell more of the direction than the lines between them do: those come from
+//! Not promised: that a chain stays on one fibre. It may hop to a neighbour that runs the same way,
+//! so that its sticks tell more of the direction than the lines between them do: those come from
 //! how the sticks were spread.
 
 use glam::DVec2;
@@ -25,9 +28,11 @@ pub(super) fn traced(sticks: &[Stick], length: f64) -> Vec<Vec<Stick>> {
     for (from, stick) in sticks.iter().enumerate() {
         for (to, other) in sticks.iter().enumerate() {
             let off = other.middle - stick.middle;
-            let is_ahead = off.x > 0.0 && off.length() > NEAREST * length && off.length() <= AHEAD * length;
+            let is_ahead =
+                off.x > 0.0 && off.length() > NEAREST * length && off.length() <= AHEAD * length;
             if is_ahead {
-                let bend = onward(stick.way).angle_to(off).abs() + off.angle_to(onward(other.way)).abs();
+                let bend =
+                    onward(stick.way).angle_to(off).abs() + off.angle_to(onward(other.way)).abs();
                 pairs.push((bend, from, to));
             }
         }
@@ -42,7 +47,13 @@ pub(super) fn traced(sticks: &[Stick], length: f64) -> Vec<Vec<Stick>> {
         }
     }
     let starts = (0..sticks.len()).filter(|&stick| !has_before[stick] && next[stick].is_some());
-    starts.map(|start| std::iter::successors(Some(start), |&stick| next[stick]).map(|stick| sticks[stick]).collect()).collect()
+    starts
+        .map(|start| {
+            std::iter::successors(Some(start), |&stick| next[stick])
+                .map(|stick| sticks[stick])
+                .collect()
+        })
+        .collect()
 }
 
 #[cfg(test)]
@@ -54,7 +65,10 @@ mod tests {
     }
 
     fn middles(sticks: &[Stick]) -> Vec<Vec<DVec2>> {
-        traced(sticks, 10.0).iter().map(|fibre| fibre.iter().map(|stick| stick.middle).collect()).collect()
+        traced(sticks, 10.0)
+            .iter()
+            .map(|fibre| fibre.iter().map(|stick| stick.middle).collect())
+            .collect()
     }
 
     #[test]
@@ -66,12 +80,20 @@ mod tests {
             stick(40.0, 1.0, 2.0),
             stick(10.0, 9.0, -90.0),
         ];
-        assert_eq!(middles(&sticks), [vec![DVec2::ZERO, DVec2::new(20.0, 0.0), DVec2::new(40.0, 1.0)]]);
+        assert_eq!(
+            middles(&sticks),
+            [vec![DVec2::ZERO, DVec2::new(20.0, 0.0), DVec2::new(40.0, 1.0)]]
+        );
     }
 
     #[test]
     fn the_straighter_of_two_goes_on_and_far_ones_do_not() {
-        let sticks = [stick(0.0, 0.0, 0.0), stick(15.0, 1.0, 0.0), stick(15.0, -3.0, 0.0), stick(80.0, 0.0, 0.0)];
+        let sticks = [
+            stick(0.0, 0.0, 0.0),
+            stick(15.0, 1.0, 0.0),
+            stick(15.0, -3.0, 0.0),
+            stick(80.0, 0.0, 0.0),
+        ];
         assert_eq!(middles(&sticks), [vec![DVec2::ZERO, DVec2::new(15.0, 1.0)]]);
         assert!(middles(&sticks[..1]).is_empty());
     }

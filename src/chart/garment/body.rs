@@ -1,7 +1,9 @@
-//! The draped garment as pixels, seen from two sides at right angles to the picture: a depth for each sample hides what lies behind.
+//! The draped garment as pixels, seen from two sides at right angles to the picture: a depth for
+//! each sample hides what lies behind.
 //!
-//! In: panels, a colour for each triangle. Out: a picture, four by four samples a px of the sheet. Cost: linear in triangles and in samples; a triangle
-//! smaller than the distance of samples may be missed, and others stand for it.
+//! In: panels, a colour for each triangle. Out: a picture, four by four samples a px of the sheet.
+//! Cost: linear in triangles and in samples; a triangle smaller than the distance of samples may be
+//! missed, and others stand for it.
 
 use glam::{DVec2, DVec3, UVec2};
 use image::{Rgba, RgbaImage};
@@ -13,7 +15,8 @@ use crate::garment::{Garment, Panel};
 const SAMPLES: u32 = 2;
 /// How bright cloth is that is seen on edge.
 const ON_EDGE: f64 = 0.6;
-/// A garment whose front is under this part of its largest side lies down: it is looked at from that side.
+/// A garment whose front is under this part of its largest side lies down: it is looked at from
+/// that side.
 const THIN: f64 = 0.3;
 
 /// From where the garment is looked at, and what of space is in the picture.
@@ -30,10 +33,14 @@ pub(super) struct View {
     high: DVec2,
 }
 
-/// Front and back; for a garment that lies down, above and below; for one that is thin from the front, left and right.
+/// Front and back; for a garment that lies down, above and below; for one that is thin from the
+/// front, left and right.
 pub(super) fn views(garment: &Garment) -> [View; 2] {
     let points = || garment.panels.iter().flat_map(|panel| panel.draped.iter().copied());
-    let (low, high) = (points().fold(DVec3::INFINITY, DVec3::min), points().fold(DVec3::NEG_INFINITY, DVec3::max));
+    let (low, high) = (
+        points().fold(DVec3::INFINITY, DVec3::min),
+        points().fold(DVec3::NEG_INFINITY, DVec3::max),
+    );
     let extent = high - low;
     let (front, above, left) = (extent.x * extent.y, extent.x * extent.z, extent.y * extent.z);
     let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
@@ -50,7 +57,14 @@ pub(super) fn views(garment: &Garment) -> [View; 2] {
             (ends[0].min(ends[1]), ends[0].max(ends[1]))
         };
         let ((left, right_end), (bottom, top)) = (extent(right), extent(up));
-        View { name, right, up, toward, low: DVec2::new(left, bottom), high: DVec2::new(right_end, top) }
+        View {
+            name,
+            right,
+            up,
+            toward,
+            low: DVec2::new(left, bottom),
+            high: DVec2::new(right_end, top),
+        }
     })
 }
 
@@ -61,7 +75,8 @@ impl View {
         if extent.x > 0.0 { extent.y / extent.x } else { 1.0 }
     }
 
-    /// The garment in the middle of a picture of this size: usable triangles in their colour, flipped ones as `defect`.
+    /// The garment in the middle of a picture of this size: usable triangles in their colour,
+    /// flipped ones as `defect`.
     pub(super) fn paint(
         &self,
         garment: &Garment,
@@ -80,15 +95,23 @@ impl View {
         let middle = (self.low + self.high) / 2.0;
         let place = |p: DVec3| {
             let seen = (DVec2::new(self.right.dot(p), self.up.dot(p)) - middle) * scale;
-            (DVec2::new(seen.x, -seen.y) + samples.as_dvec2() / 2.0).extend(self.toward.dot(p) * scale)
+            (DVec2::new(seen.x, -seen.y) + samples.as_dvec2() / 2.0)
+                .extend(self.toward.dot(p) * scale)
         };
         for panel in &garment.panels {
             let usable = panel.triangles.iter().map(|&corners| (corners, color(panel, corners)));
-            for (corners, color) in usable.chain(panel.flipped.iter().map(|&corners| (corners, defect))) {
+            for (corners, color) in
+                usable.chain(panel.flipped.iter().map(|&corners| (corners, defect)))
+            {
                 let draped = corners.map(|vertex| panel.draped[vertex as usize]);
-                let normal = (draped[1] - draped[0]).cross(draped[2] - draped[0]).normalize_or_zero();
+                let normal =
+                    (draped[1] - draped[0]).cross(draped[2] - draped[0]).normalize_or_zero();
                 let light = ON_EDGE + (1.0 - ON_EDGE) * normal.dot(self.toward).abs();
-                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a darker byte is a byte")]
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "a darker byte is a byte"
+                )]
                 let shade = color.0.map(|byte| (f64::from(byte) * light).round() as u8);
                 film.fill(draped.map(place), shade);
             }
@@ -114,17 +137,28 @@ impl Film {
         }
         let (low, high) = (a.min(b).min(c), a.max(b).max(c));
         // Sample (x, y) lies at (x + .5, y + .5).
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "`as` saturates, and the picture ends it")]
-        let range = |low: f64, high: f64, end: u32| ((low - 0.5).ceil().max(0.0) as u32)..((high + 0.5).floor() as u32).min(end);
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "`as` saturates, and the picture ends it"
+        )]
+        let range = |low: f64, high: f64, end: u32| {
+            ((low - 0.5).ceil().max(0.0) as u32)..((high + 0.5).floor() as u32).min(end)
+        };
         for y in range(low.y, high.y, self.size.y) {
             for x in range(low.x, high.x, self.size.x) {
                 let p = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-                let weight = |from: DVec3, to: DVec3| (to.truncate() - from.truncate()).perp_dot(p - from.truncate()) / area;
+                let weight = |from: DVec3, to: DVec3| {
+                    (to.truncate() - from.truncate()).perp_dot(p - from.truncate()) / area
+                };
                 let (of_c, of_a, of_b) = (weight(a, b), weight(b, c), weight(c, a));
                 if of_a < 0.0 || of_b < 0.0 || of_c < 0.0 {
                     continue;
                 }
-                #[expect(clippy::cast_possible_truncation, reason = "a depth in samples needs no more")]
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    reason = "a depth in samples needs no more"
+                )]
                 let depth = (of_a * a.z + of_b * b.z + of_c * c.z) as f32;
                 let at = (y * self.size.x + x) as usize;
                 if depth > self.depths[at] {
@@ -144,10 +178,14 @@ impl Film {
                 let at = (y * self.size.x + x) as usize;
                 if self.depths[at] > f32::NEG_INFINITY {
                     covered += 1;
-                    sum.iter_mut().zip(self.colors[at]).for_each(|(sum, byte)| *sum += u32::from(byte));
+                    sum.iter_mut()
+                        .zip(self.colors[at])
+                        .for_each(|(sum, byte)| *sum += u32::from(byte));
                 }
             }
-            let byte = |sum: u32, count: u32| u8::try_from((sum + count / 2) / count.max(1)).expect("a mean of bytes is a byte");
+            let byte = |sum: u32, count: u32| {
+                u8::try_from((sum + count / 2) / count.max(1)).expect("a mean of bytes is a byte")
+            };
             let [r, g, b] = sum.map(|sum| byte(sum, covered));
             Rgba([r, g, b, byte(covered * 255, SAMPLES * SAMPLES)])
         })
@@ -176,23 +214,37 @@ mod tests {
         let [front, back] = views(&garment);
         assert_eq!((front.name, back.name, front.aspect()), ("front", "back", 1.0));
         let color = |panel: &Panel, _: [u32; 3]| if panel.size().x > 6.0 { RED } else { BLUE };
-        let at = |view: &View, x| view.paint(&garment, UVec2::splat(40), &color, RED).get_pixel(x, 20).0;
+        let at =
+            |view: &View, x| view.paint(&garment, UVec2::splat(40), &color, RED).get_pixel(x, 20).0;
         assert_eq!([at(&front, 10), at(&front, 30)], [[255, 0, 0, 255], [0, 0, 255, 255]]);
         assert_eq!([at(&back, 10), at(&back, 30)], [[255, 0, 0, 255]; 2]);
         let wide = front.paint(&garment, UVec2::new(60, 40), &color, RED);
-        assert_eq!([8, 12, 48, 52].map(|x| wide.get_pixel(x, 20).0[3]), [0, 255, 255, 0], "in the middle of the picture");
+        assert_eq!(
+            [8, 12, 48, 52].map(|x| wide.get_pixel(x, 20).0[3]),
+            [0, 255, 255, 0],
+            "in the middle of the picture"
+        );
     }
 
     #[test]
     fn what_lies_down_is_seen_from_above() {
         let mut garment = two_squares();
-        garment.panels.iter_mut().flat_map(|panel| &mut panel.draped).for_each(|p| *p = DVec3::new(p.x, p.z / 9.0, -p.y));
+        garment
+            .panels
+            .iter_mut()
+            .flat_map(|panel| &mut panel.draped)
+            .for_each(|p| *p = DVec3::new(p.x, p.z / 9.0, -p.y));
         let [above, below] = views(&garment);
         assert_eq!((above.name, below.name), ("above", "below"));
         let color = |panel: &Panel, _: [u32; 3]| if panel.size().x > 6.0 { RED } else { BLUE };
-        let at = |view: &View, x| view.paint(&garment, UVec2::splat(40), &color, RED).get_pixel(x, 20).0;
+        let at =
+            |view: &View, x| view.paint(&garment, UVec2::splat(40), &color, RED).get_pixel(x, 20).0;
         assert_eq!([at(&above, 30), at(&below, 30)], [[0, 0, 255, 255], [255, 0, 0, 255]]);
-        garment.panels.iter_mut().flat_map(|panel| &mut panel.draped).for_each(|p| *p = DVec3::new(p.y, p.x, p.z));
+        garment
+            .panels
+            .iter_mut()
+            .flat_map(|panel| &mut panel.draped)
+            .for_each(|p| *p = DVec3::new(p.y, p.x, p.z));
         assert_eq!(views(&garment)[0].name, "left");
     }
 
@@ -203,7 +255,10 @@ mod tests {
         garment.panels[0].flipped.push(flipped);
         let [front, _] = views(&garment);
         let picture = front.paint(&garment, UVec2::splat(40), &|_, _| RED, BLUE);
-        assert_eq!([picture.get_pixel(30, 30).0, picture.get_pixel(10, 10).0], [[255, 0, 0, 255], [0, 0, 255, 255]]);
+        assert_eq!(
+            [picture.get_pixel(30, 30).0, picture.get_pixel(10, 10).0],
+            [[255, 0, 0, 255], [0, 0, 255, 255]]
+        );
         garment.panels[0].draped.iter_mut().for_each(|p| p.z = p.x);
         let picture = front.paint(&garment, UVec2::splat(40), &|_, _| RED, BLUE);
         let expected = 255.0 * (ON_EDGE + (1.0 - ON_EDGE) / 2.0_f64.sqrt());

@@ -1,7 +1,9 @@
 //! Which stretch has which colour: blue below 1, red above, light grey at 1.
 //!
-//! The colours are Moreland's diverging map ("Diverging Color Maps for Scientific Visualization", 2009): made for surfaces with shading, with a middle that is
-//! seen on white paper, and with ends that colour-blind people tell apart. The scale is logarithmic, so half and double are equally far from 1.
+//! The colours are Moreland's diverging map ("Diverging Color Maps for Scientific Visualization",
+//! 2009): made for surfaces with shading, with a middle that is seen on white paper, and with ends
+//! that colour-blind people tell apart. The scale is logarithmic, so half and double are equally
+//! far from 1.
 
 use crate::fabric::yarn::Color;
 
@@ -30,7 +32,8 @@ pub(super) struct Colors {
 impl Colors {
     /// The narrowest scale that holds all of these stretches, or the widest.
     pub(super) fn over(stretches: &[f64]) -> Self {
-        let holds = |end: &&f64| stretches.iter().all(|stretch| (1.0 / **end..=**end).contains(stretch));
+        let holds =
+            |end: &&f64| stretches.iter().all(|stretch| (1.0 / **end..=**end).contains(stretch));
         Self { end: *ENDS.iter().find(holds).unwrap_or(&ENDS[ENDS.len() - 1]) }
     }
 
@@ -43,10 +46,18 @@ impl Colors {
         let steps = (MAP.len() - 1) as f64;
         // A collapsed triangle has no logarithm but minus infinity, which the clamp takes.
         let along = (place.clamp(-1.0, 1.0) + 1.0) / 2.0 * steps;
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the map, as clamped above")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "within the map, as clamped above"
+        )]
         let below = (along.floor() as usize).min(MAP.len() - 2);
         let share = along - below as f64;
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a mean of two bytes is a byte")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a mean of two bytes is a byte"
+        )]
         let mixed = |channel: usize| {
             let [from, to] = [below, below + 1].map(|step| f64::from(MAP[step][channel]));
             (from + (to - from) * share).round() as u8

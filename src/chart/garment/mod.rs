@@ -1,8 +1,10 @@
-//! The sheet of a garment: its flat panels as cut at the left, at the right the draped garment, painted by how far it is stretched.
+//! The sheet of a garment: its flat panels as cut at the left, at the right the draped garment,
+//! painted by how far it is stretched.
 //!
-//! In: a [`Garment`]. Out: a [`Drawing`] of one width, as high as the draped garment's shape asks for. Panels are lines ([`pattern`]); the draped garment is
-//! pixels ([`body`]): as shapes, a mesh of a hundred thousand triangles would be ten megabytes, and hidden ones would show wherever triangles cross.
-//! [`colors`] says which stretch has which colour.
+//! In: a [`Garment`]. Out: a [`Drawing`] of one width, as high as the draped garment's shape asks
+//! for. Panels are lines ([`pattern`]); the draped garment is pixels ([`body`]): as shapes, a mesh
+//! of a hundred thousand triangles would be ten megabytes, and hidden ones would show wherever
+//! triangles cross. [`colors`] says which stretch has which colour.
 //!
 //! ```text
 //!   title, units
@@ -22,9 +24,13 @@ use image::{Rgba, RgbaImage};
 use rayon::prelude::*;
 
 use super::png::SCALE;
-use super::{Anchor, Drawing, FAINT, HEADING, INK, Layer, MARGIN, Piece, Shape, TextSize, label, shortened};
+use super::{
+    Anchor, Drawing, FAINT, HEADING, INK, Layer, MARGIN, Piece, Shape, TextSize, label, shortened,
+};
 use crate::fabric::yarn::Color;
-use crate::garment::stretch::{Percentiles, TriangleStretch, percentiles, stretch, triangle, triangles};
+use crate::garment::stretch::{
+    Percentiles, TriangleStretch, percentiles, stretch, triangle, triangles,
+};
 use crate::garment::{Facts, Garment, Panel};
 use body::{View, views};
 use colors::Colors;
@@ -54,13 +60,22 @@ pub(super) fn draw(title: &str, garment: &Garment) -> Drawing {
     let top = MARGIN + HEADING;
     let size = DVec2::new(3.0 * MARGIN + PATTERN + 2.0 * MAP + GAP, top + maps + LEGEND + MARGIN);
 
-    let line =
-        |y: f64, text: &str, size| Shape::Text { at: DVec2::new(MARGIN, y), text: shortened(text), size, anchor: Anchor::Start };
+    let line = |y: f64, text: &str, size| Shape::Text {
+        at: DVec2::new(MARGIN, y),
+        text: shortened(text),
+        size,
+        anchor: Anchor::Start,
+    };
     let mut layers = vec![
         layer("title", INK, vec![line(MARGIN + 14.0, title, TextSize::Title)]),
         layer("facts", FAINT, vec![line(MARGIN + 34.0, &facts(garment), TextSize::Small)]),
     ];
-    layers.extend(pattern::draw(garment, DVec2::new(MARGIN, top), DVec2::new(PATTERN, maps), LEGEND));
+    layers.extend(pattern::draw(
+        garment,
+        DVec2::new(MARGIN, top),
+        DVec2::new(PATTERN, maps),
+        LEGEND,
+    ));
     let colors = Colors::over(&spread(&garment.panels));
     let corner = DVec2::new(2.0 * MARGIN + PATTERN, top);
     layers.extend(maps_of(garment, &views, &colors, corner, DVec2::new(MAP, height)));
@@ -100,11 +115,27 @@ struct Direction {
 }
 
 /// A row of maps for each direction: both sides of the draped garment.
-fn maps_of(garment: &Garment, views: &[View; 2], colors: &Colors, corner: DVec2, size: DVec2) -> Vec<Layer> {
+fn maps_of(
+    garment: &Garment,
+    views: &[View; 2],
+    colors: &Colors,
+    corner: DVec2,
+    size: DVec2,
+) -> Vec<Layer> {
     let (warp, weft) = stretch(garment);
     let rows = [
-        Direction { name: "warp", meaning: "along the wales", of: |one| one.warp, percentiles: warp },
-        Direction { name: "weft", meaning: "along the courses", of: |one| one.weft, percentiles: weft },
+        Direction {
+            name: "warp",
+            meaning: "along the wales",
+            of: |one| one.warp,
+            percentiles: warp,
+        },
+        Direction {
+            name: "weft",
+            meaning: "along the courses",
+            of: |one| one.weft,
+            percentiles: weft,
+        },
     ];
     // The upper left corner of a row's caption.
     let place = |row: usize| corner + DVec2::new(0.0, row as f64 * (CAPTION + size.y + NAMES));
@@ -119,12 +150,17 @@ fn maps_of(garment: &Garment, views: &[View; 2], colors: &Colors, corner: DVec2,
     };
     let mut layers: Vec<Layer> = (0..2 * rows.len()).into_par_iter().map(paint).collect();
     let (mut captions, mut names) = (Vec::new(), Vec::new());
-    for (row, Direction { name, meaning, percentiles: [low, middle, high], .. }) in rows.iter().enumerate() {
+    for (row, Direction { name, meaning, percentiles: [low, middle, high], .. }) in
+        rows.iter().enumerate()
+    {
         let at = place(row) + DVec2::new(0.0, 12.0);
-        let text = format!("stretch {meaning} ({name}); 5/50/95 % of the cloth: {low:.3} {middle:.3} {high:.3}");
+        let text = format!(
+            "stretch {meaning} ({name}); 5/50/95 % of the cloth: {low:.3} {middle:.3} {high:.3}"
+        );
         captions.push(Shape::Text { at, text, size: TextSize::Normal, anchor: Anchor::Start });
         for (side, view) in views.iter().enumerate() {
-            let below = at + DVec2::new((side as f64 + 0.5) * MAP + side as f64 * GAP, CAPTION + size.y + 2.0);
+            let below = at
+                + DVec2::new((side as f64 + 0.5) * MAP + side as f64 * GAP, CAPTION + size.y + 2.0);
             names.push(label(below, view.name.to_owned(), Anchor::Middle));
         }
     }
@@ -142,8 +178,10 @@ fn legend(colors: &Colors, defects: bool, corner: DVec2) -> Layer {
         Rgba([r, g, b, 255])
     });
     let words = "draped over flat length, 1 is unstretched; the ends stand for all beyond; darker where the cloth turns away";
-    let mut shapes =
-        vec![label(corner + DVec2::new(0.0, 12.0), words.to_owned(), Anchor::Start), Shape::Picture { at, picture: bar }];
+    let mut shapes = vec![
+        label(corner + DVec2::new(0.0, 12.0), words.to_owned(), Anchor::Start),
+        Shape::Picture { at, picture: bar },
+    ];
     for (place, stretch) in colors.marks() {
         let below = at + DVec2::new((place + 1.0) / 2.0 * BAR.x, BAR.y + 14.0);
         shapes.push(label(below, stretch, Anchor::Middle));
@@ -151,7 +189,10 @@ fn legend(colors: &Colors, defects: bool, corner: DVec2) -> Layer {
     if defects {
         let [r, g, b] = DEFECT.0;
         let at = at + DVec2::new(BAR.x + 40.0, 0.0);
-        shapes.push(Shape::Picture { at, picture: RgbaImage::from_pixel(28, pixels.y, Rgba([r, g, b, 255])) });
+        shapes.push(Shape::Picture {
+            at,
+            picture: RgbaImage::from_pixel(28, pixels.y, Rgba([r, g, b, 255])),
+        });
         shapes.push(label(at + DVec2::new(20.0, 11.0), "flipped".to_owned(), Anchor::Start));
     }
     layer("legend", INK, shapes)

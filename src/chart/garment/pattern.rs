@@ -1,9 +1,13 @@
-//! The flat panels of a garment, side by side at one scale: outline, number, size, and an arrow along the wales.
+//! The flat panels of a garment, side by side at one scale: outline, number, size, and an arrow
+//! along the wales.
 //!
-//! In: panels. Out: layers of a drawing. A panel lies as in the flat file, seen from its technical face, so a mirrored one is turned over, and so its arrow leans where
-//! the grain was turned. Its outline is made of the edges that one triangle alone has. Panels fill rows from the highest to the lowest.
+//! In: panels. Out: layers of a drawing. A panel lies as in the flat file, seen from its technical
+//! face, so a mirrored one is turned over, and so its arrow leans where the grain was turned. Its
+//! outline is made of the edges that one triangle alone has. Panels fill rows from the highest to
+//! the lowest.
 //!
-//! Not promised: more than [`MOST`] panels (a line says how many smaller ones are left out), and the closest packing.
+//! Not promised: more than [`MOST`] panels (a line says how many smaller ones are left out), and
+//! the closest packing.
 
 use std::collections::HashMap;
 
@@ -53,22 +57,38 @@ struct Placed<'a> {
     scale: f64,
 }
 
-/// Layers of the panels in a box of `room` at `corner`, with the scale bar in the strip of `strip` px below it.
+/// Layers of the panels in a box of `room` at `corner`, with the scale bar in the strip of `strip`
+/// px below it.
 pub(super) fn draw(garment: &Garment, corner: DVec2, room: DVec2, strip: f64) -> Vec<Layer> {
-    let mut pieces: Vec<_> = garment.panels.iter().enumerate().map(|(number, panel)| Cut::new(number, panel)).collect();
-    pieces.sort_by(|a, b| garment.panels[b.number].area().total_cmp(&garment.panels[a.number].area()));
+    let mut pieces: Vec<_> =
+        garment.panels.iter().enumerate().map(|(number, panel)| Cut::new(number, panel)).collect();
+    pieces.sort_by(|a, b| {
+        garment.panels[b.number].area().total_cmp(&garment.panels[a.number].area())
+    });
     let left_out = pieces.len().saturating_sub(MOST);
     pieces.truncate(MOST);
     pieces.sort_by(|a, b| b.size.y.total_cmp(&a.size.y).then(a.number.cmp(&b.number)));
     let (scale, places) = packed(&pieces, room);
-    let placed: Vec<_> = pieces.iter().zip(places).map(|(piece, at)| Placed { piece, at: corner + at, scale }).collect();
+    let placed: Vec<_> = pieces
+        .iter()
+        .zip(places)
+        .map(|(piece, at)| Placed { piece, at: corner + at, scale })
+        .collect();
 
-    let mut layers = vec![layer("cloth", CLOTH, placed.iter().map(|placed| Shape::Area { pieces: placed.outline() }).collect())];
+    let mut layers = vec![layer(
+        "cloth",
+        CLOTH,
+        placed.iter().map(|placed| Shape::Area { pieces: placed.outline() }).collect(),
+    )];
     let mut words = Vec::new();
     for placed in &placed {
         let (number, panel) = (placed.piece.number, &garment.panels[placed.piece.number]);
         layers.extend(placed.defects(panel));
-        layers.push(layer(&format!("panel-{number}"), INK, vec![Shape::Path { pieces: placed.outline(), width: OUTLINE }]));
+        layers.push(layer(
+            &format!("panel-{number}"),
+            INK,
+            vec![Shape::Path { pieces: placed.outline(), width: OUTLINE }],
+        ));
         layers.push(layer(
             &format!("grain-{number}"),
             GRAIN,
@@ -88,8 +108,16 @@ impl Cut {
         let low = points.iter().copied().fold(DVec2::INFINITY, DVec2::min);
         let size = points.iter().copied().fold(DVec2::NEG_INFINITY, DVec2::max) - low;
         let mirrored = if panel.mirrored { ", mirrored" } else { "" };
-        let words = [format!("panel {number}{mirrored}"), format!("{:.0} \u{d7} {:.0} mm", size.x, size.y)];
-        Self { number, points, low, size, outlines: loops(&edges(panel, |count| count == 1)), words }
+        let words =
+            [format!("panel {number}{mirrored}"), format!("{:.0} \u{d7} {:.0} mm", size.x, size.y)];
+        Self {
+            number,
+            points,
+            low,
+            size,
+            outlines: loops(&edges(panel, |count| count == 1)),
+            words,
+        }
     }
 
     /// The room it takes, px.
@@ -99,19 +127,26 @@ impl Cut {
     }
 }
 
-/// The edges that as many triangles have as `wanted` says, flipped ones included, in the order of the triangles.
+/// The edges that as many triangles have as `wanted` says, flipped ones included, in the order of
+/// the triangles.
 fn edges(panel: &Panel, wanted: impl Fn(u32) -> bool) -> Vec<[u32; 2]> {
-    let all = || panel.triangles.iter().chain(&panel.flipped).flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
+    let all = || {
+        panel.triangles.iter().chain(&panel.flipped).flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]])
+    };
     let key = |[a, b]: [u32; 2]| [a.min(b), a.max(b)];
     let mut counts: HashMap<[u32; 2], u32> = HashMap::new();
     all().for_each(|edge| *counts.entry(key(edge)).or_default() += 1);
     // Each but once: what is taken is forgotten.
     all()
-        .filter(|&edge| counts.get(&key(edge)).is_some_and(|&count| wanted(count)) && counts.remove(&key(edge)).is_some())
+        .filter(|&edge| {
+            counts.get(&key(edge)).is_some_and(|&count| wanted(count))
+                && counts.remove(&key(edge)).is_some()
+        })
         .collect()
 }
 
-/// Edges put together to lines, each going on where an edge is left at its end. Of a border every line comes back to its start.
+/// Edges put together to lines, each going on where an edge is left at its end. Of a border every
+/// line comes back to its start.
 fn loops(edges: &[[u32; 2]]) -> Vec<Vec<u32>> {
     let mut at: HashMap<u32, Vec<usize>> = HashMap::new();
     for (number, [a, b]) in edges.iter().enumerate().rev() {
@@ -141,7 +176,8 @@ fn loops(edges: &[[u32; 2]]) -> Vec<Vec<u32>> {
     loops
 }
 
-/// The largest scale at which the pieces' cells fill rows within the room, and where each piece lies in it.
+/// The largest scale at which the pieces' cells fill rows within the room, and where each piece
+/// lies in it.
 fn packed(pieces: &[Cut], room: DVec2) -> (f64, Vec<DVec2>) {
     let largest = pieces.iter().map(|piece| piece.size).fold(DVec2::ZERO, DVec2::max);
     let mut fits = (0.0, rows(pieces, 0.0, room.x).0);
@@ -188,11 +224,14 @@ impl Placed<'_> {
     }
 
     fn outline(&self) -> Vec<Piece> {
-        let line = |vertices: &Vec<u32>| closed(&vertices.iter().map(|&vertex| self.vertex(vertex)).collect::<Vec<_>>());
+        let line = |vertices: &Vec<u32>| {
+            closed(&vertices.iter().map(|&vertex| self.vertex(vertex)).collect::<Vec<_>>())
+        };
         self.piece.outlines.iter().flat_map(line).collect()
     }
 
-    /// Flipped triangles, each with a dot so that the smallest is seen, and edges of more than two triangles.
+    /// Flipped triangles, each with a dot so that the smallest is seen, and edges of more than two
+    /// triangles.
     fn defects(&self, panel: &Panel) -> Vec<Layer> {
         let mut layers = Vec::new();
         if !panel.flipped.is_empty() {
@@ -205,8 +244,15 @@ impl Placed<'_> {
         }
         let knots = edges(panel, |count| count > 2);
         if !knots.is_empty() {
-            let pieces = knots.iter().flat_map(|&[a, b]| [Piece::Move(self.vertex(a)), Piece::Line(self.vertex(b))]).collect();
-            layers.push(layer(&format!("non-manifold-{}", self.piece.number), DEFECT, vec![Shape::Path { pieces, width: 4.0 }]));
+            let pieces = knots
+                .iter()
+                .flat_map(|&[a, b]| [Piece::Move(self.vertex(a)), Piece::Line(self.vertex(b))])
+                .collect();
+            layers.push(layer(
+                &format!("non-manifold-{}", self.piece.number),
+                DEFECT,
+                vec![Shape::Path { pieces, width: 4.0 }],
+            ));
         }
         layers
     }
@@ -218,18 +264,29 @@ impl Placed<'_> {
         let (middle, length) = (0.5 * (tail + tip), (tip - tail).length());
         let along = DVec2::new(along.x, -along.y);
         let half = along * 0.5 * (ARROW * length).clamp(SHORTEST, LONGEST);
-        let head = |side: f64| middle + half - (along + side * 0.5 * along.perp()) * HEAD.min(0.8 * half.length());
+        let head = |side: f64| {
+            middle + half - (along + side * 0.5 * along.perp()) * HEAD.min(0.8 * half.length())
+        };
         let tip = middle + half;
-        vec![Piece::Move(middle - half), Piece::Line(tip), Piece::Move(head(1.0)), Piece::Line(tip), Piece::Line(head(-1.0))]
+        vec![
+            Piece::Move(middle - half),
+            Piece::Line(tip),
+            Piece::Move(head(1.0)),
+            Piece::Line(tip),
+            Piece::Line(head(-1.0)),
+        ]
     }
 
-    /// The longest way in a direction that stays on the cloth, mm, of some ways across the piece; those near its middle count as longer.
+    /// The longest way in a direction that stays on the cloth, mm, of some ways across the piece;
+    /// those near its middle count as longer.
     fn longest_chord(&self, along: DVec2) -> [DVec2; 2] {
         const WAYS: i32 = 4;
         let Cut { points, outlines, low, size, .. } = self.piece;
         let across = -along.perp();
         let sides = points.iter().map(|p| across.dot(*p));
-        let (left, right) = sides.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| (low.min(at), high.max(at)));
+        let (left, right) = sides.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| {
+            (low.min(at), high.max(at))
+        });
         let mut best = ([*low + 0.5 * *size; 2], 0.0);
         for way in -WAYS..=WAYS {
             let aside = f64::from(way) / f64::from(WAYS);
@@ -238,7 +295,8 @@ impl Placed<'_> {
             let mut heights: Vec<f64> = Vec::new();
             for line in outlines {
                 for (end, &b) in line.iter().enumerate() {
-                    let [a, b] = [line[(end + line.len() - 1) % line.len()], b].map(|vertex| points[vertex as usize]);
+                    let [a, b] = [line[(end + line.len() - 1) % line.len()], b]
+                        .map(|vertex| points[vertex as usize]);
                     let (here, there) = (across.dot(a) - at, across.dot(b) - at);
                     if (here < 0.0) != (there < 0.0) {
                         heights.push(along.dot(a + (b - a) * (here / (here - there))));
@@ -259,19 +317,28 @@ impl Placed<'_> {
     fn words(&self) -> [Shape; 2] {
         let Cut { size, words: [name, extent], .. } = self.piece;
         let below = self.at + DVec2::new(0.5 * size.x, size.y) * self.scale;
-        let line = |down: f64, text: &str| label(below + DVec2::new(0.0, down), text.to_owned(), Anchor::Middle);
+        let line = |down: f64, text: &str| {
+            label(below + DVec2::new(0.0, down), text.to_owned(), Anchor::Middle)
+        };
         [line(18.0, name), line(31.0, extent)]
     }
 }
 
-/// A round length at the panels' scale above `corner`, what the arrows mean, and how many panels are left out.
+/// A round length at the panels' scale above `corner`, what the arrows mean, and how many panels
+/// are left out.
 fn scale_bar(scale: f64, corner: DVec2, left_out: usize) -> Vec<Layer> {
     let longest = SCALE_BAR / scale.max(f64::MIN_POSITIVE);
     let decade = 10.0_f64.powf(longest.log10().floor());
-    let length = [5.0, 2.0, 1.0].map(|times| times * decade).into_iter().find(|length| *length <= longest).unwrap_or(decade);
-    let (from, to) = (corner + DVec2::new(1.0, -20.0), corner + DVec2::new(1.0 + length * scale, -20.0));
+    let length = [5.0, 2.0, 1.0]
+        .map(|times| times * decade)
+        .into_iter()
+        .find(|length| *length <= longest)
+        .unwrap_or(decade);
+    let (from, to) =
+        (corner + DVec2::new(1.0, -20.0), corner + DVec2::new(1.0 + length * scale, -20.0));
     let up = DVec2::new(0.0, 5.0);
-    let mut pieces = vec![Piece::Move(from - up), Piece::Line(from + up), Piece::Move(from), Piece::Line(to)];
+    let mut pieces =
+        vec![Piece::Move(from - up), Piece::Line(from + up), Piece::Move(from), Piece::Line(to)];
     pieces.extend([Piece::Move(to - up), Piece::Line(to + up)]);
     let mut words = vec![label(to + DVec2::new(8.0, 4.0), format!("{length} mm"), Anchor::Start)];
     let meaning = "seen from the technical face; arrows: along the wales (warp)";
@@ -280,7 +347,10 @@ fn scale_bar(scale: f64, corner: DVec2, left_out: usize) -> Vec<Layer> {
         let text = format!("{left_out} smaller panels are left out");
         words.push(label(corner + DVec2::new(0.0, -56.0), text, Anchor::Start));
     }
-    vec![layer("scale-bar", INK, vec![Shape::Path { pieces, width: OUTLINE }]), layer("scale", FAINT, words)]
+    vec![
+        layer("scale-bar", INK, vec![Shape::Path { pieces, width: OUTLINE }]),
+        layer("scale", FAINT, words),
+    ]
 }
 
 #[cfg(test)]
@@ -302,22 +372,43 @@ mod tests {
         let piece = Cut::new(0, &panel);
         let placed = Placed { piece: &piece, at: DVec2::ZERO, scale: 1.0 };
         let [a, b] = placed.longest_chord(DVec2::Y);
-        assert!((a.x - b.x).abs() < 1e-9 && !(1.0..=2.0).contains(&a.x) && (b.y - a.y - 3.0).abs() < 1e-9, "{a} {b}");
+        assert!(
+            (a.x - b.x).abs() < 1e-9
+                && !(1.0..=2.0).contains(&a.x)
+                && (b.y - a.y - 3.0).abs() < 1e-9,
+            "{a} {b}"
+        );
     }
 
     #[test]
     fn cells_fill_the_room_and_none_lies_on_another() {
-        let sizes = [(300.0, 500.0), (280.0, 500.0), (40.0, 200.0), (500.0, 90.0), (3.0, 3.0), (320.0, 140.0)];
+        let sizes = [
+            (300.0, 500.0),
+            (280.0, 500.0),
+            (40.0, 200.0),
+            (500.0, 90.0),
+            (3.0, 3.0),
+            (320.0, 140.0),
+        ];
         let panel = |(width, height)| Garment::rectangle(width, height).panels.remove(0);
-        let pieces: Vec<_> = sizes.into_iter().enumerate().map(|(number, size)| Cut::new(number, &panel(size))).collect();
+        let pieces: Vec<_> = sizes
+            .into_iter()
+            .enumerate()
+            .map(|(number, size)| Cut::new(number, &panel(size)))
+            .collect();
         let room = DVec2::new(700.0, 500.0);
         let (scale, places) = packed(&pieces, room);
         assert!(scale > 0.3, "{scale}");
-        let boxes: Vec<_> =
-            pieces.iter().zip(&places).map(|(piece, at)| (*at, *at + piece.size * scale + DVec2::new(0.0, WORDS))).collect();
+        let boxes: Vec<_> = pieces
+            .iter()
+            .zip(&places)
+            .map(|(piece, at)| (*at, *at + piece.size * scale + DVec2::new(0.0, WORDS)))
+            .collect();
         for (number, (low, high)) in boxes.iter().enumerate() {
             assert!(low.cmpge(DVec2::ZERO).all() && high.cmple(room).all());
-            let apart = |(l, h): &(DVec2, DVec2)| high.x <= l.x || h.x <= low.x || high.y <= l.y || h.y <= low.y;
+            let apart = |(l, h): &(DVec2, DVec2)| {
+                high.x <= l.x || h.x <= low.x || high.y <= l.y || h.y <= low.y
+            };
             assert!(boxes[..number].iter().all(apart));
         }
     }
@@ -332,6 +423,8 @@ mod tests {
         let arrow = placed.arrow(garment.panels[0].grain());
         let (tail, tip) = (arrow[0].end(), arrow[1].end());
         // Down the sheet is +y; counter-clockwise is to the left.
-        assert!(((tip - tail).normalize() - DVec2::new(-0.5_f64.sin(), -0.5_f64.cos())).length() < 1e-9);
+        assert!(
+            ((tip - tail).normalize() - DVec2::new(-0.5_f64.sin(), -0.5_f64.cos())).length() < 1e-9
+        );
     }
 }

@@ -21,8 +21,8 @@ use super::config::{self, Trouble};
 #[cfg(feature = "view")]
 use super::values::picture;
 use super::values::{
-    EdgeArg, MappingArg, RendererArg, ShapeArg, SwitchArg, ViewArg, diagram, field_of_view, figures, finite, flattening, output,
-    positive, samples, size, vector,
+    EdgeArg, MappingArg, RendererArg, ShapeArg, SwitchArg, ViewArg, diagram, field_of_view,
+    figures, finite, flattening, output, positive, samples, size, vector,
 };
 
 /// The largest side of a picture.
@@ -88,8 +88,7 @@ impl Arguments {
         if let Command::Inspect(inspect) = &self.command
             && inspect.is_ambiguous()
         {
-            let message =
-                "-o draws a fabric's diagram or a garment's sheet: give it with one of them, or inspect both without -o";
+            let message = "-o draws a fabric's diagram or a garment's sheet: give it with one of them, or inspect both without -o";
             Self::command().error(ErrorKind::ArgumentConflict, message).exit();
         }
     }
@@ -187,10 +186,12 @@ Examples:
 
 #[derive(Args, Debug)]
 pub(crate) struct Drape {
-    /// The flat pattern; or one file whose positions are draped and whose vt is the flat pattern, or a folder of frames of which the first is such a file
+    /// The flat pattern; or one file whose positions are draped and whose vt is the flat pattern,
+    /// or a folder of frames of which the first is such a file
     #[arg(value_name = "FLAT.obj|GARMENT.obj")]
     pub(crate) flat: PathBuf,
-    /// The same faces, draped; or the frames of a drape sequence: files, folders of them, or patterns such as 'frames/*.obj'
+    /// The same faces, draped; or the frames of a drape sequence: files, folders of them, or
+    /// patterns such as 'frames/*.obj'
     #[arg(value_name = "DRAPED.obj")]
     pub(crate) draped: Vec<PathBuf>,
     #[command(flatten)]
@@ -223,7 +224,8 @@ pub(crate) struct Swatch {
 #[cfg(feature = "view")]
 #[derive(Args, Debug)]
 pub(crate) struct Live {
-    /// The flat pattern, or one file whose positions are draped and whose vt is the flat pattern [default: a swatch]
+    /// The flat pattern, or one file whose positions are draped and whose vt is the flat pattern
+    /// [default: a swatch]
     #[arg(value_name = "FLAT.obj|GARMENT.obj")]
     pub(crate) flat: Option<PathBuf>,
     /// The same faces, draped
@@ -256,7 +258,8 @@ pub(crate) struct Inspect {
     pub(crate) fabric: Option<String>,
     #[command(flatten)]
     pub(crate) chains: Chains,
-    /// A file by its ending, .svg .png: of meshes a sheet of flat panels and stretch, of more than one drape OUT-001 and so on; of a fabric its lapping diagram; may be repeated
+    /// A file by its ending, .svg .png: of meshes a sheet of flat panels and stretch, of more than
+    /// one drape OUT-001 and so on; of a fabric its lapping diagram; may be repeated
     #[arg(short, long = "output", value_name = "OUT", value_parser = diagram)]
     pub(crate) outputs: Vec<(PathBuf, chart::Format)>,
     #[command(flatten)]
@@ -277,7 +280,8 @@ impl Inspect {
 
 #[derive(Args, Debug)]
 pub(crate) struct Fabrics {
-    /// The fabric to print: a built-in one as its file is written, or a fabric file as it was understood
+    /// The fabric to print: a built-in one as its file is written, or a fabric file as it was
+    /// understood
     #[arg(value_name = "NAME|FILE.toml")]
     pub(crate) name: Option<String>,
 }
@@ -296,16 +300,19 @@ pub(crate) struct Man {
 
 #[derive(Args, Debug)]
 pub(crate) struct Bench {
-    /// A garment of your own in place of ours: the flat pattern and the same faces draped, or one file with vt; for plane-curved, total and growth
+    /// A garment of your own in place of ours: the flat pattern and the same faces draped, or one
+    /// file with vt; for plane-curved, total and growth
     #[arg(value_name = "OBJ", num_args = 0..=2)]
     pub(crate) meshes: Vec<PathBuf>,
     /// What to measure; may be repeated [default: plane-curved, total, st-sr, textures]
     #[arg(long, value_enum, value_name = "NAME")]
     pub(crate) only: Vec<Subject>,
-    /// Plain weft knits from 20 x 20 to 100 x 100 loops, from their motif to tubes (the ribbon paper's table): --only weft
+    /// Plain weft knits from 20 x 20 to 100 x 100 loops, from their motif to tubes (the ribbon
+    /// paper's table): --only weft
     #[arg(long)]
     pub(crate) weft: bool,
-    /// Also the paper's own algorithm in plane-curved: every triangle in turn for each point, run once
+    /// Also the paper's own algorithm in plane-curved: every triangle in turn for each point, run
+    /// once
     #[arg(long)]
     pub(crate) brute: bool,
     /// A file to write, by its ending: .json (all figures) .svg .png (plots); may be repeated
@@ -329,10 +336,12 @@ pub(crate) struct Bench {
 /// A lapping of one's own.
 #[derive(Args, Debug)]
 pub(crate) struct Chains {
-    /// A bar's chain, such as 1-0/1-2//, or weft; a bar each, front first. They take the place of the fabric's bars, and take their yarns
+    /// A bar's chain, such as 1-0/1-2//, or weft; a bar each, front first. They take the place of
+    /// the fabric's bars, and take their yarns
     #[arg(long, value_name = "CHAIN")]
     pub(crate) lapping: Vec<String>,
-    /// Which guides of a --lapping carry a yarn: I threaded, . empty, repeated across; one for each --lapping, or one for all [default: I]
+    /// Which guides of a --lapping carry a yarn: I threaded, . empty, repeated across; one for each
+    /// --lapping, or one for all [default: I]
     #[arg(long, value_name = "MARKS", requires = "lapping")]
     pub(crate) threading: Vec<String>,
 }
@@ -340,7 +349,8 @@ pub(crate) struct Chains {
 /// What of a run's outputs is made.
 #[derive(Args, Debug)]
 pub(crate) struct Part {
-    /// Make the I-th of N parts, for N machines: files hold a part of the yarns, and pictures a band of rows, which together are the whole
+    /// Make the I-th of N parts, for N machines: files hold a part of the yarns, and pictures a
+    /// band of rows, which together are the whole
     #[arg(long, value_name = "I/N")]
     pub(crate) tile: Option<Tile>,
 }
@@ -348,7 +358,8 @@ pub(crate) struct Part {
 /// How a drape sequence is taken.
 #[derive(Args, Debug)]
 pub(crate) struct MotionArgs {
-    /// Leave out frames of a drape sequence that can't be read, with a warning, in place of ending there
+    /// Leave out frames of a drape sequence that can't be read, with a warning, in place of ending
+    /// there
     #[arg(long)]
     pub(crate) skip_bad_frames: bool,
     /// Frames a second, for a .usda of a drape sequence
@@ -387,7 +398,9 @@ pub(crate) struct Reading {
 /// What `drape` and `swatch` share.
 #[derive(Args, Debug)]
 pub(crate) struct Shared {
-    /// A file to write, by its ending: .png .glb .obj .ply .usda .bcc .curves.txt .inp .npz .csv (data points) .json (report); may be repeated [default: a .png here, named after the drape or the fabric]
+    /// A file to write, by its ending: .png .glb .obj .ply .usda .bcc .curves.txt .inp .npz .csv
+    /// (data points) .json (report); may be repeated [default: a .png here, named after the drape
+    /// or the fabric]
     #[arg(short, long = "output", value_name = "OUT", value_parser = output)]
     pub(crate) outputs: Vec<(PathBuf, Format)>,
     /// A built-in fabric or a fabric file
@@ -395,7 +408,8 @@ pub(crate) struct Shared {
     pub(crate) fabric: String,
     #[command(flatten)]
     pub(crate) chains: Chains,
-    /// Wales per cm; yarns are drawn in proportion [default: the fabric's, or fewer where a garment would hold over 12000 stitches]
+    /// Wales per cm; yarns are drawn in proportion [default: the fabric's, or fewer where a garment
+    /// would hold over 12000 stitches]
     #[arg(long, value_name = "X", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) wales_per_cm: Option<f64>,
     /// Courses per cm [default: in proportion to the wales]
@@ -410,13 +424,15 @@ pub(crate) struct Shared {
     /// Draw yarns with this radius [default: from the yarn's count, as far as the loops leave room]
     #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) radius: Option<f64>,
-    /// Width over height of the tubes' section in files: over 1 lies flat in the fabric's plane, its area kept
+    /// Width over height of the tubes' section in files: over 1 lies flat in the fabric's plane,
+    /// its area kept
     #[arg(long, value_name = "K", default_value_t = 1.0, value_parser = flattening)]
     pub(crate) flatten: f64,
     /// Close the tubes' ends
     #[arg(long)]
     pub(crate) caps: bool,
-    /// Yarns as their fibres, in files and in pictures [default: in pictures from near, of captured cloth]
+    /// Yarns as their fibres, in files and in pictures [default: in pictures from near, of captured
+    /// cloth]
     #[arg(long, value_enum, value_name = "on|off")]
     pub(crate) fibres: Option<SwitchArg>,
     /// Radius of a fibre, mm; thicker ones are fewer
@@ -481,7 +497,8 @@ pub(crate) struct Drawing {
     /// Draw yarns as tubes, or in pictures as flat ribbons
     #[arg(long, value_enum, default_value = "tube")]
     pub(crate) shape: ShapeArg,
-    /// A yarn's pictures: a folder with base_color.png and others, or one image; x runs along the yarn
+    /// A yarn's pictures: a folder with base_color.png and others, or one image; x runs along the
+    /// yarn
     #[arg(long, value_name = "DIR|IMAGE")]
     pub(crate) texture: Option<PathBuf>,
     /// Write N pictures from all around, NAME-001.png and so on

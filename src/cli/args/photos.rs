@@ -22,7 +22,8 @@ pub(crate) struct Yarn {
     /// Add this share of white, -1 to 1, in place of the stretch of greys; the colours change too
     #[arg(long, value_name = "B", value_parser = brightness, allow_negative_numbers = true)]
     pub(crate) brightness: Option<f32>,
-    /// Multiply the distance from middle grey by this, .1 to 10, in place of the stretch; the colours change too
+    /// Multiply the distance from middle grey by this, .1 to 10, in place of the stretch; the
+    /// colours change too
     #[arg(long, value_name = "K", value_parser = contrast, allow_negative_numbers = true)]
     pub(crate) contrast: Option<f32>,
     /// The grey that splits yarn from ground, 1 to 254, after the levels [default: Otsu's]
@@ -43,7 +44,8 @@ pub(crate) struct Yarn {
 
 #[derive(Args, Debug)]
 pub(crate) struct Capture {
-    /// A photo, .png or .jpg: cloth that fills it, sharp and evenly lit, its pattern seen four times each way
+    /// A photo, .png or .jpg: cloth that fills it, sharp and evenly lit, its pattern seen four
+    /// times each way
     #[arg(value_name = "IMAGE")]
     pub(crate) photo: PathBuf,
     /// The folder for the cell, its layout and the fabric
@@ -55,7 +57,8 @@ pub(crate) struct Capture {
     /// How thick the cloth is, mm: the scale of its depth
     #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true, default_value_t = THICKNESS)]
     pub(crate) thickness: f64,
-    /// Pixels of the photo a mm [default: as many as make a yarn half as wide as the cloth is thick]
+    /// Pixels of the photo a mm [default: as many as make a yarn half as wide as the cloth is
+    /// thick]
     #[arg(long, value_name = "N", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) pixels_per_mm: Option<f64>,
     /// A layout.toml, perhaps changed by hand: its cell and its segments, in place of what is found

@@ -1,6 +1,8 @@
-//! The source paper's own way, as a baseline that runs on the same machine: every triangle in turn for each data point, until one holds it.
+//! The source paper's own way, as a baseline that runs on the same machine: every triangle in turn
+//! for each data point, until one holds it.
 //!
-//! Section 3.1, equation 1, and then section 3.2's mapping of what was found. The cut at the panel's edge is ours and left out.
+//! Section 3.1, equation 1, and then section 3.2's mapping of what was found. The cut at the
+//! panel's edge is ours and left out.
 
 use std::convert::Infallible;
 use std::hint::black_box;
@@ -16,7 +18,8 @@ use warpknit::map::{Mapping, map};
 
 use super::measure::{Moment, Sample};
 
-/// Locates and maps all data points of a cloth with as many threads as ours, and says how long that took.
+/// Locates and maps all data points of a cloth with as many threads as ours, and says how long that
+/// took.
 pub(super) fn located_and_mapped(cloth: &Cloth<'_>) -> Sample {
     let panels = &cloth.garment().panels;
     let orders: Vec<_> = panels.iter().map(file_order).collect();
@@ -26,7 +29,8 @@ pub(super) fn located_and_mapped(cloth: &Cloth<'_>) -> Sample {
         blocks.par_iter().for_each(|block| {
             let (panel, order) = (&panels[block.panel], &orders[block.panel]);
             let on_panel = |point: &DVec3| Some((*point, locate(panel, order, point.truncate())?));
-            let (flat, located): (Vec<_>, Vec<_>) = block.knitted.points.iter().filter_map(on_panel).unzip();
+            let (flat, located): (Vec<_>, Vec<_>) =
+                block.knitted.points.iter().filter_map(on_panel).unzip();
             black_box(map(panel, &flat, &located, Mapping::Smooth));
         });
         taken += start.elapsed();
@@ -65,10 +69,16 @@ mod tests {
         let garment = folded_cone(400);
         let panel = &garment.panels[0];
         let [low, high] = panel.bounds();
-        let grid = (0..40).flat_map(|x| (0..40).map(move |y| DVec2::new(f64::from(x), f64::from(y)) / 38.0));
-        let points: Vec<_> = grid.map(|share| low + share * (high - low)).chain(panel.uv.iter().copied()).collect();
-        let middles = panel.triangles.iter().map(|[a, b, _]| panel.uv[*a as usize].midpoint(panel.uv[*b as usize]));
-        let points: Vec<_> = points.into_iter().chain(middles).map(|point| point.extend(0.0)).collect();
+        let grid = (0..40)
+            .flat_map(|x| (0..40).map(move |y| DVec2::new(f64::from(x), f64::from(y)) / 38.0));
+        let points: Vec<_> =
+            grid.map(|share| low + share * (high - low)).chain(panel.uv.iter().copied()).collect();
+        let middles = panel
+            .triangles
+            .iter()
+            .map(|[a, b, _]| panel.uv[*a as usize].midpoint(panel.uv[*b as usize]));
+        let points: Vec<_> =
+            points.into_iter().chain(middles).map(|point| point.extend(0.0)).collect();
         let ours = Locator::new(panel).locate(&points);
         assert!(ours.iter().any(Option::is_none) && ours.iter().flatten().count() > 1600);
         let order = file_order(panel);
@@ -76,7 +86,9 @@ mod tests {
             let found = locate(panel, &order, point.truncate());
             assert_eq!(found.map(|at| at.triangle), ours.map(|at| at.triangle), "{point}");
             // The same weights, come by in other ways.
-            let apart = found.zip(ours).map_or(0.0, |(found, ours)| (found.b - ours.b).abs().max((found.c - ours.c).abs()));
+            let apart = found.zip(ours).map_or(0.0, |(found, ours)| {
+                (found.b - ours.b).abs().max((found.c - ours.c).abs())
+            });
             assert!(apart < 1e-9, "{point}: {found:?}, {ours:?}");
         }
     }

@@ -1,4 +1,5 @@
-//! What plotters draws on: a [`Drawing`] of the library, so that plots are written as lapping diagrams are, with their font.
+//! What plotters draws on: a [`Drawing`] of the library, so that plots are written as lapping
+//! diagrams are, with their font.
 //!
 //! Not promised: filled shapes but circles, and text that is turned; nothing here asks for them.
 
@@ -6,7 +7,9 @@ use std::convert::Infallible;
 
 use glam::{DVec2, UVec2};
 use plotters_backend::text_anchor::{HPos, VPos};
-use plotters_backend::{BackendColor, BackendCoord, BackendStyle, BackendTextStyle, DrawingBackend, DrawingErrorKind};
+use plotters_backend::{
+    BackendColor, BackendCoord, BackendStyle, BackendTextStyle, DrawingBackend, DrawingErrorKind,
+};
 use warpknit::chart::{Anchor, Drawing, Layer, Piece, Shape, TextSize};
 use warpknit::fabric::yarn::Color;
 
@@ -38,11 +41,17 @@ impl<'a> Canvas<'a> {
         let color = on_white(color);
         let is_line = |shape: &Shape| matches!(shape, Shape::Path { .. });
         let layers = &mut self.drawing.layers;
-        let fits =
-            |layer: &&mut Layer| layer.color == color && layer.shapes.iter().all(|other| is_line(other) == is_line(&shape));
+        let fits = |layer: &&mut Layer| {
+            layer.color == color
+                && layer.shapes.iter().all(|other| is_line(other) == is_line(&shape))
+        };
         match layers.last_mut().filter(fits) {
             Some(layer) => layer.shapes.push(shape),
-            None => layers.push(Layer { name: format!("layer-{}", layers.len() + 1), color, shapes: vec![shape] }),
+            None => layers.push(Layer {
+                name: format!("layer-{}", layers.len() + 1),
+                color,
+                shapes: vec![shape],
+            }),
         }
         Ok(())
     }
@@ -68,21 +77,43 @@ impl DrawingBackend for Canvas<'_> {
         self.add(color, Shape::Dot { at: at(point), radius: 0.5 })
     }
 
-    fn draw_line<S: BackendStyle>(&mut self, from: BackendCoord, to: BackendCoord, style: &S) -> Done {
+    fn draw_line<S: BackendStyle>(
+        &mut self,
+        from: BackendCoord,
+        to: BackendCoord,
+        style: &S,
+    ) -> Done {
         self.draw_path([from, to], style)
     }
 
-    fn draw_path<S: BackendStyle, I: IntoIterator<Item = BackendCoord>>(&mut self, path: I, style: &S) -> Done {
-        let piece = |(number, point)| if number == 0 { Piece::Move(at(point)) } else { Piece::Line(at(point)) };
+    fn draw_path<S: BackendStyle, I: IntoIterator<Item = BackendCoord>>(
+        &mut self,
+        path: I,
+        style: &S,
+    ) -> Done {
+        let piece = |(number, point)| {
+            if number == 0 { Piece::Move(at(point)) } else { Piece::Line(at(point)) }
+        };
         let pieces = path.into_iter().enumerate().map(piece).collect();
         self.add(style.color(), Shape::Path { pieces, width: f64::from(style.stroke_width()) })
     }
 
-    fn draw_circle<S: BackendStyle>(&mut self, center: BackendCoord, radius: u32, style: &S, _fill: bool) -> Done {
+    fn draw_circle<S: BackendStyle>(
+        &mut self,
+        center: BackendCoord,
+        radius: u32,
+        style: &S,
+        _fill: bool,
+    ) -> Done {
         self.add(style.color(), Shape::Dot { at: at(center), radius: f64::from(radius) })
     }
 
-    fn draw_text<S: BackendTextStyle>(&mut self, text: &str, style: &S, point: BackendCoord) -> Done {
+    fn draw_text<S: BackendTextStyle>(
+        &mut self,
+        text: &str,
+        style: &S,
+        point: BackendCoord,
+    ) -> Done {
         let (size, pos) = (text_size(style.size()), style.anchor());
         let anchor = match pos.h_pos {
             HPos::Left => Anchor::Start,
@@ -98,7 +129,11 @@ impl DrawingBackend for Canvas<'_> {
         self.add(style.color(), Shape::Text { at: baseline, text: text.to_owned(), size, anchor })
     }
 
-    fn estimate_text_size<S: BackendTextStyle>(&self, text: &str, style: &S) -> Result<(u32, u32), DrawingErrorKind<Infallible>> {
+    fn estimate_text_size<S: BackendTextStyle>(
+        &self,
+        text: &str,
+        style: &S,
+    ) -> Result<(u32, u32), DrawingErrorKind<Infallible>> {
         let size = text_size(style.size());
         let UVec2 { x, y } = DVec2::new(size.width(text), CAPITAL * size.px()).ceil().as_uvec2();
         Ok((x, y))
@@ -120,7 +155,12 @@ fn text_size(px: f64) -> TextSize {
 /// The opaque colour that looks the same on the white sheet.
 fn on_white(color: BackendColor) -> Color {
     let (r, g, b) = color.rgb;
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a mean of two bytes is a byte")]
-    let mixed = |byte: u8| (f64::from(byte) * color.alpha + 255.0 * (1.0 - color.alpha)).round() as u8;
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a mean of two bytes is a byte"
+    )]
+    let mixed =
+        |byte: u8| (f64::from(byte) * color.alpha + 255.0 * (1.0 - color.alpha)).round() as u8;
     Color([r, g, b].map(mixed))
 }

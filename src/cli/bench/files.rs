@@ -42,7 +42,8 @@ impl BenchFormat {
 struct Record<'a> {
     warpknit: &'static str,
     machine: Machine,
-    /// Runs of each figure, after one that warms up; pictures may have fewer, as their tables' notes say.
+    /// Runs of each figure, after one that warms up; pictures may have fewer, as their tables'
+    /// notes say.
     runs: u32,
     #[serde(serialize_with = "by_key")]
     tables: &'a [Table],
@@ -78,7 +79,8 @@ fn by_key<S: Serializer>(tables: &[Table], serializer: S) -> Result<S::Ok, S::Er
     serializer.collect_map(tables.iter().map(|table| (table.key, table)))
 }
 
-/// Refuses, before anything is measured, files that can't be written, or that are inputs or named twice.
+/// Refuses, before anything is measured, files that can't be written, or that are inputs or named
+/// twice.
 pub(super) fn check(arguments: &Bench) -> Result<()> {
     let outputs = || arguments.outputs.iter().map(|(path, _)| path.as_path());
     check_distinct(arguments.meshes.iter().map(AsRef::as_ref), outputs())?;
@@ -93,8 +95,12 @@ pub(super) fn write(arguments: &Bench, tables: &[Table]) -> Result<()> {
     let outputs = arguments.outputs.iter().map(|(path, format)| {
         Ok(match format {
             BenchFormat::Json => {
-                let record =
-                    Record { warpknit: env!("CARGO_PKG_VERSION"), machine: Machine::here(), runs: arguments.runs, tables };
+                let record = Record {
+                    warpknit: env!("CARGO_PKG_VERSION"),
+                    machine: Machine::here(),
+                    runs: arguments.runs,
+                    tables,
+                };
                 text_file(path, &(serde_json::to_string_pretty(&record)? + "\n"))?
             }
             BenchFormat::Svg => text_file(path, &svg::text(&plots(tables)?))?,

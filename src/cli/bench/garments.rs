@@ -1,4 +1,5 @@
-//! What is measured on: the shipped garments, wherever the program runs, or the user's own; and fabrics with a wanted number of stitches on them.
+//! What is measured on: the shipped garments, wherever the program runs, or the user's own; and
+//! fabrics with a wanted number of stitches on them.
 
 use std::fs;
 
@@ -38,14 +39,24 @@ impl Shipped {
     /// The flat and the draped file, embedded so that an installed program has them too.
     fn files(self) -> [&'static [u8]; 2] {
         match self {
-            Self::Pinch => [include_bytes!("../../../meshes/pinch_flat.obj"), include_bytes!("../../../meshes/pinch_draped.obj")],
-            Self::Tube => [include_bytes!("../../../meshes/tube_flat.obj"), include_bytes!("../../../meshes/tube_draped.obj")],
-            Self::Skirt => [include_bytes!("../../../meshes/skirt_flat.obj"), include_bytes!("../../../meshes/skirt_draped.obj")],
+            Self::Pinch => [
+                include_bytes!("../../../meshes/pinch_flat.obj"),
+                include_bytes!("../../../meshes/pinch_draped.obj"),
+            ],
+            Self::Tube => [
+                include_bytes!("../../../meshes/tube_flat.obj"),
+                include_bytes!("../../../meshes/tube_draped.obj"),
+            ],
+            Self::Skirt => [
+                include_bytes!("../../../meshes/skirt_flat.obj"),
+                include_bytes!("../../../meshes/skirt_draped.obj"),
+            ],
         }
     }
 
     fn read(self) -> Result<Garment> {
-        let folder = TemporaryFolder::create_in(&std::env::temp_dir()).context("no room for a temporary file")?;
+        let folder = TemporaryFolder::create_in(&std::env::temp_dir())
+            .context("no room for a temporary file")?;
         let [flat, draped] = ["flat.obj", "draped.obj"].map(|name| folder.path().join(name));
         for (path, bytes) in [&flat, &draped].into_iter().zip(self.files()) {
             fs::write(path, bytes).with_context(|| format!("{}: can't write", path.display()))?;
@@ -66,7 +77,8 @@ impl Garments {
         let Some(flat) = arguments.meshes.first() else { return Ok(Self { own: None }) };
         let draped = arguments.meshes.get(1);
         let garment = read(flat, draped.map(AsRef::as_ref), &arguments.reading.options())?;
-        let name = draped.unwrap_or(flat).file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let name =
+            draped.unwrap_or(flat).file_stem().unwrap_or_default().to_string_lossy().into_owned();
         Ok(Self { own: Some((name, garment)) })
     }
 
@@ -85,7 +97,12 @@ impl Garments {
 pub(super) fn folded_cone(triangles: usize) -> Garment {
     let mut panel = shuffled_cone(triangles);
     panel.order_along_curve();
-    let facts = Facts { triangles: panel.triangles.len(), unit: "mm", uv_scale_mm: 1.0, ..Facts::default() };
+    let facts = Facts {
+        triangles: panel.triangles.len(),
+        unit: "mm",
+        uv_scale_mm: 1.0,
+        ..Facts::default()
+    };
     Garment { panels: vec![panel], facts }
 }
 
@@ -97,7 +114,8 @@ pub(super) fn at_stitches(fabric: &Fabric, garment: &Garment, stitches: f64) -> 
     scaled(fabric, stitches / there)
 }
 
-/// The same counted, to within .3 % or as near as some tries come, for bars are not always full and panels have edges; and the count.
+/// The same counted, to within .3 % or as near as some tries come, for bars are not always full and
+/// panels have edges; and the count.
 pub(super) fn fitted(fabric: &Fabric, garment: &Garment, stitches: f64) -> Result<(Fabric, usize)> {
     let mut fitted = at_stitches(fabric, garment, stitches)?;
     let mut tries = 1..=TRIES;
@@ -115,7 +133,8 @@ pub(super) fn fitted(fabric: &Fabric, garment: &Garment, stitches: f64) -> Resul
 /// The fabric with so many times as many stitches on an area.
 fn scaled(fabric: &Fabric, times: f64) -> Result<Fabric> {
     let finer = times.sqrt();
-    let scaled = fabric.clone().at_densities(fabric.wales_per_cm * finer, fabric.courses_per_cm * finer);
+    let scaled =
+        fabric.clone().at_densities(fabric.wales_per_cm * finer, fabric.courses_per_cm * finer);
     scaled.context("the garment is too small or too large for that many stitches: check --unit")
 }
 
@@ -130,16 +149,24 @@ mod tests {
             assert_eq!(shipped.read().unwrap().panels.len(), panels, "{}", shipped.name());
         }
         let garment = Shipped::Pinch.read().unwrap();
-        let (net, stitches) = fitted(&Fabric::named("hex-net-3").unwrap(), &garment, 576.0).unwrap();
+        let (net, stitches) =
+            fitted(&Fabric::named("hex-net-3").unwrap(), &garment, 576.0).unwrap();
         let (_, totals) = staged(&Cloth::cover(&garment, &net).unwrap(), &Options::default());
-        assert!((570..=582).contains(&stitches) && totals.losses.stitches == stitches, "{stitches}");
+        assert!(
+            (570..=582).contains(&stitches) && totals.losses.stitches == stitches,
+            "{stitches}"
+        );
     }
 
     #[test]
     fn a_cone_covers_its_rectangle_with_triangles_the_right_way_round() {
         for wanted in [2, 2000] {
             let panel = shuffled_cone(wanted);
-            assert!(panel.triangles.len().abs_diff(wanted) * 20 <= wanted, "{} for {wanted}", panel.triangles.len());
+            assert!(
+                panel.triangles.len().abs_diff(wanted) * 20 <= wanted,
+                "{} for {wanted}",
+                panel.triangles.len()
+            );
             assert!((panel.area() - SIZE.x * SIZE.y).abs() < 1e-6);
             for corners in &panel.triangles {
                 let [a, b, c] = corners.map(|vertex| panel.uv[vertex as usize]);
@@ -148,7 +175,12 @@ mod tests {
         }
         let cone = shuffled_cone(2000);
         assert!(cone.triangles.windows(2).any(|pair| pair[0] > pair[1]));
-        let outward = cone.draped.iter().zip(&cone.normals).filter(|(at, normal)| at.with_y(0.0).dot(**normal) > 0.0).count();
+        let outward = cone
+            .draped
+            .iter()
+            .zip(&cone.normals)
+            .filter(|(at, normal)| at.with_y(0.0).dot(**normal) > 0.0)
+            .count();
         assert!(outward * 10 > cone.draped.len() * 9, "{outward} of {}", cone.draped.len());
     }
 }

@@ -1,6 +1,7 @@
 //! How time and memory grow with the stitches and with the triangles, stage by stage.
 //!
-//! Rows go up in size: what a row takes of memory may still be held by the allocator in the next one, which then needs more anyway.
+//! Rows go up in size: what a row takes of memory may still be held by the allocator in the next
+//! one, which then needs more anyway.
 
 use anyhow::Result;
 use warpknit::drape::{Cloth, Options, Stage};
@@ -21,7 +22,8 @@ const STITCHES: [f64; 5] = [1e3, 1e4, 1e5, 1e6, 4.4e6];
 /// Wanted triangles, and the stitches on them.
 const TRIANGLES: [usize; 4] = [2_000, 20_000, 200_000, 2_000_000];
 const ON_TRIANGLES: f64 = 26_180.0;
-/// Beyond so many stitches or triangles, each row is measured once and without a run that warms up: it warms itself.
+/// Beyond so many stitches or triangles, each row is measured once and without a run that warms up:
+/// it warms itself.
 const ONCE: usize = 100_000;
 /// The surface that is streamed.
 const SECTION: (u32, u32) = (10, 5);
@@ -55,7 +57,11 @@ struct Row {
 }
 
 /// Measures both tables: over stitches on the skirt (or on the user's garment), and over triangles.
-pub(super) fn growth(arguments: &Bench, garments: &Garments, progress: &mut dyn FnMut(f64)) -> Result<Vec<Table>> {
+pub(super) fn growth(
+    arguments: &Bench,
+    garments: &Garments,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Vec<Table>> {
     let (st, sr) = SECTION;
     let stages = format!(
         "lay out: the relaxed repeat and the plan of its yarns. index: what location searches in. surface: tubes of St {st}, Sr {sr}, streamed."
@@ -70,19 +76,30 @@ pub(super) fn growth(arguments: &Bench, garments: &Garments, progress: &mut dyn 
     for (at, wanted) in STITCHES.into_iter().enumerate() {
         // The last row takes about as long as all before it.
         progress(0.6 * (at as f64 / STITCHES.len() as f64));
-        let row = measure(arguments.runs, &mut over_stitches, &garment, &at_stitches(&fabric, &garment, wanted)?)?;
+        let row = measure(
+            arguments.runs,
+            &mut over_stitches,
+            &garment,
+            &at_stitches(&fabric, &garment, wanted)?,
+        )?;
         push(&mut plots, f64::from(index32(row.stitches)), &row);
     }
     over_stitches.plots.extend(plots);
 
     let title = format!("Growth with the triangles: {DEFAULT_FABRIC} on a folded cone");
     let cone = "A rectangle of 1200 x 700 mm, its triangles jittered, made in no order and put in order as on reading.";
-    let mut over_triangles = Table::new("growth-triangles", &title, &[cone, &stages, note], COLUMNS);
+    let mut over_triangles =
+        Table::new("growth-triangles", &title, &[cone, &stages, note], COLUMNS);
     let mut plots = self::plots("triangles");
     for (at, wanted) in TRIANGLES.into_iter().enumerate() {
         progress(0.6 + 0.4 * (at as f64 / TRIANGLES.len() as f64));
         let garment = folded_cone(wanted);
-        let row = measure(arguments.runs, &mut over_triangles, &garment, &at_stitches(&fabric, &garment, ON_TRIANGLES)?)?;
+        let row = measure(
+            arguments.runs,
+            &mut over_triangles,
+            &garment,
+            &at_stitches(&fabric, &garment, ON_TRIANGLES)?,
+        )?;
         push(&mut plots, f64::from(index32(garment.facts.triangles)), &row);
     }
     over_triangles.plots.extend(plots);
@@ -91,8 +108,21 @@ pub(super) fn growth(arguments: &Bench, garments: &Garments, progress: &mut dyn 
 
 /// Time over size, and memory over size.
 fn plots(size: &'static str) -> [Plot; 2] {
-    let time = Plot::new(&format!("Growth with the {size}: time"), size, "time, ms", NAMES.map(Series::ours));
-    [time, Plot::new(&format!("Growth with the {size}: memory"), size, "memory, MB", [Series::ours("peak")])]
+    let time = Plot::new(
+        &format!("Growth with the {size}: time"),
+        size,
+        "time, ms",
+        NAMES.map(Series::ours),
+    );
+    [
+        time,
+        Plot::new(
+            &format!("Growth with the {size}: memory"),
+            size,
+            "memory, MB",
+            [Series::ours("peak")],
+        ),
+    ]
 }
 
 fn push(plots: &mut [Plot; 2], size: f64, row: &Row) {
@@ -104,7 +134,8 @@ fn push(plots: &mut [Plot; 2], size: f64, row: &Row) {
 fn measure(runs: u32, table: &mut Table, garment: &Garment, fabric: &Fabric) -> Result<Row> {
     let triangles = garment.facts.triangles;
     let (st, sr) = SECTION;
-    let section = Section { st, sr, radius: fabric.radius(), flatten: 1.0, caps: false, texture_per_mm: 1.0 };
+    let section =
+        Section { st, sr, radius: fabric.radius(), flatten: 1.0, caps: false, texture_per_mm: 1.0 };
     let options = Options { surface: Some(section), ..Options::default() };
     forget_peak_memory();
     let run = || -> Result<(Sample, Staged, usize)> {
@@ -120,12 +151,16 @@ fn measure(runs: u32, table: &mut Table, garment: &Garment, fabric: &Fabric) -> 
         taken = (0..runs).map(|_| run()).collect::<Result<_>>()?;
     }
     let (peak, held) = (peak_memory_mb(), resident_memory_mb());
-    let median = |of: &dyn Fn(&(Sample, Staged, usize)) -> Sample| Times::of(&taken.iter().map(of).collect::<Vec<_>>());
+    let median = |of: &dyn Fn(&(Sample, Staged, usize)) -> Sample| {
+        Times::of(&taken.iter().map(of).collect::<Vec<_>>())
+    };
     let mut stages = [median(&|run| run.0).wall.median; 6];
     for (place, stage) in stages[1..].iter_mut().zip(STAGES) {
         *place = median(&|run| run.1.of(stage)).wall.median;
     }
-    let all = median(&|run| STAGES.iter().map(|stage| run.1.of(*stage)).fold(run.0, |sum, stage| sum + stage));
+    let all = median(&|run| {
+        STAGES.iter().map(|stage| run.1.of(*stage)).fold(run.0, |sum, stage| sum + stage)
+    });
     let sizes = [Cell::Count(stitches), Cell::Count(triangles)];
     let further = [Cell::Count(taken.len()), Cell::Number(peak, 0), Cell::Number(held, 0)];
     table.push(sizes.into_iter().chain(stages.map(Cell::ms)).chain(times(&all)).chain(further));
@@ -142,7 +177,11 @@ mod tests {
         let fabric = at_stitches(&Fabric::named(DEFAULT_FABRIC).unwrap(), &garment, 500.0).unwrap();
         let mut table = Table::new("growth", "", &[], COLUMNS);
         let row = measure(1, &mut table, &garment, &fabric).unwrap();
-        assert!(row.stitches.abs_diff(500) < 100 && row.stages.iter().all(|ms| *ms > 0.0), "{:?}", row.stages);
+        assert!(
+            row.stitches.abs_diff(500) < 100 && row.stages.iter().all(|ms| *ms > 0.0),
+            "{:?}",
+            row.stages
+        );
         #[cfg(target_os = "linux")]
         assert!(row.peak > 1.0);
     }

@@ -62,7 +62,8 @@ impl Add for Sample {
     type Output = Self;
 
     fn add(self, other: Self) -> Self {
-        // A sample that was never taken, as that of a stage that did not run, has no CPU time to lose.
+        // A sample that was never taken, as that of a stage that did not run, has no CPU time to
+        // lose.
         let cpu = match (self.cpu, other.cpu) {
             (Some(own), Some(other)) => Some(own + other),
             (own, other) => own.or(other),
@@ -82,7 +83,11 @@ impl Spread {
     fn of(mut numbers: Vec<f64>) -> Self {
         numbers.sort_by(f64::total_cmp);
         let last = numbers.len() - 1;
-        Self { median: numbers[last / 2].midpoint(numbers[numbers.len() / 2]), least: numbers[0], most: numbers[last] }
+        Self {
+            median: numbers[last / 2].midpoint(numbers[numbers.len() / 2]),
+            least: numbers[0],
+            most: numbers[last],
+        }
     }
 }
 
@@ -106,7 +111,10 @@ pub(super) fn measured(runs: u32, work: &mut dyn FnMut() -> Result<()>) -> Resul
 }
 
 /// The same for work that takes the time of its parts on its own.
-pub(super) fn measured_parts<const N: usize>(runs: u32, work: &mut dyn FnMut() -> Result<[Sample; N]>) -> Result<[Times; N]> {
+pub(super) fn measured_parts<const N: usize>(
+    runs: u32,
+    work: &mut dyn FnMut() -> Result<[Sample; N]>,
+) -> Result<[Times; N]> {
     work()?;
     let runs = (0..runs).map(|_| work()).collect::<Result<Vec<_>>>()?;
     Ok(std::array::from_fn(|part| Times::of(&runs.iter().map(|run| run[part]).collect::<Vec<_>>())))
@@ -178,6 +186,8 @@ mod tests {
         let panel = drape::swatch_panel(&fabric, 8, 8);
         let (staged, totals) = staged(&Cloth::swatch(&panel, &fabric, 8, 8), &Options::default());
         assert_eq!(totals.losses.stitches, 2 * 8 * 8);
-        assert!(staged.of(Stage::Knit).wall > 0.0 && staged.of(Stage::Surface) == Sample::default());
+        assert!(
+            staged.of(Stage::Knit).wall > 0.0 && staged.of(Stage::Surface) == Sample::default()
+        );
     }
 }

@@ -1,8 +1,10 @@
 //! `warpknit bench`: how long the work takes here, beside what the papers published.
 //!
-//! Each subject is a file and gives tables: the source paper's Table 2 ([`plane_curved`], with [`brute`] as its baseline), its Table 3
-//! ([`total`]), its Figures 14 and 15 ([`st_sr`], [`textures`]), the ribbon paper's table ([`weft`](mod@weft)), and [`growth`](mod@growth) with the size.
-//! Figures are medians of several runs after one that warms up; `from` and `to` are the fastest and the slowest.
+//! Each subject is a file and gives tables: the source paper's Table 2 ([`plane_curved`], with
+//! [`brute`] as its baseline), its Table 3 ([`total`]), its Figures 14 and 15 ([`st_sr`],
+//! [`textures`]), the ribbon paper's table ([`weft`](mod@weft)), and [`growth`](mod@growth) with
+//! the size. Figures are medians of several runs after one that warms up; `from` and `to` are the
+//! fastest and the slowest.
 
 mod brute;
 mod canvas;
@@ -43,12 +45,14 @@ pub(crate) enum Subject {
     Textures,
     /// Plain weft knits, the ribbon paper's table
     Weft,
-    /// Time and memory from a thousand to 4.4 million stitches and from 2000 to 2 million triangles: a minute or two, 1 GB
+    /// Time and memory from a thousand to 4.4 million stitches and from 2000 to 2 million
+    /// triangles: a minute or two, 1 GB
     Growth,
 }
 
 /// What is measured unasked: the source paper's tables and figures.
-const PAPER: [Subject; 4] = [Subject::PlaneCurved, Subject::Total, Subject::StSr, Subject::Textures];
+const PAPER: [Subject; 4] =
+    [Subject::PlaneCurved, Subject::Total, Subject::StSr, Subject::Textures];
 /// What is measured on a garment of one's own, if there is one.
 const ON_GARMENTS: [Subject; 3] = [Subject::PlaneCurved, Subject::Total, Subject::Growth];
 
@@ -61,14 +65,16 @@ pub(crate) fn bench(arguments: &Bench) -> Result<()> {
     let garments = Garments::of(arguments)?;
     let mut tables = Vec::new();
     for (at, subject) in subjects.iter().enumerate() {
-        let mut progress = |done: f64| clock.begin(Task::Measure, (at as f64 + done) / subjects.len() as f64);
+        let mut progress =
+            |done: f64| clock.begin(Task::Measure, (at as f64 + done) / subjects.len() as f64);
         tables.extend(subject.measure(arguments, &garments, &mut progress)?);
     }
     files::write(arguments, &tables)?;
     clock.clear();
     // Scripts split the one table that `--weft` has always printed, and find no words above it.
     let bare = subjects == [Subject::Weft];
-    let texts: Vec<_> = tables.iter().map(|table| if bare { table.body() } else { table.text() }).collect();
+    let texts: Vec<_> =
+        tables.iter().map(|table| if bare { table.body() } else { table.text() }).collect();
     print(&texts.join("\n"))
 }
 
@@ -77,22 +83,33 @@ fn check(arguments: &Bench, subjects: &[Subject]) -> Result<()> {
     if arguments.brute && !subjects.contains(&Subject::PlaneCurved) {
         bail!("--brute is part of plane-curved, which is not measured: add --only plane-curved");
     }
-    if !arguments.meshes.is_empty() && !subjects.iter().any(|subject| ON_GARMENTS.contains(subject)) {
-        bail!("a garment of your own is measured in plane-curved, total and growth: name one of them with --only, or no garment");
+    if !arguments.meshes.is_empty() && !subjects.iter().any(|subject| ON_GARMENTS.contains(subject))
+    {
+        bail!(
+            "a garment of your own is measured in plane-curved, total and growth: name one of them with --only, or no garment"
+        );
     }
     Ok(())
 }
 
 /// What the flags ask for, each once and in the papers' order.
 fn subjects(arguments: &Bench) -> Vec<Subject> {
-    let unasked: &[Subject] = if arguments.meshes.is_empty() { &PAPER } else { &[Subject::PlaneCurved, Subject::Total] };
-    let asked = |subject: &Subject| arguments.only.contains(subject) || (arguments.weft && *subject == Subject::Weft);
+    let unasked: &[Subject] =
+        if arguments.meshes.is_empty() { &PAPER } else { &[Subject::PlaneCurved, Subject::Total] };
+    let asked = |subject: &Subject| {
+        arguments.only.contains(subject) || (arguments.weft && *subject == Subject::Weft)
+    };
     let chosen: Vec<_> = Subject::value_variants().iter().copied().filter(asked).collect();
     if chosen.is_empty() { unasked.to_vec() } else { chosen }
 }
 
 impl Subject {
-    fn measure(self, arguments: &Bench, garments: &Garments, progress: &mut dyn FnMut(f64)) -> Result<Vec<Table>> {
+    fn measure(
+        self,
+        arguments: &Bench,
+        garments: &Garments,
+        progress: &mut dyn FnMut(f64),
+    ) -> Result<Vec<Table>> {
         let table = match self {
             Self::PlaneCurved => plane_curved::plane_curved(arguments, garments, progress),
             Self::Total => total::total(arguments, garments, progress),
@@ -112,7 +129,8 @@ mod tests {
     use clap::Parser as _;
 
     fn chosen(flags: &[&str]) -> Vec<Subject> {
-        let arguments = Arguments::try_parse_from([&["warpknit", "bench"], flags].concat()).unwrap();
+        let arguments =
+            Arguments::try_parse_from([&["warpknit", "bench"], flags].concat()).unwrap();
         let Command::Bench(arguments) = arguments.command else { panic!("another command") };
         subjects(&arguments)
     }
@@ -122,6 +140,9 @@ mod tests {
         assert_eq!(chosen(&[]), PAPER);
         assert_eq!(chosen(&["own.obj", "--unit", "cm"]), [Subject::PlaneCurved, Subject::Total]);
         assert_eq!(chosen(&["--weft", "--only", "weft"]), [Subject::Weft]);
-        assert_eq!(chosen(&["--only", "growth", "--only", "total", "own.obj"]), [Subject::Total, Subject::Growth]);
+        assert_eq!(
+            chosen(&["--only", "growth", "--only", "total", "own.obj"]),
+            [Subject::Total, Subject::Growth]
+        );
     }
 }

@@ -9,7 +9,8 @@ use super::measure::{Moment, Sample};
 
 /// Pixels each way: small, so that three pictures of every row take minutes and not an hour.
 pub(super) const SIZE: (u32, u32) = (640, 480);
-/// The most runs of each: a picture takes a thousand times as long as a row of coordinates, and spreads less.
+/// The most runs of each: a picture takes a thousand times as long as a row of coordinates, and
+/// spreads less.
 const MOST_RUNS: u32 = 3;
 
 /// Draws scenes in one way.
@@ -22,7 +23,12 @@ pub(super) struct Easel {
 
 impl Easel {
     pub(super) fn new(arguments: &Bench) -> Self {
-        let options = Options { width: SIZE.0, height: SIZE.1, renderer: arguments.renderer.into(), ..Options::default() };
+        let options = Options {
+            width: SIZE.0,
+            height: SIZE.1,
+            renderer: arguments.renderer.into(),
+            ..Options::default()
+        };
         Self { options, runs: arguments.runs.min(MOST_RUNS) }
     }
 
@@ -36,7 +42,9 @@ impl Easel {
         let by = match self.options.renderer {
             Choice::Cpu => "drawn on the processor",
             Choice::Gpu => "drawn on the graphics adapter, which is found anew each time",
-            Choice::Auto => "drawn on the graphics adapter, found anew each time, or on the processor where there is none",
+            Choice::Auto => {
+                "drawn on the graphics adapter, found anew each time, or on the processor where there is none"
+            }
         };
         format!("{by}; runs of each: {}", self.runs)
     }
@@ -55,7 +63,13 @@ impl Easel {
     /// Draws once, and says how long that took.
     pub(super) fn draw(&self, scene: &Scene) -> Result<Sample> {
         let start = Moment::now();
-        let camera = Camera::view(View::Front, &scene.positions, Camera::DEFAULT_FOV, 1.0, self.options.aspect());
+        let camera = Camera::view(
+            View::Front,
+            &scene.positions,
+            Camera::DEFAULT_FOV,
+            1.0,
+            self.options.aspect(),
+        );
         let picture = Painter::new(scene, &self.options)?.draw(&camera, &self.options, &|_| ())?;
         std::hint::black_box(picture);
         Ok(start.elapsed())

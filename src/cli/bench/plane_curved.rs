@@ -1,6 +1,7 @@
 //! The source paper's Table 2: all data points on the flat fabric, and on the garment.
 //!
-//! The paper names a mesh fabric, a tricot fabric, a tube and a skirt; the latter two are taken to be of tricot.
+//! The paper names a mesh fabric, a tricot fabric, a tube and a skirt; the latter two are taken to
+//! be of tricot.
 
 use anyhow::Result;
 use warpknit::drape::{Cloth, Options, Stage};
@@ -27,10 +28,38 @@ struct Line {
 }
 
 const LINES: [Line; 4] = [
-    Line { cloth: "mesh", fabric: "hex-net-3", garment: Shipped::Pinch, stitches: 576, plane: 41.46, curved: 58.35 },
-    Line { cloth: "tricot", fabric: DEFAULT_FABRIC, garment: Shipped::Pinch, stitches: 3500, plane: 201.45, curved: 209.46 },
-    Line { cloth: "tube", fabric: DEFAULT_FABRIC, garment: Shipped::Tube, stitches: 8480, plane: 496.52, curved: 521.08 },
-    Line { cloth: "skirt", fabric: DEFAULT_FABRIC, garment: Shipped::Skirt, stitches: 26_180, plane: 1208.39, curved: 1375.15 },
+    Line {
+        cloth: "mesh",
+        fabric: "hex-net-3",
+        garment: Shipped::Pinch,
+        stitches: 576,
+        plane: 41.46,
+        curved: 58.35,
+    },
+    Line {
+        cloth: "tricot",
+        fabric: DEFAULT_FABRIC,
+        garment: Shipped::Pinch,
+        stitches: 3500,
+        plane: 201.45,
+        curved: 209.46,
+    },
+    Line {
+        cloth: "tube",
+        fabric: DEFAULT_FABRIC,
+        garment: Shipped::Tube,
+        stitches: 8480,
+        plane: 496.52,
+        curved: 521.08,
+    },
+    Line {
+        cloth: "skirt",
+        fabric: DEFAULT_FABRIC,
+        garment: Shipped::Skirt,
+        stitches: 26_180,
+        plane: 1208.39,
+        curved: 1375.15,
+    },
 ];
 
 /// What is told apart of a cloth's making.
@@ -49,7 +78,11 @@ const OVER_PLANE: Column = ("over_plane", "over\nplane");
 const BRUTE: [Column; 2] = [("brute_ms", "all triangles\nin turn, ms"), ("brute_times", "times")];
 
 /// Measures the table, on the user's garment if there is one.
-pub(super) fn plane_curved(arguments: &Bench, garments: &Garments, progress: &mut dyn FnMut(f64)) -> Result<Table> {
+pub(super) fn plane_curved(
+    arguments: &Bench,
+    garments: &Garments,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Table> {
     let mut table = Table::new(
         "plane-curved",
         "Table 2: coordinates on the plane fabric and on the curved one",
@@ -78,11 +111,20 @@ pub(super) fn plane_curved(arguments: &Bench, garments: &Garments, progress: &mu
     for (at, line) in LINES.iter().enumerate() {
         progress(at as f64 / LINES.len() as f64);
         let (own, garment) = garments.get(line.garment)?;
-        let (cloth, fabric) = if garments.are_own() { (own.as_str(), DEFAULT_FABRIC) } else { (line.cloth, line.fabric) };
+        let (cloth, fabric) = if garments.are_own() {
+            (own.as_str(), DEFAULT_FABRIC)
+        } else {
+            (line.cloth, line.fabric)
+        };
         let published = (!garments.are_own()).then_some((line.plane, line.curved));
-        let (fabric, stitches) = fitted(&Fabric::named(fabric)?, &garment, f64::from(line.stitches))?;
+        let (fabric, stitches) =
+            fitted(&Fabric::named(fabric)?, &garment, f64::from(line.stitches))?;
         let parts = measure(arguments.runs, &garment, &fabric)?;
-        let brute = if arguments.brute { Some(brute::located_and_mapped(&Cloth::cover(&garment, &fabric)?)) } else { None };
+        let brute = if arguments.brute {
+            Some(brute::located_and_mapped(&Cloth::cover(&garment, &fabric)?))
+        } else {
+            None
+        };
         push(&mut table, [cloth, &fabric.name], stitches, &parts, published, brute);
         plot.push_known(
             f64::from(index32(stitches)),
@@ -109,7 +151,8 @@ fn measure(runs: u32, garment: &Garment, fabric: &Fabric) -> Result<Parts> {
         let covered = start.elapsed();
         let (staged, _) = staged(&cloth, &Options::default());
         let plane = covered + staged.of(Stage::Knit);
-        let carried = [Stage::Index, Stage::Locate, Stage::Map].into_iter().map(|stage| staged.of(stage));
+        let carried =
+            [Stage::Index, Stage::Locate, Stage::Map].into_iter().map(|stage| staged.of(stage));
         let carried = carried.fold(Sample::default(), |sum, stage| sum + stage);
         Ok([relaxed, plane, carried, plane + carried])
     })?;
@@ -133,10 +176,16 @@ fn push(
         ("curved", &parts.curved, published.map(|(_, curved)| curved), brute_curved),
     ];
     for (part, taken, published, by_brute) in rows {
-        let labels = [Cell::text(names[0]), Cell::text(names[1]), Cell::Count(stitches), Cell::text(part)];
+        let labels =
+            [Cell::text(names[0]), Cell::text(names[1]), Cell::Count(stitches), Cell::text(part)];
         let over_plane = Cell::Number(taken.wall.median / parts.plane.wall.median, 2);
-        let row = labels.into_iter().chain(times(taken)).chain([over_plane]).chain(beside(published, taken));
-        let last = [Cell::known(by_brute, 2), Cell::times(by_brute.map(|ms| ms / taken.wall.median))];
+        let row = labels
+            .into_iter()
+            .chain(times(taken))
+            .chain([over_plane])
+            .chain(beside(published, taken));
+        let last =
+            [Cell::known(by_brute, 2), Cell::times(by_brute.map(|ms| ms / taken.wall.median))];
         table.push(row.chain(last.into_iter().filter(|_| brute.is_some())));
     }
 }

@@ -1,7 +1,8 @@
 //! Plots of the tables: what is shown, and one sheet of all of them.
 //!
-//! In: series of points. Out: a [`Drawing`], which the library writes as `.svg` or `.png` without any font of the system. Axes are laid out by
-//! plotters, logarithmic where the figures span more than a decade; solid lines are measured here, dashed ones are not.
+//! In: series of points. Out: a [`Drawing`], which the library writes as `.svg` or `.png` without
+//! any font of the system. Axes are laid out by plotters, logarithmic where the figures span more
+//! than a decade; solid lines are measured here, dashed ones are not.
 
 use std::ops::Range;
 
@@ -33,7 +34,8 @@ const DOT_RADIUS: u32 = 4;
 const INK: RGBColor = RGBColor(0x22, 0x26, 0x2b);
 const FAINT: RGBColor = RGBColor(0x6b, 0x72, 0x7a);
 const HAIR: RGBColor = RGBColor(0xe3, 0xe6, 0xea);
-/// Okabe and Ito's colours, which colour-blind people tell apart, but for the yellow that white swallows.
+/// Okabe and Ito's colours, which colour-blind people tell apart, but for the yellow that white
+/// swallows.
 const COLORS: [RGBColor; 6] = [
     RGBColor(0x00, 0x72, 0xb2),
     RGBColor(0xd5, 0x5e, 0x00),
@@ -75,7 +77,12 @@ type Area<'a> = DrawingArea<Canvas<'a>, Shift>;
 
 impl Plot {
     /// `x` and `y` name what the axes show, with its unit.
-    pub(super) fn new(title: &str, x: &'static str, y: &'static str, series: impl IntoIterator<Item = Series>) -> Self {
+    pub(super) fn new(
+        title: &str,
+        x: &'static str,
+        y: &'static str,
+        series: impl IntoIterator<Item = Series>,
+    ) -> Self {
         Self { title: title.to_owned(), x, y, series: series.into_iter().collect() }
     }
 
@@ -84,7 +91,8 @@ impl Plot {
         self.push_known(x, values.into_iter().map(Some));
     }
 
-    /// Adds a point to each series of which one is known. What took no measurable time has none: a logarithm has no zero.
+    /// Adds a point to each series of which one is known. What took no measurable time has none: a
+    /// logarithm has no zero.
     pub(super) fn push_known(&mut self, x: f64, values: impl IntoIterator<Item = Option<f64>>) {
         for (series, y) in self.series.iter_mut().zip(values) {
             series.points.extend(y.filter(|y| *y > 0.0).map(|y| (x, y)));
@@ -96,7 +104,9 @@ impl Plot {
         area.draw_text(&self.title, &text(TITLE, INK), (18, 16)).map_err(drawn)?;
         area.draw_text(self.y, &text(SMALL, FAINT), (18, 48)).map_err(drawn)?;
         self.draw_legend(&legend)?;
-        let (Some(xs), Some(ys)) = (self.span(|point| point.0), self.span(|point| point.1)) else { return Ok(()) };
+        let (Some(xs), Some(ys)) = (self.span(|point| point.0), self.span(|point| point.1)) else {
+            return Ok(());
+        };
         match (is_wide(&xs), is_wide(&ys)) {
             (true, true) => self.draw_lines(&left, logarithmic(&xs), logarithmic(&ys)),
             (true, false) => self.draw_lines(&left, logarithmic(&xs), from_zero(&ys)),
@@ -121,7 +131,11 @@ impl Plot {
     {
         let mut builder = ChartBuilder::on(area);
         builder.margin_top(66).margin_left(10).margin_right(20).margin_bottom(8);
-        let mut chart = builder.x_label_area_size(42).y_label_area_size(58).build_cartesian_2d(x, y).map_err(drawn)?;
+        let mut chart = builder
+            .x_label_area_size(42)
+            .y_label_area_size(58)
+            .build_cartesian_2d(x, y)
+            .map_err(drawn)?;
         let mut mesh = chart.configure_mesh();
         mesh.x_labels(7).y_labels(7).max_light_lines(0).bold_line_style(HAIR).axis_style(FAINT);
         mesh.label_style(text(SMALL, INK)).axis_desc_style(text(SMALL, FAINT)).x_desc(self.x);
@@ -133,17 +147,23 @@ impl Plot {
             if series.ours {
                 chart.draw_series(LineSeries::new(points.clone(), line)).map_err(drawn)?;
             } else {
-                chart.draw_series(DashedLineSeries::new(points.clone(), DASH.0, DASH.1, line)).map_err(drawn)?;
+                chart
+                    .draw_series(DashedLineSeries::new(points.clone(), DASH.0, DASH.1, line))
+                    .map_err(drawn)?;
             }
-            chart.draw_series(points.map(|point| Circle::new(point, DOT_RADIUS, color.filled()))).map_err(drawn)?;
+            chart
+                .draw_series(points.map(|point| Circle::new(point, DOT_RADIUS, color.filled())))
+                .map_err(drawn)?;
         }
         Ok(())
     }
 
     fn draw_legend(&self, area: &Area<'_>) -> Result<()> {
         for ((series, color), y) in self.colored().zip((84..).step_by(22)) {
-            let piece = |from, to| PathElement::new([(from, y), (to, y)], color.stroke_width(LINE_WIDTH));
-            let pieces = if series.ours { vec![piece(0, 30)] } else { vec![piece(0, 5), piece(25, 30)] };
+            let piece =
+                |from, to| PathElement::new([(from, y), (to, y)], color.stroke_width(LINE_WIDTH));
+            let pieces =
+                if series.ours { vec![piece(0, 30)] } else { vec![piece(0, 5), piece(25, 30)] };
             pieces.iter().try_for_each(|piece| area.draw(piece)).map_err(drawn)?;
             area.draw(&Circle::new((15, y), DOT_RADIUS, color.filled())).map_err(drawn)?;
             area.draw_text(&series.name, &text(SMALL, INK), (38, y - 3)).map_err(drawn)?;
@@ -151,7 +171,8 @@ impl Plot {
         Ok(())
     }
 
-    /// The series that have points, each with its colour: what was published comes after all of ours, in the same order and colours.
+    /// The series that have points, each with its colour: what was published comes after all of
+    /// ours, in the same order and colours.
     fn colored(&self) -> impl Iterator<Item = (&Series, RGBColor)> {
         let ours = self.series.iter().filter(|series| series.ours).count().max(1);
         let color = move |(at, series): (usize, _)| (series, COLORS[at % ours % COLORS.len()]);
@@ -163,7 +184,8 @@ impl Plot {
 pub(super) fn sheet(heading: &str, plots: &[&Plot]) -> Result<Drawing> {
     let rows = plots.len().div_ceil(ACROSS).max(1);
     let across = plots.len().clamp(1, ACROSS);
-    let pixels = |count: usize, each: u32| f64::from(each) * f64::from(warpknit::ids::index32(count));
+    let pixels =
+        |count: usize, each: u32| f64::from(each) * f64::from(warpknit::ids::index32(count));
     let size = DVec2::new(pixels(across, CELL.0), pixels(rows, CELL.1) + f64::from(HEADING));
     let mut drawing = Drawing { size, layers: Vec::new(), notes: Vec::new() };
     {
@@ -192,15 +214,20 @@ fn is_wide(span: &Range<f64>) -> bool {
     span.end > DECADE * span.start
 }
 
-/// A logarithmic axis with room at both ends; its marks are powers of ten, with 2 and 5 between where there are few.
+/// A logarithmic axis with room at both ends; its marks are powers of ten, with 2 and 5 between
+/// where there are few.
 fn logarithmic(
     span: &Range<f64>,
 ) -> impl AsRangedCoord<Value = f64, CoordDescType: Ranged<ValueType = f64> + ValueFormatter<f64>> {
     let room = span.start / 1.5..span.end * 1.5;
     let between: &[f64] = if room.end / room.start < FEW { &[1.0, 2.0, 5.0] } else { &[1.0] };
-    #[expect(clippy::cast_possible_truncation, reason = "an exponent of ten of a 64-bit float has three digits")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "an exponent of ten of a 64-bit float has three digits"
+    )]
     let exponents = room.start.log10().floor() as i32..=room.end.log10().ceil() as i32;
-    let marks = exponents.flat_map(|exponent| between.iter().map(move |step| step * 10.0_f64.powi(exponent)));
+    let marks = exponents
+        .flat_map(|exponent| between.iter().map(move |step| step * 10.0_f64.powi(exponent)));
     let marks = marks.filter(|mark| room.contains(mark)).collect();
     room.log_scale().with_key_points(marks)
 }
@@ -236,15 +263,24 @@ mod tests {
 
     #[test]
     fn a_sheet_holds_axes_points_and_names() {
-        let mut plot = Plot::new("Times", "stitches", "ms", [Series::ours("here"), Series::published("published")]);
+        let mut plot = Plot::new(
+            "Times",
+            "stitches",
+            "ms",
+            [Series::ours("here"), Series::published("published")],
+        );
         for (x, y) in [(576.0, 2.0), (3500.0, 5.0), (26_180.0, 60.0)] {
             plot.push(x, [y, 20.0 * y]);
         }
         let empty = Plot::new("Nothing", "x", "y", [Series::ours("nothing")]);
         let drawing = sheet("words", &[&plot, &empty, &plot]).unwrap();
         let shapes: Vec<_> = drawing.layers.iter().flat_map(|layer| &layer.shapes).collect();
-        let has = |wanted: &str| shapes.iter().any(|shape| matches!(shape, Shape::Text { text, .. } if text == wanted));
-        for wanted in ["words", "Times", "stitches", "ms", "here", "published", "10k", "500", "Nothing"] {
+        let has = |wanted: &str| {
+            shapes.iter().any(|shape| matches!(shape, Shape::Text { text, .. } if text == wanted))
+        };
+        for wanted in
+            ["words", "Times", "stitches", "ms", "here", "published", "10k", "500", "Nothing"]
+        {
             assert!(has(wanted), "{wanted}: {shapes:?}");
         }
         let dots = shapes.iter().filter(|shape| matches!(shape, Shape::Dot { .. })).count();

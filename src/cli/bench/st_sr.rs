@@ -1,6 +1,7 @@
 //! The source paper's Figure 14: render time over St, Sr and the size of the fabric.
 //!
-//! The figure is a plot whose values the text does not print. Its St and Sr are those of Table 1; its sizes are not printed either.
+//! The figure is a plot whose values the text does not print. Its St and Sr are those of Table 1;
+//! its sizes are not printed either.
 
 use anyhow::Result;
 use warpknit::drape::{Cloth, Options, Stage, picture, swatch_panel};
@@ -29,24 +30,44 @@ pub(super) fn st_sr(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<
             "The time is that of tubes and picture. The processor traces the yarns' curves whatever St and Sr, so its picture is timed once a size; --renderer gpu draws tubes.",
             "published: the paper's figure is a plot, and its text prints neither its times nor its sizes.",
         ],
-        [("fabric", "fabric"), ("st", "St"), ("sr", "Sr"), ("triangles", "triangles\na stitch"), ("tubes_ms", "tubes, ms")],
+        [
+            ("fabric", "fabric"),
+            ("st", "St"),
+            ("sr", "Sr"),
+            ("triangles", "triangles\na stitch"),
+            ("tubes_ms", "tubes, ms"),
+        ],
     );
     table.notes.insert(
         0,
-        format!("Flat {DEFAULT_FABRIC} of so many wales and courses, {} x {} pixels, {}.", SIZE.0, SIZE.1, easel.note()),
+        format!(
+            "Flat {DEFAULT_FABRIC} of so many wales and courses, {} x {} pixels, {}.",
+            SIZE.0,
+            SIZE.1,
+            easel.note()
+        ),
     );
     table.add_columns(TIMES.into_iter().chain(BESIDE));
     let series = SECTIONS.map(|(st, sr)| Series::ours(&format!("St {st}, Sr {sr}")));
-    let mut rendered = Plot::new("Figure 14: tubes and picture", "stitches", "time, ms", series.clone());
+    let mut rendered =
+        Plot::new("Figure 14: tubes and picture", "stitches", "time, ms", series.clone());
     let mut tubed = Plot::new("Figure 14: tubes alone", "stitches", "time, ms", series);
     for (at, side) in SIDES.into_iter().enumerate() {
         let (panel, mut all) = (swatch_panel(&fabric, side, side), Vec::new());
         let cloth = Cloth::swatch(&panel, &fabric, side, side);
         let scene = picture::of(&cloth, &fabric);
-        let mut one_for_all = if easel.heeds_tubes() { None } else { Some(easel.timed(&scene)?.into_iter().cycle()) };
+        let mut one_for_all =
+            if easel.heeds_tubes() { None } else { Some(easel.timed(&scene)?.into_iter().cycle()) };
         for (number, (st, sr)) in SECTIONS.into_iter().enumerate() {
             progress((at as f64 + number as f64 / SECTIONS.len() as f64) / SIDES.len() as f64);
-            let section = Section { st, sr, radius: fabric.radius(), flatten: 1.0, caps: false, texture_per_mm: 1.0 };
+            let section = Section {
+                st,
+                sr,
+                radius: fabric.radius(),
+                flatten: 1.0,
+                caps: false,
+                texture_per_mm: 1.0,
+            };
             let options = Options { surface: Some(section), ..Options::default() };
             let easel = easel.with_tubes(st, sr);
             let [tubes, taken] = measured_parts(easel.runs, &mut || {
@@ -57,9 +78,16 @@ pub(super) fn st_sr(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<
                 };
                 Ok([tubes, tubes + picture])
             })?;
-            let sizes = [Cell::Text(format!("{side} x {side}")), Cell::Count(st as usize), Cell::Count(sr as usize)];
-            let further = [Cell::Count(section.triangles_per_stitch() as usize), Cell::ms(tubes.wall.median)];
-            table.push(sizes.into_iter().chain(further).chain(times(&taken)).chain(beside(None, &taken)));
+            let sizes = [
+                Cell::Text(format!("{side} x {side}")),
+                Cell::Count(st as usize),
+                Cell::Count(sr as usize),
+            ];
+            let further =
+                [Cell::Count(section.triangles_per_stitch() as usize), Cell::ms(tubes.wall.median)];
+            table.push(
+                sizes.into_iter().chain(further).chain(times(&taken)).chain(beside(None, &taken)),
+            );
             all.push((taken.wall.median, tubes.wall.median));
         }
         let stitches = scene.stitches.len() as f64;

@@ -26,8 +26,10 @@ pub(super) struct Table {
 pub(super) type Column = (&'static str, &'static str);
 
 /// What [`times`] and [`beside`] fill.
-pub(super) const TIMES: [Column; 4] = [("ms", "ms"), ("from", "from"), ("to", "to"), ("cpu_ms", "cpu ms")];
-pub(super) const BESIDE: [Column; 2] = [("published", "published,\nother machine"), ("times", "times")];
+pub(super) const TIMES: [Column; 4] =
+    [("ms", "ms"), ("from", "from"), ("to", "to"), ("cpu_ms", "cpu ms")];
+pub(super) const BESIDE: [Column; 2] =
+    [("published", "published,\nother machine"), ("times", "times")];
 
 /// One figure or word.
 #[derive(Clone, Debug, PartialEq)]
@@ -89,13 +91,28 @@ pub(super) fn times(times: &Times) -> [Cell; 4] {
 
 /// What was published, ms, and how many times as long that is.
 pub(super) fn beside(published: Option<f64>, times: &Times) -> [Cell; 2] {
-    [Cell::known(published, 2), Cell::times(published.map(|published| published / times.wall.median))]
+    [
+        Cell::known(published, 2),
+        Cell::times(published.map(|published| published / times.wall.median)),
+    ]
 }
 
 impl Table {
-    pub(super) fn new(key: &'static str, title: &str, notes: &[&str], columns: impl IntoIterator<Item = Column>) -> Self {
+    pub(super) fn new(
+        key: &'static str,
+        title: &str,
+        notes: &[&str],
+        columns: impl IntoIterator<Item = Column>,
+    ) -> Self {
         let notes = notes.iter().map(|note| (*note).to_owned()).collect();
-        Self { key, title: title.to_owned(), notes, columns: columns.into_iter().collect(), rows: Vec::new(), plots: Vec::new() }
+        Self {
+            key,
+            title: title.to_owned(),
+            notes,
+            columns: columns.into_iter().collect(),
+            rows: Vec::new(),
+            plots: Vec::new(),
+        }
     }
 
     /// Adds columns at the right, before any row is there.
@@ -118,19 +135,25 @@ impl Table {
 
     /// Headings and rows alone, as scripts split them.
     pub(super) fn body(&self) -> String {
-        let headings: Vec<Vec<&str>> = self.columns.iter().map(|(_, heading)| heading.lines().collect()).collect();
+        let headings: Vec<Vec<&str>> =
+            self.columns.iter().map(|(_, heading)| heading.lines().collect()).collect();
         let height = headings.iter().map(Vec::len).max().unwrap_or(0);
         // Headings of fewer lines stand right above their figures.
         let line = |line: usize| -> Vec<String> {
-            let of = |heading: &Vec<&str>| (line + heading.len()).checked_sub(height).map_or("", |at| heading[at]).to_owned();
+            let of = |heading: &Vec<&str>| {
+                (line + heading.len()).checked_sub(height).map_or("", |at| heading[at]).to_owned()
+            };
             headings.iter().map(of).collect()
         };
         let mut lines: Vec<Vec<String>> = (0..height).map(line).collect();
         lines.extend(self.rows.iter().map(|row| row.iter().map(Cell::printed).collect()));
-        let width = |column: usize| lines.iter().map(|line| line[column].chars().count()).max().unwrap_or(0);
+        let width = |column: usize| {
+            lines.iter().map(|line| line[column].chars().count()).max().unwrap_or(0)
+        };
         let widths: Vec<_> = (0..self.columns.len()).map(width).collect();
         let aligned = |line: &Vec<String>| {
-            let cells: Vec<_> = line.iter().zip(&widths).map(|(cell, &width)| format!("{cell:>width$}")).collect();
+            let cells: Vec<_> =
+                line.iter().zip(&widths).map(|(cell, &width)| format!("{cell:>width$}")).collect();
             cells.join(GAP).trim_end().to_owned() + "\n"
         };
         lines.iter().map(aligned).collect()
@@ -140,7 +163,8 @@ impl Table {
 impl Serialize for Table {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         use serde::ser::SerializeStruct as _;
-        let records: Vec<_> = self.rows.iter().map(|row| Record { columns: &self.columns, row }).collect();
+        let records: Vec<_> =
+            self.rows.iter().map(|row| Record { columns: &self.columns, row }).collect();
         let mut table = serializer.serialize_struct("Table", 3)?;
         table.serialize_field("title", &self.title)?;
         table.serialize_field("notes", &self.notes)?;
@@ -167,15 +191,29 @@ mod tests {
 
     #[test]
     fn columns_line_up_and_records_keep_their_order() {
-        let mut table = Table::new("k", "Title", &["how"], [("name", "cloth"), ("ms", "two\nlines"), ("x", "x")]);
+        let mut table = Table::new(
+            "k",
+            "Title",
+            &["how"],
+            [("name", "cloth"), ("ms", "two\nlines"), ("x", "x")],
+        );
         table.push([Cell::text("tricot"), Cell::ms(1.234_567), Cell::Missing]);
-        assert_eq!(table.text(), "Title\n  how\n          two\n cloth  lines  x\ntricot   1.23  -\n");
+        assert_eq!(
+            table.text(),
+            "Title\n  how\n          two\n cloth  lines  x\ntricot   1.23  -\n"
+        );
         let json = serde_json::to_string(&table).unwrap();
-        assert_eq!(json, r#"{"title":"Title","notes":["how"],"rows":[{"name":"tricot","ms":1.234567,"x":null}]}"#);
+        assert_eq!(
+            json,
+            r#"{"title":"Title","notes":["how"],"rows":[{"name":"tricot","ms":1.234567,"x":null}]}"#
+        );
     }
 
     #[test]
     fn ratios_have_a_decimal_where_it_says_something() {
-        assert_eq!([0.5, 9.94, 9.96, 123.4].map(|ratio| Cell::times(Some(ratio)).printed()), ["0.5", "9.9", "10", "123"]);
+        assert_eq!(
+            [0.5, 9.94, 9.96, 123.4].map(|ratio| Cell::times(Some(ratio)).printed()),
+            ["0.5", "9.9", "10", "123"]
+        );
     }
 }

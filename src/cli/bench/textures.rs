@@ -1,6 +1,7 @@
 //! The source paper's Figure 15: render time over the size of the yarn's picture.
 //!
-//! The figure is a plot whose values the text does not print; that the size makes no difference it says.
+//! The figure is a plot whose values the text does not print; that the size makes no difference it
+//! says.
 
 use anyhow::Result;
 use image::{Rgba, RgbaImage};
@@ -39,7 +40,12 @@ pub(super) fn textures(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Resu
     let (st, sr) = SECTION;
     table.notes.insert(
         0,
-        format!("Flat {DEFAULT_FABRIC} of {SIDE} x {SIDE}, St {st}, Sr {sr}, {} x {} pixels, {}.", SIZE.0, SIZE.1, easel.note()),
+        format!(
+            "Flat {DEFAULT_FABRIC} of {SIDE} x {SIDE}, St {st}, Sr {sr}, {} x {} pixels, {}.",
+            SIZE.0,
+            SIZE.1,
+            easel.note()
+        ),
     );
     table.add_columns(TIMES.into_iter().chain(BESIDE));
     let mut plot = Plot::new(
@@ -55,7 +61,10 @@ pub(super) fn textures(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Resu
         progress(at as f64 / (TEXTURES.len() + 1) as f64);
         let maps: Vec<_> = side.map(|side| maps(side, 2.0 * fabric.radius())).into_iter().collect();
         let worn = (!maps.is_empty()).then_some(0);
-        let scene = laid(&cloth, Scene::wearing(Shape::Tube, looks(&fabric, fabric.radius()), maps, |_| worn));
+        let scene = laid(
+            &cloth,
+            Scene::wearing(Shape::Tube, looks(&fabric, fabric.radius()), maps, |_| worn),
+        );
         let taken = Times::of(&easel.timed(&scene)?);
         let plain = *plain.get_or_insert(taken.wall.median);
         let name = side.map_or_else(|| "none".to_owned(), |side| format!("{side} x {side}"));
@@ -69,11 +78,14 @@ pub(super) fn textures(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Resu
     Ok(table)
 }
 
-/// A picture of a yarn `thickness` mm thick, its colour and surface changing from pixel to pixel, so that each lookup reads another one.
+/// A picture of a yarn `thickness` mm thick, its colour and surface changing from pixel to pixel,
+/// so that each lookup reads another one.
 fn maps(side: u32, thickness: f64) -> Maps {
     let shade = |x: u32, y: u32| u8::try_from((x * 7 + y * 13) % 96 + 128).expect("below 224");
     let base = RgbaImage::from_fn(side, side, |x, y| Rgba([shade(x, y), shade(y, x), 160, 255]));
-    let normal = RgbaImage::from_fn(side, side, |x, y| Rgba([shade(x, y) / 4 + 84, shade(y, x) / 4 + 84, 250, 255]));
+    let normal = RgbaImage::from_fn(side, side, |x, y| {
+        Rgba([shade(x, y) / 4 + 84, shade(y, x) / 4 + 84, 250, 255])
+    });
     let surface = RgbaImage::from_fn(side, side, |x, y| Rgba([255, shade(x, y), 0, 255]));
     #[expect(clippy::cast_possible_truncation, reason = "a length in mm needs no more")]
     let (length, width) = ((REPEAT * thickness) as f32, thickness as f32);

@@ -1,6 +1,7 @@
 //! The source paper's Table 3: from fabric to picture.
 //!
-//! The paper gives numbers of stitches and seconds, and names neither fabric nor garment nor the picture's size.
+//! The paper gives numbers of stitches and seconds, and names neither fabric nor garment nor the
+//! picture's size.
 
 use anyhow::Result;
 use warpknit::drape::{Cloth, picture};
@@ -19,7 +20,11 @@ use super::table::{BESIDE, Cell, TIMES, Table, beside, times};
 const LINES: [(u32, f64); 4] = [(5400, 4.42), (9996, 7.43), (10_400, 7.80), (21_600, 15.56)];
 
 /// Measures the table, on the user's garment if there is one.
-pub(super) fn total(arguments: &Bench, garments: &Garments, progress: &mut dyn FnMut(f64)) -> Result<Table> {
+pub(super) fn total(
+    arguments: &Bench,
+    garments: &Garments,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Table> {
     let (name, garment) = garments.get(Shipped::Skirt)?;
     let easel = Easel::new(arguments);
     let mut table = Table::new(
@@ -30,7 +35,15 @@ pub(super) fn total(arguments: &Bench, garments: &Garments, progress: &mut dyn F
         ],
         [("stitches", "stitches"), ("cloth_ms", "cloth, ms"), ("picture_ms", "picture, ms")],
     );
-    table.notes.insert(0, format!("From fabric to picture of {} x {} pixels, 4 samples each, {}.", SIZE.0, SIZE.1, easel.note()));
+    table.notes.insert(
+        0,
+        format!(
+            "From fabric to picture of {} x {} pixels, 4 samples each, {}.",
+            SIZE.0,
+            SIZE.1,
+            easel.note()
+        ),
+    );
     table.add_columns(TIMES.into_iter().chain(BESIDE));
     let mut plot = Plot::new(
         "Table 3: total with rendering",
@@ -40,10 +53,12 @@ pub(super) fn total(arguments: &Bench, garments: &Garments, progress: &mut dyn F
     );
     for (at, (wanted, seconds)) in LINES.into_iter().enumerate() {
         progress(at as f64 / LINES.len() as f64);
-        let (fabric, stitches) = fitted(&Fabric::named(DEFAULT_FABRIC)?, &garment, f64::from(wanted))?;
+        let (fabric, stitches) =
+            fitted(&Fabric::named(DEFAULT_FABRIC)?, &garment, f64::from(wanted))?;
         let [cloth, picture, all] = measure(&easel, &garment, &fabric)?;
         let published = (!garments.are_own()).then_some(1e3 * seconds);
-        let sizes = [Cell::Count(stitches), Cell::ms(cloth.wall.median), Cell::ms(picture.wall.median)];
+        let sizes =
+            [Cell::Count(stitches), Cell::ms(cloth.wall.median), Cell::ms(picture.wall.median)];
         table.push(sizes.into_iter().chain(times(&all)).chain(beside(published, &all)));
         plot.push_known(f64::from(index32(stitches)), [Some(all.wall.median), published]);
     }

@@ -15,7 +15,8 @@ use super::measure::measured;
 use super::plot::{Plot, Series};
 use super::table::{BESIDE, Cell, TIMES, Table, beside, times};
 
-/// The plain cloths of the ribbon paper's table: loops each way, and its times in ms at each of [`SEGMENTS`].
+/// The plain cloths of the ribbon paper's table: loops each way, and its times in ms at each of
+/// [`SEGMENTS`].
 const PUBLISHED: [(u32, [f64; 3]); 3] =
     [(20, [163.0, 188.0, 382.0]), (50, [910.0, 1167.0, 3534.0]), (100, [4536.0, 7708.0, 23_544.0])];
 /// Segments a loop.
@@ -34,18 +35,36 @@ pub(super) fn weft(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<T
         &["ns/vertex: of CPU time."],
         columns.into_iter().chain(TIMES).chain(further),
     );
-    let mut plot = Plot::new("Plain weft knits", "segments", "time, ms", [Series::ours("here"), Series::published("published")]);
+    let mut plot = Plot::new(
+        "Plain weft knits",
+        "segments",
+        "time, ms",
+        [Series::ours("here"), Series::published("published")],
+    );
     let count = PUBLISHED.len() * SEGMENTS.len();
-    let sizes = PUBLISHED.iter().flat_map(|(side, times)| SEGMENTS.iter().zip(times).map(move |(st, ms)| (*side, *st, *ms)));
+    let sizes = PUBLISHED.iter().flat_map(|(side, times)| {
+        SEGMENTS.iter().zip(times).map(move |(st, ms)| (*side, *st, *ms))
+    });
     for (number, (side, st, published)) in sizes.enumerate() {
         progress(number as f64 / count as f64);
-        let section = Section { st, sr: arguments.sr, radius: fabric.radius(), flatten: 1.0, caps: false, texture_per_mm: 1.0 };
+        let section = Section {
+            st,
+            sr: arguments.sr,
+            radius: fabric.radius(),
+            flatten: 1.0,
+            caps: false,
+            texture_per_mm: 1.0,
+        };
         let mut vertices = 0;
         let taken = measured(arguments.runs, &mut || {
             vertices = model(&fabric, side, &section);
             Ok(())
         })?;
-        let sizes = [Cell::Text(format!("{side} x {side}")), Cell::Count(st as usize), Cell::Count(vertices)];
+        let sizes = [
+            Cell::Text(format!("{side} x {side}")),
+            Cell::Count(st as usize),
+            Cell::Count(vertices),
+        ];
         let each = taken.cpu.map(|cpu| 1e6 * cpu.median / vertices as f64);
         let further = std::iter::once(Cell::known(each, 1)).chain(beside(Some(published), &taken));
         table.push(sizes.into_iter().chain(times(&taken)).chain(further));
@@ -55,7 +74,8 @@ pub(super) fn weft(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<T
     Ok(table)
 }
 
-/// Knits a flat cloth of so many loops each way into tubes, course by course as files are written, and counts their vertices.
+/// Knits a flat cloth of so many loops each way into tubes, course by course as files are written,
+/// and counts their vertices.
 fn model(fabric: &Fabric, side: u32, section: &Section) -> usize {
     let (pattern, mesh) = (Pattern::new(fabric), StructureMesh::anchored_at(fabric, DVec2::ZERO));
     let loops = i64::from(side);
@@ -66,7 +86,8 @@ fn model(fabric: &Fabric, side: u32, section: &Section) -> usize {
         normals.resize(knitted.points.len(), DVec3::Z);
         let last = knitted.points.len() - 1;
         let ends = knitted.stitches.iter().skip(1).map(|&end| end as usize).chain([last]);
-        let stitches = knitted.stitches.iter().zip(ends).map(|(&start, end)| start as usize..end + 1);
+        let stitches =
+            knitted.stitches.iter().zip(ends).map(|(&start, end)| start as usize..end + 1);
         tubes.add(&knitted.points, normals, stitches, section);
         black_box(tubes).positions.len()
     };
@@ -80,7 +101,14 @@ mod tests {
     #[test]
     fn a_cloth_of_the_table_has_all_its_loops() {
         let fabric = Fabric::named(PLAIN).unwrap();
-        let section = Section { st: 15, sr: 5, radius: fabric.radius(), flatten: 1.0, caps: false, texture_per_mm: 1.0 };
+        let section = Section {
+            st: 15,
+            sr: 5,
+            radius: fabric.radius(),
+            flatten: 1.0,
+            caps: false,
+            texture_per_mm: 1.0,
+        };
         assert_eq!(model(&fabric, 20, &section), 20 * (20 * 15 + 1) * 6);
     }
 }

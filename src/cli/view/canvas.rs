@@ -1,7 +1,9 @@
 //! The picture in the window, drawn on the window's own device.
 //!
-//! In: a scene, then a [`Shot`] of it at a time. Out: a texture that the window shows. Only this file and the opening of the window name wgpu in the binary, for that texture and
-//! to know when a frame is done. Nothing is drawn twice, and while something moves on a slow device, drafts are drawn.
+//! In: a scene, then a [`Shot`] of it at a time. Out: a texture that the window shows. Only this
+//! file and the opening of the window name wgpu in the binary, for that texture and to know when a
+//! frame is done. Nothing is drawn twice, and while something moves on a slow device, drafts are
+//! drawn.
 
 use std::ops::RangeInclusive;
 use std::time::{Duration, Instant};
@@ -73,7 +75,15 @@ impl Canvas {
     pub(super) fn open(state: &RenderState) -> Result<Self, GpuError> {
         let easel = Some(Easel::open(state)?);
         let (full, draft) = (Duration::ZERO, Duration::ZERO);
-        Ok(Self { state: state.clone(), easel, target: None, shown: None, full, draft, coarseness: *COARSENESS.start() })
+        Ok(Self {
+            state: state.clone(),
+            easel,
+            target: None,
+            shown: None,
+            full,
+            draft,
+            coarseness: *COARSENESS.start(),
+        })
     }
 
     /// The adapter's name.
@@ -100,10 +110,13 @@ impl Canvas {
         Ok(())
     }
 
-    /// Draws a shot unless it is shown already, and says whether it did; a draft will do for one that `moves`.
+    /// Draws a shot unless it is shown already, and says whether it did; a draft will do for one
+    /// that `moves`.
     pub(super) fn draw(&mut self, shot: Shot, moves: bool) -> Result<bool, GpuError> {
         let quality = if moves && self.full > SLOW { Quality::Draft } else { Quality::Full };
-        if self.shown.is_some_and(|(shown, best)| shown == shot && (best == Quality::Full || best == quality)) {
+        if self.shown.is_some_and(|(shown, best)| {
+            shown == shot && (best == Quality::Full || best == quality)
+        }) {
             return Ok(false);
         }
         // After a fault the last picture stays until there is cloth again.
@@ -150,7 +163,8 @@ impl Canvas {
             let options = shot.look.options(size, samples);
             let options = Options { lod: options.lod || quality == Quality::Draft, ..options };
             renderer.draw_to(yarns, &shot.camera, &options, &target.view)?;
-            // Frames are timed whole, and none is begun before the last one is done. What goes wrong here, the next frame tells.
+            // Frames are timed whole, and none is begun before the last one is done. What goes
+            // wrong here, the next frame tells.
             let _waited = self.state.device.poll(wgpu::PollType::wait_indefinitely());
         }
         self.target = Some(target);
@@ -193,7 +207,11 @@ impl Canvas {
     }
 
     /// Draws a picture for a file.
-    pub(super) fn picture(&mut self, camera: &Camera, options: &Options) -> Result<Option<RgbaImage>, GpuError> {
+    pub(super) fn picture(
+        &mut self,
+        camera: &Camera,
+        options: &Options,
+    ) -> Result<Option<RgbaImage>, GpuError> {
         let Some(Easel { full, yarns: Some(yarns), .. }) = &mut self.easel else { return Ok(None) };
         let drawn = full.draw(yarns, camera, options).map(Some);
         self.forget_after(drawn)

@@ -1,7 +1,8 @@
 //! `warpknit view`: a garment or a swatch in a window, knitted again as one chooses.
 //!
-//! In: the arguments of `drape`, or the size of a swatch. Out: a window until it is closed. [`stock`] says what can be knitted, [`worker`] knits it on a
-//! thread of its own, [`canvas`] draws it, [`orbit`] is the camera, [`panel`] what can be chosen; [`window`] joins them.
+//! In: the arguments of `drape`, or the size of a swatch. Out: a window until it is closed.
+//! [`stock`] says what can be knitted, [`worker`] knits it on a thread of its own, [`canvas`] draws
+//! it, [`orbit`] is the camera, [`panel`] what can be chosen; [`window`] joins them.
 
 mod canvas;
 mod orbit;
@@ -33,13 +34,20 @@ const SIZE: [f32; 2] = [1280.0, 800.0];
 pub(crate) fn view(arguments: Live) -> Result<()> {
     let shared = &arguments.shared;
     if let Some((path, _)) = shared.outputs.first() {
-        bail!("{}: view writes no files but pictures, by its button or --screenshot; drape and swatch do", path.display());
+        bail!(
+            "{}: view writes no files but pictures, by its button or --screenshot; drape and swatch do",
+            path.display()
+        );
     }
     if shared.drawing.turntable.is_some() {
-        bail!("--turntable writes pictures, and view shows cloth that you turn yourself: drape and swatch take it");
+        bail!(
+            "--turntable writes pictures, and view shows cloth that you turn yourself: drape and swatch take it"
+        );
     }
     if Choice::from(shared.drawing.renderer) == Choice::Cpu {
-        bail!("--renderer cpu can't follow a drag: view draws on the graphics adapter, be it one of software");
+        bail!(
+            "--renderer cpu can't follow a drag: view draws on the graphics adapter, be it one of software"
+        );
     }
     if shared.eye.is_some() && shared.eye == shared.look_at {
         bail!("--eye and --look-at are the same point: there is no direction to look in");
@@ -50,7 +58,9 @@ pub(crate) fn view(arguments: Live) -> Result<()> {
     clock.clear();
     let (failures, failed) = channel();
     let arguments = Arc::new(arguments);
-    let open = |context: &eframe::CreationContext<'_>| match Window::new(context, arguments, stock, failures) {
+    let open = |context: &eframe::CreationContext<'_>| match Window::new(
+        context, arguments, stock, failures,
+    ) {
         Ok(window) => Ok(Box::new(window) as Box<dyn eframe::App>),
         Err(error) => Err(error.into()),
     };
@@ -61,7 +71,8 @@ pub(crate) fn view(arguments: Live) -> Result<()> {
     }
 }
 
-/// A window on the fastest adapter, with all the limits that the adapter has: those of a web page, which are usual, don't do for yarns.
+/// A window on the fastest adapter, with all the limits that the adapter has: those of a web page,
+/// which are usual, don't do for yarns.
 fn native_options() -> NativeOptions {
     let mut setup = WgpuSetupCreateNew::without_display_handle();
     setup.power_preference = wgpu::PowerPreference::HighPerformance;
@@ -71,8 +82,14 @@ fn native_options() -> NativeOptions {
         ..wgpu::DeviceDescriptor::default()
     });
     NativeOptions {
-        viewport: ViewportBuilder::default().with_title(TITLE).with_app_id(TITLE).with_inner_size(SIZE),
-        wgpu_options: WgpuConfiguration { wgpu_setup: WgpuSetup::CreateNew(setup), ..WgpuConfiguration::default() },
+        viewport: ViewportBuilder::default()
+            .with_title(TITLE)
+            .with_app_id(TITLE)
+            .with_inner_size(SIZE),
+        wgpu_options: WgpuConfiguration {
+            wgpu_setup: WgpuSetup::CreateNew(setup),
+            ..WgpuConfiguration::default()
+        },
         ..NativeOptions::default()
     }
 }
@@ -93,7 +110,9 @@ fn in_words(error: eframe::Error) -> anyhow::Error {
             // In front stands the place in the window library's source.
             let reason = other.to_string();
             let reason = reason.rsplit(": ").next().unwrap_or_default();
-            anyhow!("no window can be opened here ({reason}): check that there is a display; drape and swatch draw without one")
+            anyhow!(
+                "no window can be opened here ({reason}): check that there is a display; drape and swatch draw without one"
+            )
         }
     }
 }

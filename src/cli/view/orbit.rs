@@ -1,14 +1,15 @@
 //! A camera that turns around something as a turntable does.
 //!
-//! In: drags and turns of the wheel, in pixels. Out: a [`Camera`]. The wheel magnifies and does not walk, so that a garment's near side can be seen
-//! yarn by yarn without the eye going through it.
+//! In: drags and turns of the wheel, in pixels. Out: a [`Camera`]. The wheel magnifies and does not
+//! walk, so that a garment's near side can be seen yarn by yarn without the eye going through it.
 
 use glam::{DVec3, Vec3};
 use warpknit::render::{Camera, View};
 
 /// Radians a pixel: half a turn is a drag over 450 pixels.
 const TURN: f64 = std::f64::consts::PI / 450.0;
-/// How near to straight above or below a drag comes, radians: beyond, the camera would change its upright.
+/// How near to straight above or below a drag comes, radians: beyond, the camera would change its
+/// upright.
 const STEEPEST: f64 = 89.0 * std::f64::consts::PI / 180.0;
 /// Magnifications: from a speck to a single yarn of a coat.
 const ZOOMS: (f64, f64) = (0.05, 2000.0);
@@ -32,11 +33,23 @@ impl Orbit {
         let offset = eye - target;
         let toward_eye = offset.try_normalize().unwrap_or(DVec3::Z);
         // Straight from above there is no yaw, and the front is at the picture's bottom.
-        let yaw = if toward_eye.y.abs() > STEEPEST.sin() { 0.0 } else { toward_eye.x.atan2(toward_eye.z) };
-        Self { target, distance: offset.length(), yaw, pitch: toward_eye.y.clamp(-1.0, 1.0).asin(), fov, zoom }
+        let yaw = if toward_eye.y.abs() > STEEPEST.sin() {
+            0.0
+        } else {
+            toward_eye.x.atan2(toward_eye.z)
+        };
+        Self {
+            target,
+            distance: offset.length(),
+            yaw,
+            pitch: toward_eye.y.clamp(-1.0, 1.0).asin(),
+            fov,
+            zoom,
+        }
     }
 
-    /// Frames `points` from a side, as [`Camera::view`] does, and turns around the middle of what is seen.
+    /// Frames `points` from a side, as [`Camera::view`] does, and turns around the middle of what
+    /// is seen.
     pub(super) fn framing(view: View, points: &[Vec3], fov: f64, zoom: f64, aspect: f64) -> Self {
         Self::facing(view.toward_eye(), points, fov, zoom, aspect)
     }
@@ -50,8 +63,13 @@ impl Orbit {
     fn facing(toward_eye: DVec3, points: &[Vec3], fov: f64, zoom: f64, aspect: f64) -> Self {
         let eye = Camera::facing(toward_eye, points, fov, zoom, aspect).eye();
         // Middle of the depths: the camera's own target is the middle across alone.
-        let depths = points.iter().map(|point| (eye - point.as_dvec3()).dot(toward_eye)).filter(|depth| depth.is_finite());
-        let (near, far) = depths.fold((f64::INFINITY, f64::NEG_INFINITY), |(near, far), depth| (near.min(depth), far.max(depth)));
+        let depths = points
+            .iter()
+            .map(|point| (eye - point.as_dvec3()).dot(toward_eye))
+            .filter(|depth| depth.is_finite());
+        let (near, far) = depths.fold((f64::INFINITY, f64::NEG_INFINITY), |(near, far), depth| {
+            (near.min(depth), far.max(depth))
+        });
         let distance = if near <= far { f64::midpoint(near, far) } else { 1.0 };
         Self::at(eye, eye - toward_eye * distance, fov, zoom)
     }
@@ -62,7 +80,8 @@ impl Orbit {
         self.pitch = (self.pitch + f64::from(y) * TURN).clamp(-STEEPEST, STEEPEST);
     }
 
-    /// Moves what lies at the target's distance by so many pixels of a picture that is `height` of them high.
+    /// Moves what lies at the target's distance by so many pixels of a picture that is `height` of
+    /// them high.
     pub(super) fn shift(&mut self, x: f32, y: f32, height: f32) {
         let size = self.camera().pixel_size(self.distance, 1) / f64::from(height.max(1.0));
         self.target += self.camera().to_world(Vec3::new(-x, y, 0.0)).as_dvec3() * size;
@@ -75,7 +94,12 @@ impl Orbit {
 
     /// The camera there.
     pub(super) fn camera(&self) -> Camera {
-        Camera::look_at(self.target + self.toward_eye() * self.distance, self.target, self.fov, self.zoom)
+        Camera::look_at(
+            self.target + self.toward_eye() * self.distance,
+            self.target,
+            self.fov,
+            self.zoom,
+        )
     }
 
     fn toward_eye(&self) -> DVec3 {
@@ -89,7 +113,12 @@ impl Orbit {
 mod tests {
     use super::*;
 
-    const POINTS: [Vec3; 4] = [Vec3::ZERO, Vec3::new(40.0, 0.0, 6.0), Vec3::new(0.0, 90.0, -4.0), Vec3::new(30.0, 70.0, 20.0)];
+    const POINTS: [Vec3; 4] = [
+        Vec3::ZERO,
+        Vec3::new(40.0, 0.0, 6.0),
+        Vec3::new(0.0, 90.0, -4.0),
+        Vec3::new(30.0, 70.0, 20.0),
+    ];
 
     fn framing(view: View) -> Orbit {
         Orbit::framing(view, &POINTS, 0.5, 1.0, 1.6)
@@ -98,9 +127,11 @@ mod tests {
     #[test]
     fn framing_is_the_view_of_a_picture() {
         for view in [View::Front, View::Back, View::Left, View::Right, View::Top, View::Iso] {
-            let (orbit, expected) = (framing(view).camera(), Camera::view(view, &POINTS, 0.5, 1.0, 1.6));
+            let (orbit, expected) =
+                (framing(view).camera(), Camera::view(view, &POINTS, 0.5, 1.0, 1.6));
             for point in POINTS.map(Vec3::as_dvec3) {
-                let [seen, wanted] = [orbit, expected].map(|camera| camera.project(point, 1.6).unwrap());
+                let [seen, wanted] =
+                    [orbit, expected].map(|camera| camera.project(point, 1.6).unwrap());
                 assert!(seen.distance(wanted) < 1e-6, "{view:?}: {seen} {wanted}");
             }
         }
@@ -125,7 +156,10 @@ mod tests {
         orbit.magnify(3.0);
         orbit.shift(30.0, -50.0, 400.0);
         let seen = orbit.camera().project(held, 1.0).unwrap();
-        assert!((seen.x - 30.0 / 200.0).abs() < 1e-5 && (seen.y - 50.0 / 200.0).abs() < 1e-5, "{seen}");
+        assert!(
+            (seen.x - 30.0 / 200.0).abs() < 1e-5 && (seen.y - 50.0 / 200.0).abs() < 1e-5,
+            "{seen}"
+        );
     }
 
     #[test]
@@ -137,6 +171,8 @@ mod tests {
         orbit.magnify(20.0);
         let orbit = orbit.framed(&POINTS, 1.6);
         assert!(orbit.toward_eye().distance(before) < 1e-9);
-        assert!(POINTS.iter().all(|point| orbit.camera().project(point.as_dvec3(), 1.6).unwrap().abs().max_element() < 1.0));
+        assert!(POINTS.iter().all(|point| {
+            orbit.camera().project(point.as_dvec3(), 1.6).unwrap().abs().max_element() < 1.0
+        }));
     }
 }

@@ -2,7 +2,10 @@
 //!
 //! In: [`Settings`], which it changes. Out: what was asked for besides, as an [`Action`].
 
-use eframe::egui::{Button, CollapsingHeader, Color32, ComboBox, Grid, RichText, Slider, SliderClamping, TextStyle, Ui, vec2};
+use eframe::egui::{
+    Button, CollapsingHeader, Color32, ComboBox, Grid, RichText, Slider, SliderClamping, TextStyle,
+    Ui, vec2,
+};
 use glam::Vec3;
 use warpknit::render::{self, Background, Light, View};
 use warpknit::scene::Shape;
@@ -23,7 +26,8 @@ pub(super) const VIEWS: [(&str, View); 6] = [
 /// Lines that the longest description of a built-in fabric takes.
 const ABOUT_LINES: f32 = 3.0;
 
-/// The radius at which the slider ends, mm at one wale a cm: .3 of the wale spacing, where the legs of a loop fill it.
+/// The radius at which the slider ends, mm at one wale a cm: .3 of the wale spacing, where the legs
+/// of a loop fill it.
 const WIDEST: f64 = 3.0;
 
 /// All that can be chosen.
@@ -77,7 +81,11 @@ impl Settings {
     /// What the command line asked for.
     pub(super) fn of(shared: &Shared, stock: &Stock) -> Self {
         let recipe = Recipe { radius: shared.radius, ..stock.recipe(0) };
-        Self { recipe, look: Look::of(shared), keeps_loops: shared.wales_per_cm.is_none() || shared.courses_per_cm.is_none() }
+        Self {
+            recipe,
+            look: Look::of(shared),
+            keeps_loops: shared.wales_per_cm.is_none() || shared.courses_per_cm.is_none(),
+        }
     }
 }
 
@@ -99,7 +107,8 @@ impl Look {
         }
     }
 
-    /// For a picture of so many pixels and samples a pixel. In the window there is always a colour behind the yarns.
+    /// For a picture of so many pixels and samples a pixel. In the window there is always a colour
+    /// behind the yarns.
     pub(super) fn options(&self, [width, height]: [u32; 2], samples: u32) -> render::Options {
         render::Options {
             width,
@@ -137,14 +146,21 @@ impl Look {
 }
 
 /// Shows the panel.
-pub(super) fn show(ui: &mut Ui, settings: &mut Settings, stock: &Stock, facts: &Facts) -> Option<Action> {
+pub(super) fn show(
+    ui: &mut Ui,
+    settings: &mut Settings,
+    stock: &Stock,
+    facts: &Facts,
+) -> Option<Action> {
     ui.spacing_mut().slider_width = 130.0;
     ui.add_space(6.0);
     fabric(ui, settings, stock);
     ui.separator();
     yarns(ui, settings, facts.radius);
     ui.separator();
-    CollapsingHeader::new("Light and background").default_open(true).show(ui, |ui| light(ui, &mut settings.look));
+    CollapsingHeader::new("Light and background")
+        .default_open(true)
+        .show(ui, |ui| light(ui, &mut settings.look));
     ui.separator();
     let action = camera(ui);
     ui.separator();
@@ -164,15 +180,18 @@ fn fabric(ui: &mut Ui, settings: &mut Settings, stock: &Stock) {
             .height(400.0)
             .show_ui(ui, |ui| {
                 for (at, choice) in stock.choices.iter().enumerate() {
-                    ui.selectable_value(&mut recipe.fabric, at, &*choice.label).on_hover_text(&choice.fabric.about);
+                    ui.selectable_value(&mut recipe.fabric, at, &*choice.label)
+                        .on_hover_text(&choice.fabric.about);
                 }
             });
     });
     if recipe.fabric != before {
-        // Another fabric has densities of its own; a radius that was chosen for the last one would seldom suit it.
+        // Another fabric has densities of its own; a radius that was chosen for the last one would
+        // seldom suit it.
         *recipe = Recipe { shape: recipe.shape, ..stock.recipe(recipe.fabric) };
     }
-    let about = Some(stock.choices[recipe.fabric].fabric.about.as_str()).filter(|about| !about.is_empty());
+    let about =
+        Some(stock.choices[recipe.fabric].fabric.about.as_str()).filter(|about| !about.is_empty());
     // As much room for all fabrics, so that sliders stay where they are.
     ui.allocate_ui(vec2(ui.available_width(), 0.0), |ui| {
         ui.set_min_height(ABOUT_LINES * ui.text_style_height(&TextStyle::Body));
@@ -185,12 +204,16 @@ fn fabric(ui: &mut Ui, settings: &mut Settings, stock: &Stock) {
     if density(ui, "courses per cm", &mut recipe.courses_per_cm) && settings.keeps_loops {
         recipe.wales_per_cm = recipe.courses_per_cm / aspect;
     }
-    ui.checkbox(&mut settings.keeps_loops, "loops keep their shape").on_hover_text("wales and courses change together");
+    ui.checkbox(&mut settings.keeps_loops, "loops keep their shape")
+        .on_hover_text("wales and courses change together");
 }
 
 /// Whether it was changed.
 fn density(ui: &mut Ui, label: &str, value: &mut f64) -> bool {
-    let slider = Slider::new(value, 0.2..=40.0).logarithmic(true).max_decimals(2).clamping(SliderClamping::Edits);
+    let slider = Slider::new(value, 0.2..=40.0)
+        .logarithmic(true)
+        .max_decimals(2)
+        .clamping(SliderClamping::Edits);
     ui.add(slider.text(label)).changed()
 }
 
@@ -208,14 +231,23 @@ fn yarns(ui: &mut Ui, settings: &mut Settings, radius: f64) {
     }
     let mut chosen = recipe.radius.unwrap_or(radius);
     let slider = Slider::new(&mut chosen, 0.005..=(WIDEST / recipe.wales_per_cm).max(0.01));
-    let slider = slider.logarithmic(true).max_decimals(3).clamping(SliderClamping::Edits).suffix(" mm");
+    let slider =
+        slider.logarithmic(true).max_decimals(3).clamping(SliderClamping::Edits).suffix(" mm");
     ui.add_enabled(!own, slider.text("radius"));
     if !own {
         recipe.radius = Some(chosen);
     }
-    ui.add(Slider::new(&mut look.st, 1..=40).clamping(SliderClamping::Edits).text("pieces a stitch (St)"));
+    ui.add(
+        Slider::new(&mut look.st, 1..=40)
+            .clamping(SliderClamping::Edits)
+            .text("pieces a stitch (St)"),
+    );
     ui.add_enabled_ui(recipe.shape == Shape::Tube, |ui| {
-        ui.add(Slider::new(&mut look.sr, 3..=24).clamping(SliderClamping::Edits).text("edges of a tube (Sr)"));
+        ui.add(
+            Slider::new(&mut look.sr, 3..=24)
+                .clamping(SliderClamping::Edits)
+                .text("edges of a tube (Sr)"),
+        );
     });
     ui.checkbox(&mut look.lod, "far yarns are coarser");
 }
@@ -229,7 +261,8 @@ fn light(ui: &mut Ui, look: &mut Look) {
     ui.horizontal(|ui| {
         ui.color_edit_button_srgb(&mut look.background);
         ui.label("background");
-        ui.checkbox(&mut look.cut_out, "none in files").on_hover_text("saved pictures are transparent where no yarn is");
+        ui.checkbox(&mut look.cut_out, "none in files")
+            .on_hover_text("saved pictures are transparent where no yarn is");
     });
 }
 
@@ -294,11 +327,19 @@ mod tests {
 
     #[test]
     fn the_first_look_is_that_of_a_picture() {
-        let arguments = Arguments::parse_from(["warpknit", "view", "--st", "7", "--background", "#102030"]);
+        let arguments =
+            Arguments::parse_from(["warpknit", "view", "--st", "7", "--background", "#102030"]);
         let Command::View(live) = arguments.command else { panic!("it was asked to view") };
-        let (options, usual) = (Look::of(&live.shared).options([8, 6], 4), render::Options::default());
+        let (options, usual) =
+            (Look::of(&live.shared).options([8, 6], 4), render::Options::default());
         assert!(options.light.sun_direction.angle_between(usual.light.sun_direction) < 1e-3);
-        assert_eq!((options.light.sun, options.light.sky_below), (usual.light.sun, usual.light.sky_below));
-        assert_eq!((options.st, options.sr, options.background), (7, usual.sr, Background::Color([16, 32, 48])));
+        assert_eq!(
+            (options.light.sun, options.light.sky_below),
+            (usual.light.sun, usual.light.sky_below)
+        );
+        assert_eq!(
+            (options.st, options.sr, options.background),
+            (7, usual.sr, Background::Color([16, 32, 48]))
+        );
     }
 }

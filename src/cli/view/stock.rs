@@ -1,6 +1,7 @@
 //! What can be knitted in the window: fabrics, and the garment or the size of the swatch.
 //!
-//! In: the arguments, then a [`Recipe`] at a time. Out: [`Knitted`] cloth. Nothing here knows of a window.
+//! In: the arguments, then a [`Recipe`] at a time. Out: [`Knitted`] cloth. Nothing here knows of a
+//! window.
 
 use std::borrow::Cow;
 use std::cell::RefCell;
@@ -19,7 +20,8 @@ use super::super::clock::{Clock, Task};
 use super::super::make::{MOST_STITCHES, check_laid, check_memory, loss_warning, task};
 use super::super::pictures::{self, Textures};
 
-/// What a stitch takes, GB: 160 bytes of scene, and on a software adapter 25 for each of ten points and their copies on the way.
+/// What a stitch takes, GB: 160 bytes of scene, and on a software adapter 25 for each of ten points
+/// and their copies on the way.
 const STITCH_GB: f64 = 1e-6;
 
 /// Everything that does not change while the window is open.
@@ -80,23 +82,37 @@ impl Stock {
         let shared = &arguments.shared;
         let first = fabric(shared)?;
         let ground = match &arguments.flat {
-            Some(flat) => Ground::Garment(read(flat, arguments.draped.as_deref(), &arguments.reading.options())?),
+            Some(flat) => Ground::Garment(read(
+                flat,
+                arguments.draped.as_deref(),
+                &arguments.reading.options(),
+            )?),
             None => Ground::Swatch { wales: arguments.wales, courses: arguments.courses },
         };
         // A swatch is as large as it was asked for, and no fabric is too fine for it.
         let area = ground.area();
         let asked = shared.chains.label(&shared.fabric, &first);
         let label = if asked.is_empty() { "your chains" } else { asked }.to_owned();
-        let (textures, all_wear) = (Arc::new(Textures::of(shared, &first)?), shared.drawing.texture.is_some());
+        let (textures, all_wear) =
+            (Arc::new(Textures::of(shared, &first)?), shared.drawing.texture.is_some());
         let others = builtin::names().filter(|name| *name != label).map(|name| {
             let fabric = enlarged(&named_fabric(name)?, area)?.0;
             let textures = if all_wear { Arc::clone(&textures) } else { Arc::default() };
             Ok(Choice { label: name.to_owned(), fabric, textures })
         });
         let others = others.collect::<Result<Vec<_>>>()?;
-        let mut choices = vec![Choice { label, fabric: pictured(&first, area, shared)?.0, textures: Arc::clone(&textures) }];
+        let mut choices = vec![Choice {
+            label,
+            fabric: pictured(&first, area, shared)?.0,
+            textures: Arc::clone(&textures),
+        }];
         choices.extend(others);
-        Ok(Self { choices, ground, options: arguments.laying.options(), shape: shared.drawing.shape.into() })
+        Ok(Self {
+            choices,
+            ground,
+            options: arguments.laying.options(),
+            shape: shared.drawing.shape.into(),
+        })
     }
 
     /// A fabric as it is first shown.
@@ -106,7 +122,11 @@ impl Stock {
     }
 
     /// Knits, unless `superseded` says meanwhile that nobody waits any more.
-    pub(super) fn knit(&self, recipe: Recipe, superseded: &dyn Fn() -> bool) -> Result<Option<Knitted>> {
+    pub(super) fn knit(
+        &self,
+        recipe: Recipe,
+        superseded: &dyn Fn() -> bool,
+    ) -> Result<Option<Knitted>> {
         let fabric = self.fabric(&recipe)?;
         let radius = drawn_radius(&fabric, recipe.radius)?;
         let mut clock = Clock::start(true);
@@ -117,19 +137,29 @@ impl Stock {
                 if !fabric.panels.is_empty() {
                     turn_grains(garment.to_mut(), &fabric);
                 }
-                let cloth = Cloth::cover(&garment, &fabric).with_context(|| self.choices[recipe.fabric].label.clone())?;
+                let cloth = Cloth::cover(&garment, &fabric)
+                    .with_context(|| self.choices[recipe.fabric].label.clone())?;
                 self.lay(&cloth, &fabric, radius, recipe, clock, superseded)
             }
             Ground::Swatch { wales, courses } => {
                 let panel = drape::swatch_panel(&fabric, *wales, *courses);
-                self.lay(&Cloth::swatch(&panel, &fabric, *wales, *courses), &fabric, radius, recipe, clock, superseded)
+                self.lay(
+                    &Cloth::swatch(&panel, &fabric, *wales, *courses),
+                    &fabric,
+                    radius,
+                    recipe,
+                    clock,
+                    superseded,
+                )
             }
         }
     }
 
     fn fabric(&self, recipe: &Recipe) -> Result<Fabric> {
         let fabric = self.choices[recipe.fabric].fabric.clone();
-        if (fabric.wales_per_cm, fabric.courses_per_cm) == (recipe.wales_per_cm, recipe.courses_per_cm) {
+        if (fabric.wales_per_cm, fabric.courses_per_cm)
+            == (recipe.wales_per_cm, recipe.courses_per_cm)
+        {
             return Ok(fabric);
         }
         Ok(fabric.at_densities(recipe.wales_per_cm, recipe.courses_per_cm)?)
@@ -145,7 +175,8 @@ impl Stock {
         superseded: &dyn Fn() -> bool,
     ) -> Result<Option<Knitted>> {
         check_room(cloth.stitches())?;
-        let mut scene = pictures::scene(recipe.shape, fabric, radius, &self.choices[recipe.fabric].textures);
+        let mut scene =
+            pictures::scene(recipe.shape, fabric, radius, &self.choices[recipe.fabric].textures);
         let totals = {
             let clock = RefCell::new(&mut clock);
             let mut announce = |stage, done| clock.borrow_mut().begin(task(stage), done);

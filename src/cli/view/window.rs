@@ -1,7 +1,7 @@
 //! The window: joins the panel, the camera, the knitting thread and the canvas, a frame at a time.
 //!
-//! In: what the person does. Out: the picture, and files where asked for. Whatever goes wrong is told in the panel and the window stays open;
-//! only a screenshot that can't be made ends it.
+//! In: what the person does. Out: the picture, and files where asked for. Whatever goes wrong is
+//! told in the panel and the window stays open; only a screenshot that can't be made ends it.
 
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
@@ -11,8 +11,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail};
 use eframe::egui::{
-    self, CentralPanel, Color32, ColorImage, Frame, Key, Panel, PointerButton, Rect, Response, ScrollArea, Sense, Ui,
-    ViewportCommand, pos2,
+    self, CentralPanel, Color32, ColorImage, Frame, Key, Panel, PointerButton, Rect, Response,
+    ScrollArea, Sense, Ui, ViewportCommand, pos2,
 };
 use image::RgbaImage;
 use warpknit::export::png;
@@ -25,13 +25,15 @@ use super::panel::{self, Action, Facts, Settings, VIEWS};
 use super::stock::{Knitted, Recipe, Stock};
 use super::worker::Worker;
 
-/// How long after the last change things count as moving: longer where a full frame would hold up the next drag for longer.
+/// How long after the last change things count as moving: longer where a full frame would hold up
+/// the next drag for longer.
 const SETTLED: RangeInclusive<Duration> = Duration::from_millis(150)..=Duration::from_millis(800);
 /// Magnification by a point of the wheel's travel.
 const WHEEL: f64 = 1.0 / 250.0;
 const PANEL_WIDTH: f32 = 330.0;
 
-/// What the camera is held to until somebody drags it; applied again to each cloth and each size of the window.
+/// What the camera is held to until somebody drags it; applied again to each cloth and each size of
+/// the window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Framing {
     Start,
@@ -72,8 +74,11 @@ impl Window {
         stock: Arc<Stock>,
         failures: Sender<anyhow::Error>,
     ) -> Result<Self> {
-        let Some(state) = &context.wgpu_render_state else { bail!("the window has no graphics device") };
-        let canvas = Canvas::open(state).context("a window needs a graphics adapter, drape and swatch do not")?;
+        let Some(state) = &context.wgpu_render_state else {
+            bail!("the window has no graphics device")
+        };
+        let canvas = Canvas::open(state)
+            .context("a window needs a graphics adapter, drape and swatch do not")?;
         let waker = context.egui_ctx.clone();
         let worker = Worker::start(Arc::clone(&stock), move || waker.request_repaint())?;
         let settings = Settings::of(&arguments.shared, &stock);
@@ -183,7 +188,10 @@ impl Window {
         )]
         let width = ((f64::from(height) * self.aspect).round() as u32).clamp(1, MOST_PIXELS);
         let options = self.settings.look.options_to_save([width, height], shared.drawing.spp);
-        let picture = self.canvas.picture(&self.orbit.camera(), &options)?.context("there is no picture to save yet")?;
+        let picture = self
+            .canvas
+            .picture(&self.orbit.camera(), &options)?
+            .context("there is no picture to save yet")?;
         let name = free_name()?;
         write(&name, &picture)?;
         Ok(name)
@@ -195,11 +203,14 @@ impl Window {
         let before = self.orbit;
         if response.dragged_by(PointerButton::Primary) {
             self.orbit.turn(moved.x, moved.y);
-        } else if response.dragged_by(PointerButton::Secondary) || response.dragged_by(PointerButton::Middle) {
+        } else if response.dragged_by(PointerButton::Secondary)
+            || response.dragged_by(PointerButton::Middle)
+        {
             self.orbit.shift(moved.x, moved.y, height);
         }
         if response.hovered() {
-            let (wheel, pinch) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
+            let (wheel, pinch) =
+                ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
             self.orbit.magnify((f64::from(wheel) * WHEEL).exp() * f64::from(pinch));
         }
         if self.orbit != before {
@@ -207,7 +218,10 @@ impl Window {
         }
         if !ui.ctx().egui_wants_keyboard_input() {
             let keys = [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6];
-            let pressed = keys.into_iter().zip(VIEWS).find(|(key, _)| ui.input(|input| input.key_pressed(*key)));
+            let pressed = keys
+                .into_iter()
+                .zip(VIEWS)
+                .find(|(key, _)| ui.input(|input| input.key_pressed(*key)));
             if let Some((_, (_, view))) = pressed {
                 self.act(Action::Look(view));
             }
@@ -227,7 +241,8 @@ impl Window {
             clippy::cast_sign_loss,
             reason = "`as` saturates, and a window has few pixels"
         )]
-        let size = [rect.width(), rect.height()].map(|side| ((side * scale).round() as u32).clamp(1, most));
+        let size = [rect.width(), rect.height()]
+            .map(|side| ((side * scale).round() as u32).clamp(1, most));
         let aspect = f64::from(size[0]) / f64::from(size[1]);
         if aspect != self.aspect {
             self.aspect = aspect;
@@ -238,7 +253,12 @@ impl Window {
             self.draw(ui, size);
         }
         if let Some(texture) = self.canvas.texture() {
-            ui.painter().image(texture, rect, Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0)), Color32::WHITE);
+            ui.painter().image(
+                texture,
+                rect,
+                Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0)),
+                Color32::WHITE,
+            );
         }
     }
 
@@ -275,7 +295,11 @@ impl Window {
             lines.push(("knit", ms(timings.knit)));
             lines.push(("locate and map", ms(timings.locate + timings.map)));
             lines.push(("upload", took(self.upload)));
-            let draft = if self.canvas.draft.is_zero() { String::new() } else { format!(", draft {}", took(self.canvas.draft)) };
+            let draft = if self.canvas.draft.is_zero() {
+                String::new()
+            } else {
+                format!(", draft {}", took(self.canvas.draft))
+            };
             lines.push(("frame", took(self.canvas.full) + &draft));
             if cloth.enlargement > 1.0 {
                 notes.push(format!("The cloth is drawn {:.1} times enlarged.", cloth.enlargement));
@@ -283,10 +307,17 @@ impl Window {
             notes.extend(cloth.warnings.iter().map(|warning| format!("warning: {warning}")));
         }
         let radius = self.cloth.as_ref().map_or(0.0, |cloth| cloth.radius);
-        Facts { lines, notes, trouble: self.trouble.clone(), is_knitting: self.worker.is_busy(), radius }
+        Facts {
+            lines,
+            notes,
+            trouble: self.trouble.clone(),
+            is_knitting: self.worker.is_busy(),
+            radius,
+        }
     }
 
-    /// Asks for a picture of the window once the cloth is drawn in full, and ends it where that will never be.
+    /// Asks for a picture of the window once the cloth is drawn in full, and ends it where that
+    /// will never be.
     fn take_screenshot(&mut self, context: &egui::Context) {
         let Some(target) = self.screenshot.clone() else { return };
         if let Some(trouble) = self.trouble.take() {
@@ -315,7 +346,9 @@ impl eframe::App for Window {
             .exact_size(PANEL_WIDTH)
             .show(ui, |ui| {
                 let scrolled = ScrollArea::vertical().auto_shrink(false);
-                scrolled.show(ui, |ui| panel::show(ui, &mut self.settings, &self.stock, &facts)).inner
+                scrolled
+                    .show(ui, |ui| panel::show(ui, &mut self.settings, &self.stock, &facts))
+                    .inner
             })
             .inner;
         if let Some(action) = action {
@@ -340,7 +373,9 @@ fn start(arguments: &Live, points: &[glam::Vec3], aspect: f64) -> Orbit {
 /// The first of `view-001.png`, `view-002.png` … that isn't there.
 fn free_name() -> Result<PathBuf> {
     let mut names = (1..1000).map(|number| PathBuf::from(format!("view-{number:03}.png")));
-    names.find(|name| !name.exists()).context("view-001.png to view-999.png are there already: move some")
+    names
+        .find(|name| !name.exists())
+        .context("view-001.png to view-999.png are there already: move some")
 }
 
 fn write(target: &Path, picture: &RgbaImage) -> Result<()> {
@@ -348,7 +383,8 @@ fn write(target: &Path, picture: &RgbaImage) -> Result<()> {
 }
 
 fn picture_of(image: &ColorImage) -> RgbaImage {
-    let pixels = image.pixels.iter().flat_map(|pixel| [pixel.r(), pixel.g(), pixel.b(), 255]).collect();
+    let pixels =
+        image.pixels.iter().flat_map(|pixel| [pixel.r(), pixel.g(), pixel.b(), 255]).collect();
     let [width, height] = image.size.map(warpknit::ids::index32);
     RgbaImage::from_raw(width, height, pixels).expect("four bytes a pixel")
 }
@@ -366,6 +402,9 @@ mod tests {
 
     #[test]
     fn numbers_are_set_in_threes() {
-        assert_eq!([0, 12, 999, 12_948, 1_000_000].map(thousands), ["0", "12", "999", "12 948", "1 000 000"]);
+        assert_eq!(
+            [0, 12, 999, 12_948, 1_000_000].map(thousands),
+            ["0", "12", "999", "12 948", "1 000 000"]
+        );
     }
 }

@@ -1,7 +1,8 @@
 //! Knitting beside the window, so that it stays responsive.
 //!
-//! In: [`Recipe`]s as fast as a slider is dragged. Out: cloth, or why there is none. The newest recipe wins: those that came before it and were not
-//! begun are dropped, and one that is being knitted is given up once it has had [`PATIENCE`], so that a drag shows what it passes.
+//! In: [`Recipe`]s as fast as a slider is dragged. Out: cloth, or why there is none. The newest
+//! recipe wins: those that came before it and were not begun are dropped, and one that is being
+//! knitted is given up once it has had [`PATIENCE`], so that a drag shows what it passes.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -40,7 +41,8 @@ impl Worker {
                 // The last that is waiting takes the place of all before it.
                 let (number, recipe) = incoming.try_iter().last().unwrap_or(order);
                 let start = Instant::now();
-                let superseded = || start.elapsed() > PATIENCE && wanted.load(Ordering::Relaxed) != number;
+                let superseded =
+                    || start.elapsed() > PATIENCE && wanted.load(Ordering::Relaxed) != number;
                 let Some(result) = stock.knit(recipe, &superseded).transpose() else { continue };
                 if outgoing.send((number, result)).is_err() {
                     return;
@@ -48,7 +50,10 @@ impl Worker {
                 announce();
             }
         };
-        thread::Builder::new().name("knitting".to_owned()).spawn(work).context("can't start the knitting thread")?;
+        thread::Builder::new()
+            .name("knitting".to_owned())
+            .spawn(work)
+            .context("can't start the knitting thread")?;
         Ok(Self { orders, done, newest, answered: 0 })
     }
 
@@ -91,7 +96,15 @@ mod tests {
     use crate::cli::args::{Arguments, Command};
 
     fn stock() -> Arc<Stock> {
-        let arguments = Arguments::parse_from(["warpknit", "view", "--quiet", "--wales", "3", "--courses", "4"]);
+        let arguments = Arguments::parse_from([
+            "warpknit",
+            "view",
+            "--quiet",
+            "--wales",
+            "3",
+            "--courses",
+            "4",
+        ]);
         let Command::View(live) = arguments.command else { panic!("it was asked to view") };
         Arc::new(Stock::of(&live).unwrap())
     }

@@ -33,7 +33,11 @@ enum Runs {
 
 impl StrandTable {
     /// The strand, and the path of its yarn.
-    pub(super) fn into_bar(self, number: usize, source: Source<'_>) -> Result<(Bar, Path), FabricError> {
+    pub(super) fn into_bar(
+        self,
+        number: usize,
+        source: Source<'_>,
+    ) -> Result<(Bar, Path), FabricError> {
         let refuse = |why| Fault::Path { number, why }.at(source.0, self.path.span());
         let places = self.path.get_ref();
         if !(2..=MAX_PATH).contains(&places.len()) {
@@ -41,9 +45,14 @@ impl StrandTable {
         }
         let mut path = Path::with_capacity(places.len());
         for [x, y, z] in places {
-            let place = |name: &str, number: &Spanned<f64>, limits| source.number(name, number, limits);
+            let place =
+                |name: &str, number: &Spanned<f64>, limits| source.number(name, number, limits);
             let what = format!("strand {number}: path");
-            path.push(DVec3::new(place(&what, x, ACROSS)?, place(&what, y, ACROSS)?, place(&what, z, DEPTH)?));
+            path.push(DVec3::new(
+                place(&what, x, ACROSS)?,
+                place(&what, y, ACROSS)?,
+                place(&what, z, DEPTH)?,
+            ));
         }
         let (kind, period) = match self.runs {
             Runs::Along => (BarKind::LaidAlong, DVec3::Y),
@@ -90,7 +99,11 @@ yarn = { count = "20 tex", density = 1.5, packing = 0.6, color = "#907050" }
     #[test]
     fn laid_cloth_reads_back_and_has_no_bars() {
         let fabric = Fabric::parse(PLAIN).unwrap();
-        assert!(fabric.is_laid() && fabric.warnings().is_empty() && (fabric.repeat(), fabric.threading_repeat()) == (1, 1));
+        assert!(
+            fabric.is_laid()
+                && fabric.warnings().is_empty()
+                && (fabric.repeat(), fabric.threading_repeat()) == (1, 1)
+        );
         assert_eq!(Fabric::parse(&fabric.to_string()).unwrap(), fabric);
         let chained = fabric.with_chains(&["1-0/1-2".to_owned()], &[]).unwrap();
         assert!(!chained.is_laid());
@@ -106,7 +119,12 @@ yarn = { count = "20 tex", density = 1.5, packing = 0.6, color = "#907050" }
                 "^^^",
             ),
             ("[0.5, 0.5, -0.1]", "[0.5, nan, -0.1]", "strand 1: path is NaN", "^^^"),
-            (", [0.5, 0.5, -0.1]", "", "strand 1: its path has too few or too many points: 2 to 1000 are taken", "^^^^"),
+            (
+                ", [0.5, 0.5, -0.1]",
+                "",
+                "strand 1: its path has too few or too many points: 2 to 1000 are taken",
+                "^^^^",
+            ),
             ("[0.5, 0.5, -0.1]", "[0.5, 1.0, 0.1]", "has two points in a row in one place", "^^^^"),
             ("\"along\"", "\"up\"", "unknown variant `up`", "^^^^"),
             ("[0.5, 0.5, -0.1]", "[0.5, 0.5]", "invalid length 2", "^^^^"),
@@ -116,10 +134,17 @@ yarn = { count = "20 tex", density = 1.5, packing = 0.6, color = "#907050" }
             assert!(error.place.unwrap().to_string().contains(carets), "{to}");
         }
         let fault = |text: &str| Fabric::parse(text).unwrap_err().to_string();
-        assert_eq!(fault(&PLAIN[..PLAIN.find("[[").unwrap()]), "laid cloth needs at least one [[strands]] table");
-        assert!(fault(&PLAIN.replace("kind = \"laid\"\n", "")).starts_with("a warp knit has no [[strands]]"));
+        assert_eq!(
+            fault(&PLAIN[..PLAIN.find("[[").unwrap()]),
+            "laid cloth needs at least one [[strands]] table"
+        );
         assert!(
-            fault(&PLAIN.replace("10\n", "10\nchart = \"k\"\n")).starts_with("a laid cloth has no chart: it has [[strands]]")
+            fault(&PLAIN.replace("kind = \"laid\"\n", ""))
+                .starts_with("a warp knit has no [[strands]]")
+        );
+        assert!(
+            fault(&PLAIN.replace("10\n", "10\nchart = \"k\"\n"))
+                .starts_with("a laid cloth has no chart: it has [[strands]]")
         );
     }
 

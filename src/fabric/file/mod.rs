@@ -1,7 +1,9 @@
-//! The fabric file: its TOML tables, and the way from them to a checked [`Fabric`] and back. What only some kinds of fabric have is in rooms of its own.
+//! The fabric file: its TOML tables, and the way from them to a checked [`Fabric`] and back. What
+//! only some kinds of fabric have is in rooms of its own.
 //!
-//! Every value that can be out of its range is read with its span, so that what is found after TOML's own checks is pointed at in the file as
-//! well. What is printed reads back as the same fabric; comments and the numbering and tempi of a chain are not kept.
+//! Every value that can be out of its range is read with its span, so that what is found after
+//! TOML's own checks is pointed at in the file as well. What is printed reads back as the same
+//! fabric; comments and the numbering and tempi of a chain are not kept.
 
 mod laid;
 mod panel;
@@ -103,10 +105,17 @@ impl Source<'_> {
         in_range(what, *number.get_ref(), limits).map_err(|fault| fault.at(self.0, number.span()))
     }
 
-    /// Puts a fault at the bytes `within` a string, as far as the string stands in the file as it is and not in escapes.
-    fn in_string(self, string: &Spanned<String>, within: Range<usize>, fault: Fault) -> FabricError {
+    /// Puts a fault at the bytes `within` a string, as far as the string stands in the file as it
+    /// is and not in escapes.
+    fn in_string(
+        self,
+        string: &Spanned<String>,
+        within: Range<usize>,
+        fault: Fault,
+    ) -> FabricError {
         let literal = &self.0[string.span()];
-        let start = literal.find(string.get_ref().as_str()).filter(|_| !string.get_ref().is_empty());
+        let start =
+            literal.find(string.get_ref().as_str()).filter(|_| !string.get_ref().is_empty());
         let span = start.map_or(string.span(), |at| {
             let start = string.span().start + at;
             start + within.start..start + within.end
@@ -142,17 +151,22 @@ impl FabricFile {
         let courses_per_cm = source.number("courses_per_cm", &self.courses_per_cm, DENSITY)?;
         self.check_kind()?;
         let stitch = stitch(&self.stitch, source)?;
-        let motif = self.chart.as_ref().map(|chart| motif(chart, &self.legend, source)).transpose()?;
+        let motif =
+            self.chart.as_ref().map(|chart| motif(chart, &self.legend, source)).transpose()?;
         if self.kind == Kind::Weft && motif.is_none() {
             return Err(Fault::NoFeeders.into());
         }
         if self.kind == Kind::Laid && self.strands.is_empty() {
             return Err(Fault::NoStrands.into());
         }
-        let laid = self.strands.into_iter().zip(1..).map(|(table, number)| table.into_bar(number, source));
-        let (strands, paths): (Vec<_>, Vec<_>) = laid.collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
-        let guides = self.bars.into_iter().zip(1..).map(|(table, number)| table.into_bar(number, source));
-        let feeders = self.feeders.into_iter().zip(1..).map(|(table, number)| table.into_bar(number, source));
+        let laid =
+            self.strands.into_iter().zip(1..).map(|(table, number)| table.into_bar(number, source));
+        let (strands, paths): (Vec<_>, Vec<_>) =
+            laid.collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
+        let guides =
+            self.bars.into_iter().zip(1..).map(|(table, number)| table.into_bar(number, source));
+        let feeders =
+            self.feeders.into_iter().zip(1..).map(|(table, number)| table.into_bar(number, source));
         let fabric = Fabric {
             name: self.name,
             about: self.about,
@@ -160,7 +174,10 @@ impl FabricFile {
             gauge,
             courses_per_cm,
             stitch,
-            bars: guides.chain(feeders).chain(strands.into_iter().map(Ok)).collect::<Result<_, _>>()?,
+            bars: guides
+                .chain(feeders)
+                .chain(strands.into_iter().map(Ok))
+                .collect::<Result<_, _>>()?,
             motif,
             paths,
             panels: panels(&self.panels, source)?,
@@ -173,8 +190,11 @@ impl FabricFile {
     /// Refuses keys that a fabric of this kind doesn't have.
     fn check_kind(&self) -> Result<(), Fault> {
         let bars = [("[[bars]]", !self.bars.is_empty()), ("[stitch]", !self.stitch.is_empty())];
-        let weft =
-            [("chart", self.chart.is_some()), ("legend", !self.legend.is_empty()), ("[[feeders]]", !self.feeders.is_empty())];
+        let weft = [
+            ("chart", self.chart.is_some()),
+            ("legend", !self.legend.is_empty()),
+            ("[[feeders]]", !self.feeders.is_empty()),
+        ];
         let strands = [("[[strands]]", !self.strands.is_empty())];
         let (kind, instead, others) = match self.kind {
             Kind::Warp => (
@@ -182,7 +202,9 @@ impl FabricFile {
                 "it has [[bars]], kind = \"weft\" a chart and [[feeders]], and kind = \"laid\" [[strands]]",
                 [&weft[..], &strands].concat(),
             ),
-            Kind::Weft => ("weft knit", "it has a chart and [[feeders]]", [&bars[..], &strands].concat()),
+            Kind::Weft => {
+                ("weft knit", "it has a chart and [[feeders]]", [&bars[..], &strands].concat())
+            }
             Kind::Laid => ("laid cloth", "it has [[strands]]", [&bars[..], &weft].concat()),
         };
         match others.into_iter().find(|(_, given)| *given) {
@@ -197,13 +219,18 @@ impl From<&Fabric> for FabricFile {
         let (mut stitch, mut default) = (fabric.stitch, Dimensions::default());
         let changed = KEYS.iter().filter_map(|key| {
             let value = *(key.of)(&mut stitch);
-            (value != *(key.of)(&mut default)).then(|| (unplaced(key.name.to_owned()), unplaced(value)))
+            (value != *(key.of)(&mut default))
+                .then(|| (unplaced(key.name.to_owned()), unplaced(value)))
         });
         // Of a knit there are no paths, and of laid cloth as many as bars.
         let knitting = fabric.bars.iter().skip(fabric.paths.len());
-        let knitted_by = |feeder: bool| knitting.clone().filter(move |bar| (bar.kind == BarKind::Feeder) == feeder);
+        let knitted_by = |feeder: bool| {
+            knitting.clone().filter(move |bar| (bar.kind == BarKind::Feeder) == feeder)
+        };
         let legend = |motif: &Motif| {
-            let written = |(letter, symbol): (&char, &Symbol)| (unplaced(letter.to_string()), unplaced(symbol.to_string()));
+            let written = |(letter, symbol): (&char, &Symbol)| {
+                (unplaced(letter.to_string()), unplaced(symbol.to_string()))
+            };
             motif.legend().iter().map(written).collect::<Vec<_>>()
         };
         Self {
@@ -218,11 +245,19 @@ impl From<&Fabric> for FabricFile {
                 None if fabric.is_laid() => Kind::Laid,
                 None => Kind::Warp,
             },
-            chart: fabric.motif.as_ref().map(|motif| unplaced(format!("\n{}\n", motif.rows().join("\n")))),
+            chart: fabric
+                .motif
+                .as_ref()
+                .map(|motif| unplaced(format!("\n{}\n", motif.rows().join("\n")))),
             legend: fabric.motif.iter().flat_map(legend).collect(),
             bars: knitted_by(false).map(BarTable::from).collect(),
             feeders: knitted_by(true).map(FeederTable::from).collect(),
-            strands: fabric.bars.iter().zip(&fabric.paths).map(|(bar, path)| StrandTable::of(bar, path)).collect(),
+            strands: fabric
+                .bars
+                .iter()
+                .zip(&fabric.paths)
+                .map(|(bar, path)| StrandTable::of(bar, path))
+                .collect(),
             panels: fabric.panels.iter().map(PanelTable::from).collect(),
         }
     }
@@ -272,31 +307,83 @@ panel = 1
             assert!(first.starts_with(line), "{place}");
             let column = below.find('^').unwrap();
             let number = first.find(": ").unwrap() + 2;
-            assert_eq!(first[number..].chars().skip(column).take(below.trim().len()).collect::<String>(), carets, "{place}");
+            assert_eq!(
+                first[number..].chars().skip(column).take(below.trim().len()).collect::<String>(),
+                carets,
+                "{place}"
+            );
         };
-        pointed("2-3/1-0//", "2-3/1-9//", "bar 1, lapping \"2-3/1-9//\": an overlap over 8 needles", "7: ", "1-9");
+        pointed(
+            "2-3/1-0//",
+            "2-3/1-9//",
+            "bar 1, lapping \"2-3/1-9//\": an overlap over 8 needles",
+            "7: ",
+            "1-9",
+        );
         pointed("\"2-3/1-0//\"", "\"\"\"\n2-3/x-0\"\"\"", "'x' is not a number", "8: ", "x");
         pointed("\"2-3/1-0//\"", "\"1-\\u0039\"", "an overlap over 8", "7: ", "\"1-\\u0039\"");
         pointed("\"2-3/1-0//\"", "\"\"", "the chain is empty", "7: ", "\"\"");
         pointed("I.", "I.x", "bar 1, threading \"I.x\": 'x' is no threading mark", "8: ", "x");
-        pointed("10", "0.0", "wales_per_cm is 0, but must be between 0.01 and 1000 per cm", "2: ", "0.0");
+        pointed(
+            "10",
+            "0.0",
+            "wales_per_cm is 0, but must be between 0.01 and 1000 per cm",
+            "2: ",
+            "0.0",
+        );
         pointed("12.5", "nan", "courses_per_cm is NaN", "3: ", "nan");
         pointed("wales_per_cm", "gauge = 28\nwales_per_cm", "given twice", "2: ", "28");
-        pointed("0.65", "2.0", "bar 1: yarn.packing is 2, but must be between 0.01 and 1", "9: ", "2.0");
+        pointed(
+            "0.65",
+            "2.0",
+            "bar 1: yarn.packing is 2, but must be between 0.01 and 1",
+            "9: ",
+            "2.0",
+        );
         pointed("plies = 2", "plies = 99", "bar 1: yarn.plies is 99", "9: ", "99");
         pointed("plies = 2", "plies = 2.5", "expected u32", "9: ", "2.5");
         pointed("plies = 2", "twist = 1e9", "yarn.twist is 1000000000", "9: ", "1e9");
-        pointed("plies = 2", "sheen = 1.5", "yarn.sheen is 1.5, but must be between 0 and 1", "9: ", "1.5");
+        pointed(
+            "plies = 2",
+            "sheen = 1.5",
+            "yarn.sheen is 1.5, but must be between 0 and 1",
+            "9: ",
+            "1.5",
+        );
         pointed("44 dtex", "44 stone", "no yarn count", "9: ", "\"44 stone\"");
-        pointed("w1 = 0.2", "w1 = 0.9", "stitch.w1 is 0.9, but must be between 0.01 and 0.5 of the wale", "4: ", "0.9");
+        pointed(
+            "w1 = 0.2",
+            "w1 = 0.9",
+            "stitch.w1 is 0.9, but must be between 0.01 and 0.5 of the wale",
+            "4: ",
+            "0.9",
+        );
         pointed("w1", "w9", "[stitch] has no w9: it takes w1 w1x", "4: ", "w9");
-        pointed("wales_per_cm", "whales_per_cm", "unknown field `whales_per_cm`", "2: ", "whales_per_cm");
+        pointed(
+            "wales_per_cm",
+            "whales_per_cm",
+            "unknown field `whales_per_cm`",
+            "2: ",
+            "whales_per_cm",
+        );
         pointed("panel = 1", "panel = 1\n[[panels]]\npanel = 1", "panel 1 has two", "14: ", "1");
         pointed("panel = 1", "panel = -1", "invalid value", "12: ", "-1");
-        pointed("panel = 1", "panel = 1\norigin = [0, 1e9]", "panel 1: origin is 1000000000", "13: ", "1e9");
+        pointed(
+            "panel = 1",
+            "panel = 1\norigin = [0, 1e9]",
+            "panel 1: origin is 1000000000",
+            "13: ",
+            "1e9",
+        );
         assert_eq!(fault("wales_per_cm = 10\n", "").1, None);
-        assert_eq!(fault("courses_per_cm = 12.5\n", ""), ("missing field `courses_per_cm`".to_owned(), None));
-        assert!(matches!(parse("name = ''\ngauge = 1\ncourses_per_cm = 1").unwrap_err().fault, Fault::NoBars));
+        assert_eq!(
+            fault("courses_per_cm = 12.5\n", ""),
+            ("missing field `courses_per_cm`".to_owned(), None)
+        );
+        assert!(matches!(
+            parse("name = ''\ngauge = 1\ncourses_per_cm = 1").unwrap_err().fault,
+            Fault::NoBars
+        ));
     }
 
     fn assert_round_trip(fabric: &Fabric) {
@@ -317,24 +404,33 @@ panel = 1
     fn chains() -> impl Strategy<Value = Chain> {
         let laps = prop::collection::vec((0..=MAX_GAP, -2..=2), 1..12);
         laps.prop_map(|laps: Vec<(i32, i32)>| {
-            let laps: Vec<_> = laps.iter().map(|&(a, by)| format!("{a}-{}", (a + by).clamp(0, MAX_GAP))).collect();
+            let laps: Vec<_> =
+                laps.iter().map(|&(a, by)| format!("{a}-{}", (a + by).clamp(0, MAX_GAP))).collect();
             Chain::parse(&laps.join("/"), Numbering::Tricot).unwrap()
         })
     }
 
     fn yarns() -> impl Strategy<Value = Yarn> {
         let count = (0.01..9999.0, prop::sample::select(vec!["tex", "dtex", "den", "Nm"]));
-        let count = count.prop_filter_map("too fine", |(value, unit): (f64, &str)| format!("{value} {unit}").parse().ok());
-        let look = (prop::option::of(1..=12_u32), prop::option::of(-5000.0..5000.0), prop::option::of(0.0..=1.0));
+        let count = count.prop_filter_map("too fine", |(value, unit): (f64, &str)| {
+            format!("{value} {unit}").parse().ok()
+        });
+        let look = (
+            prop::option::of(1..=12_u32),
+            prop::option::of(-5000.0..5000.0),
+            prop::option::of(0.0..=1.0),
+        );
         let texture = (prop::option::of(".{0,12}"), prop::option::of(0.01..10_000.0));
         (count, 0.1..25.0, 0.01..1.0, prop::array::uniform3(0_u8..), look, texture).prop_map(
-            |(count, density, packing, rgb, (plies, twist, sheen), (texture, texture_length))| Yarn {
-                plies,
-                twist,
-                sheen,
-                texture: texture.map(PathBuf::from),
-                texture_length,
-                ..Yarn::plain(count, density, packing, Color(rgb))
+            |(count, density, packing, rgb, (plies, twist, sheen), (texture, texture_length))| {
+                Yarn {
+                    plies,
+                    twist,
+                    sheen,
+                    texture: texture.map(PathBuf::from),
+                    texture_length,
+                    ..Yarn::plain(count, density, packing, Color(rgb))
+                }
             },
         )
     }
@@ -353,19 +449,26 @@ panel = 1
     }
 
     fn stitches() -> impl Strategy<Value = Dimensions> {
-        prop::collection::vec(prop::option::of(0.0..=1.0), KEYS.len()).prop_map(|shares: Vec<Option<f64>>| {
-            let mut stitch = Dimensions::default();
-            for (key, share) in KEYS.iter().zip(shares) {
-                let (low, high, _) = key.range;
-                let value = (key.of)(&mut stitch);
-                *value = share.map_or(*value, |share| (low + share * (high - low)).clamp(low, high));
-            }
-            stitch
-        })
+        prop::collection::vec(prop::option::of(0.0..=1.0), KEYS.len()).prop_map(
+            |shares: Vec<Option<f64>>| {
+                let mut stitch = Dimensions::default();
+                for (key, share) in KEYS.iter().zip(shares) {
+                    let (low, high, _) = key.range;
+                    let value = (key.of)(&mut stitch);
+                    *value =
+                        share.map_or(*value, |share| (low + share * (high - low)).clamp(low, high));
+                }
+                stitch
+            },
+        )
     }
 
     fn fabrics() -> impl Strategy<Value = Fabric> {
-        let panels = prop::collection::btree_map(0..40_usize, (-360.0..360.0, prop::array::uniform2(-1e5..1e5)), 0..4);
+        let panels = prop::collection::btree_map(
+            0..40_usize,
+            (-360.0..360.0, prop::array::uniform2(-1e5..1e5)),
+            0..4,
+        );
         let texts = (".{0,20}", "\\PC{0,40}|[\"'\\\\\n]{0,9}");
         let densities = (any::<bool>(), 0.1..1000.0, 0.01..1000.0);
         (texts, densities, stitches(), prop::collection::vec(bars(), 1..4), panels).prop_map(
@@ -381,7 +484,11 @@ panel = 1
                 paths: Vec::new(),
                 panels: panels
                     .into_iter()
-                    .map(|(panel, (grain_degrees, origin))| PanelLayout { panel, grain_degrees, origin: origin.into() })
+                    .map(|(panel, (grain_degrees, origin))| PanelLayout {
+                        panel,
+                        grain_degrees,
+                        origin: origin.into(),
+                    })
                     .collect(),
                 enlargement: 1.0,
             },
@@ -390,19 +497,27 @@ panel = 1
 
     /// Charts of plain loops and crossings, knitted by one feeder.
     fn weft_knits() -> impl Strategy<Value = Fabric> {
-        let row = prop::collection::vec(prop::sample::select(vec!["k", "p", "xx", "CCCCC", "é"]), 1..9);
+        let row =
+            prop::collection::vec(prop::sample::select(vec!["k", "p", "xx", "CCCCC", "é"]), 1..9);
         (row.clone(), row, yarns(), "[I.]{0,3}I[I.]{0,3}").prop_map(|(one, other, yarn, marks)| {
             let legend = [('x', "cable 1/1 left"), ('C', "cable 3/2 right"), ('é', "reverse")];
             let legend = legend.map(|(letter, symbol)| (letter, symbol.parse().unwrap())).into();
             let (one, other) = (one.concat(), other.concat());
             let wales = one.chars().count().max(other.chars().count());
-            let filled = |row: &str| row.chars().chain("k".repeat(wales).chars()).take(wales).collect::<String>();
+            let filled = |row: &str| {
+                row.chars().chain("k".repeat(wales).chars()).take(wales).collect::<String>()
+            };
             let chart = format!("{}\n{}", filled(&one), filled(&other));
             let courses = Threading::parse(&marks).unwrap();
-            let others: String = marks.chars().map(|mark| if mark == 'I' { '.' } else { 'I' }).collect();
+            let others: String =
+                marks.chars().map(|mark| if mark == 'I' { '.' } else { 'I' }).collect();
             let mut bars = vec![Bar::feeder(courses, yarn.clone())];
             bars.extend(Threading::parse(&others).map(|courses| Bar::feeder(courses, yarn)));
-            Fabric { motif: Some(Motif::parse(&chart, &legend).unwrap()), bars, ..parse(FABRIC).unwrap() }
+            Fabric {
+                motif: Some(Motif::parse(&chart, &legend).unwrap()),
+                bars,
+                ..parse(FABRIC).unwrap()
+            }
         })
     }
 
@@ -412,9 +527,12 @@ panel = 1
         let fault = |text: &str| parse(text).unwrap_err().to_string();
         assert!(fault(&weft.replace("kind = \"weft\"", "")).contains("a warp knit has no chart"));
         assert!(
-            fault(&FABRIC.replace("name = \"net\"", "kind = \"weft\"\nname = \"net\"")).contains("a weft knit has no [[bars]]")
+            fault(&FABRIC.replace("name = \"net\"", "kind = \"weft\"\nname = \"net\""))
+                .contains("a weft knit has no [[bars]]")
         );
-        assert!(fault(&weft.replace("\"I\"", "\"I.\"")).contains("course 2 is knitted by 0 feeders"));
+        assert!(
+            fault(&weft.replace("\"I\"", "\"I.\"")).contains("course 2 is knitted by 0 feeders")
+        );
         let error = parse(&weft.replacen("ppkkkkkk", "ppkk?kkk", 1)).unwrap_err();
         assert_eq!(
             error.to_string(),
@@ -422,7 +540,10 @@ panel = 1
         );
         assert!(error.place.unwrap().to_string().contains("ppkk?kkk"));
         let error = parse(&weft.replacen("cable 3/3 left", "cable 3/3 up", 1)).unwrap_err();
-        assert!(error.to_string().starts_with("legend: \"cable 3/3 up\" is no loop") && error.place.is_some());
+        assert!(
+            error.to_string().starts_with("legend: \"cable 3/3 up\" is no loop")
+                && error.place.is_some()
+        );
     }
 
     proptest! {

@@ -38,7 +38,10 @@ fn is_nowhere(point: &[Spanned<f64>; 2]) -> bool {
 }
 
 /// How panels are laid, each at most once.
-pub(super) fn panels(tables: &[PanelTable], source: Source<'_>) -> Result<Vec<PanelLayout>, FabricError> {
+pub(super) fn panels(
+    tables: &[PanelTable],
+    source: Source<'_>,
+) -> Result<Vec<PanelLayout>, FabricError> {
     let mut panels: Vec<PanelLayout> = Vec::new();
     for table in tables {
         let panel = *table.panel.get_ref();
@@ -46,7 +49,10 @@ pub(super) fn panels(tables: &[PanelTable], source: Source<'_>) -> Result<Vec<Pa
             return Err(Fault::PanelTwice(panel).at(source.0, table.panel.span()));
         }
         let grain_degrees = source.number(&format!("panel {panel}: grain"), &table.grain, GRAIN)?;
-        let [x, y] = table.origin.each_ref().map(|number| source.number(&format!("panel {panel}: origin"), number, ORIGIN));
+        let [x, y] = table
+            .origin
+            .each_ref()
+            .map(|number| source.number(&format!("panel {panel}: origin"), number, ORIGIN));
         panels.push(PanelLayout { panel, grain_degrees, origin: [x?, y?].into() });
     }
     Ok(panels)

@@ -28,11 +28,15 @@ pub(super) fn motif(
     let mut symbols = BTreeMap::new();
     for (letter, symbol) in legend {
         let mut letters = letter.get_ref().chars();
-        let (Some(only), None) = (letters.next().filter(|letter| !letter.is_whitespace()), letters.next()) else {
-            return Err(Fault::Legend(format!("{:?} is not one letter", letter.get_ref())).at(source.0, letter.span()));
+        let (Some(only), None) =
+            (letters.next().filter(|letter| !letter.is_whitespace()), letters.next())
+        else {
+            return Err(Fault::Legend(format!("{:?} is not one letter", letter.get_ref()))
+                .at(source.0, letter.span()));
         };
-        let symbol =
-            symbol.get_ref().parse().map_err(|why: SymbolError| Fault::Legend(why.to_string()).at(source.0, symbol.span()))?;
+        let symbol = symbol.get_ref().parse().map_err(|why: SymbolError| {
+            Fault::Legend(why.to_string()).at(source.0, symbol.span())
+        })?;
         symbols.insert(only, symbol);
     }
     Motif::parse(chart.get_ref(), &symbols).map_err(|why| {
@@ -43,14 +47,18 @@ pub(super) fn motif(
 
 impl FeederTable {
     pub(super) fn into_bar(self, number: usize, source: Source<'_>) -> Result<Bar, FabricError> {
-        let courses = bar::read_threading(&format!("feeder {number}, courses"), self.courses.get_ref())
-            .map_err(|fault| source.in_string(&self.courses, fault.span(), fault))?;
+        let courses =
+            bar::read_threading(&format!("feeder {number}, courses"), self.courses.get_ref())
+                .map_err(|fault| source.in_string(&self.courses, fault.span(), fault))?;
         Ok(Bar::feeder(courses, self.yarn.into_yarn(&format!("feeder {number}"), source)?))
     }
 }
 
 impl From<&Bar> for FeederTable {
     fn from(feeder: &Bar) -> Self {
-        Self { courses: unplaced(feeder.threading.to_string()), yarn: YarnTable::from(&feeder.yarn) }
+        Self {
+            courses: unplaced(feeder.threading.to_string()),
+            yarn: YarnTable::from(&feeder.yarn),
+        }
     }
 }

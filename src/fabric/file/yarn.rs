@@ -44,7 +44,11 @@ impl YarnTable {
             number.as_ref().map(|number| source.number(&what(key), number, limits)).transpose()
         };
         if let Some(plies) = &self.plies {
-            source.number(&what("plies"), &Spanned::new(plies.span(), f64::from(*plies.get_ref())), PLIES)?;
+            source.number(
+                &what("plies"),
+                &Spanned::new(plies.span(), f64::from(*plies.get_ref())),
+                PLIES,
+            )?;
         }
         Ok(Yarn {
             count: self.count,

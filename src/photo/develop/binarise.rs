@@ -1,8 +1,9 @@
 //! Step 3, binarise: which pixels are yarn by one threshold.
 //!
-//! In: a grey plane, 0..=255, and which side of the threshold the ground lies on. Out: B, set where the grey is at least T, or under T before a light
-//! ground. T is Otsu's (1979): the one that splits the histogram into the two classes that are tightest. The ground is the class that most of the
-//! photo's border is in.
+//! In: a grey plane, 0..=255, and which side of the threshold the ground lies on. Out: B, set where
+//! the grey is at least T, or under T before a light ground. T is Otsu's (1979): the one that
+//! splits the histogram into the two classes that are tightest. The ground is the class that most
+//! of the photo's border is in.
 
 use super::mask::Mask;
 use crate::plane::{Plane, byte, float, percentile};
@@ -22,8 +23,10 @@ pub(super) struct Split {
 pub(super) fn otsu(grey: &Plane) -> f32 {
     let mut counts = [0_u32; 256];
     grey.values.iter().for_each(|&value| counts[usize::from(byte(value))] += 1);
-    let levels = || (0_u8..=255).zip(counts).map(|(level, count)| (f64::from(level), f64::from(count)));
-    let (all, total) = levels().fold((0.0, 0.0), |(n, sum), (level, count)| (n + count, sum + level * count));
+    let levels =
+        || (0_u8..=255).zip(counts).map(|(level, count)| (f64::from(level), f64::from(count)));
+    let (all, total) =
+        levels().fold((0.0, 0.0), |(n, sum), (level, count)| (n + count, sum + level * count));
     let (mut below, mut sum) = (0.0, 0.0);
     let mut best = (0.0, 0.0, 0.0);
     for (level, count) in levels() {
@@ -49,7 +52,8 @@ impl Split {
     /// What a threshold makes of the greys.
     pub(super) fn at(threshold: f32, grey: &Plane) -> Self {
         let class = |upper: bool| {
-            let mut values: Vec<f32> = grey.asked().filter(|&value| (value >= threshold) == upper).collect();
+            let mut values: Vec<f32> =
+                grey.asked().filter(|&value| (value >= threshold) == upper).collect();
             let median = percentile(&mut values, 0.5);
             values.iter_mut().for_each(|value| *value = (*value - median).abs());
             (median, 1.48 * percentile(&mut values, 0.5))
@@ -87,7 +91,12 @@ mod tests {
 
     #[test]
     fn otsu_splits_between_two_heaps_and_the_border_says_which_is_ground() {
-        let grey = Plane::from_fn(40, 20, |x, y| if (6..14).contains(&y) { 200.0 } else { 30.0 + float(x % 5) });
+        let grey =
+            Plane::from_fn(
+                40,
+                20,
+                |x, y| if (6..14).contains(&y) { 200.0 } else { 30.0 + float(x % 5) },
+            );
         let threshold = otsu(&grey);
         assert!((34.0..200.0).contains(&threshold), "{threshold}");
         let border = super::super::ground::border(&grey);

@@ -1,12 +1,16 @@
 //! Step 4, cut out: the yarn without its ground, soft at the fuzz.
 //!
-//! In: the strip's grey, B, the ground's side of the threshold. Out: [`CutOut`], alpha a pixel, and the yarn's width.
+//! In: the strip's grey, B, the ground's side of the threshold. Out: [`CutOut`], alpha a pixel, and
+//! the yarn's width.
 //!
-//! A pixel at the edge shows both yarn and ground: I = a F + (1 - a) G. G is the ground's grey; F is the yarn's beside the pixel, since yarns are round and
-//! darken toward their flanks, and plies differ. So F is a mean over what surely is yarn near by, two pixels inside of what differs from
-//! the ground at all, and the grey gives the matte a. What is at least half yarn and linked to B is the body; its core, fibres worn off and holes
-//! filled, is opaque however dark its grooves are, and measures the width. Fibres whose matte stands out of the ground's noise stay where they are linked to the body, and
-//! specks do not. Cost: some sixty passes whatever the yarn's width, 30 bytes a pixel.
+//! A pixel at the edge shows both yarn and ground: I = a F + (1 - a) G. G is the ground's grey; F
+//! is the yarn's beside the pixel, since yarns are round and darken toward their flanks, and plies
+//! differ. So F is a mean over what surely is yarn near by, two pixels inside of what differs from
+//! the ground at all, and the grey gives the matte a. What is at least half yarn and linked to B is
+//! the body; its core, fibres worn off and holes filled, is opaque however dark its grooves are,
+//! and measures the width. Fibres whose matte stands out of the ground's noise stay where they are
+//! linked to the body, and specks do not. Cost: some sixty passes whatever the yarn's width, 30
+//! bytes a pixel.
 //!
 //! Not promised: parts of a yarn that are as dark as the ground, and open to it.
 
@@ -45,8 +49,15 @@ pub(super) struct CutOut {
     pub(super) middle: f64,
 }
 
-/// Cuts the yarn out. With `keeps_threshold` its edge is where B says, however bright the yarn is there.
-pub(super) fn cut_out(grey: &Plane, yarn: &Mask, split: &Split, light_ground: bool, keeps_threshold: bool) -> CutOut {
+/// Cuts the yarn out. With `keeps_threshold` its edge is where B says, however bright the yarn is
+/// there.
+pub(super) fn cut_out(
+    grey: &Plane,
+    yarn: &Mask,
+    split: &Split,
+    light_ground: bool,
+    keeps_threshold: bool,
+) -> CutOut {
     let (ground, spread) = split.ground(light_ground);
     let sign = if light_ground { -1.0 } else { 1.0 };
     let off = grey.map(|value| sign * (value - ground));
@@ -57,7 +68,8 @@ pub(super) fn cut_out(grey: &Plane, yarn: &Mask, split: &Split, light_ground: bo
     let full = if keeps_threshold {
         off.map(|_| 2.0 * (split.threshold - ground).abs().max(0.5))
     } else {
-        let differs = Mask::of(&smooth, |off| off >= noise.max(LEAST_CONTRAST * contrast)).linked_to(&yarn);
+        let differs =
+            Mask::of(&smooth, |off| off >= noise.max(LEAST_CONTRAST * contrast)).linked_to(&yarn);
         full_yarn(&off, &core(&differs), contrast)
     };
     let matte = |x: usize, y: usize| (off.at(x, y) / full.at(x, y)).clamp(0.0, 1.0);
@@ -71,26 +83,30 @@ pub(super) fn cut_out(grey: &Plane, yarn: &Mask, split: &Split, light_ground: bo
     let kept = fibres.linked_to(&body).dilated(1);
     let inside = body.eroded(RIM);
     let floor = 0.5 * least;
-    let alpha = Plane::from_fn(grey.width, grey.height, |x, y| match (inside.at(x, y), kept.at(x, y)) {
-        (true, _) => 1.0,
-        // The body's edge is where half is yarn: the floor under the noise must not move it.
-        (false, true) if matted.at(x, y) < 0.5 => (0.5 * (matted.at(x, y) - floor) / (0.5 - floor)).max(0.0),
-        (false, true) => matted.at(x, y),
-        (false, false) => 0.0,
-    });
+    let alpha =
+        Plane::from_fn(grey.width, grey.height, |x, y| match (inside.at(x, y), kept.at(x, y)) {
+            (true, _) => 1.0,
+            // The body's edge is where half is yarn: the floor under the noise must not move it.
+            (false, true) if matted.at(x, y) < 0.5 => {
+                (0.5 * (matted.at(x, y) - floor) / (0.5 - floor)).max(0.0)
+            }
+            (false, true) => matted.at(x, y),
+            (false, false) => 0.0,
+        });
     let (width, middle) = extent(&core);
     CutOut { alpha, width, middle }
 }
 
-/// The yarn without fibres that stand off it, and without holes: what a fibre and the yarn close in between them is none.
+/// The yarn without fibres that stand off it, and without holes: what a fibre and the yarn close in
+/// between them is none.
 fn core(yarn: &Mask) -> Mask {
     let (width, _) = extent(yarn);
     let times = whole(narrow(FIBRE * width)).max(LEAST_WEAR);
     yarn.worn(times).filled()
 }
 
-/// How far a pixel that is yarn alone would be from the ground: by the core's flank near by. Fibres that
-/// stand off are lit from all around, as the yarn's brighter parts are.
+/// How far a pixel that is yarn alone would be from the ground: by the core's flank near by. Fibres
+/// that stand off are lit from all around, as the yarn's brighter parts are.
 fn full_yarn(off: &Plane, core: &Mask, contrast: f32) -> Plane {
     let (width, _) = extent(core);
     let radius = whole(narrow(NEAR * width)).max(1);
@@ -102,7 +118,8 @@ fn full_yarn(off: &Plane, core: &Mask, contrast: f32) -> Plane {
     let bright = percentile(&mut yarn, FIBRE_SHARE).max(contrast);
     let weight = |x: usize, y: usize| if inside.at(x, y) && !deep.at(x, y) { 1.0 } else { 0.0 };
     let weights = Plane::from_fn(off.width, off.height, weight).blurred(radius, false);
-    let sums = Plane::from_fn(off.width, off.height, |x, y| weight(x, y) * off.at(x, y)).blurred(radius, false);
+    let sums = Plane::from_fn(off.width, off.height, |x, y| weight(x, y) * off.at(x, y))
+        .blurred(radius, false);
     Plane::from_fn(off.width, off.height, |x, y| {
         let weight = weights.at(x, y);
         // Below the flank all is yarn, whatever it looks like.
@@ -114,14 +131,17 @@ fn full_yarn(off: &Plane, core: &Mask, contrast: f32) -> Plane {
     })
 }
 
-/// Mean length of the columns' longest runs, and the row around which they lie. Fibres are thin and seldom part of a run.
+/// Mean length of the columns' longest runs, and the row around which they lie. Fibres are thin and
+/// seldom part of a run.
 fn extent(body: &Mask) -> (f64, f64) {
-    let runs: Vec<(f32, f32)> = (0..body.width).into_par_iter().filter_map(|x| longest_run(body, x)).collect();
+    let runs: Vec<(f32, f32)> =
+        (0..body.width).into_par_iter().filter_map(|x| longest_run(body, x)).collect();
     let mut lengths: Vec<f32> = runs.iter().map(|run| run.0).collect();
     let typical = percentile(&mut lengths, 0.5);
     let usual: Vec<_> = runs.iter().filter(|run| (run.0 / typical - 1.0).abs() < 0.5).collect();
     let count = double(usual.len().max(1));
-    let sum = |of: &dyn Fn(&(f32, f32)) -> f32| usual.iter().map(|run| f64::from(of(run))).sum::<f64>();
+    let sum =
+        |of: &dyn Fn(&(f32, f32)) -> f32| usual.iter().map(|run| f64::from(of(run))).sum::<f64>();
     (sum(&|run| run.0) / count, sum(&|run| run.1) / count)
 }
 
@@ -152,7 +172,8 @@ mod tests {
     use super::super::binarise::{binarise, otsu};
     use super::*;
 
-    /// A yarn of 20 rows that is darker at its flanks, with a fibre that leaves it, a speck, a dark groove and half a pixel of edge.
+    /// A yarn of 20 rows that is darker at its flanks, with a fibre that leaves it, a speck, a dark
+    /// groove and half a pixel of edge.
     fn strip() -> Plane {
         Plane::from_fn(60, 40, |x, y| match (x, y) {
             (30, 5..10) | (10..12, 3..5) => 160.0,
@@ -170,7 +191,11 @@ mod tests {
         let threshold = otsu(&grey);
         let split = Split::at(threshold, &grey);
         let cut = cut_out(&grey, &binarise(&grey, threshold, false), &split, false, false);
-        assert!((cut.alpha.at(30, 7) - 0.7).abs() < 0.01, "the fibre is less bright than the yarn: {}", cut.alpha.at(30, 7));
+        assert!(
+            (cut.alpha.at(30, 7) - 0.7).abs() < 0.01,
+            "the fibre is less bright than the yarn: {}",
+            cut.alpha.at(30, 7)
+        );
         assert_eq!(cut.alpha.at(10, 3), 0.0, "the speck");
         assert_eq!(cut.alpha.at(42, 19), 1.0, "the groove");
         assert_eq!((cut.alpha.at(5, 2), cut.alpha.at(5, 20)), (0.0, 1.0));
@@ -183,10 +208,22 @@ mod tests {
         let (grey, light) = (strip(), strip().map(|value| 255.0 - value));
         let cut = |grey: &Plane, light_ground| {
             let threshold = otsu(grey);
-            cut_out(grey, &binarise(grey, threshold, light_ground), &Split::at(threshold, grey), light_ground, false)
+            cut_out(
+                grey,
+                &binarise(grey, threshold, light_ground),
+                &Split::at(threshold, grey),
+                light_ground,
+                false,
+            )
         };
         let (dark, light) = (cut(&grey, false), cut(&light, true));
-        let off = dark.alpha.values.iter().zip(&light.alpha.values).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        let off = dark
+            .alpha
+            .values
+            .iter()
+            .zip(&light.alpha.values)
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, f32::max);
         assert!(off < 0.01 && dark.width == light.width, "{off}");
     }
 }

@@ -1,9 +1,10 @@
 //! The ground behind a yarn: its light, as a smooth surface over the photo.
 //!
-//! In: a grey plane of the whole photo. Out: [`Ground`], the second-degree polynomial that the photo's border and everything like it lies on, by least
-//! squares that are weighed anew until what is no ground counts for nothing (Geman and McClure's weights). A lamp on one side of
-//! the photo makes such a gradient, which one threshold for the whole photo would stumble over. Cost: some dozen passes over the border and some
-//! thousand pixels between. Sums run in one thread.
+//! In: a grey plane of the whole photo. Out: [`Ground`], the second-degree polynomial that the
+//! photo's border and everything like it lies on, by least squares that are weighed anew until what
+//! is no ground counts for nothing (Geman and McClure's weights). A lamp on one side of the photo
+//! makes such a gradient, which one threshold for the whole photo would stumble over. Cost: some
+//! dozen passes over the border and some thousand pixels between. Sums run in one thread.
 
 use crate::plane::{Plane, double, float, narrow, percentile, whole};
 
@@ -34,17 +35,26 @@ impl Ground {
         let mut values: Vec<f32> = border.iter().map(|&at| grey.values[at]).collect();
         let level = percentile(&mut values, 0.5);
         let (width, height) = (double(grey.width), double(grey.height));
-        let mut ground = Self { coefficients: [f64::from(level), 0.0, 0.0, 0.0, 0.0, 0.0], width, height, level };
+        let mut ground = Self {
+            coefficients: [f64::from(level), 0.0, 0.0, 0.0, 0.0, 0.0],
+            width,
+            height,
+            level,
+        };
         for _ in 0..ROUNDS {
             ground = ground.refitted(grey, &border, 0.5);
         }
-        // Whatever lies near the border's surface is ground as well, and tells of the middle. A yarn may take most of the photo, so that the
-        // quarter that lies nearest has to say how much ground spreads.
+        // Whatever lies near the border's surface is ground as well, and tells of the middle. A
+        // yarn may take most of the photo, so that the quarter that lies nearest has to say how
+        // much ground spreads.
         let all = spread_out(grey);
         for _ in 0..ROUNDS {
             ground = ground.refitted(grey, &all, 0.25);
         }
-        let sum: f64 = all.iter().map(|at| ground.over(double(at % grey.width), double(at / grey.width))).sum();
+        let sum: f64 = all
+            .iter()
+            .map(|at| ground.over(double(at % grey.width), double(at / grey.width)))
+            .sum();
         ground.level = narrow(sum / double(all.len()));
         ground
     }
@@ -55,7 +65,11 @@ impl Ground {
     }
 
     fn over(&self, x: f64, y: f64) -> f64 {
-        self.terms(x, y).iter().zip(self.coefficients).map(|(term, coefficient)| term * coefficient).sum()
+        self.terms(x, y)
+            .iter()
+            .zip(self.coefficients)
+            .map(|(term, coefficient)| term * coefficient)
+            .sum()
     }
 
     fn terms(&self, x: f64, y: f64) -> [f64; 6] {
@@ -63,7 +77,8 @@ impl Ground {
         [1.0, x, y, x * x, x * y, y * y]
     }
 
-    /// Least squares over some pixels, each the less weighty the farther it lies from this surface; `share` of them are surely ground.
+    /// Least squares over some pixels, each the less weighty the farther it lies from this surface;
+    /// `share` of them are surely ground.
     fn refitted(&self, grey: &Plane, pixels: &[usize], share: f32) -> Self {
         let place = |at: usize| (double(at % grey.width), double(at / grey.width));
         let off = |at: usize| {
@@ -93,7 +108,10 @@ impl Ground {
 /// Pixels all over a photo.
 fn spread_out(grey: &Plane) -> Vec<usize> {
     let step = (1..).find(|step| (grey.width / step) * (grey.height / step) <= ASKED).unwrap_or(1);
-    (0..grey.height).step_by(step).flat_map(|y| (0..grey.width).step_by(step).map(move |x| y * grey.width + x)).collect()
+    (0..grey.height)
+        .step_by(step)
+        .flat_map(|y| (0..grey.width).step_by(step).map(move |x| y * grey.width + x))
+        .collect()
 }
 
 /// Pixels near the photo's rim.
@@ -110,7 +128,8 @@ pub(super) fn border(grey: &Plane) -> Vec<usize> {
 /// Gauss's elimination with pivots; `None` where the equations don't determine all unknowns.
 fn solved(mut system: [[f64; 7]; 6]) -> Option<[f64; 6]> {
     for column in 0..6 {
-        let pivot = (column..6).max_by(|&a, &b| system[a][column].abs().total_cmp(&system[b][column].abs()))?;
+        let pivot = (column..6)
+            .max_by(|&a, &b| system[a][column].abs().total_cmp(&system[b][column].abs()))?;
         system.swap(column, pivot);
         let row = system[column];
         if row[column].abs() < 1e-9 {
@@ -131,7 +150,8 @@ mod tests {
     #[test]
     fn the_light_of_the_ground_is_found_behind_a_yarn() {
         let light = |x: usize, y: usize| 90.0 + 0.2 * float(x) - 0.1 * float(y);
-        let photo = Plane::from_fn(120, 80, |x, y| if (30..55).contains(&y) { 220.0 } else { light(x, y) });
+        let photo =
+            Plane::from_fn(120, 80, |x, y| if (30..55).contains(&y) { 220.0 } else { light(x, y) });
         let ground = Ground::of(&photo);
         for (x, y) in [(5, 5), (60, 40), (110, 70)] {
             let found = ground.at(float(x) / 120.0, float(y) / 80.0);

@@ -1,8 +1,10 @@
 //! Step 2, levels: the strip's grey, evened out and stretched.
 //!
-//! In: the strip, where it lies on the photo, the ground's light there. Out: a grey plane, 0..=255, with the ground flat. By default the greys between two
-//! percentiles are stretched to the whole range, which no colour of the maps takes part in. A chosen brightness or contrast takes
-//! the place of that, and changes the strip's colours as well: who turns these knobs wants another yarn. Cost: a pass for the grey, one for the percentiles.
+//! In: the strip, where it lies on the photo, the ground's light there. Out: a grey plane, 0..=255,
+//! with the ground flat. By default the greys between two percentiles are stretched to the whole
+//! range, which no colour of the maps takes part in. A chosen brightness or contrast takes the
+//! place of that, and changes the strip's colours as well: who turns these knobs wants another
+//! yarn. Cost: a pass for the grey, one for the percentiles.
 
 use image::RgbImage;
 
@@ -45,7 +47,8 @@ pub(super) fn levels(
     let last = double(grey.width - 1).max(1.0);
     let flat = Plane::from_rows(grey.width, grey.height, |y, row| {
         // Along any line the ground is a parabola, which three places tell.
-        let [start, middle, end] = [0.0, 0.5, 1.0].map(|share| behind(orientation.on_photo(share * last, double(y))));
+        let [start, middle, end] =
+            [0.0, 0.5, 1.0].map(|share| behind(orientation.on_photo(share * last, double(y))));
         let bend = 2.0 * (start - 2.0 * middle + end);
         for (x, (value, grey)) in row.iter_mut().zip(grey.row(y)).enumerate() {
             let t = float(x) / narrow(last);

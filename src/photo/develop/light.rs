@@ -1,9 +1,13 @@
-//! Light flattened: the yarn's colours as if lit alike everywhere, and going on under the fuzz and the ground.
+//! Light flattened: the yarn's colours as if lit alike everywhere, and going on under the fuzz and
+//! the ground.
 //!
-//! In: the strip and its cut-out. Out: RGBA, straight, sRGB. A round yarn is brightest where it faces the lamp, so each row has a mean of its own, and a lamp
-//! at one end makes a slope along the yarn; both are divided out of the light (linear, not sRGB), by no more than [`MOST_GAIN`]. What the plies and
-//! fibres do stays. Where the matte says that ground shows through, the colour is the yarn's own beside it: alpha alone says how much
-//! there is. Beyond both flanks the colours run toward each other, so that the picture also closes around a tube. Cost: two passes, 4 bytes a pixel.
+//! In: the strip and its cut-out. Out: RGBA, straight, sRGB. A round yarn is brightest where it
+//! faces the lamp, so each row has a mean of its own, and a lamp at one end makes a slope along the
+//! yarn; both are divided out of the light (linear, not sRGB), by no more than [`MOST_GAIN`]. What
+//! the plies and fibres do stays. Where the matte says that ground shows through, the colour is the
+//! yarn's own beside it: alpha alone says how much there is. Beyond both flanks the colours run
+//! toward each other, so that the picture also closes around a tube. Cost: two passes, 4 bytes a
+//! pixel.
 
 use glam::Vec3;
 use image::{Rgb, RgbImage, RgbaImage};
@@ -23,7 +27,8 @@ const FLANK_MEAN: f32 = 0.08;
 pub(super) fn flattened(strip: &RgbImage, cut: &CutOut) -> RgbaImage {
     let gains = Gains::of(strip, cut.rows());
     let lit = |x: usize, y: usize| linear(*strip.get_pixel(side(x), side(y))) * gains.at(x, y);
-    let runs: Vec<(usize, usize)> = (0..strip.width() as usize).into_par_iter().map(|x| opaque_run(cut, x)).collect();
+    let runs: Vec<(usize, usize)> =
+        (0..strip.width() as usize).into_par_iter().map(|x| opaque_run(cut, x)).collect();
     let radius = whole(FLANK_MEAN * narrow(cut.width)).max(1);
     let top = smoothed(runs.iter().enumerate().map(|(x, run)| lit(x, run.0)), radius);
     let bottom = smoothed(runs.iter().enumerate().map(|(x, run)| lit(x, run.1)), radius);
@@ -59,7 +64,9 @@ fn opaque_run(cut: &CutOut, x: usize) -> (usize, usize) {
 /// Colours along a flank, without what single fibres do to them.
 fn smoothed(colors: impl Iterator<Item = Vec3>, radius: usize) -> Vec<Vec3> {
     let colors: Vec<Vec3> = colors.collect();
-    let channel = |at: usize| Plane::from_fn(colors.len(), 1, |x, _| colors[x][at]).blurred(radius, false).values;
+    let channel = |at: usize| {
+        Plane::from_fn(colors.len(), 1, |x, _| colors[x][at]).blurred(radius, false).values
+    };
     let [r, g, b] = [0, 1, 2].map(channel);
     r.into_iter().zip(g).zip(b).map(|((r, g), b)| Vec3::new(r, g, b)).collect()
 }
@@ -76,15 +83,24 @@ impl Gains {
         let width = strip.width() as usize;
         let light = |x: usize, y: usize| brightness(linear(*strip.get_pixel(side(x), side(y))));
         let row_means: Vec<f32> = (rows.clone().into_par_iter())
-            .map(|y| narrow((0..width).map(|x| f64::from(light(x, y))).sum::<f64>() / double(width)))
+            .map(|y| {
+                narrow((0..width).map(|x| f64::from(light(x, y))).sum::<f64>() / double(width))
+            })
             .collect();
         let radius = (rows.len() / 12).max(1);
-        let smooth = Plane { width: row_means.len(), height: 1, values: row_means }.blurred(radius, false).values;
+        let smooth = Plane { width: row_means.len(), height: 1, values: row_means }
+            .blurred(radius, false)
+            .values;
         let mean = smooth.iter().sum::<f32>() / float(smooth.len());
         let columns = column_sums(width, rows.clone(), light);
-        let gains = smooth.iter().map(|own| (mean / own.max(1e-4)).clamp(1.0 / MOST_GAIN, MOST_GAIN)).collect();
+        let gains = smooth
+            .iter()
+            .map(|own| (mean / own.max(1e-4)).clamp(1.0 / MOST_GAIN, MOST_GAIN))
+            .collect();
         let (start, slope) = slope(&columns);
-        let gain = |x: usize| narrow((-(start + slope * double(x))).exp()).clamp(1.0 / MOST_GAIN, MOST_GAIN);
+        let gain = |x: usize| {
+            narrow((-(start + slope * double(x))).exp()).clamp(1.0 / MOST_GAIN, MOST_GAIN)
+        };
         Self { rows: gains, first: rows.start, along: (0..width).map(gain).collect() }
     }
 
@@ -128,14 +144,20 @@ mod tests {
             let light = (1.0 - 0.6 * across * across).max(0.0) * (0.3 + 0.003 * f64::from(x));
             tone::encode(Vec3::splat(narrow(light)))[0]
         };
-        let strip = RgbImage::from_fn(100, 40, |x, y| Rgb([if (10..30).contains(&y) { shade(x, y) } else { 10 }; 3]));
+        let strip = RgbImage::from_fn(100, 40, |x, y| {
+            Rgb([if (10..30).contains(&y) { shade(x, y) } else { 10 }; 3])
+        });
         let alpha = Plane::from_fn(100, 40, |_, y| if (10..30).contains(&y) { 1.0 } else { 0.0 });
         let flat = flattened(&strip, &CutOut { alpha, width: 20.0, middle: 19.5 });
-        let greys: Vec<u8> =
-            (5..95).flat_map(|x| (12..28).map(move |y| (x, y))).map(|(x, y)| flat.get_pixel(x, y).0[0]).collect();
+        let greys: Vec<u8> = (5..95)
+            .flat_map(|x| (12..28).map(move |y| (x, y)))
+            .map(|(x, y)| flat.get_pixel(x, y).0[0])
+            .collect();
         let (low, high) = (*greys.iter().min().unwrap(), *greys.iter().max().unwrap());
         assert!(high - low < 40, "{low} {high}");
-        assert!((0..100).all(|x| flat.get_pixel(x, 0).0[0].abs_diff(flat.get_pixel(x, 39).0[0]) < 4));
+        assert!(
+            (0..100).all(|x| flat.get_pixel(x, 0).0[0].abs_diff(flat.get_pixel(x, 39).0[0]) < 4)
+        );
         assert_eq!((flat.get_pixel(50, 0).0[3], flat.get_pixel(50, 20).0[3]), (0, 255));
     }
 }

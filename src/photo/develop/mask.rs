@@ -61,12 +61,16 @@ impl Mask {
         let ground = self.inverted();
         let (width, last) = (self.width, self.set.len() - self.width);
         let is_rim = |run: &Range<usize>| {
-            run.start < width || run.start >= last || run.start.is_multiple_of(width) || run.end.is_multiple_of(width)
+            run.start < width
+                || run.start >= last
+                || run.start.is_multiple_of(width)
+                || run.end.is_multiple_of(width)
         };
         ground.only(Pieces::of(&ground).with(is_rim)).inverted()
     }
 
-    /// The largest piece without what is at most `2 radius` thick; all of the mask where nothing is thicker.
+    /// The largest piece without what is at most `2 radius` thick; all of the mask where nothing is
+    /// thicker.
     pub(super) fn worn(&self, radius: usize) -> Self {
         let thick = self.eroded(radius).dilated(radius);
         if thick.set.contains(&true) { thick.largest() } else { self.clone() }
@@ -78,8 +82,8 @@ impl Mask {
         Self { set, ..*self }
     }
 
-    /// The mask less the pixels within `radius` each way of what isn't in it; the picture's rim does not count as outside. Cost: two passes
-    /// whatever the radius.
+    /// The mask less the pixels within `radius` each way of what isn't in it; the picture's rim
+    /// does not count as outside. Cost: two passes whatever the radius.
     pub(super) fn eroded(&self, radius: usize) -> Self {
         self.worn_rows(radius).worn_columns(radius)
     }
@@ -92,16 +96,18 @@ impl Mask {
     /// Keeps what has set pixels alone up to `radius` to the left and to the right.
     fn worn_rows(&self, radius: usize) -> Self {
         let mut worn = vec![false; self.set.len()];
-        worn.par_chunks_mut(self.width).zip(self.set.par_chunks(self.width)).for_each(|(worn, set)| {
-            // How many pixels are set in a row up to here; beyond the rim all are.
-            let mut run = 2 * radius + 1;
-            for x in 0..set.len() + radius {
-                run = if set.get(x).is_none_or(|&set| set) { run + 1 } else { 0 };
-                if let Some(worn) = x.checked_sub(radius).and_then(|x| worn.get_mut(x)) {
-                    *worn = run > 2 * radius;
+        worn.par_chunks_mut(self.width).zip(self.set.par_chunks(self.width)).for_each(
+            |(worn, set)| {
+                // How many pixels are set in a row up to here; beyond the rim all are.
+                let mut run = 2 * radius + 1;
+                for x in 0..set.len() + radius {
+                    run = if set.get(x).is_none_or(|&set| set) { run + 1 } else { 0 };
+                    if let Some(worn) = x.checked_sub(radius).and_then(|x| worn.get_mut(x)) {
+                        *worn = run > 2 * radius;
+                    }
                 }
-            }
-        });
+            },
+        );
         Self { set: worn, ..*self }
     }
 
@@ -115,7 +121,10 @@ impl Mask {
             let take = |runs: &mut [u32], y: usize| {
                 let set = self.set.get(y * width..(y + 1) * width);
                 match set {
-                    Some(set) => runs.iter_mut().zip(set).for_each(|(run, set)| *run = (*run + 1) * u32::from(*set)),
+                    Some(set) => runs
+                        .iter_mut()
+                        .zip(set)
+                        .for_each(|(run, set)| *run = (*run + 1) * u32::from(*set)),
                     // Below the picture all is set.
                     None => runs.iter_mut().for_each(|run| *run += 1),
                 }
@@ -131,8 +140,8 @@ impl Mask {
     }
 }
 
-/// A mask's stretches of set pixels in its rows, each with the piece it belongs to: far fewer than pixels, so that linking them costs little beside
-/// finding them.
+/// A mask's stretches of set pixels in its rows, each with the piece it belongs to: far fewer than
+/// pixels, so that linking them costs little beside finding them.
 struct Pieces {
     /// Places in the mask's rows one after another, in order.
     runs: Vec<Range<usize>>,
@@ -161,7 +170,10 @@ impl Pieces {
         let row = &mask.set[y * mask.width..(y + 1) * mask.width];
         let mut x = 0;
         while let Some(start) = row[x..].iter().position(|&set| set).map(|skipped| x + skipped) {
-            x = row[start..].iter().position(|&set| !set).map_or(row.len(), |length| start + length);
+            x = row[start..]
+                .iter()
+                .position(|&set| !set)
+                .map_or(row.len(), |length| start + length);
             self.firsts.push(self.runs.len());
             self.runs.push(y * mask.width + start..y * mask.width + x);
         }
@@ -205,7 +217,11 @@ impl Pieces {
         for (run, first) in self.runs.iter().zip(&self.firsts) {
             is_chosen[*first] = is_chosen[*first] || is_seed(run);
         }
-        self.runs.into_iter().zip(self.firsts).filter(move |(_, first)| is_chosen[*first]).map(|(run, _)| run)
+        self.runs
+            .into_iter()
+            .zip(self.firsts)
+            .filter(move |(_, first)| is_chosen[*first])
+            .map(|(run, _)| run)
     }
 
     /// The runs of the piece with most pixels, the first of such.
@@ -214,7 +230,11 @@ impl Pieces {
         self.runs.iter().zip(&self.firsts).for_each(|(run, first)| counts[*first] += run.len());
         let most = counts.iter().copied().max().unwrap_or(0);
         let best = counts.iter().position(|&count| count == most);
-        self.runs.into_iter().zip(self.firsts).filter(move |(_, first)| Some(*first) == best).map(|(run, _)| run)
+        self.runs
+            .into_iter()
+            .zip(self.firsts)
+            .filter(move |(_, first)| Some(*first) == best)
+            .map(|(run, _)| run)
     }
 }
 
@@ -235,24 +255,42 @@ mod tests {
         assert_eq!(found.eroded(1).dilated(1), mask(&[".......", "...###.", "...###.", "...###."]));
         assert_eq!(mask(&["..", ".."]).largest().share(), 0.0);
         let arms = mask(&["#...#..", ".#.#..#", "..#...#", "......."]);
-        assert_eq!(arms.largest(), mask(&["#...#..", ".#.#...", "..#....", "......."]), "diagonals link");
-        assert_eq!(arms.linked_to(&mask(&[".......", "......#", ".......", "#......"])).pixels().collect::<Vec<_>>(), [13, 20]);
+        assert_eq!(
+            arms.largest(),
+            mask(&["#...#..", ".#.#...", "..#....", "......."]),
+            "diagonals link"
+        );
+        assert_eq!(
+            arms.linked_to(&mask(&[".......", "......#", ".......", "#......"]))
+                .pixels()
+                .collect::<Vec<_>>(),
+            [13, 20]
+        );
     }
 
     #[test]
     fn wear_and_growth_by_some_pixels_are_that_many_times_by_one() {
-        let plane = Plane::from_fn(90, 150, |x, y| float((x * 7919 + y * 104_729 + x * y * 31) % 97));
+        let plane =
+            Plane::from_fn(90, 150, |x, y| float((x * 7919 + y * 104_729 + x * y * 31) % 97));
         let mask = Mask::of(&plane, |value| value > 1.0);
         let once = |mask: &Mask, value: bool| {
             let near = |at: usize, size: usize| at.saturating_sub(1)..=(at + 1).min(size - 1);
-            let any = |x: usize, y: usize| near(y, 150).any(|y| near(x, 90).any(|x| mask.at(x, y) == value));
-            let set = (0..90 * 150).map(|at| if any(at % 90, at / 90) { value } else { !value }).collect();
+            let any = |x: usize, y: usize| {
+                near(y, 150).any(|y| near(x, 90).any(|x| mask.at(x, y) == value))
+            };
+            let set = (0..90 * 150)
+                .map(|at| if any(at % 90, at / 90) { value } else { !value })
+                .collect();
             Mask { set, ..*mask }
         };
         let (mut worn, mut grown) = (mask.clone(), mask.inverted());
         for radius in 1..4 {
             (worn, grown) = (once(&worn, false), once(&grown, true));
-            assert_eq!((&mask.eroded(radius), &mask.inverted().dilated(radius)), (&worn, &grown), "{radius}");
+            assert_eq!(
+                (&mask.eroded(radius), &mask.inverted().dilated(radius)),
+                (&worn, &grown),
+                "{radius}"
+            );
         }
     }
 }

@@ -1,7 +1,8 @@
 //! From a photo of a yarn to the maps of one repeat of it.
 //!
-//! In: one ordinary photo of a straight yarn on a plain ground, and [`Settings`] that may overrule what is found. Out: [`Developed`], the maps with every
-//! number that was decided on the way. The steps, a file each:
+//! In: one ordinary photo of a straight yarn on a plain ground, and [`Settings`] that may overrule
+//! what is found. Out: [`Developed`], the maps with every number that was decided on the way. The
+//! steps, a file each:
 //!
 //! ```text
 //!   photo ─▶ orient ─▶ levels ─▶ binarise ─▶ cutout ─▶ light ─▶ repeat ─▶ seamless ─▶ surface ─▶ maps
@@ -9,11 +10,14 @@
 //!             strip                                  flattened
 //! ```
 //!
-//! `ground` is the light of what lies behind the yarn, `mask` says which pixels belong to something, `files` writes the maps.
-//! Cost: 48 megapixels, with a strip of 16, take some six seconds on two cores and 820 MB, reading included; a photo of half a megapixel a few tenths of
-//! a second. That is 3 bytes a pixel of the photo and some 40 of the strip. The same photo and settings give the same bytes for any number of threads.
+//! `ground` is the light of what lies behind the yarn, `mask` says which pixels belong to
+//! something, `files` writes the maps. Cost: 48 megapixels, with a strip of 16, take some six
+//! seconds on two cores and 820 MB, reading included; a photo of half a megapixel a few tenths of a
+//! second. That is 3 bytes a pixel of the photo and some 40 of the strip. The same photo and
+//! settings give the same bytes for any number of threads.
 //!
-//! Not promised: a scale. A photo doesn't say how large anything is; without [`Scale`] the maps have no lengths and the repeat is in pixels.
+//! Not promised: a scale. A photo doesn't say how large anything is; without [`Scale`] the maps
+//! have no lengths and the repeat is in pixels.
 
 mod binarise;
 mod cutout;
@@ -97,8 +101,15 @@ pub enum Step {
 
 impl Step {
     /// All of them, in order.
-    pub const ALL: [Self; 7] =
-        [Self::Orient, Self::Levels, Self::Binarise, Self::CutOut, Self::Repeat, Self::Seamless, Self::Maps];
+    pub const ALL: [Self; 7] = [
+        Self::Orient,
+        Self::Levels,
+        Self::Binarise,
+        Self::CutOut,
+        Self::Repeat,
+        Self::Seamless,
+        Self::Maps,
+    ];
 
     /// Its name in messages.
     #[must_use]
@@ -174,7 +185,11 @@ impl Developed {
 ///
 /// # Errors
 /// [`DevelopError`] where the photo shows no yarn of which maps can be made.
-pub fn develop(photo: &RgbImage, settings: &Settings, decided: &mut dyn FnMut(Step, &str)) -> Result<Developed, DevelopError> {
+pub fn develop(
+    photo: &RgbImage,
+    settings: &Settings,
+    decided: &mut dyn FnMut(Step, &str),
+) -> Result<Developed, DevelopError> {
     check_size(photo.width(), photo.height())?;
     let cropped = settings.crop.map(|crop| cropped(photo, crop)).transpose()?;
     let photo = cropped.as_ref().unwrap_or(photo);
@@ -182,21 +197,36 @@ pub fn develop(photo: &RgbImage, settings: &Settings, decided: &mut dyn FnMut(St
     decided(Step::Orient, &orientation.to_string());
     let mut strip = orient::strip(photo, &orientation);
 
-    let (grey, range) = levels::levels(&mut strip, &orientation, photo.dimensions(), &ground, settings.levels());
-    decided(Step::Levels, &format!("grey {:.0} becomes black, {:.0} white", range.black, range.white));
+    let (grey, range) =
+        levels::levels(&mut strip, &orientation, photo.dimensions(), &ground, settings.levels());
+    decided(
+        Step::Levels,
+        &format!("grey {:.0} becomes black, {:.0} white", range.black, range.white),
+    );
 
     let threshold = settings.threshold.map_or_else(|| otsu(&grey), f32::from);
     let yarn = binarise(&grey, threshold, orientation.light_ground);
     orient::check_share(yarn.share(), "choose another --threshold, or leave it out")?;
     let kind = if orientation.light_ground { "light" } else { "dark" };
     let percent = 100.0 * yarn.share();
-    decided(Step::Binarise, &format!("threshold {threshold:.1} before a {kind} ground, {percent:.1} % of the strip is yarn"));
+    decided(
+        Step::Binarise,
+        &format!(
+            "threshold {threshold:.1} before a {kind} ground, {percent:.1} % of the strip is yarn"
+        ),
+    );
 
     let split = Split::at(threshold, &grey);
     let cut = cut_out(&grey, &yarn, &split, orientation.light_ground, settings.threshold.is_some());
     drop((grey, yarn));
     let soft = cut.alpha.values.iter().filter(|&&alpha| alpha > 0.0 && alpha < 1.0).count();
-    decided(Step::CutOut, &format!("the yarn is {:.1} pixels wide, {soft} pixels of its edge and fuzz are soft", cut.width));
+    decided(
+        Step::CutOut,
+        &format!(
+            "the yarn is {:.1} pixels wide, {soft} pixels of its edge and fuzz are soft",
+            cut.width
+        ),
+    );
 
     let flat = light::flattened(&strip, &cut);
     let repeat = repeat::repeat(&flat, cut.middle, cut.width);
@@ -213,9 +243,21 @@ pub fn develop(photo: &RgbImage, settings: &Settings, decided: &mut dyn FnMut(St
         orientation.origin[1] += f64::from(y);
     }
     let (alpha, yarn_width) = (&cut.alpha, cut.width);
-    let mask =
-        GrayImage::from_fn(side(alpha.width), side(alpha.height), |x, y| Luma([byte(255.0 * alpha.at(x as usize, y as usize))]));
-    Ok(Developed { orientation, strip, mask, threshold, yarn_width, repeat, seam, base, surface, mm_per_pixel })
+    let mask = GrayImage::from_fn(side(alpha.width), side(alpha.height), |x, y| {
+        Luma([byte(255.0 * alpha.at(x as usize, y as usize))])
+    });
+    Ok(Developed {
+        orientation,
+        strip,
+        mask,
+        threshold,
+        yarn_width,
+        repeat,
+        seam,
+        base,
+        surface,
+        mm_per_pixel,
+    })
 }
 
 /// Refuses photos that are too small or too large.
@@ -226,17 +268,30 @@ pub fn check_size(width: u32, height: u32) -> Result<(), DevelopError> {
     if width.min(height) < LEAST_SIDE {
         return Err(DevelopError::TooSmall { width, height, least: LEAST_SIDE });
     }
-    if width.max(height) > MOST_SIDE || u64::from(width) * u64::from(height) > 1_000_000 * MOST_MEGAPIXELS {
-        return Err(DevelopError::TooLarge { width, height, most_side: MOST_SIDE, most_megapixels: MOST_MEGAPIXELS });
+    if width.max(height) > MOST_SIDE
+        || u64::from(width) * u64::from(height) > 1_000_000 * MOST_MEGAPIXELS
+    {
+        return Err(DevelopError::TooLarge {
+            width,
+            height,
+            most_side: MOST_SIDE,
+            most_megapixels: MOST_MEGAPIXELS,
+        });
     }
     Ok(())
 }
 
 fn cropped(photo: &RgbImage, crop: [u32; 4]) -> Result<RgbImage, DevelopError> {
     let [x, y, width, height] = crop;
-    let is_on = |from: u32, length: u32, whole: u32| u64::from(from) + u64::from(length) <= u64::from(whole);
+    let is_on = |from: u32, length: u32, whole: u32| {
+        u64::from(from) + u64::from(length) <= u64::from(whole)
+    };
     if !is_on(x, width, photo.width()) || !is_on(y, height, photo.height()) {
-        return Err(DevelopError::CropOutside { crop, width: photo.width(), height: photo.height() });
+        return Err(DevelopError::CropOutside {
+            crop,
+            width: photo.width(),
+            height: photo.height(),
+        });
     }
     check_size(width, height)?;
     Ok(image::imageops::crop_imm(photo, x, y, width, height).to_image())
@@ -245,7 +300,10 @@ fn cropped(photo: &RgbImage, crop: [u32; 4]) -> Result<RgbImage, DevelopError> {
 impl Settings {
     fn levels(&self) -> Option<Chosen> {
         let chosen = self.brightness.is_some() || self.contrast.is_some();
-        chosen.then(|| Chosen { brightness: self.brightness.unwrap_or(0.0), contrast: self.contrast.unwrap_or(1.0) })
+        chosen.then(|| Chosen {
+            brightness: self.brightness.unwrap_or(0.0),
+            contrast: self.contrast.unwrap_or(1.0),
+        })
     }
 }
 
@@ -263,13 +321,17 @@ impl std::fmt::Display for Orientation {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let (width, height) = self.size;
         let (degrees, percent) = (self.angle.to_degrees(), 100.0 * self.share);
-        write!(f, "turned by {degrees:.2} degrees, a strip of {width} x {height} pixels; {percent:.1} % of the photo is yarn")
+        write!(
+            f,
+            "turned by {degrees:.2} degrees, a strip of {width} x {height} pixels; {percent:.1} % of the photo is yarn"
+        )
     }
 }
 
 impl std::fmt::Display for Repeat {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let found = if self.is_found { "each" } else { "no repeat was found; the best stretch has" };
+        let found =
+            if self.is_found { "each" } else { "no repeat was found; the best stretch has" };
         write!(f, "{found} {:.2} pixels, correlation {:.2}", self.length, self.correlation)
     }
 }

@@ -1,14 +1,19 @@
 //! Step 1, orient and crop: from a photo to a strip with the yarn lying level in it.
 //!
-//! In: a photo. Out: [`Orientation`], which says where each pixel of the strip lies on the photo, and the strip itself.
+//! In: a photo. Out: [`Orientation`], which says where each pixel of the strip lies on the photo,
+//! and the strip itself.
 //!
-//! What stands off from the ground's light is split by Otsu's threshold; its largest piece, with all that is linked to it and no ground, is the yarn: of plies
-//! of many colours the threshold would take the brightest alone. Fibres are worn off. Its second moments give the principal
-//! direction; but where a tilted yarn leaves the photo its ends are cut aslant, which turns that direction, so a line is then fitted through the medians
-//! of its cross sections, those alone that lie on the photo as wholes. The strip is as long as yarn and ground on both sides of it
-//! are on the photo. Cost: the search runs on a photo made smaller to [`SEARCHED`] pixels a side; the strip is one look-up (Catmull-Rom) a pixel.
+//! What stands off from the ground's light is split by Otsu's threshold; its largest piece, with
+//! all that is linked to it and no ground, is the yarn: of plies of many colours the threshold
+//! would take the brightest alone. Fibres are worn off. Its second moments give the principal
+//! direction; but where a tilted yarn leaves the photo its ends are cut aslant, which turns that
+//! direction, so a line is then fitted through the medians of its cross sections, those alone that
+//! lie on the photo as wholes. The strip is as long as yarn and ground on both sides of it are on
+//! the photo. Cost: the search runs on a photo made smaller to [`SEARCHED`] pixels a side; the
+//! strip is one look-up (Catmull-Rom) a pixel.
 //!
-//! Not promised: a yarn that bends is refused, not straightened. A shadow that is a tenth as far from the ground as the yarn counts as yarn here.
+//! Not promised: a yarn that bends is refused, not straightened. A shadow that is a tenth as far
+//! from the ground as the yarn counts as yarn here.
 
 use std::ops::Range;
 
@@ -33,13 +38,15 @@ const LEAST_SHARE: f32 = 0.1;
 pub(super) const FIBRE: f64 = 0.05;
 /// Percent of a picture that a yarn takes.
 pub(super) const SHARES: (f32, f32) = (0.5, 95.0);
-/// Share of all that stands off from the ground that the yarn is: a second yarn, or the ground taken for one, leaves less.
+/// Share of all that stands off from the ground that the yarn is: a second yarn, or the ground
+/// taken for one, leaves less.
 const LEAST_PIECE: f32 = 0.6;
 /// Length over width of what may be a yarn.
 const LEAST_LENGTH: f64 = 2.0;
 /// How far a yarn's cross sections may lie off a line, in widths.
 const MOST_BEND: f64 = 0.35;
-/// Ground on each side of the yarn that the strip shows, in widths, best first. The fuzz is in there.
+/// Ground on each side of the yarn that the strip shows, in widths, best first. The fuzz is in
+/// there.
 const MARGINS: [f64; 5] = [0.5, 0.35, 0.25, 0.15, 0.08];
 /// Share of the strip's length that may be given up for a wider margin.
 const GIVEN_UP: f64 = 0.25;
@@ -53,7 +60,8 @@ const FRAYED: f64 = 0.4;
 pub struct Orientation {
     /// The yarn's direction on the photo, from x toward y (down), radians, over -π/2 up to π/2.
     pub angle: f64,
-    /// Where the middle of the strip's first pixel lies on the photo, with the middle of the photo's first pixel at 0, 0.
+    /// Where the middle of the strip's first pixel lies on the photo, with the middle of the
+    /// photo's first pixel at 0, 0.
     pub origin: [f64; 2],
     /// Pixels of the strip along and across.
     pub size: (u32, u32),
@@ -99,15 +107,21 @@ pub(super) fn orient(photo: &RgbImage) -> Result<(Orientation, Ground), DevelopE
     let [x, y] = axis.place(strip.along.start - 0.5 + 0.5 / scale, -strip.half - 0.5 + 0.5 / scale);
     let pixels = |length: f64| side(whole(narrow((length * scale).floor())).max(1));
     let size = (pixels(strip.along.end - strip.along.start), pixels(2.0 * strip.half + 1.0));
-    Ok((Orientation { angle: axis.angle, origin: [full(x), full(y)], size, light_ground, share }, ground))
+    Ok((
+        Orientation { angle: axis.angle, origin: [full(x), full(y)], size, light_ground, share },
+        ground,
+    ))
 }
 
 /// The yarn's pixels, and whether the ground is the lighter.
 fn yarn(grey: &Plane, light: &Ground) -> Result<(Mask, bool), DevelopError> {
     let (columns, rows) = (float(grey.width), float(grey.height));
     let smooth = grey.blurred(1, false);
-    let off = Plane::from_fn(grey.width, grey.height, |x, y| smooth.at(x, y) - light.at(float(x) / columns, float(y) / rows));
-    let (low, high) = off.values.iter().fold((f32::MAX, f32::MIN), |(low, high), &v| (low.min(v), high.max(v)));
+    let off = Plane::from_fn(grey.width, grey.height, |x, y| {
+        smooth.at(x, y) - light.at(float(x) / columns, float(y) / rows)
+    });
+    let (low, high) =
+        off.values.iter().fold((f32::MAX, f32::MIN), |(low, high), &v| (low.min(v), high.max(v)));
     if high - low < LEAST_CONTRAST {
         return Err(DevelopError::Blank { contrast: high - low });
     }
@@ -124,13 +138,15 @@ fn yarn(grey: &Plane, light: &Ground) -> Result<(Mask, bool), DevelopError> {
     if contrast * scale < LEAST_DISTANCE * spread {
         return Err(DevelopError::NoGround { contrast, spread: spread / scale });
     }
-    // A ply may lie nearer to the ground than to the other plies, and so below the threshold: whatever is linked to the yarn and no ground is yarn.
+    // A ply may lie nearer to the ground than to the other plies, and so below the threshold:
+    // whatever is linked to the yarn and no ground is yarn.
     let (ground, sign) = (split.ground(light_ground).0, if light_ground { -1.0 } else { 1.0 });
     let least = (LEAST_SHARE * contrast * scale).max(LEAST_DISTANCE * spread);
     let differs = Mask::of(&stretched, |value| sign * (value - ground) >= least);
     let stands_off = binarise(&stretched, threshold, light_ground);
     let mask = differs.linked_to(&stands_off.largest()).largest();
-    let both = Mask { set: mask.set.iter().zip(&stands_off.set).map(|(a, b)| *a && *b).collect(), ..mask };
+    let both =
+        Mask { set: mask.set.iter().zip(&stands_off.set).map(|(a, b)| *a && *b).collect(), ..mask };
     let found = both.share() / stands_off.share();
     if found < LEAST_PIECE {
         return Err(DevelopError::Pieces { percent: 100.0 * found });
@@ -150,7 +166,11 @@ fn yarn(grey: &Plane, light: &Ground) -> Result<(Mask, bool), DevelopError> {
 /// Refuses what takes too little or too much of a picture.
 pub(super) fn check_share(share: f32, remedy: &'static str) -> Result<(), DevelopError> {
     let (percent, (least, most)) = (100.0 * share, SHARES);
-    if (least..=most).contains(&percent) { Ok(()) } else { Err(DevelopError::NoYarn { percent, least, most, remedy }) }
+    if (least..=most).contains(&percent) {
+        Ok(())
+    } else {
+        Err(DevelopError::NoYarn { percent, least, most, remedy })
+    }
 }
 
 /// The line that a yarn lies along.
@@ -196,7 +216,10 @@ impl Axis {
                 .collect();
             let needed = LEAST_STRIP * axis.width;
             if double(whole_ones.len()) < needed.max(4.0) {
-                return Err(DevelopError::LeavesThroughSide { shown: double(whole_ones.len()), needed });
+                return Err(DevelopError::LeavesThroughSide {
+                    shown: double(whole_ones.len()),
+                    needed,
+                });
             }
             let (offset, slope, off) = line(&whole_ones);
             if off > MOST_BEND * axis.width {
@@ -259,15 +282,18 @@ impl Axis {
 
     /// Whether the band of so many pixels to both sides is on the photo here.
     fn is_on(&self, mask: &Mask, along: f64, half: f64) -> bool {
-        [-half, half]
-            .map(|across| self.place(along, across))
-            .iter()
-            .all(|[x, y]| *x >= -0.5 && *y >= -0.5 && *x <= double(mask.width) - 0.5 && *y <= double(mask.height) - 0.5)
+        [-half, half].map(|across| self.place(along, across)).iter().all(|[x, y]| {
+            *x >= -0.5
+                && *y >= -0.5
+                && *x <= double(mask.width) - 0.5
+                && *y <= double(mask.height) - 0.5
+        })
     }
 
     fn reach_of(&self, mask: &Mask) -> f64 {
         let mut off: Vec<f32> = pixels(mask).map(|at| narrow(self.seen_from(at).1.abs())).collect();
-        f64::from(crate::plane::percentile(&mut off, 0.98)).clamp(0.5 * self.width, 0.7 * self.width)
+        f64::from(crate::plane::percentile(&mut off, 0.98))
+            .clamp(0.5 * self.width, 0.7 * self.width)
     }
 
     /// The longest stretch of yarn with ground on both sides, as wide as that costs little length.
@@ -287,13 +313,20 @@ impl Axis {
         let (from, to) = (first.along + cut(first), last.along - cut(last));
         let stretch = |margin: f64| {
             let half = (self.reach + margin * self.width).ceil();
-            let mut on = sections.iter().map(|section| section.along).filter(|along| (from..=to).contains(along));
+            let mut on = sections
+                .iter()
+                .map(|section| section.along)
+                .filter(|along| (from..=to).contains(along));
             let start = on.find(|&along| self.is_on(mask, along, half + 0.5))?;
             let end = on.take_while(|&along| self.is_on(mask, along, half + 0.5)).last()?;
             Some(Strip { along: start..end, half })
         };
         let length = |strip: &Strip| strip.along.end - strip.along.start;
-        let longest = MARGINS.iter().filter_map(|&margin| stretch(margin)).map(|strip| length(&strip)).fold(0.0, f64::max);
+        let longest = MARGINS
+            .iter()
+            .filter_map(|&margin| stretch(margin))
+            .map(|strip| length(&strip))
+            .fold(0.0, f64::max);
         let needed = LEAST_STRIP * self.width;
         if longest < needed {
             return Err(DevelopError::LeavesThroughSide { shown: longest, needed });
@@ -329,7 +362,9 @@ fn look_up(photo: &RgbImage, [x, y]: [f64; 2]) -> [u8; 3] {
             t * (0.5 + t * (2.0 - 1.5 * t)),
             t * t * (-0.5 + 0.5 * t),
         ];
-        let at = |offset: i64| u32::try_from((first + offset).clamp(0, i64::from(size) - 1)).unwrap_or(0);
+        let at = |offset: i64| {
+            u32::try_from((first + offset).clamp(0, i64::from(size) - 1)).unwrap_or(0)
+        };
         ([at(-1), at(0), at(1), at(2)], weights)
     };
     let ((columns, across), (rows, down)) = (cell(x, photo.width()), cell(y, photo.height()));
@@ -340,12 +375,18 @@ fn look_up(photo: &RgbImage, [x, y]: [f64; 2]) -> [u8; 3] {
     for (row, v) in rows.into_iter().zip(down) {
         let line = &photo.as_raw()[row as usize * stride..][..stride];
         let mut add = |from: usize, pixels: &[u8]| {
-            sums[from..].iter_mut().zip(pixels).for_each(|(sum, byte)| *sum += v * f32::from(*byte));
+            sums[from..]
+                .iter_mut()
+                .zip(pixels)
+                .for_each(|(sum, byte)| *sum += v * f32::from(*byte));
         };
         if lies_inside {
             add(0, &line[3 * columns[0] as usize..][..12]);
         } else {
-            columns.iter().zip([0, 3, 6, 9]).for_each(|(column, at)| add(at, &line[3 * *column as usize..][..3]));
+            columns
+                .iter()
+                .zip([0, 3, 6, 9])
+                .for_each(|(column, at)| add(at, &line[3 * *column as usize..][..3]));
         }
     }
     let mut sum = [0.0_f32; 3];
@@ -361,22 +402,28 @@ fn pixels(mask: &Mask) -> impl Iterator<Item = [f64; 2]> {
     (0..mask.set.len()).filter(|&at| mask.set[at]).map(place)
 }
 
-/// The line through points, without those that lie far off it: its height at 0, its slope, and the root mean square of distances.
+/// The line through points, without those that lie far off it: its height at 0, its slope, and the
+/// root mean square of distances.
 fn line(points: &[(f64, f64)]) -> (f64, f64, f64) {
     let (mut offset, mut slope) = (median(points.iter().map(|point| point.1)), 0.0);
     let mut spread = f64::MAX;
     let off = |point: &(f64, f64), offset: f64, slope: f64| point.1 - offset - slope * point.0;
     for _ in 0..4 {
-        let kept: Vec<_> = points.iter().filter(|point| off(point, offset, slope).abs() <= spread).collect();
+        let kept: Vec<_> =
+            points.iter().filter(|point| off(point, offset, slope).abs() <= spread).collect();
         let count = double(kept.len());
-        let mean = (kept.iter().map(|p| p.0).sum::<f64>() / count, kept.iter().map(|p| p.1).sum::<f64>() / count);
+        let mean = (
+            kept.iter().map(|p| p.0).sum::<f64>() / count,
+            kept.iter().map(|p| p.1).sum::<f64>() / count,
+        );
         let xx: f64 = kept.iter().map(|p| (p.0 - mean.0).powi(2)).sum();
         let xy: f64 = kept.iter().map(|p| (p.0 - mean.0) * (p.1 - mean.1)).sum();
         slope = if xx > 0.0 { xy / xx } else { 0.0 };
         offset = mean.1 - slope * mean.0;
         spread = 4.0 * median(points.iter().map(|point| off(point, offset, slope).abs())) + 0.5;
     }
-    let square = points.iter().map(|point| off(point, offset, slope).powi(2)).sum::<f64>() / double(points.len());
+    let square = points.iter().map(|point| off(point, offset, slope).powi(2)).sum::<f64>()
+        / double(points.len());
     (offset, slope, square.sqrt())
 }
 
@@ -420,7 +467,10 @@ mod tests {
             let [x, y] = found.on_photo(f64::from(width - 1) / 2.0, f64::from(height - 1) / 2.0);
             let (sin, cos) = degrees.to_radians().sin_cos();
             let across = (y - 99.5) * cos - (x - 149.5) * sin;
-            assert!(across.abs() < 1.0 && width > 90 && height > 40, "{degrees}: {across} {width} {height}");
+            assert!(
+                across.abs() < 1.0 && width > 90 && height > 40,
+                "{degrees}: {across} {width} {height}"
+            );
         }
     }
 
@@ -430,20 +480,31 @@ mod tests {
         let (found, _) = orient(&photo).unwrap();
         let strip = strip(&photo, &found);
         let middle = strip.height() / 2;
-        assert!((0..strip.width()).all(|x| strip.get_pixel(x, middle).0[0] > 190 && strip.get_pixel(x, 0).0[0] < 60));
+        assert!(
+            (0..strip.width())
+                .all(|x| strip.get_pixel(x, middle).0[0] > 190 && strip.get_pixel(x, 0).0[0] < 60)
+        );
     }
 
     #[test]
     fn no_photo_of_a_yarn_is_refused_with_its_reason() {
-        let error = |of: &dyn Fn(u32, u32) -> u8| orient(&RgbImage::from_fn(300, 200, |x, y| Rgb([of(x, y); 3]))).unwrap_err();
+        let error = |of: &dyn Fn(u32, u32) -> u8| {
+            orient(&RgbImage::from_fn(300, 200, |x, y| Rgb([of(x, y); 3]))).unwrap_err()
+        };
         assert!(matches!(error(&|_, _| 90), DevelopError::Blank { .. }));
-        assert!(matches!(error(&|x, y| 90 + byte(float(((x * 31 + y * 17 + x * y) % 11) as usize))), DevelopError::Blank { .. }));
+        assert!(matches!(
+            error(&|x, y| 90 + byte(float(((x * 31 + y * 17 + x * y) % 11) as usize))),
+            DevelopError::Blank { .. }
+        ));
         let thread = RgbImage::from_fn(300, 260, |_, y| Rgb([if y == 100 { 200 } else { 20 }; 3]));
         assert!(matches!(orient(&thread).unwrap_err(), DevelopError::NoYarn { .. }));
         assert!(matches!(
             error(&|x, y| if x.abs_diff(150) + y.abs_diff(100) < 60 { 200 } else { 20 }),
             DevelopError::NotLong { .. }
         ));
-        assert!(matches!(error(&|_, y| if y < 40 { 200 } else { 20 }), DevelopError::LeavesThroughSide { .. }));
+        assert!(matches!(
+            error(&|_, y| if y < 40 { 200 } else { 20 }),
+            DevelopError::LeavesThroughSide { .. }
+        ));
     }
 }

@@ -1,13 +1,17 @@
 //! Step 5, repeat unit: the shortest stretch of yarn after which it looks the same again.
 //!
-//! In: the flattened strip and the yarn's rows. Out: [`Repeat`], in pixels of the photo, with the correlation that speaks for it.
+//! In: the flattened strip and the yarn's rows. Out: [`Repeat`], in pixels of the photo, with the
+//! correlation that speaks for it.
 //!
-//! A column's features are the colours of its yarn in [`BINS`] bands, less each band's mean and slope along the yarn. Their normalised autocorrelation
-//! peaks at every whole number of repeats. The shortest lag whose peak is nearly as high as the highest is the repeat: plies that look alike
-//! repeat each time one follows the other, a coloured one among them only after a whole turn. Peaks at its multiples then make it more
-//! exact. Cost: lags times columns times bands, with the strip brought down to [`COLUMNS`] columns.
+//! A column's features are the colours of its yarn in [`BINS`] bands, less each band's mean and
+//! slope along the yarn. Their normalised autocorrelation peaks at every whole number of repeats.
+//! The shortest lag whose peak is nearly as high as the highest is the repeat: plies that look
+//! alike repeat each time one follows the other, a coloured one among them only after a whole turn.
+//! Peaks at its multiples then make it more exact. Cost: lags times columns times bands, with the
+//! strip brought down to [`COLUMNS`] columns.
 //!
-//! Not promised: that yarns without plies repeat at all; they get the stretch that fits itself best, and [`Repeat::is_found`] says no.
+//! Not promised: that yarns without plies repeat at all; they get the stretch that fits itself
+//! best, and [`Repeat::is_found`] says no.
 
 use image::RgbaImage;
 use rayon::prelude::*;
@@ -49,10 +53,12 @@ pub(super) fn repeat(strip: &RgbaImage, middle: f64, width: f64) -> Repeat {
     let energies = energies(&features);
     let columns = features.len();
     let longest = whole(narrow(LONGEST * double(columns))).max(2);
-    let curve: Vec<f32> = (0..=longest).into_par_iter().map(|lag| correlation(&features, &energies, lag)).collect();
+    let curve: Vec<f32> =
+        (0..=longest).into_par_iter().map(|lag| correlation(&features, &energies, lag)).collect();
     let shortest = whole(narrow(SHORTEST.0 * width / double(step))).max(SHORTEST.1);
-    let peaks: Vec<usize> =
-        (shortest.max(1)..longest).filter(|&lag| curve[lag] > curve[lag - 1] && curve[lag] >= curve[lag + 1]).collect();
+    let peaks: Vec<usize> = (shortest.max(1)..longest)
+        .filter(|&lag| curve[lag] > curve[lag - 1] && curve[lag] >= curve[lag + 1])
+        .collect();
     let highest = peaks.iter().map(|&lag| curve[lag]).fold(0.0, f32::max);
     let chosen = peaks.iter().find(|&&lag| curve[lag] >= NEARLY * highest);
     match chosen {
@@ -87,9 +93,12 @@ fn features(strip: &RgbaImage, middle: f64, width: f64, step: usize) -> Vec<Vec<
                 let (first, end) = (row(bin), row(bin + 1).max(row(bin) + 1));
                 let mut sum = [0.0_f32; 3];
                 for y in first..end {
-                    let pixels = &strip.as_raw()[4 * (y * strip.width() as usize + column * step)..][..4 * step];
+                    let pixels = &strip.as_raw()
+                        [4 * (y * strip.width() as usize + column * step)..][..4 * step];
                     for pixel in pixels.chunks_exact(4) {
-                        sum.iter_mut().zip(pixel).for_each(|(sum, value)| *sum += f32::from(*value));
+                        sum.iter_mut()
+                            .zip(pixel)
+                            .for_each(|(sum, value)| *sum += f32::from(*value));
                     }
                 }
                 sum.map(|sum| sum / float((end - first) * step))
@@ -107,7 +116,8 @@ fn take_off_line(features: &mut [Vec<f32>], band: usize) {
     let mean = features.iter().map(|column| f64::from(column[band])).sum::<f64>() / count;
     let places = || (0..features.len()).map(|x| double(x) - middle);
     let xx: f64 = places().map(|off| off * off).sum();
-    let xy: f64 = places().zip(features.iter()).map(|(off, column)| off * f64::from(column[band])).sum();
+    let xy: f64 =
+        places().zip(features.iter()).map(|(off, column)| off * f64::from(column[band])).sum();
     let slope = if xx > 0.0 { xy / xx } else { 0.0 };
     for (x, column) in features.iter_mut().enumerate() {
         column[band] -= narrow(mean + slope * (double(x) - middle));
@@ -126,7 +136,8 @@ fn energies(features: &[Vec<f32>]) -> Vec<f64> {
 
 /// Correlation of the columns with those `lag` on.
 fn correlation(features: &[Vec<f32>], energies: &[f64], lag: usize) -> f32 {
-    let product: f64 = features.iter().zip(&features[lag..]).map(|(a, b)| f64::from(dot(a, b))).sum();
+    let product: f64 =
+        features.iter().zip(&features[lag..]).map(|(a, b)| f64::from(dot(a, b))).sum();
     let count = features.len();
     let (left, right) = (energies[count - lag], energies[count] - energies[lag]);
     narrow(product / (left * right).sqrt().max(1e-9))
@@ -151,7 +162,9 @@ fn refined(curve: &[f32], lag: usize) -> f64 {
         if last + 1 >= curve.len() {
             break;
         }
-        let Some(peak) = (first..=last).max_by(|&a, &b| curve[a].total_cmp(&curve[b])) else { break };
+        let Some(peak) = (first..=last).max_by(|&a, &b| curve[a].total_cmp(&curve[b])) else {
+            break;
+        };
         if peak == first || peak == last || curve[peak] < 0.6 * curve[lag] {
             break;
         }
@@ -185,22 +198,30 @@ mod tests {
     #[test]
     fn the_repeat_is_found_to_a_fraction_of_a_pixel() {
         for length in [17.3, 40.0, 61.7] {
-            let found = repeat(&strip(300, |x, y| (TAU * (x / length + y / 40.0)).sin()), 20.0, 36.0);
-            assert!(found.is_found && (found.length / length - 1.0).abs() < 0.004, "{length}: {found:?}");
+            let found =
+                repeat(&strip(300, |x, y| (TAU * (x / length + y / 40.0)).sin()), 20.0, 36.0);
+            assert!(
+                found.is_found && (found.length / length - 1.0).abs() < 0.004,
+                "{length}: {found:?}"
+            );
         }
     }
 
     #[test]
     fn a_coloured_ply_makes_the_repeat_a_whole_turn() {
-        let plies =
-            |x: f64, y: f64| (TAU * (x / 20.0 + y / 40.0)).sin() * if (x / 20.0 + y / 40.0) % 3.0 < 1.0 { 1.0 } else { 0.3 };
+        let plies = |x: f64, y: f64| {
+            (TAU * (x / 20.0 + y / 40.0)).sin()
+                * if (x / 20.0 + y / 40.0) % 3.0 < 1.0 { 1.0 } else { 0.3 }
+        };
         let found = repeat(&strip(400, plies), 20.0, 36.0);
         assert!((found.length - 60.0).abs() < 1.0, "{found:?}");
     }
 
     #[test]
     fn a_yarn_without_plies_gets_a_stretch_all_the_same() {
-        let hashed = |x: f64, y: f64| f64::from(hash(side(whole(narrow(x + 1000.0 * y)))) >> 16) / 32_768.0 - 1.0;
+        let hashed = |x: f64, y: f64| {
+            f64::from(hash(side(whole(narrow(x + 1000.0 * y)))) >> 16) / 32_768.0 - 1.0
+        };
         let found = repeat(&strip(300, hashed), 20.0, 36.0);
         assert!(!found.is_found && found.length >= 72.0 && found.length <= 180.0, "{found:?}");
         assert!(!repeat(&strip(300, |_, _| 0.0), 20.0, 36.0).is_found);

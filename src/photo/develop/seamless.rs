@@ -1,13 +1,16 @@
 //! Step 6, seamless: a unit that follows itself without a visible break.
 //!
-//! In: the flattened strip and the repeat's length. Out: the unit, resampled so that the repeat is a whole number of texels, and [`Seam`], how it was
-//! closed and how well.
+//! In: the flattened strip and the repeat's length. Out: the unit, resampled so that the repeat is
+//! a whole number of texels, and [`Seam`], how it was closed and how well.
 //!
-//! At every phase of the repeat the unit may begin where the yarn and its continuation one repeat on differ least. Behind its end the strip goes on; that overlap is laid over the unit's
-//! beginning, either cut along the path on which both differ least (image quilting: Efros and Freeman 2001, solved row by row) or blended across.
-//! The seam error compares the energy of gradients along the yarn in the joint with the rest's: 0 where they are the same. More is a break, and
-//! counts in full, at the very ends too; less is a soft patch, and counts half. Whichever way leaves less is taken. Cost: some passes over the unit, 16 bytes a texel.
-//! The colours below the fuzz close around a tube before they come here (see `light`).
+//! At every phase of the repeat the unit may begin where the yarn and its continuation one repeat
+//! on differ least. Behind its end the strip goes on; that overlap is laid over the unit's
+//! beginning, either cut along the path on which both differ least (image quilting: Efros and
+//! Freeman 2001, solved row by row) or blended across. The seam error compares the energy of
+//! gradients along the yarn in the joint with the rest's: 0 where they are the same. More is a
+//! break, and counts in full, at the very ends too; less is a soft patch, and counts half.
+//! Whichever way leaves less is taken. Cost: some passes over the unit, 16 bytes a texel. The
+//! colours below the fuzz close around a tube before they come here (see `light`).
 
 use glam::Vec4;
 use image::{Rgba, RgbaImage};
@@ -17,7 +20,8 @@ use crate::plane::{column_sums, double, float, narrow, side, whole};
 
 /// Lengths of overlaps that are tried, as shares of the unit.
 const OVERLAPS: [f64; 2] = [0.25, 0.1];
-/// Beginnings that are tried in full: the best one in each such share of a repeat, for the joint to lie wherever in it is best.
+/// Beginnings that are tried in full: the best one in each such share of a repeat, for the joint to
+/// lie wherever in it is best.
 const TRIED: usize = 12;
 /// About how many rows say where a unit might begin.
 const ROWS: usize = 256;
@@ -42,7 +46,8 @@ pub struct Seam {
     pub error: f32,
     /// The least errors of a cut and of a blend.
     pub errors: [f32; 2],
-    /// Energy of the gradients along the yarn in the joint or at the unit's very ends, whichever is more, over that of the rest.
+    /// Energy of the gradients along the yarn in the joint or at the unit's very ends, whichever is
+    /// more, over that of the rest.
     pub energy: f32,
     /// Where on the strip the unit begins, pixels.
     pub start: f64,
@@ -73,7 +78,8 @@ pub(super) fn seamless(strip: &RgbaImage, length: f64) -> (RgbaImage, Seam) {
             let steps = source.steps();
             for (at, method) in [Method::Cut, Method::Blend].into_iter().enumerate() {
                 let [joint, ends] = energies(&source, &steps, &joint(&source, width, method));
-                let (energy, error) = (joint.max(ends), joint.ln().max(-0.5 * joint.ln()).max(ends.ln()));
+                let (energy, error) =
+                    (joint.max(ends), joint.ln().max(-0.5 * joint.ln()).max(ends.ln()));
                 errors[at] = errors[at].min(error);
                 if best.is_none_or(|seam| error < seam.error) {
                     best = Some(Seam { method, error, errors, energy, start, overlap });
@@ -101,7 +107,8 @@ fn differences(strip: &RgbaImage, length: f64) -> Vec<f64> {
 fn beginnings(differences: &[f64], length: f64, overlap: usize) -> Vec<f64> {
     let mut chosen: [Option<(f64, usize)>; TRIED] = [None; TRIED];
     for start in 0..=differences.len().saturating_sub(overlap + 1) {
-        let difference: f64 = differences[start..(start + overlap).min(differences.len())].iter().sum();
+        let difference: f64 =
+            differences[start..(start + overlap).min(differences.len())].iter().sum();
         let phase = (double(start) / length).fract();
         let slot = &mut chosen[whole(narrow(phase * double(TRIED))).min(TRIED - 1)];
         if slot.is_none_or(|(least, _)| difference < least) {
@@ -123,7 +130,8 @@ fn texel(row: &[u8], x: f64) -> Vec4 {
     weighed(row, first).lerp(weighed(row, (first + 1).min(last)), narrow(x - double(first)))
 }
 
-/// A texel whose colours count by its alpha; what is transparent keeps a little, so that it has a colour.
+/// A texel whose colours count by its alpha; what is transparent keeps a little, so that it has a
+/// colour.
 fn weighed(row: &[u8], x: usize) -> Vec4 {
     let at = |channel: usize| f32::from(row[4 * x + channel]) * (1.0 / 255.0);
     let [r, g, b, a] = [at(0), at(1), at(2), at(3)];
@@ -139,7 +147,10 @@ fn sampled(strip: &RgbaImage, start: f64, step: f64, width: usize) -> Unit {
     let mut texels = vec![Vec4::ZERO; width * height];
     texels.par_chunks_mut(width).enumerate().for_each(|(y, texels)| {
         let row = row(strip, y);
-        texels.iter_mut().enumerate().for_each(|(x, value)| *value = texel(row, start + double(x) * step));
+        texels
+            .iter_mut()
+            .enumerate()
+            .for_each(|(x, value)| *value = texel(row, start + double(x) * step));
     });
     Unit { width, height, texels }
 }
@@ -169,7 +180,8 @@ fn smooth_step(t: f32) -> f32 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// For each row the column of the overlap where the cut lies: the cheapest path from the top to the bottom that moves by one column a row at the most.
+/// For each row the column of the overlap where the cut lies: the cheapest path from the top to the
+/// bottom that moves by one column a row at the most.
 fn path(source: &Unit, width: usize) -> Vec<usize> {
     let overlap = source.width - width;
     let cost = |x: usize, y: usize| {
@@ -180,11 +192,14 @@ fn path(source: &Unit, width: usize) -> Vec<usize> {
     let mut sums: Vec<Vec<f32>> = vec![(0..overlap).map(|x| cost(x, 0)).collect()];
     for y in 1..source.height {
         let above = &sums[y - 1];
-        let row = (0..overlap).map(|x| cost(x, y) + near(x).map(|x| above[x]).fold(f32::MAX, f32::min)).collect();
+        let row = (0..overlap)
+            .map(|x| cost(x, y) + near(x).map(|x| above[x]).fold(f32::MAX, f32::min))
+            .collect();
         sums.push(row);
     }
-    let cheapest =
-        |sums: &[f32], of: std::ops::RangeInclusive<usize>| of.min_by(|&a, &b| sums[a].total_cmp(&sums[b])).unwrap_or(0);
+    let cheapest = |sums: &[f32], of: std::ops::RangeInclusive<usize>| {
+        of.min_by(|&a, &b| sums[a].total_cmp(&sums[b])).unwrap_or(0)
+    };
     let mut at = cheapest(&sums[source.height - 1], 0..=overlap - 1);
     let mut path = vec![at];
     for y in (0..source.height - 1).rev() {
@@ -195,8 +210,9 @@ fn path(source: &Unit, width: usize) -> Vec<usize> {
     path
 }
 
-/// Energy of the gradients along the yarn all over the joint, and where one unit meets the next, over that elsewhere. `steps` are those of the source, which
-/// the joint changes only where it lies.
+/// Energy of the gradients along the yarn all over the joint, and where one unit meets the next,
+/// over that elsewhere. `steps` are those of the source, which the joint changes only where it
+/// lies.
 fn energies(source: &Unit, steps: &[f64], joint: &Unit) -> [f32; 2] {
     let (overlap, width) = (joint.width, source.width - joint.width);
     let texel = |x: usize, y: usize| if x < overlap { joint.row(y)[x] } else { source.row(y)[x] };
@@ -221,7 +237,9 @@ impl Unit {
 
     /// Energy of the gradients along the yarn from each column to the next.
     fn steps(&self) -> Vec<f64> {
-        column_sums(self.width - 1, 0..self.height, |x, y| (self.row(y)[x + 1] - self.row(y)[x]).length_squared())
+        column_sums(self.width - 1, 0..self.height, |x, y| {
+            (self.row(y)[x + 1] - self.row(y)[x]).length_squared()
+        })
     }
 
     /// The first `width` columns, with a joint over their beginning.
@@ -255,9 +273,14 @@ mod tests {
     fn the_end_leads_into_the_beginning() {
         let (unit, seam) = seamless(&strip(), 40.0);
         assert_eq!(unit.dimensions(), (40, 30));
-        assert!(seam.error <= seam.errors[0] && seam.error <= seam.errors[1] && seam.energy < 1.2, "{seam:?}");
+        assert!(
+            seam.error <= seam.errors[0] && seam.error <= seam.errors[1] && seam.energy < 1.2,
+            "{seam:?}"
+        );
         let jump = |a: u32, b: u32| {
-            let off = |y: u32| i32::from(unit.get_pixel(a, y).0[0]) - i32::from(unit.get_pixel(b, y).0[0]);
+            let off = |y: u32| {
+                i32::from(unit.get_pixel(a, y).0[0]) - i32::from(unit.get_pixel(b, y).0[0])
+            };
             (4..26).map(|y| off(y).pow(2)).sum::<i32>()
         };
         let most = (10..39).map(|x| jump(x, x + 1)).max().unwrap();
@@ -267,8 +290,9 @@ mod tests {
     #[test]
     fn a_cut_goes_around_what_differs() {
         // One texel of the overlap is alike in each row, on a slant.
-        let texels =
-            (0..8).flat_map(|y| (0..14).map(move |x| if x >= 8 && x - 8 != (y / 2) { 1.0 } else { 0.0 })).map(Vec4::splat);
+        let texels = (0..8)
+            .flat_map(|y| (0..14).map(move |x| if x >= 8 && x - 8 != (y / 2) { 1.0 } else { 0.0 }))
+            .map(Vec4::splat);
         let source = Unit { width: 14, height: 8, texels: texels.collect() };
         assert_eq!(path(&source, 8), [0, 0, 1, 1, 2, 2, 3, 3]);
     }

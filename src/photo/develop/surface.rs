@@ -1,11 +1,14 @@
 //! Step 7, maps: what the surface of the unit is like, beside its colour.
 //!
-//! In: the unit, the yarn's width and middle row. Out: [`Surface`], maps of the unit's size that tile along the yarn.
+//! In: the unit, the yarn's width and middle row. Out: [`Surface`], maps of the unit's size that
+//! tile along the yarn.
 //!
-//! Heights are those of a round yarn, half as high as wide, round between the flanks of each column, with plies and fibres from its brightness once the light is flattened: what is deep gets less
-//! light. Normals come from them by Scharr's operator (the reader's own, so that both agree). Occlusion is how far a place lies below its
-//! surroundings, at several scales (Luft, Colditz and Deussen 2006). Fibres are dull, in the grooves more so, and no metal. Cost: some thirty
-//! passes, 20 bytes a texel.
+//! Heights are those of a round yarn, half as high as wide, round between the flanks of each
+//! column, with plies and fibres from its brightness once the light is flattened: what is deep gets
+//! less light. Normals come from them by Scharr's operator (the reader's own, so that both agree).
+//! Occlusion is how far a place lies below its surroundings, at several scales (Luft, Colditz and
+//! Deussen 2006). Fibres are dull, in the grooves more so, and no metal. Cost: some thirty passes,
+//! 20 bytes a texel.
 //!
 //! Not promised: real heights; a photo has none. Coloured patterns are taken for relief.
 
@@ -16,7 +19,8 @@ use crate::plane::{Plane, byte, float, narrow, percentile, side, whole};
 
 /// Share of a round yarn's height that plies and fibres make.
 const RELIEF: f32 = 0.3;
-/// Radius of the smoothing before brightness becomes height, in widths of the yarn: noise is no relief.
+/// Radius of the smoothing before brightness becomes height, in widths of the yarn: noise is no
+/// relief.
 const SMOOTHED: f64 = 0.015;
 /// Greys between these shares of the pixels become relief.
 const RANGE: (f32, f32) = (0.03, 0.97);
@@ -58,7 +62,9 @@ pub(super) fn surface(unit: &RgbaImage, middle: f64, width: f64) -> Surface {
     });
     // A yarn as wide as the picture would reach from black to white; this one has ground beside it.
     let share = narrow(width) / float(rows);
-    let height = Grey::from_fn(unit.width(), unit.height(), |x, y| Luma([word(shape.at(x as usize, y as usize) * share)]));
+    let height = Grey::from_fn(unit.width(), unit.height(), |x, y| {
+        Luma([word(shape.at(x as usize, y as usize) * share)])
+    });
     let (length, across) = (float(columns), float(rows));
     Surface {
         normal: normals(&height, length, across),
@@ -69,20 +75,28 @@ pub(super) fn surface(unit: &RgbaImage, middle: f64, width: f64) -> Surface {
     }
 }
 
-/// Where the yarn begins and ends in each column, without the fibres that stand off. Plies bulge: a yarn that were as wide everywhere would cut them off.
+/// Where the yarn begins and ends in each column, without the fibres that stand off. Plies bulge: a
+/// yarn that were as wide everywhere would cut them off.
 fn flanks(unit: &RgbaImage, middle: f64, width: f64) -> Vec<[f32; 2]> {
     let (columns, rows) = (unit.width() as usize, unit.height() as usize);
     let start = whole(narrow(middle)).min(rows - 1);
     let is_yarn = |x: usize, y: &usize| alpha(unit, x, *y) >= 0.5;
-    let top = |x: usize| float((0..start).rev().take_while(|y| is_yarn(x, y)).last().unwrap_or(start)) - 0.5;
-    let bottom = |x: usize| float((start..rows).take_while(|y| is_yarn(x, y)).last().unwrap_or(start)) + 0.5;
+    let top = |x: usize| {
+        float((0..start).rev().take_while(|y| is_yarn(x, y)).last().unwrap_or(start)) - 0.5
+    };
+    let bottom =
+        |x: usize| float((start..rows).take_while(|y| is_yarn(x, y)).last().unwrap_or(start)) + 0.5;
     // The wider mean takes no part where plies bulge, and rounds the notches between them.
     let smooth = |edge: &(dyn Fn(usize) -> f32 + Sync), outer: fn(f32, f32) -> f32| {
         let plane = Plane::from_fn(columns, 1, |x, _| edge(x));
-        let [near, wide] = FLANK_MEANS.map(|mean| plane.blurred(whole(narrow(mean * width)).max(1), true).values);
+        let [near, wide] =
+            FLANK_MEANS.map(|mean| plane.blurred(whole(narrow(mean * width)).max(1), true).values);
         near.into_iter().zip(wide).map(move |(near, wide)| outer(near, wide))
     };
-    smooth(&top, f32::min).zip(smooth(&bottom, f32::max)).map(|(top, bottom)| [top, bottom]).collect()
+    smooth(&top, f32::min)
+        .zip(smooth(&bottom, f32::max))
+        .map(|(top, bottom)| [top, bottom])
+        .collect()
 }
 
 /// How far the brightness of the yarn lies between dark and light, 0..1.
@@ -93,8 +107,10 @@ fn relief(unit: &RgbaImage, width: f64) -> Plane {
         crate::plane::luma(image::Rgb([r, g, b]))
     });
     let light = light.blurred(whole(narrow(SMOOTHED * width)), true);
-    let mut yarn: Vec<f32> =
-        (0..columns * rows).filter(|at| alpha(unit, at % columns, at / columns) >= 1.0).map(|at| light.values[at]).collect();
+    let mut yarn: Vec<f32> = (0..columns * rows)
+        .filter(|at| alpha(unit, at % columns, at / columns) >= 1.0)
+        .map(|at| light.values[at])
+        .collect();
     let (low, high) = (percentile(&mut yarn, RANGE.0), percentile(&mut yarn, RANGE.1));
     let range = (high - low).max(1.0);
     light.map(|value| {
@@ -110,13 +126,17 @@ fn occlusion(shape: &Plane, width: f64) -> Plane {
     for (scale, strength) in SCALES {
         let around = shape.blurred(whole(narrow(scale * width)).max(1), true);
         let values = light.values.iter().zip(&around.values).zip(&shape.values);
-        light.values = values.map(|((light, around), own)| light * (1.0 - strength * (around - own).max(0.0))).collect();
+        light.values = values
+            .map(|((light, around), own)| light * (1.0 - strength * (around - own).max(0.0)))
+            .collect();
     }
     light.map(|light| light.clamp(DARKEST, 1.0))
 }
 
 fn grey(plane: &Plane, of: impl Fn(f32) -> f32) -> GrayImage {
-    GrayImage::from_fn(side(plane.width), side(plane.height), |x, y| Luma([byte(of(plane.at(x as usize, y as usize)))]))
+    GrayImage::from_fn(side(plane.width), side(plane.height), |x, y| {
+        Luma([byte(of(plane.at(x as usize, y as usize)))])
+    })
 }
 
 fn alpha(unit: &RgbaImage, x: usize, y: usize) -> f32 {
@@ -141,11 +161,18 @@ mod tests {
         });
         let maps = surface(&unit, 29.5, 40.0);
         let height = |x, y| maps.height.get_pixel(x, y).0[0];
-        assert!(height(12, 30) > height(12, 15) && height(12, 15) > height(12, 5) && height(12, 5) == 0);
-        assert!(height(2, 30) < height(12, 30) && maps.roughness.get_pixel(2, 30).0[0] > maps.roughness.get_pixel(12, 30).0[0]);
+        assert!(
+            height(12, 30) > height(12, 15) && height(12, 15) > height(12, 5) && height(12, 5) == 0
+        );
+        assert!(
+            height(2, 30) < height(12, 30)
+                && maps.roughness.get_pixel(2, 30).0[0] > maps.roughness.get_pixel(12, 30).0[0]
+        );
         assert!(maps.occlusion.get_pixel(2, 30).0[0] + 10 < maps.occlusion.get_pixel(12, 30).0[0]);
         // The upper flank looks to the top, which is green over a half.
-        assert!(maps.normal.get_pixel(12, 14).0[1] > 160 && maps.normal.get_pixel(12, 45).0[1] < 96);
+        assert!(
+            maps.normal.get_pixel(12, 14).0[1] > 160 && maps.normal.get_pixel(12, 45).0[1] < 96
+        );
         assert!(maps.metallic.pixels().all(|pixel| pixel.0[0] == 0));
     }
 }

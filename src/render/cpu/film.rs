@@ -1,8 +1,10 @@
 //! From samples to pixels: every sample counts in all pixels that a tent around it reaches.
 //!
-//! In: the samples of a row of pixels, each with its place. Out: what they add to this row and to the ones above and below it.
-//! A tent one pixel wide each way holds back the moire of far cloth, and, since neighbours share their samples, cuts the noise
-//! that a box of the same few samples would leave by a third. Rows are joined in a fixed order, so that sums round the same way every time.
+//! In: the samples of a row of pixels, each with its place. Out: what they add to this row and to
+//! the ones above and below it. A tent one pixel wide each way holds back the moire of far cloth,
+//! and, since neighbours share their samples, cuts the noise that a box of the same few samples
+//! would leave by a third. Rows are joined in a fixed order, so that sums round the same way every
+//! time.
 
 use glam::Vec4;
 
@@ -28,7 +30,8 @@ impl Splats {
         let [across, down] = [tent(place[0]), tent(place[1])];
         for (row, down) in self.0.iter_mut().zip(down) {
             for (next, across) in (x as usize..).zip(across) {
-                // `next` counts one too far to the right, since pixel x - 1 may lie left of the picture.
+                // `next` counts one too far to the right, since pixel x - 1 may lie left of the
+                // picture.
                 if let Some(cell) = next.checked_sub(1).and_then(|column| row.get_mut(column)) {
                     cell.light += light * (across * down);
                     cell.weight += across * down;
@@ -58,7 +61,9 @@ mod tests {
     fn a_sample_in_a_pixels_middle_is_its_own_and_one_on_a_corner_is_shared_by_four() {
         let mut rows = [(); 3].map(|()| Splats::new(3));
         rows[1].add(1, [0.5, 0.5], Vec4::ONE);
-        let weights = |rows: &[Splats; 3]| rows[1].0.each_ref().map(|row| row.iter().map(|cell| cell.weight).collect::<Vec<_>>());
+        let weights = |rows: &[Splats; 3]| {
+            rows[1].0.each_ref().map(|row| row.iter().map(|cell| cell.weight).collect::<Vec<_>>())
+        };
         assert_eq!(weights(&rows), [[0.0; 3], [0.0, 1.0, 0.0], [0.0; 3]]);
         rows[1] = Splats::new(3);
         rows[1].add(1, [0.0, 1.0], Vec4::ONE);

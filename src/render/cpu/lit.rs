@@ -1,6 +1,7 @@
 //! Light from a place on a yarn, however it was found.
 //!
-//! In: a [`Spot`] or a surface, and what it sees of the sky. Out: its material, where a yarn has maps, and what it reflects of the sky.
+//! In: a [`Spot`] or a surface, and what it sees of the sky. Out: its material, where a yarn has
+//! maps, and what it reflects of the sky.
 
 use std::f32::consts::TAU;
 
@@ -26,7 +27,8 @@ pub(super) struct Spot {
     pub(super) along: f32,
 }
 
-/// What a sample that meets yarn adds to the film: light, and in w that yarn is there. What is no number is black.
+/// What a sample that meets yarn adds to the film: light, and in w that yarn is there. What is no
+/// number is black.
 pub(super) fn opaque(light: Vec3) -> Vec4 {
     if light.is_finite() { light.extend(1.0) } else { Vec4::W }
 }
@@ -46,7 +48,8 @@ pub(super) struct Sky {
 }
 
 impl Sky {
-    /// The sky's diffuse light toward the eye, and its mirror image dimmed by how much of it is to be seen.
+    /// The sky's diffuse light toward the eye, and its mirror image dimmed by how much of it is to
+    /// be seen.
     pub(super) fn reflected(&self, rig: &Rig, surface: &Surface, toward_eye: Vec3) -> Vec3 {
         let normal = surface.normal;
         let mirrored = schlick_rough(surface.f0(), normal.dot(toward_eye), surface.roughness);
@@ -71,13 +74,25 @@ pub(super) fn sheen(look: &YarnLook, tangent: Vec3) -> Sheen {
 /// The surface of a yarn, without its sheen, at a place of its photo, and its occlusion.
 ///
 /// `footprint` is what a pixel shows of the photo's height and length, as shares of these.
-pub(super) fn mapped(maps: &Maps, spot: &Spot, footprint: [f32; 2], shape: Shape) -> (Surface, f32) {
+pub(super) fn mapped(
+    maps: &Maps,
+    spot: &Spot,
+    footprint: [f32; 2],
+    shape: Shape,
+) -> (Surface, f32) {
     let (u, v) = (spot.around / TAU, spot.along / maps.length);
     let texel = maps.sample(u, v, footprint[0], footprint[1], shape);
     let tilt = texel.normal;
-    let normal = (spot.tangent * tilt.x + spot.top * tilt.y + spot.normal * tilt.z).normalize_or(spot.normal);
+    let normal = (spot.tangent * tilt.x + spot.top * tilt.y + spot.normal * tilt.z)
+        .normalize_or(spot.normal);
     (
-        Surface { normal, albedo: texel.albedo, roughness: texel.roughness, metallic: texel.metallic, sheen: Sheen::NONE },
+        Surface {
+            normal,
+            albedo: texel.albedo,
+            roughness: texel.roughness,
+            metallic: texel.metallic,
+            sheen: Sheen::NONE,
+        },
         texel.occlusion,
     )
 }

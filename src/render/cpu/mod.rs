@@ -1,8 +1,10 @@
 //! Pictures on the processor: what a machine without a graphics driver gets.
 //!
-//! In: the same as every renderer's. Out: the picture. What a sample of a pixel sees is found by tracing rays (`near`), or where all yarns are
-//! thinner than pixels by drawing their pieces (`far`). Rows are lit in parallel and no sample depends on another, so that any number of threads
-//! gives the same bytes, and some rows of a picture are drawn alone as they are in the whole.
+//! In: the same as every renderer's. Out: the picture. What a sample of a pixel sees is found by
+//! tracing rays (`near`), or where all yarns are thinner than pixels by drawing their pieces
+//! (`far`). Rows are lit in parallel and no sample depends on another, so that any number of
+//! threads gives the same bytes, and some rows of a picture are drawn alone as they are in the
+//! whole.
 
 mod far;
 mod film;
@@ -25,23 +27,32 @@ use near::Near;
 
 /// Yarns are thin where a pixel is wider than so many of their radii.
 const THIN: f32 = 2.0;
-/// Squares' rows that each thread has to light before their pixels are written: enough to share evenly, few enough to take little memory.
+/// Squares' rows that each thread has to light before their pixels are written: enough to share
+/// evenly, few enough to take little memory.
 const TILES_A_THREAD: usize = 4;
-/// Pixels that are lit one after another lie in squares of so many, which see the same yarns while these are in the cache.
+/// Pixels that are lit one after another lie in squares of so many, which see the same yarns while
+/// these are in the cache.
 const TILE: u32 = 8;
 
 /// See [`crate::render::render`].
 #[must_use]
-pub fn render(scene: &Scene, camera: &Camera, options: &Options, progress: &(dyn Fn(f32) + Sync)) -> RgbaImage {
+pub fn render(
+    scene: &Scene,
+    camera: &Camera,
+    options: &Options,
+    progress: &(dyn Fn(f32) + Sync),
+) -> RgbaImage {
     let (width, height) = (options.width, options.height);
     let wanted = options.rows();
     let mut picture = RgbaImage::new(width, wanted.end - wanted.start);
-    // A pixel needs the samples of the rows next to its own, which count even where they are not wanted.
+    // A pixel needs the samples of the rows next to its own, which count even where they are not
+    // wanted.
     let lit = lit_rows(options);
-    let mut looking = scene.bounds().map(|bounds| match Far::new(scene, &bounds, camera, options) {
-        Some(far) => Looking::Far(far),
-        None => Looking::Near(Near::new(scene, &bounds, camera, options)),
-    });
+    let mut looking =
+        scene.bounds().map(|bounds| match Far::new(scene, &bounds, camera, options) {
+            Some(far) => Looking::Far(far),
+            None => Looking::Near(Near::new(scene, &bounds, camera, options)),
+        });
     let done = AtomicU32::new(0);
     // So the last two rows of a band wait for the next one. Beyond the picture's edges nothing is.
     let mut rows = Vec::new();
@@ -69,7 +80,11 @@ pub fn render(scene: &Scene, camera: &Camera, options: &Options, progress: &(dyn
         let (written, rest) = unwritten.split_at_mut((rows.len() - 2) * width as usize * 4);
         written.par_chunks_mut(row_bytes).zip(rows.par_windows(3)).for_each(|(pixels, rows)| {
             for (x, pixel) in pixels.chunks_exact_mut(4).enumerate() {
-                pixel.copy_from_slice(&tone::pixel(Splats::pixel(rows, x), options.exposure, options.background));
+                pixel.copy_from_slice(&tone::pixel(
+                    Splats::pixel(rows, x),
+                    options.exposure,
+                    options.background,
+                ));
             }
         });
         unwritten = rest;
@@ -81,7 +96,11 @@ pub fn render(scene: &Scene, camera: &Camera, options: &Options, progress: &(dyn
 /// The rows that are wanted and those next to them, if any are.
 fn lit_rows(options: &Options) -> Range<u32> {
     let wanted = options.rows();
-    if wanted.is_empty() { wanted } else { wanted.start.saturating_sub(1)..options.height.min(wanted.end + 1) }
+    if wanted.is_empty() {
+        wanted
+    } else {
+        wanted.start.saturating_sub(1)..options.height.min(wanted.end + 1)
+    }
 }
 
 /// Lights the pixels of some rows, square after square.
@@ -90,7 +109,8 @@ fn light(looking: Option<&Looking<'_>>, rows: Range<u32>, width: u32) -> Vec<Spl
     if let Some(looking) = looking {
         for left in (0..width).step_by(TILE as usize) {
             for (y, splats) in &mut rows {
-                (left..width.min(left.saturating_add(TILE))).for_each(|x| looking.pixel([x, *y], splats));
+                (left..width.min(left.saturating_add(TILE)))
+                    .for_each(|x| looking.pixel([x, *y], splats));
             }
         }
     }

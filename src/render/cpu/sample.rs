@@ -1,15 +1,17 @@
 //! Where in a pixel, on the sun and in the sky the samples of a pixel fall.
 //!
-//! In: a pixel, a sample's number, a seed. Out: pairs of numbers in 0..1. The sequence is R2 (Roberts 2018), which covers the
-//! square evenly for any count; the pixels of a 4 x 4 tile take consecutive runs of one sequence, so that what noise is left is
-//! fine and even, and a hash of the tile shifts the sequence. No state: a pixel's numbers depend on nothing but its place.
+//! In: a pixel, a sample's number, a seed. Out: pairs of numbers in 0..1. The sequence is R2
+//! (Roberts 2018), which covers the square evenly for any count; the pixels of a 4 x 4 tile take
+//! consecutive runs of one sequence, so that what noise is left is fine and even, and a hash of the
+//! tile shifts the sequence. No state: a pixel's numbers depend on nothing but its place.
 
 use crate::render::ply::hash;
 
 /// Fractions of 2^32 by which R2 steps: 1/g and 1/g^2, g the real root of x^3 = x + 1.
 const STEP: [u32; 2] = [3_242_174_889, 2_447_445_414];
 
-/// The order of a tile's pixels: Bayer's matrix, so that any part of the tile is spread over the sequence.
+/// The order of a tile's pixels: Bayer's matrix, so that any part of the tile is spread over the
+/// sequence.
 const ORDER: [u32; 16] = [0, 8, 2, 10, 12, 4, 14, 6, 3, 11, 1, 9, 15, 7, 13, 5];
 
 /// What a pair of numbers is for; each has a sequence of its own.
@@ -65,7 +67,10 @@ impl Pairs {
     pub(super) fn at(&self, index: u32) -> [f32; 2] {
         let number = self.first.wrapping_add(index);
         let [one, other] = self.shift;
-        [unit(one.wrapping_add(number.wrapping_mul(STEP[0]))), unit(other.wrapping_add(number.wrapping_mul(STEP[1])))]
+        [
+            unit(one.wrapping_add(number.wrapping_mul(STEP[0]))),
+            unit(other.wrapping_add(number.wrapping_mul(STEP[1]))),
+        ]
     }
 }
 
@@ -86,10 +91,13 @@ mod tests {
         let mut cells = [0; 16];
         for pixel in 0..16 {
             for index in 0..4 {
-                let [u, v] = Sampler::new(40 + pixel % 4, 80 + pixel / 4, 9).pair(Purpose::Sky, index, 4);
+                let [u, v] =
+                    Sampler::new(40 + pixel % 4, 80 + pixel / 4, 9).pair(Purpose::Sky, index, 4);
                 assert!((0.0..1.0).contains(&u) && (0.0..1.0).contains(&v));
-                let cell = (0..16_u8)
-                    .find(|c| (f32::from(c % 4) - u * 4.0 + 0.5).abs() <= 0.5 && (f32::from(c / 4) - v * 4.0 + 0.5).abs() <= 0.5);
+                let cell = (0..16_u8).find(|c| {
+                    (f32::from(c % 4) - u * 4.0 + 0.5).abs() <= 0.5
+                        && (f32::from(c / 4) - v * 4.0 + 0.5).abs() <= 0.5
+                });
                 cells[usize::from(cell.unwrap())] += 1;
             }
         }

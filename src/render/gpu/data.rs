@@ -1,11 +1,13 @@
 //! The shaders' structures, byte for byte as WGSL lays them out.
 //!
-//! In and out: nothing but memory. A test reads the shaders and compares the name and the offset of each field.
+//! In and out: nothing but memory. A test reads the shaders and compares the name and the offset of
+//! each field.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
-/// Pieces of a chunk at most, and steps of an instance: `PARTS * STEPS` and `STEPS` of `shaders/yarn.wgsl`.
+/// Pieces of a chunk at most, and steps of an instance: `PARTS * STEPS` and `STEPS` of
+/// `shaders/yarn.wgsl`.
 pub(super) const CHUNK: u32 = PARTS * STEPS;
 /// Steps that an instance takes.
 pub(super) const STEPS: u32 = 8;
@@ -114,9 +116,16 @@ mod tests {
         let mut found = Vec::new();
         for (_, source) in shaders::ALL {
             let module = naga::front::wgsl::parse_str(source).unwrap();
-            for (_, shape) in module.types.iter().filter(|(_, shape)| shape.name.as_deref() == Some(name)) {
-                let naga::TypeInner::Struct { members, span } = &shape.inner else { panic!("{name} is no structure") };
-                let fields = members.iter().map(|member| (member.name.clone().unwrap(), member.offset as usize)).collect();
+            for (_, shape) in
+                module.types.iter().filter(|(_, shape)| shape.name.as_deref() == Some(name))
+            {
+                let naga::TypeInner::Struct { members, span } = &shape.inner else {
+                    panic!("{name} is no structure")
+                };
+                let fields = members
+                    .iter()
+                    .map(|member| (member.name.clone().unwrap(), member.offset as usize))
+                    .collect();
                 found.push((fields, *span as usize));
             }
         }

@@ -1,7 +1,8 @@
 //! The graphics device: which adapter, with which limits, and what went wrong on it.
 //!
-//! In: whether a software adapter will do. Out: a [`Gpu`] ready to draw, or a [`GpuError`] that says what to do. Nothing that the device
-//! refuses panics: errors that no call returns are kept, and [`Gpu::fault`] hands over the first.
+//! In: whether a software adapter will do. Out: a [`Gpu`] ready to draw, or a [`GpuError`] that
+//! says what to do. Nothing that the device refuses panics: errors that no call returns are kept,
+//! and [`Gpu::fault`] hands over the first.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -11,10 +12,14 @@ use wgpu::{Backends, DeviceType, Instance, InstanceDescriptor, RequestAdapterOpt
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum GpuError {
     /// No adapter, or none that is wanted.
-    #[error("no graphics adapter was found: install a Vulkan, Metal or DirectX 12 driver, or take --renderer cpu")]
+    #[error(
+        "no graphics adapter was found: install a Vulkan, Metal or DirectX 12 driver, or take --renderer cpu"
+    )]
     NoAdapter,
     /// An adapter that can't do what is asked of it.
-    #[error("the graphics adapter {adapter} can't draw yarns, it lacks {lacking}: take --renderer cpu")]
+    #[error(
+        "the graphics adapter {adapter} can't draw yarns, it lacks {lacking}: take --renderer cpu"
+    )]
     Lacking {
         /// Its name.
         adapter: String,
@@ -30,13 +35,17 @@ pub enum GpuError {
         reason: String,
     },
     /// The device's memory is full.
-    #[error("the graphics adapter {adapter} is out of memory: lower --size, --st or the densities, or take --renderer cpu")]
+    #[error(
+        "the graphics adapter {adapter} is out of memory: lower --size, --st or the densities, or take --renderer cpu"
+    )]
     OutOfMemory {
         /// Its name.
         adapter: String,
     },
     /// The device stopped working.
-    #[error("the graphics adapter {adapter} was lost ({reason}): try again, or take --renderer cpu")]
+    #[error(
+        "the graphics adapter {adapter} was lost ({reason}): try again, or take --renderer cpu"
+    )]
     Lost {
         /// Its name.
         adapter: String,
@@ -82,14 +91,16 @@ impl Gpu {
             power_preference: wgpu::PowerPreference::HighPerformance,
             ..RequestAdapterOptions::default()
         };
-        let adapter = pollster::block_on(instance.request_adapter(&options)).map_err(|_none| GpuError::NoAdapter)?;
+        let adapter = pollster::block_on(instance.request_adapter(&options))
+            .map_err(|_none| GpuError::NoAdapter)?;
         if !software && adapter.get_info().device_type == DeviceType::Cpu {
             return Err(GpuError::NoAdapter);
         }
         Self::open(&adapter)
     }
 
-    /// The device of an adapter, with all the limits that the adapter has: defaults would page large fabrics without need.
+    /// The device of an adapter, with all the limits that the adapter has: defaults would page
+    /// large fabrics without need.
     fn open(adapter: &wgpu::Adapter) -> Result<Self, GpuError> {
         let name = adapter.get_info().name;
         let descriptor = wgpu::DeviceDescriptor {
@@ -98,8 +109,10 @@ impl Gpu {
             ..wgpu::DeviceDescriptor::default()
         };
         let opened = pollster::block_on(adapter.request_device(&descriptor));
-        let (device, queue) =
-            opened.map_err(|error| GpuError::NoDevice { adapter: name.clone(), reason: first_line(&error.to_string()) })?;
+        let (device, queue) = opened.map_err(|error| GpuError::NoDevice {
+            adapter: name.clone(),
+            reason: first_line(&error.to_string()),
+        })?;
         Self::on(adapter, device, queue)
     }
 
@@ -107,14 +120,19 @@ impl Gpu {
     ///
     /// # Errors
     /// An adapter that lacks something.
-    pub fn on(adapter: &wgpu::Adapter, device: wgpu::Device, queue: wgpu::Queue) -> Result<Self, GpuError> {
+    pub fn on(
+        adapter: &wgpu::Adapter,
+        device: wgpu::Device,
+        queue: wgpu::Queue,
+    ) -> Result<Self, GpuError> {
         let name = adapter.get_info().name;
         if let Some(lacking) = lacking(adapter, &device) {
             return Err(GpuError::Lacking { adapter: name, lacking });
         }
         let gpu = Self { device, queue, name, fault: Arc::default() };
         let (fault, adapter) = (Arc::clone(&gpu.fault), gpu.name.clone());
-        gpu.device.on_uncaptured_error(Arc::new(move |error| note(&fault, of_error(&adapter, &error))));
+        gpu.device
+            .on_uncaptured_error(Arc::new(move |error| note(&fault, of_error(&adapter, &error))));
         let (fault, adapter) = (Arc::clone(&gpu.fault), gpu.name.clone());
         gpu.device.set_device_lost_callback(move |_, reason| {
             note(&fault, GpuError::Lost { adapter: adapter.clone(), reason: first_line(&reason) });
@@ -128,9 +146,14 @@ impl Gpu {
         &self.name
     }
 
-    /// A buffer that holds `contents`, whose length is a multiple of four. wgpu's own helper panics where the device refuses; here
-    /// [`Gpu::fault`] tells.
-    pub(super) fn store(&self, label: &str, contents: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
+    /// A buffer that holds `contents`, whose length is a multiple of four. wgpu's own helper panics
+    /// where the device refuses; here [`Gpu::fault`] tells.
+    pub(super) fn store(
+        &self,
+        label: &str,
+        contents: &[u8],
+        usage: wgpu::BufferUsages,
+    ) -> wgpu::Buffer {
         let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some(label),
             size: contents.len() as u64,
@@ -155,7 +178,10 @@ impl Gpu {
         self.fault()?;
         match waited {
             Ok(_) => Ok(()),
-            Err(error) => Err(GpuError::Lost { adapter: self.name.clone(), reason: first_line(&error.to_string()) }),
+            Err(error) => Err(GpuError::Lost {
+                adapter: self.name.clone(),
+                reason: first_line(&error.to_string()),
+            }),
         }
     }
 }
@@ -163,16 +189,17 @@ impl Gpu {
 /// What an adapter would need and has not.
 fn lacking(adapter: &wgpu::Adapter, device: &wgpu::Device) -> Option<String> {
     let downlevel = adapter.get_downlevel_capabilities().flags;
-    if !downlevel.contains(wgpu::DownlevelFlags::VERTEX_STORAGE) || device.limits().max_storage_buffers_per_shader_stage < 5 {
+    if !downlevel.contains(wgpu::DownlevelFlags::VERTEX_STORAGE)
+        || device.limits().max_storage_buffers_per_shader_stage < 5
+    {
         return Some("storage buffers for vertices".to_owned());
     }
     let missing = |&&(format, usages): &&(wgpu::TextureFormat, wgpu::TextureUsages)| {
         !adapter.get_texture_format_features(format).allowed_usages.contains(usages)
     };
-    TARGETS
-        .iter()
-        .find(missing)
-        .map(|(format, _)| format!("targets of {format:?}, which Vulkan, Metal and DirectX 12 drivers have"))
+    TARGETS.iter().find(missing).map(|(format, _)| {
+        format!("targets of {format:?}, which Vulkan, Metal and DirectX 12 drivers have")
+    })
 }
 
 /// Keeps the first fault: what follows is its consequence.
@@ -185,7 +212,10 @@ fn of_error(adapter: &str, error: &wgpu::Error) -> GpuError {
     match error {
         wgpu::Error::OutOfMemory { .. } => GpuError::OutOfMemory { adapter },
         wgpu::Error::Validation { description, .. } | wgpu::Error::Internal { description, .. } => {
-            GpuError::Refused { adapter, reason: description.split_whitespace().collect::<Vec<_>>().join(" ") }
+            GpuError::Refused {
+                adapter,
+                reason: description.split_whitespace().collect::<Vec<_>>().join(" "),
+            }
         }
     }
 }

@@ -1,7 +1,9 @@
-//! Where everything lies in a frame: the camera's and the sun's views of the yarns, and the sizes of their maps.
+//! Where everything lies in a frame: the camera's and the sun's views of the yarns, and the sizes
+//! of their maps.
 //!
-//! In: a camera, a light, and what of the yarns is in view. Out: [`Frame`], matrices and sizes for all passes, in coordinates relative to the
-//! scene's middle. The sun's map covers what the camera sees and nothing more, so that a close-up has fine shadows.
+//! In: a camera, a light, and what of the yarns is in view. Out: [`Frame`], matrices and sizes for
+//! all passes, in coordinates relative to the scene's middle. The sun's map covers what the camera
+//! sees and nothing more, so that a close-up has fine shadows.
 
 use bytemuck::Zeroable;
 use glam::{Mat4, Vec2, Vec3, Vec4};
@@ -23,8 +25,9 @@ const SUN_TEXEL_PIXELS: f32 = 0.35;
 const PENUMBRA_RADII: f32 = 0.2;
 /// What the sun's map takes for one depth, radii of the thinnest yarn.
 const SUN_BIAS_RADII: f32 = 0.1;
-/// How far around a point the cloth's depth is averaged, radii of the thinnest yarn. Of 3, 5 and 8, 3 told best
-/// what the sky's rays of the CPU renderer see (.127, .132, .139 of the share that is open, root mean square).
+/// How far around a point the cloth's depth is averaged, radii of the thinnest yarn. Of 3, 5 and 8,
+/// 3 told best what the sky's rays of the CPU renderer see (.127, .132, .139 of the share that is
+/// open, root mean square).
 const DEPTH_RADII: f32 = 3.0;
 /// Most texels of the eye's map of depths a side.
 const MOST_DEPTH_TEXELS: f32 = 2048.0;
@@ -85,10 +88,17 @@ impl Frame {
         let sight = Sight { clip_from_world, eye: eye.extend(1.0), pixel };
         let seen: Vec<_> = seen(pages, &sight).collect();
         // Where most of what is seen lies: that sets what the maps must show.
-        let middle = seen.iter().map(|extent| extent.centre).sum::<Vec3>() / seen.len().max(1) as f32;
+        let middle =
+            seen.iter().map(|extent| extent.centre).sum::<Vec3>() / seen.len().max(1) as f32;
         let pixel_there = pixel * (middle - eye).dot(ahead).max(near);
         let rig = options.light.around(camera);
-        let sun = sun_map(pages, seen.iter().map(|extent| (extent.centre, extent.reach)), rig.toward_sun, thinnest, pixel_there)?;
+        let sun = sun_map(
+            pages,
+            seen.iter().map(|extent| (extent.centre, extent.reach)),
+            rig.toward_sun,
+            thinnest,
+            pixel_there,
+        )?;
         let depth = depth_map(sight, thinnest, pixel_there, near, far, options);
         let texel = sun.0.sight.pixel;
         let view = data::View {
@@ -111,7 +121,8 @@ impl Frame {
     }
 }
 
-/// The sun's map over the balls that are seen, and the matrix by which points look themselves up in it.
+/// The sun's map over the balls that are seen, and the matrix by which points look themselves up in
+/// it.
 fn sun_map(
     pages: &[Page],
     seen: impl Iterator<Item = (Vec3, f32)>,
@@ -120,16 +131,19 @@ fn sun_map(
     pixel: f32,
 ) -> Option<(DepthMap, Mat4)> {
     let (across, up) = toward_sun.any_orthonormal_pair();
-    let (low, high) = seen.fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(low, high), (centre, reach)| {
-        let at = Vec2::new(across.dot(centre), up.dot(centre));
-        (low.min(at - reach), high.max(at + reach))
-    });
+    let (low, high) =
+        seen.fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(low, high), (centre, reach)| {
+            let at = Vec2::new(across.dot(centre), up.dot(centre));
+            (low.min(at - reach), high.max(at + reach))
+        });
     if low.x >= high.x {
         return None;
     }
     let [near, far] = range(pages, -toward_sun, 0.0);
     let extent = high - low;
-    let texel = (SUN_TEXEL_RADII * thinnest).max(SUN_TEXEL_PIXELS * pixel).max(extent.max_element() / MOST_SUN_TEXELS);
+    let texel = (SUN_TEXEL_RADII * thinnest)
+        .max(SUN_TEXEL_PIXELS * pixel)
+        .max(extent.max_element() / MOST_SUN_TEXELS);
     let size = (extent / texel).ceil().max(Vec2::ONE);
     let extent = size * texel;
     let distance = -toward_sun;
@@ -140,23 +154,48 @@ fn sun_map(
         (distance / (far - near)).extend(-near / (far - near)),
     );
     // Rows of texels count from the top.
-    let texels_from_world =
-        rows((across / texel).extend(-low.x / texel), (-up / texel).extend((low.y + extent.y) / texel), distance.extend(0.0));
+    let texels_from_world = rows(
+        (across / texel).extend(-low.x / texel),
+        (-up / texel).extend((low.y + extent.y) / texel),
+        distance.extend(0.0),
+    );
     let sight = Sight { clip_from_world, eye: toward_sun.extend(0.0), pixel: texel };
     let sigma = (PENUMBRA_RADII * thinnest / texel).max(0.6);
-    Some((DepthMap { sight, size: size.as_uvec2().to_array(), sigma, near, far, layer: None }, texels_from_world))
+    Some((
+        DepthMap { sight, size: size.as_uvec2().to_array(), sigma, near, far, layer: None },
+        texels_from_world,
+    ))
 }
 
 /// The map of depths around the eye: as coarse as its averages allow.
-fn depth_map(camera: Sight, thinnest: f32, pixel: f32, near: f32, far: f32, options: &Options) -> DepthMap {
+fn depth_map(
+    camera: Sight,
+    thinnest: f32,
+    pixel: f32,
+    near: f32,
+    far: f32,
+    options: &Options,
+) -> DepthMap {
     let largest = options.width.max(options.height).max(1) as f32;
-    let scale = (DEPTH_TEXELS * pixel / (DEPTH_RADII * thinnest)).min(0.5).min(MOST_DEPTH_TEXELS / largest);
+    let scale =
+        (DEPTH_TEXELS * pixel / (DEPTH_RADII * thinnest)).min(0.5).min(MOST_DEPTH_TEXELS / largest);
     let side = |pixels: u32| {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most half of it")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "at most half of it"
+        )]
         let texels = (pixels as f32 * scale).ceil() as u32;
         texels.max(1)
     };
     let sigma = (DEPTH_RADII * thinnest * scale / pixel).max(0.6);
     let sight = Sight { pixel: camera.pixel / scale, ..camera };
-    DepthMap { sight, size: [side(options.width), side(options.height)], sigma, near, far, layer: Some(LAYER_RADII * thinnest) }
+    DepthMap {
+        sight,
+        size: [side(options.width), side(options.height)],
+        sigma,
+        near,
+        far,
+        layer: Some(LAYER_RADII * thinnest),
+    }
 }

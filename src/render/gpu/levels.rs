@@ -1,9 +1,11 @@
 //! What of the yarns a pass draws, and how finely.
 //!
-//! In: chunks with their extents, and a [`Sight`]: from where they are seen and how large a pixel is there. Out: [`Plan`], instances
-//! sorted into batches of one stride, one section and one set of maps. Chunks out of view are left out. With level of detail no step is
-//! shorter than a pixel as long as doubling it keeps it so, a section has no more edges than its radius in pixels can show, and a yarn of
-//! few pixels is a strip that faces the eye: its shader gives it back its roundness for a fifth of the triangles.
+//! In: chunks with their extents, and a [`Sight`]: from where they are seen and how large a pixel
+//! is there. Out: [`Plan`], instances sorted into batches of one stride, one section and one set of
+//! maps. Chunks out of view are left out. With level of detail no step is shorter than a pixel as
+//! long as doubling it keeps it so, a section has no more edges than its radius in pixels can show,
+//! and a yarn of few pixels is a strip that faces the eye: its shader gives it back its roundness
+//! for a fifth of the triangles.
 
 use std::collections::BTreeMap;
 use std::f32::consts::PI;
@@ -45,7 +47,8 @@ impl Sight {
     /// The four planes at the picture's sides, inside where positive.
     fn sides(&self) -> [Vec4; 4] {
         let m = self.clip_from_world;
-        let sides = [m.row(3) + m.row(0), m.row(3) - m.row(0), m.row(3) + m.row(1), m.row(3) - m.row(1)];
+        let sides =
+            [m.row(3) + m.row(0), m.row(3) - m.row(0), m.row(3) + m.row(1), m.row(3) - m.row(1)];
         sides.map(|side| side / side.xyz().length().max(f32::MIN_POSITIVE))
     }
 }
@@ -58,7 +61,10 @@ fn inside(sides: &[Vec4; 4], centre: Vec3, reach: f32) -> bool {
 /// The chunks that are in view.
 pub(super) fn seen<'a>(pages: &'a [Page], sight: &Sight) -> impl Iterator<Item = &'a Extent> {
     let sides = sight.sides();
-    pages.iter().flat_map(|page| &page.extents).filter(move |extent| inside(&sides, extent.centre, extent.reach))
+    pages
+        .iter()
+        .flat_map(|page| &page.extents)
+        .filter(move |extent| inside(&sides, extent.centre, extent.reach))
 }
 
 /// What draws of one kind have in common.
@@ -129,7 +135,11 @@ impl Kinds {
     pub(super) fn of(scene: &Scene) -> Self {
         Self {
             shape: scene.shape,
-            looks: scene.looks.iter().map(|look| (look.radius, scene.maps_of(look).and(look.maps))).collect(),
+            looks: scene
+                .looks
+                .iter()
+                .map(|look| (look.radius, scene.maps_of(look).and(look.maps)))
+                .collect(),
         }
     }
 
@@ -163,7 +173,11 @@ fn edges(radius: f32, pixel: f32, sr: u32) -> u32 {
         return 2;
     }
     let half_angle = (1.0 - SECTION_ERROR / pixels).acos();
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates, and is held to `sr`")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "saturates, and is held to `sr`"
+    )]
     let shown = (PI / half_angle).ceil() as u32;
     shown.clamp(3, sr)
 }
@@ -174,9 +188,14 @@ mod tests {
 
     #[test]
     fn no_step_is_shorter_than_a_pixel_and_none_is_twice_as_long_as_need_be() {
-        for (piece, pixel, expected) in
-            [(1.0, 0.5, 1), (1.0, 1.0, 1), (1.0, 1.1, 2), (1.0, 3.9, 4), (1.0, 4.1, 8), (0.0, 1.0, 32)]
-        {
+        for (piece, pixel, expected) in [
+            (1.0, 0.5, 1),
+            (1.0, 1.0, 1),
+            (1.0, 1.1, 2),
+            (1.0, 3.9, 4),
+            (1.0, 4.1, 8),
+            (0.0, 1.0, 32),
+        ] {
             assert_eq!(stride(piece, pixel), expected, "{piece} {pixel}");
         }
     }
@@ -191,7 +210,8 @@ mod tests {
 
     #[test]
     fn what_is_beside_the_picture_is_left_out() {
-        let sight = Sight { clip_from_world: Mat4::from_scale(Vec3::splat(0.1)), eye: Vec4::Z, pixel: 1.0 };
+        let sight =
+            Sight { clip_from_world: Mat4::from_scale(Vec3::splat(0.1)), eye: Vec4::Z, pixel: 1.0 };
         let sides = sight.sides();
         let cases = [(0.0, true), (10.9, true), (11.1, false), (-10.9, true), (-11.1, false)];
         for (at, expected) in cases {

@@ -1,11 +1,14 @@
 //! Pictures on the graphics processor, through wgpu.
 //!
-//! In: the same as every renderer's. Out: the picture, or an error that says what to do. In the library only this room names wgpu. Passes of a frame:
-//! depths from the sun, averaged; depths around the eye, averaged; the yarns with their light, tile by tile, so that no picture is too large;
-//! and the same tone curve as everywhere. `device` opens the adapter, `pages` keeps the yarns there, `levels` says what is drawn and how finely,
-//! `frame` where it lies, `pipelines` with which shaders, `passes` puts it into commands, and `resources` makes what they read and write.
+//! In: the same as every renderer's. Out: the picture, or an error that says what to do. In the
+//! library only this room names wgpu. Passes of a frame: depths from the sun, averaged; depths
+//! around the eye, averaged; the yarns with their light, tile by tile, so that no picture is too
+//! large; and the same tone curve as everywhere. `device` opens the adapter, `pages` keeps the
+//! yarns there, `levels` says what is drawn and how finely, `frame` where it lies, `pipelines` with
+//! which shaders, `passes` puts it into commands, and `resources` makes what they read and write.
 //!
-//! What it does not promise: the same bytes on two adapters. On one adapter they depend on the arguments alone.
+//! What it does not promise: the same bytes on two adapters. On one adapter they depend on the
+//! arguments alone.
 
 mod data;
 mod device;
@@ -39,7 +42,8 @@ use pipelines::{Layouts, Pipelines, Writes};
 
 /// Light before the tone curve; half floats hold a thousand times the sun.
 const LIGHT: TextureFormat = TextureFormat::Rgba16Float;
-/// Mean, variance and cover of depths: single precision, since half of it would lose a yarn's radius a metre away.
+/// Mean, variance and cover of depths: single precision, since half of it would lose a yarn's
+/// radius a metre away.
 const MOMENTS: TextureFormat = TextureFormat::Rgba32Float;
 const DEPTH: TextureFormat = TextureFormat::Depth32Float;
 /// Pixels as they go to files, encoded by the shader.
@@ -118,28 +122,55 @@ impl Renderer {
         let shines = scene.looks.iter().any(|look| look.sheen > 0.0);
         let looks = self.gpu.store("looks", bytemuck::cast_slice(&looks), BufferUsages::STORAGE);
         let most = self.gpu.device.limits().max_texture_dimension_2d;
-        if let Some(maps) = scene.maps.iter().find(|maps| maps.base.levels[0].width().max(maps.base.levels[0].height()) > most) {
+        if let Some(maps) = scene
+            .maps
+            .iter()
+            .find(|maps| maps.base.levels[0].width().max(maps.base.levels[0].height()) > most)
+        {
             let (width, height) = maps.base.levels[0].dimensions();
-            let lacking = format!("room for a yarn's picture of {width} x {height} pixels, {most} a side at most");
+            let lacking = format!(
+                "room for a yarn's picture of {width} x {height} pixels, {most} a side at most"
+            );
             return Err(GpuError::Lacking { adapter: self.name().to_owned(), lacking });
         }
-        let mut maps: Vec<_> = scene.maps.iter().map(|maps| self.maps_group(&maps.base, &maps.normal, &maps.surface)).collect();
+        let mut maps: Vec<_> = scene
+            .maps
+            .iter()
+            .map(|maps| self.maps_group(&maps.base, &maps.normal, &maps.surface))
+            .collect();
         let none = Mips { levels: vec![RgbaImage::from_pixel(1, 1, Rgba([255; 4]))] };
         maps.push(self.maps_group(&none, &none, &none));
         let pages = pages::upload(&self.gpu, scene, centre, st)?;
         let (albedo, kinds) = (scene.mean_albedo(), Kinds::of(scene));
-        Ok(Yarns { centre, pages, shape: scene.shape, kinds, shines, looks, thinnest, albedo, maps })
+        Ok(Yarns {
+            centre,
+            pages,
+            shape: scene.shape,
+            kinds,
+            shines,
+            looks,
+            thinnest,
+            albedo,
+            maps,
+        })
     }
 
     /// Draws a picture and brings it back.
     ///
     /// # Errors
     /// What the device refuses.
-    pub fn draw(&mut self, yarns: &Yarns, camera: &Camera, options: &Options) -> Result<RgbaImage, GpuError> {
+    pub fn draw(
+        &mut self,
+        yarns: &Yarns,
+        camera: &Camera,
+        options: &Options,
+    ) -> Result<RgbaImage, GpuError> {
         let mut picture = RgbaImage::new(options.width, options.height);
         let frame = Frame::new(yarns, camera, options);
         let lights = frame.as_ref().map(|frame| self.lights(yarns, frame, options)).transpose()?;
-        let side = TILE.min(self.gpu.device.limits().max_texture_dimension_2d) / supersampling(options) - 2;
+        let side = TILE.min(self.gpu.device.limits().max_texture_dimension_2d)
+            / supersampling(options)
+            - 2;
         for y in (0..options.height).step_by(side as usize) {
             for x in (0..options.width).step_by(side as usize) {
                 let size = [side.min(options.width - x), side.min(options.height - y)];
@@ -157,16 +188,37 @@ impl Renderer {
     ///
     /// # Errors
     /// What the device refuses.
-    pub fn draw_to(&mut self, yarns: &Yarns, camera: &Camera, options: &Options, to: &wgpu::TextureView) -> Result<(), GpuError> {
+    pub fn draw_to(
+        &mut self,
+        yarns: &Yarns,
+        camera: &Camera,
+        options: &Options,
+        to: &wgpu::TextureView,
+    ) -> Result<(), GpuError> {
         let frame = Frame::new(yarns, camera, options);
         let lights = frame.as_ref().map(|frame| self.lights(yarns, frame, options)).transpose()?;
-        self.tile(yarns, frame.as_ref().zip(lights.as_ref()), options, [0, 0], [options.width, options.height], to);
+        self.tile(
+            yarns,
+            frame.as_ref().zip(lights.as_ref()),
+            options,
+            [0, 0],
+            [options.width, options.height],
+            to,
+        );
         self.gpu.fault()
     }
 
     /// The averaged depths from the sun and around the eye, bound for the light.
-    fn lights(&mut self, yarns: &Yarns, frame: &Frame, options: &Options) -> Result<wgpu::BindGroup, GpuError> {
-        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("depths") });
+    fn lights(
+        &mut self,
+        yarns: &Yarns,
+        frame: &Frame,
+        options: &Options,
+    ) -> Result<wgpu::BindGroup, GpuError> {
+        let mut encoder = self
+            .gpu
+            .device
+            .create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("depths") });
         let [sun, depth] = [&frame.sun, &frame.depth].map(|map| {
             let listed = self.list(yarns, &map.sight, options, &[Writes::Depth]);
             self.depth_map(&mut encoder, yarns, frame, map, &listed)
@@ -190,26 +242,52 @@ impl Renderer {
         listed: &Listed,
     ) -> wgpu::TextureView {
         let depths = self.gpu.target(DEPTH, map.size, 1);
-        let view =
-            data::View { clip_from_world: map.sight.clip_from_world, eye: map.sight.eye, pixel: map.sight.pixel, ..frame.view };
+        let view = data::View {
+            clip_from_world: map.sight.clip_from_world,
+            eye: map.sight.eye,
+            pixel: map.sight.pixel,
+            ..frame.view
+        };
         {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("depth"),
-                depth_stencil_attachment: Some(depth_attachment(&depths, wgpu::LoadOp::Clear(1.0), wgpu::StoreOp::Store)),
+                depth_stencil_attachment: Some(depth_attachment(
+                    &depths,
+                    wgpu::LoadOp::Clear(1.0),
+                    wgpu::StoreOp::Store,
+                )),
                 ..wgpu::RenderPassDescriptor::default()
             });
             self.draw_listed(&mut pass, yarns, listed, &view, Writes::Depth);
         }
         let [once, twice] = [(); 2].map(|()| self.gpu.target(MOMENTS, map.size, 1));
-        let [from_depths, from_moments] = if map.layer.is_some() { &self.pipelines.nearest } else { &self.pipelines.all };
-        for (step, pipeline, from, to) in [([1, 0], from_depths, &twice, &once), ([0, 1], from_moments, &once, &twice)] {
+        let [from_depths, from_moments] =
+            if map.layer.is_some() { &self.pipelines.nearest } else { &self.pipelines.all };
+        for (step, pipeline, from, to) in
+            [([1, 0], from_depths, &twice, &once), ([0, 1], from_moments, &once, &twice)]
+        {
             #[expect(clippy::cast_possible_truncation, reason = "some texels")]
             let reach = (2.0 * map.sigma).round() as i32;
             let (perspective, layer) = (map.sight.eye.w, map.layer.unwrap_or_default());
-            let blur = data::Blur { step, reach, sigma: map.sigma, near: map.near, far: map.far, perspective, layer };
+            let blur = data::Blur {
+                step,
+                reach,
+                sigma: map.sigma,
+                near: map.near,
+                far: map.far,
+                perspective,
+                layer,
+            };
             let blur = self.gpu.uniform(bytes_of(&blur));
-            let (depths, from) = (wgpu::BindingResource::TextureView(&depths), wgpu::BindingResource::TextureView(from));
-            let group = self.gpu.group("blur", &self.layouts.moments, &[blur.as_entire_binding(), depths, from]);
+            let (depths, from) = (
+                wgpu::BindingResource::TextureView(&depths),
+                wgpu::BindingResource::TextureView(from),
+            );
+            let group = self.gpu.group(
+                "blur",
+                &self.layouts.moments,
+                &[blur.as_entire_binding(), depths, from],
+            );
             screen_pass(encoder, pipeline, &group, to);
         }
         twice
@@ -232,18 +310,37 @@ impl Renderer {
         let drawn = lit.map(|(frame, lights)| {
             let view = tile_view(frame, options, corner, size);
             let sight = Sight { clip_from_world: view.clip_from_world, ..frame.camera };
-            (view, lights, self.list(yarns, &sight, options, &[Writes::Before, Writes::Light, Writes::Fuzz]))
+            (
+                view,
+                lights,
+                self.list(yarns, &sight, options, &[Writes::Before, Writes::Light, Writes::Fuzz]),
+            )
         });
-        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("picture") });
+        let mut encoder = self
+            .gpu
+            .device
+            .create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("picture") });
         self.light(&mut encoder, yarns, drawn.as_ref(), size, &light);
         let background = match options.background {
             Background::Transparent => Vec4::ZERO,
-            Background::Color([r, g, b]) => Vec4::new(f32::from(r), f32::from(g), f32::from(b), 255.0) / 255.0,
+            Background::Color([r, g, b]) => {
+                Vec4::new(f32::from(r), f32::from(g), f32::from(b), 255.0) / 255.0
+            }
         };
-        let tone = data::Tone { background, exposure: options.exposure, scale: scale.cast_signed(), spare: Vec2::ZERO };
+        let tone = data::Tone {
+            background,
+            exposure: options.exposure,
+            scale: scale.cast_signed(),
+            spare: Vec2::ZERO,
+        };
         let tone = self.gpu.uniform(bytes_of(&tone));
         let bound = [tone.as_entire_binding(), wgpu::BindingResource::TextureView(&light)];
-        screen_pass(&mut encoder, &self.pipelines.tone, &self.gpu.group("tone", &self.layouts.tone, &bound), to);
+        screen_pass(
+            &mut encoder,
+            &self.pipelines.tone,
+            &self.gpu.group("tone", &self.layouts.tone, &bound),
+            to,
+        );
         self.gpu.queue.submit([encoder.finish()]);
     }
 
@@ -262,7 +359,11 @@ impl Renderer {
         {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("before"),
-                depth_stencil_attachment: Some(depth_attachment(&depths, wgpu::LoadOp::Clear(1.0), wgpu::StoreOp::Store)),
+                depth_stencil_attachment: Some(depth_attachment(
+                    &depths,
+                    wgpu::LoadOp::Clear(1.0),
+                    wgpu::StoreOp::Store,
+                )),
                 ..wgpu::RenderPassDescriptor::default()
             });
             if let Some((view, _, listed)) = drawn {
@@ -275,9 +376,16 @@ impl Renderer {
                 view: sampled.as_ref().unwrap_or(light),
                 depth_slice: None,
                 resolve_target: sampled.is_some().then_some(light),
-                ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store: wgpu::StoreOp::Store },
+                ops: wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                    store: wgpu::StoreOp::Store,
+                },
             })],
-            depth_stencil_attachment: Some(depth_attachment(&depths, wgpu::LoadOp::Load, wgpu::StoreOp::Discard)),
+            depth_stencil_attachment: Some(depth_attachment(
+                &depths,
+                wgpu::LoadOp::Load,
+                wgpu::StoreOp::Discard,
+            )),
             ..wgpu::RenderPassDescriptor::default()
         });
         if let Some((view, lights, listed)) = drawn {
@@ -288,9 +396,13 @@ impl Renderer {
     }
 
     fn maps_group(&self, base: &Mips, normal: &Mips, surface: &Mips) -> wgpu::BindGroup {
-        let formats = [TextureFormat::Rgba8UnormSrgb, TextureFormat::Rgba8Unorm, TextureFormat::Rgba8Unorm];
-        let views: Vec<_> =
-            [base, normal, surface].iter().zip(formats).map(|(mips, format)| self.gpu.mips(mips, format)).collect();
+        let formats =
+            [TextureFormat::Rgba8UnormSrgb, TextureFormat::Rgba8Unorm, TextureFormat::Rgba8Unorm];
+        let views: Vec<_> = [base, normal, surface]
+            .iter()
+            .zip(formats)
+            .map(|(mips, format)| self.gpu.mips(mips, format))
+            .collect();
         let mut bound: Vec<_> = views.iter().map(wgpu::BindingResource::TextureView).collect();
         bound.push(wgpu::BindingResource::Sampler(&self.sampler));
         self.gpu.group("maps", &self.layouts.maps, &bound)
@@ -303,7 +415,8 @@ fn tile_view(frame: &Frame, options: &Options, corner: [u32; 2], size: [u32; 2])
     let corner = Vec2::from(corner.map(|pixels| pixels as f32)) - 1.0;
     let [tile_width, tile_height] = size.map(|lights| lights as f32);
     data::View {
-        clip_from_world: crop(options, corner, Vec2::new(tile_width, tile_height) / scale) * frame.camera.clip_from_world,
+        clip_from_world: crop(options, corner, Vec2::new(tile_width, tile_height) / scale)
+            * frame.camera.clip_from_world,
         tile_width,
         tile_height,
         corner_x: corner.x * scale,

@@ -1,7 +1,9 @@
-//! Yarns in the device's memory: points in pages that fit its bindings, cut into chunks that are culled and coarsened one by one.
+//! Yarns in the device's memory: points in pages that fit its bindings, cut into chunks that are
+//! culled and coarsened one by one.
 //!
-//! In: a scene and St. Out: [`Yarns`], 24 bytes a point there, 40 bytes a chunk of up to [`CHUNK`] pieces here. Strands are cut a window at a time, so
-//! what is held beside the pages does not grow with the fabric. A page's bind group serves all passes.
+//! In: a scene and St. Out: [`Yarns`], 24 bytes a point there, 40 bytes a chunk of up to [`CHUNK`]
+//! pieces here. Strands are cut a window at a time, so what is held beside the pages does not grow
+//! with the fabric. A page's bind group serves all passes.
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -50,16 +52,25 @@ struct Draft {
 }
 
 /// Uploads all strands of `scene`, `st` pieces a stitch, relative to `centre`.
-pub(super) fn upload(gpu: &Gpu, scene: &Scene, centre: DVec3, st: u32) -> Result<Vec<Page>, GpuError> {
+pub(super) fn upload(
+    gpu: &Gpu,
+    scene: &Scene,
+    centre: DVec3,
+    st: u32,
+) -> Result<Vec<Page>, GpuError> {
     let limits = gpu.device.limits();
-    let largest = usize::try_from(limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)).unwrap_or(usize::MAX);
+    let largest =
+        usize::try_from(limits.max_storage_buffer_binding_size.min(limits.max_buffer_size))
+            .unwrap_or(usize::MAX);
     let room = (largest / size_of::<[f32; 4]>()).min(PAGE_POINTS);
     let window = CUT_STRANDS * 4 * rayon::current_num_threads();
     let (mut pages, mut draft) = (Vec::new(), Draft::default());
     for first in (0..scene.strands.len()).step_by(window) {
         let end = scene.strands.len().min(first + window);
-        let cut = |start| Paths::of(scene, start..end.min(start + CUT_STRANDS), centre, Cut::Stitch(st));
-        let parts: Vec<Paths> = (first..end).into_par_iter().step_by(CUT_STRANDS).map(cut).collect();
+        let cut =
+            |start| Paths::of(scene, start..end.min(start + CUT_STRANDS), centre, Cut::Stitch(st));
+        let parts: Vec<Paths> =
+            (first..end).into_par_iter().step_by(CUT_STRANDS).map(cut).collect();
         for paths in &parts {
             for (start, pieces) in runs(paths) {
                 if draft.points.len() + pieces as usize >= room {
@@ -100,14 +111,19 @@ impl Draft {
         let range = start..=start + pieces as usize;
         let first = index32(self.points.len());
         let (points, along) = (&paths.points[range.clone()], &paths.along[range.clone()]);
-        self.points.extend(points.iter().zip(along).map(|(point, &along)| [point.x, point.y, point.z, along]));
+        self.points.extend(
+            points.iter().zip(along).map(|(point, &along)| [point.x, point.y, point.z, along]),
+        );
         let turns = paths.tangents[range.clone()].iter().zip(&paths.across[range]);
         self.turns.extend(turns.map(|(&tangent, &across)| [tangent, across]));
         let look = paths.looks[start];
         self.chunks.push(data::Chunk { first, count: pieces, look: u32::from(look), spare: 0 });
         let low = points.iter().fold(Vec3::INFINITY, |low, point| low.min(point.truncate()));
         let high = points.iter().fold(Vec3::NEG_INFINITY, |high, point| high.max(point.truncate()));
-        let length = points.windows(2).map(|ends| ends[0].truncate().distance(ends[1].truncate())).sum::<f32>();
+        let length = points
+            .windows(2)
+            .map(|ends| ends[0].truncate().distance(ends[1].truncate()))
+            .sum::<f32>();
         #[expect(clippy::cast_precision_loss, reason = "256 at most")]
         let piece = length / pieces as f32;
         let (centre, reach) = (low.midpoint(high), low.distance(high) / 2.0 + points[0].w);

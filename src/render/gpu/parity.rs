@@ -1,4 +1,5 @@
-//! Tests: the shaders' formulas give what their Rust twins give, on random input, on whatever adapter there is.
+//! Tests: the shaders' formulas give what their Rust twins give, on random input, on whatever
+//! adapter there is.
 
 use glam::{Vec3, Vec4};
 use proptest::prelude::*;
@@ -49,9 +50,10 @@ pub(super) fn adapter(test: &str) -> Option<Gpu> {
 /// Runs `formula(input: mat4x4f) -> vec4f`, written in WGSL after `source`, on the device.
 fn on_device(gpu: &Gpu, source: &str, formula: &str, inputs: &[Input]) -> Vec<Vec4> {
     let source = format!("{source}{formula}{RUN}");
-    let module = gpu
-        .device
-        .create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source: wgpu::ShaderSource::Wgsl(source.into()) });
+    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: None,
+        source: wgpu::ShaderSource::Wgsl(source.into()),
+    });
     let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
         label: None,
         layout: None,
@@ -62,17 +64,32 @@ fn on_device(gpu: &Gpu, source: &str, formula: &str, inputs: &[Input]) -> Vec<Ve
     });
     let usage = wgpu::BufferUsages::STORAGE;
     let contents = bytemuck::cast_slice(inputs);
-    let given = gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor { label: None, contents, usage });
+    let given = gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+        label: None,
+        contents,
+        usage,
+    });
     let buffer = |usage| {
         let size = (inputs.len() * size_of::<Vec4>()) as u64;
-        gpu.device.create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false })
+        gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: None,
+            size,
+            usage,
+            mapped_at_creation: false,
+        })
     };
     let found = buffer(usage | wgpu::BufferUsages::COPY_SRC);
     let read = buffer(wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST);
-    let entries = [(8, &given), (9, &found)]
-        .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() });
+    let entries = [(8, &given), (9, &found)].map(|(binding, buffer)| wgpu::BindGroupEntry {
+        binding,
+        resource: buffer.as_entire_binding(),
+    });
     let layout = pipeline.get_bind_group_layout(3);
-    let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout: &layout, entries: &entries });
+    let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: None,
+        layout: &layout,
+        entries: &entries,
+    });
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     {
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
@@ -105,7 +122,8 @@ fn direction(u: Vec4) -> Vec3 {
     Vec3::new(cos * around, sin * around, height)
 }
 
-/// Asserts that no component differs by more than `limit` of its size, or of 1 where that is smaller; `spared` in a thousand may.
+/// Asserts that no component differs by more than `limit` of its size, or of 1 where that is
+/// smaller; `spared` in a thousand may.
 fn assert_close(found: &[Vec4], expected: &[Vec4], limit: f32, spared: usize) {
     let far = |(found, expected): &(&Vec4, &Vec4)| {
         let off = (**found - **expected).abs() / expected.abs().max(Vec4::ONE);
@@ -113,7 +131,13 @@ fn assert_close(found: &[Vec4], expected: &[Vec4], limit: f32, spared: usize) {
         !off.cmple(Vec4::splat(limit)).all()
     };
     let misses: Vec<_> = found.iter().zip(expected).filter(far).collect();
-    assert!(misses.len() * 1000 <= spared * found.len(), "{} of {}: {:?}", misses.len(), found.len(), misses.first());
+    assert!(
+        misses.len() * 1000 <= spared * found.len(),
+        "{} of {}: {:?}",
+        misses.len(),
+        found.len(),
+        misses.first()
+    );
 }
 
 #[test]
@@ -145,7 +169,11 @@ fn formula(u: mat4x4f) -> vec4f {
     let inputs = random();
     let twin = |u: &Input| {
         let share = if u[2].w > 0.3 { u[2].z } else { 0.0 };
-        let sheen = Sheen { share, slope: u[3].w - 0.5, tangent: direction(Vec4::new(u[2].w, u[2].z, 0.0, 0.0)) };
+        let sheen = Sheen {
+            share,
+            slope: u[3].w - 0.5,
+            tangent: direction(Vec4::new(u[2].w, u[2].z, 0.0, 0.0)),
+        };
         let (normal, albedo) = (direction(u[0]), u[1].truncate());
         let surface = Surface { normal, albedo, roughness: u[2].x, metallic: u[2].y, sheen };
         let toward = Vec4::new(u[0].z, u[0].w, 0.0, 0.0);
@@ -153,8 +181,16 @@ fn formula(u: mat4x4f) -> vec4f {
         surface.brdf(direction(toward), direction(u[3])).extend(skylight)
     };
     let expected: Vec<_> = inputs.iter().map(twin).collect();
-    assert!(expected.iter().filter(|f| f.x > 0.0).count() > COUNT / 8, "light and eye are often enough on one side");
-    assert_close(&on_device(&gpu, shaders::YARN, &format!("{DIRECTION}{formula}"), &inputs), &expected, 1e-3, 2);
+    assert!(
+        expected.iter().filter(|f| f.x > 0.0).count() > COUNT / 8,
+        "light and eye are often enough on one side"
+    );
+    assert_close(
+        &on_device(&gpu, shaders::YARN, &format!("{DIRECTION}{formula}"), &inputs),
+        &expected,
+        1e-3,
+        2,
+    );
 }
 
 #[test]
@@ -176,11 +212,21 @@ fn formula(u: mat4x4f) -> vec4f {
         let light = direction(u[1]);
         let sheen = Sheen { share: u[0].x, slope: u[0].y - 0.5, tangent };
         let height = sheen.brightest(light, view).dot(Vec3::new(0.6, 0.0, 0.8));
-        Vec4::new(sheen.across(light, view), sheen.spared_by_sky(u[2].z), sheen.of_sky(direction(u[2]), view), height)
+        Vec4::new(
+            sheen.across(light, view),
+            sheen.spared_by_sky(u[2].z),
+            sheen.of_sky(direction(u[2]), view),
+            height,
+        )
     };
     let expected: Vec<_> = inputs.iter().map(twin).collect();
     assert!(expected.iter().filter(|f| f.x > 0.01).count() > COUNT / 8, "many shine");
-    assert_close(&on_device(&gpu, shaders::YARN, &format!("{DIRECTION}{formula}"), &inputs), &expected, 1e-3, 2);
+    assert_close(
+        &on_device(&gpu, shaders::YARN, &format!("{DIRECTION}{formula}"), &inputs),
+        &expected,
+        1e-3,
+        2,
+    );
 }
 
 #[test]
@@ -218,7 +264,8 @@ fn formula(u: mat4x4f) -> vec4f {
         normal.extend(shade)
     };
     let [_, own] = ply::slopes(3.0, None);
-    let with_own_fibres = formula.replace("u[2].z - 0.5,\n", &format!("select(u[2].z - 0.5, {own:?}, plies > 1.0),\n"));
+    let with_own_fibres = formula
+        .replace("u[2].z - 0.5,\n", &format!("select(u[2].z - 0.5, {own:?}, plies > 1.0),\n"));
     let expected: Vec<_> = inputs.iter().map(twin).collect();
     // Where a fibre's noise changes cell, rounding decides.
     assert_close(&on_device(&gpu, shaders::YARN, &with_own_fibres, &inputs), &expected, 2e-3, 5);
@@ -232,13 +279,17 @@ fn formula(u: mat4x4f) -> vec4f {
     let light = u[0].xyz * 3.0;
     return vec4f(encode(mix(linear(u[1].xyz), shoulder(light * u[2].x), u[2].y)), 1.0);
 }";
-    let inputs: Vec<Input> = random().into_iter().map(|u| [u[0], (u[1] * 255.0).round() / 255.0, u[2], u[3]]).collect();
+    let inputs: Vec<Input> =
+        random().into_iter().map(|u| [u[0], (u[1] * 255.0).round() / 255.0, u[2], u[3]]).collect();
     let twin = |u: &Input| {
         let coverage = u[2].y.max(1e-6);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "bytes")]
-        let background = Background::Color((u[1] * 255.0).to_array().map(|c| c.round() as u8)[..3].try_into().unwrap());
+        let background = Background::Color(
+            (u[1] * 255.0).to_array().map(|c| c.round() as u8)[..3].try_into().unwrap(),
+        );
         let light = (u[0].truncate() * 3.0 * coverage).extend(coverage);
-        let [r, g, b, a] = tone::pixel(light, u[2].x, background).map(|byte| f32::from(byte) / 255.0);
+        let [r, g, b, a] =
+            tone::pixel(light, u[2].x, background).map(|byte| f32::from(byte) / 255.0);
         Vec4::new(r, g, b, a)
     };
     let expected: Vec<_> = inputs.iter().map(twin).collect();
@@ -254,7 +305,8 @@ fn a_lost_device_is_an_error() {
     scene.looks.push(crate::scene::YarnLook::plain(Vec3::ONE, 0.5, 0.1));
     scene.push_strand([Vec3::ZERO, Vec3::X], 0);
     let options = crate::render::Options { width: 16, height: 16, ..Default::default() };
-    let camera = crate::render::Camera::view(crate::render::View::Front, &scene.positions, 0.5, 1.0, 1.0);
+    let camera =
+        crate::render::Camera::view(crate::render::View::Front, &scene.positions, 0.5, 1.0, 1.0);
     let drawn = super::Renderer::new(gpu, options.samples).and_then(|mut renderer| {
         let yarns = renderer.load(&scene, options.st)?;
         renderer.draw(&yarns, &camera, &options)
@@ -268,6 +320,11 @@ fn memory_that_is_refused_is_an_error() {
     let Some(gpu) = adapter("memory_that_is_refused_is_an_error") else { return };
     let size = gpu.device.limits().max_buffer_size + 4;
     let usage = wgpu::BufferUsages::STORAGE;
-    let _invalid = gpu.device.create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false });
+    let _invalid = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+        label: None,
+        size,
+        usage,
+        mapped_at_creation: false,
+    });
     assert!(gpu.fault().unwrap_err().to_string().contains("--renderer cpu"));
 }

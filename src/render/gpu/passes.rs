@@ -1,6 +1,8 @@
-//! Passes over the yarns: which instances are drawn, with which pipelines; and passes over all pixels.
+//! Passes over the yarns: which instances are drawn, with which pipelines; and passes over all
+//! pixels.
 //!
-//! In: a [`Plan`] of batches. Out: commands. What a pass binds is made anew for each: it is small beside the yarns, which stay.
+//! In: a [`Plan`] of batches. Out: commands. What a pass binds is made anew for each: it is small
+//! beside the yarns, which stay.
 
 use bytemuck::bytes_of;
 use wgpu::BufferUsages;
@@ -34,15 +36,28 @@ impl Yarns {
 
 impl Renderer {
     /// What of the yarns a pass draws, with its instances on the device.
-    pub(super) fn list(&mut self, yarns: &Yarns, sight: &levels::Sight, options: &Options, writes: &[Writes]) -> Listed {
+    pub(super) fn list(
+        &mut self,
+        yarns: &Yarns,
+        sight: &levels::Sight,
+        options: &Options,
+        writes: &[Writes],
+    ) -> Listed {
         let plan = Plan::of(&yarns.kinds, &yarns.pages, sight, options);
         for batch in &plan.batches {
-            for purpose in writes.iter().map(|&writes| yarns.purpose(&batch.kind, writes)).filter(|purpose| purpose.is_drawn()) {
+            for purpose in writes
+                .iter()
+                .map(|&writes| yarns.purpose(&batch.kind, writes))
+                .filter(|purpose| purpose.is_drawn())
+            {
                 self.pipelines.make(&self.gpu, &self.layouts, purpose);
             }
             self.indices.entry(batch.kind.edges).or_insert_with(|| {
                 let indices = pipelines::indices(batch.kind.edges);
-                (self.gpu.store("indices", bytemuck::cast_slice(&indices), BufferUsages::INDEX), index32(indices.len()))
+                (
+                    self.gpu.store("indices", bytemuck::cast_slice(&indices), BufferUsages::INDEX),
+                    index32(indices.len()),
+                )
             });
         }
         let draws: Vec<u8> = plan.batches.iter().flat_map(|batch| self.draw_bytes(batch)).collect();
@@ -50,19 +65,34 @@ impl Renderer {
             return Listed { plan, groups: Vec::new() };
         }
         let draws = self.gpu.uniform(&draws);
-        let groups = plan.parts.iter().zip(&yarns.pages).map(|(parts, page)| self.page_group(page, parts, &draws)).collect();
+        let groups = plan
+            .parts
+            .iter()
+            .zip(&yarns.pages)
+            .map(|(parts, page)| self.page_group(page, parts, &draws))
+            .collect();
         Listed { plan, groups }
     }
 
     /// A batch's `Draw`, as long as offsets of uniforms must be.
     fn draw_bytes(&self, batch: &levels::Batch) -> Vec<u8> {
-        let draw = data::Draw { first: batch.first, stride: batch.kind.stride, edges: batch.kind.edges, spare: 0 };
+        let draw = data::Draw {
+            first: batch.first,
+            stride: batch.kind.stride,
+            edges: batch.kind.edges,
+            spare: 0,
+        };
         let mut bytes = bytes_of(&draw).to_vec();
         bytes.resize(self.gpu.device.limits().min_uniform_buffer_offset_alignment as usize, 0);
         bytes
     }
 
-    fn page_group(&self, page: &Page, parts: &[u32], draws: &wgpu::Buffer) -> Option<wgpu::BindGroup> {
+    fn page_group(
+        &self,
+        page: &Page,
+        parts: &[u32],
+        draws: &wgpu::Buffer,
+    ) -> Option<wgpu::BindGroup> {
         if parts.is_empty() {
             return None;
         }
@@ -72,7 +102,8 @@ impl Renderer {
             offset: 0,
             size: std::num::NonZeroU64::new(size_of::<data::Draw>() as u64),
         });
-        let stored = [&page.points, &page.turns, &page.chunks, &parts].map(wgpu::Buffer::as_entire_binding);
+        let stored =
+            [&page.points, &page.turns, &page.chunks, &parts].map(wgpu::Buffer::as_entire_binding);
         let [points, turns, chunks, parts] = stored;
         Some(self.gpu.group("page", &self.layouts.page, &[points, turns, chunks, parts, draw]))
     }
@@ -87,12 +118,20 @@ impl Renderer {
         writes: Writes,
     ) {
         let view = self.gpu.uniform(bytes_of(view));
-        let view = self.gpu.group("view", &self.layouts.view, &[view.as_entire_binding(), yarns.looks.as_entire_binding()]);
+        let view = self.gpu.group(
+            "view",
+            &self.layouts.view,
+            &[view.as_entire_binding(), yarns.looks.as_entire_binding()],
+        );
         pass.set_bind_group(0, &view, &[]);
         let alignment = self.gpu.device.limits().min_uniform_buffer_offset_alignment;
         for (batch, number) in listed.plan.batches.iter().zip(0_u32..) {
             let purpose = yarns.purpose(&batch.kind, writes);
-            let (Some(pipeline), Some(group)) = (self.pipelines.made(purpose), &listed.groups[batch.page]) else { continue };
+            let (Some(pipeline), Some(group)) =
+                (self.pipelines.made(purpose), &listed.groups[batch.page])
+            else {
+                continue;
+            };
             let (indices, count) = &self.indices[&batch.kind.edges];
             // The last stands for none.
             let maps = batch.kind.maps.map_or(yarns.maps.len() - 1, usize::from);
@@ -111,7 +150,11 @@ pub(super) fn depth_attachment(
     load: wgpu::LoadOp<f32>,
     store: wgpu::StoreOp,
 ) -> wgpu::RenderPassDepthStencilAttachment<'_> {
-    wgpu::RenderPassDepthStencilAttachment { view, depth_ops: Some(wgpu::Operations { load, store }), stencil_ops: None }
+    wgpu::RenderPassDepthStencilAttachment {
+        view,
+        depth_ops: Some(wgpu::Operations { load, store }),
+        stencil_ops: None,
+    }
 }
 
 /// Runs a shader over all pixels of `to`.
@@ -127,7 +170,10 @@ pub(super) fn screen_pass(
             view: to,
             depth_slice: None,
             resolve_target: None,
-            ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store: wgpu::StoreOp::Store },
+            ops: wgpu::Operations {
+                load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                store: wgpu::StoreOp::Store,
+            },
         })],
         ..wgpu::RenderPassDescriptor::default()
     });

@@ -1,11 +1,13 @@
 //! The pipelines and the layouts of what is bound to them, made once for a device.
 //!
-//! Groups of the yarn shader: 0 the view, 1 a page, 2 a yarn's maps, 3 what the light needs. Passes that only write depths bind the first
-//! three.
+//! Groups of the yarn shader: 0 the view, 1 a page, 2 a yarn's maps, 3 what the light needs. Passes
+//! that only write depths bind the first three.
 
 use std::collections::BTreeMap;
 
-use wgpu::{BindGroupLayoutEntry as Entry, BindingType, BufferBindingType, ShaderStages, TextureSampleType};
+use wgpu::{
+    BindGroupLayoutEntry as Entry, BindingType, BufferBindingType, ShaderStages, TextureSampleType,
+};
 
 use super::data;
 use super::device::Gpu;
@@ -24,8 +26,8 @@ pub(super) enum Expansion {
 pub(super) enum Writes {
     /// Depths of one sample, for maps of depths.
     Depth,
-    /// Depths of the picture's samples, before its light, so that only what is seen is lit. Ribbons have none: which of their samples are
-    /// solid is for the light to say.
+    /// Depths of the picture's samples, before its light, so that only what is seen is lit. Ribbons
+    /// have none: which of their samples are solid is for the light to say.
     Before,
     /// Light of what is solid.
     Light,
@@ -33,7 +35,8 @@ pub(super) enum Writes {
     Fuzz,
 }
 
-/// What a pipeline over the yarns is made for. A software driver computes both ways of every branch, so what never happens is left out.
+/// What a pipeline over the yarns is made for. A software driver computes both ways of every
+/// branch, so what never happens is left out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Purpose {
     pub(super) expansion: Expansion,
@@ -72,8 +75,8 @@ pub(super) struct Layouts {
     pub(super) tone: wgpu::BindGroupLayout,
 }
 
-/// The pipelines for pictures of one number of samples. Those over the yarns are made when they are first wanted: compiling all takes half a
-/// second on a software driver.
+/// The pipelines for pictures of one number of samples. Those over the yarns are made when they are
+/// first wanted: compiling all takes half a second on a software driver.
 #[derive(Debug)]
 pub(super) struct Pipelines {
     pub(super) samples: u32,
@@ -88,13 +91,22 @@ pub(super) struct Pipelines {
 
 const BOTH: ShaderStages = ShaderStages::VERTEX_FRAGMENT;
 
-fn buffer(binding: u32, visibility: ShaderStages, ty: BufferBindingType, has_dynamic_offset: bool) -> Entry {
+fn buffer(
+    binding: u32,
+    visibility: ShaderStages,
+    ty: BufferBindingType,
+    has_dynamic_offset: bool,
+) -> Entry {
     let ty = BindingType::Buffer { ty, has_dynamic_offset, min_binding_size: None };
     Entry { binding, visibility, ty, count: None }
 }
 
 fn texture(binding: u32, visibility: ShaderStages, sample_type: TextureSampleType) -> Entry {
-    let ty = BindingType::Texture { sample_type, view_dimension: wgpu::TextureViewDimension::D2, multisampled: false };
+    let ty = BindingType::Texture {
+        sample_type,
+        view_dimension: wgpu::TextureViewDimension::D2,
+        multisampled: false,
+    };
     Entry { binding, visibility, ty, count: None }
 }
 
@@ -102,15 +114,25 @@ impl Layouts {
     pub(super) fn new(gpu: &Gpu) -> Self {
         const STORED: BufferBindingType = BufferBindingType::Storage { read_only: true };
         const UNIFORM: BufferBindingType = BufferBindingType::Uniform;
-        let (filtered, exact) = (TextureSampleType::Float { filterable: true }, TextureSampleType::Float { filterable: false });
+        let (filtered, exact) = (
+            TextureSampleType::Float { filterable: true },
+            TextureSampleType::Float { filterable: false },
+        );
         let layout = |label, entries: &[Entry]| {
-            gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries })
+            gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+                label: Some(label),
+                entries,
+            })
         };
         let sampler = BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
-        let sampler = Entry { binding: 3, visibility: ShaderStages::FRAGMENT, ty: sampler, count: None };
+        let sampler =
+            Entry { binding: 3, visibility: ShaderStages::FRAGMENT, ty: sampler, count: None };
         let (vertex, pixel) = (ShaderStages::VERTEX, ShaderStages::FRAGMENT);
         Self {
-            view: layout("view", &[buffer(0, BOTH, UNIFORM, false), buffer(1, BOTH, STORED, false)]),
+            view: layout(
+                "view",
+                &[buffer(0, BOTH, UNIFORM, false), buffer(1, BOTH, STORED, false)],
+            ),
             page: layout(
                 "page",
                 &[
@@ -123,12 +145,21 @@ impl Layouts {
             ),
             maps: layout(
                 "maps",
-                &[texture(0, pixel, filtered), texture(1, pixel, filtered), texture(2, pixel, filtered), sampler],
+                &[
+                    texture(0, pixel, filtered),
+                    texture(1, pixel, filtered),
+                    texture(2, pixel, filtered),
+                    sampler,
+                ],
             ),
             light: layout("light", &[texture(0, BOTH, exact), texture(1, BOTH, exact)]),
             moments: layout(
                 "moments",
-                &[buffer(0, BOTH, UNIFORM, false), texture(1, pixel, TextureSampleType::Depth), texture(2, pixel, exact)],
+                &[
+                    buffer(0, BOTH, UNIFORM, false),
+                    texture(1, pixel, TextureSampleType::Depth),
+                    texture(2, pixel, exact),
+                ],
             ),
             tone: layout("tone", &[buffer(0, BOTH, UNIFORM, false), texture(1, pixel, exact)]),
         }
@@ -142,10 +173,12 @@ impl Pipelines {
             let source = wgpu::ShaderSource::Wgsl(source.into());
             gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source })
         };
-        let (yarn, moments, tone) = (module(shaders::YARN), module(shaders::MOMENTS), module(shaders::TONE));
+        let (yarn, moments, tone) =
+            (module(shaders::YARN), module(shaders::MOMENTS), module(shaders::TONE));
         let averages = |is_layered: bool| {
             [true, false].map(|from_depths| {
-                let constants = &[("LAYERED", switch(is_layered)), ("FROM_DEPTHS", switch(from_depths))];
+                let constants =
+                    &[("LAYERED", switch(is_layered)), ("FROM_DEPTHS", switch(from_depths))];
                 screen_pipeline(gpu, &layouts.moments, &moments, "average", MOMENTS, constants)
             })
         };
@@ -162,7 +195,8 @@ impl Pipelines {
     /// Makes the pipeline for a purpose, unless it is there.
     pub(super) fn make(&mut self, gpu: &Gpu, layouts: &Layouts, purpose: Purpose) {
         if !self.made.contains_key(&purpose) {
-            self.made.insert(purpose, yarn_pipeline(gpu, layouts, &self.yarn, purpose, self.samples));
+            self.made
+                .insert(purpose, yarn_pipeline(gpu, layouts, &self.yarn, purpose, self.samples));
         }
     }
 
@@ -182,7 +216,9 @@ fn yarn_pipeline(
     let Purpose { expansion, writes, has_maps, shines } = purpose;
     let samples = if writes == Writes::Depth { 1 } else { samples };
     let groups = if matches!(writes, Writes::Depth | Writes::Before) { 3 } else { 4 };
-    let groups = &[Some(&layouts.view), Some(&layouts.page), Some(&layouts.maps), Some(&layouts.light)][..groups];
+    let groups =
+        &[Some(&layouts.view), Some(&layouts.page), Some(&layouts.maps), Some(&layouts.light)]
+            [..groups];
     let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: None,
         bind_group_layouts: groups,
@@ -197,10 +233,13 @@ fn yarn_pipeline(
     ];
     let compilation_options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
     let blend = is_fuzz.then_some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING);
-    let light = [Some(wgpu::ColorTargetState { format: LIGHT, blend, write_mask: wgpu::ColorWrites::ALL })];
+    let light =
+        [Some(wgpu::ColorTargetState { format: LIGHT, blend, write_mask: wgpu::ColorWrites::ALL })];
     let fragment = match writes {
         // A depth needs no fragment, but where there may be holes.
-        Writes::Depth | Writes::Before => (expansion == Expansion::Ribbon && has_maps).then_some(("hole", &[][..])),
+        Writes::Depth | Writes::Before => {
+            (expansion == Expansion::Ribbon && has_maps).then_some(("hole", &[][..]))
+        }
         Writes::Light if purpose.lit_at_points() => Some(("lit", &light[..])),
         Writes::Light | Writes::Fuzz => Some(("shade", &light[..])),
     };
@@ -285,9 +324,12 @@ fn screen_pipeline(
 /// Triangles of an instance: `edges` a ring, or a flat strip for 2.
 pub(super) fn indices(edges: u32) -> Vec<u16> {
     let around = if edges == 2 { 1 } else { edges };
-    let corner = |step: u32, s: u32| u16::try_from(step * edges + s % edges).expect("eight steps of 64 edges");
+    let corner = |step: u32, s: u32| {
+        u16::try_from(step * edges + s % edges).expect("eight steps of 64 edges")
+    };
     let quad = |(step, s)| {
-        let (a, b, c, d) = (corner(step, s), corner(step, s + 1), corner(step + 1, s), corner(step + 1, s + 1));
+        let (a, b, c, d) =
+            (corner(step, s), corner(step, s + 1), corner(step + 1, s), corner(step + 1, s + 1));
         [a, b, c, b, d, c]
     };
     (0..data::STEPS).flat_map(|step| (0..around).map(move |s| (step, s))).flat_map(quad).collect()

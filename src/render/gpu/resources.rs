@@ -1,6 +1,7 @@
 //! What passes read and write: buffers, textures, bind groups, and the way back.
 //!
-//! In: bytes and sizes. Out: wgpu's handles. Only the way back fails by itself; of the rest `Gpu::fault` tells what the device refused.
+//! In: bytes and sizes. Out: wgpu's handles. Only the way back fails by itself; of the rest
+//! `Gpu::fault` tells what the device refused.
 
 use std::sync::mpsc;
 
@@ -16,7 +17,12 @@ const ROW_BYTES: u32 = wgpu::COPY_BYTES_PER_ROW_ALIGNMENT;
 
 impl Gpu {
     /// A texture to be drawn to and then read by a shader.
-    pub(super) fn target(&self, format: TextureFormat, size: [u32; 2], samples: u32) -> wgpu::TextureView {
+    pub(super) fn target(
+        &self,
+        format: TextureFormat,
+        size: [u32; 2],
+        samples: u32,
+    ) -> wgpu::TextureView {
         let texture = self.texture(format, size, TextureUsages::TEXTURE_BINDING, samples);
         texture.create_view(&wgpu::TextureViewDescriptor::default())
     }
@@ -56,7 +62,11 @@ impl Gpu {
             .zip(resources)
             .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource: resource.clone() })
             .collect();
-        self.device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(label), layout, entries: &entries })
+        self.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(label),
+            layout,
+            entries: &entries,
+        })
     }
 
     /// Uploads a picture with all of its levels.
@@ -76,16 +86,29 @@ impl Gpu {
         let texture = self.device.create_texture(&descriptor);
         for (level, picture) in (0..).zip(&mips.levels) {
             let to = wgpu::TexelCopyTextureInfo { mip_level: level, ..texture.as_image_copy() };
-            let layout =
-                wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(picture.width() * 4), rows_per_image: None };
+            let layout = wgpu::TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(picture.width() * 4),
+                rows_per_image: None,
+            };
             let (width, height) = picture.dimensions();
-            self.queue.write_texture(to, picture, layout, wgpu::Extent3d { width, height, depth_or_array_layers: 1 });
+            self.queue.write_texture(
+                to,
+                picture,
+                layout,
+                wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+            );
         }
         texture.create_view(&wgpu::TextureViewDescriptor::default())
     }
 
     /// Copies a tile into the picture at `corner`.
-    pub(super) fn read(&self, tile: &wgpu::Texture, picture: &mut RgbaImage, corner: [u32; 2]) -> Result<(), GpuError> {
+    pub(super) fn read(
+        &self,
+        tile: &wgpu::Texture,
+        picture: &mut RgbaImage,
+        corner: [u32; 2],
+    ) -> Result<(), GpuError> {
         let size = tile.size();
         let row = (size.width * 4).next_multiple_of(ROW_BYTES);
         let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
@@ -94,9 +117,18 @@ impl Gpu {
             usage: BufferUsages::COPY_DST | BufferUsages::MAP_READ,
             mapped_at_creation: false,
         });
-        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
-        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        encoder.copy_texture_to_buffer(tile.as_image_copy(), wgpu::TexelCopyBufferInfo { buffer: &buffer, layout }, size);
+        let layout = wgpu::TexelCopyBufferLayout {
+            offset: 0,
+            bytes_per_row: Some(row),
+            rows_per_image: None,
+        };
+        let mut encoder =
+            self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.copy_texture_to_buffer(
+            tile.as_image_copy(),
+            wgpu::TexelCopyBufferInfo { buffer: &buffer, layout },
+            size,
+        );
         self.queue.submit([encoder.finish()]);
         let (sender, mapped) = mpsc::channel();
         buffer.slice(..).map_async(wgpu::MapMode::Read, move |result| {
@@ -104,13 +136,15 @@ impl Gpu {
             let _unheard = sender.send(result);
         });
         self.wait()?;
-        let refused = |reason: String| GpuError::Refused { adapter: self.name().to_owned(), reason };
+        let refused =
+            |reason: String| GpuError::Refused { adapter: self.name().to_owned(), reason };
         match mapped.try_recv() {
             Ok(Ok(())) => {}
             Ok(Err(error)) => return Err(refused(error.to_string())),
             Err(_never) => return Err(refused("it never finished".to_owned())),
         }
-        let pixels = buffer.slice(..).get_mapped_range().map_err(|error| refused(error.to_string()))?;
+        let pixels =
+            buffer.slice(..).get_mapped_range().map_err(|error| refused(error.to_string()))?;
         for (y, row) in (corner[1]..).zip(pixels.chunks_exact(row as usize)) {
             let start = (y as usize * picture.width() as usize + corner[0] as usize) * 4;
             let bytes = size.width as usize * 4;

@@ -11,11 +11,16 @@ pub(super) const YARN: &str = concat!(
 );
 
 /// Averages of depths.
-pub(super) const MOMENTS: &str =
-    concat!(include_str!("../../../shaders/screen.wgsl"), include_str!("../../../shaders/moments.wgsl"));
+pub(super) const MOMENTS: &str = concat!(
+    include_str!("../../../shaders/screen.wgsl"),
+    include_str!("../../../shaders/moments.wgsl")
+);
 
 /// From light to pixels.
-pub(super) const TONE: &str = concat!(include_str!("../../../shaders/screen.wgsl"), include_str!("../../../shaders/tone.wgsl"));
+pub(super) const TONE: &str = concat!(
+    include_str!("../../../shaders/screen.wgsl"),
+    include_str!("../../../shaders/tone.wgsl")
+);
 
 /// All of them, each with its name.
 #[cfg(test)]
@@ -33,7 +38,10 @@ mod tests {
             match naga::front::wgsl::parse_str(source) {
                 Err(error) => faults.push(format!("{name}: {}", error.emit_to_string(source))),
                 Ok(module) => {
-                    if let Err(error) = Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module) {
+                    if let Err(error) =
+                        Validator::new(ValidationFlags::all(), Capabilities::empty())
+                            .validate(&module)
+                    {
                         faults.push(format!("{name}: {}", error.emit_to_string(source)));
                     }
                 }

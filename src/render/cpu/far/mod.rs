@@ -1,9 +1,11 @@
-//! Yarns thinner than pixels: each piece is brought to the few samples that it covers, instead of a tree of millions of pieces to each ray.
+//! Yarns thinner than pixels: each piece is brought to the few samples that it covers, instead of a
+//! tree of millions of pieces to each ray.
 //!
-//! In: a scene of tubes, a camera, a light. Out: [`Far`], which adds the light of a pixel's samples to a film. Depths in the picture say what a
-//! sample sees, a map of depths from the sun what is lit, and the nearest layer's mean depth around a sample how much of the sky it
-//! sees, as on the graphics processor (`shaders/cloth.wgsl`). Cost: pieces and samples each once, some hundred ns, and pieces again for each
-//! [`Nearest::most_rows`] of a large picture.
+//! In: a scene of tubes, a camera, a light. Out: [`Far`], which adds the light of a pixel's samples
+//! to a film. Depths in the picture say what a sample sees, a map of depths from the sun what is
+//! lit, and the nearest layer's mean depth around a sample how much of the sky it sees, as on the
+//! graphics processor (`shaders/cloth.wgsl`). Cost: pieces and samples each once, some hundred ns,
+//! and pieces again for each [`Nearest::most_rows`] of a large picture.
 
 mod layers;
 mod nearest;
@@ -31,7 +33,8 @@ use pieces::Pieces;
 use screen::Screen;
 use sun::SunMap;
 
-/// Longest piece over its distance from the eye: along a longer one perspective would bend what is taken for straight.
+/// Longest piece over its distance from the eye: along a longer one perspective would bend what is
+/// taken for straight.
 const LONGEST: f32 = 0.05;
 /// Rows beside those that are looked at whose depths count for the sky of these.
 const MARGIN: u32 = 4;
@@ -56,11 +59,17 @@ struct Seen {
 }
 
 impl<'a> Far<'a> {
-    /// Makes ready to look at `scene`, which lies within `bounds`, if it is one of tubes and all of it far enough from whatever side, so that a
-    /// turntable's pictures are all of one kind.
-    pub(super) fn new(scene: &'a Scene, bounds: &Bounds, camera: &Camera, options: &'a Options) -> Option<Self> {
+    /// Makes ready to look at `scene`, which lies within `bounds`, if it is one of tubes and all of
+    /// it far enough from whatever side, so that a turntable's pictures are all of one kind.
+    pub(super) fn new(
+        scene: &'a Scene,
+        bounds: &Bounds,
+        camera: &Camera,
+        options: &'a Options,
+    ) -> Option<Self> {
         let centre = bounds.centre();
-        let nearest = camera.eye().distance(centre.as_dvec3()) - f64::from(bounds.min.distance(bounds.max)) / 2.0;
+        let nearest = camera.eye().distance(centre.as_dvec3())
+            - f64::from(bounds.min.distance(bounds.max)) / 2.0;
         let pixel = narrow(camera.pixel_size(nearest, options.height));
         let (_, thickest) = scene.radii();
         if !options.lod || scene.shape != Shape::Tube || !is_thin(pixel, thickest) {
@@ -75,15 +84,24 @@ impl<'a> Far<'a> {
         Some(Self { pieces, screen, sun, rig, options, albedo: scene.mean_albedo(), seen: None })
     }
 
-    /// Finds what is seen in some rows, and in as many after them as memory allows. Only these have colours then.
+    /// Finds what is seen in some rows, and in as many after them as memory allows. Only these have
+    /// colours then.
     pub(super) fn look_at(&mut self, rows: &Range<u32>) {
-        if self.seen.as_ref().is_some_and(|seen| seen.rows.start <= rows.start && rows.end <= seen.rows.end) {
+        if self
+            .seen
+            .as_ref()
+            .is_some_and(|seen| seen.rows.start <= rows.start && rows.end <= seen.rows.end)
+        {
             return;
         }
         // What was seen before goes first, since both may not fit.
         self.seen = None;
         let height = self.options.height;
-        let end = rows.end.max(lit_rows(self.options).end.min(rows.start.saturating_add(Nearest::most_rows(self.options))));
+        let end = rows.end.max(
+            lit_rows(self.options)
+                .end
+                .min(rows.start.saturating_add(Nearest::most_rows(self.options))),
+        );
         let around = rows.start.saturating_sub(MARGIN)..height.min(end + MARGIN);
         let nearest = Nearest::new(&self.pieces, &self.screen, self.options, around);
         let layers = Layers::of(&nearest, self.pieces.scene.radii().0);
@@ -98,13 +116,15 @@ impl<'a> Far<'a> {
         let suns = sampler.pairs(Purpose::Sun, spp);
         for index in 0..spp {
             let (place, piece) = seen.nearest.seen([x, y], index);
-            let light = piece.and_then(|piece| self.light(&seen.layers, place, piece, suns.at(index)));
+            let light =
+                piece.and_then(|piece| self.light(&seen.layers, place, piece, suns.at(index)));
             let light = light.map_or(Vec4::ZERO, opaque);
             splats.add(x, (place - Vec2::new(x as f32, y as f32)).to_array(), light);
         }
     }
 
-    /// The light from the piece of yarn that starts at data point `first` to a place in the picture.
+    /// The light from the piece of yarn that starts at data point `first` to a place in the
+    /// picture.
     fn light(&self, layers: &Layers, place: Vec2, first: u32, sun: [f32; 2]) -> Option<Vec3> {
         let strand = self.pieces.strand_of(first);
         let piece = self.pieces.piece(strand, first)?;
@@ -124,8 +144,16 @@ impl<'a> Far<'a> {
         let (mut surface, occlusion) = match scene.maps_of(look) {
             Some(maps) => {
                 let along = self.pieces.along(strand, first, share);
-                let spot = Spot { position, normal: outward, tangent, top: outward.cross(tangent), around: 0.0, along };
-                // The pixel is wider than the yarn and sees it from edge to edge; what is hidden behind is not much different.
+                let spot = Spot {
+                    position,
+                    normal: outward,
+                    tangent,
+                    top: outward.cross(tangent),
+                    around: 0.0,
+                    along,
+                };
+                // The pixel is wider than the yarn and sees it from edge to edge; what is hidden
+                // behind is not much different.
                 mapped(maps, &spot, [1.0, footprint / maps.length], Shape::Tube)
             }
             None => {
@@ -136,19 +164,40 @@ impl<'a> Far<'a> {
         };
         surface.normal = ply::facing(surface.normal, toward_eye);
         surface.sheen = lit::sheen(look, tangent);
-        let from_sun = self.sunlight(&surface, outward, axis, piece.radius, self.rig.sun_sample(sun), toward_eye);
+        let from_sun = self.sunlight(
+            &surface,
+            outward,
+            axis,
+            piece.radius,
+            self.rig.sun_sample(sun),
+            toward_eye,
+        );
         let cosine = outward.dot(toward_eye);
         let open = layers.open_sky(place, piece.radius, self.screen.depth(position), cosine);
-        Some(from_sun + self.sky(&surface, open).reflected(&self.rig, &surface, toward_eye) * occlusion)
+        Some(
+            from_sun
+                + self.sky(&surface, open).reflected(&self.rig, &surface, toward_eye) * occlusion,
+        )
     }
 
-    /// The sun's light toward the eye from the side of a yarn that looks `outward`. The sheen is that of all the width that is seen, in the sun
-    /// where the brightest of it is: other samples of the pixel would find it on the average, but with more noise.
-    fn sunlight(&self, surface: &Surface, outward: Vec3, axis: Vec3, radius: f32, toward_sun: Vec3, toward_eye: Vec3) -> Vec3 {
+    /// The sun's light toward the eye from the side of a yarn that looks `outward`. The sheen is
+    /// that of all the width that is seen, in the sun where the brightest of it is: other samples
+    /// of the pixel would find it on the average, but with more noise.
+    fn sunlight(
+        &self,
+        surface: &Surface,
+        outward: Vec3,
+        axis: Vec3,
+        radius: f32,
+        toward_sun: Vec3,
+        toward_eye: Vec3,
+    ) -> Vec3 {
         let reaches = |outward: Vec3| self.sun.reaches(axis + outward * radius, radius, toward_sun);
         let mut light = Vec3::ZERO;
         if outward.dot(toward_sun) > 0.0 && reaches(outward) {
-            light = surface.base(toward_sun, toward_eye) * self.rig.sun() * surface.normal.dot(toward_sun).max(0.0);
+            light = surface.base(toward_sun, toward_eye)
+                * self.rig.sun()
+                * surface.normal.dot(toward_sun).max(0.0);
         }
         let sheen = &surface.sheen;
         if sheen.share > 0.0 && reaches(sheen.brightest(toward_sun, toward_eye)) {
@@ -159,7 +208,8 @@ impl<'a> Far<'a> {
 
     /// What a place sees above it, of which yarns leave some share open.
     fn sky(&self, surface: &Surface, open: f32) -> Sky {
-        // The mean of a gradient over cosine-weighted directions is the gradient two thirds of the way to the normal.
+        // The mean of a gradient over cosine-weighted directions is the gradient two thirds of the
+        // way to the normal.
         let above = self.rig.sky(surface.normal * (2.0 / 3.0));
         // What stops a ray is as often a piece of the same yarn as one of any other.
         let interior = self.rig.interior * surface.albedo.midpoint(self.albedo);
@@ -179,7 +229,10 @@ mod tests {
         let look = |albedo: f32| YarnLook::plain(Vec3::splat(albedo), 0.7, 0.1);
         let mut scene = Scene { looks: vec![look(0.5), look(0.2)], ..Scene::default() };
         for line in 0_u8..10 {
-            scene.push_strand((0_u8..=20).map(|i| Vec3::new(f32::from(i) * 0.5, f32::from(line), 0.0)), u16::from(line % 2));
+            scene.push_strand(
+                (0_u8..=20).map(|i| Vec3::new(f32::from(i) * 0.5, f32::from(line), 0.0)),
+                u16::from(line % 2),
+            );
         }
         scene
     }
@@ -205,13 +258,15 @@ mod tests {
         let mut crossed = mat();
         crossed.strands.swap(2, 5);
         assert!(!is_drawn(&crossed, &far), "strands are looked up by their order");
-        let (scene, inside) = (mat(), Camera::look_at(DVec3::new(5.0, 5.0, 0.0), DVec3::ZERO, 0.5, 1.0));
+        let (scene, inside) =
+            (mat(), Camera::look_at(DVec3::new(5.0, 5.0, 0.0), DVec3::ZERO, 0.5, 1.0));
         assert!(Far::new(&scene, &scene.bounds().unwrap(), &inside, &far).is_none());
     }
 
     #[test]
     fn rows_looked_at_apart_are_as_those_looked_at_together() {
-        let (scene, options) = (mat(), Options { width: 30, height: 30, spp: 5, ..Options::default() });
+        let (scene, options) =
+            (mat(), Options { width: 30, height: 30, spp: 5, ..Options::default() });
         let camera = Camera::view(View::Iso, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0);
         let pixels = |parts: &[Range<u32>]| {
             let mut far = Far::new(&scene, &scene.bounds().unwrap(), &camera, &options).unwrap();
@@ -229,7 +284,10 @@ mod tests {
             rows
         };
         let whole = pixels(std::slice::from_ref(&(0..30)));
-        assert!(whole.iter().flatten().any(|light| light.w > 0.0) && whole.iter().flatten().any(|light| light.w == 0.0));
+        assert!(
+            whole.iter().flatten().any(|light| light.w > 0.0)
+                && whole.iter().flatten().any(|light| light.w == 0.0)
+        );
         assert_eq!(pixels(&[0..8, 8..9, 9..30]), whole);
     }
 }

@@ -1,7 +1,8 @@
 //! The nearest piece of yarn for every sample of a picture.
 //!
-//! In: pieces, a screen and some of its rows. Out: [`Nearest`], 64 bytes for each four samples of a pixel or what is left of them: where they lie, the
-//! nearest depths, and whose. Pieces are drawn in parallel, and the nearest is the same in whatever order they come.
+//! In: pieces, a screen and some of its rows. Out: [`Nearest`], 64 bytes for each four samples of a
+//! pixel or what is left of them: where they lie, the nearest depths, and whose. Pieces are drawn
+//! in parallel, and the nearest is the same in whatever order they come.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -15,7 +16,8 @@ use crate::ids::index32;
 use crate::render::Options;
 use crate::render::cpu::sample::{Purpose, Sampler};
 
-/// Most fours of samples that are kept at a time, 512 MB; larger pictures are looked at some rows at a time.
+/// Most fours of samples that are kept at a time, 512 MB; larger pictures are looked at some rows
+/// at a time.
 const MOST_FOURS: usize = 1 << 23;
 /// Fours of samples that a thread makes ready at a time.
 const PART: usize = 4096;
@@ -39,7 +41,10 @@ impl Four {
             _ => Vec2::INFINITY,
         };
         let [a, b, c, d] = [at(0), at(1), at(2), at(3)];
-        Self { places: [Vec4::new(a.x, b.x, c.x, d.x), Vec4::new(a.y, b.y, c.y, d.y)], keys: [NOTHING; 4].map(AtomicU64::new) }
+        Self {
+            places: [Vec4::new(a.x, b.x, c.x, d.x), Vec4::new(a.y, b.y, c.y, d.y)],
+            keys: [NOTHING; 4].map(AtomicU64::new),
+        }
     }
 }
 
@@ -59,17 +64,26 @@ impl Nearest {
         index32((MOST_FOURS / row).clamp(1, options.height.max(1) as usize))
     }
 
-    pub(super) fn new(pieces: &Pieces, screen: &Screen, options: &Options, rows: Range<u32>) -> Self {
+    pub(super) fn new(
+        pieces: &Pieces,
+        screen: &Screen,
+        options: &Options,
+        rows: Range<u32>,
+    ) -> Self {
         let (width, spp) = (options.width, options.spp.max(1));
         let (row, fours) = (width as usize, spp.div_ceil(4) as usize);
         // Counted, so that they are written where they stay.
-        let samples = (0..row * rows.len() * fours).into_par_iter().with_min_len(PART).map(|number| {
-            let pixel = number / fours;
-            let place = [index32(pixel % row), rows.start + index32(pixel / row)];
-            Four::new(place, index32(number % fours) * 4, spp, options.seed)
-        });
+        let samples =
+            (0..row * rows.len() * fours).into_par_iter().with_min_len(PART).map(|number| {
+                let pixel = number / fours;
+                let place = [index32(pixel % row), rows.start + index32(pixel / row)];
+                Four::new(place, index32(number % fours) * 4, spp, options.seed)
+            });
         let nearest = Self { width, fours, samples: samples.collect(), rows };
-        pieces.for_each(|point| screen.place(point), |number, ends, radius| nearest.draw(screen, number, ends, radius));
+        pieces.for_each(
+            |point| screen.place(point),
+            |number, ends, radius| nearest.draw(screen, number, ends, radius),
+        );
         nearest
     }
 
@@ -99,10 +113,9 @@ impl Nearest {
 
     /// The depths that the samples of a pixel see.
     pub(super) fn depths(&self, pixel: [u32; 2]) -> impl Iterator<Item = Option<f32>> {
-        let samples = self
-            .of_pixel(pixel)
-            .iter()
-            .flat_map(|four| (0..4).filter(|lane| four.places[0][*lane].is_finite()).map(|lane| &four.keys[lane]));
+        let samples = self.of_pixel(pixel).iter().flat_map(|four| {
+            (0..4).filter(|lane| four.places[0][*lane].is_finite()).map(|lane| &four.keys[lane])
+        });
         samples.map(|key| {
             let key = key.load(Ordering::Relaxed);
             (key != NOTHING).then(|| f32::from_bits(index32((key >> 32) as usize)))
@@ -110,7 +123,8 @@ impl Nearest {
     }
 
     fn of_pixel(&self, [x, y]: [u32; 2]) -> &[Four] {
-        let first = ((y - self.rows.start) as usize * self.width as usize + x as usize) * self.fours;
+        let first =
+            ((y - self.rows.start) as usize * self.width as usize + x as usize) * self.fours;
         &self.samples[first..first + self.fours]
     }
 }

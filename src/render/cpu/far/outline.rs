@@ -1,6 +1,7 @@
 //! What a piece of yarn covers of a grid of pixels or texels.
 //!
-//! In: both ends of a piece in the grid's own coordinates. Out: [`Outline`], the cells that it may touch, and whether it covers a place in one.
+//! In: both ends of a piece in the grid's own coordinates. Out: [`Outline`], the cells that it may
+//! touch, and whether it covers a place in one.
 
 use std::ops::Range;
 
@@ -22,7 +23,8 @@ pub(super) struct Outline {
     radius: f32,
     /// One over the radius' square.
     inverse2: f32,
-    /// Share of the axis a row, never infinite, if the axis is long enough for its box to be mostly empty.
+    /// Share of the axis a row, never infinite, if the axis is long enough for its box to be mostly
+    /// empty.
     rise: Option<f32>,
 }
 
@@ -68,7 +70,11 @@ impl Outline {
     #[inline]
     pub(super) fn rows(&self, rows: &Range<u32>) -> Range<u32> {
         let end = self.start.y + self.along.y;
-        let touched = cells(self.start.y.min(end) - self.radius, self.start.y.max(end) + self.radius, rows.end);
+        let touched = cells(
+            self.start.y.min(end) - self.radius,
+            self.start.y.max(end) + self.radius,
+            rows.end,
+        );
         touched.start.max(rows.start)..touched.end
     }
 
@@ -77,8 +83,10 @@ impl Outline {
     pub(super) fn columns(&self, row: u32, width: u32) -> Range<u32> {
         let (one, other) = match self.rise {
             Some(rise) => {
-                // What of the axis comes as near to the row as it takes; all of it, where it runs along the row.
-                let (middle, reach) = ((row as f32 + 0.5 - self.start.y) * rise, ((0.5 + self.radius) * rise).abs());
+                // What of the axis comes as near to the row as it takes; all of it, where it runs
+                // along the row.
+                let (middle, reach) =
+                    ((row as f32 + 0.5 - self.start.y) * rise, ((0.5 + self.radius) * rise).abs());
                 let share = |at: f32| self.start.x + self.along.x * at.clamp(0.0, 1.0);
                 (share(middle - reach), share(middle + reach))
             }
@@ -96,7 +104,8 @@ impl Outline {
     #[inline]
     pub(super) fn within(&self, [columns, rows]: [Vec4; 2]) -> Within {
         let (x, y) = (columns - self.start.x, rows - self.start.y);
-        let share = ((x * self.along.x + y * self.along.y) * self.scale).clamp(Vec4::ZERO, Vec4::ONE);
+        let share =
+            ((x * self.along.x + y * self.along.y) * self.scale).clamp(Vec4::ZERO, Vec4::ONE);
         let (x, y) = (x - share * self.along.x, y - share * self.along.y);
         Within { share, aside2: (x * x + y * y) * self.inverse2 }
     }
@@ -104,7 +113,11 @@ impl Outline {
 
 /// The cells from `low` to `high` of a grid with `end` of them.
 #[inline]
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates, as it should")]
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "saturates, as it should"
+)]
 fn cells(low: f32, high: f32, end: u32) -> Range<u32> {
     (low as u32)..if high < 0.0 { 0 } else { end.min((high as u32).saturating_add(1)) }
 }
@@ -114,14 +127,18 @@ mod tests {
     use super::*;
 
     fn within(outline: &Outline, place: Vec2) -> Option<[f32; 2]> {
-        let within = outline.within([Vec4::splat(place.x), Vec4::new(f32::INFINITY, place.y, place.y, f32::NAN)]);
+        let within = outline
+            .within([Vec4::splat(place.x), Vec4::new(f32::INFINITY, place.y, place.y, f32::NAN)]);
         let covered: Vec<_> = within.covered().collect();
         assert!(covered.is_empty() || covered == [1, 2], "the others are no places: {covered:?}");
         (!covered.is_empty()).then(|| [within.share.y, -within.depths([0.0; 2], 1.0).z])
     }
 
     fn cells(outline: &Outline, size: [u32; 2]) -> Vec<[u32; 2]> {
-        outline.rows(&(0..size[1])).flat_map(|y| outline.columns(y, size[0]).map(move |x| [x, y])).collect()
+        outline
+            .rows(&(0..size[1]))
+            .flat_map(|y| outline.columns(y, size[0]).map(move |x| [x, y]))
+            .collect()
     }
 
     #[test]
@@ -130,12 +147,18 @@ mod tests {
         assert_eq!(outline.rows(&(3..9)), 3..4);
         let touched = cells(&outline, [4, 9]);
         assert_eq!(touched, [[0, 2], [1, 2], [2, 2], [3, 2], [0, 3], [1, 3], [2, 3], [3, 3]]);
-        let diagonal = cells(&Outline::new([Vec2::ZERO, Vec2::splat(900.0)], 0.4), [900, 900]).len();
+        let diagonal =
+            cells(&Outline::new([Vec2::ZERO, Vec2::splat(900.0)], 0.4), [900, 900]).len();
         assert!((900..5000).contains(&diagonal), "{diagonal}");
-        let holds = |[x, y]: [u32; 2], place: Vec2| (place - Vec2::new(x as f32, y as f32)).abs_diff_eq(Vec2::splat(0.5), 0.5);
+        let holds = |[x, y]: [u32; 2], place: Vec2| {
+            (place - Vec2::new(x as f32, y as f32)).abs_diff_eq(Vec2::splat(0.5), 0.5)
+        };
         for step in 0..4000_u16 {
             let place = Vec2::new(f32::from(step % 80) * 0.05, f32::from(step / 80) * 0.15);
-            assert!(within(&outline, place).is_none() || touched.iter().any(|cell| holds(*cell, place)), "{place}");
+            assert!(
+                within(&outline, place).is_none() || touched.iter().any(|cell| holds(*cell, place)),
+                "{place}"
+            );
         }
         let beside = |x: f32| cells(&Outline::new([Vec2::new(x, 1.0); 2], 0.3), [4, 4]).len();
         assert_eq!([-0.5, 0.5, 3.9, 4.5].map(beside), [0, 2, 2, 0]);

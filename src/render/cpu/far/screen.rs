@@ -1,6 +1,7 @@
 //! Where places lie in the picture.
 //!
-//! In: a camera and a point relative to the scene's middle. Out: its column, row and depth; and what a piece of yarn covers of the picture.
+//! In: a camera and a point relative to the scene's middle. Out: its column, row and depth; and
+//! what a piece of yarn covers of the picture.
 
 use glam::{Mat4, Vec2, Vec3, Vec4, Vec4Swizzles};
 
@@ -41,15 +42,21 @@ impl Screen {
         }
     }
 
-    /// Column and row, and the distance along the camera's axis; nothing for what is behind the eye.
+    /// Column and row, and the distance along the camera's axis; nothing for what is behind the
+    /// eye.
     pub(super) fn place(&self, point: Vec3) -> Option<Vec3> {
         let clip = self.clip_from_world * point.extend(1.0);
-        (clip.w > 0.0).then(|| ((clip.xy() / clip.w * Vec2::new(0.5, -0.5) + 0.5) * self.extent()).extend(clip.w))
+        (clip.w > 0.0).then(|| {
+            ((clip.xy() / clip.w * Vec2::new(0.5, -0.5) + 0.5) * self.extent()).extend(clip.w)
+        })
     }
 
     /// Whether a point lies in the picture or a pixel beside it.
     pub(super) fn shows(&self, point: Vec3) -> bool {
-        let inside = |at: Vec3| at.truncate().cmpge(Vec2::NEG_ONE).all() && at.truncate().cmple(self.extent() + 1.0).all();
+        let inside = |at: Vec3| {
+            at.truncate().cmpge(Vec2::NEG_ONE).all()
+                && at.truncate().cmple(self.extent() + 1.0).all()
+        };
         self.place(point).is_some_and(inside)
     }
 

@@ -1,18 +1,21 @@
 //! Pieces of tube: capsules, spheres swept along straight axes.
 //!
-//! In: a ray and a capsule. Out: where the ray enters it. Yarns are hundredths of a millimetre thick and eyes metres away, so a ray is moved
-//! beside the capsule before the quadratic is solved. Rays that start inside a capsule don't see it.
+//! In: a ray and a capsule. Out: where the ray enters it. Yarns are hundredths of a millimetre
+//! thick and eyes metres away, so a ray is moved beside the capsule before the quadratic is solved.
+//! Rays that start inside a capsule don't see it.
 
 use glam::Vec3A;
 
-/// Distance along a ray of unit direction to where it enters the capsule from `a` to `b`; infinite where it doesn't.
+/// Distance along a ray of unit direction to where it enters the capsule from `a` to `b`; infinite
+/// where it doesn't.
 pub(super) fn capsule(origin: Vec3A, direction: Vec3A, a: Vec3A, b: Vec3A, radius: f32) -> f32 {
     // Start beside the capsule: what is left of the origin's distance would eat the radius' digits.
     let beside = (a.midpoint(b) - origin).dot(direction);
     let from_a = (origin - a) + direction * beside;
 
     let ab = b - a;
-    // Most capsules of a box that is met are missed, and a line that passes the axis too far away tells it without a root.
+    // Most capsules of a box that is met are missed, and a line that passes the axis too far away
+    // tells it without a root.
     let normal = direction.cross(ab);
     let missed = from_a.dot(normal);
     if missed * missed > radius * radius * 1.000_1 * normal.length_squared() {
@@ -23,7 +26,8 @@ pub(super) fn capsule(origin: Vec3A, direction: Vec3A, a: Vec3A, b: Vec3A, radiu
     let (slope, height) = (direction.dot(axis), from_a.dot(axis));
     let (across, apart) = (direction - axis * slope, from_a - axis * height);
     // The infinite cylinder: |apart + t across| = radius.
-    let (qa, qb, qc) = (across.length_squared(), across.dot(apart), apart.length_squared() - radius * radius);
+    let (qa, qb, qc) =
+        (across.length_squared(), across.dot(apart), apart.length_squared() - radius * radius);
     let discriminant = qb * qb - qa * qc;
     if discriminant < 0.0 {
         return f32::INFINITY;
@@ -84,14 +88,22 @@ mod tests {
         for (a, b) in ends {
             for step in 0_u8..200 {
                 let angle = f64::from(step) * 0.71;
-                let origin = DVec3::new(angle.cos() * 3.0, (angle * 1.3).sin() * 2.0 + 1.5, angle.sin() * 3.0);
-                let aim = a.lerp(b, f64::from(step % 7) / 5.0 - 0.1) + DVec3::new(0.0, f64::from(step % 5) * 0.04, 0.0);
+                let origin = DVec3::new(
+                    angle.cos() * 3.0,
+                    (angle * 1.3).sin() * 2.0 + 1.5,
+                    angle.sin() * 3.0,
+                );
+                let aim = a.lerp(b, f64::from(step % 7) / 5.0 - 0.1)
+                    + DVec3::new(0.0, f64::from(step % 5) * 0.04, 0.0);
                 let direction = (aim - origin).normalize();
                 let expected = by_steps(origin, direction, a, b, 0.1);
                 let [o, d, p, q] = [origin, direction, a, b].map(|v| Vec3A::from(v.as_vec3()));
                 let found = f64::from(capsule(o, d, p, q, 0.1));
                 let grazing = expected.is_infinite() != found.is_infinite();
-                assert!(!grazing && (found == expected || (found - expected).abs() < 1e-5), "{step}: {found} {expected}");
+                assert!(
+                    !grazing && (found == expected || (found - expected).abs() < 1e-5),
+                    "{step}: {found} {expected}"
+                );
             }
         }
     }
@@ -107,10 +119,17 @@ mod tests {
     #[test]
     fn a_thin_yarn_is_hit_exactly_from_metres_away() {
         for offset in [0.0_f32, 0.01, 0.025, 0.0299] {
-            let t = capsule(Vec3A::new(0.2, offset, 4000.0), Vec3A::NEG_Z, Vec3A::ZERO, Vec3A::X, 0.03);
+            let t =
+                capsule(Vec3A::new(0.2, offset, 4000.0), Vec3A::NEG_Z, Vec3A::ZERO, Vec3A::X, 0.03);
             let expected = 4000.0 - (0.03_f64.powi(2) - f64::from(offset).powi(2)).sqrt();
-            assert!((f64::from(t) - expected).abs() < 3e-4, "half a unit in the last place of 4000 is 1.2e-4: {t}");
+            assert!(
+                (f64::from(t) - expected).abs() < 3e-4,
+                "half a unit in the last place of 4000 is 1.2e-4: {t}"
+            );
         }
-        assert!(capsule(Vec3A::new(0.2, 0.0301, 4000.0), Vec3A::NEG_Z, Vec3A::ZERO, Vec3A::X, 0.03).is_infinite());
+        assert!(
+            capsule(Vec3A::new(0.2, 0.0301, 4000.0), Vec3A::NEG_Z, Vec3A::ZERO, Vec3A::X, 0.03)
+                .is_infinite()
+        );
     }
 }

@@ -1,7 +1,9 @@
-//! Tracing rays: each sample of a pixel sends one to the yarns, one from there to the sun and a few short ones to the sky.
+//! Tracing rays: each sample of a pixel sends one to the yarns, one from there to the sun and a few
+//! short ones to the sky.
 //!
-//! In: a scene and a camera. Out: [`Near`], which adds the light of a pixel's samples to a film. A sky ray that is stopped brings the colour of
-//! the yarn that stopped it. Yarns are tubes or ribbons, with maps or plies.
+//! In: a scene and a camera. Out: [`Near`], which adds the light of a pixel's samples to a film. A
+//! sky ray that is stopped brings the colour of the yarn that stopped it. Yarns are tubes or
+//! ribbons, with maps or plies.
 
 mod capsule;
 mod ray;
@@ -27,7 +29,8 @@ use ray::{Eye, Hit, Path};
 use segments::Segments;
 use trace::Tracer;
 
-/// How far a sky ray looks for yarns in its way, in radii of the yarn it starts from: about a wale in common fabrics.
+/// How far a sky ray looks for yarns in its way, in radii of the yarn it starts from: about a wale
+/// in common fabrics.
 const SKY_REACH: f32 = 24.0;
 /// Secondary rays start this share of the radius above the surface.
 const LIFT: f32 = 0.02;
@@ -61,7 +64,12 @@ struct Meeting {
 
 impl<'a> Near<'a> {
     /// Makes ready to look at `scene`, which lies within `bounds`.
-    pub(super) fn new(scene: &'a Scene, bounds: &Bounds, camera: &'a Camera, options: &'a Options) -> Self {
+    pub(super) fn new(
+        scene: &'a Scene,
+        bounds: &Bounds,
+        camera: &'a Camera,
+        options: &'a Options,
+    ) -> Self {
         let segments = Segments::of(scene, bounds, camera, options);
         let eye = Eye::new(camera, options, segments.paths.centre, segments.bounds);
         Self { tracer: Tracer::new(segments), eye, rig: options.light.around(camera) }
@@ -75,14 +83,19 @@ impl<'a> Near<'a> {
         for index in 0..spp {
             let place = sampler.pair(Purpose::Pixel, index, spp);
             let path = self.eye.path([x, y], place, sampler.chance(index));
-            splats.add(x, place, path.map_or(Vec4::ZERO, |path| self.sample(&path, index, &sampler, &mut shared)));
+            splats.add(
+                x,
+                place,
+                path.map_or(Vec4::ZERO, |path| self.sample(&path, index, &sampler, &mut shared)),
+            );
         }
     }
 
     /// The light that a sample sees along its ray, and in w 1 where yarn is and 0 where none is.
     ///
-    /// Where yarns are thinner than a pixel, two samples share one sky ray by way of `shared`. Four would, and two one sun ray, at five sixths
-    /// of the time, but cloth then grows grainy and its colour is off by 3 %.
+    /// Where yarns are thinner than a pixel, two samples share one sky ray by way of `shared`. Four
+    /// would, and two one sun ray, at five sixths of the time, but cloth then grows grainy and its
+    /// colour is off by 3 %.
     fn sample(&self, path: &Path, index: u32, sampler: &Sampler, shared: &mut Option<Sky>) -> Vec4 {
         let Some(hit) = self.tracer.nearest(path) else { return Vec4::ZERO };
         let met = self.meet(path, hit);
@@ -90,7 +103,8 @@ impl<'a> Near<'a> {
             Some(sky) if met.thin => sky,
             _ => *shared.insert(self.sky(&met, sampler, index)),
         };
-        let light = self.sunlight(&met, sampler, index) + sky.reflected(&self.rig, &met.surface, met.toward_eye) * met.occlusion;
+        let light = self.sunlight(&met, sampler, index)
+            + sky.reflected(&self.rig, &met.surface, met.toward_eye) * met.occlusion;
         opaque(light)
     }
 
@@ -130,8 +144,10 @@ impl<'a> Near<'a> {
         let met = path.at(hit.distance);
         let axis = self.tracer.segments.axis_point(hit.start, met);
         let outward = met - axis.position;
-        // The capsule's normal with the curve's tangent taken out of it: smooth where two capsules join.
-        let normal = (outward - axis.tangent * outward.dot(axis.tangent)).normalize_or(-path.direction);
+        // The capsule's normal with the curve's tangent taken out of it: smooth where two capsules
+        // join.
+        let normal =
+            (outward - axis.tangent * outward.dot(axis.tangent)).normalize_or(-path.direction);
         Spot {
             position: axis.position + outward.normalize_or(normal) * axis.radius,
             normal,
@@ -144,7 +160,8 @@ impl<'a> Near<'a> {
 
     fn on_ribbon(&self, path: &Path, hit: Hit) -> Spot {
         let segments = &self.tracer.segments;
-        let crossing = segments.strip(hit.start).crossing(path.origin.into(), path.direction.into());
+        let crossing =
+            segments.strip(hit.start).crossing(path.origin.into(), path.direction.into());
         let (u, v) = crossing.map_or((0.5, 0.5), |crossing| (crossing.u, crossing.v));
         let (tangent, normal) = segments.directions(hit.start, v);
         let front = normal.normalize_or(-path.direction);
@@ -170,7 +187,13 @@ impl<'a> Near<'a> {
                 twist_slope: look.twist_slope,
             }),
         };
-        Surface { normal, albedo: look.albedo * shade, roughness: look.roughness, metallic: look.metallic, sheen: Sheen::NONE }
+        Surface {
+            normal,
+            albedo: look.albedo * shade,
+            roughness: look.roughness,
+            metallic: look.metallic,
+            sheen: Sheen::NONE,
+        }
     }
 
     /// What a yarn that stops a sky ray is coloured like.
@@ -180,7 +203,8 @@ impl<'a> Near<'a> {
     }
 
     fn sunlight(&self, met: &Meeting, sampler: &Sampler, index: u32) -> Vec3 {
-        let toward = self.rig.sun_sample(sampler.pair(Purpose::Sun, index, self.eye.options.spp.max(1)));
+        let toward =
+            self.rig.sun_sample(sampler.pair(Purpose::Sun, index, self.eye.options.spp.max(1)));
         if met.surface.normal.dot(toward) <= 0.0 || met.smooth_normal.dot(toward) <= 0.0 {
             return Vec3::ZERO;
         }
@@ -195,7 +219,8 @@ impl<'a> Near<'a> {
         let rays = if met.thin { 1 } else { self.eye.options.sky_rays.max(1) };
         let (mut light, mut open) = (Vec3::ZERO, 0);
         for ray in 0..rays {
-            let u = sampler.pair(Purpose::Sky, index * rays + ray, self.eye.options.spp.max(1) * rays);
+            let u =
+                sampler.pair(Purpose::Sky, index * rays + ray, self.eye.options.spp.max(1) * rays);
             let toward = cosine_direction(met.surface.normal, u);
             let stopped = if met.smooth_normal.dot(toward) <= 0.0 {
                 Some(met.start)
@@ -215,7 +240,8 @@ impl<'a> Near<'a> {
 impl Meeting {
     fn path(&self, direction: Vec3, reach: f32) -> Path {
         let origin = self.position + self.smooth_normal * (self.radius * LIFT);
-        // Another number than the eye's ray had: what let that one through must not let all through.
+        // Another number than the eye's ray had: what let that one through must not let all
+        // through.
         let chance = ply::hash(self.chance ^ direction.x.to_bits());
         Path { origin, direction, reach, footprint: self.footprint, chance }
     }

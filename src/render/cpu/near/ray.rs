@@ -47,12 +47,18 @@ pub(super) struct Eye<'a> {
 
 impl<'a> Eye<'a> {
     /// An eye before yarns within `bounds`, which are relative to `centre`.
-    pub(super) fn new(camera: &'a Camera, options: &'a Options, centre: DVec3, bounds: Aabb) -> Self {
+    pub(super) fn new(
+        camera: &'a Camera,
+        options: &'a Options,
+        centre: DVec3,
+        bounds: Aabb,
+    ) -> Self {
         Self { camera, options, position: camera.eye() - centre, bounds }
     }
 
-    /// The ray through a place in pixel (x, y), cut to where it may meet something; `None` where it passes all yarns by. Yarns are
-    /// hundredths of a millimetre thick and eyes metres away, so it starts where it enters the box around them.
+    /// The ray through a place in pixel (x, y), cut to where it may meet something; `None` where it
+    /// passes all yarns by. Yarns are hundredths of a millimetre thick and eyes metres away, so it
+    /// starts where it enters the box around them.
     pub(super) fn path(&self, [x, y]: [u32; 2], place: [f32; 2], chance: u32) -> Option<Path> {
         let (width, height) = (self.options.width, self.options.height);
         let across = (f64::from(x) + f64::from(place[0])) / f64::from(width) * 2.0 - 1.0;
@@ -60,8 +66,10 @@ impl<'a> Eye<'a> {
         let direction = self.camera.direction(across, up, self.options.aspect());
         let Aabb { min, max } = self.bounds;
         let inverse = direction.recip();
-        let (a, b) =
-            ((Vec3::from(min).as_dvec3() - self.position) * inverse, (Vec3::from(max).as_dvec3() - self.position) * inverse);
+        let (a, b) = (
+            (Vec3::from(min).as_dvec3() - self.position) * inverse,
+            (Vec3::from(max).as_dvec3() - self.position) * inverse,
+        );
         // 0 * infinity, for a ray within a face's plane, counts as inside.
         let (near, far) = (a.min(b).max_element().max(0.0), a.max(b).min_element());
         if near > far {
@@ -69,11 +77,19 @@ impl<'a> Eye<'a> {
         }
         let origin = (self.position + direction * near).as_vec3();
         let footprint = narrow(self.camera.pixel_size(near.midpoint(far), height));
-        Some(Path { origin, direction: direction.as_vec3(), reach: f32::INFINITY, footprint, chance })
+        Some(Path {
+            origin,
+            direction: direction.as_vec3(),
+            reach: f32::INFINITY,
+            footprint,
+            chance,
+        })
     }
 
     /// Size of a pixel at a place, mm.
     pub(super) fn pixel_at(&self, place: Vec3) -> f32 {
-        narrow(self.camera.pixel_size(place.as_dvec3().distance(self.position), self.options.height))
+        narrow(
+            self.camera.pixel_size(place.as_dvec3().distance(self.position), self.options.height),
+        )
     }
 }

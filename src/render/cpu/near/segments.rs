@@ -1,7 +1,8 @@
 //! The chains of capsules or strips that rays meet.
 //!
-//! In: a scene and a camera. Out: [`Segments`]: [`Paths`] whose pieces are capsules, or strips of ribbon, and where a ray meets a piece. A
-//! ribbon stops the share of the rays that its picture's alpha says, by a number that a ray and a strip always give alike.
+//! In: a scene and a camera. Out: [`Segments`]: [`Paths`] whose pieces are capsules, or strips of
+//! ribbon, and where a ray meets a piece. A ribbon stops the share of the rays that its picture's
+//! alpha says, by a number that a ray and a strip always give alike.
 
 use glam::{Vec3, Vec3A, Vec4};
 use obvhs::aabb::Aabb;
@@ -20,7 +21,8 @@ use crate::scene::{Bounds, Scene, Shape};
 const PADDING: f32 = 1e-6;
 /// And radii are taken this much larger there.
 const GROWN: f32 = 1.001;
-/// Strands that are cut at a time before they are put with the others, and strands that a thread takes of them.
+/// Strands that are cut at a time before they are put with the others, and strands that a thread
+/// takes of them.
 const BATCH: usize = 512;
 const PART: usize = 8;
 
@@ -48,14 +50,26 @@ pub(super) struct AxisPoint {
 
 impl<'a> Segments<'a> {
     /// Cuts up all strands for a picture; `bounds` are the scene's.
-    pub(super) fn of(scene: &'a Scene, bounds: &Bounds, camera: &Camera, options: &Options) -> Self {
+    pub(super) fn of(
+        scene: &'a Scene,
+        bounds: &Bounds,
+        camera: &Camera,
+        options: &Options,
+    ) -> Self {
         let centre = bounds.centre().as_dvec3();
         let count = scene.strands.len();
         let mut paths = Paths { centre, ..Paths::default() };
         for batch in (0..count).step_by(BATCH) {
             let end = count.min(batch + BATCH);
             let parts: Vec<Paths> = ((batch..end).into_par_iter().step_by(PART))
-                .map(|first| Paths::of(scene, first..end.min(first + PART), centre, Cut::Picture(camera, options)))
+                .map(|first| {
+                    Paths::of(
+                        scene,
+                        first..end.min(first + PART),
+                        centre,
+                        Cut::Picture(camera, options),
+                    )
+                })
                 .collect();
             parts.iter().for_each(|part| paths.append(part));
         }
@@ -84,7 +98,8 @@ impl<'a> Segments<'a> {
         Aabb::new(a.min(b) - grown, a.max(b) + grown)
     }
 
-    /// How far along `path` a segment is met; infinite where it isn't, and for a ribbon where that would be beyond `limit`.
+    /// How far along `path` a segment is met; infinite where it isn't, and for a ribbon where that
+    /// would be beyond `limit`.
     pub(super) fn distance(&self, start: u32, path: &Path, limit: f32) -> f32 {
         let (origin, direction) = (path.origin.into(), path.direction.into());
         match self.scene.shape {
@@ -95,7 +110,9 @@ impl<'a> Segments<'a> {
             Shape::Ribbon => {
                 let crossing = self.strip(start).crossing(origin, direction);
                 // The picture is looked at last: that costs more than all else.
-                let stops = |crossing: &Crossing| crossing.distance <= limit && self.stops(start, crossing, path);
+                let stops = |crossing: &Crossing| {
+                    crossing.distance <= limit && self.stops(start, crossing, path)
+                };
                 crossing.filter(stops).map_or(f32::INFINITY, |crossing| crossing.distance)
             }
         }
@@ -128,7 +145,8 @@ impl<'a> Segments<'a> {
     /// Both ends of a ribbon's width.
     fn edge(&self, point: usize, radius: f32) -> [Vec3A; 2] {
         let axis = Vec3A::from_vec4(self.paths.points[point]);
-        let (tangent, normal) = (self.paths.tangents[point].unpack(), self.paths.across[point].unpack());
+        let (tangent, normal) =
+            (self.paths.tangents[point].unpack(), self.paths.across[point].unpack());
         let aside = Vec3A::from(tangent.cross(normal).normalize_or_zero() * radius);
         [axis - aside, axis + aside]
     }
@@ -159,9 +177,16 @@ impl<'a> Segments<'a> {
         let a = paths.points[i].truncate();
         let ab = paths.points[j].truncate() - a;
         let length2 = ab.length_squared();
-        let s = if length2 > 0.0 { ((position - a).dot(ab) / length2).clamp(0.0, 1.0) } else { 0.0 };
+        let s =
+            if length2 > 0.0 { ((position - a).dot(ab) / length2).clamp(0.0, 1.0) } else { 0.0 };
         let (tangent, across) = self.directions(start, s);
-        AxisPoint { position: a + ab * s, radius: paths.points[i].w, tangent, across, along: self.along(start, s) }
+        AxisPoint {
+            position: a + ab * s,
+            radius: paths.points[i].w,
+            tangent,
+            across,
+            along: self.along(start, s),
+        }
     }
 }
 
@@ -185,7 +210,9 @@ mod tests {
     }
 
     fn starts(segments: &Segments) -> Vec<u32> {
-        (0..index32(segments.paths.points.len())).filter(|&point| segments.starts_at(point)).collect()
+        (0..index32(segments.paths.points.len()))
+            .filter(|&point| segments.starts_at(point))
+            .collect()
     }
 
     #[test]
@@ -199,7 +226,9 @@ mod tests {
 
     #[test]
     fn pieces_shorter_than_a_pixel_are_put_together_and_lengths_stay() {
-        let waves: Vec<Vec3> = (0_u8..=200).map(|i| Vec3::new(f32::from(i), (f32::from(i) * 0.3).sin(), 0.0)).collect();
+        let waves: Vec<Vec3> = (0_u8..=200)
+            .map(|i| Vec3::new(f32::from(i), (f32::from(i) * 0.3).sin(), 0.0))
+            .collect();
         let scene = scene(&[&waves]);
         let camera = Camera::view(crate::render::View::Front, &scene.positions, 0.5, 1.0, 1.0);
         let cut = |lod| {
@@ -207,11 +236,25 @@ mod tests {
             Segments::of(&scene, &scene.bounds().unwrap(), &camera, &options).paths
         };
         let (exact, far) = (cut(false), cut(true));
-        assert!(far.points.len() * 3 < exact.points.len(), "{} of {}", far.points.len(), exact.points.len());
+        assert!(
+            far.points.len() * 3 < exact.points.len(),
+            "{} of {}",
+            far.points.len(),
+            exact.points.len()
+        );
         let length = |paths: &Paths| paths.along.last().unwrap() - paths.along[0];
-        assert!((length(&far) / length(&exact) - 1.0).abs() < 0.01, "{} {}", length(&far), length(&exact));
+        assert!(
+            (length(&far) / length(&exact) - 1.0).abs() < 0.01,
+            "{} {}",
+            length(&far),
+            length(&exact)
+        );
         let area = |paths: &Paths| -> f32 {
-            paths.points.windows(2).map(|ends| ends[0].w * ends[0].truncate().distance(ends[1].truncate())).sum()
+            paths
+                .points
+                .windows(2)
+                .map(|ends| ends[0].w * ends[0].truncate().distance(ends[1].truncate()))
+                .sum()
         };
         assert!((area(&far) / area(&exact) - 1.0).abs() < 0.02, "{} {}", area(&far), area(&exact));
     }

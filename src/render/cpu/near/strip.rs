@@ -1,7 +1,8 @@
 //! Pieces of ribbon: flat strips between two points of a yarn's axis.
 //!
-//! In: the ends of a piece, across the yarn from edge to edge. Out: where a ray meets it. The four corners are those of the pieces before and
-//! after, and two triangles fill them, so that no light falls between pieces:
+//! In: the ends of a piece, across the yarn from edge to edge. Out: where a ray meets it. The four
+//! corners are those of the pieces before and after, and two triangles fill them, so that no light
+//! falls between pieces:
 //!
 //! ```text
 //!   u = 0   a0 ────── b0     v = 0 at a, 1 at b, along the yarn;
@@ -11,7 +12,8 @@
 
 use glam::Vec3A;
 
-/// How far, as a share of its sides, a triangle reaches over its edges: rounding must leave no crack.
+/// How far, as a share of its sides, a triangle reaches over its edges: rounding must leave no
+/// crack.
 const REACH: f32 = 1e-5;
 
 /// A piece of ribbon by its corners.
@@ -36,22 +38,32 @@ impl Strip {
     /// Where the ray from `origin` meets the strip, from either side.
     pub(super) fn crossing(&self, origin: Vec3A, direction: Vec3A) -> Option<Crossing> {
         let ([a0, a1], [b0, b1]) = (self.a, self.b);
-        let first = triangle(origin, direction, a0, a1 - a0, b0 - a0).map(|(distance, u, v)| Crossing { distance, u, v });
+        let first = triangle(origin, direction, a0, a1 - a0, b0 - a0)
+            .map(|(distance, u, v)| Crossing { distance, u, v });
         let second = || {
             let met = triangle(origin, direction, b1, b0 - b1, a1 - b1)?;
             Some(Crossing { distance: met.0, u: 1.0 - met.1, v: 1.0 - met.2 })
         };
         // A strip that is bent out of its plane may be met twice; the nearer one is seen.
         match (first, second()) {
-            (Some(one), Some(other)) => Some(if other.distance < one.distance { other } else { one }),
+            (Some(one), Some(other)) => {
+                Some(if other.distance < one.distance { other } else { one })
+            }
             (one, other) => one.or(other),
         }
     }
 }
 
 /// Distance to a triangle and the shares of its sides there (Möller and Trumbore 1997).
-fn triangle(origin: Vec3A, direction: Vec3A, corner: Vec3A, one: Vec3A, other: Vec3A) -> Option<(f32, f32, f32)> {
-    // Start beside the corner: from far away the product below would lose what a thin strip is wide.
+fn triangle(
+    origin: Vec3A,
+    direction: Vec3A,
+    corner: Vec3A,
+    one: Vec3A,
+    other: Vec3A,
+) -> Option<(f32, f32, f32)> {
+    // Start beside the corner: from far away the product below would lose what a thin strip is
+    // wide.
     let beside = (corner - origin).dot(direction);
     let from = (origin - corner) + direction * beside;
     let p = direction.cross(other);
@@ -73,7 +85,10 @@ mod tests {
 
     /// From x = 0 to 4, 2 wide, its far end turned by a quarter.
     fn strip() -> Strip {
-        Strip { a: [Vec3A::Y, Vec3A::NEG_Y], b: [Vec3A::new(4.0, 0.7, 0.7), Vec3A::new(4.0, -0.7, -0.7)] }
+        Strip {
+            a: [Vec3A::Y, Vec3A::NEG_Y],
+            b: [Vec3A::new(4.0, 0.7, 0.7), Vec3A::new(4.0, -0.7, -0.7)],
+        }
     }
 
     #[test]
@@ -82,9 +97,18 @@ mod tests {
             let near = strip().crossing(Vec3A::new(1e-3, 0.98, z), direction).unwrap();
             assert!(near.u < 0.02 && near.v < 0.02, "{near:?}");
             let far = strip().crossing(Vec3A::new(3.99, -0.69, z), direction).unwrap();
-            assert!(far.u > 0.98 && far.v > 0.98 && (far.distance - (5.0 + 0.7 * z.signum())).abs() < 0.05, "{far:?}");
+            assert!(
+                far.u > 0.98
+                    && far.v > 0.98
+                    && (far.distance - (5.0 + 0.7 * z.signum())).abs() < 0.05,
+                "{far:?}"
+            );
             let middle = strip().crossing(Vec3A::new(2.0, 0.0, z), direction).unwrap();
-            assert!((middle.u - 0.5).abs() < 0.2 && (middle.v - 0.5).abs() < 0.2 && (middle.distance - 5.0).abs() < 0.4);
+            assert!(
+                (middle.u - 0.5).abs() < 0.2
+                    && (middle.v - 0.5).abs() < 0.2
+                    && (middle.distance - 5.0).abs() < 0.4
+            );
             assert!(strip().crossing(Vec3A::new(2.0, 1.2, z), direction).is_none());
         }
         assert_eq!(strip().crossing(Vec3A::new(2.0, 0.0, 5.0), Vec3A::Z), None, "it is behind");
@@ -96,11 +120,16 @@ mod tests {
             let (sin, cos) = (x * 0.1).sin_cos();
             [Vec3A::new(x, cos, sin), Vec3A::new(x, -cos, -sin)].map(|point| point * 0.05)
         };
-        let strips: Vec<_> = (0_u8..6).map(|i| Strip { a: turned(f32::from(i)), b: turned(f32::from(i) + 1.0) }).collect();
+        let strips: Vec<_> = (0_u8..6)
+            .map(|i| Strip { a: turned(f32::from(i)), b: turned(f32::from(i) + 1.0) })
+            .collect();
         for step in 0_u16..4000 {
             let (x, y) = (f32::from(step) * 1.4e-3 + 0.1, f32::from(step % 17) / 40.0 - 0.2);
             let origin = Vec3A::new(x * 0.05, y * 0.05, 900.0);
-            assert!(strips.iter().any(|strip| strip.crossing(origin, Vec3A::NEG_Z).is_some()), "a hole at {x} {y}");
+            assert!(
+                strips.iter().any(|strip| strip.crossing(origin, Vec3A::NEG_Z).is_some()),
+                "a hole at {x} {y}"
+            );
         }
     }
 }
