@@ -25,7 +25,7 @@ use cloth::{
 };
 use glam::{DMat2, DVec2, DVec3};
 use image::RgbImage;
-use warpknit::capture::{Captured, Lattice, Segment, Settings, capture};
+use warpknit::photo::capture::{Captured, Lattice, Segment, Settings, capture};
 
 /// Seeds below are for tuning: those of the tests are among them, and those from 2000, 3000 and so
 /// on up to 8000 were new once each, and told what was to be mended.

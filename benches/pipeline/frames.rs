@@ -7,7 +7,7 @@
 use std::path::Path;
 
 use criterion::{BenchmarkId, Criterion, Throughput};
-use warpknit::drape::held::Held;
+use warpknit::drape::sequence::Held;
 use warpknit::drape::{Block, Cloth, Options};
 use warpknit::garment::{Frames, Garment, ReadOptions};
 

@@ -31,7 +31,7 @@ pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
             bench.iter(|| {
                 knitted.clear();
                 (0..32).for_each(|guide| {
-                    pattern.lay(0, guide, 0..i64::from(courses), &mesh, &mut knitted)
+                    pattern.lay(0, guide, 0..i64::from(courses), &mesh, &mut knitted);
                 });
                 std::hint::black_box(&knitted).points.len()
             });

@@ -88,7 +88,7 @@ pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
     ];
     for (name, write) in writers {
         group.bench_function(name, |bench| {
-            bench.iter_batched(|| (), |()| write(), BatchSize::PerIteration)
+            bench.iter_batched(|| (), |()| write(), BatchSize::PerIteration);
         });
     }
     group.finish();

@@ -11,12 +11,12 @@ mod picture;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use warpknit::drape::picture::{laid, looks, swatch};
 use warpknit::drape::{Cloth, swatch_panel};
 use warpknit::fabric::{Fabric, builtin};
-use warpknit::photo::read_maps;
+use warpknit::photo::yarn::read_maps;
 use warpknit::render::View;
-use warpknit::scene::{Scene, Shape};
+use warpknit::render::cloth::{laid, looks, swatch};
+use warpknit::render::scene::{Scene, Shape};
 
 use crate::picture::Frame;
 

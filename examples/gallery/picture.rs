@@ -10,8 +10,8 @@ use glam::{DVec2, DVec3};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{DynamicImage, RgbImage};
 use warpknit::fabric::Fabric;
+use warpknit::render::scene::Scene;
 use warpknit::render::{Background, Camera, Options, View, render};
-use warpknit::scene::Scene;
 
 const WIDTH: u32 = 320;
 const HEIGHT: u32 = 240;

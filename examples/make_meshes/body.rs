@@ -121,9 +121,9 @@ impl Body {
         for _ in 0..40 {
             let clearance = 0.5 * (low + high);
             if Ring::around(self, height, clearance).girth() < girth {
-                low = clearance
+                low = clearance;
             } else {
-                high = clearance
+                high = clearance;
             }
         }
         Ring::around(self, height, 0.5 * (low + high))

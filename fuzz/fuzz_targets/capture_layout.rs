@@ -4,7 +4,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use warpknit::capture::{GivenLayout, Segment};
+use warpknit::photo::capture::{GivenLayout, Segment};
 use warpknit_fuzz::one_line;
 
 fuzz_target!(|text: &str| {

@@ -6,8 +6,8 @@
 use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
-use warpknit::photo::develop::{Settings, develop};
-use warpknit::photo::{read_maps, read_photo};
+use warpknit::photo::yarn::develop::{Settings, develop};
+use warpknit::photo::yarn::{read_maps, read_photo};
 use warpknit_fuzz::{Desk, one_line, parts};
 
 /// The most pixels of a photo that is developed: some hundredths of a second.

@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail};
 use glam::DVec2;
-use warpknit::capture::{Captured, FILES, GivenLayout, Settings, capture as captured, save};
 use warpknit::export::OutputFolder;
-use warpknit::photo::read_photo;
+use warpknit::folder::captured::{FILES, save};
+use warpknit::photo::capture::{Captured, GivenLayout, Settings, capture as captured};
+use warpknit::photo::yarn::read_photo;
 
 use super::args::Capture;
 use super::clock::{Clock, Task};

@@ -9,13 +9,14 @@ use glam::DVec2;
 use image::imageops::{self, FilterType};
 use image::{DynamicImage, GrayImage, ImageBuffer, Pixel, RgbImage, Rgba, RgbaImage};
 use warpknit::chart::{Anchor, Drawing, Layer, Shape as Mark, TextSize, png};
-use warpknit::drape::{self, Block, Cloth, picture};
+use warpknit::drape::{self, Block, Cloth};
 use warpknit::fabric::Fabric;
 use warpknit::fabric::yarn::Color;
-use warpknit::photo::develop::Developed;
+use warpknit::photo::yarn::develop::Developed;
+use warpknit::render::cloth;
 use warpknit::render::maps::Maps;
+use warpknit::render::scene::Shape;
 use warpknit::render::{Camera, Options, View, render};
-use warpknit::scene::Shape;
 
 use super::pictures::{self, Textures};
 
@@ -61,7 +62,7 @@ pub(super) fn swatch(
     let mut scene =
         pictures::scene(Shape::Ribbon, &fabric, fabric.radius(), &Textures::for_all(maps));
     let mut deliver = |blocks: &[Block]| -> Result<()> {
-        blocks.iter().for_each(|block| picture::add_to(&mut scene, block));
+        blocks.iter().for_each(|block| cloth::add_to(&mut scene, block));
         Ok(())
     };
     drape::run(&cloth, &drape::Options::default(), &mut |_, _| {}, &mut deliver)?;

@@ -4,16 +4,17 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Result, bail};
-use warpknit::drape::{self, Cloth, Totals, spun};
+use warpknit::drape::{self, Cloth, Totals, fibres};
 use warpknit::export::{Format, Output, Wardrobe};
 use warpknit::fabric::Fabric;
 use warpknit::garment::stretch::stretch;
 use warpknit::ids::index32;
 use warpknit::knit::clearance::{self, Clearance};
+use warpknit::render::fibres::NEAR;
+use warpknit::render::scene::Scene;
 use warpknit::report::{
     ClearanceReport, ClothReport, FrameReport, GarmentReport, Report, SurfaceReport,
 };
-use warpknit::scene::Scene;
 use warpknit::tile::Tile;
 use warpknit::yarn::fibres::Bundle;
 use warpknit::yarn::tube::Section;
@@ -129,9 +130,9 @@ impl Job<'_> {
         if is_ribbon || !asked.unwrap_or(self.shown.is_laid()) {
             return Ok(None);
         }
-        let bundles = spun::bundles(self.shown, section.radius, self.shared.fibre_radius);
+        let bundles = fibres::bundles(self.shown, section.radius, self.shared.fibre_radius);
         if asked.is_none() {
-            return Ok(Some(Fibres { bundles, near: spun::NEAR, filed: None }));
+            return Ok(Some(Fibres { bundles, near: NEAR, filed: None }));
         }
         if let Some((path, _)) =
             wanted.iter().find(|(_, format)| matches!(format, Format::Csv | Format::Npz))
@@ -142,7 +143,7 @@ impl Job<'_> {
             );
         }
         self.check_fibres(&bundles, wanted)?;
-        let fabric = spun::fabric(self.shown, &bundles);
+        let fabric = fibres::fabric(self.shown, &bundles);
         let radius = bundles.iter().map(|bundle| bundle.fibre).fold(0.0, f64::max);
         let section = Section {
             st: 1,

@@ -6,11 +6,12 @@ use std::path::Path;
 use anyhow::{Context, Result, bail};
 use warpknit::drape::clearance::Gauge;
 use warpknit::drape::strands::Losses;
-use warpknit::drape::{self, Block, Cloth, Stage, Totals, picture};
+use warpknit::drape::{self, Block, Cloth, Stage, Totals};
 use warpknit::export::{ExportError, Format, Output, Sink};
 use warpknit::garment::Panel;
 use warpknit::knit::clearance::Clearance;
-use warpknit::scene::Scene;
+use warpknit::render::cloth;
+use warpknit::render::scene::Scene;
 use warpknit::tile::Tile;
 
 use super::args::{Drape, Swatch};
@@ -229,7 +230,7 @@ fn lay(
         // of what is told of the part.
         let mut announce = |_, _| clock.borrow_mut().begin(Task::Render, 0.0);
         let mut show = |blocks: &[Block]| -> Result<(), ExportError> {
-            blocks.iter().for_each(|block| picture::add_to(whole, block));
+            blocks.iter().for_each(|block| cloth::add_to(whole, block));
             Ok(())
         };
         drape::run(job.cloth, &job.options, &mut announce, &mut show)?;
@@ -238,7 +239,7 @@ fn lay(
     let mut announce = |stage, done| clock.borrow_mut().begin(task(stage), done);
     let mut deliver = |blocks: &[Block]| -> Result<(), ExportError> {
         if let Some(scene) = &mut scene {
-            blocks.iter().for_each(|block| picture::add_to(scene, block));
+            blocks.iter().for_each(|block| cloth::add_to(scene, block));
         }
         sinks.iter_mut().try_for_each(|sink| sink.take(blocks))?;
         if let Some(gauge) = &mut gauge {

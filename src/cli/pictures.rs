@@ -4,14 +4,14 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use glam::{DVec3, Vec3};
-use warpknit::drape::{picture, spun};
 use warpknit::export::{Output, png};
 use warpknit::fabric::Fabric;
 use warpknit::fabric::yarn::Yarn;
-use warpknit::photo::read_maps;
+use warpknit::photo::yarn::read_maps;
 use warpknit::render::maps::Maps;
+use warpknit::render::scene::{Bounds, Scene, Shape};
 use warpknit::render::{self, Camera, Choice, Painter};
-use warpknit::scene::{Bounds, Scene, Shape};
+use warpknit::render::{cloth, fibres as near};
 use warpknit::tile::Tile;
 
 use super::args::Shared;
@@ -109,7 +109,7 @@ impl Textures {
 /// The scene that a fabric's yarns go into, the thickest of that radius, with their pictures: those
 /// are as much enlarged as the cloth.
 pub(super) fn scene(shape: Shape, fabric: &Fabric, radius: f64, textures: &Textures) -> Scene {
-    let looks = picture::looks(fabric, radius);
+    let looks = cloth::looks(fabric, radius);
     #[expect(clippy::cast_possible_truncation, reason = "a length in mm needs no more")]
     let enlargement = fabric.enlargement as f32;
     let enlarged = |maps: &Maps| Maps {
@@ -152,7 +152,7 @@ pub(super) fn draw(
         let camera = camera(scene, seen, shared, options.aspect(), frame);
         let size = [options.width, options.height];
         let spun = fibres
-            .and_then(|fibres| spun::scene(scene, &fibres.bundles, fibres.near, &camera, size));
+            .and_then(|fibres| near::scene(scene, &fibres.bundles, fibres.near, &camera, size));
         let mut drawn = |painter: &mut Painter<'_>| {
             let picture = painter.draw(&camera, &options, &progress)?;
             painter.name().clone_into(&mut drawn_by);

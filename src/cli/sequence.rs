@@ -9,15 +9,16 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use glam::{DVec3, Vec3};
-use warpknit::drape::held::Held;
-use warpknit::drape::{Block, Options, picture};
+use warpknit::drape::sequence::Held;
+use warpknit::drape::{Block, Options};
 use warpknit::export::usda_frames::UsdaFramesWriter;
 use warpknit::export::{ExportError, Format, Output, Sink};
 use warpknit::garment::Garment;
 use warpknit::garment::stretch::stretch;
 use warpknit::ids::index32;
+use warpknit::render::cloth;
+use warpknit::render::scene::Scene;
 use warpknit::report::FrameReport;
-use warpknit::scene::Scene;
 
 use super::clock::{Clock, Task};
 use super::drapes::Motion;
@@ -248,7 +249,7 @@ impl Show<'_, '_> {
         let clock = RefCell::new(clock);
         let mut deliver = |blocks: &[Block]| -> Result<(), ExportError> {
             if let Some(scene) = scene {
-                blocks.iter().for_each(|block| picture::add_to(scene, block));
+                blocks.iter().for_each(|block| cloth::add_to(scene, block));
             }
             usda.iter_mut().try_for_each(|usda| usda.take(blocks))?;
             sinks.iter_mut().try_for_each(|sink| sink.take(blocks))

@@ -10,8 +10,8 @@ use warpknit::chart;
 use warpknit::drape::strands::Edge;
 use warpknit::export::Format;
 use warpknit::map::Mapping;
+use warpknit::render::scene::Shape;
 use warpknit::render::{Choice, View};
-use warpknit::scene::Shape;
 
 use super::args::MOST_PIXELS;
 use super::bench::BenchFormat;

@@ -7,16 +7,16 @@ use anyhow::Result;
 use warpknit::export::bcc::BccWriter;
 use warpknit::export::csv::CsvWriter;
 use warpknit::export::curves::CurvesWriter;
+use warpknit::export::fibres::SpunWriter;
 use warpknit::export::glb::GlbWriter;
 use warpknit::export::inp::InpWriter;
 use warpknit::export::npz::NpzWriter;
 use warpknit::export::obj::ObjWriter;
 use warpknit::export::obj_lines::ObjLinesWriter;
 use warpknit::export::ply::PlyWriter;
-use warpknit::export::spun::SpunWriter;
 use warpknit::export::usda::UsdaWriter;
 use warpknit::export::{ExportError, Format, Output, Sink, Wardrobe, mtl};
-use warpknit::scene::Shape;
+use warpknit::render::scene::Shape;
 use warpknit::yarn::tube::Section;
 
 use super::args::Shared;
@@ -99,7 +99,7 @@ pub(super) fn sinks<'a>(
             )?)),
             Format::Obj => sinks.push(Box::new(ObjWriter::create(path, fabric, wardrobe())?)),
             Format::ObjLines => {
-                sinks.push(Box::new(ObjLinesWriter::create(path, fabric, section.st)?))
+                sinks.push(Box::new(ObjLinesWriter::create(path, fabric, section.st)?));
             }
             Format::Ply => sinks.push(Box::new(PlyWriter::create(path, fabric, section)?)),
             Format::Usda => sinks.push(Box::new(UsdaWriter::create(path, fabric, section)?)),
@@ -107,7 +107,12 @@ pub(super) fn sinks<'a>(
             Format::Curves => sinks.push(Box::new(CurvesWriter::create(path, fabric, section)?)),
             Format::Inp => sinks.push(Box::new(InpWriter::create(path, fabric, section)?)),
             Format::Npz => {
-                sinks.push(Box::new(NpzWriter::create(path, fabric, job.cloth.garment(), section)?))
+                sinks.push(Box::new(NpzWriter::create(
+                    path,
+                    fabric,
+                    job.cloth.garment(),
+                    section,
+                )?));
             }
             Format::Csv => sinks.push(Box::new(CsvWriter::create(path, job.cloth.garment())?)),
             // Made whole at the end; that they can be written is asked before the work and not

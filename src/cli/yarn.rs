@@ -6,8 +6,9 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use warpknit::export::{OutputFolder, png};
-use warpknit::photo::develop::{Developed, FILES, Scale, Settings, Step, develop, save};
-use warpknit::photo::{read_maps, read_photo};
+use warpknit::folder::yarn_maps::{FILES, save};
+use warpknit::photo::yarn::develop::{Developed, Scale, Settings, Step, develop};
+use warpknit::photo::yarn::{read_maps, read_photo};
 
 use super::args::Yarn;
 use super::clock::{Clock, Task};
@@ -57,7 +58,7 @@ pub(crate) fn yarn(arguments: &Yarn) -> Result<()> {
     clock.stop();
     clock.clear();
     notes(&yarn).iter().for_each(|note| {
-        tell(arguments.running.quiet, &format!("note: {}: {note}", arguments.photo.display()))
+        tell(arguments.running.quiet, &format!("note: {}: {note}", arguments.photo.display()));
     });
     tell(
         arguments.running.quiet,

@@ -6,8 +6,10 @@ use std::process::Output;
 
 use glam::{DMat2, DVec2};
 use image::RgbImage;
-use warpknit::capture::{CERTAIN, CaptureError, Captured, GivenLayout, Segment, Settings, capture};
 use warpknit::fabric::BarKind;
+use warpknit::photo::capture::{
+    CERTAIN, CaptureError, Captured, GivenLayout, Segment, Settings, capture,
+};
 
 use crate::aperiodic::{bricks, face, fur, noise};
 use crate::cloth::{Disturbance, Kind, Random, Sample, Stretch, between, fibrous, layout, sample};
@@ -196,7 +198,7 @@ fn what_does_not_repeat_is_refused() {
     for (what, image) in pictures {
         match capture(&image, &Settings::default()) {
             Err(CaptureError::NoRepeat { confidence, least }) => {
-                assert!(confidence < least && least == CERTAIN, "{what}")
+                assert!(confidence < least && least == CERTAIN, "{what}");
             }
             other => panic!("{what}: {other:?}"),
         }
@@ -224,7 +226,7 @@ fn the_command_fills_a_folder_and_takes_its_layout_back() {
         run(folder, &["cloth.png", "-o", "second", "--threads", "3", "--quiet"]).status.success()
     );
     let read = |path: &str| std::fs::read(folder.join(path)).unwrap();
-    for file in warpknit::capture::FILES {
+    for file in warpknit::folder::captured::FILES {
         assert!(
             read(&format!("first/{file}")) == read(&format!("second/{file}")),
             "{file} depends on the number of threads"

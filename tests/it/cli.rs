@@ -84,7 +84,7 @@ fn failures_end_with_1_and_one_message() {
     let endless = fails(1, &["swatch", "--wales", "20000", "--courses", "20000"], |_| {});
     assert!(endless.starts_with("error: 800000000 stitches are over the limit"), "{endless}");
     let folder = fails(1, &[&["swatch", "-o", "a.png"], &SMALL[..]].concat(), |p| {
-        std::fs::create_dir(p.join("a.png")).unwrap()
+        std::fs::create_dir(p.join("a.png")).unwrap();
     });
     assert!(folder.contains("a.png: can't write: it is a folder"), "{folder}");
 }
@@ -207,7 +207,7 @@ fn a_full_disk_is_an_error_that_names_the_file() {
     for name in ["full.png", "full.glb", "full.obj", "full.csv", "full.json"] {
         let arguments = [&["swatch", "-o", name], &SMALL[..]].concat();
         let message = fails(1, &arguments, |folder| {
-            std::os::unix::fs::symlink("/dev/full", folder.join(name)).unwrap()
+            std::os::unix::fs::symlink("/dev/full", folder.join(name)).unwrap();
         });
         assert!(
             message.contains("/dev/full: can't write")

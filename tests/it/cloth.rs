@@ -8,11 +8,11 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DVec2, DVec3, Vec3, Vec3Swizzles};
 use image::RgbImage;
-use warpknit::capture::{Captured, GivenLayout, Segment};
-use warpknit::drape::picture;
 use warpknit::fabric::Fabric;
+use warpknit::photo::capture::{Captured, GivenLayout, Segment};
+use warpknit::render::cloth;
+use warpknit::render::scene::{Scene, YarnLook};
 use warpknit::render::{Background, Camera, Light, Options, render};
-use warpknit::scene::{Scene, YarnLook};
 use warpknit::yarn::curve;
 
 /// How a cloth is made.
@@ -321,7 +321,7 @@ fn jersey(random: &mut Random, side: f64) -> Laid {
     let fabric = Fabric::named("jersey").unwrap().at_densities(wales, wales * aspect).unwrap();
     let scale = width / fabric.wale_spacing();
     let count = |spacing: f64| u32::try_from(whole(1.6 * side / spacing)).unwrap() + 2;
-    let scene = picture::swatch(&fabric, count(width), count(width / aspect));
+    let scene = cloth::swatch(&fabric, count(width), count(width / aspect));
     let centre = scene.bounds().unwrap().centre().as_dvec3().with_z(0.0);
     let points = |points: &std::ops::Range<u32>| {
         &scene.positions[points.start as usize..points.end as usize]

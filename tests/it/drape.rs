@@ -355,7 +355,7 @@ fn the_same_yarns_on_one_and_on_two_threads() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             run(&garment, &fabric, Edge::Clip, &mut |block| {
-                positions.extend(block.draped.positions.iter().copied())
+                positions.extend(block.draped.positions.iter().copied());
             })
         });
         positions

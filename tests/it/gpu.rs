@@ -8,13 +8,13 @@ use crate::golden;
 use glam::{DVec3, Vec3};
 use image::{DynamicImage, Rgba, RgbaImage};
 use warpknit::drape;
-use warpknit::drape::picture;
 use warpknit::fabric::Fabric;
 use warpknit::garment::{ReadOptions, read};
+use warpknit::render::cloth;
 use warpknit::render::gpu::Gpu;
 use warpknit::render::maps::{Kind, Maps, Mips};
+use warpknit::render::scene::{Scene, Shape, YarnLook};
 use warpknit::render::{Background, Camera, Choice, Options, Painter, View, render};
-use warpknit::scene::{Scene, Shape, YarnLook};
 
 /// Whether there is an adapter, be it software; CI must have one.
 pub(crate) fn can_draw(test: &str) -> bool {
@@ -70,7 +70,7 @@ fn yarn_picture() -> RgbaImage {
 /// A swatch of ribbons with that picture, as wide as its yarns lie apart.
 fn ribbons(wales: u32, courses: u32) -> Scene {
     let fabric = Fabric::named("tricot").unwrap();
-    let tubes = picture::swatch(&fabric, wales, courses);
+    let tubes = cloth::swatch(&fabric, wales, courses);
     let base = yarn_picture();
     let plain = |texel| RgbaImage::from_pixel(base.width(), base.height(), Rgba(texel));
     let width = tubes.looks[0].radius * 2.5;
@@ -105,7 +105,7 @@ fn skirt(wales_per_cm: f64) -> Scene {
     let aspect = fabric.courses_per_cm / fabric.wales_per_cm;
     let fabric = fabric.at_densities(wales_per_cm, wales_per_cm * aspect).unwrap();
     let cloth = drape::Cloth::cover(&garment, &fabric).unwrap();
-    picture::of(&cloth, &fabric)
+    cloth::of(&cloth, &fabric)
 }
 
 fn front(scene: &Scene) -> Camera {
@@ -115,7 +115,7 @@ fn front(scene: &Scene) -> Camera {
 #[test]
 fn both_renderers_draw_the_same_swatch() {
     if can_draw("both_renderers_draw_the_same_swatch") {
-        let scene = picture::swatch(&Fabric::named("tricot").unwrap(), 14, 16);
+        let scene = cloth::swatch(&Fabric::named("tricot").unwrap(), 14, 16);
         assert!(difference(&scene, &front(&scene)) < 0.06);
     }
 }
@@ -146,7 +146,7 @@ fn golden(name: &str, scene: &Scene, camera: &Camera, options: &Options) {
 
 #[test]
 fn golden_tubes_from_the_front_and_the_back() {
-    let scene = picture::swatch(&Fabric::named("locknit").unwrap(), 6, 6);
+    let scene = cloth::swatch(&Fabric::named("locknit").unwrap(), 6, 6);
     golden("gpu_tubes_front", &scene, &front(&scene), &Options::default());
     let back = Camera::view(View::Back, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0);
     golden("gpu_tubes_back", &scene, &back, &Options::default());
@@ -166,7 +166,7 @@ fn golden_strips_of_a_far_skirt() {
 
 #[test]
 fn golden_net_on_nothing() {
-    let scene = picture::swatch(&Fabric::named("hex-net-5").unwrap(), 12, 20);
+    let scene = cloth::swatch(&Fabric::named("hex-net-5").unwrap(), 12, 20);
     golden(
         "gpu_net",
         &scene,
@@ -209,7 +209,7 @@ fn golden_shadow_of_one_yarn_on_another() {
 #[test]
 fn the_same_bytes_every_time_and_for_any_number_of_threads() {
     if can_draw("the_same_bytes_every_time_and_for_any_number_of_threads") {
-        let scene = picture::swatch(&Fabric::named("tricot").unwrap(), 6, 6);
+        let scene = cloth::swatch(&Fabric::named("tricot").unwrap(), 6, 6);
         let options = Options { width: 128, height: 128, ..Options::default() };
         let with = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -284,7 +284,7 @@ fn odd_strands_are_drawn_or_passed_over() {
 
 #[test]
 fn without_hardware_the_processor_draws_by_itself() {
-    let scene = picture::swatch(&Fabric::named("tricot").unwrap(), 3, 3);
+    let scene = cloth::swatch(&Fabric::named("tricot").unwrap(), 3, 3);
     let options = Options { width: 16, height: 16, renderer: Choice::Auto, ..Options::default() };
     let mut painter = Painter::new(&scene, &options).unwrap();
     let hardware = Gpu::find(false).is_ok();

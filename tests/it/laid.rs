@@ -4,9 +4,11 @@
 use std::path::Path;
 
 use glam::DVec3;
-use warpknit::drape::{self, Block, Cloth, Options, picture, spun};
+use warpknit::drape::{self, Block, Cloth, Options, fibres};
 use warpknit::fabric::Fabric;
 use warpknit::knit::{Pattern, numbers};
+use warpknit::render;
+use warpknit::render::cloth;
 use warpknit::render::{Camera, View};
 
 /// A weave of straight warps under straight wefts, 1.25 x 1 mm a cell.
@@ -80,13 +82,13 @@ fn strands_lie_where_their_paths_say_at_any_density() {
 #[test]
 fn fibres_take_their_yarns_place() {
     let fabric = Fabric::parse(GRID).unwrap();
-    let bundles = spun::bundles(&fabric, fabric.radius(), 0.01);
+    let bundles = fibres::bundles(&fabric, fabric.radius(), 0.01);
     assert!(bundles[0].slope > 0.0 && bundles[1].slope < 0.0, "S and Z");
-    let fibres = spun::fabric(&fabric, &bundles);
+    let fibres = fibres::fabric(&fabric, &bundles);
     assert!((fibres.radius() / 0.01 - 1.0).abs() < 0.01, "{}", fibres.radius());
     for block in blocks(&fabric, 3, 3) {
         let bundle = &bundles[block.bar];
-        let spun = spun::block(&block, bundle, None);
+        let spun = fibres::block(&block, bundle, None);
         assert_eq!(spun.strands.strands.len(), block.strands.strands.len() * bundle.count as usize);
         assert_eq!(spun.strands.sources.len(), spun.draped.positions.len());
         for (yarn, fibres) in
@@ -113,13 +115,16 @@ fn fibres_take_their_yarns_place() {
 #[test]
 fn fibres_are_drawn_where_the_camera_is_near_and_nowhere_else() {
     let fabric = Fabric::parse(GRID).unwrap();
-    let scene = picture::swatch(&fabric, 12, 12);
-    let bundles = spun::bundles(&fabric, fabric.radius(), 0.0045);
+    let scene = cloth::swatch(&fabric, 12, 12);
+    let bundles = fibres::bundles(&fabric, fabric.radius(), 0.0045);
     let size = [300, 300];
     let camera =
         |zoom: f64| Camera::view(View::Front, &scene.positions, Camera::DEFAULT_FOV, zoom, 1.0);
-    assert!(spun::scene(&scene, &bundles, spun::NEAR, &camera(1.0), size).is_none());
-    let near = spun::scene(&scene, &bundles, spun::NEAR, &camera(14.0), size).unwrap();
+    assert!(
+        render::fibres::scene(&scene, &bundles, render::fibres::NEAR, &camera(1.0), size).is_none()
+    );
+    let near =
+        render::fibres::scene(&scene, &bundles, render::fibres::NEAR, &camera(14.0), size).unwrap();
     let (yarns, fibres): (Vec<_>, Vec<_>) =
         near.strands.iter().partition(|strand| usize::from(strand.look) < scene.looks.len());
     assert!(
@@ -129,8 +134,8 @@ fn fibres_are_drawn_where_the_camera_is_near_and_nowhere_else() {
         fibres.len()
     );
     // All of it is there, and no fibre is thinner than half a pixel.
-    let length = |strands: &[&warpknit::scene::Strand]| -> f32 {
-        let of = |strand: &&warpknit::scene::Strand| -> f32 {
+    let length = |strands: &[&warpknit::render::scene::Strand]| -> f32 {
+        let of = |strand: &&warpknit::render::scene::Strand| -> f32 {
             let points = &near.positions[strand.points.start as usize..strand.points.end as usize];
             points.windows(2).map(|ends| ends[0].distance(ends[1])).sum()
         };
@@ -184,9 +189,11 @@ fn the_commands_take_laid_cloth_and_fibres() {
     let output = run(folder, &[&swatch[..], &fibres, &outputs].concat());
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let curves = std::fs::read_to_string(folder.join("f.curves.txt")).unwrap();
-    let bundle =
-        &spun::bundles(&Fabric::parse(GRID).unwrap(), Fabric::parse(GRID).unwrap().radius(), 0.02)
-            [0];
+    let bundle = &fibres::bundles(
+        &Fabric::parse(GRID).unwrap(),
+        Fabric::parse(GRID).unwrap().radius(),
+        0.02,
+    )[0];
     let strands = curves.split("\n\n").filter(|strand| !strand.trim().is_empty()).count();
     assert_eq!(strands, 4 * bundle.count as usize);
     // The same seed, the same bytes.

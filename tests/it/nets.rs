@@ -2,9 +2,9 @@
 //! sizes of holes.
 
 use glam::{DVec2, DVec3};
-use warpknit::drape::picture::swatch;
 use warpknit::fabric::Fabric;
 use warpknit::knit::{Pattern, numbers};
+use warpknit::render::cloth::swatch;
 use warpknit::render::{Background, Camera, Options, render};
 
 /// Pixels a wale: a hole's edge is then well under a hundredth of its area.

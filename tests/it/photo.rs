@@ -3,7 +3,7 @@
 use image::{GrayImage, Luma, Rgba, RgbaImage};
 use std::path::Path;
 use tempfile::TempDir;
-use warpknit::photo::{PhotoError, read_maps};
+use warpknit::photo::yarn::{PhotoError, read_maps};
 
 /// A folder with a base colour of 16 x 8.
 fn folder() -> TempDir {

@@ -4,11 +4,11 @@ use crate::flip::flip;
 use crate::golden;
 use glam::{DVec3, Vec3};
 use image::{DynamicImage, Rgba, RgbaImage};
-use warpknit::drape::picture;
 use warpknit::fabric::Fabric;
+use warpknit::render::cloth;
 use warpknit::render::maps::{Kind, Maps, Mips};
+use warpknit::render::scene::{Scene, YarnLook};
 use warpknit::render::{Background, Camera, Options, View, render};
-use warpknit::scene::{Scene, YarnLook};
 
 const SIZE: u32 = 120;
 
@@ -228,7 +228,7 @@ fn odd_strands_are_drawn_or_passed_over() {
 fn progress_reaches_the_end() {
     let reported = std::sync::Mutex::new(Vec::new());
     let _ = render(&tangle(), &facing(40.0, 10.0), &options(), &|share| {
-        reported.lock().unwrap().push(share)
+        reported.lock().unwrap().push(share);
     });
     let reported = reported.into_inner().unwrap();
     assert!(reported.len() == SIZE as usize && reported.contains(&1.0));
@@ -305,7 +305,7 @@ fn far_yarns_keep_colour_and_coverage() {
 #[test]
 fn far_cloth_looks_as_traced() {
     for (fabric, view) in [("tricot", View::Front), ("locknit", View::Back)] {
-        let scene = picture::swatch(&Fabric::named(fabric).unwrap(), 70, 70);
+        let scene = cloth::swatch(&Fabric::named(fabric).unwrap(), 70, 70);
         let camera = Camera::view(view, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0);
         // Four times as fine, for pixels so large that traced pieces are coarse too.
         let fine = draw(
@@ -355,10 +355,10 @@ fn the_processor_draws_what_it_drew() {
         golden::check(name, &draw(scene, &camera, &options), 0.02, 0.3);
     };
     let locknit = Fabric::named("locknit").unwrap();
-    golden("cpu_front", &picture::swatch(&locknit, 7, 8), View::Front);
-    golden("cpu_back", &picture::swatch(&locknit, 7, 8), View::Back);
-    golden("cpu_far", &picture::swatch(&locknit, 160, 160), View::Iso);
-    golden("cpu_net", &picture::swatch(&Fabric::named("hex-net-3").unwrap(), 12, 18), View::Front);
+    golden("cpu_front", &cloth::swatch(&locknit, 7, 8), View::Front);
+    golden("cpu_back", &cloth::swatch(&locknit, 7, 8), View::Back);
+    golden("cpu_far", &cloth::swatch(&locknit, 160, 160), View::Iso);
+    golden("cpu_net", &cloth::swatch(&Fabric::named("hex-net-3").unwrap(), 12, 18), View::Front);
 }
 
 #[test]

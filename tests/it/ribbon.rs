@@ -3,8 +3,8 @@
 use glam::{DVec3, Vec3};
 use image::{Rgba, RgbaImage};
 use warpknit::render::maps::{Kind, Maps, Mips};
+use warpknit::render::scene::{Scene, Shape, YarnLook};
 use warpknit::render::{Background, Camera, Options, render};
-use warpknit::scene::{Scene, Shape, YarnLook};
 
 const SIZE: u32 = 120;
 

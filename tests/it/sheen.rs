@@ -5,10 +5,10 @@ use crate::flip::flip;
 use crate::gpu::can_draw;
 use glam::{DVec3, Vec3};
 use image::{DynamicImage, RgbaImage};
-use warpknit::drape::picture;
 use warpknit::fabric::Fabric;
+use warpknit::render::cloth;
+use warpknit::render::scene::{Scene, YarnLook};
 use warpknit::render::{Background, Camera, Choice, Light, Options, View, render};
-use warpknit::scene::{Scene, YarnLook};
 
 /// Width of the cloth, mm.
 const SIDE: f32 = 15.0;
@@ -119,7 +119,7 @@ fn far_cloth_shines_as_near_cloth_does() {
 /// On a knit all of its light agrees, within 5 %.
 #[test]
 fn a_far_knit_is_as_bright_as_a_near_one() {
-    let mut scene = picture::swatch(&Fabric::named("satin").unwrap(), 70, 70);
+    let mut scene = cloth::swatch(&Fabric::named("satin").unwrap(), 70, 70);
     scene.looks.iter_mut().for_each(|look| look.sheen = 0.6);
     let camera = Camera::view(View::Back, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0);
     let drawn = |size: u32, lod: bool| {
@@ -145,7 +145,7 @@ fn both_renderers_draw_the_same_sheen() {
     if !can_draw("both_renderers_draw_the_same_sheen") {
         return;
     }
-    let mut scene = picture::swatch(&Fabric::named("satin").unwrap(), 12, 14);
+    let mut scene = cloth::swatch(&Fabric::named("satin").unwrap(), 12, 14);
     scene.looks.iter_mut().for_each(|look| look.sheen = 0.6);
     let camera = Camera::view(View::Back, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0);
     let options = Options {

@@ -3,12 +3,13 @@
 use std::path::PathBuf;
 
 use glam::DVec3;
-use warpknit::drape::{self, Cloth, picture};
+use warpknit::drape::{self, Cloth};
 use warpknit::fabric::Fabric;
 use warpknit::garment::{ReadOptions, read};
 use warpknit::knit::mesh::StructureMesh;
 use warpknit::knit::weft::POINTS;
 use warpknit::knit::{Knitted, Pattern};
+use warpknit::render::cloth;
 use warpknit::yarn::curve;
 
 use crate::fabrics::WEFT_KNITS;
@@ -90,7 +91,7 @@ fn every_loop_hangs_in_the_one_below() {
 #[test]
 fn a_cable_covers_a_garment_and_a_rectangle() {
     let fabric = Fabric::named("cable").unwrap();
-    let scene = picture::swatch(&fabric, 32, 36);
+    let scene = cloth::swatch(&fabric, 32, 36);
     assert_eq!(scene.strands.len(), 36, "a yarn a course");
     assert!(scene.stitches.len() >= 32 * 36);
     assert!(scene.positions.iter().all(|point| point.is_finite()));

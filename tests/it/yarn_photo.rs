@@ -9,8 +9,9 @@ use image::codecs::jpeg::JpegEncoder;
 use image::{ImageReader, Rgb, RgbImage, RgbaImage};
 use rayon::prelude::*;
 use warpknit::export::OutputFolder;
-use warpknit::photo::develop::{Developed, Scale, Settings, develop, save};
-use warpknit::photo::{read_maps, read_photo};
+use warpknit::folder::yarn_maps::save;
+use warpknit::photo::yarn::develop::{Developed, Scale, Settings, develop};
+use warpknit::photo::yarn::{read_maps, read_photo};
 
 /// How many photos are developed: of yarns as large as they are to be, of small ones, and of such
 /// with a ply that is hardly seen.

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use warpknit::capture::THICKNESS;
+use warpknit::photo::capture::THICKNESS;
 
 use super::Running;
 use crate::cli::values::{brightness, contrast, positive, rectangle, two_vectors};

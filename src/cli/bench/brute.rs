@@ -13,7 +13,7 @@ use warpknit::drape::{self, Block, Cloth, Options};
 use warpknit::garment::Panel;
 use warpknit::ids::index32;
 use warpknit::locate::SurfacePoint;
-use warpknit::locate::sign::crosses;
+use warpknit::locate::orient2d::crosses;
 use warpknit::map::{Mapping, map};
 
 use super::measure::{Moment, Sample};

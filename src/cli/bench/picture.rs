@@ -1,8 +1,8 @@
 //! The pictures that are timed: their size, their number, and what draws them.
 
 use anyhow::Result;
+use warpknit::render::scene::Scene;
 use warpknit::render::{Camera, Choice, Options, Painter, View};
-use warpknit::scene::Scene;
 
 use super::super::args::Bench;
 use super::measure::{Moment, Sample};

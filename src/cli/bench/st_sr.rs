@@ -4,8 +4,9 @@
 //! its sizes are not printed either.
 
 use anyhow::Result;
-use warpknit::drape::{Cloth, Options, Stage, picture, swatch_panel};
+use warpknit::drape::{Cloth, Options, Stage, swatch_panel};
 use warpknit::fabric::Fabric;
+use warpknit::render::cloth;
 use warpknit::yarn::tube::Section;
 
 use super::super::args::{Bench, DEFAULT_FABRIC};
@@ -55,7 +56,7 @@ pub(super) fn st_sr(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<
     for (at, side) in SIDES.into_iter().enumerate() {
         let (panel, mut all) = (swatch_panel(&fabric, side, side), Vec::new());
         let cloth = Cloth::swatch(&panel, &fabric, side, side);
-        let scene = picture::of(&cloth, &fabric);
+        let scene = cloth::of(&cloth, &fabric);
         let mut one_for_all =
             if easel.heeds_tubes() { None } else { Some(easel.timed(&scene)?.into_iter().cycle()) };
         for (number, (st, sr)) in SECTIONS.into_iter().enumerate() {

@@ -5,11 +5,11 @@
 
 use anyhow::Result;
 use image::{Rgba, RgbaImage};
-use warpknit::drape::picture::{laid, looks};
 use warpknit::drape::{Cloth, swatch_panel};
 use warpknit::fabric::Fabric;
+use warpknit::render::cloth::{laid, looks};
 use warpknit::render::maps::{Kind, Maps, Mips};
-use warpknit::scene::{Scene, Shape};
+use warpknit::render::scene::{Scene, Shape};
 
 use super::super::args::{Bench, DEFAULT_FABRIC};
 use super::measure::Times;

@@ -4,10 +4,11 @@
 //! picture's size.
 
 use anyhow::Result;
-use warpknit::drape::{Cloth, picture};
+use warpknit::drape::Cloth;
 use warpknit::fabric::Fabric;
 use warpknit::garment::Garment;
 use warpknit::ids::index32;
+use warpknit::render::cloth;
 
 use super::super::args::{Bench, DEFAULT_FABRIC};
 use super::garments::{Garments, Shipped, fitted};
@@ -70,7 +71,7 @@ pub(super) fn total(
 fn measure(easel: &Easel, garment: &Garment, fabric: &Fabric) -> Result<[Times; 3]> {
     measured_parts(easel.runs, &mut || {
         let start = Moment::now();
-        let scene = picture::of(&Cloth::cover(garment, fabric)?, fabric);
+        let scene = cloth::of(&Cloth::cover(garment, fabric)?, fabric);
         let cloth = start.elapsed();
         let picture = easel.draw(&scene)?;
         Ok([cloth, picture, cloth + picture])

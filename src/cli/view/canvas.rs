@@ -12,9 +12,10 @@ use eframe::egui::TextureId;
 use eframe::egui_wgpu::RenderState;
 use eframe::wgpu;
 use image::RgbaImage;
-use warpknit::render::gpu::{Gpu, GpuError, Renderer, Yarns};
+use warpknit::render::GpuError;
+use warpknit::render::gpu::{Gpu, Renderer, Yarns};
+use warpknit::render::scene::Scene;
 use warpknit::render::{Camera, Options};
-use warpknit::scene::Scene;
 
 use super::panel::Look;
 

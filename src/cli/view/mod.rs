@@ -1,13 +1,13 @@
 //! `warpknit view`: a garment or a swatch in a window, knitted again as one chooses.
 //!
 //! In: the arguments of `drape`, or the size of a swatch. Out: a window until it is closed.
-//! [`stock`] says what can be knitted, [`worker`] knits it on a thread of its own, [`canvas`] draws
+//! [`cloth_source`] says what can be knitted, [`worker`] knits it on a thread of its own, [`canvas`] draws
 //! it, [`orbit`] is the camera, [`panel`] what can be chosen; [`window`] joins them.
 
 mod canvas;
+mod cloth_source;
 mod orbit;
 mod panel;
-mod stock;
 mod window;
 mod worker;
 
@@ -22,7 +22,7 @@ use warpknit::render::Choice;
 
 use super::args::Live;
 use super::clock::{Clock, Task};
-use stock::Stock;
+use cloth_source::Stock;
 use window::Window;
 
 /// The window's name.

@@ -7,11 +7,11 @@ use eframe::egui::{
     Ui, vec2,
 };
 use glam::Vec3;
+use warpknit::render::scene::Shape;
 use warpknit::render::{self, Background, Light, View};
-use warpknit::scene::Shape;
 
 use super::super::args::Shared;
-use super::stock::{Recipe, Stock};
+use super::cloth_source::{Recipe, Stock};
 
 /// Sides by name, in the order of the keys 1 to 6.
 pub(super) const VIEWS: [(&str, View); 6] = [

@@ -20,9 +20,9 @@ use warpknit::render::View;
 
 use super::super::args::{Live, MOST_PIXELS};
 use super::canvas::{Canvas, Shot};
+use super::cloth_source::{Knitted, Recipe, Stock};
 use super::orbit::Orbit;
 use super::panel::{self, Action, Facts, Settings, VIEWS};
-use super::stock::{Knitted, Recipe, Stock};
 use super::worker::Worker;
 
 /// How long after the last change things count as moving: longer where a full frame would hold up

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, anyhow};
 
-use super::stock::{Knitted, Recipe, Stock};
+use super::cloth_source::{Knitted, Recipe, Stock};
 
 /// How long cloth is knitted on although a newer one is wanted.
 const PATIENCE: Duration = Duration::from_millis(400);

@@ -1,0 +1,140 @@
+//! The plan of laid cloth: its strands as they lie in some cells, seen from the technical face.
+//!
+//! In: a laid [`Fabric`]. Out: a [`Drawing`]: each strand as wide as its yarn, straight from point
+//! to point, those parts that lie above the cloth's middle over all that lie below it, with dark
+//! edges.
+
+use glam::DVec2;
+
+use super::path::Piece;
+use super::{
+    Anchor, Drawing, FAINT, HAIR, HEADING, INK, Layer, MARGIN, Shape, TextSize, shortened,
+};
+use warpknit_core::fabric::yarn::Color;
+use warpknit_core::fabric::{BarKind, Fabric, Path};
+use warpknit_core::number::byte;
+
+/// Cells each way, and the longer side of one, px.
+const CELLS: u8 = 3;
+const SIDE: f64 = 110.0;
+const VIEW: &str = "seen from the technical face";
+/// Yarns are drawn this share of their width, so that neighbours can be told apart.
+const SHOWN: f64 = 0.85;
+/// How light the edges of what lies above are, and what lies below.
+const EDGE: f32 = 0.4;
+const UNDER: f32 = 0.7;
+
+pub(super) fn draw(fabric: &Fabric) -> Drawing {
+    let spacing = DVec2::new(fabric.wale_spacing(), fabric.course_spacing());
+    let scale = SIDE / spacing.max_element();
+    let cell = spacing * scale;
+    let sheet = cell * f64::from(CELLS);
+    let origin = DVec2::new(MARGIN, MARGIN + HEADING + sheet.y);
+    let text = |at: DVec2, text: &str, size| Shape::Text {
+        at,
+        text: shortened(text),
+        size,
+        anchor: Anchor::Start,
+    };
+    let sides = (0..=CELLS).map(f64::from).flat_map(|count| {
+        let line = |from: DVec2, to: DVec2| {
+            let place = |at: DVec2| origin + at * cell * DVec2::new(1.0, -1.0);
+            Shape::Path {
+                pieces: vec![Piece::Move(place(from)), Piece::Line(place(to))],
+                width: 1.0,
+            }
+        };
+        let last = f64::from(CELLS);
+        [
+            line(DVec2::new(count, 0.0), DVec2::new(count, last)),
+            line(DVec2::new(0.0, count), DVec2::new(last, count)),
+        ]
+    });
+    let mut layers = vec![Layer { name: "cells".to_owned(), color: HAIR, shapes: sides.collect() }];
+    for (name, above) in [("under", false), ("over", true)] {
+        for (number, ((bar, path), thickness)) in
+            (1..).zip(fabric.bars.iter().zip(&fabric.paths).zip(fabric.thickness()))
+        {
+            let width = SHOWN * 2.0 * thickness * fabric.radius() * scale;
+            let lines = |width: f64| {
+                lines(path, bar.kind, above, |at| origin + at * cell * DVec2::new(1.0, -1.0), width)
+            };
+            let color = bar.yarn.color;
+            if above {
+                layers.push(Layer {
+                    name: format!("strand-{number}-edge"),
+                    color: shaded(color, EDGE),
+                    shapes: lines(width + 2.0),
+                });
+            }
+            let color = if above { color } else { shaded(color, UNDER) };
+            layers.push(Layer {
+                name: format!("strand-{number}-{name}"),
+                color,
+                shapes: lines(width),
+            });
+        }
+    }
+    let faint = vec![text(DVec2::new(MARGIN, MARGIN + 34.0), VIEW, TextSize::Small)];
+    let ink = vec![text(DVec2::new(MARGIN, MARGIN + 14.0), &fabric.name, TextSize::Title)];
+    layers.push(Layer { name: "notes".to_owned(), color: FAINT, shapes: faint });
+    layers.push(Layer { name: "text".to_owned(), color: INK, shapes: ink });
+    let widest = [(fabric.name.as_str(), TextSize::Title), (VIEW, TextSize::Small)]
+        .map(|(words, size)| size.width(&shortened(words)));
+    let width = widest.into_iter().fold(sheet.x, f64::max);
+    Drawing { size: DVec2::new(width + 2.0 * MARGIN, origin.y + MARGIN), layers, notes: Vec::new() }
+}
+
+/// A darker colour.
+fn shaded(Color(bytes): Color, share: f32) -> Color {
+    Color(bytes.map(|value| byte(f32::from(value) * share)))
+}
+
+/// The spans of a strand whose middle is above the cloth's, or isn't, in all cells. Those that
+/// leave the sheet are left out.
+fn lines(
+    path: &Path,
+    kind: BarKind,
+    above: bool,
+    place: impl Fn(DVec2) -> DVec2,
+    width: f64,
+) -> Vec<Shape> {
+    let period = if kind == BarKind::LaidAcross { DVec2::X } else { DVec2::Y };
+    let ends: Vec<_> = path.iter().map(|point| (point.truncate(), point.z)).collect();
+    let next = ends.iter().skip(1).copied().chain([(ends[0].0 + period, ends[0].1)]);
+    let spans: Vec<_> = ends
+        .iter()
+        .copied()
+        .zip(next)
+        .filter(|((_, low), (_, high))| (low + high > 0.0) == above)
+        .collect();
+    let cells = (0..CELLS).flat_map(|row| {
+        (0..CELLS).map(move |column| DVec2::new(f64::from(column), f64::from(row)))
+    });
+    let inside = |at: DVec2| at.min_element() >= 0.0 && at.max_element() <= f64::from(CELLS);
+    cells
+        .flat_map(|cell| spans.iter().map(move |((from, _), (to, _))| (cell + from, cell + to)))
+        .filter(|(from, to)| inside(*from) && inside(*to))
+        .map(|(from, to)| Shape::Path {
+            pieces: vec![Piece::Move(place(from)), Piece::Line(place(to))],
+            width,
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_strand_is_over_where_it_is_above_the_middle() {
+        let path = vec![
+            glam::DVec3::new(0.5, 0.1, 0.2),
+            glam::DVec3::new(0.5, 0.4, 0.2),
+            glam::DVec3::new(0.5, 0.7, -0.3),
+        ];
+        let of = |above| lines(&path, BarKind::LaidAlong, above, |at| at, 1.0);
+        // One span of three is above; of those that go on, the topmost row's leave the sheet.
+        assert_eq!((of(true).len(), of(false).len()), (9, 9 + 6));
+    }
+}

@@ -1,0 +1,198 @@
+//! A drawing as SVG: a group a layer, text as text, nothing that a hand can't edit but pictures,
+//! which are in it as PNG.
+
+use std::fmt::{self, Write};
+
+use glam::DVec2;
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ExtendedColorType, ImageEncoder, RgbaImage};
+
+use super::png::SCALE;
+use super::{Anchor, Drawing, Layer, Piece, Shape, TextSize};
+
+/// The text of an `.svg` file.
+///
+/// ```
+/// use warpknit::{chart::{Drawing, svg}, fabric::Fabric};
+/// let text = svg::text(&Drawing::of(&Fabric::named("tricot").unwrap()));
+/// assert!(text.starts_with("<svg") && text.contains(r#"<g id="bar-1""#));
+/// ```
+#[must_use]
+pub fn text(drawing: &Drawing) -> String {
+    let mut text = String::new();
+    write(&mut text, drawing).expect("a string takes everything");
+    text
+}
+
+fn write(out: &mut String, drawing: &Drawing) -> fmt::Result {
+    let (width, height) = (Px(drawing.size.x), Px(drawing.size.y));
+    writeln!(
+        out,
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\" \
+         font-family=\"'Noto Sans Mono', 'DejaVu Sans Mono', monospace\">"
+    )?;
+    writeln!(out, "<rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>")?;
+    for layer in drawing.layers.iter().filter(|layer| !layer.shapes.is_empty()) {
+        group(out, layer)?;
+    }
+    writeln!(out, "</svg>")
+}
+
+fn group(out: &mut String, layer: &Layer) -> fmt::Result {
+    let Layer { name, color, shapes } = layer;
+    let lines =
+        shapes.iter().all(|shape| matches!(shape, Shape::Path { .. } | Shape::Title { .. }));
+    // A pointer is to find what lines enclose too, though it isn't filled.
+    let rests = if shapes.iter().any(|shape| matches!(shape, Shape::Title { .. })) {
+        " pointer-events=\"all\""
+    } else {
+        ""
+    };
+    let paint = if lines {
+        format!(
+            "fill=\"none\" stroke=\"{color}\" stroke-linecap=\"round\" stroke-linejoin=\"round\"{rests}"
+        )
+    } else {
+        format!("fill=\"{color}\"")
+    };
+    writeln!(out, "<g id=\"{name}\" {paint}>")?;
+    for shape in shapes {
+        match shape {
+            Shape::Title { text } => writeln!(out, "<title>{}</title>", Escaped(text))?,
+            Shape::Path { pieces, width } => {
+                writeln!(out, "<path stroke-width=\"{}\" d=\"{}\"/>", Px(*width), Track(pieces))?;
+            }
+            Shape::Area { pieces } => {
+                writeln!(out, "<path fill-rule=\"evenodd\" d=\"{}\"/>", Track(pieces))?;
+            }
+            Shape::Picture { at, picture: pixels } => picture(out, *at, pixels)?,
+            Shape::Dot { at, radius } => {
+                writeln!(
+                    out,
+                    "<circle cx=\"{}\" cy=\"{}\" r=\"{}\"/>",
+                    Px(at.x),
+                    Px(at.y),
+                    Px(*radius)
+                )?;
+            }
+            Shape::Text { at, text, size, anchor } => {
+                let place = match anchor {
+                    Anchor::Start => "",
+                    Anchor::Middle => " text-anchor=\"middle\"",
+                    Anchor::End => " text-anchor=\"end\"",
+                };
+                let weight = if *size == TextSize::Title { " font-weight=\"bold\"" } else { "" };
+                let (x, y, size) = (Px(at.x), Px(at.y), Px(size.px()));
+                // Spaces in a row line up the legend's columns.
+                let text = Escaped(text);
+                writeln!(
+                    out,
+                    "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\"{place}{weight} xml:space=\"preserve\">{text}</text>"
+                )?;
+            }
+        }
+    }
+    writeln!(out, "</g>")
+}
+
+/// Pixels as an image that holds its own file. The old name of its address is the one that every
+/// program knows.
+fn picture(out: &mut String, at: DVec2, pixels: &RgbaImage) -> fmt::Result {
+    let mut file = Vec::new();
+    let encoder =
+        PngEncoder::new_with_quality(&mut file, CompressionType::Default, FilterType::Adaptive);
+    encoder
+        .write_image(pixels.as_raw(), pixels.width(), pixels.height(), ExtendedColorType::Rgba8)
+        .expect("memory takes any picture");
+    let [width, height] = [pixels.width(), pixels.height()].map(|side| Px(f64::from(side) / SCALE));
+    let (x, y) = (Px(at.x), Px(at.y));
+    write!(
+        out,
+        "<image x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" "
+    )?;
+    write!(out, "xlink:href=\"data:image/png;base64,")?;
+    base64(out, &file);
+    writeln!(out, "\"/>")
+}
+
+/// Bytes as text, three to four characters (RFC 4648).
+fn base64(out: &mut String, bytes: &[u8]) {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    for three in bytes.chunks(3) {
+        let byte = |at: usize| three.get(at).map_or(0, |&byte| u32::from(byte));
+        let bits = byte(0) << 16 | byte(1) << 8 | byte(2);
+        for (digit, shift) in [18, 12, 6, 0].into_iter().enumerate() {
+            out.push(if digit <= three.len() {
+                char::from(DIGITS[(bits >> shift & 63) as usize])
+            } else {
+                '='
+            });
+        }
+    }
+}
+
+/// A length with at most two decimals and no idle zeros.
+struct Px(f64);
+
+impl fmt::Display for Px {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // Adding 0 turns a rounded -0 into 0.
+        write!(f, "{}", (self.0 * 100.0).round() / 100.0 + 0.0)
+    }
+}
+
+/// The `d` of a path.
+struct Track<'a>(&'a [Piece]);
+
+impl fmt::Display for Track<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let point = |p: DVec2| format!("{} {}", Px(p.x), Px(p.y));
+        for (at, piece) in self.0.iter().enumerate() {
+            f.write_str(if at == 0 { "" } else { " " })?;
+            match *piece {
+                Piece::Move(end) => write!(f, "M{}", point(end))?,
+                Piece::Line(end) => write!(f, "L{}", point(end))?,
+                Piece::Curve(a, b, end) => write!(f, "C{} {} {}", point(a), point(b), point(end))?,
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Text without what XML reads as marks, and without characters that no XML may hold.
+struct Escaped<'a>(&'a str);
+
+impl fmt::Display for Escaped<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.chars().try_for_each(|c| match c {
+            '&' => f.write_str("&amp;"),
+            '<' => f.write_str("&lt;"),
+            '>' => f.write_str("&gt;"),
+            c if c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}') => f.write_char('\u{fffd}'),
+            c => f.write_char(c),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_short_and_text_is_escaped() {
+        assert_eq!(
+            [1.0, -0.001, 2.345, 10.5].map(|px| Px(px).to_string()),
+            ["1", "0", "2.35", "10.5"]
+        );
+        let encoded = |text: &str| {
+            let mut out = String::new();
+            base64(&mut out, text.as_bytes());
+            out
+        };
+        assert_eq!(
+            ["", "f", "fo", "foo", "foob"].map(encoded),
+            ["", "Zg==", "Zm8=", "Zm9v", "Zm9vYg=="]
+        );
+        assert_eq!(Escaped("a<b & \u{1}c>").to_string(), "a&lt;b &amp; \u{fffd}c&gt;");
+    }
+}

@@ -1,0 +1,436 @@
+//! The garment: panels that know where each of their flat triangles lies when draped.
+//!
+//! In: one OBJ with `vt`, or a flat and a draped OBJ ([`read`]). Out: a [`Garment`] in millimetres,
+//! each [`Panel`] in axes of its own. The specification's garment page says what real files hold
+//! and what is made of it.
+//!
+//! The way: `obj` makes a mesh of the text, `pair` pairs flat and draped triangles, `panel` finds
+//! the connected pieces and their planes, `unit` finds the millimetres, `error` says what was
+//! wrong.
+//!
+//! Not promised: that flat and draped are the same cloth (only that they pair), and anything about
+//! self-intersection.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use glam::{DAffine3, DVec2, DVec3};
+
+use crate::ids::FaceId;
+
+mod error;
+mod frames;
+mod obj;
+mod order;
+mod pair;
+mod panel;
+mod records;
+mod rectangle;
+pub mod stretch;
+mod unit;
+
+pub use error::{Fault, GarmentError};
+pub use frames::Frames;
+pub use unit::{Unit, UnknownUnit};
+
+use obj::ObjMesh;
+use pair::{Pairs, Pattern};
+use panel::{Piece, Refusal, Refused};
+
+/// What the user may say about the files.
+///
+/// The default guesses units and scale, lays the wales along the flat y axis and leaves the cloth's
+/// sides as they are.
+#[derive(Clone, Debug, Default)]
+pub struct ReadOptions {
+    /// Unit of the draped coordinates; guessed where absent.
+    pub unit: Option<Unit>,
+    /// mm that one flat unit stands for; estimated where absent.
+    pub uv_scale: Option<f64>,
+    /// Turns the wale direction in the panel's plane, radians, counter-clockwise as seen from the
+    /// technical face.
+    pub grain: f64,
+    /// Puts the technical face on the other side of the cloth.
+    pub turn: bool,
+}
+
+/// A panel: one connected piece of the flat pattern, with its draped positions.
+///
+/// Panel axes: `u` across the wales, to the right seen from the technical face; `v` along the
+/// wales; `w` out of the technical face. Triangles are counter-clockwise in (u, v), and their
+/// draped winding points out of the technical face.
+#[derive(Clone, Debug)]
+pub struct Panel {
+    /// Flat vertices in panel axes, mm.
+    pub uv: Vec<DVec2>,
+    /// The same vertices draped, mm.
+    pub draped: Vec<DVec3>,
+    /// Unit draped vertex normals, angle-weighted over this panel's triangles alone (split at panel
+    /// borders).
+    pub normals: Vec<DVec3>,
+    /// Triangles that can hold stitches, those next to each other on the panel near each other
+    /// here.
+    pub triangles: Vec<[u32; 3]>,
+    /// The face of each triangle.
+    pub faces: Vec<FaceId>,
+    /// Triangles wound against their panel: they take no stitches, but points that fall there are
+    /// counted as lost.
+    pub flipped: Vec<[u32; 3]>,
+    /// Panel axes (u, v, depth) to the flat mesh's own axes, both in mm.
+    pub flat_from_panel: DAffine3,
+    /// Whether the flat piece lies mirrored (clockwise) in its own plane.
+    pub mirrored: bool,
+}
+
+/// All panels of a garment, and what was noticed while reading.
+#[derive(Clone, Debug)]
+pub struct Garment {
+    /// Usable panels, in order of their lowest face.
+    pub panels: Vec<Panel>,
+    /// What reading found.
+    pub facts: Facts,
+}
+
+/// What reading found, for the report and for `inspect`.
+#[derive(Clone, Debug, Default)]
+pub struct Facts {
+    /// Triangles in the file, usable or not.
+    pub triangles: usize,
+    /// Name of the unit that draped coordinates are in: mm, cm, dm, m, in.
+    pub unit: &'static str,
+    /// Whether the unit was guessed, and not given.
+    pub unit_guessed: bool,
+    /// mm that one flat unit stands for (the garment's; panels that differ are named in
+    /// `warnings`).
+    pub uv_scale_mm: f64,
+    /// Triangles without flat area.
+    pub degenerate: usize,
+    /// Triangles wound against their panel.
+    pub flipped: usize,
+    /// Triangles with a corner that has no `vt`.
+    pub untextured: usize,
+    /// Pieces of the pattern that are no panel: without area, or out of their plane.
+    pub refused: usize,
+    /// What is known of each panel besides what [`Panel`] holds, in the same order.
+    pub panels: Vec<PanelFacts>,
+    /// One line each, fit for the user.
+    pub warnings: Vec<String>,
+}
+
+/// What reading found out about one panel.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PanelFacts {
+    /// mm that one flat unit stands for in this panel.
+    pub scale_mm: f64,
+    /// Its triangles without flat area.
+    pub degenerate: usize,
+}
+
+impl Panel {
+    /// Flat area that can hold stitches, mm².
+    #[must_use]
+    pub fn area(&self) -> f64 {
+        let twice = |&[a, b, c]: &[u32; 3]| {
+            let [a, b, c] = [a, b, c].map(|vertex| self.uv[vertex as usize]);
+            (b - a).perp_dot(c - a)
+        };
+        0.5 * self.triangles.iter().map(twice).sum::<f64>()
+    }
+
+    /// Flat extent along u and v, mm.
+    #[must_use]
+    pub fn size(&self) -> DVec2 {
+        let [low, high] = self.bounds();
+        high - low
+    }
+
+    /// The lowest-left and the highest-right corner of its bounding box in panel axes, mm.
+    #[must_use]
+    pub fn bounds(&self) -> [DVec2; 2] {
+        let uv = self.uv.iter().copied();
+        [uv.clone().fold(DVec2::INFINITY, DVec2::min), uv.fold(DVec2::NEG_INFINITY, DVec2::max)]
+    }
+
+    /// Edges with more than two triangles, flipped ones included.
+    #[must_use]
+    pub fn non_manifold_edges(&self) -> usize {
+        let mut triangles_at: HashMap<[u32; 2], u32> = HashMap::new();
+        for &[a, b, c] in self.triangles.iter().chain(&self.flipped) {
+            for [a, b] in [[a, b], [b, c], [c, a]] {
+                *triangles_at.entry([a.min(b), a.max(b)]).or_default() += 1;
+            }
+        }
+        triangles_at.values().filter(|&&count| count > 2).count()
+    }
+}
+
+impl Garment {
+    /// Turns the wale direction of one panel further, on top of [`ReadOptions::grain`]: radians,
+    /// counter-clockwise seen from the technical face. A panel that isn't there is left to whoever
+    /// lays a fabric out to tell of.
+    ///
+    /// ```
+    /// use warpknit_core::garment::Garment;
+    /// let mut garment = Garment::rectangle(100.0, 40.0);
+    /// garment.turn_grain(0, std::f64::consts::FRAC_PI_2);
+    /// assert!((garment.panels[0].size().x - 40.0).abs() < 1e-9);
+    /// ```
+    pub fn turn_grain(&mut self, panel: usize, grain: f64) {
+        let Some(turned) = self.panels.get_mut(panel) else { return };
+        let lost = turned.turn_grain(grain);
+        self.facts.degenerate += lost;
+        if let Some(facts) = self.facts.panels.get_mut(panel) {
+            facts.degenerate += lost;
+        }
+    }
+}
+
+/// Reads a garment: `flat` and `draped`, or one file whose `vt` are the flat pattern.
+///
+/// # Errors
+/// [`GarmentError`]: one line that names the file, the line where there is one, and what to do. No
+/// input makes it panic.
+///
+/// ```
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// use warpknit_core::garment::{ReadOptions, read};
+/// let path = tempfile::NamedTempFile::new()?;
+/// std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 0 1\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n")?;
+/// let garment = read(path.path(), None, &ReadOptions::default())?;
+/// assert_eq!(garment.facts.unit, "m");
+/// assert!((garment.panels[0].area() - 500_000.0).abs() < 1e-6);
+/// # Ok(())
+/// # }
+/// ```
+pub fn read(
+    flat: &Path,
+    draped: Option<&Path>,
+    options: &ReadOptions,
+) -> Result<Garment, GarmentError> {
+    Files::read(flat, draped, options)?.garment(options).map(|(garment, _, _)| garment)
+}
+
+/// The files of a garment, paired.
+struct Files<'a> {
+    path: &'a Path,
+    flat: ObjMesh,
+    /// The flat file itself where there is no other.
+    draped: Option<ObjMesh>,
+    pattern: Pattern,
+    pairs: Pairs,
+    pieces: Vec<Result<Piece, Refused>>,
+}
+
+impl<'a> Files<'a> {
+    fn read(
+        path: &'a Path,
+        draped_path: Option<&Path>,
+        options: &ReadOptions,
+    ) -> Result<Self, GarmentError> {
+        check(options)?;
+        let flat = obj::read(path)?;
+        let draped = draped_path.map(obj::read).transpose()?;
+        let pair = |pattern| match draped_path.zip(draped.as_ref()) {
+            None => pair::with_texture(&flat, path),
+            Some((draped_path, draped)) => {
+                pair::two_files(&flat, draped, [path, draped_path], pattern)
+            }
+        };
+        let mut pattern = if draped.is_some() { Pattern::Positions } else { Pattern::Texture };
+        let mut pairs = pair(pattern)?;
+        let mut pieces = panel::pieces(&pairs);
+        // A garment at rest on the body is no pattern, but may carry one.
+        let leaves_plane =
+            |piece: &Result<Piece, Refused>| matches!(piece, Err((Refusal::NotFlat(_), _, _)));
+        if pattern == Pattern::Positions && flat.is_textured() && pieces.iter().any(leaves_plane) {
+            pattern = Pattern::Texture;
+            pairs = pair(pattern)?;
+            pairs.warnings.push(format!(
+                "{} does not lie flat: its vt are taken for the flat pattern",
+                path.display()
+            ));
+            pieces = panel::pieces(&pairs);
+        }
+        Ok(Self { path, flat, draped, pattern, pairs, pieces })
+    }
+
+    /// The garment, the unit of its draped positions, and itself, for frames to be paired with.
+    fn garment(mut self, options: &ReadOptions) -> Result<(Garment, Unit, Self), GarmentError> {
+        let mut facts = Facts {
+            triangles: self.pairs.total,
+            untextured: self.pairs.untextured,
+            warnings: std::mem::take(&mut self.pairs.warnings),
+            ..Facts::default()
+        };
+        let pairs = &self.pairs;
+        let unit = settle_unit(pairs, options, &mut facts);
+        let pieces = usable_pieces(std::mem::take(&mut self.pieces), self.path, &mut facts)?;
+        let scales = settle_scales(
+            pairs,
+            &pieces,
+            unit,
+            options,
+            self.pattern == Pattern::Positions,
+            &mut facts,
+        );
+        let panels: Vec<Panel> = pieces
+            .iter()
+            .zip(scales)
+            .map(|(piece, scale_mm)| {
+                let (panel, degenerate) = piece.panel(pairs, scale_mm, unit.millimetres(), options);
+                facts.panels.push(PanelFacts { scale_mm, degenerate });
+                facts.degenerate += degenerate;
+                panel
+            })
+            .collect();
+        count_defects(&panels, &mut facts);
+        Ok((Garment { panels, facts }, unit, self))
+    }
+}
+
+fn check(options: &ReadOptions) -> Result<(), GarmentError> {
+    if !options.grain.is_finite() {
+        return Err(GarmentError::Option {
+            option: "--grain",
+            value: options.grain,
+            must: "a finite angle",
+        });
+    }
+    match options.uv_scale {
+        Some(value) if !(1e-9..=1e9).contains(&value) => Err(GarmentError::Option {
+            option: "--uv-scale",
+            value,
+            must: "between 1e-9 and 1e9 mm per flat unit",
+        }),
+        _ => Ok(()),
+    }
+}
+
+/// The draped unit, given or guessed from the paired triangles.
+fn settle_unit(pairs: &Pairs, options: &ReadOptions, facts: &mut Facts) -> Unit {
+    let extent = pairs.draped_extent().max_element();
+    let (guess, fits) = unit::guess(extent);
+    let unit = options.unit.unwrap_or(guess);
+    facts.unit = unit.name();
+    facts.unit_guessed = options.unit.is_none();
+    if facts.unit_guessed && !fits {
+        let (least, most) = unit::GARMENT_SIZE;
+        facts.warnings.push(format!(
+            "in no unit is the garment between {least} mm and {most} mm: {unit} is taken, which makes it {:.4} mm; --unit says otherwise",
+            extent * unit.millimetres()
+        ));
+    }
+    unit
+}
+
+/// The pieces that can be knitted on; the others are counted and warned of.
+fn usable_pieces(
+    pieces: Vec<Result<Piece, Refused>>,
+    flat: &Path,
+    facts: &mut Facts,
+) -> Result<Vec<Piece>, GarmentError> {
+    let mut usable = Vec::new();
+    let mut refusals = Vec::new();
+    for piece in pieces {
+        match piece {
+            Ok(piece) => usable.push(piece),
+            Err((refusal, triangles, polygon)) => {
+                facts.refused += 1;
+                let why = match refusal {
+                    Refusal::NoFlatArea => {
+                        facts.degenerate += triangles;
+                        "has no flat area".to_owned()
+                    }
+                    Refusal::NoDrapedArea => "has no draped area".to_owned(),
+                    Refusal::NotFlat(share) => {
+                        format!(
+                            "leaves its plane by {:.1} % of its size (2 % is the most)",
+                            100.0 * share
+                        )
+                    }
+                };
+                refusals.push(format!(
+                    "the piece of {triangles} triangles at face {} {why}",
+                    polygon + 1
+                ));
+            }
+        }
+    }
+    if usable.is_empty() {
+        let reason = format!("{}: is this the flat pattern?", shortened(&refusals));
+        return Err(GarmentError::NoPanel { path: flat.to_path_buf(), reason });
+    }
+    if !refusals.is_empty() {
+        facts.warnings.push(format!("left out: {}", shortened(&refusals)));
+    }
+    Ok(usable)
+}
+
+/// mm per flat unit for each piece.
+fn settle_scales(
+    pairs: &Pairs,
+    pieces: &[Piece],
+    unit: Unit,
+    options: &ReadOptions,
+    flat_file: bool,
+    facts: &mut Facts,
+) -> Vec<f64> {
+    if let Some(scale) = options.uv_scale {
+        facts.uv_scale_mm = scale;
+        return vec![scale; pieces.len()];
+    }
+    let mut all: Vec<Vec<_>> =
+        pieces.iter().map(|piece| piece.stretches(pairs, unit.millimetres())).collect();
+    let own: Vec<f64> = all.iter_mut().map(|stretches| unit::scale(stretches)).collect();
+    let scales = unit::settle(unit::scale(&mut all.concat()), &own, flat_file);
+    facts.uv_scale_mm = scales.garment;
+    if !scales.differing.is_empty() {
+        let names: Vec<_> =
+            scales.differing.iter().map(|&i| format!("panel {i} {:.4}", own[i])).collect();
+        facts.warnings.push(format!(
+            "panels differ in scale from the garment's {:.4} mm per flat unit and take their own: {}; --uv-scale sets one for all",
+            scales.garment,
+            shortened(&names)
+        ));
+    }
+    scales.panels
+}
+
+/// Counts what takes no stitches, and warns of it.
+fn count_defects(panels: &[Panel], facts: &mut Facts) {
+    facts.flipped = panels.iter().map(|panel| panel.flipped.len()).sum();
+    if facts.flipped > 0 {
+        let of = |(i, panel): (usize, &Panel)| {
+            (!panel.flipped.is_empty()).then(|| format!("{} in panel {i}", panel.flipped.len()))
+        };
+        let places: Vec<_> = panels.iter().enumerate().filter_map(of).collect();
+        facts.warnings.push(format!(
+            "{} flat triangles are flipped against their panel and take no stitches: {}",
+            facts.flipped,
+            shortened(&places)
+        ));
+    }
+    if facts.degenerate > 0 {
+        facts
+            .warnings
+            .push(format!("{} triangles have no flat area and take no stitches", facts.degenerate));
+    }
+    // A sewing pattern has large pieces; an automatic unwrap falls apart into scraps on which no
+    // fabric can be seen.
+    let usable: usize = panels.iter().map(|panel| panel.triangles.len()).sum();
+    if panels.len() > 8 && usable < 4 * panels.len() {
+        facts.warnings.push(format!(
+            "the pattern is in {} pieces of {:.1} triangles each: is it an atlas and not a sewing pattern?",
+            panels.len(),
+            usable as f64 / panels.len() as f64
+        ));
+    }
+}
+
+/// A list for one line: its first eight entries, and how many more there are.
+fn shortened(entries: &[String]) -> String {
+    let shown = entries.len().min(8);
+    let more = entries.len() - shown;
+    let list = entries[..shown].join(", ");
+    if more > 0 { format!("{list} and {more} more") } else { list }
+}

@@ -1,0 +1,533 @@
+//! From lapping to data points: the yarns of a fabric on a flat panel.
+//!
+//! In: a [`Fabric`] and where its [`StructureMesh`] lies. Out: [`Knitted`] data points, step after
+//! step, eight a loop, in panel axes (x across the wales, y along them, z towards the technical
+//! face), mm. A garment is never seen here.
+//!
+//! Everything is worked out on one repeat ([`Pattern::new`]): the wales are bent by the underlaps'
+//! pull (`lattice`), laps become points on them (`stitch`, `repeat`), yarns that would cut each
+//! other are pushed apart (`contact`). Laying a yarn then is an addition a point (about 5 ns).
+//! Source: Liu, Kyosev, Jiang 2022, section 2; the specification's knit page. Not promised: repeats
+//! over [`MOST_RELAXED`] laps are laid out with straight wales and not relaxed.
+
+mod cell_list;
+pub mod clearance;
+mod cover;
+mod lattice;
+pub mod mesh;
+pub mod numbers;
+mod relax;
+mod repeat;
+mod stitch;
+pub mod weft;
+
+use std::ops::Range;
+
+use glam::{DVec2, DVec3};
+
+use crate::fabric::motif::Motif;
+use crate::fabric::{Bar, BarKind, Fabric};
+use crate::ids::index32;
+use lattice::Lattice;
+use mesh::StructureMesh;
+pub use relax::Settled;
+use repeat::Repeat;
+use stitch::Layer;
+use weft::Loops;
+
+/// The largest repeat that is relaxed, laps: some seconds' work.
+pub const MOST_RELAXED: usize = 2_000;
+
+/// What a data point is part of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PointKind {
+    /// S1 to S8 of a loop; of a weft-knit loop the eight places of its curve, each followed by the
+    /// one halfway to the next.
+    Loop,
+    /// A point of a yarn that is laid in.
+    Inlay,
+    /// Where a long underlap leaves one loop or reaches the next.
+    Turn,
+}
+
+/// Where a data point belongs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Tag {
+    /// Course, counted from the panel's lowest.
+    pub course: i32,
+    /// Wale, counted from the panel's leftmost.
+    pub wale: i32,
+    /// Loop, inlay or turn.
+    pub kind: PointKind,
+    /// 1 to 8 in a loop of a warp knit, 1 to 16 in one of a weft knit; counted from 1 within other
+    /// kinds.
+    pub point: u16,
+}
+
+/// Data points of some yarns, in the order in which the yarns run.
+#[derive(Clone, Debug, Default)]
+pub struct Knitted {
+    /// Positions on the flat panel, mm; z is the depth.
+    pub points: Vec<DVec3>,
+    /// What each point is.
+    pub tags: Vec<Tag>,
+    /// Index of the first point of each stitch (a lap with the underlap that follows it).
+    pub stitches: Vec<u32>,
+}
+
+impl Knitted {
+    /// Forgets all points but keeps the memory.
+    pub fn clear(&mut self) {
+        self.points.clear();
+        self.tags.clear();
+        self.stitches.clear();
+    }
+}
+
+/// Loops are laid out for yarns of this share of their thickness, and what cuts then is pushed
+/// apart: cloth is pressed together, and laid out at full thickness a locknit would be a tenth
+/// heavier than mills make it.
+const PRESSED: f64 = 0.75;
+
+/// Laid yarns are pushed apart as if they were this share of their thickness: in woven cloth they
+/// are squeezed flat where they cross. Round ones on square crossings would have no room from .577
+/// of the pitch on (Peirce 1937), and cloth whose yarns hide the ground is far beyond.
+const SQUEEZED: f64 = 0.6;
+
+/// One bar's repeat.
+#[derive(Clone, Debug)]
+struct BarPattern {
+    kind: BarKind,
+    /// Index in [`Repeat::yarns`] of the yarn that each guide (for a weft: each course) of the
+    /// repeat leads, if any.
+    yarns: Vec<Option<usize>>,
+    /// Lowest and highest point of its yarns, relative to gap 0 of their guide and to the course of
+    /// their step, mm.
+    bounds: (DVec2, DVec2),
+}
+
+/// The repeat of a fabric as data points.
+///
+/// A bar's yarns are numbered by their guides and take a step a course; wefts are numbered by their
+/// courses and take a step a wale.
+#[derive(Clone, Debug)]
+pub struct Pattern {
+    repeat: Repeat,
+    bars: Vec<BarPattern>,
+    /// W and C, mm.
+    spacing: DVec2,
+    /// How the relaxation ended, if there was one.
+    settled: Option<Settled>,
+}
+
+impl Pattern {
+    /// Works out the repeat of a fabric. Cost: some milliseconds for a common one, most of it the
+    /// relaxation of its yarns.
+    ///
+    /// ```
+    /// use warpknit_core::{fabric::Fabric, knit::Pattern};
+    /// let pattern = Pattern::new(&Fabric::named("tricot").unwrap());
+    /// assert_eq!(pattern.points_per_repeat(0), 20); // two loops of eight points, two underlaps of two turns
+    /// ```
+    #[must_use]
+    pub fn new(fabric: &Fabric) -> Self {
+        if let Some(motif) = &fabric.motif {
+            return Self::weft_knit(fabric, motif);
+        }
+        if fabric.is_laid() {
+            return Self::laid(fabric);
+        }
+        let (wales, courses) = (fabric.threading_repeat(), fabric.repeat());
+        if wales * courses * fabric.bars.len() > MOST_RELAXED {
+            return Self::straight(fabric);
+        }
+        let lattice = Lattice::relaxed(fabric);
+        let mut pattern = Self::empty(fabric);
+        for (bar, layer) in fabric.bars.iter().zip(layers(fabric, PRESSED)) {
+            let (guides, steps) =
+                if bar.kind == BarKind::Guide { (wales, courses) } else { (courses, wales) };
+            let led = |guide: usize| bar.threading.carries(i64::from(index32(guide)));
+            pattern.add_bar(
+                bar,
+                &layer,
+                &lattice,
+                (0..guides).map(|guide| led(guide).then_some(guide)),
+                steps,
+            );
+        }
+        pattern.settle(
+            fabric,
+            pattern.spacing * DVec2::new(f64::from(index32(wales)), f64::from(index32(courses))),
+            1.0,
+        );
+        pattern.measure_bounds();
+        pattern
+    }
+
+    /// Courses of loops as a motif has them.
+    fn weft_knit(fabric: &Fabric, motif: &Motif) -> Self {
+        let (wales, courses) = (fabric.threading_repeat(), fabric.repeat());
+        let mut pattern = Self::empty(fabric);
+        let loops = Loops { spacing: pattern.spacing, radius: fabric.radius() };
+        for (number, feeder) in fabric.bars.iter().enumerate() {
+            let knits = |course: usize| feeder.threading.carries(i64::from(index32(course)));
+            let yarns = (0..courses).map(|course| {
+                knits(course).then(|| {
+                    pattern.repeat.add_course(number, motif, &loops, course, wales);
+                    pattern.repeat.yarns.len() - 1
+                })
+            });
+            let yarns = yarns.collect();
+            pattern.bars.push(BarPattern {
+                kind: feeder.kind,
+                yarns,
+                bounds: (DVec2::ZERO, DVec2::ZERO),
+            });
+        }
+        if wales * courses <= MOST_RELAXED {
+            pattern.settle(fabric, pattern.spacing * as_vec(wales, courses), 1.0);
+        }
+        pattern.measure_bounds();
+        pattern
+    }
+
+    /// Yarns as their paths say, scaled to the fabric's densities.
+    fn laid(fabric: &Fabric) -> Self {
+        let mut pattern = Self::empty(fabric);
+        let cell = pattern.spacing.extend(fabric.enlargement);
+        for (number, (bar, path)) in fabric.bars.iter().zip(&fabric.paths).enumerate() {
+            pattern.repeat.add_path(
+                number,
+                path.iter().map(|&point| point * cell),
+                if bar.kind.runs_across() { DVec3::X } else { DVec3::Y } * cell,
+            );
+            pattern.bars.push(BarPattern {
+                kind: bar.kind,
+                yarns: vec![Some(number)],
+                bounds: (DVec2::ZERO, DVec2::ZERO),
+            });
+        }
+        pattern.settle(fabric, pattern.spacing, SQUEEZED);
+        pattern.measure_bounds();
+        pattern
+    }
+
+    /// Loops on straight wales, nothing relaxed: one yarn of each bar stands for all of its yarns.
+    fn straight(fabric: &Fabric) -> Self {
+        let lattice = Lattice::straight(fabric, 1, 1);
+        let mut pattern = Self::empty(fabric);
+        for (bar, layer) in fabric.bars.iter().zip(layers(fabric, 1.0)) {
+            let steps = if bar.kind == BarKind::Guide { bar.chain.laps().len() } else { 1 };
+            let led = |guide: usize| bar.threading.carries(i64::from(index32(guide)));
+            pattern.add_bar(
+                bar,
+                &layer,
+                &lattice,
+                (0..bar.threading.repeat()).map(|guide| led(guide).then_some(0)),
+                steps,
+            );
+        }
+        pattern.measure_bounds();
+        pattern
+    }
+
+    fn empty(fabric: &Fabric) -> Self {
+        let spacing = DVec2::new(fabric.wale_spacing(), fabric.course_spacing());
+        Self { repeat: Repeat::default(), bars: Vec::new(), spacing, settled: None }
+    }
+
+    /// Adds a bar whose guides are led as `models` says: like which guide's yarn of the repeat, if
+    /// any.
+    fn add_bar(
+        &mut self,
+        bar: &Bar,
+        layer: &Layer,
+        lattice: &Lattice,
+        models: impl Iterator<Item = Option<usize>>,
+        steps: usize,
+    ) {
+        let number = self.bars.len();
+        let first = self.repeat.yarns.len();
+        let yarns = models.map(|model| {
+            let model = model?;
+            let known = self.repeat.yarns[first..].iter().position(|yarn| yarn.guide == model);
+            Some(
+                first
+                    + known.unwrap_or_else(|| {
+                        self.repeat.add_yarn(bar, number, layer, lattice, [model, steps]);
+                        self.repeat.yarns.len() - 1 - first
+                    }),
+            )
+        });
+        let yarns = yarns.collect();
+        self.bars.push(BarPattern { kind: bar.kind, yarns, bounds: (DVec2::ZERO, DVec2::ZERO) });
+    }
+
+    /// Pushes apart what would cut, were yarns a share as thick as they are.
+    fn settle(&mut self, fabric: &Fabric, cell: DVec2, share: f64) {
+        let thickness = fabric.thickness();
+        let yarns: Vec<_> = self
+            .repeat
+            .yarns
+            .iter()
+            .map(|yarn| relax::Chain {
+                points: self.repeat.points_of(yarn),
+                period: yarn.period,
+                radius: share * thickness[yarn.bar] * fabric.radius(),
+            })
+            .collect();
+        self.settled = Some(relax::settle(&mut self.repeat.points, &yarns, cell));
+    }
+
+    fn measure_bounds(&mut self) {
+        for yarn in &self.repeat.yarns {
+            let bar = &mut self.bars[yarn.bar];
+            for step in 0..yarn.steps.len() - 1 {
+                let home = self.spacing
+                    * if bar.kind.runs_across() {
+                        as_vec(step, yarn.guide)
+                    } else {
+                        as_vec(yarn.guide, step)
+                    };
+                for point in &self.repeat.points[self.repeat.points_of_steps(yarn, step..step + 1)]
+                {
+                    let place = point.truncate() - home;
+                    bar.bounds = (bar.bounds.0.min(place), bar.bounds.1.max(place));
+                }
+            }
+        }
+    }
+
+    /// How the relaxation of the yarns ended; `None` where the repeat is too large for it.
+    #[must_use]
+    pub fn settled(&self) -> Option<Settled> {
+        self.settled
+    }
+
+    /// Data points of one yarn of a bar in one repeat.
+    ///
+    /// # Panics
+    /// If `bar` is not one of the fabric's.
+    #[must_use]
+    pub fn points_per_repeat(&self, bar: usize) -> usize {
+        let yarn = self.bars[bar].yarns.iter().flatten().next();
+        yarn.map_or(0, |&yarn| self.repeat.points_of(&self.repeat.yarns[yarn]).len())
+    }
+
+    /// Whether a bar's yarns run across the wales, as wefts and feeders' yarns do, and not along
+    /// them.
+    #[must_use]
+    pub fn runs_across(&self, bar: usize) -> bool {
+        self.bars[bar].kind.runs_across()
+    }
+
+    /// Numbers of a bar's yarns that may touch a range of x (for wefts: of y), mm from gap 0 of
+    /// guide 0, course 0.
+    pub fn yarns_over(&self, bar: usize, range: Range<f64>) -> impl Iterator<Item = i64> {
+        let bar = &self.bars[bar];
+        let numbers = steps(range, bar.extent(0), self.spacing[bar.axis(0)]);
+        numbers.filter(|&number| bar.yarn(number).is_some())
+    }
+
+    /// The x (for a weft: the y) that a yarn covers, mm from gap 0 of guide 0, course 0.
+    #[must_use]
+    pub fn strip(&self, bar: usize, number: i64) -> Range<f64> {
+        let bar = &self.bars[bar];
+        #[expect(
+            clippy::cast_precision_loss,
+            reason = "guides and courses are counted in thousands"
+        )]
+        let at = number as f64 * self.spacing[bar.axis(0)];
+        let extent = bar.extent(0);
+        at + extent.start..at + extent.end
+    }
+
+    /// The steps of a bar's yarns whose points may touch a range of y (for wefts: of x), mm from
+    /// gap 0 of guide 0, course 0.
+    #[must_use]
+    pub fn steps_along(&self, bar: usize, range: Range<f64>) -> Range<i64> {
+        let bar = &self.bars[bar];
+        steps(range, bar.extent(1), self.spacing[bar.axis(1)])
+    }
+
+    /// Lays one yarn: its data points over `steps`, appended to `knitted`. Numbers without a yarn
+    /// lay nothing.
+    ///
+    /// # Panics
+    /// If `bar` is not one of the fabric's.
+    pub fn lay(
+        &self,
+        bar: usize,
+        number: i64,
+        steps: Range<i64>,
+        mesh: &StructureMesh,
+        knitted: &mut Knitted,
+    ) {
+        let bar = &self.bars[bar];
+        let Some(yarn) = bar.yarn(number).map(|yarn| &self.repeat.yarns[yarn]) else { return };
+        let repeat = i64::from(index32(yarn.steps.len() - 1));
+        let number = number - i64::from(index32(yarn.guide));
+        let gap_0 = mesh.vertex(0, 0) - DVec2::new(self.spacing.x / 2.0, 0.0);
+        for step in steps {
+            let place = step.rem_euclid(repeat);
+            let (wales, courses) = if bar.kind.runs_across() {
+                (step - place, number)
+            } else {
+                (number, step - place)
+            };
+            let moved = |count: i64| {
+                i32::try_from(count).expect("a panel has fewer wales and courses than 2^31")
+            };
+            let (wales, courses) = (moved(wales), moved(courses));
+            let offset = (gap_0 + self.spacing * DVec2::new(f64::from(wales), f64::from(courses)))
+                .extend(0.0);
+            let place = usize::try_from(place).expect("a remainder is not negative");
+            let points = self.repeat.points_of_steps(yarn, place..place + 1);
+            let start = index32(knitted.points.len());
+            let stitches =
+                &self.repeat.stitches[yarn.steps[place] as usize..yarn.steps[place + 1] as usize];
+            knitted
+                .stitches
+                .extend(stitches.iter().map(|stitch| start + stitch - index32(points.start)));
+            knitted
+                .points
+                .extend(self.repeat.points[points.clone()].iter().map(|&point| point + offset));
+            let tags = &self.repeat.tags[points];
+            knitted.tags.extend(tags.iter().map(|tag| Tag {
+                course: tag.course + courses,
+                wale: tag.wale + wales,
+                ..*tag
+            }));
+        }
+    }
+}
+
+impl BarPattern {
+    /// Index in the repeat of the yarn with that number.
+    fn yarn(&self, number: i64) -> Option<usize> {
+        let repeat = i64::from(index32(self.yarns.len()));
+        self.yarns[usize::try_from(number.rem_euclid(repeat)).expect("a remainder is not negative")]
+    }
+
+    /// The axis (0 x, 1 y) across which the yarns are numbered (0) and along which they run (1).
+    fn axis(&self, which: usize) -> usize {
+        if self.kind.runs_across() { 1 - which } else { which }
+    }
+
+    fn extent(&self, which: usize) -> Range<f64> {
+        let axis = self.axis(which);
+        self.bounds.0[axis]..self.bounds.1[axis]
+    }
+}
+
+/// The steps of length `spacing` whose `extent` may touch `range`.
+fn steps(range: Range<f64>, extent: Range<f64>, spacing: f64) -> Range<i64> {
+    // Panels are metres and spacings over a micrometre, so it fits.
+    #[expect(clippy::cast_possible_truncation, reason = "rounded before, and `as` saturates")]
+    let whole = |steps: f64| steps as i64;
+    whole(((range.start - extent.end) / spacing).floor())
+        ..whole(((range.end - extent.start) / spacing).ceil()) + 1
+}
+
+fn as_vec(x: usize, y: usize) -> DVec2 {
+    DVec2::new(f64::from(index32(x)), f64::from(index32(y)))
+}
+
+/// The layer of each bar, laid out for yarns of a share of their thickness.
+fn layers(fabric: &Fabric, share: f64) -> Vec<Layer> {
+    let radius = share * fabric.radius();
+    let nesting: Vec<_> =
+        (0..fabric.bars.len()).map(|bar| knitting_bars_behind(fabric, bar)).collect();
+    let inlays = fabric.bars.iter().map(|bar| bar.chain.is_inlay());
+    let depths = stitch::layer_depths(
+        &inlays.zip(nesting.iter().copied()).collect::<Vec<_>>(),
+        &fabric.stitch,
+    );
+    let layer = |(nesting, depth): (&u32, f64)| Layer {
+        dimensions: fabric.stitch,
+        wale_spacing: fabric.wale_spacing(),
+        course_spacing: fabric.course_spacing(),
+        radius,
+        nesting: f64::from(*nesting),
+        depth: depth * radius,
+    };
+    nesting.iter().zip(depths).map(layer).collect()
+}
+
+/// How many knitting bars behind this one ever put their loop on a needle in the same course as it
+/// does.
+fn knitting_bars_behind(fabric: &Fabric, bar: usize) -> u32 {
+    let own = &fabric.bars[bar];
+    let meets = |other: &&Bar| {
+        let [along, across] = own
+            .repeat_with(other)
+            .map(|repeat| i64::try_from(repeat).expect("repeats are limited"));
+        (0..along).any(|c| (0..across).any(|w| own.loops_on(w, c) && other.loops_on(w, c)))
+    };
+    index32(fabric.bars[bar + 1..].iter().filter(meets).count())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tricot_yarn(guide: i64) -> Knitted {
+        let fabric = Fabric::named("tricot").unwrap();
+        let mesh = StructureMesh::anchored_at(&fabric, DVec2::ZERO);
+        let mut knitted = Knitted::default();
+        Pattern::straight(&fabric).lay(1, guide, 0..4, &mesh, &mut knitted);
+        knitted
+    }
+
+    #[test]
+    fn loops_stand_on_the_structure_mesh() {
+        let fabric = Fabric::named("tricot").unwrap();
+        let mesh = StructureMesh::anchored_at(&fabric, DVec2::ZERO);
+        let knitted = tricot_yarn(3);
+        assert_eq!(knitted.stitches, [0, 10, 20, 30]);
+        for (course, &first) in (0..).zip(&knitted.stitches) {
+            let first = first as usize;
+            let tag = knitted.tags[first];
+            assert_eq!(
+                (tag.wale, tag.course),
+                (3 + course % 2, course),
+                "1-0/1-2 laps needles 0 and 1 in turn"
+            );
+            let head = (knitted.points[first + 3] + knitted.points[first + 4]) / 2.0;
+            assert!((head.x - mesh.vertex(tag.wale, tag.course).x).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn bounds_hold_every_point() {
+        let fabric = Fabric::named("locknit").unwrap();
+        let pattern = Pattern::new(&fabric);
+        let mesh = StructureMesh::anchored_at(&fabric, DVec2::ZERO);
+        for bar in 0..2 {
+            let mut knitted = Knitted::default();
+            pattern.lay(bar, 5, 7..9, &mesh, &mut knitted);
+            let strip = pattern.strip(bar, 5);
+            for point in &knitted.points {
+                assert!(strip.start - 1e-12 <= point.x && point.x <= strip.end + 1e-12);
+                assert!(pattern.yarns_over(bar, point.x..point.x).any(|guide| guide == 5));
+                assert!(pattern.steps_along(bar, point.y..point.y).start <= 8);
+                assert!(pattern.steps_along(bar, point.y..point.y).end > 7);
+            }
+        }
+    }
+
+    #[test]
+    fn every_point_of_a_very_long_inlay_has_its_tag() {
+        let text = Fabric::named("tricot")
+            .unwrap()
+            .to_string()
+            .replace("\"1-2/1-0//\"", "\"0-0/4096-4096//\"");
+        let fabric = Fabric::parse(&text).unwrap();
+        let mesh = StructureMesh::anchored_at(&fabric, DVec2::ZERO);
+        let mut knitted = Knitted::default();
+        Pattern::new(&fabric).lay(0, 0, 0..2, &mesh, &mut knitted);
+        assert_eq!(knitted.points.len(), 2 * 4098);
+        assert_eq!(knitted.tags.len(), knitted.points.len());
+        assert_eq!(knitted.tags[4097].point, 4098);
+    }
+}

@@ -1,0 +1,154 @@
+//! What a fabric takes, weighs and hides: run-in, yarn length, mass, thickness, cover factor,
+//! porosity.
+//!
+//! In: a [`Fabric`]. Out: [`Numbers`] of its repeat. Lengths and masses come from the relaxed yarn
+//! path and the yarn's count, never from the drawn radius; thickness and cover factor from the
+//! yarns as they are laid out, at [`Fabric::radius`]. Source: the specification's knit page. Not
+//! promised: what a mill finds. Its cloth is stretched and set; ours lies as its densities say.
+
+use super::repeat::{Repeat, Yarn};
+use super::{Pattern, cover};
+use crate::fabric::{BarKind, Fabric};
+use crate::ids::index32;
+use crate::yarn::curve::{self, Span};
+
+/// Courses of a rack, by the trade's custom.
+const RACK: f64 = 480.0;
+
+/// A fabric in numbers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Numbers {
+    /// mm of yarn for 480 courses, a bar each, front first; none for wefts, which no guide leads
+    /// along the wales.
+    pub run_in: Vec<Option<f64>>,
+    /// g of each bar's yarns in a m² of flat cloth, front first.
+    pub bar_mass: Vec<f64>,
+    /// g/m² of flat cloth.
+    pub mass: f64,
+    /// m of yarn in a m² of flat cloth.
+    pub yarn_length: f64,
+    /// From the lowest to the highest yarn surface, mm.
+    pub thickness: f64,
+    /// Share of the flat area that yarns hide, seen from the front, to .005.
+    pub cover: f64,
+    /// Share of the cloth's volume, area times thickness, that no fibre fills; none where yarns are
+    /// drawn thinner than they are.
+    pub porosity: Option<f64>,
+}
+
+/// Measures a repeat of the fabric.
+///
+/// ```
+/// use warpknit_core::{fabric::Fabric, knit::{Pattern, numbers}};
+/// // A locknit of 44 dtex at 15 x 22 per cm weighs 80 to 110 g/m², mills say.
+/// let locknit = Fabric::named("locknit").unwrap().at_densities(15.0, 22.0).unwrap();
+/// assert!((80.0..110.0).contains(&numbers::measure(&locknit, &Pattern::new(&locknit)).mass));
+/// ```
+#[must_use]
+pub fn measure(fabric: &Fabric, pattern: &Pattern) -> Numbers {
+    let body = cover::measure(fabric, pattern);
+    let (mut run_in, mut bar_mass) = (Vec::new(), Vec::new());
+    let (mut yarn_length, mut fibre) = (0.0, 0.0);
+    for (at, bar) in fabric.bars.iter().enumerate() {
+        let per_step = pattern.lengths_per_step(at);
+        let sum: f64 = per_step.iter().flatten().sum();
+        let threaded = f64::from(index32(per_step.iter().flatten().count()));
+        // mm of yarn on a mm² is also km on a m²; tex is g a km.
+        let kilometres = sum
+            / f64::from(index32(per_step.len()))
+            / (fabric.wale_spacing() * fabric.course_spacing());
+        let mass = bar.yarn.count.tex() * kilometres;
+        run_in.push((bar.kind == BarKind::Guide && threaded > 0.0).then(|| RACK * sum / threaded));
+        bar_mass.push(mass);
+        yarn_length += 1000.0 * kilometres;
+        // g/m² over g/cm³ is a layer of as many micrometres.
+        fibre += mass / bar.yarn.density / 1000.0;
+    }
+    let mass = bar_mass.iter().sum();
+    let is_thinned = fabric.radius() < fabric.true_radius() * fabric.enlargement;
+    let porosity = (body.thickness > 0.0 && !is_thinned).then(|| 1.0 - fibre / body.thickness);
+    Numbers {
+        run_in,
+        bar_mass,
+        mass,
+        yarn_length,
+        thickness: body.thickness,
+        cover: body.cover,
+        porosity,
+    }
+}
+
+impl Pattern {
+    /// mm of yarn a step, for each guide of a bar in the repeat (each course, for wefts) that has a
+    /// yarn.
+    fn lengths_per_step(&self, bar: usize) -> Vec<Option<f64>> {
+        let length = |&yarn: &usize| {
+            let yarn = &self.repeat.yarns[yarn];
+            self.repeat.length(yarn) / f64::from(index32(yarn.steps.len() - 1))
+        };
+        self.bars[bar].yarns.iter().map(|yarn| yarn.as_ref().map(length)).collect()
+    }
+}
+
+impl Repeat {
+    /// mm of a yarn in one repeat.
+    fn length(&self, yarn: &Yarn) -> f64 {
+        let points = self.unrolled(yarn);
+        (1..points.len() - 2).map(|at| length(&curve::span(&points, at))).sum()
+    }
+}
+
+/// Length of a span, mm: Gauss-Legendre with five points, good to 1e-6 of it on a stitch's bends.
+fn length(span: &Span) -> f64 {
+    const NODES: [(f64, f64); 5] = [
+        (0.046_910_077_030_668, 0.118_463_442_528_094_5),
+        (0.230_765_344_947_158_5, 0.239_314_335_249_683_2),
+        (0.5, 0.284_444_444_444_444_4),
+        (0.769_234_655_052_841_5, 0.239_314_335_249_683_2),
+        (0.953_089_922_969_332, 0.118_463_442_528_094_5),
+    ];
+    NODES.iter().map(|(t, weight)| weight * span.tangent(*t).length()).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_straight_inlay_is_as_long_as_the_cloth() {
+        let text = Fabric::named("tricot").unwrap().to_string().replace("1-2/1-0//", "0-0//");
+        let fabric = Fabric::parse(&text).unwrap();
+        let numbers = measure(&fabric, &Pattern::straight(&fabric));
+        assert!((numbers.run_in[0].unwrap() - 480.0 * fabric.course_spacing()).abs() < 1e-6);
+    }
+
+    #[test]
+    fn yarns_that_are_drawn_thinner_than_they_are_have_no_porosity() {
+        let thick = Fabric::named("locknit").unwrap().to_string().replace("44 dtex", "5000 tex");
+        let fabric = Fabric::parse(&thick).unwrap();
+        assert_eq!(measure(&fabric, &Pattern::new(&fabric)).porosity, None);
+    }
+
+    #[test]
+    fn porosity_of_parallel_yarns_in_closed_form() {
+        let fabric =
+            Fabric::named("tricot").unwrap().with_chains(&["0-0//".to_owned()], &[]).unwrap();
+        let numbers = measure(&fabric, &Pattern::new(&fabric));
+        // A round yarn fills pi/4 of the square around it, its fibres `packing` of that, and beside
+        // it is air.
+        let yarn = &fabric.bars[0].yarn;
+        let filled =
+            std::f64::consts::FRAC_PI_4 * yarn.packing * yarn.diameter() / fabric.wale_spacing();
+        let porosity = numbers.porosity.unwrap();
+        assert!((porosity - (1.0 - filled)).abs() < 1e-3, "{porosity} {filled}");
+        assert!((numbers.mass - numbers.bar_mass[0]).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_longer_underlap_takes_more_yarn() {
+        let fabric = Fabric::named("locknit").unwrap();
+        let run_in = measure(&fabric, &Pattern::new(&fabric)).run_in;
+        let ratio = run_in[0].unwrap() / run_in[1].unwrap();
+        assert!((1.2..1.4).contains(&ratio), "mills run 1.24 to 1.35 : 1, here {ratio}");
+    }
+}

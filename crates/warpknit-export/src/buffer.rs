@@ -1,0 +1,120 @@
+//! Bytes on their way to a file: made in parallel, in memory that is used again, and written in
+//! order.
+
+use std::fmt;
+
+use rayon::prelude::*;
+
+use super::ExportError;
+
+/// Bytes that grow at their end.
+#[derive(Debug, Default)]
+pub(super) struct Buffer {
+    /// Longer than what is in it: what follows is overwritten.
+    bytes: Vec<u8>,
+    length: usize,
+}
+
+impl Buffer {
+    /// Forgets everything but keeps the memory.
+    pub(super) fn clear(&mut self) {
+        self.length = 0;
+    }
+
+    pub(super) fn as_bytes(&self) -> &[u8] {
+        &self.bytes[..self.length]
+    }
+
+    /// So many more bytes at the end, to be overwritten.
+    pub(super) fn grow(&mut self, count: usize) -> &mut [u8] {
+        let start = self.length;
+        self.length += count;
+        if self.bytes.len() < self.length {
+            self.bytes.resize(self.length.max(2 * self.bytes.len()), 0);
+        }
+        &mut self.bytes[start..self.length]
+    }
+
+    /// Takes back the last bytes.
+    pub(super) fn shrink(&mut self, count: usize) {
+        self.length -= count;
+    }
+}
+
+impl fmt::Write for Buffer {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        self.grow(text.len()).copy_from_slice(text.as_bytes());
+        Ok(())
+    }
+}
+
+/// Makes bytes of items in parallel and writes them in order, those of some items while those of
+/// the next ones are being made.
+#[derive(Debug, Default)]
+pub(super) struct Conveyor {
+    /// What is being written.
+    ready: Vec<Buffer>,
+    /// What is being made.
+    next: Vec<Buffer>,
+}
+
+impl Conveyor {
+    /// Each item's bytes are what `make` puts into an empty buffer.
+    ///
+    /// # Errors
+    /// The first error of `write`.
+    pub(super) fn carry<T: Sync>(
+        &mut self,
+        items: &[T],
+        make: impl Fn(&T, &mut Buffer) + Sync,
+        mut write: impl FnMut(&[u8]) -> Result<(), ExportError> + Send,
+    ) -> Result<(), ExportError> {
+        let threads = rayon::current_num_threads();
+        self.ready.resize_with(threads, Buffer::default);
+        self.next.resize_with(threads, Buffer::default);
+        let mut made = 0;
+        // Once more at the end, when all are made and the last ones are still to be written.
+        for items in items.chunks(threads).chain([&[][..]]) {
+            let (ready, next) = (&self.ready[..made], &mut self.next);
+            let (written, ()) = rayon::join(
+                || ready.iter().try_for_each(|buffer| write(buffer.as_bytes())),
+                || {
+                    items.par_iter().zip(next).for_each(|(item, buffer)| {
+                        buffer.clear();
+                        make(item, buffer);
+                    });
+                },
+            );
+            written?;
+            std::mem::swap(&mut self.ready, &mut self.next);
+            made = items.len();
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn items_are_written_in_order_whatever_made_them() {
+        let items: Vec<u32> = (0..100).collect();
+        let expected: String = items.iter().map(u32::to_string).collect();
+        for threads in [1, 2, 3] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let (mut conveyor, mut written) = (Conveyor::default(), Vec::new());
+            for items in items.chunks(34) {
+                let make = |item: &u32, buffer: &mut Buffer| {
+                    fmt::Write::write_str(buffer, &item.to_string()).unwrap();
+                };
+                let mut write = |bytes: &[u8]| {
+                    written.extend_from_slice(bytes);
+                    Ok(())
+                };
+                pool.install(|| conveyor.carry(items, make, &mut write)).unwrap();
+            }
+            assert_eq!(String::from_utf8(written).unwrap(), expected);
+        }
+    }
+}

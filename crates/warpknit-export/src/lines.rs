@@ -1,0 +1,27 @@
+//! Centre lines of a block's strands, for the formats that hold curves.
+
+use glam::Vec3;
+
+use warpknit_core::drape::Block;
+use warpknit_core::drape::strands::Strand;
+use warpknit_core::yarn::line;
+
+/// Points of a strand's centre line with St segments a stitch.
+pub(super) fn count(strand: &Strand, st: u32) -> u32 {
+    (strand.pieces.end - strand.pieces.start) * st + 1
+}
+
+/// Calls `take` with the centre line of each strand of a block, mm.
+pub(super) fn each(block: &Block, st: u32, mut take: impl FnMut(&[Vec3])) {
+    let mut line = Vec::new();
+    for strand in &block.strands.strands {
+        line.clear();
+        line::add(
+            &block.draped.positions[strand.range()],
+            block.strands.pieces_of(strand),
+            st,
+            &mut line,
+        );
+        take(&line);
+    }
+}

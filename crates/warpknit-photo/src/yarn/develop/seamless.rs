@@ -1,0 +1,306 @@
+//! Step 6, seamless: a unit that follows itself without a visible break.
+//!
+//! In: the flattened strip and the repeat's length. Out: the unit, resampled so that the repeat is
+//! a whole number of texels, and [`Seam`], how it was closed and how well.
+//!
+//! At every phase of the repeat the unit may begin where the yarn and its continuation one repeat
+//! on differ least. Behind its end the strip goes on; that overlap is laid over the unit's
+//! beginning, either cut along the path on which both differ least (image quilting: Efros and
+//! Freeman 2001, solved row by row) or blended across. The seam error compares the energy of
+//! gradients along the yarn in the joint with the rest's: 0 where they are the same. More is a
+//! break, and counts in full, at the very ends too; less is a soft patch, and counts half.
+//! Whichever way leaves less is taken. Cost: some passes over the unit, 16 bytes a texel. The
+//! colours below the fuzz close around a tube before they come here (see `light`).
+
+use glam::Vec4;
+use image::{Rgba, RgbaImage};
+use rayon::prelude::*;
+
+use crate::plane::{column_sums, double, float, narrow, side, whole};
+
+/// Lengths of overlaps that are tried, as shares of the unit.
+const OVERLAPS: [f64; 2] = [0.25, 0.1];
+/// Beginnings that are tried in full: the best one in each such share of a repeat, for the joint to
+/// lie wherever in it is best.
+const TRIED: usize = 12;
+/// About how many rows say where a unit might begin.
+const ROWS: usize = 256;
+/// Energy that noise of half a grey level has, a texel.
+const LEAST_ENERGY: f32 = 1e-5;
+
+/// How a unit's ends were joined.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// Along the path on which both sides differ least.
+    Cut,
+    /// One side fading into the other.
+    Blend,
+}
+
+/// A joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seam {
+    /// How it was made.
+    pub method: Method,
+    /// Its error, 0 at best.
+    pub error: f32,
+    /// The least errors of a cut and of a blend.
+    pub errors: [f32; 2],
+    /// Energy of the gradients along the yarn in the joint or at the unit's very ends, whichever is
+    /// more, over that of the rest.
+    pub energy: f32,
+    /// Where on the strip the unit begins, pixels.
+    pub start: f64,
+    /// Texels of the overlap.
+    pub overlap: usize,
+}
+
+/// A unit being made: colours by alpha, row after row.
+#[derive(Clone)]
+struct Unit {
+    width: usize,
+    height: usize,
+    texels: Vec<Vec4>,
+}
+
+/// The unit of a repeat on a strip.
+pub(super) fn seamless(strip: &RgbaImage, length: f64) -> (RgbaImage, Seam) {
+    let columns = strip.width() as usize;
+    let width = whole(narrow(length.round())).clamp(1, columns);
+    let room = double(columns - 1) - length;
+    let differences = differences(strip, length);
+    let mut best: Option<Seam> = None;
+    let mut errors = [f32::MAX; 2];
+    for share in OVERLAPS {
+        let overlap = whole(narrow((share * length).max(2.0).min(room - 1.0).max(1.0))).min(width);
+        for start in beginnings(&differences, length, overlap) {
+            let source = sampled(strip, start, length / double(width), width + overlap);
+            let steps = source.steps();
+            for (at, method) in [Method::Cut, Method::Blend].into_iter().enumerate() {
+                let [joint, ends] = energies(&source, &steps, &joint(&source, width, method));
+                let (energy, error) =
+                    (joint.max(ends), joint.ln().max(-0.5 * joint.ln()).max(ends.ln()));
+                errors[at] = errors[at].min(error);
+                if best.is_none_or(|seam| error < seam.error) {
+                    best = Some(Seam { method, error, errors, energy, start, overlap });
+                }
+            }
+        }
+    }
+    let seam = Seam { errors, ..best.expect("there is at least one beginning") };
+    let source = sampled(strip, seam.start, length / double(width), width + seam.overlap);
+    (source.picture(width, &joint(&source, width, seam.method)), seam)
+}
+
+/// How much each column of the strip differs from that a repeat on, by some of its rows.
+fn differences(strip: &RgbaImage, length: f64) -> Vec<f64> {
+    let rows = strip.height() as usize;
+    let end = double(strip.width() as usize - 1);
+    let count = whole(narrow(end - length)) + 1;
+    column_sums(count, (0..rows).step_by(rows.div_ceil(ROWS)), |x, y| {
+        let row = row(strip, y);
+        (texel(row, double(x)) - texel(row, (double(x) + length).min(end))).length_squared()
+    })
+}
+
+/// Where on the strip a unit might begin.
+fn beginnings(differences: &[f64], length: f64, overlap: usize) -> Vec<f64> {
+    let mut chosen: [Option<(f64, usize)>; TRIED] = [None; TRIED];
+    for start in 0..=differences.len().saturating_sub(overlap + 1) {
+        let difference: f64 =
+            differences[start..(start + overlap).min(differences.len())].iter().sum();
+        let phase = (double(start) / length).fract();
+        let slot = &mut chosen[whole(narrow(phase * double(TRIED))).min(TRIED - 1)];
+        if slot.is_none_or(|(least, _)| difference < least) {
+            *slot = Some((difference, start));
+        }
+    }
+    chosen.into_iter().flatten().map(|(_, start)| double(start)).collect()
+}
+
+fn row(strip: &RgbaImage, y: usize) -> &[u8] {
+    let stride = 4 * strip.width() as usize;
+    &strip.as_raw()[stride * y..][..stride]
+}
+
+/// Colour by alpha, and alpha, between two pixels of a row.
+fn texel(row: &[u8], x: f64) -> Vec4 {
+    let last = row.len() / 4 - 1;
+    let first = whole(narrow(x)).min(last);
+    weighed(row, first).lerp(weighed(row, (first + 1).min(last)), narrow(x - double(first)))
+}
+
+/// A texel whose colours count by its alpha; what is transparent keeps a little, so that it has a
+/// colour.
+fn weighed(row: &[u8], x: usize) -> Vec4 {
+    let at = |channel: usize| f32::from(row[4 * x + channel]) * (1.0 / 255.0);
+    let [r, g, b, a] = [at(0), at(1), at(2), at(3)];
+    Vec4::new(r, g, b, 1.0) * (a + LEAST_WEIGHT) - Vec4::W * LEAST_WEIGHT
+}
+
+/// What a transparent texel's colour weighs.
+const LEAST_WEIGHT: f32 = 1e-3;
+
+/// `width` columns of the strip from `start` on.
+fn sampled(strip: &RgbaImage, start: f64, step: f64, width: usize) -> Unit {
+    let height = strip.height() as usize;
+    let mut texels = vec![Vec4::ZERO; width * height];
+    texels.par_chunks_mut(width).enumerate().for_each(|(y, texels)| {
+        let row = row(strip, y);
+        texels
+            .iter_mut()
+            .enumerate()
+            .for_each(|(x, value)| *value = texel(row, start + double(x) * step));
+    });
+    Unit { width, height, texels }
+}
+
+/// The first columns of a unit of `width`, with what follows the unit laid over them.
+fn joint(source: &Unit, width: usize, method: Method) -> Unit {
+    let overlap = source.width - width;
+    let path = match method {
+        Method::Cut => path(source, width),
+        Method::Blend => vec![0; source.height],
+    };
+    let mut texels = Vec::with_capacity(overlap * source.height);
+    for (row, cut) in source.texels.chunks_exact(source.width).zip(path) {
+        for x in 0..overlap {
+            let own = match method {
+                // The path's own texel is a mean: no stair is seen.
+                Method::Cut => (0.5 + float(x) - float(cut)).clamp(0.0, 1.0),
+                Method::Blend => smooth_step(float(x + 1) / float(overlap + 1)),
+            };
+            texels.push(row[width + x].lerp(row[x], own));
+        }
+    }
+    Unit { width: overlap, height: source.height, texels }
+}
+
+fn smooth_step(t: f32) -> f32 {
+    t * t * (3.0 - 2.0 * t)
+}
+
+/// For each row the column of the overlap where the cut lies: the cheapest path from the top to the
+/// bottom that moves by one column a row at the most.
+fn path(source: &Unit, width: usize) -> Vec<usize> {
+    let overlap = source.width - width;
+    let cost = |x: usize, y: usize| {
+        let row = &source.texels[y * source.width..];
+        (row[x] - row[width + x]).length_squared()
+    };
+    let near = |x: usize| x.saturating_sub(1)..=(x + 1).min(overlap - 1);
+    let mut sums: Vec<Vec<f32>> = vec![(0..overlap).map(|x| cost(x, 0)).collect()];
+    for y in 1..source.height {
+        let above = &sums[y - 1];
+        let row = (0..overlap)
+            .map(|x| cost(x, y) + near(x).map(|x| above[x]).fold(f32::MAX, f32::min))
+            .collect();
+        sums.push(row);
+    }
+    let cheapest = |sums: &[f32], of: std::ops::RangeInclusive<usize>| {
+        of.min_by(|&a, &b| sums[a].total_cmp(&sums[b])).unwrap_or(0)
+    };
+    let mut at = cheapest(&sums[source.height - 1], 0..=overlap - 1);
+    let mut path = vec![at];
+    for y in (0..source.height - 1).rev() {
+        at = cheapest(&sums[y], near(at));
+        path.push(at);
+    }
+    path.reverse();
+    path
+}
+
+/// Energy of the gradients along the yarn all over the joint, and where one unit meets the next,
+/// over that elsewhere. `steps` are those of the source, which the joint changes only where it
+/// lies.
+fn energies(source: &Unit, steps: &[f64], joint: &Unit) -> [f32; 2] {
+    let (overlap, width) = (joint.width, source.width - joint.width);
+    let texel = |x: usize, y: usize| if x < overlap { joint.row(y)[x] } else { source.row(y)[x] };
+    let is_joint = |x: usize| x <= overlap || x + 1 == width;
+    let step = |x: usize| {
+        let pair = |y: usize| f64::from((texel((x + 1) % width, y) - texel(x, y)).length_squared());
+        if x < overlap || x + 1 == width { (0..source.height).map(pair).sum() } else { steps[x] }
+    };
+    let steps: Vec<f64> = (0..width).into_par_iter().map(step).collect();
+    let mean = |of: &dyn Fn(usize) -> bool| {
+        let own: Vec<f64> = (0..width).filter(|&x| of(x)).map(|x| steps[x]).collect();
+        narrow(own.iter().sum::<f64>() / double(own.len().max(1) * source.height)) + LEAST_ENERGY
+    };
+    let rest = mean(&|x| !is_joint(x));
+    [mean(&is_joint) / rest, mean(&|x| x == 0 || x + 2 >= width) / rest]
+}
+
+impl Unit {
+    fn row(&self, y: usize) -> &[Vec4] {
+        &self.texels[y * self.width..(y + 1) * self.width]
+    }
+
+    /// Energy of the gradients along the yarn from each column to the next.
+    fn steps(&self) -> Vec<f64> {
+        column_sums(self.width - 1, 0..self.height, |x, y| {
+            (self.row(y)[x + 1] - self.row(y)[x]).length_squared()
+        })
+    }
+
+    /// The first `width` columns, with a joint over their beginning.
+    fn picture(&self, width: usize, joint: &Self) -> RgbaImage {
+        RgbaImage::from_fn(side(width), side(self.height), |x, y| {
+            let (x, y) = (x as usize, y as usize);
+            let texel = joint.row(y).get(x).unwrap_or(&self.row(y)[x]);
+            let color = *texel / (texel.w + LEAST_WEIGHT);
+            let [r, g, b, a] =
+                [color.x, color.y, color.z, texel.w].map(warpknit_render::tone::byte);
+            Rgba([r, g, b, a])
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::TAU;
+
+    /// Slanted waves that drift slowly in their length and brightness.
+    fn strip() -> RgbaImage {
+        RgbaImage::from_fn(240, 30, |x, y| {
+            let (x, y) = (f64::from(x), f64::from(y));
+            let wave = (TAU * (x / 40.0 + x * x / 200_000.0 + y / 30.0)).sin();
+            let grey = crate::plane::byte(narrow(128.0 + (70.0 + x / 10.0) * wave));
+            Rgba([grey, grey / 2, 90, if (4.0..26.0).contains(&y) { 255 } else { 0 }])
+        })
+    }
+
+    #[test]
+    fn the_end_leads_into_the_beginning() {
+        let (unit, seam) = seamless(&strip(), 40.0);
+        assert_eq!(unit.dimensions(), (40, 30));
+        assert!(
+            seam.error <= seam.errors[0] && seam.error <= seam.errors[1] && seam.energy < 1.2,
+            "{seam:?}"
+        );
+        let jump = |a: u32, b: u32| {
+            let off = |y: u32| {
+                i32::from(unit.get_pixel(a, y).0[0]) - i32::from(unit.get_pixel(b, y).0[0])
+            };
+            (4..26).map(|y| off(y).pow(2)).sum::<i32>()
+        };
+        let most = (10..39).map(|x| jump(x, x + 1)).max().unwrap();
+        assert!(jump(39, 0) < 2 * most, "{} {most}", jump(39, 0));
+    }
+
+    #[test]
+    fn a_cut_goes_around_what_differs() {
+        // One texel of the overlap is alike in each row, on a slant.
+        let texels = (0..8)
+            .flat_map(|y| (0..14).map(move |x| if x >= 8 && x - 8 != (y / 2) { 1.0 } else { 0.0 }))
+            .map(Vec4::splat);
+        let source = Unit { width: 14, height: 8, texels: texels.collect() };
+        assert_eq!(path(&source, 8), [0, 0, 1, 1, 2, 2, 3, 3]);
+    }
+
+    #[test]
+    fn a_strip_hardly_longer_than_the_repeat_still_gives_a_unit() {
+        let (unit, seam) = seamless(&strip(), 236.5);
+        assert!((236..=237).contains(&unit.width()) && seam.error.is_finite());
+    }
+}

@@ -1,0 +1,292 @@
+//! The chains of capsules or strips that rays meet.
+//!
+//! In: a scene and a camera. Out: [`Segments`]: [`Paths`] whose pieces are capsules, or strips of
+//! ribbon, and where a ray meets a piece. A ribbon stops the share of the rays that its picture's
+//! alpha says, by a number that a ray and a strip always give alike.
+
+use glam::{Vec3, Vec3A, Vec4};
+use obvhs::aabb::Aabb;
+use rayon::prelude::*;
+
+use super::capsule::capsule;
+use super::ray::Path;
+use super::strip::{Crossing, Strip};
+use crate::cpu::sample::unit;
+use crate::paths::{Cut, Paths};
+use crate::ply::hash;
+use crate::scene::{Bounds, Scene, Shape};
+use crate::{Camera, Options};
+
+/// Boxes are padded by this share of the largest coordinate: a few roundings of `f32`.
+const PADDING: f32 = 1e-6;
+/// And radii are taken this much larger there.
+const GROWN: f32 = 1.001;
+/// Strands that are cut at a time before they are put with the others, and strands that a thread
+/// takes of them.
+const BATCH: usize = 512;
+const PART: usize = 8;
+
+/// Capsules, or strips, between consecutive points. A segment is named by its first point.
+#[derive(Debug)]
+pub(super) struct Segments<'a> {
+    pub(super) scene: &'a Scene,
+    pub(super) paths: Paths,
+    /// What boxes are padded by, mm.
+    padding: f32,
+    /// Around them all.
+    pub(super) bounds: Aabb,
+}
+
+/// A place on a segment's axis.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct AxisPoint {
+    pub(super) position: Vec3,
+    pub(super) radius: f32,
+    /// Unit tangent of the curve, continuous from segment to segment.
+    pub(super) tangent: Vec3,
+    pub(super) across: Vec3,
+    pub(super) along: f32,
+}
+
+impl<'a> Segments<'a> {
+    /// Cuts up all strands for a picture; `bounds` are the scene's.
+    pub(super) fn of(
+        scene: &'a Scene,
+        bounds: &Bounds,
+        camera: &Camera,
+        options: &Options,
+    ) -> Self {
+        let centre = bounds.centre().as_dvec3();
+        let count = scene.strands.len();
+        let mut paths = Paths { centre, ..Paths::default() };
+        for batch in (0..count).step_by(BATCH) {
+            let end = count.min(batch + BATCH);
+            let parts: Vec<Paths> = ((batch..end).into_par_iter().step_by(PART))
+                .map(|first| {
+                    Paths::of(
+                        scene,
+                        first..end.min(first + PART),
+                        centre,
+                        Cut::Picture(camera, options),
+                    )
+                })
+                .collect();
+            parts.iter().for_each(|part| paths.append(part));
+        }
+        let around = paths
+            .points
+            .par_iter()
+            .map(|&point| Aabb::from_point(Vec3A::from_vec4(point)))
+            .reduce(Aabb::empty, |a, b| a.union(&b));
+        let thickest = paths.points.par_iter().map(|point| point.w).reduce(|| 0.0, f32::max);
+        let padding = around.min.abs().max(around.max.abs()).max_element() * PADDING;
+        let grown = Vec3A::splat(thickest * GROWN + padding);
+        Self { scene, paths, padding, bounds: Aabb::new(around.min - grown, around.max + grown) }
+    }
+
+    /// Whether a segment starts at point `point`.
+    pub(super) fn starts_at(&self, point: u32) -> bool {
+        self.paths.points[point as usize].w > 0.0
+    }
+
+    /// The box around the segment that starts at point `start`.
+    pub(super) fn boxed(&self, start: u32) -> Aabb {
+        let (a, b) = self.ends(start);
+        // The end of a strip has the radius of the next one.
+        let grown = Vec3A::splat(a.w.max(b.w) * GROWN + self.padding);
+        let (a, b) = (Vec3A::from_vec4(a), Vec3A::from_vec4(b));
+        Aabb::new(a.min(b) - grown, a.max(b) + grown)
+    }
+
+    /// How far along `path` a segment is met; infinite where it isn't, and for a ribbon where that
+    /// would be beyond `limit`.
+    pub(super) fn distance(&self, start: u32, path: &Path, limit: f32) -> f32 {
+        let (origin, direction) = (path.origin.into(), path.direction.into());
+        match self.scene.shape {
+            Shape::Tube => {
+                let (a, b) = self.ends(start);
+                capsule(origin, direction, Vec3A::from_vec4(a), Vec3A::from_vec4(b), a.w)
+            }
+            Shape::Ribbon => {
+                let crossing = self.strip(start).crossing(origin, direction);
+                // The picture is looked at last: that costs more than all else.
+                let stops = |crossing: &Crossing| {
+                    crossing.distance <= limit && self.stops(start, crossing, path)
+                };
+                crossing.filter(stops).map_or(f32::INFINITY, |crossing| crossing.distance)
+            }
+        }
+    }
+
+    /// Whether a ribbon's picture has yarn where it is crossed.
+    fn stops(&self, start: u32, crossing: &Crossing, path: &Path) -> bool {
+        let look = &self.scene.looks[usize::from(self.look(start))];
+        let Some(maps) = self.scene.maps_of(look) else { return true };
+        let v = self.along(start, crossing.v) / maps.length;
+        let (across, along) = (path.footprint / (2.0 * look.radius), path.footprint / maps.length);
+        let alpha = maps.alpha(crossing.u, v, across, along, Shape::Ribbon);
+        alpha > unit(hash(path.chance ^ hash(start)))
+    }
+
+    /// Both points of a segment.
+    pub(super) fn ends(&self, start: u32) -> (Vec4, Vec4) {
+        (self.paths.points[start as usize], self.paths.points[start as usize + 1])
+    }
+
+    /// The strip of ribbon that starts at point `start`.
+    pub(super) fn strip(&self, start: u32) -> Strip {
+        let (i, j) = (start as usize, start as usize + 1);
+        let points = &self.paths.points;
+        // A strand's last point has no radius of its own.
+        let end_radius = if points[j].w > 0.0 { points[j].w } else { points[i].w };
+        Strip { a: self.edge(i, points[i].w), b: self.edge(j, end_radius) }
+    }
+
+    /// Both ends of a ribbon's width.
+    fn edge(&self, point: usize, radius: f32) -> [Vec3A; 2] {
+        let axis = Vec3A::from_vec4(self.paths.points[point]);
+        let (tangent, normal) =
+            (self.paths.tangents[point].unpack(), self.paths.across[point].unpack());
+        let aside = Vec3A::from(tangent.cross(normal).normalize_or_zero() * radius);
+        [axis - aside, axis + aside]
+    }
+
+    /// The look of the segment that starts at point `start`.
+    pub(super) fn look(&self, start: u32) -> u16 {
+        self.paths.looks[start as usize]
+    }
+
+    /// Arc length at share `s` of the segment that starts at point `start`.
+    pub(super) fn along(&self, start: u32, s: f32) -> f32 {
+        let (a, b) = (self.paths.along[start as usize], self.paths.along[start as usize + 1]);
+        a + s * (b - a)
+    }
+
+    /// Tangent and direction across there, as [`Paths`] has them.
+    pub(super) fn directions(&self, start: u32, s: f32) -> (Vec3, Vec3) {
+        let (i, j) = (start as usize, start as usize + 1);
+        let (tangents, across) = (&self.paths.tangents, &self.paths.across);
+        let tangent = tangents[i].unpack().lerp(tangents[j].unpack(), s).normalize_or(Vec3::X);
+        (tangent, across[i].unpack().lerp(across[j].unpack(), s))
+    }
+
+    /// The axis point nearest to `position` of the segment that starts at point `start`.
+    pub(super) fn axis_point(&self, start: u32, position: Vec3) -> AxisPoint {
+        let paths = &self.paths;
+        let (i, j) = (start as usize, start as usize + 1);
+        let a = paths.points[i].truncate();
+        let ab = paths.points[j].truncate() - a;
+        let length2 = ab.length_squared();
+        let s =
+            if length2 > 0.0 { ((position - a).dot(ab) / length2).clamp(0.0, 1.0) } else { 0.0 };
+        let (tangent, across) = self.directions(start, s);
+        AxisPoint {
+            position: a + ab * s,
+            radius: paths.points[i].w,
+            tangent,
+            across,
+            along: self.along(start, s),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::YarnLook;
+    use warpknit_core::ids::index32;
+
+    fn scene(strands: &[&[Vec3]]) -> Scene {
+        let mut scene = Scene::default();
+        scene.looks.push(YarnLook::plain(Vec3::ONE, 0.5, 0.1));
+        strands.iter().for_each(|points| scene.push_strand(points.iter().copied(), 0));
+        scene
+    }
+
+    fn segments(scene: &Scene, height: u32) -> Segments<'_> {
+        let bounds = scene.bounds().unwrap();
+        let camera = Camera::view(crate::View::Front, &scene.positions, 0.5, 1.0, 1.0);
+        Segments::of(scene, &bounds, &camera, &Options { height, lod: false, ..Options::default() })
+    }
+
+    fn starts(segments: &Segments) -> Vec<u32> {
+        (0..index32(segments.paths.points.len()))
+            .filter(|&point| segments.starts_at(point))
+            .collect()
+    }
+
+    #[test]
+    fn straight_spans_stay_whole_and_bends_are_cut_as_pixels_ask() {
+        let straight = scene(&[&[Vec3::ZERO, Vec3::X, Vec3::X * 2.0]]);
+        assert_eq!(starts(&segments(&straight, 1000)), [0, 1]);
+        let bent = scene(&[&[Vec3::ZERO, Vec3::X, Vec3::ONE, Vec3::Y]]);
+        let counts = [2, 8, 100_000].map(|height| starts(&segments(&bent, height)).len());
+        assert!(counts[0] < counts[1] && counts[1] < counts[2] && counts[2] == 24, "{counts:?}");
+    }
+
+    #[test]
+    fn pieces_shorter_than_a_pixel_are_put_together_and_lengths_stay() {
+        let waves: Vec<Vec3> = (0_u8..=200)
+            .map(|i| Vec3::new(f32::from(i), (f32::from(i) * 0.3).sin(), 0.0))
+            .collect();
+        let scene = scene(&[&waves]);
+        let camera = Camera::view(crate::View::Front, &scene.positions, 0.5, 1.0, 1.0);
+        let cut = |lod| {
+            let options = Options { height: 40, lod, ..Options::default() };
+            Segments::of(&scene, &scene.bounds().unwrap(), &camera, &options).paths
+        };
+        let (exact, far) = (cut(false), cut(true));
+        assert!(
+            far.points.len() * 3 < exact.points.len(),
+            "{} of {}",
+            far.points.len(),
+            exact.points.len()
+        );
+        let length = |paths: &Paths| paths.along.last().unwrap() - paths.along[0];
+        assert!(
+            (length(&far) / length(&exact) - 1.0).abs() < 0.01,
+            "{} {}",
+            length(&far),
+            length(&exact)
+        );
+        let area = |paths: &Paths| -> f32 {
+            paths
+                .points
+                .windows(2)
+                .map(|ends| ends[0].w * ends[0].truncate().distance(ends[1].truncate()))
+                .sum()
+        };
+        assert!((area(&far) / area(&exact) - 1.0).abs() < 0.02, "{} {}", area(&far), area(&exact));
+    }
+
+    #[test]
+    fn strands_are_not_joined_and_bad_points_break_them() {
+        let broken = scene(&[&[Vec3::ZERO, Vec3::X], &[Vec3::Y, Vec3::NAN, Vec3::Z, Vec3::Z]]);
+        let cut = segments(&broken, 10);
+        assert_eq!(starts(&cut), [0, 2, 4]);
+        assert!(cut.paths.points.iter().all(|point| point.is_finite()));
+    }
+
+    #[test]
+    fn the_frame_does_not_turn_about_the_axis() {
+        // A quarter circle in the plane z = 0: the normal of the plane is carried along unchanged.
+        let arc: Vec<Vec3> = (0_u8..=8).map(|i| Vec3::from_angle_xy(f32::from(i) * 0.2)).collect();
+        let scene = scene(&[&arc]);
+        let cut = segments(&scene, 4000);
+        for start in starts(&cut) {
+            let axis = cut.axis_point(start, cut.paths.points[start as usize].truncate());
+            assert!((axis.across - Vec3::Z).length() < 1e-3);
+            assert!(axis.tangent.z.abs() < 1e-3);
+        }
+    }
+
+    trait FromAngle {
+        fn from_angle_xy(angle: f32) -> Vec3;
+    }
+
+    impl FromAngle for Vec3 {
+        fn from_angle_xy(angle: f32) -> Vec3 {
+            Self::new(angle.cos(), angle.sin(), 0.0)
+        }
+    }
+}

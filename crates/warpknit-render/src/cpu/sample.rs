@@ -1,0 +1,115 @@
+//! Where in a pixel, on the sun and in the sky the samples of a pixel fall.
+//!
+//! In: a pixel, a sample's number, a seed. Out: pairs of numbers in 0..1. The sequence is R2
+//! (Roberts 2018), which covers the square evenly for any count; the pixels of a 4 x 4 tile take
+//! consecutive runs of one sequence, so that what noise is left is fine and even, and a hash of the
+//! tile shifts the sequence. No state: a pixel's numbers depend on nothing but its place.
+
+use crate::ply::hash;
+
+/// Fractions of 2^32 by which R2 steps: 1/g and 1/g^2, g the real root of x^3 = x + 1.
+const STEP: [u32; 2] = [3_242_174_889, 2_447_445_414];
+
+/// The order of a tile's pixels: Bayer's matrix, so that any part of the tile is spread over the
+/// sequence.
+const ORDER: [u32; 16] = [0, 8, 2, 10, 12, 4, 14, 6, 3, 11, 1, 9, 15, 7, 13, 5];
+
+/// What a pair of numbers is for; each has a sequence of its own.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Purpose {
+    Pixel = 1,
+    Sun = 2,
+    Sky = 3,
+}
+
+/// The numbers of one pixel.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sampler {
+    tile: u32,
+    place: u32,
+}
+
+impl Sampler {
+    pub(super) fn new(x: u32, y: u32, seed: u32) -> Self {
+        let tile = hash(hash(hash(seed).wrapping_add(x / 4)).wrapping_add(y / 4));
+        Self { tile, place: ORDER[(y % 4 * 4 + x % 4) as usize] }
+    }
+
+    /// A number of 32 bits for sample `index`, unlike those of the other samples.
+    pub(super) fn chance(&self, index: u32) -> u32 {
+        hash(self.tile ^ hash(index.wrapping_mul(16) + self.place))
+    }
+
+    /// Pair number `index` of the `count` that this pixel uses for `purpose`.
+    #[inline]
+    pub(super) fn pair(&self, purpose: Purpose, index: u32, count: u32) -> [f32; 2] {
+        self.pairs(purpose, count).at(index)
+    }
+
+    /// All the pairs that this pixel uses for `purpose`.
+    #[inline]
+    pub(super) fn pairs(&self, purpose: Purpose, count: u32) -> Pairs {
+        let shift = hash(self.tile ^ (purpose as u32).wrapping_mul(0x9E37_79B9));
+        Pairs { first: self.place.wrapping_mul(count), shift: [shift, hash(shift)] }
+    }
+}
+
+/// A run of the sequence.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pairs {
+    first: u32,
+    shift: [u32; 2],
+}
+
+impl Pairs {
+    /// Number `index` of them.
+    #[inline]
+    pub(super) fn at(&self, index: u32) -> [f32; 2] {
+        let number = self.first.wrapping_add(index);
+        let [one, other] = self.shift;
+        [
+            unit(one.wrapping_add(number.wrapping_mul(STEP[0]))),
+            unit(other.wrapping_add(number.wrapping_mul(STEP[1]))),
+        ]
+    }
+}
+
+/// The upper 24 bits as a number in 0..1, 1 excluded.
+#[inline]
+pub(super) fn unit(bits: u32) -> f32 {
+    #[expect(clippy::cast_precision_loss, reason = "24 bits fit")]
+    let number = (bits >> 8) as f32;
+    number / 16_777_216.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tile_covers_the_square_evenly() {
+        let mut cells = [0; 16];
+        for pixel in 0..16 {
+            for index in 0..4 {
+                let [u, v] =
+                    Sampler::new(40 + pixel % 4, 80 + pixel / 4, 9).pair(Purpose::Sky, index, 4);
+                assert!((0.0..1.0).contains(&u) && (0.0..1.0).contains(&v));
+                let cell = (0..16_u8).find(|c| {
+                    (f32::from(c % 4) - u * 4.0 + 0.5).abs() <= 0.5
+                        && (f32::from(c / 4) - v * 4.0 + 0.5).abs() <= 0.5
+                });
+                cells[usize::from(cell.unwrap())] += 1;
+            }
+        }
+        assert!(cells.iter().all(|&n| (2..=6).contains(&n)), "{cells:?}");
+    }
+
+    #[test]
+    fn pixels_seeds_and_purposes_differ() {
+        let at = |x, seed, purpose| Sampler::new(x, 3, seed).pair(purpose, 0, 4);
+        assert_eq!(at(5, 1, Purpose::Sun), at(5, 1, Purpose::Sun));
+        assert_ne!(at(5, 1, Purpose::Sun), at(6, 1, Purpose::Sun));
+        assert_ne!(at(5, 1, Purpose::Sun), at(5, 2, Purpose::Sun));
+        assert_ne!(at(5, 1, Purpose::Sun), at(5, 1, Purpose::Pixel));
+    }
+}

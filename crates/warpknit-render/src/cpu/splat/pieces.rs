@@ -1,0 +1,196 @@
+//! Yarns as the straight pieces between their data points: from afar, a bend between two of them is
+//! finer than a pixel shows.
+//!
+//! In: a scene. Out: [`Pieces`], which names a piece by its first data point and keeps nothing of
+//! it.
+
+use std::ops::Range;
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use crate::cpu::narrow;
+use crate::paths;
+use crate::scene::{Scene, SpanLengths, Strand, drawable};
+use warpknit_core::ids::index32;
+
+/// Data points of which a thread draws the pieces at a time.
+const PART: u32 = 4096;
+
+/// All pieces of a scene's yarns.
+pub(super) struct Pieces<'a> {
+    pub(super) scene: &'a Scene,
+    /// The scene's middle, to which places are relative.
+    centre: Vec3,
+    lengths: SpanLengths,
+}
+
+/// A piece: a line with round ends.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Piece {
+    pub(super) ends: [Vec3; 2],
+    pub(super) radius: f32,
+}
+
+impl<'a> Pieces<'a> {
+    pub(super) fn new(scene: &'a Scene, centre: Vec3) -> Self {
+        Self { scene, centre, lengths: scene.span_lengths() }
+    }
+
+    /// Length of the longest, mm.
+    pub(super) fn longest(&self) -> f32 {
+        narrow(self.lengths.longest)
+    }
+
+    /// Whether strands lie one after another in memory: by that a piece's strand is found.
+    pub(super) fn are_in_order(&self) -> bool {
+        self.scene.strands.is_sorted_by(|one, other| one.points.end <= other.points.start)
+    }
+
+    /// Calls `draw` with every piece's number, both ends as `place` puts them, and the radius, in
+    /// parallel. What has no place is left out.
+    pub(super) fn for_each(
+        &self,
+        place: impl Fn(Vec3) -> Option<Vec3> + Sync,
+        draw: impl Fn(u32, [Vec3; 2], f32) + Sync,
+    ) {
+        self.parts().into_par_iter().for_each(|(strand, points)| {
+            let strand = &self.scene.strands[strand];
+            let Some(radius) = self.scene.radius(strand) else { return };
+            let placed = |point: u32| self.axis(point, &strand.points).and_then(&place);
+            let mut start = placed(points.start);
+            for number in points {
+                let next = placed(number + 1);
+                if let Some(start) = start {
+                    // A last point, and one before a gap, is a ball.
+                    draw(number, [start, next.unwrap_or(start)], radius);
+                }
+                start = next;
+            }
+        });
+    }
+
+    /// All drawable points.
+    pub(super) fn points(&self) -> impl ParallelIterator<Item = Vec3> {
+        self.parts()
+            .into_par_iter()
+            .filter(|(strand, _)| self.scene.radius(&self.scene.strands[*strand]).is_some())
+            .flat_map_iter(|(_, points)| {
+                let positions = &self.scene.positions[points.start as usize..points.end as usize];
+                positions.iter().filter(|point| drawable(**point)).map(|point| *point - self.centre)
+            })
+    }
+
+    /// The piece that starts at data point `first` of a strand, if there is one.
+    pub(super) fn piece(&self, strand: usize, first: u32) -> Option<Piece> {
+        let strand = &self.scene.strands[strand];
+        let start = self.axis(first, &strand.points)?;
+        let ends = [start, self.axis(first + 1, &strand.points).unwrap_or(start)];
+        Some(Piece { ends, radius: self.scene.radius(strand)? })
+    }
+
+    /// The strand of a data point.
+    pub(super) fn strand_of(&self, point: u32) -> usize {
+        self.scene.strands.partition_point(|strand| strand.points.end <= point)
+    }
+
+    /// The yarn's direction at share `s` of the piece that starts at data point `first`: turns
+    /// evenly from piece to piece.
+    pub(super) fn tangent(&self, strand: usize, first: u32, s: f32) -> Vec3 {
+        let points = &self.scene.strands[strand].points;
+        let slope = |point: u32| {
+            let ends = [point.saturating_sub(1).max(points.start), (point + 1).min(points.end - 1)];
+            let [before, after] = ends.map(|end| self.scene.positions[end as usize]);
+            (after - before).normalize_or_zero()
+        };
+        slope(first).lerp(slope((first + 1).min(points.end - 1)), s).normalize_or(Vec3::X)
+    }
+
+    /// Arc length at share `s` of that piece, mm: as if all pieces were of one length.
+    pub(super) fn along(&self, strand: usize, first: u32, s: f32) -> f32 {
+        let pieces = f64::from(first - self.scene.strands[strand].points.start) + f64::from(s);
+        narrow(
+            paths::phase(index32(strand))
+                + pieces * (self.lengths.sum / self.lengths.count.max(1) as f64),
+        )
+    }
+
+    /// Where the pieces at a data point meet: moved out of the bend there, so that pieces lie where
+    /// the curve does on the average. A span of a Catmull-Rom curve (here taken for a uniform one)
+    /// lies (p1 + p2 - p0 - p3) / 24 aside of its chord.
+    #[inline]
+    fn axis(&self, point: u32, strand: &Range<u32>) -> Option<Vec3> {
+        if point >= strand.end {
+            return None;
+        }
+        let at = |point: u32| self.scene.positions[point as usize];
+        let here = at(point);
+        if !drawable(here) {
+            return None;
+        }
+        let inner = strand.start + 2 <= point && point + 2 < strand.end;
+        let bend = if inner { here * 2.0 - at(point - 2) - at(point + 2) } else { Vec3::ZERO };
+        Some(here - self.centre + if drawable(bend) { bend / 48.0 } else { Vec3::ZERO })
+    }
+
+    fn parts(&self) -> Vec<(usize, Range<u32>)> {
+        let parts = |(number, strand): (usize, &Strand)| {
+            let Range { start, end } = strand.points;
+            (start..end)
+                .step_by(PART as usize)
+                .map(move |first| (number, first..end.min(first.saturating_add(PART))))
+        };
+        self.scene.strands.iter().enumerate().flat_map(parts).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::YarnLook;
+    use std::sync::Mutex;
+
+    fn drawn(scene: &Scene) -> Vec<(u32, [Vec3; 2])> {
+        let found = Mutex::new(Vec::new());
+        Pieces::new(scene, Vec3::ZERO)
+            .for_each(Some, |number, ends, _| found.lock().unwrap().push((number, ends)));
+        let mut found = found.into_inner().unwrap();
+        found.sort_by_key(|(number, _)| *number);
+        found
+    }
+
+    #[test]
+    fn gaps_and_ends_are_balls_and_what_has_no_radius_is_left_out() {
+        let mut scene = Scene {
+            looks: vec![YarnLook::plain(Vec3::ONE, 0.5, 0.1), YarnLook::plain(Vec3::ONE, 0.5, 0.0)],
+            ..Scene::default()
+        };
+        scene.push_strand([Vec3::ZERO, Vec3::X, Vec3::NAN, Vec3::Y], 0);
+        scene.push_strand([Vec3::ZERO, Vec3::X], 1);
+        scene.push_strand([Vec3::Z], 0);
+        let expected =
+            [(0, [Vec3::ZERO, Vec3::X]), (1, [Vec3::X; 2]), (3, [Vec3::Y; 2]), (6, [Vec3::Z; 2])];
+        assert_eq!(drawn(&scene), expected);
+        let pieces = Pieces::new(&scene, Vec3::ZERO);
+        assert_eq!([0, 3, 4, 5, 6].map(|point| pieces.strand_of(point)), [0, 0, 1, 1, 2]);
+        assert_eq!((pieces.longest(), pieces.points().count()), (1.0, 4));
+    }
+
+    #[test]
+    fn pieces_of_an_arc_lie_on_it_on_the_average() {
+        let mut scene =
+            Scene { looks: vec![YarnLook::plain(Vec3::ONE, 0.5, 0.01)], ..Scene::default() };
+        scene.push_strand(
+            (0_u8..60)
+                .map(|i| Vec3::new((f32::from(i) * 0.5).cos(), (f32::from(i) * 0.5).sin(), 0.0)),
+            0,
+        );
+        let pieces = drawn(&scene);
+        let inner = &pieces[10..50];
+        let places = inner.iter().flat_map(|(_, [one, other])| {
+            (0_u8..100).map(move |i| one.lerp(*other, f32::from(i) / 100.0).length())
+        });
+        let mean = places.sum::<f32>() / 4000.0;
+        assert!((mean - 1.0).abs() < 0.003, "{mean}; chords alone lie at .98");
+    }
+}

@@ -1,0 +1,226 @@
+//! What the sun sees: the nearest depths on a grid across its rays.
+//!
+//! In: pieces, the picture's frame and the sun. Out: [`SunMap`], 4 bytes a texel, which tells
+//! whether a place is in the sun. It covers what the picture shows. Shadows of other folds are soft
+//! as the sun is wide; the penumbra of one yarn on the next is finer than a pixel.
+
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use glam::{Vec2, Vec3, Vec4};
+use rayon::prelude::*;
+
+use super::outline::Outline;
+use super::pieces::Pieces;
+use super::screen::Screen;
+
+/// Size of a texel, radii of the thinnest yarn.
+const TEXEL_RADII: f32 = 1.4;
+/// The same in pixels of the picture, which can't show more.
+const TEXEL_PIXELS: f32 = 0.5;
+/// Most texels, 128 MB, but for what rounding up adds to a thin strip.
+const MOST_TEXELS: f32 = 33e6;
+/// What counts as one depth, in texels and in radii of the yarn there.
+const BIAS_TEXELS: f32 = 0.5;
+const BIAS_RADII: f32 = 0.3;
+
+/// Texels a side of the blocks in which shadows from far away are looked for: as wide as the
+/// penumbra of a garment's farther side.
+const BLOCK: usize = 64;
+/// Depth from which a shadow has a penumbra to be seen, radii of the yarn it falls on.
+const SOFT_RADII: f32 = 12.0;
+
+/// Depths along the sun's rays.
+pub(super) struct SunMap {
+    across: Vec3,
+    up: Vec3,
+    toward: Vec3,
+    /// Where the grid begins, mm along `across`, `up` and the rays.
+    low: Vec3,
+    texel: f32,
+    size: [u32; 2],
+    /// Bits of the nearest depth at each texel's middle.
+    nearest: Vec<AtomicU32>,
+    /// The nearest depth in each block and those around it.
+    blocks: Vec<f32>,
+}
+
+impl SunMap {
+    /// The map for what `screen` shows, where a pixel is `pixel` mm wide.
+    pub(super) fn new(pieces: &Pieces, screen: &Screen, pixel: f32, toward: Vec3) -> Self {
+        let (across, up) = toward.any_orthonormal_pair();
+        // What isn't shown may still cast a shadow: its depth counts.
+        let corners_of = |point: Vec3| {
+            let at = Vec3::new(point.dot(across), point.dot(up), -point.dot(toward));
+            let (low, high) =
+                if screen.shows(point) { (at, at) } else { (Vec3::INFINITY, Vec3::NEG_INFINITY) };
+            [low.with_z(at.z), high]
+        };
+        let around = |[low, high]: [Vec3; 2], [other_low, other_high]: [Vec3; 2]| {
+            [low.min(other_low), high.max(other_high)]
+        };
+        let [low, high] =
+            pieces.points().map(corners_of).reduce(|| [Vec3::INFINITY, Vec3::NEG_INFINITY], around);
+        let (thinnest, thickest) = pieces.scene.radii();
+        // A piece may be shown though neither of its ends is.
+        let margin = thickest + pieces.longest();
+        let low = low - margin;
+        let extent = (high.truncate() + margin - low.truncate()).max(Vec2::ZERO);
+        let finest = (TEXEL_RADII * thinnest).max(TEXEL_PIXELS * pixel);
+        let texel = finest.max((extent.x * extent.y / MOST_TEXELS).sqrt());
+        let size = (extent / texel)
+            .ceil()
+            .clamp(Vec2::ONE, Vec2::splat(MOST_TEXELS))
+            .as_uvec2()
+            .to_array();
+        let texels = (0..size[0] as usize * size[1] as usize).into_par_iter();
+        let nearest = texels.map(|_| AtomicU32::new(f32::INFINITY.to_bits())).collect();
+        let mut map = Self { across, up, toward, low, texel, size, nearest, blocks: Vec::new() };
+        pieces.for_each(|point| Some(map.place(point)), |_, ends, radius| map.draw(ends, radius));
+        map.blocks = map.blocks();
+        map
+    }
+
+    fn draw(&self, [one, other]: [Vec3; 2], radius: f32) {
+        let outline = Outline::new([one.truncate(), other.truncate()], radius / self.texel);
+        for y in outline.rows(&(0..self.size[1])) {
+            let row = &self.nearest[y as usize * self.size[0] as usize..][..self.size[0] as usize];
+            for first in outline.columns(y, self.size[0]).step_by(4) {
+                let middles = Vec4::splat(first as f32) + Vec4::new(0.5, 1.5, 2.5, 3.5);
+                let within = outline.within([middles, Vec4::splat(y as f32 + 0.5)]);
+                let depths = within.depths([one.z, other.z], radius);
+                for lane in within.covered() {
+                    // The last four may reach beyond the row.
+                    let Some(texel) = row.get(first as usize + lane) else { break };
+                    let depth = depths[lane].max(0.0).to_bits();
+                    if depth < texel.load(Ordering::Relaxed) {
+                        texel.fetch_min(depth, Ordering::Relaxed);
+                    }
+                }
+            }
+        }
+    }
+
+    fn blocks(&self) -> Vec<f32> {
+        let [width, height] = self.size.map(|side| side as usize);
+        let across = width.div_ceil(BLOCK);
+        let nearest_of_rows = |rows: &[AtomicU32]| {
+            let mut blocks = vec![f32::INFINITY; across];
+            for row in rows.chunks(width) {
+                for (block, texels) in blocks.iter_mut().zip(row.chunks(BLOCK)) {
+                    *block = texels
+                        .iter()
+                        .map(|texel| f32::from_bits(texel.load(Ordering::Relaxed)))
+                        .fold(*block, f32::min);
+                }
+            }
+            blocks
+        };
+        let single: Vec<Vec<f32>> =
+            self.nearest.par_chunks(width * BLOCK).map(nearest_of_rows).collect();
+        let around = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
+        let nearest_around = |y: usize, x: usize| {
+            let rows = around(y, height.div_ceil(BLOCK));
+            rows.flat_map(|y| single[y][around(x, across)].iter().copied())
+                .fold(f32::INFINITY, f32::min)
+        };
+        (0..height.div_ceil(BLOCK))
+            .flat_map(|y| (0..across).map(move |x| (y, x)))
+            .map(|(y, x)| nearest_around(y, x))
+            .collect()
+    }
+
+    /// Whether light from a unit direction within the sun's disc reaches a place on a yarn of some
+    /// radius.
+    ///
+    /// What hides the sun's middle, or else the nearest thing in the blocks around, tells how far
+    /// away a shadow's edge begins: the ray is followed so far, and stopped if something stands
+    /// there, or half as far (after Fernando 2005, percentage-closer soft shadows).
+    pub(super) fn reaches(&self, place: Vec3, radius: f32, toward: Vec3) -> bool {
+        let at = self.place(place);
+        let cell = self.cell(at.truncate());
+        let before = at.z - self.depth(cell);
+        let around = at.z
+            - self.blocks
+                [cell[1] / BLOCK * (self.size[0] as usize).div_ceil(BLOCK) + cell[0] / BLOCK];
+        let away = match before > BIAS_TEXELS * self.texel + BIAS_RADII * radius {
+            true => before,
+            false if around > SOFT_RADII * radius => around,
+            false => return true,
+        };
+        let slope =
+            Vec2::new(toward.dot(self.across), toward.dot(self.up)) / toward.dot(self.toward);
+        let there = self.cell(at.truncate() + slope * (away / self.texel));
+        at.z - self.depth(there) <= 0.5 * away
+    }
+
+    /// The texel at a place in the grid, or at its border.
+    fn cell(&self, at: Vec2) -> [usize; 2] {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "saturates, then is held to the grid"
+        )]
+        let inside = |at: f32, size: u32| (at as u32).min(size - 1) as usize;
+        [inside(at.x, self.size[0]), inside(at.y, self.size[1])]
+    }
+
+    /// The nearest depth in a texel.
+    fn depth(&self, [x, y]: [usize; 2]) -> f32 {
+        f32::from_bits(self.nearest[y * self.size[0] as usize + x].load(Ordering::Relaxed))
+    }
+
+    /// In texels, and in z the depth, mm.
+    fn place(&self, point: Vec3) -> Vec3 {
+        let from = Vec3::new(point.dot(self.across), point.dot(self.up), -point.dot(self.toward))
+            - self.low;
+        (from.truncate() / self.texel).extend(from.z)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Scene, YarnLook};
+    use crate::{Camera, Options, View};
+
+    #[test]
+    fn a_sheet_shadows_what_lies_behind_it_softly_at_its_edge() {
+        let mut scene =
+            Scene { looks: vec![YarnLook::plain(Vec3::ONE, 0.5, 0.2)], ..Scene::default() };
+        for (z, half) in [(0.0, 30.0), (20.0, 10.0)] {
+            for line in 0_u16..150 {
+                let y = (f32::from(line) / 75.0 - 1.0) * half;
+                scene.push_strand(
+                    (0_u8..=60).map(|i| Vec3::new((f32::from(i) / 30.0 - 1.0) * half, y, z)),
+                    0,
+                );
+            }
+        }
+        let options = Options { width: 60, height: 60, ..Options::default() };
+        let camera = Camera::view(View::Front, &scene.positions, 0.3, 1.0, 1.0);
+        let bounds = scene.bounds().unwrap();
+        let screen = Screen::new(&bounds, &camera, &options);
+        let pieces = Pieces::new(&scene, bounds.centre());
+        let sun = SunMap::new(&pieces, &screen, 1.0, Vec3::Z);
+        // Through a sun a tenth wide: shares of its light at places of the lower sheet, on top of
+        // its yarns.
+        let lit = |x: f32, z: f32| {
+            let place = Vec3::new(x, 0.0, z + 0.2) - bounds.centre();
+            let toward = (0_u8..=40)
+                .map(|i| Vec3::new((f32::from(i) / 20.0 - 1.0) * 0.1, 0.0, 1.0).normalize());
+            toward.filter(|toward| sun.reaches(place, 0.2, *toward)).count()
+        };
+        assert_eq!(
+            [lit(0.0, 0.0), lit(0.0, 20.0), lit(25.0, 0.0), lit(-25.0, 0.0)],
+            [0, 41, 41, 41]
+        );
+        let edge = [8.5, 9.5, 10.5, 11.5].map(|x| lit(x, 0.0));
+        assert!(
+            edge.is_sorted()
+                && edge[0] > 0
+                && edge[3] < 41
+                && (10..31).contains(&edge[1].midpoint(edge[2])),
+            "{edge:?}"
+        );
+    }
+}

@@ -1,0 +1,160 @@
+//! The shaders' structures, byte for byte as WGSL lays them out.
+//!
+//! In and out: nothing but memory. A test reads the shaders and compares the name and the offset of
+//! each field.
+
+use bytemuck::{Pod, Zeroable};
+use glam::{Mat4, Vec2, Vec3, Vec4};
+
+/// Pieces of a chunk at most, and steps of an instance: `PARTS * STEPS` and `STEPS` of
+/// `shaders/yarn.wgsl`.
+pub(super) const CHUNK: u32 = PARTS * STEPS;
+/// Steps that an instance takes.
+pub(super) const STEPS: u32 = 8;
+/// Instances of a whole chunk.
+pub(super) const PARTS: u32 = 32;
+
+/// `View` of `shaders/view.wgsl`.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct View {
+    pub(super) clip_from_world: Mat4,
+    pub(super) sun_from_world: Mat4,
+    pub(super) eye: Vec4,
+    pub(super) toward_sun: Vec3,
+    pub(super) pixel: f32,
+    pub(super) sun: Vec3,
+    pub(super) tile_width: f32,
+    pub(super) zenith: Vec3,
+    pub(super) tile_height: f32,
+    pub(super) sky_above: Vec3,
+    pub(super) depth_scale: f32,
+    pub(super) sky_below: Vec3,
+    pub(super) corner_x: f32,
+    pub(super) interior: Vec3,
+    pub(super) corner_y: f32,
+    pub(super) sun_bias: f32,
+    pub(super) layer: f32,
+    pub(super) spare: Vec2,
+}
+
+/// `Look` of `shaders/view.wgsl`.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Look {
+    pub(super) albedo: Vec3,
+    pub(super) roughness: f32,
+    pub(super) metallic: f32,
+    pub(super) radius: f32,
+    pub(super) plies: f32,
+    pub(super) ply_slope: f32,
+    pub(super) fibre_slope: f32,
+    pub(super) repeat: f32,
+    pub(super) sheen: f32,
+    pub(super) spare: f32,
+}
+
+/// `Chunk` of `shaders/yarn.wgsl`.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Chunk {
+    pub(super) first: u32,
+    pub(super) count: u32,
+    pub(super) look: u32,
+    pub(super) spare: u32,
+}
+
+/// `Draw` of `shaders/yarn.wgsl`.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Draw {
+    pub(super) first: u32,
+    pub(super) stride: u32,
+    pub(super) edges: u32,
+    pub(super) spare: u32,
+}
+
+/// `Blur` of `shaders/moments.wgsl`.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Blur {
+    pub(super) step: [i32; 2],
+    pub(super) reach: i32,
+    pub(super) sigma: f32,
+    pub(super) near: f32,
+    pub(super) far: f32,
+    pub(super) perspective: f32,
+    pub(super) layer: f32,
+}
+
+/// `Tone` of `shaders/tone.wgsl`.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Tone {
+    pub(super) background: Vec4,
+    pub(super) exposure: f32,
+    pub(super) scale: i32,
+    pub(super) spare: Vec2,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::mem::{offset_of, size_of};
+    use warpknit_shaders as shaders;
+
+    /// Names and offsets of a structure's fields, and its size.
+    type Layout = (Vec<(String, usize)>, usize);
+
+    macro_rules! layout {
+        ($name:ident: $($field:ident),*) => {
+            (stringify!($name), (vec![$((stringify!($field).to_owned(), offset_of!($name, $field))),*], size_of::<$name>()))
+        };
+    }
+
+    fn in_shaders(name: &str) -> Vec<Layout> {
+        let mut found = Vec::new();
+        for (_, source) in shaders::ALL {
+            let module = naga::front::wgsl::parse_str(source).unwrap();
+            for (_, shape) in
+                module.types.iter().filter(|(_, shape)| shape.name.as_deref() == Some(name))
+            {
+                let naga::TypeInner::Struct { members, span } = &shape.inner else {
+                    panic!("{name} is no structure")
+                };
+                let fields = members
+                    .iter()
+                    .map(|member| (member.name.clone().unwrap(), member.offset as usize))
+                    .collect();
+                found.push((fields, *span as usize));
+            }
+        }
+        found
+    }
+
+    #[test]
+    fn structures_lie_in_memory_as_the_shaders_read_them() {
+        let twins = [
+            layout!(View: clip_from_world, sun_from_world, eye, toward_sun, pixel, sun, tile_width, zenith, tile_height, sky_above,
+                depth_scale, sky_below, corner_x, interior, corner_y, sun_bias, layer, spare),
+            layout!(Look: albedo, roughness, metallic, radius, plies, ply_slope, fibre_slope, repeat, sheen, spare),
+            layout!(Chunk: first, count, look, spare),
+            layout!(Draw: first, stride, edges, spare),
+            layout!(Blur: step, reach, sigma, near, far, perspective, layer),
+            layout!(Tone: background, exposure, scale, spare),
+        ];
+        for (name, twin) in twins {
+            let shader = in_shaders(name);
+            assert!(!shader.is_empty(), "no shader has {name}");
+            shader.iter().for_each(|layout| assert_eq!(*layout, twin, "{name}"));
+        }
+    }
+
+    #[test]
+    fn a_chunk_is_as_long_as_the_shader_says() {
+        let yarn = shaders::ALL.iter().find(|(name, _)| *name == "yarn").unwrap().1;
+        for line in [format!("const STEPS = {STEPS}u;"), format!("const PARTS = {PARTS}u;")] {
+            assert!(yarn.contains(&line), "{line}");
+        }
+    }
+}

@@ -1,0 +1,201 @@
+//! Where everything lies in a frame: the camera's and the sun's views of the yarns, and the sizes
+//! of their maps.
+//!
+//! In: a camera, a light, and what of the yarns is in view. Out: [`Frame`], matrices and sizes for
+//! all passes, in coordinates relative to the scene's middle. The sun's map covers what the camera
+//! sees and nothing more, so that a close-up has fine shadows.
+
+use bytemuck::Zeroable;
+use glam::{Mat4, Vec2, Vec3, Vec4};
+
+use super::Yarns;
+use super::data;
+use super::lod::{Sight, seen};
+use super::pages::Page;
+use crate::shade::LAYER_RADII;
+use crate::{Camera, Options};
+
+/// Most texels of the sun's map a side: 256 MiB with both of its averages.
+const MOST_SUN_TEXELS: f32 = 2048.0;
+/// Size of a texel of the sun's map in radii of the thinnest yarn, where the picture can show it.
+const SUN_TEXEL_RADII: f32 = 0.2;
+/// The same in pixels of the picture, where it can't.
+const SUN_TEXEL_PIXELS: f32 = 0.35;
+/// Reach of the sun's penumbra on a yarn, radii of the thinnest.
+const PENUMBRA_RADII: f32 = 0.2;
+/// What the sun's map takes for one depth, radii of the thinnest yarn.
+const SUN_BIAS_RADII: f32 = 0.1;
+/// How far around a point the cloth's depth is averaged, radii of the thinnest yarn. Of 3, 5 and 8,
+/// 3 told best what the sky's rays of the CPU renderer see (.127, .132, .139 of the share that is
+/// open, root mean square).
+const DEPTH_RADII: f32 = 3.0;
+/// Most texels of the eye's map of depths a side.
+const MOST_DEPTH_TEXELS: f32 = 2048.0;
+/// Texels that this takes.
+const DEPTH_TEXELS: f32 = 2.5;
+/// Near and far planes lie this much beyond what is drawn.
+const PLANE_MARGIN: f32 = 1.001;
+
+/// A map of averaged depths.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct DepthMap {
+    pub(super) sight: Sight,
+    /// Texels.
+    pub(super) size: [u32; 2],
+    /// Of the averaging weights, texels.
+    pub(super) sigma: f32,
+    pub(super) near: f32,
+    pub(super) far: f32,
+    /// Depth of the nearest layer, mm, where only that one is averaged.
+    pub(super) layer: Option<f32>,
+}
+
+/// A frame's geometry.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Frame {
+    pub(super) camera: Sight,
+    pub(super) sun: DepthMap,
+    /// Depths around the eye.
+    pub(super) depth: DepthMap,
+    /// What all tiles share.
+    pub(super) view: data::View,
+}
+
+/// The nearest and farthest of what is drawn along a direction, from a point.
+fn range(pages: &[Page], along: Vec3, from: f32) -> [f32; 2] {
+    let extents = pages.iter().flat_map(|page| &page.extents);
+    extents.fold([f32::INFINITY, f32::NEG_INFINITY], |[near, far], extent| {
+        let depth = extent.centre.dot(along) - from;
+        [near.min(depth - extent.reach), far.max(depth + extent.reach)]
+    })
+}
+
+impl Frame {
+    /// Plans a frame; nothing where the camera sees no yarn.
+    pub(super) fn new(yarns: &Yarns, camera: &Camera, options: &Options) -> Option<Self> {
+        let Yarns { ref pages, centre, thinnest, .. } = *yarns;
+        let eye = (camera.eye() - centre).as_vec3();
+        let ahead = -camera.to_world(Vec3::Z);
+        let [near, far] = range(pages, ahead, eye.dot(ahead));
+        if far <= 0.0 {
+            return None;
+        }
+        // A depth buffer of 32 bits holds a thousandth of the distance to the eye and all beyond.
+        let (near, far) = ((near / PLANE_MARGIN).max(far * 1e-3), far * PLANE_MARGIN);
+        #[expect(clippy::cast_possible_truncation, reason = "a pixel's size")]
+        let pixel = camera.pixel_size(1.0, options.height) as f32;
+        let clip_from_world = camera.clip_from_world(centre, options.aspect(), near, far);
+        let sight = Sight { clip_from_world, eye: eye.extend(1.0), pixel };
+        let seen: Vec<_> = seen(pages, &sight).collect();
+        // Where most of what is seen lies: that sets what the maps must show.
+        let middle =
+            seen.iter().map(|extent| extent.centre).sum::<Vec3>() / seen.len().max(1) as f32;
+        let pixel_there = pixel * (middle - eye).dot(ahead).max(near);
+        let rig = options.light.around(camera);
+        let sun = sun_map(
+            pages,
+            seen.iter().map(|extent| (extent.centre, extent.reach)),
+            rig.toward_sun,
+            thinnest,
+            pixel_there,
+        )?;
+        let depth = depth_map(sight, thinnest, pixel_there, near, far, options);
+        let texel = sun.0.sight.pixel;
+        let view = data::View {
+            clip_from_world,
+            sun_from_world: sun.1,
+            eye: sight.eye,
+            toward_sun: rig.toward_sun,
+            pixel,
+            sun: rig.light.sun,
+            zenith: rig.zenith,
+            sky_above: rig.light.sky_above,
+            depth_scale: depth.size[0] as f32 / options.width.max(1) as f32,
+            sky_below: rig.light.sky_below,
+            interior: rig.interior * yarns.albedo,
+            layer: LAYER_RADII * thinnest,
+            sun_bias: (SUN_BIAS_RADII * thinnest).max(0.5 * texel),
+            ..data::View::zeroed()
+        };
+        Some(Self { camera: sight, sun: sun.0, depth, view })
+    }
+}
+
+/// The sun's map over the balls that are seen, and the matrix by which points look themselves up in
+/// it.
+fn sun_map(
+    pages: &[Page],
+    seen: impl Iterator<Item = (Vec3, f32)>,
+    toward_sun: Vec3,
+    thinnest: f32,
+    pixel: f32,
+) -> Option<(DepthMap, Mat4)> {
+    let (across, up) = toward_sun.any_orthonormal_pair();
+    let (low, high) =
+        seen.fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(low, high), (centre, reach)| {
+            let at = Vec2::new(across.dot(centre), up.dot(centre));
+            (low.min(at - reach), high.max(at + reach))
+        });
+    if low.x >= high.x {
+        return None;
+    }
+    let [near, far] = range(pages, -toward_sun, 0.0);
+    let extent = high - low;
+    let texel = (SUN_TEXEL_RADII * thinnest)
+        .max(SUN_TEXEL_PIXELS * pixel)
+        .max(extent.max_element() / MOST_SUN_TEXELS);
+    let size = (extent / texel).ceil().max(Vec2::ONE);
+    let extent = size * texel;
+    let distance = -toward_sun;
+    let rows = |x: Vec4, y: Vec4, z: Vec4| Mat4::from_cols(x, y, z, Vec4::W).transpose();
+    let clip_from_world = rows(
+        (across * 2.0 / extent.x).extend(-1.0 - 2.0 * low.x / extent.x),
+        (up * 2.0 / extent.y).extend(-1.0 - 2.0 * low.y / extent.y),
+        (distance / (far - near)).extend(-near / (far - near)),
+    );
+    // Rows of texels count from the top.
+    let texels_from_world = rows(
+        (across / texel).extend(-low.x / texel),
+        (-up / texel).extend((low.y + extent.y) / texel),
+        distance.extend(0.0),
+    );
+    let sight = Sight { clip_from_world, eye: toward_sun.extend(0.0), pixel: texel };
+    let sigma = (PENUMBRA_RADII * thinnest / texel).max(0.6);
+    Some((
+        DepthMap { sight, size: size.as_uvec2().to_array(), sigma, near, far, layer: None },
+        texels_from_world,
+    ))
+}
+
+/// The map of depths around the eye: as coarse as its averages allow.
+fn depth_map(
+    camera: Sight,
+    thinnest: f32,
+    pixel: f32,
+    near: f32,
+    far: f32,
+    options: &Options,
+) -> DepthMap {
+    let largest = options.width.max(options.height).max(1) as f32;
+    let scale =
+        (DEPTH_TEXELS * pixel / (DEPTH_RADII * thinnest)).min(0.5).min(MOST_DEPTH_TEXELS / largest);
+    let side = |pixels: u32| {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "at most half of it"
+        )]
+        let texels = (pixels as f32 * scale).ceil() as u32;
+        texels.max(1)
+    };
+    let sigma = (DEPTH_RADII * thinnest * scale / pixel).max(0.6);
+    let sight = Sight { pixel: camera.pixel / scale, ..camera };
+    DepthMap {
+        sight,
+        size: [side(options.width), side(options.height)],
+        sigma,
+        near,
+        far,
+        layer: Some(LAYER_RADII * thinnest),
+    }
+}

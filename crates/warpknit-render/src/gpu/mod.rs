@@ -1,0 +1,462 @@
+//! Pictures on the graphics processor, through wgpu.
+//!
+//! In: the same as every renderer's. Out: the picture, or an error that says what to do. In the
+//! library only this room names wgpu. Passes of a frame: depths from the sun, averaged; depths
+//! around the eye, averaged; the yarns with their light, tile by tile, so that no picture is too
+//! large; and the same tone curve as everywhere. `device` opens the adapter, `pages` keeps the
+//! yarns there, `levels` says what is drawn and how finely, `frame` where it lies, `pipelines` with
+//! which shaders, `passes` puts it into commands, and `resources` makes what they read and write.
+//!
+//! What it does not promise: the same bytes on two adapters. On one adapter they depend on the
+//! arguments alone.
+
+mod data;
+mod device;
+mod frame;
+mod lod;
+mod pages;
+#[cfg(test)]
+mod parity;
+mod passes;
+mod pipelines;
+mod resources;
+mod uploaded;
+
+use std::collections::BTreeMap;
+
+use bytemuck::bytes_of;
+use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
+use image::{Rgba, RgbaImage};
+use wgpu::{BufferUsages, TextureFormat, TextureUsages};
+
+pub use device::Gpu;
+pub(crate) use uploaded::Uploaded;
+
+use super::maps::Mips;
+use super::{Background, Camera, Options, ply};
+use crate::GpuError;
+use crate::scene::{Scene, Shape, YarnLook};
+use frame::{DepthMap, Frame};
+use lod::{Kinds, Sight};
+use pages::Page;
+use passes::{Listed, depth_attachment, screen_pass};
+use pipelines::{Layouts, Pipelines, Writes};
+
+/// Light before the tone curve; half floats hold a thousand times the sun.
+const LIGHT: TextureFormat = TextureFormat::Rgba16Float;
+/// Mean, variance and cover of depths: single precision, since half of it would lose a yarn's
+/// radius a metre away.
+const MOMENTS: TextureFormat = TextureFormat::Rgba32Float;
+const DEPTH: TextureFormat = TextureFormat::Depth32Float;
+/// Pixels as they go to files, encoded by the shader.
+const PICTURE: TextureFormat = TextureFormat::Rgba8Unorm;
+/// Largest side of a tile, lights: their four samples take 50 MB.
+const TILE: u32 = 1024;
+/// Most lights a pixel each way.
+const MOST_SUPERSAMPLING: u32 = 8;
+
+/// A device with everything that does not depend on the scene.
+#[derive(Debug)]
+pub struct Renderer {
+    gpu: Gpu,
+    layouts: Layouts,
+    pipelines: Pipelines,
+    /// By number of edges.
+    indices: BTreeMap<u32, (wgpu::Buffer, u32)>,
+    sampler: wgpu::Sampler,
+}
+
+/// A scene on the device.
+#[derive(Debug)]
+pub struct Yarns {
+    centre: DVec3,
+    pages: Vec<Page>,
+    shape: Shape,
+    kinds: Kinds,
+    /// Whether any of them has a sheen.
+    shines: bool,
+    looks: wgpu::Buffer,
+    thinnest: f32,
+    /// See [`Scene::mean_albedo`].
+    albedo: Vec3,
+    /// Those of each set of maps, then those of yarns without.
+    maps: Vec<wgpu::BindGroup>,
+}
+
+impl Renderer {
+    /// Compiles all shaders for pictures of so many samples a pixel: 1 or 4.
+    ///
+    /// # Errors
+    /// What the device refuses.
+    pub fn new(gpu: Gpu, samples: u32) -> Result<Self, GpuError> {
+        let layouts = Layouts::new(&gpu);
+        let pipelines = Pipelines::new(&gpu, &layouts, if samples > 1 { 4 } else { 1 });
+        let filter = wgpu::FilterMode::Linear;
+        let sampler = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
+            address_mode_u: wgpu::AddressMode::Repeat,
+            address_mode_v: wgpu::AddressMode::Repeat,
+            mag_filter: filter,
+            min_filter: filter,
+            mipmap_filter: wgpu::MipmapFilterMode::Linear,
+            ..wgpu::SamplerDescriptor::default()
+        });
+        gpu.fault()?;
+        Ok(Self { gpu, layouts, pipelines, indices: BTreeMap::new(), sampler })
+    }
+
+    /// The adapter's name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        self.gpu.name()
+    }
+
+    /// Uploads a scene, `st` pieces a stitch. It is no longer needed then.
+    ///
+    /// # Errors
+    /// What the device refuses, its memory above all.
+    pub fn load(&self, scene: &Scene, st: u32) -> Result<Yarns, GpuError> {
+        let centre = scene.bounds().map_or(DVec3::ZERO, |bounds| bounds.centre().as_dvec3());
+        let (thinnest, _) = scene.radii();
+        let mut looks: Vec<_> = scene.looks.iter().map(|look| shader_look(look, scene)).collect();
+        if looks.is_empty() {
+            looks.push(bytemuck::Zeroable::zeroed());
+        }
+        let shines = scene.looks.iter().any(|look| look.sheen > 0.0);
+        let looks = self.gpu.store("looks", bytemuck::cast_slice(&looks), BufferUsages::STORAGE);
+        let most = self.gpu.device.limits().max_texture_dimension_2d;
+        if let Some(maps) = scene
+            .maps
+            .iter()
+            .find(|maps| maps.base.levels[0].width().max(maps.base.levels[0].height()) > most)
+        {
+            let (width, height) = maps.base.levels[0].dimensions();
+            let lacking = format!(
+                "room for a yarn's picture of {width} x {height} pixels, {most} a side at most"
+            );
+            return Err(GpuError::Lacking { adapter: self.name().to_owned(), lacking });
+        }
+        let mut maps: Vec<_> = scene
+            .maps
+            .iter()
+            .map(|maps| self.maps_group(&maps.base, &maps.normal, &maps.surface))
+            .collect();
+        let none = Mips { levels: vec![RgbaImage::from_pixel(1, 1, Rgba([255; 4]))] };
+        maps.push(self.maps_group(&none, &none, &none));
+        let pages = pages::upload(&self.gpu, scene, centre, st)?;
+        let (albedo, kinds) = (scene.mean_albedo(), Kinds::of(scene));
+        Ok(Yarns {
+            centre,
+            pages,
+            shape: scene.shape,
+            kinds,
+            shines,
+            looks,
+            thinnest,
+            albedo,
+            maps,
+        })
+    }
+
+    /// Draws a picture and brings it back.
+    ///
+    /// # Errors
+    /// What the device refuses.
+    pub fn draw(
+        &mut self,
+        yarns: &Yarns,
+        camera: &Camera,
+        options: &Options,
+    ) -> Result<RgbaImage, GpuError> {
+        let mut picture = RgbaImage::new(options.width, options.height);
+        let frame = Frame::new(yarns, camera, options);
+        let lights = frame.as_ref().map(|frame| self.lights(yarns, frame, options)).transpose()?;
+        let side = TILE.min(self.gpu.device.limits().max_texture_dimension_2d)
+            / supersampling(options)
+            - 2;
+        for y in (0..options.height).step_by(side as usize) {
+            for x in (0..options.width).step_by(side as usize) {
+                let size = [side.min(options.width - x), side.min(options.height - y)];
+                let tile = self.gpu.texture(PICTURE, size, TextureUsages::COPY_SRC, 1);
+                let view = tile.create_view(&wgpu::TextureViewDescriptor::default());
+                let lit = frame.as_ref().zip(lights.as_ref());
+                self.tile(yarns, lit, options, [x, y], size, &view);
+                self.gpu.read(&tile, &mut picture, [x, y])?;
+            }
+        }
+        Ok(picture)
+    }
+
+    /// Draws the whole picture to a texture of the picture's size, to be shown.
+    ///
+    /// # Errors
+    /// What the device refuses.
+    pub fn draw_to(
+        &mut self,
+        yarns: &Yarns,
+        camera: &Camera,
+        options: &Options,
+        to: &wgpu::TextureView,
+    ) -> Result<(), GpuError> {
+        let frame = Frame::new(yarns, camera, options);
+        let lights = frame.as_ref().map(|frame| self.lights(yarns, frame, options)).transpose()?;
+        self.tile(
+            yarns,
+            frame.as_ref().zip(lights.as_ref()),
+            options,
+            [0, 0],
+            [options.width, options.height],
+            to,
+        );
+        self.gpu.fault()
+    }
+
+    /// The averaged depths from the sun and around the eye, bound for the light.
+    fn lights(
+        &mut self,
+        yarns: &Yarns,
+        frame: &Frame,
+        options: &Options,
+    ) -> Result<wgpu::BindGroup, GpuError> {
+        let mut encoder = self
+            .gpu
+            .device
+            .create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("depths") });
+        let [sun, depth] = [&frame.sun, &frame.depth].map(|map| {
+            let listed = self.list(yarns, &map.sight, options, &[Writes::Depth]);
+            self.depth_map(&mut encoder, yarns, frame, map, &listed)
+        });
+        self.gpu.queue.submit([encoder.finish()]);
+        self.gpu.fault()?;
+        Ok(self.gpu.group(
+            "light",
+            &self.layouts.light,
+            &[wgpu::BindingResource::TextureView(&sun), wgpu::BindingResource::TextureView(&depth)],
+        ))
+    }
+
+    /// Draws depths and averages them.
+    fn depth_map(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        yarns: &Yarns,
+        frame: &Frame,
+        map: &DepthMap,
+        listed: &Listed,
+    ) -> wgpu::TextureView {
+        let depths = self.gpu.target(DEPTH, map.size, 1);
+        let view = data::View {
+            clip_from_world: map.sight.clip_from_world,
+            eye: map.sight.eye,
+            pixel: map.sight.pixel,
+            ..frame.view
+        };
+        {
+            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some("depth"),
+                depth_stencil_attachment: Some(depth_attachment(
+                    &depths,
+                    wgpu::LoadOp::Clear(1.0),
+                    wgpu::StoreOp::Store,
+                )),
+                ..wgpu::RenderPassDescriptor::default()
+            });
+            self.draw_listed(&mut pass, yarns, listed, &view, Writes::Depth);
+        }
+        let [once, twice] = [(); 2].map(|()| self.gpu.target(MOMENTS, map.size, 1));
+        let [from_depths, from_moments] =
+            if map.layer.is_some() { &self.pipelines.nearest } else { &self.pipelines.all };
+        for (step, pipeline, from, to) in
+            [([1, 0], from_depths, &twice, &once), ([0, 1], from_moments, &once, &twice)]
+        {
+            #[expect(clippy::cast_possible_truncation, reason = "some texels")]
+            let reach = (2.0 * map.sigma).round() as i32;
+            let (perspective, layer) = (map.sight.eye.w, map.layer.unwrap_or_default());
+            let blur = data::Blur {
+                step,
+                reach,
+                sigma: map.sigma,
+                near: map.near,
+                far: map.far,
+                perspective,
+                layer,
+            };
+            let blur = self.gpu.uniform(bytes_of(&blur));
+            let (depths, from) = (
+                wgpu::BindingResource::TextureView(&depths),
+                wgpu::BindingResource::TextureView(from),
+            );
+            let group = self.gpu.group(
+                "blur",
+                &self.layouts.moments,
+                &[blur.as_entire_binding(), depths, from],
+            );
+            screen_pass(encoder, pipeline, &group, to);
+        }
+        twice
+    }
+
+    /// Draws one tile of the picture to `to`.
+    fn tile(
+        &mut self,
+        yarns: &Yarns,
+        lit: Option<(&Frame, &wgpu::BindGroup)>,
+        options: &Options,
+        corner: [u32; 2],
+        size: [u32; 2],
+        to: &wgpu::TextureView,
+    ) {
+        // A pixel more on every side, since the tone curve's filter reaches into the next ones.
+        let scale = supersampling(options);
+        let size = size.map(|pixels| (pixels + 2) * scale);
+        let light = self.gpu.target(LIGHT, size, 1);
+        let drawn = lit.map(|(frame, lights)| {
+            let view = tile_view(frame, options, corner, size);
+            let sight = Sight { clip_from_world: view.clip_from_world, ..frame.camera };
+            (
+                view,
+                lights,
+                self.list(yarns, &sight, options, &[Writes::Before, Writes::Light, Writes::Fuzz]),
+            )
+        });
+        let mut encoder = self
+            .gpu
+            .device
+            .create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("picture") });
+        self.light(&mut encoder, yarns, drawn.as_ref(), size, &light);
+        let background = match options.background {
+            Background::Transparent => Vec4::ZERO,
+            Background::Color([r, g, b]) => {
+                Vec4::new(f32::from(r), f32::from(g), f32::from(b), 255.0) / 255.0
+            }
+        };
+        let tone = data::Tone {
+            background,
+            exposure: options.exposure,
+            scale: scale.cast_signed(),
+            spare: Vec2::ZERO,
+        };
+        let tone = self.gpu.uniform(bytes_of(&tone));
+        let bound = [tone.as_entire_binding(), wgpu::BindingResource::TextureView(&light)];
+        screen_pass(
+            &mut encoder,
+            &self.pipelines.tone,
+            &self.gpu.group("tone", &self.layouts.tone, &bound),
+            to,
+        );
+        self.gpu.queue.submit([encoder.finish()]);
+    }
+
+    /// Draws the yarns' light, depths first, to `light` of `size`; without any it is dark.
+    fn light(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        yarns: &Yarns,
+        drawn: Option<&(data::View, &wgpu::BindGroup, Listed)>,
+        size: [u32; 2],
+        light: &wgpu::TextureView,
+    ) {
+        let samples = self.pipelines.samples;
+        let sampled = (samples > 1).then(|| self.gpu.target(LIGHT, size, samples));
+        let depths = self.gpu.target(DEPTH, size, samples);
+        {
+            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some("before"),
+                depth_stencil_attachment: Some(depth_attachment(
+                    &depths,
+                    wgpu::LoadOp::Clear(1.0),
+                    wgpu::StoreOp::Store,
+                )),
+                ..wgpu::RenderPassDescriptor::default()
+            });
+            if let Some((view, _, listed)) = drawn {
+                self.draw_listed(&mut pass, yarns, listed, view, Writes::Before);
+            }
+        }
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("light"),
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: sampled.as_ref().unwrap_or(light),
+                depth_slice: None,
+                resolve_target: sampled.is_some().then_some(light),
+                ops: wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                    store: wgpu::StoreOp::Store,
+                },
+            })],
+            depth_stencil_attachment: Some(depth_attachment(
+                &depths,
+                wgpu::LoadOp::Load,
+                wgpu::StoreOp::Discard,
+            )),
+            ..wgpu::RenderPassDescriptor::default()
+        });
+        if let Some((view, lights, listed)) = drawn {
+            pass.set_bind_group(3, *lights, &[]);
+            self.draw_listed(&mut pass, yarns, listed, view, Writes::Light);
+            self.draw_listed(&mut pass, yarns, listed, view, Writes::Fuzz);
+        }
+    }
+
+    fn maps_group(&self, base: &Mips, normal: &Mips, surface: &Mips) -> wgpu::BindGroup {
+        let formats =
+            [TextureFormat::Rgba8UnormSrgb, TextureFormat::Rgba8Unorm, TextureFormat::Rgba8Unorm];
+        let views: Vec<_> = [base, normal, surface]
+            .iter()
+            .zip(formats)
+            .map(|(mips, format)| self.gpu.mips(mips, format))
+            .collect();
+        let mut bound: Vec<_> = views.iter().map(wgpu::BindingResource::TextureView).collect();
+        bound.push(wgpu::BindingResource::Sampler(&self.sampler));
+        self.gpu.group("maps", &self.layouts.maps, &bound)
+    }
+}
+
+/// What a tile of `size` lights sees, from a pixel before `corner` on.
+fn tile_view(frame: &Frame, options: &Options, corner: [u32; 2], size: [u32; 2]) -> data::View {
+    let scale = supersampling(options) as f32;
+    let corner = Vec2::from(corner.map(|pixels| pixels as f32)) - 1.0;
+    let [tile_width, tile_height] = size.map(|lights| lights as f32);
+    data::View {
+        clip_from_world: crop(options, corner, Vec2::new(tile_width, tile_height) / scale)
+            * frame.camera.clip_from_world,
+        tile_width,
+        tile_height,
+        corner_x: corner.x * scale,
+        corner_y: corner.y * scale,
+        depth_scale: frame.view.depth_scale / scale,
+        ..frame.view
+    }
+}
+
+/// Lights a pixel each way, for the samples that are wanted beyond those of each light.
+fn supersampling(options: &Options) -> u32 {
+    (options.spp / options.samples.max(1)).isqrt().clamp(1, MOST_SUPERSAMPLING)
+}
+
+/// Blows a part of the picture up to all of clip space: `size` pixels from `corner` on.
+fn crop(options: &Options, corner: Vec2, size: Vec2) -> Mat4 {
+    let whole = Vec2::new(options.width as f32, options.height as f32);
+    let scale = whole / size;
+    // The part's middle in clip coordinates, y up.
+    let middle = ((corner + size / 2.0) / whole * 2.0 - 1.0) * Vec2::new(1.0, -1.0);
+    Mat4::from_translation((-middle * scale).extend(0.0)) * Mat4::from_scale(scale.extend(1.0))
+}
+
+fn shader_look(look: &YarnLook, scene: &Scene) -> data::Look {
+    #[expect(clippy::cast_precision_loss, reason = "a few plies")]
+    let plies = look.plies as f32;
+    let [ply_slope, fibre_slope] = ply::slopes(plies, look.twist_slope);
+    let repeat = scene.maps_of(look).map_or(0.0, |maps| maps.length);
+    data::Look {
+        albedo: look.albedo,
+        roughness: look.roughness,
+        metallic: look.metallic,
+        radius: look.radius,
+        plies,
+        ply_slope,
+        fibre_slope,
+        repeat,
+        sheen: look.sheen,
+        spare: 0.0,
+    }
+}

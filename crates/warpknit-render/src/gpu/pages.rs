@@ -1,0 +1,147 @@
+//! Yarns in the device's memory: points in pages that fit its bindings, cut into chunks that are
+//! culled and coarsened one by one.
+//!
+//! In: a scene and St. Out: [`Yarns`], 24 bytes a point there, 40 bytes a chunk of up to [`CHUNK`]
+//! pieces here. Strands are cut a window at a time, so what is held beside the pages does not grow
+//! with the fabric. A page's bind group serves all passes.
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+use wgpu::BufferUsages;
+
+use super::data::{self, CHUNK};
+use super::device::Gpu;
+use crate::GpuError;
+use crate::octahedral::PackedUnit;
+use crate::paths::{Cut, Paths};
+use crate::scene::Scene;
+use warpknit_core::ids::index32;
+
+/// Strands that a thread cuts at a time.
+const CUT_STRANDS: usize = 16;
+/// Points of a page at most: 64 MiB, which every device binds and allocates.
+const PAGE_POINTS: usize = 4 << 20;
+
+/// What is known of a chunk without asking the device.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Extent {
+    /// A ball around it, its yarn's radius included.
+    pub(super) centre: Vec3,
+    pub(super) reach: f32,
+    /// Mean length of its pieces, mm.
+    pub(super) piece: f32,
+    pub(super) pieces: u32,
+    pub(super) look: u16,
+}
+
+/// Points that one bind group holds.
+#[derive(Debug)]
+pub(super) struct Page {
+    pub(super) extents: Vec<Extent>,
+    pub(super) points: wgpu::Buffer,
+    pub(super) turns: wgpu::Buffer,
+    pub(super) chunks: wgpu::Buffer,
+}
+
+/// A page on its way.
+#[derive(Default)]
+struct Draft {
+    points: Vec<[f32; 4]>,
+    turns: Vec<[PackedUnit; 2]>,
+    chunks: Vec<data::Chunk>,
+    extents: Vec<Extent>,
+}
+
+/// Uploads all strands of `scene`, `st` pieces a stitch, relative to `centre`.
+pub(super) fn upload(
+    gpu: &Gpu,
+    scene: &Scene,
+    centre: DVec3,
+    st: u32,
+) -> Result<Vec<Page>, GpuError> {
+    let limits = gpu.device.limits();
+    let largest =
+        usize::try_from(limits.max_storage_buffer_binding_size.min(limits.max_buffer_size))
+            .unwrap_or(usize::MAX);
+    let room = (largest / size_of::<[f32; 4]>()).min(PAGE_POINTS);
+    let window = CUT_STRANDS * 4 * rayon::current_num_threads();
+    let (mut pages, mut draft) = (Vec::new(), Draft::default());
+    for first in (0..scene.strands.len()).step_by(window) {
+        let end = scene.strands.len().min(first + window);
+        let cut =
+            |start| Paths::of(scene, start..end.min(start + CUT_STRANDS), centre, Cut::Stitch(st));
+        let parts: Vec<Paths> =
+            (first..end).into_par_iter().step_by(CUT_STRANDS).map(cut).collect();
+        for paths in &parts {
+            for (start, pieces) in runs(paths) {
+                if draft.points.len() + pieces as usize >= room {
+                    pages.push(std::mem::take(&mut draft).finish(gpu)?);
+                }
+                draft.push(paths, start, pieces);
+            }
+        }
+    }
+    if !draft.chunks.is_empty() {
+        pages.push(draft.finish(gpu)?);
+    }
+    Ok(pages)
+}
+
+/// First points and pieces of the chunks that strands are cut into.
+fn runs(paths: &Paths) -> Vec<(usize, u32)> {
+    let mut runs = Vec::new();
+    let mut start = 0;
+    for (at, point) in paths.points.iter().enumerate() {
+        let pieces = index32(at - start);
+        if point.w <= 0.0 {
+            if pieces > 0 {
+                runs.push((start, pieces));
+            }
+            start = at + 1;
+        } else if pieces == CHUNK {
+            runs.push((start, pieces));
+            start = at;
+        }
+    }
+    runs
+}
+
+impl Draft {
+    /// Adds a chunk. Its last point is the next one's first, and stored for each.
+    fn push(&mut self, paths: &Paths, start: usize, pieces: u32) {
+        let range = start..=start + pieces as usize;
+        let first = index32(self.points.len());
+        let (points, along) = (&paths.points[range.clone()], &paths.along[range.clone()]);
+        self.points.extend(
+            points.iter().zip(along).map(|(point, &along)| [point.x, point.y, point.z, along]),
+        );
+        let turns = paths.tangents[range.clone()].iter().zip(&paths.across[range]);
+        self.turns.extend(turns.map(|(&tangent, &across)| [tangent, across]));
+        let look = paths.looks[start];
+        self.chunks.push(data::Chunk { first, count: pieces, look: u32::from(look), spare: 0 });
+        let low = points.iter().fold(Vec3::INFINITY, |low, point| low.min(point.truncate()));
+        let high = points.iter().fold(Vec3::NEG_INFINITY, |high, point| high.max(point.truncate()));
+        let length = points
+            .windows(2)
+            .map(|ends| ends[0].truncate().distance(ends[1].truncate()))
+            .sum::<f32>();
+        #[expect(clippy::cast_precision_loss, reason = "256 at most")]
+        let piece = length / pieces as f32;
+        let (centre, reach) = (low.midpoint(high), low.distance(high) / 2.0 + points[0].w);
+        self.extents.push(Extent { centre, reach, piece, pieces, look });
+    }
+
+    fn finish(self, gpu: &Gpu) -> Result<Page, GpuError> {
+        let store = |label, contents: &[u8]| gpu.store(label, contents, BufferUsages::STORAGE);
+        let page = Page {
+            points: store("points", bytemuck::cast_slice(&self.points)),
+            turns: store("turns", bytemuck::cast_slice(&self.turns)),
+            chunks: store("chunks", bytemuck::cast_slice(&self.chunks)),
+            extents: self.extents,
+        };
+        // What the copies were staged in is free once they are done.
+        gpu.queue.submit([]);
+        gpu.wait()?;
+        Ok(page)
+    }
+}

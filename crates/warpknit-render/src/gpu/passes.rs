@@ -1,0 +1,183 @@
+//! Passes over the yarns: which instances are drawn, with which pipelines; and passes over all
+//! pixels.
+//!
+//! In: a [`Plan`] of batches. Out: commands. What a pass binds is made anew for each: it is small
+//! beside the yarns, which stay.
+
+use bytemuck::bytes_of;
+use wgpu::BufferUsages;
+
+use super::lod::{self, Plan};
+use super::pages::Page;
+use super::pipelines::{self, Expansion, Purpose, Writes};
+use super::{Renderer, Yarns, data};
+use crate::Options;
+use crate::scene::Shape;
+use warpknit_core::ids::index32;
+
+/// A pass' yarns, ready to be drawn.
+pub(super) struct Listed {
+    plan: Plan,
+    /// One a page.
+    groups: Vec<Option<wgpu::BindGroup>>,
+}
+
+impl Yarns {
+    fn purpose(&self, kind: &lod::Kind, writes: Writes) -> Purpose {
+        let expansion = match (self.shape, kind.edges) {
+            (Shape::Ribbon, _) => Expansion::Ribbon,
+            (Shape::Tube, 2) => Expansion::Strip,
+            (Shape::Tube, _) => Expansion::Tube,
+        };
+        let shines = self.shines && matches!(writes, Writes::Light | Writes::Fuzz);
+        Purpose { expansion, writes, has_maps: kind.maps.is_some(), shines }
+    }
+}
+
+impl Renderer {
+    /// What of the yarns a pass draws, with its instances on the device.
+    pub(super) fn list(
+        &mut self,
+        yarns: &Yarns,
+        sight: &lod::Sight,
+        options: &Options,
+        writes: &[Writes],
+    ) -> Listed {
+        let plan = Plan::of(&yarns.kinds, &yarns.pages, sight, options);
+        for batch in &plan.batches {
+            for purpose in writes
+                .iter()
+                .map(|&writes| yarns.purpose(&batch.kind, writes))
+                .filter(|purpose| purpose.is_drawn())
+            {
+                self.pipelines.make(&self.gpu, &self.layouts, purpose);
+            }
+            self.indices.entry(batch.kind.edges).or_insert_with(|| {
+                let indices = pipelines::indices(batch.kind.edges);
+                (
+                    self.gpu.store("indices", bytemuck::cast_slice(&indices), BufferUsages::INDEX),
+                    index32(indices.len()),
+                )
+            });
+        }
+        let draws: Vec<u8> = plan.batches.iter().flat_map(|batch| self.draw_bytes(batch)).collect();
+        if draws.is_empty() {
+            return Listed { plan, groups: Vec::new() };
+        }
+        let draws = self.gpu.uniform(&draws);
+        let groups = plan
+            .parts
+            .iter()
+            .zip(&yarns.pages)
+            .map(|(parts, page)| self.page_group(page, parts, &draws))
+            .collect();
+        Listed { plan, groups }
+    }
+
+    /// A batch's `Draw`, as long as offsets of uniforms must be.
+    fn draw_bytes(&self, batch: &lod::Batch) -> Vec<u8> {
+        let draw = data::Draw {
+            first: batch.first,
+            stride: batch.kind.stride,
+            edges: batch.kind.edges,
+            spare: 0,
+        };
+        let mut bytes = bytes_of(&draw).to_vec();
+        bytes.resize(self.gpu.device.limits().min_uniform_buffer_offset_alignment as usize, 0);
+        bytes
+    }
+
+    fn page_group(
+        &self,
+        page: &Page,
+        parts: &[u32],
+        draws: &wgpu::Buffer,
+    ) -> Option<wgpu::BindGroup> {
+        if parts.is_empty() {
+            return None;
+        }
+        let parts = self.gpu.store("parts", bytemuck::cast_slice(parts), BufferUsages::STORAGE);
+        let draw = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+            buffer: draws,
+            offset: 0,
+            size: std::num::NonZeroU64::new(size_of::<data::Draw>() as u64),
+        });
+        let stored =
+            [&page.points, &page.turns, &page.chunks, &parts].map(wgpu::Buffer::as_entire_binding);
+        let [points, turns, chunks, parts] = stored;
+        Some(self.gpu.group("page", &self.layouts.page, &[points, turns, chunks, parts, draw]))
+    }
+
+    /// Draws batch after batch with the pipelines that were made for them.
+    pub(super) fn draw_listed(
+        &self,
+        pass: &mut wgpu::RenderPass<'_>,
+        yarns: &Yarns,
+        listed: &Listed,
+        view: &data::View,
+        writes: Writes,
+    ) {
+        let view = self.gpu.uniform(bytes_of(view));
+        let view = self.gpu.group(
+            "view",
+            &self.layouts.view,
+            &[view.as_entire_binding(), yarns.looks.as_entire_binding()],
+        );
+        pass.set_bind_group(0, &view, &[]);
+        let alignment = self.gpu.device.limits().min_uniform_buffer_offset_alignment;
+        for (batch, number) in listed.plan.batches.iter().zip(0_u32..) {
+            let purpose = yarns.purpose(&batch.kind, writes);
+            let (Some(pipeline), Some(group)) =
+                (self.pipelines.made(purpose), &listed.groups[batch.page])
+            else {
+                continue;
+            };
+            let (indices, count) = &self.indices[&batch.kind.edges];
+            // The last stands for none.
+            let maps = batch.kind.maps.map_or(yarns.maps.len() - 1, usize::from);
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(1, group, &[number * alignment]);
+            pass.set_bind_group(2, &yarns.maps[maps], &[]);
+            pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint16);
+            pass.draw_indexed(0..*count, 0, 0..batch.count);
+        }
+    }
+}
+
+/// How a pass uses its depths.
+pub(super) fn depth_attachment(
+    view: &wgpu::TextureView,
+    load: wgpu::LoadOp<f32>,
+    store: wgpu::StoreOp,
+) -> wgpu::RenderPassDepthStencilAttachment<'_> {
+    wgpu::RenderPassDepthStencilAttachment {
+        view,
+        depth_ops: Some(wgpu::Operations { load, store }),
+        stencil_ops: None,
+    }
+}
+
+/// Runs a shader over all pixels of `to`.
+pub(super) fn screen_pass(
+    encoder: &mut wgpu::CommandEncoder,
+    pipeline: &wgpu::RenderPipeline,
+    group: &wgpu::BindGroup,
+    to: &wgpu::TextureView,
+) {
+    let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+        label: None,
+        color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+            view: to,
+            depth_slice: None,
+            resolve_target: None,
+            ops: wgpu::Operations {
+                load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                store: wgpu::StoreOp::Store,
+            },
+        })],
+        ..wgpu::RenderPassDescriptor::default()
+    });
+    pass.set_pipeline(pipeline);
+    pass.set_bind_group(0, group, &[]);
+    pass.draw(0..3, 0..1);
+}

@@ -1,0 +1,352 @@
+//! The pipelines and the layouts of what is bound to them, made once for a device.
+//!
+//! Groups of the yarn shader: 0 the view, 1 a page, 2 a yarn's maps, 3 what the light needs. Passes
+//! that only write depths bind the first three.
+
+use std::collections::BTreeMap;
+
+use wgpu::{
+    BindGroupLayoutEntry as Entry, BindingType, BufferBindingType, ShaderStages, TextureSampleType,
+};
+
+use super::data;
+use super::device::Gpu;
+use super::{DEPTH, LIGHT, MOMENTS, PICTURE};
+use warpknit_shaders as shaders;
+
+/// How vertices are expanded: `SHAPE` of the yarn shader.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Expansion {
+    Tube = 0,
+    Strip = 1,
+    Ribbon = 2,
+}
+
+/// What a pass over the yarns writes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Writes {
+    /// Depths of one sample, for maps of depths.
+    Depth,
+    /// Depths of the picture's samples, before its light, so that only what is seen is lit. Ribbons
+    /// have none: which of their samples are solid is for the light to say.
+    Before,
+    /// Light of what is solid.
+    Light,
+    /// Light of what is not, blended; only ribbons have it.
+    Fuzz,
+}
+
+/// What a pipeline over the yarns is made for. A software driver computes both ways of every
+/// branch, so what never happens is left out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Purpose {
+    pub(super) expansion: Expansion,
+    pub(super) writes: Writes,
+    pub(super) has_maps: bool,
+    /// Whether yarns may have a sheen.
+    pub(super) shines: bool,
+}
+
+impl Purpose {
+    /// Whether plain strips are lit at their points, see the shader.
+    fn lit_at_points(self) -> bool {
+        self.expansion == Expansion::Strip && !self.has_maps && self.writes == Writes::Light
+    }
+
+    /// Whether there is anything to be drawn.
+    pub(super) fn is_drawn(self) -> bool {
+        let is_ribbon = self.expansion == Expansion::Ribbon;
+        match self.writes {
+            Writes::Depth | Writes::Light => true,
+            // What is lit at its points costs no more to light than to hide.
+            Writes::Before => !is_ribbon && (self.expansion == Expansion::Tube || self.has_maps),
+            Writes::Fuzz => is_ribbon && self.has_maps,
+        }
+    }
+}
+
+/// Layouts of the yarn shader's groups.
+#[derive(Debug)]
+pub(super) struct Layouts {
+    pub(super) view: wgpu::BindGroupLayout,
+    pub(super) page: wgpu::BindGroupLayout,
+    pub(super) maps: wgpu::BindGroupLayout,
+    pub(super) light: wgpu::BindGroupLayout,
+    pub(super) moments: wgpu::BindGroupLayout,
+    pub(super) tone: wgpu::BindGroupLayout,
+}
+
+/// The pipelines for pictures of one number of samples. Those over the yarns are made when they are
+/// first wanted: compiling all takes half a second on a software driver.
+#[derive(Debug)]
+pub(super) struct Pipelines {
+    pub(super) samples: u32,
+    yarn: wgpu::ShaderModule,
+    made: BTreeMap<Purpose, wgpu::RenderPipeline>,
+    /// Averages of all depths: from a depth buffer, then from averages.
+    pub(super) all: [wgpu::RenderPipeline; 2],
+    /// Averages of the nearest layer's depths.
+    pub(super) nearest: [wgpu::RenderPipeline; 2],
+    pub(super) tone: wgpu::RenderPipeline,
+}
+
+const BOTH: ShaderStages = ShaderStages::VERTEX_FRAGMENT;
+
+fn buffer(
+    binding: u32,
+    visibility: ShaderStages,
+    ty: BufferBindingType,
+    has_dynamic_offset: bool,
+) -> Entry {
+    let ty = BindingType::Buffer { ty, has_dynamic_offset, min_binding_size: None };
+    Entry { binding, visibility, ty, count: None }
+}
+
+fn texture(binding: u32, visibility: ShaderStages, sample_type: TextureSampleType) -> Entry {
+    let ty = BindingType::Texture {
+        sample_type,
+        view_dimension: wgpu::TextureViewDimension::D2,
+        multisampled: false,
+    };
+    Entry { binding, visibility, ty, count: None }
+}
+
+impl Layouts {
+    pub(super) fn new(gpu: &Gpu) -> Self {
+        const STORED: BufferBindingType = BufferBindingType::Storage { read_only: true };
+        const UNIFORM: BufferBindingType = BufferBindingType::Uniform;
+        let (filtered, exact) = (
+            TextureSampleType::Float { filterable: true },
+            TextureSampleType::Float { filterable: false },
+        );
+        let layout = |label, entries: &[Entry]| {
+            gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+                label: Some(label),
+                entries,
+            })
+        };
+        let sampler = BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
+        let sampler =
+            Entry { binding: 3, visibility: ShaderStages::FRAGMENT, ty: sampler, count: None };
+        let (vertex, pixel) = (ShaderStages::VERTEX, ShaderStages::FRAGMENT);
+        Self {
+            view: layout(
+                "view",
+                &[buffer(0, BOTH, UNIFORM, false), buffer(1, BOTH, STORED, false)],
+            ),
+            page: layout(
+                "page",
+                &[
+                    buffer(0, vertex, STORED, false),
+                    buffer(1, vertex, STORED, false),
+                    buffer(2, vertex, STORED, false),
+                    buffer(3, vertex, STORED, false),
+                    buffer(4, vertex, UNIFORM, true),
+                ],
+            ),
+            maps: layout(
+                "maps",
+                &[
+                    texture(0, pixel, filtered),
+                    texture(1, pixel, filtered),
+                    texture(2, pixel, filtered),
+                    sampler,
+                ],
+            ),
+            light: layout("light", &[texture(0, BOTH, exact), texture(1, BOTH, exact)]),
+            moments: layout(
+                "moments",
+                &[
+                    buffer(0, BOTH, UNIFORM, false),
+                    texture(1, pixel, TextureSampleType::Depth),
+                    texture(2, pixel, exact),
+                ],
+            ),
+            tone: layout("tone", &[buffer(0, BOTH, UNIFORM, false), texture(1, pixel, exact)]),
+        }
+    }
+}
+
+impl Pipelines {
+    /// Compiles the shaders.
+    pub(super) fn new(gpu: &Gpu, layouts: &Layouts, samples: u32) -> Self {
+        let module = |source: &'static str| {
+            let source = wgpu::ShaderSource::Wgsl(source.into());
+            gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source })
+        };
+        let (yarn, moments, tone) =
+            (module(shaders::YARN), module(shaders::MOMENTS), module(shaders::TONE));
+        let averages = |is_layered: bool| {
+            [true, false].map(|from_depths| {
+                let constants =
+                    &[("LAYERED", switch(is_layered)), ("FROM_DEPTHS", switch(from_depths))];
+                screen_pipeline(gpu, &layouts.moments, &moments, "average", MOMENTS, constants)
+            })
+        };
+        Self {
+            samples,
+            yarn,
+            made: BTreeMap::new(),
+            all: averages(false),
+            nearest: averages(true),
+            tone: screen_pipeline(gpu, &layouts.tone, &tone, "tone_map", PICTURE, &[]),
+        }
+    }
+
+    /// Makes the pipeline for a purpose, unless it is there.
+    pub(super) fn make(&mut self, gpu: &Gpu, layouts: &Layouts, purpose: Purpose) {
+        if !self.made.contains_key(&purpose) {
+            self.made
+                .insert(purpose, yarn_pipeline(gpu, layouts, &self.yarn, purpose, self.samples));
+        }
+    }
+
+    /// The pipeline for a purpose, if it was made.
+    pub(super) fn made(&self, purpose: Purpose) -> Option<&wgpu::RenderPipeline> {
+        self.made.get(&purpose)
+    }
+}
+
+fn yarn_pipeline(
+    gpu: &Gpu,
+    layouts: &Layouts,
+    module: &wgpu::ShaderModule,
+    purpose: Purpose,
+    samples: u32,
+) -> wgpu::RenderPipeline {
+    let Purpose { expansion, writes, has_maps, shines } = purpose;
+    let samples = if writes == Writes::Depth { 1 } else { samples };
+    let groups = if matches!(writes, Writes::Depth | Writes::Before) { 3 } else { 4 };
+    let groups =
+        &[Some(&layouts.view), Some(&layouts.page), Some(&layouts.maps), Some(&layouts.light)]
+            [..groups];
+    let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: None,
+        bind_group_layouts: groups,
+        immediate_size: 0,
+    });
+    let is_fuzz = writes == Writes::Fuzz;
+    let constants = &[
+        ("SHAPE", f64::from(expansion as u32)),
+        ("FUZZ", switch(is_fuzz)),
+        ("MAPS", switch(has_maps)),
+        ("SHEEN", switch(shines)),
+    ];
+    let compilation_options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
+    let blend = is_fuzz.then_some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING);
+    let light =
+        [Some(wgpu::ColorTargetState { format: LIGHT, blend, write_mask: wgpu::ColorWrites::ALL })];
+    let fragment = match writes {
+        // A depth needs no fragment, but where there may be holes.
+        Writes::Depth | Writes::Before => {
+            (expansion == Expansion::Ribbon && has_maps).then_some(("hole", &[][..]))
+        }
+        Writes::Light if purpose.lit_at_points() => Some(("lit", &light[..])),
+        Writes::Light | Writes::Fuzz => Some(("shade", &light[..])),
+    };
+    let expand = if purpose.lit_at_points() { "expand_lit" } else { "expand" };
+    let fragment = fragment.map(|(entry, targets)| wgpu::FragmentState {
+        module,
+        entry_point: Some(entry),
+        compilation_options: compilation_options.clone(),
+        targets,
+    });
+    gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: None,
+        layout: Some(&layout),
+        vertex: wgpu::VertexState {
+            module,
+            entry_point: Some(expand),
+            compilation_options: compilation_options.clone(),
+            buffers: &[],
+        },
+        primitive: wgpu::PrimitiveState {
+            cull_mode: (expansion == Expansion::Tube).then_some(wgpu::Face::Back),
+            ..wgpu::PrimitiveState::default()
+        },
+        depth_stencil: Some(wgpu::DepthStencilState {
+            format: DEPTH,
+            depth_write_enabled: Some(!is_fuzz),
+            // Equal to what the same triangles have written before.
+            depth_compare: Some(wgpu::CompareFunction::LessEqual),
+            stencil: wgpu::StencilState::default(),
+            bias: wgpu::DepthBiasState::default(),
+        }),
+        multisample: wgpu::MultisampleState { count: samples, ..wgpu::MultisampleState::default() },
+        fragment,
+        multiview_mask: None,
+        cache: None,
+    })
+}
+
+/// A shader's switch.
+fn switch(is_on: bool) -> f64 {
+    f64::from(u8::from(is_on))
+}
+
+/// A pass over all pixels of a picture.
+fn screen_pipeline(
+    gpu: &Gpu,
+    group: &wgpu::BindGroupLayout,
+    module: &wgpu::ShaderModule,
+    entry: &str,
+    format: wgpu::TextureFormat,
+    constants: &[(&str, f64)],
+) -> wgpu::RenderPipeline {
+    let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: Some(entry),
+        bind_group_layouts: &[Some(group)],
+        immediate_size: 0,
+    });
+    let compilation_options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
+    gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some(entry),
+        layout: Some(&layout),
+        vertex: wgpu::VertexState {
+            module,
+            entry_point: Some("cover"),
+            compilation_options: compilation_options.clone(),
+            buffers: &[],
+        },
+        primitive: wgpu::PrimitiveState::default(),
+        depth_stencil: None,
+        multisample: wgpu::MultisampleState::default(),
+        fragment: Some(wgpu::FragmentState {
+            module,
+            entry_point: Some(entry),
+            compilation_options,
+            targets: &[Some(format.into())],
+        }),
+        multiview_mask: None,
+        cache: None,
+    })
+}
+
+/// Triangles of an instance: `edges` a ring, or a flat strip for 2.
+pub(super) fn indices(edges: u32) -> Vec<u16> {
+    let around = if edges == 2 { 1 } else { edges };
+    let corner = |step: u32, s: u32| {
+        u16::try_from(step * edges + s % edges).expect("eight steps of 64 edges")
+    };
+    let quad = |(step, s)| {
+        let (a, b, c, d) =
+            (corner(step, s), corner(step, s + 1), corner(step + 1, s), corner(step + 1, s + 1));
+        [a, b, c, b, d, c]
+    };
+    (0..data::STEPS).flat_map(|step| (0..around).map(move |s| (step, s))).flat_map(quad).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_instance_has_two_triangles_for_each_edge_and_step() {
+        for edges in [2, 3, 6, 64] {
+            let indices = indices(edges);
+            let around = if edges == 2 { 1 } else { edges };
+            assert_eq!(indices.len(), (2 * 3 * around * data::STEPS) as usize);
+            assert_eq!(u32::from(*indices.iter().max().unwrap()) + 1, edges * (data::STEPS + 1));
+        }
+    }
+}

@@ -1,0 +1,144 @@
+//! Pictures of yarns: one scene, one camera, one shading model, whatever draws it.
+//!
+//! In: a [`Scene`], a [`Camera`] and [`Options`]. Out: an sRGB picture with straight alpha. Rooms
+//! that every renderer shares: [`camera`] (rays and framing), [`light`] (sun and sky), [`shade`]
+//! (how a surface reflects), [`sheen`] (what its fibres mirror), [`ply`] (what makes a tube read as
+//! yarn), [`maps`] (what a photo of a yarn says), `paths` (yarns as short pieces) and [`tone`]
+//! (from light to pixels). [`cpu`] traces rays, or draws what is far, and is the only room that
+//! knows of bounding volume hierarchies; [`gpu`] draws triangles and is the only one that names
+//! wgpu; [`painter`] chooses between the two.
+//!
+//! ```
+//! use warpknit_render::{Camera, Options, View, render};
+//! use warpknit_render::scene::{Scene, YarnLook};
+//! let mut scene = Scene::default();
+//! scene.looks.push(YarnLook::plain(glam::Vec3::splat(0.5), 0.7, 0.1));
+//! scene.push_strand([glam::Vec3::NEG_X, glam::Vec3::X], 0);
+//! let options = Options { width: 40, height: 30, ..Options::default() };
+//! let camera = Camera::view(View::Front, &scene.positions, Camera::DEFAULT_FOV, 1.0, options.aspect());
+//! let picture = render(&scene, &camera, &options, &|_| ())?;
+//! assert_ne!(picture.get_pixel(20, 15), picture.get_pixel(20, 2));
+//! # Ok::<(), warpknit_render::GpuError>(())
+//! ```
+
+pub mod camera;
+pub mod cloth;
+pub mod cpu;
+mod error;
+pub mod fibres;
+#[cfg(feature = "gpu")]
+pub mod gpu;
+pub mod light;
+pub mod maps;
+pub mod octahedral;
+pub mod painter;
+mod paths;
+pub mod ply;
+pub mod scene;
+pub mod shade;
+pub mod sheen;
+pub mod tone;
+mod unroll;
+#[cfg(not(feature = "gpu"))]
+mod without_gpu;
+
+pub use camera::{Camera, View};
+pub use error::GpuError;
+pub use light::Light;
+pub use painter::{Choice, Painter};
+pub use tone::Background;
+
+use std::ops::Range;
+
+use crate::scene::Scene;
+use image::RgbaImage;
+
+/// What a picture should be like.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Pixels across.
+    pub width: u32,
+    /// Pixels down.
+    pub height: u32,
+    /// Which rows of the picture are wanted, all if none are named. Seen is what the whole picture
+    /// shows there, to the byte.
+    pub rows: Option<Range<u32>>,
+    /// What draws.
+    pub renderer: Choice,
+    /// Samples a pixel, at least 1. Where yarns are drawn as triangles, what goes beyond `samples`
+    /// is made up by drawing larger.
+    pub spp: u32,
+    /// Rays a sample that look for nearby yarns in the way of the sky.
+    pub sky_rays: u32,
+    /// What is seen where no yarn is.
+    pub background: Background,
+    /// Sun and sky.
+    pub light: Light,
+    /// Light is multiplied by this before tone mapping.
+    pub exposure: f32,
+    /// Samples a pixel where yarns are drawn as triangles: 1 or 4.
+    pub samples: u32,
+    /// St: most pieces of a stitch that are drawn as triangles.
+    pub st: u32,
+    /// Sr: most edges of a tube's section there.
+    pub sr: u32,
+    /// Whether far yarns may be coarser.
+    pub lod: bool,
+    /// Another seed gives other noise, the same seed the same bytes.
+    pub seed: u32,
+}
+
+impl Options {
+    /// Width over height.
+    #[must_use]
+    pub fn aspect(&self) -> f64 {
+        f64::from(self.width.max(1)) / f64::from(self.height.max(1))
+    }
+
+    /// The rows that are wanted and there.
+    #[must_use]
+    pub fn rows(&self) -> Range<u32> {
+        let rows = self.rows.clone().unwrap_or(0..self.height);
+        let end = rows.end.min(self.height);
+        rows.start.min(end)..end
+    }
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            width: 1600,
+            height: 1200,
+            rows: None,
+            renderer: Choice::Cpu,
+            spp: 4,
+            sky_rays: 2,
+            background: Background::default(),
+            light: Light::default(),
+            exposure: 1.0,
+            samples: 4,
+            st: 40,
+            sr: 12,
+            lod: true,
+            seed: 0,
+        }
+    }
+}
+
+/// Draws `scene` as `camera` sees it. `progress` is told the finished share, 0..1, from any thread
+/// and in no fixed order.
+///
+/// The bytes depend on the arguments alone, and on the adapter if one draws, but not on the number
+/// of threads. An empty scene gives the background. [`Painter`] draws several pictures of one
+/// scene.
+///
+/// # Errors
+/// With [`Choice::Gpu`] whatever the adapter can't do.
+pub fn render(
+    scene: &Scene,
+    camera: &Camera,
+    options: &Options,
+    progress: &(dyn Fn(f32) + Sync),
+) -> Result<RgbaImage, GpuError> {
+    Painter::new(scene, options)?.draw(camera, options, progress)
+}

@@ -1,0 +1,115 @@
+//! The light of a product photograph: one sun and a sky, both placed relative to the camera.
+//!
+//! In: a [`Light`] and the camera. Out: a [`Rig`] in world axes. The sun stands to the upper left
+//! and rakes over a cloth that faces the camera at about 40 degrees, so that loops show relief from
+//! every side of a garment; the sky is a gradient, brightest above and behind the camera. A light
+//! fixed in the world would leave the back of a garment in the dark.
+
+use crate::camera::Camera;
+use glam::Vec3;
+use std::f32::consts::FRAC_1_PI;
+
+/// Share of the light on the cloth that still reaches the gaps between its yarns; a stand-in for
+/// light reflected more than once.
+const INTERIOR: f32 = 0.40;
+
+/// Sun and sky, linear RGB.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Light {
+    /// Toward the sun along the camera's right, up and back; any length but zero.
+    pub sun_direction: Vec3,
+    /// Irradiance of the sun on a surface that faces it.
+    pub sun: Vec3,
+    /// Half the angle that the sun covers, radians: larger is softer.
+    pub sun_half_angle: f32,
+    /// Radiance of the sky at its brightest, above and behind the camera.
+    pub sky_above: Vec3,
+    /// Radiance of the sky opposite.
+    pub sky_below: Vec3,
+}
+
+impl Default for Light {
+    fn default() -> Self {
+        Self {
+            sun_direction: Vec3::new(-0.50, 0.58, 0.64),
+            sun: Vec3::new(3.05, 2.95, 2.80),
+            sun_half_angle: 0.06,
+            sky_above: Vec3::new(0.57, 0.59, 0.62),
+            sky_below: Vec3::new(0.22, 0.215, 0.21),
+        }
+    }
+}
+
+/// A [`Light`] in world axes.
+#[derive(Clone, Copy, Debug)]
+pub struct Rig {
+    /// Unit vector toward the middle of the sun.
+    pub toward_sun: Vec3,
+    /// Radiance that comes from an occluder of white yarn nearby, to be multiplied by its albedo.
+    pub interior: Vec3,
+    pub(super) light: Light,
+    /// Unit vector toward the brightest sky.
+    pub(super) zenith: Vec3,
+}
+
+impl Light {
+    /// Sets the light up around `camera`.
+    #[must_use]
+    pub fn around(&self, camera: &Camera) -> Rig {
+        let toward_sun = camera.to_world(self.sun_direction.try_normalize().unwrap_or(Vec3::Z));
+        let zenith = camera.to_world(Vec3::new(0.0, 1.0, 1.0).normalize());
+        let sky = (self.sky_above + self.sky_below) * 0.5;
+        Rig { toward_sun, interior: (sky + self.sun * FRAC_1_PI) * INTERIOR, light: *self, zenith }
+    }
+}
+
+impl Rig {
+    /// Irradiance of the sun on a surface that faces it.
+    #[must_use]
+    pub fn sun(&self) -> Vec3 {
+        self.light.sun
+    }
+
+    /// A direction within the sun's disc, from two uniform numbers in 0..1.
+    #[must_use]
+    pub fn sun_sample(&self, u: [f32; 2]) -> Vec3 {
+        let (across, up) = self.toward_sun.any_orthonormal_pair();
+        let (sin, cos) = (std::f32::consts::TAU * u[1]).sin_cos();
+        let r = self.light.sun_half_angle.tan() * u[0].sqrt();
+        (self.toward_sun + (across * cos + up * sin) * r).normalize()
+    }
+
+    /// Radiance of the sky in a unit direction.
+    #[must_use]
+    pub fn sky(&self, direction: Vec3) -> Vec3 {
+        let height = 0.5 + 0.5 * direction.dot(self.zenith);
+        self.light.sky_below.lerp(self.light.sky_above, height)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    #[test]
+    fn the_sun_is_up_left_of_every_camera_and_rakes() {
+        for eye in [DVec3::Z, DVec3::NEG_Z, DVec3::new(3.0, 1.0, -2.0)] {
+            let camera = Camera::look_at(eye * 100.0, DVec3::ZERO, 0.5, 1.0);
+            let sun = Light::default().around(&camera).toward_sun.as_dvec3();
+            let seen = camera.project(sun, 1.0).unwrap();
+            assert!(seen.x < 0.0 && seen.y > 0.0);
+            let above_the_cloth = 90.0 - sun.angle_between(eye).to_degrees();
+            assert!((35.0..=45.0).contains(&above_the_cloth), "{above_the_cloth}");
+        }
+    }
+
+    #[test]
+    fn samples_stay_in_the_disc() {
+        let rig = Light::default().around(&Camera::look_at(DVec3::Z, DVec3::ZERO, 0.5, 1.0));
+        for step in 0_u8..=20 {
+            let u = f32::from(step) / 20.0;
+            assert!(rig.sun_sample([u, 1.0 - u]).angle_between(rig.toward_sun) <= 0.0601);
+        }
+    }
+}

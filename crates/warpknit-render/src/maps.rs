@@ -1,0 +1,459 @@
+//! What a photo of a yarn says of its surface: base colour, normals, roughness, metal, occlusion,
+//! each with its smaller levels.
+//!
+//! In: pictures of one repeat of the yarn, x along it and y across. Out: [`Maps`], which both
+//! renderers look up, the GPU's hardware and [`Maps::sample`] alike. Levels are means over areas:
+//! of light and not of its sRGB code, of colours by how opaque they are, of normals as vectors.
+//! Lookups repeat along the yarn without a seam; what the picture shows must match at its ends by
+//! itself.
+
+use std::sync::LazyLock;
+
+use glam::{Vec3, Vec4, Vec4Swizzles};
+use image::{Rgba, RgbaImage};
+use rayon::prelude::*;
+
+use super::tone;
+use crate::scene::Shape;
+
+/// Most lookups along the longer side of a pixel's trace on the yarn; a longer one blurs.
+const MOST_TAPS: f32 = 8.0;
+/// What a transparent texel weighs in a mean of colours, so that a level without any yarn still has
+/// a colour.
+const LEAST_WEIGHT: f32 = 1e-3;
+
+/// A picture and its smaller levels, each half as large, down to one pixel.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Mips {
+    /// Level 0 is the picture itself, but for the colour of transparent texels.
+    pub levels: Vec<RgbaImage>,
+}
+
+/// One yarn's pictures, all of one size.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Maps {
+    /// Base colour, sRGB, and alpha, straight: the fuzz.
+    pub base: Mips,
+    /// Normals as colours, OpenGL's way: x along the yarn, y toward the picture's top, z outward.
+    pub normal: Mips,
+    /// Red: ambient occlusion, green: roughness, blue: metal, as glTF packs them.
+    pub surface: Mips,
+    /// What one repeat is long, mm.
+    pub length: f32,
+    /// What the picture is wide across the yarn, fuzz included, mm.
+    pub width: f32,
+}
+
+/// What a picture's numbers mean, and so what their mean is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// sRGB with straight alpha.
+    Color,
+    /// Unit vectors, 0..1 for -1..1.
+    Normal,
+    /// The numbers themselves.
+    Plain,
+}
+
+/// A yarn's surface at one place of its maps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Texel {
+    /// Base colour, linear RGB 0..1.
+    pub albedo: Vec3,
+    /// Share that is covered by yarn.
+    pub alpha: f32,
+    /// Unit normal: x along the yarn, y toward the picture's top, z outward.
+    pub normal: Vec3,
+    /// Perceived roughness 0..1.
+    pub roughness: f32,
+    /// 0 for fibres, 1 for metal.
+    pub metallic: f32,
+    /// Share of the ambient light that arrives.
+    pub occlusion: f32,
+}
+
+impl Mips {
+    /// `picture` and its levels, each side of one half the last one's, rounded down. Transparent
+    /// texels take the colour of the yarn beside them: hardware that filters colours without regard
+    /// to alpha must not find a photo's background there.
+    #[must_use]
+    pub fn new(picture: RgbaImage, kind: Kind) -> Self {
+        let mut levels = vec![picture];
+        while let Some(smaller) = levels.last().and_then(|level| halved(level, kind)) {
+            levels.push(smaller);
+        }
+        if kind == Kind::Color {
+            for fine in (0..levels.len() - 1).rev() {
+                let (finer, coarser) = levels.split_at_mut(fine + 1);
+                fill_transparent(&mut finer[fine], &coarser[0]);
+            }
+        }
+        Self { levels }
+    }
+
+    /// Between four texels of a level; what of them leaves the picture sideways comes back where
+    /// `shape` closes around the yarn.
+    fn bilinear(&self, level: usize, at: Place, kind: Kind) -> Vec4 {
+        let picture = &self.levels[level];
+        let (width, height) = picture.dimensions();
+        let (left, x) = cell(at.v - at.v.floor(), width);
+        let (top, y) = cell(at.u, height);
+        let columns = [left, left + 1].map(|column| wrapped(column, width));
+        let rows = [top, top + 1].map(|row| match at.shape {
+            Shape::Tube => wrapped(row, height),
+            Shape::Ribbon => clamped(row, height),
+        });
+        let texel = |column: usize, row: usize| {
+            weighed(*picture.get_pixel(columns[column], rows[row]), kind)
+        };
+        texel(0, 0).lerp(texel(1, 0), x).lerp(texel(0, 1).lerp(texel(1, 1), x), y)
+    }
+}
+
+/// Where on the maps, as shares of their sides.
+#[derive(Clone, Copy)]
+struct Place {
+    u: f32,
+    v: f32,
+    shape: Shape,
+}
+
+impl Maps {
+    /// The mean over about the rectangle of `footprint_u` by `footprint_v` around (u, v), all in
+    /// shares of the picture: u across the yarn from the picture's top, v along it. u goes around a
+    /// tube and ends at a ribbon's edges.
+    #[must_use]
+    pub fn sample(
+        &self,
+        u: f32,
+        v: f32,
+        footprint_u: f32,
+        footprint_v: f32,
+        shape: Shape,
+    ) -> Texel {
+        let (base, normal, surface) = self
+            .taps([u, v], [footprint_u, footprint_v], shape, |level, at| {
+                let of = |mips: &Mips, kind| mips.bilinear(level, at, kind);
+                [
+                    of(&self.base, Kind::Color),
+                    of(&self.normal, Kind::Normal),
+                    of(&self.surface, Kind::Plain),
+                ]
+            })
+            .into();
+        let alpha = base.w.clamp(0.0, 1.0);
+        Texel {
+            albedo: base.xyz() / (base.w + LEAST_WEIGHT),
+            alpha,
+            normal: normal.xyz().normalize_or(Vec3::Z),
+            roughness: surface.y,
+            metallic: surface.z,
+            occlusion: surface.x,
+        }
+    }
+
+    /// [`Self::sample`]'s alpha alone.
+    #[must_use]
+    pub fn alpha(&self, u: f32, v: f32, footprint_u: f32, footprint_v: f32, shape: Shape) -> f32 {
+        let [alpha] = self.taps([u, v], [footprint_u, footprint_v], shape, |level, at| {
+            [self.base.bilinear(level, at, Kind::Plain)]
+        });
+        alpha.w
+    }
+
+    /// The colour of all of the picture's yarn.
+    #[must_use]
+    pub fn mean_albedo(&self) -> Vec3 {
+        let mean = self
+            .base
+            .levels
+            .last()
+            .map_or(Vec4::ZERO, |level| weighed(*level.get_pixel(0, 0), Kind::Color));
+        mean.xyz() / (mean.w + LEAST_WEIGHT)
+    }
+
+    /// The mean of what `look_up` gives over a footprint: of as many places along its longer side
+    /// as its shorter one fits into it, at the two levels between which that one is a texel.
+    fn taps<const N: usize>(
+        &self,
+        [u, v]: [f32; 2],
+        footprint: [f32; 2],
+        shape: Shape,
+        look_up: impl Fn(usize, Place) -> [Vec4; N],
+    ) -> [Vec4; N] {
+        let (width, height) = self.base.levels[0].dimensions();
+        let (across, along) =
+            (footprint[0].abs() * float(height), footprint[1].abs() * float(width));
+        let (short, long) = (across.min(along).max(1.0), across.max(along).max(1.0));
+        let taps = (long / short).ceil().clamp(1.0, MOST_TAPS);
+        let top = float(u32::try_from(self.base.levels.len() - 1).unwrap_or(0));
+        let level = (long / taps).max(short).log2().clamp(0.0, top);
+        let (fine, share) = (whole(level), level.fract());
+        let mut sum = [Vec4::ZERO; N];
+        let mut add = |level: usize, at: Place, share: f32| {
+            sum.iter_mut()
+                .zip(look_up(level, at))
+                .for_each(|(sum, value)| *sum += value * (share / taps));
+        };
+        for tap in 0..whole(taps) {
+            let aside = (float(u32::try_from(tap).unwrap_or(0)) + 0.5) / taps - 0.5;
+            let (du, dv) = if across > along {
+                (aside * footprint[0], 0.0)
+            } else {
+                (0.0, aside * footprint[1])
+            };
+            let at = Place { u: u + du, v: v + dv, shape };
+            add(fine, at, 1.0 - share);
+            if share > 0.0 {
+                add(fine + 1, at, share);
+            }
+        }
+        sum
+    }
+}
+
+/// The next smaller level; `None` below one pixel.
+fn halved(picture: &RgbaImage, kind: Kind) -> Option<RgbaImage> {
+    let (width, height) = picture.dimensions();
+    if width.max(height) <= 1 || width.min(height) == 0 {
+        return None;
+    }
+    let mut half = RgbaImage::new((width / 2).max(1), (height / 2).max(1));
+    let (columns, rows) = (shares(width, half.width()), shares(height, half.height()));
+    let row_bytes = half.width() as usize * 4;
+    half.as_mut().par_chunks_mut(row_bytes).zip(&rows).for_each(|(bytes, row)| {
+        for (texel, column) in bytes.chunks_exact_mut(4).zip(&columns) {
+            let mut mean = Vec4::ZERO;
+            for (y, down) in (row.first..).zip(row.weights) {
+                for (x, across) in (column.first..).zip(column.weights) {
+                    if across * down > 0.0 {
+                        mean += weighed(*picture.get_pixel(x, y), kind) * (across * down);
+                    }
+                }
+            }
+            texel.copy_from_slice(&packed(mean, kind));
+        }
+    });
+    Some(half)
+}
+
+/// Gives transparent texels the colour that the next smaller level has there.
+fn fill_transparent(picture: &mut RgbaImage, smaller: &RgbaImage) {
+    for (x, y, texel) in picture.enumerate_pixels_mut().filter(|(_, _, texel)| texel.0[3] == 0) {
+        let Rgba([r, g, b, _]) =
+            *smaller.get_pixel((x / 2).min(smaller.width() - 1), (y / 2).min(smaller.height() - 1));
+        *texel = Rgba([r, g, b, 0]);
+    }
+}
+
+/// The texels of a row that a texel of a smaller one covers.
+struct Shares {
+    first: u32,
+    /// Adding up to 1.
+    weights: [f32; 3],
+}
+
+/// How `small` texels share `large` ones among them: two each, or some of a third where the number
+/// is odd.
+fn shares(large: u32, small: u32) -> Vec<Shares> {
+    let size = float(large) / float(small);
+    let share = |index: u32| {
+        let (start, end) = (float(index) * size, float(index + 1) * size);
+        let first =
+            (u64::from(index) * u64::from(large) / u64::from(small)).try_into().unwrap_or(0);
+        let covered =
+            |texel: u32| ((float(texel) + 1.0).min(end) - float(texel).max(start)).max(0.0) / size;
+        // Rounding may leave a trace of weight on a texel beyond the last.
+        let weight = |texel: u32| if texel < large { covered(texel) } else { 0.0 };
+        Shares { first, weights: [first, first + 1, first + 2].map(weight) }
+    };
+    (0..small).map(share).collect()
+}
+
+/// A texel as numbers of which means may be taken.
+fn weighed(Rgba(bytes): Rgba<u8>, kind: Kind) -> Vec4 {
+    let plain = Vec4::from_array(bytes.map(f32::from)) / 255.0;
+    match kind {
+        Kind::Color => {
+            let [r, g, b, _] = bytes.map(|byte| LINEAR[usize::from(byte)]);
+            (Vec3::new(r, g, b) * (plain.w + LEAST_WEIGHT)).extend(plain.w)
+        }
+        Kind::Normal => (plain.xyz() * 2.0 - 1.0).extend(plain.w),
+        Kind::Plain => plain,
+    }
+}
+
+/// The texel of such a mean.
+fn packed(mean: Vec4, kind: Kind) -> [u8; 4] {
+    let alpha = tone::byte(mean.w);
+    let [r, g, b] = match kind {
+        Kind::Color => tone::encode(mean.xyz() / (mean.w + LEAST_WEIGHT)),
+        Kind::Normal => (mean.xyz().normalize_or(Vec3::Z) * 0.5 + 0.5).to_array().map(tone::byte),
+        Kind::Plain => mean.xyz().to_array().map(tone::byte),
+    };
+    [r, g, b, alpha]
+}
+
+/// sRGB bytes as light.
+pub static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
+    std::array::from_fn(|byte| {
+        tone::linear(f32::from(u8::try_from(byte).unwrap_or(u8::MAX)) / 255.0)
+    })
+});
+
+/// The texel left of or above `share` of a side, and how far it is on to the next.
+fn cell(share: f32, size: u32) -> (i64, f32) {
+    let place = share * float(size) - 0.5;
+    #[expect(clippy::cast_possible_truncation, reason = "saturates far outside of any picture")]
+    let first = place.floor() as i64;
+    (first, place - place.floor())
+}
+
+fn wrapped(index: i64, size: u32) -> u32 {
+    u32::try_from(index.rem_euclid(i64::from(size))).unwrap_or(0)
+}
+
+fn clamped(index: i64, size: u32) -> u32 {
+    u32::try_from(index.clamp(0, i64::from(size) - 1)).unwrap_or(0)
+}
+
+#[expect(clippy::cast_precision_loss, reason = "sides of pictures are far under 2^24")]
+fn float(count: u32) -> f32 {
+    count as f32
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a small number from 0 up"
+)]
+fn whole(number: f32) -> usize {
+    number as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Grey stripes across the yarn, half of the rows transparent.
+    fn stripes(width: u32, height: u32) -> RgbaImage {
+        RgbaImage::from_fn(width, height, |x, y| {
+            let grey = if x % 2 == 0 { 255 } else { 0 };
+            Rgba([grey, 40, 200, if y < height / 2 { 255 } else { 0 }])
+        })
+    }
+
+    #[test]
+    fn transparent_texels_take_the_colour_beside_them_and_stay_transparent() {
+        // A yarn two texels wide on a green ground.
+        let picture = RgbaImage::from_fn(9, 7, |_, y| {
+            if y / 2 == 1 { Rgba([200, 90, 40, 255]) } else { Rgba([0, 255, 0, 0]) }
+        });
+        for level in Mips::new(picture, Kind::Color).levels {
+            for texel in level.pixels() {
+                let mut colours = texel.0.into_iter().zip([200, 90, 40]);
+                assert!(colours.all(|(found, wanted)| found.abs_diff(wanted) <= 8), "{texel:?}");
+            }
+        }
+    }
+
+    fn maps(base: RgbaImage) -> Maps {
+        let (width, height) = base.dimensions();
+        let normal = RgbaImage::from_pixel(width, height, Rgba([128, 128, 255, 255]));
+        let surface = RgbaImage::from_pixel(width, height, Rgba([255, 191, 0, 255]));
+        Maps {
+            base: Mips::new(base, Kind::Color),
+            normal: Mips::new(normal, Kind::Normal),
+            surface: Mips::new(surface, Kind::Plain),
+            length: 1.0,
+            width: 1.0,
+        }
+    }
+
+    #[test]
+    fn levels_halve_down_to_one_pixel_and_keep_the_mean() {
+        for (width, height) in [(8, 8), (12, 5), (31, 2), (1, 7)] {
+            let noise = RgbaImage::from_fn(width, height, |x, y| {
+                Rgba([x, y, x * y, 7].map(|n| (n * 97 % 251).to_le_bytes()[0]))
+            });
+            let levels = Mips::new(noise, Kind::Plain).levels;
+            assert_eq!(levels.last().unwrap().dimensions(), (1, 1));
+            let mean = |level: &RgbaImage| {
+                let sum: Vec4 = level.pixels().map(|&texel| weighed(texel, Kind::Plain)).sum();
+                sum / float(level.width() * level.height()) * 255.0
+            };
+            for pair in levels.windows(2) {
+                let sides = |level: &RgbaImage| [level.width(), level.height()];
+                assert_eq!(sides(&pair[1]), sides(&pair[0]).map(|side| (side / 2).max(1)));
+                assert!(mean(&pair[0]).distance(mean(&pair[1])) < 1.1, "{width} x {height}");
+            }
+        }
+    }
+
+    #[test]
+    fn means_are_of_light_weighed_by_alpha_and_of_unit_normals() {
+        let levels = Mips::new(stripes(4, 4), Kind::Color).levels;
+        // Half of the light is 188 in sRGB; a transparent texel's colour hardly counts.
+        assert_eq!(levels[2].get_pixel(0, 0).0, [188, 40, 200, 128]);
+        let tilted = RgbaImage::from_fn(2, 2, |x, _| {
+            if x == 0 { Rgba([218, 128, 218, 255]) } else { Rgba([38, 128, 218, 255]) }
+        });
+        assert_eq!(
+            Mips::new(tilted, Kind::Normal).levels[1].get_pixel(0, 0).0,
+            [128, 128, 255, 255]
+        );
+    }
+
+    #[test]
+    fn the_middles_of_texels_give_texels_and_far_looks_give_the_mean() {
+        let maps = maps(stripes(8, 4));
+        for column in 0..8_u8 {
+            let texel =
+                maps.sample(0.125, (f32::from(column) + 0.5) / 8.0, 0.0, 0.0, Shape::Ribbon);
+            let red = if column % 2 == 0 { 1.0 } else { 0.0 };
+            assert!(
+                (texel.albedo.x - red).abs() < 1e-5 && (texel.alpha - 1.0).abs() < 1e-5,
+                "{texel:?}"
+            );
+            assert!(
+                (texel.roughness - 0.749).abs() < 1e-3
+                    && texel.metallic == 0.0
+                    && texel.normal.z > 0.999
+            );
+        }
+        let far = maps.sample(0.3, 0.3, 50.0, 50.0, Shape::Tube);
+        assert!((far.albedo.x - 0.5).abs() < 0.01 && (far.alpha - 0.5).abs() < 0.01);
+        assert!(far.albedo.distance(maps.mean_albedo()) < 1e-5);
+    }
+
+    #[test]
+    fn a_long_trace_is_averaged_along_itself_alone() {
+        let maps = maps(stripes(16, 16));
+        let along = maps.sample(0.25, 0.5, 1.0 / 16.0, 0.5, Shape::Ribbon);
+        assert!((along.albedo.x - 0.5).abs() < 0.05 && along.alpha > 0.99, "{along:?}");
+    }
+
+    #[test]
+    fn lookups_wrap_along_the_yarn_and_around_tubes_and_end_at_a_ribbons_edges() {
+        let maps = maps(stripes(8, 4));
+        let at = |u: f32, v: f32, shape| maps.sample(u, v, 0.0, 0.0, shape);
+        for (u, v) in [(0.1, 0.0), (0.4, 0.97), (0.2, 0.51)] {
+            assert!(
+                (at(u, v, Shape::Ribbon).albedo - at(u, v + 3.0, Shape::Ribbon).albedo).length()
+                    < 1e-4
+            );
+            assert!((at(u, v, Shape::Tube).alpha - at(u + 1.0, v, Shape::Tube).alpha).abs() < 1e-4);
+        }
+        assert!(
+            (at(0.2, 0.0, Shape::Tube).albedo.x - 0.5).abs() < 1e-4,
+            "halfway between the last column and the first"
+        );
+        assert!(
+            (at(0.0, 0.3, Shape::Tube).alpha - 0.5).abs() < 1e-4,
+            "halfway between the lowest row and the top one"
+        );
+        assert!(
+            at(0.0, 0.3, Shape::Ribbon).alpha > 0.999 && at(1.0, 0.3, Shape::Ribbon).alpha < 0.001
+        );
+    }
+}

@@ -1,0 +1,229 @@
+//! What makes a smooth tube read as yarn: plies wound around each other, and fibres in the plies.
+//!
+//! In: where on the tube a point lies (around and along) and how large a pixel is there. Out: a
+//! tilted normal and a factor on the albedo. The tube's outline stays round. Detail that a pixel
+//! cannot hold fades out instead of flickering. A picture made from a photo of a yarn takes its
+//! place where there is one; this room is a look, not a model of any one yarn.
+
+use glam::Vec3;
+use std::f32::consts::TAU;
+use warpknit_core::yarn::fibres::MIDDLING_SLOPE;
+
+/// Tilt of the normal in the groove between plies, radians. A full half circle a ply looks like
+/// rope at this size.
+const PLY_TILT: f32 = 0.42;
+/// Light lost in the groove between plies.
+const GROOVE: f32 = 0.30;
+/// Mean depth of a yarn's surface in its grooves.
+const MEAN_GROOVE: f32 = 0.25;
+/// Fibres to be seen around the yarn; real yarns have more, which no pixel shows.
+const FIBRES: i32 = 26;
+/// Slope of the fibres: single yarns are twisted against their plying, so that fibres lie almost
+/// along the axis.
+const FIBRE_SLOPE: f32 = -0.12;
+/// Length over which a fibre stays at the surface, in radii.
+const FIBRE_LENGTH: f32 = 5.0;
+/// Tilt of the normal between fibres, radians, and change of albedo.
+const FIBRE_TILT: f32 = 0.30;
+const FIBRE_SHADE: f32 = 0.16;
+/// Least cosine between a normal and the direction to the eye.
+const LEAST_COSINE: f32 = 0.05;
+
+/// A point on a yarn's surface.
+#[derive(Clone, Copy, Debug)]
+pub struct Place {
+    /// Unit normal of the tube.
+    pub normal: Vec3,
+    /// Unit vector to the eye.
+    pub toward_eye: Vec3,
+    /// Unit tangent of the yarn.
+    pub tangent: Vec3,
+    /// Angle around the axis, from the yarn's own frame, radians.
+    pub around: f32,
+    /// Arc length along the yarn, mm.
+    pub along: f32,
+    /// Radius, mm.
+    pub radius: f32,
+    /// Size of a pixel at this point, mm.
+    pub footprint: f32,
+    /// Yarns that are wound around each other.
+    pub plies: f32,
+    /// Slope of the twist, see [`crate::scene::YarnLook::twist_slope`].
+    pub twist_slope: Option<f32>,
+}
+
+/// The normal and the factor on the albedo that the yarn has at `place`.
+#[must_use]
+pub fn detail(place: &Place) -> (Vec3, f32) {
+    let turn = TAU * place.radius;
+    let around = place.tangent.cross(place.normal);
+    let (ply_tilt, groove) =
+        if place.plies > 1.0 { plies(place, turn, around) } else { (Vec3::ZERO, 0.0) };
+    let fibre_share = fade(place.footprint, 2.0 * turn / small(FIBRES));
+    if fibre_share <= 0.0 && ply_tilt == Vec3::ZERO {
+        return (facing(place.normal, place.toward_eye), 1.0 - GROOVE * groove);
+    }
+    let (tilt, fibre) = fibres(place, turn);
+    let normal = place.normal + ply_tilt + around * (tilt * FIBRE_TILT * fibre_share);
+    let shade = (1.0 - GROOVE * groove) * (1.0 + FIBRE_SHADE * fibre * fibre_share);
+    (facing(normal.normalize_or(place.normal), place.toward_eye), shade)
+}
+
+/// The factor on the albedo of a yarn too thin for its plies to be seen.
+pub(super) fn mean_shade(plies: u32) -> f32 {
+    if plies > 1 { 1.0 - GROOVE * MEAN_GROOVE } else { 1.0 }
+}
+
+/// Slopes of plies and of fibres against the axis. A single yarn's twist is its fibres'.
+pub(super) fn slopes(plies: f32, twist_slope: Option<f32>) -> [f32; 2] {
+    let fibre = if plies > 1.0 { FIBRE_SLOPE } else { twist_slope.unwrap_or(FIBRE_SLOPE) };
+    [twist_slope.unwrap_or(MIDDLING_SLOPE), fibre]
+}
+
+/// What the plies add to the normal, and how deep in a groove between them `place` lies, 0..1.
+fn plies(place: &Place, turn: f32, around: Vec3) -> (Vec3, f32) {
+    let share = fade(place.footprint, turn / place.plies);
+    let [slope, _] = slopes(place.plies, place.twist_slope);
+    // Across one ply, -0.5..0.5: the normal tilts outward on both sides of its crown.
+    let ply = place.plies * (place.around / TAU + slope * place.along / turn);
+    let offset = ply - ply.round();
+    let groove = (2.0 * offset.abs()).powi(3);
+    // Unresolved grooves still darken the yarn by their mean, so that colour does not jump with
+    // distance.
+    (
+        (around + place.tangent * slope) * (2.0 * offset * PLY_TILT * share),
+        groove * share + MEAN_GROOVE * (1.0 - share),
+    )
+}
+
+/// `normal`, bent toward the eye where it would look away: what is seen must face the eye, or
+/// outlines turn black.
+pub(super) fn facing(normal: Vec3, toward_eye: Vec3) -> Vec3 {
+    let cosine = normal.dot(toward_eye);
+    if cosine >= LEAST_COSINE {
+        normal
+    } else {
+        (normal + toward_eye * (LEAST_COSINE - cosine)).normalize_or(toward_eye)
+    }
+}
+
+/// Slope and height of the fibres' noise, both about -1..1.
+fn fibres(place: &Place, turn: f32) -> (f32, f32) {
+    let [_, slope] = slopes(place.plies, place.twist_slope);
+    let q = small(FIBRES) * (place.around / TAU + slope * place.along / turn);
+    let v = place.along / (FIBRE_LENGTH * place.radius);
+    let (column, row) = (q.floor(), v.floor());
+    let (x, y) = (q - column, v - row);
+    let height = |dx: f32, dy: f32| noise(column + dx, row + dy);
+    let ease = y * y * (3.0 - 2.0 * y);
+    let left = height(0.0, 0.0) * (1.0 - ease) + height(0.0, 1.0) * ease;
+    let right = height(1.0, 0.0) * (1.0 - ease) + height(1.0, 1.0) * ease;
+    let smooth = x * x * (3.0 - 2.0 * x);
+    ((left - right) * 3.0 * x * (1.0 - x), left + (right - left) * smooth)
+}
+
+/// Noise on a grid that wraps around the yarn, -1..1.
+fn noise(column: f32, row: f32) -> f32 {
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "whole numbers; far rows may saturate, which only repeats the pattern"
+    )]
+    let (column, row) = ((column as i32).rem_euclid(FIBRES), row as i32);
+    let bits = hash(
+        column.cast_unsigned().wrapping_mul(0x9E37_79B9)
+            ^ row.cast_unsigned().wrapping_mul(0x85EB_CA6B),
+    );
+    f32::from(u16::try_from(bits >> 16).unwrap_or(0)) / 32_767.5 - 1.0
+}
+
+/// Mixes all bits of a number (Murmur3's finaliser).
+#[must_use]
+pub fn hash(mut bits: u32) -> u32 {
+    bits = (bits ^ (bits >> 16)).wrapping_mul(0x85EB_CA6B);
+    bits = (bits ^ (bits >> 13)).wrapping_mul(0xC2B2_AE35);
+    bits ^ (bits >> 16)
+}
+
+/// 1 where a pixel is far smaller than a feature, 0 where it is as large.
+fn fade(footprint: f32, feature: f32) -> f32 {
+    let share = ((feature - footprint) / (0.7 * feature).max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
+    share * share * (3.0 - 2.0 * share)
+}
+
+fn small(count: i32) -> f32 {
+    f32::from(u8::try_from(count).unwrap_or(u8::MAX))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f32::consts::PI;
+
+    fn place(around: f32, along: f32, footprint: f32) -> Place {
+        let normal = Vec3::new(around.cos(), around.sin(), 0.0);
+        let (plies, twist_slope) = (3.0, None);
+        Place {
+            normal,
+            toward_eye: normal,
+            tangent: Vec3::Z,
+            around,
+            along,
+            radius: 0.05,
+            footprint,
+            plies,
+            twist_slope,
+        }
+    }
+
+    #[test]
+    fn the_pattern_closes_around_the_yarn() {
+        for along in [0.04, 0.13, 7.72] {
+            let (a, b) = (detail(&place(-PI, along, 1e-3)), detail(&place(PI, along, 1e-3)));
+            assert!(a.0.distance(b.0) < 2e-2 && (a.1 - b.1).abs() < 2e-2);
+        }
+    }
+
+    #[test]
+    fn normals_stay_unit_and_outward_and_far_yarn_is_a_plain_tube() {
+        for step in 0_u8..200 {
+            let angle = f32::from(step) * 0.1 - 3.0;
+            let here = place(angle, f32::from(step) * 0.037, 1e-3);
+            let (normal, shade) = detail(&here);
+            assert!((normal.length() - 1.0).abs() < 1e-5 && normal.dot(here.normal) > 0.6);
+            assert!((0.4..1.2).contains(&shade));
+            assert_eq!(detail(&place(angle, 0.0, 1.0)).0, here.normal);
+        }
+    }
+
+    #[test]
+    fn plies_and_twist_are_seen() {
+        let grooves = |plies: f32, twist_slope: Option<f32>, along: f32| {
+            let shade = |step: u16| {
+                let here = place(f32::from(step) * TAU / 720.0 - PI, along, 1e-4);
+                detail(&Place { plies, twist_slope, ..here }).1
+            };
+            let shades: Vec<_> = (0..720).map(shade).collect();
+            let darkest =
+                shades.iter().copied().enumerate().min_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+            // A groove takes 30 % of the light, fibres 16 %.
+            let dark = |step: usize| shades[step % 720] < 0.8;
+            (
+                (0..720)
+                    .filter(|&step| dark(step) && (1..20).all(|next| !dark(step + next)))
+                    .count(),
+                darkest.0,
+            )
+        };
+        assert_eq!(grooves(1.0, None, 0.0).0, 0, "a single yarn has no grooves");
+        for plies in [2_u8, 3, 5] {
+            assert_eq!(grooves(f32::from(plies), None, 0.0).0, usize::from(plies));
+        }
+        // A sixth of a turn: two plies' grooves move by a third of their distance, one way or the
+        // other.
+        let sixth = |slope: f32| {
+            (grooves(2.0, Some(slope), 0.0).1, grooves(2.0, Some(slope), TAU * 0.05 / 6.0).1)
+        };
+        let moved = |(before, after): (usize, usize)| (after + 720 - before) % 360;
+        assert!(moved(sixth(1.0)).abs_diff(240) < 50 && moved(sixth(-1.0)).abs_diff(120) < 50);
+    }
+}

@@ -1,0 +1,159 @@
+//! From light to pixels: exposure, a soft shoulder, the background, sRGB.
+//!
+//! In: linear RGB light with the share of the pixel that yarns cover. Out: 8-bit sRGB with straight
+//! alpha. The curve leaves everything up to [`SHOULDER`] as it is, so that a yarn's colour in the
+//! picture is its colour, and bends what is brighter toward white without ever clipping. A
+//! background colour is no light: it comes out exactly as given.
+
+use glam::{Vec3, Vec4};
+use std::str::FromStr;
+
+/// Linear value from which highlights are compressed.
+pub const SHOULDER: f32 = 0.6;
+
+/// What is seen where no yarn is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Background {
+    /// A colour, sRGB 0..=255.
+    Color([u8; 3]),
+    /// Alpha 0.
+    Transparent,
+}
+
+impl Default for Background {
+    fn default() -> Self {
+        Self::Color([255; 3])
+    }
+}
+
+/// A background that isn't one.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("`{0}` is no background: give #rrggbb, #rgb, white, black, grey or transparent")]
+pub struct BackgroundError(String);
+
+impl FromStr for Background {
+    type Err = BackgroundError;
+
+    /// ```
+    /// use warpknit_render::Background;
+    /// assert_eq!("#ff8000".parse(), Ok(Background::Color([255, 128, 0])));
+    /// assert!("#ff80".parse::<Background>().is_err());
+    /// ```
+    fn from_str(text: &str) -> Result<Self, BackgroundError> {
+        let color = match text.trim().to_ascii_lowercase().as_str() {
+            "transparent" | "none" => return Ok(Self::Transparent),
+            "white" => Some([255; 3]),
+            "black" => Some([0; 3]),
+            "grey" | "gray" => Some([128; 3]),
+            other => other.strip_prefix('#').and_then(hex),
+        };
+        color.map(Self::Color).ok_or_else(|| BackgroundError(text.to_owned()))
+    }
+}
+
+/// `rrggbb` or `rgb`.
+fn hex(digits: &str) -> Option<[u8; 3]> {
+    let values: Vec<u8> = digits
+        .chars()
+        .map(|c| c.to_digit(16).and_then(|d| u8::try_from(d).ok()))
+        .collect::<Option<_>>()?;
+    match values[..] {
+        [r, g, b] => Some([r * 17, g * 17, b * 17]),
+        [r1, r0, g1, g0, b1, b0] => Some([r1 * 16 + r0, g1 * 16 + g0, b1 * 16 + b0]),
+        _ => None,
+    }
+}
+
+/// The pixel for `light`, whose xyz hold linear RGB times coverage and whose w holds the coverage,
+/// 0..1.
+#[must_use]
+pub fn pixel(light: Vec4, exposure: f32, background: Background) -> [u8; 4] {
+    let coverage = light.w.clamp(0.0, 1.0);
+    let yarn =
+        if light.w > 0.0 { shoulder(light.truncate() / light.w * exposure) } else { Vec3::ZERO };
+    match background {
+        Background::Transparent => {
+            let [r, g, b] = encode(yarn);
+            [r, g, b, byte(coverage)]
+        }
+        Background::Color(color) if coverage == 0.0 => [color[0], color[1], color[2], 255],
+        Background::Color(color) => {
+            let behind = Vec3::from_array(color.map(|c| linear(f32::from(c) / 255.0)));
+            let [r, g, b] = encode(behind.lerp(yarn, coverage));
+            [r, g, b, 255]
+        }
+    }
+}
+
+/// Leaves values up to [`SHOULDER`], and lets the rest approach 1 with a continuous slope.
+fn shoulder(light: Vec3) -> Vec3 {
+    let room = 1.0 - SHOULDER;
+    Vec3::from_array(light.to_array().map(|c| match c {
+        c if c > SHOULDER => 1.0 - room * (-(c - SHOULDER) / room).exp(),
+        c if c > 0.0 => c,
+        _ => 0.0,
+    }))
+}
+
+pub(super) fn linear(c: f32) -> f32 {
+    if c <= 0.040_45 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
+}
+
+/// The sRGB code of a colour in linear light, each channel from 0 to 1.
+#[must_use]
+pub fn encode(color: Vec3) -> [u8; 3] {
+    color
+        .to_array()
+        .map(|c| byte(if c <= 0.003_130_8 { c * 12.92 } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 }))
+}
+
+/// The nearest byte to a share of 255; shares beyond 0 and 1 are clamped.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=255")]
+#[must_use]
+pub fn byte(share: f32) -> u8 {
+    (share.clamp(0.0, 1.0) * 255.0).round() as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn backgrounds_parse() {
+        assert_eq!("White".parse(), Ok(Background::Color([255; 3])));
+        assert_eq!("#0a0".parse(), Ok(Background::Color([0, 170, 0])));
+        assert_eq!("transparent".parse(), Ok(Background::Transparent));
+        for bad in ["", "#", "#12345", "#gg0000", "#éab", "reddish"] {
+            assert!(
+                bad.parse::<Background>().unwrap_err().to_string().contains("#rrggbb"),
+                "{bad}"
+            );
+        }
+    }
+
+    #[test]
+    fn every_srgb_byte_survives_a_round_trip() {
+        for value in 0..=255_u8 {
+            let color = Background::Color([value; 3]);
+            assert_eq!(pixel(Vec4::ZERO, 1.0, color), [value, value, value, 255]);
+            assert_eq!(encode(Vec3::splat(linear(f32::from(value) / 255.0))), [value; 3]);
+        }
+    }
+
+    #[test]
+    fn the_shoulder_is_smooth_and_never_reaches_white() {
+        let at = |c: f32| shoulder(Vec3::splat(c)).x;
+        assert_eq!(at(0.3), 0.3);
+        assert!((at(SHOULDER + 1e-3) - SHOULDER - 1e-3).abs() < 1e-5);
+        assert!(at(2.0) > at(1.0) && at(3.0) < 1.0);
+        assert_eq!(at(f32::NAN), 0.0);
+    }
+
+    #[test]
+    fn transparent_keeps_the_yarns_own_colour() {
+        let half = pixel(Vec4::new(0.25, 0.25, 0.25, 0.5), 1.0, Background::Transparent);
+        let full = pixel(Vec4::new(0.5, 0.5, 0.5, 1.0), 1.0, Background::Transparent);
+        assert_eq!((half[0], half[3], full[0], full[3]), (full[0], 128, full[0], 255));
+        assert_eq!(pixel(Vec4::ZERO, 1.0, Background::Transparent), [0; 4]);
+    }
+}

@@ -1,0 +1,216 @@
+//! What can be knitted in the window: fabrics, and the garment or the size of the swatch.
+//!
+//! In: the arguments, then a [`Recipe`] at a time. Out: [`Knitted`] cloth. Nothing here knows of a
+//! window.
+
+use std::borrow::Cow;
+use std::cell::RefCell;
+use std::sync::Arc;
+
+use anyhow::{Context, Result, bail};
+use warpknit::drape::{self, Block, Cloth, Totals};
+use warpknit::fabric::{Fabric, builtin};
+use warpknit::garment::{Garment, Panel, read};
+use warpknit::render::cloth;
+use warpknit::render::scene::{Scene, Shape};
+use warpknit::report::Timings;
+
+use super::super::args::Live;
+use super::super::choice::{drawn_radius, enlarged, fabric, named_fabric, pictured, turn_grains};
+use super::super::clock::{Clock, Task};
+use super::super::make::{MOST_STITCHES, check_laid, check_memory, loss_warning, task};
+use super::super::pictures::{self, Textures};
+
+/// What a stitch takes, GB: 160 bytes of scene, and on a software adapter 25 for each of ten points
+/// and their copies on the way.
+const STITCH_GB: f64 = 1e-6;
+
+/// Everything that does not change while the window is open.
+pub(super) struct Stock {
+    /// The one that was asked for first.
+    pub(super) choices: Vec<Choice>,
+    ground: Ground,
+    options: drape::Options,
+    /// What yarns are drawn as at first.
+    shape: Shape,
+}
+
+/// A fabric on the list.
+pub(super) struct Choice {
+    pub(super) label: String,
+    /// At the densities at which it is first shown.
+    pub(super) fabric: Fabric,
+    /// Of its yarns.
+    textures: Arc<Textures>,
+}
+
+/// What is covered.
+enum Ground {
+    Garment(Garment),
+    Swatch { wales: u32, courses: u32 },
+}
+
+/// What is knitted; equal ones give the same cloth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Recipe {
+    /// Its place in [`Stock::choices`].
+    pub(super) fabric: usize,
+    pub(super) wales_per_cm: f64,
+    pub(super) courses_per_cm: f64,
+    /// mm; the fabric's own where none is chosen.
+    pub(super) radius: Option<f64>,
+    pub(super) shape: Shape,
+}
+
+/// Cloth, ready to be drawn.
+pub(super) struct Knitted {
+    pub(super) scene: Scene,
+    pub(super) totals: Totals,
+    /// mm, of the thickest yarn.
+    pub(super) radius: f64,
+    /// How much larger than the real cloth.
+    pub(super) enlargement: f64,
+    pub(super) timings: Timings,
+    pub(super) warnings: Vec<String>,
+}
+
+/// Nobody waits for this cloth any more.
+struct Superseded;
+
+impl Stock {
+    /// Reads the garment and all fabrics.
+    pub(super) fn of(arguments: &Live) -> Result<Self> {
+        let shared = &arguments.shared;
+        let first = fabric(shared)?;
+        let ground = match &arguments.flat {
+            Some(flat) => Ground::Garment(read(
+                flat,
+                arguments.draped.as_deref(),
+                &arguments.reading.options(),
+            )?),
+            None => Ground::Swatch { wales: arguments.wales, courses: arguments.courses },
+        };
+        // A swatch is as large as it was asked for, and no fabric is too fine for it.
+        let area = ground.area();
+        let asked = shared.chains.label(&shared.fabric, &first);
+        let label = if asked.is_empty() { "your chains" } else { asked }.to_owned();
+        let (textures, all_wear) =
+            (Arc::new(Textures::of(shared, &first)?), shared.drawing.texture.is_some());
+        let others = builtin::names().filter(|name| *name != label).map(|name| {
+            let fabric = enlarged(&named_fabric(name)?, area)?.0;
+            let textures = if all_wear { Arc::clone(&textures) } else { Arc::default() };
+            Ok(Choice { label: name.to_owned(), fabric, textures })
+        });
+        let others = others.collect::<Result<Vec<_>>>()?;
+        let mut choices = vec![Choice {
+            label,
+            fabric: pictured(&first, area, shared)?.0,
+            textures: Arc::clone(&textures),
+        }];
+        choices.extend(others);
+        Ok(Self {
+            choices,
+            ground,
+            options: arguments.laying.options(),
+            shape: shared.drawing.shape.into(),
+        })
+    }
+
+    /// A fabric as it is first shown.
+    pub(super) fn recipe(&self, fabric: usize) -> Recipe {
+        let Fabric { wales_per_cm, courses_per_cm, .. } = self.choices[fabric].fabric;
+        Recipe { fabric, wales_per_cm, courses_per_cm, radius: None, shape: self.shape }
+    }
+
+    /// Knits, unless `superseded` says meanwhile that nobody waits any more.
+    pub(super) fn knit(
+        &self,
+        recipe: Recipe,
+        superseded: &dyn Fn() -> bool,
+    ) -> Result<Option<Knitted>> {
+        let fabric = self.fabric(&recipe)?;
+        let radius = drawn_radius(&fabric, recipe.radius)?;
+        let mut clock = Clock::start(true);
+        clock.begin(Task::Knit, 0.0);
+        match &self.ground {
+            Ground::Garment(garment) => {
+                let mut garment = Cow::Borrowed(garment);
+                if !fabric.panels.is_empty() {
+                    turn_grains(garment.to_mut(), &fabric);
+                }
+                let cloth = Cloth::cover(&garment, &fabric)
+                    .with_context(|| self.choices[recipe.fabric].label.clone())?;
+                self.lay(&cloth, &fabric, radius, recipe, clock, superseded)
+            }
+            Ground::Swatch { wales, courses } => {
+                let panel = drape::swatch_panel(&fabric, *wales, *courses);
+                self.lay(
+                    &Cloth::swatch(&panel, &fabric, *wales, *courses),
+                    &fabric,
+                    radius,
+                    recipe,
+                    clock,
+                    superseded,
+                )
+            }
+        }
+    }
+
+    fn fabric(&self, recipe: &Recipe) -> Result<Fabric> {
+        let fabric = self.choices[recipe.fabric].fabric.clone();
+        if (fabric.wales_per_cm, fabric.courses_per_cm)
+            == (recipe.wales_per_cm, recipe.courses_per_cm)
+        {
+            return Ok(fabric);
+        }
+        Ok(fabric.at_densities(recipe.wales_per_cm, recipe.courses_per_cm)?)
+    }
+
+    fn lay(
+        &self,
+        cloth: &Cloth<'_>,
+        fabric: &Fabric,
+        radius: f64,
+        recipe: Recipe,
+        mut clock: Clock,
+        superseded: &dyn Fn() -> bool,
+    ) -> Result<Option<Knitted>> {
+        check_room(cloth.stitches())?;
+        let mut scene =
+            pictures::scene(recipe.shape, fabric, radius, &self.choices[recipe.fabric].textures);
+        let totals = {
+            let clock = RefCell::new(&mut clock);
+            let mut announce = |stage, done| clock.borrow_mut().begin(task(stage), done);
+            let mut deliver = |blocks: &[Block]| {
+                blocks.iter().for_each(|block| cloth::add_to(&mut scene, block));
+                if superseded() { Err(Superseded) } else { Ok(()) }
+            };
+            drape::run(cloth, &self.options, &mut announce, &mut deliver)
+        };
+        clock.stop();
+        let Ok(totals) = totals else { return Ok(None) };
+        check_laid(&totals)?;
+        let mut warnings = cloth.garment().facts.warnings.clone();
+        warnings.extend(loss_warning(&totals));
+        let (enlargement, timings) = (fabric.enlargement, clock.timings());
+        Ok(Some(Knitted { scene, totals, radius, enlargement, timings, warnings }))
+    }
+}
+
+impl Ground {
+    /// Flat area of a garment, mm².
+    fn area(&self) -> f64 {
+        match self {
+            Self::Garment(garment) => garment.panels.iter().map(Panel::area).sum(),
+            Self::Swatch { .. } => 0.0,
+        }
+    }
+}
+
+/// Refuses cloth that can't be numbered or would not fit the memory.
+fn check_room(stitches: u64) -> Result<()> {
+    if stitches > MOST_STITCHES {
+        bail!("{stitches} stitches are too many: lower the densities");
+    }
+    check_memory("a picture", stitches, STITCH_GB, "lower the densities")
+}
