@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Makes the pictures of README.md anew: run it anywhere in a checkout.
+# Makes the pictures of README.md and of the pages in docs anew: run it anywhere in a checkout.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

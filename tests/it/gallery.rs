@@ -1,5 +1,5 @@
-//! The gallery, the README and the sources' numbers: what documents say is what the program
-//! computes.
+//! The gallery, the documents' lists and links, and the sources' numbers: what documents say is
+//! what the program computes.
 
 use std::path::{Path, PathBuf};
 
@@ -11,6 +11,8 @@ mod page;
 
 /// What all pictures may take together.
 const MOST_BYTES: u64 = 6_000_000;
+/// How long the README may be.
+const MOST_WORDS: usize = 1500;
 
 fn docs() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("docs")
@@ -47,17 +49,73 @@ fn every_fabric_has_both_its_pictures_and_they_are_small() {
 }
 
 #[test]
-fn the_readme_has_a_line_for_every_fabric() {
-    let readme = std::fs::read_to_string(docs().join("../README.md")).unwrap();
+fn the_list_of_fabrics_has_a_line_for_every_fabric() {
+    let list = std::fs::read_to_string(docs().join("fabric-list.md")).unwrap();
     for name in builtin::names() {
         let about = Fabric::named(name).unwrap().about;
         assert!(
-            readme
-                .lines()
-                .any(|line| line == format!("| [`{name}`](docs/gallery.md#{name}) | {about} |")),
+            list.lines().any(|line| line == format!("| [`{name}`](gallery.md#{name}) | {about} |")),
             "{name}"
         );
     }
+    assert_eq!(
+        list.lines().filter(|line| line.starts_with("| [`")).count(),
+        builtin::names().count(),
+        "the list has rows of fabrics that are not built in"
+    );
+}
+
+#[test]
+fn the_readme_is_short() {
+    let readme = std::fs::read_to_string(docs().join("../README.md")).unwrap();
+    let words = readme.split_whitespace().count();
+    assert!(words <= MOST_WORDS, "{words} words: a page in docs/ holds what a task needs");
+}
+
+#[test]
+fn every_link_leads_to_a_file_and_a_heading() {
+    let root = docs().join("..");
+    let folders = ["", "docs", "docs/formats", "examples/wardrobe", "fuzz", "tests/readers"];
+    let mut broken = Vec::new();
+    for page in folders.iter().flat_map(|folder| pages(&root.join(folder))) {
+        let text = std::fs::read_to_string(&page).unwrap();
+        for link in links(&text).filter(|link| !link.starts_with("http")) {
+            let (file, heading) = link.split_once('#').unwrap_or((link, ""));
+            let target = if file.is_empty() { page.clone() } else { page.with_file_name(file) };
+            if !target.exists() || !(heading.is_empty() || has_heading(&target, heading)) {
+                broken.push(format!("{}: {link}", page.display()));
+            }
+        }
+    }
+    assert_eq!(broken, Vec::<String>::new());
+}
+
+/// The Markdown files of a folder, in the order of their names.
+fn pages(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let mut pages: Vec<_> =
+        entries.filter(|path| path.extension().is_some_and(|ending| ending == "md")).collect();
+    pages.sort();
+    pages
+}
+
+/// The targets of a page's links and pictures.
+fn links(text: &str) -> impl Iterator<Item = &str> {
+    text.split("](").skip(1).filter_map(|rest| rest.split_once(')')).map(|(link, _)| link)
+}
+
+/// Whether a page has a heading with this anchor, as GitHub names anchors.
+fn has_heading(page: &Path, anchor: &str) -> bool {
+    std::fs::read_to_string(page).unwrap().lines().any(|line| {
+        let heading = line.trim_start_matches('#');
+        line.starts_with('#') && named_anchor(heading.trim()) == anchor
+    })
+}
+
+/// The anchor of a heading: lower case, blanks as dashes, no other punctuation.
+fn named_anchor(heading: &str) -> String {
+    let lower = heading.to_lowercase().replace(' ', "-");
+    lower.chars().filter(|&letter| letter.is_alphanumeric() || "-_".contains(letter)).collect()
 }
 
 #[test]

@@ -126,7 +126,7 @@ fn records_take_a_known_multiple_of_their_size() {
     }
 }
 
-/// The most bytes that are held for each that is read, as the README says. Measured 2026-11:
+/// The most bytes that are held for each that is read, as docs/memory.md says. Measured 2026-11:
 /// polygons of short indices 26, triangles of them 19, each with a name of its own 16, vertices 4.
 const MULTIPLE: u64 = 40;
 
