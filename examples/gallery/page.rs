@@ -1,5 +1,5 @@
 //! The text of `docs/gallery.md`: a section for each built-in fabric, and our numbers beside those
-//! of sources.
+//! of mills.
 //!
 //! In: nothing but the library. Out: Markdown. A test compares it with the file.
 
@@ -11,12 +11,19 @@ use warpknit::knit::{Pattern, clearance};
 
 const HEAD: &str = "# Gallery
 
-The built-in fabrics, each from its technical face (left) and its technical back (right), with the numbers of its TOML file's densities and yarns. This page and its pictures are made by
+The built-in fabrics. Each has a picture of its technical face (left) and of its technical back
+(right). The numbers are for the densities and yarns of its TOML file. One command makes this page
+and its pictures:
 
     cargo run --release --example gallery
 
-Run-in is the yarn of a rack of 480 courses; thickness is from the lowest to the highest yarn surface; the cover factor is the share of the area that yarns hide; porosity the share of the volume
-that no fibre fills; clearance the least distance between yarns, 1 being touch.
+- **Run-in** is the yarn of a rack of 480 courses.
+- **Thickness** is the distance from the lowest to the highest yarn surface.
+- **Cover factor** is the share of the area that yarns hide.
+- **Porosity** is the share of the volume that no fibre fills.
+- **Clearance** is the least distance between yarns. 1 is touch.
+
+The formulas are in [method.md](method.md#numbers-of-cloth).
 ";
 
 /// The fabric that is shown as tubes and as ribbons, and the yarn of `meshes/yarns/` that both
@@ -45,8 +52,11 @@ fn shapes(page: &mut String) {
     line(
         page,
         format_args!(
-            "\n## Tubes and ribbons\n\nA {COMPARED} that wears `meshes/yarns/{WORN}`: round yarns, whose pictures go around them, and flat ones (`--shape ribbon`), whose fuzz stands off \
-             their edges.\n\n| | face | back |\n|---|---|---|"
+            "\n## Tubes and ribbons\n\n\
+             A {COMPARED} with the yarn of `meshes/yarns/{WORN}`. As tubes, its yarns are round \
+             and the picture goes around them.\n\
+             As ribbons (`--shape ribbon`), they are flat and their fuzz stands off the edges.\n\n\
+             | | face | back |\n|---|---|---|"
         ),
     );
     for name in ["tubes", "ribbons"] {
@@ -70,7 +80,8 @@ fn section(page: &mut String, fabric: &Fabric) {
     line(
         page,
         format_args!(
-            "| bar | lapping | threading | yarn | diameter mm | run-in mm/rack | g/m² |\n|---|---|---|---|---|---|---|"
+            "| bar | lapping | threading | yarn | diameter mm | run-in mm/rack | g/m² |\n\
+             |---|---|---|---|---|---|---|"
         ),
     );
     for (at, bar) in fabric.bars.iter().enumerate() {
@@ -91,7 +102,8 @@ fn section(page: &mut String, fabric: &Fabric) {
     line(
         page,
         format_args!(
-            "\n| per cm | g/m² | thickness mm | cover factor | porosity | clearance |\n|---|---|---|---|---|---|"
+            "\n| per cm | g/m² | thickness mm | cover factor | porosity | clearance |\n\
+             |---|---|---|---|---|---|"
         ),
     );
     line(
@@ -103,7 +115,7 @@ fn section(page: &mut String, fabric: &Fabric) {
     );
 }
 
-/// What others measured, and what we compute.
+/// What mills report, and what we compute.
 fn sources(page: &mut String) {
     let fabric = Fabric::named("locknit")
         .and_then(|locknit| locknit.at_densities(15.0, 22.0))
@@ -115,7 +127,8 @@ fn sources(page: &mut String) {
     line(
         page,
         format_args!(
-            "\n## Beside the sources\n\nA locknit of 44 dtex, finished at 15 wales and 22 courses per cm:\n"
+            "\n## Compared with mills\n\n\
+             A locknit of 44 dtex, finished at 15 wales and 22 courses per cm:\n"
         ),
     );
     line(page, format_args!("| | mills report | here |\n|---|---|---|"));

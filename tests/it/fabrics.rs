@@ -1,8 +1,9 @@
-//! The built-in fabrics: all of the specification's, each what its name says.
+//! The built-in fabrics: all of the table in docs/fabrics.md, each what its name says; and what
+//! docs/method.md says of the stitch.
 
 use warpknit::fabric::{BarKind, Fabric, builtin};
 
-/// The fabrics of the specification's table.
+/// The fabrics of the table in docs/fabrics.md.
 pub(crate) const NAMES: [&str; 30] = [
     "tricot",
     "locknit",
@@ -40,7 +41,7 @@ pub(crate) const NAMES: [&str; 30] = [
 pub(crate) const WEFT_KNITS: [&str; 5] = ["jersey", "rib-1x1", "rib-2x2", "garter", "cable"];
 
 #[test]
-fn every_fabric_of_the_specification_is_there_and_serves_every_needle() {
+fn every_fabric_of_the_table_is_there_and_serves_every_needle() {
     assert_eq!(builtin::names().collect::<Vec<_>>(), [&NAMES[..], &WEFT_KNITS].concat());
     for name in builtin::names() {
         let fabric = Fabric::named(name).unwrap();
@@ -135,5 +136,36 @@ fn the_documentation_tells_the_truth() {
             .find(|line| line.starts_with(&format!("| `{name}` |")))
             .unwrap_or_else(|| panic!("{name}"));
         assert!(row.contains(&about), "{row}");
+    }
+}
+
+#[test]
+fn the_method_has_the_dimensions_of_the_stitch() {
+    let text = std::fs::read_to_string(
+        std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/method.md"),
+    )
+    .unwrap();
+    let d = Fabric::named("tricot").unwrap().stitch;
+    for (name, value) in [
+        ("w1", d.w1),
+        ("w1x", d.w1x),
+        ("w2", d.w2),
+        ("w3", d.w3),
+        ("w4", d.w4),
+        ("h1", d.h1),
+        ("h2", d.h2),
+        ("h3", d.h3),
+        ("z1", d.z1),
+        ("z2", d.z2),
+        ("zo", d.zo),
+        ("zs", d.zs),
+    ] {
+        let row = text
+            .lines()
+            .find(|line| line.starts_with(&format!("| `{name}` |")))
+            .unwrap_or_else(|| panic!("{name}"));
+        // Key, meaning, unit, default, range.
+        let default = row.split('|').nth(4).unwrap().trim().parse::<f64>().unwrap();
+        assert_eq!(default, value, "{row}");
     }
 }
