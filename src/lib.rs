@@ -1,7 +1,9 @@
 //! `warpknit` knits warp-knit fabric, yarn by yarn, onto a garment from a pattern tool.
 
 pub mod folder;
+pub mod pipeline;
 pub mod report;
+pub mod system;
 
 pub use warpknit_chart as chart;
 pub use warpknit_core::{drape, fabric, garment, ids, knit, locate, map, number, tile, yarn};

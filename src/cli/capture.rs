@@ -11,16 +11,16 @@ use warpknit::photo::capture::{Captured, GivenLayout, Settings, capture as captu
 use warpknit::photo::yarn::read_photo;
 
 use super::args::Capture;
-use super::clock::{Clock, Task};
-use super::targets::check_distinct;
+use super::terminal::Terminal;
 use super::{print, tell};
+use warpknit::pipeline::{Listener as _, Task, check_distinct};
 
 /// A layout file that is longer is none.
 const MOST_BYTES: u64 = 1 << 20;
 /// Captures a photo. The folder is seen only when all of it is whole.
 pub(crate) fn capture(arguments: &Capture) -> Result<()> {
-    let mut clock = Clock::begin_command(&arguments.running)?;
-    clock.begin(Task::Read, 0.0);
+    let terminal = Terminal::begin_command(&arguments.running)?;
+    terminal.begin(Task::Read, 0.0);
     let inputs = [Some(&arguments.photo), arguments.layout.as_ref()]
         .into_iter()
         .flatten()
@@ -31,17 +31,16 @@ pub(crate) fn capture(arguments: &Capture) -> Result<()> {
     let layout = arguments.layout.as_deref().map(given).transpose()?;
     let cell = arguments.cell.map(|[ax, ay, bx, by]| [DVec2::new(ax, ay), DVec2::new(bx, by)]);
     let photo = read_photo(&arguments.photo)?;
-    clock.begin(Task::Develop, 0.2);
+    terminal.begin(Task::Develop, 0.2);
     // What is wrong with a person's layout is told with its file.
     let about = arguments.layout.as_ref().unwrap_or(&arguments.photo);
     let &Capture { thickness, pixels_per_mm, .. } = arguments;
     let found = captured(&photo, &Settings { thickness, pixels_per_mm, cell, layout })
         .with_context(|| about.display().to_string())?;
-    clock.begin(Task::Write, 0.9);
+    terminal.begin(Task::Write, 0.9);
     save(&found, &folder)?;
     folder.publish()?;
-    clock.stop();
-    clock.clear();
+    terminal.clear();
     let quiet = arguments.running.quiet;
     found
         .warnings()

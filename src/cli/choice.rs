@@ -1,29 +1,20 @@
-//! What the arguments choose: the fabric, its densities and its yarns' radius, how the garment is
-//! read and how yarns are laid on it.
+//! From arguments to the library's own types: the fabric that is named, how a garment is read, and a run's settings.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
-use warpknit::drape;
+use anyhow::Result;
 use warpknit::fabric::{Fabric, FabricError};
-use warpknit::garment::{Garment, ReadOptions};
-use warpknit::ids::index32;
+use warpknit::garment::ReadOptions;
+use warpknit::pipeline::{Densities, PictureSettings, Placement, Settings, Source};
 
-use super::args::{Chains, Laying, Reading, Shared};
+use super::args::{Chains, Drawing, Laying, Reading, Shared};
 use super::tell;
-
-/// The most stitches that a garment is given unasked. A picture of 1600 x 1200 shows no more of
-/// them one by one.
-const PICTURED_STITCHES: f64 = 12_000.0;
-/// The most that a picture takes for each stitch, GB: measured 1.7 kB where a million are traced
-/// piece by piece. Far ones take a quarter of it, but how far they are is not known before they are
-/// knitted.
-pub(super) const PICTURE_GB: f64 = 1.7e-6;
+use super::values::SwitchArg;
 
 impl Laying {
-    /// What the library takes; surfaces are for those who write them.
-    pub(super) fn options(&self) -> drape::Options {
-        drape::Options { mapping: self.mapping.into(), edge: self.edge.into(), surface: None }
+    /// How the library lays yarns.
+    pub(super) fn placement(&self) -> Placement {
+        Placement { mapping: self.mapping.into(), edge: self.edge.into() }
     }
 }
 
@@ -39,10 +30,52 @@ impl Reading {
     }
 }
 
-/// Turns the panels whose layout in the fabric says so.
-pub(super) fn turn_grains(garment: &mut Garment, fabric: &Fabric) {
-    for layout in &fabric.panels {
-        garment.turn_grain(layout.panel, layout.grain_degrees.to_radians());
+impl Shared {
+    /// What the library is told of a run. Yarns on a garment and one machine's part are not shared by all commands.
+    pub(super) fn settings(&self) -> Settings {
+        Settings {
+            outputs: self.outputs.clone(),
+            densities: self.densities(),
+            st: self.st,
+            sr: self.sr,
+            radius: self.radius,
+            flatten: self.flatten,
+            caps: self.caps,
+            fibres: self.fibres.map(SwitchArg::is_on),
+            fibre_radius: self.fibre_radius,
+            centre_lines: self.curves,
+            picture: self.picture(),
+            ..Settings::default()
+        }
+    }
+
+    pub(super) fn densities(&self) -> Densities {
+        Densities { wales_per_cm: self.wales_per_cm, courses_per_cm: self.courses_per_cm }
+    }
+
+    fn picture(&self) -> PictureSettings {
+        let Drawing { renderer, spp, samples, lod, shape, ref texture, turntable } = self.drawing;
+        PictureSettings {
+            size: self.size,
+            view: self.view.into(),
+            eye: self.eye.zip(self.look_at),
+            fov: self.fov.to_radians(),
+            zoom: self.zoom,
+            background: self.background,
+            renderer: renderer.into(),
+            spp,
+            samples,
+            lod: lod.is_on(),
+            shape: shape.into(),
+            texture: texture.clone(),
+            turntable,
+        }
+    }
+
+    /// Where a run's cloth comes from.
+    pub(super) fn source(&self, fabric: &Fabric, inputs: Vec<PathBuf>, stem: &Path) -> Source {
+        let fabric = self.chains.label(&self.fabric, fabric).to_owned();
+        Source { fabric, inputs, stem: stem.to_owned() }
     }
 }
 
@@ -78,16 +111,7 @@ pub(super) fn fabric(shared: &Shared) -> Result<Fabric> {
     for warning in fabric.warnings() {
         tell(shared.running.quiet, &format!("warning: {name}: {warning}"));
     }
-    match (shared.wales_per_cm, shared.courses_per_cm) {
-        (None, None) => Ok(fabric),
-        (wales, courses) => {
-            // One density alone scales the other, so that loops keep their shape.
-            let aspect = fabric.courses_per_cm / fabric.wales_per_cm;
-            let wales =
-                wales.or(courses.map(|courses| courses / aspect)).unwrap_or(fabric.wales_per_cm);
-            Ok(fabric.at_densities(wales, courses.unwrap_or(wales * aspect))?)
-        }
-    }
+    Ok(shared.densities().of_fabric(fabric)?)
 }
 
 /// An error in a fabric file, with its name and line in front.
@@ -97,47 +121,4 @@ fn in_file(name: &str, error: FabricError) -> anyhow::Error {
         None => name.to_owned(),
     };
     anyhow::Error::new(error).context(place)
-}
-
-/// The fabric for `area` mm² of garment, enlarged where nobody chose densities and its loops would
-/// be too many and too small to see.
-pub(super) fn pictured(
-    fabric: &Fabric,
-    area: f64,
-    shared: &Shared,
-) -> Result<(Fabric, Option<String>)> {
-    if shared.wales_per_cm.is_some() || shared.courses_per_cm.is_some() {
-        Ok((fabric.clone(), None))
-    } else {
-        enlarged(fabric, area)
-    }
-}
-
-/// The same whoever chose densities; and what was done, in words.
-pub(super) fn enlarged(fabric: &Fabric, area: f64) -> Result<(Fabric, Option<String>)> {
-    let bars = f64::from(index32(fabric.bars.len()));
-    let stitches = bars * area / (fabric.wale_spacing() * fabric.course_spacing());
-    if stitches <= PICTURED_STITCHES {
-        return Ok((fabric.clone(), None));
-    }
-    let times = (stitches / PICTURED_STITCHES).sqrt();
-    let (wales, courses) = (fabric.wales_per_cm, fabric.courses_per_cm);
-    let note = format!(
-        "{stitches:.0} stitches at true gauge would be too small to see, so the cloth is drawn {times:.1} times enlarged; \
-         --wales-per-cm {wales} --courses-per-cm {courses} knits it at true gauge (a picture then takes up to {:.0} GB)",
-        stitches * PICTURE_GB
-    );
-    let enlarged = fabric.clone().at_densities(wales / times, courses / times);
-    Ok((enlarged.context("the garment is too large for any density: check --unit")?, Some(note)))
-}
-
-/// The radius that was chosen, if the fabric has room for it, or else the fabric's.
-pub(super) fn drawn_radius(fabric: &Fabric, chosen: Option<f64>) -> Result<f64> {
-    let wale_spacing = fabric.wale_spacing();
-    if let Some(radius) = chosen.filter(|radius| *radius > wale_spacing) {
-        bail!(
-            "a radius of {radius} mm is over the wale spacing of {wale_spacing:.3} mm: yarns would fill each other's place"
-        );
-    }
-    Ok(chosen.unwrap_or(fabric.radius()))
 }

@@ -18,7 +18,7 @@ use warpknit::render::maps::Maps;
 use warpknit::render::scene::Shape;
 use warpknit::render::{Camera, Options, View, render};
 
-use super::pictures::{self, Textures};
+use warpknit::pipeline::{self, Textures};
 
 /// Width of the yarn's picture where nothing says it, mm: any will do, the swatch's yarn is as wide
 /// as its loops let it.
@@ -60,7 +60,7 @@ pub(super) fn swatch(
     maps.length *= width / maps.width;
     maps.width = width;
     let mut scene =
-        pictures::scene(Shape::Ribbon, &fabric, fabric.radius(), &Textures::for_all(maps));
+        pipeline::scene(Shape::Ribbon, &fabric, fabric.radius(), &Textures::for_all(maps));
     let mut deliver = |blocks: &[Block]| -> Result<()> {
         blocks.iter().for_each(|block| cloth::add_to(&mut scene, block));
         Ok(())

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use warpknit::garment::{Frames, Garment, ReadOptions, read};
+use warpknit::pipeline::Motion;
 
 /// Which files hold a garment.
 #[derive(Debug)]
@@ -18,20 +19,10 @@ pub(super) struct Drapes {
     stem: PathBuf,
 }
 
-/// A sequence whose first usable frame has been read.
-#[derive(Debug)]
-pub(super) struct Motion {
-    pub(super) reader: Frames,
-    /// Its place among the frames.
-    pub(super) first: usize,
-    /// What is wrong with those before it.
-    pub(super) bad: Vec<String>,
-}
-
 impl Drapes {
     /// A lone file has its flat pattern in its vt, and so has the first file of a lone folder or
     /// pattern; else the first path is the flat pattern.
-    pub(super) fn of(first: &Path, others: &[PathBuf]) -> Result<Self> {
+    pub(super) fn from_paths(first: &Path, others: &[PathBuf]) -> Result<Self> {
         let named = others.first().map_or(first, PathBuf::as_path);
         let named = if named.is_dir() { named.file_name() } else { named.file_stem() };
         let stem = PathBuf::from(named.unwrap_or_default());

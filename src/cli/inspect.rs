@@ -16,8 +16,8 @@ use super::args::{DEFAULT_FABRIC, Inspect};
 use super::choice::named_fabric;
 use super::drapes::expanded;
 use super::sheet::{diagrams, drawn, sheet};
-use super::targets::{check_distinct, numbered};
 use super::{print, tell};
+use warpknit::pipeline::{check_distinct, numbered};
 
 /// Overlaps that are named, the largest ones.
 const NAMED: usize = 6;

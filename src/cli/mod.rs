@@ -4,27 +4,22 @@ mod args;
 mod bench;
 mod capture;
 mod choice;
-mod clock;
 mod config;
 mod contact;
+mod cpu_time;
 mod drapes;
 mod fabrics;
 mod inspect;
-mod job;
 mod make;
 mod numbers;
-mod pictures;
-mod sequence;
 mod sheet;
 mod shell;
 #[cfg(unix)]
 mod signals;
-mod system;
-mod targets;
+mod terminal;
 mod values;
 #[cfg(feature = "view")]
 mod view;
-mod writers;
 mod yarn;
 
 use std::io::{self, Write};

@@ -1,107 +1,73 @@
 //! The numbers of a fabric as a table for designers.
-//!
-//! They are those of the real cloth: at the densities of its file or of the command line, with
-//! yarns as thick as their count says, however much it is drawn enlarged.
 
 use std::fmt::Write as _;
 
-use warpknit::fabric::Fabric;
-use warpknit::knit::Pattern;
-use warpknit::knit::clearance::{self, Clearance};
-use warpknit::knit::numbers::{self, Numbers};
+use warpknit::pipeline::RealCloth;
 
-/// A fabric at its true scale, measured.
-pub(super) struct RealCloth {
-    fabric: Fabric,
-    pub(super) numbers: Numbers,
-    clearance: Clearance,
-}
-
-impl RealCloth {
-    /// Measures a repeat: the one that was knitted already, with its clearance, or a new one.
-    pub(super) fn of(fabric: &Fabric, knitted: Option<(&Pattern, Clearance)>) -> Self {
-        let fabric = Fabric { enlargement: 1.0, ..fabric.clone() };
-        let (numbers, clearance) = if let Some((pattern, clearance)) = knitted {
-            (numbers::measure(&fabric, pattern), clearance)
-        } else {
-            let pattern = Pattern::new(&fabric);
-            (
-                numbers::measure(&fabric, &pattern),
-                clearance::measure(&fabric, &pattern, fabric.radius()),
-            )
-        };
-        Self { numbers, clearance, fabric }
+/// A line a number with its name first, and a line a bar.
+pub(super) fn table(real: &RealCloth) -> String {
+    let RealCloth { fabric, numbers, clearance } = real;
+    let mut rows = vec![
+        ("fabric", fabric.name.clone()),
+        ("wales", format!("{:.2} /cm, W {:.3} mm", fabric.wales_per_cm, fabric.wale_spacing())),
+        (
+            "courses",
+            format!("{:.2} /cm, C {:.3} mm", fabric.courses_per_cm, fabric.course_spacing()),
+        ),
+        ("mass", format!("{:.1} g/m²", numbers.mass)),
+        ("yarn length", format!("{:.0} m/m²", numbers.yarn_length)),
+        ("thickness", format!("{:.3} mm", numbers.thickness)),
+        ("cover factor", format!("{:.3}", numbers.cover)),
+        ("porosity", numbers.porosity.map_or("-".to_owned(), |porosity| format!("{porosity:.3}"))),
+        (
+            "clearance",
+            format!(
+                "{:.2} of touching, {} pairs nearer",
+                clearance.min_over_2r, clearance.pairs_below_1
+            ),
+        ),
+    ];
+    if fabric.motif.is_some() {
+        // m a m² is also 1/1000 mm a mm².
+        let length = numbers.yarn_length / 1000.0 * fabric.wale_spacing() * fabric.course_spacing();
+        rows.push(("loop length", format!("{length:.2} mm")));
     }
-
-    /// A line a number with its name first, and a line a bar.
-    pub(super) fn table(&self) -> String {
-        let (fabric, numbers) = (&self.fabric, &self.numbers);
-        let mut rows = vec![
-            ("fabric", fabric.name.clone()),
-            ("wales", format!("{:.2} /cm, W {:.3} mm", fabric.wales_per_cm, fabric.wale_spacing())),
-            (
-                "courses",
-                format!("{:.2} /cm, C {:.3} mm", fabric.courses_per_cm, fabric.course_spacing()),
-            ),
-            ("mass", format!("{:.1} g/m²", numbers.mass)),
-            ("yarn length", format!("{:.0} m/m²", numbers.yarn_length)),
-            ("thickness", format!("{:.3} mm", numbers.thickness)),
-            ("cover factor", format!("{:.3}", numbers.cover)),
-            (
-                "porosity",
-                numbers.porosity.map_or("-".to_owned(), |porosity| format!("{porosity:.3}")),
-            ),
-            (
-                "clearance",
-                format!(
-                    "{:.2} of touching, {} pairs nearer",
-                    self.clearance.min_over_2r, self.clearance.pairs_below_1
-                ),
-            ),
-        ];
-        if fabric.motif.is_some() {
-            // m a m² is also 1/1000 mm a mm².
-            let length =
-                numbers.yarn_length / 1000.0 * fabric.wale_spacing() * fabric.course_spacing();
-            rows.push(("loop length", format!("{length:.2} mm")));
-        }
-        if fabric.radius() < fabric.true_radius() {
-            let (drawn, thick) = (2.0 * fabric.radius(), 2.0 * fabric.true_radius());
-            rows.push((
+    if fabric.radius() < fabric.true_radius() {
+        let (drawn, thick) = (2.0 * fabric.radius(), 2.0 * fabric.true_radius());
+        rows.push((
                 "note",
                 format!(
                     "thickness and cover factor are those of yarns of {drawn:.3} mm, not {thick:.3} mm: loops have no more room"
                 ),
             ));
-        }
-        let mut table = String::new();
-        for (name, value) in rows {
-            line(&mut table, format_args!("{name:12}  {value}"));
-        }
+    }
+    let mut table = String::new();
+    for (name, value) in rows {
+        line(&mut table, format_args!("{name:12}  {value}"));
+    }
+    line(
+        &mut table,
+        format_args!(
+            "\nbar  {:>10}  {:>11}  {:>14}  {:>7}  {:>6}  lapping",
+            "yarn", "diameter mm", "run-in mm/rack", "ratio", "g/m²"
+        ),
+    );
+    for (at, bar) in fabric.bars.iter().enumerate() {
+        let (count, diameter, mass) =
+            (bar.yarn.count.to_string(), bar.yarn.diameter(), numbers.bar_mass[at]);
+        let run_in = numbers.run_in[at].map_or("-".to_owned(), |run_in| format!("{run_in:.0}"));
+        let ratio = numbers.run_in[at]
+            .zip(numbers.run_in[0])
+            .map_or("-".to_owned(), |(own, first)| format!("{:.3}", own / first));
+        let (number, lapping) = (at + 1, bar.lapping());
         line(
             &mut table,
             format_args!(
-                "\nbar  {:>10}  {:>11}  {:>14}  {:>7}  {:>6}  lapping",
-                "yarn", "diameter mm", "run-in mm/rack", "ratio", "g/m²"
+                "{number:<3}  {count:>10}  {diameter:>11.3}  {run_in:>14}  {ratio:>7}  {mass:>6.1}  {lapping}"
             ),
         );
-        for (at, bar) in fabric.bars.iter().enumerate() {
-            let (count, diameter, mass) =
-                (bar.yarn.count.to_string(), bar.yarn.diameter(), numbers.bar_mass[at]);
-            let run_in = numbers.run_in[at].map_or("-".to_owned(), |run_in| format!("{run_in:.0}"));
-            let ratio = numbers.run_in[at]
-                .zip(numbers.run_in[0])
-                .map_or("-".to_owned(), |(own, first)| format!("{:.3}", own / first));
-            let (number, lapping) = (at + 1, bar.lapping());
-            line(
-                &mut table,
-                format_args!(
-                    "{number:<3}  {count:>10}  {diameter:>11.3}  {run_in:>14}  {ratio:>7}  {mass:>6.1}  {lapping}"
-                ),
-            );
-        }
-        table
     }
+    table
 }
 
 fn line(table: &mut String, text: std::fmt::Arguments<'_>) {

@@ -11,7 +11,7 @@ use warpknit::fabric::motif::Motif;
 use warpknit::fabric::{Bar, BarKind, Fabric};
 use warpknit::knit::{Pattern, clearance};
 
-use super::targets::{check_distinct, text_file};
+use warpknit::pipeline::{check_distinct, text_file};
 
 /// The most courses of the table.
 const MOST_ROWS: usize = 200;

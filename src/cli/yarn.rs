@@ -11,9 +11,10 @@ use warpknit::photo::yarn::develop::{Developed, Scale, Settings, Step, develop};
 use warpknit::photo::yarn::{read_maps, read_photo};
 
 use super::args::Yarn;
-use super::clock::{Clock, Task};
 use super::contact::{self, SWATCH_YARN_WIDTH};
+use super::terminal::Terminal;
 use super::{print, tell};
+use warpknit::pipeline::{Listener as _, Task};
 
 /// Sizes of maps that are believed, mm.
 const SIZES: std::ops::RangeInclusive<f64> = 0.001..=10_000.0;
@@ -24,19 +25,19 @@ const STEPS_SHARE: f32 = 0.6;
 
 /// Develops a photo. The folder is seen only when all of it is whole.
 pub(crate) fn yarn(arguments: &Yarn) -> Result<()> {
-    let mut clock = Clock::begin_command(&arguments.running)?;
-    clock.begin(Task::Read, 0.0);
+    let terminal = Terminal::begin_command(&arguments.running)?;
+    terminal.begin(Task::Read, 0.0);
     check_names(arguments)?;
     let folder = OutputFolder::create(&arguments.output)?;
     let photo = read_photo(&arguments.photo)?;
     let mut steps = 0;
-    clock.begin(Task::Develop, 0.0);
+    terminal.begin(Task::Develop, 0.0);
     let mut decided = |step: Step, decision: &str| {
         steps += 1;
         if arguments.verbose {
-            clock.aside(&format!("{:9}{decision}", step.name()));
+            terminal.aside(&format!("{:9}{decision}", step.name()));
         }
-        clock.begin(
+        terminal.begin(
             Task::Develop,
             f64::from(STEPS_SHARE) * f64::from(steps) / Step::ALL.len() as f64,
         );
@@ -44,19 +45,18 @@ pub(crate) fn yarn(arguments: &Yarn) -> Result<()> {
     let yarn = develop(&photo, &arguments.settings(), &mut decided)
         .with_context(|| arguments.photo.display().to_string())?;
     check_size(&yarn)?;
-    clock.begin(Task::Write, f64::from(STEPS_SHARE));
+    terminal.begin(Task::Write, f64::from(STEPS_SHARE));
     save(&yarn, &folder)?;
     // The swatch wears what was written, so that the sheet shows what others will read.
     let maps = read_maps(&folder.file(""), SWATCH_YARN_WIDTH, None)?;
-    clock.begin(Task::Render, f64::from(STEPS_SHARE));
-    let shown = clock.progress();
-    let swatch =
-        contact::swatch(maps, &yarn, &|done| shown(STEPS_SHARE + (1.0 - STEPS_SHARE) * done))?;
-    clock.begin(Task::Write, 1.0);
+    terminal.begin(Task::Render, f64::from(STEPS_SHARE));
+    let swatch = contact::swatch(maps, &yarn, &|done| {
+        terminal.progress(f64::from(STEPS_SHARE + (1.0 - STEPS_SHARE) * done))
+    })?;
+    terminal.begin(Task::Write, 1.0);
     png::write(&folder.file("sheet.png"), &contact::sheet(&photo, &yarn, &swatch))?.publish()?;
     folder.publish()?;
-    clock.stop();
-    clock.clear();
+    terminal.clear();
     notes(&yarn).iter().for_each(|note| {
         tell(arguments.running.quiet, &format!("note: {}: {note}", arguments.photo.display()));
     });

@@ -9,10 +9,10 @@ use warpknit::chart::{png, svg};
 use warpknit::export::{self, Output};
 
 use super::super::args::Bench;
-use super::super::system::{memory_gb, processor};
-use super::super::targets::{check_distinct, text_file};
 use super::plot::sheet;
 use super::table::Table;
+use warpknit::pipeline::{check_distinct, text_file};
+use warpknit::system::{memory_gb, processor};
 
 /// The formats of a run's files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

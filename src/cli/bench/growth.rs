@@ -11,11 +11,11 @@ use warpknit::ids::index32;
 use warpknit::yarn::tube::Section;
 
 use super::super::args::{Bench, DEFAULT_FABRIC};
-use super::super::system::{forget_peak_memory, peak_memory_mb, resident_memory_mb};
 use super::garments::{Garments, Shipped, at_stitches, folded_cone};
 use super::measure::{Moment, Sample, Staged, Times, staged};
 use super::plot::{Plot, Series};
 use super::table::{Cell, Column, Table, times};
+use warpknit::system::{forget_peak_memory, peak_memory_mb, resident_memory_mb};
 
 /// Wanted stitches; the last is a skirt at its true gauge, E28.
 const STITCHES: [f64; 5] = [1e3, 1e4, 1e5, 1e6, 4.4e6];

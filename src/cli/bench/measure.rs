@@ -8,7 +8,7 @@ use std::time::Instant;
 use anyhow::Result;
 use warpknit::drape::{self, Block, Cloth, Options, Stage, Totals};
 
-use super::super::system::cpu_ms;
+use super::super::cpu_time::cpu_ms;
 
 /// A point in time, by the clock on the wall and by what the process has worked.
 #[derive(Clone, Copy, Debug)]

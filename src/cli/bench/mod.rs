@@ -26,11 +26,12 @@ use anyhow::{Result, bail};
 use clap::ValueEnum;
 
 use super::args::Bench;
-use super::clock::{Clock, Task};
 use super::print;
+use super::terminal::Terminal;
 pub(crate) use files::BenchFormat;
 use garments::Garments;
 use table::Table;
+use warpknit::pipeline::{Listener as _, Task};
 
 /// What can be measured.
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,16 +62,16 @@ pub(crate) fn bench(arguments: &Bench) -> Result<()> {
     let subjects = subjects(arguments);
     check(arguments, &subjects)?;
     files::check(arguments)?;
-    let mut clock = Clock::begin_command(&arguments.running)?;
+    let terminal = Terminal::begin_command(&arguments.running)?;
     let garments = Garments::of(arguments)?;
     let mut tables = Vec::new();
     for (at, subject) in subjects.iter().enumerate() {
         let mut progress =
-            |done: f64| clock.begin(Task::Measure, (at as f64 + done) / subjects.len() as f64);
+            |done: f64| terminal.begin(Task::Measure, (at as f64 + done) / subjects.len() as f64);
         tables.extend(subject.measure(arguments, &garments, &mut progress)?);
     }
     files::write(arguments, &tables)?;
-    clock.clear();
+    terminal.clear();
     // Scripts split the one table that `--weft` has always printed, and find no words above it.
     let bare = subjects == [Subject::Weft];
     let texts: Vec<_> =

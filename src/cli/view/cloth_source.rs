@@ -16,10 +16,11 @@ use warpknit::render::scene::{Scene, Shape};
 use warpknit::report::Timings;
 
 use super::super::args::Live;
-use super::super::choice::{drawn_radius, enlarged, fabric, named_fabric, pictured, turn_grains};
-use super::super::clock::{Clock, Task};
-use super::super::make::{MOST_STITCHES, check_laid, check_memory, loss_warning, task};
-use super::super::pictures::{self, Textures};
+use super::super::choice::{fabric, named_fabric};
+use warpknit::pipeline::{
+    self, Clock, MOST_STITCHES, Task, Textures, check_laid, check_memory, drawn_radius, enlarged,
+    loss_warning, turn_grains,
+};
 
 /// What a stitch takes, GB: 160 bytes of scene, and on a software adapter 25 for each of ten points
 /// and their copies on the way.
@@ -94,24 +95,23 @@ impl Stock {
         let area = ground.area();
         let asked = shared.chains.label(&shared.fabric, &first);
         let label = if asked.is_empty() { "your chains" } else { asked }.to_owned();
-        let (textures, all_wear) =
-            (Arc::new(Textures::of(shared, &first)?), shared.drawing.texture.is_some());
+        let (textures, all_wear) = (
+            Arc::new(Textures::read(shared.drawing.texture.as_deref(), &first)?),
+            shared.drawing.texture.is_some(),
+        );
         let others = builtin::names().filter(|name| *name != label).map(|name| {
             let fabric = enlarged(&named_fabric(name)?, area)?.0;
             let textures = if all_wear { Arc::clone(&textures) } else { Arc::default() };
             Ok(Choice { label: name.to_owned(), fabric, textures })
         });
         let others = others.collect::<Result<Vec<_>>>()?;
-        let mut choices = vec![Choice {
-            label,
-            fabric: pictured(&first, area, shared)?.0,
-            textures: Arc::clone(&textures),
-        }];
+        let shown = if shared.densities().are_chosen() { first } else { enlarged(&first, area)?.0 };
+        let mut choices = vec![Choice { label, fabric: shown, textures: Arc::clone(&textures) }];
         choices.extend(others);
         Ok(Self {
             choices,
             ground,
-            options: arguments.laying.options(),
+            options: arguments.laying.placement().into(),
             shape: shared.drawing.shape.into(),
         })
     }
@@ -130,7 +130,7 @@ impl Stock {
     ) -> Result<Option<Knitted>> {
         let fabric = self.fabric(&recipe)?;
         let radius = drawn_radius(&fabric, recipe.radius)?;
-        let mut clock = Clock::start(true);
+        let mut clock = Clock::start(&());
         clock.begin(Task::Knit, 0.0);
         match &self.ground {
             Ground::Garment(garment) => {
@@ -172,15 +172,15 @@ impl Stock {
         fabric: &Fabric,
         radius: f64,
         recipe: Recipe,
-        mut clock: Clock,
+        mut clock: Clock<'_>,
         superseded: &dyn Fn() -> bool,
     ) -> Result<Option<Knitted>> {
         check_room(cloth.stitches())?;
         let mut scene =
-            pictures::scene(recipe.shape, fabric, radius, &self.choices[recipe.fabric].textures);
+            pipeline::scene(recipe.shape, fabric, radius, &self.choices[recipe.fabric].textures);
         let totals = {
             let clock = RefCell::new(&mut clock);
-            let mut announce = |stage, done| clock.borrow_mut().begin(task(stage), done);
+            let mut announce = |stage, done| clock.borrow_mut().begin(Task::from(stage), done);
             let mut deliver = |blocks: &[Block]| {
                 blocks.iter().for_each(|block| cloth::add_to(&mut scene, block));
                 if superseded() { Err(Superseded) } else { Ok(()) }
@@ -212,5 +212,5 @@ fn check_room(stitches: u64) -> Result<()> {
     if stitches > MOST_STITCHES {
         bail!("{stitches} stitches are too many: lower the densities");
     }
-    check_memory("a picture", stitches, STITCH_GB, "lower the densities")
+    Ok(check_memory("a picture", stitches, STITCH_GB, "lower the densities")?)
 }

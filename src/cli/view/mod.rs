@@ -21,8 +21,9 @@ use eframe::{NativeOptions, wgpu};
 use warpknit::render::Choice;
 
 use super::args::Live;
-use super::clock::{Clock, Task};
+use super::terminal::Terminal;
 use cloth_source::Stock;
+use warpknit::pipeline::{Listener as _, Task};
 use window::Window;
 
 /// The window's name.
@@ -52,10 +53,10 @@ pub(crate) fn view(arguments: Live) -> Result<()> {
     if shared.eye.is_some() && shared.eye == shared.look_at {
         bail!("--eye and --look-at are the same point: there is no direction to look in");
     }
-    let mut clock = Clock::begin_command(&shared.running)?;
-    clock.begin(Task::Read, 0.0);
+    let terminal = Terminal::begin_command(&shared.running)?;
+    terminal.begin(Task::Read, 0.0);
     let stock = Arc::new(Stock::of(&arguments)?);
-    clock.clear();
+    terminal.clear();
     let (failures, failed) = channel();
     let arguments = Arc::new(arguments);
     let open = |context: &eframe::CreationContext<'_>| match Window::new(

@@ -7,39 +7,53 @@
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, bail};
+use crate::drape::sequence::Held;
+use crate::drape::{Block, Options};
+use crate::export::usda_frames::UsdaFramesWriter;
+use crate::export::{ExportError, Format, Output, Sink};
+use crate::garment::stretch::stretch;
+use crate::garment::{Frames, Garment};
+use crate::ids::index32;
+use crate::render::cloth;
+use crate::render::scene::Scene;
+use crate::report::FrameReport;
 use glam::{DVec3, Vec3};
-use warpknit::drape::sequence::Held;
-use warpknit::drape::{Block, Options};
-use warpknit::export::usda_frames::UsdaFramesWriter;
-use warpknit::export::{ExportError, Format, Output, Sink};
-use warpknit::garment::Garment;
-use warpknit::garment::stretch::stretch;
-use warpknit::ids::index32;
-use warpknit::render::cloth;
-use warpknit::render::scene::Scene;
-use warpknit::report::FrameReport;
 
-use super::clock::{Clock, Task};
-use super::drapes::Motion;
-use super::job::{Facts, Job, Setup};
-use super::make::{check_laid, check_memory, check_request, loss_warning, task, tell_warnings};
+use super::RunError;
+use super::clock::{Clock, Message, Task};
+use super::job::{Job, Setup};
+use super::limits::{check_laid, check_memory, check_request, loss_warning};
 use super::pictures;
+use super::run::{Done, say_warnings};
+use super::settings::Wanted;
+use super::summary::RunSummary;
 use super::targets::numbered;
-use super::tell;
-use super::values::SwitchArg;
-use super::writers::{Wanted, check_places, finished, sinks, wanted};
+use super::writers::{check_places, finished, sinks, wanted};
 
 /// What a held stitch takes, GB: measured .94 kB.
 const HELD_GB: f64 = 1e-6;
 
 /// What a sequence needs besides its job, whose cloth is laid on the first frame.
-pub(super) struct Sequence<'a> {
-    pub(super) motion: &'a Motion,
+pub struct Sequence<'a> {
+    /// The first usable frame, and how the others are read.
+    pub motion: &'a Motion,
     /// All frames, those before the first usable one included.
-    pub(super) paths: &'a [PathBuf],
-    pub(super) skip_bad: bool,
-    pub(super) frames_per_second: f64,
+    pub paths: &'a [PathBuf],
+    /// Whether frames that can't be read are left out.
+    pub skip_bad: bool,
+    /// Frames a second in a `.usda`.
+    pub frames_per_second: f64,
+}
+
+/// A sequence whose first usable frame has been read.
+#[derive(Debug)]
+pub struct Motion {
+    /// Reads the other frames.
+    pub reader: Frames,
+    /// The place of the first usable frame among all of them.
+    pub first: usize,
+    /// What is wrong with those before it.
+    pub bad: Vec<String>,
 }
 
 /// The files of a sequence.
@@ -51,7 +65,7 @@ struct Files {
 }
 
 /// What is made frame by frame.
-struct Show<'a, 'b> {
+struct Show<'a, 'b, 'c> {
     job: &'a Job<'a>,
     setup: &'a Setup,
     held: Held,
@@ -62,11 +76,15 @@ struct Show<'a, 'b> {
     seen: Vec<Vec3>,
     drawn_by: String,
     warnings: Vec<String>,
-    clock: &'b mut Clock,
+    clock: &'b mut Clock<'c>,
 }
 
 /// Knits once, and draws and writes every frame.
-pub(super) fn make(job: &Job<'_>, sequence: &Sequence<'_>, mut clock: Clock) -> Result<()> {
+pub(super) fn make(
+    job: &Job<'_>,
+    sequence: &Sequence<'_>,
+    mut clock: Clock<'_>,
+) -> Result<Done, RunError> {
     let files = Files::of(wanted(job), index32(sequence.paths.len()));
     let wants_picture = files.numbered.iter().any(|(_, format)| *format == Format::Png);
     check(job, sequence, wants_picture)?;
@@ -75,7 +93,7 @@ pub(super) fn make(job: &Job<'_>, sequence: &Sequence<'_>, mut clock: Clock) -> 
     let mut warnings = job.first_warnings(&setup);
     warnings.extend(sequence.motion.bad.iter().map(|what| format!("left out: {what}")));
 
-    let wants_extent = wants_picture && job.shared.eye.is_none();
+    let wants_extent = wants_picture && job.settings.picture.eye.is_none();
     let seen = if wants_extent { seen(sequence, job, &mut clock)? } else { Vec::new() };
     let usda = files.whole.iter().filter(|(_, format)| *format == Format::Usda);
     let usda = usda.map(|(path, _)| {
@@ -84,11 +102,12 @@ pub(super) fn make(job: &Job<'_>, sequence: &Sequence<'_>, mut clock: Clock) -> 
     let usda = usda.collect::<Result<Vec<_>, _>>()?;
     let reports = files.whole.iter().filter(|(_, format)| *format == Format::Json);
     reports.into_iter().try_for_each(|(path, _)| Output::check(path))?;
-    let held =
-        Held::lay(job.cloth, &setup.options, &mut |stage, done| clock.begin(task(stage), done));
+    let held = Held::lay(job.cloth, &setup.options, &mut |stage, done| {
+        clock.begin(Task::from(stage), done)
+    });
     check_laid(held.totals())?;
     warnings.extend(loss_warning(held.totals()));
-    tell_warnings(job, &mut warnings);
+    say_warnings(job, &mut warnings, &clock);
 
     let scene = wants_picture.then(|| job.scene(&setup));
     let drawn_by = String::new();
@@ -111,36 +130,24 @@ pub(super) fn make(job: &Job<'_>, sequence: &Sequence<'_>, mut clock: Clock) -> 
     clock.stop();
     let shown = frames.iter().filter(|frame| frame.skipped.is_none()).count();
     let totals = *held.totals();
-    let facts = Facts { setup: &setup, totals: &totals, draped: None, warnings, drawn_by, frames };
-    finished.extend(facts.files(job, &files.whole, &clock)?.0);
+    let summary =
+        RunSummary { setup: &setup, totals: &totals, draped: None, warnings, drawn_by, frames };
+    finished.extend(summary.files(job, &files.whole, &clock)?.0);
     finished.into_iter().try_for_each(Output::publish)?;
-    clock.clear();
-    let (count, stitches, yarns) = (sequence.paths.len(), totals.losses.stitches, totals.yarns);
-    tell(
-        job.shared.running.quiet,
-        &format!(
-            "{shown} of {count} frames, {stitches} stitches, {yarns} yarns: {}",
-            files.names()
-        ),
-    );
-    Ok(())
+    let frames = Some((shown, sequence.paths.len()));
+    Ok(Done { totals, files: files.names(), frames, real: None })
 }
 
 /// Refuses what can't be done, before any work.
-fn check(job: &Job<'_>, sequence: &Sequence<'_>, wants_picture: bool) -> Result<()> {
+fn check(job: &Job<'_>, sequence: &Sequence<'_>, wants_picture: bool) -> Result<(), RunError> {
     check_request(job, wants_picture)?;
-    if job.shared.drawing.turntable.is_some() || job.part.is_some() {
-        bail!(
-            "--turntable and --tile are for one drape, and these are {} frames",
-            sequence.paths.len()
-        );
+    if job.settings.picture.turntable.is_some() || job.part.is_some() {
+        return Err(RunError::NotOfSequence { frames: sequence.paths.len() });
     }
-    if job.shared.fibres.is_some_and(SwitchArg::is_on)
+    if job.settings.fibres == Some(true)
         && wanted(job).iter().any(|(_, format)| *format == Format::Usda)
     {
-        bail!(
-            "a .usda of a drape sequence holds yarns and not fibres: leave out --fibres, or drape the frames one by one"
-        );
+        return Err(RunError::FibresOfSequence);
     }
     check_memory(
         "a drape sequence",
@@ -195,9 +202,9 @@ fn left_out(path: &Path, what: &str) -> FrameReport {
     }
 }
 
-impl Show<'_, '_> {
+impl Show<'_, '_, '_> {
     /// Makes the files of all frames; says of each what there is to be told.
-    fn all(&mut self, sequence: &Sequence<'_>) -> Result<Vec<FrameReport>> {
+    fn all(&mut self, sequence: &Sequence<'_>) -> Result<Vec<FrameReport>, RunError> {
         let Sequence { motion, paths, .. } = sequence;
         let mut garment = self.job.cloth.garment().clone();
         let mut frames: Vec<_> =
@@ -231,14 +238,12 @@ impl Show<'_, '_> {
     }
 
     fn warn(&mut self, what: String) {
-        if !self.job.shared.running.quiet {
-            self.clock.aside(&format!("warning: {what}"));
-        }
+        self.clock.listener().say(Message::Warning(&what));
         self.warnings.push(what);
     }
 
     /// Makes a frame's files.
-    fn frame(&mut self, garment: &Garment, number: usize) -> Result<()> {
+    fn frame(&mut self, garment: &Garment, number: usize) -> Result<(), RunError> {
         let Self { job, setup, held, files, usda, scene, clock, .. } = self;
         let own = files.of_frame(number);
         let mut sinks = sinks(&own, job, setup)?;
@@ -258,7 +263,7 @@ impl Show<'_, '_> {
         held.show(
             garment,
             options,
-            &mut |stage, done| clock.borrow_mut().begin(task(stage), done),
+            &mut |stage, done| clock.borrow_mut().begin(Task::from(stage), done),
             &mut deliver,
         )?;
         self.clock.begin(Task::Write, 1.0);
@@ -273,7 +278,7 @@ impl Show<'_, '_> {
             let pictures = pictures::draw(
                 scene,
                 self.setup.fibres.as_ref(),
-                self.job.shared,
+                self.job.settings,
                 None,
                 seen,
                 &paths,
@@ -283,9 +288,7 @@ impl Show<'_, '_> {
             self.drawn_by = pictures.drawn_by;
             // What draws is the same for all frames, and so is what there is to be said of it.
             if let Some(notice) = pictures.notice.filter(|notice| !self.warnings.contains(notice)) {
-                if !self.job.shared.running.quiet {
-                    self.clock.aside(&format!("note: {notice}"));
-                }
+                self.clock.listener().say(Message::Note(&notice));
                 self.warnings.push(notice);
             }
         }
@@ -296,7 +299,11 @@ impl Show<'_, '_> {
 
 /// Points around all frames, which the camera is to see: the outermost one in each of 26
 /// directions, frame by frame, and a stitch beyond it.
-fn seen(sequence: &Sequence<'_>, job: &Job<'_>, clock: &mut Clock) -> Result<Vec<Vec3>> {
+fn seen(
+    sequence: &Sequence<'_>,
+    job: &Job<'_>,
+    clock: &mut Clock<'_>,
+) -> Result<Vec<Vec3>, RunError> {
     clock.begin(Task::Render, 0.0);
     let (mut garment, reach) = (job.cloth.garment().clone(), job.shown.wale_spacing());
     let mut seen = outermost(&garment, reach);

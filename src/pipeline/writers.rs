@@ -3,27 +3,27 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use anyhow::Result;
-use warpknit::export::bcc::BccWriter;
-use warpknit::export::csv::CsvWriter;
-use warpknit::export::curves::CurvesWriter;
-use warpknit::export::fibres::SpunWriter;
-use warpknit::export::glb::GlbWriter;
-use warpknit::export::inp::InpWriter;
-use warpknit::export::npz::NpzWriter;
-use warpknit::export::obj::ObjWriter;
-use warpknit::export::obj_lines::ObjLinesWriter;
-use warpknit::export::ply::PlyWriter;
-use warpknit::export::usda::UsdaWriter;
-use warpknit::export::{ExportError, Format, Output, Sink, Wardrobe, mtl};
-use warpknit::render::scene::Shape;
-use warpknit::yarn::tube::Section;
+use crate::export::bcc::BccWriter;
+use crate::export::csv::CsvWriter;
+use crate::export::curves::CurvesWriter;
+use crate::export::fibres::SpunWriter;
+use crate::export::glb::GlbWriter;
+use crate::export::inp::InpWriter;
+use crate::export::npz::NpzWriter;
+use crate::export::obj::ObjWriter;
+use crate::export::obj_lines::ObjLinesWriter;
+use crate::export::ply::PlyWriter;
+use crate::export::usda::UsdaWriter;
+use crate::export::{ExportError, Format, Output, Sink, Wardrobe, mtl};
+use crate::render::scene::Shape;
+use crate::yarn::tube::Section;
 
-use super::args::Shared;
-use super::choice::drawn_radius;
+use super::RunError;
+use super::densities::drawn_radius;
 use super::job::{Job, Setup};
-use super::pictures::{self, Textures};
+use super::settings::{Settings, Wanted};
 use super::targets::check_distinct;
+use super::textures::{self, Textures};
 
 /// St and Sr of tubes in files, where nobody asks for others.
 const FILE_ST: u32 = 10;
@@ -31,18 +31,15 @@ const FILE_SR: u32 = 6;
 /// The texture's real length where there is none: v counts millimetres.
 const TEXTURE_PER_MM: f64 = 1.0;
 
-/// A file and what is to be in it.
-pub(super) type Wanted = (PathBuf, Format);
-
 /// The files that were asked for, or a picture named after the input.
 pub(super) fn wanted(job: &Job<'_>) -> Vec<Wanted> {
-    let mut wanted = job.shared.outputs.clone();
+    let mut wanted = job.settings.outputs.clone();
     if wanted.is_empty() {
-        let mut name = job.stem.as_os_str().to_owned();
+        let mut name = job.source.stem.as_os_str().to_owned();
         name.push(".png");
         wanted.push((PathBuf::from(name), Format::Png));
     }
-    if job.shared.curves {
+    if job.settings.centre_lines {
         wanted
             .iter_mut()
             .filter(|(_, format)| *format == Format::Obj)
@@ -57,7 +54,7 @@ pub(super) fn check_places<'a>(
     job: &Job<'_>,
     outputs: impl Iterator<Item = &'a Wanted> + Clone,
     textures: &Textures,
-) -> Result<()> {
+) -> Result<(), RunError> {
     let companions: Vec<_> = outputs
         .clone()
         .flat_map(|(path, format)| match format {
@@ -67,7 +64,7 @@ pub(super) fn check_places<'a>(
         })
         .collect();
     check_distinct(
-        job.inputs.iter().copied(),
+        job.source.inputs.iter().map(PathBuf::as_path),
         outputs.map(|(path, _)| path.as_path()).chain(companions.iter().map(PathBuf::as_path)),
     )
 }
@@ -150,14 +147,14 @@ pub(super) fn wardrobe(
 ) -> Arc<Wardrobe> {
     let holds_pictures =
         outputs.iter().any(|(_, format)| matches!(format, Format::Glb | Format::Obj));
-    let dressed = holds_pictures.then(|| pictures::scene(Shape::Tube, job.shown, radius, textures));
+    let dressed = holds_pictures.then(|| textures::scene(Shape::Tube, job.shown, radius, textures));
     Arc::new(dressed.as_ref().map(Wardrobe::of).unwrap_or_default())
 }
 
 /// How fine and how thick tubes in files are.
-pub(super) fn section(job: &Job<'_>) -> Result<Section> {
-    let Shared { radius, flatten, caps, .. } = *job.shared;
-    let (st, sr) = (job.shared.st.unwrap_or(FILE_ST), job.shared.sr.unwrap_or(FILE_SR));
+pub(super) fn section(job: &Job<'_>) -> Result<Section, RunError> {
+    let Settings { radius, flatten, caps, .. } = *job.settings;
+    let (st, sr) = (job.settings.st.unwrap_or(FILE_ST), job.settings.sr.unwrap_or(FILE_SR));
     let radius = drawn_radius(job.shown, radius)?;
     Ok(Section { st, sr, radius, flatten, caps, texture_per_mm: TEXTURE_PER_MM })
 }

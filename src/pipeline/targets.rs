@@ -3,21 +3,21 @@
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, bail};
-use warpknit::export::{ExportError, Output};
+use super::RunError;
+use crate::export::{ExportError, Output};
 
 /// Refuses outputs that are inputs or named twice.
-pub(super) fn check_distinct<'a>(
+///
+/// # Errors
+/// [`RunError::NotDistinct`].
+pub fn check_distinct<'a>(
     inputs: impl IntoIterator<Item = &'a Path>,
     outputs: impl IntoIterator<Item = &'a Path>,
-) -> Result<()> {
+) -> Result<(), RunError> {
     let mut taken: Vec<PathBuf> = inputs.into_iter().map(place).collect();
     for path in outputs {
         if taken.contains(&place(path)) {
-            bail!(
-                "{}: this file is an input or another output; name another one with -o",
-                path.display()
-            );
+            return Err(RunError::NotDistinct { path: path.to_owned() });
         }
         taken.push(place(path));
     }
@@ -25,7 +25,8 @@ pub(super) fn check_distinct<'a>(
 }
 
 /// The names of `count` files in place of one with this ending: `NAME-001.png` and so on.
-pub(super) fn numbered(path: &Path, ending: &str, count: u32) -> Vec<PathBuf> {
+#[must_use]
+pub fn numbered(path: &Path, ending: &str, count: u32) -> Vec<PathBuf> {
     let digits = count.to_string().len().max(3);
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let (stem, ending) = name.split_at(name.len() - ending.len());
@@ -46,7 +47,10 @@ fn place(path: &Path) -> PathBuf {
 }
 
 /// A whole file of text, still under its temporary name.
-pub(super) fn text_file(path: &Path, text: &str) -> Result<Output, ExportError> {
+///
+/// # Errors
+/// What the disk says.
+pub fn text_file(path: &Path, text: &str) -> Result<Output, ExportError> {
     let mut output = Output::create(path)?;
     output.write_with(|file| file.write_all(text.as_bytes()))?;
     output.seal()

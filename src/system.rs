@@ -1,48 +1,40 @@
-//! What the operating system says of this process and of its machine: CPU time, memory, the
-//! processor.
+//! Facts from the operating system about this process and its machine: memory and the processor.
 //!
 //! Memory and the processor's name are read where Linux tells them; elsewhere they are unknown.
 
-/// CPU time that this process has taken, its threads together, ms; unknown on systems that don't
-/// say.
-pub(crate) fn cpu_ms() -> Option<f64> {
-    #[cfg(unix)]
-    {
-        let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
-        Some(1e3 * time.tv_sec as f64 + 1e-6 * time.tv_nsec as f64)
-    }
-    #[cfg(not(unix))]
-    None
-}
-
 /// The processor's name.
-pub(crate) fn processor() -> Option<String> {
+#[must_use]
+pub fn processor() -> Option<String> {
     line("/proc/cpuinfo", "model name")
 }
 
 /// Memory that the machine has, GB.
-pub(crate) fn memory_gb() -> Option<f64> {
+#[must_use]
+pub fn memory_gb() -> Option<f64> {
     bytes("/proc/meminfo", "MemTotal").map(|bytes| bytes / 1e9)
 }
 
 /// Memory that is free for this process, GB.
-pub(crate) fn available_memory_gb() -> Option<f64> {
+#[must_use]
+pub fn available_memory_gb() -> Option<f64> {
     bytes("/proc/meminfo", "MemAvailable").map(|bytes| bytes / 1e9)
 }
 
 /// The most memory this process has held, MB; 0 where that is unknown.
-pub(crate) fn peak_memory_mb() -> f64 {
+#[must_use]
+pub fn peak_memory_mb() -> f64 {
     bytes("/proc/self/status", "VmHWM").map_or(0.0, |bytes| bytes / 1e6)
 }
 
 /// The memory that this process holds now, MB; 0 where that is unknown.
-pub(crate) fn resident_memory_mb() -> f64 {
+#[must_use]
+pub fn resident_memory_mb() -> f64 {
     bytes("/proc/self/status", "VmRSS").map_or(0.0, |bytes| bytes / 1e6)
 }
 
 /// Begins the count of [`peak_memory_mb`] anew, from what is held now, where Linux lets a process
 /// do so.
-pub(crate) fn forget_peak_memory() {
+pub fn forget_peak_memory() {
     // Where that is refused the peak stays that of the process, which only larger work moves.
     let _kept = std::fs::write("/proc/self/clear_refs", "5");
 }

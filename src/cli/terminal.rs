@@ -1,0 +1,79 @@
+//! A command's threads, and its progress bar and messages on a terminal.
+
+use anyhow::{Context, Result};
+use indicatif::{ProgressBar, ProgressStyle};
+use rayon::ThreadPoolBuilder;
+use warpknit::pipeline::{Listener, Message, Task};
+
+use super::args::Running;
+
+/// The person at the terminal, who sees a bar and messages on stderr.
+#[derive(Debug)]
+pub(crate) struct Terminal {
+    bar: ProgressBar,
+    quiet: bool,
+}
+
+impl Terminal {
+    /// Starts a command: its threads, all cores where no number is given, and the bar.
+    pub(crate) fn begin_command(running: &Running) -> Result<Self> {
+        if let Some(threads) = running.threads {
+            ThreadPoolBuilder::new()
+                .num_threads(threads as usize)
+                .build_global()
+                .context("can't start the threads")?;
+        }
+        Ok(Self::new(running.quiet))
+    }
+
+    /// The bar shows itself on a terminal only.
+    pub(crate) fn new(quiet: bool) -> Self {
+        let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(1000) };
+        let style = ProgressStyle::with_template("{msg:10} {bar:40} {percent:>3} %")
+            .expect("a fixed template");
+        bar.set_style(style);
+        Self { bar, quiet }
+    }
+
+    /// Says something on stderr that stays above the bar, also where messages are not wanted.
+    pub(crate) fn aside(&self, message: &str) {
+        self.bar.suspend(|| super::tell(false, message));
+    }
+
+    /// Removes the bar.
+    pub(crate) fn clear(&self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+impl Listener for Terminal {
+    fn begin(&self, task: Task, done: f64) {
+        self.bar.set_message(match task {
+            Task::Read => "reading",
+            Task::Develop => "developing",
+            Task::Measure => "measuring",
+            Task::Render => "rendering",
+            Task::Compress | Task::Write => "writing",
+            Task::Knit | Task::Index | Task::Locate | Task::Map | Task::Surface => "knitting",
+        });
+        self.progress(done);
+    }
+
+    fn progress(&self, done: f64) {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a share in thousandths"
+        )]
+        self.bar.set_position((1000.0 * done.clamp(0.0, 1.0)) as u64);
+    }
+
+    fn say(&self, message: Message<'_>) {
+        if !self.quiet {
+            self.aside(&match message {
+                Message::Warning(text) => format!("warning: {text}"),
+                Message::Note(text) => format!("note: {text}"),
+            });
+        }
+    }
+}

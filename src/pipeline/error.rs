@@ -1,0 +1,160 @@
+//! Why a run can't be made.
+
+use std::path::PathBuf;
+
+use crate::drape::LayoutError;
+use crate::export::{ExportError, Format};
+use crate::fabric::FabricError;
+use crate::garment::GarmentError;
+use crate::photo::yarn::PhotoError;
+use crate::render::GpuError;
+
+/// Why a run can't be made. Each is one line that says what to do; flags are those of the command.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// A fabric or its densities.
+    #[error(transparent)]
+    Fabric(#[from] FabricError),
+    /// A file of a garment or of one of its frames.
+    #[error(transparent)]
+    Garment(#[from] GarmentError),
+    /// A file that can't be written.
+    #[error(transparent)]
+    Export(#[from] ExportError),
+    /// The graphics card.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+    /// The maps that all yarns are to be drawn with.
+    #[error(transparent)]
+    Maps(#[from] PhotoError),
+    /// The maps that the fabric names for a bar.
+    #[error("the yarn of bar {bar}")]
+    MapsOfBar {
+        /// Number of the bar, from 1.
+        bar: usize,
+        /// What is wrong with its maps.
+        source: PhotoError,
+    },
+    /// A fabric that can't be laid out on this garment.
+    #[error("{fabric}")]
+    Layout {
+        /// The fabric as it was asked for.
+        fabric: String,
+        /// Why not.
+        source: LayoutError,
+    },
+    /// A garment that no densities suit.
+    #[error("the garment is too large for any density: check --unit")]
+    TooLargeGarment {
+        /// The density that was tried.
+        source: FabricError,
+    },
+    /// Yarns thicker than their place.
+    #[error(
+        "a radius of {radius} mm is over the wale spacing of {wale_spacing:.3} mm: yarns would fill each other's place"
+    )]
+    TooThick {
+        /// The radius that was chosen, mm.
+        radius: f64,
+        /// The room for it, mm.
+        wale_spacing: f64,
+    },
+    /// More stitches than are numbered.
+    #[error(
+        "{stitches} stitches are over the limit of {most}: lower --wales-per-cm and --courses-per-cm"
+    )]
+    TooManyStitches {
+        /// How many there would be.
+        stitches: u64,
+        /// How many there may be.
+        most: u64,
+    },
+    /// More than the free memory holds.
+    #[error(
+        "{what} of {stitches} stitches takes about {needed:.0} GB of memory and {free:.0} GB are free: {remedy}"
+    )]
+    NoMemory {
+        /// What takes the memory.
+        what: &'static str,
+        /// How many stitches it has.
+        stitches: u64,
+        /// What they take, GB.
+        needed: f64,
+        /// What there is, GB.
+        free: f64,
+        /// What to do.
+        remedy: &'static str,
+    },
+    /// A turntable without a picture.
+    #[error(
+        "--turntable turns pictures, and none is asked for: name one, such as -o all-around.png"
+    )]
+    TurntableWithoutPicture,
+    /// A camera that looks nowhere.
+    #[error("--eye and --look-at are the same point: there is no direction to look in")]
+    NoDirection,
+    /// A tile of a picture with fewer rows than tiles.
+    #[error(
+        "--tile {number}/{of}: a picture of {rows} rows can't be cut into {of} parts; raise --size, or ask for fewer"
+    )]
+    TooManyTiles {
+        /// The tile, from 1.
+        number: u32,
+        /// How many tiles there would be.
+        of: u32,
+        /// Rows of the picture.
+        rows: u32,
+    },
+    /// No yarn on the garment.
+    #[error(
+        "no yarn lies on the garment: its panels are smaller than a stitch; raise --wales-per-cm and --courses-per-cm"
+    )]
+    NoYarn,
+    /// A file that would be written over.
+    #[error(
+        "{}: this file is an input or another output; name another one with -o", path.display()
+    )]
+    NotDistinct {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Fibres of ribbons.
+    #[error("--shape ribbon has no fibres: leave out one of --shape and --fibres")]
+    RibbonsOfFibres,
+    /// Data points of fibres.
+    #[error(
+        "{}: data points are of yarns and not of fibres: leave out --fibres, or write .usda, .bcc, .curves.txt or .glb",
+        path.display()
+    )]
+    DataPointsOfFibres {
+        /// The file.
+        path: PathBuf,
+    },
+    /// More fibres than a file holds.
+    #[error(
+        "{}: the fibres of {stitches} stitches take about {points:.1e} points, and it holds {most:.1e} at most: raise --fibre-radius, or write a swatch",
+        path.display()
+    )]
+    TooManyFibres {
+        /// The file.
+        path: PathBuf,
+        /// Stitches of the cloth.
+        stitches: u64,
+        /// Points of their fibres.
+        points: f64,
+        /// How many the file holds.
+        most: f64,
+    },
+    /// What is made of one drape, asked of a sequence.
+    #[error("--turntable and --tile are for one drape, and these are {frames} frames")]
+    NotOfSequence {
+        /// Frames of the sequence.
+        frames: usize,
+    },
+    /// Fibres in a file of all frames.
+    #[error(
+        "a {} of a drape sequence holds yarns and not fibres: leave out --fibres, or drape the frames one by one",
+        Format::Usda.ending()
+    )]
+    FibresOfSequence,
+}

@@ -1,0 +1,78 @@
+//! Refusals before the work, and what the work may lack afterwards.
+
+use super::RunError;
+use super::densities::PICTURE_GB;
+use super::job::Job;
+use crate::drape::Totals;
+use crate::drape::strands::Losses;
+use crate::system::available_memory_gb;
+use crate::tile::Tile;
+
+/// The most stitches that are taken on: beyond them 32 bits no longer number the data points, and
+/// any garment at its true gauge has far fewer.
+pub const MOST_STITCHES: u64 = 200_000_000;
+
+/// Refuses a request that can't be met, before any work.
+pub(super) fn check_request(job: &Job<'_>, wants_picture: bool) -> Result<(), RunError> {
+    let picture = &job.settings.picture;
+    let stitches = if wants_picture { job.cloth.stitches() } else { job.filed().stitches() };
+    if stitches > MOST_STITCHES {
+        return Err(RunError::TooManyStitches { stitches, most: MOST_STITCHES });
+    }
+    if picture.turntable.is_some() && !wants_picture {
+        return Err(RunError::TurntableWithoutPicture);
+    }
+    if !wants_picture {
+        return Ok(());
+    }
+    if picture.eye.is_some_and(|(eye, target)| eye == target) {
+        return Err(RunError::NoDirection);
+    }
+    let rows = picture.size.1;
+    if let Some([number, of]) = job.tile().map(Tile::numbers).filter(|[_, of]| *of > rows) {
+        return Err(RunError::TooManyTiles { number, of, rows });
+    }
+    check_memory("a picture", stitches, PICTURE_GB, "lower the densities, or write no .png")
+}
+
+/// Refuses cloth that would not fit the memory at so many GB a stitch, before the work and not in the
+/// middle of it.
+///
+/// # Errors
+/// [`RunError::NoMemory`].
+pub fn check_memory(
+    what: &'static str,
+    stitches: u64,
+    gb_a_stitch: f64,
+    remedy: &'static str,
+) -> Result<(), RunError> {
+    #[expect(clippy::cast_precision_loss, reason = "an estimate")]
+    let needed = stitches as f64 * gb_a_stitch;
+    match available_memory_gb() {
+        Some(free) if needed > free => {
+            Err(RunError::NoMemory { what, stitches, needed, free, remedy })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Refuses cloth of which nothing can be seen.
+///
+/// # Errors
+/// [`RunError::NoYarn`].
+pub fn check_laid(totals: &Totals) -> Result<(), RunError> {
+    if totals.strands == 0 { Err(RunError::NoYarn) } else { Ok(()) }
+}
+
+/// The warning about data points that defects of the mesh took, if there are any.
+#[must_use]
+pub fn loss_warning(totals: &Totals) -> Option<String> {
+    let Losses { in_defects, .. } = totals.losses;
+    #[expect(clippy::cast_precision_loss, reason = "a percentage of three digits")]
+    let percent = 100.0 * in_defects as f64 / (totals.data_points + in_defects).max(1) as f64;
+    (in_defects > 0).then(|| {
+        format!(
+            "{in_defects} data points ({percent:.3} %) lie in triangles that can't be knitted and are lost"
+        )
+    })
+}

@@ -1,0 +1,39 @@
+//! A run as a whole: what the command, the window and the gallery do with a fabric and a garment.
+//!
+//! ```text
+//!   Settings ─▶ densities ─▶ Job ─▶ fibres, textures ─▶ writers ─┐
+//!                                                     └▶ scene ──┴▶ lay ─▶ camera, pictures ─▶ summary ─▶ files
+//! ```
+//!
+//! In: a garment or the size of a swatch, a [`crate::fabric::Fabric`], [`Settings`]. Out: files, all of them or none, and [`Done`].
+//! A [`Listener`] hears how the run goes on. Nothing here prints.
+
+mod camera;
+mod clock;
+mod densities;
+mod error;
+mod fibres;
+mod job;
+mod limits;
+mod numbers;
+mod pictures;
+mod run;
+mod sequence;
+mod settings;
+mod summary;
+mod targets;
+mod textures;
+mod writers;
+
+pub use clock::{Clock, Listener, Message, Task};
+pub use densities::{drawn_radius, enlarged, turn_grains};
+pub use error::RunError;
+pub use job::Source;
+pub use limits::{MOST_STITCHES, check_laid, check_memory, loss_warning};
+pub use numbers::RealCloth;
+pub use pictures::options;
+pub use run::{Done, drape, swatch};
+pub use sequence::{Motion, Sequence};
+pub use settings::{Densities, PictureSettings, Placement, Settings, Wanted};
+pub use targets::{check_distinct, numbered, text_file};
+pub use textures::{Textures, scene};

@@ -1,0 +1,279 @@
+//! One run: a fabric onto a garment or into a swatch, drawn and written.
+//!
+//! In: a garment or the size of a swatch, a fabric, [`Settings`]. Out: files, which appear under their names only when
+//! all of them are whole, and [`Done`].
+
+use std::borrow::Cow;
+use std::cell::RefCell;
+use std::path::{Path, PathBuf};
+
+use super::RunError;
+use super::clock::{Clock, Message, Task};
+use super::densities::{enlarged, turn_grains};
+use super::job::{Job, Setup, Source};
+use super::limits::{check_laid, check_request, loss_warning};
+use super::numbers::RealCloth;
+use super::pictures;
+use super::sequence::{self, Sequence};
+use super::settings::{Settings, Wanted};
+use super::summary::RunSummary;
+use super::targets::numbered;
+use super::writers::{check_places, finished, sinks, wanted};
+use crate::drape::clearance::Gauge;
+use crate::drape::{self, Block, Cloth, Totals, swatch_panel};
+use crate::export::{ExportError, Format, Output, Sink};
+use crate::fabric::Fabric;
+use crate::garment::{Garment, Panel};
+use crate::knit::clearance::Clearance;
+use crate::render::cloth;
+use crate::render::scene::Scene;
+
+/// The most stitches whose clearance on the body is measured: some 20 kB each, were they all on one
+/// panel.
+const MEASURED_STITCHES: u64 = 50_000;
+
+/// A run that is done.
+#[derive(Debug)]
+pub struct Done {
+    /// What was laid.
+    pub totals: Totals,
+    /// The files that were written, in a line.
+    pub files: String,
+    /// Frames that were made, and all of a sequence's frames.
+    pub frames: Option<(usize, usize)>,
+    /// The real cloth, where its numbers were measured.
+    pub real: Option<RealCloth>,
+}
+
+/// Knits a fabric onto a garment, or onto all frames of a drape sequence whose first frame it is.
+///
+/// # Errors
+/// [`RunError`]: nothing is written then, but for the frames of a sequence that were whole before.
+///
+/// ```no_run
+/// use warpknit::fabric::Fabric;
+/// use warpknit::garment::{self, ReadOptions};
+/// use warpknit::pipeline::{Clock, Settings, Source, drape};
+/// let garment = garment::read("tshirt.obj".as_ref(), None, &ReadOptions::default())?;
+/// let source = Source { stem: "tshirt".into(), ..Source::default() };
+/// let done = drape(garment, None, &Fabric::named("locknit")?, &source, &Settings::default(), Clock::start(&()))?;
+/// println!("{} stitches: {}", done.totals.losses.stitches, done.files);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn drape(
+    mut garment: Garment,
+    sequence: Option<&Sequence<'_>>,
+    fabric: &Fabric,
+    source: &Source,
+    settings: &Settings,
+    mut clock: Clock<'_>,
+) -> Result<Done, RunError> {
+    turn_grains(&mut garment, fabric);
+    clock.stop();
+    let area = garment.panels.iter().map(Panel::area).sum();
+    // Densities that someone chose are the fabric's own by now.
+    let (shown, note) = if settings.densities.are_chosen() {
+        (Cow::Borrowed(fabric), None)
+    } else {
+        let (shown, note) = enlarged(fabric, area)?;
+        (Cow::Owned(shown), note)
+    };
+    let cloth = Cloth::cover(&garment, &shown)
+        .map_err(|error| RunError::Layout { fabric: source.fabric.clone(), source: error })?;
+    let job = Job {
+        settings,
+        fabric,
+        shown: &shown,
+        enlarged: note,
+        part: settings.tile.map(|tile| (tile, cloth.part(tile))),
+        cloth: &cloth,
+        options: settings.placement.into(),
+        area,
+        source,
+        is_swatch: false,
+    };
+    match sequence {
+        None => make(&job, clock),
+        Some(sequence) => sequence::make(&job, sequence, clock),
+    }
+}
+
+/// Knits a flat piece of fabric of `wales` yarns a bar and `courses` courses.
+///
+/// # Errors
+/// [`RunError`]: nothing is written then.
+pub fn swatch(
+    [wales, courses]: [u32; 2],
+    fabric: &Fabric,
+    source: &Source,
+    settings: &Settings,
+    clock: Clock<'_>,
+) -> Result<Done, RunError> {
+    let panel = swatch_panel(fabric, wales, courses);
+    let cloth = Cloth::swatch(&panel, fabric, wales, courses);
+    let area =
+        f64::from(wales) * fabric.wale_spacing() * f64::from(courses) * fabric.course_spacing();
+    let job = Job {
+        settings,
+        fabric,
+        shown: fabric,
+        enlarged: None,
+        part: settings.tile.map(|tile| (tile, cloth.part(tile))),
+        cloth: &cloth,
+        options: drape::Options::default(),
+        area,
+        source,
+        is_swatch: true,
+    };
+    make(&job, clock)
+}
+
+/// Knits, draws and writes. Files appear under their names only when all are whole.
+fn make(job: &Job<'_>, mut clock: Clock<'_>) -> Result<Done, RunError> {
+    let outputs = all_around(wanted(job), job.settings.picture.turntable);
+    let pictures: Vec<_> = outputs
+        .iter()
+        .filter(|(_, format)| *format == Format::Png)
+        .map(|(path, _)| path.as_path())
+        .collect();
+    check_request(job, !pictures.is_empty())?;
+    let setup = job.setup(&outputs)?;
+    check_places(job, outputs.iter(), &setup.textures)?;
+    let mut warnings = job.first_warnings(&setup);
+    let mut sinks = sinks(&outputs, job, &setup)?;
+    let mut scene = job.scene(&setup);
+
+    let gauge = wants_gauge(job, &outputs).then(|| Gauge::new(job.cloth, setup.section.radius));
+    let receivers =
+        Receivers { scene: (!pictures.is_empty()).then_some(&mut scene), sinks: &mut sinks, gauge };
+    let (totals, draped) = lay(job, &setup.options, receivers, &mut clock)?;
+    // A part may well have no yarn.
+    if job.part.is_none() {
+        check_laid(&totals)?;
+    }
+    warnings.extend(loss_warning(&totals));
+    say_warnings(job, &mut warnings, &clock);
+
+    clock.begin(Task::Write, 1.0);
+    let mut whole = finished(sinks)?;
+    let drawn_by = if pictures.is_empty() {
+        String::new()
+    } else {
+        draw(job, &setup, &scene, &pictures, &mut whole, &mut warnings, &mut clock)?
+    };
+    clock.stop();
+    let summary = RunSummary {
+        setup: &setup,
+        totals: &totals,
+        draped,
+        warnings,
+        drawn_by,
+        frames: Vec::new(),
+    };
+    let (reports, real) = summary.files(job, &outputs, &clock)?;
+    whole.into_iter().chain(reports).try_for_each(Output::publish)?;
+    let names: Vec<_> = outputs.iter().map(|(path, _)| path.display().to_string()).collect();
+    Ok(Done { totals, files: names.join(" "), frames: None, real })
+}
+
+/// Draws all pictures, adds their files to the `whole` ones, and says who drew them.
+fn draw(
+    job: &Job<'_>,
+    setup: &Setup,
+    scene: &Scene,
+    paths: &[&Path],
+    whole: &mut Vec<Output>,
+    warnings: &mut Vec<String>,
+    clock: &mut Clock<'_>,
+) -> Result<String, RunError> {
+    let fibres = setup.fibres.as_ref();
+    let pictures = pictures::draw(scene, fibres, job.settings, job.tile(), None, paths, clock)?;
+    if let Some(notice) = pictures.notice {
+        clock.listener().say(Message::Note(&notice));
+        warnings.push(notice);
+    }
+    whole.extend(pictures.files);
+    Ok(pictures.drawn_by)
+}
+
+/// The files, with as many pictures as are to be taken all around in place of each one.
+fn all_around(wanted: Vec<Wanted>, turntable: Option<u32>) -> Vec<Wanted> {
+    let Some(count) = turntable else { return wanted };
+    let mut all = Vec::new();
+    for (path, format) in wanted {
+        match format {
+            Format::Png => {
+                let paths: Vec<PathBuf> = numbered(&path, format.ending(), count);
+                all.extend(paths.into_iter().map(|path| (path, format)));
+            }
+            _ => all.push((path, format)),
+        }
+    }
+    all
+}
+
+/// Says what is amiss, and adds notes that a script should know as well.
+pub(super) fn say_warnings(job: &Job<'_>, warnings: &mut Vec<String>, clock: &Clock<'_>) {
+    for warning in &*warnings {
+        clock.listener().say(Message::Warning(warning));
+    }
+    if let Some(note) = &job.enlarged {
+        clock.listener().say(Message::Note(note));
+        warnings.push(note.clone());
+    }
+}
+
+/// Who receives a run's yarns.
+struct Receivers<'a, 'b> {
+    /// The scene from which they are drawn, if they are.
+    scene: Option<&'a mut Scene>,
+    sinks: &'a mut [Box<dyn Sink + 'b>],
+    gauge: Option<Gauge>,
+}
+
+/// Lays the yarns, and says what was laid and how near they come to each other.
+fn lay(
+    job: &Job<'_>,
+    options: &drape::Options,
+    receivers: Receivers<'_, '_>,
+    clock: &mut Clock<'_>,
+) -> Result<(Totals, Option<Clearance>), RunError> {
+    let Receivers { mut scene, sinks, mut gauge } = receivers;
+    let clock = RefCell::new(clock);
+    if let (Some(whole), true) = (&mut scene, job.part.is_some()) {
+        // A part of a picture has the light and the shadows of the whole, whose knitting does not
+        // count among the part's numbers.
+        let mut announce = |_, _| clock.borrow_mut().begin(Task::Render, 0.0);
+        let mut show = |blocks: &[Block]| -> Result<(), ExportError> {
+            blocks.iter().for_each(|block| cloth::add_to(whole, block));
+            Ok(())
+        };
+        drape::run(job.cloth, &job.options, &mut announce, &mut show)?;
+        scene = None;
+    }
+    let mut announce = |stage, done| clock.borrow_mut().begin(Task::from(stage), done);
+    let mut deliver = |blocks: &[Block]| -> Result<(), ExportError> {
+        if let Some(scene) = &mut scene {
+            blocks.iter().for_each(|block| cloth::add_to(scene, block));
+        }
+        sinks.iter_mut().try_for_each(|sink| sink.take(blocks))?;
+        if let Some(gauge) = &mut gauge {
+            // Measuring is no stage of making cloth: its time counts in the total alone.
+            clock.borrow_mut().stop();
+            gauge.take(blocks);
+        }
+        Ok(())
+    };
+    let totals = drape::run(job.filed(), options, &mut announce, &mut deliver)?;
+    Ok((totals, gauge.map(Gauge::finish)))
+}
+
+/// Whether clearance is to be measured on the body: for a report of the whole alone, and not on a
+/// swatch, which has no body.
+fn wants_gauge(job: &Job<'_>, outputs: &[Wanted]) -> bool {
+    // Of a part the yarns beside it are missing, and one of them may be the nearest.
+    let draped = !job.is_swatch && job.part.is_none();
+    draped
+        && outputs.iter().any(|(_, format)| *format == Format::Json)
+        && job.cloth.stitches() <= MEASURED_STITCHES
+}

@@ -1,0 +1,128 @@
+//! What is known at the end of a run, and its report.
+
+use super::clock::Clock;
+use super::job::{Job, Setup};
+use super::numbers::RealCloth;
+use super::settings::Wanted;
+use super::targets::text_file;
+use crate::drape::Totals;
+use crate::export::{ExportError, Format, Output};
+use crate::garment::stretch::stretch;
+use crate::knit::clearance::Clearance;
+use crate::report::{
+    ClearanceReport, ClothReport, FrameReport, GarmentReport, Report, SurfaceReport,
+};
+use crate::system::peak_memory_mb;
+use crate::tile::Tile;
+
+/// What is known at the end of a run.
+pub(super) struct RunSummary<'a> {
+    pub(super) setup: &'a Setup,
+    pub(super) totals: &'a Totals,
+    /// The same on the body, where it was measured.
+    pub(super) draped: Option<Clearance>,
+    pub(super) warnings: Vec<String>,
+    /// What drew the picture; empty where there is none.
+    pub(super) drawn_by: String,
+    /// Of a drape sequence.
+    pub(super) frames: Vec<FrameReport>,
+}
+
+impl RunSummary<'_> {
+    /// The reports among the files, of a run whose time ends here, and the numbers of the real
+    /// cloth where they or the person at the terminal are told them.
+    pub(super) fn files(
+        &self,
+        job: &Job<'_>,
+        wanted: &[Wanted],
+        clock: &Clock<'_>,
+    ) -> Result<(Vec<Output>, Option<RealCloth>), ExportError> {
+        let Setup { section, near, .. } = self.setup;
+        let mut reports = wanted
+            .iter()
+            .filter(|(_, format)| *format == Format::Json)
+            .map(|(path, _)| path)
+            .peekable();
+        if !job.is_swatch && reports.peek().is_none() {
+            return Ok((Vec::new(), None));
+        }
+        // What is shown with its own yarns is the real cloth, and need not be knitted again.
+        let shown_is_real = job.fabric == job.shown
+            && job.fabric.enlargement == 1.0
+            && section.radius == job.fabric.radius();
+        let real = if shown_is_real {
+            RealCloth::from_pattern(job.fabric, job.cloth.pattern(), *near)
+        } else {
+            RealCloth::new(job.fabric)
+        };
+        let text = self.report(job, &real, clock).to_json();
+        let files = reports.map(|path| text_file(path, &text)).collect::<Result<_, _>>()?;
+        Ok((files, Some(real)))
+    }
+
+    fn report(&self, job: &Job<'_>, real: &RealCloth, clock: &Clock<'_>) -> Report {
+        let Self { setup: Setup { section, near, .. }, totals, draped, .. } = self;
+        let garment = job.cloth.garment();
+        let timings_ms = clock.timings();
+        let (vertices, triangles) = section.size_of(totals.pieces, totals.strands);
+        Report {
+            warpknit: env!("CARGO_PKG_VERSION"),
+            fabric: job.fabric.name.clone(),
+            garment: GarmentReport {
+                panels: garment.panels.len(),
+                triangles: garment.facts.triangles,
+                unit: garment.facts.unit,
+                uv_scale_mm: garment.facts.uv_scale_mm,
+                warnings: self.warnings.clone(),
+            },
+            wales_per_cm: job.shown.wales_per_cm,
+            courses_per_cm: job.shown.courses_per_cm,
+            tile: job.tile().map(Tile::numbers),
+            yarns: totals.yarns,
+            stitches: totals.losses.stitches,
+            data_points: totals.data_points,
+            points_off_panel: totals.losses.off_panel,
+            stitches_clipped: totals.losses.clipped,
+            surface: SurfaceReport {
+                shape: "tube",
+                st: section.st,
+                sr: section.sr,
+                radius_mm: section.radius,
+                triangles_per_stitch: section.triangles_per_stitch(),
+                triangles,
+                vertices,
+            },
+            timings_ms,
+            clearance: ClearanceReport {
+                min_over_2r: near.min_over_2r,
+                pairs_below_1: near.pairs_below_1,
+                sweeps: job.cloth.pattern().settled().map(|settled| settled.sweeps),
+                draped: (*draped).map(Into::into),
+            },
+            plane_ms: timings_ms.knit,
+            curved_ms: timings_ms.knit + timings_ms.locate + timings_ms.map,
+            threads: rayon::current_num_threads(),
+            peak_memory_mb: peak_memory_mb(),
+            renderer: self.drawn_by.clone(),
+            cloth: cloth_report(job, real),
+            frames: self.frames.clone(),
+        }
+    }
+}
+
+/// The real cloth: the fabric at its own densities over the garment's flat area.
+fn cloth_report(job: &Job<'_>, real: &RealCloth) -> ClothReport {
+    let garment = job.cloth.garment();
+    let numbers = &real.numbers;
+    let (stretch_warp, stretch_weft) = stretch(garment);
+    ClothReport {
+        mass_g_m2: numbers.mass,
+        yarn_length_m: numbers.yarn_length * job.area * 1e-6,
+        run_in_mm_per_rack: numbers.run_in.clone(),
+        thickness_mm: numbers.thickness,
+        cover_factor: numbers.cover,
+        porosity: numbers.porosity,
+        stretch_warp,
+        stretch_weft,
+    }
+}
