@@ -16,7 +16,7 @@ use super::layout::Layout;
 use super::segment::Segment;
 use super::{Captured, Hypothesis, Shape, Twist, sheet};
 use crate::chart::svg;
-use crate::drape::{self, Cloth, Options, picture, spun, swatch_panel};
+use crate::drape::{self, Cloth, DrapeOptions, picture, spun, swatch_panel};
 use crate::export::spun::SpunWriter;
 use crate::export::usda::UsdaWriter;
 use crate::export::{ExportError, Output, OutputFolder, Sink, png};
@@ -400,7 +400,7 @@ fn fibres(fabric: &Fabric, path: &Path) -> Result<(), ExportError> {
     let mut sink = Box::new(SpunWriter::new(Box::new(writer), bundles, None));
     drape::run(
         &Cloth::swatch(&panel, fabric, 1, 1),
-        &Options::default(),
+        &DrapeOptions::default(),
         &mut |_, _| {},
         &mut |blocks| sink.take(blocks),
     )?;

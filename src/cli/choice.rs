@@ -22,8 +22,8 @@ pub(super) const PICTURE_GB: f64 = 1.7e-6;
 
 impl Laying {
     /// What the library takes; surfaces are for those who write them.
-    pub(super) fn options(&self) -> drape::Options {
-        drape::Options { mapping: self.mapping.into(), edge: self.edge.into(), surface: None }
+    pub(super) fn options(&self) -> drape::DrapeOptions {
+        drape::DrapeOptions { mapping: self.mapping.into(), edge: self.edge.into(), surface: None }
     }
 }
 

@@ -39,7 +39,7 @@ pub(super) struct Job<'a> {
     pub(super) cloth: &'a Cloth<'a>,
     /// The part that files hold, if it isn't the whole.
     pub(super) part: Option<(Tile, Cloth<'a>)>,
-    pub(super) options: drape::Options,
+    pub(super) options: drape::DrapeOptions,
     /// Flat area that is knitted, mm².
     pub(super) area: f64,
     /// Files that were read, and must not be overwritten.
@@ -59,7 +59,7 @@ pub(super) struct Setup {
     /// What yarns are spun of, where their fibres are to be seen.
     pub(super) fibres: Option<Fibres>,
     /// How yarns are laid, with surfaces where a file holds them.
-    pub(super) options: drape::Options,
+    pub(super) options: drape::DrapeOptions,
     /// How near yarns come to each other on the flat fabric.
     pub(super) near: Clearance,
 }
@@ -131,7 +131,7 @@ impl Job<'_> {
         }
         let bundles = spun::bundles(self.shown, section.radius, self.shared.fibre_radius);
         if asked.is_none() {
-            return Ok(Some(Fibres { bundles, near: spun::NEAR, filed: None }));
+            return Ok(Some(Fibres { bundles, near: spun::MIN_YARN_PIXELS, filed: None }));
         }
         if let Some((path, _)) =
             wanted.iter().find(|(_, format)| matches!(format, Format::Csv | Format::Npz))
@@ -159,7 +159,7 @@ impl Job<'_> {
         let section = section(self)?;
         let near = clearance::measure(self.shown, self.cloth.pattern(), section.radius);
         let wants_surface = wanted.iter().any(|(_, format)| format.holds_tubes());
-        let options = drape::Options { surface: wants_surface.then_some(section), ..self.options };
+        let options = drape::DrapeOptions { surface: wants_surface.then_some(section), ..self.options };
         let textures = Textures::of(self.shared, self.shown)?;
         let wardrobe = wardrobe(wanted, self, section.radius, &textures);
         let fibres = self.fibres(wanted, &section)?;
@@ -168,7 +168,7 @@ impl Job<'_> {
 
     /// What is to be said of the garment and of how the fabric is drawn, before any yarn is laid.
     pub(super) fn first_warnings(&self, setup: &Setup) -> Vec<String> {
-        let mut warnings = self.cloth.garment().facts.warnings.clone();
+        let mut warnings = self.cloth.garment().summary.warnings.clone();
         warnings.extend(clearance::warnings(
             self.shown,
             self.cloth.pattern(),
@@ -254,9 +254,9 @@ impl Facts<'_> {
             fabric: job.fabric.name.clone(),
             garment: GarmentReport {
                 panels: garment.panels.len(),
-                triangles: garment.facts.triangles,
-                unit: garment.facts.unit,
-                uv_scale_mm: garment.facts.uv_scale_mm,
+                triangles: garment.summary.triangles,
+                unit: garment.summary.unit,
+                uv_scale_mm: garment.summary.uv_scale_mm,
                 warnings: self.warnings.clone(),
             },
             wales_per_cm: job.shown.wales_per_cm,

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use warpknit::drape::clearance::Gauge;
+use warpknit::drape::clearance::ClearanceMeter;
 use warpknit::drape::strands::Losses;
 use warpknit::drape::{self, Block, Cloth, Stage, Totals, picture};
 use warpknit::export::{ExportError, Format, Output, Sink};
@@ -84,7 +84,7 @@ pub(crate) fn swatch(arguments: &Swatch) -> Result<()> {
     let fabric = fabric(shared)?;
     let panel = drape::swatch_panel(&fabric, arguments.wales, arguments.courses);
     let cloth = Cloth::swatch(&panel, &fabric, arguments.wales, arguments.courses);
-    let options = drape::Options::default();
+    let options = drape::DrapeOptions::default();
     let area = f64::from(arguments.wales)
         * fabric.wale_spacing()
         * f64::from(arguments.courses)
@@ -131,7 +131,7 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
     let mut sinks = sinks(&outputs, job, &setup)?;
     let mut scene = job.scene(&setup);
 
-    let gauge = wants_gauge(job, &outputs).then(|| Gauge::new(job.cloth, setup.section.radius));
+    let gauge = wants_gauge(job, &outputs).then(|| ClearanceMeter::new(job.cloth, setup.section.radius));
     let takers =
         Takers { scene: (!pictures.is_empty()).then_some(&mut scene), sinks: &mut sinks, gauge };
     let (totals, draped) = lay(job, &setup.options, takers, &mut clock)?;
@@ -212,13 +212,13 @@ struct Takers<'a, 'b> {
     /// Where they are to be drawn from.
     scene: Option<&'a mut Scene>,
     sinks: &'a mut [Box<dyn Sink + 'b>],
-    gauge: Option<Gauge>,
+    gauge: Option<ClearanceMeter>,
 }
 
 /// Lays the yarns, and says what was laid and how near they come to each other.
 fn lay(
     job: &Job<'_>,
-    options: &drape::Options,
+    options: &drape::DrapeOptions,
     takers: Takers<'_, '_>,
     clock: &mut Clock,
 ) -> Result<(Totals, Option<Clearance>)> {
@@ -249,7 +249,7 @@ fn lay(
         Ok(())
     };
     let totals = drape::run(job.filed(), options, &mut announce, &mut deliver)?;
-    Ok((totals, gauge.map(Gauge::finish)))
+    Ok((totals, gauge.map(ClearanceMeter::finish)))
 }
 
 /// Whether clearance is to be measured on the body: for a report of the whole alone, and not on a

@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use glam::{DVec3, Vec3};
-use warpknit::drape::held::Held;
-use warpknit::drape::{Block, Options, picture};
+use warpknit::drape::held::LocatedCloth;
+use warpknit::drape::{Block, DrapeOptions, picture};
 use warpknit::export::usda_frames::UsdaFramesWriter;
 use warpknit::export::{ExportError, Format, Output, Sink};
 use warpknit::garment::Garment;
@@ -53,7 +53,7 @@ struct Files {
 struct Show<'a, 'b> {
     job: &'a Job<'a>,
     setup: &'a Setup,
-    held: Held,
+    held: LocatedCloth,
     files: &'a Files,
     usda: Vec<UsdaFramesWriter>,
     scene: Option<Scene>,
@@ -84,7 +84,7 @@ pub(super) fn make(job: &Job<'_>, sequence: &Sequence<'_>, mut clock: Clock) -> 
     let reports = files.whole.iter().filter(|(_, format)| *format == Format::Json);
     reports.into_iter().try_for_each(|(path, _)| Output::check(path))?;
     let held =
-        Held::lay(job.cloth, &setup.options, &mut |stage, done| clock.begin(task(stage), done));
+        LocatedCloth::locate(job.cloth, &setup.options, &mut |stage, done| clock.begin(task(stage), done));
     check_laid(held.totals())?;
     warnings.extend(loss_warning(held.totals()));
     tell_warnings(job, &mut warnings);
@@ -253,8 +253,8 @@ impl Show<'_, '_> {
             usda.iter_mut().try_for_each(|usda| usda.take(blocks))?;
             sinks.iter_mut().try_for_each(|sink| sink.take(blocks))
         };
-        let options: &Options = &setup.options;
-        held.show(
+        let options: &DrapeOptions = &setup.options;
+        held.run_frame(
             garment,
             options,
             &mut |stage, done| clock.borrow_mut().begin(task(stage), done),

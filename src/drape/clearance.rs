@@ -21,18 +21,18 @@ use crate::knit::clearance::{Clearance, Paths};
 /// Collects a panel's yarns until the next panel's come.
 ///
 /// ```
-/// use warpknit::{drape::{self, clearance::Gauge}, fabric::Fabric};
+/// use warpknit::{drape::{self, clearance::ClearanceMeter}, fabric::Fabric};
 /// let fabric = Fabric::named("tricot")?;
 /// let panel = drape::swatch_panel(&fabric, 8, 10);
 /// let cloth = drape::Cloth::swatch(&panel, &fabric, 8, 10);
-/// let mut gauge = Gauge::new(&cloth, fabric.radius());
+/// let mut gauge = ClearanceMeter::new(&cloth, fabric.radius());
 /// let deliver = &mut |blocks: &[drape::Block]| Ok::<_, std::io::Error>(gauge.take(blocks));
-/// drape::run(&cloth, &drape::Options::default(), &mut |_, _| {}, deliver)?;
+/// drape::run(&cloth, &drape::DrapeOptions::default(), &mut |_, _| {}, deliver)?;
 /// assert!(gauge.finish().min_over_2r > 0.98);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug)]
-pub struct Gauge {
+pub struct ClearanceMeter {
     /// Each bar's drawn radius, mm.
     radii: Vec<f64>,
     panel: usize,
@@ -41,7 +41,7 @@ pub struct Gauge {
     clearance: Clearance,
 }
 
-impl Gauge {
+impl ClearanceMeter {
     /// For a cloth whose thickest yarns are drawn with `radius` mm.
     #[must_use]
     pub fn new(cloth: &Cloth<'_>, radius: f64) -> Self {

@@ -5,7 +5,7 @@
 //! edges happen on the flat pattern, which doesn't change, so they are done once and held: some 1
 //! kB a stitch. A frame costs its mapping, and its surfaces if it has any.
 
-use super::{Announce, Block, Cloth, Options, Stage, Totals, clothe, lay, window};
+use super::{Announce, Block, Cloth, DrapeOptions, Stage, Totals, clothe, lay, window};
 use crate::garment::Garment;
 use crate::ids::index32;
 use crate::map::Draped;
@@ -13,7 +13,7 @@ use crate::yarn::tube::Tubes;
 
 /// All of a cloth's yarns, located on the flat pattern.
 #[derive(Debug)]
-pub struct Held {
+pub struct LocatedCloth {
     blocks: Vec<Block>,
     /// Each bar's drawn radius over the thickest one's.
     thickness: Vec<f64>,
@@ -22,10 +22,10 @@ pub struct Held {
     spare: Vec<(Draped, Tubes)>,
 }
 
-impl Held {
+impl LocatedCloth {
     /// Lays the yarns. `announce` is that of [`super::run`].
     #[must_use]
-    pub fn lay(cloth: &Cloth<'_>, options: &Options, announce: &mut Announce<'_>) -> Self {
+    pub fn locate(cloth: &Cloth<'_>, options: &DrapeOptions, announce: &mut Announce<'_>) -> Self {
         let mut held = Vec::with_capacity(cloth.blocks());
         let laid = lay(
             cloth,
@@ -53,24 +53,24 @@ impl Held {
     /// The first error of `deliver`, at once.
     ///
     /// ```
-    /// use warpknit::{drape::{self, held::Held}, fabric::Fabric};
+    /// use warpknit::{drape::{self, held::LocatedCloth}, fabric::Fabric};
     /// let fabric = Fabric::named("tricot")?;
     /// let panel = drape::swatch_panel(&fabric, 4, 5);
     /// let cloth = drape::Cloth::swatch(&panel, &fabric, 4, 5);
-    /// let options = drape::Options::default();
-    /// let mut held = Held::lay(&cloth, &options, &mut |_, _| {});
+    /// let options = drape::DrapeOptions::default();
+    /// let mut held = LocatedCloth::locate(&cloth, &options, &mut |_, _| {});
     /// let mut raised = panel.clone();
     /// raised.panels[0].draped.iter_mut().for_each(|point| point.z += 10.0);
-    /// held.show(&raised, &options, &mut |_, _| {}, &mut |blocks| {
+    /// held.run_frame(&raised, &options, &mut |_, _| {}, &mut |blocks| {
     ///     assert!(blocks[0].draped.positions.iter().all(|point| point.z > 5.0));
     ///     Ok::<_, std::io::Error>(())
     /// })?;
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
-    pub fn show<E>(
+    pub fn run_frame<E>(
         &mut self,
         garment: &Garment,
-        options: &Options,
+        options: &DrapeOptions,
         announce: &mut Announce<'_>,
         deliver: &mut dyn FnMut(&[Block]) -> Result<(), E>,
     ) -> Result<(), E> {

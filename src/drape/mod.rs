@@ -75,7 +75,7 @@ pub enum LayoutError {
 
 /// One yarn to be laid.
 #[derive(Clone, Debug)]
-struct Job {
+struct YarnPlan {
     yarn: YarnId,
     guide: i64,
     courses: Range<i64>,
@@ -86,7 +86,7 @@ struct Job {
 struct BlockPlan {
     panel: usize,
     bar: usize,
-    jobs: Vec<Job>,
+    yarns: Vec<YarnPlan>,
 }
 
 /// A fabric laid out over a garment: which yarns there are, and where.
@@ -171,18 +171,18 @@ impl<'a> Cloth<'a> {
     pub fn part(&self, tile: Tile) -> Self {
         let twice_all = 2 * self.stitches();
         let mut before = 0;
-        let mut is_own = |job: &Job| {
-            let twice_middle = 2 * before + job.stitches();
-            before += job.stitches();
+        let mut is_own = |yarn: &YarnPlan| {
+            let twice_middle = 2 * before + yarn.stitches();
+            before += yarn.stitches();
             tile.holds(twice_middle, twice_all)
         };
         let own = |block: &BlockPlan| BlockPlan {
-            jobs: block.jobs.iter().filter(|job| is_own(job)).cloned().collect(),
+            yarns: block.yarns.iter().filter(|yarn| is_own(yarn)).cloned().collect(),
             ..*block
         };
         let blocks: Vec<_> =
-            self.blocks.iter().map(own).filter(|block| !block.jobs.is_empty()).collect();
-        let yarns = blocks.iter().map(|block| block.jobs.len()).sum();
+            self.blocks.iter().map(own).filter(|block| !block.yarns.is_empty()).collect();
+        let yarns = blocks.iter().map(|block| block.yarns.len()).sum();
         let (pattern, thickness, meshes) =
             (self.pattern.clone(), self.thickness.clone(), self.meshes.clone());
         Self { garment: self.garment, pattern, thickness, meshes, blocks, yarns }
@@ -210,7 +210,7 @@ impl<'a> Cloth<'a> {
     /// counts in each.
     #[must_use]
     pub fn yarns(&self) -> usize {
-        self.blocks.iter().map(|block| block.jobs.len()).sum()
+        self.blocks.iter().map(|block| block.yarns.len()).sum()
     }
 
     /// The garment beneath.
@@ -255,12 +255,12 @@ impl<'a> Cloth<'a> {
         let mut stitches = usize::MAX;
         for (guide, courses) in yarns {
             if stitches >= BLOCK_STITCHES {
-                self.blocks.push(BlockPlan { panel, bar, jobs: Vec::new() });
+                self.blocks.push(BlockPlan { panel, bar, yarns: Vec::new() });
                 stitches = 0;
             }
             stitches += usize::try_from(courses.end - courses.start).unwrap_or(0);
-            let job = Job { yarn: YarnId(index32(self.yarns)), guide, courses };
-            self.blocks.last_mut().expect("pushed above").jobs.push(job);
+            let yarn = YarnPlan { yarn: YarnId(index32(self.yarns)), guide, courses };
+            self.blocks.last_mut().expect("pushed above").yarns.push(yarn);
             self.yarns += 1;
         }
     }
@@ -295,7 +295,7 @@ pub fn swatch_panel(fabric: &Fabric, wales: u32, courses: u32) -> Garment {
 
 /// How the pipeline is to run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Options {
+pub struct DrapeOptions {
     /// How depth is carried along.
     pub mapping: Mapping,
     /// What happens at the panel's edge.
@@ -369,13 +369,13 @@ pub struct Totals {
 /// let fabric = Fabric::named("tricot")?;
 /// let panel = drape::swatch_panel(&fabric, 8, 10);
 /// let cloth = drape::Cloth::swatch(&panel, &fabric, 8, 10);
-/// let totals = drape::run(&cloth, &drape::Options::default(), &mut |_, _| {}, &mut |_| Ok::<_, std::io::Error>(()))?;
+/// let totals = drape::run(&cloth, &drape::DrapeOptions::default(), &mut |_, _| {}, &mut |_| Ok::<_, std::io::Error>(()))?;
 /// assert_eq!(totals.losses.stitches, 2 * 8 * 10);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn run<E>(
     cloth: &Cloth<'_>,
-    options: &Options,
+    options: &DrapeOptions,
     announce: &mut dyn FnMut(Stage, f64),
     deliver: &mut dyn FnMut(&[Block]) -> Result<(), E>,
 ) -> Result<Totals, E> {
@@ -398,7 +398,7 @@ type HandOn<'a, E> = dyn FnMut(&mut [Block], &mut Announce<'_>, f64) -> Result<(
 /// Knits and locates, handing windows of blocks on.
 fn lay<E>(
     cloth: &Cloth<'_>,
-    options: &Options,
+    options: &DrapeOptions,
     announce: &mut Announce<'_>,
     hand_on: &mut HandOn<'_, E>,
 ) -> Result<Totals, E> {
@@ -429,7 +429,7 @@ fn clothe(
     blocks: &mut [Block],
     garment: &Garment,
     thickness: &[f64],
-    options: &Options,
+    options: &DrapeOptions,
     announce: &mut dyn FnMut(Stage),
 ) {
     announce(Stage::Map);
@@ -456,7 +456,7 @@ fn window(stitches: impl Iterator<Item = u64>, surface: Option<&Section>) -> usi
     stitches.take(most).take_while(fits).count().max(1)
 }
 
-impl Job {
+impl YarnPlan {
     fn stitches(&self) -> u64 {
         u64::try_from(self.courses.end - self.courses.start).unwrap_or(0)
     }
@@ -464,7 +464,7 @@ impl Job {
 
 impl BlockPlan {
     fn stitches(&self) -> u64 {
-        self.jobs.iter().map(Job::stitches).sum()
+        self.yarns.iter().map(YarnPlan::stitches).sum()
     }
 }
 
@@ -473,11 +473,11 @@ impl Block {
         (self.panel, self.bar) = (plan.panel, plan.bar);
         self.knitted.clear();
         self.yarns.clear();
-        for job in &plan.jobs {
+        for yarn in &plan.yarns {
             let first = self.knitted.stitches.len();
             let mesh = &cloth.meshes[plan.panel];
-            cloth.pattern.lay(plan.bar, job.guide, job.courses.clone(), mesh, &mut self.knitted);
-            self.yarns.push((job.yarn, first..self.knitted.stitches.len()));
+            cloth.pattern.lay(plan.bar, yarn.guide, yarn.courses.clone(), mesh, &mut self.knitted);
+            self.yarns.push((yarn.yarn, first..self.knitted.stitches.len()));
         }
     }
 

@@ -3,7 +3,7 @@
 //! In: a [`Fabric`] and [`Block`]s. Out: a [`Scene`] with a look a bar. Points keep their strands
 //! and lose their tags; nothing is drawn here.
 
-use super::{Block, Cloth, Options, run, swatch_panel};
+use super::{Block, Cloth, DrapeOptions, run, swatch_panel};
 use crate::fabric::{Bar, Fabric};
 use crate::ids::index32;
 use crate::scene::{Scene, YarnLook};
@@ -72,7 +72,7 @@ pub fn laid(cloth: &Cloth<'_>, mut scene: Scene) -> Scene {
         blocks.iter().for_each(|block| add_to(&mut scene, block));
         Ok(())
     };
-    match run(cloth, &Options::default(), &mut |_, _| {}, &mut deliver) {
+    match run(cloth, &DrapeOptions::default(), &mut |_, _| {}, &mut deliver) {
         Ok(_totals) => scene,
     }
 }

@@ -63,7 +63,7 @@ pub enum GarmentError {
         /// The line on which the record starts, from 1.
         line: u64,
         /// What is wrong with it.
-        fault: Fault,
+        fault: GarmentFault,
     },
     /// A coordinate is finite, but areas made of it would not be.
     #[error("{}:{line}: this face has a coordinate of {value:e}, over the limit of {limit:e}: export the garment in a common unit", .path.display())]
@@ -163,7 +163,7 @@ pub enum GarmentError {
 
 impl GarmentError {
     /// The fault of a record, at its place.
-    pub(super) fn record(path: &Path, line: u64, fault: Fault) -> Self {
+    pub(super) fn record(path: &Path, line: u64, fault: GarmentFault) -> Self {
         Self::Record { path: path.to_path_buf(), line, fault }
     }
 }
@@ -172,7 +172,7 @@ impl GarmentError {
 /// characters escaped.
 #[derive(Debug, Error, PartialEq)]
 #[non_exhaustive]
-pub enum Fault {
+pub enum GarmentFault {
     /// The record, its continuations joined, doesn't end.
     #[error("this line is longer than {limit} bytes: is the file a text file, with line ends?")]
     LineTooLong {

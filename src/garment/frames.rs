@@ -13,9 +13,9 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 
 use super::obj::{self, ObjMesh};
-use super::pair::{LARGEST, Pairs, Pattern, two_files};
+use super::pair::{LARGEST, Pairs, FlatSource, two_files};
 use super::panel::{cross, normals};
-use super::{Files, Garment, GarmentError, Panel, ReadOptions, Unit};
+use super::{GarmentFiles, Garment, GarmentError, Panel, ReadOptions, Unit};
 use crate::ids::index32;
 
 /// A frame's lengths over the first one's, beyond which it is taken to be in another unit: cloth
@@ -29,7 +29,7 @@ const UNUSED: u32 = u32::MAX;
 pub struct Frames {
     path: PathBuf,
     flat: ObjMesh,
-    pattern: Pattern,
+    pattern: FlatSource,
     /// That of the first drape's faces.
     connectivity: u64,
     /// Each panel's vertices: corners of paired triangles, three times the triangle's place and 0,
@@ -55,8 +55,8 @@ impl Frames {
         first: Option<&Path>,
         options: &ReadOptions,
     ) -> Result<(Garment, Self), GarmentError> {
-        let (garment, unit, files) = Files::read(flat, first, options)?.garment(options)?;
-        let Files { path, flat, draped, pattern, pairs, .. } = files;
+        let (garment, unit, files) = GarmentFiles::read(flat, first, options)?.garment(options)?;
+        let GarmentFiles { path, flat, draped, pattern, pairs, .. } = files;
         let first_drape = draped.as_ref().unwrap_or(&flat);
         let in_file = |vertex: u32| {
             if vertex == UNUSED { UNUSED } else { first_drape.order[vertex as usize] }
@@ -278,7 +278,7 @@ mod tests {
             written(folder.path(), "flat.obj", &strip(|x, y| [50.0 * x, 50.0 * y, 0.0], false));
         let options = ReadOptions { uv_scale: Some(10.0), ..ReadOptions::default() };
         let (mut garment, frames) = Frames::read(&flat, Some(&flat), &options).unwrap();
-        assert_eq!(garment.facts.unit, "cm");
+        assert_eq!(garment.summary.unit, "cm");
         let before = garment.panels[0].draped.clone();
         for (unit, times) in [("m", 0.01), ("mm", 10.0), ("in", 1.0 / 2.54)] {
             let text = strip(|x, y| [50.0 * times * x, 50.0 * times * y, 0.0], false);

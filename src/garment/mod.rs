@@ -29,12 +29,12 @@ mod rectangle;
 pub mod stretch;
 mod unit;
 
-pub use error::{Fault, GarmentError};
+pub use error::{GarmentError, GarmentFault};
 pub use frames::Frames;
 pub use unit::{Unit, UnknownUnit};
 
 use obj::ObjMesh;
-use pair::{Pairs, Pattern};
+use pair::{Pairs, FlatSource};
 use panel::{Piece, Refusal, Refused};
 
 /// What the user may say about the files.
@@ -88,12 +88,12 @@ pub struct Garment {
     /// Usable panels, in order of their lowest face.
     pub panels: Vec<Panel>,
     /// What reading found.
-    pub facts: Facts,
+    pub summary: GarmentSummary,
 }
 
 /// What reading found, for the report and for `inspect`.
 #[derive(Clone, Debug, Default)]
-pub struct Facts {
+pub struct GarmentSummary {
     /// Triangles in the file, usable or not.
     pub triangles: usize,
     /// Name of the unit that draped coordinates are in: mm, cm, dm, m, in.
@@ -112,14 +112,14 @@ pub struct Facts {
     /// Pieces of the pattern that are no panel: without area, or out of their plane.
     pub refused: usize,
     /// What is known of each panel besides what [`Panel`] holds, in the same order.
-    pub panels: Vec<PanelFacts>,
+    pub panels: Vec<PanelSummary>,
     /// One line each, fit for the user.
     pub warnings: Vec<String>,
 }
 
 /// What reading found out about one panel.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct PanelFacts {
+pub struct PanelSummary {
     /// mm that one flat unit stands for in this panel.
     pub scale_mm: f64,
     /// Its triangles without flat area.
@@ -178,9 +178,9 @@ impl Garment {
     pub fn turn_grain(&mut self, panel: usize, grain: f64) {
         let Some(turned) = self.panels.get_mut(panel) else { return };
         let lost = turned.turn_grain(grain);
-        self.facts.degenerate += lost;
-        if let Some(facts) = self.facts.panels.get_mut(panel) {
-            facts.degenerate += lost;
+        self.summary.degenerate += lost;
+        if let Some(summary) = self.summary.panels.get_mut(panel) {
+            summary.degenerate += lost;
         }
     }
 }
@@ -197,7 +197,7 @@ impl Garment {
 /// let path = tempfile::NamedTempFile::new()?;
 /// std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 0 1\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n")?;
 /// let garment = read(path.path(), None, &ReadOptions::default())?;
-/// assert_eq!(garment.facts.unit, "m");
+/// assert_eq!(garment.summary.unit, "m");
 /// assert!((garment.panels[0].area() - 500_000.0).abs() < 1e-6);
 /// # Ok(())
 /// # }
@@ -207,21 +207,21 @@ pub fn read(
     draped: Option<&Path>,
     options: &ReadOptions,
 ) -> Result<Garment, GarmentError> {
-    Files::read(flat, draped, options)?.garment(options).map(|(garment, _, _)| garment)
+    GarmentFiles::read(flat, draped, options)?.garment(options).map(|(garment, _, _)| garment)
 }
 
 /// The files of a garment, paired.
-struct Files<'a> {
+struct GarmentFiles<'a> {
     path: &'a Path,
     flat: ObjMesh,
     /// The flat file itself where there is no other.
     draped: Option<ObjMesh>,
-    pattern: Pattern,
+    pattern: FlatSource,
     pairs: Pairs,
     pieces: Vec<Result<Piece, Refused>>,
 }
 
-impl<'a> Files<'a> {
+impl<'a> GarmentFiles<'a> {
     fn read(
         path: &'a Path,
         draped_path: Option<&Path>,
@@ -236,14 +236,14 @@ impl<'a> Files<'a> {
                 pair::two_files(&flat, draped, [path, draped_path], pattern)
             }
         };
-        let mut pattern = if draped.is_some() { Pattern::Positions } else { Pattern::Texture };
+        let mut pattern = if draped.is_some() { FlatSource::Positions } else { FlatSource::Texture };
         let mut pairs = pair(pattern)?;
         let mut pieces = panel::pieces(&pairs);
         // A garment at rest on the body is no pattern, but may carry one.
         let leaves_plane =
             |piece: &Result<Piece, Refused>| matches!(piece, Err((Refusal::NotFlat(_), _, _)));
-        if pattern == Pattern::Positions && flat.is_textured() && pieces.iter().any(leaves_plane) {
-            pattern = Pattern::Texture;
+        if pattern == FlatSource::Positions && flat.is_textured() && pieces.iter().any(leaves_plane) {
+            pattern = FlatSource::Texture;
             pairs = pair(pattern)?;
             pairs.warnings.push(format!(
                 "{} does not lie flat: its vt are taken for the flat pattern",
@@ -256,35 +256,35 @@ impl<'a> Files<'a> {
 
     /// The garment, the unit of its draped positions, and itself, for frames to be paired with.
     fn garment(mut self, options: &ReadOptions) -> Result<(Garment, Unit, Self), GarmentError> {
-        let mut facts = Facts {
+        let mut summary = GarmentSummary {
             triangles: self.pairs.total,
             untextured: self.pairs.untextured,
             warnings: std::mem::take(&mut self.pairs.warnings),
-            ..Facts::default()
+            ..GarmentSummary::default()
         };
         let pairs = &self.pairs;
-        let unit = settle_unit(pairs, options, &mut facts);
-        let pieces = usable_pieces(std::mem::take(&mut self.pieces), self.path, &mut facts)?;
-        let scales = settle_scales(
+        let unit = choose_unit(pairs, options, &mut summary);
+        let pieces = usable_pieces(std::mem::take(&mut self.pieces), self.path, &mut summary)?;
+        let scales = estimate_scales(
             pairs,
             &pieces,
             unit,
             options,
-            self.pattern == Pattern::Positions,
-            &mut facts,
+            self.pattern == FlatSource::Positions,
+            &mut summary,
         );
         let panels: Vec<Panel> = pieces
             .iter()
             .zip(scales)
             .map(|(piece, scale_mm)| {
                 let (panel, degenerate) = piece.panel(pairs, scale_mm, unit.millimetres(), options);
-                facts.panels.push(PanelFacts { scale_mm, degenerate });
-                facts.degenerate += degenerate;
+                summary.panels.push(PanelSummary { scale_mm, degenerate });
+                summary.degenerate += degenerate;
                 panel
             })
             .collect();
-        count_defects(&panels, &mut facts);
-        Ok((Garment { panels, facts }, unit, self))
+        count_defects(&panels, &mut summary);
+        Ok((Garment { panels, summary }, unit, self))
     }
 }
 
@@ -307,15 +307,15 @@ fn check(options: &ReadOptions) -> Result<(), GarmentError> {
 }
 
 /// The draped unit, given or guessed from the paired triangles.
-fn settle_unit(pairs: &Pairs, options: &ReadOptions, facts: &mut Facts) -> Unit {
+fn choose_unit(pairs: &Pairs, options: &ReadOptions, summary: &mut GarmentSummary) -> Unit {
     let extent = pairs.draped_extent().max_element();
     let (guess, fits) = unit::guess(extent);
     let unit = options.unit.unwrap_or(guess);
-    facts.unit = unit.name();
-    facts.unit_guessed = options.unit.is_none();
-    if facts.unit_guessed && !fits {
+    summary.unit = unit.name();
+    summary.unit_guessed = options.unit.is_none();
+    if summary.unit_guessed && !fits {
         let (least, most) = unit::GARMENT_SIZE;
-        facts.warnings.push(format!(
+        summary.warnings.push(format!(
             "in no unit is the garment between {least} mm and {most} mm: {unit} is taken, which makes it {:.4} mm; --unit says otherwise",
             extent * unit.millimetres()
         ));
@@ -327,7 +327,7 @@ fn settle_unit(pairs: &Pairs, options: &ReadOptions, facts: &mut Facts) -> Unit 
 fn usable_pieces(
     pieces: Vec<Result<Piece, Refused>>,
     flat: &Path,
-    facts: &mut Facts,
+    summary: &mut GarmentSummary,
 ) -> Result<Vec<Piece>, GarmentError> {
     let mut usable = Vec::new();
     let mut refusals = Vec::new();
@@ -335,10 +335,10 @@ fn usable_pieces(
         match piece {
             Ok(piece) => usable.push(piece),
             Err((refusal, triangles, polygon)) => {
-                facts.refused += 1;
+                summary.refused += 1;
                 let why = match refusal {
                     Refusal::NoFlatArea => {
-                        facts.degenerate += triangles;
+                        summary.degenerate += triangles;
                         "has no flat area".to_owned()
                     }
                     Refusal::NoDrapedArea => "has no draped area".to_owned(),
@@ -361,33 +361,33 @@ fn usable_pieces(
         return Err(GarmentError::NoPanel { path: flat.to_path_buf(), reason });
     }
     if !refusals.is_empty() {
-        facts.warnings.push(format!("left out: {}", shortened(&refusals)));
+        summary.warnings.push(format!("left out: {}", shortened(&refusals)));
     }
     Ok(usable)
 }
 
 /// mm per flat unit for each piece.
-fn settle_scales(
+fn estimate_scales(
     pairs: &Pairs,
     pieces: &[Piece],
     unit: Unit,
     options: &ReadOptions,
     flat_file: bool,
-    facts: &mut Facts,
+    summary: &mut GarmentSummary,
 ) -> Vec<f64> {
     if let Some(scale) = options.uv_scale {
-        facts.uv_scale_mm = scale;
+        summary.uv_scale_mm = scale;
         return vec![scale; pieces.len()];
     }
     let mut all: Vec<Vec<_>> =
         pieces.iter().map(|piece| piece.stretches(pairs, unit.millimetres())).collect();
     let own: Vec<f64> = all.iter_mut().map(|stretches| unit::scale(stretches)).collect();
-    let scales = unit::settle(unit::scale(&mut all.concat()), &own, flat_file);
-    facts.uv_scale_mm = scales.garment;
+    let scales = unit::choose_scales(unit::scale(&mut all.concat()), &own, flat_file);
+    summary.uv_scale_mm = scales.garment;
     if !scales.differing.is_empty() {
         let names: Vec<_> =
             scales.differing.iter().map(|&i| format!("panel {i} {:.4}", own[i])).collect();
-        facts.warnings.push(format!(
+        summary.warnings.push(format!(
             "panels differ in scale from the garment's {:.4} mm per flat unit and take their own: {}; --uv-scale sets one for all",
             scales.garment,
             shortened(&names)
@@ -397,29 +397,29 @@ fn settle_scales(
 }
 
 /// Counts what takes no stitches, and warns of it.
-fn count_defects(panels: &[Panel], facts: &mut Facts) {
-    facts.flipped = panels.iter().map(|panel| panel.flipped.len()).sum();
-    if facts.flipped > 0 {
+fn count_defects(panels: &[Panel], summary: &mut GarmentSummary) {
+    summary.flipped = panels.iter().map(|panel| panel.flipped.len()).sum();
+    if summary.flipped > 0 {
         let of = |(i, panel): (usize, &Panel)| {
             (!panel.flipped.is_empty()).then(|| format!("{} in panel {i}", panel.flipped.len()))
         };
         let places: Vec<_> = panels.iter().enumerate().filter_map(of).collect();
-        facts.warnings.push(format!(
+        summary.warnings.push(format!(
             "{} flat triangles are flipped against their panel and take no stitches: {}",
-            facts.flipped,
+            summary.flipped,
             shortened(&places)
         ));
     }
-    if facts.degenerate > 0 {
-        facts
+    if summary.degenerate > 0 {
+        summary
             .warnings
-            .push(format!("{} triangles have no flat area and take no stitches", facts.degenerate));
+            .push(format!("{} triangles have no flat area and take no stitches", summary.degenerate));
     }
     // A sewing pattern has large pieces; an automatic unwrap falls apart into scraps on which no
     // fabric can be seen.
     let usable: usize = panels.iter().map(|panel| panel.triangles.len()).sum();
     if panels.len() > 8 && usable < 4 * panels.len() {
-        facts.warnings.push(format!(
+        summary.warnings.push(format!(
             "the pattern is in {} pieces of {:.1} triangles each: is it an atlas and not a sewing pattern?",
             panels.len(),
             usable as f64 / panels.len() as f64

@@ -26,7 +26,7 @@ use std::path::Path;
 
 use glam::{DVec2, DVec3};
 
-use super::error::{Fault, GarmentError, quoted};
+use super::error::{GarmentFault, GarmentError, quoted};
 use super::records::{Records, Stop, split_keyword, tokens, without_comment};
 use crate::ids::index32;
 
@@ -282,7 +282,7 @@ impl<R: BufRead> Cleaner<R> {
     }
 
     /// Cleans one record; all but `v`, `vt`, `f`, `o` and `g` are skipped.
-    fn record(&mut self, record: &[u8]) -> Result<(), Fault> {
+    fn record(&mut self, record: &[u8]) -> Result<(), GarmentFault> {
         let (keyword, rest) = split_keyword(record);
         match keyword {
             b"v" => {
@@ -314,9 +314,9 @@ impl<R: BufRead> Cleaner<R> {
         rest: &[u8],
         least: usize,
         most: usize,
-    ) -> Result<(), Fault> {
+    ) -> Result<(), GarmentFault> {
         if self.notes.positions.max(self.notes.texture) > MOST {
-            return Err(Fault::TooMany { limit: MOST });
+            return Err(GarmentFault::TooMany { limit: MOST });
         }
         let kept = if record == "v" { 3 } else { 2 };
         self.clean.extend_from_slice(record.as_bytes());
@@ -334,9 +334,9 @@ impl<R: BufRead> Cleaner<R> {
                     }
                 }
                 None if !microsoft_nan => {
-                    return Err(Fault::Number { record, token: quoted(token) });
+                    return Err(GarmentFault::Number { record, token: quoted(token) });
                 }
-                _ => return Err(Fault::NotFinite { record, token: quoted(token) }),
+                _ => return Err(GarmentFault::NotFinite { record, token: quoted(token) }),
             }
             if found < kept {
                 self.clean.push(b' ');
@@ -345,7 +345,7 @@ impl<R: BufRead> Cleaner<R> {
             found += 1;
         }
         if !(least..=most).contains(&found) {
-            return Err(Fault::NumberCount { record, found, least, most });
+            return Err(GarmentFault::NumberCount { record, found, least, most });
         }
         if record == "v"
             && let Some(positions) = &mut self.kept
@@ -358,7 +358,7 @@ impl<R: BufRead> Cleaner<R> {
     }
 
     /// Checks a face and hands it on with positive indices.
-    fn face(&mut self, rest: &[u8]) -> Result<(), Fault> {
+    fn face(&mut self, rest: &[u8]) -> Result<(), GarmentFault> {
         let start = self.clean.len();
         let textured = self.corners(rest, true)?;
         if !textured {
@@ -369,11 +369,11 @@ impl<R: BufRead> Cleaner<R> {
         }
         let corners = tokens(rest).count();
         if corners < 3 {
-            return Err(Fault::FewCorners { found: corners });
+            return Err(GarmentFault::FewCorners { found: corners });
         }
         self.notes.triangles += corners as u64 - 2;
         if self.notes.triangles > MOST {
-            return Err(Fault::TooMany { limit: MOST });
+            return Err(GarmentFault::TooMany { limit: MOST });
         }
         self.notes.connectivity.write_usize(corners);
         let names = [&mut self.object, &mut self.group]
@@ -403,12 +403,12 @@ impl<R: BufRead> Cleaner<R> {
 
     /// Writes a face's corners, each with its own `vt` or the dummy `vt` 1; whether all had one of
     /// their own.
-    fn corners(&mut self, rest: &[u8], own_texture: bool) -> Result<bool, Fault> {
+    fn corners(&mut self, rest: &[u8], own_texture: bool) -> Result<bool, GarmentFault> {
         let mut textured = true;
         self.clean.push(b'f');
         for token in tokens(rest) {
             let [v, vt] = corner(token)?;
-            let v = v.ok_or_else(|| Fault::Corner { token: quoted(token) })?;
+            let v = v.ok_or_else(|| GarmentFault::Corner { token: quoted(token) })?;
             let v = absolute("v", v, self.notes.positions, token)?;
             self.forward_v.note(v, self.notes.positions, self.lines.first);
             if own_texture {
@@ -451,7 +451,7 @@ impl<R: BufRead> Cleaner<R> {
             return Err(GarmentError::Record {
                 path,
                 line,
-                fault: Fault::IndexRange { record, index, count },
+                fault: GarmentFault::IndexRange { record, index, count },
             });
         }
         if self.notes.faces.is_empty() {
@@ -488,8 +488,8 @@ impl<R: BufRead> BufRead for Cleaner<R> {
 
 /// A corner's vertex and texture indices as written. The normal's must be a number, but which one
 /// plays no part.
-fn corner(token: &[u8]) -> Result<[Option<i64>; 2], Fault> {
-    let malformed = || Fault::Corner { token: quoted(token) };
+fn corner(token: &[u8]) -> Result<[Option<i64>; 2], GarmentFault> {
+    let malformed = || GarmentFault::Corner { token: quoted(token) };
     let mut parts = token.split(|&byte| byte == b'/');
     let mut indices = [None; 3];
     let mut count = 0;
@@ -523,13 +523,13 @@ fn integer(text: &[u8]) -> Option<i64> {
 
 /// A written index as a positive one. Negative ones count back from the records so far; positive
 /// ones are judged at the end.
-fn absolute(record: &'static str, index: i64, count: u64, token: &[u8]) -> Result<u64, Fault> {
+fn absolute(record: &'static str, index: i64, count: u64, token: &[u8]) -> Result<u64, GarmentFault> {
     let from_end = index.unsigned_abs();
     match index {
-        0 => Err(Fault::IndexZero { token: quoted(token) }),
+        0 => Err(GarmentFault::IndexZero { token: quoted(token) }),
         1.. => Ok(from_end),
         _ if from_end <= count => Ok(count - from_end + 1),
-        _ => Err(Fault::IndexRange { record, index, count }),
+        _ => Err(GarmentFault::IndexRange { record, index, count }),
     }
 }
 

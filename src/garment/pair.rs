@@ -74,7 +74,7 @@ impl Pairs {
 
 /// Which coordinates of the flat file are the flat pattern.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Pattern {
+pub(super) enum FlatSource {
     /// Its positions.
     Positions,
     /// Its texture coordinates.
@@ -130,7 +130,7 @@ pub(super) fn two_files(
     flat: &ObjMesh,
     draped: &ObjMesh,
     paths: [&Path; 2],
-    pattern: Pattern,
+    pattern: FlatSource,
 ) -> Result<Pairs, GarmentError> {
     let mut pairs = Pairs { total: flat.triangles.len(), ..Default::default() };
     let partner = match by_name(flat, draped) {
@@ -140,14 +140,14 @@ pub(super) fn two_files(
     let (flat_first, draped_first) = (first_triangles(flat), first_triangles(draped));
     for (face, &other) in partner.iter().enumerate() {
         let fans = flat.faces[face].corners as usize - 2;
-        if pattern == Pattern::Texture && !flat.faces[face].textured {
+        if pattern == FlatSource::Texture && !flat.faces[face].textured {
             pairs.untextured += fans;
             continue;
         }
         for fan in 0..fans {
             let triangle = flat_first[face] + fan;
             pairs.triangles.push(Paired {
-                flat: if pattern == Pattern::Texture {
+                flat: if pattern == FlatSource::Texture {
                     flat.texture_triangles[triangle]
                 } else {
                     flat.triangles[triangle]
@@ -161,13 +161,13 @@ pub(super) fn two_files(
     }
     pairs.draped.clone_from(&draped.positions);
     match pattern {
-        Pattern::Positions => {
+        FlatSource::Positions => {
             pairs.flat.clone_from(&flat.positions);
             check_size(&pairs, paths[0], paths[1])?;
             check_corners(&mut pairs, paths, [flat.faces.len(), draped.faces.len()])?;
         }
         // Two sleeves may share their vt, and be at two places.
-        Pattern::Texture => {
+        FlatSource::Texture => {
             pairs.flat = flat.texture.iter().map(|vt| vt.extend(0.0)).collect();
             check_texture(&mut pairs, flat, paths[0])?;
             check_size(&pairs, paths[0], paths[1])?;

@@ -163,15 +163,15 @@ fn cell(draped: DVec3, same_place: f64) -> [i64; 3] {
 
 /// Numbers things in the order in which they first come.
 #[derive(Debug)]
-struct Numbering<K>(HashMap<K, u32>);
+struct VertexNumbers<K>(HashMap<K, u32>);
 
-impl<K> Default for Numbering<K> {
+impl<K> Default for VertexNumbers<K> {
     fn default() -> Self {
         Self(HashMap::new())
     }
 }
 
-impl<K: Eq + Hash> Numbering<K> {
+impl<K: Eq + Hash> VertexNumbers<K> {
     fn of(&mut self, key: K) -> u32 {
         let next = index32(self.0.len());
         *self.0.entry(key).or_insert(next)
@@ -309,7 +309,7 @@ impl Piece {
             flat_from_panel: DAffine3::from_mat3_translation(axes, origin),
             mirrored: faces_down(self.normal),
         };
-        let mut numbering = Numbering::default();
+        let mut numbering = VertexNumbers::default();
         let mut vanished = 0;
         for t in &self.triangles {
             let pair = &pairs.triangles[t.pair as usize];

@@ -7,14 +7,14 @@
 use std::io::{self, BufRead};
 use std::path::Path;
 
-use super::error::{Fault, GarmentError};
+use super::error::{GarmentFault, GarmentError};
 
 /// Longest record that is accepted, in bytes, continuations joined: a polygon of 50 000 corners.
 const LONGEST_RECORD: usize = 1 << 20;
 /// Why the cleaning pass stopped.
 #[derive(Debug)]
 pub(super) enum Stop {
-    Fault(u64, Fault),
+    Fault(u64, GarmentFault),
     Input(u64, io::Error),
 }
 
@@ -112,7 +112,7 @@ impl<R: BufRead> Records<R> {
                 if self.record.len() + kept.len() > LONGEST_RECORD {
                     return Err(Stop::Fault(
                         self.first,
-                        Fault::LineTooLong { limit: LONGEST_RECORD },
+                        GarmentFault::LineTooLong { limit: LONGEST_RECORD },
                     ));
                 }
                 self.record.extend_from_slice(kept);

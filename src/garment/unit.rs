@@ -143,7 +143,7 @@ pub(super) struct Scales {
 /// draped as it was cut comes out as the identity, and a fabric stretched by 2 % stays stretched;
 /// there a panel must be off by [`PLAIN`] to count as another unit. `vt` has no unit, so a panel
 /// that disagrees by [`DISAGREE`] takes its own: atlases scale their islands freely.
-pub(super) fn settle(estimate: f64, own: &[f64], plain: bool) -> Scales {
+pub(super) fn choose_scales(estimate: f64, own: &[f64], plain: bool) -> Scales {
     let unit = Unit::ALL
         .into_iter()
         .map(Unit::millimetres)
@@ -186,10 +186,10 @@ mod tests {
 
     #[test]
     fn a_flat_file_keeps_its_unit_and_vt_does_not() {
-        assert_eq!(settle(10.2, &[10.2, 11.0], true).panels, [10.0, 10.0]);
-        assert_eq!(settle(10.2, &[10.2, 11.0], false).panels, [10.2, 11.0]);
-        assert_eq!(settle(13.0, &[13.0], true).panels, [13.0]);
-        assert_eq!(settle(10.2, &[10.2, 20.4], true).differing, [1]);
+        assert_eq!(choose_scales(10.2, &[10.2, 11.0], true).panels, [10.0, 10.0]);
+        assert_eq!(choose_scales(10.2, &[10.2, 11.0], false).panels, [10.2, 11.0]);
+        assert_eq!(choose_scales(13.0, &[13.0], true).panels, [13.0]);
+        assert_eq!(choose_scales(10.2, &[10.2, 20.4], true).differing, [1]);
     }
 
     #[test]

@@ -1,4 +1,7 @@
-//! Yarns as curves, frames and surfaces.
+//! Yarns as curves, tangent frames, fibres and surfaces.
+//!
+//! In: the points of a strand, mm. Out: curves ([`curve`], [`nurbs`]), frames along them
+//! ([`frame`]), centre lines ([`line`]), tubes ([`tube`]) and fibres ([`fibres`]).
 
 pub mod curve;
 pub mod faces;
@@ -10,7 +13,7 @@ mod steps;
 pub mod tube;
 mod walk;
 
-/// To the precision that files and renderers take.
+/// Rounds to the precision that files and renderers take.
 pub(crate) fn narrow(x: f64) -> f32 {
     #[expect(clippy::cast_possible_truncation, reason = "a texture coordinate needs no more")]
     let x = x as f32;

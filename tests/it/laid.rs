@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use glam::DVec3;
-use warpknit::drape::{self, Block, Cloth, Options, picture, spun};
+use warpknit::drape::{self, Block, Cloth, DrapeOptions, picture, spun};
 use warpknit::fabric::Fabric;
 use warpknit::knit::{Pattern, numbers};
 use warpknit::render::{Camera, View};
@@ -33,7 +33,7 @@ fn blocks(fabric: &Fabric, wales: u32, courses: u32) -> Vec<Block> {
     };
     let Ok(_) = drape::run(
         &Cloth::swatch(&panel, fabric, wales, courses),
-        &Options::default(),
+        &DrapeOptions::default(),
         &mut |_, _| {},
         &mut keep,
     );
@@ -118,8 +118,8 @@ fn fibres_are_drawn_where_the_camera_is_near_and_nowhere_else() {
     let size = [300, 300];
     let camera =
         |zoom: f64| Camera::view(View::Front, &scene.positions, Camera::DEFAULT_FOV, zoom, 1.0);
-    assert!(spun::scene(&scene, &bundles, spun::NEAR, &camera(1.0), size).is_none());
-    let near = spun::scene(&scene, &bundles, spun::NEAR, &camera(14.0), size).unwrap();
+    assert!(spun::scene(&scene, &bundles, spun::MIN_YARN_PIXELS, &camera(1.0), size).is_none());
+    let near = spun::scene(&scene, &bundles, spun::MIN_YARN_PIXELS, &camera(14.0), size).unwrap();
     let (yarns, fibres): (Vec<_>, Vec<_>) =
         near.strands.iter().partition(|strand| usize::from(strand.look) < scene.looks.len());
     assert!(

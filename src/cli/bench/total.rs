@@ -70,7 +70,7 @@ pub(super) fn total(
 fn measure(easel: &Easel, garment: &Garment, fabric: &Fabric) -> Result<[Times; 3]> {
     measured_parts(easel.runs, &mut || {
         let start = Moment::now();
-        let scene = picture::of(&Cloth::cover(garment, fabric)?, fabric);
+        let scene = picture::from_cloth(&Cloth::cover(garment, fabric)?, fabric);
         let cloth = start.elapsed();
         let picture = easel.draw(&scene)?;
         Ok([cloth, picture, cloth + picture])
