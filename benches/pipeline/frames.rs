@@ -29,7 +29,10 @@ pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
             bench.iter(|| {
                 let (garment, frames) = open();
                 let cloth = Cloth::cover(&garment, &fabric).expect("the skirt has room");
-                show(&mut LocatedCloth::locate(&cloth, &DrapeOptions::default(), &mut |_, _| {}), &garment);
+                show(
+                    &mut LocatedCloth::locate(&cloth, &DrapeOptions::default(), &mut |_, _| {}),
+                    &garment,
+                );
                 frames
             });
         });

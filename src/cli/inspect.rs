@@ -9,7 +9,7 @@ use glam::DVec3;
 use warpknit::chart::{Drawing, Format};
 use warpknit::export::Output;
 use warpknit::garment::stretch::{Percentiles, isometry, stretch};
-use warpknit::garment::{GarmentSummary, Garment, GarmentError, read};
+use warpknit::garment::{Garment, GarmentError, GarmentSummary, read};
 use warpknit::locate::overlap::{Overlaps, overlaps};
 
 use super::args::{DEFAULT_FABRIC, Inspect};

@@ -159,7 +159,8 @@ impl Job<'_> {
         let section = section(self)?;
         let near = clearance::measure(self.shown, self.cloth.pattern(), section.radius);
         let wants_surface = wanted.iter().any(|(_, format)| format.holds_tubes());
-        let options = drape::DrapeOptions { surface: wants_surface.then_some(section), ..self.options };
+        let options =
+            drape::DrapeOptions { surface: wants_surface.then_some(section), ..self.options };
         let textures = Textures::of(self.shared, self.shown)?;
         let wardrobe = wardrobe(wanted, self, section.radius, &textures);
         let fibres = self.fibres(wanted, &section)?;

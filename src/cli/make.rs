@@ -131,7 +131,8 @@ fn make(job: &Job<'_>, mut clock: Clock) -> Result<()> {
     let mut sinks = sinks(&outputs, job, &setup)?;
     let mut scene = job.scene(&setup);
 
-    let gauge = wants_gauge(job, &outputs).then(|| ClearanceMeter::new(job.cloth, setup.section.radius));
+    let gauge =
+        wants_gauge(job, &outputs).then(|| ClearanceMeter::new(job.cloth, setup.section.radius));
     let takers =
         Takers { scene: (!pictures.is_empty()).then_some(&mut scene), sinks: &mut sinks, gauge };
     let (totals, draped) = lay(job, &setup.options, takers, &mut clock)?;

@@ -1,35 +1,37 @@
 //! Blocks of yarn as a scene for a renderer.
 //!
-//! In: a [`Fabric`] and [`Block`]s. Out: a [`Scene`] with a look a bar. Points keep their strands
-//! and lose their tags; nothing is drawn here.
+//! In: a [`Fabric`] and [`Block`]s. Out: a [`Scene`] with one look for each bar. Points keep their
+//! order in strands and lose their tags. Nothing is drawn here. Cost: linear in the points.
 
 use super::{Block, Cloth, DrapeOptions, run, swatch_panel};
 use crate::fabric::{Bar, Fabric};
 use crate::ids::index32;
 use crate::scene::{Scene, YarnLook};
 
-/// How rough yarns look, in files too; fibres are dull.
+/// Roughness of yarns in pictures and in files, 0 to 1. Most textile fibres are dull.
 pub(crate) const ROUGHNESS: f32 = 0.75;
 
-/// One look a bar; `radius` is the thickest one's, mm.
+/// One look for each bar. `radius` is that of the thickest bar, mm.
 #[must_use]
 pub fn looks(fabric: &Fabric, radius: f64) -> Vec<YarnLook> {
-    let look = |(bar, thickness): (&Bar, f64)| {
-        #[expect(clippy::cast_possible_truncation, reason = "a radius in mm, and what is about 1")]
-        let [radius, sheen] =
-            [radius * thickness, bar.yarn.sheen.unwrap_or(0.0)].map(|number| number as f32);
-        #[expect(clippy::cast_possible_truncation, reason = "a slope about 1")]
-        let twist_slope = bar.yarn.twist_slope().map(|slope| slope as f32);
-        let look = YarnLook::plain(bar.yarn.color.linear().into(), ROUGHNESS, radius);
-        YarnLook { plies: bar.yarn.plies.unwrap_or(look.plies), twist_slope, sheen, ..look }
-    };
-    fabric.bars.iter().zip(fabric.thickness()).map(look).collect()
+    let bars = fabric.bars.iter().zip(fabric.thickness());
+    bars.map(|(bar, thickness)| bar_look(bar, radius * thickness)).collect()
+}
+
+/// The look of a bar whose yarns are drawn with `radius` mm.
+fn bar_look(bar: &Bar, radius: f64) -> YarnLook {
+    #[expect(clippy::cast_possible_truncation, reason = "a radius in mm, and a number about 1")]
+    let [radius, sheen] = [radius, bar.yarn.sheen.unwrap_or(0.0)].map(|number| number as f32);
+    #[expect(clippy::cast_possible_truncation, reason = "a slope about 1")]
+    let twist_slope = bar.yarn.twist_slope().map(|slope| slope as f32);
+    let look = YarnLook::plain(bar.yarn.color.linear().into(), ROUGHNESS, radius);
+    YarnLook { plies: bar.yarn.plies.unwrap_or(look.plies), twist_slope, sheen, ..look }
 }
 
 /// Appends a block's strands to a scene that has its fabric's [`looks`].
 ///
 /// # Panics
-/// If the block is of bar 65 536 or later: fabrics have a hundred at most.
+/// If the block's bar is number 65 536 or above. Fabrics have at most a hundred bars.
 pub fn add_to(scene: &mut Scene, block: &Block) {
     let look = u16::try_from(block.bar).expect("machines have some tens of bars");
     for strand in &block.strands.strands {
@@ -44,8 +46,8 @@ pub fn add_to(scene: &mut Scene, block: &Block) {
     }
 }
 
-/// A flat piece of fabric, `wales` yarns a bar and `courses` courses, at the radius for which it is
-/// laid out.
+/// A scene of a flat swatch: `wales` yarns a bar and `courses` courses, drawn with the radius that
+/// the fabric gives.
 ///
 /// ```
 /// use warpknit::{drape::picture, fabric::Fabric};
@@ -56,23 +58,21 @@ pub fn add_to(scene: &mut Scene, block: &Block) {
 #[must_use]
 pub fn swatch(fabric: &Fabric, wales: u32, courses: u32) -> Scene {
     let panel = swatch_panel(fabric, wales, courses);
-    of(&Cloth::swatch(&panel, fabric, wales, courses), fabric)
+    from_cloth(&Cloth::swatch(&panel, fabric, wales, courses), fabric)
 }
 
-/// All of a cloth, at the radius for which it is laid out.
+/// A scene of a whole cloth, drawn with the radius that the fabric gives.
 #[must_use]
-pub fn of(cloth: &Cloth<'_>, fabric: &Fabric) -> Scene {
-    laid(cloth, Scene { looks: looks(fabric, fabric.radius()), ..Scene::default() })
+pub fn from_cloth(cloth: &Cloth<'_>, fabric: &Fabric) -> Scene {
+    with_cloth(cloth, Scene { looks: looks(fabric, fabric.radius()), ..Scene::default() })
 }
 
-/// All of a cloth in a scene that has a look for each of its bars.
+/// Adds a whole cloth to a scene that has a look for each of its bars.
 #[must_use]
-pub fn laid(cloth: &Cloth<'_>, mut scene: Scene) -> Scene {
-    let mut deliver = |blocks: &[Block]| -> Result<(), std::convert::Infallible> {
+pub fn with_cloth(cloth: &Cloth<'_>, mut scene: Scene) -> Scene {
+    let Ok(_totals) = run(cloth, &DrapeOptions::default(), &mut |_, _| {}, &mut |blocks| {
         blocks.iter().for_each(|block| add_to(&mut scene, block));
-        Ok(())
-    };
-    match run(cloth, &DrapeOptions::default(), &mut |_, _| {}, &mut deliver) {
-        Ok(_totals) => scene,
-    }
+        Ok::<(), std::convert::Infallible>(())
+    });
+    scene
 }

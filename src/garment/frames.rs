@@ -13,9 +13,9 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 
 use super::obj::{self, ObjMesh};
-use super::pair::{LARGEST, Pairs, FlatSource, two_files};
+use super::pair::{FlatSource, LARGEST, Pairs, two_files};
 use super::panel::{cross, normals};
-use super::{GarmentFiles, Garment, GarmentError, Panel, ReadOptions, Unit};
+use super::{Garment, GarmentError, GarmentFiles, Panel, ReadOptions, Unit};
 use crate::ids::index32;
 
 /// A frame's lengths over the first one's, beyond which it is taken to be in another unit: cloth

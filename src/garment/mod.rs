@@ -34,7 +34,7 @@ pub use frames::Frames;
 pub use unit::{Unit, UnknownUnit};
 
 use obj::ObjMesh;
-use pair::{Pairs, FlatSource};
+use pair::{FlatSource, Pairs};
 use panel::{Piece, Refusal, Refused};
 
 /// What the user may say about the files.
@@ -236,13 +236,15 @@ impl<'a> GarmentFiles<'a> {
                 pair::two_files(&flat, draped, [path, draped_path], pattern)
             }
         };
-        let mut pattern = if draped.is_some() { FlatSource::Positions } else { FlatSource::Texture };
+        let mut pattern =
+            if draped.is_some() { FlatSource::Positions } else { FlatSource::Texture };
         let mut pairs = pair(pattern)?;
         let mut pieces = panel::pieces(&pairs);
         // A garment at rest on the body is no pattern, but may carry one.
         let leaves_plane =
             |piece: &Result<Piece, Refused>| matches!(piece, Err((Refusal::NotFlat(_), _, _)));
-        if pattern == FlatSource::Positions && flat.is_textured() && pieces.iter().any(leaves_plane) {
+        if pattern == FlatSource::Positions && flat.is_textured() && pieces.iter().any(leaves_plane)
+        {
             pattern = FlatSource::Texture;
             pairs = pair(pattern)?;
             pairs.warnings.push(format!(
@@ -411,9 +413,10 @@ fn count_defects(panels: &[Panel], summary: &mut GarmentSummary) {
         ));
     }
     if summary.degenerate > 0 {
-        summary
-            .warnings
-            .push(format!("{} triangles have no flat area and take no stitches", summary.degenerate));
+        summary.warnings.push(format!(
+            "{} triangles have no flat area and take no stitches",
+            summary.degenerate
+        ));
     }
     // A sewing pattern has large pieces; an automatic unwrap falls apart into scraps on which no
     // fabric can be seen.

@@ -26,7 +26,7 @@ use std::path::Path;
 
 use glam::{DVec2, DVec3};
 
-use super::error::{GarmentFault, GarmentError, quoted};
+use super::error::{GarmentError, GarmentFault, quoted};
 use super::records::{Records, Stop, split_keyword, tokens, without_comment};
 use crate::ids::index32;
 
@@ -523,7 +523,12 @@ fn integer(text: &[u8]) -> Option<i64> {
 
 /// A written index as a positive one. Negative ones count back from the records so far; positive
 /// ones are judged at the end.
-fn absolute(record: &'static str, index: i64, count: u64, token: &[u8]) -> Result<u64, GarmentFault> {
+fn absolute(
+    record: &'static str,
+    index: i64,
+    count: u64,
+    token: &[u8],
+) -> Result<u64, GarmentFault> {
     let from_end = index.unsigned_abs();
     match index {
         0 => Err(GarmentFault::IndexZero { token: quoted(token) }),

@@ -7,7 +7,7 @@
 use std::io::{self, BufRead};
 use std::path::Path;
 
-use super::error::{GarmentFault, GarmentError};
+use super::error::{GarmentError, GarmentFault};
 
 /// Longest record that is accepted, in bytes, continuations joined: a polygon of 50 000 corners.
 const LONGEST_RECORD: usize = 1 << 20;

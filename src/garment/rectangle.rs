@@ -2,7 +2,7 @@
 
 use glam::{DAffine3, DVec2, DVec3};
 
-use super::{GarmentSummary, Garment, Panel};
+use super::{Garment, GarmentSummary, Panel};
 use crate::ids::FaceId;
 
 impl Garment {
@@ -24,7 +24,12 @@ impl Garment {
         };
         Self {
             panels: vec![panel],
-            summary: GarmentSummary { triangles: 2, unit: "mm", uv_scale_mm: 1.0, ..GarmentSummary::default() },
+            summary: GarmentSummary {
+                triangles: 2,
+                unit: "mm",
+                uv_scale_mm: 1.0,
+                ..GarmentSummary::default()
+            },
         }
     }
 }

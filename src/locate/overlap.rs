@@ -118,8 +118,11 @@ fn among(garment: &Garment, most: usize) -> Overlaps {
 
 /// What a panel's own millimetres are multiplied by to lie beside the others as in the file.
 fn relative_scale(garment: &Garment, panel: usize) -> f64 {
-    let own =
-        garment.summary.panels.get(panel).map_or(garment.summary.uv_scale_mm, |facts| facts.scale_mm);
+    let own = garment
+        .summary
+        .panels
+        .get(panel)
+        .map_or(garment.summary.uv_scale_mm, |facts| facts.scale_mm);
     garment.summary.uv_scale_mm / own
 }
 
@@ -267,7 +270,10 @@ mod tests {
     }
 
     fn garment(panels: Vec<Panel>) -> Garment {
-        Garment { panels, summary: GarmentSummary { uv_scale_mm: 1.0, ..GarmentSummary::default() } }
+        Garment {
+            panels,
+            summary: GarmentSummary { uv_scale_mm: 1.0, ..GarmentSummary::default() },
+        }
     }
 
     fn near(found: &[([usize; 2], f64)], expected: &[([usize; 2], f64)]) {

@@ -362,7 +362,10 @@ impl Frame {
         let (across, moved) = if first {
             (frame::perpendicular_unit(Vec3A::Z, tangent), 0.0)
         } else {
-            (frame::double_reflection(self.across, chord.as_vec3a(), self.tangent, tangent), chord.length())
+            (
+                frame::double_reflection(self.across, chord.as_vec3a(), self.tangent, tangent),
+                chord.length(),
+            )
         };
         *self = Self { position, tangent, across };
         moved

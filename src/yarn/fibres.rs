@@ -185,8 +185,8 @@ pub fn for_each_fibre(
             let along = axis.lengths[at];
             let (sin, cos) = (start - turning * along).sin_cos();
             // The distance from the axis swings between `reach` and 0.7 `reach`.
-            let distance = reach
-                * (1.0 - MIGRATION_DEPTH * 0.5 * (1.0 - (migration * along + phase).cos()));
+            let distance =
+                reach * (1.0 - MIGRATION_DEPTH * 0.5 * (1.0 - (migration * along + phase).cos()));
             let offset = axis.normals[at] * super::narrow(distance * cos)
                 + axis.binormals[at] * super::narrow(distance * sin);
             (axis.points[at] + offset.as_dvec3()).as_vec3()

@@ -184,8 +184,7 @@ impl Outline {
             let direction = DVec2::from_angle(angle);
             vertices.push((direction * DVec2::new(half_height, half_width)).as_vec2());
             // The gradient of (x/h)² + (y/w)² at (h cos, w sin) is parallel to (w cos, h sin).
-            normals
-                .push((direction * DVec2::new(half_width, half_height)).normalize().as_vec2());
+            normals.push((direction * DVec2::new(half_width, half_height)).normalize().as_vec2());
             us.push(narrow(f64::from(s) / f64::from(section.sr)));
         }
         let mut triangles = Vec::new();
@@ -295,8 +294,8 @@ impl<'a> Rings<'a> {
         let tangent = along.normalize_or(last.tangent);
         // 1e-3 is the sine of 0.06 degrees. A smaller limit would let rounding choose the direction,
         // a larger one would make steep underlaps turn over visibly.
-        let lies_flat = self.section.flatten != 1.0
-            && tangent.cross(ups[0].lerp(ups[1], t)).length() >= 1e-3;
+        let lies_flat =
+            self.section.flatten != 1.0 && tangent.cross(ups[0].lerp(ups[1], t)).length() >= 1e-3;
         let normal = if lies_flat {
             frame::perpendicular_unit(ups[0].lerp(ups[1], t), tangent)
         } else {

@@ -27,8 +27,13 @@ fn measure(garment: &Garment, fabric: &Fabric, mapping: Mapping) -> Clearance {
         gauge.take(&blocks[..others]);
         Ok::<_, std::io::Error>(())
     };
-    drape::run(&cloth, &DrapeOptions { mapping, ..DrapeOptions::default() }, &mut |_, _| {}, deliver)
-        .unwrap();
+    drape::run(
+        &cloth,
+        &DrapeOptions { mapping, ..DrapeOptions::default() },
+        &mut |_, _| {},
+        deliver,
+    )
+    .unwrap();
     gauge.finish()
 }
 

@@ -49,7 +49,8 @@ fn run(garment: &Garment, fabric: &Fabric, edge: Edge, visit: &mut dyn FnMut(&Bl
         blocks.iter().for_each(&mut *visit);
         Ok::<_, std::io::Error>(())
     };
-    drape::run(&cloth, &DrapeOptions { edge, ..DrapeOptions::default() }, &mut |_, _| {}, deliver).unwrap()
+    drape::run(&cloth, &DrapeOptions { edge, ..DrapeOptions::default() }, &mut |_, _| {}, deliver)
+        .unwrap()
 }
 
 #[test]

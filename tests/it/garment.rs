@@ -234,7 +234,11 @@ fn corners_that_disagree_are_an_error_and_one_torn_vertex_a_warning() {
     let flat = grid(20, in_plane);
     let turned = flat.replace("f 24 25 46 45", "f 25 46 45 24");
     let torn = read_two(&flat, &turned, &metres()).unwrap();
-    assert!(torn.summary.warnings[0].contains("4 of 441 flat vertices"), "{:?}", torn.summary.warnings);
+    assert!(
+        torn.summary.warnings[0].contains("4 of 441 flat vertices"),
+        "{:?}",
+        torn.summary.warnings
+    );
     let small = grid(2, in_plane);
     let error = read_two(&small, &small.replace("f 2 3 6 5", "f 3 6 5 2"), &metres())
         .unwrap_err()
@@ -459,7 +463,10 @@ fn degenerate_and_untextured_triangles_are_counted_and_left_out() {
     let needle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 3 0 0\nv 4 0 0\nv 3 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nvt 3 3\nvt 4 4\nvt 5 5.0000000001\n\
                   f 1/1 2/2 3/3\nf 4/4 5/5 6/6\n";
     let garment = read_one(needle).unwrap();
-    assert_eq!((garment.panels.len(), garment.summary.refused, garment.summary.degenerate), (1, 1, 1));
+    assert_eq!(
+        (garment.panels.len(), garment.summary.refused, garment.summary.degenerate),
+        (1, 1, 1)
+    );
 }
 
 #[test]

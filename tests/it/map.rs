@@ -47,8 +47,13 @@ fn knitted(garment: &Garment, mapping: Mapping) -> Vec<(DVec3, DVec3)> {
         }
         Ok::<_, std::io::Error>(())
     };
-    drape::run(&cloth, &DrapeOptions { mapping, ..DrapeOptions::default() }, &mut |_, _| {}, deliver)
-        .unwrap();
+    drape::run(
+        &cloth,
+        &DrapeOptions { mapping, ..DrapeOptions::default() },
+        &mut |_, _| {},
+        deliver,
+    )
+    .unwrap();
     assert!(points.len() > 20_000);
     points
 }

@@ -31,7 +31,7 @@ use crate::fabric::yarn::Color;
 use crate::garment::stretch::{
     Percentiles, TriangleStretch, percentiles, stretch, triangle, triangles,
 };
-use crate::garment::{GarmentSummary, Garment, Panel};
+use crate::garment::{Garment, GarmentSummary, Panel};
 use body::{View, views};
 use colors::Colors;
 

@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use warpknit::drape::{Cloth, DrapeOptions};
 use warpknit::export::TemporaryFolder;
 use warpknit::fabric::Fabric;
-use warpknit::garment::{GarmentSummary, Garment, Panel, ReadOptions, read};
+use warpknit::garment::{Garment, GarmentSummary, Panel, ReadOptions, read};
 use warpknit::ids::index32;
 
 use super::super::args::Bench;

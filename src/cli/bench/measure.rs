@@ -184,7 +184,8 @@ mod tests {
     fn stages_that_run_take_time_and_the_surface_that_nobody_wants_takes_none() {
         let fabric = Fabric::named("tricot").unwrap();
         let panel = drape::swatch_panel(&fabric, 8, 8);
-        let (staged, totals) = staged(&Cloth::swatch(&panel, &fabric, 8, 8), &DrapeOptions::default());
+        let (staged, totals) =
+            staged(&Cloth::swatch(&panel, &fabric, 8, 8), &DrapeOptions::default());
         assert_eq!(totals.losses.stitches, 2 * 8 * 8);
         assert!(
             staged.of(Stage::Knit).wall > 0.0 && staged.of(Stage::Surface) == Sample::default()
