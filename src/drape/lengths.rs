@@ -1,9 +1,10 @@
 //! The length of each yarn: how far a panel extends within the yarn's strip.
 //!
-//! In: a [`Panel`] and the spacing of the yarns. Out: for each strip the range that the panel covers
-//! along it. Method: the edges of all triangles are rasterised into strips, and each strip keeps its
-//! lowest and highest coordinate. So a concave panel gets a range for each strip, which is shorter
-//! than its bounding box. Not promised: gaps within a strip, such as holes, are not left out.
+//! In: a [`Panel`] and the spacing of the yarns. Out: for each strip the range that the panel
+//! covers along it. Method: the edges of all triangles are rasterised into strips, and each strip
+//! keeps its lowest and highest coordinate. So a concave panel gets a range for each strip, which
+//! is shorter than its bounding box. Not promised: gaps within a strip, such as holes, are not left
+//! out.
 
 use std::ops::Range;
 
@@ -43,8 +44,8 @@ impl Lengths {
         }
         for (at, (bottom, top)) in self.cells[first..=last].iter_mut().enumerate() {
             let cell = f64::from(index32(first + at));
-            // Within a single strip the whole edge counts. This includes upright edges, which have no
-            // height at a given u.
+            // Within a single strip the whole edge counts. This includes upright edges, which have
+            // no height at a given u.
             let ends = if first == last {
                 [left.y, right.y]
             } else {

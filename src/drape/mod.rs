@@ -1,13 +1,13 @@
 //! The pipeline: from a garment and a fabric to yarns on the body, block by block.
 //!
-//! In: a [`Garment`] and a [`Fabric`]. Out: [`Block`]s of consecutive yarns, delivered in yarn order
-//! ([`run`]). A block is knitted, located, clipped at the panel's edge, mapped and, if asked, given
-//! tubes. Then its memory is used for a later block. So memory is bounded by a window of blocks and
-//! not by the fabric.
+//! In: a [`Garment`] and a [`Fabric`]. Out: [`Block`]s of consecutive yarns, delivered in yarn
+//! order ([`run`]). A block is knitted, located, clipped at the panel's edge, mapped and, if asked,
+//! given tubes. Then its memory is used for a later block. So memory is bounded by a window of
+//! blocks and not by the fabric.
 //!
-//! Method: stages in lockstep over a window. All blocks of a window go through one stage in parallel
-//! before the next stage begins, so each stage can be timed. A yarn depends on no other yarn, so the
-//! result is the same for any number of threads.
+//! Method: stages in lockstep over a window. All blocks of a window go through one stage in
+//! parallel before the next stage begins, so each stage can be timed. A yarn depends on no other
+//! yarn, so the result is the same for any number of threads.
 //!
 //! Cost: linear in the stitches. Not promised: yarns that know of each other across panels; each
 //! panel is laid out on its own.
@@ -37,16 +37,16 @@ use lengths::Lengths;
 use strands::{Edge, Losses, Strands};
 
 /// Stitches after which a block ends. Much smaller blocks would cost more in scheduling than in
-/// work; much larger ones (a stitch takes [`STITCH_BYTES`]) would not stay in a core's cache between
-/// stages, and would divide a small fabric among too few threads.
+/// work; much larger ones (a stitch takes [`STITCH_BYTES`]) would not stay in a core's cache
+/// between stages, and would divide a small fabric among too few threads.
 const BLOCK_STITCHES: usize = 512;
 /// Blocks in the window for each thread. With 1, a thread that finishes early waits at the end of
 /// every stage. With many more, a block's data has left the cache before the next stage reads it.
 const THREAD_BLOCKS: usize = 4;
 /// The largest number of blocks in the window.
 const MAX_BLOCKS: usize = 64;
-/// Memory of the window, bytes. A window holds at least one block, and a block at least one yarn, so
-/// a single long yarn may take more.
+/// Memory of the window, bytes. A window holds at least one block, and a block at least one yarn,
+/// so a single long yarn may take more.
 const WINDOW_BYTES: usize = 256 << 20;
 /// Memory of a stitch without its tubes, bytes: some ten points in all of a block's arrays.
 const STITCH_BYTES: usize = 2500;
@@ -72,8 +72,8 @@ pub enum LayoutError {
     },
     /// The fabric has a layout for a panel that doesn't exist.
     #[error(
-        "the fabric has a [[panels]] table for panel {panel}, but the garment's panels are numbered \
-         0 to {last}: `inspect` lists them"
+        "the fabric has a [[panels]] table for panel {panel}, but the garment's panels are \
+         numbered 0 to {last}: `inspect` lists them"
     )]
     NoPanel {
         /// The panel, from 0.
@@ -147,8 +147,8 @@ impl<'a> Cloth<'a> {
         Ok(cloth)
     }
 
-    /// A swatch of `wales` yarns a bar and `courses` courses, without cut loops. Its panel is that of
-    /// [`swatch_panel`].
+    /// A swatch of `wales` yarns a bar and `courses` courses, without cut loops. Its panel is that
+    /// of [`swatch_panel`].
     #[must_use]
     pub fn swatch(panel: &'a Garment, fabric: &Fabric, wales: u32, courses: u32) -> Self {
         // One auxiliary wale on the left and half a course below: the first loops' feet and the
@@ -393,7 +393,9 @@ pub struct Totals {
 /// let fabric = Fabric::named("tricot")?;
 /// let panel = drape::swatch_panel(&fabric, 8, 10);
 /// let cloth = drape::Cloth::swatch(&panel, &fabric, 8, 10);
-/// let totals = drape::run(&cloth, &drape::DrapeOptions::default(), &mut |_, _| {}, &mut |_| Ok::<_, std::io::Error>(()))?;
+/// let options = drape::DrapeOptions::default();
+/// let deliver = &mut |_: &[drape::Block]| Ok::<_, std::io::Error>(());
+/// let totals = drape::run(&cloth, &options, &mut |_, _| {}, deliver)?;
 /// assert_eq!(totals.losses.stitches, 2 * 8 * 10);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```

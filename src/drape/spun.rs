@@ -26,7 +26,8 @@ use crate::yarn::tube::Section;
 /// Width of a yarn in pixels from which on it is drawn as fibres. A picture at this width shows
 /// single fibres; far below it they would be thinner than a pixel.
 pub const MIN_YARN_PIXELS: f64 = 36.0;
-/// Least width of a drawn fibre, pixels. Thinner ones alias into noise; thicker ones look like wire.
+/// Least width of a drawn fibre, pixels. Thinner ones alias into noise; thicker ones look like
+/// wire.
 const MIN_FIBRE_PIXELS: f64 = 0.9;
 /// The largest number of fibre points in a picture. It takes a gigabyte once rays are traced.
 const MAX_POINTS: f64 = 4e6;
@@ -34,8 +35,8 @@ const MAX_POINTS: f64 = 4e6;
 /// into it. At 1 the shadows at the border would be those of plain yarns.
 const MARGIN: f64 = 1.15;
 
-/// The fibres of each of a fabric's yarns. `radius` is that of the thickest yarn, mm. `fibre` is the
-/// radius of a fibre, mm, of the cloth before enlargement.
+/// The fibres of each of a fabric's yarns. `radius` is that of the thickest yarn, mm. `fibre` is
+/// the radius of a fibre, mm, of the cloth before enlargement.
 #[must_use]
 pub fn bundles(fabric: &Fabric, radius: f64, fibre: f64) -> Vec<Bundle> {
     let mut bundles = Vec::with_capacity(fabric.bars.len());

@@ -3,10 +3,10 @@
 //! In: a yarn's data points, and the location of each on the panel, if it has one. Out:
 //! [`Strands`], uninterrupted runs of points that all lie on the panel.
 //!
-//! Method: polyline clipping by tracing. Between two neighbouring points the straight line is traced
-//! through the triangles from the point that is on the panel ([`Locator::trace`]). With
-//! [`Edge::Clip`] it is cut where it leaves the panel. With [`Edge::Drop`] every stitch with a point
-//! off the panel is left out as a whole.
+//! Method: polyline clipping by tracing. Between two neighbouring points the straight line is
+//! traced through the triangles from the point that is on the panel ([`Locator::trace`]). With
+//! [`Edge::Clip`] it is cut where it leaves the panel. With [`Edge::Drop`] every stitch with a
+//! point off the panel is left out as a whole.
 //!
 //! Cost: linear in the points. Lines within one triangle are not traced, and stitches that stay on
 //! the panel are copied as a whole.
@@ -52,8 +52,8 @@ pub struct Strands {
     pub located: Vec<SurfacePoint>,
     /// Index of the data point, or [`CUT`] for an end that was cut between two.
     pub sources: Vec<u32>,
-    /// First point of each piece. A piece is a stitch, or the part of one that the edge left. It ends
-    /// at the first point of the next piece, or at the strand's end.
+    /// First point of each piece. A piece is a stitch, or the part of one that the edge left. It
+    /// ends at the first point of the next piece, or at the strand's end.
     pub pieces: Vec<u32>,
     /// The strands, in yarn order.
     pub strands: Vec<Strand>,
@@ -106,8 +106,8 @@ impl Strands {
         self.losses = Losses::default();
     }
 
-    /// The pieces of a strand as ranges of its points, counted from the strand's first. Neighbouring
-    /// pieces share the point between them.
+    /// The pieces of a strand as ranges of its points, counted from the strand's first.
+    /// Neighbouring pieces share the point between them.
     pub fn pieces_of(&self, strand: &Strand) -> impl Iterator<Item = Range<usize>> {
         let (start, last) = (strand.points.start, strand.points.end - 1);
         let pieces = &self.pieces[strand.pieces.start as usize..strand.pieces.end as usize];
@@ -218,7 +218,8 @@ impl Builder<'_, '_> {
         }
     }
 
-    /// Whether the previous point and the whole stitch are on the panel, with all lines between them.
+    /// Whether the previous point and the whole stitch are on the panel, with all lines between
+    /// them.
     fn stays(&self, flat: &[DVec3], located: &[Option<SurfacePoint>]) -> bool {
         let Some(Last { flat: mut before, located: Some(mut from) }) = self.open else {
             return false;
@@ -267,8 +268,8 @@ impl Builder<'_, '_> {
         self.open = Some(Last { flat, located });
     }
 
-    /// The place where the straight line between two points of the panel leaves it, as a fraction of
-    /// the line and a point on the border. Nothing if the line stays on the panel.
+    /// The place where the straight line between two points of the panel leaves it, as a fraction
+    /// of the line and a point on the border. Nothing if the line stays on the panel.
     fn cut(
         &self,
         from: DVec3,

@@ -1,4 +1,4 @@
-//! A flat rectangle that is its own drape: the panel of a swatch.
+//! A flat rectangle whose draped positions equal its flat ones: the panel of a swatch.
 
 use glam::{DAffine3, DVec2, DVec3};
 

@@ -10,7 +10,8 @@
 //! and the tubes of the source paper follow it. At both ends a phantom point mirrors the first
 //! inner one.
 //!
-//! Cost: constant for each span. A span depends on four points, so a moved point changes four spans.
+//! Cost: constant for each span. A span depends on four points, so a moved point changes four
+//! spans.
 //!
 //! Not promised: continuous curvature. Spans join with a common tangent direction only (G1).
 
@@ -151,7 +152,8 @@ pub(crate) fn weights(points: &[DVec3; 4]) -> Weights {
 ///
 /// ```
 /// use glam::DVec3;
-/// let (x, y) = ([DVec3::ZERO, DVec3::X], [DVec3::new(0.25, -1.0, 1.0), DVec3::new(0.25, 1.0, 1.0)]);
+/// let x = [DVec3::ZERO, DVec3::X];
+/// let y = [DVec3::new(0.25, -1.0, 1.0), DVec3::new(0.25, 1.0, 1.0)];
 /// assert_eq!(warpknit::yarn::curve::nearest_of_segments(x, y), (0.25, 0.5));
 /// ```
 #[must_use]

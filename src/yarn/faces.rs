@@ -27,7 +27,8 @@ pub fn count(section: &Section, vertices: &Range<u32>) -> usize {
 /// ```
 /// use glam::DVec3;
 /// use warpknit::yarn::{faces, tube::{Section, Tubes}};
-/// let section = Section { st: 10, sr: 5, radius: 0.1, flatten: 1.0, caps: true, texture_per_mm: 1.0 };
+/// let section =
+///     Section { st: 10, sr: 5, radius: 0.1, flatten: 1.0, caps: true, texture_per_mm: 1.0 };
 /// let mut tubes = Tubes::default();
 /// tubes.add(&[DVec3::ZERO, DVec3::X, DVec3::ONE], &[DVec3::Z; 3], [0..3], &section);
 /// let vertices = tubes.strands[0].0.clone();

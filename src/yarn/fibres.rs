@@ -109,7 +109,8 @@ impl Axis {
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
             let samples = (span.length() * per_mm).ceil().clamp(2.0, 64.0) as usize;
             axis.spans.push(axis.points.len());
-            // The end of a span is the first sample of the next one. Only the last span has its end.
+            // The end of a span is the first sample of the next one. Only the last span has its
+            // end.
             let is_last = index + 2 == controls.len();
             for sample in 0..samples + usize::from(is_last) {
                 let t = double(sample) / double(samples);
@@ -174,9 +175,9 @@ pub fn for_each_fibre(
     let mut points = Vec::with_capacity(samples.clone().count());
     for fibre in 0..bundle.count {
         let mut random = SplitMix64::new(seed, fibre);
-        // Stratified over the section: fibre k of n lies in the k-th of n rings of equal area, hence
-        // the square root. Purely random distances would leave gaps and bunches. The fibre's own
-        // radius is subtracted, so that its surface stays within the yarn.
+        // Stratified over the section: fibre k of n lies in the k-th of n rings of equal area,
+        // hence the square root. Purely random distances would leave gaps and bunches. The fibre's
+        // own radius is subtracted, so that its surface stays within the yarn.
         let reach = (bundle.radius - bundle.fibre)
             * ((f64::from(fibre) + random.next_unit()) / f64::from(bundle.count)).sqrt();
         let (start, phase) = (TAU * random.next_unit(), TAU * random.next_unit());

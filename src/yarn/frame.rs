@@ -63,8 +63,8 @@ pub fn double_reflection(normal: Vec3A, chord: Vec3A, from: Vec3A, to: Vec3A) ->
     let squared = upright.length_squared();
     // Where the chord is perpendicular to two equal tangents, `mirror` consists of rounding alone
     // and the second reflection points anywhere. There the squared length is far from 1, and the
-    // normal is normalised in full. From 0.8 to 1.25 the Newton step leaves an error of about 2 %; a
-    // wider range would keep bad lengths, a narrower one would only take the slow way more often.
+    // normal is normalised in full. From 0.8 to 1.25 the Newton step leaves an error of about 2 %;
+    // a wider range would keep bad lengths, a narrower one would only take the slow way more often.
     if (0.8..1.25).contains(&squared) {
         upright * (1.5 - 0.5 * squared)
     } else {

@@ -37,7 +37,8 @@ impl Nurbs {
     /// ```
     /// use glam::DVec3;
     /// use warpknit::yarn::nurbs::{Nurbs, parameters};
-    /// let points: Vec<_> = (0..9).map(|i| DVec3::new(f64::from(i), f64::from(i % 2), 0.0)).collect();
+    /// let points: Vec<_> =
+    ///     (0..9).map(|i| DVec3::new(f64::from(i), f64::from(i % 2), 0.0)).collect();
     /// let at = parameters(&points);
     /// let curve = Nurbs::through(&points, &at);
     /// assert_eq!(curve.control.len(), points.len());
@@ -238,7 +239,9 @@ mod tests {
                 let u: f64 = place * end;
                 prop_assert!(curve.at(u).distance(de_boor(&curve, u)) < 1e-6);
                 let (_, basis) = curve.basis(u);
-                prop_assert!((basis.iter().sum::<f64>() - 1.0).abs() < 1e-12 && basis.iter().all(|value| *value >= 0.0));
+                let sum = basis.iter().sum::<f64>();
+                prop_assert!((sum - 1.0).abs() < 1e-12);
+                prop_assert!(basis.iter().all(|value| *value >= 0.0));
             }
         }
     }

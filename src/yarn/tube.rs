@@ -6,8 +6,8 @@
 //! Method: Liu, Kyosev and Jiang, Yarn-level modelling and geometric simulation of warp-knitted
 //! clothing elements, 2022, sections 4.1 and 4.2, equation 6 and Table 1. The curve is that of
 //! [`super::curve`], the frames are those of [`super::frame`]. Each stitch is sampled evenly in its
-//! own parameter, with both ends on data points, so neighbouring stitches share a ring. A piece of a
-//! stitch that the panel's edge has cut gets St segments too.
+//! own parameter, with both ends on data points, so neighbouring stitches share a ring. A piece of
+//! a stitch that the panel's edge has cut gets St segments too.
 //!
 //! Cost: about 100 ns a ring and 3 ns a vertex.
 //!
@@ -109,7 +109,8 @@ impl Tubes {
     /// ```
     /// use glam::DVec3;
     /// use warpknit::yarn::tube::{Section, Tubes};
-    /// let section = Section { st: 10, sr: 5, radius: 0.1, flatten: 1.0, caps: false, texture_per_mm: 1.0 };
+    /// let section =
+    ///     Section { st: 10, sr: 5, radius: 0.1, flatten: 1.0, caps: false, texture_per_mm: 1.0 };
     /// let mut tubes = Tubes::default();
     /// tubes.add(&[DVec3::ZERO, DVec3::X, DVec3::ONE], &[DVec3::Z; 3], [0..3], &section);
     /// assert_eq!(tubes.triangles.len(), 100);
@@ -292,8 +293,8 @@ impl<'a> Rings<'a> {
         };
         // Where data points coincide the curve has no tangent; the last one is kept.
         let tangent = along.normalize_or(last.tangent);
-        // 1e-3 is the sine of 0.06 degrees. A smaller limit would let rounding choose the direction,
-        // a larger one would make steep underlaps turn over visibly.
+        // 1e-3 is the sine of 0.06 degrees. A smaller limit would let rounding choose the
+        // direction, a larger one would make steep underlaps turn over visibly.
         let lies_flat =
             self.section.flatten != 1.0 && tangent.cross(ups[0].lerp(ups[1], t)).length() >= 1e-3;
         let normal = if lies_flat {
