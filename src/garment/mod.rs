@@ -171,9 +171,9 @@ impl Panel {
 }
 
 impl Garment {
-    /// Turns the wale direction of one panel, in addition to [`ReadOptions::grain`]. The angle is in
-    /// radians, counter-clockwise as seen from the technical face. A panel that doesn't exist is no
-    /// error here; laying out the fabric reports it.
+    /// Turns the wale direction of one panel, in addition to [`ReadOptions::grain`]. The angle is
+    /// in radians, counter-clockwise as seen from the technical face. A panel that doesn't exist is
+    /// no error here; laying out the fabric reports it.
     ///
     /// ```
     /// use warpknit::garment::Garment;
@@ -262,8 +262,8 @@ impl<'a> GarmentFiles<'a> {
         Ok(Self { path, flat, draped, pattern, pairs, pieces })
     }
 
-    /// The garment and the unit of its draped positions. The files are returned too, since the frames
-    /// of a sequence are paired with them.
+    /// The garment and the unit of its draped positions. The files are returned too, since the
+    /// frames of a sequence are paired with them.
     fn garment(mut self, options: &ReadOptions) -> Result<(Garment, Unit, Self), GarmentError> {
         let mut summary = GarmentSummary {
             triangles: self.pairs.total,
@@ -377,8 +377,8 @@ fn usable_pieces(
     Ok(usable)
 }
 
-/// The scale of each piece: mm per flat unit. `flat_file` tells whether the pattern is the positions
-/// of a flat file, which have a unit, and not a `vt`, which has none.
+/// The scale of each piece: mm per flat unit. `flat_file` tells whether the pattern is the
+/// positions of a flat file, which have a unit, and not a `vt`, which has none.
 fn estimate_scales(
     pairs: &Pairs,
     pieces: &[Piece],

@@ -4,9 +4,9 @@
 //! In: panels. Out: a [`TriangleStretch`] for each triangle, or [`Percentiles`] by flat area.
 //!
 //! Method: the map from a flat triangle to the draped one is linear. The singular values of its 3 x
-//! 2 matrix are the principal stretches: the largest and the smallest ratio of draped to flat length
-//! over all directions. Their directions are at right angles in the flat triangle. Both are 1 where
-//! draping kept all lengths (an isometry), and their product is the ratio of the areas.
+//! 2 matrix are the principal stretches: the largest and the smallest ratio of draped to flat
+//! length over all directions. Their directions are at right angles in the flat triangle. Both are
+//! 1 where draping kept all lengths (an isometry), and their product is the ratio of the areas.
 //!
 //! Cost: linear in the triangles, plus a sort for each set of percentiles.
 

@@ -1,11 +1,11 @@
 //! Units: the unit of the draped mesh, and the scale of the flat pattern.
 //!
-//! In: the size of the draped garment, and the ratio of draped to flat area of each triangle. Out: a
-//! [`Unit`] and [`Scales`] in mm per flat unit.
+//! In: the size of the draped garment, and the ratio of draped to flat area of each triangle. Out:
+//! a [`Unit`] and [`Scales`] in mm per flat unit.
 //!
 //! Method: a heuristic on the garment's size for the unit, and an area-weighted median for the
-//! scale. Not promised: that a guess is right. A garment that fits in two units gets the larger one,
-//! and the summary tells that the unit was guessed.
+//! scale. Not promised: that a guess is right. A garment that fits in two units gets the larger
+//! one, and the summary tells that the unit was guessed.
 
 use std::fmt;
 use std::str::FromStr;
@@ -78,12 +78,13 @@ impl FromStr for Unit {
     }
 }
 
-/// The range of a garment's largest dimension, mm: from a sock or a swatch to a gown with a train. A
-/// wider range would leave more garments that fit two units; a narrower one would refuse real ones.
+/// The range of a garment's largest dimension, mm: from a sock or a swatch to a gown with a train.
+/// A wider range would leave more garments that fit two units; a narrower one would refuse real
+/// ones.
 pub(super) const GARMENT_SIZE: (f64, f64) = (80.0, 2500.0);
 
-/// The unit in which `extent` is in the range of garment sizes, and true. If there is none, the unit
-/// in which it is nearest to that range, and false.
+/// The unit in which `extent` is in the range of garment sizes, and true. If there is none, the
+/// unit in which it is nearest to that range, and false.
 ///
 /// Ties go to the larger unit. Inches are no candidate: sizes in inches and in centimetres overlap,
 /// and no tool's default is inches, so a guess of inches would mostly be wrong.
@@ -107,9 +108,9 @@ fn misfit(extent: f64, unit: Unit) -> f64 {
 }
 
 /// Relative tolerance within which the scale of a FLAT file is taken for the length of a unit. The
-/// deviation then counts as the fabric's stretch. With a smaller tolerance a stretched garment would
-/// lose its stretch to the scale; a larger one would take more arbitrary scales for a unit. Units are
-/// a factor of 2.5 or more apart.
+/// deviation then counts as the fabric's stretch. With a smaller tolerance a stretched garment
+/// would lose its stretch to the scale; a larger one would take more arbitrary scales for a unit.
+/// Units are a factor of 2.5 or more apart.
 const UNIT_TOLERANCE: f64 = 0.15;
 /// Relative difference from the garment's scale above which a panel takes its own. A smaller
 /// difference counts as stretch, which must not be removed; a larger one as a panel that an atlas
@@ -125,8 +126,8 @@ pub(super) struct Stretch {
     pub(super) weight: f64,
 }
 
-/// The scale at which a flat piece is as large as it is draped, in mm per flat unit: the square root
-/// of the area-weighted median of area ratios.
+/// The scale at which a flat piece is as large as it is draped, in mm per flat unit: the square
+/// root of the area-weighted median of area ratios.
 ///
 /// A median and not a mean, because a few strongly stretched or crumpled triangles must not change
 /// the unit. Where over half of the area has collapsed the median is 0, and the ratio of the total
