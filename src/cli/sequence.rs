@@ -84,7 +84,7 @@ pub(super) fn make(job: &Job<'_>, sequence: &Sequence<'_>, mut clock: Clock) -> 
     let reports = files.whole.iter().filter(|(_, format)| *format == Format::Json);
     reports.into_iter().try_for_each(|(path, _)| Output::check(path))?;
     let held = LocatedCloth::locate(job.cloth, &setup.options, &mut |stage, done| {
-        clock.begin(task(stage), done)
+        clock.begin(task(stage), done);
     });
     check_laid(held.totals())?;
     warnings.extend(loss_warning(held.totals()));

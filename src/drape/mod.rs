@@ -407,7 +407,7 @@ pub fn run<E>(
 ) -> Result<Totals, E> {
     knit_and_locate(cloth, options, announce, &mut |blocks, announce, done| {
         drape_blocks(blocks, cloth.garment, &cloth.thickness, options, &mut |stage| {
-            announce(stage, done)
+            announce(stage, done);
         });
         announce(Stage::Deliver, done);
         deliver(blocks)

@@ -196,7 +196,7 @@ pub fn scene(
                 Some(axis) => {
                     let look = strand.look + index16(yarns.looks.len());
                     for_each_fibre(bundle, axis, spans, number, &mut |fibre| {
-                        fibres.push_strand(fibre.iter().copied(), look)
+                        fibres.push_strand(fibre.iter().copied(), look);
                     });
                 }
                 None => fibres.push_strand(

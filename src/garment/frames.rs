@@ -318,7 +318,7 @@ mod tests {
             for (at, (name, x)) in names.into_iter().zip(x).enumerate() {
                 let corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)];
                 corners.iter().for_each(|(u, v)| {
-                    writeln!(text, "v {} {} 0", 200.0 * (x + u), 200.0 * v).unwrap()
+                    writeln!(text, "v {} {} 0", 200.0 * (x + u), 200.0 * v).unwrap();
                 });
                 let vertex = |corner: usize| 4 * at + corner;
                 writeln!(
