@@ -3,7 +3,7 @@
 //! In: the number of a part and the number of all parts. Out: the items that belong to it, such as
 //! rows of a picture or yarns of a cloth.
 //!
-//! A part depends on the size of the whole alone, so machines need not talk to each other. Parts
+//! A part depends only on the size of the whole, so machines need not talk to each other. Parts
 //! follow each other without gaps or overlaps, and their sizes differ by one item at most. Cost:
 //! constant. Not promised: parts of equal running time.
 
@@ -72,6 +72,7 @@ impl Tile {
     /// belongs to the last part.
     #[must_use]
     pub fn holds(self, at: u64, length: u64) -> bool {
+        // 128 bits: positions are counts of up to 64 bits.
         let part =
             (u128::from(at) * u128::from(self.of)).checked_div(u128::from(length)).unwrap_or(0);
         part.min(u128::from(self.of - 1)) == u128::from(self.number - 1)

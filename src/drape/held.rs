@@ -81,8 +81,10 @@ impl LocatedCloth {
         while !rest.is_empty() {
             let done = 1.0 - f64::from(index32(rest.len())) / f64::from(index32(all));
             let fitting = window_len(rest.iter().map(Block::stitches), options.surface.as_ref());
+            // The same windows as in `run`, so that surfaces take no more memory than there.
             let (window, later) = rest.split_at_mut(fitting);
             rest = later;
+            // The spare memory grows to the largest window and is then used by all.
             spare.resize_with(spare.len().max(window.len()), Default::default);
             exchange(window, spare);
             drape_blocks(window, garment, thickness, options, &mut |stage| announce(stage, done));

@@ -41,6 +41,7 @@ pub fn add_to(scene: &mut Scene, block: &Block) {
             .iter()
             .zip(normals)
             .map(|(position, normal)| (position.as_vec3(), normal.as_vec3()));
+        // The first point of each stitch: a renderer draws the same number of segments for each.
         let stitches = block.strands.pieces_of(strand).map(|piece| index32(piece.start));
         scene.push_stitches(points, stitches, look);
     }

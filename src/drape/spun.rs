@@ -156,13 +156,12 @@ pub fn scene(
         widest: 2.0 * bundles.iter().map(|bundle| bundle.radius).fold(0.0, f64::max),
         near,
     };
-    let is_near = |point: &DVec3| test.is_near(point);
     // First pass: for each look the length and the number of the near spans, and the smallest pixel
     // there. They decide how many fibres memory allows.
     let (mut lengths, mut finest) = (vec![(0.0, 0.0); bundles.len()], f64::INFINITY);
     for strand in &yarns.strands {
         let (look, points) = (usize::from(strand.look), controls(yarns, strand));
-        for ends in points.windows(2).filter(|ends| ends.iter().any(is_near)) {
+        for ends in points.windows(2).filter(|ends| ends.iter().any(|point| test.is_near(point))) {
             lengths[look].0 += ends[0].distance(ends[1]);
             lengths[look].1 += 1.0;
             finest = finest.min(test.pixel(ends[0]));
@@ -183,7 +182,7 @@ pub fn scene(
         let (look, points) = (usize::from(strand.look), controls(yarns, strand));
         let bundle = &drawn[look];
         let near_spans: Vec<bool> =
-            points.windows(2).map(|ends| ends.iter().any(is_near)).collect();
+            points.windows(2).map(|ends| ends.iter().any(|point| test.is_near(point))).collect();
         // The axis is that of the whole strand: the frame at a span depends on all spans before it,
         // so fibres would jump from picture to picture if it began where the picture does.
         let axis =

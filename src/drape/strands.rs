@@ -35,7 +35,7 @@ pub enum Edge {
 /// A run of yarn on the panel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Strand {
-    /// The yarn of which it is part.
+    /// The yarn that it is a part of.
     pub yarn: YarnId,
     /// Its points in [`Strands`], at least two.
     pub points: Range<u32>,

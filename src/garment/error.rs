@@ -94,7 +94,8 @@ pub enum GarmentError {
     /// The file has no texture coordinates that could be the flat pattern.
     #[error(
         "{}: no face uses a texture coordinate (the file holds {texture} `vt`), \
-         so there is no flat pattern: export it with UVs, or give a FLAT and a DRAPED file", .path.display()
+         so there is no flat pattern: export it with UVs, or give a FLAT and a DRAPED file",
+        .path.display()
     )]
     NoTexture {
         /// The file.
@@ -128,7 +129,8 @@ pub enum GarmentError {
         "{} has {flat_faces} faces and {} has {draped_faces}, but their corners disagree: \
          {disagreeing} of {vertices} flat vertices are at two places when draped, \
          first in face {face} (lines {flat_line} and {draped_line}): \
-         export both from the same mesh, faces and corners in the same order", .flat.display(), .draped.display()
+         export both from the same mesh, faces and corners in the same order",
+        .flat.display(), .draped.display()
     )]
     Corners {
         /// The flat file.

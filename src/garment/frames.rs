@@ -146,18 +146,26 @@ impl Frames {
         Ok(odd)
     }
 
+    /// The size of a frame relative to the first drape, if it is in this unit.
+    fn size_ratio(&self, size: f64, unit: Unit) -> f64 {
+        size * unit.millimetres() / self.size
+    }
+
     /// The unit of a frame whose size is `size` in that unit, and a warning if it differs.
     fn unit_of(&self, size: f64) -> (Unit, Option<String>) {
-        let ratio = |unit: Unit| size * unit.millimetres() / self.size;
         let fitting = 1.0 / MAX_SIZE_RATIO..MAX_SIZE_RATIO;
-        if self.unit_given || fitting.contains(&ratio(self.unit)) {
+        if self.unit_given || fitting.contains(&self.size_ratio(size, self.unit)) {
             return (self.unit, None);
         }
         let nearest = Unit::ALL
             .into_iter()
-            .min_by(|a, b| ratio(*a).ln().abs().total_cmp(&ratio(*b).ln().abs()))
+            .min_by(|a, b| {
+                // By the logarithm, so that half the size and twice the size are equally far off.
+                let [a, b] = [*a, *b].map(|unit| self.size_ratio(size, unit).ln().abs());
+                a.total_cmp(&b)
+            })
             .unwrap_or(self.unit);
-        if fitting.contains(&ratio(nearest)) {
+        if fitting.contains(&self.size_ratio(size, nearest)) {
             return (
                 nearest,
                 Some(format!(
@@ -167,7 +175,13 @@ impl Frames {
                 )),
             );
         }
-        (self.unit, Some(format!("{:.3} times as large as the first frame", ratio(self.unit))))
+        (
+            self.unit,
+            Some(format!(
+                "{:.3} times as large as the first frame",
+                self.size_ratio(size, self.unit)
+            )),
+        )
     }
 }
 

@@ -66,8 +66,8 @@ pub struct Panel {
     pub uv: Vec<DVec2>,
     /// The same vertices draped, mm.
     pub draped: Vec<DVec3>,
-    /// Unit draped vertex normals, angle-weighted over this panel's triangles alone (split at panel
-    /// borders).
+    /// Unit draped vertex normals, angle-weighted over the triangles of this panel only (split at
+    /// panel borders).
     pub normals: Vec<DVec3>,
     /// Triangles that can hold stitches. Neighbours on the panel are near each other in this array
     /// (see [`Panel::order_along_curve`]).
@@ -318,6 +318,7 @@ fn check(options: &ReadOptions) -> Result<(), GarmentError> {
 
 /// The unit of the draped mesh: the given one, or a guess from the size of the paired triangles.
 fn choose_unit(pairs: &Pairs, options: &ReadOptions, summary: &mut GarmentSummary) -> Unit {
+    // The largest dimension: a flat swatch has no thickness, and a scarf is narrow.
     let extent = pairs.draped_extent().max_element();
     let (guess, fits) = unit::guess(extent);
     let unit = options.unit.unwrap_or(guess);
@@ -391,6 +392,8 @@ fn estimate_scales(
         summary.uv_scale_mm = scale;
         return vec![scale; pieces.len()];
     }
+    // The garment's estimate is the median over all triangles and not over the panels' estimates,
+    // so that small panels count little.
     let mut all: Vec<Vec<_>> =
         pieces.iter().map(|piece| piece.stretches(pairs, unit.millimetres())).collect();
     let own: Vec<f64> = all.iter_mut().map(|stretches| unit::scale(stretches)).collect();
@@ -400,8 +403,8 @@ fn estimate_scales(
         let names: Vec<_> =
             scales.differing.iter().map(|&i| format!("panel {i} {:.4}", own[i])).collect();
         summary.warnings.push(format!(
-            "panels differ in scale from the garment's {:.4} mm per flat unit and take their own: {}; \
-             --uv-scale sets one for all",
+            "panels differ in scale from the garment's {:.4} mm per flat unit \
+             and take their own: {}; --uv-scale sets one for all",
             scales.garment,
             shortened(&names)
         ));

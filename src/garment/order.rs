@@ -93,18 +93,22 @@ fn spread(x: u32) -> u32 {
     (x | x << 1) & 0x5555_5555
 }
 
+/// The digit of a key at bit `shift`.
+fn digit(key: u32, shift: u32) -> usize {
+    (key >> shift & ((1 << DIGIT) - 1)) as usize
+}
+
 /// Sorts by [`DIGIT`] bits of the key: a stable counting sort.
 fn sort_by_digit(keys: &[(u32, u32)], sorted: &mut [(u32, u32)], shift: u32) {
-    let digit = |key: u32| (key >> shift & ((1 << DIGIT) - 1)) as usize;
     let mut starts = [0_u32; 1 << DIGIT];
-    keys.iter().for_each(|&(key, _)| starts[digit(key)] += 1);
+    keys.iter().for_each(|&(key, _)| starts[digit(key, shift)] += 1);
     // Prefix sums turn the counts into the first slot of each digit.
     let mut next = 0;
     for start in &mut starts {
         (*start, next) = (next, next + *start);
     }
     for &key in keys {
-        let slot = &mut starts[digit(key.0)];
+        let slot = &mut starts[digit(key.0, shift)];
         sorted[*slot as usize] = key;
         *slot += 1;
     }

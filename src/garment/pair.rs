@@ -16,6 +16,7 @@ use glam::DVec3;
 
 use super::error::GarmentError;
 use super::obj::{Face, ObjMesh};
+use super::panel::cross;
 use crate::ids::{FaceId, index32};
 
 /// Largest coordinate. Squares of areas made of larger ones leave the range in which 64-bit floats
@@ -67,6 +68,16 @@ impl Pairs {
             [low.min(p), high.max(p)]
         });
         high - low
+    }
+
+    /// Twice the area vector of the flat triangle with index `i`.
+    pub(super) fn flat_area(&self, i: u32) -> DVec3 {
+        cross(self.flat_corners(&self.triangles[i as usize]))
+    }
+
+    /// Twice the area vector of the draped triangle with index `i`.
+    pub(super) fn draped_area(&self, i: u32) -> DVec3 {
+        cross(self.draped_corners(&self.triangles[i as usize]))
     }
 
     /// Corners of a triangle in the flat mesh.
@@ -141,12 +152,15 @@ pub(super) fn two_files(
     pattern: FlatSource,
 ) -> Result<Pairs, GarmentError> {
     let mut pairs = Pairs { total: flat.triangles.len(), ..Default::default() };
+    // Names first: they still pair a garment whose draped file lists its pieces in another order or
+    // holds a body as well. Files of most tools have no names, or the same name for all faces.
     let partner = match by_name(flat, draped) {
         Some(partner) => partner,
         None => by_order(flat, draped, paths, &mut pairs.warnings)?,
     };
     let (flat_first, draped_first) = (first_triangles(flat), first_triangles(draped));
     for (face, &other) in partner.iter().enumerate() {
+        // Both files have the same number of corners here, hence the same fan of triangles.
         let fans = flat.faces[face].corners as usize - 2;
         if pattern == FlatSource::Texture && !flat.faces[face].textured {
             pairs.untextured += fans;
@@ -317,6 +331,7 @@ fn check_corners(
     paths: [&Path; 2],
     faces: [usize; 2],
 ) -> Result<(), GarmentError> {
+    // The first draped position of each flat vertex is kept, and later ones are compared with it.
     let tolerance = pairs.same_place();
     let mut places: Vec<Option<DVec3>> = vec![None; pairs.flat.len()];
     let mut torn = vec![false; pairs.flat.len()];

@@ -4,7 +4,7 @@
 //! known they become [`Panel`]s.
 //!
 //! Method: connected components by union-find over flat vertices. Two triangles belong to one piece
-//! where they share a flat vertex *that has the same draped position*. The flat vertex alone isn't
+//! where they share a flat vertex *that has the same draped position*. A shared flat vertex isn't
 //! enough: the left and the right sleeve often share their `vt`, one mirrored onto the other, while
 //! their `v` are at different places on the body. A plane is fitted by the area-weighted normal.
 //!
@@ -238,30 +238,28 @@ pub(super) fn cross([a, b, c]: [DVec3; 3]) -> DVec3 {
 impl Piece {
     /// Fits a plane to the triangles of a connected piece, or refuses it.
     fn fit(pairs: &Pairs, vertices: &[[u32; 3]], triangles: &[u32]) -> Result<Self, Refusal> {
-        // Flat area vectors, doubled.
-        let flat = |i: u32| cross(pairs.flat_corners(&pairs.triangles[i as usize]));
-        let total: f64 = triangles.iter().map(|&i| flat(i).length()).sum();
+        let total: f64 = triangles.iter().map(|&i| pairs.flat_area(i).length()).sum();
         let mut solid: Vec<u32> = triangles.to_vec();
-        solid.retain(|&i| total > MIN_AREA && flat(i).length() >= DEGENERATE * total);
+        solid.retain(|&i| total > MIN_AREA && pairs.flat_area(i).length() >= DEGENERATE * total);
         let largest = solid
             .iter()
-            .map(|&i| flat(i))
+            .map(|&i| pairs.flat_area(i))
             .max_by(|a, b| a.length().total_cmp(&b.length()))
             .ok_or(Refusal::NoFlatArea)?;
-        let draped_area: f64 = solid
-            .iter()
-            .map(|&i| cross(pairs.draped_corners(&pairs.triangles[i as usize])).length())
-            .sum();
+        let draped_area: f64 = solid.iter().map(|&i| pairs.draped_area(i).length()).sum();
         if draped_area <= MIN_AREA {
             return Err(Refusal::NoDrapedArea);
         }
         // The plane's normal is the sum of the area vectors. Each is first turned to the side of
         // the largest triangle: otherwise flipped triangles could cancel the sum.
-        let normal: DVec3 =
-            solid.iter().map(|&i| flat(i)).map(|n| if n.dot(largest) < 0.0 { -n } else { n }).sum();
+        let normal: DVec3 = solid
+            .iter()
+            .map(|&i| pairs.flat_area(i))
+            .map(|n| if n.dot(largest) < 0.0 { -n } else { n })
+            .sum();
         let mut normal = normal.normalize();
         // Then the normal is put on the side from which most of the area is counter-clockwise.
-        let winding: f64 = solid.iter().map(|&i| flat(i).dot(normal)).sum();
+        let winding: f64 = solid.iter().map(|&i| pairs.flat_area(i).dot(normal)).sum();
         // Where both halves are equal the sign of the sum is rounding. Then the side that points
         // along the nearest axis is taken.
         let balanced = winding.abs() <= 1e-9 * total;
@@ -274,7 +272,7 @@ impl Piece {
                 .map(|&i| Corners {
                     pair: i,
                     vertices: vertices[i as usize],
-                    flipped: flat(i).dot(normal) < 0.0,
+                    flipped: pairs.flat_area(i).dot(normal) < 0.0,
                 })
                 .collect(),
             normal,
@@ -423,9 +421,10 @@ impl Panel {
         self.uv.iter_mut().for_each(|point| *point = new_from_old * *point);
         self.flat_from_panel *= DAffine3::from_mat3(DMat3::from_mat2(old_from_new));
         let before = self.triangles.len() + self.flipped.len();
-        let wound = |triangle: &[u32; 3]| side(triangle.map(|vertex| self.uv[vertex as usize]));
-        let kept: Vec<_> = self.triangles.iter().map(|triangle| wound(triangle) > 0.0).collect();
-        self.flipped.retain(|triangle| wound(triangle) < 0.0);
+        let uv = &self.uv;
+        let kept: Vec<_> =
+            self.triangles.iter().map(|triangle| winding(uv, triangle) > 0.0).collect();
+        self.flipped.retain(|triangle| winding(uv, triangle) < 0.0);
         // Triangles and their faces are parallel arrays and lose the same entries.
         let mut keep = kept.iter();
         self.triangles.retain(|_| *keep.next().expect("one for each triangle"));
@@ -433,6 +432,11 @@ impl Panel {
         self.faces.retain(|_| *keep.next().expect("a face for each triangle"));
         before - self.triangles.len() - self.flipped.len()
     }
+}
+
+/// The winding of a panel's triangle, as [`side`] gives it.
+fn winding(uv: &[DVec2], triangle: &[u32; 3]) -> f64 {
+    side(triangle.map(|vertex| uv[vertex as usize]))
 }
 
 /// The winding of a triangle: 1 if counter-clockwise, -1 if clockwise. It is 0 for a triangle so

@@ -5,7 +5,7 @@
 //!
 //! Method: a heuristic on the garment's size for the unit, and an area-weighted median for the
 //! scale. Not promised: that a guess is right. A garment that fits in two units gets the larger
-//! one, and the summary tells that the unit was guessed.
+//! one, and [`GarmentSummary::unit_guessed`](super::GarmentSummary) is set.
 
 use std::fmt;
 use std::str::FromStr;
@@ -136,11 +136,13 @@ pub(super) fn scale(stretches: &mut [Stretch]) -> f64 {
     stretches.sort_by(|a, b| a.ratio.total_cmp(&b.ratio));
     let total: f64 = stretches.iter().map(|s| s.weight).sum();
     let mut below = 0.0;
+    // The weighted median: the first ratio at which half of the flat area is reached.
     let median = stretches.iter().find(|s| {
         below += s.weight;
         2.0 * below >= total
     });
     match median {
+        // Ratios are of areas, scales are of lengths.
         Some(s) if s.ratio > 0.0 => s.ratio.sqrt(),
         _ => (stretches.iter().map(|s| s.ratio * s.weight).sum::<f64>() / total).sqrt(),
     }
@@ -163,6 +165,7 @@ pub(super) struct Scales {
 /// `vt` has no unit, and atlases scale their islands freely. So there a panel that differs by
 /// [`PANEL_TOLERANCE`] takes its own scale.
 pub(super) fn choose_scales(estimate: f64, own: &[f64], has_unit: bool) -> Scales {
+    // At most one unit is within the tolerance.
     let unit = Unit::ALL
         .into_iter()
         .map(Unit::millimetres)

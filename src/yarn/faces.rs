@@ -1,4 +1,4 @@
-//! The triangles of a tube, computed from its section and its vertex range alone.
+//! The triangles of a tube, computed from its section and its vertex range.
 //!
 //! In: a [`Section`] and the vertex range of a strand's tube. Out: its triangles, exactly those of
 //! [`Tubes::add`](super::tube::Tubes::add): first those between rings, from the first ring on, then

@@ -61,7 +61,7 @@ pub fn double_reflection(normal: Vec3A, chord: Vec3A, from: Vec3A, to: Vec3A) ->
     // inverse square root, x (1.5 - 0.5 |x|²), replaces a root and a division.
     let upright = normal - to * normal.dot(to);
     let squared = upright.length_squared();
-    // Where the chord is perpendicular to two equal tangents, `mirror` consists of rounding alone
+    // Where the chord is perpendicular to two equal tangents, `mirror` consists of rounding errors
     // and the second reflection points anywhere. There the squared length is far from 1, and the
     // normal is normalised in full. From 0.8 to 1.25 the Newton step leaves an error of about 2 %;
     // a wider range would keep bad lengths, a narrower one would only take the slow way more often.

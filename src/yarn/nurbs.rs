@@ -82,7 +82,7 @@ impl Nurbs {
     pub fn basis(&self, u: f64) -> (usize, [f64; DEGREE + 1]) {
         let last = self.control.len() - 1;
         let u = u.clamp(self.knots[DEGREE], self.knots[last + 1]);
-        // The clamp of the span matters at the end of the curve alone: there the knot search runs
+        // The clamp of the span matters only at the end of the curve: there the knot search runs
         // past the last span, which would be of length 0.
         let span = (self.knots.partition_point(|&knot| knot <= u) - 1).clamp(DEGREE, last);
         // The Cox-de Boor recursion, degree by degree (The NURBS Book, algorithm A2.2). Each pass

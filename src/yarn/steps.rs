@@ -7,7 +7,7 @@
 use super::narrow;
 use crate::ids::index32;
 
-/// The ring parameters of a stitch. They depend on the number of spans alone, which is the same for
+/// The ring parameters of a stitch. They depend only on the number of spans. It is the same for
 /// nearly all stitches of a yarn, so they are kept from stitch to stitch.
 #[derive(Default)]
 pub(super) struct Steps {

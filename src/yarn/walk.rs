@@ -45,7 +45,7 @@ impl Chord {
     #[inline]
     fn between(p: DVec3, q: DVec3) -> Self {
         // The difference is taken in 64 bits, before rounding: a garment's coordinates are some
-        // thousand mm, of which `f32` would leave 0.0001 mm.
+        // thousand mm, where the resolution of `f32` is 0.0001 mm.
         let vector = (q - p).as_vec3a();
         Self { vector, interval: vector.length().max(MIN_CHORD).sqrt() }
     }
