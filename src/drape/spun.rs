@@ -128,6 +128,21 @@ impl NearTest<'_> {
     }
 }
 
+/// For each look the length and the number of the near spans, and the smallest pixel there, mm. The
+/// pixel is infinite where no span is near.
+fn near_lengths(yarns: &Scene, test: &NearTest<'_>, looks: usize) -> (Vec<(f64, f64)>, f64) {
+    let (mut lengths, mut finest) = (vec![(0.0, 0.0); looks], f64::INFINITY);
+    for strand in &yarns.strands {
+        let (look, points) = (usize::from(strand.look), controls(yarns, strand));
+        for ends in points.windows(2).filter(|ends| ends.iter().any(|point| test.is_near(point))) {
+            lengths[look].0 += ends[0].distance(ends[1]);
+            lengths[look].1 += 1.0;
+            finest = finest.min(test.pixel(ends[0]));
+        }
+    }
+    (lengths, finest)
+}
+
 /// The control points of a scene's strand, mm.
 fn controls(scene: &Scene, strand: &crate::scene::Strand) -> Vec<DVec3> {
     scene.positions[strand.points.start as usize..strand.points.end as usize]
@@ -156,17 +171,8 @@ pub fn scene(
         widest: 2.0 * bundles.iter().map(|bundle| bundle.radius).fold(0.0, f64::max),
         near,
     };
-    // First pass: for each look the length and the number of the near spans, and the smallest pixel
-    // there. They decide how many fibres memory allows.
-    let (mut lengths, mut finest) = (vec![(0.0, 0.0); bundles.len()], f64::INFINITY);
-    for strand in &yarns.strands {
-        let (look, points) = (usize::from(strand.look), controls(yarns, strand));
-        for ends in points.windows(2).filter(|ends| ends.iter().any(|point| test.is_near(point))) {
-            lengths[look].0 += ends[0].distance(ends[1]);
-            lengths[look].1 += 1.0;
-            finest = finest.min(test.pixel(ends[0]));
-        }
-    }
+    // First pass: the near spans decide how many fibres memory allows.
+    let (lengths, finest) = near_lengths(yarns, &test, bundles.len());
     if !finest.is_finite() {
         return None;
     }
