@@ -1,15 +1,18 @@
-//! The run's report: the `.json` that scripts read. Keys and their order are those of the
-//! specification's cli page.
+//! The report of a run: the `.json` that scripts read.
+//!
+//! In: numbers and names of a run. Out: JSON text. The fields of [`Report`] are its keys, in this
+//! order. Scripts rely on them, so a key is never renamed or removed. Units are mm, ms and MB,
+//! unless a key's name or comment says otherwise.
 
 use serde::Serialize;
 
 use crate::knit::clearance::Clearance;
 
-/// Everything about a run.
+/// The report of a run.
 #[derive(Clone, Debug, Serialize)]
 #[expect(
     missing_docs,
-    reason = "the keys are the specification's, and their units stand in their names or beside them"
+    reason = "a key says what it holds, and its unit is in its name or beside it"
 )]
 pub struct Report {
     /// The program's version.
@@ -18,7 +21,8 @@ pub struct Report {
     pub garment: GarmentReport,
     pub wales_per_cm: f64,
     pub courses_per_cm: f64,
-    /// Which part, from 1, and of how many, where the counts are a part's; null for the whole.
+    /// Number of the part, from 1, and number of parts, if the counts are those of a part. Null for
+    /// the whole.
     pub tile: Option<[u32; 2]>,
     pub yarns: usize,
     pub stitches: usize,
@@ -28,16 +32,17 @@ pub struct Report {
     pub surface: SurfaceReport,
     pub timings_ms: Timings,
     pub clearance: ClearanceReport,
-    /// Time to make all data points on the flat fabric.
+    /// Time to compute all data points on the flat fabric.
     pub plane_ms: f64,
-    /// That and location and mapping (the source paper's Table 2).
+    /// The same plus location and mapping, as in Table 2 of Liu, Kyosev and Jiang, Yarn-level
+    /// modelling and geometric simulation of warp-knitted clothing elements, 2022.
     pub curved_ms: f64,
     pub threads: usize,
     pub peak_memory_mb: f64,
-    /// What drew the picture; empty where none was asked for.
+    /// The renderer of the picture. Empty without a picture.
     pub renderer: String,
     pub cloth: ClothReport,
-    /// The frames of a drape sequence; there is no such key without one.
+    /// The frames of a drape sequence. Without a sequence there is no such key.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub frames: Vec<FrameReport>,
 }
@@ -47,10 +52,10 @@ pub struct Report {
 #[expect(missing_docs, reason = "see Report")]
 pub struct FrameReport {
     pub file: String,
-    /// Why it was left out; null for one that is there.
+    /// Reason why the frame was left out. Null for a frame that was drawn.
     pub skipped: Option<String>,
-    /// What it took without its pictures; the first one's time is that of reading, knitting and
-    /// location too.
+    /// Time of the frame without its pictures. The first frame's time includes reading, knitting
+    /// and location.
     pub ms: f64,
     /// 5th, 50th, 95th percentile.
     pub stretch_warp: [f64; 3],
@@ -64,12 +69,12 @@ pub struct GarmentReport {
     pub panels: usize,
     pub triangles: usize,
     pub unit: &'static str,
-    /// mm that one flat unit stands for.
+    /// Length of one flat unit, mm.
     pub uv_scale_mm: f64,
     pub warnings: Vec<String>,
 }
 
-/// The yarns' surface.
+/// The surface of the yarns.
 #[derive(Clone, Debug, Serialize)]
 #[expect(missing_docs, reason = "see Report")]
 pub struct SurfaceReport {
@@ -96,27 +101,28 @@ pub struct Timings {
     pub total: f64,
 }
 
-/// How near the laid-out yarns come to each other.
+/// Clearance of the yarns on the flat fabric.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[expect(missing_docs, reason = "see Report")]
 pub struct ClearanceReport {
     pub min_over_2r: f64,
     pub pairs_below_1: usize,
-    /// Sweeps of the yarns' relaxation; null where the repeat is too large for it.
+    /// Sweeps of the relaxation. Null where the repeat is too large to be relaxed.
     pub sweeps: Option<usize>,
-    /// The same on the body; null for a swatch, for a part, and for a garment of too many stitches.
+    /// Clearance on the body. Null for a swatch, for a part, and for a garment of too many
+    /// stitches.
     pub draped: Option<DrapedClearance>,
 }
 
-/// How near yarns come to each other on the body, panel by panel.
+/// Clearance of the yarns on the body, measured panel by panel.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[expect(missing_docs, reason = "see Report")]
 pub struct DrapedClearance {
     pub min_over_2r: f64,
-    /// Pairs of path segments nearer than twice touching.
+    /// Pairs of path segments whose distance is below twice that of touching.
     pub pairs: usize,
     pub pairs_below_1: usize,
-    /// Part of `pairs`.
+    /// Share of `pairs` whose distance is below 0.95 of that of touching.
     pub share_below_0_95: f64,
 }
 
@@ -129,18 +135,18 @@ impl From<Clearance> for DrapedClearance {
     }
 }
 
-/// The real cloth, at its own yarn counts.
+/// The real cloth, at the yarn counts of its fabric.
 #[derive(Clone, Debug, Serialize)]
 #[expect(missing_docs, reason = "see Report")]
 pub struct ClothReport {
     pub mass_g_m2: f64,
     pub yarn_length_m: f64,
-    /// A bar each, front first; null for wefts.
+    /// One for each bar, from the front. Null for wefts.
     pub run_in_mm_per_rack: Vec<Option<f64>>,
     pub thickness_mm: f64,
-    /// Share of the flat area that yarns hide.
+    /// Share of the flat area that yarns cover.
     pub cover_factor: f64,
-    /// Share of the volume that no fibre fills; null where yarns are drawn thinner than they are.
+    /// Share of the volume without fibres. Null where yarns are drawn thinner than they are.
     pub porosity: Option<f64>,
     /// 5th, 50th, 95th percentile.
     pub stretch_warp: [f64; 3],
@@ -151,7 +157,7 @@ impl Report {
     /// The report as JSON text, ending in a newline.
     ///
     /// # Panics
-    /// Never: it holds finite numbers and text alone.
+    /// Never: it holds only finite numbers and text.
     #[must_use]
     pub fn to_json(&self) -> String {
         serde_json::to_string_pretty(self).expect("a report holds numbers and text alone") + "\n"

@@ -7,8 +7,8 @@
 use std::path::Path;
 
 use criterion::{BenchmarkId, Criterion, Throughput};
-use warpknit::drape::sequence::Held;
-use warpknit::drape::{Block, Cloth, Options};
+use warpknit::drape::sequence::LocatedCloth;
+use warpknit::drape::{Block, Cloth, DrapeOptions};
 use warpknit::garment::{Frames, Garment, ReadOptions};
 
 use super::cpu::CpuTime;
@@ -29,13 +29,16 @@ pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
             bench.iter(|| {
                 let (garment, frames) = open();
                 let cloth = Cloth::cover(&garment, &fabric).expect("the skirt has room");
-                show(&mut Held::lay(&cloth, &Options::default(), &mut |_, _| {}), &garment);
+                show(
+                    &mut LocatedCloth::locate(&cloth, &DrapeOptions::default(), &mut |_, _| {}),
+                    &garment,
+                );
                 frames
             });
         });
         let first = garment.clone();
         let cloth = Cloth::cover(&first, &fabric).expect("the skirt has room");
-        let mut held = Held::lay(&cloth, &Options::default(), &mut |_, _| {});
+        let mut held = LocatedCloth::locate(&cloth, &DrapeOptions::default(), &mut |_, _| {});
         group.bench_function(BenchmarkId::new("next", stitches), |bench| {
             bench.iter(|| {
                 frames.pose(&mut garment, &draped).expect("a shipped garment");
@@ -46,10 +49,10 @@ pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
     group.finish();
 }
 
-fn show(held: &mut Held, garment: &Garment) {
+fn show(held: &mut LocatedCloth, garment: &Garment) {
     let deliver = &mut |blocks: &[Block]| {
         std::hint::black_box(blocks);
         Ok::<_, std::convert::Infallible>(())
     };
-    let Ok(()) = held.show(garment, &Options::default(), &mut |_, _| {}, deliver);
+    let Ok(()) = held.run_frame(garment, &DrapeOptions::default(), &mut |_, _| {}, deliver);
 }

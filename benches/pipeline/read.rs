@@ -7,7 +7,7 @@ use super::inputs::skirt;
 
 pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
     let mut group = criterion.benchmark_group("read");
-    group.throughput(Throughput::Elements(skirt().facts.triangles as u64));
+    group.throughput(Throughput::Elements(skirt().summary.triangles as u64));
     group.bench_function("skirt", |bench| bench.iter(skirt));
     group.finish();
 }

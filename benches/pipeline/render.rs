@@ -17,7 +17,7 @@ pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
     group.sample_size(10);
     for side in [10_u32, 50, 400] {
         let panel = swatch_panel(&fabric, side, side);
-        let scene = cloth::of(&Cloth::swatch(&panel, &fabric, side, side), &fabric);
+        let scene = cloth::from_cloth(&Cloth::swatch(&panel, &fabric, side, side), &fabric);
         let corners = scene.bounds().expect("yarns").corners();
         let camera =
             Camera::view(View::Front, &corners, Camera::DEFAULT_FOV, 1.0, options.aspect());

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use criterion::{BenchmarkId, Criterion, Throughput};
 use rayon::ThreadPoolBuilder;
-use warpknit::drape::{self, Block, Cloth, Options};
+use warpknit::drape::{self, Block, Cloth, DrapeOptions};
 
 use super::cpu::CpuTime;
 use super::inputs::{area, section, skirt, tricot_for};
@@ -18,7 +18,7 @@ pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
             .expect("the skirt has room");
         group.throughput(Throughput::Elements(u64::from(stitches)));
         group.bench_function(BenchmarkId::from_parameter(stitches), |bench| {
-            bench.iter(|| run(&cloth, &Options::default()));
+            bench.iter(|| run(&cloth, &DrapeOptions::default()));
         });
     }
     group.finish();
@@ -30,7 +30,7 @@ fn threads(criterion: &mut Criterion<CpuTime>) {
     let garment = skirt();
     let fabric = tricot_for(area(&garment), 262_000.0);
     let cloth = Cloth::cover(&garment, &fabric).expect("the skirt has room");
-    let options = Options { surface: Some(section(&fabric)), ..Options::default() };
+    let options = DrapeOptions { surface: Some(section(&fabric)), ..DrapeOptions::default() };
     let mut group = criterion.benchmark_group("wall, 262k with tubes");
     group.sample_size(10);
     for count in [1, 2] {
@@ -48,7 +48,7 @@ fn threads(criterion: &mut Criterion<CpuTime>) {
 }
 
 /// All of a cloth, block by block.
-fn run(cloth: &Cloth<'_>, options: &Options) {
+fn run(cloth: &Cloth<'_>, options: &DrapeOptions) {
     let deliver = &mut |blocks: &[Block]| {
         std::hint::black_box(blocks);
         Ok::<_, std::convert::Infallible>(())

@@ -7,7 +7,7 @@
 use std::sync::Arc;
 
 use criterion::{BatchSize, Criterion, Throughput};
-use warpknit::drape::{self, Block, Cloth, Options};
+use warpknit::drape::{self, Block, Cloth, DrapeOptions};
 use warpknit::export::glb::GlbWriter;
 use warpknit::export::obj::ObjWriter;
 use warpknit::export::ply::PlyWriter;
@@ -30,7 +30,7 @@ fn tubes(cloth: &Cloth<'_>, section: Section) -> Vec<Block> {
     };
     let Ok(_totals) = drape::run(
         cloth,
-        &Options { surface: Some(section), ..Options::default() },
+        &DrapeOptions { surface: Some(section), ..DrapeOptions::default() },
         &mut |_, _| {},
         &mut hold,
     );

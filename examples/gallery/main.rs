@@ -15,7 +15,7 @@ use warpknit::drape::{Cloth, swatch_panel};
 use warpknit::fabric::{Fabric, builtin};
 use warpknit::photo::yarn::read_maps;
 use warpknit::render::View;
-use warpknit::render::cloth::{laid, looks, swatch};
+use warpknit::render::cloth::{looks, swatch, with_cloth};
 use warpknit::render::scene::{Scene, Shape};
 
 use crate::picture::Frame;
@@ -52,7 +52,7 @@ fn compare(folder: &Path) -> Result<()> {
     let yarn = Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes/yarns").join(page::WORN);
     for (name, shape) in [("tubes", Shape::Tube), ("ribbons", Shape::Ribbon)] {
         let maps = read_maps(&yarn, 2.0 * fabric.radius(), None)?;
-        let scene = laid(
+        let scene = with_cloth(
             &cloth,
             Scene::wearing(shape, looks(&fabric, fabric.radius()), vec![maps], |_| Some(0)),
         );

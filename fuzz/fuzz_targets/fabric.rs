@@ -42,5 +42,5 @@ fn use_it(fabric: &Fabric) {
         assert!(blocks.iter().all(|block| block.knitted.points.iter().all(|point| point.is_finite())));
         Ok::<_, Infallible>(())
     };
-    let Ok(_totals) = drape::run(&cloth, &drape::Options::default(), &mut |_, _| {}, finite);
+    let Ok(_totals) = drape::run(&cloth, &drape::DrapeOptions::default(), &mut |_, _| {}, finite);
 }

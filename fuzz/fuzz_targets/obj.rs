@@ -48,7 +48,7 @@ fn use_it(garment: &Garment) {
     for panel in &garment.panels {
         check(panel);
     }
-    garment.facts.warnings.iter().for_each(one_line);
+    garment.summary.warnings.iter().for_each(one_line);
     let _inspected = (isometry(&garment.panels), overlaps(garment));
     // Some ten wales and courses of the largest panel.
     let side = garment.panels.iter().map(|panel| panel.size().max_element()).fold(0.0, f64::max);

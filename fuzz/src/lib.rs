@@ -62,8 +62,15 @@ pub fn knit(garment: &Garment, fabric: &Fabric) -> Result<Option<Totals>, Layout
     if cloth.stitches() > MOST_STITCHES {
         return Ok(None);
     }
-    let section = Section { st: 2, sr: 3, radius: fabric.radius(), flatten: 1.0, caps: true, texture_per_mm: 1.0 };
-    let options = drape::Options { surface: Some(section), ..drape::Options::default() };
+    let section = Section {
+        st: 2,
+        sr: 3,
+        radius: fabric.radius(),
+        flatten: 1.0,
+        caps: true,
+        texture_per_mm: 1.0,
+    };
+    let options = drape::DrapeOptions { surface: Some(section), ..drape::DrapeOptions::default() };
     let Ok(totals) = drape::run(&cloth, &options, &mut |_, _| {}, &mut |_| Ok::<_, Infallible>(()));
     Ok(Some(totals))
 }

@@ -65,7 +65,7 @@ pub(super) fn swatch(
         blocks.iter().for_each(|block| cloth::add_to(&mut scene, block));
         Ok(())
     };
-    drape::run(&cloth, &drape::Options::default(), &mut |_, _| {}, &mut deliver)?;
+    drape::run(&cloth, &drape::DrapeOptions::default(), &mut |_, _| {}, &mut deliver)?;
     let options = Options {
         width: column_width(2),
         height: ROWS[2],

@@ -9,7 +9,7 @@ use glam::DVec3;
 use warpknit::chart::{Drawing, Format};
 use warpknit::export::Output;
 use warpknit::garment::stretch::{Percentiles, isometry, stretch};
-use warpknit::garment::{Facts, Garment, GarmentError, read};
+use warpknit::garment::{Garment, GarmentError, GarmentSummary, read};
 use warpknit::locate::overlap::{Overlaps, overlaps};
 
 use super::args::{DEFAULT_FABRIC, Inspect};
@@ -129,10 +129,10 @@ fn pair(flat: &Path, draped: &Path) -> String {
 }
 
 fn section(name: &str, garment: &Garment) -> Result<String, std::fmt::Error> {
-    let facts = &garment.facts;
+    let facts = &garment.summary;
     let mut text = String::new();
     writeln!(text, "{name}")?;
-    let Facts { triangles, unit, untextured, .. } = facts;
+    let GarmentSummary { triangles, unit, untextured, .. } = facts;
     writeln!(text, "  pairs: yes ({} of {triangles} triangles)", triangles - untextured)?;
     let guessed = if facts.unit_guessed { " (guessed)" } else { "" };
     writeln!(
@@ -192,7 +192,7 @@ fn panel_table(text: &mut String, garment: &Garment) -> std::fmt::Result {
             size.x,
             size.y,
             panel.area() / 100.0,
-            garment.facts.panels[number].scale_mm,
+            garment.summary.panels[number].scale_mm,
             own.smallest[0],
             own.largest[2],
             if panel.mirrored { "yes" } else { "no" },

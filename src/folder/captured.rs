@@ -10,7 +10,7 @@ use image::RgbaImage;
 
 use crate::chart::svg;
 use crate::drape::fibres::{bundles, fabric};
-use crate::drape::{self, Cloth, Options, swatch_panel};
+use crate::drape::{self, Cloth, DrapeOptions, swatch_panel};
 use crate::export::fibres::SpunWriter;
 use crate::export::usda::UsdaWriter;
 use crate::export::{ExportError, Output, OutputFolder, Sink, png};
@@ -75,7 +75,7 @@ fn fibres(fabric: &Fabric, path: &Path) -> Result<(), ExportError> {
     let mut sink = Box::new(SpunWriter::new(Box::new(writer), bundles, None));
     drape::run(
         &Cloth::swatch(&panel, fabric, 1, 1),
-        &Options::default(),
+        &DrapeOptions::default(),
         &mut |_, _| {},
         &mut |blocks| sink.take(blocks),
     )?;

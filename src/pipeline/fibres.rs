@@ -9,7 +9,7 @@ use crate::drape::fibres;
 use crate::export::Format;
 use crate::fabric::Fabric;
 use crate::ids::index32;
-use crate::render::fibres::NEAR;
+use crate::render::fibres::MIN_YARN_PIXELS;
 use crate::render::scene::Shape;
 use crate::yarn::fibres::Bundle;
 use crate::yarn::tube::Section;
@@ -49,7 +49,7 @@ impl Fibres {
         }
         let bundles = fibres::bundles(job.shown, section.radius, job.settings.fibre_radius);
         if asked.is_none() {
-            return Ok(Some(Self { bundles, near: NEAR, filed: None }));
+            return Ok(Some(Self { bundles, near: MIN_YARN_PIXELS, filed: None }));
         }
         check_formats(wanted)?;
         check_size(job, &bundles, wanted)?;

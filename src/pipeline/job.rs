@@ -28,7 +28,7 @@ pub(super) struct Job<'a> {
     pub(super) cloth: &'a Cloth<'a>,
     /// The part that files hold, if it isn't the whole.
     pub(super) part: Option<(Tile, Cloth<'a>)>,
-    pub(super) options: drape::Options,
+    pub(super) options: drape::DrapeOptions,
     /// Flat area that is knitted, mm².
     pub(super) area: f64,
     pub(super) source: &'a Source,
@@ -56,7 +56,7 @@ pub(super) struct Setup {
     /// The yarns' fibres, where they are to be seen.
     pub(super) fibres: Option<Fibres>,
     /// How yarns are laid, with surfaces where a file holds them.
-    pub(super) options: drape::Options,
+    pub(super) options: drape::DrapeOptions,
     /// How near yarns come to each other on the flat fabric.
     pub(super) near: Clearance,
 }
@@ -67,7 +67,8 @@ impl Job<'_> {
         let section = section(self)?;
         let near = clearance::measure(self.shown, self.cloth.pattern(), section.radius);
         let wants_surface = wanted.iter().any(|(_, format)| format.holds_tubes());
-        let options = drape::Options { surface: wants_surface.then_some(section), ..self.options };
+        let options =
+            drape::DrapeOptions { surface: wants_surface.then_some(section), ..self.options };
         let textures = Textures::read(self.settings.picture.texture.as_deref(), self.shown)?;
         let wardrobe = wardrobe(wanted, self, section.radius, &textures);
         let fibres = Fibres::new(self, wanted, &section)?;
@@ -76,7 +77,7 @@ impl Job<'_> {
 
     /// What is to be said of the garment and of how the fabric is drawn, before any yarn is laid.
     pub(super) fn first_warnings(&self, setup: &Setup) -> Vec<String> {
-        let mut warnings = self.cloth.garment().facts.warnings.clone();
+        let mut warnings = self.cloth.garment().summary.warnings.clone();
         warnings.extend(clearance::warnings(
             self.shown,
             self.cloth.pattern(),

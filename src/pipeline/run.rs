@@ -19,7 +19,7 @@ use super::settings::{Settings, Wanted};
 use super::summary::RunSummary;
 use super::targets::numbered;
 use super::writers::{check_places, finished, sinks, wanted};
-use crate::drape::clearance::Gauge;
+use crate::drape::clearance::ClearanceMeter;
 use crate::drape::{self, Block, Cloth, Totals, swatch_panel};
 use crate::export::{ExportError, Format, Output, Sink};
 use crate::fabric::Fabric;
@@ -120,7 +120,7 @@ pub fn swatch(
         enlarged: None,
         part: settings.tile.map(|tile| (tile, cloth.part(tile))),
         cloth: &cloth,
-        options: drape::Options::default(),
+        options: drape::DrapeOptions::default(),
         area,
         source,
         is_swatch: true,
@@ -143,7 +143,8 @@ fn make(job: &Job<'_>, mut clock: Clock<'_>) -> Result<Done, RunError> {
     let mut sinks = sinks(&outputs, job, &setup)?;
     let mut scene = job.scene(&setup);
 
-    let gauge = wants_gauge(job, &outputs).then(|| Gauge::new(job.cloth, setup.section.radius));
+    let gauge =
+        wants_gauge(job, &outputs).then(|| ClearanceMeter::new(job.cloth, setup.section.radius));
     let receivers =
         Receivers { scene: (!pictures.is_empty()).then_some(&mut scene), sinks: &mut sinks, gauge };
     let (totals, draped) = lay(job, &setup.options, receivers, &mut clock)?;
@@ -228,13 +229,13 @@ struct Receivers<'a, 'b> {
     /// The scene from which they are drawn, if they are.
     scene: Option<&'a mut Scene>,
     sinks: &'a mut [Box<dyn Sink + 'b>],
-    gauge: Option<Gauge>,
+    gauge: Option<ClearanceMeter>,
 }
 
 /// Lays the yarns, and says what was laid and how near they come to each other.
 fn lay(
     job: &Job<'_>,
-    options: &drape::Options,
+    options: &drape::DrapeOptions,
     receivers: Receivers<'_, '_>,
     clock: &mut Clock<'_>,
 ) -> Result<(Totals, Option<Clearance>), RunError> {
@@ -265,7 +266,7 @@ fn lay(
         Ok(())
     };
     let totals = drape::run(job.filed(), options, &mut announce, &mut deliver)?;
-    Ok((totals, gauge.map(Gauge::finish)))
+    Ok((totals, gauge.map(ClearanceMeter::finish)))
 }
 
 /// Whether clearance is to be measured on the body: for a report of the whole alone, and not on a

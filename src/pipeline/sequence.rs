@@ -7,8 +7,8 @@
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
-use crate::drape::sequence::Held;
-use crate::drape::{Block, Options};
+use crate::drape::sequence::LocatedCloth;
+use crate::drape::{Block, DrapeOptions};
 use crate::export::usda_frames::UsdaFramesWriter;
 use crate::export::{ExportError, Format, Output, Sink};
 use crate::garment::stretch::stretch;
@@ -68,7 +68,7 @@ struct Files {
 struct Show<'a, 'b, 'c> {
     job: &'a Job<'a>,
     setup: &'a Setup,
-    held: Held,
+    held: LocatedCloth,
     files: &'a Files,
     usda: Vec<UsdaFramesWriter>,
     scene: Option<Scene>,
@@ -102,8 +102,8 @@ pub(super) fn make(
     let usda = usda.collect::<Result<Vec<_>, _>>()?;
     let reports = files.whole.iter().filter(|(_, format)| *format == Format::Json);
     reports.into_iter().try_for_each(|(path, _)| Output::check(path))?;
-    let held = Held::lay(job.cloth, &setup.options, &mut |stage, done| {
-        clock.begin(Task::from(stage), done)
+    let held = LocatedCloth::locate(job.cloth, &setup.options, &mut |stage, done| {
+        clock.begin(Task::from(stage), done);
     });
     check_laid(held.totals())?;
     warnings.extend(loss_warning(held.totals()));
@@ -259,8 +259,8 @@ impl Show<'_, '_, '_> {
             usda.iter_mut().try_for_each(|usda| usda.take(blocks))?;
             sinks.iter_mut().try_for_each(|sink| sink.take(blocks))
         };
-        let options: &Options = &setup.options;
-        held.show(
+        let options: &DrapeOptions = &setup.options;
+        held.run_frame(
             garment,
             options,
             &mut |stage, done| clock.borrow_mut().begin(Task::from(stage), done),

@@ -79,7 +79,7 @@ pub struct Placement {
     pub edge: Edge,
 }
 
-impl From<Placement> for drape::Options {
+impl From<Placement> for drape::DrapeOptions {
     /// Without surfaces, which are for those who write them.
     fn from(placement: Placement) -> Self {
         Self { mapping: placement.mapping, edge: placement.edge, surface: None }

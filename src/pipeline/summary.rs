@@ -70,9 +70,9 @@ impl RunSummary<'_> {
             fabric: job.fabric.name.clone(),
             garment: GarmentReport {
                 panels: garment.panels.len(),
-                triangles: garment.facts.triangles,
-                unit: garment.facts.unit,
-                uv_scale_mm: garment.facts.uv_scale_mm,
+                triangles: garment.summary.triangles,
+                unit: garment.summary.unit,
+                uv_scale_mm: garment.summary.uv_scale_mm,
                 warnings: self.warnings.clone(),
             },
             wales_per_cm: job.shown.wales_per_cm,

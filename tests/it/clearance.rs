@@ -2,8 +2,8 @@
 //! mapping makes of real folds.
 
 use glam::{DQuat, DVec3};
-use warpknit::drape::clearance::Gauge;
-use warpknit::drape::{self, Block, Cloth, Options};
+use warpknit::drape::clearance::ClearanceMeter;
+use warpknit::drape::{self, Block, Cloth, DrapeOptions};
 use warpknit::fabric::Fabric;
 use warpknit::garment::{Garment, ReadOptions, read};
 use warpknit::knit::clearance::{self, Clearance};
@@ -21,14 +21,19 @@ fn at(wales_per_cm: f64) -> Fabric {
 /// The clearance of a garment's first panel.
 fn measure(garment: &Garment, fabric: &Fabric, mapping: Mapping) -> Clearance {
     let cloth = Cloth::cover(garment, fabric).unwrap();
-    let mut gauge = Gauge::new(&cloth, fabric.radius());
+    let mut gauge = ClearanceMeter::new(&cloth, fabric.radius());
     let deliver = &mut |blocks: &[Block]| {
         let others = blocks.iter().position(|block| block.panel > 0).unwrap_or(blocks.len());
         gauge.take(&blocks[..others]);
         Ok::<_, std::io::Error>(())
     };
-    drape::run(&cloth, &Options { mapping, ..Options::default() }, &mut |_, _| {}, deliver)
-        .unwrap();
+    drape::run(
+        &cloth,
+        &DrapeOptions { mapping, ..DrapeOptions::default() },
+        &mut |_, _| {},
+        deliver,
+    )
+    .unwrap();
     gauge.finish()
 }
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec2;
 use warpknit::drape::strands::{CUT, Edge};
-use warpknit::drape::{self, Block, Cloth, Options, Totals};
+use warpknit::drape::{self, Block, Cloth, DrapeOptions, Totals};
 use warpknit::fabric::{Fabric, PanelLayout};
 use warpknit::garment::stretch::stretch;
 use warpknit::garment::{Garment, Panel, ReadOptions, read};
@@ -49,22 +49,23 @@ fn run(garment: &Garment, fabric: &Fabric, edge: Edge, visit: &mut dyn FnMut(&Bl
         blocks.iter().for_each(&mut *visit);
         Ok::<_, std::io::Error>(())
     };
-    drape::run(&cloth, &Options { edge, ..Options::default() }, &mut |_, _| {}, deliver).unwrap()
+    drape::run(&cloth, &DrapeOptions { edge, ..DrapeOptions::default() }, &mut |_, _| {}, deliver)
+        .unwrap()
 }
 
 #[test]
 fn shipped_garments_are_near_isometric_and_whole() {
     for (name, garment) in shipped() {
         assert!(
-            (5_000..=40_000).contains(&garment.facts.triangles),
+            (5_000..=40_000).contains(&garment.summary.triangles),
             "{name}: {} triangles",
-            garment.facts.triangles
+            garment.summary.triangles
         );
         assert_eq!(
-            (garment.facts.unit, garment.facts.warnings.len()),
+            (garment.summary.unit, garment.summary.warnings.len()),
             ("cm", 0),
             "{name}: {:?}",
-            garment.facts.warnings
+            garment.summary.warnings
         );
         let (warp, weft) = stretch(&garment);
         for [low, median, high] in [warp, weft] {

@@ -108,15 +108,15 @@ fn one_file_with_vt_is_a_garment() {
     assert!((panel.size() - DVec2::new(1000.0, 2000.0)).length() < 1e-6);
     assert!(panel.normals.iter().all(|normal| normal.distance(DVec3::Z) < 1e-12));
     assert!(!panel.mirrored);
-    assert!((garment.facts.uv_scale_mm - 1000.0).abs() < 1e-9);
-    assert_eq!(garment.facts.warnings, Vec::<String>::new());
+    assert!((garment.summary.uv_scale_mm - 1000.0).abs() < 1e-9);
+    assert_eq!(garment.summary.warnings, Vec::<String>::new());
 }
 
 #[test]
 fn a_flat_file_draped_as_it_was_cut_is_the_identity() {
     let flat = grid(4, |x, y| in_plane(x + 7.0, y - 3.0) / 10.0);
     let garment = read_two(&flat, &flat, &metres()).unwrap();
-    assert_eq!(garment.facts.uv_scale_mm, 1000.0);
+    assert_eq!(garment.summary.uv_scale_mm, 1000.0);
     for (uv, draped) in garment.panels[0].uv.iter().zip(&garment.panels[0].draped) {
         assert!(
             garment.panels[0].flat_from_panel.transform_point3(uv.extend(0.0)).distance(*draped)
@@ -172,7 +172,7 @@ fn a_draped_file_with_the_body_pairs_by_name() {
             garment.panels[0].draped.iter().all(|p| p.y == 0.0),
             "the body is at z = 5, the shirt at y = 0"
         );
-        assert_eq!(garment.facts.warnings, Vec::<String>::new());
+        assert_eq!(garment.summary.warnings, Vec::<String>::new());
     }
     let grouped = |text: &str| text.replace("o ", "g ");
     let groups =
@@ -204,10 +204,10 @@ fn a_draped_file_that_continues_pairs_its_first_faces_and_warns() {
     let draped = format!("{flat}v 0 0 5\nv 1 0 5\nv 0 1 5\nf -3 -2 -1\n");
     let garment = read_two(&flat, &draped, &metres()).unwrap();
     assert_eq!(garment.panels[0].triangles.len(), 8);
-    assert_eq!(garment.facts.warnings.len(), 1);
+    assert_eq!(garment.summary.warnings.len(), 1);
     assert!(
-        garment.facts.warnings[0].contains("5 faces")
-            && garment.facts.warnings[0].contains("first 4")
+        garment.summary.warnings[0].contains("5 faces")
+            && garment.summary.warnings[0].contains("first 4")
     );
 }
 
@@ -234,7 +234,11 @@ fn corners_that_disagree_are_an_error_and_one_torn_vertex_a_warning() {
     let flat = grid(20, in_plane);
     let turned = flat.replace("f 24 25 46 45", "f 25 46 45 24");
     let torn = read_two(&flat, &turned, &metres()).unwrap();
-    assert!(torn.facts.warnings[0].contains("4 of 441 flat vertices"), "{:?}", torn.facts.warnings);
+    assert!(
+        torn.summary.warnings[0].contains("4 of 441 flat vertices"),
+        "{:?}",
+        torn.summary.warnings
+    );
     let small = grid(2, in_plane);
     let error = read_two(&small, &small.replace("f 2 3 6 5", "f 3 6 5 2"), &metres())
         .unwrap_err()
@@ -254,7 +258,7 @@ fn an_unwelded_draped_file_pairs() {
     let garment = read_two(flat, soup, &metres()).unwrap();
     assert_eq!(garment.panels.len(), 1);
     assert_eq!(garment.panels[0].uv.len(), 4);
-    assert_eq!(garment.facts.warnings, Vec::<String>::new());
+    assert_eq!(garment.summary.warnings, Vec::<String>::new());
 }
 
 #[test]
@@ -266,19 +270,19 @@ fn the_unit_is_guessed_or_given() {
     };
     for (size, unit) in [(1.0, "m"), (10.0, "dm"), (100.0, "cm"), (1000.0, "mm")] {
         let text = scaled(size).replace("v 0 2 0", &format!("v 0 {} 0", 2.0 * size));
-        let facts = read_with(&text, &ReadOptions::default()).unwrap().facts;
+        let facts = read_with(&text, &ReadOptions::default()).unwrap().summary;
         assert_eq!((facts.unit, facts.unit_guessed), (unit, true));
         assert!((facts.uv_scale_mm - 1000.0).abs() < 1e-6);
     }
     let inches = ReadOptions { unit: Some(Unit::Inch), ..Default::default() };
     let garment = read_with(SHEET, &inches).unwrap();
-    assert_eq!((garment.facts.unit, garment.facts.unit_guessed), ("in", false));
+    assert_eq!((garment.summary.unit, garment.summary.unit_guessed), ("in", false));
     assert!(garment.panels[0].draped.contains(&DVec3::new(25.4, 50.8, 0.0)));
     let tiny = read_with(
         SHEET.replace("v 1 ", "v 0.01 ").replace(" 2 0", " 0.02 0"),
         &ReadOptions::default(),
     );
-    assert!(tiny.unwrap().facts.warnings[0].contains("in no unit"));
+    assert!(tiny.unwrap().summary.warnings[0].contains("in no unit"));
 }
 
 #[test]
@@ -287,7 +291,7 @@ fn a_stray_vertex_has_no_say_in_the_unit() {
         format!("v 9000 0 0\n{}", SHEET.replace("f 1/1 2/2 3/3 4/4", "f 2/1 3/2 4/3 5/4")),
         &ReadOptions::default(),
     );
-    assert_eq!(facts.unwrap().facts.unit, "m");
+    assert_eq!(facts.unwrap().summary.unit, "m");
 }
 
 #[test]
@@ -296,13 +300,13 @@ fn the_scale_is_the_median_and_a_plain_unit_for_a_flat_file() {
     let stretched = grid(4, |x, y| DVec3::new(1.04 * x, y, 0.0) / 10.0);
     let file = read_two(&flat, &stretched, &metres()).unwrap();
     assert_eq!(
-        file.facts.uv_scale_mm, 100.0,
+        file.summary.uv_scale_mm, 100.0,
         "a flat unit is a decimetre, and the rest is stretch"
     );
     let texture = read_one(SHEET.replace("v 1 ", "v 1.04 ")).unwrap();
-    assert!((texture.facts.uv_scale_mm - 1000.0 * 1.04_f64.sqrt()).abs() < 1e-6);
+    assert!((texture.summary.uv_scale_mm - 1000.0 * 1.04_f64.sqrt()).abs() < 1e-6);
     let given = read_with(SHEET, &ReadOptions { uv_scale: Some(123.0), ..metres() }).unwrap();
-    assert_eq!(given.facts.uv_scale_mm, 123.0);
+    assert_eq!(given.summary.uv_scale_mm, 123.0);
     assert!((given.panels[0].area() - 2.0 * 123.0 * 123.0).abs() < 1e-6);
 }
 
@@ -318,16 +322,16 @@ fn two_scales(factor: f64) -> String {
 
 #[test]
 fn panels_that_disagree_take_their_own_scale_and_are_named() {
-    let facts = read_one(two_scales(1.03)).unwrap().facts;
+    let facts = read_one(two_scales(1.03)).unwrap().summary;
     assert_eq!(facts.warnings, Vec::<String>::new());
     assert_eq!(facts.panels[0].scale_mm, facts.panels[1].scale_mm);
-    let facts = read_one(two_scales(2.0)).unwrap().facts;
+    let facts = read_one(two_scales(2.0)).unwrap().summary;
     assert!((facts.panels[0].scale_mm - 1000.0).abs() < 1e-6);
     assert!((facts.panels[1].scale_mm - 500.0).abs() < 1e-6);
     assert!(facts.warnings[0].contains("panel 1 500.0000"), "{:?}", facts.warnings);
     let given =
         read_with(two_scales(2.0), &ReadOptions { uv_scale: Some(1000.0), ..metres() }).unwrap();
-    assert_eq!(given.facts.panels[1].scale_mm, 1000.0);
+    assert_eq!(given.summary.panels[1].scale_mm, 1000.0);
 }
 
 #[test]
@@ -348,7 +352,7 @@ fn panels_are_components_over_flat_vertices() {
     let garment = read_one(sleeves).unwrap();
     assert_eq!(garment.panels.len(), 2);
     assert_eq!([garment.panels[0].mirrored, garment.panels[1].mirrored], [false, true]);
-    assert_eq!(garment.facts.flipped, 0);
+    assert_eq!(garment.summary.flipped, 0);
 }
 
 #[test]
@@ -403,7 +407,7 @@ fn the_flat_mesh_may_lie_in_any_plane() {
         let panel = &garment.panels[0];
         check_panel(panel);
         for (uv, draped) in panel.uv.iter().zip(&panel.draped) {
-            let flat = place(draped.x / 1000.0, draped.y / 1000.0) * garment.facts.uv_scale_mm;
+            let flat = place(draped.x / 1000.0, draped.y / 1000.0) * garment.summary.uv_scale_mm;
             let back = panel.flat_from_panel.transform_point3(uv.extend(0.0));
             assert!(back.distance(flat) < 1e-9, "plane {i}: {back} is not {flat}");
         }
@@ -428,8 +432,8 @@ fn a_panel_that_leaves_its_plane_is_refused() {
     // Beside a good panel it is left out and counted.
     let good = "v 20 0 0\nv 21 0 0\nv 20 1 0\nf -3 -2 -1\n";
     let garment = read_two(&(bent(1.0) + good), &(grid(4, in_plane) + good), &metres()).unwrap();
-    assert_eq!((garment.panels.len(), garment.facts.refused), (1, 1));
-    assert!(garment.facts.warnings[0].contains("left out: the piece of 32 triangles at face 1"));
+    assert_eq!((garment.panels.len(), garment.summary.refused), (1, 1));
+    assert!(garment.summary.warnings[0].contains("left out: the piece of 32 triangles at face 1"));
 }
 
 #[test]
@@ -444,22 +448,25 @@ fn flipped_triangles_are_counted_and_take_no_stitches() {
     let mut faces: Vec<_> = garment.panels[0].faces.iter().map(|face| face.0).collect();
     faces.sort_unstable();
     assert_eq!(faces, [1, 2, 3]);
-    assert_eq!(garment.facts.flipped, 1);
-    assert!(garment.facts.warnings[0].contains("1 in panel 0"));
+    assert_eq!(garment.summary.flipped, 1);
+    assert!(garment.summary.warnings[0].contains("1 in panel 0"));
 }
 
 #[test]
 fn degenerate_and_untextured_triangles_are_counted_and_left_out() {
     let text = format!("{SHEET}f 1/1 2/2 2/2\nf 1/1 3/3 2//\nf 1 2 3\nf 4/4 3/3 2/2 1\n");
     let garment = read_one(text).unwrap();
-    let facts = &garment.facts;
+    let facts = &garment.summary;
     assert_eq!((facts.triangles, facts.degenerate, facts.untextured), (7, 1, 4));
     assert_eq!(garment.panels[0].triangles.len(), 2);
     assert_eq!(facts.panels[0].degenerate, 1);
     let needle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 3 0 0\nv 4 0 0\nv 3 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nvt 3 3\nvt 4 4\nvt 5 5.0000000001\n\
                   f 1/1 2/2 3/3\nf 4/4 5/5 6/6\n";
     let garment = read_one(needle).unwrap();
-    assert_eq!((garment.panels.len(), garment.facts.refused, garment.facts.degenerate), (1, 1, 1));
+    assert_eq!(
+        (garment.panels.len(), garment.summary.refused, garment.summary.degenerate),
+        (1, 1, 1)
+    );
 }
 
 #[test]
@@ -642,7 +649,7 @@ fn the_real_garments_read_as_their_sources_say() {
     for (name, panels, triangles, unit, scale, flipped, degenerate, mirrored) in REAL {
         let garment = read(&folder.join(name), None, &ReadOptions::default())
             .unwrap_or_else(|error| panic!("{error}"));
-        let facts = &garment.facts;
+        let facts = &garment.summary;
         assert_eq!(
             (garment.panels.len(), facts.triangles, facts.unit),
             (panels, triangles, unit),
@@ -668,7 +675,7 @@ fn every_real_garment_reads_or_says_why_not() {
     for path in all_objs(&folder) {
         let name = path.strip_prefix(&folder).unwrap().display().to_string();
         match read(&path, None, &ReadOptions::default()) {
-            Ok(Garment { panels, facts }) => {
+            Ok(Garment { panels, summary: facts }) => {
                 panels.iter().for_each(check_panel);
                 let held: usize =
                     panels.iter().map(|panel| panel.triangles.len() + panel.flipped.len()).sum();
@@ -692,7 +699,7 @@ fn a_frame_of_a_sequence_pairs_with_the_first() {
     let Some(folder) = garments() else { return };
     let frame = |number: &str| folder.join(format!("madypg_seq/rib_stretchX/frame_{number}.obj"));
     let garment = read(&frame("0000"), Some(&frame("0059")), &ReadOptions::default()).unwrap();
-    assert_eq!((garment.panels.len(), garment.facts.triangles), (1, 5168));
+    assert_eq!((garment.panels.len(), garment.summary.triangles), (1, 5168));
     check_panel(&garment.panels[0]);
 }
 
@@ -724,7 +731,7 @@ proptest! {
             for (&vertex, &(i, j)) in triangle.iter().zip(corners) {
                 prop_assert_eq!(panel.draped[vertex as usize], at(i, j) * 1000.0);
                 let flat = panel.flat_from_panel.transform_point3(panel.uv[vertex as usize].extend(0.0));
-                let scale = garment.facts.uv_scale_mm;
+                let scale = garment.summary.uv_scale_mm;
                 prop_assert!(flat.distance(DVec3::new(i as f64, j as f64, 0.0) * scale) < 1e-9);
             }
         }

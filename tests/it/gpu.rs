@@ -105,7 +105,7 @@ fn skirt(wales_per_cm: f64) -> Scene {
     let aspect = fabric.courses_per_cm / fabric.wales_per_cm;
     let fabric = fabric.at_densities(wales_per_cm, wales_per_cm * aspect).unwrap();
     let cloth = drape::Cloth::cover(&garment, &fabric).unwrap();
-    cloth::of(&cloth, &fabric)
+    cloth::from_cloth(&cloth, &fabric)
 }
 
 fn front(scene: &Scene) -> Camera {

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use glam::DVec3;
-use warpknit::drape::{self, Block, Cloth, Options, fibres};
+use warpknit::drape::{self, Block, Cloth, DrapeOptions, fibres};
 use warpknit::fabric::Fabric;
 use warpknit::knit::{Pattern, numbers};
 use warpknit::render;
@@ -35,7 +35,7 @@ fn blocks(fabric: &Fabric, wales: u32, courses: u32) -> Vec<Block> {
     };
     let Ok(_) = drape::run(
         &Cloth::swatch(&panel, fabric, wales, courses),
-        &Options::default(),
+        &DrapeOptions::default(),
         &mut |_, _| {},
         &mut keep,
     );
@@ -121,10 +121,23 @@ fn fibres_are_drawn_where_the_camera_is_near_and_nowhere_else() {
     let camera =
         |zoom: f64| Camera::view(View::Front, &scene.positions, Camera::DEFAULT_FOV, zoom, 1.0);
     assert!(
-        render::fibres::scene(&scene, &bundles, render::fibres::NEAR, &camera(1.0), size).is_none()
+        render::fibres::scene(
+            &scene,
+            &bundles,
+            render::fibres::MIN_YARN_PIXELS,
+            &camera(1.0),
+            size
+        )
+        .is_none()
     );
-    let near =
-        render::fibres::scene(&scene, &bundles, render::fibres::NEAR, &camera(14.0), size).unwrap();
+    let near = render::fibres::scene(
+        &scene,
+        &bundles,
+        render::fibres::MIN_YARN_PIXELS,
+        &camera(14.0),
+        size,
+    )
+    .unwrap();
     let (yarns, fibres): (Vec<_>, Vec<_>) =
         near.strands.iter().partition(|strand| usize::from(strand.look) < scene.looks.len());
     assert!(

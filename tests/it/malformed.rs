@@ -21,7 +21,7 @@ fn check(what: &str, text: &[u8], line: u64, says: &str) {
 fn check_path(what: &str, path: &Path, draped: Option<&Path>, line: u64, says: &str) {
     let error = match read(path, draped, &ReadOptions::default()) {
         Err(error) => error.to_string(),
-        Ok(garment) => panic!("{what}: read as {:?}", garment.facts),
+        Ok(garment) => panic!("{what}: read as {:?}", garment.summary),
     };
     let place = match line {
         0 => "garment.obj".to_owned(),

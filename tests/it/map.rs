@@ -1,7 +1,7 @@
 //! Mapping: what an identity, a rigid motion, a stretch and an edge between triangles must give.
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
-use warpknit::drape::{self, Cloth, Options};
+use warpknit::drape::{self, Cloth, DrapeOptions};
 use warpknit::fabric::Fabric;
 use warpknit::garment::{Garment, ReadOptions, read};
 use warpknit::locate::{Locator, SurfacePoint};
@@ -47,8 +47,13 @@ fn knitted(garment: &Garment, mapping: Mapping) -> Vec<(DVec3, DVec3)> {
         }
         Ok::<_, std::io::Error>(())
     };
-    drape::run(&cloth, &Options { mapping, ..Options::default() }, &mut |_, _| {}, deliver)
-        .unwrap();
+    drape::run(
+        &cloth,
+        &DrapeOptions { mapping, ..DrapeOptions::default() },
+        &mut |_, _| {},
+        deliver,
+    )
+    .unwrap();
     assert!(points.len() > 20_000);
     points
 }

@@ -85,7 +85,7 @@ fn brute_force(fabric: &Fabric) -> f64 {
         }
         Ok::<_, std::io::Error>(())
     };
-    drape::run(&cloth, &drape::Options::default(), &mut |_, _| {}, &mut collect).unwrap();
+    drape::run(&cloth, &drape::DrapeOptions::default(), &mut |_, _| {}, &mut collect).unwrap();
     // One repeat in the swatch's middle against all of it.
     let size = panel.panels[0].size();
     let (width, height) =

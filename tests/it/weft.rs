@@ -107,7 +107,7 @@ fn a_cable_covers_a_garment_and_a_rectangle() {
             blocks.iter().for_each(|block| stitches += block.strands.pieces.len() as f64);
             Ok(())
         };
-        let Ok(_) = drape::run(&cloth, &drape::Options::default(), &mut |_, _| {}, &mut count);
+        let Ok(_) = drape::run(&cloth, &drape::DrapeOptions::default(), &mut |_, _| {}, &mut count);
         stitches
     };
     // A tricot has two loops on each needle.

@@ -1,18 +1,19 @@
-//! Typed indices: 32 bits each, so that millions of them stay small, and never mixed up.
+//! Typed indices of 32 bits. Millions of them stay small, and the compiler keeps faces and yarns
+//! apart.
 //!
-//! A count over `u32::MAX` would need over 100 GB of input, so [`index32`] treats it as an
-//! invariant.
+//! A count over `u32::MAX` would need over 100 GB of input, so [`index32`] treats a smaller one as
+//! an invariant.
 
 /// Index of a triangle in the garment's triangulated faces, in file order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct FaceId(pub u32);
 
-/// Index of a yarn in a garment: panels in order, in each the bars front first, in each the guides
-/// from x = 0.
+/// Index of a yarn in a garment. Yarns are ordered by panel, then by bar from the front, then by
+/// guide from x = 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct YarnId(pub u32);
 
-/// A `usize` index as 32 bits.
+/// Converts an index to 32 bits.
 ///
 /// # Panics
 /// Over `u32::MAX`, which no input that fits in memory reaches.

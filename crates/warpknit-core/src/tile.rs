@@ -1,13 +1,16 @@
-//! Parts of a whole, for work that is shared out among machines.
+//! Tiles: parts of a job that is divided among machines.
 //!
-//! In: which of how many parts. Out: what belongs to it. Every part is found from the whole's size
-//! alone, the parts follow each other without gap or overlap, and they are as even as things that
-//! aren't cut allow: rows of a picture, yarns of a cloth.
+//! In: the number of a part and the number of all parts. Out: the items that belong to it, such as
+//! rows of a picture or yarns of a cloth.
+//!
+//! A part depends only on the size of the whole, so machines need not talk to each other. Parts
+//! follow each other without gaps or overlaps, and their sizes differ by one item at most. Cost:
+//! constant. Not promised: parts of equal running time.
 
 use std::ops::Range;
 use std::str::FromStr;
 
-/// One of some parts, counted from 1.
+/// One of several parts, counted from 1.
 ///
 /// ```
 /// use warpknit_core::tile::Tile;
@@ -18,52 +21,58 @@ use std::str::FromStr;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tile {
     number: u32,
+    /// Number of parts.
     of: u32,
 }
 
-/// Why a text names no part.
+/// Reasons why a text names no part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum TileError {
-    /// Not two numbers.
+    /// The text is not two numbers with a slash between them.
     #[error("write it as 2/3: which part, counted from 1, and of how many")]
     Form,
-    /// Part 0, or one beyond the last.
+    /// The number is 0 or larger than the number of parts.
     #[error("of {of} parts there is no part {number}: they are counted from 1 to {of}")]
     Missing {
-        /// The part.
+        /// The number of the part.
         number: u32,
-        /// How many there are.
+        /// The number of parts.
         of: u32,
     },
 }
 
 impl Tile {
-    /// Part `number` of `of`; nothing if there is no such part.
+    /// Part `number` of `of`. Nothing if there is no such part.
     #[must_use]
     pub fn new(number: u32, of: u32) -> Option<Self> {
         (1..=of).contains(&number).then_some(Self { number, of })
     }
 
-    /// Which part, from 1, and of how many.
+    /// The number of the part, from 1, and the number of parts.
     #[must_use]
     pub fn numbers(self) -> [u32; 2] {
         [self.number, self.of]
     }
 
-    /// What of `count` things in a row is this part's.
+    /// The range of this part among `count` items.
     #[must_use]
     pub fn share(self, count: u32) -> Range<u32> {
-        let border = |number: u32| {
-            let border = u64::from(count) * u64::from(number) / u64::from(self.of);
-            u32::try_from(border).expect("no more than the count")
-        };
-        border(self.number - 1)..border(self.number)
+        self.border(self.number - 1, count)..self.border(self.number, count)
     }
 
-    /// Whether this part holds the place `at` on a way of some length; places at its end are the
-    /// last part's.
+    /// The number of items in the first `parts` parts. Neighbouring parts compute the same border,
+    /// so there is neither gap nor overlap.
+    fn border(self, parts: u32, count: u32) -> u32 {
+        // 64 bits: the product of two 32-bit numbers may exceed 32 bits.
+        let border = u64::from(count) * u64::from(parts) / u64::from(self.of);
+        u32::try_from(border).expect("no more than the count")
+    }
+
+    /// Whether this part holds the position `at` of a line of this length. The end of the line
+    /// belongs to the last part.
     #[must_use]
     pub fn holds(self, at: u64, length: u64) -> bool {
+        // 128 bits: positions are counts of up to 64 bits.
         let part =
             (u128::from(at) * u128::from(self.of)).checked_div(u128::from(length)).unwrap_or(0);
         part.min(u128::from(self.of - 1)) == u128::from(self.number - 1)

@@ -161,7 +161,7 @@ fn add_faces(section: &Section, vertices: Range<u32>, bytes: &mut Buffer) {
     let count = faces::count(section, &vertices);
     let mut faces =
         bytemuck::cast_slice_mut::<_, Face>(bytes.grow(count * size_of::<Face>())).iter_mut();
-    faces::each(section, vertices, |vertices| {
+    faces::for_each(section, vertices, |vertices| {
         if let Some(face) = faces.next() {
             *face = Face { corners: 3, vertices };
         }

@@ -1,35 +1,37 @@
 //! Blocks of yarn as a scene for a renderer.
 //!
-//! In: a [`Fabric`] and [`Block`]s. Out: a [`Scene`] with a look a bar. Points keep their strands
-//! and lose their tags; nothing is drawn here.
+//! In: a [`Fabric`] and [`Block`]s. Out: a [`Scene`] with one look for each bar. Points keep their
+//! order in strands and lose their tags. Nothing is drawn here. Cost: linear in the points.
 
 use crate::scene::{Scene, YarnLook};
-use warpknit_core::drape::{Block, Cloth, Options, run, swatch_panel};
+use warpknit_core::drape::{Block, Cloth, DrapeOptions, run, swatch_panel};
 use warpknit_core::fabric::{Bar, Fabric};
 use warpknit_core::ids::index32;
 
-/// How rough yarns look, in files too; fibres are dull.
+/// Roughness of yarns in pictures and in files, 0 to 1. Most textile fibres are dull.
 pub const ROUGHNESS: f32 = 0.75;
 
-/// One look a bar; `radius` is the thickest one's, mm.
+/// One look for each bar. `radius` is that of the thickest bar, mm.
 #[must_use]
 pub fn looks(fabric: &Fabric, radius: f64) -> Vec<YarnLook> {
-    let look = |(bar, thickness): (&Bar, f64)| {
-        #[expect(clippy::cast_possible_truncation, reason = "a radius in mm, and what is about 1")]
-        let [radius, sheen] =
-            [radius * thickness, bar.yarn.sheen.unwrap_or(0.0)].map(|number| number as f32);
-        #[expect(clippy::cast_possible_truncation, reason = "a slope about 1")]
-        let twist_slope = bar.yarn.twist_slope().map(|slope| slope as f32);
-        let look = YarnLook::plain(bar.yarn.color.linear().into(), ROUGHNESS, radius);
-        YarnLook { plies: bar.yarn.plies.unwrap_or(look.plies), twist_slope, sheen, ..look }
-    };
-    fabric.bars.iter().zip(fabric.thickness()).map(look).collect()
+    let bars = fabric.bars.iter().zip(fabric.thickness());
+    bars.map(|(bar, thickness)| bar_look(bar, radius * thickness)).collect()
+}
+
+/// The look of a bar whose yarns are drawn with `radius` mm.
+fn bar_look(bar: &Bar, radius: f64) -> YarnLook {
+    #[expect(clippy::cast_possible_truncation, reason = "a radius in mm, and a number about 1")]
+    let [radius, sheen] = [radius, bar.yarn.sheen.unwrap_or(0.0)].map(|number| number as f32);
+    #[expect(clippy::cast_possible_truncation, reason = "a slope about 1")]
+    let twist_slope = bar.yarn.twist_slope().map(|slope| slope as f32);
+    let look = YarnLook::plain(bar.yarn.color.linear().into(), ROUGHNESS, radius);
+    YarnLook { plies: bar.yarn.plies.unwrap_or(look.plies), twist_slope, sheen, ..look }
 }
 
 /// Appends a block's strands to a scene that has its fabric's [`looks`].
 ///
 /// # Panics
-/// If the block is of bar 65 536 or later: fabrics have a hundred at most.
+/// If the block's bar is number 65 536 or above. Fabrics have at most a hundred bars.
 pub fn add_to(scene: &mut Scene, block: &Block) {
     let look = u16::try_from(block.bar).expect("machines have some tens of bars");
     for strand in &block.strands.strands {
@@ -39,13 +41,14 @@ pub fn add_to(scene: &mut Scene, block: &Block) {
             .iter()
             .zip(normals)
             .map(|(position, normal)| (position.as_vec3(), normal.as_vec3()));
+        // The first point of each stitch: a renderer draws the same number of segments for each.
         let stitches = block.strands.pieces_of(strand).map(|piece| index32(piece.start));
         scene.push_stitches(points, stitches, look);
     }
 }
 
-/// A flat piece of fabric, `wales` yarns a bar and `courses` courses, at the radius for which it is
-/// laid out.
+/// A scene of a flat swatch: `wales` yarns a bar and `courses` courses, drawn with the radius that
+/// the fabric gives.
 ///
 /// ```
 /// use warpknit::{drape::picture, fabric::Fabric};
@@ -56,23 +59,21 @@ pub fn add_to(scene: &mut Scene, block: &Block) {
 #[must_use]
 pub fn swatch(fabric: &Fabric, wales: u32, courses: u32) -> Scene {
     let panel = swatch_panel(fabric, wales, courses);
-    of(&Cloth::swatch(&panel, fabric, wales, courses), fabric)
+    from_cloth(&Cloth::swatch(&panel, fabric, wales, courses), fabric)
 }
 
-/// All of a cloth, at the radius for which it is laid out.
+/// A scene of a whole cloth, drawn with the radius that the fabric gives.
 #[must_use]
-pub fn of(cloth: &Cloth<'_>, fabric: &Fabric) -> Scene {
-    laid(cloth, Scene { looks: looks(fabric, fabric.radius()), ..Scene::default() })
+pub fn from_cloth(cloth: &Cloth<'_>, fabric: &Fabric) -> Scene {
+    with_cloth(cloth, Scene { looks: looks(fabric, fabric.radius()), ..Scene::default() })
 }
 
-/// All of a cloth in a scene that has a look for each of its bars.
+/// Adds a whole cloth to a scene that has a look for each of its bars.
 #[must_use]
-pub fn laid(cloth: &Cloth<'_>, mut scene: Scene) -> Scene {
-    let mut deliver = |blocks: &[Block]| -> Result<(), std::convert::Infallible> {
+pub fn with_cloth(cloth: &Cloth<'_>, mut scene: Scene) -> Scene {
+    let Ok(_totals) = run(cloth, &DrapeOptions::default(), &mut |_, _| {}, &mut |blocks| {
         blocks.iter().for_each(|block| add_to(&mut scene, block));
-        Ok(())
-    };
-    match run(cloth, &Options::default(), &mut |_, _| {}, &mut deliver) {
-        Ok(_totals) => scene,
-    }
+        Ok::<(), std::convert::Infallible>(())
+    });
+    scene
 }

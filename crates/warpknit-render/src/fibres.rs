@@ -1,26 +1,86 @@
-//! Yarns as their fibres, for pictures taken from near.
+//! Yarns as their fibres, for close-up pictures.
 //!
-//! In: a [`Scene`] of yarns and a camera. Out: the same scene with a strand for each fibre where the camera sees yarns from near. Fibres are no
-//! thinner than pixels can show, so that memory is bounded by the picture and not by the garment.
+//! In: a [`Scene`] of yarns and a camera. Out: the same with one strand for each fibre. Only the parts of yarns near
+//! the camera become fibres: level of detail by screen size. Their fibres are no thinner than
+//! pixels can show. So memory is bounded by the picture and not by the garment.
+//!
+//! Cost: linear in the fibres' points, after a pass over all points of the scene to find the near
+//! parts.
 
 use glam::DVec3;
-use warpknit_core::yarn::fibres::{Axis, Bundle, FIBRE_RADIUS, spin};
+use warpknit_core::number::narrow;
+use warpknit_core::yarn::fibres::{Axis, Bundle, FIBRE_RADIUS, for_each_fibre};
 
 use crate::Camera;
 use crate::scene::{Scene, Strand, YarnLook};
 
-/// Pixels across a yarn from which on its fibres show.
-pub const NEAR: f64 = 36.0;
-/// Fibres are drawn at least so many pixels thick.
-const FINEST: f64 = 0.9;
-/// The most points of fibres in a picture: a gigabyte once rays are traced.
-const MOST_POINTS: f64 = 4e6;
-/// How far beside the picture yarns are spun, as a share of its half: they shade what is in it.
+/// Width of a yarn in pixels from which on it is drawn as fibres. A picture at this width shows
+/// single fibres; far below it they would be thinner than a pixel.
+pub const MIN_YARN_PIXELS: f64 = 36.0;
+/// Least width of a drawn fibre, pixels. Thinner ones alias into noise; thicker ones look like
+/// wire.
+const MIN_FIBRE_PIXELS: f64 = 0.9;
+/// The largest number of fibre points in a picture. It takes a gigabyte once rays are traced.
+const MAX_POINTS: f64 = 4e6;
+/// How far yarns become fibres beside the picture, relative to its half size. They cast shadows
+/// into it. At 1 the shadows at the border would be those of plain yarns.
 const MARGIN: f64 = 1.15;
 
-/// What of a scene's yarns a camera sees at least `near` pixels wide, as fibres; none where that is
-/// nothing. `bundles` has a bundle a look, whose fibres may be taken thicker; the last numbers are
-/// the picture's pixels.
+/// Decides which parts of yarns are near enough to be drawn as fibres.
+struct NearTest<'a> {
+    camera: &'a Camera,
+    aspect: f64,
+    /// Height of the picture, pixels.
+    height: u32,
+    /// Diameter of the thickest yarn, mm. One diameter for all: of yarns side by side either all
+    /// show their fibres or none does.
+    widest: f64,
+    /// Least width of a yarn that shows its fibres, pixels.
+    near: f64,
+}
+
+impl NearTest<'_> {
+    /// The size of a pixel at a point, mm.
+    fn pixel(&self, point: DVec3) -> f64 {
+        self.camera.pixel_size(point.distance(self.camera.eye()), self.height)
+    }
+
+    /// Whether a point lies within the picture and its margin, and yarns are wide enough there.
+    fn is_near(&self, point: &DVec3) -> bool {
+        let projected = self.camera.project(*point, self.aspect);
+        projected.is_some_and(|at| at.abs().max_element() < MARGIN)
+            && self.widest > self.near * self.pixel(*point)
+    }
+}
+
+/// For each look the length and the number of the near spans, and the smallest pixel there, mm. The
+/// pixel is infinite where no span is near.
+fn near_lengths(yarns: &Scene, test: &NearTest<'_>, looks: usize) -> (Vec<(f64, f64)>, f64) {
+    let (mut lengths, mut finest) = (vec![(0.0, 0.0); looks], f64::INFINITY);
+    for strand in &yarns.strands {
+        let (look, points) = (usize::from(strand.look), controls(yarns, strand));
+        for ends in points.windows(2).filter(|ends| ends.iter().any(|point| test.is_near(point))) {
+            lengths[look].0 += ends[0].distance(ends[1]);
+            lengths[look].1 += 1.0;
+            finest = finest.min(test.pixel(ends[0]));
+        }
+    }
+    (lengths, finest)
+}
+
+/// The control points of a scene's strand, mm.
+fn controls(scene: &Scene, strand: &Strand) -> Vec<DVec3> {
+    scene.positions[strand.points.start as usize..strand.points.end as usize]
+        .iter()
+        .map(|point| point.as_dvec3())
+        .collect()
+}
+
+/// A scene whose yarns are fibres wherever the camera sees them at least `near` pixels wide, or
+/// nothing where no yarn is that wide.
+///
+/// `bundles` has a bundle for each look, whose fibres may be drawn thicker. The last numbers are
+/// the picture's width and height in pixels.
 #[must_use]
 pub fn scene(
     yarns: &Scene,
@@ -29,91 +89,97 @@ pub fn scene(
     camera: &Camera,
     [width, height]: [u32; 2],
 ) -> Option<Scene> {
-    let aspect = f64::from(width) / f64::from(height);
-    let pixel = |point: DVec3| camera.pixel_size(point.distance(camera.eye()), height);
-    // Of yarns side by side all show their fibres or none does.
-    let widest = 2.0 * bundles.iter().map(|bundle| bundle.radius).fold(0.0, f64::max);
-    let is_near = |point: &DVec3| {
-        let at = camera.project(*point, aspect);
-        at.is_some_and(|at| at.abs().max_element() < MARGIN) && widest > near * pixel(*point)
+    let test = NearTest {
+        camera,
+        aspect: f64::from(width) / f64::from(height),
+        height,
+        widest: 2.0 * bundles.iter().map(|bundle| bundle.radius).fold(0.0, f64::max),
+        near,
     };
-    let controls = |strand: &Strand| -> Vec<DVec3> {
-        yarns.positions[strand.points.start as usize..strand.points.end as usize]
-            .iter()
-            .map(|point| point.as_dvec3())
-            .collect()
-    };
-    // How long the yarns are that are near, and the smallest pixel there.
-    let (mut lengths, mut finest) = (vec![(0.0, 0.0); bundles.len()], f64::INFINITY);
-    for strand in &yarns.strands {
-        let (look, points) = (usize::from(strand.look), controls(strand));
-        for ends in points.windows(2).filter(|ends| ends.iter().any(is_near)) {
-            lengths[look].0 += ends[0].distance(ends[1]);
-            lengths[look].1 += 1.0;
-            finest = finest.min(pixel(ends[0]));
-        }
-    }
+    // First pass: the near spans decide how many fibres memory allows.
+    let (lengths, finest) = near_lengths(yarns, &test, bundles.len());
     if !finest.is_finite() {
         return None;
     }
-    let drawn = drawn(bundles, &lengths, finest);
-    // Looks of fibres follow those of yarns.
-    let fibre_look = |(look, bundle): (&YarnLook, &Bundle)| YarnLook {
-        radius: warpknit_core::number::narrow(bundle.fibre),
-        plies: 1,
-        twist_slope: Some(0.0),
-        maps: None,
-        ..*look
+    let drawn = drawn_bundles(bundles, &lengths, finest);
+    let mut fibres = Scene {
+        looks: with_fibre_looks(&yarns.looks, &drawn),
+        shape: yarns.shape,
+        maps: yarns.maps.clone(),
+        ..Scene::default()
     };
-    let looks =
-        yarns.looks.iter().copied().chain(yarns.looks.iter().zip(&drawn).map(fibre_look)).collect();
-    let mut spun =
-        Scene { looks, shape: yarns.shape, maps: yarns.maps.clone(), ..Scene::default() };
+    // Second pass: each strand is split into runs of near and far spans.
     for (number, strand) in (0_u64..).zip(&yarns.strands) {
-        let (look, points) = (usize::from(strand.look), controls(strand));
+        let (look, points) = (usize::from(strand.look), controls(yarns, strand));
         let bundle = &drawn[look];
-        let runs: Vec<bool> = points.windows(2).map(|ends| ends.iter().any(is_near)).collect();
-        let axis = runs.contains(&true).then(|| Axis::through(&points, bundle.points_per_mm()));
+        let near_spans: Vec<bool> =
+            points.windows(2).map(|ends| ends.iter().any(|point| test.is_near(point))).collect();
+        // The axis is that of the whole strand: the frame at a span depends on all spans before it,
+        // so fibres would jump from picture to picture if it began where the picture does.
+        let axis =
+            near_spans.contains(&true).then(|| Axis::through(&points, bundle.points_per_mm()));
         let mut first = 0;
-        for run in runs.chunk_by(|a, b| a == b) {
+        for run in near_spans.chunk_by(|a, b| a == b) {
             let spans = first..first + run.len();
             first = spans.end;
             match axis.as_ref().filter(|_| run[0]) {
                 Some(axis) => {
                     let look = strand.look + index16(yarns.looks.len());
-                    spin(bundle, axis, spans, number, &mut |fibre| {
-                        spun.push_strand(fibre.iter().copied(), look);
+                    for_each_fibre(bundle, axis, spans, number, &mut |fibre| {
+                        fibres.push_strand(fibre.iter().copied(), look);
                     });
                 }
-                None => spun.push_strand(
+                None => fibres.push_strand(
                     points[spans.start..=spans.end].iter().map(|point| point.as_vec3()),
                     strand.look,
                 ),
             }
         }
     }
-    Some(spun)
+    Some(fibres)
 }
 
-/// Bundles whose fibres are as thick as pixels can tell, and as few as memory holds, over so many
-/// mm and spans of each yarn.
-fn drawn(bundles: &[Bundle], lengths: &[(f64, f64)], pixel: f64) -> Vec<Bundle> {
-    let mut finest = FINEST * pixel / 2.0;
+/// The looks of yarns, followed by those of their fibres: the fibre of look i has look i plus the
+/// number of yarns' looks.
+fn with_fibre_looks(yarns: &[YarnLook], bundles: &[Bundle]) -> Vec<YarnLook> {
+    let mut looks = yarns.to_vec();
+    looks.extend(yarns.iter().zip(bundles).map(|(look, bundle)| YarnLook {
+        radius: narrow(bundle.fibre),
+        plies: 1,
+        twist_slope: Some(0.0),
+        maps: None,
+        ..*look
+    }));
+    looks
+}
+
+/// Bundles whose fibres are at least about a pixel thick and whose points fit in memory.
+/// `lengths` has for each bundle the length in mm and the number of spans that become fibres.
+fn drawn_bundles(bundles: &[Bundle], lengths: &[(f64, f64)], pixel: f64) -> Vec<Bundle> {
+    let mut finest = MIN_FIBRE_PIXELS * pixel / 2.0;
     loop {
-        let thicker = |bundle: &Bundle| {
-            let packing = f64::from(bundle.count) * (bundle.fibre / bundle.radius).powi(2);
-            Bundle::filling(bundle.radius, packing, bundle.fibre.max(finest), bundle.slope)
-        };
-        let drawn: Vec<Bundle> = bundles.iter().map(thicker).collect();
-        // A span has two points at the least.
-        let points = |(bundle, (length, spans)): (&Bundle, &(f64, f64))| {
-            f64::from(bundle.count) * (bundle.points_per_mm() * length).max(2.0 * spans)
-        };
-        let all: f64 = drawn.iter().zip(lengths).map(points).sum();
-        if all <= MOST_POINTS || drawn.iter().all(|bundle| bundle.count == 1) {
+        // Thicker fibres are fewer, so that the share of the section that they fill stays the same.
+        let drawn: Vec<Bundle> = bundles
+            .iter()
+            .map(|bundle| {
+                let packing = f64::from(bundle.count) * (bundle.fibre / bundle.radius).powi(2);
+                Bundle::filling(bundle.radius, packing, bundle.fibre.max(finest), bundle.slope)
+            })
+            .collect();
+        // A span has at least two points.
+        let all: f64 = drawn
+            .iter()
+            .zip(lengths)
+            .map(|(bundle, (length, spans))| {
+                f64::from(bundle.count) * (bundle.points_per_mm() * length).max(2.0 * spans)
+            })
+            .sum();
+        if all <= MAX_POINTS || drawn.iter().all(|bundle| bundle.count == 1) {
             return drawn;
         }
-        finest = finest.max(FIBRE_RADIUS) * (all / MOST_POINTS).sqrt().max(1.01);
+        // The number of fibres falls with the square of their radius, hence the root. Rounded
+        // counts may miss the goal by a little; at least 1 % a round makes sure that it ends.
+        finest = finest.max(FIBRE_RADIUS) * (all / MAX_POINTS).sqrt().max(1.01);
     }
 }
 

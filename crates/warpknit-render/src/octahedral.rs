@@ -1,19 +1,23 @@
-//! Directions in four bytes.
+//! Unit vectors in four bytes, by octahedral encoding.
 //!
-//! In: a unit vector. Out: its octahedral projection (Meyer et al. 2010, On floating-point normal
-//! vectors) in two 16-bit numbers, which is what a shader's `unpack2x16snorm` takes apart. A
-//! direction comes back within .01 degrees.
+//! In: a unit vector. Out: its octahedral projection in two signed 16-bit numbers, as a shader's
+//! `unpack2x16snorm` reads them.
+//!
+//! Method: the vector is projected onto the octahedron |x| + |y| + |z| = 1. Its lower half is
+//! folded outward, so that the whole octahedron covers a square (Meyer, Süßmuth, Sußner, Stamminger
+//! and Greiner, On floating-point normal vectors, 2010). The error is below 0.01 degrees. Cost: one
+//! division to pack, one square root and one division to unpack.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec2Swizzles, Vec3, Vec3Swizzles};
 
-/// A unit vector, packed.
+/// A packed unit vector.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(transparent)]
 pub struct PackedUnit(u32);
 
 impl PackedUnit {
-    /// Packs the direction of `v`; +z for a vector without one.
+    /// Packs the direction of `v`. A vector without a direction becomes +z.
     ///
     /// ```
     /// use glam::Vec3;
@@ -22,9 +26,12 @@ impl PackedUnit {
     /// ```
     #[must_use]
     pub fn new(v: Vec3) -> Self {
+        // Central projection onto the octahedron: division by the 1-norm.
         let sum = v.abs().element_sum();
         let v = if sum > 0.0 && sum.is_finite() { v / sum } else { Vec3::Z };
-        let flat = if v.z >= 0.0 { v.xy() } else { folded(v.xy()) };
+        let flat = if v.z >= 0.0 { v.xy() } else { fold(v.xy()) };
+        // Signed normalised integers: -32767 to 32767 for -1 to 1. Rounding, not truncation: that
+        // would double the error.
         let [x, y] = (flat * 32_767.0)
             .round()
             .as_i16vec2()
@@ -39,14 +46,16 @@ impl PackedUnit {
         let [x, y, ..] =
             bytemuck::cast::<u32, [i16; 2]>(self.0.to_le()).map(i16::from_le).map(f32::from);
         let flat = Vec2::new(x, y) / 32_767.0;
+        // On the octahedron |x| + |y| + |z| = 1. Below 0 the point lies in a folded corner.
         let z = 1.0 - flat.x.abs() - flat.y.abs();
-        let flat = if z >= 0.0 { flat } else { folded(flat) };
+        let flat = if z >= 0.0 { flat } else { fold(flat) };
         flat.extend(z).normalize()
     }
 }
 
-/// The lower half of the octahedron folded outward over the corners of the square, and back.
-fn folded(v: Vec2) -> Vec2 {
+/// Folds the lower half of the octahedron outward, over the corners of the square. It is its own
+/// inverse.
+fn fold(v: Vec2) -> Vec2 {
     (Vec2::ONE - v.yx().abs()) * Vec2::new(1_f32.copysign(v.x), 1_f32.copysign(v.y))
 }
 

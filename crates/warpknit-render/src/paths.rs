@@ -364,9 +364,12 @@ impl Frame {
             derivative.as_vec3a().normalize_or(if first { Vec3A::X } else { self.tangent });
         let chord = position - self.position;
         let (across, moved) = if first {
-            (frame::across(Vec3A::Z, tangent), 0.0)
+            (frame::perpendicular_unit(Vec3A::Z, tangent), 0.0)
         } else {
-            (frame::carry(self.across, chord.as_vec3a(), self.tangent, tangent), chord.length())
+            (
+                frame::double_reflection(self.across, chord.as_vec3a(), self.tangent, tangent),
+                chord.length(),
+            )
         };
         *self = Self { position, tangent, across };
         moved
@@ -377,7 +380,7 @@ impl Frame {
     fn over(&mut self, normal: Vec3A) -> Vec3A {
         let width = self.tangent.cross(normal);
         if width.length_squared() >= LEAST_SINE * LEAST_SINE {
-            self.across = frame::across(normal, self.tangent);
+            self.across = frame::perpendicular_unit(normal, self.tangent);
             return normal;
         }
         // Here `across` holds what `carry` made of the last normal.

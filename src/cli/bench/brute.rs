@@ -9,7 +9,7 @@ use std::hint::black_box;
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
-use warpknit::drape::{self, Block, Cloth, Options};
+use warpknit::drape::{self, Block, Cloth, DrapeOptions};
 use warpknit::garment::Panel;
 use warpknit::ids::index32;
 use warpknit::locate::SurfacePoint;
@@ -36,7 +36,7 @@ pub(super) fn located_and_mapped(cloth: &Cloth<'_>) -> Sample {
         taken += start.elapsed();
         Ok(())
     };
-    let Ok(_totals) = drape::run(cloth, &Options::default(), &mut |_, _| {}, &mut deliver);
+    let Ok(_totals) = drape::run(cloth, &DrapeOptions::default(), &mut |_, _| {}, &mut deliver);
     taken
 }
 

@@ -4,10 +4,10 @@
 use std::fs;
 
 use anyhow::{Context, Result};
-use warpknit::drape::{Cloth, Options};
+use warpknit::drape::{Cloth, DrapeOptions};
 use warpknit::export::TemporaryFolder;
 use warpknit::fabric::Fabric;
-use warpknit::garment::{Facts, Garment, Panel, ReadOptions, read};
+use warpknit::garment::{Garment, GarmentSummary, Panel, ReadOptions, read};
 use warpknit::ids::index32;
 
 use super::super::args::Bench;
@@ -97,13 +97,13 @@ impl Garments {
 pub(super) fn folded_cone(triangles: usize) -> Garment {
     let mut panel = shuffled_cone(triangles);
     panel.order_along_curve();
-    let facts = Facts {
+    let facts = GarmentSummary {
         triangles: panel.triangles.len(),
         unit: "mm",
         uv_scale_mm: 1.0,
-        ..Facts::default()
+        ..GarmentSummary::default()
     };
-    Garment { panels: vec![panel], facts }
+    Garment { panels: vec![panel], summary: facts }
 }
 
 /// The fabric with about so many stitches on the garment, by the areas, its loops in their shape.
@@ -120,7 +120,7 @@ pub(super) fn fitted(fabric: &Fabric, garment: &Garment, stitches: f64) -> Resul
     let mut fitted = at_stitches(fabric, garment, stitches)?;
     let mut tries = 1..=TRIES;
     loop {
-        let (_, totals) = staged(&Cloth::cover(garment, &fitted)?, &Options::default());
+        let (_, totals) = staged(&Cloth::cover(garment, &fitted)?, &DrapeOptions::default());
         let there = totals.losses.stitches;
         let times = stitches / f64::from(index32(there)).max(1.0);
         if tries.next().is_none() || (times - 1.0).abs() < NEAR {
@@ -151,7 +151,7 @@ mod tests {
         let garment = Shipped::Pinch.read().unwrap();
         let (net, stitches) =
             fitted(&Fabric::named("hex-net-3").unwrap(), &garment, 576.0).unwrap();
-        let (_, totals) = staged(&Cloth::cover(&garment, &net).unwrap(), &Options::default());
+        let (_, totals) = staged(&Cloth::cover(&garment, &net).unwrap(), &DrapeOptions::default());
         assert!(
             (570..=582).contains(&stitches) && totals.losses.stitches == stitches,
             "{stitches}"

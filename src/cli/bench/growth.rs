@@ -4,7 +4,7 @@
 //! one, which then needs more anyway.
 
 use anyhow::Result;
-use warpknit::drape::{Cloth, Options, Stage};
+use warpknit::drape::{Cloth, DrapeOptions, Stage};
 use warpknit::fabric::Fabric;
 use warpknit::garment::Garment;
 use warpknit::ids::index32;
@@ -100,7 +100,7 @@ pub(super) fn growth(
             &garment,
             &at_stitches(&fabric, &garment, ON_TRIANGLES)?,
         )?;
-        push(&mut plots, f64::from(index32(garment.facts.triangles)), &row);
+        push(&mut plots, f64::from(index32(garment.summary.triangles)), &row);
     }
     over_triangles.plots.extend(plots);
     Ok(vec![over_stitches, over_triangles])
@@ -132,11 +132,11 @@ fn push(plots: &mut [Plot; 2], size: f64, row: &Row) {
 
 /// One row.
 fn measure(runs: u32, table: &mut Table, garment: &Garment, fabric: &Fabric) -> Result<Row> {
-    let triangles = garment.facts.triangles;
+    let triangles = garment.summary.triangles;
     let (st, sr) = SECTION;
     let section =
         Section { st, sr, radius: fabric.radius(), flatten: 1.0, caps: false, texture_per_mm: 1.0 };
-    let options = Options { surface: Some(section), ..Options::default() };
+    let options = DrapeOptions { surface: Some(section), ..DrapeOptions::default() };
     forget_peak_memory();
     let run = || -> Result<(Sample, Staged, usize)> {
         let start = Moment::now();

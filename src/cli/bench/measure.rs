@@ -6,7 +6,7 @@ use std::ops::{Add, AddAssign};
 use std::time::Instant;
 
 use anyhow::Result;
-use warpknit::drape::{self, Block, Cloth, Options, Stage, Totals};
+use warpknit::drape::{self, Block, Cloth, DrapeOptions, Stage, Totals};
 
 use super::super::cpu_time::cpu_ms;
 
@@ -131,7 +131,7 @@ impl Staged {
 }
 
 /// Lays a cloth, hands its blocks to nobody, and says how long each stage took.
-pub(super) fn staged(cloth: &Cloth<'_>, options: &Options) -> (Staged, Totals) {
+pub(super) fn staged(cloth: &Cloth<'_>, options: &DrapeOptions) -> (Staged, Totals) {
     let (mut staged, mut begun) = (Staged::default(), None);
     let mut announce = |stage: Stage, _| {
         let now = Moment::now();
@@ -184,7 +184,8 @@ mod tests {
     fn stages_that_run_take_time_and_the_surface_that_nobody_wants_takes_none() {
         let fabric = Fabric::named("tricot").unwrap();
         let panel = drape::swatch_panel(&fabric, 8, 8);
-        let (staged, totals) = staged(&Cloth::swatch(&panel, &fabric, 8, 8), &Options::default());
+        let (staged, totals) =
+            staged(&Cloth::swatch(&panel, &fabric, 8, 8), &DrapeOptions::default());
         assert_eq!(totals.losses.stitches, 2 * 8 * 8);
         assert!(
             staged.of(Stage::Knit).wall > 0.0 && staged.of(Stage::Surface) == Sample::default()

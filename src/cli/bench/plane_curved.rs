@@ -4,7 +4,7 @@
 //! be of tricot.
 
 use anyhow::Result;
-use warpknit::drape::{Cloth, Options, Stage};
+use warpknit::drape::{Cloth, DrapeOptions, Stage};
 use warpknit::fabric::Fabric;
 use warpknit::garment::Garment;
 use warpknit::ids::index32;
@@ -149,7 +149,7 @@ fn measure(runs: u32, garment: &Garment, fabric: &Fabric) -> Result<Parts> {
         let start = Moment::now();
         let cloth = Cloth::cover(garment, fabric)?;
         let covered = start.elapsed();
-        let (staged, _) = staged(&cloth, &Options::default());
+        let (staged, _) = staged(&cloth, &DrapeOptions::default());
         let plane = covered + staged.of(Stage::Knit);
         let carried =
             [Stage::Index, Stage::Locate, Stage::Map].into_iter().map(|stage| staged.of(stage));

@@ -4,7 +4,7 @@
 //! its sizes are not printed either.
 
 use anyhow::Result;
-use warpknit::drape::{Cloth, Options, Stage, swatch_panel};
+use warpknit::drape::{Cloth, DrapeOptions, Stage, swatch_panel};
 use warpknit::fabric::Fabric;
 use warpknit::render::cloth;
 use warpknit::yarn::tube::Section;
@@ -56,7 +56,7 @@ pub(super) fn st_sr(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<
     for (at, side) in SIDES.into_iter().enumerate() {
         let (panel, mut all) = (swatch_panel(&fabric, side, side), Vec::new());
         let cloth = Cloth::swatch(&panel, &fabric, side, side);
-        let scene = cloth::of(&cloth, &fabric);
+        let scene = cloth::from_cloth(&cloth, &fabric);
         let mut one_for_all =
             if easel.heeds_tubes() { None } else { Some(easel.timed(&scene)?.into_iter().cycle()) };
         for (number, (st, sr)) in SECTIONS.into_iter().enumerate() {
@@ -69,7 +69,7 @@ pub(super) fn st_sr(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<
                 caps: false,
                 texture_per_mm: 1.0,
             };
-            let options = Options { surface: Some(section), ..Options::default() };
+            let options = DrapeOptions { surface: Some(section), ..DrapeOptions::default() };
             let easel = easel.with_tubes(st, sr);
             let [tubes, taken] = measured_parts(easel.runs, &mut || {
                 let tubes = staged(&cloth, &options).0.of(Stage::Surface);

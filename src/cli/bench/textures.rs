@@ -7,7 +7,7 @@ use anyhow::Result;
 use image::{Rgba, RgbaImage};
 use warpknit::drape::{Cloth, swatch_panel};
 use warpknit::fabric::Fabric;
-use warpknit::render::cloth::{laid, looks};
+use warpknit::render::cloth::{looks, with_cloth};
 use warpknit::render::maps::{Kind, Maps, Mips};
 use warpknit::render::scene::{Scene, Shape};
 
@@ -61,7 +61,7 @@ pub(super) fn textures(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Resu
         progress(at as f64 / (TEXTURES.len() + 1) as f64);
         let maps: Vec<_> = side.map(|side| maps(side, 2.0 * fabric.radius())).into_iter().collect();
         let worn = (!maps.is_empty()).then_some(0);
-        let scene = laid(
+        let scene = with_cloth(
             &cloth,
             Scene::wearing(Shape::Tube, looks(&fabric, fabric.radius()), maps, |_| worn),
         );

@@ -71,7 +71,7 @@ pub(super) fn total(
 fn measure(easel: &Easel, garment: &Garment, fabric: &Fabric) -> Result<[Times; 3]> {
     measured_parts(easel.runs, &mut || {
         let start = Moment::now();
-        let scene = cloth::of(&Cloth::cover(garment, fabric)?, fabric);
+        let scene = cloth::from_cloth(&Cloth::cover(garment, fabric)?, fabric);
         let cloth = start.elapsed();
         let picture = easel.draw(&scene)?;
         Ok([cloth, picture, cloth + picture])

@@ -31,7 +31,7 @@ pub(super) struct Stock {
     /// The one that was asked for first.
     pub(super) choices: Vec<Choice>,
     ground: Ground,
-    options: drape::Options,
+    options: drape::DrapeOptions,
     /// What yarns are drawn as at first.
     shape: Shape,
 }
@@ -190,7 +190,7 @@ impl Stock {
         clock.stop();
         let Ok(totals) = totals else { return Ok(None) };
         check_laid(&totals)?;
-        let mut warnings = cloth.garment().facts.warnings.clone();
+        let mut warnings = cloth.garment().summary.warnings.clone();
         warnings.extend(loss_warning(&totals));
         let (enlargement, timings) = (fabric.enlargement, clock.timings());
         Ok(Some(Knitted { scene, totals, radius, enlargement, timings, warnings }))

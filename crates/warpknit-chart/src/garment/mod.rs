@@ -33,7 +33,7 @@ use warpknit_core::fabric::yarn::Color;
 use warpknit_core::garment::stretch::{
     Percentiles, TriangleStretch, percentiles, stretch, triangle, triangles,
 };
-use warpknit_core::garment::{Facts, Garment, Panel};
+use warpknit_core::garment::{Garment, GarmentSummary, Panel};
 
 /// What no stitch can lie on: told from both ends of the scale by every eye.
 const DEFECT: Color = Color([0xff, 0xb0, 0x00]);
@@ -79,7 +79,7 @@ pub(super) fn draw(title: &str, garment: &Garment) -> Drawing {
     let colors = Colors::over(&spread(&garment.panels));
     let corner = DVec2::new(2.0 * MARGIN + PATTERN, top);
     layers.extend(maps_of(garment, &views, &colors, corner, DVec2::new(MAP, height)));
-    layers.push(legend(&colors, garment.facts.flipped > 0, corner + DVec2::new(0.0, maps)));
+    layers.push(legend(&colors, garment.summary.flipped > 0, corner + DVec2::new(0.0, maps)));
     Drawing { size, layers, notes: Vec::new() }
 }
 
@@ -89,7 +89,7 @@ fn layer(name: &str, color: Color, shapes: Vec<Shape>) -> Layer {
 
 /// What the garment's files hold, in a line.
 fn facts(garment: &Garment) -> String {
-    let Facts { triangles, unit, unit_guessed, uv_scale_mm, .. } = &garment.facts;
+    let GarmentSummary { triangles, unit, unit_guessed, uv_scale_mm, .. } = &garment.summary;
     let guessed = if *unit_guessed { " (guessed)" } else { "" };
     let panels = garment.panels.len();
     format!(

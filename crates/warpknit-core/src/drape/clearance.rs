@@ -1,14 +1,16 @@
-//! How near yarns come to each other on the body.
+//! Clearance of draped yarns: how near they come to each other on the body.
 //!
 //! In: [`Block`]s as [`run`](super::run) delivers them. Out: one [`Clearance`] of the whole
-//! garment, measured as [`crate::knit::clearance`] measures a repeat: on the path that is drawn,
-//! each bar with its drawn radius. A panel is measured by itself, since yarns of two panels may
-//! touch at a seam, and that is not the mapping's doing. Nor are stitches that the panel's edge
-//! cuts: what is left of them bends otherwise than the whole, and stays out. A panel's seam with
-//! itself and cloth that lies on cloth do count.
+//! garment.
 //!
-//! Cost: about 20 kB and .7 ms a stitch, on one thread; a panel's memory is let go before the next
-//! one's is taken.
+//! Method: that of [`crate::knit::clearance`] for a repeat. Distances are measured between the
+//! paths that are drawn, and each bar counts with its drawn radius. Each panel is measured on its
+//! own: yarns of two panels may touch at a seam, and the mapping is not the cause of that. Stitches
+//! cut by the panel's edge are left out, since the rest of a stitch bends differently from a whole
+//! one. A panel sewn to itself and cloth that lies on cloth are measured.
+//!
+//! Cost: about 20 kB and 0.7 ms a stitch, on one thread. Memory of a panel is freed before the next
+//! panel begins.
 
 use std::ops::Range;
 
@@ -18,47 +20,48 @@ use super::strands::{CUT, Strand, Strands};
 use super::{Block, Cloth};
 use crate::knit::clearance::{Clearance, Paths};
 
-/// Collects a panel's yarns until the next panel's come.
+/// Collects the yarns of one panel, and measures them when the next panel begins.
 ///
 /// ```
-/// use warpknit_core::{drape::{self, clearance::Gauge}, fabric::Fabric};
+/// use warpknit_core::{drape::{self, clearance::ClearanceMeter}, fabric::Fabric};
 /// let fabric = Fabric::named("tricot")?;
 /// let panel = drape::swatch_panel(&fabric, 8, 10);
 /// let cloth = drape::Cloth::swatch(&panel, &fabric, 8, 10);
-/// let mut gauge = Gauge::new(&cloth, fabric.radius());
-/// let deliver = &mut |blocks: &[drape::Block]| Ok::<_, std::io::Error>(gauge.take(blocks));
-/// drape::run(&cloth, &drape::Options::default(), &mut |_, _| {}, deliver)?;
-/// assert!(gauge.finish().min_over_2r > 0.98);
+/// let mut meter = ClearanceMeter::new(&cloth, fabric.radius());
+/// let deliver = &mut |blocks: &[drape::Block]| Ok::<_, std::io::Error>(meter.take(blocks));
+/// drape::run(&cloth, &drape::DrapeOptions::default(), &mut |_, _| {}, deliver)?;
+/// assert!(meter.finish().min_over_2r > 0.98);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug)]
-pub struct Gauge {
+pub struct ClearanceMeter {
     /// Each bar's drawn radius, mm.
     radii: Vec<f64>,
     panel: usize,
     paths: Paths,
-    /// Of the panels before.
+    /// The clearance of the panels measured so far.
     clearance: Clearance,
 }
 
-impl Gauge {
-    /// For a cloth whose thickest yarns are drawn with `radius` mm.
+impl ClearanceMeter {
+    /// A meter for a cloth whose thickest yarns are drawn with `radius` mm.
     #[must_use]
     pub fn new(cloth: &Cloth<'_>, radius: f64) -> Self {
         let radii = cloth.thickness.iter().map(|thickness| radius * thickness).collect();
         Self { radii, panel: 0, paths: Paths::default(), clearance: Clearance::FREE }
     }
 
-    /// Adds the strands of some blocks, and measures every panel that they leave behind.
+    /// Adds the strands of some blocks. Measures each panel that is complete.
     pub fn take(&mut self, blocks: &[Block]) {
         for block in blocks {
+            // Blocks come in order of their panels, so a new number means the old one is complete.
             if block.panel != self.panel {
                 self.end_panel();
                 self.panel = block.panel;
             }
             for strand in &block.strands.strands {
                 self.paths.add(
-                    &block.draped.positions[whole(&block.strands, strand)],
+                    &block.draped.positions[whole_stitches(&block.strands, strand)],
                     self.radii[block.bar],
                     |_| true,
                 );
@@ -66,7 +69,7 @@ impl Gauge {
         }
     }
 
-    /// Measures the last panel: all of them together.
+    /// Measures the last panel, and returns the clearance of all panels.
     #[must_use]
     pub fn finish(mut self) -> Clearance {
         self.end_panel();
@@ -74,19 +77,24 @@ impl Gauge {
     }
 
     fn end_panel(&mut self) {
+        // A panel has no periodic images, so every image shift is 0.
         self.clearance =
             self.clearance.and(std::mem::take(&mut self.paths).clearance(|_| I64Vec2::ZERO));
     }
 }
 
-/// The points of a strand's whole stitches, and the next one's first.
-fn whole(strands: &Strands, strand: &Strand) -> Range<usize> {
+/// The range of points of a strand's whole stitches, including the point where the last one ends.
+fn whole_stitches(strands: &Strands, strand: &Strand) -> Range<usize> {
     let (first, last) = (strand.points.start as usize, strand.points.end as usize - 1);
     let pieces = &strands.pieces[strand.pieces.start as usize..strand.pieces.end as usize];
-    let is_cut = |at: usize| strands.sources[at] == CUT;
-    let start =
-        if is_cut(first) { pieces.get(1).map_or(last, |&piece| piece as usize) } else { first };
-    let end =
-        if is_cut(last) { pieces.last().map_or(first, |&piece| piece as usize) } else { last };
+    // An end that the panel's edge cut has no data point. There the first or the last piece goes.
+    let start = match strands.sources[first] {
+        CUT => pieces.get(1).map_or(last, |&piece| piece as usize),
+        _ => first,
+    };
+    let end = match strands.sources[last] {
+        CUT => pieces.last().map_or(first, |&piece| piece as usize),
+        _ => last,
+    };
     start..(end + 1).max(start)
 }

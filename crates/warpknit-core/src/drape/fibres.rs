@@ -1,43 +1,48 @@
 //! Blocks of fibres in place of blocks of yarns, for files.
 //!
-//! In: a fabric's yarns as [`Block`]s hold them. Out: the same with a strand for each fibre. Not promised: data points of fibres; they have none, and
-//! their stitches are those of their yarns.
+//! In: a fabric's yarns, as [`Block`]s. Out: the same with one strand for each fibre. Cost: linear in the fibres' points.
+//!
+//! Not promised: data points of fibres. They have none, and their stitches are those of their
+//! yarns.
 
 use super::Block;
 use super::strands::Strand;
 use crate::fabric::Fabric;
 use crate::ids::index32;
-use crate::yarn::fibres::{Axis, Bundle, MIDDLING_SLOPE, spin};
+use crate::yarn::fibres::{Axis, Bundle, MIDDLING_SLOPE, for_each_fibre};
 use crate::yarn::tube::Section;
 
-/// The fibres of each of a fabric's yarns, the thickest of which has that radius; fibres are
-/// `fibre` mm thick, were the cloth not enlarged.
+/// The fibres of each of a fabric's yarns. `radius` is that of the thickest yarn, mm. `fibre` is
+/// the radius of a fibre, mm, of the cloth before enlargement.
 #[must_use]
 pub fn bundles(fabric: &Fabric, radius: f64, fibre: f64) -> Vec<Bundle> {
-    let bundle = |(bar, thickness): (&crate::fabric::Bar, f64)| {
+    let mut bundles = Vec::with_capacity(fabric.bars.len());
+    for (bar, thickness) in fabric.bars.iter().zip(fabric.thickness()) {
         let slope = bar.yarn.twist_slope().unwrap_or_else(|| MIDDLING_SLOPE.into());
-        Bundle::filling(radius * thickness, bar.yarn.packing, fibre * fabric.enlargement, slope)
-    };
-    fabric.bars.iter().zip(fabric.thickness()).map(bundle).collect()
+        let fibre = fibre * fabric.enlargement;
+        bundles.push(Bundle::filling(radius * thickness, bar.yarn.packing, fibre, slope));
+    }
+    bundles
 }
 
-/// The fabric whose yarns are the fibres of another one's: as fine as `bundles` say, for whoever
-/// asks how thick strands are.
+/// The fabric whose yarns are the fibres of another fabric's yarns. Writers ask it how thick their
+/// strands are.
 #[must_use]
 pub fn fabric(yarns: &Fabric, bundles: &[Bundle]) -> Fabric {
     let mut fibres = yarns.clone();
     for (bar, bundle) in fibres.bars.iter_mut().zip(bundles) {
+        // A yarn's count is its mass by length, so it falls with the area of the section.
         bar.yarn.count = bar.yarn.count.times((bundle.fibre / bundle.radius).powi(2));
         (bar.yarn.plies, bar.yarn.twist) = (Some(1), None);
     }
     fibres
 }
 
-/// A block of fibres in place of a block of yarns, with surfaces if they are asked for; a yarn's
-/// fibres have its number. Where they lie on the flat panel isn't known.
+/// A block of fibres in place of a block of yarns, with tubes if a `surface` is given. A yarn's
+/// fibres have its number. Their positions on the flat panel are unknown.
 #[must_use]
 pub fn block(yarns: &Block, bundle: &Bundle, surface: Option<&Section>) -> Block {
-    let mut spun = Block {
+    let mut fibres = Block {
         panel: yarns.panel,
         bar: yarns.bar,
         knitted: yarns.knitted.clone(),
@@ -48,23 +53,27 @@ pub fn block(yarns: &Block, bundle: &Bundle, surface: Option<&Section>) -> Block
         let controls = &yarns.draped.positions[range.clone()];
         let axis = Axis::through(controls, bundle.points_per_mm());
         let spans = 0..controls.len() - 1;
-        let of_points: Vec<usize> =
+        // The yarn's point that each sample follows: fibres take their normals and tags from it.
+        let followed: Vec<usize> =
             axis.spans_of(spans.clone()).map(|span| range.start + span).collect();
+        // The seed is that of the strand, so that its fibres don't depend on how yarns are divided
+        // into blocks.
         let seed = u64::from(strand.yarn.0) << 32 | u64::from(strand.points.start);
-        spin(bundle, &axis, spans, seed, &mut |points| {
+        for_each_fibre(bundle, &axis, spans, seed, &mut |points| {
             let (first, first_piece) =
-                (index32(spun.draped.positions.len()), index32(spun.strands.pieces.len()));
-            spun.draped.positions.extend(points.iter().map(|point| point.as_dvec3()));
-            spun.draped.normals.extend(of_points.iter().map(|&at| yarns.draped.normals[at]));
-            spun.strands.sources.extend(of_points.iter().map(|&at| yarns.strands.sources[at]));
-            let end = index32(spun.draped.positions.len());
-            spun.strands.pieces.extend(first..end - 1);
-            let pieces = first_piece..index32(spun.strands.pieces.len());
-            spun.strands.strands.push(Strand { yarn: strand.yarn, points: first..end, pieces });
+                (index32(fibres.draped.positions.len()), index32(fibres.strands.pieces.len()));
+            fibres.draped.positions.extend(points.iter().map(|point| point.as_dvec3()));
+            fibres.draped.normals.extend(followed.iter().map(|&at| yarns.draped.normals[at]));
+            fibres.strands.sources.extend(followed.iter().map(|&at| yarns.strands.sources[at]));
+            let end = index32(fibres.draped.positions.len());
+            // Each span of a fibre is a piece of its own: a tube gets St segments a piece.
+            fibres.strands.pieces.extend(first..end - 1);
+            let pieces = first_piece..index32(fibres.strands.pieces.len());
+            fibres.strands.strands.push(Strand { yarn: strand.yarn, points: first..end, pieces });
         });
     }
     if let Some(section) = surface {
-        spun.add_tubes(&Section { radius: bundle.fibre, ..*section }, 1.0);
+        fibres.add_tubes(&Section { radius: bundle.fibre, ..*section }, 1.0);
     }
-    spun
+    fibres
 }

@@ -1,11 +1,17 @@
-//! Yarns that are laid once and shown on many drapes of their garment.
+//! Yarns that are located once and draped many times: the frames of a sequence.
 //!
-//! In: a [`Cloth`], and the garment as each frame of a sequence has it. Out: [`Block`]s as
-//! [`super::run`] hands them over, frame by frame. Knitting, location and the cut at the panels'
-//! edges happen on the flat pattern, which doesn't change, so they are done once and held: some 1
-//! kB a stitch. A frame costs its mapping, and its surfaces if it has any.
+//! In: a [`Cloth`], and the garment as draped in each frame. Out: [`Block`]s as [`super::run`]
+//! delivers them, frame by frame.
+//!
+//! Knitting, location and clipping at the panels' edges happen on the flat pattern, which is the
+//! same in all frames. So they are done once, and their results are kept: about 1 kB a stitch. A
+//! frame costs the mapping, and the tubes where they are asked for.
+//!
+//! Not promised: memory bounded by a window, as [`super::run`] has it. All located yarns are kept.
 
-use super::{Announce, Block, Cloth, Options, Stage, Totals, clothe, lay, window};
+use super::{
+    Announce, Block, Cloth, DrapeOptions, Stage, Totals, drape_blocks, knit_and_locate, window_len,
+};
 use crate::garment::Garment;
 use crate::ids::index32;
 use crate::map::Draped;
@@ -13,64 +19,59 @@ use crate::yarn::tube::Tubes;
 
 /// All of a cloth's yarns, located on the flat pattern.
 #[derive(Debug)]
-pub struct Held {
+pub struct LocatedCloth {
     blocks: Vec<Block>,
-    /// Each bar's drawn radius over the thickest one's.
+    /// Each bar's drawn radius relative to that of the thickest bar.
     thickness: Vec<f64>,
     totals: Totals,
-    /// Memory of the blocks of a window.
+    /// Memory for the draped points and tubes of one window. The blocks of all windows take turns
+    /// in using it, so only one window's surfaces exist at a time.
     spare: Vec<(Draped, Tubes)>,
 }
 
-impl Held {
-    /// Lays the yarns. `announce` is that of [`super::run`].
+impl LocatedCloth {
+    /// Knits the yarns and locates them on the flat panels. `announce` is that of [`super::run`].
     #[must_use]
-    pub fn lay(cloth: &Cloth<'_>, options: &Options, announce: &mut Announce<'_>) -> Self {
-        let mut held = Vec::with_capacity(cloth.blocks());
-        let laid = lay(
-            cloth,
-            options,
-            announce,
-            &mut |blocks, _, _| -> Result<(), std::convert::Infallible> {
-                held.extend(blocks.iter().map(Block::located));
-                Ok(())
-            },
-        );
-        let Ok(totals) = laid;
-        Self { blocks: held, thickness: cloth.thickness.clone(), totals, spare: Vec::new() }
+    pub fn locate(cloth: &Cloth<'_>, options: &DrapeOptions, announce: &mut Announce<'_>) -> Self {
+        let mut located = Vec::with_capacity(cloth.blocks());
+        let Ok(totals) = knit_and_locate(cloth, options, announce, &mut |blocks, _, _| {
+            located.extend(blocks.iter().map(Block::located_copy));
+            Ok::<(), std::convert::Infallible>(())
+        });
+        Self { blocks: located, thickness: cloth.thickness.clone(), totals, spare: Vec::new() }
     }
 
-    /// What was laid.
+    /// The numbers of yarns, stitches and losses.
     #[must_use]
     pub fn totals(&self) -> &Totals {
         &self.totals
     }
 
-    /// Hands over the yarns where `garment` has them: the one that they were laid on, or a frame of
-    /// it.
+    /// Delivers the yarns as draped on `garment`: the garment that they were located on, or a frame
+    /// of it.
     ///
     /// # Errors
-    /// The first error of `deliver`, at once.
+    /// The first error of `deliver`. Nothing is delivered after it.
     ///
     /// ```
-    /// use warpknit_core::{drape::{self, sequence::Held}, fabric::Fabric};
+    /// use warpknit_core::{drape::{self, sequence::LocatedCloth}, fabric::Fabric};
     /// let fabric = Fabric::named("tricot")?;
     /// let panel = drape::swatch_panel(&fabric, 4, 5);
     /// let cloth = drape::Cloth::swatch(&panel, &fabric, 4, 5);
-    /// let options = drape::Options::default();
-    /// let mut held = Held::lay(&cloth, &options, &mut |_, _| {});
+    /// let options = drape::DrapeOptions::default();
+    /// let mut located = LocatedCloth::locate(&cloth, &options, &mut |_, _| {});
     /// let mut raised = panel.clone();
     /// raised.panels[0].draped.iter_mut().for_each(|point| point.z += 10.0);
-    /// held.show(&raised, &options, &mut |_, _| {}, &mut |blocks| {
+    /// located.run_frame(&raised, &options, &mut |_, _| {}, &mut |blocks| {
     ///     assert!(blocks[0].draped.positions.iter().all(|point| point.z > 5.0));
     ///     Ok::<_, std::io::Error>(())
     /// })?;
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
-    pub fn show<E>(
+    pub fn run_frame<E>(
         &mut self,
         garment: &Garment,
-        options: &Options,
+        options: &DrapeOptions,
         announce: &mut Announce<'_>,
         deliver: &mut dyn FnMut(&[Block]) -> Result<(), E>,
     ) -> Result<(), E> {
@@ -79,12 +80,14 @@ impl Held {
         let mut rest = blocks.as_mut_slice();
         while !rest.is_empty() {
             let done = 1.0 - f64::from(index32(rest.len())) / f64::from(index32(all));
-            let fitting = window(rest.iter().map(Block::stitches), options.surface.as_ref());
+            let fitting = window_len(rest.iter().map(Block::stitches), options.surface.as_ref());
+            // The same windows as in `run`, so that surfaces take no more memory than there.
             let (window, later) = rest.split_at_mut(fitting);
             rest = later;
+            // The spare memory grows to the largest window and is then used by all.
             spare.resize_with(spare.len().max(window.len()), Default::default);
             exchange(window, spare);
-            clothe(window, garment, thickness, options, &mut |stage| announce(stage, done));
+            drape_blocks(window, garment, thickness, options, &mut |stage| announce(stage, done));
             announce(Stage::Deliver, done);
             deliver(window)?;
             exchange(window, spare);
@@ -93,7 +96,8 @@ impl Held {
     }
 }
 
-/// Lends blocks the spare memory, or takes it back.
+/// Swaps the blocks' draped points and tubes with the spare memory. Called once before a window is
+/// draped and once after it.
 fn exchange(blocks: &mut [Block], spare: &mut [(Draped, Tubes)]) {
     for (block, (draped, tubes)) in blocks.iter_mut().zip(spare) {
         std::mem::swap(&mut block.draped, draped);
@@ -102,8 +106,8 @@ fn exchange(blocks: &mut [Block], spare: &mut [(Draped, Tubes)]) {
 }
 
 impl Block {
-    /// A copy of what is known on the flat pattern, as small as it is.
-    fn located(&self) -> Self {
+    /// A copy of the located yarns, without draped points and tubes, and without spare capacity.
+    fn located_copy(&self) -> Self {
         let Self { panel, bar, knitted, strands, yarns, .. } = self;
         Self {
             panel: *panel,

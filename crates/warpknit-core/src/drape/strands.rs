@@ -1,9 +1,18 @@
-//! Where yarns end: at the panel's edge.
+//! Clipping of yarns at the panel's edge.
 //!
-//! In: a yarn's data points and where each lies on the panel, if at all. Out: [`Strands`],
-//! uninterrupted runs of points that all lie on the panel. With [`Edge::Clip`] the last segment is
-//! cut where it crosses the border; with [`Edge::Drop`] every stitch with a point off the panel
-//! goes whole.
+//! In: a yarn's data points, and the location of each on the panel, if it has one. Out:
+//! [`Strands`], uninterrupted runs of points that all lie on the panel.
+//!
+//! Method: polyline clipping by tracing. Between two neighbouring points the straight line is
+//! traced through the triangles from the point that is on the panel ([`Locator::trace`]). With
+//! [`Edge::Clip`] it is cut where it leaves the panel. With [`Edge::Drop`] every stitch with a
+//! point off the panel is left out as a whole.
+//!
+//! Cost: linear in the points. Lines within one triangle are not traced, and stitches that stay on
+//! the panel are copied as a whole.
+//!
+//! Not promised: clipping of the curve. Straight lines between points are clipped, and the curve is
+//! drawn through what is left.
 
 use std::ops::Range;
 
@@ -13,7 +22,7 @@ use crate::ids::{YarnId, index32};
 use crate::knit::Knitted;
 use crate::locate::{Locator, SurfacePoint, Traced};
 
-/// What happens to yarns at the panel's edge.
+/// The treatment of yarns at the panel's edge.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Edge {
     /// The yarn is cut at the edge.
@@ -26,46 +35,46 @@ pub enum Edge {
 /// A run of yarn on the panel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Strand {
-    /// The yarn of which it is part.
+    /// The yarn that it is a part of.
     pub yarn: YarnId,
-    /// Its points in [`Strands`]; at least two.
+    /// Its points in [`Strands`], at least two.
     pub points: Range<u32>,
     /// Its pieces in [`Strands::pieces`].
     pub pieces: Range<u32>,
 }
 
-/// The strands of a block: structure of arrays, a point an entry.
+/// The strands of a block, as a structure of arrays with an entry for each point.
 #[derive(Clone, Debug, Default)]
 pub struct Strands {
     /// Flat positions in panel axes (u, v, depth), mm.
     pub flat: Vec<DVec3>,
-    /// Where on the panel each point lies.
+    /// The location of each point on the panel.
     pub located: Vec<SurfacePoint>,
     /// Index of the data point, or [`CUT`] for an end that was cut between two.
     pub sources: Vec<u32>,
-    /// First point of each piece: a stitch, or what the edge left of it. A piece runs to the next
-    /// one's first point or to the strand's end.
+    /// First point of each piece. A piece is a stitch, or the part of one that the edge left. It
+    /// ends at the first point of the next piece, or at the strand's end.
     pub pieces: Vec<u32>,
     /// The strands, in yarn order.
     pub strands: Vec<Strand>,
-    /// What was counted on the way.
+    /// Counts of what the edge and defects removed.
     pub losses: Losses,
 }
 
-/// The source of a point that is no data point.
+/// The source of a point that is no data point: an end at the panel's edge.
 pub const CUT: u32 = u32::MAX;
 
-/// What the panel's edge and its defects took.
+/// Counts of the stitches and points that the panel's edge and its defects removed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Losses {
     /// Stitches with a point on the panel.
     pub stitches: usize,
-    /// Those of them with a point off it: cut or, with [`Edge::Drop`], left out.
+    /// Those of them with a point off the panel. They are cut or, with [`Edge::Drop`], left out.
     pub clipped: usize,
-    /// Data points off the panel, of stitches with a point on it.
+    /// Data points off the panel that belong to stitches with a point on it.
     pub off_panel: usize,
-    /// Data points, of any stitch, that lie within the panel's outline but in triangles that can't
-    /// be knitted.
+    /// Data points of any stitch that lie within the panel's outline, but in triangles that cannot
+    /// hold stitches.
     pub in_defects: usize,
 }
 
@@ -79,7 +88,7 @@ impl std::ops::AddAssign for Losses {
 }
 
 impl Strand {
-    /// Its points in arrays that have an entry a point of [`Strands`].
+    /// The range of its points, for arrays with an entry for each point of [`Strands`].
     #[must_use]
     pub fn range(&self) -> Range<usize> {
         self.points.start as usize..self.points.end as usize
@@ -87,7 +96,7 @@ impl Strand {
 }
 
 impl Strands {
-    /// Forgets everything but keeps the memory.
+    /// Removes everything but keeps the memory.
     pub fn clear(&mut self) {
         self.flat.clear();
         self.located.clear();
@@ -97,8 +106,8 @@ impl Strands {
         self.losses = Losses::default();
     }
 
-    /// The pieces of a strand as ranges of its own points, counted from its first. Neighbouring
-    /// pieces share a point: the next one's first.
+    /// The pieces of a strand as ranges of its points, counted from the strand's first.
+    /// Neighbouring pieces share the point between them.
     pub fn pieces_of(&self, strand: &Strand) -> impl Iterator<Item = Range<usize>> {
         let (start, last) = (strand.points.start, strand.points.end - 1);
         let pieces = &self.pieces[strand.pieces.start as usize..strand.pieces.end as usize];
@@ -108,7 +117,7 @@ impl Strands {
         })
     }
 
-    /// Adds what the panel holds of one yarn, whose stitches in `knitted` are `stitches`.
+    /// Adds the parts of one yarn that lie on the panel. `stitches` are its stitches in `knitted`.
     pub(super) fn add_yarn(
         &mut self,
         yarn: YarnId,
@@ -138,7 +147,7 @@ impl Strands {
     }
 }
 
-/// The last point that was seen.
+/// The previous data point.
 #[derive(Clone, Copy)]
 struct Last {
     flat: DVec3,
@@ -150,15 +159,18 @@ struct Builder<'a, 'b> {
     strands: &'a mut Strands,
     yarn: YarnId,
     locator: &'a Locator<'b>,
-    /// The point before, if it belongs to the yarn's unbroken run of stitches.
+    /// The previous point, on the panel or off it. Nothing at the start of the yarn and behind a
+    /// stitch that was left out: then there is no line to the next point.
     open: Option<Last>,
-    /// Whether the stitch at hand counts as clipped already.
+    /// Whether the current stitch is already counted as clipped.
     counted_as_clipped: bool,
 }
 
 impl Builder<'_, '_> {
     /// Counts a stitch; true if all of it lies on the panel.
     fn count(&mut self, points: &[DVec3], located: &[Option<SurfacePoint>]) -> bool {
+        // A stitch without a point on the panel is not counted as lost: yarns are planned a little
+        // longer than the panel.
         let off = located.iter().filter(|at| at.is_none()).count();
         let losses = &mut self.strands.losses;
         if off > 0 {
@@ -177,20 +189,20 @@ impl Builder<'_, '_> {
         off == 0
     }
 
-    /// Starts a new stitch within the running strand, if there is one.
+    /// Starts a new piece in the current strand, if there is one.
     fn begin_piece(&mut self) {
         if self.open.is_some_and(|last| last.located.is_some()) {
             self.strands.pieces.push(index32(self.strands.flat.len()));
         }
     }
 
-    /// Adds a stitch's data points, the first of which is number `first`.
+    /// Adds a stitch's data points. `first` is the index of the first one.
     fn add_stitch(&mut self, first: usize, flat: &[DVec3], located: &[Option<SurfacePoint>]) {
         if flat.is_empty() {
             return;
         }
         if self.stays(flat, located) {
-            // Nearly every stitch: no point needs a look of its own.
+            // The fast path, taken by nearly every stitch: whole slices are copied.
             let sources = index32(first)..index32(first + flat.len());
             self.strands.flat.extend_from_slice(flat);
             self.strands
@@ -206,7 +218,8 @@ impl Builder<'_, '_> {
         }
     }
 
-    /// Whether the yarn is on the panel and all of the stitch is too.
+    /// Whether the previous point and the whole stitch are on the panel, with all lines between
+    /// them.
     fn stays(&self, flat: &[DVec3], located: &[Option<SurfacePoint>]) -> bool {
         let Some(Last { flat: mut before, located: Some(mut from) }) = self.open else {
             return false;
@@ -219,9 +232,11 @@ impl Builder<'_, '_> {
         })
     }
 
-    /// Adds the next data point, cutting the yarn where the way to it leaves the panel.
+    /// Adds the next data point, and cuts the yarn where the line to it leaves the panel.
     fn add(&mut self, source: u32, flat: DVec3, located: Option<SurfacePoint>) {
         match (self.open.and_then(|last| last.located.map(|at| (last.flat, at))), located) {
+            // Both points on the panel: the line between them may cross a notch or a hole. It is
+            // traced from both ends, so that the strand is cut at either border.
             (Some((before, from)), Some(to)) => {
                 if let Some(share) = self.cut(before, from, flat, to) {
                     self.end_at(before, flat, share.0, share.1);
@@ -231,6 +246,7 @@ impl Builder<'_, '_> {
                     self.enter(flat, to, before);
                 }
             }
+            // From the panel to outside: the strand ends at the border.
             (Some((before, from)), None) => {
                 if let Traced::Left { at, share } =
                     self.locator.trace(before.truncate(), from, flat.truncate())
@@ -239,6 +255,7 @@ impl Builder<'_, '_> {
                 }
                 self.finish_strand();
             }
+            // From outside to the panel. Without a previous point the yarn simply starts here.
             (None, Some(to)) => match self.open {
                 Some(outside) => self.enter(flat, to, outside.flat),
                 None => self.start_strand(),
@@ -251,8 +268,8 @@ impl Builder<'_, '_> {
         self.open = Some(Last { flat, located });
     }
 
-    /// Where the straight way between two points of the panel leaves it, if it does. Points in one
-    /// triangle need no look.
+    /// The place where the straight line between two points of the panel leaves it, as a fraction
+    /// of the line and a point on the border. Nothing if the line stays on the panel.
     fn cut(
         &self,
         from: DVec3,
@@ -260,6 +277,8 @@ impl Builder<'_, '_> {
         to: DVec3,
         end: SurfacePoint,
     ) -> Option<(f64, SurfacePoint)> {
+        // Triangles are convex, so a line within one triangle needs no trace. Data points are dense
+        // compared to triangles, so this spares most of the traces.
         if start.triangle == end.triangle {
             return None;
         }
@@ -269,23 +288,25 @@ impl Builder<'_, '_> {
         }
     }
 
-    /// Starts a strand at the border on the way from `outside` to a point of the panel.
+    /// Starts a strand at the border, on the line from `outside` to a point of the panel.
     fn enter(&mut self, flat: DVec3, located: SurfacePoint, outside: DVec3) {
         self.start_strand();
+        // Traced from the inside: a trace needs a triangle to start in.
         match self.locator.trace(flat.truncate(), located, outside.truncate()) {
             Traced::Left { at, share } => self.end_at(flat, outside, share, at),
             Traced::Arrived => {}
         }
     }
 
-    /// Adds a cut end on the way from `inside` to `outside`. A point on the border itself needs
-    /// none: it would only repeat it.
+    /// Adds a cut end on the line from `inside` to `outside`. If `inside` lies on the border itself
+    /// the end would only repeat it, so nothing is added.
     fn end_at(&mut self, inside: DVec3, outside: DVec3, share: f64, at: SurfacePoint) {
         if share > 0.0 {
             self.push(CUT, inside.lerp(outside, share), at);
         }
     }
 
+    /// Opens a strand and its first piece at the next point.
     fn start_strand(&mut self) {
         let (point, piece) = (index32(self.strands.flat.len()), index32(self.strands.pieces.len()));
         self.strands.pieces.push(point);
@@ -302,8 +323,8 @@ impl Builder<'_, '_> {
         self.strands.sources.push(source);
     }
 
-    /// Closes the running strand. One of a single point draws nothing and goes; so does a last
-    /// piece of a single point.
+    /// Closes the current strand. A strand of a single point draws nothing and is removed, as is a
+    /// last piece of a single point.
     fn finish_strand(&mut self) {
         let strands = &mut *self.strands;
         let Some(strand) = strands.strands.last_mut() else { return };
@@ -321,7 +342,7 @@ impl Builder<'_, '_> {
         }
     }
 
-    /// Ends the yarn's unbroken run of stitches.
+    /// Ends the yarn's uninterrupted run of stitches.
     fn end(&mut self) {
         if self.open.take().is_some_and(|last| last.located.is_some()) {
             self.finish_strand();

@@ -1,11 +1,13 @@
-//! What can be wrong with a garment's files: one line each, with the file, the line where there is
-//! one, and what to do.
+//! Errors of reading a garment's files.
+//!
+//! Each message is a single line. It names the file, the line of the file where there is one, and
+//! what the user can do.
 
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-/// Why no garment could be read.
+/// Reasons why no garment could be read.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum GarmentError {
@@ -24,7 +26,10 @@ pub enum GarmentError {
         path: PathBuf,
     },
     /// Reading stopped half-way.
-    #[error("{}:{line}: cannot be read on ({reason}): copy the file to a sound disk and try again", .path.display())]
+    #[error(
+        "{}:{line}: cannot be read on ({reason}): copy the file to a sound disk and try again",
+        .path.display()
+    )]
     Read {
         /// The file.
         path: PathBuf,
@@ -39,16 +44,22 @@ pub enum GarmentError {
         /// The file.
         path: PathBuf,
     },
-    /// Not one record of the file is a vertex or a face.
-    #[error("{}: is no OBJ text file ({lines} lines, no `v` and no `f` record): export the garment as Wavefront OBJ", .path.display())]
+    /// The file has no vertex and no face.
+    #[error(
+        "{}: is no OBJ text file ({lines} lines, no `v` and no `f` record): \
+         export the garment as Wavefront OBJ", .path.display()
+    )]
     NotObj {
         /// The file.
         path: PathBuf,
-        /// Lines looked at.
+        /// Lines of the file.
         lines: u64,
     },
-    /// Vertices, but nothing between them.
-    #[error("{}: holds {vertices} vertices and no face: export the garment as a mesh, not as points or curves", .path.display())]
+    /// The file has vertices but no face.
+    #[error(
+        "{}: holds {vertices} vertices and no face: \
+         export the garment as a mesh, not as points or curves", .path.display()
+    )]
     NoFaces {
         /// The file.
         path: PathBuf,
@@ -63,10 +74,13 @@ pub enum GarmentError {
         /// The line on which the record starts, from 1.
         line: u64,
         /// What is wrong with it.
-        fault: Fault,
+        fault: GarmentFault,
     },
-    /// A coordinate is finite, but areas made of it would not be.
-    #[error("{}:{line}: this face has a coordinate of {value:e}, over the limit of {limit:e}: export the garment in a common unit", .path.display())]
+    /// A coordinate is finite, but too large for areas computed from it to be exact.
+    #[error(
+        "{}:{line}: this face has a coordinate of {value:e}, over the limit of {limit:e}: \
+         export the garment in a common unit", .path.display()
+    )]
     TooLarge {
         /// The file.
         path: PathBuf,
@@ -77,10 +91,11 @@ pub enum GarmentError {
         /// The largest that is accepted.
         limit: f64,
     },
-    /// One file was given and it has no flat pattern in it.
+    /// The file has no texture coordinates that could be the flat pattern.
     #[error(
-        "{}: no face uses a texture coordinate (the file holds {texture} `vt`), so there is no flat pattern: \
-         export it with UVs, or give a FLAT and a DRAPED file", .path.display()
+        "{}: no face uses a texture coordinate (the file holds {texture} `vt`), \
+         so there is no flat pattern: export it with UVs, or give a FLAT and a DRAPED file",
+        .path.display()
     )]
     NoTexture {
         /// The file.
@@ -90,8 +105,10 @@ pub enum GarmentError {
     },
     /// The two files have different faces.
     #[error(
-        "{} has {flat_faces} faces and {} has {draped_faces}; the first that differs is face {face} ({difference}): \
-         export both from the same mesh, faces in the same order", .flat.display(), .draped.display()
+        "{} has {flat_faces} faces and {} has {draped_faces}; \
+         the first that differs is face {face} ({difference}): \
+         export both from the same mesh, faces in the same order",
+        .flat.display(), .draped.display()
     )]
     Faces {
         /// The flat file.
@@ -107,11 +124,13 @@ pub enum GarmentError {
         /// How it differs, with both lines.
         difference: String,
     },
-    /// As many faces, but their corners belong to different vertices.
+    /// The files have the same number of faces, but their corners belong to different vertices.
     #[error(
-        "{} has {flat_faces} faces and {} has {draped_faces}, but their corners disagree: {disagreeing} of {vertices} flat vertices \
-         are at two places when draped, first in face {face} (lines {flat_line} and {draped_line}): export both from the same mesh, \
-         faces and corners in the same order", .flat.display(), .draped.display()
+        "{} has {flat_faces} faces and {} has {draped_faces}, but their corners disagree: \
+         {disagreeing} of {vertices} flat vertices are at two places when draped, \
+         first in face {face} (lines {flat_line} and {draped_line}): \
+         export both from the same mesh, faces and corners in the same order",
+        .flat.display(), .draped.display()
     )]
     Corners {
         /// The flat file.
@@ -133,7 +152,7 @@ pub enum GarmentError {
         /// Its line in the draped file.
         draped_line: u64,
     },
-    /// Not one piece of the pattern can be knitted on.
+    /// No piece of the pattern can hold stitches.
     #[error("{}: no usable panel: {reason}", .path.display())]
     NoPanel {
         /// The file with the flat pattern.
@@ -141,7 +160,7 @@ pub enum GarmentError {
         /// Why the pieces were refused.
         reason: String,
     },
-    /// An option's number makes no sense.
+    /// An option has a number out of its range.
     #[error("{option} is {value}, but must be {must}")]
     Option {
         /// The option as the user writes it.
@@ -151,7 +170,7 @@ pub enum GarmentError {
         /// What it must be.
         must: &'static str,
     },
-    /// tobj refused what the cleaning pass had let through; no input known does that.
+    /// tobj refused a file that the cleaning pass had accepted. No known input does that.
     #[error("{}: the OBJ parser refused the file ({reason}): please report it", .path.display())]
     Parser {
         /// The file.
@@ -162,18 +181,17 @@ pub enum GarmentError {
 }
 
 impl GarmentError {
-    /// The fault of a record, at its place.
-    pub(super) fn record(path: &Path, line: u64, fault: Fault) -> Self {
+    /// The error for a fault in the record at `line`.
+    pub(super) fn record(path: &Path, line: u64, fault: GarmentFault) -> Self {
         Self::Record { path: path.to_path_buf(), line, fault }
     }
 }
 
-/// What can be wrong with one record of an OBJ file. Tokens are quoted cut short and with odd
-/// characters escaped.
+/// Faults of a single record of an OBJ file. Tokens are quoted, shortened and escaped.
 #[derive(Debug, Error, PartialEq)]
 #[non_exhaustive]
-pub enum Fault {
-    /// The record, its continuations joined, doesn't end.
+pub enum GarmentFault {
+    /// The record is too long, with its continuation lines joined.
     #[error("this line is longer than {limit} bytes: is the file a text file, with line ends?")]
     LineTooLong {
         /// The longest that is accepted.
@@ -184,17 +202,18 @@ pub enum Fault {
     Number {
         /// `v` or `vt`.
         record: &'static str,
-        /// What stands there.
+        /// The text found there.
         token: String,
     },
-    /// A NaN, an infinity, or a number over what 64-bit floats hold.
+    /// A NaN, an infinity, or a number beyond the range of 64-bit floats.
     #[error(
-        "`{record}` holds {token}, which is not finite: repair or re-run the simulation that wrote it"
+        "`{record}` holds {token}, which is not finite: \
+         repair or re-run the simulation that wrote it"
     )]
     NotFinite {
         /// `v` or `vt`.
         record: &'static str,
-        /// What stands there.
+        /// The text found there.
         token: String,
     },
     /// Too few or too many numbers.
@@ -202,37 +221,39 @@ pub enum Fault {
     NumberCount {
         /// `v` or `vt`.
         record: &'static str,
-        /// How many stand there.
+        /// Numbers found.
         found: usize,
-        /// The fewest.
+        /// The smallest allowed count.
         least: usize,
-        /// The most.
+        /// The largest allowed count.
         most: usize,
     },
     /// A corner that isn't `v`, `v/vt`, `v//vn` or `v/vt/vn`.
     #[error(
-        "the face's corner {token} is not of the form v, v/vt, v//vn or v/vt/vn: is the file cut off?"
+        "the face's corner {token} is not of the form v, v/vt, v//vn or v/vt/vn: \
+         is the file cut off?"
     )]
     Corner {
-        /// What stands there.
+        /// The text found there.
         token: String,
     },
-    /// OBJ counts from 1.
+    /// An index of 0. OBJ counts from 1.
     #[error("the face's corner {token} has the index 0, but OBJ counts from 1: re-export the file")]
     IndexZero {
         /// The corner.
         token: String,
     },
-    /// A vertex that the file doesn't hold.
+    /// An index of a vertex that the file doesn't hold.
     #[error(
-        "the face refers to `{record}` number {index}, but there are {count}: is the file cut off, or edited by hand?"
+        "the face refers to `{record}` number {index}, but there are {count}: \
+         is the file cut off, or edited by hand?"
     )]
     IndexRange {
         /// `v` or `vt`.
         record: &'static str,
-        /// The index as written, negative ones included.
+        /// The index as written, which may be negative.
         index: i64,
-        /// How many there are (for a negative index: up to this line).
+        /// Number of vertices in the file, or up to this line for a negative index.
         count: u64,
     },
     /// Fewer than three corners.
@@ -249,9 +270,11 @@ pub enum Fault {
     },
 }
 
-/// A token for a message: cut at 40 characters, in quotes, with control characters escaped so that
-/// it stays on one line.
+/// A token for a message: in quotes, shortened to 40 characters, with control characters escaped so
+/// that the message stays on one line.
 pub(super) fn quoted(token: &[u8]) -> String {
+    // 160 bytes hold 40 characters of any encoding. A token may have a megabyte, of which only the
+    // start is converted.
     let text = String::from_utf8_lossy(&token[..token.len().min(160)]);
     let mut short: String = text.chars().take(40).collect();
     if short.len() < text.len() || token.len() > 160 {

@@ -1,10 +1,14 @@
-//! Drape sequences: the same garment, draped again and again.
+//! Drape sequences: one garment, draped many times.
 //!
-//! In: a garment's first drape ([`Frames::read`]), then one file a frame ([`Frames::pose`]). Out:
-//! the garment where the frame has it. Faces don't change in a sequence, so what was located on the
-//! flat pattern stays located, and of a frame whose faces have the first one's corners only the
-//! positions are read. A frame whose vertices are numbered otherwise is paired with the flat
-//! pattern as the first one was.
+//! In: a garment's first drape ([`Frames::read`]), then one file for each frame ([`Frames::pose`]).
+//! Out: the garment with the frame's draped positions.
+//!
+//! Method: connectivity is constant in a sequence, so everything that was located on the flat
+//! pattern stays valid. Of a frame with the connectivity of the first drape only the positions are
+//! read. A frame whose vertices are numbered differently is paired with the flat pattern as the
+//! first drape was.
+//!
+//! Cost: about 400 ns a triangle, nearly all of it for parsing the text.
 //!
 //! Not promised: that a frame shows the same cloth, only that its faces pair.
 
@@ -13,40 +17,42 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 
 use super::obj::{self, ObjMesh};
-use super::pair::{LARGEST, Pairs, Pattern, two_files};
+use super::pair::{FlatSource, LARGEST, Pairs, two_files};
 use super::panel::{cross, normals};
-use super::{Files, Garment, GarmentError, Panel, ReadOptions, Unit};
+use super::{Garment, GarmentError, GarmentFiles, Panel, ReadOptions, Unit};
 use crate::ids::index32;
 
-/// A frame's lengths over the first one's, beyond which it is taken to be in another unit: cloth
-/// hardly stretches to twice its length in both directions, and units are 2.5 times apart or more.
-const OTHER_UNIT: f64 = 2.0;
-/// A vertex of no triangle that can hold stitches: it stays where it is.
+/// Ratio of a frame's size to the first one's, above which (or below whose inverse) the frame is
+/// taken to be in another unit. Units are a factor of 2.5 or more apart, so the limit must be below
+/// that. Cloth hardly stretches to twice its length in both directions, so it must not be much
+/// lower.
+const MAX_SIZE_RATIO: f64 = 2.0;
+/// Marks a vertex of no triangle that can hold stitches. Such a vertex keeps its position.
 const UNUSED: u32 = u32::MAX;
 
-/// What further frames of a garment are read with.
+/// Reads further frames of a garment.
 #[derive(Debug)]
 pub struct Frames {
     path: PathBuf,
     flat: ObjMesh,
-    pattern: Pattern,
-    /// That of the first drape's faces.
+    pattern: FlatSource,
+    /// Connectivity hash of the first drape ([`ObjMesh::connectivity`]).
     connectivity: u64,
-    /// Each panel's vertices: corners of paired triangles, three times the triangle's place and 0,
-    /// 1 or 2.
+    /// For each vertex of each panel, a corner of a paired triangle: three times the triangle's
+    /// index plus 0, 1 or 2.
     corners: Vec<Vec<u32>>,
-    /// The same as vertices of the first drape's file.
+    /// The same as vertex numbers in the first drape's file.
     vertices: Vec<Vec<u32>>,
     unit: Unit,
-    /// Whether the user said so.
+    /// Whether the user gave the unit.
     unit_given: bool,
-    /// What the first drape measures, mm: the root of its area.
+    /// Size of the first drape, mm: the square root of its area.
     size: f64,
 }
 
 impl Frames {
-    /// Reads a garment as [`super::read`] does, ready for further frames. Where there is no `first`
-    /// file, the flat one is the first frame too.
+    /// Reads a garment as [`super::read`] does, and prepares for further frames. Where there is no
+    /// `first` file, the flat one is the first frame too.
     ///
     /// # Errors
     /// Those of [`super::read`].
@@ -55,18 +61,20 @@ impl Frames {
         first: Option<&Path>,
         options: &ReadOptions,
     ) -> Result<(Garment, Self), GarmentError> {
-        let (garment, unit, files) = Files::read(flat, first, options)?.garment(options)?;
-        let Files { path, flat, draped, pattern, pairs, .. } = files;
+        let (garment, unit, files) = GarmentFiles::read(flat, first, options)?.garment(options)?;
+        let GarmentFiles { path, flat, draped, pattern, pairs, .. } = files;
         let first_drape = draped.as_ref().unwrap_or(&flat);
-        let in_file = |vertex: u32| {
-            if vertex == UNUSED { UNUSED } else { first_drape.order[vertex as usize] }
-        };
         let corners: Vec<_> =
             garment.panels.iter().map(|panel| corners(panel, &pairs, options.turn)).collect();
-        let vertices = corners
-            .iter()
-            .map(|corners| vertices(corners, &pairs).into_iter().map(in_file).collect())
-            .collect();
+        let mut vertices: Vec<Vec<u32>> = Vec::with_capacity(corners.len());
+        for corners in &corners {
+            let mut panel_vertices = draped_vertices(corners, &pairs);
+            // From tobj's numbering to the file's, which further frames are read in.
+            for vertex in panel_vertices.iter_mut().filter(|vertex| **vertex != UNUSED) {
+                *vertex = first_drape.order[*vertex as usize];
+            }
+            vertices.push(panel_vertices);
+        }
         let connectivity = first_drape.connectivity;
         let frames = Self {
             path: path.to_owned(),
@@ -85,14 +93,14 @@ impl Frames {
         Ok((garment, frames))
     }
 
-    /// Puts the garment that [`Frames::read`] gave where the frame has it, and says what is odd
-    /// about the frame. The garment stays as it was where the frame can't be taken.
-    ///
-    /// Cost: some 400 ns a triangle, nearly all of it the text.
+    /// Moves the garment of [`Frames::read`] to a frame's draped positions, and returns warnings
+    /// about the frame. If the frame can't be used the garment stays as it was.
     ///
     /// # Errors
     /// [`GarmentError`] where the file can't be read, doesn't pair, or has no area.
     pub fn pose(&self, garment: &mut Garment, frame: &Path) -> Result<Vec<String>, GarmentError> {
+        // All new positions are collected before the garment changes, so that a bad frame leaves it
+        // as it was. First the fast way, for a frame with the connectivity of the first drape.
         let (draped, mut odd) = match obj::read_positions(frame, self.connectivity)? {
             Some(positions)
                 if positions.iter().all(|position| position.abs().max_element() <= LARGEST) =>
@@ -100,18 +108,19 @@ impl Frames {
                 (
                     self.vertices
                         .iter()
-                        .map(|vertices| taken(vertices, &positions))
+                        .map(|vertices| positions_of(vertices, &positions))
                         .collect::<Vec<_>>(),
                     Vec::new(),
                 )
             }
+            // Coordinates out of range take the slow way as well, since only it knows their line.
             _ => {
                 let mesh = obj::read(frame)?;
                 let mut pairs = two_files(&self.flat, &mesh, [&self.path, frame], self.pattern)?;
                 let places = self
                     .corners
                     .iter()
-                    .map(|corners| taken(&vertices(corners, &pairs), &pairs.draped));
+                    .map(|corners| positions_of(&draped_vertices(corners, &pairs), &pairs.draped));
                 (places.collect(), std::mem::take(&mut pairs.warnings))
             }
         };
@@ -137,31 +146,46 @@ impl Frames {
         Ok(odd)
     }
 
-    /// The unit of a frame that measures so much in its own, and what is odd about it.
+    /// The size of a frame relative to the first drape, if it is in this unit.
+    fn size_ratio(&self, size: f64, unit: Unit) -> f64 {
+        size * unit.millimetres() / self.size
+    }
+
+    /// The unit of a frame whose size is `size` in that unit, and a warning if it differs.
     fn unit_of(&self, size: f64) -> (Unit, Option<String>) {
-        let times = |unit: Unit| size * unit.millimetres() / self.size;
-        let fits = |unit: Unit| (1.0 / OTHER_UNIT..OTHER_UNIT).contains(&times(unit));
-        if self.unit_given || fits(self.unit) {
+        let fitting = 1.0 / MAX_SIZE_RATIO..MAX_SIZE_RATIO;
+        if self.unit_given || fitting.contains(&self.size_ratio(size, self.unit)) {
             return (self.unit, None);
         }
         let nearest = Unit::ALL
             .into_iter()
-            .min_by(|a, b| times(*a).ln().abs().total_cmp(&times(*b).ln().abs()))
+            .min_by(|a, b| {
+                // By the logarithm, so that half the size and twice the size are equally far off.
+                let [a, b] = [*a, *b].map(|unit| self.size_ratio(size, unit).ln().abs());
+                a.total_cmp(&b)
+            })
             .unwrap_or(self.unit);
-        if fits(nearest) {
+        if fitting.contains(&self.size_ratio(size, nearest)) {
             return (
                 nearest,
                 Some(format!(
-                    "taken to be in {nearest}, while the first frame is in {}; --unit says otherwise",
+                    "taken to be in {nearest}, while the first frame is in {}; \
+                     --unit says otherwise",
                     self.unit
                 )),
             );
         }
-        (self.unit, Some(format!("{:.3} times as large as the first frame", times(self.unit))))
+        (
+            self.unit,
+            Some(format!(
+                "{:.3} times as large as the first frame",
+                self.size_ratio(size, self.unit)
+            )),
+        )
     }
 }
 
-/// The corner of a paired triangle that each vertex of a panel is.
+/// For each vertex of a panel a corner of a paired triangle, as [`Frames::corners`] holds it.
 fn corners(panel: &Panel, pairs: &Pairs, turned: bool) -> Vec<u32> {
     let order = if turned { [0, 2, 1] } else { [0, 1, 2] };
     let mut corners = vec![UNUSED; panel.draped.len()];
@@ -176,37 +200,39 @@ fn corners(panel: &Panel, pairs: &Pairs, turned: bool) -> Vec<u32> {
 }
 
 /// The draped vertex at each corner.
-fn vertices(corners: &[u32], pairs: &Pairs) -> Vec<u32> {
-    let vertex = |&corner: &u32| {
-        if corner == UNUSED {
-            UNUSED
-        } else {
-            pairs.triangles[(corner / 3) as usize].draped[(corner % 3) as usize]
-        }
-    };
-    corners.iter().map(vertex).collect()
+fn draped_vertices(corners: &[u32], pairs: &Pairs) -> Vec<u32> {
+    corners
+        .iter()
+        .map(|&corner| match corner {
+            UNUSED => UNUSED,
+            _ => pairs.triangles[(corner / 3) as usize].draped[(corner % 3) as usize],
+        })
+        .collect()
 }
 
-/// The positions of vertices that are used.
-fn taken(vertices: &[u32], positions: &[DVec3]) -> Vec<Option<DVec3>> {
+/// The positions of vertices. Nothing for unused ones.
+fn positions_of(vertices: &[u32], positions: &[DVec3]) -> Vec<Option<DVec3>> {
     vertices.iter().map(|&vertex| (vertex != UNUSED).then(|| positions[vertex as usize])).collect()
 }
 
-/// The root of the area of panels whose vertices are at `place` of what comes with each.
+/// The size of panels: the square root of their area. `position` gives a vertex's position from the
+/// data that come with each panel.
 fn size<'a, T>(
     panels: impl Iterator<Item = (&'a Panel, T)>,
-    place: impl Fn(&T, usize) -> DVec3,
+    position: impl Fn(&T, usize) -> DVec3,
 ) -> f64 {
-    let area = |(panel, draped): (&Panel, T)| -> f64 {
-        panel
-            .triangles
-            .iter()
-            .map(|corners| {
-                0.5 * cross(corners.map(|vertex| place(&draped, vertex as usize))).length()
-            })
-            .sum()
-    };
-    panels.map(area).sum::<f64>().sqrt()
+    panels
+        .map(|(panel, draped)| -> f64 {
+            panel
+                .triangles
+                .iter()
+                .map(|corners| {
+                    0.5 * cross(corners.map(|vertex| position(&draped, vertex as usize))).length()
+                })
+                .sum()
+        })
+        .sum::<f64>()
+        .sqrt()
 }
 
 #[cfg(test)]
@@ -214,15 +240,15 @@ mod tests {
     use super::*;
     use std::fmt::Write as _;
 
-    /// A strip of two squares, four corners each, its vertices in an order in which faces don't
-    /// come to them, the first one in no face.
+    /// A strip of two squares. Its vertices are not in the order in which faces use them, and no
+    /// face uses the first one.
     fn strip(place: impl Fn(f64, f64) -> [f64; 3], rotated: bool) -> String {
         let mut text = String::from("v 9 9 9\n");
         for (x, y) in [(2.0, 1.0), (0.0, 0.0), (1.0, 1.0), (2.0, 0.0), (0.0, 1.0), (1.0, 0.0)] {
             let [a, b, c] = place(x, y);
             writeln!(text, "v {a} {b} {c}").unwrap();
         }
-        // The same faces, their vertices numbered otherwise by two more that nothing uses.
+        // The same faces, with other vertex numbers because of two more unused vertices.
         let more = if rotated { 2 } else { 0 };
         if rotated {
             text = format!("v 8 8 8\nv 8 8 8\n{text}");
@@ -278,7 +304,7 @@ mod tests {
             written(folder.path(), "flat.obj", &strip(|x, y| [50.0 * x, 50.0 * y, 0.0], false));
         let options = ReadOptions { uv_scale: Some(10.0), ..ReadOptions::default() };
         let (mut garment, frames) = Frames::read(&flat, Some(&flat), &options).unwrap();
-        assert_eq!(garment.facts.unit, "cm");
+        assert_eq!(garment.summary.unit, "cm");
         let before = garment.panels[0].draped.clone();
         for (unit, times) in [("m", 0.01), ("mm", 10.0), ("in", 1.0 / 2.54)] {
             let text = strip(|x, y| [50.0 * times * x, 50.0 * times * y, 0.0], false);

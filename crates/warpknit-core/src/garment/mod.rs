@@ -1,15 +1,16 @@
-//! The garment: panels that know where each of their flat triangles lies when draped.
+//! The garment: panels whose flat triangles know their draped positions.
 //!
 //! In: one OBJ with `vt`, or a flat and a draped OBJ ([`read`]). Out: a [`Garment`] in millimetres,
-//! each [`Panel`] in axes of its own. The specification's garment page says what real files hold
-//! and what is made of it.
+//! each [`Panel`] in axes of its own.
 //!
-//! The way: `obj` makes a mesh of the text, `pair` pairs flat and draped triangles, `panel` finds
-//! the connected pieces and their planes, `unit` finds the millimetres, `error` says what was
-//! wrong.
+//! The steps: `obj` parses the text into a mesh, `pair` pairs flat and draped triangles, `panel`
+//! finds the connected pieces and their planes, `unit` estimates units and scales. `error` has the
+//! messages for everything that may be wrong with a file.
 //!
-//! Not promised: that flat and draped are the same cloth (only that they pair), and anything about
-//! self-intersection.
+//! Cost: nearly all of the time goes into parsing the text.
+//!
+//! Not promised: that flat and draped are the same cloth (only that their triangles pair), and that
+//! the cloth doesn't intersect itself.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -29,26 +30,26 @@ mod rectangle;
 pub mod stretch;
 mod unit;
 
-pub use error::{Fault, GarmentError};
+pub use error::{GarmentError, GarmentFault};
 pub use frames::Frames;
 pub use unit::{Unit, UnknownUnit};
 
 use obj::ObjMesh;
-use pair::{Pairs, Pattern};
+use pair::{FlatSource, Pairs};
 use panel::{Piece, Refusal, Refused};
 
-/// What the user may say about the files.
+/// Options for reading a garment.
 ///
-/// The default guesses units and scale, lays the wales along the flat y axis and leaves the cloth's
-/// sides as they are.
+/// By default the unit and the scale are estimated, the wales run along the flat y axis, and the
+/// technical face is on the side to which the draped triangles' winding points.
 #[derive(Clone, Debug, Default)]
 pub struct ReadOptions {
-    /// Unit of the draped coordinates; guessed where absent.
+    /// Unit of the draped coordinates. It is guessed from the garment's size if absent.
     pub unit: Option<Unit>,
-    /// mm that one flat unit stands for; estimated where absent.
+    /// Length of one flat unit, mm. It is estimated from the areas if absent.
     pub uv_scale: Option<f64>,
-    /// Turns the wale direction in the panel's plane, radians, counter-clockwise as seen from the
-    /// technical face.
+    /// Angle by which the wale direction is turned in the panel's plane, radians, counter-clockwise
+    /// as seen from the technical face.
     pub grain: f64,
     /// Puts the technical face on the other side of the cloth.
     pub turn: bool,
@@ -65,43 +66,43 @@ pub struct Panel {
     pub uv: Vec<DVec2>,
     /// The same vertices draped, mm.
     pub draped: Vec<DVec3>,
-    /// Unit draped vertex normals, angle-weighted over this panel's triangles alone (split at panel
-    /// borders).
+    /// Unit draped vertex normals, angle-weighted over the triangles of this panel only (split at
+    /// panel borders).
     pub normals: Vec<DVec3>,
-    /// Triangles that can hold stitches, those next to each other on the panel near each other
-    /// here.
+    /// Triangles that can hold stitches. Neighbours on the panel are near each other in this array
+    /// (see [`Panel::order_along_curve`]).
     pub triangles: Vec<[u32; 3]>,
-    /// The face of each triangle.
+    /// The face in the file of each triangle.
     pub faces: Vec<FaceId>,
-    /// Triangles wound against their panel: they take no stitches, but points that fall there are
-    /// counted as lost.
+    /// Triangles wound against their panel. They hold no stitches; data points that lie in them are
+    /// counted as losses.
     pub flipped: Vec<[u32; 3]>,
-    /// Panel axes (u, v, depth) to the flat mesh's own axes, both in mm.
+    /// Transform from panel axes (u, v, depth) to the flat mesh's own axes, both in mm.
     pub flat_from_panel: DAffine3,
     /// Whether the flat piece lies mirrored (clockwise) in its own plane.
     pub mirrored: bool,
 }
 
-/// All panels of a garment, and what was noticed while reading.
+/// All panels of a garment, with a summary of what reading found.
 #[derive(Clone, Debug)]
 pub struct Garment {
     /// Usable panels, in order of their lowest face.
     pub panels: Vec<Panel>,
-    /// What reading found.
-    pub facts: Facts,
+    /// The summary of reading.
+    pub summary: GarmentSummary,
 }
 
-/// What reading found, for the report and for `inspect`.
+/// The summary of reading a garment, for the report and for `inspect`.
 #[derive(Clone, Debug, Default)]
-pub struct Facts {
+pub struct GarmentSummary {
     /// Triangles in the file, usable or not.
     pub triangles: usize,
-    /// Name of the unit that draped coordinates are in: mm, cm, dm, m, in.
+    /// Unit of the draped coordinates: mm, cm, dm, m, in.
     pub unit: &'static str,
-    /// Whether the unit was guessed, and not given.
+    /// Whether the unit was guessed and not given by the user.
     pub unit_guessed: bool,
-    /// mm that one flat unit stands for (the garment's; panels that differ are named in
-    /// `warnings`).
+    /// Length of one flat unit for the whole garment, mm. Panels that differ from it are named in
+    /// `warnings`.
     pub uv_scale_mm: f64,
     /// Triangles without flat area.
     pub degenerate: usize,
@@ -109,20 +110,20 @@ pub struct Facts {
     pub flipped: usize,
     /// Triangles with a corner that has no `vt`.
     pub untextured: usize,
-    /// Pieces of the pattern that are no panel: without area, or out of their plane.
+    /// Pieces of the pattern that are no panels: they have no area, or they are not plane.
     pub refused: usize,
-    /// What is known of each panel besides what [`Panel`] holds, in the same order.
-    pub panels: Vec<PanelFacts>,
-    /// One line each, fit for the user.
+    /// The summary of each panel, in the order of [`Garment::panels`].
+    pub panels: Vec<PanelSummary>,
+    /// Warnings for the user, one line each.
     pub warnings: Vec<String>,
 }
 
-/// What reading found out about one panel.
+/// The summary of reading one panel.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct PanelFacts {
-    /// mm that one flat unit stands for in this panel.
+pub struct PanelSummary {
+    /// Length of one flat unit in this panel, mm.
     pub scale_mm: f64,
-    /// Its triangles without flat area.
+    /// Number of its triangles without flat area.
     pub degenerate: usize,
 }
 
@@ -130,14 +131,18 @@ impl Panel {
     /// Flat area that can hold stitches, mm².
     #[must_use]
     pub fn area(&self) -> f64 {
-        let twice = |&[a, b, c]: &[u32; 3]| {
-            let [a, b, c] = [a, b, c].map(|vertex| self.uv[vertex as usize]);
-            (b - a).perp_dot(c - a)
-        };
-        0.5 * self.triangles.iter().map(twice).sum::<f64>()
+        let twice: f64 = self
+            .triangles
+            .iter()
+            .map(|corners| {
+                let [a, b, c] = corners.map(|vertex| self.uv[vertex as usize]);
+                (b - a).perp_dot(c - a)
+            })
+            .sum();
+        0.5 * twice
     }
 
-    /// Flat extent along u and v, mm.
+    /// Size of the flat bounding box along u and v, mm.
     #[must_use]
     pub fn size(&self) -> DVec2 {
         let [low, high] = self.bounds();
@@ -151,9 +156,10 @@ impl Panel {
         [uv.clone().fold(DVec2::INFINITY, DVec2::min), uv.fold(DVec2::NEG_INFINITY, DVec2::max)]
     }
 
-    /// Edges with more than two triangles, flipped ones included.
+    /// Number of edges with more than two triangles, including flipped triangles.
     #[must_use]
     pub fn non_manifold_edges(&self) -> usize {
+        // An edge is named by its smaller vertex first, so that both directions are the same edge.
         let mut triangles_at: HashMap<[u32; 2], u32> = HashMap::new();
         for &[a, b, c] in self.triangles.iter().chain(&self.flipped) {
             for [a, b] in [[a, b], [b, c], [c, a]] {
@@ -165,9 +171,9 @@ impl Panel {
 }
 
 impl Garment {
-    /// Turns the wale direction of one panel further, on top of [`ReadOptions::grain`]: radians,
-    /// counter-clockwise seen from the technical face. A panel that isn't there is left to whoever
-    /// lays a fabric out to tell of.
+    /// Turns the wale direction of one panel, in addition to [`ReadOptions::grain`]. The angle is
+    /// in radians, counter-clockwise as seen from the technical face. A panel that doesn't exist is
+    /// no error here; laying out the fabric reports it.
     ///
     /// ```
     /// use warpknit_core::garment::Garment;
@@ -178,9 +184,9 @@ impl Garment {
     pub fn turn_grain(&mut self, panel: usize, grain: f64) {
         let Some(turned) = self.panels.get_mut(panel) else { return };
         let lost = turned.turn_grain(grain);
-        self.facts.degenerate += lost;
-        if let Some(facts) = self.facts.panels.get_mut(panel) {
-            facts.degenerate += lost;
+        self.summary.degenerate += lost;
+        if let Some(summary) = self.summary.panels.get_mut(panel) {
+            summary.degenerate += lost;
         }
     }
 }
@@ -188,8 +194,8 @@ impl Garment {
 /// Reads a garment: `flat` and `draped`, or one file whose `vt` are the flat pattern.
 ///
 /// # Errors
-/// [`GarmentError`]: one line that names the file, the line where there is one, and what to do. No
-/// input makes it panic.
+/// [`GarmentError`]: a single line that names the file, the line in it where there is one, and what
+/// to do. No input causes a panic.
 ///
 /// ```
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -197,7 +203,7 @@ impl Garment {
 /// let path = tempfile::NamedTempFile::new()?;
 /// std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 0 1\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n")?;
 /// let garment = read(path.path(), None, &ReadOptions::default())?;
-/// assert_eq!(garment.facts.unit, "m");
+/// assert_eq!(garment.summary.unit, "m");
 /// assert!((garment.panels[0].area() - 500_000.0).abs() < 1e-6);
 /// # Ok(())
 /// # }
@@ -207,21 +213,21 @@ pub fn read(
     draped: Option<&Path>,
     options: &ReadOptions,
 ) -> Result<Garment, GarmentError> {
-    Files::read(flat, draped, options)?.garment(options).map(|(garment, _, _)| garment)
+    GarmentFiles::read(flat, draped, options)?.garment(options).map(|(garment, _, _)| garment)
 }
 
 /// The files of a garment, paired.
-struct Files<'a> {
+struct GarmentFiles<'a> {
     path: &'a Path,
     flat: ObjMesh,
-    /// The flat file itself where there is no other.
+    /// The draped file, if there are two files.
     draped: Option<ObjMesh>,
-    pattern: Pattern,
+    pattern: FlatSource,
     pairs: Pairs,
     pieces: Vec<Result<Piece, Refused>>,
 }
 
-impl<'a> Files<'a> {
+impl<'a> GarmentFiles<'a> {
     fn read(
         path: &'a Path,
         draped_path: Option<&Path>,
@@ -230,21 +236,23 @@ impl<'a> Files<'a> {
         check(options)?;
         let flat = obj::read(path)?;
         let draped = draped_path.map(obj::read).transpose()?;
-        let pair = |pattern| match draped_path.zip(draped.as_ref()) {
-            None => pair::with_texture(&flat, path),
-            Some((draped_path, draped)) => {
-                pair::two_files(&flat, draped, [path, draped_path], pattern)
-            }
+        let two = draped_path.zip(draped.as_ref());
+        let Some((draped_path, draped_mesh)) = two else {
+            let pairs = pair::with_texture(&flat, path)?;
+            let pieces = panel::pieces(&pairs);
+            return Ok(Self { path, flat, draped, pattern: FlatSource::Texture, pairs, pieces });
         };
-        let mut pattern = if draped.is_some() { Pattern::Positions } else { Pattern::Texture };
-        let mut pairs = pair(pattern)?;
+        let paths = [path, draped_path];
+        let mut pattern = FlatSource::Positions;
+        let mut pairs = pair::two_files(&flat, draped_mesh, paths, pattern)?;
         let mut pieces = panel::pieces(&pairs);
-        // A garment at rest on the body is no pattern, but may carry one.
         let leaves_plane =
-            |piece: &Result<Piece, Refused>| matches!(piece, Err((Refusal::NotFlat(_), _, _)));
-        if pattern == Pattern::Positions && flat.is_textured() && pieces.iter().any(leaves_plane) {
-            pattern = Pattern::Texture;
-            pairs = pair(pattern)?;
+            pieces.iter().any(|piece| matches!(piece, Err((Refusal::NotFlat(_), _, _))));
+        // Some tools export the garment at rest on the body as FLAT. Its positions are no pattern,
+        // but its `vt` may be one.
+        if leaves_plane && flat.is_textured() {
+            pattern = FlatSource::Texture;
+            pairs = pair::two_files(&flat, draped_mesh, paths, pattern)?;
             pairs.warnings.push(format!(
                 "{} does not lie flat: its vt are taken for the flat pattern",
                 path.display()
@@ -254,40 +262,42 @@ impl<'a> Files<'a> {
         Ok(Self { path, flat, draped, pattern, pairs, pieces })
     }
 
-    /// The garment, the unit of its draped positions, and itself, for frames to be paired with.
+    /// The garment and the unit of its draped positions. The files are returned too, since the
+    /// frames of a sequence are paired with them.
     fn garment(mut self, options: &ReadOptions) -> Result<(Garment, Unit, Self), GarmentError> {
-        let mut facts = Facts {
+        let mut summary = GarmentSummary {
             triangles: self.pairs.total,
             untextured: self.pairs.untextured,
             warnings: std::mem::take(&mut self.pairs.warnings),
-            ..Facts::default()
+            ..GarmentSummary::default()
         };
         let pairs = &self.pairs;
-        let unit = settle_unit(pairs, options, &mut facts);
-        let pieces = usable_pieces(std::mem::take(&mut self.pieces), self.path, &mut facts)?;
-        let scales = settle_scales(
+        let unit = choose_unit(pairs, options, &mut summary);
+        let pieces = usable_pieces(std::mem::take(&mut self.pieces), self.path, &mut summary)?;
+        let scales = estimate_scales(
             pairs,
             &pieces,
             unit,
             options,
-            self.pattern == Pattern::Positions,
-            &mut facts,
+            self.pattern == FlatSource::Positions,
+            &mut summary,
         );
         let panels: Vec<Panel> = pieces
             .iter()
             .zip(scales)
             .map(|(piece, scale_mm)| {
                 let (panel, degenerate) = piece.panel(pairs, scale_mm, unit.millimetres(), options);
-                facts.panels.push(PanelFacts { scale_mm, degenerate });
-                facts.degenerate += degenerate;
+                summary.panels.push(PanelSummary { scale_mm, degenerate });
+                summary.degenerate += degenerate;
                 panel
             })
             .collect();
-        count_defects(&panels, &mut facts);
-        Ok((Garment { panels, facts }, unit, self))
+        count_defects(&panels, &mut summary);
+        Ok((Garment { panels, summary }, unit, self))
     }
 }
 
+/// Refuses options out of their range.
 fn check(options: &ReadOptions) -> Result<(), GarmentError> {
     if !options.grain.is_finite() {
         return Err(GarmentError::Option {
@@ -306,28 +316,30 @@ fn check(options: &ReadOptions) -> Result<(), GarmentError> {
     }
 }
 
-/// The draped unit, given or guessed from the paired triangles.
-fn settle_unit(pairs: &Pairs, options: &ReadOptions, facts: &mut Facts) -> Unit {
+/// The unit of the draped mesh: the given one, or a guess from the size of the paired triangles.
+fn choose_unit(pairs: &Pairs, options: &ReadOptions, summary: &mut GarmentSummary) -> Unit {
+    // The largest dimension: a flat swatch has no thickness, and a scarf is narrow.
     let extent = pairs.draped_extent().max_element();
     let (guess, fits) = unit::guess(extent);
     let unit = options.unit.unwrap_or(guess);
-    facts.unit = unit.name();
-    facts.unit_guessed = options.unit.is_none();
-    if facts.unit_guessed && !fits {
+    summary.unit = unit.name();
+    summary.unit_guessed = options.unit.is_none();
+    if summary.unit_guessed && !fits {
         let (least, most) = unit::GARMENT_SIZE;
-        facts.warnings.push(format!(
-            "in no unit is the garment between {least} mm and {most} mm: {unit} is taken, which makes it {:.4} mm; --unit says otherwise",
+        summary.warnings.push(format!(
+            "in no unit is the garment between {least} mm and {most} mm: \
+             {unit} is taken, which makes it {:.4} mm; --unit says otherwise",
             extent * unit.millimetres()
         ));
     }
     unit
 }
 
-/// The pieces that can be knitted on; the others are counted and warned of.
+/// The pieces that can hold stitches. The others are counted, and a warning names them.
 fn usable_pieces(
     pieces: Vec<Result<Piece, Refused>>,
     flat: &Path,
-    facts: &mut Facts,
+    summary: &mut GarmentSummary,
 ) -> Result<Vec<Piece>, GarmentError> {
     let mut usable = Vec::new();
     let mut refusals = Vec::new();
@@ -335,10 +347,10 @@ fn usable_pieces(
         match piece {
             Ok(piece) => usable.push(piece),
             Err((refusal, triangles, polygon)) => {
-                facts.refused += 1;
+                summary.refused += 1;
                 let why = match refusal {
                     Refusal::NoFlatArea => {
-                        facts.degenerate += triangles;
+                        summary.degenerate += triangles;
                         "has no flat area".to_owned()
                     }
                     Refusal::NoDrapedArea => "has no draped area".to_owned(),
@@ -361,34 +373,38 @@ fn usable_pieces(
         return Err(GarmentError::NoPanel { path: flat.to_path_buf(), reason });
     }
     if !refusals.is_empty() {
-        facts.warnings.push(format!("left out: {}", shortened(&refusals)));
+        summary.warnings.push(format!("left out: {}", shortened(&refusals)));
     }
     Ok(usable)
 }
 
-/// mm per flat unit for each piece.
-fn settle_scales(
+/// The scale of each piece: mm per flat unit. `flat_file` tells whether the pattern is the
+/// positions of a flat file, which have a unit, and not a `vt`, which has none.
+fn estimate_scales(
     pairs: &Pairs,
     pieces: &[Piece],
     unit: Unit,
     options: &ReadOptions,
     flat_file: bool,
-    facts: &mut Facts,
+    summary: &mut GarmentSummary,
 ) -> Vec<f64> {
     if let Some(scale) = options.uv_scale {
-        facts.uv_scale_mm = scale;
+        summary.uv_scale_mm = scale;
         return vec![scale; pieces.len()];
     }
+    // The garment's estimate is the median over all triangles and not over the panels' estimates,
+    // so that small panels count little.
     let mut all: Vec<Vec<_>> =
         pieces.iter().map(|piece| piece.stretches(pairs, unit.millimetres())).collect();
     let own: Vec<f64> = all.iter_mut().map(|stretches| unit::scale(stretches)).collect();
-    let scales = unit::settle(unit::scale(&mut all.concat()), &own, flat_file);
-    facts.uv_scale_mm = scales.garment;
+    let scales = unit::choose_scales(unit::scale(&mut all.concat()), &own, flat_file);
+    summary.uv_scale_mm = scales.garment;
     if !scales.differing.is_empty() {
         let names: Vec<_> =
             scales.differing.iter().map(|&i| format!("panel {i} {:.4}", own[i])).collect();
-        facts.warnings.push(format!(
-            "panels differ in scale from the garment's {:.4} mm per flat unit and take their own: {}; --uv-scale sets one for all",
+        summary.warnings.push(format!(
+            "panels differ in scale from the garment's {:.4} mm per flat unit \
+             and take their own: {}; --uv-scale sets one for all",
             scales.garment,
             shortened(&names)
         ));
@@ -396,38 +412,41 @@ fn settle_scales(
     scales.panels
 }
 
-/// Counts what takes no stitches, and warns of it.
-fn count_defects(panels: &[Panel], facts: &mut Facts) {
-    facts.flipped = panels.iter().map(|panel| panel.flipped.len()).sum();
-    if facts.flipped > 0 {
-        let of = |(i, panel): (usize, &Panel)| {
-            (!panel.flipped.is_empty()).then(|| format!("{} in panel {i}", panel.flipped.len()))
-        };
-        let places: Vec<_> = panels.iter().enumerate().filter_map(of).collect();
-        facts.warnings.push(format!(
+/// Counts triangles that take no stitches, and warns of them.
+fn count_defects(panels: &[Panel], summary: &mut GarmentSummary) {
+    summary.flipped = panels.iter().map(|panel| panel.flipped.len()).sum();
+    if summary.flipped > 0 {
+        let mut places = Vec::new();
+        for (i, panel) in panels.iter().enumerate().filter(|(_, panel)| !panel.flipped.is_empty()) {
+            places.push(format!("{} in panel {i}", panel.flipped.len()));
+        }
+        summary.warnings.push(format!(
             "{} flat triangles are flipped against their panel and take no stitches: {}",
-            facts.flipped,
+            summary.flipped,
             shortened(&places)
         ));
     }
-    if facts.degenerate > 0 {
-        facts
-            .warnings
-            .push(format!("{} triangles have no flat area and take no stitches", facts.degenerate));
+    if summary.degenerate > 0 {
+        summary.warnings.push(format!(
+            "{} triangles have no flat area and take no stitches",
+            summary.degenerate
+        ));
     }
-    // A sewing pattern has large pieces; an automatic unwrap falls apart into scraps on which no
-    // fabric can be seen.
+    // A sewing pattern has a few large pieces. An automatic unwrap (a texture atlas) has many small
+    // ones, and a fabric laid out on each of them would look like patchwork. More than 8 pieces of
+    // under 4 triangles each on average are taken for an atlas: no sewing pattern is that coarse.
     let usable: usize = panels.iter().map(|panel| panel.triangles.len()).sum();
     if panels.len() > 8 && usable < 4 * panels.len() {
-        facts.warnings.push(format!(
-            "the pattern is in {} pieces of {:.1} triangles each: is it an atlas and not a sewing pattern?",
+        summary.warnings.push(format!(
+            "the pattern is in {} pieces of {:.1} triangles each: \
+             is it an atlas and not a sewing pattern?",
             panels.len(),
             usable as f64 / panels.len() as f64
         ));
     }
 }
 
-/// A list for one line: its first eight entries, and how many more there are.
+/// A list on one line: its first eight entries, and the number of the others.
 fn shortened(entries: &[String]) -> String {
     let shown = entries.len().min(8);
     let more = entries.len() - shown;

@@ -1,22 +1,24 @@
 //! OBJ text to a triangulated mesh: a cleaning pass that streams into tobj.
 //!
-//! In: a path. Out: an [`ObjMesh`], its triangles in file order (a fan from each face's first
-//! corner), positions and texture coordinates numbered apart, and for each face its line, its names
-//! and whether all its corners have a `vt`.
+//! In: a path. Out: an [`ObjMesh`]. Its triangles are in file order, a fan from each face's first
+//! corner. Positions and texture coordinates are numbered independently. Each face has its line,
+//! its names and whether all its corners have a `vt`.
 //!
-//! tobj 4.0.5 alone won't do: it fills a missing `vt` with a neighbour's, makes a triangle of `l 1
-//! 2 3`, loses the first vertex to a byte order mark, accepts NaN, renumbers vertices at each
-//! group, refuses `\` continuations and trailing comments, and its errors have no line. So
-//! [`Cleaner`] stands in front of it. It joins continuations, drops everything but `v`, `vt` and
-//! `f`, checks every number and every index with its line, makes indices positive, gives faces
-//! without `vt` a dummy one (and remembers them), and hands tobj one clean group. Its memory is
-//! bounded by the longest record ([`super::records`]) and the notes on faces, whatever the file's
-//! length.
+//! tobj 4.0.5 alone isn't enough. It fills a missing `vt` with a neighbour's. It makes a triangle
+//! of `l 1 2 3`. It loses the first vertex to a byte order mark. It accepts NaN. It renumbers
+//! vertices at each group. It refuses `\` continuations and trailing comments. Its errors have no
+//! line.
+//!
+//! So [`Cleaner`] filters the text before tobj reads it. It joins continuations and drops
+//! everything but `v`, `vt` and `f`. It checks every number and every index, with its line. It
+//! makes indices positive. It gives faces without `vt` a dummy one and remembers them. tobj then
+//! reads a single clean group. Memory is bounded by the longest record ([`super::records`]) and by
+//! the notes on each face, whatever the length of the file.
 //!
 //! Why tobj stays: on 81 MB of `v`, `vt` and `f` (a million triangles; 2 cores, 2026-11) the
-//! cleaning pass takes 380 ms and both together 985 ms, so a reader of our own would save 600 ns a
-//! triangle: 70 ms on the largest real garment, 115 200 triangles. No run that knits and draws such
-//! a garment is held up by that, and nothing that the specification asks is out of reach.
+//! cleaning pass takes 380 ms and both together 985 ms. A parser of our own would save 600 ns a
+//! triangle: 70 ms on the largest real garment, which has 115 200 triangles. Knitting and drawing
+//! such a garment takes far longer.
 
 use std::collections::HashMap;
 use std::fs::File;
@@ -26,16 +28,17 @@ use std::path::Path;
 
 use glam::{DVec2, DVec3};
 
-use super::error::{Fault, GarmentError, quoted};
+use super::error::{GarmentError, GarmentFault, quoted};
 use super::records::{Records, Stop, split_keyword, tokens, without_comment};
 use crate::ids::index32;
 
-/// Most vertices or triangles: three times as many still have 32-bit indices.
-const MOST: u64 = 1 << 30;
-/// How much clean text is made ready for tobj at a time.
+/// Largest number of vertices or triangles. Three times as many still have 32-bit indices.
+const MAX_RECORDS: u64 = 1 << 30;
+/// Size of a chunk of clean text for tobj, bytes. It fits in the L1 cache; much smaller chunks
+/// would cost a call for every few records.
 const CLEAN_CHUNK: usize = 1 << 15;
 
-/// A mesh as the file has it, triangulated.
+/// The mesh of a file, triangulated.
 #[derive(Debug, Default)]
 pub(super) struct ObjMesh {
     pub(super) positions: Vec<DVec3>,
@@ -44,17 +47,17 @@ pub(super) struct ObjMesh {
     pub(super) faces: Vec<Face>,
     /// Triangles of all faces, indices into `positions`.
     pub(super) triangles: Vec<[u32; 3]>,
-    /// The same triangles, indices into `texture`; empty where the file has no `vt`. Means nothing
-    /// for untextured faces.
+    /// The same triangles, as indices into `texture`. Empty where the file has no `vt`. Entries of
+    /// untextured faces are meaningless.
     pub(super) texture_triangles: Vec<[u32; 3]>,
     /// Object and group names; faces refer to them.
     pub(super) names: Vec<String>,
-    /// `vt` records in the file, used or not.
+    /// Number of `vt` records in the file, used or not.
     pub(super) texture_count: usize,
-    /// The same for files whose faces have the same corners and names in the same order.
+    /// Hash of all faces' corners and names, in order. Equal for files with the same connectivity.
     pub(super) connectivity: u64,
-    /// The file's own number of each of `positions`, from 0: they come in the order in which faces
-    /// first use them, and unused ones are left out.
+    /// The number in the file, from 0, of each of `positions`. tobj lists positions in the order in
+    /// which faces first use them, and leaves unused ones out.
     pub(super) order: Vec<u32>,
 }
 
@@ -65,16 +68,16 @@ impl ObjMesh {
     }
 }
 
-/// A face as written.
+/// A face as written in the file.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Face {
     pub(super) line: u64,
     pub(super) corners: u32,
     /// Whether every corner has a `vt`.
     pub(super) textured: bool,
-    /// Index of its object's name.
+    /// Index of its object's name in [`ObjMesh::names`].
     pub(super) object: Option<u32>,
-    /// Index of its group's name.
+    /// Index of its group's name in [`ObjMesh::names`].
     pub(super) group: Option<u32>,
 }
 
@@ -83,18 +86,23 @@ pub(super) fn read(path: &Path) -> Result<ObjMesh, GarmentError> {
     parse(open(path)?, path)
 }
 
-fn open(path: &Path) -> Result<BufReader<File>, GarmentError> {
-    let refused = |reason| GarmentError::Open { path: path.to_path_buf(), reason };
-    // Opening a folder works on Unix and fails on Windows: ask first, so that the message is the
-    // same.
-    if std::fs::metadata(path).map_err(refused)?.is_dir() {
-        return Err(GarmentError::Directory { path: path.to_path_buf() });
-    }
-    Ok(BufReader::with_capacity(1 << 16, File::open(path).map_err(refused)?))
+/// The error for a file that the system refused to open.
+fn refused(path: &Path, reason: io::Error) -> GarmentError {
+    GarmentError::Open { path: path.to_path_buf(), reason }
 }
 
-/// Reads the positions of an OBJ file alone, in its own order, where its faces have that
-/// connectivity; nothing where they have another. It costs a third of [`read`].
+/// Opens a file, but no folder.
+fn open(path: &Path) -> Result<BufReader<File>, GarmentError> {
+    // Opening a folder works on Unix and fails on Windows. Asking first gives the same message on
+    // both.
+    if std::fs::metadata(path).map_err(|reason| refused(path, reason))?.is_dir() {
+        return Err(GarmentError::Directory { path: path.to_path_buf() });
+    }
+    Ok(BufReader::with_capacity(1 << 16, File::open(path).map_err(|reason| refused(path, reason))?))
+}
+
+/// Reads only the positions of an OBJ file, in the file's order, if its faces have this
+/// connectivity. Nothing if they have another. It takes a third of the time of [`read`].
 pub(super) fn read_positions(
     path: &Path,
     connectivity: u64,
@@ -102,7 +110,7 @@ pub(super) fn read_positions(
     let mut cleaner = Cleaner::new(open(path)?);
     cleaner.kept = Some(Vec::new());
     loop {
-        cleaner.refill().map_err(|stop| stop.at(path))?;
+        cleaner.refill().map_err(|stop| stop.in_file(path))?;
         if cleaner.clean.is_empty() {
             break;
         }
@@ -112,14 +120,15 @@ pub(super) fn read_positions(
     Ok(cleaner.kept.filter(|_| same))
 }
 
-/// Reads OBJ text; `path` is for messages alone.
+/// Parses OBJ text. `path` is only for messages.
 pub(super) fn parse(input: impl BufRead, path: &Path) -> Result<ObjMesh, GarmentError> {
     let mut cleaner = Cleaner::new(input);
     let options = tobj::LoadOptions { triangulate: true, ..Default::default() };
     let parsed =
         tobj::load_obj_buf(&mut cleaner, &options, |_| Err(tobj::LoadError::OpenFileFailed));
+    // The cleaning pass knows the line, so its error takes precedence over tobj's.
     if let Some(stop) = cleaner.stop.take() {
-        return Err(stop.at(path));
+        return Err(stop.in_file(path));
     }
     cleaner.check_whole(path)?;
     let (models, _) =
@@ -128,7 +137,7 @@ pub(super) fn parse(input: impl BufRead, path: &Path) -> Result<ObjMesh, Garment
     Ok(cleaner.notes.into_mesh(mesh))
 }
 
-/// What the cleaning pass keeps besides the text it hands on.
+/// The data that the cleaning pass collects besides the text that it passes on.
 #[derive(Debug, Default)]
 struct Notes {
     faces: Vec<Face>,
@@ -136,18 +145,15 @@ struct Notes {
     positions: u64,
     texture: u64,
     triangles: u64,
-    /// All faces' corners so far.
+    /// Hash of all faces so far.
     connectivity: DefaultHasher,
-    /// Their vertices as numbered in the file, from 1.
+    /// The vertices of all corners so far, as numbered in the file, from 1.
     corners: Vec<u32>,
 }
 
 impl Notes {
     fn into_mesh(self, mesh: tobj::Mesh) -> ObjMesh {
-        let threes = |indices: &[u32]| {
-            indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect::<Vec<_>>()
-        };
-        let triangles = threes(&mesh.indices);
+        let triangles = triples(&mesh.indices);
         let expected: usize = self.faces.iter().map(|face| face.corners as usize - 2).sum();
         assert_eq!(
             triangles.len(),
@@ -163,7 +169,7 @@ impl Notes {
             texture: mesh.texcoords.chunks_exact(2).map(|p| DVec2::new(p[0], p[1])).collect(),
             faces: self.faces,
             triangles,
-            texture_triangles: threes(&mesh.texcoord_indices),
+            texture_triangles: triples(&mesh.texcoord_indices),
             names: self.names,
             texture_count: usize::try_from(self.texture).unwrap_or(usize::MAX),
             connectivity: self.connectivity.finish(),
@@ -172,34 +178,46 @@ impl Notes {
     }
 }
 
-/// The vertices, of so many, in the order in which corners first use them, from 0.
-fn first_uses(corners: &[u32], vertices: u64) -> Vec<u32> {
-    let mut used = vec![false; usize::try_from(vertices).expect("they have been read")];
-    let is_new = |vertex: &u32| !std::mem::replace(&mut used[*vertex as usize], true);
-    corners.iter().map(|vertex| vertex - 1).filter(is_new).collect()
+/// Indices in groups of three: the corners of triangles.
+fn triples(indices: &[u32]) -> Vec<[u32; 3]> {
+    indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect()
 }
 
-/// Positive indices may point forward (`vt` after the faces), so they can be judged at the end
-/// alone. Only those that exceed all before them are kept: the first one out of range is always
-/// among them.
+/// The vertices that corners use, from 0, in the order in which they are first used. `vertices` is
+/// the number of vertices in the file.
+fn first_uses(corners: &[u32], vertices: u64) -> Vec<u32> {
+    let mut used = vec![false; usize::try_from(vertices).expect("they have been read")];
+    let mut order = Vec::new();
+    for vertex in corners.iter().map(|vertex| vertex - 1) {
+        if !std::mem::replace(&mut used[vertex as usize], true) {
+            order.push(vertex);
+        }
+    }
+    order
+}
+
+/// Indices that point forward, to records that come later in the file (`vt` after the faces, say).
+/// Whether they are in range is known only at the end. Only those that exceed all before them are
+/// kept, as (index, line): the first one out of range is always among them.
 #[derive(Debug, Default)]
 struct Forward(Vec<(u64, u64)>);
 
 impl Forward {
+    /// Notes an index if it points forward. `count` is the number of records so far.
     fn note(&mut self, index: u64, count: u64, line: u64) {
         if index > count && self.0.last().is_none_or(|&(largest, _)| index > largest) {
             self.0.push((index, line));
         }
     }
 
-    /// The first index that the whole file doesn't hold: (line, index).
+    /// The first index beyond the `count` records of the whole file, as (line, index).
     fn first_beyond(&self, count: u64) -> Option<(u64, u64)> {
         self.0.iter().find(|&&(index, _)| index > count).map(|&(index, line)| (line, index))
     }
 }
 
-/// What the faces to come are called. A name is kept only once a face has it: a file may hold
-/// millions that none has.
+/// The name of the following faces. It is stored only once a face has it: a file may hold millions
+/// of names without faces.
 #[derive(Debug, Default)]
 enum Label {
     #[default]
@@ -210,12 +228,13 @@ enum Label {
 }
 
 impl Label {
-    fn of(rest: &[u8]) -> Self {
+    /// The name written in an `o` or `g` record, blanks normalised.
+    fn from_record(rest: &[u8]) -> Self {
         let words: Vec<_> = tokens(rest).map(String::from_utf8_lossy).collect();
         Self::Written(words.join(" "))
     }
 
-    /// The name's index, for a face that has it.
+    /// The index of the name, for a face that has it. The first such face stores it.
     fn keep(&mut self, known: &mut HashMap<String, u32>, names: &mut Vec<String>) -> Option<u32> {
         if let Self::Written(name) = self {
             let next = index32(names.len());
@@ -232,19 +251,22 @@ impl Label {
     }
 }
 
-/// OBJ text in, clean OBJ text out, as a [`BufRead`] for tobj.
+/// The cleaning pass: OBJ text in, clean OBJ text out, as a [`BufRead`] for tobj.
 struct Cleaner<R> {
     lines: Records<R>,
+    /// The current chunk of clean text, of which tobj has read the first `at` bytes.
     clean: Vec<u8>,
     at: usize,
     notes: Notes,
+    /// Index of each name in [`Notes::names`].
     known: HashMap<String, u32>,
     object: Label,
     group: Label,
     forward_v: Forward,
     forward_vt: Forward,
+    /// Why the pass ended early. tobj gets a plain I/O error instead.
     stop: Option<Stop>,
-    /// Positions, if they are to be kept.
+    /// All positions, if they are wanted.
     kept: Option<Vec<DVec3>>,
     /// Object and group of the last face.
     named: Option<[Option<u32>; 2]>,
@@ -281,8 +303,8 @@ impl<R: BufRead> Cleaner<R> {
         Ok(())
     }
 
-    /// Cleans one record; all but `v`, `vt`, `f`, `o` and `g` are skipped.
-    fn record(&mut self, record: &[u8]) -> Result<(), Fault> {
+    /// Cleans one record. All but `v`, `vt`, `f`, `o` and `g` are skipped.
+    fn record(&mut self, record: &[u8]) -> Result<(), GarmentFault> {
         let (keyword, rest) = split_keyword(record);
         match keyword {
             b"v" => {
@@ -295,28 +317,28 @@ impl<R: BufRead> Cleaner<R> {
             }
             b"f" => self.face(without_comment(rest)),
             b"o" => {
-                self.object = Label::of(rest);
+                self.object = Label::from_record(rest);
                 Ok(())
             }
             b"g" => {
-                self.group = Label::of(rest);
+                self.group = Label::from_record(rest);
                 Ok(())
             }
             _ => Ok(()),
         }
     }
 
-    /// Checks a `v` or `vt`, and hands on its first three or two numbers: weights, colours and a
-    /// third `vt` play no part.
+    /// Checks a `v` or `vt`, and passes on its first three or two numbers. Weights, colours and a
+    /// third `vt` coordinate are not used.
     fn numbers(
         &mut self,
         record: &'static str,
         rest: &[u8],
         least: usize,
         most: usize,
-    ) -> Result<(), Fault> {
-        if self.notes.positions.max(self.notes.texture) > MOST {
-            return Err(Fault::TooMany { limit: MOST });
+    ) -> Result<(), GarmentFault> {
+        if self.notes.positions.max(self.notes.texture) > MAX_RECORDS {
+            return Err(GarmentFault::TooMany { limit: MAX_RECORDS });
         }
         let kept = if record == "v" { 3 } else { 2 };
         self.clean.extend_from_slice(record.as_bytes());
@@ -325,7 +347,7 @@ impl<R: BufRead> Cleaner<R> {
         for token in tokens(rest) {
             let value: Option<f64> =
                 std::str::from_utf8(token).ok().and_then(|text| text.parse().ok());
-            // 1.#QNAN is how Microsoft's older runtimes print a NaN.
+            // Microsoft's older runtimes print a NaN as 1.#QNAN. It deserves the message for NaN.
             let microsoft_nan = token.windows(2).any(|pair| pair == b".#");
             match value {
                 Some(value) if value.is_finite() => {
@@ -334,9 +356,9 @@ impl<R: BufRead> Cleaner<R> {
                     }
                 }
                 None if !microsoft_nan => {
-                    return Err(Fault::Number { record, token: quoted(token) });
+                    return Err(GarmentFault::Number { record, token: quoted(token) });
                 }
-                _ => return Err(Fault::NotFinite { record, token: quoted(token) }),
+                _ => return Err(GarmentFault::NotFinite { record, token: quoted(token) }),
             }
             if found < kept {
                 self.clean.push(b' ');
@@ -345,36 +367,38 @@ impl<R: BufRead> Cleaner<R> {
             found += 1;
         }
         if !(least..=most).contains(&found) {
-            return Err(Fault::NumberCount { record, found, least, most });
+            return Err(GarmentFault::NumberCount { record, found, least, most });
         }
         if record == "v"
             && let Some(positions) = &mut self.kept
         {
             positions.push(position);
         }
-        // A one-dimensional `vt` is legal OBJ; tobj wants two numbers.
+        // A one-dimensional `vt` is legal OBJ, but tobj needs two numbers.
         self.clean.extend_from_slice(if found < kept { b" 0\n" } else { b"\n" });
         Ok(())
     }
 
-    /// Checks a face and hands it on with positive indices.
-    fn face(&mut self, rest: &[u8]) -> Result<(), Fault> {
+    /// Checks a face and passes it on with positive indices.
+    fn face(&mut self, rest: &[u8]) -> Result<(), GarmentFault> {
         let start = self.clean.len();
         let textured = self.corners(rest, true)?;
         if !textured {
-            // tobj would fill a missing `vt` with the last corner's; a dummy on every corner has no
-            // such history.
+            // tobj would fill a missing `vt` with that of the corner before. So the face is written
+            // again with a dummy `vt` on every corner.
             self.clean.truncate(start);
             self.corners(rest, false)?;
         }
         let corners = tokens(rest).count();
         if corners < 3 {
-            return Err(Fault::FewCorners { found: corners });
+            return Err(GarmentFault::FewCorners { found: corners });
         }
         self.notes.triangles += corners as u64 - 2;
-        if self.notes.triangles > MOST {
-            return Err(Fault::TooMany { limit: MOST });
+        if self.notes.triangles > MAX_RECORDS {
+            return Err(GarmentFault::TooMany { limit: MAX_RECORDS });
         }
+        // Corners are hashed one by one in `corners`; their number separates one face from the
+        // next.
         self.notes.connectivity.write_usize(corners);
         let names = [&mut self.object, &mut self.group]
             .map(|label| label.keep(&mut self.known, &mut self.notes.names));
@@ -390,8 +414,8 @@ impl<R: BufRead> Cleaner<R> {
         Ok(())
     }
 
-    /// Faces are paired by their names first, so files whose faces have other names are connected
-    /// otherwise.
+    /// Adds names to the connectivity hash where they change. Faces are paired by their names
+    /// first, so files with other names have another connectivity.
     fn note_names(&mut self, names: [Option<u32>; 2]) {
         if self.named != Some(names) {
             self.named = Some(names);
@@ -401,19 +425,19 @@ impl<R: BufRead> Cleaner<R> {
         }
     }
 
-    /// Writes a face's corners, each with its own `vt` or the dummy `vt` 1; whether all had one of
-    /// their own.
-    fn corners(&mut self, rest: &[u8], own_texture: bool) -> Result<bool, Fault> {
+    /// Writes a face's corners, each with its own `vt` or with the dummy `vt` 1. True if all
+    /// corners have a `vt` of their own.
+    fn corners(&mut self, rest: &[u8], own_texture: bool) -> Result<bool, GarmentFault> {
         let mut textured = true;
         self.clean.push(b'f');
         for token in tokens(rest) {
             let [v, vt] = corner(token)?;
-            let v = v.ok_or_else(|| Fault::Corner { token: quoted(token) })?;
+            let v = v.ok_or_else(|| malformed_corner(token))?;
             let v = absolute("v", v, self.notes.positions, token)?;
             self.forward_v.note(v, self.notes.positions, self.lines.first);
             if own_texture {
                 self.notes.connectivity.write_u64(v);
-                // One beyond 32 bits is out of range, which is judged at the end.
+                // An index beyond 32 bits is out of range, which `check_whole` reports at the end.
                 self.notes.corners.push(u32::try_from(v).unwrap_or(u32::MAX));
             }
             let vt = vt.map(|vt| absolute("vt", vt, self.notes.texture, token)).transpose()?;
@@ -430,7 +454,7 @@ impl<R: BufRead> Cleaner<R> {
         Ok(textured)
     }
 
-    /// What can be judged at the end of the file alone.
+    /// Checks that need the whole file.
     fn check_whole(&self, path: &Path) -> Result<(), GarmentError> {
         let path = path.to_path_buf();
         if self.lines.bytes == 0 {
@@ -451,7 +475,7 @@ impl<R: BufRead> Cleaner<R> {
             return Err(GarmentError::Record {
                 path,
                 line,
-                fault: Fault::IndexRange { record, index, count },
+                fault: GarmentFault::IndexRange { record, index, count },
             });
         }
         if self.notes.faces.is_empty() {
@@ -486,26 +510,33 @@ impl<R: BufRead> BufRead for Cleaner<R> {
     }
 }
 
-/// A corner's vertex and texture indices as written. The normal's must be a number, but which one
-/// plays no part.
-fn corner(token: &[u8]) -> Result<[Option<i64>; 2], Fault> {
-    let malformed = || Fault::Corner { token: quoted(token) };
+/// A corner's vertex and texture indices as written. The normal's index must be a number, but is
+/// not used.
+fn corner(token: &[u8]) -> Result<[Option<i64>; 2], GarmentFault> {
     let mut parts = token.split(|&byte| byte == b'/');
     let mut indices = [None; 3];
     let mut count = 0;
     for part in parts.by_ref().take(3) {
-        indices[count] =
-            if part.is_empty() { None } else { Some(integer(part).ok_or_else(malformed)?) };
+        indices[count] = if part.is_empty() {
+            None
+        } else {
+            Some(integer(part).ok_or_else(|| malformed_corner(token))?)
+        };
         count += 1;
     }
-    // `1//` is written by real exporters, a bare `1/` only by a cut-off file.
+    // Real exporters write `1//`. A bare `1/` occurs only in a truncated file.
     if parts.next().is_some() || indices[0].is_none() || (count == 2 && indices[1].is_none()) {
-        return Err(malformed());
+        return Err(malformed_corner(token));
     }
     Ok([indices[0], indices[1]])
 }
 
-/// A whole number; one beyond 64 bits becomes the largest, which is out of range all the same.
+/// The fault of a corner that is not of a known form.
+fn malformed_corner(token: &[u8]) -> GarmentFault {
+    GarmentFault::Corner { token: quoted(token) }
+}
+
+/// An integer. One beyond 64 bits becomes the largest, which is out of range too.
 fn integer(text: &[u8]) -> Option<i64> {
     let (negative, digits) = match text {
         [b'-', digits @ ..] => (true, digits),
@@ -521,18 +552,24 @@ fn integer(text: &[u8]) -> Option<i64> {
     Some(if negative { -value } else { value })
 }
 
-/// A written index as a positive one. Negative ones count back from the records so far; positive
-/// ones are judged at the end.
-fn absolute(record: &'static str, index: i64, count: u64, token: &[u8]) -> Result<u64, Fault> {
+/// The positive form of an index. Negative ones count back from the records so far. Positive ones
+/// are checked at the end of the file.
+fn absolute(
+    record: &'static str,
+    index: i64,
+    count: u64,
+    token: &[u8],
+) -> Result<u64, GarmentFault> {
     let from_end = index.unsigned_abs();
     match index {
-        0 => Err(Fault::IndexZero { token: quoted(token) }),
+        0 => Err(GarmentFault::IndexZero { token: quoted(token) }),
         1.. => Ok(from_end),
         _ if from_end <= count => Ok(count - from_end + 1),
-        _ => Err(Fault::IndexRange { record, index, count }),
+        _ => Err(GarmentFault::IndexRange { record, index, count }),
     }
 }
 
+/// Appends an index as decimal digits.
 fn push_index(text: &mut Vec<u8>, mut index: u64) {
     let start = text.len();
     while index > 0 {

@@ -1,25 +1,32 @@
-//! The order of a panel's triangles and vertices in memory.
+//! The memory order of a panel's triangles and vertices.
 //!
-//! Pattern tools write meshes in the order in which they were made, some shuffled. Yarns run across
-//! a panel, so what lies near on it should lie near in memory: triangles follow a Z-shaped curve
-//! that fills the plane (Morton 1966), vertices the triangles. Measured on 200 000 shuffled
-//! triangles: neighbours are joined in 8 instead of 14 ms, 26 180 stitches are located in 16
-//! instead of 37 ms; sorting takes 10 to 20 ms, once.
+//! In: a panel. Out: the same panel, reordered along a space-filling curve.
+//!
+//! Method: triangles are sorted by the Morton code of their centroids (Morton, A computer oriented
+//! geodetic data base and a new technique in file sequencing, 1966), with a radix sort. Vertices
+//! are numbered as triangles first use them. Pattern tools write triangles in the order in which
+//! they were made, and some shuffle them. Yarns run across a panel, so triangles near each other on
+//! it should be near in memory, for the sake of the cache.
+//!
+//! Cost: 10 to 20 ms for 200 000 shuffled triangles. With them, joining neighbours takes 8 ms
+//! instead of 14, and locating 26 180 stitches takes 16 ms instead of 37.
 
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 
 use super::Panel;
 use crate::ids::index32;
 
-/// Bits of a place along the curve: two coordinates of 11, since more cells than triangles tell
-/// nothing more.
+/// Bits of a Morton code: two coordinates of 11, which make 4 million cells. With far fewer,
+/// triangles of a fine mesh would share cells and keep the file's order in them; more bits would
+/// need a third pass of the sort.
 const BITS: u32 = 22;
-/// Bits that are sorted at a time.
+/// Bits of a radix digit. [`BITS`] is a multiple of it. A table of 2048 counters fits in the L1
+/// cache.
 const DIGIT: u32 = 11;
 
 impl Panel {
-    /// Puts triangles and vertices in the order of their places on the panel. [`Panel::faces`] goes
-    /// with the triangles.
+    /// Reorders triangles and vertices by their positions on the panel. [`Panel::faces`] keeps
+    /// matching the triangles.
     pub fn order_along_curve(&mut self) {
         let order = self.along_curve();
         self.triangles = order.iter().map(|&triangle| self.triangles[triangle as usize]).collect();
@@ -27,24 +34,19 @@ impl Panel {
         self.order_vertices();
     }
 
-    /// Triangles by the place of their middle along the curve; those at the same place in the order
-    /// of the file.
+    /// Triangles sorted by the Morton code of their centroids. Triangles in the same cell keep the
+    /// order of the file.
     fn along_curve(&self) -> Vec<u32> {
         let [low, high] = self.bounds();
         let scale = f64::from((1_u32 << (BITS / 2)) - 1) / (high - low);
-        let place = |corners: &[u32; 3]| {
-            let middle = corners.iter().map(|&v| self.uv[v as usize]).sum::<DVec2>() / 3.0;
-            let cell = (middle - low) * scale;
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "between 0 and 2^11; a panel without width gives 0"
-            )]
-            let [x, y] = [cell.x as u32, cell.y as u32];
-            spread(x) | spread(y) << 1
-        };
-        let mut keys: Vec<_> = self.triangles.iter().map(place).zip(0..).collect();
+        let codes = self.triangles.iter().map(|corners| {
+            let centroid = corners.iter().map(|&v| self.uv[v as usize]).sum::<DVec2>() / 3.0;
+            morton_code((centroid - low) * scale)
+        });
+        let mut keys: Vec<_> = codes.zip(0..).collect();
         let mut sorted = vec![(0, 0); keys.len()];
+        // Radix sort from the lowest digit up: each pass is stable, so it keeps the order of the
+        // passes before among equal digits.
         for digit in 0..BITS / DIGIT {
             sort_by_digit(&keys, &mut sorted, digit * DIGIT);
             std::mem::swap(&mut keys, &mut sorted);
@@ -52,7 +54,7 @@ impl Panel {
         keys.into_iter().map(|(_, triangle)| triangle).collect()
     }
 
-    /// Numbers vertices as triangles come to them; those of no triangle go.
+    /// Numbers vertices in the order in which triangles use them, and removes unused ones.
     fn order_vertices(&mut self) {
         const UNSEEN: u32 = u32::MAX;
         let mut numbers = vec![UNSEEN; self.uv.len()];
@@ -65,14 +67,25 @@ impl Panel {
             }
             *vertex = *number;
         }
-        let ordered =
-            |points: &[DVec3]| order.iter().map(|&vertex| points[vertex as usize]).collect();
         self.uv = order.iter().map(|&vertex| self.uv[vertex as usize]).collect();
-        (self.draped, self.normals) = (ordered(&self.draped), ordered(&self.normals));
+        self.draped = order.iter().map(|&vertex| self.draped[vertex as usize]).collect();
+        self.normals = order.iter().map(|&vertex| self.normals[vertex as usize]).collect();
     }
 }
 
-/// Puts a zero between all bits of a coordinate.
+/// The Morton code of a cell: the bits of both coordinates, interleaved.
+fn morton_code(cell: DVec2) -> u32 {
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "between 0 and 2^11; a panel without width gives 0"
+    )]
+    let [x, y] = [cell.x as u32, cell.y as u32];
+    spread(x) | spread(y) << 1
+}
+
+/// Puts a zero between all bits of a coordinate of at most 16 bits. Each step halves the distance
+/// to which groups of bits are moved.
 fn spread(x: u32) -> u32 {
     let x = (x | x << 8) & 0x00ff_00ff;
     let x = (x | x << 4) & 0x0f0f_0f0f;
@@ -80,18 +93,22 @@ fn spread(x: u32) -> u32 {
     (x | x << 1) & 0x5555_5555
 }
 
-/// Sorts by [`DIGIT`] bits of the key; what is equal there keeps its order, so that lower digits
-/// may be sorted first.
+/// The digit of a key at bit `shift`.
+fn digit(key: u32, shift: u32) -> usize {
+    (key >> shift & ((1 << DIGIT) - 1)) as usize
+}
+
+/// Sorts by [`DIGIT`] bits of the key: a stable counting sort.
 fn sort_by_digit(keys: &[(u32, u32)], sorted: &mut [(u32, u32)], shift: u32) {
-    let digit = |key: u32| (key >> shift & ((1 << DIGIT) - 1)) as usize;
     let mut starts = [0_u32; 1 << DIGIT];
-    keys.iter().for_each(|&(key, _)| starts[digit(key)] += 1);
+    keys.iter().for_each(|&(key, _)| starts[digit(key, shift)] += 1);
+    // Prefix sums turn the counts into the first slot of each digit.
     let mut next = 0;
     for start in &mut starts {
         (*start, next) = (next, next + *start);
     }
     for &key in keys {
-        let slot = &mut starts[digit(key.0)];
+        let slot = &mut starts[digit(key.0, shift)];
         sorted[*slot as usize] = key;
         *slot += 1;
     }
@@ -102,6 +119,7 @@ mod tests {
     use super::*;
     use crate::garment::Garment;
     use crate::ids::FaceId;
+    use glam::DVec3;
 
     /// The corners of each face, flat and draped with its normal, by the face.
     fn faces(panel: &Panel) -> std::collections::BTreeMap<FaceId, [[DVec3; 3]; 3]> {

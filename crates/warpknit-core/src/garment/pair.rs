@@ -1,32 +1,40 @@
-//! Flat and draped triangles, one to one.
+//! Pairs of flat and draped triangles, one to one.
 //!
-//! In: one [`ObjMesh`] with `vt`, or a flat and a draped one. Out: [`Pairs`]. Faces are paired by
-//! their order and corners by theirs, never by welded vertices: `v` and `vt` are numbered apart at
-//! seams, and exporters weld as they please.
+//! In: one [`ObjMesh`] with `vt`, or a flat and a draped one. Out: [`Pairs`].
+//!
+//! Method: faces are paired by their names or by their order, and corners by their order, never by
+//! welded vertices. `v` and `vt` are numbered independently at seams, and exporters weld in their
+//! own ways. Polygons are fans from their first corner in both files, so their triangles pair too.
+//!
+//! Cost: linear in the faces. Not promised: that the pairs are right where the two files list the
+//! same numbers of corners in a different order; [`check_corners`] finds most of such cases.
 
+use std::collections::{HashMap, VecDeque};
 use std::path::Path;
 
 use glam::DVec3;
 
 use super::error::GarmentError;
 use super::obj::{Face, ObjMesh};
+use super::panel::cross;
 use crate::ids::{FaceId, index32};
 
-/// Coordinates beyond this make areas whose squares leave the range in which 64-bit floats are
-/// exact enough.
+/// Largest coordinate. Squares of areas made of larger ones leave the range in which 64-bit floats
+/// are exact enough.
 pub(super) const LARGEST: f64 = 1e12;
-/// Flat vertices that may be at two places when draped before the files are refused: a few are a
-/// torn seam, many are another mesh.
+/// Largest share of flat vertices that may have two draped positions. A few of them are a torn
+/// seam, which gets a warning; many mean that the files hold different meshes, and they are
+/// refused.
 const TORN: f64 = 0.01;
 
 /// Paired triangles, still in the files' own units.
 #[derive(Debug, Default)]
 pub(super) struct Pairs {
-    /// Flat vertices in the flat mesh's own numbering (`vt` has z = 0).
+    /// Flat vertices, numbered as in the flat mesh. A `vt` has z = 0.
     pub(super) flat: Vec<DVec3>,
     pub(super) draped: Vec<DVec3>,
     pub(super) triangles: Vec<Paired>,
-    /// Triangles of the flat mesh, those without a pair included.
+    /// Number of triangles of the flat mesh, including those without a pair.
     pub(super) total: usize,
     pub(super) untextured: usize,
     pub(super) warnings: Vec<String>,
@@ -38,27 +46,38 @@ pub(super) struct Paired {
     pub(super) flat: [u32; 3],
     pub(super) draped: [u32; 3],
     pub(super) face: FaceId,
-    /// The face as written in the flat file, from 0.
+    /// The polygon in the flat file, from 0.
     pub(super) polygon: u32,
-    /// Its lines in the flat and in the draped file.
+    /// The lines of the polygon in the flat file and in the draped one.
     pub(super) lines: [u64; 2],
 }
 
 impl Pairs {
-    /// Draped positions nearer than this are one place: unwelded copies of a vertex may be rounded
-    /// apart, while another vertex is about an edge's length away.
+    /// Distance up to which draped positions count as equal: a millionth of the bounding box's
+    /// diagonal. Copies of a vertex in an unwelded file differ by rounding, which is less;
+    /// different vertices are about an edge's length apart, which is far more.
     pub(super) fn same_place(&self) -> f64 {
         1e-6 * self.draped_extent().length()
     }
 
-    /// Size of the draped bounding box of all paired triangles: a body in the file, or a stray
-    /// vertex, has no say.
+    /// Size of the draped bounding box of all paired triangles. A body in the file and stray
+    /// vertices don't count.
     pub(super) fn draped_extent(&self) -> DVec3 {
         let corners = self.triangles.iter().flat_map(|triangle| self.draped_corners(triangle));
         let [low, high] = corners.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], p| {
             [low.min(p), high.max(p)]
         });
         high - low
+    }
+
+    /// Twice the area vector of the flat triangle with index `i`.
+    pub(super) fn flat_area(&self, i: u32) -> DVec3 {
+        cross(self.flat_corners(&self.triangles[i as usize]))
+    }
+
+    /// Twice the area vector of the draped triangle with index `i`.
+    pub(super) fn draped_area(&self, i: u32) -> DVec3 {
+        cross(self.draped_corners(&self.triangles[i as usize]))
     }
 
     /// Corners of a triangle in the flat mesh.
@@ -72,12 +91,12 @@ impl Pairs {
     }
 }
 
-/// Which coordinates of the flat file are the flat pattern.
+/// The coordinates of the flat file that are the flat pattern.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Pattern {
-    /// Its positions.
+pub(super) enum FlatSource {
+    /// Its positions, `v`.
     Positions,
-    /// Its texture coordinates.
+    /// Its texture coordinates, `vt`.
     Texture,
 }
 
@@ -108,7 +127,7 @@ pub(super) fn with_texture(mesh: &ObjMesh, path: &Path) -> Result<Pairs, Garment
     Ok(pairs)
 }
 
-/// Refuses a pattern without a face, and warns of faces that are not in it.
+/// Refuses a file without a textured face, and warns of faces without `vt`.
 fn check_texture(pairs: &mut Pairs, mesh: &ObjMesh, path: &Path) -> Result<(), GarmentError> {
     if pairs.triangles.is_empty() {
         return Err(GarmentError::NoTexture {
@@ -130,24 +149,27 @@ pub(super) fn two_files(
     flat: &ObjMesh,
     draped: &ObjMesh,
     paths: [&Path; 2],
-    pattern: Pattern,
+    pattern: FlatSource,
 ) -> Result<Pairs, GarmentError> {
     let mut pairs = Pairs { total: flat.triangles.len(), ..Default::default() };
+    // Names first: they still pair a garment whose draped file lists its pieces in another order or
+    // holds a body as well. Files of most tools have no names, or the same name for all faces.
     let partner = match by_name(flat, draped) {
         Some(partner) => partner,
         None => by_order(flat, draped, paths, &mut pairs.warnings)?,
     };
     let (flat_first, draped_first) = (first_triangles(flat), first_triangles(draped));
     for (face, &other) in partner.iter().enumerate() {
+        // Both files have the same number of corners here, hence the same fan of triangles.
         let fans = flat.faces[face].corners as usize - 2;
-        if pattern == Pattern::Texture && !flat.faces[face].textured {
+        if pattern == FlatSource::Texture && !flat.faces[face].textured {
             pairs.untextured += fans;
             continue;
         }
         for fan in 0..fans {
             let triangle = flat_first[face] + fan;
             pairs.triangles.push(Paired {
-                flat: if pattern == Pattern::Texture {
+                flat: if pattern == FlatSource::Texture {
                     flat.texture_triangles[triangle]
                 } else {
                     flat.triangles[triangle]
@@ -161,13 +183,14 @@ pub(super) fn two_files(
     }
     pairs.draped.clone_from(&draped.positions);
     match pattern {
-        Pattern::Positions => {
+        FlatSource::Positions => {
             pairs.flat.clone_from(&flat.positions);
             check_size(&pairs, paths[0], paths[1])?;
             check_corners(&mut pairs, paths, [flat.faces.len(), draped.faces.len()])?;
         }
-        // Two sleeves may share their vt, and be at two places.
-        Pattern::Texture => {
+        // No check of the corners here: two sleeves may share their `vt`, so a flat vertex may well
+        // have two draped positions.
+        FlatSource::Texture => {
             pairs.flat = flat.texture.iter().map(|vt| vt.extend(0.0)).collect();
             check_texture(&mut pairs, flat, paths[0])?;
             check_size(&pairs, paths[0], paths[1])?;
@@ -178,54 +201,65 @@ pub(super) fn two_files(
 
 /// The face of each triangle.
 fn triangle_faces(mesh: &ObjMesh) -> Vec<u32> {
-    let fan =
-        |(i, face): (usize, &Face)| std::iter::repeat_n(index32(i), face.corners as usize - 2);
-    mesh.faces.iter().enumerate().flat_map(fan).collect()
+    let mut faces = Vec::with_capacity(mesh.triangles.len());
+    for (i, face) in mesh.faces.iter().enumerate() {
+        faces.extend(std::iter::repeat_n(index32(i), face.corners as usize - 2));
+    }
+    faces
 }
 
 /// The first triangle of each face.
 fn first_triangles(mesh: &ObjMesh) -> Vec<usize> {
     let mut next = 0;
-    let first = |face: &Face| {
+    let mut firsts = Vec::with_capacity(mesh.faces.len());
+    for face in &mesh.faces {
+        firsts.push(next);
         next += face.corners as usize - 2;
-        next + 2 - face.corners as usize
-    };
-    mesh.faces.iter().map(first).collect()
+    }
+    firsts
 }
 
-/// For each flat face the draped face, by object names or else by group names, where every flat
-/// name is in the draped file with as many faces of the same corners. It finds a garment exported
-/// with the body, before or after it, and pieces in another order.
+/// The draped face of each flat face, by object names or else by group names. Nothing unless every
+/// flat name occurs in the draped file with as many faces of the same corners.
+///
+/// It pairs a garment that was exported with the body, before it or after it, and pieces that come
+/// in another order.
 fn by_name(flat: &ObjMesh, draped: &ObjMesh) -> Option<Vec<u32>> {
-    let kinds: [fn(&Face) -> Option<u32>; 2] = [|face| face.object, |face| face.group];
-    kinds.into_iter().find_map(|name_of| {
-        let mut waiting: std::collections::HashMap<&str, std::collections::VecDeque<u32>> =
-            Default::default();
-        for (i, face) in draped.faces.iter().enumerate() {
-            if let Some(name) = name_of(face) {
-                waiting.entry(&draped.names[name as usize]).or_default().push_back(index32(i));
-            }
-        }
-        let mut partner = Vec::with_capacity(flat.faces.len());
-        for face in &flat.faces {
-            let name = &flat.names[name_of(face)? as usize];
-            let other = waiting.get_mut(name.as_str())?.pop_front()?;
-            if draped.faces[other as usize].corners != face.corners {
-                return None;
-            }
-            partner.push(other);
-        }
-        // A name of which faces are left over names something else in each file: the order has to
-        // decide.
-        let used =
-            flat.faces.iter().filter_map(name_of).map(|name| flat.names[name as usize].as_str());
-        let mut all_used = used.map(|name| waiting.get(name).is_some_and(|left| left.is_empty()));
-        all_used.all(|empty| empty).then_some(partner)
-    })
+    by_names_of(flat, draped, |face| face.object)
+        .or_else(|| by_names_of(flat, draped, |face| face.group))
 }
 
-/// Flat faces with the draped faces at the same place in their file; the draped file may hold more
-/// after them.
+/// The draped face of each flat face, by the names that `name_of` gives.
+fn by_names_of(
+    flat: &ObjMesh,
+    draped: &ObjMesh,
+    name_of: fn(&Face) -> Option<u32>,
+) -> Option<Vec<u32>> {
+    // For each name a queue of its draped faces: within a name faces pair by their order.
+    let mut waiting: HashMap<&str, VecDeque<u32>> = HashMap::new();
+    for (i, face) in draped.faces.iter().enumerate() {
+        if let Some(name) = name_of(face) {
+            waiting.entry(&draped.names[name as usize]).or_default().push_back(index32(i));
+        }
+    }
+    let mut partner = Vec::with_capacity(flat.faces.len());
+    for face in &flat.faces {
+        let name = &flat.names[name_of(face)? as usize];
+        let other = waiting.get_mut(name.as_str())?.pop_front()?;
+        if draped.faces[other as usize].corners != face.corners {
+            return None;
+        }
+        partner.push(other);
+    }
+    // A name with draped faces left over means different things in the two files (`default`, say).
+    // Then the order has to decide.
+    let mut used = flat.faces.iter().filter_map(name_of).map(|name| &flat.names[name as usize]);
+    let all_paired = used.all(|name| waiting.get(name.as_str()).is_some_and(VecDeque::is_empty));
+    all_paired.then_some(partner)
+}
+
+/// The draped face of each flat face, by their order in the files. The draped file may hold more
+/// faces after them.
 fn by_order(
     flat: &ObjMesh,
     draped: &ObjMesh,
@@ -257,19 +291,20 @@ fn by_order(
     }
     if draped_faces > flat_faces {
         warnings.push(format!(
-            "{draped_path} has {draped_faces} faces and {flat_path} {flat_faces}: the first {flat_faces} are paired, the rest is left out"
+            "{draped_path} has {draped_faces} faces and {flat_path} {flat_faces}: \
+             the first {flat_faces} are paired, the rest is left out"
         ));
     }
     Ok((0..index32(flat_faces)).collect())
 }
 
-/// Refuses coordinates with which areas would overflow.
+/// Refuses coordinates over [`LARGEST`].
 fn check_size(pairs: &Pairs, flat: &Path, draped: &Path) -> Result<(), GarmentError> {
-    let largest =
-        |corners: [DVec3; 3]| corners.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
     for triangle in &pairs.triangles {
-        let values =
-            [largest(pairs.flat_corners(triangle)), largest(pairs.draped_corners(triangle))];
+        let values = [
+            largest_coordinate(pairs.flat_corners(triangle)),
+            largest_coordinate(pairs.draped_corners(triangle)),
+        ];
         for ((path, line), value) in [flat, draped].into_iter().zip(triangle.lines).zip(values) {
             if value > LARGEST {
                 return Err(GarmentError::TooLarge {
@@ -284,13 +319,19 @@ fn check_size(pairs: &Pairs, flat: &Path, draped: &Path) -> Result<(), GarmentEr
     Ok(())
 }
 
-/// A flat vertex is one point of the cloth, so it is at one place when draped (maybe under several
-/// numbers). Where many are not, the files' corners don't correspond.
+/// The largest absolute coordinate of a triangle.
+fn largest_coordinate(corners: [DVec3; 3]) -> f64 {
+    corners.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max)
+}
+
+/// Checks that corners correspond. A flat vertex is one point of the cloth, so it has one draped
+/// position, maybe under several numbers. Where many flat vertices have two, the files are refused.
 fn check_corners(
     pairs: &mut Pairs,
     paths: [&Path; 2],
     faces: [usize; 2],
 ) -> Result<(), GarmentError> {
+    // The first draped position of each flat vertex is kept, and later ones are compared with it.
     let tolerance = pairs.same_place();
     let mut places: Vec<Option<DVec3>> = vec![None; pairs.flat.len()];
     let mut torn = vec![false; pairs.flat.len()];
@@ -323,7 +364,8 @@ fn check_corners(
         });
     }
     pairs.warnings.push(format!(
-        "{disagreeing} of {vertices} flat vertices are at two places when draped, first in face {face} ({}:{draped_line}): torn there",
+        "{disagreeing} of {vertices} flat vertices are at two places when draped, \
+         first in face {face} ({}:{draped_line}): torn there",
         paths[1].display()
     ));
     Ok(())

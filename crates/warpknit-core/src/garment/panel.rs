@@ -1,12 +1,15 @@
-//! Panels: connected pieces of the flat pattern, each fitted to its plane and put in axes of its
-//! own.
+//! Panels: connected pieces of the flat pattern, each with its plane and axes of its own.
 //!
-//! In: [`Pairs`]. Out: [`Piece`]s in the order of their lowest face ([`pieces`]), then, once the
-//! scale is known, [`Panel`]s.
+//! In: [`Pairs`]. Out: [`Piece`]s in the order of their lowest face ([`pieces`]). Once the scale is
+//! known they become [`Panel`]s.
 //!
-//! Two triangles belong to one piece where they share a flat vertex *that is at the same place
-//! draped*. The flat vertex alone isn't enough: the left and the right sleeve often share their
-//! `vt`, one lying mirrored on the other, while their `v` are elsewhere on the body.
+//! Method: connected components by union-find over flat vertices. Two triangles belong to one piece
+//! where they share a flat vertex *that has the same draped position*. A shared flat vertex isn't
+//! enough: the left and the right sleeve often share their `vt`, one mirrored onto the other, while
+//! their `v` are at different places on the body. A plane is fitted by the area-weighted normal.
+//!
+//! Cost: linear in the triangles. Not promised: welding of vertices that the flat file has numbered
+//! apart; a seam in the flat file is a border of panels.
 
 use std::collections::HashMap;
 use std::hash::Hash;
@@ -14,36 +17,42 @@ use std::hash::Hash;
 use glam::{DAffine3, DMat2, DMat3, DVec2, DVec3};
 use robust::{Coord, orient2d};
 
-use super::pair::{Paired, Pairs};
+use super::pair::Pairs;
 use super::unit::Stretch;
 use super::{Panel, ReadOptions};
 use crate::ids::index32;
 
-/// A panel that leaves its plane by more than this part of its size is not flat.
+/// Largest distance of a panel's points from its plane, relative to its size. A larger limit would
+/// accept garments at rest on the body as patterns; a much smaller one would refuse pattern pieces
+/// that an exporter has bent a little.
 const OFF_PLANE: f64 = 0.02;
-/// A triangle with less than this part of its panel's flat area can't be told from a line.
+/// Share of its panel's flat area below which a triangle counts as degenerate. Rounding of 64-bit
+/// coordinates makes areas of some 1e-16 of the panel out of nothing; real triangles are far above
+/// the limit, even with a million of them in a panel.
 const DEGENERATE: f64 = 1e-12;
-/// Less area than this, in the file's units, is none: quotients of such areas would leave the range
-/// of 64-bit floats.
-const LEAST_AREA: f64 = 1e-30;
-/// A piece with less flat area than this part of its size squared is a line, too. Atlases hold such
+/// Smallest area, in the square of the file's units, that is not taken for 0. Quotients of smaller
+/// areas could leave the range of 64-bit floats.
+const MIN_AREA: f64 = 1e-30;
+/// Flat area over the square of the size below which a piece counts as a line. Atlases hold such
 /// scraps, and scaling one to its draped area would make a panel of kilometres.
 const SLIVER: f64 = 1e-6;
-/// The grain runs along the flat y axis unless that projects to less than this on the panel's
-/// plane.
-const UPRIGHT: f64 = 0.1;
+/// Shortest projection of the flat y axis onto the panel's plane for which the wales run along it.
+/// The axis is 6 degrees from the normal then; nearer to it the projection's direction is
+/// arbitrary, and the z axis is used.
+const MIN_UPRIGHT: f64 = 0.1;
 
 /// A usable piece of the pattern, in the files' own units.
 #[derive(Debug)]
 pub(super) struct Piece {
     /// Its triangles that have flat area, in order.
     triangles: Vec<Corners>,
-    /// Its plane's unit normal, on the side from which most of its flat area is counter-clockwise.
+    /// Unit normal of its plane. Seen from its side most of the flat area is counter-clockwise.
     normal: DVec3,
+    /// Number of its triangles without flat area.
     degenerate: usize,
 }
 
-/// A triangle of a piece: its pair, and its corners as the piece's vertices.
+/// A triangle of a piece: the index of its pair, and its vertices from [`vertex_ids`].
 #[derive(Clone, Copy, Debug)]
 struct Corners {
     pair: u32,
@@ -51,30 +60,31 @@ struct Corners {
     flipped: bool,
 }
 
-/// Why a piece is no panel.
+/// Reasons why a piece is no panel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Refusal {
-    /// All its flat triangles are lines or points.
+    /// All its flat triangles are degenerate.
     NoFlatArea,
-    /// All its draped triangles are.
+    /// All its draped triangles are degenerate.
     NoDrapedArea,
-    /// It leaves its plane by this part of its size.
+    /// Its points lie off its plane by this share of its size.
     NotFlat(f64),
 }
 
-/// A piece that is no panel: why not, its number of triangles and its first polygon.
+/// A piece that is no panel: the reason, its number of triangles and its first polygon.
 pub(super) type Refused = (Refusal, usize, u32);
 
-/// Splits the pattern into pieces.
+/// Splits the pattern into its connected pieces.
 pub(super) fn pieces(pairs: &Pairs) -> Vec<Result<Piece, Refused>> {
     let vertices = vertex_ids(pairs);
-    let mut piece_of = HashMap::new();
-    let mut members: Vec<Vec<u32>> = Vec::new();
     let mut sets = Sets::new(vertices.iter().flatten().max().map_or(0, |&last| last as usize + 1));
     for [a, b, c] in &vertices {
         sets.join(*a, *b);
         sets.join(*a, *c);
     }
+    // Pieces are numbered as triangles first reach them, so that their order is that of the file.
+    let mut piece_of = HashMap::new();
+    let mut members: Vec<Vec<u32>> = Vec::new();
     for (i, [a, _, _]) in vertices.iter().enumerate() {
         let piece = *piece_of.entry(sets.root(*a)).or_insert_with(|| {
             members.push(Vec::new());
@@ -82,63 +92,77 @@ pub(super) fn pieces(pairs: &Pairs) -> Vec<Result<Piece, Refused>> {
         });
         members[piece].push(index32(i));
     }
-    let fit = |triangles: Vec<u32>| {
-        let polygon = pairs.triangles[triangles[0] as usize].polygon;
-        Piece::fit(pairs, &vertices, &triangles)
-            .map_err(|refusal| (refusal, triangles.len(), polygon))
-    };
-    members.into_iter().map(fit).collect()
+    members
+        .into_iter()
+        .map(|triangles| {
+            let polygon = pairs.triangles[triangles[0] as usize].polygon;
+            Piece::fit(pairs, &vertices, &triangles)
+                .map_err(|refusal| (refusal, triangles.len(), polygon))
+        })
+        .collect()
 }
 
-/// One number for each flat vertex at each draped place. Copies of a draped vertex (an unwelded
-/// export) are one place, also where rounding put them a little apart.
+/// The vertices of each triangle: one number for each pair of a flat vertex and a draped position.
+/// Copies of a draped vertex in an unwelded export are one position, even if rounding has put them
+/// a little apart.
 fn vertex_ids(pairs: &Pairs) -> Vec<[u32; 3]> {
     let same_place = pairs.same_place();
-    let mut places: HashMap<u32, Places> = HashMap::new();
+    let mut places_of: HashMap<u32, Places> = HashMap::new();
     let mut count = 0;
-    let mut number = |flat: u32, draped: DVec3| {
-        let places = places.entry(flat).or_default();
-        places.find(draped, same_place).unwrap_or_else(|| {
-            places.add(draped, count, same_place);
-            count += 1;
-            count - 1
-        })
-    };
-    let corner = |triangle: &Paired| {
+    let mut ids = Vec::with_capacity(pairs.triangles.len());
+    for triangle in &pairs.triangles {
         let draped = pairs.draped_corners(triangle);
-        std::array::from_fn(|i| number(triangle.flat[i], draped[i]))
-    };
-    pairs.triangles.iter().map(corner).collect()
+        ids.push(std::array::from_fn(|i| {
+            let places = places_of.entry(triangle.flat[i]).or_default();
+            places.find(draped[i], same_place).unwrap_or_else(|| {
+                places.add(draped[i], count, same_place);
+                count += 1;
+                count - 1
+            })
+        }));
+    }
+    ids
 }
 
-/// The most places that are searched one by one.
+/// Number of positions up to which all are searched in turn. Nearly every flat vertex has one or
+/// two, for which a hash map would cost more than it saves. Beyond some tens the search would take
+/// quadratic time.
 const FEW: usize = 16;
 
-/// Where a flat vertex is when draped, with the number of each place: one or two in a pattern,
-/// thousands where a picture's `vt` are tiled over a mesh.
+/// The draped positions of a flat vertex, each with its number. A vertex of a pattern has one or
+/// two; one of an image tiled over a mesh has thousands. Method: a list, and beyond [`FEW`]
+/// positions a cell list (uniform grid, hashed).
 #[derive(Debug, Default)]
 struct Places {
-    /// All, as long as they are few.
+    /// All positions, as long as they are few.
     few: Vec<(DVec3, u32)>,
-    /// All, once they are many, by cells twice as large as places may be apart.
+    /// All positions, once they are many, by cell.
     cells: HashMap<[i64; 3], Vec<(DVec3, u32)>>,
 }
 
 impl Places {
-    /// The first number of a place that is no further off than that.
+    /// The smallest number of a position at most `same_place` from `draped`.
     fn find(&self, draped: DVec3, same_place: f64) -> Option<u32> {
-        let near = |&&(place, _): &&(DVec3, u32)| place.distance(draped) <= same_place;
+        let is_same = |&&(place, _): &&(DVec3, u32)| place.distance(draped) <= same_place;
         if self.cells.is_empty() {
-            return self.few.iter().find(near).map(|&(_, number)| number);
+            return self.few.iter().find(is_same).map(|&(_, number)| number);
         }
-        let [x, y, z] = cell(draped, same_place);
-        let around = |at: i64| at.saturating_sub(1)..=at.saturating_add(1);
-        let cells =
-            around(x).flat_map(|x| around(y).flat_map(move |y| around(z).map(move |z| [x, y, z])));
-        let found = cells.filter_map(|cell| self.cells.get(&cell)).flatten().filter(near);
-        found.map(|&(_, number)| number).min()
+        // A cell is wider than the tolerance, so a match lies in the cell itself or in one of its
+        // 26 neighbours.
+        let center = cell(draped, same_place);
+        let mut found: Option<u32> = None;
+        for index in 0..27 {
+            let shift = [index % 3 - 1, index / 3 % 3 - 1, index / 9 - 1];
+            let neighbour = std::array::from_fn(|axis| center[axis].saturating_add(shift[axis]));
+            let places = self.cells.get(&neighbour).into_iter().flatten();
+            // The smallest number, as the list gives it: the result must not depend on the cells.
+            found =
+                found.into_iter().chain(places.filter(is_same).map(|&(_, number)| number)).min();
+        }
+        found
     }
 
+    /// Adds a position with its number, which is larger than all before.
     fn add(&mut self, draped: DVec3, number: u32, same_place: f64) {
         if self.cells.is_empty() && self.few.len() < FEW {
             self.few.push((draped, number));
@@ -150,35 +174,37 @@ impl Places {
     }
 }
 
-/// The cell of a place, twice as wide as places may be apart, so that rounding puts none of them
-/// two cells away; all are one where nothing has an extent.
+/// The cell of a position. Cells are twice as wide as the tolerance, so that rounding can't put
+/// equal positions two cells apart. Where the garment has no extent, all positions are in one cell.
 fn cell(draped: DVec3, same_place: f64) -> [i64; 3] {
     #[expect(
         clippy::cast_possible_truncation,
-        reason = "at most some million cells across, by the size's definition; `as` saturates"
+        reason = "some million cells across, by the definition of `same_place`; `as` saturates"
     )]
     let cell = (draped / (2.0 * same_place)).to_array().map(|at| at.floor() as i64);
     cell
 }
 
-/// Numbers things in the order in which they first come.
+/// Numbers keys from 0, in the order in which they first occur.
 #[derive(Debug)]
-struct Numbering<K>(HashMap<K, u32>);
+struct VertexNumbers<K>(HashMap<K, u32>);
 
-impl<K> Default for Numbering<K> {
+impl<K> Default for VertexNumbers<K> {
     fn default() -> Self {
         Self(HashMap::new())
     }
 }
 
-impl<K: Eq + Hash> Numbering<K> {
-    fn of(&mut self, key: K) -> u32 {
+impl<K: Eq + Hash> VertexNumbers<K> {
+    /// The number of a key. A new key gets the next number.
+    fn number_of(&mut self, key: K) -> u32 {
         let next = index32(self.0.len());
         *self.0.entry(key).or_insert(next)
     }
 }
 
-/// Disjoint sets, joined by the smaller root and flattened while looking.
+/// Disjoint sets (union-find) with path halving. The smaller root wins a union, so that a set's
+/// root is its smallest member, whatever the order of unions.
 struct Sets(Vec<u32>);
 
 impl Sets {
@@ -186,61 +212,69 @@ impl Sets {
         Self((0..index32(count)).collect())
     }
 
+    /// The root of the set of `x`.
     fn root(&mut self, mut x: u32) -> u32 {
         while self.0[x as usize] != x {
+            // Path halving (Tarjan and van Leeuwen, Worst-case analysis of set union algorithms,
+            // 1984): each element on the way is attached to its grandparent.
             self.0[x as usize] = self.0[self.0[x as usize] as usize];
             x = self.0[x as usize];
         }
         x
     }
 
+    /// Unites the sets of `a` and `b`.
     fn join(&mut self, a: u32, b: u32) {
         let (a, b) = (self.root(a), self.root(b));
         self.0[a.max(b) as usize] = a.min(b);
     }
 }
 
-/// Twice a triangle's area, as a vector along its normal.
+/// Twice the area vector of a triangle: its length is twice the area, its direction the normal.
 pub(super) fn cross([a, b, c]: [DVec3; 3]) -> DVec3 {
     (b - a).cross(c - a)
 }
 
 impl Piece {
+    /// Fits a plane to the triangles of a connected piece, or refuses it.
     fn fit(pairs: &Pairs, vertices: &[[u32; 3]], triangles: &[u32]) -> Result<Self, Refusal> {
-        let flat = |i: u32| cross(pairs.flat_corners(&pairs.triangles[i as usize]));
-        let total: f64 = triangles.iter().map(|&i| flat(i).length()).sum();
+        let total: f64 = triangles.iter().map(|&i| pairs.flat_area(i).length()).sum();
         let mut solid: Vec<u32> = triangles.to_vec();
-        solid.retain(|&i| total > LEAST_AREA && flat(i).length() >= DEGENERATE * total);
+        solid.retain(|&i| total > MIN_AREA && pairs.flat_area(i).length() >= DEGENERATE * total);
         let largest = solid
             .iter()
-            .map(|&i| flat(i))
+            .map(|&i| pairs.flat_area(i))
             .max_by(|a, b| a.length().total_cmp(&b.length()))
             .ok_or(Refusal::NoFlatArea)?;
-        let draped_area: f64 = solid
-            .iter()
-            .map(|&i| cross(pairs.draped_corners(&pairs.triangles[i as usize])).length())
-            .sum();
-        if draped_area <= LEAST_AREA {
+        let draped_area: f64 = solid.iter().map(|&i| pairs.draped_area(i).length()).sum();
+        if draped_area <= MIN_AREA {
             return Err(Refusal::NoDrapedArea);
         }
-        // Every normal is first turned to the largest triangle's side, so that flipped triangles
-        // can't cancel the sum.
-        let normal: DVec3 =
-            solid.iter().map(|&i| flat(i)).map(|n| if n.dot(largest) < 0.0 { -n } else { n }).sum();
+        // The plane's normal is the sum of the area vectors. Each is first turned to the side of
+        // the largest triangle: otherwise flipped triangles could cancel the sum.
+        let normal: DVec3 = solid
+            .iter()
+            .map(|&i| pairs.flat_area(i))
+            .map(|n| if n.dot(largest) < 0.0 { -n } else { n })
+            .sum();
         let mut normal = normal.normalize();
-        let winding: f64 = solid.iter().map(|&i| flat(i).dot(normal)).sum();
-        // Of two equal halves the one that lies face up wins.
+        // Then the normal is put on the side from which most of the area is counter-clockwise.
+        let winding: f64 = solid.iter().map(|&i| pairs.flat_area(i).dot(normal)).sum();
+        // Where both halves are equal the sign of the sum is rounding. Then the side that points
+        // along the nearest axis is taken.
         let balanced = winding.abs() <= 1e-9 * total;
         if if balanced { faces_down(normal) } else { winding < 0.0 } {
             normal = -normal;
         }
-        let corners = |&i: &u32| Corners {
-            pair: i,
-            vertices: vertices[i as usize],
-            flipped: flat(i).dot(normal) < 0.0,
-        };
         let piece = Self {
-            triangles: solid.iter().map(corners).collect(),
+            triangles: solid
+                .iter()
+                .map(|&i| Corners {
+                    pair: i,
+                    vertices: vertices[i as usize],
+                    flipped: pairs.flat_area(i).dot(normal) < 0.0,
+                })
+                .collect(),
             normal,
             degenerate: triangles.len() - solid.len(),
         };
@@ -248,7 +282,7 @@ impl Piece {
         let [low, high] = bounds(piece.flat_points(pairs).map(|p| axes * p));
         let extent = high - low;
         let size = extent.x.max(extent.y);
-        // Half of the thickness: the best plane lies midway.
+        // The best plane lies midway, so the largest distance from it is half of the thickness.
         let off_plane = 0.5 * extent.z / size;
         if off_plane > OFF_PLANE {
             return Err(Refusal::NotFlat(off_plane));
@@ -259,34 +293,35 @@ impl Piece {
         Ok(piece)
     }
 
+    /// Flat corners of all its triangles.
     fn flat_points<'a>(&'a self, pairs: &'a Pairs) -> impl Iterator<Item = DVec3> + 'a {
         self.triangles.iter().flat_map(|t| pairs.flat_corners(&pairs.triangles[t.pair as usize]))
     }
 
-    /// Panel axes (columns u, v, w) in the flat mesh's: v along its y, or z where y stands on the
-    /// panel, turned by `grain`.
+    /// The panel's axes as columns u, v, w, in the flat mesh's coordinates. v runs along y, or
+    /// along z where y is perpendicular to the panel, turned by `grain`.
     fn axes(&self, grain: f64, turn: bool) -> DMat3 {
         let normal = if turn { -self.normal } else { self.normal };
-        let [right, up] = as_cut(normal);
+        let [right, up] = flat_axes(normal);
         let (sin, cos) = grain.sin_cos();
         DMat3::from_cols(right * cos + up * sin, up * cos - right * sin, normal)
     }
 
-    /// Area ratios of its triangles, draped mm² over flat units².
+    /// Area ratios of its triangles: draped mm² over flat units².
     pub(super) fn stretches(&self, pairs: &Pairs, unit_mm: f64) -> Vec<Stretch> {
-        let ratio = |t: &Corners| {
-            let pair = &pairs.triangles[t.pair as usize];
-            let weight = cross(pairs.flat_corners(pair)).length();
-            Stretch {
-                ratio: cross(pairs.draped_corners(pair)).length() * unit_mm * unit_mm / weight,
-                weight,
-            }
-        };
-        self.triangles.iter().map(ratio).collect()
+        self.triangles
+            .iter()
+            .map(|t| {
+                let pair = &pairs.triangles[t.pair as usize];
+                let weight = cross(pairs.flat_corners(pair)).length();
+                let draped = cross(pairs.draped_corners(pair)).length();
+                Stretch { ratio: draped * unit_mm * unit_mm / weight, weight }
+            })
+            .collect()
     }
 
-    /// The panel in mm, and its degenerate triangles: those without area, and slivers so thin that
-    /// rounding to panel axes closed them.
+    /// The panel in mm, and its number of degenerate triangles: those without area, and slivers so
+    /// thin that rounding to panel axes has closed them.
     pub(super) fn panel(
         &self,
         pairs: &Pairs,
@@ -295,8 +330,8 @@ impl Piece {
         options: &ReadOptions,
     ) -> (Panel, usize) {
         let axes = self.axes(options.grain, options.turn);
-        // The middle of the piece is the origin: patterns lie anywhere, and numbers near zero are
-        // the most exact.
+        // The origin is the middle of the bounding box. A pattern may lie anywhere in its file, and
+        // floating-point numbers are most exact near zero.
         let [low, high] = bounds(self.flat_points(pairs).map(|p| axes.transpose() * p));
         let origin = axes * ((low + high) * 0.5) * scale_mm;
         let mut panel = Panel {
@@ -309,21 +344,23 @@ impl Piece {
             flat_from_panel: DAffine3::from_mat3_translation(axes, origin),
             mirrored: faces_down(self.normal),
         };
-        let mut numbering = Numbering::default();
+        let mut numbers = VertexNumbers::default();
         let mut vanished = 0;
         for t in &self.triangles {
             let pair = &pairs.triangles[t.pair as usize];
             let (flat, draped) = (pairs.flat_corners(pair), pairs.draped_corners(pair));
             let uv = flat.map(|p| (axes.transpose() * (p * scale_mm - origin)).truncate());
-            // The same cloth seen from behind: the other way round in (u, v), and the other way out
-            // on the body.
+            // A turned panel is the same cloth seen from behind. Swapping two corners keeps the
+            // winding counter-clockwise in (u, v) and reverses it on the body.
             let order = if options.turn { [0, 2, 1] } else { [0, 1, 2] };
+            // Rounding to panel axes may have closed or turned over a thin triangle. Location and
+            // mapping rely on the winding, so such a triangle is left out.
             if side(order.map(|corner| uv[corner])) != if t.flipped { -1.0 } else { 1.0 } {
                 vanished += 1;
                 continue;
             }
             let triangle = order.map(|corner| {
-                let vertex = numbering.of(t.vertices[corner]);
+                let vertex = numbers.number_of(t.vertices[corner]);
                 if vertex as usize == panel.uv.len() {
                     panel.uv.push(uv[corner]);
                     panel.draped.push(draped[corner] * unit_mm);
@@ -337,27 +374,30 @@ impl Piece {
                 panel.faces.push(pair.face);
             }
         }
+        // Placeholders, since reordering moves normals along with the positions.
         panel.normals.resize(panel.draped.len(), DVec3::Z);
         panel.order_along_curve();
-        // In this order, as for each frame of a sequence, so that the same drape has the same
-        // normals to the last bit.
+        // Normals are computed after reordering, as for the frames of a sequence. Sums in another
+        // order would differ in the last bit for the same drape.
         panel.normals = normals(&panel.draped, &panel.triangles);
         (panel, self.degenerate + vanished)
     }
 }
 
-/// Right and up of a piece as it lies in the flat file, seen from the side to which the normal
-/// points.
-fn as_cut(normal: DVec3) -> [DVec3; 2] {
-    let along = |axis: DVec3| axis - normal * axis.dot(normal);
-    let up = along(DVec3::Y);
-    let up = if up.length() < UPRIGHT { along(DVec3::Z) } else { up }.normalize();
+/// The directions to the right and up of a piece as it lies in the flat file, seen from the side to
+/// which the normal points.
+fn flat_axes(normal: DVec3) -> [DVec3; 2] {
+    let mut up = DVec3::Y - normal * DVec3::Y.dot(normal);
+    if up.length() < MIN_UPRIGHT {
+        up = DVec3::Z - normal * DVec3::Z.dot(normal);
+    }
+    let up = up.normalize();
     [up.cross(normal), up]
 }
 
 impl Panel {
-    /// How far the wale direction is turned from the flat mesh's upright axis, radians,
-    /// counter-clockwise seen from the technical face.
+    /// Angle from the flat mesh's upright axis to the wale direction, radians, counter-clockwise as
+    /// seen from the technical face.
     ///
     /// ```
     /// use warpknit_core::garment::Garment;
@@ -368,22 +408,24 @@ impl Panel {
     #[must_use]
     pub fn grain(&self) -> f64 {
         let axes = self.flat_from_panel.matrix3;
-        let [right, up] = as_cut(axes.z_axis);
+        let [right, up] = flat_axes(axes.z_axis);
         (-axes.y_axis.dot(right)).atan2(axes.y_axis.dot(up))
     }
 
-    /// Turns the wale direction further, by `grain` radians counter-clockwise seen from the
-    /// technical face, and gives the number of triangles that are lost: slivers so thin that
-    /// rounding to the new axes closed them.
+    /// Turns the wale direction by `grain` radians, counter-clockwise as seen from the technical
+    /// face. Returns the number of lost triangles: slivers so thin that rounding to the new axes
+    /// has closed them.
     pub(super) fn turn_grain(&mut self, grain: f64) -> usize {
         let old_from_new = DMat2::from_angle(grain);
         let new_from_old = old_from_new.transpose();
         self.uv.iter_mut().for_each(|point| *point = new_from_old * *point);
         self.flat_from_panel *= DAffine3::from_mat3(DMat3::from_mat2(old_from_new));
         let before = self.triangles.len() + self.flipped.len();
-        let wound = |triangle: &[u32; 3]| side(triangle.map(|vertex| self.uv[vertex as usize]));
-        let kept: Vec<_> = self.triangles.iter().map(|triangle| wound(triangle) > 0.0).collect();
-        self.flipped.retain(|triangle| wound(triangle) < 0.0);
+        let uv = &self.uv;
+        let kept: Vec<_> =
+            self.triangles.iter().map(|triangle| winding(uv, triangle) > 0.0).collect();
+        self.flipped.retain(|triangle| winding(uv, triangle) < 0.0);
+        // Triangles and their faces are parallel arrays and lose the same entries.
         let mut keep = kept.iter();
         self.triangles.retain(|_| *keep.next().expect("one for each triangle"));
         let mut keep = kept.iter();
@@ -392,9 +434,17 @@ impl Panel {
     }
 }
 
-/// 1 for a counter-clockwise triangle, -1 for a clockwise one, 0 for one so thin that exact and
-/// plain arithmetic disagree: location judges by the exact sign, but what divides by the area must
-/// not meet the plain one's opposite.
+/// The winding of a panel's triangle, as [`side`] gives it.
+fn winding(uv: &[DVec2], triangle: &[u32; 3]) -> f64 {
+    side(triangle.map(|vertex| uv[vertex as usize]))
+}
+
+/// The winding of a triangle: 1 if counter-clockwise, -1 if clockwise. It is 0 for a triangle so
+/// thin that the exact orientation predicate (Shewchuk, Adaptive precision floating-point
+/// arithmetic and fast robust geometric predicates, 1997) and plain arithmetic disagree.
+///
+/// Location uses the exact sign, while the mapping divides by the area in plain arithmetic. A
+/// triangle whose two signs differ would turn the mapping inside out.
 fn side(corners: [DVec2; 3]) -> f64 {
     let [a, b, c] = corners;
     let plain = (b - a).perp_dot(c - a);
@@ -402,8 +452,8 @@ fn side(corners: [DVec2; 3]) -> f64 {
     if orient2d(a, b, c) * plain > 0.0 { plain.signum() } else { 0.0 }
 }
 
-/// Whether a flat normal points against the axis it is nearest to: the piece lies clockwise to
-/// somebody who looks down that axis.
+/// Whether a flat normal points against the axis that it is nearest to. Such a piece is clockwise
+/// as seen from the positive end of that axis: it lies face down.
 fn faces_down(normal: DVec3) -> bool {
     let [x, y, z] = normal.abs().to_array();
     let dominant = if z >= x && z >= y {
@@ -416,15 +466,17 @@ fn faces_down(normal: DVec3) -> bool {
     dominant < 0.0
 }
 
+/// Lowest and highest corner of the bounding box.
 fn bounds(points: impl Iterator<Item = DVec3>) -> [DVec3; 2] {
     points.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], p| [low.min(p), high.max(p)])
 }
 
-/// Unit vertex normals, each triangle weighted by its angle at the vertex, so that they don't
+/// Unit vertex normals, each triangle weighted by its angle at the vertex (Thürmer and Wüthrich,
+/// Computing vertex normals from polygonal facets, 1998). With these weights the normals don't
 /// depend on how the cloth was triangulated.
 ///
-/// A vertex of collapsed triangles alone takes the panel's mean normal, and where that vanishes too
-/// (a closed or collapsed panel) +z.
+/// A vertex that has collapsed triangles only gets the panel's mean normal. Where that vanishes too
+/// (a closed or collapsed panel) it gets +z.
 pub(super) fn normals(draped: &[DVec3], triangles: &[[u32; 3]]) -> Vec<DVec3> {
     let mut sums = vec![DVec3::ZERO; draped.len()];
     let mut mean = DVec3::ZERO;
@@ -436,6 +488,7 @@ pub(super) fn normals(draped: &[DVec3], triangles: &[[u32; 3]]) -> Vec<DVec3> {
         for i in 0..3 {
             let (to_next, to_last) =
                 (corners[(i + 1) % 3] - corners[i], corners[(i + 2) % 3] - corners[i]);
+            // atan2 is exact for angles near 0 and 180 degrees, where acos of a dot product is not.
             let angle = to_next.cross(to_last).length().atan2(to_next.dot(to_last));
             sums[triangle[i] as usize] += normal * angle;
         }

@@ -1,25 +1,28 @@
-//! The records of an OBJ text, one at a time, whatever its line ends, continuations and comments.
+//! The records of an OBJ text, one at a time, for any line ends, continuations and comments.
 //!
 //! In: bytes. Out: `Records::record`, one record without leading blanks, with the line on which it
-//! starts. Memory is bounded by `LONGEST_RECORD`: gigabytes of blanks or comments pass through
-//! without being kept.
+//! starts. Memory is bounded by [`LONGEST_RECORD`]: gigabytes of blanks or comments are read
+//! without being stored. Cost: one pass over the bytes.
 
 use std::io::{self, BufRead};
 use std::path::Path;
 
-use super::error::{Fault, GarmentError};
+use super::error::{GarmentError, GarmentFault};
 
-/// Longest record that is accepted, in bytes, continuations joined: a polygon of 50 000 corners.
+/// Longest accepted record with its continuations, bytes: enough for a polygon of 50 000 corners.
+/// It bounds memory for files that are no text.
 const LONGEST_RECORD: usize = 1 << 20;
-/// Why the cleaning pass stopped.
+
+/// Reasons why the cleaning pass stopped, each with its line.
 #[derive(Debug)]
 pub(super) enum Stop {
-    Fault(u64, Fault),
+    Fault(u64, GarmentFault),
     Input(u64, io::Error),
 }
 
 impl Stop {
-    pub(super) fn at(self, path: &Path) -> GarmentError {
+    /// The error for it, in the file at `path`.
+    pub(super) fn in_file(self, path: &Path) -> GarmentError {
         match self {
             Self::Fault(line, fault) => GarmentError::record(path, line, fault),
             Self::Input(line, reason) => {
@@ -29,11 +32,11 @@ impl Stop {
     }
 }
 
-/// Records of a text: lines without leading blanks and comment lines, `\` continuations of `v`,
-/// `vt` and `f` joined.
+/// Records of a text: lines without leading blanks, without comment lines, and with the `\`
+/// continuations of `v`, `vt` and `f` joined.
 ///
-/// Other records aren't joined: a comment or a `mtllib` may well end in the `\` of a Windows
-/// folder, and would swallow the next line.
+/// Other records aren't joined. A comment or a `mtllib` may end in the `\` of a Windows folder, and
+/// joining it would lose the next line.
 pub(super) struct Records<R> {
     input: R,
     /// The current record.
@@ -44,6 +47,7 @@ pub(super) struct Records<R> {
     pub(super) number: u64,
     /// Bytes read so far.
     pub(super) bytes: u64,
+    /// Whether the last line ended in a carriage return, whose line feed is not a new line.
     after_return: bool,
 }
 
@@ -52,15 +56,16 @@ impl<R: BufRead> Records<R> {
         Self { input, record: Vec::new(), first: 0, number: 0, bytes: 0, after_return: false }
     }
 
-    /// Puts the next record in `self.record`; false at the end of the file.
+    /// Reads the next record into `self.record`. False at the end of the file.
     pub(super) fn next(&mut self) -> Result<bool, Stop> {
         self.record.clear();
         loop {
-            // Only the new line is looked at: a record of a hundred thousand continuations must not
-            // take their square in time.
+            // Only the new line is examined. Examining the whole record each time would take
+            // quadratic time for a record of a hundred thousand continuations.
             let from = self.record.len();
             let more = self.line()?;
             let line = self.record[from..].trim_ascii_end();
+            // A `\` behind a `#` belongs to a comment and continues nothing.
             if line.last() == Some(&b'\\')
                 && matches!(split_keyword(&self.record).0, b"v" | b"vt" | b"f")
                 && without_comment(line).len() == line.len()
@@ -78,8 +83,8 @@ impl<R: BufRead> Records<R> {
         }
     }
 
-    /// Appends the next line to `self.record`; false where the file ends. Blanks and comments
-    /// before a record aren't kept, so gigabytes of them take no memory.
+    /// Appends the next line to `self.record`. False where the file ends. Blanks and comments
+    /// before a record aren't stored, so gigabytes of them take no memory.
     fn line(&mut self) -> Result<bool, Stop> {
         self.number += 1;
         if self.record.is_empty() {
@@ -96,23 +101,27 @@ impl<R: BufRead> Records<R> {
             if buffer.is_empty() {
                 return Ok(false);
             }
+            // A line may end in LF, CR or CR LF. The LF may be in the next buffer, so a CR ends the
+            // line at once and the LF is skipped later.
             let mut start = 0;
             if std::mem::take(&mut self.after_return) && buffer[0] == b'\n' {
                 start = 1;
             }
+            // A UTF-8 byte order mark would otherwise be part of the first keyword.
             if self.bytes == 0 && buffer.starts_with(b"\xEF\xBB\xBF") {
                 start = 3;
             }
             let rest = &buffer[start..];
             let end = rest.iter().position(|&byte| byte == b'\n' || byte == b'\r');
             let text = &rest[..end.unwrap_or(rest.len())];
+            // The first text of a record tells whether the line is a comment.
             let kept = if self.record.is_empty() { text.trim_ascii_start() } else { text };
             comment |= self.record.is_empty() && kept.first() == Some(&b'#');
             if !comment {
                 if self.record.len() + kept.len() > LONGEST_RECORD {
                     return Err(Stop::Fault(
                         self.first,
-                        Fault::LineTooLong { limit: LONGEST_RECORD },
+                        GarmentFault::LineTooLong { limit: LONGEST_RECORD },
                     ));
                 }
                 self.record.extend_from_slice(kept);
@@ -133,19 +142,20 @@ pub(super) fn tokens(text: &[u8]) -> impl Iterator<Item = &[u8]> {
     text.split(|byte| is_blank(*byte)).filter(|token| !token.is_empty())
 }
 
+/// Whether a byte is a space, a tab or a line end.
 fn is_blank(byte: u8) -> bool {
     byte == b' ' || (b'\t'..=b'\r').contains(&byte)
 }
 
-/// A record's first word, and the rest. A `\` ends it too: the record may continue right after its
-/// keyword.
+/// The first word of a record, and the rest. A `\` ends the word too: a record may be continued
+/// right after its keyword.
 pub(super) fn split_keyword(record: &[u8]) -> (&[u8], &[u8]) {
     let end =
         record.iter().position(|&byte| is_blank(byte) || byte == b'\\').unwrap_or(record.len());
     record.split_at(end)
 }
 
-/// Text up to a `#`, but not up to the `#` of `1.#QNAN`.
+/// The text before a `#`. The `#` of `1.#QNAN` begins no comment.
 pub(super) fn without_comment(text: &[u8]) -> &[u8] {
     let end = (0..text.len()).find(|&i| text[i] == b'#' && (i == 0 || text[i - 1] != b'.'));
     &text[..end.unwrap_or(text.len())]

@@ -1,8 +1,8 @@
-//! A flat rectangle that is its own drape: the panel of a swatch.
+//! A flat rectangle whose draped positions equal its flat ones: the panel of a swatch.
 
 use glam::{DAffine3, DVec2, DVec3};
 
-use super::{Facts, Garment, Panel};
+use super::{Garment, GarmentSummary, Panel};
 use crate::ids::FaceId;
 
 impl Garment {
@@ -24,7 +24,12 @@ impl Garment {
         };
         Self {
             panels: vec![panel],
-            facts: Facts { triangles: 2, unit: "mm", uv_scale_mm: 1.0, ..Facts::default() },
+            summary: GarmentSummary {
+                triangles: 2,
+                unit: "mm",
+                uv_scale_mm: 1.0,
+                ..GarmentSummary::default()
+            },
         }
     }
 }

@@ -1,10 +1,14 @@
-//! How far a garment is stretched, triangle by triangle: along its wales and courses, and at the
-//! most and at the least in any direction.
+//! Stretch of a garment, triangle by triangle: along the wales, along the courses, and the largest
+//! and smallest stretch in any direction.
 //!
-//! The map from a flat triangle to the draped one is linear. Its two singular values are the
-//! principal stretches: the largest and the smallest ratio of draped to flat length over all
-//! directions, at right angles to each other in the flat triangle. Both are 1 where draping kept
-//! all lengths (an isometry); their product is the ratio of the areas.
+//! In: panels. Out: a [`TriangleStretch`] for each triangle, or [`Percentiles`] by flat area.
+//!
+//! Method: the map from a flat triangle to the draped one is linear. The singular values of its 3 x
+//! 2 matrix are the principal stretches: the largest and the smallest ratio of draped to flat
+//! length over all directions. Their directions are at right angles in the flat triangle. Both are
+//! 1 where draping kept all lengths (an isometry), and their product is the ratio of the areas.
+//!
+//! Cost: linear in the triangles, plus a sort for each set of percentiles.
 
 use glam::{DMat2, DVec2, DVec3};
 
@@ -13,10 +17,10 @@ use super::{Garment, Panel};
 /// The 5th, 50th and 95th percentile by flat area; 1 is unstretched.
 pub type Percentiles = [f64; 3];
 
-/// The shares of the flat area that [`Percentiles`] have below them.
+/// The shares of the flat area at which [`Percentiles`] are taken.
 const SHARES: [f64; 3] = [0.05, 0.5, 0.95];
 
-/// Draped over flat lengths of one triangle.
+/// Ratios of draped to flat length of one triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TriangleStretch {
     /// Flat area, mm².
@@ -25,20 +29,20 @@ pub struct TriangleStretch {
     pub warp: f64,
     /// Along u, the courses.
     pub weft: f64,
-    /// In the direction in which it is stretched most.
+    /// The larger principal stretch.
     pub largest: f64,
-    /// At right angles to that: in the direction in which it is stretched least.
+    /// The smaller principal stretch, at right angles to the larger one.
     pub smallest: f64,
 }
 
-/// How near draping is to keeping all lengths.
+/// Percentiles that tell how close draping is to an isometry.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Isometry {
-    /// Of the smaller principal stretch of each triangle.
+    /// Smaller principal stretch.
     pub smallest: Percentiles,
-    /// Of the larger one.
+    /// Larger principal stretch.
     pub largest: Percentiles,
-    /// Of draped over flat area.
+    /// Ratio of draped to flat area.
     pub area: Percentiles,
 }
 
@@ -86,11 +90,12 @@ pub fn triangle(panel: &Panel, corners: [u32; 3]) -> TriangleStretch {
     let [p, q, r] = corners.map(|v| panel.draped[v as usize]);
     let flat = DMat2::from_cols(b - a, c - a);
     let inverse = flat.inverse();
-    let draped = |direction: DVec2| {
-        let share = inverse * direction;
-        (q - p) * share.x + (r - p) * share.y
-    };
-    let (along_u, along_v) = (draped(DVec2::X), draped(DVec2::Y));
+    // The columns of the linear map: a flat unit vector is written in the basis of the flat
+    // triangle's edges, and the same combination of the draped edges is its image.
+    let [along_u, along_v] = [DVec2::X, DVec2::Y].map(|direction| {
+        let coordinates = inverse * direction;
+        (q - p) * coordinates.x + (r - p) * coordinates.y
+    });
     let (largest, smallest) = singular_values(along_u, along_v);
     TriangleStretch {
         area: flat.determinant() / 2.0,
@@ -101,16 +106,18 @@ pub fn triangle(panel: &Panel, corners: [u32; 3]) -> TriangleStretch {
     }
 }
 
-/// Singular values of the matrix of two columns, the larger first.
+/// Singular values of the matrix with columns `a` and `b`, the larger first: square roots of the
+/// eigenvalues of its 2 x 2 Gram matrix, in closed form.
 fn singular_values(a: DVec3, b: DVec3) -> (f64, f64) {
     let (aa, bb, ab) = (a.length_squared(), b.length_squared(), a.dot(b));
     let largest = (0.5 * (aa + bb) + (0.5 * (aa - bb)).hypot(ab)).sqrt();
-    // By the area, since the difference of squares would lose the digits of a small one.
+    // The product of both is the area of the parallelogram. The closed form with a minus sign would
+    // cancel the digits of a small value, and a collapsed triangle would get a negative square.
     let smallest = if largest > 0.0 { a.cross(b).length() / largest } else { 0.0 };
     (largest, smallest)
 }
 
-/// The values that have these shares of the flat area below them; 1 where there is no triangle.
+/// Percentiles weighted by flat area. All are 1 where there is no triangle.
 #[must_use]
 pub fn percentiles<const N: usize>(
     triangles: &[TriangleStretch],
@@ -134,7 +141,7 @@ pub fn percentiles<const N: usize>(
 mod tests {
     use super::*;
 
-    /// A rectangle whose draped places are moved.
+    /// A rectangle whose draped positions are moved.
     fn draped(place: impl Fn(DVec3) -> DVec3) -> Garment {
         let mut garment = Garment::rectangle(4.0, 3.0);
         garment.panels[0].draped.iter_mut().for_each(|p| *p = place(*p));

@@ -1,4 +1,11 @@
-//! Millimetres: what one unit of the draped mesh is, and what one unit of the flat pattern is.
+//! Units: the unit of the draped mesh, and the scale of the flat pattern.
+//!
+//! In: the size of the draped garment, and the ratio of draped to flat area of each triangle. Out:
+//! a [`Unit`] and [`Scales`] in mm per flat unit.
+//!
+//! Method: a heuristic on the garment's size for the unit, and an area-weighted median for the
+//! scale. Not promised: that a guess is right. A garment that fits in two units gets the larger
+//! one, and [`GarmentSummary::unit_guessed`](super::GarmentSummary) is set.
 
 use std::fmt;
 use std::str::FromStr;
@@ -20,7 +27,7 @@ pub enum Unit {
     Inch,
 }
 
-/// A name that is no unit.
+/// The error for a name that is no unit.
 #[derive(Debug, Error, PartialEq, Eq)]
 #[error("there is no unit {0:?}: use mm, cm, dm, m or in")]
 pub struct UnknownUnit(pub String);
@@ -29,7 +36,7 @@ impl Unit {
     /// Every unit, smallest first.
     pub const ALL: [Self; 5] = [Self::Mm, Self::Cm, Self::Inch, Self::Dm, Self::M];
 
-    /// How long it is, in mm.
+    /// Length of the unit, mm.
     #[must_use]
     pub fn millimetres(self) -> f64 {
         match self {
@@ -41,7 +48,7 @@ impl Unit {
         }
     }
 
-    /// Its name, as `--unit` takes it.
+    /// The name of the unit, as `--unit` takes it.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -71,85 +78,100 @@ impl FromStr for Unit {
     }
 }
 
-/// A garment's largest dimension lies between these, mm: a sock or a swatch, and a gown with a
-/// train.
+/// The range of a garment's largest dimension, mm: from a sock or a swatch to a gown with a train.
+/// A wider range would leave more garments that fit two units; a narrower one would refuse real
+/// ones.
 pub(super) const GARMENT_SIZE: (f64, f64) = (80.0, 2500.0);
 
-/// The unit in which `extent` is a garment's size, and whether it really is; if none is, the
-/// nearest one.
+/// The unit in which `extent` is in the range of garment sizes, and true. If there is none, the
+/// unit in which it is nearest to that range, and false.
 ///
-/// Inches are no candidate: whatever could be inches could be centimetres two and a half times as
-/// large, and no tool's default is inches, so guessing them would only ever take centimetres for
-/// something else. Ties go to the larger unit.
+/// Ties go to the larger unit. Inches are no candidate: sizes in inches and in centimetres overlap,
+/// and no tool's default is inches, so a guess of inches would mostly be wrong.
 pub(super) fn guess(extent: f64) -> (Unit, bool) {
-    let (least, most) = GARMENT_SIZE;
-    let misfit = |unit: Unit| {
-        let size = extent * unit.millimetres();
-        (least / size).max(size / most).max(1.0)
-    };
+    // From large to small, and only a strictly better unit replaces the last: ties keep the larger.
     let mut best = Unit::M;
     for unit in [Unit::Dm, Unit::Cm, Unit::Mm] {
-        if misfit(unit) < misfit(best) {
+        if misfit(extent, unit) < misfit(extent, best) {
             best = unit;
         }
     }
-    (best, misfit(best) == 1.0)
+    (best, misfit(extent, best) == 1.0)
 }
 
-/// A FLAT file's scale this near to a unit's length is taken to be in that unit, and the rest to be
-/// the fabric's stretch.
-const PLAIN: f64 = 0.15;
-/// Panels whose own scale is off the garment's by more than this take their own.
-const DISAGREE: f64 = 0.05;
+/// The factor by which a garment of this extent misses the range of garment sizes in a unit: 1
+/// within the range.
+fn misfit(extent: f64, unit: Unit) -> f64 {
+    let (least, most) = GARMENT_SIZE;
+    let size = extent * unit.millimetres();
+    (least / size).max(size / most).max(1.0)
+}
 
-/// Draped area (mm²) over flat area (flat units²) of one triangle; the weight is its flat area.
+/// Relative tolerance within which the scale of a FLAT file is taken for the length of a unit. The
+/// deviation then counts as the fabric's stretch. With a smaller tolerance a stretched garment
+/// would lose its stretch to the scale; a larger one would take more arbitrary scales for a unit.
+/// Units are a factor of 2.5 or more apart.
+const UNIT_TOLERANCE: f64 = 0.15;
+/// Relative difference from the garment's scale above which a panel takes its own. A smaller
+/// difference counts as stretch, which must not be removed; a larger one as a panel that an atlas
+/// has scaled.
+const PANEL_TOLERANCE: f64 = 0.05;
+
+/// The area ratio of one triangle.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stretch {
+    /// Draped area, mm², over flat area, flat units².
     pub(super) ratio: f64,
+    /// Flat area, in any unit.
     pub(super) weight: f64,
 }
 
-/// The scale that makes a flat piece as large as it is draped: the square root of the area-weighted
-/// median of area ratios.
+/// The scale at which a flat piece is as large as it is draped, in mm per flat unit: the square
+/// root of the area-weighted median of area ratios.
 ///
-/// The median, because a few stretched or crumpled triangles say nothing about the unit. Where over
-/// half of the area has collapsed the median is 0 and the total areas are taken instead.
+/// A median and not a mean, because a few strongly stretched or crumpled triangles must not change
+/// the unit. Where over half of the area has collapsed the median is 0, and the ratio of the total
+/// areas is used instead.
 pub(super) fn scale(stretches: &mut [Stretch]) -> f64 {
     stretches.sort_by(|a, b| a.ratio.total_cmp(&b.ratio));
     let total: f64 = stretches.iter().map(|s| s.weight).sum();
     let mut below = 0.0;
+    // The weighted median: the first ratio at which half of the flat area is reached.
     let median = stretches.iter().find(|s| {
         below += s.weight;
         2.0 * below >= total
     });
     match median {
+        // Ratios are of areas, scales are of lengths.
         Some(s) if s.ratio > 0.0 => s.ratio.sqrt(),
         _ => (stretches.iter().map(|s| s.ratio * s.weight).sum::<f64>() / total).sqrt(),
     }
 }
 
-/// mm per flat unit: the garment's, and each panel's.
+/// The scales of the garment and of each panel, mm per flat unit.
 #[derive(Debug)]
 pub(super) struct Scales {
     pub(super) garment: f64,
     pub(super) panels: Vec<f64>,
-    /// Panels that take their own scale.
+    /// Indices of the panels that take their own scale.
     pub(super) differing: Vec<usize>,
 }
 
-/// Settles the scales from the garment's own estimate and each panel's.
+/// Chooses the scales from the garment's estimate and the panels' own estimates.
 ///
-/// A FLAT file (`plain`) is nearly always in one of the plain units. Taken exactly, a garment
-/// draped as it was cut comes out as the identity, and a fabric stretched by 2 % stays stretched;
-/// there a panel must be off by [`PLAIN`] to count as another unit. `vt` has no unit, so a panel
-/// that disagrees by [`DISAGREE`] takes its own: atlases scale their islands freely.
-pub(super) fn settle(estimate: f64, own: &[f64], plain: bool) -> Scales {
+/// A FLAT file (`has_unit`) is nearly always in one of the units. Its exact length is used then, so
+/// that a garment draped as it was cut is mapped by the identity, and a fabric stretched by 2 %
+/// stays stretched. A panel must differ by [`UNIT_TOLERANCE`] to count as being in another unit.
+/// `vt` has no unit, and atlases scale their islands freely. So there a panel that differs by
+/// [`PANEL_TOLERANCE`] takes its own scale.
+pub(super) fn choose_scales(estimate: f64, own: &[f64], has_unit: bool) -> Scales {
+    // At most one unit is within the tolerance.
     let unit = Unit::ALL
         .into_iter()
         .map(Unit::millimetres)
-        .find(|&mm| plain && (estimate / mm - 1.0).abs() <= PLAIN);
+        .find(|&mm| has_unit && (estimate / mm - 1.0).abs() <= UNIT_TOLERANCE);
     let garment = unit.unwrap_or(estimate);
-    let tolerance = if unit.is_some() { PLAIN } else { DISAGREE };
+    let tolerance = if unit.is_some() { UNIT_TOLERANCE } else { PANEL_TOLERANCE };
     let differing: Vec<usize> =
         (0..own.len()).filter(|&i| (own[i] / garment - 1.0).abs() > tolerance).collect();
     let mut panels = vec![garment; own.len()];
@@ -186,10 +208,10 @@ mod tests {
 
     #[test]
     fn a_flat_file_keeps_its_unit_and_vt_does_not() {
-        assert_eq!(settle(10.2, &[10.2, 11.0], true).panels, [10.0, 10.0]);
-        assert_eq!(settle(10.2, &[10.2, 11.0], false).panels, [10.2, 11.0]);
-        assert_eq!(settle(13.0, &[13.0], true).panels, [13.0]);
-        assert_eq!(settle(10.2, &[10.2, 20.4], true).differing, [1]);
+        assert_eq!(choose_scales(10.2, &[10.2, 11.0], true).panels, [10.0, 10.0]);
+        assert_eq!(choose_scales(10.2, &[10.2, 11.0], false).panels, [10.2, 11.0]);
+        assert_eq!(choose_scales(13.0, &[13.0], true).panels, [13.0]);
+        assert_eq!(choose_scales(10.2, &[10.2, 20.4], true).differing, [1]);
     }
 
     #[test]

@@ -118,9 +118,12 @@ fn among(garment: &Garment, most: usize) -> Overlaps {
 
 /// What a panel's own millimetres are multiplied by to lie beside the others as in the file.
 fn relative_scale(garment: &Garment, panel: usize) -> f64 {
-    let own =
-        garment.facts.panels.get(panel).map_or(garment.facts.uv_scale_mm, |facts| facts.scale_mm);
-    garment.facts.uv_scale_mm / own
+    let own = garment
+        .summary
+        .panels
+        .get(panel)
+        .map_or(garment.summary.uv_scale_mm, |facts| facts.scale_mm);
+    garment.summary.uv_scale_mm / own
 }
 
 /// The planes of the pattern, each with its triangles in the axes of its first panel.
@@ -256,7 +259,7 @@ fn common_area(triangle: [DVec2; 3], other: [DVec2; 3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::garment::{Facts, PanelFacts};
+    use crate::garment::{GarmentSummary, PanelSummary};
     use glam::DVec3;
 
     /// A rectangle with its lower left corner at (x, y) of the flat file.
@@ -267,7 +270,10 @@ mod tests {
     }
 
     fn garment(panels: Vec<Panel>) -> Garment {
-        Garment { panels, facts: Facts { uv_scale_mm: 1.0, ..Facts::default() } }
+        Garment {
+            panels,
+            summary: GarmentSummary { uv_scale_mm: 1.0, ..GarmentSummary::default() },
+        }
     }
 
     fn near(found: &[([usize; 2], f64)], expected: &[([usize; 2], f64)]) {
@@ -305,9 +311,9 @@ mod tests {
         near(&overlaps(&found).between, &[([0, 1], 10.0)]);
         // Panel 0 takes two mm for each of the garment's, so in the layout it is 5 by 5 at (4,
         // 2.5).
-        found.facts.panels = vec![
-            PanelFacts { scale_mm: 2.0, degenerate: 0 },
-            PanelFacts { scale_mm: 1.0, degenerate: 0 },
+        found.summary.panels = vec![
+            PanelSummary { scale_mm: 2.0, degenerate: 0 },
+            PanelSummary { scale_mm: 1.0, degenerate: 0 },
         ];
         near(&overlaps(&found).between, &[([0, 1], 25.0)]);
     }

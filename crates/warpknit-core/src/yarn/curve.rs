@@ -1,14 +1,30 @@
 //! The path of a yarn: a centripetal Catmull-Rom curve through its data points.
 //!
-//! In: an ordered list of points, mm. Out: [`Span`]s, one cubic between each two neighbours. It is
-//! the curve that three.js draws by default for a `CatmullRomCurve3` (alpha = 1/2), which the
-//! source paper's tubes follow; at both ends a phantom point mirrors the first inner one.
-//! Centripetal spacing has no cusps and no loops within a span (Yuksel et al. 2011).
+//! In: an ordered list of points, mm. Out: [`Span`]s, one cubic between each two neighbours.
+//!
+//! Method: Catmull and Rom, A class of local interpolating splines, 1974, in the non-uniform form
+//! of Barry and Goldman, A recursive evaluation algorithm for a class of Catmull-Rom splines, 1988.
+//! Knot intervals are square roots of chord lengths (alpha = 1/2). This spacing has no cusps and no
+//! self-intersections within a span (Yuksel, Schaefer and Keyser, Parameterization and applications
+//! of Catmull-Rom curves, 2011). three.js draws the same curve by default for a `CatmullRomCurve3`,
+//! and the tubes of the source paper follow it. At both ends a phantom point mirrors the first
+//! inner one.
+//!
+//! Cost: constant for each span. A span depends on four points, so a moved point changes four
+//! spans.
+//!
+//! Not promised: continuous curvature. Spans join with a common tangent direction only (G1).
 
 use glam::DVec3;
 
-/// Coincident points would divide by zero, so they count as one nanometre apart, mm.
-pub(super) const LEAST_CHORD: f32 = 1e-6;
+/// Shortest chord, mm: coincident points count as one nanometre apart. With a length of 0 the
+/// slopes would divide by zero.
+pub(super) const MIN_CHORD: f32 = 1e-6;
+
+/// Below this squared sine of the angle between two segments they count as parallel. It lies some
+/// twenty times above the rounding of `a e - b²` in 64-bit floats. A smaller limit would divide
+/// rounding by rounding; a larger one would call crossing segments parallel.
+const PARALLEL: f64 = 1e-14;
 
 /// One cubic of the path: `p(t) = ((a t + b) t + c) t + d`, t in 0..1 between two data points.
 #[derive(Clone, Copy, Debug)]
@@ -26,26 +42,27 @@ impl Span {
         ((self.a * t + self.b) * t + self.c) * t + self.d
     }
 
-    /// The derivative at `t`: along the yarn, not of unit length.
+    /// The derivative at `t`. It points along the yarn and is not normalised.
     #[must_use]
     pub fn tangent(&self, t: f64) -> DVec3 {
         (self.a * (3.0 * t) + self.b * 2.0) * t + self.c
     }
 
-    /// Its Bézier control points.
+    /// The Bézier control points of the same cubic.
     #[must_use]
     pub fn bezier(&self) -> [DVec3; 4] {
         let [first, second] = [self.d, self.d + self.c / 3.0];
         [first, second, second + (self.c + self.b) / 3.0, self.a + self.b + self.c + self.d]
     }
 
-    /// The mean of its positions by `t`.
+    /// The mean position over the parameter `t`: the integral of the cubic over 0..1.
     #[must_use]
     pub fn mean(&self) -> DVec3 {
         self.a / 4.0 + self.b / 3.0 + self.c / 2.0 + self.d
     }
 
-    /// Its length, by Simpson's rule: within a hundredth for the bends of yarns.
+    /// The arc length, by Simpson's rule with three evaluations. The error is below 1 % for the
+    /// bends of yarns.
     #[must_use]
     pub fn length(&self) -> f64 {
         (self.tangent(0.0).length() + 4.0 * self.tangent(0.5).length() + self.tangent(1.0).length())
@@ -71,47 +88,56 @@ impl Span {
 #[must_use]
 pub fn span(points: &[DVec3], index: usize) -> Span {
     let (p1, p2) = (points[index], points[index + 1]);
+    // A phantom point mirrors the inner neighbour, so that the end spans have four points as well
+    // and leave the end along the first chord.
     let p0 = if index == 0 { 2.0 * p1 - p2 } else { points[index - 1] };
     let p3 = points.get(index + 2).copied().unwrap_or(2.0 * p2 - p1);
-    let [d0, d1, d2] = intervals(&[p0, p1, p2, p3]);
-    // Divisions are dear: one a number, and a product for each coordinate.
+    let [d0, d1, d2] = knot_intervals(&[p0, p1, p2, p3]);
+    // The slopes at p1 and p2 are those of Barry and Goldman's non-uniform Catmull-Rom spline,
+    // scaled by d1 so that t runs over 0..1 instead of over the knot interval.
+    // Each division is done once for all three coordinates, since divisions cost most here.
     let (into, out) = (d1 / (d0 + d1), d1 / (d1 + d2));
     let chord = p2 - p1;
     let m1 = (p1 - p0) * (d1 / d0) - (p2 - p0) * into + chord;
     let m2 = chord - (p3 - p1) * out + (p3 - p2) * (d1 / d2);
+    // The cubic Hermite form of p1, p2, m1 and m2, sorted by powers of t.
     Span { a: m1 + m2 - 2.0 * chord, b: 3.0 * chord - 2.0 * m1 - m2, c: m1, d: p1 }
 }
 
-/// Knot intervals: square roots of the chords.
-fn intervals(p: &[DVec3; 4]) -> [f64; 3] {
-    std::array::from_fn(|i| p[i].distance(p[i + 1]).max(f64::from(LEAST_CHORD)).sqrt())
+/// Centripetal knot intervals: square roots of the chord lengths.
+fn knot_intervals(p: &[DVec3; 4]) -> [f64; 3] {
+    std::array::from_fn(|i| p[i].distance(p[i + 1]).max(f64::from(MIN_CHORD)).sqrt())
 }
 
-/// The same span as shares of its four points, for whoever wants to move the points so that the
+/// A span as weights of its four points. A solver uses it to move the points so that a place of the
 /// path moves.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Weights {
-    /// Shares of the points in the derivatives at both ends.
+    /// Weights of the points in the derivative at the start of the span.
     m1: [f64; 4],
+    /// Weights of the points in the derivative at its end.
     m2: [f64; 4],
 }
 
 impl Weights {
-    /// Shares of the four points in the position at `t`, with the knots as they were; they add up
-    /// to 1.
+    /// Weights of the four points in the position at `t`. They add up to 1. The knots are taken as
+    /// constant.
     pub(crate) fn at(&self, t: f64) -> [f64; 4] {
         let (t2, t3) = (t * t, t * t * t);
+        // h1 and h2 are the Hermite basis functions of the two slopes. Those of the two end points
+        // are added below.
         let (h1, h2) = (t3 - 2.0 * t2 + t, t3 - t2);
-        let mut shares = std::array::from_fn(|k| h1 * self.m1[k] + h2 * self.m2[k]);
-        shares[1] += 2.0 * t3 - 3.0 * t2 + 1.0;
-        shares[2] += 3.0 * t2 - 2.0 * t3;
-        shares
+        let mut weights = std::array::from_fn(|k| h1 * self.m1[k] + h2 * self.m2[k]);
+        weights[1] += 2.0 * t3 - 3.0 * t2 + 1.0;
+        weights[2] += 3.0 * t2 - 2.0 * t3;
+        weights
     }
 }
 
-/// The shares of four points in the span between the second and the third.
+/// The weights of four points in the span between the second and the third.
 pub(crate) fn weights(points: &[DVec3; 4]) -> Weights {
-    let [d0, d1, d2] = intervals(points);
+    // The formulas of `span` for m1 and m2, with the factors of each point collected.
+    let [d0, d1, d2] = knot_intervals(points);
     let (into, out) = (d1 / (d0 + d1), d1 / (d1 + d2));
     Weights {
         m1: [into - d1 / d0, d1 / d0 - 1.0, 1.0 - into, 0.0],
@@ -119,37 +145,40 @@ pub(crate) fn weights(points: &[DVec3; 4]) -> Weights {
     }
 }
 
-/// Where two segments come nearest: the share of the way along each (Ericson 2005, Real-Time
-/// Collision Detection, 5.1.9).
+/// The closest points of two segments, as parameters in 0..1 along each (Ericson, Real-Time
+/// Collision Detection, 2005, section 5.1.9).
+///
+/// For parallel segments it is one of many closest pairs.
 ///
 /// ```
 /// use glam::DVec3;
-/// let (x, y) = ([DVec3::ZERO, DVec3::X], [DVec3::new(0.25, -1.0, 1.0), DVec3::new(0.25, 1.0, 1.0)]);
+/// let x = [DVec3::ZERO, DVec3::X];
+/// let y = [DVec3::new(0.25, -1.0, 1.0), DVec3::new(0.25, 1.0, 1.0)];
 /// assert_eq!(warpknit_core::yarn::curve::nearest_of_segments(x, y), (0.25, 0.5));
 /// ```
 #[must_use]
 pub fn nearest_of_segments([p, q]: [DVec3; 2], [u, v]: [DVec3; 2]) -> (f64, f64) {
+    // Ericson's names: d1 and d2 are the segments' directions, r joins their starts.
     let (d1, d2, r) = (q - p, v - u, p - u);
     let (a, e, f) = (d1.length_squared(), d2.length_squared(), d2.dot(r));
-    if a == 0.0 || e == 0.0 {
-        // A segment without length: the other one's nearest point to it.
-        let share = |from: DVec3, along: DVec3, point: DVec3| {
-            if along == DVec3::ZERO {
-                0.0
-            } else {
-                ((point - from).dot(along) / along.length_squared()).clamp(0.0, 1.0)
-            }
-        };
-        return if a == 0.0 { (0.0, share(u, d2, p)) } else { (share(p, d1, u), 0.0) };
+    // A segment of length 0 is a point, and the general case would divide by its length.
+    if a == 0.0 {
+        return (0.0, nearest_on_segment(u, d2, p));
+    }
+    if e == 0.0 {
+        return (nearest_on_segment(p, d1, u), 0.0);
     }
     let (b, c) = (d1.dot(d2), d1.dot(r));
+    // a e - b² is a e times the squared sine of the angle between the segments.
     let denominator = a * e - b * b;
-    let s = if denominator > 1e-14 * a * e {
+    let s = if denominator > PARALLEL * a * e {
         ((b * f - c * e) / denominator).clamp(0.0, 1.0)
     } else {
         0.0
     };
     let t = (b * s + f) / e;
+    // Where t leaves its segment it is clamped, and s is found anew for the clamped t. Without that
+    // the pair would not be the closest one.
     if t < 0.0 {
         ((-c / a).clamp(0.0, 1.0), 0.0)
     } else if t > 1.0 {
@@ -157,6 +186,15 @@ pub fn nearest_of_segments([p, q]: [DVec3; 2], [u, v]: [DVec3; 2]) -> (f64, f64)
     } else {
         (s, t)
     }
+}
+
+/// The parameter, in 0..1, of the point nearest to `point` on the segment from `start` along
+/// `direction`.
+fn nearest_on_segment(start: DVec3, direction: DVec3, point: DVec3) -> f64 {
+    if direction == DVec3::ZERO {
+        return 0.0;
+    }
+    ((point - start).dot(direction) / direction.length_squared()).clamp(0.0, 1.0)
 }
 
 #[cfg(test)]

@@ -1,12 +1,16 @@
 //! A yarn as its fibres: helices around its axis.
 //!
-//! In: the control points of a yarn and a [`Bundle`]. Out: polylines, one a fibre. Source: the
-//! simplified model of Schröder, Zhao and Zinke 2012, whose fibres are spread evenly over the
-//! yarn's section, wind around its axis and wander in and out as they do, with all parameters but
-//! the twist fixed. Cost: a sine and a cosine a point. The same seed gives the same fibres,
-//! whatever of the yarn is asked for.
+//! In: the control points of a yarn and a [`Bundle`]. Out: polylines, one for each fibre.
 //!
-//! Not promised: fibres that never cut each other; hairs that stand off.
+//! Method: the procedural yarn model of Schröder, Zhao and Zinke, Recent advances in
+//! physically-based appearance modeling of cloth, 2012, simplified: all parameters are constant
+//! except the twist. Fibres are spread evenly over the yarn's section and wind around its axis.
+//! Fibre migration moves each of them towards the axis and back as it winds.
+//!
+//! Cost: a sine and a cosine for the angle and a cosine for the migration at each point. The same
+//! seed gives the same fibres, whichever part of the yarn is asked for.
+//!
+//! Not promised: fibres that never intersect, and hairs that stand off the yarn.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -20,36 +24,43 @@ use crate::number::double;
 /// middling twist.
 pub const MIDDLING_SLOPE: f32 = 0.445;
 /// Radius of a fibre, mm: the paper's, that of fine cotton.
+/// Radius of a fibre, mm: that of fine cotton, as in the paper.
 pub const FIBRE_RADIUS: f64 = 0.0045;
-/// The most fibres of a yarn.
+/// The largest number of fibres in a yarn. A thicker yarn gets thicker fibres instead.
 pub const MOST_FIBRES: u32 = 4_000;
-/// Points of a fibre for each turn around the yarn, and how far apart they are at the most, radii
-/// of the yarn.
-const POINTS_A_TURN: f64 = 12.0;
-const FARTHEST: f64 = 1.0;
-/// How far in a fibre wanders, as a share of its distance from the axis, and after how many turns
-/// it is out again.
-const WANDERS: f64 = 0.3;
-const WANDERING_TURNS: f64 = 3.3;
+/// Points of a fibre for each turn around the yarn. At 12 a chord deviates from the helix by 3.4 %
+/// of the fibre's distance from the axis. With much fewer the section becomes a visible polygon;
+/// more only cost memory.
+const POINTS_PER_TURN: f64 = 12.0;
+/// The largest distance between a fibre's points, in radii of the yarn. It applies to yarns with
+/// little or no twist: with a larger distance their fibres would cut the corners of bends.
+const MAX_STEP: f64 = 1.0;
+/// Depth of the fibre migration, as a share of the fibre's largest distance from the axis. At 0
+/// every fibre keeps its distance, as in an ideal helix; at 1 each would pass through the axis.
+const MIGRATION_DEPTH: f64 = 0.3;
+/// Period of the fibre migration, in turns around the yarn. It is no whole number, so the depth
+/// differs from turn to turn and no regular pattern shows.
+const MIGRATION_TURNS: f64 = 3.3;
 
-/// What a yarn's fibres are.
+/// The parameters of a yarn's fibres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bundle {
     /// Radius of the yarn, mm.
     pub radius: f64,
     /// Radius of a fibre, mm.
     pub fibre: f64,
-    /// How many there are.
+    /// Number of fibres.
     pub count: u32,
-    /// Slope of the outermost fibres against the axis; over 0 is S, under 0 is Z.
+    /// Slope of the outermost fibres against the axis. A positive slope is S twist, a negative one
+    /// Z twist.
     pub slope: f64,
 }
 
 impl Bundle {
-    /// The fibres that fill a share `packing` of a yarn's section.
+    /// The fibres that fill the share `packing` of a yarn's section.
     ///
-    /// For a section of half width w/2 and semi-axis a that is `.3 a w / r²` of them at the paper's
-    /// packing of .6.
+    /// For a section of width w and semi-axis a = w/2 this is `0.3 a w / r²` fibres of radius r at
+    /// the paper's packing of 0.6.
     ///
     /// ```
     /// use warpknit_core::yarn::fibres::Bundle;
@@ -64,54 +75,58 @@ impl Bundle {
         )]
         let count = (packing * (radius / fibre).powi(2)).round() as u32;
         let count = count.clamp(1, MOST_FIBRES);
-        // Fewer than would fill it are as much thicker.
+        // Where the limit cut the number, thicker fibres keep the packing.
         let fibre = fibre.max(radius * (packing / f64::from(count)).sqrt()).min(radius);
         Self { radius, fibre, count, slope }
     }
 
-    /// Points of one fibre over a mm of yarn.
+    /// Points of one fibre for each mm of yarn.
     #[must_use]
     pub fn points_per_mm(&self) -> f64 {
-        (POINTS_A_TURN * self.slope.abs() / (TAU * self.radius)).max(1.0 / (FARTHEST * self.radius))
+        // The slope is the tangent of the helix angle, so one turn takes 2 pi r / slope mm of yarn.
+        (POINTS_PER_TURN * self.slope.abs() / (TAU * self.radius))
+            .max(1.0 / (MAX_STEP * self.radius))
     }
 }
 
-/// The axis of a yarn with its frame, sampled.
+/// The sampled axis of a yarn with its rotation-minimising frame.
 #[derive(Clone, Debug, Default)]
 pub struct Axis {
     points: Vec<DVec3>,
     normals: Vec<Vec3A>,
     binormals: Vec<Vec3A>,
-    /// From the first point, mm.
+    /// Length from the first point to each sample, mm.
     lengths: Vec<f64>,
-    /// The first sample of each span, and the last sample.
+    /// The first sample of each span, and after them the last sample.
     spans: Vec<usize>,
 }
 
 impl Axis {
-    /// The axis through control points, with so many samples a mm and two a span at least.
+    /// Samples the curve through the control points, `per_mm` samples a mm and at least two a span.
     #[must_use]
     pub fn through(controls: &[DVec3], per_mm: f64) -> Self {
         let mut axis = Self::default();
         let (mut length, mut before): (f64, Option<(DVec3, Vec3A, Vec3A)>) = (0.0, None);
         for index in 0..controls.len().saturating_sub(1) {
             let span = curve::span(controls, index);
+            // At most 64: a stray point may make a span of metres, which must not take all memory.
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
             let samples = (span.length() * per_mm).ceil().clamp(2.0, 64.0) as usize;
             axis.spans.push(axis.points.len());
+            // The end of a span is the first sample of the next one. Only the last span has its
+            // end.
             let is_last = index + 2 == controls.len();
             for sample in 0..samples + usize::from(is_last) {
-                let share = double(sample) / double(samples);
-                let (point, tangent) = (
-                    span.at(share),
-                    Vec3A::from(span.tangent(share).as_vec3()).normalize_or(Vec3A::X),
-                );
-                let normal = before.map_or_else(
-                    || frame::across(Vec3A::Z, tangent),
-                    |(last, from, normal)| {
-                        frame::carry(normal, Vec3A::from((point - last).as_vec3()), from, tangent)
-                    },
-                );
+                let t = double(sample) / double(samples);
+                let point = span.at(t);
+                let tangent = Vec3A::from(span.tangent(t).as_vec3()).normalize_or(Vec3A::X);
+                let normal = match before {
+                    None => frame::perpendicular_unit(Vec3A::Z, tangent),
+                    Some((last, from, normal)) => {
+                        let chord = Vec3A::from((point - last).as_vec3());
+                        frame::double_reflection(normal, chord, from, tangent)
+                    }
+                };
                 length += before.map_or(0.0, |(last, ..)| point.distance(last));
                 before = Some((point, tangent, normal));
                 axis.points.push(point);
@@ -124,18 +139,18 @@ impl Axis {
         axis
     }
 
-    /// Samples over some of the spans, the end of the last one included.
+    /// Samples over a range of spans, including the end of the last one.
     fn samples(&self, spans: Range<usize>) -> std::ops::RangeInclusive<usize> {
         self.spans[spans.start]..=self.spans[spans.end]
     }
 
-    /// How many samples those are.
+    /// The number of samples over a range of spans.
     #[must_use]
     pub fn count(&self, spans: Range<usize>) -> usize {
         self.samples(spans).count()
     }
 
-    /// The span in which each of the samples over some spans begins.
+    /// For each sample over a range of spans, the span that begins at or before it.
     pub fn spans_of(&self, spans: Range<usize>) -> impl Iterator<Item = usize> {
         let last = spans.end - 1;
         self.samples(spans).map(move |sample| {
@@ -144,11 +159,11 @@ impl Axis {
     }
 }
 
-/// Hands over the fibres of a yarn over some of its spans, each as its points, mm.
+/// Calls `take` with each fibre of a yarn over a range of its spans, as points in mm.
 ///
 /// # Panics
 /// If the axis has no such spans.
-pub fn spin(
+pub fn for_each_fibre(
     bundle: &Bundle,
     axis: &Axis,
     spans: Range<usize>,
@@ -156,47 +171,58 @@ pub fn spin(
     take: &mut impl FnMut(&[Vec3]),
 ) {
     let samples = axis.samples(spans);
+    // Angular frequencies by yarn length, rad/mm. The outermost fibre has the slope of the twist;
+    // all others turn by the same angle, so theirs is smaller.
     let turning = bundle.slope / bundle.radius;
-    let wandering = turning.abs().max(0.1 / bundle.radius) / WANDERING_TURNS;
+    // An untwisted yarn would have no migration at all; it gets that of a slope of 0.1.
+    let migration = turning.abs().max(0.1 / bundle.radius) / MIGRATION_TURNS;
     let mut points = Vec::with_capacity(samples.clone().count());
     for fibre in 0..bundle.count {
-        let mut random = Random::of(seed, fibre);
-        // Evenly over the section, and within the yarn.
+        let mut random = SplitMix64::new(seed, fibre);
+        // Stratified over the section: fibre k of n lies in the k-th of n rings of equal area,
+        // hence the square root. Purely random distances would leave gaps and bunches. The fibre's
+        // own radius is subtracted, so that its surface stays within the yarn.
         let reach = (bundle.radius - bundle.fibre)
-            * ((f64::from(fibre) + random.share()) / f64::from(bundle.count)).sqrt();
-        let (start, phase) = (TAU * random.share(), TAU * random.share());
+            * ((f64::from(fibre) + random.next_unit()) / f64::from(bundle.count)).sqrt();
+        let (start, phase) = (TAU * random.next_unit(), TAU * random.next_unit());
         points.clear();
         points.extend(samples.clone().map(|at| {
             let along = axis.lengths[at];
             let (sin, cos) = (start - turning * along).sin_cos();
-            let out = reach * (1.0 - WANDERS * 0.5 * (1.0 - (wandering * along + phase).cos()));
-            let off = axis.normals[at] * crate::number::narrow(out * cos)
-                + axis.binormals[at] * crate::number::narrow(out * sin);
-            (axis.points[at] + off.as_dvec3()).as_vec3()
+            // The distance from the axis swings between `reach` and 0.7 `reach`.
+            let distance =
+                reach * (1.0 - MIGRATION_DEPTH * 0.5 * (1.0 - (migration * along + phase).cos()));
+            let offset = axis.normals[at] * crate::number::narrow(distance * cos)
+                + axis.binormals[at] * crate::number::narrow(distance * sin);
+            (axis.points[at] + offset.as_dvec3()).as_vec3()
         }));
         take(&points);
     }
 }
 
-/// Numbers that a seed tells (Steele, Lea and Flood's splitmix64).
-struct Random(u64);
+/// Pseudo-random numbers from a seed: the splitmix64 generator (Steele, Lea and Flood, Fast
+/// splittable pseudorandom number generators, 2014).
+struct SplitMix64(u64);
 
-impl Random {
-    fn of(seed: u64, fibre: u32) -> Self {
+impl SplitMix64 {
+    /// A generator for each fibre of each seed, so that fibres don't depend on each other.
+    fn new(seed: u64, fibre: u32) -> Self {
+        // Two odd constants spread neighbouring seeds and neighbouring fibres over all 64 bits.
         Self(
             seed.wrapping_mul(0x9E37_79B9_7F4A_7C15)
                 ^ u64::from(fibre).wrapping_mul(0xD1B5_4A32_D192_ED03),
         )
     }
 
-    /// Evenly in 0..1.
-    fn share(&mut self) -> f64 {
+    /// The next number, uniform in 0..=1.
+    fn next_unit(&mut self) -> f64 {
+        // The increment and the two multipliers are those of the published generator.
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut bits = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
         bits = (bits ^ (bits >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
         #[expect(clippy::cast_precision_loss, reason = "32 bits are enough to spread fibres")]
-        let share = ((bits ^ (bits >> 31)) >> 32) as f64 / f64::from(u32::MAX);
-        share
+        let unit = ((bits ^ (bits >> 31)) >> 32) as f64 / f64::from(u32::MAX);
+        unit
     }
 }
 
@@ -214,7 +240,7 @@ mod tests {
             let bundle = Bundle { radius: 0.1, fibre: 0.005, count: 200, slope };
             let axis = Axis::through(&straight(), bundle.points_per_mm());
             let (mut fibres, mut outer) = (0, Vec::new());
-            spin(&bundle, &axis, 0..5, 7, &mut |points| {
+            for_each_fibre(&bundle, &axis, 0..5, 7, &mut |points| {
                 fibres += 1;
                 for (p, q) in points.iter().zip(&points[1..]) {
                     let reach = p.x.hypot(p.z);
@@ -237,8 +263,8 @@ mod tests {
         let bundle = Bundle::filling(0.1, 0.6, 0.01, 0.3);
         let axis = Axis::through(&straight(), bundle.points_per_mm());
         let (mut whole, mut part) = (Vec::new(), Vec::new());
-        spin(&bundle, &axis, 0..5, 1, &mut |points| whole.push(points.to_vec()));
-        spin(&bundle, &axis, 2..4, 1, &mut |points| part.push(points.to_vec()));
+        for_each_fibre(&bundle, &axis, 0..5, 1, &mut |points| whole.push(points.to_vec()));
+        for_each_fibre(&bundle, &axis, 2..4, 1, &mut |points| part.push(points.to_vec()));
         let before = axis.count(0..2) - 1;
         for (whole, part) in whole.iter().zip(&part) {
             assert_eq!(&whole[before..before + part.len()], part.as_slice());
@@ -258,7 +284,7 @@ mod tests {
         );
         let axis = Axis::through(&straight(), 10.0);
         let (mut inner, mut all) = (0, 0);
-        spin(&bundle, &axis, 0..1, 3, &mut |points| {
+        for_each_fibre(&bundle, &axis, 0..1, 3, &mut |points| {
             inner += usize::from(points[0].x.hypot(points[0].z) < 0.1);
             all += 1;
         });

@@ -1,15 +1,19 @@
-//! Centre lines of yarns: where a tube's rings have their middles, St segments a stitch.
+//! Centre lines of yarns: the middles of a tube's rings, St segments a stitch.
+//!
+//! In: the points of a strand and its stitches. Out: the points of its centre line, mm, in `f32`.
+//! Method: the curve of [`super::curve`], sampled as tubes sample it. Cost: linear in the rings.
 
 use std::ops::Range;
 
 use glam::{DVec3, Vec3};
 
 use super::steps::Steps;
-use super::walk::Walk;
+use super::walk::SpanCursor;
 
-/// Appends the centre line of one strand: two points or more in mm, and its stitches as ranges of
-/// points that share their ends, from the first point on. As many points as
-/// [`super::tube::Tubes::add`] sets rings, at their middles.
+/// Appends the centre line of one strand. `points` are two points or more in mm. `stitches` are
+/// ranges of points that share their ends, from the first point on.
+///
+/// It appends as many points as [`super::tube::Tubes::add`] sets rings, at their middles.
 ///
 /// ```
 /// use glam::{DVec3, Vec3};
@@ -23,15 +27,15 @@ pub fn add(
     st: u32,
     line: &mut Vec<Vec3>,
 ) {
-    let (mut walk, mut steps) = (Walk::new(points), Steps::default());
-    // A stitch begins where the one before it ended.
+    let (mut cursor, mut steps) = (SpanCursor::new(points), Steps::default());
+    // 1 from the second stitch on: its first ring is the last ring of the stitch before.
     let mut first = 0;
     for stitch in stitches {
         steps.fit(stitch.len() - 1, st);
-        for (index, shares) in stitch.zip(steps.of_spans()) {
-            let (span, _) = walk.next();
+        for (index, parameters) in stitch.zip(steps.per_span()) {
+            let (span, _) = cursor.next();
             let start = points[index].as_vec3a();
-            line.extend(shares[first..].iter().map(|&t| Vec3::from(start + span.at(t))));
+            line.extend(parameters[first..].iter().map(|&t| Vec3::from(start + span.at(t))));
             first = 0;
         }
         first = 1;

@@ -1,4 +1,7 @@
-//! Yarns as curves, frames and surfaces.
+//! Yarns as curves, tangent frames, fibres and surfaces.
+//!
+//! In: the points of a strand, mm. Out: curves ([`curve`], [`nurbs`]), frames along them
+//! ([`frame`]), centre lines ([`mod@line`]), tubes ([`tube`]) and fibres ([`fibres`]).
 
 pub mod curve;
 pub mod faces;

@@ -1,10 +1,16 @@
 //! Cubic NURBS: the path of a weft-knit course.
 //!
-//! In: control points with weights, or points that the curve is to pass through. Out: [`Nurbs`],
-//! clamped at both ends, which interpolates its first and last control point. Source: the ribbon
-//! paper's loop model (`C(u) = Σ N w A / Σ N w`); basis functions after de Boor; Piegl and Tiller,
-//! The NURBS Book, chapter 9, for the interpolation. Solving takes about 50 ns a point and an
-//! evaluation about 20.
+//! In: control points with weights, or points that the curve is to interpolate. Out: [`Nurbs`],
+//! clamped at both ends, so that the first and the last control point are the curve's ends.
+//!
+//! Method: the rational form `C(u) = Σ N w A / Σ N w`, as in the ribbon model's loops (see
+//! docs/method.md, weft loops). The algorithms are those of Piegl and Tiller, The NURBS Book, 1997:
+//! basis functions A2.2, interpolation section 9.2.1 with the knots of equation 9.8.
+//!
+//! Cost: interpolation is linear in the points, about 50 ns a point. An evaluation takes about
+//! 20 ns, plus a binary search for its knot span.
+//!
+//! Not promised: a shape without overshoot between points.
 
 use glam::DVec3;
 
@@ -13,25 +19,26 @@ const DEGREE: usize = 3;
 /// A cubic curve.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Nurbs {
-    /// Control points `A`, mm; four at least.
+    /// Control points `A`, mm; at least four.
     pub control: Vec<DVec3>,
-    /// Their weights `w`, over 0.
+    /// Their weights `w`, each over 0.
     pub weights: Vec<f64>,
-    /// Rising; four equal ones at both ends.
+    /// Ascending, with four equal ones at both ends.
     knots: Vec<f64>,
 }
 
 impl Nurbs {
-    /// The curve with all weights 1 that passes through `points`, at the [`parameters`] given for
+    /// The curve with all weights 1 that interpolates `points` at the [`parameters`] given for
     /// them.
     ///
     /// # Panics
-    /// With fewer than four points, or another number of parameters.
+    /// With fewer than four points, or with a different number of parameters.
     ///
     /// ```
     /// use glam::DVec3;
     /// use warpknit_core::yarn::nurbs::{Nurbs, parameters};
-    /// let points: Vec<_> = (0..9).map(|i| DVec3::new(f64::from(i), f64::from(i % 2), 0.0)).collect();
+    /// let points: Vec<_> =
+    ///     (0..9).map(|i| DVec3::new(f64::from(i), f64::from(i % 2), 0.0)).collect();
     /// let at = parameters(&points);
     /// let curve = Nurbs::through(&points, &at);
     /// assert_eq!(curve.control.len(), points.len());
@@ -46,68 +53,79 @@ impl Nurbs {
         let mut curve = Self {
             control: points.to_vec(),
             weights: vec![1.0; points.len()],
-            knots: knots(parameters),
+            knots: averaged_knots(parameters),
         };
         curve.interpolate(parameters);
         curve
     }
 
-    /// The point at a parameter, which is held to the curve's range.
+    /// The point at a parameter. A parameter beyond the curve's range is clamped to it.
     #[must_use]
     pub fn at(&self, u: f64) -> DVec3 {
         let (span, basis) = self.basis(u);
         let first = span - DEGREE;
+        // Only four control points have an influence at u: those of the basis functions that are
+        // not 0 there.
         let (mut sum, mut weight) = (DVec3::ZERO, 0.0);
-        for (share, index) in basis.into_iter().zip(first..) {
-            sum += self.control[index] * (share * self.weights[index]);
-            weight += share * self.weights[index];
+        for (value, index) in basis.into_iter().zip(first..) {
+            sum += self.control[index] * (value * self.weights[index]);
+            weight += value * self.weights[index];
         }
         sum / weight
     }
 
-    /// The four basis functions that are not 0 at `u`, and the knot span, whose number is that of
-    /// the last of them.
+    /// The index of the knot span that holds `u`, and the four basis functions that are not 0
+    /// there. The span's index is that of the last of the four.
     ///
     /// They are at least 0 and add up to 1.
     #[must_use]
     pub fn basis(&self, u: f64) -> (usize, [f64; DEGREE + 1]) {
         let last = self.control.len() - 1;
         let u = u.clamp(self.knots[DEGREE], self.knots[last + 1]);
+        // The clamp of the span matters only at the end of the curve: there the knot search runs
+        // past the last span, which would be of length 0.
         let span = (self.knots.partition_point(|&knot| knot <= u) - 1).clamp(DEGREE, last);
+        // The Cox-de Boor recursion, degree by degree (The NURBS Book, algorithm A2.2). Each pass
+        // splits the functions of one degree between their two neighbours of the next degree.
+        // `carried` is the part that goes to the right one. The knots of the triangular scheme
+        // enclose u, so no denominator is 0.
         let mut basis = [1.0, 0.0, 0.0, 0.0];
         for degree in 1..=DEGREE {
             let mut carried = 0.0;
             for (at, value) in basis.iter_mut().enumerate().take(degree) {
                 let (right, left) = (self.knots[span + at + 1], self.knots[span + 1 + at - degree]);
-                let share = *value / (right - left);
-                *value = carried + (right - u) * share;
-                carried = (u - left) * share;
+                let ratio = *value / (right - left);
+                *value = carried + (right - u) * ratio;
+                carried = (u - left) * ratio;
             }
             basis[degree] = carried;
         }
         (span, basis)
     }
 
-    /// Moves the control points, which are the points to be passed, to where they make the curve
-    /// pass there.
+    /// Replaces the control points, which hold the points to interpolate, by those that make the
+    /// curve pass there (The NURBS Book, section 9.2.1).
     ///
-    /// The matrix of basis functions is banded and totally positive, so elimination needs no pivots
-    /// (de Boor 1978).
+    /// The matrix of basis functions is banded and totally positive. So Gaussian elimination needs
+    /// no pivoting and stays within the band (de Boor, A Practical Guide to Splines, 1978, chapter
+    /// 13). A dense solver would take cubic time: minutes for a course of ten thousand points.
     fn interpolate(&mut self, parameters: &[f64]) {
         let count = parameters.len();
-        // Row by row, the diagonal in the middle.
+        // Row i holds columns i - 3 to i + 3; the diagonal is at index 3.
         let mut band = vec![[0.0; 2 * DEGREE + 1]; count];
         for (row, &u) in parameters.iter().enumerate() {
             let (span, basis) = self.basis(u);
-            for (share, column) in basis.into_iter().zip(span - DEGREE..) {
-                // At the ends alone functions reach farther, where they are 0.
+            for (value, column) in basis.into_iter().zip(span - DEGREE..) {
+                // Only at the two ends do functions lie outside the band, and there they are 0.
                 if let Some(entry) =
                     (column + DEGREE).checked_sub(row).and_then(|at| band[row].get_mut(at))
                 {
-                    *entry = share;
+                    *entry = value;
                 }
             }
         }
+        // Forward elimination. The right-hand side is transformed in place, three coordinates at
+        // once. A pivot reaches DEGREE rows down and DEGREE columns to the right: the band's width.
         for pivot in 0..count {
             for row in pivot + 1..count.min(pivot + 1 + DEGREE) {
                 let factor = band[row][pivot + DEGREE - row] / band[pivot][DEGREE];
@@ -119,6 +137,7 @@ impl Nurbs {
                 self.control[row] -= known * factor;
             }
         }
+        // Back substitution.
         for row in (0..count).rev() {
             let mut known = self.control[row];
             for column in row + 1..count.min(row + 1 + DEGREE) {
@@ -129,23 +148,27 @@ impl Nurbs {
     }
 }
 
-/// Centripetal parameters for points to be passed: from 0, by the square root of each distance.
-/// Equal points lie a hair apart.
+/// Centripetal parameters for points to interpolate: from 0, each larger than the one before by the
+/// square root of the distance (The NURBS Book, equation 9.6, without normalisation).
+///
+/// Equal points get a step of the root of the machine epsilon. A step of 0 would give two equal
+/// rows of the matrix, which then has no solution.
 #[must_use]
 pub fn parameters(points: &[DVec3]) -> Vec<f64> {
-    let steps =
-        points.windows(2).map(|ends| ends[0].distance(ends[1]).sqrt().max(f64::EPSILON.sqrt()));
-    std::iter::once(0.0)
-        .chain(steps.scan(0.0, |sum, step| {
-            *sum += step;
-            Some(*sum)
-        }))
-        .collect()
+    let mut sum = 0.0;
+    let mut parameters = Vec::with_capacity(points.len());
+    parameters.push(sum);
+    for ends in points.windows(2) {
+        sum += ends[0].distance(ends[1]).sqrt().max(f64::EPSILON.sqrt());
+        parameters.push(sum);
+    }
+    parameters
 }
 
-/// Knots for an interpolation: inner ones are means of three parameters, so that each span has a
-/// point.
-fn knots(parameters: &[f64]) -> Vec<f64> {
+/// Knots for an interpolation: each inner knot is the mean of three parameters (The NURBS Book,
+/// equation 9.8). Then each span holds a parameter, as the Schoenberg-Whitney condition for a
+/// solvable matrix demands. Equally spaced knots would fail where points are unevenly spaced.
+fn averaged_knots(parameters: &[f64]) -> Vec<f64> {
     let count = parameters.len();
     let (first, last) = (parameters[0], parameters[count - 1]);
     let inner =
@@ -216,7 +239,9 @@ mod tests {
                 let u: f64 = place * end;
                 prop_assert!(curve.at(u).distance(de_boor(&curve, u)) < 1e-6);
                 let (_, basis) = curve.basis(u);
-                prop_assert!((basis.iter().sum::<f64>() - 1.0).abs() < 1e-12 && basis.iter().all(|share| *share >= 0.0));
+                let sum = basis.iter().sum::<f64>();
+                prop_assert!((sum - 1.0).abs() < 1e-12);
+                prop_assert!(basis.iter().all(|value| *value >= 0.0));
             }
         }
     }

@@ -1,41 +1,50 @@
-//! Where rings of a tube, and points of a centre line, stand on the spans of a stitch: St segments,
-//! evenly in the stitch's own parameter.
+//! The curve parameters of a stitch's rings: St segments, evenly spaced in the stitch's parameter.
+//!
+//! In: a number of spans and St. Out: for each span the parameters of the rings on it. Tubes and
+//! centre lines both use it, so a line passes through the middles of the rings. Cost: nothing for a
+//! stitch of as many spans as the one before.
 
 use crate::ids::index32;
 use crate::number::narrow;
 
-/// Where on its spans the rings of a stitch stand: the same for all stitches of as many spans,
-/// which is nearly all of a yarn's.
+/// The ring parameters of a stitch. They depend only on the number of spans. It is the same for
+/// nearly all stitches of a yarn, so they are kept from stitch to stitch.
 #[derive(Default)]
 pub(super) struct Steps {
-    /// The share of its span at each ring, span after span.
-    shares: Vec<f32>,
-    /// The end of each span's.
+    /// The parameter within its span, in 0..1, of each ring, span after span.
+    parameters: Vec<f32>,
+    /// The end of each span's entries in `parameters`.
     ends: Vec<usize>,
 }
 
 impl Steps {
-    /// For St segments over so many spans. The very last ring is the last span's end, not the start
-    /// of one more.
+    /// Computes the parameters of St segments over so many spans.
     pub(super) fn fit(&mut self, spans: usize, st: u32) {
-        if self.ends.len() == spans && self.shares.len() == st as usize + 1 {
+        if self.ends.len() == spans && self.parameters.len() == st as usize + 1 {
             return;
         }
         let length = f64::from(index32(spans)) / f64::from(st);
-        self.shares.clear();
+        self.parameters.clear();
         self.ends.clear();
         for span in 0..spans {
             let start = f64::from(index32(span));
-            let parameters = (index32(self.shares.len())..=st).map(|step| length * f64::from(step));
-            let own =
-                parameters.take_while(|&parameter| parameter < start + 1.0 || span + 1 == spans);
-            self.shares.extend(own.map(|parameter| narrow(parameter - start)));
-            self.ends.push(self.shares.len());
+            // A ring on the border of two spans is the start of the later one. The very last ring
+            // has no later span, so it is the end of the last one.
+            let is_last = span + 1 == spans;
+            for step in index32(self.parameters.len())..=st {
+                let parameter = length * f64::from(step);
+                if parameter >= start + 1.0 && !is_last {
+                    break;
+                }
+                self.parameters.push(narrow(parameter - start));
+            }
+            self.ends.push(self.parameters.len());
         }
     }
 
-    pub(super) fn of_spans(&self) -> impl Iterator<Item = &[f32]> {
+    /// The ring parameters of each span, in order.
+    pub(super) fn per_span(&self) -> impl Iterator<Item = &[f32]> {
         let starts = std::iter::once(0).chain(self.ends.iter().copied());
-        starts.zip(&self.ends).map(|(start, &end)| &self.shares[start..end])
+        starts.zip(&self.ends).map(|(start, &end)| &self.parameters[start..end])
     }
 }

@@ -1,11 +1,18 @@
-//! Tubes around yarns: St segments a stitch, Sr edges round, 2 · St · Sr triangles a stitch.
+//! Tubes around yarns: St segments a stitch, Sr edges around, 2 · St · Sr triangles a stitch.
 //!
 //! In: strands of draped points ([`crate::drape`]). Out: vertices and triangles, in `f32` as every
-//! file format takes them. Source: Liu, Kyosev, Jiang 2022, sections 4.1 and 4.2, equation 6 and
-//! Table 1; curve and frames as [`super::curve`] and [`super::frame`] say. A stitch's own parameter
-//! range is sampled evenly, both ends on data points, so neighbouring stitches share a ring. What
-//! the panel's edge left of a stitch gets St segments too. Open at both ends unless asked
-//! otherwise.
+//! file format takes them.
+//!
+//! Method: Liu, Kyosev and Jiang, Yarn-level modelling and geometric simulation of warp-knitted
+//! clothing elements, 2022, sections 4.1 and 4.2, equation 6 and Table 1. The curve is that of
+//! [`super::curve`], the frames are those of [`super::frame`]. Each stitch is sampled evenly in its
+//! own parameter, with both ends on data points, so neighbouring stitches share a ring. A piece of
+//! a stitch that the panel's edge has cut gets St segments too.
+//!
+//! Cost: about 100 ns a ring and 3 ns a vertex.
+//!
+//! Not promised: tubes that don't intersect themselves in bends tighter than their radius. Ends are
+//! open unless [`Section::caps`] is set.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -14,30 +21,30 @@ use glam::{DVec2, DVec3, Vec2, Vec3, Vec3A};
 
 use super::frame;
 use super::steps::Steps;
-use super::walk::Walk;
+use super::walk::SpanCursor;
 use crate::ids::index32;
 use crate::number::narrow;
 
-/// The most segments a stitch may have (the fewest is 1).
+/// The largest number of segments in a stitch (the smallest is 1).
 pub const MAX_ST: u32 = 256;
-/// The fewest and the most edges of a tube's section.
+/// The range of edges around a tube's section.
 pub const SR: std::ops::RangeInclusive<u32> = 3..=64;
 
-/// How fine a tube is.
+/// The section of a tube and the fineness of its mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Section {
     /// St: segments along a stitch, 1..=256.
     pub st: u32,
     /// Sr: edges of the section, 3..=64.
     pub sr: u32,
-    /// Radius, mm; of a flattened yarn that of the circle of the same area.
+    /// Radius, mm. For a flattened yarn it is that of the circle of the same area.
     pub radius: f64,
-    /// Width over height of the section: 1 is round, real warp-knit yarns lie flattened in the
-    /// fabric's plane.
+    /// Ratio of the section's width to its height. 1 is round; real warp-knit yarns are flattened
+    /// in the fabric's plane.
     pub flatten: f64,
     /// Whether the ends are closed by flat discs.
     pub caps: bool,
-    /// Mapping coefficient e: v grows by it for each mm of yarn.
+    /// Mapping coefficient e: the texture coordinate v grows by e for each mm of yarn.
     pub texture_per_mm: f64,
 }
 
@@ -48,10 +55,12 @@ impl Section {
         2 * self.st * self.sr
     }
 
-    /// Vertices and triangles of the tubes of so many strands, which hold so many stitches in all.
+    /// The numbers of vertices and triangles of tubes with so many stitches and strands in total.
     #[must_use]
     pub fn size_of(&self, stitches: usize, strands: usize) -> (usize, usize) {
         let (st, sr) = (self.st as usize, self.sr as usize);
+        // A strand of n stitches has n St + 1 rings, and each ring repeats its first vertex at the
+        // texture's seam.
         let (cap_vertices, cap_triangles) = if self.caps { (2 * (sr + 1), 2 * sr) } else { (0, 0) };
         let vertices = (stitches * st + strands) * (sr + 1) + strands * cap_vertices;
         (vertices, stitches * 2 * st * sr + strands * cap_triangles)
@@ -63,18 +72,18 @@ impl Section {
 pub struct Tubes {
     /// Vertex positions, mm.
     pub positions: Vec<Vec3>,
-    /// Unit normals, smooth: from the frame, not from faces.
+    /// Smooth unit normals, from the frame and not from faces.
     pub normals: Vec<Vec3>,
-    /// Texture coordinates: u = s / Sr round the yarn, v = e · l along it.
+    /// Texture coordinates: u = s / Sr around the yarn, v = e · l along it.
     pub uvs: Vec<Vec2>,
     /// Vertex indices of the triangles, counter-clockwise from outside.
     pub triangles: Vec<[u32; 3]>,
-    /// Vertices and triangles of each strand.
+    /// The vertex range and the triangle range of each strand.
     pub strands: Vec<(Range<u32>, Range<u32>)>,
 }
 
 impl Tubes {
-    /// Forgets everything but keeps the memory.
+    /// Removes everything but keeps the memory.
     pub fn clear(&mut self) {
         self.positions.clear();
         self.normals.clear();
@@ -83,8 +92,8 @@ impl Tubes {
         self.strands.clear();
     }
 
-    /// Makes room for the tubes of so many more strands with so many stitches in all, so that none
-    /// of them moves while they grow.
+    /// Reserves memory for more tubes, with so many stitches and strands in total, so that nothing
+    /// is moved while they are added.
     pub fn reserve(&mut self, stitches: usize, strands: usize, section: &Section) {
         let (vertices, triangles) = section.size_of(stitches, strands);
         self.positions.reserve(vertices);
@@ -93,15 +102,15 @@ impl Tubes {
         self.triangles.reserve(triangles);
     }
 
-    /// Adds the tube of one strand: two points or more in mm, the fabric's unit normal at each, and
-    /// its stitches as ranges of points that share their ends, from the first point on.
-    ///
-    /// Cost: about 100 ns a ring and 3 ns a vertex more.
+    /// Adds the tube of one strand. `points` are two points or more in mm, `normals` the fabric's
+    /// unit normal at each. `stitches` are ranges of points that share their ends, from the first
+    /// point on.
     ///
     /// ```
     /// use glam::DVec3;
     /// use warpknit_core::yarn::tube::{Section, Tubes};
-    /// let section = Section { st: 10, sr: 5, radius: 0.1, flatten: 1.0, caps: false, texture_per_mm: 1.0 };
+    /// let section =
+    ///     Section { st: 10, sr: 5, radius: 0.1, flatten: 1.0, caps: false, texture_per_mm: 1.0 };
     /// let mut tubes = Tubes::default();
     /// tubes.add(&[DVec3::ZERO, DVec3::X, DVec3::ONE], &[DVec3::Z; 3], [0..3], &section);
     /// assert_eq!(tubes.triangles.len(), 100);
@@ -127,7 +136,7 @@ impl Tubes {
     }
 }
 
-/// Where the last ring was set.
+/// The position and the tangent frame of a ring.
 #[derive(Clone, Copy)]
 struct Ring {
     center: Vec3A,
@@ -137,55 +146,58 @@ struct Ring {
     length: f64,
 }
 
-/// Sets ring after ring along one strand.
+/// Adds the rings of one strand, one after the other.
 struct Rings<'a> {
     tubes: &'a mut Tubes,
     section: &'a Section,
     outline: Outline,
     steps: Steps,
-    walk: Walk<'a>,
-    /// From the last ring to the first point of the span at hand.
-    ahead: Vec3A,
+    cursor: SpanCursor<'a>,
+    /// Vector from the last ring to the first point of the current span.
+    to_span: Vec3A,
     first_vertex: u32,
     first: Option<Ring>,
     last: Option<Ring>,
 }
 
-/// What all rings of a strand share, so that a ring is a few copies with multiplications and
-/// nothing is pushed vertex by vertex.
+/// The data that all rings of a strand share. With it a ring needs no trigonometry.
 struct Outline {
-    /// Vertices of the section, mm along the ring's normal and to its side, the first repeated at
-    /// the seam.
+    /// Vertices of the section: mm along the ring's normal, and mm along its binormal. The first is
+    /// repeated at the seam.
     vertices: Vec<Vec2>,
-    /// Their unit normals: gradients of the ellipse; on a circle the directions outward.
+    /// Their unit normals: normalised gradients of the ellipse.
     normals: Vec<Vec2>,
-    /// u at each.
+    /// The texture coordinate u of each vertex.
     u: Vec<f32>,
-    /// Two triangles for each edge, from the first vertex of the ring before.
+    /// Two triangles for each edge. Indices count from the first vertex of the previous ring.
     triangles: Vec<[u32; 3]>,
 }
 
 impl Outline {
-    fn of(section: &Section) -> Self {
+    fn new(section: &Section) -> Self {
+        // The area of the ellipse is that of the circle: width times the root, height over it.
         let root = section.flatten.sqrt();
         let (half_width, half_height) = (section.radius * root, section.radius / root);
-        // The seam vertex is the first one again, to the bit, so that tubes close.
-        let angle = |s: u32| TAU * f64::from(s % section.sr) / f64::from(section.sr);
-        let direction = |s: u32| DVec2::from_angle(angle(s));
-        let edge = |s: u32| {
-            let (a, b, c, d) = (s, s + 1, s + section.sr + 1, s + section.sr + 2);
-            [[a, b, c], [b, d, c]]
-        };
-        Self {
-            vertices: (0..=section.sr)
-                .map(|s| (direction(s) * DVec2::new(half_height, half_width)).as_vec2())
-                .collect(),
-            normals: (0..=section.sr)
-                .map(|s| (direction(s) * DVec2::new(half_width, half_height)).normalize().as_vec2())
-                .collect(),
-            u: (0..=section.sr).map(|s| narrow(f64::from(s) / f64::from(section.sr))).collect(),
-            triangles: (0..section.sr).flat_map(edge).collect(),
+        let (mut vertices, mut normals, mut us) = (Vec::new(), Vec::new(), Vec::new());
+        for s in 0..=section.sr {
+            // The seam vertex equals the first one to the last bit, so that tubes are watertight.
+            let angle = TAU * f64::from(s % section.sr) / f64::from(section.sr);
+            let direction = DVec2::from_angle(angle);
+            vertices.push((direction * DVec2::new(half_height, half_width)).as_vec2());
+            // The gradient of (x/h)² + (y/w)² at (h cos, w sin) is parallel to (w cos, h sin).
+            normals.push((direction * DVec2::new(half_width, half_height)).normalize().as_vec2());
+            us.push(narrow(f64::from(s) / f64::from(section.sr)));
         }
+        let mut triangles = Vec::new();
+        for s in 0..section.sr {
+            // a and b lie on the previous ring, c and d on the next one:
+            //   c --- d
+            //   |  \  |
+            //   a --- b
+            let (a, b, c, d) = (s, s + 1, s + section.sr + 1, s + section.sr + 2);
+            triangles.extend([[a, b, c], [b, d, c]]);
+        }
+        Self { vertices, normals, u: us, triangles }
     }
 }
 
@@ -195,45 +207,50 @@ impl<'a> Rings<'a> {
         Self {
             tubes,
             section,
-            outline: Outline::of(section),
+            outline: Outline::new(section),
             steps: Steps::default(),
-            walk: Walk::new(points),
-            ahead: Vec3A::ZERO,
+            cursor: SpanCursor::new(points),
+            to_span: Vec3A::ZERO,
             first_vertex,
             first: None,
             last: None,
         }
     }
 
-    /// St segments over the spans of one stitch, evenly in its own parameter.
+    /// Adds St segments over the spans of one stitch, evenly spaced in its own parameter.
     fn add_stitch(&mut self, points: &[DVec3], normals: &[DVec3], stitch: Range<usize>) {
         self.steps.fit(stitch.len() - 1, self.section.st);
         let steps = std::mem::take(&mut self.steps);
-        // The first ring is the last stitch's last one.
+        // From the second stitch on, the first ring is the last ring of the stitch before.
         let mut first = usize::from(self.last.is_some());
-        for (index, shares) in stitch.clone().zip(steps.of_spans()) {
-            let (span, way) = self.walk.next();
+        for (index, parameters) in stitch.clone().zip(steps.per_span()) {
+            let (span, chord) = self.cursor.next();
             let start = points[index].as_vec3a();
-            for &t in &shares[first..] {
+            let ups = [normals[index].as_vec3a(), normals[index + 1].as_vec3a()];
+            for &t in &parameters[first..] {
                 let offset = span.at(t);
-                let up = || normals[index].as_vec3a().lerp(normals[index + 1].as_vec3a(), t);
-                let ring = self.ring(start + offset, self.ahead + offset, span.tangent(t), up);
-                self.set(ring);
-                self.ahead = -offset;
+                // The chord between two rings is summed from small vectors. The difference of two
+                // rounded positions on a garment would lose digits that the frame needs.
+                let to_ring = self.to_span + offset;
+                let ring = self.next_ring(start + offset, to_ring, span.tangent(t), ups, t);
+                self.add_ring(ring);
+                self.to_span = -offset;
             }
-            self.ahead += way;
+            self.to_span += chord;
             first = 0;
         }
         self.steps = steps;
     }
 
-    /// Sets the next ring and joins it to the last one.
-    fn set(&mut self, ring: Ring) {
+    /// Adds a ring's vertices, and the triangles between it and the last ring.
+    fn add_ring(&mut self, ring: Ring) {
         let base = index32(self.tubes.positions.len());
         let v = narrow(self.section.texture_per_mm * ring.length);
-        // Four lanes at a time; f32 loses nothing that a file would hold.
+        // `f32` in four SIMD lanes: as exact as the files that take the vertices.
         let (center, up, sideways) = (ring.center, ring.normal, ring.tangent.cross(ring.normal));
         let Outline { vertices, normals, u, triangles } = &self.outline;
+        // Each array is extended from an iterator of known length. A push for each vertex would
+        // check the capacity each time.
         self.tubes.positions.extend(
             vertices
                 .iter()
@@ -255,28 +272,44 @@ impl<'a> Rings<'a> {
         self.last = Some(ring);
     }
 
-    /// Where and how the next ring stands; `chord` comes from the last one, `up` is the fabric's
-    /// normal. A round section turns as little as it can; a flattened one lies in the fabric's
-    /// plane, or keeps its last direction where the yarn runs along the normal.
-    fn ring(&self, center: Vec3A, chord: Vec3A, along: Vec3A, up: impl Fn() -> Vec3A) -> Ring {
+    /// The next ring. `chord` is the vector from the last ring, `ups` are the fabric's normals at
+    /// both ends of the span, and `t` is the ring's parameter on it.
+    ///
+    /// A round section takes the rotation-minimising frame. A flattened one lies in the fabric's
+    /// plane; where the yarn runs along the fabric's normal that plane gives no direction, and it
+    /// takes the rotation-minimising frame too.
+    fn next_ring(
+        &self,
+        center: Vec3A,
+        chord: Vec3A,
+        along: Vec3A,
+        ups: [Vec3A; 2],
+        t: f32,
+    ) -> Ring {
         let Some(last) = self.last else {
             let tangent = along.normalize_or(Vec3A::X);
-            return Ring { center, tangent, normal: frame::across(up(), tangent), length: 0.0 };
+            let normal = frame::perpendicular_unit(ups[0].lerp(ups[1], t), tangent);
+            return Ring { center, tangent, normal, length: 0.0 };
         };
+        // Where data points coincide the curve has no tangent; the last one is kept.
         let tangent = along.normalize_or(last.tangent);
-        let lies_flat = self.section.flatten != 1.0 && tangent.cross(up()).length() >= 1e-3;
+        // 1e-3 is the sine of 0.06 degrees. A smaller limit would let rounding choose the
+        // direction, a larger one would make steep underlaps turn over visibly.
+        let lies_flat =
+            self.section.flatten != 1.0 && tangent.cross(ups[0].lerp(ups[1], t)).length() >= 1e-3;
         let normal = if lies_flat {
-            frame::across(up(), tangent)
+            frame::perpendicular_unit(ups[0].lerp(ups[1], t), tangent)
         } else {
-            frame::carry(last.normal, chord, last.tangent, tangent)
+            frame::double_reflection(last.normal, chord, last.tangent, tangent)
         };
         Ring { center, tangent, normal, length: last.length + f64::from(chord.length()) }
     }
 
-    /// Closes an end with a disc that faces `outward`.
+    /// Closes an end with a disc that faces `outward`. `rim` is the first vertex of the end's ring.
     fn cap(&mut self, ring: Ring, outward: Vec3A, rim: u32) {
         let base = index32(self.tubes.positions.len());
         let v = narrow(self.section.texture_per_mm * ring.length);
+        // The rim is repeated: its normals point outward here, and sideways on the tube.
         self.tubes.positions.push(Vec3::from(ring.center));
         self.tubes.uvs.push(Vec2::new(0.5, v));
         for s in 0..self.section.sr {
@@ -287,6 +320,7 @@ impl<'a> Rings<'a> {
         self.tubes
             .normals
             .extend(std::iter::repeat_n(Vec3::from(outward), self.section.sr as usize + 1));
+        // Counter-clockwise from outside is clockwise along the tube at its start.
         let ahead = outward.dot(ring.tangent) > 0.0;
         for s in 0..self.section.sr {
             let (p, q) = (base + 1 + s, base + 1 + (s + 1) % self.section.sr);
@@ -294,6 +328,7 @@ impl<'a> Rings<'a> {
         }
     }
 
+    /// Adds both caps, if the section has them.
     fn finish(&mut self) {
         let (Some(first), Some(last), true) = (self.first, self.last, self.section.caps) else {
             return;
