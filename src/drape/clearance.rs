@@ -16,7 +16,7 @@ use glam::I64Vec2;
 
 use super::strands::{CUT, Strand, Strands};
 use super::{Block, Cloth};
-use crate::knit::clearance::{Clearance, Paths};
+use crate::knit::clearance::{Clearance, SampledPaths};
 
 /// Collects a panel's yarns until the next panel's come.
 ///
@@ -36,7 +36,7 @@ pub struct Gauge {
     /// Each bar's drawn radius, mm.
     radii: Vec<f64>,
     panel: usize,
-    paths: Paths,
+    paths: SampledPaths,
     /// Of the panels before.
     clearance: Clearance,
 }
@@ -46,7 +46,7 @@ impl Gauge {
     #[must_use]
     pub fn new(cloth: &Cloth<'_>, radius: f64) -> Self {
         let radii = cloth.thickness.iter().map(|thickness| radius * thickness).collect();
-        Self { radii, panel: 0, paths: Paths::default(), clearance: Clearance::FREE }
+        Self { radii, panel: 0, paths: SampledPaths::default(), clearance: Clearance::FREE }
     }
 
     /// Adds the strands of some blocks, and measures every panel that they leave behind.
