@@ -51,8 +51,8 @@ const MAX_CANDIDATES: usize = 5 * MAX_PAIRS;
 /// The distances between yarns, in figures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clearance {
-    /// Least distance between centre lines over the sum of their radii (2r for equal yarns). Under 1
-    /// yarns cut each other. It is 2 at most, since the search ends there.
+    /// Least distance between centre lines over the sum of their radii (2r for equal yarns). Under
+    /// 1 yarns cut each other. It is 2 at most, since the search ends there.
     pub min_over_2r: f64,
     /// Pairs of path segments nearer than twice touching.
     pub pairs: usize,
@@ -166,8 +166,8 @@ impl SampledPaths {
     pub fn clearance(&self, repeat: impl Fn(DVec3) -> I64Vec2 + Sync) -> Clearance {
         let longest = self.segments.iter().map(|s| s.from.distance(s.to)).fold(0.0, f64::max);
         let thickest = self.segments.iter().map(|s| s.radius).fold(0.0, f64::max);
-        // Two segments within the cutoff have their middles within this distance, so the cells around
-        // a segment hold all its partners.
+        // Two segments within the cutoff have their middles within this distance, so the cells
+        // around a segment hold all its partners.
         let hash = SpatialHash::new(&self.segments, 2.0 * CUTOFF * thickest + longest);
         (0..self.segments.len())
             .into_par_iter()
@@ -264,8 +264,8 @@ impl SpatialHash {
         (at / self.size).floor().as_i64vec3()
     }
 
-    /// The bucket of a cell. Large primes spread neighbouring cells over the buckets (Teschner et al.
-    /// 2003, section 3.1).
+    /// The bucket of a cell. Large primes spread neighbouring cells over the buckets (Teschner et
+    /// al. 2003, section 3.1).
     fn bucket(&self, cell: I64Vec3) -> usize {
         let hash = cell.x.wrapping_mul(73_856_093)
             ^ cell.y.wrapping_mul(19_349_663)
@@ -338,8 +338,8 @@ pub fn measure(fabric: &Fabric, pattern: &Pattern, radius: f64) -> Clearance {
     paths.clearance(|p| (p.truncate() / cell).floor().as_i64vec2())
 }
 
-/// Warns the designer of yarns that do not fit into the fabric, a line each. There is none where all
-/// is well.
+/// Warns the designer of yarns that do not fit into the fabric, a line each. There is none where
+/// all is well.
 ///
 /// `radius` is the radius of the thickest yarn as drawn, `clearance` the answer of [`measure`] for
 /// it.

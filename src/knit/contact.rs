@@ -68,8 +68,8 @@ const LIST_CUTOFF: f64 = 1.35;
 /// the list is rebuilt; higher values check distant pairs in vain.
 const APPROACH_PER_SWEEP: f64 = 0.06;
 /// Parts of one strand that are nearer than this along it, in radii, are no contacts. In the
-/// tightest bend, a half circle of one radius, parts that are 3.1 radii apart along the yarn lie two
-/// radii from each other. Smaller values would open such bends as if they were contacts; values
+/// tightest bend, a half circle of one radius, parts that are 3.1 radii apart along the yarn lie
+/// two radii from each other. Smaller values would open such bends as if they were contacts; values
 /// beyond some ten radii would let the two legs of a narrow loop cut each other.
 const SAME_STRAND_RADII: f64 = 6.0;
 /// Share of its missing distance that a contact moves its yarns in one sweep (the constraint's

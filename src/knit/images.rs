@@ -1,8 +1,9 @@
 //! A cell list: which places lie near which others in a cell that repeats in both directions.
 //!
 //! In: places and the size of the periodic cell. Out: a [`CellList`]. It gives for each place all
-//! others that may lie within a fixed reach, images in the neighbouring cells included. The periodic
-//! cell may be smaller than the reach. A place then meets several images of the same other one.
+//! others that may lie within a fixed reach, images in the neighbouring cells included. The
+//! periodic cell may be smaller than the reach. A place then meets several images of the same other
+//! one.
 //!
 //! Method: the cell list of molecular dynamics (Allen and Tildesley 1987, "Computer Simulation of
 //! Liquids"), with stored images instead of wrapped indices. Cost: linear in the places and their

@@ -232,8 +232,8 @@ impl WaleLattice {
             let moving = self.nodes.iter_mut().zip(&mut velocities);
             for ((node, velocity), (&force, &mass)) in moving.zip(forces.iter().zip(&model.masses))
             {
-                // Symplectic Euler: the new velocity moves the node. The old one would add energy and
-                // make stiff springs explode at this time step.
+                // Symplectic Euler: the new velocity moves the node. The old one would add energy
+                // and make stiff springs explode at this time step.
                 *velocity = DAMPING * (*velocity + TIME_STEP / mass * force);
                 *node += TIME_STEP * *velocity;
                 // Both are tested: a lattice that swings through its balance has no force there,
@@ -273,8 +273,8 @@ impl WaleLattice {
             let pull = threads * WALE_STIFFNESS * (length - model.course) / length * along;
             forces[at(w, c)] += pull;
             forces[at(w, c + 1)] -= pull;
-            // Bending draws a node to the middle of its two neighbours, whose reactions keep the sum
-            // of forces at zero.
+            // Bending draws a node to the middle of its two neighbours, whose reactions keep the
+            // sum of forces at zero.
             let bend = threads * BENDING_STIFFNESS * (up.midpoint(down) - here);
             forces[at(w, c)] += bend;
             forces[at(w, c + 1)] -= 0.5 * bend;
@@ -324,8 +324,8 @@ impl WaleLattice {
         )
     }
 
-    /// The axis of a wale at `course`, and its unit tangent. The axis is a uniform Catmull-Rom curve
-    /// through the wale's control points.
+    /// The axis of a wale at `course`, and its unit tangent. The axis is a uniform Catmull-Rom
+    /// curve through the wale's control points.
     fn axis(&self, wale: i64, course: f64) -> (DVec2, DVec2) {
         #[expect(clippy::cast_possible_truncation, reason = "courses are counted in thousands")]
         let below = course.floor() as i64;

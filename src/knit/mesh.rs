@@ -47,9 +47,9 @@ impl StructureMesh {
     }
 }
 
-/// Counts the vertices (wales, courses) of the mesh for a pattern of n wales and m courses, auxiliary
-/// ones included: (n + reach + 2) x (m + 1). The reach is the number of wales that the last yarn
-/// laps past the pattern.
+/// Counts the vertices (wales, courses) of the mesh for a pattern of n wales and m courses,
+/// auxiliary ones included: (n + reach + 2) x (m + 1). The reach is the number of wales that the
+/// last yarn laps past the pattern.
 ///
 /// ```
 /// use warpknit::{fabric::Fabric, knit::mesh};

@@ -1,13 +1,13 @@
 //! From lapping to data points: the yarns of a fabric on a flat panel.
 //!
-//! In: a [`Fabric`] and the place of its [`StructureMesh`]. Out: [`Knitted`] data points, step after
-//! step, eight a loop, in panel axes (x across the wales, y along them, z towards the technical
-//! face), mm. Nothing here knows of garments.
+//! In: a [`Fabric`] and the place of its [`StructureMesh`]. Out: [`Knitted`] data points, step
+//! after step, eight a loop, in panel axes (x across the wales, y along them, z towards the
+//! technical face), mm. Nothing here knows of garments.
 //!
 //! All computation is done on one repeat ([`Pattern::new`]), in three steps. Underlaps pull at the
-//! wales and bend them (`lattice`). Laps become points on the bent wales (`stitch`, `repeat`). Yarns
-//! that would cut each other are pushed apart (`contact`). Laying a yarn on a panel then takes one
-//! addition a point (about 5 ns).
+//! wales and bend them (`lattice`). Laps become points on the bent wales (`stitch`, `repeat`).
+//! Yarns that would cut each other are pushed apart (`contact`). Laying a yarn on a panel then
+//! takes one addition a point (about 5 ns).
 //!
 //! Source: Liu, Kyosev and Jiang 2022, "Yarn-level modelling and geometric simulation of
 //! warp-knitted clothing elements", section 2; formulas and constants in `docs/method.md`. Not
@@ -102,8 +102,8 @@ const SQUEEZED_RADIUS: f64 = 0.6;
 #[derive(Clone, Debug)]
 struct BarPattern {
     kind: BarKind,
-    /// For each guide of the repeat (for a weft: each course), the index in [`Repeat::yarns`] of its
-    /// yarn, if it has one.
+    /// For each guide of the repeat (for a weft: each course), the index in [`Repeat::yarns`] of
+    /// its yarn, if it has one.
     yarns: Vec<Option<usize>>,
     /// Bounding box of its yarns, relative to gap 0 of their guide and to the course of their step,
     /// mm.
@@ -277,8 +277,8 @@ impl Pattern {
         self.relaxation = Some(contact::relax(&mut self.repeat.points, &yarns, cell));
     }
 
-    /// Sets each bar's bounding box. The relaxation moves points out of their steps' cells, so it is
-    /// measured, not derived from the lapping.
+    /// Sets each bar's bounding box. The relaxation moves points out of their steps' cells, so it
+    /// is measured, not derived from the lapping.
     fn measure_bounds(&mut self) {
         for yarn in &self.repeat.yarns {
             let bar = &mut self.bars[yarn.bar];

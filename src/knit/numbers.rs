@@ -4,7 +4,7 @@
 //! In: a [`Fabric`] and its [`Pattern`]. Out: [`Numbers`] of its repeat. Lengths and masses come
 //! from the relaxed yarn path and the yarn's count (tex, grams a kilometre), never from the drawn
 //! radius. Thickness and cover factor come from the yarns as they are laid out, at
-//! [`Fabric::radius`]. `docs/method.md` has the formulas. Cost: some 20 ms, nearly all of it the
+//! [`Fabric::radius`]. `docs/method.md` has the formulas. Cost: some 20 ms, most of it the
 //! cover factor. Not promised: the figures of a mill, whose cloth is stretched and heat-set. This
 //! cloth lies at the densities that its file gives.
 

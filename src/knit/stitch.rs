@@ -121,9 +121,9 @@ impl Layer {
         let d = &self.dimensions;
         let widen = (r / (MAX_RADIUS_ACROSS * w)).max(1.0);
         let raise = (r / (MAX_RADIUS_ALONG * c)).max(1.0);
-        // The guide swings in front of the needle in the overlap's direction, so the yarn enters the
-        // loop on the opposite side. An underlap that comes from (or goes to) the other side crosses
-        // the loop's own foot and draws it nearer to the wale: a closed lap.
+        // The guide swings in front of the needle in the overlap's direction, so the yarn enters
+        // the loop on the opposite side. An underlap that comes from (or goes to) the other side
+        // crosses the loop's own foot and draws it nearer to the wale: a closed lap.
         let entry = -f64::from(lap.overlap);
         let [foot_in, foot_out] = [lap.underlap_before, lap.underlap_after].map(|underlap| {
             let is_crossed = underlap.signum() == -lap.overlap;
@@ -166,8 +166,8 @@ impl Layer {
             return vec![(f64::from(from), 0.5 * c)];
         }
         // The run rises over the course: an inlay that passes many wales in one course has to cross
-        // the underlaps of all of them. The range keeps thin yarns from lying flat on each other and
-        // thick ones within their course.
+        // the underlaps of all of them. The range keeps thin yarns from lying flat on each other
+        // and thick ones within their course.
         let rise = (1.125 * self.radius * gaps / c).clamp(0.12, 0.26);
         let step = f64::from((to - from).signum());
         let mut points = vec![(f64::from(from), (0.5 - rise - INLAY_CORNER) * c)];

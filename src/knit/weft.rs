@@ -26,7 +26,8 @@ pub const CONTROL_POINTS: usize = 8;
 pub const POINTS: usize = 2 * CONTROL_POINTS;
 
 /// The places of a face loop: x over W from the wale, y over C from the loop's middle, z over the
-/// radius. In order: between the loops; left foot, leg and shoulder; head; right shoulder, leg, foot.
+/// radius. In order: between the loops; left foot, leg and shoulder; head; right shoulder, leg,
+/// foot.
 const PLACES: [[f64; 3]; CONTROL_POINTS] = [
     [-0.5, -0.92, -0.70],
     [-0.15, -0.735, -0.38],

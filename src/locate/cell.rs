@@ -1,58 +1,70 @@
-//! A triangle as location wants it: one line of cache that says how far a point lies from its
-//! edges, and which triangle comes next.
+//! A triangle prepared for location: the gradients of its barycentric coordinates in one cache
+//! line.
 //!
-//! The paper's three products are linear in the point, and two of them over the triangle's area are
-//! its barycentric coordinates. So they are taken from gradients that are worked out once a
-//! triangle: four multiplications a point give the test and the coordinates at once, where the
-//! three exact signs take twelve and as many differences. Rounding is bounded once a triangle too
-//! ([`Cell::margin`]); a point nearer to an edge than that, some 1e-9 mm, is decided by exact
-//! signs.
+//! In: a triangle's corners and neighbours. Out: a [`BarycentricTriangle`]. It tells whether a
+//! point lies inside or beyond an edge, gives the point's barycentric coordinates, and knows the
+//! triangle across each edge.
+//!
+//! Method: the three cross products of the location test (Liu, Kyosev and Jiang 2022, section 3.1,
+//! equation 1) are linear in the point. Two of them, divided by their sum, are barycentric
+//! coordinates. Their gradients are computed once a triangle. Four multiplications a point then
+//! give the test and the coordinates together, where three exact orientation predicates take
+//! twelve. This is a floating-point filter in the sense of Shewchuk 1997: a bound on rounding is
+//! computed once a triangle as well ([`BarycentricTriangle::margin`]). A point nearer to an edge
+//! than that, some 1e-9 mm, is left to the exact predicates.
+//!
+//! Cost: about 6 ns a point, most of it the point's way through memory. Not promised: an answer for
+//! points next to an edge ([`Containment::Uncertain`]).
 
 use glam::{DVec2, DVec3};
 
 use super::SurfacePoint;
 
-/// Points that are held against one triangle at a time. Measured on 8 million points: 8.9 ns a
-/// point one by one, 6.7 by twos, 6.3 by fours, 6.6 by eights; wider registers (AVX2) gain nothing,
-/// the points' way through memory does not let them.
+/// Points that are tested against one triangle at a time. Measured on 8 million points: 8.9 ns a
+/// point one by one, 6.7 by twos, 6.3 by fours, 6.6 by eights. Wider registers (AVX2) gain nothing,
+/// since the points' way through memory limits the speed.
 const LANES: usize = 4;
-/// Rounding of both coordinates and of their rest, over what is multiplied in them: fewer than six
-/// roundings of 2^-53 each, and room for points as far off the panel as it is wide.
+/// Bound of the rounding of a coordinate, over the magnitude of its terms. A coordinate has fewer
+/// than six roundings of 2^-53 each. The rest is room for points as far off the panel as it is
+/// wide. A smaller bound could take a wrong side; a larger one sends more points to the exact
+/// predicates.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
-/// A triangle so thin that rounding may take more of it than this is always left to exact signs.
-const MOST_MARGIN: f64 = 1e-3;
+/// Largest margin. Triangles so thin that their margin is larger are always left to the exact
+/// predicates: a margin near 1/3 would leave no inside at all.
+const MAX_MARGIN: f64 = 1e-3;
 
-/// One triangle.
+/// One triangle, as large as a cache line: a walk loads one line a step.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
-pub(super) struct Cell {
+pub(super) struct BarycentricTriangle {
     /// Its first corner, mm.
     corner: DVec2,
-    /// Gradients of the weights of the second and the third corner, 1 over mm.
+    /// Gradient of the second corner's barycentric coordinate, 1/mm.
     b: DVec2,
+    /// Gradient of the third corner's barycentric coordinate, 1/mm.
     c: DVec2,
-    /// Weights over this are surely positive, under its opposite surely negative. Holds for any
-    /// point, however far off: what rounding does grows no faster with the distance than the
-    /// weights do.
+    /// A coordinate over this is surely positive, one under its opposite surely negative. This
+    /// holds for any point, however far off: its rounding error grows no faster with the distance
+    /// than the coordinate does.
     margin: f32,
     /// Triangle across edge i (corner i to corner i + 1), or [`super::topology::BORDER`].
     pub(super) neighbours: [u32; 3],
 }
 
-/// Where a point lies: small enough to stay in a register, which on the way from triangle to
-/// triangle counts.
+/// Whether a triangle contains a point. Small enough to stay in a register, which counts in a walk
+/// from triangle to triangle.
 #[derive(Clone, Copy)]
-pub(super) enum Side {
+pub(super) enum Containment {
     /// Within the triangle, its edges left out.
     Inside,
     /// On the far side of this edge.
     Beyond(usize),
-    /// On an edge, or so near that only exact signs tell.
-    Near,
+    /// On an edge, or so near that only the exact predicates decide.
+    Uncertain,
 }
 
-impl Cell {
-    /// The cell of a triangle on a panel of this size, mm.
+impl BarycentricTriangle {
+    /// Prepares a triangle of a panel of this size, mm.
     #[inline]
     pub(super) fn new(
         [corner, second, third]: [DVec2; 3],
@@ -67,21 +79,18 @@ impl Cell {
             clippy::cast_possible_truncation,
             reason = "a bound may be rough; what it rounds away is far below its room"
         )]
-        let margin = if margin < MOST_MARGIN { margin as f32 } else { f32::INFINITY };
-        // An area too small for a float gives no gradients: all of such a triangle is its first
-        // corner.
-        let known = |gradient: DVec2| if gradient.is_finite() { gradient } else { DVec2::ZERO };
-        Self { corner, b: known(b), c: known(c), margin, neighbours }
+        let margin = if margin < MAX_MARGIN { margin as f32 } else { f32::INFINITY };
+        Self { corner, b: finite_or_zero(b), c: finite_or_zero(c), margin, neighbours }
     }
 
-    /// The weights of the second and the third corner at `p`.
+    /// The barycentric coordinates of the second and the third corner at `p`.
     #[inline]
     fn weights(&self, p: DVec2) -> (f64, f64) {
         let d = p - self.corner;
         (self.b.x * d.x + self.b.y * d.y, self.c.x * d.x + self.c.y * d.y)
     }
 
-    /// Whether it is thick enough for its gradients to tell anything.
+    /// Whether it is thick enough for its gradients to be of use.
     pub(super) fn is_sure(&self) -> bool {
         self.margin.is_finite()
     }
@@ -93,48 +102,51 @@ impl Cell {
         SurfacePoint { triangle, b, c }
     }
 
-    /// Where `p` lies.
+    /// Whether the triangle contains `p`, or beyond which edge it lies farthest.
     #[inline]
-    pub(super) fn side(&self, p: DVec2) -> Side {
+    pub(super) fn containment(&self, p: DVec2) -> Containment {
         let (b, c) = self.weights(p);
         let a = 1.0 - b - c;
-        // Each corner's weight is nothing on the edge that it faces.
+        // Each corner's coordinate is zero on the opposite edge. The most negative one names the
+        // edge to leave through: the point lies farthest beyond it, which keeps walks short.
         let (least, edge) = [(b, 2), (c, 0)]
             .into_iter()
             .fold((a, 1), |least, other| if other.0 < least.0 { other } else { least });
         let margin = f64::from(self.margin);
         if least > margin {
-            Side::Inside
+            Containment::Inside
         } else if least < -margin {
-            Side::Beyond(edge)
+            Containment::Beyond(edge)
         } else {
-            Side::Near
+            Containment::Uncertain
         }
     }
 
-    /// Where `to` lies, seen by a way to it that comes through this triangle: beyond the only edge
-    /// that it can leave through, if there is only one. For points no farther off the panel than it
-    /// is wide; yarns' are.
+    /// Where a straight path to `to` leaves this triangle: beyond an edge only if it is the only
+    /// one through which the path can leave. For points no farther off the panel than it is wide,
+    /// as all points of yarns are.
     #[inline]
-    pub(super) fn side_of_way(&self, to: DVec2) -> Side {
+    pub(super) fn exit_towards(&self, to: DVec2) -> Containment {
         let (b, c) = self.weights(to);
         let margin = f64::from(self.margin);
         let weights = [c, 1.0 - b - c, b];
         let sides = weights.map(|weight| (weight > margin, weight < -margin));
+        // Beyond two edges at once the exit depends on where the path came from. That is left to
+        // the exact predicates, like a point near an edge.
         match sides {
-            [(true, _), (true, _), (true, _)] => Side::Inside,
-            [(_, true), (true, _), (true, _)] => Side::Beyond(0),
-            [(true, _), (_, true), (true, _)] => Side::Beyond(1),
-            [(true, _), (true, _), (_, true)] => Side::Beyond(2),
-            _ => Side::Near,
+            [(true, _), (true, _), (true, _)] => Containment::Inside,
+            [(_, true), (true, _), (true, _)] => Containment::Beyond(0),
+            [(true, _), (_, true), (true, _)] => Containment::Beyond(1),
+            [(true, _), (true, _), (_, true)] => Containment::Beyond(2),
+            _ => Containment::Uncertain,
         }
     }
 
-    /// How many of the first points lie within the triangle, its edges left out. They are written
-    /// to `located`; what is there behind them is of no meaning. Up to three points at the end of
-    /// `points` are not looked at.
+    /// Counts the points from the first on that lie within the triangle, its edges left out. They
+    /// are written to `located`. Values behind them in `located` have no meaning. Up to three
+    /// points at the end of `points` are not tested.
     #[inline]
-    pub(super) fn run(
+    pub(super) fn locate_run(
         &self,
         triangle: u32,
         points: &[DVec3],
@@ -145,6 +157,8 @@ impl Cell {
         for (points, located) in
             points.as_chunks::<LANES>().0.iter().zip(located.as_chunks_mut::<LANES>().0)
         {
+            // No branch inside the group: all four are computed and written, and a bit mask says
+            // which are outside. A test and exit a point cannot be vectorised.
             let mut outside = 0_u32;
             for (lane, (point, located)) in points.iter().zip(located).enumerate() {
                 let (b, c) = self.weights(point.truncate());
@@ -152,6 +166,7 @@ impl Cell {
                 outside |= u32::from(!inside) << lane;
                 *located = Some(SurfacePoint { triangle, b, c });
             }
+            // The lowest set bit is the first point that is not inside.
             if outside != 0 {
                 return count + outside.trailing_zeros() as usize;
             }
@@ -161,18 +176,25 @@ impl Cell {
     }
 }
 
+/// A gradient, or zero where the triangle's area is too small for a float. All of such a triangle
+/// is its first corner.
+fn finite_or_zero(gradient: DVec2) -> DVec2 {
+    if gradient.is_finite() { gradient } else { DVec2::ZERO }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::locate::sign::crosses;
 
-    /// Whatever a cell is sure of, exact signs say too; near an edge it is not sure.
+    /// Wherever the filter is certain, the exact predicates agree. It is uncertain near an edge
+    /// only.
     #[test]
-    fn a_cell_is_never_wrong() {
+    fn the_filter_is_never_wrong() {
         let size = DVec2::new(600.0, 800.0);
         let corners =
             [DVec2::new(-211.3, 17.9), DVec2::new(-204.7, 20.1), DVec2::new(-209.9, 26.3)];
-        let cell = Cell::new(corners, [u32::MAX; 3], size);
+        let triangle = BarycentricTriangle::new(corners, [u32::MAX; 3], size);
         let mut counts = [0; 3];
         for step in 0..30_000_u32 {
             let share = |k: u32| {
@@ -187,15 +209,15 @@ mod tests {
                 _ => along + DVec2::new(0.0, (share(9) - 0.5) * 1e-12),
             };
             let [ab, bc, ca] = crosses(p, corners[0], corners[1], corners[2]);
-            match cell.side(p) {
-                Side::Inside => assert!(ab > 0.0 && bc > 0.0 && ca > 0.0),
-                Side::Beyond(edge) => assert!([ab, bc, ca][edge] < 0.0),
-                Side::Near => assert!(ab.abs().min(bc.abs()).min(ca.abs()) < 1e-8),
+            match triangle.containment(p) {
+                Containment::Inside => assert!(ab > 0.0 && bc > 0.0 && ca > 0.0),
+                Containment::Beyond(edge) => assert!([ab, bc, ca][edge] < 0.0),
+                Containment::Uncertain => assert!(ab.abs().min(bc.abs()).min(ca.abs()) < 1e-8),
             }
-            counts[match cell.side(p) {
-                Side::Inside => 0,
-                Side::Beyond(_) => 1,
-                Side::Near => 2,
+            counts[match triangle.containment(p) {
+                Containment::Inside => 0,
+                Containment::Beyond(_) => 1,
+                Containment::Uncertain => 2,
             }] += 1;
         }
         assert!(counts.iter().all(|&count| count > 300), "all sides are met: {counts:?}");
