@@ -84,7 +84,7 @@ pub fn map_into(
         );
         match mapping {
             Mapping::Smooth => {
-                Facet::new(panel, located[0].triangle).map(flat, located, positions, normals)
+                Facet::new(panel, located[0].triangle).map(flat, located, positions, normals);
             }
             Mapping::Frame => {
                 let (matrix, normal) = frame_map(panel, located[0].triangle);

@@ -62,9 +62,9 @@ impl Repeat {
         for step in 0..count {
             yarn.steps.push(index32(self.stitches.len()));
             if bar.kind == BarKind::Guide {
-                layout.add_lap(step, self)
+                layout.add_lap(step, self);
             } else {
-                layout.add_weft(step, self)
+                layout.add_weft(step, self);
             }
         }
         yarn.steps.push(index32(self.stitches.len()));
@@ -182,7 +182,7 @@ impl YarnLayout<'_> {
             let points = self.inlay(course);
             repeat.begin_stitch();
             (1u16..).zip(points).for_each(|(number, point)| {
-                repeat.push(point, self.tag(course, lap.needle(), PointKind::Inlay, number))
+                repeat.push(point, self.tag(course, lap.needle(), PointKind::Inlay, number));
             });
             return;
         }
@@ -191,7 +191,7 @@ impl YarnLayout<'_> {
             let points = self.loop_points(course, at);
             repeat.begin_stitch();
             (1u16..).zip(points).for_each(|(number, point)| {
-                repeat.push(point, self.tag(course, needle, PointKind::Loop, number))
+                repeat.push(point, self.tag(course, needle, PointKind::Loop, number));
             });
             // The underlap joins this loop's exit foot (S8) to the next loop's entry foot (S1). An
             // overlap over two needles has such a stretch between its two loops as well.

@@ -182,7 +182,7 @@ impl<'a> Locator<'a> {
         let Some(bvh) = self.flipped.get_or_init(|| boxes_bvh(uv, flipped)) else { return false };
         let mut found = false;
         for_candidates(bvh, p, |triangle| {
-            found |= holds(crosses_of(uv, flipped[triangle as usize], p))
+            found |= holds(crosses_of(uv, flipped[triangle as usize], p));
         });
         found
     }
