@@ -96,7 +96,7 @@ impl RunSummary<'_> {
             clearance: ClearanceReport {
                 min_over_2r: near.min_over_2r,
                 pairs_below_1: near.pairs_below_1,
-                sweeps: job.cloth.pattern().settled().map(|settled| settled.sweeps),
+                sweeps: job.cloth.pattern().relaxation().map(|relaxation| relaxation.sweeps),
                 draped: (*draped).map(Into::into),
             },
             plane_ms: timings_ms.knit,

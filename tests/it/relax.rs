@@ -25,8 +25,8 @@ fn every_built_in_fabric_keeps_its_own_yarns_clear() {
         // the weft page says.
         let least = if ["garter", "cable"].contains(&name) { 0.9 } else { 0.98 };
         assert!(found.min_over_2r >= least, "{name}: {found:?}");
-        let settled = pattern.settled().unwrap();
-        assert!(settled.stretch < 0.02, "{name}: {settled:?}");
+        let relaxation = pattern.relaxation().unwrap();
+        assert!(relaxation.stretch < 0.02, "{name}: {relaxation:?}");
     }
 }
 
@@ -184,8 +184,8 @@ fn random_fabrics_relax() {
         (0..200).map(|_| fabric().new_tree(&mut runner).unwrap().current()).collect();
     let clear = fabrics.par_iter().map(|fabric| {
         let pattern = Pattern::new(fabric);
-        let settled = pattern.settled().unwrap();
-        assert!(settled.stretch < 0.02, "{settled:?} in\n{fabric}");
+        let relaxation = pattern.relaxation().unwrap();
+        assert!(relaxation.stretch < 0.02, "{relaxation:?} in\n{fabric}");
         let mesh = warpknit::knit::mesh::StructureMesh::anchored_at(fabric, glam::DVec2::ZERO);
         let mut knitted = Knitted::default();
         for bar in 0..fabric.bars.len() {

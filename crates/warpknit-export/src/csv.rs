@@ -77,7 +77,7 @@ fn row(
     let kind = match tag.kind {
         PointKind::Loop => "loop",
         PointKind::Inlay => "inlay",
-        PointKind::Turn => "turn",
+        PointKind::Underlap => "turn",
     };
     let face = panel.faces[block.strands.located[at].triangle as usize];
     let (panel_number, bar, yarn) = (block.panel, block.bar + 1, strand.yarn.0);

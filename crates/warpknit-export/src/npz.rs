@@ -240,7 +240,7 @@ fn number(kind: PointKind) -> u8 {
     match kind {
         PointKind::Loop => 0,
         PointKind::Inlay => 1,
-        PointKind::Turn => 2,
+        PointKind::Underlap => 2,
     }
 }
 

@@ -18,7 +18,7 @@ use glam::I64Vec2;
 
 use super::strands::{CUT, Strand, Strands};
 use super::{Block, Cloth};
-use crate::knit::clearance::{Clearance, Paths};
+use crate::knit::clearance::{Clearance, SampledPaths};
 
 /// Collects the yarns of one panel, and measures them when the next panel begins.
 ///
@@ -38,7 +38,7 @@ pub struct ClearanceMeter {
     /// Each bar's drawn radius, mm.
     radii: Vec<f64>,
     panel: usize,
-    paths: Paths,
+    paths: SampledPaths,
     /// The clearance of the panels measured so far.
     clearance: Clearance,
 }
@@ -48,7 +48,7 @@ impl ClearanceMeter {
     #[must_use]
     pub fn new(cloth: &Cloth<'_>, radius: f64) -> Self {
         let radii = cloth.thickness.iter().map(|thickness| radius * thickness).collect();
-        Self { radii, panel: 0, paths: Paths::default(), clearance: Clearance::FREE }
+        Self { radii, panel: 0, paths: SampledPaths::default(), clearance: Clearance::FREE }
     }
 
     /// Adds the strands of some blocks. Measures each panel that is complete.

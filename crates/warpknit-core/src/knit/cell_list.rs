@@ -1,39 +1,48 @@
-//! What lies near what in a cell that repeats: a grid over the cell and the images of its
-//! surroundings.
+//! A cell list: which places lie near which others in a cell that repeats in both directions.
 //!
-//! In: places and the size of the cell. Out: [`Images`], which tells for each place what lies near
-//! it, images in the neighbouring cells included. The cell may be smaller than the reach: then a
-//! place meets several images of the same other. Cost: linear in the places and their images within
-//! reach.
+//! In: places and the size of the periodic cell. Out: a [`CellList`]. It gives for each place all
+//! others that may lie within a fixed reach, images in the neighbouring cells included. The
+//! periodic cell may be smaller than the reach. A place then meets several images of the same other
+//! one.
+//!
+//! Method: the cell list of molecular dynamics (Allen and Tildesley 1987, "Computer Simulation of
+//! Liquids"), with stored images instead of wrapped indices. Cost: linear in the places and their
+//! images within reach. Not promised: that everything it gives is within reach; the caller checks
+//! distances.
 
 use glam::{DVec2, DVec3};
 
 use crate::ids::index32;
 
-/// Places and their images around the cell, sorted by the square of a grid.
-pub(super) struct Images {
-    /// Each place moved into the cell, and by how many cells it was moved.
+/// Places and their images around the periodic cell, sorted by the squares of a grid.
+pub(super) struct CellList {
+    /// Each place moved into the cell, and its image shift: by how many cells it was moved.
     homes: Vec<(DVec2, DVec2)>,
-    /// Place and cells moved, square after square.
+    /// Place and image shift, square after square.
     entries: Vec<(u32, DVec2)>,
+    /// First entry of each square, and the end of the last.
     starts: Vec<u32>,
+    /// Lower left corner of the grid, mm.
     low: DVec2,
+    /// Side of a square, mm.
     reach: f64,
     columns: usize,
     rows: usize,
 }
 
-impl Images {
+impl CellList {
     /// Sorts all places, and their images within `reach` of the cell.
     pub(super) fn new(places: &[DVec3], cell: DVec2, reach: f64) -> Self {
-        let home = |place: &DVec3| {
+        let homes = places.iter().map(|place| {
             let shift = -(place.truncate() / cell).floor();
             (place.truncate() + shift * cell, shift)
-        };
+        });
+        // Squares are as wide as the reach, so all neighbours of a place lie in the 3 x 3 squares
+        // around it. Narrower squares would need a wider ring; wider ones hold more candidates.
         let [columns, rows] =
-            ((cell + 2.0 * reach) / reach).to_array().map(|squares| whole(squares) + 1);
-        let mut images = Self {
-            homes: places.iter().map(home).collect(),
+            ((cell + 2.0 * reach) / reach).to_array().map(|squares| as_count(squares) + 1);
+        let mut list = Self {
+            homes: homes.collect(),
             entries: Vec::new(),
             starts: vec![0; columns * rows + 1],
             low: DVec2::splat(-reach),
@@ -41,30 +50,32 @@ impl Images {
             columns,
             rows,
         };
-        let placed = images.around_cell(cell);
-        images.sort(placed);
-        images
+        let placed = list.place_images(cell);
+        list.sort(placed);
+        list
     }
 
-    /// Square, place and cells moved of every image within reach of the cell.
-    fn around_cell(&self, cell: DVec2) -> Vec<(usize, u32, DVec2)> {
+    /// Square, place and image shift of every image within reach of the cell.
+    fn place_images(&self, cell: DVec2) -> Vec<(usize, u32, DVec2)> {
         let far = (self.reach / cell).ceil();
-        let turns = |far: f64| (0..=2 * whole(far)).map(move |turn| f64::from(index32(turn)) - far);
-        let around: Vec<_> =
-            turns(far.x).flat_map(|x| turns(far.y).map(move |y| DVec2::new(x, y))).collect();
+        let shifts: Vec<_> = shifts_up_to(far.x)
+            .flat_map(|x| shifts_up_to(far.y).map(move |y| DVec2::new(x, y)))
+            .collect();
         let mut placed = Vec::with_capacity(self.homes.len());
-        for (place, &(home, shift)) in (0u32..).zip(&self.homes) {
-            for &turn in &around {
-                let at = home + turn * cell;
+        for (place, &(home, home_shift)) in (0u32..).zip(&self.homes) {
+            for &shift in &shifts {
+                let at = home + shift * cell;
+                // Images are stored in a margin around the cell. Looking up a place then needs no
+                // wrapping at the borders, and a cell smaller than the reach is no special case.
                 if at.cmpge(self.low).all() && at.cmple(cell + self.reach).all() {
-                    placed.push((self.square(at), place, shift + turn));
+                    placed.push((self.square(at), place, home_shift + shift));
                 }
             }
         }
         placed
     }
 
-    /// Fills the grid by counting.
+    /// Fills the grid by a counting sort, which keeps the order of places within a square.
     fn sort(&mut self, placed: Vec<(usize, u32, DVec2)>) {
         for (square, ..) in &placed {
             self.starts[square + 1] += 1;
@@ -81,36 +92,42 @@ impl Images {
     }
 
     fn square(&self, at: DVec2) -> usize {
-        let [column, row] = ((at - self.low) / self.reach).to_array().map(whole);
+        let [column, row] = ((at - self.low) / self.reach).to_array().map(as_count);
         row.min(self.rows - 1) * self.columns + column.min(self.columns - 1)
     }
 
-    /// Calls `each` with everything that may lie within reach of a place, and by how many cells it
-    /// is moved beside that place.
-    pub(super) fn near(&self, place: usize, mut each: impl FnMut(usize, DVec2)) {
-        let (at, shift) = self.homes[place];
+    /// Calls `visit` with everything that may lie within reach of a place, and with its image shift
+    /// relative to that place, in cells.
+    pub(super) fn near(&self, place: usize, mut visit: impl FnMut(usize, DVec2)) {
+        let (at, home_shift) = self.homes[place];
         let square = self.square(at);
         let (column, row) = (square % self.columns, square / self.columns);
         for row in row.saturating_sub(1)..=(row + 1).min(self.rows - 1) {
             let (first, last) = (column.saturating_sub(1), (column + 1).min(self.columns - 1));
+            // The three squares of a row lie side by side in memory: one run of entries.
             let entries =
                 self.starts[row * self.columns + first]..self.starts[row * self.columns + last + 1];
-            for &(other, moved) in &self.entries[entries.start as usize..entries.end as usize] {
-                each(other as usize, moved - shift);
+            for &(other, shift) in &self.entries[entries.start as usize..entries.end as usize] {
+                visit(other as usize, shift - home_shift);
             }
         }
     }
 }
 
-/// A count that was worked out in floating point.
-fn whole(count: f64) -> usize {
+/// Whole image shifts from `-far` to `far`.
+fn shifts_up_to(far: f64) -> impl Iterator<Item = f64> {
+    (0..=2 * as_count(far)).map(move |step| f64::from(index32(step)) - far)
+}
+
+/// A count that was computed in floating point.
+fn as_count(count: f64) -> usize {
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "`as` saturates, and counts are not negative"
     )]
-    let whole = count as usize;
-    whole
+    let count = count as usize;
+    count
 }
 
 #[cfg(test)]
@@ -124,10 +141,10 @@ mod tests {
         let places: Vec<_> = (0..40)
             .map(|i| DVec3::new(f64::from(i) * 0.37 - 4.0, f64::from(i * i) * 0.11 - 7.0, 0.0))
             .collect();
-        let images = Images::new(&places, cell, reach);
+        let list = CellList::new(&places, cell, reach);
         for one in 0..places.len() {
             let mut met = Vec::new();
-            images.near(one, |other, turns| met.push((other, turns.as_i64vec2().to_array())));
+            list.near(one, |other, shift| met.push((other, shift.as_i64vec2().to_array())));
             for (other, place) in places.iter().enumerate() {
                 for (x, y) in (-40..40).flat_map(|x| (-40..40).map(move |y| (x, y))) {
                     let image = place.truncate() + DVec2::new(f64::from(x), f64::from(y)) * cell;

@@ -1,12 +1,17 @@
-//! How near yarns come to each other: the check that none cuts another.
+//! The clearance of yarns: the check that no yarn cuts another.
 //!
-//! In: paths of yarn and their radii ([`Paths`]), or a fabric's [`Pattern`] ([`measure`]): one
-//! repeat against everything around it. Out: a [`Clearance`], the least distance between centre
-//! lines over the sum of the two radii. Paths are sampled 12 times a span and segments compared
-//! exactly. Parts of one strand nearer than 7 radii along it are neighbours, not contacts. Source:
-//! the specification's knit page. Cost: a grid of cells finds candidates, about 1 µs a segment on
-//! one thread; some milliseconds a repeat. Not promised: of repeats over 96 courses or 64 wales
-//! only that much is looked at, and of heaps of yarns in one place only some.
+//! In: paths of yarn and their radii ([`SampledPaths`]), or a fabric's [`Pattern`] ([`measure`]),
+//! one repeat against everything around it. Out: a [`Clearance`], the least distance between centre
+//! lines over the sum of the two radii.
+//!
+//! Method: paths are sampled 12 times a span. A spatial hash (Teschner, Heidelberger, Müller,
+//! Pomerantes and Gross 2003, "Optimized spatial hashing for collision detection of deformable
+//! objects") finds pairs of segments that may be near, and their distances are exact. Parts of one
+//! strand nearer than 7 radii along it are not compared. Cost: about 1 µs a segment on one thread,
+//! some milliseconds a repeat.
+//!
+//! Not promised: repeats over 96 courses or 64 wales are measured only over that much of them. Of
+//! many yarns in one place only some are compared.
 
 use glam::{DVec2, DVec3, I64Vec2, I64Vec3};
 use rayon::prelude::*;
@@ -17,45 +22,54 @@ use crate::fabric::Fabric;
 use crate::ids::index32;
 use crate::yarn::curve;
 
-/// Samples of each span between data points.
+/// Segments of each span between data points. With fewer, the chords cut the corners of bends and
+/// the clearance comes out too small; more take time with the square of their number.
 const SAMPLES: u32 = 12;
-/// The most courses and wales that are looked at.
-const MOST_COURSES: usize = 96;
-const MOST_WALES: usize = 64;
-/// Distances over this many times touching are of no interest, and not looked for.
-const FARTHEST: f64 = 2.0;
-/// Parts of one strand that are nearer along it than so many radii don't count.
-const NEIGHBOURHOOD: f64 = 7.0;
-/// Yarns this near to touching have settled.
-const SETTLED: f64 = 0.98;
-/// Laid yarns are squeezed where they cross, and are pushed apart to a little more than this.
-const PRESSED: f64 = 0.55;
-/// One segment that meets more others than this, or looks at more, lies in a heap of yarns; the
-/// rest of the heap adds nothing.
-const HEAP: usize = 1000;
-const MOST_LOOKS: usize = 5 * HEAP;
+/// The most courses and wales that are measured.
+const MAX_COURSES: usize = 96;
+const MAX_WALES: usize = 64;
+/// Cutoff of the search, over the sum of the radii. A smaller one would report less about loose
+/// cloth; the number of candidates grows with its cube.
+const CUTOFF: f64 = 2.0;
+/// Parts of one strand that are nearer than this along it, in radii, are not compared. Smaller
+/// values count the inside of tight bends as cuts; beyond some ten, cuts between the two legs of a
+/// narrow loop are missed. It is a little over the relaxation's 6, so that what that solver leaves
+/// alone is not reported.
+const SAME_STRAND_RADII: f64 = 7.0;
+/// Relaxed yarns keep at least this clearance. Under 1, since samples of the relaxation and of this
+/// check lie at different places of the curve.
+const MIN_RELAXED: f64 = 0.98;
+/// Least clearance of laid yarns, which are squeezed flat where they cross. The relaxation pushes
+/// them apart to a little more than this (0.6 of their radii).
+const MIN_SQUEEZED: f64 = 0.55;
+/// Limits for one segment, of pairs that it forms and of candidates that it checks. Regular cloth
+/// has a few dozen. Beyond, whole yarns lie in one place; the rest of them adds nothing to the
+/// answer, and the work would grow with the square of their number.
+const MAX_PAIRS: usize = 1000;
+const MAX_CANDIDATES: usize = 5 * MAX_PAIRS;
 
-/// How close yarns come.
+/// The distances between yarns, in figures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clearance {
-    /// Least distance between centre lines over the sum of their radii (2r for equal yarns): under
-    /// 1 yarns cut each other. At most 2: farther neighbours are not looked for.
+    /// Least distance between centre lines over the sum of their radii (2r for equal yarns). Under
+    /// 1 yarns cut each other. It is 2 at most, since the search ends there.
     pub min_over_2r: f64,
     /// Pairs of path segments nearer than twice touching.
     pub pairs: usize,
-    /// Those nearer than touching.
+    /// Pairs nearer than touching.
     pub pairs_below_1: usize,
-    /// Those nearer than 0.95 of touching.
+    /// Pairs nearer than 0.95 of touching.
     pub pairs_below_95: usize,
 }
 
 impl Clearance {
-    /// Nothing near anything.
+    /// No yarn is near another.
     pub const FREE: Self =
-        Self { min_over_2r: FARTHEST, pairs: 0, pairs_below_1: 0, pairs_below_95: 0 };
+        Self { min_over_2r: CUTOFF, pairs: 0, pairs_below_1: 0, pairs_below_95: 0 };
 
+    /// Adds a pair at a distance over the sum of its radii.
     fn with(mut self, ratio: f64) -> Self {
-        if ratio < FARTHEST {
+        if ratio < CUTOFF {
             self.min_over_2r = self.min_over_2r.min(ratio);
             self.pairs += 1;
             self.pairs_below_1 += usize::from(ratio < 1.0);
@@ -64,7 +78,7 @@ impl Clearance {
         self
     }
 
-    /// Both together.
+    /// The clearance of two sets of pairs together.
     #[must_use]
     pub fn and(self, other: Self) -> Self {
         Self {
@@ -76,27 +90,28 @@ impl Clearance {
     }
 }
 
-/// A piece of a sampled path.
+/// A segment of a sampled path.
 #[derive(Clone, Copy, Debug)]
-struct Segment {
+struct PathSegment {
     from: DVec3,
     to: DVec3,
     radius: f64,
-    /// Yarn length up to its middle.
+    /// Yarn length from the start of the strand to its middle.
     along: f64,
     strand: u32,
 }
 
-impl Segment {
+impl PathSegment {
     fn middle(&self) -> DVec3 {
         self.from.midpoint(self.to)
     }
 
+    /// Half its length.
     fn half(&self) -> f64 {
         self.from.distance(self.to) / 2.0
     }
 
-    /// Least distance to another over touching.
+    /// Least distance to another, over the sum of the radii.
     fn ratio(&self, other: &Self) -> f64 {
         let (share, share_other) =
             curve::nearest_of_segments([self.from, self.to], [other.from, other.to]);
@@ -105,22 +120,22 @@ impl Segment {
     }
 }
 
-/// Paths of yarn, to be measured against each other.
+/// Paths of yarn as segments, to be measured against each other.
 #[derive(Clone, Debug, Default)]
-pub struct Paths {
-    segments: Vec<Segment>,
+pub struct SampledPaths {
+    segments: Vec<PathSegment>,
     strands: u32,
 }
 
-impl Paths {
-    /// Adds one uninterrupted strand through `points`, mm, with its radius; only where it is `near`
-    /// something of interest.
+impl SampledPaths {
+    /// Adds one uninterrupted strand through `points`, mm, with its radius. Spans with neither end
+    /// `near` the place of interest are left out.
     pub fn add(&mut self, points: &[DVec3], radius: f64, near: impl Fn(DVec3) -> bool) {
         let mut along = 0.0;
         for index in 0..points.len().saturating_sub(1) {
             if !near(points[index]) && !near(points[index + 1]) {
-                // Far away, its length is of no interest either: both of its ends are off by the
-                // same.
+                // The chord stands for the span's length, which is a little more. Lengths along the
+                // strand are compared only within a few radii, so an error far away cancels.
                 along += points[index].distance(points[index + 1]);
                 continue;
             }
@@ -129,7 +144,7 @@ impl Paths {
             for step in 1..=SAMPLES {
                 let to = span.at(f64::from(step) / f64::from(SAMPLES));
                 let length = from.distance(to);
-                self.segments.push(Segment {
+                self.segments.push(PathSegment {
                     from,
                     to,
                     radius,
@@ -143,98 +158,114 @@ impl Paths {
         self.strands += 1;
     }
 
-    /// Compares each segment with all others nearby; a pair counts once.
+    /// Compares each segment with all others nearby. A pair counts once.
     ///
-    /// `repeat` says in which repeat a place lies: only segments of repeat (0, 0) are compared with
-    /// others. A pair of two repeats is met again one repeat further, from the other's side, and so
-    /// counts from one side alone.
+    /// `repeat` gives the repeat in which a place lies. Only segments of repeat (0, 0) are compared
+    /// with others. A pair across two repeats appears again one repeat further, seen from its other
+    /// segment, so only one of the two sides counts.
     pub fn clearance(&self, repeat: impl Fn(DVec3) -> I64Vec2 + Sync) -> Clearance {
         let longest = self.segments.iter().map(|s| s.from.distance(s.to)).fold(0.0, f64::max);
         let thickest = self.segments.iter().map(|s| s.radius).fold(0.0, f64::max);
-        // Two segments that near have their middles within this.
-        let grid = Grid::new(&self.segments, 2.0 * FARTHEST * thickest + longest);
-        let of_segment = |at: usize| {
-            let s = &self.segments[at];
-            let mut clearance = Clearance::FREE;
-            if repeat(s.middle()) == I64Vec2::ZERO {
-                let reach = FARTHEST * s.radius + s.half();
-                for other in grid.around(s.middle()).take(MOST_LOOKS) {
-                    let t = &self.segments[other.at as usize];
-                    // Most are farther than their spheres reach, which is a tenth of the work to
-                    // see. A pair within is met from both sides.
-                    let far =
-                        other.middle.distance_squared(s.middle()) > (reach + other.reach).powi(2);
-                    let neighbours = s.strand == t.strand
-                        && (s.along - t.along).abs() <= NEIGHBOURHOOD * s.radius;
-                    let there = repeat(other.middle);
-                    let is_met_elsewhere = if there == I64Vec2::ZERO {
-                        (other.at as usize) < at
-                    } else {
-                        (there.y, there.x) < (0, 0)
-                    };
-                    if far || neighbours || is_met_elsewhere {
-                        continue;
-                    }
-                    clearance = clearance.with(s.ratio(t));
-                    if clearance.pairs > HEAP {
-                        break;
-                    }
-                }
-            }
-            clearance
-        };
+        // Two segments within the cutoff have their middles within this distance, so the cells
+        // around a segment hold all its partners.
+        let hash = SpatialHash::new(&self.segments, 2.0 * CUTOFF * thickest + longest);
         (0..self.segments.len())
             .into_par_iter()
             .with_min_len(1024)
-            .map(of_segment)
+            .map(|at| self.clearance_of(at, &hash, &repeat))
             .reduce(|| Clearance::FREE, Clearance::and)
+    }
+
+    /// Compares one segment with all others nearby, if it lies in repeat (0, 0).
+    fn clearance_of(
+        &self,
+        at: usize,
+        hash: &SpatialHash,
+        repeat: impl Fn(DVec3) -> I64Vec2,
+    ) -> Clearance {
+        let s = &self.segments[at];
+        let mut clearance = Clearance::FREE;
+        if repeat(s.middle()) != I64Vec2::ZERO {
+            return clearance;
+        }
+        let reach = CUTOFF * s.radius + s.half();
+        for other in hash.around(s.middle()).take(MAX_CANDIDATES) {
+            let t = &self.segments[other.at as usize];
+            // Bounding spheres reject most candidates for a tenth of the work of a distance.
+            let far = other.middle.distance_squared(s.middle()) > (reach + other.reach).powi(2);
+            let same_strand =
+                s.strand == t.strand && (s.along - t.along).abs() <= SAME_STRAND_RADII * s.radius;
+            // Each pair comes from both of its sides. Within the repeat the lower index counts it;
+            // across a border, the side that finds its partner above or to the right.
+            let there = repeat(other.middle);
+            let counts_elsewhere = if there == I64Vec2::ZERO {
+                (other.at as usize) < at
+            } else {
+                (there.y, there.x) < (0, 0)
+            };
+            if far || same_strand || counts_elsewhere {
+                continue;
+            }
+            clearance = clearance.with(s.ratio(t));
+            if clearance.pairs > MAX_PAIRS {
+                break;
+            }
+        }
+        clearance
     }
 }
 
-/// A segment in the grid: what is needed to see that it is too far away.
+/// A segment in the hash, with its bounding sphere.
 #[derive(Clone, Copy, Default)]
-struct Entry {
+struct HashEntry {
     at: u32,
     cell: I64Vec3,
     middle: DVec3,
+    /// Radius of the bounding sphere, grown by the segment's share of the cutoff.
     reach: f64,
 }
 
-/// Segments by the cell of space in which their middles lie: buckets of a hash, each in the
-/// segments' order.
-struct Grid {
+/// A spatial hash: segments sorted by the cell of space in which their middles lie. Each bucket
+/// keeps the segments' order, so sums do not depend on threads.
+struct SpatialHash {
+    /// Side of a cell, mm.
     size: f64,
+    /// First entry of each bucket, and the end of the last.
     starts: Vec<u32>,
-    entries: Vec<Entry>,
+    entries: Vec<HashEntry>,
 }
 
-impl Grid {
-    fn new(segments: &[Segment], size: f64) -> Self {
+impl SpatialHash {
+    fn new(segments: &[PathSegment], size: f64) -> Self {
+        // About one segment a bucket. Fewer buckets mix more cells in one; more cost memory and
+        // cache.
         let starts = vec![0; segments.len().next_power_of_two() + 1];
-        let mut grid = Self { size, starts, entries: vec![Entry::default(); segments.len()] };
-        let cells: Vec<_> = segments.iter().map(|s| grid.cell(s.middle())).collect();
+        let mut hash = Self { size, starts, entries: vec![HashEntry::default(); segments.len()] };
+        let cells: Vec<_> = segments.iter().map(|s| hash.cell(s.middle())).collect();
+        // A counting sort: sizes of buckets, their starts by a running sum, then the entries.
         for &cell in &cells {
-            let bucket = grid.bucket(cell);
-            grid.starts[bucket + 1] += 1;
+            let bucket = hash.bucket(cell);
+            hash.starts[bucket + 1] += 1;
         }
-        for bucket in 1..grid.starts.len() {
-            grid.starts[bucket] += grid.starts[bucket - 1];
+        for bucket in 1..hash.starts.len() {
+            hash.starts[bucket] += hash.starts[bucket - 1];
         }
-        let mut next = grid.starts.clone();
+        let mut next = hash.starts.clone();
         for (at, (segment, cell)) in (0u32..).zip(segments.iter().zip(cells)) {
-            let slot = &mut next[grid.bucket(cell)];
-            let reach = FARTHEST * segment.radius + segment.half();
-            grid.entries[*slot as usize] = Entry { at, cell, middle: segment.middle(), reach };
+            let slot = &mut next[hash.bucket(cell)];
+            let reach = CUTOFF * segment.radius + segment.half();
+            hash.entries[*slot as usize] = HashEntry { at, cell, middle: segment.middle(), reach };
             *slot += 1;
         }
-        grid
+        hash
     }
 
     fn cell(&self, at: DVec3) -> I64Vec3 {
         (at / self.size).floor().as_i64vec3()
     }
 
-    /// Odd multipliers spread neighbouring cells (Teschner et al. 2003).
+    /// The bucket of a cell. Large primes spread neighbouring cells over the buckets (Teschner et
+    /// al. 2003, section 3.1).
     fn bucket(&self, cell: I64Vec3) -> usize {
         let hash = cell.x.wrapping_mul(73_856_093)
             ^ cell.y.wrapping_mul(19_349_663)
@@ -244,14 +275,15 @@ impl Grid {
     }
 
     /// All segments whose middles may lie within a cell's size of `at`.
-    fn around(&self, at: DVec3) -> impl Iterator<Item = &Entry> {
+    fn around(&self, at: DVec3) -> impl Iterator<Item = &HashEntry> {
         let home = self.cell(at);
         let cells = (0..27).map(move |n| home + I64Vec3::new(n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1));
         cells.flat_map(move |cell| {
             let bucket = self.bucket(cell);
             let entries =
                 &self.entries[self.starts[bucket] as usize..self.starts[bucket + 1] as usize];
-            // Other cells may share the bucket.
+            // Other cells may have the same hash; without this check their segments would come
+            // twice or more.
             entries.iter().filter(move |entry| entry.cell == cell)
         })
     }
@@ -262,24 +294,25 @@ impl Grid {
 /// ```
 /// use warpknit_core::{fabric::Fabric, knit::{Pattern, clearance}};
 /// let tricot = Fabric::named("tricot").unwrap();
-/// assert!(clearance::measure(&tricot, &Pattern::new(&tricot), tricot.radius()).min_over_2r > 0.98);
+/// let found = clearance::measure(&tricot, &Pattern::new(&tricot), tricot.radius());
+/// assert!(found.min_over_2r > 0.98);
 /// ```
 #[must_use]
 pub fn measure(fabric: &Fabric, pattern: &Pattern, radius: f64) -> Clearance {
     let mesh = StructureMesh::anchored_at(fabric, DVec2::ZERO);
     let (wales, courses) =
-        (fabric.threading_repeat().min(MOST_WALES), fabric.repeat().min(MOST_COURSES));
+        (fabric.threading_repeat().min(MAX_WALES), fabric.repeat().min(MAX_COURSES));
     let spacing = DVec2::new(fabric.wale_spacing(), fabric.course_spacing());
     let cell = spacing * DVec2::new(f64::from(index32(wales)), f64::from(index32(courses)));
-    // Yarns thicker than two wales cut everything around them; there is no need to look further for
-    // the least distance.
+    // Yarns thicker than two wales cut everything around them. The least distance is then found
+    // within two wales, and a wider margin would only take time.
     let margin = (8.0 * radius).min(2.0 * spacing.x);
     // No span between data points is much longer than a wale or a course.
-    let reach = 1.5 * spacing.max_element() + 2.0 * FARTHEST * radius;
+    let reach = 1.5 * spacing.max_element() + 2.0 * CUTOFF * radius;
     let near = |p: DVec3| {
         (p.truncate() + reach).cmpge(DVec2::ZERO).all() && (p.truncate() - reach).cmple(cell).all()
     };
-    let mut paths = Paths::default();
+    let mut paths = SampledPaths::default();
     let mut knitted = Knitted::default();
     for (bar, thickness) in fabric.thickness().into_iter().enumerate() {
         let (beside, along, step) = if pattern.runs_across(bar) {
@@ -287,7 +320,8 @@ pub fn measure(fabric: &Fabric, pattern: &Pattern, radius: f64) -> Clearance {
         } else {
             (cell.x, cell.y, spacing.y)
         };
-        // Four steps more at both ends: their heads and feet reach into the repeat.
+        // Four steps more at both ends: their heads and feet reach into the repeat, and beyond them
+        // yarns have to continue as in endless cloth.
         let ends = 4.0 * step;
         for number in pattern.yarns_over(bar, -margin..beside + margin) {
             knitted.clear();
@@ -304,9 +338,11 @@ pub fn measure(fabric: &Fabric, pattern: &Pattern, radius: f64) -> Clearance {
     paths.clearance(|p| (p.truncate() / cell).floor().as_i64vec2())
 }
 
-/// What a designer should know of how a fabric's yarns fit, a line each; nothing where all is well.
+/// Warns the designer of yarns that do not fit into the fabric, a line each. There is none where
+/// all is well.
 ///
-/// `radius` is that of the thickest yarn as drawn, `clearance` what [`measure`] found with it.
+/// `radius` is the radius of the thickest yarn as drawn, `clearance` the answer of [`measure`] for
+/// it.
 #[must_use]
 pub fn warnings(
     fabric: &Fabric,
@@ -319,30 +355,34 @@ pub fn warnings(
     let (wales, courses) = (fabric.wales_per_cm, fabric.courses_per_cm);
     if fabric.radius() < true_radius {
         warnings.push(format!(
-            "the thickest yarn, {:.3} mm by its count, is too thick for {wales} wales and {courses} courses per cm: loops hold {:.3} mm \
-             at most, and so it is drawn; take a finer yarn or lower densities",
+            "the thickest yarn, {:.3} mm by its count, is too thick for {wales} wales and \
+             {courses} courses per cm: loops hold {:.3} mm at most, and so it is drawn; take a \
+             finer yarn or lower densities",
             2.0 * true_radius,
             2.0 * fabric.radius()
         ));
     }
-    if pattern.settled().is_none() {
+    if pattern.relaxation().is_none() {
         warnings.push(
-            "the repeat is too large to be relaxed: yarns lie as laid out, which takes some more of them and may let them cut each other"
+            "the repeat is too large to be relaxed: yarns lie as laid out, which takes some more \
+             of them and may let them cut each other"
                 .to_owned(),
         );
     }
     if fabric.is_laid() {
-        if clearance.min_over_2r < PRESSED {
+        if clearance.min_over_2r < MIN_SQUEEZED {
             warnings.push(format!(
-                "laid yarns cut each other: the nearest lie at {:.2} of their thickness, and {PRESSED} is what yarns stand that are squeezed flat \
-                 where they cross; move their paths, or take finer yarns",
+                "laid yarns cut each other: the nearest lie at {:.2} of their thickness, and \
+                 {MIN_SQUEEZED} is what yarns stand that are squeezed flat where they cross; move \
+                 their paths, or take finer yarns",
                 clearance.min_over_2r
             ));
         }
-    } else if clearance.min_over_2r < SETTLED {
+    } else if clearance.min_over_2r < MIN_RELAXED {
         warnings.push(format!(
-            "yarns drawn {:.3} mm thick cut each other: {} pairs of path segments in a repeat are nearer than their thickness, the \
-             nearest at {:.2} of it; thinner yarns, lower densities or another lapping give them room",
+            "yarns drawn {:.3} mm thick cut each other: {} pairs of path segments in a repeat are \
+             nearer than their thickness, the nearest at {:.2} of it; thinner yarns, lower \
+             densities or another lapping give them room",
             2.0 * radius,
             clearance.pairs_below_1,
             clearance.min_over_2r
@@ -357,7 +397,7 @@ mod tests {
 
     #[test]
     fn distances_in_closed_form() {
-        let segment = |from: (f64, f64, f64), to: (f64, f64, f64)| Segment {
+        let segment = |from: (f64, f64, f64), to: (f64, f64, f64)| PathSegment {
             from: from.into(),
             to: to.into(),
             strand: 0,
@@ -390,10 +430,9 @@ mod tests {
     }
 
     #[test]
-    fn least_distances_of_the_specification() {
-        // Before any relaxation. The prototype behind the specification's table, at C/W = .70 with
-        // r/W = .042 and .60 with .036. (The table itself has the least of all two-bar fabrics:
-        // 1.05 and 1.00.)
+    fn least_distances_as_laid_out() {
+        // Before any relaxation, at C/W = 0.70 with r/W = 0.042 and at 0.60 with 0.036. The figures
+        // come from an independent prototype.
         for name in ["tricot", "locknit"] {
             for (course, radius, expected) in [(0.70, 0.042, 1.054), (0.60, 0.036, 1.027)] {
                 let mut fabric =

@@ -1,12 +1,15 @@
-//! What cloth hides and how thick it is: the yarns of a repeat as bodies.
+//! Cover factor and thickness of cloth: its yarns rasterised as solid bodies.
 //!
 //! In: a fabric and its [`Pattern`]. Out: a [`Body`]: the share of the flat area that yarns hide,
-//! seen from the front, and the distance from the lowest to the highest yarn surface. Paths are
-//! sampled 12 times a span and drawn as capsules onto a grid of points, one repeat of it with
-//! everything that reaches in from around. Cost: some 20 ms for a common repeat, a megabyte a dozen
-//! stitches. The grid has [`FINENESS`] points along the shorter side of a stitch, which keeps the
-//! share within .005; repeats of over [`MOST_POINTS`] points get a coarser grid, where straight
-//! yarns may add another .005. Of repeats over 24 courses or 16 wales only that much is looked at.
+//! seen from the front, and the distance from the lowest to the highest yarn surface.
+//!
+//! Method: paths are sampled 12 times a span, and the capsules around their segments are rasterised
+//! by point sampling, over one repeat with all yarns that reach into it. Cost: some 20 ms for a
+//! common repeat, and a megabyte for a dozen stitches. With [`SAMPLES_PER_STITCH`] the share is
+//! within 0.005. Repeats of over [`MAX_POINTS`] points get a coarser raster, where straight yarns
+//! may add another 0.005.
+//!
+//! Not promised: repeats over 24 courses or 16 wales are measured only over that much of them.
 
 use glam::{DVec2, DVec3, Vec3Swizzles};
 
@@ -16,14 +19,16 @@ use crate::fabric::Fabric;
 use crate::ids::index32;
 use crate::yarn::curve;
 
-/// Grid points along the shorter of W and C.
-const FINENESS: f64 = 256.0;
-/// The most points of a grid: 4 MB.
-const MOST_POINTS: f64 = 4e6;
-/// The most courses and wales that are looked at.
-const MOST_COURSES: usize = 24;
-const MOST_WALES: usize = 16;
-/// Samples of each span between data points.
+/// Raster points along the shorter of W and C. Half as many double the error of a straight yarn's
+/// width; twice as many take four times the time.
+const SAMPLES_PER_STITCH: f64 = 256.0;
+/// The most points of a raster: 4 MB.
+const MAX_POINTS: f64 = 4e6;
+/// The most courses and wales that are measured.
+const MAX_COURSES: usize = 24;
+const MAX_WALES: usize = 16;
+/// Segments of each span between data points. Fewer shorten bends visibly; more change the share by
+/// less than the raster does.
 const SAMPLES: u32 = 12;
 
 /// Cloth as a body.
@@ -37,23 +42,20 @@ pub(super) struct Body {
 
 /// Measures the fabric's yarns at the radius for which they are laid out.
 pub(super) fn measure(fabric: &Fabric, pattern: &Pattern) -> Body {
-    measure_at(fabric, pattern, FINENESS)
+    measure_at(fabric, pattern, SAMPLES_PER_STITCH)
 }
 
-fn measure_at(fabric: &Fabric, pattern: &Pattern, fineness: f64) -> Body {
+fn measure_at(fabric: &Fabric, pattern: &Pattern, samples_per_stitch: f64) -> Body {
     let spacing = DVec2::new(fabric.wale_spacing(), fabric.course_spacing());
     let (wales, courses) =
-        (fabric.threading_repeat().min(MOST_WALES), fabric.repeat().min(MOST_COURSES));
+        (fabric.threading_repeat().min(MAX_WALES), fabric.repeat().min(MAX_COURSES));
     let cell = spacing * DVec2::new(f64::from(index32(wales)), f64::from(index32(courses)));
-    let mut grid = Grid::new(
-        cell,
-        (spacing.min_element() / fineness).max((cell.x * cell.y / MOST_POINTS).sqrt()),
-    );
+    let pitch =
+        (spacing.min_element() / samples_per_stitch).max((cell.x * cell.y / MAX_POINTS).sqrt());
+    let mut raster = CoverRaster::new(cell, pitch);
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
     // No span between data points is much longer than a wale or a course.
     let reach = 1.5 * spacing.max_element() + fabric.radius();
-    let is_far =
-        |at: DVec2| (at + reach).cmplt(DVec2::ZERO).any() || (at - reach).cmpgt(cell).any();
     let mesh = StructureMesh::anchored_at(fabric, DVec2::ZERO);
     let mut knitted = Knitted::default();
     for (bar, thickness) in fabric.thickness().into_iter().enumerate() {
@@ -63,8 +65,8 @@ fn measure_at(fabric: &Fabric, pattern: &Pattern, fineness: f64) -> Body {
         } else {
             (cell.x, cell.y, spacing.y)
         };
-        // Two steps more at both ends: their heads and feet reach into the repeat, and a path's
-        // ends are bent otherwise than its inside.
+        // Two steps more at both ends: their heads and feet reach into the repeat. The curve's end
+        // spans also differ in shape from inner spans, and must lie outside of it.
         let ends = 2.0 * step;
         for number in pattern.yarns_over(bar, -radius..beside + radius) {
             knitted.clear();
@@ -76,14 +78,18 @@ fn measure_at(fabric: &Fabric, pattern: &Pattern, fineness: f64) -> Body {
                 &mut knitted,
             );
             for index in 0..knitted.points.len().saturating_sub(1) {
-                if knitted.points[index..index + 2].iter().all(|point| is_far(point.xy())) {
+                let is_far = knitted.points[index..index + 2].iter().all(|point| {
+                    let at = point.xy();
+                    (at + reach).cmplt(DVec2::ZERO).any() || (at - reach).cmpgt(cell).any()
+                });
+                if is_far {
                     continue;
                 }
                 let span = curve::span(&knitted.points, index);
                 let mut from = knitted.points[index];
                 for step in 1..=SAMPLES {
                     let to = span.at(f64::from(step) / f64::from(SAMPLES));
-                    if grid.add(from, to, radius) {
+                    if raster.add_capsule(from, to, radius) {
                         (low, high) = (
                             low.min(from.z.min(to.z) - radius),
                             high.max(from.z.max(to.z) + radius),
@@ -94,44 +100,50 @@ fn measure_at(fabric: &Fabric, pattern: &Pattern, fineness: f64) -> Body {
             }
         }
     }
-    Body { cover: grid.share(), thickness: (high - low).max(0.0) }
+    Body { cover: raster.hidden_share(), thickness: (high - low).max(0.0) }
 }
 
-/// Points of a repeat, each at the middle of its square.
-struct Grid {
+/// Sample points of a repeat, each at the middle of its square.
+struct CoverRaster {
+    /// Columns and rows.
     size: [usize; 2],
+    /// Sides of a square, mm.
     pitch: DVec2,
+    /// Whether a yarn hides the point, row after row.
     hidden: Vec<bool>,
 }
 
-impl Grid {
+impl CoverRaster {
     fn new(cell: DVec2, pitch: f64) -> Self {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
-            reason = "MOST_POINTS bounds it"
+            reason = "MAX_POINTS bounds it"
         )]
         let size = (cell / pitch).ceil().to_array().map(|count| count as usize);
         let pitch = cell / DVec2::new(f64::from(index32(size[0])), f64::from(index32(size[1])));
         Self { size, pitch, hidden: vec![false; size[0] * size[1]] }
     }
 
-    /// Hides the points behind a capsule; whether its box meets the grid.
-    fn add(&mut self, from: DVec3, to: DVec3, radius: f64) -> bool {
+    /// Marks the points behind a capsule as hidden. Returns whether its bounding box meets the
+    /// raster.
+    fn add_capsule(&mut self, from: DVec3, to: DVec3, radius: f64) -> bool {
         let (p, q) = (from.xy(), to.xy());
         let (low, high) = ((p.min(q) - radius) / self.pitch, (p.max(q) + radius) / self.pitch);
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
-            reason = "`as` saturates at 0, which is what is meant"
+            reason = "`as` saturates at 0, which clips at the raster's edge"
         )]
-        let range = |axis: usize| {
+        let [columns, rows] = [0, 1].map(|axis| {
             low[axis].floor() as usize..(high[axis].ceil().max(0.0) as usize).min(self.size[axis])
-        };
-        let (columns, rows) = (range(0), range(1));
+        });
         if columns.is_empty() || rows.is_empty() {
             return false;
         }
+        // A point is hidden if it lies within the radius of the segment's projection: its distance
+        // to the nearest place on the segment. The ends are round, which closes the joints between
+        // segments.
         let along = q - p;
         let scale = if along == DVec2::ZERO { 0.0 } else { along.length_squared().recip() };
         for row in rows {
@@ -148,7 +160,7 @@ impl Grid {
         true
     }
 
-    fn share(&self) -> f64 {
+    fn hidden_share(&self) -> f64 {
         f64::from(index32(self.hidden.iter().filter(|hidden| **hidden).count()))
             / f64::from(index32(self.hidden.len()))
     }
@@ -189,8 +201,10 @@ mod tests {
         for name in ["locknit", "marquisette", "hex-net-3"] {
             let fabric = Fabric::named(name).unwrap();
             let pattern = Pattern::new(&fabric);
-            let (coarse, fine) =
-                (measure(&fabric, &pattern), measure_at(&fabric, &pattern, 2.0 * FINENESS));
+            let (coarse, fine) = (
+                measure(&fabric, &pattern),
+                measure_at(&fabric, &pattern, 2.0 * SAMPLES_PER_STITCH),
+            );
             assert!((coarse.cover - fine.cover).abs() < 0.005, "{name}: {coarse:?} {fine:?}");
             assert!(
                 (coarse.thickness - fine.thickness).abs() < 0.01 * fine.thickness,

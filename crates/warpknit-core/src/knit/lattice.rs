@@ -1,13 +1,21 @@
-//! The loop relaxation: where each wale runs once the underlaps have pulled at it.
+//! The lattice balance: a mass-spring model that bends the wales under the pull of the underlaps.
 //!
-//! In: a [`Fabric`]. Out: a [`Lattice`], the control points of one repeat in balance, and places
-//! relative to the bent wales. Nodes are masses; the yarn along the wale is a spring, every
-//! underlap that changes the wale a spring under tension only, neighbouring wales bear against each
-//! other. Source: the mass-spring model of Liu, Kyosev, Jiang 2022 (section 2.2) with the constants
-//! of the specification's knit page; the paper prints none. Beyond the page, each thread on a
-//! needle stiffens its wale, underlaps pull only so hard, and inlays turn near their wale: without,
-//! wales of two-bar cloth zigzag until loops slip off each other. The cell is periodic, so the cost
-//! depends on the repeat alone: nodes times steps (up to [`MOST_STEPS`]), about 30 ns each.
+//! In: a [`Fabric`]. Out: a [`WaleLattice`], the control points of one repeat in balance, which
+//! places points relative to the bent wales.
+//!
+//! Method: control points are point masses. The yarn along the wale is a spring with bending
+//! stiffness. Every underlap that changes the wale is a spring under tension only. Neighbouring
+//! wales push each other apart below a least gap. Damped time steps (symplectic Euler) lead to the
+//! equilibrium. The repeat is periodic in both directions, so the cost depends on the repeat alone:
+//! nodes times steps (up to [`MAX_STEPS`]), about 30 ns each.
+//!
+//! Source: the mass-spring model of Liu, Kyosev and Jiang 2022, "Yarn-level modelling and geometric
+//! simulation of warp-knitted clothing elements", section 2.2. The paper prints no constants; these
+//! are this project's, and `docs/method.md` lists them. Three things go beyond the paper: each
+//! thread on a needle stiffens its wale, the force of an underlap is limited, and inlays turn near
+//! their wale. Without them the wales of two-bar cloth zigzag until loops slip off each other.
+//!
+//! Not promised: convergence within [`MAX_STEPS`]. Common fabrics take some hundred steps.
 
 use glam::{DVec2, DVec3};
 
@@ -15,39 +23,63 @@ use super::stitch::Layer;
 use crate::fabric::Fabric;
 use crate::ids::index32;
 
-// Constants of the specification, lengths in wale spacings.
+// The model has no units: lengths are in wale spacings, and the stiffness of a wale of one thread
+// is the unit of stiffness.
+
+/// Stiffness of the yarn along the wale, a thread.
 const WALE_STIFFNESS: f64 = 1.0;
+/// Stiffness of an underlap. Its ratio to the wale's decides how far nets open: at 0 they stay
+/// square, and near 1 underlaps shorten the courses too.
 const UNDERLAP_STIFFNESS: f64 = 0.35;
-/// An underlap's rest length over the distance that it spans.
+/// An underlap's rest length over the distance that it spans. At 1 nothing pulls; much lower values
+/// press all wales of a net to their least gap.
 const UNDERLAP_REST: f64 = 0.55;
-/// No underlap is stretched by more than this, little more than one to the next wale is. The
-/// specification has no such limit; but longer underlaps are fed more yarn, and pulled in
-/// proportion they would tilt wales until loops slip off each other.
-const MOST_STRETCH: f64 = 0.6;
-const BENDING: f64 = 0.08;
+/// Limit of an underlap's elongation, little more than the elongation of one that goes to the next
+/// wale. Machines feed longer underlaps more yarn. If they pulled in proportion to their length,
+/// they would tilt wales until loops slip off each other; a limit of 2.3 was too high for random
+/// fabrics of two bars. At 0 nothing pulls.
+const MAX_ELONGATION: f64 = 0.6;
+/// Bending stiffness of a wale, a thread. Without it single nodes leave their wale; much higher
+/// values keep nets from opening.
+const BENDING_STIFFNESS: f64 = 0.08;
+/// Stiffness of the contact between neighbouring wales. It must be far over the underlaps', or
+/// wales close beyond their least gap; the time step bounds it from above.
 const CONTACT_STIFFNESS: f64 = 6.0;
-/// Neighbouring wales bear on each other below this gap.
-const NEAREST_WALES: f64 = 0.60;
-const ANCHOR: f64 = 0.01;
+/// Neighbouring wales touch below this gap. Wales of half-set nets close to about 0.57. At lower
+/// values their loops cut each other; near 1 nets cannot open.
+const MIN_WALE_GAP: f64 = 0.60;
+/// Stiffness of a spring from each node to its straight place. It fixes the lattice where underlaps
+/// pull equally in both directions. At 0 such a lattice may drift; at more it holds nets back.
+const ANCHOR_STIFFNESS: f64 = 0.01;
+/// Factor of the velocities in each step. At 1 the lattice oscillates for ever; near 0 it creeps.
 const DAMPING: f64 = 0.85;
+/// Length of a time step. Explicit steps are stable up to about 2 / sqrt(stiffness / mass) of the
+/// stiffest motion: contact acts on a node from both sides, 2 / sqrt(4 * 6) = 0.4. Shorter steps
+/// only take longer.
 const TIME_STEP: f64 = 0.15;
-const BALANCED: f64 = 1e-4;
-/// The most time steps that are taken.
-pub(super) const MOST_STEPS: usize = 5000;
+/// Convergence tolerance of forces, and of a step's motion in wale spacings.
+const TOLERANCE: f64 = 1e-4;
+/// Limit of time steps, a bound for lattices that converge slowly.
+pub(super) const MAX_STEPS: usize = 5000;
 
-// Narrow gaps press loops together, down to a share of their width: they need so many radii of air,
-// and so many times the width of their upper legs.
-const AIR: f64 = 2.6;
+// Narrow gaps press loops together. A loop keeps its width as long as the gap has room for it.
+
+/// Room between the loops of two wales, radii: two yarns, and some air.
+const LOOP_CLEARANCE: f64 = 2.6;
+/// Width of a loop over the half width of its upper legs. It is 2 at the upper legs; the curve
+/// bulges a little beyond its data points.
 const LOOP_WIDTH: f64 = 2.25;
-const NARROWEST: f64 = 0.5;
+/// Loops get no narrower than this share of their width. Lower values close loops over the legs
+/// that pass through them; at 1 the loops of nets cut each other.
+const MIN_NARROWING: f64 = 0.5;
 
-/// An inlay turns at least so far from the wale that it holds on to, over W: a little outside its
-/// loops.
-const TURNS_BESIDE: f64 = 0.4;
+/// Least distance of an inlay's end from the axis of the wale around which it turns, over W: a
+/// little outside the wale's loops, whose half width is about 0.33. Nearer ends lie inside loops.
+const MIN_INLAY_DISTANCE: f64 = 0.4;
 
 /// The control points of a repeat, mm; gap 0 of guide 0 lies at x = 0, course 0 at y = 0.
 #[derive(Clone, Debug)]
-pub(super) struct Lattice {
+pub(super) struct WaleLattice {
     wales: usize,
     courses: usize,
     /// Wale after wale.
@@ -56,40 +88,38 @@ pub(super) struct Lattice {
     course_spacing: f64,
 }
 
-/// What the nodes exert on each other, lengths in wale spacings.
-struct Model {
-    /// Threads that form the loops of each node: each adds its stiffness to the wale.
+/// The masses and springs of the lattice, lengths in wale spacings.
+struct MassSpringModel {
+    /// Number of threads that form the loops of each node. Each adds its stiffness to the wale.
     threads: Vec<f64>,
-    /// What each node weighs: its threads, or as much as its underlaps need so that a time step
-    /// holds them.
+    /// Mass of each node: its number of threads, or the stiffness of its underlaps if that is more.
     masses: Vec<f64>,
-    springs: Vec<Spring>,
+    springs: Vec<UnderlapSpring>,
+    /// The straight lattice.
     rest: Vec<DVec2>,
     /// C/W.
     course: f64,
+    /// From a node to its image one repeat to the right and one up.
     period: DVec2,
 }
 
-/// A spring between two nodes.
-struct Spring {
+/// A spring between two nodes, each given by its wale and course.
+struct UnderlapSpring {
     from: (i64, i64),
     to: (i64, i64),
     rest: f64,
 }
 
-impl Lattice {
+impl WaleLattice {
     /// Straight wales.
     pub(super) fn straight(fabric: &Fabric, wales: usize, courses: usize) -> Self {
         let (wale_spacing, course_spacing) = (fabric.wale_spacing(), fabric.course_spacing());
-        let node = |wale: usize, course: usize| {
-            DVec2::new(
-                (f64::from(index32(wale)) + 0.5) * wale_spacing,
-                f64::from(index32(course)) * course_spacing,
-            )
-        };
-        let nodes = (0..wales)
-            .flat_map(|wale| (0..courses).map(move |course| node(wale, course)))
-            .collect();
+        let mut nodes = Vec::with_capacity(wales * courses);
+        for wale in 0..wales {
+            let x = (f64::from(index32(wale)) + 0.5) * wale_spacing;
+            let course = |course| DVec2::new(x, f64::from(index32(course)) * course_spacing);
+            nodes.extend((0..courses).map(course));
+        }
         Self { wales, courses, nodes, wale_spacing, course_spacing }
     }
 
@@ -103,15 +133,18 @@ impl Lattice {
         lattice
     }
 
-    /// What acts on the straight lattice.
-    fn model(&self, fabric: &Fabric) -> Model {
+    /// The springs and masses of a fabric, at rest on the straight lattice.
+    fn model(&self, fabric: &Fabric) -> MassSpringModel {
         let course = self.course_spacing / self.wale_spacing;
         let (threads, springs) = (self.threads(fabric), self.springs(fabric));
         let mut pulls = vec![0.0; threads.len()];
         for (wale, course) in springs.iter().flat_map(|spring| [spring.from, spring.to]) {
             pulls[self.index(wale, course)] += UNDERLAP_STIFFNESS;
         }
-        Model {
+        MassSpringModel {
+            // The frequency of a node is sqrt(stiffness / mass). A node on which many underlaps end
+            // is heavier in proportion, so that the time step stays stable for any lapping. The
+            // equilibrium does not depend on masses.
             masses: threads.iter().zip(pulls).map(|(threads, pulls)| pulls.max(*threads)).collect(),
             threads,
             springs,
@@ -124,27 +157,25 @@ impl Lattice {
         }
     }
 
-    /// How many threads loop on each node, at least one.
+    /// Number of threads that loop on each node, at least one.
     fn threads(&self, fabric: &Fabric) -> Vec<f64> {
-        let places = (0..as_i64(self.wales))
-            .flat_map(|wale| (0..as_i64(self.courses)).map(move |course| (wale, course)));
-        let threads = |(wale, course)| {
-            fabric.bars.iter().filter(|bar| bar.loops_on(wale, course)).count().max(1)
-        };
-        places.map(|place| f64::from(index32(threads(place)))).collect()
+        self.places()
+            .map(|(wale, course)| {
+                let threads = fabric.bars.iter().filter(|bar| bar.loops_on(wale, course)).count();
+                f64::from(index32(threads.max(1)))
+            })
+            .collect()
+    }
+
+    /// Wale and course of every node, in order.
+    fn places(&self) -> impl Iterator<Item = (i64, i64)> {
+        let (wales, courses) = (as_i64(self.wales), as_i64(self.courses));
+        (0..wales).flat_map(move |wale| (0..courses).map(move |course| (wale, course)))
     }
 
     /// The underlaps of a repeat that change the wale.
-    fn springs(&self, fabric: &Fabric) -> Vec<Spring> {
+    fn springs(&self, fabric: &Fabric) -> Vec<UnderlapSpring> {
         let mut springs = Vec::new();
-        let aspect = self.course_spacing / self.wale_spacing;
-        let mut tie = |from: (i64, i64), to: (i64, i64)| {
-            #[expect(clippy::cast_precision_loss, reason = "wales and courses of one underlap")]
-            let span = DVec2::new((to.0 - from.0) as f64, (to.1 - from.1) as f64 * aspect);
-            if from.0 != to.0 {
-                springs.push(Spring { from, to, rest: UNDERLAP_REST * span.length() });
-            }
-        };
         for bar in &fabric.bars {
             let guides = (0..as_i64(self.wales)).filter(|&guide| bar.threading.carries(guide));
             for (guide, course) in guides
@@ -152,84 +183,112 @@ impl Lattice {
             {
                 let (lap, next) = (bar.chain.lap(course), bar.chain.lap(course + 1));
                 if lap.overlap() == 0 {
-                    // An inlay holds the first and the last wale that it passes.
+                    // An inlay pulls at the first and the last wale around which it turns. It
+                    // passes those between without a hold on them.
                     let (low, high) = (lap.from.min(next.from), lap.from.max(next.from));
                     if high - low >= 2 {
-                        tie(
+                        springs.extend(self.spring(
                             (guide + i64::from(low), course),
                             (guide + i64::from(high) - 1, course),
-                        );
+                        ));
                     }
                     continue;
                 }
                 let needles: Vec<_> =
                     lap.needles().map(|needle| guide + i64::from(needle)).collect();
-                needles.windows(2).for_each(|pair| tie((pair[0], course), (pair[1], course)));
+                // An overlap over two needles ties their wales in its own course.
+                springs.extend(
+                    needles
+                        .windows(2)
+                        .filter_map(|pair| self.spring((pair[0], course), (pair[1], course))),
+                );
                 if let (Some(&last), Some(first)) = (needles.last(), next.needles().next()) {
-                    tie((last, course), (guide + i64::from(first), course + 1));
+                    springs.extend(
+                        self.spring((last, course), (guide + i64::from(first), course + 1)),
+                    );
                 }
             }
         }
         springs
     }
 
-    /// Steps through time, damped, until nothing moves.
-    fn balance(&mut self, model: &Model) {
+    /// The spring of a yarn from one node to another; none within a wale, whose own spring acts
+    /// there.
+    fn spring(&self, from: (i64, i64), to: (i64, i64)) -> Option<UnderlapSpring> {
+        let aspect = self.course_spacing / self.wale_spacing;
+        #[expect(clippy::cast_precision_loss, reason = "wales and courses of one underlap")]
+        let span = DVec2::new((to.0 - from.0) as f64, (to.1 - from.1) as f64 * aspect);
+        (from.0 != to.0).then(|| UnderlapSpring { from, to, rest: UNDERLAP_REST * span.length() })
+    }
+
+    /// Takes damped time steps until the lattice is in balance.
+    fn balance(&mut self, model: &MassSpringModel) {
         self.nodes.clone_from(&model.rest);
         let mut velocities = vec![DVec2::ZERO; self.nodes.len()];
         let mut forces = velocities.clone();
-        for _ in 0..MOST_STEPS {
+        for _ in 0..MAX_STEPS {
             self.forces(model, &mut forces);
-            let mut moves: f64 = 0.0;
+            let mut residual: f64 = 0.0;
             let moving = self.nodes.iter_mut().zip(&mut velocities);
             for ((node, velocity), (&force, &mass)) in moving.zip(forces.iter().zip(&model.masses))
             {
+                // Symplectic Euler: the new velocity moves the node. The old one would add energy
+                // and make stiff springs explode at this time step.
                 *velocity = DAMPING * (*velocity + TIME_STEP / mass * force);
                 *node += TIME_STEP * *velocity;
-                moves = moves
+                // Both are tested: a lattice that swings through its balance has no force there,
+                // and one that turns has no velocity.
+                residual = residual
                     .max(force.abs().max_element())
                     .max(TIME_STEP * velocity.abs().max_element());
             }
+            // Internal forces cancel, but rounding moves the whole lattice. The fabric's place on
+            // the panel must not depend on it, so the mean displacement is taken out.
             let drift: DVec2 =
                 self.nodes.iter().zip(&model.rest).map(|(node, rest)| *node - *rest).sum();
             let drift = drift / f64::from(index32(self.nodes.len()));
             self.nodes.iter_mut().for_each(|node| *node -= drift);
-            if moves < BALANCED {
+            if residual < TOLERANCE {
                 break;
             }
         }
         self.nodes.iter_mut().for_each(|node| *node *= self.wale_spacing);
     }
 
-    /// The force on every node; lengths in wale spacings.
-    fn forces(&self, model: &Model, forces: &mut [DVec2]) {
+    /// Computes the force on every node; lengths in wale spacings.
+    fn forces(&self, model: &MassSpringModel, forces: &mut [DVec2]) {
+        // Nodes of any wale and course, as images of those of the repeat; forces on an image act on
+        // the node itself.
         let at = |wale: i64, course: i64| self.index(wale, course);
         let node = |wale: i64, course: i64| self.image(wale, course, model.period);
         for (force, (node, rest)) in forces.iter_mut().zip(self.nodes.iter().zip(&model.rest)) {
-            *force = ANCHOR * (*rest - *node);
+            *force = ANCHOR_STIFFNESS * (*rest - *node);
         }
-        for (w, c) in
-            (0..as_i64(self.wales)).flat_map(|w| (0..as_i64(self.courses)).map(move |c| (w, c)))
-        {
+        for (w, c) in self.places() {
             let (here, up, down) = (node(w, c), node(w, c + 1), node(w, c - 1));
             let threads = model.threads[at(w, c)];
+            // Hooke's law along the wale, at rest at one course.
             let along = up - here;
             let length = along.length().max(1e-9);
             let pull = threads * WALE_STIFFNESS * (length - model.course) / length * along;
             forces[at(w, c)] += pull;
             forces[at(w, c + 1)] -= pull;
-            let bend = threads * BENDING * (up.midpoint(down) - here);
+            // Bending draws a node to the middle of its two neighbours, whose reactions keep the
+            // sum of forces at zero.
+            let bend = threads * BENDING_STIFFNESS * (up.midpoint(down) - here);
             forces[at(w, c)] += bend;
             forces[at(w, c + 1)] -= 0.5 * bend;
             forces[at(w, c - 1)] -= 0.5 * bend;
-            let push = CONTACT_STIFFNESS * (NEAREST_WALES - (node(w + 1, c).x - here.x)).max(0.0);
+            // Contact of wales acts across them only, and only by pushing.
+            let push = CONTACT_STIFFNESS * (MIN_WALE_GAP - (node(w + 1, c).x - here.x)).max(0.0);
             forces[at(w, c)].x -= push;
             forces[at(w + 1, c)].x += push;
         }
         for spring in &model.springs {
             let span = node(spring.to.0, spring.to.1) - node(spring.from.0, spring.from.1);
             let length = span.length().max(1e-9);
-            let pull = UNDERLAP_STIFFNESS * (length - spring.rest).clamp(0.0, MOST_STRETCH)
+            // A yarn pulls but cannot push: a slack underlap has no force.
+            let pull = UNDERLAP_STIFFNESS * (length - spring.rest).clamp(0.0, MAX_ELONGATION)
                 / length
                 * span;
             forces[at(spring.from.0, spring.from.1)] += pull;
@@ -237,24 +296,22 @@ impl Lattice {
         }
     }
 
+    /// Index of the node that a wale and course repeat.
     fn index(&self, wale: i64, course: i64) -> usize {
-        let wrap = |at: i64, size: usize| {
-            usize::try_from(at.rem_euclid(as_i64(size))).expect("a remainder is not negative")
-        };
         wrap(wale, self.wales) * self.courses + wrap(course, self.courses)
     }
 
-    /// A node of any wale and course, `period` (of the repeat) away from the one it repeats.
+    /// The node of any wale and course: an image of one of the repeat, whose size is `period`.
     fn image(&self, wale: i64, course: i64, period: DVec2) -> DVec2 {
         #[expect(
             clippy::cast_precision_loss,
             reason = "garments have thousands of wales and courses"
         )]
-        let turns = DVec2::new(
+        let image_shift = DVec2::new(
             wale.div_euclid(as_i64(self.wales)) as f64,
             course.div_euclid(as_i64(self.courses)) as f64,
         );
-        self.nodes[self.index(wale, course)] + turns * period
+        self.nodes[self.index(wale, course)] + image_shift * period
     }
 
     /// The control point of a wale and a course, mm.
@@ -267,25 +324,27 @@ impl Lattice {
         )
     }
 
-    /// The axis of a wale (a uniform Catmull-Rom curve through its control points) at `course` and
-    /// its unit tangent.
+    /// The axis of a wale at `course`, and its unit tangent. The axis is a uniform Catmull-Rom
+    /// curve through the wale's control points.
     fn axis(&self, wale: i64, course: f64) -> (DVec2, DVec2) {
         #[expect(clippy::cast_possible_truncation, reason = "courses are counted in thousands")]
         let below = course.floor() as i64;
         let t = course - course.floor();
         let [p0, p1, p2, p3] = [-1, 0, 1, 2].map(|step| self.node(wale, below + step));
+        // Courses are evenly spaced but for small strains, so uniform knots have no loops or cusps
+        // here, and the curve's parameter is the course itself.
         let (a, b, c) =
             (3.0 * p1 - p0 - 3.0 * p2 + p3, 2.0 * p0 - 5.0 * p1 + 4.0 * p2 - p3, p2 - p0);
         let place = p1 + 0.5 * (((a * t) + b) * t + c) * t;
         (place, ((3.0 * a * t + 2.0 * b) * t + c).normalize_or(DVec2::Y))
     }
 
-    /// Where a point of a loop lies: `offset` (x to the right, y along the wale, z) from the
-    /// control point of its wale and course.
+    /// Places a point of a loop, given by its `offset` (x to the right, y along the wale, z) from
+    /// the control point of its wale and course.
     ///
-    /// y runs along the bent wale and x across it, so that the loop's head turns into the next
-    /// segment; where wales are close, loops get narrower. A rigid frame instead lets the loops of
-    /// nets cut each other.
+    /// The offset is taken in a tangent frame that follows the bent wale: y along it, x across it.
+    /// The loop's head then turns into the next segment of the wale. A rigid frame would let the
+    /// loops of nets cut each other. Where wales are close, loops get narrower.
     pub(super) fn on_wale(&self, wale: i64, course: i64, offset: DVec3, layer: &Layer) -> DVec3 {
         #[expect(clippy::cast_precision_loss, reason = "courses are counted in thousands")]
         let (axis, tangent) = self.axis(wale, course as f64 + offset.y / self.course_spacing);
@@ -293,24 +352,28 @@ impl Lattice {
         (axis + across * (offset.x * self.narrowing(wale, course, layer))).extend(offset.z)
     }
 
-    /// How much narrower than drawn the loops of a stitch are.
+    /// Factor of the width of a stitch's loops, from the narrowest gap beside it.
     fn narrowing(&self, wale: i64, course: i64, layer: &Layer) -> f64 {
-        let gap = |wale: i64, course: i64| {
-            (self.node(wale + 1, course) - self.node(wale, course)).x / self.wale_spacing
-        };
+        // A loop reaches from its own course into the next, so the gaps of both count.
         let beside = [
-            gap(wale, course),
-            gap(wale - 1, course),
-            gap(wale, course + 1),
-            gap(wale - 1, course + 1),
+            self.gap(wale, course),
+            self.gap(wale - 1, course),
+            self.gap(wale, course + 1),
+            self.gap(wale - 1, course + 1),
         ];
         let gap = beside.into_iter().fold(f64::INFINITY, f64::min);
-        ((gap - AIR * layer.radius / self.wale_spacing) / (LOOP_WIDTH * layer.dimensions.w3))
-            .clamp(NARROWEST, 1.0)
+        ((gap - LOOP_CLEARANCE * layer.radius / self.wale_spacing)
+            / (LOOP_WIDTH * layer.dimensions.w3))
+            .clamp(MIN_NARROWING, 1.0)
     }
 
-    /// Where a point between wales lies: `gap` counts gaps of the machine from gap 0, `y` is mm
-    /// from course 0 (z as given).
+    /// The gap to the right of a wale, over W.
+    fn gap(&self, wale: i64, course: i64) -> f64 {
+        (self.node(wale + 1, course) - self.node(wale, course)).x / self.wale_spacing
+    }
+
+    /// Places a point between wales. `gap` counts gaps of the machine from gap 0, `y` is in mm from
+    /// course 0, and z stays as given.
     pub(super) fn between_wales(&self, gap: f64, y: f64, z: f64) -> DVec3 {
         // Wale w stands between gaps w and w + 1.
         let wale = gap - 0.5;
@@ -320,14 +383,16 @@ impl Lattice {
         self.axis(left, course).0.lerp(self.axis(left + 1, course).0, wale - wale.floor()).extend(z)
     }
 
-    /// Where a yarn turns beside the last wale that it passes, to the right (`side` 1) or the left
-    /// (-1): in the middle of the gap, but the nearer the more the gap has opened, for out in a
-    /// net's mesh nothing holds it.
+    /// Places the point at which an inlay turns beside the last wale that it passes, to the right
+    /// (`side` 1) or to the left (-1).
+    ///
+    /// It lies in the middle of the gap. In an open gap it lies nearer to its wale: out in the hole
+    /// of a net nothing holds the yarn.
     pub(super) fn beside_wale(&self, wale: i64, side: i64, y: f64, z: f64) -> DVec3 {
         let course = y / self.course_spacing;
         let (own, other) = (self.axis(wale, course).0, self.axis(wale + side, course).0);
         let gap = own.distance(other).max(1e-9) / self.wale_spacing;
-        let reach = (gap / 2.0).min((1.0 - gap / 2.0).max(TURNS_BESIDE));
+        let reach = (gap / 2.0).min((1.0 - gap / 2.0).max(MIN_INLAY_DISTANCE));
         own.lerp(other, reach / gap).extend(z)
     }
 }
@@ -336,16 +401,20 @@ fn as_i64(count: usize) -> i64 {
     i64::from(index32(count))
 }
 
+/// A wale or course of the endless fabric as one of the repeat, which has `size` of them.
+fn wrap(at: i64, size: usize) -> usize {
+    usize::try_from(at.rem_euclid(as_i64(size))).expect("a remainder is not negative")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn gaps(name: &str) -> (f64, f64) {
         let fabric = Fabric::named(name).unwrap();
-        let lattice = Lattice::relaxed(&fabric);
-        let gap =
-            |w: i64, c: i64| (lattice.node(w + 1, c) - lattice.node(w, c)).x / lattice.wale_spacing;
-        let all = || (0..8).flat_map(|w| (0..24).map(move |c| (w, c))).map(|(w, c)| gap(w, c));
+        let lattice = WaleLattice::relaxed(&fabric);
+        let places = || (0..8).flat_map(|w| (0..24).map(move |c| (w, c)));
+        let all = || places().map(|(w, c)| lattice.gap(w, c));
         (all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max))
     }
 
@@ -364,8 +433,7 @@ mod tests {
 
     #[test]
     fn nets_open() {
-        // The specification: wales of half-set nets close in to about .57 and open to 1.43 of their
-        // spacing.
+        // Wales of half-set nets close to about 0.57 and open to 1.43 of their spacing.
         for name in ["atlas-net", "hex-net-3", "hex-net-5", "power-net"] {
             let (low, high) = gaps(name);
             assert!(
@@ -378,21 +446,22 @@ mod tests {
     #[test]
     fn forces_are_in_balance_in_the_end() {
         let fabric = Fabric::named("hex-net-3").unwrap();
-        let mut lattice = Lattice::straight(&fabric, fabric.threading_repeat(), fabric.repeat());
+        let mut lattice =
+            WaleLattice::straight(&fabric, fabric.threading_repeat(), fabric.repeat());
         let model = lattice.model(&fabric);
         lattice.balance(&model);
         lattice.nodes.iter_mut().for_each(|node| *node /= fabric.wale_spacing());
         let mut forces = vec![DVec2::ZERO; lattice.nodes.len()];
         lattice.forces(&model, &mut forces);
         let largest = forces.iter().map(|force| force.length()).fold(0.0, f64::max);
-        // The last step moves both wales of a contact by up to BALANCED.
-        assert!(largest < (1.0 + 2.0 * CONTACT_STIFFNESS) * BALANCED, "{largest}");
+        // The last step moves both wales of a contact by up to TOLERANCE.
+        assert!(largest < (1.0 + 2.0 * CONTACT_STIFFNESS) * TOLERANCE, "{largest}");
     }
 
     #[test]
     fn straight_wales_are_left_as_drawn() {
         let fabric = Fabric::named("tricot").unwrap();
-        let lattice = Lattice::straight(&fabric, 1, 1);
+        let lattice = WaleLattice::straight(&fabric, 1, 1);
         let layer = crate::knit::layers(&fabric, 1.0)[0];
         let offset = DVec3::new(0.1, 0.3, -0.2);
         let expected =

@@ -1,8 +1,11 @@
 //! The structure mesh: the grid of wales and courses on whose vertices the stitches' control points
 //! lie.
 //!
-//! Source: Liu, Kyosev, Jiang 2022, section 2.2 and Fig. 3. A stitch uses 2 x 2 cells, that is 3 x
-//! 3 vertices, so auxiliary vertices border the pattern.
+//! In: a fabric and the place of its gap 0, course 0. Out: positions of control points, mm. Source:
+//! Liu, Kyosev and Jiang 2022, "Yarn-level modelling and geometric simulation of warp-knitted
+//! clothing elements", section 2.2 and Fig. 3. A stitch uses 2 x 2 cells, that is 3 x 3 vertices,
+//! so auxiliary vertices border the pattern. The mesh is never stored: each vertex is computed from
+//! its wale and course.
 
 use glam::DVec2;
 
@@ -44,9 +47,9 @@ impl StructureMesh {
     }
 }
 
-/// Vertices (wales, courses) of the mesh for a pattern of n wales and m courses, auxiliary ones
-/// included: (n + reach + 2) x (m + 1), where reach is how many wales the last yarn laps past the
-/// pattern.
+/// Counts the vertices (wales, courses) of the mesh for a pattern of n wales and m courses,
+/// auxiliary ones included: (n + reach + 2) x (m + 1). The reach is the number of wales that the
+/// last yarn laps past the pattern.
 ///
 /// ```
 /// use warpknit_core::{fabric::Fabric, knit::mesh};

@@ -1,14 +1,17 @@
 //! From lapping to data points: the yarns of a fabric on a flat panel.
 //!
-//! In: a [`Fabric`] and where its [`StructureMesh`] lies. Out: [`Knitted`] data points, step after
-//! step, eight a loop, in panel axes (x across the wales, y along them, z towards the technical
-//! face), mm. A garment is never seen here.
+//! In: a [`Fabric`] and the place of its [`StructureMesh`]. Out: [`Knitted`] data points, step
+//! after step, eight a loop, in panel axes (x across the wales, y along them, z towards the
+//! technical face), mm. Nothing here knows of garments.
 //!
-//! Everything is worked out on one repeat ([`Pattern::new`]): the wales are bent by the underlaps'
-//! pull (`lattice`), laps become points on them (`stitch`, `repeat`), yarns that would cut each
-//! other are pushed apart (`contact`). Laying a yarn then is an addition a point (about 5 ns).
-//! Source: Liu, Kyosev, Jiang 2022, section 2; the specification's knit page. Not promised: repeats
-//! over [`MOST_RELAXED`] laps are laid out with straight wales and not relaxed.
+//! All computation is done on one repeat ([`Pattern::new`]), in three steps. Underlaps pull at the
+//! wales and bend them (`lattice`). Laps become points on the bent wales (`stitch`, `repeat`).
+//! Yarns that would cut each other are pushed apart (`contact`). Laying a yarn on a panel then
+//! takes one addition a point (about 5 ns).
+//!
+//! Source: Liu, Kyosev and Jiang 2022, "Yarn-level modelling and geometric simulation of
+//! warp-knitted clothing elements", section 2; formulas and constants in `docs/method.md`. Not
+//! promised: repeats over [`MAX_RELAXED_LAPS`] laps have straight wales and are not relaxed.
 
 mod cell_list;
 pub mod clearance;
@@ -28,26 +31,26 @@ use glam::{DVec2, DVec3};
 use crate::fabric::motif::Motif;
 use crate::fabric::{Bar, BarKind, Fabric};
 use crate::ids::index32;
-use lattice::Lattice;
+use lattice::WaleLattice;
 use mesh::StructureMesh;
-pub use relax::Settled;
+pub use relax::Relaxation;
 use repeat::Repeat;
 use stitch::Layer;
 use weft::Loops;
 
 /// The largest repeat that is relaxed, laps: some seconds' work.
-pub const MOST_RELAXED: usize = 2_000;
+pub const MAX_RELAXED_LAPS: usize = 2_000;
 
 /// What a data point is part of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PointKind {
-    /// S1 to S8 of a loop; of a weft-knit loop the eight places of its curve, each followed by the
-    /// one halfway to the next.
+    /// S1 to S8 of a loop. A weft-knit loop has the eight places of its curve, each followed by the
+    /// place halfway to the next.
     Loop,
     /// A point of a yarn that is laid in.
     Inlay,
-    /// Where a long underlap leaves one loop or reaches the next.
-    Turn,
+    /// A point of a long underlap, between one loop and the next.
+    Underlap,
 }
 
 /// Where a data point belongs.
@@ -57,10 +60,9 @@ pub struct Tag {
     pub course: i32,
     /// Wale, counted from the panel's leftmost.
     pub wale: i32,
-    /// Loop, inlay or turn.
+    /// Loop, inlay or underlap.
     pub kind: PointKind,
-    /// 1 to 8 in a loop of a warp knit, 1 to 16 in one of a weft knit; counted from 1 within other
-    /// kinds.
+    /// 1 to 8 in a loop of a warp knit, 1 to 16 in a loop of a weft knit. Other kinds count from 1.
     pub point: u16,
 }
 
@@ -69,14 +71,14 @@ pub struct Tag {
 pub struct Knitted {
     /// Positions on the flat panel, mm; z is the depth.
     pub points: Vec<DVec3>,
-    /// What each point is.
+    /// Course, wale and kind of each point.
     pub tags: Vec<Tag>,
     /// Index of the first point of each stitch (a lap with the underlap that follows it).
     pub stitches: Vec<u32>,
 }
 
 impl Knitted {
-    /// Forgets all points but keeps the memory.
+    /// Removes all points but keeps the memory.
     pub fn clear(&mut self) {
         self.points.clear();
         self.tags.clear();
@@ -84,31 +86,33 @@ impl Knitted {
     }
 }
 
-/// Loops are laid out for yarns of this share of their thickness, and what cuts then is pushed
-/// apart: cloth is pressed together, and laid out at full thickness a locknit would be a tenth
-/// heavier than mills make it.
-const PRESSED: f64 = 0.75;
+/// Share of the yarns' radius for which loops are laid out. The relaxation then makes room for the
+/// full radius. Real cloth is pressed together: laid out at 1, a locknit would be a tenth heavier
+/// than mills make it. At much lower values loops are laid out inside each other, and the
+/// relaxation may part them on the wrong side.
+const LAYOUT_RADIUS: f64 = 0.75;
 
-/// Laid yarns are pushed apart as if they were this share of their thickness: in woven cloth they
-/// are squeezed flat where they cross. Round ones on square crossings would have no room from .577
-/// of the pitch on (Peirce 1937), and cloth whose yarns hide the ground is far beyond.
-const SQUEEZED: f64 = 0.6;
+/// Share of the yarns' radius for which laid yarns are relaxed. Woven yarns are squeezed flat where
+/// they cross. Round yarns on square crossings have no room once they are thicker than 0.577 of
+/// their pitch (Peirce 1937, "The geometry of cloth structure"), and in dense cloth they are far
+/// thicker. At 1 such cloth would never converge; much lower values let yarns cut each other.
+const SQUEEZED_RADIUS: f64 = 0.6;
 
 /// One bar's repeat.
 #[derive(Clone, Debug)]
 struct BarPattern {
     kind: BarKind,
-    /// Index in [`Repeat::yarns`] of the yarn that each guide (for a weft: each course) of the
-    /// repeat leads, if any.
+    /// For each guide of the repeat (for a weft: each course), the index in [`Repeat::yarns`] of
+    /// its yarn, if it has one.
     yarns: Vec<Option<usize>>,
-    /// Lowest and highest point of its yarns, relative to gap 0 of their guide and to the course of
-    /// their step, mm.
+    /// Bounding box of its yarns, relative to gap 0 of their guide and to the course of their step,
+    /// mm.
     bounds: (DVec2, DVec2),
 }
 
 /// The repeat of a fabric as data points.
 ///
-/// A bar's yarns are numbered by their guides and take a step a course; wefts are numbered by their
+/// A bar's yarns are numbered by their guides and take a step a course. Wefts are numbered by their
 /// courses and take a step a wale.
 #[derive(Clone, Debug)]
 pub struct Pattern {
@@ -117,17 +121,18 @@ pub struct Pattern {
     /// W and C, mm.
     spacing: DVec2,
     /// How the relaxation ended, if there was one.
-    settled: Option<Settled>,
+    relaxation: Option<Relaxation>,
 }
 
 impl Pattern {
-    /// Works out the repeat of a fabric. Cost: some milliseconds for a common one, most of it the
+    /// Computes the repeat of a fabric. Cost: some milliseconds for a common one, most of it the
     /// relaxation of its yarns.
     ///
     /// ```
     /// use warpknit_core::{fabric::Fabric, knit::Pattern};
     /// let pattern = Pattern::new(&Fabric::named("tricot").unwrap());
-    /// assert_eq!(pattern.points_per_repeat(0), 20); // two loops of eight points, two underlaps of two turns
+    /// // Two loops of eight points, two underlaps of two.
+    /// assert_eq!(pattern.points_per_repeat(0), 20);
     /// ```
     #[must_use]
     pub fn new(fabric: &Fabric) -> Self {
@@ -138,41 +143,35 @@ impl Pattern {
             return Self::laid(fabric);
         }
         let (wales, courses) = (fabric.threading_repeat(), fabric.repeat());
-        if wales * courses * fabric.bars.len() > MOST_RELAXED {
+        if wales * courses * fabric.bars.len() > MAX_RELAXED_LAPS {
             return Self::straight(fabric);
         }
-        let lattice = Lattice::relaxed(fabric);
+        let lattice = WaleLattice::relaxed(fabric);
         let mut pattern = Self::empty(fabric);
-        for (bar, layer) in fabric.bars.iter().zip(layers(fabric, PRESSED)) {
+        for (bar, layer) in fabric.bars.iter().zip(layers(fabric, LAYOUT_RADIUS)) {
             let (guides, steps) =
                 if bar.kind == BarKind::Guide { (wales, courses) } else { (courses, wales) };
-            let led = |guide: usize| bar.threading.carries(i64::from(index32(guide)));
             pattern.add_bar(
                 bar,
                 &layer,
                 &lattice,
-                (0..guides).map(|guide| led(guide).then_some(guide)),
+                (0..guides).map(|guide| has_yarn(bar, guide).then_some(guide)),
                 steps,
             );
         }
-        pattern.settle(
-            fabric,
-            pattern.spacing * DVec2::new(f64::from(index32(wales)), f64::from(index32(courses))),
-            1.0,
-        );
+        pattern.relax(fabric, pattern.spacing * as_vec(wales, courses), 1.0);
         pattern.measure_bounds();
         pattern
     }
 
-    /// Courses of loops as a motif has them.
+    /// The repeat of a weft knit: courses of loops as its motif shows them.
     fn weft_knit(fabric: &Fabric, motif: &Motif) -> Self {
         let (wales, courses) = (fabric.threading_repeat(), fabric.repeat());
         let mut pattern = Self::empty(fabric);
         let loops = Loops { spacing: pattern.spacing, radius: fabric.radius() };
         for (number, feeder) in fabric.bars.iter().enumerate() {
-            let knits = |course: usize| feeder.threading.carries(i64::from(index32(course)));
             let yarns = (0..courses).map(|course| {
-                knits(course).then(|| {
+                has_yarn(feeder, course).then(|| {
                     pattern.repeat.add_course(number, motif, &loops, course, wales);
                     pattern.repeat.yarns.len() - 1
                 })
@@ -184,14 +183,14 @@ impl Pattern {
                 bounds: (DVec2::ZERO, DVec2::ZERO),
             });
         }
-        if wales * courses <= MOST_RELAXED {
-            pattern.settle(fabric, pattern.spacing * as_vec(wales, courses), 1.0);
+        if wales * courses <= MAX_RELAXED_LAPS {
+            pattern.relax(fabric, pattern.spacing * as_vec(wales, courses), 1.0);
         }
         pattern.measure_bounds();
         pattern
     }
 
-    /// Yarns as their paths say, scaled to the fabric's densities.
+    /// The repeat of laid cloth: its yarns follow given paths, scaled to the fabric's densities.
     fn laid(fabric: &Fabric) -> Self {
         let mut pattern = Self::empty(fabric);
         let cell = pattern.spacing.extend(fabric.enlargement);
@@ -207,23 +206,22 @@ impl Pattern {
                 bounds: (DVec2::ZERO, DVec2::ZERO),
             });
         }
-        pattern.settle(fabric, pattern.spacing, SQUEEZED);
+        pattern.relax(fabric, pattern.spacing, SQUEEZED_RADIUS);
         pattern.measure_bounds();
         pattern
     }
 
-    /// Loops on straight wales, nothing relaxed: one yarn of each bar stands for all of its yarns.
+    /// Loops on straight wales, nothing relaxed. One yarn of each bar stands for all of its yarns.
     fn straight(fabric: &Fabric) -> Self {
-        let lattice = Lattice::straight(fabric, 1, 1);
+        let lattice = WaleLattice::straight(fabric, 1, 1);
         let mut pattern = Self::empty(fabric);
         for (bar, layer) in fabric.bars.iter().zip(layers(fabric, 1.0)) {
             let steps = if bar.kind == BarKind::Guide { bar.chain.laps().len() } else { 1 };
-            let led = |guide: usize| bar.threading.carries(i64::from(index32(guide)));
             pattern.add_bar(
                 bar,
                 &layer,
                 &lattice,
-                (0..bar.threading.repeat()).map(|guide| led(guide).then_some(0)),
+                (0..bar.threading.repeat()).map(|guide| has_yarn(bar, guide).then_some(0)),
                 steps,
             );
         }
@@ -233,16 +231,16 @@ impl Pattern {
 
     fn empty(fabric: &Fabric) -> Self {
         let spacing = DVec2::new(fabric.wale_spacing(), fabric.course_spacing());
-        Self { repeat: Repeat::default(), bars: Vec::new(), spacing, settled: None }
+        Self { repeat: Repeat::default(), bars: Vec::new(), spacing, relaxation: None }
     }
 
-    /// Adds a bar whose guides are led as `models` says: like which guide's yarn of the repeat, if
-    /// any.
+    /// Adds a bar. For each of its guides `models` gives the guide of the repeat whose yarn it
+    /// copies, or none for an empty guide.
     fn add_bar(
         &mut self,
         bar: &Bar,
         layer: &Layer,
-        lattice: &Lattice,
+        lattice: &WaleLattice,
         models: impl Iterator<Item = Option<usize>>,
         steps: usize,
     ) {
@@ -263,22 +261,24 @@ impl Pattern {
         self.bars.push(BarPattern { kind: bar.kind, yarns, bounds: (DVec2::ZERO, DVec2::ZERO) });
     }
 
-    /// Pushes apart what would cut, were yarns a share as thick as they are.
-    fn settle(&mut self, fabric: &Fabric, cell: DVec2, share: f64) {
+    /// Pushes yarns apart that would cut each other at a `share` of their radius.
+    fn relax(&mut self, fabric: &Fabric, cell: DVec2, share: f64) {
         let thickness = fabric.thickness();
         let yarns: Vec<_> = self
             .repeat
             .yarns
             .iter()
-            .map(|yarn| relax::Chain {
+            .map(|yarn| relax::YarnChain {
                 points: self.repeat.points_of(yarn),
                 period: yarn.period,
                 radius: share * thickness[yarn.bar] * fabric.radius(),
             })
             .collect();
-        self.settled = Some(relax::settle(&mut self.repeat.points, &yarns, cell));
+        self.relaxation = Some(relax::relax(&mut self.repeat.points, &yarns, cell));
     }
 
+    /// Sets each bar's bounding box. The relaxation moves points out of their steps' cells, so it
+    /// is measured, not derived from the lapping.
     fn measure_bounds(&mut self) {
         for yarn in &self.repeat.yarns {
             let bar = &mut self.bars[yarn.bar];
@@ -300,8 +300,8 @@ impl Pattern {
 
     /// How the relaxation of the yarns ended; `None` where the repeat is too large for it.
     #[must_use]
-    pub fn settled(&self) -> Option<Settled> {
-        self.settled
+    pub fn relaxation(&self) -> Option<Relaxation> {
+        self.relaxation
     }
 
     /// Data points of one yarn of a bar in one repeat.
@@ -314,8 +314,8 @@ impl Pattern {
         yarn.map_or(0, |&yarn| self.repeat.points_of(&self.repeat.yarns[yarn]).len())
     }
 
-    /// Whether a bar's yarns run across the wales, as wefts and feeders' yarns do, and not along
-    /// them.
+    /// Whether a bar's yarns run across the wales, as wefts and feeders' yarns do. All others run
+    /// along them.
     #[must_use]
     pub fn runs_across(&self, bar: usize) -> bool {
         self.bars[bar].kind.runs_across()
@@ -329,7 +329,7 @@ impl Pattern {
         numbers.filter(|&number| bar.yarn(number).is_some())
     }
 
-    /// The x (for a weft: the y) that a yarn covers, mm from gap 0 of guide 0, course 0.
+    /// The range of x (for a weft: of y) that a yarn covers, mm from gap 0 of guide 0, course 0.
     #[must_use]
     pub fn strip(&self, bar: usize, number: i64) -> Range<f64> {
         let bar = &self.bars[bar];
@@ -350,8 +350,8 @@ impl Pattern {
         steps(range, bar.extent(1), self.spacing[bar.axis(1)])
     }
 
-    /// Lays one yarn: its data points over `steps`, appended to `knitted`. Numbers without a yarn
-    /// lay nothing.
+    /// Lays one yarn: appends its data points over `steps` to `knitted`. A number without a yarn
+    /// adds nothing.
     ///
     /// # Panics
     /// If `bar` is not one of the fabric's.
@@ -369,16 +369,18 @@ impl Pattern {
         let number = number - i64::from(index32(yarn.guide));
         let gap_0 = mesh.vertex(0, 0) - DVec2::new(self.spacing.x / 2.0, 0.0);
         for step in steps {
+            // A step of the endless yarn is a step of the repeat and an image shift, in whole wales
+            // and courses. Points are computed once a repeat, so all its copies are equal but for
+            // the rounding of this one addition.
             let place = step.rem_euclid(repeat);
-            let (wales, courses) = if bar.kind.runs_across() {
-                (step - place, number)
+            let shift = if bar.kind.runs_across() {
+                [step - place, number]
             } else {
-                (number, step - place)
+                [number, step - place]
             };
-            let moved = |count: i64| {
+            let [wales, courses] = shift.map(|count| {
                 i32::try_from(count).expect("a panel has fewer wales and courses than 2^31")
-            };
-            let (wales, courses) = (moved(wales), moved(courses));
+            });
             let offset = (gap_0 + self.spacing * DVec2::new(f64::from(wales), f64::from(courses)))
                 .extend(0.0);
             let place = usize::try_from(place).expect("a remainder is not negative");
@@ -422,18 +424,24 @@ impl BarPattern {
 
 /// The steps of length `spacing` whose `extent` may touch `range`.
 fn steps(range: Range<f64>, extent: Range<f64>, spacing: f64) -> Range<i64> {
-    // Panels are metres and spacings over a micrometre, so it fits.
+    // Panels measure metres and spacings over a micrometre, so the numbers fit.
+    let first = ((range.start - extent.end) / spacing).floor();
+    let last = ((range.end - extent.start) / spacing).ceil();
     #[expect(clippy::cast_possible_truncation, reason = "rounded before, and `as` saturates")]
-    let whole = |steps: f64| steps as i64;
-    whole(((range.start - extent.end) / spacing).floor())
-        ..whole(((range.end - extent.start) / spacing).ceil()) + 1
+    let steps = first as i64..last as i64 + 1;
+    steps
+}
+
+/// Whether a guide of a bar (for a weft or a feeder: a course) is threaded.
+fn has_yarn(bar: &Bar, guide: usize) -> bool {
+    bar.threading.carries(i64::from(index32(guide)))
 }
 
 fn as_vec(x: usize, y: usize) -> DVec2 {
     DVec2::new(f64::from(index32(x)), f64::from(index32(y)))
 }
 
-/// The layer of each bar, laid out for yarns of a share of their thickness.
+/// The layer of each bar, laid out for yarns of a share of their radius.
 fn layers(fabric: &Fabric, share: f64) -> Vec<Layer> {
     let radius = share * fabric.radius();
     let nesting: Vec<_> =
@@ -443,28 +451,29 @@ fn layers(fabric: &Fabric, share: f64) -> Vec<Layer> {
         &inlays.zip(nesting.iter().copied()).collect::<Vec<_>>(),
         &fabric.stitch,
     );
-    let layer = |(nesting, depth): (&u32, f64)| Layer {
+    let bars = nesting.iter().zip(depths);
+    bars.map(|(nesting, depth)| Layer {
         dimensions: fabric.stitch,
         wale_spacing: fabric.wale_spacing(),
         course_spacing: fabric.course_spacing(),
         radius,
         nesting: f64::from(*nesting),
         depth: depth * radius,
-    };
-    nesting.iter().zip(depths).map(layer).collect()
+    })
+    .collect()
 }
 
-/// How many knitting bars behind this one ever put their loop on a needle in the same course as it
-/// does.
+/// Counts the knitting bars behind this one that share a needle with it in some course.
 fn knitting_bars_behind(fabric: &Fabric, bar: usize) -> u32 {
     let own = &fabric.bars[bar];
-    let meets = |other: &&Bar| {
-        let [along, across] = own
-            .repeat_with(other)
-            .map(|repeat| i64::try_from(repeat).expect("repeats are limited"));
-        (0..along).any(|c| (0..across).any(|w| own.loops_on(w, c) && other.loops_on(w, c)))
-    };
-    index32(fabric.bars[bar + 1..].iter().filter(meets).count())
+    index32(fabric.bars[bar + 1..].iter().filter(|other| share_a_needle(own, other)).count())
+}
+
+/// Whether two bars ever put their loops on one needle in the same course.
+fn share_a_needle(one: &Bar, other: &Bar) -> bool {
+    let [along, across] =
+        one.repeat_with(other).map(|repeat| i64::try_from(repeat).expect("repeats are limited"));
+    (0..along).any(|c| (0..across).any(|w| one.loops_on(w, c) && other.loops_on(w, c)))
 }
 
 #[cfg(test)]

@@ -1,25 +1,27 @@
-//! What a fabric takes, weighs and hides: run-in, yarn length, mass, thickness, cover factor,
+//! A fabric's numbers for its designer: run-in, yarn length, mass, thickness, cover factor and
 //! porosity.
 //!
-//! In: a [`Fabric`]. Out: [`Numbers`] of its repeat. Lengths and masses come from the relaxed yarn
-//! path and the yarn's count, never from the drawn radius; thickness and cover factor from the
-//! yarns as they are laid out, at [`Fabric::radius`]. Source: the specification's knit page. Not
-//! promised: what a mill finds. Its cloth is stretched and set; ours lies as its densities say.
+//! In: a [`Fabric`] and its [`Pattern`]. Out: [`Numbers`] of its repeat. Lengths and masses come
+//! from the relaxed yarn path and the yarn's count (tex, grams a kilometre), never from the drawn
+//! radius. Thickness and cover factor come from the yarns as they are laid out, at
+//! [`Fabric::radius`]. `docs/method.md` has the formulas. Cost: some 20 ms, most of it the
+//! cover factor. Not promised: the figures of a mill, whose cloth is stretched and heat-set. This
+//! cloth lies at the densities that its file gives.
 
-use super::repeat::{Repeat, Yarn};
+use super::repeat::{Repeat, RepeatYarn};
 use super::{Pattern, cover};
 use crate::fabric::{BarKind, Fabric};
 use crate::ids::index32;
 use crate::yarn::curve::{self, Span};
 
-/// Courses of a rack, by the trade's custom.
+/// Courses of a rack, the unit in which warp knitters state run-in.
 const RACK: f64 = 480.0;
 
 /// A fabric in numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Numbers {
-    /// mm of yarn for 480 courses, a bar each, front first; none for wefts, which no guide leads
-    /// along the wales.
+    /// mm of yarn for 480 courses, a bar each, front first. Wefts have none, since no guide leads
+    /// them along the wales.
     pub run_in: Vec<Option<f64>>,
     /// g of each bar's yarns in a m² of flat cloth, front first.
     pub bar_mass: Vec<f64>,
@@ -29,10 +31,10 @@ pub struct Numbers {
     pub yarn_length: f64,
     /// From the lowest to the highest yarn surface, mm.
     pub thickness: f64,
-    /// Share of the flat area that yarns hide, seen from the front, to .005.
+    /// Cover factor: share of the flat area that yarns hide, seen from the front, to 0.005.
     pub cover: f64,
-    /// Share of the cloth's volume, area times thickness, that no fibre fills; none where yarns are
-    /// drawn thinner than they are.
+    /// Share of the cloth's volume, area times thickness, that no fibre fills. There is none where
+    /// yarns are drawn thinner than they are, since the thickness is then too small.
     pub porosity: Option<f64>,
 }
 
@@ -40,7 +42,7 @@ pub struct Numbers {
 ///
 /// ```
 /// use warpknit_core::{fabric::Fabric, knit::{Pattern, numbers}};
-/// // A locknit of 44 dtex at 15 x 22 per cm weighs 80 to 110 g/m², mills say.
+/// // Mills state 80 to 110 g/m² for a locknit of 44 dtex at 15 x 22 per cm.
 /// let locknit = Fabric::named("locknit").unwrap().at_densities(15.0, 22.0).unwrap();
 /// assert!((80.0..110.0).contains(&numbers::measure(&locknit, &Pattern::new(&locknit)).mass));
 /// ```
@@ -53,7 +55,7 @@ pub fn measure(fabric: &Fabric, pattern: &Pattern) -> Numbers {
         let per_step = pattern.lengths_per_step(at);
         let sum: f64 = per_step.iter().flatten().sum();
         let threaded = f64::from(index32(per_step.iter().flatten().count()));
-        // mm of yarn on a mm² is also km on a m²; tex is g a km.
+        // mm of yarn on a mm² is the same number as km on a m², and tex is g a km.
         let kilometres = sum
             / f64::from(index32(per_step.len()))
             / (fabric.wale_spacing() * fabric.course_spacing());
@@ -61,7 +63,7 @@ pub fn measure(fabric: &Fabric, pattern: &Pattern) -> Numbers {
         run_in.push((bar.kind == BarKind::Guide && threaded > 0.0).then(|| RACK * sum / threaded));
         bar_mass.push(mass);
         yarn_length += 1000.0 * kilometres;
-        // g/m² over g/cm³ is a layer of as many micrometres.
+        // g/m² divided by g/cm³ is the thickness of the solid fibre in micrometres.
         fibre += mass / bar.yarn.density / 1000.0;
     }
     let mass = bar_mass.iter().sum();
@@ -82,24 +84,31 @@ impl Pattern {
     /// mm of yarn a step, for each guide of a bar in the repeat (each course, for wefts) that has a
     /// yarn.
     fn lengths_per_step(&self, bar: usize) -> Vec<Option<f64>> {
-        let length = |&yarn: &usize| {
-            let yarn = &self.repeat.yarns[yarn];
-            self.repeat.length(yarn) / f64::from(index32(yarn.steps.len() - 1))
-        };
-        self.bars[bar].yarns.iter().map(|yarn| yarn.as_ref().map(length)).collect()
+        let yarns = self.bars[bar].yarns.iter();
+        yarns
+            .map(|yarn| {
+                yarn.map(|yarn| {
+                    let yarn = &self.repeat.yarns[yarn];
+                    self.repeat.length(yarn) / f64::from(index32(yarn.steps.len() - 1))
+                })
+            })
+            .collect()
     }
 }
 
 impl Repeat {
     /// mm of a yarn in one repeat.
-    fn length(&self, yarn: &Yarn) -> f64 {
+    fn length(&self, yarn: &RepeatYarn) -> f64 {
         let points = self.unrolled(yarn);
         (1..points.len() - 2).map(|at| length(&curve::span(&points, at))).sum()
     }
 }
 
-/// Length of a span, mm: Gauss-Legendre with five points, good to 1e-6 of it on a stitch's bends.
+/// Length of a span, mm: the integral of its speed by Gauss-Legendre quadrature.
 fn length(span: &Span) -> f64 {
+    // Nodes and weights of the five-point rule on 0..1. On a stitch's bends it is within 1e-6 of
+    // the length. Simpson's rule, which the renderer uses, is within a hundredth: too rough for a
+    // mass that users compare with a mill's.
     const NODES: [(f64, f64); 5] = [
         (0.046_910_077_030_668, 0.118_463_442_528_094_5),
         (0.230_765_344_947_158_5, 0.239_314_335_249_683_2),

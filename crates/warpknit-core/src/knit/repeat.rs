@@ -1,15 +1,16 @@
-//! The yarns of one repeat: every lap's data points, with the underlap that follows.
+//! The yarns of one repeat: the data points of every lap and of the underlap that follows it.
 //!
-//! In: a fabric's bars and the [`Lattice`] of its control points. Out: a [`Repeat`], each threaded
-//! guide's (or weft's) yarn as a chain that goes on into the next repeat. Coordinates are mm from
-//! gap 0 of guide 0 in course 0. Cost: linear in the points, about 0.2 µs each.
+//! In: a fabric's bars and the [`WaleLattice`] of its control points. Out: a [`Repeat`], which
+//! holds for each threaded guide (or weft) a yarn as a chain that continues in the next repeat.
+//! Coordinates are mm from gap 0 of guide 0 in course 0. Cost: linear in the points, about 0.2 µs
+//! each. Not promised: yarns that keep clear of each other, which is `contact`'s work.
 
 use std::ops::Range;
 
 use glam::DVec3;
 
-use super::lattice::Lattice;
-use super::stitch::{self, Layer, Turns};
+use super::lattice::WaleLattice;
+use super::stitch::{self, LapDirections, Layer};
 use super::weft::{self, Loops};
 use super::{PointKind, Tag};
 use crate::fabric::motif::Motif;
@@ -23,54 +24,54 @@ pub(super) struct Repeat {
     pub(super) tags: Vec<Tag>,
     /// First point of each stitch.
     pub(super) stitches: Vec<u32>,
-    pub(super) yarns: Vec<Yarn>,
+    pub(super) yarns: Vec<RepeatYarn>,
 }
 
 /// One yarn of the repeat.
 #[derive(Clone, Debug)]
-pub(super) struct Yarn {
+pub(super) struct RepeatYarn {
     /// Its bar, front first.
     pub(super) bar: usize,
-    /// The guide that leads it, or a weft's course; 0 of a laid strand.
+    /// The guide that leads it, a weft's course, or 0 for a laid strand.
     pub(super) guide: usize,
     /// The first stitch of each course (of each wale, for a weft), and the end of the last.
     pub(super) steps: Vec<u32>,
-    /// From a point to the same one in the next repeat, mm.
+    /// From a point to the same point in the next repeat, mm.
     pub(super) period: DVec3,
 }
 
 impl Repeat {
-    /// Lays out the yarn that a guide of a bar leads over `steps` courses (for a weft: the one of a
-    /// course, over `steps` wales).
+    /// Adds the yarn that a guide of a bar leads over `steps` courses. For a weft `guide` is its
+    /// course and `steps` counts wales.
     pub(super) fn add_yarn(
         &mut self,
         bar: &Bar,
         number: usize,
         layer: &Layer,
-        lattice: &Lattice,
+        lattice: &WaleLattice,
         [guide, steps]: [usize; 2],
     ) {
-        let laying = Laying { bar, layer, lattice, guide: i64::from(index32(guide)) };
+        let layout = YarnLayout { bar, layer, lattice, guide: i64::from(index32(guide)) };
         let count = i64::from(index32(steps));
-        let mut yarn = Yarn {
+        let mut yarn = RepeatYarn {
             bar: number,
             guide,
             steps: Vec::with_capacity(steps + 1),
-            period: laying.period(count),
+            period: layout.period(count),
         };
         for step in 0..count {
             yarn.steps.push(index32(self.stitches.len()));
             if bar.kind == BarKind::Guide {
-                laying.add_lap(step, self);
+                layout.add_lap(step, self);
             } else {
-                laying.add_weft(step, self);
+                layout.add_weft(step, self);
             }
         }
         yarn.steps.push(index32(self.stitches.len()));
         self.yarns.push(yarn);
     }
 
-    /// Lays out a course of a weft knit, which a feeder brings, over `wales` wales.
+    /// Adds a course of a weft knit over `wales` wales, from a feeder's yarn.
     pub(super) fn add_course(
         &mut self,
         feeder: usize,
@@ -90,10 +91,10 @@ impl Repeat {
             }
         }
         let steps = (first..=first + index32(wales)).collect();
-        self.yarns.push(Yarn { bar: feeder, guide: course, steps, period });
+        self.yarns.push(RepeatYarn { bar: feeder, guide: course, steps, period });
     }
 
-    /// Lays out a strand of laid cloth, one stitch of it a cell.
+    /// Adds a strand of laid cloth. Its whole repeat counts as one stitch.
     pub(super) fn add_path(
         &mut self,
         strand: usize,
@@ -105,36 +106,43 @@ impl Repeat {
         for (point, place) in (1..).zip(path) {
             self.push(place, Tag { course: 0, wale: 0, kind: PointKind::Inlay, point });
         }
-        self.yarns.push(Yarn { bar: strand, guide: 0, steps: vec![first, first + 1], period });
+        self.yarns.push(RepeatYarn {
+            bar: strand,
+            guide: 0,
+            steps: vec![first, first + 1],
+            period,
+        });
     }
 
     /// Points of a yarn.
-    pub(super) fn points_of(&self, yarn: &Yarn) -> Range<usize> {
+    pub(super) fn points_of(&self, yarn: &RepeatYarn) -> Range<usize> {
         self.points_of_steps(yarn, 0..yarn.steps.len() - 1)
     }
 
     /// Points of some steps of a yarn.
-    pub(super) fn points_of_steps(&self, yarn: &Yarn, steps: Range<usize>) -> Range<usize> {
-        let start = |step: usize| {
+    pub(super) fn points_of_steps(&self, yarn: &RepeatYarn, steps: Range<usize>) -> Range<usize> {
+        let [start, end] = [steps.start, steps.end].map(|step| {
             self.stitches
                 .get(yarn.steps[step] as usize)
                 .map_or(self.points.len(), |&point| point as usize)
-        };
-        start(steps.start)..start(steps.end)
+        });
+        start..end
     }
 
-    /// A yarn's points over one repeat, with one before and two after: the spans from 1 to the last
-    /// but two are the repeat's.
-    pub(super) fn unrolled(&self, yarn: &Yarn) -> Vec<DVec3> {
+    /// A yarn's points over one repeat, with one before and two after. Spans 1 to the last but two
+    /// belong to the repeat. The others only shape them: each span depends on a point before and a
+    /// point after it.
+    pub(super) fn unrolled(&self, yarn: &RepeatYarn) -> Vec<DVec3> {
         let points = &self.points[self.points_of(yarn)];
         let count = i64::from(index32(points.len()));
-        let image = |at: i64| {
-            let place = usize::try_from(at.rem_euclid(count)).expect("a remainder is not negative");
-            #[expect(clippy::cast_precision_loss, reason = "a repeat or two")]
-            let turns = at.div_euclid(count) as f64;
-            points[place] + yarn.period * turns
-        };
-        (-1..count + 2).map(image).collect()
+        (-1..count + 2)
+            .map(|at| {
+                let place = usize::try_from(at.rem_euclid(count));
+                #[expect(clippy::cast_precision_loss, reason = "a repeat or two")]
+                let image_shift = at.div_euclid(count) as f64;
+                points[place.expect("a remainder is not negative")] + yarn.period * image_shift
+            })
+            .collect()
     }
 
     fn begin_stitch(&mut self) {
@@ -147,15 +155,16 @@ impl Repeat {
     }
 }
 
-/// One guide's yarn while it is laid out.
-struct Laying<'a> {
+/// All that lays out one guide's yarn (or one weft).
+struct YarnLayout<'a> {
     bar: &'a Bar,
     layer: &'a Layer,
-    lattice: &'a Lattice,
+    lattice: &'a WaleLattice,
     guide: i64,
 }
 
-impl Laying<'_> {
+impl YarnLayout<'_> {
+    /// From a point to the same point `steps` steps further, mm.
     #[expect(clippy::cast_precision_loss, reason = "repeats are limited to 10 000 courses")]
     fn period(&self, steps: i64) -> DVec3 {
         if self.bar.kind == BarKind::Guide {
@@ -165,7 +174,7 @@ impl Laying<'_> {
         }
     }
 
-    /// The lap of a course: its loops or its inlay, and the underlap to the next course.
+    /// Adds the lap of a course: its loops or its inlay, and the underlap to the next course.
     fn add_lap(&self, course: i64, repeat: &mut Repeat) {
         let chain = &self.bar.chain;
         let lap = chain.lap(course);
@@ -184,20 +193,21 @@ impl Laying<'_> {
             (1u16..).zip(points).for_each(|(number, point)| {
                 repeat.push(point, self.tag(course, needle, PointKind::Loop, number));
             });
+            // The underlap joins this loop's exit foot (S8) to the next loop's entry foot (S1). An
+            // overlap over two needles has such a stretch between its two loops as well.
             let next = if at + 1 < needles {
                 self.loop_points(course, at + 1)[0]
             } else {
                 self.first_point(course + 1)
             };
-            for (number, turn) in
-                (1u16..).zip(stitch::turns(points[7], next, self.layer.wale_spacing))
-            {
-                repeat.push(turn, self.tag(course, needle, PointKind::Turn, number));
+            let underlap = stitch::underlap_points(points[7], next, self.layer.wale_spacing);
+            for (number, point) in (1u16..).zip(underlap) {
+                repeat.push(point, self.tag(course, needle, PointKind::Underlap, number));
             }
         }
     }
 
-    /// A straight weft at one wale: behind the needle, and in the gap beside it.
+    /// Adds a straight weft at one wale: a point behind the needle and one in the gap beside it.
     fn add_weft(&self, wale: i64, repeat: &mut Repeat) {
         let wales = i32::try_from(wale).expect("repeats are limited");
         repeat.begin_stitch();
@@ -209,7 +219,7 @@ impl Laying<'_> {
         }
     }
 
-    /// Where the lap of a course begins.
+    /// The first point of the lap of a course.
     fn first_point(&self, course: i64) -> DVec3 {
         let lap = self.bar.chain.lap(course);
         if lap.overlap() == 0 { self.inlay(course)[0] } else { self.loop_points(course, 0)[0] }
@@ -221,17 +231,18 @@ impl Laying<'_> {
         let lap = chain.lap(course);
         let last = lap.needles().count() - 1;
         let needle = lap.needles().nth(at).expect("a lap has that loop");
-        // Between the loops of one lap the yarn goes on in the overlap's direction, as an underlap
-        // of an open lap does.
-        let before = if at == 0 { chain.underlap(course - 1) } else { lap.overlap() };
-        let after = if at == last { chain.underlap(course) } else { lap.overlap() };
-        let points = self.layer.loop_points(Turns { overlap: lap.overlap(), before, after });
+        // Between the loops of one lap the yarn continues in the overlap's direction, as the
+        // underlap of an open lap does.
+        let underlap_before = if at == 0 { chain.underlap(course - 1) } else { lap.overlap() };
+        let underlap_after = if at == last { chain.underlap(course) } else { lap.overlap() };
+        let directions = LapDirections { overlap: lap.overlap(), underlap_before, underlap_after };
+        let points = self.layer.loop_points(directions);
         points.map(|point| {
             self.lattice.on_wale(self.guide + i64::from(needle), course, point, self.layer)
         })
     }
 
-    /// An inlay on its way to the next course's first gap.
+    /// Points of an inlay from its gap to its gap in the next course.
     fn inlay(&self, course: i64) -> Vec<DVec3> {
         let (from, to) = (self.bar.chain.lap(course).from, self.bar.chain.lap(course + 1).from);
         #[expect(
@@ -242,19 +253,28 @@ impl Laying<'_> {
         let run = self.layer.inlay_points(from, to);
         let last = run.len() - 1;
         let side = i64::from((to - from).signum());
-        // Wale w stands between gaps w and w + 1.
-        let wale_after = |gap: i32, side: i64| self.guide + i64::from(gap) + (side - 1) / 2;
-        let place = |(at, (gap, y)): (usize, (f64, f64))| {
+        let mut points = Vec::with_capacity(run.len());
+        for (at, (gap, y)) in run.into_iter().enumerate() {
             let (y, z) = (bottom + y, -self.layer.depth);
-            match at {
-                0 if last > 0 => self.lattice.beside_wale(wale_after(from, side), -side, y, z),
+            // A moving inlay reverses at both ends of its run, close to the outermost wale that it
+            // passes. Between them it crosses wales, whose bends it follows.
+            points.push(match at {
+                0 if last > 0 => {
+                    self.lattice.beside_wale(self.wale_beside(from, side), -side, y, z)
+                }
                 _ if last > 0 && at == last => {
-                    self.lattice.beside_wale(wale_after(to, -side), side, y, z)
+                    self.lattice.beside_wale(self.wale_beside(to, -side), side, y, z)
                 }
                 _ => self.lattice.between_wales(gap_0 + gap, y, z),
-            }
-        };
-        run.into_iter().enumerate().map(place).collect()
+            });
+        }
+        points
+    }
+
+    /// The wale to the right (`side` 1) or to the left (-1) of one of the guide's gaps. Wale w
+    /// stands between gaps w and w + 1.
+    fn wale_beside(&self, gap: i32, side: i64) -> i64 {
+        self.guide + i64::from(gap) + (side - 1) / 2
     }
 
     fn tag(&self, course: i64, needle: i32, kind: PointKind, point: u16) -> Tag {

@@ -1,11 +1,17 @@
-//! Weft-knit loops: where the yarn of a course passes, wale after wale.
+//! Weft-knit loops: the points through which the yarn of a course passes, wale after wale.
 //!
-//! In: a [`Motif`] and the fabric's spacings. Out: a course's data points, [`POINTS`] a loop: on
-//! the cubic NURBS whose control points, eight new ones a loop, make it pass through the loop's
-//! eight named places, and halfway between them, so that the path that all yarns are drawn along
-//! follows it to a tenth of the yarn's radius, in crossings to a fifth. Source: the ribbon paper's
-//! loop of nine control points, with the places of the specification's weft page, which interlock.
-//! The crossings of cables are ours.
+//! In: a [`Motif`] and the fabric's spacings. Out: a course's data points, [`POINTS`] a loop.
+//!
+//! Method: a loop has eight named places, and a cubic NURBS interpolates those of a whole course.
+//! Every loop adds eight control points to it. The data points are the places and the points of the
+//! curve halfway between them. All yarns are drawn as Catmull-Rom curves through their data points;
+//! with these that path follows the NURBS to a tenth of the yarn's radius, in crossings to a fifth.
+//! Cost: a banded linear system a course, linear in its loops.
+//!
+//! Source: the loop of nine control points of the paper on ribbon-based yarn models ("an innovative
+//! three-dimensional ribbon-based yarn model simulation technique"), with other places, which
+//! interlock (`docs/method.md`). The crossings of cables are this project's own. Not promised: that
+//! loops of garter stitch and of cables keep clear of each other before they are relaxed.
 
 use std::ops::Range;
 
@@ -20,7 +26,8 @@ pub const CONTROL_POINTS: usize = 8;
 pub const POINTS: usize = 2 * CONTROL_POINTS;
 
 /// The places of a face loop: x over W from the wale, y over C from the loop's middle, z over the
-/// radius.
+/// radius. In order: between the loops; left foot, leg and shoulder; head; right shoulder, leg,
+/// foot.
 const PLACES: [[f64; 3]; CONTROL_POINTS] = [
     [-0.5, -0.92, -0.70],
     [-0.15, -0.735, -0.38],
@@ -31,20 +38,24 @@ const PLACES: [[f64; 3]; CONTROL_POINTS] = [
     [0.25, 0.0, 1.68],
     [0.15, -0.735, -0.38],
 ];
-/// Courses over which a wale leans that is carried: one, and so many more for each wale that it
-/// passes. Leaning more steeply it would press its neighbours, and the knitter's row of crossing
-/// stands taller for it.
-const LEAN: f64 = 1.2;
-/// Height of a crossing's middle over that of the loops whose heads are carried, courses.
-const MIDDLE: f64 = 0.4;
-/// How far wales that cross rise in front of each other, and sink behind, where they are halfway:
-/// half as thick as the cloth, radii.
-const RISE: f64 = 2.4;
-/// Loops before and behind a stretch of yarn that its curve is solved with: farther ones change
-/// nothing that `f64` holds.
+/// A crossing wale leans over one course, and this many more for each wale that it passes. With a
+/// lower value it leans more steeply and presses its neighbours; with a higher one crossings of
+/// successive rows run into each other.
+const LEAN_COURSES: f64 = 1.2;
+/// Height of a crossing's middle over the middle of the loops whose heads are carried, courses. The
+/// heads that move lie in the upper half of their loops, so it is over 0; at 1 the next row's loops
+/// would lean instead.
+const CROSSING_HEIGHT: f64 = 0.4;
+/// How far wales that cross rise in front of each other, and sink behind, where they are halfway,
+/// radii: half the thickness of the cloth. Less lets their yarns cut each other; more lifts the
+/// cable off the cloth.
+const CROSSING_RISE: f64 = 2.4;
+/// Loops before and behind a stretch of yarn with which its curve is solved. The influence of a
+/// place on a cubic spline falls off by a factor of about four a place, so 32 places change nothing
+/// that an `f64` holds. With fewer, stretches that are computed apart would not join exactly.
 const MARGIN: i64 = 4;
 
-/// What all loops of a fabric share.
+/// Values that all loops of a fabric share.
 #[derive(Clone, Copy, Debug)]
 pub struct Loops {
     /// W and C, mm.
@@ -62,12 +73,11 @@ impl Loops {
             reason = "wales and courses are counted in thousands"
         )]
         let home = (DVec2::new(wale as f64, course as f64) + 0.5) * self.spacing;
-        let side = |cell: Cell| if cell.reverse { -1.0 } else { 1.0 };
         std::array::from_fn(|at| {
             let [x, y, z] = PLACES[at];
             let (z, moved) = match at {
-                // Between two loops the yarn belongs to both; between a face and a reverse one it
-                // passes through the fabric's middle.
+                // Between two loops the yarn belongs to both, so it takes the mean of their depths.
+                // Between a face and a reverse loop it passes through the middle of the fabric.
                 0 => (
                     z * (side(before) + side(cell)) / 2.0,
                     leaning(motif, wale - 1, course, y).midpoint(leaning(motif, wale, course, y)),
@@ -80,7 +90,8 @@ impl Loops {
 
     /// The curve of a course over some wales, from gap to gap: `8 wales + 1` control points.
     ///
-    /// Its ends are as if the yarn ended there: see [`Self::data_points`] for what goes on.
+    /// It has the ends of a yarn that ends there. [`Self::data_points`] serves for a yarn that
+    /// continues.
     ///
     /// # Panics
     /// Without any wale.
@@ -90,7 +101,7 @@ impl Loops {
         Nurbs::through(&points, &parameters(&points))
     }
 
-    /// Data points of a course over some wales of a fabric that goes on beyond them, [`POINTS`] a
+    /// Data points of a course over some wales of a fabric that continues beyond them, [`POINTS`] a
     /// loop.
     #[must_use]
     pub fn data_points(&self, motif: &Motif, course: i64, wales: Range<i64>) -> Vec<DVec3> {
@@ -104,44 +115,55 @@ impl Loops {
             .collect()
     }
 
+    /// The places of a course over some wales, and the first place of the next loop.
     fn through(&self, motif: &Motif, course: i64, wales: Range<i64>) -> Vec<DVec3> {
         let end = self.places(motif, wales.end, course)[0];
         wales.flat_map(|wale| self.places(motif, wale, course)).chain([end]).collect()
     }
 }
 
-/// How far a wale lies aside of its place at `y` courses from the middle of a loop, over W, and how
-/// far it has risen, radii: because its heads are carried in a row above, or were in one below.
+/// 1 for a face loop, -1 for a reverse loop.
+fn side(cell: Cell) -> f64 {
+    if cell.reverse { -1.0 } else { 1.0 }
+}
+
+/// The offset of a wale at `y` courses from the middle of a loop: x over W (sideways), y in radii
+/// (towards the face). Cable crossings in the rows around make wales lean.
 fn leaning(motif: &Motif, wale: i64, course: i64, y: f64) -> DVec2 {
     let reach = i64::from(motif.reach());
     let mut sum = DVec2::ZERO;
     if reach == 0 {
         return sum;
     }
-    // Rows whose crossings reach this one: half the longest lean, and a loop.
+    // Only crossings in rows nearer than half the longest lean, and a loop, reach this one.
     #[expect(clippy::cast_possible_truncation, reason = "some rows")]
-    let reached = (0.5 * (1.0 + LEAN * f64::from(motif.reach()))).ceil() as i64 + 1;
+    let reached = (0.5 * (1.0 + LEAN_COURSES * f64::from(motif.reach()))).ceil() as i64 + 1;
     for rows in -reached..=reached {
-        let row = |wale: i64| motif.cell(wale, course + rows);
-        // Heads that are carried above stand on this wale; of those below, the one that came here.
-        let came = |from: &i64| from + i64::from(row(*from).carried) == wale;
+        // A crossing above moves the heads that stand on this wale now. A crossing below moved the
+        // heads that came to this wale from another one.
+        let row = course + rows;
         let cell = if rows >= 0 {
-            row(wale)
+            motif.cell(wale, row)
         } else {
-            (wale - reach..=wale + reach).find(came).map_or(row(wale), row)
+            let from = (wale - reach..=wale + reach)
+                .find(|&from| from + i64::from(motif.cell(from, row).carried) == wale);
+            motif.cell(from.unwrap_or(wale), row)
         };
         if cell.carried == 0 {
             continue;
         }
         let carried = f64::from(cell.carried);
         #[expect(clippy::cast_precision_loss, reason = "a few rows")]
-        let above = y - rows as f64 - MIDDLE;
-        let t = (above / (1.0 + LEAN * carried.abs()) + 0.5).clamp(0.0, 1.0);
+        let above = y - rows as f64 - CROSSING_HEIGHT;
+        let t = (above / (1.0 + LEAN_COURSES * carried.abs()) + 0.5).clamp(0.0, 1.0);
+        // Smoothstep (the cubic Hermite blend): the wale leaves its place and reaches the new one
+        // without a kink. The rise in front, 4 s (1 - s), is 1 where it is halfway.
         let share = t * t * (3.0 - 2.0 * t);
+        // Above the crossing, places are counted from the new wale, so only the rest is missing.
         let gone = if rows >= 0 { 0.0 } else { 1.0 };
         sum += DVec2::new(
             carried * (share - gone),
-            f64::from(cell.layer) * RISE * 4.0 * share * (1.0 - share),
+            f64::from(cell.layer) * CROSSING_RISE * 4.0 * share * (1.0 - share),
         );
     }
     sum
@@ -179,8 +201,8 @@ mod tests {
         let at = |step: u32| curve.at(end * f64::from(step) / 130_000.0);
         // The middle one of thirteen loops.
         let length: f64 = (60_000..70_000).map(|step| at(step).distance(at(step + 1))).sum();
-        // Loop length times wales per length: 4.1 in relaxed plain knit (Munden 1959); the
-        // specification has 4.07.
+        // Loop length times wales per length: 4.1 in relaxed plain knit (Munden 1959, "The geometry
+        // and dimensional properties of plain-knit fabrics"); these places give 4.07.
         assert!((length - 4.1).abs() < 0.05, "{length}");
     }
 

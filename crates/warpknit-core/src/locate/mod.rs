@@ -1,28 +1,32 @@
-//! Which flat triangle holds a data point.
+//! Point location: the flat triangle that holds each data point.
 //!
-//! In: a [`Panel`] and points in its axes. Out: a [`SurfacePoint`] each, or none off the panel.
-//! Source: Liu, Kyosev, Jiang 2022, section 3.1, equation 1, with its print error mended (see
-//! [`orient2d`]).
+//! In: a [`Panel`] and points in its axes. Out: a [`SurfacePoint`] for each, or none off the panel.
+//! The depth of a point is ignored. Source: Liu, Kyosev and Jiang 2022, "Yarn-level modelling and
+//! geometric simulation of warp-knitted clothing elements", section 3.1, equation 1, with its print
+//! error corrected (see [`orient2d`]).
 //!
-//! The answer is a function of mesh and point alone: of all triangles that hold the point, edges
-//! and corners included, the one that comes first in the file. Signs are exact, so a point within
-//! the panel's area is never lost in a crack. How it is found is another matter. Yarns run on from
-//! point to point, so four points at a time are held against the triangle of the last one (`cell`);
-//! the first that is not in it is looked for by a walk over neighbours; where that can't tell, or
-//! where the panel overlaps itself, a BVH gives all candidates, and it is built when first asked.
-//! The depth of a point plays no part.
+//! The answer is a function of mesh and point alone. It is the first in the file of all triangles
+//! that hold the point, edges and corners included. The orientation predicates are exact, so a
+//! point within the panel's area is never lost in a crack between triangles.
 //!
-//! Cost, on a machine where Embree's packets of rays take 50 to 140 ns a point
-//! (`benches/against_peers.sh`): 10 to 20 ns a point, more where a triangle holds few of them, and
-//! some 0.2 µs a triangle before the first, half of which puts triangles in their place in memory,
-//! once a garment.
+//! Method, from fast to slow:
+//! 1. Successive points of a yarn mostly lie in one triangle. Four points at a time are tested
+//!    against the triangle of the last one (`triangle`).
+//! 2. The first point outside is found by a visibility walk over neighbours (Devillers, Pion and
+//!    Teillaud 2002, "Walking in a triangulation").
+//! 3. Where the walk cannot decide, or the panel overlaps itself, a BVH gives all candidates
+//!    (`boxes`). It is built on first use.
+//!
+//! Cost: 10 to 20 ns a point, on a machine where Embree's packets of rays take 50 to 140 ns
+//! (`benches/against_peers.sh`); more where a triangle holds few points. Before the first point
+//! some 0.2 µs a triangle, half of it for the order of triangles in memory, once a garment.
 
 mod bvh;
-mod cell;
 pub mod orient2d;
 pub mod overlap;
 mod topology;
 mod trace;
+mod triangle;
 
 use std::sync::OnceLock;
 
@@ -32,10 +36,10 @@ use obvhs::bvh2::Bvh2;
 use crate::garment::Panel;
 use crate::ids::FaceId;
 use bvh::{outer_box, tree, visit_boxes};
-use cell::{Cell, Side};
 use orient2d::crosses;
 use topology::{BORDER, Topology};
 pub use trace::Traced;
+use triangle::{BarycentricTriangle, Containment};
 
 /// A point on a panel, whatever shape the panel takes: a triangle and two barycentric coordinates
 /// in it.
@@ -56,7 +60,7 @@ impl SurfacePoint {
         [1.0 - self.b - self.c, self.b, self.c]
     }
 
-    /// What the corners hold, blended.
+    /// Interpolates values of the three corners.
     #[must_use]
     pub fn blend(&self, corners: [DVec3; 3]) -> DVec3 {
         let [a, b, c] = self.weights();
@@ -64,56 +68,63 @@ impl SurfacePoint {
     }
 }
 
-/// A panel made ready for questions.
+/// A panel prepared for point location.
 pub struct Locator<'a> {
     panel: &'a Panel,
-    /// One a triangle.
-    cells: Vec<Cell>,
-    /// Whether the panel is certain to cover no point twice, so that a walk may stand in for a
-    /// search.
+    /// All triangles of the panel, prepared for tests.
+    triangles: Vec<BarycentricTriangle>,
+    /// Whether the panel is certain to cover no point twice, so that a walk may replace a search.
     embedded: bool,
-    /// Steps after which a walk gives up: enough to cross a panel, and in the rare mesh where it
-    /// would go round in a circle soon over.
-    most_steps: usize,
-    /// Built when first asked: on a panel whose yarns all stay within it no one does.
+    /// Steps after which a walk gives up.
+    max_steps: usize,
+    /// Built on first use. A panel whose yarns all stay within it needs none.
     bvh: OnceLock<Option<Bvh2>>,
     /// The same over [`Panel::flipped`].
     flipped: OnceLock<Option<Bvh2>>,
 }
 
-/// Where a walk ended.
+/// How a walk ended.
 enum Walk {
     /// Strictly inside this triangle, or on an edge that it shares with a neighbour that comes
     /// later in the file.
     Found(u32),
-    /// On an edge or corner whose triangles the walk doesn't all know, off the panel, or too far.
-    Ask,
+    /// The walk cannot decide: it ended on a corner or on a border edge, off the panel, or too far
+    /// away.
+    Unknown,
 }
 
 impl<'a> Locator<'a> {
-    /// Builds what a walk needs. Cost: about 0.1 µs a triangle, as much again once a search is
-    /// needed.
+    /// Prepares a panel for walks. Cost: about 0.1 µs a triangle, and as much again for the first
+    /// search.
     #[must_use]
     pub fn new(panel: &'a Panel) -> Self {
         let Topology { neighbours, embedded } = Topology::new(&panel.uv, &panel.triangles);
         let size = panel.size();
-        let cell = |(corners, neighbours): (&[u32; 3], [u32; 3])| {
-            Cell::new(corners.map(|v| panel.uv[v as usize]), neighbours, size)
-        };
-        let cells: Vec<_> = panel.triangles.iter().zip(neighbours).map(cell).collect();
-        let most_steps = 32 + 4 * cells.len().isqrt();
-        Self { panel, cells, embedded, most_steps, bvh: OnceLock::new(), flipped: OnceLock::new() }
+        let triangles: Vec<_> = (panel.triangles.iter().zip(neighbours))
+            .map(|(corners, neighbours)| {
+                let corners = corners.map(|v| panel.uv[v as usize]);
+                BarycentricTriangle::new(corners, neighbours, size)
+            })
+            .collect();
+        // A straight line through n even triangles passes about 2 sqrt(n) of them. Twice that and
+        // some more is enough to cross a panel. A visibility walk may circle for ever in a
+        // triangulation that is not Delaunay (Devillers, Pion and Teillaud 2002); the limit ends
+        // it.
+        let max_steps = 32 + 4 * triangles.len().isqrt();
+        let (bvh, flipped) = (OnceLock::new(), OnceLock::new());
+        Self { panel, triangles, embedded, max_steps, bvh, flipped }
     }
 
-    /// The triangle that holds each point, in order. Neighbouring points should follow each other,
-    /// as a yarn's do.
+    /// Locates each point, in order. Neighbouring points should follow each other, as those of a
+    /// yarn do.
     ///
     /// ```
     /// use warpknit_core::garment::Garment;
     /// use warpknit_core::locate::Locator;
     /// use glam::DVec3;
     /// let garment = Garment::rectangle(10.0, 10.0);
-    /// let located = Locator::new(&garment.panels[0]).locate(&[DVec3::new(2.0, 1.0, 0.0), DVec3::new(11.0, 1.0, 0.0)]);
+    /// let points = [DVec3::new(2.0, 1.0, 0.0), DVec3::new(11.0, 1.0, 0.0)];
+    /// let located = Locator::new(&garment.panels[0]).locate(&points);
     /// assert!(located[0].is_some() && located[1].is_none());
     /// ```
     #[must_use]
@@ -123,14 +134,18 @@ impl<'a> Locator<'a> {
         located
     }
 
-    /// [`Self::locate`] into memory that is there already: what `located` held is forgotten.
+    /// [`Self::locate`] into memory that exists already. Earlier values in `located` are replaced.
     pub fn locate_into(&self, points: &[DVec3], located: &mut Vec<Option<SurfacePoint>>) {
         located.resize(points.len(), None);
         let (mut triangle, mut at) = (0, 0);
         while at < points.len() {
+            // A run inside the last triangle is certain only if no other triangle covers it.
             if self.embedded {
-                at +=
-                    self.cells[triangle as usize].run(triangle, &points[at..], &mut located[at..]);
+                at += self.triangles[triangle as usize].locate_run(
+                    triangle,
+                    &points[at..],
+                    &mut located[at..],
+                );
             }
             if let Some(point) = points.get(at) {
                 let p = point.truncate();
@@ -140,15 +155,15 @@ impl<'a> Locator<'a> {
         }
     }
 
-    /// The triangle that holds `p`; `hint` is any triangle, best one nearby.
+    /// Locates one point. `hint` is any triangle, at best one nearby.
     #[must_use]
     pub fn at(&self, p: DVec2, hint: u32) -> Option<SurfacePoint> {
         let mut triangle = hint;
         self.find(p, &mut triangle).map(|found| self.point(found, p))
     }
 
-    /// The triangle that holds `p`, from `triangle` on, which becomes a good one to start from for
-    /// a point nearby.
+    /// The triangle that holds `p`. The walk starts from `triangle`, and leaves in it a good start
+    /// for a point nearby.
     fn find(&self, p: DVec2, triangle: &mut u32) -> Option<u32> {
         if self.embedded
             && let Walk::Found(found) = self.walk(p, triangle)
@@ -159,8 +174,8 @@ impl<'a> Locator<'a> {
         self.search(p)
     }
 
-    /// Whether `p` lies in a triangle that is wound against its panel, where nothing can be
-    /// knitted.
+    /// Whether `p` lies in a triangle with the opposite orientation of its panel, where nothing can
+    /// be knitted.
     #[must_use]
     pub fn is_defect(&self, p: DVec2) -> bool {
         let Panel { uv, flipped, .. } = self.panel;
@@ -172,50 +187,56 @@ impl<'a> Locator<'a> {
         found
     }
 
-    /// From triangle to triangle towards `p`, through the edge that it lies farthest beyond.
+    /// The visibility walk: from triangle to triangle towards `p`, each time through the edge
+    /// beyond which it lies farthest (in barycentric coordinates).
     fn walk(&self, p: DVec2, triangle: &mut u32) -> Walk {
-        for _ in 0..self.most_steps {
-            let cell = &self.cells[*triangle as usize];
-            let out = match cell.side(p) {
-                Side::Inside => return Walk::Found(*triangle),
-                Side::Beyond(edge) => edge,
-                Side::Near => match self.beyond(*triangle, p) {
+        for _ in 0..self.max_steps {
+            let current = &self.triangles[*triangle as usize];
+            let out = match current.containment(p) {
+                Containment::Inside => return Walk::Found(*triangle),
+                Containment::Beyond(edge) => edge,
+                Containment::Uncertain => match self.beyond(*triangle, p) {
                     Ok(edge) => edge,
                     Err(walk) => return walk,
                 },
             };
-            if cell.neighbours[out] == BORDER {
-                return Walk::Ask;
+            // At the border the point may still lie on the panel, round a notch or across a hole.
+            // Only a search can tell.
+            if current.neighbours[out] == BORDER {
+                return Walk::Unknown;
             }
-            *triangle = cell.neighbours[out];
+            *triangle = current.neighbours[out];
         }
-        Walk::Ask
+        Walk::Unknown
     }
 
-    /// By exact signs: the edge beyond which `p` lies, or how the walk ends on this triangle.
+    /// By exact predicates: the edge beyond which `p` lies, or how the walk ends on this triangle.
+    /// Rarely called, and kept out of the walk's loop so that its code stays small.
     #[cold]
     fn beyond(&self, triangle: u32, p: DVec2) -> Result<usize, Walk> {
         let t = self.crosses_of(triangle, p);
         if let Some(out) = (0..3).find(|&i| t[i] < 0.0) {
             return Ok(out);
         }
-        let cell = &self.cells[triangle as usize];
+        let neighbours = self.triangles[triangle as usize].neighbours;
         Err(match t.map(|t| t == 0.0) {
             [false, false, false] if t.iter().all(|&t| t > 0.0) => Walk::Found(triangle),
-            // On one inner edge: its two triangles are all that hold the point.
-            [true, false, false] => self.first_of(triangle, cell.neighbours[0]),
-            [false, true, false] => self.first_of(triangle, cell.neighbours[1]),
-            [false, false, true] => self.first_of(triangle, cell.neighbours[2]),
-            _ => Walk::Ask,
+            // On one inner edge: only its two triangles hold the point.
+            [true, false, false] => self.first_of(triangle, neighbours[0]),
+            [false, true, false] => self.first_of(triangle, neighbours[1]),
+            [false, false, true] => self.first_of(triangle, neighbours[2]),
+            // On a corner: any number of triangles may hold it.
+            _ => Walk::Unknown,
         })
     }
 
+    /// Of two triangles that hold a point, the one that comes first in the file.
     fn first_of(&self, triangle: u32, neighbour: u32) -> Walk {
         let triangle_first = neighbour == BORDER || self.face(triangle) < self.face(neighbour);
         Walk::Found(if triangle_first { triangle } else { neighbour })
     }
 
-    /// The first in the file of all triangles that hold `p`, by the BVH.
+    /// Searches the BVH for all triangles that hold `p`, and gives the first in the file.
     fn search(&self, p: DVec2) -> Option<u32> {
         let bvh =
             self.bvh.get_or_init(|| boxes_bvh(&self.panel.uv, &self.panel.triangles)).as_ref()?;
@@ -230,19 +251,19 @@ impl<'a> Locator<'a> {
         first
     }
 
-    /// `p` as a point of a triangle. One too thin for gradients takes its weights from the exact
-    /// products.
+    /// `p` as a point of a triangle. In a triangle too thin for gradients its weights come from the
+    /// cross products.
     fn point(&self, triangle: u32, p: DVec2) -> SurfacePoint {
-        let cell = &self.cells[triangle as usize];
-        if cell.is_sure() {
-            return cell.point(triangle, p);
+        let prepared = &self.triangles[triangle as usize];
+        if prepared.is_sure() {
+            return prepared.point(triangle, p);
         }
         let [ab, bc, ca] = self.crosses_of(triangle, p);
         let area = ab + bc + ca;
         SurfacePoint { triangle, b: ca / area, c: ab / area }
     }
 
-    /// Where a triangle comes in the file.
+    /// The place of a triangle in the file.
     fn face(&self, triangle: u32) -> FaceId {
         self.panel.faces[triangle as usize]
     }
@@ -252,9 +273,8 @@ impl<'a> Locator<'a> {
     }
 }
 
-/// The paper's rule, edges and corners included: no two of the products have opposite signs. Panels
-/// are counter-clockwise and without degenerate triangles, so a triangle that holds a point has no
-/// negative product.
+/// The paper's rule, edges and corners included: no two of the products have opposite signs.
+/// Triangles of a panel are counter-clockwise, flipped ones clockwise, so both signs occur.
 #[inline]
 fn holds(t: [f64; 3]) -> bool {
     t[0] >= 0.0 && t[1] >= 0.0 && t[2] >= 0.0 || t[0] <= 0.0 && t[1] <= 0.0 && t[2] <= 0.0
@@ -265,7 +285,7 @@ fn crosses_of(uv: &[DVec2], [a, b, c]: [u32; 3], p: DVec2) -> [f64; 3] {
     crosses(p, uv[a as usize], uv[b as usize], uv[c as usize])
 }
 
-/// Nothing where there are no triangles.
+/// The BVH over triangles, or none if there are no triangles.
 fn boxes_bvh(uv: &[DVec2], triangles: &[[u32; 3]]) -> Option<Bvh2> {
     let boxes: Vec<_> =
         triangles.iter().map(|t| outer_box(t.iter().map(|&v| uv[v as usize]))).collect();

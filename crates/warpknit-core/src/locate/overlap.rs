@@ -1,18 +1,20 @@
-//! Where the flat pattern lies over itself: panels over each other, and panels that cover a point
-//! of their plane twice.
+//! Overlaps of the flat pattern: panels over each other, and panels that cover a point of their
+//! plane twice.
 //!
-//! In: a [`Garment`]. Out: [`Overlaps`], in mm² of the flat layout. Panels are laid out as the file
-//! has them, at the garment's scale, and compared where they lie in one plane. Triangles that may
-//! meet are found by a BVH; each pair's common part is a convex polygon, whose area is exact to
-//! rounding.
+//! In: a [`Garment`]. Out: [`Overlaps`], in mm² of the flat layout. Panels are placed as in the
+//! file, at the garment's scale, and compared where they lie in one plane.
 //!
-//! Panels over each other are nothing wrong, since points belong to a panel first. A panel over
-//! itself is: a point there lies in two triangles, of which stitches take the one that comes first
-//! in the file.
+//! A panel over another one is no fault, since each point belongs to a panel first. A panel over
+//! itself is a fault: a point there lies in two triangles, and stitches take the one that comes
+//! first in the file.
 //!
-//! Not promised: that a point which three triangles cover is counted once (it is counted for each
-//! pair), and more than four million pairs of triangles: a texture that is repeated over a whole
-//! mesh has the square of its triangles, and then the areas are least ones.
+//! Method: a BVH finds pairs of triangles that may meet. The common part of two triangles is a
+//! convex polygon (Sutherland and Hodgman 1974, "Reentrant polygon clipping"), whose area is exact
+//! to rounding. Cost: linear in the pairs of triangles whose bounding boxes meet.
+//!
+//! Not promised: a point that three triangles cover counts for each pair of them. After four
+//! million pairs the search ends, and the areas are lower bounds. A texture that is repeated over a
+//! whole mesh reaches that limit, since its pairs grow with the square of its triangles.
 
 use std::collections::BTreeMap;
 
@@ -27,47 +29,51 @@ use super::topology::Topology;
 use crate::garment::{Garment, Panel};
 use crate::ids::index32;
 
-/// Pairs of triangles after which the search ends: a few seconds, and 200 MB if each is of two
-/// panels of its own. A pattern that lies five deep has some 40 pairs a triangle.
-const MOST_PAIRS: usize = 4_000_000;
-/// Triangles looked at between two looks at that limit: few, since each of them may meet all
-/// others, as those of a tiled `vt` do.
+/// Pairs of triangles after which the search ends: a few seconds, and 200 MB if each pair belongs
+/// to two panels of its own. A pattern that lies five deep has some 40 pairs a triangle. A lower
+/// limit would cut off large regular patterns; a higher one lets tiled textures take minutes.
+const MAX_PAIRS: usize = 4_000_000;
+/// Triangles between two checks of that limit. Each of them may meet all others, as those of a
+/// tiled `vt` do, so larger batches overshoot the limit; smaller ones leave threads idle.
 const BATCH: usize = 32;
-/// Less than this part of the smaller panel is rounding in the file: panels laid edge to edge.
-const ROUNDING: f64 = 1e-6;
-/// Planes whose normals' cosine is over this, and that are less apart than this part of the larger
-/// panel, are one: as flat as a panel must be.
-const PARALLEL: f64 = 0.999;
-const APART: f64 = 0.02;
+/// Tolerance of areas, as a share of the smaller panel. Panels laid edge to edge overlap by the
+/// rounding of their file, which is less. Larger values hide narrow overlaps.
+const AREA_TOLERANCE: f64 = 1e-6;
+/// Two panels lie in one plane if the cosine between their normals is over the first value, and the
+/// distance of their planes is under the second one, as a share of the larger panel. That is as
+/// flat as a panel must be. Looser values compare panels that lie above each other; tighter ones
+/// miss panels of files whose pattern is not quite flat.
+const MIN_COSINE: f64 = 0.999;
+const MAX_DISTANCE: f64 = 0.02;
 
-/// What lies over what in the flat layout.
+/// Overlaps in the flat layout.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Overlaps {
-    /// Panels that lie over themselves, with the area covered twice, mm².
+    /// Panels that overlap themselves, with the area covered twice, mm².
     pub within: Vec<(usize, f64)>,
     /// Pairs of panels, the lower number first, with the area that both cover, mm².
     pub between: Vec<([usize; 2], f64)>,
-    /// Whether all of it is counted; if not, there may be more pairs, and areas may be larger.
+    /// Whether all pairs are counted. If not, there may be more, and areas may be larger.
     pub complete: bool,
 }
 
-/// A triangle where the file has it, counter-clockwise in its layout's axes.
-struct Laid {
+/// A triangle at its place in the file, counter-clockwise in its plane's axes.
+struct FlatTriangle {
     panel: u32,
     corners: [DVec2; 3],
 }
 
-/// What one triangle has to do with those after it.
-struct Met {
-    /// How many may meet it.
-    looked_at: usize,
-    /// Panels of those that do, with the area that both triangles cover.
+/// The overlaps of one triangle with those after it.
+struct TriangleOverlaps {
+    /// Number of triangles that may meet it.
+    candidates: usize,
+    /// Panels of each triangle that does, with the area that both triangles cover.
     shared: Vec<([usize; 2], f64)>,
 }
 
 /// Panels that lie in one plane.
-struct Layout {
-    triangles: Vec<Laid>,
+struct PlaneLayout {
+    triangles: Vec<FlatTriangle>,
     /// Whether more than one panel is in it.
     shared: bool,
 }
@@ -82,29 +88,30 @@ struct Layout {
 /// ```
 #[must_use]
 pub fn overlaps(garment: &Garment) -> Overlaps {
-    among(garment, MOST_PAIRS)
+    overlaps_among(garment, MAX_PAIRS)
 }
 
-/// All overlaps, or those among the first `most` pairs of triangles.
-fn among(garment: &Garment, most: usize) -> Overlaps {
+/// Finds all overlaps, or those among the first `max_pairs` pairs of triangles.
+fn overlaps_among(garment: &Garment, max_pairs: usize) -> Overlaps {
     let Garment { panels, .. } = garment;
-    let simple: Vec<bool> = panels
+    let embedded: Vec<bool> = panels
         .par_iter()
         .map(|panel| Topology::new(&panel.uv, &panel.triangles).embedded)
         .collect();
     let mut areas = BTreeMap::new();
-    let mut left = Some(most);
+    let mut left = Some(max_pairs);
     for layout in layouts(garment) {
+        // A single panel that is embedded cannot overlap itself: nothing to search.
         if layout.shared
-            || layout.triangles.first().is_some_and(|laid| !simple[laid.panel as usize])
+            || layout.triangles.first().is_some_and(|triangle| !embedded[triangle.panel as usize])
         {
-            left = left.and_then(|left| layout.measure(&simple, left, &mut areas));
+            left = left.and_then(|left| layout.measure(&embedded, left, &mut areas));
         }
     }
     let size: Vec<f64> = (0..panels.len())
         .map(|panel| panels[panel].area() * relative_scale(garment, panel).powi(2))
         .collect();
-    areas.retain(|&[a, b], area| *area > ROUNDING * size[a].min(size[b]));
+    areas.retain(|&[a, b], area| *area > AREA_TOLERANCE * size[a].min(size[b]));
     let mut found = Overlaps { within: Vec::new(), between: Vec::new(), complete: left.is_some() };
     for ([a, b], area) in areas {
         if a == b {
@@ -116,7 +123,8 @@ fn among(garment: &Garment, most: usize) -> Overlaps {
     found
 }
 
-/// What a panel's own millimetres are multiplied by to lie beside the others as in the file.
+/// Factor from a panel's own millimetres to those of the layout, in which all panels lie as in the
+/// file.
 fn relative_scale(garment: &Garment, panel: usize) -> f64 {
     let own = garment
         .summary
@@ -127,71 +135,76 @@ fn relative_scale(garment: &Garment, panel: usize) -> f64 {
 }
 
 /// The planes of the pattern, each with its triangles in the axes of its first panel.
-fn layouts(garment: &Garment) -> Vec<Layout> {
-    let mut layouts: Vec<(usize, Layout)> = Vec::new();
+fn layouts(garment: &Garment) -> Vec<PlaneLayout> {
+    let mut layouts: Vec<(usize, PlaneLayout)> = Vec::new();
     for (number, panel) in garment.panels.iter().enumerate() {
         let found = layouts.iter().position(|&(first, _)| coplanar(garment, first, number));
         let at = found.unwrap_or_else(|| {
-            layouts.push((number, Layout { triangles: Vec::new(), shared: false }));
+            layouts.push((number, PlaneLayout { triangles: Vec::new(), shared: false }));
             layouts.len() - 1
         });
         let (first, layout) = &mut layouts[at];
         layout.shared |= *first != number;
         let axes = garment.panels[*first].flat_from_panel.matrix3;
         let scale = relative_scale(garment, number);
-        let place = |&uv: &DVec2| {
-            let flat = panel.flat_from_panel.transform_point3(uv.extend(0.0)) * scale;
-            DVec2::new(axes.x_axis.dot(flat), axes.y_axis.dot(flat))
-        };
-        let points: Vec<DVec2> = panel.uv.iter().map(place).collect();
+        let points: Vec<DVec2> = (panel.uv.iter())
+            .map(|uv| {
+                let flat = panel.flat_from_panel.transform_point3(uv.extend(0.0)) * scale;
+                DVec2::new(axes.x_axis.dot(flat), axes.y_axis.dot(flat))
+            })
+            .collect();
         layout.triangles.extend(panel.triangles.iter().filter_map(|corners| {
             let [a, b, c] = corners.map(|vertex| points[vertex as usize]);
+            // Mirrored panels are clockwise here. Clipping needs both triangles counter-clockwise.
             let area = cross(a, b, c);
             let corners = if area > 0.0 { [a, b, c] } else { [a, c, b] };
-            (area != 0.0).then_some(Laid { panel: index32(number), corners })
+            (area != 0.0).then_some(FlatTriangle { panel: index32(number), corners })
         }));
     }
     layouts.into_iter().map(|(_, layout)| layout).collect()
 }
 
+/// Whether two panels lie in one plane, within tolerance.
 fn coplanar(garment: &Garment, one: usize, other: usize) -> bool {
-    let plane = |number: usize| {
-        let Panel { flat_from_panel, .. } = &garment.panels[number];
-        let size = garment.panels[number].size().max_element() * relative_scale(garment, number);
-        (
-            flat_from_panel.matrix3.z_axis,
-            flat_from_panel.translation * relative_scale(garment, number),
-            size,
-        )
-    };
-    let ((normal, origin, size), (other_normal, other_origin, other_size)) =
-        (plane(one), plane(other));
-    normal.dot(other_normal).abs() > PARALLEL
-        && normal.dot(other_origin - origin).abs() < APART * size.max(other_size)
+    let [(normal, origin, size), (other_normal, other_origin, other_size)] =
+        [one, other].map(|number| {
+            let panel = &garment.panels[number];
+            let Panel { flat_from_panel, .. } = panel;
+            let scale = relative_scale(garment, number);
+            (
+                flat_from_panel.matrix3.z_axis,
+                flat_from_panel.translation * scale,
+                panel.size().max_element() * scale,
+            )
+        });
+    normal.dot(other_normal).abs() > MIN_COSINE
+        && normal.dot(other_origin - origin).abs() < MAX_DISTANCE * size.max(other_size)
 }
 
-impl Layout {
-    /// Adds the common area of every two of its triangles to that of their panels, those in one
-    /// `simple` panel excepted. Gives how many more pairs may be looked at, or none where there
-    /// were too many.
+impl PlaneLayout {
+    /// Adds the common area of every two of its triangles to the area of their panels. Two
+    /// triangles of one `embedded` panel are left out. Returns the number of pairs that are left of
+    /// `max_pairs`, or none if there were too many.
     fn measure(
         &self,
-        simple: &[bool],
-        most: usize,
+        embedded: &[bool],
+        max_pairs: usize,
         areas: &mut BTreeMap<[usize; 2], f64>,
     ) -> Option<usize> {
         let boxes: Vec<_> =
-            self.triangles.iter().map(|laid| outer_box(laid.corners.iter().copied())).collect();
+            self.triangles.iter().map(|flat| outer_box(flat.corners.iter().copied())).collect();
         let bvh = tree(&boxes);
-        let mut left = most;
+        let mut left = max_pairs;
         let numbers: Vec<u32> = (0..index32(self.triangles.len())).collect();
         for batch in numbers.chunks(BATCH) {
-            let found: Vec<Met> = batch
+            // Areas of a batch are computed in parallel but added in order, so the sums are the
+            // same for any number of threads.
+            let found: Vec<TriangleOverlaps> = batch
                 .par_iter()
-                .map(|&triangle| self.meets(triangle, &boxes, &bvh, simple))
+                .map(|&triangle| self.overlaps_of(triangle, &boxes, &bvh, embedded))
                 .collect();
-            for Met { looked_at, shared } in found {
-                left = left.checked_sub(looked_at)?;
+            for TriangleOverlaps { candidates, shared } in found {
+                left = left.checked_sub(candidates)?;
                 shared
                     .into_iter()
                     .for_each(|(panels, area)| *areas.entry(panels).or_default() += area);
@@ -200,40 +213,51 @@ impl Layout {
         Some(left)
     }
 
-    /// What a triangle has to do with those after it.
-    fn meets(&self, triangle: u32, boxes: &[Aabb], bvh: &Bvh2, simple: &[bool]) -> Met {
+    /// The overlaps of a triangle with those after it.
+    fn overlaps_of(
+        &self,
+        triangle: u32,
+        boxes: &[Aabb],
+        bvh: &Bvh2,
+        embedded: &[bool],
+    ) -> TriangleOverlaps {
         let one = &self.triangles[triangle as usize];
         let mut others = Vec::new();
         let own_box = boxes[triangle as usize];
         visit_boxes(bvh, own_box, |other| {
             let same_panel = self.triangles[other as usize].panel == one.panel;
-            let apart = same_panel && simple[one.panel as usize]
+            let apart = same_panel && embedded[one.panel as usize]
                 || !boxes[other as usize].intersect_aabb(&own_box);
             if other > triangle && !apart {
                 others.push(other);
             }
         });
-        // The tree's shape must have no say in how a sum is rounded, nor in how many pairs there
-        // are.
+        // The order of a search depends on the tree's shape. Sorting keeps it from changing the
+        // rounding of sums.
         others.sort_unstable();
-        let area = |&other: &u32| {
+        let mut shared = Vec::new();
+        for &other in &others {
             let other = &self.triangles[other as usize];
             let area = common_area(one.corners, other.corners);
-            (area > 0.0).then(|| {
-                ([one.panel.min(other.panel) as usize, one.panel.max(other.panel) as usize], area)
-            })
-        };
-        Met { looked_at: others.len(), shared: others.iter().filter_map(area).collect() }
+            if area > 0.0 {
+                let panels = [one.panel.min(other.panel), one.panel.max(other.panel)];
+                shared.push((panels.map(|panel| panel as usize), area));
+            }
+        }
+        TriangleOverlaps { candidates: others.len(), shared }
     }
 }
 
-/// Area of what two counter-clockwise triangles both cover: the first one, cut along each side of
-/// the other.
+/// Area that two counter-clockwise triangles both cover: the first one, clipped along each side of
+/// the other (Sutherland and Hodgman 1974).
 fn common_area(triangle: [DVec2; 3], other: [DVec2; 3]) -> f64 {
     let mut polygon = triangle.to_vec();
     for side in 0..3 {
         let (a, b) = (other[side], other[(side + 1) % 3]);
         let mut kept = Vec::with_capacity(polygon.len() + 1);
+        // Keep corners on the inner side of the line, and add a corner where a side crosses it.
+        // Exact signs keep the decisions consistent, so two triangles that share an edge have no
+        // sliver in common.
         for (at, &p) in polygon.iter().enumerate() {
             let q = polygon[(at + 1) % polygon.len()];
             let (here, there) = (cross(p, a, b), cross(q, a, b));
@@ -249,6 +273,8 @@ fn common_area(triangle: [DVec2; 3], other: [DVec2; 3]) -> f64 {
             return 0.0;
         }
     }
+    // The area as a fan of triangles around one corner. Differences from a corner keep digits that
+    // coordinates far from the origin would lose.
     let corner = polygon[0];
     0.5 * polygon[1..]
         .windows(2)
@@ -354,8 +380,8 @@ mod tests {
         let mut panel = rectangle(0.0, 0.0, 1.0, 1.0);
         panel.triangles = vec![[0, 1, 2]; 30];
         let copies = garment(vec![panel]);
-        let found = among(&copies, 435);
+        let found = overlaps_among(&copies, 435);
         assert!(found.complete && (found.within[0].1 - 435.0 * 0.5).abs() < 1e-9, "{found:?}");
-        assert!(!among(&copies, 434).complete);
+        assert!(!overlaps_among(&copies, 434).complete);
     }
 }

@@ -1,14 +1,22 @@
-//! Which triangles of a panel are neighbours, and whether the panel lies flat without overlapping
-//! itself.
+//! Mesh topology of a flat panel: its triangles' neighbours, and whether it overlaps itself.
 //!
-//! Only on a panel that doesn't overlap does "inside this triangle" mean "inside no other", which
-//! is what lets a walk over neighbours stand in for a search. [`Topology::embedded`] says so only
-//! when it is certain: all triangles are counter-clockwise and hang together by edges, every edge
-//! joins at most two of them, the triangles around each inner vertex go round once, those around
-//! each border vertex less than once, and no two border edges touch except at a common vertex. Such
-//! a panel is an immersed surface whose border is simple curves; the sum of the curves' turning
-//! numbers is its Euler characteristic, which leaves one outer curve and holes, so it covers each
-//! point at most once. Cost: linear in triangles, plus a sweep over border edges.
+//! In: positions of vertices and triangles. Out: [`Topology`]: the triangle across each edge, and
+//! whether the panel is embedded in its plane, that is, covers no point twice. On an embedded panel
+//! "inside this triangle" means "inside no other", so a walk over neighbours may replace a search.
+//!
+//! Method: [`Topology::embedded`] is set only if all these conditions hold:
+//! - All triangles are counter-clockwise and connected by edges.
+//! - Every edge joins two of them at most.
+//! - The triangles around each inner vertex wind around it once, those around each border vertex
+//!   less than once.
+//! - No two border edges touch except at a common vertex.
+//!
+//! Such a panel is an immersed surface whose border consists of simple curves. The turning numbers
+//! of these curves add up to its Euler characteristic. That leaves one outer curve and holes, so
+//! the panel covers each point once at most.
+//!
+//! Cost: linear in triangles, plus a sweep over border edges. Not promised: that every embedded
+//! panel is recognised. Two parts that meet in a point, for example, are left to the search.
 
 use glam::DVec2;
 
@@ -28,13 +36,13 @@ pub(super) struct Topology {
 }
 
 impl Topology {
-    /// Cost: about 60 ns a triangle where triangles lie in memory as they do on the panel.
+    /// Cost: about 60 ns a triangle if neighbouring triangles lie near each other in memory.
     pub(super) fn new(uv: &[DVec2], triangles: &[[u32; 3]]) -> Self {
         let (neighbours, manifold) = neighbours(uv.len(), triangles);
         let embedded = manifold
             && all_face_up(uv, triangles)
             && is_connected(&neighbours)
-            && goes_round_once(uv, triangles, &neighbours)
+            && winds_once(uv, triangles, &neighbours)
             && border_is_simple(uv, triangles, &neighbours);
         Self { neighbours, embedded }
     }
@@ -48,56 +56,58 @@ pub(super) fn edge(triangle: [u32; 3], i: usize) -> (u32, u32) {
 
 /// One triangle's side of an edge.
 #[derive(Clone, Copy, Default)]
-struct Side {
+struct HalfEdge {
     /// The higher of the edge's two vertices.
     high: u32,
     triangle: u32,
-    /// Which edge of the triangle it is, and whether the triangle runs along it from the higher to
-    /// the lower vertex.
+    /// The number of the edge in its triangle, 0 to 2.
     edge: u8,
+    /// Whether the triangle runs along it from the higher to the lower vertex.
     down: bool,
 }
 
-/// Joins triangles along edges that exactly two of them run through, in opposite directions. The
-/// flag tells whether no edge has more.
+/// Joins triangles along edges through which exactly two of them run, in opposite directions. The
+/// flag tells whether the mesh is manifold: no edge has more than two.
 ///
-/// Sides are put in drawers by the lower vertex of their edge, some three a drawer, so that each
-/// finds its partner by looking at a few that lie next to it; a drawer of a hub with more is sorted
-/// first. A hash table of edges takes four times as long.
+/// Method: a bucket sort of half-edges by the lower vertex of their edge, some three a bucket. Each
+/// half-edge then finds its partner among a few that lie next to it in memory. A hash table of
+/// edges takes four times as long.
 fn neighbours(vertices: usize, triangles: &[[u32; 3]]) -> (Vec<[u32; 3]>, bool) {
-    let low = |corners: &[u32; 3], i| {
-        let (a, b) = edge(*corners, i);
-        a.min(b) as usize
-    };
-    // Ends of the drawers, of which each becomes its start as it is filled from the back.
-    let mut drawers = vec![0_u32; vertices + 1];
+    // The size of each bucket, then by a running sum its end. Filling from the back turns each end
+    // into the bucket's start, so no second array is needed.
+    let mut buckets = vec![0_u32; vertices + 1];
     for corners in triangles {
-        (0..3).for_each(|i| drawers[low(corners, i)] += 1);
+        for i in 0..3 {
+            let (a, b) = edge(*corners, i);
+            buckets[a.min(b) as usize] += 1;
+        }
     }
     let mut end = 0;
-    for drawer in &mut drawers {
-        end += *drawer;
-        *drawer = end;
+    for bucket in &mut buckets {
+        end += *bucket;
+        *bucket = end;
     }
-    let mut sides = vec![Side::default(); 3 * triangles.len()];
+    let mut half_edges = vec![HalfEdge::default(); 3 * triangles.len()];
     for (triangle, corners) in triangles.iter().enumerate() {
         for i in 0..3_u8 {
             let (a, b) = edge(*corners, i.into());
-            let slot = &mut drawers[a.min(b) as usize];
+            let slot = &mut buckets[a.min(b) as usize];
             *slot -= 1;
-            sides[*slot as usize] =
-                Side { high: a.max(b), triangle: index32(triangle), edge: i, down: a > b };
+            half_edges[*slot as usize] =
+                HalfEdge { high: a.max(b), triangle: index32(triangle), edge: i, down: a > b };
         }
     }
     let mut across = vec![[BORDER; 3]; triangles.len()];
     let mut manifold = true;
-    for drawer in drawers.windows(2) {
-        let drawer = &mut sides[drawer[0] as usize..drawer[1] as usize];
-        if drawer.len() <= FEW {
-            manifold &= join(drawer, &mut across);
+    for bucket in buckets.windows(2) {
+        let bucket = &mut half_edges[bucket[0] as usize..bucket[1] as usize];
+        if bucket.len() <= MAX_UNSORTED {
+            manifold &= join(bucket, &mut across);
         } else {
-            drawer.sort_unstable_by_key(|side| side.high);
-            drawer
+            // The hub of a fan may have thousands of half-edges: comparing all pairs of them would
+            // take the square of their number.
+            bucket.sort_unstable_by_key(|half_edge| half_edge.high);
+            bucket
                 .chunk_by(|one, next| one.high == next.high)
                 .for_each(|edge| manifold &= join(edge, &mut across));
         }
@@ -105,22 +115,24 @@ fn neighbours(vertices: usize, triangles: &[[u32; 3]]) -> (Vec<[u32; 3]>, bool) 
     (across, manifold)
 }
 
-/// Sides that are looked through in turn; of more, those of one edge are brought together first.
-const FEW: usize = 32;
+/// Half-edges of a bucket up to which all pairs are compared. Larger buckets are sorted first. Far
+/// lower values sort buckets for which comparing is faster; far higher ones make hubs slow.
+const MAX_UNSORTED: usize = 32;
 
-/// Joins the triangles of sides that share both vertices; false where an edge has more than two, or
-/// two that run the same way.
-fn join(sides: &[Side], across: &mut [[u32; 3]]) -> bool {
+/// Joins the triangles of half-edges that share both vertices. Returns false if an edge has more
+/// than two, or two that run in the same direction.
+fn join(half_edges: &[HalfEdge], across: &mut [[u32; 3]]) -> bool {
     let mut manifold = true;
-    for (at, side) in sides.iter().enumerate() {
-        let mut others = sides
+    for (at, half_edge) in half_edges.iter().enumerate() {
+        // All in the bucket share the lower vertex, so an equal higher one means the same edge.
+        let mut others = half_edges
             .iter()
             .enumerate()
-            .filter(|&(other, there)| other != at && there.high == side.high);
+            .filter(|&(other, there)| other != at && there.high == half_edge.high);
         match (others.next(), others.next()) {
             (None, _) => {}
-            (Some((_, other)), None) if other.down != side.down => {
-                across[side.triangle as usize][usize::from(side.edge)] = other.triangle;
+            (Some((_, other)), None) if other.down != half_edge.down => {
+                across[half_edge.triangle as usize][usize::from(half_edge.edge)] = other.triangle;
             }
             _ => manifold = false,
         }
@@ -128,8 +140,8 @@ fn join(sides: &[Side], across: &mut [[u32; 3]]) -> bool {
     manifold
 }
 
-/// Whether every triangle is counter-clockwise, by exact signs: what goes round a vertex is counted
-/// on that ground.
+/// Whether every triangle is counter-clockwise, by the exact orientation predicate. The count of
+/// windings around a vertex relies on it.
 fn all_face_up(uv: &[DVec2], triangles: &[[u32; 3]]) -> bool {
     triangles
         .iter()
@@ -137,7 +149,7 @@ fn all_face_up(uv: &[DVec2], triangles: &[[u32; 3]]) -> bool {
         .all(|[a, b, c]| cross(a, b, c) > 0.0)
 }
 
-/// Whether every triangle can be reached from the first; false where there is none.
+/// Whether every triangle can be reached from the first. False if there is none.
 fn is_connected(neighbours: &[[u32; 3]]) -> bool {
     let mut reached = vec![false; neighbours.len()];
     let mut open = vec![0];
@@ -153,17 +165,21 @@ fn is_connected(neighbours: &[[u32; 3]]) -> bool {
     count > 0 && count == neighbours.len()
 }
 
-/// Whether the triangles around each inner vertex go round it once, and those around each border
+/// Whether the triangles around each inner vertex wind around it once, and those around each border
 /// vertex less than once.
 ///
-/// Round an inner vertex they go as often as they pass its right, which comparing coordinates
-/// counts exactly: a triangle passes it when it runs from below the vertex to its height or above.
-/// At the border, where there are few, angles are added up: a turn is two half-turns apart from the
-/// next sum that matters, so floating point can't be mistaken.
-fn goes_round_once(uv: &[DVec2], triangles: &[[u32; 3]], neighbours: &[[u32; 3]]) -> bool {
+/// Method: the winding number of an inner vertex is the number of its triangles that cross the
+/// horizontal ray to its right. A triangle crosses it if it runs from below the vertex to its
+/// height or above, so comparisons of coordinates count it exactly. At the border, where there are
+/// few triangles, angles are added up. Wrong sums differ from a right one by far more than floating
+/// point rounds.
+fn winds_once(uv: &[DVec2], triangles: &[[u32; 3]], neighbours: &[[u32; 3]]) -> bool {
     let mut passes = vec![0_u32; uv.len()];
     let mut border_edges = vec![0_u32; uv.len()];
     for (corners, across) in triangles.iter().zip(neighbours) {
+        // Crossings of the ray: the edge opposite to the vertex passes from below it to its height
+        // or above. "Below" excludes the height and "above" includes it, so an edge that ends on
+        // the ray counts for one of the two triangles that share the end.
         let heights = corners.map(|v| uv[v as usize].y);
         for i in 0..3 {
             let [own, next, last] = [0, 1, 2].map(|k| heights[(i + k) % 3]);
@@ -183,52 +199,53 @@ fn goes_round_once(uv: &[DVec2], triangles: &[[u32; 3]], neighbours: &[[u32; 3]]
         }
     }
     passes.iter().zip(&angles).zip(&border_edges).all(|((&passes, &angle), &edges)| match edges {
-        // Not once: a vertex of no triangle.
+        // An inner vertex; none of its triangles crosses the ray if no triangle uses it.
         0 => passes <= 1,
         2 => angle < std::f64::consts::TAU - 1e-9,
-        // Two pieces that meet in a point: rare enough to leave to the search.
+        // Two pieces that meet in a point are rare enough to leave them to the search.
         _ => false,
     })
 }
 
-/// Whether no two border edges touch, except where they share a vertex. A sweep along x over edges
-/// sorted by their left ends.
+/// Whether no two border edges touch, except where they share a vertex.
+///
+/// Method: a sweep along x over edges sorted by their left ends (Shamos and Hoey 1976, "Geometric
+/// intersection problems"), with a plain list of open edges. That list is short on real panels; if
+/// all edges overlap in x, the cost is the square of their number.
 fn border_is_simple(uv: &[DVec2], triangles: &[[u32; 3]], neighbours: &[[u32; 3]]) -> bool {
     let border = triangles.iter().zip(neighbours).flat_map(|(&corners, across)| {
         (0..3).filter(|&i| across[i] == BORDER).map(move |i| edge(corners, i))
     });
-    let point = |v: u32| uv[v as usize];
-    let left = |&(a, b): &(u32, u32)| point(a).x.min(point(b).x);
-    let mut edges: Vec<_> = border.collect();
-    edges.sort_by(|e, f| left(e).total_cmp(&left(f)));
-    let mut open: Vec<(u32, u32)> = Vec::new();
-    for &(a, b) in &edges {
-        let (p, q) = (point(a), point(b));
-        open.retain(|&(c, d)| point(c).x.max(point(d).x) >= p.x.min(q.x));
-        let touches = |&(c, d): &(u32, u32)| {
+    let mut edges: Vec<_> = border.map(|(a, b)| (a, b, uv[a as usize], uv[b as usize])).collect();
+    edges.sort_by(|(_, _, p, q), (_, _, r, s)| p.x.min(q.x).total_cmp(&r.x.min(s.x)));
+    let mut open: Vec<(u32, u32, DVec2, DVec2)> = Vec::new();
+    for &(a, b, p, q) in &edges {
+        // Edges that end to the left of this one can touch neither it nor any later one.
+        open.retain(|(_, _, r, s)| r.x.max(s.x) >= p.x.min(q.x));
+        let touches = open.iter().any(|&(c, d, r, s)| {
             let shares_vertex = a == c || a == d || b == c || b == d;
-            !shares_vertex && segments_touch(p, q, point(c), point(d))
-        };
-        if open.iter().any(touches) {
+            !shares_vertex && segments_touch(p, q, r, s)
+        });
+        if touches {
             return false;
         }
-        open.push((a, b));
+        open.push((a, b, p, q));
     }
     true
 }
 
+/// Whether two segments have a point in common, ends included. Exact, by orientation predicates.
 fn segments_touch(p: DVec2, q: DVec2, r: DVec2, s: DVec2) -> bool {
-    let apart = |low: f64, high: f64, other_low: f64, other_high: f64| {
-        low.max(high) < other_low.min(other_high)
-    };
-    let boxes_apart = apart(p.x, q.x, r.x, s.x)
-        || apart(r.x, s.x, p.x, q.x)
-        || apart(p.y, q.y, r.y, s.y)
-        || apart(r.y, s.y, p.y, q.y);
-    let same_side = |a: f64, b: f64| (a > 0.0 && b > 0.0) || (a < 0.0 && b < 0.0);
+    // The predicates cannot tell segments on one line apart; their bounding boxes can.
+    let boxes_apart = p.max(q).cmplt(r.min(s)).any() || r.max(s).cmplt(p.min(q)).any();
     !boxes_apart
-        && !same_side(cross(p, q, r), cross(p, q, s))
-        && !same_side(cross(r, s, p), cross(r, s, q))
+        && !same_sign(cross(p, q, r), cross(p, q, s))
+        && !same_sign(cross(r, s, p), cross(r, s, q))
+}
+
+/// Whether both are positive or both negative.
+fn same_sign(a: f64, b: f64) -> bool {
+    (a > 0.0 && b > 0.0) || (a < 0.0 && b < 0.0)
 }
 
 #[cfg(test)]

@@ -1,61 +1,68 @@
-//! Straight across a panel from a point to another: does the way stay on the panel, and where does
-//! it leave?
+//! The straight path across a panel from one point to another: whether it stays on the panel, and
+//! where it leaves.
 //!
-//! Yarns are cut where they leave their panel, so the place must be exact to rounding, and a yarn
-//! must not jump a slit or a notch whose two sides lie far apart on the body.
+//! In: two points of the plane, and the triangle of the first. Out: [`Traced`]. Yarns are cut where
+//! they leave their panel, so that place must be exact to rounding. A yarn must not jump over a
+//! slit or a notch either, since its two sides may lie far apart on the body.
+//!
+//! Method: a straight walk through the triangulation (Devillers, Pion and Teillaud 2002, "Walking
+//! in a triangulation"). In each triangle the path leaves through the edge whose ends lie on
+//! opposite sides of it. Cost: a few multiplications for each triangle passed. Not promised: an
+//! answer for paths of over [`MAX_STEPS`] triangles, which end where they are.
 
 use glam::DVec2;
 
-use super::cell::Side;
 use super::orient2d::cross;
 use super::topology::{BORDER, edge};
+use super::triangle::Containment;
 use super::{Locator, SurfacePoint};
 
-/// Triangles after which a trace ends where it is: no two neighbouring data points are that far
-/// apart, so it only bounds walks around a corner in which rounding lets no edge win.
+/// Triangles after which a path ends where it is. No two neighbouring data points are that far
+/// apart, so it only bounds walks that circle around a corner.
 const MAX_STEPS: usize = 4096;
 
-/// How a trace ended.
+/// How a path ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Traced {
-    /// The way to the target is on the panel.
+    /// The path to the target is on the panel.
     Arrived,
-    /// The panel ends on the way.
+    /// The panel ends before the target.
     Left {
         /// The last point on the panel.
         at: SurfacePoint,
-        /// How far along the way it lies, 0..=1.
+        /// Share of the path up to there, 0..=1.
         share: f64,
     },
 }
 
 impl Locator<'_> {
-    /// Goes straight from `from`, which `start` holds, to `to`.
+    /// Follows the straight path from `from`, whose triangle is that of `start`, to `to`.
     ///
-    /// Cost: a few multiplications for each triangle passed; six exact signs more where the way
-    /// passes near a corner.
+    /// Cost: a few multiplications for each triangle passed, and six exact predicates where the
+    /// path passes near a corner.
     #[must_use]
     pub fn trace(&self, from: DVec2, start: SurfacePoint, to: DVec2) -> Traced {
         let mut triangle = start.triangle;
         let mut last = None;
         for _ in 0..MAX_STEPS {
-            let exit = match self.cells[triangle as usize].side_of_way(to) {
-                Side::Inside => return Traced::Arrived,
-                Side::Beyond(edge) => edge,
-                Side::Near => {
+            let exit = match self.triangles[triangle as usize].exit_towards(to) {
+                Containment::Inside => return Traced::Arrived,
+                Containment::Beyond(edge) => edge,
+                Containment::Uncertain => {
                     let beyond = self.crosses_of(triangle, to);
                     if beyond.iter().all(|&t| t >= 0.0) {
                         return Traced::Arrived;
                     }
                     match self.exit(triangle, from, to, beyond) {
                         Some(edge) => edge,
-                        // Rounding lets no edge win: the way ends where it came in.
+                        // No edge passes the exact test: the start lies beyond this triangle by a
+                        // rounding. The path ends where it came in.
                         None => break,
                     }
                 }
             };
             last = Some((triangle, exit));
-            match self.cells[triangle as usize].neighbours[exit] {
+            match self.triangles[triangle as usize].neighbours[exit] {
                 BORDER => break,
                 next => triangle = next,
             }
@@ -65,20 +72,22 @@ impl Locator<'_> {
         })
     }
 
-    /// Where the way from `from` to `to` crosses an edge of a triangle.
+    /// The point at which the path from `from` to `to` crosses an edge of a triangle.
     fn left(&self, triangle: u32, exit: usize, from: DVec2, to: DVec2) -> Traced {
         let (a, b) = self.ends(triangle, exit);
+        // Distances of both points from the edge, times its length: their ratio is the share. A
+        // start on the edge may come out a rounding beyond it, and counts as on it.
         let (inside, beyond) = (cross(from, a, b).max(0.0), cross(to, a, b));
         let share = inside / (inside - beyond);
         Traced::Left { at: self.point(triangle, from.lerp(to, share)), share }
     }
 
-    /// The edge through which the way from `from` to `to` leaves a triangle, by exact signs.
+    /// The edge through which the path from `from` to `to` leaves a triangle, by exact predicates.
     fn exit(&self, triangle: u32, from: DVec2, to: DVec2, beyond: [f64; 3]) -> Option<usize> {
         (0..3).filter(|&i| beyond[i] < 0.0).find(|&i| {
             let (a, b) = self.ends(triangle, i);
-            // Looking along the way, a counter-clockwise triangle's exit edge runs from right to
-            // left.
+            // Looking along the path, the exit edge of a counter-clockwise triangle runs from right
+            // to left.
             cross(from, to, a) <= 0.0 && cross(from, to, b) >= 0.0
         })
     }
