@@ -139,7 +139,7 @@ impl Point {
 }
 
 /// The picture while it is drawn.
-struct Canvas {
+struct YarnImage {
     points: Vec<Point>,
 }
 
@@ -155,11 +155,11 @@ struct Stroke {
 impl Yarn {
     /// Base colour and heights.
     fn pictures(&self) -> (RgbaImage, GrayImage) {
-        let canvas = self.drawn();
+        let image = self.drawn();
         let fine = (FINER * SIZE.0, FINER * SIZE.1);
-        let color = RgbaImage::from_fn(fine.0, fine.1, |x, y| canvas.at(x, y).color());
+        let color = RgbaImage::from_fn(fine.0, fine.1, |x, y| image.at(x, y).color());
         let height =
-            GrayImage::from_fn(fine.0, fine.1, |x, y| Luma([byte(255.0 * canvas.at(x, y).height)]));
+            GrayImage::from_fn(fine.0, fine.1, |x, y| Luma([byte(255.0 * image.at(x, y).height)]));
         (
             resize(&color, SIZE.0, SIZE.1, FilterType::Triangle),
             resize(&height, SIZE.0, SIZE.1, FilterType::Triangle),
@@ -170,18 +170,19 @@ impl Yarn {
         format!("width_mm = {}\nlength_mm = {}\n", self.width, self.length)
     }
 
-    fn drawn(&self) -> Canvas {
+    fn drawn(&self) -> YarnImage {
         let (width, height) = (FINER * SIZE.0, FINER * SIZE.1);
         let share = 1.0 / self.colors.iter().map(|_| 1.0).sum::<f32>();
         let mean = [0, 1, 2].map(|c| self.colors.iter().map(|color| share * color[c]).sum());
         // Where nothing is, the colour goes on, so that no rim shows when texels are mixed.
         let empty = Point { rgb: mean, alpha: 0.0, height: 0.0 };
         let places = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
-        let mut canvas =
-            Canvas { points: places.map(|(x, y)| self.core_at(x, y).unwrap_or(empty)).collect() };
-        (0..self.strays).for_each(|stray| self.stray(stray, &mut canvas));
-        (0..self.loops).for_each(|number| self.effect_loop(number, &mut canvas));
-        canvas
+        let mut image = YarnImage {
+            points: places.map(|(x, y)| self.core_at(x, y).unwrap_or(empty)).collect(),
+        };
+        (0..self.strays).for_each(|stray| self.stray(stray, &mut image));
+        (0..self.loops).for_each(|number| self.effect_loop(number, &mut image));
+        image
     }
 
     /// The nearest ply at a texel. Plies are round, on a helix, and touch each other on the axis.
@@ -226,7 +227,7 @@ impl Yarn {
     }
 
     /// A fibre that stands off the yarn and comes back.
-    fn stray(&self, number: u32, canvas: &mut Canvas) {
+    fn stray(&self, number: u32, image: &mut YarnImage) {
         let random = |salt: u32| random(number * 7 + salt);
         let (start, length, side) =
             (random(1), 0.08 + 0.22 * random(2), if random(3) < 0.5 { -1.0 } else { 1.0 });
@@ -235,20 +236,20 @@ impl Yarn {
             self.core + (FARTHEST - self.core) * (0.2 + 0.8 * random(4) * random(5)),
         );
         let stroke = Stroke { radius: 0.008, alpha: 0.55 + 0.3 * random(6), seed: 5000 + number };
-        canvas.lay(self, &stroke, |t| {
+        image.lay(self, &stroke, |t| {
             let off = inside + (farthest - inside) * (PI * t).sin();
             (start + length * t, side * off, 0.3)
         });
     }
 
     /// A loop of the effect yarn: out to one side and back, around its own foot.
-    fn effect_loop(&self, number: u32, canvas: &mut Canvas) {
+    fn effect_loop(&self, number: u32, image: &mut YarnImage) {
         let random = |salt: u32| random(900 + number * 11 + salt);
         let start = (to_float(number) + 0.6 * random(1)) / to_float(self.loops);
         let (side, far) = (if random(2) < 0.5 { -1.0 } else { 1.0 }, 0.45 + 0.42 * random(3));
         let (wide, drift) = (0.025 + 0.03 * random(4), 1.3 / to_float(self.loops));
         let stroke = Stroke { radius: 0.075, alpha: 1.0, seed: 9000 + number };
-        canvas.lay(self, &stroke, |t| {
+        image.lay(self, &stroke, |t| {
             let out = (PI * t).sin();
             (
                 start + drift * t - wide * (TAU * t).sin(),
@@ -267,7 +268,7 @@ impl Stroke {
     }
 }
 
-impl Canvas {
+impl YarnImage {
     fn at(&self, x: u32, y: u32) -> Point {
         self.points[(y * FINER * SIZE.0 + x) as usize]
     }

@@ -62,7 +62,7 @@ impl Plane {
     }
 
     /// Values all over the plane, a million or two at most: as many as any share of them needs.
-    pub(crate) fn asked(&self) -> impl Iterator<Item = f32> {
+    pub(crate) fn sampled(&self) -> impl Iterator<Item = f32> {
         self.values.iter().copied().step_by((self.values.len() >> 20).max(1))
     }
 

@@ -37,7 +37,7 @@ fn main() -> Result<()> {
 
 /// Both sides of a fabric.
 fn draw(folder: &Path, fabric: &Fabric) -> Result<()> {
-    let frame = Frame::of(fabric);
+    let frame = Frame::new(fabric);
     let (wales, courses) = frame.swatch(fabric);
     both_sides(folder, &fabric.name, &frame, &swatch(fabric, wales, courses))
 }
@@ -45,7 +45,7 @@ fn draw(folder: &Path, fabric: &Fabric) -> Result<()> {
 /// The same cloth of the same yarn, as tubes and as ribbons, so near that fuzz is seen.
 fn compare(folder: &Path) -> Result<()> {
     let fabric = Fabric::named(page::COMPARED)?;
-    let frame = Frame::of(&fabric).nearer(NEARER);
+    let frame = Frame::new(&fabric).nearer(NEARER);
     let (wales, courses) = frame.swatch(&fabric);
     let panel = swatch_panel(&fabric, wales, courses);
     let cloth = Cloth::swatch(&panel, &fabric, wales, courses);

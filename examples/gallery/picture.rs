@@ -32,7 +32,7 @@ const MARGIN: f64 = 4.0;
 pub(crate) struct Frame(DVec2);
 
 impl Frame {
-    pub(crate) fn of(fabric: &Fabric) -> Self {
+    pub(crate) fn new(fabric: &Fabric) -> Self {
         let aspect = f64::from(WIDTH) / f64::from(HEIGHT);
         #[expect(clippy::cast_precision_loss, reason = "some courses")]
         let courses = COURSES.max(REPEATS * fabric.repeat() as f64);

@@ -116,7 +116,7 @@ impl Panel {
 }
 
 /// Where a panel's parts lie in the garment.
-pub(crate) struct Piece {
+pub(crate) struct PanelRange {
     pub(crate) name: String,
     pub(crate) vertices: Range<usize>,
     pub(crate) triangles: Range<usize>,
@@ -130,7 +130,7 @@ pub(crate) struct Garment {
     pub(crate) flat: Vec<DVec2>,
     pub(crate) start: Vec<DVec3>,
     pub(crate) triangles: Vec<[u32; 3]>,
-    pub(crate) pieces: Vec<Piece>,
+    pub(crate) pieces: Vec<PanelRange>,
     pub(crate) seams: Vec<[u32; 2]>,
 }
 
@@ -154,7 +154,7 @@ impl Garment {
             (name, side.into_iter().map(|vertex| vertex + first).collect())
         };
         let sides = panel.sides.into_iter().map(shift).collect();
-        self.pieces.push(Piece { name: panel.name, vertices, triangles, sides });
+        self.pieces.push(PanelRange { name: panel.name, vertices, triangles, sides });
         self.pieces.len() - 1
     }
 

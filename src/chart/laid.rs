@@ -6,9 +6,10 @@
 
 use glam::DVec2;
 
-use super::path::Piece;
+use super::path::PathSegment;
 use super::{
-    Anchor, Drawing, FAINT, HAIR, HEADING, INK, Layer, MARGIN, Shape, TextSize, shortened,
+    Anchor, Drawing, DrawingLayer, DrawingShape, FAINT, HAIR, HEADING, INK, MARGIN, TextSize,
+    shortened,
 };
 use crate::fabric::yarn::Color;
 use crate::fabric::{BarKind, Fabric, Path};
@@ -30,7 +31,7 @@ pub(super) fn draw(fabric: &Fabric) -> Drawing {
     let cell = spacing * scale;
     let sheet = cell * f64::from(CELLS);
     let origin = DVec2::new(MARGIN, MARGIN + HEADING + sheet.y);
-    let text = |at: DVec2, text: &str, size| Shape::Text {
+    let text = |at: DVec2, text: &str, size| DrawingShape::Text {
         at,
         text: shortened(text),
         size,
@@ -39,8 +40,8 @@ pub(super) fn draw(fabric: &Fabric) -> Drawing {
     let sides = (0..=CELLS).map(f64::from).flat_map(|count| {
         let line = |from: DVec2, to: DVec2| {
             let place = |at: DVec2| origin + at * cell * DVec2::new(1.0, -1.0);
-            Shape::Path {
-                pieces: vec![Piece::Move(place(from)), Piece::Line(place(to))],
+            DrawingShape::Path {
+                segments: vec![PathSegment::Move(place(from)), PathSegment::Line(place(to))],
                 width: 1.0,
             }
         };
@@ -50,7 +51,8 @@ pub(super) fn draw(fabric: &Fabric) -> Drawing {
             line(DVec2::new(0.0, count), DVec2::new(last, count)),
         ]
     });
-    let mut layers = vec![Layer { name: "cells".to_owned(), color: HAIR, shapes: sides.collect() }];
+    let mut layers =
+        vec![DrawingLayer { name: "cells".to_owned(), color: HAIR, shapes: sides.collect() }];
     for (name, above) in [("under", false), ("over", true)] {
         for (number, ((bar, path), thickness)) in
             (1..).zip(fabric.bars.iter().zip(&fabric.paths).zip(fabric.thickness()))
@@ -61,14 +63,14 @@ pub(super) fn draw(fabric: &Fabric) -> Drawing {
             };
             let color = bar.yarn.color;
             if above {
-                layers.push(Layer {
+                layers.push(DrawingLayer {
                     name: format!("strand-{number}-edge"),
                     color: shaded(color, EDGE),
                     shapes: lines(width + 2.0),
                 });
             }
             let color = if above { color } else { shaded(color, UNDER) };
-            layers.push(Layer {
+            layers.push(DrawingLayer {
                 name: format!("strand-{number}-{name}"),
                 color,
                 shapes: lines(width),
@@ -77,8 +79,8 @@ pub(super) fn draw(fabric: &Fabric) -> Drawing {
     }
     let faint = vec![text(DVec2::new(MARGIN, MARGIN + 34.0), VIEW, TextSize::Small)];
     let ink = vec![text(DVec2::new(MARGIN, MARGIN + 14.0), &fabric.name, TextSize::Title)];
-    layers.push(Layer { name: "notes".to_owned(), color: FAINT, shapes: faint });
-    layers.push(Layer { name: "text".to_owned(), color: INK, shapes: ink });
+    layers.push(DrawingLayer { name: "notes".to_owned(), color: FAINT, shapes: faint });
+    layers.push(DrawingLayer { name: "text".to_owned(), color: INK, shapes: ink });
     let widest = [(fabric.name.as_str(), TextSize::Title), (VIEW, TextSize::Small)]
         .map(|(words, size)| size.width(&shortened(words)));
     let width = widest.into_iter().fold(sheet.x, f64::max);
@@ -98,7 +100,7 @@ fn lines(
     above: bool,
     place: impl Fn(DVec2) -> DVec2,
     width: f64,
-) -> Vec<Shape> {
+) -> Vec<DrawingShape> {
     let period = if kind == BarKind::LaidAcross { DVec2::X } else { DVec2::Y };
     let ends: Vec<_> = path.iter().map(|point| (point.truncate(), point.z)).collect();
     let next = ends.iter().skip(1).copied().chain([(ends[0].0 + period, ends[0].1)]);
@@ -115,8 +117,8 @@ fn lines(
     cells
         .flat_map(|cell| spans.iter().map(move |((from, _), (to, _))| (cell + from, cell + to)))
         .filter(|(from, to)| inside(*from) && inside(*to))
-        .map(|(from, to)| Shape::Path {
-            pieces: vec![Piece::Move(place(from)), Piece::Line(place(to))],
+        .map(|(from, to)| DrawingShape::Path {
+            segments: vec![PathSegment::Move(place(from)), PathSegment::Line(place(to))],
             width,
         })
         .collect()

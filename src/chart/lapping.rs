@@ -4,10 +4,10 @@ use std::ops::Range;
 
 use glam::DVec2;
 
-use super::path::{Lane, Piece, Pitch, clipped, rounded, waypoints};
+use super::path::{Lane, PathSegment, Pitch, clipped, rounded, waypoints};
 use super::{
-    Anchor, Drawing, FAINT, HAIR, HEADING, INK, Layer, MARGIN, Shape, TextSize, cut, label,
-    shortened,
+    Anchor, Drawing, DrawingLayer, DrawingShape, FAINT, HAIR, HEADING, INK, MARGIN, TextSize, cut,
+    label, shortened,
 };
 use crate::fabric::yarn::Color;
 use crate::fabric::{Bar, BarKind, Fabric};
@@ -51,7 +51,7 @@ const YARN: f64 = 2.4;
 const NEIGHBOUR: f64 = 1.0;
 
 /// Where things lie.
-struct Sheet {
+struct LappingSheet {
     pitch: Pitch,
     /// Gaps that are shown.
     gaps: Range<i64>,
@@ -65,7 +65,7 @@ struct Sheet {
 pub(super) fn draw(fabric: &Fabric) -> Drawing {
     let bars = &fabric.bars[..fabric.bars.len().min(MOST_BARS)];
     let reach = reach(bars);
-    let mut sheet = Sheet::new(fabric, bars, &reach);
+    let mut sheet = LappingSheet::new(fabric, bars, &reach);
     let notes = notes(fabric, &sheet, &reach);
     sheet.size.y += NOTE_ROW * f64::from(index32(notes.len()));
     let widest = notes.iter().map(|note| TextSize::Small.width(note)).fold(0.0, f64::max);
@@ -78,7 +78,7 @@ pub(super) fn draw(fabric: &Fabric) -> Drawing {
             layers.push(sheet.neighbours(at, bar, lane));
         }
         let shapes = sheet.yarn(bar, drawn_guide(bar), lane, YARN);
-        layers.push(Layer { name: format!("bar-{}", at + 1), color: bar_color(at), shapes });
+        layers.push(DrawingLayer { name: format!("bar-{}", at + 1), color: bar_color(at), shapes });
     }
     layers.push(sheet.gap_numbers(bars));
     layers.push(sheet.course_numbers(fabric.repeat()));
@@ -130,7 +130,7 @@ fn lanes(bars: &[Bar], pitch: Pitch) -> Vec<Lane> {
     bars.iter().enumerate().map(lane).collect()
 }
 
-fn notes(fabric: &Fabric, sheet: &Sheet, reach: &Range<i64>) -> Vec<String> {
+fn notes(fabric: &Fabric, sheet: &LappingSheet, reach: &Range<i64>) -> Vec<String> {
     let mut notes = Vec::new();
     let repeat = fabric.repeat();
     if sheet.courses < 2 * repeat {
@@ -152,7 +152,7 @@ fn notes(fabric: &Fabric, sheet: &Sheet, reach: &Range<i64>) -> Vec<String> {
     notes
 }
 
-impl Sheet {
+impl LappingSheet {
     fn new(fabric: &Fabric, bars: &[Bar], reach: &Range<i64>) -> Self {
         // More bars need wider gaps between the dots.
         let roomy = 4.0 * f64::from(index32(bars.len().clamp(2, 7) - 2));
@@ -201,14 +201,14 @@ impl Sheet {
         self.at(whole(self.gaps.start), 0.0).x
     }
 
-    fn needles(&self) -> Layer {
+    fn needles(&self) -> DrawingLayer {
         let row = |course: usize| {
-            self.gaps.clone().map(move |gap| Shape::Dot {
+            self.gaps.clone().map(move |gap| DrawingShape::Dot {
                 at: self.at(whole(gap) + 0.5, f64::from(index32(course))),
                 radius: DOT,
             })
         };
-        Layer {
+        DrawingLayer {
             name: "needles".to_owned(),
             color: INK,
             shapes: (0..self.courses).flat_map(row).collect(),
@@ -216,21 +216,21 @@ impl Sheet {
     }
 
     /// A hairline where one repeat ends and the next begins.
-    fn repeats(&self, repeat: usize) -> Layer {
+    fn repeats(&self, repeat: usize) -> DrawingLayer {
         let line = |course: usize| {
             let y = self.at(0.0, f64::from(index32(course)) - 0.5).y;
-            let pieces = vec![
-                Piece::Move(DVec2::new(self.left(), y)),
-                Piece::Line(DVec2::new(self.right(), y)),
+            let segments = vec![
+                PathSegment::Move(DVec2::new(self.left(), y)),
+                PathSegment::Line(DVec2::new(self.right(), y)),
             ];
-            Shape::Path { pieces, width: 1.0 }
+            DrawingShape::Path { segments, width: 1.0 }
         };
         let shapes = (repeat..self.courses).step_by(repeat).map(line).collect();
-        Layer { name: "repeats".to_owned(), color: HAIR, shapes }
+        DrawingLayer { name: "repeats".to_owned(), color: HAIR, shapes }
     }
 
     /// The yarn of one guide, as far as it lies on the sheet.
-    fn yarn(&self, bar: &Bar, guide: i64, lane: Lane, width: f64) -> Vec<Shape> {
+    fn yarn(&self, bar: &Bar, guide: i64, lane: Lane, width: f64) -> Vec<DrawingShape> {
         if bar.kind == BarKind::Weft {
             return self.wefts(bar, lane, width);
         }
@@ -238,38 +238,38 @@ impl Sheet {
         let corners: Vec<_> =
             corners.into_iter().map(|point| self.origin + DVec2::new(point.x, -point.y)).collect();
         let parts = clipped(&corners, self.left(), self.right());
-        let pieces: Vec<_> =
+        let segments: Vec<_> =
             parts.iter().flat_map(|part| rounded(part, CORNER * self.pitch.across)).collect();
-        if pieces.is_empty() { Vec::new() } else { vec![Shape::Path { pieces, width }] }
+        if segments.is_empty() { Vec::new() } else { vec![DrawingShape::Path { segments, width }] }
     }
 
     /// The wefts of a bar: straight through all gaps, above the needles of their course.
-    fn wefts(&self, bar: &Bar, lane: Lane, width: f64) -> Vec<Shape> {
+    fn wefts(&self, bar: &Bar, lane: Lane, width: f64) -> Vec<DrawingShape> {
         let courses =
             (0..self.courses).filter(|&course| bar.threading.carries(i64::from(index32(course))));
         let line = |course: usize| {
             let y = self.at(0.0, f64::from(index32(course)) + 0.5).y + lane.aside;
-            let pieces = vec![
-                Piece::Move(DVec2::new(self.left(), y)),
-                Piece::Line(DVec2::new(self.right(), y)),
+            let segments = vec![
+                PathSegment::Move(DVec2::new(self.left(), y)),
+                PathSegment::Line(DVec2::new(self.right(), y)),
             ];
-            Shape::Path { pieces, width }
+            DrawingShape::Path { segments, width }
         };
         courses.map(line).collect()
     }
 
     /// The other yarns of a bar, thin and pale.
-    fn neighbours(&self, at: usize, bar: &Bar, lane: Lane) -> Layer {
+    fn neighbours(&self, at: usize, bar: &Bar, lane: Lane) -> DrawingLayer {
         let (low, high) = bar.chain.gaps();
         let touching = self.gaps.start - i64::from(high)..=self.gaps.end - i64::from(low);
         let drawn = drawn_guide(bar);
         let others = touching.filter(|&guide| guide != drawn && bar.threading.carries(guide));
         let shapes = others.flat_map(|guide| self.yarn(bar, guide, lane, NEIGHBOUR)).collect();
         let pale = bar_color(at).0.map(|byte| 255 - (255 - byte) / 3);
-        Layer { name: format!("bar-{}-neighbours", at + 1), color: Color(pale), shapes }
+        DrawingLayer { name: format!("bar-{}-neighbours", at + 1), color: Color(pale), shapes }
     }
 
-    fn gap_numbers(&self, bars: &[Bar]) -> Layer {
+    fn gap_numbers(&self, bars: &[Bar]) -> DrawingLayer {
         let from_left = bars.iter().all(Bar::counts_from_left);
         let number = |gap: i64| if from_left { -gap } else { gap };
         let y = self.origin.y + 0.5 * self.pitch.along + 18.0;
@@ -283,15 +283,15 @@ impl Sheet {
         let gaps = self.gaps.start + 1..self.gaps.end;
         let mut shapes: Vec<_> = gaps.map(text).collect();
         shapes.push(label(DVec2::new(self.left() - 14.0, y), "gap".to_owned(), Anchor::End));
-        Layer { name: "gaps".to_owned(), color: FAINT, shapes }
+        DrawingLayer { name: "gaps".to_owned(), color: FAINT, shapes }
     }
 
-    fn course_numbers(&self, repeat: usize) -> Layer {
+    fn course_numbers(&self, repeat: usize) -> DrawingLayer {
         let x = self.left() - 14.0;
         let place = |course: usize| DVec2::new(x, self.at(0.0, f64::from(index32(course))).y + 4.0);
         let number =
             |course: usize| label(place(course), (course % repeat + 1).to_string(), Anchor::End);
-        Layer {
+        DrawingLayer {
             name: "courses".to_owned(),
             color: FAINT,
             shapes: (0..self.courses).map(number).collect(),
@@ -299,10 +299,10 @@ impl Sheet {
     }
 
     /// The heading and the legend.
-    fn words(&self, fabric: &Fabric, bars: &[Bar], notes: &[String]) -> Vec<Layer> {
+    fn words(&self, fabric: &Fabric, bars: &[Bar], notes: &[String]) -> Vec<DrawingLayer> {
         let line = |y: f64, indent: f64, text: &str, size| {
             let at = DVec2::new(MARGIN + indent, y);
-            Shape::Text { at, text: shortened(text), size, anchor: Anchor::Start }
+            DrawingShape::Text { at, text: shortened(text), size, anchor: Anchor::Start }
         };
         let title = line(MARGIN + 14.0, 0.0, &fabric.name, TextSize::Title);
         let mut legend = self.origin.y + 0.5 * self.pitch.along + GAP_NUMBERS + LEGEND_ROW;
@@ -310,12 +310,12 @@ impl Sheet {
         let mut texts = vec![title];
         for (at, (text, indent)) in words_of(fabric, bars).enumerate() {
             let ends = [0.0, SAMPLE - 8.0].map(|x| DVec2::new(MARGIN + x, legend - 4.0));
-            let pieces = vec![Piece::Move(ends[0]), Piece::Line(ends[1])];
+            let segments = vec![PathSegment::Move(ends[0]), PathSegment::Line(ends[1])];
             let name = format!("legend-{}", at + 1);
-            samples.push(Layer {
+            samples.push(DrawingLayer {
                 name,
                 color: bar_color(at),
-                shapes: vec![Shape::Path { pieces, width: YARN + 0.6 }],
+                shapes: vec![DrawingShape::Path { segments, width: YARN + 0.6 }],
             });
             texts.push(line(legend, indent, &text, TextSize::Normal));
             legend += LEGEND_ROW;
@@ -330,8 +330,8 @@ impl Sheet {
                 TextSize::Small,
             ));
         }
-        samples.push(Layer { name: "text".to_owned(), color: INK, shapes: texts });
-        samples.push(Layer { name: "notes".to_owned(), color: FAINT, shapes: faint });
+        samples.push(DrawingLayer { name: "text".to_owned(), color: INK, shapes: texts });
+        samples.push(DrawingLayer { name: "notes".to_owned(), color: FAINT, shapes: faint });
         samples
     }
 }

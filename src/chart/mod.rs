@@ -27,7 +27,7 @@ use image::RgbaImage;
 use crate::fabric::Fabric;
 use crate::fabric::yarn::Color;
 use crate::garment::Garment;
-pub use path::Piece;
+pub use path::PathSegment;
 
 const INK: Color = Color([0x22, 0x26, 0x2b]);
 const FAINT: Color = Color([0x6b, 0x72, 0x7a]);
@@ -40,18 +40,18 @@ const MOST_CHARACTERS: usize = 100;
 
 /// What can be drawn, in px of the sheet, y down.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Shape {
-    /// A line along pieces.
+pub enum DrawingShape {
+    /// A line along segments.
     Path {
         /// What it passes.
-        pieces: Vec<Piece>,
+        segments: Vec<PathSegment>,
         /// How wide it is drawn.
         width: f64,
     },
-    /// What a line around pieces encloses, filled; each of its loops inside another one is a hole.
+    /// What a line around segments encloses, filled; each of its loops inside another one is a hole.
     Area {
         /// What the line passes.
-        pieces: Vec<Piece>,
+        segments: Vec<PathSegment>,
     },
     /// Pixels, two to a px.
     Picture {
@@ -110,13 +110,13 @@ pub enum Anchor {
 
 /// Shapes of one kind and colour.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Layer {
+pub struct DrawingLayer {
     /// What it is: `needles`, `bar-1` …; unique in a drawing.
     pub name: String,
     /// Colour of lines, areas, dots and text.
     pub color: Color,
     /// What is drawn, first below.
-    pub shapes: Vec<Shape>,
+    pub shapes: Vec<DrawingShape>,
 }
 
 /// A picture as shapes.
@@ -125,24 +125,24 @@ pub struct Drawing {
     /// Width and height, px.
     pub size: DVec2,
     /// First below.
-    pub layers: Vec<Layer>,
+    pub layers: Vec<DrawingLayer>,
     /// What is left out because the fabric is too large for a sheet, a line each.
     pub notes: Vec<String>,
 }
 
 /// The formats of a diagram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
+pub enum ChartFormat {
     /// Text that drawing programs edit.
     Svg,
     /// Pixels.
     Png,
 }
 
-impl Format {
+impl ChartFormat {
     /// The format of a path, by its ending in any case.
     #[must_use]
-    pub fn of(path: &Path) -> Option<Self> {
+    pub fn from_path(path: &Path) -> Option<Self> {
         match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
             "svg" => Some(Self::Svg),
             "png" => Some(Self::Png),
@@ -166,11 +166,11 @@ impl Drawing {
     ///
     /// ```
     /// use warpknit::{chart::Drawing, fabric::Fabric};
-    /// let drawing = Drawing::of(&Fabric::named("locknit").unwrap());
+    /// let drawing = Drawing::from_fabric(&Fabric::named("locknit").unwrap());
     /// assert!(drawing.layers.iter().any(|layer| layer.name == "bar-2") && drawing.notes.is_empty());
     /// ```
     #[must_use]
-    pub fn of(fabric: &Fabric) -> Self {
+    pub fn from_fabric(fabric: &Fabric) -> Self {
         match &fabric.motif {
             Some(motif) => motif::draw(fabric, motif),
             None if fabric.is_laid() => laid::draw(fabric),
@@ -184,17 +184,17 @@ impl Drawing {
     ///
     /// ```
     /// use warpknit::{chart::Drawing, garment::Garment};
-    /// let drawing = Drawing::of_garment("square.obj", &Garment::rectangle(50.0, 50.0));
+    /// let drawing = Drawing::from_garment("square.obj", &Garment::rectangle(50.0, 50.0));
     /// assert!(drawing.layers.iter().any(|layer| layer.name == "panel-0"));
     /// ```
     #[must_use]
-    pub fn of_garment(title: &str, garment: &Garment) -> Self {
+    pub fn from_garment(title: &str, garment: &Garment) -> Self {
         garment::draw(title, garment)
     }
 }
 
-fn label(at: DVec2, text: String, anchor: Anchor) -> Shape {
-    Shape::Text { at, text, size: TextSize::Small, anchor }
+fn label(at: DVec2, text: String, anchor: Anchor) -> DrawingShape {
+    DrawingShape::Text { at, text, size: TextSize::Small, anchor }
 }
 
 /// A text that fits the sheet.

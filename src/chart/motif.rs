@@ -8,9 +8,10 @@ use std::ops::Range;
 
 use glam::DVec2;
 
-use super::path::Piece;
+use super::path::PathSegment;
 use super::{
-    Anchor, Drawing, FAINT, HAIR, HEADING, INK, Layer, MARGIN, Shape, TextSize, label, shortened,
+    Anchor, Drawing, DrawingLayer, DrawingShape, FAINT, HAIR, HEADING, INK, MARGIN, TextSize,
+    label, shortened,
 };
 use crate::fabric::Fabric;
 use crate::fabric::motif::{Cell, Motif};
@@ -27,7 +28,7 @@ const ROW: f64 = 20.0;
 const SYMBOL: f64 = 1.8;
 const VIEW: &str = "seen from the technical face, course 1 below";
 
-struct Sheet<'a> {
+struct WeftChart<'a> {
     motif: &'a Motif,
     wales: usize,
     courses: usize,
@@ -59,7 +60,7 @@ pub(super) fn draw(fabric: &Fabric, motif: &Motif) -> Drawing {
     let widest = words.map(|text| TextSize::Title.width(&shortened(text))).fold(0.0, f64::max);
     let chart = SIDE * DVec2::new(count(wales), count(courses));
     let bottom = MARGIN + HEADING + chart.y;
-    let sheet = Sheet { motif, wales, courses, origin: DVec2::new(MARGIN + NUMBERS, bottom) };
+    let sheet = WeftChart { motif, wales, courses, origin: DVec2::new(MARGIN + NUMBERS, bottom) };
     let lines = count(legend.len() + notes.len());
     let size = DVec2::new(
         (chart.x + NUMBERS).max(widest) + 2.0 * MARGIN,
@@ -67,7 +68,7 @@ pub(super) fn draw(fabric: &Fabric, motif: &Motif) -> Drawing {
     );
 
     let below = |line: usize| DVec2::new(MARGIN, bottom + NUMBERS + (count(line) + 0.5) * ROW);
-    let text = |at: DVec2, text: &str, size| Shape::Text {
+    let text = |at: DVec2, text: &str, size| DrawingShape::Text {
         at,
         text: shortened(text),
         size,
@@ -86,34 +87,34 @@ pub(super) fn draw(fabric: &Fabric, motif: &Motif) -> Drawing {
             .map(|(note, line)| text(below(line), note, TextSize::Small)),
     );
     let layers = vec![
-        Layer { name: "squares".to_owned(), color: HAIR, shapes: sheet.squares() },
-        Layer {
+        DrawingLayer { name: "squares".to_owned(), color: HAIR, shapes: sheet.squares() },
+        DrawingLayer {
             name: "behind".to_owned(),
             color: FAINT,
             shapes: sheet.symbols(|cell| cell.layer < 0),
         },
-        Layer {
+        DrawingLayer {
             name: "loops".to_owned(),
             color: INK,
             shapes: sheet.symbols(|cell| cell.layer >= 0),
         },
-        Layer { name: "numbers".to_owned(), color: FAINT, shapes: faint },
-        Layer { name: "text".to_owned(), color: INK, shapes: ink },
+        DrawingLayer { name: "numbers".to_owned(), color: FAINT, shapes: faint },
+        DrawingLayer { name: "text".to_owned(), color: INK, shapes: ink },
     ];
     Drawing { size, layers, notes }
 }
 
-impl Sheet<'_> {
+impl WeftChart<'_> {
     /// A place of the chart, wales to the right and courses up.
     fn at(&self, wale: f64, course: f64) -> DVec2 {
         self.origin + SIDE * DVec2::new(wale, -course)
     }
 
-    fn line(from: DVec2, to: DVec2, width: f64) -> Shape {
-        Shape::Path { pieces: vec![Piece::Move(from), Piece::Line(to)], width }
+    fn line(from: DVec2, to: DVec2, width: f64) -> DrawingShape {
+        DrawingShape::Path { segments: vec![PathSegment::Move(from), PathSegment::Line(to)], width }
     }
 
-    fn squares(&self) -> Vec<Shape> {
+    fn squares(&self) -> Vec<DrawingShape> {
         let (wales, courses) = (count(self.wales), count(self.courses));
         let upright = (0..=self.wales)
             .map(|wale| Self::line(self.at(count(wale), 0.0), self.at(count(wale), courses), 1.0));
@@ -123,7 +124,7 @@ impl Sheet<'_> {
         upright.chain(level).collect()
     }
 
-    fn symbols(&self, wanted: impl Fn(Cell) -> bool) -> Vec<Shape> {
+    fn symbols(&self, wanted: impl Fn(Cell) -> bool) -> Vec<DrawingShape> {
         let of = |range: Range<usize>| range.map(|at| (at, i64::from(index32(at))));
         let mut shapes = Vec::new();
         for (course, row) in of(0..self.courses) {
@@ -137,7 +138,7 @@ impl Sheet<'_> {
         shapes
     }
 
-    fn symbol(&self, cell: Cell, wale: f64, course: f64) -> Shape {
+    fn symbol(&self, cell: Cell, wale: f64, course: f64) -> DrawingShape {
         let place = |x: f64, y: f64| self.at(wale + x, course + y);
         if cell.carried != 0 {
             return Self::line(place(0.5, 0.1), place(0.5 + f64::from(cell.carried), 0.9), SYMBOL);
@@ -145,15 +146,15 @@ impl Sheet<'_> {
         if cell.reverse {
             return Self::line(place(0.25, 0.5), place(0.75, 0.5), SYMBOL);
         }
-        let pieces = vec![
-            Piece::Move(place(0.28, 0.78)),
-            Piece::Line(place(0.5, 0.22)),
-            Piece::Line(place(0.72, 0.78)),
+        let segments = vec![
+            PathSegment::Move(place(0.28, 0.78)),
+            PathSegment::Line(place(0.5, 0.22)),
+            PathSegment::Line(place(0.72, 0.78)),
         ];
-        Shape::Path { pieces, width: SYMBOL }
+        DrawingShape::Path { segments, width: SYMBOL }
     }
 
-    fn numbers(&self) -> Vec<Shape> {
+    fn numbers(&self) -> Vec<DrawingShape> {
         let numbered =
             |end: usize| (1..=end).filter(move |&number| number == 1 || number % NUMBERED == 0);
         let wales = numbered(self.wales).map(|wale| {
@@ -184,7 +185,7 @@ mod tests {
 
     #[test]
     fn every_loop_has_a_symbol_and_every_letter_a_line() {
-        let drawing = Drawing::of(&Fabric::named("cable").unwrap());
+        let drawing = Drawing::from_fabric(&Fabric::named("cable").unwrap());
         let layer = |name: &str| drawing.layers.iter().find(|layer| layer.name == name).unwrap();
         let (behind, loops) = (layer("behind").shapes.len(), layer("loops").shapes.len());
         assert_eq!(behind + loops, 32 * 36);

@@ -43,9 +43,9 @@ pub(super) struct Lane {
     pub(super) aside: f64,
 }
 
-/// A piece of a path, from where the last one ended.
+/// A segment of a path, from where the last one ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Piece {
+pub enum PathSegment {
     /// Starts anew.
     Move(DVec2),
     /// A straight line.
@@ -54,7 +54,7 @@ pub enum Piece {
     Curve(DVec2, DVec2, DVec2),
 }
 
-impl Piece {
+impl PathSegment {
     /// Where it ends.
     #[must_use]
     pub fn end(self) -> DVec2 {
@@ -146,14 +146,15 @@ pub(super) fn clipped(points: &[DVec2], low: f64, high: f64) -> Vec<Vec<DVec2>> 
 
 /// A polyline with its corners rounded, each over `reach` px of its sides or as far as half of the
 /// shorter one allows.
-pub(super) fn rounded(points: &[DVec2], reach: f64) -> Vec<Piece> {
+pub(super) fn rounded(points: &[DVec2], reach: f64) -> Vec<PathSegment> {
     let mut corners: Vec<DVec2> = Vec::new();
     for &point in points {
         if corners.last().is_none_or(|last| last.distance_squared(point) > 1e-12) {
             corners.push(point);
         }
     }
-    let mut pieces: Vec<_> = corners.first().map(|&start| Piece::Move(start)).into_iter().collect();
+    let mut segments: Vec<_> =
+        corners.first().map(|&start| PathSegment::Move(start)).into_iter().collect();
     for corner in corners.windows(3) {
         let [before, at, after] = [corner[0], corner[1], corner[2]];
         let reach = reach.min(at.distance(before) / 2.0).min(at.distance(after) / 2.0);
@@ -161,20 +162,20 @@ pub(super) fn rounded(points: &[DVec2], reach: f64) -> Vec<Piece> {
             (at + (before - at).normalize() * reach, at + (after - at).normalize() * reach);
         let turn = (at - before).angle_to(after - at).abs();
         if turn < 1e-6 {
-            pieces.push(Piece::Line(at));
+            segments.push(PathSegment::Line(at));
             continue;
         }
         // A cubic is nearest to a circle's arc where its controls go this far towards the corner.
         let round = 4.0 / 3.0 * (turn / 4.0).tan() / (turn / 2.0).tan();
-        if pieces.last().is_some_and(|piece| piece.end().distance_squared(start) > 1e-12) {
-            pieces.push(Piece::Line(start));
+        if segments.last().is_some_and(|segment| segment.end().distance_squared(start) > 1e-12) {
+            segments.push(PathSegment::Line(start));
         }
-        pieces.push(Piece::Curve(start.lerp(at, round), end.lerp(at, round), end));
+        segments.push(PathSegment::Curve(start.lerp(at, round), end.lerp(at, round), end));
     }
     if corners.len() > 1 {
-        pieces.push(Piece::Line(corners[corners.len() - 1]));
+        segments.push(PathSegment::Line(corners[corners.len() - 1]));
     }
-    pieces
+    segments
 }
 
 #[cfg(test)]
@@ -259,14 +260,14 @@ mod tests {
     #[test]
     fn rounding_keeps_the_ends_and_straight_lines() {
         let path = corners("1-0/1-2", 3);
-        let pieces = rounded(&path, 15.0);
+        let segments = rounded(&path, 15.0);
         assert_eq!(
-            (pieces[0], pieces[pieces.len() - 1].end()),
-            (Piece::Move(path[0]), path[path.len() - 1])
+            (segments[0], segments[segments.len() - 1].end()),
+            (PathSegment::Move(path[0]), path[path.len() - 1])
         );
         assert_eq!(
             rounded(&[DVec2::ZERO, DVec2::ZERO, DVec2::X], 15.0),
-            [Piece::Move(DVec2::ZERO), Piece::Line(DVec2::X)]
+            [PathSegment::Move(DVec2::ZERO), PathSegment::Line(DVec2::X)]
         );
         assert!(rounded(&[], 15.0).is_empty());
     }

@@ -9,7 +9,7 @@ use image::RgbaImage;
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
 use tiny_skia::{FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, Stroke, Transform};
 
-use super::{Anchor, Drawing, Piece, Shape, TextSize};
+use super::{Anchor, Drawing, DrawingShape, PathSegment, TextSize};
 use crate::fabric::yarn::Color;
 
 /// Pixels a px.
@@ -59,14 +59,16 @@ pub fn paint(drawing: &Drawing) -> RgbaImage {
         paint.set_color_rgba8(r, g, b, 255);
         for shape in &layer.shapes {
             match shape {
-                Shape::Path { pieces, width } => line(&mut sheet, pieces, *width, &paint),
-                Shape::Area { pieces } => area(&mut sheet, pieces, &paint),
-                Shape::Picture { at, picture } => lay(&mut sheet, *at, picture),
-                Shape::Dot { at, radius } => dot(&mut sheet, *at, *radius, &paint),
-                Shape::Text { at, text, size, anchor } => {
+                DrawingShape::Path { segments, width } => {
+                    line(&mut sheet, segments, *width, &paint)
+                }
+                DrawingShape::Area { segments } => area(&mut sheet, segments, &paint),
+                DrawingShape::Picture { at, picture } => overlay(&mut sheet, *at, picture),
+                DrawingShape::Dot { at, radius } => dot(&mut sheet, *at, *radius, &paint),
+                DrawingShape::Text { at, text, size, anchor } => {
                     write(&mut sheet, *at, text, *size, *anchor, layer.color)
                 }
-                Shape::Title { .. } => {}
+                DrawingShape::Title { .. } => {}
             }
         }
     }
@@ -89,19 +91,19 @@ fn device(at: DVec2) -> (f32, f32) {
     (at.x, at.y)
 }
 
-fn track(pieces: &[Piece]) -> Option<Path> {
+fn path(segments: &[PathSegment]) -> Option<Path> {
     let mut builder = PathBuilder::new();
-    for piece in pieces {
-        match *piece {
-            Piece::Move(end) => {
+    for segment in segments {
+        match *segment {
+            PathSegment::Move(end) => {
                 let (x, y) = device(end);
                 builder.move_to(x, y);
             }
-            Piece::Line(end) => {
+            PathSegment::Line(end) => {
                 let (x, y) = device(end);
                 builder.line_to(x, y);
             }
-            Piece::Curve(a, b, end) => {
+            PathSegment::Curve(a, b, end) => {
                 let ((ax, ay), (bx, by), (x, y)) = (device(a), device(b), device(end));
                 builder.cubic_to(ax, ay, bx, by, x, y);
             }
@@ -110,23 +112,23 @@ fn track(pieces: &[Piece]) -> Option<Path> {
     builder.finish()
 }
 
-fn line(sheet: &mut Pixmap, pieces: &[Piece], width: f64, paint: &Paint<'_>) {
+fn line(sheet: &mut Pixmap, segments: &[PathSegment], width: f64, paint: &Paint<'_>) {
     let (width, _) = device(DVec2::splat(width));
     let stroke =
         Stroke { width, line_cap: LineCap::Round, line_join: LineJoin::Round, ..Stroke::default() };
-    if let Some(path) = track(pieces) {
+    if let Some(path) = path(segments) {
         sheet.stroke_path(&path, paint, &stroke, Transform::identity(), None);
     }
 }
 
-fn area(sheet: &mut Pixmap, pieces: &[Piece], paint: &Paint<'_>) {
-    if let Some(path) = track(pieces) {
+fn area(sheet: &mut Pixmap, segments: &[PathSegment], paint: &Paint<'_>) {
+    if let Some(path) = path(segments) {
         sheet.fill_path(&path, paint, FillRule::EvenOdd, Transform::identity(), None);
     }
 }
 
 /// Lays a picture's pixels over those of the sheet.
-fn lay(sheet: &mut Pixmap, at: DVec2, picture: &RgbaImage) {
+fn overlay(sheet: &mut Pixmap, at: DVec2, picture: &RgbaImage) {
     let at = at * SCALE;
     #[expect(clippy::cast_possible_truncation, reason = "a place on the sheet, in whole pixels")]
     let (left, top) = (at.x.round() as i64, at.y.round() as i64);
@@ -194,7 +196,7 @@ mod tests {
 
     #[test]
     fn every_bar_is_in_the_picture_in_its_colour() {
-        let drawing = Drawing::of(&Fabric::named("locknit").unwrap());
+        let drawing = Drawing::from_fabric(&Fabric::named("locknit").unwrap());
         let picture = paint(&drawing);
         for layer in drawing.layers.iter().filter(|layer| !layer.shapes.is_empty()) {
             let [r, g, b] = layer.color.0;
@@ -208,14 +210,22 @@ mod tests {
         let square = |low: f64, high: f64| {
             let [a, b, c, d] =
                 [(low, low), (high, low), (high, high), (low, high)].map(DVec2::from);
-            [Piece::Move(a), Piece::Line(b), Piece::Line(c), Piece::Line(d), Piece::Line(a)]
+            [
+                PathSegment::Move(a),
+                PathSegment::Line(b),
+                PathSegment::Line(c),
+                PathSegment::Line(d),
+                PathSegment::Line(a),
+            ]
         };
-        let pieces = [square(0.0, 10.0), square(4.0, 6.0)].concat();
+        let segments = [square(0.0, 10.0), square(4.0, 6.0)].concat();
         let mut picture = RgbaImage::from_pixel(2, 2, image::Rgba([0, 200, 0, 255]));
         picture.put_pixel(0, 0, image::Rgba([0, 200, 0, 0]));
-        let shapes =
-            vec![Shape::Area { pieces }, Shape::Picture { at: DVec2::new(12.0, 3.0), picture }];
-        let layer = super::super::Layer { name: "a".into(), color: Color([9; 3]), shapes };
+        let shapes = vec![
+            DrawingShape::Area { segments },
+            DrawingShape::Picture { at: DVec2::new(12.0, 3.0), picture },
+        ];
+        let layer = super::super::DrawingLayer { name: "a".into(), color: Color([9; 3]), shapes };
         let painted = paint(&Drawing {
             size: DVec2::new(20.0, 10.0),
             layers: vec![layer],
@@ -229,13 +239,13 @@ mod tests {
 
     #[test]
     fn text_outside_the_sheet_or_the_font_is_no_fault() {
-        let text = |x: f64| Shape::Text {
+        let text = |x: f64| DrawingShape::Text {
             at: DVec2::new(x, 5.0),
             text: "日本 ab".to_owned(),
             size: TextSize::Title,
             anchor: Anchor::Middle,
         };
-        let layer = super::super::Layer {
+        let layer = super::super::DrawingLayer {
             name: "t".into(),
             color: Color([0; 3]),
             shapes: vec![text(-5.0), text(400.0), text(20.0)],

@@ -8,13 +8,13 @@ use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder, RgbaImage};
 
 use super::png::SCALE;
-use super::{Anchor, Drawing, Layer, Piece, Shape, TextSize};
+use super::{Anchor, Drawing, DrawingLayer, DrawingShape, PathSegment, TextSize};
 
 /// The text of an `.svg` file.
 ///
 /// ```
 /// use warpknit::{chart::{Drawing, svg}, fabric::Fabric};
-/// let text = svg::text(&Drawing::of(&Fabric::named("tricot").unwrap()));
+/// let text = svg::text(&Drawing::from_fabric(&Fabric::named("tricot").unwrap()));
 /// assert!(text.starts_with("<svg") && text.contains(r#"<g id="bar-1""#));
 /// ```
 #[must_use]
@@ -38,12 +38,13 @@ fn write(out: &mut String, drawing: &Drawing) -> fmt::Result {
     writeln!(out, "</svg>")
 }
 
-fn group(out: &mut String, layer: &Layer) -> fmt::Result {
-    let Layer { name, color, shapes } = layer;
-    let lines =
-        shapes.iter().all(|shape| matches!(shape, Shape::Path { .. } | Shape::Title { .. }));
+fn group(out: &mut String, layer: &DrawingLayer) -> fmt::Result {
+    let DrawingLayer { name, color, shapes } = layer;
+    let lines = shapes
+        .iter()
+        .all(|shape| matches!(shape, DrawingShape::Path { .. } | DrawingShape::Title { .. }));
     // A pointer is to find what lines enclose too, though it isn't filled.
-    let rests = if shapes.iter().any(|shape| matches!(shape, Shape::Title { .. })) {
+    let rests = if shapes.iter().any(|shape| matches!(shape, DrawingShape::Title { .. })) {
         " pointer-events=\"all\""
     } else {
         ""
@@ -58,15 +59,18 @@ fn group(out: &mut String, layer: &Layer) -> fmt::Result {
     writeln!(out, "<g id=\"{name}\" {paint}>")?;
     for shape in shapes {
         match shape {
-            Shape::Title { text } => writeln!(out, "<title>{}</title>", Escaped(text))?,
-            Shape::Path { pieces, width } => {
-                writeln!(out, "<path stroke-width=\"{}\" d=\"{}\"/>", Px(*width), Track(pieces))?
+            DrawingShape::Title { text } => writeln!(out, "<title>{}</title>", Escaped(text))?,
+            DrawingShape::Path { segments, width } => writeln!(
+                out,
+                "<path stroke-width=\"{}\" d=\"{}\"/>",
+                Px(*width),
+                PathData(segments)
+            )?,
+            DrawingShape::Area { segments } => {
+                writeln!(out, "<path fill-rule=\"evenodd\" d=\"{}\"/>", PathData(segments))?
             }
-            Shape::Area { pieces } => {
-                writeln!(out, "<path fill-rule=\"evenodd\" d=\"{}\"/>", Track(pieces))?
-            }
-            Shape::Picture { at, picture: pixels } => picture(out, *at, pixels)?,
-            Shape::Dot { at, radius } => {
+            DrawingShape::Picture { at, picture: pixels } => picture(out, *at, pixels)?,
+            DrawingShape::Dot { at, radius } => {
                 writeln!(
                     out,
                     "<circle cx=\"{}\" cy=\"{}\" r=\"{}\"/>",
@@ -75,7 +79,7 @@ fn group(out: &mut String, layer: &Layer) -> fmt::Result {
                     Px(*radius)
                 )?;
             }
-            Shape::Text { at, text, size, anchor } => {
+            DrawingShape::Text { at, text, size, anchor } => {
                 let place = match anchor {
                     Anchor::Start => "",
                     Anchor::Middle => " text-anchor=\"middle\"",
@@ -142,17 +146,19 @@ impl fmt::Display for Px {
 }
 
 /// The `d` of a path.
-struct Track<'a>(&'a [Piece]);
+struct PathData<'a>(&'a [PathSegment]);
 
-impl fmt::Display for Track<'_> {
+impl fmt::Display for PathData<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let point = |p: DVec2| format!("{} {}", Px(p.x), Px(p.y));
-        for (at, piece) in self.0.iter().enumerate() {
+        for (at, segment) in self.0.iter().enumerate() {
             f.write_str(if at == 0 { "" } else { " " })?;
-            match *piece {
-                Piece::Move(end) => write!(f, "M{}", point(end))?,
-                Piece::Line(end) => write!(f, "L{}", point(end))?,
-                Piece::Curve(a, b, end) => write!(f, "C{} {} {}", point(a), point(b), point(end))?,
+            match *segment {
+                PathSegment::Move(end) => write!(f, "M{}", point(end))?,
+                PathSegment::Line(end) => write!(f, "L{}", point(end))?,
+                PathSegment::Curve(a, b, end) => {
+                    write!(f, "C{} {} {}", point(a), point(b), point(end))?
+                }
             }
         }
         Ok(())

@@ -8,7 +8,7 @@ use anyhow::Result;
 use glam::DVec2;
 use image::imageops::{self, FilterType};
 use image::{DynamicImage, GrayImage, ImageBuffer, Pixel, RgbImage, Rgba, RgbaImage};
-use warpknit::chart::{Anchor, Drawing, Layer, Shape as Mark, TextSize, png};
+use warpknit::chart::{Anchor, Drawing, DrawingLayer, DrawingShape, TextSize, png};
 use warpknit::drape::{self, Block, Cloth, picture};
 use warpknit::fabric::Fabric;
 use warpknit::fabric::yarn::Color;
@@ -38,7 +38,7 @@ const ROWS: [u32; 3] = [360, 220, 480];
 const PAINTED: f64 = 2.0;
 
 /// A picture with its name and the width that is its own.
-struct Cell {
+struct SheetCell {
     label: &'static str,
     picture: RgbaImage,
     width: u32,
@@ -81,7 +81,7 @@ pub(super) fn swatch(
 pub(super) fn sheet(photo: &RgbImage, yarn: &Developed, swatch: &RgbaImage) -> RgbaImage {
     let grey = |picture: &GrayImage| DynamicImage::from(picture.clone()).into_rgba8();
     let height = DynamicImage::from(yarn.surface.height.clone()).into_rgba8();
-    let cell = |label, picture, width| Cell { label, picture, width };
+    let cell = |label, picture, width| SheetCell { label, picture, width };
     let half = column_width(2);
     let photo = small(photo, half, ROWS[0]);
     let (left, right) = (photo.width(), SHEET - 3 * GAP - photo.width());
@@ -113,7 +113,7 @@ pub(super) fn sheet(photo: &RgbImage, yarn: &Developed, swatch: &RgbaImage) -> R
 }
 
 /// The cells with where they begin.
-fn places(rows: &[Vec<Cell>; 3]) -> impl Iterator<Item = (&Cell, u32, u32)> {
+fn places(rows: &[Vec<SheetCell>; 3]) -> impl Iterator<Item = (&SheetCell, u32, u32)> {
     rows.iter().zip(tops()).flat_map(|(row, top)| {
         row.iter().scan(GAP, move |left, cell| {
             let begin = *left;
@@ -135,11 +135,11 @@ fn column_width(columns: u32) -> u32 {
 }
 
 /// The empty sheet with the names of its pictures.
-fn labels(rows: &[Vec<Cell>; 3]) -> Drawing {
+fn labels(rows: &[Vec<SheetCell>; 3]) -> Drawing {
     let mut shapes = Vec::new();
     for (cell, left, top) in places(rows) {
         let baseline = DVec2::new(f64::from(left), f64::from(top + LABEL - 8)) / PAINTED;
-        shapes.push(Mark::Text {
+        shapes.push(DrawingShape::Text {
             at: baseline,
             text: cell.label.to_owned(),
             size: TextSize::Small,
@@ -147,7 +147,7 @@ fn labels(rows: &[Vec<Cell>; 3]) -> Drawing {
         });
     }
     let size = DVec2::new(f64::from(SHEET), f64::from(tops()[2] + LABEL + ROWS[2] + GAP)) / PAINTED;
-    let layer = Layer { name: "labels".to_owned(), color: Color([40; 3]), shapes };
+    let layer = DrawingLayer { name: "labels".to_owned(), color: Color([40; 3]), shapes };
     Drawing { size, layers: vec![layer], notes: Vec::new() }
 }
 

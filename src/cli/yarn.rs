@@ -6,7 +6,9 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use warpknit::export::{OutputFolder, png};
-use warpknit::photo::develop::{Developed, FILES, Scale, Settings, Step, develop, save};
+use warpknit::photo::develop::{
+    Developed, FILES, PixelScale, Step, YarnPhotoSettings, develop, save,
+};
 use warpknit::photo::{read_maps, read_photo};
 
 use super::args::Yarn;
@@ -67,14 +69,14 @@ pub(crate) fn yarn(arguments: &Yarn) -> Result<()> {
 }
 
 impl Yarn {
-    fn settings(&self) -> Settings {
+    fn settings(&self) -> YarnPhotoSettings {
         let scale = match (self.dpi, self.yarn_width_mm) {
-            (Some(dpi), _) => Scale::Dpi(dpi),
-            (None, Some(width)) => Scale::YarnWidth(width),
-            (None, None) => Scale::Unknown,
+            (Some(dpi), _) => PixelScale::Dpi(dpi),
+            (None, Some(width)) => PixelScale::YarnWidth(width),
+            (None, None) => PixelScale::Unknown,
         };
         let Self { crop, brightness, contrast, threshold, .. } = *self;
-        Settings { crop, brightness, contrast, threshold, scale }
+        YarnPhotoSettings { crop, brightness, contrast, threshold, scale }
     }
 }
 

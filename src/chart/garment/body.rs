@@ -21,7 +21,7 @@ const THIN: f64 = 0.3;
 
 /// From where the garment is looked at, and what of space is in the picture.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct View {
+pub(super) struct GarmentView {
     /// `front`, `back` and the like.
     pub(super) name: &'static str,
     right: DVec3,
@@ -35,7 +35,7 @@ pub(super) struct View {
 
 /// Front and back; for a garment that lies down, above and below; for one that is thin from the
 /// front, left and right.
-pub(super) fn views(garment: &Garment) -> [View; 2] {
+pub(super) fn views(garment: &Garment) -> [GarmentView; 2] {
     let points = || garment.panels.iter().flat_map(|panel| panel.draped.iter().copied());
     let (low, high) = (
         points().fold(DVec3::INFINITY, DVec3::min),
@@ -57,7 +57,7 @@ pub(super) fn views(garment: &Garment) -> [View; 2] {
             (ends[0].min(ends[1]), ends[0].max(ends[1]))
         };
         let ((left, right_end), (bottom, top)) = (extent(right), extent(up));
-        View {
+        GarmentView {
             name,
             right,
             up,
@@ -68,7 +68,7 @@ pub(super) fn views(garment: &Garment) -> [View; 2] {
     })
 }
 
-impl View {
+impl GarmentView {
     /// Height over width of what is in the picture.
     pub(super) fn aspect(&self) -> f64 {
         let extent = self.high - self.low;
@@ -85,7 +85,7 @@ impl View {
         defect: Color,
     ) -> RgbaImage {
         let samples = size * SAMPLES;
-        let mut film = Film {
+        let mut buffer = DepthBuffer {
             size: samples,
             depths: vec![f32::NEG_INFINITY; (samples.x * samples.y) as usize],
             colors: vec![[0; 3]; (samples.x * samples.y) as usize],
@@ -113,22 +113,22 @@ impl View {
                     reason = "a darker byte is a byte"
                 )]
                 let shade = color.0.map(|byte| (f64::from(byte) * light).round() as u8);
-                film.fill(draped.map(place), shade);
+                buffer.fill(draped.map(place), shade);
             }
         }
-        film.developed(size)
+        buffer.downsampled(size)
     }
 }
 
 /// Samples of a picture, each with the nearest thing seen there.
-struct Film {
+struct DepthBuffer {
     size: UVec2,
     /// Larger is nearer.
     depths: Vec<f32>,
     colors: Vec<[u8; 3]>,
 }
 
-impl Film {
+impl DepthBuffer {
     /// Covers the samples in a triangle, edges included, where it is nearer than what is there.
     fn fill(&mut self, [a, b, c]: [DVec3; 3], color: [u8; 3]) {
         let area = (b - a).truncate().perp_dot((c - a).truncate());
@@ -170,7 +170,7 @@ impl Film {
     }
 
     /// Means over each pixel's samples.
-    fn developed(&self, size: UVec2) -> RgbaImage {
+    fn downsampled(&self, size: UVec2) -> RgbaImage {
         RgbaImage::from_fn(size.x, size.y, |x, y| {
             let (mut sum, mut covered) = ([0_u32; 3], 0_u32);
             for sample in 0..SAMPLES * SAMPLES {
@@ -214,8 +214,9 @@ mod tests {
         let [front, back] = views(&garment);
         assert_eq!((front.name, back.name, front.aspect()), ("front", "back", 1.0));
         let color = |panel: &Panel, _: [u32; 3]| if panel.size().x > 6.0 { RED } else { BLUE };
-        let at =
-            |view: &View, x| view.paint(&garment, UVec2::splat(40), &color, RED).get_pixel(x, 20).0;
+        let at = |view: &GarmentView, x| {
+            view.paint(&garment, UVec2::splat(40), &color, RED).get_pixel(x, 20).0
+        };
         assert_eq!([at(&front, 10), at(&front, 30)], [[255, 0, 0, 255], [0, 0, 255, 255]]);
         assert_eq!([at(&back, 10), at(&back, 30)], [[255, 0, 0, 255]; 2]);
         let wide = front.paint(&garment, UVec2::new(60, 40), &color, RED);
@@ -237,8 +238,9 @@ mod tests {
         let [above, below] = views(&garment);
         assert_eq!((above.name, below.name), ("above", "below"));
         let color = |panel: &Panel, _: [u32; 3]| if panel.size().x > 6.0 { RED } else { BLUE };
-        let at =
-            |view: &View, x| view.paint(&garment, UVec2::splat(40), &color, RED).get_pixel(x, 20).0;
+        let at = |view: &GarmentView, x| {
+            view.paint(&garment, UVec2::splat(40), &color, RED).get_pixel(x, 20).0
+        };
         assert_eq!([at(&above, 30), at(&below, 30)], [[0, 0, 255, 255], [255, 0, 0, 255]]);
         garment
             .panels

@@ -24,20 +24,20 @@ const ENDS: [f64; 8] = [1.02, 1.05, 1.1, 1.2, 1.5, 2.0, 3.0, 5.0];
 
 /// A scale of colours around 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Colors {
+pub(super) struct StretchColors {
     /// The stretch at its red end; at its blue end is one over it.
     end: f64,
 }
 
-impl Colors {
+impl StretchColors {
     /// The narrowest scale that holds all of these stretches, or the widest.
-    pub(super) fn over(stretches: &[f64]) -> Self {
+    pub(super) fn spanning(stretches: &[f64]) -> Self {
         let holds =
             |end: &&f64| stretches.iter().all(|stretch| (1.0 / **end..=**end).contains(stretch));
         Self { end: *ENDS.iter().find(holds).unwrap_or(&ENDS[ENDS.len() - 1]) }
     }
 
-    pub(super) fn of(&self, stretch: f64) -> Color {
+    pub(super) fn color_of(&self, stretch: f64) -> Color {
         self.at(stretch.ln() / self.end.ln())
     }
 
@@ -77,20 +77,20 @@ mod tests {
 
     #[test]
     fn one_is_grey_and_half_is_as_far_from_it_as_double() {
-        let colors = Colors::over(&[0.6, 1.3]);
-        assert_eq!(colors, Colors { end: 2.0 });
-        assert_eq!(colors.of(1.0), Color(MAP[4]));
-        assert_eq!([0.5, 0.1, 0.0].map(|stretch| colors.of(stretch)), [Color(MAP[0]); 3]);
-        assert_eq!([2.0, 9.0].map(|stretch| colors.of(stretch)), [Color(MAP[8]); 2]);
-        assert_eq!(colors.of(2.0_f64.sqrt()), Color(MAP[6]));
+        let colors = StretchColors::spanning(&[0.6, 1.3]);
+        assert_eq!(colors, StretchColors { end: 2.0 });
+        assert_eq!(colors.color_of(1.0), Color(MAP[4]));
+        assert_eq!([0.5, 0.1, 0.0].map(|stretch| colors.color_of(stretch)), [Color(MAP[0]); 3]);
+        assert_eq!([2.0, 9.0].map(|stretch| colors.color_of(stretch)), [Color(MAP[8]); 2]);
+        assert_eq!(colors.color_of(2.0_f64.sqrt()), Color(MAP[6]));
         assert_eq!(colors.marks()[3], (0.5, "1.414".to_owned()));
     }
 
     #[test]
     fn the_scale_is_as_narrow_as_the_cloth_allows() {
-        assert_eq!(Colors::over(&[1.0]).end, 1.02);
-        assert_eq!(Colors::over(&[0.985, 1.0]).end, 1.02);
-        assert_eq!(Colors::over(&[0.97, 1.0]).end, 1.05);
-        assert_eq!(Colors::over(&[0.0, 1.0]).end, 5.0);
+        assert_eq!(StretchColors::spanning(&[1.0]).end, 1.02);
+        assert_eq!(StretchColors::spanning(&[0.985, 1.0]).end, 1.02);
+        assert_eq!(StretchColors::spanning(&[0.97, 1.0]).end, 1.05);
+        assert_eq!(StretchColors::spanning(&[0.0, 1.0]).end, 5.0);
     }
 }

@@ -25,15 +25,16 @@ use rayon::prelude::*;
 
 use super::png::SCALE;
 use super::{
-    Anchor, Drawing, FAINT, HEADING, INK, Layer, MARGIN, Piece, Shape, TextSize, label, shortened,
+    Anchor, Drawing, DrawingLayer, DrawingShape, FAINT, HEADING, INK, MARGIN, PathSegment,
+    TextSize, label, shortened,
 };
 use crate::fabric::yarn::Color;
 use crate::garment::stretch::{
     Percentiles, TriangleStretch, percentiles, stretch, triangle, triangles,
 };
 use crate::garment::{Facts, Garment, Panel};
-use body::{View, views};
-use colors::Colors;
+use body::{GarmentView, views};
+use colors::StretchColors;
 
 /// What no stitch can lie on: told from both ends of the scale by every eye.
 const DEFECT: Color = Color([0xff, 0xb0, 0x00]);
@@ -60,7 +61,7 @@ pub(super) fn draw(title: &str, garment: &Garment) -> Drawing {
     let top = MARGIN + HEADING;
     let size = DVec2::new(3.0 * MARGIN + PATTERN + 2.0 * MAP + GAP, top + maps + LEGEND + MARGIN);
 
-    let line = |y: f64, text: &str, size| Shape::Text {
+    let line = |y: f64, text: &str, size| DrawingShape::Text {
         at: DVec2::new(MARGIN, y),
         text: shortened(text),
         size,
@@ -76,15 +77,15 @@ pub(super) fn draw(title: &str, garment: &Garment) -> Drawing {
         DVec2::new(PATTERN, maps),
         LEGEND,
     ));
-    let colors = Colors::over(&spread(&garment.panels));
+    let colors = StretchColors::spanning(&spread(&garment.panels));
     let corner = DVec2::new(2.0 * MARGIN + PATTERN, top);
     layers.extend(maps_of(garment, &views, &colors, corner, DVec2::new(MAP, height)));
     layers.push(legend(&colors, garment.facts.flipped > 0, corner + DVec2::new(0.0, maps)));
     Drawing { size, layers, notes: Vec::new() }
 }
 
-fn layer(name: &str, color: Color, shapes: Vec<Shape>) -> Layer {
-    Layer { name: name.to_owned(), color, shapes }
+fn layer(name: &str, color: Color, shapes: Vec<DrawingShape>) -> DrawingLayer {
+    DrawingLayer { name: name.to_owned(), color, shapes }
 }
 
 /// What the garment's files hold, in a line.
@@ -117,11 +118,11 @@ struct Direction {
 /// A row of maps for each direction: both sides of the draped garment.
 fn maps_of(
     garment: &Garment,
-    views: &[View; 2],
-    colors: &Colors,
+    views: &[GarmentView; 2],
+    colors: &StretchColors,
     corner: DVec2,
     size: DVec2,
-) -> Vec<Layer> {
+) -> Vec<DrawingLayer> {
     let (warp, weft) = stretch(garment);
     let rows = [
         Direction {
@@ -143,12 +144,16 @@ fn maps_of(
     let paint = |map: usize| {
         let (row, side) = (map / 2, map % 2);
         let Direction { name, of, .. } = rows[row];
-        let color = |panel: &Panel, corners| colors.of(of(&triangle(panel, corners)));
+        let color = |panel: &Panel, corners| colors.color_of(of(&triangle(panel, corners)));
         let picture = views[side].paint(garment, pixels, &color, DEFECT);
         let at = place(row) + DVec2::new(side as f64 * (MAP + GAP), CAPTION);
-        layer(&format!("{name}-{}", views[side].name), INK, vec![Shape::Picture { at, picture }])
+        layer(
+            &format!("{name}-{}", views[side].name),
+            INK,
+            vec![DrawingShape::Picture { at, picture }],
+        )
     };
-    let mut layers: Vec<Layer> = (0..2 * rows.len()).into_par_iter().map(paint).collect();
+    let mut layers: Vec<DrawingLayer> = (0..2 * rows.len()).into_par_iter().map(paint).collect();
     let (mut captions, mut names) = (Vec::new(), Vec::new());
     for (row, Direction { name, meaning, percentiles: [low, middle, high], .. }) in
         rows.iter().enumerate()
@@ -157,7 +162,12 @@ fn maps_of(
         let text = format!(
             "stretch {meaning} ({name}); 5/50/95 % of the cloth: {low:.3} {middle:.3} {high:.3}"
         );
-        captions.push(Shape::Text { at, text, size: TextSize::Normal, anchor: Anchor::Start });
+        captions.push(DrawingShape::Text {
+            at,
+            text,
+            size: TextSize::Normal,
+            anchor: Anchor::Start,
+        });
         for (side, view) in views.iter().enumerate() {
             let below = at
                 + DVec2::new((side as f64 + 0.5) * MAP + side as f64 * GAP, CAPTION + size.y + 2.0);
@@ -169,7 +179,7 @@ fn maps_of(
 }
 
 /// The colours with their stretches below them.
-fn legend(colors: &Colors, defects: bool, corner: DVec2) -> Layer {
+fn legend(colors: &StretchColors, defects: bool, corner: DVec2) -> DrawingLayer {
     let at = corner + DVec2::new(20.0, 22.0);
     let pixels = (BAR * SCALE).as_uvec2();
     let middle = |x: u32| (f64::from(x) + 0.5) / f64::from(pixels.x);
@@ -180,7 +190,7 @@ fn legend(colors: &Colors, defects: bool, corner: DVec2) -> Layer {
     let words = "draped over flat length, 1 is unstretched; the ends stand for all beyond; darker where the cloth turns away";
     let mut shapes = vec![
         label(corner + DVec2::new(0.0, 12.0), words.to_owned(), Anchor::Start),
-        Shape::Picture { at, picture: bar },
+        DrawingShape::Picture { at, picture: bar },
     ];
     for (place, stretch) in colors.marks() {
         let below = at + DVec2::new((place + 1.0) / 2.0 * BAR.x, BAR.y + 14.0);
@@ -189,7 +199,7 @@ fn legend(colors: &Colors, defects: bool, corner: DVec2) -> Layer {
     if defects {
         let [r, g, b] = DEFECT.0;
         let at = at + DVec2::new(BAR.x + 40.0, 0.0);
-        shapes.push(Shape::Picture {
+        shapes.push(DrawingShape::Picture {
             at,
             picture: RgbaImage::from_pixel(28, pixels.y, Rgba([r, g, b, 255])),
         });
@@ -199,11 +209,12 @@ fn legend(colors: &Colors, defects: bool, corner: DVec2) -> Layer {
 }
 
 /// A closed line through points.
-fn closed(points: &[DVec2]) -> Vec<Piece> {
-    let mut pieces: Vec<Piece> = points.iter().map(|&point| Piece::Line(point)).collect();
+fn closed(points: &[DVec2]) -> Vec<PathSegment> {
+    let mut segments: Vec<PathSegment> =
+        points.iter().map(|&point| PathSegment::Line(point)).collect();
     if let Some(first) = points.first() {
-        pieces[0] = Piece::Move(*first);
-        pieces.push(Piece::Line(*first));
+        segments[0] = PathSegment::Move(*first);
+        segments.push(PathSegment::Line(*first));
     }
-    pieces
+    segments
 }

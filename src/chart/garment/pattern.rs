@@ -14,7 +14,7 @@ use std::collections::HashMap;
 use glam::DVec2;
 
 use super::{DEFECT, closed, layer};
-use crate::chart::{Anchor, FAINT, INK, Layer, Piece, Shape, TextSize, label};
+use crate::chart::{Anchor, DrawingLayer, DrawingShape, FAINT, INK, PathSegment, TextSize, label};
 use crate::fabric::yarn::Color;
 use crate::garment::{Garment, Panel};
 
@@ -38,7 +38,7 @@ const HEAD: f64 = 7.0;
 const SCALE_BAR: f64 = 200.0;
 
 /// A panel as cut, mm, y up.
-struct Cut {
+struct FlatPanel {
     number: usize,
     points: Vec<DVec2>,
     low: DVec2,
@@ -49,8 +49,8 @@ struct Cut {
 }
 
 /// Where a piece lies on the sheet.
-struct Placed<'a> {
-    piece: &'a Cut,
+struct PlacedPanel<'a> {
+    piece: &'a FlatPanel,
     /// Its upper left corner, px.
     at: DVec2,
     /// px a mm.
@@ -59,9 +59,13 @@ struct Placed<'a> {
 
 /// Layers of the panels in a box of `room` at `corner`, with the scale bar in the strip of `strip`
 /// px below it.
-pub(super) fn draw(garment: &Garment, corner: DVec2, room: DVec2, strip: f64) -> Vec<Layer> {
-    let mut pieces: Vec<_> =
-        garment.panels.iter().enumerate().map(|(number, panel)| Cut::new(number, panel)).collect();
+pub(super) fn draw(garment: &Garment, corner: DVec2, room: DVec2, strip: f64) -> Vec<DrawingLayer> {
+    let mut pieces: Vec<_> = garment
+        .panels
+        .iter()
+        .enumerate()
+        .map(|(number, panel)| FlatPanel::new(number, panel))
+        .collect();
     pieces.sort_by(|a, b| {
         garment.panels[b.number].area().total_cmp(&garment.panels[a.number].area())
     });
@@ -72,13 +76,13 @@ pub(super) fn draw(garment: &Garment, corner: DVec2, room: DVec2, strip: f64) ->
     let placed: Vec<_> = pieces
         .iter()
         .zip(places)
-        .map(|(piece, at)| Placed { piece, at: corner + at, scale })
+        .map(|(piece, at)| PlacedPanel { piece, at: corner + at, scale })
         .collect();
 
     let mut layers = vec![layer(
         "cloth",
         CLOTH,
-        placed.iter().map(|placed| Shape::Area { pieces: placed.outline() }).collect(),
+        placed.iter().map(|placed| DrawingShape::Area { segments: placed.outline() }).collect(),
     )];
     let mut words = Vec::new();
     for placed in &placed {
@@ -87,12 +91,12 @@ pub(super) fn draw(garment: &Garment, corner: DVec2, room: DVec2, strip: f64) ->
         layers.push(layer(
             &format!("panel-{number}"),
             INK,
-            vec![Shape::Path { pieces: placed.outline(), width: OUTLINE }],
+            vec![DrawingShape::Path { segments: placed.outline(), width: OUTLINE }],
         ));
         layers.push(layer(
             &format!("grain-{number}"),
             GRAIN,
-            vec![Shape::Path { pieces: placed.arrow(panel.grain()), width: OUTLINE }],
+            vec![DrawingShape::Path { segments: placed.arrow(panel.grain()), width: OUTLINE }],
         ));
         words.extend(placed.words());
     }
@@ -101,7 +105,7 @@ pub(super) fn draw(garment: &Garment, corner: DVec2, room: DVec2, strip: f64) ->
     layers
 }
 
-impl Cut {
+impl FlatPanel {
     fn new(number: usize, panel: &Panel) -> Self {
         let turn = DVec2::from_angle(panel.grain());
         let points: Vec<_> = panel.uv.iter().map(|&uv| turn.rotate(uv)).collect();
@@ -178,7 +182,7 @@ fn loops(edges: &[[u32; 2]]) -> Vec<Vec<u32>> {
 
 /// The largest scale at which the pieces' cells fill rows within the room, and where each piece
 /// lies in it.
-fn packed(pieces: &[Cut], room: DVec2) -> (f64, Vec<DVec2>) {
+fn packed(pieces: &[FlatPanel], room: DVec2) -> (f64, Vec<DVec2>) {
     let largest = pieces.iter().map(|piece| piece.size).fold(DVec2::ZERO, DVec2::max);
     let mut fits = (0.0, rows(pieces, 0.0, room.x).0);
     let mut too_large = (room / largest.max(DVec2::splat(f64::MIN_POSITIVE))).min_element();
@@ -195,7 +199,7 @@ fn packed(pieces: &[Cut], room: DVec2) -> (f64, Vec<DVec2>) {
 }
 
 /// Pieces in rows at a scale, each in the middle of its cell, and what room they take.
-fn rows(pieces: &[Cut], scale: f64, width: f64) -> (Vec<DVec2>, DVec2) {
+fn rows(pieces: &[FlatPanel], scale: f64, width: f64) -> (Vec<DVec2>, DVec2) {
     let (mut cursor, mut row, mut used) = (DVec2::ZERO, 0.0_f64, DVec2::ZERO);
     let mut places = Vec::new();
     for piece in pieces {
@@ -212,7 +216,7 @@ fn rows(pieces: &[Cut], scale: f64, width: f64) -> (Vec<DVec2>, DVec2) {
     (places, used)
 }
 
-impl Placed<'_> {
+impl PlacedPanel<'_> {
     /// A point of the piece, mm, on the sheet.
     fn place(&self, point: DVec2) -> DVec2 {
         let from_low = (point - self.piece.low) * self.scale;
@@ -223,7 +227,7 @@ impl Placed<'_> {
         self.place(self.piece.points[vertex as usize])
     }
 
-    fn outline(&self) -> Vec<Piece> {
+    fn outline(&self) -> Vec<PathSegment> {
         let line = |vertices: &Vec<u32>| {
             closed(&vertices.iter().map(|&vertex| self.vertex(vertex)).collect::<Vec<_>>())
         };
@@ -232,13 +236,16 @@ impl Placed<'_> {
 
     /// Flipped triangles, each with a dot so that the smallest is seen, and edges of more than two
     /// triangles.
-    fn defects(&self, panel: &Panel) -> Vec<Layer> {
+    fn defects(&self, panel: &Panel) -> Vec<DrawingLayer> {
         let mut layers = Vec::new();
         if !panel.flipped.is_empty() {
             let shapes = panel.flipped.iter().flat_map(|corners| {
                 let corners = corners.map(|vertex| self.vertex(vertex));
                 let at = corners.iter().sum::<DVec2>() / 3.0;
-                [Shape::Area { pieces: closed(&corners) }, Shape::Dot { at, radius: 2.0 }]
+                [
+                    DrawingShape::Area { segments: closed(&corners) },
+                    DrawingShape::Dot { at, radius: 2.0 },
+                ]
             });
             layers.push(layer(&format!("flipped-{}", self.piece.number), DEFECT, shapes.collect()));
         }
@@ -246,19 +253,21 @@ impl Placed<'_> {
         if !knots.is_empty() {
             let pieces = knots
                 .iter()
-                .flat_map(|&[a, b]| [Piece::Move(self.vertex(a)), Piece::Line(self.vertex(b))])
+                .flat_map(|&[a, b]| {
+                    [PathSegment::Move(self.vertex(a)), PathSegment::Line(self.vertex(b))]
+                })
                 .collect();
             layers.push(layer(
                 &format!("non-manifold-{}", self.piece.number),
                 DEFECT,
-                vec![Shape::Path { pieces, width: 4.0 }],
+                vec![DrawingShape::Path { segments: pieces, width: 4.0 }],
             ));
         }
         layers
     }
 
     /// An arrow along the wales, on the piece's cloth if that has room for it.
-    fn arrow(&self, grain: f64) -> Vec<Piece> {
+    fn arrow(&self, grain: f64) -> Vec<PathSegment> {
         let along = DVec2::from_angle(grain).perp();
         let [tail, tip] = self.longest_chord(along).map(|end| self.place(end));
         let (middle, length) = (0.5 * (tail + tip), (tip - tail).length());
@@ -269,11 +278,11 @@ impl Placed<'_> {
         };
         let tip = middle + half;
         vec![
-            Piece::Move(middle - half),
-            Piece::Line(tip),
-            Piece::Move(head(1.0)),
-            Piece::Line(tip),
-            Piece::Line(head(-1.0)),
+            PathSegment::Move(middle - half),
+            PathSegment::Line(tip),
+            PathSegment::Move(head(1.0)),
+            PathSegment::Line(tip),
+            PathSegment::Line(head(-1.0)),
         ]
     }
 
@@ -281,7 +290,7 @@ impl Placed<'_> {
     /// those near its middle count as longer.
     fn longest_chord(&self, along: DVec2) -> [DVec2; 2] {
         const WAYS: i32 = 4;
-        let Cut { points, outlines, low, size, .. } = self.piece;
+        let FlatPanel { points, outlines, low, size, .. } = self.piece;
         let across = -along.perp();
         let sides = points.iter().map(|p| across.dot(*p));
         let (left, right) = sides.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| {
@@ -314,8 +323,8 @@ impl Placed<'_> {
         best.0
     }
 
-    fn words(&self) -> [Shape; 2] {
-        let Cut { size, words: [name, extent], .. } = self.piece;
+    fn words(&self) -> [DrawingShape; 2] {
+        let FlatPanel { size, words: [name, extent], .. } = self.piece;
         let below = self.at + DVec2::new(0.5 * size.x, size.y) * self.scale;
         let line = |down: f64, text: &str| {
             label(below + DVec2::new(0.0, down), text.to_owned(), Anchor::Middle)
@@ -326,7 +335,7 @@ impl Placed<'_> {
 
 /// A round length at the panels' scale above `corner`, what the arrows mean, and how many panels
 /// are left out.
-fn scale_bar(scale: f64, corner: DVec2, left_out: usize) -> Vec<Layer> {
+fn scale_bar(scale: f64, corner: DVec2, left_out: usize) -> Vec<DrawingLayer> {
     let longest = SCALE_BAR / scale.max(f64::MIN_POSITIVE);
     let decade = 10.0_f64.powf(longest.log10().floor());
     let length = [5.0, 2.0, 1.0]
@@ -337,9 +346,13 @@ fn scale_bar(scale: f64, corner: DVec2, left_out: usize) -> Vec<Layer> {
     let (from, to) =
         (corner + DVec2::new(1.0, -20.0), corner + DVec2::new(1.0 + length * scale, -20.0));
     let up = DVec2::new(0.0, 5.0);
-    let mut pieces =
-        vec![Piece::Move(from - up), Piece::Line(from + up), Piece::Move(from), Piece::Line(to)];
-    pieces.extend([Piece::Move(to - up), Piece::Line(to + up)]);
+    let mut pieces = vec![
+        PathSegment::Move(from - up),
+        PathSegment::Line(from + up),
+        PathSegment::Move(from),
+        PathSegment::Line(to),
+    ];
+    pieces.extend([PathSegment::Move(to - up), PathSegment::Line(to + up)]);
     let mut words = vec![label(to + DVec2::new(8.0, 4.0), format!("{length} mm"), Anchor::Start)];
     let meaning = "seen from the technical face; arrows: along the wales (warp)";
     words.push(label(corner + DVec2::new(0.0, -40.0), meaning.to_owned(), Anchor::Start));
@@ -348,7 +361,7 @@ fn scale_bar(scale: f64, corner: DVec2, left_out: usize) -> Vec<Layer> {
         words.push(label(corner + DVec2::new(0.0, -56.0), text, Anchor::Start));
     }
     vec![
-        layer("scale-bar", INK, vec![Shape::Path { pieces, width: OUTLINE }]),
+        layer("scale-bar", INK, vec![DrawingShape::Path { segments: pieces, width: OUTLINE }]),
         layer("scale", FAINT, words),
     ]
 }
@@ -369,8 +382,8 @@ mod tests {
         found.iter_mut().for_each(|line| line.sort_unstable());
         assert_eq!(found, [[0, 1, 2, 3], [4, 5, 6, 7]]);
         // The arrow keeps out of the hole: left or right of it, or shorter.
-        let piece = Cut::new(0, &panel);
-        let placed = Placed { piece: &piece, at: DVec2::ZERO, scale: 1.0 };
+        let piece = FlatPanel::new(0, &panel);
+        let placed = PlacedPanel { piece: &piece, at: DVec2::ZERO, scale: 1.0 };
         let [a, b] = placed.longest_chord(DVec2::Y);
         assert!(
             (a.x - b.x).abs() < 1e-9
@@ -394,7 +407,7 @@ mod tests {
         let pieces: Vec<_> = sizes
             .into_iter()
             .enumerate()
-            .map(|(number, size)| Cut::new(number, &panel(size)))
+            .map(|(number, size)| FlatPanel::new(number, &panel(size)))
             .collect();
         let room = DVec2::new(700.0, 500.0);
         let (scale, places) = packed(&pieces, room);
@@ -417,9 +430,9 @@ mod tests {
     fn the_arrow_leans_with_the_grain() {
         let mut garment = Garment::rectangle(100.0, 100.0);
         garment.turn_grain(0, 0.5);
-        let piece = Cut::new(0, &garment.panels[0]);
+        let piece = FlatPanel::new(0, &garment.panels[0]);
         assert!((piece.size - 100.0).length() < 1e-9, "the piece lies as cut");
-        let placed = Placed { piece: &piece, at: DVec2::ZERO, scale: 1.0 };
+        let placed = PlacedPanel { piece: &piece, at: DVec2::ZERO, scale: 1.0 };
         let arrow = placed.arrow(garment.panels[0].grain());
         let (tail, tip) = (arrow[0].end(), arrow[1].end());
         // Down the sheet is +y; counter-clockwise is to the left.

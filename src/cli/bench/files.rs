@@ -27,7 +27,7 @@ pub(crate) enum BenchFormat {
 
 impl BenchFormat {
     /// The format of a path, by its ending in any case.
-    pub(crate) fn of(path: &Path) -> Option<Self> {
+    pub(crate) fn from_path(path: &Path) -> Option<Self> {
         match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
             "json" => Some(Self::Json),
             "svg" => Some(Self::Svg),
@@ -39,7 +39,7 @@ impl BenchFormat {
 
 /// Everything about a run.
 #[derive(Serialize)]
-struct Record<'a> {
+struct RunRecord<'a> {
     warpknit: &'static str,
     machine: Machine,
     /// Runs of each figure, after one that warms up; pictures may have fewer, as their tables'
@@ -95,7 +95,7 @@ pub(super) fn write(arguments: &Bench, tables: &[Table]) -> Result<()> {
     let outputs = arguments.outputs.iter().map(|(path, format)| {
         Ok(match format {
             BenchFormat::Json => {
-                let record = Record {
+                let record = RunRecord {
                     warpknit: env!("CARGO_PKG_VERSION"),
                     machine: Machine::here(),
                     runs: arguments.runs,

@@ -11,7 +11,7 @@ use warpknit::garment::{Facts, Garment, Panel, ReadOptions, read};
 use warpknit::ids::index32;
 
 use super::super::args::Bench;
-use super::measure::staged;
+use super::measure::time_stages;
 use super::panel::shuffled_cone;
 
 /// A count of stitches this near to the wanted one will do.
@@ -73,7 +73,7 @@ pub(super) struct Garments {
 
 impl Garments {
     /// Reads the user's.
-    pub(super) fn of(arguments: &Bench) -> Result<Self> {
+    pub(super) fn from_arguments(arguments: &Bench) -> Result<Self> {
         let Some(flat) = arguments.meshes.first() else { return Ok(Self { own: None }) };
         let draped = arguments.meshes.get(1);
         let garment = read(flat, draped.map(AsRef::as_ref), &arguments.reading.options())?;
@@ -120,7 +120,7 @@ pub(super) fn fitted(fabric: &Fabric, garment: &Garment, stitches: f64) -> Resul
     let mut fitted = at_stitches(fabric, garment, stitches)?;
     let mut tries = 1..=TRIES;
     loop {
-        let (_, totals) = staged(&Cloth::cover(garment, &fitted)?, &Options::default());
+        let (_, totals) = time_stages(&Cloth::cover(garment, &fitted)?, &Options::default());
         let there = totals.losses.stitches;
         let times = stitches / f64::from(index32(there)).max(1.0);
         if tries.next().is_none() || (times - 1.0).abs() < NEAR {
@@ -151,7 +151,7 @@ mod tests {
         let garment = Shipped::Pinch.read().unwrap();
         let (net, stitches) =
             fitted(&Fabric::named("hex-net-3").unwrap(), &garment, 576.0).unwrap();
-        let (_, totals) = staged(&Cloth::cover(&garment, &net).unwrap(), &Options::default());
+        let (_, totals) = time_stages(&Cloth::cover(&garment, &net).unwrap(), &Options::default());
         assert!(
             (570..=582).contains(&stitches) && totals.losses.stitches == stitches,
             "{stitches}"

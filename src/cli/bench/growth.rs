@@ -13,9 +13,9 @@ use warpknit::yarn::tube::Section;
 use super::super::args::{Bench, DEFAULT_FABRIC};
 use super::super::system::{forget_peak_memory, peak_memory_mb, resident_memory_mb};
 use super::garments::{Garments, Shipped, at_stitches, folded_cone};
-use super::measure::{Moment, Sample, Staged, Times, staged};
+use super::measure::{Moment, Sample, StageTimes, Times, time_stages};
 use super::plot::{Plot, Series};
-use super::table::{Cell, Column, Table, times};
+use super::table::{Column, Table, TableCell, times};
 
 /// Wanted stitches; the last is a skirt at its true gauge, E28.
 const STITCHES: [f64; 5] = [1e3, 1e4, 1e5, 1e6, 4.4e6];
@@ -138,11 +138,11 @@ fn measure(runs: u32, table: &mut Table, garment: &Garment, fabric: &Fabric) -> 
         Section { st, sr, radius: fabric.radius(), flatten: 1.0, caps: false, texture_per_mm: 1.0 };
     let options = Options { surface: Some(section), ..Options::default() };
     forget_peak_memory();
-    let run = || -> Result<(Sample, Staged, usize)> {
+    let run = || -> Result<(Sample, StageTimes, usize)> {
         let start = Moment::now();
         let cloth = Cloth::cover(garment, fabric)?;
         let laid_out = start.elapsed();
-        let (staged, totals) = staged(&cloth, &options);
+        let (staged, totals) = time_stages(&cloth, &options);
         Ok((laid_out, staged, totals.losses.stitches))
     };
     let mut taken = vec![run()?];
@@ -151,19 +151,21 @@ fn measure(runs: u32, table: &mut Table, garment: &Garment, fabric: &Fabric) -> 
         taken = (0..runs).map(|_| run()).collect::<Result<_>>()?;
     }
     let (peak, held) = (peak_memory_mb(), resident_memory_mb());
-    let median = |of: &dyn Fn(&(Sample, Staged, usize)) -> Sample| {
-        Times::of(&taken.iter().map(of).collect::<Vec<_>>())
+    let median = |of: &dyn Fn(&(Sample, StageTimes, usize)) -> Sample| {
+        Times::from_samples(&taken.iter().map(of).collect::<Vec<_>>())
     };
     let mut stages = [median(&|run| run.0).wall.median; 6];
     for (place, stage) in stages[1..].iter_mut().zip(STAGES) {
-        *place = median(&|run| run.1.of(stage)).wall.median;
+        *place = median(&|run| run.1.of_stage(stage)).wall.median;
     }
     let all = median(&|run| {
-        STAGES.iter().map(|stage| run.1.of(*stage)).fold(run.0, |sum, stage| sum + stage)
+        STAGES.iter().map(|stage| run.1.of_stage(*stage)).fold(run.0, |sum, stage| sum + stage)
     });
-    let sizes = [Cell::Count(stitches), Cell::Count(triangles)];
-    let further = [Cell::Count(taken.len()), Cell::Number(peak, 0), Cell::Number(held, 0)];
-    table.push(sizes.into_iter().chain(stages.map(Cell::ms)).chain(times(&all)).chain(further));
+    let sizes = [TableCell::Count(stitches), TableCell::Count(triangles)];
+    let further =
+        [TableCell::Count(taken.len()), TableCell::Number(peak, 0), TableCell::Number(held, 0)];
+    table
+        .push(sizes.into_iter().chain(stages.map(TableCell::ms)).chain(times(&all)).chain(further));
     Ok(Row { stitches, stages, peak })
 }
 

@@ -80,7 +80,7 @@ impl AddAssign for Sample {
 
 impl Spread {
     /// Of one number at least.
-    fn of(mut numbers: Vec<f64>) -> Self {
+    fn from_numbers(mut numbers: Vec<f64>) -> Self {
         numbers.sort_by(f64::total_cmp);
         let last = numbers.len() - 1;
         Self {
@@ -93,10 +93,10 @@ impl Spread {
 
 impl Times {
     /// Of one sample at least.
-    pub(super) fn of(samples: &[Sample]) -> Self {
+    pub(super) fn from_samples(samples: &[Sample]) -> Self {
         let cpu: Vec<_> = samples.iter().filter_map(|sample| sample.cpu).collect();
-        let wall = Spread::of(samples.iter().map(|sample| sample.wall).collect());
-        Self { wall, cpu: (cpu.len() == samples.len()).then(|| Spread::of(cpu)) }
+        let wall = Spread::from_numbers(samples.iter().map(|sample| sample.wall).collect());
+        Self { wall, cpu: (cpu.len() == samples.len()).then(|| Spread::from_numbers(cpu)) }
     }
 }
 
@@ -117,22 +117,24 @@ pub(super) fn measured_parts<const N: usize>(
 ) -> Result<[Times; N]> {
     work()?;
     let runs = (0..runs).map(|_| work()).collect::<Result<Vec<_>>>()?;
-    Ok(std::array::from_fn(|part| Times::of(&runs.iter().map(|run| run[part]).collect::<Vec<_>>())))
+    Ok(std::array::from_fn(|part| {
+        Times::from_samples(&runs.iter().map(|run| run[part]).collect::<Vec<_>>())
+    }))
 }
 
 /// What each stage of the pipeline took.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Staged([Sample; 6]);
+pub(super) struct StageTimes([Sample; 6]);
 
-impl Staged {
-    pub(super) fn of(&self, stage: Stage) -> Sample {
+impl StageTimes {
+    pub(super) fn of_stage(&self, stage: Stage) -> Sample {
         self.0[stage as usize]
     }
 }
 
 /// Lays a cloth, hands its blocks to nobody, and says how long each stage took.
-pub(super) fn staged(cloth: &Cloth<'_>, options: &Options) -> (Staged, Totals) {
-    let (mut staged, mut begun) = (Staged::default(), None);
+pub(super) fn time_stages(cloth: &Cloth<'_>, options: &Options) -> (StageTimes, Totals) {
+    let (mut staged, mut begun) = (StageTimes::default(), None);
     let mut announce = |stage: Stage, _| {
         let now = Moment::now();
         if let Some((last, start)) = begun.replace((stage, now)) {
@@ -157,9 +159,9 @@ mod tests {
 
     #[test]
     fn the_median_lies_between_the_least_and_the_most() {
-        let Spread { median, least, most } = Spread::of(vec![4.0, 1.0, 9.0, 2.0]);
+        let Spread { median, least, most } = Spread::from_numbers(vec![4.0, 1.0, 9.0, 2.0]);
         assert_eq!((median, least, most), (3.0, 1.0, 9.0));
-        assert_eq!(Spread::of(vec![4.0, 1.0, 9.0]).median, 4.0);
+        assert_eq!(Spread::from_numbers(vec![4.0, 1.0, 9.0]).median, 4.0);
     }
 
     #[test]
@@ -184,10 +186,12 @@ mod tests {
     fn stages_that_run_take_time_and_the_surface_that_nobody_wants_takes_none() {
         let fabric = Fabric::named("tricot").unwrap();
         let panel = drape::swatch_panel(&fabric, 8, 8);
-        let (staged, totals) = staged(&Cloth::swatch(&panel, &fabric, 8, 8), &Options::default());
+        let (staged, totals) =
+            time_stages(&Cloth::swatch(&panel, &fabric, 8, 8), &Options::default());
         assert_eq!(totals.losses.stitches, 2 * 8 * 8);
         assert!(
-            staged.of(Stage::Knit).wall > 0.0 && staged.of(Stage::Surface) == Sample::default()
+            staged.of_stage(Stage::Knit).wall > 0.0
+                && staged.of_stage(Stage::Surface) == Sample::default()
         );
     }
 }

@@ -62,7 +62,7 @@ pub(crate) fn bench(arguments: &Bench) -> Result<()> {
     check(arguments, &subjects)?;
     files::check(arguments)?;
     let mut clock = Clock::begin_command(&arguments.running)?;
-    let garments = Garments::of(arguments)?;
+    let garments = Garments::from_arguments(arguments)?;
     let mut tables = Vec::new();
     for (at, subject) in subjects.iter().enumerate() {
         let mut progress =

@@ -15,13 +15,13 @@ const MOST_RUNS: u32 = 3;
 
 /// Draws scenes in one way.
 #[derive(Debug)]
-pub(super) struct Easel {
+pub(super) struct PictureTimer {
     options: Options,
     /// Runs of each picture, after one that warms up.
     pub(super) runs: u32,
 }
 
-impl Easel {
+impl PictureTimer {
     pub(super) fn new(arguments: &Bench) -> Self {
         let options = Options {
             width: SIZE.0,

@@ -13,12 +13,12 @@ use warpknit::knit::Pattern;
 use super::super::args::{Bench, DEFAULT_FABRIC};
 use super::brute;
 use super::garments::{Garments, Shipped, fitted};
-use super::measure::{Moment, Sample, Times, measured_parts, staged};
+use super::measure::{Moment, Sample, Times, measured_parts, time_stages};
 use super::plot::{Plot, Series};
-use super::table::{BESIDE, Cell, Column, TIMES, Table, beside, times};
+use super::table::{BESIDE, Column, TIMES, Table, TableCell, beside, times};
 
 /// A line of the paper's table.
-struct Line {
+struct PublishedLine {
     cloth: &'static str,
     fabric: &'static str,
     garment: Shipped,
@@ -27,8 +27,8 @@ struct Line {
     curved: f64,
 }
 
-const LINES: [Line; 4] = [
-    Line {
+const LINES: [PublishedLine; 4] = [
+    PublishedLine {
         cloth: "mesh",
         fabric: "hex-net-3",
         garment: Shipped::Pinch,
@@ -36,7 +36,7 @@ const LINES: [Line; 4] = [
         plane: 41.46,
         curved: 58.35,
     },
-    Line {
+    PublishedLine {
         cloth: "tricot",
         fabric: DEFAULT_FABRIC,
         garment: Shipped::Pinch,
@@ -44,7 +44,7 @@ const LINES: [Line; 4] = [
         plane: 201.45,
         curved: 209.46,
     },
-    Line {
+    PublishedLine {
         cloth: "tube",
         fabric: DEFAULT_FABRIC,
         garment: Shipped::Tube,
@@ -52,7 +52,7 @@ const LINES: [Line; 4] = [
         plane: 496.52,
         curved: 521.08,
     },
-    Line {
+    PublishedLine {
         cloth: "skirt",
         fabric: DEFAULT_FABRIC,
         garment: Shipped::Skirt,
@@ -149,10 +149,11 @@ fn measure(runs: u32, garment: &Garment, fabric: &Fabric) -> Result<Parts> {
         let start = Moment::now();
         let cloth = Cloth::cover(garment, fabric)?;
         let covered = start.elapsed();
-        let (staged, _) = staged(&cloth, &Options::default());
-        let plane = covered + staged.of(Stage::Knit);
-        let carried =
-            [Stage::Index, Stage::Locate, Stage::Map].into_iter().map(|stage| staged.of(stage));
+        let (staged, _) = time_stages(&cloth, &Options::default());
+        let plane = covered + staged.of_stage(Stage::Knit);
+        let carried = [Stage::Index, Stage::Locate, Stage::Map]
+            .into_iter()
+            .map(|stage| staged.of_stage(stage));
         let carried = carried.fold(Sample::default(), |sum, stage| sum + stage);
         Ok([relaxed, plane, carried, plane + carried])
     })?;
@@ -176,16 +177,22 @@ fn push(
         ("curved", &parts.curved, published.map(|(_, curved)| curved), brute_curved),
     ];
     for (part, taken, published, by_brute) in rows {
-        let labels =
-            [Cell::text(names[0]), Cell::text(names[1]), Cell::Count(stitches), Cell::text(part)];
-        let over_plane = Cell::Number(taken.wall.median / parts.plane.wall.median, 2);
+        let labels = [
+            TableCell::text(names[0]),
+            TableCell::text(names[1]),
+            TableCell::Count(stitches),
+            TableCell::text(part),
+        ];
+        let over_plane = TableCell::Number(taken.wall.median / parts.plane.wall.median, 2);
         let row = labels
             .into_iter()
             .chain(times(taken))
             .chain([over_plane])
             .chain(beside(published, taken));
-        let last =
-            [Cell::known(by_brute, 2), Cell::times(by_brute.map(|ms| ms / taken.wall.median))];
+        let last = [
+            TableCell::known(by_brute, 2),
+            TableCell::times(by_brute.map(|ms| ms / taken.wall.median)),
+        ];
         table.push(row.chain(last.into_iter().filter(|_| brute.is_some())));
     }
 }

@@ -13,7 +13,7 @@ use plotters::coord::ranged1d::{AsRangedCoord, Ranged, ValueFormatter};
 use plotters::prelude::*;
 use warpknit::chart::Drawing;
 
-use super::canvas::{Canvas, NORMAL, SMALL, TITLE};
+use super::canvas::{NORMAL, PlotCanvas, SMALL, TITLE};
 
 /// One plot's size on the sheet, px.
 const CELL: (u32, u32) = (600, 400);
@@ -73,7 +73,7 @@ pub(super) struct Plot {
     series: Vec<Series>,
 }
 
-type Area<'a> = DrawingArea<Canvas<'a>, Shift>;
+type Area<'a> = DrawingArea<PlotCanvas<'a>, Shift>;
 
 impl Plot {
     /// `x` and `y` name what the axes show, with its unit.
@@ -189,7 +189,7 @@ pub(super) fn sheet(heading: &str, plots: &[&Plot]) -> Result<Drawing> {
     let size = DVec2::new(pixels(across, CELL.0), pixels(rows, CELL.1) + f64::from(HEADING));
     let mut drawing = Drawing { size, layers: Vec::new(), notes: Vec::new() };
     {
-        let root = Canvas::on(&mut drawing).into_drawing_area();
+        let root = PlotCanvas::on(&mut drawing).into_drawing_area();
         root.draw_text(heading, &text(NORMAL, FAINT), (18, 12)).map_err(drawn)?;
         let (_, below) = root.split_vertically(HEADING);
         for (plot, area) in plots.iter().zip(below.split_evenly((rows, across))) {
@@ -251,7 +251,7 @@ fn short(number: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use warpknit::chart::Shape;
+    use warpknit::chart::DrawingShape;
 
     #[test]
     fn numbers_on_axes_are_short() {
@@ -276,14 +276,16 @@ mod tests {
         let drawing = sheet("words", &[&plot, &empty, &plot]).unwrap();
         let shapes: Vec<_> = drawing.layers.iter().flat_map(|layer| &layer.shapes).collect();
         let has = |wanted: &str| {
-            shapes.iter().any(|shape| matches!(shape, Shape::Text { text, .. } if text == wanted))
+            shapes
+                .iter()
+                .any(|shape| matches!(shape, DrawingShape::Text { text, .. } if text == wanted))
         };
         for wanted in
             ["words", "Times", "stitches", "ms", "here", "published", "10k", "500", "Nothing"]
         {
             assert!(has(wanted), "{wanted}: {shapes:?}");
         }
-        let dots = shapes.iter().filter(|shape| matches!(shape, Shape::Dot { .. })).count();
+        let dots = shapes.iter().filter(|shape| matches!(shape, DrawingShape::Dot { .. })).count();
         assert_eq!(dots, 2 * (2 * 3 + 2));
     }
 }

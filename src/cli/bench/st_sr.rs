@@ -9,10 +9,10 @@ use warpknit::fabric::Fabric;
 use warpknit::yarn::tube::Section;
 
 use super::super::args::{Bench, DEFAULT_FABRIC};
-use super::measure::{measured_parts, staged};
-use super::picture::{Easel, SIZE};
+use super::measure::{measured_parts, time_stages};
+use super::picture::{PictureTimer, SIZE};
 use super::plot::{Plot, Series};
-use super::table::{BESIDE, Cell, TIMES, Table, beside, times};
+use super::table::{BESIDE, TIMES, Table, TableCell, beside, times};
 
 /// The paper's tube parameters.
 const SECTIONS: [(u32, u32); 6] = [(10, 5), (25, 5), (40, 5), (10, 13), (25, 13), (40, 13)];
@@ -22,7 +22,7 @@ const SIDES: [u32; 3] = [10, 20, 40];
 /// Measures tubes and picture for each of the paper's St, Sr and for each size.
 pub(super) fn st_sr(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<Table> {
     let fabric = Fabric::named(DEFAULT_FABRIC)?;
-    let easel = Easel::new(arguments);
+    let timer = PictureTimer::new(arguments);
     let mut table = Table::new(
         "st-sr",
         "Figure 14: render time over St, Sr and the fabric's size",
@@ -44,7 +44,7 @@ pub(super) fn st_sr(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<
             "Flat {DEFAULT_FABRIC} of so many wales and courses, {} x {} pixels, {}.",
             SIZE.0,
             SIZE.1,
-            easel.note()
+            timer.note()
         ),
     );
     table.add_columns(TIMES.into_iter().chain(BESIDE));
@@ -57,7 +57,7 @@ pub(super) fn st_sr(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<
         let cloth = Cloth::swatch(&panel, &fabric, side, side);
         let scene = picture::of(&cloth, &fabric);
         let mut one_for_all =
-            if easel.heeds_tubes() { None } else { Some(easel.timed(&scene)?.into_iter().cycle()) };
+            if timer.heeds_tubes() { None } else { Some(timer.timed(&scene)?.into_iter().cycle()) };
         for (number, (st, sr)) in SECTIONS.into_iter().enumerate() {
             progress((at as f64 + number as f64 / SECTIONS.len() as f64) / SIDES.len() as f64);
             let section = Section {
@@ -69,22 +69,24 @@ pub(super) fn st_sr(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<
                 texture_per_mm: 1.0,
             };
             let options = Options { surface: Some(section), ..Options::default() };
-            let easel = easel.with_tubes(st, sr);
-            let [tubes, taken] = measured_parts(easel.runs, &mut || {
-                let tubes = staged(&cloth, &options).0.of(Stage::Surface);
+            let timer = timer.with_tubes(st, sr);
+            let [tubes, taken] = measured_parts(timer.runs, &mut || {
+                let tubes = time_stages(&cloth, &options).0.of_stage(Stage::Surface);
                 let picture = match one_for_all.as_mut().and_then(Iterator::next) {
                     Some(picture) => picture,
-                    None => easel.draw(&scene)?,
+                    None => timer.draw(&scene)?,
                 };
                 Ok([tubes, tubes + picture])
             })?;
             let sizes = [
-                Cell::Text(format!("{side} x {side}")),
-                Cell::Count(st as usize),
-                Cell::Count(sr as usize),
+                TableCell::Text(format!("{side} x {side}")),
+                TableCell::Count(st as usize),
+                TableCell::Count(sr as usize),
             ];
-            let further =
-                [Cell::Count(section.triangles_per_stitch() as usize), Cell::ms(tubes.wall.median)];
+            let further = [
+                TableCell::Count(section.triangles_per_stitch() as usize),
+                TableCell::ms(tubes.wall.median),
+            ];
             table.push(
                 sizes.into_iter().chain(further).chain(times(&taken)).chain(beside(None, &taken)),
             );

@@ -18,7 +18,7 @@ pub(super) struct Table {
     /// How, and what the published figures stand for; a line each.
     pub(super) notes: Vec<String>,
     columns: Vec<Column>,
-    rows: Vec<Vec<Cell>>,
+    rows: Vec<Vec<TableCell>>,
     pub(super) plots: Vec<Plot>,
 }
 
@@ -33,7 +33,7 @@ pub(super) const BESIDE: [Column; 2] =
 
 /// One figure or word.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Cell {
+pub(super) enum TableCell {
     Text(String),
     Count(usize),
     /// A number, and with how many decimals it is printed; files have all of it.
@@ -42,7 +42,7 @@ pub(super) enum Cell {
     Missing,
 }
 
-impl Cell {
+impl TableCell {
     pub(super) fn text(text: &str) -> Self {
         Self::Text(text.to_owned())
     }
@@ -72,7 +72,7 @@ impl Cell {
     }
 }
 
-impl Serialize for Cell {
+impl Serialize for TableCell {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         match self {
             Self::Text(text) => serializer.serialize_str(text),
@@ -84,16 +84,21 @@ impl Serialize for Cell {
 }
 
 /// The median, the fastest and the slowest, and the median of the CPU time.
-pub(super) fn times(times: &Times) -> [Cell; 4] {
-    let cpu = Cell::known(times.cpu.map(|cpu| cpu.median), 2);
-    [Cell::ms(times.wall.median), Cell::ms(times.wall.least), Cell::ms(times.wall.most), cpu]
+pub(super) fn times(times: &Times) -> [TableCell; 4] {
+    let cpu = TableCell::known(times.cpu.map(|cpu| cpu.median), 2);
+    [
+        TableCell::ms(times.wall.median),
+        TableCell::ms(times.wall.least),
+        TableCell::ms(times.wall.most),
+        cpu,
+    ]
 }
 
 /// What was published, ms, and how many times as long that is.
-pub(super) fn beside(published: Option<f64>, times: &Times) -> [Cell; 2] {
+pub(super) fn beside(published: Option<f64>, times: &Times) -> [TableCell; 2] {
     [
-        Cell::known(published, 2),
-        Cell::times(published.map(|published| published / times.wall.median)),
+        TableCell::known(published, 2),
+        TableCell::times(published.map(|published| published / times.wall.median)),
     ]
 }
 
@@ -121,7 +126,7 @@ impl Table {
     }
 
     /// Adds a row, which has a cell for each column.
-    pub(super) fn push(&mut self, row: impl IntoIterator<Item = Cell>) {
+    pub(super) fn push(&mut self, row: impl IntoIterator<Item = TableCell>) {
         let row: Vec<_> = row.into_iter().collect();
         debug_assert_eq!(row.len(), self.columns.len(), "a cell a column");
         self.rows.push(row);
@@ -146,7 +151,7 @@ impl Table {
             headings.iter().map(of).collect()
         };
         let mut lines: Vec<Vec<String>> = (0..height).map(line).collect();
-        lines.extend(self.rows.iter().map(|row| row.iter().map(Cell::printed).collect()));
+        lines.extend(self.rows.iter().map(|row| row.iter().map(TableCell::printed).collect()));
         let width = |column: usize| {
             lines.iter().map(|line| line[column].chars().count()).max().unwrap_or(0)
         };
@@ -164,7 +169,7 @@ impl Serialize for Table {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         use serde::ser::SerializeStruct as _;
         let records: Vec<_> =
-            self.rows.iter().map(|row| Record { columns: &self.columns, row }).collect();
+            self.rows.iter().map(|row| RowRecord { columns: &self.columns, row }).collect();
         let mut table = serializer.serialize_struct("Table", 3)?;
         table.serialize_field("title", &self.title)?;
         table.serialize_field("notes", &self.notes)?;
@@ -174,12 +179,12 @@ impl Serialize for Table {
 }
 
 /// A row with its columns' names, in their order.
-struct Record<'a> {
+struct RowRecord<'a> {
     columns: &'a [Column],
-    row: &'a [Cell],
+    row: &'a [TableCell],
 }
 
-impl Serialize for Record<'_> {
+impl Serialize for RowRecord<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_map(self.columns.iter().map(|(key, _)| key).zip(self.row))
     }
@@ -197,7 +202,7 @@ mod tests {
             &["how"],
             [("name", "cloth"), ("ms", "two\nlines"), ("x", "x")],
         );
-        table.push([Cell::text("tricot"), Cell::ms(1.234_567), Cell::Missing]);
+        table.push([TableCell::text("tricot"), TableCell::ms(1.234_567), TableCell::Missing]);
         assert_eq!(
             table.text(),
             "Title\n  how\n          two\n cloth  lines  x\ntricot   1.23  -\n"
@@ -212,7 +217,7 @@ mod tests {
     #[test]
     fn ratios_have_a_decimal_where_it_says_something() {
         assert_eq!(
-            [0.5, 9.94, 9.96, 123.4].map(|ratio| Cell::times(Some(ratio)).printed()),
+            [0.5, 9.94, 9.96, 123.4].map(|ratio| TableCell::times(Some(ratio)).printed()),
             ["0.5", "9.9", "10", "123"]
         );
     }

@@ -13,9 +13,9 @@ use warpknit::scene::{Scene, Shape};
 
 use super::super::args::{Bench, DEFAULT_FABRIC};
 use super::measure::Times;
-use super::picture::{Easel, SIZE};
+use super::picture::{PictureTimer, SIZE};
 use super::plot::{Plot, Series};
-use super::table::{BESIDE, Cell, TIMES, Table, beside, times};
+use super::table::{BESIDE, TIMES, Table, TableCell, beside, times};
 
 /// The paper's fabric: wales and courses, St and Sr.
 const SIDE: u32 = 10;
@@ -28,7 +28,7 @@ const REPEAT: f64 = 4.0;
 /// Measures a picture without texture, and with each size of it.
 pub(super) fn textures(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<Table> {
     let fabric = Fabric::named(DEFAULT_FABRIC)?;
-    let easel = Easel::new(arguments).with_tubes(SECTION.0, SECTION.1);
+    let timer = PictureTimer::new(arguments).with_tubes(SECTION.0, SECTION.1);
     let mut table = Table::new(
         "textures",
         "Figure 15: render time over the size of the yarn's texture",
@@ -44,7 +44,7 @@ pub(super) fn textures(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Resu
             "Flat {DEFAULT_FABRIC} of {SIDE} x {SIDE}, St {st}, Sr {sr}, {} x {} pixels, {}.",
             SIZE.0,
             SIZE.1,
-            easel.note()
+            timer.note()
         ),
     );
     table.add_columns(TIMES.into_iter().chain(BESIDE));
@@ -65,10 +65,10 @@ pub(super) fn textures(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Resu
             &cloth,
             Scene::wearing(Shape::Tube, looks(&fabric, fabric.radius()), maps, |_| worn),
         );
-        let taken = Times::of(&easel.timed(&scene)?);
+        let taken = Times::from_samples(&timer.timed(&scene)?);
         let plain = *plain.get_or_insert(taken.wall.median);
         let name = side.map_or_else(|| "none".to_owned(), |side| format!("{side} x {side}"));
-        let labels = [Cell::Text(name), Cell::Number(taken.wall.median / plain, 2)];
+        let labels = [TableCell::Text(name), TableCell::Number(taken.wall.median / plain, 2)];
         table.push(labels.into_iter().chain(times(&taken)).chain(beside(None, &taken)));
         if let Some(side) = side {
             plot.push(f64::from(side), [taken.wall.median, plain]);

@@ -12,9 +12,9 @@ use warpknit::ids::index32;
 use super::super::args::{Bench, DEFAULT_FABRIC};
 use super::garments::{Garments, Shipped, fitted};
 use super::measure::{Moment, Times, measured_parts};
-use super::picture::{Easel, SIZE};
+use super::picture::{PictureTimer, SIZE};
 use super::plot::{Plot, Series};
-use super::table::{BESIDE, Cell, TIMES, Table, beside, times};
+use super::table::{BESIDE, TIMES, Table, TableCell, beside, times};
 
 /// Stitches, and the paper's seconds.
 const LINES: [(u32, f64); 4] = [(5400, 4.42), (9996, 7.43), (10_400, 7.80), (21_600, 15.56)];
@@ -26,7 +26,7 @@ pub(super) fn total(
     progress: &mut dyn FnMut(f64),
 ) -> Result<Table> {
     let (name, garment) = garments.get(Shipped::Skirt)?;
-    let easel = Easel::new(arguments);
+    let timer = PictureTimer::new(arguments);
     let mut table = Table::new(
         "total",
         &format!("Table 3: total with rendering, {DEFAULT_FABRIC} on {name}"),
@@ -41,7 +41,7 @@ pub(super) fn total(
             "From fabric to picture of {} x {} pixels, 4 samples each, {}.",
             SIZE.0,
             SIZE.1,
-            easel.note()
+            timer.note()
         ),
     );
     table.add_columns(TIMES.into_iter().chain(BESIDE));
@@ -55,10 +55,13 @@ pub(super) fn total(
         progress(at as f64 / LINES.len() as f64);
         let (fabric, stitches) =
             fitted(&Fabric::named(DEFAULT_FABRIC)?, &garment, f64::from(wanted))?;
-        let [cloth, picture, all] = measure(&easel, &garment, &fabric)?;
+        let [cloth, picture, all] = measure(&timer, &garment, &fabric)?;
         let published = (!garments.are_own()).then_some(1e3 * seconds);
-        let sizes =
-            [Cell::Count(stitches), Cell::ms(cloth.wall.median), Cell::ms(picture.wall.median)];
+        let sizes = [
+            TableCell::Count(stitches),
+            TableCell::ms(cloth.wall.median),
+            TableCell::ms(picture.wall.median),
+        ];
         table.push(sizes.into_iter().chain(times(&all)).chain(beside(published, &all)));
         plot.push_known(f64::from(index32(stitches)), [Some(all.wall.median), published]);
     }
@@ -67,12 +70,12 @@ pub(super) fn total(
 }
 
 /// What cloth, picture and both take.
-fn measure(easel: &Easel, garment: &Garment, fabric: &Fabric) -> Result<[Times; 3]> {
-    measured_parts(easel.runs, &mut || {
+fn measure(timer: &PictureTimer, garment: &Garment, fabric: &Fabric) -> Result<[Times; 3]> {
+    measured_parts(timer.runs, &mut || {
         let start = Moment::now();
         let scene = picture::of(&Cloth::cover(garment, fabric)?, fabric);
         let cloth = start.elapsed();
-        let picture = easel.draw(&scene)?;
+        let picture = timer.draw(&scene)?;
         Ok([cloth, picture, cloth + picture])
     })
 }

@@ -13,7 +13,7 @@ use warpknit::yarn::tube::{Section, Tubes};
 use super::super::args::Bench;
 use super::measure::measured;
 use super::plot::{Plot, Series};
-use super::table::{BESIDE, Cell, TIMES, Table, beside, times};
+use super::table::{BESIDE, TIMES, Table, TableCell, beside, times};
 
 /// The plain cloths of the ribbon paper's table: loops each way, and its times in ms at each of
 /// [`SEGMENTS`].
@@ -61,12 +61,13 @@ pub(super) fn weft(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<T
             Ok(())
         })?;
         let sizes = [
-            Cell::Text(format!("{side} x {side}")),
-            Cell::Count(st as usize),
-            Cell::Count(vertices),
+            TableCell::Text(format!("{side} x {side}")),
+            TableCell::Count(st as usize),
+            TableCell::Count(vertices),
         ];
         let each = taken.cpu.map(|cpu| 1e6 * cpu.median / vertices as f64);
-        let further = std::iter::once(Cell::known(each, 1)).chain(beside(Some(published), &taken));
+        let further =
+            std::iter::once(TableCell::known(each, 1)).chain(beside(Some(published), &taken));
         table.push(sizes.into_iter().chain(times(&taken)).chain(further));
         plot.push(f64::from(side * side * st), [taken.wall.median, published]);
     }

@@ -16,7 +16,7 @@ use warpknit::render::gpu::{Gpu, GpuError, Renderer, Yarns};
 use warpknit::render::{Camera, Options};
 use warpknit::scene::Scene;
 
-use super::panel::Look;
+use super::panel::RenderSettings;
 
 /// Frames that take longer are drawn as drafts while something moves.
 const SLOW: Duration = Duration::from_millis(60);
@@ -29,17 +29,17 @@ const COARSENESS: RangeInclusive<u32> = 2..=4;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Shot {
     pub(super) camera: Camera,
-    pub(super) look: Look,
+    pub(super) rendering: RenderSettings,
     /// Pixels across and down.
     pub(super) size: [u32; 2],
 }
 
 /// Draws into the window.
-pub(super) struct Canvas {
+pub(super) struct FrameRenderer {
     state: RenderState,
     /// None after something went wrong on the device, until it is tried again.
-    easel: Option<Easel>,
-    target: Option<Target>,
+    renderers: Option<DeviceRenderers>,
+    target: Option<FrameTexture>,
     shown: Option<(Shot, Quality)>,
     /// What the last frame of each quality took.
     pub(super) full: Duration,
@@ -55,7 +55,7 @@ enum Quality {
 }
 
 /// Renderers and what they draw.
-struct Easel {
+struct DeviceRenderers {
     full: Renderer,
     /// Made when it is first needed: a fast device never does.
     draft: Option<Renderer>,
@@ -64,20 +64,20 @@ struct Easel {
 }
 
 /// The texture that is shown.
-struct Target {
+struct FrameTexture {
     size: [u32; 2],
     view: wgpu::TextureView,
     id: TextureId,
 }
 
-impl Canvas {
+impl FrameRenderer {
     /// Draws on the device that the window has opened.
     pub(super) fn open(state: &RenderState) -> Result<Self, GpuError> {
-        let easel = Some(Easel::open(state)?);
+        let renderers = Some(DeviceRenderers::open(state)?);
         let (full, draft) = (Duration::ZERO, Duration::ZERO);
         Ok(Self {
             state: state.clone(),
-            easel,
+            renderers,
             target: None,
             shown: None,
             full,
@@ -92,21 +92,21 @@ impl Canvas {
     }
 
     /// Puts a scene on the device, `st` pieces a stitch, in place of the last one.
-    pub(super) fn hang(&mut self, scene: &Scene, st: u32) -> Result<(), GpuError> {
+    pub(super) fn upload(&mut self, scene: &Scene, st: u32) -> Result<(), GpuError> {
         self.shown = None;
-        let result = self.try_hang(scene, st);
+        let result = self.try_upload(scene, st);
         self.forget_after(result)
     }
 
-    fn try_hang(&mut self, scene: &Scene, st: u32) -> Result<(), GpuError> {
-        let easel = match &mut self.easel {
-            Some(easel) => easel,
+    fn try_upload(&mut self, scene: &Scene, st: u32) -> Result<(), GpuError> {
+        let renderers = match &mut self.renderers {
+            Some(renderers) => renderers,
             // A device that ran out of memory may do for less.
-            gone => gone.insert(Easel::open(&self.state)?),
+            gone => gone.insert(DeviceRenderers::open(&self.state)?),
         };
         // The old one goes first, since both may not fit.
-        easel.yarns = None;
-        easel.yarns = Some(easel.full.load(scene, st)?);
+        renderers.yarns = None;
+        renderers.yarns = Some(renderers.full.load(scene, st)?);
         Ok(())
     }
 
@@ -120,7 +120,7 @@ impl Canvas {
             return Ok(false);
         }
         // After a fault the last picture stays until there is cloth again.
-        if self.easel.is_none() {
+        if self.renderers.is_none() {
             return Ok(false);
         }
         let start = Instant::now();
@@ -150,17 +150,19 @@ impl Canvas {
         };
         let target = match self.target.take() {
             Some(target) if target.size == size => target,
-            old => self.target_of(size, old),
+            old => self.texture_of_size(size, old),
         };
-        if let Some(easel) = &mut self.easel
-            && let Some(yarns) = &easel.yarns
+        if let Some(renderers) = &mut self.renderers
+            && let Some(yarns) = &renderers.yarns
         {
-            let renderer = match (quality, &mut easel.draft) {
-                (Quality::Full, _) => &mut easel.full,
+            let renderer = match (quality, &mut renderers.draft) {
+                (Quality::Full, _) => &mut renderers.full,
                 (Quality::Draft, Some(renderer)) => renderer,
-                (Quality::Draft, none) => none.insert(Renderer::new(easel.gpu.clone(), samples)?),
+                (Quality::Draft, none) => {
+                    none.insert(Renderer::new(renderers.gpu.clone(), samples)?)
+                }
             };
-            let options = shot.look.options(size, samples);
+            let options = shot.rendering.options(size, samples);
             let options = Options { lod: options.lod || quality == Quality::Draft, ..options };
             renderer.draw_to(yarns, &shot.camera, &options, &target.view)?;
             // Frames are timed whole, and none is begun before the last one is done. What goes
@@ -172,7 +174,7 @@ impl Canvas {
     }
 
     /// A texture of another size under the same name.
-    fn target_of(&self, size: [u32; 2], old: Option<Target>) -> Target {
+    fn texture_of_size(&self, size: [u32; 2], old: Option<FrameTexture>) -> FrameTexture {
         let RenderState { device, renderer, .. } = &self.state;
         let texture = device.create_texture(&wgpu::TextureDescriptor {
             label: Some("window"),
@@ -187,13 +189,13 @@ impl Canvas {
         });
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
         let (mut renderer, filter) = (renderer.write(), wgpu::FilterMode::Linear);
-        let id = if let Some(Target { id, .. }) = old {
+        let id = if let Some(FrameTexture { id, .. }) = old {
             renderer.update_egui_texture_from_wgpu_texture(device, &view, filter, id);
             id
         } else {
             renderer.register_native_texture(device, &view, filter)
         };
-        Target { size, view, id }
+        FrameTexture { size, view, id }
     }
 
     /// What to show, if anything was drawn.
@@ -212,7 +214,9 @@ impl Canvas {
         camera: &Camera,
         options: &Options,
     ) -> Result<Option<RgbaImage>, GpuError> {
-        let Some(Easel { full, yarns: Some(yarns), .. }) = &mut self.easel else { return Ok(None) };
+        let Some(DeviceRenderers { full, yarns: Some(yarns), .. }) = &mut self.renderers else {
+            return Ok(None);
+        };
         let drawn = full.draw(yarns, camera, options).map(Some);
         self.forget_after(drawn)
     }
@@ -225,13 +229,13 @@ impl Canvas {
     /// A device on which something went wrong says so ever after, and is asked anew.
     fn forget_after<T>(&mut self, result: Result<T, GpuError>) -> Result<T, GpuError> {
         if result.is_err() {
-            self.easel = None;
+            self.renderers = None;
         }
         result
     }
 }
 
-impl Easel {
+impl DeviceRenderers {
     fn open(state: &RenderState) -> Result<Self, GpuError> {
         let gpu = Gpu::on(&state.adapter, state.device.clone(), state.queue.clone())?;
         Ok(Self { full: Renderer::new(gpu.clone(), 4)?, draft: None, gpu, yarns: None })

@@ -22,7 +22,7 @@ use warpknit::render::Choice;
 
 use super::args::Live;
 use super::clock::{Clock, Task};
-use stock::Stock;
+use stock::ClothSource;
 use window::Window;
 
 /// The window's name.
@@ -54,12 +54,12 @@ pub(crate) fn view(arguments: Live) -> Result<()> {
     }
     let mut clock = Clock::begin_command(&shared.running)?;
     clock.begin(Task::Read, 0.0);
-    let stock = Arc::new(Stock::of(&arguments)?);
+    let source = Arc::new(ClothSource::from_arguments(&arguments)?);
     clock.clear();
     let (failures, failed) = channel();
     let arguments = Arc::new(arguments);
     let open = |context: &eframe::CreationContext<'_>| match Window::new(
-        context, arguments, stock, failures,
+        context, arguments, source, failures,
     ) {
         Ok(window) => Ok(Box::new(window) as Box<dyn eframe::App>),
         Err(error) => Err(error.into()),

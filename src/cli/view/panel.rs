@@ -1,6 +1,6 @@
 //! The panel beside the picture: everything that can be chosen, and what is known of the cloth.
 //!
-//! In: [`Settings`], which it changes. Out: what was asked for besides, as an [`Action`].
+//! In: [`PanelSettings`], which it changes. Out: what was asked for besides, as an [`Action`].
 
 use eframe::egui::{
     Button, CollapsingHeader, Color32, ComboBox, Grid, RichText, Slider, SliderClamping, TextStyle,
@@ -11,7 +11,7 @@ use warpknit::render::{self, Background, Light, View};
 use warpknit::scene::Shape;
 
 use super::super::args::Shared;
-use super::stock::{Recipe, Stock};
+use super::stock::{ClothSource, Recipe};
 
 /// Sides by name, in the order of the keys 1 to 6.
 pub(super) const VIEWS: [(&str, View); 6] = [
@@ -31,16 +31,16 @@ const ABOUT_LINES: f32 = 3.0;
 const WIDEST: f64 = 3.0;
 
 /// All that can be chosen.
-pub(super) struct Settings {
+pub(super) struct PanelSettings {
     pub(super) recipe: Recipe,
-    pub(super) look: Look,
+    pub(super) rendering: RenderSettings,
     /// Whether wales and courses change together.
     keeps_loops: bool,
 }
 
 /// How cloth is drawn; a change of it knits nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Look {
+pub(super) struct RenderSettings {
     /// Pieces a stitch.
     pub(super) st: u32,
     sr: u32,
@@ -61,13 +61,13 @@ pub(super) struct Look {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Action {
     SavePicture,
-    Look(View),
+    ViewFrom(View),
     FrameAll,
     ResetCamera,
 }
 
 /// What the panel tells.
-pub(super) struct Facts {
+pub(super) struct ClothSummary {
     /// Name and number.
     pub(super) lines: Vec<(&'static str, String)>,
     pub(super) notes: Vec<String>,
@@ -77,20 +77,20 @@ pub(super) struct Facts {
     pub(super) radius: f64,
 }
 
-impl Settings {
+impl PanelSettings {
     /// What the command line asked for.
-    pub(super) fn of(shared: &Shared, stock: &Stock) -> Self {
-        let recipe = Recipe { radius: shared.radius, ..stock.recipe(0) };
+    pub(super) fn from_arguments(shared: &Shared, source: &ClothSource) -> Self {
+        let recipe = Recipe { radius: shared.radius, ..source.recipe(0) };
         Self {
             recipe,
-            look: Look::of(shared),
+            rendering: RenderSettings::from_arguments(shared),
             keeps_loops: shared.wales_per_cm.is_none() || shared.courses_per_cm.is_none(),
         }
     }
 }
 
-impl Look {
-    fn of(shared: &Shared) -> Self {
+impl RenderSettings {
+    fn from_arguments(shared: &Shared) -> Self {
         let defaults = render::Options::default();
         let sun = defaults.light.sun_direction.normalize();
         let background = shared.background.unwrap_or_default();
@@ -148,38 +148,38 @@ impl Look {
 /// Shows the panel.
 pub(super) fn show(
     ui: &mut Ui,
-    settings: &mut Settings,
-    stock: &Stock,
-    facts: &Facts,
+    settings: &mut PanelSettings,
+    source: &ClothSource,
+    summary: &ClothSummary,
 ) -> Option<Action> {
     ui.spacing_mut().slider_width = 130.0;
     ui.add_space(6.0);
-    fabric(ui, settings, stock);
+    fabric(ui, settings, source);
     ui.separator();
-    yarns(ui, settings, facts.radius);
+    yarns(ui, settings, summary.radius);
     ui.separator();
     CollapsingHeader::new("Light and background")
         .default_open(true)
-        .show(ui, |ui| light(ui, &mut settings.look));
+        .show(ui, |ui| light(ui, &mut settings.rendering));
     ui.separator();
     let action = camera(ui);
     ui.separator();
-    tell(ui, facts);
+    show_summary(ui, summary);
     action
 }
 
-fn fabric(ui: &mut Ui, settings: &mut Settings, stock: &Stock) {
+fn fabric(ui: &mut Ui, settings: &mut PanelSettings, source: &ClothSource) {
     let recipe = &mut settings.recipe;
     let before = recipe.fabric;
     ui.horizontal(|ui| {
         ui.label("Fabric");
         ComboBox::from_id_salt("fabric")
-            .selected_text(&*stock.choices[before].label)
+            .selected_text(&*source.choices[before].label)
             .width(200.0)
             .truncate()
             .height(400.0)
             .show_ui(ui, |ui| {
-                for (at, choice) in stock.choices.iter().enumerate() {
+                for (at, choice) in source.choices.iter().enumerate() {
                     ui.selectable_value(&mut recipe.fabric, at, &*choice.label)
                         .on_hover_text(&choice.fabric.about);
                 }
@@ -188,10 +188,10 @@ fn fabric(ui: &mut Ui, settings: &mut Settings, stock: &Stock) {
     if recipe.fabric != before {
         // Another fabric has densities of its own; a radius that was chosen for the last one would
         // seldom suit it.
-        *recipe = Recipe { shape: recipe.shape, ..stock.recipe(recipe.fabric) };
+        *recipe = Recipe { shape: recipe.shape, ..source.recipe(recipe.fabric) };
     }
     let about =
-        Some(stock.choices[recipe.fabric].fabric.about.as_str()).filter(|about| !about.is_empty());
+        Some(source.choices[recipe.fabric].fabric.about.as_str()).filter(|about| !about.is_empty());
     // As much room for all fabrics, so that sliders stay where they are.
     ui.allocate_ui(vec2(ui.available_width(), 0.0), |ui| {
         ui.set_min_height(ABOUT_LINES * ui.text_style_height(&TextStyle::Body));
@@ -217,8 +217,8 @@ fn density(ui: &mut Ui, label: &str, value: &mut f64) -> bool {
     ui.add(slider.text(label)).changed()
 }
 
-fn yarns(ui: &mut Ui, settings: &mut Settings, radius: f64) {
-    let Settings { recipe, look, .. } = settings;
+fn yarns(ui: &mut Ui, settings: &mut PanelSettings, radius: f64) {
+    let PanelSettings { recipe, rendering, .. } = settings;
     ui.horizontal(|ui| {
         ui.label("Yarns as");
         ui.selectable_value(&mut recipe.shape, Shape::Tube, "tubes");
@@ -238,30 +238,30 @@ fn yarns(ui: &mut Ui, settings: &mut Settings, radius: f64) {
         recipe.radius = Some(chosen);
     }
     ui.add(
-        Slider::new(&mut look.st, 1..=40)
+        Slider::new(&mut rendering.st, 1..=40)
             .clamping(SliderClamping::Edits)
             .text("pieces a stitch (St)"),
     );
     ui.add_enabled_ui(recipe.shape == Shape::Tube, |ui| {
         ui.add(
-            Slider::new(&mut look.sr, 3..=24)
+            Slider::new(&mut rendering.sr, 3..=24)
                 .clamping(SliderClamping::Edits)
                 .text("edges of a tube (Sr)"),
         );
     });
-    ui.checkbox(&mut look.lod, "far yarns are coarser");
+    ui.checkbox(&mut rendering.lod, "far yarns are coarser");
 }
 
-fn light(ui: &mut Ui, look: &mut Look) {
+fn light(ui: &mut Ui, rendering: &mut RenderSettings) {
     let degrees = |value, range| Slider::new(value, range).max_decimals(0).suffix("°");
-    ui.add(degrees(&mut look.sun_azimuth, -180.0..=180.0).text("sun, left to right"));
-    ui.add(degrees(&mut look.sun_height, -90.0..=90.0).text("sun, height"));
-    ui.add(Slider::new(&mut look.sun, 0.0..=3.0).max_decimals(2).text("sun, strength"));
-    ui.add(Slider::new(&mut look.sky, 0.0..=3.0).max_decimals(2).text("sky, strength"));
+    ui.add(degrees(&mut rendering.sun_azimuth, -180.0..=180.0).text("sun, left to right"));
+    ui.add(degrees(&mut rendering.sun_height, -90.0..=90.0).text("sun, height"));
+    ui.add(Slider::new(&mut rendering.sun, 0.0..=3.0).max_decimals(2).text("sun, strength"));
+    ui.add(Slider::new(&mut rendering.sky, 0.0..=3.0).max_decimals(2).text("sky, strength"));
     ui.horizontal(|ui| {
-        ui.color_edit_button_srgb(&mut look.background);
+        ui.color_edit_button_srgb(&mut rendering.background);
         ui.label("background");
-        ui.checkbox(&mut look.cut_out, "none in files")
+        ui.checkbox(&mut rendering.cut_out, "none in files")
             .on_hover_text("saved pictures are transparent where no yarn is");
     });
 }
@@ -271,7 +271,7 @@ fn camera(ui: &mut Ui) -> Option<Action> {
     ui.horizontal(|ui| {
         for (at, (name, view)) in VIEWS.into_iter().enumerate() {
             if ui.button(name).on_hover_text(format!("key {}", at + 1)).clicked() {
-                action = Some(Action::Look(view));
+                action = Some(Action::ViewFrom(view));
             }
         }
     });
@@ -296,24 +296,24 @@ fn camera(ui: &mut Ui) -> Option<Action> {
     action
 }
 
-fn tell(ui: &mut Ui, facts: &Facts) {
-    if let Some(trouble) = &facts.trouble {
+fn show_summary(ui: &mut Ui, summary: &ClothSummary) {
+    if let Some(trouble) = &summary.trouble {
         ui.label(RichText::new(trouble).color(Color32::from_rgb(220, 60, 50)));
     }
     Grid::new("facts").num_columns(2).show(ui, |ui| {
-        for (name, value) in &facts.lines {
+        for (name, value) in &summary.lines {
             ui.label(RichText::new(*name).weak());
             ui.label(value);
             ui.end_row();
         }
     });
-    if facts.is_knitting {
+    if summary.is_knitting {
         ui.horizontal(|ui| {
             ui.spinner();
             ui.label("knitting");
         });
     }
-    for note in &facts.notes {
+    for note in &summary.notes {
         ui.label(RichText::new(note).weak());
     }
 }
@@ -330,8 +330,10 @@ mod tests {
         let arguments =
             Arguments::parse_from(["warpknit", "view", "--st", "7", "--background", "#102030"]);
         let Command::View(live) = arguments.command else { panic!("it was asked to view") };
-        let (options, usual) =
-            (Look::of(&live.shared).options([8, 6], 4), render::Options::default());
+        let (options, usual) = (
+            RenderSettings::from_arguments(&live.shared).options([8, 6], 4),
+            render::Options::default(),
+        );
         assert!(options.light.sun_direction.angle_between(usual.light.sun_direction) < 1e-3);
         assert_eq!(
             (options.light.sun, options.light.sky_below),

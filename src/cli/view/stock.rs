@@ -1,6 +1,6 @@
 //! What can be knitted in the window: fabrics, and the garment or the size of the swatch.
 //!
-//! In: the arguments, then a [`Recipe`] at a time. Out: [`Knitted`] cloth. Nothing here knows of a
+//! In: the arguments, then a [`Recipe`] at a time. Out: [`KnittedScene`] cloth. Nothing here knows of a
 //! window.
 
 use std::borrow::Cow;
@@ -25,17 +25,17 @@ use super::super::pictures::{self, Textures};
 const STITCH_GB: f64 = 1e-6;
 
 /// Everything that does not change while the window is open.
-pub(super) struct Stock {
+pub(super) struct ClothSource {
     /// The one that was asked for first.
-    pub(super) choices: Vec<Choice>,
-    ground: Ground,
+    pub(super) choices: Vec<FabricChoice>,
+    base: ClothBase,
     options: drape::Options,
     /// What yarns are drawn as at first.
     shape: Shape,
 }
 
 /// A fabric on the list.
-pub(super) struct Choice {
+pub(super) struct FabricChoice {
     pub(super) label: String,
     /// At the densities at which it is first shown.
     pub(super) fabric: Fabric,
@@ -44,7 +44,7 @@ pub(super) struct Choice {
 }
 
 /// What is covered.
-enum Ground {
+enum ClothBase {
     Garment(Garment),
     Swatch { wales: u32, courses: u32 },
 }
@@ -52,7 +52,7 @@ enum Ground {
 /// What is knitted; equal ones give the same cloth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Recipe {
-    /// Its place in [`Stock::choices`].
+    /// Its place in [`ClothSource::choices`].
     pub(super) fabric: usize,
     pub(super) wales_per_cm: f64,
     pub(super) courses_per_cm: f64,
@@ -62,7 +62,7 @@ pub(super) struct Recipe {
 }
 
 /// Cloth, ready to be drawn.
-pub(super) struct Knitted {
+pub(super) struct KnittedScene {
     pub(super) scene: Scene,
     pub(super) totals: Totals,
     /// mm, of the thickest yarn.
@@ -76,21 +76,21 @@ pub(super) struct Knitted {
 /// Nobody waits for this cloth any more.
 struct Superseded;
 
-impl Stock {
+impl ClothSource {
     /// Reads the garment and all fabrics.
-    pub(super) fn of(arguments: &Live) -> Result<Self> {
+    pub(super) fn from_arguments(arguments: &Live) -> Result<Self> {
         let shared = &arguments.shared;
         let first = fabric(shared)?;
-        let ground = match &arguments.flat {
-            Some(flat) => Ground::Garment(read(
+        let base = match &arguments.flat {
+            Some(flat) => ClothBase::Garment(read(
                 flat,
                 arguments.draped.as_deref(),
                 &arguments.reading.options(),
             )?),
-            None => Ground::Swatch { wales: arguments.wales, courses: arguments.courses },
+            None => ClothBase::Swatch { wales: arguments.wales, courses: arguments.courses },
         };
         // A swatch is as large as it was asked for, and no fabric is too fine for it.
-        let area = ground.area();
+        let area = base.area();
         let asked = shared.chains.label(&shared.fabric, &first);
         let label = if asked.is_empty() { "your chains" } else { asked }.to_owned();
         let (textures, all_wear) =
@@ -98,10 +98,10 @@ impl Stock {
         let others = builtin::names().filter(|name| *name != label).map(|name| {
             let fabric = enlarged(&named_fabric(name)?, area)?.0;
             let textures = if all_wear { Arc::clone(&textures) } else { Arc::default() };
-            Ok(Choice { label: name.to_owned(), fabric, textures })
+            Ok(FabricChoice { label: name.to_owned(), fabric, textures })
         });
         let others = others.collect::<Result<Vec<_>>>()?;
-        let mut choices = vec![Choice {
+        let mut choices = vec![FabricChoice {
             label,
             fabric: pictured(&first, area, shared)?.0,
             textures: Arc::clone(&textures),
@@ -109,7 +109,7 @@ impl Stock {
         choices.extend(others);
         Ok(Self {
             choices,
-            ground,
+            base,
             options: arguments.laying.options(),
             shape: shared.drawing.shape.into(),
         })
@@ -126,13 +126,13 @@ impl Stock {
         &self,
         recipe: Recipe,
         superseded: &dyn Fn() -> bool,
-    ) -> Result<Option<Knitted>> {
+    ) -> Result<Option<KnittedScene>> {
         let fabric = self.fabric(&recipe)?;
         let radius = drawn_radius(&fabric, recipe.radius)?;
         let mut clock = Clock::start(true);
         clock.begin(Task::Knit, 0.0);
-        match &self.ground {
-            Ground::Garment(garment) => {
+        match &self.base {
+            ClothBase::Garment(garment) => {
                 let mut garment = Cow::Borrowed(garment);
                 if !fabric.panels.is_empty() {
                     turn_grains(garment.to_mut(), &fabric);
@@ -141,7 +141,7 @@ impl Stock {
                     .with_context(|| self.choices[recipe.fabric].label.clone())?;
                 self.lay(&cloth, &fabric, radius, recipe, clock, superseded)
             }
-            Ground::Swatch { wales, courses } => {
+            ClothBase::Swatch { wales, courses } => {
                 let panel = drape::swatch_panel(&fabric, *wales, *courses);
                 self.lay(
                     &Cloth::swatch(&panel, &fabric, *wales, *courses),
@@ -173,7 +173,7 @@ impl Stock {
         recipe: Recipe,
         mut clock: Clock,
         superseded: &dyn Fn() -> bool,
-    ) -> Result<Option<Knitted>> {
+    ) -> Result<Option<KnittedScene>> {
         check_room(cloth.stitches())?;
         let mut scene =
             pictures::scene(recipe.shape, fabric, radius, &self.choices[recipe.fabric].textures);
@@ -192,11 +192,11 @@ impl Stock {
         let mut warnings = cloth.garment().facts.warnings.clone();
         warnings.extend(loss_warning(&totals));
         let (enlargement, timings) = (fabric.enlargement, clock.timings());
-        Ok(Some(Knitted { scene, totals, radius, enlargement, timings, warnings }))
+        Ok(Some(KnittedScene { scene, totals, radius, enlargement, timings, warnings }))
     }
 }
 
-impl Ground {
+impl ClothBase {
     /// Flat area of a garment, mm².
     fn area(&self) -> f64 {
         match self {

@@ -19,15 +19,16 @@ use warpknit::export::png;
 use warpknit::render::View;
 
 use super::super::args::{Live, MOST_PIXELS};
-use super::canvas::{Canvas, Shot};
+use super::canvas::{FrameRenderer, Shot};
 use super::orbit::Orbit;
-use super::panel::{self, Action, Facts, Settings, VIEWS};
-use super::stock::{Knitted, Recipe, Stock};
+use super::panel::{self, Action, ClothSummary, PanelSettings, VIEWS};
+use super::stock::{ClothSource, KnittedScene, Recipe};
 use super::worker::Worker;
 
 /// How long after the last change things count as moving: longer where a full frame would hold up
 /// the next drag for longer.
-const SETTLED: RangeInclusive<Duration> = Duration::from_millis(150)..=Duration::from_millis(800);
+const STILL_AFTER: RangeInclusive<Duration> =
+    Duration::from_millis(150)..=Duration::from_millis(800);
 /// Magnification by a point of the wheel's travel.
 const WHEEL: f64 = 1.0 / 250.0;
 const PANEL_WIDTH: f32 = 330.0;
@@ -44,20 +45,20 @@ enum Framing {
 
 /// The window's state.
 pub(super) struct Window {
-    stock: Arc<Stock>,
+    source: Arc<ClothSource>,
     arguments: Arc<Live>,
-    settings: Settings,
+    settings: PanelSettings,
     worker: Worker,
-    canvas: Canvas,
+    renderer: FrameRenderer,
     orbit: Orbit,
     framing: Option<Framing>,
     aspect: f64,
     /// The last that was wanted.
     ordered: Recipe,
-    cloth: Option<Knitted>,
+    cloth: Option<KnittedScene>,
     /// The cloth's pieces a stitch on the device.
-    hung: u32,
-    upload: Duration,
+    uploaded_st: u32,
+    upload_time: Duration,
     trouble: Option<String>,
     saved: Option<String>,
     last: Option<Shot>,
@@ -71,17 +72,17 @@ impl Window {
     pub(super) fn new(
         context: &eframe::CreationContext<'_>,
         arguments: Arc<Live>,
-        stock: Arc<Stock>,
+        source: Arc<ClothSource>,
         failures: Sender<anyhow::Error>,
     ) -> Result<Self> {
         let Some(state) = &context.wgpu_render_state else {
             bail!("the window has no graphics device")
         };
-        let canvas = Canvas::open(state)
+        let renderer = FrameRenderer::open(state)
             .context("a window needs a graphics adapter, drape and swatch do not")?;
         let waker = context.egui_ctx.clone();
-        let worker = Worker::start(Arc::clone(&stock), move || waker.request_repaint())?;
-        let settings = Settings::of(&arguments.shared, &stock);
+        let worker = Worker::start(Arc::clone(&source), move || waker.request_repaint())?;
+        let settings = PanelSettings::from_arguments(&arguments.shared, &source);
         worker.order(settings.recipe);
         Ok(Self {
             orbit: start(&arguments, &[], 1.0),
@@ -89,19 +90,19 @@ impl Window {
             aspect: 1.0,
             ordered: settings.recipe,
             cloth: None,
-            hung: 0,
-            upload: Duration::ZERO,
+            uploaded_st: 0,
+            upload_time: Duration::ZERO,
             trouble: None,
             saved: None,
             last: None,
             changed: Instant::now(),
             screenshot: arguments.screenshot.clone(),
             failures,
-            stock,
+            source,
             arguments,
             settings,
             worker,
-            canvas,
+            renderer,
         })
     }
 
@@ -112,8 +113,8 @@ impl Window {
             self.worker.order(self.ordered);
             self.changed = Instant::now();
         }
-        if self.settings.look.st != self.hung {
-            self.hang();
+        if self.settings.rendering.st != self.uploaded_st {
+            self.upload();
         }
     }
 
@@ -124,19 +125,19 @@ impl Window {
             Some(Ok(cloth)) => {
                 self.cloth = Some(cloth);
                 self.trouble = None;
-                self.hang();
+                self.upload();
                 self.frame_again();
             }
             Some(Err(error)) => self.trouble = Some(format!("{error:#}")),
         }
     }
 
-    fn hang(&mut self) {
+    fn upload(&mut self) {
         let Some(cloth) = &self.cloth else { return };
-        self.hung = self.settings.look.st;
+        self.uploaded_st = self.settings.rendering.st;
         let start = Instant::now();
-        let result = self.canvas.hang(&cloth.scene, self.hung);
-        self.upload = start.elapsed();
+        let result = self.renderer.upload(&cloth.scene, self.uploaded_st);
+        self.upload_time = start.elapsed();
         self.note(result);
     }
 
@@ -162,7 +163,7 @@ impl Window {
     fn act(&mut self, action: Action) {
         let framing = match action {
             Action::SavePicture => return self.save_picture(),
-            Action::Look(view) => Framing::Side(view),
+            Action::ViewFrom(view) => Framing::Side(view),
             Action::FrameAll => Framing::All,
             Action::ResetCamera => Framing::Start,
         };
@@ -187,9 +188,9 @@ impl Window {
             reason = "`as` saturates, and the size is held to a limit"
         )]
         let width = ((f64::from(height) * self.aspect).round() as u32).clamp(1, MOST_PIXELS);
-        let options = self.settings.look.options_to_save([width, height], shared.drawing.spp);
+        let options = self.settings.rendering.options_to_save([width, height], shared.drawing.spp);
         let picture = self
-            .canvas
+            .renderer
             .picture(&self.orbit.camera(), &options)?
             .context("there is no picture to save yet")?;
         let name = free_name()?;
@@ -223,7 +224,7 @@ impl Window {
                 .zip(VIEWS)
                 .find(|(key, _)| ui.input(|input| input.key_pressed(*key)));
             if let Some((_, (_, view))) = pressed {
-                self.act(Action::Look(view));
+                self.act(Action::ViewFrom(view));
             }
             if ui.input(|input| input.key_pressed(Key::F)) {
                 self.act(Action::FrameAll);
@@ -235,7 +236,7 @@ impl Window {
     fn show_picture(&mut self, ui: &mut Ui) {
         let (rect, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
         let scale = ui.ctx().pixels_per_point();
-        let most = self.canvas.largest_side().saturating_sub(2);
+        let most = self.renderer.largest_side().saturating_sub(2);
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
@@ -252,7 +253,7 @@ impl Window {
         if self.cloth.is_some() {
             self.draw(ui, size);
         }
-        if let Some(texture) = self.canvas.texture() {
+        if let Some(texture) = self.renderer.texture() {
             ui.painter().image(
                 texture,
                 rect,
@@ -264,29 +265,29 @@ impl Window {
 
     /// Draws if anything changed, at first as a draft where that takes long.
     fn draw(&mut self, ui: &Ui, size: [u32; 2]) {
-        let shot = Shot { camera: self.orbit.camera(), look: self.settings.look, size };
+        let shot = Shot { camera: self.orbit.camera(), rendering: self.settings.rendering, size };
         let now = Instant::now();
         if self.last != Some(shot) || ui.input(|input| input.pointer.any_down()) {
             self.changed = now;
         }
         self.last = Some(shot);
-        let settled = (self.canvas.full / 4).clamp(*SETTLED.start(), *SETTLED.end());
-        let moves = self.screenshot.is_none() && now.duration_since(self.changed) < settled;
-        let drawn = self.canvas.draw(shot, moves);
+        let still_after = (self.renderer.full / 4).clamp(*STILL_AFTER.start(), *STILL_AFTER.end());
+        let moves = self.screenshot.is_none() && now.duration_since(self.changed) < still_after;
+        let drawn = self.renderer.draw(shot, moves);
         if matches!(drawn, Ok(true)) {
             // The panel is there already, without this frame's time.
             ui.ctx().request_repaint();
         }
         self.note(drawn);
-        if self.canvas.is_draft() {
-            ui.ctx().request_repaint_after(settled);
+        if self.renderer.is_draft() {
+            ui.ctx().request_repaint_after(still_after);
         }
     }
 
-    fn facts(&self) -> Facts {
+    fn summary(&self) -> ClothSummary {
         let ms = |ms: f64| format!("{ms:.0} ms");
         let took = |duration: Duration| ms(1000.0 * duration.as_secs_f64());
-        let mut lines = vec![("adapter", self.canvas.adapter())];
+        let mut lines = vec![("adapter", self.renderer.adapter())];
         let mut notes: Vec<String> = self.saved.clone().into_iter().collect();
         if let Some(cloth) = &self.cloth {
             let timings = cloth.timings;
@@ -294,20 +295,20 @@ impl Window {
             lines.push(("yarns", thousands(cloth.totals.yarns)));
             lines.push(("knit", ms(timings.knit)));
             lines.push(("locate and map", ms(timings.locate + timings.map)));
-            lines.push(("upload", took(self.upload)));
-            let draft = if self.canvas.draft.is_zero() {
+            lines.push(("upload", took(self.upload_time)));
+            let draft = if self.renderer.draft.is_zero() {
                 String::new()
             } else {
-                format!(", draft {}", took(self.canvas.draft))
+                format!(", draft {}", took(self.renderer.draft))
             };
-            lines.push(("frame", took(self.canvas.full) + &draft));
+            lines.push(("frame", took(self.renderer.full) + &draft));
             if cloth.enlargement > 1.0 {
                 notes.push(format!("The cloth is drawn {:.1} times enlarged.", cloth.enlargement));
             }
             notes.extend(cloth.warnings.iter().map(|warning| format!("warning: {warning}")));
         }
         let radius = self.cloth.as_ref().map_or(0.0, |cloth| cloth.radius);
-        Facts {
+        ClothSummary {
             lines,
             notes,
             trouble: self.trouble.clone(),
@@ -325,7 +326,7 @@ impl Window {
             let _sent = self.failures.send(anyhow::anyhow!(trouble));
             self.screenshot = None;
             context.send_viewport_cmd(ViewportCommand::Close);
-        } else if self.cloth.is_some() && !self.worker.is_busy() && !self.canvas.is_draft() {
+        } else if self.cloth.is_some() && !self.worker.is_busy() && !self.renderer.is_draft() {
             self.screenshot = None;
             let (failures, waker) = (self.failures.clone(), context.clone());
             context.request_screenshot(move |image| {
@@ -341,13 +342,13 @@ impl Window {
 impl eframe::App for Window {
     fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
         self.take_cloth();
-        let facts = self.facts();
+        let summary = self.summary();
         let action = Panel::right("settings")
             .exact_size(PANEL_WIDTH)
             .show(ui, |ui| {
                 let scrolled = ScrollArea::vertical().auto_shrink(false);
                 scrolled
-                    .show(ui, |ui| panel::show(ui, &mut self.settings, &self.stock, &facts))
+                    .show(ui, |ui| panel::show(ui, &mut self.settings, &self.source, &summary))
                     .inner
             })
             .inner;

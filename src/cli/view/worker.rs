@@ -12,18 +12,18 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, anyhow};
 
-use super::stock::{Knitted, Recipe, Stock};
+use super::stock::{ClothSource, KnittedScene, Recipe};
 
 /// How long cloth is knitted on although a newer one is wanted.
 const PATIENCE: Duration = Duration::from_millis(400);
 
 /// A recipe and its number.
-type Order = (u64, Recipe);
+type NumberedRecipe = (u64, Recipe);
 
 /// The knitting thread's other end. Dropped, it lets the thread end after what it has in hand.
 pub(super) struct Worker {
-    orders: Sender<Order>,
-    done: Receiver<(u64, Result<Knitted>)>,
+    orders: Sender<NumberedRecipe>,
+    done: Receiver<(u64, Result<KnittedScene>)>,
     newest: Arc<AtomicU64>,
     /// The last order of which something was heard.
     answered: u64,
@@ -31,8 +31,11 @@ pub(super) struct Worker {
 
 impl Worker {
     /// Starts the thread, which calls `announce` whenever something is ready.
-    pub(super) fn start(stock: Arc<Stock>, announce: impl Fn() + Send + 'static) -> Result<Self> {
-        let (orders, incoming) = channel::<Order>();
+    pub(super) fn start(
+        source: Arc<ClothSource>,
+        announce: impl Fn() + Send + 'static,
+    ) -> Result<Self> {
+        let (orders, incoming) = channel::<NumberedRecipe>();
         let (outgoing, done) = channel();
         let newest = Arc::new(AtomicU64::new(0));
         let wanted = Arc::clone(&newest);
@@ -43,7 +46,7 @@ impl Worker {
                 let start = Instant::now();
                 let superseded =
                     || start.elapsed() > PATIENCE && wanted.load(Ordering::Relaxed) != number;
-                let Some(result) = stock.knit(recipe, &superseded).transpose() else { continue };
+                let Some(result) = source.knit(recipe, &superseded).transpose() else { continue };
                 if outgoing.send((number, result)).is_err() {
                     return;
                 }
@@ -70,7 +73,7 @@ impl Worker {
     }
 
     /// The newest that is ready, if anything is.
-    pub(super) fn take(&mut self) -> Option<Result<Knitted>> {
+    pub(super) fn take(&mut self) -> Option<Result<KnittedScene>> {
         let mut newest = None;
         loop {
             match self.done.try_recv() {
@@ -95,7 +98,7 @@ mod tests {
     use super::*;
     use crate::cli::args::{Arguments, Command};
 
-    fn stock() -> Arc<Stock> {
+    fn source() -> Arc<ClothSource> {
         let arguments = Arguments::parse_from([
             "warpknit",
             "view",
@@ -106,11 +109,11 @@ mod tests {
             "4",
         ]);
         let Command::View(live) = arguments.command else { panic!("it was asked to view") };
-        Arc::new(Stock::of(&live).unwrap())
+        Arc::new(ClothSource::from_arguments(&live).unwrap())
     }
 
     /// All that is heard until the newest order is answered.
-    fn answers(worker: &mut Worker) -> Vec<Result<Knitted>> {
+    fn answers(worker: &mut Worker) -> Vec<Result<KnittedScene>> {
         let mut heard = Vec::new();
         while worker.is_busy() {
             heard.extend(worker.take());
@@ -121,9 +124,9 @@ mod tests {
 
     #[test]
     fn the_newest_order_is_knitted_and_the_waiting_ones_are_not() {
-        let stock = stock();
-        let first = stock.recipe(0);
-        let mut worker = Worker::start(stock, || ()).unwrap();
+        let source = source();
+        let first = source.recipe(0);
+        let mut worker = Worker::start(source, || ()).unwrap();
         for wales in 0..200 {
             worker.order(Recipe { wales_per_cm: 5.0 + f64::from(wales) / 100.0, ..first });
         }
@@ -136,9 +139,9 @@ mod tests {
 
     #[test]
     fn what_cannot_be_knitted_is_said_and_the_next_cloth_comes() {
-        let stock = stock();
-        let first = stock.recipe(0);
-        let mut worker = Worker::start(stock, || ()).unwrap();
+        let source = source();
+        let first = source.recipe(0);
+        let mut worker = Worker::start(source, || ()).unwrap();
         worker.order(Recipe { radius: Some(50.0), ..first });
         let error = answers(&mut worker).pop().unwrap().err().unwrap().to_string();
         assert!(error.contains("over the wale spacing"), "{error}");

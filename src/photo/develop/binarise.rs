@@ -53,7 +53,7 @@ impl Split {
     pub(super) fn at(threshold: f32, grey: &Plane) -> Self {
         let class = |upper: bool| {
             let mut values: Vec<f32> =
-                grey.asked().filter(|&value| (value >= threshold) == upper).collect();
+                grey.sampled().filter(|&value| (value >= threshold) == upper).collect();
             let median = percentile(&mut values, 0.5);
             values.iter_mut().for_each(|value| *value = (*value - median).abs());
             (median, 1.48 * percentile(&mut values, 0.5))
@@ -82,7 +82,7 @@ pub(super) fn is_light(grey: &Plane, border: &[usize], threshold: f32) -> bool {
 
 /// B of the module's words.
 pub(super) fn binarise(grey: &Plane, threshold: f32, light_ground: bool) -> Mask {
-    Mask::of(grey, |value| (value >= threshold) != light_ground)
+    Mask::from_plane(grey, |value| (value >= threshold) != light_ground)
 }
 
 #[cfg(test)]

@@ -68,19 +68,19 @@ pub(super) fn cut_out(
     let full = if keeps_threshold {
         off.map(|_| 2.0 * (split.threshold - ground).abs().max(0.5))
     } else {
-        let differs =
-            Mask::of(&smooth, |off| off >= noise.max(LEAST_CONTRAST * contrast)).linked_to(&yarn);
+        let differs = Mask::from_plane(&smooth, |off| off >= noise.max(LEAST_CONTRAST * contrast))
+            .connected_to(&yarn);
         full_yarn(&off, &core(&differs), contrast)
     };
     let matte = |x: usize, y: usize| (off.at(x, y) / full.at(x, y)).clamp(0.0, 1.0);
     let matted = Plane::from_fn(grey.width, grey.height, matte);
-    let half = Mask::of(&matted, |matte| matte >= 0.5).linked_to(&yarn);
+    let half = Mask::from_plane(&matted, |matte| matte >= 0.5).connected_to(&yarn);
     let core = core(&half);
     let body = half.or(&core);
 
     let least = LEAST_MATTE.max(noise / contrast);
-    let fibres = Mask::of(&smooth, |off| off >= least * contrast).or(&body);
-    let kept = fibres.linked_to(&body).dilated(1);
+    let fibres = Mask::from_plane(&smooth, |off| off >= least * contrast).or(&body);
+    let kept = fibres.connected_to(&body).dilated(1);
     let inside = body.eroded(RIM);
     let floor = 0.5 * least;
     let alpha =
@@ -102,7 +102,7 @@ pub(super) fn cut_out(
 fn core(yarn: &Mask) -> Mask {
     let (width, _) = extent(yarn);
     let times = whole(narrow(FIBRE * width)).max(LEAST_WEAR);
-    yarn.worn(times).filled()
+    yarn.largest_opened(times).filled()
 }
 
 /// How far a pixel that is yarn alone would be from the ground: by the core's flank near by. Fibres

@@ -30,7 +30,7 @@ pub(super) struct Ground {
 
 impl Ground {
     /// The ground of a photo.
-    pub(super) fn of(grey: &Plane) -> Self {
+    pub(super) fn fit(grey: &Plane) -> Self {
         let border = border(grey);
         let mut values: Vec<f32> = border.iter().map(|&at| grey.values[at]).collect();
         let level = percentile(&mut values, 0.5);
@@ -152,7 +152,7 @@ mod tests {
         let light = |x: usize, y: usize| 90.0 + 0.2 * float(x) - 0.1 * float(y);
         let photo =
             Plane::from_fn(120, 80, |x, y| if (30..55).contains(&y) { 220.0 } else { light(x, y) });
-        let ground = Ground::of(&photo);
+        let ground = Ground::fit(&photo);
         for (x, y) in [(5, 5), (60, 40), (110, 70)] {
             let found = ground.at(float(x) / 120.0, float(y) / 80.0);
             assert!((found - light(x, y)).abs() < 1.0, "{found} at {x} {y}");

@@ -25,7 +25,7 @@ const FLANK_MEAN: f32 = 0.08;
 
 /// The strip's colours with alpha.
 pub(super) fn flattened(strip: &RgbImage, cut: &CutOut) -> RgbaImage {
-    let gains = Gains::of(strip, cut.rows());
+    let gains = Gains::new(strip, cut.rows());
     let lit = |x: usize, y: usize| linear(*strip.get_pixel(side(x), side(y))) * gains.at(x, y);
     let runs: Vec<(usize, usize)> =
         (0..strip.width() as usize).into_par_iter().map(|x| opaque_run(cut, x)).collect();
@@ -79,7 +79,7 @@ struct Gains {
 }
 
 impl Gains {
-    fn of(strip: &RgbImage, rows: std::ops::Range<usize>) -> Self {
+    fn new(strip: &RgbImage, rows: std::ops::Range<usize>) -> Self {
         let width = strip.width() as usize;
         let light = |x: usize, y: usize| brightness(linear(*strip.get_pixel(side(x), side(y))));
         let row_means: Vec<f32> = (rows.clone().into_par_iter())

@@ -1,6 +1,6 @@
 //! Masks: which pixels belong to something.
 //!
-//! In: a plane and what tells. Out: [`Mask`]s, grown, worn, filled, and their pieces.
+//! In: a plane and what tells. Out: [`Mask`]s, grown, eroded, filled, and their components.
 
 use std::ops::Range;
 
@@ -17,7 +17,7 @@ pub(super) struct Mask {
 }
 
 impl Mask {
-    pub(super) fn of(plane: &Plane, is_set: impl Fn(f32) -> bool + Sync) -> Self {
+    pub(super) fn from_plane(plane: &Plane, is_set: impl Fn(f32) -> bool + Sync) -> Self {
         let set = plane.values.par_iter().map(|&value| is_set(value)).collect();
         Self { width: plane.width, height: plane.height, set }
     }
@@ -46,14 +46,14 @@ impl Mask {
     }
 
     /// What is linked to the pixels of `seeds`, diagonally too.
-    pub(super) fn linked_to(&self, seeds: &Self) -> Self {
-        let pieces = Pieces::of(self);
-        self.only(pieces.with(|run| seeds.set[run.clone()].contains(&true)))
+    pub(super) fn connected_to(&self, seeds: &Self) -> Self {
+        let components = ConnectedComponents::from_mask(self);
+        self.from_runs(components.containing(|run| seeds.set[run.clone()].contains(&true)))
     }
 
     /// The largest piece whose pixels are linked.
     pub(super) fn largest(&self) -> Self {
-        self.only(Pieces::of(self).largest())
+        self.from_runs(ConnectedComponents::from_mask(self).largest())
     }
 
     /// The mask without the holes that it closes in from all sides.
@@ -66,17 +66,17 @@ impl Mask {
                 || run.start.is_multiple_of(width)
                 || run.end.is_multiple_of(width)
         };
-        ground.only(Pieces::of(&ground).with(is_rim)).inverted()
+        ground.from_runs(ConnectedComponents::from_mask(&ground).containing(is_rim)).inverted()
     }
 
     /// The largest piece without what is at most `2 radius` thick; all of the mask where nothing is
     /// thicker.
-    pub(super) fn worn(&self, radius: usize) -> Self {
+    pub(super) fn largest_opened(&self, radius: usize) -> Self {
         let thick = self.eroded(radius).dilated(radius);
         if thick.set.contains(&true) { thick.largest() } else { self.clone() }
     }
 
-    fn only(&self, runs: impl Iterator<Item = Range<usize>>) -> Self {
+    fn from_runs(&self, runs: impl Iterator<Item = Range<usize>>) -> Self {
         let mut set = vec![false; self.set.len()];
         runs.for_each(|run| set[run].fill(true));
         Self { set, ..*self }
@@ -85,7 +85,7 @@ impl Mask {
     /// The mask less the pixels within `radius` each way of what isn't in it; the picture's rim
     /// does not count as outside. Cost: two passes whatever the radius.
     pub(super) fn eroded(&self, radius: usize) -> Self {
-        self.worn_rows(radius).worn_columns(radius)
+        self.eroded_rows(radius).eroded_columns(radius)
     }
 
     /// The mask and the pixels within `radius` of it each way.
@@ -94,29 +94,29 @@ impl Mask {
     }
 
     /// Keeps what has set pixels alone up to `radius` to the left and to the right.
-    fn worn_rows(&self, radius: usize) -> Self {
-        let mut worn = vec![false; self.set.len()];
-        worn.par_chunks_mut(self.width).zip(self.set.par_chunks(self.width)).for_each(
-            |(worn, set)| {
+    fn eroded_rows(&self, radius: usize) -> Self {
+        let mut eroded = vec![false; self.set.len()];
+        eroded.par_chunks_mut(self.width).zip(self.set.par_chunks(self.width)).for_each(
+            |(eroded, set)| {
                 // How many pixels are set in a row up to here; beyond the rim all are.
                 let mut run = 2 * radius + 1;
                 for x in 0..set.len() + radius {
                     run = if set.get(x).is_none_or(|&set| set) { run + 1 } else { 0 };
-                    if let Some(worn) = x.checked_sub(radius).and_then(|x| worn.get_mut(x)) {
-                        *worn = run > 2 * radius;
+                    if let Some(eroded) = x.checked_sub(radius).and_then(|x| eroded.get_mut(x)) {
+                        *eroded = run > 2 * radius;
                     }
                 }
             },
         );
-        Self { set: worn, ..*self }
+        Self { set: eroded, ..*self }
     }
 
     /// The same up and down, a band of rows at a time: rows lie in memory one after another.
-    fn worn_columns(&self, radius: usize) -> Self {
+    fn eroded_columns(&self, radius: usize) -> Self {
         let (width, band) = (self.width, band(radius));
         let whole_run = u32::try_from(2 * radius + 1).unwrap_or(u32::MAX);
-        let mut worn = vec![false; self.set.len()];
-        worn.par_chunks_mut(band * width).enumerate().for_each(|(at, worn)| {
+        let mut eroded = vec![false; self.set.len()];
+        eroded.par_chunks_mut(band * width).enumerate().for_each(|(at, eroded)| {
             let mut runs = vec![whole_run; width];
             let take = |runs: &mut [u32], y: usize| {
                 let set = self.set.get(y * width..(y + 1) * width);
@@ -131,42 +131,42 @@ impl Mask {
             };
             let first = band * at;
             (first.saturating_sub(radius)..first + radius).for_each(|y| take(&mut runs, y));
-            for (y, worn) in (first..).zip(worn.chunks_exact_mut(width)) {
+            for (y, eroded) in (first..).zip(eroded.chunks_exact_mut(width)) {
                 take(&mut runs, y + radius);
-                worn.iter_mut().zip(&runs).for_each(|(worn, run)| *worn = *run >= whole_run);
+                eroded.iter_mut().zip(&runs).for_each(|(eroded, run)| *eroded = *run >= whole_run);
             }
         });
-        Self { set: worn, ..*self }
+        Self { set: eroded, ..*self }
     }
 }
 
 /// A mask's stretches of set pixels in its rows, each with the piece it belongs to: far fewer than
 /// pixels, so that linking them costs little beside finding them.
-struct Pieces {
+struct ConnectedComponents {
     /// Places in the mask's rows one after another, in order.
     runs: Vec<Range<usize>>,
     /// The first run of each run's piece.
-    firsts: Vec<usize>,
+    parents: Vec<usize>,
 }
 
-impl Pieces {
-    fn of(mask: &Mask) -> Self {
-        let mut pieces = Self { runs: Vec::new(), firsts: Vec::new() };
+impl ConnectedComponents {
+    fn from_mask(mask: &Mask) -> Self {
+        let mut components = Self { runs: Vec::new(), parents: Vec::new() };
         let mut above = 0..0;
         for y in 0..mask.height {
-            let begin = pieces.runs.len();
-            pieces.take_row(mask, y);
-            pieces.link(above, begin, mask.width);
-            above = begin..pieces.runs.len();
+            let begin = components.runs.len();
+            components.add_row(mask, y);
+            components.connect_rows(above, begin, mask.width);
+            above = begin..components.runs.len();
         }
         // A run's first comes before it, so that its own first is final already.
-        for run in 0..pieces.firsts.len() {
-            pieces.firsts[run] = pieces.firsts[pieces.firsts[run]];
+        for run in 0..components.parents.len() {
+            components.parents[run] = components.parents[components.parents[run]];
         }
-        pieces
+        components
     }
 
-    fn take_row(&mut self, mask: &Mask, y: usize) {
+    fn add_row(&mut self, mask: &Mask, y: usize) {
         let row = &mask.set[y * mask.width..(y + 1) * mask.width];
         let mut x = 0;
         while let Some(start) = row[x..].iter().position(|&set| set).map(|skipped| x + skipped) {
@@ -174,13 +174,13 @@ impl Pieces {
                 .iter()
                 .position(|&set| !set)
                 .map_or(row.len(), |length| start + length);
-            self.firsts.push(self.runs.len());
+            self.parents.push(self.runs.len());
             self.runs.push(y * mask.width + start..y * mask.width + x);
         }
     }
 
     /// Joins the runs from `begin` on with those of the row above that they touch.
-    fn link(&mut self, mut above: Range<usize>, begin: usize, width: usize) {
+    fn connect_rows(&mut self, mut above: Range<usize>, begin: usize, width: usize) {
         if above.is_empty() {
             return;
         }
@@ -191,35 +191,38 @@ impl Pieces {
             }
             let mut other = above.start;
             while other < above.end && self.runs[other].start <= own.end {
-                self.join(run, other);
+                self.union(run, other);
                 other += 1;
             }
         }
     }
 
-    fn join(&mut self, a: usize, b: usize) {
-        let (a, b) = (self.first(a), self.first(b));
-        self.firsts[a.max(b)] = a.min(b);
+    fn union(&mut self, a: usize, b: usize) {
+        let (a, b) = (self.root(a), self.root(b));
+        self.parents[a.max(b)] = a.min(b);
     }
 
-    fn first(&mut self, mut run: usize) -> usize {
-        while self.firsts[run] != run {
+    fn root(&mut self, mut run: usize) -> usize {
+        while self.parents[run] != run {
             // Halving the way as it is gone keeps it short.
-            self.firsts[run] = self.firsts[self.firsts[run]];
-            run = self.firsts[run];
+            self.parents[run] = self.parents[self.parents[run]];
+            run = self.parents[run];
         }
         run
     }
 
-    /// The runs of all pieces with a run of a kind.
-    fn with(self, is_seed: impl Fn(&Range<usize>) -> bool) -> impl Iterator<Item = Range<usize>> {
+    /// The runs of all components with a run of a kind.
+    fn containing(
+        self,
+        is_seed: impl Fn(&Range<usize>) -> bool,
+    ) -> impl Iterator<Item = Range<usize>> {
         let mut is_chosen = vec![false; self.runs.len()];
-        for (run, first) in self.runs.iter().zip(&self.firsts) {
+        for (run, first) in self.runs.iter().zip(&self.parents) {
             is_chosen[*first] = is_chosen[*first] || is_seed(run);
         }
         self.runs
             .into_iter()
-            .zip(self.firsts)
+            .zip(self.parents)
             .filter(move |(_, first)| is_chosen[*first])
             .map(|(run, _)| run)
     }
@@ -227,12 +230,12 @@ impl Pieces {
     /// The runs of the piece with most pixels, the first of such.
     fn largest(self) -> impl Iterator<Item = Range<usize>> {
         let mut counts = vec![0; self.runs.len()];
-        self.runs.iter().zip(&self.firsts).for_each(|(run, first)| counts[*first] += run.len());
+        self.runs.iter().zip(&self.parents).for_each(|(run, first)| counts[*first] += run.len());
         let most = counts.iter().copied().max().unwrap_or(0);
         let best = counts.iter().position(|&count| count == most);
         self.runs
             .into_iter()
-            .zip(self.firsts)
+            .zip(self.parents)
             .filter(move |(_, first)| Some(*first) == best)
             .map(|(run, _)| run)
     }
@@ -261,7 +264,7 @@ mod tests {
             "diagonals link"
         );
         assert_eq!(
-            arms.linked_to(&mask(&[".......", "......#", ".......", "#......"]))
+            arms.connected_to(&mask(&[".......", "......#", ".......", "#......"]))
                 .pixels()
                 .collect::<Vec<_>>(),
             [13, 20]
@@ -272,7 +275,7 @@ mod tests {
     fn wear_and_growth_by_some_pixels_are_that_many_times_by_one() {
         let plane =
             Plane::from_fn(90, 150, |x, y| float((x * 7919 + y * 104_729 + x * y * 31) % 97));
-        let mask = Mask::of(&plane, |value| value > 1.0);
+        let mask = Mask::from_plane(&plane, |value| value > 1.0);
         let once = |mask: &Mask, value: bool| {
             let near = |at: usize, size: usize| at.saturating_sub(1)..=(at + 1).min(size - 1);
             let any = |x: usize, y: usize| {
@@ -283,12 +286,12 @@ mod tests {
                 .collect();
             Mask { set, ..*mask }
         };
-        let (mut worn, mut grown) = (mask.clone(), mask.inverted());
+        let (mut eroded, mut grown) = (mask.clone(), mask.inverted());
         for radius in 1..4 {
-            (worn, grown) = (once(&worn, false), once(&grown, true));
+            (eroded, grown) = (once(&eroded, false), once(&grown, true));
             assert_eq!(
                 (&mask.eroded(radius), &mask.inverted().dilated(radius)),
-                (&worn, &grown),
+                (&eroded, &grown),
                 "{radius}"
             );
         }

@@ -1,6 +1,6 @@
 //! From a photo of a yarn to the maps of one repeat of it.
 //!
-//! In: one ordinary photo of a straight yarn on a plain ground, and [`Settings`] that may overrule
+//! In: one ordinary photo of a straight yarn on a plain ground, and [`YarnPhotoSettings`] that may overrule
 //! what is found. Out: [`Developed`], the maps with every number that was decided on the way. The
 //! steps, a file each:
 //!
@@ -16,7 +16,7 @@
 //! second. That is 3 bytes a pixel of the photo and some 40 of the strip. The same photo and
 //! settings give the same bytes for any number of threads.
 //!
-//! Not promised: a scale. A photo doesn't say how large anything is; without [`Scale`] the maps
+//! Not promised: a scale. A photo doesn't say how large anything is; without [`PixelScale`] the maps
 //! have no lengths and the repeat is in pixels.
 
 mod binarise;
@@ -37,14 +37,14 @@ use image::{GrayImage, Luma, RgbImage, RgbaImage};
 use crate::plane::{byte, side};
 use binarise::{Split, binarise, otsu};
 use cutout::cut_out;
-use levels::Chosen;
+use levels::ChosenLevels;
 
 pub use error::DevelopError;
 pub use files::{FILES, save};
-pub use orient::Orientation;
-pub use repeat::Repeat;
+pub use orient::YarnOrientation;
+pub use repeat::YarnRepeat;
 pub use seamless::{Method, Seam};
-pub use surface::Surface;
+pub use surface::SurfaceMaps;
 
 /// Fewest pixels of a photo each way.
 pub const LEAST_SIDE: u32 = 32;
@@ -55,7 +55,7 @@ pub const MOST_MEGAPIXELS: u64 = 64;
 
 /// What overrules the steps' own decisions.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Settings {
+pub struct YarnPhotoSettings {
     /// The part of the photo that is looked at: x, y, width, height, pixels.
     pub crop: Option<[u32; 4]>,
     /// Share of white that is added, -1 to 1, in place of the stretch.
@@ -65,12 +65,12 @@ pub struct Settings {
     /// T, a grey of the strip after its levels.
     pub threshold: Option<u8>,
     /// How large a pixel is.
-    pub scale: Scale,
+    pub scale: PixelScale,
 }
 
 /// What says how large a pixel is.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum Scale {
+pub enum PixelScale {
     /// Nothing.
     #[default]
     Unknown,
@@ -130,7 +130,7 @@ impl Step {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Developed {
     /// Where the strip lies on the photo (on all of it, crop or not).
-    pub orientation: Orientation,
+    pub orientation: YarnOrientation,
     /// The yarn, laid level, as photographed.
     pub strip: RgbImage,
     /// Its alpha.
@@ -140,13 +140,13 @@ pub struct Developed {
     /// Width of the yarn without its fuzz, pixels.
     pub yarn_width: f64,
     /// The repeat, pixels.
-    pub repeat: Repeat,
+    pub repeat: YarnRepeat,
     /// How the unit was closed.
     pub seam: Seam,
     /// The unit: sRGB and straight alpha.
     pub base: RgbaImage,
     /// The unit's other maps.
-    pub surface: Surface,
+    pub surface: SurfaceMaps,
     /// What a pixel is large, mm, where the settings say it.
     pub mm_per_pixel: Option<f64>,
 }
@@ -175,10 +175,10 @@ impl Developed {
 ///
 /// ```
 /// use image::{Rgb, RgbImage};
-/// use warpknit::photo::develop::{Settings, develop};
+/// use warpknit::photo::develop::{YarnPhotoSettings, develop};
 /// let slanted = |x: u32, y: u32| if (40..80).contains(&y) { 150 + 90 * u8::from((x + y) % 30 < 15) } else { 20 };
 /// let photo = RgbImage::from_fn(300, 120, |x, y| Rgb([slanted(x, y); 3]));
-/// let yarn = develop(&photo, &Settings::default(), &mut |_, _| ())?;
+/// let yarn = develop(&photo, &YarnPhotoSettings::default(), &mut |_, _| ())?;
 /// assert!((yarn.repeat.length - 30.0).abs() < 0.3 && (yarn.yarn_width - 40.0).abs() < 1.0);
 /// # Ok::<(), warpknit::photo::develop::DevelopError>(())
 /// ```
@@ -187,7 +187,7 @@ impl Developed {
 /// [`DevelopError`] where the photo shows no yarn of which maps can be made.
 pub fn develop(
     photo: &RgbImage,
-    settings: &Settings,
+    settings: &YarnPhotoSettings,
     decided: &mut dyn FnMut(Step, &str),
 ) -> Result<Developed, DevelopError> {
     check_size(photo.width(), photo.height())?;
@@ -297,17 +297,17 @@ fn cropped(photo: &RgbImage, crop: [u32; 4]) -> Result<RgbImage, DevelopError> {
     Ok(image::imageops::crop_imm(photo, x, y, width, height).to_image())
 }
 
-impl Settings {
-    fn levels(&self) -> Option<Chosen> {
+impl YarnPhotoSettings {
+    fn levels(&self) -> Option<ChosenLevels> {
         let chosen = self.brightness.is_some() || self.contrast.is_some();
-        chosen.then(|| Chosen {
+        chosen.then(|| ChosenLevels {
             brightness: self.brightness.unwrap_or(0.0),
             contrast: self.contrast.unwrap_or(1.0),
         })
     }
 }
 
-impl Scale {
+impl PixelScale {
     fn mm_per_pixel(self, yarn_width: f64) -> Option<f64> {
         match self {
             Self::Unknown => None,
@@ -317,7 +317,7 @@ impl Scale {
     }
 }
 
-impl std::fmt::Display for Orientation {
+impl std::fmt::Display for YarnOrientation {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let (width, height) = self.size;
         let (degrees, percent) = (self.angle.to_degrees(), 100.0 * self.share);
@@ -328,7 +328,7 @@ impl std::fmt::Display for Orientation {
     }
 }
 
-impl std::fmt::Display for Repeat {
+impl std::fmt::Display for YarnRepeat {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let found =
             if self.is_found { "each" } else { "no repeat was found; the best stretch has" };

@@ -1,6 +1,6 @@
 //! Step 1, orient and crop: from a photo to a strip with the yarn lying level in it.
 //!
-//! In: a photo. Out: [`Orientation`], which says where each pixel of the strip lies on the photo,
+//! In: a photo. Out: [`YarnOrientation`], which says where each pixel of the strip lies on the photo,
 //! and the strip itself.
 //!
 //! What stands off from the ground's light is split by Otsu's threshold; its largest piece, with
@@ -57,7 +57,7 @@ const FRAYED: f64 = 0.4;
 
 /// Where the strip lies on the photo, and what the search found.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Orientation {
+pub struct YarnOrientation {
     /// The yarn's direction on the photo, from x toward y (down), radians, over -π/2 up to π/2.
     pub angle: f64,
     /// Where the middle of the strip's first pixel lies on the photo, with the middle of the
@@ -71,7 +71,7 @@ pub struct Orientation {
     pub share: f32,
 }
 
-impl Orientation {
+impl YarnOrientation {
     /// The place on the photo of a place on the strip.
     #[must_use]
     pub fn on_photo(&self, x: f64, y: f64) -> [f64; 2] {
@@ -90,15 +90,15 @@ impl Orientation {
 ///
 /// # Errors
 /// Whatever shows that there is no straight yarn with ground on both sides.
-pub(super) fn orient(photo: &RgbImage) -> Result<(Orientation, Ground), DevelopError> {
+pub(super) fn orient(photo: &RgbImage) -> Result<(YarnOrientation, Ground), DevelopError> {
     let longer = photo.width().max(photo.height()) as usize;
     let step = longer.div_ceil(SEARCHED);
     let grey = Plane::grey(photo, step);
-    let ground = Ground::of(&grey);
+    let ground = Ground::fit(&grey);
     let (mask, light_ground) = yarn(&grey, &ground)?;
     // Fibres that stand off on one side would turn the axis: it is fitted again without them.
-    let mask = mask.worn(whole(narrow(FIBRE * Axis::of(&mask)?.width)));
-    let axis = Axis::of(&mask)?;
+    let mask = mask.largest_opened(whole(narrow(FIBRE * YarnAxis::fit(&mask)?.width)));
+    let axis = YarnAxis::fit(&mask)?;
     let strip = axis.strip(&mask)?;
     let share = mask.share();
     let scale = double(step);
@@ -108,7 +108,13 @@ pub(super) fn orient(photo: &RgbImage) -> Result<(Orientation, Ground), DevelopE
     let pixels = |length: f64| side(whole(narrow((length * scale).floor())).max(1));
     let size = (pixels(strip.along.end - strip.along.start), pixels(2.0 * strip.half + 1.0));
     Ok((
-        Orientation { angle: axis.angle, origin: [full(x), full(y)], size, light_ground, share },
+        YarnOrientation {
+            angle: axis.angle,
+            origin: [full(x), full(y)],
+            size,
+            light_ground,
+            share,
+        },
         ground,
     ))
 }
@@ -142,9 +148,9 @@ fn yarn(grey: &Plane, light: &Ground) -> Result<(Mask, bool), DevelopError> {
     // whatever is linked to the yarn and no ground is yarn.
     let (ground, sign) = (split.ground(light_ground).0, if light_ground { -1.0 } else { 1.0 });
     let least = (LEAST_SHARE * contrast * scale).max(LEAST_DISTANCE * spread);
-    let differs = Mask::of(&stretched, |value| sign * (value - ground) >= least);
+    let differs = Mask::from_plane(&stretched, |value| sign * (value - ground) >= least);
     let stands_off = binarise(&stretched, threshold, light_ground);
-    let mask = differs.linked_to(&stands_off.largest()).largest();
+    let mask = differs.connected_to(&stands_off.largest()).largest();
     let both =
         Mask { set: mask.set.iter().zip(&stands_off.set).map(|(a, b)| *a && *b).collect(), ..mask };
     let found = both.share() / stands_off.share();
@@ -175,7 +181,7 @@ pub(super) fn check_share(share: f32, remedy: &'static str) -> Result<(), Develo
 
 /// The line that a yarn lies along.
 #[derive(Clone, Copy, Debug)]
-struct Axis {
+struct YarnAxis {
     angle: f64,
     middle: [f64; 2],
     /// Median length of the yarn's cross sections.
@@ -185,21 +191,21 @@ struct Axis {
 }
 
 /// The part of a band that is used: along the axis, and to both sides.
-struct Strip {
+struct UsableStretch {
     along: Range<f64>,
     half: f64,
 }
 
 /// Pixels of a cross section: where along the axis, how many, and the median of their distances.
-struct Section {
+struct CrossSection {
     along: f64,
     count: f64,
     median: f64,
 }
 
-impl Axis {
+impl YarnAxis {
     /// The axis of a yarn's pixels.
-    fn of(mask: &Mask) -> Result<Self, DevelopError> {
+    fn fit(mask: &Mask) -> Result<Self, DevelopError> {
         let mut axis = Self::principal(mask);
         for _ in 0..6 {
             let sections = axis.sections(mask);
@@ -229,7 +235,7 @@ impl Axis {
             axis.angle += slope.atan();
         }
         axis.angle = upright(axis.angle);
-        axis.reach = axis.reach_of(mask);
+        axis.reach = axis.fitted_reach(mask);
         Ok(axis)
     }
 
@@ -254,25 +260,26 @@ impl Axis {
         [self.middle[0] + along * cos - across * sin, self.middle[1] + along * sin + across * cos]
     }
 
-    fn seen_from(&self, [x, y]: [f64; 2]) -> (f64, f64) {
+    fn axis_coordinates(&self, [x, y]: [f64; 2]) -> (f64, f64) {
         let (sin, cos) = self.angle.sin_cos();
         let (dx, dy) = (x - self.middle[0], y - self.middle[1]);
         (dx * cos + dy * sin, dy * cos - dx * sin)
     }
 
     /// Cross sections, a pixel apart, empty ones too.
-    fn sections(&self, mask: &Mask) -> Vec<Section> {
-        let first = pixels(mask).map(|at| self.seen_from(at).0).fold(f64::MAX, f64::min).floor();
+    fn sections(&self, mask: &Mask) -> Vec<CrossSection> {
+        let first =
+            pixels(mask).map(|at| self.axis_coordinates(at).0).fold(f64::MAX, f64::min).floor();
         let mut distances: Vec<Vec<f64>> = Vec::new();
         for at in pixels(mask) {
-            let (along, across) = self.seen_from(at);
+            let (along, across) = self.axis_coordinates(at);
             let bin = whole(narrow((along - first).floor()));
             if distances.len() <= bin {
                 distances.resize(bin + 1, Vec::new());
             }
             distances[bin].push(across);
         }
-        let section = |(bin, distances): (usize, Vec<f64>)| Section {
+        let section = |(bin, distances): (usize, Vec<f64>)| CrossSection {
             along: first + double(bin) + 0.5,
             count: double(distances.len()),
             median: median(distances.into_iter()),
@@ -290,26 +297,27 @@ impl Axis {
         })
     }
 
-    fn reach_of(&self, mask: &Mask) -> f64 {
-        let mut off: Vec<f32> = pixels(mask).map(|at| narrow(self.seen_from(at).1.abs())).collect();
+    fn fitted_reach(&self, mask: &Mask) -> f64 {
+        let mut off: Vec<f32> =
+            pixels(mask).map(|at| narrow(self.axis_coordinates(at).1.abs())).collect();
         f64::from(crate::plane::percentile(&mut off, 0.98))
             .clamp(0.5 * self.width, 0.7 * self.width)
     }
 
     /// The longest stretch of yarn with ground on both sides, as wide as that costs little length.
-    fn strip(&self, mask: &Mask) -> Result<Strip, DevelopError> {
+    fn strip(&self, mask: &Mask) -> Result<UsableStretch, DevelopError> {
         let sections = self.sections(mask);
-        let is_yarn = |section: &&Section| section.count > 0.6 * self.width;
+        let is_yarn = |section: &&CrossSection| section.count > 0.6 * self.width;
         let yarn = (sections.iter().find(is_yarn), sections.iter().rev().find(is_yarn));
         let (Some(first), Some(last)) = yarn else {
             return Err(DevelopError::NotLong { length: 0.0, width: self.width });
         };
-        let loose = |section: &Section| {
+        let loose = |section: &CrossSection| {
             let frayed = FRAYED * self.width;
             self.is_on(mask, section.along - frayed, 0.5 * self.width)
                 && self.is_on(mask, section.along + frayed, 0.5 * self.width)
         };
-        let cut = |section: &Section| if loose(section) { FRAYED * self.width } else { 0.0 };
+        let cut = |section: &CrossSection| if loose(section) { FRAYED * self.width } else { 0.0 };
         let (from, to) = (first.along + cut(first), last.along - cut(last));
         let stretch = |margin: f64| {
             let half = (self.reach + margin * self.width).ceil();
@@ -319,9 +327,9 @@ impl Axis {
                 .filter(|along| (from..=to).contains(along));
             let start = on.find(|&along| self.is_on(mask, along, half + 0.5))?;
             let end = on.take_while(|&along| self.is_on(mask, along, half + 0.5)).last()?;
-            Some(Strip { along: start..end, half })
+            Some(UsableStretch { along: start..end, half })
         };
-        let length = |strip: &Strip| strip.along.end - strip.along.start;
+        let length = |strip: &UsableStretch| strip.along.end - strip.along.start;
         let longest = MARGINS
             .iter()
             .filter_map(|&margin| stretch(margin))
@@ -331,14 +339,15 @@ impl Axis {
         if longest < needed {
             return Err(DevelopError::LeavesThroughSide { shown: longest, needed });
         }
-        let fits = |strip: &Strip| length(strip) >= ((1.0 - GIVEN_UP) * longest).max(needed);
+        let fits =
+            |strip: &UsableStretch| length(strip) >= ((1.0 - GIVEN_UP) * longest).max(needed);
         let strip = MARGINS.iter().filter_map(|&margin| stretch(margin)).find(fits);
         strip.ok_or(DevelopError::LeavesThroughSide { shown: longest, needed })
     }
 }
 
 /// The photo, looked up where the strip lies.
-pub(super) fn strip(photo: &RgbImage, orientation: &Orientation) -> RgbImage {
+pub(super) fn strip(photo: &RgbImage, orientation: &YarnOrientation) -> RgbImage {
     let (width, height) = orientation.size;
     let mut strip = RgbImage::new(width, height);
     strip.as_mut().par_chunks_mut(3 * width as usize).enumerate().for_each(|(y, row)| {

@@ -1,6 +1,6 @@
 //! Step 5, repeat unit: the shortest stretch of yarn after which it looks the same again.
 //!
-//! In: the flattened strip and the yarn's rows. Out: [`Repeat`], in pixels of the photo, with the
+//! In: the flattened strip and the yarn's rows. Out: [`YarnRepeat`], in pixels of the photo, with the
 //! correlation that speaks for it.
 //!
 //! A column's features are the colours of its yarn in [`BINS`] bands, less each band's mean and
@@ -11,7 +11,7 @@
 //! strip brought down to [`COLUMNS`] columns.
 //!
 //! Not promised: that yarns without plies repeat at all; they get the stretch that fits itself
-//! best, and [`Repeat::is_found`] says no.
+//! best, and [`YarnRepeat::is_found`] says no.
 
 use image::RgbaImage;
 use rayon::prelude::*;
@@ -37,7 +37,7 @@ const STRAY: f64 = 0.2;
 
 /// A stretch that repeats.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Repeat {
+pub struct YarnRepeat {
     /// Its length, pixels.
     pub length: f64,
     /// Correlation of the yarn with itself that far on, up to 1.
@@ -47,7 +47,7 @@ pub struct Repeat {
 }
 
 /// The repeat of a yarn that is `width` wide around row `middle`.
-pub(super) fn repeat(strip: &RgbaImage, middle: f64, width: f64) -> Repeat {
+pub(super) fn repeat(strip: &RgbaImage, middle: f64, width: f64) -> YarnRepeat {
     let step = (strip.width() as usize).div_ceil(COLUMNS);
     let features = features(strip, middle, width, step);
     let energies = energies(&features);
@@ -64,18 +64,18 @@ pub(super) fn repeat(strip: &RgbaImage, middle: f64, width: f64) -> Repeat {
     match chosen {
         Some(&lag) if highest >= LEAST => {
             let length = refined(&curve, lag) * double(step);
-            Repeat { length, correlation: curve[lag], is_found: true }
+            YarnRepeat { length, correlation: curve[lag], is_found: true }
         }
         _ => best_fit(&curve, width / double(step), double(step)),
     }
 }
 
 /// Without a repeat: a stretch of two widths at least, so that the eye doesn't find it again soon.
-fn best_fit(curve: &[f32], width: f64, step: f64) -> Repeat {
+fn best_fit(curve: &[f32], width: f64, step: f64) -> YarnRepeat {
     let last = curve.len() - 1;
     let first = whole(narrow(2.0 * width)).clamp(1, last);
     let lag = (first..=last).max_by(|&a, &b| curve[a].total_cmp(&curve[b])).unwrap_or(last);
-    Repeat { length: double(lag) * step, correlation: curve[lag], is_found: false }
+    YarnRepeat { length: double(lag) * step, correlation: curve[lag], is_found: false }
 }
 
 /// A column's bands, three colours each, means and slopes taken off.

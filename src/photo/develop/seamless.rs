@@ -57,7 +57,7 @@ pub struct Seam {
 
 /// A unit being made: colours by alpha, row after row.
 #[derive(Clone)]
-struct Unit {
+struct UnitTexels {
     width: usize,
     height: usize,
     texels: Vec<Vec4>,
@@ -142,7 +142,7 @@ fn weighed(row: &[u8], x: usize) -> Vec4 {
 const LEAST_WEIGHT: f32 = 1e-3;
 
 /// `width` columns of the strip from `start` on.
-fn sampled(strip: &RgbaImage, start: f64, step: f64, width: usize) -> Unit {
+fn sampled(strip: &RgbaImage, start: f64, step: f64, width: usize) -> UnitTexels {
     let height = strip.height() as usize;
     let mut texels = vec![Vec4::ZERO; width * height];
     texels.par_chunks_mut(width).enumerate().for_each(|(y, texels)| {
@@ -152,11 +152,11 @@ fn sampled(strip: &RgbaImage, start: f64, step: f64, width: usize) -> Unit {
             .enumerate()
             .for_each(|(x, value)| *value = texel(row, start + double(x) * step));
     });
-    Unit { width, height, texels }
+    UnitTexels { width, height, texels }
 }
 
 /// The first columns of a unit of `width`, with what follows the unit laid over them.
-fn joint(source: &Unit, width: usize, method: Method) -> Unit {
+fn joint(source: &UnitTexels, width: usize, method: Method) -> UnitTexels {
     let overlap = source.width - width;
     let path = match method {
         Method::Cut => path(source, width),
@@ -173,7 +173,7 @@ fn joint(source: &Unit, width: usize, method: Method) -> Unit {
             texels.push(row[width + x].lerp(row[x], own));
         }
     }
-    Unit { width: overlap, height: source.height, texels }
+    UnitTexels { width: overlap, height: source.height, texels }
 }
 
 fn smooth_step(t: f32) -> f32 {
@@ -182,7 +182,7 @@ fn smooth_step(t: f32) -> f32 {
 
 /// For each row the column of the overlap where the cut lies: the cheapest path from the top to the
 /// bottom that moves by one column a row at the most.
-fn path(source: &Unit, width: usize) -> Vec<usize> {
+fn path(source: &UnitTexels, width: usize) -> Vec<usize> {
     let overlap = source.width - width;
     let cost = |x: usize, y: usize| {
         let row = &source.texels[y * source.width..];
@@ -213,7 +213,7 @@ fn path(source: &Unit, width: usize) -> Vec<usize> {
 /// Energy of the gradients along the yarn all over the joint, and where one unit meets the next,
 /// over that elsewhere. `steps` are those of the source, which the joint changes only where it
 /// lies.
-fn energies(source: &Unit, steps: &[f64], joint: &Unit) -> [f32; 2] {
+fn energies(source: &UnitTexels, steps: &[f64], joint: &UnitTexels) -> [f32; 2] {
     let (overlap, width) = (joint.width, source.width - joint.width);
     let texel = |x: usize, y: usize| if x < overlap { joint.row(y)[x] } else { source.row(y)[x] };
     let is_joint = |x: usize| x <= overlap || x + 1 == width;
@@ -230,7 +230,7 @@ fn energies(source: &Unit, steps: &[f64], joint: &Unit) -> [f32; 2] {
     [mean(&is_joint) / rest, mean(&|x| x == 0 || x + 2 >= width) / rest]
 }
 
-impl Unit {
+impl UnitTexels {
     fn row(&self, y: usize) -> &[Vec4] {
         &self.texels[y * self.width..(y + 1) * self.width]
     }
@@ -293,7 +293,7 @@ mod tests {
         let texels = (0..8)
             .flat_map(|y| (0..14).map(move |x| if x >= 8 && x - 8 != (y / 2) { 1.0 } else { 0.0 }))
             .map(Vec4::splat);
-        let source = Unit { width: 14, height: 8, texels: texels.collect() };
+        let source = UnitTexels { width: 14, height: 8, texels: texels.collect() };
         assert_eq!(path(&source, 8), [0, 0, 1, 1, 2, 2, 3, 3]);
     }
 

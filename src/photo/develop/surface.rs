@@ -1,6 +1,6 @@
 //! Step 7, maps: what the surface of the unit is like, beside its colour.
 //!
-//! In: the unit, the yarn's width and middle row. Out: [`Surface`], maps of the unit's size that
+//! In: the unit, the yarn's width and middle row. Out: [`SurfaceMaps`], maps of the unit's size that
 //! tile along the yarn.
 //!
 //! Heights are those of a round yarn, half as high as wide, round between the flanks of each
@@ -35,7 +35,7 @@ const ROUGHNESS: (f32, f32) = (191.0, 20.0);
 
 /// Maps beside the base colour.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Surface {
+pub struct SurfaceMaps {
     /// White half the picture's width above black.
     pub height: Grey,
     /// OpenGL's way.
@@ -49,7 +49,7 @@ pub struct Surface {
 }
 
 /// The surface of a unit whose yarn is `width` wide around row `middle`.
-pub(super) fn surface(unit: &RgbaImage, middle: f64, width: f64) -> Surface {
+pub(super) fn surface(unit: &RgbaImage, middle: f64, width: f64) -> SurfaceMaps {
     let relief = relief(unit, width);
     let columns = unit.width() as usize;
     let rows = unit.height() as usize;
@@ -66,7 +66,7 @@ pub(super) fn surface(unit: &RgbaImage, middle: f64, width: f64) -> Surface {
         Luma([word(shape.at(x as usize, y as usize) * share)])
     });
     let (length, across) = (float(columns), float(rows));
-    Surface {
+    SurfaceMaps {
         normal: normals(&height, length, across),
         height,
         roughness: grey(&relief, |relief| ROUGHNESS.0 + ROUGHNESS.1 * (1.0 - 2.0 * relief)),
