@@ -19,6 +19,7 @@
 //! Not promised: a scale. A photo doesn't say how large anything is; without [`PixelScale`] the maps
 //! have no lengths and the repeat is in pixels.
 
+mod axis;
 mod binarise;
 mod cutout;
 mod error;
