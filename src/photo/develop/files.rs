@@ -1,9 +1,8 @@
-//! The folder of maps, as [`crate::photo::read_maps`] reads it.
+//! Writes the folder of maps that [`crate::photo::read_maps`] reads.
 //!
-//! In: [`Developed`] and an [`OutputFolder`]. Out: the files of [`FILES`] in it, the sheet
-//! excepted, which only the binary can make. Heights have 16 bits, all else 8. yarn.toml holds
-//! lengths only where the scale is known: the reader then takes the fabric's own yarn for the
-//! width.
+//! In: [`Developed`] and an [`OutputFolder`]. Out: the files of [`FILES`], except the contact sheet,
+//! which the command makes. Heights have 16 bits, all other maps 8. yarn.toml holds lengths in mm
+//! only where the scale is known. Without them the reader fits the maps to the fabric's own yarn.
 
 use std::fmt::Write as _;
 use std::fs::{self, File};
@@ -14,7 +13,7 @@ use image::{ImageError, ImageFormat};
 use super::Developed;
 use crate::export::{ExportError, OutputFolder};
 
-/// All files of such a folder.
+/// All files of a folder of maps.
 pub const FILES: [&str; 8] = [
     "base_color.png",
     "height.png",
@@ -29,7 +28,7 @@ pub const FILES: [&str; 8] = [
 /// Writes the maps and yarn.toml.
 ///
 /// # Errors
-/// What the disk says.
+/// [`ExportError`] where a file can't be written.
 pub fn save(yarn: &Developed, folder: &OutputFolder) -> Result<(), ExportError> {
     let surface = &yarn.surface;
     picture(folder, "base_color.png", &|file| yarn.base.write_to(file, ImageFormat::Png))?;
@@ -46,8 +45,8 @@ pub fn save(yarn: &Developed, folder: &OutputFolder) -> Result<(), ExportError> 
     fs::write(folder.file("yarn.toml"), toml(yarn)).map_err(io)
 }
 
-/// Writes a picture and hears whether there was room for its last bytes too, which
-/// `ImageBuffer::save` doesn't.
+/// Writes a picture. It flushes the file and reports an error of the last bytes, which
+/// `ImageBuffer::save` would ignore on a full disk.
 fn picture(
     folder: &OutputFolder,
     name: &str,
@@ -62,31 +61,32 @@ fn picture(
     file.flush().map_err(io)
 }
 
+/// The text of yarn.toml.
 fn toml(yarn: &Developed) -> String {
     let mut text = String::from("# One repeat of a yarn, from a photo, by warpknit yarn.\n");
-    let mut line = |key: &str, value: f64| {
-        writeln!(text, "{key} = {value:.5}").expect("a string takes any text")
-    };
     if let (Some(width), Some(length)) = (yarn.width(), yarn.length()) {
-        line("width_mm", width);
-        line("length_mm", length);
-        line("repeat_mm", length);
-        line("mapping_coefficient", 1.0 / length);
+        line(&mut text, "width_mm", width);
+        line(&mut text, "length_mm", length);
+        line(&mut text, "repeat_mm", length);
+        line(&mut text, "mapping_coefficient", 1.0 / length);
         text += "# Of these, width_mm and length_mm are read; the mapping coefficient follows.\n";
     }
-    let mut line = |key: &str, value: f64| {
-        writeln!(text, "{key} = {value:.5}").expect("a string takes any text")
-    };
     if let Some(scale) = yarn.mm_per_pixel {
-        line("yarn_width_mm", scale * yarn.yarn_width);
+        line(&mut text, "yarn_width_mm", scale * yarn.yarn_width);
     }
-    line("width_in_yarns", f64::from(yarn.base.height()) / yarn.yarn_width);
-    line("yarn_width_px", yarn.yarn_width);
-    line("repeat_px", yarn.repeat.length);
-    line("threshold", f64::from(yarn.threshold));
-    line("seam_error", f64::from(yarn.seam.error));
+    line(&mut text, "width_in_yarns", f64::from(yarn.base.height()) / yarn.yarn_width);
+    line(&mut text, "yarn_width_px", yarn.yarn_width);
+    line(&mut text, "repeat_px", yarn.repeat.length);
+    line(&mut text, "threshold", f64::from(yarn.threshold));
+    line(&mut text, "seam_error", f64::from(yarn.seam.error));
     if yarn.mm_per_pixel.is_none() {
-        text += "# Lengths are unknown: give width_mm and length_mm, or develop the photo with --dpi or --yarn-width-mm.\n";
+        text += "# Lengths are unknown: give width_mm and length_mm, or develop the photo with \
+                 --dpi or --yarn-width-mm.\n";
     }
     text
+}
+
+/// Adds a key with a number.
+fn line(text: &mut String, key: &str, value: f64) {
+    writeln!(text, "{key} = {value:.5}").expect("a string takes any text");
 }

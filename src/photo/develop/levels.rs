@@ -1,10 +1,12 @@
-//! Step 2, levels: the strip's grey, evened out and stretched.
+//! Step 2, levels: the strip's grey with a flat ground, stretched to the whole range.
 //!
-//! In: the strip, where it lies on the photo, the ground's light there. Out: a grey plane, 0..=255,
-//! with the ground flat. By default the greys between two percentiles are stretched to the whole
-//! range, which no colour of the maps takes part in. A chosen brightness or contrast takes the
-//! place of that, and changes the strip's colours as well: who turns these knobs wants another
-//! yarn. Cost: a pass for the grey, one for the percentiles.
+//! In: the strip, its place on the photo, the ground's light there. Out: a grey plane, 0..=255, and
+//! the greys that became black and white.
+//!
+//! Method: the ground's polynomial is subtracted, and the greys between two percentiles are stretched
+//! to the whole range. This grey only serves to find the yarn; the maps keep the photo's colours. A
+//! brightness or contrast that the user chose replaces the stretch and changes the strip's colours
+//! as well. Cost: one pass for the grey, one for the percentiles.
 
 use image::RgbImage;
 
@@ -12,26 +14,28 @@ use super::ground::Ground;
 use super::orient::YarnOrientation;
 use crate::plane::{Plane, byte, double, float, narrow, percentile};
 
-/// Shares of the pixels that may be clipped at the dark and at the light end.
+/// Percentiles that become black and white. Without clipping, one hot pixel or speck of dust would
+/// decide the stretch.
 const CLIPPED: (f32, f32) = (0.005, 0.995);
-/// Black and white are at least so far apart before they are stretched.
+/// Least difference between the greys that become black and white. It keeps a plain strip from a
+/// division by 0, and its noise from becoming contrast.
 const LEAST_RANGE: f32 = 4.0;
 
-/// ChosenLevels levels: a share of white that is added, and a factor around middle grey.
+/// The user's levels: a share of white that is added, and a factor around middle grey.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ChosenLevels {
     pub(super) brightness: f32,
     pub(super) contrast: f32,
 }
 
-/// What became of the greys: black and white before, in levels of the photo.
+/// The greys of the photo that become black and white.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct GreyRange {
     pub(super) black: f32,
     pub(super) white: f32,
 }
 
-/// The strip's grey; changes its colours if levels were chosen.
+/// The strip's grey after levels. Changes the strip's colours if the user chose levels.
 pub(super) fn levels(
     strip: &mut RgbImage,
     orientation: &YarnOrientation,
@@ -46,7 +50,8 @@ pub(super) fn levels(
     };
     let last = double(grey.width - 1).max(1.0);
     let flat = Plane::from_rows(grey.width, grey.height, |y, row| {
-        // Along any line the ground is a parabola, which three places tell.
+        // The ground is a polynomial of degree two, so along a row it is a parabola. Three values
+        // determine it, and the inner loop needs no evaluation of six terms.
         let [start, middle, end] =
             [0.0, 0.5, 1.0].map(|share| behind(orientation.on_photo(share * last, double(y))));
         let bend = 2.0 * (start - 2.0 * middle + end);
@@ -82,6 +87,7 @@ impl GreyRange {
     }
 }
 
+/// The range between two percentiles.
 fn stretch(flat: &Plane) -> GreyRange {
     let mut sampled: Vec<f32> = flat.sampled().collect();
     let (black, white) = (percentile(&mut sampled, CLIPPED.0), percentile(&mut sampled, CLIPPED.1));
