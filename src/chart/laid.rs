@@ -1,8 +1,11 @@
-//! The plan of laid cloth: its strands as they lie in some cells, seen from the technical face.
+//! The plan of laid cloth: its strands in 3 x 3 cells, seen from the technical face.
 //!
-//! In: a laid [`Fabric`]. Out: a [`Drawing`]: each strand as wide as its yarn, straight from point
-//! to point, those parts that lie above the cloth's middle over all that lie below it, with dark
+//! In: a laid [`Fabric`]. Out: a [`Drawing`]. Each strand is as wide as its yarn and straight from
+//! point to point. The parts above the cloth's middle plane are drawn over those below it, with dark
 //! edges.
+//!
+//! Not promised: the order of two strands that both lie above the middle is that of the bars, not of
+//! their heights.
 
 use glam::DVec2;
 
@@ -15,16 +18,19 @@ use crate::fabric::yarn::Color;
 use crate::fabric::{BarKind, Fabric, Path};
 use crate::plane::byte;
 
-/// Cells each way, and the longer side of one, px.
+/// Cells each way.
 const CELLS: u8 = 3;
+/// The longer side of a cell, px.
 const SIDE: f64 = 110.0;
 const VIEW: &str = "seen from the technical face";
-/// Yarns are drawn this share of their width, so that neighbours can be told apart.
+/// Drawn width of a yarn over its real one: less than 1, so that a gap shows between neighbours.
 const SHOWN: f64 = 0.85;
-/// How light the edges of what lies above are, and what lies below.
+/// Brightness of the edges of upper strands, as a factor of the yarn's colour.
 const EDGE: f32 = 0.4;
+/// Brightness of lower strands, as a factor of the yarn's colour.
 const UNDER: f32 = 0.7;
 
+/// Draws the plan.
 pub(super) fn draw(fabric: &Fabric) -> Drawing {
     let spacing = DVec2::new(fabric.wale_spacing(), fabric.course_spacing());
     let scale = SIDE / spacing.max_element();
@@ -53,6 +59,7 @@ pub(super) fn draw(fabric: &Fabric) -> Drawing {
     });
     let mut layers =
         vec![DrawingLayer { name: "cells".to_owned(), color: HAIR, shapes: sides.collect() }];
+    // Painter's algorithm with two levels: first everything below the middle plane, then above it.
     for (name, above) in [("under", false), ("over", true)] {
         for (number, ((bar, path), thickness)) in
             (1..).zip(fabric.bars.iter().zip(&fabric.paths).zip(fabric.thickness()))
@@ -62,6 +69,7 @@ pub(super) fn draw(fabric: &Fabric) -> Drawing {
                 lines(path, bar.kind, above, |at| origin + at * cell * DVec2::new(1.0, -1.0), width)
             };
             let color = bar.yarn.color;
+            // A wider dark line below an upper strand shows where it crosses over others.
             if above {
                 layers.push(DrawingLayer {
                     name: format!("strand-{number}-edge"),
@@ -92,8 +100,8 @@ fn shaded(Color(bytes): Color, share: f32) -> Color {
     Color(bytes.map(|value| byte(f32::from(value) * share)))
 }
 
-/// The spans of a strand whose middle is above the cloth's, or isn't, in all cells. Those that
-/// leave the sheet are left out.
+/// The spans of a strand that lie above the cloth's middle plane, or below it, in all cells. A span
+/// that leaves the sheet is left out.
 fn lines(
     path: &Path,
     kind: BarKind,
@@ -101,6 +109,7 @@ fn lines(
     place: impl Fn(DVec2) -> DVec2,
     width: f64,
 ) -> Vec<DrawingShape> {
+    // The strand is periodic: its last point leads to its first one in the next cell.
     let period = if kind == BarKind::LaidAcross { DVec2::X } else { DVec2::Y };
     let ends: Vec<_> = path.iter().map(|point| (point.truncate(), point.z)).collect();
     let next = ends.iter().skip(1).copied().chain([(ends[0].0 + period, ends[0].1)]);

@@ -1,4 +1,9 @@
-//! The sheet of a lapping diagram: what is shown, where it lies, and its labels.
+//! The lapping diagram of a warp knit: which needles, courses and bars are shown, where they lie on
+//! the sheet, and the labels.
+//!
+//! In: a [`Fabric`] with guide bars. Out: a [`Drawing`] with a layer for each bar. Two repeats are
+//! shown, within the limits of needles, courses and bars below; a note says what is left out. `path`
+//! gives the line of each yarn. Cost: some thousand shapes at most.
 
 use std::ops::Range;
 
@@ -13,15 +18,18 @@ use crate::fabric::yarn::Color;
 use crate::fabric::{Bar, BarKind, Fabric};
 use crate::ids::index32;
 
-/// The most needles, courses and bars on a sheet: a PNG of that size still takes less than 200 MB
+/// The most needles on a sheet. A PNG of a sheet with all three limits still takes less than 200 MB
 /// to paint.
 const MOST_NEEDLES: i64 = 40;
+/// The most courses on a sheet.
 const MOST_COURSES: usize = 40;
+/// The most bars on a sheet.
 const MOST_BARS: usize = 24;
-/// The least courses: fewer do not show how laps join.
+/// The fewest courses on a sheet. Fewer would not show how laps join.
 const LEAST_COURSES: usize = 4;
-/// The most characters of a chain and a threading in the legend, which may have thousands.
+/// The most characters of a chain in the legend; chains may have thousands.
 const MOST_OF_CHAIN: usize = 48;
+/// The most characters of a threading in the legend.
 const MOST_OF_THREADING: usize = 16;
 
 /// Colours of bars, front first: far apart from each other and dark enough for white paper.
@@ -38,30 +46,38 @@ const BAR_COLORS: [Color; 10] = [
     Color([0x3f, 0x48, 0x52]),
 ];
 
-// The sheet, px.
-/// Sides of the largest rounding, over the needles' pitch: as much as the widest overlap takes.
+/// Length of a rounded corner's sides over the needle pitch: as much as the widest overlap takes.
 const CORNER: f64 = 0.34;
+/// Room for the course numbers, px.
 const COURSE_NUMBERS: f64 = 44.0;
+/// Room for the gap numbers, px.
 const GAP_NUMBERS: f64 = 34.0;
+/// Height of a line of the legend, px.
 const LEGEND_ROW: f64 = 20.0;
+/// Height of a note, px.
 const NOTE_ROW: f64 = 16.0;
+/// Room for the sample of a bar's line in the legend, px.
 const SAMPLE: f64 = 26.0;
+/// Radius of a needle's dot, px.
 const DOT: f64 = 3.2;
+/// Line width of a bar's yarn, px.
 const YARN: f64 = 2.4;
+/// Line width of a bar's other yarns, px.
 const NEIGHBOUR: f64 = 1.0;
 
-/// Where things lie.
+/// The layout of the sheet.
 struct LappingSheet {
     pitch: Pitch,
-    /// Gaps that are shown.
+    /// The gaps between needles that are shown.
     gaps: Range<i64>,
     courses: usize,
-    /// Gap 0 of guide 0 at the first course, px of the sheet.
+    /// The place of gap 0 of guide 0 at the first course, px of the sheet.
     origin: DVec2,
     bars: usize,
     size: DVec2,
 }
 
+/// Draws the diagram.
 pub(super) fn draw(fabric: &Fabric) -> Drawing {
     let bars = &fabric.bars[..fabric.bars.len().min(MOST_BARS)];
     let reach = reach(bars);
@@ -86,12 +102,13 @@ pub(super) fn draw(fabric: &Fabric) -> Drawing {
     Drawing { size: sheet.size, layers, notes }
 }
 
+/// The colour of the bar with that index.
 fn bar_color(at: usize) -> Color {
     BAR_COLORS[at % BAR_COLORS.len()]
 }
 
-/// The guide whose yarn stands for its bar: the first threaded one from the drive. Wefts have none
-/// and are all drawn.
+/// The guide whose yarn stands for its bar: the first threaded one, counted from the drive. A weft
+/// has no guide, and all wefts are drawn.
 fn drawn_guide(bar: &Bar) -> i64 {
     if bar.kind == BarKind::Weft {
         return 0;
@@ -103,7 +120,7 @@ fn drawn_guide(bar: &Bar) -> i64 {
         .expect("a threading holds a yarn")
 }
 
-/// The gaps that the drawn yarns pass, all bars together.
+/// The range of gaps that the drawn yarns of all bars pass.
 fn reach(bars: &[Bar]) -> Range<i64> {
     let gaps = bars.iter().map(|bar| {
         let ((low, high), guide) = (bar.chain.gaps(), drawn_guide(bar));
@@ -113,23 +130,29 @@ fn reach(bars: &[Bar]) -> Range<i64> {
     low..high
 }
 
-/// Lanes in which no bar hides another.
+/// Lanes that keep the bars' paths apart, so that none hides another.
 fn lanes(bars: &[Bar], pitch: Pitch) -> Vec<Lane> {
     let number = |count: usize| f64::from(index32(count));
+    // Overlaps of several bars are nested around the same dot, each a step farther out. The steps
+    // shrink with the number of bars, since the outermost must not reach the next needle.
     let knitting = bars.iter().filter(|bar| !bar.chain.is_inlay()).count();
     let (nearest, farthest) = (0.19 * pitch.across, CORNER * pitch.across);
     let leg_step =
         (0.09 * pitch.across).min((farthest - nearest) / number(knitting.saturating_sub(1).max(1)));
     let aside_step = (0.1 * pitch.across).min(0.24 * pitch.across / number(bars.len()));
     let mut nested = 0;
-    let lane = |(at, bar): (usize, &Bar)| {
+    let mut lanes = Vec::with_capacity(bars.len());
+    for (at, bar) in bars.iter().enumerate() {
         let leg = nearest + leg_step * number(nested);
         nested += usize::from(!bar.chain.is_inlay());
-        Lane { leg, aside: aside_step * (number(at) - number(bars.len() - 1) / 2.0) }
-    };
-    bars.iter().enumerate().map(lane).collect()
+        // In gaps and bands the paths lie side by side, centred on the middle.
+        let aside = aside_step * (number(at) - number(bars.len() - 1) / 2.0);
+        lanes.push(Lane { leg, aside });
+    }
+    lanes
 }
 
+/// One line for each thing that is left out.
 fn notes(fabric: &Fabric, sheet: &LappingSheet, reach: &Range<i64>) -> Vec<String> {
     let mut notes = Vec::new();
     let repeat = fabric.repeat();
@@ -153,11 +176,12 @@ fn notes(fabric: &Fabric, sheet: &LappingSheet, reach: &Range<i64>) -> Vec<Strin
 }
 
 impl LappingSheet {
+    /// Lays out the sheet for some bars whose yarns pass the gaps of `reach`.
     fn new(fabric: &Fabric, bars: &[Bar], reach: &Range<i64>) -> Self {
         // More bars need wider gaps between the dots.
         let roomy = 4.0 * f64::from(index32(bars.len().clamp(2, 7) - 2));
         let pitch = Pitch { across: 44.0 + roomy, along: 56.0 + roomy };
-        // A needle more on each side shows where the pattern goes on.
+        // One more needle on each side shows how the pattern continues.
         let (mut low, mut high) = (reach.start - 1, reach.end + 1);
         if high - low > MOST_NEEDLES {
             (low, high) =
@@ -175,7 +199,7 @@ impl LappingSheet {
             MARGIN + HEADING + whole(index32(courses).into()) * pitch.along - 0.5 * pitch.along;
         let lines = f64::from(index32(bars.len()));
         let height = first_course + 0.5 * pitch.along + GAP_NUMBERS + lines * LEGEND_ROW + MARGIN;
-        // The diagram stands in the middle of a sheet that its words make wider.
+        // Long words make the sheet wider than the diagram, which then stands in its middle.
         let left = MARGIN + COURSE_NUMBERS + (width - 2.0 * MARGIN - diagram) / 2.0;
         let origin = DVec2::new(left + whole(high) * pitch.across, first_course);
         Self {
@@ -188,19 +212,22 @@ impl LappingSheet {
         }
     }
 
-    /// A place of the point paper, gaps to the left and courses up.
+    /// A place of the point paper on the sheet. Gaps count to the left, courses upward.
     fn at(&self, gap: f64, course: f64) -> DVec2 {
         self.origin - DVec2::new(gap * self.pitch.across, course * self.pitch.along)
     }
 
+    /// x of the diagram's left side.
     fn left(&self) -> f64 {
         self.at(whole(self.gaps.end), 0.0).x
     }
 
+    /// x of the diagram's right side.
     fn right(&self) -> f64 {
         self.at(whole(self.gaps.start), 0.0).x
     }
 
+    /// The needles' dots.
     fn needles(&self) -> DrawingLayer {
         let row = |course: usize| {
             self.gaps.clone().map(move |gap| DrawingShape::Dot {
@@ -215,21 +242,26 @@ impl LappingSheet {
         }
     }
 
-    /// A hairline where one repeat ends and the next begins.
+    /// A line across the whole diagram.
+    fn level_line(&self, y: f64, width: f64) -> DrawingShape {
+        let segments = vec![
+            PathSegment::Move(DVec2::new(self.left(), y)),
+            PathSegment::Line(DVec2::new(self.right(), y)),
+        ];
+        DrawingShape::Path { segments, width }
+    }
+
+    /// A thin line where one repeat ends and the next begins.
     fn repeats(&self, repeat: usize) -> DrawingLayer {
-        let line = |course: usize| {
-            let y = self.at(0.0, f64::from(index32(course)) - 0.5).y;
-            let segments = vec![
-                PathSegment::Move(DVec2::new(self.left(), y)),
-                PathSegment::Line(DVec2::new(self.right(), y)),
-            ];
-            DrawingShape::Path { segments, width: 1.0 }
-        };
-        let shapes = (repeat..self.courses).step_by(repeat).map(line).collect();
+        let shapes = (repeat..self.courses)
+            .step_by(repeat)
+            .map(|course| self.at(0.0, f64::from(index32(course)) - 0.5).y)
+            .map(|y| self.level_line(y, 1.0))
+            .collect();
         DrawingLayer { name: "repeats".to_owned(), color: HAIR, shapes }
     }
 
-    /// The yarn of one guide, as far as it lies on the sheet.
+    /// The part of a guide's yarn that lies on the sheet.
     fn yarn(&self, bar: &Bar, guide: i64, lane: Lane, width: f64) -> Vec<DrawingShape> {
         if bar.kind == BarKind::Weft {
             return self.wefts(bar, lane, width);
@@ -243,19 +275,14 @@ impl LappingSheet {
         if segments.is_empty() { Vec::new() } else { vec![DrawingShape::Path { segments, width }] }
     }
 
-    /// The wefts of a bar: straight through all gaps, above the needles of their course.
+    /// The wefts of a bar: straight lines through all gaps, above the needles of their course. A
+    /// weft's threading says which courses have one.
     fn wefts(&self, bar: &Bar, lane: Lane, width: f64) -> Vec<DrawingShape> {
-        let courses =
-            (0..self.courses).filter(|&course| bar.threading.carries(i64::from(index32(course))));
-        let line = |course: usize| {
-            let y = self.at(0.0, f64::from(index32(course)) + 0.5).y + lane.aside;
-            let segments = vec![
-                PathSegment::Move(DVec2::new(self.left(), y)),
-                PathSegment::Line(DVec2::new(self.right(), y)),
-            ];
-            DrawingShape::Path { segments, width }
-        };
-        courses.map(line).collect()
+        (0..self.courses)
+            .filter(|&course| bar.threading.carries(i64::from(index32(course))))
+            .map(|course| self.at(0.0, f64::from(index32(course)) + 0.5).y + lane.aside)
+            .map(|y| self.level_line(y, width))
+            .collect()
     }
 
     /// The other yarns of a bar, thin and pale.
@@ -269,33 +296,29 @@ impl LappingSheet {
         DrawingLayer { name: format!("bar-{}-neighbours", at + 1), color: Color(pale), shapes }
     }
 
+    /// The numbers of the gaps, counted from the drive.
     fn gap_numbers(&self, bars: &[Bar]) -> DrawingLayer {
         let from_left = bars.iter().all(Bar::counts_from_left);
-        let number = |gap: i64| if from_left { -gap } else { gap };
         let y = self.origin.y + 0.5 * self.pitch.along + 18.0;
-        let text = |gap: i64| {
-            label(
-                DVec2::new(self.at(whole(gap), 0.0).x, y),
-                number(gap).to_string(),
-                Anchor::Middle,
-            )
-        };
-        let gaps = self.gaps.start + 1..self.gaps.end;
-        let mut shapes: Vec<_> = gaps.map(text).collect();
+        let mut shapes = Vec::new();
+        for gap in self.gaps.start + 1..self.gaps.end {
+            let number = if from_left { -gap } else { gap };
+            let at = DVec2::new(self.at(whole(gap), 0.0).x, y);
+            shapes.push(label(at, number.to_string(), Anchor::Middle));
+        }
         shapes.push(label(DVec2::new(self.left() - 14.0, y), "gap".to_owned(), Anchor::End));
         DrawingLayer { name: "gaps".to_owned(), color: FAINT, shapes }
     }
 
+    /// The numbers of the courses within their repeat.
     fn course_numbers(&self, repeat: usize) -> DrawingLayer {
-        let x = self.left() - 14.0;
-        let place = |course: usize| DVec2::new(x, self.at(0.0, f64::from(index32(course))).y + 4.0);
-        let number =
-            |course: usize| label(place(course), (course % repeat + 1).to_string(), Anchor::End);
-        DrawingLayer {
-            name: "courses".to_owned(),
-            color: FAINT,
-            shapes: (0..self.courses).map(number).collect(),
+        let mut shapes = Vec::new();
+        for course in 0..self.courses {
+            let y = self.at(0.0, f64::from(index32(course))).y + 4.0;
+            let at = DVec2::new(self.left() - 14.0, y);
+            shapes.push(label(at, (course % repeat + 1).to_string(), Anchor::End));
         }
+        DrawingLayer { name: "courses".to_owned(), color: FAINT, shapes }
     }
 
     /// The heading and the legend.
@@ -338,13 +361,14 @@ impl LappingSheet {
 
 const VIEW: &str = "seen from the technical back, course 1 below";
 
-/// The legend's lines, with how far they are set in.
+/// The legend's lines, each with its indent in px.
 fn words_of<'a>(fabric: &'a Fabric, bars: &'a [Bar]) -> impl Iterator<Item = (String, f64)> + 'a {
     let widest = bars.iter().map(|bar| bar.lapping().len().min(MOST_OF_CHAIN)).max().unwrap_or(0);
     let several = fabric.bars.len() > 9;
     bars.iter().enumerate().map(move |(at, bar)| {
         let number = if several { format!("{:2}", at + 1) } else { (at + 1).to_string() };
         let drive = if bar.counts_from_left() { "  drive left" } else { "" };
+        // Gap numbers hold for guide 0; another guide's gaps are shifted by its number.
         let guide = match drawn_guide(bar).abs() {
             0 => String::new(),
             guide => format!("  (guide {}: gaps + {guide})", guide + 1),

@@ -1,15 +1,17 @@
-//! Diagrams of fabrics: the bars of a warp knit on point paper, as textbooks draw them, the loops
-//! of a weft knit as a chart, and laid cloth in plan. And sheets of garments.
+//! Diagrams of fabrics and sheets of garments.
 //!
 //! In: a [`Fabric`], or a [`Garment`]. Out: a [`Drawing`], a list of shapes that [`svg`] writes as
-//! text and [`png`] paints. Of a fabric a row of dots is a course, the first at the bottom; of a
-//! warp knit a dot is a needle; gaps are numbered below from the drive. Seen from the technical
-//! back, each bar's path goes over the dots that it laps and between the rows where it lies under
-//! them. One yarn a bar is drawn, that of its first threaded guide; where two bars or fewer leave
-//! room, its neighbours too, lightly.
+//! text and [`png`] rasterises. A warp knit becomes a lapping diagram on point paper, as textbooks
+//! draw it; a weft knit becomes a chart of its loops; laid cloth is drawn in plan.
 //!
-//! Not promised: that a very large fabric is drawn whole ([`Drawing::notes`] says what is left
-//! out).
+//! In a lapping diagram a row of dots is a course, the first course at the bottom, and a dot is a
+//! needle. The gaps between needles are numbered below, counted from the pattern drive. The view is
+//! from the technical back: each bar's path goes over the dots that it laps, and the underlaps lie
+//! between the rows. One yarn of each bar is drawn, that of its first threaded guide. With at most
+//! two bars there is room for the bar's other yarns, in a pale colour.
+//!
+//! Not promised: a very large fabric is not drawn completely. [`Drawing::notes`] says what is left
+//! out.
 
 mod garment;
 mod laid;
@@ -29,35 +31,39 @@ use crate::fabric::yarn::Color;
 use crate::garment::Garment;
 pub use path::PathSegment;
 
+/// Text and symbols.
 const INK: Color = Color([0x22, 0x26, 0x2b]);
+/// Axis numbers and notes.
 const FAINT: Color = Color([0x6b, 0x72, 0x7a]);
+/// Grid lines.
 const HAIR: Color = Color([0xd5, 0xd9, 0xde]);
-/// Around a sheet, and for the words above its drawing, px.
+/// Margin around a sheet, px.
 const MARGIN: f64 = 24.0;
+/// Height of the title and the line below it, px.
 const HEADING: f64 = 58.0;
 /// The most characters of a text.
 const MOST_CHARACTERS: usize = 100;
 
-/// What can be drawn, in px of the sheet, y down.
+/// A shape of a drawing. Lengths are px of the sheet, y points down.
 #[derive(Clone, Debug, PartialEq)]
 pub enum DrawingShape {
-    /// A line along segments.
+    /// A line.
     Path {
-        /// What it passes.
+        /// Its course.
         segments: Vec<PathSegment>,
-        /// How wide it is drawn.
+        /// Its width.
         width: f64,
     },
-    /// What a line around segments encloses, filled; each of its loops inside another one is a hole.
+    /// A filled area (even-odd rule: a closed line inside another one is a hole).
     Area {
-        /// What the line passes.
+        /// Its outline.
         segments: Vec<PathSegment>,
     },
     /// Pixels, two to a px.
     Picture {
         /// Its upper left corner.
         at: DVec2,
-        /// What it shows.
+        /// Its pixels.
         picture: RgbaImage,
     },
     /// A filled circle.
@@ -69,24 +75,23 @@ pub enum DrawingShape {
     },
     /// A line of text.
     Text {
-        /// Where its baseline begins, is centred, or ends.
+        /// The place of the anchor on its baseline.
         at: DVec2,
-        /// What it says.
+        /// The words.
         text: String,
-        /// How large it is.
+        /// The size of the font.
         size: TextSize,
-        /// What of it stands at `at`.
+        /// The part of the text that stands at `at`.
         anchor: Anchor,
     },
-    /// What the layer's lines are, told where a pointer rests within them. A PNG has no place for
-    /// it.
+    /// A tooltip for the layer: an SVG viewer shows it where the pointer rests. A PNG leaves it out.
     Title {
         /// One line.
         text: String,
     },
 }
 
-/// Sizes of text: those that the PNG's font comes in.
+/// Sizes of text: those of the bitmap font that a PNG uses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TextSize {
     /// Axis numbers and notes.
@@ -97,7 +102,7 @@ pub enum TextSize {
     Title,
 }
 
-/// Which part of a text stands at its place.
+/// The part of a text that stands at its place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anchor {
     /// Its beginning.
@@ -111,36 +116,36 @@ pub enum Anchor {
 /// Shapes of one kind and colour.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DrawingLayer {
-    /// What it is: `needles`, `bar-1` …; unique in a drawing.
+    /// Its name: `needles`, `bar-1` …; unique in a drawing.
     pub name: String,
     /// Colour of lines, areas, dots and text.
     pub color: Color,
-    /// What is drawn, first below.
+    /// The shapes in the order of drawing: later ones cover earlier ones.
     pub shapes: Vec<DrawingShape>,
 }
 
-/// A picture as shapes.
+/// A drawing as vector shapes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drawing {
     /// Width and height, px.
     pub size: DVec2,
-    /// First below.
+    /// The layers in the order of drawing: later ones cover earlier ones.
     pub layers: Vec<DrawingLayer>,
-    /// What is left out because the fabric is too large for a sheet, a line each.
+    /// One line for each thing that is left out because the fabric is too large for a sheet.
     pub notes: Vec<String>,
 }
 
-/// The formats of a diagram.
+/// The file formats of a drawing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ChartFormat {
-    /// Text that drawing programs edit.
+    /// Vector graphics, which drawing programs edit.
     Svg,
     /// Pixels.
     Png,
 }
 
 impl ChartFormat {
-    /// The format of a path, by its ending in any case.
+    /// The format that a path's extension asks for, in upper or lower case.
     #[must_use]
     pub fn from_path(path: &Path) -> Option<Self> {
         match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
@@ -150,7 +155,7 @@ impl ChartFormat {
         }
     }
 
-    /// The ending that asks for it.
+    /// The extension that asks for it.
     #[must_use]
     pub fn ending(self) -> &'static str {
         match self {
@@ -161,8 +166,8 @@ impl ChartFormat {
 }
 
 impl Drawing {
-    /// The lapping diagram of a warp knit, the chart of a weft knit, the plan of laid cloth. Cost:
-    /// at most some thousand shapes, whatever the fabric.
+    /// The diagram of a fabric: a lapping diagram of a warp knit, a chart of a weft knit, a plan of
+    /// laid cloth. Cost: at most some thousand shapes, whatever the fabric.
     ///
     /// ```
     /// use warpknit::{chart::Drawing, fabric::Fabric};
@@ -178,8 +183,8 @@ impl Drawing {
         }
     }
 
-    /// The sheet of a garment: its flat panels with their grain at the left, at the right how it is
-    /// stretched when draped. `title` says which garment it is. Cost: the maps have a fixed number
+    /// The sheet of a garment: its flat panels with their grain at the left, maps of the draped
+    /// garment's stretch at the right. `title` names the garment. Cost: the maps have a fixed number
     /// of pixels, so only the outlines grow with the panels' edges.
     ///
     /// ```
@@ -193,15 +198,17 @@ impl Drawing {
     }
 }
 
+/// A small text.
 fn label(at: DVec2, text: String, anchor: Anchor) -> DrawingShape {
     DrawingShape::Text { at, text, size: TextSize::Small, anchor }
 }
 
-/// A text that fits the sheet.
+/// A text, shortened so that it fits the sheet.
 fn shortened(text: &str) -> String {
     cut(text, MOST_CHARACTERS)
 }
 
+/// A text of at most so many characters, with an ellipsis where it was longer.
 fn cut(text: &str, most: usize) -> String {
     if text.chars().count() <= most {
         return text.to_owned();

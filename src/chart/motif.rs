@@ -1,10 +1,9 @@
-//! The chart of a weft knit: a square a loop, as knitters draw it, seen from the technical face.
+//! The chart of a weft knit: one square for each loop, as knitters draw it, from the technical face.
 //!
-//! In: a [`Motif`]. Out: a [`Drawing`]: legs that show are a V, reverse loops a dash, and the heads
-//! of a crossing lines to where they go, those in front dark. Course 1 is below, wale 1 on the
-//! left.
-
-use std::ops::Range;
+//! In: a [`Motif`]. Out: a [`Drawing`]. A face loop is a V, a reverse loop a dash. The loops of a
+//! cable crossing are lines to the wale they move to; those in front are dark, those behind pale.
+//! Course 1 is at the bottom, wale 1 on the left. Cost: one shape a loop, for at most [`MOST`] loops
+//! each way.
 
 use glam::DVec2;
 
@@ -17,17 +16,21 @@ use crate::fabric::Fabric;
 use crate::fabric::motif::{Cell, Motif};
 use crate::ids::index32;
 
-/// The most loops of a side that are drawn.
+/// The most wales and courses that are drawn.
 const MOST: usize = 100;
-/// A square, px.
+/// Size of a square, px. Loops are a little wider than high.
 const SIDE: DVec2 = DVec2::new(20.0, 17.0);
-/// Every so many wales and courses are numbered.
+/// Step between numbered wales and courses.
 const NUMBERED: usize = 5;
+/// Room for the numbers, px.
 const NUMBERS: f64 = 30.0;
+/// Height of a line of the legend, px.
 const ROW: f64 = 20.0;
+/// Line width of the symbols, px.
 const SYMBOL: f64 = 1.8;
 const VIEW: &str = "seen from the technical face, course 1 below";
 
+/// The layout of the chart.
 struct WeftChart<'a> {
     motif: &'a Motif,
     wales: usize,
@@ -36,24 +39,11 @@ struct WeftChart<'a> {
     origin: DVec2,
 }
 
+/// Draws the chart of a motif.
 pub(super) fn draw(fabric: &Fabric, motif: &Motif) -> Drawing {
     let (wales, courses) = (motif.wales().min(MOST), motif.courses().min(MOST));
-    let legend: Vec<String> = [('k', "face".to_owned()), ('p', "reverse".to_owned())]
-        .into_iter()
-        .chain(motif.legend().iter().map(|(letter, symbol)| (*letter, symbol.to_string())))
-        .filter(|(letter, _)| motif.rows().iter().any(|row| row.contains(*letter)))
-        .map(|(letter, meaning)| format!("{letter}  {meaning}"))
-        .collect();
-    let notes: Vec<String> = (wales < motif.wales() || courses < motif.courses())
-        .then(|| {
-            format!(
-                "{wales} by {courses} of {} by {} loops are drawn",
-                motif.wales(),
-                motif.courses()
-            )
-        })
-        .into_iter()
-        .collect();
+    let legend = legend(motif);
+    let notes = notes(motif, wales, courses);
     let words = [fabric.name.as_str(), VIEW]
         .into_iter()
         .chain(legend.iter().chain(&notes).map(String::as_str));
@@ -67,13 +57,8 @@ pub(super) fn draw(fabric: &Fabric, motif: &Motif) -> Drawing {
         bottom + NUMBERS + lines * ROW + MARGIN,
     );
 
+    // Legend and notes follow one another below the chart.
     let below = |line: usize| DVec2::new(MARGIN, bottom + NUMBERS + (count(line) + 0.5) * ROW);
-    let text = |at: DVec2, text: &str, size| DrawingShape::Text {
-        at,
-        text: shortened(text),
-        size,
-        anchor: Anchor::Start,
-    };
     let mut ink = vec![text(DVec2::new(MARGIN, MARGIN + 14.0), &fabric.name, TextSize::Title)];
     ink.extend(
         legend.iter().enumerate().map(|(line, words)| text(below(line), words, TextSize::Normal)),
@@ -104,8 +89,35 @@ pub(super) fn draw(fabric: &Fabric, motif: &Motif) -> Drawing {
     Drawing { size, layers, notes }
 }
 
+/// The meaning of each letter that the motif uses.
+fn legend(motif: &Motif) -> Vec<String> {
+    [('k', "face".to_owned()), ('p', "reverse".to_owned())]
+        .into_iter()
+        .chain(motif.legend().iter().map(|(letter, symbol)| (*letter, symbol.to_string())))
+        .filter(|(letter, _)| motif.rows().iter().any(|row| row.contains(*letter)))
+        .map(|(letter, meaning)| format!("{letter}  {meaning}"))
+        .collect()
+}
+
+/// A note where the motif is larger than the chart.
+fn notes(motif: &Motif, wales: usize, courses: usize) -> Vec<String> {
+    if wales == motif.wales() && courses == motif.courses() {
+        return Vec::new();
+    }
+    vec![format!(
+        "{wales} by {courses} of {} by {} loops are drawn",
+        motif.wales(),
+        motif.courses()
+    )]
+}
+
+/// A line of text that begins at a place.
+fn text(at: DVec2, text: &str, size: TextSize) -> DrawingShape {
+    DrawingShape::Text { at, text: shortened(text), size, anchor: Anchor::Start }
+}
+
 impl WeftChart<'_> {
-    /// A place of the chart, wales to the right and courses up.
+    /// A place of the chart on the sheet. Wales count to the right, courses upward.
     fn at(&self, wale: f64, course: f64) -> DVec2 {
         self.origin + SIDE * DVec2::new(wale, -course)
     }
@@ -114,6 +126,7 @@ impl WeftChart<'_> {
         DrawingShape::Path { segments: vec![PathSegment::Move(from), PathSegment::Line(to)], width }
     }
 
+    /// The grid.
     fn squares(&self) -> Vec<DrawingShape> {
         let (wales, courses) = (count(self.wales), count(self.courses));
         let upright = (0..=self.wales)
@@ -124,12 +137,12 @@ impl WeftChart<'_> {
         upright.chain(level).collect()
     }
 
+    /// The symbols of the loops for which `wanted` holds.
     fn symbols(&self, wanted: impl Fn(Cell) -> bool) -> Vec<DrawingShape> {
-        let of = |range: Range<usize>| range.map(|at| (at, i64::from(index32(at))));
         let mut shapes = Vec::new();
-        for (course, row) in of(0..self.courses) {
-            for (wale, column) in of(0..self.wales) {
-                let cell = self.motif.cell(column, row);
+        for course in 0..self.courses {
+            for wale in 0..self.wales {
+                let cell = self.motif.cell(i64::from(index32(wale)), i64::from(index32(course)));
                 if wanted(cell) {
                     shapes.push(self.symbol(cell, count(wale), count(course)));
                 }
@@ -138,8 +151,10 @@ impl WeftChart<'_> {
         shapes
     }
 
+    /// The symbol of the loop at a wale and a course.
     fn symbol(&self, cell: Cell, wale: f64, course: f64) -> DrawingShape {
         let place = |x: f64, y: f64| self.at(wale + x, course + y);
+        // A loop that a crossing carries to another wale slants from its own square to that wale.
         if cell.carried != 0 {
             return Self::line(place(0.5, 0.1), place(0.5 + f64::from(cell.carried), 0.9), SYMBOL);
         }
@@ -154,6 +169,7 @@ impl WeftChart<'_> {
         DrawingShape::Path { segments, width: SYMBOL }
     }
 
+    /// The numbers of some wales and courses.
     fn numbers(&self) -> Vec<DrawingShape> {
         let numbered =
             |end: usize| (1..=end).filter(move |&number| number == 1 || number % NUMBERED == 0);

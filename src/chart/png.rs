@@ -1,8 +1,8 @@
-//! A drawing as pixels, two to a px of the drawing, on white.
+//! Rasterises a drawing: two pixels to a px of the drawing, on white.
 //!
-//! Lines, areas and dots are painted by `tiny-skia`. Text comes from `noto-sans-mono-bitmap`, whose
-//! glyphs are drawn beforehand in the very sizes that are used, so a machine without any font
-//! writes the same file.
+//! In: a [`Drawing`]. Out: an opaque picture. `tiny-skia` paints lines, areas and dots. Text comes
+//! from `noto-sans-mono-bitmap`, which has rasterised glyphs in the sizes that are used, so that a
+//! machine without any font writes the same file. Cost: linear in the pixels.
 
 use glam::DVec2;
 use image::RgbaImage;
@@ -12,12 +12,13 @@ use tiny_skia::{FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, S
 use super::{Anchor, Drawing, DrawingShape, PathSegment, TextSize};
 use crate::fabric::yarn::Color;
 
-/// Pixels a px.
+/// Pixels to a px of the drawing, each way.
 pub(super) const SCALE: f64 = 2.0;
-/// Where a glyph's baseline lies in its raster, from the top, over the raster's height.
+/// The baseline's distance from the top of a glyph's raster, over the raster's height.
 const BASELINE: f64 = 0.79;
 
 impl TextSize {
+    /// Weight and height of the bitmap font.
     fn font(self) -> (FontWeight, RasterHeight) {
         match self {
             Self::Small => (FontWeight::Regular, RasterHeight::Size20),
@@ -26,8 +27,8 @@ impl TextSize {
         }
     }
 
-    /// What an SVG calls the font's size: that at which a character is as wide as in the PNG (a
-    /// mono character is .6 of it).
+    /// The font size in an SVG at which a character is as wide as in the PNG. A character of a
+    /// monospaced font is 0.6 of the font size wide.
     #[must_use]
     pub fn px(self) -> f64 {
         self.width("0") / 0.6
@@ -43,7 +44,7 @@ impl TextSize {
     }
 }
 
-/// Paints a drawing.
+/// Rasterises a drawing.
 ///
 /// # Panics
 /// If the drawing is over 16 000 px wide or high, which no drawing of this module is.
@@ -76,6 +77,7 @@ pub fn paint(drawing: &Drawing) -> RgbaImage {
     RgbaImage::from_raw(width, height, sheet.take()).expect("a sheet holds four bytes a pixel")
 }
 
+/// A length of the drawing in whole pixels, at least one.
 fn pixels(length: f64) -> u32 {
     #[expect(
         clippy::cast_possible_truncation,
@@ -86,11 +88,13 @@ fn pixels(length: f64) -> u32 {
     pixels.max(1)
 }
 
+/// A place of the drawing in pixels.
 fn device(at: DVec2) -> (f32, f32) {
     let at = (at * SCALE).as_vec2();
     (at.x, at.y)
 }
 
+/// Segments as a path of tiny-skia; `None` of no segments.
 fn path(segments: &[PathSegment]) -> Option<Path> {
     let mut builder = PathBuilder::new();
     for segment in segments {
@@ -112,6 +116,7 @@ fn path(segments: &[PathSegment]) -> Option<Path> {
     builder.finish()
 }
 
+/// Strokes a line with round caps and joins.
 fn line(sheet: &mut Pixmap, segments: &[PathSegment], width: f64, paint: &Paint<'_>) {
     let (width, _) = device(DVec2::splat(width));
     let stroke =
@@ -121,13 +126,14 @@ fn line(sheet: &mut Pixmap, segments: &[PathSegment], width: f64, paint: &Paint<
     }
 }
 
+/// Fills an area.
 fn area(sheet: &mut Pixmap, segments: &[PathSegment], paint: &Paint<'_>) {
     if let Some(path) = path(segments) {
         sheet.fill_path(&path, paint, FillRule::EvenOdd, Transform::identity(), None);
     }
 }
 
-/// Lays a picture's pixels over those of the sheet.
+/// Composites a picture over the sheet, pixel on pixel.
 fn overlay(sheet: &mut Pixmap, at: DVec2, picture: &RgbaImage) {
     let at = at * SCALE;
     #[expect(clippy::cast_possible_truncation, reason = "a place on the sheet, in whole pixels")]
@@ -145,7 +151,7 @@ fn dot(sheet: &mut Pixmap, at: DVec2, radius: f64, paint: &Paint<'_>) {
     }
 }
 
-/// Lays the glyphs of a text over the sheet; characters that the font lacks become `?`.
+/// Composites the glyphs of a text over the sheet. Characters that the font lacks become `?`.
 fn write(sheet: &mut Pixmap, at: DVec2, text: &str, size: TextSize, anchor: Anchor, color: Color) {
     let before = match anchor {
         Anchor::Start => 0.0,
@@ -174,7 +180,8 @@ fn height_of(height: RasterHeight) -> u32 {
     u32::try_from(height.val()).expect("a glyph is some pixels high")
 }
 
-/// Covers a pixel by `cover` of 255 with a colour.
+/// Composites a colour with the coverage `cover` of 255 over a pixel; outside the sheet nothing is
+/// done.
 fn blend(sheet: &mut Pixmap, x: i64, y: i64, color: Color, cover: u8) {
     let (Ok(x), Ok(y)) = (u32::try_from(x), u32::try_from(y)) else { return };
     if cover == 0 || x >= sheet.width() || y >= sheet.height() {

@@ -1,5 +1,8 @@
-//! A drawing as SVG: a group a layer, text as text, nothing that a hand can't edit but pictures,
-//! which are in it as PNG.
+//! Writes a drawing as SVG 1.1: one group for each layer, text as text. Pictures are embedded as
+//! base64-encoded PNG.
+//!
+//! In: a [`Drawing`]. Out: the text of a file that drawing programs can edit. Cost: linear in shapes
+//! and pixels.
 
 use std::fmt::{self, Write};
 
@@ -24,12 +27,13 @@ pub fn text(drawing: &Drawing) -> String {
     text
 }
 
+/// Writes the file.
 fn write(out: &mut String, drawing: &Drawing) -> fmt::Result {
     let (width, height) = (Px(drawing.size.x), Px(drawing.size.y));
     writeln!(
         out,
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\" \
-         font-family=\"'Noto Sans Mono', 'DejaVu Sans Mono', monospace\">"
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
+         viewBox=\"0 0 {width} {height}\" font-family=\"'Noto Sans Mono', 'DejaVu Sans Mono', monospace\">"
     )?;
     writeln!(out, "<rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>")?;
     for layer in drawing.layers.iter().filter(|layer| !layer.shapes.is_empty()) {
@@ -38,20 +42,22 @@ fn write(out: &mut String, drawing: &Drawing) -> fmt::Result {
     writeln!(out, "</svg>")
 }
 
+/// Writes a layer as a group whose attributes hold for all its shapes.
 fn group(out: &mut String, layer: &DrawingLayer) -> fmt::Result {
     let DrawingLayer { name, color, shapes } = layer;
     let lines = shapes
         .iter()
         .all(|shape| matches!(shape, DrawingShape::Path { .. } | DrawingShape::Title { .. }));
-    // A pointer is to find what lines enclose too, though it isn't filled.
-    let rests = if shapes.iter().any(|shape| matches!(shape, DrawingShape::Title { .. })) {
+    // The tooltip is to appear inside a closed line as well, although the inside isn't filled.
+    let pointer_events = if shapes.iter().any(|shape| matches!(shape, DrawingShape::Title { .. })) {
         " pointer-events=\"all\""
     } else {
         ""
     };
     let paint = if lines {
         format!(
-            "fill=\"none\" stroke=\"{color}\" stroke-linecap=\"round\" stroke-linejoin=\"round\"{rests}"
+            "fill=\"none\" stroke=\"{color}\" stroke-linecap=\"round\" \
+             stroke-linejoin=\"round\"{pointer_events}"
         )
     } else {
         format!("fill=\"{color}\"")
@@ -87,7 +93,7 @@ fn group(out: &mut String, layer: &DrawingLayer) -> fmt::Result {
                 };
                 let weight = if *size == TextSize::Title { " font-weight=\"bold\"" } else { "" };
                 let (x, y, size) = (Px(at.x), Px(at.y), Px(size.px()));
-                // Spaces in a row line up the legend's columns.
+                // `xml:space` keeps runs of spaces, which align the legend's columns.
                 let text = Escaped(text);
                 writeln!(
                     out,
@@ -99,8 +105,8 @@ fn group(out: &mut String, layer: &DrawingLayer) -> fmt::Result {
     writeln!(out, "</g>")
 }
 
-/// Pixels as an image that holds its own file. The old name of its address is the one that every
-/// program knows.
+/// Writes pixels as an image with a data URL. `xlink:href` is deprecated in SVG 2, but unlike `href`
+/// every program knows it.
 fn picture(out: &mut String, at: DVec2, pixels: &RgbaImage) -> fmt::Result {
     let mut file = Vec::new();
     let encoder =
@@ -112,14 +118,15 @@ fn picture(out: &mut String, at: DVec2, pixels: &RgbaImage) -> fmt::Result {
     let (x, y) = (Px(at.x), Px(at.y));
     write!(
         out,
-        "<image x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" "
+        "<image x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" \
+         xmlns:xlink=\"http://www.w3.org/1999/xlink\" "
     )?;
     write!(out, "xlink:href=\"data:image/png;base64,")?;
     base64(out, &file);
     writeln!(out, "\"/>")
 }
 
-/// Bytes as text, three to four characters (RFC 4648).
+/// Base64 (RFC 4648): each three bytes become four characters.
 fn base64(out: &mut String, bytes: &[u8]) {
     const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     for three in bytes.chunks(3) {
@@ -135,17 +142,17 @@ fn base64(out: &mut String, bytes: &[u8]) {
     }
 }
 
-/// A length with at most two decimals and no idle zeros.
+/// A length with at most two decimals and no trailing zeros.
 struct Px(f64);
 
 impl fmt::Display for Px {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // Adding 0 turns a rounded -0 into 0.
+        // Adding 0 turns a rounded -0 into 0, which would be printed as -0.
         write!(f, "{}", (self.0 * 100.0).round() / 100.0 + 0.0)
     }
 }
 
-/// The `d` of a path.
+/// The `d` attribute of a path.
 struct PathData<'a>(&'a [PathSegment]);
 
 impl fmt::Display for PathData<'_> {
@@ -165,7 +172,7 @@ impl fmt::Display for PathData<'_> {
     }
 }
 
-/// Text without what XML reads as marks, and without characters that no XML may hold.
+/// Text with XML's markup escaped. Characters that XML 1.0 forbids become U+FFFD.
 struct Escaped<'a>(&'a str);
 
 impl fmt::Display for Escaped<'_> {
