@@ -1,9 +1,12 @@
-//! The draped garment as pixels, seen from two sides at right angles to the picture: a depth for
-//! each sample hides what lies behind.
+//! Orthographic pictures of the draped garment from two opposite sides.
 //!
-//! In: panels, a colour for each triangle. Out: a picture, four by four samples a px of the sheet.
-//! Cost: linear in triangles and in samples; a triangle smaller than the distance of samples may be
-//! missed, and others stand for it.
+//! In: panels, and a colour for each triangle. Out: a picture with 4 x 4 samples to a px of the
+//! sheet. Method: a z-buffer (Catmull 1974, "A subdivision algorithm for computer display of curved
+//! surfaces") with edge functions (Pineda 1988, "A parallel algorithm for polygon rasterization"),
+//! and a box filter over each pixel's samples.
+//!
+//! Cost: linear in triangles and in samples. Not promised: a triangle smaller than the distance of
+//! samples may be missed; its neighbours cover the place.
 
 use glam::{DVec2, DVec3, UVec2};
 use image::{Rgba, RgbaImage};
@@ -13,28 +16,32 @@ use crate::garment::{Garment, Panel};
 
 /// Samples along each side of a pixel.
 const SAMPLES: u32 = 2;
-/// How bright cloth is that is seen on edge.
+/// Brightness of cloth that is seen on edge. With less, the stretch colours of side parts could not
+/// be compared with the legend; with more, folds would not show.
 const ON_EDGE: f64 = 0.6;
-/// A garment whose front is under this part of its largest side lies down: it is looked at from
-/// that side.
+/// A garment whose bounding box shows less than this share of its largest face from the front lies
+/// down, or stands sideways. It is then shown from the side of that face.
 const THIN: f64 = 0.3;
 
-/// From where the garment is looked at, and what of space is in the picture.
+/// An orthographic view of the garment.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct GarmentView {
     /// `front`, `back` and the like.
     pub(super) name: &'static str,
+    /// The picture's x axis in space.
     right: DVec3,
+    /// The picture's y axis in space, upward.
     up: DVec3,
-    /// Where the eye is.
+    /// The direction toward the eye.
     toward: DVec3,
-    /// The garment's extent along right and up, mm.
+    /// Lower corner of the garment's bounding rectangle along right and up, mm.
     low: DVec2,
+    /// Upper corner of it, mm.
     high: DVec2,
 }
 
-/// Front and back; for a garment that lies down, above and below; for one that is thin from the
-/// front, left and right.
+/// The two views of a garment: front and back, or above and below if it lies down, or left and right
+/// if it is thin from the front.
 pub(super) fn views(garment: &Garment) -> [GarmentView; 2] {
     let points = || garment.panels.iter().flat_map(|panel| panel.draped.iter().copied());
     let (low, high) = (
@@ -52,11 +59,12 @@ pub(super) fn views(garment: &Garment) -> [GarmentView; 2] {
         [("left", z, y, -x), ("right", -z, y, x)]
     };
     sides.map(|(name, right, up, toward)| {
-        let extent = |axis: DVec3| {
+        // The axes are coordinate axes or their opposites, so two corners of the bounding box give
+        // the extent.
+        let [(left, right_end), (bottom, top)] = [right, up].map(|axis| {
             let ends = [axis.dot(low), axis.dot(high)];
             (ends[0].min(ends[1]), ends[0].max(ends[1]))
-        };
-        let ((left, right_end), (bottom, top)) = (extent(right), extent(up));
+        });
         GarmentView {
             name,
             right,
@@ -69,14 +77,14 @@ pub(super) fn views(garment: &Garment) -> [GarmentView; 2] {
 }
 
 impl GarmentView {
-    /// Height over width of what is in the picture.
+    /// Height over width of the garment in this view.
     pub(super) fn aspect(&self) -> f64 {
         let extent = self.high - self.low;
         if extent.x > 0.0 { extent.y / extent.x } else { 1.0 }
     }
 
-    /// The garment in the middle of a picture of this size: usable triangles in their colour,
-    /// flipped ones as `defect`.
+    /// Draws the garment in the middle of a picture of this size: usable triangles in their colour,
+    /// flipped ones in the colour `defect`.
     pub(super) fn paint(
         &self,
         garment: &Garment,
@@ -93,6 +101,7 @@ impl GarmentView {
         let (extent, room) = (self.high - self.low, samples.as_dvec2() - 2.0);
         let scale = (room / extent.max(DVec2::splat(f64::MIN_POSITIVE))).min_element();
         let middle = (self.low + self.high) / 2.0;
+        // x right, y down, z toward the eye, all in samples.
         let place = |p: DVec3| {
             let seen = (DVec2::new(self.right.dot(p), self.up.dot(p)) - middle) * scale;
             (DVec2::new(seen.x, -seen.y) + samples.as_dvec2() / 2.0)
@@ -106,6 +115,7 @@ impl GarmentView {
                 let draped = corners.map(|vertex| panel.draped[vertex as usize]);
                 let normal =
                     (draped[1] - draped[0]).cross(draped[2] - draped[0]).normalize_or_zero();
+                // Lambert's cosine with a lamp at the eye, on both sides of the cloth, over a base.
                 let light = ON_EDGE + (1.0 - ON_EDGE) * normal.dot(self.toward).abs();
                 #[expect(
                     clippy::cast_possible_truncation,
@@ -120,7 +130,7 @@ impl GarmentView {
     }
 }
 
-/// Samples of a picture, each with the nearest thing seen there.
+/// The samples of a picture, each with the depth and colour of the nearest triangle so far.
 struct DepthBuffer {
     size: UVec2,
     /// Larger is nearer.
@@ -129,14 +139,15 @@ struct DepthBuffer {
 }
 
 impl DepthBuffer {
-    /// Covers the samples in a triangle, edges included, where it is nearer than what is there.
+    /// Draws a triangle, edges included, wherever it is nearer than what is there. Drawing edges
+    /// twice does no harm, since the first of two equal depths stays.
     fn fill(&mut self, [a, b, c]: [DVec3; 3], color: [u8; 3]) {
         let area = (b - a).truncate().perp_dot((c - a).truncate());
         if area == 0.0 {
             return;
         }
         let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-        // Sample (x, y) lies at (x + .5, y + .5).
+        // Sample (x, y) lies at (x + 0.5, y + 0.5): the first and last that the bounding box holds.
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
@@ -151,6 +162,8 @@ impl DepthBuffer {
                 let weight = |from: DVec3, to: DVec3| {
                     (to.truncate() - from.truncate()).perp_dot(p - from.truncate()) / area
                 };
+                // Barycentric coordinates from the edge functions. Dividing by the signed area makes
+                // them positive inside for either orientation.
                 let (of_c, of_a, of_b) = (weight(a, b), weight(b, c), weight(c, a));
                 if of_a < 0.0 || of_b < 0.0 || of_c < 0.0 {
                     continue;
@@ -169,7 +182,7 @@ impl DepthBuffer {
         }
     }
 
-    /// Means over each pixel's samples.
+    /// The picture: means over each pixel's samples. The share of covered samples is the alpha.
     fn downsampled(&self, size: UVec2) -> RgbaImage {
         RgbaImage::from_fn(size.x, size.y, |x, y| {
             let (mut sum, mut covered) = ([0_u32; 3], 0_u32);

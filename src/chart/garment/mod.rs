@@ -1,10 +1,10 @@
-//! The sheet of a garment: its flat panels as cut at the left, at the right the draped garment,
-//! painted by how far it is stretched.
+//! The sheet of a garment: its flat panels at the left, maps of the draped garment's stretch at the
+//! right.
 //!
-//! In: a [`Garment`]. Out: a [`Drawing`] of one width, as high as the draped garment's shape asks
-//! for. Panels are lines ([`pattern`]); the draped garment is pixels ([`body`]): as shapes, a mesh
-//! of a hundred thousand triangles would be ten megabytes, and hidden ones would show wherever
-//! triangles cross. [`colors`] says which stretch has which colour.
+//! In: a [`Garment`]. Out: a [`Drawing`] of fixed width, whose height follows the draped garment's
+//! aspect ratio. The panels are vector shapes ([`pattern`]). The draped garment is a picture
+//! ([`body`]): as vector shapes, a mesh of a hundred thousand triangles would take ten megabytes, and
+//! hidden triangles would show where triangles intersect. [`colors`] is the colour map.
 //!
 //! ```text
 //!   title, units
@@ -36,24 +36,30 @@ use crate::garment::{Facts, Garment, Panel};
 use body::{GarmentView, views};
 use colors::StretchColors;
 
-/// What no stitch can lie on: told from both ends of the scale by every eye.
+/// Colour of defects on which no stitch can lie. Every eye can distinguish it from both ends of the
+/// colour scale.
 const DEFECT: Color = Color([0xff, 0xb0, 0x00]);
-/// Width of the panels' part, and of each map, px.
+/// Width of the part with the panels, px.
 const PATTERN: f64 = 760.0;
+/// Width of each map, px.
 const MAP: f64 = 320.0;
 /// The least and the greatest height of a map, px.
 const MAP_HEIGHTS: (f64, f64) = (220.0, 430.0);
+/// Space between two maps, px.
 const GAP: f64 = 24.0;
-/// Room above each row of maps for its caption, and below for the views' names.
+/// Height of the caption above each row of maps, px.
 const CAPTION: f64 = 24.0;
+/// Height of the views' names below each row of maps, px.
 const NAMES: f64 = 20.0;
-/// Room for the legend, and for the scale bar across from it.
+/// Height of the legend, and of the scale bar beside it, px.
 const LEGEND: f64 = 84.0;
-/// The bar of colours, px.
+/// Size of the legend's colour bar, px.
 const BAR: DVec2 = DVec2::new(440.0, 14.0);
-/// The share of the cloth on either side of the scale.
+/// Share of the cloth that may lie beyond each end of the colour scale. A few extreme triangles
+/// would otherwise flatten the colours of all others.
 const BEYOND: f64 = 0.02;
 
+/// Draws the sheet.
 pub(super) fn draw(title: &str, garment: &Garment) -> Drawing {
     let views = views(garment);
     let height = (MAP * views[0].aspect()).clamp(MAP_HEIGHTS.0, MAP_HEIGHTS.1).ceil();
@@ -84,30 +90,33 @@ pub(super) fn draw(title: &str, garment: &Garment) -> Drawing {
     Drawing { size, layers, notes: Vec::new() }
 }
 
+/// A layer of the drawing.
 fn layer(name: &str, color: Color, shapes: Vec<DrawingShape>) -> DrawingLayer {
     DrawingLayer { name: name.to_owned(), color, shapes }
 }
 
-/// What the garment's files hold, in a line.
+/// One line about the garment's files.
 fn facts(garment: &Garment) -> String {
     let Facts { triangles, unit, unit_guessed, uv_scale_mm, .. } = &garment.facts;
     let guessed = if *unit_guessed { " (guessed)" } else { "" };
     let panels = garment.panels.len();
     format!(
-        "{triangles} triangles, {panels} panel{}, unit {unit}{guessed}, flat unit {uv_scale_mm:.3} mm",
+        "{triangles} triangles, {panels} panel{}, unit {unit}{guessed}, \
+         flat unit {uv_scale_mm:.3} mm",
         if panels == 1 { "" } else { "s" }
     )
 }
 
-/// The stretches between which nearly all of the cloth is, along wales and courses.
+/// The stretches between which nearly all of the cloth lies, along wales and along courses.
 fn spread(panels: &[Panel]) -> [f64; 4] {
     let all = triangles(panels);
-    let of = |value: fn(&TriangleStretch) -> f64| percentiles(&all, value, [BEYOND, 1.0 - BEYOND]);
-    let ([a, b], [c, d]) = (of(|one| one.warp), of(|one| one.weft));
+    let ends = [BEYOND, 1.0 - BEYOND];
+    let [a, b] = percentiles(&all, |one| one.warp, ends);
+    let [c, d] = percentiles(&all, |one| one.weft, ends);
     [a, b, c, d]
 }
 
-/// A direction in which stretch is shown.
+/// A direction of the cloth whose stretch is shown.
 struct Direction {
     name: &'static str,
     meaning: &'static str,
@@ -115,7 +124,7 @@ struct Direction {
     percentiles: Percentiles,
 }
 
-/// A row of maps for each direction: both sides of the draped garment.
+/// The maps: a row for each direction, with both views of the draped garment.
 fn maps_of(
     garment: &Garment,
     views: &[GarmentView; 2],
@@ -141,6 +150,7 @@ fn maps_of(
     // The upper left corner of a row's caption.
     let place = |row: usize| corner + DVec2::new(0.0, row as f64 * (CAPTION + size.y + NAMES));
     let pixels = (size * SCALE).as_uvec2();
+    // The four maps are independent and the costly part of the sheet.
     let paint = |map: usize| {
         let (row, side) = (map / 2, map % 2);
         let Direction { name, of, .. } = rows[row];
@@ -178,7 +188,7 @@ fn maps_of(
     layers
 }
 
-/// The colours with their stretches below them.
+/// The colour bar with its marks.
 fn legend(colors: &StretchColors, defects: bool, corner: DVec2) -> DrawingLayer {
     let at = corner + DVec2::new(20.0, 22.0);
     let pixels = (BAR * SCALE).as_uvec2();
@@ -187,7 +197,8 @@ fn legend(colors: &StretchColors, defects: bool, corner: DVec2) -> DrawingLayer 
         let [r, g, b] = colors.at(2.0 * middle(x) - 1.0).0;
         Rgba([r, g, b, 255])
     });
-    let words = "draped over flat length, 1 is unstretched; the ends stand for all beyond; darker where the cloth turns away";
+    let words = "draped over flat length, 1 is unstretched; the ends stand for all beyond; \
+                 darker where the cloth turns away";
     let mut shapes = vec![
         label(corner + DVec2::new(0.0, 12.0), words.to_owned(), Anchor::Start),
         DrawingShape::Picture { at, picture: bar },
