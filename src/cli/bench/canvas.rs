@@ -1,7 +1,7 @@
-//! What plotters draws on: a [`Drawing`] of the library, so that plots are written as lapping
-//! diagrams are, with their font.
+//! The drawing backend for plotters: it collects the plots' shapes in a [`Drawing`] of the library,
+//! which is written as lapping diagrams are, with the same font.
 //!
-//! Not promised: filled shapes but circles, and text that is turned; nothing here asks for them.
+//! Not promised: filled shapes other than circles, and rotated text. The plots have none.
 
 use std::convert::Infallible;
 
@@ -13,15 +13,17 @@ use plotters_backend::{
 use warpknit::chart::{Anchor, Drawing, DrawingLayer, DrawingShape, PathSegment, TextSize};
 use warpknit::fabric::yarn::Color;
 
-/// Sizes of text as plotters knows them, px.
+/// Size of axis labels in plotters, px.
 pub(super) const SMALL: i32 = 10;
+/// Size of the heading in plotters, px.
 pub(super) const NORMAL: i32 = 12;
+/// Size of plots' titles in plotters, px.
 pub(super) const TITLE: i32 = 16;
 
-/// A capital's height over the size of its font.
+/// Height of a capital letter over the size of its font.
 const CAPITAL: f64 = 0.72;
 
-/// A sheet that plotters draws on.
+/// A drawing as a plotters backend.
 pub(super) struct PlotCanvas<'a> {
     drawing: &'a mut Drawing,
 }
@@ -33,7 +35,8 @@ impl<'a> PlotCanvas<'a> {
         Self { drawing }
     }
 
-    /// Puts a shape on top. Layers hold one colour, and lines apart from what is filled.
+    /// Adds a shape on top. It joins the last layer where colour and kind match: a layer has one
+    /// colour, and either lines or filled shapes.
     fn add(&mut self, color: BackendColor, shape: DrawingShape) -> Done {
         if color.alpha == 0.0 {
             return Ok(());
@@ -123,6 +126,7 @@ impl DrawingBackend for PlotCanvas<'_> {
             HPos::Center => Anchor::Middle,
             HPos::Right => Anchor::End,
         };
+        // Plotters anchors the box of the text; the drawing wants its baseline.
         let above = match pos.v_pos {
             VPos::Top => 1.0,
             VPos::Center => 0.5,
@@ -146,10 +150,12 @@ impl DrawingBackend for PlotCanvas<'_> {
     }
 }
 
+/// A place on the sheet.
 fn at((x, y): BackendCoord) -> DVec2 {
     DVec2::new(f64::from(x), f64::from(y))
 }
 
+/// The size of the bitmap font that stands for a size in plotters.
 fn text_size(px: f64) -> TextSize {
     match px {
         px if px <= f64::from(SMALL) => TextSize::Small,
@@ -158,7 +164,7 @@ fn text_size(px: f64) -> TextSize {
     }
 }
 
-/// The opaque colour that looks the same on the white sheet.
+/// The opaque colour that looks the same on the white sheet. Shapes have no alpha.
 fn on_white(color: BackendColor) -> Color {
     let (r, g, b) = color.rgb;
     #[expect(

@@ -1,7 +1,8 @@
-//! The source paper's Table 2: all data points on the flat fabric, and on the garment.
+//! Table 2 of Liu, Kyosev and Jiang 2022: the time for all data points on the flat ("plane") fabric,
+//! and on the draped ("curved") one.
 //!
-//! The paper names a mesh fabric, a tricot fabric, a tube and a skirt; the latter two are taken to
-//! be of tricot.
+//! In: the shipped garments, or the user's own. Out: a table and a plot. The paper names a mesh
+//! fabric, a tricot fabric, a tube and a skirt; the last two are taken to be of tricot.
 
 use anyhow::Result;
 use warpknit::drape::{Cloth, Options, Stage};
@@ -17,7 +18,7 @@ use super::measure::{Moment, Sample, Times, measured_parts, time_stages};
 use super::plot::{Plot, Series};
 use super::table::{BESIDE, Column, TIMES, Table, TableCell, beside, times};
 
-/// A line of the paper's table.
+/// A line of the paper's table; times in ms.
 struct PublishedLine {
     cloth: &'static str,
     fabric: &'static str,
@@ -62,19 +63,21 @@ const LINES: [PublishedLine; 4] = [
     },
 ];
 
-/// What is told apart of a cloth's making.
+/// The parts of the work that are measured separately.
 struct Parts {
+    /// Relaxation of one repeat.
     relaxed: Times,
+    /// All data points on the flat fabric, relaxation included.
     plane: Times,
-    /// Location and mapping.
-    carried: Times,
-    /// `plane` and `carried`, run by run.
+    /// Location and mapping onto the garment.
+    mapped: Times,
+    /// `plane` and `mapped`, run by run.
     curved: Times,
 }
 
-/// How many times as long as `plane` a part takes.
+/// The column with the ratio of a part's time to that of `plane`.
 const OVER_PLANE: Column = ("over_plane", "over\nplane");
-/// What `--brute` adds at the right.
+/// The columns that `--brute` adds at the right.
 const BRUTE: [Column; 2] = [("brute_ms", "all triangles\nin turn, ms"), ("brute_times", "times")];
 
 /// Measures the table, on the user's garment if there is one.
@@ -87,8 +90,10 @@ pub(super) fn plane_curved(
         "plane-curved",
         "Table 2: coordinates on the plane fabric and on the curved one",
         &[
-            "relax: one repeat in balance. plane: relax, laying out and all data points on the flat fabric. curved: plane, location and mapping.",
-            "published: Liu, Kyosev, Jiang 2022, Table 2, C# on an i7-9750H. The paper's meshes are not public; these are our own.",
+            "relax: one repeat in balance. plane: relax, laying out and all data points on the flat \
+             fabric. curved: plane, location and mapping.",
+            "published: Liu, Kyosev, Jiang 2022, Table 2, C# on an i7-9750H. The paper's meshes are \
+             not public; these are our own.",
         ],
         [("cloth", "cloth"), ("fabric", "fabric"), ("stitches", "stitches"), ("part", "part")],
     );
@@ -96,7 +101,8 @@ pub(super) fn plane_curved(
     if arguments.brute {
         table.add_columns(BRUTE);
         table.notes.push(
-            "all triangles in turn: the paper's own location run here, with as many threads, once and not several times."
+            "all triangles in turn: the paper's own location run here, with as many threads, once \
+             and not several times."
                 .to_owned(),
         );
     }
@@ -141,8 +147,9 @@ pub(super) fn plane_curved(
     Ok(table)
 }
 
+/// Measures the parts on a garment.
 fn measure(runs: u32, garment: &Garment, fabric: &Fabric) -> Result<Parts> {
-    let [relaxed, plane, carried, curved] = measured_parts(runs, &mut || {
+    let [relaxed, plane, mapped, curved] = measured_parts(runs, &mut || {
         let start = Moment::now();
         std::hint::black_box(Pattern::new(fabric));
         let relaxed = start.elapsed();
@@ -151,16 +158,16 @@ fn measure(runs: u32, garment: &Garment, fabric: &Fabric) -> Result<Parts> {
         let covered = start.elapsed();
         let (staged, _) = time_stages(&cloth, &Options::default());
         let plane = covered + staged.of_stage(Stage::Knit);
-        let carried = [Stage::Index, Stage::Locate, Stage::Map]
+        let mapped = [Stage::Index, Stage::Locate, Stage::Map]
             .into_iter()
             .map(|stage| staged.of_stage(stage));
-        let carried = carried.fold(Sample::default(), |sum, stage| sum + stage);
-        Ok([relaxed, plane, carried, plane + carried])
+        let mapped = mapped.fold(Sample::default(), |sum, stage| sum + stage);
+        Ok([relaxed, plane, mapped, plane + mapped])
     })?;
-    Ok(Parts { relaxed, plane, carried, curved })
+    Ok(Parts { relaxed, plane, mapped, curved })
 }
 
-/// A row a part.
+/// Adds a row for each part.
 fn push(
     table: &mut Table,
     names: [&str; 2],
@@ -173,7 +180,7 @@ fn push(
     let rows = [
         ("relax", &parts.relaxed, None, None),
         ("plane", &parts.plane, published.map(|(plane, _)| plane), None),
-        ("location and mapping", &parts.carried, None, brute.map(|brute| brute.wall)),
+        ("location and mapping", &parts.mapped, None, brute.map(|brute| brute.wall)),
         ("curved", &parts.curved, published.map(|(_, curved)| curved), brute_curved),
     ];
     for (part, taken, published, by_brute) in rows {

@@ -1,7 +1,8 @@
-//! The source paper's Figure 14: render time over St, Sr and the size of the fabric.
+//! Figure 14 of Liu, Kyosev and Jiang 2022: render time over St (segments of a stitch), Sr (edges of
+//! a tube's section) and the size of the fabric.
 //!
-//! The figure is a plot whose values the text does not print. Its St and Sr are those of Table 1;
-//! its sizes are not printed either.
+//! In: a flat fabric. Out: a table and two plots. The paper's figure is a plot without printed
+//! values, so there are no published times. St and Sr are those of its Table 1; the sizes are ours.
 
 use anyhow::Result;
 use warpknit::drape::{Cloth, Options, Stage, picture, swatch_panel};
@@ -14,7 +15,7 @@ use super::picture::{PictureTimer, SIZE};
 use super::plot::{Plot, Series};
 use super::table::{BESIDE, TIMES, Table, TableCell, beside, times};
 
-/// The paper's tube parameters.
+/// The paper's St and Sr.
 const SECTIONS: [(u32, u32); 6] = [(10, 5), (25, 5), (40, 5), (10, 13), (25, 13), (40, 13)];
 /// Wales and courses of the fabrics.
 const SIDES: [u32; 3] = [10, 20, 40];
@@ -27,8 +28,10 @@ pub(super) fn st_sr(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<
         "st-sr",
         "Figure 14: render time over St, Sr and the fabric's size",
         &[
-            "The time is that of tubes and picture. The processor traces the yarns' curves whatever St and Sr, so its picture is timed once a size; --renderer gpu draws tubes.",
-            "published: the paper's figure is a plot, and its text prints neither its times nor its sizes.",
+            "The time is that of tubes and picture. The processor traces the yarns' curves whatever \
+             St and Sr, so its picture is timed once a size; --renderer gpu draws tubes.",
+            "published: the paper's figure is a plot, and its text prints neither its times nor its \
+             sizes.",
         ],
         [
             ("fabric", "fabric"),

@@ -1,7 +1,7 @@
-//! The source paper's Figure 15: render time over the size of the yarn's picture.
+//! Figure 15 of Liu, Kyosev and Jiang 2022: render time over the size of the yarn's texture.
 //!
-//! The figure is a plot whose values the text does not print; that the size makes no difference it
-//! says.
+//! In: a flat fabric. Out: a table and a plot. The paper's figure is a plot without printed values;
+//! its text says that the size makes no great difference.
 
 use anyhow::Result;
 use image::{Rgba, RgbaImage};
@@ -17,12 +17,13 @@ use super::picture::{PictureTimer, SIZE};
 use super::plot::{Plot, Series};
 use super::table::{BESIDE, TIMES, Table, TableCell, beside, times};
 
-/// The paper's fabric: wales and courses, St and Sr.
+/// Wales and courses of the paper's fabric.
 const SIDE: u32 = 10;
+/// The paper's St and Sr.
 const SECTION: (u32, u32) = (30, 13);
-/// Sides of the pictures, pixels.
+/// Sides of the textures, pixels.
 const TEXTURES: [u32; 5] = [128, 256, 512, 1024, 2048];
-/// Yarn that a picture shows, in its thicknesses.
+/// Length of yarn that a texture covers, in thicknesses of the yarn.
 const REPEAT: f64 = 4.0;
 
 /// Measures a picture without texture, and with each size of it.
@@ -33,7 +34,8 @@ pub(super) fn textures(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Resu
         "textures",
         "Figure 15: render time over the size of the yarn's texture",
         &[
-            "published: the paper's figure is a plot, and its text prints no times; it says that the size makes no great difference.",
+            "published: the paper's figure is a plot, and its text prints no times; it says that the \
+             size makes no great difference.",
         ],
         [("texture", "texture"), ("over_none", "over none")],
     );
@@ -60,10 +62,10 @@ pub(super) fn textures(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Resu
     for (at, side) in std::iter::once(None).chain(TEXTURES.map(Some)).enumerate() {
         progress(at as f64 / (TEXTURES.len() + 1) as f64);
         let maps: Vec<_> = side.map(|side| maps(side, 2.0 * fabric.radius())).into_iter().collect();
-        let worn = (!maps.is_empty()).then_some(0);
+        let texture = (!maps.is_empty()).then_some(0);
         let scene = laid(
             &cloth,
-            Scene::wearing(Shape::Tube, looks(&fabric, fabric.radius()), maps, |_| worn),
+            Scene::wearing(Shape::Tube, looks(&fabric, fabric.radius()), maps, |_| texture),
         );
         let taken = Times::from_samples(&timer.timed(&scene)?);
         let plain = *plain.get_or_insert(taken.wall.median);
@@ -78,8 +80,8 @@ pub(super) fn textures(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Resu
     Ok(table)
 }
 
-/// A picture of a yarn `thickness` mm thick, its colour and surface changing from pixel to pixel,
-/// so that each lookup reads another one.
+/// A texture for a yarn `thickness` mm thick. Its colour and surface change from pixel to pixel, so
+/// that a cache can't hide the cost of lookups.
 fn maps(side: u32, thickness: f64) -> Maps {
     let shade = |x: u32, y: u32| u8::try_from((x * 7 + y * 13) % 96 + 128).expect("below 224");
     let base = RgbaImage::from_fn(side, side, |x, y| Rgba([shade(x, y), shade(y, x), 160, 255]));

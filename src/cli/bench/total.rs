@@ -1,7 +1,7 @@
-//! The source paper's Table 3: from fabric to picture.
+//! Table 3 of Liu, Kyosev and Jiang 2022: the total time from fabric to picture.
 //!
-//! The paper gives numbers of stitches and seconds, and names neither fabric nor garment nor the
-//! picture's size.
+//! In: a skirt, or the user's garment. Out: a table and a plot. The paper gives numbers of stitches
+//! and seconds; it names neither the fabric, nor the garment, nor the size of the picture.
 
 use anyhow::Result;
 use warpknit::drape::{Cloth, picture};
@@ -16,7 +16,7 @@ use super::picture::{PictureTimer, SIZE};
 use super::plot::{Plot, Series};
 use super::table::{BESIDE, TIMES, Table, TableCell, beside, times};
 
-/// Stitches, and the paper's seconds.
+/// Numbers of stitches, with the paper's seconds.
 const LINES: [(u32, f64); 4] = [(5400, 4.42), (9996, 7.43), (10_400, 7.80), (21_600, 15.56)];
 
 /// Measures the table, on the user's garment if there is one.
@@ -30,9 +30,8 @@ pub(super) fn total(
     let mut table = Table::new(
         "total",
         &format!("Table 3: total with rendering, {DEFAULT_FABRIC} on {name}"),
-        &[
-            "published: Liu, Kyosev, Jiang 2022, Table 3, which names neither fabric nor garment nor picture; C# and WebGL on an i7-9750H.",
-        ],
+        &["published: Liu, Kyosev, Jiang 2022, Table 3, which names neither fabric nor garment \
+             nor picture; C# and WebGL on an i7-9750H."],
         [("stitches", "stitches"), ("cloth_ms", "cloth, ms"), ("picture_ms", "picture, ms")],
     );
     table.notes.insert(
@@ -69,7 +68,7 @@ pub(super) fn total(
     Ok(table)
 }
 
-/// What cloth, picture and both take.
+/// The times of cloth, picture and both.
 fn measure(timer: &PictureTimer, garment: &Garment, fabric: &Fabric) -> Result<[Times; 3]> {
     measured_parts(timer.runs, &mut || {
         let start = Moment::now();

@@ -1,4 +1,6 @@
-//! The ribbon paper's table: plain weft knits from their motif to the tubes of their yarns.
+//! The ribbon paper's table: plain weft knits, from their motif to the tubes of their yarns.
+//!
+//! In: a plain fabric. Out: a table and a plot of times beside the published ones.
 
 use std::hint::black_box;
 
@@ -15,16 +17,16 @@ use super::measure::measured;
 use super::plot::{Plot, Series};
 use super::table::{BESIDE, TIMES, Table, TableCell, beside, times};
 
-/// The plain cloths of the ribbon paper's table: loops each way, and its times in ms at each of
-/// [`SEGMENTS`].
+/// The plain cloths of the ribbon paper's table: loops each way, and the published times in ms for
+/// each of [`SEGMENTS`].
 const PUBLISHED: [(u32, [f64; 3]); 3] =
     [(20, [163.0, 188.0, 382.0]), (50, [910.0, 1167.0, 3534.0]), (100, [4536.0, 7708.0, 23_544.0])];
-/// Segments a loop.
+/// Segments of a loop.
 const SEGMENTS: [u32; 3] = [15, 20, 50];
 /// The paper's plain cloth.
 const PLAIN: &str = "jersey";
 
-/// How long plain weft knits take.
+/// Measures the table.
 pub(super) fn weft(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<Table> {
     let fabric = Fabric::named(PLAIN)?;
     let columns = [("loops", "loops"), ("segments", "segments"), ("vertices", "vertices")];
@@ -75,8 +77,8 @@ pub(super) fn weft(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<T
     Ok(table)
 }
 
-/// Knits a flat cloth of so many loops each way into tubes, course by course as files are written,
-/// and counts their vertices.
+/// Knits a flat cloth of so many loops each way into tubes, and counts their vertices. Each thread
+/// reuses its memory from course to course, as the writers of files do.
 fn model(fabric: &Fabric, side: u32, section: &Section) -> usize {
     let (pattern, mesh) = (Pattern::new(fabric), StructureMesh::anchored_at(fabric, DVec2::ZERO));
     let loops = i64::from(side);
