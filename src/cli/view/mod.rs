@@ -1,8 +1,8 @@
-//! `warpknit view`: a garment or a swatch in a window, knitted again as one chooses.
+//! `warpknit view`: a garment or a swatch in a window, knitted again whenever a setting changes.
 //!
-//! In: the arguments of `drape`, or the size of a swatch. Out: a window until it is closed.
-//! [`stock`] says what can be knitted, [`worker`] knits it on a thread of its own, [`canvas`] draws
-//! it, [`orbit`] is the camera, [`panel`] what can be chosen; [`window`] joins them.
+//! In: the arguments of `drape`, or the size of a swatch. Out: a window until it is closed. [`stock`]
+//! is the source of cloth, [`worker`] knits on a thread of its own, [`canvas`] renders, [`orbit`] is
+//! the camera, [`panel`] has the settings, and [`window`] joins them.
 
 mod canvas;
 mod orbit;
@@ -35,18 +35,21 @@ pub(crate) fn view(arguments: Live) -> Result<()> {
     let shared = &arguments.shared;
     if let Some((path, _)) = shared.outputs.first() {
         bail!(
-            "{}: view writes no files but pictures, by its button or --screenshot; drape and swatch do",
+            "{}: view writes no files but pictures, by its button or --screenshot; \
+             drape and swatch do",
             path.display()
         );
     }
     if shared.drawing.turntable.is_some() {
         bail!(
-            "--turntable writes pictures, and view shows cloth that you turn yourself: drape and swatch take it"
+            "--turntable writes pictures, and view shows cloth that you turn yourself: \
+             drape and swatch take it"
         );
     }
     if Choice::from(shared.drawing.renderer) == Choice::Cpu {
         bail!(
-            "--renderer cpu can't follow a drag: view draws on the graphics adapter, be it one of software"
+            "--renderer cpu can't follow a drag: view draws on the graphics adapter, \
+             be it one of software"
         );
     }
     if shared.eye.is_some() && shared.eye == shared.look_at {
@@ -71,8 +74,8 @@ pub(crate) fn view(arguments: Live) -> Result<()> {
     }
 }
 
-/// A window on the fastest adapter, with all the limits that the adapter has: those of a web page,
-/// which are usual, don't do for yarns.
+/// Options of a window on the fastest adapter, with all the limits that the adapter has. The default
+/// limits are those of a web page, and too low for the buffers of yarns.
 fn native_options() -> NativeOptions {
     let mut setup = WgpuSetupCreateNew::without_display_handle();
     setup.power_preference = wgpu::PowerPreference::HighPerformance;
@@ -94,24 +97,26 @@ fn native_options() -> NativeOptions {
     }
 }
 
-/// What to do where there is no window.
+/// An error of the window library with a remedy.
 fn in_words(error: eframe::Error) -> anyhow::Error {
     match error {
         eframe::Error::Wgpu(reason) => {
             let reason = reason.to_string();
             let reason = reason.trim_end_matches(": {}");
             anyhow!(
-                "no graphics adapter can draw into a window ({reason}): install a Vulkan, Metal or DirectX 12 driver; drape and swatch draw \
-                 without one"
+                "no graphics adapter can draw into a window ({reason}): install a Vulkan, Metal or \
+                 DirectX 12 driver; drape and swatch draw without one"
             )
         }
         eframe::Error::AppCreation(error) => anyhow!("{error:#}"),
         other => {
-            // In front stands the place in the window library's source.
+            // The message begins with a place in the window library's source, which says nothing to
+            // a user.
             let reason = other.to_string();
             let reason = reason.rsplit(": ").next().unwrap_or_default();
             anyhow!(
-                "no window can be opened here ({reason}): check that there is a display; drape and swatch draw without one"
+                "no window can be opened here ({reason}): check that there is a display; \
+                 drape and swatch draw without one"
             )
         }
     }

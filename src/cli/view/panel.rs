@@ -1,6 +1,7 @@
-//! The panel beside the picture: everything that can be chosen, and what is known of the cloth.
+//! The panel beside the picture: all settings, and a summary of the cloth.
 //!
-//! In: [`PanelSettings`], which it changes. Out: what was asked for besides, as an [`Action`].
+//! In: [`PanelSettings`], which it changes, and the [`ClothSummary`] to show. Out: an [`Action`] where
+//! a button was pressed.
 
 use eframe::egui::{
     Button, CollapsingHeader, Color32, ComboBox, Grid, RichText, Slider, SliderClamping, TextStyle,
@@ -13,7 +14,7 @@ use warpknit::scene::Shape;
 use super::super::args::Shared;
 use super::stock::{ClothSource, Recipe};
 
-/// Sides by name, in the order of the keys 1 to 6.
+/// The views with their names, in the order of the keys 1 to 6.
 pub(super) const VIEWS: [(&str, View); 6] = [
     ("Front", View::Front),
     ("Back", View::Back),
@@ -26,11 +27,11 @@ pub(super) const VIEWS: [(&str, View); 6] = [
 /// Lines that the longest description of a built-in fabric takes.
 const ABOUT_LINES: f32 = 3.0;
 
-/// The radius at which the slider ends, mm at one wale a cm: .3 of the wale spacing, where the legs
+/// The largest radius of the slider, mm at one wale a cm: 0.3 of the wale spacing, at which the legs
 /// of a loop fill it.
 const WIDEST: f64 = 3.0;
 
-/// All that can be chosen.
+/// All settings.
 pub(super) struct PanelSettings {
     pub(super) recipe: Recipe,
     pub(super) rendering: RenderSettings,
@@ -38,26 +39,28 @@ pub(super) struct PanelSettings {
     keeps_loops: bool,
 }
 
-/// How cloth is drawn; a change of it knits nothing.
+/// Settings of drawing. A change of them needs no new cloth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct RenderSettings {
-    /// Pieces a stitch.
+    /// Segments of a stitch (St).
     pub(super) st: u32,
+    /// Edges of a tube's section (Sr).
     sr: u32,
     lod: bool,
-    /// Where the sun stands beside the camera, to the right, degrees.
+    /// Direction of the sun to the right of the camera, degrees.
     sun_azimuth: f32,
-    /// And above it, degrees.
+    /// Direction of the sun above the camera, degrees.
     sun_height: f32,
-    /// Over the usual strength.
+    /// Strength of the sun, as a factor of the default.
     sun: f32,
+    /// Strength of the sky, as a factor of the default.
     sky: f32,
     background: [u8; 3],
-    /// Whether saved pictures are without the background.
+    /// Whether saved pictures have a transparent background.
     cut_out: bool,
 }
 
-/// What was asked for besides other settings.
+/// What a button or a key asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Action {
     SavePicture,
@@ -66,19 +69,19 @@ pub(super) enum Action {
     ResetCamera,
 }
 
-/// What the panel tells.
+/// The summary of the cloth and the messages that the panel shows.
 pub(super) struct ClothSummary {
-    /// Name and number.
+    /// Names and values.
     pub(super) lines: Vec<(&'static str, String)>,
     pub(super) notes: Vec<String>,
-    pub(super) trouble: Option<String>,
+    pub(super) error: Option<String>,
     pub(super) is_knitting: bool,
     /// The drawn radius, mm.
     pub(super) radius: f64,
 }
 
 impl PanelSettings {
-    /// What the command line asked for.
+    /// The settings that the command line asks for.
     pub(super) fn from_arguments(shared: &Shared, source: &ClothSource) -> Self {
         let recipe = Recipe { radius: shared.radius, ..source.recipe(0) };
         Self {
@@ -107,8 +110,8 @@ impl RenderSettings {
         }
     }
 
-    /// For a picture of so many pixels and samples a pixel. In the window there is always a colour
-    /// behind the yarns.
+    /// The renderer's options for a picture of so many pixels and samples a pixel. The window's
+    /// background is always opaque.
     pub(super) fn options(&self, [width, height]: [u32; 2], samples: u32) -> render::Options {
         render::Options {
             width,
@@ -124,13 +127,14 @@ impl RenderSettings {
         }
     }
 
-    /// The same for a file.
+    /// The renderer's options for a picture that is saved.
     pub(super) fn options_to_save(&self, size: [u32; 2], spp: u32) -> render::Options {
         let options = self.options(size, 4);
         let background = if self.cut_out { Background::Transparent } else { options.background };
         render::Options { background, spp, ..options }
     }
 
+    /// The light in camera space: azimuth and height are spherical coordinates.
     fn light(&self) -> Light {
         let usual = Light::default();
         let (azimuth, height) = (self.sun_azimuth.to_radians(), self.sun_height.to_radians());
@@ -145,7 +149,7 @@ impl RenderSettings {
     }
 }
 
-/// Shows the panel.
+/// Shows the panel. Returns the action of a pressed button.
 pub(super) fn show(
     ui: &mut Ui,
     settings: &mut PanelSettings,
@@ -168,6 +172,7 @@ pub(super) fn show(
     action
 }
 
+/// The choice of the fabric and its densities.
 fn fabric(ui: &mut Ui, settings: &mut PanelSettings, source: &ClothSource) {
     let recipe = &mut settings.recipe;
     let before = recipe.fabric;
@@ -186,13 +191,13 @@ fn fabric(ui: &mut Ui, settings: &mut PanelSettings, source: &ClothSource) {
             });
     });
     if recipe.fabric != before {
-        // Another fabric has densities of its own; a radius that was chosen for the last one would
-        // seldom suit it.
+        // Another fabric has its own densities, and a radius chosen for the last one would seldom
+        // suit it.
         *recipe = Recipe { shape: recipe.shape, ..source.recipe(recipe.fabric) };
     }
     let about =
         Some(source.choices[recipe.fabric].fabric.about.as_str()).filter(|about| !about.is_empty());
-    // As much room for all fabrics, so that sliders stay where they are.
+    // The description takes the same room for all fabrics, so that the sliders below don't move.
     ui.allocate_ui(vec2(ui.available_width(), 0.0), |ui| {
         ui.set_min_height(ABOUT_LINES * ui.text_style_height(&TextStyle::Body));
         ui.label(RichText::new(about.unwrap_or("a fabric of your own")).weak());
@@ -208,7 +213,7 @@ fn fabric(ui: &mut Ui, settings: &mut PanelSettings, source: &ClothSource) {
         .on_hover_text("wales and courses change together");
 }
 
-/// Whether it was changed.
+/// A slider for a density. Returns whether it was changed.
 fn density(ui: &mut Ui, label: &str, value: &mut f64) -> bool {
     let slider = Slider::new(value, 0.2..=40.0)
         .logarithmic(true)
@@ -217,6 +222,7 @@ fn density(ui: &mut Ui, label: &str, value: &mut f64) -> bool {
     ui.add(slider.text(label)).changed()
 }
 
+/// The settings of the yarns: shape, radius, segments.
 fn yarns(ui: &mut Ui, settings: &mut PanelSettings, radius: f64) {
     let PanelSettings { recipe, rendering, .. } = settings;
     ui.horizontal(|ui| {
@@ -252,6 +258,7 @@ fn yarns(ui: &mut Ui, settings: &mut PanelSettings, radius: f64) {
     ui.checkbox(&mut rendering.lod, "far yarns are coarser");
 }
 
+/// The settings of light and background.
 fn light(ui: &mut Ui, rendering: &mut RenderSettings) {
     let degrees = |value, range| Slider::new(value, range).max_decimals(0).suffix("°");
     ui.add(degrees(&mut rendering.sun_azimuth, -180.0..=180.0).text("sun, left to right"));
@@ -266,6 +273,7 @@ fn light(ui: &mut Ui, rendering: &mut RenderSettings) {
     });
 }
 
+/// The buttons of the camera and for saving.
 fn camera(ui: &mut Ui) -> Option<Action> {
     let mut action = None;
     ui.horizontal(|ui| {
@@ -296,9 +304,10 @@ fn camera(ui: &mut Ui) -> Option<Action> {
     action
 }
 
+/// The summary of the cloth, and messages.
 fn show_summary(ui: &mut Ui, summary: &ClothSummary) {
-    if let Some(trouble) = &summary.trouble {
-        ui.label(RichText::new(trouble).color(Color32::from_rgb(220, 60, 50)));
+    if let Some(error) = &summary.error {
+        ui.label(RichText::new(error).color(Color32::from_rgb(220, 60, 50)));
     }
     Grid::new("facts").num_columns(2).show(ui, |ui| {
         for (name, value) in &summary.lines {

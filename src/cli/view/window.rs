@@ -1,7 +1,7 @@
-//! The window: joins the panel, the camera, the knitting thread and the canvas, a frame at a time.
+//! The window: joins panel, camera, knitting thread and renderer, frame by frame.
 //!
-//! In: what the person does. Out: the picture, and files where asked for. Whatever goes wrong is
-//! told in the panel and the window stays open; only a screenshot that can't be made ends it.
+//! In: the user's input. Out: the picture, and saved pictures. An error is shown in the panel and the
+//! window stays open, except that a `--screenshot` that can't be made closes it.
 
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
@@ -19,27 +19,30 @@ use warpknit::export::png;
 use warpknit::render::View;
 
 use super::super::args::{Live, MOST_PIXELS};
-use super::canvas::{FrameRenderer, Shot};
+use super::canvas::{FrameRenderer, FrameRequest};
 use super::orbit::Orbit;
 use super::panel::{self, Action, ClothSummary, PanelSettings, VIEWS};
 use super::stock::{ClothSource, KnittedScene, Recipe};
 use super::worker::Worker;
 
-/// How long after the last change things count as moving: longer where a full frame would hold up
-/// the next drag for longer.
+/// Time after the last change after which the picture counts as still and a full frame is drawn. It
+/// grows with the time of a full frame, which would delay the next drag.
 const STILL_AFTER: RangeInclusive<Duration> =
     Duration::from_millis(150)..=Duration::from_millis(800);
-/// Magnification by a point of the wheel's travel.
+/// Logarithm of the magnification for each point of the wheel's travel.
 const WHEEL: f64 = 1.0 / 250.0;
+/// Width of the panel, points.
 const PANEL_WIDTH: f32 = 330.0;
 
-/// What the camera is held to until somebody drags it; applied again to each cloth and each size of
-/// the window.
+/// The framing that the camera keeps until the user drags it. It is applied again to each new cloth
+/// and each size of the window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Framing {
+    /// As the command line asks.
     Start,
+    /// One of the six views.
     Side(View),
-    /// From where it stands.
+    /// Everything in sight, from the present direction.
     All,
 }
 
@@ -53,17 +56,18 @@ pub(super) struct Window {
     orbit: Orbit,
     framing: Option<Framing>,
     aspect: f64,
-    /// The last that was wanted.
+    /// The last recipe that was ordered.
     ordered: Recipe,
     cloth: Option<KnittedScene>,
-    /// The cloth's pieces a stitch on the device.
+    /// Segments of a stitch in the scene on the device.
     uploaded_st: u32,
     upload_time: Duration,
-    trouble: Option<String>,
+    /// The last error, for the panel.
+    error: Option<String>,
     saved: Option<String>,
-    last: Option<Shot>,
+    last: Option<FrameRequest>,
     changed: Instant,
-    /// Where the first failure goes if the window is only opened for a screenshot.
+    /// Takes the error if the window is only opened for a screenshot and fails.
     failures: Sender<anyhow::Error>,
     screenshot: Option<PathBuf>,
 }
@@ -92,7 +96,7 @@ impl Window {
             cloth: None,
             uploaded_st: 0,
             upload_time: Duration::ZERO,
-            trouble: None,
+            error: None,
             saved: None,
             last: None,
             changed: Instant::now(),
@@ -106,7 +110,7 @@ impl Window {
         })
     }
 
-    /// Knits and cuts anew what was chosen anew.
+    /// Orders or uploads the cloth again after a change of settings.
     fn follow_settings(&mut self) {
         if self.settings.recipe != self.ordered {
             self.ordered = self.settings.recipe;
@@ -118,20 +122,21 @@ impl Window {
         }
     }
 
-    /// Takes new cloth from the thread, and hangs it.
+    /// Takes new cloth from the thread and uploads it.
     fn take_cloth(&mut self) {
         match self.worker.take() {
             None => {}
             Some(Ok(cloth)) => {
                 self.cloth = Some(cloth);
-                self.trouble = None;
+                self.error = None;
                 self.upload();
                 self.frame_again();
             }
-            Some(Err(error)) => self.trouble = Some(format!("{error:#}")),
+            Some(Err(error)) => self.error = Some(format!("{error:#}")),
         }
     }
 
+    /// Uploads the present cloth to the device.
     fn upload(&mut self) {
         let Some(cloth) = &self.cloth else { return };
         self.uploaded_st = self.settings.rendering.st;
@@ -141,13 +146,14 @@ impl Window {
         self.note(result);
     }
 
+    /// Keeps an error for the panel.
     fn note<T>(&mut self, result: Result<T, impl Into<anyhow::Error>>) {
         if let Err(error) = result {
-            self.trouble = Some(format!("{:#}", error.into()));
+            self.error = Some(format!("{:#}", error.into()));
         }
     }
 
-    /// Frames as was asked for, unless somebody moved the camera since.
+    /// Applies the framing again, unless the user has moved the camera since.
     fn frame_again(&mut self) {
         let points = self.cloth.as_ref().map_or(&[][..], |cloth| &cloth.scene.positions);
         let fov = self.arguments.shared.fov.to_radians();
@@ -160,6 +166,7 @@ impl Window {
         };
     }
 
+    /// Does what a button or a key asks for.
     fn act(&mut self, action: Action) {
         let framing = match action {
             Action::SavePicture => return self.save_picture(),
@@ -171,11 +178,11 @@ impl Window {
         self.frame_again();
     }
 
-    /// Writes what the window shows, as high as `--size` says.
+    /// Saves the picture in the window, with the height of `--size` and the window's aspect ratio.
     fn save_picture(&mut self) {
         match self.try_save() {
             Ok(name) => self.saved = Some(format!("saved {}", name.display())),
-            Err(error) => self.trouble = Some(format!("{error:#}")),
+            Err(error) => self.error = Some(format!("{error:#}")),
         }
     }
 
@@ -198,7 +205,7 @@ impl Window {
         Ok(name)
     }
 
-    /// Turns the camera by what the pointer and the keys did over the picture.
+    /// Moves the camera by the input of pointer and keys over the picture.
     fn steer(&mut self, ui: &Ui, response: &Response) {
         let (moved, height) = (response.drag_delta(), response.rect.height());
         let before = self.orbit;
@@ -232,7 +239,7 @@ impl Window {
         }
     }
 
-    /// The picture, in what the panel leaves.
+    /// Shows the picture in the room that the panel leaves.
     fn show_picture(&mut self, ui: &mut Ui) {
         let (rect, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
         let scale = ui.ctx().pixels_per_point();
@@ -263,9 +270,10 @@ impl Window {
         }
     }
 
-    /// Draws if anything changed, at first as a draft where that takes long.
+    /// Draws a frame if anything changed, on a slow device first as a draft.
     fn draw(&mut self, ui: &Ui, size: [u32; 2]) {
-        let shot = Shot { camera: self.orbit.camera(), rendering: self.settings.rendering, size };
+        let shot =
+            FrameRequest { camera: self.orbit.camera(), rendering: self.settings.rendering, size };
         let now = Instant::now();
         if self.last != Some(shot) || ui.input(|input| input.pointer.any_down()) {
             self.changed = now;
@@ -275,7 +283,7 @@ impl Window {
         let moves = self.screenshot.is_none() && now.duration_since(self.changed) < still_after;
         let drawn = self.renderer.draw(shot, moves);
         if matches!(drawn, Ok(true)) {
-            // The panel is there already, without this frame's time.
+            // The panel was laid out before this frame: another pass shows this frame's time.
             ui.ctx().request_repaint();
         }
         self.note(drawn);
@@ -311,19 +319,19 @@ impl Window {
         ClothSummary {
             lines,
             notes,
-            trouble: self.trouble.clone(),
+            error: self.error.clone(),
             is_knitting: self.worker.is_busy(),
             radius,
         }
     }
 
-    /// Asks for a picture of the window once the cloth is drawn in full, and ends it where that
-    /// will never be.
+    /// For `--screenshot`: takes a picture of the window once the cloth is drawn in full, or closes the
+    /// window after an error.
     fn take_screenshot(&mut self, context: &egui::Context) {
         let Some(target) = self.screenshot.clone() else { return };
-        if let Some(trouble) = self.trouble.take() {
+        if let Some(error) = self.error.take() {
             // The other end lives as long as the window.
-            let _sent = self.failures.send(anyhow::anyhow!(trouble));
+            let _sent = self.failures.send(anyhow::anyhow!(error));
             self.screenshot = None;
             context.send_viewport_cmd(ViewportCommand::Close);
         } else if self.cloth.is_some() && !self.worker.is_busy() && !self.renderer.is_draft() {
@@ -361,7 +369,7 @@ impl eframe::App for Window {
     }
 }
 
-/// Where the command line wants the camera.
+/// The camera that the command line asks for.
 fn start(arguments: &Live, points: &[glam::Vec3], aspect: f64) -> Orbit {
     let shared = &arguments.shared;
     let fov = shared.fov.to_radians();
@@ -371,7 +379,7 @@ fn start(arguments: &Live, points: &[glam::Vec3], aspect: f64) -> Orbit {
     }
 }
 
-/// The first of `view-001.png`, `view-002.png` … that isn't there.
+/// The first of `view-001.png`, `view-002.png` … that doesn't exist.
 fn free_name() -> Result<PathBuf> {
     let mut names = (1..1000).map(|number| PathBuf::from(format!("view-{number:03}.png")));
     names
@@ -379,10 +387,12 @@ fn free_name() -> Result<PathBuf> {
         .context("view-001.png to view-999.png are there already: move some")
 }
 
+/// Writes a picture; the file appears when it is complete.
 fn write(target: &Path, picture: &RgbaImage) -> Result<()> {
     Ok(png::write(target, picture)?.publish()?)
 }
 
+/// A screenshot of egui as an opaque picture.
 fn picture_of(image: &ColorImage) -> RgbaImage {
     let pixels =
         image.pixels.iter().flat_map(|pixel| [pixel.r(), pixel.g(), pixel.b(), 255]).collect();
@@ -390,7 +400,7 @@ fn picture_of(image: &ColorImage) -> RgbaImage {
     RgbaImage::from_raw(width, height, pixels).expect("four bytes a pixel")
 }
 
-/// A number with its thousands set apart.
+/// A number with a space between groups of three digits.
 fn thousands(number: usize) -> String {
     let digits = number.to_string();
     let groups: Vec<_> = digits.as_bytes().rchunks(3).rev().map(String::from_utf8_lossy).collect();

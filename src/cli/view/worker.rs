@@ -1,8 +1,9 @@
-//! Knitting beside the window, so that it stays responsive.
+//! The knitting thread, which keeps the window responsive.
 //!
-//! In: [`Recipe`]s as fast as a slider is dragged. Out: cloth, or why there is none. The newest
-//! recipe wins: those that came before it and were not begun are dropped, and one that is being
-//! knitted is given up once it has had [`PATIENCE`], so that a drag shows what it passes.
+//! In: [`Recipe`]s, as fast as a slider is dragged. Out: cloth, or an error. The newest recipe wins:
+//! older ones that were not begun are dropped. A cloth that is being knitted when a newer one is
+//! wanted may use [`PATIENCE`] to finish and is then abandoned, so that a drag still shows some of the
+//! cloths it passes.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -14,23 +15,25 @@ use anyhow::{Context, Result, anyhow};
 
 use super::stock::{ClothSource, KnittedScene, Recipe};
 
-/// How long cloth is knitted on although a newer one is wanted.
+/// Time that a cloth may take although a newer one is wanted. With none, a drag would show nothing
+/// until it ends; with much more, the last cloth would come late.
 const PATIENCE: Duration = Duration::from_millis(400);
 
 /// A recipe and its number.
 type NumberedRecipe = (u64, Recipe);
 
-/// The knitting thread's other end. Dropped, it lets the thread end after what it has in hand.
+/// The window's end of the knitting thread. When it is dropped, the thread ends after its present
+/// cloth.
 pub(super) struct Worker {
     orders: Sender<NumberedRecipe>,
     done: Receiver<(u64, Result<KnittedScene>)>,
     newest: Arc<AtomicU64>,
-    /// The last order of which something was heard.
+    /// The number of the last recipe that was answered.
     answered: u64,
 }
 
 impl Worker {
-    /// Starts the thread, which calls `announce` whenever something is ready.
+    /// Starts the thread. It calls `announce` whenever a cloth or an error is ready.
     pub(super) fn start(
         source: Arc<ClothSource>,
         announce: impl Fn() + Send + 'static,
@@ -41,7 +44,7 @@ impl Worker {
         let wanted = Arc::clone(&newest);
         let work = move || {
             while let Ok(order) = incoming.recv() {
-                // The last that is waiting takes the place of all before it.
+                // The newest waiting recipe replaces all older ones.
                 let (number, recipe) = incoming.try_iter().last().unwrap_or(order);
                 let start = Instant::now();
                 let superseded =
@@ -60,19 +63,19 @@ impl Worker {
         Ok(Self { orders, done, newest, answered: 0 })
     }
 
-    /// Wants this cloth, and no other that was wanted before.
+    /// Orders a cloth in place of all earlier orders.
     pub(super) fn order(&self, recipe: Recipe) {
         let number = self.newest.fetch_add(1, Ordering::Relaxed) + 1;
-        // A thread that is gone is told of by `take`.
+        // If the thread has ended, `take` reports it.
         let _gone = self.orders.send((number, recipe));
     }
 
-    /// Whether cloth that is wanted is not there yet.
+    /// Whether the newest order is not answered yet.
     pub(super) fn is_busy(&self) -> bool {
         self.answered < self.newest.load(Ordering::Relaxed)
     }
 
-    /// The newest that is ready, if anything is.
+    /// The newest answer, if there is one.
     pub(super) fn take(&mut self) -> Option<Result<KnittedScene>> {
         let mut newest = None;
         loop {
