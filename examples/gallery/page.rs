@@ -1,7 +1,7 @@
-//! The text of `docs/gallery.md`: a section for each built-in fabric, and our numbers beside those
-//! of sources.
+//! The text of `docs/gallery.md`: a section for each built-in fabric, and computed numbers beside
+//! those of published sources.
 //!
-//! In: nothing but the library. Out: Markdown. A test compares it with the file.
+//! In: the library's fabrics. Out: Markdown. A test compares it with the file.
 
 use std::fmt::Write as _;
 
@@ -11,18 +11,20 @@ use warpknit::knit::{Pattern, clearance};
 
 const HEAD: &str = "# Gallery
 
-The built-in fabrics, each from its technical face (left) and its technical back (right), with the numbers of its TOML file's densities and yarns. This page and its pictures are made by
+The built-in fabrics, each from its technical face (left) and its technical back (right), with \
+the numbers of its TOML file's densities and yarns. This page and its pictures are made by
 
     cargo run --release --example gallery
 
-Run-in is the yarn of a rack of 480 courses; thickness is from the lowest to the highest yarn surface; the cover factor is the share of the area that yarns hide; porosity the share of the volume
+Run-in is the yarn of a rack of 480 courses; thickness is from the lowest to the highest yarn \
+surface; the cover factor is the share of the area that yarns hide; porosity the share of the volume
 that no fibre fills; clearance the least distance between yarns, 1 being touch.
 ";
 
-/// The fabric that is shown as tubes and as ribbons, and the yarn of `meshes/yarns/` that both
-/// wear.
+/// The fabric that is shown as tubes and as ribbons.
 pub(crate) const COMPARED: &str = "jersey";
-pub(crate) const WORN: &str = "spun";
+/// The texture in `meshes/yarns/` that both use.
+pub(crate) const TEXTURE: &str = "spun";
 
 /// The file of one side's picture.
 pub(crate) fn picture_name(fabric: &str, side: &str) -> String {
@@ -40,12 +42,12 @@ pub(crate) fn text() -> String {
     page
 }
 
-/// Tubes beside ribbons.
+/// The section that compares tubes and ribbons.
 fn shapes(page: &mut String) {
     line(
         page,
         format_args!(
-            "\n## Tubes and ribbons\n\nA {COMPARED} that wears `meshes/yarns/{WORN}`: round yarns, whose pictures go around them, and flat ones (`--shape ribbon`), whose fuzz stands off \
+            "\n## Tubes and ribbons\n\nA {COMPARED} that wears `meshes/yarns/{TEXTURE}`: round yarns, whose pictures go around them, and flat ones (`--shape ribbon`), whose fuzz stands off \
              their edges.\n\n| | face | back |\n|---|---|---|"
         ),
     );
@@ -56,6 +58,7 @@ fn shapes(page: &mut String) {
     }
 }
 
+/// The section of a fabric.
 fn section(page: &mut String, fabric: &Fabric) {
     let pattern = Pattern::new(fabric);
     let numbers = numbers::measure(fabric, &pattern);
@@ -103,7 +106,7 @@ fn section(page: &mut String, fabric: &Fabric) {
     );
 }
 
-/// What others measured, and what we compute.
+/// The section with numbers that others measured, beside computed ones.
 fn sources(page: &mut String) {
     let fabric = Fabric::named("locknit")
         .and_then(|locknit| locknit.at_densities(15.0, 22.0))
@@ -123,11 +126,13 @@ fn sources(page: &mut String) {
     line(page, format_args!("| run-in, front over back bar | 1.24 to 1.35 | {ratio:.2} |"));
 }
 
+/// A text with its first letter in upper case.
 fn capitalised(text: &str) -> String {
     let mut chars = text.chars();
     chars.next().map_or_else(String::new, |first| first.to_uppercase().chain(chars).collect())
 }
 
+/// Adds a line.
 fn line(page: &mut String, text: std::fmt::Arguments<'_>) {
     writeln!(page, "{text}").expect("a string takes any text");
 }
