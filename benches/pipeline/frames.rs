@@ -1,8 +1,8 @@
-//! A drape sequence: its first frame, with all that is done once, and each one after it; our own
-//! skirt in tricot.
+//! Benchmarks of a drape sequence on the shipped skirt in tricot: the first frame, which includes all
+//! work that is done once, and each further frame.
 //!
-//! `first` reads two files, relaxes the fabric, lays and locates its yarns and maps them; `next`
-//! reads the positions of another drape and maps.
+//! `first` reads two files, relaxes the fabric, lays and locates its yarns and maps them; `next` reads
+//! the positions of another drape and maps.
 
 use std::path::Path;
 
@@ -46,6 +46,7 @@ pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
     group.finish();
 }
 
+/// Maps a frame and discards its blocks.
 fn show(held: &mut Held, garment: &Garment) {
     let deliver = &mut |blocks: &[Block]| {
         std::hint::black_box(blocks);
