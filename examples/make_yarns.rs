@@ -3,10 +3,10 @@
 //!
 //!     cargo run --release --example make_yarns
 //!
-//! In: the parameters in [`YARNS`]. Out: a colour map and a height map of one repeat of each yarn, x
-//! along the yarn and y across it. A procedural model draws round plies on helices, fibres in them,
-//! loops of an effect yarn, and fuzz that thins out to both sides. Its random numbers come from a
-//! hash, so the bytes are the same each time.
+//! In: the parameters in [`YARNS`]. Out: a colour map and a height map of one repeat of each yarn,
+//! x along the yarn and y across it. A procedural model draws round plies on helices, fibres in
+//! them, loops of an effect yarn, and fuzz that thins out to both sides. Its random numbers come
+//! from a hash, so the bytes are the same each time.
 
 use std::error::Error;
 use std::f32::consts::{PI, TAU};
@@ -207,8 +207,8 @@ impl Yarn {
             (off.abs() < 1.0).then_some((helix * phase.sin() + radius * round, off, round, ply))
         });
         let (height, off, round, ply) = near.max_by(|a, b| a.0.total_cmp(&b.0))?;
-        // In a single yarn the fibres show the twist. Plied yarns are twisted against their singles,
-        // so that their fibres lie nearly along the axis.
+        // In a single yarn the fibres show the twist. Plied yarns are twisted against their
+        // singles, so that their fibres lie nearly along the axis.
         let wound = if self.plies == 1 { 1.0 } else { -1.0 };
         let fibre = self.fibre(off.asin() / TAU + wound * turn, turn, ply);
         // Shading as in a photo: flanks and grooves between plies receive less light.
@@ -221,8 +221,8 @@ impl Yarn {
         })
     }
 
-    /// Colour and brightness (0..1) of the fibre at the angle `around` of a ply, in turns, and at the
-    /// place `along`, a share of the repeat.
+    /// Colour and brightness (0..1) of the fibre at the angle `around` of a ply, in turns, and at
+    /// the place `along`, a share of the repeat.
     fn fibre(&self, around: f32, along: f32, salt: u32) -> ([f32; 3], f32) {
         // The sine makes fibres waver. All indices are modulo a whole number, so the repeat tiles.
         let band = whole(((around + 4.0) * self.fibres) + 0.35 * (TAU * 3.0 * along).sin())
@@ -270,8 +270,8 @@ impl Yarn {
 }
 
 impl Stroke {
-    /// The place along the fibres for a share of the path. A stray fibre is a single one from end to
-    /// end, so it has one colour.
+    /// The place along the fibres for a share of the path. A stray fibre is a single one from end
+    /// to end, so it has one colour.
     fn share_of(&self, t: f32) -> f32 {
         if self.alpha < 1.0 { 0.0 } else { t }
     }

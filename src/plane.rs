@@ -1,8 +1,8 @@
 //! Grey pictures in floating point, the data that the steps of `photo` and `capture` pass on.
 //!
-//! In: pixels. Out: [`Plane`]s of f32, row by row, four bytes a pixel, with box filters, column sums
-//! and percentiles. A photo is never held in f64 or as three planes, so that 48 megapixels fit into
-//! 2 GB.
+//! In: pixels. Out: [`Plane`]s of f32, row by row, four bytes a pixel, with box filters, column
+//! sums and percentiles. A photo is never held in f64 or as three planes, so that 48 megapixels fit
+//! into 2 GB.
 //!
 //! Rows are processed in parallel. Each sum stays within one row, one band of rows or one block of
 //! columns whose size does not depend on the number of threads, so the results are the same for any
@@ -68,7 +68,8 @@ impl Plane {
         self.values[y * self.width + x]
     }
 
-    /// A regular subsample of one to two million values at most, which is enough for any percentile.
+    /// A regular subsample of one to two million values at most, which is enough for any
+    /// percentile.
     pub(crate) fn sampled(&self) -> impl Iterator<Item = f32> {
         self.values.iter().copied().step_by((self.values.len() >> 20).max(1))
     }
@@ -116,8 +117,8 @@ impl Plane {
         })
     }
 
-    /// A box filter along the columns, by running sums. Each thread works on a band of whole rows and
-    /// keeps one sum a column: walking down single columns would miss the cache at every pixel.
+    /// A box filter along the columns, by running sums. Each thread works on a band of whole rows
+    /// and keeps one sum a column: walking down single columns would miss the cache at every pixel.
     fn box_columns(&self, radius: usize) -> Self {
         let radius = radius.min(self.height.saturating_sub(1) / 2);
         // y counts from `radius` rows before the picture.
@@ -144,8 +145,8 @@ impl Plane {
 }
 
 /// Rows of a band, the unit of work of a thread. A band reads `2 radius` rows more than its own, so
-/// it has at least twice as many. The number of threads plays no role, so that sums are the same for
-/// any number of them.
+/// it has at least twice as many. The number of threads plays no role, so that sums are the same
+/// for any number of them.
 pub(crate) fn band(radius: usize) -> usize {
     (4 * radius).max(64)
 }

@@ -1,8 +1,8 @@
-//! Benchmarks of a drape sequence on the shipped skirt in tricot: the first frame, which includes all
-//! work that is done once, and each further frame.
+//! Benchmarks of a drape sequence on the shipped skirt in tricot: the first frame, which includes
+//! all work that is done once, and each further frame.
 //!
-//! `first` reads two files, relaxes the fabric, lays and locates its yarns and maps them; `next` reads
-//! the positions of another drape and maps.
+//! `first` reads two files, relaxes the fabric, lays and locates its yarns and maps them; `next`
+//! reads the positions of another drape and maps.
 
 use std::path::Path;
 

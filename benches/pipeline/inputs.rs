@@ -1,5 +1,5 @@
-//! Inputs of the benchmarks: a panel draped on a folded cone, the same as in `warpknit bench`, and the
-//! data points of loops that cover it.
+//! Inputs of the benchmarks: a panel draped on a folded cone, the same as in `warpknit bench`, and
+//! the data points of loops that cover it.
 //!
 //! Where the variable PEER_INPUTS names a folder with `mesh_*_v.bin`, `mesh_*_f.bin` and
 //! `points_*.bin`, these files are read, so that other programs work on the same inputs

@@ -1,5 +1,5 @@
-//! Benchmarks of location, and of location with mapping: from a shuffled mesh to the triangle and the
-//! draped position of every point.
+//! Benchmarks of location, and of location with mapping: from a shuffled mesh to the triangle and
+//! the draped position of every point.
 
 use criterion::{BatchSize, BenchmarkId, Criterion, Throughput};
 use glam::DVec3;
@@ -41,8 +41,8 @@ impl Memory {
     }
 }
 
-/// Orders the panel's triangles, builds the locator, and locates all points block by block. `then` is
-/// called with each block.
+/// Orders the panel's triangles, builds the locator, and locates all points block by block. `then`
+/// is called with each block.
 fn locate(
     mut panel: Panel,
     points: &Points,

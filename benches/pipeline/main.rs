@@ -29,6 +29,7 @@ fn configured() -> Criterion<CpuTime> {
 criterion_group! {
     name = benches;
     config = configured();
-    targets = read::benches, knit::benches, locate::benches, tube::benches, write::benches, whole::benches, frames::benches, render::benches
+    targets = read::benches, knit::benches, locate::benches, tube::benches, write::benches,
+        whole::benches, frames::benches, render::benches
 }
 criterion_main!(benches);

@@ -1,5 +1,5 @@
-//! Benchmarks of the CPU renderer: yarns wider than a pixel, which are ray-traced, and thinner ones,
-//! which are drawn as segments.
+//! Benchmarks of the CPU renderer: yarns wider than a pixel, which are ray-traced, and thinner
+//! ones, which are drawn as segments.
 
 use criterion::{BenchmarkId, Criterion};
 use warpknit::drape::{Cloth, picture, swatch_panel};

@@ -1,5 +1,5 @@
-//! Benchmarks of whole runs, from the garment to its yarns, at the sizes of Liu, Kyosev and Jiang 2022
-//! on the shipped skirt.
+//! Benchmarks of whole runs, from the garment to its yarns, at the sizes of Liu, Kyosev and Jiang
+//! 2022 on the shipped skirt.
 
 use std::time::Instant;
 

@@ -1,5 +1,5 @@
-//! Makes the gallery of built-in fabrics: `docs/gallery.md`, and in `docs/gallery/` a picture of both
-//! sides of each fabric.
+//! Makes the gallery of built-in fabrics: `docs/gallery.md`, and in `docs/gallery/` a picture of
+//! both sides of each fabric.
 //!
 //! In: nothing. Out: the files, the same bytes for any number of threads.
 //!

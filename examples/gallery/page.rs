@@ -47,8 +47,10 @@ fn shapes(page: &mut String) {
     line(
         page,
         format_args!(
-            "\n## Tubes and ribbons\n\nA {COMPARED} that wears `meshes/yarns/{TEXTURE}`: round yarns, whose pictures go around them, and flat ones (`--shape ribbon`), whose fuzz stands off \
-             their edges.\n\n| | face | back |\n|---|---|---|"
+            "\n## Tubes and ribbons\n\n\
+             A {COMPARED} that wears `meshes/yarns/{TEXTURE}`: round yarns, whose pictures go \
+             around them, and flat ones (`--shape ribbon`), whose fuzz stands off their edges.\n\n\
+             | | face | back |\n|---|---|---|"
         ),
     );
     for name in ["tubes", "ribbons"] {
@@ -73,7 +75,8 @@ fn section(page: &mut String, fabric: &Fabric) {
     line(
         page,
         format_args!(
-            "| bar | lapping | threading | yarn | diameter mm | run-in mm/rack | g/m² |\n|---|---|---|---|---|---|---|"
+            "| bar | lapping | threading | yarn | diameter mm | run-in mm/rack | g/m² |\n\
+             |---|---|---|---|---|---|---|"
         ),
     );
     for (at, bar) in fabric.bars.iter().enumerate() {
@@ -94,7 +97,8 @@ fn section(page: &mut String, fabric: &Fabric) {
     line(
         page,
         format_args!(
-            "\n| per cm | g/m² | thickness mm | cover factor | porosity | clearance |\n|---|---|---|---|---|---|"
+            "\n| per cm | g/m² | thickness mm | cover factor | porosity | clearance |\n\
+             |---|---|---|---|---|---|"
         ),
     );
     line(
@@ -118,7 +122,8 @@ fn sources(page: &mut String) {
     line(
         page,
         format_args!(
-            "\n## Beside the sources\n\nA locknit of 44 dtex, finished at 15 wales and 22 courses per cm:\n"
+            "\n## Beside the sources\n\n\
+             A locknit of 44 dtex, finished at 15 wales and 22 courses per cm:\n"
         ),
     );
     line(page, format_args!("| | mills report | here |\n|---|---|---|"));

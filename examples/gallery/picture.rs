@@ -24,8 +24,8 @@ const WALES: f64 = 8.0;
 const REPEATS: f64 = 1.3;
 /// A background that differs from light and from dark yarns.
 const BACKGROUND: [u8; 3] = [0xA9, 0xB4, 0xBE];
-/// Step to which brightness is rounded, of 255. Noise below it is invisible and would double the size
-/// of the files.
+/// Step to which brightness is rounded, of 255. Noise below it is invisible and would double the
+/// size of the files.
 const STEP: u8 = 8;
 /// Wales and courses around the frame, so that the cloth's cut ends stay out of the picture.
 const MARGIN: f64 = 4.0;

@@ -2,23 +2,23 @@
 //!
 //! In: round cones (two spheres and their convex hull), blended into one another, and optionally a
 //! table top. Out: at any point the distance in cm (negative inside), the outward unit normal, and
-//! the displacement of the surface in the last step, which friction needs. Also rings: closed curves
-//! around the body at a given height and of a given girth, around which a panel is wrapped before the
-//! simulation starts.
+//! the displacement of the surface in the last step, which friction needs. Also rings: closed
+//! curves around the body at a given height and of a given girth, around which a panel is wrapped
+//! before the simulation starts.
 //!
 //! Method: the nearest sphere of a round cone in closed form (derived below), and the polynomial
 //! smooth minimum of Quilez 2013, "Smooth minimum", whose gradient is the same blend of the two
 //! gradients. Cost: linear in the number of round cones.
 //!
-//! Not promised: the distance is exact only where one round cone is clearly nearest. In a blend it is
-//! a little short, so that the body is a little fuller there.
+//! Not promised: the distance is exact only where one round cone is clearly nearest. In a blend it
+//! is a little short, so that the body is a little fuller there.
 
 use std::f64::consts::TAU;
 
 use glam::{DVec2, DVec3};
 
-/// The convex hull of a sphere at `a` and one at `b`. `drift_*` is the displacement of each centre in
-/// the last step.
+/// The convex hull of a sphere at `a` and one at `b`. `drift_*` is the displacement of each centre
+/// in the last step.
 #[derive(Clone, Copy)]
 pub(crate) struct RoundCone {
     a: DVec3,
@@ -49,9 +49,9 @@ impl RoundCone {
     }
 
     /// The round cone near a point. The hull is the union of spheres centred at a + t (b - a) with
-    /// radii between the two. The distance to the sphere t is convex in t. Its minimum satisfies
-    /// y - t l = x tan(alpha), where (x, y) is the point across and along the axis, l the length of the
-    /// axis, and sin(alpha) = (radius_a - radius_b) / l. Clamping t gives the end spheres.
+    /// radii between the two. The distance to the sphere t is convex in t. Its minimum satisfies y
+    /// - t l = x tan(alpha), where (x, y) is the point across and along the axis, l the length of
+    /// the axis, and sin(alpha) = (radius_a - radius_b) / l. Clamping t gives the end spheres.
     fn touch(&self, point: DVec3) -> Touch {
         let axis = self.b - self.a;
         let length = axis.length();

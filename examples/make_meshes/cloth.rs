@@ -1,18 +1,19 @@
 //! The cloth simulation: particles, and the constraints that make them behave like a knit.
 //!
-//! In: a pattern placed in space, with open or welded seams. Out: the positions of its particles after
-//! a stage of simulation.
+//! In: a pattern placed in space, with open or welded seams. Out: the positions of its particles
+//! after a stage of simulation.
 //!
-//! Method: extended position-based dynamics (Macklin, Müller and Chentanez 2016, "XPBD: position-based
-//! simulation of compliant constrained dynamics") in small steps of one iteration (Macklin et al.
-//! 2019, "Small steps in physics simulation"). Stretch and shear: a distance constraint along every
-//! edge of the irregular triangles. Bending: the quadratic energy of Bergou et al. 2006, "A quadratic
-//! bending model for inextensible surfaces", whose constraint for an inner edge is a weighted sum of
-//! four points and so needs no angle. Friction: Coulomb's law, applied to positions.
+//! Method: extended position-based dynamics (Macklin, Müller and Chentanez 2016, "XPBD:
+//! position-based simulation of compliant constrained dynamics") in small steps of one iteration
+//! (Macklin et al. 2019, "Small steps in physics simulation"). Stretch and shear: a distance
+//! constraint along every edge of the irregular triangles. Bending: the quadratic energy of Bergou
+//! et al. 2006, "A quadratic bending model for inextensible surfaces", whose constraint for an
+//! inner edge is a weighted sum of four points and so needs no angle. Friction: Coulomb's law,
+//! applied to positions.
 //!
-//! Constraints are solved one after the other in a fixed order (Gauss-Seidel), so the result does not
-//! depend on threads; several garments run in parallel. Not promised: a realistic time to come to
-//! rest, since the drag is chosen so that it is short.
+//! Constraints are solved one after the other in a fixed order (Gauss-Seidel), so the result does
+//! not depend on threads; several garments run in parallel. Not promised: a realistic time to come
+//! to rest, since the drag is chosen so that it is short.
 
 use glam::{DVec2, DVec3};
 
@@ -25,8 +26,8 @@ const STEP: f64 = 1.0 / 2400.0;
 /// Steps between two updates of the neighbour list. Particles may approach each other by the list's
 /// margin of 0.3 cm in these 1/150 s.
 const SEARCH_EVERY: u32 = 16;
-/// Limit of a particle's speed, cm/s. It restrains seams that snap shut, and lies far above the speeds
-/// of draping.
+/// Limit of a particle's speed, cm/s. It restrains seams that snap shut, and lies far above the
+/// speeds of draping.
 const SPEED_LIMIT: f64 = 250.0;
 /// Share of the overlap of two layers that one step corrects (under-relaxation). With all of it,
 /// layers that are pressed together never come to rest.
@@ -65,8 +66,8 @@ pub(crate) struct Stage {
     pub(crate) self_contact: bool,
 }
 
-/// The boundary conditions: the body at a time, and the position of a fixed particle at a time, given
-/// its first position.
+/// The boundary conditions: the body at a time, and the position of a fixed particle at a time,
+/// given its first position.
 pub(crate) struct Scene<'a> {
     pub(crate) body: &'a dyn Fn(f64) -> Body,
     pub(crate) hold: &'a dyn Fn(f64, DVec3) -> DVec3,
@@ -104,8 +105,8 @@ pub(crate) struct Cloth {
     held: Vec<(u32, DVec3)>,
     /// The neighbour list: pairs of particles that may touch before its next update.
     near: Vec<[u32; 2]>,
-    /// Distance that each particle may still move before it can touch the body. Until then the body's
-    /// distance field is not evaluated.
+    /// Distance that each particle may still move before it can touch the body. Until then the
+    /// body's distance field is not evaluated.
     slack: Vec<f64>,
     fabric: Fabric,
     time: f64,
@@ -165,8 +166,8 @@ impl Cloth {
         }
     }
 
-    /// Fixes particles: from now on the scene gives their positions. Their inverse mass is 0, so that
-    /// constraints don't move them.
+    /// Fixes particles: from now on the scene gives their positions. Their inverse mass is 0, so
+    /// that constraints don't move them.
     pub(crate) fn hold(&mut self, particles: impl IntoIterator<Item = u32>) {
         for particle in particles {
             self.inverse_mass[particle as usize] = 0.0;
@@ -190,8 +191,8 @@ impl Cloth {
             if stage.self_contact && step % SEARCH_EVERY == 0 {
                 self.near = near_pairs(&self.position, &self.start, self.fabric.thickness);
             }
-            // Position-based dynamics: predict positions, project the constraints once, and take the
-            // velocities from the change of positions. The body comes last, so that no other
+            // Position-based dynamics: predict positions, project the constraints once, and take
+            // the velocities from the change of positions. The body comes last, so that no other
             // constraint can push a particle back into it.
             self.move_freely(stage, scene);
             self.solve_edges();
@@ -206,8 +207,8 @@ impl Cloth {
         }
     }
 
-    /// The prediction: moves particles by their velocities, gravity and drag, and fixed ones to their
-    /// places.
+    /// The prediction: moves particles by their velocities, gravity and drag, and fixed ones to
+    /// their places.
     fn move_freely(&mut self, stage: Stage, scene: &Scene) {
         let kept = (-stage.drag * STEP).exp();
         for (index, position) in self.position.iter_mut().enumerate() {
@@ -230,8 +231,8 @@ impl Cloth {
         }
     }
 
-    /// Projects the bending constraints. A constraint is the weighted sum of the four points, a vector
-    /// that is 0 where the two triangles lie in one plane.
+    /// Projects the bending constraints. A constraint is the weighted sum of the four points, a
+    /// vector that is 0 where the two triangles lie in one plane.
     fn solve_hinges(&mut self) {
         for hinge in &self.hinges {
             let points = hinge.points.map(|point| point as usize);
@@ -331,8 +332,8 @@ fn area(garment: &Garment, triangle: [u32; 3]) -> f64 {
     0.5 * (b - a).perp_dot(c - a)
 }
 
-/// Every edge of the pattern once. At a seam the edges of both panels are kept, so that each keeps its
-/// own length.
+/// Every edge of the pattern once. At a seam the edges of both panels are kept, so that each keeps
+/// its own length.
 fn edges(garment: &Garment, particle_of: &[u32]) -> Vec<Edge> {
     let mut pairs: Vec<[u32; 2]> = Vec::new();
     for &[a, b, c] in &garment.triangles {

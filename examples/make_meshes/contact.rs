@@ -3,9 +3,9 @@
 //! In: particle positions, now and at the start. Out: the pairs that are too near or may soon be.
 //!
 //! Method: a spatial hash grid (Teschner et al. 2003, "Optimized spatial hashing for collision
-//! detection of deformable objects"), and repulsion between particles as in Müller 2022, "Ten Minute
-//! Physics 15: self-collision". A pair that was about as near as the thickness at the start is left
-//! alone, since it is near within the cloth. Cost: linear in particles and pairs.
+//! detection of deformable objects"), and repulsion between particles as in Müller 2022, "Ten
+//! Minute Physics 15: self-collision". A pair that was about as near as the thickness at the start
+//! is left alone, since it is near within the cloth. Cost: linear in particles and pairs.
 //!
 //! Not promised: a full collision response. Layers stay apart as long as the thickness is over 0.6
 //! edge lengths (the distance from a triangle's centre to its corners), but two layers that have
@@ -17,8 +17,8 @@ use glam::{DVec3, IVec3};
 /// larger margin makes the list longer, a smaller one misses fast particles.
 const MARGIN: f64 = 0.3;
 
-/// A grid of cubes, hashed into a table. The particles of a table entry lie side by side in `members`
-/// (counting sort).
+/// A grid of cubes, hashed into a table. The particles of a table entry lie side by side in
+/// `members` (counting sort).
 struct Grid {
     cell: f64,
     starts: Vec<u32>,
@@ -67,8 +67,8 @@ impl Grid {
     }
 }
 
-/// Offsets to half of the 27 cubes around a cube. Taken for every cube, they meet each pair of cubes
-/// once. The first one is the cube itself.
+/// Offsets to half of the 27 cubes around a cube. Taken for every cube, they meet each pair of
+/// cubes once. The first one is the cube itself.
 fn half_of_neighbours() -> impl Iterator<Item = IVec3> {
     (0..27).map(|index| IVec3::new(index % 3, index / 3 % 3, index / 9) - 1).skip(13)
 }

@@ -1,9 +1,9 @@
 //! Checks whether a garment is fit for use: nearly isometric, facing outward, outside the body.
 //!
-//! In: the flat pattern and the draped positions. Out: percentiles of the principal stretches, both of
-//! each triangle pooled; the share of triangles whose normal points into the body; the depth of the
-//! deepest vertex in the body. Method: the principal stretches are the singular values of the linear
-//! map from a flat triangle to its draped one.
+//! In: the flat pattern and the draped positions. Out: percentiles of the principal stretches, both
+//! of each triangle pooled; the share of triangles whose normal points into the body; the depth of
+//! the deepest vertex in the body. Method: the principal stretches are the singular values of the
+//! linear map from a flat triangle to its draped one.
 //!
 //! Not promised: it does not find self-intersections of the cloth.
 
@@ -59,8 +59,8 @@ pub(crate) fn depth(body: &Body, draped: &[DVec3]) -> f64 {
     draped.iter().map(|&position| -body.touch(position).distance).fold(f64::NEG_INFINITY, f64::max)
 }
 
-/// The share of triangles whose normal points toward the body. Folds turn some triangles inwards, so
-/// the check can only require that most face outward.
+/// The share of triangles whose normal points toward the body. Folds turn some triangles inwards,
+/// so the check can only require that most face outward.
 pub(crate) fn inward_share(garment: &Garment, draped: &[DVec3], body: &Body) -> f64 {
     let is_inward = |triangle: &&[u32; 3]| {
         let [a, b, c] = triangle.map(|vertex| draped[vertex as usize]);

@@ -1,8 +1,9 @@
-//! Pattern cutting: outlines of named sides, divided into equal segments and triangulated; then panels
-//! are laid out in the plane, placed in space and sewn.
+//! Pattern cutting: outlines of named sides, divided into equal segments and triangulated; then
+//! panels are laid out in the plane, placed in space and sewn.
 //!
 //! In: curves in the plane, in cm, y along the grain. Out: a [`Garment`]: the flat pattern, its
-//! triangles, each vertex's first position in space, and the pairs of vertices that are sewn together.
+//! triangles, each vertex's first position in space, and the pairs of vertices that are sewn
+//! together.
 //!
 //! Not promised: panels may overlap in the plane; the recipe chooses their places.
 
@@ -58,7 +59,8 @@ pub(crate) fn segments(length: f64, spacing: f64) -> u32 {
     DVec2::splat(length / spacing).round().as_uvec2().x.max(1)
 }
 
-/// The start of each of `count` parts of equal arc length. The curve's end belongs to the next side.
+/// The start of each of `count` parts of equal arc length. The curve's end belongs to the next
+/// side.
 fn divide(curve: &[DVec2], count: u32) -> Vec<DVec2> {
     let total = length(curve);
     let mut points = Vec::new();
@@ -126,8 +128,8 @@ pub(crate) struct PanelRange {
     sides: Vec<(&'static str, Vec<u32>)>,
 }
 
-/// The whole pattern: the vertices and triangles of all panels one after the other, and the pairs of
-/// vertices to be sewn.
+/// The whole pattern: the vertices and triangles of all panels one after the other, and the pairs
+/// of vertices to be sewn.
 #[derive(Default)]
 pub(crate) struct Garment {
     pub(crate) flat: Vec<DVec2>,
@@ -167,8 +169,8 @@ impl Garment {
         &side.expect("the recipe names a side that it has cut").1
     }
 
-    /// Sews two sides. All panels are seen from outside and run counter-clockwise, so two partners run
-    /// in opposite directions.
+    /// Sews two sides. All panels are seen from outside and run counter-clockwise, so two partners
+    /// run in opposite directions.
     pub(crate) fn sew(&mut self, a: (usize, &str), b: (usize, &str)) {
         let (a, b) = (self.side(a.0, a.1), self.side(b.0, b.1));
         assert_eq!(a.len(), b.len(), "sewn sides have the same number of vertices");

@@ -1,5 +1,5 @@
-//! The pinched fabric of Liu, Kyosev and Jiang 2022: a square on a table, lifted at its middle until it
-//! hangs in folds.
+//! The pinched fabric of Liu, Kyosev and Jiang 2022: a square on a table, lifted at its middle
+//! until it hangs in folds.
 
 use glam::{DVec2, DVec3};
 

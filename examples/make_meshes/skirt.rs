@@ -1,7 +1,8 @@
-//! A flared skirt of six gores, 55 cm long and 70 cm around the waist, which hangs from waist and hips.
+//! A flared skirt of six gores, 55 cm long and 70 cm around the waist, which hangs from waist and
+//! hips.
 //!
-//! Each gore is a sector of a ring, so the sewn skirt is a cone that is wider than the body and must
-//! fold.
+//! Each gore is a sector of a ring, so the sewn skirt is a cone that is wider than the body and
+//! must fold.
 
 use std::f64::consts::TAU;
 
@@ -102,8 +103,8 @@ fn cut_and_place() -> Garment {
     garment
 }
 
-/// The first positions: rings around the body, one every centimetre down, each with the skirt's girth
-/// there.
+/// The first positions: rings around the body, one every centimetre down, each with the skirt's
+/// girth there.
 struct Rings(Vec<Ring>);
 
 impl Rings {

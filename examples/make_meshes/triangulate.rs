@@ -1,24 +1,25 @@
 //! Triangulation of an outline, as irregular as that of a pattern tool.
 //!
-//! In: the outline's points, counter-clockwise and evenly spaced, and that spacing. Out: the outline's
-//! points, unmoved and first, then inner points, and counter-clockwise triangles over them.
+//! In: the outline's points, counter-clockwise and evenly spaced, and that spacing. Out: the
+//! outline's points, unmoved and first, then inner points, and counter-clockwise triangles over
+//! them.
 //!
 //! Method: inner points start on a jittered hexagonal grid and are moved by Laplacian smoothing
 //! between Delaunay triangulations (Bowyer 1981, "Computing Dirichlet tessellations"; Watson 1981,
-//! "Computing the n-dimensional Delaunay tessellation"), swept in x so that finished triangles are not
-//! tested again. Predicates are exact (Shewchuk 1997, "Adaptive precision floating-point arithmetic
-//! and fast robust geometric predicates").
+//! "Computing the n-dimensional Delaunay tessellation"), swept in x so that finished triangles are
+//! not tested again. Predicates are exact (Shewchuk 1997, "Adaptive precision floating-point
+//! arithmetic and fast robust geometric predicates").
 //!
-//! Not promised: outlines with a corner under about 30 degrees, or with a neck narrower than twice the
-//! spacing. `triangulate` panics if an edge of the outline is missing from the result.
+//! Not promised: outlines with a corner under about 30 degrees, or with a neck narrower than twice
+//! the spacing. `triangulate` panics if an edge of the outline is missing from the result.
 
 use glam::DVec2;
 use robust::{Coord, incircle, orient2d};
 
 /// Largest shift of a start point from its place in the grid, in spacings.
 const JITTER: f64 = 0.28;
-/// Least distance of a start point from the outline, in spacings. Less than 0.6 gives flat triangles
-/// along the outline, more than 0.8 long ones.
+/// Least distance of a start point from the outline, in spacings. Less than 0.6 gives flat
+/// triangles along the outline, more than 0.8 long ones.
 const CLEARANCE: f64 = 0.7;
 /// Rounds of smoothing. More than a dozen rounds would comb the irregularity out again.
 const ROUNDS: usize = 6;
@@ -97,8 +98,8 @@ fn distance_to(outline: &[DVec2], point: DVec2) -> f64 {
     edges(outline).map(to_edge).fold(f64::INFINITY, f64::min)
 }
 
-/// One round of Laplacian smoothing: moves each inner point to the mean of its neighbours. The outline's
-/// points, which come first, stay.
+/// One round of Laplacian smoothing: moves each inner point to the mean of its neighbours. The
+/// outline's points, which come first, stay.
 fn smooth(points: &mut [DVec2], triangles: &[[u32; 3]], fixed: usize) {
     let mut sums = vec![(DVec2::ZERO, 0.0); points.len()];
     for triangle in triangles {
@@ -169,8 +170,8 @@ fn delaunay(points: &[DVec2]) -> Vec<[u32; 3]> {
     all.extend([DVec2::new(-3e4, -2e4), DVec2::new(3e4, -2e4), DVec2::new(0.0, 4e4)]);
     let mut order: Vec<u32> = (0..count).collect();
     order.sort_by(|&i, &j| all[i as usize].x.total_cmp(&all[j as usize].x).then(i.cmp(&j)));
-    // Points come in the order of x. A triangle whose circumcircle lies left of the sweep line can't
-    // be hit any more and is closed.
+    // Points come in the order of x. A triangle whose circumcircle lies left of the sweep line
+    // can't be hit any more and is closed.
     let mut open = vec![Open::new([count, count + 1, count + 2], &all)];
     let mut closed = Vec::new();
     for index in order {
@@ -189,8 +190,8 @@ fn delaunay(points: &[DVec2]) -> Vec<[u32; 3]> {
             !hit
         });
         for &[a, b] in &cavity {
-            // An edge that two triangles of the cavity share lies inside the cavity and vanishes. The
-            // point is joined to the edges of its border.
+            // An edge that two triangles of the cavity share lies inside the cavity and vanishes.
+            // The point is joined to the edges of its border.
             if !cavity.contains(&[b, a]) {
                 open.push(Open::new([a, b, index], &all));
             }

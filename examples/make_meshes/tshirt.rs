@@ -1,7 +1,7 @@
 //! A T-shirt: front, back and two sleeves on a torso whose arms are held a little away.
 //!
-//! The panels start around the body, and their seams are pulled together as in a pattern tool. Then the
-//! shirt drapes under gravity.
+//! The panels start around the body, and their seams are pulled together as in a pattern tool. Then
+//! the shirt drapes under gravity.
 
 use std::f64::consts::TAU;
 
@@ -73,8 +73,8 @@ fn armhole() -> Curve {
     bezier([UNDERARM, DVec2::new(20.0, 41.5), DVec2::new(19.0, 54.0), TIP])
 }
 
-/// The right half of the sleeve's cap, from the underarm to the top. Its width is found by bisection so
-/// that it is as long as the armhole.
+/// The right half of the sleeve's cap, from the underarm to the top. Its width is found by
+/// bisection so that it is as long as the armhole.
 fn cap() -> Curve {
     let curve = |half: f64| {
         bezier([

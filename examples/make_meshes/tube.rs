@@ -20,8 +20,8 @@ const GIRTH: f64 = 31.0;
 const SPACING: f64 = 0.55;
 /// The elbow. The sleeve's shoulder end is at y = 0.
 const ELBOW: DVec3 = DVec3::new(0.0, -25.0, 0.0);
-/// Length by which the sleeve is pushed together, cm: about enough for the bend's outer side, and far
-/// too much for its inner side, which folds.
+/// Length by which the sleeve is pushed together, cm: about enough for the bend's outer side, and
+/// far too much for its inner side, which folds.
 const SLACK: f64 = 3.0;
 /// Angle of the bend, radians.
 const BEND: f64 = 0.8;
@@ -77,8 +77,8 @@ fn cut_and_place() -> Garment {
     garment
 }
 
-/// Irregular waves along the arm that take up about the slack. They vanish at the ends, so that the top
-/// is fixed as a circle.
+/// Irregular waves along the arm that take up about the slack. They vanish at the ends, so that the
+/// top is fixed as a circle.
 fn ripple(point: DVec2) -> f64 {
     let wave = |number: u32| {
         let along = TAU * f64::from(number) * point.y / LENGTH;

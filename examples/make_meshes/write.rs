@@ -1,9 +1,9 @@
 //! Writes OBJ files, in centimetres, y up.
 //!
-//! In: a pattern and its draped positions. Out: either two files, flat and draped, whose vertices and
-//! faces correspond one to one, or one file whose `v` are draped and welded at the seams and whose
-//! `vt` are the flat pattern. Four decimals (a micrometre) change the stretch of a 5 mm edge by at
-//! most 0.03 %.
+//! In: a pattern and its draped positions. Out: either two files, flat and draped, whose vertices
+//! and faces correspond one to one, or one file whose `v` are draped and welded at the seams and
+//! whose `vt` are the flat pattern. Four decimals (a micrometre) change the stretch of a 5 mm edge
+//! by at most 0.03 %.
 
 use std::{fmt::Write as _, fs, path::Path};
 

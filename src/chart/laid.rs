@@ -1,11 +1,11 @@
 //! The plan of laid cloth: its strands in 3 x 3 cells, seen from the technical face.
 //!
 //! In: a laid [`Fabric`]. Out: a [`Drawing`]. Each strand is as wide as its yarn and straight from
-//! point to point. The parts above the cloth's middle plane are drawn over those below it, with dark
-//! edges.
+//! point to point. The parts above the cloth's middle plane are drawn over those below it, with
+//! dark edges.
 //!
-//! Not promised: the order of two strands that both lie above the middle is that of the bars, not of
-//! their heights.
+//! Not promised: the order of two strands that both lie above the middle is that of the bars, not
+//! of their heights.
 
 use glam::DVec2;
 

@@ -2,8 +2,8 @@
 //! the sheet, and the labels.
 //!
 //! In: a [`Fabric`] with guide bars. Out: a [`Drawing`] with a layer for each bar. Two repeats are
-//! shown, within the limits of needles, courses and bars below; a note says what is left out. `path`
-//! gives the line of each yarn. Cost: some thousand shapes at most.
+//! shown, within the limits of needles, courses and bars below; a note says what is left out.
+//! `path` gives the line of each yarn. Cost: some thousand shapes at most.
 
 use std::ops::Range;
 

@@ -84,7 +84,8 @@ pub enum DrawingShape {
         /// The part of the text that stands at `at`.
         anchor: Anchor,
     },
-    /// A tooltip for the layer: an SVG viewer shows it where the pointer rests. A PNG leaves it out.
+    /// A tooltip for the layer: an SVG viewer shows it where the pointer rests. A PNG leaves it
+    /// out.
     Title {
         /// One line.
         text: String,
@@ -172,7 +173,8 @@ impl Drawing {
     /// ```
     /// use warpknit::{chart::Drawing, fabric::Fabric};
     /// let drawing = Drawing::from_fabric(&Fabric::named("locknit").unwrap());
-    /// assert!(drawing.layers.iter().any(|layer| layer.name == "bar-2") && drawing.notes.is_empty());
+    /// assert!(drawing.layers.iter().any(|layer| layer.name == "bar-2"));
+    /// assert!(drawing.notes.is_empty());
     /// ```
     #[must_use]
     pub fn from_fabric(fabric: &Fabric) -> Self {
@@ -184,8 +186,8 @@ impl Drawing {
     }
 
     /// The sheet of a garment: its flat panels with their grain at the left, maps of the draped
-    /// garment's stretch at the right. `title` names the garment. Cost: the maps have a fixed number
-    /// of pixels, so only the outlines grow with the panels' edges.
+    /// garment's stretch at the right. `title` names the garment. Cost: the maps have a fixed
+    /// number of pixels, so only the outlines grow with the panels' edges.
     ///
     /// ```
     /// use warpknit::{chart::Drawing, garment::Garment};

@@ -1,9 +1,10 @@
-//! The chart of a weft knit: one square for each loop, as knitters draw it, from the technical face.
+//! The chart of a weft knit: one square for each loop, as knitters draw it, from the technical
+//! face.
 //!
 //! In: a [`Motif`]. Out: a [`Drawing`]. A face loop is a V, a reverse loop a dash. The loops of a
 //! cable crossing are lines to the wale they move to; those in front are dark, those behind pale.
-//! Course 1 is at the bottom, wale 1 on the left. Cost: one shape a loop, for at most [`MOST`] loops
-//! each way.
+//! Course 1 is at the bottom, wale 1 on the left. Cost: one shape a loop, for at most [`MOST`]
+//! loops each way.
 
 use glam::DVec2;
 

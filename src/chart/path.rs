@@ -1,17 +1,18 @@
 //! The path of one yarn on point paper: from its chain to a smooth line around the needles' dots.
 //!
 //! In: a chain, and the [`Lane`] that keeps the bar's path apart from those of other bars. Out:
-//! waypoints in px ([`waypoints`]), clipped at the sheet's sides ([`clipped`]), with rounded corners
-//! ([`rounded`]). x grows to the right as seen from the technical back, so gap 0 of a right-hand
-//! drive is the rightmost one; y grows with the courses. Cost: six waypoints a course.
+//! waypoints in px ([`waypoints`]), clipped at the sheet's sides ([`clipped`]), with rounded
+//! corners ([`rounded`]). x grows to the right as seen from the technical back, so gap 0 of a
+//! right-hand drive is the rightmost one; y grows with the courses. Cost: six waypoints a course.
 //!
 //! ```text
-//!        ___          the overlap: up through the entry gap, over the dot, down through the exit gap
+//!        ___          the overlap: up through the entry gap, over the dot, down through
 //!       /   \
-//!      |  o  |   |    a closed lap goes on below the dot, across its own entry, and up in the gap beside it (drawn here);
-//!      |   __|__/     an open one turns up in the gap in which it came down
-//!       \_/  |
-//!            |        the underlap: a line in the band between two rows of dots, so that it touches none of them
+//!      |  o  |   |    a closed lap goes on below the dot, across its own entry, and up in
+//!      |   __|__/     the gap beside it (drawn here); an open one turns up in the gap in
+//!       \_/  |        which it came down
+//!            |        the underlap: a line in the band between two rows of dots, so that
+//!                     it touches none of them
 //! ```
 
 use glam::DVec2;
@@ -93,8 +94,8 @@ fn lap(chain: &Chain, guide: i64, course: i64, pitch: Pitch, lane: Lane) -> Vec<
     let o = f64::from(overlap);
     let entry = x(from + o / 2.0) + o * lane.leg;
     let exit = x(to - o / 2.0) - o * lane.leg;
-    // In a closed lap the underlap goes against the overlap: it passes back below the needles
-    // of its own overlap and crosses its own entry. It reaches as far down as the overlap reaches up,
+    // In a closed lap the underlap goes against the overlap: it passes back below the needles of
+    // its own overlap and crosses its own entry. It reaches as far down as the overlap reaches up,
     // so that the loop looks round. In an open lap the yarn turns up in the gap it came down in.
     let (channel, foot) = if chain.is_closed(course) {
         let width = (lap.to - lap.from).abs().min(underlap.abs());
@@ -115,8 +116,8 @@ fn lap(chain: &Chain, guide: i64, course: i64, pitch: Pitch, lane: Lane) -> Vec<
     path.map(|(x, above)| point(x, above)).to_vec()
 }
 
-/// The parts of a polyline with `low <= x <= high` (Liang and Barsky 1984, "A new concept and method
-/// for line clipping", for one axis).
+/// The parts of a polyline with `low <= x <= high` (Liang and Barsky 1984, "A new concept and
+/// method for line clipping", for one axis).
 pub(super) fn clipped(points: &[DVec2], low: f64, high: f64) -> Vec<Vec<DVec2>> {
     let mut parts: Vec<Vec<DVec2>> = Vec::new();
     let mut inside = false;

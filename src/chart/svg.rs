@@ -1,8 +1,8 @@
 //! Writes a drawing as SVG 1.1: one group for each layer, text as text. Pictures are embedded as
 //! base64-encoded PNG.
 //!
-//! In: a [`Drawing`]. Out: the text of a file that drawing programs can edit. Cost: linear in shapes
-//! and pixels.
+//! In: a [`Drawing`]. Out: the text of a file that drawing programs can edit. Cost: linear in
+//! shapes and pixels.
 
 use std::fmt::{self, Write};
 
@@ -33,7 +33,8 @@ fn write(out: &mut String, drawing: &Drawing) -> fmt::Result {
     writeln!(
         out,
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
-         viewBox=\"0 0 {width} {height}\" font-family=\"'Noto Sans Mono', 'DejaVu Sans Mono', monospace\">"
+         viewBox=\"0 0 {width} {height}\" \
+         font-family=\"'Noto Sans Mono', 'DejaVu Sans Mono', monospace\">"
     )?;
     writeln!(out, "<rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>")?;
     for layer in drawing.layers.iter().filter(|layer| !layer.shapes.is_empty()) {
@@ -97,7 +98,8 @@ fn group(out: &mut String, layer: &DrawingLayer) -> fmt::Result {
                 let text = Escaped(text);
                 writeln!(
                     out,
-                    "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\"{place}{weight} xml:space=\"preserve\">{text}</text>"
+                    "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\"{place}{weight} \
+                     xml:space=\"preserve\">{text}</text>"
                 )?;
             }
         }
@@ -105,8 +107,8 @@ fn group(out: &mut String, layer: &DrawingLayer) -> fmt::Result {
     writeln!(out, "</g>")
 }
 
-/// Writes pixels as an image with a data URL. `xlink:href` is deprecated in SVG 2, but unlike `href`
-/// every program knows it.
+/// Writes pixels as an image with a data URL. `xlink:href` is deprecated in SVG 2, but unlike
+/// `href` every program knows it.
 fn picture(out: &mut String, at: DVec2, pixels: &RgbaImage) -> fmt::Result {
     let mut file = Vec::new();
     let encoder =

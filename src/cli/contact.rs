@@ -1,8 +1,8 @@
-//! The contact sheet of a developed yarn photo: photo, mask, one repeat, its maps, the repeat tiled,
-//! and a swatch of loops that use it as a texture.
+//! The contact sheet of a developed yarn photo: photo, mask, one repeat, its maps, the repeat
+//! tiled, and a swatch of loops that use it as a texture.
 //!
-//! In: the photo and [`Developed`]. Out: a picture [`SHEET`] pixels wide. A repeat is often narrow: it
-//! and its maps are tiled along the yarn until they fill their cell.
+//! In: the photo and [`Developed`]. Out: a picture [`SHEET`] pixels wide. A repeat is often narrow:
+//! it and its maps are tiled along the yarn until they fill their cell.
 
 use anyhow::Result;
 use glam::DVec2;
@@ -22,8 +22,8 @@ use super::pictures::{self, Textures};
 /// Width of the yarn where it is unknown, mm. Any value serves: the swatch scales its yarn to the
 /// loops.
 pub(super) const SWATCH_YARN_WIDTH: f64 = 1.0;
-/// The fabric of the swatch: plain loops, few and from the front, so that the yarn is visible and not
-/// only the fabric.
+/// The fabric of the swatch: plain loops, few and from the front, so that the yarn is visible and
+/// not only the fabric.
 const FABRIC: &str = "jersey";
 /// Wales and courses of the swatch.
 const SWATCH: (u32, u32) = (4, 3);
@@ -156,8 +156,8 @@ fn labels(rows: &[Vec<SheetCell>; 3]) -> Drawing {
     Drawing { size, layers: vec![layer], notes: Vec::new() }
 }
 
-/// A picture scaled to fit a cell. Reducing needs no full-size copy; enlarging keeps texels square, so
-/// that they can be inspected.
+/// A picture scaled to fit a cell. Reducing needs no full-size copy; enlarging keeps texels square,
+/// so that they can be inspected.
 fn small<P>(picture: &ImageBuffer<P, Vec<u8>>, width: u32, height: u32) -> RgbaImage
 where
     P: Pixel<Subpixel = u8> + 'static,

@@ -1,7 +1,7 @@
 //! `warpknit yarn`: from a photo of a yarn to a folder of maps, with a contact sheet.
 //!
-//! In: the flags and the photo. Out: the folder, and a report on standard output. The folder appears
-//! only when it is complete.
+//! In: the flags and the photo. Out: the folder, and a report on standard output. The folder
+//! appears only when it is complete.
 
 use std::fmt::Write as _;
 

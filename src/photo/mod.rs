@@ -1,8 +1,8 @@
 //! Reads the pictures of a yarn into [`Maps`].
 //!
-//! In: a folder of maps, or one picture of a yarn. Out: complete [`Maps`]. Missing maps get defaults:
-//! normals from the height map by Scharr's operator (Scharr 2000, "Optimale Operatoren in der
-//! digitalen Bildverarbeitung"), or flat ones; the roughness of fibres; no metal; no occlusion.
+//! In: a folder of maps, or one picture of a yarn. Out: complete [`Maps`]. Missing maps get
+//! defaults: normals from the height map by Scharr's operator (Scharr 2000, "Optimale Operatoren in
+//! der digitalen Bildverarbeitung"), or flat ones; the roughness of fibres; no metal; no occlusion.
 //! Pictures of another size than the base colour are scaled to it.
 //!
 //! | file | content |
@@ -13,9 +13,9 @@
 //! | `roughness.png`, `metallic.png`, `ao.png` | grey |
 //! | `yarn.toml` | `width_mm`, `length_mm`, `width_in_yarns`, each optional |
 //!
-//! `width_mm` and `length_mm` are the size of the picture; `width_in_yarns` is its width over that of
-//! the yarn without fuzz. Other keys of yarn.toml are ignored. [`develop`] makes such a folder from
-//! one photo.
+//! `width_mm` and `length_mm` are the size of the picture; `width_in_yarns` is its width over that
+//! of the yarn without fuzz. Other keys of yarn.toml are ignored. [`develop`] makes such a folder
+//! from one photo.
 
 pub mod develop;
 mod error;
@@ -59,8 +59,8 @@ const DECODER_BYTES: u64 = 16 << 20;
 type Grey = ImageBuffer<Luma<u16>, Vec<u16>>;
 
 /// Reads the folder or the picture at `path`. Where no file gives the width, the maps fit a yarn
-/// that is `thickness` mm thick. `length`, the length of yarn that the picture shows in mm, overrules
-/// yarn.toml.
+/// that is `thickness` mm thick. `length`, the length of yarn that the picture shows in mm,
+/// overrules yarn.toml.
 ///
 /// # Errors
 /// [`PhotoError`] where there is no picture, or a file does not hold what its name says.
@@ -202,9 +202,9 @@ struct YarnFile {
     width_in_yarns: Option<f64>,
 }
 
-/// Length and width of the picture, mm. The length is the `known` one, else the file's. The width is
-/// the file's, else it fits a yarn of that thickness. Where one of the two is missing, it follows
-/// from the other by the picture's aspect ratio.
+/// Length and width of the picture, mm. The length is the `known` one, else the file's. The width
+/// is the file's, else it fits a yarn of that thickness. Where one of the two is missing, it
+/// follows from the other by the picture's aspect ratio.
 fn lengths(
     file: Option<PathBuf>,
     (along, across): (u32, u32),

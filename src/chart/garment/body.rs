@@ -40,8 +40,8 @@ pub(super) struct GarmentView {
     high: DVec2,
 }
 
-/// The two views of a garment: front and back, or above and below if it lies down, or left and right
-/// if it is thin from the front.
+/// The two views of a garment: front and back, or above and below if it lies down, or left and
+/// right if it is thin from the front.
 pub(super) fn views(garment: &Garment) -> [GarmentView; 2] {
     let points = || garment.panels.iter().flat_map(|panel| panel.draped.iter().copied());
     let (low, high) = (
@@ -162,8 +162,8 @@ impl DepthBuffer {
                 let weight = |from: DVec3, to: DVec3| {
                     (to.truncate() - from.truncate()).perp_dot(p - from.truncate()) / area
                 };
-                // Barycentric coordinates from the edge functions. Dividing by the signed area makes
-                // them positive inside for either orientation.
+                // Barycentric coordinates from the edge functions. Dividing by the signed area
+                // makes them positive inside for either orientation.
                 let (of_c, of_a, of_b) = (weight(a, b), weight(b, c), weight(c, a));
                 if of_a < 0.0 || of_b < 0.0 || of_c < 0.0 {
                     continue;

@@ -2,8 +2,8 @@
 //!
 //! In: a stretch (draped over flat length). Out: a colour. The colours are the diverging map of
 //! Moreland 2009, "Diverging color maps for scientific visualization". It is made for shaded
-//! surfaces; its middle is visible on white paper, and colour-blind people can distinguish its ends.
-//! The scale is logarithmic, so that half and double are equally far from 1.
+//! surfaces; its middle is visible on white paper, and colour-blind people can distinguish its
+//! ends. The scale is logarithmic, so that half and double are equally far from 1.
 
 use crate::fabric::yarn::Color;
 
@@ -47,8 +47,8 @@ impl StretchColors {
     /// The colour at a place on the scale, -1 to 1: piecewise linear between the map's colours.
     pub(super) fn at(&self, place: f64) -> Color {
         let steps = (MAP.len() - 1) as f64;
-        // The stretch of a collapsed triangle is 0 and its logarithm minus infinity: the clamp makes
-        // it the blue end.
+        // The stretch of a collapsed triangle is 0 and its logarithm minus infinity: the clamp
+        // makes it the blue end.
         let along = (place.clamp(-1.0, 1.0) + 1.0) / 2.0 * steps;
         #[expect(
             clippy::cast_possible_truncation,

@@ -3,8 +3,8 @@
 //!
 //! In: a [`Garment`]. Out: a [`Drawing`] of fixed width, whose height follows the draped garment's
 //! aspect ratio. The panels are vector shapes ([`pattern`]). The draped garment is a picture
-//! ([`body`]): as vector shapes, a mesh of a hundred thousand triangles would take ten megabytes, and
-//! hidden triangles would show where triangles intersect. [`colors`] is the colour map.
+//! ([`body`]): as vector shapes, a mesh of a hundred thousand triangles would take ten megabytes,
+//! and hidden triangles would show where triangles intersect. [`colors`] is the colour map.
 //!
 //! ```text
 //!   title, units

@@ -1,15 +1,15 @@
-//! The flat panels of a garment, side by side at one scale: outline, number, size, and an arrow along
-//! the wales.
+//! The flat panels of a garment, side by side at one scale: outline, number, size, and an arrow
+//! along the wales.
 //!
-//! In: panels. Out: layers of a drawing. A panel is shown as it lies in the flat file, seen from its
-//! technical face; a mirrored panel is turned over, and the arrow is inclined where the grain was
-//! turned. The outline consists of the edges that belong to a single triangle. Panels are packed in
-//! rows by decreasing height (shelf packing; Coffman, Garey, Johnson and Tarjan 1980, "Performance
-//! bounds for level-oriented two-dimensional packing algorithms"), at the largest scale that fits,
-//! found by bisection.
+//! In: panels. Out: layers of a drawing. A panel is shown as it lies in the flat file, seen from
+//! its technical face; a mirrored panel is turned over, and the arrow is inclined where the grain
+//! was turned. The outline consists of the edges that belong to a single triangle. Panels are
+//! packed in rows by decreasing height (shelf packing; Coffman, Garey, Johnson and Tarjan 1980,
+//! "Performance bounds for level-oriented two-dimensional packing algorithms"), at the largest
+//! scale that fits, found by bisection.
 //!
-//! Not promised: more than [`MOST`] panels (a line says how many smaller ones are left out), and the
-//! densest packing.
+//! Not promised: more than [`MOST`] panels (a line says how many smaller ones are left out), and
+//! the densest packing.
 
 use std::collections::HashMap;
 
@@ -66,8 +66,8 @@ struct PlacedPanel<'a> {
     scale: f64,
 }
 
-/// The layers of the panels in a box of size `room` at `corner`, with the scale bar in the `strip` px
-/// below the box.
+/// The layers of the panels in a box of size `room` at `corner`, with the scale bar in the `strip`
+/// px below the box.
 pub(super) fn draw(garment: &Garment, corner: DVec2, room: DVec2, strip: f64) -> Vec<DrawingLayer> {
     let mut pieces: Vec<_> = garment
         .panels
@@ -210,8 +210,8 @@ fn packed(pieces: &[FlatPanel], room: DVec2) -> (f64, Vec<DVec2>) {
     fits
 }
 
-/// Packs pieces into rows at a scale: the place of each piece, centred in its cell, and the room that
-/// all take.
+/// Packs pieces into rows at a scale: the place of each piece, centred in its cell, and the room
+/// that all take.
 fn rows(pieces: &[FlatPanel], scale: f64, width: f64) -> (Vec<DVec2>, DVec2) {
     let (mut cursor, mut row, mut used) = (DVec2::ZERO, 0.0_f64, DVec2::ZERO);
     let mut places = Vec::new();

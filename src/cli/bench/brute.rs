@@ -1,5 +1,5 @@
-//! Baseline: the location of Liu, Kyosev and Jiang 2022 on this machine, a linear search through all
-//! triangles for each data point.
+//! Baseline: the location of Liu, Kyosev and Jiang 2022 on this machine, a linear search through
+//! all triangles for each data point.
 //!
 //! In: a cloth. Out: the time of locating (their section 3.1, eq. 1) and mapping (section 3.2) all
 //! its data points. Cost: points times triangles. The paper has no clipping of yarns at a panel's
@@ -19,8 +19,8 @@ use warpknit::map::{Mapping, map};
 
 use super::measure::{Moment, Sample};
 
-/// Locates and maps all data points of a cloth, with as many threads as the pipeline, and returns the
-/// time.
+/// Locates and maps all data points of a cloth, with as many threads as the pipeline, and returns
+/// the time.
 pub(super) fn located_and_mapped(cloth: &Cloth<'_>) -> Sample {
     let panels = &cloth.garment().panels;
     let orders: Vec<_> = panels.iter().map(file_order).collect();

@@ -110,8 +110,8 @@ pub(super) fn folded_cone(triangles: usize) -> Garment {
     Garment { panels: vec![panel], facts }
 }
 
-/// The fabric at densities that give about so many stitches on the garment. It is estimated from the
-/// areas; the loops keep their aspect ratio.
+/// The fabric at densities that give about so many stitches on the garment. It is estimated from
+/// the areas; the loops keep their aspect ratio.
 pub(super) fn at_stitches(fabric: &Fabric, garment: &Garment, stitches: f64) -> Result<Fabric> {
     let area: f64 = garment.panels.iter().map(Panel::area).sum();
     let bars = f64::from(index32(fabric.bars.len()));

@@ -1,7 +1,7 @@
 //! Growth of time and memory with the number of stitches and of triangles, stage by stage.
 //!
-//! In: a garment. Out: two tables with their plots. Rows are measured in order of size: the allocator
-//! may keep the memory of a row for the next one, which needs more anyway.
+//! In: a garment. Out: two tables with their plots. Rows are measured in order of size: the
+//! allocator may keep the memory of a row for the next one, which needs more anyway.
 
 use anyhow::Result;
 use warpknit::drape::{Cloth, Options, Stage};

@@ -1,7 +1,7 @@
 //! Measures wall time and CPU time of some work over several runs: median, fastest and slowest.
 //!
-//! In: a closure. Out: [`Times`]. CPU time is that of all threads of the process; it is missing where
-//! the system does not give it.
+//! In: a closure. Out: [`Times`]. CPU time is that of all threads of the process; it is missing
+//! where the system does not give it.
 
 use std::convert::Infallible;
 use std::hint::black_box;

@@ -2,8 +2,8 @@
 //!
 //! In: the flags. Out: tables on standard output, and as JSON, SVG or PNG where asked for. Each
 //! subject is a file and gives one or two tables: Table 2 of Liu, Kyosev and Jiang 2022
-//! ([`plane_curved`], with [`brute`] as its baseline), its Table 3 ([`total`]), its Figures 14 and 15
-//! ([`st_sr`], [`textures`]), the table of the ribbon paper ([`weft`](mod@weft)), and
+//! ([`plane_curved`], with [`brute`] as its baseline), its Table 3 ([`total`]), its Figures 14 and
+//! 15 ([`st_sr`], [`textures`]), the table of the ribbon paper ([`weft`](mod@weft)), and
 //! [`growth`](mod@growth) with the size. Figures are medians of several runs after a warm-up run;
 //! `from` and `to` are the fastest and the slowest run.
 

@@ -11,8 +11,8 @@ use super::measure::{Moment, Sample};
 
 /// Pixels each way: small, so that three pictures of every row take minutes and not an hour.
 pub(super) const SIZE: (u32, u32) = (640, 480);
-/// The most runs of each picture. It takes a thousand times as long as a row of coordinates, and its
-/// times spread less.
+/// The most runs of each picture. It takes a thousand times as long as a row of coordinates, and
+/// its times spread less.
 const MOST_RUNS: u32 = 3;
 
 /// Draws and times scenes with fixed options.

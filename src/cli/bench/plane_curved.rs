@@ -1,5 +1,5 @@
-//! Table 2 of Liu, Kyosev and Jiang 2022: the time for all data points on the flat ("plane") fabric,
-//! and on the draped ("curved") one.
+//! Table 2 of Liu, Kyosev and Jiang 2022: the time for all data points on the flat ("plane")
+//! fabric, and on the draped ("curved") one.
 //!
 //! In: the shipped garments, or the user's own. Out: a table and a plot. The paper names a mesh
 //! fabric, a tricot fabric, a tube and a skirt; the last two are taken to be of tricot.
@@ -90,10 +90,10 @@ pub(super) fn plane_curved(
         "plane-curved",
         "Table 2: coordinates on the plane fabric and on the curved one",
         &[
-            "relax: one repeat in balance. plane: relax, laying out and all data points on the flat \
-             fabric. curved: plane, location and mapping.",
-            "published: Liu, Kyosev, Jiang 2022, Table 2, C# on an i7-9750H. The paper's meshes are \
-             not public; these are our own.",
+            "relax: one repeat in balance. plane: relax, laying out and all data points on the \
+             flat fabric. curved: plane, location and mapping.",
+            "published: Liu, Kyosev, Jiang 2022, Table 2, C# on an i7-9750H. The paper's meshes \
+             are not public; these are our own.",
         ],
         [("cloth", "cloth"), ("fabric", "fabric"), ("stitches", "stitches"), ("part", "part")],
     );

@@ -1,8 +1,8 @@
 //! Plots of the tables, on one sheet.
 //!
 //! In: series of points. Out: a [`Drawing`], which the library writes as `.svg` or `.png` without
-//! any font of the system. plotters lays out the axes; an axis is logarithmic where the figures span
-//! more than a decade. Solid lines are measured here, dashed lines are published figures.
+//! any font of the system. plotters lays out the axes; an axis is logarithmic where the figures
+//! span more than a decade. Solid lines are measured here, dashed lines are published figures.
 
 use std::ops::Range;
 
@@ -25,8 +25,8 @@ const HEADING: u32 = 40;
 const ACROSS: usize = 2;
 /// Ratio of the largest to the smallest figure from which on an axis is logarithmic.
 const DECADE: f64 = 10.0;
-/// Ratio up to which a logarithmic axis has marks at 2 and 5 as well, since powers of ten alone would
-/// be too few.
+/// Ratio up to which a logarithmic axis has marks at 2 and 5 as well, since powers of ten alone
+/// would be too few.
 const FEW: f64 = 2000.0;
 /// Lengths of a dash and of the gap after it, px.
 const DASH: (u32, u32) = (7, 5);
@@ -212,8 +212,8 @@ fn text(size: i32, color: RGBColor) -> TextStyle<'static> {
     ("monospace", size).into_font().color(&color)
 }
 
-/// Turns an error of plotters into ours. The backend can't fail, so the only cause is a plot without
-/// room for its axes.
+/// Turns an error of plotters into ours. The backend can't fail, so the only cause is a plot
+/// without room for its axes.
 fn drawn<E: std::error::Error + Send + Sync>(error: DrawingAreaErrorKind<E>) -> anyhow::Error {
     anyhow!("can't draw the plots: {error}")
 }

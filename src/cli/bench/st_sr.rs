@@ -1,5 +1,5 @@
-//! Figure 14 of Liu, Kyosev and Jiang 2022: render time over St (segments of a stitch), Sr (edges of
-//! a tube's section) and the size of the fabric.
+//! Figure 14 of Liu, Kyosev and Jiang 2022: render time over St (segments of a stitch), Sr (edges
+//! of a tube's section) and the size of the fabric.
 //!
 //! In: a flat fabric. Out: a table and two plots. The paper's figure is a plot without printed
 //! values, so there are no published times. St and Sr are those of its Table 1; the sizes are ours.
@@ -28,10 +28,10 @@ pub(super) fn st_sr(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<
         "st-sr",
         "Figure 14: render time over St, Sr and the fabric's size",
         &[
-            "The time is that of tubes and picture. The processor traces the yarns' curves whatever \
-             St and Sr, so its picture is timed once a size; --renderer gpu draws tubes.",
-            "published: the paper's figure is a plot, and its text prints neither its times nor its \
-             sizes.",
+            "The time is that of tubes and picture. The processor traces the yarns' curves \
+             whatever St and Sr, so its picture is timed once a size; --renderer gpu draws tubes.",
+            "published: the paper's figure is a plot, and its text prints neither its times nor \
+             its sizes.",
         ],
         [
             ("fabric", "fabric"),

@@ -33,10 +33,8 @@ pub(super) fn textures(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Resu
     let mut table = Table::new(
         "textures",
         "Figure 15: render time over the size of the yarn's texture",
-        &[
-            "published: the paper's figure is a plot, and its text prints no times; it says that the \
-             size makes no great difference.",
-        ],
+        &["published: the paper's figure is a plot, and its text prints no times; it says that \
+             the size makes no great difference."],
         [("texture", "texture"), ("over_none", "over none")],
     );
     let (st, sr) = SECTION;

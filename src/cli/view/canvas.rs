@@ -1,9 +1,9 @@
 //! Renders the picture in the window on the window's own graphics device.
 //!
-//! In: a scene, then one [`FrameRequest`] at a time. Out: a texture that the window shows. A frame that
-//! is shown already is not drawn again. While something moves on a slow device, drafts of lower
-//! resolution are drawn, whose coarseness follows their times. In the command, only this file and the
-//! opening of the window name wgpu.
+//! In: a scene, then one [`FrameRequest`] at a time. Out: a texture that the window shows. A frame
+//! that is shown already is not drawn again. While something moves on a slow device, drafts of
+//! lower resolution are drawn, whose coarseness follows their times. In the command, only this file
+//! and the opening of the window name wgpu.
 
 use std::ops::RangeInclusive;
 use std::time::{Duration, Instant};
@@ -136,8 +136,8 @@ impl FrameRenderer {
         Ok(true)
     }
 
-    /// Notes the time of a draft and adapts the next one's coarseness. The gap between the two limits
-    /// keeps it from changing back and forth.
+    /// Notes the time of a draft and adapts the next one's coarseness. The gap between the two
+    /// limits keeps it from changing back and forth.
     fn time_draft(&mut self, spent: Duration) {
         self.draft = spent;
         if spent > SLOW_DRAFT && self.coarseness < *COARSENESS.end() {
@@ -231,8 +231,8 @@ impl FrameRenderer {
         self.state.device.limits().max_texture_dimension_2d
     }
 
-    /// Drops the renderers after an error: a device in an error state keeps failing, and new renderers
-    /// start clean.
+    /// Drops the renderers after an error: a device in an error state keeps failing, and new
+    /// renderers start clean.
     fn forget_after<T>(&mut self, result: Result<T, GpuError>) -> Result<T, GpuError> {
         if result.is_err() {
             self.renderers = None;

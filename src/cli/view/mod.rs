@@ -1,8 +1,8 @@
 //! `warpknit view`: a garment or a swatch in a window, knitted again whenever a setting changes.
 //!
-//! In: the arguments of `drape`, or the size of a swatch. Out: a window until it is closed. [`stock`]
-//! is the source of cloth, [`worker`] knits on a thread of its own, [`canvas`] renders, [`orbit`] is
-//! the camera, [`panel`] has the settings, and [`window`] joins them.
+//! In: the arguments of `drape`, or the size of a swatch. Out: a window until it is closed.
+//! [`stock`] is the source of cloth, [`worker`] knits on a thread of its own, [`canvas`] renders,
+//! [`orbit`] is the camera, [`panel`] has the settings, and [`window`] joins them.
 
 mod canvas;
 mod orbit;
@@ -74,8 +74,8 @@ pub(crate) fn view(arguments: Live) -> Result<()> {
     }
 }
 
-/// Options of a window on the fastest adapter, with all the limits that the adapter has. The default
-/// limits are those of a web page, and too low for the buffers of yarns.
+/// Options of a window on the fastest adapter, with all the limits that the adapter has. The
+/// default limits are those of a web page, and too low for the buffers of yarns.
 fn native_options() -> NativeOptions {
     let mut setup = WgpuSetupCreateNew::without_display_handle();
     setup.power_preference = wgpu::PowerPreference::HighPerformance;

@@ -1,16 +1,16 @@
 //! An orbit camera: yaw and pitch around a target, which stays upright like a turntable.
 //!
-//! In: drags and wheel travel, in pixels. Out: a [`Camera`]. The wheel changes the magnification and
-//! not the distance, so that the near side of a garment can be inspected yarn by yarn without the eye
-//! passing through it.
+//! In: drags and wheel travel, in pixels. Out: a [`Camera`]. The wheel changes the magnification
+//! and not the distance, so that the near side of a garment can be inspected yarn by yarn without
+//! the eye passing through it.
 
 use glam::{DVec3, Vec3};
 use warpknit::render::{Camera, View};
 
 /// Rotation for each pixel of a drag, radians: 450 pixels are half a turn.
 const TURN: f64 = std::f64::consts::PI / 450.0;
-/// Largest pitch that a drag reaches, radians. Straight above or below, the direction alone does not
-/// determine which way is up, and the picture would spin.
+/// Largest pitch that a drag reaches, radians. Straight above or below, the direction alone does
+/// not determine which way is up, and the picture would spin.
 const STEEPEST: f64 = 89.0 * std::f64::consts::PI / 180.0;
 /// Least and greatest magnification: from a speck to a single yarn of a coat.
 const ZOOMS: (f64, f64) = (0.05, 2000.0);
@@ -66,8 +66,8 @@ impl Orbit {
     /// Frames `points` from a direction.
     fn facing(toward_eye: DVec3, points: &[Vec3], fov: f64, zoom: f64, aspect: f64) -> Self {
         let eye = Camera::facing(toward_eye, points, fov, zoom, aspect).eye();
-        // The camera's own target is centred in the picture's plane only. Orbiting needs a centre in
-        // depth as well, or near parts would sweep through the picture.
+        // The camera's own target is centred in the picture's plane only. Orbiting needs a centre
+        // in depth as well, or near parts would sweep through the picture.
         let depths = points
             .iter()
             .map(|point| (eye - point.as_dvec3()).dot(toward_eye))
@@ -85,8 +85,8 @@ impl Orbit {
         self.pitch = (self.pitch + f64::from(y) * TURN).clamp(-STEEPEST, STEEPEST);
     }
 
-    /// Moves the picture by a drag of so many pixels in a picture of `height` pixels. What lies at the
-    /// target's distance follows the pointer exactly.
+    /// Moves the picture by a drag of so many pixels in a picture of `height` pixels. What lies at
+    /// the target's distance follows the pointer exactly.
     pub(super) fn shift(&mut self, x: f32, y: f32, height: f32) {
         let size = self.camera().pixel_size(self.distance, 1) / f64::from(height.max(1.0));
         self.target += self.camera().to_world(Vec3::new(-x, y, 0.0)).as_dvec3() * size;

@@ -1,7 +1,7 @@
 //! The panel beside the picture: all settings, and a summary of the cloth.
 //!
-//! In: [`PanelSettings`], which it changes, and the [`ClothSummary`] to show. Out: an [`Action`] where
-//! a button was pressed.
+//! In: [`PanelSettings`], which it changes, and the [`ClothSummary`] to show. Out: an [`Action`]
+//! where a button was pressed.
 
 use eframe::egui::{
     Button, CollapsingHeader, Color32, ComboBox, Grid, RichText, Slider, SliderClamping, TextStyle,
@@ -27,8 +27,8 @@ pub(super) const VIEWS: [(&str, View); 6] = [
 /// Lines that the longest description of a built-in fabric takes.
 const ABOUT_LINES: f32 = 3.0;
 
-/// The largest radius of the slider, mm at one wale a cm: 0.3 of the wale spacing, at which the legs
-/// of a loop fill it.
+/// The largest radius of the slider, mm at one wale a cm: 0.3 of the wale spacing, at which the
+/// legs of a loop fill it.
 const WIDEST: f64 = 3.0;
 
 /// All settings.

@@ -1,8 +1,8 @@
-//! The source of cloth for the window: the fabrics that can be chosen, and the garment or the swatch
-//! that they are knitted on.
+//! The source of cloth for the window: the fabrics that can be chosen, and the garment or the
+//! swatch that they are knitted on.
 //!
-//! In: the arguments, then one [`Recipe`] at a time. Out: a [`KnittedScene`]. Nothing here depends on
-//! a window.
+//! In: the arguments, then one [`Recipe`] at a time. Out: a [`KnittedScene`]. Nothing here depends
+//! on a window.
 
 use std::borrow::Cow;
 use std::cell::RefCell;
@@ -169,8 +169,8 @@ impl ClothSource {
         Ok(fabric.at_densities(recipe.wales_per_cm, recipe.courses_per_cm)?)
     }
 
-    /// Runs the pipeline on a cloth and collects its blocks in a scene. It checks after each group of
-    /// blocks whether the cloth is still wanted.
+    /// Runs the pipeline on a cloth and collects its blocks in a scene. It checks after each group
+    /// of blocks whether the cloth is still wanted.
     fn lay(
         &self,
         cloth: &Cloth<'_>,

@@ -1,7 +1,7 @@
 //! The window: joins panel, camera, knitting thread and renderer, frame by frame.
 //!
-//! In: the user's input. Out: the picture, and saved pictures. An error is shown in the panel and the
-//! window stays open, except that a `--screenshot` that can't be made closes it.
+//! In: the user's input. Out: the picture, and saved pictures. An error is shown in the panel and
+//! the window stays open, except that a `--screenshot` that can't be made closes it.
 
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
@@ -325,8 +325,8 @@ impl Window {
         }
     }
 
-    /// For `--screenshot`: takes a picture of the window once the cloth is drawn in full, or closes the
-    /// window after an error.
+    /// For `--screenshot`: takes a picture of the window once the cloth is drawn in full, or closes
+    /// the window after an error.
     fn take_screenshot(&mut self, context: &egui::Context) {
         let Some(target) = self.screenshot.clone() else { return };
         if let Some(error) = self.error.take() {

@@ -1,9 +1,9 @@
 //! The knitting thread, which keeps the window responsive.
 //!
-//! In: [`Recipe`]s, as fast as a slider is dragged. Out: cloth, or an error. The newest recipe wins:
-//! older ones that were not begun are dropped. A cloth that is being knitted when a newer one is
-//! wanted may use [`PATIENCE`] to finish and is then abandoned, so that a drag still shows some of the
-//! cloths it passes.
+//! In: [`Recipe`]s, as fast as a slider is dragged. Out: cloth, or an error. The newest recipe
+//! wins: older ones that were not begun are dropped. A cloth that is being knitted when a newer one
+//! is wanted may use [`PATIENCE`] to finish and is then abandoned, so that a drag still shows some
+//! of the cloths it passes.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};

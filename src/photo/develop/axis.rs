@@ -1,7 +1,7 @@
 //! The axis of a yarn on a photo: a straight line with a width, fitted to a mask.
 //!
-//! In: the [`Mask`] of the yarn's pixels on the reduced photo. Out: [`YarnAxis`] (direction, a point
-//! on it, width), and [`UsableStretch`], the part of the yarn that has ground on both sides.
+//! In: the [`Mask`] of the yarn's pixels on the reduced photo. Out: [`YarnAxis`] (direction, a
+//! point on it, width), and [`UsableStretch`], the part of the yarn that has ground on both sides.
 //!
 //! Method: the second central moments of the mask give a first direction (principal axis; Hu 1962,
 //! "Visual pattern recognition by moment invariants"). A tilted yarn that leaves the photo has
@@ -219,8 +219,8 @@ impl YarnAxis {
             .ok_or(DevelopError::LeavesThroughSide { shown: longest, needed })
     }
 
-    /// The length to cut off at an end of the yarn: none where the yarn leaves the photo, since only
-    /// a loose end frays.
+    /// The length to cut off at an end of the yarn: none where the yarn leaves the photo, since
+    /// only a loose end frays.
     fn frayed_length(&self, mask: &Mask, end: &CrossSection) -> f64 {
         let frayed = FRAYED * self.width;
         let is_loose = self.is_on_photo(mask, end.along - frayed, 0.5 * self.width)

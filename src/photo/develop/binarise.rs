@@ -5,7 +5,8 @@
 //!
 //! Method: Otsu 1979, "A threshold selection method from gray-level histograms". The threshold
 //! maximises the variance between the two classes, which minimises the variance within them. The
-//! ground is the class to which most of the photo's border belongs. Cost: one pass for the histogram.
+//! ground is the class to which most of the photo's border belongs. Cost: one pass for the
+//! histogram.
 
 use super::mask::Mask;
 use crate::plane::{Plane, byte, float, percentile};
@@ -21,8 +22,8 @@ pub(super) struct Split {
     pub(super) spreads: [f32; 2],
 }
 
-/// Otsu's threshold of greys from 0 to 255 (Otsu 1979): the maximum of ω₀ ω₁ (μ₁ - μ₀)², the variance
-/// between the classes.
+/// Otsu's threshold of greys from 0 to 255 (Otsu 1979): the maximum of ω₀ ω₁ (μ₁ - μ₀)², the
+/// variance between the classes.
 pub(super) fn otsu(grey: &Plane) -> f32 {
     let mut counts = [0_u32; 256];
     grey.values.iter().for_each(|&value| counts[usize::from(byte(value))] += 1);
@@ -30,8 +31,8 @@ pub(super) fn otsu(grey: &Plane) -> f32 {
         || (0_u8..=255).zip(counts).map(|(level, count)| (f64::from(level), f64::from(count)));
     let (all, total) =
         levels().fold((0.0, 0.0), |(n, sum), (level, count)| (n + count, sum + level * count));
-    // Counts and sums of the greys below `level` are updated from bin to bin, so that each candidate
-    // threshold costs a few operations.
+    // Counts and sums of the greys below `level` are updated from bin to bin, so that each
+    // candidate threshold costs a few operations.
     let (mut below, mut sum) = (0.0, 0.0);
     // The largest variance between classes, and the first and last threshold that reach it.
     let mut best = (0.0, 0.0, 0.0);

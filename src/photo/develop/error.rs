@@ -6,8 +6,8 @@
 pub enum DevelopError {
     /// Fewer pixels than the steps need.
     #[error(
-        "{width} x {height} pixels are too few: at least {least} are needed each way; take a larger \
-         photo, or a larger --crop"
+        "{width} x {height} pixels are too few: at least {least} are needed each way; \
+         take a larger photo, or a larger --crop"
     )]
     TooSmall {
         /// Pixels across.
@@ -104,8 +104,8 @@ pub enum DevelopError {
     },
     /// A yarn that isn't straight.
     #[error(
-        "the yarn isn't straight: it lies {off:.0} pixels off a line at {width:.0} pixels of width; \
-         stretch it lightly, or choose a straight part with --crop"
+        "the yarn isn't straight: it lies {off:.0} pixels off a line at {width:.0} pixels of \
+         width; stretch it lightly, or choose a straight part with --crop"
     )]
     Bent {
         /// Root mean square of its distance from a line, pixels.

@@ -1,8 +1,9 @@
 //! Writes the folder of maps that [`crate::photo::read_maps`] reads.
 //!
-//! In: [`Developed`] and an [`OutputFolder`]. Out: the files of [`FILES`], except the contact sheet,
-//! which the command makes. Heights have 16 bits, all other maps 8. yarn.toml holds lengths in mm
-//! only where the scale is known. Without them the reader fits the maps to the fabric's own yarn.
+//! In: [`Developed`] and an [`OutputFolder`]. Out: the files of [`FILES`], except the contact
+//! sheet, which the command makes. Heights have 16 bits, all other maps 8. yarn.toml holds lengths
+//! in mm only where the scale is known. Without them the reader fits the maps to the fabric's own
+//! yarn.
 
 use std::fmt::Write as _;
 use std::fs::{self, File};

@@ -52,9 +52,9 @@ impl Ground {
         for _ in 0..ITERATIONS {
             ground = ground.refitted(grey, &border, 0.5);
         }
-        // The border says little about the middle of the photo. Pixels near the border's surface are
-        // ground as well, and the reweighting finds them. A yarn may cover most of the photo, so
-        // only the quarter of the pixels that lies nearest measures the noise.
+        // The border says little about the middle of the photo. Pixels near the border's surface
+        // are ground as well, and the reweighting finds them. A yarn may cover most of the photo,
+        // so only the quarter of the pixels that lies nearest measures the noise.
         let all = grid_samples(grey);
         for _ in 0..ITERATIONS {
             ground = ground.refitted(grey, &all, 0.25);

@@ -3,10 +3,10 @@
 //! In: the strip, its place on the photo, the ground's light there. Out: a grey plane, 0..=255, and
 //! the greys that became black and white.
 //!
-//! Method: the ground's polynomial is subtracted, and the greys between two percentiles are stretched
-//! to the whole range. This grey only serves to find the yarn; the maps keep the photo's colours. A
-//! brightness or contrast that the user chose replaces the stretch and changes the strip's colours
-//! as well. Cost: one pass for the grey, one for the percentiles.
+//! Method: the ground's polynomial is subtracted, and the greys between two percentiles are
+//! stretched to the whole range. This grey only serves to find the yarn; the maps keep the photo's
+//! colours. A brightness or contrast that the user chose replaces the stretch and changes the
+//! strip's colours as well. Cost: one pass for the grey, one for the percentiles.
 
 use image::RgbImage;
 

@@ -5,8 +5,8 @@
 //!
 //! Method: shading correction by gains, in linear light. A round yarn is brightest where it faces
 //! the lamp, so each row is divided by its smoothed mean. A lamp at one end makes a slope along the
-//! yarn, which is divided out as well. No gain exceeds [`MOST_GAIN`]. The shading of plies and fibres
-//! stays, since it averages out along a row.
+//! yarn, which is divided out as well. No gain exceeds [`MOST_GAIN`]. The shading of plies and
+//! fibres stays, since it averages out along a row.
 //!
 //! A pixel through which ground shows takes the colour of the yarn beside it; its alpha alone says
 //! how much yarn there is. Beyond both flanks the colours blend toward each other, so that the

@@ -4,9 +4,9 @@
 //! 8-connected components.
 //!
 //! Erosion and dilation use a square of `2 radius + 1` pixels. The square is separable: one pass
-//! over the rows and one over the columns, each with a running count, so the cost does not depend on
-//! the radius. Components are found over runs of set pixels with union-find (Rosenfeld and Pfaltz
-//! 1966, "Sequential operations in digital picture processing").
+//! over the rows and one over the columns, each with a running count, so the cost does not depend
+//! on the radius. Components are found over runs of set pixels with union-find (Rosenfeld and
+//! Pfaltz 1966, "Sequential operations in digital picture processing").
 
 use std::ops::Range;
 
@@ -180,8 +180,8 @@ impl ConnectedComponents {
             components.connect_rows(above, begin, mask.width);
             above = begin..components.runs.len();
         }
-        // A parent comes before its child, so its own parent is a root already: one pass makes every
-        // parent a root.
+        // A parent comes before its child, so its own parent is a root already: one pass makes
+        // every parent a root.
         for run in 0..components.parents.len() {
             components.parents[run] = components.parents[components.parents[run]];
         }

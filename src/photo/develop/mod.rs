@@ -1,19 +1,21 @@
 //! From a photo of a yarn to the maps of one repeat of it.
 //!
-//! In: one ordinary photo of a straight yarn on a plain ground, and [`YarnPhotoSettings`], which may
-//! overrule what the steps find. Out: [`Developed`]: the maps, and every number that was decided on
-//! the way. Each step is a file:
+//! In: one ordinary photo of a straight yarn on a plain ground, and [`YarnPhotoSettings`], which
+//! may overrule what the steps find. Out: [`Developed`]: the maps, and every number that was
+//! decided on the way. Each step is a file:
 //!
 //! ```text
-//!   photo ─▶ orient ─▶ levels ─▶ binarise ─▶ cutout ─▶ light ─▶ repeat ─▶ seamless ─▶ surface ─▶ maps
-//!             level     grey       mask      alpha    colours   length      unit      heights …
-//!             strip                                  flattened
+//!   photo ─▶ orient ─▶ levels ─▶ binarise ─▶ cutout ─▶ light
+//!             strip     grey       mask       alpha    flat colours
+//!
+//!         ─▶ repeat ─▶ seamless ─▶ surface ─▶ maps
+//!             length    unit        heights …
 //! ```
 //!
-//! Beside them, `axis` fits the yarn's axis, `ground` the light of the ground behind the yarn, `mask`
-//! has morphology and connected components, and `files` writes the maps. The *ground* is the
-//! background of the photo, the *strip* the part that shows the yarn level, the *unit* one repeat of
-//! the yarn.
+//! Beside them, `axis` fits the yarn's axis, `ground` the light of the ground behind the yarn,
+//! `mask` has morphology and connected components, and `files` writes the maps. The *ground* is the
+//! background of the photo, the *strip* the part that shows the yarn level, the *unit* one repeat
+//! of the yarn.
 //!
 //! Cost: 48 megapixels, with a strip of 16, take some six seconds on two cores and 820 MB, reading
 //! included; a photo of half a megapixel takes a few tenths of a second. That is 3 bytes a pixel of
@@ -182,8 +184,10 @@ impl Developed {
 /// ```
 /// use image::{Rgb, RgbImage};
 /// use warpknit::photo::develop::{YarnPhotoSettings, develop};
-/// let slanted = |x: u32, y: u32| if (40..80).contains(&y) { 150 + 90 * u8::from((x + y) % 30 < 15) } else { 20 };
-/// let photo = RgbImage::from_fn(300, 120, |x, y| Rgb([slanted(x, y); 3]));
+/// let photo = RgbImage::from_fn(300, 120, |x, y| {
+///     let yarn = 150 + 90 * u8::from((x + y) % 30 < 15);
+///     Rgb([if (40..80).contains(&y) { yarn } else { 20 }; 3])
+/// });
 /// let yarn = develop(&photo, &YarnPhotoSettings::default(), &mut |_, _| ())?;
 /// assert!((yarn.repeat.length - 30.0).abs() < 0.3 && (yarn.yarn_width - 40.0).abs() < 1.0);
 /// # Ok::<(), warpknit::photo::develop::DevelopError>(())

@@ -3,12 +3,12 @@
 //! In: a photo. Out: [`YarnOrientation`], which maps each pixel of the strip to a place on the
 //! photo, and the strip itself.
 //!
-//! Method: the ground's light is subtracted, and Otsu's threshold (Otsu 1979, "A threshold selection
-//! method from gray-level histograms") separates yarn and ground. The largest connected component is
-//! the yarn, together with all that is connected to it and differs from the ground; without that
-//! extension a yarn with plies of several colours would keep the brightest plies only. A
-//! morphological opening removes the fibres, and `axis` fits the yarn's direction and width to the
-//! rest. The strip is as long as yarn and ground on both sides of it are on the photo.
+//! Method: the ground's light is subtracted, and Otsu's threshold (Otsu 1979, "A threshold
+//! selection method from gray-level histograms") separates yarn and ground. The largest connected
+//! component is the yarn, together with all that is connected to it and differs from the ground;
+//! without that extension a yarn with plies of several colours would keep the brightest plies only.
+//! A morphological opening removes the fibres, and `axis` fits the yarn's direction and width to
+//! the rest. The strip is as long as yarn and ground on both sides of it are on the photo.
 //!
 //! Cost: the search runs on a photo reduced to at most [`SEARCHED_SIDE`] pixels a side. The strip
 //! takes one bicubic look-up a pixel.
@@ -93,7 +93,8 @@ pub(super) fn orient(photo: &RgbImage) -> Result<(YarnOrientation, Ground), Deve
     let stretch = axis.usable_stretch(&mask)?;
     let scale = double(step);
     // The strip's first pixel is the upper left pixel of the stretch, on the full photo. A pixel of
-    // the reduced photo covers `scale` x `scale` of the full one, so its centre is half a pixel off.
+    // the reduced photo covers `scale` x `scale` of the full one, so its centre is half a pixel
+    // off.
     let [x, y] =
         axis.place(stretch.along.start - 0.5 + 0.5 / scale, -stretch.half - 0.5 + 0.5 / scale);
     let along = stretch.along.end - stretch.along.start;
@@ -200,8 +201,8 @@ fn look_up(photo: &RgbImage, [x, y]: [f64; 2]) -> [u8; 3] {
     let (rows, down) = catmull_rom(y, photo.height());
     let stride = 3 * photo.width() as usize;
     let lies_inside = columns[3] == columns[0] + 3;
-    // The kernel is separable: first the four rows are added, then the four columns. The twelve sums
-    // (four pixels of three channels) lie side by side, so that the compiler can use SIMD.
+    // The kernel is separable: first the four rows are added, then the four columns. The twelve
+    // sums (four pixels of three channels) lie side by side, so that the compiler can use SIMD.
     let mut sums = [0.0_f32; 12];
     for (row, weight) in rows.into_iter().zip(down) {
         let line = &photo.as_raw()[row as usize * stride..][..stride];

@@ -23,8 +23,8 @@ use crate::plane::{double, float, narrow, whole};
 /// Bands across the yarn. The number of features (three colours a band) is a multiple of eight, as
 /// [`dot`] needs it.
 const BANDS: usize = 24;
-/// Share of the yarn's width that the bands cover. The flanks are left out: they show more fuzz than
-/// plies.
+/// Share of the yarn's width that the bands cover. The flanks are left out: they show more fuzz
+/// than plies.
 const COVERED: f64 = 0.9;
 /// Most columns that are compared.
 const COLUMNS: usize = 1500;
@@ -32,16 +32,16 @@ const COLUMNS: usize = 1500;
 const LONGEST_LAG: f64 = 0.6;
 /// Shortest lag, in widths of the yarn and in columns. Below it fibres repeat, not plies.
 const SHORTEST_LAG: (f64, usize) = (0.25, 5);
-/// Least height of the repeat's peak, as a share of the highest peak. With a lower limit, one ply of
-/// a yarn with plies of several colours would pass as the whole repeat; with a higher one, a
+/// Least height of the repeat's peak, as a share of the highest peak. With a lower limit, one ply
+/// of a yarn with plies of several colours would pass as the whole repeat; with a higher one, a
 /// multiple of the repeat would be taken wherever noise makes its peak a little higher.
 const LEAST_PEAK_SHARE: f32 = 0.75;
 /// Least correlation of a repeat; a lower one is chance.
 const LEAST_CORRELATION: f32 = 0.3;
 /// How far from its expected place the peak of a multiple is searched, in repeats.
 const PEAK_TOLERANCE: f64 = 0.2;
-/// Least height of a multiple's peak, as a share of the first peak. A yarn that is stretched unevenly
-/// loses its correlation with the lag, and lower peaks would not be its own.
+/// Least height of a multiple's peak, as a share of the first peak. A yarn that is stretched
+/// unevenly loses its correlation with the lag, and lower peaks would not be its own.
 const LEAST_MULTIPLE_SHARE: f32 = 0.6;
 
 /// The length after which a yarn repeats.

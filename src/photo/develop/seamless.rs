@@ -11,10 +11,11 @@
 //!
 //! The seam error compares the mean squared gradient along the yarn in the joint with that of the
 //! rest. It is the logarithm of their ratio: 0 where they are equal. A larger gradient is a visible
-//! break and counts in full, at the very ends too. A smaller one is a blurred patch and counts half.
+//! break and counts in full, at the very ends too. A smaller one is a blurred patch and counts
+//! half.
 //!
-//! Cost: some passes over the unit for each beginning that is tried, 16 bytes a texel. Around a tube
-//! the unit closes already, since `light` lets the colours of both flanks meet under the fuzz.
+//! Cost: some passes over the unit for each beginning that is tried, 16 bytes a texel. Around a
+//! tube the unit closes already, since `light` lets the colours of both flanks meet under the fuzz.
 
 use std::ops::RangeInclusive;
 
@@ -56,8 +57,8 @@ pub struct Seam {
     pub error: f32,
     /// The least errors of a cut and of a blend.
     pub errors: [f32; 2],
-    /// Mean squared gradient along the yarn in the joint, or at the unit's very ends if it is larger
-    /// there, over that of the rest.
+    /// Mean squared gradient along the yarn in the joint, or at the unit's very ends if it is
+    /// larger there, over that of the rest.
     pub energy: f32,
     /// Where on the strip the unit begins, pixels.
     pub start: f64,
@@ -201,8 +202,8 @@ fn smooth_step(t: f32) -> f32 {
 /// The minimum-error boundary cut: for each row the column of the overlap where the cut lies.
 ///
 /// Dynamic programming as in Efros and Freeman 2001, section 2.1: `sums[y][x]` is the cost of the
-/// cheapest path from the top row to (x, y), E(x, y) = e(x, y) + min E(x - 1..x + 1, y - 1). The path
-/// is traced back from the cheapest end in the last row.
+/// cheapest path from the top row to (x, y), E(x, y) = e(x, y) + min E(x - 1..x + 1, y - 1). The
+/// path is traced back from the cheapest end in the last row.
 fn path(source: &UnitTexels, width: usize) -> Vec<usize> {
     let overlap = source.width - width;
     // Squared difference of the two candidates for a texel: cutting where it is small is invisible.

@@ -1,15 +1,15 @@
 //! Step 7, maps: height, normal, roughness, metalness and ambient occlusion of the unit.
 //!
-//! In: the unit's colours, the yarn's width and middle row. Out: [`SurfaceMaps`] of the unit's size,
-//! which tile along the yarn.
+//! In: the unit's colours, the yarn's width and middle row. Out: [`SurfaceMaps`] of the unit's
+//! size, which tile along the yarn.
 //!
 //! Method, a heuristic ("dark is deep"): the heights are those of a round yarn, an ellipse between
 //! the flanks of each column, and the brightness of the flattened colours adds the relief of plies
 //! and fibres, since hollows receive less light. Normals follow from the heights by Scharr's
-//! operator, the same one that [`crate::photo::read_maps`] uses. Ambient occlusion is approximated by
-//! the depth of a place below the blurred heights around it, at several scales (Luft, Colditz and
-//! Deussen 2006, "Image enhancement by unsharp masking the depth buffer"). Fibres are dull, grooves
-//! a little duller than ridges, and nothing is metal.
+//! operator, the same one that [`crate::photo::read_maps`] uses. Ambient occlusion is approximated
+//! by the depth of a place below the blurred heights around it, at several scales (Luft, Colditz
+//! and Deussen 2006, "Image enhancement by unsharp masking the depth buffer"). Fibres are dull,
+//! grooves a little duller than ridges, and nothing is metal.
 //!
 //! Cost: some thirty passes, 20 bytes a texel.
 //!
@@ -21,8 +21,8 @@ use image::{GrayImage, Luma, RgbaImage};
 use super::super::{Grey, normals};
 use crate::plane::{Plane, byte, float, narrow, percentile, side, whole};
 
-/// Share of a round yarn's height that the relief of plies and fibres takes. With much more the yarn
-/// stops being round; with much less its plies do not show in the light.
+/// Share of a round yarn's height that the relief of plies and fibres takes. With much more the
+/// yarn stops being round; with much less its plies do not show in the light.
 const RELIEF: f32 = 0.3;
 /// Radius of the smoothing before brightness becomes height, in widths of the yarn. Less leaves the
 /// camera's noise as bumps, more removes the fibres.
@@ -88,7 +88,8 @@ fn flanks(unit: &RgbaImage, middle: f64, width: f64) -> Vec<[f32; 2]> {
     let (columns, rows) = (unit.width() as usize, unit.height() as usize);
     let start = whole(narrow(middle)).min(rows - 1);
     let is_yarn = |x: usize, y: &usize| alpha(unit, x, *y) >= 0.5;
-    // Walking outward from the middle stops at the first ground, so fibres off the body don't count.
+    // Walking outward from the middle stops at the first ground, so fibres off the body don't
+    // count.
     let top = Plane::from_fn(columns, 1, |x, _| {
         float((0..start).rev().take_while(|y| is_yarn(x, y)).last().unwrap_or(start)) - 0.5
     });
