@@ -97,10 +97,19 @@ fn armhole_segments() -> u32 {
     segments(length(&armhole()), SPACING)
 }
 
+/// A side along the armhole: of the trunk, or of a sleeve's cap.
+fn armhole_side(name: &'static str, curve: Curve) -> Side {
+    Side { name, curve, segments: armhole_segments() }
+}
+
+/// The mirrored point on the panel's left half.
+fn left(point: DVec2) -> DVec2 {
+    DVec2::new(-point.x, point.y)
+}
+
 /// Front or back, which differ in the depth of the neckline only.
 fn trunk(name: &str, neck_depth: f64, seed: u64) -> Panel {
     let hem = DVec2::new(HALF_WIDTH, 0.0);
-    let left = |point: DVec2| DVec2::new(-point.x, point.y);
     let bottom = NECK.y - neck_depth;
     let neck_right = bezier([
         NECK,
@@ -110,7 +119,6 @@ fn trunk(name: &str, neck_depth: f64, seed: u64) -> Panel {
     ]);
     let neck: Curve =
         neck_right.iter().copied().chain(mirrored(&neck_right).into_iter().skip(1)).collect();
-    let armhole_side = |name, curve| Side { name, curve, segments: armhole_segments() };
     let outline = [
         Side::new("hem", line(left(hem), hem), SPACING),
         Side::new("right", line(hem, UNDERARM), SPACING),
@@ -128,13 +136,11 @@ fn trunk(name: &str, neck_depth: f64, seed: u64) -> Panel {
 fn sleeve(name: &str, seed: u64) -> Panel {
     let hem = DVec2::new(SLEEVE_HEM, -CAP - BELOW_CAP);
     let underarm = cap()[0];
-    let left = |point: DVec2| DVec2::new(-point.x, point.y);
-    let cap_side = |name, curve| Side { name, curve, segments: armhole_segments() };
     let outline = [
         Side::new("hem", line(left(hem), hem), SPACING),
         Side::new("right", line(hem, underarm), SPACING),
-        cap_side("right_cap", cap()),
-        cap_side("left_cap", mirrored(&cap())),
+        armhole_side("right_cap", cap()),
+        armhole_side("left_cap", mirrored(&cap())),
         Side::new("left", line(left(underarm), left(hem)), SPACING),
     ];
     Panel::cut(name, &outline, SPACING, seed)

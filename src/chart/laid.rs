@@ -11,8 +11,8 @@ use glam::DVec2;
 
 use super::path::PathSegment;
 use super::{
-    Anchor, Drawing, DrawingLayer, DrawingShape, FAINT, HAIR, HEADING, INK, MARGIN, TextSize,
-    shortened,
+    Drawing, DrawingLayer, DrawingShape, FAINT, HAIR, HEADING, INK, MARGIN, TextSize, shortened,
+    text,
 };
 use crate::fabric::yarn::Color;
 use crate::fabric::{BarKind, Fabric, Path};
@@ -37,12 +37,7 @@ pub(super) fn draw(fabric: &Fabric) -> Drawing {
     let cell = spacing * scale;
     let sheet = cell * f64::from(CELLS);
     let origin = DVec2::new(MARGIN, MARGIN + HEADING + sheet.y);
-    let text = |at: DVec2, text: &str, size| DrawingShape::Text {
-        at,
-        text: shortened(text),
-        size,
-        anchor: Anchor::Start,
-    };
+
     let sides = (0..=CELLS).map(f64::from).flat_map(|count| {
         let line = |from: DVec2, to: DVec2| {
             let place = |at: DVec2| origin + at * cell * DVec2::new(1.0, -1.0);
@@ -122,15 +117,19 @@ fn lines(
     let cells = (0..CELLS).flat_map(|row| {
         (0..CELLS).map(move |column| DVec2::new(f64::from(column), f64::from(row)))
     });
-    let inside = |at: DVec2| at.min_element() >= 0.0 && at.max_element() <= f64::from(CELLS);
     cells
         .flat_map(|cell| spans.iter().map(move |((from, _), (to, _))| (cell + from, cell + to)))
-        .filter(|(from, to)| inside(*from) && inside(*to))
+        .filter(|(from, to)| is_on_sheet(*from) && is_on_sheet(*to))
         .map(|(from, to)| DrawingShape::Path {
             segments: vec![PathSegment::Move(place(from)), PathSegment::Line(place(to))],
             width,
         })
         .collect()
+}
+
+/// Whether a place, in cells, is on the sheet.
+fn is_on_sheet(at: DVec2) -> bool {
+    at.min_element() >= 0.0 && at.max_element() <= f64::from(CELLS)
 }
 
 #[cfg(test)]

@@ -200,6 +200,11 @@ impl Drawing {
     }
 }
 
+/// A line of text that begins at a place, shortened so that it fits the sheet.
+fn text(at: DVec2, text: &str, size: TextSize) -> DrawingShape {
+    DrawingShape::Text { at, text: shortened(text), size, anchor: Anchor::Start }
+}
+
 /// A small text.
 fn label(at: DVec2, text: String, anchor: Anchor) -> DrawingShape {
     DrawingShape::Text { at, text, size: TextSize::Small, anchor }

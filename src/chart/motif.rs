@@ -11,7 +11,7 @@ use glam::DVec2;
 use super::path::PathSegment;
 use super::{
     Anchor, Drawing, DrawingLayer, DrawingShape, FAINT, HAIR, HEADING, INK, MARGIN, TextSize,
-    label, shortened,
+    label, shortened, text,
 };
 use crate::fabric::Fabric;
 use crate::fabric::motif::{Cell, Motif};
@@ -110,11 +110,6 @@ fn notes(motif: &Motif, wales: usize, courses: usize) -> Vec<String> {
         motif.wales(),
         motif.courses()
     )]
-}
-
-/// A line of text that begins at a place.
-fn text(at: DVec2, text: &str, size: TextSize) -> DrawingShape {
-    DrawingShape::Text { at, text: shortened(text), size, anchor: Anchor::Start }
 }
 
 impl WeftChart<'_> {

@@ -132,8 +132,9 @@ fn picture(out: &mut String, at: DVec2, pixels: &RgbaImage) -> fmt::Result {
 fn base64(out: &mut String, bytes: &[u8]) {
     const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     for three in bytes.chunks(3) {
-        let byte = |at: usize| three.get(at).map_or(0, |&byte| u32::from(byte));
-        let bits = byte(0) << 16 | byte(1) << 8 | byte(2);
+        // Missing bytes of the last group count as 0; `=` marks the characters that they would fill.
+        let [a, b, c] = [0, 1, 2].map(|at| three.get(at).map_or(0, |&byte| u32::from(byte)));
+        let bits = a << 16 | b << 8 | c;
         for (digit, shift) in [18, 12, 6, 0].into_iter().enumerate() {
             out.push(if digit <= three.len() {
                 char::from(DIGITS[(bits >> shift & 63) as usize])
@@ -159,7 +160,6 @@ struct PathData<'a>(&'a [PathSegment]);
 
 impl fmt::Display for PathData<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let point = |p: DVec2| format!("{} {}", Px(p.x), Px(p.y));
         for (at, segment) in self.0.iter().enumerate() {
             f.write_str(if at == 0 { "" } else { " " })?;
             match *segment {
@@ -172,6 +172,11 @@ impl fmt::Display for PathData<'_> {
         }
         Ok(())
     }
+}
+
+/// A point of a path.
+fn point(p: DVec2) -> String {
+    format!("{} {}", Px(p.x), Px(p.y))
 }
 
 /// Text with XML's markup escaped. Characters that XML 1.0 forbids become U+FFFD.

@@ -82,30 +82,37 @@ pub(super) fn swatch(
 
 /// The sheet.
 pub(super) fn sheet(photo: &RgbImage, yarn: &Developed, swatch: &RgbaImage) -> RgbaImage {
-    let grey = |picture: &GrayImage| DynamicImage::from(picture.clone()).into_rgba8();
     let height = DynamicImage::from(yarn.surface.height.clone()).into_rgba8();
-    let cell = |label, picture, width| SheetCell { label, picture, width };
+
     let half = column_width(2);
     let photo = small(photo, half, ROWS[0]);
     let (left, right) = (photo.width(), SHEET - 3 * GAP - photo.width());
-    let map = |(label, picture): (_, RgbaImage)| {
-        cell(label, tiled(&picture, 1, column_width(6), ROWS[1]), column_width(6))
-    };
+
     let rows = [
-        vec![cell("photo", photo, left), cell("mask", small(&yarn.mask, right, ROWS[0]), right)],
+        vec![
+            SheetCell { label: "photo", picture: photo, width: left },
+            SheetCell { label: "mask", picture: small(&yarn.mask, right, ROWS[0]), width: right },
+        ],
         [
             ("unit", on_checks(&yarn.base)),
             ("height", height),
             ("normal", yarn.surface.normal.clone()),
-            ("roughness", grey(&yarn.surface.roughness)),
-            ("metallic", grey(&yarn.surface.metallic)),
-            ("occlusion", grey(&yarn.surface.occlusion)),
+            ("roughness", rgba(&yarn.surface.roughness)),
+            ("metallic", rgba(&yarn.surface.metallic)),
+            ("occlusion", rgba(&yarn.surface.occlusion)),
         ]
-        .map(map)
+        .map(|(label, picture)| {
+            let width = column_width(6);
+            SheetCell { label, picture: tiled(&picture, 1, width, ROWS[1]), width }
+        })
         .into(),
         vec![
-            cell("the unit again and again", tiled(&on_checks(&yarn.base), 3, half, ROWS[2]), half),
-            cell("a swatch of it", swatch.clone(), half),
+            SheetCell {
+                label: "the unit again and again",
+                picture: tiled(&on_checks(&yarn.base), 3, half, ROWS[2]),
+                width: half,
+            },
+            SheetCell { label: "a swatch of it", picture: swatch.clone(), width: half },
         ],
     ];
     let mut sheet = png::paint(&labels(&rows));
@@ -113,6 +120,11 @@ pub(super) fn sheet(photo: &RgbImage, yarn: &Developed, swatch: &RgbaImage) -> R
         imageops::overlay(&mut sheet, &cell.picture, i64::from(left), i64::from(top + LABEL));
     }
     sheet
+}
+
+/// A grey picture in colours.
+fn rgba(picture: &GrayImage) -> RgbaImage {
+    DynamicImage::from(picture.clone()).into_rgba8()
 }
 
 /// The cells, each with its left and top.
@@ -128,9 +140,8 @@ fn places(rows: &[Vec<SheetCell>; 3]) -> impl Iterator<Item = (&SheetCell, u32, 
 
 /// The tops of the rows. A row's labels come first.
 fn tops() -> [u32; 3] {
-    let next = |top: u32, row: u32| top + LABEL + row + GAP;
-    let second = next(GAP, ROWS[0]);
-    [GAP, second, next(second, ROWS[1])]
+    let second = GAP + LABEL + ROWS[0] + GAP;
+    [GAP, second, second + LABEL + ROWS[1] + GAP]
 }
 
 /// Width of each of so many equal columns.
@@ -182,8 +193,8 @@ fn tiled(unit: &RgbaImage, least: u32, width: u32, height: u32) -> RgbaImage {
 fn fitting(size: (u32, u32), width: u32, height: u32) -> (u32, u32) {
     let scale = (f64::from(width) / f64::from(size.0)).min(f64::from(height) / f64::from(size.1));
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the cell")]
-    let scaled = |side: u32| ((f64::from(side) * scale) as u32).max(1);
-    (scaled(size.0), scaled(size.1))
+    let [width, height] = [size.0, size.1].map(|side| ((f64::from(side) * scale) as u32).max(1));
+    (width, height)
 }
 
 /// A picture in front of a checkerboard, which shows its transparency.

@@ -131,15 +131,12 @@ fn notes(yarn: &Developed) -> Vec<String> {
 
 /// The report: one line for each figure, its name first.
 fn report(yarn: &Developed) -> String {
-    let mm = |pixels: f64| {
-        yarn.mm_per_pixel.map_or_else(String::new, |scale| format!(", {:.4} mm", pixels * scale))
-    };
     let (width, height) = yarn.base.dimensions();
     let rows = [
         ("yarn", yarn.orientation.to_string()),
         ("threshold", format!("{:.1} of 255", yarn.threshold)),
-        ("yarn width", format!("{:.2} pixels{}", yarn.yarn_width, mm(yarn.yarn_width))),
-        ("repeat", format!("{}{}", yarn.repeat, mm(yarn.repeat.length))),
+        ("yarn width", format!("{:.2} pixels{}", yarn.yarn_width, in_mm(yarn, yarn.yarn_width))),
+        ("repeat", format!("{}{}", yarn.repeat, in_mm(yarn, yarn.repeat.length))),
         ("seam", format!("{}, gradient energy {:.2} of the rest's", yarn.seam, yarn.seam.energy)),
         ("maps", format!("{width} x {height} texels, {} wide with the fuzz", wide(yarn))),
         (
@@ -152,6 +149,11 @@ fn report(yarn: &Developed) -> String {
         writeln!(text, "{name:12}{value}").expect("a string takes any text");
         text
     })
+}
+
+/// A length in mm, as an addition to one in pixels; nothing where the scale is unknown.
+fn in_mm(yarn: &Developed, pixels: f64) -> String {
+    yarn.mm_per_pixel.map_or_else(String::new, |scale| format!(", {:.4} mm", pixels * scale))
 }
 
 /// The width of the maps, in mm if it is known, else in widths of the yarn.

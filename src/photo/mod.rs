@@ -116,9 +116,11 @@ fn value_at(map: &Option<Grey>, x: u32, y: u32, default: u8) -> u8 {
 /// # Errors
 /// [`PhotoError`] where it can't be read, or is too small or too large.
 pub fn read_photo(path: &Path) -> Result<RgbImage, PhotoError> {
-    let unfit = |reason| PhotoError::Photo { path: path.to_owned(), reason };
-    Ok(decoded(path, |width, height| develop::check_size(width, height).map_err(unfit))?
-        .into_rgb8())
+    let photo = decoded(path, |width, height| {
+        develop::check_size(width, height)
+            .map_err(|reason| PhotoError::Photo { path: path.to_owned(), reason })
+    })?;
+    Ok(photo.into_rgb8())
 }
 
 /// Decodes a picture whose sides are within [`SIDES`].
@@ -213,27 +215,33 @@ fn lengths(
 ) -> Result<(f32, f32), PhotoError> {
     let path = file.unwrap_or_default();
     let yarn_file = if path.is_file() { read_toml(&path)? } else { YarnFile::default() };
-    let checked = |key, value: f64| {
-        if value > 0.0 && value <= MOST_SIZE {
-            return Ok(value);
-        }
-        Err(PhotoError::Size { path: path.clone(), key, value, most: MOST_SIZE })
-    };
     let aspect = f64::from(along) / f64::from(across);
-    let width = yarn_file.width_mm.map(|value| checked("width_mm", value)).transpose()?;
-    let length = yarn_file.length_mm.map(|value| checked("length_mm", value)).transpose()?;
+    let width = checked_size(&path, "width_mm", yarn_file.width_mm)?;
+    let length = checked_size(&path, "length_mm", yarn_file.length_mm)?;
     let length = known.or(length);
-    let in_yarns = yarn_file
-        .width_in_yarns
-        .map(|value| checked("width_in_yarns", value))
-        .transpose()?
-        .unwrap_or(FUZZY_WIDTH);
+    let in_yarns =
+        checked_size(&path, "width_in_yarns", yarn_file.width_in_yarns)?.unwrap_or(FUZZY_WIDTH);
     let width = width.or(length.map(|length| length / aspect)).unwrap_or(in_yarns * thickness);
     #[expect(clippy::cast_possible_truncation, reason = "rounding is meant")]
     let (length, width) = (length.unwrap_or(width * aspect) as f32, width as f32);
     Ok((length, width))
 }
 
+/// Refuses a size from yarn.toml that no yarn has.
+fn checked_size(
+    path: &Path,
+    key: &'static str,
+    value: Option<f64>,
+) -> Result<Option<f64>, PhotoError> {
+    match value {
+        Some(value) if !(value > 0.0 && value <= MOST_SIZE) => {
+            Err(PhotoError::Size { path: path.to_owned(), key, value, most: MOST_SIZE })
+        }
+        _ => Ok(value),
+    }
+}
+
+/// Reads yarn.toml.
 fn read_toml(path: &Path) -> Result<YarnFile, PhotoError> {
     let text = fs::read_to_string(path)
         .map_err(|reason| PhotoError::Read { path: path.to_owned(), reason })?;

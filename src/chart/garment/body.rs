@@ -196,13 +196,15 @@ impl DepthBuffer {
                         .for_each(|(sum, byte)| *sum += u32::from(byte));
                 }
             }
-            let byte = |sum: u32, count: u32| {
-                u8::try_from((sum + count / 2) / count.max(1)).expect("a mean of bytes is a byte")
-            };
-            let [r, g, b] = sum.map(|sum| byte(sum, covered));
-            Rgba([r, g, b, byte(covered * 255, SAMPLES * SAMPLES)])
+            let [r, g, b] = sum.map(|sum| mean_byte(sum, covered));
+            Rgba([r, g, b, mean_byte(covered * 255, SAMPLES * SAMPLES)])
         })
     }
+}
+
+/// The mean of so many bytes, rounded; 0 of none.
+fn mean_byte(sum: u32, count: u32) -> u8 {
+    u8::try_from((sum + count / 2) / count.max(1)).expect("a mean of bytes is a byte")
 }
 
 #[cfg(test)]

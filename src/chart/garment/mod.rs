@@ -26,7 +26,7 @@ use rayon::prelude::*;
 use super::png::SCALE;
 use super::{
     Anchor, Drawing, DrawingLayer, DrawingShape, FAINT, HEADING, INK, MARGIN, PathSegment,
-    TextSize, label, shortened,
+    TextSize, label, text,
 };
 use crate::fabric::yarn::Color;
 use crate::garment::stretch::{
@@ -67,15 +67,11 @@ pub(super) fn draw(title: &str, garment: &Garment) -> Drawing {
     let top = MARGIN + HEADING;
     let size = DVec2::new(3.0 * MARGIN + PATTERN + 2.0 * MAP + GAP, top + maps + LEGEND + MARGIN);
 
-    let line = |y: f64, text: &str, size| DrawingShape::Text {
-        at: DVec2::new(MARGIN, y),
-        text: shortened(text),
-        size,
-        anchor: Anchor::Start,
-    };
+    let (first_line, second_line) =
+        (DVec2::new(MARGIN, MARGIN + 14.0), DVec2::new(MARGIN, MARGIN + 34.0));
     let mut layers = vec![
-        layer("title", INK, vec![line(MARGIN + 14.0, title, TextSize::Title)]),
-        layer("facts", FAINT, vec![line(MARGIN + 34.0, &facts(garment), TextSize::Small)]),
+        layer("title", INK, vec![text(first_line, title, TextSize::Title)]),
+        layer("facts", FAINT, vec![text(second_line, &facts(garment), TextSize::Small)]),
     ];
     layers.extend(pattern::draw(
         garment,

@@ -148,16 +148,20 @@ fn edges(panel: &Panel, wanted: impl Fn(u32) -> bool) -> Vec<[u32; 2]> {
     let all = || {
         panel.triangles.iter().chain(&panel.flipped).flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]])
     };
-    let key = |[a, b]: [u32; 2]| [a.min(b), a.max(b)];
     let mut counts: HashMap<[u32; 2], u32> = HashMap::new();
-    all().for_each(|edge| *counts.entry(key(edge)).or_default() += 1);
+    all().for_each(|edge| *counts.entry(undirected(edge)).or_default() += 1);
     // Removing the count returns each edge only once.
     all()
         .filter(|&edge| {
-            counts.get(&key(edge)).is_some_and(|&count| wanted(count))
-                && counts.remove(&key(edge)).is_some()
+            counts.get(&undirected(edge)).is_some_and(|&count| wanted(count))
+                && counts.remove(&undirected(edge)).is_some()
         })
         .collect()
+}
+
+/// An edge without its direction.
+fn undirected([a, b]: [u32; 2]) -> [u32; 2] {
+    [a.min(b), a.max(b)]
 }
 
 /// Joins edges to lines, each continued by any unused edge at its end. The edges of a border give
@@ -242,10 +246,12 @@ impl PlacedPanel<'_> {
 
     /// The border and the holes on the sheet.
     fn outline(&self) -> Vec<PathSegment> {
-        let line = |vertices: &Vec<u32>| {
-            closed(&vertices.iter().map(|&vertex| self.vertex(vertex)).collect::<Vec<_>>())
-        };
-        self.piece.outlines.iter().flat_map(line).collect()
+        let mut segments = Vec::new();
+        for vertices in &self.piece.outlines {
+            let points: Vec<_> = vertices.iter().map(|&vertex| self.vertex(vertex)).collect();
+            segments.extend(closed(&points));
+        }
+        segments
     }
 
     /// The panel's defects: flipped triangles, each with a dot so that the smallest one is visible,

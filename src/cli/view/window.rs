@@ -293,8 +293,6 @@ impl Window {
     }
 
     fn summary(&self) -> ClothSummary {
-        let ms = |ms: f64| format!("{ms:.0} ms");
-        let took = |duration: Duration| ms(1000.0 * duration.as_secs_f64());
         let mut lines = vec![("adapter", self.renderer.adapter())];
         let mut notes: Vec<String> = self.saved.clone().into_iter().collect();
         if let Some(cloth) = &self.cloth {
@@ -303,13 +301,13 @@ impl Window {
             lines.push(("yarns", thousands(cloth.totals.yarns)));
             lines.push(("knit", ms(timings.knit)));
             lines.push(("locate and map", ms(timings.locate + timings.map)));
-            lines.push(("upload", took(self.upload_time)));
+            lines.push(("upload", duration_ms(self.upload_time)));
             let draft = if self.renderer.draft.is_zero() {
                 String::new()
             } else {
-                format!(", draft {}", took(self.renderer.draft))
+                format!(", draft {}", duration_ms(self.renderer.draft))
             };
-            lines.push(("frame", took(self.renderer.full) + &draft));
+            lines.push(("frame", duration_ms(self.renderer.full) + &draft));
             if cloth.enlargement > 1.0 {
                 notes.push(format!("The cloth is drawn {:.1} times enlarged.", cloth.enlargement));
             }
@@ -398,6 +396,16 @@ fn picture_of(image: &ColorImage) -> RgbaImage {
         image.pixels.iter().flat_map(|pixel| [pixel.r(), pixel.g(), pixel.b(), 255]).collect();
     let [width, height] = image.size.map(warpknit::ids::index32);
     RgbaImage::from_raw(width, height, pixels).expect("four bytes a pixel")
+}
+
+/// Milliseconds as text.
+fn ms(ms: f64) -> String {
+    format!("{ms:.0} ms")
+}
+
+/// A duration as text.
+fn duration_ms(duration: Duration) -> String {
+    ms(1000.0 * duration.as_secs_f64())
 }
 
 /// A number with a space between groups of three digits.

@@ -193,8 +193,10 @@ impl YarnAxis {
     /// that costs little length.
     pub(super) fn usable_stretch(&self, mask: &Mask) -> Result<UsableStretch, DevelopError> {
         let sections = self.sections(mask);
-        let is_yarn = |section: &&CrossSection| section.count > 0.6 * self.width;
-        let ends = (sections.iter().find(is_yarn), sections.iter().rev().find(is_yarn));
+        let ends = (
+            sections.iter().find(|section| self.is_yarn(section)),
+            sections.iter().rev().find(|section| self.is_yarn(section)),
+        );
         let (Some(first), Some(last)) = ends else {
             return Err(DevelopError::NotLong { length: 0.0, width: self.width });
         };
@@ -217,6 +219,11 @@ impl YarnAxis {
         (candidates.into_iter())
             .find(|stretch| stretch.length() >= least)
             .ok_or(DevelopError::LeavesThroughSide { shown: longest, needed })
+    }
+
+    /// Whether a cross section shows most of the yarn's width.
+    fn is_yarn(&self, section: &CrossSection) -> bool {
+        section.count > 0.6 * self.width
     }
 
     /// The length to cut off at an end of the yarn: none where the yarn leaves the photo, since
@@ -254,7 +261,6 @@ fn pixels(mask: &Mask) -> impl Iterator<Item = [f64; 2]> {
 
 /// Fits a line by least squares to the points that are no outliers.
 fn fitted_line(points: &[(f64, f64)]) -> LineFit {
-    let residual = |point: &(f64, f64), offset: f64, slope: f64| point.1 - offset - slope * point.0;
     let (mut offset, mut slope) = (median(points.iter().map(|point| point.1)), 0.0);
     let mut tolerance = f64::MAX;
     for _ in 0..REJECTION_ROUNDS {
@@ -278,6 +284,11 @@ fn fitted_line(points: &[(f64, f64)]) -> LineFit {
     let square = points.iter().map(|point| residual(point, offset, slope).powi(2)).sum::<f64>()
         / double(points.len());
     LineFit { offset, slope, rms: square.sqrt() }
+}
+
+/// The signed distance of a point from a line, along y.
+fn residual(point: &(f64, f64), offset: f64, slope: f64) -> f64 {
+    point.1 - offset - slope * point.0
 }
 
 /// The angle of an undirected line: over -π/2 up to π/2.

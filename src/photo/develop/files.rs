@@ -42,8 +42,8 @@ pub fn save(yarn: &Developed, folder: &OutputFolder) -> Result<(), ExportError> 
     picture(folder, "roughness.png", &|file| surface.roughness.write_to(file, ImageFormat::Png))?;
     picture(folder, "metallic.png", &|file| surface.metallic.write_to(file, ImageFormat::Png))?;
     picture(folder, "ao.png", &|file| surface.occlusion.write_to(file, ImageFormat::Png))?;
-    let io = |source| ExportError::Io { path: folder.target().join("yarn.toml"), source };
-    fs::write(folder.file("yarn.toml"), toml(yarn)).map_err(io)
+    fs::write(folder.file("yarn.toml"), toml(yarn))
+        .map_err(|source| io_error(folder, "yarn.toml", source))
 }
 
 /// Writes a picture. It flushes the file and reports an error of the last bytes, which
@@ -53,13 +53,18 @@ fn picture(
     name: &str,
     write: &dyn Fn(&mut BufWriter<File>) -> Result<(), ImageError>,
 ) -> Result<(), ExportError> {
-    let io = |source| ExportError::Io { path: folder.target().join(name), source };
-    let mut file = BufWriter::new(File::create(folder.file(name)).map_err(io)?);
+    let file = File::create(folder.file(name)).map_err(|source| io_error(folder, name, source))?;
+    let mut file = BufWriter::new(file);
     write(&mut file).map_err(|error| match error {
-        ImageError::IoError(source) => io(source),
-        other => io(io::Error::other(other)),
+        ImageError::IoError(source) => io_error(folder, name, source),
+        other => io_error(folder, name, io::Error::other(other)),
     })?;
-    file.flush().map_err(io)
+    file.flush().map_err(|source| io_error(folder, name, source))
+}
+
+/// An error of a file, under the name that it will have when the folder is complete.
+fn io_error(folder: &OutputFolder, name: &str, source: io::Error) -> ExportError {
+    ExportError::Io { path: folder.target().join(name), source }
 }
 
 /// The text of yarn.toml.

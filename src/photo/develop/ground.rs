@@ -131,11 +131,12 @@ fn grid_samples(grey: &Plane) -> Vec<usize> {
 pub(super) fn border(grey: &Plane) -> Vec<usize> {
     let (width, height) = (grey.width, grey.height);
     let deep = whole(BORDER * float(width.min(height))).max(2);
-    let is_border = |at: &usize| {
-        let (x, y) = (at % width, at / width);
-        x < deep || y < deep || x + deep >= width || y + deep >= height
-    };
-    (0..width * height).filter(is_border).collect()
+    (0..width * height)
+        .filter(|at| {
+            let (x, y) = (at % width, at / width);
+            x < deep || y < deep || x + deep >= width || y + deep >= height
+        })
+        .collect()
 }
 
 /// Solves the normal equations by Gauss-Jordan elimination with partial pivoting. `None` where they

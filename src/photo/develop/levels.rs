@@ -44,16 +44,13 @@ pub(super) fn levels(
     chosen: Option<ChosenLevels>,
 ) -> (Plane, GreyRange) {
     let grey = Plane::grey(strip, 1);
-    let behind = |[x, y]: [f64; 2]| {
-        let share = |place: f64, size: u32| narrow((place + 0.5) / f64::from(size));
-        ground.at(share(x, photo.0), share(y, photo.1)) - ground.level
-    };
     let last = double(grey.width - 1).max(1.0);
     let flat = Plane::from_rows(grey.width, grey.height, |y, row| {
         // The ground is a polynomial of degree two, so along a row it is a parabola. Three values
         // determine it, and the inner loop needs no evaluation of six terms.
-        let [start, middle, end] =
-            [0.0, 0.5, 1.0].map(|share| behind(orientation.on_photo(share * last, double(y))));
+        let [start, middle, end] = [0.0, 0.5, 1.0].map(|share| {
+            ground_excess(ground, orientation.on_photo(share * last, double(y)), photo)
+        });
         let bend = 2.0 * (start - 2.0 * middle + end);
         for (x, (value, grey)) in row.iter_mut().zip(grey.row(y)).enumerate() {
             let t = float(x) / narrow(last);
@@ -71,6 +68,13 @@ pub(super) fn levels(
             .for_each(|value| *value = byte(range.stretched(f32::from(*value))));
     }
     (flat.map(|value| range.stretched(value)), range)
+}
+
+/// How much brighter than on average the ground is at a place of the photo.
+fn ground_excess(ground: &Ground, [x, y]: [f64; 2], (width, height): (u32, u32)) -> f32 {
+    let x = narrow((x + 0.5) / f64::from(width));
+    let y = narrow((y + 0.5) / f64::from(height));
+    ground.at(x, y) - ground.level
 }
 
 impl ChosenLevels {

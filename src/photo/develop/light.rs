@@ -88,7 +88,7 @@ impl Gains {
     /// Measures the shading over the given rows, those of the yarn without its fuzz.
     fn new(strip: &RgbImage, rows: std::ops::Range<usize>) -> Self {
         let width = strip.width() as usize;
-        let light = |x: usize, y: usize| brightness(linear(*strip.get_pixel(side(x), side(y))));
+        let light = |x, y| luminance(strip, x, y);
         let row_means: Vec<f32> = (rows.clone().into_par_iter())
             .map(|y| {
                 narrow((0..width).map(|x| f64::from(light(x, y))).sum::<f64>() / double(width))
@@ -143,9 +143,9 @@ fn linear(Rgb(bytes): Rgb<u8>) -> Vec3 {
     Vec3::from_array(bytes.map(|byte| LINEAR[usize::from(byte)]))
 }
 
-/// Luminance of a linear colour (Rec. 709).
-fn brightness(color: Vec3) -> f32 {
-    color.dot(Vec3::new(0.2126, 0.7152, 0.0722))
+/// Luminance of a pixel in linear light (Rec. 709).
+fn luminance(strip: &RgbImage, x: usize, y: usize) -> f32 {
+    linear(*strip.get_pixel(side(x), side(y))).dot(Vec3::new(0.2126, 0.7152, 0.0722))
 }
 
 #[cfg(test)]

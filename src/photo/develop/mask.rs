@@ -67,15 +67,18 @@ impl Mask {
     pub(super) fn filled(&self) -> Self {
         // All that is connected to the border is outside, and the rest is the mask and its holes.
         let ground = self.inverted();
-        let (width, last) = (self.width, self.set.len() - self.width);
-        let touches_border = |run: &Range<usize>| {
-            run.start < width
-                || run.start >= last
-                || run.start.is_multiple_of(width)
-                || run.end.is_multiple_of(width)
-        };
-        let outside = ConnectedComponents::from_mask(&ground).containing(touches_border);
+        let outside =
+            ConnectedComponents::from_mask(&ground).containing(|run| self.touches_border(run));
         ground.with_runs(outside).inverted()
+    }
+
+    /// Whether a run of pixels in a row touches the picture's border.
+    fn touches_border(&self, run: &Range<usize>) -> bool {
+        let (width, last) = (self.width, self.set.len() - self.width);
+        run.start < width
+            || run.start >= last
+            || run.start.is_multiple_of(width)
+            || run.end.is_multiple_of(width)
     }
 
     /// The largest component of the morphological opening, which removes all that is at most

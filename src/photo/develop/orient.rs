@@ -160,12 +160,15 @@ fn segmented(grey: &Plane, light: &Ground) -> Result<(Mask, bool), DevelopError>
     // The share is counted on the unsmoothed photo: the smoothing makes a thread of one pixel three
     // pixels wide, and would let it pass as a yarn.
     let ground = ground / scale + low;
-    let is_yarn = |at: &usize| {
-        let (x, y) = (at % grey.width, at / grey.width);
-        let off = grey.at(x, y) - light.at(float(x) / columns, float(y) / rows);
-        mask.set[*at] && (off - ground).abs() >= 0.5 * contrast
-    };
-    let share = float((0..mask.set.len()).filter(is_yarn).count()) / float(mask.set.len());
+    let count = mask
+        .pixels()
+        .filter(|at| {
+            let (x, y) = (at % grey.width, at / grey.width);
+            let off = grey.at(x, y) - light.at(float(x) / columns, float(y) / rows);
+            (off - ground).abs() >= 0.5 * contrast
+        })
+        .count();
+    let share = float(count) / float(mask.set.len());
     check_share(share, "take it nearer, on a plain ground, or choose it with --crop")?;
     Ok((mask, light_ground))
 }

@@ -154,8 +154,7 @@ fn texel(row: &[u8], x: f64) -> Vec4 {
 /// straight alpha, the colours of transparent texels would bleed into the fuzz. A transparent texel
 /// keeps a small weight, so that its colour survives and can be divided out again.
 fn premultiplied(row: &[u8], x: usize) -> Vec4 {
-    let at = |channel: usize| f32::from(row[4 * x + channel]) * (1.0 / 255.0);
-    let [r, g, b, a] = [at(0), at(1), at(2), at(3)];
+    let [r, g, b, a] = [0, 1, 2, 3].map(|channel| f32::from(row[4 * x + channel]) * (1.0 / 255.0));
     Vec4::new(r, g, b, 1.0) * (a + LEAST_WEIGHT) - Vec4::W * LEAST_WEIGHT
 }
 

@@ -87,14 +87,15 @@ pub(super) fn surface(unit: &RgbaImage, middle: f64, width: f64) -> SurfaceMaps 
 fn flanks(unit: &RgbaImage, middle: f64, width: f64) -> Vec<[f32; 2]> {
     let (columns, rows) = (unit.width() as usize, unit.height() as usize);
     let start = whole(narrow(middle)).min(rows - 1);
-    let is_yarn = |x: usize, y: &usize| alpha(unit, x, *y) >= 0.5;
     // Walking outward from the middle stops at the first ground, so fibres off the body don't
     // count.
     let top = Plane::from_fn(columns, 1, |x, _| {
-        float((0..start).rev().take_while(|y| is_yarn(x, y)).last().unwrap_or(start)) - 0.5
+        let inside = (0..start).rev().take_while(|&y| alpha(unit, x, y) >= 0.5);
+        float(inside.last().unwrap_or(start)) - 0.5
     });
     let bottom = Plane::from_fn(columns, 1, |x, _| {
-        float((start..rows).take_while(|y| is_yarn(x, y)).last().unwrap_or(start)) + 0.5
+        let inside = (start..rows).take_while(|&y| alpha(unit, x, y) >= 0.5);
+        float(inside.last().unwrap_or(start)) + 0.5
     });
     smooth_flank(&top, width, f32::min)
         .zip(smooth_flank(&bottom, width, f32::max))
