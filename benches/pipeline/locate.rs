@@ -70,6 +70,7 @@ pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
         group.sample_size(10);
         for (mesh, size) in PAIRS {
             let id = BenchmarkId::new(mesh, size);
+            // Inputs are made only for the benchmarks that the filter selects.
             let (panel, points) = (
                 std::cell::LazyCell::new(|| panel(mesh)),
                 std::cell::LazyCell::new(|| points(size)),

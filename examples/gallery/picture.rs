@@ -59,6 +59,7 @@ impl Frame {
             .max()
             .unwrap_or(0);
         let spacing = DVec2::new(fabric.wale_spacing(), fabric.course_spacing());
+        // Underlaps reach over `reach` gaps, so the cut ends lie that much farther in.
         let count = (self.0 / spacing
             + 2.0 * (DVec2::splat(MARGIN) + DVec2::new(f64::from(reach), 0.0)))
         .ceil();
@@ -71,6 +72,7 @@ impl Frame {
     pub(crate) fn draw(&self, scene: &Scene, view: View) -> RgbImage {
         let side = if view == View::Back { DVec3::NEG_Z } else { DVec3::Z };
         let middle = scene.bounds().map_or(DVec3::ZERO, |bounds| bounds.centre().as_dvec3());
+        // The distance at which the frame's height fills the vertical field of view.
         let distance = self.0.y / 2.0 / (Camera::DEFAULT_FOV / 2.0).tan();
         let camera = Camera::look_at(middle + side * distance, middle, Camera::DEFAULT_FOV, 1.0);
         let options = Options {

@@ -39,6 +39,7 @@ pub(crate) fn make() -> Made {
         hold: &|time, start| start + LIFT * progress(time) * DVec3::Y,
     };
     let mut cloth = Cloth::unsewn(&garment, FABRIC);
+    // The particles between the fingers follow the lift.
     let middle = |&vertex: &u32| garment.flat[vertex as usize].length() < FINGERS;
     cloth.hold((0..u32::try_from(garment.flat.len()).expect("few vertices")).filter(middle));
     for (seconds, drag) in [(LIFT_SECONDS, 2.0), (1.5, 2.0), (1.5, 12.0)] {

@@ -70,6 +70,7 @@ fn apex_distance() -> f64 {
 fn gore(name: &str, seed: u64) -> Panel {
     let waist_radius = apex_distance();
     let apex = DVec2::new(0.0, waist_radius);
+    // Half the angle of the gore: half its share of the waist over the radius there.
     let half = 0.5 * WAIST / f64::from(GORES) / waist_radius;
     let at = |radius: f64, angle: f64| apex + radius * DVec2::new(angle.sin(), -angle.cos());
     let hem_radius = waist_radius + LENGTH;

@@ -84,6 +84,7 @@ fn cap() -> Curve {
             DVec2::ZERO,
         ])
     };
+    // The cap's length grows with its width, so bisection finds the width.
     let (mut low, mut high) = (5.0, 40.0);
     for _ in 0..60 {
         let half = 0.5 * (low + high);
@@ -155,6 +156,7 @@ fn cut_and_place() -> Garment {
         let place = ring.at(turn) * (1.0 + ripple(turn));
         DVec3::new(place.x, point.y + HEM, place.y)
     };
+    // Panels lie apart in the plane; in space front and back take half of the ring each.
     let front = garment.add(trunk("front", 8.5, 51), DVec2::ZERO, |point| around(0.0, point));
     let back =
         garment.add(trunk("back", 2.5, 52), DVec2::new(58.0, 0.0), |point| around(0.5, point));

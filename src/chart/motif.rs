@@ -72,6 +72,7 @@ pub(super) fn draw(fabric: &Fabric, motif: &Motif) -> Drawing {
             .zip(legend.len()..)
             .map(|(note, line)| text(below(line), note, TextSize::Small)),
     );
+    // Loops behind a crossing are drawn first, those in front over them.
     let layers = vec![
         DrawingLayer { name: "squares".to_owned(), color: HAIR, shapes: sheet.squares() },
         DrawingLayer {

@@ -163,6 +163,7 @@ fn write(sheet: &mut Pixmap, at: DVec2, text: &str, size: TextSize, anchor: Anch
         - DVec2::new(0.0, BASELINE * f64::from(height_of(height)));
     #[expect(clippy::cast_possible_truncation, reason = "a place on the sheet, in whole pixels")]
     let (mut left, top) = (start.x.round() as i64, start.y.round() as i64);
+    // Glyphs are bitmaps, so they are placed on whole pixels; all have the same advance.
     for character in text.chars() {
         let glyph =
             get_raster(character, weight, height).or_else(|| get_raster('?', weight, height));
@@ -187,6 +188,7 @@ fn blend(sheet: &mut Pixmap, x: i64, y: i64, color: Color, cover: u8) {
     if cover == 0 || x >= sheet.width() || y >= sheet.height() {
         return;
     }
+    // Porter and Duff's "over" in integers, rounded. The sheet's alpha stays 255.
     let first = 4 * (y as usize * sheet.width() as usize + x as usize);
     for (byte, ink) in sheet.data_mut()[first..].iter_mut().zip(color.0) {
         let mixed =

@@ -67,6 +67,7 @@ pub(super) fn swatch(
         blocks.iter().for_each(|block| picture::add_to(&mut scene, block));
         Ok(())
     };
+    // A front view with few rays: the sheet is an overview, not a rendering.
     drape::run(&cloth, &drape::Options::default(), &mut |_, _| {}, &mut deliver)?;
     let options = Options {
         width: column_width(2),
@@ -84,6 +85,7 @@ pub(super) fn swatch(
 pub(super) fn sheet(photo: &RgbImage, yarn: &Developed, swatch: &RgbaImage) -> RgbaImage {
     let height = DynamicImage::from(yarn.surface.height.clone()).into_rgba8();
 
+    // First row: the photo in its own width, and the mask in the rest.
     let half = column_width(2);
     let photo = small(photo, half, ROWS[0]);
     let (left, right) = (photo.width(), SHEET - 3 * GAP - photo.width());

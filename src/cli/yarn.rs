@@ -59,6 +59,7 @@ pub(crate) fn yarn(arguments: &Yarn) -> Result<()> {
     folder.publish()?;
     clock.stop();
     clock.clear();
+    // Notes go to standard error, so that the report can be parsed.
     notes(&yarn).iter().for_each(|note| {
         tell(arguments.running.quiet, &format!("note: {}: {note}", arguments.photo.display()))
     });

@@ -79,6 +79,7 @@ pub(super) fn draw(title: &str, garment: &Garment) -> Drawing {
         DVec2::new(PATTERN, maps),
         LEGEND,
     ));
+    // Both directions share one scale, so that warp and weft can be compared.
     let colors = StretchColors::spanning(&spread(&garment.panels));
     let corner = DVec2::new(2.0 * MARGIN + PATTERN, top);
     layers.extend(maps_of(garment, &views, &colors, corner, DVec2::new(MAP, height)));

@@ -87,6 +87,7 @@ fn by_key<S: Serializer>(tables: &[Table], serializer: S) -> Result<S::Ok, S::Er
 pub(super) fn check(arguments: &Bench) -> Result<()> {
     let outputs = || arguments.outputs.iter().map(|(path, _)| path.as_path());
     check_distinct(arguments.meshes.iter().map(AsRef::as_ref), outputs())?;
+    // Creating an output fails where writing would; dropping it leaves nothing behind.
     for path in outputs() {
         drop(Output::create(path)?);
     }

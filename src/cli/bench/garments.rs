@@ -114,6 +114,7 @@ pub(super) fn folded_cone(triangles: usize) -> Garment {
 /// the areas; the loops keep their aspect ratio.
 pub(super) fn at_stitches(fabric: &Fabric, garment: &Garment, stitches: f64) -> Result<Fabric> {
     let area: f64 = garment.panels.iter().map(Panel::area).sum();
+    // One stitch of each bar for each cell of wale spacing by course spacing.
     let bars = f64::from(index32(fabric.bars.len()));
     let there = bars * area / (fabric.wale_spacing() * fabric.course_spacing());
     scaled(fabric, stitches / there)
@@ -125,6 +126,8 @@ pub(super) fn at_stitches(fabric: &Fabric, garment: &Garment, stitches: f64) -> 
 pub(super) fn fitted(fabric: &Fabric, garment: &Garment, stitches: f64) -> Result<(Fabric, usize)> {
     let mut fitted = at_stitches(fabric, garment, stitches)?;
     let mut tries = 1..=TRIES;
+    // Stitches grow in proportion to the product of the densities, so scaling by the ratio of wanted
+    // to counted stitches converges in a few iterations.
     loop {
         let (_, totals) = time_stages(&Cloth::cover(garment, &fitted)?, &Options::default());
         let there = totals.losses.stitches;

@@ -145,17 +145,11 @@ fn measure(runs: u32, table: &mut Table, garment: &Garment, fabric: &Fabric) -> 
     let options = Options { surface: Some(section), ..Options::default() };
     // The system's peak counts from the start of the process unless it is reset for each row.
     forget_peak_memory();
-    let run = || -> Result<(Sample, StageTimes, usize)> {
-        let start = Moment::now();
-        let cloth = Cloth::cover(garment, fabric)?;
-        let laid_out = start.elapsed();
-        let (staged, totals) = time_stages(&cloth, &options);
-        Ok((laid_out, staged, totals.losses.stitches))
-    };
-    let mut taken = vec![run()?];
+    // The first run counts the stitches. On a small row it is the warm-up run and is dropped.
+    let mut taken = vec![timed_run(garment, fabric, &options)?];
     let stitches = taken[0].2;
     if stitches.max(triangles) <= ONCE {
-        taken = (0..runs).map(|_| run()).collect::<Result<_>>()?;
+        taken = (0..runs).map(|_| timed_run(garment, fabric, &options)).collect::<Result<_>>()?;
     }
     let (peak, held) = (peak_memory_mb(), resident_memory_mb());
     let median = |of: &dyn Fn(&(Sample, StageTimes, usize)) -> Sample| {
@@ -165,6 +159,7 @@ fn measure(runs: u32, table: &mut Table, garment: &Garment, fabric: &Fabric) -> 
     for (place, stage) in stages[1..].iter_mut().zip(STAGES) {
         *place = median(&|run| run.1.of_stage(stage)).wall.median;
     }
+    // The median of the sums, not the sum of the medians: runs differ in which stage is slow.
     let all = median(&|run| {
         STAGES.iter().map(|stage| run.1.of_stage(*stage)).fold(run.0, |sum, stage| sum + stage)
     });
@@ -174,6 +169,19 @@ fn measure(runs: u32, table: &mut Table, garment: &Garment, fabric: &Fabric) -> 
     table
         .push(sizes.into_iter().chain(stages.map(TableCell::ms)).chain(times(&all)).chain(further));
     Ok(Row { stitches, stages, peak })
+}
+
+/// One run: the times of laying out and of the stages, and the number of stitches.
+fn timed_run(
+    garment: &Garment,
+    fabric: &Fabric,
+    options: &Options,
+) -> Result<(Sample, StageTimes, usize)> {
+    let start = Moment::now();
+    let cloth = Cloth::cover(garment, fabric)?;
+    let laid_out = start.elapsed();
+    let (staged, totals) = time_stages(&cloth, options);
+    Ok((laid_out, staged, totals.losses.stitches))
 }
 
 #[cfg(test)]

@@ -73,6 +73,7 @@ impl PictureTimer {
             1.0,
             self.options.aspect(),
         );
+        // A new painter each time: setting up the renderer is part of a picture's cost.
         let picture = Painter::new(scene, &self.options)?.draw(&camera, &self.options, &|_| ())?;
         std::hint::black_box(picture);
         Ok(start.elapsed())

@@ -122,6 +122,7 @@ pub(super) fn plane_curved(
         } else {
             (line.cloth, line.fabric)
         };
+        // Published times hold for the paper's garments only.
         let published = (!garments.are_own()).then_some((line.plane, line.curved));
         let (fabric, stitches) =
             fitted(&Fabric::named(fabric)?, &garment, f64::from(line.stitches))?;
@@ -153,6 +154,7 @@ fn measure(runs: u32, garment: &Garment, fabric: &Fabric) -> Result<Parts> {
         let start = Moment::now();
         std::hint::black_box(Pattern::new(fabric));
         let relaxed = start.elapsed();
+        // Covering relaxes the repeat again, so `plane` includes it.
         let start = Moment::now();
         let cloth = Cloth::cover(garment, fabric)?;
         let covered = start.elapsed();
@@ -176,6 +178,7 @@ fn push(
     published: Option<(f64, f64)>,
     brute: Option<Sample>,
 ) {
+    // The linear search replaces location and mapping only; the flat fabric takes the same time.
     let brute_curved = brute.map(|brute| parts.plane.wall.median + brute.wall);
     let rows = [
         ("relax", &parts.relaxed, None, None),

@@ -147,6 +147,7 @@ impl Plot {
         mesh.label_style(text(SMALL, INK)).axis_desc_style(text(SMALL, FAINT)).x_desc(self.x);
         mesh.x_label_formatter(&|x| short(*x)).y_label_formatter(&|y| short(*y));
         mesh.draw().map_err(drawn)?;
+        // Each series is a line with a dot at each figure, so that single figures show too.
         for (series, color) in self.colored() {
             let line = color.stroke_width(LINE_WIDTH);
             let points = series.points.iter().copied();
@@ -181,6 +182,8 @@ impl Plot {
     /// The series that have points, each with its colour. Published series come after all measured
     /// ones, in the same order, and get the same colours.
     fn colored(&self) -> impl Iterator<Item = (&Series, RGBColor)> {
+        // Colours repeat after the measured series, so the n-th published one matches the n-th
+        // measured one.
         let ours = self.series.iter().filter(|series| series.ours).count().max(1);
         let color = move |(at, series): (usize, _)| (series, COLORS[at % ours % COLORS.len()]);
         self.series.iter().enumerate().map(color).filter(|(series, _)| !series.points.is_empty())
@@ -228,6 +231,7 @@ fn is_wide(span: &Range<f64>) -> bool {
 fn logarithmic(
     span: &Range<f64>,
 ) -> impl AsRangedCoord<Value = f64, CoordDescType: Ranged<ValueType = f64> + ValueFormatter<f64>> {
+    // Half as much again at both ends keeps the points off the frame.
     let room = span.start / 1.5..span.end * 1.5;
     let between: &[f64] = if room.end / room.start < FEW { &[1.0, 2.0, 5.0] } else { &[1.0] };
     #[expect(

@@ -55,6 +55,7 @@ pub(super) fn st_sr(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<
     let mut rendered =
         Plot::new("Figure 14: tubes and picture", "stitches", "time, ms", series.clone());
     let mut tubed = Plot::new("Figure 14: tubes alone", "stitches", "time, ms", series);
+    // One scene serves all St and Sr of a size: it holds the yarns' points, not their tubes.
     for (at, side) in SIDES.into_iter().enumerate() {
         let (panel, mut all) = (swatch_panel(&fabric, side, side), Vec::new());
         let cloth = Cloth::swatch(&panel, &fabric, side, side);
@@ -73,6 +74,8 @@ pub(super) fn st_sr(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<
             };
             let options = Options { surface: Some(section), ..Options::default() };
             let timer = timer.with_tubes(st, sr);
+            // Tubes are made by the pipeline's surface stage, and the picture by the renderer; the
+            // paper's render time is their sum.
             let [tubes, taken] = measured_parts(timer.runs, &mut || {
                 let tubes = time_stages(&cloth, &options).0.of_stage(Stage::Surface);
                 let picture = match one_for_all.as_mut().and_then(Iterator::next) {

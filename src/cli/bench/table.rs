@@ -157,6 +157,7 @@ impl Table {
             lines.push(headings.iter().map(cell).collect());
         }
         lines.extend(self.rows.iter().map(|row| row.iter().map(TableCell::printed).collect()));
+        // Characters, not bytes: labels may hold letters outside ASCII.
         let widths: Vec<usize> = (0..self.columns.len())
             .map(|column| lines.iter().map(|line| line[column].chars().count()).max().unwrap_or(0))
             .collect();

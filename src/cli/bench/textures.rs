@@ -66,6 +66,7 @@ pub(super) fn textures(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Resu
             Scene::wearing(Shape::Tube, looks(&fabric, fabric.radius()), maps, |_| texture),
         );
         let taken = Times::from_samples(&timer.timed(&scene)?);
+        // The first picture has no texture, and all others are compared with it.
         let plain = *plain.get_or_insert(taken.wall.median);
         let name = side.map_or_else(|| "none".to_owned(), |side| format!("{side} x {side}"));
         let labels = [TableCell::Text(name), TableCell::Number(taken.wall.median / plain, 2)];

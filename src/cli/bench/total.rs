@@ -54,7 +54,9 @@ pub(super) fn total(
         progress(at as f64 / LINES.len() as f64);
         let (fabric, stitches) =
             fitted(&Fabric::named(DEFAULT_FABRIC)?, &garment, f64::from(wanted))?;
+        // The fabric's densities are adapted until it has the paper's number of stitches.
         let [cloth, picture, all] = measure(&timer, &garment, &fabric)?;
+        // Published times hold for the paper's garments only.
         let published = (!garments.are_own()).then_some(1e3 * seconds);
         let sizes = [
             TableCell::Count(stitches),

@@ -57,6 +57,7 @@ pub(super) fn weft(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<T
             caps: false,
             texture_per_mm: 1.0,
         };
+        // The number of vertices comes from the run itself.
         let mut vertices = 0;
         let taken = measured(arguments.runs, &mut || {
             vertices = model(&fabric, side, &section);
@@ -67,6 +68,7 @@ pub(super) fn weft(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<T
             TableCell::Count(st as usize),
             TableCell::Count(vertices),
         ];
+        // CPU time, since the paper's cloths are knitted by several threads here.
         let each = taken.cpu.map(|cpu| 1e6 * cpu.median / vertices as f64);
         let further =
             std::iter::once(TableCell::known(each, 1)).chain(beside(Some(published), &taken));

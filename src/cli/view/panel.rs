@@ -202,6 +202,7 @@ fn fabric(ui: &mut Ui, settings: &mut PanelSettings, source: &ClothSource) {
         ui.set_min_height(ABOUT_LINES * ui.text_style_height(&TextStyle::Body));
         ui.label(RichText::new(about.unwrap_or("a fabric of your own")).weak());
     });
+    // Changing one density changes the other in proportion, unless the box is cleared.
     let aspect = recipe.courses_per_cm / recipe.wales_per_cm;
     if density(ui, "wales per cm", &mut recipe.wales_per_cm) && settings.keeps_loops {
         recipe.courses_per_cm = recipe.wales_per_cm * aspect;
@@ -230,6 +231,7 @@ fn yarns(ui: &mut Ui, settings: &mut PanelSettings, radius: f64) {
         ui.selectable_value(&mut recipe.shape, Shape::Tube, "tubes");
         ui.selectable_value(&mut recipe.shape, Shape::Ribbon, "ribbons");
     });
+    // `None` is the radius from the yarn's count; clearing the box starts from the drawn radius.
     let mut own = recipe.radius.is_none();
     ui.checkbox(&mut own, "radius from the yarn's count");
     if own {
@@ -248,6 +250,7 @@ fn yarns(ui: &mut Ui, settings: &mut PanelSettings, radius: f64) {
             .clamping(SliderClamping::Edits)
             .text("pieces a stitch (St)"),
     );
+    // A ribbon has no section.
     ui.add_enabled_ui(recipe.shape == Shape::Tube, |ui| {
         ui.add(
             Slider::new(&mut rendering.sr, 3..=24)

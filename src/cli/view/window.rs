@@ -85,6 +85,7 @@ impl Window {
         let renderer = FrameRenderer::open(state)
             .context("a window needs a graphics adapter, drape and swatch do not")?;
         let waker = context.egui_ctx.clone();
+        // egui draws only on input, so the worker has to wake it when cloth is ready.
         let worker = Worker::start(Arc::clone(&source), move || waker.request_repaint())?;
         let settings = PanelSettings::from_arguments(&arguments.shared, &source);
         worker.order(settings.recipe);
@@ -219,8 +220,10 @@ impl Window {
         if response.hovered() {
             let (wheel, pinch) =
                 ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
+            // Exponential: equal travel magnifies by an equal factor, and back again exactly.
             self.orbit.magnify((f64::from(wheel) * WHEEL).exp() * f64::from(pinch));
         }
+        // From now on the camera belongs to the user.
         if self.orbit != before {
             self.framing = None;
         }
@@ -252,6 +255,7 @@ impl Window {
         let size = [rect.width(), rect.height()]
             .map(|side| ((side * scale).round() as u32).clamp(1, most));
         let aspect = f64::from(size[0]) / f64::from(size[1]);
+        // Framing depends on the aspect ratio, so it is applied again.
         if aspect != self.aspect {
             self.aspect = aspect;
             self.frame_again();
@@ -280,6 +284,7 @@ impl Window {
         }
         self.last = Some(shot);
         let still_after = (self.renderer.full / 4).clamp(*STILL_AFTER.start(), *STILL_AFTER.end());
+        // A screenshot waits for the full frame, so it needs no drafts.
         let moves = self.screenshot.is_none() && now.duration_since(self.changed) < still_after;
         let drawn = self.renderer.draw(shot, moves);
         if matches!(drawn, Ok(true)) {
