@@ -39,7 +39,6 @@ impl StretchColors {
     }
 
     /// The colour of a stretch.
-
     pub(super) fn color_of(&self, stretch: f64) -> Color {
         self.at(stretch.ln() / self.end.ln())
     }

@@ -3,11 +3,12 @@
 //! In: the strip's grey, the binary mask of step 3, the classes of its threshold. Out: [`CutOut`]:
 //! the alpha of each pixel, and the yarn's width.
 //!
-//! Method: matting with the compositing equation I = a F + (1 - a) G (Porter and Duff 1984,
-//! "Compositing digital images"). A pixel at the edge shows both yarn (F) and ground (G), so a = (I
-//! - G) / (F - G). G is the ground's median grey. F is estimated beside the pixel, since yarns are
-//! round and darken toward their flanks, and since plies differ: it is the mean over nearby pixels
-//! that are surely yarn, two pixels inside of everything that differs from the ground.
+//! Method: matting with the compositing equation `I = a F + (1 - a) G` (Porter and Duff 1984,
+//! "Compositing digital images"). A pixel at the edge shows both yarn (F) and ground (G), so its
+//! alpha is `a = (I - G) / (F - G)`. G is the ground's median grey. F is estimated beside the
+//! pixel, since yarns are round and darken toward their flanks, and since plies differ: it is the
+//! mean over nearby pixels that are surely yarn, two pixels inside of everything that differs from
+//! the ground.
 //!
 //! The body of the yarn is what is at least half yarn and is connected to the mask of step 3. Its
 //! core is the body after an opening that removes the fibres, with its holes filled. The core is
