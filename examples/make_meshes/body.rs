@@ -49,9 +49,9 @@ impl RoundCone {
     }
 
     /// The round cone near a point. The hull is the union of spheres centred at a + t (b - a) with
-    /// radii between the two. The distance to the sphere t is convex in t. Its minimum satisfies y
-    /// - t l = x tan(alpha), where (x, y) is the point across and along the axis, l the length of
-    /// the axis, and sin(alpha) = (radius_a - radius_b) / l. Clamping t gives the end spheres.
+    /// radii between the two. The distance to the sphere t is convex in t. Its minimum satisfies
+    /// `y - t l = x tan(alpha)`, where (x, y) is the point across and along the axis, l the length
+    /// of the axis, and `sin(alpha) = (radius_a - radius_b) / l`. Clamping t gives the end spheres.
     fn touch(&self, point: DVec3) -> Touch {
         let axis = self.b - self.a;
         let length = axis.length();
