@@ -1,11 +1,12 @@
-//! Draws the pictures of yarns in `meshes/yarns/`, for `--texture` and the `texture` of a fabric's
+//! Draws the yarn textures in `meshes/yarns/`, for `--texture` and for the `texture` of a fabric's
 //! yarns.
 //!
 //!     cargo run --release --example make_yarns
 //!
-//! A picture shows one repeat of a yarn, x along it and y across: round plies wound around each
-//! other, fibres in them, loops of an effect yarn, and fuzz that thins out to both sides.
-//! Everything comes from the numbers in [`YARNS`] and a hash, so the bytes are the same each time.
+//! In: the parameters in [`YARNS`]. Out: a colour map and a height map of one repeat of each yarn,
+//! x along the yarn and y across it. A procedural model draws round plies on helices, fibres in
+//! them, loops of an effect yarn, and fuzz that thins out to both sides. Its random numbers come
+//! from a hash, so the bytes are the same each time.
 
 use std::error::Error;
 use std::f32::consts::{PI, TAU};
@@ -15,35 +16,38 @@ use image::imageops::{FilterType, resize};
 use image::{GrayImage, Luma, Rgba, RgbaImage};
 use warpknit::render::ply::hash;
 
-/// Texels along one repeat and across the yarn with its fuzz, and how many times finer it is drawn.
+/// Texels along one repeat, and across the yarn with its fuzz.
 const SIZE: (u32, u32) = (384, 192);
+/// Supersampling: the picture is drawn so many times finer each way and then reduced.
 const FINER: u32 = 2;
-/// Steps of a stroke.
+/// Discs that a stroke is drawn with. Fewer would leave gaps in long strokes.
 const STEPS: u32 = 600;
-/// Pieces of fibre along a repeat.
+/// Fibre segments along a repeat; staple fibres end within it.
 const PIECES: f32 = 9.0;
-/// How much brighter and darker a single fibre is.
+/// Range of a single fibre's brightness, as a share of the yarn's colour.
 const SHADE: f32 = 0.16;
-/// The farthest that a fibre strays off the axis: the picture's rim shows ground alone.
+/// Largest distance of a fibre from the axis, in halves of the width. Less than 1, so that the
+/// picture's border is transparent.
 const FARTHEST: f32 = 0.96;
 
 /// A yarn to draw.
 struct Yarn {
     name: &'static str,
     plies: u32,
-    /// Share of the picture's width that the plies take; the rest is fuzz, and loops where there
-    /// are any.
+    /// Share of the picture's width that the plies take. The rest is fuzz, and loops if there are
+    /// any.
     core: f32,
-    /// sRGB of its fibres, each as often as the others.
+    /// sRGB colours of its fibres, equally frequent.
     colors: &'static [[f32; 3]],
-    /// Fibres around a ply.
+    /// Number of fibres around a ply.
     fibres: f32,
-    /// Stray fibres of the fuzz in one repeat.
+    /// Number of stray fibres in the fuzz of one repeat.
     strays: u32,
-    /// Loops that an effect yarn makes in one repeat.
+    /// Number of loops that an effect yarn makes in one repeat.
     loops: u32,
-    /// Width with the fuzz and length of one repeat, mm.
+    /// Width with the fuzz, mm.
     width: f32,
+    /// Length of one repeat, mm.
     length: f32,
 }
 
@@ -122,12 +126,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// What is seen at a texel.
+/// Colour, alpha and height of a texel.
 #[derive(Clone, Copy)]
 struct Point {
     rgb: [f32; 3],
     alpha: f32,
-    /// Over the axis, in halves of the picture's width: 0..1.
+    /// Height over the axis, in halves of the picture's width: 0..1.
     height: f32,
 }
 
@@ -139,69 +143,75 @@ impl Point {
 }
 
 /// The picture while it is drawn.
-struct Canvas {
+struct YarnImage {
     points: Vec<Point>,
 }
 
-/// A fibre or a yarn that is laid into the picture.
+/// A fibre or a yarn that is drawn along a path.
 struct Stroke {
     /// Half its thickness, in halves of the picture's width.
     radius: f32,
     alpha: f32,
-    /// Of the fibres in it.
+    /// Seed of its fibres' colours.
     seed: u32,
 }
 
 impl Yarn {
-    /// Base colour and heights.
+    /// The colour map and the height map.
     fn pictures(&self) -> (RgbaImage, GrayImage) {
-        let canvas = self.drawn();
+        let image = self.drawn();
         let fine = (FINER * SIZE.0, FINER * SIZE.1);
-        let color = RgbaImage::from_fn(fine.0, fine.1, |x, y| canvas.at(x, y).color());
+        let color = RgbaImage::from_fn(fine.0, fine.1, |x, y| image.at(x, y).color());
         let height =
-            GrayImage::from_fn(fine.0, fine.1, |x, y| Luma([byte(255.0 * canvas.at(x, y).height)]));
+            GrayImage::from_fn(fine.0, fine.1, |x, y| Luma([byte(255.0 * image.at(x, y).height)]));
         (
             resize(&color, SIZE.0, SIZE.1, FilterType::Triangle),
             resize(&height, SIZE.0, SIZE.1, FilterType::Triangle),
         )
     }
 
+    /// The text of yarn.toml.
     fn sizes(&self) -> String {
         format!("width_mm = {}\nlength_mm = {}\n", self.width, self.length)
     }
 
-    fn drawn(&self) -> Canvas {
+    /// Draws the yarn: plies first, then stray fibres and loops over them.
+    fn drawn(&self) -> YarnImage {
         let (width, height) = (FINER * SIZE.0, FINER * SIZE.1);
         let share = 1.0 / self.colors.iter().map(|_| 1.0).sum::<f32>();
         let mean = [0, 1, 2].map(|c| self.colors.iter().map(|color| share * color[c]).sum());
-        // Where nothing is, the colour goes on, so that no rim shows when texels are mixed.
+        // Transparent texels have the mean colour: filtering would otherwise mix black into the
+        // fuzz.
         let empty = Point { rgb: mean, alpha: 0.0, height: 0.0 };
         let places = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
-        let mut canvas =
-            Canvas { points: places.map(|(x, y)| self.core_at(x, y).unwrap_or(empty)).collect() };
-        (0..self.strays).for_each(|stray| self.stray(stray, &mut canvas));
-        (0..self.loops).for_each(|number| self.effect_loop(number, &mut canvas));
-        canvas
+        let mut image = YarnImage {
+            points: places.map(|(x, y)| self.core_at(x, y).unwrap_or(empty)).collect(),
+        };
+        (0..self.strays).for_each(|stray| self.stray(stray, &mut image));
+        (0..self.loops).for_each(|number| self.effect_loop(number, &mut image));
+        image
     }
 
-    /// The nearest ply at a texel. Plies are round, on a helix, and touch each other on the axis.
+    /// The uppermost ply at a texel. Plies are round cylinders on helices around the axis and touch
+    /// each other there.
     fn core_at(&self, x: u32, y: u32) -> Option<Point> {
         let turn = (to_float(x) + 0.5) / to_float(FINER * SIZE.0);
         let across = ((to_float(y) + 0.5) / to_float(FINER * SIZE.1) * 2.0 - 1.0) / self.core;
         let helix = if self.plies == 1 { 0.0 } else { 0.5 };
         let radius = 1.0 - helix;
         let near = (0..self.plies).filter_map(|ply| {
+            // The ply's centre in this cross section: cos across, sin in height.
             let phase = TAU * (turn + to_float(ply) / to_float(self.plies));
             let off = (across - helix * phase.cos()) / radius;
             let round = (1.0 - off * off).max(0.0).sqrt();
             (off.abs() < 1.0).then_some((helix * phase.sin() + radius * round, off, round, ply))
         });
         let (height, off, round, ply) = near.max_by(|a, b| a.0.total_cmp(&b.0))?;
-        // Single yarns show their twist; plied ones are wound back, so that fibres lie nearly along
-        // the axis.
+        // In a single yarn the fibres show the twist. Plied yarns are twisted against their
+        // singles, so that their fibres lie nearly along the axis.
         let wound = if self.plies == 1 { 1.0 } else { -1.0 };
         let fibre = self.fibre(off.asin() / TAU + wound * turn, turn, ply);
-        // Grooves lie deep, and get less light.
+        // Shading as in a photo: flanks and grooves between plies receive less light.
         let light = (0.66 + 0.34 * round) * (0.8 + 0.2 * (0.5 + 0.5 * height));
         let ridge = 0.97 + 0.06 * (fibre.1 - 0.5);
         Some(Point {
@@ -211,10 +221,10 @@ impl Yarn {
         })
     }
 
-    /// Colour and brightness 0..1 of the fibre at `around` turns of a ply, at a share of the
-    /// repeat.
+    /// Colour and brightness (0..1) of the fibre at the angle `around` of a ply, in turns, and at
+    /// the place `along`, a share of the repeat.
     fn fibre(&self, around: f32, along: f32, salt: u32) -> ([f32; 3], f32) {
-        // A fibre wanders a little, and ends.
+        // The sine makes fibres waver. All indices are modulo a whole number, so the repeat tiles.
         let band = whole(((around + 4.0) * self.fibres) + 0.35 * (TAU * 3.0 * along).sin())
             % whole(self.fibres);
         let start = random(band * 31 + salt * 7);
@@ -225,8 +235,8 @@ impl Yarn {
         (color.map(|c| c * (1.0 + SHADE * (bright - 0.5))), bright)
     }
 
-    /// A fibre that stands off the yarn and comes back.
-    fn stray(&self, number: u32, canvas: &mut Canvas) {
+    /// A fibre that leaves the yarn in an arc and comes back.
+    fn stray(&self, number: u32, image: &mut YarnImage) {
         let random = |salt: u32| random(number * 7 + salt);
         let (start, length, side) =
             (random(1), 0.08 + 0.22 * random(2), if random(3) < 0.5 { -1.0 } else { 1.0 });
@@ -235,20 +245,20 @@ impl Yarn {
             self.core + (FARTHEST - self.core) * (0.2 + 0.8 * random(4) * random(5)),
         );
         let stroke = Stroke { radius: 0.008, alpha: 0.55 + 0.3 * random(6), seed: 5000 + number };
-        canvas.lay(self, &stroke, |t| {
+        image.lay(self, &stroke, |t| {
             let off = inside + (farthest - inside) * (PI * t).sin();
             (start + length * t, side * off, 0.3)
         });
     }
 
-    /// A loop of the effect yarn: out to one side and back, around its own foot.
-    fn effect_loop(&self, number: u32, canvas: &mut Canvas) {
+    /// A loop of the effect yarn: out to one side and back, crossing its own foot.
+    fn effect_loop(&self, number: u32, image: &mut YarnImage) {
         let random = |salt: u32| random(900 + number * 11 + salt);
         let start = (to_float(number) + 0.6 * random(1)) / to_float(self.loops);
         let (side, far) = (if random(2) < 0.5 { -1.0 } else { 1.0 }, 0.45 + 0.42 * random(3));
         let (wide, drift) = (0.025 + 0.03 * random(4), 1.3 / to_float(self.loops));
         let stroke = Stroke { radius: 0.075, alpha: 1.0, seed: 9000 + number };
-        canvas.lay(self, &stroke, |t| {
+        image.lay(self, &stroke, |t| {
             let out = (PI * t).sin();
             (
                 start + drift * t - wide * (TAU * t).sin(),
@@ -260,20 +270,20 @@ impl Yarn {
 }
 
 impl Stroke {
-    /// Where along a repeat's fibres a share of the path lies: a stray fibre is one from end to
-    /// end.
+    /// The place along the fibres for a share of the path. A stray fibre is a single one from end
+    /// to end, so it has one colour.
     fn share_of(&self, t: f32) -> f32 {
         if self.alpha < 1.0 { 0.0 } else { t }
     }
 }
 
-impl Canvas {
+impl YarnImage {
     fn at(&self, x: u32, y: u32) -> Point {
         self.points[(y * FINER * SIZE.0 + x) as usize]
     }
 
-    /// Lays a stroke along a path: at a share of it the place along the repeat, across and over the
-    /// axis. The seam is crossed without a break.
+    /// Draws a stroke along a path, with a height test. `path` gives for a share of its length the
+    /// place along the repeat, across it, and its height. Strokes wrap around the repeat's ends.
     fn lay(&mut self, yarn: &Yarn, stroke: &Stroke, path: impl Fn(f32) -> (f32, f32, f32)) {
         let (width, height) = (FINER * SIZE.0, FINER * SIZE.1);
         let texels = stroke.radius * 0.5 * to_float(height);
@@ -294,7 +304,7 @@ impl Canvas {
                     .hypot(to_float(whole(x) + dx) - to_float(reach) + 0.5 - x)
                     / texels;
                 if off < 1.0 {
-                    // Balls along the path, the highest seen of each: a round yarn.
+                    // Each step draws the upper half of a sphere; together they are a round yarn.
                     let round = (1.0 - off * off).sqrt();
                     let light = if stroke.alpha < 1.0 { 0.92 } else { 0.66 + 0.34 * round };
                     let (rgb, _) = yarn.fibre(0.0, stroke.share_of(t), stroke.seed);
@@ -313,7 +323,7 @@ impl Canvas {
     }
 }
 
-/// 0..1 of a number.
+/// A pseudo-random number, 0..1, from a hash.
 fn random(number: u32) -> f32 {
     to_float(hash(number) >> 16) / 65_536.0
 }
@@ -337,7 +347,7 @@ fn byte(value: f32) -> u8 {
 mod tests {
     use super::*;
 
-    /// Mean difference of bytes: another machine's sine may round another way.
+    /// Mean difference of bytes. Another machine's sine may round differently.
     fn difference(one: &[u8], other: &[u8]) -> f64 {
         assert_eq!(one.len(), other.len());
         one.iter().zip(other).map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>()

@@ -1,11 +1,11 @@
-//! What a stage takes of one processor: on a busy machine that is steadier than the time on the
-//! wall, and it is what peers are timed by.
+//! CPU time as a measurement of criterion. On a busy machine it is steadier than wall time, and the
+//! programs that are compared with ours are timed by it too.
 
 use std::time::Duration;
 
 use criterion::measurement::{Measurement, ValueFormatter, WallTime};
 
-/// CPU time of this process, its threads together; where the system doesn't say, time on the wall.
+/// CPU time of this process, all threads together; wall time where the system doesn't give it.
 pub(crate) struct CpuTime;
 
 impl Measurement for CpuTime {
@@ -33,11 +33,12 @@ impl Measurement for CpuTime {
     }
 
     fn formatter(&self) -> &dyn ValueFormatter {
-        // Criterion prints nanoseconds well already.
+        // Both are nanoseconds, so criterion's own formatter serves.
         WallTime.formatter()
     }
 }
 
+/// CPU time of the process so far.
 #[cfg(unix)]
 fn now() -> Duration {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
@@ -47,6 +48,7 @@ fn now() -> Duration {
     )
 }
 
+/// Wall time since the first call.
 #[cfg(not(unix))]
 fn now() -> Duration {
     static START: std::sync::LazyLock<std::time::Instant> =

@@ -1,5 +1,5 @@
-//! A drape sequence: its first frame, with all that is done once, and each one after it; our own
-//! skirt in tricot.
+//! Benchmarks of a drape sequence on the shipped skirt in tricot: the first frame, which includes
+//! all work that is done once, and each further frame.
 //!
 //! `first` reads two files, relaxes the fabric, lays and locates its yarns and maps them; `next`
 //! reads the positions of another drape and maps.
@@ -36,6 +36,7 @@ pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
                 frames
             });
         });
+        // The first frame is done outside the measured time.
         let first = garment.clone();
         let cloth = Cloth::cover(&first, &fabric).expect("the skirt has room");
         let mut held = LocatedCloth::locate(&cloth, &DrapeOptions::default(), &mut |_, _| {});
@@ -49,6 +50,7 @@ pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
     group.finish();
 }
 
+/// Maps a frame and discards its blocks.
 fn show(held: &mut LocatedCloth, garment: &Garment) {
     let deliver = &mut |blocks: &[Block]| {
         std::hint::black_box(blocks);

@@ -1,9 +1,9 @@
-//! What the stages are measured on: a panel draped on a folded cone, as `warpknit bench` has it,
-//! and the data points of loops that cover it.
+//! Inputs of the benchmarks: a panel draped on a folded cone, the same as in `warpknit bench`, and
+//! the data points of loops that cover it.
 //!
-//! Where PEER_INPUTS names a folder with `mesh_*_v.bin`, `mesh_*_f.bin` and `points_*.bin`, these
-//! are read, so that other programs work on the same (`benches/against_peers.sh`). Otherwise a
-//! panel is made, and a tricot knitted on it.
+//! Where the variable PEER_INPUTS names a folder with `mesh_*_v.bin`, `mesh_*_f.bin` and
+//! `points_*.bin`, these files are read, so that other programs work on the same inputs
+//! (`benches/against_peers.sh`). Otherwise a panel is made, and a tricot is knitted on it.
 
 use std::path::Path;
 
@@ -18,32 +18,34 @@ use warpknit::yarn::tube::Section;
 mod cone;
 use cone::{SIZE, draped, shuffled_cone};
 
-/// Meshes by what they are called: triangles.
+/// Names of meshes, with their number of triangles.
 pub(crate) const MESHES: [(&str, usize); 3] = [("2k", 2000), ("20k", 20_000), ("200k", 200_000)];
-/// Points by what they are called: about as many stitches.
+/// Names of sets of points, with about their number of stitches.
 pub(crate) const POINTS: [(&str, f64); 4] =
     [("3500", 3500.0), ("26180", 26_180.0), ("262k", 262e3), ("1m", 1e6)];
 
-/// Data points as files hold them, yarn after yarn.
+/// Data points in single precision, as the peers' files hold them, yarn after yarn.
 pub(crate) struct Points {
     pub(crate) points: Vec<[f32; 3]>,
-    /// Points of each yarn.
+    /// Number of points of a yarn.
     pub(crate) yarn: usize,
-    /// Points of a stitch.
+    /// Number of points of a stitch.
     pub(crate) stitch: usize,
 }
 
+/// The bytes of a file in the folder PEER_INPUTS, if that is set.
 fn peer_file(name: &str) -> Option<Vec<u8>> {
     let folder = std::env::var_os("PEER_INPUTS").filter(|folder| !folder.is_empty())?;
     let path = Path::new(&folder).join(name);
     Some(std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display())))
 }
 
+/// Bytes as records of N numbers of four bytes.
 fn numbers<const N: usize>(bytes: &[u8]) -> Vec<[[u8; 4]; N]> {
     bytes.as_chunks::<4>().0.as_chunks::<N>().0.to_vec()
 }
 
-/// One of [`MESHES`], as its file has it: shuffled.
+/// One of [`MESHES`], with its triangles in random order, as in a file.
 pub(crate) fn panel(name: &str) -> Panel {
     let files =
         peer_file(&format!("mesh_{name}_v.bin")).zip(peer_file(&format!("mesh_{name}_f.bin")));
@@ -79,7 +81,7 @@ pub(crate) fn points(name: &str) -> Points {
     knitted(&tricot_for(SIZE.x * SIZE.y, stitches))
 }
 
-/// The yarns of a fabric that lie within the panel whole.
+/// The yarns of a fabric that lie completely within the panel.
 fn knitted(fabric: &Fabric) -> Points {
     let (pattern, mesh) = (
         Pattern::new(fabric),
@@ -96,11 +98,11 @@ fn knitted(fabric: &Fabric) -> Points {
     let high = (SIZE - 1.0).extend(1e3);
     let points: Vec<_> =
         knitted.points.iter().map(|p| p.clamp(low, high).as_vec3().to_array()).collect();
-    // Every stitch of tricot is a loop and the two turns of its underlap.
+    // A stitch of tricot has the eight points of its loop and two of its underlap.
     Points { points, yarn: 10 * pattern.steps_along(0, 0.0..room.y).count(), stitch: 10 }
 }
 
-/// Our own skirt.
+/// The shipped skirt.
 pub(crate) fn skirt() -> Garment {
     let meshes = Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes");
     let read = read(
@@ -111,12 +113,12 @@ pub(crate) fn skirt() -> Garment {
     read.expect("a shipped garment")
 }
 
-/// Its area that takes stitches, mm².
+/// The area of a garment that takes stitches, mm².
 pub(crate) fn area(garment: &Garment) -> f64 {
     garment.panels.iter().map(Panel::area).sum()
 }
 
-/// Tricot at densities that give it about so many stitches on an area, mm².
+/// Tricot at densities that give about so many stitches on an area in mm².
 pub(crate) fn tricot_for(area: f64, stitches: f64) -> Fabric {
     let fabric = Fabric::named("tricot").expect("built in");
     let times = (2.0 * area / (fabric.wale_spacing() * fabric.course_spacing()) / stitches).sqrt();
@@ -124,7 +126,7 @@ pub(crate) fn tricot_for(area: f64, stitches: f64) -> Fabric {
     fabric.at_densities(wales, courses).expect("positive")
 }
 
-/// St 10, Sr 5: the least of the source paper's table.
+/// Tubes with St 10 and Sr 5, the smallest in Table 1 of Liu, Kyosev and Jiang 2022.
 pub(crate) fn section(fabric: &Fabric) -> Section {
     Section {
         st: 10,

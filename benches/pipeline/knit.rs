@@ -1,5 +1,5 @@
-//! Knitting: the repeat in balance, which each run pays before it lays a yarn, and the data points
-//! of yarns.
+//! Benchmarks of knitting: the relaxation of one repeat, which each run does once before it lays
+//! yarns, and the data points of yarns.
 
 use criterion::{BenchmarkId, Criterion, Throughput};
 use glam::DVec2;

@@ -1,5 +1,5 @@
-//! Location, and mapping on top of it: from a shuffled mesh to every point's triangle and draped
-//! place.
+//! Benchmarks of location, and of location with mapping: from a shuffled mesh to the triangle and
+//! the draped position of every point.
 
 use criterion::{BatchSize, BenchmarkId, Criterion, Throughput};
 use glam::DVec3;
@@ -10,13 +10,13 @@ use warpknit::map::{Draped, Mapping, map_into};
 use super::cpu::CpuTime;
 use super::inputs::{Points, panel, points};
 
-/// Points at a time: what they take stays in the processor's cache, as the blocks of a run do.
+/// Points of a block. A block's data fit the processor's cache, like the blocks of a run.
 const BLOCK: usize = 4096;
-/// Meshes and points that are tried together.
+/// Combinations of meshes and points.
 const PAIRS: [(&str, &str); 5] =
     [("20k", "3500"), ("20k", "26180"), ("200k", "26180"), ("20k", "1m"), ("200k", "1m")];
 
-/// What blocks are worked on in.
+/// Buffers that are reused from block to block.
 #[derive(Default)]
 struct Memory {
     flat: Vec<DVec3>,
@@ -41,8 +41,8 @@ impl Memory {
     }
 }
 
-/// Orders the panel, builds what location needs, and locates all points, block by block; `then`
-/// does the rest with each block.
+/// Orders the panel's triangles, builds the locator, and locates all points block by block. `then`
+/// is called with each block.
 fn locate(
     mut panel: Panel,
     points: &Points,
@@ -70,6 +70,7 @@ pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
         group.sample_size(10);
         for (mesh, size) in PAIRS {
             let id = BenchmarkId::new(mesh, size);
+            // Inputs are made only for the benchmarks that the filter selects.
             let (panel, points) = (
                 std::cell::LazyCell::new(|| panel(mesh)),
                 std::cell::LazyCell::new(|| points(size)),
@@ -89,7 +90,7 @@ pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
     }
 }
 
-/// What is done before the first point: the order in memory, neighbours, gradients.
+/// Benchmarks of the work before the first point: ordering the triangles, and building the locator.
 fn build(criterion: &mut Criterion<CpuTime>) {
     let mut group = criterion.benchmark_group("build");
     for mesh in ["2k", "20k", "200k"] {

@@ -1,5 +1,5 @@
-//! What each stage costs, in CPU time of one thread: `cargo bench`, or `cargo bench -- locate` for
-//! some. One file a stage; `inputs` says on what.
+//! The cost of each stage in CPU time of one thread: `cargo bench`, or `cargo bench -- locate` for
+//! some of them. Each stage is a file; `inputs` makes what they are measured on.
 
 mod cpu;
 mod frames;
@@ -16,7 +16,8 @@ use criterion::{Criterion, criterion_group, criterion_main};
 
 use cpu::CpuTime;
 
-/// One thread, whatever the machine has.
+/// Criterion with CPU time and one thread, whatever the machine has: figures of different machines
+/// can then be compared.
 fn configured() -> Criterion<CpuTime> {
     rayon::ThreadPoolBuilder::new()
         .num_threads(1)
@@ -28,6 +29,7 @@ fn configured() -> Criterion<CpuTime> {
 criterion_group! {
     name = benches;
     config = configured();
-    targets = read::benches, knit::benches, locate::benches, tube::benches, write::benches, whole::benches, frames::benches, render::benches
+    targets = read::benches, knit::benches, locate::benches, tube::benches, write::benches,
+        whole::benches, frames::benches, render::benches
 }
 criterion_main!(benches);

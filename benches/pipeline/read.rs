@@ -1,4 +1,4 @@
-//! Reading a garment: two files to panels that are ready to be knitted on.
+//! Benchmark of reading a garment: from two files to panels that are ready to be covered.
 
 use criterion::{Criterion, Throughput};
 

@@ -1,5 +1,5 @@
-//! Pictures by the processor: yarns wider than pixels, which are traced, and thinner ones, which
-//! are drawn piece by piece.
+//! Benchmarks of the CPU renderer: yarns wider than a pixel, which are ray-traced, and thinner
+//! ones, which are drawn as segments.
 
 use criterion::{BenchmarkId, Criterion};
 use warpknit::drape::{Cloth, swatch_panel};

@@ -1,4 +1,4 @@
-//! Tube vertices: positions, normals, texture coordinates, triangles.
+//! Benchmarks of tubes: positions, normals, texture coordinates and triangles.
 
 use criterion::{BenchmarkId, Criterion, Throughput};
 use glam::DVec3;
@@ -7,11 +7,11 @@ use warpknit::yarn::tube::{Section, Tubes};
 use super::cpu::CpuTime;
 use super::inputs::{Points, points};
 
-/// St and Sr of the source paper's table and one more.
+/// St and Sr, from Table 1 of Liu, Kyosev and Jiang 2022.
 const SECTIONS: [(u32, u32); 3] = [(10, 5), (10, 13), (25, 5)];
 
-/// All yarns' tubes, each in memory of its own if `held`, or one after the other in the same; gives
-/// the number of vertices.
+/// Makes the tubes of all yarns and returns the number of vertices. With `held` all tubes stay in
+/// memory; otherwise each yarn reuses the memory of the one before it.
 fn tubes(points: &Points, section: &Section, held: bool) -> usize {
     let mut all = Tubes::default();
     let (mut flat, normals) = (Vec::new(), vec![DVec3::Z; points.yarn]);
@@ -27,7 +27,7 @@ fn tubes(points: &Points, section: &Section, held: bool) -> usize {
     for yarn in points.points.chunks(points.yarn) {
         flat.clear();
         flat.extend(yarn.iter().map(|p| DVec3::from(p.map(f64::from))));
-        // The last stitch has no next one whose first point it shares.
+        // Each stitch shares the first point of the next one, except the last.
         let pieces = (0..stitches)
             .map(|s| s * points.stitch..((s + 1) * points.stitch + 1).min(points.yarn));
         if !held {

@@ -1,4 +1,5 @@
-//! A run from garment to yarns, and to a picture, at the source paper's sizes on our own skirt.
+//! Benchmarks of whole runs, from the garment to its yarns, at the sizes of Liu, Kyosev and Jiang
+//! 2022 on the shipped skirt.
 
 use std::time::Instant;
 
@@ -25,7 +26,7 @@ pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
     threads(criterion);
 }
 
-/// Time on the wall, by the number of threads: how much of the work is shared out.
+/// Wall time by the number of threads: how well the work is parallelised.
 fn threads(criterion: &mut Criterion<CpuTime>) {
     let garment = skirt();
     let fabric = tricot_for(area(&garment), 262_000.0);
@@ -47,7 +48,7 @@ fn threads(criterion: &mut Criterion<CpuTime>) {
     group.finish();
 }
 
-/// All of a cloth, block by block.
+/// Runs the pipeline on a cloth and discards its blocks.
 fn run(cloth: &Cloth<'_>, options: &DrapeOptions) {
     let deliver = &mut |blocks: &[Block]| {
         std::hint::black_box(blocks);

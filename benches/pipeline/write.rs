@@ -1,8 +1,8 @@
-//! What files of tubes cost to write, for each vertex.
+//! Benchmarks of writing tubes to files, for each vertex.
 //!
-//! 26180 stitches of tricot on our own skirt: the tubes are made beforehand, the files go to a
-//! temporary folder; the system's share of the time counts too. `bytes` writes as much as the
-//! `.glb` out of memory and nothing else: what no writer can be faster than here.
+//! 26180 stitches of tricot on the shipped skirt. The tubes are made beforehand; the files go to a
+//! temporary folder; the system's share of the CPU time counts too. `bytes` only copies as many
+//! bytes as the `.glb` has from memory to a file, which is a lower bound for every writer.
 
 use std::sync::Arc;
 
@@ -17,11 +17,12 @@ use warpknit::yarn::tube::Section;
 use super::cpu::CpuTime;
 use super::inputs::{area, section, skirt, tricot_for};
 
-/// Blocks that are handed over at once, as [`drape::run`] does on two threads.
+/// Blocks that a writer gets at once, as from [`drape::run`] with two threads.
 const WINDOW: usize = 8;
-/// Bytes that a `.glb` holds for each vertex: its own, and its share of the triangles.
+/// Bytes of a `.glb` for each vertex, its share of the triangles included.
 const GLB_BYTES: usize = 52;
 
+/// The tubes of a cloth, in blocks.
 fn tubes(cloth: &Cloth<'_>, section: Section) -> Vec<Block> {
     let mut held = Vec::new();
     let mut hold = |blocks: &[Block]| -> Result<(), std::convert::Infallible> {
@@ -37,7 +38,7 @@ fn tubes(cloth: &Cloth<'_>, section: Section) -> Vec<Block> {
     held
 }
 
-/// Writes all blocks; the file is there until the result is dropped, which is off the clock.
+/// Writes all blocks. The file is deleted when the result is dropped, outside the measured time.
 fn write_all(mut sink: impl Sink, blocks: &[Block]) -> Vec<Output> {
     blocks.chunks(WINDOW).try_for_each(|window| sink.take(window)).expect("room on the disk");
     Box::new(sink).finish().expect("room on the disk")

@@ -1,7 +1,7 @@
-//! Makes the gallery of built-in fabrics: `docs/gallery.md` and a picture of each side of each in
-//! `docs/gallery/`.
+//! Makes the gallery of built-in fabrics: `docs/gallery.md`, and in `docs/gallery/` a picture of
+//! both sides of each fabric.
 //!
-//! In: nothing. Out: the same bytes for any number of threads.
+//! In: nothing. Out: the files, the same bytes for any number of threads.
 //!
 //! `cargo run --release --example gallery [FOLDER]`, with `docs` as the default folder.
 
@@ -20,7 +20,7 @@ use warpknit::render::scene::{Scene, Shape};
 
 use crate::picture::Frame;
 
-/// How much nearer yarns are compared than fabrics are shown.
+/// Enlargement of the pictures that compare tubes and ribbons, over those of the fabrics.
 const NEARER: f64 = 2.5;
 
 fn main() -> Result<()> {
@@ -35,21 +35,21 @@ fn main() -> Result<()> {
     std::fs::write(&text, page::text()).with_context(|| text.display().to_string())
 }
 
-/// Both sides of a fabric.
+/// Draws both sides of a fabric.
 fn draw(folder: &Path, fabric: &Fabric) -> Result<()> {
-    let frame = Frame::of(fabric);
+    let frame = Frame::new(fabric);
     let (wales, courses) = frame.swatch(fabric);
     both_sides(folder, &fabric.name, &frame, &swatch(fabric, wales, courses))
 }
 
-/// The same cloth of the same yarn, as tubes and as ribbons, so near that fuzz is seen.
+/// Draws the same cloth of the same yarn as tubes and as ribbons, enlarged so that the fuzz shows.
 fn compare(folder: &Path) -> Result<()> {
     let fabric = Fabric::named(page::COMPARED)?;
-    let frame = Frame::of(&fabric).nearer(NEARER);
+    let frame = Frame::new(&fabric).nearer(NEARER);
     let (wales, courses) = frame.swatch(&fabric);
     let panel = swatch_panel(&fabric, wales, courses);
     let cloth = Cloth::swatch(&panel, &fabric, wales, courses);
-    let yarn = Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes/yarns").join(page::WORN);
+    let yarn = Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes/yarns").join(page::TEXTURE);
     for (name, shape) in [("tubes", Shape::Tube), ("ribbons", Shape::Ribbon)] {
         let maps = read_maps(&yarn, 2.0 * fabric.radius(), None)?;
         let scene = with_cloth(
@@ -61,6 +61,7 @@ fn compare(folder: &Path) -> Result<()> {
     Ok(())
 }
 
+/// Draws and writes a scene from the front and from the back.
 fn both_sides(folder: &Path, name: &str, frame: &Frame, scene: &Scene) -> Result<()> {
     for (side, view) in [("front", View::Front), ("back", View::Back)] {
         picture::write(&folder.join(page::picture_name(name, side)), &frame.draw(scene, view))?;

@@ -1,7 +1,7 @@
 //! The text of `docs/gallery.md`: a section for each built-in fabric, and our numbers beside those
 //! of mills.
 //!
-//! In: nothing but the library. Out: Markdown. A test compares it with the file.
+//! In: the library's fabrics. Out: Markdown. A test compares it with the file.
 
 use std::fmt::Write as _;
 
@@ -26,10 +26,10 @@ and its pictures:
 The formulas are in [method.md](method.md#numbers-of-cloth).
 ";
 
-/// The fabric that is shown as tubes and as ribbons, and the yarn of `meshes/yarns/` that both
-/// wear.
+/// The fabric that is shown as tubes and as ribbons.
 pub(crate) const COMPARED: &str = "jersey";
-pub(crate) const WORN: &str = "spun";
+/// The texture in `meshes/yarns/` that both use.
+pub(crate) const TEXTURE: &str = "spun";
 
 /// The file of one side's picture.
 pub(crate) fn picture_name(fabric: &str, side: &str) -> String {
@@ -47,13 +47,13 @@ pub(crate) fn text() -> String {
     page
 }
 
-/// Tubes beside ribbons.
+/// The section that compares tubes and ribbons.
 fn shapes(page: &mut String) {
     line(
         page,
         format_args!(
             "\n## Tubes and ribbons\n\n\
-             A {COMPARED} with the yarn of `meshes/yarns/{WORN}`. As tubes, its yarns are round \
+             A {COMPARED} with the yarn of `meshes/yarns/{TEXTURE}`. As tubes, its yarns are round \
              and the picture goes around them.\n\
              As ribbons (`--shape ribbon`), they are flat and their fuzz stands off the edges.\n\n\
              | | face | back |\n|---|---|---|"
@@ -66,6 +66,7 @@ fn shapes(page: &mut String) {
     }
 }
 
+/// The section of a fabric.
 fn section(page: &mut String, fabric: &Fabric) {
     let pattern = Pattern::new(fabric);
     let numbers = numbers::measure(fabric, &pattern);
@@ -136,11 +137,13 @@ fn sources(page: &mut String) {
     line(page, format_args!("| run-in, front over back bar | 1.24 to 1.35 | {ratio:.2} |"));
 }
 
+/// A text with its first letter in upper case.
 fn capitalised(text: &str) -> String {
     let mut chars = text.chars();
     chars.next().map_or_else(String::new, |first| first.to_uppercase().chain(chars).collect())
 }
 
+/// Adds a line.
 fn line(page: &mut String, text: std::fmt::Arguments<'_>) {
     writeln!(page, "{text}").expect("a string takes any text");
 }

@@ -1,7 +1,7 @@
-//! One picture of the gallery: a window on the middle of a piece of fabric.
+//! One picture of the gallery: the middle of a piece of fabric.
 //!
-//! In: a fabric, and a scene of it that is larger than the window. Out: a picture whose frame is
-//! full of cloth.
+//! In: a fabric, and a scene of it that is larger than the frame. Out: a picture that the cloth
+//! fills.
 
 use std::path::Path;
 
@@ -15,24 +15,27 @@ use warpknit::render::{Background, Camera, Options, View, render};
 
 const WIDTH: u32 = 320;
 const HEIGHT: u32 = 240;
-/// Fewest courses and wales in a picture: enough to see how loops hang together, few enough to tell
-/// yarns apart.
+/// Fewest courses in a picture: enough to see how loops hang together, few enough to distinguish
+/// yarns.
 const COURSES: f64 = 9.0;
+/// Fewest wales in a picture.
 const WALES: f64 = 8.0;
-/// Repeats in the height of a picture, so that a net shows whole meshes.
+/// Repeats in the height of a picture, so that a net shows complete meshes.
 const REPEATS: f64 = 1.3;
-/// Neither the colour of a light yarn nor that of a dark one.
+/// A background that differs from light and from dark yarns.
 const BACKGROUND: [u8; 3] = [0xA9, 0xB4, 0xBE];
-/// Brightness is rounded to this, of 255: noise below it is not seen and would double the files.
+/// Step to which brightness is rounded, of 255. Noise below it is invisible and would double the
+/// size of the files.
 const STEP: u8 = 8;
-/// Wales and courses around the window: cut-off yarns stay out of it.
+/// Wales and courses around the frame, so that the cloth's cut ends stay out of the picture.
 const MARGIN: f64 = 4.0;
 
-/// What a picture shows of a fabric, mm.
+/// The part of a fabric that a picture shows, mm.
 pub(crate) struct Frame(DVec2);
 
 impl Frame {
-    pub(crate) fn of(fabric: &Fabric) -> Self {
+    /// The frame for a fabric: enough courses, wales and repeats.
+    pub(crate) fn new(fabric: &Fabric) -> Self {
         let aspect = f64::from(WIDTH) / f64::from(HEIGHT);
         #[expect(clippy::cast_precision_loss, reason = "some courses")]
         let courses = COURSES.max(REPEATS * fabric.repeat() as f64);
@@ -41,7 +44,7 @@ impl Frame {
         Self(DVec2::new(height * aspect, height))
     }
 
-    /// A window on less of the fabric, which shows it so many times larger.
+    /// A smaller part of the fabric, shown so many times larger.
     pub(crate) fn nearer(self, times: f64) -> Self {
         Self(self.0 / times)
     }
@@ -56,6 +59,7 @@ impl Frame {
             .max()
             .unwrap_or(0);
         let spacing = DVec2::new(fabric.wale_spacing(), fabric.course_spacing());
+        // Underlaps reach over `reach` gaps, so the cut ends lie that much farther in.
         let count = (self.0 / spacing
             + 2.0 * (DVec2::splat(MARGIN) + DVec2::new(f64::from(reach), 0.0)))
         .ceil();
@@ -68,6 +72,7 @@ impl Frame {
     pub(crate) fn draw(&self, scene: &Scene, view: View) -> RgbImage {
         let side = if view == View::Back { DVec3::NEG_Z } else { DVec3::Z };
         let middle = scene.bounds().map_or(DVec3::ZERO, |bounds| bounds.centre().as_dvec3());
+        // The distance at which the frame's height fills the vertical field of view.
         let distance = self.0.y / 2.0 / (Camera::DEFAULT_FOV / 2.0).tan();
         let camera = Camera::look_at(middle + side * distance, middle, Camera::DEFAULT_FOV, 1.0);
         let options = Options {

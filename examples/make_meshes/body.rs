@@ -1,20 +1,23 @@
-//! The body under the garment, as a signed distance.
+//! The body under the garment as a signed distance field.
 //!
-//! In: round cones (two spheres and the hull around them), blended into one another, and perhaps a
+//! In: round cones (two spheres and their convex hull), blended into one another, and optionally a
 //! table top. Out: at any point the distance in cm (negative inside), the outward unit normal, and
-//! how far the surface there has moved in the last step, which friction needs. Also rings: closed
-//! curves around the body at a height, of a wanted girth, along which a panel is wrapped before the
-//! simulation starts. Source: the nearest sphere of a round cone's family in closed form (derived
-//! below); the polynomial smooth minimum of I. Quilez, "smooth minimum", whose gradient is the same
-//! blend of the two gradients. Not promised: the blended distance is exact only where one round
-//! cone is clearly nearest; in a blend it is a little short, which only makes the body a little
-//! fuller there.
+//! the displacement of the surface in the last step, which friction needs. Also rings: closed
+//! curves around the body at a given height and of a given girth, around which a panel is wrapped
+//! before the simulation starts.
+//!
+//! Method: the nearest sphere of a round cone in closed form (derived below), and the polynomial
+//! smooth minimum of Quilez 2013, "Smooth minimum", whose gradient is the same blend of the two
+//! gradients. Cost: linear in the number of round cones.
+//!
+//! Not promised: the distance is exact only where one round cone is clearly nearest. In a blend it
+//! is a little short, so that the body is a little fuller there.
 
 use std::f64::consts::TAU;
 
 use glam::{DVec2, DVec3};
 
-/// A sphere at `a` and one at `b` with the hull around both. `drift_*` is how far each centre moved
+/// The convex hull of a sphere at `a` and one at `b`. `drift_*` is the displacement of each centre
 /// in the last step.
 #[derive(Clone, Copy)]
 pub(crate) struct RoundCone {
@@ -26,7 +29,7 @@ pub(crate) struct RoundCone {
     drift_b: DVec3,
 }
 
-/// What the body is like near a point.
+/// The body near a point: signed distance, normal, and displacement in the last step.
 #[derive(Clone, Copy)]
 pub(crate) struct Touch {
     pub(crate) distance: f64,
@@ -39,16 +42,16 @@ impl RoundCone {
         Self { a, b, radius_a, radius_b, drift_a: DVec3::ZERO, drift_b: DVec3::ZERO }
     }
 
-    /// The same round cone at the mirrored place, x to -x.
+    /// The round cone mirrored at the plane x = 0.
     pub(crate) fn mirrored(self) -> Self {
         let flip = DVec3::new(-1.0, 1.0, 1.0);
         Self::new(self.a * flip, self.radius_a, self.b * flip, self.radius_b)
     }
 
-    /// The hull is the union of spheres centred at a + t (b - a) with radii between the two. The
-    /// distance to the sphere t is convex in t, and its minimum satisfies y - t l = x tan(alpha),
-    /// where (x, y) is the point across and along the axis and sin(alpha) = (radius_a - radius_b) /
-    /// l; clamping t gives the end spheres.
+    /// The round cone near a point. The hull is the union of spheres centred at a + t (b - a) with
+    /// radii between the two. The distance to the sphere t is convex in t. Its minimum satisfies
+    /// `y - t l = x tan(alpha)`, where (x, y) is the point across and along the axis, l the length
+    /// of the axis, and `sin(alpha) = (radius_a - radius_b) / l`. Clamping t gives the end spheres.
     fn touch(&self, point: DVec3) -> Touch {
         let axis = self.b - self.a;
         let length = axis.length();
@@ -78,18 +81,22 @@ pub(crate) struct Body {
 }
 
 impl Body {
+    /// The body near a point.
     pub(crate) fn touch(&self, point: DVec3) -> Touch {
         let far = Touch { distance: f64::INFINITY, normal: DVec3::Y, drift: DVec3::ZERO };
         let table = self.table.map_or(far, |height| Touch { distance: point.y - height, ..far });
         self.shapes.iter().map(|shape| shape.touch(point)).fold(table, |a, b| self.union(a, b))
     }
 
+    /// The smooth union of two shapes.
     fn union(&self, a: Touch, b: Touch) -> Touch {
         let (near, other) = if a.distance <= b.distance { (a, b) } else { (b, a) };
         let gap = other.distance - near.distance;
         if gap >= self.blend {
             return near;
         }
+        // Quilez's quadratic polynomial: mix(d2, d1, h) - k h (1 - h) with h from 1/2, at equal
+        // distances, to 1.
         let weight = 0.5 + 0.5 * gap / self.blend;
         let distance = near.distance + (1.0 - weight) * gap - self.blend * weight * (1.0 - weight);
         let normal =
@@ -97,7 +104,7 @@ impl Body {
         Touch { distance, normal, drift: near.drift }
     }
 
-    /// Tells each round cone how far it has moved since `earlier`, the same body one step before.
+    /// Sets the displacement of each round cone since `earlier`, the same body one step before.
     pub(crate) fn moved_from(mut self, earlier: &Self) -> Self {
         for (now, before) in self.shapes.iter_mut().zip(&earlier.shapes) {
             now.drift_a = now.a - before.a;
@@ -106,7 +113,7 @@ impl Body {
         self
     }
 
-    /// No point of the surface has moved farther in the last step.
+    /// An upper bound of the displacement of all points of the surface in the last step.
     pub(crate) fn farthest_drift(&self) -> f64 {
         self.shapes
             .iter()
@@ -114,8 +121,8 @@ impl Body {
             .fold(0.0, f64::max)
     }
 
-    /// The closed curve around the body at a height whose length is `girth`: the contour at the
-    /// clearance that gives it.
+    /// The closed curve of length `girth` around the body at a height: a contour of the distance,
+    /// whose clearance is found by bisection.
     pub(crate) fn ring(&self, height: f64, girth: f64) -> Ring {
         let (mut low, mut high) = (-10.0, 60.0);
         for _ in 0..40 {
@@ -130,7 +137,7 @@ impl Body {
     }
 }
 
-/// A closed horizontal curve around the y axis, starting in front (+z) and running by the wearer's
+/// A closed horizontal curve around the y axis. It starts in front (+z) and runs past the wearer's
 /// left (+x) to the back.
 pub(crate) struct Ring {
     points: Vec<DVec2>,
@@ -141,7 +148,8 @@ pub(crate) struct Ring {
 impl Ring {
     const STEPS: u32 = 360;
 
-    /// Walks inwards along rays in the plane until the body is `clearance` away.
+    /// Finds the contour by sphere tracing inwards along rays in the plane (Hart 1996, "Sphere
+    /// tracing"), until the body is `clearance` away.
     fn around(body: &Body, height: f64, clearance: f64) -> Self {
         let ray = |step: u32| {
             let (x, z) = (TAU * f64::from(step) / f64::from(Self::STEPS)).sin_cos();
@@ -163,6 +171,7 @@ impl Ring {
         Self::through((0..Self::STEPS).map(point).collect())
     }
 
+    /// The curve through points.
     fn through(points: Vec<DVec2>) -> Self {
         let mut lengths = vec![0.0];
         for (index, point) in points.iter().enumerate() {
@@ -172,11 +181,12 @@ impl Ring {
         Self { points, lengths }
     }
 
+    /// The length of the curve.
     pub(crate) fn girth(&self) -> f64 {
         self.lengths[self.points.len()]
     }
 
-    /// The point (x, z) a part `turn` of the way around; whole turns make no difference.
+    /// The point (x, z) at `turn` of the curve's length; whole turns make no difference.
     pub(crate) fn at(&self, turn: f64) -> DVec2 {
         let arc = turn.rem_euclid(1.0) * self.girth();
         let step =

@@ -1,74 +1,85 @@
-//! The cloth: particles, and the constraints that make them a knit.
+//! The cloth simulation: particles, and the constraints that make them behave like a knit.
 //!
-//! In: a pattern placed in space, unsewn or welded at its seams. Out: where its particles are after
-//! a stage of simulation. Source: XPBD (Macklin, Müller, Chentanez 2016) in small steps of one
-//! iteration (Macklin et al. 2019). Stretch and shear: a distance along every edge of the irregular
-//! triangles. Bending: the quadratic energy of Bergou et al. 2006, whose constraint per inner edge
-//! is a weighted sum of four points and so needs no angle. Friction: Coulomb's, on positions. Not
-//! promised: physical units of time to rest; the drag is chosen to come to rest soon. The
-//! constraints are solved one after the other in a fixed order, so a garment's result does not
-//! depend on threads; garments run beside each other.
+//! In: a pattern placed in space, with open or welded seams. Out: the positions of its particles
+//! after a stage of simulation.
+//!
+//! Method: extended position-based dynamics (Macklin, Müller and Chentanez 2016, "XPBD:
+//! position-based simulation of compliant constrained dynamics") in small steps of one iteration
+//! (Macklin et al. 2019, "Small steps in physics simulation"). Stretch and shear: a distance
+//! constraint along every edge of the irregular triangles. Bending: the quadratic energy of Bergou
+//! et al. 2006, "A quadratic bending model for inextensible surfaces", whose constraint for an
+//! inner edge is a weighted sum of four points and so needs no angle. Friction: Coulomb's law,
+//! applied to positions.
+//!
+//! Constraints are solved one after the other in a fixed order (Gauss-Seidel), so the result does
+//! not depend on threads; several garments run in parallel. Not promised: a realistic time to come
+//! to rest, since the drag is chosen so that it is short.
 
 use glam::{DVec2, DVec3};
 
 use crate::{body::Body, contact::near_pairs, pattern::Garment};
 
-/// One iteration a step makes an edge yield by 2 STEP² / mass at the least, whatever its stiffness.
-/// At 1/1200 s the weight of a skirt stretches its waist by 6 % for that reason alone, at 1/2400 s
-/// by under 2 %.
+/// Time step, s. With one iteration a step, an edge has a compliance of at least 2 STEP² / mass,
+/// whatever its stiffness. At 1/1200 s the weight of a skirt stretches its waist by 6 % for that
+/// reason alone, at 1/2400 s by under 2 %.
 const STEP: f64 = 1.0 / 2400.0;
-/// Steps between two searches for near particles, which thus may approach each other by 0.3 cm in
-/// 1/150 s.
+/// Steps between two updates of the neighbour list. Particles may approach each other by the list's
+/// margin of 0.3 cm in these 1/150 s.
 const SEARCH_EVERY: u32 = 16;
-/// No particle moves faster, in cm/s: a stop for seams that snap shut, far above the speeds of
-/// draping.
+/// Limit of a particle's speed, cm/s. It restrains seams that snap shut, and lies far above the
+/// speeds of draping.
 const SPEED_LIMIT: f64 = 250.0;
-/// The part of a layer's overlap that one step takes back. With all of it, layers pressed together
-/// never come to rest.
+/// Share of the overlap of two layers that one step corrects (under-relaxation). With all of it,
+/// layers that are pressed together never come to rest.
 const CONTACT_PART: f64 = 0.25;
-/// The part of their relative movement that two touching particles lose in a step. Without it
-/// pressed layers churn.
+/// Share of their relative displacement that two touching particles lose in a step. Without this
+/// friction, layers that are pressed together keep moving.
 const RUBBING: f64 = 0.2;
 const GRAVITY: DVec3 = DVec3::new(0.0, -981.0, 0.0);
 
-/// What the cloth is like. Centimetre, gram, second: a force is in dyn, about a milligram's weight.
+/// Material parameters, in centimetre, gram and second: a force is in dyn, about the weight of a
+/// milligram.
 #[derive(Clone, Copy)]
 pub(crate) struct Fabric {
     /// g/cm²; 0.02 is a light knit of 200 g/m².
     pub(crate) density: f64,
     /// Stiffness of an edge, dyn/cm. At 2e5 a skirt's own weight stretches it by less than 1 %.
     pub(crate) stretch: f64,
-    /// Bending stiffness, dyn cm. A knit has 20 to 100; the more, the longer the folds.
+    /// Bending stiffness, dyn cm. A knit has 20 to 100. A stiffer cloth has longer folds.
     pub(crate) bending: f64,
-    /// Distance kept from the body, and between layers of the cloth, in cm.
+    /// Distance from the body, cm.
     pub(crate) clearance: f64,
+    /// Distance between layers of the cloth, cm.
     pub(crate) thickness: f64,
+    /// Coulomb's friction coefficient between cloth and body.
     pub(crate) friction: f64,
 }
 
-/// A part of the simulation.
+/// A stage of the simulation.
 #[derive(Clone, Copy)]
 pub(crate) struct Stage {
     pub(crate) seconds: f64,
-    /// 1 is the earth's.
+    /// Gravity as a factor of the earth's.
     pub(crate) gravity: f64,
-    /// The rate at which speeds decay, 1/s.
+    /// Rate at which velocities decay, 1/s.
     pub(crate) drag: f64,
     pub(crate) self_contact: bool,
 }
 
-/// What the cloth meets: the body at a time, and where a held particle is at a time, given where it
-/// started.
+/// The boundary conditions: the body at a time, and the position of a fixed particle at a time,
+/// given its first position.
 pub(crate) struct Scene<'a> {
     pub(crate) body: &'a dyn Fn(f64) -> Body,
     pub(crate) hold: &'a dyn Fn(f64, DVec3) -> DVec3,
 }
 
+/// A distance constraint.
 struct Edge {
     ends: [u32; 2],
     rest: f64,
 }
 
+/// A bending constraint of two triangles that share an edge.
 struct Hinge {
     points: [u32; 4],
     weights: [f64; 4],
@@ -76,7 +87,7 @@ struct Hinge {
     softness: f64,
 }
 
-/// A seam that is being closed: the distance of its two vertices at the start.
+/// A pair of vertices of a seam that is being closed, with their distance at the start.
 struct Gap {
     ends: [u32; 2],
     rest: f64,
@@ -92,16 +103,18 @@ pub(crate) struct Cloth {
     hinges: Vec<Hinge>,
     gaps: Vec<Gap>,
     held: Vec<(u32, DVec3)>,
+    /// The neighbour list: pairs of particles that may touch before its next update.
     near: Vec<[u32; 2]>,
-    /// How far each particle may still move before it can touch the body; until then the body isn't
-    /// asked.
+    /// Distance that each particle may still move before it can touch the body. Until then the
+    /// body's distance field is not evaluated.
     slack: Vec<f64>,
     fabric: Fabric,
     time: f64,
 }
 
 impl Cloth {
-    /// The panels apart, each vertex a particle; a stage closes the seams evenly over its duration.
+    /// The cloth with open seams: each vertex is a particle. The next stage closes the seams evenly
+    /// over its duration.
     pub(crate) fn unsewn(garment: &Garment, fabric: Fabric) -> Self {
         let particle_of: Vec<u32> =
             (0..u32::try_from(garment.flat.len()).expect("few vertices")).collect();
@@ -114,8 +127,8 @@ impl Cloth {
         cloth
     }
 
-    /// The garment with its seams closed: sewn vertices are one particle, at the mean of
-    /// `positions`, one a vertex.
+    /// The cloth with closed seams: sewn vertices are one particle, at the mean of their positions.
+    /// `positions` has one for each vertex.
     pub(crate) fn sewn(garment: &Garment, positions: &[DVec3], fabric: Fabric) -> Self {
         let (particle_of, count) = garment.welded();
         let mut sums = vec![(DVec3::ZERO, 0.0); count];
@@ -128,6 +141,7 @@ impl Cloth {
     }
 
     fn new(garment: &Garment, position: Vec<DVec3>, particle_of: &[u32], fabric: Fabric) -> Self {
+        // Lumped masses: each triangle gives a third of its mass to each of its corners.
         let mut mass = vec![0.0; position.len()];
         for &triangle in &garment.triangles {
             for vertex in triangle {
@@ -152,7 +166,8 @@ impl Cloth {
         }
     }
 
-    /// Holds particles; from now on the scene says where they are.
+    /// Fixes particles: from now on the scene gives their positions. Their inverse mass is 0, so
+    /// that constraints don't move them.
     pub(crate) fn hold(&mut self, particles: impl IntoIterator<Item = u32>) {
         for particle in particles {
             self.inverse_mass[particle as usize] = 0.0;
@@ -160,12 +175,13 @@ impl Cloth {
         }
     }
 
-    /// The root of the mean squared speed, in cm/s.
+    /// Root mean square of the speeds, cm/s.
     pub(crate) fn speed(&self) -> f64 {
         let sum: f64 = self.velocity.iter().map(|velocity| velocity.length_squared()).sum();
         (sum / self.velocity.len() as f64).sqrt()
     }
 
+    /// Simulates a stage.
     pub(crate) fn run(&mut self, stage: Stage, scene: &Scene) {
         let steps = DVec2::splat(stage.seconds / STEP).round().as_uvec2().x;
         let mut before = (scene.body)(self.time);
@@ -175,6 +191,9 @@ impl Cloth {
             if stage.self_contact && step % SEARCH_EVERY == 0 {
                 self.near = near_pairs(&self.position, &self.start, self.fabric.thickness);
             }
+            // Position-based dynamics: predict positions, project the constraints once, and take
+            // the velocities from the change of positions. The body comes last, so that no other
+            // constraint can push a particle back into it.
             self.move_freely(stage, scene);
             self.solve_edges();
             self.solve_hinges();
@@ -188,6 +207,8 @@ impl Cloth {
         }
     }
 
+    /// The prediction: moves particles by their velocities, gravity and drag, and fixed ones to
+    /// their places.
     fn move_freely(&mut self, stage: Stage, scene: &Scene) {
         let kept = (-stage.drag * STEP).exp();
         for (index, position) in self.position.iter_mut().enumerate() {
@@ -201,15 +222,17 @@ impl Cloth {
         }
     }
 
+    /// Projects the distance constraints.
     fn solve_edges(&mut self) {
+        // XPBD's compliance over the squared time step (Macklin et al. 2016, α̃ = α / Δt²).
         let softness = 1.0 / (self.fabric.stretch * STEP * STEP);
         for edge in &self.edges {
             pull(&mut self.position, &self.inverse_mass, edge.ends, edge.rest, softness);
         }
     }
 
-    /// The constraint is the weighted sum itself, a vector that is zero where the two triangles lie
-    /// flat.
+    /// Projects the bending constraints. A constraint is the weighted sum of the four points, a
+    /// vector that is 0 where the two triangles lie in one plane.
     fn solve_hinges(&mut self) {
         for hinge in &self.hinges {
             let points = hinge.points.map(|point| point as usize);
@@ -226,13 +249,14 @@ impl Cloth {
         }
     }
 
-    /// Draws the seams together to the given part of their first distance.
+    /// Pulls the seams together to the given share of their first distance.
     fn close_gaps(&mut self, part: f64) {
         for gap in &self.gaps {
             pull(&mut self.position, &self.inverse_mass, gap.ends, gap.rest * part, 0.0);
         }
     }
 
+    /// Projects the contacts between layers of the cloth, with friction.
     fn keep_layers_apart(&mut self) {
         for &[i, j] in &self.near {
             let (i, j) = (i as usize, j as usize);
@@ -243,6 +267,7 @@ impl Cloth {
                     apart * (CONTACT_PART * (self.fabric.thickness - distance) / (distance * sum));
                 self.position[i] += self.inverse_mass[i] * push;
                 self.position[j] -= self.inverse_mass[j] * push;
+                // Friction takes back a share of the relative displacement in this step.
                 let moved =
                     [i, j].map(|particle| self.position[particle] - self.previous[particle]);
                 let rub = (moved[0] - moved[1]) * (RUBBING / sum);
@@ -252,8 +277,8 @@ impl Cloth {
         }
     }
 
-    /// Pushes particles out of the body; friction takes back their sliding, up to a part of how
-    /// deep they were.
+    /// Projects the contacts with the body. Friction takes back the sliding, up to the friction
+    /// coefficient times the depth (Coulomb's law on positions).
     fn keep_off(&mut self, body: &Body) {
         let farthest = body.farthest_drift();
         for (index, position) in self.position.iter_mut().enumerate() {
@@ -261,6 +286,8 @@ impl Cloth {
             if self.inverse_mass[index] == 0.0 || self.slack[index] > 0.0 {
                 continue;
             }
+            // Conservative bound: a distance field changes by at most the distance moved, so most
+            // particles need no evaluation in most steps.
             let touch = body.touch(*position);
             let depth = self.fabric.clearance - touch.distance;
             self.slack[index] = -depth;
@@ -275,6 +302,7 @@ impl Cloth {
         }
     }
 
+    /// Takes the velocities from the change of positions.
     fn take_speeds(&mut self) {
         for (index, position) in self.position.iter().enumerate() {
             self.velocity[index] =
@@ -283,7 +311,8 @@ impl Cloth {
     }
 }
 
-/// Moves two particles towards the distance `rest`.
+/// Projects a distance constraint: moves two particles toward the distance `rest`, in proportion to
+/// their inverse masses.
 fn pull(position: &mut [DVec3], inverse_mass: &[f64], ends: [u32; 2], rest: f64, softness: f64) {
     let [i, j] = ends.map(|end| end as usize);
     let sum = inverse_mass[i] + inverse_mass[j];
@@ -297,13 +326,14 @@ fn pull(position: &mut [DVec3], inverse_mass: &[f64], ends: [u32; 2], rest: f64,
     position[j] += inverse_mass[j] * push;
 }
 
+/// The area of a flat triangle.
 fn area(garment: &Garment, triangle: [u32; 3]) -> f64 {
     let [a, b, c] = triangle.map(|vertex| garment.flat[vertex as usize]);
     0.5 * (b - a).perp_dot(c - a)
 }
 
-/// Every edge of the pattern once. At a seam both panels' edges are there, so that each keeps its
-/// own length.
+/// Every edge of the pattern once. At a seam the edges of both panels are kept, so that each keeps
+/// its own length.
 fn edges(garment: &Garment, particle_of: &[u32]) -> Vec<Edge> {
     let mut pairs: Vec<[u32; 2]> = Vec::new();
     for &[a, b, c] in &garment.triangles {
@@ -318,10 +348,10 @@ fn edges(garment: &Garment, particle_of: &[u32]) -> Vec<Edge> {
     pairs.into_iter().map(edge).collect()
 }
 
-/// One hinge for every two triangles that share an edge, be it within a panel or along a closed
-/// seam.
+/// One hinge for every two triangles that share an edge, within a panel or along a closed seam.
 fn hinges(garment: &Garment, particle_of: &[u32], fabric: Fabric) -> Vec<Hinge> {
-    // For each triangle's edge: its particles, the triangle, and which corner lies opposite.
+    // For each side of each triangle: its particles, the triangle, and the opposite corner. After
+    // sorting, the two sides of an inner edge are neighbours.
     let mut sides: Vec<([u32; 2], usize, usize)> = Vec::new();
     for (index, triangle) in garment.triangles.iter().enumerate() {
         for corner in 0..3 {
@@ -339,6 +369,8 @@ fn hinges(garment: &Garment, particle_of: &[u32], fabric: Fabric) -> Vec<Hinge> 
             (cotangents(garment, particle_of, pair[0]), cotangents(garment, particle_of, pair[1]));
         let both_areas = area(garment, garment.triangles[pair[0].1])
             + area(garment, garment.triangles[pair[1].1]);
+        // Bergou et al. 2006: the weights are sums of cotangents of the angles at the edge, and the
+        // energy is 3 / (A0 + A1) times the squared sum.
         hinges.push(Hinge {
             points: [ends[0], ends[1], opposite(0), opposite(1)],
             weights: [
@@ -353,8 +385,8 @@ fn hinges(garment: &Garment, particle_of: &[u32], fabric: Fabric) -> Vec<Hinge> 
     hinges
 }
 
-/// The cotangents of a triangle's angles at the two ends of a side, the end with the lower particle
-/// number first.
+/// The cotangents of a triangle's angles at the two ends of a side. The end with the lower particle
+/// number comes first.
 fn cotangents(garment: &Garment, particle_of: &[u32], side: ([u32; 2], usize, usize)) -> [f64; 2] {
     let (ends, triangle, corner) = side;
     let vertices = garment.triangles[triangle];

@@ -1,19 +1,24 @@
-//! Cloth against itself: particles of different places of the cloth keep a distance.
+//! Self-contact of the cloth: the neighbour list of particles.
 //!
-//! In: particle positions, now and at the start. Out: the pairs that are or may soon be too near,
-//! found on a hashed grid. Source: M. Müller, "Ten Minute Physics 15: self-collision": a
-//! spring-free repulsion between particles, where a pair that was nearer than the thickness at the
-//! start is left alone. Not promised: a full collision response. It holds layers apart as long as
-//! the thickness is over 0.6 edge lengths (the distance from a triangle's centre to its corners),
-//! but two layers that are already through each other stay so.
+//! In: particle positions, now and at the start. Out: the pairs that are too near or may soon be.
+//!
+//! Method: a spatial hash grid (Teschner et al. 2003, "Optimized spatial hashing for collision
+//! detection of deformable objects"), and repulsion between particles as in Müller 2022, "Ten
+//! Minute Physics 15: self-collision". A pair that was about as near as the thickness at the start
+//! is left alone, since it is near within the cloth. Cost: linear in particles and pairs.
+//!
+//! Not promised: a full collision response. Layers stay apart as long as the thickness is over 0.6
+//! edge lengths (the distance from a triangle's centre to its corners), but two layers that have
+//! passed through each other stay so.
 
 use glam::{DVec3, IVec3};
 
-/// Pairs are looked for with this much to spare, in cm, so that a list serves for several steps.
+/// Margin of the neighbour list, cm, as in a Verlet list: with it, one list serves several steps. A
+/// larger margin makes the list longer, a smaller one misses fast particles.
 const MARGIN: f64 = 0.3;
 
-/// A grid of cubes, hashed into a table; the particles of one table entry follow one another in
-/// `members`.
+/// A grid of cubes, hashed into a table. The particles of a table entry lie side by side in
+/// `members` (counting sort).
 struct Grid {
     cell: f64,
     starts: Vec<u32>,
@@ -26,6 +31,7 @@ impl Grid {
             Self { cell, starts: vec![0; positions.len() + 1], members: vec![0; positions.len()] };
         let slots: Vec<usize> =
             positions.iter().map(|&position| grid.slot(grid.cube(position))).collect();
+        // Counting sort: counts, their running sum, and then each entry is filled from its end.
         for &slot in &slots {
             grid.starts[slot] += 1;
         }
@@ -41,10 +47,12 @@ impl Grid {
         grid
     }
 
+    /// The cube that contains a position.
     fn cube(&self, position: DVec3) -> IVec3 {
         (position / self.cell).floor().as_ivec3()
     }
 
+    /// The table entry of a cube, with the primes of Müller's implementation.
     fn slot(&self, cube: IVec3) -> usize {
         let mixed = cube.as_i64vec3() * glam::I64Vec3::new(92_837_111, 689_287_499, 283_923_481);
         let hash = (mixed.x ^ mixed.y ^ mixed.z).unsigned_abs();
@@ -52,19 +60,20 @@ impl Grid {
             .expect("less than the number of particles")
     }
 
+    /// The particles in a cube's table entry.
     fn members(&self, cube: IVec3) -> &[u32] {
         let slot = self.slot(cube);
         &self.members[self.starts[slot] as usize..self.starts[slot + 1] as usize]
     }
 }
 
-/// The half of the 27 cubes around one that, taken for every cube, meets each pair of cubes once;
-/// the first is the cube itself.
+/// Offsets to half of the 27 cubes around a cube. Taken for every cube, they meet each pair of
+/// cubes once. The first one is the cube itself.
 fn half_of_neighbours() -> impl Iterator<Item = IVec3> {
     (0..27).map(|index| IVec3::new(index % 3, index / 3 % 3, index / 9) - 1).skip(13)
 }
 
-/// All pairs nearer than `thickness` and a margin whose distance in `start` was well over
+/// All pairs nearer than `thickness` plus the margin, whose distance in `start` was well over
 /// `thickness`.
 pub(crate) fn near_pairs(positions: &[DVec3], start: &[DVec3], thickness: f64) -> Vec<[u32; 2]> {
     let reach = thickness + MARGIN;
@@ -76,7 +85,7 @@ pub(crate) fn near_pairs(positions: &[DVec3], start: &[DVec3], thickness: f64) -
             let other_cube = cube + step;
             for &j in grid.members(other_cube) {
                 let other = positions[j as usize];
-                // Two cubes may share a table entry, so the cube is asked again.
+                // Two cubes may share a table entry (a hash collision), so the cube is compared.
                 let listed = grid.cube(other) == other_cube && (step != IVec3::ZERO || i < j);
                 if listed && position.distance_squared(other) < reach * reach {
                     let apart = start[i as usize].distance(start[j as usize]);

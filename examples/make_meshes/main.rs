@@ -1,9 +1,9 @@
-//! Makes the garments in `meshes/`: cut, sew, drape, check, write.
+//! Makes the garments in `meshes/`: cuts, sews, drapes, checks and writes them.
 //!
-//! In: nothing. Out: `skirt`, `tube` and `pinch` as pairs of flat and draped OBJ files, and
-//! `tshirt` as one OBJ with its pattern in `vt`; on standard output a table of what came out. The
-//! same bytes for any number of threads. It fails if a garment is stretched too much, faces
-//! inwards, or cuts into the body.
+//! In: nothing. Out: `skirt`, `tube` and `pinch` as pairs of flat and draped OBJ files, `tshirt` as
+//! one OBJ file with its pattern in `vt`, and a table of results on standard output. The bytes are
+//! the same for any number of threads. The program fails if a garment is stretched too much, faces
+//! inwards, or intersects the body.
 //!
 //! `cargo run --release --example make_meshes [FOLDER]`, with `meshes` as the default folder.
 
@@ -46,17 +46,20 @@ fn main() -> Result<()> {
     made.iter().try_for_each(|(made, _)| check(made))
 }
 
+/// Makes a garment and returns it with the seconds it took.
 fn timed(recipe: &fn() -> Made) -> (Made, f64) {
     let start = Instant::now();
     let made = recipe();
     (made, start.elapsed().as_secs_f64())
 }
 
+/// Writes a garment's files and returns their bytes.
 fn write(folder: &Path, made: &Made) -> Result<usize> {
     let writer = if made.one_file { write::with_pattern } else { write::pair };
     writer(folder, made.name, &made.garment, &made.draped)
 }
 
+/// Prints a garment's line of the table.
 fn report(made: &Made, bytes: usize, seconds: f64) {
     let stretch = measure::stretch(&made.garment, &made.draped);
     println!(
@@ -72,6 +75,7 @@ fn report(made: &Made, bytes: usize, seconds: f64) {
     );
 }
 
+/// Refuses a garment that is not fit for use.
 fn check(made: &Made) -> Result<()> {
     let stretch = measure::stretch(&made.garment, &made.draped);
     ensure!(stretch.is_near_isometric(), "{} is stretched beyond the limits", made.name);

@@ -1,10 +1,11 @@
-//! What makes a garment fit for use as a pair: nearly isometric, facing outward, outside the body.
+//! Checks whether a garment is fit for use: nearly isometric, facing outward, outside the body.
 //!
-//! In: the flat pattern and the draped positions. Out: percentiles of the principal stretches over
-//! all triangles, both of a triangle's pooled, the share of triangles whose normal points into the
-//! body, and how deep a vertex lies in it. Source: the singular values of the map from the flat
-//! triangle to the draped one. Not promised: that the cloth does not pass through itself; for that,
-//! look at it.
+//! In: the flat pattern and the draped positions. Out: percentiles of the principal stretches, both
+//! of each triangle pooled; the share of triangles whose normal points into the body; the depth of
+//! the deepest vertex in the body. Method: the principal stretches are the singular values of the
+//! linear map from a flat triangle to its draped one.
+//!
+//! Not promised: it does not find self-intersections of the cloth.
 
 use glam::{DVec2, DVec3};
 
@@ -26,6 +27,7 @@ impl Stretch {
     }
 }
 
+/// The percentiles of a garment's principal stretches.
 pub(crate) fn stretch(garment: &Garment, draped: &[DVec3]) -> Stretch {
     let mut all: Vec<f64> = Vec::with_capacity(2 * garment.triangles.len());
     for triangle in &garment.triangles {
@@ -45,18 +47,20 @@ fn principal_stretches(flat: [DVec2; 3], draped: [DVec3; 3]) -> [f64; 2] {
     let determinant = u.perp_dot(v);
     let along_x = (p * v.y - q * u.y) / determinant;
     let along_y = (q * u.x - p * v.x) / determinant;
+    // The squares of the singular values are the eigenvalues of the first fundamental form
+    // [e f; f g].
     let (e, g, f) = (along_x.length_squared(), along_y.length_squared(), along_x.dot(along_y));
     let (mean, spread) = (0.5 * (e + g), (0.25 * (e - g) * (e - g) + f * f).sqrt());
     [(mean - spread).max(0.0).sqrt(), (mean + spread).sqrt()]
 }
 
-/// How deep the deepest vertex lies in the body, in cm; negative where all are outside.
+/// The depth of the deepest vertex in the body, cm; negative where all vertices are outside.
 pub(crate) fn depth(body: &Body, draped: &[DVec3]) -> f64 {
     draped.iter().map(|&position| -body.touch(position).distance).fold(f64::NEG_INFINITY, f64::max)
 }
 
-/// The share of triangles whose normal points towards the body. Folds turn some inwards, so only
-/// most can be asked for.
+/// The share of triangles whose normal points toward the body. Folds turn some triangles inwards,
+/// so the check can only require that most face outward.
 pub(crate) fn inward_share(garment: &Garment, draped: &[DVec3], body: &Body) -> f64 {
     let is_inward = |triangle: &&[u32; 3]| {
         let [a, b, c] = triangle.map(|vertex| draped[vertex as usize]);

@@ -1,9 +1,11 @@
-//! Outlines of panels: named sides, cut into equal segments, filled with triangles; then panels
-//! laid out, placed and sewn.
+//! Pattern cutting: outlines of named sides, divided into equal segments and triangulated; then
+//! panels are laid out in the plane, placed in space and sewn.
 //!
 //! In: curves in the plane, in cm, y along the grain. Out: a [`Garment`]: the flat pattern, its
-//! triangles, where each vertex starts in space, and which vertices are sewn together. Not
-//! promised: that panels don't overlap in the plane; the recipe chooses their places.
+//! triangles, each vertex's first position in space, and the pairs of vertices that are sewn
+//! together.
+//!
+//! Not promised: panels may overlap in the plane; the recipe chooses their places.
 
 use std::{f64::consts::FRAC_PI_2, ops::Range};
 
@@ -11,22 +13,24 @@ use glam::{DVec2, DVec3};
 
 use crate::triangulate::triangulate;
 
-/// Points on a curve, dense enough to measure and divide it (a chord of a 20 cm arc is 0.3 mm
-/// shorter than the arc at most).
+/// A polyline along a curve, dense enough to measure and divide it.
 pub(crate) type Curve = Vec<DVec2>;
 
+/// Segments of a traced curve.
 const CURVE_STEPS: u32 = 200;
 
+/// The polyline of a curve over the parameter 0..1.
 fn trace(at: impl Fn(f64) -> DVec2) -> Curve {
     (0..=CURVE_STEPS).map(|step| at(f64::from(step) / f64::from(CURVE_STEPS))).collect()
 }
 
+/// A straight line.
 pub(crate) fn line(a: DVec2, b: DVec2) -> Curve {
     vec![a, b]
 }
 
-/// An arc about `centre`; the angles are from straight down, positive to the right, so a hem runs
-/// from negative to positive.
+/// An arc about `centre`. Angles are measured from straight down, positive to the right, so a hem
+/// runs from negative to positive.
 pub(crate) fn arc(centre: DVec2, radius: f64, from: f64, to: f64) -> Curve {
     trace(|t| centre + radius * DVec2::from_angle(from + t * (to - from) - FRAC_PI_2))
 }
@@ -45,16 +49,17 @@ pub(crate) fn mirrored(curve: &[DVec2]) -> Curve {
     curve.iter().rev().map(|point| DVec2::new(-point.x, point.y)).collect()
 }
 
+/// The length of a curve.
 pub(crate) fn length(curve: &[DVec2]) -> f64 {
     curve.windows(2).map(|pair| pair[0].distance(pair[1])).sum()
 }
 
-/// A length in segments of about `spacing`.
+/// The number of segments of about `spacing` in a length, at least one.
 pub(crate) fn segments(length: f64, spacing: f64) -> u32 {
     DVec2::splat(length / spacing).round().as_uvec2().x.max(1)
 }
 
-/// The start of each of `count` parts of equal arc length; the curve's end is left to the next
+/// The start of each of `count` parts of equal arc length. The curve's end belongs to the next
 /// side.
 fn divide(curve: &[DVec2], count: u32) -> Vec<DVec2> {
     let total = length(curve);
@@ -72,7 +77,7 @@ fn divide(curve: &[DVec2], count: u32) -> Vec<DVec2> {
     points
 }
 
-/// One side of a panel. Sides that are sewn together have the same number of segments.
+/// One side of a panel's outline. Sides that are sewn together have the same number of segments.
 pub(crate) struct Side {
     pub(crate) name: &'static str,
     pub(crate) curve: Curve,
@@ -115,22 +120,22 @@ impl Panel {
     }
 }
 
-/// Where a panel's parts lie in the garment.
-pub(crate) struct Piece {
+/// A panel's ranges of vertices and triangles in the garment.
+pub(crate) struct PanelRange {
     pub(crate) name: String,
     pub(crate) vertices: Range<usize>,
     pub(crate) triangles: Range<usize>,
     sides: Vec<(&'static str, Vec<u32>)>,
 }
 
-/// The whole pattern: every panel's vertices and triangles one after the other, and the pairs of
-/// vertices to be sewn.
+/// The whole pattern: the vertices and triangles of all panels one after the other, and the pairs
+/// of vertices to be sewn.
 #[derive(Default)]
 pub(crate) struct Garment {
     pub(crate) flat: Vec<DVec2>,
     pub(crate) start: Vec<DVec3>,
     pub(crate) triangles: Vec<[u32; 3]>,
-    pub(crate) pieces: Vec<Piece>,
+    pub(crate) pieces: Vec<PanelRange>,
     pub(crate) seams: Vec<[u32; 2]>,
 }
 
@@ -154,7 +159,7 @@ impl Garment {
             (name, side.into_iter().map(|vertex| vertex + first).collect())
         };
         let sides = panel.sides.into_iter().map(shift).collect();
-        self.pieces.push(Piece { name: panel.name, vertices, triangles, sides });
+        self.pieces.push(PanelRange { name: panel.name, vertices, triangles, sides });
         self.pieces.len() - 1
     }
 
@@ -164,8 +169,8 @@ impl Garment {
         &side.expect("the recipe names a side that it has cut").1
     }
 
-    /// Sews two sides. All panels are seen from outside and run counter-clockwise, so partners run
-    /// against one another.
+    /// Sews two sides. All panels are seen from outside and run counter-clockwise, so two partners
+    /// run in opposite directions.
     pub(crate) fn sew(&mut self, a: (usize, &str), b: (usize, &str)) {
         let (a, b) = (self.side(a.0, a.1), self.side(b.0, b.1));
         assert_eq!(a.len(), b.len(), "sewn sides have the same number of vertices");
@@ -173,8 +178,8 @@ impl Garment {
         self.seams.extend(pairs);
     }
 
-    /// Numbers the particles that are left when all seams are closed: for each vertex its particle,
-    /// and how many there are.
+    /// Numbers the particles that remain when all seams are closed. Returns the particle of each
+    /// vertex, and the number of particles.
     pub(crate) fn welded(&self) -> (Vec<u32>, usize) {
         let mut lowest: Vec<u32> =
             (0..u32::try_from(self.flat.len()).expect("a garment has few vertices")).collect();

@@ -1,5 +1,5 @@
-//! The paper's pinched fabric: a square on a table, lifted at its middle until it hangs in folds
-//! from there.
+//! The pinched fabric of Liu, Kyosev and Jiang 2022: a square on a table, lifted at its middle
+//! until it hangs in folds.
 
 use glam::{DVec2, DVec3};
 
@@ -11,11 +11,15 @@ use crate::{
     triangulate::noise,
 };
 
+/// Side of the square, cm.
 const SIZE: f64 = 40.0;
+/// Length of the mesh's edges, cm.
 const SPACING: f64 = 0.55;
+/// Height of the lift, cm.
 const LIFT: f64 = 14.0;
+/// Duration of the lift, s.
 const LIFT_SECONDS: f64 = 1.5;
-/// What the fingers hold, a radius in cm.
+/// Radius of the part that is held, cm.
 const FINGERS: f64 = 0.65;
 
 const FABRIC: Fabric = Fabric {
@@ -35,6 +39,7 @@ pub(crate) fn make() -> Made {
         hold: &|time, start| start + LIFT * progress(time) * DVec3::Y,
     };
     let mut cloth = Cloth::unsewn(&garment, FABRIC);
+    // The particles between the fingers follow the lift.
     let middle = |&vertex: &u32| garment.flat[vertex as usize].length() < FINGERS;
     cloth.hold((0..u32::try_from(garment.flat.len()).expect("few vertices")).filter(middle));
     for (seconds, drag) in [(LIFT_SECONDS, 2.0), (1.5, 2.0), (1.5, 12.0)] {
@@ -50,12 +55,13 @@ pub(crate) fn make() -> Made {
     }
 }
 
+/// The progress of the lift, 0..1, with smooth ends.
 fn progress(time: f64) -> f64 {
     let t = (time / LIFT_SECONDS).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }
 
-/// The square lies on the table face up, its grain away from the viewer, and not quite even.
+/// The square lies on the table face up, its grain away from the viewer, on slight waves.
 fn cut_and_place() -> Garment {
     let corners =
         [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)].map(|(x, y)| SIZE * DVec2::new(x, y));
@@ -69,7 +75,7 @@ fn cut_and_place() -> Garment {
     garment
 }
 
-/// Uneven waves a few millimetres high, which decide where the folds begin.
+/// Irregular waves of a few millimetres. They break the symmetry and decide where the folds begin.
 fn bump(point: DVec2) -> f64 {
     let wave = |index: u64| {
         let direction = DVec2::new(noise(41, index), noise(42, index));

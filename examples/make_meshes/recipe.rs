@@ -1,4 +1,4 @@
-//! What every garment's recipe hands back to `main`.
+//! The result of every garment's recipe, which `main` checks and writes.
 
 use glam::DVec3;
 
@@ -8,17 +8,17 @@ use crate::{body::Body, cloth::Cloth, pattern::Garment};
 pub(crate) struct Made {
     pub(crate) name: &'static str,
     pub(crate) garment: Garment,
-    /// One position a flat vertex; sewn vertices have the same one.
+    /// A position for each flat vertex. Sewn vertices have the same position.
     pub(crate) draped: Vec<DVec3>,
-    /// The speed left at the end, in cm/s.
+    /// Root mean square of the speeds at the end, cm/s.
     pub(crate) speed: f64,
-    /// Whether it is written as one file with the pattern in `vt`, or as a pair.
+    /// Whether it is written as one file with the pattern in `vt`, or as a pair of files.
     pub(crate) one_file: bool,
-    /// The body as it is at the end.
+    /// The body at the end.
     pub(crate) body: Body,
 }
 
-/// The particles' positions, one a vertex.
+/// The position of each vertex's particle.
 pub(crate) fn spread(cloth: &Cloth, particle_of: &[u32]) -> Vec<DVec3> {
     particle_of.iter().map(|&particle| cloth.position[particle as usize]).collect()
 }

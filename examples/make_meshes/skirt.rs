@@ -1,6 +1,7 @@
-//! A flared skirt of six gores, 55 cm long and 70 cm round the waist, hanging from waist and hips.
+//! A flared skirt of six gores, 55 cm long and 70 cm around the waist, which hangs from waist and
+//! hips.
 //!
-//! Each gore is a piece of a ring, so that the sewn skirt is a cone that the body does not fill: it
+//! Each gore is a sector of a ring, so the sewn skirt is a cone that is wider than the body and
 //! must fold.
 
 use std::f64::consts::TAU;
@@ -15,10 +16,15 @@ use crate::{
     triangulate::noise,
 };
 
+/// Number of gores.
 const GORES: u32 = 6;
+/// Girth of the waist, cm.
 const WAIST: f64 = 70.0;
+/// Girth of the hem, cm.
 const HEM: f64 = 215.0;
+/// Length from waist to hem, cm.
 const LENGTH: f64 = 55.0;
+/// Length of the mesh's edges, cm.
 const SPACING: f64 = 0.8;
 
 const FABRIC: Fabric = Fabric {
@@ -34,7 +40,7 @@ pub(crate) fn make() -> Made {
     let garment = cut_and_place();
     let body = body();
     let scene = Scene { body: &|_| body.clone(), hold: &|_, start| start };
-    // The gores already meet where they start, so nothing needs drawing together.
+    // The gores meet in their first positions already, so the seams need not be pulled together.
     let mut cloth = Cloth::sewn(&garment, &garment.start, FABRIC);
     let (particle_of, _) = garment.welded();
     cloth.hold(
@@ -55,15 +61,16 @@ pub(crate) fn make() -> Made {
     }
 }
 
-/// The apex of the cone lies above the waist; the gore's angle is what the waist takes of the
-/// circle there.
+/// Distance of the cone's apex above the waist, by similar triangles.
 fn apex_distance() -> f64 {
     WAIST * LENGTH / (HEM - WAIST)
 }
 
+/// One gore: the sector of a ring around the apex.
 fn gore(name: &str, seed: u64) -> Panel {
     let waist_radius = apex_distance();
     let apex = DVec2::new(0.0, waist_radius);
+    // Half the angle of the gore: half its share of the waist over the radius there.
     let half = 0.5 * WAIST / f64::from(GORES) / waist_radius;
     let at = |radius: f64, angle: f64| apex + radius * DVec2::new(angle.sin(), -angle.cos());
     let hem_radius = waist_radius + LENGTH;
@@ -76,7 +83,7 @@ fn gore(name: &str, seed: u64) -> Panel {
     Panel::cut(name, &outline, SPACING, seed)
 }
 
-/// Six gores in a row, and each on its sixth of a cone around the body.
+/// Six gores in a row in the plane, and in space each on its sixth of a cone around the body.
 fn cut_and_place() -> Garment {
     let mut garment = Garment::default();
     let waist_radius = apex_distance();
@@ -97,11 +104,12 @@ fn cut_and_place() -> Garment {
     garment
 }
 
-/// The start: rings around the body, one every centimetre down, each as long as the skirt is there.
+/// The first positions: rings around the body, one every centimetre down, each with the skirt's
+/// girth there.
 struct Rings(Vec<Ring>);
 
 impl Rings {
-    /// How far down a centimetre along the cone leads.
+    /// Height of one centimetre along the cone.
     const FALL: f64 = 0.92;
 
     fn new(body: &Body) -> Self {
@@ -119,12 +127,12 @@ impl Rings {
     }
 }
 
+/// The skirt's girth at a distance below the waist.
 fn girth(down: f64) -> f64 {
     WAIST + (HEM - WAIST) * down / LENGTH
 }
 
-/// Uneven waves of a few per cent, so that the folds form where chance has it and not where the
-/// mesh does.
+/// Irregular waves of a few per cent, so that chance and not the mesh decides where folds form.
 fn ripple(turn: f64) -> f64 {
     (5..12_u32)
         .map(|wave| 0.012 * (f64::from(wave) * TAU * turn + 3.0 * noise(11, wave.into())).sin())

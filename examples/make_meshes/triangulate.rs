@@ -1,24 +1,30 @@
-//! An outline becomes triangles, irregular as a pattern tool's.
+//! Triangulation of an outline, as irregular as that of a pattern tool.
 //!
 //! In: the outline's points, counter-clockwise and evenly spaced, and that spacing. Out: the
-//! outline's points, unmoved and first, then inner ones, and counter-clockwise triangles over them.
-//! Source: inner points start on a jittered hexagonal grid and are smoothed between Delaunay
-//! triangulations (Bowyer 1981, Watson 1981, swept in x so that finished triangles are not asked
-//! again). Not promised: an outline with a corner under about 30 degrees, or a neck narrower than
-//! twice the spacing, is not served; `triangulate` panics if an edge of the outline is missing from
-//! the result.
+//! outline's points, unmoved and first, then inner points, and counter-clockwise triangles over
+//! them.
+//!
+//! Method: inner points start on a jittered hexagonal grid and are moved by Laplacian smoothing
+//! between Delaunay triangulations (Bowyer 1981, "Computing Dirichlet tessellations"; Watson 1981,
+//! "Computing the n-dimensional Delaunay tessellation"), swept in x so that finished triangles are
+//! not tested again. Predicates are exact (Shewchuk 1997, "Adaptive precision floating-point
+//! arithmetic and fast robust geometric predicates").
+//!
+//! Not promised: outlines with a corner under about 30 degrees, or with a neck narrower than twice
+//! the spacing. `triangulate` panics if an edge of the outline is missing from the result.
 
 use glam::DVec2;
 use robust::{Coord, incircle, orient2d};
 
-/// How far a start point strays from its grid place, and how near to the outline it may be, both in
-/// spacings. Nearer than 0.6 gives flat triangles along the outline, farther than 0.8 long ones.
+/// Largest shift of a start point from its place in the grid, in spacings.
 const JITTER: f64 = 0.28;
+/// Least distance of a start point from the outline, in spacings. Less than 0.6 gives flat
+/// triangles along the outline, more than 0.8 long ones.
 const CLEARANCE: f64 = 0.7;
 /// Rounds of smoothing. More than a dozen rounds would comb the irregularity out again.
 const ROUNDS: usize = 6;
 
-/// A number in -1..1 that depends only on the two given (the SplitMix64 finaliser).
+/// A pseudo-random number in -1..1 that depends only on the two given (SplitMix64's finaliser).
 pub(crate) fn noise(seed: u64, index: u64) -> f64 {
     let mut bits = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15)
         ^ index.wrapping_add(1).wrapping_mul(0xD1B5_4A32_D192_ED03);
@@ -74,7 +80,7 @@ fn edges(outline: &[DVec2]) -> impl Iterator<Item = (DVec2, DVec2)> {
     outline.iter().copied().zip(outline.iter().copied().cycle().skip(1))
 }
 
-/// The even-odd rule.
+/// Whether the outline contains a point, by the even-odd rule.
 fn contains(outline: &[DVec2], point: DVec2) -> bool {
     let crosses = |(a, b): &(DVec2, DVec2)| {
         (a.y > point.y) != (b.y > point.y)
@@ -83,6 +89,7 @@ fn contains(outline: &[DVec2], point: DVec2) -> bool {
     edges(outline).filter(crosses).count() % 2 == 1
 }
 
+/// The distance from a point to the outline.
 fn distance_to(outline: &[DVec2], point: DVec2) -> f64 {
     let to_edge = |(a, b): (DVec2, DVec2)| {
         let t = ((point - a).dot(b - a) / a.distance_squared(b)).clamp(0.0, 1.0);
@@ -91,8 +98,8 @@ fn distance_to(outline: &[DVec2], point: DVec2) -> f64 {
     edges(outline).map(to_edge).fold(f64::INFINITY, f64::min)
 }
 
-/// Moves each inner point to the mean of its neighbours. The outline, whose points come first,
-/// stays.
+/// One round of Laplacian smoothing: moves each inner point to the mean of its neighbours. The
+/// outline's points, which come first, stay.
 fn smooth(points: &mut [DVec2], triangles: &[[u32; 3]], fixed: usize) {
     let mut sums = vec![(DVec2::ZERO, 0.0); points.len()];
     for triangle in triangles {
@@ -125,6 +132,7 @@ fn inside_only(
     triangles
 }
 
+/// The number of the outline's edges among the triangles' sides.
 fn outline_edges(triangles: &[[u32; 3]], count: usize) -> usize {
     let follows = |a: u32, b: u32| (a as usize) < count && (a as usize + 1) % count == b as usize;
     triangles
@@ -133,7 +141,8 @@ fn outline_edges(triangles: &[[u32; 3]], count: usize) -> usize {
         .sum()
 }
 
-/// A triangle still open to change, with the x beyond which no point can lie in its circumcircle.
+/// A triangle that later points may still change, and the x beyond which no point can lie in its
+/// circumcircle.
 struct Open {
     corners: [u32; 3],
     reach: f64,
@@ -145,15 +154,15 @@ impl Open {
         let (ab, ac) = (b - a, c - a);
         let centre = (ac.perp() * ab.length_squared() - ab.perp() * ac.length_squared())
             / (-2.0 * ab.perp_dot(ac));
-        // A little is added for rounding; a flat triangle's reach is not finite and it simply stays
-        // open.
+        // A little is added for rounding. A flat triangle's circumcentre is not finite, and the
+        // triangle stays open.
         let reach = a.x + centre.x + centre.length() * (1.0 + 1e-9);
         Self { corners, reach: if reach.is_finite() { reach } else { f64::INFINITY } }
     }
 }
 
-/// The Delaunay triangulation of points in general position: in any set of cocircular points one
-/// choice is made.
+/// The Delaunay triangulation (Bowyer and Watson). Among cocircular points one of the possible
+/// triangulations is chosen.
 fn delaunay(points: &[DVec2]) -> Vec<[u32; 3]> {
     let count =
         u32::try_from(points.len()).expect("a panel has fewer than four thousand million points");
@@ -161,6 +170,8 @@ fn delaunay(points: &[DVec2]) -> Vec<[u32; 3]> {
     all.extend([DVec2::new(-3e4, -2e4), DVec2::new(3e4, -2e4), DVec2::new(0.0, 4e4)]);
     let mut order: Vec<u32> = (0..count).collect();
     order.sort_by(|&i, &j| all[i as usize].x.total_cmp(&all[j as usize].x).then(i.cmp(&j)));
+    // Points come in the order of x. A triangle whose circumcircle lies left of the sweep line
+    // can't be hit any more and is closed.
     let mut open = vec![Open::new([count, count + 1, count + 2], &all)];
     let mut closed = Vec::new();
     for index in order {
@@ -179,7 +190,8 @@ fn delaunay(points: &[DVec2]) -> Vec<[u32; 3]> {
             !hit
         });
         for &[a, b] in &cavity {
-            // An edge that two triangles of the cavity share lies inside it.
+            // An edge that two triangles of the cavity share lies inside the cavity and vanishes.
+            // The point is joined to the edges of its border.
             if !cavity.contains(&[b, a]) {
                 open.push(Open::new([a, b, index], &all));
             }
@@ -192,15 +204,18 @@ fn delaunay(points: &[DVec2]) -> Vec<[u32; 3]> {
     closed
 }
 
+/// A point as the predicates take it.
 fn coord(point: DVec2) -> Coord<f64> {
     Coord { x: point.x, y: point.y }
 }
 
+/// Whether a point lies inside a triangle's circumcircle.
 fn in_circle(points: &[DVec2], corners: [u32; 3], point: DVec2) -> bool {
     let [a, b, c] = corners.map(|corner| coord(points[corner as usize]));
     incircle(a, b, c, coord(point)) > 0.0
 }
 
+/// Whether a triangle is counter-clockwise and not flat.
 fn is_proper(points: &[DVec2], corners: [u32; 3]) -> bool {
     let [a, b, c] = corners.map(|corner| coord(points[corner as usize]));
     orient2d(a, b, c) > 0.0

@@ -1,7 +1,7 @@
-//! A T-shirt: front, back and two sleeves on a torso with arms held a little away.
+//! A T-shirt: front, back and two sleeves on a torso whose arms are held a little away.
 //!
-//! The panels start around the body and their seams are drawn together as in a pattern tool; then
-//! the shirt drapes.
+//! The panels start around the body, and their seams are pulled together as in a pattern tool. Then
+//! the shirt drapes under gravity.
 
 use std::f64::consts::TAU;
 
@@ -15,20 +15,26 @@ use crate::{
     triangulate::noise,
 };
 
+/// Length of the mesh's edges, cm.
 const SPACING: f64 = 0.85;
-/// Half the width of front and back; the underarm; the shoulder seam's ends at the neck and at the
-/// tip. The hem is at y = 0.
+/// Half the width of front and back, cm. The hem is at y = 0.
 const HALF_WIDTH: f64 = 26.0;
+/// The underarm point.
 const UNDERARM: DVec2 = DVec2::new(HALF_WIDTH, 40.5);
+/// The shoulder seam's end at the neck.
 const NECK: DVec2 = DVec2::new(8.4, 69.0);
+/// The shoulder seam's end at the arm.
 const TIP: DVec2 = DVec2::new(21.5, 65.8);
-/// Sleeve: half the width at the hem, the height of the cap, the length below it.
+/// Half the sleeve's width at its hem, cm.
 const SLEEVE_HEM: f64 = 17.5;
+/// Height of the sleeve's cap, cm.
 const CAP: f64 = 12.5;
+/// Length of the sleeve below the cap, cm.
 const BELOW_CAP: f64 = 11.0;
 
-/// After sewing the arms rest for a moment, then sink, which gathers the cloth under them.
+/// Time after sewing in which the arms rest, s. Then they sink, which gathers the cloth under them.
 const ARMS_REST: f64 = 0.4;
+/// Time in which the arms sink, s.
 const ARMS_SECONDS: f64 = 1.2;
 
 const FABRIC: Fabric = Fabric {
@@ -67,8 +73,8 @@ fn armhole() -> Curve {
     bezier([UNDERARM, DVec2::new(20.0, 41.5), DVec2::new(19.0, 54.0), TIP])
 }
 
-/// The sleeve's right half of the cap, from the underarm to the top, as wide as the armhole's
-/// length asks for.
+/// The right half of the sleeve's cap, from the underarm to the top. Its width is found by
+/// bisection so that it is as long as the armhole.
 fn cap() -> Curve {
     let curve = |half: f64| {
         bezier([
@@ -78,6 +84,7 @@ fn cap() -> Curve {
             DVec2::ZERO,
         ])
     };
+    // The cap's length grows with its width, so bisection finds the width.
     let (mut low, mut high) = (5.0, 40.0);
     for _ in 0..60 {
         let half = 0.5 * (low + high);
@@ -86,14 +93,24 @@ fn cap() -> Curve {
     curve(0.5 * (low + high))
 }
 
+/// Segments of the armhole and of the cap, which are sewn together.
 fn armhole_segments() -> u32 {
     segments(length(&armhole()), SPACING)
 }
 
-/// Front or back; only the depth of the neckline tells them apart.
+/// A side along the armhole: of the trunk, or of a sleeve's cap.
+fn armhole_side(name: &'static str, curve: Curve) -> Side {
+    Side { name, curve, segments: armhole_segments() }
+}
+
+/// The mirrored point on the panel's left half.
+fn left(point: DVec2) -> DVec2 {
+    DVec2::new(-point.x, point.y)
+}
+
+/// Front or back, which differ in the depth of the neckline only.
 fn trunk(name: &str, neck_depth: f64, seed: u64) -> Panel {
     let hem = DVec2::new(HALF_WIDTH, 0.0);
-    let left = |point: DVec2| DVec2::new(-point.x, point.y);
     let bottom = NECK.y - neck_depth;
     let neck_right = bezier([
         NECK,
@@ -103,7 +120,6 @@ fn trunk(name: &str, neck_depth: f64, seed: u64) -> Panel {
     ]);
     let neck: Curve =
         neck_right.iter().copied().chain(mirrored(&neck_right).into_iter().skip(1)).collect();
-    let armhole_side = |name, curve| Side { name, curve, segments: armhole_segments() };
     let outline = [
         Side::new("hem", line(left(hem), hem), SPACING),
         Side::new("right", line(hem, UNDERARM), SPACING),
@@ -117,16 +133,15 @@ fn trunk(name: &str, neck_depth: f64, seed: u64) -> Panel {
     Panel::cut(name, &outline, SPACING, seed)
 }
 
+/// A sleeve.
 fn sleeve(name: &str, seed: u64) -> Panel {
     let hem = DVec2::new(SLEEVE_HEM, -CAP - BELOW_CAP);
     let underarm = cap()[0];
-    let left = |point: DVec2| DVec2::new(-point.x, point.y);
-    let cap_side = |name, curve| Side { name, curve, segments: armhole_segments() };
     let outline = [
         Side::new("hem", line(left(hem), hem), SPACING),
         Side::new("right", line(hem, underarm), SPACING),
-        cap_side("right_cap", cap()),
-        cap_side("left_cap", mirrored(&cap())),
+        armhole_side("right_cap", cap()),
+        armhole_side("left_cap", mirrored(&cap())),
         Side::new("left", line(left(underarm), left(hem)), SPACING),
     ];
     Panel::cut(name, &outline, SPACING, seed)
@@ -141,6 +156,7 @@ fn cut_and_place() -> Garment {
         let place = ring.at(turn) * (1.0 + ripple(turn));
         DVec3::new(place.x, point.y + HEM, place.y)
     };
+    // Panels lie apart in the plane; in space front and back take half of the ring each.
     let front = garment.add(trunk("front", 8.5, 51), DVec2::ZERO, |point| around(0.0, point));
     let back =
         garment.add(trunk("back", 2.5, 52), DVec2::new(58.0, 0.0), |point| around(0.5, point));
@@ -173,25 +189,28 @@ fn on_arm(point: DVec2, side: f64) -> DVec3 {
     DVec3::new(side * place.x, place.y, place.z)
 }
 
-/// A few millimetres of unevenness.
+/// Irregular waves of a few millimetres, so that folds don't begin symmetrically.
 fn ripple(turn: f64) -> f64 {
     (3..9_u32)
         .map(|wave| 0.008 * noise(61, wave.into()) * (f64::from(wave) * TAU * turn).cos())
         .sum()
 }
 
-/// Heights in space: y = 0 is the crotch's.
+/// Height of the hem in space, cm; y = 0 is the height of the crotch.
 const HEM: f64 = 3.0;
+/// Height of the chest, cm.
 const CHEST: f64 = 44.0;
+/// The left shoulder.
 const SHOULDER: DVec3 = DVec3::new(17.0, 59.5, -1.0);
 
-/// From 49 to 33 degrees off the vertical, without a jerk.
+/// The direction of the left arm: from 49 to 33 degrees off the vertical, with smooth ends.
 fn arm_direction(time: f64) -> DVec3 {
     let t = ((time - ARMS_REST) / ARMS_SECONDS).clamp(0.0, 1.0);
     let angle = 0.85 - 0.27 * t * t * (3.0 - 2.0 * t);
     DVec3::new(angle.sin(), -angle.cos(), 0.0)
 }
 
+/// The body without shoulders, arms and head.
 fn trunk_only() -> Body {
     let [hip, waist, chest] =
         [DVec3::new(6.5, 4.0, -0.5), DVec3::new(5.5, 24.0, 0.0), DVec3::new(7.0, 46.0, 0.5)];
@@ -207,6 +226,7 @@ fn trunk_only() -> Body {
     }
 }
 
+/// The body at a time.
 fn body(time: f64) -> Body {
     let mut body = trunk_only();
     let [chest, neck] = [DVec3::new(7.0, 46.0, 0.5), DVec3::new(0.0, 63.0, -1.5)];

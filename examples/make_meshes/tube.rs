@@ -1,4 +1,4 @@
-//! A sleeve: one rectangle closed by a seam and pushed together a little on an arm that then bends.
+//! A sleeve: a rectangle closed by a seam, pushed together a little on an arm, which then bends.
 
 use std::f64::consts::TAU;
 
@@ -12,16 +12,20 @@ use crate::{
     triangulate::noise,
 };
 
+/// Length of the sleeve, cm.
 const LENGTH: f64 = 48.0;
+/// Girth of the sleeve, cm.
 const GIRTH: f64 = 31.0;
+/// Length of the mesh's edges, cm.
 const SPACING: f64 = 0.55;
-/// Below the shoulder end, which is at y = 0.
+/// The elbow. The sleeve's shoulder end is at y = 0.
 const ELBOW: DVec3 = DVec3::new(0.0, -25.0, 0.0);
-/// The sleeve is pushed together by so much (cm): about enough for the bend's outer side, far
-/// too much for its inner side.
+/// Length by which the sleeve is pushed together, cm: about enough for the bend's outer side, and
+/// far too much for its inner side, which folds.
 const SLACK: f64 = 3.0;
-/// How far the arm bends (radians).
+/// Angle of the bend, radians.
 const BEND: f64 = 0.8;
+/// Duration of the bending, s.
 const BEND_SECONDS: f64 = 1.5;
 
 const FABRIC: Fabric = Fabric {
@@ -53,6 +57,7 @@ pub(crate) fn make() -> Made {
     }
 }
 
+/// The rectangle, placed as a cylinder around the arm.
 fn cut_and_place() -> Garment {
     let (half, down) = (DVec2::new(0.5 * GIRTH, 0.0), DVec2::new(0.0, -LENGTH));
     let outline = [
@@ -72,8 +77,8 @@ fn cut_and_place() -> Garment {
     garment
 }
 
-/// Uneven ring waves that take up about the slack: none at the ends, so that the top is held as a
-/// circle.
+/// Irregular waves along the arm that take up about the slack. They vanish at the ends, so that the
+/// top is fixed as a circle.
 fn ripple(point: DVec2) -> f64 {
     let wave = |number: u32| {
         let along = TAU * f64::from(number) * point.y / LENGTH;
@@ -85,12 +90,13 @@ fn ripple(point: DVec2) -> f64 {
     0.035 * inner * (4..9).map(wave).sum::<f64>()
 }
 
-/// How much of the bending is done, from 0 to 1, without a jerk.
+/// The progress of the bending, 0..1, with smooth ends.
 fn progress(time: f64) -> f64 {
     let t = (time / BEND_SECONDS).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }
 
+/// The arm at a time.
 fn arm(time: f64) -> Body {
     let wrist =
         ELBOW + DQuat::from_rotation_x(-BEND * progress(time)) * DVec3::new(0.0, -27.0, 0.0);

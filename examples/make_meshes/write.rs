@@ -1,9 +1,9 @@
-//! OBJ files, in centimetres, y up.
+//! Writes OBJ files, in centimetres, y up.
 //!
 //! In: a pattern and its draped positions. Out: either two files, flat and draped, whose vertices
 //! and faces correspond one to one, or one file whose `v` are draped and welded at the seams and
-//! whose `vt` are the flat pattern. Four decimals (a micrometre) keep the stretch of a 5 mm edge to
-//! 0.03 %.
+//! whose `vt` are the flat pattern. Four decimals (a micrometre) change the stretch of a 5 mm edge
+//! by at most 0.03 %.
 
 use std::{fmt::Write as _, fs, path::Path};
 
@@ -72,20 +72,24 @@ pub(crate) fn with_pattern(
     store(&folder.join(format!("{name}.obj")), &text)
 }
 
+/// The comment lines at the beginning of a file.
 fn header(what: &str) -> String {
     format!(
         "# {what}\n# Made by warpknit's example make_meshes. Unit: 1 cm, y up. Licence: CC0 1.0.\n"
     )
 }
 
+/// Adds a vertex.
 fn vertex(text: &mut String, position: DVec3) {
     push(text, format_args!("v {:.4} {:.4} {:.4}\n", position.x, position.y, position.z));
 }
 
+/// Adds formatted text.
 fn push(text: &mut String, arguments: std::fmt::Arguments) {
     text.write_fmt(arguments).expect("a string takes any text");
 }
 
+/// Writes a file and returns its bytes.
 fn store(path: &Path, text: &str) -> Result<usize> {
     fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))?;
     Ok(text.len())

@@ -31,8 +31,12 @@ fn check(error: &FabricError) {
 fn use_it(fabric: &Fabric) {
     fabric.warnings().iter().for_each(one_line);
     let printed = fabric.to_string();
-    assert_eq!(&Fabric::parse(&printed).expect("what is printed is read back"), fabric, "{printed}");
-    let _drawn = svg::text(&Drawing::of(fabric));
+    assert_eq!(
+        &Fabric::parse(&printed).expect("what is printed is read back"),
+        fabric,
+        "{printed}"
+    );
+    let _drawn = svg::text(&Drawing::from_fabric(fabric));
     if fabric.repeat() * fabric.threading_repeat() * fabric.bars.len() > MOST_LAPS {
         return;
     }

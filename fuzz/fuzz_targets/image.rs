@@ -6,7 +6,7 @@
 use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
-use warpknit::photo::yarn::develop::{Settings, develop};
+use warpknit::photo::yarn::develop::{YarnPhotoSettings, develop};
 use warpknit::photo::yarn::{read_maps, read_photo};
 use warpknit_fuzz::{Desk, one_line, parts};
 
@@ -31,7 +31,7 @@ fuzz_target!(|data: &[u8]| {
     }
     match read_photo(&DESK.path().join(FILES[0])) {
         Ok(photo) if photo.width() * photo.height() <= MOST_PIXELS => {
-            if let Err(error) = develop(&photo, &Settings::default(), &mut |_, _| ()) {
+            if let Err(error) = develop(&photo, &YarnPhotoSettings::default(), &mut |_, _| ()) {
                 one_line(&error);
             }
         }

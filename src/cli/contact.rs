@@ -1,14 +1,14 @@
-//! The contact sheet of a developed photo: photo, mask, unit, maps, the unit following itself, and
-//! some loops knitted with it.
+//! The contact sheet of a developed yarn photo: photo, mask, one repeat, its maps, the repeat
+//! tiled, and a swatch of loops that use it as a texture.
 //!
-//! Units are often narrow: they and their maps are drawn again and again along the yarn until their
-//! place is filled.
+//! In: the photo and [`Developed`]. Out: a picture [`SHEET`] pixels wide. A repeat is often narrow:
+//! it and its maps are tiled along the yarn until they fill their cell.
 
 use anyhow::Result;
 use glam::DVec2;
 use image::imageops::{self, FilterType};
 use image::{DynamicImage, GrayImage, ImageBuffer, Pixel, RgbImage, Rgba, RgbaImage};
-use warpknit::chart::{Anchor, Drawing, Layer, Shape as Mark, TextSize, png};
+use warpknit::chart::{Anchor, Drawing, DrawingLayer, DrawingShape, TextSize, png};
 use warpknit::drape::{self, Block, Cloth};
 use warpknit::fabric::Fabric;
 use warpknit::fabric::yarn::Color;
@@ -20,32 +20,34 @@ use warpknit::render::{Camera, Options, View, render};
 
 use warpknit::pipeline::{self, Textures};
 
-/// Width of the yarn's picture where nothing says it, mm: any will do, the swatch's yarn is as wide
-/// as its loops let it.
+/// Width of the yarn where it is unknown, mm. Any value serves: the swatch scales its yarn to the
+/// loops.
 pub(super) const SWATCH_YARN_WIDTH: f64 = 1.0;
-/// What the swatch shows: plain loops, few and from their front, so that the yarn is seen and not
-/// only the fabric.
+/// The fabric of the swatch: plain loops, few and from the front, so that the yarn is visible and
+/// not only the fabric.
 const FABRIC: &str = "jersey";
 /// Wales and courses of the swatch.
 const SWATCH: (u32, u32) = (4, 3);
-/// Width of the sheet and room around its pictures, pixels.
+/// Width of the sheet, pixels.
 const SHEET: u32 = 1600;
+/// Space around the pictures, pixels.
 const GAP: u32 = 20;
-/// Height of a label.
+/// Height of a label, pixels.
 const LABEL: u32 = 28;
-/// Heights of the three rows of pictures.
+/// Heights of the three rows of pictures, pixels.
 const ROWS: [u32; 3] = [360, 220, 480];
-/// Pixels that the lapping diagram's painter makes of one px.
-const PAINTED: f64 = 2.0;
+/// Pixels to a px of a drawing in `chart::png`.
+const PIXELS_PER_PX: f64 = 2.0;
 
-/// A picture with its name and the width that is its own.
-struct Cell {
+/// A picture with its label and the width of its cell.
+struct SheetCell {
     label: &'static str,
     picture: RgbaImage,
     width: u32,
 }
 
-/// A swatch of ribbons that wear these maps, the yarn without its fuzz as thick as the fabric's.
+/// A swatch of ribbons with these maps as texture. The yarn without its fuzz is as thick as the
+/// fabric's own yarn.
 pub(super) fn swatch(
     mut maps: Maps,
     yarn: &Developed,
@@ -57,6 +59,7 @@ pub(super) fn swatch(
     let cloth = Cloth::swatch(&panel, &fabric, wales, courses);
     #[expect(clippy::cast_possible_truncation, reason = "a length in mm needs no more")]
     let width = (2.0 * fabric.radius() * f64::from(yarn.base.height()) / yarn.yarn_width) as f32;
+    // Scales the texture with its aspect ratio.
     maps.length *= width / maps.width;
     maps.width = width;
     let mut scene =
@@ -65,6 +68,7 @@ pub(super) fn swatch(
         blocks.iter().for_each(|block| cloth::add_to(&mut scene, block));
         Ok(())
     };
+    // A front view with few rays: the sheet is an overview, not a rendering.
     drape::run(&cloth, &drape::DrapeOptions::default(), &mut |_, _| {}, &mut deliver)?;
     let options = Options {
         width: column_width(2),
@@ -80,30 +84,38 @@ pub(super) fn swatch(
 
 /// The sheet.
 pub(super) fn sheet(photo: &RgbImage, yarn: &Developed, swatch: &RgbaImage) -> RgbaImage {
-    let grey = |picture: &GrayImage| DynamicImage::from(picture.clone()).into_rgba8();
     let height = DynamicImage::from(yarn.surface.height.clone()).into_rgba8();
-    let cell = |label, picture, width| Cell { label, picture, width };
+
+    // First row: the photo in its own width, and the mask in the rest.
     let half = column_width(2);
     let photo = small(photo, half, ROWS[0]);
     let (left, right) = (photo.width(), SHEET - 3 * GAP - photo.width());
-    let map = |(label, picture): (_, RgbaImage)| {
-        cell(label, tiled(&picture, 1, column_width(6), ROWS[1]), column_width(6))
-    };
+
     let rows = [
-        vec![cell("photo", photo, left), cell("mask", small(&yarn.mask, right, ROWS[0]), right)],
+        vec![
+            SheetCell { label: "photo", picture: photo, width: left },
+            SheetCell { label: "mask", picture: small(&yarn.mask, right, ROWS[0]), width: right },
+        ],
         [
             ("unit", on_checks(&yarn.base)),
             ("height", height),
             ("normal", yarn.surface.normal.clone()),
-            ("roughness", grey(&yarn.surface.roughness)),
-            ("metallic", grey(&yarn.surface.metallic)),
-            ("occlusion", grey(&yarn.surface.occlusion)),
+            ("roughness", rgba(&yarn.surface.roughness)),
+            ("metallic", rgba(&yarn.surface.metallic)),
+            ("occlusion", rgba(&yarn.surface.occlusion)),
         ]
-        .map(map)
+        .map(|(label, picture)| {
+            let width = column_width(6);
+            SheetCell { label, picture: tiled(&picture, 1, width, ROWS[1]), width }
+        })
         .into(),
         vec![
-            cell("the unit again and again", tiled(&on_checks(&yarn.base), 3, half, ROWS[2]), half),
-            cell("a swatch of it", swatch.clone(), half),
+            SheetCell {
+                label: "the unit again and again",
+                picture: tiled(&on_checks(&yarn.base), 3, half, ROWS[2]),
+                width: half,
+            },
+            SheetCell { label: "a swatch of it", picture: swatch.clone(), width: half },
         ],
     ];
     let mut sheet = png::paint(&labels(&rows));
@@ -113,8 +125,13 @@ pub(super) fn sheet(photo: &RgbImage, yarn: &Developed, swatch: &RgbaImage) -> R
     sheet
 }
 
-/// The cells with where they begin.
-fn places(rows: &[Vec<Cell>; 3]) -> impl Iterator<Item = (&Cell, u32, u32)> {
+/// A grey picture in colours.
+fn rgba(picture: &GrayImage) -> RgbaImage {
+    DynamicImage::from(picture.clone()).into_rgba8()
+}
+
+/// The cells, each with its left and top.
+fn places(rows: &[Vec<SheetCell>; 3]) -> impl Iterator<Item = (&SheetCell, u32, u32)> {
     rows.iter().zip(tops()).flat_map(|(row, top)| {
         row.iter().scan(GAP, move |left, cell| {
             let begin = *left;
@@ -124,36 +141,37 @@ fn places(rows: &[Vec<Cell>; 3]) -> impl Iterator<Item = (&Cell, u32, u32)> {
     })
 }
 
-/// Where the rows begin, labels first.
+/// The tops of the rows. A row's labels come first.
 fn tops() -> [u32; 3] {
-    let next = |top: u32, row: u32| top + LABEL + row + GAP;
-    let second = next(GAP, ROWS[0]);
-    [GAP, second, next(second, ROWS[1])]
+    let second = GAP + LABEL + ROWS[0] + GAP;
+    [GAP, second, second + LABEL + ROWS[1] + GAP]
 }
 
+/// Width of each of so many equal columns.
 fn column_width(columns: u32) -> u32 {
     (SHEET - GAP * (columns + 1)) / columns
 }
 
-/// The empty sheet with the names of its pictures.
-fn labels(rows: &[Vec<Cell>; 3]) -> Drawing {
+/// The sheet with only the labels.
+fn labels(rows: &[Vec<SheetCell>; 3]) -> Drawing {
     let mut shapes = Vec::new();
     for (cell, left, top) in places(rows) {
-        let baseline = DVec2::new(f64::from(left), f64::from(top + LABEL - 8)) / PAINTED;
-        shapes.push(Mark::Text {
+        let baseline = DVec2::new(f64::from(left), f64::from(top + LABEL - 8)) / PIXELS_PER_PX;
+        shapes.push(DrawingShape::Text {
             at: baseline,
             text: cell.label.to_owned(),
             size: TextSize::Small,
             anchor: Anchor::Start,
         });
     }
-    let size = DVec2::new(f64::from(SHEET), f64::from(tops()[2] + LABEL + ROWS[2] + GAP)) / PAINTED;
-    let layer = Layer { name: "labels".to_owned(), color: Color([40; 3]), shapes };
+    let size =
+        DVec2::new(f64::from(SHEET), f64::from(tops()[2] + LABEL + ROWS[2] + GAP)) / PIXELS_PER_PX;
+    let layer = DrawingLayer { name: "labels".to_owned(), color: Color([40; 3]), shapes };
     Drawing { size, layers: vec![layer], notes: Vec::new() }
 }
 
-/// A picture as large as a cell holds it, made smaller without a large copy; made larger, its
-/// texels stay squares.
+/// A picture scaled to fit a cell. Reducing needs no full-size copy; enlarging keeps texels square,
+/// so that they can be inspected.
 fn small<P>(picture: &ImageBuffer<P, Vec<u8>>, width: u32, height: u32) -> RgbaImage
 where
     P: Pixel<Subpixel = u8> + 'static,
@@ -168,20 +186,21 @@ where
     DynamicImage::from(fitted).into_rgba8()
 }
 
-/// A unit as often as it takes to fill a cell's width, and `least` times.
+/// A repeat tiled until it fills a cell's width, at least `least` times.
 fn tiled(unit: &RgbaImage, least: u32, width: u32, height: u32) -> RgbaImage {
     let unit = small(unit, width / least, height);
     RgbaImage::from_fn(width, unit.height(), |x, y| *unit.get_pixel(x % unit.width(), y))
 }
 
+/// The largest size with the same aspect ratio that fits into a cell.
 fn fitting(size: (u32, u32), width: u32, height: u32) -> (u32, u32) {
     let scale = (f64::from(width) / f64::from(size.0)).min(f64::from(height) / f64::from(size.1));
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the cell")]
-    let scaled = |side: u32| ((f64::from(side) * scale) as u32).max(1);
-    (scaled(size.0), scaled(size.1))
+    let [width, height] = [size.0, size.1].map(|side| ((f64::from(side) * scale) as u32).max(1));
+    (width, height)
 }
 
-/// A picture in front of light and dark squares, as transparency is shown.
+/// A picture in front of a checkerboard, which shows its transparency.
 fn on_checks(picture: &RgbaImage) -> RgbaImage {
     let side = (picture.height() / 12).max(1);
     RgbaImage::from_fn(picture.width(), picture.height(), |x, y| {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, anyhow};
 use glam::DVec3;
-use warpknit::chart::{Drawing, Format};
+use warpknit::chart::{ChartFormat, Drawing};
 use warpknit::export::Output;
 use warpknit::garment::stretch::{Percentiles, isometry, stretch};
 use warpknit::garment::{Garment, GarmentError, GarmentSummary, read};
@@ -92,7 +92,7 @@ fn sheets_of_each(
     arguments: &Inspect,
     meshes: &[PathBuf],
     garments: usize,
-) -> Result<Vec<Vec<(PathBuf, Format)>>> {
+) -> Result<Vec<Vec<(PathBuf, ChartFormat)>>> {
     let mut each = vec![Vec::new(); garments];
     // Those of a fabric are drawn already.
     if arguments.has_fabric() {
@@ -113,11 +113,11 @@ fn sheets_of_each(
 }
 
 /// Draws a garment's sheet into files that are whole but not yet under their names.
-fn draw(name: &str, garment: &Garment, targets: &[(PathBuf, Format)]) -> Result<Vec<Output>> {
+fn draw(name: &str, garment: &Garment, targets: &[(PathBuf, ChartFormat)]) -> Result<Vec<Output>> {
     if targets.is_empty() {
         return Ok(Vec::new());
     }
-    let drawing = Drawing::of_garment(name, garment);
+    let drawing = Drawing::from_garment(name, garment);
     Ok(targets
         .iter()
         .map(|(path, format)| drawn(&drawing, path, *format))

@@ -5,7 +5,7 @@ use std::fmt::{self, Write as _};
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use warpknit::chart::{Drawing, Format, png, svg};
+use warpknit::chart::{ChartFormat, Drawing, png, svg};
 use warpknit::export::{self, ExportError, Output};
 use warpknit::fabric::motif::Motif;
 use warpknit::fabric::{Bar, BarKind, Fabric};
@@ -159,13 +159,13 @@ fn cells(bar: &Bar, course: i64) -> [String; 4] {
 /// diagram leaves out.
 pub(super) fn diagrams(
     fabric: &Fabric,
-    outputs: &[(PathBuf, Format)],
+    outputs: &[(PathBuf, ChartFormat)],
 ) -> Result<(Vec<Output>, Vec<String>)> {
     check_distinct([], outputs.iter().map(|(path, _)| path.as_path()))?;
     if outputs.is_empty() {
         return Ok((Vec::new(), Vec::new()));
     }
-    let drawing = Drawing::of(fabric);
+    let drawing = Drawing::from_fabric(fabric);
     let whole = outputs
         .iter()
         .map(|(path, format)| drawn(&drawing, path, *format))
@@ -174,10 +174,14 @@ pub(super) fn diagrams(
 }
 
 /// A drawing in a file that is whole but not yet under its name.
-pub(super) fn drawn(drawing: &Drawing, path: &Path, format: Format) -> Result<Output, ExportError> {
+pub(super) fn drawn(
+    drawing: &Drawing,
+    path: &Path,
+    format: ChartFormat,
+) -> Result<Output, ExportError> {
     match format {
-        Format::Png => export::png::write(path, &png::paint(drawing)),
-        Format::Svg => text_file(path, &svg::text(drawing)),
+        ChartFormat::Png => export::png::write(path, &png::paint(drawing)),
+        ChartFormat::Svg => text_file(path, &svg::text(drawing)),
     }
 }
 

@@ -131,16 +131,16 @@ pub(super) fn picture(text: &str) -> Result<PathBuf, String> {
     }
 }
 
-pub(super) fn diagram(text: &str) -> Result<(PathBuf, chart::Format), String> {
+pub(super) fn diagram(text: &str) -> Result<(PathBuf, chart::ChartFormat), String> {
     let path = PathBuf::from(text);
-    let format =
-        chart::Format::of(&path).ok_or("nothing is drawn with this ending; known are .svg .png")?;
+    let format = chart::ChartFormat::from_path(&path)
+        .ok_or("nothing is drawn with this ending; known are .svg .png")?;
     Ok((path, format))
 }
 
 pub(super) fn figures(text: &str) -> Result<(PathBuf, BenchFormat), String> {
     let path = PathBuf::from(text);
-    let format = BenchFormat::of(&path)
+    let format = BenchFormat::from_path(&path)
         .ok_or("no figures are written with this ending; known are .json .svg .png")?;
     Ok((path, format))
 }

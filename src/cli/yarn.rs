@@ -1,13 +1,14 @@
-//! `warpknit yarn`: a photo of a yarn to a folder of maps, with a contact sheet of everything that
-//! was made.
+//! `warpknit yarn`: from a photo of a yarn to a folder of maps, with a contact sheet.
+//!
+//! In: the flags and the photo. Out: the folder, and a report on standard output. The folder
+//! appears only when it is complete.
 
 use std::fmt::Write as _;
-use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use warpknit::export::{OutputFolder, png};
 use warpknit::folder::yarn_maps::{FILES, save};
-use warpknit::photo::yarn::develop::{Developed, Scale, Settings, Step, develop};
+use warpknit::photo::yarn::develop::{Developed, PixelScale, Step, YarnPhotoSettings, develop};
 use warpknit::photo::yarn::{read_maps, read_photo};
 
 use super::args::Yarn;
@@ -16,14 +17,14 @@ use super::terminal::Terminal;
 use super::{print, tell};
 use warpknit::pipeline::{Listener as _, Task};
 
-/// Sizes of maps that are believed, mm.
+/// Sizes of maps that are accepted, mm. Others come from a mistake in a flag.
 const SIZES: std::ops::RangeInclusive<f64> = 0.001..=10_000.0;
-/// Files that are no maps: yarn.toml and the sheet.
+/// Files in the folder that are no maps: yarn.toml and the contact sheet.
 const OTHER_FILES: usize = 2;
-/// Share of the progress bar that the steps take; the sheet's swatch takes most of the rest.
+/// Share of the progress bar for the steps. The sheet's swatch takes most of the rest.
 const STEPS_SHARE: f32 = 0.6;
 
-/// Develops a photo. The folder is seen only when all of it is whole.
+/// Develops a photo into a folder of maps.
 pub(crate) fn yarn(arguments: &Yarn) -> Result<()> {
     let terminal = Terminal::begin_command(&arguments.running)?;
     terminal.begin(Task::Read, 0.0);
@@ -47,7 +48,7 @@ pub(crate) fn yarn(arguments: &Yarn) -> Result<()> {
     check_size(&yarn)?;
     terminal.begin(Task::Write, f64::from(STEPS_SHARE));
     save(&yarn, &folder)?;
-    // The swatch wears what was written, so that the sheet shows what others will read.
+    // The swatch uses the maps as read back from the files: it shows what other programs will see.
     let maps = read_maps(&folder.file(""), SWATCH_YARN_WIDTH, None)?;
     terminal.begin(Task::Render, f64::from(STEPS_SHARE));
     let swatch = contact::swatch(maps, &yarn, &|done| {
@@ -57,6 +58,7 @@ pub(crate) fn yarn(arguments: &Yarn) -> Result<()> {
     png::write(&folder.file("sheet.png"), &contact::sheet(&photo, &yarn, &swatch))?.publish()?;
     folder.publish()?;
     terminal.clear();
+    // Notes go to standard error, so that the report can be parsed.
     notes(&yarn).iter().for_each(|note| {
         tell(arguments.running.quiet, &format!("note: {}: {note}", arguments.photo.display()));
     });
@@ -68,24 +70,23 @@ pub(crate) fn yarn(arguments: &Yarn) -> Result<()> {
 }
 
 impl Yarn {
-    fn settings(&self) -> Settings {
+    fn settings(&self) -> YarnPhotoSettings {
         let scale = match (self.dpi, self.yarn_width_mm) {
-            (Some(dpi), _) => Scale::Dpi(dpi),
-            (None, Some(width)) => Scale::YarnWidth(width),
-            (None, None) => Scale::Unknown,
+            (Some(dpi), _) => PixelScale::Dpi(dpi),
+            (None, Some(width)) => PixelScale::YarnWidth(width),
+            (None, None) => PixelScale::Unknown,
         };
         let Self { crop, brightness, contrast, threshold, .. } = *self;
-        Settings { crop, brightness, contrast, threshold, scale }
+        YarnPhotoSettings { crop, brightness, contrast, threshold, scale }
     }
 }
 
-/// Refuses to write over the photo.
+/// Refuses to overwrite the photo.
 fn check_names(arguments: &Yarn) -> Result<()> {
-    let place = |path: &Path| path.canonicalize().ok();
-    let photo = place(&arguments.photo);
+    let photo = arguments.photo.canonicalize().ok();
     for file in FILES {
         let target = arguments.output.join(file);
-        if photo.is_some() && place(&target) == photo {
+        if photo.is_some() && target.canonicalize().ok() == photo {
             bail!(
                 "{}: this is the photo, and would be written over; name another folder with -o",
                 target.display()
@@ -101,41 +102,41 @@ fn check_size(yarn: &Developed) -> Result<()> {
         && !(SIZES.contains(&width) && SIZES.contains(&length))
     {
         bail!(
-            "the maps would be {width:.3e} mm wide and {length:.3e} mm long: check --yarn-width-mm or --dpi"
+            "the maps would be {width:.3e} mm wide and {length:.3e} mm long: \
+             check --yarn-width-mm or --dpi"
         );
     }
     Ok(())
 }
 
-/// What whoever uses the maps should know.
+/// Notes for the user of the maps.
 fn notes(yarn: &Developed) -> Vec<String> {
     let mut notes = Vec::new();
     if yarn.mm_per_pixel.is_none() {
         notes.push(
-            "nothing says how large the yarn is, so it is taken to be as thick as the fabric's; give --yarn-width-mm or --dpi"
+            "nothing says how large the yarn is, so it is taken to be as thick as the fabric's; \
+             give --yarn-width-mm or --dpi"
                 .to_owned(),
         );
     }
     if !yarn.repeat.is_found {
         let correlation = yarn.repeat.correlation;
         notes.push(format!(
-            "no repeat was found (correlation {correlation:.2}); the maps show a stretch that fits itself, as good for spun yarns"
+            "no repeat was found (correlation {correlation:.2}); the maps show a stretch that fits \
+             itself, as good for spun yarns"
         ));
     }
     notes
 }
 
-/// A line a number, its name first.
+/// The report: one line for each figure, its name first.
 fn report(yarn: &Developed) -> String {
-    let mm = |pixels: f64| {
-        yarn.mm_per_pixel.map_or_else(String::new, |scale| format!(", {:.4} mm", pixels * scale))
-    };
     let (width, height) = yarn.base.dimensions();
     let rows = [
         ("yarn", yarn.orientation.to_string()),
         ("threshold", format!("{:.1} of 255", yarn.threshold)),
-        ("yarn width", format!("{:.2} pixels{}", yarn.yarn_width, mm(yarn.yarn_width))),
-        ("repeat", format!("{}{}", yarn.repeat, mm(yarn.repeat.length))),
+        ("yarn width", format!("{:.2} pixels{}", yarn.yarn_width, in_mm(yarn, yarn.yarn_width))),
+        ("repeat", format!("{}{}", yarn.repeat, in_mm(yarn, yarn.repeat.length))),
         ("seam", format!("{}, gradient energy {:.2} of the rest's", yarn.seam, yarn.seam.energy)),
         ("maps", format!("{width} x {height} texels, {} wide with the fuzz", wide(yarn))),
         (
@@ -150,6 +151,12 @@ fn report(yarn: &Developed) -> String {
     })
 }
 
+/// A length in mm, as an addition to one in pixels; nothing where the scale is unknown.
+fn in_mm(yarn: &Developed, pixels: f64) -> String {
+    yarn.mm_per_pixel.map_or_else(String::new, |scale| format!(", {:.4} mm", pixels * scale))
+}
+
+/// The width of the maps, in mm if it is known, else in widths of the yarn.
 fn wide(yarn: &Developed) -> String {
     yarn.width().map_or_else(
         || format!("{:.2} yarns", f64::from(yarn.base.height()) / yarn.yarn_width),

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use assert_cmd::Command;
 use glam::DVec2;
-use warpknit::chart::{Drawing, Piece, Shape, svg};
+use warpknit::chart::{Drawing, DrawingShape, PathSegment, svg};
 use warpknit::fabric::Fabric;
 
 /// A fabric file of bars as (chain, threading, further lines).
@@ -21,14 +21,14 @@ fn toml(name: &str, bars: &[(&str, &str, &str)]) -> String {
 }
 
 fn drawing(bars: &[(&str, &str, &str)]) -> Drawing {
-    Drawing::of(&Fabric::parse(&toml("t", bars)).unwrap())
+    Drawing::from_fabric(&Fabric::parse(&toml("t", bars)).unwrap())
 }
 
 /// The dots of a drawing as rows, lowest first, each from right to left.
 fn rows(drawing: &Drawing) -> Vec<Vec<DVec2>> {
     let needles = drawing.layers.iter().find(|layer| layer.name == "needles").unwrap();
     let dots = needles.shapes.iter().map(|shape| match shape {
-        Shape::Dot { at, .. } => *at,
+        DrawingShape::Dot { at, .. } => *at,
         other => panic!("{other:?} is no needle"),
     });
     let mut dots: Vec<_> = dots.collect();
@@ -39,12 +39,12 @@ fn rows(drawing: &Drawing) -> Vec<Vec<DVec2>> {
 /// A bar's strong path as short straight lines.
 fn line(drawing: &Drawing, bar: usize) -> Vec<DVec2> {
     let layer = drawing.layers.iter().find(|layer| layer.name == format!("bar-{bar}")).unwrap();
-    let [Shape::Path { pieces, .. }] = &layer.shapes[..] else { panic!("one yarn a bar") };
+    let [DrawingShape::Path { segments, .. }] = &layer.shapes[..] else { panic!("one yarn a bar") };
     let mut points: Vec<DVec2> = Vec::new();
-    for piece in pieces {
-        match *piece {
-            Piece::Move(end) | Piece::Line(end) => points.push(end),
-            Piece::Curve(a, b, end) => {
+    for segment in segments {
+        match *segment {
+            PathSegment::Move(end) | PathSegment::Line(end) => points.push(end),
+            PathSegment::Curve(a, b, end) => {
                 let start = points[points.len() - 1];
                 points.extend((1..=16).map(|step| {
                     let t = f64::from(step) / 16.0;
@@ -138,7 +138,7 @@ fn gap_0_lies_at_the_drive() {
     let place = |drawing: &Drawing, gap: &str| {
         let layer = drawing.layers.iter().find(|layer| layer.name == "gaps").unwrap();
         let at = layer.shapes.iter().find_map(|shape| match shape {
-            Shape::Text { at, text, .. } if text == gap => Some(at.x),
+            DrawingShape::Text { at, text, .. } if text == gap => Some(at.x),
             _ => None,
         });
         at.unwrap()
@@ -185,7 +185,7 @@ fn the_svg_is_xml_with_a_dot_a_needle_and_a_path_a_bar() {
 fn no_name_breaks_the_xml() {
     let name = r#"<b> & \"]]>\u0001 \u0085 日本"#;
     let fabric = Fabric::parse(&toml(name, &[("1-0", "I", "")])).unwrap();
-    let text = svg::text(&Drawing::of(&fabric));
+    let text = svg::text(&Drawing::from_fabric(&fabric));
     let tree = roxmltree::Document::parse(&text).unwrap();
     assert!(
         tree.descendants()
@@ -204,24 +204,26 @@ fn huge_fabrics_are_cut_to_a_sheet_and_say_so() {
         .collect();
     let drawing = drawing(&bars);
     assert!(
-        drawing
-            .layers
-            .iter()
-            .flat_map(|layer| &layer.shapes)
-            .any(|shape| matches!(shape, Shape::Text { text, .. } if text.ends_with("...  I")))
+        drawing.layers.iter().flat_map(|layer| &layer.shapes).any(
+            |shape| matches!(shape, DrawingShape::Text { text, .. } if text.ends_with("...  I"))
+        )
     );
     assert!(drawing.size.max_element() < 4000.0, "{}", drawing.size);
     assert_eq!(drawing.notes.len(), 3, "{:?}", drawing.notes);
     assert!(svg::text(&drawing).len() < 1_000_000);
     let sheet = drawing.layers.iter().flat_map(|layer| &layer.shapes).all(|shape| match shape {
-        Shape::Path { pieces, .. } => {
-            pieces.iter().all(|piece| (0.0..=drawing.size.x).contains(&piece.end().x))
+        DrawingShape::Path { segments, .. } => {
+            segments.iter().all(|segment| (0.0..=drawing.size.x).contains(&segment.end().x))
         }
-        Shape::Area { pieces } => pieces.iter().all(|piece| piece.end().cmpge(DVec2::ZERO).all()),
-        Shape::Dot { at, .. } | Shape::Text { at, .. } | Shape::Picture { at, .. } => {
+        DrawingShape::Area { segments } => {
+            segments.iter().all(|segment| segment.end().cmpge(DVec2::ZERO).all())
+        }
+        DrawingShape::Dot { at, .. }
+        | DrawingShape::Text { at, .. }
+        | DrawingShape::Picture { at, .. } => {
             at.cmpge(DVec2::ZERO).all() && at.cmple(drawing.size).all()
         }
-        Shape::Title { .. } => true,
+        DrawingShape::Title { .. } => true,
     });
     assert!(sheet, "everything lies on the sheet");
 }

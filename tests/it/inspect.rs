@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use assert_cmd::Command;
 use glam::DVec2;
 use roxmltree::Document;
-use warpknit::chart::{Drawing, Shape};
+use warpknit::chart::{Drawing, DrawingShape};
 use warpknit::garment::{Garment, ReadOptions, read};
 use warpknit::locate::overlap::overlaps;
 
@@ -284,9 +284,11 @@ fn maps_have_the_colours_of_the_legend() {
         let panel = &mut garment.panels[0];
         panel.draped =
             panel.uv.iter().map(|uv| glam::DVec3::new(uv.x, uv.y * stretch, 0.0)).collect();
-        let drawing = Drawing::of_garment("one", &garment);
+        let drawing = Drawing::from_garment("one", &garment);
         let layer = drawing.layers.iter().find(|layer| layer.name == "warp-front").unwrap();
-        let [Shape::Picture { picture, .. }] = &layer.shapes[..] else { panic!("one picture") };
+        let [DrawingShape::Picture { picture, .. }] = &layer.shapes[..] else {
+            panic!("one picture")
+        };
         picture.get_pixel(picture.width() / 2, picture.height() / 2).0
     };
     let [red, blue, grey] = [1.19, 1.0 / 1.19, 1.0].map(colour);
@@ -336,7 +338,7 @@ fn an_atlas_of_many_scraps_is_cut_with_a_word() {
     };
     let mut garment = Garment::rectangle(1.0, 1.0);
     garment.panels = (0..100).map(panel).collect();
-    let drawing = Drawing::of_garment("atlas", &garment);
+    let drawing = Drawing::from_garment("atlas", &garment);
     let drawn: Vec<_> =
         drawing.layers.iter().filter(|layer| layer.name.starts_with("panel-")).collect();
     assert!(
@@ -344,7 +346,7 @@ fn an_atlas_of_many_scraps_is_cut_with_a_word() {
             && drawn.iter().all(|layer| layer.name[6..].parse::<u32>().unwrap() >= 60),
         "the largest ones"
     );
-    let says = |shape: &Shape| matches!(shape, Shape::Text { text, .. } if text == "60 smaller panels are left out");
+    let says = |shape: &DrawingShape| matches!(shape, DrawingShape::Text { text, .. } if text == "60 smaller panels are left out");
     assert!(drawing.layers.iter().flat_map(|layer| &layer.shapes).any(says));
 }
 
@@ -388,7 +390,7 @@ fn real_garments_have_sheets() {
             within,
             "{name}"
         );
-        let drawing = Drawing::of_garment(name, &garment);
+        let drawing = Drawing::from_garment(name, &garment);
         let text = warpknit::chart::svg::text(&drawing);
         assert!(text.len() < 3_000_000, "{name}: {} bytes", text.len());
         let sheet = Document::parse(&text).unwrap();

@@ -10,7 +10,7 @@ use image::{ImageReader, Rgb, RgbImage, RgbaImage};
 use rayon::prelude::*;
 use warpknit::export::OutputFolder;
 use warpknit::folder::yarn_maps::save;
-use warpknit::photo::yarn::develop::{Developed, Scale, Settings, develop};
+use warpknit::photo::yarn::develop::{Developed, PixelScale, YarnPhotoSettings, develop};
 use warpknit::photo::yarn::{read_maps, read_photo};
 
 /// How many photos are developed: of yarns as large as they are to be, of small ones, and of such
@@ -347,8 +347,8 @@ struct Errors {
 
 fn errors(yarn: &Yarn) -> Result<Errors, String> {
     let (photo, truth) = yarn.photographed();
-    let found =
-        develop(&photo, &Settings::default(), &mut |_, _| ()).map_err(|error| error.to_string())?;
+    let found = develop(&photo, &YarnPhotoSettings::default(), &mut |_, _| ())
+        .map_err(|error| error.to_string())?;
     let (seam, joint) = seams(&found);
     let [overlap, bare_overlap] = overlaps(&found, &truth, yarn.size);
     Ok(Errors {
@@ -538,7 +538,8 @@ fn a_photo_becomes_a_folder_that_is_read_back() {
 fn without_a_scale_no_lengths_are_written() {
     let folder = tempfile::tempdir().unwrap();
     let yarn =
-        develop(&Yarn::small(18).photographed().0, &Settings::default(), &mut |_, _| ()).unwrap();
+        develop(&Yarn::small(18).photographed().0, &YarnPhotoSettings::default(), &mut |_, _| ())
+            .unwrap();
     let output = OutputFolder::create(&folder.path().join("maps")).unwrap();
     save(&yarn, &output).unwrap();
     output.publish().unwrap();
@@ -550,23 +551,33 @@ fn without_a_scale_no_lengths_are_written() {
 fn settings_overrule_what_is_found() {
     let yarn = Yarn::small(18);
     let photo = yarn.photographed().0;
-    let developed = |settings: Settings| develop(&photo, &settings, &mut |_, _| ()).unwrap();
-    let plain = developed(Settings { scale: Scale::Dpi(2540.0), ..Settings::default() });
+    let developed =
+        |settings: YarnPhotoSettings| develop(&photo, &settings, &mut |_, _| ()).unwrap();
+    let plain = developed(YarnPhotoSettings {
+        scale: PixelScale::Dpi(2540.0),
+        ..YarnPhotoSettings::default()
+    });
     assert!((plain.length().unwrap() - 0.01 * plain.repeat.length).abs() < 1e-9);
     assert!((plain.mapping_coefficient().unwrap() * plain.length().unwrap() - 1.0).abs() < 1e-9);
-    let cropped = developed(Settings { crop: Some([40, 5, 300, 120]), ..Settings::default() });
+    let cropped = developed(YarnPhotoSettings {
+        crop: Some([40, 5, 300, 120]),
+        ..YarnPhotoSettings::default()
+    });
     assert!(
         cropped.strip.width() <= 300 && (cropped.repeat.length / yarn.repeat() - 1.0).abs() < 0.02
     );
-    let thin = developed(Settings { threshold: Some(230), ..Settings::default() });
+    let thin =
+        developed(YarnPhotoSettings { threshold: Some(230), ..YarnPhotoSettings::default() });
     assert!(thin.threshold == 230.0 && thin.yarn_width < plain.yarn_width);
     let mean = |found: &Developed| {
         found.base.pixels().map(|pixel| f64::from(pixel.0[1])).sum::<f64>()
             / f64::from(found.base.width() * found.base.height())
     };
     assert!(
-        mean(&developed(Settings { brightness: Some(-0.1), ..Settings::default() }))
-            < mean(&plain) - 10.0
+        mean(&developed(YarnPhotoSettings {
+            brightness: Some(-0.1),
+            ..YarnPhotoSettings::default()
+        })) < mean(&plain) - 10.0
     );
 }
 
@@ -575,7 +586,7 @@ fn any_number_of_threads_gives_the_same() {
     let photo = Yarn::small(4).photographed().0;
     let with = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| develop(&photo, &Settings::default(), &mut |_, _| ()).unwrap())
+        pool.install(|| develop(&photo, &YarnPhotoSettings::default(), &mut |_, _| ()).unwrap())
     };
     assert_eq!(with(1), with(3));
 }

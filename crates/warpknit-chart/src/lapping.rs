@@ -1,27 +1,35 @@
-//! The sheet of a lapping diagram: what is shown, where it lies, and its labels.
+//! The lapping diagram of a warp knit: which needles, courses and bars are shown, where they lie on
+//! the sheet, and the labels.
+//!
+//! In: a [`Fabric`] with guide bars. Out: a [`Drawing`] with a layer for each bar. Two repeats are
+//! shown, within the limits of needles, courses and bars below; a note says what is left out.
+//! `path` gives the line of each yarn. Cost: some thousand shapes at most.
 
 use std::ops::Range;
 
 use glam::DVec2;
 
-use super::path::{Lane, Piece, Pitch, clipped, rounded, waypoints};
+use super::path::{Lane, PathSegment, Pitch, clipped, rounded, waypoints};
 use super::{
-    Anchor, Drawing, FAINT, HAIR, HEADING, INK, Layer, MARGIN, Shape, TextSize, cut, label,
-    shortened,
+    Anchor, Drawing, DrawingLayer, DrawingShape, FAINT, HAIR, HEADING, INK, MARGIN, TextSize, cut,
+    label, shortened,
 };
 use warpknit_core::fabric::yarn::Color;
 use warpknit_core::fabric::{Bar, BarKind, Fabric};
 use warpknit_core::ids::index32;
 
-/// The most needles, courses and bars on a sheet: a PNG of that size still takes less than 200 MB
+/// The most needles on a sheet. A PNG of a sheet with all three limits still takes less than 200 MB
 /// to paint.
 const MOST_NEEDLES: i64 = 40;
+/// The most courses on a sheet.
 const MOST_COURSES: usize = 40;
+/// The most bars on a sheet.
 const MOST_BARS: usize = 24;
-/// The least courses: fewer do not show how laps join.
+/// The fewest courses on a sheet. Fewer would not show how laps join.
 const LEAST_COURSES: usize = 4;
-/// The most characters of a chain and a threading in the legend, which may have thousands.
+/// The most characters of a chain in the legend; chains may have thousands.
 const MOST_OF_CHAIN: usize = 48;
+/// The most characters of a threading in the legend.
 const MOST_OF_THREADING: usize = 16;
 
 /// Colours of bars, front first: far apart from each other and dark enough for white paper.
@@ -38,34 +46,42 @@ const BAR_COLORS: [Color; 10] = [
     Color([0x3f, 0x48, 0x52]),
 ];
 
-// The sheet, px.
-/// Sides of the largest rounding, over the needles' pitch: as much as the widest overlap takes.
+/// Length of a rounded corner's sides over the needle pitch: as much as the widest overlap takes.
 const CORNER: f64 = 0.34;
+/// Room for the course numbers, px.
 const COURSE_NUMBERS: f64 = 44.0;
+/// Room for the gap numbers, px.
 const GAP_NUMBERS: f64 = 34.0;
+/// Height of a line of the legend, px.
 const LEGEND_ROW: f64 = 20.0;
+/// Height of a note, px.
 const NOTE_ROW: f64 = 16.0;
+/// Room for the sample of a bar's line in the legend, px.
 const SAMPLE: f64 = 26.0;
+/// Radius of a needle's dot, px.
 const DOT: f64 = 3.2;
+/// Line width of a bar's yarn, px.
 const YARN: f64 = 2.4;
+/// Line width of a bar's other yarns, px.
 const NEIGHBOUR: f64 = 1.0;
 
-/// Where things lie.
-struct Sheet {
+/// The layout of the sheet.
+struct LappingSheet {
     pitch: Pitch,
-    /// Gaps that are shown.
+    /// The gaps between needles that are shown.
     gaps: Range<i64>,
     courses: usize,
-    /// Gap 0 of guide 0 at the first course, px of the sheet.
+    /// The place of gap 0 of guide 0 at the first course, px of the sheet.
     origin: DVec2,
     bars: usize,
     size: DVec2,
 }
 
+/// Draws the diagram.
 pub(super) fn draw(fabric: &Fabric) -> Drawing {
     let bars = &fabric.bars[..fabric.bars.len().min(MOST_BARS)];
     let reach = reach(bars);
-    let mut sheet = Sheet::new(fabric, bars, &reach);
+    let mut sheet = LappingSheet::new(fabric, bars, &reach);
     let notes = notes(fabric, &sheet, &reach);
     sheet.size.y += NOTE_ROW * f64::from(index32(notes.len()));
     let widest = notes.iter().map(|note| TextSize::Small.width(note)).fold(0.0, f64::max);
@@ -78,7 +94,7 @@ pub(super) fn draw(fabric: &Fabric) -> Drawing {
             layers.push(sheet.neighbours(at, bar, lane));
         }
         let shapes = sheet.yarn(bar, drawn_guide(bar), lane, YARN);
-        layers.push(Layer { name: format!("bar-{}", at + 1), color: bar_color(at), shapes });
+        layers.push(DrawingLayer { name: format!("bar-{}", at + 1), color: bar_color(at), shapes });
     }
     layers.push(sheet.gap_numbers(bars));
     layers.push(sheet.course_numbers(fabric.repeat()));
@@ -86,12 +102,13 @@ pub(super) fn draw(fabric: &Fabric) -> Drawing {
     Drawing { size: sheet.size, layers, notes }
 }
 
+/// The colour of the bar with that index.
 fn bar_color(at: usize) -> Color {
     BAR_COLORS[at % BAR_COLORS.len()]
 }
 
-/// The guide whose yarn stands for its bar: the first threaded one from the drive. Wefts have none
-/// and are all drawn.
+/// The guide whose yarn stands for its bar: the first threaded one, counted from the drive. A weft
+/// has no guide, and all wefts are drawn.
 fn drawn_guide(bar: &Bar) -> i64 {
     if bar.kind == BarKind::Weft {
         return 0;
@@ -103,7 +120,7 @@ fn drawn_guide(bar: &Bar) -> i64 {
         .expect("a threading holds a yarn")
 }
 
-/// The gaps that the drawn yarns pass, all bars together.
+/// The range of gaps that the drawn yarns of all bars pass.
 fn reach(bars: &[Bar]) -> Range<i64> {
     let gaps = bars.iter().map(|bar| {
         let ((low, high), guide) = (bar.chain.gaps(), drawn_guide(bar));
@@ -113,24 +130,30 @@ fn reach(bars: &[Bar]) -> Range<i64> {
     low..high
 }
 
-/// Lanes in which no bar hides another.
+/// Lanes that keep the bars' paths apart, so that none hides another.
 fn lanes(bars: &[Bar], pitch: Pitch) -> Vec<Lane> {
     let number = |count: usize| f64::from(index32(count));
+    // Overlaps of several bars are nested around the same dot, each a step farther out. The steps
+    // shrink with the number of bars, since the outermost must not reach the next needle.
     let knitting = bars.iter().filter(|bar| !bar.chain.is_inlay()).count();
     let (nearest, farthest) = (0.19 * pitch.across, CORNER * pitch.across);
     let leg_step =
         (0.09 * pitch.across).min((farthest - nearest) / number(knitting.saturating_sub(1).max(1)));
     let aside_step = (0.1 * pitch.across).min(0.24 * pitch.across / number(bars.len()));
     let mut nested = 0;
-    let lane = |(at, bar): (usize, &Bar)| {
+    let mut lanes = Vec::with_capacity(bars.len());
+    for (at, bar) in bars.iter().enumerate() {
         let leg = nearest + leg_step * number(nested);
         nested += usize::from(!bar.chain.is_inlay());
-        Lane { leg, aside: aside_step * (number(at) - number(bars.len() - 1) / 2.0) }
-    };
-    bars.iter().enumerate().map(lane).collect()
+        // In gaps and bands the paths lie side by side, centred on the middle.
+        let aside = aside_step * (number(at) - number(bars.len() - 1) / 2.0);
+        lanes.push(Lane { leg, aside });
+    }
+    lanes
 }
 
-fn notes(fabric: &Fabric, sheet: &Sheet, reach: &Range<i64>) -> Vec<String> {
+/// One line for each thing that is left out.
+fn notes(fabric: &Fabric, sheet: &LappingSheet, reach: &Range<i64>) -> Vec<String> {
     let mut notes = Vec::new();
     let repeat = fabric.repeat();
     if sheet.courses < 2 * repeat {
@@ -152,12 +175,13 @@ fn notes(fabric: &Fabric, sheet: &Sheet, reach: &Range<i64>) -> Vec<String> {
     notes
 }
 
-impl Sheet {
+impl LappingSheet {
+    /// Lays out the sheet for some bars whose yarns pass the gaps of `reach`.
     fn new(fabric: &Fabric, bars: &[Bar], reach: &Range<i64>) -> Self {
         // More bars need wider gaps between the dots.
         let roomy = 4.0 * f64::from(index32(bars.len().clamp(2, 7) - 2));
         let pitch = Pitch { across: 44.0 + roomy, along: 56.0 + roomy };
-        // A needle more on each side shows where the pattern goes on.
+        // One more needle on each side shows how the pattern continues.
         let (mut low, mut high) = (reach.start - 1, reach.end + 1);
         if high - low > MOST_NEEDLES {
             (low, high) =
@@ -175,7 +199,7 @@ impl Sheet {
             MARGIN + HEADING + whole(index32(courses).into()) * pitch.along - 0.5 * pitch.along;
         let lines = f64::from(index32(bars.len()));
         let height = first_course + 0.5 * pitch.along + GAP_NUMBERS + lines * LEGEND_ROW + MARGIN;
-        // The diagram stands in the middle of a sheet that its words make wider.
+        // Long words make the sheet wider than the diagram, which then stands in its middle.
         let left = MARGIN + COURSE_NUMBERS + (width - 2.0 * MARGIN - diagram) / 2.0;
         let origin = DVec2::new(left + whole(high) * pitch.across, first_course);
         Self {
@@ -188,49 +212,57 @@ impl Sheet {
         }
     }
 
-    /// A place of the point paper, gaps to the left and courses up.
+    /// A place of the point paper on the sheet. Gaps count to the left, courses upward.
     fn at(&self, gap: f64, course: f64) -> DVec2 {
         self.origin - DVec2::new(gap * self.pitch.across, course * self.pitch.along)
     }
 
+    /// x of the diagram's left side.
     fn left(&self) -> f64 {
         self.at(whole(self.gaps.end), 0.0).x
     }
 
+    /// x of the diagram's right side.
     fn right(&self) -> f64 {
         self.at(whole(self.gaps.start), 0.0).x
     }
 
-    fn needles(&self) -> Layer {
+    /// The needles' dots.
+    fn needles(&self) -> DrawingLayer {
         let row = |course: usize| {
-            self.gaps.clone().map(move |gap| Shape::Dot {
+            self.gaps.clone().map(move |gap| DrawingShape::Dot {
                 at: self.at(whole(gap) + 0.5, f64::from(index32(course))),
                 radius: DOT,
             })
         };
-        Layer {
+        DrawingLayer {
             name: "needles".to_owned(),
             color: INK,
             shapes: (0..self.courses).flat_map(row).collect(),
         }
     }
 
-    /// A hairline where one repeat ends and the next begins.
-    fn repeats(&self, repeat: usize) -> Layer {
-        let line = |course: usize| {
-            let y = self.at(0.0, f64::from(index32(course)) - 0.5).y;
-            let pieces = vec![
-                Piece::Move(DVec2::new(self.left(), y)),
-                Piece::Line(DVec2::new(self.right(), y)),
-            ];
-            Shape::Path { pieces, width: 1.0 }
-        };
-        let shapes = (repeat..self.courses).step_by(repeat).map(line).collect();
-        Layer { name: "repeats".to_owned(), color: HAIR, shapes }
+    /// A line across the whole diagram.
+    fn level_line(&self, y: f64, width: f64) -> DrawingShape {
+        let segments = vec![
+            PathSegment::Move(DVec2::new(self.left(), y)),
+            PathSegment::Line(DVec2::new(self.right(), y)),
+        ];
+        DrawingShape::Path { segments, width }
     }
 
-    /// The yarn of one guide, as far as it lies on the sheet.
-    fn yarn(&self, bar: &Bar, guide: i64, lane: Lane, width: f64) -> Vec<Shape> {
+    /// A thin line where one repeat ends and the next begins.
+    fn repeats(&self, repeat: usize) -> DrawingLayer {
+        let shapes = (repeat..self.courses)
+            .step_by(repeat)
+            .map(|course| self.at(0.0, f64::from(index32(course)) - 0.5).y)
+            .map(|y| self.level_line(y, 1.0))
+            .collect();
+        DrawingLayer { name: "repeats".to_owned(), color: HAIR, shapes }
+    }
+
+    /// The part of a guide's yarn that lies on the sheet.
+    fn yarn(&self, bar: &Bar, guide: i64, lane: Lane, width: f64) -> Vec<DrawingShape> {
         if bar.kind == BarKind::Weft {
             return self.wefts(bar, lane, width);
         }
@@ -238,71 +270,62 @@ impl Sheet {
         let corners: Vec<_> =
             corners.into_iter().map(|point| self.origin + DVec2::new(point.x, -point.y)).collect();
         let parts = clipped(&corners, self.left(), self.right());
-        let pieces: Vec<_> =
+        let segments: Vec<_> =
             parts.iter().flat_map(|part| rounded(part, CORNER * self.pitch.across)).collect();
-        if pieces.is_empty() { Vec::new() } else { vec![Shape::Path { pieces, width }] }
+        if segments.is_empty() { Vec::new() } else { vec![DrawingShape::Path { segments, width }] }
     }
 
-    /// The wefts of a bar: straight through all gaps, above the needles of their course.
-    fn wefts(&self, bar: &Bar, lane: Lane, width: f64) -> Vec<Shape> {
-        let courses =
-            (0..self.courses).filter(|&course| bar.threading.carries(i64::from(index32(course))));
-        let line = |course: usize| {
-            let y = self.at(0.0, f64::from(index32(course)) + 0.5).y + lane.aside;
-            let pieces = vec![
-                Piece::Move(DVec2::new(self.left(), y)),
-                Piece::Line(DVec2::new(self.right(), y)),
-            ];
-            Shape::Path { pieces, width }
-        };
-        courses.map(line).collect()
+    /// The wefts of a bar: straight lines through all gaps, above the needles of their course. A
+    /// weft's threading says which courses have one.
+    fn wefts(&self, bar: &Bar, lane: Lane, width: f64) -> Vec<DrawingShape> {
+        (0..self.courses)
+            .filter(|&course| bar.threading.carries(i64::from(index32(course))))
+            .map(|course| self.at(0.0, f64::from(index32(course)) + 0.5).y + lane.aside)
+            .map(|y| self.level_line(y, width))
+            .collect()
     }
 
     /// The other yarns of a bar, thin and pale.
-    fn neighbours(&self, at: usize, bar: &Bar, lane: Lane) -> Layer {
+    fn neighbours(&self, at: usize, bar: &Bar, lane: Lane) -> DrawingLayer {
         let (low, high) = bar.chain.gaps();
         let touching = self.gaps.start - i64::from(high)..=self.gaps.end - i64::from(low);
         let drawn = drawn_guide(bar);
         let others = touching.filter(|&guide| guide != drawn && bar.threading.carries(guide));
         let shapes = others.flat_map(|guide| self.yarn(bar, guide, lane, NEIGHBOUR)).collect();
         let pale = bar_color(at).0.map(|byte| 255 - (255 - byte) / 3);
-        Layer { name: format!("bar-{}-neighbours", at + 1), color: Color(pale), shapes }
+        DrawingLayer { name: format!("bar-{}-neighbours", at + 1), color: Color(pale), shapes }
     }
 
-    fn gap_numbers(&self, bars: &[Bar]) -> Layer {
+    /// The numbers of the gaps, counted from the drive.
+    fn gap_numbers(&self, bars: &[Bar]) -> DrawingLayer {
         let from_left = bars.iter().all(Bar::counts_from_left);
-        let number = |gap: i64| if from_left { -gap } else { gap };
         let y = self.origin.y + 0.5 * self.pitch.along + 18.0;
-        let text = |gap: i64| {
-            label(
-                DVec2::new(self.at(whole(gap), 0.0).x, y),
-                number(gap).to_string(),
-                Anchor::Middle,
-            )
-        };
-        let gaps = self.gaps.start + 1..self.gaps.end;
-        let mut shapes: Vec<_> = gaps.map(text).collect();
+        let mut shapes = Vec::new();
+        for gap in self.gaps.start + 1..self.gaps.end {
+            let number = if from_left { -gap } else { gap };
+            let at = DVec2::new(self.at(whole(gap), 0.0).x, y);
+            shapes.push(label(at, number.to_string(), Anchor::Middle));
+        }
         shapes.push(label(DVec2::new(self.left() - 14.0, y), "gap".to_owned(), Anchor::End));
-        Layer { name: "gaps".to_owned(), color: FAINT, shapes }
+        DrawingLayer { name: "gaps".to_owned(), color: FAINT, shapes }
     }
 
-    fn course_numbers(&self, repeat: usize) -> Layer {
-        let x = self.left() - 14.0;
-        let place = |course: usize| DVec2::new(x, self.at(0.0, f64::from(index32(course))).y + 4.0);
-        let number =
-            |course: usize| label(place(course), (course % repeat + 1).to_string(), Anchor::End);
-        Layer {
-            name: "courses".to_owned(),
-            color: FAINT,
-            shapes: (0..self.courses).map(number).collect(),
+    /// The numbers of the courses within their repeat.
+    fn course_numbers(&self, repeat: usize) -> DrawingLayer {
+        let mut shapes = Vec::new();
+        for course in 0..self.courses {
+            let y = self.at(0.0, f64::from(index32(course))).y + 4.0;
+            let at = DVec2::new(self.left() - 14.0, y);
+            shapes.push(label(at, (course % repeat + 1).to_string(), Anchor::End));
         }
+        DrawingLayer { name: "courses".to_owned(), color: FAINT, shapes }
     }
 
     /// The heading and the legend.
-    fn words(&self, fabric: &Fabric, bars: &[Bar], notes: &[String]) -> Vec<Layer> {
+    fn words(&self, fabric: &Fabric, bars: &[Bar], notes: &[String]) -> Vec<DrawingLayer> {
         let line = |y: f64, indent: f64, text: &str, size| {
             let at = DVec2::new(MARGIN + indent, y);
-            Shape::Text { at, text: shortened(text), size, anchor: Anchor::Start }
+            DrawingShape::Text { at, text: shortened(text), size, anchor: Anchor::Start }
         };
         let title = line(MARGIN + 14.0, 0.0, &fabric.name, TextSize::Title);
         let mut legend = self.origin.y + 0.5 * self.pitch.along + GAP_NUMBERS + LEGEND_ROW;
@@ -310,12 +333,12 @@ impl Sheet {
         let mut texts = vec![title];
         for (at, (text, indent)) in words_of(fabric, bars).enumerate() {
             let ends = [0.0, SAMPLE - 8.0].map(|x| DVec2::new(MARGIN + x, legend - 4.0));
-            let pieces = vec![Piece::Move(ends[0]), Piece::Line(ends[1])];
+            let segments = vec![PathSegment::Move(ends[0]), PathSegment::Line(ends[1])];
             let name = format!("legend-{}", at + 1);
-            samples.push(Layer {
+            samples.push(DrawingLayer {
                 name,
                 color: bar_color(at),
-                shapes: vec![Shape::Path { pieces, width: YARN + 0.6 }],
+                shapes: vec![DrawingShape::Path { segments, width: YARN + 0.6 }],
             });
             texts.push(line(legend, indent, &text, TextSize::Normal));
             legend += LEGEND_ROW;
@@ -330,21 +353,22 @@ impl Sheet {
                 TextSize::Small,
             ));
         }
-        samples.push(Layer { name: "text".to_owned(), color: INK, shapes: texts });
-        samples.push(Layer { name: "notes".to_owned(), color: FAINT, shapes: faint });
+        samples.push(DrawingLayer { name: "text".to_owned(), color: INK, shapes: texts });
+        samples.push(DrawingLayer { name: "notes".to_owned(), color: FAINT, shapes: faint });
         samples
     }
 }
 
 const VIEW: &str = "seen from the technical back, course 1 below";
 
-/// The legend's lines, with how far they are set in.
+/// The legend's lines, each with its indent in px.
 fn words_of<'a>(fabric: &'a Fabric, bars: &'a [Bar]) -> impl Iterator<Item = (String, f64)> + 'a {
     let widest = bars.iter().map(|bar| bar.lapping().len().min(MOST_OF_CHAIN)).max().unwrap_or(0);
     let several = fabric.bars.len() > 9;
     bars.iter().enumerate().map(move |(at, bar)| {
         let number = if several { format!("{:2}", at + 1) } else { (at + 1).to_string() };
         let drive = if bar.counts_from_left() { "  drive left" } else { "" };
+        // Gap numbers hold for guide 0; another guide's gaps are shifted by its number.
         let guide = match drawn_guide(bar).abs() {
             0 => String::new(),
             guide => format!("  (guide {}: gaps + {guide})", guide + 1),

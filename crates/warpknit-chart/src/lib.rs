@@ -1,15 +1,17 @@
-//! Diagrams of fabrics: the bars of a warp knit on point paper, as textbooks draw them, the loops
-//! of a weft knit as a chart, and laid cloth in plan. And sheets of garments.
+//! Diagrams of fabrics and sheets of garments.
 //!
 //! In: a [`Fabric`], or a [`Garment`]. Out: a [`Drawing`], a list of shapes that [`svg`] writes as
-//! text and [`png`] paints. Of a fabric a row of dots is a course, the first at the bottom; of a
-//! warp knit a dot is a needle; gaps are numbered below from the drive. Seen from the technical
-//! back, each bar's path goes over the dots that it laps and between the rows where it lies under
-//! them. One yarn a bar is drawn, that of its first threaded guide; where two bars or fewer leave
-//! room, its neighbours too, lightly.
+//! text and [`png`] rasterises. A warp knit becomes a lapping diagram on point paper, as textbooks
+//! draw it; a weft knit becomes a chart of its loops; laid cloth is drawn in plan.
 //!
-//! Not promised: that a very large fabric is drawn whole ([`Drawing::notes`] says what is left
-//! out).
+//! In a lapping diagram a row of dots is a course, the first course at the bottom, and a dot is a
+//! needle. The gaps between needles are numbered below, counted from the pattern drive. The view is
+//! from the technical back: each bar's path goes over the dots that it laps, and the underlaps lie
+//! between the rows. One yarn of each bar is drawn, that of its first threaded guide. With at most
+//! two bars there is room for the bar's other yarns, in a pale colour.
+//!
+//! Not promised: a very large fabric is not drawn completely. [`Drawing::notes`] says what is left
+//! out.
 
 mod garment;
 mod laid;
@@ -24,40 +26,44 @@ use std::path::Path;
 use glam::DVec2;
 use image::RgbaImage;
 
-pub use path::Piece;
+pub use path::PathSegment;
 use warpknit_core::fabric::Fabric;
 use warpknit_core::fabric::yarn::Color;
 use warpknit_core::garment::Garment;
 
+/// Text and symbols.
 const INK: Color = Color([0x22, 0x26, 0x2b]);
+/// Axis numbers and notes.
 const FAINT: Color = Color([0x6b, 0x72, 0x7a]);
+/// Grid lines.
 const HAIR: Color = Color([0xd5, 0xd9, 0xde]);
-/// Around a sheet, and for the words above its drawing, px.
+/// Margin around a sheet, px.
 const MARGIN: f64 = 24.0;
+/// Height of the title and the line below it, px.
 const HEADING: f64 = 58.0;
 /// The most characters of a text.
 const MOST_CHARACTERS: usize = 100;
 
-/// What can be drawn, in px of the sheet, y down.
+/// A shape of a drawing. Lengths are px of the sheet, y points down.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Shape {
-    /// A line along pieces.
+pub enum DrawingShape {
+    /// A line.
     Path {
-        /// What it passes.
-        pieces: Vec<Piece>,
-        /// How wide it is drawn.
+        /// Its course.
+        segments: Vec<PathSegment>,
+        /// Its width.
         width: f64,
     },
-    /// What a line around pieces encloses, filled; each of its loops inside another one is a hole.
+    /// A filled area (even-odd rule: a closed line inside another one is a hole).
     Area {
-        /// What the line passes.
-        pieces: Vec<Piece>,
+        /// Its outline.
+        segments: Vec<PathSegment>,
     },
     /// Pixels, two to a px.
     Picture {
         /// Its upper left corner.
         at: DVec2,
-        /// What it shows.
+        /// Its pixels.
         picture: RgbaImage,
     },
     /// A filled circle.
@@ -69,24 +75,24 @@ pub enum Shape {
     },
     /// A line of text.
     Text {
-        /// Where its baseline begins, is centred, or ends.
+        /// The place of the anchor on its baseline.
         at: DVec2,
-        /// What it says.
+        /// The words.
         text: String,
-        /// How large it is.
+        /// The size of the font.
         size: TextSize,
-        /// What of it stands at `at`.
+        /// The part of the text that stands at `at`.
         anchor: Anchor,
     },
-    /// What the layer's lines are, told where a pointer rests within them. A PNG has no place for
-    /// it.
+    /// A tooltip for the layer: an SVG viewer shows it where the pointer rests. A PNG leaves it
+    /// out.
     Title {
         /// One line.
         text: String,
     },
 }
 
-/// Sizes of text: those that the PNG's font comes in.
+/// Sizes of text: those of the bitmap font that a PNG uses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TextSize {
     /// Axis numbers and notes.
@@ -97,7 +103,7 @@ pub enum TextSize {
     Title,
 }
 
-/// Which part of a text stands at its place.
+/// The part of a text that stands at its place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anchor {
     /// Its beginning.
@@ -110,39 +116,39 @@ pub enum Anchor {
 
 /// Shapes of one kind and colour.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Layer {
-    /// What it is: `needles`, `bar-1` …; unique in a drawing.
+pub struct DrawingLayer {
+    /// Its name: `needles`, `bar-1` …; unique in a drawing.
     pub name: String,
     /// Colour of lines, areas, dots and text.
     pub color: Color,
-    /// What is drawn, first below.
-    pub shapes: Vec<Shape>,
+    /// The shapes in the order of drawing: later ones cover earlier ones.
+    pub shapes: Vec<DrawingShape>,
 }
 
-/// A picture as shapes.
+/// A drawing as vector shapes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drawing {
     /// Width and height, px.
     pub size: DVec2,
-    /// First below.
-    pub layers: Vec<Layer>,
-    /// What is left out because the fabric is too large for a sheet, a line each.
+    /// The layers in the order of drawing: later ones cover earlier ones.
+    pub layers: Vec<DrawingLayer>,
+    /// One line for each thing that is left out because the fabric is too large for a sheet.
     pub notes: Vec<String>,
 }
 
-/// The formats of a diagram.
+/// The file formats of a drawing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
-    /// Text that drawing programs edit.
+pub enum ChartFormat {
+    /// Vector graphics, which drawing programs edit.
     Svg,
     /// Pixels.
     Png,
 }
 
-impl Format {
-    /// The format of a path, by its ending in any case.
+impl ChartFormat {
+    /// The format that a path's extension asks for, in upper or lower case.
     #[must_use]
-    pub fn of(path: &Path) -> Option<Self> {
+    pub fn from_path(path: &Path) -> Option<Self> {
         match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
             "svg" => Some(Self::Svg),
             "png" => Some(Self::Png),
@@ -150,7 +156,7 @@ impl Format {
         }
     }
 
-    /// The ending that asks for it.
+    /// The extension that asks for it.
     #[must_use]
     pub fn ending(self) -> &'static str {
         match self {
@@ -161,16 +167,17 @@ impl Format {
 }
 
 impl Drawing {
-    /// The lapping diagram of a warp knit, the chart of a weft knit, the plan of laid cloth. Cost:
-    /// at most some thousand shapes, whatever the fabric.
+    /// The diagram of a fabric: a lapping diagram of a warp knit, a chart of a weft knit, a plan of
+    /// laid cloth. Cost: at most some thousand shapes, whatever the fabric.
     ///
     /// ```
     /// use warpknit::{chart::Drawing, fabric::Fabric};
-    /// let drawing = Drawing::of(&Fabric::named("locknit").unwrap());
-    /// assert!(drawing.layers.iter().any(|layer| layer.name == "bar-2") && drawing.notes.is_empty());
+    /// let drawing = Drawing::from_fabric(&Fabric::named("locknit").unwrap());
+    /// assert!(drawing.layers.iter().any(|layer| layer.name == "bar-2"));
+    /// assert!(drawing.notes.is_empty());
     /// ```
     #[must_use]
-    pub fn of(fabric: &Fabric) -> Self {
+    pub fn from_fabric(fabric: &Fabric) -> Self {
         match &fabric.motif {
             Some(motif) => motif::draw(fabric, motif),
             None if fabric.is_laid() => laid::draw(fabric),
@@ -178,30 +185,37 @@ impl Drawing {
         }
     }
 
-    /// The sheet of a garment: its flat panels with their grain at the left, at the right how it is
-    /// stretched when draped. `title` says which garment it is. Cost: the maps have a fixed number
-    /// of pixels, so only the outlines grow with the panels' edges.
+    /// The sheet of a garment: its flat panels with their grain at the left, maps of the draped
+    /// garment's stretch at the right. `title` names the garment. Cost: the maps have a fixed
+    /// number of pixels, so only the outlines grow with the panels' edges.
     ///
     /// ```
     /// use warpknit::{chart::Drawing, garment::Garment};
-    /// let drawing = Drawing::of_garment("square.obj", &Garment::rectangle(50.0, 50.0));
+    /// let drawing = Drawing::from_garment("square.obj", &Garment::rectangle(50.0, 50.0));
     /// assert!(drawing.layers.iter().any(|layer| layer.name == "panel-0"));
     /// ```
     #[must_use]
-    pub fn of_garment(title: &str, garment: &Garment) -> Self {
+    pub fn from_garment(title: &str, garment: &Garment) -> Self {
         garment::draw(title, garment)
     }
 }
 
-fn label(at: DVec2, text: String, anchor: Anchor) -> Shape {
-    Shape::Text { at, text, size: TextSize::Small, anchor }
+/// A line of text that begins at a place, shortened so that it fits the sheet.
+fn text(at: DVec2, text: &str, size: TextSize) -> DrawingShape {
+    DrawingShape::Text { at, text: shortened(text), size, anchor: Anchor::Start }
 }
 
-/// A text that fits the sheet.
+/// A small text.
+fn label(at: DVec2, text: String, anchor: Anchor) -> DrawingShape {
+    DrawingShape::Text { at, text, size: TextSize::Small, anchor }
+}
+
+/// A text, shortened so that it fits the sheet.
 fn shortened(text: &str) -> String {
     cut(text, MOST_CHARACTERS)
 }
 
+/// A text of at most so many characters, with an ellipsis where it was longer.
 fn cut(text: &str, most: usize) -> String {
     if text.chars().count() <= most {
         return text.to_owned();

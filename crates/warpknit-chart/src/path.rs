@@ -1,28 +1,29 @@
-//! One yarn of a bar on point paper: from its chain to a path around the needles' dots.
+//! The path of one yarn on point paper: from its chain to a smooth line around the needles' dots.
 //!
-//! In: a chain and the [`Lane`] that keeps the bar clear of the others. Out: waypoints in px
-//! ([`waypoints`]), cut at the sheet's sides ([`clipped`]) and rounded ([`rounded`]). x grows to
-//! the right as seen from the technical back, so gap 0 of a right-hand drive is rightmost; y grows
-//! with the courses.
+//! In: a chain, and the [`Lane`] that keeps the bar's path apart from those of other bars. Out:
+//! waypoints in px ([`waypoints`]), clipped at the sheet's sides ([`clipped`]), with rounded
+//! corners ([`rounded`]). x grows to the right as seen from the technical back, so gap 0 of a
+//! right-hand drive is the rightmost one; y grows with the courses. Cost: six waypoints a course.
 //!
 //! ```text
-//!        ___          the overlap: up through the entry gap, over the dot, down through the exit gap
+//!        ___          the overlap: up through the entry gap, over the dot, down through
 //!       /   \
-//!      |  o  |   |    a closed lap goes on below the dot, across its own entry, and up in the gap beside it (drawn here);
-//!      |   __|__/     an open one turns up in the gap in which it came down
-//!       \_/  |
-//!            |        the underlap: a line in the band between two rows of dots, so that it touches none of them
+//!      |  o  |   |    a closed lap goes on below the dot, across its own entry, and up in
+//!      |   __|__/     the gap beside it (drawn here); an open one turns up in the gap in
+//!       \_/  |        which it came down
+//!            |        the underlap: a line in the band between two rows of dots, so that
+//!                     it touches none of them
 //! ```
 
 use glam::DVec2;
 
 use warpknit_core::fabric::lapping::Chain;
 
-/// Height of the band of underlaps above a row of dots, and of the next band below it, over the row
-/// pitch.
+/// Distance of the band of underlaps from the rows of dots above and below it, over the row pitch.
 const BAND: f64 = 0.36;
-/// How far below its dot an open lap comes, and a closed one at least, over the row pitch.
+/// How far an open lap reaches below its dot, over the row pitch.
 const OPEN_FOOT: f64 = 0.06;
+/// How far a closed lap reaches below its dot at least, over the row pitch.
 const CLOSED_FOOT: f64 = 0.21;
 
 /// Spacings of the point paper, px.
@@ -34,7 +35,7 @@ pub(super) struct Pitch {
     pub(super) along: f64,
 }
 
-/// What keeps a bar's path apart from those of other bars, px.
+/// The offsets that keep a bar's path apart from those of other bars, px.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Lane {
     /// Distance of the legs of an overlap from their needle.
@@ -43,10 +44,10 @@ pub(super) struct Lane {
     pub(super) aside: f64,
 }
 
-/// A piece of a path, from where the last one ended.
+/// A segment of a path. It begins where the last one ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Piece {
-    /// Starts anew.
+pub enum PathSegment {
+    /// Begins a new line there.
     Move(DVec2),
     /// A straight line.
     Line(DVec2),
@@ -54,7 +55,7 @@ pub enum Piece {
     Curve(DVec2, DVec2, DVec2),
 }
 
-impl Piece {
+impl PathSegment {
     /// Where it ends.
     #[must_use]
     pub fn end(self) -> DVec2 {
@@ -64,7 +65,7 @@ impl Piece {
     }
 }
 
-/// The corners that the yarn of `guide` passes in courses `0..courses`, before they are rounded.
+/// The corners of the yarn of `guide` in courses `0..courses`.
 pub(super) fn waypoints(
     chain: &Chain,
     guide: i64,
@@ -85,6 +86,7 @@ fn lap(chain: &Chain, guide: i64, course: i64, pitch: Pitch, lane: Lane) -> Vec<
     let point = |x: f64, above: f64| DVec2::new(x, row + above);
     let (from, to) = (f64::from(lap.from), f64::from(lap.to));
     let (below, above) = (-BAND * pitch.along + lane.aside, BAND * pitch.along + lane.aside);
+    // An inlay or a miss-lap has no overlap: the yarn goes straight up in its gap.
     if overlap == 0 {
         let x = x(from) + lane.aside;
         return vec![point(x, below), point(x, above)];
@@ -92,8 +94,9 @@ fn lap(chain: &Chain, guide: i64, course: i64, pitch: Pitch, lane: Lane) -> Vec<
     let o = f64::from(overlap);
     let entry = x(from + o / 2.0) + o * lane.leg;
     let exit = x(to - o / 2.0) - o * lane.leg;
-    // A closed lap passes below the needles that it lapped, as far as its underlap goes.
-    // It comes as far down as the overlap goes up, so that the loop is round.
+    // In a closed lap the underlap goes against the overlap: it passes back below the needles of
+    // its own overlap and crosses its own entry. It reaches as far down as the overlap reaches up,
+    // so that the loop looks round. In an open lap the yarn turns up in the gap it came down in.
     let (channel, foot) = if chain.is_closed(course) {
         let width = (lap.to - lap.from).abs().min(underlap.abs());
         (to + f64::from(underlap.signum() * width), lane.leg.max(CLOSED_FOOT * pitch.along))
@@ -113,13 +116,14 @@ fn lap(chain: &Chain, guide: i64, course: i64, pitch: Pitch, lane: Lane) -> Vec<
     path.map(|(x, above)| point(x, above)).to_vec()
 }
 
-/// The parts of a polyline with `low <= x <= high`.
+/// The parts of a polyline with `low <= x <= high` (Liang and Barsky 1984, "A new concept and
+/// method for line clipping", for one axis).
 pub(super) fn clipped(points: &[DVec2], low: f64, high: f64) -> Vec<Vec<DVec2>> {
     let mut parts: Vec<Vec<DVec2>> = Vec::new();
     let mut inside = false;
     for pair in points.windows(2) {
         let (start, step) = (pair[0], pair[1] - pair[0]);
-        // Where the line enters and leaves, as shares of its length.
+        // Parameters at which the line enters and leaves the strip.
         let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
         if step.x == 0.0 {
             if !(low..=high).contains(&start.x) {
@@ -135,6 +139,7 @@ pub(super) fn clipped(points: &[DVec2], low: f64, high: f64) -> Vec<Vec<DVec2>> 
             inside = false;
             continue;
         }
+        // A part continues only where the last line ended inside.
         if !inside || enter > 0.0 {
             parts.push(vec![start + enter * step]);
         }
@@ -144,16 +149,18 @@ pub(super) fn clipped(points: &[DVec2], low: f64, high: f64) -> Vec<Vec<DVec2>> 
     parts
 }
 
-/// A polyline with its corners rounded, each over `reach` px of its sides or as far as half of the
-/// shorter one allows.
-pub(super) fn rounded(points: &[DVec2], reach: f64) -> Vec<Piece> {
+/// A polyline with rounded corners. Each corner takes `reach` px of its two sides, or half of the
+/// shorter side where that is less, so that neighbouring corners don't overlap.
+pub(super) fn rounded(points: &[DVec2], reach: f64) -> Vec<PathSegment> {
+    // Repeated points have no direction, so they are dropped first.
     let mut corners: Vec<DVec2> = Vec::new();
     for &point in points {
         if corners.last().is_none_or(|last| last.distance_squared(point) > 1e-12) {
             corners.push(point);
         }
     }
-    let mut pieces: Vec<_> = corners.first().map(|&start| Piece::Move(start)).into_iter().collect();
+    let mut segments: Vec<_> =
+        corners.first().map(|&start| PathSegment::Move(start)).into_iter().collect();
     for corner in corners.windows(3) {
         let [before, at, after] = [corner[0], corner[1], corner[2]];
         let reach = reach.min(at.distance(before) / 2.0).min(at.distance(after) / 2.0);
@@ -161,20 +168,22 @@ pub(super) fn rounded(points: &[DVec2], reach: f64) -> Vec<Piece> {
             (at + (before - at).normalize() * reach, at + (after - at).normalize() * reach);
         let turn = (at - before).angle_to(after - at).abs();
         if turn < 1e-6 {
-            pieces.push(Piece::Line(at));
+            segments.push(PathSegment::Line(at));
             continue;
         }
-        // A cubic is nearest to a circle's arc where its controls go this far towards the corner.
+        // The cubic Bézier curve that approximates a circular arc of angle θ has controls at
+        // 4/3 tan(θ/4) radii from its ends. The corner is tan(θ/2) radii away, so this is the share
+        // of the way to the corner.
         let round = 4.0 / 3.0 * (turn / 4.0).tan() / (turn / 2.0).tan();
-        if pieces.last().is_some_and(|piece| piece.end().distance_squared(start) > 1e-12) {
-            pieces.push(Piece::Line(start));
+        if segments.last().is_some_and(|segment| segment.end().distance_squared(start) > 1e-12) {
+            segments.push(PathSegment::Line(start));
         }
-        pieces.push(Piece::Curve(start.lerp(at, round), end.lerp(at, round), end));
+        segments.push(PathSegment::Curve(start.lerp(at, round), end.lerp(at, round), end));
     }
     if corners.len() > 1 {
-        pieces.push(Piece::Line(corners[corners.len() - 1]));
+        segments.push(PathSegment::Line(corners[corners.len() - 1]));
     }
-    pieces
+    segments
 }
 
 #[cfg(test)]
@@ -259,14 +268,14 @@ mod tests {
     #[test]
     fn rounding_keeps_the_ends_and_straight_lines() {
         let path = corners("1-0/1-2", 3);
-        let pieces = rounded(&path, 15.0);
+        let segments = rounded(&path, 15.0);
         assert_eq!(
-            (pieces[0], pieces[pieces.len() - 1].end()),
-            (Piece::Move(path[0]), path[path.len() - 1])
+            (segments[0], segments[segments.len() - 1].end()),
+            (PathSegment::Move(path[0]), path[path.len() - 1])
         );
         assert_eq!(
             rounded(&[DVec2::ZERO, DVec2::ZERO, DVec2::X], 15.0),
-            [Piece::Move(DVec2::ZERO), Piece::Line(DVec2::X)]
+            [PathSegment::Move(DVec2::ZERO), PathSegment::Line(DVec2::X)]
         );
         assert!(rounded(&[], 15.0).is_empty());
     }

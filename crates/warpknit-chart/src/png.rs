@@ -1,23 +1,24 @@
-//! A drawing as pixels, two to a px of the drawing, on white.
+//! Rasterises a drawing: two pixels to a px of the drawing, on white.
 //!
-//! Lines, areas and dots are painted by `tiny-skia`. Text comes from `noto-sans-mono-bitmap`, whose
-//! glyphs are drawn beforehand in the very sizes that are used, so a machine without any font
-//! writes the same file.
+//! In: a [`Drawing`]. Out: an opaque picture. `tiny-skia` paints lines, areas and dots. Text comes
+//! from `noto-sans-mono-bitmap`, which has rasterised glyphs in the sizes that are used, so that a
+//! machine without any font writes the same file. Cost: linear in the pixels.
 
 use glam::DVec2;
 use image::RgbaImage;
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
 use tiny_skia::{FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, Stroke, Transform};
 
-use super::{Anchor, Drawing, Piece, Shape, TextSize};
+use super::{Anchor, Drawing, DrawingShape, PathSegment, TextSize};
 use warpknit_core::fabric::yarn::Color;
 
-/// Pixels a px.
+/// Pixels to a px of the drawing, each way.
 pub(super) const SCALE: f64 = 2.0;
-/// Where a glyph's baseline lies in its raster, from the top, over the raster's height.
+/// The baseline's distance from the top of a glyph's raster, over the raster's height.
 const BASELINE: f64 = 0.79;
 
 impl TextSize {
+    /// Weight and height of the bitmap font.
     fn font(self) -> (FontWeight, RasterHeight) {
         match self {
             Self::Small => (FontWeight::Regular, RasterHeight::Size20),
@@ -26,8 +27,8 @@ impl TextSize {
         }
     }
 
-    /// What an SVG calls the font's size: that at which a character is as wide as in the PNG (a
-    /// mono character is .6 of it).
+    /// The font size in an SVG at which a character is as wide as in the PNG. A character of a
+    /// monospaced font is 0.6 of the font size wide.
     #[must_use]
     pub fn px(self) -> f64 {
         self.width("0") / 0.6
@@ -43,7 +44,7 @@ impl TextSize {
     }
 }
 
-/// Paints a drawing.
+/// Rasterises a drawing.
 ///
 /// # Panics
 /// If the drawing is over 16 000 px wide or high, which no drawing of this module is.
@@ -59,14 +60,16 @@ pub fn paint(drawing: &Drawing) -> RgbaImage {
         paint.set_color_rgba8(r, g, b, 255);
         for shape in &layer.shapes {
             match shape {
-                Shape::Path { pieces, width } => line(&mut sheet, pieces, *width, &paint),
-                Shape::Area { pieces } => area(&mut sheet, pieces, &paint),
-                Shape::Picture { at, picture } => lay(&mut sheet, *at, picture),
-                Shape::Dot { at, radius } => dot(&mut sheet, *at, *radius, &paint),
-                Shape::Text { at, text, size, anchor } => {
-                    write(&mut sheet, *at, text, *size, *anchor, layer.color);
+                DrawingShape::Path { segments, width } => {
+                    line(&mut sheet, segments, *width, &paint)
                 }
-                Shape::Title { .. } => {}
+                DrawingShape::Area { segments } => area(&mut sheet, segments, &paint),
+                DrawingShape::Picture { at, picture } => overlay(&mut sheet, *at, picture),
+                DrawingShape::Dot { at, radius } => dot(&mut sheet, *at, *radius, &paint),
+                DrawingShape::Text { at, text, size, anchor } => {
+                    write(&mut sheet, *at, text, *size, *anchor, layer.color)
+                }
+                DrawingShape::Title { .. } => {}
             }
         }
     }
@@ -74,6 +77,7 @@ pub fn paint(drawing: &Drawing) -> RgbaImage {
     RgbaImage::from_raw(width, height, sheet.take()).expect("a sheet holds four bytes a pixel")
 }
 
+/// A length of the drawing in whole pixels, at least one.
 fn pixels(length: f64) -> u32 {
     #[expect(
         clippy::cast_possible_truncation,
@@ -84,24 +88,26 @@ fn pixels(length: f64) -> u32 {
     pixels.max(1)
 }
 
+/// A place of the drawing in pixels.
 fn device(at: DVec2) -> (f32, f32) {
     let at = (at * SCALE).as_vec2();
     (at.x, at.y)
 }
 
-fn track(pieces: &[Piece]) -> Option<Path> {
+/// Segments as a path of tiny-skia; `None` of no segments.
+fn path(segments: &[PathSegment]) -> Option<Path> {
     let mut builder = PathBuilder::new();
-    for piece in pieces {
-        match *piece {
-            Piece::Move(end) => {
+    for segment in segments {
+        match *segment {
+            PathSegment::Move(end) => {
                 let (x, y) = device(end);
                 builder.move_to(x, y);
             }
-            Piece::Line(end) => {
+            PathSegment::Line(end) => {
                 let (x, y) = device(end);
                 builder.line_to(x, y);
             }
-            Piece::Curve(a, b, end) => {
+            PathSegment::Curve(a, b, end) => {
                 let ((ax, ay), (bx, by), (x, y)) = (device(a), device(b), device(end));
                 builder.cubic_to(ax, ay, bx, by, x, y);
             }
@@ -110,23 +116,25 @@ fn track(pieces: &[Piece]) -> Option<Path> {
     builder.finish()
 }
 
-fn line(sheet: &mut Pixmap, pieces: &[Piece], width: f64, paint: &Paint<'_>) {
+/// Strokes a line with round caps and joins.
+fn line(sheet: &mut Pixmap, segments: &[PathSegment], width: f64, paint: &Paint<'_>) {
     let (width, _) = device(DVec2::splat(width));
     let stroke =
         Stroke { width, line_cap: LineCap::Round, line_join: LineJoin::Round, ..Stroke::default() };
-    if let Some(path) = track(pieces) {
+    if let Some(path) = path(segments) {
         sheet.stroke_path(&path, paint, &stroke, Transform::identity(), None);
     }
 }
 
-fn area(sheet: &mut Pixmap, pieces: &[Piece], paint: &Paint<'_>) {
-    if let Some(path) = track(pieces) {
+/// Fills an area.
+fn area(sheet: &mut Pixmap, segments: &[PathSegment], paint: &Paint<'_>) {
+    if let Some(path) = path(segments) {
         sheet.fill_path(&path, paint, FillRule::EvenOdd, Transform::identity(), None);
     }
 }
 
-/// Lays a picture's pixels over those of the sheet.
-fn lay(sheet: &mut Pixmap, at: DVec2, picture: &RgbaImage) {
+/// Composites a picture over the sheet, pixel on pixel.
+fn overlay(sheet: &mut Pixmap, at: DVec2, picture: &RgbaImage) {
     let at = at * SCALE;
     #[expect(clippy::cast_possible_truncation, reason = "a place on the sheet, in whole pixels")]
     let (left, top) = (at.x.round() as i64, at.y.round() as i64);
@@ -143,7 +151,7 @@ fn dot(sheet: &mut Pixmap, at: DVec2, radius: f64, paint: &Paint<'_>) {
     }
 }
 
-/// Lays the glyphs of a text over the sheet; characters that the font lacks become `?`.
+/// Composites the glyphs of a text over the sheet. Characters that the font lacks become `?`.
 fn write(sheet: &mut Pixmap, at: DVec2, text: &str, size: TextSize, anchor: Anchor, color: Color) {
     let before = match anchor {
         Anchor::Start => 0.0,
@@ -155,6 +163,7 @@ fn write(sheet: &mut Pixmap, at: DVec2, text: &str, size: TextSize, anchor: Anch
         - DVec2::new(0.0, BASELINE * f64::from(height_of(height)));
     #[expect(clippy::cast_possible_truncation, reason = "a place on the sheet, in whole pixels")]
     let (mut left, top) = (start.x.round() as i64, start.y.round() as i64);
+    // Glyphs are bitmaps, so they are placed on whole pixels; all have the same advance.
     for character in text.chars() {
         let glyph =
             get_raster(character, weight, height).or_else(|| get_raster('?', weight, height));
@@ -172,12 +181,14 @@ fn height_of(height: RasterHeight) -> u32 {
     u32::try_from(height.val()).expect("a glyph is some pixels high")
 }
 
-/// Covers a pixel by `cover` of 255 with a colour.
+/// Composites a colour with the coverage `cover` of 255 over a pixel; outside the sheet nothing is
+/// done.
 fn blend(sheet: &mut Pixmap, x: i64, y: i64, color: Color, cover: u8) {
     let (Ok(x), Ok(y)) = (u32::try_from(x), u32::try_from(y)) else { return };
     if cover == 0 || x >= sheet.width() || y >= sheet.height() {
         return;
     }
+    // Porter and Duff's "over" in integers, rounded. The sheet's alpha stays 255.
     let first = 4 * (y as usize * sheet.width() as usize + x as usize);
     for (byte, ink) in sheet.data_mut()[first..].iter_mut().zip(color.0) {
         let mixed =
@@ -194,7 +205,7 @@ mod tests {
 
     #[test]
     fn every_bar_is_in_the_picture_in_its_colour() {
-        let drawing = Drawing::of(&Fabric::named("locknit").unwrap());
+        let drawing = Drawing::from_fabric(&Fabric::named("locknit").unwrap());
         let picture = paint(&drawing);
         for layer in drawing.layers.iter().filter(|layer| !layer.shapes.is_empty()) {
             let [r, g, b] = layer.color.0;
@@ -208,14 +219,22 @@ mod tests {
         let square = |low: f64, high: f64| {
             let [a, b, c, d] =
                 [(low, low), (high, low), (high, high), (low, high)].map(DVec2::from);
-            [Piece::Move(a), Piece::Line(b), Piece::Line(c), Piece::Line(d), Piece::Line(a)]
+            [
+                PathSegment::Move(a),
+                PathSegment::Line(b),
+                PathSegment::Line(c),
+                PathSegment::Line(d),
+                PathSegment::Line(a),
+            ]
         };
-        let pieces = [square(0.0, 10.0), square(4.0, 6.0)].concat();
+        let segments = [square(0.0, 10.0), square(4.0, 6.0)].concat();
         let mut picture = RgbaImage::from_pixel(2, 2, image::Rgba([0, 200, 0, 255]));
         picture.put_pixel(0, 0, image::Rgba([0, 200, 0, 0]));
-        let shapes =
-            vec![Shape::Area { pieces }, Shape::Picture { at: DVec2::new(12.0, 3.0), picture }];
-        let layer = super::super::Layer { name: "a".into(), color: Color([9; 3]), shapes };
+        let shapes = vec![
+            DrawingShape::Area { segments },
+            DrawingShape::Picture { at: DVec2::new(12.0, 3.0), picture },
+        ];
+        let layer = super::super::DrawingLayer { name: "a".into(), color: Color([9; 3]), shapes };
         let painted = paint(&Drawing {
             size: DVec2::new(20.0, 10.0),
             layers: vec![layer],
@@ -229,13 +248,13 @@ mod tests {
 
     #[test]
     fn text_outside_the_sheet_or_the_font_is_no_fault() {
-        let text = |x: f64| Shape::Text {
+        let text = |x: f64| DrawingShape::Text {
             at: DVec2::new(x, 5.0),
             text: "日本 ab".to_owned(),
             size: TextSize::Title,
             anchor: Anchor::Middle,
         };
-        let layer = super::super::Layer {
+        let layer = super::super::DrawingLayer {
             name: "t".into(),
             color: Color([0; 3]),
             shapes: vec![text(-5.0), text(400.0), text(20.0)],

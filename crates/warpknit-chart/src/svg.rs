@@ -1,5 +1,8 @@
-//! A drawing as SVG: a group a layer, text as text, nothing that a hand can't edit but pictures,
-//! which are in it as PNG.
+//! Writes a drawing as SVG 1.1: one group for each layer, text as text. Pictures are embedded as
+//! base64-encoded PNG.
+//!
+//! In: a [`Drawing`]. Out: the text of a file that drawing programs can edit. Cost: linear in
+//! shapes and pixels.
 
 use std::fmt::{self, Write};
 
@@ -8,13 +11,13 @@ use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder, RgbaImage};
 
 use super::png::SCALE;
-use super::{Anchor, Drawing, Layer, Piece, Shape, TextSize};
+use super::{Anchor, Drawing, DrawingLayer, DrawingShape, PathSegment, TextSize};
 
 /// The text of an `.svg` file.
 ///
 /// ```
 /// use warpknit::{chart::{Drawing, svg}, fabric::Fabric};
-/// let text = svg::text(&Drawing::of(&Fabric::named("tricot").unwrap()));
+/// let text = svg::text(&Drawing::from_fabric(&Fabric::named("tricot").unwrap()));
 /// assert!(text.starts_with("<svg") && text.contains(r#"<g id="bar-1""#));
 /// ```
 #[must_use]
@@ -24,11 +27,13 @@ pub fn text(drawing: &Drawing) -> String {
     text
 }
 
+/// Writes the file.
 fn write(out: &mut String, drawing: &Drawing) -> fmt::Result {
     let (width, height) = (Px(drawing.size.x), Px(drawing.size.y));
     writeln!(
         out,
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\" \
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
+         viewBox=\"0 0 {width} {height}\" \
          font-family=\"'Noto Sans Mono', 'DejaVu Sans Mono', monospace\">"
     )?;
     writeln!(out, "<rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>")?;
@@ -38,19 +43,22 @@ fn write(out: &mut String, drawing: &Drawing) -> fmt::Result {
     writeln!(out, "</svg>")
 }
 
-fn group(out: &mut String, layer: &Layer) -> fmt::Result {
-    let Layer { name, color, shapes } = layer;
-    let lines =
-        shapes.iter().all(|shape| matches!(shape, Shape::Path { .. } | Shape::Title { .. }));
-    // A pointer is to find what lines enclose too, though it isn't filled.
-    let rests = if shapes.iter().any(|shape| matches!(shape, Shape::Title { .. })) {
+/// Writes a layer as a group whose attributes hold for all its shapes.
+fn group(out: &mut String, layer: &DrawingLayer) -> fmt::Result {
+    let DrawingLayer { name, color, shapes } = layer;
+    let lines = shapes
+        .iter()
+        .all(|shape| matches!(shape, DrawingShape::Path { .. } | DrawingShape::Title { .. }));
+    // The tooltip is to appear inside a closed line as well, although the inside isn't filled.
+    let pointer_events = if shapes.iter().any(|shape| matches!(shape, DrawingShape::Title { .. })) {
         " pointer-events=\"all\""
     } else {
         ""
     };
     let paint = if lines {
         format!(
-            "fill=\"none\" stroke=\"{color}\" stroke-linecap=\"round\" stroke-linejoin=\"round\"{rests}"
+            "fill=\"none\" stroke=\"{color}\" stroke-linecap=\"round\" \
+             stroke-linejoin=\"round\"{pointer_events}"
         )
     } else {
         format!("fill=\"{color}\"")
@@ -58,15 +66,18 @@ fn group(out: &mut String, layer: &Layer) -> fmt::Result {
     writeln!(out, "<g id=\"{name}\" {paint}>")?;
     for shape in shapes {
         match shape {
-            Shape::Title { text } => writeln!(out, "<title>{}</title>", Escaped(text))?,
-            Shape::Path { pieces, width } => {
-                writeln!(out, "<path stroke-width=\"{}\" d=\"{}\"/>", Px(*width), Track(pieces))?;
+            DrawingShape::Title { text } => writeln!(out, "<title>{}</title>", Escaped(text))?,
+            DrawingShape::Path { segments, width } => writeln!(
+                out,
+                "<path stroke-width=\"{}\" d=\"{}\"/>",
+                Px(*width),
+                PathData(segments)
+            )?,
+            DrawingShape::Area { segments } => {
+                writeln!(out, "<path fill-rule=\"evenodd\" d=\"{}\"/>", PathData(segments))?
             }
-            Shape::Area { pieces } => {
-                writeln!(out, "<path fill-rule=\"evenodd\" d=\"{}\"/>", Track(pieces))?;
-            }
-            Shape::Picture { at, picture: pixels } => picture(out, *at, pixels)?,
-            Shape::Dot { at, radius } => {
+            DrawingShape::Picture { at, picture: pixels } => picture(out, *at, pixels)?,
+            DrawingShape::Dot { at, radius } => {
                 writeln!(
                     out,
                     "<circle cx=\"{}\" cy=\"{}\" r=\"{}\"/>",
@@ -75,7 +86,7 @@ fn group(out: &mut String, layer: &Layer) -> fmt::Result {
                     Px(*radius)
                 )?;
             }
-            Shape::Text { at, text, size, anchor } => {
+            DrawingShape::Text { at, text, size, anchor } => {
                 let place = match anchor {
                     Anchor::Start => "",
                     Anchor::Middle => " text-anchor=\"middle\"",
@@ -83,11 +94,12 @@ fn group(out: &mut String, layer: &Layer) -> fmt::Result {
                 };
                 let weight = if *size == TextSize::Title { " font-weight=\"bold\"" } else { "" };
                 let (x, y, size) = (Px(at.x), Px(at.y), Px(size.px()));
-                // Spaces in a row line up the legend's columns.
+                // `xml:space` keeps runs of spaces, which align the legend's columns.
                 let text = Escaped(text);
                 writeln!(
                     out,
-                    "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\"{place}{weight} xml:space=\"preserve\">{text}</text>"
+                    "<text x=\"{x}\" y=\"{y}\" font-size=\"{size}\"{place}{weight} \
+                     xml:space=\"preserve\">{text}</text>"
                 )?;
             }
         }
@@ -95,8 +107,8 @@ fn group(out: &mut String, layer: &Layer) -> fmt::Result {
     writeln!(out, "</g>")
 }
 
-/// Pixels as an image that holds its own file. The old name of its address is the one that every
-/// program knows.
+/// Writes pixels as an image with a data URL. `xlink:href` is deprecated in SVG 2, but unlike
+/// `href` every program knows it.
 fn picture(out: &mut String, at: DVec2, pixels: &RgbaImage) -> fmt::Result {
     let mut file = Vec::new();
     let encoder =
@@ -108,19 +120,21 @@ fn picture(out: &mut String, at: DVec2, pixels: &RgbaImage) -> fmt::Result {
     let (x, y) = (Px(at.x), Px(at.y));
     write!(
         out,
-        "<image x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" "
+        "<image x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" \
+         xmlns:xlink=\"http://www.w3.org/1999/xlink\" "
     )?;
     write!(out, "xlink:href=\"data:image/png;base64,")?;
     base64(out, &file);
     writeln!(out, "\"/>")
 }
 
-/// Bytes as text, three to four characters (RFC 4648).
+/// Base64 (RFC 4648): each three bytes become four characters.
 fn base64(out: &mut String, bytes: &[u8]) {
     const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     for three in bytes.chunks(3) {
-        let byte = |at: usize| three.get(at).map_or(0, |&byte| u32::from(byte));
-        let bits = byte(0) << 16 | byte(1) << 8 | byte(2);
+        // Missing bytes of the last group count as 0; `=` marks the characters that they would fill.
+        let [a, b, c] = [0, 1, 2].map(|at| three.get(at).map_or(0, |&byte| u32::from(byte)));
+        let bits = a << 16 | b << 8 | c;
         for (digit, shift) in [18, 12, 6, 0].into_iter().enumerate() {
             out.push(if digit <= three.len() {
                 char::from(DIGITS[(bits >> shift & 63) as usize])
@@ -131,35 +145,41 @@ fn base64(out: &mut String, bytes: &[u8]) {
     }
 }
 
-/// A length with at most two decimals and no idle zeros.
+/// A length with at most two decimals and no trailing zeros.
 struct Px(f64);
 
 impl fmt::Display for Px {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // Adding 0 turns a rounded -0 into 0.
+        // Adding 0 turns a rounded -0 into 0, which would be printed as -0.
         write!(f, "{}", (self.0 * 100.0).round() / 100.0 + 0.0)
     }
 }
 
-/// The `d` of a path.
-struct Track<'a>(&'a [Piece]);
+/// The `d` attribute of a path.
+struct PathData<'a>(&'a [PathSegment]);
 
-impl fmt::Display for Track<'_> {
+impl fmt::Display for PathData<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let point = |p: DVec2| format!("{} {}", Px(p.x), Px(p.y));
-        for (at, piece) in self.0.iter().enumerate() {
+        for (at, segment) in self.0.iter().enumerate() {
             f.write_str(if at == 0 { "" } else { " " })?;
-            match *piece {
-                Piece::Move(end) => write!(f, "M{}", point(end))?,
-                Piece::Line(end) => write!(f, "L{}", point(end))?,
-                Piece::Curve(a, b, end) => write!(f, "C{} {} {}", point(a), point(b), point(end))?,
+            match *segment {
+                PathSegment::Move(end) => write!(f, "M{}", point(end))?,
+                PathSegment::Line(end) => write!(f, "L{}", point(end))?,
+                PathSegment::Curve(a, b, end) => {
+                    write!(f, "C{} {} {}", point(a), point(b), point(end))?
+                }
             }
         }
         Ok(())
     }
 }
 
-/// Text without what XML reads as marks, and without characters that no XML may hold.
+/// A point of a path.
+fn point(p: DVec2) -> String {
+    format!("{} {}", Px(p.x), Px(p.y))
+}
+
+/// Text with XML's markup escaped. Characters that XML 1.0 forbids become U+FFFD.
 struct Escaped<'a>(&'a str);
 
 impl fmt::Display for Escaped<'_> {

@@ -1,23 +1,29 @@
-//! Grey pictures as numbers: what the steps of `photo` and `capture` hand to each other.
+//! Grey pictures in floating point, the data that the steps of `photo` and `capture` pass on.
 //!
-//! In: pixels. Out: [`Plane`]s of f32, row by row, four bytes a pixel. A photo is never held as f64
-//! or as three planes, so that 48 megapixels fit 2 GB. Rows are worked on in parallel and each sum
-//! stays within one row or one thread: results are the same for any number of threads.
+//! In: pixels. Out: [`Plane`]s of f32, row by row, four bytes a pixel, with box filters, column
+//! sums and percentiles. A photo is never held in f64 or as three planes, so that 48 megapixels fit
+//! into 2 GB.
+//!
+//! Rows are processed in parallel. Each sum stays within one row, one band of rows or one block of
+//! columns whose size does not depend on the number of threads, so the results are the same for any
+//! number of threads.
 
 use image::{Rgb, RgbImage};
 use rayon::prelude::*;
 
 pub(crate) use warpknit_core::number::{byte, double, float, narrow, whole};
 
-/// Numbers, a row after another.
+/// A picture with one number a pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Plane {
     pub(crate) width: usize,
     pub(crate) height: usize,
+    /// Row after row.
     pub(crate) values: Vec<f32>,
 }
 
 impl Plane {
+    /// A plane whose values are a function of x and y.
     pub(crate) fn from_fn(
         width: usize,
         height: usize,
@@ -28,6 +34,7 @@ impl Plane {
         })
     }
 
+    /// A plane whose rows are filled one by one; `fill` takes y and the row.
     pub(crate) fn from_rows(
         width: usize,
         height: usize,
@@ -38,7 +45,7 @@ impl Plane {
         Self { width, height, values }
     }
 
-    /// Grey values of a picture, made smaller by a whole number: means of squares of `step` pixels.
+    /// The luma of a picture, reduced by a whole factor: means over squares of `step` pixels.
     pub(crate) fn grey(picture: &RgbImage, step: usize) -> Self {
         let (width, height) = (picture.width() as usize / step, picture.height() as usize / step);
         let bytes = picture.as_raw();
@@ -63,36 +70,46 @@ impl Plane {
         self.values[y * self.width + x]
     }
 
-    /// Values all over the plane, a million or two at most: as many as any share of them needs.
-    pub(crate) fn asked(&self) -> impl Iterator<Item = f32> {
+    /// A regular subsample of one to two million values at most, which is enough for any
+    /// percentile.
+    pub(crate) fn sampled(&self) -> impl Iterator<Item = f32> {
         self.values.iter().copied().step_by((self.values.len() >> 20).max(1))
     }
 
+    /// A function of each value.
     pub(crate) fn map(&self, of: impl Fn(f32) -> f32 + Sync) -> Self {
         let values = self.values.par_iter().map(|&value| of(value)).collect();
         Self { values, ..*self }
     }
 
-    /// Means over boxes of `2 radius + 1` pixels each way, twice, which is nearly a bell; along x
-    /// it goes around if `wraps`. Cost: a few operations a pixel whatever the radius.
+    /// A box filter of `2 radius + 1` pixels each way, applied twice, which approximates a Gaussian
+    /// (Wells 1986, "Efficient synthesis of Gaussian filters by cascaded uniform filters"). Along x
+    /// the picture is periodic if `wraps`; otherwise its border pixels continue. Cost: a few
+    /// operations a pixel whatever the radius.
     pub(crate) fn blurred(&self, radius: usize, wraps: bool) -> Self {
-        let once = |plane: &Self| plane.box_rows(radius, wraps).box_columns(radius);
-        if radius == 0 { self.clone() } else { once(&once(self)) }
+        if radius == 0 {
+            return self.clone();
+        }
+        let once = self.box_rows(radius, wraps).box_columns(radius);
+        once.box_rows(radius, wraps).box_columns(radius)
     }
 
+    /// A box filter along the rows, by a running sum.
     fn box_rows(&self, radius: usize, wraps: bool) -> Self {
         let width = self.width;
         let radius = radius.min(width.saturating_sub(1) / 2);
         Self::from_rows(width, self.height, |y, row| {
             let source = self.row(y);
             let at = |x: usize| {
-                // x counts from `radius` before the row.
+                // x counts from `radius` pixels before the row, so that it is never negative.
                 if wraps {
                     source[(x + width - radius) % width]
                 } else {
                     source[x.saturating_sub(radius).min(width - 1)]
                 }
             };
+            // The sum is f64: in f32 the rounding errors of thousands of additions and subtractions
+            // would add up to visible drift along the row.
             let mut sum: f64 = (0..2 * radius).map(|x| f64::from(at(x))).sum();
             for (x, value) in row.iter_mut().enumerate() {
                 sum += f64::from(at(x + 2 * radius));
@@ -102,15 +119,17 @@ impl Plane {
         })
     }
 
-    /// The same down the columns, a band of rows at a time: rows lie in memory one after another.
+    /// A box filter along the columns, by running sums. Each thread works on a band of whole rows
+    /// and keeps one sum a column: walking down single columns would miss the cache at every pixel.
     fn box_columns(&self, radius: usize) -> Self {
         let radius = radius.min(self.height.saturating_sub(1) / 2);
-        // y counts from `radius` before the picture.
+        // y counts from `radius` rows before the picture.
         let row = |y: usize| self.row(y.saturating_sub(radius).min(self.height - 1));
         let band = band(radius);
         let mut values = vec![0.0; self.values.len()];
         values.par_chunks_mut((band * self.width).max(1)).enumerate().for_each(|(at, rows)| {
             let mut sums = vec![0.0_f64; self.width];
+            // The first window of the band, less its last row.
             for y in band * at..band * at + 2 * radius {
                 sums.iter_mut().zip(row(y)).for_each(|(sum, value)| *sum += f64::from(*value));
             }
@@ -127,16 +146,18 @@ impl Plane {
     }
 }
 
-/// Rows that a thread works down at a time. It reads `2 radius` more to begin with, so these are to
-/// be few beside. Threads have no say in it: sums are the same for any number of them.
+/// Rows of a band, the unit of work of a thread. A band reads `2 radius` rows more than its own, so
+/// it has at least twice as many. The number of threads plays no role, so that sums are the same
+/// for any number of them.
 pub(crate) fn band(radius: usize) -> usize {
     (4 * radius).max(64)
 }
 
-/// Columns that a thread sums at a time: they lie side by side in memory.
+/// Columns that a thread sums together. Their values of a row lie side by side in memory and fill a
+/// few cache lines.
 const COLUMNS: usize = 64;
 
-/// Sums over some rows, column by column.
+/// For each column the sum of a function over some rows.
 pub(crate) fn column_sums(
     columns: usize,
     rows: impl Iterator<Item = usize> + Clone + Sync,
@@ -151,12 +172,13 @@ pub(crate) fn column_sums(
     sums
 }
 
-/// How bright a pixel looks, 0..=255, by Rec. 709's weights of the codes.
+/// Luma of a pixel, 0..=255: Rec. 709's weights, applied to the encoded values.
 pub(crate) fn luma(Rgb([r, g, b]): Rgb<u8>) -> f32 {
     0.2126 * f32::from(r) + 0.7152 * f32::from(g) + 0.0722 * f32::from(b)
 }
 
-/// The value below which a share of the values lies; 0 of none.
+/// The value below which a share of the values lies; 0 of none. Reorders the values (quickselect,
+/// linear time).
 pub(crate) fn percentile(values: &mut [f32], share: f32) -> f32 {
     if values.is_empty() {
         return 0.0;

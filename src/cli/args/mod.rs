@@ -261,7 +261,7 @@ pub(crate) struct Inspect {
     /// A file by its ending, .svg .png: of meshes a sheet of flat panels and stretch, of more than
     /// one drape OUT-001 and so on; of a fabric its lapping diagram; may be repeated
     #[arg(short, long = "output", value_name = "OUT", value_parser = diagram)]
-    pub(crate) outputs: Vec<(PathBuf, chart::Format)>,
+    pub(crate) outputs: Vec<(PathBuf, chart::ChartFormat)>,
     #[command(flatten)]
     pub(crate) reading: Reading,
 }

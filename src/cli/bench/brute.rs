@@ -1,8 +1,9 @@
-//! The source paper's own way, as a baseline that runs on the same machine: every triangle in turn
-//! for each data point, until one holds it.
+//! Baseline: the location of Liu, Kyosev and Jiang 2022 on this machine, a linear search through
+//! all triangles for each data point.
 //!
-//! Section 3.1, equation 1, and then section 3.2's mapping of what was found. The cut at the
-//! panel's edge is ours and left out.
+//! In: a cloth. Out: the time of locating (their section 3.1, eq. 1) and mapping (section 3.2) all
+//! its data points. Cost: points times triangles. The paper has no clipping of yarns at a panel's
+//! edge, so it is left out here.
 
 use std::convert::Infallible;
 use std::hint::black_box;
@@ -18,8 +19,8 @@ use warpknit::map::{Mapping, map};
 
 use super::measure::{Moment, Sample};
 
-/// Locates and maps all data points of a cloth with as many threads as ours, and says how long that
-/// took.
+/// Locates and maps all data points of a cloth, with as many threads as the pipeline, and returns
+/// the time.
 pub(super) fn located_and_mapped(cloth: &Cloth<'_>) -> Sample {
     let panels = &cloth.garment().panels;
     let orders: Vec<_> = panels.iter().map(file_order).collect();
@@ -40,18 +41,20 @@ pub(super) fn located_and_mapped(cloth: &Cloth<'_>) -> Sample {
     taken
 }
 
-/// A panel's triangles as they come in the file.
+/// A panel's triangles in the order of the file. The panel holds them along a space-filling curve.
 fn file_order(panel: &Panel) -> Vec<u32> {
     let mut order: Vec<u32> = (0..index32(panel.triangles.len())).collect();
     order.sort_unstable_by_key(|&triangle| panel.faces[triangle as usize]);
     order
 }
 
-/// The first triangle that holds the point.
+/// The first triangle that contains the point, edges included.
 fn locate(panel: &Panel, order: &[u32], point: DVec2) -> Option<SurfacePoint> {
     order.iter().find_map(|&triangle| {
         let [a, b, c] = panel.triangles[triangle as usize].map(|vertex| panel.uv[vertex as usize]);
         let signs @ [ab, bc, ca] = crosses(point, a, b, c);
+        // The point is inside where the three cross products have the same sign; a flipped triangle
+        // has all of them negative. Their shares of the sum are the barycentric coordinates.
         let holds = signs.iter().all(|&sign| sign >= 0.0) || signs.iter().all(|&sign| sign <= 0.0);
         let area = ab + bc + ca;
         holds.then(|| SurfacePoint { triangle, b: ca / area, c: ab / area })

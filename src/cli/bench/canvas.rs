@@ -1,7 +1,7 @@
-//! What plotters draws on: a [`Drawing`] of the library, so that plots are written as lapping
-//! diagrams are, with their font.
+//! The drawing backend for plotters: it collects the plots' shapes in a [`Drawing`] of the library,
+//! which is written as lapping diagrams are, with the same font.
 //!
-//! Not promised: filled shapes but circles, and text that is turned; nothing here asks for them.
+//! Not promised: filled shapes other than circles, and rotated text. The plots have none.
 
 use std::convert::Infallible;
 
@@ -10,44 +10,47 @@ use plotters_backend::text_anchor::{HPos, VPos};
 use plotters_backend::{
     BackendColor, BackendCoord, BackendStyle, BackendTextStyle, DrawingBackend, DrawingErrorKind,
 };
-use warpknit::chart::{Anchor, Drawing, Layer, Piece, Shape, TextSize};
+use warpknit::chart::{Anchor, Drawing, DrawingLayer, DrawingShape, PathSegment, TextSize};
 use warpknit::fabric::yarn::Color;
 
-/// Sizes of text as plotters knows them, px.
+/// Size of axis labels in plotters, px.
 pub(super) const SMALL: i32 = 10;
+/// Size of the heading in plotters, px.
 pub(super) const NORMAL: i32 = 12;
+/// Size of plots' titles in plotters, px.
 pub(super) const TITLE: i32 = 16;
 
-/// A capital's height over the size of its font.
+/// Height of a capital letter over the size of its font.
 const CAPITAL: f64 = 0.72;
 
-/// A sheet that plotters draws on.
-pub(super) struct Canvas<'a> {
+/// A drawing as a plotters backend.
+pub(super) struct PlotCanvas<'a> {
     drawing: &'a mut Drawing,
 }
 
 type Done = Result<(), DrawingErrorKind<Infallible>>;
 
-impl<'a> Canvas<'a> {
+impl<'a> PlotCanvas<'a> {
     pub(super) fn on(drawing: &'a mut Drawing) -> Self {
         Self { drawing }
     }
 
-    /// Puts a shape on top. Layers hold one colour, and lines apart from what is filled.
-    fn add(&mut self, color: BackendColor, shape: Shape) -> Done {
+    /// Adds a shape on top. It joins the last layer where colour and kind match: a layer has one
+    /// colour, and either lines or filled shapes.
+    fn add(&mut self, color: BackendColor, shape: DrawingShape) -> Done {
         if color.alpha == 0.0 {
             return Ok(());
         }
         let color = on_white(color);
-        let is_line = |shape: &Shape| matches!(shape, Shape::Path { .. });
+        let is_line = |shape: &DrawingShape| matches!(shape, DrawingShape::Path { .. });
         let layers = &mut self.drawing.layers;
-        let fits = |layer: &&mut Layer| {
+        let fits = |layer: &&mut DrawingLayer| {
             layer.color == color
                 && layer.shapes.iter().all(|other| is_line(other) == is_line(&shape))
         };
         match layers.last_mut().filter(fits) {
             Some(layer) => layer.shapes.push(shape),
-            None => layers.push(Layer {
+            None => layers.push(DrawingLayer {
                 name: format!("layer-{}", layers.len() + 1),
                 color,
                 shapes: vec![shape],
@@ -57,7 +60,7 @@ impl<'a> Canvas<'a> {
     }
 }
 
-impl DrawingBackend for Canvas<'_> {
+impl DrawingBackend for PlotCanvas<'_> {
     type ErrorType = Infallible;
 
     fn get_size(&self) -> (u32, u32) {
@@ -74,7 +77,7 @@ impl DrawingBackend for Canvas<'_> {
     }
 
     fn draw_pixel(&mut self, point: BackendCoord, color: BackendColor) -> Done {
-        self.add(color, Shape::Dot { at: at(point), radius: 0.5 })
+        self.add(color, DrawingShape::Dot { at: at(point), radius: 0.5 })
     }
 
     fn draw_line<S: BackendStyle>(
@@ -91,11 +94,14 @@ impl DrawingBackend for Canvas<'_> {
         path: I,
         style: &S,
     ) -> Done {
-        let piece = |(number, point)| {
-            if number == 0 { Piece::Move(at(point)) } else { Piece::Line(at(point)) }
+        let segment = |(number, point)| {
+            if number == 0 { PathSegment::Move(at(point)) } else { PathSegment::Line(at(point)) }
         };
-        let pieces = path.into_iter().enumerate().map(piece).collect();
-        self.add(style.color(), Shape::Path { pieces, width: f64::from(style.stroke_width()) })
+        let segments = path.into_iter().enumerate().map(segment).collect();
+        self.add(
+            style.color(),
+            DrawingShape::Path { segments, width: f64::from(style.stroke_width()) },
+        )
     }
 
     fn draw_circle<S: BackendStyle>(
@@ -105,7 +111,7 @@ impl DrawingBackend for Canvas<'_> {
         style: &S,
         _fill: bool,
     ) -> Done {
-        self.add(style.color(), Shape::Dot { at: at(center), radius: f64::from(radius) })
+        self.add(style.color(), DrawingShape::Dot { at: at(center), radius: f64::from(radius) })
     }
 
     fn draw_text<S: BackendTextStyle>(
@@ -120,13 +126,17 @@ impl DrawingBackend for Canvas<'_> {
             HPos::Center => Anchor::Middle,
             HPos::Right => Anchor::End,
         };
+        // Plotters anchors the box of the text; the drawing wants its baseline.
         let above = match pos.v_pos {
             VPos::Top => 1.0,
             VPos::Center => 0.5,
             VPos::Bottom => 0.0,
         };
         let baseline = at(point) + DVec2::new(0.0, above * CAPITAL * size.px());
-        self.add(style.color(), Shape::Text { at: baseline, text: text.to_owned(), size, anchor })
+        self.add(
+            style.color(),
+            DrawingShape::Text { at: baseline, text: text.to_owned(), size, anchor },
+        )
     }
 
     fn estimate_text_size<S: BackendTextStyle>(
@@ -140,10 +150,12 @@ impl DrawingBackend for Canvas<'_> {
     }
 }
 
+/// A place on the sheet.
 fn at((x, y): BackendCoord) -> DVec2 {
     DVec2::new(f64::from(x), f64::from(y))
 }
 
+/// The size of the bitmap font that stands for a size in plotters.
 fn text_size(px: f64) -> TextSize {
     match px {
         px if px <= f64::from(SMALL) => TextSize::Small,
@@ -152,7 +164,7 @@ fn text_size(px: f64) -> TextSize {
     }
 }
 
-/// The opaque colour that looks the same on the white sheet.
+/// The opaque colour that looks the same on the white sheet. Shapes have no alpha.
 fn on_white(color: BackendColor) -> Color {
     let (r, g, b) = color.rgb;
     #[expect(

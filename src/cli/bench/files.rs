@@ -1,4 +1,6 @@
-//! Files of a run: all figures as JSON, the plots as a picture.
+//! The files of a bench run: all figures as JSON, the plots as SVG or PNG.
+//!
+//! In: the tables. Out: files that appear under their names only when all of them are complete.
 
 use std::path::Path;
 
@@ -19,15 +21,15 @@ use warpknit::system::{memory_gb, processor};
 pub(crate) enum BenchFormat {
     /// All figures.
     Json,
-    /// Plots as text that drawing programs edit.
+    /// Plots as vector graphics, which drawing programs edit.
     Svg,
     /// Plots as pixels.
     Png,
 }
 
 impl BenchFormat {
-    /// The format of a path, by its ending in any case.
-    pub(crate) fn of(path: &Path) -> Option<Self> {
+    /// The format that a path's extension asks for, in upper or lower case.
+    pub(crate) fn from_path(path: &Path) -> Option<Self> {
         match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
             "json" => Some(Self::Json),
             "svg" => Some(Self::Svg),
@@ -37,24 +39,24 @@ impl BenchFormat {
     }
 }
 
-/// Everything about a run.
+/// The JSON file: the run, the machine, the tables. Its field names are an interface for scripts.
 #[derive(Serialize)]
-struct Record<'a> {
+struct RunRecord<'a> {
     warpknit: &'static str,
     machine: Machine,
-    /// Runs of each figure, after one that warms up; pictures may have fewer, as their tables'
-    /// notes say.
+    /// Runs of each figure after the warm-up run. Pictures may have fewer; their tables' notes say
+    /// so.
     runs: u32,
     #[serde(serialize_with = "by_key")]
     tables: &'a [Table],
 }
 
-/// What the figures depend on.
+/// The machine that the figures depend on.
 #[derive(Serialize)]
 struct Machine {
     system: &'static str,
     architecture: &'static str,
-    /// Its name, where the system tells it.
+    /// Its name, where the system gives it.
     processor: Option<String>,
     memory_gb: Option<f64>,
     cores: usize,
@@ -75,27 +77,29 @@ impl Machine {
     }
 }
 
+/// Serialises tables as a map from their keys.
 fn by_key<S: Serializer>(tables: &[Table], serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_map(tables.iter().map(|table| (table.key, table)))
 }
 
-/// Refuses, before anything is measured, files that can't be written, or that are inputs or named
-/// twice.
+/// Checks the output files before anything is measured. Refuses files that can't be written, that
+/// are inputs too, or that are named twice.
 pub(super) fn check(arguments: &Bench) -> Result<()> {
     let outputs = || arguments.outputs.iter().map(|(path, _)| path.as_path());
     check_distinct(arguments.meshes.iter().map(AsRef::as_ref), outputs())?;
+    // Creating an output fails where writing would; dropping it leaves nothing behind.
     for path in outputs() {
         drop(Output::create(path)?);
     }
     Ok(())
 }
 
-/// Writes what was asked for. Files appear under their names only when all are whole.
+/// Writes the files that were asked for. They appear under their names only when all are complete.
 pub(super) fn write(arguments: &Bench, tables: &[Table]) -> Result<()> {
     let outputs = arguments.outputs.iter().map(|(path, format)| {
         Ok(match format {
             BenchFormat::Json => {
-                let record = Record {
+                let record = RunRecord {
                     warpknit: env!("CARGO_PKG_VERSION"),
                     machine: Machine::here(),
                     runs: arguments.runs,
@@ -107,15 +111,17 @@ pub(super) fn write(arguments: &Bench, tables: &[Table]) -> Result<()> {
             BenchFormat::Png => export::png::write(path, &png::paint(&plots(tables)?))?,
         })
     });
-    let whole = outputs.collect::<Result<Vec<_>>>()?;
-    Ok(whole.into_iter().try_for_each(Output::publish)?)
+    let complete = outputs.collect::<Result<Vec<_>>>()?;
+    Ok(complete.into_iter().try_for_each(Output::publish)?)
 }
 
+/// The sheet of all plots.
 fn plots(tables: &[Table]) -> Result<warpknit::chart::Drawing> {
     let Machine { system, architecture, processor, cores, threads, .. } = Machine::here();
     let processor = processor.as_deref().unwrap_or(architecture);
     let heading = format!(
-        "warpknit {} bench on {system}, {processor}, {threads} threads on {cores} cores; dashed: published, other machine",
+        "warpknit {} bench on {system}, {processor}, {threads} threads on {cores} cores; \
+         dashed: published, other machine",
         env!("CARGO_PKG_VERSION")
     );
     sheet(&heading, &tables.iter().flat_map(|table| &table.plots).collect::<Vec<_>>())

@@ -1,5 +1,8 @@
-//! What is measured on: the shipped garments, wherever the program runs, or the user's own; and
-//! fabrics with a wanted number of stitches on them.
+//! The garments that are measured on, the shipped ones or the user's own, and fabrics with a wanted
+//! number of stitches on them.
+//!
+//! In: the flags, a number of stitches or of triangles. Out: garments and fabrics. The shipped
+//! garments are embedded in the program, so that it needs no files.
 
 use std::fs;
 
@@ -11,12 +14,12 @@ use warpknit::garment::{Garment, GarmentSummary, Panel, ReadOptions, read};
 use warpknit::ids::index32;
 
 use super::super::args::Bench;
-use super::measure::staged;
+use super::measure::time_stages;
 use super::panel::shuffled_cone;
 
-/// A count of stitches this near to the wanted one will do.
-const NEAR: f64 = 0.003;
-/// Tries at it.
+/// Accepted relative difference between the counted and the wanted number of stitches.
+const TOLERANCE: f64 = 0.003;
+/// The most iterations of the search for it.
 const TRIES: usize = 5;
 
 /// A garment in `meshes/`.
@@ -36,7 +39,7 @@ impl Shipped {
         }
     }
 
-    /// The flat and the draped file, embedded so that an installed program has them too.
+    /// The flat and the draped file.
     fn files(self) -> [&'static [u8]; 2] {
         match self {
             Self::Pinch => [
@@ -54,6 +57,7 @@ impl Shipped {
         }
     }
 
+    /// Reads the garment, through temporary files: the reader takes paths.
     fn read(self) -> Result<Garment> {
         let folder = TemporaryFolder::create_in(&std::env::temp_dir())
             .context("no room for a temporary file")?;
@@ -65,15 +69,15 @@ impl Shipped {
     }
 }
 
-/// The garments of a run: the user's in place of all, where there is one.
+/// The garments of a run. The user's garment, if there is one, replaces all shipped ones.
 #[derive(Debug)]
 pub(super) struct Garments {
     own: Option<(String, Garment)>,
 }
 
 impl Garments {
-    /// Reads the user's.
-    pub(super) fn of(arguments: &Bench) -> Result<Self> {
+    /// Reads the user's garment, if one is named.
+    pub(super) fn from_arguments(arguments: &Bench) -> Result<Self> {
         let Some(flat) = arguments.meshes.first() else { return Ok(Self { own: None }) };
         let draped = arguments.meshes.get(1);
         let garment = read(flat, draped.map(AsRef::as_ref), &arguments.reading.options())?;
@@ -82,18 +86,18 @@ impl Garments {
         Ok(Self { own: Some((name, garment)) })
     }
 
-    /// Whether the user brought one: what was published is of other shapes then.
+    /// Whether the garment is the user's own. Published figures don't apply to it.
     pub(super) fn are_own(&self) -> bool {
         self.own.is_some()
     }
 
-    /// Its name, and the garment.
+    /// The name of a garment, and the garment.
     pub(super) fn get(&self, shipped: Shipped) -> Result<(String, Garment)> {
         self.own.clone().map_or_else(|| Ok((shipped.name().to_owned(), shipped.read()?)), Ok)
     }
 }
 
-/// A garment of one panel of about so many triangles, in the order in which a garment's are read.
+/// A garment of one panel with about so many triangles, ordered as the reader orders them.
 pub(super) fn folded_cone(triangles: usize) -> Garment {
     let mut panel = shuffled_cone(triangles);
     panel.order_along_curve();
@@ -106,31 +110,36 @@ pub(super) fn folded_cone(triangles: usize) -> Garment {
     Garment { panels: vec![panel], summary: facts }
 }
 
-/// The fabric with about so many stitches on the garment, by the areas, its loops in their shape.
+/// The fabric at densities that give about so many stitches on the garment. It is estimated from
+/// the areas; the loops keep their aspect ratio.
 pub(super) fn at_stitches(fabric: &Fabric, garment: &Garment, stitches: f64) -> Result<Fabric> {
     let area: f64 = garment.panels.iter().map(Panel::area).sum();
+    // One stitch of each bar for each cell of wale spacing by course spacing.
     let bars = f64::from(index32(fabric.bars.len()));
     let there = bars * area / (fabric.wale_spacing() * fabric.course_spacing());
     scaled(fabric, stitches / there)
 }
 
-/// The same counted, to within .3 % or as near as some tries come, for bars are not always full and
-/// panels have edges; and the count.
+/// The same with the stitches counted, and their count: a fixed-point iteration to within 0.3 %, or
+/// as near as some tries come. The estimate is off because bars are not always fully threaded and
+/// panels have edges.
 pub(super) fn fitted(fabric: &Fabric, garment: &Garment, stitches: f64) -> Result<(Fabric, usize)> {
     let mut fitted = at_stitches(fabric, garment, stitches)?;
     let mut tries = 1..=TRIES;
+    // Stitches grow in proportion to the product of the densities, so scaling by the ratio of wanted
+    // to counted stitches converges in a few iterations.
     loop {
-        let (_, totals) = staged(&Cloth::cover(garment, &fitted)?, &DrapeOptions::default());
+        let (_, totals) = time_stages(&Cloth::cover(garment, &fitted)?, &DrapeOptions::default());
         let there = totals.losses.stitches;
         let times = stitches / f64::from(index32(there)).max(1.0);
-        if tries.next().is_none() || (times - 1.0).abs() < NEAR {
+        if tries.next().is_none() || (times - 1.0).abs() < TOLERANCE {
             return Ok((fitted, there));
         }
         fitted = scaled(&fitted, times)?;
     }
 }
 
-/// The fabric with so many times as many stitches on an area.
+/// The fabric with so many times the stitches on the same area.
 fn scaled(fabric: &Fabric, times: f64) -> Result<Fabric> {
     let finer = times.sqrt();
     let scaled =
@@ -151,7 +160,8 @@ mod tests {
         let garment = Shipped::Pinch.read().unwrap();
         let (net, stitches) =
             fitted(&Fabric::named("hex-net-3").unwrap(), &garment, 576.0).unwrap();
-        let (_, totals) = staged(&Cloth::cover(&garment, &net).unwrap(), &DrapeOptions::default());
+        let (_, totals) =
+            time_stages(&Cloth::cover(&garment, &net).unwrap(), &DrapeOptions::default());
         assert!(
             (570..=582).contains(&stitches) && totals.losses.stitches == stitches,
             "{stitches}"

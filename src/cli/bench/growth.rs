@@ -1,7 +1,7 @@
-//! How time and memory grow with the stitches and with the triangles, stage by stage.
+//! Growth of time and memory with the number of stitches and of triangles, stage by stage.
 //!
-//! Rows go up in size: what a row takes of memory may still be held by the allocator in the next
-//! one, which then needs more anyway.
+//! In: a garment. Out: two tables with their plots. Rows are measured in order of size: the
+//! allocator may keep the memory of a row for the next one, which needs more anyway.
 
 use anyhow::Result;
 use warpknit::drape::{Cloth, DrapeOptions, Stage};
@@ -12,20 +12,21 @@ use warpknit::yarn::tube::Section;
 
 use super::super::args::{Bench, DEFAULT_FABRIC};
 use super::garments::{Garments, Shipped, at_stitches, folded_cone};
-use super::measure::{Moment, Sample, Staged, Times, staged};
+use super::measure::{Moment, Sample, StageTimes, Times, time_stages};
 use super::plot::{Plot, Series};
-use super::table::{Cell, Column, Table, times};
+use super::table::{Column, Table, TableCell, times};
 use warpknit::system::{forget_peak_memory, peak_memory_mb, resident_memory_mb};
 
-/// Wanted stitches; the last is a skirt at its true gauge, E28.
+/// Numbers of stitches in the first table. The last one is a skirt at its true gauge, E28.
 const STITCHES: [f64; 5] = [1e3, 1e4, 1e5, 1e6, 4.4e6];
-/// Wanted triangles, and the stitches on them.
+/// Numbers of triangles in the second table.
 const TRIANGLES: [usize; 4] = [2_000, 20_000, 200_000, 2_000_000];
+/// Number of stitches in the second table.
 const ON_TRIANGLES: f64 = 26_180.0;
-/// Beyond so many stitches or triangles, each row is measured once and without a run that warms up:
-/// it warms itself.
+/// Above so many stitches or triangles a row is measured once and without a warm-up run. It is long
+/// enough for caches and clock to settle within it.
 const ONCE: usize = 100_000;
-/// The surface that is streamed.
+/// St and Sr of the tubes that are made and discarded.
 const SECTION: (u32, u32) = (10, 5);
 
 const COLUMNS: [Column; 15] = [
@@ -45,11 +46,11 @@ const COLUMNS: [Column; 15] = [
     ("peak_mb", "peak,\nMB"),
     ("resident_mb", "held after,\nMB"),
 ];
-/// The stages that have a column, after laying out.
+/// The stages that have a column after that of laying out.
 const STAGES: [Stage; 5] = [Stage::Index, Stage::Knit, Stage::Locate, Stage::Map, Stage::Surface];
 const NAMES: [&str; 6] = ["lay out", "index", "knit", "locate", "map", "surface"];
 
-/// What is plotted of one row.
+/// The figures of a row that are plotted.
 struct Row {
     stitches: usize,
     stages: [f64; 6],
@@ -64,9 +65,12 @@ pub(super) fn growth(
 ) -> Result<Vec<Table>> {
     let (st, sr) = SECTION;
     let stages = format!(
-        "lay out: the relaxed repeat and the plan of its yarns. index: what location searches in. surface: tubes of St {st}, Sr {sr}, streamed."
+        "lay out: the relaxed repeat and the plan of its yarns. index: what location searches in. \
+         surface: tubes of St {st}, Sr {sr}, streamed."
     );
-    let note = "A row of one run, beyond 100 000 stitches or triangles, has none before it that warms up. Memory: the most that was held during the row, and what is held after it; 0 where the system doesn't say.";
+    let note = "A row of one run, beyond 100 000 stitches or triangles, has none before it that \
+                warms up. Memory: the most that was held during the row, and what is held after \
+                it; 0 where the system doesn't say.";
     let (name, garment) = garments.get(Shipped::Skirt)?;
     let fabric = Fabric::named(DEFAULT_FABRIC)?;
 
@@ -74,7 +78,7 @@ pub(super) fn growth(
     let mut over_stitches = Table::new("growth-stitches", &title, &[&stages, note], COLUMNS);
     let mut plots = plots("stitches");
     for (at, wanted) in STITCHES.into_iter().enumerate() {
-        // The last row takes about as long as all before it.
+        // The first table takes about 60 % of the time.
         progress(0.6 * (at as f64 / STITCHES.len() as f64));
         let row = measure(
             arguments.runs,
@@ -87,7 +91,8 @@ pub(super) fn growth(
     over_stitches.plots.extend(plots);
 
     let title = format!("Growth with the triangles: {DEFAULT_FABRIC} on a folded cone");
-    let cone = "A rectangle of 1200 x 700 mm, its triangles jittered, made in no order and put in order as on reading.";
+    let cone = "A rectangle of 1200 x 700 mm, its triangles jittered, made in no order and put in \
+                order as on reading.";
     let mut over_triangles =
         Table::new("growth-triangles", &title, &[cone, &stages, note], COLUMNS);
     let mut plots = self::plots("triangles");
@@ -106,7 +111,7 @@ pub(super) fn growth(
     Ok(vec![over_stitches, over_triangles])
 }
 
-/// Time over size, and memory over size.
+/// The plots of a table: time over size, and memory over size.
 fn plots(size: &'static str) -> [Plot; 2] {
     let time = Plot::new(
         &format!("Growth with the {size}: time"),
@@ -125,46 +130,58 @@ fn plots(size: &'static str) -> [Plot; 2] {
     ]
 }
 
+/// Adds a row to the plots.
 fn push(plots: &mut [Plot; 2], size: f64, row: &Row) {
     plots[0].push(size, row.stages);
     plots[1].push(size, [row.peak]);
 }
 
-/// One row.
+/// Measures a row and adds it to the table.
 fn measure(runs: u32, table: &mut Table, garment: &Garment, fabric: &Fabric) -> Result<Row> {
     let triangles = garment.summary.triangles;
     let (st, sr) = SECTION;
     let section =
         Section { st, sr, radius: fabric.radius(), flatten: 1.0, caps: false, texture_per_mm: 1.0 };
     let options = DrapeOptions { surface: Some(section), ..DrapeOptions::default() };
+    // The system's peak counts from the start of the process unless it is reset for each row.
     forget_peak_memory();
-    let run = || -> Result<(Sample, Staged, usize)> {
-        let start = Moment::now();
-        let cloth = Cloth::cover(garment, fabric)?;
-        let laid_out = start.elapsed();
-        let (staged, totals) = staged(&cloth, &options);
-        Ok((laid_out, staged, totals.losses.stitches))
-    };
-    let mut taken = vec![run()?];
+    // The first run counts the stitches. On a small row it is the warm-up run and is dropped.
+    let mut taken = vec![timed_run(garment, fabric, &options)?];
     let stitches = taken[0].2;
     if stitches.max(triangles) <= ONCE {
-        taken = (0..runs).map(|_| run()).collect::<Result<_>>()?;
+        taken = (0..runs).map(|_| timed_run(garment, fabric, &options)).collect::<Result<_>>()?;
     }
     let (peak, held) = (peak_memory_mb(), resident_memory_mb());
-    let median = |of: &dyn Fn(&(Sample, Staged, usize)) -> Sample| {
-        Times::of(&taken.iter().map(of).collect::<Vec<_>>())
+    let median = |of: &dyn Fn(&(Sample, StageTimes, usize)) -> Sample| {
+        Times::from_samples(&taken.iter().map(of).collect::<Vec<_>>())
     };
     let mut stages = [median(&|run| run.0).wall.median; 6];
     for (place, stage) in stages[1..].iter_mut().zip(STAGES) {
-        *place = median(&|run| run.1.of(stage)).wall.median;
+        *place = median(&|run| run.1.of_stage(stage)).wall.median;
     }
+    // The median of the sums, not the sum of the medians: runs differ in which stage is slow.
     let all = median(&|run| {
-        STAGES.iter().map(|stage| run.1.of(*stage)).fold(run.0, |sum, stage| sum + stage)
+        STAGES.iter().map(|stage| run.1.of_stage(*stage)).fold(run.0, |sum, stage| sum + stage)
     });
-    let sizes = [Cell::Count(stitches), Cell::Count(triangles)];
-    let further = [Cell::Count(taken.len()), Cell::Number(peak, 0), Cell::Number(held, 0)];
-    table.push(sizes.into_iter().chain(stages.map(Cell::ms)).chain(times(&all)).chain(further));
+    let sizes = [TableCell::Count(stitches), TableCell::Count(triangles)];
+    let further =
+        [TableCell::Count(taken.len()), TableCell::Number(peak, 0), TableCell::Number(held, 0)];
+    table
+        .push(sizes.into_iter().chain(stages.map(TableCell::ms)).chain(times(&all)).chain(further));
     Ok(Row { stitches, stages, peak })
+}
+
+/// One run: the times of laying out and of the stages, and the number of stitches.
+fn timed_run(
+    garment: &Garment,
+    fabric: &Fabric,
+    options: &DrapeOptions,
+) -> Result<(Sample, StageTimes, usize)> {
+    let start = Moment::now();
+    let cloth = Cloth::cover(garment, fabric)?;
+    let laid_out = start.elapsed();
+    let (staged, totals) = time_stages(&cloth, options);
+    Ok((laid_out, staged, totals.losses.stitches))
 }
 
 #[cfg(test)]

@@ -1,4 +1,7 @@
-//! Measuring: wall time and CPU time of some work, several times, as median, fastest and slowest.
+//! Measures wall time and CPU time of some work over several runs: median, fastest and slowest.
+//!
+//! In: a closure. Out: [`Times`]. CPU time is that of all threads of the process; it is missing
+//! where the system does not give it.
 
 use std::convert::Infallible;
 use std::hint::black_box;
@@ -10,22 +13,22 @@ use warpknit::drape::{self, Block, Cloth, DrapeOptions, Stage, Totals};
 
 use super::super::cpu_time::cpu_ms;
 
-/// A point in time, by the clock on the wall and by what the process has worked.
+/// A point in time: wall clock, and CPU time of the process so far.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Moment {
     wall: Instant,
     cpu: Option<f64>,
 }
 
-/// What one run of some work took, ms.
+/// The time of one run, ms.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Sample {
     pub(super) wall: f64,
-    /// Of all threads together, where the system says it.
+    /// CPU time of all threads together, where the system gives it.
     cpu: Option<f64>,
 }
 
-/// Several measurements of one thing.
+/// Median and range of several measurements.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Spread {
     pub(super) median: f64,
@@ -33,11 +36,11 @@ pub(super) struct Spread {
     pub(super) most: f64,
 }
 
-/// What some work takes, ms.
+/// The times of some work over several runs, ms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Times {
     pub(super) wall: Spread,
-    /// Of all threads together, where the system says it.
+    /// CPU time of all threads together, where the system gives it.
     pub(super) cpu: Option<Spread>,
 }
 
@@ -62,8 +65,8 @@ impl Add for Sample {
     type Output = Self;
 
     fn add(self, other: Self) -> Self {
-        // A sample that was never taken, as that of a stage that did not run, has no CPU time to
-        // lose.
+        // A default sample, as of a stage that did not run, has no CPU time. It must not erase the
+        // other's.
         let cpu = match (self.cpu, other.cpu) {
             (Some(own), Some(other)) => Some(own + other),
             (own, other) => own.or(other),
@@ -79,8 +82,9 @@ impl AddAssign for Sample {
 }
 
 impl Spread {
-    /// Of one number at least.
-    fn of(mut numbers: Vec<f64>) -> Self {
+    /// The spread of at least one number.
+    fn from_numbers(mut numbers: Vec<f64>) -> Self {
+        // Of an even count the median is the mean of the two middle numbers.
         numbers.sort_by(f64::total_cmp);
         let last = numbers.len() - 1;
         Self {
@@ -92,15 +96,15 @@ impl Spread {
 }
 
 impl Times {
-    /// Of one sample at least.
-    pub(super) fn of(samples: &[Sample]) -> Self {
+    /// The times of at least one sample.
+    pub(super) fn from_samples(samples: &[Sample]) -> Self {
         let cpu: Vec<_> = samples.iter().filter_map(|sample| sample.cpu).collect();
-        let wall = Spread::of(samples.iter().map(|sample| sample.wall).collect());
-        Self { wall, cpu: (cpu.len() == samples.len()).then(|| Spread::of(cpu)) }
+        let wall = Spread::from_numbers(samples.iter().map(|sample| sample.wall).collect());
+        Self { wall, cpu: (cpu.len() == samples.len()).then(|| Spread::from_numbers(cpu)) }
     }
 }
 
-/// Does the work once to warm up, and then so many times.
+/// Does the work once to warm up, and then measures it so many times.
 pub(super) fn measured(runs: u32, work: &mut dyn FnMut() -> Result<()>) -> Result<Times> {
     let [times] = measured_parts(runs, &mut || {
         let start = Moment::now();
@@ -110,29 +114,33 @@ pub(super) fn measured(runs: u32, work: &mut dyn FnMut() -> Result<()>) -> Resul
     Ok(times)
 }
 
-/// The same for work that takes the time of its parts on its own.
+/// The same for work that measures its parts itself.
 pub(super) fn measured_parts<const N: usize>(
     runs: u32,
     work: &mut dyn FnMut() -> Result<[Sample; N]>,
 ) -> Result<[Times; N]> {
     work()?;
     let runs = (0..runs).map(|_| work()).collect::<Result<Vec<_>>>()?;
-    Ok(std::array::from_fn(|part| Times::of(&runs.iter().map(|run| run[part]).collect::<Vec<_>>())))
+    Ok(std::array::from_fn(|part| {
+        Times::from_samples(&runs.iter().map(|run| run[part]).collect::<Vec<_>>())
+    }))
 }
 
-/// What each stage of the pipeline took.
+/// The time of each stage of the pipeline.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Staged([Sample; 6]);
+pub(super) struct StageTimes([Sample; 6]);
 
-impl Staged {
-    pub(super) fn of(&self, stage: Stage) -> Sample {
+impl StageTimes {
+    /// The time of a stage, 0 if it did not run.
+    pub(super) fn of_stage(&self, stage: Stage) -> Sample {
         self.0[stage as usize]
     }
 }
 
-/// Lays a cloth, hands its blocks to nobody, and says how long each stage took.
-pub(super) fn staged(cloth: &Cloth<'_>, options: &DrapeOptions) -> (Staged, Totals) {
-    let (mut staged, mut begun) = (Staged::default(), None);
+/// Runs the pipeline on a cloth, discards its blocks, and measures each stage. A stage lasts until
+/// the next one is announced.
+pub(super) fn time_stages(cloth: &Cloth<'_>, options: &DrapeOptions) -> (StageTimes, Totals) {
+    let (mut staged, mut begun) = (StageTimes::default(), None);
     let mut announce = |stage: Stage, _| {
         let now = Moment::now();
         if let Some((last, start)) = begun.replace((stage, now)) {
@@ -157,9 +165,9 @@ mod tests {
 
     #[test]
     fn the_median_lies_between_the_least_and_the_most() {
-        let Spread { median, least, most } = Spread::of(vec![4.0, 1.0, 9.0, 2.0]);
+        let Spread { median, least, most } = Spread::from_numbers(vec![4.0, 1.0, 9.0, 2.0]);
         assert_eq!((median, least, most), (3.0, 1.0, 9.0));
-        assert_eq!(Spread::of(vec![4.0, 1.0, 9.0]).median, 4.0);
+        assert_eq!(Spread::from_numbers(vec![4.0, 1.0, 9.0]).median, 4.0);
     }
 
     #[test]
@@ -185,10 +193,11 @@ mod tests {
         let fabric = Fabric::named("tricot").unwrap();
         let panel = drape::swatch_panel(&fabric, 8, 8);
         let (staged, totals) =
-            staged(&Cloth::swatch(&panel, &fabric, 8, 8), &DrapeOptions::default());
+            time_stages(&Cloth::swatch(&panel, &fabric, 8, 8), &DrapeOptions::default());
         assert_eq!(totals.losses.stitches, 2 * 8 * 8);
         assert!(
-            staged.of(Stage::Knit).wall > 0.0 && staged.of(Stage::Surface) == Sample::default()
+            staged.of_stage(Stage::Knit).wall > 0.0
+                && staged.of_stage(Stage::Surface) == Sample::default()
         );
     }
 }

@@ -1,10 +1,11 @@
-//! `warpknit bench`: how long the work takes here, beside what the papers published.
+//! `warpknit bench`: run times on this machine, beside those that the papers published.
 //!
-//! Each subject is a file and gives tables: the source paper's Table 2 ([`plane_curved`], with
-//! [`brute`] as its baseline), its Table 3 ([`total`]), its Figures 14 and 15 ([`st_sr`],
-//! [`textures`]), the ribbon paper's table ([`weft`](mod@weft)), and [`growth`](mod@growth) with
-//! the size. Figures are medians of several runs after one that warms up; `from` and `to` are the
-//! fastest and the slowest.
+//! In: the flags. Out: tables on standard output, and as JSON, SVG or PNG where asked for. Each
+//! subject is a file and gives one or two tables: Table 2 of Liu, Kyosev and Jiang 2022
+//! ([`plane_curved`], with [`brute`] as its baseline), its Table 3 ([`total`]), its Figures 14 and
+//! 15 ([`st_sr`], [`textures`]), the table of the ribbon paper ([`weft`](mod@weft)), and
+//! [`growth`](mod@growth) with the size. Figures are medians of several runs after a warm-up run;
+//! `from` and `to` are the fastest and the slowest run.
 
 mod brute;
 mod canvas;
@@ -33,7 +34,7 @@ use garments::Garments;
 use table::Table;
 use warpknit::pipeline::{Listener as _, Task};
 
-/// What can be measured.
+/// The subjects that can be measured. Their comments are the command's help texts.
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Subject {
     /// Table 2: coordinates on the plane fabric and on the curved one
@@ -51,19 +52,19 @@ pub(crate) enum Subject {
     Growth,
 }
 
-/// What is measured unasked: the source paper's tables and figures.
+/// The default subjects: the source paper's tables and figures.
 const PAPER: [Subject; 4] =
     [Subject::PlaneCurved, Subject::Total, Subject::StSr, Subject::Textures];
-/// What is measured on a garment of one's own, if there is one.
+/// The subjects that the user's own garment can be measured in.
 const ON_GARMENTS: [Subject; 3] = [Subject::PlaneCurved, Subject::Total, Subject::Growth];
 
-/// Prints the tables that were asked for, and writes them to files.
+/// Measures the subjects, prints their tables and writes them to files.
 pub(crate) fn bench(arguments: &Bench) -> Result<()> {
     let subjects = subjects(arguments);
     check(arguments, &subjects)?;
     files::check(arguments)?;
     let terminal = Terminal::begin_command(&arguments.running)?;
-    let garments = Garments::of(arguments)?;
+    let garments = Garments::from_arguments(arguments)?;
     let mut tables = Vec::new();
     for (at, subject) in subjects.iter().enumerate() {
         let mut progress =
@@ -72,7 +73,7 @@ pub(crate) fn bench(arguments: &Bench) -> Result<()> {
     }
     files::write(arguments, &tables)?;
     terminal.clear();
-    // Scripts split the one table that `--weft` has always printed, and find no words above it.
+    // Scripts parse the one table that `--weft` has always printed, and expect no title above it.
     let bare = subjects == [Subject::Weft];
     let texts: Vec<_> =
         tables.iter().map(|table| if bare { table.body() } else { table.text() }).collect();
@@ -87,13 +88,14 @@ fn check(arguments: &Bench, subjects: &[Subject]) -> Result<()> {
     if !arguments.meshes.is_empty() && !subjects.iter().any(|subject| ON_GARMENTS.contains(subject))
     {
         bail!(
-            "a garment of your own is measured in plane-curved, total and growth: name one of them with --only, or no garment"
+            "a garment of your own is measured in plane-curved, total and growth: \
+             name one of them with --only, or no garment"
         );
     }
     Ok(())
 }
 
-/// What the flags ask for, each once and in the papers' order.
+/// The subjects that the flags ask for, each once and in the papers' order.
 fn subjects(arguments: &Bench) -> Vec<Subject> {
     let unasked: &[Subject] =
         if arguments.meshes.is_empty() { &PAPER } else { &[Subject::PlaneCurved, Subject::Total] };

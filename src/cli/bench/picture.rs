@@ -1,4 +1,6 @@
-//! The pictures that are timed: their size, their number, and what draws them.
+//! Timing of pictures: their size, their number, and the renderer.
+//!
+//! In: a scene. Out: the time of drawing it once or several times.
 
 use anyhow::Result;
 use warpknit::render::scene::Scene;
@@ -9,19 +11,19 @@ use super::measure::{Moment, Sample};
 
 /// Pixels each way: small, so that three pictures of every row take minutes and not an hour.
 pub(super) const SIZE: (u32, u32) = (640, 480);
-/// The most runs of each: a picture takes a thousand times as long as a row of coordinates, and
-/// spreads less.
+/// The most runs of each picture. It takes a thousand times as long as a row of coordinates, and
+/// its times spread less.
 const MOST_RUNS: u32 = 3;
 
-/// Draws scenes in one way.
+/// Draws and times scenes with fixed options.
 #[derive(Debug)]
-pub(super) struct Easel {
+pub(super) struct PictureTimer {
     options: Options,
     /// Runs of each picture, after one that warms up.
     pub(super) runs: u32,
 }
 
-impl Easel {
+impl PictureTimer {
     pub(super) fn new(arguments: &Bench) -> Self {
         let options = Options {
             width: SIZE.0,
@@ -32,35 +34,36 @@ impl Easel {
         Self { options, runs: arguments.runs.min(MOST_RUNS) }
     }
 
-    /// The same with tubes of St by Sr everywhere, where tubes are drawn as triangles.
+    /// The same with tubes of St by Sr segments everywhere, for renderers that draw triangles.
     pub(super) fn with_tubes(&self, st: u32, sr: u32) -> Self {
         Self { options: Options { st, sr, lod: false, ..self.options.clone() }, runs: self.runs }
     }
 
-    /// How pictures are made, in words.
+    /// A note on how pictures are drawn.
     pub(super) fn note(&self) -> String {
         let by = match self.options.renderer {
             Choice::Cpu => "drawn on the processor",
             Choice::Gpu => "drawn on the graphics adapter, which is found anew each time",
             Choice::Auto => {
-                "drawn on the graphics adapter, found anew each time, or on the processor where there is none"
+                "drawn on the graphics adapter, found anew each time, or on the processor where \
+                 there is none"
             }
         };
         format!("{by}; runs of each: {}", self.runs)
     }
 
-    /// Whether St and Sr make a difference.
+    /// Whether St and Sr make a difference. The CPU renderer traces curves, not tubes.
     pub(super) fn heeds_tubes(&self) -> bool {
         self.options.renderer != Choice::Cpu
     }
 
-    /// Draws once to warm up, and then as often as runs are wanted.
+    /// Draws once to warm up, and then once for each run.
     pub(super) fn timed(&self, scene: &Scene) -> Result<Vec<Sample>> {
         self.draw(scene)?;
         (0..self.runs).map(|_| self.draw(scene)).collect()
     }
 
-    /// Draws once, and says how long that took.
+    /// Draws once. The time includes setting up the renderer.
     pub(super) fn draw(&self, scene: &Scene) -> Result<Sample> {
         let start = Moment::now();
         let camera = Camera::view(
@@ -70,6 +73,7 @@ impl Easel {
             1.0,
             self.options.aspect(),
         );
+        // A new painter each time: setting up the renderer is part of a picture's cost.
         let picture = Painter::new(scene, &self.options)?.draw(&camera, &self.options, &|_| ())?;
         std::hint::black_box(picture);
         Ok(start.elapsed())

@@ -1,7 +1,8 @@
-//! The source paper's Table 2: all data points on the flat fabric, and on the garment.
+//! Table 2 of Liu, Kyosev and Jiang 2022: the time for all data points on the flat ("plane")
+//! fabric, and on the draped ("curved") one.
 //!
-//! The paper names a mesh fabric, a tricot fabric, a tube and a skirt; the latter two are taken to
-//! be of tricot.
+//! In: the shipped garments, or the user's own. Out: a table and a plot. The paper names a mesh
+//! fabric, a tricot fabric, a tube and a skirt; the last two are taken to be of tricot.
 
 use anyhow::Result;
 use warpknit::drape::{Cloth, DrapeOptions, Stage};
@@ -13,12 +14,12 @@ use warpknit::knit::Pattern;
 use super::super::args::{Bench, DEFAULT_FABRIC};
 use super::brute;
 use super::garments::{Garments, Shipped, fitted};
-use super::measure::{Moment, Sample, Times, measured_parts, staged};
+use super::measure::{Moment, Sample, Times, measured_parts, time_stages};
 use super::plot::{Plot, Series};
-use super::table::{BESIDE, Cell, Column, TIMES, Table, beside, times};
+use super::table::{BESIDE, Column, TIMES, Table, TableCell, beside, times};
 
-/// A line of the paper's table.
-struct Line {
+/// A line of the paper's table; times in ms.
+struct PublishedLine {
     cloth: &'static str,
     fabric: &'static str,
     garment: Shipped,
@@ -27,8 +28,8 @@ struct Line {
     curved: f64,
 }
 
-const LINES: [Line; 4] = [
-    Line {
+const LINES: [PublishedLine; 4] = [
+    PublishedLine {
         cloth: "mesh",
         fabric: "hex-net-3",
         garment: Shipped::Pinch,
@@ -36,7 +37,7 @@ const LINES: [Line; 4] = [
         plane: 41.46,
         curved: 58.35,
     },
-    Line {
+    PublishedLine {
         cloth: "tricot",
         fabric: DEFAULT_FABRIC,
         garment: Shipped::Pinch,
@@ -44,7 +45,7 @@ const LINES: [Line; 4] = [
         plane: 201.45,
         curved: 209.46,
     },
-    Line {
+    PublishedLine {
         cloth: "tube",
         fabric: DEFAULT_FABRIC,
         garment: Shipped::Tube,
@@ -52,7 +53,7 @@ const LINES: [Line; 4] = [
         plane: 496.52,
         curved: 521.08,
     },
-    Line {
+    PublishedLine {
         cloth: "skirt",
         fabric: DEFAULT_FABRIC,
         garment: Shipped::Skirt,
@@ -62,19 +63,21 @@ const LINES: [Line; 4] = [
     },
 ];
 
-/// What is told apart of a cloth's making.
+/// The parts of the work that are measured separately.
 struct Parts {
+    /// Relaxation of one repeat.
     relaxed: Times,
+    /// All data points on the flat fabric, relaxation included.
     plane: Times,
-    /// Location and mapping.
-    carried: Times,
-    /// `plane` and `carried`, run by run.
+    /// Location and mapping onto the garment.
+    mapped: Times,
+    /// `plane` and `mapped`, run by run.
     curved: Times,
 }
 
-/// How many times as long as `plane` a part takes.
+/// The column with the ratio of a part's time to that of `plane`.
 const OVER_PLANE: Column = ("over_plane", "over\nplane");
-/// What `--brute` adds at the right.
+/// The columns that `--brute` adds at the right.
 const BRUTE: [Column; 2] = [("brute_ms", "all triangles\nin turn, ms"), ("brute_times", "times")];
 
 /// Measures the table, on the user's garment if there is one.
@@ -87,8 +90,10 @@ pub(super) fn plane_curved(
         "plane-curved",
         "Table 2: coordinates on the plane fabric and on the curved one",
         &[
-            "relax: one repeat in balance. plane: relax, laying out and all data points on the flat fabric. curved: plane, location and mapping.",
-            "published: Liu, Kyosev, Jiang 2022, Table 2, C# on an i7-9750H. The paper's meshes are not public; these are our own.",
+            "relax: one repeat in balance. plane: relax, laying out and all data points on the \
+             flat fabric. curved: plane, location and mapping.",
+            "published: Liu, Kyosev, Jiang 2022, Table 2, C# on an i7-9750H. The paper's meshes \
+             are not public; these are our own.",
         ],
         [("cloth", "cloth"), ("fabric", "fabric"), ("stitches", "stitches"), ("part", "part")],
     );
@@ -96,7 +101,8 @@ pub(super) fn plane_curved(
     if arguments.brute {
         table.add_columns(BRUTE);
         table.notes.push(
-            "all triangles in turn: the paper's own location run here, with as many threads, once and not several times."
+            "all triangles in turn: the paper's own location run here, with as many threads, once \
+             and not several times."
                 .to_owned(),
         );
     }
@@ -116,6 +122,7 @@ pub(super) fn plane_curved(
         } else {
             (line.cloth, line.fabric)
         };
+        // Published times hold for the paper's garments only.
         let published = (!garments.are_own()).then_some((line.plane, line.curved));
         let (fabric, stitches) =
             fitted(&Fabric::named(fabric)?, &garment, f64::from(line.stitches))?;
@@ -141,25 +148,28 @@ pub(super) fn plane_curved(
     Ok(table)
 }
 
+/// Measures the parts on a garment.
 fn measure(runs: u32, garment: &Garment, fabric: &Fabric) -> Result<Parts> {
-    let [relaxed, plane, carried, curved] = measured_parts(runs, &mut || {
+    let [relaxed, plane, mapped, curved] = measured_parts(runs, &mut || {
         let start = Moment::now();
         std::hint::black_box(Pattern::new(fabric));
         let relaxed = start.elapsed();
+        // Covering relaxes the repeat again, so `plane` includes it.
         let start = Moment::now();
         let cloth = Cloth::cover(garment, fabric)?;
         let covered = start.elapsed();
-        let (staged, _) = staged(&cloth, &DrapeOptions::default());
-        let plane = covered + staged.of(Stage::Knit);
-        let carried =
-            [Stage::Index, Stage::Locate, Stage::Map].into_iter().map(|stage| staged.of(stage));
-        let carried = carried.fold(Sample::default(), |sum, stage| sum + stage);
-        Ok([relaxed, plane, carried, plane + carried])
+        let (staged, _) = time_stages(&cloth, &DrapeOptions::default());
+        let plane = covered + staged.of_stage(Stage::Knit);
+        let mapped = [Stage::Index, Stage::Locate, Stage::Map]
+            .into_iter()
+            .map(|stage| staged.of_stage(stage));
+        let mapped = mapped.fold(Sample::default(), |sum, stage| sum + stage);
+        Ok([relaxed, plane, mapped, plane + mapped])
     })?;
-    Ok(Parts { relaxed, plane, carried, curved })
+    Ok(Parts { relaxed, plane, mapped, curved })
 }
 
-/// A row a part.
+/// Adds a row for each part.
 fn push(
     table: &mut Table,
     names: [&str; 2],
@@ -168,24 +178,31 @@ fn push(
     published: Option<(f64, f64)>,
     brute: Option<Sample>,
 ) {
+    // The linear search replaces location and mapping only; the flat fabric takes the same time.
     let brute_curved = brute.map(|brute| parts.plane.wall.median + brute.wall);
     let rows = [
         ("relax", &parts.relaxed, None, None),
         ("plane", &parts.plane, published.map(|(plane, _)| plane), None),
-        ("location and mapping", &parts.carried, None, brute.map(|brute| brute.wall)),
+        ("location and mapping", &parts.mapped, None, brute.map(|brute| brute.wall)),
         ("curved", &parts.curved, published.map(|(_, curved)| curved), brute_curved),
     ];
     for (part, taken, published, by_brute) in rows {
-        let labels =
-            [Cell::text(names[0]), Cell::text(names[1]), Cell::Count(stitches), Cell::text(part)];
-        let over_plane = Cell::Number(taken.wall.median / parts.plane.wall.median, 2);
+        let labels = [
+            TableCell::text(names[0]),
+            TableCell::text(names[1]),
+            TableCell::Count(stitches),
+            TableCell::text(part),
+        ];
+        let over_plane = TableCell::Number(taken.wall.median / parts.plane.wall.median, 2);
         let row = labels
             .into_iter()
             .chain(times(taken))
             .chain([over_plane])
             .chain(beside(published, taken));
-        let last =
-            [Cell::known(by_brute, 2), Cell::times(by_brute.map(|ms| ms / taken.wall.median))];
+        let last = [
+            TableCell::known(by_brute, 2),
+            TableCell::times(by_brute.map(|ms| ms / taken.wall.median)),
+        ];
         table.push(row.chain(last.into_iter().filter(|_| brute.is_some())));
     }
 }

@@ -1,8 +1,8 @@
-//! Plots of the tables: what is shown, and one sheet of all of them.
+//! Plots of the tables, on one sheet.
 //!
 //! In: series of points. Out: a [`Drawing`], which the library writes as `.svg` or `.png` without
-//! any font of the system. Axes are laid out by plotters, logarithmic where the figures span more
-//! than a decade; solid lines are measured here, dashed ones are not.
+//! any font of the system. plotters lays out the axes; an axis is logarithmic where the figures
+//! span more than a decade. Solid lines are measured here, dashed lines are published figures.
 
 use std::ops::Range;
 
@@ -13,29 +13,30 @@ use plotters::coord::ranged1d::{AsRangedCoord, Ranged, ValueFormatter};
 use plotters::prelude::*;
 use warpknit::chart::Drawing;
 
-use super::canvas::{Canvas, NORMAL, SMALL, TITLE};
+use super::canvas::{NORMAL, PlotCanvas, SMALL, TITLE};
 
-/// One plot's size on the sheet, px.
+/// Size of a plot on the sheet, px.
 const CELL: (u32, u32) = (600, 400);
-/// Room for the names of the series, at the right.
+/// Width of the legend at the right of a plot, px.
 const LEGEND: u32 = 190;
-/// Room for the words above all plots, px.
+/// Height of the heading above all plots, px.
 const HEADING: u32 = 40;
 /// Plots side by side.
 const ACROSS: usize = 2;
-/// From this ratio of the largest to the smallest on, an axis is logarithmic.
+/// Ratio of the largest to the smallest figure from which on an axis is logarithmic.
 const DECADE: f64 = 10.0;
-/// Up to this ratio powers of ten alone are too few marks.
+/// Ratio up to which a logarithmic axis has marks at 2 and 5 as well, since powers of ten alone
+/// would be too few.
 const FEW: f64 = 2000.0;
-/// Dashes and the gaps between them, px.
+/// Lengths of a dash and of the gap after it, px.
 const DASH: (u32, u32) = (7, 5);
 const LINE_WIDTH: u32 = 2;
 const DOT_RADIUS: u32 = 4;
 const INK: RGBColor = RGBColor(0x22, 0x26, 0x2b);
 const FAINT: RGBColor = RGBColor(0x6b, 0x72, 0x7a);
 const HAIR: RGBColor = RGBColor(0xe3, 0xe6, 0xea);
-/// Okabe and Ito's colours, which colour-blind people tell apart, but for the yellow that white
-/// swallows.
+/// The palette of Okabe and Ito 2008, "Color universal design", which colour-blind people can
+/// distinguish, without its yellow, which is hardly visible on white.
 const COLORS: [RGBColor; 6] = [
     RGBColor(0x00, 0x72, 0xb2),
     RGBColor(0xd5, 0x5e, 0x00),
@@ -45,26 +46,28 @@ const COLORS: [RGBColor; 6] = [
     RGBColor(0xe6, 0x9f, 0x00),
 ];
 
-/// A line of a plot.
+/// One line of a plot.
 #[derive(Clone, Debug)]
 pub(super) struct Series {
     name: String,
-    /// Whether it was measured here and now.
+    /// Whether it was measured in this run, not published.
     ours: bool,
     points: Vec<(f64, f64)>,
 }
 
 impl Series {
+    /// A series that is measured here.
     pub(super) fn ours(name: &str) -> Self {
         Self { name: name.to_owned(), ours: true, points: Vec::new() }
     }
 
+    /// A series of published figures.
     pub(super) fn published(name: &str) -> Self {
         Self { ours: false, ..Self::ours(name) }
     }
 }
 
-/// Lines over one axis.
+/// A plot: series over a common x.
 #[derive(Clone, Debug)]
 pub(super) struct Plot {
     title: String,
@@ -73,10 +76,10 @@ pub(super) struct Plot {
     series: Vec<Series>,
 }
 
-type Area<'a> = DrawingArea<Canvas<'a>, Shift>;
+type Area<'a> = DrawingArea<PlotCanvas<'a>, Shift>;
 
 impl Plot {
-    /// `x` and `y` name what the axes show, with its unit.
+    /// `x` and `y` are the axes' labels, with their units.
     pub(super) fn new(
         title: &str,
         x: &'static str,
@@ -91,14 +94,15 @@ impl Plot {
         self.push_known(x, values.into_iter().map(Some));
     }
 
-    /// Adds a point to each series of which one is known. What took no measurable time has none: a
-    /// logarithm has no zero.
+    /// Adds a point to each series whose value is known. A time too short to measure is left out,
+    /// since a logarithmic axis has no zero.
     pub(super) fn push_known(&mut self, x: f64, values: impl IntoIterator<Item = Option<f64>>) {
         for (series, y) in self.series.iter_mut().zip(values) {
             series.points.extend(y.filter(|y| *y > 0.0).map(|y| (x, y)));
         }
     }
 
+    /// Draws the plot into an area of the sheet.
     fn draw(&self, area: &Area<'_>) -> Result<()> {
         let (left, legend) = area.split_horizontally(CELL.0 - LEGEND);
         area.draw_text(&self.title, &text(TITLE, INK), (18, 16)).map_err(drawn)?;
@@ -107,6 +111,7 @@ impl Plot {
         let (Some(xs), Some(ys)) = (self.span(|point| point.0), self.span(|point| point.1)) else {
             return Ok(());
         };
+        // The axes are types in plotters, so each combination is a call of its own.
         match (is_wide(&xs), is_wide(&ys)) {
             (true, true) => self.draw_lines(&left, logarithmic(&xs), logarithmic(&ys)),
             (true, false) => self.draw_lines(&left, logarithmic(&xs), from_zero(&ys)),
@@ -115,13 +120,14 @@ impl Plot {
         }
     }
 
-    /// From the smallest to the largest.
+    /// The range of a coordinate over all points, if there are any.
     fn span(&self, of: impl Fn(&(f64, f64)) -> f64) -> Option<Range<f64>> {
         let all = || self.series.iter().flat_map(|series| &series.points).map(&of);
         let (low, high) = (all().fold(f64::INFINITY, f64::min), all().fold(0.0, f64::max));
         (low <= high).then_some(low..high)
     }
 
+    /// Draws axes, grid and series.
     fn draw_lines<X, Y>(&self, area: &Area<'_>, x: X, y: Y) -> Result<()>
     where
         X: AsRangedCoord<Value = f64>,
@@ -141,6 +147,7 @@ impl Plot {
         mesh.label_style(text(SMALL, INK)).axis_desc_style(text(SMALL, FAINT)).x_desc(self.x);
         mesh.x_label_formatter(&|x| short(*x)).y_label_formatter(&|y| short(*y));
         mesh.draw().map_err(drawn)?;
+        // Each series is a line with a dot at each figure, so that single figures show too.
         for (series, color) in self.colored() {
             let line = color.stroke_width(LINE_WIDTH);
             let points = series.points.iter().copied();
@@ -158,6 +165,7 @@ impl Plot {
         Ok(())
     }
 
+    /// Draws the names of the series with samples of their lines.
     fn draw_legend(&self, area: &Area<'_>) -> Result<()> {
         for ((series, color), y) in self.colored().zip((84..).step_by(22)) {
             let piece =
@@ -171,16 +179,18 @@ impl Plot {
         Ok(())
     }
 
-    /// The series that have points, each with its colour: what was published comes after all of
-    /// ours, in the same order and colours.
+    /// The series that have points, each with its colour. Published series come after all measured
+    /// ones, in the same order, and get the same colours.
     fn colored(&self) -> impl Iterator<Item = (&Series, RGBColor)> {
+        // Colours repeat after the measured series, so the n-th published one matches the n-th
+        // measured one.
         let ours = self.series.iter().filter(|series| series.ours).count().max(1);
         let color = move |(at, series): (usize, _)| (series, COLORS[at % ours % COLORS.len()]);
         self.series.iter().enumerate().map(color).filter(|(series, _)| !series.points.is_empty())
     }
 }
 
-/// All plots on one sheet, in rows, below a line of words.
+/// All plots on one sheet, in rows, below a heading.
 pub(super) fn sheet(heading: &str, plots: &[&Plot]) -> Result<Drawing> {
     let rows = plots.len().div_ceil(ACROSS).max(1);
     let across = plots.len().clamp(1, ACROSS);
@@ -189,7 +199,7 @@ pub(super) fn sheet(heading: &str, plots: &[&Plot]) -> Result<Drawing> {
     let size = DVec2::new(pixels(across, CELL.0), pixels(rows, CELL.1) + f64::from(HEADING));
     let mut drawing = Drawing { size, layers: Vec::new(), notes: Vec::new() };
     {
-        let root = Canvas::on(&mut drawing).into_drawing_area();
+        let root = PlotCanvas::on(&mut drawing).into_drawing_area();
         root.draw_text(heading, &text(NORMAL, FAINT), (18, 12)).map_err(drawn)?;
         let (_, below) = root.split_vertically(HEADING);
         for (plot, area) in plots.iter().zip(below.split_evenly((rows, across))) {
@@ -200,11 +210,13 @@ pub(super) fn sheet(heading: &str, plots: &[&Plot]) -> Result<Drawing> {
     Ok(drawing)
 }
 
+/// A style of text.
 fn text(size: i32, color: RGBColor) -> TextStyle<'static> {
     ("monospace", size).into_font().color(&color)
 }
 
-/// A drawing takes all shapes; what is left are plots that have no room for their axes.
+/// Turns an error of plotters into ours. The backend can't fail, so the only cause is a plot
+/// without room for its axes.
 fn drawn<E: std::error::Error + Send + Sync>(error: DrawingAreaErrorKind<E>) -> anyhow::Error {
     anyhow!("can't draw the plots: {error}")
 }
@@ -214,11 +226,12 @@ fn is_wide(span: &Range<f64>) -> bool {
     span.end > DECADE * span.start
 }
 
-/// A logarithmic axis with room at both ends; its marks are powers of ten, with 2 and 5 between
-/// where there are few.
+/// A logarithmic axis with a margin at both ends. Its marks are powers of ten, and 2 and 5 times
+/// those where they would be few.
 fn logarithmic(
     span: &Range<f64>,
 ) -> impl AsRangedCoord<Value = f64, CoordDescType: Ranged<ValueType = f64> + ValueFormatter<f64>> {
+    // Half as much again at both ends keeps the points off the frame.
     let room = span.start / 1.5..span.end * 1.5;
     let between: &[f64] = if room.end / room.start < FEW { &[1.0, 2.0, 5.0] } else { &[1.0] };
     #[expect(
@@ -232,7 +245,7 @@ fn logarithmic(
     room.log_scale().with_key_points(marks)
 }
 
-/// With room at the upper end, on a plain axis.
+/// A linear axis from 0 with a margin at the upper end.
 fn from_zero(span: &Range<f64>) -> Range<f64> {
     0.0..span.end * 1.1
 }
@@ -251,7 +264,7 @@ fn short(number: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use warpknit::chart::Shape;
+    use warpknit::chart::DrawingShape;
 
     #[test]
     fn numbers_on_axes_are_short() {
@@ -276,14 +289,16 @@ mod tests {
         let drawing = sheet("words", &[&plot, &empty, &plot]).unwrap();
         let shapes: Vec<_> = drawing.layers.iter().flat_map(|layer| &layer.shapes).collect();
         let has = |wanted: &str| {
-            shapes.iter().any(|shape| matches!(shape, Shape::Text { text, .. } if text == wanted))
+            shapes
+                .iter()
+                .any(|shape| matches!(shape, DrawingShape::Text { text, .. } if text == wanted))
         };
         for wanted in
             ["words", "Times", "stitches", "ms", "here", "published", "10k", "500", "Nothing"]
         {
             assert!(has(wanted), "{wanted}: {shapes:?}");
         }
-        let dots = shapes.iter().filter(|shape| matches!(shape, Shape::Dot { .. })).count();
+        let dots = shapes.iter().filter(|shape| matches!(shape, DrawingShape::Dot { .. })).count();
         assert_eq!(dots, 2 * (2 * 3 + 2));
     }
 }

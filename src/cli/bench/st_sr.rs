@@ -1,7 +1,8 @@
-//! The source paper's Figure 14: render time over St, Sr and the size of the fabric.
+//! Figure 14 of Liu, Kyosev and Jiang 2022: render time over St (segments of a stitch), Sr (edges
+//! of a tube's section) and the size of the fabric.
 //!
-//! The figure is a plot whose values the text does not print. Its St and Sr are those of Table 1;
-//! its sizes are not printed either.
+//! In: a flat fabric. Out: a table and two plots. The paper's figure is a plot without printed
+//! values, so there are no published times. St and Sr are those of its Table 1; the sizes are ours.
 
 use anyhow::Result;
 use warpknit::drape::{Cloth, DrapeOptions, Stage, swatch_panel};
@@ -10,12 +11,12 @@ use warpknit::render::cloth;
 use warpknit::yarn::tube::Section;
 
 use super::super::args::{Bench, DEFAULT_FABRIC};
-use super::measure::{measured_parts, staged};
-use super::picture::{Easel, SIZE};
+use super::measure::{measured_parts, time_stages};
+use super::picture::{PictureTimer, SIZE};
 use super::plot::{Plot, Series};
-use super::table::{BESIDE, Cell, TIMES, Table, beside, times};
+use super::table::{BESIDE, TIMES, Table, TableCell, beside, times};
 
-/// The paper's tube parameters.
+/// The paper's St and Sr.
 const SECTIONS: [(u32, u32); 6] = [(10, 5), (25, 5), (40, 5), (10, 13), (25, 13), (40, 13)];
 /// Wales and courses of the fabrics.
 const SIDES: [u32; 3] = [10, 20, 40];
@@ -23,13 +24,15 @@ const SIDES: [u32; 3] = [10, 20, 40];
 /// Measures tubes and picture for each of the paper's St, Sr and for each size.
 pub(super) fn st_sr(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<Table> {
     let fabric = Fabric::named(DEFAULT_FABRIC)?;
-    let easel = Easel::new(arguments);
+    let timer = PictureTimer::new(arguments);
     let mut table = Table::new(
         "st-sr",
         "Figure 14: render time over St, Sr and the fabric's size",
         &[
-            "The time is that of tubes and picture. The processor traces the yarns' curves whatever St and Sr, so its picture is timed once a size; --renderer gpu draws tubes.",
-            "published: the paper's figure is a plot, and its text prints neither its times nor its sizes.",
+            "The time is that of tubes and picture. The processor traces the yarns' curves \
+             whatever St and Sr, so its picture is timed once a size; --renderer gpu draws tubes.",
+            "published: the paper's figure is a plot, and its text prints neither its times nor \
+             its sizes.",
         ],
         [
             ("fabric", "fabric"),
@@ -45,7 +48,7 @@ pub(super) fn st_sr(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<
             "Flat {DEFAULT_FABRIC} of so many wales and courses, {} x {} pixels, {}.",
             SIZE.0,
             SIZE.1,
-            easel.note()
+            timer.note()
         ),
     );
     table.add_columns(TIMES.into_iter().chain(BESIDE));
@@ -53,12 +56,13 @@ pub(super) fn st_sr(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<
     let mut rendered =
         Plot::new("Figure 14: tubes and picture", "stitches", "time, ms", series.clone());
     let mut tubed = Plot::new("Figure 14: tubes alone", "stitches", "time, ms", series);
+    // One scene serves all St and Sr of a size: it holds the yarns' points, not their tubes.
     for (at, side) in SIDES.into_iter().enumerate() {
         let (panel, mut all) = (swatch_panel(&fabric, side, side), Vec::new());
         let cloth = Cloth::swatch(&panel, &fabric, side, side);
         let scene = cloth::from_cloth(&cloth, &fabric);
         let mut one_for_all =
-            if easel.heeds_tubes() { None } else { Some(easel.timed(&scene)?.into_iter().cycle()) };
+            if timer.heeds_tubes() { None } else { Some(timer.timed(&scene)?.into_iter().cycle()) };
         for (number, (st, sr)) in SECTIONS.into_iter().enumerate() {
             progress((at as f64 + number as f64 / SECTIONS.len() as f64) / SIDES.len() as f64);
             let section = Section {
@@ -70,22 +74,26 @@ pub(super) fn st_sr(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<
                 texture_per_mm: 1.0,
             };
             let options = DrapeOptions { surface: Some(section), ..DrapeOptions::default() };
-            let easel = easel.with_tubes(st, sr);
-            let [tubes, taken] = measured_parts(easel.runs, &mut || {
-                let tubes = staged(&cloth, &options).0.of(Stage::Surface);
+            let timer = timer.with_tubes(st, sr);
+            // Tubes are made by the pipeline's surface stage, and the picture by the renderer; the
+            // paper's render time is their sum.
+            let [tubes, taken] = measured_parts(timer.runs, &mut || {
+                let tubes = time_stages(&cloth, &options).0.of_stage(Stage::Surface);
                 let picture = match one_for_all.as_mut().and_then(Iterator::next) {
                     Some(picture) => picture,
-                    None => easel.draw(&scene)?,
+                    None => timer.draw(&scene)?,
                 };
                 Ok([tubes, tubes + picture])
             })?;
             let sizes = [
-                Cell::Text(format!("{side} x {side}")),
-                Cell::Count(st as usize),
-                Cell::Count(sr as usize),
+                TableCell::Text(format!("{side} x {side}")),
+                TableCell::Count(st as usize),
+                TableCell::Count(sr as usize),
             ];
-            let further =
-                [Cell::Count(section.triangles_per_stitch() as usize), Cell::ms(tubes.wall.median)];
+            let further = [
+                TableCell::Count(section.triangles_per_stitch() as usize),
+                TableCell::ms(tubes.wall.median),
+            ];
             table.push(
                 sizes.into_iter().chain(further).chain(times(&taken)).chain(beside(None, &taken)),
             );

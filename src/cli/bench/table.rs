@@ -1,48 +1,52 @@
-//! Tables of figures: text with aligned columns for people, a record a row for scripts.
+//! Tables of figures: text with aligned columns for people, JSON with one record a row for scripts.
+//!
+//! In: rows of cells. Out: text, or a serialised table. JSON keeps numbers in full precision; text
+//! rounds them. The keys of tables and columns are an interface for scripts.
 
 use serde::ser::{Serialize, Serializer};
 
 use super::measure::Times;
 use super::plot::Plot;
 
-/// What is between two columns.
+/// The text between two columns.
 const GAP: &str = "  ";
 
-/// One table of `warpknit bench`, and what is plotted of it.
+/// One table of `warpknit bench`, with its plots.
 #[derive(Debug)]
 pub(super) struct Table {
     /// Its key in files.
     pub(super) key: &'static str,
-    /// What is measured.
+    /// The subject of the measurement.
     pub(super) title: String,
-    /// How, and what the published figures stand for; a line each.
+    /// How it is measured, and where the published figures come from; one line each.
     pub(super) notes: Vec<String>,
     columns: Vec<Column>,
-    rows: Vec<Vec<Cell>>,
+    rows: Vec<Vec<TableCell>>,
     pub(super) plots: Vec<Plot>,
 }
 
-/// A column's name in files and its heading, which may have several lines.
+/// A column's key in files, and its heading, which may have several lines.
 pub(super) type Column = (&'static str, &'static str);
 
-/// What [`times`] and [`beside`] fill.
+/// The columns that [`times`] fills.
 pub(super) const TIMES: [Column; 4] =
     [("ms", "ms"), ("from", "from"), ("to", "to"), ("cpu_ms", "cpu ms")];
+/// The columns that [`beside`] fills.
 pub(super) const BESIDE: [Column; 2] =
     [("published", "published,\nother machine"), ("times", "times")];
 
 /// One figure or word.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Cell {
+pub(super) enum TableCell {
     Text(String),
     Count(usize),
-    /// A number, and with how many decimals it is printed; files have all of it.
+    /// A number, and the number of decimals in text.
     Number(f64, usize),
-    /// There is no such figure.
+    /// A figure that does not exist, or that the system does not give.
     Missing,
 }
 
-impl Cell {
+impl TableCell {
     pub(super) fn text(text: &str) -> Self {
         Self::Text(text.to_owned())
     }
@@ -57,11 +61,12 @@ impl Cell {
         number.map_or(Self::Missing, |number| Self::Number(number, decimals))
     }
 
-    /// How many times as long one took as the other; whole where decimals say nothing.
+    /// A ratio of two times, with one decimal where that says something.
     pub(super) fn times(ratio: Option<f64>) -> Self {
         Self::known(ratio, if ratio.is_some_and(|ratio| ratio < 9.95) { 1 } else { 0 })
     }
 
+    /// The cell's text.
     fn printed(&self) -> String {
         match self {
             Self::Text(text) => text.clone(),
@@ -72,7 +77,7 @@ impl Cell {
     }
 }
 
-impl Serialize for Cell {
+impl Serialize for TableCell {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         match self {
             Self::Text(text) => serializer.serialize_str(text),
@@ -83,17 +88,22 @@ impl Serialize for Cell {
     }
 }
 
-/// The median, the fastest and the slowest, and the median of the CPU time.
-pub(super) fn times(times: &Times) -> [Cell; 4] {
-    let cpu = Cell::known(times.cpu.map(|cpu| cpu.median), 2);
-    [Cell::ms(times.wall.median), Cell::ms(times.wall.least), Cell::ms(times.wall.most), cpu]
+/// Median, fastest and slowest wall time, and the median of the CPU time.
+pub(super) fn times(times: &Times) -> [TableCell; 4] {
+    let cpu = TableCell::known(times.cpu.map(|cpu| cpu.median), 2);
+    [
+        TableCell::ms(times.wall.median),
+        TableCell::ms(times.wall.least),
+        TableCell::ms(times.wall.most),
+        cpu,
+    ]
 }
 
-/// What was published, ms, and how many times as long that is.
-pub(super) fn beside(published: Option<f64>, times: &Times) -> [Cell; 2] {
+/// The published time, ms, and its ratio to the time measured here.
+pub(super) fn beside(published: Option<f64>, times: &Times) -> [TableCell; 2] {
     [
-        Cell::known(published, 2),
-        Cell::times(published.map(|published| published / times.wall.median)),
+        TableCell::known(published, 2),
+        TableCell::times(published.map(|published| published / times.wall.median)),
     ]
 }
 
@@ -115,56 +125,58 @@ impl Table {
         }
     }
 
-    /// Adds columns at the right, before any row is there.
+    /// Adds columns at the right. Only allowed while there are no rows.
     pub(super) fn add_columns(&mut self, columns: impl IntoIterator<Item = Column>) {
         self.columns.extend(columns);
     }
 
-    /// Adds a row, which has a cell for each column.
-    pub(super) fn push(&mut self, row: impl IntoIterator<Item = Cell>) {
+    /// Adds a row with a cell for each column.
+    pub(super) fn push(&mut self, row: impl IntoIterator<Item = TableCell>) {
         let row: Vec<_> = row.into_iter().collect();
         debug_assert_eq!(row.len(), self.columns.len(), "a cell a column");
         self.rows.push(row);
     }
 
-    /// Title, notes, and below them the rows.
+    /// Title, notes and rows.
     pub(super) fn text(&self) -> String {
         let notes: String = self.notes.iter().map(|note| format!("  {note}\n")).collect();
         format!("{}\n{notes}{}", self.title, self.body())
     }
 
-    /// Headings and rows alone, as scripts split them.
+    /// Headings and rows only.
     pub(super) fn body(&self) -> String {
         let headings: Vec<Vec<&str>> =
             self.columns.iter().map(|(_, heading)| heading.lines().collect()).collect();
         let height = headings.iter().map(Vec::len).max().unwrap_or(0);
-        // Headings of fewer lines stand right above their figures.
-        let line = |line: usize| -> Vec<String> {
-            let of = |heading: &Vec<&str>| {
+        let mut lines: Vec<Vec<String>> = Vec::new();
+        for line in 0..height {
+            // A heading of fewer lines is aligned at the bottom, right above its figures.
+            let cell = |heading: &Vec<&str>| {
                 (line + heading.len()).checked_sub(height).map_or("", |at| heading[at]).to_owned()
             };
-            headings.iter().map(of).collect()
-        };
-        let mut lines: Vec<Vec<String>> = (0..height).map(line).collect();
-        lines.extend(self.rows.iter().map(|row| row.iter().map(Cell::printed).collect()));
-        let width = |column: usize| {
-            lines.iter().map(|line| line[column].chars().count()).max().unwrap_or(0)
-        };
-        let widths: Vec<_> = (0..self.columns.len()).map(width).collect();
-        let aligned = |line: &Vec<String>| {
-            let cells: Vec<_> =
-                line.iter().zip(&widths).map(|(cell, &width)| format!("{cell:>width$}")).collect();
-            cells.join(GAP).trim_end().to_owned() + "\n"
-        };
-        lines.iter().map(aligned).collect()
+            lines.push(headings.iter().map(cell).collect());
+        }
+        lines.extend(self.rows.iter().map(|row| row.iter().map(TableCell::printed).collect()));
+        // Characters, not bytes: labels may hold letters outside ASCII.
+        let widths: Vec<usize> = (0..self.columns.len())
+            .map(|column| lines.iter().map(|line| line[column].chars().count()).max().unwrap_or(0))
+            .collect();
+        lines.iter().map(|line| aligned(line, &widths)).collect()
     }
+}
+
+/// A line of text: cells aligned at the right of columns of these widths.
+fn aligned(line: &[String], widths: &[usize]) -> String {
+    let cells: Vec<_> =
+        line.iter().zip(widths).map(|(cell, &width)| format!("{cell:>width$}")).collect();
+    cells.join(GAP).trim_end().to_owned() + "\n"
 }
 
 impl Serialize for Table {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         use serde::ser::SerializeStruct as _;
         let records: Vec<_> =
-            self.rows.iter().map(|row| Record { columns: &self.columns, row }).collect();
+            self.rows.iter().map(|row| RowRecord { columns: &self.columns, row }).collect();
         let mut table = serializer.serialize_struct("Table", 3)?;
         table.serialize_field("title", &self.title)?;
         table.serialize_field("notes", &self.notes)?;
@@ -173,13 +185,13 @@ impl Serialize for Table {
     }
 }
 
-/// A row with its columns' names, in their order.
-struct Record<'a> {
+/// A row with its columns' keys, for serialisation in the columns' order.
+struct RowRecord<'a> {
     columns: &'a [Column],
-    row: &'a [Cell],
+    row: &'a [TableCell],
 }
 
-impl Serialize for Record<'_> {
+impl Serialize for RowRecord<'_> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_map(self.columns.iter().map(|(key, _)| key).zip(self.row))
     }
@@ -197,7 +209,7 @@ mod tests {
             &["how"],
             [("name", "cloth"), ("ms", "two\nlines"), ("x", "x")],
         );
-        table.push([Cell::text("tricot"), Cell::ms(1.234_567), Cell::Missing]);
+        table.push([TableCell::text("tricot"), TableCell::ms(1.234_567), TableCell::Missing]);
         assert_eq!(
             table.text(),
             "Title\n  how\n          two\n cloth  lines  x\ntricot   1.23  -\n"
@@ -212,7 +224,7 @@ mod tests {
     #[test]
     fn ratios_have_a_decimal_where_it_says_something() {
         assert_eq!(
-            [0.5, 9.94, 9.96, 123.4].map(|ratio| Cell::times(Some(ratio)).printed()),
+            [0.5, 9.94, 9.96, 123.4].map(|ratio| TableCell::times(Some(ratio)).printed()),
             ["0.5", "9.9", "10", "123"]
         );
     }

@@ -1,7 +1,7 @@
-//! The source paper's Figure 15: render time over the size of the yarn's picture.
+//! Figure 15 of Liu, Kyosev and Jiang 2022: render time over the size of the yarn's texture.
 //!
-//! The figure is a plot whose values the text does not print; that the size makes no difference it
-//! says.
+//! In: a flat fabric. Out: a table and a plot. The paper's figure is a plot without printed values;
+//! its text says that the size makes no great difference.
 
 use anyhow::Result;
 use image::{Rgba, RgbaImage};
@@ -13,28 +13,28 @@ use warpknit::render::scene::{Scene, Shape};
 
 use super::super::args::{Bench, DEFAULT_FABRIC};
 use super::measure::Times;
-use super::picture::{Easel, SIZE};
+use super::picture::{PictureTimer, SIZE};
 use super::plot::{Plot, Series};
-use super::table::{BESIDE, Cell, TIMES, Table, beside, times};
+use super::table::{BESIDE, TIMES, Table, TableCell, beside, times};
 
-/// The paper's fabric: wales and courses, St and Sr.
+/// Wales and courses of the paper's fabric.
 const SIDE: u32 = 10;
+/// The paper's St and Sr.
 const SECTION: (u32, u32) = (30, 13);
-/// Sides of the pictures, pixels.
+/// Sides of the textures, pixels.
 const TEXTURES: [u32; 5] = [128, 256, 512, 1024, 2048];
-/// Yarn that a picture shows, in its thicknesses.
+/// Length of yarn that a texture covers, in thicknesses of the yarn.
 const REPEAT: f64 = 4.0;
 
 /// Measures a picture without texture, and with each size of it.
 pub(super) fn textures(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<Table> {
     let fabric = Fabric::named(DEFAULT_FABRIC)?;
-    let easel = Easel::new(arguments).with_tubes(SECTION.0, SECTION.1);
+    let timer = PictureTimer::new(arguments).with_tubes(SECTION.0, SECTION.1);
     let mut table = Table::new(
         "textures",
         "Figure 15: render time over the size of the yarn's texture",
-        &[
-            "published: the paper's figure is a plot, and its text prints no times; it says that the size makes no great difference.",
-        ],
+        &["published: the paper's figure is a plot, and its text prints no times; it says that \
+             the size makes no great difference."],
         [("texture", "texture"), ("over_none", "over none")],
     );
     let (st, sr) = SECTION;
@@ -44,7 +44,7 @@ pub(super) fn textures(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Resu
             "Flat {DEFAULT_FABRIC} of {SIDE} x {SIDE}, St {st}, Sr {sr}, {} x {} pixels, {}.",
             SIZE.0,
             SIZE.1,
-            easel.note()
+            timer.note()
         ),
     );
     table.add_columns(TIMES.into_iter().chain(BESIDE));
@@ -60,15 +60,16 @@ pub(super) fn textures(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Resu
     for (at, side) in std::iter::once(None).chain(TEXTURES.map(Some)).enumerate() {
         progress(at as f64 / (TEXTURES.len() + 1) as f64);
         let maps: Vec<_> = side.map(|side| maps(side, 2.0 * fabric.radius())).into_iter().collect();
-        let worn = (!maps.is_empty()).then_some(0);
+        let texture = (!maps.is_empty()).then_some(0);
         let scene = with_cloth(
             &cloth,
-            Scene::wearing(Shape::Tube, looks(&fabric, fabric.radius()), maps, |_| worn),
+            Scene::wearing(Shape::Tube, looks(&fabric, fabric.radius()), maps, |_| texture),
         );
-        let taken = Times::of(&easel.timed(&scene)?);
+        let taken = Times::from_samples(&timer.timed(&scene)?);
+        // The first picture has no texture, and all others are compared with it.
         let plain = *plain.get_or_insert(taken.wall.median);
         let name = side.map_or_else(|| "none".to_owned(), |side| format!("{side} x {side}"));
-        let labels = [Cell::Text(name), Cell::Number(taken.wall.median / plain, 2)];
+        let labels = [TableCell::Text(name), TableCell::Number(taken.wall.median / plain, 2)];
         table.push(labels.into_iter().chain(times(&taken)).chain(beside(None, &taken)));
         if let Some(side) = side {
             plot.push(f64::from(side), [taken.wall.median, plain]);
@@ -78,8 +79,8 @@ pub(super) fn textures(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Resu
     Ok(table)
 }
 
-/// A picture of a yarn `thickness` mm thick, its colour and surface changing from pixel to pixel,
-/// so that each lookup reads another one.
+/// A texture for a yarn `thickness` mm thick. Its colour and surface change from pixel to pixel, so
+/// that a cache can't hide the cost of lookups.
 fn maps(side: u32, thickness: f64) -> Maps {
     let shade = |x: u32, y: u32| u8::try_from((x * 7 + y * 13) % 96 + 128).expect("below 224");
     let base = RgbaImage::from_fn(side, side, |x, y| Rgba([shade(x, y), shade(y, x), 160, 255]));

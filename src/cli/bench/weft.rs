@@ -1,4 +1,6 @@
-//! The ribbon paper's table: plain weft knits from their motif to the tubes of their yarns.
+//! The ribbon paper's table: plain weft knits, from their motif to the tubes of their yarns.
+//!
+//! In: a plain fabric. Out: a table and a plot of times beside the published ones.
 
 use std::hint::black_box;
 
@@ -13,18 +15,18 @@ use warpknit::yarn::tube::{Section, Tubes};
 use super::super::args::Bench;
 use super::measure::measured;
 use super::plot::{Plot, Series};
-use super::table::{BESIDE, Cell, TIMES, Table, beside, times};
+use super::table::{BESIDE, TIMES, Table, TableCell, beside, times};
 
-/// The plain cloths of the ribbon paper's table: loops each way, and its times in ms at each of
-/// [`SEGMENTS`].
+/// The plain cloths of the ribbon paper's table: loops each way, and the published times in ms for
+/// each of [`SEGMENTS`].
 const PUBLISHED: [(u32, [f64; 3]); 3] =
     [(20, [163.0, 188.0, 382.0]), (50, [910.0, 1167.0, 3534.0]), (100, [4536.0, 7708.0, 23_544.0])];
-/// Segments a loop.
+/// Segments of a loop.
 const SEGMENTS: [u32; 3] = [15, 20, 50];
 /// The paper's plain cloth.
 const PLAIN: &str = "jersey";
 
-/// How long plain weft knits take.
+/// Measures the table.
 pub(super) fn weft(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<Table> {
     let fabric = Fabric::named(PLAIN)?;
     let columns = [("loops", "loops"), ("segments", "segments"), ("vertices", "vertices")];
@@ -55,18 +57,21 @@ pub(super) fn weft(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<T
             caps: false,
             texture_per_mm: 1.0,
         };
+        // The number of vertices comes from the run itself.
         let mut vertices = 0;
         let taken = measured(arguments.runs, &mut || {
             vertices = model(&fabric, side, &section);
             Ok(())
         })?;
         let sizes = [
-            Cell::Text(format!("{side} x {side}")),
-            Cell::Count(st as usize),
-            Cell::Count(vertices),
+            TableCell::Text(format!("{side} x {side}")),
+            TableCell::Count(st as usize),
+            TableCell::Count(vertices),
         ];
+        // CPU time, since the paper's cloths are knitted by several threads here.
         let each = taken.cpu.map(|cpu| 1e6 * cpu.median / vertices as f64);
-        let further = std::iter::once(Cell::known(each, 1)).chain(beside(Some(published), &taken));
+        let further =
+            std::iter::once(TableCell::known(each, 1)).chain(beside(Some(published), &taken));
         table.push(sizes.into_iter().chain(times(&taken)).chain(further));
         plot.push(f64::from(side * side * st), [taken.wall.median, published]);
     }
@@ -74,8 +79,8 @@ pub(super) fn weft(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<T
     Ok(table)
 }
 
-/// Knits a flat cloth of so many loops each way into tubes, course by course as files are written,
-/// and counts their vertices.
+/// Knits a flat cloth of so many loops each way into tubes, and counts their vertices. Each thread
+/// reuses its memory from course to course, as the writers of files do.
 fn model(fabric: &Fabric, side: u32, section: &Section) -> usize {
     let (pattern, mesh) = (Pattern::new(fabric), StructureMesh::anchored_at(fabric, DVec2::ZERO));
     let loops = i64::from(side);

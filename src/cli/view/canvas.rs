@@ -1,9 +1,9 @@
-//! The picture in the window, drawn on the window's own device.
+//! Renders the picture in the window on the window's own graphics device.
 //!
-//! In: a scene, then a [`Shot`] of it at a time. Out: a texture that the window shows. Only this
-//! file and the opening of the window name wgpu in the binary, for that texture and to know when a
-//! frame is done. Nothing is drawn twice, and while something moves on a slow device, drafts are
-//! drawn.
+//! In: a scene, then one [`FrameRequest`] at a time. Out: a texture that the window shows. A frame
+//! that is shown already is not drawn again. While something moves on a slow device, drafts of
+//! lower resolution are drawn, whose coarseness follows their times. In the command, only this file
+//! and the opening of the window name wgpu.
 
 use std::ops::RangeInclusive;
 use std::time::{Duration, Instant};
@@ -17,68 +17,70 @@ use warpknit::render::gpu::{Gpu, Renderer, Yarns};
 use warpknit::render::scene::Scene;
 use warpknit::render::{Camera, Options};
 
-use super::panel::Look;
+use super::panel::RenderSettings;
 
-/// Frames that take longer are drawn as drafts while something moves.
+/// Time of a full frame above which drafts are drawn while something moves.
 const SLOW: Duration = Duration::from_millis(60);
-/// Drafts that take longer become coarser.
+/// Time of a draft above which the next one is coarser.
 const SLOW_DRAFT: Duration = Duration::from_millis(200);
-/// Pixels of the window each way that one of a draft stands for.
+/// Least and greatest size of a draft's pixel in pixels of the window, each way.
 const COARSENESS: RangeInclusive<u32> = 2..=4;
 
-/// What a frame depends on, besides the scene.
+/// Everything that a frame depends on besides the scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Shot {
+pub(super) struct FrameRequest {
     pub(super) camera: Camera,
-    pub(super) look: Look,
+    pub(super) rendering: RenderSettings,
     /// Pixels across and down.
     pub(super) size: [u32; 2],
 }
 
 /// Draws into the window.
-pub(super) struct Canvas {
+pub(super) struct FrameRenderer {
     state: RenderState,
-    /// None after something went wrong on the device, until it is tried again.
-    easel: Option<Easel>,
-    target: Option<Target>,
-    shown: Option<(Shot, Quality)>,
-    /// What the last frame of each quality took.
+    /// `None` after an error of the device, until the next upload.
+    renderers: Option<DeviceRenderers>,
+    target: Option<FrameTexture>,
+    shown: Option<(FrameRequest, Quality)>,
+    /// Time of the last full frame.
     pub(super) full: Duration,
+    /// Time of the last draft.
     pub(super) draft: Duration,
-    /// How coarse the next draft is.
+    /// Size of the next draft's pixels, see [`COARSENESS`].
     coarseness: u32,
 }
 
+/// The quality of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Quality {
     Draft,
     Full,
 }
 
-/// Renderers and what they draw.
-struct Easel {
+/// The renderers of the device, and the yarns on it.
+struct DeviceRenderers {
     full: Renderer,
-    /// Made when it is first needed: a fast device never does.
+    /// Created with the first draft; a fast device never needs it.
     draft: Option<Renderer>,
     gpu: Gpu,
     yarns: Option<Yarns>,
 }
 
 /// The texture that is shown.
-struct Target {
+struct FrameTexture {
     size: [u32; 2],
     view: wgpu::TextureView,
     id: TextureId,
 }
 
-impl Canvas {
+impl FrameRenderer {
     /// Draws on the device that the window has opened.
     pub(super) fn open(state: &RenderState) -> Result<Self, GpuError> {
-        let easel = Some(Easel::open(state)?);
+        let renderers = Some(DeviceRenderers::open(state)?);
         let (full, draft) = (Duration::ZERO, Duration::ZERO);
         Ok(Self {
             state: state.clone(),
-            easel,
+            renderers,
             target: None,
             shown: None,
             full,
@@ -92,36 +94,36 @@ impl Canvas {
         self.state.adapter.get_info().name
     }
 
-    /// Puts a scene on the device, `st` pieces a stitch, in place of the last one.
-    pub(super) fn hang(&mut self, scene: &Scene, st: u32) -> Result<(), GpuError> {
+    /// Uploads a scene with `st` segments a stitch, in place of the last one.
+    pub(super) fn upload(&mut self, scene: &Scene, st: u32) -> Result<(), GpuError> {
         self.shown = None;
-        let result = self.try_hang(scene, st);
+        let result = self.try_upload(scene, st);
         self.forget_after(result)
     }
 
-    fn try_hang(&mut self, scene: &Scene, st: u32) -> Result<(), GpuError> {
-        let easel = match &mut self.easel {
-            Some(easel) => easel,
-            // A device that ran out of memory may do for less.
-            gone => gone.insert(Easel::open(&self.state)?),
+    fn try_upload(&mut self, scene: &Scene, st: u32) -> Result<(), GpuError> {
+        let renderers = match &mut self.renderers {
+            Some(renderers) => renderers,
+            // A device that ran out of memory may have room for a smaller scene.
+            gone => gone.insert(DeviceRenderers::open(&self.state)?),
         };
-        // The old one goes first, since both may not fit.
-        easel.yarns = None;
-        easel.yarns = Some(easel.full.load(scene, st)?);
+        // The old scene is freed first, since both together may not fit.
+        renderers.yarns = None;
+        renderers.yarns = Some(renderers.full.load(scene, st)?);
         Ok(())
     }
 
-    /// Draws a shot unless it is shown already, and says whether it did; a draft will do for one
-    /// that `moves`.
-    pub(super) fn draw(&mut self, shot: Shot, moves: bool) -> Result<bool, GpuError> {
+    /// Draws a frame unless it is shown already, and returns whether it drew. While the picture
+    /// `moves`, a draft is good enough.
+    pub(super) fn draw(&mut self, shot: FrameRequest, moves: bool) -> Result<bool, GpuError> {
         let quality = if moves && self.full > SLOW { Quality::Draft } else { Quality::Full };
         if self.shown.is_some_and(|(shown, best)| {
             shown == shot && (best == Quality::Full || best == quality)
         }) {
             return Ok(false);
         }
-        // After a fault the last picture stays until there is cloth again.
-        if self.easel.is_none() {
+        // After an error the last picture stays until the next upload.
+        if self.renderers.is_none() {
             return Ok(false);
         }
         let start = Instant::now();
@@ -135,6 +137,8 @@ impl Canvas {
         Ok(true)
     }
 
+    /// Notes the time of a draft and adapts the next one's coarseness. The gap between the two
+    /// limits keeps it from changing back and forth.
     fn time_draft(&mut self, spent: Duration) {
         self.draft = spent;
         if spent > SLOW_DRAFT && self.coarseness < *COARSENESS.end() {
@@ -144,36 +148,39 @@ impl Canvas {
         }
     }
 
-    fn try_draw(&mut self, shot: Shot, quality: Quality) -> Result<(), GpuError> {
+    /// Draws a frame and waits for it.
+    fn try_draw(&mut self, shot: FrameRequest, quality: Quality) -> Result<(), GpuError> {
         let (size, samples) = match quality {
             Quality::Draft => (shot.size.map(|pixels| pixels.div_ceil(self.coarseness)), 1),
             Quality::Full => (shot.size, 4),
         };
         let target = match self.target.take() {
             Some(target) if target.size == size => target,
-            old => self.target_of(size, old),
+            old => self.texture_of_size(size, old),
         };
-        if let Some(easel) = &mut self.easel
-            && let Some(yarns) = &easel.yarns
+        if let Some(renderers) = &mut self.renderers
+            && let Some(yarns) = &renderers.yarns
         {
-            let renderer = match (quality, &mut easel.draft) {
-                (Quality::Full, _) => &mut easel.full,
+            let renderer = match (quality, &mut renderers.draft) {
+                (Quality::Full, _) => &mut renderers.full,
                 (Quality::Draft, Some(renderer)) => renderer,
-                (Quality::Draft, none) => none.insert(Renderer::new(easel.gpu.clone(), samples)?),
+                (Quality::Draft, none) => {
+                    none.insert(Renderer::new(renderers.gpu.clone(), samples)?)
+                }
             };
-            let options = shot.look.options(size, samples);
+            let options = shot.rendering.options(size, samples);
             let options = Options { lod: options.lod || quality == Quality::Draft, ..options };
             renderer.draw_to(yarns, &shot.camera, &options, &target.view)?;
-            // Frames are timed whole, and none is begun before the last one is done. What goes
-            // wrong here, the next frame tells.
+            // Waiting makes the measured time that of the whole frame, and keeps frames from piling
+            // up on a slow device. An error of waiting shows up with the next frame.
             let _waited = self.state.device.poll(wgpu::PollType::wait_indefinitely());
         }
         self.target = Some(target);
         Ok(())
     }
 
-    /// A texture of another size under the same name.
-    fn target_of(&self, size: [u32; 2], old: Option<Target>) -> Target {
+    /// A texture of another size under the old one's id.
+    fn texture_of_size(&self, size: [u32; 2], old: Option<FrameTexture>) -> FrameTexture {
         let RenderState { device, renderer, .. } = &self.state;
         let texture = device.create_texture(&wgpu::TextureDescriptor {
             label: Some("window"),
@@ -181,28 +188,28 @@ impl Canvas {
             mip_level_count: 1,
             sample_count: 1,
             dimension: wgpu::TextureDimension::D2,
-            // Encoded as files are, which is what the window samples.
+            // The renderer writes sRGB-encoded values, and egui samples them without decoding.
             format: wgpu::TextureFormat::Rgba8Unorm,
             usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
             view_formats: &[],
         });
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
         let (mut renderer, filter) = (renderer.write(), wgpu::FilterMode::Linear);
-        let id = if let Some(Target { id, .. }) = old {
+        let id = if let Some(FrameTexture { id, .. }) = old {
             renderer.update_egui_texture_from_wgpu_texture(device, &view, filter, id);
             id
         } else {
             renderer.register_native_texture(device, &view, filter)
         };
-        Target { size, view, id }
+        FrameTexture { size, view, id }
     }
 
-    /// What to show, if anything was drawn.
+    /// The texture to show, once something was drawn.
     pub(super) fn texture(&self) -> Option<TextureId> {
         self.target.as_ref().map(|target| target.id)
     }
 
-    /// Whether a better frame of what is shown is wanted.
+    /// Whether the shown frame is a draft, so that a full one should follow.
     pub(super) fn is_draft(&self) -> bool {
         self.shown.is_some_and(|(_, quality)| quality == Quality::Draft)
     }
@@ -213,7 +220,9 @@ impl Canvas {
         camera: &Camera,
         options: &Options,
     ) -> Result<Option<RgbaImage>, GpuError> {
-        let Some(Easel { full, yarns: Some(yarns), .. }) = &mut self.easel else { return Ok(None) };
+        let Some(DeviceRenderers { full, yarns: Some(yarns), .. }) = &mut self.renderers else {
+            return Ok(None);
+        };
         let drawn = full.draw(yarns, camera, options).map(Some);
         self.forget_after(drawn)
     }
@@ -223,16 +232,17 @@ impl Canvas {
         self.state.device.limits().max_texture_dimension_2d
     }
 
-    /// A device on which something went wrong says so ever after, and is asked anew.
+    /// Drops the renderers after an error: a device in an error state keeps failing, and new
+    /// renderers start clean.
     fn forget_after<T>(&mut self, result: Result<T, GpuError>) -> Result<T, GpuError> {
         if result.is_err() {
-            self.easel = None;
+            self.renderers = None;
         }
         result
     }
 }
 
-impl Easel {
+impl DeviceRenderers {
     fn open(state: &RenderState) -> Result<Self, GpuError> {
         let gpu = Gpu::on(&state.adapter, state.device.clone(), state.queue.clone())?;
         Ok(Self { full: Renderer::new(gpu.clone(), 4)?, draft: None, gpu, yarns: None })

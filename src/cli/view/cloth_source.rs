@@ -1,7 +1,8 @@
-//! What can be knitted in the window: fabrics, and the garment or the size of the swatch.
+//! The source of cloth for the window: the fabrics that can be chosen, and the garment or the
+//! swatch that they are knitted on.
 //!
-//! In: the arguments, then a [`Recipe`] at a time. Out: [`Knitted`] cloth. Nothing here knows of a
-//! window.
+//! In: the arguments, then one [`Recipe`] at a time. Out: a [`KnittedScene`]. Nothing here depends
+//! on a window.
 
 use std::borrow::Cow;
 use std::cell::RefCell;
@@ -22,118 +23,121 @@ use warpknit::pipeline::{
     loss_warning, turn_grains,
 };
 
-/// What a stitch takes, GB: 160 bytes of scene, and on a software adapter 25 for each of ten points
-/// and their copies on the way.
+/// Memory of a stitch, GB: 160 bytes of scene, and on a software adapter 25 for each of ten points,
+/// with the copies made while uploading.
 const STITCH_GB: f64 = 1e-6;
 
 /// Everything that does not change while the window is open.
-pub(super) struct Stock {
-    /// The one that was asked for first.
-    pub(super) choices: Vec<Choice>,
-    ground: Ground,
+pub(super) struct ClothSource {
+    /// The fabrics on the list; the one that the command line names comes first.
+    pub(super) choices: Vec<FabricChoice>,
+    base: ClothBase,
     options: drape::DrapeOptions,
-    /// What yarns are drawn as at first.
+    /// Tubes or ribbons, as the command line asks.
     shape: Shape,
 }
 
 /// A fabric on the list.
-pub(super) struct Choice {
+pub(super) struct FabricChoice {
     pub(super) label: String,
-    /// At the densities at which it is first shown.
+    /// The fabric at the densities at which it is first shown.
     pub(super) fabric: Fabric,
-    /// Of its yarns.
+    /// The textures of its yarns.
     textures: Arc<Textures>,
 }
 
-/// What is covered.
-enum Ground {
+/// The surface that is covered with fabric.
+enum ClothBase {
     Garment(Garment),
     Swatch { wales: u32, courses: u32 },
 }
 
-/// What is knitted; equal ones give the same cloth.
+/// The parameters of a cloth. Equal recipes give the same cloth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Recipe {
-    /// Its place in [`Stock::choices`].
+    /// Index in [`ClothSource::choices`].
     pub(super) fabric: usize,
     pub(super) wales_per_cm: f64,
     pub(super) courses_per_cm: f64,
-    /// mm; the fabric's own where none is chosen.
+    /// Radius of the yarns, mm; `None` for that of the fabric's yarns.
     pub(super) radius: Option<f64>,
     pub(super) shape: Shape,
 }
 
-/// Cloth, ready to be drawn.
-pub(super) struct Knitted {
+/// A cloth, ready to be drawn.
+pub(super) struct KnittedScene {
     pub(super) scene: Scene,
     pub(super) totals: Totals,
-    /// mm, of the thickest yarn.
+    /// Radius of the thickest yarn, mm.
     pub(super) radius: f64,
-    /// How much larger than the real cloth.
+    /// Size of the loops over that in the real cloth.
     pub(super) enlargement: f64,
     pub(super) timings: Timings,
     pub(super) warnings: Vec<String>,
 }
 
-/// Nobody waits for this cloth any more.
+/// The reason to stop knitting: a newer cloth is wanted.
 struct Superseded;
 
-impl Stock {
+impl ClothSource {
     /// Reads the garment and all fabrics.
-    pub(super) fn of(arguments: &Live) -> Result<Self> {
+    pub(super) fn from_arguments(arguments: &Live) -> Result<Self> {
         let shared = &arguments.shared;
         let first = fabric(shared)?;
-        let ground = match &arguments.flat {
-            Some(flat) => Ground::Garment(read(
+        let base = match &arguments.flat {
+            Some(flat) => ClothBase::Garment(read(
                 flat,
                 arguments.draped.as_deref(),
                 &arguments.reading.options(),
             )?),
-            None => Ground::Swatch { wales: arguments.wales, courses: arguments.courses },
+            None => ClothBase::Swatch { wales: arguments.wales, courses: arguments.courses },
         };
-        // A swatch is as large as it was asked for, and no fabric is too fine for it.
-        let area = ground.area();
+        // On a garment a fine fabric may have too many stitches, and is then enlarged. A swatch has
+        // as many as were asked for, so its area counts as 0.
+        let area = base.area();
         let asked = shared.chains.label(&shared.fabric, &first);
         let label = if asked.is_empty() { "your chains" } else { asked }.to_owned();
-        let (textures, all_wear) = (
+        // A texture named on the command line applies to every fabric on the list.
+        let (textures, for_all) = (
             Arc::new(Textures::read(shared.drawing.texture.as_deref(), &first)?),
             shared.drawing.texture.is_some(),
         );
         let others = builtin::names().filter(|name| *name != label).map(|name| {
             let fabric = enlarged(&named_fabric(name)?, area)?.0;
-            let textures = if all_wear { Arc::clone(&textures) } else { Arc::default() };
-            Ok(Choice { label: name.to_owned(), fabric, textures })
+            let textures = if for_all { Arc::clone(&textures) } else { Arc::default() };
+            Ok(FabricChoice { label: name.to_owned(), fabric, textures })
         });
         let others = others.collect::<Result<Vec<_>>>()?;
         let shown = if shared.densities().are_chosen() { first } else { enlarged(&first, area)?.0 };
-        let mut choices = vec![Choice { label, fabric: shown, textures: Arc::clone(&textures) }];
+        let mut choices =
+            vec![FabricChoice { label, fabric: shown, textures: Arc::clone(&textures) }];
         choices.extend(others);
         Ok(Self {
             choices,
-            ground,
+            base,
             options: arguments.laying.placement().into(),
             shape: shared.drawing.shape.into(),
         })
     }
 
-    /// A fabric as it is first shown.
+    /// The recipe with which a fabric is first shown.
     pub(super) fn recipe(&self, fabric: usize) -> Recipe {
         let Fabric { wales_per_cm, courses_per_cm, .. } = self.choices[fabric].fabric;
         Recipe { fabric, wales_per_cm, courses_per_cm, radius: None, shape: self.shape }
     }
 
-    /// Knits, unless `superseded` says meanwhile that nobody waits any more.
+    /// Knits a cloth. Returns `None` if `superseded` turns true meanwhile.
     pub(super) fn knit(
         &self,
         recipe: Recipe,
         superseded: &dyn Fn() -> bool,
-    ) -> Result<Option<Knitted>> {
+    ) -> Result<Option<KnittedScene>> {
         let fabric = self.fabric(&recipe)?;
         let radius = drawn_radius(&fabric, recipe.radius)?;
         let mut clock = Clock::start(&());
         clock.begin(Task::Knit, 0.0);
-        match &self.ground {
-            Ground::Garment(garment) => {
+        match &self.base {
+            ClothBase::Garment(garment) => {
                 let mut garment = Cow::Borrowed(garment);
                 if !fabric.panels.is_empty() {
                     turn_grains(garment.to_mut(), &fabric);
@@ -142,7 +146,7 @@ impl Stock {
                     .with_context(|| self.choices[recipe.fabric].label.clone())?;
                 self.lay(&cloth, &fabric, radius, recipe, clock, superseded)
             }
-            Ground::Swatch { wales, courses } => {
+            ClothBase::Swatch { wales, courses } => {
                 let panel = drape::swatch_panel(&fabric, *wales, *courses);
                 self.lay(
                     &Cloth::swatch(&panel, &fabric, *wales, *courses),
@@ -156,6 +160,7 @@ impl Stock {
         }
     }
 
+    /// The fabric of a recipe at the recipe's densities.
     fn fabric(&self, recipe: &Recipe) -> Result<Fabric> {
         let fabric = self.choices[recipe.fabric].fabric.clone();
         if (fabric.wales_per_cm, fabric.courses_per_cm)
@@ -166,6 +171,8 @@ impl Stock {
         Ok(fabric.at_densities(recipe.wales_per_cm, recipe.courses_per_cm)?)
     }
 
+    /// Runs the pipeline on a cloth and collects its blocks in a scene. It checks after each group
+    /// of blocks whether the cloth is still wanted.
     fn lay(
         &self,
         cloth: &Cloth<'_>,
@@ -174,7 +181,7 @@ impl Stock {
         recipe: Recipe,
         mut clock: Clock<'_>,
         superseded: &dyn Fn() -> bool,
-    ) -> Result<Option<Knitted>> {
+    ) -> Result<Option<KnittedScene>> {
         check_room(cloth.stitches())?;
         let mut scene =
             pipeline::scene(recipe.shape, fabric, radius, &self.choices[recipe.fabric].textures);
@@ -193,12 +200,12 @@ impl Stock {
         let mut warnings = cloth.garment().summary.warnings.clone();
         warnings.extend(loss_warning(&totals));
         let (enlargement, timings) = (fabric.enlargement, clock.timings());
-        Ok(Some(Knitted { scene, totals, radius, enlargement, timings, warnings }))
+        Ok(Some(KnittedScene { scene, totals, radius, enlargement, timings, warnings }))
     }
 }
 
-impl Ground {
-    /// Flat area of a garment, mm².
+impl ClothBase {
+    /// Flat area of a garment, mm²; 0 of a swatch.
     fn area(&self) -> f64 {
         match self {
             Self::Garment(garment) => garment.panels.iter().map(Panel::area).sum(),
@@ -207,7 +214,7 @@ impl Ground {
     }
 }
 
-/// Refuses cloth that can't be numbered or would not fit the memory.
+/// Refuses cloth whose stitches can't be numbered or would not fit the memory.
 fn check_room(stitches: u64) -> Result<()> {
     if stitches > MOST_STITCHES {
         bail!("{stitches} stitches are too many: lower the densities");

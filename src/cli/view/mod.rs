@@ -1,8 +1,8 @@
-//! `warpknit view`: a garment or a swatch in a window, knitted again as one chooses.
+//! `warpknit view`: a garment or a swatch in a window, knitted again whenever a setting changes.
 //!
 //! In: the arguments of `drape`, or the size of a swatch. Out: a window until it is closed.
-//! [`cloth_source`] says what can be knitted, [`worker`] knits it on a thread of its own, [`canvas`] draws
-//! it, [`orbit`] is the camera, [`panel`] what can be chosen; [`window`] joins them.
+//! [`cloth_source`] is the source of cloth, [`worker`] knits on a thread of its own, [`canvas`] renders,
+//! [`orbit`] is the camera, [`panel`] has the settings, and [`window`] joins them.
 
 mod canvas;
 mod cloth_source;
@@ -22,7 +22,7 @@ use warpknit::render::Choice;
 
 use super::args::Live;
 use super::terminal::Terminal;
-use cloth_source::Stock;
+use cloth_source::ClothSource;
 use warpknit::pipeline::{Listener as _, Task};
 use window::Window;
 
@@ -36,18 +36,21 @@ pub(crate) fn view(arguments: Live) -> Result<()> {
     let shared = &arguments.shared;
     if let Some((path, _)) = shared.outputs.first() {
         bail!(
-            "{}: view writes no files but pictures, by its button or --screenshot; drape and swatch do",
+            "{}: view writes no files but pictures, by its button or --screenshot; \
+             drape and swatch do",
             path.display()
         );
     }
     if shared.drawing.turntable.is_some() {
         bail!(
-            "--turntable writes pictures, and view shows cloth that you turn yourself: drape and swatch take it"
+            "--turntable writes pictures, and view shows cloth that you turn yourself: \
+             drape and swatch take it"
         );
     }
     if Choice::from(shared.drawing.renderer) == Choice::Cpu {
         bail!(
-            "--renderer cpu can't follow a drag: view draws on the graphics adapter, be it one of software"
+            "--renderer cpu can't follow a drag: view draws on the graphics adapter, \
+             be it one of software"
         );
     }
     if shared.eye.is_some() && shared.eye == shared.look_at {
@@ -55,12 +58,12 @@ pub(crate) fn view(arguments: Live) -> Result<()> {
     }
     let terminal = Terminal::begin_command(&shared.running)?;
     terminal.begin(Task::Read, 0.0);
-    let stock = Arc::new(Stock::of(&arguments)?);
+    let source = Arc::new(ClothSource::from_arguments(&arguments)?);
     terminal.clear();
     let (failures, failed) = channel();
     let arguments = Arc::new(arguments);
     let open = |context: &eframe::CreationContext<'_>| match Window::new(
-        context, arguments, stock, failures,
+        context, arguments, source, failures,
     ) {
         Ok(window) => Ok(Box::new(window) as Box<dyn eframe::App>),
         Err(error) => Err(error.into()),
@@ -72,8 +75,8 @@ pub(crate) fn view(arguments: Live) -> Result<()> {
     }
 }
 
-/// A window on the fastest adapter, with all the limits that the adapter has: those of a web page,
-/// which are usual, don't do for yarns.
+/// Options of a window on the fastest adapter, with all the limits that the adapter has. The
+/// default limits are those of a web page, and too low for the buffers of yarns.
 fn native_options() -> NativeOptions {
     let mut setup = WgpuSetupCreateNew::without_display_handle();
     setup.power_preference = wgpu::PowerPreference::HighPerformance;
@@ -95,24 +98,26 @@ fn native_options() -> NativeOptions {
     }
 }
 
-/// What to do where there is no window.
+/// An error of the window library with a remedy.
 fn in_words(error: eframe::Error) -> anyhow::Error {
     match error {
         eframe::Error::Wgpu(reason) => {
             let reason = reason.to_string();
             let reason = reason.trim_end_matches(": {}");
             anyhow!(
-                "no graphics adapter can draw into a window ({reason}): install a Vulkan, Metal or DirectX 12 driver; drape and swatch draw \
-                 without one"
+                "no graphics adapter can draw into a window ({reason}): install a Vulkan, Metal or \
+                 DirectX 12 driver; drape and swatch draw without one"
             )
         }
         eframe::Error::AppCreation(error) => anyhow!("{error:#}"),
         other => {
-            // In front stands the place in the window library's source.
+            // The message begins with a place in the window library's source, which says nothing to
+            // a user.
             let reason = other.to_string();
             let reason = reason.rsplit(": ").next().unwrap_or_default();
             anyhow!(
-                "no window can be opened here ({reason}): check that there is a display; drape and swatch draw without one"
+                "no window can be opened here ({reason}): check that there is a display; \
+                 drape and swatch draw without one"
             )
         }
     }

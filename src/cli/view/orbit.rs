@@ -1,38 +1,41 @@
-//! A camera that turns around something as a turntable does.
+//! An orbit camera: yaw and pitch around a target, which stays upright like a turntable.
 //!
-//! In: drags and turns of the wheel, in pixels. Out: a [`Camera`]. The wheel magnifies and does not
-//! walk, so that a garment's near side can be seen yarn by yarn without the eye going through it.
+//! In: drags and wheel travel, in pixels. Out: a [`Camera`]. The wheel changes the magnification
+//! and not the distance, so that the near side of a garment can be inspected yarn by yarn without
+//! the eye passing through it.
 
 use glam::{DVec3, Vec3};
 use warpknit::render::{Camera, View};
 
-/// Radians a pixel: half a turn is a drag over 450 pixels.
+/// Rotation for each pixel of a drag, radians: 450 pixels are half a turn.
 const TURN: f64 = std::f64::consts::PI / 450.0;
-/// How near to straight above or below a drag comes, radians: beyond, the camera would change its
-/// upright.
+/// Largest pitch that a drag reaches, radians. Straight above or below, the direction alone does
+/// not determine which way is up, and the picture would spin.
 const STEEPEST: f64 = 89.0 * std::f64::consts::PI / 180.0;
-/// Magnifications: from a speck to a single yarn of a coat.
+/// Least and greatest magnification: from a speck to a single yarn of a coat.
 const ZOOMS: (f64, f64) = (0.05, 2000.0);
 
-/// Where the camera stands, around what.
+/// A camera's position relative to a target.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Orbit {
     target: DVec3,
     distance: f64,
-    /// Around the upright axis, 0 in front, radians.
+    /// Angle around the upright axis, 0 in front, radians.
     yaw: f64,
-    /// Above the horizon, radians.
+    /// Angle above the horizon, radians.
     pitch: f64,
+    /// Vertical field of view, radians.
     fov: f64,
     zoom: f64,
 }
 
 impl Orbit {
-    /// Stands at `eye`, as [`Camera::look_at`] does.
+    /// The orbit with its eye at a place, as [`Camera::look_at`].
     pub(super) fn at(eye: DVec3, target: DVec3, fov: f64, zoom: f64) -> Self {
         let offset = eye - target;
         let toward_eye = offset.try_normalize().unwrap_or(DVec3::Z);
-        // Straight from above there is no yaw, and the front is at the picture's bottom.
+        // Straight from above the direction has no yaw. It is set to 0, which puts the front at the
+        // picture's bottom.
         let yaw = if toward_eye.y.abs() > STEEPEST.sin() {
             0.0
         } else {
@@ -48,21 +51,23 @@ impl Orbit {
         }
     }
 
-    /// Frames `points` from a side, as [`Camera::view`] does, and turns around the middle of what
-    /// is seen.
+    /// Frames `points` in a view, as [`Camera::view`] does, and orbits around the middle of the
+    /// visible depths.
     pub(super) fn framing(view: View, points: &[Vec3], fov: f64, zoom: f64, aspect: f64) -> Self {
         Self::facing(view.toward_eye(), points, fov, zoom, aspect)
     }
 
-    /// Frames `points` from where it stands.
+    /// Frames `points` from the present direction.
     pub(super) fn framed(&self, points: &[Vec3], aspect: f64) -> Self {
-        // Keeps the yaw, which the direction alone would lose straight above.
+        // Straight above, the yaw would be lost if it were computed from the direction again.
         Self { yaw: self.yaw, ..Self::facing(self.toward_eye(), points, self.fov, 1.0, aspect) }
     }
 
+    /// Frames `points` from a direction.
     fn facing(toward_eye: DVec3, points: &[Vec3], fov: f64, zoom: f64, aspect: f64) -> Self {
         let eye = Camera::facing(toward_eye, points, fov, zoom, aspect).eye();
-        // Middle of the depths: the camera's own target is the middle across alone.
+        // The camera's own target is centred in the picture's plane only. Orbiting needs a centre
+        // in depth as well, or near parts would sweep through the picture.
         let depths = points
             .iter()
             .map(|point| (eye - point.as_dvec3()).dot(toward_eye))
@@ -74,25 +79,25 @@ impl Orbit {
         Self::at(eye, eye - toward_eye * distance, fov, zoom)
     }
 
-    /// Turns the thing with the pointer, as if it were held there.
+    /// Turns the object with the pointer by a drag of so many pixels.
     pub(super) fn turn(&mut self, x: f32, y: f32) {
         self.yaw -= f64::from(x) * TURN;
         self.pitch = (self.pitch + f64::from(y) * TURN).clamp(-STEEPEST, STEEPEST);
     }
 
-    /// Moves what lies at the target's distance by so many pixels of a picture that is `height` of
-    /// them high.
+    /// Moves the picture by a drag of so many pixels in a picture of `height` pixels. What lies at
+    /// the target's distance follows the pointer exactly.
     pub(super) fn shift(&mut self, x: f32, y: f32, height: f32) {
         let size = self.camera().pixel_size(self.distance, 1) / f64::from(height.max(1.0));
         self.target += self.camera().to_world(Vec3::new(-x, y, 0.0)).as_dvec3() * size;
     }
 
-    /// Magnifies the middle of the picture.
+    /// Magnifies the picture around its middle.
     pub(super) fn magnify(&mut self, times: f64) {
         self.zoom = (self.zoom * times).clamp(ZOOMS.0, ZOOMS.1);
     }
 
-    /// The camera there.
+    /// The camera at this position.
     pub(super) fn camera(&self) -> Camera {
         Camera::look_at(
             self.target + self.toward_eye() * self.distance,
@@ -102,6 +107,7 @@ impl Orbit {
         )
     }
 
+    /// The unit vector from the target to the eye: spherical coordinates with y upward.
     fn toward_eye(&self) -> DVec3 {
         let (up, level) = self.pitch.sin_cos();
         let (right, front) = self.yaw.sin_cos();

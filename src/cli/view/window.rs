@@ -1,7 +1,7 @@
-//! The window: joins the panel, the camera, the knitting thread and the canvas, a frame at a time.
+//! The window: joins panel, camera, knitting thread and renderer, frame by frame.
 //!
-//! In: what the person does. Out: the picture, and files where asked for. Whatever goes wrong is
-//! told in the panel and the window stays open; only a screenshot that can't be made ends it.
+//! In: the user's input. Out: the picture, and saved pictures. An error is shown in the panel and
+//! the window stays open, except that a `--screenshot` that can't be made closes it.
 
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
@@ -19,50 +19,55 @@ use warpknit::export::png;
 use warpknit::render::View;
 
 use super::super::args::{Live, MOST_PIXELS};
-use super::canvas::{Canvas, Shot};
-use super::cloth_source::{Knitted, Recipe, Stock};
+use super::canvas::{FrameRenderer, FrameRequest};
+use super::cloth_source::{ClothSource, KnittedScene, Recipe};
 use super::orbit::Orbit;
-use super::panel::{self, Action, Facts, Settings, VIEWS};
+use super::panel::{self, Action, ClothSummary, PanelSettings, VIEWS};
 use super::worker::Worker;
 
-/// How long after the last change things count as moving: longer where a full frame would hold up
-/// the next drag for longer.
-const SETTLED: RangeInclusive<Duration> = Duration::from_millis(150)..=Duration::from_millis(800);
-/// Magnification by a point of the wheel's travel.
+/// Time after the last change after which the picture counts as still and a full frame is drawn. It
+/// grows with the time of a full frame, which would delay the next drag.
+const STILL_AFTER: RangeInclusive<Duration> =
+    Duration::from_millis(150)..=Duration::from_millis(800);
+/// Logarithm of the magnification for each point of the wheel's travel.
 const WHEEL: f64 = 1.0 / 250.0;
+/// Width of the panel, points.
 const PANEL_WIDTH: f32 = 330.0;
 
-/// What the camera is held to until somebody drags it; applied again to each cloth and each size of
-/// the window.
+/// The framing that the camera keeps until the user drags it. It is applied again to each new cloth
+/// and each size of the window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Framing {
+    /// As the command line asks.
     Start,
+    /// One of the six views.
     Side(View),
-    /// From where it stands.
+    /// Everything in sight, from the present direction.
     All,
 }
 
 /// The window's state.
 pub(super) struct Window {
-    stock: Arc<Stock>,
+    source: Arc<ClothSource>,
     arguments: Arc<Live>,
-    settings: Settings,
+    settings: PanelSettings,
     worker: Worker,
-    canvas: Canvas,
+    renderer: FrameRenderer,
     orbit: Orbit,
     framing: Option<Framing>,
     aspect: f64,
-    /// The last that was wanted.
+    /// The last recipe that was ordered.
     ordered: Recipe,
-    cloth: Option<Knitted>,
-    /// The cloth's pieces a stitch on the device.
-    hung: u32,
-    upload: Duration,
-    trouble: Option<String>,
+    cloth: Option<KnittedScene>,
+    /// Segments of a stitch in the scene on the device.
+    uploaded_st: u32,
+    upload_time: Duration,
+    /// The last error, for the panel.
+    error: Option<String>,
     saved: Option<String>,
-    last: Option<Shot>,
+    last: Option<FrameRequest>,
     changed: Instant,
-    /// Where the first failure goes if the window is only opened for a screenshot.
+    /// Takes the error if the window is only opened for a screenshot and fails.
     failures: Sender<anyhow::Error>,
     screenshot: Option<PathBuf>,
 }
@@ -71,17 +76,18 @@ impl Window {
     pub(super) fn new(
         context: &eframe::CreationContext<'_>,
         arguments: Arc<Live>,
-        stock: Arc<Stock>,
+        source: Arc<ClothSource>,
         failures: Sender<anyhow::Error>,
     ) -> Result<Self> {
         let Some(state) = &context.wgpu_render_state else {
             bail!("the window has no graphics device")
         };
-        let canvas = Canvas::open(state)
+        let renderer = FrameRenderer::open(state)
             .context("a window needs a graphics adapter, drape and swatch do not")?;
         let waker = context.egui_ctx.clone();
-        let worker = Worker::start(Arc::clone(&stock), move || waker.request_repaint())?;
-        let settings = Settings::of(&arguments.shared, &stock);
+        // egui draws only on input, so the worker has to wake it when cloth is ready.
+        let worker = Worker::start(Arc::clone(&source), move || waker.request_repaint())?;
+        let settings = PanelSettings::from_arguments(&arguments.shared, &source);
         worker.order(settings.recipe);
         Ok(Self {
             orbit: start(&arguments, &[], 1.0),
@@ -89,64 +95,66 @@ impl Window {
             aspect: 1.0,
             ordered: settings.recipe,
             cloth: None,
-            hung: 0,
-            upload: Duration::ZERO,
-            trouble: None,
+            uploaded_st: 0,
+            upload_time: Duration::ZERO,
+            error: None,
             saved: None,
             last: None,
             changed: Instant::now(),
             screenshot: arguments.screenshot.clone(),
             failures,
-            stock,
+            source,
             arguments,
             settings,
             worker,
-            canvas,
+            renderer,
         })
     }
 
-    /// Knits and cuts anew what was chosen anew.
+    /// Orders or uploads the cloth again after a change of settings.
     fn follow_settings(&mut self) {
         if self.settings.recipe != self.ordered {
             self.ordered = self.settings.recipe;
             self.worker.order(self.ordered);
             self.changed = Instant::now();
         }
-        if self.settings.look.st != self.hung {
-            self.hang();
+        if self.settings.rendering.st != self.uploaded_st {
+            self.upload();
         }
     }
 
-    /// Takes new cloth from the thread, and hangs it.
+    /// Takes new cloth from the thread and uploads it.
     fn take_cloth(&mut self) {
         match self.worker.take() {
             None => {}
             Some(Ok(cloth)) => {
                 self.cloth = Some(cloth);
-                self.trouble = None;
-                self.hang();
+                self.error = None;
+                self.upload();
                 self.frame_again();
             }
-            Some(Err(error)) => self.trouble = Some(format!("{error:#}")),
+            Some(Err(error)) => self.error = Some(format!("{error:#}")),
         }
     }
 
-    fn hang(&mut self) {
+    /// Uploads the present cloth to the device.
+    fn upload(&mut self) {
         let Some(cloth) = &self.cloth else { return };
-        self.hung = self.settings.look.st;
+        self.uploaded_st = self.settings.rendering.st;
         let start = Instant::now();
-        let result = self.canvas.hang(&cloth.scene, self.hung);
-        self.upload = start.elapsed();
+        let result = self.renderer.upload(&cloth.scene, self.uploaded_st);
+        self.upload_time = start.elapsed();
         self.note(result);
     }
 
+    /// Keeps an error for the panel.
     fn note<T>(&mut self, result: Result<T, impl Into<anyhow::Error>>) {
         if let Err(error) = result {
-            self.trouble = Some(format!("{:#}", error.into()));
+            self.error = Some(format!("{:#}", error.into()));
         }
     }
 
-    /// Frames as was asked for, unless somebody moved the camera since.
+    /// Applies the framing again, unless the user has moved the camera since.
     fn frame_again(&mut self) {
         let points = self.cloth.as_ref().map_or(&[][..], |cloth| &cloth.scene.positions);
         let fov = self.arguments.shared.fov.to_radians();
@@ -159,10 +167,11 @@ impl Window {
         };
     }
 
+    /// Does what a button or a key asks for.
     fn act(&mut self, action: Action) {
         let framing = match action {
             Action::SavePicture => return self.save_picture(),
-            Action::Look(view) => Framing::Side(view),
+            Action::ViewFrom(view) => Framing::Side(view),
             Action::FrameAll => Framing::All,
             Action::ResetCamera => Framing::Start,
         };
@@ -170,11 +179,11 @@ impl Window {
         self.frame_again();
     }
 
-    /// Writes what the window shows, as high as `--size` says.
+    /// Saves the picture in the window, with the height of `--size` and the window's aspect ratio.
     fn save_picture(&mut self) {
         match self.try_save() {
             Ok(name) => self.saved = Some(format!("saved {}", name.display())),
-            Err(error) => self.trouble = Some(format!("{error:#}")),
+            Err(error) => self.error = Some(format!("{error:#}")),
         }
     }
 
@@ -187,9 +196,9 @@ impl Window {
             reason = "`as` saturates, and the size is held to a limit"
         )]
         let width = ((f64::from(height) * self.aspect).round() as u32).clamp(1, MOST_PIXELS);
-        let options = self.settings.look.options_to_save([width, height], shared.drawing.spp);
+        let options = self.settings.rendering.options_to_save([width, height], shared.drawing.spp);
         let picture = self
-            .canvas
+            .renderer
             .picture(&self.orbit.camera(), &options)?
             .context("there is no picture to save yet")?;
         let name = free_name()?;
@@ -197,7 +206,7 @@ impl Window {
         Ok(name)
     }
 
-    /// Turns the camera by what the pointer and the keys did over the picture.
+    /// Moves the camera by the input of pointer and keys over the picture.
     fn steer(&mut self, ui: &Ui, response: &Response) {
         let (moved, height) = (response.drag_delta(), response.rect.height());
         let before = self.orbit;
@@ -211,8 +220,10 @@ impl Window {
         if response.hovered() {
             let (wheel, pinch) =
                 ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
+            // Exponential: equal travel magnifies by an equal factor, and back again exactly.
             self.orbit.magnify((f64::from(wheel) * WHEEL).exp() * f64::from(pinch));
         }
+        // From now on the camera belongs to the user.
         if self.orbit != before {
             self.framing = None;
         }
@@ -223,7 +234,7 @@ impl Window {
                 .zip(VIEWS)
                 .find(|(key, _)| ui.input(|input| input.key_pressed(*key)));
             if let Some((_, (_, view))) = pressed {
-                self.act(Action::Look(view));
+                self.act(Action::ViewFrom(view));
             }
             if ui.input(|input| input.key_pressed(Key::F)) {
                 self.act(Action::FrameAll);
@@ -231,11 +242,11 @@ impl Window {
         }
     }
 
-    /// The picture, in what the panel leaves.
+    /// Shows the picture in the room that the panel leaves.
     fn show_picture(&mut self, ui: &mut Ui) {
         let (rect, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
         let scale = ui.ctx().pixels_per_point();
-        let most = self.canvas.largest_side().saturating_sub(2);
+        let most = self.renderer.largest_side().saturating_sub(2);
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
@@ -244,6 +255,7 @@ impl Window {
         let size = [rect.width(), rect.height()]
             .map(|side| ((side * scale).round() as u32).clamp(1, most));
         let aspect = f64::from(size[0]) / f64::from(size[1]);
+        // Framing depends on the aspect ratio, so it is applied again.
         if aspect != self.aspect {
             self.aspect = aspect;
             self.frame_again();
@@ -252,7 +264,7 @@ impl Window {
         if self.cloth.is_some() {
             self.draw(ui, size);
         }
-        if let Some(texture) = self.canvas.texture() {
+        if let Some(texture) = self.renderer.texture() {
             ui.painter().image(
                 texture,
                 rect,
@@ -262,31 +274,31 @@ impl Window {
         }
     }
 
-    /// Draws if anything changed, at first as a draft where that takes long.
+    /// Draws a frame if anything changed, on a slow device first as a draft.
     fn draw(&mut self, ui: &Ui, size: [u32; 2]) {
-        let shot = Shot { camera: self.orbit.camera(), look: self.settings.look, size };
+        let shot =
+            FrameRequest { camera: self.orbit.camera(), rendering: self.settings.rendering, size };
         let now = Instant::now();
         if self.last != Some(shot) || ui.input(|input| input.pointer.any_down()) {
             self.changed = now;
         }
         self.last = Some(shot);
-        let settled = (self.canvas.full / 4).clamp(*SETTLED.start(), *SETTLED.end());
-        let moves = self.screenshot.is_none() && now.duration_since(self.changed) < settled;
-        let drawn = self.canvas.draw(shot, moves);
+        let still_after = (self.renderer.full / 4).clamp(*STILL_AFTER.start(), *STILL_AFTER.end());
+        // A screenshot waits for the full frame, so it needs no drafts.
+        let moves = self.screenshot.is_none() && now.duration_since(self.changed) < still_after;
+        let drawn = self.renderer.draw(shot, moves);
         if matches!(drawn, Ok(true)) {
-            // The panel is there already, without this frame's time.
+            // The panel was laid out before this frame: another pass shows this frame's time.
             ui.ctx().request_repaint();
         }
         self.note(drawn);
-        if self.canvas.is_draft() {
-            ui.ctx().request_repaint_after(settled);
+        if self.renderer.is_draft() {
+            ui.ctx().request_repaint_after(still_after);
         }
     }
 
-    fn facts(&self) -> Facts {
-        let ms = |ms: f64| format!("{ms:.0} ms");
-        let took = |duration: Duration| ms(1000.0 * duration.as_secs_f64());
-        let mut lines = vec![("adapter", self.canvas.adapter())];
+    fn summary(&self) -> ClothSummary {
+        let mut lines = vec![("adapter", self.renderer.adapter())];
         let mut notes: Vec<String> = self.saved.clone().into_iter().collect();
         if let Some(cloth) = &self.cloth {
             let timings = cloth.timings;
@@ -294,38 +306,38 @@ impl Window {
             lines.push(("yarns", thousands(cloth.totals.yarns)));
             lines.push(("knit", ms(timings.knit)));
             lines.push(("locate and map", ms(timings.locate + timings.map)));
-            lines.push(("upload", took(self.upload)));
-            let draft = if self.canvas.draft.is_zero() {
+            lines.push(("upload", duration_ms(self.upload_time)));
+            let draft = if self.renderer.draft.is_zero() {
                 String::new()
             } else {
-                format!(", draft {}", took(self.canvas.draft))
+                format!(", draft {}", duration_ms(self.renderer.draft))
             };
-            lines.push(("frame", took(self.canvas.full) + &draft));
+            lines.push(("frame", duration_ms(self.renderer.full) + &draft));
             if cloth.enlargement > 1.0 {
                 notes.push(format!("The cloth is drawn {:.1} times enlarged.", cloth.enlargement));
             }
             notes.extend(cloth.warnings.iter().map(|warning| format!("warning: {warning}")));
         }
         let radius = self.cloth.as_ref().map_or(0.0, |cloth| cloth.radius);
-        Facts {
+        ClothSummary {
             lines,
             notes,
-            trouble: self.trouble.clone(),
+            error: self.error.clone(),
             is_knitting: self.worker.is_busy(),
             radius,
         }
     }
 
-    /// Asks for a picture of the window once the cloth is drawn in full, and ends it where that
-    /// will never be.
+    /// For `--screenshot`: takes a picture of the window once the cloth is drawn in full, or closes
+    /// the window after an error.
     fn take_screenshot(&mut self, context: &egui::Context) {
         let Some(target) = self.screenshot.clone() else { return };
-        if let Some(trouble) = self.trouble.take() {
+        if let Some(error) = self.error.take() {
             // The other end lives as long as the window.
-            let _sent = self.failures.send(anyhow::anyhow!(trouble));
+            let _sent = self.failures.send(anyhow::anyhow!(error));
             self.screenshot = None;
             context.send_viewport_cmd(ViewportCommand::Close);
-        } else if self.cloth.is_some() && !self.worker.is_busy() && !self.canvas.is_draft() {
+        } else if self.cloth.is_some() && !self.worker.is_busy() && !self.renderer.is_draft() {
             self.screenshot = None;
             let (failures, waker) = (self.failures.clone(), context.clone());
             context.request_screenshot(move |image| {
@@ -341,13 +353,13 @@ impl Window {
 impl eframe::App for Window {
     fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
         self.take_cloth();
-        let facts = self.facts();
+        let summary = self.summary();
         let action = Panel::right("settings")
             .exact_size(PANEL_WIDTH)
             .show(ui, |ui| {
                 let scrolled = ScrollArea::vertical().auto_shrink(false);
                 scrolled
-                    .show(ui, |ui| panel::show(ui, &mut self.settings, &self.stock, &facts))
+                    .show(ui, |ui| panel::show(ui, &mut self.settings, &self.source, &summary))
                     .inner
             })
             .inner;
@@ -360,7 +372,7 @@ impl eframe::App for Window {
     }
 }
 
-/// Where the command line wants the camera.
+/// The camera that the command line asks for.
 fn start(arguments: &Live, points: &[glam::Vec3], aspect: f64) -> Orbit {
     let shared = &arguments.shared;
     let fov = shared.fov.to_radians();
@@ -370,7 +382,7 @@ fn start(arguments: &Live, points: &[glam::Vec3], aspect: f64) -> Orbit {
     }
 }
 
-/// The first of `view-001.png`, `view-002.png` … that isn't there.
+/// The first of `view-001.png`, `view-002.png` … that doesn't exist.
 fn free_name() -> Result<PathBuf> {
     let mut names = (1..1000).map(|number| PathBuf::from(format!("view-{number:03}.png")));
     names
@@ -378,10 +390,12 @@ fn free_name() -> Result<PathBuf> {
         .context("view-001.png to view-999.png are there already: move some")
 }
 
+/// Writes a picture; the file appears when it is complete.
 fn write(target: &Path, picture: &RgbaImage) -> Result<()> {
     Ok(png::write(target, picture)?.publish()?)
 }
 
+/// A screenshot of egui as an opaque picture.
 fn picture_of(image: &ColorImage) -> RgbaImage {
     let pixels =
         image.pixels.iter().flat_map(|pixel| [pixel.r(), pixel.g(), pixel.b(), 255]).collect();
@@ -389,7 +403,17 @@ fn picture_of(image: &ColorImage) -> RgbaImage {
     RgbaImage::from_raw(width, height, pixels).expect("four bytes a pixel")
 }
 
-/// A number with its thousands set apart.
+/// Milliseconds as text.
+fn ms(ms: f64) -> String {
+    format!("{ms:.0} ms")
+}
+
+/// A duration as text.
+fn duration_ms(duration: Duration) -> String {
+    ms(1000.0 * duration.as_secs_f64())
+}
+
+/// A number with a space between groups of three digits.
 fn thousands(number: usize) -> String {
     let digits = number.to_string();
     let groups: Vec<_> = digits.as_bytes().rchunks(3).rev().map(String::from_utf8_lossy).collect();

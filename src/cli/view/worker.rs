@@ -1,8 +1,9 @@
-//! Knitting beside the window, so that it stays responsive.
+//! The knitting thread, which keeps the window responsive.
 //!
-//! In: [`Recipe`]s as fast as a slider is dragged. Out: cloth, or why there is none. The newest
-//! recipe wins: those that came before it and were not begun are dropped, and one that is being
-//! knitted is given up once it has had [`PATIENCE`], so that a drag shows what it passes.
+//! In: [`Recipe`]s, as fast as a slider is dragged. Out: cloth, or an error. The newest recipe
+//! wins: older ones that were not begun are dropped. A cloth that is being knitted when a newer one
+//! is wanted may use [`PATIENCE`] to finish and is then abandoned, so that a drag still shows some
+//! of the cloths it passes.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -12,38 +13,43 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, anyhow};
 
-use super::cloth_source::{Knitted, Recipe, Stock};
+use super::cloth_source::{ClothSource, KnittedScene, Recipe};
 
-/// How long cloth is knitted on although a newer one is wanted.
+/// Time that a cloth may take although a newer one is wanted. With none, a drag would show nothing
+/// until it ends; with much more, the last cloth would come late.
 const PATIENCE: Duration = Duration::from_millis(400);
 
 /// A recipe and its number.
-type Order = (u64, Recipe);
+type NumberedRecipe = (u64, Recipe);
 
-/// The knitting thread's other end. Dropped, it lets the thread end after what it has in hand.
+/// The window's end of the knitting thread. When it is dropped, the thread ends after its present
+/// cloth.
 pub(super) struct Worker {
-    orders: Sender<Order>,
-    done: Receiver<(u64, Result<Knitted>)>,
+    orders: Sender<NumberedRecipe>,
+    done: Receiver<(u64, Result<KnittedScene>)>,
     newest: Arc<AtomicU64>,
-    /// The last order of which something was heard.
+    /// The number of the last recipe that was answered.
     answered: u64,
 }
 
 impl Worker {
-    /// Starts the thread, which calls `announce` whenever something is ready.
-    pub(super) fn start(stock: Arc<Stock>, announce: impl Fn() + Send + 'static) -> Result<Self> {
-        let (orders, incoming) = channel::<Order>();
+    /// Starts the thread. It calls `announce` whenever a cloth or an error is ready.
+    pub(super) fn start(
+        source: Arc<ClothSource>,
+        announce: impl Fn() + Send + 'static,
+    ) -> Result<Self> {
+        let (orders, incoming) = channel::<NumberedRecipe>();
         let (outgoing, done) = channel();
         let newest = Arc::new(AtomicU64::new(0));
         let wanted = Arc::clone(&newest);
         let work = move || {
             while let Ok(order) = incoming.recv() {
-                // The last that is waiting takes the place of all before it.
+                // The newest waiting recipe replaces all older ones.
                 let (number, recipe) = incoming.try_iter().last().unwrap_or(order);
                 let start = Instant::now();
                 let superseded =
                     || start.elapsed() > PATIENCE && wanted.load(Ordering::Relaxed) != number;
-                let Some(result) = stock.knit(recipe, &superseded).transpose() else { continue };
+                let Some(result) = source.knit(recipe, &superseded).transpose() else { continue };
                 if outgoing.send((number, result)).is_err() {
                     return;
                 }
@@ -57,20 +63,20 @@ impl Worker {
         Ok(Self { orders, done, newest, answered: 0 })
     }
 
-    /// Wants this cloth, and no other that was wanted before.
+    /// Orders a cloth in place of all earlier orders.
     pub(super) fn order(&self, recipe: Recipe) {
         let number = self.newest.fetch_add(1, Ordering::Relaxed) + 1;
-        // A thread that is gone is told of by `take`.
+        // If the thread has ended, `take` reports it.
         let _gone = self.orders.send((number, recipe));
     }
 
-    /// Whether cloth that is wanted is not there yet.
+    /// Whether the newest order is not answered yet.
     pub(super) fn is_busy(&self) -> bool {
         self.answered < self.newest.load(Ordering::Relaxed)
     }
 
-    /// The newest that is ready, if anything is.
-    pub(super) fn take(&mut self) -> Option<Result<Knitted>> {
+    /// The newest answer, if there is one.
+    pub(super) fn take(&mut self) -> Option<Result<KnittedScene>> {
         let mut newest = None;
         loop {
             match self.done.try_recv() {
@@ -95,7 +101,7 @@ mod tests {
     use super::*;
     use crate::cli::args::{Arguments, Command};
 
-    fn stock() -> Arc<Stock> {
+    fn source() -> Arc<ClothSource> {
         let arguments = Arguments::parse_from([
             "warpknit",
             "view",
@@ -106,11 +112,11 @@ mod tests {
             "4",
         ]);
         let Command::View(live) = arguments.command else { panic!("it was asked to view") };
-        Arc::new(Stock::of(&live).unwrap())
+        Arc::new(ClothSource::from_arguments(&live).unwrap())
     }
 
     /// All that is heard until the newest order is answered.
-    fn answers(worker: &mut Worker) -> Vec<Result<Knitted>> {
+    fn answers(worker: &mut Worker) -> Vec<Result<KnittedScene>> {
         let mut heard = Vec::new();
         while worker.is_busy() {
             heard.extend(worker.take());
@@ -121,9 +127,9 @@ mod tests {
 
     #[test]
     fn the_newest_order_is_knitted_and_the_waiting_ones_are_not() {
-        let stock = stock();
-        let first = stock.recipe(0);
-        let mut worker = Worker::start(stock, || ()).unwrap();
+        let source = source();
+        let first = source.recipe(0);
+        let mut worker = Worker::start(source, || ()).unwrap();
         for wales in 0..200 {
             worker.order(Recipe { wales_per_cm: 5.0 + f64::from(wales) / 100.0, ..first });
         }
@@ -136,9 +142,9 @@ mod tests {
 
     #[test]
     fn what_cannot_be_knitted_is_said_and_the_next_cloth_comes() {
-        let stock = stock();
-        let first = stock.recipe(0);
-        let mut worker = Worker::start(stock, || ()).unwrap();
+        let source = source();
+        let first = source.recipe(0);
+        let mut worker = Worker::start(source, || ()).unwrap();
         worker.order(Recipe { radius: Some(50.0), ..first });
         let error = answers(&mut worker).pop().unwrap().err().unwrap().to_string();
         assert!(error.contains("over the wale spacing"), "{error}");

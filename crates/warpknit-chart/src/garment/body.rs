@@ -1,9 +1,12 @@
-//! The draped garment as pixels, seen from two sides at right angles to the picture: a depth for
-//! each sample hides what lies behind.
+//! Orthographic pictures of the draped garment from two opposite sides.
 //!
-//! In: panels, a colour for each triangle. Out: a picture, four by four samples a px of the sheet.
-//! Cost: linear in triangles and in samples; a triangle smaller than the distance of samples may be
-//! missed, and others stand for it.
+//! In: panels, and a colour for each triangle. Out: a picture with 4 x 4 samples to a px of the
+//! sheet. Method: a z-buffer (Catmull 1974, "A subdivision algorithm for computer display of curved
+//! surfaces") with edge functions (Pineda 1988, "A parallel algorithm for polygon rasterization"),
+//! and a box filter over each pixel's samples.
+//!
+//! Cost: linear in triangles and in samples. Not promised: a triangle smaller than the distance of
+//! samples may be missed; its neighbours cover the place.
 
 use glam::{DVec2, DVec3, UVec2};
 use image::{Rgba, RgbaImage};
@@ -13,29 +16,33 @@ use warpknit_core::garment::{Garment, Panel};
 
 /// Samples along each side of a pixel.
 const SAMPLES: u32 = 2;
-/// How bright cloth is that is seen on edge.
+/// Brightness of cloth that is seen on edge. With less, the stretch colours of side parts could not
+/// be compared with the legend; with more, folds would not show.
 const ON_EDGE: f64 = 0.6;
-/// A garment whose front is under this part of its largest side lies down: it is looked at from
-/// that side.
+/// A garment whose bounding box shows less than this share of its largest face from the front lies
+/// down, or stands sideways. It is then shown from the side of that face.
 const THIN: f64 = 0.3;
 
-/// From where the garment is looked at, and what of space is in the picture.
+/// An orthographic view of the garment.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct View {
+pub(super) struct GarmentView {
     /// `front`, `back` and the like.
     pub(super) name: &'static str,
+    /// The picture's x axis in space.
     right: DVec3,
+    /// The picture's y axis in space, upward.
     up: DVec3,
-    /// Where the eye is.
+    /// The direction toward the eye.
     toward: DVec3,
-    /// The garment's extent along right and up, mm.
+    /// Lower corner of the garment's bounding rectangle along right and up, mm.
     low: DVec2,
+    /// Upper corner of it, mm.
     high: DVec2,
 }
 
-/// Front and back; for a garment that lies down, above and below; for one that is thin from the
-/// front, left and right.
-pub(super) fn views(garment: &Garment) -> [View; 2] {
+/// The two views of a garment: front and back, or above and below if it lies down, or left and
+/// right if it is thin from the front.
+pub(super) fn views(garment: &Garment) -> [GarmentView; 2] {
     let points = || garment.panels.iter().flat_map(|panel| panel.draped.iter().copied());
     let (low, high) = (
         points().fold(DVec3::INFINITY, DVec3::min),
@@ -52,12 +59,13 @@ pub(super) fn views(garment: &Garment) -> [View; 2] {
         [("left", z, y, -x), ("right", -z, y, x)]
     };
     sides.map(|(name, right, up, toward)| {
-        let extent = |axis: DVec3| {
+        // The axes are coordinate axes or their opposites, so two corners of the bounding box give
+        // the extent.
+        let [(left, right_end), (bottom, top)] = [right, up].map(|axis| {
             let ends = [axis.dot(low), axis.dot(high)];
             (ends[0].min(ends[1]), ends[0].max(ends[1]))
-        };
-        let ((left, right_end), (bottom, top)) = (extent(right), extent(up));
-        View {
+        });
+        GarmentView {
             name,
             right,
             up,
@@ -68,15 +76,15 @@ pub(super) fn views(garment: &Garment) -> [View; 2] {
     })
 }
 
-impl View {
-    /// Height over width of what is in the picture.
+impl GarmentView {
+    /// Height over width of the garment in this view.
     pub(super) fn aspect(&self) -> f64 {
         let extent = self.high - self.low;
         if extent.x > 0.0 { extent.y / extent.x } else { 1.0 }
     }
 
-    /// The garment in the middle of a picture of this size: usable triangles in their colour,
-    /// flipped ones as `defect`.
+    /// Draws the garment in the middle of a picture of this size: usable triangles in their colour,
+    /// flipped ones in the colour `defect`.
     pub(super) fn paint(
         &self,
         garment: &Garment,
@@ -85,7 +93,7 @@ impl View {
         defect: Color,
     ) -> RgbaImage {
         let samples = size * SAMPLES;
-        let mut film = Film {
+        let mut buffer = DepthBuffer {
             size: samples,
             depths: vec![f32::NEG_INFINITY; (samples.x * samples.y) as usize],
             colors: vec![[0; 3]; (samples.x * samples.y) as usize],
@@ -93,6 +101,7 @@ impl View {
         let (extent, room) = (self.high - self.low, samples.as_dvec2() - 2.0);
         let scale = (room / extent.max(DVec2::splat(f64::MIN_POSITIVE))).min_element();
         let middle = (self.low + self.high) / 2.0;
+        // x right, y down, z toward the eye, all in samples.
         let place = |p: DVec3| {
             let seen = (DVec2::new(self.right.dot(p), self.up.dot(p)) - middle) * scale;
             (DVec2::new(seen.x, -seen.y) + samples.as_dvec2() / 2.0)
@@ -106,6 +115,7 @@ impl View {
                 let draped = corners.map(|vertex| panel.draped[vertex as usize]);
                 let normal =
                     (draped[1] - draped[0]).cross(draped[2] - draped[0]).normalize_or_zero();
+                // Lambert's cosine with a lamp at the eye, on both sides of the cloth, over a base.
                 let light = ON_EDGE + (1.0 - ON_EDGE) * normal.dot(self.toward).abs();
                 #[expect(
                     clippy::cast_possible_truncation,
@@ -113,30 +123,31 @@ impl View {
                     reason = "a darker byte is a byte"
                 )]
                 let shade = color.0.map(|byte| (f64::from(byte) * light).round() as u8);
-                film.fill(draped.map(place), shade);
+                buffer.fill(draped.map(place), shade);
             }
         }
-        film.developed(size)
+        buffer.downsampled(size)
     }
 }
 
-/// Samples of a picture, each with the nearest thing seen there.
-struct Film {
+/// The samples of a picture, each with the depth and colour of the nearest triangle so far.
+struct DepthBuffer {
     size: UVec2,
     /// Larger is nearer.
     depths: Vec<f32>,
     colors: Vec<[u8; 3]>,
 }
 
-impl Film {
-    /// Covers the samples in a triangle, edges included, where it is nearer than what is there.
+impl DepthBuffer {
+    /// Draws a triangle, edges included, wherever it is nearer than what is there. Drawing edges
+    /// twice does no harm, since the first of two equal depths stays.
     fn fill(&mut self, [a, b, c]: [DVec3; 3], color: [u8; 3]) {
         let area = (b - a).truncate().perp_dot((c - a).truncate());
         if area == 0.0 {
             return;
         }
         let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-        // Sample (x, y) lies at (x + .5, y + .5).
+        // Sample (x, y) lies at (x + 0.5, y + 0.5): the first and last that the bounding box holds.
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
@@ -151,6 +162,8 @@ impl Film {
                 let weight = |from: DVec3, to: DVec3| {
                     (to.truncate() - from.truncate()).perp_dot(p - from.truncate()) / area
                 };
+                // Barycentric coordinates from the edge functions. Dividing by the signed area
+                // makes them positive inside for either orientation.
                 let (of_c, of_a, of_b) = (weight(a, b), weight(b, c), weight(c, a));
                 if of_a < 0.0 || of_b < 0.0 || of_c < 0.0 {
                     continue;
@@ -169,8 +182,8 @@ impl Film {
         }
     }
 
-    /// Means over each pixel's samples.
-    fn developed(&self, size: UVec2) -> RgbaImage {
+    /// The picture: means over each pixel's samples. The share of covered samples is the alpha.
+    fn downsampled(&self, size: UVec2) -> RgbaImage {
         RgbaImage::from_fn(size.x, size.y, |x, y| {
             let (mut sum, mut covered) = ([0_u32; 3], 0_u32);
             for sample in 0..SAMPLES * SAMPLES {
@@ -183,13 +196,15 @@ impl Film {
                         .for_each(|(sum, byte)| *sum += u32::from(byte));
                 }
             }
-            let byte = |sum: u32, count: u32| {
-                u8::try_from((sum + count / 2) / count.max(1)).expect("a mean of bytes is a byte")
-            };
-            let [r, g, b] = sum.map(|sum| byte(sum, covered));
-            Rgba([r, g, b, byte(covered * 255, SAMPLES * SAMPLES)])
+            let [r, g, b] = sum.map(|sum| mean_byte(sum, covered));
+            Rgba([r, g, b, mean_byte(covered * 255, SAMPLES * SAMPLES)])
         })
     }
+}
+
+/// The mean of so many bytes, rounded; 0 of none.
+fn mean_byte(sum: u32, count: u32) -> u8 {
+    u8::try_from((sum + count / 2) / count.max(1)).expect("a mean of bytes is a byte")
 }
 
 #[cfg(test)]
@@ -214,8 +229,9 @@ mod tests {
         let [front, back] = views(&garment);
         assert_eq!((front.name, back.name, front.aspect()), ("front", "back", 1.0));
         let color = |panel: &Panel, _: [u32; 3]| if panel.size().x > 6.0 { RED } else { BLUE };
-        let at =
-            |view: &View, x| view.paint(&garment, UVec2::splat(40), &color, RED).get_pixel(x, 20).0;
+        let at = |view: &GarmentView, x| {
+            view.paint(&garment, UVec2::splat(40), &color, RED).get_pixel(x, 20).0
+        };
         assert_eq!([at(&front, 10), at(&front, 30)], [[255, 0, 0, 255], [0, 0, 255, 255]]);
         assert_eq!([at(&back, 10), at(&back, 30)], [[255, 0, 0, 255]; 2]);
         let wide = front.paint(&garment, UVec2::new(60, 40), &color, RED);
@@ -237,8 +253,9 @@ mod tests {
         let [above, below] = views(&garment);
         assert_eq!((above.name, below.name), ("above", "below"));
         let color = |panel: &Panel, _: [u32; 3]| if panel.size().x > 6.0 { RED } else { BLUE };
-        let at =
-            |view: &View, x| view.paint(&garment, UVec2::splat(40), &color, RED).get_pixel(x, 20).0;
+        let at = |view: &GarmentView, x| {
+            view.paint(&garment, UVec2::splat(40), &color, RED).get_pixel(x, 20).0
+        };
         assert_eq!([at(&above, 30), at(&below, 30)], [[0, 0, 255, 255], [255, 0, 0, 255]]);
         garment
             .panels

@@ -1,10 +1,10 @@
-//! The sheet of a garment: its flat panels as cut at the left, at the right the draped garment,
-//! painted by how far it is stretched.
+//! The sheet of a garment: its flat panels at the left, maps of the draped garment's stretch at the
+//! right.
 //!
-//! In: a [`Garment`]. Out: a [`Drawing`] of one width, as high as the draped garment's shape asks
-//! for. Panels are lines ([`pattern`]); the draped garment is pixels ([`body`]): as shapes, a mesh
-//! of a hundred thousand triangles would be ten megabytes, and hidden ones would show wherever
-//! triangles cross. [`colors`] says which stretch has which colour.
+//! In: a [`Garment`]. Out: a [`Drawing`] of fixed width, whose height follows the draped garment's
+//! aspect ratio. The panels are vector shapes ([`pattern`]). The draped garment is a picture
+//! ([`body`]): as vector shapes, a mesh of a hundred thousand triangles would take ten megabytes,
+//! and hidden triangles would show where triangles intersect. [`colors`] is the colour map.
 //!
 //! ```text
 //!   title, units
@@ -25,34 +25,41 @@ use rayon::prelude::*;
 
 use super::png::SCALE;
 use super::{
-    Anchor, Drawing, FAINT, HEADING, INK, Layer, MARGIN, Piece, Shape, TextSize, label, shortened,
+    Anchor, Drawing, DrawingLayer, DrawingShape, FAINT, HEADING, INK, MARGIN, PathSegment,
+    TextSize, label, text,
 };
-use body::{View, views};
-use colors::Colors;
+use body::{GarmentView, views};
+use colors::StretchColors;
 use warpknit_core::fabric::yarn::Color;
 use warpknit_core::garment::stretch::{
     Percentiles, TriangleStretch, percentiles, stretch, triangle, triangles,
 };
 use warpknit_core::garment::{Garment, GarmentSummary, Panel};
 
-/// What no stitch can lie on: told from both ends of the scale by every eye.
+/// Colour of defects on which no stitch can lie. Every eye can distinguish it from both ends of the
+/// colour scale.
 const DEFECT: Color = Color([0xff, 0xb0, 0x00]);
-/// Width of the panels' part, and of each map, px.
+/// Width of the part with the panels, px.
 const PATTERN: f64 = 760.0;
+/// Width of each map, px.
 const MAP: f64 = 320.0;
 /// The least and the greatest height of a map, px.
 const MAP_HEIGHTS: (f64, f64) = (220.0, 430.0);
+/// Space between two maps, px.
 const GAP: f64 = 24.0;
-/// Room above each row of maps for its caption, and below for the views' names.
+/// Height of the caption above each row of maps, px.
 const CAPTION: f64 = 24.0;
+/// Height of the views' names below each row of maps, px.
 const NAMES: f64 = 20.0;
-/// Room for the legend, and for the scale bar across from it.
+/// Height of the legend, and of the scale bar beside it, px.
 const LEGEND: f64 = 84.0;
-/// The bar of colours, px.
+/// Size of the legend's colour bar, px.
 const BAR: DVec2 = DVec2::new(440.0, 14.0);
-/// The share of the cloth on either side of the scale.
+/// Share of the cloth that may lie beyond each end of the colour scale. A few extreme triangles
+/// would otherwise flatten the colours of all others.
 const BEYOND: f64 = 0.02;
 
+/// Draws the sheet.
 pub(super) fn draw(title: &str, garment: &Garment) -> Drawing {
     let views = views(garment);
     let height = (MAP * views[0].aspect()).clamp(MAP_HEIGHTS.0, MAP_HEIGHTS.1).ceil();
@@ -60,15 +67,11 @@ pub(super) fn draw(title: &str, garment: &Garment) -> Drawing {
     let top = MARGIN + HEADING;
     let size = DVec2::new(3.0 * MARGIN + PATTERN + 2.0 * MAP + GAP, top + maps + LEGEND + MARGIN);
 
-    let line = |y: f64, text: &str, size| Shape::Text {
-        at: DVec2::new(MARGIN, y),
-        text: shortened(text),
-        size,
-        anchor: Anchor::Start,
-    };
+    let (first_line, second_line) =
+        (DVec2::new(MARGIN, MARGIN + 14.0), DVec2::new(MARGIN, MARGIN + 34.0));
     let mut layers = vec![
-        layer("title", INK, vec![line(MARGIN + 14.0, title, TextSize::Title)]),
-        layer("facts", FAINT, vec![line(MARGIN + 34.0, &facts(garment), TextSize::Small)]),
+        layer("title", INK, vec![text(first_line, title, TextSize::Title)]),
+        layer("facts", FAINT, vec![text(second_line, &facts(garment), TextSize::Small)]),
     ];
     layers.extend(pattern::draw(
         garment,
@@ -76,37 +79,41 @@ pub(super) fn draw(title: &str, garment: &Garment) -> Drawing {
         DVec2::new(PATTERN, maps),
         LEGEND,
     ));
-    let colors = Colors::over(&spread(&garment.panels));
+    // Both directions share one scale, so that warp and weft can be compared.
+    let colors = StretchColors::spanning(&spread(&garment.panels));
     let corner = DVec2::new(2.0 * MARGIN + PATTERN, top);
     layers.extend(maps_of(garment, &views, &colors, corner, DVec2::new(MAP, height)));
     layers.push(legend(&colors, garment.summary.flipped > 0, corner + DVec2::new(0.0, maps)));
     Drawing { size, layers, notes: Vec::new() }
 }
 
-fn layer(name: &str, color: Color, shapes: Vec<Shape>) -> Layer {
-    Layer { name: name.to_owned(), color, shapes }
+/// A layer of the drawing.
+fn layer(name: &str, color: Color, shapes: Vec<DrawingShape>) -> DrawingLayer {
+    DrawingLayer { name: name.to_owned(), color, shapes }
 }
 
-/// What the garment's files hold, in a line.
+/// One line about the garment's files.
 fn facts(garment: &Garment) -> String {
     let GarmentSummary { triangles, unit, unit_guessed, uv_scale_mm, .. } = &garment.summary;
     let guessed = if *unit_guessed { " (guessed)" } else { "" };
     let panels = garment.panels.len();
     format!(
-        "{triangles} triangles, {panels} panel{}, unit {unit}{guessed}, flat unit {uv_scale_mm:.3} mm",
+        "{triangles} triangles, {panels} panel{}, unit {unit}{guessed}, \
+         flat unit {uv_scale_mm:.3} mm",
         if panels == 1 { "" } else { "s" }
     )
 }
 
-/// The stretches between which nearly all of the cloth is, along wales and courses.
+/// The stretches between which nearly all of the cloth lies, along wales and along courses.
 fn spread(panels: &[Panel]) -> [f64; 4] {
     let all = triangles(panels);
-    let of = |value: fn(&TriangleStretch) -> f64| percentiles(&all, value, [BEYOND, 1.0 - BEYOND]);
-    let ([a, b], [c, d]) = (of(|one| one.warp), of(|one| one.weft));
+    let ends = [BEYOND, 1.0 - BEYOND];
+    let [a, b] = percentiles(&all, |one| one.warp, ends);
+    let [c, d] = percentiles(&all, |one| one.weft, ends);
     [a, b, c, d]
 }
 
-/// A direction in which stretch is shown.
+/// A direction of the cloth whose stretch is shown.
 struct Direction {
     name: &'static str,
     meaning: &'static str,
@@ -114,14 +121,14 @@ struct Direction {
     percentiles: Percentiles,
 }
 
-/// A row of maps for each direction: both sides of the draped garment.
+/// The maps: a row for each direction, with both views of the draped garment.
 fn maps_of(
     garment: &Garment,
-    views: &[View; 2],
-    colors: &Colors,
+    views: &[GarmentView; 2],
+    colors: &StretchColors,
     corner: DVec2,
     size: DVec2,
-) -> Vec<Layer> {
+) -> Vec<DrawingLayer> {
     let (warp, weft) = stretch(garment);
     let rows = [
         Direction {
@@ -140,15 +147,20 @@ fn maps_of(
     // The upper left corner of a row's caption.
     let place = |row: usize| corner + DVec2::new(0.0, row as f64 * (CAPTION + size.y + NAMES));
     let pixels = (size * SCALE).as_uvec2();
+    // The four maps are independent and the costly part of the sheet.
     let paint = |map: usize| {
         let (row, side) = (map / 2, map % 2);
         let Direction { name, of, .. } = rows[row];
-        let color = |panel: &Panel, corners| colors.of(of(&triangle(panel, corners)));
+        let color = |panel: &Panel, corners| colors.color_of(of(&triangle(panel, corners)));
         let picture = views[side].paint(garment, pixels, &color, DEFECT);
         let at = place(row) + DVec2::new(side as f64 * (MAP + GAP), CAPTION);
-        layer(&format!("{name}-{}", views[side].name), INK, vec![Shape::Picture { at, picture }])
+        layer(
+            &format!("{name}-{}", views[side].name),
+            INK,
+            vec![DrawingShape::Picture { at, picture }],
+        )
     };
-    let mut layers: Vec<Layer> = (0..2 * rows.len()).into_par_iter().map(paint).collect();
+    let mut layers: Vec<DrawingLayer> = (0..2 * rows.len()).into_par_iter().map(paint).collect();
     let (mut captions, mut names) = (Vec::new(), Vec::new());
     for (row, Direction { name, meaning, percentiles: [low, middle, high], .. }) in
         rows.iter().enumerate()
@@ -157,7 +169,12 @@ fn maps_of(
         let text = format!(
             "stretch {meaning} ({name}); 5/50/95 % of the cloth: {low:.3} {middle:.3} {high:.3}"
         );
-        captions.push(Shape::Text { at, text, size: TextSize::Normal, anchor: Anchor::Start });
+        captions.push(DrawingShape::Text {
+            at,
+            text,
+            size: TextSize::Normal,
+            anchor: Anchor::Start,
+        });
         for (side, view) in views.iter().enumerate() {
             let below = at
                 + DVec2::new((side as f64 + 0.5) * MAP + side as f64 * GAP, CAPTION + size.y + 2.0);
@@ -168,8 +185,8 @@ fn maps_of(
     layers
 }
 
-/// The colours with their stretches below them.
-fn legend(colors: &Colors, defects: bool, corner: DVec2) -> Layer {
+/// The colour bar with its marks.
+fn legend(colors: &StretchColors, defects: bool, corner: DVec2) -> DrawingLayer {
     let at = corner + DVec2::new(20.0, 22.0);
     let pixels = (BAR * SCALE).as_uvec2();
     let middle = |x: u32| (f64::from(x) + 0.5) / f64::from(pixels.x);
@@ -177,10 +194,11 @@ fn legend(colors: &Colors, defects: bool, corner: DVec2) -> Layer {
         let [r, g, b] = colors.at(2.0 * middle(x) - 1.0).0;
         Rgba([r, g, b, 255])
     });
-    let words = "draped over flat length, 1 is unstretched; the ends stand for all beyond; darker where the cloth turns away";
+    let words = "draped over flat length, 1 is unstretched; the ends stand for all beyond; \
+                 darker where the cloth turns away";
     let mut shapes = vec![
         label(corner + DVec2::new(0.0, 12.0), words.to_owned(), Anchor::Start),
-        Shape::Picture { at, picture: bar },
+        DrawingShape::Picture { at, picture: bar },
     ];
     for (place, stretch) in colors.marks() {
         let below = at + DVec2::new((place + 1.0) / 2.0 * BAR.x, BAR.y + 14.0);
@@ -189,7 +207,7 @@ fn legend(colors: &Colors, defects: bool, corner: DVec2) -> Layer {
     if defects {
         let [r, g, b] = DEFECT.0;
         let at = at + DVec2::new(BAR.x + 40.0, 0.0);
-        shapes.push(Shape::Picture {
+        shapes.push(DrawingShape::Picture {
             at,
             picture: RgbaImage::from_pixel(28, pixels.y, Rgba([r, g, b, 255])),
         });
@@ -199,11 +217,12 @@ fn legend(colors: &Colors, defects: bool, corner: DVec2) -> Layer {
 }
 
 /// A closed line through points.
-fn closed(points: &[DVec2]) -> Vec<Piece> {
-    let mut pieces: Vec<Piece> = points.iter().map(|&point| Piece::Line(point)).collect();
+fn closed(points: &[DVec2]) -> Vec<PathSegment> {
+    let mut segments: Vec<PathSegment> =
+        points.iter().map(|&point| PathSegment::Line(point)).collect();
     if let Some(first) = points.first() {
-        pieces[0] = Piece::Move(*first);
-        pieces.push(Piece::Line(*first));
+        segments[0] = PathSegment::Move(*first);
+        segments.push(PathSegment::Line(*first));
     }
-    pieces
+    segments
 }

@@ -1,67 +1,80 @@
 //! The flat panels of a garment, side by side at one scale: outline, number, size, and an arrow
 //! along the wales.
 //!
-//! In: panels. Out: layers of a drawing. A panel lies as in the flat file, seen from its technical
-//! face, so a mirrored one is turned over, and so its arrow leans where the grain was turned. Its
-//! outline is made of the edges that one triangle alone has. Panels fill rows from the highest to
-//! the lowest.
+//! In: panels. Out: layers of a drawing. A panel is shown as it lies in the flat file, seen from
+//! its technical face; a mirrored panel is turned over, and the arrow is inclined where the grain
+//! was turned. The outline consists of the edges that belong to a single triangle. Panels are
+//! packed in rows by decreasing height (shelf packing; Coffman, Garey, Johnson and Tarjan 1980,
+//! "Performance bounds for level-oriented two-dimensional packing algorithms"), at the largest
+//! scale that fits, found by bisection.
 //!
 //! Not promised: more than [`MOST`] panels (a line says how many smaller ones are left out), and
-//! the closest packing.
+//! the densest packing.
 
 use std::collections::HashMap;
 
 use glam::DVec2;
 
 use super::{DEFECT, closed, layer};
-use crate::{Anchor, FAINT, INK, Layer, Piece, Shape, TextSize, label};
+use crate::{Anchor, DrawingLayer, DrawingShape, FAINT, INK, PathSegment, TextSize, label};
 use warpknit_core::fabric::yarn::Color;
 use warpknit_core::garment::{Garment, Panel};
 
 /// The most panels that are drawn, the largest ones.
 const MOST: usize = 40;
-/// What the pieces are filled with.
+/// Colour of the panels' areas.
 const CLOTH: Color = Color([0xee, 0xf1, 0xf4]);
+/// Colour of the arrows.
 const GRAIN: Color = Color([0x12, 0x5d, 0xa8]);
-/// Between panels, px.
+/// Space between panels, px.
 const GAP: f64 = 14.0;
-/// Room for the two lines below a panel, clear of an arrow that is longer than it, px.
+/// Room for the two lines below a panel, clear of an arrow that is longer than the panel, px.
 const WORDS: f64 = 36.0;
+/// Line width of outlines, px.
 const OUTLINE: f64 = 1.6;
-/// An arrow's length over that of the cloth it lies on.
+/// An arrow's length over that of the chord it lies on.
 const ARROW: f64 = 0.6;
-/// Its least length, even where it is longer than a narrow piece, its greatest, and its head's, px.
+/// Least length of an arrow, px, even where it is longer than a narrow panel.
 const SHORTEST: f64 = 16.0;
+/// Greatest length of an arrow, px.
 const LONGEST: f64 = 110.0;
+/// Length of an arrow's head, px.
 const HEAD: f64 = 7.0;
 /// The longest scale bar, px.
 const SCALE_BAR: f64 = 200.0;
 
-/// A panel as cut, mm, y up.
-struct Cut {
+/// A flat panel as it was cut, mm, y up.
+struct FlatPanel {
     number: usize,
     points: Vec<DVec2>,
+    /// Lower corner of its bounding box.
     low: DVec2,
+    /// Size of its bounding box.
     size: DVec2,
-    /// Closed lines around it and around its holes, as vertices.
+    /// The border and the holes as closed lines of vertices.
     outlines: Vec<Vec<u32>>,
+    /// The two lines below it.
     words: [String; 2],
 }
 
-/// Where a piece lies on the sheet.
-struct Placed<'a> {
-    piece: &'a Cut,
+/// A panel with its place on the sheet.
+struct PlacedPanel<'a> {
+    piece: &'a FlatPanel,
     /// Its upper left corner, px.
     at: DVec2,
     /// px a mm.
     scale: f64,
 }
 
-/// Layers of the panels in a box of `room` at `corner`, with the scale bar in the strip of `strip`
-/// px below it.
-pub(super) fn draw(garment: &Garment, corner: DVec2, room: DVec2, strip: f64) -> Vec<Layer> {
-    let mut pieces: Vec<_> =
-        garment.panels.iter().enumerate().map(|(number, panel)| Cut::new(number, panel)).collect();
+/// The layers of the panels in a box of size `room` at `corner`, with the scale bar in the `strip`
+/// px below the box.
+pub(super) fn draw(garment: &Garment, corner: DVec2, room: DVec2, strip: f64) -> Vec<DrawingLayer> {
+    let mut pieces: Vec<_> = garment
+        .panels
+        .iter()
+        .enumerate()
+        .map(|(number, panel)| FlatPanel::new(number, panel))
+        .collect();
     pieces.sort_by(|a, b| {
         garment.panels[b.number].area().total_cmp(&garment.panels[a.number].area())
     });
@@ -72,13 +85,13 @@ pub(super) fn draw(garment: &Garment, corner: DVec2, room: DVec2, strip: f64) ->
     let placed: Vec<_> = pieces
         .iter()
         .zip(places)
-        .map(|(piece, at)| Placed { piece, at: corner + at, scale })
+        .map(|(piece, at)| PlacedPanel { piece, at: corner + at, scale })
         .collect();
 
     let mut layers = vec![layer(
         "cloth",
         CLOTH,
-        placed.iter().map(|placed| Shape::Area { pieces: placed.outline() }).collect(),
+        placed.iter().map(|placed| DrawingShape::Area { segments: placed.outline() }).collect(),
     )];
     let mut words = Vec::new();
     for placed in &placed {
@@ -87,12 +100,12 @@ pub(super) fn draw(garment: &Garment, corner: DVec2, room: DVec2, strip: f64) ->
         layers.push(layer(
             &format!("panel-{number}"),
             INK,
-            vec![Shape::Path { pieces: placed.outline(), width: OUTLINE }],
+            vec![DrawingShape::Path { segments: placed.outline(), width: OUTLINE }],
         ));
         layers.push(layer(
             &format!("grain-{number}"),
             GRAIN,
-            vec![Shape::Path { pieces: placed.arrow(panel.grain()), width: OUTLINE }],
+            vec![DrawingShape::Path { segments: placed.arrow(panel.grain()), width: OUTLINE }],
         ));
         words.extend(placed.words());
     }
@@ -101,8 +114,10 @@ pub(super) fn draw(garment: &Garment, corner: DVec2, room: DVec2, strip: f64) ->
     layers
 }
 
-impl Cut {
+impl FlatPanel {
     fn new(number: usize, panel: &Panel) -> Self {
+        // The panel's own plane has the wales along y. Turning by the grain brings back the pose of
+        // the flat file.
         let turn = DVec2::from_angle(panel.grain());
         let points: Vec<_> = panel.uv.iter().map(|&uv| turn.rotate(uv)).collect();
         let low = points.iter().copied().fold(DVec2::INFINITY, DVec2::min);
@@ -120,34 +135,39 @@ impl Cut {
         }
     }
 
-    /// The room it takes, px.
+    /// The size of its cell in the packing, px.
     fn cell(&self, scale: f64) -> DVec2 {
         let words = self.words.iter().map(|text| TextSize::Small.width(text)).fold(0.0, f64::max);
         DVec2::new((self.size.x * scale).max(words) + GAP, self.size.y * scale + WORDS + GAP)
     }
 }
 
-/// The edges that as many triangles have as `wanted` says, flipped ones included, in the order of
-/// the triangles.
+/// The edges whose number of adjacent triangles satisfies `wanted` (1: border, more than 2:
+/// non-manifold), flipped triangles included, in the order of the triangles.
 fn edges(panel: &Panel, wanted: impl Fn(u32) -> bool) -> Vec<[u32; 2]> {
     let all = || {
         panel.triangles.iter().chain(&panel.flipped).flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]])
     };
-    let key = |[a, b]: [u32; 2]| [a.min(b), a.max(b)];
     let mut counts: HashMap<[u32; 2], u32> = HashMap::new();
-    all().for_each(|edge| *counts.entry(key(edge)).or_default() += 1);
-    // Each but once: what is taken is forgotten.
+    all().for_each(|edge| *counts.entry(undirected(edge)).or_default() += 1);
+    // Removing the count returns each edge only once.
     all()
         .filter(|&edge| {
-            counts.get(&key(edge)).is_some_and(|&count| wanted(count))
-                && counts.remove(&key(edge)).is_some()
+            counts.get(&undirected(edge)).is_some_and(|&count| wanted(count))
+                && counts.remove(&undirected(edge)).is_some()
         })
         .collect()
 }
 
-/// Edges put together to lines, each going on where an edge is left at its end. Of a border every
-/// line comes back to its start.
+/// An edge without its direction.
+fn undirected([a, b]: [u32; 2]) -> [u32; 2] {
+    [a.min(b), a.max(b)]
+}
+
+/// Joins edges to lines, each continued by any unused edge at its end. The edges of a border give
+/// closed lines: in a manifold panel every border vertex has an even number of them.
 fn loops(edges: &[[u32; 2]]) -> Vec<Vec<u32>> {
+    // For each vertex the edges that meet there; in reverse, so that `pop` takes the first one.
     let mut at: HashMap<u32, Vec<usize>> = HashMap::new();
     for (number, [a, b]) in edges.iter().enumerate().rev() {
         at.entry(*a).or_default().push(number);
@@ -176,9 +196,9 @@ fn loops(edges: &[[u32; 2]]) -> Vec<Vec<u32>> {
     loops
 }
 
-/// The largest scale at which the pieces' cells fill rows within the room, and where each piece
-/// lies in it.
-fn packed(pieces: &[Cut], room: DVec2) -> (f64, Vec<DVec2>) {
+/// The largest scale at which the pieces' cells fit into the room in rows, and the place of each
+/// piece, found by bisection. 40 halvings reach the precision of an f64's leading 12 digits.
+fn packed(pieces: &[FlatPanel], room: DVec2) -> (f64, Vec<DVec2>) {
     let largest = pieces.iter().map(|piece| piece.size).fold(DVec2::ZERO, DVec2::max);
     let mut fits = (0.0, rows(pieces, 0.0, room.x).0);
     let mut too_large = (room / largest.max(DVec2::splat(f64::MIN_POSITIVE))).min_element();
@@ -194,8 +214,9 @@ fn packed(pieces: &[Cut], room: DVec2) -> (f64, Vec<DVec2>) {
     fits
 }
 
-/// Pieces in rows at a scale, each in the middle of its cell, and what room they take.
-fn rows(pieces: &[Cut], scale: f64, width: f64) -> (Vec<DVec2>, DVec2) {
+/// Packs pieces into rows at a scale: the place of each piece, centred in its cell, and the room
+/// that all take.
+fn rows(pieces: &[FlatPanel], scale: f64, width: f64) -> (Vec<DVec2>, DVec2) {
     let (mut cursor, mut row, mut used) = (DVec2::ZERO, 0.0_f64, DVec2::ZERO);
     let mut places = Vec::new();
     for piece in pieces {
@@ -212,8 +233,8 @@ fn rows(pieces: &[Cut], scale: f64, width: f64) -> (Vec<DVec2>, DVec2) {
     (places, used)
 }
 
-impl Placed<'_> {
-    /// A point of the piece, mm, on the sheet.
+impl PlacedPanel<'_> {
+    /// The place on the sheet of a point of the panel, mm.
     fn place(&self, point: DVec2) -> DVec2 {
         let from_low = (point - self.piece.low) * self.scale;
         self.at + DVec2::new(from_low.x, self.piece.size.y * self.scale - from_low.y)
@@ -223,42 +244,50 @@ impl Placed<'_> {
         self.place(self.piece.points[vertex as usize])
     }
 
-    fn outline(&self) -> Vec<Piece> {
-        let line = |vertices: &Vec<u32>| {
-            closed(&vertices.iter().map(|&vertex| self.vertex(vertex)).collect::<Vec<_>>())
-        };
-        self.piece.outlines.iter().flat_map(line).collect()
+    /// The border and the holes on the sheet.
+    fn outline(&self) -> Vec<PathSegment> {
+        let mut segments = Vec::new();
+        for vertices in &self.piece.outlines {
+            let points: Vec<_> = vertices.iter().map(|&vertex| self.vertex(vertex)).collect();
+            segments.extend(closed(&points));
+        }
+        segments
     }
 
-    /// Flipped triangles, each with a dot so that the smallest is seen, and edges of more than two
-    /// triangles.
-    fn defects(&self, panel: &Panel) -> Vec<Layer> {
+    /// The panel's defects: flipped triangles, each with a dot so that the smallest one is visible,
+    /// and non-manifold edges.
+    fn defects(&self, panel: &Panel) -> Vec<DrawingLayer> {
         let mut layers = Vec::new();
         if !panel.flipped.is_empty() {
             let shapes = panel.flipped.iter().flat_map(|corners| {
                 let corners = corners.map(|vertex| self.vertex(vertex));
                 let at = corners.iter().sum::<DVec2>() / 3.0;
-                [Shape::Area { pieces: closed(&corners) }, Shape::Dot { at, radius: 2.0 }]
+                [
+                    DrawingShape::Area { segments: closed(&corners) },
+                    DrawingShape::Dot { at, radius: 2.0 },
+                ]
             });
             layers.push(layer(&format!("flipped-{}", self.piece.number), DEFECT, shapes.collect()));
         }
-        let knots = edges(panel, |count| count > 2);
-        if !knots.is_empty() {
-            let pieces = knots
+        let shared = edges(panel, |count| count > 2);
+        if !shared.is_empty() {
+            let pieces = shared
                 .iter()
-                .flat_map(|&[a, b]| [Piece::Move(self.vertex(a)), Piece::Line(self.vertex(b))])
+                .flat_map(|&[a, b]| {
+                    [PathSegment::Move(self.vertex(a)), PathSegment::Line(self.vertex(b))]
+                })
                 .collect();
             layers.push(layer(
                 &format!("non-manifold-{}", self.piece.number),
                 DEFECT,
-                vec![Shape::Path { pieces, width: 4.0 }],
+                vec![DrawingShape::Path { segments: pieces, width: 4.0 }],
             ));
         }
         layers
     }
 
-    /// An arrow along the wales, on the piece's cloth if that has room for it.
-    fn arrow(&self, grain: f64) -> Vec<Piece> {
+    /// An arrow along the wales. It lies on the panel's cloth if there is room for it.
+    fn arrow(&self, grain: f64) -> Vec<PathSegment> {
         let along = DVec2::from_angle(grain).perp();
         let [tail, tip] = self.longest_chord(along).map(|end| self.place(end));
         let (middle, length) = (0.5 * (tail + tip), (tip - tail).length());
@@ -269,29 +298,31 @@ impl Placed<'_> {
         };
         let tip = middle + half;
         vec![
-            Piece::Move(middle - half),
-            Piece::Line(tip),
-            Piece::Move(head(1.0)),
-            Piece::Line(tip),
-            Piece::Line(head(-1.0)),
+            PathSegment::Move(middle - half),
+            PathSegment::Line(tip),
+            PathSegment::Move(head(1.0)),
+            PathSegment::Line(tip),
+            PathSegment::Line(head(-1.0)),
         ]
     }
 
-    /// The longest way in a direction that stays on the cloth, mm, of some ways across the piece;
-    /// those near its middle count as longer.
+    /// The longest chord in a direction that stays on the cloth, mm. Some parallel lines across the
+    /// panel are tried; chords near its middle are preferred, since an arrow looks best there.
     fn longest_chord(&self, along: DVec2) -> [DVec2; 2] {
-        const WAYS: i32 = 4;
-        let Cut { points, outlines, low, size, .. } = self.piece;
+        const LINES: i32 = 4;
+        let FlatPanel { points, outlines, low, size, .. } = self.piece;
         let across = -along.perp();
         let sides = points.iter().map(|p| across.dot(*p));
         let (left, right) = sides.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| {
             (low.min(at), high.max(at))
         });
         let mut best = ([*low + 0.5 * *size; 2], 0.0);
-        for way in -WAYS..=WAYS {
-            let aside = f64::from(way) / f64::from(WAYS);
-            // Never quite on a vertex of a symmetric piece.
+        for number in -LINES..=LINES {
+            let aside = f64::from(number) / f64::from(LINES);
+            // The small offset keeps the line off the vertices of a symmetric panel.
             let at = 0.5 * (left + right) + 0.35 * (right - left) * (aside + 1e-3);
+            // Where the line crosses the outlines: between each odd crossing and the next one lies
+            // cloth (even-odd rule), holes left out.
             let mut heights: Vec<f64> = Vec::new();
             for line in outlines {
                 for (end, &b) in line.iter().enumerate() {
@@ -314,8 +345,9 @@ impl Placed<'_> {
         best.0
     }
 
-    fn words(&self) -> [Shape; 2] {
-        let Cut { size, words: [name, extent], .. } = self.piece;
+    /// The panel's name and size, below it.
+    fn words(&self) -> [DrawingShape; 2] {
+        let FlatPanel { size, words: [name, extent], .. } = self.piece;
         let below = self.at + DVec2::new(0.5 * size.x, size.y) * self.scale;
         let line = |down: f64, text: &str| {
             label(below + DVec2::new(0.0, down), text.to_owned(), Anchor::Middle)
@@ -324,9 +356,9 @@ impl Placed<'_> {
     }
 }
 
-/// A round length at the panels' scale above `corner`, what the arrows mean, and how many panels
-/// are left out.
-fn scale_bar(scale: f64, corner: DVec2, left_out: usize) -> Vec<Layer> {
+/// The scale bar above `corner`, the meaning of the arrows, and how many panels are left out.
+fn scale_bar(scale: f64, corner: DVec2, left_out: usize) -> Vec<DrawingLayer> {
+    // The longest of 1, 2 or 5 times a power of ten that fits.
     let longest = SCALE_BAR / scale.max(f64::MIN_POSITIVE);
     let decade = 10.0_f64.powf(longest.log10().floor());
     let length = [5.0, 2.0, 1.0]
@@ -337,9 +369,13 @@ fn scale_bar(scale: f64, corner: DVec2, left_out: usize) -> Vec<Layer> {
     let (from, to) =
         (corner + DVec2::new(1.0, -20.0), corner + DVec2::new(1.0 + length * scale, -20.0));
     let up = DVec2::new(0.0, 5.0);
-    let mut pieces =
-        vec![Piece::Move(from - up), Piece::Line(from + up), Piece::Move(from), Piece::Line(to)];
-    pieces.extend([Piece::Move(to - up), Piece::Line(to + up)]);
+    let mut pieces = vec![
+        PathSegment::Move(from - up),
+        PathSegment::Line(from + up),
+        PathSegment::Move(from),
+        PathSegment::Line(to),
+    ];
+    pieces.extend([PathSegment::Move(to - up), PathSegment::Line(to + up)]);
     let mut words = vec![label(to + DVec2::new(8.0, 4.0), format!("{length} mm"), Anchor::Start)];
     let meaning = "seen from the technical face; arrows: along the wales (warp)";
     words.push(label(corner + DVec2::new(0.0, -40.0), meaning.to_owned(), Anchor::Start));
@@ -348,7 +384,7 @@ fn scale_bar(scale: f64, corner: DVec2, left_out: usize) -> Vec<Layer> {
         words.push(label(corner + DVec2::new(0.0, -56.0), text, Anchor::Start));
     }
     vec![
-        layer("scale-bar", INK, vec![Shape::Path { pieces, width: OUTLINE }]),
+        layer("scale-bar", INK, vec![DrawingShape::Path { segments: pieces, width: OUTLINE }]),
         layer("scale", FAINT, words),
     ]
 }
@@ -369,8 +405,8 @@ mod tests {
         found.iter_mut().for_each(|line| line.sort_unstable());
         assert_eq!(found, [[0, 1, 2, 3], [4, 5, 6, 7]]);
         // The arrow keeps out of the hole: left or right of it, or shorter.
-        let piece = Cut::new(0, &panel);
-        let placed = Placed { piece: &piece, at: DVec2::ZERO, scale: 1.0 };
+        let piece = FlatPanel::new(0, &panel);
+        let placed = PlacedPanel { piece: &piece, at: DVec2::ZERO, scale: 1.0 };
         let [a, b] = placed.longest_chord(DVec2::Y);
         assert!(
             (a.x - b.x).abs() < 1e-9
@@ -394,7 +430,7 @@ mod tests {
         let pieces: Vec<_> = sizes
             .into_iter()
             .enumerate()
-            .map(|(number, size)| Cut::new(number, &panel(size)))
+            .map(|(number, size)| FlatPanel::new(number, &panel(size)))
             .collect();
         let room = DVec2::new(700.0, 500.0);
         let (scale, places) = packed(&pieces, room);
@@ -417,9 +453,9 @@ mod tests {
     fn the_arrow_leans_with_the_grain() {
         let mut garment = Garment::rectangle(100.0, 100.0);
         garment.turn_grain(0, 0.5);
-        let piece = Cut::new(0, &garment.panels[0]);
+        let piece = FlatPanel::new(0, &garment.panels[0]);
         assert!((piece.size - 100.0).length() < 1e-9, "the piece lies as cut");
-        let placed = Placed { piece: &piece, at: DVec2::ZERO, scale: 1.0 };
+        let placed = PlacedPanel { piece: &piece, at: DVec2::ZERO, scale: 1.0 };
         let arrow = placed.arrow(garment.panels[0].grain());
         let (tail, tip) = (arrow[0].end(), arrow[1].end());
         // Down the sheet is +y; counter-clockwise is to the left.

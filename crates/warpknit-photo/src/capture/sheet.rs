@@ -12,7 +12,7 @@ use super::cell::Cell;
 use super::layout::Layout;
 use super::segment::Segment;
 use crate::plane::{Plane, byte, double, side};
-use warpknit_chart::{Anchor, Drawing, Layer, Piece, Shape, TextSize};
+use warpknit_chart::{Anchor, Drawing, DrawingLayer, DrawingShape, PathSegment, TextSize};
 use warpknit_core::fabric::yarn;
 
 /// Pixels of the longer vector in the picture.
@@ -102,31 +102,32 @@ pub(super) fn drawing(cell: &Cell, segments: &[Segment], scale: f64) -> Drawing 
         .iter()
         .map(|copies| copies[4][ALONG / 2].midpoint(copies[4][AROUND - 1 - ALONG / 2]))
         .collect();
-    let dots = middles.iter().map(|&at| Shape::Dot { at, radius: 8.0 }).collect();
-    let numbers = (1..).zip(&middles).map(|(number, &middle)| Shape::Text {
+    let dots = middles.iter().map(|&at| DrawingShape::Dot { at, radius: 8.0 }).collect();
+    let numbers = (1..).zip(&middles).map(|(number, &middle)| DrawingShape::Text {
         at: middle + DVec2::new(0.0, 3.5),
         text: format!("{number}"),
         size: TextSize::Small,
         anchor: Anchor::Middle,
     });
-    let layer = |name: &str, color: [u8; 3], shapes: Vec<Shape>| Layer {
+    let layer = |name: &str, color: [u8; 3], shapes: Vec<DrawingShape>| DrawingLayer {
         name: name.to_owned(),
         color: yarn::Color(color),
         shapes,
     };
     let mut layers = vec![
-        layer("grid", [0; 3], vec![Shape::Picture { at: DVec2::ZERO, picture }]),
+        layer("grid", [0; 3], vec![DrawingShape::Picture { at: DVec2::ZERO, picture }]),
         layer("dots", [20; 3], dots),
         layer("numbers", [255; 3], numbers.collect()),
     ];
     for (((number, segment), copies), color) in
         (1..).zip(segments).zip(&drawn).zip(COLORS.into_iter().cycle())
     {
-        let title = Shape::Title { text: title(number, segment) };
+        let title = DrawingShape::Title { text: title(number, segment) };
         let lines = copies.iter().map(|outline| {
-            let ahead = outline[1..].iter().chain([&outline[0]]).map(|place| Piece::Line(*place));
-            Shape::Path {
-                pieces: [Piece::Move(outline[0])].into_iter().chain(ahead).collect(),
+            let ahead =
+                outline[1..].iter().chain([&outline[0]]).map(|place| PathSegment::Line(*place));
+            DrawingShape::Path {
+                segments: [PathSegment::Move(outline[0])].into_iter().chain(ahead).collect(),
                 width: 1.5,
             }
         });
@@ -176,19 +177,21 @@ mod tests {
         // The photo has half as many pixels; the drawing has 8 px for each of the cell's.
         let drawing = drawing(&cell, &[segment.scaled(0.5)], 2.0);
         assert_eq!(drawing.size, DVec2::new(480.0, 240.0));
-        let Shape::Path { pieces, .. } = &drawing.layers[3].shapes[5] else {
+        let DrawingShape::Path { segments, .. } = &drawing.layers[3].shapes[5] else {
             panic!("{:?}", drawing.layers[3].shapes[5])
         };
-        let (Piece::Move(first), Piece::Line(second)) = (pieces[0], pieces[ALONG - 1]) else {
-            panic!("{pieces:?}")
+        let (PathSegment::Move(first), PathSegment::Line(second)) =
+            (segments[0], segments[ALONG - 1])
+        else {
+            panic!("{segments:?}")
         };
         assert!(
             near(first, 19.0 * 8.0, 11.0 * 8.0) && near(second, 31.0 * 8.0, 11.0 * 8.0),
-            "{pieces:?}"
+            "{segments:?}"
         );
         assert_eq!(
             drawing.layers[3].shapes[0],
-            Shape::Title {
+            DrawingShape::Title {
                 text: "1: center 32.50, -3.50; angle_deg 0.0; width 2.00; length 6.00; bow 0.00; sway 0.00".to_owned()
             }
         );

@@ -1,18 +1,21 @@
-//! The pictures of a yarn: from files to [`Maps`].
+//! Reads the pictures of a yarn into [`Maps`].
 //!
-//! In: a folder of maps, or one picture of a yarn. Out: [`Maps`], whole, with what is missing made
-//! up: flat normals, or those of a height map by Scharr's operator, the roughness of fibres, no
-//! metal, no occlusion. Pictures of another size than the base colour's are scaled to it.
+//! In: a folder of maps, or one picture of a yarn. Out: complete [`Maps`]. Missing maps get
+//! defaults: normals from the height map by Scharr's operator (Scharr 2000, "Optimale Operatoren in
+//! der digitalen Bildverarbeitung"), or flat ones; the roughness of fibres; no metal; no occlusion.
+//! Pictures of another size than the base colour are scaled to it.
 //!
-//! | file | what it is |
+//! | file | content |
 //! |---|---|
-//! | `base_color.png` | sRGB and alpha, x along the yarn; the one that must be there |
-//! | `normal.png` | normals, OpenGL's way |
+//! | `base_color.png` | sRGB and alpha, x along the yarn; the only file that is required |
+//! | `normal.png` | tangent-space normals, OpenGL's convention (+Y up) |
 //! | `height.png` | grey, white half the width above black; read where there are no normals |
 //! | `roughness.png`, `metallic.png`, `ao.png` | grey |
-//! | `yarn.toml` | `width_mm` and `length_mm` of the picture, or `width_in_yarns`, its width over the yarn's without fuzz, each optional; what else it says is for people |
+//! | `yarn.toml` | `width_mm`, `length_mm`, `width_in_yarns`, each optional |
 //!
-//! [`develop`] makes such a folder of one photo.
+//! `width_mm` and `length_mm` are the size of the picture; `width_in_yarns` is its width over that
+//! of the yarn without fuzz. Other keys of yarn.toml are ignored. [`develop`] makes such a folder
+//! from one photo.
 
 pub mod develop;
 mod error;
@@ -33,33 +36,34 @@ pub use error::PhotoError;
 
 use warpknit_render::maps::{Kind, Maps, Mips};
 
-/// Fewest and most pixels of a picture each way; graphics cards take no more.
+/// Fewest and most pixels of a picture each way. Graphics cards take no more.
 const SIDES: (u32, u32) = (4, 16_384);
-/// The largest size that is believed, mm.
+/// The largest size that is accepted, mm. A larger one is a mistake in the unit.
 const MOST_SIZE: f64 = 10_000.0;
-/// Width of a yarn's picture, fuzz included, in thicknesses of the yarn, where nothing says it.
+/// Width of a yarn's picture, fuzz included, in thicknesses of the yarn, where no file gives it.
 const FUZZY_WIDTH: f64 = 1.25;
-/// Fibres are dull.
+/// Default roughness, of 255: fibres are dull.
 const ROUGHNESS: u8 = 191;
-/// How far white lies above black in a height map, in widths of the picture: half as high as a
-/// round yarn is wide.
+/// Height of white above black in a height map, in widths of the picture. A round yarn's radius is
+/// half its width.
 const RELIEF: f32 = 0.5;
 
-/// How many bytes of picture a byte of a file may hold: deflate reaches 1032, JPEG some 1200. A
-/// file that claims more is cut short, and would take memory that its size doesn't bound.
+/// Largest compression ratio that is accepted. Deflate reaches 1032, JPEG some 1200. A file that
+/// claims more is truncated or malicious, and decoding it would take memory that its size doesn't
+/// bound.
 const MOST_PACKED: u64 = 2048;
-/// What decoding takes beside the picture, bytes.
+/// Memory that decoding takes beside the picture, bytes.
 const DECODER_BYTES: u64 = 16 << 20;
 
-/// A map of heights or shares.
+/// A map of heights or of values from 0 to 1, 16 bits each.
 type Grey = ImageBuffer<Luma<u16>, Vec<u16>>;
 
-/// Reads the folder or the picture at `path`. Where no file says how wide it is, it fits a yarn
-/// that is `thickness` mm thick; `length`, mm of yarn that the picture shows, goes before what a
-/// file says.
+/// Reads the folder or the picture at `path`. Where no file gives the width, the maps fit a yarn
+/// that is `thickness` mm thick. `length`, the length of yarn that the picture shows in mm,
+/// overrules yarn.toml.
 ///
 /// # Errors
-/// [`PhotoError`] where there is no picture, or a file is not what its name says.
+/// [`PhotoError`] where there is no picture, or a file does not hold what its name says.
 pub fn read_maps(path: &Path, thickness: f64, length: Option<f64>) -> Result<Maps, PhotoError> {
     let in_folder = path.is_dir();
     let base_path = if in_folder { path.join("base_color.png") } else { path.to_owned() };
@@ -68,7 +72,7 @@ pub fn read_maps(path: &Path, thickness: f64, length: Option<f64>) -> Result<Map
     }
     let base = picture(&base_path)?.into_rgba8();
     let size = base.dimensions();
-    // One picture has no companions: files that lie beside it belong to someone else.
+    // A single picture has no companions: files beside it belong to something else.
     let companion = |name: &str| -> Result<Option<DynamicImage>, PhotoError> {
         let file = path.join(name);
         if in_folder && file.is_file() { picture(&file).map(Some) } else { Ok(None) }
@@ -84,11 +88,14 @@ pub fn read_maps(path: &Path, thickness: f64, length: Option<f64>) -> Result<Map
     };
     let (occlusion, roughness, metallic) =
         (grey("ao.png")?, grey("roughness.png")?, grey("metallic.png")?);
+    // Channels as in glTF: occlusion, roughness, metalness.
     let surface = RgbaImage::from_fn(size.0, size.1, |x, y| {
-        let at = |map: &Option<Grey>, missing| {
-            map.as_ref().map_or(missing, |map| eight(map.get_pixel(x, y).0[0]))
-        };
-        Rgba([at(&occlusion, u8::MAX), at(&roughness, ROUGHNESS), at(&metallic, 0), u8::MAX])
+        Rgba([
+            value_at(&occlusion, x, y, u8::MAX),
+            value_at(&roughness, x, y, ROUGHNESS),
+            value_at(&metallic, x, y, 0),
+            u8::MAX,
+        ])
     });
     Ok(Maps {
         base: Mips::new(base, Kind::Color),
@@ -99,14 +106,21 @@ pub fn read_maps(path: &Path, thickness: f64, length: Option<f64>) -> Result<Map
     })
 }
 
-/// Reads a photo for [`develop::develop`]; transparency is left out.
+/// A map's value at a pixel in 8 bits, or the default where there is no map.
+fn value_at(map: &Option<Grey>, x: u32, y: u32, default: u8) -> u8 {
+    map.as_ref().map_or(default, |map| upper_byte(map.get_pixel(x, y).0[0]))
+}
+
+/// Reads a photo for [`develop::develop`]. Its transparency is ignored.
 ///
 /// # Errors
 /// [`PhotoError`] where it can't be read, or is too small or too large.
 pub fn read_photo(path: &Path) -> Result<RgbImage, PhotoError> {
-    let unfit = |reason| PhotoError::Photo { path: path.to_owned(), reason };
-    Ok(decoded(path, |width, height| develop::check_size(width, height).map_err(unfit))?
-        .into_rgb8())
+    let photo = decoded(path, |width, height| {
+        develop::check_size(width, height)
+            .map_err(|reason| PhotoError::Photo { path: path.to_owned(), reason })
+    })?;
+    Ok(photo.into_rgb8())
 }
 
 /// Decodes a picture whose sides are within [`SIDES`].
@@ -123,7 +137,7 @@ fn picture(path: &Path) -> Result<DynamicImage, PhotoError> {
     })
 }
 
-/// Decodes a picture of whose sides `check` approves.
+/// Decodes a picture. `check` may refuse its size before anything is decoded.
 fn decoded(
     path: &Path,
     check: impl Fn(u32, u32) -> Result<(), PhotoError>,
@@ -137,7 +151,8 @@ fn decoded(
     let bytes = fs::read(path).map_err(unread)?;
     let mut reader = ImageReader::new(Cursor::new(&bytes)).with_guessed_format().map_err(unread)?;
     let holds = MOST_PACKED.saturating_mul(bytes.len() as u64);
-    // The sides are known to be bearable; what else a file may unpack to is bounded by its size.
+    // `check` has bounded the pixels. Whatever else a file may unpack to (metadata, palettes) is
+    // bounded by the size of the file.
     let mut limits = Limits::no_limits();
     limits.max_alloc = Some(holds.saturating_add(DECODER_BYTES));
     reader.limits(limits);
@@ -148,19 +163,21 @@ fn decoded(
     if decoder.total_bytes() > holds {
         return Err(PhotoError::CutShort { path: path.to_owned() });
     }
-    // Phones keep pictures as the chip lies and say how they are to be turned.
+    // Phones store pictures in the sensor's orientation and say in EXIF how to turn them.
     let orientation = decoder.orientation().map_err(undecoded)?;
     let mut picture = DynamicImage::from_decoder(decoder).map_err(undecoded)?;
     picture.apply_orientation(orientation);
     Ok(picture)
 }
 
-/// Whether a JPEG has no end after the start of its last scan.
+/// Whether a JPEG lacks its end marker (EOI, D9) after the start of its last scan (SOS, DA).
 fn is_cut_short(bytes: &[u8]) -> bool {
-    let last = |marker: u8| bytes.windows(2).rposition(|pair| pair == [0xFF, marker]);
-    last(0xD9) < last(0xDA)
+    let [end, scan] =
+        [0xD9, 0xDA].map(|marker: u8| bytes.windows(2).rposition(|pair| pair == [0xFF, marker]));
+    end < scan
 }
 
+/// A grey map scaled to a size.
 fn fitted(map: &Grey, (width, height): (u32, u32)) -> Grey {
     if map.dimensions() == (width, height) {
         map.clone()
@@ -169,6 +186,7 @@ fn fitted(map: &Grey, (width, height): (u32, u32)) -> Grey {
     }
 }
 
+/// A colour map scaled to a size.
 fn fitted_color(map: RgbaImage, (width, height): (u32, u32)) -> RgbaImage {
     if map.dimensions() == (width, height) {
         map
@@ -177,7 +195,7 @@ fn fitted_color(map: RgbaImage, (width, height): (u32, u32)) -> RgbaImage {
     }
 }
 
-/// What yarn.toml says; it may say more, which is for others.
+/// The keys of yarn.toml that are read. It may have more.
 #[derive(Default, Deserialize)]
 struct YarnFile {
     width_mm: Option<f64>,
@@ -186,8 +204,9 @@ struct YarnFile {
     width_in_yarns: Option<f64>,
 }
 
-/// Length and width of the picture, mm: the `known` length, else as the file says, else as wide as
-/// fits a yarn of that thickness, and the rest by the picture's shape.
+/// Length and width of the picture, mm. The length is the `known` one, else the file's. The width
+/// is the file's, else it fits a yarn of that thickness. Where one of the two is missing, it
+/// follows from the other by the picture's aspect ratio.
 fn lengths(
     file: Option<PathBuf>,
     (along, across): (u32, u32),
@@ -195,28 +214,34 @@ fn lengths(
     known: Option<f64>,
 ) -> Result<(f32, f32), PhotoError> {
     let path = file.unwrap_or_default();
-    let said = if path.is_file() { read_toml(&path)? } else { YarnFile::default() };
-    let checked = |key, value: f64| {
-        if value > 0.0 && value <= MOST_SIZE {
-            return Ok(value);
-        }
-        Err(PhotoError::Size { path: path.clone(), key, value, most: MOST_SIZE })
-    };
+    let yarn_file = if path.is_file() { read_toml(&path)? } else { YarnFile::default() };
     let aspect = f64::from(along) / f64::from(across);
-    let width = said.width_mm.map(|value| checked("width_mm", value)).transpose()?;
-    let length = said.length_mm.map(|value| checked("length_mm", value)).transpose()?;
+    let width = checked_size(&path, "width_mm", yarn_file.width_mm)?;
+    let length = checked_size(&path, "length_mm", yarn_file.length_mm)?;
     let length = known.or(length);
-    let in_yarns = said
-        .width_in_yarns
-        .map(|value| checked("width_in_yarns", value))
-        .transpose()?
-        .unwrap_or(FUZZY_WIDTH);
+    let in_yarns =
+        checked_size(&path, "width_in_yarns", yarn_file.width_in_yarns)?.unwrap_or(FUZZY_WIDTH);
     let width = width.or(length.map(|length| length / aspect)).unwrap_or(in_yarns * thickness);
     #[expect(clippy::cast_possible_truncation, reason = "rounding is meant")]
     let (length, width) = (length.unwrap_or(width * aspect) as f32, width as f32);
     Ok((length, width))
 }
 
+/// Refuses a size from yarn.toml that no yarn has.
+fn checked_size(
+    path: &Path,
+    key: &'static str,
+    value: Option<f64>,
+) -> Result<Option<f64>, PhotoError> {
+    match value {
+        Some(value) if !(value > 0.0 && value <= MOST_SIZE) => {
+            Err(PhotoError::Size { path: path.to_owned(), key, value, most: MOST_SIZE })
+        }
+        _ => Ok(value),
+    }
+}
+
+/// Reads yarn.toml.
 fn read_toml(path: &Path) -> Result<YarnFile, PhotoError> {
     let text = fs::read_to_string(path)
         .map_err(|reason| PhotoError::Read { path: path.to_owned(), reason })?;
@@ -224,11 +249,13 @@ fn read_toml(path: &Path) -> Result<YarnFile, PhotoError> {
         .map_err(|reason| PhotoError::Toml { path: path.to_owned(), reason: Box::new(reason) })
 }
 
-/// Normals of a height map, by Scharr's 3 x 3 operator; the picture repeats along the yarn and ends
-/// across it.
+/// Normals of a height map by Scharr's 3 x 3 operator, whose weights 3, 10, 3 make the gradient's
+/// direction nearly independent of the grid's (Sobel's 1, 2, 1 do not). The picture repeats along
+/// the yarn and its border continues across the yarn.
 fn normals(height: &Grey, length: f32, width: f32) -> RgbaImage {
     let (columns, rows) = height.dimensions();
-    // Height of white, in texels along and across.
+    // Height of white over the size of a texel, along and across the yarn: it turns differences of
+    // map values into slopes.
     let (per_column, per_row) = (RELIEF * width / length * float(columns), RELIEF * float(rows));
     RgbaImage::from_fn(columns, rows, |x, y| {
         let at = |dx: u32, dy: u32| {
@@ -236,22 +263,26 @@ fn normals(height: &Grey, length: f32, width: f32) -> RgbaImage {
             f32::from(height.get_pixel((x + columns + dx - 1) % columns, row).0[0])
                 / f32::from(u16::MAX)
         };
-        let rise = |from: [f32; 3], to: [f32; 3]| {
-            (3.0 * (to[0] - from[0]) + 10.0 * (to[1] - from[1]) + 3.0 * (to[2] - from[2])) / 32.0
-        };
-        let right = rise([at(0, 0), at(0, 1), at(0, 2)], [at(2, 0), at(2, 1), at(2, 2)]);
-        let up = rise([at(0, 2), at(1, 2), at(2, 2)], [at(0, 0), at(1, 0), at(2, 0)]);
+        let right = scharr([at(0, 0), at(0, 1), at(0, 2)], [at(2, 0), at(2, 1), at(2, 2)]);
+        let up = scharr([at(0, 2), at(1, 2), at(2, 2)], [at(0, 0), at(1, 0), at(2, 0)]);
+        // The normal of z = h(x, y) is (-∂h/∂x, -∂h/∂y, 1). Rows go down, so +Y is against them.
         let normal = Vec3::new(-right * per_column, -up * per_row, 1.0).normalize();
         let [r, g, b] = normal.to_array().map(|part| byte(part * 0.5 + 0.5));
         Rgba([r, g, b, u8::MAX])
     })
 }
 
-/// The upper of two bytes, rounded.
-fn eight(value: u16) -> u8 {
+/// Scharr's derivative between two lines of three values that lie two texels apart.
+fn scharr(from: [f32; 3], to: [f32; 3]) -> f32 {
+    (3.0 * (to[0] - from[0]) + 10.0 * (to[1] - from[1]) + 3.0 * (to[2] - from[2])) / 32.0
+}
+
+/// 16 bits as 8, rounded.
+fn upper_byte(value: u16) -> u8 {
     u8::try_from((u32::from(value) + 128) / 257).unwrap_or(u8::MAX)
 }
 
+/// A value from 0 to 1 as a byte.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=255")]
 fn byte(share: f32) -> u8 {
     (share.clamp(0.0, 1.0) * 255.0).round() as u8

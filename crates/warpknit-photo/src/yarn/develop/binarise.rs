@@ -1,25 +1,29 @@
-//! Step 3, binarise: which pixels are yarn by one threshold.
+//! Step 3, binarise: separates yarn and ground by one threshold.
 //!
-//! In: a grey plane, 0..=255, and which side of the threshold the ground lies on. Out: B, set where
-//! the grey is at least T, or under T before a light ground. T is Otsu's (1979): the one that
-//! splits the histogram into the two classes that are tightest. The ground is the class that most
-//! of the photo's border is in.
+//! In: a grey plane, 0..=255, and the side of the threshold on which the ground lies. Out: the mask
+//! of the yarn: set where the grey is at least the threshold, or below it before a light ground.
+//!
+//! Method: Otsu 1979, "A threshold selection method from gray-level histograms". The threshold
+//! maximises the variance between the two classes, which minimises the variance within them. The
+//! ground is the class to which most of the photo's border belongs. Cost: one pass for the
+//! histogram.
 
 use super::mask::Mask;
 use crate::plane::{Plane, byte, float, percentile};
 
-/// A threshold and the two classes that it makes.
+/// A threshold and the two classes of greys that it makes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Split {
     /// Greys from here on are in the upper class.
     pub(super) threshold: f32,
     /// Median of the lower class, then of the upper one.
     pub(super) medians: [f32; 2],
-    /// How much each class spreads around its median: a standard deviation if it were noise.
+    /// Spread of each class around its median. For normal noise it equals the standard deviation.
     pub(super) spreads: [f32; 2],
 }
 
-/// Otsu's threshold of greys from 0 to 255.
+/// Otsu's threshold of greys from 0 to 255 (Otsu 1979): the maximum of ω₀ ω₁ (μ₁ - μ₀)², the
+/// variance between the classes.
 pub(super) fn otsu(grey: &Plane) -> f32 {
     let mut counts = [0_u32; 256];
     grey.values.iter().for_each(|&value| counts[usize::from(byte(value))] += 1);
@@ -27,13 +31,17 @@ pub(super) fn otsu(grey: &Plane) -> f32 {
         || (0_u8..=255).zip(counts).map(|(level, count)| (f64::from(level), f64::from(count)));
     let (all, total) =
         levels().fold((0.0, 0.0), |(n, sum), (level, count)| (n + count, sum + level * count));
+    // Counts and sums of the greys below `level` are updated from bin to bin, so that each
+    // candidate threshold costs a few operations.
     let (mut below, mut sum) = (0.0, 0.0);
+    // The largest variance between classes, and the first and last threshold that reach it.
     let mut best = (0.0, 0.0, 0.0);
     for (level, count) in levels() {
         if below > 0.0 && below < all {
             let apart = sum / below - (total - sum) / (all - below);
             let between = below * (all - below) * apart * apart;
-            // An empty stretch of the histogram has one optimum all along: its middle is meant.
+            // Every threshold within an empty stretch of the histogram gives the same classes. The
+            // middle of the stretch is as far from both as possible. The tolerance is for rounding.
             if between > best.0 * (1.0 + 1e-12) {
                 best = (between, level, level);
             } else if between >= best.0 * (1.0 - 1e-12) {
@@ -49,25 +57,27 @@ pub(super) fn otsu(grey: &Plane) -> f32 {
 }
 
 impl Split {
-    /// What a threshold makes of the greys.
+    /// The classes of a plane's greys.
     pub(super) fn at(threshold: f32, grey: &Plane) -> Self {
         let class = |upper: bool| {
             let mut values: Vec<f32> =
-                grey.asked().filter(|&value| (value >= threshold) == upper).collect();
+                grey.sampled().filter(|&value| (value >= threshold) == upper).collect();
             let median = percentile(&mut values, 0.5);
             values.iter_mut().for_each(|value| *value = (*value - median).abs());
+            // 1.48 times the median absolute deviation estimates the standard deviation of normal
+            // noise, and outliers such as fibres do not move it.
             (median, 1.48 * percentile(&mut values, 0.5))
         };
         let (lower, upper) = (class(false), class(true));
         Self { threshold, medians: [lower.0, upper.0], spreads: [lower.1, upper.1] }
     }
 
-    /// How far the classes lie from each other.
+    /// Distance between the classes' medians.
     pub(super) fn contrast(&self) -> f32 {
         self.medians[1] - self.medians[0]
     }
 
-    /// Median of the ground's class and how much it spreads.
+    /// Median and spread of the ground's class.
     pub(super) fn ground(&self, is_light: bool) -> (f32, f32) {
         let class = usize::from(is_light);
         (self.medians[class], self.spreads[class])
@@ -80,9 +90,9 @@ pub(super) fn is_light(grey: &Plane, border: &[usize], threshold: f32) -> bool {
     float(light) > 0.5 * float(border.len())
 }
 
-/// B of the module's words.
+/// The yarn's pixels.
 pub(super) fn binarise(grey: &Plane, threshold: f32, light_ground: bool) -> Mask {
-    Mask::of(grey, |value| (value >= threshold) != light_ground)
+    Mask::from_plane(grey, |value| (value >= threshold) != light_ground)
 }
 
 #[cfg(test)]

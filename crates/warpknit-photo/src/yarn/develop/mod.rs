@@ -1,28 +1,35 @@
 //! From a photo of a yarn to the maps of one repeat of it.
 //!
-//! In: one ordinary photo of a straight yarn on a plain ground, and [`Settings`] that may overrule
-//! what is found. Out: [`Developed`], the maps with every number that was decided on the way. The
-//! steps, a file each:
+//! In: one ordinary photo of a straight yarn on a plain ground, and [`YarnPhotoSettings`], which
+//! may overrule what the steps find. Out: [`Developed`]: the maps, and every number that was
+//! decided on the way. Each step is a file:
 //!
 //! ```text
-//!   photo ─▶ orient ─▶ levels ─▶ binarise ─▶ cutout ─▶ light ─▶ repeat ─▶ seamless ─▶ surface ─▶ maps
-//!             level     grey        B        alpha    colours   length      unit      heights …
-//!             strip                                  flattened
+//!   photo ─▶ orient ─▶ levels ─▶ binarise ─▶ cutout ─▶ light
+//!             strip     grey       mask       alpha    flat colours
+//!
+//!         ─▶ repeat ─▶ seamless ─▶ surface ─▶ maps
+//!             length    unit        heights …
 //! ```
 //!
-//! `ground` is the light of what lies behind the yarn, `mask` says which pixels belong to
-//! something, `files` writes the maps. Cost: 48 megapixels, with a strip of 16, take some six
-//! seconds on two cores and 820 MB, reading included; a photo of half a megapixel a few tenths of a
-//! second. That is 3 bytes a pixel of the photo and some 40 of the strip. The same photo and
-//! settings give the same bytes for any number of threads.
+//! Beside them, `axis` fits the yarn's axis, `ground` the light of the ground behind the yarn,
+//! `mask` has morphology and connected components, and `description` writes yarn.toml. The *ground* is the
+//! background of the photo, the *strip* the part that shows the yarn level, the *unit* one repeat
+//! of the yarn.
 //!
-//! Not promised: a scale. A photo doesn't say how large anything is; without [`Scale`] the maps
-//! have no lengths and the repeat is in pixels.
+//! Cost: 48 megapixels, with a strip of 16, take some six seconds on two cores and 820 MB, reading
+//! included; a photo of half a megapixel takes a few tenths of a second. That is 3 bytes a pixel of
+//! the photo and some 40 of the strip. The same photo and settings give the same bytes for any
+//! number of threads.
+//!
+//! Not promised: a scale. A photo doesn't say how large anything is; without a [`PixelScale`] the
+//! maps have no lengths and the repeat is in pixels.
 
+mod axis;
 mod binarise;
 mod cutout;
+mod description;
 mod error;
-mod files;
 mod ground;
 mod levels;
 mod light;
@@ -36,15 +43,16 @@ use image::{GrayImage, Luma, RgbImage, RgbaImage};
 
 use crate::plane::{byte, side};
 use binarise::{Split, binarise, otsu};
-use cutout::cut_out;
-use levels::Chosen;
+use cutout::{CutOut, cut_out};
+use ground::Ground;
+use levels::ChosenLevels;
 
+pub use description::toml;
 pub use error::DevelopError;
-pub use files::toml;
-pub use orient::Orientation;
-pub use repeat::Repeat;
+pub use orient::YarnOrientation;
+pub use repeat::YarnRepeat;
 pub use seamless::{Method, Seam};
-pub use surface::Surface;
+pub use surface::SurfaceMaps;
 
 /// Fewest pixels of a photo each way.
 pub const LEAST_SIDE: u32 = 32;
@@ -53,34 +61,34 @@ pub const MOST_SIDE: u32 = 16_384;
 /// Most pixels of a photo, millions.
 pub const MOST_MEGAPIXELS: u64 = 64;
 
-/// What overrules the steps' own decisions.
+/// Settings that overrule the steps' own decisions.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Settings {
-    /// The part of the photo that is looked at: x, y, width, height, pixels.
+pub struct YarnPhotoSettings {
+    /// The part of the photo that is used: x, y, width, height, pixels.
     pub crop: Option<[u32; 4]>,
     /// Share of white that is added, -1 to 1, in place of the stretch.
     pub brightness: Option<f32>,
     /// Factor around middle grey, over 0, in place of the stretch.
     pub contrast: Option<f32>,
-    /// T, a grey of the strip after its levels.
+    /// The threshold between yarn and ground, a grey of the strip after its levels.
     pub threshold: Option<u8>,
-    /// How large a pixel is.
-    pub scale: Scale,
+    /// The size of a pixel.
+    pub scale: PixelScale,
 }
 
-/// What says how large a pixel is.
+/// The source of the size of a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum Scale {
-    /// Nothing.
+pub enum PixelScale {
+    /// The size is not known.
     #[default]
     Unknown,
-    /// Pixels an inch, as of a scanner.
+    /// Pixels an inch, as a scanner states them.
     Dpi(f64),
-    /// How wide the yarn is without its fuzz, mm.
+    /// Width of the yarn without its fuzz, mm.
     YarnWidth(f64),
 }
 
-/// The seven steps.
+/// The seven steps that report a decision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
     /// The yarn is found and laid level.
@@ -93,7 +101,7 @@ pub enum Step {
     CutOut,
     /// The repeat is found.
     Repeat,
-    /// The repeat is made to follow itself.
+    /// The repeat is made to tile.
     Seamless,
     /// Heights, normals, roughness, occlusion.
     Maps,
@@ -126,28 +134,28 @@ impl Step {
     }
 }
 
-/// A photo's yarn, developed.
+/// The result: the maps of a yarn, and how they came about.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Developed {
-    /// Where the strip lies on the photo (on all of it, crop or not).
-    pub orientation: Orientation,
+    /// Where the strip lies on the whole photo, whether it was cropped or not.
+    pub orientation: YarnOrientation,
     /// The yarn, laid level, as photographed.
     pub strip: RgbImage,
-    /// Its alpha.
+    /// The alpha of the strip.
     pub mask: GrayImage,
-    /// T.
+    /// The threshold between yarn and ground, a grey of the strip after its levels.
     pub threshold: f32,
     /// Width of the yarn without its fuzz, pixels.
     pub yarn_width: f64,
     /// The repeat, pixels.
-    pub repeat: Repeat,
-    /// How the unit was closed.
+    pub repeat: YarnRepeat,
+    /// How the unit's ends were joined.
     pub seam: Seam,
-    /// The unit: sRGB and straight alpha.
+    /// The unit's colours: sRGB with straight alpha.
     pub base: RgbaImage,
     /// The unit's other maps.
-    pub surface: Surface,
-    /// What a pixel is large, mm, where the settings say it.
+    pub surface: SurfaceMaps,
+    /// Size of a pixel, mm, where the settings say it.
     pub mm_per_pixel: Option<f64>,
 }
 
@@ -164,30 +172,32 @@ impl Developed {
         self.mm_per_pixel.map(|scale| scale * f64::from(self.base.height()))
     }
 
-    /// e: repeats of the texture a mm of yarn.
+    /// The mapping coefficient e: repeats of the texture for each mm of yarn.
     #[must_use]
     pub fn mapping_coefficient(&self) -> Option<f64> {
         self.length().map(|length| 1.0 / length)
     }
 }
 
-/// Develops a photo. `decided` hears after each step what it decided, in words.
+/// Develops a photo. `decided` is called after each step with its decision in words.
 ///
 /// ```
 /// use image::{Rgb, RgbImage};
-/// use warpknit_photo::yarn::develop::{Settings, develop};
-/// let slanted = |x: u32, y: u32| if (40..80).contains(&y) { 150 + 90 * u8::from((x + y) % 30 < 15) } else { 20 };
-/// let photo = RgbImage::from_fn(300, 120, |x, y| Rgb([slanted(x, y); 3]));
-/// let yarn = develop(&photo, &Settings::default(), &mut |_, _| ())?;
+/// use warpknit_photo::yarn::develop::{YarnPhotoSettings, develop};
+/// let photo = RgbImage::from_fn(300, 120, |x, y| {
+///     let yarn = 150 + 90 * u8::from((x + y) % 30 < 15);
+///     Rgb([if (40..80).contains(&y) { yarn } else { 20 }; 3])
+/// });
+/// let yarn = develop(&photo, &YarnPhotoSettings::default(), &mut |_, _| ())?;
 /// assert!((yarn.repeat.length - 30.0).abs() < 0.3 && (yarn.yarn_width - 40.0).abs() < 1.0);
 /// # Ok::<(), warpknit_photo::yarn::develop::DevelopError>(())
 /// ```
 ///
 /// # Errors
-/// [`DevelopError`] where the photo shows no yarn of which maps can be made.
+/// [`DevelopError`] where the photo shows no yarn that maps can be made of.
 pub fn develop(
     photo: &RgbImage,
-    settings: &Settings,
+    settings: &YarnPhotoSettings,
     decided: &mut dyn FnMut(Step, &str),
 ) -> Result<Developed, DevelopError> {
     check_size(photo.width(), photo.height())?;
@@ -197,36 +207,9 @@ pub fn develop(
     decided(Step::Orient, &orientation.to_string());
     let mut strip = orient::strip(photo, &orientation);
 
-    let (grey, range) =
-        levels::levels(&mut strip, &orientation, photo.dimensions(), &ground, settings.levels());
-    decided(
-        Step::Levels,
-        &format!("grey {:.0} becomes black, {:.0} white", range.black, range.white),
-    );
-
-    let threshold = settings.threshold.map_or_else(|| otsu(&grey), f32::from);
-    let yarn = binarise(&grey, threshold, orientation.light_ground);
-    orient::check_share(yarn.share(), "choose another --threshold, or leave it out")?;
-    let kind = if orientation.light_ground { "light" } else { "dark" };
-    let percent = 100.0 * yarn.share();
-    decided(
-        Step::Binarise,
-        &format!(
-            "threshold {threshold:.1} before a {kind} ground, {percent:.1} % of the strip is yarn"
-        ),
-    );
-
-    let split = Split::at(threshold, &grey);
-    let cut = cut_out(&grey, &yarn, &split, orientation.light_ground, settings.threshold.is_some());
-    drop((grey, yarn));
-    let soft = cut.alpha.values.iter().filter(|&&alpha| alpha > 0.0 && alpha < 1.0).count();
-    decided(
-        Step::CutOut,
-        &format!(
-            "the yarn is {:.1} pixels wide, {soft} pixels of its edge and fuzz are soft",
-            cut.width
-        ),
-    );
+    let size = photo.dimensions();
+    let (threshold, cut) =
+        cut_out_yarn(&mut strip, &orientation, size, &ground, settings, decided)?;
 
     let flat = light::flattened(&strip, &cut);
     let repeat = repeat::repeat(&flat, cut.middle, cut.width);
@@ -238,6 +221,7 @@ pub fn develop(
     let surface = surface::surface(&base, cut.middle, cut.width);
     decided(Step::Maps, &format!("{} x {} texels", base.width(), base.height()));
 
+    // The steps saw the cropped photo; the caller knows the whole one.
     if let Some([x, y, ..]) = settings.crop {
         orientation.origin[0] += f64::from(x);
         orientation.origin[1] += f64::from(y);
@@ -258,6 +242,46 @@ pub fn develop(
         surface,
         mm_per_pixel,
     })
+}
+
+/// Steps 2 to 4 on the strip: levels, threshold, alpha. `photo` is the size of the photo in pixels.
+fn cut_out_yarn(
+    strip: &mut RgbImage,
+    orientation: &YarnOrientation,
+    photo: (u32, u32),
+    ground: &Ground,
+    settings: &YarnPhotoSettings,
+    decided: &mut dyn FnMut(Step, &str),
+) -> Result<(f32, CutOut), DevelopError> {
+    let (grey, range) = levels::levels(strip, orientation, photo, ground, settings.levels());
+    decided(
+        Step::Levels,
+        &format!("grey {:.0} becomes black, {:.0} white", range.black, range.white),
+    );
+
+    let threshold = settings.threshold.map_or_else(|| otsu(&grey), f32::from);
+    let yarn = binarise(&grey, threshold, orientation.light_ground);
+    orient::check_share(yarn.share(), "choose another --threshold, or leave it out")?;
+    let kind = if orientation.light_ground { "light" } else { "dark" };
+    let percent = 100.0 * yarn.share();
+    decided(
+        Step::Binarise,
+        &format!(
+            "threshold {threshold:.1} before a {kind} ground, {percent:.1} % of the strip is yarn"
+        ),
+    );
+
+    let split = Split::at(threshold, &grey);
+    let cut = cut_out(&grey, &yarn, &split, orientation.light_ground, settings.threshold.is_some());
+    let soft = cut.alpha.values.iter().filter(|&&alpha| alpha > 0.0 && alpha < 1.0).count();
+    decided(
+        Step::CutOut,
+        &format!(
+            "the yarn is {:.1} pixels wide, {soft} pixels of its edge and fuzz are soft",
+            cut.width
+        ),
+    );
+    Ok((threshold, cut))
 }
 
 /// Refuses photos that are too small or too large.
@@ -281,12 +305,12 @@ pub fn check_size(width: u32, height: u32) -> Result<(), DevelopError> {
     Ok(())
 }
 
+/// A rectangle of a photo.
 fn cropped(photo: &RgbImage, crop: [u32; 4]) -> Result<RgbImage, DevelopError> {
     let [x, y, width, height] = crop;
-    let is_on = |from: u32, length: u32, whole: u32| {
-        u64::from(from) + u64::from(length) <= u64::from(whole)
-    };
-    if !is_on(x, width, photo.width()) || !is_on(y, height, photo.height()) {
+    // The sums may exceed 32 bits.
+    let (right, bottom) = (u64::from(x) + u64::from(width), u64::from(y) + u64::from(height));
+    if right > u64::from(photo.width()) || bottom > u64::from(photo.height()) {
         return Err(DevelopError::CropOutside {
             crop,
             width: photo.width(),
@@ -297,38 +321,41 @@ fn cropped(photo: &RgbImage, crop: [u32; 4]) -> Result<RgbImage, DevelopError> {
     Ok(image::imageops::crop_imm(photo, x, y, width, height).to_image())
 }
 
-impl Settings {
-    fn levels(&self) -> Option<Chosen> {
+impl YarnPhotoSettings {
+    /// The user's levels, if at least one of the two was chosen.
+    fn levels(&self) -> Option<ChosenLevels> {
         let chosen = self.brightness.is_some() || self.contrast.is_some();
-        chosen.then(|| Chosen {
+        chosen.then(|| ChosenLevels {
             brightness: self.brightness.unwrap_or(0.0),
             contrast: self.contrast.unwrap_or(1.0),
         })
     }
 }
 
-impl Scale {
+impl PixelScale {
     fn mm_per_pixel(self, yarn_width: f64) -> Option<f64> {
         match self {
             Self::Unknown => None,
+            // 25.4 mm an inch.
             Self::Dpi(dpi) => Some(25.4 / dpi),
             Self::YarnWidth(width) => Some(width / yarn_width),
         }
     }
 }
 
-impl std::fmt::Display for Orientation {
+impl std::fmt::Display for YarnOrientation {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let (width, height) = self.size;
         let (degrees, percent) = (self.angle.to_degrees(), 100.0 * self.share);
         write!(
             f,
-            "turned by {degrees:.2} degrees, a strip of {width} x {height} pixels; {percent:.1} % of the photo is yarn"
+            "turned by {degrees:.2} degrees, a strip of {width} x {height} pixels; \
+             {percent:.1} % of the photo is yarn"
         )
     }
 }
 
-impl std::fmt::Display for Repeat {
+impl std::fmt::Display for YarnRepeat {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let found =
             if self.is_found { "each" } else { "no repeat was found; the best stretch has" };

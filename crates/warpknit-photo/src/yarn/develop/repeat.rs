@@ -1,96 +1,110 @@
-//! Step 5, repeat unit: the shortest stretch of yarn after which it looks the same again.
+//! Step 5, repeat: the shortest length along the yarn after which it looks the same again.
 //!
-//! In: the flattened strip and the yarn's rows. Out: [`Repeat`], in pixels of the photo, with the
-//! correlation that speaks for it.
+//! In: the flattened strip and the yarn's rows. Out: [`YarnRepeat`]: the length in pixels of the
+//! photo, and the correlation at that lag.
 //!
-//! A column's features are the colours of its yarn in [`BINS`] bands, less each band's mean and
-//! slope along the yarn. Their normalised autocorrelation peaks at every whole number of repeats.
-//! The shortest lag whose peak is nearly as high as the highest is the repeat: plies that look
-//! alike repeat each time one follows the other, a coloured one among them only after a whole turn.
-//! Peaks at its multiples then make it more exact. Cost: lags times columns times bands, with the
-//! strip brought down to [`COLUMNS`] columns.
+//! Method: normalised autocorrelation of column features. The features of a column are the mean
+//! colours of the yarn in [`BANDS`] bands, detrended: each band's mean and slope along the yarn are
+//! subtracted. The autocorrelation peaks at every whole number of repeats. The repeat is the
+//! shortest lag whose peak is nearly as high as the highest: plies that look alike repeat each time
+//! one follows the other, plies of several colours only after a whole turn. Peaks at multiples of
+//! the repeat then refine it to a fraction of a pixel.
 //!
-//! Not promised: that yarns without plies repeat at all; they get the stretch that fits itself
-//! best, and [`Repeat::is_found`] says no.
+//! Cost: lags times columns times bands, with the strip reduced to at most [`COLUMNS`] columns.
+//!
+//! Not promised: that a yarn without plies repeats at all. It gets the length at which it is most
+//! similar to itself, and [`YarnRepeat::is_found`] is false.
 
 use image::RgbaImage;
 use rayon::prelude::*;
 
 use crate::plane::{double, float, narrow, whole};
 
-/// Bands across the yarn.
-const BINS: usize = 24;
-/// Share of the yarn's width that bands cover; the flanks show more fuzz than plies.
+/// Bands across the yarn. The number of features (three colours a band) is a multiple of eight, as
+/// [`dot`] needs it.
+const BANDS: usize = 24;
+/// Share of the yarn's width that the bands cover. The flanks are left out: they show more fuzz
+/// than plies.
 const COVERED: f64 = 0.9;
 /// Most columns that are compared.
 const COLUMNS: usize = 1500;
-/// The longest lag, as a share of the strip: the rest is what is compared.
-const LONGEST: f64 = 0.6;
-/// The shortest lag, in widths of the yarn and in columns: fibres, not plies, repeat below it.
-const SHORTEST: (f64, usize) = (0.25, 5);
-/// How high a peak is, as a share of the highest, that may be the repeat.
-const NEARLY: f32 = 0.75;
-/// The least correlation of a repeat.
-const LEAST: f32 = 0.3;
-/// How far from its place a multiple's peak is searched, in repeats.
-const STRAY: f64 = 0.2;
+/// Longest lag, as a share of the strip. At a longer one too few columns are left to compare.
+const LONGEST_LAG: f64 = 0.6;
+/// Shortest lag, in widths of the yarn and in columns. Below it fibres repeat, not plies.
+const SHORTEST_LAG: (f64, usize) = (0.25, 5);
+/// Least height of the repeat's peak, as a share of the highest peak. With a lower limit, one ply
+/// of a yarn with plies of several colours would pass as the whole repeat; with a higher one, a
+/// multiple of the repeat would be taken wherever noise makes its peak a little higher.
+const LEAST_PEAK_SHARE: f32 = 0.75;
+/// Least correlation of a repeat; a lower one is chance.
+const LEAST_CORRELATION: f32 = 0.3;
+/// How far from its expected place the peak of a multiple is searched, in repeats.
+const PEAK_TOLERANCE: f64 = 0.2;
+/// Least height of a multiple's peak, as a share of the first peak. A yarn that is stretched
+/// unevenly loses its correlation with the lag, and lower peaks would not be its own.
+const LEAST_MULTIPLE_SHARE: f32 = 0.6;
 
-/// A stretch that repeats.
+/// The length after which a yarn repeats.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Repeat {
+pub struct YarnRepeat {
     /// Its length, pixels.
     pub length: f64,
-    /// Correlation of the yarn with itself that far on, up to 1.
+    /// Correlation of the yarn with itself at that lag, up to 1.
     pub correlation: f32,
-    /// Whether it is a repeat, and not only the stretch that fits itself best.
+    /// Whether it is a repeat, and not only the lag at which the yarn is most similar to itself.
     pub is_found: bool,
 }
 
-/// The repeat of a yarn that is `width` wide around row `middle`.
-pub(super) fn repeat(strip: &RgbaImage, middle: f64, width: f64) -> Repeat {
+/// Finds the repeat of a yarn that is `width` wide around row `middle`.
+pub(super) fn repeat(strip: &RgbaImage, middle: f64, width: f64) -> YarnRepeat {
     let step = (strip.width() as usize).div_ceil(COLUMNS);
     let features = features(strip, middle, width, step);
-    let energies = energies(&features);
+    let energies = cumulative_energies(&features);
     let columns = features.len();
-    let longest = whole(narrow(LONGEST * double(columns))).max(2);
+    let longest = whole(narrow(LONGEST_LAG * double(columns))).max(2);
     let curve: Vec<f32> =
         (0..=longest).into_par_iter().map(|lag| correlation(&features, &energies, lag)).collect();
-    let shortest = whole(narrow(SHORTEST.0 * width / double(step))).max(SHORTEST.1);
+    let shortest = whole(narrow(SHORTEST_LAG.0 * width / double(step))).max(SHORTEST_LAG.1);
     let peaks: Vec<usize> = (shortest.max(1)..longest)
         .filter(|&lag| curve[lag] > curve[lag - 1] && curve[lag] >= curve[lag + 1])
         .collect();
     let highest = peaks.iter().map(|&lag| curve[lag]).fold(0.0, f32::max);
-    let chosen = peaks.iter().find(|&&lag| curve[lag] >= NEARLY * highest);
+    // All multiples of the repeat have peaks of about the same height: the shortest of them is the
+    // repeat itself.
+    let chosen = peaks.iter().find(|&&lag| curve[lag] >= LEAST_PEAK_SHARE * highest);
     match chosen {
-        Some(&lag) if highest >= LEAST => {
+        Some(&lag) if highest >= LEAST_CORRELATION => {
             let length = refined(&curve, lag) * double(step);
-            Repeat { length, correlation: curve[lag], is_found: true }
+            YarnRepeat { length, correlation: curve[lag], is_found: true }
         }
         _ => best_fit(&curve, width / double(step), double(step)),
     }
 }
 
-/// Without a repeat: a stretch of two widths at least, so that the eye doesn't find it again soon.
-fn best_fit(curve: &[f32], width: f64, step: f64) -> Repeat {
+/// For a yarn without a repeat: the lag of the highest correlation, at least two widths long, so
+/// that the tiling is not noticed soon.
+fn best_fit(curve: &[f32], width: f64, step: f64) -> YarnRepeat {
     let last = curve.len() - 1;
     let first = whole(narrow(2.0 * width)).clamp(1, last);
     let lag = (first..=last).max_by(|&a, &b| curve[a].total_cmp(&curve[b])).unwrap_or(last);
-    Repeat { length: double(lag) * step, correlation: curve[lag], is_found: false }
+    YarnRepeat { length: double(lag) * step, correlation: curve[lag], is_found: false }
 }
 
-/// A column's bands, three colours each, means and slopes taken off.
+/// The detrended features of each column: the mean colour of each band, three channels.
 fn features(strip: &RgbaImage, middle: f64, width: f64, step: usize) -> Vec<Vec<f32>> {
     let columns = strip.width() as usize / step;
     let top = middle - 0.5 * COVERED * width;
     let row = |edge: usize| {
-        let place = top + COVERED * width * double(edge) / double(BINS) + 0.5;
+        let place = top + COVERED * width * double(edge) / double(BANDS) + 0.5;
         whole(narrow(place)).min(strip.height() as usize - 1)
     };
     let mut features: Vec<Vec<f32>> = (0..columns)
         .into_par_iter()
         .map(|column| {
-            let band = |bin: usize| {
-                let (first, end) = (row(bin), row(bin + 1).max(row(bin) + 1));
+            // A thin yarn has fewer rows than bands: each band then has at least one row, and some
+            // share one.
+            let band = |number: usize| {
+                let (first, end) = (row(number), row(number + 1).max(row(number) + 1));
                 let mut sum = [0.0_f32; 3];
                 for y in first..end {
                     let pixels = &strip.as_raw()
@@ -103,29 +117,32 @@ fn features(strip: &RgbaImage, middle: f64, width: f64, step: usize) -> Vec<Vec<
                 }
                 sum.map(|sum| sum / float((end - first) * step))
             };
-            (0..BINS).flat_map(band).collect()
+            (0..BANDS).flat_map(band).collect()
         })
         .collect();
-    (0..3 * BINS).for_each(|band| take_off_line(&mut features, band));
+    // A slope along the yarn, from uneven light, would correlate at every lag.
+    (0..3 * BANDS).for_each(|feature| detrend(&mut features, feature));
     features
 }
 
-fn take_off_line(features: &mut [Vec<f32>], band: usize) {
+/// Subtracts from one feature of all columns the line fitted to it by least squares.
+fn detrend(features: &mut [Vec<f32>], feature: usize) {
     let count = double(features.len());
     let middle = 0.5 * (count - 1.0);
-    let mean = features.iter().map(|column| f64::from(column[band])).sum::<f64>() / count;
+    let mean = features.iter().map(|column| f64::from(column[feature])).sum::<f64>() / count;
     let places = || (0..features.len()).map(|x| double(x) - middle);
     let xx: f64 = places().map(|off| off * off).sum();
     let xy: f64 =
-        places().zip(features.iter()).map(|(off, column)| off * f64::from(column[band])).sum();
+        places().zip(features.iter()).map(|(off, column)| off * f64::from(column[feature])).sum();
     let slope = if xx > 0.0 { xy / xx } else { 0.0 };
     for (x, column) in features.iter_mut().enumerate() {
-        column[band] -= narrow(mean + slope * (double(x) - middle));
+        column[feature] -= narrow(mean + slope * (double(x) - middle));
     }
 }
 
-/// Sums of the columns' squares, up to each column.
-fn energies(features: &[Vec<f32>]) -> Vec<f64> {
+/// Cumulative sums of the columns' squared norms: the energy of any range of columns is a
+/// difference of two of them.
+fn cumulative_energies(features: &[Vec<f32>]) -> Vec<f64> {
     let mut sum = 0.0;
     let up_to = features.iter().map(|column| {
         sum += f64::from(dot(column, column));
@@ -134,16 +151,20 @@ fn energies(features: &[Vec<f32>]) -> Vec<f64> {
     std::iter::once(0.0).chain(up_to).collect()
 }
 
-/// Correlation of the columns with those `lag` on.
+/// Normalised correlation of the columns with those `lag` on:
+/// r(k) = Σ f(x)·f(x + k) / √(Σ |f(x)|² Σ |f(x + k)|²), the sums over the x at which both exist.
 fn correlation(features: &[Vec<f32>], energies: &[f64], lag: usize) -> f32 {
     let product: f64 =
         features.iter().zip(&features[lag..]).map(|(a, b)| f64::from(dot(a, b))).sum();
     let count = features.len();
+    // Normalising by the energies of the two overlapping parts, not of the whole, keeps long lags
+    // from being underrated. A plain yarn has no energy and correlation 0.
     let (left, right) = (energies[count - lag], energies[count] - energies[lag]);
     narrow(product / (left * right).sqrt().max(1e-9))
 }
 
-/// Eight sums side by side, as processors like them: there are a multiple of eight features.
+/// Dot product in eight partial sums, which the compiler turns into SIMD: one running sum would
+/// force a strict order of additions. The length is a multiple of eight.
 fn dot(a: &[f32], b: &[f32]) -> f32 {
     let mut sums = [0.0_f32; 8];
     for (a, b) in a.chunks_exact(8).zip(b.chunks_exact(8)) {
@@ -152,12 +173,13 @@ fn dot(a: &[f32], b: &[f32]) -> f32 {
     sums.iter().sum()
 }
 
-/// The repeat by the last of its multiples that still peaks where it should.
+/// The repeat to a fraction of a column: the place of the farthest multiple's peak over its number.
+/// The n-th peak is as exact as the first one, so the repeat becomes n times as exact.
 fn refined(curve: &[f32], lag: usize) -> f64 {
     let mut length = summit(curve, lag);
     for times in 2..64 {
         let place = length * f64::from(times);
-        let around = STRAY * length;
+        let around = PEAK_TOLERANCE * length;
         let (first, last) = (whole(narrow(place - around)), whole(narrow(place + around)) + 1);
         if last + 1 >= curve.len() {
             break;
@@ -165,7 +187,8 @@ fn refined(curve: &[f32], lag: usize) -> f64 {
         let Some(peak) = (first..=last).max_by(|&a, &b| curve[a].total_cmp(&curve[b])) else {
             break;
         };
-        if peak == first || peak == last || curve[peak] < 0.6 * curve[lag] {
+        // A maximum at the end of the window is a slope that goes on, not a peak.
+        if peak == first || peak == last || curve[peak] < LEAST_MULTIPLE_SHARE * curve[lag] {
             break;
         }
         length = summit(curve, peak) / f64::from(times);
@@ -173,7 +196,7 @@ fn refined(curve: &[f32], lag: usize) -> f64 {
     length
 }
 
-/// Where the parabola through a peak and its neighbours is highest.
+/// The vertex of the parabola through a peak and its two neighbours.
 fn summit(curve: &[f32], peak: usize) -> f64 {
     let [before, at, after] = [curve[peak - 1], curve[peak], curve[peak + 1]].map(f64::from);
     let bend = before - 2.0 * at + after;
