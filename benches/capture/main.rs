@@ -25,7 +25,7 @@ use cloth::{
 };
 use glam::{DMat2, DVec2, DVec3};
 use image::RgbImage;
-use warpknit::capture::{Captured, Lattice, Segment, Settings, capture};
+use warpknit::capture::{CaptureSettings, Captured, Lattice, Segment, capture};
 
 /// Seeds below are for tuning: those of the tests are among them, and those from 2000, 3000 and so
 /// on up to 8000 were new once each, and told what was to be mended.
@@ -84,7 +84,8 @@ fn fibres() {
             (Vec::new(), Vec::new(), Vec::new(), 0, 0);
         for seed in FIRST_SEED..FIRST_SEED + PICTURES {
             let (truth, degrees) = fibrous(seed, (100.0 * fibre) as u32, fibre, disturbance(seed));
-            let settings = Settings { layout: Some(layout(&truth)), ..Settings::default() };
+            let settings =
+                CaptureSettings { layout: Some(layout(&truth)), ..CaptureSettings::default() };
             let begun = Instant::now();
             let found = capture(&truth.image, &settings).unwrap();
             seconds.push(begun.elapsed().as_secs_f64());
@@ -148,7 +149,9 @@ fn layouts() {
     println!("| all | {} |", all.row());
     let refused = |images: &dyn Fn(u64) -> RgbImage| {
         (0..PICTURES)
-            .filter(|seed| capture(&images(FIRST_SEED + seed), &Settings::default()).is_err())
+            .filter(|seed| {
+                capture(&images(FIRST_SEED + seed), &CaptureSettings::default()).is_err()
+            })
             .count()
     };
     let noise = |seed: u64| noise(&mut Random::new(seed), SIDE);
@@ -181,7 +184,7 @@ fn photos() {
     ] {
         let read = |name: &str| image::open(folder.join(name)).unwrap().to_rgb8();
         let begun = Instant::now();
-        match capture(&read(name), &Settings::default()) {
+        match capture(&read(name), &CaptureSettings::default()) {
             Ok(found) => {
                 let seconds = begun.elapsed().as_secs_f64();
                 let agreement = slopes_agree(&found, &read(normals));
@@ -209,13 +212,14 @@ fn slopes_agree(found: &Captured, normals: &RgbImage) -> f64 {
             continue;
         }
         let [nx, ny, nz] = pixel.0.map(|byte| f64::from(byte) / 127.5 - 1.0);
-        let height = |x: f64, y: f64| found.height(found.count(place + DVec2::new(x, y)));
+        let height =
+            |x: f64, y: f64| found.height(found.cell_coordinates(place + DVec2::new(x, y)));
         let ours = 0.5
             * DVec2::new(
                 height(1.0, 0.0) - height(-1.0, 0.0),
                 height(0.0, 1.0) - height(0.0, -1.0),
             );
-        let bin = (found.count(place).rem_euclid(DVec2::ONE) * BINS)
+        let bin = (found.cell_coordinates(place).rem_euclid(DVec2::ONE) * BINS)
             .min(DVec2::splat(BINS - 1.0))
             .floor();
         let bin = &mut bins[(bin.y * BINS + bin.x) as usize];
@@ -241,7 +245,7 @@ fn slopes_agree(found: &Captured, normals: &RgbImage) -> f64 {
 impl Score {
     fn take(&mut self, truth: &Sample) {
         let begun = Instant::now();
-        let found = capture(&truth.image, &Settings::default());
+        let found = capture(&truth.image, &CaptureSettings::default());
         self.seconds.push(begun.elapsed().as_secs_f64());
         self.pictures += 1;
         self.stretches += truth.stretches.iter().filter(|stretch| stretch.is_long()).count();
@@ -249,7 +253,7 @@ impl Score {
         let Some(off) = lattice_error(&found, truth.lattice) else { return };
         self.lattices += 1;
         self.vectors.push(off);
-        let (segments, lattice) = (&found.layout.seen, &found.unit.lattice);
+        let (segments, lattice) = (&found.layout.visible, &found.unit.lattice);
         let stretches = truth.in_cell(&found);
         let hits = |stretch: &Stretch| {
             segments.iter().filter_map(|segment| passes(segment, stretch, lattice)).collect()

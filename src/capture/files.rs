@@ -1,9 +1,11 @@
-//! The folder that a capture fills, and the layout that a person may have changed.
+//! The files of a capture, and the layout that a person may have changed.
 //!
-//! In: [`Captured`] and an [`OutputFolder`]. Out: [`FILES`] in it: the mean cell as a picture
-//! (along its vectors), the grid of nine with the segments drawn, the texture that tiles,
-//! `layout.toml` with the cell and its segments, `layout.svg` that shows which is which, and
-//! `report.json`. What [`GivenLayout::parse`] reads is what `layout.toml` holds.
+//! In: [`Captured`] and an [`OutputFolder`]. Out: the [`FILES`] in it, among them the mean cell as a
+//! picture along its vectors, nine cells with the segments drawn over them, the texture that tiles,
+//! `layout.toml` with the cell and its segments, `layout.svg` with the segments' numbers, and
+//! `report.json`. [`GivenLayout::parse`] reads `layout.toml` back.
+//!
+//! Not promised: a check that a given layout suits the photo; its fit and its warnings tell that.
 
 use std::fs;
 use std::path::Path;
@@ -12,9 +14,8 @@ use glam::DVec2;
 use image::RgbaImage;
 use serde::{Deserialize, Serialize};
 
-use super::layout::Layout;
 use super::segment::Segment;
-use super::{Captured, Hypothesis, Shape, Twist, sheet};
+use super::{Captured, CylinderShape, Hypothesis, Twist, sheet};
 use crate::chart::svg;
 use crate::drape::{self, Cloth, Options, picture, spun, swatch_panel};
 use crate::export::spun::SpunWriter;
@@ -27,7 +28,7 @@ use crate::render::{self, Camera, View};
 use crate::yarn::fibres::FIBRE_RADIUS;
 use crate::yarn::tube::Section;
 
-/// All files of such a folder.
+/// The files of a capture's folder.
 pub const FILES: [&str; 10] = [
     "cell.png",
     "texture.png",
@@ -40,38 +41,40 @@ pub const FILES: [&str; 10] = [
     "preview.png",
     "report.json",
 ];
-/// Segments of a cell, at most.
+/// Segments of a given layout, at most.
 const MOST_SEGMENTS: usize = 64;
 /// The longest segment, in lengths of the cell's longer vector.
 const MOST_CELLS: f64 = 10.0;
-/// What lengths and places may be, pixels.
+/// Largest absolute value of lengths and places, pixels.
 const MOST_LENGTH: f64 = 16_384.0;
-/// What lightness may be, of the photo's contrast.
+/// Largest absolute value of lightness, in units of the photo's contrast.
 const MOST_LIGHT: f64 = 1000.0;
 
-/// Cells each way of the preview, its pixels, and how wide its camera sees.
+/// Cells of the preview each way.
 const PREVIEW_CELLS: f64 = 5.0;
+/// Pixels of the preview each way.
 const PREVIEW_SIDE: u32 = 640;
+/// Field of view of the preview's camera.
 const PREVIEW_VIEW: f64 = 0.3;
 
-/// A cell and its segments as a person wants them, pixels of the photo.
+/// A cell and its segments as a person gives them, pixels of the photo.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GivenLayout {
     /// Both vectors.
     pub cell: [DVec2; 2],
-    /// How light the ground is.
+    /// Lightness of the ground.
     pub ground: f64,
-    /// One of each copy, relative to a cell's corner.
+    /// One copy of each, relative to a cell's corner.
     pub segments: Vec<Segment>,
 }
 
-/// What is wrong with a layout file.
+/// Why a layout file can't be read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("line {line}: {what}")]
-pub struct LayoutError {
-    /// From 1.
+pub struct GivenLayoutError {
+    /// The line of the file, from 1.
     pub line: usize,
-    /// One line.
+    /// What is wrong there, in one line.
     pub what: String,
 }
 
@@ -117,15 +120,14 @@ impl GivenLayout {
     /// let text = "[cell]\na = [20, 0]\nb = [0, 10]\nground = -1\n[[segments]]\ncenter = [5, 5]\nangle_deg = 90\nwidth = 4\nlength = 9\ntop = 1\nround = 0.5\nsag = 0.2\n";
     /// assert_eq!(GivenLayout::parse(text)?.segments.len(), 1);
     /// assert_eq!(GivenLayout::parse("[cell]\na = 3\n").unwrap_err().line, 2);
-    /// # Ok::<(), warpknit::capture::LayoutError>(())
+    /// # Ok::<(), warpknit::capture::GivenLayoutError>(())
     /// ```
     ///
     /// # Errors
-    /// [`LayoutError`], with its line.
-    pub fn parse(text: &str) -> Result<Self, LayoutError> {
-        let line_of = |at: usize| 1 + text[..at.min(text.len())].matches('\n').count();
-        let file: LayoutFile = toml::from_str(text).map_err(|error| LayoutError {
-            line: error.span().map_or(1, |span| line_of(span.start)),
+    /// [`GivenLayoutError`], with its line.
+    pub fn parse(text: &str) -> Result<Self, GivenLayoutError> {
+        let file: LayoutFile = toml::from_str(text).map_err(|error| GivenLayoutError {
+            line: error.span().map_or(1, |span| line_at(text, span.start)),
             what: error.message().split_whitespace().collect::<Vec<_>>().join(" "),
         })?;
         if file.segments.len() > MOST_SEGMENTS {
@@ -133,60 +135,88 @@ impl GivenLayout {
                 "{} segments are too many: at most {MOST_SEGMENTS} lie in a cell",
                 file.segments.len()
             );
-            return Err(LayoutError {
-                line: line_of(file.segments[MOST_SEGMENTS].span().start),
-                what,
-            });
+            let first_too_many = file.segments[MOST_SEGMENTS].span().start;
+            return Err(GivenLayoutError { line: line_at(text, first_too_many), what });
         }
         let &CellTable { a, b, ground } = file.cell.get_ref();
-        let wrong = |what: &str| {
-            Err(LayoutError { line: line_of(file.cell.span().start), what: what.to_owned() })
-        };
-        if ![a, b].concat().iter().all(|number| number.abs() <= MOST_LENGTH) {
-            return wrong("the cell's numbers are no pixels of a photo");
-        }
-        if ground.is_nan() || ground.abs() > MOST_LIGHT {
-            return wrong(
-                "ground is to be a share of the picture's contrast, -1000 to 1000 and mostly about -1",
-            );
-        }
+        file.cell.get_ref().check().map_err(|what| GivenLayoutError {
+            line: line_at(text, file.cell.span().start),
+            what: what.to_owned(),
+        })?;
         let longer = DVec2::from(a).length().max(DVec2::from(b).length());
-        let segments = file.segments.iter().map(|table| {
-            let wrong = |what: &str| Err(LayoutError { line: line_of(table.span().start), what: what.to_owned() });
-            let own = table.get_ref();
-            if !own.center.iter().chain([&own.angle_deg]).all(|number| number.abs() <= MOST_LENGTH) {
-                return wrong("a segment lies nowhere near the cell");
-            }
-            if ![own.width, own.length].iter().all(|size| *size > 0.0 && *size <= MOST_CELLS * longer) {
-                return wrong("a segment's width and length are to be over 0 pixels, and under ten cells");
-            }
-            let is_share = |light: &f64| (0.0..=MOST_LIGHT).contains(light);
-            if ![own.top, own.round, own.sag].iter().all(is_share) || own.tilt.is_nan() || own.tilt.abs() > MOST_LIGHT {
-                return wrong("top, round and sag are shares of the picture's contrast, 0 to a few, and tilt may be under 0");
-            }
-            if ![own.bow, own.sway].iter().all(|aside| aside.abs() <= own.length) {
-                return wrong("bow and sway are pixels, and a segment bends less far aside than it is long");
-            }
-            Ok(own.segment())
-        });
-        Ok(Self {
-            cell: [a.into(), b.into()],
-            ground,
-            segments: segments.collect::<Result<_, _>>()?,
-        })
+        let mut segments = Vec::with_capacity(file.segments.len());
+        for table in &file.segments {
+            table.get_ref().check(longer).map_err(|what| GivenLayoutError {
+                line: line_at(text, table.span().start),
+                what: what.to_owned(),
+            })?;
+            segments.push(table.get_ref().segment());
+        }
+        Ok(Self { cell: [a.into(), b.into()], ground, segments })
+    }
+}
+
+/// The line of a byte of a text, from 1.
+fn line_at(text: &str, byte: usize) -> usize {
+    1 + text[..byte.min(text.len())].matches('\n').count()
+}
+
+/// Whether a number is no lightness that a layout may have, NaN included.
+fn is_no_light(light: f64) -> bool {
+    light.is_nan() || light.abs() > MOST_LIGHT
+}
+
+impl CellTable {
+    /// What is wrong with the cell, if anything is.
+    fn check(&self) -> Result<(), &'static str> {
+        if ![self.a, self.b].concat().iter().all(|number| number.abs() <= MOST_LENGTH) {
+            return Err("the cell's numbers are no pixels of a photo");
+        }
+        if is_no_light(self.ground) {
+            return Err("ground is to be a share of the picture's contrast, -1000 to 1000 and \
+                        mostly about -1");
+        }
+        Ok(())
     }
 }
 
 impl SegmentTable {
-    fn of(segment: &Segment) -> Self {
+    /// What is wrong with a segment in a cell whose longer vector has that length, if anything is.
+    /// The comparisons are such that NaN fails each of them.
+    fn check(&self, longer: f64) -> Result<(), &'static str> {
+        let mut places = self.center.iter().chain([&self.angle_deg]);
+        if !places.all(|number| number.abs() <= MOST_LENGTH) {
+            return Err("a segment lies nowhere near the cell");
+        }
+        let most_size = MOST_CELLS * longer;
+        if ![self.width, self.length].iter().all(|size| *size > 0.0 && *size <= most_size) {
+            return Err(
+                "a segment's width and length are to be over 0 pixels, and under ten cells",
+            );
+        }
+        let mut shares = [self.top, self.round, self.sag].into_iter();
+        if !shares.all(|light| (0.0..=MOST_LIGHT).contains(&light)) || is_no_light(self.tilt) {
+            return Err(
+                "top, round and sag are shares of the picture's contrast, 0 to a few, and \
+                        tilt may be under 0",
+            );
+        }
+        if ![self.bow, self.sway].iter().all(|offset| offset.abs() <= self.length) {
+            return Err(
+                "bow and sway are pixels, and a segment bends less far aside than it is long",
+            );
+        }
+        Ok(())
+    }
+
+    fn new(segment: &Segment) -> Self {
         let Segment { centre, angle, width, length, top, round, sag, tilt, bow, sway } = *segment;
         let degrees = angle.to_degrees().rem_euclid(360.0);
-        // Of neighbouring numbers the one that is read as this angle again, where one is: a layout
-        // that is given back stays as it was.
-        let read_again = |degrees: &f64| degrees.to_radians() == angle;
+        // The conversion rounds. One of the neighbouring numbers usually reads back as exactly this
+        // angle, so that a layout which is given back stays as it was.
         let angle_deg = [degrees, degrees.next_up(), degrees.next_down()]
             .into_iter()
-            .find(read_again)
+            .find(|degrees| degrees.to_radians() == angle)
             .unwrap_or(degrees);
         Self {
             center: centre.to_array(),
@@ -219,14 +249,14 @@ impl SegmentTable {
     }
 }
 
-/// A segment as far as it is seen, and its fibres.
+/// A visible part of a segment, and its fibres.
 #[derive(Serialize)]
-struct SeenTable {
-    /// As of its table in layout.toml and in layout.svg, from 1.
+struct VisibleTable {
+    /// The segment's number in layout.toml and in layout.svg, from 1.
     segment_number: usize,
     #[serde(flatten)]
     segment: SegmentTable,
-    /// S over 0, Z under 0.
+    /// S is positive, Z negative.
     twist_deg: f64,
     twist_is_guess: bool,
     /// Pixels of the photo.
@@ -235,8 +265,8 @@ struct SeenTable {
     spread_deg: f64,
 }
 
-impl SeenTable {
-    fn of(number: usize, segment: &Segment, twist: &Twist) -> Self {
+impl VisibleTable {
+    fn new(number: usize, segment: &Segment, twist: &Twist) -> Self {
         let Twist {
             degrees: twist_deg,
             fibre_px,
@@ -246,7 +276,7 @@ impl SeenTable {
         } = *twist;
         Self {
             segment_number: number + 1,
-            segment: SegmentTable::of(segment),
+            segment: SegmentTable::new(segment),
             twist_deg,
             twist_is_guess,
             fibre_px,
@@ -256,33 +286,33 @@ impl SeenTable {
     }
 }
 
-/// What `report.json` holds.
+/// The content of `report.json`.
 #[derive(Serialize)]
-struct Report<'a> {
+struct CaptureReport<'a> {
     warpknit: &'a str,
     /// Pixels of the photo.
     lattice: [[f64; 2]; 2],
     confidence: f64,
     pixels_per_mm: f64,
-    /// Of the light with the heights of the cylinders.
+    /// Correlation of the light with the heights of the cylinders.
     correlation: f64,
-    /// Pixels worked on for each of the photo's.
+    /// Pixels of the view that was worked on, per pixel of the photo.
     scale: f64,
     hypothesis: &'a str,
     unexplained: f64,
     unexplained_by_seen: f64,
     overlap: f64,
     blank: f64,
-    /// As far as they are seen.
-    segments: Vec<SeenTable>,
-    /// What white in depth.png is; black is 0.
+    /// The visible parts.
+    segments: Vec<VisibleTable>,
+    /// Height of white in depth.png; black is 0.
     depth_mm: f64,
     /// The same segments as curved cylinders.
     yarns: Vec<YarnReport>,
     warnings: Vec<String>,
 }
 
-/// A curved cylinder, as Irawan and Marschner name its numbers.
+/// A curved cylinder with the parameters' names of Irawan and Marschner 2012.
 #[derive(Serialize)]
 struct YarnReport {
     width_mm: f64,
@@ -294,8 +324,8 @@ struct YarnReport {
     center_mm: [f64; 3],
 }
 
-impl From<&Shape> for YarnReport {
-    fn from(shape: &Shape) -> Self {
+impl From<&CylinderShape> for YarnReport {
+    fn from(shape: &CylinderShape) -> Self {
         Self {
             width_mm: shape.width,
             length_mm: shape.length,
@@ -308,59 +338,72 @@ impl From<&Shape> for YarnReport {
     }
 }
 
-/// Writes all files.
+/// Writes all files of a capture.
 ///
 /// # Errors
-/// What the disk says.
+/// [`ExportError`], with the file that could not be written.
 pub fn save(captured: &Captured, folder: &OutputFolder) -> Result<(), ExportError> {
-    let Captured { unit, layout, twists, scale, cell, depth, texture, .. } = captured;
-    let picture =
-        |name: &str, picture: &RgbaImage| png::write(&folder.file(name), picture)?.publish();
-    picture("cell.png", &sheet::grey(&cell.plane))?;
-    picture("grid3x3.png", &sheet::grid(cell, &layout.scaled(*scale)))?;
-    picture("texture.png", texture)?;
-    picture("depth.png", &sheet::grey(&depth.cell.plane))?;
-    picture("preview.png", &preview(&captured.fabric))?;
-    fibres(&captured.fabric, &folder.file("fibres.usda"))?;
-    let io = |name: &str| {
-        let path = folder.target().join(name);
-        move |source| ExportError::Io { path, source }
-    };
+    let Captured { layout, scale, cell, depth, texture, .. } = captured;
+    let pictures = [
+        ("cell.png", &sheet::grey(&cell.plane)),
+        ("grid3x3.png", &sheet::grid(cell, &layout.scaled(*scale))),
+        ("texture.png", texture),
+        ("depth.png", &sheet::grey(&depth.cell.plane)),
+        ("preview.png", &preview(&captured.fabric)),
+    ];
+    for (name, picture) in pictures {
+        png::write(&folder.file(name), picture)?.publish()?;
+    }
+    write_fibres(&captured.fabric, &folder.file("fibres.usda"))?;
     let drawing = svg::text(&sheet::drawing(cell, &layout.segments, *scale));
-    fs::write(folder.file("layout.svg"), drawing).map_err(io("layout.svg"))?;
-    fs::write(folder.file("layout.toml"), layout_text(captured)).map_err(io("layout.toml"))?;
-    fs::write(folder.file("fabric.toml"), fabric_text(captured)).map_err(io("fabric.toml"))?;
-    let Layout { hypothesis, error, seen_error, overlap, blank, .. } = layout;
-    let hypothesis = match hypothesis {
+    let report =
+        serde_json::to_string_pretty(&report(captured)).expect("numbers and names are JSON") + "\n";
+    let texts = [
+        ("layout.svg", drawing),
+        ("layout.toml", layout_text(captured)),
+        ("fabric.toml", fabric_text(captured)),
+        ("report.json", report),
+    ];
+    for (name, text) in texts {
+        fs::write(folder.file(name), text).map_err(|source| {
+            let path = folder.target().join(name);
+            ExportError::Io { path, source }
+        })?;
+    }
+    Ok(())
+}
+
+/// The content of `report.json`.
+fn report(captured: &Captured) -> CaptureReport<'static> {
+    let Captured { unit, layout, twists, depth, .. } = captured;
+    let hypothesis = match layout.hypothesis {
         Hypothesis::Woven => "woven",
         Hypothesis::Cover => "cover",
         Hypothesis::Given => "given",
     };
-    let seen = layout.numbers.iter().zip(layout.seen.iter().zip(twists));
-    let report = Report {
+    let visible = layout.sources.iter().zip(layout.visible.iter().zip(twists));
+    CaptureReport {
         warpknit: env!("CARGO_PKG_VERSION"),
         lattice: [unit.lattice.a.to_array(), unit.lattice.b.to_array()],
         confidence: unit.confidence,
         pixels_per_mm: captured.pixel.recip(),
         correlation: captured.correlation(),
-        scale: *scale,
+        scale: captured.scale,
         hypothesis,
-        unexplained: *error,
-        unexplained_by_seen: *seen_error,
-        overlap: *overlap,
-        blank: *blank,
-        segments: seen
-            .map(|(number, (segment, twist))| SeenTable::of(*number, segment, twist))
+        unexplained: layout.error,
+        unexplained_by_seen: layout.visible_error,
+        overlap: layout.overlap,
+        blank: layout.blank,
+        segments: visible
+            .map(|(source, (segment, twist))| VisibleTable::new(*source, segment, twist))
             .collect(),
         depth_mm: depth.cell.plane.values.iter().copied().fold(0.0, f32::max).into(),
         yarns: captured.shapes.iter().map(YarnReport::from).collect(),
         warnings: captured.warnings(),
-    };
-    let text = serde_json::to_string_pretty(&report).expect("numbers and names are JSON") + "\n";
-    fs::write(folder.file("report.json"), text).map_err(io("report.json"))
+    }
 }
 
-/// `layout.toml`, of numbers that read back as the same.
+/// The text of `layout.toml`. Its numbers read back as the same.
 fn layout_text(captured: &Captured) -> String {
     let Captured { unit, layout, .. } = captured;
     let cell = CellTable {
@@ -372,26 +415,30 @@ fn layout_text(captured: &Captured) -> String {
     let segments = layout
         .segments
         .iter()
-        .map(|segment| toml::Spanned::new(0..0, SegmentTable::of(segment)))
+        .map(|segment| toml::Spanned::new(0..0, SegmentTable::new(segment)))
         .collect();
     let tables = toml::to_string(&LayoutFile { cell, segments }).expect("numbers are TOML");
     format!(
-        "# The yarns of a cloth's cell, by warpknit capture. Pixels of the photo, y down; top, round, sag, tilt and ground are lightness, 1 about the photo's contrast.\n\
-         # Segments go on below others, and the grid shows what is seen of them. Change, add or delete some and give this file to capture with --layout.\n{tables}"
+        "# The yarns of a cloth's cell, by warpknit capture. Pixels of the photo, y down; top, \
+         round, sag, tilt and ground are lightness, 1 about the photo's contrast.\n\
+         # Segments go on below others, and the grid shows what is seen of them. Change, add or \
+         delete some and give this file to capture with --layout.\n{tables}"
     )
 }
 
-/// `fabric.toml`, as `drape` takes it.
+/// The text of `fabric.toml`, as `drape` takes it.
 fn fabric_text(captured: &Captured) -> String {
     let Captured { fabric, pixel, .. } = captured;
     format!(
-        "# A cloth's yarns as warpknit capture found them, at {:.2} pixels of the photo a mm. A wale and a course are the sides of its cell; paths are x and y in cells, z in mm.\n{fabric}",
+        "# A cloth's yarns as warpknit capture found them, at {:.2} pixels of the photo a mm. A \
+         wale and a course are the sides of its cell; paths are x and y in cells, z in mm.\n\
+         {fabric}",
         pixel.recip()
     )
 }
 
-/// All fibres of one cell, as thick as the paper's.
-fn fibres(fabric: &Fabric, path: &Path) -> Result<(), ExportError> {
+/// Writes all fibres of one cell, as thick as those of Wu et al. 2017.
+fn write_fibres(fabric: &Fabric, path: &Path) -> Result<(), ExportError> {
     let bundles = spun::bundles(fabric, fabric.radius(), FIBRE_RADIUS);
     let radius = bundles.iter().map(|bundle| bundle.fibre).fold(0.0, f64::max);
     let section = Section { st: 1, sr: 4, radius, flatten: 1.0, caps: false, texture_per_mm: 1.0 };
@@ -407,14 +454,14 @@ fn fibres(fabric: &Fabric, path: &Path) -> Result<(), ExportError> {
     sink.finish()?.into_iter().try_for_each(Output::publish)
 }
 
-/// The cloth as it will look, some cells of it.
+/// A rendering of some cells of the cloth.
 fn preview(fabric: &Fabric) -> RgbaImage {
     let longer = fabric.wale_spacing().max(fabric.course_spacing());
-    let cells = |spacing: f64| {
+    // As many cells as fill a square. Very flat cells could otherwise become thousands.
+    let [wales, courses] = [fabric.wale_spacing(), fabric.course_spacing()].map(|spacing| {
         index32(whole(narrow((PREVIEW_CELLS * longer / spacing).round())).min(4 * MOST_SEGMENTS))
-    };
-    let scene =
-        picture::swatch(fabric, cells(fabric.wale_spacing()), cells(fabric.course_spacing()));
+    });
+    let scene = picture::swatch(fabric, wales, courses);
     let options =
         render::Options { width: PREVIEW_SIDE, height: PREVIEW_SIDE, ..render::Options::default() };
     let camera = Camera::view(View::Front, &scene.positions, PREVIEW_VIEW, 1.0, 1.0);
