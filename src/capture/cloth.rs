@@ -149,7 +149,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_yarn_is_as_wide_and_as_twisted_as_was_seen() {
+    fn a_yarn_is_as_wide_and_as_twisted_as_in_the_photo() {
         let yarn = yarn(0.25, -0.3, Color([200, 100, 50]));
         assert!(
             (yarn.diameter() - 0.25).abs() < 1e-4
@@ -159,9 +159,9 @@ mod tests {
     }
 
     #[test]
-    fn what_is_told_goes_before_what_is_guessed() {
-        let told = |degrees: f64, is_guess: bool| Twist { degrees, is_guess, ..Twist::guess(1.0) };
-        let all = [told(10.0, false), told(90.0, true), told(20.0, false)];
+    fn measured_twists_go_before_guesses() {
+        let twist = |degrees: f64, is_guess: bool| Twist { degrees, is_guess, ..Twist::guess(1.0) };
+        let all = [twist(10.0, false), twist(90.0, true), twist(20.0, false)];
         assert!((mean_twist(all.iter()) - 15_f64.to_radians()).abs() < 1e-12);
         assert!((mean_twist(all[1..2].iter()) - 90_f64.to_radians()).abs() < 1e-12);
     }

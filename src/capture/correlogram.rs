@@ -224,8 +224,8 @@ mod tests {
         {
             assert!((found.at(dx, dy) - expected).abs() < 0.1, "{dx} {dy}: {}", found.at(dx, dy));
         }
-        let (summit, _) = found.peak_near(DVec2::new(11.0, 1.0), 3.0);
-        assert!(summit.distance(DVec2::new(12.0, 0.0)) < 2.0, "{summit}");
+        let (peak, _) = found.peak_near(DVec2::new(11.0, 1.0), 3.0);
+        assert!(peak.distance(DVec2::new(12.0, 0.0)) < 2.0, "{peak}");
         assert!(
             (found.at(-5, 7) - found.at(5, -7)).abs() < 1e-5,
             "lags of opposite signs are the same"

@@ -271,10 +271,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn filters_come_in_again_on_the_other_side() {
+    fn responses_are_periodic() {
         let (size, light) = ([3, 2], [1.0, 2.0, 4.0, 8.0, 16.0, 32.0]);
-        let answers = answers(&[(0, 0, 1.0), (2, 1, 10.0)], &twice(&light, size), size);
-        // Each place, and ten times the one two to its right (one to its residual) in the other row.
-        assert_eq!(answers, [321.0, 82.0, 164.0, 48.0, 26.0, 52.0]);
+        let found = responses(&[(0, 0, 1.0), (2, 1, 10.0)], &tiled_twice(&light, size), size);
+        // Each place, and ten times the one two to its right (one to its left) in the other row.
+        assert_eq!(found, [321.0, 82.0, 164.0, 48.0, 26.0, 52.0]);
     }
 }

@@ -312,14 +312,14 @@ mod tests {
         let target = FitTarget::new(&cell(&start), 20.0);
         let mut fit = refine(&target, Hypothesis::Cover, &start, -1.0, 1);
         for _ in 0..20 {
-            let numbers = DVector::from_element(Segment::PARAMETERS + 1, 1e12);
+            let parameters = DVector::from_element(Segment::PARAMETERS + 1, 1e12);
             let problem = Problem {
                 target: &target,
                 hypothesis: fit.hypothesis,
                 start: fit.segments,
-                numbers,
+                parameters,
             };
-            fit.segments = problem.segments(&problem.numbers).0;
+            fit.segments = problem.segments(&problem.parameters).0;
         }
         assert!(
             fit.segments[0].length <= 3.0 * LATTICE.longer()

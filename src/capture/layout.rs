@@ -352,15 +352,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_explains_less_than_nothing_would_is_not_believed() {
+    fn a_layout_that_explains_too_little_is_not_plausible() {
         let segments = vec![Segment::straight(DVec2::ZERO, 0.0, 4.0, 9.0, 1.0)];
-        let (seen, numbers, ground) = (segments.clone(), vec![0], -1.0);
+        let (visible, sources, ground) = (segments.clone(), vec![0], -1.0);
         let layout = |hypothesis, error, visible_error| {
-            let (segments, seen, numbers) = (segments.clone(), seen.clone(), numbers.clone());
+            let (segments, visible, sources) = (segments.clone(), visible.clone(), sources.clone());
             Layout {
                 segments,
-                seen,
-                numbers,
+                visible,
+                sources,
                 ground,
                 error,
                 visible_error,
@@ -370,16 +370,13 @@ mod tests {
             }
         };
         assert!(
-            layout(Hypothesis::Woven, 0.05, 0.3).is_believable()
-                && layout(Hypothesis::Cover, 0.5, 0.9).is_believable()
+            layout(Hypothesis::Woven, 0.05, 0.3).is_plausible()
+                && layout(Hypothesis::Cover, 0.5, 0.9).is_plausible()
         );
-        assert!(!layout(Hypothesis::Woven, 0.45, 0.5).is_believable(), "its floats have sunk");
+        assert!(!layout(Hypothesis::Woven, 0.45, 0.5).is_plausible(), "its floats have sunk");
+        assert!(!layout(Hypothesis::Cover, 0.05, 1.1).is_plausible(), "what is hidden explains it");
         assert!(
-            !layout(Hypothesis::Cover, 0.05, 1.1).is_believable(),
-            "what is hidden explains it"
-        );
-        assert!(
-            !Layout { seen: Vec::new(), ..layout(Hypothesis::Woven, 0.05, 0.3) }.is_believable()
+            !Layout { visible: Vec::new(), ..layout(Hypothesis::Woven, 0.05, 0.3) }.is_plausible()
         );
     }
 }

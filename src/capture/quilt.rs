@@ -437,7 +437,7 @@ mod tests {
     }
 
     #[test]
-    fn no_seam_is_seen_where_it_tiles() {
+    fn no_seam_is_visible_where_it_tiles() {
         let texture = quilted(&cloth([300, 260], 0.0, 60.0));
         let (width, height) = texture.dimensions();
         let across = |edge: bool| {

@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn what_lies_below_another_is_not_seen() {
+    fn what_lies_below_another_is_not_visible() {
         let (over, under) = (
             segment(10.0, 5.0, 0.0),
             Segment { top: 0.9, length: 9.0, ..segment(10.0, 5.0, FRAC_PI_2) },
@@ -184,9 +184,9 @@ mod tests {
     }
 
     #[test]
-    fn slivers_are_told_of_a_yarn_that_is_seen_nowhere_else() {
-        // Of the lower one a gap of some .35 widths is seen between two others; and, where it is
-        // longer, its end.
+    fn slivers_count_only_for_a_yarn_without_a_longer_visible_part() {
+        // A gap of about 0.35 widths shows the lower yarn between two others. Where it is longer, its
+        // end is visible too.
         let across = |x: f64| Segment { top: 2.0, sag: 0.2, ..segment(x, 5.0, FRAC_PI_2) };
         let over = [across(7.0), across(13.0)];
         let seen = |length: f64, gap: f64| {
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_longer_than_a_cell_is_seen_once() {
+    fn what_is_longer_than_a_cell_is_visible_once() {
         let long = Segment { length: 50.0, ..segment(10.0, 5.0, 0.0) };
         let over = Segment { top: 2.0, length: 9.0, ..segment(10.0, 5.0, FRAC_PI_2) };
         let seen = visible_parts(&[long, over], &LATTICE, MIN_VISIBLE_GAP);

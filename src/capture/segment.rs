@@ -368,7 +368,7 @@ mod tests {
     }
 
     #[test]
-    fn a_segment_is_lightest_in_its_middle_and_comes_in_again_on_the_other_side() {
+    fn a_segment_is_lightest_in_its_middle_and_is_periodic() {
         let places = sample_points(&LATTICE, [20, 10]);
         let rendered = rendered(&[segment(0.0, 5.0, 0.0)], 0.2, &LATTICE, &places);
         let at = |x: usize, y: usize| rendered[20 * y + x];
@@ -382,7 +382,7 @@ mod tests {
     }
 
     #[test]
-    fn all_that_a_segment_draws_lies_in_its_strip() {
+    fn all_that_a_segment_renders_lies_in_its_bounds() {
         let around: Vec<DVec2> =
             (0..300 * 300).map(|at| DVec2::new(double(at % 300), double(at / 300)) * 0.1).collect();
         let bounding_half_width = Lattice { a: DVec2::X * 60.0, b: DVec2::Y * 60.0 };

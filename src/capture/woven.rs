@@ -376,12 +376,12 @@ mod tests {
                 .collect()
         };
         let (warp, weft) = (DVec2::Y.to_angle(), 0.0);
-        assert_eq!([counts(&weave.floats, warp), counts(&weave.sunken, warp)], [[2.0], [1.0]]);
-        assert_eq!([counts(&weave.floats, weft), counts(&weave.sunken, weft)], [[1.0], [2.0]]);
-        for (float, sunken) in weave.floats.iter().zip(&weave.sunken) {
+        assert_eq!([counts(&weave.floats, warp), counts(&weave.below, warp)], [[2.0], [1.0]]);
+        assert_eq!([counts(&weave.floats, weft), counts(&weave.below, weft)], [[1.0], [2.0]]);
+        for (float, below) in weave.floats.iter().zip(&weave.below) {
             assert!(
-                float.centre.distance(sunken.centre) == 15.0 && sunken.top < float.top,
-                "{float:?} {sunken:?}"
+                float.centre.distance(below.centre) == 15.0 && below.top < float.top,
+                "{float:?} {below:?}"
             );
         }
     }

@@ -48,7 +48,7 @@ fn errors(found: &Captured, truth: &Sample) -> Vec<[f64; 3]> {
         };
         let nearest = found
             .layout
-            .seen
+            .visible
             .iter()
             .map(of)
             .min_by(|p, q| (p.0 + p.1[1]).total_cmp(&(q.0 + q.1[1])));
@@ -144,7 +144,7 @@ fn a_jersey_has_its_cell_and_a_leg_on_either_side() {
     };
     let leans: Vec<f64> = found
         .layout
-        .seen
+        .visible
         .iter()
         .filter(|segment| segment.length > 1.5 * segment.width)
         .map(lean)

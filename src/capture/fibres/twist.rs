@@ -291,7 +291,7 @@ mod tests {
         let fibre = |number: u8| -> Vec<Stick> {
             let (mut arc, mut points) = (0.0, Vec::new());
             for step in -300..=300 {
-                let (x, wave) = (0.1 * f64::from(step), PI / (SIZE.x - BEYOND * SIZE.y));
+                let (x, wave) = (0.1 * f64::from(step), PI / (SIZE.x - VISIBLE_EXCESS * SIZE.y));
                 let dive = -height * 20.0 * wave * (wave * x).sin();
                 arc += 0.1 * dive.hypot(1.0);
                 let (sin, cos) = (turns * arc - 1.5 + 0.075 * f64::from(number)).sin_cos();
@@ -328,7 +328,7 @@ mod tests {
     }
 
     #[test]
-    fn what_says_too_little_is_a_guess() {
+    fn too_few_or_thin_or_scattered_fibres_are_a_guess() {
         let helix = helix(15.0, 0.0, 0);
         let scattered: Vec<_> =
             (0..60).map(|n| vec![stick(0.0, 0.0, 0.05 * f64::from(n) - 1.5)]).collect();
