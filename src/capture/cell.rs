@@ -1,12 +1,12 @@
 //! Step 2, mean cell: the mean of all copies of the cell.
 //!
-//! In: a plane of the picture and its [`DisplacementField`]. Out: a [`Cell`], the mean of all copies
-//! on a grid that runs along both vectors and tiles. Pixels of one copy lie between those of
+//! In: a plane of the picture and its [`DisplacementField`]. Out: a [`Cell`], the mean of all
+//! copies on a grid that runs along both vectors and tiles. Pixels of one copy lie between those of
 //! another, so the mean is finer than the picture.
 //!
-//! Method: bilinear splatting of each pixel onto the cell's grid, twice. The second pass is one step
-//! of iteratively reweighted least squares with Cauchy's weights, so that lint counts little. Cost:
-//! a few operations a pixel.
+//! Method: bilinear splatting of each pixel onto the cell's grid, twice. The second pass is one
+//! step of iteratively reweighted least squares with Cauchy's weights, so that lint counts little.
+//! Cost: a few operations a pixel.
 //!
 //! Not promised: sharpness beyond the photo's own blur and the error of the registration.
 
@@ -22,15 +22,15 @@ use crate::plane::{Plane, double, float, narrow, whole};
 const MIN_POINTS: f64 = 48.0;
 /// Grid points along the longer vector beyond which the grid is not refined for that.
 const MAX_POINTS: f64 = 160.0;
-/// Deviation from the mean at which a pixel counts half, in units of the picture's contrast. A tenth
-/// of it would trust only the first mean, and ten times as much would let lint count fully.
+/// Deviation from the mean at which a pixel counts half, in units of the picture's contrast. A
+/// tenth of it would trust only the first mean, and ten times as much would let lint count fully.
 const OUTLIER_SCALE: f32 = 0.5;
-/// Bands of rows that are summed in parallel. The number is fixed: sums in another order would round
-/// differently for another number of threads.
+/// Bands of rows that are summed in parallel. The number is fixed: sums in another order would
+/// round differently for another number of threads.
 const BANDS: usize = 16;
 
-/// A plane over one cell of a lattice. Column i of row j is at i/width of a and j/height of b. It is
-/// periodic on all sides.
+/// A plane over one cell of a lattice. Column i of row j is at i/width of a and j/height of b. It
+/// is periodic on all sides.
 #[derive(Clone, Debug)]
 pub(super) struct Cell {
     pub(super) lattice: Lattice,
@@ -100,8 +100,8 @@ impl Cell {
         self.plane.sample_periodic(coordinates.x, coordinates.y)
     }
 
-    /// 3 x 3 copies as they lie in the picture, `scale` pixels for each of its own, and the position
-    /// of the corner in pixels of the picture.
+    /// 3 x 3 copies as they lie in the picture, `scale` pixels for each of its own, and the
+    /// position of the corner in pixels of the picture.
     pub(super) fn grid(&self, scale: f64) -> (Plane, DVec2) {
         let corners = [[0.0, 0.0], [3.0, 0.0], [0.0, 3.0], [3.0, 3.0]]
             .map(|[i, j]| self.lattice.a * i + self.lattice.b * j);

@@ -88,8 +88,8 @@ pub(super) fn fabric(
     }
 }
 
-/// A number that a person can read: a hundred-thousandth of a cell or a mm is far below what a photo
-/// shows.
+/// A number that a person can read: a hundred-thousandth of a cell or a mm is far below what a
+/// photo shows.
 fn rounded(number: f64) -> f64 {
     (1e5 * number).round() / 1e5
 }

@@ -5,10 +5,10 @@
 //! whose lightness is that of yarns of one colour, and [`SegmentColors`], a colour for each visible
 //! segment.
 //!
-//! Method: k-means with two clusters (Lloyd's algorithm) on the chroma of CIE L*a*b*, divided by the
-//! lightness, which shading changes. If the clusters are distinct, both are scaled to the lightness
-//! of the lighter one. Segments whose colours differ by less than [`SAME_COLOR`] are of one yarn
-//! (single-linkage clustering); its colour is their mean.
+//! Method: k-means with two clusters (Lloyd's algorithm) on the chroma of CIE L*a*b*, divided by
+//! the lightness, which shading changes. If the clusters are distinct, both are scaled to the
+//! lightness of the lighter one. Segments whose colours differ by less than [`SAME_COLOR`] are of
+//! one yarn (single-linkage clustering); its colour is their mean.
 //!
 //! Not promised: yarns that differ in lightness alone, such as black and white: in a photo a dark
 //! yarn is a deep one. Nor the colour of the light: it is taken for even and white.
@@ -78,8 +78,8 @@ fn clusters(cells: &[Cell; 3]) -> Option<Vec<Option<usize>>> {
     let known = || chromas.iter().flatten().copied();
     let count = known().count();
     let mean = known().sum::<DVec2>() / double(count.max(1));
-    // Farthest-point start: the point that is farthest from the mean, and the point that is farthest
-    // from that one. Unlike random starts it gives the same result each time.
+    // Farthest-point start: the point that is farthest from the mean, and the point that is
+    // farthest from that one. Unlike random starts it gives the same result each time.
     let first = farthest(known(), mean)?;
     let mut centres = [first, farthest(known(), first)?];
     let mut counts = [0; 2];

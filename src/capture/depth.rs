@@ -4,9 +4,9 @@
 //! [`Depth`], heights over the deepest ground, mm.
 //!
 //! Method: the fitted curved cylinders give most of the height. "Dark is deep" gives the rest, with
-//! a scale of its own for each colour of yarn. The sum is smoothed where the cylinders have no edge,
-//! by the fast global smoother (Min et al. 2014, *Fast global image smoothing based on weighted
-//! least squares*): the weighted least squares of Farbman et al. 2008, *Edge-preserving
+//! a scale of its own for each colour of yarn. The sum is smoothed where the cylinders have no
+//! edge, by the fast global smoother (Min et al. 2014, *Fast global image smoothing based on
+//! weighted least squares*): the weighted least squares of Farbman et al. 2008, *Edge-preserving
 //! decompositions for multi-scale tone and detail manipulation*, row by row and column by column.
 //!
 //! Cost: some milliseconds; a few operations a point. Not promised: a depth where light is no sign
@@ -156,8 +156,8 @@ fn smoothness_weight(a: f32, b: f32) -> f32 {
     (-(a - b).abs() / EDGE).exp()
 }
 
-/// Each row by itself, as a ring: the weighted least squares of its values and of the differences of
-/// neighbours.
+/// Each row by itself, as a ring: the weighted least squares of its values and of the differences
+/// of neighbours.
 fn rows_smoothed(plane: &Plane, guide: &Plane, smoothness: f32) -> Plane {
     Plane::from_rows(plane.width, plane.height, |y, row| {
         let guide = guide.row(y);

@@ -1,7 +1,8 @@
 //! The files of a capture, and the layout that a person may have changed.
 //!
-//! In: [`Captured`] and an [`OutputFolder`]. Out: the [`FILES`] in it, among them the mean cell as a
-//! picture along its vectors, nine cells with the segments drawn over them, the texture that tiles,
+//! In: [`Captured`] and an [`OutputFolder`]. Out: the [`FILES`] in it, among them the mean cell as
+//! a picture along its vectors, nine cells with the segments drawn over them, the texture that
+//! tiles,
 //! `layout.toml` with the cell and its segments, `layout.svg` with the segments' numbers, and
 //! `report.json`. [`GivenLayout::parse`] reads `layout.toml` back.
 //!

@@ -3,9 +3,9 @@
 //! In: a [`FitTarget`] and segments near those that it shows. Out: a [`LayoutFit`].
 //!
 //! Method: the Levenberg-Marquardt algorithm (Levenberg 1944, *A method for the solution of certain
-//! non-linear problems in least squares*; Marquardt 1963, *An algorithm for least-squares estimation
-//! of nonlinear parameters*). Derivatives are central differences. Constraints are a projection of
-//! the parameters onto the bounds of what a yarn can be.
+//! non-linear problems in least squares*; Marquardt 1963, *An algorithm for least-squares
+//! estimation of nonlinear parameters*). Derivatives are central differences. Constraints are a
+//! projection of the parameters onto the bounds of what a yarn can be.
 //!
 //! Cost: two renderings of one segment for each of its eleven parameters, an iteration; some
 //! milliseconds at 26 x 26 points. Not promised: the global minimum. The result depends on the

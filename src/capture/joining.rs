@@ -1,7 +1,7 @@
 //! Step 3: two segments that are one yarn, joined into one segment.
 //!
-//! In: two [`Segment`]s on a [`Lattice`]. Out: one segment that bends through both, or nothing where
-//! neither goes on from the other. The local search over layouts tries such joins.
+//! In: two [`Segment`]s on a [`Lattice`]. Out: one segment that bends through both, or nothing
+//! where neither goes on from the other. The local search over layouts tries such joins.
 //!
 //! Not promised: the exact path. A segment's axis is a cubic, which interpolates the two axes at
 //! five places.

@@ -2,15 +2,16 @@
 //!
 //! In: the lightness of each pixel, without slow shading. Out: a [`UnitCell`], or nothing.
 //!
-//! Method: peaks of the autocorrelation, in two stages. Intensity alone locks on to a half or a third
-//! of a weave's cell, because each crossing looks like the next one. So the first stage finds the
-//! finest lattice that the autocorrelation of the intensity has. The second stage adds the
+//! Method: peaks of the autocorrelation, in two stages. Intensity alone locks on to a half or a
+//! third of a weave's cell, because each crossing looks like the next one. So the first stage finds
+//! the finest lattice that the autocorrelation of the intensity has. The second stage adds the
 //! autocorrelation of the structure tensor (Bigün and Granlund 1987, *Optimal orientation detection
 //! of linear symmetry*), and takes the superlattice of index 1 to 8 that separates best the points
 //! that correlate from those that don't. A point is compared with others at the same distance,
 //! because stretched cloth decorrelates with distance.
 //!
-//! Cost: two autocorrelations. Not promised: cells under four pixels or over a third of the picture.
+//! Cost: two autocorrelations. Not promised: cells under four pixels or over a third of the
+//! picture.
 
 use std::num::NonZeroUsize;
 
@@ -23,8 +24,8 @@ use super::steps;
 use crate::ids::index32;
 use crate::plane::{Plane, double, float, narrow};
 
-/// Two vectors that a pattern repeats after, pixels, y down. The basis is reduced: neither vector is
-/// shorter with the other one added or taken off.
+/// Two vectors that a pattern repeats after, pixels, y down. The basis is reduced: neither vector
+/// is shorter with the other one added or taken off.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lattice {
     /// The vector nearer to the picture's rows.
@@ -142,8 +143,8 @@ const CONTRAST: [f64; 2] = [0.04, 0.18];
 /// 240 pictures that repeat nowhere none gets a confidence over 0.36 by all these rules.
 const DEVIATIONS: [f64; 2] = [2.0, 5.5];
 /// How much better they correlate, times the square root of the number of copies in the picture. Of
-/// few copies some are alike by chance, as in an old wall. The other rules let 12 of 100 walls pass,
-/// and none of these is over 1.7; 100 drawn cloths have 2.9 and more, photos of cloth 4.
+/// few copies some are alike by chance, as in an old wall. The other rules let 12 of 100 walls
+/// pass, and none of these is over 1.7; 100 drawn cloths have 2.9 and more, photos of cloth 4.
 const CHANCE: [f64; 2] = [1.0, 3.0];
 /// Copies of the cell along the picture's shorter side: too few, and enough.
 const COPIES: [f64; 2] = [2.0, 4.0];
@@ -160,8 +161,8 @@ pub(super) fn find(even: &Plane) -> Option<UnitCell> {
     Some(UnitCell { lattice, confidence })
 }
 
-/// Share of the mean power that is added where the tensor is normalised. At 0, flat areas would show
-/// directions of noise; at 1 and more, the strength of edges would count again.
+/// Share of the mean power that is added where the tensor is normalised. At 0, flat areas would
+/// show directions of noise; at 1 and more, the strength of edges would count again.
 const POWER_FLOOR: f32 = 0.3;
 
 /// Autocorrelation of the structure tensor's two components of orientation, normalised by its
@@ -189,8 +190,8 @@ const MIN_PEAK: f32 = 0.3;
 const MIN_LAG: f64 = 2.5;
 /// Points lie on a ridge if places halfway between them correlate by more than this share of them.
 const RIDGE: f64 = 0.9;
-/// The finest lattice is taken whose points correlate by this share of the best lattice's. Nearer to
-/// 1, noise would choose a multiple of it; much lower, a half of it would pass.
+/// The finest lattice is taken whose points correlate by this share of the best lattice's. Nearer
+/// to 1, noise would choose a multiple of it; much lower, a half of it would pass.
 const FINEST: f64 = 0.6;
 
 /// The finest lattice of the intensity's autocorrelation.
@@ -403,8 +404,8 @@ pub(super) fn hermite_forms(index: i32) -> impl Iterator<Item = [i32; 3]> {
 
 /// The lattice through the peaks near its points, by weighted least squares.
 fn refined(correlogram: &Correlogram, mut lattice: Lattice) -> Lattice {
-    // From near points to far ones. Far points fix the vectors best, but an error of a fraction of a
-    // pixel in them grows with the count: at once, the wrong peaks would be found there.
+    // From near points to far ones. Far points fix the vectors best, but an error of a fraction of
+    // a pixel in them grows with the count: at once, the wrong peaks would be found there.
     for radius in [1.6, 2.6, 4.5, 6.5] {
         let tolerance = (0.12 * lattice.shorter()).max(0.71);
         let mut normal = DMat2::ZERO;

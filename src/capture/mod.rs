@@ -8,10 +8,12 @@
 //! micro-image*. The steps:
 //!
 //! ```text
-//!   photo ─▶ view ─▶ lattice ─▶ register ─▶ cell ─▶ layout ─────────▶ depth ─▶ shape ─▶ strands ─▶ cloth
-//!            size    repeat     where each  mean    woven ╮  ╭ fit,   color    mm       joined     fabric
-//!                               copy lies   cell    cover ┴──╯ segment                  upright      ▲
-//!                                   ╰─────▶ quilt: a texture            ╰────▶ fibres: twist ────────╯
+//!   photo ─▶ view ─▶ lattice ─▶ register ─▶ cell ─▶ layout ─▶ depth ─▶ shape ─▶ strands ─▶ cloth
+//!            size    repeat     where each  mean    woven,    color    mm       joined     fabric
+//!                               copy lies   cell    cover,                      upright      ▲
+//!                                   │               fit                                      │
+//!                                   ├─────▶ quilt: a texture                                 │
+//!                                   ╰─────▶ fibres: twist ───────────────────────────────────╯
 //! ```
 //!
 //! `plane` and `correlogram` hold image filters and the autocorrelation. `target` is the mean cell
@@ -20,8 +22,8 @@
 //! Cost: about 1 s for the repeat and its mean, up to 15 s for the layout, on two cores; 160 MB for
 //! a photo of 4 megapixels. The same photo gives the same bytes for any number of threads.
 //!
-//! Not promised: a scale. A photo doesn't say how large anything is. A person does, by the thickness
-//! of the cloth or by the number of pixels per mm.
+//! Not promised: a scale. A photo doesn't say how large anything is. A person does, by the
+//! thickness of the cloth or by the number of pixels per mm.
 
 mod cell;
 mod cloth;

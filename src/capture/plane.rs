@@ -13,8 +13,8 @@ use crate::plane::{Plane, double, float, narrow, whole};
 /// Standard deviation from which on a Gaussian is replaced by two box blurs, pixels. They cost the
 /// same for any width. Below, boxes of a few pixels would be a poor approximation.
 const BOXES_FROM: f32 = 4.0;
-/// Largest absolute value of the normalised contrast, in standard deviations. Glints and holes count
-/// no more than that in a fit.
+/// Largest absolute value of the normalised contrast, in standard deviations. Glints and holes
+/// count no more than that in a fit.
 const MAX_CONTRAST: f32 = 3.0;
 /// Share of the picture's mean power that is added to the local power. At 0, noise of blank areas
 /// would be amplified to full contrast.

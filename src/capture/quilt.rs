@@ -1,15 +1,15 @@
-//! `texture.png`: some cells each way that tile and are the photo's own cloth, with its lint and its
-//! light and dark yarns. The mean cell shows none of these.
+//! `texture.png`: some cells each way that tile and are the photo's own cloth, with its lint and
+//! its light and dark yarns. The mean cell shows none of these.
 //!
-//! In: the colours of the view, its [`DisplacementField`] and its lattice. Out: a picture along both
-//! vectors, as the mean cell is: columns run along a, rows along b, and its corner is a cell's
+//! In: the colours of the view, its [`DisplacementField`] and its lattice. Out: a picture along
+//! both vectors, as the mean cell is: columns run along a, rows along b, and its corner is a cell's
 //! corner.
 //!
 //! Method: image quilting (Efros and Freeman 2001, *Image quilting for texture synthesis and
-//! transfer*). Blocks of one or two cells come from the photo, whole cells apart so that yarns meet.
-//! Each block is the one that differs least from its neighbours in their overlap, and is cut there
-//! along the minimum error boundary. The last block of a row overlaps the first one, and the last
-//! row the first one, so that the picture tiles.
+//! transfer*). Blocks of one or two cells come from the photo, whole cells apart so that yarns
+//! meet. Each block is the one that differs least from its neighbours in their overlap, and is cut
+//! there along the minimum error boundary. The last block of a row overlaps the first one, and the
+//! last row the first one, so that the picture tiles.
 //!
 //! Cost: about half a second, and four bytes for each pixel of the view. Not promised: patterns
 //! wider than a block, and colours as in another light: only slow differences of the photo's light
@@ -34,8 +34,8 @@ const MAX_PIXELS: f64 = 1024.0;
 /// Cells each way that a photo has to show for blocks of two cells. Larger blocks keep more of the
 /// photo, but need enough of them to choose from.
 const CELLS_FOR_LARGE_BLOCKS: f64 = 8.0;
-/// The overlap of blocks as a share of a cell. With a third, a block of one cell fits into any photo
-/// that shows three cells each way. A much narrower overlap leaves the cut no choice.
+/// The overlap of blocks as a share of a cell. With a third, a block of one cell fits into any
+/// photo that shows three cells each way. A much narrower overlap leaves the cut no choice.
 const OVERLAP: f64 = 1.0 / 3.0;
 /// The largest gain by which uneven light is corrected, either way.
 const MAX_GAIN: f32 = 4.0;

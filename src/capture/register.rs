@@ -164,7 +164,8 @@ fn strongest_waves(even: &Plane, lattice: &Lattice, grid: NodeGrid) -> Vec<Wave>
     waves
 }
 
-/// The displacement at a node that explains the phases of all waves best, by weighted least squares.
+/// The displacement at a node that explains the phases of all waves best, by weighted least
+/// squares.
 fn displacement_at(node: usize, waves: &[Wave], phases: &[Vec<f64>], grid: NodeGrid) -> DVec2 {
     // The phase of the middle is the cloth's own pattern. Only the difference from it is
     // displacement.

@@ -185,8 +185,8 @@ mod tests {
 
     #[test]
     fn slivers_count_only_for_a_yarn_without_a_longer_visible_part() {
-        // A gap of about 0.35 widths shows the lower yarn between two others. Where it is longer, its
-        // end is visible too.
+        // A gap of about 0.35 widths shows the lower yarn between two others. Where it is longer,
+        // its end is visible too.
         let across = |x: f64| Segment { top: 2.0, sag: 0.2, ..segment(x, 5.0, FRAC_PI_2) };
         let over = [across(7.0), across(13.0)];
         let seen = |length: f64, gap: f64| {

@@ -2,8 +2,9 @@
 //!
 //! In: segments in pixels and lightness, and the size of both in mm. Out: [`CylinderShape`]s.
 //!
-//! Method: the curved cylinder of Irawan and Marschner 2012, *Specular reflection from woven cloth*.
-//! Along its length the axis is an arc that leaves the cloth's plane at its ends by the angle
+//! Method: the curved cylinder of Irawan and Marschner 2012, *Specular reflection from woven
+//! cloth*. Along its length the axis is an arc that leaves the cloth's plane at its ends by the
+//! angle
 //! `u_max`. Its section is an ellipse, as wide as the yarn, with the semi-axis `a` upward.
 //!
 //! Not promised: a section and an arc better than "dark is deep" knows them. Both are clamped to
@@ -33,7 +34,8 @@ pub struct CylinderShape {
     pub curvature: f64,
     /// Direction of its axis in the photo, radians from x towards y (down): theta.
     pub rotation: f64,
-    /// The middle of its axis: x and y in the photo from a cell's corner, z over the deepest ground.
+    /// The middle of its axis: x and y in the photo from a cell's corner, z over the deepest
+    /// ground.
     pub centre: DVec3,
 }
 

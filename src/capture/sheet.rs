@@ -1,8 +1,8 @@
-//! Sheets on which a person checks the layout: nine copies of the mean cell, with the segments drawn
-//! over each.
+//! Sheets on which a person checks the layout: nine copies of the mean cell, with the segments
+//! drawn over each.
 //!
-//! In: a [`Cell`] and segments. Out: the picture of `grid3x3.png`, with the visible segments, and the
-//! drawing of `layout.svg`, with all segments of `layout.toml` and their numbers.
+//! In: a [`Cell`] and segments. Out: the picture of `grid3x3.png`, with the visible segments, and
+//! the drawing of `layout.svg`, with all segments of `layout.toml` and their numbers.
 
 use glam::DVec2;
 use image::{Rgba, RgbaImage};
@@ -67,7 +67,8 @@ pub(super) fn grid(cell: &Cell, layout: &Layout) -> RgbaImage {
     let picture = grey(&plane);
     let (width, height) = picture.dimensions();
     let mut canvas = Pixmap::new(width, height).expect("a picture has pixels");
-    // The canvas wants premultiplied alpha. No pixel is transparent, so that it makes no difference.
+    // The canvas wants premultiplied alpha. No pixel is transparent, so that it makes no
+    // difference.
     canvas.data_mut().copy_from_slice(picture.as_raw());
     let stroke = Stroke { width: 2.0, ..Stroke::default() };
     for (segment, [red, green, blue]) in layout.visible.iter().zip(COLORS.into_iter().cycle()) {

@@ -1,7 +1,7 @@
 //! From segments to yarns: the stretches between those that are visible.
 //!
-//! In: the segments of a rectangular cell. Out: [`LaidStrand`]s, each the path of a yarn through the
-//! cell, which goes on into the next cell above or beside.
+//! In: the segments of a rectangular cell. Out: [`LaidStrand`]s, each the path of a yarn through
+//! the cell, which goes on into the next cell above or beside.
 //!
 //! Method: greedy matching of segment ends by a cost of distance and turn. Parts of one segment,
 //! which goes on below another, are joined first. Then ends are joined that lie near each other and
@@ -22,8 +22,8 @@ use crate::plane::double;
 const MAX_GAP: f64 = 4.5;
 /// Largest turn aside at either end, radians: less than from warp to weft by far.
 const MAX_TURN: f64 = 0.7;
-/// Cost of turning by a radian, as a share of the gap. At 0, the nearest end wins even if it belongs
-/// to the neighbouring yarn.
+/// Cost of turning by a radian, as a share of the gap. At 0, the nearest end wins even if it
+/// belongs to the neighbouring yarn.
 const TURN_COST: f64 = 3.0;
 /// Largest logarithm of the ratio of widths: about 1.65 times as wide.
 const MAX_LOG_RATIO: f64 = 0.5;
@@ -35,8 +35,8 @@ const TOUCHING: f64 = 0.25;
 const RELIEF_SHARE: f64 = 0.5;
 /// Largest such deviation, in radii.
 const MAX_RELIEF: f64 = 0.5;
-/// How far a segment's ends sink at most, as a share of the way down to the cloth's middle. At 1 and
-/// more, ends would lie inside of the yarns below them.
+/// How far a segment's ends sink at most, as a share of the way down to the cloth's middle. At 1
+/// and more, ends would lie inside of the yarns below them.
 const MAX_SINK: f64 = 0.8;
 /// Depth of a yarn that goes on to its own copy, in depths of other yarns: it may cross many of
 /// them.
@@ -232,8 +232,8 @@ fn chains(all: &[PlacedSegment], cell: DVec2, links: &[EndLink]) -> Vec<SegmentC
     chains
 }
 
-/// A chain that isn't closed by a link, in parts of at most a cell each. A longer part would have to
-/// come back underneath for several cells, in every cell.
+/// A chain that isn't closed by a link, in parts of at most a cell each. A longer part would have
+/// to come back underneath for several cells, in every cell.
 fn split_by_cell(
     chain: Vec<(End, DVec2)>,
     all: &[PlacedSegment],
@@ -260,8 +260,8 @@ fn split_by_cell(
     parts
 }
 
-/// The segments after one that is entered at an end, up to the last one or until the first one comes
-/// again.
+/// The segments after one that is entered at an end, up to the last one or until the first one
+/// comes again.
 fn follow_links(next: &[[Next; 2]], entered: End, count: usize) -> Vec<(End, DVec2)> {
     let (mut at, mut cells) = (entered, DVec2::ZERO);
     let mut entries = Vec::new();
@@ -342,8 +342,8 @@ impl SegmentChain {
 }
 
 impl PlacedSegment {
-    /// Its axis in space at an offset: above the cloth's middle by its radius, and by a share of the
-    /// height that the light says.
+    /// Its axis in space at an offset: above the cloth's middle by its radius, and by a share of
+    /// the height that the light says.
     fn arc(&self, offset: DVec2, mean: f64) -> [DVec3; 5] {
         let radius = self.shape.width / 2.0;
         let relief = (RELIEF_SHARE * (self.shape.centre.z + self.shape.semi_axis - mean))

@@ -1,9 +1,10 @@
-//! From the photo's lattice to a cell that can be laid: a rectangle along the wales and the courses.
+//! From the photo's lattice to a cell that can be laid: a rectangle along the wales and the
+//! courses.
 //!
 //! In: the lattice, and segments on it. Out: [`Upright`], a rectangular cell that holds some copies
 //! of the lattice's cell, and the map from the photo's pixels to it. The turn and the shear of the
-//! photo are taken off: warp and weft of a weave become the sides, and other cloth stands as it does
-//! in the photo.
+//! photo are taken off: warp and weft of a weave become the sides, and other cloth stands as it
+//! does in the photo.
 //!
 //! Method: exhaustive search over pairs of short lattice vectors, by a cost of size, skew and turn.
 //! Cost: some ten thousand pairs. Not promised: the smallest repeat of a cloth whose lattice has no

@@ -1,9 +1,9 @@
 //! The part of a photo that is worked on, and its resolution: cells of eight pixels and more, in a
 //! picture of about a megapixel.
 //!
-//! In: the photo. Out: [`PhotoView`]s, in the order in which they are tried: all of it, made smaller
-//! if it is large; its middle at the photo's resolution; the middle of that, enlarged twice, where
-//! yarns are a few pixels wide.
+//! In: the photo. Out: [`PhotoView`]s, in the order in which they are tried: all of it, made
+//! smaller if it is large; its middle at the photo's resolution; the middle of that, enlarged
+//! twice, where yarns are a few pixels wide.
 //!
 //! Not promised: the rim of a large photo with a small repeat, which only the first view shows.
 
@@ -47,8 +47,8 @@ impl PhotoView {
         )]
         let [columns, rows] =
             [width, height].map(|side| (f64::from(side) * scale).round().max(1.0) as u32);
-        // A triangle filter widens with the reduction, so that fine yarns don't alias into a coarser
-        // repeat.
+        // A triangle filter widens with the reduction, so that fine yarns don't alias into a
+        // coarser repeat.
         Self::new(resize(photo, columns, rows, FilterType::Triangle), scale, DVec2::ZERO)
     }
 

@@ -10,7 +10,8 @@ const UNEXPLAINED: f64 = 0.25;
 /// The same for the visible parts, which explain less than the fitted segments. Photos that are
 /// captured well leave up to 0.3.
 const UNEXPLAINED_BY_VISIBLE: f64 = 0.4;
-/// Correlation of light and heights below which they have little to do with each other, as on satin.
+/// Correlation of light and heights below which they have little to do with each other, as on
+/// satin.
 const MIN_CORRELATION: f64 = 0.2;
 
 impl Captured {

@@ -12,13 +12,14 @@
 //!
 //! The photo's own pixels are used, whatever the size of the view in which the repeat was found.
 //!
-//! Source: Wu et al. 2017, *Modeling yarn-level geometry from a single micro-image*, section 5, with
-//! a structure tensor in place of Gabor filters. Cost: 0.1 s a segment on two cores; [`MAX_PIXELS`]
-//! bounds it.
+//! Source: Wu et al. 2017, *Modeling yarn-level geometry from a single micro-image*, section 5,
+//! with a structure tensor in place of Gabor filters. Cost: 0.1 s a segment on two cores;
+//! [`MAX_PIXELS`] bounds it.
 //!
 //! Not promised: plied yarns, where the angle is that of the plies or of the fibres in them,
 //! whichever is visible. Fibres under [`Twist::LEAST_PX`] pixels get a twist that is marked as a
-//! guess. A fibre's width follows from the spacing of fibres, as if six tenths of a yarn were fibre.
+//! guess. A fibre's width follows from the spacing of fibres, as if six tenths of a yarn were
+//! fibre.
 
 mod orientation;
 mod patches;
@@ -43,8 +44,8 @@ pub use twist::Twist;
 const MAX_PIXELS: f64 = 400_000.0;
 /// Copies of a segment that are used, at most.
 const MAX_COPIES: usize = 48;
-/// The part of a segment's length and width that is used. Beyond, other yarns begin, and fibres turn
-/// away at the sides.
+/// The part of a segment's length and width that is used. Beyond, other yarns begin, and fibres
+/// turn away at the sides.
 const INNER_PART: DVec2 = DVec2::new(0.85, 0.8);
 /// Fibres across a yarn, at least. Fewer are plies, or nothing.
 const MIN_FIBRES_ACROSS: f64 = 5.0;

@@ -4,8 +4,8 @@
 //!
 //! Method: greedy matching. A pair of sticks, one up to four lengths ahead of the other, costs the
 //! turn from the first stick to the line between both plus the turn from the line to the second
-//! stick. Pairs are taken in the order of their cost, while each stick has at most one before it and
-//! one after it.
+//! stick. Pairs are taken in the order of their cost, while each stick has at most one before it
+//! and one after it.
 //!
 //! Cost: the square of the number of sticks. Not promised: that a chain stays on one fibre. It may
 //! hop to a neighbour that runs the same way. So the sticks tell more about the direction than the

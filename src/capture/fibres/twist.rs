@@ -5,12 +5,12 @@
 //!
 //! Method: a fibre on a straight cylinder of radius R that runs at the angle φ to the axis has, at
 //! the distance v from the axis, the projected slope tan φ √(1 - (v/R)²): largest in the middle, 0
-//! at the sides. A yarn that goes up and down through a cloth shows its back stretched on crests and
-//! foreshortened where it dives. Both change slopes by half and more in a tight weave. So the axis
-//! is modelled as a sine wave, of which a segment shows half and a little more. The height of the
-//! wave is fitted too: the higher it is, the straighter are the fibres in a segment's middle and the
-//! steeper at its ends. φ comes from robust least squares of the angles: Gauss-Newton steps with
-//! Tukey's biweight (Beaton and Tukey 1974), which is iteratively reweighted least squares.
+//! at the sides. A yarn that goes up and down through a cloth shows its back stretched on crests
+//! and foreshortened where it dives. Both change slopes by half and more in a tight weave. So the
+//! axis is modelled as a sine wave, of which a segment shows half and a little more. The height of
+//! the wave is fitted too: the higher it is, the straighter are the fibres in a segment's middle
+//! and the steeper at its ends. φ comes from robust least squares of the angles: Gauss-Newton steps
+//! with Tukey's biweight (Beaton and Tukey 1974), which is iteratively reweighted least squares.
 //!
 //! Cost: sticks times heights times iterations. Not promised: yarns that aren't round, waves
 //! sharper than a sine (their fibres seem twisted by a fifth more), and fibres that shifted along
@@ -29,8 +29,8 @@ const ITERATIONS: usize = 20;
 /// Tukey's constant: a stick that is off by this many standard deviations counts nothing. 4.685 has
 /// 95 % of the efficiency of least squares for normal errors.
 const TUKEY: f64 = 4.685;
-/// The least standard deviation, radians, and the least divisor of slopes. At 0, a perfect fit would
-/// divide by 0.
+/// The least standard deviation, radians, and the least divisor of slopes. At 0, a perfect fit
+/// would divide by 0.
 const MIN_DEVIATION: f64 = 0.02;
 /// Scale of the Cauchy loss by which heights of the wave are compared, radians: an error beyond it
 /// counts ever less.
