@@ -118,7 +118,9 @@ impl GivenLayout {
     ///
     /// ```
     /// use warpknit::capture::GivenLayout;
-    /// let text = "[cell]\na = [20, 0]\nb = [0, 10]\nground = -1\n[[segments]]\ncenter = [5, 5]\nangle_deg = 90\nwidth = 4\nlength = 9\ntop = 1\nround = 0.5\nsag = 0.2\n";
+    /// let text = "[cell]\na = [20, 0]\nb = [0, 10]\nground = -1\n[[segments]]\n\
+    ///     center = [5, 5]\nangle_deg = 90\nwidth = 4\nlength = 9\n\
+    ///     top = 1\nround = 0.5\nsag = 0.2\n";
     /// assert_eq!(GivenLayout::parse(text)?.segments.len(), 1);
     /// assert_eq!(GivenLayout::parse("[cell]\na = 3\n").unwrap_err().line, 2);
     /// # Ok::<(), warpknit::capture::GivenLayoutError>(())
@@ -474,7 +476,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const WHOLE: &str = "[cell]\na = [20, 0]\nb = [0, 10]\nground = -1\n[[segments]]\ncenter = [5, 5]\nangle_deg = 90\nwidth = 4\nlength = 9\ntop = 1\nround = 0.5\nsag = 0.2\n";
+    const WHOLE: &str = "[cell]\na = [20, 0]\nb = [0, 10]\nground = -1\n[[segments]]\n\
+        center = [5, 5]\nangle_deg = 90\nwidth = 4\nlength = 9\ntop = 1\nround = 0.5\nsag = 0.2\n";
 
     #[test]
     fn what_is_wrong_is_told_with_its_line() {
@@ -508,7 +511,8 @@ mod tests {
             let mut text = WHOLE.to_owned();
             text.replace_range(at..(at + garbage.len()).min(text.len()), &garbage);
             if let Err(error) = GivenLayout::parse(&text) {
-                prop_assert!(!error.to_string().contains(['\n', '\r']) && error.line <= 1 + text.matches('\n').count());
+                let lines = 1 + text.matches('\n').count();
+                prop_assert!(!error.to_string().contains(['\n', '\r']) && error.line <= lines);
             }
         }
     }
