@@ -147,7 +147,7 @@ mod tests {
         let places =
             (4..46).flat_map(|y| (4..76).map(move |x| DVec2::new(f64::from(x), f64::from(y))));
         places.for_each(|place| {
-            assert!(sticks.iter().any(|stick| apart(place, stick) <= 3.0 + 1e-5), "{place}")
+            assert!(sticks.iter().any(|stick| apart(place, stick) <= 3.0 + 1e-5), "{place}");
         });
         assert!(filled(&mask.map(|_| 0.0), |_, _| direction, 12.0, 3.0).is_empty());
     }
