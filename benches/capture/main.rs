@@ -1,9 +1,10 @@
-//! How much of a known cloth `capture` finds again, on seeds that nobody tuned it on: `cargo bench
+//! How much of a known cloth `capture` finds again, on seeds that it was not tuned on: `cargo bench
 //! --bench capture`.
 //!
-//! Two dozen pictures of each cloth, 480 pixels each way, three of four with distortion, noise and
-//! uneven light up to the most that a decent photo has. Prints the tables of docs/capture.md: that
-//! of layouts, and that of fibres (`-- fibres` prints this one only).
+//! In: two dozen drawn pictures of each cloth, 480 pixels each way. Three of four have distortion,
+//! noise and uneven light, up to the most that a decent photo has. Out: the tables of
+//! docs/capture.md, for layouts, fibres and photos (`-- fibres` prints that one only). Cost:
+//! minutes.
 
 #![expect(
     clippy::cast_possible_truncation,
@@ -25,19 +26,19 @@ use cloth::{
 };
 use glam::{DMat2, DVec2, DVec3};
 use image::RgbImage;
-use warpknit::photo::capture::{Captured, Lattice, Segment, Settings, capture};
+use warpknit::photo::capture::{CaptureSettings, Captured, Lattice, Segment, capture};
 
-/// Seeds below are for tuning: those of the tests are among them, and those from 2000, 3000 and so
-/// on up to 8000 were new once each, and told what was to be mended.
+/// Seeds below are for tuning. Those of the tests are among them. Those from 2000, 3000 and so on
+/// up to 8000 were new once each, and showed what to mend next.
 const FIRST_SEED: u64 = 9000;
 const PICTURES: u64 = 24;
 const SIDE: u32 = 480;
-/// A segment that leaves a stretch's direction by more degrees is another yarn's.
+/// A segment that leaves a stretch's direction by more degrees belongs to another yarn.
 const NEAR: f64 = 25.0;
-/// Places along a segment at which it is looked at.
+/// Intervals between the sample points along a segment.
 const STEPS: i32 = 96;
 
-/// What was found of one kind of cloth.
+/// What was found in the pictures of one kind of cloth.
 #[derive(Default)]
 struct Score {
     pictures: usize,
@@ -58,7 +59,7 @@ fn main() {
     if std::env::args().any(|argument| argument == "--test") {
         return;
     }
-    // One part alone, for whoever works on it.
+    // One part alone, for a person who works on it.
     let named = |part: &str| std::env::args().any(|argument| argument == part);
     let all = !named("layouts") && !named("fibres") && !named("photos");
     for (part, of) in [("layouts", layouts as fn()), ("fibres", fibres), ("photos", photos)] {
@@ -68,15 +69,17 @@ fn main() {
     }
 }
 
+/// A quarter of the pictures is undisturbed, and another one is disturbed as much as can be.
 fn disturbance(seed: u64) -> Disturbance {
     let most = f64::from(u32::try_from(seed % 4).unwrap()) / 3.0;
     Disturbance { distortion: 4.0 * most, noise: 0.03 * most, light: 0.3 * most }
 }
 
-/// How well twist is told where the layout is known, by the width of a fibre.
+/// Accuracy of the twist where the layout is known, by the width of a fibre.
 fn fibres() {
     println!(
-        "\n| pixels a fibre | degrees off, median | 90th percentile | within 4 degrees | sign right | guesses | fibre's width off | seconds |"
+        "\n| pixels a fibre | degrees off, median | 90th percentile | within 4 degrees | sign \
+         right | guesses | fibre's width off | seconds |"
     );
     println!("|---|---|---|---|---|---|---|---|");
     for fibre in [2.0, 4.0, 6.0, 8.0] {
@@ -84,7 +87,8 @@ fn fibres() {
             (Vec::new(), Vec::new(), Vec::new(), 0, 0);
         for seed in FIRST_SEED..FIRST_SEED + PICTURES {
             let (truth, degrees) = fibrous(seed, (100.0 * fibre) as u32, fibre, disturbance(seed));
-            let settings = Settings { layout: Some(layout(&truth)), ..Settings::default() };
+            let settings =
+                CaptureSettings { layout: Some(layout(&truth)), ..CaptureSettings::default() };
             let begun = Instant::now();
             let found = capture(&truth.image, &settings).unwrap();
             seconds.push(begun.elapsed().as_secs_f64());
@@ -97,9 +101,9 @@ fn fibres() {
                 }
             }
         }
-        let told = off.len();
+        let measured = off.len();
         let seconds = format!("{:.2}", quantile(&mut seconds, 0.5));
-        if told == 0 {
+        if measured == 0 {
             println!("| {fibre} | | | | | {} | | {seconds} |", share(guesses, guesses));
             continue;
         }
@@ -108,9 +112,9 @@ fn fibres() {
             "| {fibre} | {:.1} | {:.1} | {} | {} | {} | {:.0} % | {seconds} |",
             quantile(&mut off, 0.5),
             quantile(&mut off, 0.9),
-            share(near, told),
-            share(signs, told),
-            share(guesses, told + guesses),
+            share(near, measured),
+            share(signs, measured),
+            share(guesses, measured + guesses),
             100.0 * quantile(&mut widths, 0.5),
         );
     }
@@ -127,7 +131,8 @@ fn quantile(values: &mut [f64], share: f64) -> f64 {
 
 fn layouts() {
     println!(
-        "| cloth | lattice right | vectors off | stretches found | segments wrong | width off | degrees off | widths off across | seconds |"
+        "| cloth | lattice right | vectors off | stretches found | segments wrong | width off | \
+         degrees off | widths off across | seconds |"
     );
     println!("|---|---|---|---|---|---|---|---|---|");
     let mut all = Score::default();
@@ -148,13 +153,16 @@ fn layouts() {
     println!("| all | {} |", all.row());
     let refused = |images: &dyn Fn(u64) -> RgbImage| {
         (0..PICTURES)
-            .filter(|seed| capture(&images(FIRST_SEED + seed), &Settings::default()).is_err())
+            .filter(|seed| {
+                capture(&images(FIRST_SEED + seed), &CaptureSettings::default()).is_err()
+            })
             .count()
     };
     let noise = |seed: u64| noise(&mut Random::new(seed), SIDE);
     let grain = |seed: u64| image::imageops::fast_blur(&noise(seed), 1.0 + (seed % 6) as f32);
     println!(
-        "\nRefused, of {PICTURES} each: noise {}, noise of a grain {}, fur {}, faces {}, old walls {}",
+        "\nRefused, of {PICTURES} each: noise {}, noise of a grain {}, fur {}, faces {}, old walls \
+         {}",
         refused(&noise),
         refused(&grain),
         refused(&|seed| fur(seed, SIDE)),
@@ -163,8 +171,7 @@ fn layouts() {
     );
 }
 
-/// Photos with the normal map that somebody else made of each, and how far our depth agrees with
-/// it.
+/// Photos with a normal map that somebody else made, and how far the captured depth agrees with it.
 fn photos() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/cloth-photos");
     if !folder.is_dir() {
@@ -172,7 +179,8 @@ fn photos() {
         return;
     }
     println!(
-        "\n| photo | cell, pixels | light and heights correlate | slopes and normal map correlate | seconds |\n|---|---|---|---|---|"
+        "\n| photo | cell, pixels | light and heights correlate | slopes and normal map correlate \
+         | seconds |\n|---|---|---|---|---|"
     );
     for (name, normals) in [
         ("cotton_jersey_diff_2k.jpg", "cotton_jersey_nor_gl_2k.jpg"),
@@ -181,7 +189,7 @@ fn photos() {
     ] {
         let read = |name: &str| image::open(folder.join(name)).unwrap().to_rgb8();
         let begun = Instant::now();
-        match capture(&read(name), &Settings::default()) {
+        match capture(&read(name), &CaptureSettings::default()) {
             Ok(found) => {
                 let seconds = begun.elapsed().as_secs_f64();
                 let agreement = slopes_agree(&found, &read(normals));
@@ -209,13 +217,14 @@ fn slopes_agree(found: &Captured, normals: &RgbImage) -> f64 {
             continue;
         }
         let [nx, ny, nz] = pixel.0.map(|byte| f64::from(byte) / 127.5 - 1.0);
-        let height = |x: f64, y: f64| found.height(found.count(place + DVec2::new(x, y)));
+        let height =
+            |x: f64, y: f64| found.height(found.cell_coordinates(place + DVec2::new(x, y)));
         let ours = 0.5
             * DVec2::new(
                 height(1.0, 0.0) - height(-1.0, 0.0),
                 height(0.0, 1.0) - height(0.0, -1.0),
             );
-        let bin = (found.count(place).rem_euclid(DVec2::ONE) * BINS)
+        let bin = (found.cell_coordinates(place).rem_euclid(DVec2::ONE) * BINS)
             .min(DVec2::splat(BINS - 1.0))
             .floor();
         let bin = &mut bins[(bin.y * BINS + bin.x) as usize];
@@ -241,7 +250,7 @@ fn slopes_agree(found: &Captured, normals: &RgbImage) -> f64 {
 impl Score {
     fn take(&mut self, truth: &Sample) {
         let begun = Instant::now();
-        let found = capture(&truth.image, &Settings::default());
+        let found = capture(&truth.image, &CaptureSettings::default());
         self.seconds.push(begun.elapsed().as_secs_f64());
         self.pictures += 1;
         self.stretches += truth.stretches.iter().filter(|stretch| stretch.is_long()).count();
@@ -249,7 +258,7 @@ impl Score {
         let Some(off) = lattice_error(&found, truth.lattice) else { return };
         self.lattices += 1;
         self.vectors.push(off);
-        let (segments, lattice) = (&found.layout.seen, &found.unit.lattice);
+        let (segments, lattice) = (&found.layout.visible, &found.unit.lattice);
         let stretches = truth.in_cell(&found);
         let hits = |stretch: &Stretch| {
             segments.iter().filter_map(|segment| passes(segment, stretch, lattice)).collect()
@@ -265,11 +274,11 @@ impl Score {
                 self.places.push(off);
             }
         }
-        let told: Vec<Stretch> = segments.iter().flat_map(pieces).collect();
-        self.segments += told.len();
+        let found: Vec<Stretch> = segments.iter().flat_map(pieces).collect();
+        self.segments += found.len();
         let is_true =
             |piece: &&Stretch| stretches.iter().any(|stretch| lies_on(piece, stretch, lattice));
-        self.wrong += told.len() - told.iter().filter(is_true).count();
+        self.wrong += found.len() - found.iter().filter(is_true).count();
     }
 
     fn add(&mut self, other: Self) {
@@ -311,13 +320,13 @@ fn lattice_error(found: &Captured, truth: [DVec2; 2]) -> Option<f64> {
     Some(off[0].max(off[1])).filter(|off| is_same && *off < 0.1)
 }
 
-/// A segment's axis at so many places: where it is, and its direction.
+/// Sample points of a segment's axis, with its direction at each.
 fn axis(segment: &Segment) -> impl Iterator<Item = (DVec2, f64)> {
     let along = |step: i32| (f64::from(step) / f64::from(STEPS) - 0.5) * segment.length;
     (0..=STEPS).map(move |step| segment.axis(along(step)))
 }
 
-/// A segment in pieces as straight as the truth's.
+/// A segment in pieces that are as straight as the true stretches.
 fn pieces(segment: &Segment) -> Vec<Stretch> {
     let path: Vec<DVec3> = axis(segment).map(|(place, _)| place.extend(0.0)).collect();
     let mut pieces = Vec::new();
@@ -325,13 +334,14 @@ fn pieces(segment: &Segment) -> Vec<Stretch> {
     pieces
 }
 
-/// Along and across a stretch from its middle, and how far a direction leaves it.
+/// Coordinates of a place along and across a stretch from its middle, and the angle between a
+/// direction and it.
 fn beside(place: DVec2, angle: f64, stretch: &Stretch, lattice: &Lattice) -> (DVec2, f64) {
     let off = lattice.nearest(place - stretch.centre);
     (DVec2::from_angle(-stretch.angle).rotate(off), between(angle, stretch.angle))
 }
 
-/// Whether the middle of a piece of a segment is on a stretch, and it runs along it.
+/// Whether the middle of a piece lies on a stretch, and the piece runs along it.
 fn lies_on(piece: &Stretch, stretch: &Stretch, lattice: &Lattice) -> bool {
     let (off, turn) = beside(piece.centre, piece.angle, stretch, lattice);
     off.x.abs() < 0.5 * stretch.length
@@ -339,9 +349,9 @@ fn lies_on(piece: &Stretch, stretch: &Stretch, lattice: &Lattice) -> bool {
         && turn < NEAR.to_radians()
 }
 
-/// Share by which a segment is too wide, radians and widths off across, where it passes the middle
-/// of a stretch; if it does, and runs along it. Directions are those of chords as long as the
-/// stretch.
+/// Errors of a segment where it passes the middle of a stretch and runs along it: the relative
+/// error of the width, the angle between both in radians, and the offset across the stretch in
+/// widths. `None` where it doesn't. Directions are those of chords as long as the stretch.
 fn passes(segment: &Segment, stretch: &Stretch, lattice: &Lattice) -> Option<[f64; 3]> {
     let places: Vec<(DVec2, f64)> = axis(segment).collect();
     let seen: Vec<(DVec2, f64)> =
@@ -349,9 +359,10 @@ fn passes(segment: &Segment, stretch: &Stretch, lattice: &Lattice) -> Option<[f6
     let nearest =
         (0..seen.len()).min_by(|&p, &q| seen[p].0.length().total_cmp(&seen[q].0.length()))?;
     let (off, turn) = seen[nearest];
-    // The others as they lie by that one, whichever copy of the stretch it passes.
+    // The other places relative to the nearest one: all beside the same copy of the stretch.
     let relative =
         |place: &DVec2| off + DVec2::from_angle(-stretch.angle).rotate(*place - places[nearest].0);
+    // A chord instead of a tangent: stretches are straight, and segments that fit them are bent.
     let mut chord = places
         .iter()
         .map(|(place, _)| relative(place))

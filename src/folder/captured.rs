@@ -62,7 +62,7 @@ pub fn save(captured: &Captured, folder: &OutputFolder) -> Result<(), ExportErro
     text("layout.svg", svg::text(&captured.drawing()))?;
     text("layout.toml", captured.layout_text())?;
     text("fabric.toml", captured.fabric_text())?;
-    text("report.json", captured.report())
+    text("report.json", captured.report_text())
 }
 
 /// All fibres of one cell, as thick as the paper's.

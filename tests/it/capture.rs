@@ -8,14 +8,14 @@ use glam::{DMat2, DVec2};
 use image::RgbImage;
 use warpknit::fabric::BarKind;
 use warpknit::photo::capture::{
-    CERTAIN, CaptureError, Captured, GivenLayout, Segment, Settings, capture,
+    CERTAIN, CaptureError, CaptureSettings, Captured, GivenLayout, Segment, capture,
 };
 
 use crate::aperiodic::{bricks, face, fur, noise};
 use crate::cloth::{Disturbance, Kind, Random, Sample, Stretch, between, fibrous, layout, sample};
 
 fn found(image: &RgbImage) -> Captured {
-    capture(image, &Settings::default()).unwrap()
+    capture(image, &CaptureSettings::default()).unwrap()
 }
 
 /// Whether both span the same lattice, vectors being off by no more than a share of their length.
@@ -48,7 +48,7 @@ fn errors(found: &Captured, truth: &Sample) -> Vec<[f64; 3]> {
         };
         let nearest = found
             .layout
-            .seen
+            .visible
             .iter()
             .map(of)
             .min_by(|p, q| (p.0 + p.1[1]).total_cmp(&(q.0 + q.1[1])));
@@ -76,7 +76,7 @@ fn weaves_are_found_again() {
         );
         let errors = errors(&found, &truth);
         assert!(
-            errors.len() >= 2 && found.layout.seen.len() >= 2,
+            errors.len() >= 2 && found.layout.visible.len() >= 2,
             "{kind:?} {seed}: {:?}",
             truth.stretches
         );
@@ -113,8 +113,8 @@ fn yarns_of_a_loose_twill_are_its_floats_and_what_gaps_show_of_them() {
     let found = found(&truth.image);
     let stretches = truth.in_cell(&found);
     let is_float = |segment: &&Segment| segment.length > segment.width;
-    assert_eq!(found.layout.seen.iter().filter(is_float).count(), 2, "{:?}", found.layout);
-    for segment in &found.layout.seen {
+    assert_eq!(found.layout.visible.iter().filter(is_float).count(), 2, "{:?}", found.layout);
+    for segment in &found.layout.visible {
         let lies_on = |stretch: &Stretch| {
             let off = found.unit.lattice.nearest(segment.centre - stretch.centre);
             let off = DVec2::from_angle(-stretch.angle).rotate(off).abs();
@@ -144,7 +144,7 @@ fn a_jersey_has_its_cell_and_a_leg_on_either_side() {
     };
     let leans: Vec<f64> = found
         .layout
-        .seen
+        .visible
         .iter()
         .filter(|segment| segment.length > 1.5 * segment.width)
         .map(lean)
@@ -166,11 +166,11 @@ fn fibres_tell_their_twist_and_say_so_where_they_are_too_narrow() {
         let (truth, degrees) = fibrous(seed, (100.0 * fibre) as u32, fibre, disturbance);
         let found = capture(
             &truth.image,
-            &Settings { layout: Some(layout(&truth)), ..Settings::default() },
+            &CaptureSettings { layout: Some(layout(&truth)), ..CaptureSettings::default() },
         )
         .unwrap();
         assert!(
-            found.twists.len() == found.layout.seen.len() && found.twists.len() >= 2,
+            found.twists.len() == found.layout.visible.len() && found.twists.len() >= 2,
             "{seed}: {:?}",
             found.layout
         );
@@ -196,7 +196,7 @@ fn what_does_not_repeat_is_refused() {
         ("another", bricks(27, 480)),
     ];
     for (what, image) in pictures {
-        match capture(&image, &Settings::default()) {
+        match capture(&image, &CaptureSettings::default()) {
             Err(CaptureError::NoRepeat { confidence, least }) => {
                 assert!(confidence < least && least == CERTAIN, "{what}");
             }
@@ -204,7 +204,7 @@ fn what_does_not_repeat_is_refused() {
         }
     }
     let grey = RgbImage::from_pixel(200, 200, image::Rgb([90, 100, 110]));
-    assert_eq!(capture(&grey, &Settings::default()).unwrap_err(), CaptureError::Blank);
+    assert_eq!(capture(&grey, &CaptureSettings::default()).unwrap_err(), CaptureError::Blank);
 }
 
 fn run(folder: &Path, arguments: &[&str]) -> Output {
@@ -488,7 +488,7 @@ fn the_drawing_numbers_segments_as_the_layout_does_and_the_texture_tiles() {
 #[test]
 fn a_captured_weave_goes_over_and_under_and_drapes() {
     let truth = sample(Kind::Colored, 104, 320, Disturbance::default());
-    let settings = Settings { pixels_per_mm: Some(20.0), ..Settings::default() };
+    let settings = CaptureSettings { pixels_per_mm: Some(20.0), ..CaptureSettings::default() };
     let Captured { fabric, shapes, layout, .. } = capture(&truth.image, &settings).unwrap();
     // A cell of two warps and two wefts, each over one and under one, and as far apart as in the
     // picture.
@@ -512,7 +512,7 @@ fn a_captured_weave_goes_over_and_under_and_drapes() {
     let color = |kind: BarKind| fabric.bars.iter().find(|bar| bar.kind == kind).unwrap().yarn.color;
     assert_ne!(color(BarKind::LaidAlong), color(BarKind::LaidAcross));
     assert!(fabric.bars.iter().all(|bar| bar.yarn.color == color(bar.kind)));
-    for (shape, segment) in shapes.iter().zip(&layout.seen) {
+    for (shape, segment) in shapes.iter().zip(&layout.visible) {
         assert!(
             (shape.width - segment.width / 20.0).abs() < 1e-9
                 && shape.semi_axis <= shape.width / 2.0

@@ -66,7 +66,7 @@ impl Sample {
     /// Its stretches as `found` has its segments: from a cell's corner, where nothing moves the
     /// cloth.
     pub(crate) fn in_cell(&self, found: &Captured) -> Vec<Stretch> {
-        let place = |pixel: DVec2| found.unit.lattice.matrix() * found.count(pixel);
+        let place = |pixel: DVec2| found.unit.lattice.matrix() * found.cell_coordinates(pixel);
         self.stretches
             .iter()
             .map(|stretch| Stretch { centre: place(stretch.centre), ..*stretch })

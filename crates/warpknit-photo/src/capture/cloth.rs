@@ -1,87 +1,81 @@
-//! From what a photo says to a fabric that can be draped.
+//! From a captured layout to a fabric that can be draped.
 //!
-//! In: a layout with its shapes and colours. Out: a laid [`Fabric`]: the strands of a rectangular
-//! cell, in mm. Its yarns are as thick as they are wide in the photo; their count follows from
-//! that, and from the density and the packing of spun cotton.
+//! In: a layout with its shapes, twists and colours. Out: a laid [`Fabric`]: the strands of a
+//! rectangular cell, in mm. Yarns are round and as wide as in the photo. Their count follows from
+//! the width and from the density and the packing of spun cotton.
+//!
+//! Not promised: the weight. A photo doesn't show what a yarn is made of.
 
 use std::f64::consts::PI;
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
-use super::color::Colors;
+use super::color::SegmentColors;
 use super::fibres::Twist;
 use super::lattice::Lattice;
 use super::layout::Layout;
-use super::shape::Shape;
-use super::strands::{Piece, Strand, strands};
+use super::shape::CylinderShape;
+use super::strands::{LaidStrand, PlacedSegment, strands};
 use super::upright::Upright;
 use crate::plane::double;
 use warpknit_core::fabric::yarn::{Color, Count, MOST_TWIST, Yarn};
 use warpknit_core::fabric::{Bar, BarKind, Dimensions, Fabric};
 
-/// What the fabric is called until a person gives it a name.
+/// Name of the fabric until a person gives it one.
 const NAME: &str = "captured";
-/// Density of the fibre, g/cm³, and the share of a yarn's section that it fills (the paper's .6).
-const COTTON: (f64, f64) = (1.5, 0.6);
-/// How much of the light its yarns' fibres mirror: what dull cotton does; a person who knows better
+/// Density of cotton fibre, g/cm³.
+const COTTON_DENSITY: f64 = 1.5;
+/// Share of a yarn's section that fibres fill, as in Wu et al. 2017.
+const PACKING: f64 = 0.6;
+/// Share of the light that the yarns' fibres mirror: that of dull cotton. A person who knows better
 /// changes it.
 const SHEEN: f64 = 0.2;
 
-/// What is known of the segments that are seen, one after another.
-pub(super) struct Yarns<'a> {
-    pub(super) shapes: &'a [Shape],
+/// What is known about the visible segments, in the layout's order.
+pub(super) struct SegmentYarns<'a> {
+    pub(super) shapes: &'a [CylinderShape],
     pub(super) twists: &'a [Twist],
-    pub(super) colors: &'a Colors,
+    pub(super) colors: &'a SegmentColors,
 }
 
-/// The fabric of a layout in pixels, so many mm each.
-pub(super) fn fabric(lattice: &Lattice, layout: &Layout, yarns: &Yarns, pixel: f64) -> Fabric {
-    let Yarns { shapes, twists, colors } = *yarns;
-    let upright = Upright::of(lattice, &layout.seen);
+/// The fabric of a layout; `pixel` is the size of its pixels in mm.
+pub(super) fn fabric(
+    lattice: &Lattice,
+    layout: &Layout,
+    yarns: &SegmentYarns,
+    pixel: f64,
+) -> Fabric {
+    let upright = Upright::new(lattice, &layout.visible);
     let cell = upright.size() * pixel;
-    let piece = &|corner: DVec2, segment: usize| {
-        let own = &layout.seen[segment];
-        let along = [-0.5, -0.25, 0.0, 0.25, 0.5].map(|share| share * own.length);
-        let axis = along.map(|along| upright.count(own.axis(along).0 + corner) * cell);
-        let fallen = along.map(|along| own.fallen(along));
-        Piece { segment, number: layout.numbers[segment], axis, fallen, shape: shapes[segment] }
-    };
-    let corners = upright.copies.iter();
-    let pieces: Vec<Piece> = corners
-        .flat_map(|&corner| (0..layout.seen.len()).map(move |segment| piece(corner, segment)))
+    let placed: Vec<PlacedSegment> = upright
+        .copies
+        .iter()
+        .flat_map(|&corner| (0..layout.visible.len()).map(move |segment| (corner, segment)))
+        .map(|(corner, segment)| {
+            let own = &layout.visible[segment];
+            let along = [-0.5, -0.25, 0.0, 0.25, 0.5].map(|share| share * own.length);
+            PlacedSegment {
+                segment,
+                source: layout.sources[segment],
+                axis: along.map(|along| upright.count(own.axis(along).0 + corner) * cell),
+                descent: along.map(|along| own.descent(along)),
+                shape: yarns.shapes[segment],
+            }
+        })
         .collect();
-    let strands = strands(&pieces, cell);
-    let bar = |strand: &Strand| {
-        // All strands of a colour that run one way are of one yarn.
-        let alike = strands.iter().filter(|other| {
-            other.across == strand.across && group(other, colors) == group(strand, colors)
-        });
-        let width =
-            alike.clone().map(|other| other.width).sum::<f64>() / double(alike.clone().count());
-        let twist =
-            mean_twist(alike.flat_map(|strand| &strand.segments).map(|&segment| &twists[segment]));
-        let kind = if strand.across { BarKind::LaidAcross } else { BarKind::LaidAlong };
-        Bar::laid(
-            kind,
-            yarn(
-                width,
-                twist,
-                Color::from_linear(colors.linear[group(strand, colors)].as_vec3().into()),
-            ),
-        )
-    };
-    // Numbers that a person can read: a hundred-thousandth of a cell or a mm is far under what a
-    // photo tells.
-    let round = |number: f64| (1e5 * number).round() / 1e5;
-    let rounded = |point: DVec3| DVec3::from(point.to_array().map(round));
+    let strands = strands(&placed, cell);
     Fabric {
-        wales_per_cm: round(10.0 / cell.x),
-        courses_per_cm: round(10.0 / cell.y),
-        bars: strands.iter().map(bar).collect(),
+        wales_per_cm: rounded(10.0 / cell.x),
+        courses_per_cm: rounded(10.0 / cell.y),
+        bars: strands.iter().map(|strand| bar(strand, &strands, yarns)).collect(),
         paths: strands
             .iter()
             .map(|strand| {
-                strand.path.iter().map(|&point| rounded(point / cell.extend(1.0))).collect()
+                strand
+                    .path
+                    .iter()
+                    .map(|&point| DVec3::from((point / cell.extend(1.0)).to_array().map(rounded)))
+                    .collect()
             })
             .collect(),
         name: NAME.to_owned(),
@@ -94,36 +88,60 @@ pub(super) fn fabric(lattice: &Lattice, layout: &Layout, yarns: &Yarns, pixel: f
     }
 }
 
-/// The colour of most of a strand's segments.
-fn group(strand: &Strand, colors: &Colors) -> usize {
-    let count = |group: usize| {
-        strand.segments.iter().filter(|&&segment| colors.groups[segment] == group).count()
-    };
+/// A number that a person can read: a hundred-thousandth of a cell or a mm is far below what a
+/// photo shows.
+fn rounded(number: f64) -> f64 {
+    (1e5 * number).round() / 1e5
+}
+
+/// The bar that lays a strand. Strands of one colour that run the same way are of one yarn, and get
+/// its mean width and twist.
+fn bar(strand: &LaidStrand, strands: &[LaidStrand], yarns: &SegmentYarns) -> Bar {
+    let colors = yarns.colors;
+    let own_color = majority_color(strand, colors);
+    let alike = strands.iter().filter(|other| {
+        other.across == strand.across && majority_color(other, colors) == own_color
+    });
+    let width = alike.clone().map(|other| other.width).sum::<f64>() / double(alike.clone().count());
+    let twist = mean_twist(
+        alike.flat_map(|strand| &strand.segments).map(|&segment| &yarns.twists[segment]),
+    );
+    let kind = if strand.across { BarKind::LaidAcross } else { BarKind::LaidAlong };
+    let color = Color::from_linear(colors.linear[own_color].as_vec3().into());
+    Bar::laid(kind, yarn(width, twist, color))
+}
+
+/// The colour group of most of a strand's segments; of equally frequent ones the first.
+fn majority_color(strand: &LaidStrand, colors: &SegmentColors) -> usize {
     (0..colors.linear.len())
-        .max_by_key(|&group| (count(group), colors.linear.len() - group))
+        .max_by_key(|&group| {
+            let members =
+                strand.segments.iter().filter(|&&segment| colors.groups[segment] == group);
+            (members.count(), colors.linear.len() - group)
+        })
         .unwrap_or(0)
 }
 
-/// The mean of what was measured, or of the guesses where nothing was, radians.
+/// The mean of the measured twists, or of the guesses where none was measured, radians.
 fn mean_twist<'a>(twists: impl Iterator<Item = &'a Twist> + Clone) -> f64 {
-    let any_told = twists.clone().any(|twist| !twist.is_guess);
-    let counted = twists.filter(|twist| twist.is_guess != any_told);
+    let any_measured = twists.clone().any(|twist| !twist.is_guess);
+    let counted = twists.filter(|twist| twist.is_guess != any_measured);
     counted.clone().map(|twist| twist.degrees.to_radians()).sum::<f64>()
         / double(counted.count()).max(1.0)
 }
 
-/// A yarn so many mm wide whose fibres run at an angle to it: the inverse of [`Yarn::diameter`] and
-/// of [`Yarn::twist_slope`].
+/// A yarn of a width in mm whose outermost fibres run at an angle to it: the inverse of
+/// [`Yarn::diameter`] and of [`Yarn::twist_slope`].
 fn yarn(width: f64, twist: f64, color: Color) -> Yarn {
-    let (density, packing) = COTTON;
     let turns_per_m = 1000.0 * twist.tan() / (PI * width);
-    let of = |tex: f64| Yarn {
+    let with_tex = |tex: f64| Yarn {
         plies: Some(1),
         twist: Some(turns_per_m.clamp(-MOST_TWIST, MOST_TWIST).round()),
         sheen: Some(SHEEN),
-        ..Yarn::plain(Count::from_tex(tex), density, packing, color)
+        ..Yarn::plain(Count::from_tex(tex), COTTON_DENSITY, PACKING, color)
     };
-    of((width / of(1.0).diameter()).powi(2))
+    // The diameter grows with the square root of the count.
+    with_tex((width / with_tex(1.0).diameter()).powi(2))
 }
 
 #[cfg(test)]
@@ -131,7 +149,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_yarn_is_as_wide_and_as_twisted_as_was_seen() {
+    fn a_yarn_is_as_wide_and_as_twisted_as_in_the_photo() {
         let yarn = yarn(0.25, -0.3, Color([200, 100, 50]));
         assert!(
             (yarn.diameter() - 0.25).abs() < 1e-4
@@ -141,9 +159,9 @@ mod tests {
     }
 
     #[test]
-    fn what_is_told_goes_before_what_is_guessed() {
-        let told = |degrees: f64, is_guess: bool| Twist { degrees, is_guess, ..Twist::guess(1.0) };
-        let all = [told(10.0, false), told(90.0, true), told(20.0, false)];
+    fn measured_twists_go_before_guesses() {
+        let twist = |degrees: f64, is_guess: bool| Twist { degrees, is_guess, ..Twist::guess(1.0) };
+        let all = [twist(10.0, false), twist(90.0, true), twist(20.0, false)];
         assert!((mean_twist(all.iter()) - 15_f64.to_radians()).abs() < 1e-12);
         assert!((mean_twist(all[1..2].iter()) - 90_f64.to_radians()).abs() < 1e-12);
     }

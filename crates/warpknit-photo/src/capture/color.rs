@@ -1,15 +1,17 @@
-//! Steps 3 and 4, colours: yarns of several colours on one scale of light, and which yarns are of
-//! one.
+//! Steps 3 and 4, colours: yarns of several colours on one scale of light, and the colour of each
+//! yarn.
 //!
-//! In: the mean cell in each of red, green and blue (linear light). Out: [`levelled`], a cell whose
-//! light is that of yarns of one colour: where places fall into two clusters by their chroma (of
-//! CIE Lab, over the lightness, which shade changes), each is as light as the lighter one. And for
-//! the segments that are seen [`Colors`]: a colour a segment, the mean of its group. Segments whose
-//! colours differ by less than [`SAME`] are of one yarn (single linkage). A photo's light is taken
-//! for even and white.
+//! In: the mean cell in each of red, green and blue (linear light). Out: [`level_colors`], a cell
+//! whose lightness is that of yarns of one colour, and [`SegmentColors`], a colour for each visible
+//! segment.
 //!
-//! Not promised: yarns that differ in lightness alone, as black and white do: in a photo a dark
-//! yarn is a deep one.
+//! Method: k-means with two clusters (Lloyd's algorithm) on the chroma of CIE L*a*b*, divided by
+//! the lightness, which shading changes. If the clusters are distinct, both are scaled to the
+//! lightness of the lighter one. Segments whose colours differ by less than [`SAME_COLOR`] are of
+//! one yarn (single-linkage clustering); its colour is their mean.
+//!
+//! Not promised: yarns that differ in lightness alone, such as black and white: in a photo a dark
+//! yarn is a deep one. Nor the colour of the light: it is taken for even and white.
 
 use glam::{DVec2, DVec3};
 
@@ -17,30 +19,35 @@ use super::cell::Cell;
 use super::segment::Segment;
 use crate::plane::{Plane, double, percentile};
 
-/// Chroma over lightness of two clusters differ by so much at least, and by so many of their own
-/// spreads; each has this share of the cell.
-const DIFFERENT: f64 = 0.25;
-const SPREADS: f64 = 3.0;
-const LEAST_SHARE: f64 = 0.12;
-/// Darker places have no chroma to be told by.
+/// Least distance of the two clusters, as chroma over lightness. Much smaller, noise would split a
+/// single colour; much larger, pale colours would not be told apart.
+const MIN_DISTANCE: f64 = 0.25;
+/// The same in standard deviations of the clusters.
+const MIN_DEVIATIONS: f64 = 3.0;
+/// Least share of the cell of each cluster. Smaller ones are specks or single fibres.
+const MIN_SHARE: f64 = 0.12;
+/// Lightness L* below which the chroma is mostly noise.
 const DARK: f64 = 18.0;
-/// Rounds in which clusters find their centres.
-const ROUNDS: usize = 12;
-/// Darker yarns are made lighter by this factor at most.
-const MOST_GAIN: f32 = 6.0;
-/// Shares of the places below the ground, and below a cluster's tops.
+/// Iterations of Lloyd's algorithm: with two clusters it converges in fewer.
+const ITERATIONS: usize = 12;
+/// The largest gain of the darker cluster. A black yarn would otherwise become noise.
+const MAX_GAIN: f32 = 6.0;
+/// Quantiles of the lightness that are taken for the ground and for the top of a cluster's yarns.
 const GROUND: f32 = 0.04;
 const TOPS: f32 = 0.9;
-/// Colours of yarns that differ by less, in CIE Lab, are one: shading alone makes up half of it.
-const SAME: f64 = 14.0;
-/// Part of a segment's width and length whose mean is its colour: edges lie in the shade.
-const INNER: [f64; 2] = [0.5, 0.8];
-/// Places each way at which a segment's colour is asked.
-const ASKED: usize = 16;
+/// Distance in CIE L*a*b* below which two colours are of one yarn. Shading alone makes up half of
+/// it. A larger one would merge shades of one hue.
+const SAME_COLOR: f64 = 14.0;
+/// The inner part of a segment's width and of its length whose mean is its colour. Edges and ends
+/// lie in the shade.
+const INNER_WIDTH: f64 = 0.5;
+const INNER_LENGTH: f64 = 0.8;
+/// Samples each way of that inner part.
+const SAMPLES: usize = 16;
 
-/// A cell of light with yarns of both colours equally light, if there are two; `cells` are its
-/// colours.
-pub(super) fn levelled(cell: Cell, cells: &[Cell; 3]) -> Cell {
+/// A cell of light with the yarns of both colours equally light, if there are two colours. `cells`
+/// are its channels.
+pub(super) fn level_colors(cell: Cell, cells: &[Cell; 3]) -> Cell {
     let Some(clusters) = clusters(cells) else { return cell };
     let values = &cell.plane.values;
     let ground = percentile(&mut values.clone(), GROUND);
@@ -53,87 +60,92 @@ pub(super) fn levelled(cell: Cell, cells: &[Cell; 3]) -> Cell {
         percentile(&mut own.collect::<Vec<_>>(), TOPS) - ground
     });
     let top = tops[0].max(tops[1]);
-    let gains = tops.map(|own| top / own.max(top / MOST_GAIN).max(f32::MIN_POSITIVE));
-    let level = |(value, cluster): (&f32, &Option<usize>)| {
-        cluster.map_or(*value, |own| ground + (value - ground) * gains[own])
-    };
-    let values = values.iter().zip(&clusters).map(level).collect();
+    let gains = tops.map(|own| top / own.max(top / MAX_GAIN).max(f32::MIN_POSITIVE));
+    // Dark points without a cluster are ground, which both colours share.
+    let values = values
+        .iter()
+        .zip(&clusters)
+        .map(|(value, cluster)| {
+            cluster.map_or(*value, |own| ground + (value - ground) * gains[own])
+        })
+        .collect();
     Cell { plane: Plane { values, ..cell.plane }, ..cell }
 }
 
-/// The cluster of each place, none for dark ones; nothing where all are of one colour.
+/// The cluster of each point, `None` for dark ones; nothing where all are of one colour.
 fn clusters(cells: &[Cell; 3]) -> Option<Vec<Option<usize>>> {
-    let [red, green, blue] = cells.each_ref().map(|cell| &cell.plane.values);
-    let places = red.iter().zip(green).zip(blue).map(|((red, green), blue)| {
-        let lab = lab(DVec3::new((*red).into(), (*green).into(), (*blue).into()).max(DVec3::ZERO));
-        (lab.x > DARK).then(|| DVec2::new(lab.y, lab.z) / lab.x)
-    });
-    let places: Vec<Option<DVec2>> = places.collect();
-    let told = || places.iter().flatten();
-    let mean = told().sum::<DVec2>() / double(told().count().max(1));
-    // From the place that is farthest from the mean, and from that which is farthest from it.
-    let farthest =
-        |from: DVec2| told().copied().max_by(|p, q| p.distance(from).total_cmp(&q.distance(from)));
-    let first = farthest(mean)?;
-    let mut centres = [first, farthest(first)?];
-    let nearest = |place: DVec2, [p, q]: [DVec2; 2]| {
-        usize::from(place.distance_squared(q) < place.distance_squared(p))
-    };
+    let chromas = relative_chromas(cells);
+    let known = || chromas.iter().flatten().copied();
+    let count = known().count();
+    let mean = known().sum::<DVec2>() / double(count.max(1));
+    // Farthest-point start: the point that is farthest from the mean, and the point that is
+    // farthest from that one. Unlike random starts it gives the same result each time.
+    let first = farthest(known(), mean)?;
+    let mut centres = [first, farthest(known(), first)?];
     let mut counts = [0; 2];
-    for _ in 0..ROUNDS {
+    for _ in 0..ITERATIONS {
         let mut sums = [DVec2::ZERO; 2];
         counts = [0; 2];
-        for &place in told() {
-            let cluster = nearest(place, centres);
-            sums[cluster] += place;
+        for chroma in known() {
+            let cluster = nearest(chroma, centres);
+            sums[cluster] += chroma;
             counts[cluster] += 1;
         }
         centres = [0, 1].map(|cluster| sums[cluster] / double(counts[cluster].max(1)));
     }
-    let spread =
-        told().map(|place| place.distance_squared(centres[nearest(*place, centres)])).sum::<f64>()
-            / double(told().count());
-    let apart = centres[0].distance(centres[1]);
-    let least = LEAST_SHARE * double(places.len());
-    (apart > DIFFERENT
-        && apart > SPREADS * spread.sqrt()
+    let variance = known()
+        .map(|chroma| chroma.distance_squared(centres[nearest(chroma, centres)]))
+        .sum::<f64>()
+        / double(count);
+    // k-means always gives two clusters. These tests tell two colours from one.
+    let distance = centres[0].distance(centres[1]);
+    let least = MIN_SHARE * double(chromas.len());
+    (distance > MIN_DISTANCE
+        && distance > MIN_DEVIATIONS * variance.sqrt()
         && counts.iter().all(|&count| double(count) > least))
-    .then(|| places.iter().map(|place| place.map(|place| nearest(place, centres))).collect())
+    .then(|| chromas.iter().map(|chroma| chroma.map(|chroma| nearest(chroma, centres))).collect())
 }
 
-/// What colours the segments of a cell have.
+/// Chroma over lightness of each point of the cells; `None` where it is dark.
+fn relative_chromas(cells: &[Cell; 3]) -> Vec<Option<DVec2>> {
+    let [red, green, blue] = cells.each_ref().map(|cell| &cell.plane.values);
+    red.iter()
+        .zip(green)
+        .zip(blue)
+        .map(|((red, green), blue)| {
+            let linear = DVec3::new((*red).into(), (*green).into(), (*blue).into());
+            let lab = lab(linear.max(DVec3::ZERO));
+            (lab.x > DARK).then(|| DVec2::new(lab.y, lab.z) / lab.x)
+        })
+        .collect()
+}
+
+/// The point that is farthest from another one.
+fn farthest(points: impl Iterator<Item = DVec2>, from: DVec2) -> Option<DVec2> {
+    points.max_by(|p, q| p.distance(from).total_cmp(&q.distance(from)))
+}
+
+/// The index of the nearer one of two centres.
+fn nearest(point: DVec2, [p, q]: [DVec2; 2]) -> usize {
+    usize::from(point.distance_squared(q) < point.distance_squared(p))
+}
+
+/// The colours of a cell's segments.
 #[derive(Clone, Debug)]
-pub(super) struct Colors {
+pub(super) struct SegmentColors {
     /// The group of each segment, from 0.
     pub(super) groups: Vec<usize>,
     /// The colour of each group, linear red, green and blue, 0..1.
     pub(super) linear: Vec<DVec3>,
 }
 
-impl Colors {
-    /// The colours of segments, in pixels of the cells.
-    pub(super) fn of(cells: &[Cell; 3], segments: &[Segment]) -> Self {
-        let own: Vec<DVec3> = segments.iter().map(|segment| mean(cells, segment)).collect();
-        let labs: Vec<DVec3> = own.iter().map(|linear| lab(*linear)).collect();
-        let mut groups: Vec<usize> = (0..segments.len()).collect();
-        for first in 0..segments.len() {
-            for second in first + 1..segments.len() {
-                if labs[first].distance(labs[second]) < SAME {
-                    let (keep, merge) =
-                        (groups[first].min(groups[second]), groups[first].max(groups[second]));
-                    groups
-                        .iter_mut()
-                        .filter(|group| **group == merge)
-                        .for_each(|group| *group = keep);
-                }
-            }
-        }
-        let mut known: Vec<usize> = groups.clone();
-        known.sort_unstable();
-        known.dedup();
-        let number = |group: &usize| known.binary_search(group).expect("each group is known");
-        let groups: Vec<usize> = groups.iter().map(number).collect();
-        let linear = (0..known.len()).map(|group| {
+impl SegmentColors {
+    /// The colours of segments, which are in pixels of the cells.
+    pub(super) fn new(cells: &[Cell; 3], segments: &[Segment]) -> Self {
+        let own: Vec<DVec3> = segments.iter().map(|segment| mean_color(cells, segment)).collect();
+        let groups = linked_groups(&own);
+        let count = groups.iter().max().map_or(0, |last| last + 1);
+        let linear = (0..count).map(|group| {
             let members = own
                 .iter()
                 .zip(&groups)
@@ -145,24 +157,43 @@ impl Colors {
     }
 }
 
-/// The mean colour of a segment's middle.
-fn mean(cells: &[Cell; 3], segment: &Segment) -> DVec3 {
-    let inverse = cells[0].lattice.matrix().inverse();
-    let share = |step: usize| (double(step) + 0.5) / double(ASKED) - 0.5;
-    let mut sum = DVec3::ZERO;
-    for at in 0..ASKED * ASKED {
-        let (along, across) = (
-            share(at % ASKED) * INNER[1] * segment.length,
-            share(at / ASKED) * INNER[0] * segment.width,
-        );
-        let count = inverse * segment.beside(along, across);
-        sum += DVec3::from(cells.each_ref().map(|cell| f64::from(cell.at(count))));
+/// Single-linkage clustering of colours: the group of each, numbered from 0 in order of appearance.
+fn linked_groups(colors: &[DVec3]) -> Vec<usize> {
+    let labs: Vec<DVec3> = colors.iter().map(|linear| lab(*linear)).collect();
+    let mut groups: Vec<usize> = (0..colors.len()).collect();
+    for first in 0..colors.len() {
+        for second in first + 1..colors.len() {
+            if labs[first].distance(labs[second]) < SAME_COLOR {
+                let (keep, merge) =
+                    (groups[first].min(groups[second]), groups[first].max(groups[second]));
+                groups.iter_mut().filter(|group| **group == merge).for_each(|group| *group = keep);
+            }
+        }
     }
-    (sum / double(ASKED * ASKED)).max(DVec3::ZERO)
+    // Merged groups leave gaps in the numbers.
+    let mut known: Vec<usize> = groups.clone();
+    known.sort_unstable();
+    known.dedup();
+    groups.iter().map(|group| known.binary_search(group).expect("each group is known")).collect()
 }
 
-/// CIE Lab under D65 of linear sRGB.
+/// The mean colour of a segment's inner part.
+fn mean_color(cells: &[Cell; 3], segment: &Segment) -> DVec3 {
+    let inverse = cells[0].lattice.matrix().inverse();
+    let share = |step: usize| (double(step) + 0.5) / double(SAMPLES) - 0.5;
+    let mut sum = DVec3::ZERO;
+    for at in 0..SAMPLES * SAMPLES {
+        let along = share(at % SAMPLES) * INNER_LENGTH * segment.length;
+        let across = share(at / SAMPLES) * INNER_WIDTH * segment.width;
+        let coordinates = inverse * segment.offset_point(along, across);
+        sum += DVec3::from(cells.each_ref().map(|cell| f64::from(cell.at(coordinates))));
+    }
+    (sum / double(SAMPLES * SAMPLES)).max(DVec3::ZERO)
+}
+
+/// CIE L*a*b* under D65 of linear sRGB.
 fn lab(linear: DVec3) -> DVec3 {
+    // The rows of the sRGB to XYZ matrix (IEC 61966-2-1) over the white point.
     let rows = [
         DVec3::new(0.412_456, 0.357_576, 0.180_437) / 0.950_47,
         DVec3::new(0.212_673, 0.715_152, 0.072_175),
@@ -170,6 +201,7 @@ fn lab(linear: DVec3) -> DVec3 {
     ];
     let [x, y, z] = rows.map(|row| {
         let t = row.dot(linear);
+        // Linear near black, where the cube root is infinitely steep.
         if t > 0.008_856 { t.cbrt() } else { 7.787 * t + 16.0 / 116.0 }
     });
     DVec3::new(116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z))
@@ -202,7 +234,7 @@ mod tests {
             DVec3::new(0.1, 0.1, 0.2),
             DVec3::new(0.5, 0.1, 0.1),
         ]);
-        let level = levelled(light.clone(), &cells);
+        let level = level_colors(light.clone(), &cells);
         let top = |stripe: usize, cell: &Cell| cell.plane.at(20 * stripe + 9, 5);
         assert!(
             top(1, &light) < 0.7 * top(0, &light)
@@ -214,7 +246,7 @@ mod tests {
             DVec3::new(0.3, 0.18, 0.12),
             DVec3::new(0.45, 0.27, 0.18),
         ]);
-        assert_eq!(levelled(light.clone(), &cells).plane, light.plane);
+        assert_eq!(level_colors(light.clone(), &cells).plane, light.plane);
     }
 
     #[test]
@@ -238,8 +270,10 @@ mod tests {
             lattice,
             plane: Plane::from_fn(60, 40, |x, _| narrow(stripes[x / 20][channel])),
         };
-        let colors =
-            Colors::of(&[cell(0), cell(1), cell(2)], &[segment(5.0), segment(15.0), segment(25.0)]);
+        let colors = SegmentColors::new(
+            &[cell(0), cell(1), cell(2)],
+            &[segment(5.0), segment(15.0), segment(25.0)],
+        );
         assert_eq!(colors.groups, [0, 1, 1]);
         assert!(
             colors.linear[0].distance(stripes[0]) < 0.01 && colors.linear[1].z > 0.46,

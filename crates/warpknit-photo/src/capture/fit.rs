@@ -1,140 +1,208 @@
-//! Step 3, refinement: all segments together, by Levenberg-Marquardt on the cell.
+//! Step 3, refinement: all segments of a layout at once, by least squares on the mean cell.
 //!
-//! In: a [`Target`] and segments near what it shows. Out: a [`Fit`]. Derivatives are differences,
-//! each drawing one segment over what the others make. Cost: a drawing of one segment for each of
-//! its eleven numbers and side, a round; some milliseconds at 26 x 26 places.
+//! In: a [`FitTarget`] and segments near those that it shows. Out: a [`LayoutFit`].
+//!
+//! Method: the Levenberg-Marquardt algorithm (Levenberg 1944, *A method for the solution of certain
+//! non-linear problems in least squares*; Marquardt 1963, *An algorithm for least-squares
+//! estimation of nonlinear parameters*). Derivatives are central differences. Constraints are a
+//! projection of the parameters onto the bounds of what a yarn can be.
+//!
+//! Cost: two renderings of one segment for each of its eleven parameters, an iteration; some
+//! milliseconds at 26 x 26 points. Not promised: the global minimum. The result depends on the
+//! start, so that many starts compete.
 
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{DMatrix, DVector, Dyn, Owned};
 use rayon::prelude::*;
 
-use super::segment::{Segment, drawn, heights, over};
-use super::target::Target;
+use super::segment::{Segment, heights, max_into, rendered};
+use super::target::FitTarget;
 
 /// The longest segment, in lengths of the cell's longer vector.
-const LONGEST: f64 = 3.0;
+const MAX_LENGTH: f64 = 3.0;
 
-/// How far one fit turns a segment, radians. Yarns of a weave run as their crossings do, and one
-/// that is as wide as long shows no direction of its own: there it is so much less for each width
-/// by which a segment is longer than wide, and no more than that for longer ones.
-const TURNS: f64 = 0.2;
-const WOVEN_TURNS: f64 = 0.08;
+/// How far one fit may turn a segment, radians. At 0 no leg of a loop would find its slant; from
+/// about half a radian on a segment may turn onto its neighbour.
+const MAX_TURN: f64 = 0.2;
+/// The same for a weave, whose yarns run as their crossings do. A segment that is as wide as long
+/// shows no direction of its own: the bound grows from 0 there to this value at twice the width.
+const MAX_WOVEN_TURN: f64 = 0.08;
 
-/// How far aside a segment bends, of what it is longer than so many widths: one that is as wide as
-/// long has no bend of its own either.
-const BENDS: f64 = 0.15;
-const STUBBY: f64 = 1.5;
-/// How much darker its edges are at most, of how much lighter than the ground its middle is: darker
-/// ones would make it seem narrower than it is said to be.
-const ROUNDEST: f64 = 0.6;
+/// Largest bow and sway, as a share of the length beyond [`STRAIGHT_ASPECT`] widths.
+const MAX_BEND: f64 = 0.15;
+/// Segments up to so many widths long stay straight. A segment that is as wide as long shows no
+/// bend, and its bow would follow noise.
+const STRAIGHT_ASPECT: f64 = 1.5;
+/// The largest `round`, as a share of `top`. With darker edges a segment looks narrower than its
+/// width says, and the width drifts up.
+const MAX_ROUND: f64 = 0.6;
 
-/// What a layout is sought as.
+/// Relative change of the error and of the parameters at which the iteration has converged. Layouts
+/// are compared by differences of a percent; a smaller tolerance only adds iterations.
+const TOLERANCE: f64 = 1e-4;
+/// Steps of the central differences: of parameters in pixels as a share of the width, and of angles
+/// and lightness, which are about 1. Much smaller steps would fall below the blur of edges in the
+/// model, larger ones would reach over the narrowest yarns.
+const PIXEL_STEP: f64 = 0.03;
+const UNIT_STEP: f64 = 0.01;
+
+/// The kind of cloth that a layout was sought as.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Hypothesis {
     /// A matrix of warp and weft.
     Woven,
-    /// Whatever covers the cell best, such as legs of loops.
+    /// The segments that cover the cell best, such as legs of loops.
     Cover,
-    /// A person's.
+    /// A layout that a person gave.
     Given,
 }
 
-/// Segments on a ground of some lightness, what they were sought as, and the share of the cell's
-/// variance that they leave.
+/// Segments on a ground of some lightness, the hypothesis behind them, and the share of the cell's
+/// variance that they leave unexplained.
 #[derive(Clone, Debug)]
-pub(super) struct Fit {
+pub(super) struct LayoutFit {
     pub(super) segments: Vec<Segment>,
     pub(super) hypothesis: Hypothesis,
     pub(super) ground: f64,
     pub(super) error: f64,
 }
 
-impl Fit {
-    /// The fit of other segments of the same hypothesis.
-    pub(super) fn with(&self, target: &Target, segments: &[Segment], rounds: usize) -> Self {
-        refine(target, self.hypothesis, segments, self.ground, rounds)
+impl LayoutFit {
+    /// The fit of other segments under the same hypothesis.
+    pub(super) fn refit(
+        &self,
+        target: &FitTarget,
+        segments: &[Segment],
+        iterations: usize,
+    ) -> Self {
+        refine(target, self.hypothesis, segments, self.ground, iterations)
     }
 }
 
-/// Moves segments until they suit the cell.
+/// Moves segments until their rendering matches the cell. `iterations` bounds the evaluations of
+/// the solver: that many for each parameter.
 pub(super) fn refine(
-    target: &Target,
+    target: &FitTarget,
     hypothesis: Hypothesis,
     segments: &[Segment],
     ground: f64,
-    rounds: usize,
-) -> Fit {
-    let numbers = segments.iter().flat_map(Segment::numbers).chain([ground]);
+    iterations: usize,
+) -> LayoutFit {
+    let parameters = segments.iter().flat_map(Segment::parameters).chain([ground]);
     let problem = Problem {
         target,
         hypothesis,
         start: segments.to_vec(),
-        numbers: DVector::from_iterator(segments.len() * Segment::NUMBERS + 1, numbers),
+        parameters: DVector::from_iterator(segments.len() * Segment::PARAMETERS + 1, parameters),
     };
     let (solved, _) = LevenbergMarquardt::new()
-        .with_patience(rounds)
-        .with_ftol(1e-4)
-        .with_xtol(1e-4)
+        .with_patience(iterations)
+        .with_ftol(TOLERANCE)
+        .with_xtol(TOLERANCE)
         .minimize(problem);
-    let (segments, ground) = solved.segments(&solved.numbers);
+    let (segments, ground) = solved.segments(&solved.parameters);
     let error = target.error(&segments, ground);
-    Fit { segments, hypothesis, ground, error }
+    LayoutFit { segments, hypothesis, ground, error }
 }
 
 struct Problem<'a> {
-    target: &'a Target,
+    target: &'a FitTarget,
     hypothesis: Hypothesis,
     start: Vec<Segment>,
-    numbers: DVector<f64>,
+    /// Those of all segments, and then the ground's lightness.
+    parameters: DVector<f64>,
 }
 
 impl Problem<'_> {
-    /// Segments as the numbers have them, held to what yarns can be.
-    fn segments(&self, numbers: &DVector<f64>) -> (Vec<Segment>, f64) {
-        let numbers = numbers.as_slice();
-        let longer = self.target.lattice.longer();
-        let segment = |(numbers, start): (&[f64], &Segment)| {
-            let s = Segment::of_numbers(numbers);
-            // However often a fit begins anew from the last one's end, no float is longer than some
-            // cells.
-            let width =
-                s.width.clamp(0.5 * start.width, 1.9 * start.width).min(0.5 * LONGEST * longer);
-            let length = s
-                .length
-                .clamp(0.45 * start.length, 2.2 * start.length)
-                .min(LONGEST * longer)
-                .max(0.7 * width);
-            let top = s.top.max(0.0);
-            // A yarn of a weave, which lies below others for the most part, could slide along its
-            // way for ever.
-            let (farthest, turns) = match self.hypothesis {
-                Hypothesis::Woven => (longer, WOVEN_TURNS * (length / width - 1.0).clamp(0.0, 1.0)),
-                Hypothesis::Cover | Hypothesis::Given => (f64::INFINITY, TURNS),
-            };
-            let bends = BENDS * (length - STUBBY * width).max(0.0);
-            Segment {
-                centre: start.centre + (s.centre - start.centre).clamp_length_max(farthest),
-                angle: s.angle.clamp(start.angle - turns, start.angle + turns),
-                width,
-                length,
-                top,
-                round: s.round.clamp(0.0, ROUNDEST * top),
-                sag: s.sag.clamp(0.0, 6.0),
-                tilt: s.tilt.clamp(-3.0, 3.0),
-                bow: s.bow.clamp(-bends, bends),
-                sway: s.sway.clamp(-bends, bends),
-            }
-        };
-        (
-            numbers.chunks_exact(Segment::NUMBERS).zip(&self.start).map(segment).collect(),
-            numbers[numbers.len() - 1],
-        )
+    /// The segments and the ground that parameters stand for, within the bounds of what yarns can
+    /// be.
+    fn segments(&self, parameters: &DVector<f64>) -> (Vec<Segment>, f64) {
+        let parameters = parameters.as_slice();
+        let segments = parameters
+            .chunks_exact(Segment::PARAMETERS)
+            .zip(&self.start)
+            .map(|(own, start)| self.bounded(&Segment::from_parameters(own), start))
+            .collect();
+        (segments, parameters[parameters.len() - 1])
     }
 
-    fn values(&self, numbers: &DVector<f64>) -> Vec<f64> {
-        let (segments, ground) = self.segments(numbers);
-        drawn(&segments, ground, &self.target.lattice, &self.target.places)
+    /// A segment projected onto the bounds around the one where the fit starts. The solver itself
+    /// is unconstrained: beyond a bound the rendering stops changing, and the derivative is 0.
+    fn bounded(&self, s: &Segment, start: &Segment) -> Segment {
+        let longer = self.target.lattice.longer();
+        // Bounds relative to the start alone would let a chain of fits, each from the end of the
+        // last one, grow a float without end; hence the bounds by the cell.
+        let width =
+            s.width.clamp(0.5 * start.width, 1.9 * start.width).min(0.5 * MAX_LENGTH * longer);
+        let length = s
+            .length
+            .clamp(0.45 * start.length, 2.2 * start.length)
+            .min(MAX_LENGTH * longer)
+            .max(0.7 * width);
+        let top = s.top.max(0.0);
+        // A yarn of a weave that lies mostly below others could slide along its own direction
+        // without any change of the error.
+        let (farthest, max_turn) = match self.hypothesis {
+            Hypothesis::Woven => (longer, MAX_WOVEN_TURN * (length / width - 1.0).clamp(0.0, 1.0)),
+            Hypothesis::Cover | Hypothesis::Given => (f64::INFINITY, MAX_TURN),
+        };
+        let max_bend = MAX_BEND * (length - STRAIGHT_ASPECT * width).max(0.0);
+        Segment {
+            centre: start.centre + (s.centre - start.centre).clamp_length_max(farthest),
+            angle: s.angle.clamp(start.angle - max_turn, start.angle + max_turn),
+            width,
+            length,
+            top,
+            round: s.round.clamp(0.0, MAX_ROUND * top),
+            // A few times the contrast of the photo: beyond, an end is as good as vertical.
+            sag: s.sag.clamp(0.0, 6.0),
+            tilt: s.tilt.clamp(-3.0, 3.0),
+            bow: s.bow.clamp(-max_bend, max_bend),
+            sway: s.sway.clamp(-max_bend, max_bend),
+        }
     }
+
+    /// The lightness that parameters render at each sample point.
+    fn rendering(&self, parameters: &DVector<f64>) -> Vec<f64> {
+        let (segments, ground) = self.segments(parameters);
+        rendered(&segments, ground, &self.target.lattice, &self.target.points)
+    }
+
+    /// A column of the Jacobian: the derivative by one parameter, where `others` is the upper
+    /// envelope of the other segments.
+    fn derivative(&self, number: usize, others: &[f64]) -> Vec<f64> {
+        let FitTarget { lattice, points, .. } = self.target;
+        let segment = number / Segment::PARAMETERS;
+        let step = if Segment::PIXEL_PARAMETERS.contains(&(number % Segment::PARAMETERS)) {
+            PIXEL_STEP * self.start[segment].width.max(0.3)
+        } else {
+            UNIT_STEP
+        };
+        let mut moved = self.parameters.clone();
+        let mut heights_at = |by: f64| {
+            moved[number] = self.parameters[number] + by;
+            heights(&self.segments(&moved).0[segment], lattice, points)
+        };
+        let (more, less) = (heights_at(step), heights_at(-step));
+        // Where another segment is higher at both ends of the difference, the derivative is 0: what
+        // is hidden has no say in the fit.
+        more.iter()
+            .zip(&less)
+            .zip(others)
+            .map(|((more, less), others)| (more.max(*others) - less.max(*others)) / (2.0 * step))
+            .collect()
+    }
+}
+
+/// The upper envelope of all segments but one, from the heights of each.
+fn envelope_without(number: usize, heights: &[Vec<f64>], points: usize) -> Vec<f64> {
+    let mut highest = vec![0.0_f64; points];
+    for (other, heights) in heights.iter().enumerate() {
+        if other != number {
+            max_into(&mut highest, heights);
+        }
+    }
+    highest
 }
 
 impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
@@ -142,64 +210,42 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
     type JacobianStorage = Owned<f64, Dyn, Dyn>;
     type ParameterStorage = Owned<f64, Dyn>;
 
-    fn set_params(&mut self, numbers: &DVector<f64>) {
-        self.numbers.copy_from(numbers);
+    fn set_params(&mut self, parameters: &DVector<f64>) {
+        self.parameters.copy_from(parameters);
     }
 
     fn params(&self) -> DVector<f64> {
-        self.numbers.clone()
+        self.parameters.clone()
     }
 
     fn residuals(&self) -> Option<DVector<f64>> {
-        let values = self.values(&self.numbers);
+        let rendering = self.rendering(&self.parameters);
         Some(DVector::from_iterator(
-            values.len(),
-            values.iter().zip(&self.target.light).map(|(model, light)| model - light),
+            rendering.len(),
+            rendering.iter().zip(&self.target.light).map(|(model, light)| model - light),
         ))
     }
 
     fn jacobian(&self) -> Option<DMatrix<f64>> {
-        let (segments, _) = self.segments(&self.numbers);
-        let Target { lattice, places, light, .. } = self.target;
+        let (segments, _) = self.segments(&self.parameters);
+        let FitTarget { lattice, points, light, .. } = self.target;
+        // One parameter moves one segment. The envelope of the others is computed once for each
+        // segment, so that a column costs two renderings of one segment instead of all of them.
         let own: Vec<Vec<f64>> =
-            segments.par_iter().map(|segment| heights(segment, lattice, places)).collect();
-        let others = |number: usize| {
-            let mut highest = vec![0.0_f64; places.len()];
-            for heights in own
-                .iter()
-                .enumerate()
-                .filter(|(other, _)| *other != number)
-                .map(|(_, heights)| heights)
-            {
-                over(&mut highest, heights);
-            }
-            highest
-        };
-        let others: Vec<Vec<f64>> = (0..segments.len()).map(others).collect();
-        let last = self.numbers.len() - 1;
+            segments.par_iter().map(|segment| heights(segment, lattice, points)).collect();
+        let others: Vec<Vec<f64>> = (0..segments.len())
+            .map(|number| envelope_without(number, &own, points.len()))
+            .collect();
+        let last = self.parameters.len() - 1;
         let columns: Vec<Vec<f64>> = (0..=last)
             .into_par_iter()
             .map(|number| {
+                // The ground lifts every point alike.
                 if number == last {
-                    return vec![1.0; places.len()];
-                }
-                // Lengths are pixels; angles and lightness are about 1.
-                let which = number / Segment::NUMBERS;
-                let step = if Segment::PIXELS.contains(&(number % Segment::NUMBERS)) {
-                    0.03 * self.start[which].width.max(0.3)
+                    vec![1.0; points.len()]
                 } else {
-                    0.01
-                };
-                let mut moved = self.numbers.clone();
-                let mut at = |by: f64| {
-                    moved[number] = self.numbers[number] + by;
-                    heights(&self.segments(&moved).0[which], lattice, places)
-                };
-                let (more, less) = (at(step), at(-step));
-                let slope = |((more, less), others): ((&f64, &f64), &f64)| {
-                    (more.max(*others) - less.max(*others)) / (2.0 * step)
-                };
-                more.iter().zip(&less).zip(&others[which]).map(slope).collect()
+                    self.derivative(number, &others[number / Segment::PARAMETERS])
+                }
             })
             .collect();
         Some(DMatrix::from_iterator(light.len(), columns.len(), columns.into_iter().flatten()))
@@ -223,7 +269,7 @@ mod tests {
     fn cell(segments: &[Segment]) -> Cell {
         let light = |x: usize, y: usize| {
             let place = LATTICE.a * (double(x) / 60.0) + LATTICE.b * (double(y) / 48.0);
-            narrow(drawn(segments, -1.0, &LATTICE, &[place])[0])
+            narrow(rendered(segments, -1.0, &LATTICE, &[place])[0])
         };
         Cell { lattice: LATTICE, plane: Plane::from_fn(60, 48, light) }
     }
@@ -239,7 +285,7 @@ mod tests {
     #[test]
     fn segments_move_to_where_the_cell_has_them() {
         let truth = [segment(8.0, 7.0, 0.2), segment(21.0, 16.0, FRAC_PI_2)];
-        let target = Target::new(&cell(&truth), 40.0);
+        let target = FitTarget::new(&cell(&truth), 40.0);
         let start = truth.map(|s| Segment {
             centre: s.centre + 1.2,
             angle: s.angle - 0.1,
@@ -263,17 +309,17 @@ mod tests {
     #[test]
     fn no_segment_outgrows_some_cells() {
         let start = vec![segment(8.0, 7.0, 0.2)];
-        let target = Target::new(&cell(&start), 20.0);
+        let target = FitTarget::new(&cell(&start), 20.0);
         let mut fit = refine(&target, Hypothesis::Cover, &start, -1.0, 1);
         for _ in 0..20 {
-            let numbers = DVector::from_element(Segment::NUMBERS + 1, 1e12);
+            let parameters = DVector::from_element(Segment::PARAMETERS + 1, 1e12);
             let problem = Problem {
                 target: &target,
                 hypothesis: fit.hypothesis,
                 start: fit.segments,
-                numbers,
+                parameters,
             };
-            fit.segments = problem.segments(&problem.numbers).0;
+            fit.segments = problem.segments(&problem.parameters).0;
         }
         assert!(
             fit.segments[0].length <= 3.0 * LATTICE.longer()

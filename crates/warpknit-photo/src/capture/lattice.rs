@@ -1,13 +1,17 @@
-//! Step 1, unit cell: the two vectors after which the cloth looks the same again.
+//! Step 1, unit cell: the two vectors that the cloth repeats after.
 //!
-//! In: how light each pixel is, without slow shading. Out: a [`UnitCell`], or nothing. In two
-//! stages, since intensity alone locks on to a half or a third of a weave's cell: the finest
-//! lattice that the autocorrelation of the intensity has; then, of all lattices of index 1 to 8 in
-//! it, the one that tells best which of its points correlate and which don't, once the structure
-//! tensor (in which direction things run) has its say too. A point's height is compared with others
-//! as far away, since stretched cloth loses its step with distance.
+//! In: the lightness of each pixel, without slow shading. Out: a [`UnitCell`], or nothing.
 //!
-//! Not promised: cells under four pixels or over a third of the picture.
+//! Method: peaks of the autocorrelation, in two stages. Intensity alone locks on to a half or a
+//! third of a weave's cell, because each crossing looks like the next one. So the first stage finds
+//! the finest lattice that the autocorrelation of the intensity has. The second stage adds the
+//! autocorrelation of the structure tensor (Bigün and Granlund 1987, *Optimal orientation detection
+//! of linear symmetry*), and takes the superlattice of index 1 to 8 that separates best the points
+//! that correlate from those that don't. A point is compared with others at the same distance,
+//! because stretched cloth decorrelates with distance.
+//!
+//! Cost: two autocorrelations. Not promised: cells under four pixels or over a third of the
+//! picture.
 
 use std::num::NonZeroUsize;
 
@@ -20,22 +24,24 @@ use crate::plane::{Plane, double, float, narrow};
 #[cfg(test)]
 use warpknit_core::ids::index32;
 
-/// Two vectors of a repeat, pixels, y down; reduced: none is shorter with the other added or taken
-/// off.
+/// Two vectors that a pattern repeats after, pixels, y down. The basis is reduced: neither vector
+/// is shorter with the other one added or taken off.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lattice {
-    /// The one nearer to the picture's rows.
+    /// The vector nearer to the picture's rows.
     pub a: DVec2,
-    /// The other.
+    /// The other vector.
     pub b: DVec2,
 }
 
 impl Lattice {
-    /// The reduced basis of the same lattice (Gauss, Lagrange), `a` the one nearer to the picture's
-    /// rows, pointing right, `b` pointing down.
+    /// The reduced basis of the same lattice, by the algorithm of Lagrange and Gauss. `a` is the
+    /// vector nearer to the picture's rows and points right; `b` points down.
     #[must_use]
     pub fn reduced(a: DVec2, b: DVec2) -> Self {
         let (mut a, mut b) = (a, b);
+        // Euclid's algorithm on vectors. A few rounds suffice; the bound is for vectors that are
+        // parallel or not finite.
         for _ in 0..64 {
             if a.length_squared() > b.length_squared() {
                 std::mem::swap(&mut a, &mut b);
@@ -58,13 +64,13 @@ impl Lattice {
         Self { a, b }
     }
 
-    /// Counts of both vectors to pixels.
+    /// Cell coordinates (counts of both vectors) to pixels.
     #[must_use]
     pub fn matrix(&self) -> DMat2 {
         DMat2::from_cols(self.a, self.b)
     }
 
-    /// Of one cell, square pixels.
+    /// Area of one cell, square pixels.
     #[must_use]
     pub fn area(&self) -> f64 {
         self.a.perp_dot(self.b).abs()
@@ -82,23 +88,24 @@ impl Lattice {
         self.a.length().max(self.b.length())
     }
 
-    /// A way less the lattice's vector nearest to it: the way to the nearest copy.
+    /// The offset to the nearest copy: an offset less the lattice vector nearest to it.
     #[must_use]
-    pub fn nearest(&self, way: DVec2) -> DVec2 {
-        let count = self.matrix().inverse() * way;
+    pub fn nearest(&self, offset: DVec2) -> DVec2 {
+        let count = self.matrix().inverse() * offset;
         self.matrix() * (count - count.round())
     }
 
-    /// The copy of a place that is in the cell at the origin.
+    /// The copy of a place that lies in the cell at the origin.
     #[must_use]
-    pub fn home(&self, place: DVec2) -> DVec2 {
+    pub fn wrap_to_cell(&self, place: DVec2) -> DVec2 {
         let count = self.matrix().inverse() * place;
         self.matrix() * (count - count.floor())
     }
 
-    /// Its points within a radius, one of each pair of opposite ones, without the origin, as counts
-    /// of both vectors.
+    /// Its points within a radius as counts of both vectors: one of each pair of opposite points,
+    /// and without the origin.
     fn points(&self, radius: f64) -> Vec<[i32; 2]> {
+        // The circle's extent in cell coordinates. The bound is for cells as flat as a line.
         let [m, n] = [self.b, self.a]
             .map(|other| steps((radius * other.length() / self.area()).ceil().min(200.0)));
         let mut points = Vec::new();
@@ -123,148 +130,182 @@ impl Lattice {
 pub struct UnitCell {
     /// Its vectors.
     pub lattice: Lattice,
-    /// How sure it is, 0..1; under [`CERTAIN`] there may be no repeat at all.
+    /// Confidence, 0..1. Under [`CERTAIN`] there may be no repeat at all.
     pub confidence: f64,
 }
 
-/// The least confidence of a repeat that is believed.
+/// The least confidence of a repeat.
 pub const CERTAIN: f64 = 0.5;
-/// How much better the lattice's points correlate than points anywhere: nothing, and enough.
+/// How much better the lattice's points correlate than points anywhere: where the confidence is 0,
+/// and where it is 1.
 const CONTRAST: [f64; 2] = [0.04, 0.18];
-/// The same in deviations of points anywhere: weaves of two colours have 3.8 and more. Of 240
-/// pictures that repeat nowhere none gets a confidence over .36 by all these rules.
+/// The same in standard deviations of points anywhere. Weaves of two colours have 3.8 and more. Of
+/// 240 pictures that repeat nowhere none gets a confidence over 0.36 by all these rules.
 const DEVIATIONS: [f64; 2] = [2.0, 5.5];
-/// How much better they correlate, times the root of the copies in the picture: of few copies some
-/// are alike by chance, as in an old wall. Of 100 walls the other rules let 12 pass, none of them
-/// over 1.7; 100 drawn cloths have 2.9 and more, photos of cloth 4.
+/// How much better they correlate, times the square root of the number of copies in the picture. Of
+/// few copies some are alike by chance, as in an old wall. The other rules let 12 of 100 walls
+/// pass, and none of these is over 1.7; 100 drawn cloths have 2.9 and more, photos of cloth 4.
 const CHANCE: [f64; 2] = [1.0, 3.0];
 /// Copies of the cell along the picture's shorter side: too few, and enough.
 const COPIES: [f64; 2] = [2.0, 4.0];
 
-/// Finds the repeat of a picture without slow shading; nothing where nothing correlates.
+/// Finds the repeat of a picture without slow shading; `None` where nothing correlates.
 pub(super) fn find(even: &Plane) -> Option<UnitCell> {
     let side = even.width.min(even.height);
-    let intensity = Correlogram::of(even, None, side * 9 / 20).smoothed(0.7);
-    let base = base(&intensity)?;
-    let both = intensity.mean_with(&orientation(even, base.shorter(), intensity.reach));
-    let lattice = fitted(&both, coarser(&both, &base));
+    // Lags up to 0.45 of the side: farther ones have too few pairs of pixels to average noise out.
+    let intensity = Correlogram::new(even, None, side * 9 / 20).smoothed(0.7);
+    let finest = finest_lattice(&intensity)?;
+    let both = intensity.mean_with(&orientation(even, finest.shorter(), intensity.reach));
+    let lattice = refined(&both, best_superlattice(&both, &finest));
     let confidence = confidence(&both, &lattice, [even.width, even.height].map(double));
     Some(UnitCell { lattice, confidence })
 }
 
-/// Share of the mean power that is added where directions are told by their clarity.
-const FLOOR: f32 = 0.3;
+/// Share of the mean power that is added where the tensor is normalised. At 0, flat areas would
+/// show directions of noise; at 1 and more, the strength of edges would count again.
+const POWER_FLOOR: f32 = 0.3;
 
-/// Correlation of the structure tensor: its two components that say in which direction things run,
-/// and how clearly. How strongly doesn't count: edges of holes, which are the strongest and repeat
-/// after each crossing, would drown the yarns.
+/// Autocorrelation of the structure tensor's two components of orientation, normalised by its
+/// trace. They tell the direction of edges and how clear it is, but not how strong the edges are.
+/// Edges of holes are the strongest and repeat after each crossing; they would drown the yarns.
 fn orientation(even: &Plane, scale: f64, reach: usize) -> Correlogram {
+    // Scales follow the finest lattice: a derivative finer than a yarn, a window of about a yarn.
     let [gx, gy] = even.smoothed(narrow((0.05 * scale).clamp(0.6, 3.0))).gradient();
     let sigma = narrow((0.12 * scale).clamp(0.7, 8.0));
     let power = gx.zip(&gy, |x, y| x * x + y * y).smoothed(sigma);
-    let floor = FLOOR * power.values.iter().sum::<f32>() / float(power.values.len());
-    let clearly = |component: Plane| {
+    let floor = POWER_FLOOR * power.values.iter().sum::<f32>() / float(power.values.len());
+    // The double-angle representation: opposite directions are the same orientation.
+    let components = [gx.zip(&gy, |x, y| x * x - y * y), gx.zip(&gy, |x, y| 2.0 * x * y)];
+    let [real, imaginary] = components.map(|component| {
         component.smoothed(sigma).zip(&power, |value, power| value / (power + floor))
-    };
-    let (along, across) = (gx.zip(&gy, |x, y| x * x - y * y), gx.zip(&gy, |x, y| 2.0 * x * y));
-    Correlogram::of(&clearly(along), Some(&clearly(across)), reach)
+    });
+    Correlogram::new(&real, Some(&imaginary), reach)
 }
 
-/// Peaks that may span the lattice.
-const NEAREST: usize = 28;
-/// How high a peak is, as a share of the highest, that counts.
-const COUNTS: f32 = 0.3;
-/// Places halfway between points that correlate so well, as a share of the points, lie on a ridge.
+/// Peaks whose pairs may span the lattice: the nearest ones. All pairs of them are scored.
+const MAX_PEAKS: usize = 28;
+/// The least height of such a peak, as a share of the highest.
+const MIN_PEAK: f32 = 0.3;
+/// The least lag of a peak, pixels: below, a picture's blur correlates with itself.
+const MIN_LAG: f64 = 2.5;
+/// Points lie on a ridge if places halfway between them correlate by more than this share of them.
 const RIDGE: f64 = 0.9;
-/// The finest lattice is taken whose points correlate as well as this share of the best one's.
+/// The finest lattice is taken whose points correlate by this share of the best lattice's. Nearer
+/// to 1, noise would choose a multiple of it; much lower, a half of it would pass.
 const FINEST: f64 = 0.6;
 
-/// The finest lattice that the intensity has.
-fn base(intensity: &Correlogram) -> Option<Lattice> {
-    let peaks = intensity.peaks(2.5);
+/// The finest lattice of the intensity's autocorrelation.
+fn finest_lattice(intensity: &Correlogram) -> Option<Lattice> {
+    let peaks = intensity.peaks(MIN_LAG);
     let highest = peaks.first()?.1;
-    let mut near: Vec<_> = peaks.into_iter().filter(|peak| peak.1 >= COUNTS * highest).collect();
+    let mut near: Vec<_> = peaks.into_iter().filter(|peak| peak.1 >= MIN_PEAK * highest).collect();
     near.sort_by(|p, q| p.0.length().total_cmp(&q.0.length()));
-    near.truncate(NEAREST);
+    near.truncate(MAX_PEAKS);
     let pairs: Vec<_> =
         (0..near.len()).flat_map(|i| (i + 1..near.len()).map(move |j| (i, j))).collect();
     let scored: Vec<(Lattice, f64)> = pairs
         .into_par_iter()
         .filter_map(|(i, j)| {
-            let (p, q) = (near[i].0, near[j].0);
-            let lattice = Lattice::reduced(p, q);
-            // Flat cells are no cells.
-            if lattice.area() < 0.3 * lattice.shorter() * lattice.longer()
-                || lattice.shorter() < 4.0
-                || lattice.longer() > 6.0 * lattice.shorter()
-            {
-                return None;
-            }
-            let radius = 4.0 * lattice.longer();
-            let score = score(intensity, &lattice, radius)?;
-            // Along a ridge, as legs and floats make them, any step would do.
-            let halves = [0.5 * lattice.a, 0.5 * lattice.b, 0.5 * (lattice.a + lattice.b)];
-            let is_ridge = |half: DVec2| {
-                mean_at(intensity, &lattice, radius, half)
-                    .is_some_and(|between| between > RIDGE * score)
-            };
-            if halves.into_iter().any(is_ridge) {
-                return None;
-            }
-            Some((lattice, score))
+            let lattice = Lattice::reduced(near[i].0, near[j].0);
+            Some((lattice, scored_candidate(intensity, &lattice)?))
         })
         .collect();
     let best = scored.iter().map(|(_, score)| *score).fold(f64::NEG_INFINITY, f64::max);
-    let good = scored.into_iter().filter(|(_, score)| *score >= FINEST * best && best > 0.0);
-    // Of lattices that are the same but for a pixel, the better one.
-    let rank = |lattice: &Lattice, score: f64| lattice.area() * (1.3 - 0.3 * score / best);
-    let (lattice, _) = good.min_by(|(p, s), (q, t)| rank(p, *s).total_cmp(&rank(q, *t)))?;
-    Some(fitted(intensity, lattice))
+    // Pairs of noisy peaks span nearly the same lattice many times. The area chooses among
+    // different lattices, and the score among those that differ by a pixel.
+    let (lattice, _) = scored
+        .into_iter()
+        .filter(|(_, score)| *score >= FINEST * best && best > 0.0)
+        .min_by(|p, q| rank(p, best).total_cmp(&rank(q, best)))?;
+    Some(refined(intensity, lattice))
 }
 
-/// Mean correlation at a lattice's points; none if too few are in reach.
-fn score(correlogram: &Correlogram, lattice: &Lattice, radius: f64) -> Option<f64> {
-    mean_at(correlogram, lattice, radius, DVec2::ZERO)
+/// The order of candidates for the finest lattice: the area, and up to 30 % of it for a low score.
+fn rank((lattice, score): &(Lattice, f64), best: f64) -> f64 {
+    lattice.area() * (1.3 - 0.3 * score / best)
+}
+
+/// The mean correlation at the points of a candidate lattice, if it may be a cell's.
+fn scored_candidate(intensity: &Correlogram, lattice: &Lattice) -> Option<f64> {
+    // Vectors that are nearly parallel, very short or of very different lengths span no cell of a
+    // cloth. Pairs of peaks on one line would.
+    if lattice.area() < 0.3 * lattice.shorter() * lattice.longer()
+        || lattice.shorter() < 4.0
+        || lattice.longer() > 6.0 * lattice.shorter()
+    {
+        return None;
+    }
+    let radius = 4.0 * lattice.longer();
+    let score = mean_correlation(intensity, lattice, radius)?;
+    // Along a ridge, as legs and floats make them, points correlate at any spacing. Then the places
+    // halfway between correlate too, and the spacing means nothing.
+    let halves = [0.5 * lattice.a, 0.5 * lattice.b, 0.5 * (lattice.a + lattice.b)];
+    let is_on_ridge = halves.into_iter().any(|half| {
+        mean_correlation_at(intensity, lattice, radius, half)
+            .is_some_and(|between| between > RIDGE * score)
+    });
+    (!is_on_ridge).then_some(score)
+}
+
+/// Mean correlation at a lattice's points within a radius; `None` if too few are in reach.
+fn mean_correlation(correlogram: &Correlogram, lattice: &Lattice, radius: f64) -> Option<f64> {
+    mean_correlation_at(correlogram, lattice, radius, DVec2::ZERO)
 }
 
 /// The same at places that are off its points.
-fn mean_at(correlogram: &Correlogram, lattice: &Lattice, radius: f64, off: DVec2) -> Option<f64> {
+fn mean_correlation_at(
+    correlogram: &Correlogram,
+    lattice: &Lattice,
+    radius: f64,
+    offset: DVec2,
+) -> Option<f64> {
+    // The highest value nearby: a distorted cloth has its peaks a little off the lattice.
     let tolerance = (0.1 * lattice.shorter()).max(0.71);
     let values: Vec<_> = lattice
         .points(radius)
         .into_iter()
-        .map(|point| lattice.at(point) + off)
-        .filter(|&lag| correlogram.holds(lag, tolerance))
-        .map(|lag| f64::from(correlogram.highest_near(lag, tolerance)))
+        .map(|point| lattice.at(point) + offset)
+        .filter(|&lag| correlogram.contains(lag, tolerance))
+        .map(|lag| f64::from(correlogram.max_near(lag, tolerance)))
         .collect();
     (values.len() >= 4).then(|| values.iter().sum::<f64>() / double(values.len()))
 }
 
-/// The lattice of index 1 to 8 in `base` that tells best which of its points correlate well and
-/// which don't, where one does.
-fn coarser(correlogram: &Correlogram, base: &Lattice) -> Lattice {
-    let radius = (5.0 * base.longer()).min(0.9 * double(correlogram.reach));
-    let tolerance = (0.1 * base.shorter()).max(0.71);
-    let points: Vec<([i32; 2], f64, f64)> = base
+/// A point of the finest lattice.
+struct LagPoint {
+    /// Counts of both vectors.
+    count: [i32; 2],
+    /// Distance from lag 0, in lengths of the longer vector.
+    distance: f64,
+    /// Correlation there.
+    correlation: f64,
+}
+
+/// The superlattice of index 1 to 8 that separates best the points of `finest` that correlate from
+/// those that don't; `finest` itself where none does.
+fn best_superlattice(correlogram: &Correlogram, finest: &Lattice) -> Lattice {
+    let radius = (5.0 * finest.longer()).min(0.9 * double(correlogram.reach));
+    let tolerance = (0.1 * finest.shorter()).max(0.71);
+    let points: Vec<LagPoint> = finest
         .points(radius)
         .into_iter()
-        .filter(|&point| correlogram.holds(base.at(point), tolerance))
-        .map(|point| {
-            let lag = base.at(point);
-            (
-                point,
-                lag.length() / base.longer(),
-                f64::from(correlogram.highest_near(lag, tolerance)),
-            )
+        .filter(|&point| correlogram.contains(finest.at(point), tolerance))
+        .map(|count| {
+            let lag = finest.at(count);
+            LagPoint {
+                count,
+                distance: lag.length() / finest.longer(),
+                correlation: f64::from(correlogram.max_near(lag, tolerance)),
+            }
         })
         .collect();
-    let alike = Split::of(&points, |_| true);
-    let mut best = (alike.rest, *base);
+    let one_group = CorrelationSplit::new(&points, |_| true);
+    let mut best = (one_group.residual, *finest);
     for index in 2..=8 {
-        for [p, q, r] in hermite(index) {
+        for [p, q, r] in hermite_forms(index) {
             let lattice = Lattice::reduced(
-                base.a * f64::from(p) + base.b * f64::from(q),
-                base.b * f64::from(r),
+                finest.a * f64::from(p) + finest.b * f64::from(q),
+                finest.b * f64::from(r),
             );
             if lattice.longer() > 8.5 * lattice.shorter() {
                 continue;
@@ -274,94 +315,113 @@ fn coarser(correlogram: &Correlogram, base: &Lattice) -> Lattice {
                 DVec2::new(0.0, f64::from(r)),
             )
             .inverse();
-            let is_on = |[i, j]: [i32; 2]| {
+            let split = CorrelationSplit::new(&points, |[i, j]: [i32; 2]| {
                 let place = inverse * DVec2::new(f64::from(i), f64::from(j));
                 (place - place.round()).abs().max_element() < 1e-6
-            };
-            let split = Split::of(&points, is_on);
+            });
+            // Three points at least, or the split would explain single outliers.
             if split.count >= 3
-                && split.on > ABOVE * split.off.max(0.0) + 0.03
-                && split.rest < best.0
+                && split.on > MIN_RATIO * split.off.max(0.0) + MIN_DIFFERENCE
+                && split.residual < best.0
             {
-                best = (split.rest, lattice);
+                best = (split.residual, lattice);
             }
         }
     }
-    if best.0 < EXPLAINS * alike.rest { best.1 } else { *base }
+    if best.0 < MAX_RESIDUAL * one_group.residual { best.1 } else { *finest }
 }
 
-/// How much better the points of a coarser lattice correlate than the others, at least.
-const ABOVE: f64 = 1.1;
-/// What a coarser lattice leaves of the differences between points, at most.
-const EXPLAINS: f64 = 0.75;
+/// How much better the points of a superlattice correlate than the other points, at least: as a
+/// ratio and as a difference. Noise alone makes small differences.
+const MIN_RATIO: f64 = 1.1;
+const MIN_DIFFERENCE: f64 = 0.03;
+/// Share of the differences between points that a superlattice may leave. Nearer to 1, noise would
+/// multiply the cell; much lower, a weave of one colour would keep half of its cell.
+const MAX_RESIDUAL: f64 = 0.75;
 
-/// Points in two groups, each with a correlation that dies away with the distance. Near ones tell
-/// more: how far others have lost their step differs by direction.
-struct Split {
+/// Points in two groups, each with a correlation that decays with distance as a Gaussian. Near
+/// points weigh more: how much far ones have decorrelated differs by direction.
+struct CorrelationSplit {
+    /// Correlation at lag 0 of the points on the superlattice.
     on: f64,
+    /// The same of the other points.
     off: f64,
-    /// How many are on.
+    /// Number of points on the superlattice.
     count: usize,
-    /// Weighted squares that are left.
-    rest: f64,
+    /// Weighted sum of squares that is left.
+    residual: f64,
 }
 
-impl Split {
-    fn of(points: &[([i32; 2], f64, f64)], is_on: impl Fn([i32; 2]) -> bool) -> Self {
-        let member: Vec<bool> = points.iter().map(|point| is_on(point.0)).collect();
-        let count = member.iter().filter(|on| **on).count();
-        let weight = |distance: f64| 1.0 / (1.0 + distance * distance);
-        let of = |reach: f64| {
-            let fade = |distance: f64| (-0.5 * (distance / reach).powi(2)).exp();
-            let level = |which: bool| {
-                let (mut product, mut square) = (0.0, 1e-12);
-                for ((_, distance, height), _) in
-                    points.iter().zip(&member).filter(|(_, on)| **on == which)
-                {
-                    product += weight(*distance) * fade(*distance) * height;
-                    square += weight(*distance) * fade(*distance).powi(2);
-                }
-                product / square
-            };
-            let (on, off) = (level(true), level(false));
-            let error = |((_, distance, height), is_on): (&([i32; 2], f64, f64), &bool)| {
-                weight(*distance)
-                    * (height - fade(*distance) * if *is_on { on } else { off }).powi(2)
-            };
-            Self { on, off, count, rest: points.iter().zip(&member).map(error).sum() }
-        };
+impl CorrelationSplit {
+    /// The best fit of both groups over a few lengths of decay.
+    fn new(points: &[LagPoint], is_on: impl Fn([i32; 2]) -> bool) -> Self {
+        let member: Vec<bool> = points.iter().map(|point| is_on(point.count)).collect();
         [1.5, 2.2, 3.3, 5.0, 10.0, 100.0]
             .into_iter()
-            .map(of)
-            .min_by(|p, q| p.rest.total_cmp(&q.rest))
+            .map(|decay| Self::with_decay(points, &member, decay))
+            .min_by(|p, q| p.residual.total_cmp(&q.residual))
             .expect("there are some")
+    }
+
+    /// The least-squares levels of both groups where correlations decay over a length.
+    fn with_decay(points: &[LagPoint], member: &[bool], decay: f64) -> Self {
+        let [on, off] = [true, false].map(|group| {
+            let (mut product, mut square) = (0.0, 1e-12);
+            for (point, _) in points.iter().zip(member).filter(|(_, on)| **on == group) {
+                product += point.weight() * point.decayed(decay) * point.correlation;
+                square += point.weight() * point.decayed(decay).powi(2);
+            }
+            product / square
+        });
+        let residual = points
+            .iter()
+            .zip(member)
+            .map(|(point, is_on)| {
+                let level = if *is_on { on } else { off };
+                point.weight() * (point.correlation - point.decayed(decay) * level).powi(2)
+            })
+            .sum();
+        Self { on, off, count: member.iter().filter(|on| **on).count(), residual }
     }
 }
 
-/// All lattices of an index in another: their Hermite normal forms.
-pub(super) fn hermite(index: i32) -> impl Iterator<Item = [i32; 3]> {
+impl LagPoint {
+    fn weight(&self) -> f64 {
+        1.0 / (1.0 + self.distance * self.distance)
+    }
+
+    fn decayed(&self, decay: f64) -> f64 {
+        (-0.5 * (self.distance / decay).powi(2)).exp()
+    }
+}
+
+/// All sublattices of an index, as Hermite normal forms [p, q, r] with p r equal to the index.
+pub(super) fn hermite_forms(index: i32) -> impl Iterator<Item = [i32; 3]> {
     (1..=index)
         .filter(move |p| index % p == 0)
         .flat_map(move |p| (0..index / p).map(move |q| [p, q, index / p]))
 }
 
-/// The lattice through the peaks near its points, by least squares, from near ones to far ones.
-fn fitted(correlogram: &Correlogram, mut lattice: Lattice) -> Lattice {
+/// The lattice through the peaks near its points, by weighted least squares.
+fn refined(correlogram: &Correlogram, mut lattice: Lattice) -> Lattice {
+    // From near points to far ones. Far points fix the vectors best, but an error of a fraction of
+    // a pixel in them grows with the count: at once, the wrong peaks would be found there.
     for radius in [1.6, 2.6, 4.5, 6.5] {
         let tolerance = (0.12 * lattice.shorter()).max(0.71);
         let mut normal = DMat2::ZERO;
         let mut right = [DVec2::ZERO; 2];
         for point in lattice.points(radius * lattice.longer()) {
             let lag = lattice.at(point);
-            if !correlogram.holds(lag, tolerance) {
+            if !correlogram.contains(lag, tolerance) {
                 continue;
             }
-            let (summit, value) = correlogram.summit_near(lag, tolerance);
+            let (peak, value) = correlogram.peak_near(lag, tolerance);
             let weight = f64::from(value.max(0.0)).powi(2);
             let count = DVec2::new(f64::from(point[0]), f64::from(point[1]));
+            // Normal equations of peak = a i + b j; x and y share the matrix.
             normal += DMat2::from_cols(count * count.x, count * count.y) * weight;
-            right[0] += count * (weight * summit.x);
-            right[1] += count * (weight * summit.y);
+            right[0] += count * (weight * peak.x);
+            right[1] += count * (weight * peak.y);
         }
         if normal.determinant().abs() < 1e-9 {
             break;
@@ -373,16 +433,18 @@ fn fitted(correlogram: &Correlogram, mut lattice: Lattice) -> Lattice {
     Lattice::reduced(lattice.a, lattice.b)
 }
 
-/// How sure a lattice is: its points correlate better than those of the same lattice turned this
-/// way and that, and there are some copies of the cell, the more the less they correlate.
+/// The confidence in a lattice: its points correlate better than those of the same lattice turned
+/// and scaled, and the picture shows enough copies of the cell.
 fn confidence(correlogram: &Correlogram, lattice: &Lattice, [width, height]: [f64; 2]) -> f64 {
     let radius = 3.2 * lattice.longer();
-    let turned: Vec<f64> = (1..40)
+    // A null distribution: the same lattice at other angles and scales. Fur and noise correlate as
+    // well there.
+    let null: Vec<f64> = (1..40)
         .filter_map(|turn| {
-            // The golden angle comes back to no direction.
+            // Multiples of the golden angle, which come back to no direction.
             let turn =
                 DVec2::from_angle(f64::from(turn) * 2.399_963) * (0.8 + 0.01 * f64::from(turn));
-            score(
+            mean_correlation(
                 correlogram,
                 &Lattice { a: turn.rotate(lattice.a), b: turn.rotate(lattice.b) },
                 radius,
@@ -390,22 +452,25 @@ fn confidence(correlogram: &Correlogram, lattice: &Lattice, [width, height]: [f6
         })
         .collect();
     let (Some(on), Some(count)) =
-        (score(correlogram, lattice, radius), NonZeroUsize::new(turned.len()))
+        (mean_correlation(correlogram, lattice, radius), NonZeroUsize::new(null.len()))
     else {
         return 0.0;
     };
     let count = double(count.get());
-    let mean = turned.iter().sum::<f64>() / count;
-    let deviation = (turned.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / count).sqrt();
-    let between = |value: f64, [nothing, enough]: [f64; 2]| {
-        ((value - nothing) / (enough - nothing)).clamp(0.0, 1.0)
-    };
+    let mean = null.iter().sum::<f64>() / count;
+    let deviation = (null.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / count).sqrt();
     let better = on - mean;
-    let chance = between(better * (width * height / lattice.area()).sqrt(), CHANCE);
-    let contrast = between(better, CONTRAST).min(chance);
+    // The minimum: each rule alone lets some of the pictures pass that repeat nowhere.
+    let chance = ramp(better * (width * height / lattice.area()).sqrt(), CHANCE);
+    let contrast = ramp(better, CONTRAST).min(chance);
     contrast
-        .min(between(better / deviation.max(1e-9), DEVIATIONS))
-        .min(between(width.min(height) / lattice.longer(), COPIES))
+        .min(ramp(better / deviation.max(1e-9), DEVIATIONS))
+        .min(ramp(width.min(height) / lattice.longer(), COPIES))
+}
+
+/// A linear ramp from 0 at `low` to 1 at `high`.
+fn ramp(value: f64, [low, high]: [f64; 2]) -> f64 {
+    ((value - low) / (high - low)).clamp(0.0, 1.0)
 }
 
 #[cfg(test)]
@@ -427,7 +492,7 @@ mod tests {
 
     #[test]
     fn super_lattices_are_counted_as_the_sum_of_divisors() {
-        let counts: Vec<_> = (1..=8).map(|index| hermite(index).count()).collect();
+        let counts: Vec<_> = (1..=8).map(|index| hermite_forms(index).count()).collect();
         assert_eq!(counts, [1, 3, 4, 7, 6, 12, 8, 15]);
     }
 

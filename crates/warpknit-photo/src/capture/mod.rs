@@ -1,24 +1,29 @@
 //! From one photo of a cloth to its yarns.
 //!
-//! In: one photo, evenly lit, of a knit or woven cloth, and [`Settings`] that may overrule what is
-//! found. Out: [`Captured`]: the cell that repeats, its mean, a texture that tiles, and the yarn
-//! segments in the cell. No training data: every step is analysis. Source: Wu, Chen, Zhang, Zhou
-//! and Zhao 2017, *Modeling yarn-level geometry from a single micro-image*. The steps:
+//! In: one evenly lit photo of a knit or woven cloth, and [`CaptureSettings`] that may overrule the
+//! results of single steps. Out: [`Captured`]: the cell that repeats, its mean, a texture that
+//! tiles, and the yarn segments in the cell. No training data: every step is analysis.
+//!
+//! Source: Wu, Chen, Zhang, Zhou and Zhao 2017, *Modeling yarn-level geometry from a single
+//! micro-image*. The steps:
 //!
 //! ```text
-//!   photo ─▶ view ─▶ lattice ─▶ register ─▶ cell ─▶ layout ─────────▶ depth ─▶ shape ─▶ strands ─▶ cloth
-//!            size    repeat     where each  mean    woven ╮  ╭ fit,   color    mm       joined     fabric
-//!                               copy lies   cell    cover ┴──╯ segment                  upright      ▲
-//!                                   ╰─────▶ quilt: a texture            ╰────▶ fibres: twist ────────╯
+//!   photo ─▶ view ─▶ lattice ─▶ register ─▶ cell ─▶ layout ─▶ depth ─▶ shape ─▶ strands ─▶ cloth
+//!            size    repeat     where each  mean    woven,    color    mm       joined     fabric
+//!                               copy lies   cell    cover,                      upright      ▲
+//!                                   │               fit                                      │
+//!                                   ├─────▶ quilt: a texture                                 │
+//!                                   ╰─────▶ fibres: twist ───────────────────────────────────╯
 //! ```
 //!
-//! `plane` and `correlogram` are what pictures are asked by, `target` is the mean cell as fits see
-//! it, `sheet` draws. Cost: about a second for the repeat and its mean, up to fifteen for the
-//! layout, on two cores; 160 MB for a photo of 4 megapixels. The same photo gives the same bytes
-//! for any number of threads.
+//! `plane` and `correlogram` hold image filters and the autocorrelation. `target` is the mean cell
+//! as the fits see it. `sheet` draws results for a person to check.
 //!
-//! Not promised: a scale. A photo doesn't say how large anything is; a person does, by how thick
-//! the cloth is or how many pixels are a mm.
+//! Cost: about 1 s for the repeat and its mean, up to 15 s for the layout, on two cores; 160 MB for
+//! a photo of 4 megapixels. The same photo gives the same bytes for any number of threads.
+//!
+//! Not promised: a scale. A photo doesn't say how large anything is. A person does, by the
+//! thickness of the cloth or by the number of pixels per mm.
 
 mod cell;
 mod cloth;
@@ -27,14 +32,16 @@ mod correlogram;
 mod depth;
 mod error;
 mod fibres;
-mod files;
 mod fit;
 mod greedy_cover;
+mod joining;
 mod lattice;
 mod layout;
+mod layout_file;
 mod plane;
 mod quilt;
 mod register;
+mod report;
 mod segment;
 mod shape;
 mod sheet;
@@ -51,45 +58,50 @@ use image::{RgbImage, RgbaImage};
 
 use crate::plane::{Plane, double, float, narrow};
 use cell::Cell;
-use cloth::Yarns;
-use color::Colors;
+use cloth::SegmentYarns;
+use color::SegmentColors;
 use depth::Depth;
-use fibres::{Sight, twists};
-use plane::{evened, without_shading};
+use fibres::{PhotoRegistration, twists};
+use plane::{normalized_contrast, without_shading};
 use quilt::quilt;
-use register::{Warp, register};
-use shape::Scale;
-use view::View;
+use register::{DisplacementField, register};
+use shape::PhotoScale;
+use view::PhotoView;
 use warpknit_core::fabric::Fabric;
 
 pub use error::CaptureError;
 pub use fibres::Twist;
-pub use files::{GivenLayout, LayoutError};
 pub use fit::Hypothesis;
 pub use lattice::{CERTAIN, Lattice, UnitCell};
 pub use layout::Layout;
+pub use layout_file::{GivenLayout, GivenLayoutError};
 pub use segment::Segment;
-pub use shape::Shape;
+pub use shape::CylinderShape;
 
-/// A cell's shorter vector, pixels, from which on a view is large enough.
-const ENOUGH: f64 = 8.0;
-/// Vectors that a person gives are at least so long, pixels, and fit the photo so often.
-const GIVEN: (f64, f64) = (3.0, 3.0);
-/// Lightness that differs by less is blank.
-const BLANK: f32 = 1e-5;
+/// Length of a cell's shorter vector from which on a view is large enough, pixels. In smaller cells
+/// a yarn is under four pixels wide, and a larger view is tried.
+const MIN_CELL: f64 = 8.0;
+/// The least length of the vectors that a person gives, pixels.
+const MIN_GIVEN_VECTOR: f64 = 3.0;
+/// How often the vectors that a person gives fit into the photo, at least.
+const MIN_GIVEN_COPIES: f64 = 3.0;
+/// Variance of the lightness below which a photo is blank.
+const BLANK_VARIANCE: f32 = 1e-5;
+/// Area of a cell as a share of the product of its sides, below which its vectors are parallel.
+const MIN_SINE: f64 = 0.1;
 
-/// How thick cloth is taken to be, mm, where nobody says it.
+/// Thickness of the cloth, mm, where nobody gives one.
 pub const THICKNESS: f64 = 0.5;
-/// Yarns that lie over each other where two cross: as many times as thick as a yarn is the cloth.
+/// Thickness of the cloth in thicknesses of a yarn: two yarns lie over each other where they cross.
 const LAYERS: f64 = 2.0;
 
 /// What overrules the steps' own decisions.
 #[derive(Clone, Debug)]
-pub struct Settings {
-    /// How thick the cloth is, mm: the scale of depth.
+pub struct CaptureSettings {
+    /// Thickness of the cloth, mm: the scale of depth.
     pub thickness: f64,
-    /// How many pixels of the photo are a mm; if nobody says it, as many as make a yarn half as
-    /// wide as the cloth is thick.
+    /// Pixels of the photo per mm. Without it, a yarn is taken to be half as wide as the cloth is
+    /// thick.
     pub pixels_per_mm: Option<f64>,
     /// Both vectors of the cell, pixels of the photo.
     pub cell: Option<[DVec2; 2]>,
@@ -97,38 +109,39 @@ pub struct Settings {
     pub layout: Option<GivenLayout>,
 }
 
-impl Default for Settings {
+impl Default for CaptureSettings {
     fn default() -> Self {
         Self { thickness: THICKNESS, pixels_per_mm: None, cell: None, layout: None }
     }
 }
 
-/// What a photo says. Lengths are pixels of the photo, y down, if no other unit is given.
+/// What was captured of a photo. Lengths are pixels of the photo, y down, if no other unit is
+/// given.
 #[derive(Clone, Debug)]
 pub struct Captured {
     /// The repeat.
     pub unit: UnitCell,
-    /// Where the corner of a cell is in the photo, the middle of whose first pixel is at 0.
+    /// Where the corner of a cell lies in the photo. The centre of the photo's first pixel is at 0.
     pub corner: DVec2,
     /// The segments of a cell, relative to its corner.
     pub layout: Layout,
-    /// The twist of each segment in [`Layout::seen`].
+    /// The twist of each segment in [`Layout::visible`].
     pub twists: Vec<Twist>,
-    /// Each segment of the layout that is seen as a curved cylinder, mm.
-    pub shapes: Vec<Shape>,
+    /// Each visible segment of the layout as a curved cylinder, mm.
+    pub shapes: Vec<CylinderShape>,
     /// The cloth as it can be draped.
     pub fabric: Fabric,
-    /// mm a pixel of the photo.
+    /// Size of a pixel of the photo, mm.
     pub pixel: f64,
-    /// Pixels of the picture that was worked on for each of the photo's.
+    /// Pixels of the view that was worked on, per pixel of the photo.
     pub scale: f64,
     /// Heights over the mean cell.
     depth: Depth,
-    /// Where the cloth lies in that picture.
-    warp: Warp,
-    /// The mean cell, in pixels of that picture.
+    /// Displacement of the cloth in that view.
+    field: DisplacementField,
+    /// The mean cell, in pixels of that view.
     cell: Cell,
-    /// Some cells as the photo has them, so joined that they tile.
+    /// Some cells as the photo has them, joined so that they tile.
     texture: RgbaImage,
 }
 
@@ -136,16 +149,17 @@ pub struct Captured {
 ///
 /// # Errors
 /// [`CaptureError`]: what the photo lacks.
-pub fn capture(photo: &RgbImage, settings: &Settings) -> Result<Captured, CaptureError> {
-    let Repeating { scale, corner, picture, lightness, even, unit } = repeat(photo, settings)?;
-    let warp = register(&even, &unit.lattice);
-    let hues = Plane::channels(&picture).map(|plane| Cell::folded(&plane, &warp, &unit.lattice));
-    let cell = Cell::folded(
-        &evened(&lightness, narrow(1.5 * unit.lattice.longer())),
-        &warp,
+pub fn capture(photo: &RgbImage, settings: &CaptureSettings) -> Result<Captured, CaptureError> {
+    let RepeatView { scale, corner, picture, lightness, even, unit } = repeat(photo, settings)?;
+    let field = register(&even, &unit.lattice);
+    let channels =
+        Plane::channels(&picture).map(|plane| Cell::mean_of_copies(&plane, &field, &unit.lattice));
+    let cell = Cell::mean_of_copies(
+        &normalized_contrast(&lightness, narrow(1.5 * unit.lattice.longer())),
+        &field,
         &unit.lattice,
     );
-    let cell = color::levelled(cell, &hues);
+    let cell = color::level_colors(cell, &channels);
     let layout = match &settings.layout {
         Some(given) => layout::given(
             &cell,
@@ -154,30 +168,33 @@ pub fn capture(photo: &RgbImage, settings: &Settings) -> Result<Captured, Captur
         )?,
         None => layout::find(&cell).ok_or(CaptureError::NoYarns)?,
     };
-    let colors = Colors::of(&hues, &layout.seen);
-    let depth = Depth::of(&cell, &layout, &colors.groups, settings.thickness);
+    let colors = SegmentColors::new(&channels, &layout.visible);
+    let depth = Depth::new(&cell, &layout, &colors.groups, settings.thickness);
     let view = DVec2::new(double(lightness.width), double(lightness.height));
     let twists = twists(
-        &Sight { photo, warp: &warp, lattice: &unit.lattice, view, scale, corner },
-        &layout.seen,
+        &PhotoRegistration { photo, field: &field, lattice: &unit.lattice, view, scale, corner },
+        &layout.visible,
     );
-    let texture = quilt(&picture, &warp, &unit.lattice);
-    let photos = 1.0 / scale;
-    let lattice = Lattice { a: unit.lattice.a * photos, b: unit.lattice.b * photos };
+    let texture = quilt(&picture, &field, &unit.lattice);
+    // From here on lengths are pixels of the photo instead of the view.
+    let to_photo = 1.0 / scale;
+    let lattice = Lattice { a: unit.lattice.a * to_photo, b: unit.lattice.b * to_photo };
     let unit = UnitCell { lattice, ..unit };
-    let layout = layout.scaled(photos);
-    let width =
-        layout.seen.iter().map(|segment| segment.width).sum::<f64>() / double(layout.seen.len());
+    let layout = layout.scaled(to_photo);
+    let width = layout.visible.iter().map(|segment| segment.width).sum::<f64>()
+        / double(layout.visible.len());
     let pixel = settings.pixels_per_mm.map_or(settings.thickness / LAYERS / width, f64::recip);
-    let shapes: Vec<Shape> = layout
-        .seen
+    let shapes: Vec<CylinderShape> = layout
+        .visible
         .iter()
-        .map(|segment| Shape::of(segment, Scale { pixel, light: depth.scale }))
+        .map(|segment| CylinderShape::new(segment, PhotoScale { pixel, light: depth.scale }))
         .collect();
-    let yarns = Yarns { shapes: &shapes, twists: &twists, colors: &colors };
+    let yarns = SegmentYarns { shapes: &shapes, twists: &twists, colors: &colors };
     let fabric = cloth::fabric(&lattice, &layout, &yarns, pixel);
+    // The reader of fabric files has limits that a photo knows nothing of. Better an error now than
+    // a file that `drape` refuses.
     Fabric::parse(&fabric.to_string())
-        .map_err(|error| CaptureError::Unreal { why: error.to_string() })?;
+        .map_err(|error| CaptureError::InvalidFabric { why: error.to_string() })?;
     Ok(Captured {
         unit,
         corner,
@@ -188,55 +205,55 @@ pub fn capture(photo: &RgbImage, settings: &Settings) -> Result<Captured, Captur
         pixel,
         scale,
         depth,
-        warp,
+        field,
         cell,
         texture,
     })
 }
 
 impl Captured {
-    /// Correlation of the light with the heights of the cylinders: under .2 light says little of
-    /// the depth.
+    /// Correlation of the light with the heights of the cylinders. Below 0.2 the light says little
+    /// about the depth.
     #[must_use]
     pub fn correlation(&self) -> f64 {
         self.depth.correlation
     }
 
-    /// Counts of both vectors of the cell at a pixel of the photo.
+    /// Cell coordinates of a pixel of the photo: counts of both vectors of the cell.
     #[must_use]
-    pub fn count(&self, pixel: DVec2) -> DVec2 {
-        self.warp.count((pixel - self.corner) * self.scale)
+    pub fn cell_coordinates(&self, pixel: DVec2) -> DVec2 {
+        self.field.cell_coordinates((pixel - self.corner) * self.scale)
     }
 
-    /// How high the cloth lies over its deepest ground at counts of both vectors, mm.
+    /// Height of the cloth over its deepest ground at cell coordinates, mm.
     #[must_use]
-    pub fn height(&self, count: DVec2) -> f64 {
-        f64::from(self.depth.cell.at(count))
+    pub fn height(&self, coordinates: DVec2) -> f64 {
+        f64::from(self.depth.cell.at(coordinates))
     }
 }
 
-/// A view of the photo with a repeat in it.
-struct Repeating {
-    /// Its pixels for each of the photo's.
+/// A view of the photo in which something repeats.
+struct RepeatView {
+    /// Its pixels per pixel of the photo.
     scale: f64,
-    /// The middle of its first pixel in the photo.
+    /// The centre of its first pixel in the photo.
     corner: DVec2,
     picture: RgbImage,
     lightness: Plane,
-    /// The same without slow shading.
+    /// The lightness without slow shading.
     even: Plane,
-    /// In the view's pixels.
+    /// The repeat, in pixels of the view.
     unit: UnitCell,
 }
 
-/// The view in which the repeat is seen best.
-fn repeat(photo: &RgbImage, settings: &Settings) -> Result<Repeating, CaptureError> {
+/// The view in which the repeat is clearest.
+fn repeat(photo: &RgbImage, settings: &CaptureSettings) -> Result<RepeatView, CaptureError> {
     let given = settings.layout.as_ref().map(|layout| layout.cell).or(settings.cell);
-    let mut best: Option<Repeating> = None;
-    for View { picture, scale, corner } in View::all(photo) {
+    let mut best: Option<RepeatView> = None;
+    for PhotoView { picture, scale, corner } in PhotoView::all(photo) {
         let lightness = Plane::lightness(&picture);
         let mean = lightness.values.iter().sum::<f32>() / float(lightness.values.len());
-        if lightness.map(|value| value - mean).power() < BLANK {
+        if lightness.map(|value| value - mean).mean_square() < BLANK_VARIANCE {
             return Err(CaptureError::Blank);
         }
         let even = without_shading(&lightness);
@@ -247,36 +264,48 @@ fn repeat(photo: &RgbImage, settings: &Settings) -> Result<Repeating, CaptureErr
             None => lattice::find(&even),
         };
         let Some(unit) = found else { continue };
-        let is_enough = unit.confidence >= CERTAIN && unit.lattice.shorter() >= ENOUGH;
-        let is_better = best.as_ref().is_none_or(|Repeating { unit: other, .. }| {
+        let is_enough = unit.confidence >= CERTAIN && unit.lattice.shorter() >= MIN_CELL;
+        // Of two certain repeats the one in more pixels is better, even if it is less certain.
+        let is_better = best.as_ref().is_none_or(|RepeatView { unit: other, .. }| {
             unit.confidence >= other.confidence
-                || other.lattice.shorter() < ENOUGH && unit.confidence >= CERTAIN
+                || other.lattice.shorter() < MIN_CELL && unit.confidence >= CERTAIN
         });
         if is_better {
-            best = Some(Repeating { scale, corner, picture, lightness, even, unit });
+            best = Some(RepeatView { scale, corner, picture, lightness, even, unit });
         }
         if is_enough {
             break;
         }
     }
-    if let (Some([a, b]), Some(Repeating { scale, unit, .. })) = (given, &best) {
-        let side = f64::from(photo.width().min(photo.height()));
-        let is_flat = unit.lattice.area() < 0.1 * unit.lattice.shorter() * unit.lattice.longer();
-        let shorter = unit.lattice.shorter() / scale;
-        if is_flat
-            || shorter.is_nan()
-            || shorter < GIVEN.0
-            || unit.lattice.longer() / scale * GIVEN.1 > side
-        {
-            return Err(CaptureError::Cell { cell: [a.x, a.y, b.x, b.y] });
-        }
+    if let (Some(vectors), Some(view)) = (given, &best) {
+        check_given(vectors, view, photo)?;
     }
     let confidence = best.as_ref().map_or(0.0, |best| best.unit.confidence);
     best.filter(|best| best.unit.confidence >= CERTAIN)
         .ok_or(CaptureError::NoRepeat { confidence, least: CERTAIN })
 }
 
-/// Whole steps of a lag or a count, which are some thousands at most.
+/// Checks that vectors which a person gave span a cell that the photo shows a few times.
+fn check_given(
+    [a, b]: [DVec2; 2],
+    view: &RepeatView,
+    photo: &RgbImage,
+) -> Result<(), CaptureError> {
+    let (lattice, scale) = (&view.unit.lattice, view.scale);
+    let side = f64::from(photo.width().min(photo.height()));
+    let is_flat = lattice.area() < MIN_SINE * lattice.shorter() * lattice.longer();
+    let shorter = lattice.shorter() / scale;
+    if is_flat
+        || shorter.is_nan()
+        || shorter < MIN_GIVEN_VECTOR
+        || lattice.longer() / scale * MIN_GIVEN_COPIES > side
+    {
+        return Err(CaptureError::Cell { cell: [a.x, a.y, b.x, b.y] });
+    }
+    Ok(())
+}
+
+/// A lag or a count as an integer. They are some thousands at most.
 fn steps(count: f64) -> i32 {
     #[expect(clippy::cast_possible_truncation, reason = "`as` saturates")]
     let steps = count as i32;

@@ -1,4 +1,7 @@
-//! What capture asks of planes besides what `photo` does.
+//! Image filters on planes that only capture needs: lightness, Gaussian blur, gradient, bilinear
+//! sampling, and the removal of slow shading.
+//!
+//! In: a [`Plane`], or a picture. Out: planes of the same size. Cost: a few operations a pixel.
 
 use glam::DVec2;
 use image::RgbImage;
@@ -7,54 +10,70 @@ use rayon::prelude::*;
 use crate::plane::{Plane, double, float, narrow, whole};
 use warpknit_core::fabric::yarn::Color;
 
-/// Standard deviations below which a bell is summed as it is; above, two boxes are near enough and
-/// cost the same for any width.
-const NARROW: f32 = 4.0;
+/// Standard deviation from which on a Gaussian is replaced by two box blurs, pixels. They cost the
+/// same for any width. Below, boxes of a few pixels would be a poor approximation.
+const BOXES_FROM: f32 = 4.0;
+/// Largest absolute value of the normalised contrast, in standard deviations. Glints and holes
+/// count no more than that in a fit.
+const MAX_CONTRAST: f32 = 3.0;
+/// Share of the picture's mean power that is added to the local power. At 0, noise of blank areas
+/// would be amplified to full contrast.
+const POWER_FLOOR: f32 = 0.1;
 
 impl Plane {
-    /// How light each pixel looks, 0..1: CIE's L* of its colour.
+    /// Lightness of each pixel, 0..1: CIE L* / 100 of its colour.
     pub(super) fn lightness(picture: &RgbImage) -> Self {
-        let linear = all_linear();
-        let value = |pixel: &[u8]| {
-            let [red, green, blue] = [0, 1, 2].map(|channel| linear[usize::from(pixel[channel])]);
-            let luminance = 0.2126 * red + 0.7152 * green + 0.0722 * blue;
-            if luminance > 0.008_856 { 1.16 * luminance.cbrt() - 0.16 } else { 9.033 * luminance }
-        };
+        let linear = linear_of_bytes();
         let [width, height] = [picture.width(), picture.height()].map(|side| side as usize);
-        Self { width, height, values: picture.as_raw().par_chunks_exact(3).map(value).collect() }
+        let values = picture
+            .as_raw()
+            .par_chunks_exact(3)
+            .map(|pixel| {
+                let [red, green, blue] =
+                    [0, 1, 2].map(|channel| linear[usize::from(pixel[channel])]);
+                let luminance = 0.2126 * red + 0.7152 * green + 0.0722 * blue;
+                if luminance > 0.008_856 {
+                    1.16 * luminance.cbrt() - 0.16
+                } else {
+                    9.033 * luminance
+                }
+            })
+            .collect();
+        Self { width, height, values }
     }
 
     /// Red, green and blue of each pixel in linear light, 0..1.
     pub(super) fn channels(picture: &RgbImage) -> [Self; 3] {
-        let linear = all_linear();
+        let linear = linear_of_bytes();
         let [width, height] = [picture.width(), picture.height()].map(|side| side as usize);
-        let channel = |at: usize| {
-            picture
-                .as_raw()
-                .par_chunks_exact(3)
-                .map(|pixel| linear[usize::from(pixel[at])])
-                .collect()
-        };
-        [0, 1, 2].map(|at| Self { width, height, values: channel(at) })
+        [0, 1, 2].map(|channel| {
+            let pixels = picture.as_raw().par_chunks_exact(3);
+            let values = pixels.map(|pixel| linear[usize::from(pixel[channel])]).collect();
+            Self { width, height, values }
+        })
     }
 
-    /// Blurred by a bell of that standard deviation, pixels; outside, the picture is as at its rim.
+    /// A Gaussian blur of that standard deviation, pixels. Beyond the border, the picture goes on
+    /// as at its rim.
     pub(super) fn smoothed(&self, sigma: f32) -> Self {
-        if sigma >= NARROW {
-            // Two boxes of 2 r + 1 pixels have a sixth of its square less one as their variance.
+        if sigma >= BOXES_FROM {
+            // Two boxes of 2 r + 1 pixels have the variance ((2 r + 1)^2 - 1) / 6.
             let radius = (((6.0 * sigma * sigma + 1.0).sqrt() - 1.0) / 2.0).round();
             return self.blurred(whole(radius), false);
         }
-        let weights = bell(sigma);
+        let weights = gaussian_kernel(sigma);
         let reach = weights.len() / 2;
         let inside = |at: usize, side: usize| at.saturating_sub(reach).min(side - 1);
+        // The Gaussian is separable: rows first, and then columns.
         let across = Self::from_rows(self.width, self.height, |y, row| {
+            // A padded copy of the row keeps the border's clamp out of the inner loop.
             let padded: Vec<f32> =
                 (0..self.width + 2 * reach).map(|x| self.at(inside(x, self.width), y)).collect();
             for (value, window) in row.iter_mut().zip(padded.windows(weights.len())) {
                 *value = window.iter().zip(&weights).map(|(value, weight)| value * weight).sum();
             }
         });
+        // Columns are summed as whole rows, which lie in memory one after another.
         Self::from_rows(self.width, self.height, |y, row| {
             for (off, weight) in weights.iter().enumerate() {
                 let source = across.row(inside(y + off, self.height));
@@ -63,94 +82,105 @@ impl Plane {
         })
     }
 
-    /// Values by another plane's at the same place.
+    /// A function of this plane's values and another plane's at the same places.
     pub(super) fn zip(&self, other: &Self, of: impl Fn(f32, f32) -> f32 + Sync) -> Self {
         let values = self.values.par_iter().zip(&other.values).map(|(a, b)| of(*a, *b)).collect();
         Self { values, ..*self }
     }
 
     /// Mean of the squares.
-    pub(super) fn power(&self) -> f32 {
+    pub(super) fn mean_square(&self) -> f32 {
         narrow(
             self.values.iter().map(|value| f64::from(*value).powi(2)).sum::<f64>()
                 / double(self.values.len().max(1)),
         )
     }
 
-    /// Derivatives along x and y, by Scharr's differences.
+    /// Derivatives along x and y by Scharr's operator. Its error of direction is far below that of
+    /// Sobel's, and directions are what a structure tensor is for.
     pub(super) fn gradient(&self) -> [Self; 2] {
+        // x and y count from 1 before the picture; beyond the border the rim goes on.
         let at = |x: usize, y: usize| {
             self.at(
                 x.saturating_sub(1).min(self.width - 1),
                 y.saturating_sub(1).min(self.height - 1),
             )
         };
-        let slope = |before: [f32; 3], after: [f32; 3]| {
-            (3.0 * (after[0] - before[0])
-                + 10.0 * (after[1] - before[1])
-                + 3.0 * (after[2] - before[2]))
-                / 32.0
-        };
-        // x and y count from 1 before the picture.
         let column = |x: usize, y: usize| [at(x, y), at(x, y + 1), at(x, y + 2)];
         let row = |x: usize, y: usize| [at(x, y), at(x + 1, y), at(x + 2, y)];
         [
-            Self::from_fn(self.width, self.height, |x, y| slope(column(x, y), column(x + 2, y))),
-            Self::from_fn(self.width, self.height, |x, y| slope(row(x, y), row(x, y + 2))),
+            Self::from_fn(self.width, self.height, |x, y| scharr(column(x, y), column(x + 2, y))),
+            Self::from_fn(self.width, self.height, |x, y| scharr(row(x, y), row(x, y + 2))),
         ]
     }
 
-    /// The value of the four pixels around a place that goes around on all sides: `u` and `v` are
-    /// shares of the width and of the height.
-    pub(super) fn around(&self, u: f64, v: f64) -> f32 {
+    /// Bilinear sample of a periodic plane. `u` and `v` are shares of the width and of the height.
+    pub(super) fn sample_periodic(&self, u: f64, v: f64) -> f32 {
         let [x, y] = [(u, self.width), (v, self.height)]
             .map(|(share, side)| (share - share.floor()) * double(side));
         let [left, top] =
             [(x, self.width), (y, self.height)].map(|(at, side)| whole(narrow(at)).min(side - 1));
         let [right, bottom] = [(left + 1) % self.width, (top + 1) % self.height];
-        self.mixed([left, right], [top, bottom], [narrow(x) - float(left), narrow(y) - float(top)])
+        self.bilinear(
+            [left, right],
+            [top, bottom],
+            [narrow(x) - float(left), narrow(y) - float(top)],
+        )
     }
 
-    /// The value of the four pixels around a place; outside, of those at the rim.
-    pub(super) fn between(&self, place: DVec2) -> f32 {
+    /// Bilinear sample at a place in pixels. Beyond the border, the picture goes on as at its rim.
+    pub(super) fn sample(&self, place: DVec2) -> f32 {
         let place =
             place.clamp(DVec2::ZERO, DVec2::new(double(self.width - 1), double(self.height - 1)));
         let [left, top] = place.to_array().map(|at| whole(narrow(at)));
         let [right, bottom] = [(left + 1).min(self.width - 1), (top + 1).min(self.height - 1)];
-        self.mixed([left, right], [top, bottom], place.fract().to_array().map(narrow))
+        self.bilinear([left, right], [top, bottom], place.fract().to_array().map(narrow))
     }
 
-    /// Four pixels by how far a place is from the left ones and from the upper ones.
-    fn mixed(
+    /// The bilinear mean of four pixels, by the distances from the left ones and from the upper
+    /// ones.
+    fn bilinear(
         &self,
         [left, right]: [usize; 2],
         [top, bottom]: [usize; 2],
         [across, down]: [f32; 2],
     ) -> f32 {
-        let row = |y: usize| self.at(left, y) * (1.0 - across) + self.at(right, y) * across;
-        row(top) * (1.0 - down) + row(bottom) * down
+        let [upper, lower] =
+            [top, bottom].map(|y| self.at(left, y) * (1.0 - across) + self.at(right, y) * across);
+        upper * (1.0 - down) + lower * down
     }
+}
+
+/// Scharr's derivative from the three pixels before and the three pixels after one.
+fn scharr(before: [f32; 3], after: [f32; 3]) -> f32 {
+    (3.0 * (after[0] - before[0]) + 10.0 * (after[1] - before[1]) + 3.0 * (after[2] - before[2]))
+        / 32.0
 }
 
 /// A whole picture without slow shading.
 pub(super) fn without_shading(lightness: &Plane) -> Plane {
-    evened(lightness, float(lightness.width.min(lightness.height)) / 8.0)
+    normalized_contrast(lightness, float(lightness.width.min(lightness.height)) / 8.0)
 }
 
-/// Without slow shading, and with the same contrast everywhere: about -3..3.
-pub(super) fn evened(lightness: &Plane, sigma: f32) -> Plane {
+/// Local mean and variance normalisation: slow shading is taken off, and the contrast becomes the
+/// same everywhere. Values are about -3..3. `sigma` is the window's standard deviation; one much
+/// below the cell would flatten the yarns themselves.
+pub(super) fn normalized_contrast(lightness: &Plane, sigma: f32) -> Plane {
     let detail = lightness.zip(&lightness.smoothed(sigma), |value, mean| value - mean);
     let power = detail.map(|value| value * value).smoothed(sigma);
-    let floor = 0.1 * detail.power() + f32::MIN_POSITIVE;
-    detail.zip(&power, |value, power| (value / (power + floor).sqrt()).clamp(-3.0, 3.0))
+    let floor = POWER_FLOOR * detail.mean_square() + f32::MIN_POSITIVE;
+    detail.zip(&power, |value, power| {
+        (value / (power + floor).sqrt()).clamp(-MAX_CONTRAST, MAX_CONTRAST)
+    })
 }
 
-/// Each byte of sRGB in linear light.
-fn all_linear() -> Vec<f32> {
+/// Linear light of each byte of sRGB.
+fn linear_of_bytes() -> Vec<f32> {
     (0..=u8::MAX).map(|byte| Color([byte; 3]).linear()[0]).collect()
 }
 
-fn bell(sigma: f32) -> Vec<f32> {
+/// Weights of a Gaussian up to three standard deviations, with a sum of 1.
+fn gaussian_kernel(sigma: f32) -> Vec<f32> {
     let reach = i16::try_from(whole((3.0 * sigma).ceil())).expect("a few pixels");
     let weights: Vec<f32> =
         (-reach..=reach).map(|x| (-0.5 * (f32::from(x) / sigma).powi(2)).exp()).collect();
@@ -183,7 +213,10 @@ mod tests {
         let [along, down] = slope.gradient();
         assert!((along.at(4, 3) - 2.0).abs() < 1e-5 && (down.at(4, 3) + 3.0).abs() < 1e-5);
         let ring = Plane::from_fn(4, 1, |x, _| float(x));
-        assert_eq!([0.25, 0.375, 0.875, -0.125].map(|u| ring.around(u, 0.4)), [1.0, 1.5, 1.5, 1.5]);
+        assert_eq!(
+            [0.25, 0.375, 0.875, -0.125].map(|u| ring.sample_periodic(u, 0.4)),
+            [1.0, 1.5, 1.5, 1.5]
+        );
     }
 
     #[test]
@@ -192,7 +225,7 @@ mod tests {
         let shaded = Plane::from_fn(200, 40, |x, _| {
             0.3 + 0.002 * float(x) + (0.05 + 0.0005 * float(x)) * wave(x)
         });
-        let even = evened(&shaded, 20.0);
+        let even = normalized_contrast(&shaded, 20.0);
         let power =
             |from: usize| (from..from + 40).map(|x| even.at(x, 20).powi(2)).sum::<f32>() / 40.0;
         assert!((power(40) / power(120) - 1.0).abs() < 0.25, "{} {}", power(40), power(120));

@@ -1,16 +1,21 @@
-//! `texture.png`: some cells each way that tile and are the photo's own cloth, lint and light and
-//! dark yarns and all, where the mean cell is that of no place.
+//! `texture.png`: some cells each way that tile and are the photo's own cloth, with its lint and
+//! its light and dark yarns. The mean cell shows none of these.
 //!
-//! In: the colours of the view, its [`Warp`] and its lattice. Out: a picture along both vectors as
-//! the mean cell is: columns go along a, rows along b, and its corner is a cell's corner. Source:
-//! Efros and Freeman 2001, *Image quilting for texture synthesis and transfer*. Blocks of one or
-//! two cells come from the photo, whole cells apart so that yarns meet; each is the one that
-//! differs least from what lies where it overlaps others, and is cut there where it differs least.
-//! The last block of a row overlaps the first, and the last row the first, so that the picture
-//! tiles. Cost: about half a second, and four bytes for each pixel of the view.
+//! In: the colours of the view, its [`DisplacementField`] and its lattice. Out: a picture along
+//! both vectors, as the mean cell is: columns run along a, rows along b, and its corner is a cell's
+//! corner.
 //!
-//! Not promised: patterns wider than a block, and colours as in another light: of the photo's light
-//! only slow differences are taken off, and its colours stay.
+//! Method: image quilting (Efros and Freeman 2001, *Image quilting for texture synthesis and
+//! transfer*). Blocks of one or two cells come from the photo, whole cells apart so that yarns
+//! meet. Each block is the one that differs least from its neighbours in their overlap, and is cut
+//! there along the minimum error boundary. The last block of a row overlaps the first one, and the
+//! last row the first one, so that the picture tiles.
+//!
+//! Cost: about half a second, and four bytes for each pixel of the view. Not promised: patterns
+//! wider than a block, and colours as in another light: only slow differences of the photo's light
+//! are taken off.
+
+use std::ops::Range;
 
 use glam::DVec2;
 use image::imageops::interpolate_bilinear;
@@ -18,51 +23,59 @@ use image::{Rgb, RgbImage, Rgba, RgbaImage};
 use rayon::prelude::*;
 
 use super::lattice::Lattice;
-use super::register::Warp;
+use super::register::DisplacementField;
 use super::steps;
 use crate::plane::{Plane, byte, double, float, narrow, side, whole};
 
 /// Cells of the texture each way, at most.
-const CELLS: usize = 6;
-/// Pixels of the texture each way, unless two blocks are more.
-const PIXELS: f64 = 1024.0;
-/// A photo that shows so many cells each way gives blocks of two.
-const MANY: f64 = 8.0;
-/// The overlap of blocks as a share of a cell. With it, a block of one cell is in any photo that
-/// shows three each way.
+const MAX_CELLS: usize = 6;
+/// Pixels of the texture each way, at most, unless two blocks are more.
+const MAX_PIXELS: f64 = 1024.0;
+/// Cells each way that a photo has to show for blocks of two cells. Larger blocks keep more of the
+/// photo, but need enough of them to choose from.
+const CELLS_FOR_LARGE_BLOCKS: f64 = 8.0;
+/// The overlap of blocks as a share of a cell. With a third, a block of one cell fits into any
+/// photo that shows three cells each way. A much narrower overlap leaves the cut no choice.
 const OVERLAP: f64 = 1.0 / 3.0;
-/// How much lighter or darker a place is made, at most.
-const GAIN: f32 = 4.0;
+/// The largest gain by which uneven light is corrected, either way.
+const MAX_GAIN: f32 = 4.0;
 
 /// A picture that tiles.
-pub(super) fn quilt(picture: &RgbImage, warp: &Warp, lattice: &Lattice) -> RgbaImage {
-    let blocks = Blocks::of(lattice, f64::from(picture.width().min(picture.height())));
-    let along = Unsheared::of(&evenly_lit(picture, lattice), warp, &blocks);
-    let origins = along.origins();
-    let mut tile = Tile::empty(blocks);
+pub(super) fn quilt(picture: &RgbImage, field: &DisplacementField, lattice: &Lattice) -> RgbaImage {
+    let blocks = Blocks::new(lattice, f64::from(picture.width().min(picture.height())));
+    let source = Unsheared::new(&evenly_lit(picture, lattice), field, &blocks);
+    let origins = source.origins();
+    let mut texture = QuiltedTexture::empty(blocks);
     for row in 0..blocks.count[1] {
         for column in 0..blocks.count[0] {
-            let laid = tile.laid(column, row);
-            let error = |origin: &[usize; 2]| -> u64 {
-                laid.iter()
-                    .map(|&([x, y], old)| {
-                        u64::from(difference(old, along.at(origin[0] + x, origin[1] + y).0))
-                    })
-                    .sum()
-            };
-            // Of equally good ones the first, which is nearest to the middle.
+            let overlap = texture.overlap_pixels(column, row);
+            // Efros and Freeman choose at random among the good ones. Here the best one is taken,
+            // and of equally good ones the first, which is nearest to the middle: the same photo
+            // gives the same texture.
             let best = origins
                 .par_iter()
                 .enumerate()
-                .min_by_key(|(number, origin)| (error(origin), *number));
+                .min_by_key(|(number, origin)| (overlap_error(&overlap, &source, origin), *number));
             let [left, top] = *best.expect("the middle one, if no other").1;
-            tile.lay(column, row, |x, y| along.at(left + x, top + y).0);
+            texture.place_block(column, row, |x, y| source.at(left + x, top + y).color);
         }
     }
-    tile.picture(along.start)
+    texture.picture(source.start)
 }
 
-/// How blocks lie, pixels of the texture: columns along a, rows along b.
+/// Sum of squared differences of a block from the pixels that it will overlap.
+fn overlap_error(
+    overlap: &[([usize; 2], [u8; 3])],
+    source: &Unsheared,
+    [left, top]: &[usize; 2],
+) -> u64 {
+    overlap
+        .iter()
+        .map(|&([x, y], old)| u64::from(squared_distance(old, source.at(left + x, top + y).color)))
+        .sum()
+}
+
+/// Sizes of blocks, pixels of the texture: columns along a, rows along b.
 #[derive(Clone, Copy)]
 struct Blocks {
     cell: [usize; 2],
@@ -70,31 +83,35 @@ struct Blocks {
     stride: [usize; 2],
     /// How far a block goes beyond that.
     overlap: [usize; 2],
-    /// Blocks of the texture.
+    /// Number of blocks in the texture.
     count: [usize; 2],
 }
 
 impl Blocks {
-    fn of(lattice: &Lattice, side: f64) -> Self {
-        let cells = if side >= MANY * lattice.longer() { 2 } else { 1 };
+    fn new(lattice: &Lattice, side: f64) -> Self {
+        let cells = if side >= CELLS_FOR_LARGE_BLOCKS * lattice.longer() { 2 } else { 1 };
         let lengths = [lattice.a, lattice.b].map(DVec2::length);
         let cell = lengths.map(|length| whole(narrow(length.round())).max(8));
-        let fit = |length: f64| whole(narrow(side.min(PIXELS) / (length * double(cells))));
+        // Two blocks at least: a single one would have to overlap itself.
+        let count = lengths.map(|length| {
+            whole(narrow(side.min(MAX_PIXELS) / (length * double(cells))))
+                .clamp(2, MAX_CELLS / cells)
+        });
         Self {
             cell,
             stride: cell.map(|cell| cells * cell),
             overlap: cell.map(|cell| whole(narrow(OVERLAP * double(cell)))),
-            count: lengths.map(|length| fit(length).clamp(2, CELLS / cells)),
+            count,
         }
     }
 
-    /// Of one block with its overlap.
+    /// Size of one block with its overlap.
     fn size(&self) -> [usize; 2] {
         [0, 1].map(|axis| self.stride[axis] + self.overlap[axis])
     }
 
-    /// Of the texture.
-    fn whole(&self) -> [usize; 2] {
+    /// Size of the texture.
+    fn texture_size(&self) -> [usize; 2] {
         [0, 1].map(|axis| self.stride[axis] * self.count[axis])
     }
 }
@@ -105,30 +122,39 @@ fn evenly_lit(picture: &RgbImage, lattice: &Lattice) -> RgbImage {
     let sigma = (1.5 * narrow(lattice.longer())).max(float(grey.width.min(grey.height)) / 8.0);
     let slow = grey.smoothed(sigma);
     let mean = slow.values.iter().sum::<f32>() / float(slow.values.len());
+    // One gain for all three channels, which keeps the colours.
     RgbImage::from_fn(picture.width(), picture.height(), |x, y| {
-        let gain = (mean / slow.at(x as usize, y as usize).max(1.0)).clamp(1.0 / GAIN, GAIN);
+        let gain =
+            (mean / slow.at(x as usize, y as usize).max(1.0)).clamp(1.0 / MAX_GAIN, MAX_GAIN);
         Rgb(picture.get_pixel(x, y).0.map(|value| byte(f32::from(value) * gain)))
     })
 }
 
-/// A photo along both vectors of its cloth.
+/// A pixel of the photo along its cloth's vectors.
+#[derive(Clone, Copy)]
+struct SourcePixel {
+    color: [u8; 3],
+    /// Whether the photo shows that place.
+    is_inside: bool,
+}
+
+/// A photo resampled along both vectors of its cloth, without shear and displacement.
 struct Unsheared {
     width: usize,
-    /// Colours, and whether the photo shows that place.
-    pixels: Vec<([u8; 3], bool)>,
-    /// Its corner, where a cell's corner is at 0.
+    pixels: Vec<SourcePixel>,
+    /// The position of its corner, where a cell's corner is at 0.
     start: [i32; 2],
-    /// The block that is in the photo's middle.
+    /// The block in the middle of the photo.
     middle: [usize; 2],
     blocks: Blocks,
 }
 
 impl Unsheared {
-    fn of(picture: &RgbImage, warp: &Warp, blocks: &Blocks) -> Self {
+    fn new(picture: &RgbImage, field: &DisplacementField, blocks: &Blocks) -> Self {
         let cell = DVec2::from(blocks.cell.map(double));
         let last = DVec2::new(f64::from(picture.width()), f64::from(picture.height())) - 1.0;
         let [centre, corners @ ..] = [[0.5, 0.5], [0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]
-            .map(|share| warp.count(last * DVec2::from(share)) * cell);
+            .map(|share| field.cell_coordinates(last * DVec2::from(share)) * cell);
         // Vectors that a person gives may be nearly parallel, and the photo along them endless.
         let reach = DVec2::splat(last.max_element());
         let low = corners.into_iter().fold(DVec2::INFINITY, DVec2::min).max(centre - reach);
@@ -139,89 +165,108 @@ impl Unsheared {
         let start = first - before * cell;
         let [width, height] =
             [0, 1].map(|axis| whole(narrow((high - start)[axis])).max(size[axis]));
-        let pixel = |x: usize, y: usize| {
-            let place = warp.place((start + DVec2::new(double(x), double(y))) / cell);
-            let near = place.clamp(DVec2::ZERO, last);
-            let color = interpolate_bilinear(picture, narrow(near.x), narrow(near.y))
-                .map_or([0; 3], |Rgb(color)| color);
-            (color, near == place)
-        };
-        let pixels =
-            (0..width * height).into_par_iter().map(|at| pixel(at % width, at / width)).collect();
+        let pixels = (0..width * height)
+            .into_par_iter()
+            .map(|at| {
+                let offset = DVec2::new(double(at % width), double(at / width));
+                let place = field.pixel_at((start + offset) / cell);
+                let near = place.clamp(DVec2::ZERO, last);
+                let color = interpolate_bilinear(picture, narrow(near.x), narrow(near.y))
+                    .map_or([0; 3], |Rgb(color)| color);
+                SourcePixel { color, is_inside: near == place }
+            })
+            .collect();
         let middle = [0, 1].map(|axis| whole(narrow(before[axis])) * blocks.cell[axis]);
         Self { width, pixels, start: start.to_array().map(steps), middle, blocks: *blocks }
     }
 
-    fn at(&self, x: usize, y: usize) -> ([u8; 3], bool) {
+    fn at(&self, x: usize, y: usize) -> SourcePixel {
         self.pixels[y * self.width + x]
     }
 
-    /// Corners of all blocks that the photo shows whole, those nearest to its middle first.
+    /// Corners of all blocks that the photo shows entirely, those nearest to its middle first.
     fn origins(&self) -> Vec<[usize; 2]> {
         let [width, height] = self.blocks.size();
-        let rows = (0..=self.pixels.len() / self.width - height).step_by(self.blocks.cell[1]);
-        let all = rows.flat_map(|y| {
-            (0..=self.width - width).step_by(self.blocks.cell[0]).map(move |x| [x, y])
-        });
-        let is_seen =
-            |&[x, y]: &[usize; 2]| (y..y + height).all(|y| (x..x + width).all(|x| self.at(x, y).1));
-        let mut origins: Vec<_> = all.filter(is_seen).collect();
-        let off = |origin: &[usize; 2]| {
+        let mut origins = Vec::new();
+        for y in (0..=self.pixels.len() / self.width - height).step_by(self.blocks.cell[1]) {
+            for x in (0..=self.width - width).step_by(self.blocks.cell[0]) {
+                if self.is_block_inside(x, y) {
+                    origins.push([x, y]);
+                }
+            }
+        }
+        origins.sort_by_key(|origin| {
             [0, 1].map(|axis| origin[axis].abs_diff(self.middle[axis]).pow(2)).iter().sum::<usize>()
-        };
-        origins.sort_by_key(off);
+        });
         if origins.is_empty() { vec![self.middle] } else { origins }
+    }
+
+    /// Whether the photo shows all of a block.
+    fn is_block_inside(&self, left: usize, top: usize) -> bool {
+        let [width, height] = self.blocks.size();
+        (top..top + height).all(|y| (left..left + width).all(|x| self.at(x, y).is_inside))
     }
 }
 
-/// The texture while it is made; it goes around on all sides.
-struct Tile {
+/// The texture while it is made. It is periodic on all sides.
+struct QuiltedTexture {
     blocks: Blocks,
     pixels: Vec<Option<[u8; 3]>>,
 }
 
-impl Tile {
+impl QuiltedTexture {
     fn empty(blocks: Blocks) -> Self {
-        Self { blocks, pixels: vec![None; blocks.whole().iter().product()] }
+        Self { blocks, pixels: vec![None; blocks.texture_size().iter().product()] }
     }
 
-    /// Where a pixel of a block is.
+    /// The index of a block's pixel.
     fn index(&self, column: usize, row: usize, x: usize, y: usize) -> usize {
-        let ([width, height], [across, down]) = (self.blocks.whole(), self.blocks.stride);
+        let ([width, height], [across, down]) = (self.blocks.texture_size(), self.blocks.stride);
         (row * down + y) % height * width + (column * across + x) % width
     }
 
-    /// What lies already where a block will be.
-    fn laid(&self, column: usize, row: usize) -> Vec<([usize; 2], [u8; 3])> {
+    /// The pixels that are there already where a block will be.
+    fn overlap_pixels(&self, column: usize, row: usize) -> Vec<([usize; 2], [u8; 3])> {
         let [width, height] = self.blocks.size();
-        let places = (0..height).flat_map(|y| (0..width).map(move |x| [x, y]));
-        places
-            .filter_map(|[x, y]| {
-                self.pixels[self.index(column, row, x, y)].map(|color| ([x, y], color))
-            })
-            .collect()
+        let mut pixels = Vec::new();
+        for y in 0..height {
+            for x in 0..width {
+                if let Some(color) = self.pixels[self.index(column, row, x, y)] {
+                    pixels.push(([x, y], color));
+                }
+            }
+        }
+        pixels
     }
 
-    /// Lays a block up to the cuts through its overlaps.
-    fn lay(&mut self, column: usize, row: usize, color: impl Fn(usize, usize) -> [u8; 3]) {
+    /// Copies a block up to the cuts through its overlaps.
+    fn place_block(&mut self, column: usize, row: usize, color: impl Fn(usize, usize) -> [u8; 3]) {
         let ([width, height], [across, down]) = (self.blocks.size(), self.blocks.overlap);
-        let differs = |x: usize, y: usize| {
-            self.pixels[self.index(column, row, x, y)].map_or(0, |old| difference(old, color(x, y)))
+        let cost = |x: usize, y: usize| {
+            let old = self.pixels[self.index(column, row, x, y)];
+            old.map_or(0, |old| squared_distance(old, color(x, y)))
         };
-        let [last_column, last_row] = self.blocks.count.map(|count| count - 1);
-        let left = (column > 0).then(|| cut(height, across, |y, x| differs(x, y)));
-        let right = (column == last_column)
-            .then(|| cut(height, across, |y, x| differs(width - across + x, y)));
-        let top = (row > 0).then(|| cut(width, down, differs));
-        let bottom =
-            (row == last_row).then(|| cut(width, down, |x, y| differs(x, height - down + y)));
-        let from = |seam: &Option<Vec<usize>>, at: usize| seam.as_ref().map_or(0, |seam| seam[at]);
-        let until = |seam: &Option<Vec<usize>>, at: usize, size: usize, overlap: usize| {
-            seam.as_ref().map_or(size, |seam| size - overlap + seam[at])
+        // Every block has a neighbour before it, and the last one of a row or column has the first
+        // one after it too, since the texture tiles.
+        let [is_last_column, is_last_row] =
+            [(column, 0), (row, 1)].map(|(at, axis)| at == self.blocks.count[axis] - 1);
+        let horizontal = Cuts {
+            before: (column > 0).then(|| min_cost_path(height, across, |y, x| cost(x, y))),
+            after: is_last_column
+                .then(|| min_cost_path(height, across, |y, x| cost(width - across + x, y))),
+            size: width,
+            overlap: across,
+        };
+        let vertical = Cuts {
+            before: (row > 0).then(|| min_cost_path(width, down, cost)),
+            after: is_last_row
+                .then(|| min_cost_path(width, down, |x, y| cost(x, height - down + y))),
+            size: height,
+            overlap: down,
         };
         for y in 0..height {
-            for x in from(&left, y)..until(&right, y, width, across) {
-                if (from(&top, x)..until(&bottom, x, height, down)).contains(&y) {
+            for x in horizontal.inside(y) {
+                if vertical.inside(x).contains(&y) {
                     let index = self.index(column, row, x, y);
                     self.pixels[index] = Some(color(x, y));
                 }
@@ -229,49 +274,77 @@ impl Tile {
         }
     }
 
-    /// The picture with a cell's corner in its corner, which the blocks' own corner is off by
-    /// `start`.
+    /// The picture with a cell's corner in its corner. `start` is the position of the blocks' own
+    /// corner relative to a cell's.
     fn picture(&self, start: [i32; 2]) -> RgbaImage {
-        let [width, height] = self.blocks.whole();
-        let off = [(start[0], width), (start[1], height)]
-            .map(|(start, size)| start.rem_euclid(steps(double(size))).unsigned_abs());
-        let at = |place: u32, axis: usize, size: usize| {
-            (place as usize + size - off[axis] as usize) % size
-        };
+        let [width, height] = self.blocks.texture_size();
+        let [off_x, off_y] = [(start[0], width), (start[1], height)]
+            .map(|(start, size)| start.rem_euclid(steps(double(size))).unsigned_abs() as usize);
         RgbaImage::from_fn(side(width), side(height), |x, y| {
-            let [red, green, blue] = self.pixels[at(y, 1, height) * width + at(x, 0, width)]
-                .expect("blocks leave no gap");
+            let column = (x as usize + width - off_x) % width;
+            let row = (y as usize + height - off_y) % height;
+            let [red, green, blue] =
+                self.pixels[row * width + column].expect("blocks leave no gap");
             Rgba([red, green, blue, u8::MAX])
         })
     }
 }
 
+/// The cuts through a block's overlaps on two opposite sides: the place across the overlap for each
+/// place along it.
+struct Cuts {
+    before: Option<Vec<usize>>,
+    after: Option<Vec<usize>>,
+    /// Pixels of the block across the cuts.
+    size: usize,
+    overlap: usize,
+}
+
+impl Cuts {
+    /// The pixels between both cuts at a place along them.
+    fn inside(&self, along: usize) -> Range<usize> {
+        let first = self.before.as_ref().map_or(0, |cut| cut[along]);
+        let end =
+            self.after.as_ref().map_or(self.size, |cut| self.size - self.overlap + cut[along]);
+        first..end
+    }
+}
+
 /// Square of the distance of two colours.
-fn difference(a: [u8; 3], b: [u8; 3]) -> u32 {
+fn squared_distance(a: [u8; 3], b: [u8; 3]) -> u32 {
     a.iter().zip(b).map(|(a, b)| u32::from(a.abs_diff(b)).pow(2)).sum()
 }
 
-/// The cheapest way along a strip, which goes at most one place aside at a time: its place across
-/// at each place along.
-fn cut(length: usize, breadth: usize, cost: impl Fn(usize, usize) -> u32) -> Vec<usize> {
-    let near = |across: usize| across.saturating_sub(1)..(across + 2).min(breadth);
+/// The minimum error boundary cut of Efros and Freeman 2001, by dynamic programming: the cheapest
+/// path along a strip that moves aside by at most one place a step. Gives its place across at each
+/// place along.
+fn min_cost_path(length: usize, breadth: usize, cost: impl Fn(usize, usize) -> u32) -> Vec<usize> {
+    // Least costs from the start to each place.
     let mut sums: Vec<Vec<u64>> = Vec::with_capacity(length);
     for along in 0..length {
-        let before = |across: usize| {
-            let least = |sums: &Vec<u64>| sums[near(across)].iter().copied().min();
-            sums.last().and_then(least).unwrap_or(0)
-        };
-        let row =
-            (0..breadth).map(|across| before(across) + u64::from(cost(along, across))).collect();
+        let row = (0..breadth)
+            .map(|across| {
+                let before = sums
+                    .last()
+                    .and_then(|sums| sums[within_one(across, breadth)].iter().copied().min());
+                before.unwrap_or(0) + u64::from(cost(along, across))
+            })
+            .collect();
         sums.push(row);
     }
-    let mut way = vec![0; length];
+    // Backtracking from the cheapest end.
+    let mut path = vec![0; length];
     let mut reach = 0..breadth;
-    for (place, sums) in way.iter_mut().zip(&sums).rev() {
+    for (place, sums) in path.iter_mut().zip(&sums).rev() {
         *place = reach.min_by_key(|&across| sums[across]).unwrap_or(0);
-        reach = near(*place);
+        reach = within_one(*place, breadth);
     }
-    way
+    path
+}
+
+/// A place across a strip and its neighbours.
+fn within_one(across: usize, breadth: usize) -> Range<usize> {
+    across.saturating_sub(1)..(across + 2).min(breadth)
 }
 
 #[cfg(test)]
@@ -318,8 +391,11 @@ mod tests {
     #[test]
     fn a_cut_follows_the_valley_and_costs_least() {
         let valley = [2, 3, 3, 4, 3, 2, 1, 1_usize];
-        assert_eq!(cut(8, 6, |along, across| if valley[along] == across { 0 } else { 9 }), valley);
-        assert_eq!(cut(3, 1, |_, _| 5), [0, 0, 0]);
+        assert_eq!(
+            min_cost_path(8, 6, |along, across| if valley[along] == across { 0 } else { 9 }),
+            valley
+        );
+        assert_eq!(min_cost_path(3, 1, |_, _| 5), [0, 0, 0]);
         let cost = |along: usize, across: usize| hash(index32(7 * along + across)) % 100;
         let paths = (0..4_usize.pow(5))
             .map(|code| [0, 1, 2, 3, 4].map(|along| code / 4_usize.pow(along) % 4));
@@ -327,7 +403,7 @@ mod tests {
         let of = |path: &[usize]| {
             path.iter().enumerate().map(|(along, across)| cost(along, *across)).sum::<u32>()
         };
-        assert_eq!(of(&cut(5, 4, cost)), allowed.map(|path| of(&path)).min().unwrap());
+        assert_eq!(of(&min_cost_path(5, 4, cost)), allowed.map(|path| of(&path)).min().unwrap());
     }
 
     #[test]
@@ -361,7 +437,7 @@ mod tests {
     }
 
     #[test]
-    fn no_seam_is_seen_where_it_tiles() {
+    fn no_seam_is_visible_where_it_tiles() {
         let texture = quilted(&cloth([300, 260], 0.0, 60.0));
         let (width, height) = texture.dimensions();
         let across = |edge: bool| {

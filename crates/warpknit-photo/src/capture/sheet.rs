@@ -1,8 +1,8 @@
-//! Sheets on which a person sees the layout: the mean cell nine times, with the segments of the
-//! middle one and of its neighbours drawn over it.
+//! Sheets on which a person checks the layout: nine copies of the mean cell, with the segments
+//! drawn over each.
 //!
-//! In: a [`Cell`] and segments. Out: `grid3x3.png`, with what is seen of them; `layout.svg`, with
-//! all of them as they are in `layout.toml`, numbered.
+//! In: a [`Cell`] and segments. Out: the picture of `grid3x3.png`, with the visible segments, and
+//! the drawing of `layout.svg`, with all segments of `layout.toml` and their numbers.
 
 use glam::DVec2;
 use image::{Rgba, RgbaImage};
@@ -16,21 +16,21 @@ use warpknit_chart::{Anchor, Drawing, DrawingLayer, DrawingShape, PathSegment, T
 use warpknit_core::fabric::yarn;
 
 /// Pixels of the longer vector in the picture.
-const CELL: f64 = 240.0;
+const PICTURE_CELL: f64 = 240.0;
 /// The same in the drawing, where each number needs its place.
-const DRAWN_CELL: f64 = 320.0;
-/// Pixels of a drawing's picture for each of its px.
-const FINER: f64 = 2.0;
-/// Places along each edge of an outline, the same number for both.
-const ALONG: usize = 9;
-/// All of them: there along one edge, back along the other.
-const AROUND: usize = 2 * ALONG;
-/// Colours of segments, in turn: told apart by those who don't tell red from green as well (Okabe
-/// and Ito 2008).
+const DRAWING_CELL: f64 = 320.0;
+/// Pixels of the drawing's picture per px of the drawing, for sharp display.
+const PIXELS_PER_PX: f64 = 2.0;
+/// Points along each edge of an outline.
+const EDGE_POINTS: usize = 9;
+/// Points of an outline: along one edge, and back along the other.
+const OUTLINE_POINTS: usize = 2 * EDGE_POINTS;
+/// Colours of segments, in turn: the palette of Okabe and Ito 2008, *Color universal design*, which
+/// people with a red-green deficiency can tell apart too.
 const COLORS: [[u8; 3]; 6] =
     [[213, 94, 0], [0, 114, 178], [240, 228, 66], [0, 158, 115], [204, 121, 167], [86, 180, 233]];
 
-/// A plane's values, darkest to lightest, as greys.
+/// A plane's values as greys, from the darkest to the lightest.
 pub(super) fn grey(plane: &Plane) -> RgbaImage {
     let (low, high) =
         plane.values.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), value| {
@@ -43,14 +43,15 @@ pub(super) fn grey(plane: &Plane) -> RgbaImage {
     })
 }
 
-/// A segment's outline in each of the nine cells; that in the middle is the fifth.
-fn outlines(segment: &Segment, cell: &Cell) -> [[DVec2; AROUND]; 9] {
-    // A person may give the place of any copy.
-    let home = cell.lattice.home(segment.centre);
-    let outline: [DVec2; AROUND] = std::array::from_fn(|at| {
-        let (step, side) = if at < ALONG { (at, -0.5) } else { (AROUND - 1 - at, 0.5) };
-        let along = (double(step) / double(ALONG - 1) - 0.5) * segment.length;
-        segment.beside(along, side * segment.width) - segment.centre
+/// A segment's outline in each of the nine cells. The fifth is in the middle.
+fn outlines(segment: &Segment, cell: &Cell) -> [[DVec2; OUTLINE_POINTS]; 9] {
+    // A person may have given any copy of the segment.
+    let home = cell.lattice.wrap_to_cell(segment.centre);
+    let outline: [DVec2; OUTLINE_POINTS] = std::array::from_fn(|at| {
+        let (step, side) =
+            if at < EDGE_POINTS { (at, -0.5) } else { (OUTLINE_POINTS - 1 - at, 0.5) };
+        let along = (double(step) / double(EDGE_POINTS - 1) - 0.5) * segment.length;
+        segment.offset_point(along, side * segment.width) - segment.centre
     });
     [0_u8, 1, 2, 3, 4, 5, 6, 7, 8].map(|copy| {
         let cells = DVec2::new(f64::from(copy % 3), f64::from(copy / 3));
@@ -59,17 +60,18 @@ fn outlines(segment: &Segment, cell: &Cell) -> [[DVec2; AROUND]; 9] {
     })
 }
 
-/// Draws the grid; segments are in the cell's own pixels.
+/// Draws the grid with the visible segments, which are in the cell's own pixels.
 pub(super) fn grid(cell: &Cell, layout: &Layout) -> RgbaImage {
-    let scale = CELL / cell.lattice.longer();
+    let scale = PICTURE_CELL / cell.lattice.longer();
     let (plane, corner) = cell.grid(scale);
     let picture = grey(&plane);
     let (width, height) = picture.dimensions();
     let mut canvas = Pixmap::new(width, height).expect("a picture has pixels");
-    // No pixel is transparent, so that colours with and without their alpha are the same.
+    // The canvas wants premultiplied alpha. No pixel is transparent, so that it makes no
+    // difference.
     canvas.data_mut().copy_from_slice(picture.as_raw());
     let stroke = Stroke { width: 2.0, ..Stroke::default() };
-    for (segment, [red, green, blue]) in layout.seen.iter().zip(COLORS.into_iter().cycle()) {
+    for (segment, [red, green, blue]) in layout.visible.iter().zip(COLORS.into_iter().cycle()) {
         let mut paint = Paint::default();
         paint.set_color(Color::from_rgba8(red, green, blue, u8::MAX));
         for outline in outlines(segment, cell) {
@@ -86,21 +88,23 @@ pub(super) fn grid(cell: &Cell, layout: &Layout) -> RgbaImage {
     RgbaImage::from_raw(width, height, canvas.take()).expect("four bytes a pixel")
 }
 
-/// The grid with segments that say their numbers; these are pixels of the photo, of which the cell
-/// has `scale` for each.
+/// The grid with numbered segments. Segments are in pixels of the photo; `scale` is the cell's
+/// pixels per pixel of the photo.
 pub(super) fn drawing(cell: &Cell, segments: &[Segment], scale: f64) -> Drawing {
-    let finer = DRAWN_CELL / cell.lattice.longer();
+    let finer = DRAWING_CELL / cell.lattice.longer();
     let (plane, corner) = cell.grid(finer);
     let picture = grey(&plane);
-    let size = DVec2::new(f64::from(picture.width()), f64::from(picture.height())) / FINER;
-    let px = |place: DVec2| (place - corner) * (finer / FINER);
-    let drawn: Vec<[[DVec2; AROUND]; 9]> = segments
+    let size = DVec2::new(f64::from(picture.width()), f64::from(picture.height())) / PIXELS_PER_PX;
+    let px = |place: DVec2| (place - corner) * (finer / PIXELS_PER_PX);
+    let drawn: Vec<[[DVec2; OUTLINE_POINTS]; 9]> = segments
         .iter()
         .map(|segment| outlines(&segment.scaled(scale), cell).map(|outline| outline.map(px)))
         .collect();
     let middles: Vec<DVec2> = drawn
         .iter()
-        .map(|copies| copies[4][ALONG / 2].midpoint(copies[4][AROUND - 1 - ALONG / 2]))
+        .map(|copies| {
+            copies[4][EDGE_POINTS / 2].midpoint(copies[4][OUTLINE_POINTS - 1 - EDGE_POINTS / 2])
+        })
         .collect();
     let dots = middles.iter().map(|&at| DrawingShape::Dot { at, radius: 8.0 }).collect();
     let numbers = (1..).zip(&middles).map(|(number, &middle)| DrawingShape::Text {
@@ -140,12 +144,13 @@ pub(super) fn drawing(cell: &Cell, segments: &[Segment], scale: f64) -> Drawing 
     Drawing { size, layers, notes: Vec::new() }
 }
 
-/// What `layout.toml` says of a segment's place.
+/// A segment's position and size as `layout.toml` has them.
 fn title(number: usize, segment: &Segment) -> String {
-    let Segment { centre, angle, width, length, bow, sway, .. } = segment;
-    let degrees = angle.to_degrees().rem_euclid(360.0);
+    let Segment { centre, width, length, bow, sway, .. } = segment;
+    let degrees = segment.degrees_text();
     format!(
-        "{number}: center {:.2}, {:.2}; angle_deg {degrees:.1}; width {width:.2}; length {length:.2}; bow {bow:.2}; sway {sway:.2}",
+        "{number}: center {:.2}, {:.2}; angle_deg {degrees}; width {width:.2}; \
+         length {length:.2}; bow {bow:.2}; sway {sway:.2}",
         centre.x, centre.y
     )
 }
@@ -166,7 +171,7 @@ mod tests {
         let copies = outlines(&segment, &cell);
         let near = |place: DVec2, x: f64, y: f64| place.distance(DVec2::new(x, y)) < 1e-9;
         assert!(
-            near(copies[4][0], 19.0, 11.0) && near(copies[4][ALONG], 31.0, 15.0),
+            near(copies[4][0], 19.0, 11.0) && near(copies[4][EDGE_POINTS], 31.0, 15.0),
             "{:?}",
             copies[4]
         );
@@ -181,7 +186,7 @@ mod tests {
             panic!("{:?}", drawing.layers[3].shapes[5])
         };
         let (PathSegment::Move(first), PathSegment::Line(second)) =
-            (segments[0], segments[ALONG - 1])
+            (segments[0], segments[EDGE_POINTS - 1])
         else {
             panic!("{segments:?}")
         };
@@ -192,7 +197,9 @@ mod tests {
         assert_eq!(
             drawing.layers[3].shapes[0],
             DrawingShape::Title {
-                text: "1: center 32.50, -3.50; angle_deg 0.0; width 2.00; length 6.00; bow 0.00; sway 0.00".to_owned()
+                text: "1: center 32.50, -3.50; angle_deg 0.0; width 2.00; length 6.00; bow 0.00; \
+                       sway 0.00"
+                    .to_owned()
             }
         );
     }

@@ -1,54 +1,99 @@
-//! What whoever uses a capture should know, although there is one.
+//! What a person should check about a capture that succeeded.
+//!
+//! In: a [`Captured`]. Out: a line of text for each finding.
 
 use super::{Captured, Layout, Twist};
 
-/// More unexplained than this is told: yarns are missing, or bend more than cylinders do.
+/// Share of the variance that may stay unexplained without a warning. More means that yarns are
+/// missing, or bend more than cylinders do.
 const UNEXPLAINED: f64 = 0.25;
-/// The same by what is seen of them, which is less than what was fitted: photos that are told well
-/// leave up to .3.
-const UNEXPLAINED_BY_SEEN: f64 = 0.4;
-/// Light and heights that correlate less have little to do with each other, as on satin.
-const CORRELATED: f64 = 0.2;
+/// The same for the visible parts, which explain less than the fitted segments. Photos that are
+/// captured well leave up to 0.3.
+const UNEXPLAINED_BY_VISIBLE: f64 = 0.4;
+/// Correlation of light and heights below which they have little to do with each other, as on
+/// satin.
+const MIN_CORRELATION: f64 = 0.2;
 
 impl Captured {
-    /// What to look at and to mend, a line each.
+    /// What to look at and to mend, one line each.
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
-        let Layout { error, seen_error, .. } = self.layout;
-        let correlation = self.correlation();
-        let unexplained = (error > UNEXPLAINED).then(|| {
+        [
+            self.error_warning(),
+            self.visible_error_warning(),
+            self.correlation_warning(),
+            self.validity_warning(),
+            self.direction_warning(),
+            self.hidden_warning(),
+            self.twist_warning(),
+        ]
+        .into_iter()
+        .flatten()
+        .collect()
+    }
+
+    fn error_warning(&self) -> Option<String> {
+        let error = self.layout.error;
+        (error > UNEXPLAINED).then(|| {
             format!(
-                "the segments leave {:.0} % of the cell unexplained: look at grid3x3.png, and mend layout.toml",
+                "the segments leave {:.0} % of the cell unexplained: look at grid3x3.png, and \
+                 mend layout.toml",
                 100.0 * error
             )
-        });
-        let by_seen = (error <= UNEXPLAINED && seen_error > UNEXPLAINED_BY_SEEN).then(|| {
+        })
+    }
+
+    fn visible_error_warning(&self) -> Option<String> {
+        let Layout { error, visible_error, .. } = self.layout;
+        (error <= UNEXPLAINED && visible_error > UNEXPLAINED_BY_VISIBLE).then(|| {
             format!(
-                "what is seen of the segments leaves {:.0} % of the cell unexplained: look at grid3x3.png, and mend layout.toml, or give a larger cell (--cell) if the cloth repeats after more",
-                100.0 * seen_error
+                "what is seen of the segments leaves {:.0} % of the cell unexplained: look at \
+                 grid3x3.png, and mend layout.toml, or give a larger cell (--cell) if the cloth \
+                 repeats after more",
+                100.0 * visible_error
             )
-        });
-        let gleaming = (correlation < CORRELATED).then(|| {
-            format!("light and the heights of the segments correlate by {correlation:.2} alone, as on satin, which gleams: don't trust the depth")
-        });
-        let invalid = (!self.layout.is_valid()).then(|| {
-            "the segments lie over each other, or leave much of the cell blank: look at grid3x3.png, and mend layout.toml"
+        })
+    }
+
+    fn correlation_warning(&self) -> Option<String> {
+        let correlation = self.correlation();
+        (correlation < MIN_CORRELATION).then(|| {
+            format!(
+                "light and the heights of the segments correlate by {correlation:.2} alone, as on \
+                 satin, which gleams: don't trust the depth"
+            )
+        })
+    }
+
+    fn validity_warning(&self) -> Option<String> {
+        (!self.layout.is_valid()).then(|| {
+            "the segments lie over each other, or leave much of the cell blank: look at \
+             grid3x3.png, and mend layout.toml"
                 .to_owned()
-        });
+        })
+    }
+
+    /// A cloth needs yarns in two directions.
+    fn direction_warning(&self) -> Option<String> {
         let across = self.fabric.bars.iter().filter(|bar| bar.kind.runs_across()).count();
-        let loose = (across == 0 || across == self.fabric.bars.len()).then(|| {
-            "all yarns run one way, and nothing holds them together: look at grid3x3.png, and add what is missing to layout.toml, or give a larger cell (--cell) if the cloth repeats after more"
+        (across == 0 || across == self.fabric.bars.len()).then(|| {
+            "all yarns run one way, and nothing holds them together: look at grid3x3.png, and add \
+             what is missing to layout.toml, or give a larger cell (--cell) if the cloth repeats \
+             after more"
                 .to_owned()
-        });
+        })
+    }
+
+    fn hidden_warning(&self) -> Option<String> {
         let hidden = self.layout.hidden();
-        let hidden = (!hidden.is_empty()).then(|| {
-            let numbers = hidden.iter().map(|number| format!("{}", number + 1)).collect::<Vec<_>>().join(", ");
-            format!("hidden under others, and left out of the cloth: of layout.toml's segments {numbers}")
-        });
-        [unexplained, by_seen, gleaming, invalid, loose, hidden, self.twist_warning()]
-            .into_iter()
-            .flatten()
-            .collect()
+        (!hidden.is_empty()).then(|| {
+            let numbers: Vec<String> =
+                hidden.iter().map(|number| format!("{}", number + 1)).collect();
+            format!(
+                "hidden under others, and left out of the cloth: of layout.toml's segments {}",
+                numbers.join(", ")
+            )
+        })
     }
 
     fn twist_warning(&self) -> Option<String> {
@@ -61,7 +106,11 @@ impl Captured {
         }
         let guesses = self.twists.iter().filter(|twist| twist.is_guess).count();
         (guesses > 0).then(|| {
-            format!("the twist of {guesses} of {} segments is a guess: too few of their fibres are seen", self.twists.len())
+            format!(
+                "the twist of {guesses} of {} segments is a guess: too few of their fibres are \
+                 seen",
+                self.twists.len()
+            )
         })
     }
 }

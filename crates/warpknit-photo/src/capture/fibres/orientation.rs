@@ -1,67 +1,76 @@
-//! Where fibres run, and how far apart they lie.
+//! The orientation of fibres and the spacing between them.
 //!
-//! In: copies of a segment in their own frames. Out: the spacing of fibres across the yarn, of all
-//! copies together; and the [`Orientation`] of one. A structure tensor (Bigün and Granlund 1987) of
-//! the copy less its blur: a blur wider than a fibre leaves the fibres, and takes off what remains
-//! of the cylinder's shading. The strongest of some Gabor filters, as in the paper, errs by 8 to 17
-//! degrees here, this by one or two.
+//! In: copies of a segment in their own frames. Out: the spacing of fibres across the yarn, from
+//! all copies together, and the [`Orientation`] of one copy.
 //!
-//! Not promised: two directions at one place, of which the stronger or their mean is told.
+//! Method: a structure tensor (Bigün and Granlund 1987, *Optimal orientation detection of linear
+//! symmetry*) of the copy less its blur. A blur wider than a fibre leaves the fibres and takes off
+//! the rest of the cylinder's shading. The strongest of several Gabor filters, as in Wu et al.
+//! 2017, errs by 8 to 17 degrees here; the tensor errs by 1 or 2.
+//!
+//! Not promised: two directions at one place. The stronger one or a mean of both comes out.
 
 use glam::DVec2;
 
 use crate::plane::{Plane, double, narrow, whole};
 
-/// Deviation of the blur that is taken off before fibres are measured, as a share of the yarn's
-/// width, and after, in widths of a fibre.
-const COARSE: f64 = 0.1;
-const BLUR: f32 = 0.8;
-/// Deviations before slopes are taken, and of the tensor's blur, in widths of a fibre.
-const BEFORE: f32 = 0.15;
-const AFTER: f32 = 0.8;
-/// The least coherence of a place where fibres are believed: 0 no direction, 1 nothing but one.
-const CLEAR: f32 = 0.3;
-/// The share of a yarn's width in its middle where fibres are as far apart as they seem.
+/// Standard deviation of the blur that is taken off before the spacing is measured, as a share of
+/// the yarn's width.
+const COARSE_BLUR: f64 = 0.1;
+/// The same once the spacing is known, in spacings of fibres.
+const FINE_BLUR: f32 = 0.8;
+/// Standard deviation of the blur before derivatives are taken, in spacings. Wider ones erase the
+/// fibres; without it the derivative is that of the pixels' noise.
+const DERIVATIVE_SCALE: f32 = 0.15;
+/// Standard deviation of the tensor's window, in spacings. Narrower windows see a single edge of a
+/// fibre; wider ones mix directions along the helix.
+const WINDOW: f32 = 0.8;
+/// The least coherence of a place with visible fibres: 0 has no direction, 1 has only one.
+const MIN_COHERENCE: f32 = 0.3;
+/// The share of a yarn's width, in its middle, where the spacing of fibres is hardly foreshortened.
 const MIDDLE: f64 = 0.5;
-/// Fibres correlate less at half their spacing than what doesn't repeat, by so much of their power.
-const DIP: f64 = 0.04;
+/// How far the autocorrelation at half the spacing must lie below 0, as a share of the power.
+/// Noise, which doesn't repeat, stays nearer to 0.
+const MIN_DIP: f64 = 0.04;
 
-/// Where fibres run in one copy: the doubled angle's cosine and sine, as long as the coherence.
+/// Where fibres run in one copy, in the double-angle representation: a vector at twice the angle
+/// whose length is the coherence.
 pub(super) struct Orientation {
-    along: Plane,
-    across: Plane,
+    cosine: Plane,
+    sine: Plane,
 }
 
 impl Orientation {
-    /// Of fibres that are so many pixels apart.
-    pub(super) fn of(detail: &Plane, fibre: f32) -> Self {
-        let sharp = detail.zip(&detail.smoothed(BLUR * fibre), |value, mean| value - mean);
-        let [gx, gy] = sharp.smoothed((BEFORE * fibre).max(0.6)).gradient();
-        let sigma = AFTER * fibre;
-        let all = gx.zip(&gy, |x, y| x * x + y * y).smoothed(sigma);
-        // Fibres run across the slope, which is a half turn of the doubled angle.
-        let share = |part: Plane| {
-            part.smoothed(sigma).zip(&all, |part, all| part / all.max(f32::MIN_POSITIVE))
-        };
-        Self {
-            along: share(gx.zip(&gy, |x, y| y * y - x * x)),
-            across: share(gx.zip(&gy, |x, y| -2.0 * x * y)),
-        }
+    /// The orientation of fibres with this spacing, in pixels.
+    pub(super) fn new(detail: &Plane, spacing: f32) -> Self {
+        let sharp = detail.zip(&detail.smoothed(FINE_BLUR * spacing), |value, mean| value - mean);
+        let [gx, gy] = sharp.smoothed((DERIVATIVE_SCALE * spacing).max(0.6)).gradient();
+        let sigma = WINDOW * spacing;
+        let trace = gx.zip(&gy, |x, y| x * x + y * y).smoothed(sigma);
+        // The gradient is across the fibre: a right angle, which is a half turn of the doubled
+        // angle. Hence the signs.
+        let [cosine, sine] = [gx.zip(&gy, |x, y| y * y - x * x), gx.zip(&gy, |x, y| -2.0 * x * y)]
+            .map(|component| {
+                component
+                    .smoothed(sigma)
+                    .zip(&trace, |component, trace| component / trace.max(f32::MIN_POSITIVE))
+            });
+        Self { cosine, sine }
     }
 
-    /// Whether things run one way at a place.
+    /// Whether one direction prevails at a place.
     pub(super) fn is_clear(&self, x: usize, y: usize) -> bool {
-        self.along.at(x, y).hypot(self.across.at(x, y)) >= CLEAR
+        self.cosine.at(x, y).hypot(self.sine.at(x, y)) >= MIN_COHERENCE
     }
 
-    /// The direction at a place, of unit length, onwards along the yarn.
-    pub(super) fn way(&self, x: usize, y: usize) -> DVec2 {
-        DVec2::from_angle(f64::from(0.5 * self.across.at(x, y).atan2(self.along.at(x, y))))
+    /// The unit direction at a place, onwards along the yarn.
+    pub(super) fn direction(&self, x: usize, y: usize) -> DVec2 {
+        DVec2::from_angle(f64::from(0.5 * self.sine.at(x, y).atan2(self.cosine.at(x, y))))
     }
 }
 
-/// How far apart fibres lie across a yarn `width` pixels wide: twice the lag at which they
-/// correlate least. Nothing where nothing repeats.
+/// The spacing of fibres across a yarn `width` pixels wide: twice the lag of the first minimum of
+/// the autocorrelation across it. `None` where nothing repeats.
 pub(super) fn spacing(details: &[Plane], width: f64) -> Option<f64> {
     let first = details.first()?;
     let reach = whole(narrow(0.5 * width * MIDDLE)).min(first.height / 3);
@@ -71,8 +80,8 @@ pub(super) fn spacing(details: &[Plane], width: f64) -> Option<f64> {
     );
     let mut sums = vec![0.0_f64; reach + 1];
     for detail in details {
-        let sharp =
-            detail.zip(&detail.smoothed(narrow(COARSE * width)), |value, mean| value - mean);
+        let blurred = detail.smoothed(narrow(COARSE_BLUR * width));
+        let sharp = detail.zip(&blurred, |value, mean| value - mean);
         for (lag, sum) in sums.iter_mut().enumerate() {
             let rows = (top + lag..bottom).map(|y| {
                 let products = sharp.row(y).iter().zip(sharp.row(y - lag)).map(|(a, b)| a * b);
@@ -81,10 +90,13 @@ pub(super) fn spacing(details: &[Plane], width: f64) -> Option<f64> {
             *sum += rows.sum::<f64>() / double((bottom - top).saturating_sub(lag).max(1));
         }
     }
+    // The minimum at half the spacing and not the maximum at the whole one: fibres are irregular,
+    // and their autocorrelation has faded at the maximum.
     let at = (1..reach).find(|&lag| sums[lag] < sums[lag - 1] && sums[lag] <= sums[lag + 1])?;
-    if sums[at] > -DIP * sums[0] {
+    if sums[at] > -MIN_DIP * sums[0] {
         return None;
     }
+    // To a fraction of a pixel, by a parabola.
     let (before, here, after) = (sums[at - 1], sums[at], sums[at + 1]);
     let bend = (before - 2.0 * here + after).max(f64::MIN_POSITIVE);
     Some(2.0 * (double(at) + (0.5 * (before - after) / bend).clamp(-0.5, 0.5)))
@@ -105,9 +117,9 @@ mod tests {
     #[test]
     fn stripes_run_as_they_were_drawn() {
         for (degrees, fibre) in [(0.0, 6.0), (12.0, 4.0), (-25.0, 5.0), (35.0, 8.0), (-60.0, 6.0)] {
-            let orientation = Orientation::of(&stripes(degrees, fibre), fibre);
+            let orientation = Orientation::new(&stripes(degrees, fibre), fibre);
             for (x, y) in [(40, 30), (30, 22), (52, 37)] {
-                let found = orientation.way(x, y).to_angle().to_degrees();
+                let found = orientation.direction(x, y).to_angle().to_degrees();
                 assert!(
                     orientation.is_clear(x, y) && (found - f64::from(degrees)).abs() < 1.0,
                     "{degrees}: {found}"

@@ -1,11 +1,12 @@
 //! Copies of a segment, each in its own frame and straightened: along the yarn to the right, across
 //! it downwards.
 //!
-//! In: the photo, and where the copies lie. Out: one plane a copy, all of a size, a pixel of the
-//! photo a pixel, without the yarn's own shading: what all copies share isn't fibres, since each
-//! copy has fibres of its own.
+//! In: the photo, and the positions of the copies. Out: one plane for each copy, all of one size, a
+//! pixel of the photo to a pixel. The yarn's own shading is taken off: it is what all copies share,
+//! while each copy has fibres of its own.
 //!
-//! Not promised: copies at the photo's rim, which are left out.
+//! Cost: one bilinear sample a pixel. Not promised: copies at the rim of the photo, which are left
+//! out.
 
 use glam::DVec2;
 use image::RgbImage;
@@ -14,27 +15,29 @@ use rayon::prelude::*;
 
 use super::super::segment::Segment;
 use super::super::steps;
-use super::Sight;
+use super::PhotoRegistration;
 use crate::plane::{Plane, double, float, narrow, side, whole};
 
-/// Copies from which on their mean says more of the yarn than of its fibres.
-const ENOUGH: usize = 4;
+/// Copies from which on their mean is taken off. The mean of fewer copies holds much of each copy's
+/// own fibres.
+const MIN_COPIES_FOR_MEAN: usize = 4;
 
-/// Where a copy lies, pixels of the photo.
+/// The position of a copy, pixels of the photo.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Frame {
+pub(super) struct CopyFrame {
     pub(super) middle: DVec2,
     /// Along the yarn, of unit length.
-    pub(super) way: DVec2,
+    pub(super) direction: DVec2,
 }
 
 /// All copies of a segment that the view holds, the one nearest to its middle first.
-pub(super) fn frames(sight: &Sight, segment: &Segment) -> Vec<Frame> {
-    let matrix = sight.lattice.matrix();
+pub(super) fn frames(registration: &PhotoRegistration, segment: &Segment) -> Vec<CopyFrame> {
+    let matrix = registration.lattice.matrix();
     let inverse = matrix.inverse();
-    let photo = |at: DVec2| sight.corner + at / sight.scale;
-    let corners = [DVec2::ZERO, sight.view.with_x(0.0), sight.view.with_y(0.0), sight.view]
-        .map(|corner| inverse * corner);
+    let to_photo = |at: DVec2| registration.corner + at / registration.scale;
+    let view = registration.view;
+    let corners =
+        [DVec2::ZERO, view.with_x(0.0), view.with_y(0.0), view].map(|corner| inverse * corner);
     let low = corners.into_iter().fold(DVec2::INFINITY, DVec2::min).floor();
     let high = corners.into_iter().fold(DVec2::NEG_INFINITY, DVec2::max).ceil();
     let [first, own, last] = [-0.5, 0.0, 0.5].map(|share| segment.axis(share * segment.length).0);
@@ -42,36 +45,37 @@ pub(super) fn frames(sight: &Sight, segment: &Segment) -> Vec<Frame> {
     for j in steps(low.y) - 1..=steps(high.y) {
         for i in steps(low.x) - 1..=steps(high.x) {
             let copy = matrix * DVec2::new(f64::from(i), f64::from(j));
-            let [middle, first, last] =
-                [own, first, last].map(|place| sight.warp.place(inverse * (place + copy)));
-            let reach = segment.reach();
-            let is_in = middle.cmpge(DVec2::splat(reach)).all()
-                && (middle + reach).cmple(sight.view - 1.0).all();
+            // The displacement of the cloth moves and turns each copy a little.
+            let [middle, first, last] = [own, first, last]
+                .map(|place| registration.field.pixel_at(inverse * (place + copy)));
+            let radius = segment.bounding_radius();
+            let is_in = middle.cmpge(DVec2::splat(radius)).all()
+                && (middle + radius).cmple(view - 1.0).all();
             if is_in {
-                frames.push(Frame {
-                    middle: photo(middle),
-                    way: (last - first).normalize_or(DVec2::X),
+                frames.push(CopyFrame {
+                    middle: to_photo(middle),
+                    direction: (last - first).normalize_or(DVec2::X),
                 });
             }
         }
     }
-    let centre = photo(0.5 * sight.view);
+    let centre = to_photo(0.5 * view);
     frames.sort_by(|p, q| {
         p.middle.distance_squared(centre).total_cmp(&q.middle.distance_squared(centre))
     });
     frames
 }
 
-/// A count of copies from what they may cost; one at least.
+/// A number of copies as an integer; one at least.
 pub(super) fn bounded(count: f64) -> usize {
     whole(narrow(count)).max(1)
 }
 
-/// What tells the copies of a segment from each other; it and `size`, along and across them, are in
-/// pixels of the photo.
+/// The difference of each copy of a segment from the mean of all copies. The segment and `size`,
+/// along and across it, are in pixels of the photo.
 pub(super) fn details(
     photo: &RgbImage,
-    frames: &[Frame],
+    frames: &[CopyFrame],
     segment: &Segment,
     size: DVec2,
 ) -> Vec<Plane> {
@@ -79,7 +83,7 @@ pub(super) fn details(
     let axis = straightened(segment, columns);
     let patches: Vec<Plane> =
         frames.par_iter().map(|frame| patch(photo, frame, &axis, rows)).collect();
-    if patches.len() < ENOUGH {
+    if patches.len() < MIN_COPIES_FOR_MEAN {
         return patches;
     }
     let mean = Plane::from_fn(columns, rows, |x, y| {
@@ -88,33 +92,45 @@ pub(super) fn details(
     patches.iter().map(|patch| patch.zip(&mean, |value, mean| value - mean)).collect()
 }
 
-/// Where so many columns lie, a pixel of the axis apart, from its middle in the frame of a segment;
-/// and which way is across it there.
+/// The point of the axis for each column, one pixel of arc length apart, relative to the middle in
+/// the frame of a segment; and the unit vector across the axis there.
 fn straightened(segment: &Segment, columns: usize) -> Vec<(DVec2, DVec2)> {
     let flat = Segment { centre: DVec2::ZERO, angle: 0.0, ..*segment };
     let middle = flat.axis(0.0).0;
-    // A step along the axis is one along the line between its ends by the cosine of its turn; a
-    // quarter of a pixel at a time.
-    let walk = |from: f64, by: f64| {
-        (0..4).fold(from, |along, _| along + 0.25 * by * flat.axis(along).1.cos())
-    };
     let half = columns / 2;
-    let side = |by: f64| {
-        std::iter::successors(Some(0.0), move |along| Some(walk(*along, by))).skip(1).take(half)
-    };
-    let before = side(-1.0).collect::<Vec<_>>();
-    let along = before.into_iter().rev().chain([0.0]).chain(side(1.0));
+    let mut along = walk(&flat, -1.0, half);
+    along.reverse();
+    along.push(0.0);
+    along.extend(walk(&flat, 1.0, half));
     along
+        .into_iter()
         .map(|along| flat.axis(along))
         .map(|(place, angle)| (place - middle, DVec2::from_angle(angle).perp()))
         .collect()
 }
 
-/// A patch along an axis: where each column is from its middle in the frame, and which way is
-/// across it there.
-fn patch(photo: &RgbImage, frame: &Frame, axis: &[(DVec2, DVec2)], rows: usize) -> Plane {
+/// Positions on the chord of the points one, two and more pixels along the axis from its middle, in
+/// the direction of `sign`.
+fn walk(segment: &Segment, sign: f64, count: usize) -> Vec<f64> {
+    let mut along = 0.0;
+    (0..count)
+        .map(|_| {
+            // Euler's method on d(chord)/d(arc) = cos(turn), with steps of a quarter of a pixel.
+            for _ in 0..4 {
+                along += 0.25 * sign * segment.axis(along).1.cos();
+            }
+            along
+        })
+        .collect()
+}
+
+/// A patch along an axis that is given by [`straightened`].
+fn patch(photo: &RgbImage, frame: &CopyFrame, axis: &[(DVec2, DVec2)], rows: usize) -> Plane {
     let half = 0.5 * double(rows - 1);
-    let place = |u: usize, off: f64| frame.middle + frame.way.rotate(axis[u].0 + axis[u].1 * off);
+    let place = |u: usize, offset: f64| {
+        frame.middle + frame.direction.rotate(axis[u].0 + axis[u].1 * offset)
+    };
+    // Only the bounding box of the patch is converted to lightness: a cube root a pixel.
     let edges = || (0..axis.len()).flat_map(|u| [place(u, -half), place(u, half)]);
     let corners = [
         edges().fold(DVec2::INFINITY, DVec2::min) - 1.0,
@@ -125,7 +141,7 @@ fn patch(photo: &RgbImage, frame: &Frame, axis: &[(DVec2, DVec2)], rows: usize) 
     let [x, y] = low.to_array().map(|at| side(whole(narrow(at))));
     let [width, height] = (high - low).to_array().map(|size| side(whole(narrow(size))) + 1);
     let light = Plane::lightness(&crop_imm(photo, x, y, width, height).to_image());
-    Plane::from_fn(axis.len(), rows, |u, v| light.between(place(u, double(v) - half) - low))
+    Plane::from_fn(axis.len(), rows, |u, v| light.sample(place(u, double(v) - half) - low))
 }
 
 #[cfg(test)]
@@ -141,8 +157,9 @@ mod tests {
         // Lighter towards the right, then turned by a quarter: lighter across the yarn, against its
         // left.
         let photo = RgbImage::from_fn(60, 60, |x, _| Rgb([u8::try_from(4 * x).unwrap(); 3]));
-        let at = |middle: DVec2, way: DVec2, segment: &Segment| {
-            details(&photo, &[Frame { middle, way }], segment, DVec2::new(20.0, 10.0)).remove(0)
+        let at = |middle: DVec2, direction: DVec2, segment: &Segment| {
+            details(&photo, &[CopyFrame { middle, direction }], segment, DVec2::new(20.0, 10.0))
+                .remove(0)
         };
         let along = at(DVec2::new(30.5, 30.0), DVec2::X, &STRAIGHT);
         assert!(
@@ -169,14 +186,20 @@ mod tests {
     #[test]
     fn what_all_copies_share_is_taken_off() {
         let photo = RgbImage::from_fn(80, 80, |x, _| Rgb([if x % 20 < 10 { 40 } else { 200 }; 3]));
-        let frames: Vec<Frame> = (0..4)
-            .map(|n| Frame { middle: DVec2::new(40.0, 20.0 + 10.0 * f64::from(n)), way: DVec2::X })
+        let frames: Vec<CopyFrame> = (0..4)
+            .map(|n| CopyFrame {
+                middle: DVec2::new(40.0, 20.0 + 10.0 * f64::from(n)),
+                direction: DVec2::X,
+            })
             .collect();
         assert!(
             details(&photo, &frames, &STRAIGHT, DVec2::new(30.0, 10.0))
                 .iter()
-                .all(|detail| detail.power() < 1e-9)
+                .all(|detail| detail.mean_square() < 1e-9)
         );
-        assert!(details(&photo, &frames[..1], &STRAIGHT, DVec2::new(30.0, 10.0))[0].power() > 0.01);
+        assert!(
+            details(&photo, &frames[..1], &STRAIGHT, DVec2::new(30.0, 10.0))[0].mean_square()
+                > 0.01
+        );
     }
 }

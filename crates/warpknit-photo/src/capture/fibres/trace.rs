@@ -1,43 +1,46 @@
 //! Sticks joined to fibres.
 //!
-//! In: [`Stick`]s. Out: chains of them, a fibre each. A stick goes on with the one, within four
-//! lengths ahead, to which the way bends least: by the angle from the stick to the line between
-//! both, and by that from the line to the other stick. All pairs compete, those that bend least
-//! first, and each stick has one before it and one after it at most.
+//! In: [`Stick`]s. Out: chains of them, one for each fibre.
 //!
-//! Not promised: that a chain stays on one fibre. It may hop to a neighbour that runs the same way,
-//! so that its sticks tell more of the direction than the lines between them do: those come from
-//! how the sticks were spread.
+//! Method: greedy matching. A pair of sticks, one up to four lengths ahead of the other, costs the
+//! turn from the first stick to the line between both plus the turn from the line to the second
+//! stick. Pairs are taken in the order of their cost, while each stick has at most one before it
+//! and one after it.
+//!
+//! Cost: the square of the number of sticks. Not promised: that a chain stays on one fibre. It may
+//! hop to a neighbour that runs the same way. So the sticks tell more about the direction than the
+//! lines between them, which depend on how the sticks were spread.
 
 use glam::DVec2;
 
 use super::sticks::Stick;
 
-/// How far ahead a stick is looked for, in lengths of one.
-const AHEAD: f64 = 4.0;
-/// The nearest, since two that lie side by side are two fibres.
-const NEAREST: f64 = 0.6;
-/// The most that a way bends from one stick to the next, radians.
-const BENDS: f64 = 0.35;
+/// The largest distance between joined sticks, in lengths of one.
+const MAX_DISTANCE: f64 = 4.0;
+/// The least distance: two sticks side by side are two fibres.
+const MIN_DISTANCE: f64 = 0.6;
+/// The largest turn from one stick to the next, radians. A helix turns less within four sticks;
+/// from about twice as much on, crossing fibres would be joined.
+const MAX_TURN: f64 = 0.35;
 
-/// Joins sticks of a length; those that stay alone are left out.
+/// Joins sticks of a length. Sticks that stay alone are left out.
 pub(super) fn traced(sticks: &[Stick], length: f64) -> Vec<Vec<Stick>> {
-    // Fibres run on along the yarn, so that no chain comes back to its start.
-    let onward = |way: DVec2| if way.x < 0.0 { -way } else { way };
     let mut pairs = Vec::new();
     for (from, stick) in sticks.iter().enumerate() {
         for (to, other) in sticks.iter().enumerate() {
-            let off = other.middle - stick.middle;
-            let is_ahead =
-                off.x > 0.0 && off.length() > NEAREST * length && off.length() <= AHEAD * length;
+            let offset = other.middle - stick.middle;
+            // Only ahead along the yarn: then no chain comes back to its start.
+            let is_ahead = offset.x > 0.0
+                && offset.length() > MIN_DISTANCE * length
+                && offset.length() <= MAX_DISTANCE * length;
             if is_ahead {
-                let bend =
-                    onward(stick.way).angle_to(off).abs() + off.angle_to(onward(other.way)).abs();
-                pairs.push((bend, from, to));
+                let turn = onward(stick.direction).angle_to(offset).abs()
+                    + offset.angle_to(onward(other.direction)).abs();
+                pairs.push((turn, from, to));
             }
         }
     }
-    pairs.retain(|(bend, _, _)| *bend <= BENDS);
+    pairs.retain(|(turn, _, _)| *turn <= MAX_TURN);
     pairs.sort_by(|p, q| p.0.total_cmp(&q.0).then((p.1, p.2).cmp(&(q.1, q.2))));
     let (mut next, mut has_before) = (vec![None; sticks.len()], vec![false; sticks.len()]);
     for (_, from, to) in pairs {
@@ -56,12 +59,17 @@ pub(super) fn traced(sticks: &[Stick], length: f64) -> Vec<Vec<Stick>> {
         .collect()
 }
 
+/// A direction as it runs along the yarn: sticks have no sense of their own.
+fn onward(direction: DVec2) -> DVec2 {
+    if direction.x < 0.0 { -direction } else { direction }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn stick(x: f64, y: f64, degrees: f64) -> Stick {
-        Stick { middle: DVec2::new(x, y), way: DVec2::from_angle(degrees.to_radians()) }
+        Stick { middle: DVec2::new(x, y), direction: DVec2::from_angle(degrees.to_radians()) }
     }
 
     fn middles(sticks: &[Stick]) -> Vec<Vec<DVec2>> {
