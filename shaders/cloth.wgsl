@@ -4,10 +4,10 @@ override FUZZ: bool = false;
 // Whether yarns have maps.
 override MAPS: bool = true;
 // Alpha from which yarn is solid; below it is fuzz, blended in a pass of its own.
-const SOLID = 0.5;
-const LEAST_ALPHA = 0.02;
+const SOLID_ALPHA = 0.5;
+const MIN_ALPHA = 0.02;
 // Share of the variance's bound that counts as full shadow: what bleeds through from other layers stays below it.
-const BLEEDING = 0.2;
+const LIGHT_BLEEDING = 0.2;
 const SAMPLES = 4.0;
 
 @group(2) @binding(0) var base_map: texture_2d<f32>;
@@ -24,7 +24,7 @@ struct Light {
 }
 
 // A texel's share in a mean of four, about the depth `origin`: weighted first and second moments, and the weight.
-fn share_of(texel: vec4f, origin: f32, share: f32) -> vec3f {
+fn weighted_moments(texel: vec4f, origin: f32, share: f32) -> vec3f {
     let offset = texel.x - origin;
     return share * texel.z * vec3f(offset, offset * offset + texel.y, 1.0);
 }
@@ -42,14 +42,14 @@ fn moments_at(map: texture_2d<f32>, place: vec2f) -> vec3f {
     let d = textureLoad(map, high, 0);
     // Any covered texel's depth will do: it only keeps the sums small.
     let origin = max(max(a.x, b.x), max(c.x, d.x));
-    let sums = share_of(a, origin, (1.0 - part.x) * (1.0 - part.y)) + share_of(b, origin, part.x * (1.0 - part.y))
-        + share_of(c, origin, (1.0 - part.x) * part.y) + share_of(d, origin, part.x * part.y);
+    let sums = weighted_moments(a, origin, (1.0 - part.x) * (1.0 - part.y)) + weighted_moments(b, origin, part.x * (1.0 - part.y))
+        + weighted_moments(c, origin, (1.0 - part.x) * part.y) + weighted_moments(d, origin, part.x * part.y);
     let mean = sums.x / max(sums.z, TINY);
     return vec3f(origin + mean, max(sums.y / max(sums.z, TINY) - mean * mean, 0.0), sums.z);
 }
 
 // Share of the sun that reaches a point: Chebyshev's bound on how much of what the map averages lies behind it.
-fn sunlit(world: vec3f) -> f32 {
+fn sun_visibility(world: vec3f) -> f32 {
     let place = view.sun_from_world * vec4f(world, 1.0);
     let m = moments_at(sun_map, place.xy);
     let behind = place.z - view.sun_bias - m.x;
@@ -58,7 +58,7 @@ fn sunlit(world: vec3f) -> f32 {
     }
     let variance = max(m.y, view.sun_bias * view.sun_bias);
     let bound = variance / (variance + behind * behind);
-    return 1.0 - m.z * (1.0 - saturate((bound - BLEEDING) / (1.0 - BLEEDING)));
+    return 1.0 - m.z * (1.0 - saturate((bound - LIGHT_BLEEDING) / (1.0 - LIGHT_BLEEDING)));
 }
 
 fn sky(direction: vec3f) -> vec3f {
@@ -66,19 +66,19 @@ fn sky(direction: vec3f) -> vec3f {
 }
 
 // Share of the sky that is open at a depth, by the cloth's mean depth around it.
-fn open_sky(at: vec2f, radius: f32, depth: f32, cosine: f32) -> f32 {
+fn sky_visibility_at(at: vec2f, radius: f32, depth: f32, cosine: f32) -> f32 {
     let m = moments_at(depth_map, (at + vec2f(view.corner_x, view.corner_y)) * view.depth_scale);
-    return open_share((m.x - depth) / radius, depth - m.x > view.layer, m.z, cosine, SHAPE == RIBBON);
+    return sky_visibility((m.x - depth) / radius, depth - m.x > view.layer, m.z, cosine, SHAPE == RIBBON);
 }
 
 // What sun and sky send to the eye from a place whose round surface looks `outward` and has the BRDF `reflected` for the sun.
-fn light_of(
-    material: Material, reflected: vec3f, outward: vec3f, world: vec3f, toward_eye: vec3f, open: f32, occlusion: f32,
+fn reflected_light(
+    material: Material, sun_brdf: vec3f, outward: vec3f, world: vec3f, toward_eye: vec3f, open: f32, occlusion: f32,
 ) -> vec3f {
     var light = vec3f(0.0);
     let sun_cosine = dot(material.normal, view.toward_sun);
     if sun_cosine > 0.0 && (SHAPE == RIBBON || dot(outward, view.toward_sun) > 0.0) {
-        light = reflected * view.sun * (sun_cosine * sunlit(world));
+        light = sun_brdf * view.sun * (sun_cosine * sun_visibility(world));
     }
     let mirrored = schlick_rough(reflectance(material), dot(material.normal, toward_eye), material.roughness);
     let mirror = reflect(-toward_eye, material.normal);
@@ -86,8 +86,8 @@ fn light_of(
     let above = sky(material.normal * (2.0 / 3.0)) * open + view.interior * (1.0 - open);
     var skylight = diffuse(material, mirrored) * above + mirrored * sky(mirror) * open;
     if SHEEN {
-        skylight = skylight * sheen_spared_by_sky(material.sheen, dot(material.normal, toward_eye))
-            + glint(material) * above * sheen_of_sky(material.sheen, material.normal, toward_eye);
+        skylight = skylight * sheen_base_share_under_sky(material.sheen, dot(material.normal, toward_eye))
+            + sheen_color(material) * above * sheen_sky_reflectance(material.sheen, material.normal, toward_eye);
     }
     return light + skylight * occlusion;
 }
@@ -102,7 +102,7 @@ struct Texel {
     occlusion: f32,
 }
 
-const MOST_TAPS = 8.0;
+const MAX_TAPS = 8.0;
 
 // The maps around a place (0..1 around, repeats along), over a footprint: as many taps along its longer side as its shorter one fits into it,
 // as Maps::sample in src/render/maps.rs takes them. Derivatives would do that in hardware, but they jump at a tube's seam, and a software
@@ -111,7 +111,7 @@ fn map_texel(place: vec2f, footprint: vec2f) -> Texel {
     let texels = abs(footprint) * vec2f(textureDimensions(base_map));
     let short = max(min(texels.x, texels.y), 1.0);
     let long = max(max(texels.x, texels.y), 1.0);
-    let taps = clamp(ceil(long / short), 1.0, MOST_TAPS);
+    let taps = clamp(ceil(long / short), 1.0, MAX_TAPS);
     let level = log2(max(long / taps, short));
     let way = select(vec2f(footprint.x, 0.0), vec2f(0.0, footprint.y), texels.y > texels.x);
     let border = select(0.0, 0.5 / f32(textureDimensions(base_map).y), SHAPE == RIBBON);
@@ -177,21 +177,21 @@ fn shade(in: Surface) -> Light {
         // A ribbon's back is its front seen through: only what looks outward turns.
         let sideways = cross(tangent, select(outward, normalize(in.normal), SHAPE == RIBBON));
         let tilted = tangent * texel.normal.x + sideways * texel.normal.y + outward * texel.normal.z;
-        material = Material(facing(normalize(tilted), toward_eye), texel.albedo, texel.roughness, texel.metallic, sheen);
+        material = Material(face_eye(normalize(tilted), toward_eye), texel.albedo, texel.roughness, texel.metallic, sheen);
     } else if SHAPE != RIBBON {
-        let detail = ply_detail(Place(
+        let detail = ply_detail(YarnPoint(
             outward, toward_eye, tangent, around, in.along, in.radius, footprint, look.plies, look.ply_slope, look.fibre_slope,
         ));
         material.normal = detail.normal;
         material.albedo *= detail.shade;
     }
-    if alpha < LEAST_ALPHA || (FUZZ && alpha >= SOLID) || (!FUZZ && alpha < SOLID) {
+    if alpha < MIN_ALPHA || (FUZZ && alpha >= SOLID_ALPHA) || (!FUZZ && alpha < SOLID_ALPHA) {
         discard;
     }
 
-    let open = open_sky(in.clip.xy, in.radius, 1.0 / in.clip.w, cosine);
-    let reflected = brdf(material, view.toward_sun, toward_eye);
-    let light = light_of(material, reflected, outward, world, toward_eye, open, occlusion);
+    let open = sky_visibility_at(in.clip.xy, in.radius, 1.0 / in.clip.w, cosine);
+    let sun_brdf = brdf(material, view.toward_sun, toward_eye);
+    let light = reflected_light(material, sun_brdf, outward, world, toward_eye, open, occlusion);
 
     // Alpha to coverage, done here so that every driver takes the same samples and a solid sample's alpha is 1. Which samples differs from
     // yarn to yarn, or two half-covering ones would leave the same half open.
@@ -204,9 +204,9 @@ fn shade(in: Surface) -> Light {
 
 // For the depth passes of ribbons with maps: what is fuzz neither hides nor shadows.
 @fragment
-fn hole(in: Surface) {
+fn discard_fuzz(in: Surface) {
     let place = vec2f(in.along / looks[in.look].repeat, in.side * 0.5 + 0.5);
-    if textureSampleLevel(base_map, map_sampler, place, 0.0).a < SOLID {
+    if textureSampleLevel(base_map, map_sampler, place, 0.0).a < SOLID_ALPHA {
         discard;
     }
 }
@@ -233,16 +233,16 @@ fn expand_lit(@builtin(vertex_index) vertex: u32, @builtin(instance_index) insta
     let world = in.world + (in.normal * (in.side * (GAUSS - 1.0)) + front_of * (rise - MEAN_RISE)) * in.radius;
     let shade = 1.0 - GROOVE * select(0.0, MEAN_GROOVE, look.plies > 1.0);
     let sheen = Sheen(look.sheen, look.fibre_slope, normalize(in.tangent));
-    let material = Material(facing(outward, toward_eye), look.albedo * shade, look.roughness, look.metallic, sheen);
+    let material = Material(face_eye(outward, toward_eye), look.albedo * shade, look.roughness, look.metallic, sheen);
     let pixel = (in.clip.xy / in.clip.w * vec2f(0.5, -0.5) + 0.5) * vec2f(view.tile_width, view.tile_height);
-    let open = open_sky(pixel, in.radius, in.clip.w, dot(outward, toward_eye));
-    let reflected = base_brdf(material, view.toward_sun, toward_eye);
-    var light = light_of(material, reflected, outward, world, toward_eye, open, 1.0);
+    let open = sky_visibility_at(pixel, in.radius, in.clip.w, dot(outward, toward_eye));
+    let sun_brdf = base_brdf(material, view.toward_sun, toward_eye);
+    var light = reflected_light(material, sun_brdf, outward, world, toward_eye, open, 1.0);
     if SHEEN {
         // That of the whole width, in the sun where the brightest of it is, as far pictures on the processor have it.
-        let brightest = sheen_brightest(sheen, view.toward_sun, toward_eye);
-        let shone = sunlit(world + (brightest - outward) * in.radius);
-        light += glint(material) * view.sun * (sheen_across(sheen, view.toward_sun, toward_eye) * shone);
+        let brightest = sheen_highlight_normal(sheen, view.toward_sun, toward_eye);
+        let shone = sun_visibility(world + (brightest - outward) * in.radius);
+        light += sheen_color(material) * view.sun * (sheen_mean_over_width(sheen, view.toward_sun, toward_eye) * shone);
     }
     return Lit(in.clip, light);
 }

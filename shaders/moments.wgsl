@@ -52,7 +52,7 @@ fn add(sums: ptr<function, Sums>, weight: f32, mean: f32, variance: f32) {
     (*sums).second += weight * (offset * offset + variance);
 }
 
-fn joined(sums: Sums, total: f32) -> vec4f {
+fn moments_of(sums: Sums, total: f32) -> vec4f {
     if sums.weight <= 0.0 {
         return vec4f(0.0);
     }
@@ -66,7 +66,7 @@ fn weight(tap: i32) -> f32 {
 }
 
 // What a tap sees: depth and variance, and in z its cover.
-fn seen_at(place: vec2i, tap: i32) -> vec3f {
+fn tap_at(place: vec2i, tap: i32) -> vec3f {
     let at = clamp(place + tap * blur.step, vec2i(0), vec2i(textureDimensions(depths)) - 1);
     if FROM_DEPTHS {
         let depth = textureLoad(depths, at, 0);
@@ -80,19 +80,19 @@ fn average(@builtin(position) at: vec4f) -> @location(0) vec4f {
     var farthest = FARTHEST;
     if LAYERED {
         for (var tap = -blur.reach; tap <= blur.reach; tap++) {
-            let seen = seen_at(vec2i(at.xy), tap);
-            farthest = min(farthest, select(FARTHEST, seen.x + blur.layer, seen.z > 0.0));
+            let found = tap_at(vec2i(at.xy), tap);
+            farthest = min(farthest, select(FARTHEST, found.x + blur.layer, found.z > 0.0));
         }
     }
     var sums = Sums(0.0, 0.0, 0.0, 0.0);
     var total = 0.0;
     for (var tap = -blur.reach; tap <= blur.reach; tap++) {
         let w = weight(tap);
-        let seen = seen_at(vec2i(at.xy), tap);
+        let found = tap_at(vec2i(at.xy), tap);
         total += w;
-        if seen.z > 0.0 && seen.x < farthest {
-            add(&sums, w * seen.z, seen.x, seen.y);
+        if found.z > 0.0 && found.x < farthest {
+            add(&sums, w * found.z, found.x, found.y);
         }
     }
-    return joined(sums, total);
+    return moments_of(sums, total);
 }

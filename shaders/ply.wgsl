@@ -7,9 +7,9 @@ const FIBRES = 26;
 const FIBRE_LENGTH = 5.0;
 const FIBRE_TILT = 0.30;
 const FIBRE_SHADE = 0.16;
-const LEAST_COSINE = 0.05;
+const MIN_COSINE = 0.05;
 
-struct Place {
+struct YarnPoint {
     normal: vec3f,
     toward_eye: vec3f,
     tangent: vec3f,
@@ -46,13 +46,13 @@ fn fade(footprint: f32, feature: f32) -> f32 {
 }
 
 // Bent toward the eye where it would look away.
-fn facing(normal: vec3f, toward_eye: vec3f) -> vec3f {
+fn face_eye(normal: vec3f, toward_eye: vec3f) -> vec3f {
     let cosine = dot(normal, toward_eye);
-    return select(normalize(normal + toward_eye * (LEAST_COSINE - cosine)), normal, cosine >= LEAST_COSINE);
+    return select(normalize(normal + toward_eye * (MIN_COSINE - cosine)), normal, cosine >= MIN_COSINE);
 }
 
 // Slope and height of the fibres.
-fn fibres(p: Place, turn: f32) -> vec2f {
+fn fibres(p: YarnPoint, turn: f32) -> vec2f {
     let q = f32(FIBRES) * (p.around / TAU + p.fibre_slope * p.along / turn);
     let v = p.along / (FIBRE_LENGTH * p.radius);
     let column = floor(q);
@@ -65,7 +65,7 @@ fn fibres(p: Place, turn: f32) -> vec2f {
     return vec2f((left - right) * 3.0 * x * (1.0 - x), mix(left, right, x * x * (3.0 - 2.0 * x)));
 }
 
-fn ply_detail(p: Place) -> Detail {
+fn ply_detail(p: YarnPoint) -> Detail {
     let turn = TAU * p.radius;
     let around = cross(p.tangent, p.normal);
     var tilt = vec3f(0.0);
@@ -86,5 +86,5 @@ fn ply_detail(p: Place) -> Detail {
         tilt += around * (fibre.x * FIBRE_TILT * fibre_share);
         shade *= 1.0 + FIBRE_SHADE * fibre.y * fibre_share;
     }
-    return Detail(facing(normalize(p.normal + tilt), p.toward_eye), shade);
+    return Detail(face_eye(normalize(p.normal + tilt), p.toward_eye), shade);
 }

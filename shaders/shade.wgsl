@@ -47,11 +47,11 @@ fn brdf(m: Material, toward_light: vec3f, toward_eye: vec3f) -> vec3f {
     if !SHEEN {
         return base;
     }
-    return base + glint(m) * sheen_lobe(m.sheen, m.normal, toward_light, toward_eye);
+    return base + sheen_color(m) * sheen_lobe(m.sheen, m.normal, toward_light, toward_eye);
 }
 
 // The colour of a sheen.
-fn glint(m: Material) -> vec3f {
+fn sheen_color(m: Material) -> vec3f {
     return mix(m.albedo, vec3f(1.0), 1.0 / 3.0);
 }
 
@@ -72,11 +72,11 @@ fn base_brdf(m: Material, toward_light: vec3f, toward_eye: vec3f) -> vec3f {
     if !SHEEN {
         return base;
     }
-    return base * sheen_spared(m.sheen, nl, nv);
+    return base * sheen_base_share(m.sheen, nl, nv);
 }
 
-// Share of the sky that yarns nearby leave open: see open_sky in src/render/shade.rs. `other` where the yarn is one of another layer.
-fn open_share(before: f32, other: bool, cover: f32, cosine: f32, ribbon: bool) -> f32 {
+// Share of the sky that yarns nearby leave open: see sky_visibility_at in src/render/shade.rs. `other` where the yarn is one of another layer.
+fn sky_visibility(before: f32, other: bool, cover: f32, cosine: f32, ribbon: bool) -> f32 {
     let level = select(1.0 / (1.0 + exp(select(0.065, -0.35, ribbon) - 0.427 * before)), 0.5, other);
     return saturate(mix(1.0, level, cover) * mix(0.51, 1.2, cosine));
 }

@@ -3,9 +3,9 @@
 // Whether any yarn of the scene has a sheen.
 override SHEEN: bool = true;
 const CONCENTRATION = 40.0;
-const EVEN = 0.6;
-const FORWARD = 3.0;
-const ALONG = 0.95;
+const ISOTROPIC = 0.6;
+const FORWARD_CONCENTRATION = 3.0;
+const END_ON_LOSS = 0.95;
 
 struct Sheen {
     share: f32,
@@ -27,7 +27,7 @@ fn sheen_lobe(s: Sheen, normal: vec3f, toward_light: vec3f, toward_eye: vec3f) -
     }
     let sine = dot(fibre_of(s, normal), normalize(toward_light + toward_eye));
     let spread = exp(CONCENTRATION * (sqrt(max(1.0 - sine * sine, 0.0)) - 1.0));
-    let phase = EVEN + (1.0 - EVEN) * exp(-FORWARD * (1.0 + dot(toward_light, toward_eye)));
+    let phase = ISOTROPIC + (1.0 - ISOTROPIC) * exp(-FORWARD_CONCENTRATION * (1.0 + dot(toward_light, toward_eye)));
     return s.share * spread * phase / (nl + nv);
 }
 
@@ -36,7 +36,7 @@ fn sheen_at(s: Sheen, width: vec3f, front: vec3f, side: f32, toward_light: vec3f
     return sheen_lobe(s, normal, toward_light, toward_eye) * max(dot(normal, toward_light), 0.0);
 }
 
-fn sheen_across(s: Sheen, toward_light: vec3f, toward_eye: vec3f) -> f32 {
+fn sheen_mean_over_width(s: Sheen, toward_light: vec3f, toward_eye: vec3f) -> f32 {
     let sideways = cross(s.tangent, toward_eye);
     let width = select(vec3f(0.0), normalize(sideways), dot(sideways, sideways) > 0.0);
     let front = cross(width, s.tangent);
@@ -45,22 +45,22 @@ fn sheen_across(s: Sheen, toward_light: vec3f, toward_eye: vec3f) -> f32 {
     return 0.173927 * outer + 0.326073 * inner;
 }
 
-fn sheen_brightest(s: Sheen, toward_light: vec3f, toward_eye: vec3f) -> vec3f {
+fn sheen_highlight_normal(s: Sheen, toward_light: vec3f, toward_eye: vec3f) -> vec3f {
     let sum = toward_light + toward_eye;
     let flat = sum - s.tangent * dot(sum, s.tangent);
     return select(toward_eye, normalize(flat), dot(flat, flat) > 0.0);
 }
 
-fn sheen_spared(s: Sheen, light_cosine: f32, view_cosine: f32) -> f32 {
+fn sheen_base_share(s: Sheen, light_cosine: f32, view_cosine: f32) -> f32 {
     return 1.0 - s.share / (1.0 + saturate(min(light_cosine, view_cosine)));
 }
 
-fn sheen_spared_by_sky(s: Sheen, view_cosine: f32) -> f32 {
+fn sheen_base_share_under_sky(s: Sheen, view_cosine: f32) -> f32 {
     let cosine = saturate(view_cosine);
     return 1.0 - s.share * (1.0 + cosine - 2.0 * log(1.0 + cosine));
 }
 
-fn sheen_of_sky(s: Sheen, normal: vec3f, toward_eye: vec3f) -> f32 {
+fn sheen_sky_reflectance(s: Sheen, normal: vec3f, toward_eye: vec3f) -> f32 {
     let along = dot(fibre_of(s, normal), toward_eye);
-    return s.share * sqrt(1.0 - ALONG * along * along) / (1.0 + saturate(dot(normal, toward_eye)));
+    return s.share * sqrt(1.0 - END_ON_LOSS * along * along) / (1.0 + saturate(dot(normal, toward_eye)));
 }

@@ -1,7 +1,7 @@
 // What every pass over the yarns sees: who looks, the light, the yarns' looks.
 // The Rust twins of all structures stand in src/render/gpu/data.rs; a test compares names and offsets.
 
-struct View {
+struct ViewUniform {
     // Positions are relative to the scene's middle, mm.
     clip_from_world: mat4x4f,
     // To the sun's map: x and y in texels, z the distance along the rays, mm.
@@ -32,7 +32,7 @@ struct View {
     spare: vec2f,
 }
 
-struct Look {
+struct LookData {
     // Linear RGB.
     albedo: vec3f,
     roughness: f32,
@@ -50,5 +50,5 @@ struct Look {
     spare: f32,
 }
 
-@group(0) @binding(0) var<uniform> view: View;
-@group(0) @binding(1) var<storage, read> looks: array<Look>;
+@group(0) @binding(0) var<uniform> view: ViewUniform;
+@group(0) @binding(1) var<storage, read> looks: array<LookData>;

@@ -17,7 +17,7 @@ const TAU = 6.283185307179586;
 const STEPS = 8u;
 const PARTS = 32u;
 // Most that a step may widen its yarn by: all of a loop's length in one step would cover its neighbours.
-const MOST_WIDENING = 3.0;
+const MAX_WIDENING = 3.0;
 // How far a round yarn rises over its axis toward the eye, in the mean over its width; in radii. Its strip stands there.
 const MEAN_RISE = 0.785;
 
@@ -40,7 +40,7 @@ struct Draw {
 // Position and arc length, mm.
 @group(1) @binding(0) var<storage, read> points: array<vec4f>;
 // Unit tangent, and what lies across it: of tubes where angles count from, of ribbons the fabric's normal.
-@group(1) @binding(1) var<storage, read> turns: array<vec2u>;
+@group(1) @binding(1) var<storage, read> tangent_frames: array<vec2u>;
 @group(1) @binding(2) var<storage, read> chunks: array<Chunk>;
 // Chunk times PARTS plus the part.
 @group(1) @binding(3) var<storage, read> parts: array<u32>;
@@ -79,7 +79,7 @@ fn widening(at: u32, chunk: Chunk) -> f32 {
     let high = min(at + draw.stride, chunk.first + chunk.count);
     let here = points[at].xyz;
     let chords = distance(points[low].xyz, here) + distance(here, points[high].xyz);
-    return clamp((points[high].w - points[low].w) / max(chords, 1e-6), 1.0, MOST_WIDENING);
+    return clamp((points[high].w - points[low].w) / max(chords, 1e-6), 1.0, MAX_WIDENING);
 }
 
 fn vertex_of(vertex: u32, instance: u32) -> Surface {
@@ -88,8 +88,8 @@ fn vertex_of(vertex: u32, instance: u32) -> Surface {
     let look = looks[chunk.look];
     let step = (part % PARTS) * STEPS + vertex / draw.edges;
     let at = chunk.first + min(step * draw.stride, chunk.count);
-    let tangent = unpack_unit(turns[at].x);
-    let across = unpack_unit(turns[at].y);
+    let tangent = unpack_unit(tangent_frames[at].x);
+    let across = unpack_unit(tangent_frames[at].y);
     let centre = points[at].xyz;
 
     var out: Surface;

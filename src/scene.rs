@@ -15,17 +15,17 @@ use crate::unit::PackedUnit;
 
 /// Renderers pass over points with a larger coordinate, mm: ten kilometres, where `f32` has lost
 /// whole stitches.
-pub const FARTHEST: f32 = 1e7;
+pub const MAX_COORDINATE: f32 = 1e7;
 
-/// Whether renderers take `point` for a point of a yarn: finite and not beyond [`FARTHEST`].
+/// Whether renderers take `point` for a point of a yarn: finite and not beyond [`MAX_COORDINATE`].
 #[must_use]
 pub fn drawable(point: Vec3) -> bool {
-    point.abs().cmple(Vec3::splat(FARTHEST)).all()
+    point.abs().cmple(Vec3::splat(MAX_COORDINATE)).all()
 }
 
 /// Whether renderers draw yarns of some radius.
-fn drawn_with(radius: f32) -> bool {
-    radius > 0.0 && radius < FARTHEST
+fn is_drawable_radius(radius: f32) -> bool {
+    radius > 0.0 && radius < MAX_COORDINATE
 }
 
 /// How a yarn looks.
@@ -80,7 +80,7 @@ pub enum Shape {
 
 /// One uninterrupted run of yarn.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Strand {
+pub struct SceneStrand {
     /// Its control points in [`Scene::positions`].
     pub points: Range<u32>,
     /// Its stitches in [`Scene::stitches`].
@@ -102,7 +102,7 @@ pub struct Scene {
     /// First control points of the stitches.
     pub stitches: Vec<u32>,
     /// Strands, in yarn order; their ranges of points rise and don't overlap.
-    pub strands: Vec<Strand>,
+    pub strands: Vec<SceneStrand>,
     /// Looks, one a guide bar.
     pub looks: Vec<YarnLook>,
     /// Pictures of yarns that looks name.
@@ -157,13 +157,13 @@ impl Bounds {
 impl Scene {
     /// An empty scene for yarns of these looks that wear `maps`, those at `worn(bar)`: tubes what
     /// of the pictures goes around them, and ribbons are as wide as their pictures.
-    pub fn wearing(
+    pub fn with_textures(
         shape: Shape,
         mut looks: Vec<YarnLook>,
         maps: Vec<Maps>,
         worn: impl Fn(usize) -> Option<u16>,
     ) -> Self {
-        let maps: Vec<_> = maps.into_iter().map(|maps| maps.fitting(shape)).collect();
+        let maps: Vec<_> = maps.into_iter().map(|maps| maps.for_shape(shape)).collect();
         for (bar, look) in looks.iter_mut().enumerate() {
             look.maps = worn(bar);
             if let (Some(place), Shape::Ribbon) = (look.maps, shape) {
@@ -212,7 +212,7 @@ impl Scene {
         self.stitches.extend(stitches.into_iter().map(|stitch| start + stitch));
         let (points, stitches) =
             (start..index32(self.positions.len()), first..index32(self.stitches.len()));
-        self.strands.push(Strand { points, stitches, look });
+        self.strands.push(SceneStrand { points, stitches, look });
     }
 
     /// The pictures of a look, if it has any.
@@ -252,7 +252,7 @@ impl Scene {
     /// How far the data points that are drawn lie from the next one on their strand.
     #[must_use]
     pub fn span_lengths(&self) -> SpanLengths {
-        let of_strand = |strand: &Strand| {
+        let of_strand = |strand: &SceneStrand| {
             let points = &self.positions[strand.points.start as usize..strand.points.end as usize];
             let drawn = points.windows(2).filter(|ends| ends.iter().all(|end| drawable(*end)));
             drawn
@@ -268,11 +268,11 @@ impl Scene {
         })
     }
 
-    /// The radius of a strand, if it is one that can be drawn: above 0 and under [`FARTHEST`].
+    /// The radius of a strand, if it is one that can be drawn: above 0 and under [`MAX_COORDINATE`].
     #[must_use]
-    pub fn radius(&self, strand: &Strand) -> Option<f32> {
+    pub fn radius(&self, strand: &SceneStrand) -> Option<f32> {
         let radius = self.looks[usize::from(strand.look)].radius;
-        drawn_with(radius).then_some(radius)
+        is_drawable_radius(radius).then_some(radius)
     }
 
     /// The box around all yarns, their radii included; `None` where nothing is there to be seen.

@@ -10,7 +10,7 @@ use glam::{DVec2, DVec3};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{DynamicImage, RgbImage};
 use warpknit::fabric::Fabric;
-use warpknit::render::{Background, Camera, Options, View, render};
+use warpknit::render::{Background, Camera, RenderOptions, View, render};
 use warpknit::scene::Scene;
 
 const WIDTH: u32 = 320;
@@ -70,12 +70,12 @@ impl Frame {
         let middle = scene.bounds().map_or(DVec3::ZERO, |bounds| bounds.centre().as_dvec3());
         let distance = self.0.y / 2.0 / (Camera::DEFAULT_FOV / 2.0).tan();
         let camera = Camera::look_at(middle + side * distance, middle, Camera::DEFAULT_FOV, 1.0);
-        let options = Options {
+        let options = RenderOptions {
             width: WIDTH,
             height: HEIGHT,
             spp: 8,
             background: Background::Color(BACKGROUND),
-            ..Options::default()
+            ..RenderOptions::default()
         };
         let mut picture = DynamicImage::from(
             render(scene, &camera, &options, &|_| ()).expect("the processor needs no driver"),

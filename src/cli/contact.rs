@@ -14,7 +14,7 @@ use warpknit::fabric::Fabric;
 use warpknit::fabric::yarn::Color;
 use warpknit::photo::develop::Developed;
 use warpknit::render::maps::Maps;
-use warpknit::render::{Camera, Options, View, render};
+use warpknit::render::{Camera, RenderOptions, View, render};
 use warpknit::scene::Shape;
 
 use super::pictures::{self, Textures};
@@ -65,12 +65,12 @@ pub(super) fn swatch(
         Ok(())
     };
     drape::run(&cloth, &drape::Options::default(), &mut |_, _| {}, &mut deliver)?;
-    let options = Options {
+    let options = RenderOptions {
         width: column_width(2),
         height: ROWS[2],
         spp: 2,
         sky_rays: 1,
-        ..Options::default()
+        ..RenderOptions::default()
     };
     let camera =
         Camera::view(View::Front, &scene.positions, Camera::DEFAULT_FOV, 1.0, options.aspect());

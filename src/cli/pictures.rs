@@ -10,7 +10,7 @@ use warpknit::fabric::Fabric;
 use warpknit::fabric::yarn::Yarn;
 use warpknit::photo::read_maps;
 use warpknit::render::maps::Maps;
-use warpknit::render::{self, Camera, Choice, Painter};
+use warpknit::render::{self, Camera, Painter, RendererChoice};
 use warpknit::scene::{Bounds, Scene, Shape};
 use warpknit::tile::Tile;
 
@@ -117,7 +117,7 @@ pub(super) fn scene(shape: Shape, fabric: &Fabric, radius: f64, textures: &Textu
         width: enlargement * maps.width,
         ..maps.clone()
     };
-    Scene::wearing(shape, looks, textures.maps.iter().map(enlarged).collect(), |bar| {
+    Scene::with_textures(shape, looks, textures.maps.iter().map(enlarged).collect(), |bar| {
         textures.of_bar(bar)
     })
 }
@@ -138,8 +138,8 @@ pub(super) fn draw(
     if let Some(tile) = tile {
         options.rows = Some(tile.share(options.height));
         // What one machine draws and another one draws must fit together, whichever has an adapter.
-        if options.renderer == Choice::Auto {
-            options.renderer = Choice::Cpu;
+        if options.renderer == RendererChoice::Auto {
+            options.renderer = RendererChoice::Cpu;
         }
     }
     let count = shared.drawing.turntable.unwrap_or(1);
@@ -174,10 +174,10 @@ pub(super) fn draw(
 }
 
 /// How the arguments want pictures to be.
-pub(super) fn options(shared: &Shared) -> render::Options {
+pub(super) fn options(shared: &Shared) -> render::RenderOptions {
     let drawing = &shared.drawing;
-    let defaults = render::Options::default();
-    let mut options = render::Options {
+    let defaults = render::RenderOptions::default();
+    let mut options = render::RenderOptions {
         width: shared.size.0,
         height: shared.size.1,
         renderer: drawing.renderer.into(),

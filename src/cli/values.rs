@@ -10,7 +10,7 @@ use warpknit::chart;
 use warpknit::drape::strands::Edge;
 use warpknit::export::Format;
 use warpknit::map::Mapping;
-use warpknit::render::{Choice, View};
+use warpknit::render::{RendererChoice, View};
 use warpknit::scene::Shape;
 
 use super::args::MOST_PIXELS;
@@ -23,7 +23,7 @@ pub(crate) enum RendererArg {
     Cpu,
 }
 
-impl From<RendererArg> for Choice {
+impl From<RendererArg> for RendererChoice {
     fn from(renderer: RendererArg) -> Self {
         match renderer {
             RendererArg::Auto => Self::Auto,

@@ -106,7 +106,7 @@ pub fn scene(
         let at = camera.project(*point, aspect);
         at.is_some_and(|at| at.abs().max_element() < MARGIN) && widest > near * pixel(*point)
     };
-    let controls = |strand: &crate::scene::Strand| -> Vec<DVec3> {
+    let controls = |strand: &crate::scene::SceneStrand| -> Vec<DVec3> {
         yarns.positions[strand.points.start as usize..strand.points.end as usize]
             .iter()
             .map(|point| point.as_dvec3())

@@ -31,7 +31,7 @@ use serde::Deserialize;
 
 pub use error::PhotoError;
 
-use crate::render::maps::{Kind, Maps, Mips};
+use crate::render::maps::{MapKind, Maps, Mips};
 
 /// Fewest and most pixels of a picture each way; graphics cards take no more.
 const SIDES: (u32, u32) = (4, 16_384);
@@ -91,9 +91,9 @@ pub fn read_maps(path: &Path, thickness: f64, length: Option<f64>) -> Result<Map
         Rgba([at(&occlusion, u8::MAX), at(&roughness, ROUGHNESS), at(&metallic, 0), u8::MAX])
     });
     Ok(Maps {
-        base: Mips::new(base, Kind::Color),
-        normal: Mips::new(normal, Kind::Normal),
-        surface: Mips::new(surface, Kind::Plain),
+        base: Mips::new(base, MapKind::Color),
+        normal: Mips::new(normal, MapKind::Normal),
+        surface: Mips::new(surface, MapKind::Plain),
         length,
         width,
     })

@@ -17,10 +17,10 @@ use super::tone;
 use crate::scene::Shape;
 
 /// Most lookups along the longer side of a pixel's trace on the yarn; a longer one blurs.
-const MOST_TAPS: f32 = 8.0;
+const MAX_TAPS: f32 = 8.0;
 /// What a transparent texel weighs in a mean of colours, so that a level without any yarn still has
 /// a colour.
-const LEAST_WEIGHT: f32 = 1e-3;
+const MIN_WEIGHT: f32 = 1e-3;
 
 /// A picture and its smaller levels, each half as large, down to one pixel.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -46,7 +46,7 @@ pub struct Maps {
 
 /// What a picture's numbers mean, and so what their mean is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum MapKind {
     /// sRGB with straight alpha.
     Color,
     /// Unit vectors, 0..1 for -1..1.
@@ -77,12 +77,12 @@ impl Mips {
     /// texels take the colour of the yarn beside them: hardware that filters colours without regard
     /// to alpha must not find a photo's background there.
     #[must_use]
-    pub fn new(picture: RgbaImage, kind: Kind) -> Self {
+    pub fn new(picture: RgbaImage, kind: MapKind) -> Self {
         let mut levels = vec![picture];
-        while let Some(smaller) = levels.last().and_then(|level| halved(level, kind)) {
+        while let Some(smaller) = levels.last().and_then(|level| downsample(level, kind)) {
             levels.push(smaller);
         }
-        if kind == Kind::Color {
+        if kind == MapKind::Color {
             for fine in (0..levels.len() - 1).rev() {
                 let (finer, coarser) = levels.split_at_mut(fine + 1);
                 fill_transparent(&mut finer[fine], &coarser[0]);
@@ -93,7 +93,7 @@ impl Mips {
 
     /// Between four texels of a level; what of them leaves the picture sideways comes back where
     /// `shape` closes around the yarn.
-    fn bilinear(&self, level: usize, at: Place, kind: Kind) -> Vec4 {
+    fn bilinear(&self, level: usize, at: TexCoord, kind: MapKind) -> Vec4 {
         let picture = &self.levels[level];
         let (width, height) = picture.dimensions();
         let (left, x) = cell(at.v - at.v.floor(), width);
@@ -104,15 +104,15 @@ impl Mips {
             Shape::Ribbon => clamped(row, height),
         });
         let texel = |column: usize, row: usize| {
-            weighed(*picture.get_pixel(columns[column], rows[row]), kind)
+            decode(*picture.get_pixel(columns[column], rows[row]), kind)
         };
         texel(0, 0).lerp(texel(1, 0), x).lerp(texel(0, 1).lerp(texel(1, 1), x), y)
     }
 }
 
-/// Where on the maps, as shares of their sides.
+/// Where on the maps, as box_weights of their sides.
 #[derive(Clone, Copy)]
-struct Place {
+struct TexCoord {
     u: f32,
     v: f32,
     shape: Shape,
@@ -120,7 +120,7 @@ struct Place {
 
 impl Maps {
     /// The mean over about the rectangle of `footprint_u` by `footprint_v` around (u, v), all in
-    /// shares of the picture: u across the yarn from the picture's top, v along it. u goes around a
+    /// box_weights of the picture: u across the yarn from the picture's top, v along it. u goes around a
     /// tube and ends at a ribbon's edges.
     #[must_use]
     pub fn sample(
@@ -135,15 +135,15 @@ impl Maps {
             .taps([u, v], [footprint_u, footprint_v], shape, |level, at| {
                 let of = |mips: &Mips, kind| mips.bilinear(level, at, kind);
                 [
-                    of(&self.base, Kind::Color),
-                    of(&self.normal, Kind::Normal),
-                    of(&self.surface, Kind::Plain),
+                    of(&self.base, MapKind::Color),
+                    of(&self.normal, MapKind::Normal),
+                    of(&self.surface, MapKind::Plain),
                 ]
             })
             .into();
         let alpha = base.w.clamp(0.0, 1.0);
         Texel {
-            albedo: base.xyz() / (base.w + LEAST_WEIGHT),
+            albedo: base.xyz() / (base.w + MIN_WEIGHT),
             alpha,
             normal: normal.xyz().normalize_or(Vec3::Z),
             roughness: surface.y,
@@ -156,7 +156,7 @@ impl Maps {
     #[must_use]
     pub fn alpha(&self, u: f32, v: f32, footprint_u: f32, footprint_v: f32, shape: Shape) -> f32 {
         let [alpha] = self.taps([u, v], [footprint_u, footprint_v], shape, |level, at| {
-            [self.base.bilinear(level, at, Kind::Plain)]
+            [self.base.bilinear(level, at, MapKind::Plain)]
         });
         alpha.w
     }
@@ -168,8 +168,8 @@ impl Maps {
             .base
             .levels
             .last()
-            .map_or(Vec4::ZERO, |level| weighed(*level.get_pixel(0, 0), Kind::Color));
-        mean.xyz() / (mean.w + LEAST_WEIGHT)
+            .map_or(Vec4::ZERO, |level| decode(*level.get_pixel(0, 0), MapKind::Color));
+        mean.xyz() / (mean.w + MIN_WEIGHT)
     }
 
     /// The mean of what `look_up` gives over a footprint: of as many places along its longer side
@@ -179,18 +179,18 @@ impl Maps {
         [u, v]: [f32; 2],
         footprint: [f32; 2],
         shape: Shape,
-        look_up: impl Fn(usize, Place) -> [Vec4; N],
+        look_up: impl Fn(usize, TexCoord) -> [Vec4; N],
     ) -> [Vec4; N] {
         let (width, height) = self.base.levels[0].dimensions();
         let (across, along) =
             (footprint[0].abs() * float(height), footprint[1].abs() * float(width));
         let (short, long) = (across.min(along).max(1.0), across.max(along).max(1.0));
-        let taps = (long / short).ceil().clamp(1.0, MOST_TAPS);
+        let taps = (long / short).ceil().clamp(1.0, MAX_TAPS);
         let top = float(u32::try_from(self.base.levels.len() - 1).unwrap_or(0));
         let level = (long / taps).max(short).log2().clamp(0.0, top);
         let (fine, share) = (whole(level), level.fract());
         let mut sum = [Vec4::ZERO; N];
-        let mut add = |level: usize, at: Place, share: f32| {
+        let mut add = |level: usize, at: TexCoord, share: f32| {
             sum.iter_mut()
                 .zip(look_up(level, at))
                 .for_each(|(sum, value)| *sum += value * (share / taps));
@@ -202,7 +202,7 @@ impl Maps {
             } else {
                 (0.0, aside * footprint[1])
             };
-            let at = Place { u: u + du, v: v + dv, shape };
+            let at = TexCoord { u: u + du, v: v + dv, shape };
             add(fine, at, 1.0 - share);
             if share > 0.0 {
                 add(fine + 1, at, share);
@@ -213,13 +213,13 @@ impl Maps {
 }
 
 /// The next smaller level; `None` below one pixel.
-fn halved(picture: &RgbaImage, kind: Kind) -> Option<RgbaImage> {
+fn downsample(picture: &RgbaImage, kind: MapKind) -> Option<RgbaImage> {
     let (width, height) = picture.dimensions();
     if width.max(height) <= 1 || width.min(height) == 0 {
         return None;
     }
     let mut half = RgbaImage::new((width / 2).max(1), (height / 2).max(1));
-    let (columns, rows) = (shares(width, half.width()), shares(height, half.height()));
+    let (columns, rows) = (box_weights(width, half.width()), box_weights(height, half.height()));
     let row_bytes = half.width() as usize * 4;
     half.as_mut().par_chunks_mut(row_bytes).zip(&rows).for_each(|(bytes, row)| {
         for (texel, column) in bytes.chunks_exact_mut(4).zip(&columns) {
@@ -227,11 +227,11 @@ fn halved(picture: &RgbaImage, kind: Kind) -> Option<RgbaImage> {
             for (y, down) in (row.first..).zip(row.weights) {
                 for (x, across) in (column.first..).zip(column.weights) {
                     if across * down > 0.0 {
-                        mean += weighed(*picture.get_pixel(x, y), kind) * (across * down);
+                        mean += decode(*picture.get_pixel(x, y), kind) * (across * down);
                     }
                 }
             }
-            texel.copy_from_slice(&packed(mean, kind));
+            texel.copy_from_slice(&encode_mean(mean, kind));
         }
     });
     Some(half)
@@ -247,7 +247,7 @@ fn fill_transparent(picture: &mut RgbaImage, smaller: &RgbaImage) {
 }
 
 /// The texels of a row that a texel of a smaller one covers.
-struct Shares {
+struct BoxWeights {
     first: u32,
     /// Adding up to 1.
     weights: [f32; 3],
@@ -255,7 +255,7 @@ struct Shares {
 
 /// How `small` texels share `large` ones among them: two each, or some of a third where the number
 /// is odd.
-fn shares(large: u32, small: u32) -> Vec<Shares> {
+fn box_weights(large: u32, small: u32) -> Vec<BoxWeights> {
     let size = float(large) / float(small);
     let share = |index: u32| {
         let (start, end) = (float(index) * size, float(index + 1) * size);
@@ -265,31 +265,33 @@ fn shares(large: u32, small: u32) -> Vec<Shares> {
             |texel: u32| ((float(texel) + 1.0).min(end) - float(texel).max(start)).max(0.0) / size;
         // Rounding may leave a trace of weight on a texel beyond the last.
         let weight = |texel: u32| if texel < large { covered(texel) } else { 0.0 };
-        Shares { first, weights: [first, first + 1, first + 2].map(weight) }
+        BoxWeights { first, weights: [first, first + 1, first + 2].map(weight) }
     };
     (0..small).map(share).collect()
 }
 
 /// A texel as numbers of which means may be taken.
-fn weighed(Rgba(bytes): Rgba<u8>, kind: Kind) -> Vec4 {
+fn decode(Rgba(bytes): Rgba<u8>, kind: MapKind) -> Vec4 {
     let plain = Vec4::from_array(bytes.map(f32::from)) / 255.0;
     match kind {
-        Kind::Color => {
+        MapKind::Color => {
             let [r, g, b, _] = bytes.map(|byte| LINEAR[usize::from(byte)]);
-            (Vec3::new(r, g, b) * (plain.w + LEAST_WEIGHT)).extend(plain.w)
+            (Vec3::new(r, g, b) * (plain.w + MIN_WEIGHT)).extend(plain.w)
         }
-        Kind::Normal => (plain.xyz() * 2.0 - 1.0).extend(plain.w),
-        Kind::Plain => plain,
+        MapKind::Normal => (plain.xyz() * 2.0 - 1.0).extend(plain.w),
+        MapKind::Plain => plain,
     }
 }
 
 /// The texel of such a mean.
-fn packed(mean: Vec4, kind: Kind) -> [u8; 4] {
+fn encode_mean(mean: Vec4, kind: MapKind) -> [u8; 4] {
     let alpha = tone::byte(mean.w);
     let [r, g, b] = match kind {
-        Kind::Color => tone::encode(mean.xyz() / (mean.w + LEAST_WEIGHT)),
-        Kind::Normal => (mean.xyz().normalize_or(Vec3::Z) * 0.5 + 0.5).to_array().map(tone::byte),
-        Kind::Plain => mean.xyz().to_array().map(tone::byte),
+        MapKind::Color => tone::encode(mean.xyz() / (mean.w + MIN_WEIGHT)),
+        MapKind::Normal => {
+            (mean.xyz().normalize_or(Vec3::Z) * 0.5 + 0.5).to_array().map(tone::byte)
+        }
+        MapKind::Plain => mean.xyz().to_array().map(tone::byte),
     };
     [r, g, b, alpha]
 }
@@ -349,7 +351,7 @@ mod tests {
         let picture = RgbaImage::from_fn(9, 7, |_, y| {
             if y / 2 == 1 { Rgba([200, 90, 40, 255]) } else { Rgba([0, 255, 0, 0]) }
         });
-        for level in Mips::new(picture, Kind::Color).levels {
+        for level in Mips::new(picture, MapKind::Color).levels {
             for texel in level.pixels() {
                 let mut colours = texel.0.into_iter().zip([200, 90, 40]);
                 assert!(colours.all(|(found, wanted)| found.abs_diff(wanted) <= 8), "{texel:?}");
@@ -362,9 +364,9 @@ mod tests {
         let normal = RgbaImage::from_pixel(width, height, Rgba([128, 128, 255, 255]));
         let surface = RgbaImage::from_pixel(width, height, Rgba([255, 191, 0, 255]));
         Maps {
-            base: Mips::new(base, Kind::Color),
-            normal: Mips::new(normal, Kind::Normal),
-            surface: Mips::new(surface, Kind::Plain),
+            base: Mips::new(base, MapKind::Color),
+            normal: Mips::new(normal, MapKind::Normal),
+            surface: Mips::new(surface, MapKind::Plain),
             length: 1.0,
             width: 1.0,
         }
@@ -376,10 +378,10 @@ mod tests {
             let noise = RgbaImage::from_fn(width, height, |x, y| {
                 Rgba([x, y, x * y, 7].map(|n| (n * 97 % 251).to_le_bytes()[0]))
             });
-            let levels = Mips::new(noise, Kind::Plain).levels;
+            let levels = Mips::new(noise, MapKind::Plain).levels;
             assert_eq!(levels.last().unwrap().dimensions(), (1, 1));
             let mean = |level: &RgbaImage| {
-                let sum: Vec4 = level.pixels().map(|&texel| weighed(texel, Kind::Plain)).sum();
+                let sum: Vec4 = level.pixels().map(|&texel| decode(texel, MapKind::Plain)).sum();
                 sum / float(level.width() * level.height()) * 255.0
             };
             for pair in levels.windows(2) {
@@ -392,14 +394,14 @@ mod tests {
 
     #[test]
     fn means_are_of_light_weighed_by_alpha_and_of_unit_normals() {
-        let levels = Mips::new(stripes(4, 4), Kind::Color).levels;
+        let levels = Mips::new(stripes(4, 4), MapKind::Color).levels;
         // Half of the light is 188 in sRGB; a transparent texel's colour hardly counts.
         assert_eq!(levels[2].get_pixel(0, 0).0, [188, 40, 200, 128]);
         let tilted = RgbaImage::from_fn(2, 2, |x, _| {
             if x == 0 { Rgba([218, 128, 218, 255]) } else { Rgba([38, 128, 218, 255]) }
         });
         assert_eq!(
-            Mips::new(tilted, Kind::Normal).levels[1].get_pixel(0, 0).0,
+            Mips::new(tilted, MapKind::Normal).levels[1].get_pixel(0, 0).0,
             [128, 128, 255, 255]
         );
     }

@@ -1,6 +1,6 @@
 //! Pictures of yarns: one scene, one camera, one shading model, whatever draws it.
 //!
-//! In: a [`Scene`], a [`Camera`] and [`Options`]. Out: an sRGB picture with straight alpha. Rooms
+//! In: a [`Scene`], a [`Camera`] and [`RenderOptions`]. Out: an sRGB picture with straight alpha. Rooms
 //! that every renderer shares: [`camera`] (rays and framing), [`light`] (sun and sky), [`shade`]
 //! (how a surface reflects), [`sheen`] (what its fibres mirror), [`ply`] (what makes a tube read as
 //! yarn), [`maps`] (what a photo of a yarn says), `paths` (yarns as short pieces) and [`tone`]
@@ -9,12 +9,12 @@
 //! wgpu; [`painter`] chooses between the two.
 //!
 //! ```
-//! use warpknit::render::{Camera, Options, View, render};
+//! use warpknit::render::{Camera, RenderOptions, View, render};
 //! use warpknit::scene::{Scene, YarnLook};
 //! let mut scene = Scene::default();
 //! scene.looks.push(YarnLook::plain(glam::Vec3::splat(0.5), 0.7, 0.1));
 //! scene.push_strand([glam::Vec3::NEG_X, glam::Vec3::X], 0);
-//! let options = Options { width: 40, height: 30, ..Options::default() };
+//! let options = RenderOptions { width: 40, height: 30, ..RenderOptions::default() };
 //! let camera = Camera::view(View::Front, &scene.positions, Camera::DEFAULT_FOV, 1.0, options.aspect());
 //! let picture = render(&scene, &camera, &options, &|_| ())?;
 //! assert_ne!(picture.get_pixel(20, 15), picture.get_pixel(20, 2));
@@ -36,7 +36,7 @@ mod unroll;
 
 pub use camera::{Camera, View};
 pub use light::Light;
-pub use painter::{Choice, Painter};
+pub use painter::{Painter, RendererChoice};
 pub use tone::Background;
 
 use std::ops::Range;
@@ -46,7 +46,7 @@ use image::RgbaImage;
 
 /// What a picture should be like.
 #[derive(Clone, Debug)]
-pub struct Options {
+pub struct RenderOptions {
     /// Pixels across.
     pub width: u32,
     /// Pixels down.
@@ -55,7 +55,7 @@ pub struct Options {
     /// shows there, to the byte.
     pub rows: Option<Range<u32>>,
     /// What draws.
-    pub renderer: Choice,
+    pub renderer: RendererChoice,
     /// Samples a pixel, at least 1. Where yarns are drawn as triangles, what goes beyond `samples`
     /// is made up by drawing larger.
     pub spp: u32,
@@ -79,7 +79,7 @@ pub struct Options {
     pub seed: u32,
 }
 
-impl Options {
+impl RenderOptions {
     /// Width over height.
     #[must_use]
     pub fn aspect(&self) -> f64 {
@@ -95,13 +95,13 @@ impl Options {
     }
 }
 
-impl Default for Options {
+impl Default for RenderOptions {
     fn default() -> Self {
         Self {
             width: 1600,
             height: 1200,
             rows: None,
-            renderer: Choice::Cpu,
+            renderer: RendererChoice::Cpu,
             spp: 4,
             sky_rays: 2,
             background: Background::default(),
@@ -124,11 +124,11 @@ impl Default for Options {
 /// scene.
 ///
 /// # Errors
-/// With [`Choice::Gpu`] whatever the adapter can't do.
+/// With [`RendererChoice::Gpu`] whatever the adapter can't do.
 pub fn render(
     scene: &Scene,
     camera: &Camera,
-    options: &Options,
+    options: &RenderOptions,
     progress: &(dyn Fn(f32) + Sync),
 ) -> Result<RgbaImage, gpu::GpuError> {
     Painter::new(scene, options)?.draw(camera, options, progress)

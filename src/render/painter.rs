@@ -1,19 +1,19 @@
 //! Which renderer draws: the one that is wanted, or the best that there is.
 //!
-//! In: a scene, and [`Choice`]. Out: pictures, and the name of what drew them. `Auto` takes a
+//! In: a scene, and [`RendererChoice`]. Out: pictures, and the name of what drew them. `Auto` takes a
 //! hardware adapter and never a software one, which is slower than tracing rays; whatever goes
 //! wrong there, the processor draws instead, and [`Painter::notice`] says why.
 
 use image::{RgbaImage, imageops};
 
 use super::gpu::{Gpu, GpuError, Renderer, Yarns};
-use super::{Camera, Options, cpu};
+use super::{Camera, RenderOptions, cpu};
 use crate::ids::index32;
 use crate::scene::Scene;
 
 /// What is to draw.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Choice {
+pub enum RendererChoice {
     /// The graphics processor where there is one.
     Auto,
     /// The graphics adapter, be it one of software, or nothing.
@@ -43,12 +43,16 @@ impl<'a> Painter<'a> {
     /// Makes ready to draw `scene`; of `options` only the renderer and the samples count.
     ///
     /// # Errors
-    /// With [`Choice::Gpu`] whatever the adapter can't do.
-    pub fn new(scene: &'a Scene, options: &Options) -> Result<Self, GpuError> {
-        let mut painter =
-            Self { scene, gpu: None, falls_back: options.renderer == Choice::Auto, notice: None };
-        if options.renderer != Choice::Cpu {
-            let found = Gpu::find(options.renderer == Choice::Gpu);
+    /// With [`RendererChoice::Gpu`] whatever the adapter can't do.
+    pub fn new(scene: &'a Scene, options: &RenderOptions) -> Result<Self, GpuError> {
+        let mut painter = Self {
+            scene,
+            gpu: None,
+            falls_back: options.renderer == RendererChoice::Auto,
+            notice: None,
+        };
+        if options.renderer != RendererChoice::Cpu {
+            let found = Gpu::find(options.renderer == RendererChoice::Gpu);
             match found.and_then(|gpu| Renderer::new(gpu, options.samples)) {
                 Ok(renderer) => {
                     painter.gpu = Some(Box::new(Uploaded {
@@ -78,11 +82,11 @@ impl<'a> Painter<'a> {
     /// Draws the scene as `camera` sees it. See [`super::render`].
     ///
     /// # Errors
-    /// With [`Choice::Gpu`] whatever the adapter can't do.
+    /// With [`RendererChoice::Gpu`] whatever the adapter can't do.
     pub fn draw(
         &mut self,
         camera: &Camera,
-        options: &Options,
+        options: &RenderOptions,
         progress: &(dyn Fn(f32) + Sync),
     ) -> Result<RgbaImage, GpuError> {
         if let Some(gpu) = &mut self.gpu {
@@ -126,7 +130,7 @@ impl Uploaded {
         &mut self,
         scene: &Scene,
         camera: &Camera,
-        options: &Options,
+        options: &RenderOptions,
     ) -> Result<RgbaImage, GpuError> {
         let st = uploaded_st(scene, self.stitch, camera, options);
         let (_, yarns) = match &mut self.yarns {
@@ -149,9 +153,9 @@ fn stitch_length(scene: &Scene) -> f64 {
     scene.span_lengths().sum / f64::from(index32(scene.stitches.len().max(1)))
 }
 
-/// St that the nearest stitches need, [`Options::st`] at most: a million stitches of forty pieces
+/// St that the nearest stitches need, [`RenderOptions::st`] at most: a million stitches of forty pieces
 /// would take a gigabyte.
-fn uploaded_st(scene: &Scene, stitch: f64, camera: &Camera, options: &Options) -> u32 {
+fn uploaded_st(scene: &Scene, stitch: f64, camera: &Camera, options: &RenderOptions) -> u32 {
     let Some(bounds) = scene.bounds().filter(|_| options.lod) else { return options.st };
     let eye = camera.eye();
     let nearest = eye.distance(eye.clamp(bounds.min.as_dvec3(), bounds.max.as_dvec3()));

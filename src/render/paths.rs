@@ -1,6 +1,6 @@
 //! Yarns as chains of short straight pieces, for whoever draws them.
 //!
-//! In: a scene and how finely to cut it. Out: [`Paths`], structure of arrays, 30 bytes a point:
+//! In: a scene and how finely to cut it. Out: [`YarnPaths`], structure of arrays, 30 bytes a point:
 //! points on the centripetal Catmull-Rom curve, with the curve's own tangent at each and a
 //! direction across it. Around a tube that is a rotation-minimising frame's (double reflection,
 //! Wang et al. 2008), on a ribbon the fabric's normal. Coordinates are relative to the scene's
@@ -11,9 +11,9 @@ use std::ops::Range;
 
 use glam::{DVec3, Vec3A, Vec4};
 
-use super::{Camera, Options};
+use super::{Camera, RenderOptions};
 use crate::ids::index32;
-use crate::scene::{Scene, Shape, Strand, drawable};
+use crate::scene::{Scene, SceneStrand, Shape, drawable};
 use crate::unit::PackedUnit;
 use crate::yarn::curve::{self, Span};
 use crate::yarn::frame;
@@ -24,27 +24,27 @@ const CHORD_ERROR: f64 = 0.2;
 const MAX_PIECES: u32 = 8;
 /// Most by which a piece that stands for several spans is widened, so that it hides what they hid;
 /// a sharper bend is kept.
-const WIDEST: f64 = 1.5;
+const MAX_WIDENING: f64 = 1.5;
 /// Farthest that several spans may lie from their piece on the average, pixels. At .2 loops grow
 /// flat enough that a fabric of a million stitches is 2 % brighter, at .1 it is by less than 1 %.
-const MOST_BULGE: f64 = 0.1;
+const MAX_BULGE: f64 = 0.1;
 /// Least sine of the angle between a yarn and the fabric's normal at which a ribbon's width is
 /// across both.
-const LEAST_SINE: f32 = 1e-3;
+const MIN_SINE: f32 = 1e-3;
 
 /// How finely yarns are cut.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Cut<'a> {
+pub(super) enum Subdivision<'a> {
     /// So that a chord leaves its curve by less than [`CHORD_ERROR`] pixels, where [`MAX_PIECES`]
-    /// allows; with [`Options::lod`] by no pieces shorter than a pixel, where bends allow.
-    Picture(&'a Camera, &'a Options),
+    /// allows; with [`RenderOptions::lod`] by no pieces shorter than a pixel, where bends allow.
+    Picture(&'a Camera, &'a RenderOptions),
     /// St pieces a stitch, evenly in its own parameter, as [`crate::yarn::tube`] cuts it.
     Stitch(u32),
 }
 
 /// Consecutive points of yarns.
 #[derive(Debug, Default)]
-pub(super) struct Paths {
+pub(super) struct YarnPaths {
     /// What to add to a point to be in the world.
     pub(super) centre: DVec3,
     /// Points on the axis, and in w the radius of the piece that starts here: 0 at a strand's end,
@@ -61,13 +61,18 @@ pub(super) struct Paths {
     pub(super) looks: Vec<u16>,
 }
 
-impl Paths {
+impl YarnPaths {
     /// The strands of numbers `range`, cut; `centre` is what coordinates are relative to.
-    pub(super) fn of(scene: &Scene, range: Range<usize>, centre: DVec3, cut: Cut<'_>) -> Self {
+    pub(super) fn new(
+        scene: &Scene,
+        range: Range<usize>,
+        centre: DVec3,
+        cut: Subdivision<'_>,
+    ) -> Self {
         let mut paths = Self { centre, ..Self::default() };
-        let mut room = Room::default();
+        let mut buffer = PointRun::default();
         for (strand, number) in scene.strands[range.clone()].iter().zip(index32(range.start)..) {
-            paths.push_strand(scene, strand, number, cut, &mut room);
+            paths.push_strand(scene, strand, number, cut, &mut buffer);
         }
         paths
     }
@@ -84,10 +89,10 @@ impl Paths {
     fn push_strand(
         &mut self,
         scene: &Scene,
-        strand: &Strand,
+        strand: &SceneStrand,
         number: u32,
-        cut: Cut<'_>,
-        room: &mut Room,
+        cut: Subdivision<'_>,
+        buffer: &mut PointRun,
     ) {
         let Some(radius) = scene.radius(strand) else { return };
         let mut along = phase(number);
@@ -97,10 +102,10 @@ impl Paths {
             let end =
                 (start..strand.points.end).find(|&point| !good(point)).unwrap_or(strand.points.end);
             if start < end {
-                room.fill(scene, strand, start..end, self.centre);
+                buffer.fill(scene, strand, start..end, self.centre);
                 along = self.push_run(
-                    room,
-                    Yarn { radius, look: strand.look, shape: scene.shape },
+                    buffer,
+                    PathStyle { radius, look: strand.look, shape: scene.shape },
                     along,
                     cut,
                 );
@@ -110,20 +115,26 @@ impl Paths {
     }
 
     /// The length at the run's end.
-    fn push_run(&mut self, run: &Room, yarn: Yarn, along: f64, cut: Cut<'_>) -> f64 {
-        let mut laying = Laying {
+    fn push_run(
+        &mut self,
+        run: &PointRun,
+        style: PathStyle,
+        along: f64,
+        cut: Subdivision<'_>,
+    ) -> f64 {
+        let mut builder = PathBuilder {
             paths: self,
             run,
-            yarn,
-            at: (usize::MAX, None),
-            frame: Frame::default(),
+            style,
+            cached: (usize::MAX, None),
+            frame: TangentFrame::default(),
             along,
         };
         match cut {
-            Cut::Picture(camera, options) => laying.by_spans(camera, options),
-            Cut::Stitch(st) => laying.by_stitches(st),
+            Subdivision::Picture(camera, options) => builder.subdivide_spans(camera, options),
+            Subdivision::Stitch(st) => builder.subdivide_stitches(st),
         }
-        let along = laying.along;
+        let along = builder.along;
         if let Some(last) = self.points.last_mut() {
             last.w = 0.0;
         }
@@ -133,7 +144,7 @@ impl Paths {
 
 /// What is the same all along a yarn.
 #[derive(Clone, Copy)]
-struct Yarn {
+struct PathStyle {
     radius: f32,
     look: u16,
     shape: Shape,
@@ -142,7 +153,7 @@ struct Yarn {
 /// A run of drawable points, in double precision, relative to the middle. Its memory serves strand
 /// after strand.
 #[derive(Default)]
-struct Room {
+struct PointRun {
     points: Vec<DVec3>,
     /// The fabric's normals, for ribbons.
     normals: Vec<Vec3A>,
@@ -150,8 +161,8 @@ struct Room {
     stitches: Vec<usize>,
 }
 
-impl Room {
-    fn fill(&mut self, scene: &Scene, strand: &Strand, range: Range<u32>, centre: DVec3) {
+impl PointRun {
+    fn fill(&mut self, scene: &Scene, strand: &SceneStrand, range: Range<u32>, centre: DVec3) {
         let (start, end) = (range.start as usize, range.end as usize);
         self.points.clear();
         self.points
@@ -180,9 +191,9 @@ impl Room {
 
     /// From point `index` on as many spans as it takes to come a pixel far, fewer where they bend
     /// too much for one piece.
-    fn chord(&self, index: usize, pixel: f64) -> Chord {
+    fn merge_spans(&self, index: usize, pixel: f64) -> MergedSpans {
         let start = self.points[index];
-        let (mut found, mut arc, mut moment) = (Chord::default(), 0.0, DVec3::ZERO);
+        let (mut found, mut arc, mut moment) = (MergedSpans::default(), 0.0, DVec3::ZERO);
         for spans in 1..self.points.len() - index {
             let end = self.points[index + spans];
             let length = start.distance(end);
@@ -194,10 +205,10 @@ impl Room {
             arc += span_length;
             moment += span.mean() * span_length;
             let bulge = moment / arc.max(f64::MIN_POSITIVE) - start.midpoint(end);
-            if spans > 1 && (arc > WIDEST * length || bulge.length() > MOST_BULGE * pixel) {
+            if spans > 1 && (arc > MAX_WIDENING * length || bulge.length() > MAX_BULGE * pixel) {
                 break;
             }
-            found = Chord { spans, length, arc, bulge };
+            found = MergedSpans { spans, length, arc, bulge };
             if length >= pixel {
                 break;
             }
@@ -208,7 +219,7 @@ impl Room {
 
 /// A straight piece in place of whole spans.
 #[derive(Default)]
-struct Chord {
+struct MergedSpans {
     /// None where the first span alone is long enough to be cut.
     spans: usize,
     length: f64,
@@ -218,20 +229,20 @@ struct Chord {
     bulge: DVec3,
 }
 
-/// A run on its way into [`Paths`].
-struct Laying<'a> {
-    paths: &'a mut Paths,
-    run: &'a Room,
-    yarn: Yarn,
+/// A run on its way into [`YarnPaths`].
+struct PathBuilder<'a> {
+    paths: &'a mut YarnPaths,
+    run: &'a PointRun,
+    style: PathStyle,
     /// The span that was last asked for.
-    at: (usize, Option<Span>),
-    frame: Frame,
+    cached: (usize, Option<Span>),
+    frame: TangentFrame,
     along: f64,
 }
 
-impl Laying<'_> {
+impl PathBuilder<'_> {
     /// As many pieces between two data points, or as few, as the picture shows.
-    fn by_spans(&mut self, camera: &Camera, options: &Options) {
+    fn subdivide_spans(&mut self, camera: &Camera, options: &RenderOptions) {
         let eye = camera.eye() - self.paths.centre;
         let pixel = |point: DVec3| camera.pixel_size(point.distance(eye), options.height);
         let last = self.run.points.len() - 1;
@@ -239,45 +250,45 @@ impl Laying<'_> {
         let mut bulge = DVec3::ZERO;
         while index < last {
             let far = if options.lod {
-                self.run.chord(index, pixel(self.run.points[index]))
+                self.run.merge_spans(index, pixel(self.run.points[index]))
             } else {
-                Chord::default()
+                MergedSpans::default()
             };
             if far.spans > 0 {
-                self.chord(index, &far, bulge);
+                self.push_merged(index, &far, bulge);
                 index += far.spans;
                 bulge = far.bulge;
                 continue;
             }
             let count = pieces(&self.span(index), pixel);
             for piece in 0..count {
-                self.point(index, f64::from(piece) / f64::from(count));
+                self.push_point(index, f64::from(piece) / f64::from(count));
             }
             index += 1;
             bulge = DVec3::ZERO;
         }
-        self.point(last - 1, 1.0);
+        self.push_point(last - 1, 1.0);
     }
 
     /// One piece for all of a chord's spans: as long as they are in `along`, and as much wider as
     /// it is shorter than they are. Its start is moved so that it lies where they lie on the
     /// average, not inside their bend; `bulge` is that of the chord before.
-    fn chord(&mut self, index: usize, chord: &Chord, bulge: DVec3) {
-        self.point(index, 0.0);
+    fn push_merged(&mut self, index: usize, chord: &MergedSpans, bulge: DVec3) {
+        self.push_point(index, 0.0);
         if let Some(start) = self.paths.points.last_mut() {
             let moved = (bulge + chord.bulge).as_vec3() * 0.5;
             #[expect(clippy::cast_possible_truncation, reason = "rounding is meant")]
             let widening =
-                (chord.arc / chord.length.max(f64::MIN_POSITIVE)).clamp(1.0, WIDEST) as f32;
+                (chord.arc / chord.length.max(f64::MIN_POSITIVE)).clamp(1.0, MAX_WIDENING) as f32;
             *start = (start.truncate() + moved).extend(start.w * widening);
         }
         self.along += chord.arc - chord.length;
     }
 
     /// St pieces a stitch.
-    fn by_stitches(&mut self, st: u32) {
+    fn subdivide_stitches(&mut self, st: u32) {
         let run = self.run;
-        self.point(0, 0.0);
+        self.push_point(0, 0.0);
         for ends in run.stitches.windows(2) {
             let spans = f64::from(index32(ends[1] - ends[0]));
             for step in 1..=st {
@@ -288,40 +299,41 @@ impl Laying<'_> {
                     reason = "between 0 and the number of spans"
                 )]
                 let index = (ends[0] + parameter.floor() as usize).min(ends[1] - 1);
-                self.point(index, parameter - f64::from(index32(index - ends[0])));
+                self.push_point(index, parameter - f64::from(index32(index - ends[0])));
             }
         }
     }
 
     fn span(&mut self, index: usize) -> Span {
-        match self.at {
+        match self.cached {
             (at, Some(span)) if at == index => span,
             _ => {
                 let span = curve::span(&self.run.points, index);
-                self.at = (index, Some(span));
+                self.cached = (index, Some(span));
                 span
             }
         }
     }
 
-    fn point(&mut self, index: usize, t: f64) {
+    fn push_point(&mut self, index: usize, t: f64) {
         let span = self.span(index);
         let position = span.at(t);
         self.along += self.frame.advance(position, span.tangent(t));
-        let across = match self.yarn.shape {
+        let across = match self.style.shape {
             Shape::Tube => self.frame.across,
             Shape::Ribbon => {
                 #[expect(clippy::cast_possible_truncation, reason = "rounding is meant")]
                 let share = t as f32;
-                self.frame.over(self.run.normals[index].lerp(self.run.normals[index + 1], share))
+                self.frame
+                    .ribbon_normal(self.run.normals[index].lerp(self.run.normals[index + 1], share))
             }
         };
-        self.paths.points.push(position.as_vec3().extend(self.yarn.radius));
+        self.paths.points.push(position.as_vec3().extend(self.style.radius));
         self.paths.tangents.push(PackedUnit::new(self.frame.tangent.into()));
         self.paths.across.push(PackedUnit::new(across.into()));
         #[expect(clippy::cast_possible_truncation, reason = "rounding is meant")]
         self.paths.along.push(self.along as f32);
-        self.paths.looks.push(self.yarn.look);
+        self.paths.looks.push(self.style.look);
     }
 }
 
@@ -345,13 +357,13 @@ pub(super) fn phase(strand: u32) -> f64 {
 
 /// A rotation-minimising frame on its way along a yarn.
 #[derive(Default)]
-struct Frame {
+struct TangentFrame {
     position: DVec3,
     tangent: Vec3A,
     across: Vec3A,
 }
 
-impl Frame {
+impl TangentFrame {
     /// Moves on to `position`, where the curve runs along `derivative`; the distance moved, 0 for
     /// the first point.
     fn advance(&mut self, position: DVec3, derivative: DVec3) -> f64 {
@@ -370,13 +382,13 @@ impl Frame {
 
     /// The fabric's normal where it is `normal`, leant so that a ribbon across both it and the
     /// tangent keeps its last direction where the yarn runs along the normal.
-    fn over(&mut self, normal: Vec3A) -> Vec3A {
+    fn ribbon_normal(&mut self, normal: Vec3A) -> Vec3A {
         let width = self.tangent.cross(normal);
-        if width.length_squared() >= LEAST_SINE * LEAST_SINE {
+        if width.length_squared() >= MIN_SINE * MIN_SINE {
             self.across = frame::across(normal, self.tangent);
             return normal;
         }
         // Here `across` holds what `carry` made of the last normal.
-        normal + self.across * (10.0 * LEAST_SINE)
+        normal + self.across * (10.0 * MIN_SINE)
     }
 }

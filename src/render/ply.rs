@@ -29,11 +29,11 @@ const FIBRE_LENGTH: f32 = 5.0;
 const FIBRE_TILT: f32 = 0.30;
 const FIBRE_SHADE: f32 = 0.16;
 /// Least cosine between a normal and the direction to the eye.
-const LEAST_COSINE: f32 = 0.05;
+const MIN_COSINE: f32 = 0.05;
 
 /// A point on a yarn's surface.
 #[derive(Clone, Copy, Debug)]
-pub struct Place {
+pub struct YarnPoint {
     /// Unit normal of the tube.
     pub normal: Vec3,
     /// Unit vector to the eye.
@@ -56,19 +56,19 @@ pub struct Place {
 
 /// The normal and the factor on the albedo that the yarn has at `place`.
 #[must_use]
-pub fn detail(place: &Place) -> (Vec3, f32) {
-    let turn = TAU * place.radius;
-    let around = place.tangent.cross(place.normal);
+pub fn detail(point: &YarnPoint) -> (Vec3, f32) {
+    let turn = TAU * point.radius;
+    let around = point.tangent.cross(point.normal);
     let (ply_tilt, groove) =
-        if place.plies > 1.0 { plies(place, turn, around) } else { (Vec3::ZERO, 0.0) };
-    let fibre_share = fade(place.footprint, 2.0 * turn / small(FIBRES));
+        if point.plies > 1.0 { plies(point, turn, around) } else { (Vec3::ZERO, 0.0) };
+    let fibre_share = fade(point.footprint, 2.0 * turn / small(FIBRES));
     if fibre_share <= 0.0 && ply_tilt == Vec3::ZERO {
-        return (facing(place.normal, place.toward_eye), 1.0 - GROOVE * groove);
+        return (face_eye(point.normal, point.toward_eye), 1.0 - GROOVE * groove);
     }
-    let (tilt, fibre) = fibres(place, turn);
-    let normal = place.normal + ply_tilt + around * (tilt * FIBRE_TILT * fibre_share);
+    let (tilt, fibre) = fibres(point, turn);
+    let normal = point.normal + ply_tilt + around * (tilt * FIBRE_TILT * fibre_share);
     let shade = (1.0 - GROOVE * groove) * (1.0 + FIBRE_SHADE * fibre * fibre_share);
-    (facing(normal.normalize_or(place.normal), place.toward_eye), shade)
+    (face_eye(normal.normalize_or(point.normal), point.toward_eye), shade)
 }
 
 /// The factor on the albedo of a yarn too thin for its plies to be seen.
@@ -83,37 +83,37 @@ pub(super) fn slopes(plies: f32, twist_slope: Option<f32>) -> [f32; 2] {
 }
 
 /// What the plies add to the normal, and how deep in a groove between them `place` lies, 0..1.
-fn plies(place: &Place, turn: f32, around: Vec3) -> (Vec3, f32) {
-    let share = fade(place.footprint, turn / place.plies);
-    let [slope, _] = slopes(place.plies, place.twist_slope);
+fn plies(point: &YarnPoint, turn: f32, around: Vec3) -> (Vec3, f32) {
+    let share = fade(point.footprint, turn / point.plies);
+    let [slope, _] = slopes(point.plies, point.twist_slope);
     // Across one ply, -0.5..0.5: the normal tilts outward on both sides of its crown.
-    let ply = place.plies * (place.around / TAU + slope * place.along / turn);
+    let ply = point.plies * (point.around / TAU + slope * point.along / turn);
     let offset = ply - ply.round();
     let groove = (2.0 * offset.abs()).powi(3);
     // Unresolved grooves still darken the yarn by their mean, so that colour does not jump with
     // distance.
     (
-        (around + place.tangent * slope) * (2.0 * offset * PLY_TILT * share),
+        (around + point.tangent * slope) * (2.0 * offset * PLY_TILT * share),
         groove * share + MEAN_GROOVE * (1.0 - share),
     )
 }
 
 /// `normal`, bent toward the eye where it would look away: what is seen must face the eye, or
 /// outlines turn black.
-pub(super) fn facing(normal: Vec3, toward_eye: Vec3) -> Vec3 {
+pub(super) fn face_eye(normal: Vec3, toward_eye: Vec3) -> Vec3 {
     let cosine = normal.dot(toward_eye);
-    if cosine >= LEAST_COSINE {
+    if cosine >= MIN_COSINE {
         normal
     } else {
-        (normal + toward_eye * (LEAST_COSINE - cosine)).normalize_or(toward_eye)
+        (normal + toward_eye * (MIN_COSINE - cosine)).normalize_or(toward_eye)
     }
 }
 
 /// Slope and height of the fibres' noise, both about -1..1.
-fn fibres(place: &Place, turn: f32) -> (f32, f32) {
-    let [_, slope] = slopes(place.plies, place.twist_slope);
-    let q = small(FIBRES) * (place.around / TAU + slope * place.along / turn);
-    let v = place.along / (FIBRE_LENGTH * place.radius);
+fn fibres(point: &YarnPoint, turn: f32) -> (f32, f32) {
+    let [_, slope] = slopes(point.plies, point.twist_slope);
+    let q = small(FIBRES) * (point.around / TAU + slope * point.along / turn);
+    let v = point.along / (FIBRE_LENGTH * point.radius);
     let (column, row) = (q.floor(), v.floor());
     let (x, y) = (q - column, v - row);
     let height = |dx: f32, dy: f32| noise(column + dx, row + dy);
@@ -161,10 +161,10 @@ mod tests {
     use super::*;
     use std::f32::consts::PI;
 
-    fn place(around: f32, along: f32, footprint: f32) -> Place {
+    fn place(around: f32, along: f32, footprint: f32) -> YarnPoint {
         let normal = Vec3::new(around.cos(), around.sin(), 0.0);
         let (plies, twist_slope) = (3.0, None);
-        Place {
+        YarnPoint {
             normal,
             toward_eye: normal,
             tangent: Vec3::Z,
@@ -202,7 +202,7 @@ mod tests {
         let grooves = |plies: f32, twist_slope: Option<f32>, along: f32| {
             let shade = |step: u16| {
                 let here = place(f32::from(step) * TAU / 720.0 - PI, along, 1e-4);
-                detail(&Place { plies, twist_slope, ..here }).1
+                detail(&YarnPoint { plies, twist_slope, ..here }).1
             };
             let shades: Vec<_> = (0..720).map(shade).collect();
             let darkest =

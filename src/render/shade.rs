@@ -49,9 +49,9 @@ impl Surface {
     /// either is below it.
     #[must_use]
     pub fn brdf(&self, light: Vec3, view: Vec3) -> Vec3 {
-        let base = self.base(light, view);
+        let base = self.base_brdf(light, view);
         if self.sheen.share > 0.0 {
-            base + self.glint() * self.sheen.lobe(self.normal, light, view)
+            base + self.sheen_color() * self.sheen.lobe(self.normal, light, view)
         } else {
             base
         }
@@ -59,7 +59,7 @@ impl Surface {
 
     /// The BRDF without the fibres' sheen, less what this takes.
     #[must_use]
-    pub fn base(&self, light: Vec3, view: Vec3) -> Vec3 {
+    pub fn base_brdf(&self, light: Vec3, view: Vec3) -> Vec3 {
         let (nl, nv) = (self.normal.dot(light), self.normal.dot(view));
         let half = (light + view).normalize_or_zero();
         let nh = self.normal.dot(half);
@@ -73,12 +73,12 @@ impl Surface {
         let masking = |cosine: f32| 1.0 / (cosine * (1.0 - k) + k);
         let specular =
             fresnel * (beckmann(nh, roughness * roughness) * masking(nl) * masking(nv) / 4.0);
-        (self.diffuse(fresnel) / PI + specular) * self.sheen.spared(nl, nv)
+        (self.diffuse(fresnel) / PI + specular) * self.sheen.base_share(nl, nv)
     }
 
     /// The colour of a sheen: a third of it comes off the fibres, white, and the rest through them.
     #[must_use]
-    pub fn glint(&self) -> Vec3 {
+    pub fn sheen_color(&self) -> Vec3 {
         self.albedo.lerp(Vec3::ONE, 1.0 / 3.0)
     }
 
@@ -114,7 +114,7 @@ pub(super) const LAYER_RADII: f32 = 12.0;
 /// A logistic curve, fitted to what traced rays see on tricot and locknit from three sides, to .13
 /// root mean square of a share that varies by .26. Another layer, seen through a hole, has the sky
 /// of a cloth's middle.
-pub(super) fn open_sky(before: Option<f32>, cover: f32, cosine: f32, is_ribbon: bool) -> f32 {
+pub(super) fn sky_visibility(before: Option<f32>, cover: f32, cosine: f32, is_ribbon: bool) -> f32 {
     let middle = if is_ribbon { -0.35 } else { 0.065 };
     let level = before.map_or(0.5, |before| 1.0 / (1.0 + (middle - 0.427 * before).exp()));
     ((1.0 + cover * (level - 1.0)) * (0.51 + (1.2 - 0.51) * cosine)).clamp(0.0, 1.0)

@@ -26,14 +26,14 @@ use glam::Vec3;
 const CONCENTRATION: f32 = 40.0;
 /// The phase function's even part. What is above is the share of what goes forward, of this
 /// concentration.
-const EVEN: f32 = 0.6;
-const FORWARD: f32 = 3.0;
+const ISOTROPIC: f32 = 0.6;
+const FORWARD_CONCENTRATION: f32 = 3.0;
 /// What of its width a fibre hides that is seen along its length; it strays by some degrees, so not
 /// all.
-const ALONG: f32 = 0.95;
+const END_ON_LOSS: f32 = 0.95;
 /// Where across a yarn's width, in radii, its highlight is asked for, and for what share of the
 /// mean (Gauss and Legendre).
-const NODES: [(f32, f32); 4] = [
+const GAUSS_NODES: [(f32, f32); 4] = [
     (-0.861_136, 0.173_927),
     (-0.339_981, 0.326_073),
     (0.339_981, 0.326_073),
@@ -72,7 +72,8 @@ impl Sheen {
         }
         let sine = self.fibre(normal).dot((light + view).normalize_or_zero());
         let spread = (CONCENTRATION * ((1.0 - sine * sine).max(0.0).sqrt() - 1.0)).exp();
-        let phase = EVEN + (1.0 - EVEN) * (-FORWARD * (1.0 + light.dot(view))).exp();
+        let phase = ISOTROPIC
+            + (1.0 - ISOTROPIC) * (-FORWARD_CONCENTRATION * (1.0 + light.dot(view))).exp();
         self.share * spread * phase / (nl + nv)
     }
 
@@ -81,33 +82,33 @@ impl Sheen {
     /// narrow line if they are twisted, which one place of the width would hit or miss; four are
     /// enough, since the fibres' spread is wider than their distance.
     #[must_use]
-    pub fn across(&self, light: Vec3, view: Vec3) -> f32 {
+    pub fn mean_over_width(&self, light: Vec3, view: Vec3) -> f32 {
         let width = self.tangent.cross(view).normalize_or_zero();
         let front = width.cross(self.tangent);
         let at = |(side, share): (f32, f32)| {
             let normal = width * side + front * (1.0 - side * side).sqrt();
             share * self.lobe(normal, light, view) * normal.dot(light).max(0.0)
         };
-        NODES.into_iter().map(at).sum()
+        GAUSS_NODES.into_iter().map(at).sum()
     }
 
     /// Where around its yarn the highlight is, as the normal there: where a yarn hides the light
     /// from the next, it does so there.
     #[must_use]
-    pub fn brightest(&self, light: Vec3, view: Vec3) -> Vec3 {
+    pub fn highlight_normal(&self, light: Vec3, view: Vec3) -> Vec3 {
         let sum = light + view;
         (sum - self.tangent * sum.dot(self.tangent)).normalize_or(view)
     }
 
     /// What it leaves to the rest of the surface of light that comes and goes at these cosines.
     #[must_use]
-    pub fn spared(&self, light_cosine: f32, view_cosine: f32) -> f32 {
+    pub fn base_share(&self, light_cosine: f32, view_cosine: f32) -> f32 {
         1.0 - self.share / (1.0 + light_cosine.min(view_cosine).clamp(0.0, 1.0))
     }
 
-    /// The same of light from a whole sky: the mean of [`Self::spared`] by the cosine.
+    /// The same of light from a whole sky: the mean of [`Self::base_share`] by the cosine.
     #[must_use]
-    pub fn spared_by_sky(&self, view_cosine: f32) -> f32 {
+    pub fn base_share_under_sky(&self, view_cosine: f32) -> f32 {
         let cosine = view_cosine.clamp(0.0, 1.0);
         1.0 - self.share * (1.0 + cosine - 2.0 * cosine.ln_1p())
     }
@@ -115,9 +116,10 @@ impl Sheen {
     /// Share of a whole sky's light that it mirrors toward `view`. Fitted to the lobe: fibres seen
     /// along their length show less of themselves.
     #[must_use]
-    pub fn of_sky(&self, normal: Vec3, view: Vec3) -> f32 {
+    pub fn sky_reflectance(&self, normal: Vec3, view: Vec3) -> f32 {
         let along = self.fibre(normal).dot(view);
-        self.share * (1.0 - ALONG * along * along).sqrt() / (1.0 + normal.dot(view).clamp(0.0, 1.0))
+        self.share * (1.0 - END_ON_LOSS * along * along).sqrt()
+            / (1.0 + normal.dot(view).clamp(0.0, 1.0))
     }
 }
 
@@ -155,7 +157,7 @@ mod tests {
                 let view = direction(cosine, angle);
                 let total = mirrored(view);
                 assert!(total <= 1.0 / (1.0 + cosine), "{total} at {cosine} {angle}");
-                let said = sheen(0.0).of_sky(Vec3::Z, view);
+                let said = sheen(0.0).sky_reflectance(Vec3::Z, view);
                 assert!((said - total).abs() < 0.09, "{said} for {total} at {cosine} {angle}");
             }
         }
@@ -237,7 +239,7 @@ mod tests {
                     sheen(slope).lobe(normal, light, view) * normal.dot(light).max(0.0)
                 };
                 let exact = (0..1000).map(at).sum::<f32>() / 1000.0;
-                let found = sheen(slope).across(light, view);
+                let found = sheen(slope).mean_over_width(light, view);
                 assert!((found - exact).abs() < 0.1 * exact + 0.005, "{found} {exact} for {slope}");
             }
         }
@@ -248,10 +250,10 @@ mod tests {
         for view in [0.0, 0.3, 0.7, 1.0] {
             let light = |step: u16| (f32::from(step) + 0.5) / 1000.0;
             let mean = (0..1000)
-                .map(|step| sheen(0.0).spared(light(step), view) * 2.0 * light(step))
+                .map(|step| sheen(0.0).base_share(light(step), view) * 2.0 * light(step))
                 .sum::<f32>()
                 / 1000.0;
-            assert!((mean - sheen(0.0).spared_by_sky(view)).abs() < 1e-3);
+            assert!((mean - sheen(0.0).base_share_under_sky(view)).abs() < 1e-3);
         }
     }
 }

@@ -13,29 +13,29 @@ use std::ops::Range;
 use glam::{Vec3, Vec4, Vec4Swizzles};
 use image::{Rgba, RgbaImage};
 
-use super::maps::{Kind, Maps, Mips};
+use super::maps::{MapKind, Maps, Mips};
 use super::tone::byte;
 use crate::scene::Shape;
 
 /// Share of the yarn's half width that is shown: at the flanks a photo has little yarn and much
 /// fuzz.
-const SHOWN: f32 = 0.88;
+const SHOWN_WIDTH: f32 = 0.88;
 /// Coverage of rows that belong to the yarn, as a share of the best row's.
-const COVERED: f32 = 0.6;
+const MIN_COVERAGE: f32 = 0.6;
 /// The steepest slope that is kept.
-const STEEPEST: f32 = 1.0;
+const MAX_SLOPE: f32 = 1.0;
 
 impl Maps {
     /// What yarns of this shape wear: ribbons the picture as it is, tubes what of it goes around
     /// them.
     #[must_use]
-    pub fn fitting(self, shape: Shape) -> Self {
+    pub fn for_shape(self, shape: Shape) -> Self {
         let rows = yarn_rows(&self.base.levels[0]);
         let height = self.base.levels[0].height();
         if shape == Shape::Ribbon || rows == (0..height) {
             return self;
         }
-        let around = Around::of(&rows, height);
+        let around = TubeMapping::new(&rows, height);
         let opaque = |color: Vec4, _: u32, _: f32| color.xyz().extend(1.0);
         let lean = mean_slopes(&self.normal.levels[0]);
         let upright = |normal: Vec4, row: u32, side: f32| {
@@ -45,15 +45,15 @@ impl Maps {
             // roundness.
             let across = side * (slopes.y - lean[row as usize]);
             let slopes = glam::Vec2::new(slopes.x, across)
-                .clamp(glam::Vec2::splat(-STEEPEST), glam::Vec2::splat(STEEPEST));
+                .clamp(glam::Vec2::splat(-MAX_SLOPE), glam::Vec2::splat(MAX_SLOPE));
             (slopes.extend(1.0).normalize() * 0.5 + Vec3::splat(0.5)).extend(1.0)
         };
         Self {
-            base: Mips::new(around.laid(&self.base.levels[0], opaque), Kind::Color),
-            normal: Mips::new(around.laid(&self.normal.levels[0], upright), Kind::Normal),
+            base: Mips::new(around.remap(&self.base.levels[0], opaque), MapKind::Color),
+            normal: Mips::new(around.remap(&self.normal.levels[0], upright), MapKind::Normal),
             surface: Mips::new(
-                around.laid(&self.surface.levels[0], |value, _, _| value),
-                Kind::Plain,
+                around.remap(&self.surface.levels[0], |value, _, _| value),
+                MapKind::Plain,
             ),
             ..self
         }
@@ -65,7 +65,7 @@ fn yarn_rows(base: &RgbaImage) -> Range<u32> {
     let covered =
         |row: u32| (0..base.width()).map(|x| f32::from(base.get_pixel(x, row).0[3])).sum::<f32>();
     let rows: Vec<f32> = (0..base.height()).map(covered).collect();
-    let least = COVERED * rows.iter().copied().fold(0.0, f32::max);
+    let least = MIN_COVERAGE * rows.iter().copied().fold(0.0, f32::max);
     let is_yarn = |row: &u32| rows[*row as usize] >= least;
     let first = (0..base.height()).find(is_yarn).unwrap_or(0);
     first..(0..base.height()).rfind(is_yarn).map_or(base.height(), |last| last + 1)
@@ -85,15 +85,17 @@ fn mean_slopes(normals: &RgbaImage) -> Vec<f32> {
 }
 
 /// Where each row of the tube's picture comes from.
-struct Around {
+struct TubeMapping {
     /// The row, and whether it lies the same way round (1) or mirrored (-1).
     rows: Vec<(u32, f32)>,
 }
 
-impl Around {
-    fn of(yarn: &Range<u32>, height: u32) -> Self {
-        let (middle, half) =
-            (0.5 * (yarn.start + yarn.end) as f32, 0.5 * SHOWN * (yarn.end - yarn.start) as f32);
+impl TubeMapping {
+    fn new(yarn: &Range<u32>, height: u32) -> Self {
+        let (middle, half) = (
+            0.5 * (yarn.start + yarn.end) as f32,
+            0.5 * SHOWN_WIDTH * (yarn.end - yarn.start) as f32,
+        );
         let row = |row: u32| {
             let (sin, cos) = (TAU * (row as f32 + 0.5) / height as f32).sin_cos();
             #[expect(
@@ -109,7 +111,7 @@ impl Around {
 
     /// The picture around the tube, each value changed by `of`, which gets the row that it comes
     /// from and the way that lies.
-    fn laid(&self, picture: &RgbaImage, of: impl Fn(Vec4, u32, f32) -> Vec4) -> RgbaImage {
+    fn remap(&self, picture: &RgbaImage, of: impl Fn(Vec4, u32, f32) -> Vec4) -> RgbaImage {
         RgbaImage::from_fn(picture.width(), picture.height(), |x, y| {
             let (row, side) = self.rows[y as usize];
             let value =
@@ -142,16 +144,16 @@ mod tests {
         });
         let surface = RgbaImage::from_pixel(16, 32, Rgba([255, 190, 0, 255]));
         let (base, normal, surface) = (
-            Mips::new(base, Kind::Color),
-            Mips::new(normal, Kind::Normal),
-            Mips::new(surface, Kind::Plain),
+            Mips::new(base, MapKind::Color),
+            Mips::new(normal, MapKind::Normal),
+            Mips::new(surface, MapKind::Plain),
         );
         Maps { base, normal, surface, length: 1.0, width: 0.5 }
     }
 
     #[test]
     fn a_tube_wears_the_yarn_without_its_ground_and_closes() {
-        let tube = maps().fitting(Shape::Tube);
+        let tube = maps().for_shape(Shape::Tube);
         let base = &tube.base.levels[0];
         assert!(base.pixels().all(|pixel| pixel.0[3] == 255 && pixel.0[1] == 80));
         // From the middle over the lower flank to the back's middle, and over the upper one home.
@@ -162,7 +164,7 @@ mod tests {
 
     #[test]
     fn roundness_is_the_tubes_own_and_what_stands_along_stays() {
-        let tube = maps().fitting(Shape::Tube);
+        let tube = maps().for_shape(Shape::Tube);
         for y in 0..32 {
             let [x, y, _, _] = tube.normal.levels[0].get_pixel(9, y).0;
             assert!(x.abs_diff(128) < 2 && y.abs_diff(128) < 12, "{x} {y}");
@@ -172,11 +174,11 @@ mod tests {
 
     #[test]
     fn ribbons_and_pictures_of_a_whole_surface_stay() {
-        assert_eq!(maps().fitting(Shape::Ribbon), maps());
+        assert_eq!(maps().for_shape(Shape::Ribbon), maps());
         let whole = Maps {
-            base: Mips::new(RgbaImage::from_pixel(16, 32, Rgba([9, 9, 9, 255])), Kind::Color),
+            base: Mips::new(RgbaImage::from_pixel(16, 32, Rgba([9, 9, 9, 255])), MapKind::Color),
             ..maps()
         };
-        assert_eq!(whole.clone().fitting(Shape::Tube), whole);
+        assert_eq!(whole.clone().for_shape(Shape::Tube), whole);
     }
 }

@@ -1,7 +1,7 @@
 //! The pictures that are timed: their size, their number, and what draws them.
 
 use anyhow::Result;
-use warpknit::render::{Camera, Choice, Options, Painter, View};
+use warpknit::render::{Camera, Painter, RenderOptions, RendererChoice, View};
 use warpknit::scene::Scene;
 
 use super::super::args::Bench;
@@ -16,33 +16,36 @@ const MOST_RUNS: u32 = 3;
 /// Draws scenes in one way.
 #[derive(Debug)]
 pub(super) struct Easel {
-    options: Options,
+    options: RenderOptions,
     /// Runs of each picture, after one that warms up.
     pub(super) runs: u32,
 }
 
 impl Easel {
     pub(super) fn new(arguments: &Bench) -> Self {
-        let options = Options {
+        let options = RenderOptions {
             width: SIZE.0,
             height: SIZE.1,
             renderer: arguments.renderer.into(),
-            ..Options::default()
+            ..RenderOptions::default()
         };
         Self { options, runs: arguments.runs.min(MOST_RUNS) }
     }
 
     /// The same with tubes of St by Sr everywhere, where tubes are drawn as triangles.
     pub(super) fn with_tubes(&self, st: u32, sr: u32) -> Self {
-        Self { options: Options { st, sr, lod: false, ..self.options.clone() }, runs: self.runs }
+        Self {
+            options: RenderOptions { st, sr, lod: false, ..self.options.clone() },
+            runs: self.runs,
+        }
     }
 
     /// How pictures are made, in words.
     pub(super) fn note(&self) -> String {
         let by = match self.options.renderer {
-            Choice::Cpu => "drawn on the processor",
-            Choice::Gpu => "drawn on the graphics adapter, which is found anew each time",
-            Choice::Auto => {
+            RendererChoice::Cpu => "drawn on the processor",
+            RendererChoice::Gpu => "drawn on the graphics adapter, which is found anew each time",
+            RendererChoice::Auto => {
                 "drawn on the graphics adapter, found anew each time, or on the processor where there is none"
             }
         };
@@ -51,7 +54,7 @@ impl Easel {
 
     /// Whether St and Sr make a difference.
     pub(super) fn heeds_tubes(&self) -> bool {
-        self.options.renderer != Choice::Cpu
+        self.options.renderer != RendererChoice::Cpu
     }
 
     /// Draws once to warm up, and then as often as runs are wanted.

@@ -8,7 +8,7 @@ use image::{Rgba, RgbaImage};
 use warpknit::drape::picture::{laid, looks};
 use warpknit::drape::{Cloth, swatch_panel};
 use warpknit::fabric::Fabric;
-use warpknit::render::maps::{Kind, Maps, Mips};
+use warpknit::render::maps::{MapKind, Maps, Mips};
 use warpknit::scene::{Scene, Shape};
 
 use super::super::args::{Bench, DEFAULT_FABRIC};
@@ -63,7 +63,7 @@ pub(super) fn textures(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Resu
         let worn = (!maps.is_empty()).then_some(0);
         let scene = laid(
             &cloth,
-            Scene::wearing(Shape::Tube, looks(&fabric, fabric.radius()), maps, |_| worn),
+            Scene::with_textures(Shape::Tube, looks(&fabric, fabric.radius()), maps, |_| worn),
         );
         let taken = Times::of(&easel.timed(&scene)?);
         let plain = *plain.get_or_insert(taken.wall.median);
@@ -89,6 +89,6 @@ fn maps(side: u32, thickness: f64) -> Maps {
     let surface = RgbaImage::from_fn(side, side, |x, y| Rgba([255, shade(x, y), 0, 255]));
     #[expect(clippy::cast_possible_truncation, reason = "a length in mm needs no more")]
     let (length, width) = ((REPEAT * thickness) as f32, thickness as f32);
-    let (base, normal) = (Mips::new(base, Kind::Color), Mips::new(normal, Kind::Normal));
-    Maps { base, normal, surface: Mips::new(surface, Kind::Plain), length, width }
+    let (base, normal) = (Mips::new(base, MapKind::Color), Mips::new(normal, MapKind::Normal));
+    Maps { base, normal, surface: Mips::new(surface, MapKind::Plain), length, width }
 }

@@ -13,7 +13,7 @@ use eframe::egui_wgpu::RenderState;
 use eframe::wgpu;
 use image::RgbaImage;
 use warpknit::render::gpu::{Gpu, GpuError, Renderer, Yarns};
-use warpknit::render::{Camera, Options};
+use warpknit::render::{Camera, RenderOptions};
 use warpknit::scene::Scene;
 
 use super::panel::Look;
@@ -161,7 +161,8 @@ impl Canvas {
                 (Quality::Draft, none) => none.insert(Renderer::new(easel.gpu.clone(), samples)?),
             };
             let options = shot.look.options(size, samples);
-            let options = Options { lod: options.lod || quality == Quality::Draft, ..options };
+            let options =
+                RenderOptions { lod: options.lod || quality == Quality::Draft, ..options };
             renderer.draw_to(yarns, &shot.camera, &options, &target.view)?;
             // Frames are timed whole, and none is begun before the last one is done. What goes
             // wrong here, the next frame tells.
@@ -210,7 +211,7 @@ impl Canvas {
     pub(super) fn picture(
         &mut self,
         camera: &Camera,
-        options: &Options,
+        options: &RenderOptions,
     ) -> Result<Option<RgbaImage>, GpuError> {
         let Some(Easel { full, yarns: Some(yarns), .. }) = &mut self.easel else { return Ok(None) };
         let drawn = full.draw(yarns, camera, options).map(Some);

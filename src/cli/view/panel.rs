@@ -91,7 +91,7 @@ impl Settings {
 
 impl Look {
     fn of(shared: &Shared) -> Self {
-        let defaults = render::Options::default();
+        let defaults = render::RenderOptions::default();
         let sun = defaults.light.sun_direction.normalize();
         let background = shared.background.unwrap_or_default();
         Self {
@@ -109,8 +109,8 @@ impl Look {
 
     /// For a picture of so many pixels and samples a pixel. In the window there is always a colour
     /// behind the yarns.
-    pub(super) fn options(&self, [width, height]: [u32; 2], samples: u32) -> render::Options {
-        render::Options {
+    pub(super) fn options(&self, [width, height]: [u32; 2], samples: u32) -> render::RenderOptions {
+        render::RenderOptions {
             width,
             height,
             samples,
@@ -120,15 +120,15 @@ impl Look {
             lod: self.lod,
             light: self.light(),
             background: Background::Color(self.background),
-            ..render::Options::default()
+            ..render::RenderOptions::default()
         }
     }
 
     /// The same for a file.
-    pub(super) fn options_to_save(&self, size: [u32; 2], spp: u32) -> render::Options {
+    pub(super) fn options_to_save(&self, size: [u32; 2], spp: u32) -> render::RenderOptions {
         let options = self.options(size, 4);
         let background = if self.cut_out { Background::Transparent } else { options.background };
-        render::Options { background, spp, ..options }
+        render::RenderOptions { background, spp, ..options }
     }
 
     fn light(&self) -> Light {
@@ -331,7 +331,7 @@ mod tests {
             Arguments::parse_from(["warpknit", "view", "--st", "7", "--background", "#102030"]);
         let Command::View(live) = arguments.command else { panic!("it was asked to view") };
         let (options, usual) =
-            (Look::of(&live.shared).options([8, 6], 4), render::Options::default());
+            (Look::of(&live.shared).options([8, 6], 4), render::RenderOptions::default());
         assert!(options.light.sun_direction.angle_between(usual.light.sun_direction) < 1e-3);
         assert_eq!(
             (options.light.sun, options.light.sky_below),

@@ -19,17 +19,17 @@ use image::RgbaImage;
 use rayon::prelude::*;
 
 use crate::ids::index32;
-use crate::render::{Camera, Options, tone};
+use crate::render::{Camera, RenderOptions, tone};
 use crate::scene::Scene;
-use far::Far;
+use far::Splatter;
 use film::Splats;
-use near::Near;
+use near::RayTracer;
 
 /// Yarns are thin where a pixel is wider than so many of their radii.
-const THIN: f32 = 2.0;
+const THIN_RADII: f32 = 2.0;
 /// Squares' rows that each thread has to light before their pixels are written: enough to share
 /// evenly, few enough to take little memory.
-const TILES_A_THREAD: usize = 4;
+const TILE_ROWS_PER_THREAD: usize = 4;
 /// Pixels that are lit one after another lie in squares of so many, which see the same yarns while
 /// these are in the cache.
 const TILE: u32 = 8;
@@ -39,7 +39,7 @@ const TILE: u32 = 8;
 pub fn render(
     scene: &Scene,
     camera: &Camera,
-    options: &Options,
+    options: &RenderOptions,
     progress: &(dyn Fn(f32) + Sync),
 ) -> RgbaImage {
     let (width, height) = (options.width, options.height);
@@ -47,11 +47,11 @@ pub fn render(
     let mut picture = RgbaImage::new(width, wanted.end - wanted.start);
     // A pixel needs the samples of the rows next to its own, which count even where they are not
     // wanted.
-    let lit = lit_rows(options);
-    let mut looking =
-        scene.bounds().map(|bounds| match Far::new(scene, &bounds, camera, options) {
-            Some(far) => Looking::Far(far),
-            None => Looking::Near(Near::new(scene, &bounds, camera, options)),
+    let lit = rows_to_sample(options);
+    let mut method =
+        scene.bounds().map(|bounds| match Splatter::new(scene, &bounds, camera, options) {
+            Some(far) => Method::Splatter(far),
+            None => Method::RayTracer(RayTracer::new(scene, &bounds, camera, options)),
         });
     let done = AtomicU32::new(0);
     // So the last two rows of a band wait for the next one. Beyond the picture's edges nothing is.
@@ -59,14 +59,14 @@ pub fn render(
     rows.extend((wanted.start == 0).then(|| Splats::new(width)));
     let row_bytes = (width as usize * 4).max(1);
     let mut unwritten = picture.as_mut();
-    let band_rows = TILE * index32(TILES_A_THREAD * rayon::current_num_threads());
+    let band_rows = TILE * index32(TILE_ROWS_PER_THREAD * rayon::current_num_threads());
     for band in lit.clone().step_by(band_rows as usize) {
         let end = lit.end.min(band.saturating_add(band_rows));
-        if let Some(looking) = &mut looking {
-            looking.look_at(&(band..end));
+        if let Some(method) = &mut method {
+            method.look_at(&(band..end));
         }
         let light = |first: u32| {
-            let rows = light(looking.as_ref(), first..end.min(first.saturating_add(TILE)), width);
+            let rows = light(method.as_ref(), first..end.min(first.saturating_add(TILE)), width);
             for _ in &rows {
                 progress(share(done.fetch_add(1, Ordering::Relaxed) + 1, lit.end - lit.start));
             }
@@ -94,7 +94,7 @@ pub fn render(
 }
 
 /// The rows that are wanted and those next to them, if any are.
-fn lit_rows(options: &Options) -> Range<u32> {
+fn rows_to_sample(options: &RenderOptions) -> Range<u32> {
     let wanted = options.rows();
     if wanted.is_empty() {
         wanted
@@ -104,13 +104,13 @@ fn lit_rows(options: &Options) -> Range<u32> {
 }
 
 /// Lights the pixels of some rows, square after square.
-fn light(looking: Option<&Looking<'_>>, rows: Range<u32>, width: u32) -> Vec<Splats> {
+fn light(method: Option<&Method<'_>>, rows: Range<u32>, width: u32) -> Vec<Splats> {
     let mut rows: Vec<_> = rows.map(|y| (y, Splats::new(width))).collect();
-    if let Some(looking) = looking {
+    if let Some(method) = method {
         for left in (0..width).step_by(TILE as usize) {
             for (y, splats) in &mut rows {
                 (left..width.min(left.saturating_add(TILE)))
-                    .for_each(|x| looking.pixel([x, *y], splats));
+                    .for_each(|x| method.pixel([x, *y], splats));
             }
         }
     }
@@ -118,39 +118,39 @@ fn light(looking: Option<&Looking<'_>>, rows: Range<u32>, width: u32) -> Vec<Spl
 }
 
 /// How it is found what a sample sees.
-enum Looking<'a> {
-    Near(Near<'a>),
-    Far(Far<'a>),
+enum Method<'a> {
+    RayTracer(RayTracer<'a>),
+    Splatter(Splatter<'a>),
 }
 
-impl Looking<'_> {
+impl Method<'_> {
     /// Makes ready to light some rows.
     fn look_at(&mut self, rows: &Range<u32>) {
-        if let Self::Far(far) = self {
-            far.look_at(rows);
+        if let Self::Splatter(far) = self {
+            far.prepare_rows(rows);
         }
     }
 
     /// Adds the samples of a pixel to its row.
     fn pixel(&self, pixel: [u32; 2], splats: &mut Splats) {
         match self {
-            Self::Near(near) => near.pixel(pixel, splats),
-            Self::Far(far) => far.pixel(pixel, splats),
+            Self::RayTracer(near) => near.pixel(pixel, splats),
+            Self::Splatter(far) => far.pixel(pixel, splats),
         }
     }
 }
 
 /// Whether a yarn of some radius is thinner than a pixel of size `footprint`.
 fn is_thin(footprint: f32, radius: f32) -> bool {
-    footprint > THIN * radius
+    footprint > THIN_RADII * radius
 }
 
 /// `part / whole`.
 fn share(part: u32, whole: u32) -> f32 {
-    narrow(f64::from(part) / f64::from(whole))
+    to_f32(f64::from(part) / f64::from(whole))
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "rounding is meant")]
-fn narrow(value: f64) -> f32 {
+fn to_f32(value: f64) -> f32 {
     value as f32
 }

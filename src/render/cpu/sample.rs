@@ -8,15 +8,15 @@
 use crate::render::ply::hash;
 
 /// Fractions of 2^32 by which R2 steps: 1/g and 1/g^2, g the real root of x^3 = x + 1.
-const STEP: [u32; 2] = [3_242_174_889, 2_447_445_414];
+const R2_STEP: [u32; 2] = [3_242_174_889, 2_447_445_414];
 
 /// The order of a tile's pixels: Bayer's matrix, so that any part of the tile is spread over the
 /// sequence.
-const ORDER: [u32; 16] = [0, 8, 2, 10, 12, 4, 14, 6, 3, 11, 1, 9, 15, 7, 13, 5];
+const BAYER_ORDER: [u32; 16] = [0, 8, 2, 10, 12, 4, 14, 6, 3, 11, 1, 9, 15, 7, 13, 5];
 
 /// What a pair of numbers is for; each has a sequence of its own.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Purpose {
+pub(super) enum SampleDimension {
     Pixel = 1,
     Sun = 2,
     Sky = 3,
@@ -32,44 +32,44 @@ pub(super) struct Sampler {
 impl Sampler {
     pub(super) fn new(x: u32, y: u32, seed: u32) -> Self {
         let tile = hash(hash(hash(seed).wrapping_add(x / 4)).wrapping_add(y / 4));
-        Self { tile, place: ORDER[(y % 4 * 4 + x % 4) as usize] }
+        Self { tile, place: BAYER_ORDER[(y % 4 * 4 + x % 4) as usize] }
     }
 
     /// A number of 32 bits for sample `index`, unlike those of the other samples.
-    pub(super) fn chance(&self, index: u32) -> u32 {
+    pub(super) fn random_bits(&self, index: u32) -> u32 {
         hash(self.tile ^ hash(index.wrapping_mul(16) + self.place))
     }
 
-    /// Pair number `index` of the `count` that this pixel uses for `purpose`.
+    /// Pair number `index` of the `count` that this pixel uses for `dimension`.
     #[inline]
-    pub(super) fn pair(&self, purpose: Purpose, index: u32, count: u32) -> [f32; 2] {
-        self.pairs(purpose, count).at(index)
+    pub(super) fn pair(&self, dimension: SampleDimension, index: u32, count: u32) -> [f32; 2] {
+        self.pairs(dimension, count).at(index)
     }
 
-    /// All the pairs that this pixel uses for `purpose`.
+    /// All the pairs that this pixel uses for `dimension`.
     #[inline]
-    pub(super) fn pairs(&self, purpose: Purpose, count: u32) -> Pairs {
-        let shift = hash(self.tile ^ (purpose as u32).wrapping_mul(0x9E37_79B9));
-        Pairs { first: self.place.wrapping_mul(count), shift: [shift, hash(shift)] }
+    pub(super) fn pairs(&self, dimension: SampleDimension, count: u32) -> SampleSequence {
+        let shift = hash(self.tile ^ (dimension as u32).wrapping_mul(0x9E37_79B9));
+        SampleSequence { first: self.place.wrapping_mul(count), shift: [shift, hash(shift)] }
     }
 }
 
 /// A run of the sequence.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Pairs {
+pub(super) struct SampleSequence {
     first: u32,
     shift: [u32; 2],
 }
 
-impl Pairs {
+impl SampleSequence {
     /// Number `index` of them.
     #[inline]
     pub(super) fn at(&self, index: u32) -> [f32; 2] {
         let number = self.first.wrapping_add(index);
         let [one, other] = self.shift;
         [
-            unit(one.wrapping_add(number.wrapping_mul(STEP[0]))),
-            unit(other.wrapping_add(number.wrapping_mul(STEP[1]))),
+            unit(one.wrapping_add(number.wrapping_mul(R2_STEP[0]))),
+            unit(other.wrapping_add(number.wrapping_mul(R2_STEP[1]))),
         ]
     }
 }
@@ -91,8 +91,11 @@ mod tests {
         let mut cells = [0; 16];
         for pixel in 0..16 {
             for index in 0..4 {
-                let [u, v] =
-                    Sampler::new(40 + pixel % 4, 80 + pixel / 4, 9).pair(Purpose::Sky, index, 4);
+                let [u, v] = Sampler::new(40 + pixel % 4, 80 + pixel / 4, 9).pair(
+                    SampleDimension::Sky,
+                    index,
+                    4,
+                );
                 assert!((0.0..1.0).contains(&u) && (0.0..1.0).contains(&v));
                 let cell = (0..16_u8).find(|c| {
                     (f32::from(c % 4) - u * 4.0 + 0.5).abs() <= 0.5
@@ -106,10 +109,10 @@ mod tests {
 
     #[test]
     fn pixels_seeds_and_purposes_differ() {
-        let at = |x, seed, purpose| Sampler::new(x, 3, seed).pair(purpose, 0, 4);
-        assert_eq!(at(5, 1, Purpose::Sun), at(5, 1, Purpose::Sun));
-        assert_ne!(at(5, 1, Purpose::Sun), at(6, 1, Purpose::Sun));
-        assert_ne!(at(5, 1, Purpose::Sun), at(5, 2, Purpose::Sun));
-        assert_ne!(at(5, 1, Purpose::Sun), at(5, 1, Purpose::Pixel));
+        let at = |x, seed, dimension| Sampler::new(x, 3, seed).pair(dimension, 0, 4);
+        assert_eq!(at(5, 1, SampleDimension::Sun), at(5, 1, SampleDimension::Sun));
+        assert_ne!(at(5, 1, SampleDimension::Sun), at(6, 1, SampleDimension::Sun));
+        assert_ne!(at(5, 1, SampleDimension::Sun), at(5, 2, SampleDimension::Sun));
+        assert_ne!(at(5, 1, SampleDimension::Sun), at(5, 1, SampleDimension::Pixel));
     }
 }

@@ -14,10 +14,10 @@ pub(super) const STEPS: u32 = 8;
 /// Instances of a whole chunk.
 pub(super) const PARTS: u32 = 32;
 
-/// `View` of `shaders/view.wgsl`.
+/// `ViewUniform` of `shaders/view.wgsl`.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
-pub(super) struct View {
+pub(super) struct ViewUniform {
     pub(super) clip_from_world: Mat4,
     pub(super) sun_from_world: Mat4,
     pub(super) eye: Vec4,
@@ -38,10 +38,10 @@ pub(super) struct View {
     pub(super) spare: Vec2,
 }
 
-/// `Look` of `shaders/view.wgsl`.
+/// `LookData` of `shaders/view.wgsl`.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
-pub(super) struct Look {
+pub(super) struct LookData {
     pub(super) albedo: Vec3,
     pub(super) roughness: f32,
     pub(super) metallic: f32,
@@ -135,9 +135,9 @@ mod tests {
     #[test]
     fn structures_lie_in_memory_as_the_shaders_read_them() {
         let twins = [
-            layout!(View: clip_from_world, sun_from_world, eye, toward_sun, pixel, sun, tile_width, zenith, tile_height, sky_above,
+            layout!(ViewUniform: clip_from_world, sun_from_world, eye, toward_sun, pixel, sun, tile_width, zenith, tile_height, sky_above,
                 depth_scale, sky_below, corner_x, interior, corner_y, sun_bias, layer, spare),
-            layout!(Look: albedo, roughness, metallic, radius, plies, ply_slope, fibre_slope, repeat, sheen, spare),
+            layout!(LookData: albedo, roughness, metallic, radius, plies, ply_slope, fibre_slope, repeat, sheen, spare),
             layout!(Chunk: first, count, look, spare),
             layout!(Draw: first, stride, edges, spare),
             layout!(Blur: step, reach, sigma, near, far, perspective, layer),

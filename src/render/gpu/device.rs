@@ -126,16 +126,20 @@ impl Gpu {
         queue: wgpu::Queue,
     ) -> Result<Self, GpuError> {
         let name = adapter.get_info().name;
-        if let Some(lacking) = lacking(adapter, &device) {
+        if let Some(lacking) = missing_capability(adapter, &device) {
             return Err(GpuError::Lacking { adapter: name, lacking });
         }
         let gpu = Self { device, queue, name, fault: Arc::default() };
         let (fault, adapter) = (Arc::clone(&gpu.fault), gpu.name.clone());
-        gpu.device
-            .on_uncaptured_error(Arc::new(move |error| note(&fault, of_error(&adapter, &error))));
+        gpu.device.on_uncaptured_error(Arc::new(move |error| {
+            record_fault(&fault, from_wgpu_error(&adapter, &error))
+        }));
         let (fault, adapter) = (Arc::clone(&gpu.fault), gpu.name.clone());
         gpu.device.set_device_lost_callback(move |_, reason| {
-            note(&fault, GpuError::Lost { adapter: adapter.clone(), reason: first_line(&reason) });
+            record_fault(
+                &fault,
+                GpuError::Lost { adapter: adapter.clone(), reason: first_line(&reason) },
+            );
         });
         Ok(gpu)
     }
@@ -187,7 +191,7 @@ impl Gpu {
 }
 
 /// What an adapter would need and has not.
-fn lacking(adapter: &wgpu::Adapter, device: &wgpu::Device) -> Option<String> {
+fn missing_capability(adapter: &wgpu::Adapter, device: &wgpu::Device) -> Option<String> {
     let downlevel = adapter.get_downlevel_capabilities().flags;
     if !downlevel.contains(wgpu::DownlevelFlags::VERTEX_STORAGE)
         || device.limits().max_storage_buffers_per_shader_stage < 5
@@ -203,11 +207,11 @@ fn lacking(adapter: &wgpu::Adapter, device: &wgpu::Device) -> Option<String> {
 }
 
 /// Keeps the first fault: what follows is its consequence.
-fn note(fault: &Mutex<Option<GpuError>>, error: GpuError) {
+fn record_fault(fault: &Mutex<Option<GpuError>>, error: GpuError) {
     fault.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
 }
 
-fn of_error(adapter: &str, error: &wgpu::Error) -> GpuError {
+fn from_wgpu_error(adapter: &str, error: &wgpu::Error) -> GpuError {
     let adapter = adapter.to_owned();
     match error {
         wgpu::Error::OutOfMemory { .. } => GpuError::OutOfMemory { adapter },

@@ -1,7 +1,7 @@
 //! Where everything lies in a frame: the camera's and the sun's views of the yarns, and the sizes
 //! of their maps.
 //!
-//! In: a camera, a light, and what of the yarns is in view. Out: [`Frame`], matrices and sizes for
+//! In: a camera, a light, and what of the yarns is in view. Out: [`FrameSetup`], matrices and sizes for
 //! all passes, in coordinates relative to the scene's middle. The sun's map covers what the camera
 //! sees and nothing more, so that a close-up has fine shadows.
 
@@ -10,13 +10,13 @@ use glam::{Mat4, Vec2, Vec3, Vec4};
 
 use super::Yarns;
 use super::data;
-use super::levels::{Sight, seen};
+use super::levels::{Frustum, visible_chunks};
 use super::pages::Page;
 use crate::render::shade::LAYER_RADII;
-use crate::render::{Camera, Options};
+use crate::render::{Camera, RenderOptions};
 
 /// Most texels of the sun's map a side: 256 MiB with both of its averages.
-const MOST_SUN_TEXELS: f32 = 2048.0;
+const MAX_SUN_TEXELS: f32 = 2048.0;
 /// Size of a texel of the sun's map in radii of the thinnest yarn, where the picture can show it.
 const SUN_TEXEL_RADII: f32 = 0.2;
 /// The same in pixels of the picture, where it can't.
@@ -30,7 +30,7 @@ const SUN_BIAS_RADII: f32 = 0.1;
 /// open, root mean square).
 const DEPTH_RADII: f32 = 3.0;
 /// Most texels of the eye's map of depths a side.
-const MOST_DEPTH_TEXELS: f32 = 2048.0;
+const MAX_DEPTH_TEXELS: f32 = 2048.0;
 /// Texels that this takes.
 const DEPTH_TEXELS: f32 = 2.5;
 /// Near and far planes lie this much beyond what is drawn.
@@ -39,7 +39,7 @@ const PLANE_MARGIN: f32 = 1.001;
 /// A map of averaged depths.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DepthMap {
-    pub(super) sight: Sight,
+    pub(super) frustum: Frustum,
     /// Texels.
     pub(super) size: [u32; 2],
     /// Of the averaging weights, texels.
@@ -52,27 +52,27 @@ pub(super) struct DepthMap {
 
 /// A frame's geometry.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Frame {
-    pub(super) camera: Sight,
+pub(super) struct FrameSetup {
+    pub(super) camera: Frustum,
     pub(super) sun: DepthMap,
     /// Depths around the eye.
     pub(super) depth: DepthMap,
     /// What all tiles share.
-    pub(super) view: data::View,
+    pub(super) view: data::ViewUniform,
 }
 
 /// The nearest and farthest of what is drawn along a direction, from a point.
 fn range(pages: &[Page], along: Vec3, from: f32) -> [f32; 2] {
-    let extents = pages.iter().flat_map(|page| &page.extents);
-    extents.fold([f32::INFINITY, f32::NEG_INFINITY], |[near, far], extent| {
-        let depth = extent.centre.dot(along) - from;
-        [near.min(depth - extent.reach), far.max(depth + extent.reach)]
+    let chunk_bounds = pages.iter().flat_map(|page| &page.chunk_bounds);
+    chunk_bounds.fold([f32::INFINITY, f32::NEG_INFINITY], |[near, far], bounds| {
+        let depth = bounds.centre.dot(along) - from;
+        [near.min(depth - bounds.reach), far.max(depth + bounds.reach)]
     })
 }
 
-impl Frame {
+impl FrameSetup {
     /// Plans a frame; nothing where the camera sees no yarn.
-    pub(super) fn new(yarns: &Yarns, camera: &Camera, options: &Options) -> Option<Self> {
+    pub(super) fn new(yarns: &Yarns, camera: &Camera, options: &RenderOptions) -> Option<Self> {
         let Yarns { ref pages, centre, thinnest, .. } = *yarns;
         let eye = (camera.eye() - centre).as_vec3();
         let ahead = -camera.to_world(Vec3::Z);
@@ -85,26 +85,26 @@ impl Frame {
         #[expect(clippy::cast_possible_truncation, reason = "a pixel's size")]
         let pixel = camera.pixel_size(1.0, options.height) as f32;
         let clip_from_world = camera.clip_from_world(centre, options.aspect(), near, far);
-        let sight = Sight { clip_from_world, eye: eye.extend(1.0), pixel };
-        let seen: Vec<_> = seen(pages, &sight).collect();
+        let frustum = Frustum { clip_from_world, eye: eye.extend(1.0), pixel };
+        let seen: Vec<_> = visible_chunks(pages, &frustum).collect();
         // Where most of what is seen lies: that sets what the maps must show.
         let middle =
-            seen.iter().map(|extent| extent.centre).sum::<Vec3>() / seen.len().max(1) as f32;
+            seen.iter().map(|bounds| bounds.centre).sum::<Vec3>() / seen.len().max(1) as f32;
         let pixel_there = pixel * (middle - eye).dot(ahead).max(near);
         let rig = options.light.around(camera);
         let sun = sun_map(
             pages,
-            seen.iter().map(|extent| (extent.centre, extent.reach)),
+            seen.iter().map(|bounds| (bounds.centre, bounds.reach)),
             rig.toward_sun,
             thinnest,
             pixel_there,
         )?;
-        let depth = depth_map(sight, thinnest, pixel_there, near, far, options);
-        let texel = sun.0.sight.pixel;
-        let view = data::View {
+        let depth = depth_map(frustum, thinnest, pixel_there, near, far, options);
+        let texel = sun.0.frustum.pixel;
+        let view = data::ViewUniform {
             clip_from_world,
             sun_from_world: sun.1,
-            eye: sight.eye,
+            eye: frustum.eye,
             toward_sun: rig.toward_sun,
             pixel,
             sun: rig.light.sun,
@@ -115,9 +115,9 @@ impl Frame {
             interior: rig.interior * yarns.albedo,
             layer: LAYER_RADII * thinnest,
             sun_bias: (SUN_BIAS_RADII * thinnest).max(0.5 * texel),
-            ..data::View::zeroed()
+            ..data::ViewUniform::zeroed()
         };
-        Some(Self { camera: sight, sun: sun.0, depth, view })
+        Some(Self { camera: frustum, sun: sun.0, depth, view })
     }
 }
 
@@ -140,45 +140,45 @@ fn sun_map(
         return None;
     }
     let [near, far] = range(pages, -toward_sun, 0.0);
-    let extent = high - low;
+    let size_mm = high - low;
     let texel = (SUN_TEXEL_RADII * thinnest)
         .max(SUN_TEXEL_PIXELS * pixel)
-        .max(extent.max_element() / MOST_SUN_TEXELS);
-    let size = (extent / texel).ceil().max(Vec2::ONE);
-    let extent = size * texel;
+        .max(size_mm.max_element() / MAX_SUN_TEXELS);
+    let size = (size_mm / texel).ceil().max(Vec2::ONE);
+    let size_mm = size * texel;
     let distance = -toward_sun;
     let rows = |x: Vec4, y: Vec4, z: Vec4| Mat4::from_cols(x, y, z, Vec4::W).transpose();
     let clip_from_world = rows(
-        (across * 2.0 / extent.x).extend(-1.0 - 2.0 * low.x / extent.x),
-        (up * 2.0 / extent.y).extend(-1.0 - 2.0 * low.y / extent.y),
+        (across * 2.0 / size_mm.x).extend(-1.0 - 2.0 * low.x / size_mm.x),
+        (up * 2.0 / size_mm.y).extend(-1.0 - 2.0 * low.y / size_mm.y),
         (distance / (far - near)).extend(-near / (far - near)),
     );
     // Rows of texels count from the top.
     let texels_from_world = rows(
         (across / texel).extend(-low.x / texel),
-        (-up / texel).extend((low.y + extent.y) / texel),
+        (-up / texel).extend((low.y + size_mm.y) / texel),
         distance.extend(0.0),
     );
-    let sight = Sight { clip_from_world, eye: toward_sun.extend(0.0), pixel: texel };
+    let frustum = Frustum { clip_from_world, eye: toward_sun.extend(0.0), pixel: texel };
     let sigma = (PENUMBRA_RADII * thinnest / texel).max(0.6);
     Some((
-        DepthMap { sight, size: size.as_uvec2().to_array(), sigma, near, far, layer: None },
+        DepthMap { frustum, size: size.as_uvec2().to_array(), sigma, near, far, layer: None },
         texels_from_world,
     ))
 }
 
 /// The map of depths around the eye: as coarse as its averages allow.
 fn depth_map(
-    camera: Sight,
+    camera: Frustum,
     thinnest: f32,
     pixel: f32,
     near: f32,
     far: f32,
-    options: &Options,
+    options: &RenderOptions,
 ) -> DepthMap {
     let largest = options.width.max(options.height).max(1) as f32;
     let scale =
-        (DEPTH_TEXELS * pixel / (DEPTH_RADII * thinnest)).min(0.5).min(MOST_DEPTH_TEXELS / largest);
+        (DEPTH_TEXELS * pixel / (DEPTH_RADII * thinnest)).min(0.5).min(MAX_DEPTH_TEXELS / largest);
     let side = |pixels: u32| {
         #[expect(
             clippy::cast_possible_truncation,
@@ -189,9 +189,9 @@ fn depth_map(
         texels.max(1)
     };
     let sigma = (DEPTH_RADII * thinnest * scale / pixel).max(0.6);
-    let sight = Sight { pixel: camera.pixel / scale, ..camera };
+    let frustum = Frustum { pixel: camera.pixel / scale, ..camera };
     DepthMap {
-        sight,
+        frustum,
         size: [side(options.width), side(options.height)],
         sigma,
         near,

@@ -1,7 +1,7 @@
 //! What of the yarns a pass draws, and how finely.
 //!
-//! In: chunks with their extents, and a [`Sight`]: from where they are seen and how large a pixel
-//! is there. Out: [`Plan`], instances sorted into batches of one stride, one section and one set of
+//! In: chunks with their chunk_bounds, and a [`Frustum`]: from where they are seen and how large a pixel
+//! is there. Out: [`DrawPlan`], instances sorted into batches of one stride, one section and one set of
 //! maps. Chunks out of view are left out. With level of detail no step is shorter than a pixel as
 //! long as doubling it keeps it so, a section has no more edges than its radius in pixels can show,
 //! and a yarn of few pixels is a strip that faces the eye: its shader gives it back its roundness
@@ -13,9 +13,9 @@ use std::f32::consts::PI;
 use glam::{Mat4, Vec3, Vec4, Vec4Swizzles};
 
 use super::data::{PARTS, STEPS};
-use super::pages::{Extent, Page};
+use super::pages::{ChunkBounds, Page};
 use crate::ids::index32;
-use crate::render::Options;
+use crate::render::RenderOptions;
 use crate::scene::{Scene, Shape};
 
 /// Radius up to which a tube is drawn as a strip, pixels.
@@ -23,11 +23,11 @@ const STRIP_PIXELS: f32 = 1.25;
 /// How far a section's chord may leave its circle, pixels.
 const SECTION_ERROR: f32 = 0.1;
 /// Longest step, points: an instance then takes a whole chunk.
-const MOST_STRIDE: u32 = PARTS;
+const MAX_STRIDE: u32 = PARTS;
 
 /// From where yarns are seen.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Sight {
+pub(super) struct Frustum {
     pub(super) clip_from_world: Mat4,
     /// As `eye` of the shaders' `View`.
     pub(super) eye: Vec4,
@@ -35,16 +35,16 @@ pub(super) struct Sight {
     pub(super) pixel: f32,
 }
 
-impl Sight {
+impl Frustum {
     /// Size of a pixel on the nearest point of a ball.
-    fn pixel_on(&self, extent: &Extent) -> f32 {
+    fn pixel_on(&self, bounds: &ChunkBounds) -> f32 {
         if self.eye.w == 0.0 {
             return self.pixel;
         }
-        self.pixel * (self.eye.xyz().distance(extent.centre) - extent.reach).max(0.0)
+        self.pixel * (self.eye.xyz().distance(bounds.centre) - bounds.reach).max(0.0)
     }
 
-    /// The four planes at the picture's sides, inside where positive.
+    /// The four planes at the picture's sides, ball_in_view where positive.
     fn sides(&self) -> [Vec4; 4] {
         let m = self.clip_from_world;
         let sides =
@@ -54,22 +54,25 @@ impl Sight {
 }
 
 /// Whether a ball reaches into all half-spaces.
-fn inside(sides: &[Vec4; 4], centre: Vec3, reach: f32) -> bool {
+fn ball_in_view(sides: &[Vec4; 4], centre: Vec3, reach: f32) -> bool {
     sides.iter().all(|side| side.dot(centre.extend(1.0)) > -reach)
 }
 
 /// The chunks that are in view.
-pub(super) fn seen<'a>(pages: &'a [Page], sight: &Sight) -> impl Iterator<Item = &'a Extent> {
-    let sides = sight.sides();
+pub(super) fn visible_chunks<'a>(
+    pages: &'a [Page],
+    frustum: &Frustum,
+) -> impl Iterator<Item = &'a ChunkBounds> {
+    let sides = frustum.sides();
     pages
         .iter()
-        .flat_map(|page| &page.extents)
-        .filter(move |extent| inside(&sides, extent.centre, extent.reach))
+        .flat_map(|page| &page.chunk_bounds)
+        .filter(move |bounds| ball_in_view(&sides, bounds.centre, bounds.reach))
 }
 
-/// What draws of one kind have in common.
+/// What draws of one key have in common.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Kind {
+pub(super) struct BatchKey {
     /// Edges of the section; 2 for what is flat.
     pub(super) edges: u32,
     pub(super) maps: Option<u16>,
@@ -77,11 +80,11 @@ pub(super) struct Kind {
     pub(super) stride: u32,
 }
 
-/// Instances of one kind on one page.
+/// Instances of one key on one page.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Batch {
     pub(super) page: usize,
-    pub(super) kind: Kind,
+    pub(super) key: BatchKey,
     /// Its first instance in the page's parts.
     pub(super) first: u32,
     pub(super) count: u32,
@@ -89,32 +92,37 @@ pub(super) struct Batch {
 
 /// All that a pass draws.
 #[derive(Debug, Default)]
-pub(super) struct Plan {
+pub(super) struct DrawPlan {
     /// For each page, chunk times [`PARTS`] plus the part, batch after batch.
     pub(super) parts: Vec<Vec<u32>>,
     /// Grouped by page.
     pub(super) batches: Vec<Batch>,
 }
 
-impl Plan {
+impl DrawPlan {
     /// Plans a pass.
-    pub(super) fn of(kinds: &Kinds, pages: &[Page], sight: &Sight, options: &Options) -> Self {
-        let sides = sight.sides();
+    pub(super) fn new(
+        rules: &LodRules,
+        pages: &[Page],
+        frustum: &Frustum,
+        options: &RenderOptions,
+    ) -> Self {
+        let sides = frustum.sides();
         let mut plan = Self::default();
         for (number, page) in pages.iter().enumerate() {
-            let mut sorted: BTreeMap<Kind, Vec<u32>> = BTreeMap::new();
-            for (chunk, extent) in (0..).zip(&page.extents) {
-                if !inside(&sides, extent.centre, extent.reach) {
+            let mut sorted: BTreeMap<BatchKey, Vec<u32>> = BTreeMap::new();
+            for (chunk, bounds) in (0..).zip(&page.chunk_bounds) {
+                if !ball_in_view(&sides, bounds.centre, bounds.reach) {
                     continue;
                 }
-                let kind = kinds.kind(extent, sight.pixel_on(extent), options);
-                let parts = extent.pieces.div_ceil(STEPS * kind.stride);
-                sorted.entry(kind).or_default().extend((0..parts).map(|part| chunk * PARTS + part));
+                let key = rules.key(bounds, frustum.pixel_on(bounds), options);
+                let parts = bounds.pieces.div_ceil(STEPS * key.stride);
+                sorted.entry(key).or_default().extend((0..parts).map(|part| chunk * PARTS + part));
             }
             let mut all = Vec::new();
-            for (kind, parts) in sorted {
+            for (key, parts) in sorted {
                 let (first, count) = (index32(all.len()), index32(parts.len()));
-                plan.batches.push(Batch { page: number, kind, first, count });
+                plan.batches.push(Batch { page: number, key, first, count });
                 all.extend(parts);
             }
             plan.parts.push(all);
@@ -125,14 +133,14 @@ impl Plan {
 
 /// What of a scene decides how its chunks are drawn.
 #[derive(Clone, Debug)]
-pub(super) struct Kinds {
+pub(super) struct LodRules {
     shape: Shape,
     /// Radius and maps of each look.
     looks: Vec<(f32, Option<u16>)>,
 }
 
-impl Kinds {
-    pub(super) fn of(scene: &Scene) -> Self {
+impl LodRules {
+    pub(super) fn new(scene: &Scene) -> Self {
         Self {
             shape: scene.shape,
             looks: scene
@@ -143,15 +151,15 @@ impl Kinds {
         }
     }
 
-    fn kind(&self, extent: &Extent, pixel: f32, options: &Options) -> Kind {
-        let (radius, maps) = self.looks[usize::from(extent.look)];
+    fn key(&self, bounds: &ChunkBounds, pixel: f32, options: &RenderOptions) -> BatchKey {
+        let (radius, maps) = self.looks[usize::from(bounds.look)];
         let edges = match self.shape {
             Shape::Ribbon => 2,
             Shape::Tube if options.lod => edges(radius, pixel, options.sr),
             Shape::Tube => options.sr,
         };
-        let stride = if options.lod { stride(extent.piece, pixel) } else { 1 };
-        Kind { edges, maps, stride }
+        let stride = if options.lod { stride(bounds.piece, pixel) } else { 1 };
+        BatchKey { edges, maps, stride }
     }
 }
 
@@ -159,7 +167,7 @@ impl Kinds {
 fn stride(piece: f32, pixel: f32) -> u32 {
     let mut stride = 1;
     let mut step = piece;
-    while step < pixel && stride < MOST_STRIDE {
+    while step < pixel && stride < MAX_STRIDE {
         stride *= 2;
         step *= 2.0;
     }
@@ -205,18 +213,21 @@ mod tests {
         assert_eq!(edges(1.25, 1.0, 64), 2);
         assert_eq!([1.3, 3.0, 10.0, 1e6].map(|radius| edges(radius, 1.0, 14)), [8, 13, 14, 14]);
         assert!(edges(100.0, 1.0, 64) > edges(10.0, 1.0, 64));
-        assert_eq!(edges(1.0, 0.0, 6), 6, "an eye inside the yarn");
+        assert_eq!(edges(1.0, 0.0, 6), 6, "an eye ball_in_view the yarn");
     }
 
     #[test]
     fn what_is_beside_the_picture_is_left_out() {
-        let sight =
-            Sight { clip_from_world: Mat4::from_scale(Vec3::splat(0.1)), eye: Vec4::Z, pixel: 1.0 };
-        let sides = sight.sides();
+        let frustum = Frustum {
+            clip_from_world: Mat4::from_scale(Vec3::splat(0.1)),
+            eye: Vec4::Z,
+            pixel: 1.0,
+        };
+        let sides = frustum.sides();
         let cases = [(0.0, true), (10.9, true), (11.1, false), (-10.9, true), (-11.1, false)];
         for (at, expected) in cases {
-            assert_eq!(inside(&sides, Vec3::X * at, 1.0), expected, "{at}");
-            assert_eq!(inside(&sides, Vec3::Y * at, 1.0), expected, "{at}");
+            assert_eq!(ball_in_view(&sides, Vec3::X * at, 1.0), expected, "{at}");
+            assert_eq!(ball_in_view(&sides, Vec3::Y * at, 1.0), expected, "{at}");
         }
     }
 }

@@ -32,13 +32,13 @@ use wgpu::{BufferUsages, TextureFormat, TextureUsages};
 pub use device::{Gpu, GpuError};
 
 use super::maps::Mips;
-use super::{Background, Camera, Options, ply};
+use super::{Background, Camera, RenderOptions, ply};
 use crate::scene::{Scene, Shape, YarnLook};
-use frame::{DepthMap, Frame};
-use levels::{Kinds, Sight};
+use frame::{DepthMap, FrameSetup};
+use levels::{Frustum, LodRules};
 use pages::Page;
-use passes::{Listed, depth_attachment, screen_pass};
-use pipelines::{Layouts, Pipelines, Writes};
+use passes::{PreparedDraws, depth_attachment, screen_pass};
+use pipelines::{Layouts, PassKind, Pipelines};
 
 /// Light before the tone curve; half floats hold a thousand times the sun.
 const LIGHT: TextureFormat = TextureFormat::Rgba16Float;
@@ -51,7 +51,7 @@ const PICTURE: TextureFormat = TextureFormat::Rgba8Unorm;
 /// Largest side of a tile, lights: their four samples take 50 MB.
 const TILE: u32 = 1024;
 /// Most lights a pixel each way.
-const MOST_SUPERSAMPLING: u32 = 8;
+const MAX_SUPERSAMPLING: u32 = 8;
 
 /// A device with everything that does not depend on the scene.
 #[derive(Debug)]
@@ -70,9 +70,9 @@ pub struct Yarns {
     centre: DVec3,
     pages: Vec<Page>,
     shape: Shape,
-    kinds: Kinds,
+    lod: LodRules,
     /// Whether any of them has a sheen.
-    shines: bool,
+    has_sheen: bool,
     looks: wgpu::Buffer,
     thinnest: f32,
     /// See [`Scene::mean_albedo`].
@@ -119,7 +119,7 @@ impl Renderer {
         if looks.is_empty() {
             looks.push(bytemuck::Zeroable::zeroed());
         }
-        let shines = scene.looks.iter().any(|look| look.sheen > 0.0);
+        let has_sheen = scene.looks.iter().any(|look| look.sheen > 0.0);
         let looks = self.gpu.store("looks", bytemuck::cast_slice(&looks), BufferUsages::STORAGE);
         let most = self.gpu.device.limits().max_texture_dimension_2d;
         if let Some(maps) = scene
@@ -141,13 +141,13 @@ impl Renderer {
         let none = Mips { levels: vec![RgbaImage::from_pixel(1, 1, Rgba([255; 4]))] };
         maps.push(self.maps_group(&none, &none, &none));
         let pages = pages::upload(&self.gpu, scene, centre, st)?;
-        let (albedo, kinds) = (scene.mean_albedo(), Kinds::of(scene));
+        let (albedo, lod) = (scene.mean_albedo(), LodRules::new(scene));
         Ok(Yarns {
             centre,
             pages,
             shape: scene.shape,
-            kinds,
-            shines,
+            lod,
+            has_sheen,
             looks,
             thinnest,
             albedo,
@@ -163,11 +163,12 @@ impl Renderer {
         &mut self,
         yarns: &Yarns,
         camera: &Camera,
-        options: &Options,
+        options: &RenderOptions,
     ) -> Result<RgbaImage, GpuError> {
         let mut picture = RgbaImage::new(options.width, options.height);
-        let frame = Frame::new(yarns, camera, options);
-        let lights = frame.as_ref().map(|frame| self.lights(yarns, frame, options)).transpose()?;
+        let frame = FrameSetup::new(yarns, camera, options);
+        let lights =
+            frame.as_ref().map(|frame| self.depth_maps(yarns, frame, options)).transpose()?;
         let side = TILE.min(self.gpu.device.limits().max_texture_dimension_2d)
             / supersampling(options)
             - 2;
@@ -192,11 +193,12 @@ impl Renderer {
         &mut self,
         yarns: &Yarns,
         camera: &Camera,
-        options: &Options,
+        options: &RenderOptions,
         to: &wgpu::TextureView,
     ) -> Result<(), GpuError> {
-        let frame = Frame::new(yarns, camera, options);
-        let lights = frame.as_ref().map(|frame| self.lights(yarns, frame, options)).transpose()?;
+        let frame = FrameSetup::new(yarns, camera, options);
+        let lights =
+            frame.as_ref().map(|frame| self.depth_maps(yarns, frame, options)).transpose()?;
         self.tile(
             yarns,
             frame.as_ref().zip(lights.as_ref()),
@@ -209,19 +211,19 @@ impl Renderer {
     }
 
     /// The averaged depths from the sun and around the eye, bound for the light.
-    fn lights(
+    fn depth_maps(
         &mut self,
         yarns: &Yarns,
-        frame: &Frame,
-        options: &Options,
+        frame: &FrameSetup,
+        options: &RenderOptions,
     ) -> Result<wgpu::BindGroup, GpuError> {
         let mut encoder = self
             .gpu
             .device
             .create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("depths") });
         let [sun, depth] = [&frame.sun, &frame.depth].map(|map| {
-            let listed = self.list(yarns, &map.sight, options, &[Writes::Depth]);
-            self.depth_map(&mut encoder, yarns, frame, map, &listed)
+            let prepared = self.prepare_draws(yarns, &map.frustum, options, &[PassKind::Depth]);
+            self.depth_map(&mut encoder, yarns, frame, map, &prepared)
         });
         self.gpu.queue.submit([encoder.finish()]);
         self.gpu.fault()?;
@@ -237,15 +239,15 @@ impl Renderer {
         &self,
         encoder: &mut wgpu::CommandEncoder,
         yarns: &Yarns,
-        frame: &Frame,
+        frame: &FrameSetup,
         map: &DepthMap,
-        listed: &Listed,
+        prepared: &PreparedDraws,
     ) -> wgpu::TextureView {
         let depths = self.gpu.target(DEPTH, map.size, 1);
-        let view = data::View {
-            clip_from_world: map.sight.clip_from_world,
-            eye: map.sight.eye,
-            pixel: map.sight.pixel,
+        let view = data::ViewUniform {
+            clip_from_world: map.frustum.clip_from_world,
+            eye: map.frustum.eye,
+            pixel: map.frustum.pixel,
             ..frame.view
         };
         {
@@ -258,7 +260,7 @@ impl Renderer {
                 )),
                 ..wgpu::RenderPassDescriptor::default()
             });
-            self.draw_listed(&mut pass, yarns, listed, &view, Writes::Depth);
+            self.draw_prepared(&mut pass, yarns, prepared, &view, PassKind::Depth);
         }
         let [once, twice] = [(); 2].map(|()| self.gpu.target(MOMENTS, map.size, 1));
         let [from_depths, from_moments] =
@@ -268,7 +270,7 @@ impl Renderer {
         {
             #[expect(clippy::cast_possible_truncation, reason = "some texels")]
             let reach = (2.0 * map.sigma).round() as i32;
-            let (perspective, layer) = (map.sight.eye.w, map.layer.unwrap_or_default());
+            let (perspective, layer) = (map.frustum.eye.w, map.layer.unwrap_or_default());
             let blur = data::Blur {
                 step,
                 reach,
@@ -297,8 +299,8 @@ impl Renderer {
     fn tile(
         &mut self,
         yarns: &Yarns,
-        lit: Option<(&Frame, &wgpu::BindGroup)>,
-        options: &Options,
+        lit: Option<(&FrameSetup, &wgpu::BindGroup)>,
+        options: &RenderOptions,
         corner: [u32; 2],
         size: [u32; 2],
         to: &wgpu::TextureView,
@@ -309,11 +311,16 @@ impl Renderer {
         let light = self.gpu.target(LIGHT, size, 1);
         let drawn = lit.map(|(frame, lights)| {
             let view = tile_view(frame, options, corner, size);
-            let sight = Sight { clip_from_world: view.clip_from_world, ..frame.camera };
+            let frustum = Frustum { clip_from_world: view.clip_from_world, ..frame.camera };
             (
                 view,
                 lights,
-                self.list(yarns, &sight, options, &[Writes::Before, Writes::Light, Writes::Fuzz]),
+                self.prepare_draws(
+                    yarns,
+                    &frustum,
+                    options,
+                    &[PassKind::Prepass, PassKind::Light, PassKind::Fuzz],
+                ),
             )
         });
         let mut encoder = self
@@ -349,7 +356,7 @@ impl Renderer {
         &self,
         encoder: &mut wgpu::CommandEncoder,
         yarns: &Yarns,
-        drawn: Option<&(data::View, &wgpu::BindGroup, Listed)>,
+        drawn: Option<&(data::ViewUniform, &wgpu::BindGroup, PreparedDraws)>,
         size: [u32; 2],
         light: &wgpu::TextureView,
     ) {
@@ -366,8 +373,8 @@ impl Renderer {
                 )),
                 ..wgpu::RenderPassDescriptor::default()
             });
-            if let Some((view, _, listed)) = drawn {
-                self.draw_listed(&mut pass, yarns, listed, view, Writes::Before);
+            if let Some((view, _, prepared)) = drawn {
+                self.draw_prepared(&mut pass, yarns, prepared, view, PassKind::Prepass);
             }
         }
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
@@ -388,10 +395,10 @@ impl Renderer {
             )),
             ..wgpu::RenderPassDescriptor::default()
         });
-        if let Some((view, lights, listed)) = drawn {
+        if let Some((view, lights, prepared)) = drawn {
             pass.set_bind_group(3, *lights, &[]);
-            self.draw_listed(&mut pass, yarns, listed, view, Writes::Light);
-            self.draw_listed(&mut pass, yarns, listed, view, Writes::Fuzz);
+            self.draw_prepared(&mut pass, yarns, prepared, view, PassKind::Light);
+            self.draw_prepared(&mut pass, yarns, prepared, view, PassKind::Fuzz);
         }
     }
 
@@ -410,11 +417,16 @@ impl Renderer {
 }
 
 /// What a tile of `size` lights sees, from a pixel before `corner` on.
-fn tile_view(frame: &Frame, options: &Options, corner: [u32; 2], size: [u32; 2]) -> data::View {
+fn tile_view(
+    frame: &FrameSetup,
+    options: &RenderOptions,
+    corner: [u32; 2],
+    size: [u32; 2],
+) -> data::ViewUniform {
     let scale = supersampling(options) as f32;
     let corner = Vec2::from(corner.map(|pixels| pixels as f32)) - 1.0;
     let [tile_width, tile_height] = size.map(|lights| lights as f32);
-    data::View {
+    data::ViewUniform {
         clip_from_world: crop(options, corner, Vec2::new(tile_width, tile_height) / scale)
             * frame.camera.clip_from_world,
         tile_width,
@@ -427,12 +439,12 @@ fn tile_view(frame: &Frame, options: &Options, corner: [u32; 2], size: [u32; 2])
 }
 
 /// Lights a pixel each way, for the samples that are wanted beyond those of each light.
-fn supersampling(options: &Options) -> u32 {
-    (options.spp / options.samples.max(1)).isqrt().clamp(1, MOST_SUPERSAMPLING)
+fn supersampling(options: &RenderOptions) -> u32 {
+    (options.spp / options.samples.max(1)).isqrt().clamp(1, MAX_SUPERSAMPLING)
 }
 
 /// Blows a part of the picture up to all of clip space: `size` pixels from `corner` on.
-fn crop(options: &Options, corner: Vec2, size: Vec2) -> Mat4 {
+fn crop(options: &RenderOptions, corner: Vec2, size: Vec2) -> Mat4 {
     let whole = Vec2::new(options.width as f32, options.height as f32);
     let scale = whole / size;
     // The part's middle in clip coordinates, y up.
@@ -440,12 +452,12 @@ fn crop(options: &Options, corner: Vec2, size: Vec2) -> Mat4 {
     Mat4::from_translation((-middle * scale).extend(0.0)) * Mat4::from_scale(scale.extend(1.0))
 }
 
-fn shader_look(look: &YarnLook, scene: &Scene) -> data::Look {
+fn shader_look(look: &YarnLook, scene: &Scene) -> data::LookData {
     #[expect(clippy::cast_precision_loss, reason = "a few plies")]
     let plies = look.plies as f32;
     let [ply_slope, fibre_slope] = ply::slopes(plies, look.twist_slope);
     let repeat = scene.maps_of(look).map_or(0.0, |maps| maps.length);
-    data::Look {
+    data::LookData {
         albedo: look.albedo,
         roughness: look.roughness,
         metallic: look.metallic,

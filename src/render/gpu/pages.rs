@@ -12,7 +12,7 @@ use wgpu::BufferUsages;
 use super::data::{self, CHUNK};
 use super::device::{Gpu, GpuError};
 use crate::ids::index32;
-use crate::render::paths::{Cut, Paths};
+use crate::render::paths::{Subdivision, YarnPaths};
 use crate::scene::Scene;
 use crate::unit::PackedUnit;
 
@@ -23,7 +23,7 @@ const PAGE_POINTS: usize = 4 << 20;
 
 /// What is known of a chunk without asking the device.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Extent {
+pub(super) struct ChunkBounds {
     /// A ball around it, its yarn's radius included.
     pub(super) centre: Vec3,
     pub(super) reach: f32,
@@ -36,9 +36,9 @@ pub(super) struct Extent {
 /// Points that one bind group holds.
 #[derive(Debug)]
 pub(super) struct Page {
-    pub(super) extents: Vec<Extent>,
+    pub(super) chunk_bounds: Vec<ChunkBounds>,
     pub(super) points: wgpu::Buffer,
-    pub(super) turns: wgpu::Buffer,
+    pub(super) tangent_frames: wgpu::Buffer,
     pub(super) chunks: wgpu::Buffer,
 }
 
@@ -46,9 +46,9 @@ pub(super) struct Page {
 #[derive(Default)]
 struct Draft {
     points: Vec<[f32; 4]>,
-    turns: Vec<[PackedUnit; 2]>,
+    tangent_frames: Vec<[PackedUnit; 2]>,
     chunks: Vec<data::Chunk>,
-    extents: Vec<Extent>,
+    chunk_bounds: Vec<ChunkBounds>,
 }
 
 /// Uploads all strands of `scene`, `st` pieces a stitch, relative to `centre`.
@@ -67,9 +67,15 @@ pub(super) fn upload(
     let (mut pages, mut draft) = (Vec::new(), Draft::default());
     for first in (0..scene.strands.len()).step_by(window) {
         let end = scene.strands.len().min(first + window);
-        let cut =
-            |start| Paths::of(scene, start..end.min(start + CUT_STRANDS), centre, Cut::Stitch(st));
-        let parts: Vec<Paths> =
+        let cut = |start| {
+            YarnPaths::new(
+                scene,
+                start..end.min(start + CUT_STRANDS),
+                centre,
+                Subdivision::Stitch(st),
+            )
+        };
+        let parts: Vec<YarnPaths> =
             (first..end).into_par_iter().step_by(CUT_STRANDS).map(cut).collect();
         for paths in &parts {
             for (start, pieces) in runs(paths) {
@@ -87,7 +93,7 @@ pub(super) fn upload(
 }
 
 /// First points and pieces of the chunks that strands are cut into.
-fn runs(paths: &Paths) -> Vec<(usize, u32)> {
+fn runs(paths: &YarnPaths) -> Vec<(usize, u32)> {
     let mut runs = Vec::new();
     let mut start = 0;
     for (at, point) in paths.points.iter().enumerate() {
@@ -107,15 +113,15 @@ fn runs(paths: &Paths) -> Vec<(usize, u32)> {
 
 impl Draft {
     /// Adds a chunk. Its last point is the next one's first, and stored for each.
-    fn push(&mut self, paths: &Paths, start: usize, pieces: u32) {
+    fn push(&mut self, paths: &YarnPaths, start: usize, pieces: u32) {
         let range = start..=start + pieces as usize;
         let first = index32(self.points.len());
         let (points, along) = (&paths.points[range.clone()], &paths.along[range.clone()]);
         self.points.extend(
             points.iter().zip(along).map(|(point, &along)| [point.x, point.y, point.z, along]),
         );
-        let turns = paths.tangents[range.clone()].iter().zip(&paths.across[range]);
-        self.turns.extend(turns.map(|(&tangent, &across)| [tangent, across]));
+        let tangent_frames = paths.tangents[range.clone()].iter().zip(&paths.across[range]);
+        self.tangent_frames.extend(tangent_frames.map(|(&tangent, &across)| [tangent, across]));
         let look = paths.looks[start];
         self.chunks.push(data::Chunk { first, count: pieces, look: u32::from(look), spare: 0 });
         let low = points.iter().fold(Vec3::INFINITY, |low, point| low.min(point.truncate()));
@@ -127,16 +133,16 @@ impl Draft {
         #[expect(clippy::cast_precision_loss, reason = "256 at most")]
         let piece = length / pieces as f32;
         let (centre, reach) = (low.midpoint(high), low.distance(high) / 2.0 + points[0].w);
-        self.extents.push(Extent { centre, reach, piece, pieces, look });
+        self.chunk_bounds.push(ChunkBounds { centre, reach, piece, pieces, look });
     }
 
     fn finish(self, gpu: &Gpu) -> Result<Page, GpuError> {
         let store = |label, contents: &[u8]| gpu.store(label, contents, BufferUsages::STORAGE);
         let page = Page {
             points: store("points", bytemuck::cast_slice(&self.points)),
-            turns: store("turns", bytemuck::cast_slice(&self.turns)),
+            tangent_frames: store("tangent_frames", bytemuck::cast_slice(&self.tangent_frames)),
             chunks: store("chunks", bytemuck::cast_slice(&self.chunks)),
-            extents: self.extents,
+            chunk_bounds: self.chunk_bounds,
         };
         // What the copies were staged in is free once they are done.
         gpu.queue.submit([]);

@@ -8,7 +8,7 @@ use proptest::test_runner::TestRunner;
 use wgpu::util::DeviceExt;
 
 use super::{Gpu, shaders};
-use crate::render::ply::{self, Place};
+use crate::render::ply::{self, YarnPoint};
 use crate::render::shade::{self, Surface, schlick_rough};
 use crate::render::sheen::Sheen;
 use crate::render::{Background, tone};
@@ -146,13 +146,13 @@ fn the_open_sky_is_the_same() {
     let formula = "
 fn formula(u: mat4x4f) -> vec4f {
     let before = (u[0].x - 0.5) * 40.0;
-    return vec4f(open_share(before, u[0].y > 0.8, u[0].z, u[0].w, u[1].x > 0.5));
+    return vec4f(sky_visibility(before, u[0].y > 0.8, u[0].z, u[0].w, u[1].x > 0.5));
 }";
     let inputs = random();
     let found = on_device(&gpu, shaders::YARN, formula, &inputs);
     let expected = |u: &Input| {
         let before = (u[0].y <= 0.8).then_some((u[0].x - 0.5) * 40.0);
-        Vec4::splat(shade::open_sky(before, u[0].z, u[0].w, u[1].x > 0.5))
+        Vec4::splat(shade::sky_visibility(before, u[0].z, u[0].w, u[1].x > 0.5))
     };
     assert_close(&found, &inputs.iter().map(expected).collect::<Vec<_>>(), 1e-5, 0);
 }
@@ -201,9 +201,9 @@ fn formula(u: mat4x4f) -> vec4f {
     let s = Sheen(u[0].x, u[0].y - 0.5, direction(u[0].zw));
     let toward_light = direction(u[1].xy);
     let toward_eye = direction(u[1].zw);
-    let height = dot(sheen_brightest(s, toward_light, toward_eye), vec3f(0.6, 0.0, 0.8));
+    let height = dot(sheen_highlight_normal(s, toward_light, toward_eye), vec3f(0.6, 0.0, 0.8));
     return vec4f(
-        sheen_across(s, toward_light, toward_eye), sheen_spared_by_sky(s, u[2].z), sheen_of_sky(s, direction(u[2].xy), toward_eye), height,
+        sheen_mean_over_width(s, toward_light, toward_eye), sheen_base_share_under_sky(s, u[2].z), sheen_sky_reflectance(s, direction(u[2].xy), toward_eye), height,
     );
 }";
     let inputs = random();
@@ -211,11 +211,11 @@ fn formula(u: mat4x4f) -> vec4f {
         let [tangent, view] = [u[0], u[1]].map(|row| direction(Vec4::new(row.z, row.w, 0.0, 0.0)));
         let light = direction(u[1]);
         let sheen = Sheen { share: u[0].x, slope: u[0].y - 0.5, tangent };
-        let height = sheen.brightest(light, view).dot(Vec3::new(0.6, 0.0, 0.8));
+        let height = sheen.highlight_normal(light, view).dot(Vec3::new(0.6, 0.0, 0.8));
         Vec4::new(
-            sheen.across(light, view),
-            sheen.spared_by_sky(u[2].z),
-            sheen.of_sky(direction(u[2]), view),
+            sheen.mean_over_width(light, view),
+            sheen.base_share_under_sky(u[2].z),
+            sheen.sky_reflectance(direction(u[2]), view),
             height,
         )
     };
@@ -238,7 +238,7 @@ fn formula(u: mat4x4f) -> vec4f {
     let normal = vec3f(cos(angle), sin(angle), 0.0);
     let toward_eye = normalize(normal + u[1].xyz - 0.5);
     let plies = floor(1.0 + 4.0 * u[0].w);
-    let detail = ply_detail(Place(
+    let detail = ply_detail(YarnPoint(
         normal, toward_eye, vec3f(0.0, 0.0, 1.0), angle, u[0].y * 5.0, 0.02 + u[0].z, u[2].x * u[2].x, plies, u[2].y, u[2].z - 0.5,
     ));
     return vec4f(detail.normal, detail.shade);
@@ -248,7 +248,7 @@ fn formula(u: mat4x4f) -> vec4f {
         let around = std::f32::consts::TAU * (u[0].x - 0.5);
         let normal = Vec3::new(around.cos(), around.sin(), 0.0);
         let plies = (1.0 + 4.0 * u[0].w).floor();
-        let place = Place {
+        let place = YarnPoint {
             normal,
             toward_eye: (normal + u[1].truncate() - 0.5).normalize(),
             tangent: Vec3::Z,
@@ -304,7 +304,7 @@ fn a_lost_device_is_an_error() {
     let mut scene = crate::scene::Scene::default();
     scene.looks.push(crate::scene::YarnLook::plain(Vec3::ONE, 0.5, 0.1));
     scene.push_strand([Vec3::ZERO, Vec3::X], 0);
-    let options = crate::render::Options { width: 16, height: 16, ..Default::default() };
+    let options = crate::render::RenderOptions { width: 16, height: 16, ..Default::default() };
     let camera =
         crate::render::Camera::view(crate::render::View::Front, &scene.positions, 0.5, 1.0, 1.0);
     let drawn = super::Renderer::new(gpu, options.samples).and_then(|mut renderer| {

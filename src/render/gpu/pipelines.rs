@@ -21,14 +21,14 @@ pub(super) enum Expansion {
     Ribbon = 2,
 }
 
-/// What a pass over the yarns writes.
+/// What a pass over the yarns pass_kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Writes {
+pub(super) enum PassKind {
     /// Depths of one sample, for maps of depths.
     Depth,
     /// Depths of the picture's samples, before its light, so that only what is seen is lit. Ribbons
     /// have none: which of their samples are solid is for the light to say.
-    Before,
+    Prepass,
     /// Light of what is solid.
     Light,
     /// Light of what is not, blended; only ribbons have it.
@@ -38,28 +38,28 @@ pub(super) enum Writes {
 /// What a pipeline over the yarns is made for. A software driver computes both ways of every
 /// branch, so what never happens is left out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Purpose {
+pub(super) struct PipelineKey {
     pub(super) expansion: Expansion,
-    pub(super) writes: Writes,
+    pub(super) pass_kind: PassKind,
     pub(super) has_maps: bool,
     /// Whether yarns may have a sheen.
-    pub(super) shines: bool,
+    pub(super) has_sheen: bool,
 }
 
-impl Purpose {
+impl PipelineKey {
     /// Whether plain strips are lit at their points, see the shader.
-    fn lit_at_points(self) -> bool {
-        self.expansion == Expansion::Strip && !self.has_maps && self.writes == Writes::Light
+    fn lit_per_vertex(self) -> bool {
+        self.expansion == Expansion::Strip && !self.has_maps && self.pass_kind == PassKind::Light
     }
 
     /// Whether there is anything to be drawn.
     pub(super) fn is_drawn(self) -> bool {
         let is_ribbon = self.expansion == Expansion::Ribbon;
-        match self.writes {
-            Writes::Depth | Writes::Light => true,
+        match self.pass_kind {
+            PassKind::Depth | PassKind::Light => true,
             // What is lit at its points costs no more to light than to hide.
-            Writes::Before => !is_ribbon && (self.expansion == Expansion::Tube || self.has_maps),
-            Writes::Fuzz => is_ribbon && self.has_maps,
+            PassKind::Prepass => !is_ribbon && (self.expansion == Expansion::Tube || self.has_maps),
+            PassKind::Fuzz => is_ribbon && self.has_maps,
         }
     }
 }
@@ -81,7 +81,7 @@ pub(super) struct Layouts {
 pub(super) struct Pipelines {
     pub(super) samples: u32,
     yarn: wgpu::ShaderModule,
-    made: BTreeMap<Purpose, wgpu::RenderPipeline>,
+    made: BTreeMap<PipelineKey, wgpu::RenderPipeline>,
     /// Averages of all depths: from a depth buffer, then from averages.
     pub(super) all: [wgpu::RenderPipeline; 2],
     /// Averages of the nearest layer's depths.
@@ -192,17 +192,16 @@ impl Pipelines {
         }
     }
 
-    /// Makes the pipeline for a purpose, unless it is there.
-    pub(super) fn make(&mut self, gpu: &Gpu, layouts: &Layouts, purpose: Purpose) {
-        if !self.made.contains_key(&purpose) {
-            self.made
-                .insert(purpose, yarn_pipeline(gpu, layouts, &self.yarn, purpose, self.samples));
+    /// Makes the pipeline for a key, unless it is there.
+    pub(super) fn make(&mut self, gpu: &Gpu, layouts: &Layouts, key: PipelineKey) {
+        if !self.made.contains_key(&key) {
+            self.made.insert(key, yarn_pipeline(gpu, layouts, &self.yarn, key, self.samples));
         }
     }
 
-    /// The pipeline for a purpose, if it was made.
-    pub(super) fn made(&self, purpose: Purpose) -> Option<&wgpu::RenderPipeline> {
-        self.made.get(&purpose)
+    /// The pipeline for a key, if it was made.
+    pub(super) fn made(&self, key: PipelineKey) -> Option<&wgpu::RenderPipeline> {
+        self.made.get(&key)
     }
 }
 
@@ -210,12 +209,12 @@ fn yarn_pipeline(
     gpu: &Gpu,
     layouts: &Layouts,
     module: &wgpu::ShaderModule,
-    purpose: Purpose,
+    key: PipelineKey,
     samples: u32,
 ) -> wgpu::RenderPipeline {
-    let Purpose { expansion, writes, has_maps, shines } = purpose;
-    let samples = if writes == Writes::Depth { 1 } else { samples };
-    let groups = if matches!(writes, Writes::Depth | Writes::Before) { 3 } else { 4 };
+    let PipelineKey { expansion, pass_kind, has_maps, has_sheen } = key;
+    let samples = if pass_kind == PassKind::Depth { 1 } else { samples };
+    let groups = if matches!(pass_kind, PassKind::Depth | PassKind::Prepass) { 3 } else { 4 };
     let groups =
         &[Some(&layouts.view), Some(&layouts.page), Some(&layouts.maps), Some(&layouts.light)]
             [..groups];
@@ -224,26 +223,26 @@ fn yarn_pipeline(
         bind_group_layouts: groups,
         immediate_size: 0,
     });
-    let is_fuzz = writes == Writes::Fuzz;
+    let is_fuzz = pass_kind == PassKind::Fuzz;
     let constants = &[
         ("SHAPE", f64::from(expansion as u32)),
         ("FUZZ", switch(is_fuzz)),
         ("MAPS", switch(has_maps)),
-        ("SHEEN", switch(shines)),
+        ("SHEEN", switch(has_sheen)),
     ];
     let compilation_options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
     let blend = is_fuzz.then_some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING);
     let light =
         [Some(wgpu::ColorTargetState { format: LIGHT, blend, write_mask: wgpu::ColorWrites::ALL })];
-    let fragment = match writes {
+    let fragment = match pass_kind {
         // A depth needs no fragment, but where there may be holes.
-        Writes::Depth | Writes::Before => {
-            (expansion == Expansion::Ribbon && has_maps).then_some(("hole", &[][..]))
+        PassKind::Depth | PassKind::Prepass => {
+            (expansion == Expansion::Ribbon && has_maps).then_some(("discard_fuzz", &[][..]))
         }
-        Writes::Light if purpose.lit_at_points() => Some(("lit", &light[..])),
-        Writes::Light | Writes::Fuzz => Some(("shade", &light[..])),
+        PassKind::Light if key.lit_per_vertex() => Some(("lit", &light[..])),
+        PassKind::Light | PassKind::Fuzz => Some(("shade", &light[..])),
     };
-    let expand = if purpose.lit_at_points() { "expand_lit" } else { "expand" };
+    let expand = if key.lit_per_vertex() { "expand_lit" } else { "expand" };
     let fragment = fragment.map(|(entry, targets)| wgpu::FragmentState {
         module,
         entry_point: Some(entry),

@@ -1,13 +1,13 @@
 //! How deep the nearest layer of cloth lies around a pixel: what tells how much of the sky a yarn
 //! in it sees.
 //!
-//! In: the depths of all samples. Out: [`Layers`], their means over squares of pixels, and what of
+//! In: the depths of all samples. Out: [`LayerDepths`], their means over squares of pixels, and what of
 //! the sky is open between them.
 
 use glam::Vec2;
 use rayon::prelude::*;
 
-use super::nearest::Nearest;
+use super::nearest::VisibilityBuffer;
 use crate::render::shade::{self, LAYER_RADII};
 
 /// Pixels a side of a square.
@@ -15,7 +15,7 @@ const SQUARE: u32 = 2;
 
 /// Means of the nearest layer's depths.
 #[derive(Debug)]
-pub(super) struct Layers {
+pub(super) struct LayerDepths {
     /// Row of squares that comes first.
     top: u32,
     /// Squares across and down.
@@ -26,26 +26,26 @@ pub(super) struct Layers {
     squares: Vec<[f32; 2]>,
 }
 
-impl Layers {
-    pub(super) fn of(nearest: &Nearest, thinnest: f32) -> Self {
-        let (top, end) = (nearest.rows.start / SQUARE, nearest.rows.end.div_ceil(SQUARE));
-        let (across, layer) = (nearest.width.div_ceil(SQUARE), LAYER_RADII * thinnest);
+impl LayerDepths {
+    pub(super) fn new(buffer: &VisibilityBuffer, thinnest: f32) -> Self {
+        let (top, end) = (buffer.rows.start / SQUARE, buffer.rows.end.div_ceil(SQUARE));
+        let (across, layer) = (buffer.width.div_ceil(SQUARE), LAYER_RADII * thinnest);
         let squares = (top..end)
             .into_par_iter()
-            .flat_map_iter(|y| (0..across).map(move |x| square(nearest, [x, y], layer)));
+            .flat_map_iter(|y| (0..across).map(move |x| square(buffer, [x, y], layer)));
         Self { top, size: [across, end - top], layer, squares: squares.collect() }
     }
 
     /// Share of the sky that yarns nearby leave open for a yarn of some radius at `depth`, which is
     /// seen at `cosine` in the pixel at `place`.
-    pub(super) fn open_sky(&self, place: Vec2, radius: f32, depth: f32, cosine: f32) -> f32 {
-        let [mean, cover] = self.at(place);
+    pub(super) fn sky_visibility(&self, place: Vec2, radius: f32, depth: f32, cosine: f32) -> f32 {
+        let [mean, cover] = self.interpolate(place);
         let before = (depth - mean <= self.layer).then(|| (mean - depth) / radius);
-        shade::open_sky(before, cover, cosine, false)
+        shade::sky_visibility(before, cover, cosine, false)
     }
 
     /// Mean depth and cover between squares.
-    fn at(&self, place: Vec2) -> [f32; 2] {
+    fn interpolate(&self, place: Vec2) -> [f32; 2] {
         let place = place / SQUARE as f32 - Vec2::new(0.5, 0.5 + self.top as f32);
         let corner = place.floor();
         let part = place - corner;
@@ -67,11 +67,11 @@ impl Layers {
 }
 
 /// Mean depth and cover of the nearest layer in a square of pixels.
-fn square(nearest: &Nearest, [x, y]: [u32; 2], layer: f32) -> [f32; 2] {
-    let columns = x * SQUARE..nearest.width.min((x + 1) * SQUARE);
-    let rows = nearest.rows.start.max(y * SQUARE)..nearest.rows.end.min((y + 1) * SQUARE);
+fn square(buffer: &VisibilityBuffer, [x, y]: [u32; 2], layer: f32) -> [f32; 2] {
+    let columns = x * SQUARE..buffer.width.min((x + 1) * SQUARE);
+    let rows = buffer.rows.start.max(y * SQUARE)..buffer.rows.end.min((y + 1) * SQUARE);
     let depths =
-        || rows.clone().flat_map(|y| columns.clone().flat_map(move |x| nearest.depths([x, y])));
+        || rows.clone().flat_map(|y| columns.clone().flat_map(move |x| buffer.depths([x, y])));
     let first = depths().flatten().fold(f32::INFINITY, f32::min);
     let (mut sum, mut inside, mut count) = (0.0, 0.0, 0.0);
     for depth in depths() {

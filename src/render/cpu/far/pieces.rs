@@ -1,7 +1,7 @@
 //! Yarns as the straight pieces between their data points: from afar, a bend between two of them is
 //! finer than a pixel shows.
 //!
-//! In: a scene. Out: [`Pieces`], which names a piece by its first data point and keeps nothing of
+//! In: a scene. Out: [`SplatPieces`], which names a piece by its first data point and keeps nothing of
 //! it.
 
 use std::ops::Range;
@@ -10,15 +10,15 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::ids::index32;
-use crate::render::cpu::narrow;
+use crate::render::cpu::to_f32;
 use crate::render::paths;
-use crate::scene::{Scene, SpanLengths, Strand, drawable};
+use crate::scene::{Scene, SceneStrand, SpanLengths, drawable};
 
 /// Data points of which a thread draws the pieces at a time.
 const PART: u32 = 4096;
 
 /// All pieces of a scene's yarns.
-pub(super) struct Pieces<'a> {
+pub(super) struct SplatPieces<'a> {
     pub(super) scene: &'a Scene,
     /// The scene's middle, to which places are relative.
     centre: Vec3,
@@ -27,19 +27,19 @@ pub(super) struct Pieces<'a> {
 
 /// A piece: a line with round ends.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Piece {
+pub(super) struct SplatPiece {
     pub(super) ends: [Vec3; 2],
     pub(super) radius: f32,
 }
 
-impl<'a> Pieces<'a> {
+impl<'a> SplatPieces<'a> {
     pub(super) fn new(scene: &'a Scene, centre: Vec3) -> Self {
         Self { scene, centre, lengths: scene.span_lengths() }
     }
 
     /// Length of the longest, mm.
     pub(super) fn longest(&self) -> f32 {
-        narrow(self.lengths.longest)
+        to_f32(self.lengths.longest)
     }
 
     /// Whether strands lie one after another in memory: by that a piece's strand is found.
@@ -57,7 +57,7 @@ impl<'a> Pieces<'a> {
         self.parts().into_par_iter().for_each(|(strand, points)| {
             let strand = &self.scene.strands[strand];
             let Some(radius) = self.scene.radius(strand) else { return };
-            let placed = |point: u32| self.axis(point, &strand.points).and_then(&place);
+            let placed = |point: u32| self.joint(point, &strand.points).and_then(&place);
             let mut start = placed(points.start);
             for number in points {
                 let next = placed(number + 1);
@@ -82,11 +82,11 @@ impl<'a> Pieces<'a> {
     }
 
     /// The piece that starts at data point `first` of a strand, if there is one.
-    pub(super) fn piece(&self, strand: usize, first: u32) -> Option<Piece> {
+    pub(super) fn piece(&self, strand: usize, first: u32) -> Option<SplatPiece> {
         let strand = &self.scene.strands[strand];
-        let start = self.axis(first, &strand.points)?;
-        let ends = [start, self.axis(first + 1, &strand.points).unwrap_or(start)];
-        Some(Piece { ends, radius: self.scene.radius(strand)? })
+        let start = self.joint(first, &strand.points)?;
+        let ends = [start, self.joint(first + 1, &strand.points).unwrap_or(start)];
+        Some(SplatPiece { ends, radius: self.scene.radius(strand)? })
     }
 
     /// The strand of a data point.
@@ -109,7 +109,7 @@ impl<'a> Pieces<'a> {
     /// Arc length at share `s` of that piece, mm: as if all pieces were of one length.
     pub(super) fn along(&self, strand: usize, first: u32, s: f32) -> f32 {
         let pieces = f64::from(first - self.scene.strands[strand].points.start) + f64::from(s);
-        narrow(
+        to_f32(
             paths::phase(index32(strand))
                 + pieces * (self.lengths.sum / self.lengths.count.max(1) as f64),
         )
@@ -119,7 +119,7 @@ impl<'a> Pieces<'a> {
     /// the curve does on the average. A span of a Catmull-Rom curve (here taken for a uniform one)
     /// lies (p1 + p2 - p0 - p3) / 24 aside of its chord.
     #[inline]
-    fn axis(&self, point: u32, strand: &Range<u32>) -> Option<Vec3> {
+    fn joint(&self, point: u32, strand: &Range<u32>) -> Option<Vec3> {
         if point >= strand.end {
             return None;
         }
@@ -134,7 +134,7 @@ impl<'a> Pieces<'a> {
     }
 
     fn parts(&self) -> Vec<(usize, Range<u32>)> {
-        let parts = |(number, strand): (usize, &Strand)| {
+        let parts = |(number, strand): (usize, &SceneStrand)| {
             let Range { start, end } = strand.points;
             (start..end)
                 .step_by(PART as usize)
@@ -152,7 +152,7 @@ mod tests {
 
     fn drawn(scene: &Scene) -> Vec<(u32, [Vec3; 2])> {
         let found = Mutex::new(Vec::new());
-        Pieces::new(scene, Vec3::ZERO)
+        SplatPieces::new(scene, Vec3::ZERO)
             .for_each(Some, |number, ends, _| found.lock().unwrap().push((number, ends)));
         let mut found = found.into_inner().unwrap();
         found.sort_by_key(|(number, _)| *number);
@@ -171,7 +171,7 @@ mod tests {
         let expected =
             [(0, [Vec3::ZERO, Vec3::X]), (1, [Vec3::X; 2]), (3, [Vec3::Y; 2]), (6, [Vec3::Z; 2])];
         assert_eq!(drawn(&scene), expected);
-        let pieces = Pieces::new(&scene, Vec3::ZERO);
+        let pieces = SplatPieces::new(&scene, Vec3::ZERO);
         assert_eq!([0, 3, 4, 5, 6].map(|point| pieces.strand_of(point)), [0, 0, 1, 1, 2]);
         assert_eq!((pieces.longest(), pieces.points().count()), (1.0, 4));
     }

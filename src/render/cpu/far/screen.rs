@@ -5,9 +5,9 @@
 
 use glam::{Mat4, Vec2, Vec3, Vec4, Vec4Swizzles};
 
-use super::outline::Outline;
-use super::pieces::Piece;
-use crate::render::{Camera, Options};
+use super::outline::CapsuleOutline;
+use super::pieces::SplatPiece;
+use crate::render::{Camera, RenderOptions};
 use crate::scene::Bounds;
 
 /// A picture's frame.
@@ -26,12 +26,12 @@ pub(super) struct Screen {
 }
 
 impl Screen {
-    pub(super) fn new(bounds: &Bounds, camera: &Camera, options: &Options) -> Self {
+    pub(super) fn new(bounds: &Bounds, camera: &Camera, options: &RenderOptions) -> Self {
         let centre = bounds.centre().as_dvec3();
         #[expect(clippy::cast_possible_truncation, reason = "a pixel's size")]
         let pixel = camera.pixel_size(1.0, options.height) as f32;
         Self {
-            // Near and far matter to z alone, which nobody reads.
+            // RayTracer and far matter to z alone, which nobody reads.
             clip_from_world: camera.clip_from_world(centre, options.aspect(), 1.0, 2.0),
             eye: (camera.eye() - centre).as_vec3(),
             right: camera.to_world(Vec3::X),
@@ -44,7 +44,7 @@ impl Screen {
 
     /// Column and row, and the distance along the camera's axis; nothing for what is behind the
     /// eye.
-    pub(super) fn place(&self, point: Vec3) -> Option<Vec3> {
+    pub(super) fn project(&self, point: Vec3) -> Option<Vec3> {
         let clip = self.clip_from_world * point.extend(1.0);
         (clip.w > 0.0).then(|| {
             ((clip.xy() / clip.w * Vec2::new(0.5, -0.5) + 0.5) * self.extent()).extend(clip.w)
@@ -57,20 +57,20 @@ impl Screen {
             at.truncate().cmpge(Vec2::NEG_ONE).all()
                 && at.truncate().cmple(self.extent() + 1.0).all()
         };
-        self.place(point).is_some_and(inside)
+        self.project(point).is_some_and(inside)
     }
 
     /// The outline of a piece with both ends in place.
     ///
     /// A ball away from the picture's middle is seen as an ellipse; here it stays a circle.
-    pub(super) fn outline(&self, [one, other]: [Vec3; 2], radius: f32) -> Outline {
-        Outline::new([one.truncate(), other.truncate()], radius / (self.pixel * one.z))
+    pub(super) fn outline(&self, [one, other]: [Vec3; 2], radius: f32) -> CapsuleOutline {
+        CapsuleOutline::new([one.truncate(), other.truncate()], radius / (self.pixel * one.z))
     }
 
     /// Where along a piece a place in the picture lies, and how far aside of its axis, in radii.
-    pub(super) fn within(&self, piece: &Piece, place: Vec2) -> Option<(f32, Vec3)> {
-        let start = self.place(piece.ends[0])?;
-        let ends = [start, self.place(piece.ends[1]).unwrap_or(start)];
+    pub(super) fn locate(&self, piece: &SplatPiece, place: Vec2) -> Option<(f32, Vec3)> {
+        let start = self.project(piece.ends[0])?;
+        let ends = [start, self.project(piece.ends[1]).unwrap_or(start)];
         let outline = self.outline(ends, piece.radius);
         let share = outline.within([Vec4::splat(place.x), Vec4::splat(place.y)]).share.x;
         let aside = (place - outline.at(share)) * (self.pixel * ends[0].z / piece.radius);

@@ -1,6 +1,6 @@
 //! What the sun sees: the nearest depths on a grid across its rays.
 //!
-//! In: pieces, the picture's frame and the sun. Out: [`SunMap`], 4 bytes a texel, which tells
+//! In: pieces, the picture's frame and the sun. Out: [`ShadowMap`], 4 bytes a texel, which tells
 //! whether a place is in the sun. It covers what the picture shows. Shadows of other folds are soft
 //! as the sun is wide; the penumbra of one yarn on the next is finer than a pixel.
 
@@ -9,8 +9,8 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use super::outline::Outline;
-use super::pieces::Pieces;
+use super::outline::CapsuleOutline;
+use super::pieces::SplatPieces;
 use super::screen::Screen;
 
 /// Size of a texel, radii of the thinnest yarn.
@@ -18,7 +18,7 @@ const TEXEL_RADII: f32 = 1.4;
 /// The same in pixels of the picture, which can't show more.
 const TEXEL_PIXELS: f32 = 0.5;
 /// Most texels, 128 MB, but for what rounding up adds to a thin strip.
-const MOST_TEXELS: f32 = 33e6;
+const MAX_TEXELS: f32 = 33e6;
 /// What counts as one depth, in texels and in radii of the yarn there.
 const BIAS_TEXELS: f32 = 0.5;
 const BIAS_RADII: f32 = 0.3;
@@ -30,7 +30,7 @@ const BLOCK: usize = 64;
 const SOFT_RADII: f32 = 12.0;
 
 /// Depths along the sun's rays.
-pub(super) struct SunMap {
+pub(super) struct ShadowMap {
     across: Vec3,
     up: Vec3,
     toward: Vec3,
@@ -44,9 +44,9 @@ pub(super) struct SunMap {
     blocks: Vec<f32>,
 }
 
-impl SunMap {
+impl ShadowMap {
     /// The map for what `screen` shows, where a pixel is `pixel` mm wide.
-    pub(super) fn new(pieces: &Pieces, screen: &Screen, pixel: f32, toward: Vec3) -> Self {
+    pub(super) fn new(pieces: &SplatPieces, screen: &Screen, pixel: f32, toward: Vec3) -> Self {
         let (across, up) = toward.any_orthonormal_pair();
         // What isn't shown may still cast a shadow: its depth counts.
         let corners_of = |point: Vec3| {
@@ -66,22 +66,20 @@ impl SunMap {
         let low = low - margin;
         let extent = (high.truncate() + margin - low.truncate()).max(Vec2::ZERO);
         let finest = (TEXEL_RADII * thinnest).max(TEXEL_PIXELS * pixel);
-        let texel = finest.max((extent.x * extent.y / MOST_TEXELS).sqrt());
-        let size = (extent / texel)
-            .ceil()
-            .clamp(Vec2::ONE, Vec2::splat(MOST_TEXELS))
-            .as_uvec2()
-            .to_array();
+        let texel = finest.max((extent.x * extent.y / MAX_TEXELS).sqrt());
+        let size =
+            (extent / texel).ceil().clamp(Vec2::ONE, Vec2::splat(MAX_TEXELS)).as_uvec2().to_array();
         let texels = (0..size[0] as usize * size[1] as usize).into_par_iter();
         let nearest = texels.map(|_| AtomicU32::new(f32::INFINITY.to_bits())).collect();
         let mut map = Self { across, up, toward, low, texel, size, nearest, blocks: Vec::new() };
-        pieces.for_each(|point| Some(map.place(point)), |_, ends, radius| map.draw(ends, radius));
+        pieces
+            .for_each(|point| Some(map.project(point)), |_, ends, radius| map.splat(ends, radius));
         map.blocks = map.blocks();
         map
     }
 
-    fn draw(&self, [one, other]: [Vec3; 2], radius: f32) {
-        let outline = Outline::new([one.truncate(), other.truncate()], radius / self.texel);
+    fn splat(&self, [one, other]: [Vec3; 2], radius: f32) {
+        let outline = CapsuleOutline::new([one.truncate(), other.truncate()], radius / self.texel);
         for y in outline.rows(&(0..self.size[1])) {
             let row = &self.nearest[y as usize * self.size[0] as usize..][..self.size[0] as usize];
             for first in outline.columns(y, self.size[0]).step_by(4) {
@@ -89,7 +87,7 @@ impl SunMap {
                 let within = outline.within([middles, Vec4::splat(y as f32 + 0.5)]);
                 let depths = within.depths([one.z, other.z], radius);
                 for lane in within.covered() {
-                    // The last four may reach beyond the row.
+                    // The last quad may reach beyond the row.
                     let Some(texel) = row.get(first as usize + lane) else { break };
                     let depth = depths[lane].max(0.0).to_bits();
                     if depth < texel.load(Ordering::Relaxed) {
@@ -135,9 +133,9 @@ impl SunMap {
     /// What hides the sun's middle, or else the nearest thing in the blocks around, tells how far
     /// away a shadow's edge begins: the ray is followed so far, and stopped if something stands
     /// there, or half as far (after Fernando 2005, percentage-closer soft shadows).
-    pub(super) fn reaches(&self, place: Vec3, radius: f32, toward: Vec3) -> bool {
-        let at = self.place(place);
-        let cell = self.cell(at.truncate());
+    pub(super) fn is_lit(&self, place: Vec3, radius: f32, toward: Vec3) -> bool {
+        let at = self.project(place);
+        let cell = self.texel_at(at.truncate());
         let before = at.z - self.depth(cell);
         let around = at.z
             - self.blocks
@@ -149,12 +147,12 @@ impl SunMap {
         };
         let slope =
             Vec2::new(toward.dot(self.across), toward.dot(self.up)) / toward.dot(self.toward);
-        let there = self.cell(at.truncate() + slope * (away / self.texel));
+        let there = self.texel_at(at.truncate() + slope * (away / self.texel));
         at.z - self.depth(there) <= 0.5 * away
     }
 
     /// The texel at a place in the grid, or at its border.
-    fn cell(&self, at: Vec2) -> [usize; 2] {
+    fn texel_at(&self, at: Vec2) -> [usize; 2] {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
@@ -170,7 +168,7 @@ impl SunMap {
     }
 
     /// In texels, and in z the depth, mm.
-    fn place(&self, point: Vec3) -> Vec3 {
+    fn project(&self, point: Vec3) -> Vec3 {
         let from = Vec3::new(point.dot(self.across), point.dot(self.up), -point.dot(self.toward))
             - self.low;
         (from.truncate() / self.texel).extend(from.z)
@@ -180,7 +178,7 @@ impl SunMap {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::render::{Camera, Options, View};
+    use crate::render::{Camera, RenderOptions, View};
     use crate::scene::{Scene, YarnLook};
 
     #[test]
@@ -196,19 +194,19 @@ mod tests {
                 );
             }
         }
-        let options = Options { width: 60, height: 60, ..Options::default() };
+        let options = RenderOptions { width: 60, height: 60, ..RenderOptions::default() };
         let camera = Camera::view(View::Front, &scene.positions, 0.3, 1.0, 1.0);
         let bounds = scene.bounds().unwrap();
         let screen = Screen::new(&bounds, &camera, &options);
-        let pieces = Pieces::new(&scene, bounds.centre());
-        let sun = SunMap::new(&pieces, &screen, 1.0, Vec3::Z);
+        let pieces = SplatPieces::new(&scene, bounds.centre());
+        let sun = ShadowMap::new(&pieces, &screen, 1.0, Vec3::Z);
         // Through a sun a tenth wide: shares of its light at places of the lower sheet, on top of
         // its yarns.
         let lit = |x: f32, z: f32| {
             let place = Vec3::new(x, 0.0, z + 0.2) - bounds.centre();
             let toward = (0_u8..=40)
                 .map(|i| Vec3::new((f32::from(i) / 20.0 - 1.0) * 0.1, 0.0, 1.0).normalize());
-            toward.filter(|toward| sun.reaches(place, 0.2, *toward)).count()
+            toward.filter(|toward| sun.is_lit(place, 0.2, *toward)).count()
         };
         assert_eq!(
             [lit(0.0, 0.0), lit(0.0, 20.0), lit(25.0, 0.0), lit(-25.0, 0.0)],

@@ -1,4 +1,4 @@
-//! Pieces of tube: capsules, spheres swept along straight axes.
+//! SplatPieces of tube: capsules, spheres swept along straight axes.
 //!
 //! In: a ray and a capsule. Out: where the ray enters it. Yarns are hundredths of a millimetre
 //! thick and eyes metres away, so a ray is moved beside the capsule before the quadratic is solved.

@@ -3,12 +3,12 @@
 use glam::{DVec3, Vec3};
 use obvhs::aabb::Aabb;
 
-use crate::render::cpu::narrow;
-use crate::render::{Camera, Options};
+use crate::render::cpu::to_f32;
+use crate::render::{Camera, RenderOptions};
 
 /// A ray in world directions, its origin relative to the scene's middle.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Path {
+pub(super) struct SceneRay {
     pub(super) origin: Vec3,
     /// Of unit length.
     pub(super) direction: Vec3,
@@ -16,7 +16,7 @@ pub(super) struct Path {
     /// Size of a pixel where the ray may meet something, mm.
     pub(super) footprint: f32,
     /// By which it is decided what half-covered places let through.
-    pub(super) chance: u32,
+    pub(super) random_bits: u32,
 }
 
 /// The nearest segment along a ray.
@@ -28,7 +28,7 @@ pub(super) struct Hit {
     pub(super) distance: f32,
 }
 
-impl Path {
+impl SceneRay {
     /// The place at a distance along the ray.
     pub(super) fn at(&self, distance: f32) -> Vec3 {
         self.origin + self.direction * distance
@@ -36,20 +36,20 @@ impl Path {
 }
 
 /// Where the rays of a picture come from.
-pub(super) struct Eye<'a> {
+pub(super) struct CameraRays<'a> {
     pub(super) camera: &'a Camera,
-    pub(super) options: &'a Options,
+    pub(super) options: &'a RenderOptions,
     /// Relative to the scene's middle.
     position: DVec3,
     /// Around all yarns.
     bounds: Aabb,
 }
 
-impl<'a> Eye<'a> {
+impl<'a> CameraRays<'a> {
     /// An eye before yarns within `bounds`, which are relative to `centre`.
     pub(super) fn new(
         camera: &'a Camera,
-        options: &'a Options,
+        options: &'a RenderOptions,
         centre: DVec3,
         bounds: Aabb,
     ) -> Self {
@@ -59,7 +59,12 @@ impl<'a> Eye<'a> {
     /// The ray through a place in pixel (x, y), cut to where it may meet something; `None` where it
     /// passes all yarns by. Yarns are hundredths of a millimetre thick and eyes metres away, so it
     /// starts where it enters the box around them.
-    pub(super) fn path(&self, [x, y]: [u32; 2], place: [f32; 2], chance: u32) -> Option<Path> {
+    pub(super) fn primary_ray(
+        &self,
+        [x, y]: [u32; 2],
+        place: [f32; 2],
+        random_bits: u32,
+    ) -> Option<SceneRay> {
         let (width, height) = (self.options.width, self.options.height);
         let across = (f64::from(x) + f64::from(place[0])) / f64::from(width) * 2.0 - 1.0;
         let up = 1.0 - (f64::from(y) + f64::from(place[1])) / f64::from(height) * 2.0;
@@ -76,19 +81,19 @@ impl<'a> Eye<'a> {
             return None;
         }
         let origin = (self.position + direction * near).as_vec3();
-        let footprint = narrow(self.camera.pixel_size(near.midpoint(far), height));
-        Some(Path {
+        let footprint = to_f32(self.camera.pixel_size(near.midpoint(far), height));
+        Some(SceneRay {
             origin,
             direction: direction.as_vec3(),
             reach: f32::INFINITY,
             footprint,
-            chance,
+            random_bits,
         })
     }
 
     /// Size of a pixel at a place, mm.
     pub(super) fn pixel_at(&self, place: Vec3) -> f32 {
-        narrow(
+        to_f32(
             self.camera.pixel_size(place.as_dvec3().distance(self.position), self.options.height),
         )
     }

@@ -1,6 +1,6 @@
 //! The chains of capsules or strips that rays meet.
 //!
-//! In: a scene and a camera. Out: [`Segments`]: [`Paths`] whose pieces are capsules, or strips of
+//! In: a scene and a camera. Out: [`Segments`]: [`YarnPaths`] whose pieces are capsules, or strips of
 //! ribbon, and where a ray meets a piece. A ribbon stops the share of the rays that its picture's
 //! alpha says, by a number that a ray and a strip always give alike.
 
@@ -9,18 +9,18 @@ use obvhs::aabb::Aabb;
 use rayon::prelude::*;
 
 use super::capsule::capsule;
-use super::ray::Path;
-use super::strip::{Crossing, Strip};
+use super::ray::SceneRay;
+use super::strip::{Crossing, RibbonStrip};
 use crate::render::cpu::sample::unit;
-use crate::render::paths::{Cut, Paths};
+use crate::render::paths::{Subdivision, YarnPaths};
 use crate::render::ply::hash;
-use crate::render::{Camera, Options};
+use crate::render::{Camera, RenderOptions};
 use crate::scene::{Bounds, Scene, Shape};
 
 /// Boxes are padded by this share of the largest coordinate: a few roundings of `f32`.
-const PADDING: f32 = 1e-6;
+const BOX_PADDING: f32 = 1e-6;
 /// And radii are taken this much larger there.
-const GROWN: f32 = 1.001;
+const RADIUS_MARGIN: f32 = 1.001;
 /// Strands that are cut at a time before they are put with the others, and strands that a thread
 /// takes of them.
 const BATCH: usize = 512;
@@ -30,7 +30,7 @@ const PART: usize = 8;
 #[derive(Debug)]
 pub(super) struct Segments<'a> {
     pub(super) scene: &'a Scene,
-    pub(super) paths: Paths,
+    pub(super) paths: YarnPaths,
     /// What boxes are padded by, mm.
     padding: f32,
     /// Around them all.
@@ -50,24 +50,24 @@ pub(super) struct AxisPoint {
 
 impl<'a> Segments<'a> {
     /// Cuts up all strands for a picture; `bounds` are the scene's.
-    pub(super) fn of(
+    pub(super) fn new(
         scene: &'a Scene,
         bounds: &Bounds,
         camera: &Camera,
-        options: &Options,
+        options: &RenderOptions,
     ) -> Self {
         let centre = bounds.centre().as_dvec3();
         let count = scene.strands.len();
-        let mut paths = Paths { centre, ..Paths::default() };
+        let mut paths = YarnPaths { centre, ..YarnPaths::default() };
         for batch in (0..count).step_by(BATCH) {
             let end = count.min(batch + BATCH);
-            let parts: Vec<Paths> = ((batch..end).into_par_iter().step_by(PART))
+            let parts: Vec<YarnPaths> = ((batch..end).into_par_iter().step_by(PART))
                 .map(|first| {
-                    Paths::of(
+                    YarnPaths::new(
                         scene,
                         first..end.min(first + PART),
                         centre,
-                        Cut::Picture(camera, options),
+                        Subdivision::Picture(camera, options),
                     )
                 })
                 .collect();
@@ -79,8 +79,8 @@ impl<'a> Segments<'a> {
             .map(|&point| Aabb::from_point(Vec3A::from_vec4(point)))
             .reduce(Aabb::empty, |a, b| a.union(&b));
         let thickest = paths.points.par_iter().map(|point| point.w).reduce(|| 0.0, f32::max);
-        let padding = around.min.abs().max(around.max.abs()).max_element() * PADDING;
-        let grown = Vec3A::splat(thickest * GROWN + padding);
+        let padding = around.min.abs().max(around.max.abs()).max_element() * BOX_PADDING;
+        let grown = Vec3A::splat(thickest * RADIUS_MARGIN + padding);
         Self { scene, paths, padding, bounds: Aabb::new(around.min - grown, around.max + grown) }
     }
 
@@ -90,18 +90,18 @@ impl<'a> Segments<'a> {
     }
 
     /// The box around the segment that starts at point `start`.
-    pub(super) fn boxed(&self, start: u32) -> Aabb {
+    pub(super) fn bounding_box(&self, start: u32) -> Aabb {
         let (a, b) = self.ends(start);
         // The end of a strip has the radius of the next one.
-        let grown = Vec3A::splat(a.w.max(b.w) * GROWN + self.padding);
+        let grown = Vec3A::splat(a.w.max(b.w) * RADIUS_MARGIN + self.padding);
         let (a, b) = (Vec3A::from_vec4(a), Vec3A::from_vec4(b));
         Aabb::new(a.min(b) - grown, a.max(b) + grown)
     }
 
-    /// How far along `path` a segment is met; infinite where it isn't, and for a ribbon where that
+    /// How far along `ray` a segment is met; infinite where it isn't, and for a ribbon where that
     /// would be beyond `limit`.
-    pub(super) fn distance(&self, start: u32, path: &Path, limit: f32) -> f32 {
-        let (origin, direction) = (path.origin.into(), path.direction.into());
+    pub(super) fn distance(&self, start: u32, ray: &SceneRay, limit: f32) -> f32 {
+        let (origin, direction) = (ray.origin.into(), ray.direction.into());
         match self.scene.shape {
             Shape::Tube => {
                 let (a, b) = self.ends(start);
@@ -111,7 +111,7 @@ impl<'a> Segments<'a> {
                 let crossing = self.strip(start).crossing(origin, direction);
                 // The picture is looked at last: that costs more than all else.
                 let stops = |crossing: &Crossing| {
-                    crossing.distance <= limit && self.stops(start, crossing, path)
+                    crossing.distance <= limit && self.is_opaque_at(start, crossing, ray)
                 };
                 crossing.filter(stops).map_or(f32::INFINITY, |crossing| crossing.distance)
             }
@@ -119,13 +119,13 @@ impl<'a> Segments<'a> {
     }
 
     /// Whether a ribbon's picture has yarn where it is crossed.
-    fn stops(&self, start: u32, crossing: &Crossing, path: &Path) -> bool {
+    fn is_opaque_at(&self, start: u32, crossing: &Crossing, ray: &SceneRay) -> bool {
         let look = &self.scene.looks[usize::from(self.look(start))];
         let Some(maps) = self.scene.maps_of(look) else { return true };
         let v = self.along(start, crossing.v) / maps.length;
-        let (across, along) = (path.footprint / (2.0 * look.radius), path.footprint / maps.length);
+        let (across, along) = (ray.footprint / (2.0 * look.radius), ray.footprint / maps.length);
         let alpha = maps.alpha(crossing.u, v, across, along, Shape::Ribbon);
-        alpha > unit(hash(path.chance ^ hash(start)))
+        alpha > unit(hash(ray.random_bits ^ hash(start)))
     }
 
     /// Both points of a segment.
@@ -134,12 +134,12 @@ impl<'a> Segments<'a> {
     }
 
     /// The strip of ribbon that starts at point `start`.
-    pub(super) fn strip(&self, start: u32) -> Strip {
+    pub(super) fn strip(&self, start: u32) -> RibbonStrip {
         let (i, j) = (start as usize, start as usize + 1);
         let points = &self.paths.points;
         // A strand's last point has no radius of its own.
         let end_radius = if points[j].w > 0.0 { points[j].w } else { points[i].w };
-        Strip { a: self.edge(i, points[i].w), b: self.edge(j, end_radius) }
+        RibbonStrip { a: self.edge(i, points[i].w), b: self.edge(j, end_radius) }
     }
 
     /// Both ends of a ribbon's width.
@@ -162,7 +162,7 @@ impl<'a> Segments<'a> {
         a + s * (b - a)
     }
 
-    /// Tangent and direction across there, as [`Paths`] has them.
+    /// Tangent and direction across there, as [`YarnPaths`] has them.
     pub(super) fn directions(&self, start: u32, s: f32) -> (Vec3, Vec3) {
         let (i, j) = (start as usize, start as usize + 1);
         let (tangents, across) = (&self.paths.tangents, &self.paths.across);
@@ -206,7 +206,12 @@ mod tests {
     fn segments(scene: &Scene, height: u32) -> Segments<'_> {
         let bounds = scene.bounds().unwrap();
         let camera = Camera::view(crate::render::View::Front, &scene.positions, 0.5, 1.0, 1.0);
-        Segments::of(scene, &bounds, &camera, &Options { height, lod: false, ..Options::default() })
+        Segments::new(
+            scene,
+            &bounds,
+            &camera,
+            &RenderOptions { height, lod: false, ..RenderOptions::default() },
+        )
     }
 
     fn starts(segments: &Segments) -> Vec<u32> {
@@ -232,8 +237,8 @@ mod tests {
         let scene = scene(&[&waves]);
         let camera = Camera::view(crate::render::View::Front, &scene.positions, 0.5, 1.0, 1.0);
         let cut = |lod| {
-            let options = Options { height: 40, lod, ..Options::default() };
-            Segments::of(&scene, &scene.bounds().unwrap(), &camera, &options).paths
+            let options = RenderOptions { height: 40, lod, ..RenderOptions::default() };
+            Segments::new(&scene, &scene.bounds().unwrap(), &camera, &options).paths
         };
         let (exact, far) = (cut(false), cut(true));
         assert!(
@@ -242,14 +247,14 @@ mod tests {
             far.points.len(),
             exact.points.len()
         );
-        let length = |paths: &Paths| paths.along.last().unwrap() - paths.along[0];
+        let length = |paths: &YarnPaths| paths.along.last().unwrap() - paths.along[0];
         assert!(
             (length(&far) / length(&exact) - 1.0).abs() < 0.01,
             "{} {}",
             length(&far),
             length(&exact)
         );
-        let area = |paths: &Paths| -> f32 {
+        let area = |paths: &YarnPaths| -> f32 {
             paths
                 .points
                 .windows(2)

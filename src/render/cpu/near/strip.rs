@@ -1,6 +1,6 @@
-//! Pieces of ribbon: flat strips between two points of a yarn's axis.
+//! SplatPieces of ribbon: flat strips between two points of a yarn's axis.
 //!
-//! In: the ends of a piece, across the yarn from edge to edge. Out: where a ray meets it. The four
+//! In: the ends of a piece, across the yarn from edge to edge. Out: where a ray meets it. The quad
 //! corners are those of the pieces before and after, and two triangles fill them, so that no light
 //! falls between pieces:
 //!
@@ -14,11 +14,11 @@ use glam::Vec3A;
 
 /// How far, as a share of its sides, a triangle reaches over its edges: rounding must leave no
 /// crack.
-const REACH: f32 = 1e-5;
+const EDGE_TOLERANCE: f32 = 1e-5;
 
 /// A piece of ribbon by its corners.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Strip {
+pub(super) struct RibbonStrip {
     /// Where it starts, at u = 0 and 1.
     pub(super) a: [Vec3A; 2],
     /// Where it ends.
@@ -34,7 +34,7 @@ pub(super) struct Crossing {
     pub(super) v: f32,
 }
 
-impl Strip {
+impl RibbonStrip {
     /// Where the ray from `origin` meets the strip, from either side.
     pub(super) fn crossing(&self, origin: Vec3A, direction: Vec3A) -> Option<Crossing> {
         let ([a0, a1], [b0, b1]) = (self.a, self.b);
@@ -74,7 +74,7 @@ fn triangle(
     let s = from.dot(p) / volume;
     let q = from.cross(one);
     let t = direction.dot(q) / volume;
-    let inside = s >= -REACH && t >= -REACH && s + t <= 1.0 + REACH;
+    let inside = s >= -EDGE_TOLERANCE && t >= -EDGE_TOLERANCE && s + t <= 1.0 + EDGE_TOLERANCE;
     let distance = beside + other.dot(q) / volume;
     (inside && distance >= 0.0).then_some((distance, s, t))
 }
@@ -84,8 +84,8 @@ mod tests {
     use super::*;
 
     /// From x = 0 to 4, 2 wide, its far end turned by a quarter.
-    fn strip() -> Strip {
-        Strip {
+    fn strip() -> RibbonStrip {
+        RibbonStrip {
             a: [Vec3A::Y, Vec3A::NEG_Y],
             b: [Vec3A::new(4.0, 0.7, 0.7), Vec3A::new(4.0, -0.7, -0.7)],
         }
@@ -121,7 +121,7 @@ mod tests {
             [Vec3A::new(x, cos, sin), Vec3A::new(x, -cos, -sin)].map(|point| point * 0.05)
         };
         let strips: Vec<_> = (0_u8..6)
-            .map(|i| Strip { a: turned(f32::from(i)), b: turned(f32::from(i) + 1.0) })
+            .map(|i| RibbonStrip { a: turned(f32::from(i)), b: turned(f32::from(i) + 1.0) })
             .collect();
         for step in 0_u16..4000 {
             let (x, y) = (f32::from(step) * 1.4e-3 + 0.1, f32::from(step % 17) / 40.0 - 0.2);
