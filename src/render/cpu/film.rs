@@ -1,26 +1,28 @@
-//! From samples to pixels: every sample counts in all pixels that a tent_weights around it reaches.
+//! Reconstruction filter: from samples to pixels.
 //!
-//! In: the samples of a row of pixels, each with its place. Out: what they add to this row and to
-//! the ones above and below it. A tent_weights one pixel wide each way holds back the moire of far cloth,
-//! and, since neighbours share their samples, cuts the noise that a box of the same few samples
-//! would leave by a third. Rows are joined in a fixed order, so that sums round the same way every
-//! time.
+//! In: the samples of a row of pixels, each with its place in its pixel. Out: their contributions
+//! to this row and to the rows above and below it. The filter is a tent (the bilinear filter), two
+//! pixels wide. Each sample counts in all four pixels whose tent covers it ('splatting').
+//!
+//! A tent suppresses the moiré that a box filter would leave in distant cloth. Because neighbouring
+//! pixels share samples, it also has about a third less noise than a box with the same few samples.
+//! Rows are added in a fixed order, so floating-point sums are the same for any number of threads.
 
 use glam::Vec4;
 
-/// Samples weighed and added up.
+/// A weighted sum of samples: the numerator and denominator of the filtered value.
 #[derive(Clone, Copy, Debug, Default)]
 struct WeightedSum {
     light: Vec4,
     weight: f32,
 }
 
-/// What a row's samples add to the row above, the row itself and the row below.
+/// Contributions of one row's samples to the row above, to the row itself and to the row below.
 #[derive(Debug)]
 pub(super) struct Splats([Vec<WeightedSum>; 3]);
 
 impl Splats {
-    /// Nothing yet, for a picture `width` pixels wide.
+    /// An empty row for a picture `width` pixels wide.
     pub(super) fn new(width: u32) -> Self {
         Self(std::array::from_fn(|_| vec![WeightedSum::default(); width as usize]))
     }
@@ -40,15 +42,20 @@ impl Splats {
         }
     }
 
-    /// The mean light of pixel `x` of the middle one of three rows.
+    /// The filtered light of pixel `x` in the middle one of three rows.
     pub(super) fn pixel(rows: &[Self], x: usize) -> Vec4 {
         let (above, own, below) = (rows[0].0[2][x], rows[1].0[1][x], rows[2].0[0][x]);
         let weight = above.weight + own.weight + below.weight;
+        // Dividing by the sum of weights (Pharr, Jakob and Humphreys 2016, 'Physically Based
+        // Rendering', section 7.8) keeps uniform light uniform, also at the border, where part of a
+        // tent lies outside the picture.
         if weight > 0.0 { (above.light + own.light + below.light) / weight } else { Vec4::ZERO }
     }
 }
 
-/// What a sample at `at`, 0..1 within its pixel, gives to the pixel before, its own and the next.
+/// Weights of a sample at `at`, 0..1 across its pixel, in the previous pixel, its own and the next
+/// one. The tent of a pixel is 1 at its centre and 0 at the centres of its neighbours, so the three
+/// add up to 1.
 fn tent_weights(at: f32) -> [f32; 3] {
     [(0.5 - at).max(0.0), 1.0 - (at - 0.5).abs(), (at - 0.5).max(0.0)]
 }

@@ -1,11 +1,16 @@
-//! Yarns thinner than pixels: each piece is brought to the few samples that it covers, instead of a
-//! tree of millions of pieces to each ray.
+//! Splatting of yarns thinner than pixels. Each piece of yarn is rasterised into the few samples
+//! that it covers, instead of each ray searching a tree of millions of pieces.
 //!
-//! In: a scene of tubes, a camera, a light. Out: [`Splatter`], which adds the light of a pixel's samples
-//! to a film. Depths in the picture say what a sample sees, a map of depths from the sun what is
-//! lit, and the nearest layer's mean depth around a sample how much of the sky it sees, as on the
-//! graphics processor (`shaders/cloth.wgsl`). Cost: pieces and samples each once, some hundred ns,
-//! and pieces again for each [`VisibilityBuffer::max_rows`] of a large picture.
+//! In: a scene of tubes, a camera, a light. Out: [`Splatter`], which adds the light of a pixel's
+//! samples to the film. A visibility buffer stores which piece each sample sees (Burns and Hunt
+//! 2013, 'The visibility buffer'). A shadow map decides what the sun lights (Williams 1978,
+//! 'Casting curved shadows on curved surfaces'). The mean depth of the nearest layer around a
+//! sample gives the visibility of the sky, as in the GPU renderer (`shaders/cloth.wgsl`).
+//!
+//! Cost: some hundred ns for each piece and for each sample. A large picture is done in parts of
+//! [`VisibilityBuffer::max_rows`] rows, and each part goes through all pieces again.
+//!
+//! Not promised: the exact outlines of the ray tracer. Bends between data points are straight here.
 
 mod layers;
 mod nearest;
@@ -33,13 +38,16 @@ use pieces::SplatPieces;
 use screen::Screen;
 use sun::ShadowMap;
 
-/// Longest piece over its distance from the eye: along a longer one perspective would bend what is
-/// taken for straight.
+/// Largest length of a piece over its distance from the eye. A piece is interpolated linearly in
+/// the picture. Along a longer one, perspective would make that wrong, and yarns are traced
+/// instead.
 const MAX_PIECE_ANGLE: f32 = 0.05;
-/// Rows beside those that are looked at whose depths count for the sky of these.
+/// Extra rows above and below the prepared ones, whose depths count for the sky of these. It must
+/// cover the reach of [`LayerDepths::sky_visibility`], two squares of pixels; otherwise parts of a
+/// picture would show seams.
 const SKY_MARGIN_ROWS: u32 = 4;
 
-/// All that a pixel's colour depends on.
+/// Everything that a pixel's colour depends on.
 pub(super) struct Splatter<'a> {
     pieces: SplatPieces<'a>,
     screen: Screen,
@@ -51,7 +59,7 @@ pub(super) struct Splatter<'a> {
     visible: Option<VisibleRows>,
 }
 
-/// What is seen in some rows of the picture.
+/// The visible pieces in some rows of the picture.
 struct VisibleRows {
     rows: Range<u32>,
     buffer: VisibilityBuffer,
@@ -59,8 +67,9 @@ struct VisibleRows {
 }
 
 impl<'a> Splatter<'a> {
-    /// Makes ready to look at `scene`, which lies within `bounds`, if it is one of tubes and all of
-    /// it far enough from whatever side, so that a turntable's pictures are all of one kind.
+    /// Prepares a scene that lies within `bounds`, if splatting suits it: tubes only, and all of
+    /// them far enough away. 'Far enough' is decided by the bounding sphere and not by the view, so
+    /// that all pictures of a turntable use the same method.
     pub(super) fn new(
         scene: &'a Scene,
         bounds: &Bounds,
@@ -92,8 +101,8 @@ impl<'a> Splatter<'a> {
         })
     }
 
-    /// Finds what is seen in some rows, and in as many after them as memory allows. Only these have
-    /// colours then.
+    /// Finds the visible pieces of some rows, and of as many rows after them as memory allows. Only
+    /// these rows have samples then.
     pub(super) fn prepare_rows(&mut self, rows: &Range<u32>) {
         if self
             .visible
@@ -102,7 +111,7 @@ impl<'a> Splatter<'a> {
         {
             return;
         }
-        // What was seen before goes first, since both may not fit.
+        // Free the old buffer first, because both may not fit into memory.
         self.visible = None;
         let height = self.options.height;
         let end = rows.end.max(
@@ -116,7 +125,7 @@ impl<'a> Splatter<'a> {
         self.visible = Some(VisibleRows { rows: rows.start..end, buffer, layers });
     }
 
-    /// Adds the samples of a pixel to its row.
+    /// Adds the samples of one pixel to its film row.
     pub(super) fn pixel(&self, [x, y]: [u32; 2], splats: &mut Splats) {
         let Some(visible) = &self.visible else { return };
         let sampler = Sampler::new(x, y, self.options.seed);
@@ -131,7 +140,7 @@ impl<'a> Splatter<'a> {
         }
     }
 
-    /// The light from the piece of yarn that starts at data point `first` to a place in the
+    /// Light from the piece that starts at data point `first`, toward the eye, at a place in the
     /// picture.
     fn light(&self, layers: &LayerDepths, place: Vec2, first: u32, sun: [f32; 2]) -> Option<Vec3> {
         let strand = self.pieces.strand_of(first);
@@ -142,7 +151,9 @@ impl<'a> Splatter<'a> {
         let axis = piece.ends[0].lerp(piece.ends[1], share);
         let toward_eye = (self.screen.eye - axis).normalize();
         let tangent = self.pieces.tangent(strand, first, share);
-        // Across the yarn and the way to the eye, and what of the yarn faces the eye.
+        // A tangent frame for the visible half of the tube: `width` across the yarn and the
+        // direction to the eye, `front` across the yarn toward the eye. `side` runs from -1 to 1
+        // between the outlines.
         let width = tangent.cross(toward_eye).normalize_or(self.screen.right);
         let front = width.cross(tangent);
         let side = aside.dot(width).clamp(-1.0, 1.0);
@@ -160,8 +171,8 @@ impl<'a> Splatter<'a> {
                     around: 0.0,
                     along,
                 };
-                // The pixel is wider than the yarn and sees it from edge to edge; what is hidden
-                // behind is not much different.
+                // The pixel is wider than the yarn, so the texture is averaged over the yarn's full
+                // height. That includes the hidden half, whose mean differs little.
                 textured_surface(maps, &point, [1.0, footprint / maps.length], Shape::Tube)
             }
             None => {
@@ -189,9 +200,9 @@ impl<'a> Splatter<'a> {
         )
     }
 
-    /// The sun's light toward the eye from the side of a yarn that looks `outward`. The sheen is
-    /// that of all the width that is seen, in the sun where the brightest of it is: other samples
-    /// of the pixel would find it on the average, but with more noise.
+    /// The sun's light reflected toward the eye from the side of a yarn that faces `outward`. The
+    /// sheen is the mean over the visible width, and its shadow is looked up at the brightest line.
+    /// Samples of a pixel would give the same mean, but with more noise.
     fn sun_light(
         &self,
         surface: &Surface,
@@ -201,6 +212,7 @@ impl<'a> Splatter<'a> {
         toward_sun: Vec3,
         toward_eye: Vec3,
     ) -> Vec3 {
+        // One shadow lookup for a point on the tube whose normal is given.
         let reaches =
             |outward: Vec3| self.shadows.is_lit(axis + outward * radius, radius, toward_sun);
         let mut light = Vec3::ZERO;
@@ -218,12 +230,12 @@ impl<'a> Splatter<'a> {
         light
     }
 
-    /// What a place sees above it, of which yarns leave some share open.
+    /// The sky's light at a point where yarns leave the fraction `open` of the sky visible.
     fn sky_light(&self, surface: &Surface, open: f32) -> SkyLight {
-        // The mean of a gradient over cosine-weighted directions is the gradient two thirds of the
-        // way to the normal.
+        // The sky is linear in the direction's height. So its cosine-weighted mean over the
+        // hemisphere is its value two thirds of the way from the horizontal to the normal.
         let above = self.rig.sky(surface.normal * (2.0 / 3.0));
-        // What stops a ray is as often a piece of the same yarn as one of any other.
+        // An occluder is about as often the same yarn as another one.
         let interior = self.rig.interior * surface.albedo.midpoint(self.albedo);
         SkyLight { light: above * open + interior * (1.0 - open), open }
     }

@@ -1,8 +1,9 @@
-//! The nearest piece of yarn for every sample of a picture.
+//! Visibility buffer: the nearest piece of yarn for every sample of a picture.
 //!
-//! In: pieces, a screen and some of its rows. Out: [`VisibilityBuffer`], 64 bytes for each quad samples of a
-//! pixel or what is left of them: where they lie, the nearest depths, and whose. SplatPieces are drawn
-//! in parallel, and the nearest is the same in whatever order they come.
+//! In: pieces, a screen and some of its rows. Out: [`VisibilityBuffer`], 64 bytes for every four
+//! samples of a pixel: their places, and for each the depth and index of the nearest piece. Pieces
+//! are rasterised in parallel. Each sample takes the minimum of its keys atomically, and a minimum
+//! does not depend on the order.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -16,24 +17,26 @@ use crate::ids::index32;
 use crate::render::RenderOptions;
 use crate::render::cpu::sample::{SampleDimension, Sampler};
 
-/// Most quads of samples that are kept at a time, 512 MB; larger pictures are looked at some rows
-/// at a time.
+/// Groups of four samples in memory at a time: 512 MB. Larger pictures are done in parts, and each
+/// part rasterises all pieces again.
 const MAX_QUADS: usize = 1 << 23;
-/// Fours of samples that a thread makes ready at a time.
+/// Groups of four samples that a task initialises at a time.
 const PART: usize = 4096;
-/// No piece, farther than any.
+/// The key of a sample that sees no yarn, larger than any other.
 const NOTHING: u64 = u64::MAX;
 
-/// What samples see, quad at a time.
+/// Four samples of a pixel, tested together by SIMD.
 struct SampleQuad {
-    /// Columns and rows of the samples; infinite where there is none.
+    /// Columns and rows of the samples. Infinite for unused lanes, which no piece covers.
     places: [Vec4; 2],
-    /// Bits of the depth, before the number of the piece.
+    /// Depth in the upper 32 bits, index of the piece in the lower ones. Non-negative floats order
+    /// like their bits, so the smaller key is the nearer piece. Among equal depths the first piece
+    /// wins.
     keys: [AtomicU64; 4],
 }
 
 impl SampleQuad {
-    /// Those of pixel (x, y) from number `first` on that are under `spp`.
+    /// Samples `first` to `first + 3` of pixel (x, y), as far as they are below `spp`.
     fn new([x, y]: [u32; 2], first: u32, spp: u32, seed: u32) -> Self {
         let places = Sampler::new(x, y, seed).pairs(SampleDimension::Pixel, spp);
         let at = |lane: u32| match places.at(first + lane) {
@@ -52,18 +55,19 @@ impl SampleQuad {
 pub(super) struct VisibilityBuffer {
     pub(super) width: u32,
     pub(super) rows: Range<u32>,
-    /// Fours a pixel.
+    /// Groups of four samples in a pixel.
     quads: usize,
     samples: Vec<SampleQuad>,
 }
 
 impl VisibilityBuffer {
-    /// As many rows as [`MAX_QUADS`] hold, at least one.
+    /// Number of rows that [`MAX_QUADS`] allow; at least one.
     pub(super) fn max_rows(options: &RenderOptions) -> u32 {
         let row = options.width.max(1) as usize * options.spp.max(1).div_ceil(4) as usize;
         index32((MAX_QUADS / row).clamp(1, options.height.max(1) as usize))
     }
 
+    /// Rasterises all pieces into the samples of some rows.
     pub(super) fn new(
         pieces: &SplatPieces,
         screen: &Screen,
@@ -72,7 +76,7 @@ impl VisibilityBuffer {
     ) -> Self {
         let (width, spp) = (options.width, options.spp.max(1));
         let (row, quads) = (width as usize, spp.div_ceil(4) as usize);
-        // Counted, so that they are written where they stay.
+        // An indexed parallel iterator collects in place, without a copy.
         let samples =
             (0..row * rows.len() * quads).into_par_iter().with_min_len(PART).map(|number| {
                 let pixel = number / quads;
@@ -87,6 +91,7 @@ impl VisibilityBuffer {
         buffer
     }
 
+    /// Rasterises one piece.
     fn splat(&self, screen: &Screen, number: u32, ends: [Vec3; 2], radius: f32) {
         let outline = screen.outline(ends, radius);
         for y in outline.rows(&self.rows) {
@@ -95,6 +100,8 @@ impl VisibilityBuffer {
                 let depths = within.depths([ends[0].z, ends[1].z], radius);
                 for lane in within.covered() {
                     let key = u64::from(depths[lane].to_bits()) << 32 | u64::from(number);
+                    // A plain load first: most pieces lie behind others, and an atomic minimum
+                    // costs far more than a load.
                     if key < quad.keys[lane].load(Ordering::Relaxed) {
                         quad.keys[lane].fetch_min(key, Ordering::Relaxed);
                     }
@@ -103,7 +110,7 @@ impl VisibilityBuffer {
         }
     }
 
-    /// Where sample `index` of a pixel lies, and the number of the piece that it sees.
+    /// Place of sample `index` of a pixel, and the index of the piece that it sees.
     pub(super) fn sample(&self, pixel: [u32; 2], index: u32) -> (Vec2, Option<u32>) {
         let (quad, lane) = (&self.pixel_quads(pixel)[index as usize / 4], index as usize % 4);
         let key = quad.keys[lane].load(Ordering::Relaxed);
@@ -111,7 +118,7 @@ impl VisibilityBuffer {
         (place, (key != NOTHING).then(|| index32((key & 0xFFFF_FFFF) as usize)))
     }
 
-    /// The depths that the samples of a pixel see.
+    /// Depths that the samples of a pixel see; `None` for those that see no yarn.
     pub(super) fn depths(&self, pixel: [u32; 2]) -> impl Iterator<Item = Option<f32>> {
         let samples = self.pixel_quads(pixel).iter().flat_map(|quad| {
             (0..4).filter(|lane| quad.places[0][*lane].is_finite()).map(|lane| &quad.keys[lane])
@@ -122,6 +129,7 @@ impl VisibilityBuffer {
         })
     }
 
+    /// The groups of samples of one pixel.
     fn pixel_quads(&self, [x, y]: [u32; 2]) -> &[SampleQuad] {
         let first =
             ((y - self.rows.start) as usize * self.width as usize + x as usize) * self.quads;

@@ -1,57 +1,62 @@
-//! What a piece of yarn covers of a grid of pixels or texels.
+//! Rasterisation of capsules: the cells of a grid that a piece of yarn covers.
 //!
-//! In: both ends of a piece in the grid's own coordinates. Out: [`CapsuleOutline`], the cells that it may
-//! touch, and whether it covers a place in one.
+//! In: both ends of a piece in the grid's coordinates (pixels or texels). Out: [`CapsuleOutline`],
+//! that is the rows and columns that the piece may touch, and a test of four places at once.
 
 use std::ops::Range;
 
 use glam::{Vec2, Vec4};
 
-/// Rise of an axis, in cells, under which it runs along one row.
+/// Rise of an axis, cells, below which it counts as horizontal. It limits 1 / rise, which would
+/// overflow.
 const MIN_RISE: f32 = 1e-3;
-/// Length of an axis, in cells, from which not all of its box is looked at.
+/// Length of an axis, cells, from which each row's columns are narrowed to the axis. For shorter
+/// ones, the test of the whole bounding box is cheaper than the narrowing.
 const LONG_AXIS: f32 = 5.0;
 
-/// A piece of yarn as a line with round ends, in cells.
+/// A piece of yarn as a line segment with round ends, in cells.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CapsuleOutline {
     start: Vec2,
-    /// To the end.
+    /// From start to end.
     along: Vec2,
-    /// One over the length's square.
+    /// 1 / length^2.
     scale: f32,
     radius: f32,
-    /// One over the radius' square.
+    /// 1 / radius^2.
     inverse2: f32,
-    /// Share of the axis a row, never infinite, if the axis is long enough for its box to be mostly
-    /// empty.
+    /// Change of the axis parameter from row to row, limited by [`MIN_RISE`]. `None` for short
+    /// axes.
     rise: Option<f32>,
 }
 
-/// Where quad places lie in an outline.
+/// Places of four samples relative to an outline.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Coverage {
-    /// Along the axis, 0..1.
+    /// Parameter of the nearest point of the axis, 0..1.
     pub(super) share: Vec4,
-    /// From the axis, in radii, squared.
+    /// Squared distance from the axis, in radii.
     distance2: Vec4,
 }
 
 impl Coverage {
-    /// Which of them it covers, by number.
+    /// Lanes of the samples that are covered.
     #[inline]
     pub(super) fn covered(&self) -> impl Iterator<Item = usize> + use<> {
         let mut left = self.distance2.cmple(Vec4::ONE).bitmask();
         std::iter::from_fn(move || {
             let lane = left.trailing_zeros() as usize;
+            // Clears the lowest set bit.
             left &= left.wrapping_sub(1);
             (lane < 4).then_some(lane)
         })
     }
 
-    /// Depths of the yarn's surface there, whose axis has these at its ends.
+    /// Depths of the tube's surface at the four places, given the depths of the axis' ends.
     #[inline]
     pub(super) fn depths(&self, [start, end]: [f32; 2], radius: f32) -> Vec4 {
+        // The tube's circular section: it rises toward the eye by sqrt(1 - d^2) radii at distance d
+        // from the axis.
         let rise = (Vec4::ONE - self.distance2).max(Vec4::ZERO).sqrt();
         Vec4::splat(start) + self.share * (end - start) - rise * radius
     }
@@ -66,7 +71,7 @@ impl CapsuleOutline {
         Self { start, along, scale, rise, radius, inverse2: (radius * radius).recip() }
     }
 
-    /// Those of some rows of a grid that it may touch.
+    /// Those of some rows of a grid that the piece may touch.
     #[inline]
     pub(super) fn rows(&self, rows: &Range<u32>) -> Range<u32> {
         let end = self.start.y + self.along.y;
@@ -78,13 +83,13 @@ impl CapsuleOutline {
         touched.start.max(rows.start)..touched.end
     }
 
-    /// Columns that it may touch in a row.
+    /// Columns of a row that the piece may touch.
     #[inline]
     pub(super) fn columns(&self, row: u32, width: u32) -> Range<u32> {
         let (one, other) = match self.rise {
             Some(rise) => {
-                // What of the axis comes as near to the row as it takes; all of it, where it runs
-                // along the row.
+                // The part of the axis whose distance from the row is within reach. All of it,
+                // where it is nearly horizontal.
                 let (middle, reach) =
                     ((row as f32 + 0.5 - self.start.y) * rise, ((0.5 + self.radius) * rise).abs());
                 let share = |at: f32| self.start.x + self.along.x * at.clamp(0.0, 1.0);
@@ -95,15 +100,16 @@ impl CapsuleOutline {
         cells(one.min(other) - self.radius, one.max(other) + self.radius, width)
     }
 
-    /// A place on the axis.
+    /// The point of the axis at a parameter.
     pub(super) fn at(&self, share: f32) -> Vec2 {
         self.start + self.along * share
     }
 
-    /// Where the places of quad columns and rows lie.
+    /// Coverage at four places, given as four columns and four rows.
     #[inline]
     pub(super) fn within(&self, [columns, rows]: [Vec4; 2]) -> Coverage {
         let (x, y) = (columns - self.start.x, rows - self.start.y);
+        // Projection onto the axis, clamped to its ends: this makes the ends round.
         let share =
             ((x * self.along.x + y * self.along.y) * self.scale).clamp(Vec4::ZERO, Vec4::ONE);
         let (x, y) = (x - share * self.along.x, y - share * self.along.y);
@@ -111,7 +117,7 @@ impl CapsuleOutline {
     }
 }
 
-/// The cells from `low` to `high` of a grid with `end` of them.
+/// Cells from `low` to `high` in a grid of `end` cells.
 #[inline]
 #[expect(
     clippy::cast_possible_truncation,

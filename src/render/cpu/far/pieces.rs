@@ -1,8 +1,8 @@
-//! Yarns as the straight pieces between their data points: from afar, a bend between two of them is
-//! finer than a pixel shows.
+//! Yarns as straight pieces between their data points. From afar, a bend between two points is
+//! finer than a pixel.
 //!
-//! In: a scene. Out: [`SplatPieces`], which names a piece by its first data point and keeps nothing of
-//! it.
+//! In: a scene. Out: [`SplatPieces`], which identifies a piece by its first data point and computes
+//! the rest on demand. Memory: none per piece.
 
 use std::ops::Range;
 
@@ -14,18 +14,18 @@ use crate::render::cpu::to_f32;
 use crate::render::paths;
 use crate::scene::{Scene, SceneStrand, SpanLengths, drawable};
 
-/// Data points of which a thread draws the pieces at a time.
+/// Data points whose pieces one task handles at a time.
 const PART: u32 = 4096;
 
 /// All pieces of a scene's yarns.
 pub(super) struct SplatPieces<'a> {
     pub(super) scene: &'a Scene,
-    /// The scene's middle, to which places are relative.
+    /// The scene's centre, to which positions are relative.
     centre: Vec3,
     lengths: SpanLengths,
 }
 
-/// A piece: a line with round ends.
+/// A piece: a capsule.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SplatPiece {
     pub(super) ends: [Vec3; 2],
@@ -37,18 +37,19 @@ impl<'a> SplatPieces<'a> {
         Self { scene, centre, lengths: scene.span_lengths() }
     }
 
-    /// Length of the longest, mm.
+    /// Length of the longest piece, mm.
     pub(super) fn longest(&self) -> f32 {
         to_f32(self.lengths.longest)
     }
 
-    /// Whether strands lie one after another in memory: by that a piece's strand is found.
+    /// Whether strands lie one after another in memory. The binary search in [`Self::strand_of`]
+    /// needs that.
     pub(super) fn are_in_order(&self) -> bool {
         self.scene.strands.is_sorted_by(|one, other| one.points.end <= other.points.start)
     }
 
-    /// Calls `draw` with every piece's number, both ends as `place` puts them, and the radius, in
-    /// parallel. What has no place is left out.
+    /// Calls `draw` with each piece's index, both of its ends as `place` projects them, and its
+    /// radius, in parallel. Points that `place` rejects are left out.
     pub(super) fn for_each(
         &self,
         place: impl Fn(Vec3) -> Option<Vec3> + Sync,
@@ -62,7 +63,7 @@ impl<'a> SplatPieces<'a> {
             for number in points {
                 let next = placed(number + 1);
                 if let Some(start) = start {
-                    // A last point, and one before a gap, is a ball.
+                    // A single point, or one before a gap, is drawn as a ball.
                     draw(number, [start, next.unwrap_or(start)], radius);
                 }
                 start = next;
@@ -94,8 +95,8 @@ impl<'a> SplatPieces<'a> {
         self.scene.strands.partition_point(|strand| strand.points.end <= point)
     }
 
-    /// The yarn's direction at share `s` of the piece that starts at data point `first`: turns
-    /// evenly from piece to piece.
+    /// Unit tangent at fraction `s` of the piece that starts at data point `first`, interpolated
+    /// between central differences at its ends. It is continuous from piece to piece.
     pub(super) fn tangent(&self, strand: usize, first: u32, s: f32) -> Vec3 {
         let points = &self.scene.strands[strand].points;
         let slope = |point: u32| {
@@ -106,7 +107,8 @@ impl<'a> SplatPieces<'a> {
         slope(first).lerp(slope((first + 1).min(points.end - 1)), s).normalize_or(Vec3::X)
     }
 
-    /// Arc length at share `s` of that piece, mm: as if all pieces were of one length.
+    /// Arc length at fraction `s` of that piece, mm, as if all pieces had the mean length. Exact
+    /// lengths would need 4 bytes a point; they only shift the texture along the yarn.
     pub(super) fn along(&self, strand: usize, first: u32, s: f32) -> f32 {
         let pieces = f64::from(first - self.scene.strands[strand].points.start) + f64::from(s);
         to_f32(
@@ -115,9 +117,10 @@ impl<'a> SplatPieces<'a> {
         )
     }
 
-    /// Where the pieces at a data point meet: moved out of the bend there, so that pieces lie where
-    /// the curve does on the average. A span of a Catmull-Rom curve (here taken for a uniform one)
-    /// lies (p1 + p2 - p0 - p3) / 24 aside of its chord.
+    /// The point where two pieces meet. It is moved outward from the bend there, so that on average
+    /// the pieces lie on the curve and not inside it. A span of a uniform Catmull-Rom curve lies
+    /// (p1 + p2 - p0 - p3) / 24 beside its chord on average. The mean of that over the two spans at
+    /// a point gives the shift.
     #[inline]
     fn joint(&self, point: u32, strand: &Range<u32>) -> Option<Vec3> {
         if point >= strand.end {
@@ -133,6 +136,7 @@ impl<'a> SplatPieces<'a> {
         Some(here - self.centre + if drawable(bend) { bend / 48.0 } else { Vec3::ZERO })
     }
 
+    /// Strands cut into parts for tasks.
     fn parts(&self) -> Vec<(usize, Range<u32>)> {
         let parts = |(number, strand): (usize, &SceneStrand)| {
             let Range { start, end } = strand.points;

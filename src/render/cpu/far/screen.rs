@@ -1,7 +1,7 @@
-//! Where places lie in the picture.
+//! Screen space: projection of points and pieces into the picture.
 //!
-//! In: a camera and a point relative to the scene's middle. Out: its column, row and depth; and
-//! what a piece of yarn covers of the picture.
+//! In: a camera, and points relative to the scene's centre. Out: column, row and depth of a point,
+//! and the outline of a piece.
 
 use glam::{Mat4, Vec2, Vec3, Vec4, Vec4Swizzles};
 
@@ -10,14 +10,14 @@ use super::pieces::SplatPiece;
 use crate::render::{Camera, RenderOptions};
 use crate::scene::Bounds;
 
-/// A picture's frame.
+/// The camera and the picture's size.
 pub(super) struct Screen {
     clip_from_world: Mat4,
-    /// The eye.
+    /// The eye, relative to the scene's centre.
     pub(super) eye: Vec3,
     pub(super) right: Vec3,
     up: Vec3,
-    /// Where the camera looks.
+    /// Unit vector in which the camera looks.
     ahead: Vec3,
     /// Size of a pixel at distance 1.
     pixel: f32,
@@ -31,7 +31,7 @@ impl Screen {
         #[expect(clippy::cast_possible_truncation, reason = "a pixel's size")]
         let pixel = camera.pixel_size(1.0, options.height) as f32;
         Self {
-            // RayTracer and far matter to z alone, which nobody reads.
+            // The near and far planes affect clip z only, which is not used here.
             clip_from_world: camera.clip_from_world(centre, options.aspect(), 1.0, 2.0),
             eye: (camera.eye() - centre).as_vec3(),
             right: camera.to_world(Vec3::X),
@@ -42,8 +42,7 @@ impl Screen {
         }
     }
 
-    /// Column and row, and the distance along the camera's axis; nothing for what is behind the
-    /// eye.
+    /// Column, row, and distance along the camera's axis. `None` for points behind the eye.
     pub(super) fn project(&self, point: Vec3) -> Option<Vec3> {
         let clip = self.clip_from_world * point.extend(1.0);
         (clip.w > 0.0).then(|| {
@@ -51,7 +50,7 @@ impl Screen {
         })
     }
 
-    /// Whether a point lies in the picture or a pixel beside it.
+    /// Whether a point lies in the picture or within a pixel of it.
     pub(super) fn shows(&self, point: Vec3) -> bool {
         let inside = |at: Vec3| {
             at.truncate().cmpge(Vec2::NEG_ONE).all()
@@ -60,14 +59,16 @@ impl Screen {
         self.project(point).is_some_and(inside)
     }
 
-    /// The outline of a piece with both ends in place.
+    /// Outline of a piece whose ends are projected already.
     ///
-    /// A ball away from the picture's middle is seen as an ellipse; here it stays a circle.
+    /// A sphere away from the picture's centre projects to an ellipse. Here it stays a circle,
+    /// which is indistinguishable for a yarn thinner than a pixel.
     pub(super) fn outline(&self, [one, other]: [Vec3; 2], radius: f32) -> CapsuleOutline {
         CapsuleOutline::new([one.truncate(), other.truncate()], radius / (self.pixel * one.z))
     }
 
-    /// Where along a piece a place in the picture lies, and how far aside of its axis, in radii.
+    /// Parameter along a piece of the point nearest to a place in the picture, and the offset of
+    /// that place from the axis, in world directions and radii.
     pub(super) fn locate(&self, piece: &SplatPiece, place: Vec2) -> Option<(f32, Vec3)> {
         let start = self.project(piece.ends[0])?;
         let ends = [start, self.project(piece.ends[1]).unwrap_or(start)];
@@ -82,11 +83,12 @@ impl Screen {
         (point - self.eye).dot(self.ahead)
     }
 
-    /// Size of a pixel at a place, mm.
+    /// Size of a pixel at a point, mm.
     pub(super) fn pixel_at(&self, place: Vec3) -> f32 {
         self.pixel * self.eye.distance(place)
     }
 
+    /// The picture's size as floats.
     fn extent(&self) -> Vec2 {
         Vec2::new(self.size[0] as f32, self.size[1] as f32)
     }

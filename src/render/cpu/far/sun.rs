@@ -1,8 +1,10 @@
-//! What the sun sees: the nearest depths on a grid across its rays.
+//! Shadow map of the sun: the nearest depths on a grid across the sun's rays (Williams 1978,
+//! 'Casting curved shadows on curved surfaces').
 //!
-//! In: pieces, the picture's frame and the sun. Out: [`ShadowMap`], 4 bytes a texel, which tells
-//! whether a place is in the sun. It covers what the picture shows. Shadows of other folds are soft
-//! as the sun is wide; the penumbra of one yarn on the next is finer than a pixel.
+//! In: pieces, the picture's screen and the direction to the sun. Out: [`ShadowMap`], 4 bytes a
+//! texel. It covers what the picture shows. Distant shadows, such as that of one fold on another,
+//! have a penumbra as wide as the sun makes it (after Fernando 2005, 'Percentage-closer soft
+//! shadows'). The penumbra of one yarn on its neighbour is finer than a pixel and is left out.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -13,20 +15,25 @@ use super::outline::CapsuleOutline;
 use super::pieces::SplatPieces;
 use super::screen::Screen;
 
-/// Size of a texel, radii of the thinnest yarn.
+/// Size of a texel, radii of the thinnest yarn. Finer texels resolve what no pixel shows. Coarser
+/// ones let light through between yarns, or close the gaps.
 const TEXEL_RADII: f32 = 1.4;
-/// The same in pixels of the picture, which can't show more.
+/// Lower limit of a texel's size, in pixels of the picture, which cannot show finer shadows.
 const TEXEL_PIXELS: f32 = 0.5;
-/// Most texels, 128 MB, but for what rounding up adds to a thin strip.
+/// Limit of the number of texels: 128 MB. Rounding up may add a little for very thin strips.
 const MAX_TEXELS: f32 = 33e6;
-/// What counts as one depth, in texels and in radii of the yarn there.
+/// Depth bias, in texels and in radii of the yarn that is tested. Without it, a yarn would shadow
+/// itself because of the map's resolution ('shadow acne'). Too large a bias loses the shadows of
+/// yarns that touch.
 const BIAS_TEXELS: f32 = 0.5;
 const BIAS_RADII: f32 = 0.3;
 
-/// Texels a side of the blocks in which shadows from far away are looked for: as wide as the
-/// penumbra of a garment's farther side.
+/// Side of the blocks in which occluders of distant shadows are searched, texels: as wide as the
+/// penumbra that a garment's far side casts. Smaller blocks would cut penumbras off; larger ones
+/// find occluders that matter less.
 const BLOCK: usize = 64;
-/// Depth from which a shadow has a penumbra to be seen, radii of the yarn it falls on.
+/// Distance to the occluder from which a shadow gets a penumbra, radii of the yarn that it falls
+/// on. A nearer occluder is the cloth itself.
 const SOFT_RADII: f32 = 12.0;
 
 /// Depths along the sun's rays.
@@ -34,13 +41,13 @@ pub(super) struct ShadowMap {
     across: Vec3,
     up: Vec3,
     toward: Vec3,
-    /// Where the grid begins, mm along `across`, `up` and the rays.
+    /// Origin of the grid, mm along `across`, `up` and the rays.
     low: Vec3,
     texel: f32,
     size: [u32; 2],
-    /// Bits of the nearest depth at each texel's middle.
+    /// Bits of the nearest depth at each texel's centre.
     nearest: Vec<AtomicU32>,
-    /// The nearest depth in each block and those around it.
+    /// Nearest depth in each block and in the eight blocks around it.
     blocks: Vec<f32>,
 }
 
@@ -48,7 +55,8 @@ impl ShadowMap {
     /// The map for what `screen` shows, where a pixel is `pixel` mm wide.
     pub(super) fn new(pieces: &SplatPieces, screen: &Screen, pixel: f32, toward: Vec3) -> Self {
         let (across, up) = toward.any_orthonormal_pair();
-        // What isn't shown may still cast a shadow: its depth counts.
+        // The grid covers what is shown. Points outside of the picture may still cast shadows into
+        // it, so their depth counts.
         let corners_of = |point: Vec3| {
             let at = Vec3::new(point.dot(across), point.dot(up), -point.dot(toward));
             let (low, high) =
@@ -61,7 +69,7 @@ impl ShadowMap {
         let [low, high] =
             pieces.points().map(corners_of).reduce(|| [Vec3::INFINITY, Vec3::NEG_INFINITY], around);
         let (thinnest, thickest) = pieces.scene.radii();
-        // A piece may be shown though neither of its ends is.
+        // A piece may be visible although neither of its ends is.
         let margin = thickest + pieces.longest();
         let low = low - margin;
         let extent = (high.truncate() + margin - low.truncate()).max(Vec2::ZERO);
@@ -78,6 +86,7 @@ impl ShadowMap {
         map
     }
 
+    /// Rasterises one piece into the map.
     fn splat(&self, [one, other]: [Vec3; 2], radius: f32) {
         let outline = CapsuleOutline::new([one.truncate(), other.truncate()], radius / self.texel);
         for y in outline.rows(&(0..self.size[1])) {
@@ -98,6 +107,7 @@ impl ShadowMap {
         }
     }
 
+    /// Minimum filter over blocks, then over 3 x 3 blocks.
     fn blocks(&self) -> Vec<f32> {
         let [width, height] = self.size.map(|side| side as usize);
         let across = width.div_ceil(BLOCK);
@@ -127,12 +137,12 @@ impl ShadowMap {
             .collect()
     }
 
-    /// Whether light from a unit direction within the sun's disc reaches a place on a yarn of some
+    /// Whether light from a unit direction within the sun's disc reaches a point on a yarn of this
     /// radius.
     ///
-    /// What hides the sun's middle, or else the nearest thing in the blocks around, tells how far
-    /// away a shadow's edge begins: the ray is followed so far, and stopped if something stands
-    /// there, or half as far (after Fernando 2005, percentage-closer soft shadows).
+    /// The distance to the occluder comes from the map, or, where the sun's centre is visible, from
+    /// the nearest depth in the blocks around. The ray is followed for that distance and looked up
+    /// there. It counts as blocked if the depth there lies more than halfway to the occluder.
     pub(super) fn is_lit(&self, place: Vec3, radius: f32, toward: Vec3) -> bool {
         let at = self.project(place);
         let cell = self.texel_at(at.truncate());
@@ -145,13 +155,14 @@ impl ShadowMap {
             false if around > SOFT_RADII * radius => around,
             false => return true,
         };
+        // Offset per unit of depth of this ray from the ray to the sun's centre.
         let slope =
             Vec2::new(toward.dot(self.across), toward.dot(self.up)) / toward.dot(self.toward);
         let there = self.texel_at(at.truncate() + slope * (away / self.texel));
         at.z - self.depth(there) <= 0.5 * away
     }
 
-    /// The texel at a place in the grid, or at its border.
+    /// The texel at a place of the grid, clamped to its border.
     fn texel_at(&self, at: Vec2) -> [usize; 2] {
         #[expect(
             clippy::cast_possible_truncation,
@@ -167,7 +178,7 @@ impl ShadowMap {
         f32::from_bits(self.nearest[y * self.size[0] as usize + x].load(Ordering::Relaxed))
     }
 
-    /// In texels, and in z the depth, mm.
+    /// Column and row in texels, and depth in mm.
     fn project(&self, point: Vec3) -> Vec3 {
         let from = Vec3::new(point.dot(self.across), point.dot(self.up), -point.dot(self.toward))
             - self.low;

@@ -1,9 +1,12 @@
-//! Tracing rays: each sample of a pixel sends one to the yarns, one from there to the sun and a few
-//! short ones to the sky.
+//! Ray tracing. Each sample of a pixel casts one ray at the yarns. From the hit, one shadow ray
+//! goes to the sun and a few short ones into the sky (ambient occlusion).
 //!
-//! In: a scene and a camera. Out: [`RayTracer`], which adds the light of a pixel's samples to a film. A
-//! sky ray that is stopped brings the colour of the yarn that stopped it. Yarns are tubes or
-//! ribbons, with maps or plies.
+//! In: a scene and a camera. Out: [`RayTracer`], which adds the light of a pixel's samples to the
+//! film. A sky ray that is blocked returns the colour of the yarn that blocks it, times a constant
+//! for the light in gaps between yarns ([`Rig::interior`]). Yarns are tubes or ribbons, textured or
+//! with procedural plies.
+//!
+//! Not computed: further bounces of light, and light transmitted through fibres.
 
 mod capsule;
 mod ray;
@@ -29,41 +32,45 @@ use ray::{CameraRays, Hit, SceneRay};
 use segments::Segments;
 use trace::SegmentBvh;
 
-/// How far a sky ray looks for yarns in its way, in radii of the yarn it starts from: about a wale
-/// in common fabrics.
+/// Length of sky rays, in radii of the yarn that they start from: about a wale in common fabrics.
+/// Shorter rays miss the neighbouring wale, and the cloth's relief flattens. Longer ones let
+/// distant folds darken the cloth and cost more.
 const SKY_REACH_RADII: f32 = 24.0;
-/// Secondary rays start this share of the radius above the surface.
+/// Offset of secondary rays' origins above the surface, radii. Too small an offset lets a ray hit
+/// its own surface by rounding ('shadow acne'). Too large a one leaks light at contacts between
+/// yarns.
 const ORIGIN_OFFSET: f32 = 0.02;
 
-/// All that a pixel's colour depends on.
+/// Everything that a pixel's colour depends on.
 pub(super) struct RayTracer<'a> {
-    tracer: SegmentBvh<'a>,
+    bvh: SegmentBvh<'a>,
     eye: CameraRays<'a>,
     rig: Rig,
 }
 
-/// A yarn's surface where a ray here it.
+/// A yarn's surface where a ray hits it.
 struct SurfaceHit {
-    /// First point of the segment.
+    /// First point of the segment that is hit.
     start: u32,
-    /// On the yarn, relative to the scene's middle.
+    /// The point, relative to the scene's centre.
     position: Vec3,
-    /// Normal of the tube or the fabric; the surface's own is tilted by plies and fibres.
+    /// Normal of the tube or of the fabric. The normal of `surface` is tilted by plies, fibres or a
+    /// texture.
     smooth_normal: Vec3,
     surface: Surface,
-    /// Share of the sky's light that the yarn's own relief lets through.
+    /// Fraction of the sky's light that the yarn's own relief lets through.
     occlusion: f32,
     radius: f32,
     toward_eye: Vec3,
     /// Size of a pixel there, mm.
     footprint: f32,
     random_bits: u32,
-    /// Whether a pixel is wider than the yarn, and the difference may be used.
+    /// Whether the yarn is thinner than a pixel and level of detail is allowed.
     thin: bool,
 }
 
 impl<'a> RayTracer<'a> {
-    /// Makes ready to look at `scene`, which lies within `bounds`.
+    /// Prepares a scene that lies within `bounds`.
     pub(super) fn new(
         scene: &'a Scene,
         bounds: &Bounds,
@@ -72,10 +79,10 @@ impl<'a> RayTracer<'a> {
     ) -> Self {
         let segments = Segments::new(scene, bounds, camera, options);
         let eye = CameraRays::new(camera, options, segments.paths.centre, segments.bounds);
-        Self { tracer: SegmentBvh::new(segments), eye, rig: options.light.around(camera) }
+        Self { bvh: SegmentBvh::new(segments), eye, rig: options.light.around(camera) }
     }
 
-    /// Adds the samples of a pixel to its row.
+    /// Adds the samples of one pixel to its film row.
     pub(super) fn pixel(&self, [x, y]: [u32; 2], splats: &mut Splats) {
         let spp = self.eye.options.spp.max(1);
         let sampler = Sampler::new(x, y, self.eye.options.seed);
@@ -91,11 +98,11 @@ impl<'a> RayTracer<'a> {
         }
     }
 
-    /// The light that a sample sees along its ray, and in w 1 where yarn is and 0 where none is.
+    /// Light along a sample's ray, with w = 1 where it meets yarn and w = 0 where it does not.
     ///
-    /// Where yarns are thinner than a pixel, two samples share one sky ray by way of `shared`. SampleQuad
-    /// would, and two one sun ray, at five sixths of the time, but cloth then grows grainy and its
-    /// colour is off by 3 %.
+    /// Where yarns are thinner than a pixel, two samples share one sky ray, by way of `shared`.
+    /// Sharing it among four samples, and one sun ray between two, takes five sixths of the time.
+    /// But then the cloth looks grainy, and its colour is off by 3 %.
     fn sample(
         &self,
         ray: &SceneRay,
@@ -103,7 +110,7 @@ impl<'a> RayTracer<'a> {
         sampler: &Sampler,
         shared: &mut Option<SkyLight>,
     ) -> Vec4 {
-        let Some(hit) = self.tracer.nearest(ray) else { return Vec4::ZERO };
+        let Some(hit) = self.bvh.nearest(ray) else { return Vec4::ZERO };
         let here = self.surface_hit(ray, hit);
         let sky = match shared.take() {
             Some(sky) if here.thin => sky,
@@ -114,15 +121,16 @@ impl<'a> RayTracer<'a> {
         opaque_sample(light)
     }
 
+    /// The surface at a hit: geometry, then texture or plies, then sheen.
     fn surface_hit(&self, ray: &SceneRay, hit: Hit) -> SurfaceHit {
-        let scene = self.tracer.segments.scene;
+        let scene = self.bvh.segments.scene;
         let point = match scene.shape {
             Shape::Tube => self.point_on_tube(ray, hit),
             Shape::Ribbon => self.point_on_ribbon(ray, hit),
         };
         let toward_eye = -ray.direction;
         let footprint = self.eye.pixel_at(point.position);
-        let look = &scene.looks[usize::from(self.tracer.segments.look(hit.start))];
+        let look = &scene.looks[usize::from(self.bvh.segments.look(hit.start))];
         let (mut surface, occlusion) = match scene.maps_of(look) {
             Some(maps) => {
                 let girth = look.radius * if scene.shape == Shape::Tube { TAU } else { 2.0 };
@@ -151,15 +159,18 @@ impl<'a> RayTracer<'a> {
         }
     }
 
+    /// The shading point of a hit on a tube.
     fn point_on_tube(&self, ray: &SceneRay, hit: Hit) -> ShadingPoint {
         let entry = ray.at(hit.distance);
-        let axis = self.tracer.segments.axis_point(hit.start, entry);
+        let axis = self.bvh.segments.axis_point(hit.start, entry);
         let outward = entry - axis.position;
-        // The capsule's normal with the curve's tangent taken out of it: smooth where two capsules
-        // join.
+        // Remove the tangential component of the capsule's normal. The result follows the smooth
+        // curve and is continuous where two capsules join.
         let normal =
             (outward - axis.tangent * outward.dot(axis.tangent)).normalize_or(-ray.direction);
         ShadingPoint {
+            // Project the hit onto the tube's exact radius. The distance along the ray has the
+            // rounding of `f32`.
             position: axis.position + outward.normalize_or(normal) * axis.radius,
             normal,
             tangent: axis.tangent,
@@ -169,13 +180,14 @@ impl<'a> RayTracer<'a> {
         }
     }
 
+    /// The shading point of a hit on a ribbon.
     fn point_on_ribbon(&self, ray: &SceneRay, hit: Hit) -> ShadingPoint {
-        let segments = &self.tracer.segments;
+        let segments = &self.bvh.segments;
         let crossing = segments.strip(hit.start).crossing(ray.origin.into(), ray.direction.into());
         let (u, v) = crossing.map_or((0.5, 0.5), |crossing| (crossing.u, crossing.v));
         let (tangent, normal) = segments.directions(hit.start, v);
         let front = normal.normalize_or(-ray.direction);
-        // Cloth has two right sides: the back is lit as the front is.
+        // Both sides of the cloth are right sides: the back is shaded like the front.
         let normal = if front.dot(ray.direction) > 0.0 { -front } else { front };
         let (top, along) = (front.cross(tangent).normalize_or_zero(), segments.along(hit.start, v));
         ShadingPoint {
@@ -188,7 +200,7 @@ impl<'a> RayTracer<'a> {
         }
     }
 
-    /// The surface of a yarn of which there is no photo, without its sheen.
+    /// The surface of a yarn without a texture, without its sheen.
     fn untextured_surface(
         &self,
         look: &YarnLook,
@@ -196,7 +208,7 @@ impl<'a> RayTracer<'a> {
         toward_eye: Vec3,
         footprint: f32,
     ) -> Surface {
-        let (normal, shade) = match self.tracer.segments.scene.shape {
+        let (normal, shade) = match self.bvh.segments.scene.shape {
             Shape::Ribbon => (point.normal, 1.0),
             Shape::Tube => ply::detail(&YarnPoint {
                 normal: point.normal,
@@ -219,28 +231,31 @@ impl<'a> RayTracer<'a> {
         }
     }
 
-    /// What a yarn that stops a sky ray is coloured like.
+    /// Colour of the yarn that blocks a sky ray.
     fn occluder_albedo(&self, start: u32) -> Vec3 {
-        let scene = self.tracer.segments.scene;
-        scene.albedo_of(&scene.looks[usize::from(self.tracer.segments.look(start))])
+        let scene = self.bvh.segments.scene;
+        scene.albedo_of(&scene.looks[usize::from(self.bvh.segments.look(start))])
     }
 
+    /// The sun's light reflected toward the eye. One random direction within the sun's disc per
+    /// sample gives soft shadows.
     fn sun_light(&self, here: &SurfaceHit, sampler: &Sampler, index: u32) -> Vec3 {
         let toward = self.rig.sun_sample(sampler.pair(
             SampleDimension::Sun,
             index,
             self.eye.options.spp.max(1),
         ));
+        // Below either horizon no light arrives, and no ray is needed.
         if here.surface.normal.dot(toward) <= 0.0 || here.smooth_normal.dot(toward) <= 0.0 {
             return Vec3::ZERO;
         }
-        if self.tracer.occluder(&here.secondary_ray(toward, f32::INFINITY), here.start).is_some() {
+        if self.bvh.occluder(&here.secondary_ray(toward, f32::INFINITY), here.start).is_some() {
             return Vec3::ZERO;
         }
         sun_reflection(&self.rig, &here.surface, toward, here.toward_eye)
     }
 
-    /// What cosine-distributed rays see of the sky, or of the yarns in front of it.
+    /// Cosine-weighted light from the sky, or from the yarns in front of it.
     fn sky_light(&self, here: &SurfaceHit, sampler: &Sampler, index: u32) -> SkyLight {
         let rays = if here.thin { 1 } else { self.eye.options.sky_rays.max(1) };
         let (mut light, mut open) = (Vec3::ZERO, 0);
@@ -250,36 +265,41 @@ impl<'a> RayTracer<'a> {
                 index * rays + ray,
                 self.eye.options.spp.max(1) * rays,
             );
+            // Importance sampling: the density of directions is the cosine over pi, so all rays
+            // weigh the same.
             let toward = cosine_direction(here.surface.normal, u);
-            let stopped = if here.smooth_normal.dot(toward) <= 0.0 {
+            // A direction below the smooth surface points into the yarn itself.
+            let occluder = if here.smooth_normal.dot(toward) <= 0.0 {
                 Some(here.start)
             } else {
-                self.tracer.occluder(
+                self.bvh.occluder(
                     &here.secondary_ray(toward, here.radius * SKY_REACH_RADII),
                     here.start,
                 )
             };
-            light += match stopped {
+            light += match occluder {
                 Some(start) => self.rig.interior * self.occluder_albedo(start),
                 None => self.rig.sky(toward),
             };
-            open += u32::from(stopped.is_none());
+            open += u32::from(occluder.is_none());
         }
         SkyLight { light: light * share(1, rays), open: share(open, rays) }
     }
 }
 
 impl SurfaceHit {
+    /// A ray from the hit in this direction.
     fn secondary_ray(&self, direction: Vec3, reach: f32) -> SceneRay {
         let origin = self.position + self.smooth_normal * (self.radius * ORIGIN_OFFSET);
-        // Another number than the eye's ray had: what let that one through must not let all
-        // through.
+        // Not the primary ray's random bits. Otherwise the strips that let the primary ray through
+        // would let all of its secondary rays through as well.
         let random_bits = ply::hash(self.random_bits ^ direction.x.to_bits());
         SceneRay { origin, direction, reach, footprint: self.footprint, random_bits }
     }
 }
 
-/// A direction around `normal` with density proportional to the cosine.
+/// A random direction around `normal`, with a density proportional to the cosine (Malley's method:
+/// a uniform point of the disc, projected up to the hemisphere).
 fn cosine_direction(normal: Vec3, u: [f32; 2]) -> Vec3 {
     let (across, up) = normal.any_orthonormal_pair();
     let (sin, cos) = (TAU * u[1]).sin_cos();

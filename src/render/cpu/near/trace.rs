@@ -1,7 +1,11 @@
-//! What a ray meets, by a compressed wide BVH (obvhs) over groups of neighbouring segments.
+//! Bounding volume hierarchy over the segments of yarns.
 //!
-//! In: [`Segments`]. Out: the nearest segment along a ray, or any one within reach. Beside the tree
-//! a group takes 4 bytes.
+//! In: [`Segments`]. Out: the nearest segment along a ray, or any segment that occludes it. The
+//! hierarchy is a compressed wide BVH (Ylitie, Karras and Laine 2017, 'Efficient incoherent ray
+//! traversal on GPUs through compressed wide BVHs') from the crate `obvhs`. Its leaves are short
+//! groups of consecutive segments.
+//!
+//! Memory beside the tree: 4 bytes a group. Results do not depend on the order of traversal.
 
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
@@ -16,22 +20,24 @@ use super::ray::{Hit, SceneRay};
 use super::segments::Segments;
 use crate::ids::index32;
 
-/// Segments that share a box in the build_bvh: two halve the memory of building it, for boxes that
-/// are hardly looser. More of them, where there are so many that building takes longer than
-/// tracing, and more again, where memory runs short.
+/// Segments per leaf box, by the number of points from which a size is used. Two halve the memory
+/// of the build, and the box around two consecutive segments is hardly looser than two boxes. More
+/// suit scenes where the build takes longer than tracing, and even more suit those that run short
+/// of memory. One wastes memory. Beyond eight, a group winds around a whole loop and its box is
+/// mostly empty.
 const GROUP_SIZES: [(usize, u32); 3] = [(0, 2), (LARGE_SCENE, 4), (8 * LARGE_SCENE, 8)];
+/// Points from which the build takes longer than tracing.
 const LARGE_SCENE: usize = 3_000_000;
-/// Links a leaf of the build_bvh may hold. 3, the group_size that a compressed node can say, traced 3 %
-/// slower.
+/// Groups per leaf of the tree. A compressed node can hold up to 3, but that traced 3 % slower.
 const MAX_LEAF: u32 = 1;
 
-/// The build_bvh over all segments.
+/// The hierarchy over all segments.
 pub(super) struct SegmentBvh<'a> {
     pub(super) segments: Segments<'a>,
-    /// First points of the groups, in the order of the leaves: one look-up less for each that is
-    /// met.
+    /// First points of the groups in the order of the leaves, which saves a lookup for each leaf
+    /// that is met.
     groups: Vec<u32>,
-    /// Most segments in a group.
+    /// Largest number of segments in a group.
     group_size: u32,
     bvh: CwBvh,
 }
@@ -57,24 +63,25 @@ impl<'a> SegmentBvh<'a> {
         self.bvh.ray_traverse(ray.to_obvhs(), &mut RayHit::none(), |_, index| {
             for start in group_segments(&self.segments, self.groups[index], self.group_size) {
                 let distance = self.segments.distance(start, ray, nearest.distance);
-                // Of two at one distance, the first along the yarn, in whatever order the build_bvh
-                // brings them.
+                // Ties go to the first segment along the yarn. Otherwise the order of traversal
+                // would decide at joints, and with it the picture.
                 if distance < nearest.distance
                     || (distance == nearest.distance && start < nearest.start)
                 {
                     nearest = Hit { start, distance };
                 }
             }
+            // The new upper bound: the traversal skips boxes beyond it.
             nearest.distance
         });
         (nearest.distance < ray.reach).then_some(nearest)
     }
 
-    /// The first point of some segment within reach, those of segment `own` and its neighbours on
-    /// the yarn left out.
+    /// The first point of any segment that blocks the ray within its reach. Segment `own`, where
+    /// the ray starts, and its two neighbours on the yarn do not count.
     ///
-    /// A bend's own pieces overlap at the joints, where the curve they stand for has no edge to
-    /// cast a shadow.
+    /// Segments of one bend overlap at their joints. The smooth curve that they approximate has no
+    /// edge there that could cast a shadow.
     pub(super) fn occluder(&self, ray: &SceneRay, own: u32) -> Option<u32> {
         let mut occluder = None;
         self.bvh.ray_traverse_miss(ray.to_obvhs(), |traversal, index| {
@@ -83,6 +90,7 @@ impl<'a> SegmentBvh<'a> {
             occluder = group
                 .into_iter()
                 .find(|&start| self.segments.distance(start, ray, traversal.tmax) < traversal.tmax);
+            // The return value is the ray's new reach: 0 ends the traversal at the first occluder.
             if occluder.is_some() { 0.0 } else { f32::INFINITY }
         });
         occluder
@@ -90,21 +98,22 @@ impl<'a> SegmentBvh<'a> {
 }
 
 impl SceneRay {
+    /// The ray in the form that the hierarchy takes.
     fn to_obvhs(&self) -> Ray {
         Ray::new(self.origin.into(), self.direction.into(), 0.0, self.reach)
     }
 }
 
-/// The build_bvh over the groups' boxes, by obvhs' own recipe, but with each stage's memory given
-/// back before the next.
+/// Builds the hierarchy over the groups' boxes: PLOC (Meister and Bittner 2018, 'Parallel
+/// locally-ordered clustering for bounding volume hierarchy construction'), then reinsertion of
+/// badly placed nodes, then conversion into wide nodes. These are the stages of obvhs' own build.
+/// Here each stage frees its input before the next one allocates.
 fn build_bvh(segments: &Segments, groups: &[u32], group_size: u32) -> CwBvh {
-    let around = |group| {
-        group_segments(segments, group, group_size)
-            .fold(Aabb::empty(), |around, start| around.union(&segments.bounding_box(start)))
-    };
-    let boxes: Vec<Aabb> = groups.par_iter().map(|&group| around(group)).collect();
-    // Measured on 26 000 stitches, 1600x1200: the longer build traces 12 % faster in all. A million
-    // stitches want less time for each.
+    let boxes: Vec<Aabb> =
+        groups.par_iter().map(|&group| group_box(segments, group, group_size)).collect();
+    // A slower build gives a better tree: with 26 000 stitches at 1600 x 1200 pixels, building and
+    // tracing together are 12 % faster. With a million stitches the build dominates, and the fast
+    // one wins.
     let is_large = segments.paths.points.len() > LARGE_SCENE;
     let params =
         if is_large { BvhBuildParams::very_fast_build() } else { BvhBuildParams::medium_build() };
@@ -123,7 +132,14 @@ fn build_bvh(segments: &Segments, groups: &[u32], group_size: u32) -> CwBvh {
     wide
 }
 
-/// Every `group_size`th segment of a strand, counted from its start.
+/// The bounding box of a group.
+fn group_box(segments: &Segments, group: u32, group_size: u32) -> Aabb {
+    group_segments(segments, group, group_size)
+        .fold(Aabb::empty(), |around, start| around.union(&segments.bounding_box(start)))
+}
+
+/// First points of the groups: every `group_size`th segment of a strand, counted from the strand's
+/// start. A group never spans two strands.
 fn groups(segments: &Segments, group_size: u32) -> Vec<u32> {
     let count = index32(segments.paths.points.len());
     let mut groups = Vec::with_capacity(segments.paths.points.len() / group_size as usize + 1);
@@ -141,7 +157,7 @@ fn groups(segments: &Segments, group_size: u32) -> Vec<u32> {
     groups
 }
 
-/// The segments of a group.
+/// The segments of the group that starts at point `group`.
 fn group_segments(segments: &Segments, group: u32, group_size: u32) -> impl Iterator<Item = u32> {
     (group..group + group_size).take_while(|&start| segments.starts_at(start))
 }
