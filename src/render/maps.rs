@@ -1,11 +1,13 @@
-//! What a photo of a yarn says of its surface: base colour, normals, roughness, metal, occlusion,
-//! each with its smaller levels.
+//! Textures of a yarn: base colour, normals, roughness, metal and occlusion, each with its mip
+//! levels.
 //!
-//! In: pictures of one repeat of the yarn, x along it and y across. Out: [`Maps`], which both
-//! renderers look up, the GPU's hardware and [`Maps::sample`] alike. Levels are means over areas:
-//! of light and not of its sRGB code, of colours by how opaque they are, of normals as vectors.
-//! Lookups repeat along the yarn without a seam; what the picture shows must match at its ends by
-//! itself.
+//! In: pictures of one repeat of the yarn, x along it and y across it. Out: [`Maps`], which both
+//! renderers sample: the GPU in hardware, the CPU by [`Maps::sample`]. Mip levels (Williams 1983,
+//! 'Pyramidal parametrics') are area means: of linear light and not of sRGB codes, of colours
+//! weighted by alpha, of normals as vectors.
+//!
+//! Lookups repeat along the yarn. Not promised: a seamless repeat. The picture's ends must match by
+//! themselves.
 
 use std::sync::LazyLock;
 
@@ -16,51 +18,53 @@ use rayon::prelude::*;
 use super::tone;
 use crate::scene::Shape;
 
-/// Most lookups along the longer side of a pixel's trace on the yarn; a longer one blurs.
+/// Limit of anisotropic filtering: lookups along the longer side of a pixel's footprint on the
+/// yarn. Footprints that are longer still are blurred across the yarn too. Each lookup costs the
+/// same; hardware commonly allows 16.
 const MAX_TAPS: f32 = 8.0;
-/// What a transparent texel weighs in a mean of colours, so that a level without any yarn still has
-/// a colour.
+/// Weight of a transparent texel in a mean of colours. With 0, a mip level without any yarn would
+/// have no colour (0 / 0). Larger weights let the background's colour into the yarn's.
 const MIN_WEIGHT: f32 = 1e-3;
 
-/// A picture and its smaller levels, each half as large, down to one pixel.
+/// A picture and its mip levels, each half the size of the one before, down to one pixel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mips {
-    /// Level 0 is the picture itself, but for the colour of transparent texels.
+    /// Level 0 is the picture itself, except for the colour of transparent texels.
     pub levels: Vec<RgbaImage>,
 }
 
-/// One yarn's pictures, all of one size.
+/// Textures of one yarn, all of one size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Maps {
-    /// Base colour, sRGB, and alpha, straight: the fuzz.
+    /// Base colour, sRGB, with straight alpha: the fuzz.
     pub base: Mips,
-    /// Normals as colours, OpenGL's way: x along the yarn, y toward the picture's top, z outward.
+    /// Normal map in OpenGL's convention: x along the yarn, y toward the picture's top, z outward.
     pub normal: Mips,
-    /// Red: ambient occlusion, green: roughness, blue: metal, as glTF packs them.
+    /// Red: ambient occlusion. Green: roughness. Blue: metal. This is glTF's packing.
     pub surface: Mips,
-    /// What one repeat is long, mm.
+    /// Length of one repeat, mm.
     pub length: f32,
-    /// What the picture is wide across the yarn, fuzz included, mm.
+    /// Width of the picture across the yarn, fuzz included, mm.
     pub width: f32,
 }
 
-/// What a picture's numbers mean, and so what their mean is.
+/// Meaning of a picture's numbers. It decides how their mean is taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MapKind {
     /// sRGB with straight alpha.
     Color,
-    /// Unit vectors, 0..1 for -1..1.
+    /// Unit vectors, stored as 0..1 for -1..1.
     Normal,
-    /// The numbers themselves.
+    /// Plain numbers.
     Plain,
 }
 
-/// A yarn's surface at one place of its maps.
+/// A yarn's surface at one place of its textures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Texel {
     /// Base colour, linear RGB 0..1.
     pub albedo: Vec3,
-    /// Share that is covered by yarn.
+    /// Fraction that yarn covers.
     pub alpha: f32,
     /// Unit normal: x along the yarn, y toward the picture's top, z outward.
     pub normal: Vec3,
@@ -68,20 +72,22 @@ pub struct Texel {
     pub roughness: f32,
     /// 0 for fibres, 1 for metal.
     pub metallic: f32,
-    /// Share of the ambient light that arrives.
+    /// Fraction of the ambient light that arrives.
     pub occlusion: f32,
 }
 
 impl Mips {
-    /// `picture` and its levels, each side of one half the last one's, rounded down. Transparent
-    /// texels take the colour of the yarn beside them: hardware that filters colours without regard
-    /// to alpha must not find a photo's background there.
+    /// `picture` with its mip levels. Transparent texels take the colour of the yarn beside them:
+    /// hardware filters colours without regard to alpha, and would otherwise mix a photo's
+    /// background into the edges.
     #[must_use]
     pub fn new(picture: RgbaImage, kind: MapKind) -> Self {
         let mut levels = vec![picture];
         while let Some(smaller) = levels.last().and_then(|level| downsample(level, kind)) {
             levels.push(smaller);
         }
+        // From coarse to fine ('push-pull', Gortler et al. 1996): each level fills its holes from
+        // the next coarser one, which has no holes left.
         if kind == MapKind::Color {
             for fine in (0..levels.len() - 1).rev() {
                 let (finer, coarser) = levels.split_at_mut(fine + 1);
@@ -91,8 +97,8 @@ impl Mips {
         Self { levels }
     }
 
-    /// Between four texels of a level; what of them leaves the picture sideways comes back where
-    /// `shape` closes around the yarn.
+    /// Bilinear interpolation between four texels of a level. Columns wrap around along the yarn.
+    /// Rows wrap around a tube and are clamped at a ribbon's edges.
     fn bilinear(&self, level: usize, at: TexCoord, kind: MapKind) -> Vec4 {
         let picture = &self.levels[level];
         let (width, height) = picture.dimensions();
@@ -110,7 +116,7 @@ impl Mips {
     }
 }
 
-/// Where on the maps, as box_weights of their sides.
+/// Texture coordinates, 0..1 across (u) and along the yarn (v), and what they are wrapped around.
 #[derive(Clone, Copy)]
 struct TexCoord {
     u: f32,
@@ -119,9 +125,9 @@ struct TexCoord {
 }
 
 impl Maps {
-    /// The mean over about the rectangle of `footprint_u` by `footprint_v` around (u, v), all in
-    /// box_weights of the picture: u across the yarn from the picture's top, v along it. u goes around a
-    /// tube and ends at a ribbon's edges.
+    /// Mean over about the rectangle of `footprint_u` by `footprint_v` around (u, v), all as
+    /// fractions of the picture. u runs across the yarn from the picture's top, v along it. u wraps
+    /// around a tube and ends at a ribbon's edges.
     #[must_use]
     pub fn sample(
         &self,
@@ -152,7 +158,7 @@ impl Maps {
         }
     }
 
-    /// [`Self::sample`]'s alpha alone.
+    /// The alpha of [`Self::sample`] alone, for visibility tests.
     #[must_use]
     pub fn alpha(&self, u: f32, v: f32, footprint_u: f32, footprint_v: f32, shape: Shape) -> f32 {
         let [alpha] = self.taps([u, v], [footprint_u, footprint_v], shape, |level, at| {
@@ -161,7 +167,7 @@ impl Maps {
         alpha.w
     }
 
-    /// The colour of all of the picture's yarn.
+    /// Mean colour of the yarn: that of the coarsest mip level.
     #[must_use]
     pub fn mean_albedo(&self) -> Vec3 {
         let mean = self
@@ -172,8 +178,9 @@ impl Maps {
         mean.xyz() / (mean.w + MIN_WEIGHT)
     }
 
-    /// The mean of what `look_up` gives over a footprint: of as many places along its longer side
-    /// as its shorter one fits into it, at the two levels between which that one is a texel.
+    /// Anisotropic filtering (McCormack et al. 1999, 'Feline: fast elliptical lines for anisotropic
+    /// texture mapping'): several trilinear lookups along the footprint's longer side. Their mip
+    /// level suits the shorter side. `look_up` returns the values at a level and place.
     fn taps<const N: usize>(
         &self,
         [u, v]: [f32; 2],
@@ -184,10 +191,14 @@ impl Maps {
         let (width, height) = self.base.levels[0].dimensions();
         let (across, along) =
             (footprint[0].abs() * float(height), footprint[1].abs() * float(width));
+        // Sides of the footprint in texels. One texel at least: magnification interpolates level 0.
         let (short, long) = (across.min(along).max(1.0), across.max(along).max(1.0));
         let taps = (long / short).ceil().clamp(1.0, MAX_TAPS);
         let top = float(u32::try_from(self.base.levels.len() - 1).unwrap_or(0));
+        // The level whose texels are as large as the shorter side, or larger if the number of
+        // lookups was limited.
         let level = (long / taps).max(short).log2().clamp(0.0, top);
+        // Trilinear: interpolate between this level and the next coarser one.
         let (fine, share) = (whole(level), level.fract());
         let mut sum = [Vec4::ZERO; N];
         let mut add = |level: usize, at: TexCoord, share: f32| {
@@ -212,7 +223,7 @@ impl Maps {
     }
 }
 
-/// The next smaller level; `None` below one pixel.
+/// The next coarser mip level; `None` below one pixel.
 fn downsample(picture: &RgbaImage, kind: MapKind) -> Option<RgbaImage> {
     let (width, height) = picture.dimensions();
     if width.max(height) <= 1 || width.min(height) == 0 {
@@ -237,7 +248,7 @@ fn downsample(picture: &RgbaImage, kind: MapKind) -> Option<RgbaImage> {
     Some(half)
 }
 
-/// Gives transparent texels the colour that the next smaller level has there.
+/// Gives transparent texels the colour that the next coarser level has there.
 fn fill_transparent(picture: &mut RgbaImage, smaller: &RgbaImage) {
     for (x, y, texel) in picture.enumerate_pixels_mut().filter(|(_, _, texel)| texel.0[3] == 0) {
         let Rgba([r, g, b, _]) =
@@ -246,15 +257,15 @@ fn fill_transparent(picture: &mut RgbaImage, smaller: &RgbaImage) {
     }
 }
 
-/// The texels of a row that a texel of a smaller one covers.
+/// Weights of a box filter: the texels of a row that one texel of a coarser row covers.
 struct BoxWeights {
     first: u32,
-    /// Adding up to 1.
+    /// Weights of three texels from `first` on. They add up to 1.
     weights: [f32; 3],
 }
 
-/// How `small` texels share `large` ones among them: two each, or some of a third where the number
-/// is odd.
+/// Box filter from `large` to `small` texels. Each covers two, or parts of three where the number
+/// is odd: dropping the last column instead would shift the texture.
 fn box_weights(large: u32, small: u32) -> Vec<BoxWeights> {
     let size = float(large) / float(small);
     let share = |index: u32| {
@@ -270,7 +281,8 @@ fn box_weights(large: u32, small: u32) -> Vec<BoxWeights> {
     (0..small).map(share).collect()
 }
 
-/// A texel as numbers of which means may be taken.
+/// A texel as numbers that may be averaged: linear light premultiplied by alpha, vectors, or plain
+/// numbers.
 fn decode(Rgba(bytes): Rgba<u8>, kind: MapKind) -> Vec4 {
     let plain = Vec4::from_array(bytes.map(f32::from)) / 255.0;
     match kind {
@@ -296,25 +308,29 @@ fn encode_mean(mean: Vec4, kind: MapKind) -> [u8; 4] {
     [r, g, b, alpha]
 }
 
-/// sRGB bytes as light.
+/// Table from sRGB bytes to linear light.
 pub(crate) static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
     std::array::from_fn(|byte| {
         tone::linear(f32::from(u8::try_from(byte).unwrap_or(u8::MAX)) / 255.0)
     })
 });
 
-/// The texel left of or above `share` of a side, and how far it is on to the next.
+/// The texel to the left of (or above) the place `share` of a side, and the fraction of the way to
+/// the next texel.
 fn cell(share: f32, size: u32) -> (i64, f32) {
+    // Texel centres lie at half-integers.
     let place = share * float(size) - 0.5;
     #[expect(clippy::cast_possible_truncation, reason = "saturates far outside of any picture")]
     let first = place.floor() as i64;
     (first, place - place.floor())
 }
 
+/// Index with repeat addressing.
 fn wrapped(index: i64, size: u32) -> u32 {
     u32::try_from(index.rem_euclid(i64::from(size))).unwrap_or(0)
 }
 
+/// Index with clamp-to-edge addressing.
 fn clamped(index: i64, size: u32) -> u32 {
     u32::try_from(index.clamp(0, i64::from(size) - 1)).unwrap_or(0)
 }

@@ -1,4 +1,4 @@
-//! Pictures of yarns: one scene, one camera, one shading model, whatever draws it.
+//! Pictures of yarns. All renderers share one scene, one camera and one shading model.
 //!
 //! In: a [`Scene`], a [`Camera`] and [`RenderOptions`]. Out: an sRGB picture with straight alpha. Rooms
 //! that every renderer shares: [`camera`] (rays and framing), [`light`] (sun and sky), [`shade`]
@@ -44,38 +44,38 @@ use std::ops::Range;
 use crate::scene::Scene;
 use image::RgbaImage;
 
-/// What a picture should be like.
+/// Settings of a picture.
 #[derive(Clone, Debug)]
 pub struct RenderOptions {
     /// Pixels across.
     pub width: u32,
     /// Pixels down.
     pub height: u32,
-    /// Which rows of the picture are wanted, all if none are named. Seen is what the whole picture
-    /// shows there, to the byte.
+    /// Rows of the picture that are wanted, or all. They are the same to the byte as in the whole
+    /// picture.
     pub rows: Option<Range<u32>>,
-    /// What draws.
+    /// The renderer.
     pub renderer: RendererChoice,
-    /// Samples a pixel, at least 1. Where yarns are drawn as triangles, what goes beyond `samples`
-    /// is made up by drawing larger.
+    /// Samples per pixel, at least 1. The GPU renderer takes `samples` of them by multisampling and
+    /// the rest by supersampling.
     pub spp: u32,
-    /// Rays a sample that look for nearby yarns in the way of the sky.
+    /// Ambient occlusion rays per sample.
     pub sky_rays: u32,
-    /// What is seen where no yarn is.
+    /// Colour of pixels without yarn.
     pub background: Background,
     /// Sun and sky.
     pub light: Light,
-    /// Light is multiplied by this before tone mapping.
+    /// Factor on the light before tone mapping.
     pub exposure: f32,
-    /// Samples a pixel where yarns are drawn as triangles: 1 or 4.
+    /// Multisampling of the GPU renderer, samples per pixel: 1 or 4.
     pub samples: u32,
-    /// St: most pieces of a stitch that are drawn as triangles.
+    /// St: largest number of pieces a stitch in the GPU renderer.
     pub st: u32,
-    /// Sr: most edges of a tube's section there.
+    /// Sr: largest number of edges of a tube's cross-section there.
     pub sr: u32,
-    /// Whether far yarns may be coarser.
+    /// Level of detail: whether distant yarns may be coarser.
     pub lod: bool,
-    /// Another seed gives other noise, the same seed the same bytes.
+    /// Seed of the sampling noise. The same seed gives the same bytes.
     pub seed: u32,
 }
 
@@ -86,7 +86,7 @@ impl RenderOptions {
         f64::from(self.width.max(1)) / f64::from(self.height.max(1))
     }
 
-    /// The rows that are wanted and there.
+    /// The wanted rows, clipped to the picture.
     #[must_use]
     pub fn rows(&self) -> Range<u32> {
         let rows = self.rows.clone().unwrap_or(0..self.height);
@@ -116,15 +116,14 @@ impl Default for RenderOptions {
     }
 }
 
-/// Draws `scene` as `camera` sees it. `progress` is told the finished share, 0..1, from any thread
-/// and in no fixed order.
+/// Draws `scene` as `camera` sees it. `progress` receives the finished fraction, 0..1, from any
+/// thread and in no fixed order.
 ///
-/// The bytes depend on the arguments alone, and on the adapter if one draws, but not on the number
-/// of threads. An empty scene gives the background. [`Painter`] draws several pictures of one
-/// scene.
+/// The bytes depend on the arguments alone, and on the graphics adapter if one draws. They do not
+/// depend on the number of threads. An empty scene gives the background. [`Painter`] draws several
+/// pictures of one scene.
 ///
-/// # Errors
-/// With [`RendererChoice::Gpu`] whatever the adapter can't do.
+/// # Errors With [`RendererChoice::Gpu`], whatever the adapter cannot do.
 pub fn render(
     scene: &Scene,
     camera: &Camera,

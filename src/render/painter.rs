@@ -1,8 +1,8 @@
-//! Which renderer draws: the one that is wanted, or the best that there is.
+//! Choice of the renderer: the one that is wanted, or the best that there is.
 //!
-//! In: a scene, and [`RendererChoice`]. Out: pictures, and the name of what drew them. `Auto` takes a
-//! hardware adapter and never a software one, which is slower than tracing rays; whatever goes
-//! wrong there, the processor draws instead, and [`Painter::notice`] says why.
+//! In: a scene, and [`RendererChoice`]. Out: pictures, and the name of the renderer. `Auto` takes a
+//! hardware adapter. It never takes a software one, because ray tracing on the CPU is faster. If
+//! the adapter fails, the CPU renderer draws instead, and [`Painter::notice`] says why.
 
 use image::{RgbaImage, imageops};
 
@@ -11,39 +11,40 @@ use super::{Camera, RenderOptions, cpu};
 use crate::ids::index32;
 use crate::scene::Scene;
 
-/// What is to draw.
+/// Which renderer to use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum RendererChoice {
-    /// The graphics processor where there is one.
+    /// The GPU if there is a hardware adapter, otherwise the CPU.
     Auto,
-    /// The graphics adapter, be it one of software, or nothing.
+    /// The GPU, also with a software adapter. Without an adapter it is an error.
     Gpu,
-    /// The processor, which needs no driver.
+    /// The CPU, which needs no driver.
     #[default]
     Cpu,
 }
 
-/// Fewest pieces of a stitch that are uploaded: its data points. What needs fewer is made of them
-/// as it is drawn.
+/// Smallest number of uploaded pieces a stitch, the number of its data points. Coarser levels of
+/// detail skip points when drawing.
 const LEAST_ST: u32 = 10;
-/// Pieces that are uploaded for each pixel of a stitch's length, where far yarns may be coarser.
+/// Uploaded pieces for each pixel of a stitch's length, where level of detail is allowed. With
+/// fewer than about 1, bends show corners. More take memory and vertex work for pieces that level
+/// of detail skips.
 const PIECES_A_PIXEL: f64 = 2.0;
 
-/// Draws a scene as often as is wanted.
+/// Draws a scene any number of times.
 #[derive(Debug)]
 pub struct Painter<'a> {
     scene: &'a Scene,
     gpu: Option<Box<Uploaded>>,
-    /// Whether the processor may step in.
+    /// Whether the CPU may draw if the GPU fails.
     falls_back: bool,
     notice: Option<String>,
 }
 
 impl<'a> Painter<'a> {
-    /// Makes ready to draw `scene`; of `options` only the renderer and the samples count.
+    /// Prepares to draw `scene`. Only `options.renderer` and `options.samples` matter here.
     ///
-    /// # Errors
-    /// With [`RendererChoice::Gpu`] whatever the adapter can't do.
+    /// # Errors With [`RendererChoice::Gpu`], whatever the adapter cannot do.
     pub fn new(scene: &'a Scene, options: &RenderOptions) -> Result<Self, GpuError> {
         let mut painter = Self {
             scene,
@@ -67,13 +68,13 @@ impl<'a> Painter<'a> {
         Ok(painter)
     }
 
-    /// What draws: the adapter's name, or `cpu`.
+    /// The renderer's name: that of the adapter, or `cpu`.
     #[must_use]
     pub fn name(&self) -> &str {
         self.gpu.as_ref().map_or("cpu", |gpu| gpu.renderer.name())
     }
 
-    /// Why the processor had to step in, if it had to.
+    /// The reason why the CPU draws instead of the GPU, if it does.
     #[must_use]
     pub fn notice(&self) -> Option<&str> {
         self.notice.as_deref()
@@ -81,8 +82,7 @@ impl<'a> Painter<'a> {
 
     /// Draws the scene as `camera` sees it. See [`super::render`].
     ///
-    /// # Errors
-    /// With [`RendererChoice::Gpu`] whatever the adapter can't do.
+    /// # Errors With [`RendererChoice::Gpu`], whatever the adapter cannot do.
     pub fn draw(
         &mut self,
         camera: &Camera,
@@ -101,13 +101,13 @@ impl<'a> Painter<'a> {
         Ok(cpu::render(self.scene, camera, options, progress))
     }
 
-    /// Leaves the graphics processor, where that is allowed.
+    /// Switches to the CPU, where that is allowed.
     fn fall_back(&mut self, error: GpuError) -> Result<(), GpuError> {
         if !self.falls_back {
             return Err(error);
         }
         self.gpu = None;
-        // A machine without an adapter is nothing to be told of.
+        // A machine without an adapter needs no notice.
         if error != GpuError::NoAdapter {
             self.notice = Some(format!("the processor draws instead: {error}"));
         }
@@ -115,13 +115,13 @@ impl<'a> Painter<'a> {
     }
 }
 
-/// A renderer, and the scene on its device once it is known how near it is seen.
+/// A GPU renderer. The scene is uploaded once its first camera, and so its detail, is known.
 #[derive(Debug)]
 struct Uploaded {
     renderer: Renderer,
     /// Mean length of a stitch, mm.
     stitch: f64,
-    /// With their St.
+    /// The uploaded yarns with their St.
     yarns: Option<(u32, Yarns)>,
 }
 
@@ -135,7 +135,7 @@ impl Uploaded {
         let st = uploaded_st(scene, self.stitch, camera, options);
         let (_, yarns) = match &mut self.yarns {
             Some(uploaded) if uploaded.0 >= st => uploaded,
-            // The old ones go first, since both may not fit.
+            // The old yarns are freed first, because both may not fit into memory.
             coarser => {
                 *coarser = None;
                 coarser.insert((st, self.renderer.load(scene, st)?))
@@ -153,8 +153,8 @@ fn stitch_length(scene: &Scene) -> f64 {
     scene.span_lengths().sum / f64::from(index32(scene.stitches.len().max(1)))
 }
 
-/// St that the nearest stitches need, [`RenderOptions::st`] at most: a million stitches of forty pieces
-/// would take a gigabyte.
+/// St that the nearest stitches need, at most [`RenderOptions::st`]. A million stitches of forty
+/// pieces would take a gigabyte.
 fn uploaded_st(scene: &Scene, stitch: f64, camera: &Camera, options: &RenderOptions) -> u32 {
     let Some(bounds) = scene.bounds().filter(|_| options.lod) else { return options.st };
     let eye = camera.eye();

@@ -1,11 +1,15 @@
-//! Yarns as chains of short straight pieces, for whoever draws them.
+//! Yarns as chains of short straight pieces (polylines), for all renderers.
 //!
-//! In: a scene and how finely to cut it. Out: [`YarnPaths`], structure of arrays, 30 bytes a point:
-//! points on the centripetal Catmull-Rom curve, with the curve's own tangent at each and a
-//! direction across it. Around a tube that is a rotation-minimising frame's (double reflection,
-//! Wang et al. 2008), on a ribbon the fabric's normal. Coordinates are relative to the scene's
-//! middle, which keeps `f32` good to a ten-thousandth of a millimetre on a garment. A strand is
-//! broken where a point is not [`drawable`]; a lone point becomes a ball.
+//! In: a scene and a level of subdivision. Out: [`YarnPaths`], a structure of arrays with 30 bytes
+//! a point. Points lie on the centripetal Catmull-Rom curve (Yuksel, Schaefer and Keyser 2011,
+//! 'Parameterization and applications of Catmull-Rom curves'). Each has the curve's unit tangent
+//! and a direction across it. For tubes that direction belongs to a rotation-minimising frame
+//! (double reflection: Wang, Jüttler, Zheng and Liu 2008, 'Computation of rotation minimizing
+//! frames'). For ribbons it is the fabric's normal.
+//!
+//! Coordinates are relative to the scene's centre, so that `f32` resolves a ten-thousandth of a
+//! millimetre on a garment. A strand is split at points that are not [`drawable`]. A single point
+//! becomes a ball. Cost: linear in the number of points.
 
 use std::ops::Range;
 
@@ -18,51 +22,56 @@ use crate::unit::PackedUnit;
 use crate::yarn::curve::{self, Span};
 use crate::yarn::frame;
 
-/// Largest distance between a curve and its chord, pixels.
+/// Tolerance of the distance between a curve and its chord, pixels. Higher values show corners in
+/// loops. Lower ones add pieces that no pixel shows.
 const CHORD_ERROR: f64 = 0.2;
-/// Most pieces between two data points; at 8, a half turn is a sixteen-sided polygon's.
+/// Limit of pieces between two data points. With 8, a half turn is drawn as half of a regular
+/// polygon with 16 sides. It bounds memory when the eye is close.
 const MAX_PIECES: u32 = 8;
-/// Most by which a piece that stands for several spans is widened, so that it hides what they hid;
-/// a sharper bend is kept.
+/// Limit by which a merged piece is widened to cover the area of its spans. A bend that would need
+/// more is not merged: the wide piece would cover its neighbours.
 const MAX_WIDENING: f64 = 1.5;
-/// Farthest that several spans may lie from their piece on the average, pixels. At .2 loops grow
-/// flat enough that a fabric of a million stitches is 2 % brighter, at .1 it is by less than 1 %.
+/// Tolerance of the mean distance between merged spans and their piece, pixels. With 0.2, loops
+/// become so flat that a fabric of a million stitches is 2 % brighter. With 0.1 it is less than 1 %
+/// brighter. Lower values merge fewer spans.
 const MAX_BULGE: f64 = 0.1;
-/// Least sine of the angle between a yarn and the fabric's normal at which a ribbon's width is
-/// across both.
+/// Smallest sine of the angle between a yarn and the fabric's normal at which their cross product
+/// defines a ribbon's width. Below it, rounding decides the direction.
 const MIN_SINE: f32 = 1e-3;
 
-/// How finely yarns are cut.
+/// Level of subdivision.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Subdivision<'a> {
-    /// So that a chord leaves its curve by less than [`CHORD_ERROR`] pixels, where [`MAX_PIECES`]
-    /// allows; with [`RenderOptions::lod`] by no pieces shorter than a pixel, where bends allow.
+    /// Adaptive: a chord leaves its curve by less than [`CHORD_ERROR`] pixels, as far as
+    /// [`MAX_PIECES`] allows. With [`RenderOptions::lod`], spans shorter than a pixel are merged
+    /// where their bend allows.
     Picture(&'a Camera, &'a RenderOptions),
-    /// St pieces a stitch, evenly in its own parameter, as [`crate::yarn::tube`] cuts it.
+    /// Uniform: St pieces a stitch, evenly in the stitch's parameter, as [`crate::yarn::tube`]
+    /// subdivides it.
     Stitch(u32),
 }
 
 /// Consecutive points of yarns.
 #[derive(Debug, Default)]
 pub(super) struct YarnPaths {
-    /// What to add to a point to be in the world.
+    /// Offset from these coordinates to world coordinates.
     pub(super) centre: DVec3,
-    /// Points on the axis, and in w the radius of the piece that starts here: 0 at a strand's end,
-    /// where none does.
+    /// Points on the axis. w is the radius of the piece that starts there: 0 at a strand's end,
+    /// where no piece starts.
     pub(super) points: Vec<Vec4>,
     /// Unit tangents.
     pub(super) tangents: Vec<PackedUnit>,
-    /// Of a tube the unit vector across the yarn from which angles around it count, of a ribbon the
+    /// For tubes the unit vector across the yarn from which angles around it count, for ribbons the
     /// fabric's normal.
     pub(super) across: Vec<PackedUnit>,
-    /// Arc length, mm, from a start that differs from strand to strand.
+    /// Arc length, mm, from an origin that differs from strand to strand.
     pub(super) along: Vec<f32>,
-    /// The yarns' looks.
+    /// Indices of the yarns' looks.
     pub(super) looks: Vec<u16>,
 }
 
 impl YarnPaths {
-    /// The strands of numbers `range`, cut; `centre` is what coordinates are relative to.
+    /// Subdivides the strands `range`. Coordinates are relative to `centre`.
     pub(super) fn new(
         scene: &Scene,
         range: Range<usize>,
@@ -86,6 +95,7 @@ impl YarnPaths {
         self.looks.extend_from_slice(&other.looks);
     }
 
+    /// Appends one strand, split at points that are not drawable.
     fn push_strand(
         &mut self,
         scene: &Scene,
@@ -114,7 +124,8 @@ impl YarnPaths {
         }
     }
 
-    /// The length at the run's end.
+    /// Appends a run of drawable points whose arc length starts at `along`; returns the arc length
+    /// at its end.
     fn push_run(
         &mut self,
         run: &PointRun,
@@ -142,7 +153,7 @@ impl YarnPaths {
     }
 }
 
-/// What is the same all along a yarn.
+/// Properties that are constant along a yarn.
 #[derive(Clone, Copy)]
 struct PathStyle {
     radius: f32,
@@ -150,18 +161,19 @@ struct PathStyle {
     shape: Shape,
 }
 
-/// A run of drawable points, in double precision, relative to the middle. Its memory serves strand
-/// after strand.
+/// A run of drawable points in `f64`, relative to the centre. Its memory is reused for one strand
+/// after another.
 #[derive(Default)]
 struct PointRun {
     points: Vec<DVec3>,
     /// The fabric's normals, for ribbons.
     normals: Vec<Vec3A>,
-    /// Points at which stitches begin or end, both ends of the run among them.
+    /// Points at which stitches begin or end, including both ends of the run.
     stitches: Vec<usize>,
 }
 
 impl PointRun {
+    /// Takes the points `range` of a strand.
     fn fill(&mut self, scene: &Scene, strand: &SceneStrand, range: Range<u32>, centre: DVec3) {
         let (start, end) = (range.start as usize, range.end as usize);
         self.points.clear();
@@ -173,6 +185,7 @@ impl PointRun {
                 scene.normals[start..end].iter().map(|normal| Vec3A::from(normal.unpack())),
             );
         }
+        // A single point gets a copy, so that it is a piece of length 0: a ball.
         if let [only] = self.points[..] {
             self.points.push(only);
             self.normals.extend_from_within(..);
@@ -189,8 +202,8 @@ impl PointRun {
         self.stitches.push(last);
     }
 
-    /// From point `index` on as many spans as it takes to come a pixel far, fewer where they bend
-    /// too much for one piece.
+    /// Merges spans from point `index` on until the chord is a pixel long, or until they bend too
+    /// much for a single piece.
     fn merge_spans(&self, index: usize, pixel: f64) -> MergedSpans {
         let start = self.points[index];
         let (mut found, mut arc, mut moment) = (MergedSpans::default(), 0.0, DVec3::ZERO);
@@ -204,6 +217,7 @@ impl PointRun {
             let span_length = span.length();
             arc += span_length;
             moment += span.mean() * span_length;
+            // Mean position of the curve, by arc length, minus the midpoint of the chord.
             let bulge = moment / arc.max(f64::MIN_POSITIVE) - start.midpoint(end);
             if spans > 1 && (arc > MAX_WIDENING * length || bulge.length() > MAX_BULGE * pixel) {
                 break;
@@ -217,31 +231,32 @@ impl PointRun {
     }
 }
 
-/// A straight piece in place of whole spans.
+/// A straight piece that replaces whole spans.
 #[derive(Default)]
 struct MergedSpans {
-    /// None where the first span alone is long enough to be cut.
+    /// Number of spans. 0 where the first span is long enough to be subdivided itself.
     spans: usize,
+    /// Length of the chord, mm.
     length: f64,
-    /// Length of the curve.
+    /// Length of the curve, mm.
     arc: f64,
-    /// From the chord to where the curve lies on the average.
+    /// Vector from the chord's midpoint to the curve's mean position.
     bulge: DVec3,
 }
 
-/// A run on its way into [`YarnPaths`].
+/// State while a run is appended to [`YarnPaths`].
 struct PathBuilder<'a> {
     paths: &'a mut YarnPaths,
     run: &'a PointRun,
     style: PathStyle,
-    /// The span that was last asked for.
+    /// The span that was computed last, with its index. Consecutive points mostly share a span.
     cached: (usize, Option<Span>),
     frame: TangentFrame,
     along: f64,
 }
 
 impl PathBuilder<'_> {
-    /// As many pieces between two data points, or as few, as the picture shows.
+    /// Subdivides spans adaptively, and merges those that are shorter than a pixel.
     fn subdivide_spans(&mut self, camera: &Camera, options: &RenderOptions) {
         let eye = camera.eye() - self.paths.centre;
         let pixel = |point: DVec3| camera.pixel_size(point.distance(eye), options.height);
@@ -270,9 +285,9 @@ impl PathBuilder<'_> {
         self.push_point(last - 1, 1.0);
     }
 
-    /// One piece for all of a chord's spans: as long as they are in `along`, and as much wider as
-    /// it is shorter than they are. Its start is moved so that it lies where they lie on the
-    /// average, not inside their bend; `bulge` is that of the chord before.
+    /// Appends one piece for merged spans. Its arc length is that of the spans. It is widened by
+    /// the ratio of arc to chord, so that it covers the same area. Its start is moved so that on
+    /// average it lies on the spans and not inside their bend; `bulge` is that of the piece before.
     fn push_merged(&mut self, index: usize, chord: &MergedSpans, bulge: DVec3) {
         self.push_point(index, 0.0);
         if let Some(start) = self.paths.points.last_mut() {
@@ -285,7 +300,7 @@ impl PathBuilder<'_> {
         self.along += chord.arc - chord.length;
     }
 
-    /// St pieces a stitch.
+    /// Subdivides each stitch into `st` pieces.
     fn subdivide_stitches(&mut self, st: u32) {
         let run = self.run;
         self.push_point(0, 0.0);
@@ -304,6 +319,7 @@ impl PathBuilder<'_> {
         }
     }
 
+    /// The span after point `index`.
     fn span(&mut self, index: usize) -> Span {
         match self.cached {
             (at, Some(span)) if at == index => span,
@@ -315,6 +331,7 @@ impl PathBuilder<'_> {
         }
     }
 
+    /// Appends the point at parameter `t` of the span after point `index`.
     fn push_point(&mut self, index: usize, t: f64) {
         let span = self.span(index);
         let position = span.at(t);
@@ -337,25 +354,26 @@ impl PathBuilder<'_> {
     }
 }
 
-/// Pieces that keep the chord error of `span` below [`CHORD_ERROR`], given the size of a pixel at a
-/// point.
+/// Number of pieces that keep the chord error of `span` below [`CHORD_ERROR`], given the size of a
+/// pixel at a point.
 fn pieces(span: &Span, pixel: impl Fn(DVec3) -> f64) -> u32 {
     let (start, middle, end) = (span.tangent(0.0), span.tangent(0.5), span.tangent(1.0));
-    // The second derivative is linear in t, so its largest value is at an end; a chord of 1/n
-    // leaves the curve by |p''| / (8 n^2).
+    // The second derivative of a cubic is linear in t, so its norm is largest at an end. A chord of
+    // 1/n of the parameter leaves the curve by at most |p''| / (8 n^2), the error bound of linear
+    // interpolation.
     let cubic = 2.0 * (start + end) - 4.0 * middle;
     let bend = (end - start - cubic).length().max((end - start + cubic).length());
     let wanted = (bend / (8.0 * CHORD_ERROR * pixel(span.at(0.5)).max(f64::MIN_POSITIVE))).sqrt();
     (1..MAX_PIECES).find(|&count| f64::from(count) >= wanted).unwrap_or(MAX_PIECES)
 }
 
-/// Where a strand's arc length starts, mm: spread out, so that neighbours don't show the same plies
-/// side by side.
+/// Arc length at the start of a strand, mm. A hash spreads it, so that neighbouring yarns do not
+/// show the same plies or texels side by side.
 pub(super) fn phase(strand: u32) -> f64 {
     f64::from(super::ply::hash(strand) >> 20) * 0.37
 }
 
-/// A rotation-minimising frame on its way along a yarn.
+/// A rotation-minimising frame that moves along a yarn.
 #[derive(Default)]
 struct TangentFrame {
     position: DVec3,
@@ -364,13 +382,15 @@ struct TangentFrame {
 }
 
 impl TangentFrame {
-    /// Moves on to `position`, where the curve runs along `derivative`; the distance moved, 0 for
-    /// the first point.
+    /// Moves the frame to `position`, where the curve has this derivative. Returns the distance
+    /// moved, 0 for the first point.
     fn advance(&mut self, position: DVec3, derivative: DVec3) -> f64 {
         let first = self.tangent == Vec3A::ZERO;
         let tangent =
             derivative.as_vec3a().normalize_or(if first { Vec3A::X } else { self.tangent });
         let chord = position - self.position;
+        // Double reflection transports the direction across the yarn without twist about the
+        // tangent. A Frenet frame would flip at inflections.
         let (across, moved) = if first {
             (frame::across(Vec3A::Z, tangent), 0.0)
         } else {
@@ -380,15 +400,16 @@ impl TangentFrame {
         moved
     }
 
-    /// The fabric's normal where it is `normal`, leant so that a ribbon across both it and the
-    /// tangent keeps its last direction where the yarn runs along the normal.
+    /// The normal that a ribbon uses where the fabric's is `normal`. Where the yarn runs along the
+    /// normal, their cross product is undefined. There the normal is tilted slightly, so that the
+    /// ribbon's width keeps its last direction.
     fn ribbon_normal(&mut self, normal: Vec3A) -> Vec3A {
         let width = self.tangent.cross(normal);
         if width.length_squared() >= MIN_SINE * MIN_SINE {
             self.across = frame::across(normal, self.tangent);
             return normal;
         }
-        // Here `across` holds what `carry` made of the last normal.
+        // Here `across` is the last normal as `carry` transported it.
         normal + self.across * (10.0 * MIN_SINE)
     }
 }

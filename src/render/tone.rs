@@ -1,17 +1,18 @@
-//! From light to pixels: exposure, a soft shoulder, the background, sRGB.
+//! Tone mapping: from light to pixels.
 //!
-//! In: linear RGB light with the share of the pixel that yarns cover. Out: 8-bit sRGB with straight
-//! alpha. The curve leaves everything up to [`SHOULDER`] as it is, so that a yarn's colour in the
-//! picture is its colour, and bends what is brighter toward white without ever clipping. A
-//! background colour is no light: it comes out exactly as given.
+//! In: linear RGB light with the pixel's coverage by yarns. Out: 8-bit sRGB with straight alpha.
+//! The tone curve is the identity up to [`SHOULDER`], so that a yarn's colour in the picture is its
+//! colour. Brighter values approach white without clipping. A background colour is not light: it
+//! appears exactly as given. `shaders/tone.wgsl` repeats this file, and a test compares the two.
 
 use glam::{Vec3, Vec4};
 use std::str::FromStr;
 
-/// Linear value from which highlights are compressed.
+/// Linear value above which highlights are compressed. Lower values change the yarns' colours;
+/// higher ones leave less room for highlights, until they clip.
 pub const SHOULDER: f32 = 0.6;
 
-/// What is seen where no yarn is.
+/// Colour of pixels without yarn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Background {
     /// A colour, sRGB 0..=255.
@@ -26,7 +27,7 @@ impl Default for Background {
     }
 }
 
-/// A background that isn't one.
+/// A text that is not a background.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{0}` is no background: give #rrggbb, #rgb, white, black, grey or transparent")]
 pub struct BackgroundError(String);
@@ -51,7 +52,7 @@ impl FromStr for Background {
     }
 }
 
-/// `rrggbb` or `rgb`.
+/// A colour from the digits `rrggbb` or `rgb`.
 fn hex(digits: &str) -> Option<[u8; 3]> {
     let values: Vec<u8> = digits
         .chars()
@@ -64,8 +65,7 @@ fn hex(digits: &str) -> Option<[u8; 3]> {
     }
 }
 
-/// The pixel for `light`, whose xyz hold linear RGB times coverage and whose w holds the coverage,
-/// 0..1.
+/// The pixel for `light`: linear RGB times coverage in xyz, coverage 0..1 in w.
 #[must_use]
 pub fn pixel(light: Vec4, exposure: f32, background: Background) -> [u8; 4] {
     let coverage = light.w.clamp(0.0, 1.0);
@@ -85,7 +85,7 @@ pub fn pixel(light: Vec4, exposure: f32, background: Background) -> [u8; 4] {
     }
 }
 
-/// Leaves values up to [`SHOULDER`], and lets the rest approach 1 with a continuous slope.
+/// The tone curve: identity up to [`SHOULDER`], then 1 - e^-x, which joins it with the same slope.
 fn shoulder(light: Vec3) -> Vec3 {
     let room = 1.0 - SHOULDER;
     Vec3::from_array(light.to_array().map(|c| match c {
@@ -95,16 +95,19 @@ fn shoulder(light: Vec3) -> Vec3 {
     }))
 }
 
+/// sRGB decoding (IEC 61966-2-1).
 pub(super) fn linear(c: f32) -> f32 {
     if c <= 0.040_45 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
 }
 
+/// sRGB encoding (IEC 61966-2-1).
 pub(crate) fn encode(color: Vec3) -> [u8; 3] {
     color
         .to_array()
         .map(|c| byte(if c <= 0.003_130_8 { c * 12.92 } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 }))
 }
 
+/// 0..1 as a byte, rounded.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=255")]
 pub(crate) fn byte(share: f32) -> u8 {
     (share.clamp(0.0, 1.0) * 255.0).round() as u8

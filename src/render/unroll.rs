@@ -1,11 +1,12 @@
-//! The picture of a yarn laid around a tube.
+//! Conversion of a yarn's texture for tubes.
 //!
-//! In: [`Maps`] of a yarn seen from one side, with its fuzz and the ground beside it. Out: maps
-//! that go around a tube: the yarn alone, from its middle over one flank to the back and over the
-//! other flank home, the back being what the front was. A picture that is yarn from edge to edge is
-//! no view of a yarn but its surface, and stays. Cost: a pass over the pictures.
+//! In: [`Maps`] of a yarn seen from one side, with its fuzz and the background beside it. Out: maps
+//! that wrap around a tube. They show the yarn alone: from its centre line over one flank to the
+//! back, and over the other flank back to the centre line. The back repeats the front. A texture
+//! that is yarn from edge to edge shows a surface and not a view of a yarn, and stays as it is.
+//! Cost: one pass over the pictures.
 //!
-//! Not promised: what a yarn looks like from behind; a photo has one side.
+//! Not promised: the true appearance of the back. A photo has only one side.
 
 use std::f32::consts::TAU;
 use std::ops::Range;
@@ -17,17 +18,17 @@ use super::maps::{MapKind, Maps, Mips};
 use super::tone::byte;
 use crate::scene::Shape;
 
-/// Share of the yarn's half width that is shown: at the flanks a photo has little yarn and much
-/// fuzz.
+/// Fraction of the yarn's half width that is used. Near the outlines a photo has little yarn and
+/// much fuzz; at 1, the flanks of tubes would show the background.
 const SHOWN_WIDTH: f32 = 0.88;
-/// Coverage of rows that belong to the yarn, as a share of the best row's.
+/// Coverage from which a row belongs to the yarn, as a fraction of the best row's. Lower values
+/// take fuzz for yarn; higher ones cut the flanks.
 const MIN_COVERAGE: f32 = 0.6;
-/// The steepest slope that is kept.
+/// Limit of the slopes of normals. Steeper ones come from noise at the outlines.
 const MAX_SLOPE: f32 = 1.0;
 
 impl Maps {
-    /// What yarns of this shape wear: ribbons the picture as it is, tubes what of it goes around
-    /// them.
+    /// The textures for yarns of this shape: unchanged for ribbons, wrapped around for tubes.
     #[must_use]
     pub fn for_shape(self, shape: Shape) -> Self {
         let rows = yarn_rows(&self.base.levels[0]);
@@ -60,7 +61,7 @@ impl Maps {
     }
 }
 
-/// The rows that are yarn: from the first to the last that it covers nearly as much as any.
+/// Rows that show yarn, from the first to the last that is covered well enough.
 fn yarn_rows(base: &RgbaImage) -> Range<u32> {
     let covered =
         |row: u32| (0..base.width()).map(|x| f32::from(base.get_pixel(x, row).0[3])).sum::<f32>();
@@ -71,7 +72,7 @@ fn yarn_rows(base: &RgbaImage) -> Range<u32> {
     first..(0..base.height()).rfind(is_yarn).map_or(base.height(), |last| last + 1)
 }
 
-/// Mean slope of each row of normals across the yarn.
+/// Mean slope across the yarn in each row of normals.
 fn mean_slopes(normals: &RgbaImage) -> Vec<f32> {
     let slope = |pixel: &Rgba<u8>| {
         let [_, y, z, _] = pixel.0.map(|byte| f32::from(byte) / 127.5 - 1.0);
@@ -84,13 +85,15 @@ fn mean_slopes(normals: &RgbaImage) -> Vec<f32> {
     (0..normals.height()).map(mean).collect()
 }
 
-/// Where each row of the tube's picture comes from.
+/// Source row of each row of the tube's texture.
 struct TubeMapping {
-    /// The row, and whether it lies the same way round (1) or mirrored (-1).
+    /// The row, and its orientation: 1, or -1 where it is mirrored.
     rows: Vec<(u32, f32)>,
 }
 
 impl TubeMapping {
+    /// Orthographic projection of a cylinder: the row at angle t around the tube shows the photo's
+    /// row at sin t.
     fn new(yarn: &Range<u32>, height: u32) -> Self {
         let (middle, half) = (
             0.5 * (yarn.start + yarn.end) as f32,
@@ -109,8 +112,8 @@ impl TubeMapping {
         Self { rows: (0..height).map(row).collect() }
     }
 
-    /// The picture around the tube, each value changed by `of`, which gets the row that it comes
-    /// from and the way that lies.
+    /// The texture around the tube. `convert` changes each value; it receives the source row and
+    /// its orientation.
     fn remap(&self, picture: &RgbaImage, of: impl Fn(Vec4, u32, f32) -> Vec4) -> RgbaImage {
         RgbaImage::from_fn(picture.width(), picture.height(), |x, y| {
             let (row, side) = self.rows[y as usize];
