@@ -86,8 +86,8 @@ impl Mips {
         while let Some(smaller) = levels.last().and_then(|level| downsample(level, kind)) {
             levels.push(smaller);
         }
-        // From coarse to fine ('push-pull', Gortler et al. 1996): each level fills its holes from
-        // the next coarser one, which has no holes left.
+        // From coarse to fine ('push-pull', Gortler et al. 1996, 'The lumigraph'): each level fills
+        // its holes from the next coarser one, which has no holes left.
         if kind == MapKind::Color {
             for fine in (0..levels.len() - 1).rev() {
                 let (finer, coarser) = levels.split_at_mut(fine + 1);

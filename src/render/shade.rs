@@ -100,7 +100,7 @@ impl Surface {
     }
 }
 
-/// Schlick's approximation of the Fresnel term (1994, eq. 15). `cosine` is that of the angle
+/// Schlick's approximation of the Fresnel term (1994). `cosine` is that of the angle
 /// between a direction and the normal that mirrors it.
 #[must_use]
 pub fn schlick(f0: Vec3, cosine: f32) -> Vec3 {

@@ -1,17 +1,18 @@
 //! The shaders' structures, byte for byte as WGSL lays them out.
 //!
-//! In and out: nothing but memory. A test reads the shaders and compares the name and the offset of
-//! each field.
+//! In and out: memory only. A test reads the shaders and compares the name and offset of each
+//! field. Fields named `spare` pad structures to WGSL's alignment.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
-/// Pieces of a chunk at most, and steps of an instance: `PARTS * STEPS` and `STEPS` of
-/// `shaders/yarn.wgsl`.
+/// Largest number of pieces in a chunk.
+// Chunks are the unit of culling and level of detail. Shorter ones cull better and cost more
+// instances and memory; longer ones do the opposite. The products are fixed in the shader too.
 pub(super) const CHUNK: u32 = PARTS * STEPS;
-/// Steps that an instance takes.
+/// Steps of an instance: `STEPS` of `shaders/yarn.wgsl`.
 pub(super) const STEPS: u32 = 8;
-/// Instances of a whole chunk.
+/// Instances of a full chunk: `PARTS` of `shaders/yarn.wgsl`.
 pub(super) const PARTS: u32 = 32;
 
 /// `ViewUniform` of `shaders/view.wgsl`.

@@ -1,32 +1,34 @@
-//! The graphics device: which adapter, with which limits, and what went wrong on it.
+//! The graphics device: its adapter, its limits, and its errors.
 //!
 //! In: whether a software adapter will do. Out: a [`Gpu`] ready to draw, or a [`GpuError`] that
-//! says what to do. Nothing that the device refuses panics: errors that no call returns are kept,
-//! and [`Gpu::fault`] hands over the first.
+//! says what to do. Errors of the device do not panic: those that no call returns are recorded, and
+//! [`Gpu::fault`] returns the first one.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
 use wgpu::{Backends, DeviceType, Instance, InstanceDescriptor, RequestAdapterOptions};
 
-/// Why the GPU draws nothing.
+/// Reasons why the GPU draws nothing.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum GpuError {
     /// No adapter, or none that is wanted.
     #[error(
         "no graphics adapter was found: install a Vulkan, Metal or DirectX 12 driver, or take --renderer cpu"
+    /// No adapter, or only a software one where a hardware one is wanted.
     )]
     NoAdapter,
     /// An adapter that can't do what is asked of it.
     #[error(
         "the graphics adapter {adapter} can't draw yarns, it lacks {lacking}: take --renderer cpu"
+    /// The adapter lacks a capability.
     )]
     Lacking {
         /// Its name.
         adapter: String,
-        /// What it has not.
+        /// The capability that it lacks.
         lacking: String,
     },
-    /// The driver gave no device.
+    /// The driver returned no device.
     #[error("the graphics adapter {adapter} gives no device ({reason}): take --renderer cpu")]
     NoDevice {
         /// Its name.
@@ -52,7 +54,7 @@ pub enum GpuError {
         /// What the driver says.
         reason: String,
     },
-    /// The device refused a command, which is a fault of ours or of its driver.
+    /// The device refused a command. That is an error in this program or in its driver.
     #[error("the graphics adapter {adapter} refused to draw ({reason}): take --renderer cpu")]
     Refused {
         /// Its name.
@@ -62,7 +64,7 @@ pub enum GpuError {
     },
 }
 
-/// A graphics device and what it said of itself.
+/// A graphics device with its name and its first error.
 #[derive(Clone, Debug)]
 pub struct Gpu {
     pub(super) device: wgpu::Device,
@@ -71,7 +73,7 @@ pub struct Gpu {
     fault: Arc<Mutex<Option<GpuError>>>,
 }
 
-/// Formats that every pass may count on, with what is asked of them.
+/// Formats that the passes render to, and the usages they need.
 const TARGETS: [(wgpu::TextureFormat, wgpu::TextureUsages); 3] = [
     (super::LIGHT, wgpu::TextureUsages::RENDER_ATTACHMENT),
     (super::MOMENTS, wgpu::TextureUsages::RENDER_ATTACHMENT),
@@ -79,10 +81,9 @@ const TARGETS: [(wgpu::TextureFormat, wgpu::TextureUsages); 3] = [
 ];
 
 impl Gpu {
-    /// The fastest adapter; one that computes on the processor only if `software` is wanted.
+    /// The fastest adapter. One that computes on the CPU is accepted only if `software` is set.
     ///
-    /// # Errors
-    /// No adapter, or one that refuses or lacks something.
+    /// # Errors No adapter, or one that refuses a device or lacks a capability.
     pub fn find(software: bool) -> Result<Self, GpuError> {
         let mut descriptor = InstanceDescriptor::new_without_display_handle();
         descriptor.backends = Backends::PRIMARY | Backends::GL;
@@ -99,8 +100,8 @@ impl Gpu {
         Self::open(&adapter)
     }
 
-    /// The device of an adapter, with all the limits that the adapter has: defaults would page
-    /// large fabrics without need.
+    /// Opens a device with all limits of its adapter. With wgpu's defaults, large fabrics would
+    /// need more pages.
     fn open(adapter: &wgpu::Adapter) -> Result<Self, GpuError> {
         let name = adapter.get_info().name;
         let descriptor = wgpu::DeviceDescriptor {
@@ -116,10 +117,9 @@ impl Gpu {
         Self::on(adapter, device, queue)
     }
 
-    /// Draws on a device that a window has opened.
+    /// Uses a device that a window has opened.
     ///
-    /// # Errors
-    /// An adapter that lacks something.
+    /// # Errors An adapter that lacks a capability.
     pub fn on(
         adapter: &wgpu::Adapter,
         device: wgpu::Device,
@@ -130,6 +130,7 @@ impl Gpu {
             return Err(GpuError::Lacking { adapter: name, lacking });
         }
         let gpu = Self { device, queue, name, fault: Arc::default() };
+        // Both callbacks outlive this function, so each owns its handles.
         let (fault, adapter) = (Arc::clone(&gpu.fault), gpu.name.clone());
         gpu.device.on_uncaptured_error(Arc::new(move |error| {
             record_fault(&fault, from_wgpu_error(&adapter, &error))
@@ -150,8 +151,8 @@ impl Gpu {
         &self.name
     }
 
-    /// A buffer that holds `contents`, whose length is a multiple of four. wgpu's own helper panics
-    /// where the device refuses; here [`Gpu::fault`] tells.
+    /// A buffer with these contents, whose length must be a multiple of four. wgpu's helper
+    /// `create_buffer_init` panics if the device refuses; here [`Gpu::fault`] reports it.
     pub(super) fn store(
         &self,
         label: &str,
@@ -168,7 +169,7 @@ impl Gpu {
         buffer
     }
 
-    /// Fails with the first thing that went wrong so far, if any did.
+    /// Fails with the first error so far, if there was one.
     pub(super) fn fault(&self) -> Result<(), GpuError> {
         match &*self.fault.lock().unwrap_or_else(PoisonError::into_inner) {
             Some(error) => Err(error.clone()),
@@ -176,7 +177,7 @@ impl Gpu {
         }
     }
 
-    /// Waits until all that was submitted is done.
+    /// Waits until all submitted work is done.
     pub(super) fn wait(&self) -> Result<(), GpuError> {
         let waited = self.device.poll(wgpu::PollType::wait_indefinitely());
         self.fault()?;
@@ -190,8 +191,9 @@ impl Gpu {
     }
 }
 
-/// What an adapter would need and has not.
+/// A capability that drawing needs and the adapter lacks.
 fn missing_capability(adapter: &wgpu::Adapter, device: &wgpu::Device) -> Option<String> {
+    // Vertices are expanded from storage buffers in the vertex shader.
     let downlevel = adapter.get_downlevel_capabilities().flags;
     if !downlevel.contains(wgpu::DownlevelFlags::VERTEX_STORAGE)
         || device.limits().max_storage_buffers_per_shader_stage < 5
@@ -206,11 +208,12 @@ fn missing_capability(adapter: &wgpu::Adapter, device: &wgpu::Device) -> Option<
     })
 }
 
-/// Keeps the first fault: what follows is its consequence.
+/// Keeps the first error, because later ones are its consequences.
 fn record_fault(fault: &Mutex<Option<GpuError>>, error: GpuError) {
     fault.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
 }
 
+/// Converts an error that no call returned.
 fn from_wgpu_error(adapter: &str, error: &wgpu::Error) -> GpuError {
     let adapter = adapter.to_owned();
     match error {
@@ -224,6 +227,7 @@ fn from_wgpu_error(adapter: &str, error: &wgpu::Error) -> GpuError {
     }
 }
 
+/// The first line of a driver's message.
 fn first_line(text: &str) -> String {
     text.lines().next().unwrap_or_default().to_owned()
 }

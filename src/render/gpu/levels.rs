@@ -1,11 +1,15 @@
-//! What of the yarns a pass draws, and how finely.
+//! Level of detail and view-frustum culling: which yarns a pass draws, and how finely.
 //!
-//! In: chunks with their chunk_bounds, and a [`Frustum`]: from where they are seen and how large a pixel
-//! is there. Out: [`DrawPlan`], instances sorted into batches of one stride, one section and one set of
-//! maps. Chunks out of view are left out. With level of detail no step is shorter than a pixel as
-//! long as doubling it keeps it so, a section has no more edges than its radius in pixels can show,
-//! and a yarn of few pixels is a strip that faces the eye: its shader gives it back its roundness
-//! for a fifth of the triangles.
+//! In: chunks with their bounding balls, and a [`Frustum`] with the size of a pixel. Out:
+//! [`DrawPlan`], instances sorted into batches that share a step length, a cross-section and a set
+//! of textures. Chunks outside of the frustum are left out.
+//!
+//! With level of detail, steps are doubled until they are as long as a pixel. A cross-section has
+//! no more edges than its radius in pixels can show. A yarn of few pixels becomes a strip that
+//! faces the eye, an impostor: its shader restores the round shape for a fifth of the triangles.
+//!
+//! Cost: linear in the number of chunks. Not promised: continuous transitions between levels; steps
+//! are so short that none is visible.
 
 use std::collections::BTreeMap;
 use std::f32::consts::PI;
@@ -18,25 +22,27 @@ use crate::ids::index32;
 use crate::render::RenderOptions;
 use crate::scene::{Scene, Shape};
 
-/// Radius up to which a tube is drawn as a strip, pixels.
+/// Radius up to which a tube is drawn as a strip, pixels. Above it, the strip's flat silhouette in
+/// bends would show.
 const STRIP_PIXELS: f32 = 1.25;
-/// How far a section's chord may leave its circle, pixels.
+/// Tolerance of a cross-section's polygon against its circle, pixels. Larger ones show corners in
+/// the outline.
 const SECTION_ERROR: f32 = 0.1;
-/// Longest step, points: an instance then takes a whole chunk.
+/// Longest step, points: an instance then covers a whole chunk.
 const MAX_STRIDE: u32 = PARTS;
 
-/// From where yarns are seen.
+/// A view of the yarns: its projection and the size of its pixels.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Frustum {
     pub(super) clip_from_world: Mat4,
-    /// As `eye` of the shaders' `View`.
+    /// As `eye` of the shaders' `ViewUniform`.
     pub(super) eye: Vec4,
-    /// Size of a pixel at distance 1, or at every distance for an eye infinitely far, mm.
+    /// Size of a pixel at distance 1, mm. For an eye at infinity, the size at every distance.
     pub(super) pixel: f32,
 }
 
 impl Frustum {
-    /// Size of a pixel on the nearest point of a ball.
+    /// Size of a pixel at the nearest point of a ball, mm.
     fn pixel_on(&self, bounds: &ChunkBounds) -> f32 {
         if self.eye.w == 0.0 {
             return self.pixel;
@@ -44,8 +50,11 @@ impl Frustum {
         self.pixel * (self.eye.xyz().distance(bounds.centre) - bounds.reach).max(0.0)
     }
 
-    /// The four planes at the picture's sides, ball_in_view where positive.
+    /// The four side planes, normalised, positive inside (Gribb and Hartmann 2001, 'Fast extraction
+    /// of viewing frustum planes').
     fn sides(&self) -> [Vec4; 4] {
+        // A point is inside where -w <= x <= w, so the planes are sums and differences of the
+        // matrix' rows.
         let m = self.clip_from_world;
         let sides =
             [m.row(3) + m.row(0), m.row(3) - m.row(0), m.row(3) + m.row(1), m.row(3) - m.row(1)];
@@ -53,12 +62,13 @@ impl Frustum {
     }
 }
 
-/// Whether a ball reaches into all half-spaces.
+/// Whether a ball reaches into all four half-spaces. It may pass near a corner without being
+/// visible; that only costs time.
 fn ball_in_view(sides: &[Vec4; 4], centre: Vec3, reach: f32) -> bool {
     sides.iter().all(|side| side.dot(centre.extend(1.0)) > -reach)
 }
 
-/// The chunks that are in view.
+/// The chunks inside the frustum.
 pub(super) fn visible_chunks<'a>(
     pages: &'a [Page],
     frustum: &Frustum,
@@ -70,32 +80,32 @@ pub(super) fn visible_chunks<'a>(
         .filter(move |bounds| ball_in_view(&sides, bounds.centre, bounds.reach))
 }
 
-/// What draws of one key have in common.
+/// State that the instances of a batch share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct BatchKey {
-    /// Edges of the section; 2 for what is flat.
+    /// Edges of the cross-section; 2 for flat primitives.
     pub(super) edges: u32,
     pub(super) maps: Option<u16>,
     /// Points a step.
     pub(super) stride: u32,
 }
 
-/// Instances of one key on one page.
+/// Instances with one key on one page.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Batch {
     pub(super) page: usize,
     pub(super) key: BatchKey,
-    /// Its first instance in the page's parts.
+    /// Index of its first instance in the page's parts.
     pub(super) first: u32,
     pub(super) count: u32,
 }
 
-/// All that a pass draws.
+/// Everything that a pass draws.
 #[derive(Debug, Default)]
 pub(super) struct DrawPlan {
-    /// For each page, chunk times [`PARTS`] plus the part, batch after batch.
+    /// For each page the instances, batch after batch: chunk times [`PARTS`] plus the part.
     pub(super) parts: Vec<Vec<u32>>,
-    /// Grouped by page.
+    /// Batches, grouped by page.
     pub(super) batches: Vec<Batch>,
 }
 
@@ -110,6 +120,7 @@ impl DrawPlan {
         let sides = frustum.sides();
         let mut plan = Self::default();
         for (number, page) in pages.iter().enumerate() {
+            // An ordered map, so that batches come in the same order every time.
             let mut sorted: BTreeMap<BatchKey, Vec<u32>> = BTreeMap::new();
             for (chunk, bounds) in (0..).zip(&page.chunk_bounds) {
                 if !ball_in_view(&sides, bounds.centre, bounds.reach) {
@@ -131,11 +142,11 @@ impl DrawPlan {
     }
 }
 
-/// What of a scene decides how its chunks are drawn.
+/// Properties of a scene that decide how its chunks are drawn.
 #[derive(Clone, Debug)]
 pub(super) struct LodRules {
     shape: Shape,
-    /// Radius and maps of each look.
+    /// Radius and texture of each look.
     looks: Vec<(f32, Option<u16>)>,
 }
 
@@ -151,6 +162,7 @@ impl LodRules {
         }
     }
 
+    /// The batch of a chunk on which a pixel is `pixel` mm wide.
     fn key(&self, bounds: &ChunkBounds, pixel: f32, options: &RenderOptions) -> BatchKey {
         let (radius, maps) = self.looks[usize::from(bounds.look)];
         let edges = match self.shape {
@@ -163,7 +175,7 @@ impl LodRules {
     }
 }
 
-/// The least power of two that makes a step as long as a pixel.
+/// The smallest power of two that makes a step at least a pixel long, up to [`MAX_STRIDE`].
 fn stride(piece: f32, pixel: f32) -> u32 {
     let mut stride = 1;
     let mut step = piece;
@@ -174,12 +186,13 @@ fn stride(piece: f32, pixel: f32) -> u32 {
     stride
 }
 
-/// Edges of a section, `sr` at most; 2 for a strip.
+/// Edges of a cross-section, at most `sr`; 2 for a strip.
 fn edges(radius: f32, pixel: f32, sr: u32) -> u32 {
     let pixels = radius / pixel.max(f32::MIN_POSITIVE);
     if pixels <= STRIP_PIXELS {
         return 2;
     }
+    // The sagitta of a chord over the angle 2 h is r (1 - cos h). Set it to the tolerance.
     let half_angle = (1.0 - SECTION_ERROR / pixels).acos();
     #[expect(
         clippy::cast_possible_truncation,

@@ -1,14 +1,22 @@
-//! Pictures on the graphics processor, through wgpu.
+//! The GPU renderer, through wgpu.
 //!
-//! In: the same as every renderer's. Out: the picture, or an error that says what to do. In the
-//! library only this room names wgpu. Passes of a frame: depths from the sun, averaged; depths
-//! around the eye, averaged; the yarns with their light, tile by tile, so that no picture is too
-//! large; and the same tone curve as everywhere. `device` opens the adapter, `pages` keeps the
-//! yarns there, `levels` says what is drawn and how finely, `frame` where it lies, `pipelines` with
-//! which shaders, `passes` puts it into commands, and `resources` makes what they read and write.
+//! In: a scene, a camera and options, as for every renderer. Out: the picture, or an error that
+//! says what to do. In the library, only this module names wgpu. The passes of a frame are:
 //!
-//! What it does not promise: the same bytes on two adapters. On one adapter they depend on the
-//! arguments alone.
+//! 1. Depths from the sun, filtered (variance shadow map).
+//!
+//! 2. Depths around the eye, filtered (ambient occlusion).
+//!
+//! 3. The yarns with their light, tile by tile, so that no picture is too large. A depth pre-pass
+//! comes first.
+//!
+//! 4. Tone mapping, the same curve as in all renderers.
+//!
+//! `device` opens the adapter. `pages` keeps the yarns in its memory. `levels` selects the level of
+//! detail. `frame` computes projections. `pipelines` compiles shaders, `passes` records commands,
+//! and `resources` creates buffers and textures.
+//!
+//! Not promised: the same bytes on two adapters. On one adapter they depend on the arguments alone.
 
 mod data;
 mod device;
@@ -40,17 +48,16 @@ use pages::Page;
 use passes::{PreparedDraws, depth_attachment, screen_pass};
 use pipelines::{Layouts, PassKind, Pipelines};
 
-/// Light before the tone curve; half floats hold a thousand times the sun.
+/// Light before tone mapping. Half floats hold a thousand times the sun's.
 const LIGHT: TextureFormat = TextureFormat::Rgba16Float;
-/// Mean, variance and cover of depths: single precision, since half of it would lose a yarn's
-/// radius a metre away.
+/// Mean, variance and cover of depths. Half floats would lose a yarn's radius at a metre.
 const MOMENTS: TextureFormat = TextureFormat::Rgba32Float;
 const DEPTH: TextureFormat = TextureFormat::Depth32Float;
-/// Pixels as they go to files, encoded by the shader.
+/// Pixels as they go to files. The shader encodes sRGB itself.
 const PICTURE: TextureFormat = TextureFormat::Rgba8Unorm;
-/// Largest side of a tile, lights: their four samples take 50 MB.
+/// Largest side of a tile, texels. With four samples, its light and depths take 50 MB.
 const TILE: u32 = 1024;
-/// Most lights a pixel each way.
+/// Limit of supersampling, texels a pixel each way.
 const MAX_SUPERSAMPLING: u32 = 8;
 
 /// A device with everything that does not depend on the scene.
@@ -59,33 +66,32 @@ pub struct Renderer {
     gpu: Gpu,
     layouts: Layouts,
     pipelines: Pipelines,
-    /// By number of edges.
+    /// Index buffers and their lengths, by number of edges.
     indices: BTreeMap<u32, (wgpu::Buffer, u32)>,
     sampler: wgpu::Sampler,
 }
 
-/// A scene on the device.
+/// A scene in the device's memory.
 #[derive(Debug)]
 pub struct Yarns {
     centre: DVec3,
     pages: Vec<Page>,
     shape: Shape,
     lod: LodRules,
-    /// Whether any of them has a sheen.
+    /// Whether any look has a sheen.
     has_sheen: bool,
     looks: wgpu::Buffer,
     thinnest: f32,
     /// See [`Scene::mean_albedo`].
     albedo: Vec3,
-    /// Those of each set of maps, then those of yarns without.
+    /// Textures of each set of maps. The last entry stands for yarns without any.
     maps: Vec<wgpu::BindGroup>,
 }
 
 impl Renderer {
-    /// Compiles all shaders for pictures of so many samples a pixel: 1 or 4.
+    /// Compiles the shaders for pictures with this number of samples per pixel: 1 or 4.
     ///
-    /// # Errors
-    /// What the device refuses.
+    /// # Errors Whatever the device refuses.
     pub fn new(gpu: Gpu, samples: u32) -> Result<Self, GpuError> {
         let layouts = Layouts::new(&gpu);
         let pipelines = Pipelines::new(&gpu, &layouts, if samples > 1 { 4 } else { 1 });
@@ -108,10 +114,9 @@ impl Renderer {
         self.gpu.name()
     }
 
-    /// Uploads a scene, `st` pieces a stitch. It is no longer needed then.
+    /// Uploads a scene with `st` pieces a stitch. The scene is not needed afterwards.
     ///
-    /// # Errors
-    /// What the device refuses, its memory above all.
+    /// # Errors Whatever the device refuses, above all memory.
     pub fn load(&self, scene: &Scene, st: u32) -> Result<Yarns, GpuError> {
         let centre = scene.bounds().map_or(DVec3::ZERO, |bounds| bounds.centre().as_dvec3());
         let (thinnest, _) = scene.radii();
@@ -155,10 +160,9 @@ impl Renderer {
         })
     }
 
-    /// Draws a picture and brings it back.
+    /// Draws a picture and reads it back.
     ///
-    /// # Errors
-    /// What the device refuses.
+    /// # Errors Whatever the device refuses.
     pub fn draw(
         &mut self,
         yarns: &Yarns,
@@ -185,10 +189,9 @@ impl Renderer {
         Ok(picture)
     }
 
-    /// Draws the whole picture to a texture of the picture's size, to be shown.
+    /// Draws the whole picture to a texture of its size, to be shown in a window.
     ///
-    /// # Errors
-    /// What the device refuses.
+    /// # Errors Whatever the device refuses.
     pub fn draw_to(
         &mut self,
         yarns: &Yarns,
@@ -210,7 +213,8 @@ impl Renderer {
         self.gpu.fault()
     }
 
-    /// The averaged depths from the sun and around the eye, bound for the light.
+    /// Draws and filters the depths from the sun and around the eye; returns them bound for the
+    /// light pass.
     fn depth_maps(
         &mut self,
         yarns: &Yarns,
@@ -234,7 +238,7 @@ impl Renderer {
         ))
     }
 
-    /// Draws depths and averages them.
+    /// Draws depths and filters them.
     fn depth_map(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -262,6 +266,8 @@ impl Renderer {
             });
             self.draw_prepared(&mut pass, yarns, prepared, &view, PassKind::Depth);
         }
+        // A Gaussian is separable: one pass along rows and one along columns cost 2 n taps instead
+        // of n^2.
         let [once, twice] = [(); 2].map(|()| self.gpu.target(MOMENTS, map.size, 1));
         let [from_depths, from_moments] =
             if map.layer.is_some() { &self.pipelines.nearest } else { &self.pipelines.all };
@@ -269,6 +275,7 @@ impl Renderer {
             [([1, 0], from_depths, &twice, &once), ([0, 1], from_moments, &once, &twice)]
         {
             #[expect(clippy::cast_possible_truncation, reason = "some texels")]
+            // Two standard deviations hold 95 % of the Gaussian's weight.
             let reach = (2.0 * map.sigma).round() as i32;
             let (perspective, layer) = (map.frustum.eye.w, map.layer.unwrap_or_default());
             let blur = data::Blur {
@@ -305,7 +312,8 @@ impl Renderer {
         size: [u32; 2],
         to: &wgpu::TextureView,
     ) {
-        // A pixel more on every side, since the tone curve's filter reaches into the next ones.
+        // One more pixel on every side, because the reconstruction filter reaches into the next
+        // tiles.
         let scale = supersampling(options);
         let size = size.map(|pixels| (pixels + 2) * scale);
         let light = self.gpu.target(LIGHT, size, 1);
@@ -351,7 +359,7 @@ impl Renderer {
         self.gpu.queue.submit([encoder.finish()]);
     }
 
-    /// Draws the yarns' light, depths first, to `light` of `size`; without any it is dark.
+    /// Draws the yarns' light to `light`, after a depth pre-pass. Without yarns it stays black.
     fn light(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -402,6 +410,7 @@ impl Renderer {
         }
     }
 
+    /// Uploads one set of textures and binds it.
     fn maps_group(&self, base: &Mips, normal: &Mips, surface: &Mips) -> wgpu::BindGroup {
         let formats =
             [TextureFormat::Rgba8UnormSrgb, TextureFormat::Rgba8Unorm, TextureFormat::Rgba8Unorm];
@@ -416,7 +425,7 @@ impl Renderer {
     }
 }
 
-/// What a tile of `size` lights sees, from a pixel before `corner` on.
+/// Uniforms of a tile of `size` texels, which begins one pixel before `corner`.
 fn tile_view(
     frame: &FrameSetup,
     options: &RenderOptions,
@@ -438,20 +447,21 @@ fn tile_view(
     }
 }
 
-/// Lights a pixel each way, for the samples that are wanted beyond those of each light.
+/// Texels a pixel each way, for the samples that are wanted beyond those of multisampling.
 fn supersampling(options: &RenderOptions) -> u32 {
     (options.spp / options.samples.max(1)).isqrt().clamp(1, MAX_SUPERSAMPLING)
 }
 
-/// Blows a part of the picture up to all of clip space: `size` pixels from `corner` on.
+/// Matrix that enlarges a part of the picture to all of clip space: `size` pixels from `corner` on.
 fn crop(options: &RenderOptions, corner: Vec2, size: Vec2) -> Mat4 {
     let whole = Vec2::new(options.width as f32, options.height as f32);
     let scale = whole / size;
-    // The part's middle in clip coordinates, y up.
+    // The part's centre in clip coordinates, y up.
     let middle = ((corner + size / 2.0) / whole * 2.0 - 1.0) * Vec2::new(1.0, -1.0);
     Mat4::from_translation((-middle * scale).extend(0.0)) * Mat4::from_scale(scale.extend(1.0))
 }
 
+/// A look in the shaders' layout.
 fn shader_look(look: &YarnLook, scene: &Scene) -> data::LookData {
     #[expect(clippy::cast_precision_loss, reason = "a few plies")]
     let plies = look.plies as f32;

@@ -1,9 +1,9 @@
-//! Yarns in the device's memory: points in pages that fit its bindings, cut into chunks that are
-//! culled and coarsened one by one.
+//! Yarns in the device's memory: points in pages that fit its binding limits, divided into chunks
+//! that are culled and coarsened one by one.
 //!
-//! In: a scene and St. Out: [`Yarns`], 24 bytes a point there, 40 bytes a chunk of up to [`CHUNK`]
-//! pieces here. Strands are cut a window at a time, so what is held beside the pages does not grow
-//! with the fabric. A page's bind group serves all passes.
+//! In: a scene and St. Out: [`Page`]s, with 24 bytes a point on the device and 40 bytes a chunk of
+//! up to [`CHUNK`] pieces on the host. Strands are subdivided a window at a time, so the memory
+//! beside the pages does not grow with the fabric. All passes share a page's bind group.
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -16,15 +16,15 @@ use crate::render::paths::{Subdivision, YarnPaths};
 use crate::scene::Scene;
 use crate::unit::PackedUnit;
 
-/// Strands that a thread cuts at a time.
+/// Strands that a task subdivides at a time.
 const CUT_STRANDS: usize = 16;
-/// Points of a page at most: 64 MiB, which every device binds and allocates.
+/// Limit of a page's points: 64 MiB, which every device can bind and allocate.
 const PAGE_POINTS: usize = 4 << 20;
 
-/// What is known of a chunk without asking the device.
+/// Properties of a chunk that the host needs for culling and level of detail.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ChunkBounds {
-    /// A ball around it, its yarn's radius included.
+    /// Bounding ball, including the yarn's radius.
     pub(super) centre: Vec3,
     pub(super) reach: f32,
     /// Mean length of its pieces, mm.
@@ -42,7 +42,7 @@ pub(super) struct Page {
     pub(super) chunks: wgpu::Buffer,
 }
 
-/// A page on its way.
+/// A page that is being filled.
 #[derive(Default)]
 struct Draft {
     points: Vec<[f32; 4]>,
@@ -51,7 +51,7 @@ struct Draft {
     chunk_bounds: Vec<ChunkBounds>,
 }
 
-/// Uploads all strands of `scene`, `st` pieces a stitch, relative to `centre`.
+/// Uploads all strands of `scene` with `st` pieces a stitch, relative to `centre`.
 pub(super) fn upload(
     gpu: &Gpu,
     scene: &Scene,
@@ -92,7 +92,7 @@ pub(super) fn upload(
     Ok(pages)
 }
 
-/// First points and pieces of the chunks that strands are cut into.
+/// First point and number of pieces of each chunk.
 fn runs(paths: &YarnPaths) -> Vec<(usize, u32)> {
     let mut runs = Vec::new();
     let mut start = 0;
@@ -112,7 +112,7 @@ fn runs(paths: &YarnPaths) -> Vec<(usize, u32)> {
 }
 
 impl Draft {
-    /// Adds a chunk. Its last point is the next one's first, and stored for each.
+    /// Adds a chunk. Consecutive chunks share a point, and each stores it.
     fn push(&mut self, paths: &YarnPaths, start: usize, pieces: u32) {
         let range = start..=start + pieces as usize;
         let first = index32(self.points.len());
@@ -136,6 +136,7 @@ impl Draft {
         self.chunk_bounds.push(ChunkBounds { centre, reach, piece, pieces, look });
     }
 
+    /// Uploads the page.
     fn finish(self, gpu: &Gpu) -> Result<Page, GpuError> {
         let store = |label, contents: &[u8]| gpu.store(label, contents, BufferUsages::STORAGE);
         let page = Page {
@@ -144,7 +145,7 @@ impl Draft {
             chunks: store("chunks", bytemuck::cast_slice(&self.chunks)),
             chunk_bounds: self.chunk_bounds,
         };
-        // What the copies were staged in is free once they are done.
+        // wgpu stages copies in memory of its own. Waiting for them frees it before the next page.
         gpu.queue.submit([]);
         gpu.wait()?;
         Ok(page)

@@ -1,5 +1,5 @@
-//! Tests: the shaders' formulas give what their Rust twins give, on random input, on whatever
-//! adapter there is.
+//! Tests: the shaders' formulas give the same values as their Rust twins on random input, on any
+//! adapter.
 
 use glam::{Vec3, Vec4};
 use proptest::prelude::*;
@@ -13,7 +13,7 @@ use crate::render::shade::{self, Surface, schlick_rough};
 use crate::render::sheen::Sheen;
 use crate::render::{Background, tone};
 
-/// Inputs of each formula, four numbers four times.
+/// Number of random inputs of each formula; each has four times four numbers.
 const COUNT: usize = 4096;
 type Input = [Vec4; 4];
 
@@ -35,7 +35,7 @@ fn direction(u: vec2f) -> vec3f {
 }
 ";
 
-/// An adapter to test on. Without one the test is skipped, but in CI it fails.
+/// An adapter to test on. Without one, the test is skipped; in CI it fails.
 pub(super) fn adapter(test: &str) -> Option<Gpu> {
     match Gpu::find(true) {
         Ok(gpu) => Some(gpu),
@@ -47,7 +47,7 @@ pub(super) fn adapter(test: &str) -> Option<Gpu> {
     }
 }
 
-/// Runs `formula(input: mat4x4f) -> vec4f`, written in WGSL after `source`, on the device.
+/// Runs `formula(input: mat4x4f) -> vec4f`, WGSL that is appended to `source`, on the device.
 fn on_device(gpu: &Gpu, source: &str, formula: &str, inputs: &[Input]) -> Vec<Vec4> {
     let source = format!("{source}{formula}{RUN}");
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
@@ -105,7 +105,7 @@ fn on_device(gpu: &Gpu, source: &str, formula: &str, inputs: &[Input]) -> Vec<Ve
     bytemuck::pod_collect_to_vec(&outputs)
 }
 
-/// Numbers 0..1, the same in every run.
+/// Random numbers 0..1, the same in every run.
 fn random() -> Vec<Input> {
     let numbers = prop::array::uniform16(0.0_f32..1.0).prop_map(|n| {
         let row = |at: usize| Vec4::new(n[at], n[at + 1], n[at + 2], n[at + 3]);
@@ -122,8 +122,8 @@ fn direction(u: Vec4) -> Vec3 {
     Vec3::new(cos * around, sin * around, height)
 }
 
-/// Asserts that no component differs by more than `limit` of its size, or of 1 where that is
-/// smaller; `spared` in a thousand may.
+/// Asserts that no component differs by more than `limit`, relative to its size or to 1, whichever
+/// is larger. `spared` of a thousand may differ more.
 fn assert_close(found: &[Vec4], expected: &[Vec4], limit: f32, spared: usize) {
     let far = |(found, expected): &(&Vec4, &Vec4)| {
         let off = (**found - **expected).abs() / expected.abs().max(Vec4::ONE);

@@ -1,8 +1,7 @@
-//! Passes over the yarns: which instances are drawn, with which pipelines; and passes over all
-//! pixels.
+//! Render passes: over the yarns (which instances, with which pipelines), and over all pixels.
 //!
-//! In: a [`DrawPlan`] of batches. Out: commands. What a pass binds is made anew for each: it is small
-//! beside the yarns, which stay.
+//! In: a [`DrawPlan`]. Out: commands. Bind groups other than the yarns' are created anew for each
+//! pass; they are small.
 
 use bytemuck::bytes_of;
 use wgpu::BufferUsages;
@@ -15,14 +14,15 @@ use crate::ids::index32;
 use crate::render::RenderOptions;
 use crate::scene::Shape;
 
-/// A pass' yarns, ready to be drawn.
+/// Draws of a pass whose instances are on the device.
 pub(super) struct PreparedDraws {
     plan: DrawPlan,
-    /// One a page.
+    /// Bind group of each page; `None` for pages with nothing to draw.
     groups: Vec<Option<wgpu::BindGroup>>,
 }
 
 impl Yarns {
+    /// The pipeline for a batch in this kind of pass.
     fn pipeline_key(&self, key: &levels::BatchKey, pass_kind: PassKind) -> PipelineKey {
         let expansion = match (self.shape, key.edges) {
             (Shape::Ribbon, _) => Expansion::Ribbon,
@@ -35,7 +35,7 @@ impl Yarns {
 }
 
 impl Renderer {
-    /// What of the yarns a pass draws, with its instances on the device.
+    /// Plans a pass, creates its pipelines, and uploads its instances.
     pub(super) fn prepare_draws(
         &mut self,
         yarns: &Yarns,
@@ -74,7 +74,7 @@ impl Renderer {
         PreparedDraws { plan, groups }
     }
 
-    /// A batch's `Draw`, as long as offsets of uniforms must be.
+    /// A batch's `Draw`, padded to the alignment of dynamic uniform offsets.
     fn draw_bytes(&self, batch: &levels::Batch) -> Vec<u8> {
         let draw = data::Draw {
             first: batch.first,
@@ -87,6 +87,7 @@ impl Renderer {
         bytes
     }
 
+    /// Bind group of a page; `None` if nothing of it is drawn.
     fn page_group(
         &self,
         page: &Page,
@@ -112,7 +113,7 @@ impl Renderer {
         ))
     }
 
-    /// Draws batch after batch with the pipelines that were made for them.
+    /// Draws all batches with their pipelines.
     pub(super) fn draw_prepared(
         &self,
         pass: &mut wgpu::RenderPass<'_>,
@@ -137,7 +138,7 @@ impl Renderer {
                 continue;
             };
             let (indices, count) = &self.indices[&batch.key.edges];
-            // The last stands for none.
+            // The last entry stands for yarns without textures.
             let maps = batch.key.maps.map_or(yarns.maps.len() - 1, usize::from);
             pass.set_pipeline(pipeline);
             pass.set_bind_group(1, group, &[number * alignment]);
@@ -148,7 +149,7 @@ impl Renderer {
     }
 }
 
-/// How a pass uses its depths.
+/// A depth buffer as a pass' attachment.
 pub(super) fn depth_attachment(
     view: &wgpu::TextureView,
     load: wgpu::LoadOp<f32>,
@@ -161,7 +162,7 @@ pub(super) fn depth_attachment(
     }
 }
 
-/// Runs a shader over all pixels of `to`.
+/// Runs a fragment shader over all pixels of `to`.
 pub(super) fn screen_pass(
     encoder: &mut wgpu::CommandEncoder,
     pipeline: &wgpu::RenderPipeline,

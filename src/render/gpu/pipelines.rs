@@ -1,7 +1,7 @@
-//! The pipelines and the layouts of what is bound to them, made once for a device.
+//! Render pipelines and bind group layouts, created once for a device.
 //!
-//! Groups of the yarn shader: 0 the view, 1 a page, 2 a yarn's maps, 3 what the light needs. Passes
-//! that only write depths bind the first three.
+//! Bind groups of the yarn shader: 0 the view, 1 a page of yarns, 2 textures, 3 depth maps. Depth
+//! passes bind the first three only.
 
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ use super::data;
 use super::device::Gpu;
 use super::{DEPTH, LIGHT, MOMENTS, PICTURE, shaders};
 
-/// How vertices are expanded: `SHAPE` of the yarn shader.
+/// How points are expanded into vertices: `SHAPE` of the yarn shader.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Expansion {
     Tube = 0,
@@ -21,22 +21,22 @@ pub(super) enum Expansion {
     Ribbon = 2,
 }
 
-/// What a pass over the yarns pass_kind.
+/// Passes over the yarns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum PassKind {
-    /// Depths of one sample, for maps of depths.
+    /// Depths with one sample, for depth maps.
     Depth,
-    /// Depths of the picture's samples, before its light, so that only what is seen is lit. Ribbons
-    /// have none: which of their samples are solid is for the light to say.
+    /// Depth pre-pass with the picture's samples, so that only visible fragments are shaded.
+    /// Ribbons have none, because the light pass decides which of their samples are solid.
     Prepass,
-    /// Light of what is solid.
+    /// Light of solid fragments.
     Light,
-    /// Light of what is not, blended; only ribbons have it.
+    /// Light of translucent fragments, blended. Only for ribbons with textures.
     Fuzz,
 }
 
-/// What a pipeline over the yarns is made for. A software driver computes both ways of every
-/// branch, so what never happens is left out.
+/// Specialisation of a pipeline over the yarns. A software driver computes both sides of every
+/// branch, so features that do not occur are compiled out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct PipelineKey {
     pub(super) expansion: Expansion,
@@ -47,24 +47,24 @@ pub(super) struct PipelineKey {
 }
 
 impl PipelineKey {
-    /// Whether plain strips are lit at their points, see the shader.
+    /// Whether light is computed per vertex: for plain strips, see the shader.
     fn lit_per_vertex(self) -> bool {
         self.expansion == Expansion::Strip && !self.has_maps && self.pass_kind == PassKind::Light
     }
 
-    /// Whether there is anything to be drawn.
+    /// Whether the pass has anything to draw.
     pub(super) fn is_drawn(self) -> bool {
         let is_ribbon = self.expansion == Expansion::Ribbon;
         match self.pass_kind {
             PassKind::Depth | PassKind::Light => true,
-            // What is lit at its points costs no more to light than to hide.
+            // Light per vertex costs no more than the pre-pass that would hide it.
             PassKind::Prepass => !is_ribbon && (self.expansion == Expansion::Tube || self.has_maps),
             PassKind::Fuzz => is_ribbon && self.has_maps,
         }
     }
 }
 
-/// Layouts of the yarn shader's groups.
+/// Layouts of the bind groups.
 #[derive(Debug)]
 pub(super) struct Layouts {
     pub(super) view: wgpu::BindGroupLayout,
@@ -75,22 +75,23 @@ pub(super) struct Layouts {
     pub(super) tone: wgpu::BindGroupLayout,
 }
 
-/// The pipelines for pictures of one number of samples. Those over the yarns are made when they are
-/// first wanted: compiling all takes half a second on a software driver.
+/// The pipelines for one number of samples. Those over the yarns are compiled when they are first
+/// needed, because compiling all of them takes half a second on a software driver.
 #[derive(Debug)]
 pub(super) struct Pipelines {
     pub(super) samples: u32,
     yarn: wgpu::ShaderModule,
     made: BTreeMap<PipelineKey, wgpu::RenderPipeline>,
-    /// Averages of all depths: from a depth buffer, then from averages.
+    /// Filters of all depths: from a depth buffer, and from moments.
     pub(super) all: [wgpu::RenderPipeline; 2],
-    /// Averages of the nearest layer's depths.
+    /// Filters of the nearest layer's depths.
     pub(super) nearest: [wgpu::RenderPipeline; 2],
     pub(super) tone: wgpu::RenderPipeline,
 }
 
 const BOTH: ShaderStages = ShaderStages::VERTEX_FRAGMENT;
 
+/// Layout entry of a buffer.
 fn buffer(
     binding: u32,
     visibility: ShaderStages,
@@ -101,6 +102,7 @@ fn buffer(
     Entry { binding, visibility, ty, count: None }
 }
 
+/// Layout entry of a texture.
 fn texture(binding: u32, visibility: ShaderStages, sample_type: TextureSampleType) -> Entry {
     let ty = BindingType::Texture {
         sample_type,
@@ -192,19 +194,20 @@ impl Pipelines {
         }
     }
 
-    /// Makes the pipeline for a key, unless it is there.
+    /// Compiles the pipeline for a key, unless it exists.
     pub(super) fn make(&mut self, gpu: &Gpu, layouts: &Layouts, key: PipelineKey) {
         if !self.made.contains_key(&key) {
             self.made.insert(key, yarn_pipeline(gpu, layouts, &self.yarn, key, self.samples));
         }
     }
 
-    /// The pipeline for a key, if it was made.
+    /// The pipeline for a key, if it was compiled.
     pub(super) fn made(&self, key: PipelineKey) -> Option<&wgpu::RenderPipeline> {
         self.made.get(&key)
     }
 }
 
+/// Compiles a pipeline over the yarns.
 fn yarn_pipeline(
     gpu: &Gpu,
     layouts: &Layouts,
@@ -235,7 +238,7 @@ fn yarn_pipeline(
     let light =
         [Some(wgpu::ColorTargetState { format: LIGHT, blend, write_mask: wgpu::ColorWrites::ALL })];
     let fragment = match pass_kind {
-        // A depth needs no fragment, but where there may be holes.
+        // Depths need no fragment shader, except where a texture has holes.
         PassKind::Depth | PassKind::Prepass => {
             (expansion == Expansion::Ribbon && has_maps).then_some(("discard_fuzz", &[][..]))
         }
@@ -265,7 +268,8 @@ fn yarn_pipeline(
         depth_stencil: Some(wgpu::DepthStencilState {
             format: DEPTH,
             depth_write_enabled: Some(!is_fuzz),
-            // Equal to what the same triangles have written before.
+            // Less or equal: the light pass meets exactly the depths of the pre-pass (`@invariant`
+            // in the shader).
             depth_compare: Some(wgpu::CompareFunction::LessEqual),
             stencil: wgpu::StencilState::default(),
             bias: wgpu::DepthBiasState::default(),
@@ -277,12 +281,12 @@ fn yarn_pipeline(
     })
 }
 
-/// A shader's switch.
+/// A boolean as the value of a shader's override constant.
 fn switch(is_on: bool) -> f64 {
     f64::from(u8::from(is_on))
 }
 
-/// A pass over all pixels of a picture.
+/// Compiles a pipeline over all pixels.
 fn screen_pipeline(
     gpu: &Gpu,
     group: &wgpu::BindGroupLayout,
@@ -320,13 +324,14 @@ fn screen_pipeline(
     })
 }
 
-/// Triangles of an instance: `edges` a ring, or a flat strip for 2.
+/// Index buffer of an instance: rings with `edges` edges, or a flat strip for 2.
 pub(super) fn indices(edges: u32) -> Vec<u16> {
     let around = if edges == 2 { 1 } else { edges };
     let corner = |step: u32, s: u32| {
         u16::try_from(step * edges + s % edges).expect("eight steps of 64 edges")
     };
     let quad = |(step, s)| {
+        // Two triangles for each quad between two rings, counter-clockwise from outside.
         let (a, b, c, d) =
             (corner(step, s), corner(step, s + 1), corner(step + 1, s), corner(step + 1, s + 1));
         [a, b, c, b, d, c]

@@ -1,7 +1,7 @@
-//! What passes read and write: buffers, textures, bind groups, and the way back.
+//! Resources of passes: buffers, textures, bind groups, and reading pictures back.
 //!
-//! In: bytes and sizes. Out: wgpu's handles. Only the way back fails by itself; of the rest
-//! `Gpu::fault` tells what the device refused.
+//! In: bytes and sizes. Out: wgpu's handles. Only reading back returns errors itself; `Gpu::fault`
+//! reports what else the device refused.
 
 use std::sync::mpsc;
 
@@ -12,11 +12,11 @@ use super::device::{Gpu, GpuError};
 use crate::ids::index32;
 use crate::render::maps::Mips;
 
-/// Rows of texels in buffers start at multiples of this.
+/// Alignment of texel rows in buffers, bytes.
 const ROW_BYTES: u32 = wgpu::COPY_BYTES_PER_ROW_ALIGNMENT;
 
 impl Gpu {
-    /// A texture to be drawn to and then read by a shader.
+    /// A texture to render to and then to read in a shader.
     pub(super) fn target(
         &self,
         format: TextureFormat,
@@ -27,7 +27,7 @@ impl Gpu {
         texture.create_view(&wgpu::TextureViewDescriptor::default())
     }
 
-    /// A texture to be drawn to, and used as `usage` says.
+    /// A texture to render to, with further usages.
     pub(super) fn texture(
         &self,
         format: TextureFormat,
@@ -47,11 +47,12 @@ impl Gpu {
         })
     }
 
+    /// A uniform buffer with these contents.
     pub(super) fn uniform(&self, contents: &[u8]) -> wgpu::Buffer {
         self.store("uniform", contents, BufferUsages::UNIFORM)
     }
 
-    /// Binds resources to bindings 0, 1, 2 and so on.
+    /// A bind group with resources at bindings 0, 1, 2 and so on.
     pub(super) fn group(
         &self,
         label: &str,
@@ -69,7 +70,7 @@ impl Gpu {
         })
     }
 
-    /// Uploads a picture with all of its levels.
+    /// Uploads a texture with all of its mip levels.
     pub(super) fn mips(&self, mips: &Mips, format: TextureFormat) -> wgpu::TextureView {
         let (width, height) = mips.levels[0].dimensions();
         let size = wgpu::Extent3d { width, height, depth_or_array_layers: 1 };
@@ -132,7 +133,7 @@ impl Gpu {
         self.queue.submit([encoder.finish()]);
         let (sender, mapped) = mpsc::channel();
         buffer.slice(..).map_async(wgpu::MapMode::Read, move |result| {
-            // Nobody listens any more if waiting has failed.
+            // The receiver is gone if waiting has failed.
             let _unheard = sender.send(result);
         });
         self.wait()?;

@@ -1,4 +1,4 @@
-//! The shaders, put together from the fragments in `shaders/`.
+//! The shaders, concatenated from the fragments in `shaders/`.
 
 /// Yarns and the light on them.
 pub(super) const YARN: &str = concat!(
@@ -10,13 +10,13 @@ pub(super) const YARN: &str = concat!(
     include_str!("../../../shaders/cloth.wgsl"),
 );
 
-/// Averages of depths.
+/// Filter of depths.
 pub(super) const MOMENTS: &str = concat!(
     include_str!("../../../shaders/screen.wgsl"),
     include_str!("../../../shaders/moments.wgsl")
 );
 
-/// From light to pixels.
+/// Tone mapping.
 pub(super) const TONE: &str = concat!(
     include_str!("../../../shaders/screen.wgsl"),
     include_str!("../../../shaders/tone.wgsl")
