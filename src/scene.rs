@@ -148,11 +148,11 @@ impl Bounds {
     /// All eight corners.
     #[must_use]
     pub fn corners(&self) -> [Vec3; 8] {
-        let pick = |corner: usize, axis: usize| {
-            if corner >> axis & 1 == 0 { self.min[axis] } else { self.max[axis] }
-        };
+        // Bit `axis` of a corner's number chooses between the smaller and the larger coordinate.
         std::array::from_fn(|corner| {
-            Vec3::from_array(std::array::from_fn(|axis| pick(corner, axis)))
+            Vec3::from_array(std::array::from_fn(|axis| {
+                if corner >> axis & 1 == 0 { self.min[axis] } else { self.max[axis] }
+            }))
         })
     }
 }
@@ -256,20 +256,24 @@ impl Scene {
     /// Distances between neighbouring drawable data points of strands.
     #[must_use]
     pub fn span_lengths(&self) -> SpanLengths {
-        let of_strand = |strand: &SceneStrand| {
-            let points = &self.positions[strand.points.start as usize..strand.points.end as usize];
-            let drawn = points.windows(2).filter(|ends| ends.iter().all(|end| drawable(*end)));
-            drawn
-                .map(|ends| f64::from(ends[0].distance(ends[1])))
-                .fold(SpanLengths::default(), SpanLengths::with)
-        };
         // Sums are taken in order, so that the result does not depend on the number of threads.
-        let strands: Vec<SpanLengths> = self.strands.par_iter().map(of_strand).collect();
+        let strands: Vec<SpanLengths> =
+            self.strands.par_iter().map(|strand| self.strand_lengths(strand)).collect();
         strands.into_iter().fold(SpanLengths::default(), |sum, own| SpanLengths {
             sum: sum.sum + own.sum,
             count: sum.count + own.count,
             longest: sum.longest.max(own.longest),
         })
+    }
+
+    /// Distances between neighbouring drawable data points of one strand.
+    fn strand_lengths(&self, strand: &SceneStrand) -> SpanLengths {
+        let points = &self.positions[strand.points.start as usize..strand.points.end as usize];
+        points
+            .windows(2)
+            .filter(|ends| ends.iter().all(|end| drawable(*end)))
+            .map(|ends| f64::from(ends[0].distance(ends[1])))
+            .fold(SpanLengths::default(), SpanLengths::with)
     }
 
     /// The radius of a strand if it is drawable: above 0 and below [`MAX_COORDINATE`].

@@ -74,22 +74,21 @@ impl Camera {
     #[must_use]
     pub fn facing(toward_eye: DVec3, points: &[Vec3], fov: f64, zoom: f64, aspect: f64) -> Self {
         let axes = Self::look_at(toward_eye, DVec3::ZERO, fov, 1.0);
-        let seen = || {
-            points
-                .iter()
-                .map(|point| axes.to_camera_axes(point.as_dvec3()))
-                .filter(|point| point.is_finite())
-        };
-        let low = seen().fold(DVec3::INFINITY, DVec3::min);
-        let high = seen().fold(DVec3::NEG_INFINITY, DVec3::max);
+        let in_camera_axes = points
+            .iter()
+            .map(|point| axes.to_camera_axes(point.as_dvec3()))
+            .filter(|point| point.is_finite());
+        let low = in_camera_axes.clone().fold(DVec3::INFINITY, DVec3::min);
+        let high = in_camera_axes.clone().fold(DVec3::NEG_INFINITY, DVec3::max);
         // The centre in camera axes, not that of the world's bounding box: seen from a corner, the
         // two lie far apart.
         let middle = if low.x <= high.x { low.midpoint(high) } else { DVec3::ZERO };
         let reach = FRAME_FILL * axes.tan_half;
-        let distance = seen().map(|point| point - middle).fold(0.0_f64, |farthest, offset| {
-            let across = (offset.x.abs() / aspect).max(offset.y.abs());
-            farthest.max(offset.z + across / reach)
-        });
+        let distance =
+            in_camera_axes.map(|point| point - middle).fold(0.0_f64, |farthest, offset| {
+                let across = (offset.x.abs() / aspect).max(offset.y.abs());
+                farthest.max(offset.z + across / reach)
+            });
         // Back to world axes.
         let target = axes.right * middle.x + axes.up * middle.y + axes.back * middle.z;
         // A single point has no size to fit. Any distance shows it.
@@ -148,13 +147,12 @@ impl Camera {
     #[must_use]
     pub fn clip_from_world(&self, centre: DVec3, aspect: f64, near: f32, far: f32) -> Mat4 {
         let offset = centre - self.eye;
-        let row = |axis: DVec3, scale: f64| (axis * scale).extend(axis.dot(offset) * scale);
-        let distance = row(-self.back, 1.0);
+        let distance = projection_row(-self.back, offset, 1.0);
         let (near, far) = (f64::from(near), f64::from(far));
         let depth = (distance - DVec4::W * near) * (far / (far - near));
         DMat4::from_cols(
-            row(self.right, 1.0 / (aspect * self.tan_half)),
-            row(self.up, 1.0 / self.tan_half),
+            projection_row(self.right, offset, 1.0 / (aspect * self.tan_half)),
+            projection_row(self.up, offset, 1.0 / self.tan_half),
             depth,
             distance,
         )
@@ -179,6 +177,11 @@ impl Camera {
     fn to_camera_axes(&self, offset: DVec3) -> DVec3 {
         DVec3::new(offset.dot(self.right), offset.dot(self.up), offset.dot(self.back))
     }
+}
+
+/// Row of a matrix that maps a point p to `axis . (p + offset)`, scaled.
+fn projection_row(axis: DVec3, offset: DVec3, scale: f64) -> DVec4 {
+    (axis * scale).extend(axis.dot(offset) * scale)
 }
 
 #[cfg(test)]

@@ -139,11 +139,10 @@ impl Maps {
     ) -> Texel {
         let (base, normal, surface) = self
             .taps([u, v], [footprint_u, footprint_v], shape, |level, at| {
-                let of = |mips: &Mips, kind| mips.bilinear(level, at, kind);
                 [
-                    of(&self.base, MapKind::Color),
-                    of(&self.normal, MapKind::Normal),
-                    of(&self.surface, MapKind::Plain),
+                    self.base.bilinear(level, at, MapKind::Color),
+                    self.normal.bilinear(level, at, MapKind::Normal),
+                    self.surface.bilinear(level, at, MapKind::Plain),
                 ]
             })
             .into();
@@ -201,11 +200,6 @@ impl Maps {
         // Trilinear: interpolate between this level and the next coarser one.
         let (fine, share) = (whole(level), level.fract());
         let mut sum = [Vec4::ZERO; N];
-        let mut add = |level: usize, at: TexCoord, share: f32| {
-            sum.iter_mut()
-                .zip(look_up(level, at))
-                .for_each(|(sum, value)| *sum += value * (share / taps));
-        };
         for tap in 0..whole(taps) {
             let aside = (float(u32::try_from(tap).unwrap_or(0)) + 0.5) / taps - 0.5;
             let (du, dv) = if across > along {
@@ -214,9 +208,14 @@ impl Maps {
                 (0.0, aside * footprint[1])
             };
             let at = TexCoord { u: u + du, v: v + dv, shape };
-            add(fine, at, 1.0 - share);
-            if share > 0.0 {
-                add(fine + 1, at, share);
+            for (level, weight) in [(fine, 1.0 - share), (fine + 1, share)] {
+                // The first level always counts. The second one may not exist where its weight is 0.
+                if level == fine || weight > 0.0 {
+                    let values = look_up(level, at);
+                    sum.iter_mut()
+                        .zip(values)
+                        .for_each(|(sum, value)| *sum += value * (weight / taps));
+                }
             }
         }
         sum
@@ -268,17 +267,23 @@ struct BoxWeights {
 /// is odd: dropping the last column instead would shift the texture.
 fn box_weights(large: u32, small: u32) -> Vec<BoxWeights> {
     let size = float(large) / float(small);
-    let share = |index: u32| {
-        let (start, end) = (float(index) * size, float(index + 1) * size);
-        let first =
-            (u64::from(index) * u64::from(large) / u64::from(small)).try_into().unwrap_or(0);
-        let covered =
-            |texel: u32| ((float(texel) + 1.0).min(end) - float(texel).max(start)).max(0.0) / size;
-        // Rounding may leave a trace of weight on a texel beyond the last.
-        let weight = |texel: u32| if texel < large { covered(texel) } else { 0.0 };
-        BoxWeights { first, weights: [first, first + 1, first + 2].map(weight) }
-    };
-    (0..small).map(share).collect()
+    (0..small)
+        .map(|index| {
+            let (start, end) = (float(index) * size, float(index + 1) * size);
+            let first =
+                (u64::from(index) * u64::from(large) / u64::from(small)).try_into().unwrap_or(0);
+            let weights = [first, first + 1, first + 2].map(|texel| {
+                // Rounding may leave a trace of weight on a texel beyond the last.
+                if texel < large { overlap(texel, start, end) / size } else { 0.0 }
+            });
+            BoxWeights { first, weights }
+        })
+        .collect()
+}
+
+/// Length of a texel that lies between `start` and `end`, texels.
+fn overlap(texel: u32, start: f32, end: f32) -> f32 {
+    ((float(texel) + 1.0).min(end) - float(texel).max(start)).max(0.0)
 }
 
 /// A texel as numbers that may be averaged: linear light premultiplied by alpha, vectors, or plain

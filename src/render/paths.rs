@@ -108,9 +108,9 @@ impl YarnPaths {
         let mut along = phase(number);
         let mut start = strand.points.start;
         while start < strand.points.end {
-            let good = |point: u32| drawable(scene.positions[point as usize]);
-            let end =
-                (start..strand.points.end).find(|&point| !good(point)).unwrap_or(strand.points.end);
+            let end = (start..strand.points.end)
+                .find(|&point| !drawable(scene.positions[point as usize]))
+                .unwrap_or(strand.points.end);
             if start < end {
                 buffer.fill(scene, strand, start..end, self.centre);
                 along = self.push_run(

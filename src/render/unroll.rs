@@ -37,52 +37,59 @@ impl Maps {
             return self;
         }
         let around = TubeMapping::new(&rows, height);
-        let opaque = |color: Vec4, _: u32, _: f32| color.xyz().extend(1.0);
         let lean = mean_slopes(&self.normal.levels[0]);
-        let upright = |normal: Vec4, row: u32, side: f32| {
-            let normal = normal.xyz() * 2.0 - 1.0;
-            let slopes = normal.truncate() / normal.z.max(1e-3);
-            // The yarn is round already: what rises toward its middle in every column is its
-            // roundness.
-            let across = side * (slopes.y - lean[row as usize]);
-            let slopes = glam::Vec2::new(slopes.x, across)
-                .clamp(glam::Vec2::splat(-MAX_SLOPE), glam::Vec2::splat(MAX_SLOPE));
-            (slopes.extend(1.0).normalize() * 0.5 + Vec3::splat(0.5)).extend(1.0)
-        };
+        let base = around.remap(&self.base.levels[0], |color, _, _| color.xyz().extend(1.0));
+        let normal = around.remap(&self.normal.levels[0], |normal, row, side| {
+            without_slope(normal, lean[row as usize], side)
+        });
+        let surface = around.remap(&self.surface.levels[0], |value, _, _| value);
         Self {
-            base: Mips::new(around.remap(&self.base.levels[0], opaque), MapKind::Color),
-            normal: Mips::new(around.remap(&self.normal.levels[0], upright), MapKind::Normal),
-            surface: Mips::new(
-                around.remap(&self.surface.levels[0], |value, _, _| value),
-                MapKind::Plain,
-            ),
+            base: Mips::new(base, MapKind::Color),
+            normal: Mips::new(normal, MapKind::Normal),
+            surface: Mips::new(surface, MapKind::Plain),
             ..self
         }
     }
 }
 
+/// An encoded normal without the mean slope `lean` across the yarn of its row. The tube is round
+/// already, so the roundness that a photo shows must not count twice. `side` is the row's
+/// orientation.
+fn without_slope(normal: Vec4, lean: f32, side: f32) -> Vec4 {
+    let normal = normal.xyz() * 2.0 - 1.0;
+    let slopes = normal.truncate() / normal.z.max(1e-3);
+    let across = side * (slopes.y - lean);
+    let slopes = glam::Vec2::new(slopes.x, across)
+        .clamp(glam::Vec2::splat(-MAX_SLOPE), glam::Vec2::splat(MAX_SLOPE));
+    (slopes.extend(1.0).normalize() * 0.5 + Vec3::splat(0.5)).extend(1.0)
+}
+
 /// Rows that show yarn, from the first to the last that is covered well enough.
 fn yarn_rows(base: &RgbaImage) -> Range<u32> {
-    let covered =
-        |row: u32| (0..base.width()).map(|x| f32::from(base.get_pixel(x, row).0[3])).sum::<f32>();
-    let rows: Vec<f32> = (0..base.height()).map(covered).collect();
+    let rows: Vec<f32> = (0..base.height())
+        .map(|row| (0..base.width()).map(|x| f32::from(base.get_pixel(x, row).0[3])).sum())
+        .collect();
     let least = MIN_COVERAGE * rows.iter().copied().fold(0.0, f32::max);
-    let is_yarn = |row: &u32| rows[*row as usize] >= least;
-    let first = (0..base.height()).find(is_yarn).unwrap_or(0);
-    first..(0..base.height()).rfind(is_yarn).map_or(base.height(), |last| last + 1)
+    let mut yarn = (0..base.height()).filter(|row| rows[*row as usize] >= least);
+    let first = yarn.next().unwrap_or(0);
+    let last = yarn.next_back().unwrap_or(first);
+    if rows.is_empty() { first..base.height() } else { first..last + 1 }
 }
 
 /// Mean slope across the yarn in each row of normals.
 fn mean_slopes(normals: &RgbaImage) -> Vec<f32> {
-    let slope = |pixel: &Rgba<u8>| {
-        let [_, y, z, _] = pixel.0.map(|byte| f32::from(byte) / 127.5 - 1.0);
-        y / z.max(0.1)
-    };
-    let mean = |y: u32| {
-        (0..normals.width()).map(|x| slope(normals.get_pixel(x, y))).sum::<f32>()
-            / normals.width() as f32
-    };
-    (0..normals.height()).map(mean).collect()
+    let mut means = Vec::new();
+    for row in 0..normals.height() {
+        let slopes = (0..normals.width()).map(|x| slope_across(*normals.get_pixel(x, row)));
+        means.push(slopes.sum::<f32>() / normals.width() as f32);
+    }
+    means
+}
+
+/// Slope across the yarn of an encoded normal.
+fn slope_across(normal: Rgba<u8>) -> f32 {
+    let [_, y, z, _] = normal.0.map(|byte| f32::from(byte) / 127.5 - 1.0);
+    y / z.max(0.1)
 }
 
 /// Source row of each row of the tube's texture.
@@ -99,7 +106,8 @@ impl TubeMapping {
             0.5 * (yarn.start + yarn.end) as f32,
             0.5 * SHOWN_WIDTH * (yarn.end - yarn.start) as f32,
         );
-        let row = |row: u32| {
+        let mut rows = Vec::new();
+        for row in 0..height {
             let (sin, cos) = (TAU * (row as f32 + 0.5) / height as f32).sin_cos();
             #[expect(
                 clippy::cast_possible_truncation,
@@ -107,19 +115,20 @@ impl TubeMapping {
                 reason = "within the yarn's rows"
             )]
             let source = (middle + half * sin) as u32;
-            (source.min(height - 1), if cos < 0.0 { -1.0 } else { 1.0 })
-        };
-        Self { rows: (0..height).map(row).collect() }
+            // The back repeats the front, mirrored.
+            rows.push((source.min(height - 1), if cos < 0.0 { -1.0 } else { 1.0 }));
+        }
+        Self { rows }
     }
 
     /// The texture around the tube. `convert` changes each value; it receives the source row and
     /// its orientation.
-    fn remap(&self, picture: &RgbaImage, of: impl Fn(Vec4, u32, f32) -> Vec4) -> RgbaImage {
+    fn remap(&self, picture: &RgbaImage, convert: impl Fn(Vec4, u32, f32) -> Vec4) -> RgbaImage {
         RgbaImage::from_fn(picture.width(), picture.height(), |x, y| {
             let (row, side) = self.rows[y as usize];
             let value =
                 Vec4::from_array(picture.get_pixel(x, row).0.map(|byte| f32::from(byte) / 255.0));
-            Rgba(of(value, row, side).to_array().map(byte))
+            Rgba(convert(value, row, side).to_array().map(byte))
         })
     }
 }

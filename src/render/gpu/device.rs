@@ -11,16 +11,15 @@ use wgpu::{Backends, DeviceType, Instance, InstanceDescriptor, RequestAdapterOpt
 /// Reasons why the GPU draws nothing.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum GpuError {
-    /// No adapter, or none that is wanted.
-    #[error(
-        "no graphics adapter was found: install a Vulkan, Metal or DirectX 12 driver, or take --renderer cpu"
     /// No adapter, or only a software one where a hardware one is wanted.
+    #[error(
+        "no graphics adapter was found: install a Vulkan, Metal or DirectX 12 driver, or take \
+         --renderer cpu"
     )]
     NoAdapter,
-    /// An adapter that can't do what is asked of it.
+    /// The adapter lacks a capability.
     #[error(
         "the graphics adapter {adapter} can't draw yarns, it lacks {lacking}: take --renderer cpu"
-    /// The adapter lacks a capability.
     )]
     Lacking {
         /// Its name.
@@ -33,12 +32,13 @@ pub enum GpuError {
     NoDevice {
         /// Its name.
         adapter: String,
-        /// What the driver says.
+        /// The driver's message.
         reason: String,
     },
     /// The device's memory is full.
     #[error(
-        "the graphics adapter {adapter} is out of memory: lower --size, --st or the densities, or take --renderer cpu"
+        "the graphics adapter {adapter} is out of memory: lower --size, --st or the densities, or \
+         take --renderer cpu"
     )]
     OutOfMemory {
         /// Its name.
@@ -51,7 +51,7 @@ pub enum GpuError {
     Lost {
         /// Its name.
         adapter: String,
-        /// What the driver says.
+        /// The driver's message.
         reason: String,
     },
     /// The device refused a command. That is an error in this program or in its driver.
@@ -59,7 +59,7 @@ pub enum GpuError {
     Refused {
         /// Its name.
         adapter: String,
-        /// The first line of what it says.
+        /// The device's message.
         reason: String,
     },
 }
@@ -200,12 +200,10 @@ fn missing_capability(adapter: &wgpu::Adapter, device: &wgpu::Device) -> Option<
     {
         return Some("storage buffers for vertices".to_owned());
     }
-    let missing = |&&(format, usages): &&(wgpu::TextureFormat, wgpu::TextureUsages)| {
-        !adapter.get_texture_format_features(format).allowed_usages.contains(usages)
-    };
-    TARGETS.iter().find(missing).map(|(format, _)| {
-        format!("targets of {format:?}, which Vulkan, Metal and DirectX 12 drivers have")
-    })
+    let (format, _) = TARGETS.iter().find(|(format, usages)| {
+        !adapter.get_texture_format_features(*format).allowed_usages.contains(*usages)
+    })?;
+    Some(format!("targets of {format:?}, which Vulkan, Metal and DirectX 12 drivers have"))
 }
 
 /// Keeps the first error, because later ones are its consequences.

@@ -155,15 +155,14 @@ fn sun_map(
     let size = (size_mm / texel).ceil().max(Vec2::ONE);
     let size_mm = size * texel;
     let distance = -toward_sun;
-    let rows = |x: Vec4, y: Vec4, z: Vec4| Mat4::from_cols(x, y, z, Vec4::W).transpose();
     // Orthographic projection with the sun's rays along z.
-    let clip_from_world = rows(
+    let clip_from_world = affine(
         (across * 2.0 / size_mm.x).extend(-1.0 - 2.0 * low.x / size_mm.x),
         (up * 2.0 / size_mm.y).extend(-1.0 - 2.0 * low.y / size_mm.y),
         (distance / (far - near)).extend(-near / (far - near)),
     );
     // Rows of texels count from the top. z stays in mm, because the moments are kept in mm.
-    let texels_from_world = rows(
+    let texels_from_world = affine(
         (across / texel).extend(-low.x / texel),
         (-up / texel).extend((low.y + size_mm.y) / texel),
         distance.extend(0.0),
@@ -188,23 +187,26 @@ fn depth_map(
     let largest = options.width.max(options.height).max(1) as f32;
     let scale =
         (DEPTH_TEXELS * pixel / (DEPTH_RADII * thinnest)).min(0.5).min(MAX_DEPTH_TEXELS / largest);
-    let side = |pixels: u32| {
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "at most half of it"
-        )]
-        let texels = (pixels as f32 * scale).ceil() as u32;
-        texels.max(1)
-    };
     let sigma = (DEPTH_RADII * thinnest * scale / pixel).max(0.6);
     let frustum = Frustum { pixel: camera.pixel / scale, ..camera };
     DepthMap {
         frustum,
-        size: [side(options.width), side(options.height)],
+        size: [options.width, options.height].map(|pixels| scaled(pixels, scale)),
         sigma,
         near,
         far,
         layer: Some(LAYER_RADII * thinnest),
     }
+}
+
+/// A number of pixels as texels of a smaller map.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most half of it")]
+fn scaled(pixels: u32, scale: f32) -> u32 {
+    let texels = (pixels as f32 * scale).ceil() as u32;
+    texels.max(1)
+}
+
+/// An affine matrix by its upper three rows.
+fn affine(x: Vec4, y: Vec4, z: Vec4) -> Mat4 {
+    Mat4::from_cols(x, y, z, Vec4::W).transpose()
 }

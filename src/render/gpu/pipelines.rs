@@ -171,25 +171,26 @@ impl Layouts {
 impl Pipelines {
     /// Compiles the shaders.
     pub(super) fn new(gpu: &Gpu, layouts: &Layouts, samples: u32) -> Self {
-        let module = |source: &'static str| {
-            let source = wgpu::ShaderSource::Wgsl(source.into());
-            gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source })
-        };
-        let (yarn, moments, tone) =
-            (module(shaders::YARN), module(shaders::MOMENTS), module(shaders::TONE));
-        let averages = |is_layered: bool| {
+        let [yarn, moments, tone] =
+            [shaders::YARN, shaders::MOMENTS, shaders::TONE].map(|source| {
+                let source = wgpu::ShaderSource::Wgsl(source.into());
+                gpu.device
+                    .create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source })
+            });
+        // In the order of `all` and `nearest`: depths of all layers, or of the nearest one.
+        let [all, nearest] = [false, true].map(|is_layered| {
             [true, false].map(|from_depths| {
                 let constants =
                     &[("LAYERED", switch(is_layered)), ("FROM_DEPTHS", switch(from_depths))];
                 screen_pipeline(gpu, &layouts.moments, &moments, "average", MOMENTS, constants)
             })
-        };
+        });
         Self {
             samples,
             yarn,
             made: BTreeMap::new(),
-            all: averages(false),
-            nearest: averages(true),
+            all,
+            nearest,
             tone: screen_pipeline(gpu, &layouts.tone, &tone, "tone_map", PICTURE, &[]),
         }
     }

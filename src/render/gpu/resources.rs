@@ -137,20 +137,21 @@ impl Gpu {
             let _unheard = sender.send(result);
         });
         self.wait()?;
-        let refused =
-            |reason: String| GpuError::Refused { adapter: self.name().to_owned(), reason };
         match mapped.try_recv() {
             Ok(Ok(())) => {}
-            Ok(Err(error)) => return Err(refused(error.to_string())),
-            Err(_never) => return Err(refused("it never finished".to_owned())),
+            Ok(Err(error)) => return Err(self.refused(&error)),
+            Err(_never) => return Err(self.refused(&"it never finished")),
         }
-        let pixels =
-            buffer.slice(..).get_mapped_range().map_err(|error| refused(error.to_string()))?;
+        let pixels = buffer.slice(..).get_mapped_range().map_err(|error| self.refused(&error))?;
         for (y, row) in (corner[1]..).zip(pixels.chunks_exact(row as usize)) {
             let start = (y as usize * picture.width() as usize + corner[0] as usize) * 4;
             let bytes = size.width as usize * 4;
             picture.as_mut()[start..start + bytes].copy_from_slice(&row[..bytes]);
         }
         Ok(())
+    }
+    /// The error for a command that the device refused.
+    fn refused(&self, reason: &dyn std::fmt::Display) -> GpuError {
+        GpuError::Refused { adapter: self.name().to_owned(), reason: reason.to_string() }
     }
 }

@@ -55,21 +55,27 @@ impl LayerDepths {
         let corner = place.floor();
         let part = place - corner;
         #[expect(clippy::cast_possible_truncation, reason = "a pixel's number")]
+        let [x, y] = [corner.x as i32, corner.y as i32];
         // Bilinear interpolation. Each mean is weighted by its cover too, so squares without yarn
         // do not count.
-        let square = |dx: i32, dy: i32| {
-            let inside = |at: i32, size: u32| at.max(0).cast_unsigned().min(size - 1) as usize;
-            self.squares[inside(corner.y as i32 + dy, self.size[1]) * self.size[0] as usize
-                + inside(corner.x as i32 + dx, self.size[0])]
-        };
         let mut sums = Vec2::ZERO;
-        let mut add =
-            |[mean, cover]: [f32; 2], share: f32| sums += Vec2::new(mean, 1.0) * (cover * share);
-        add(square(0, 0), (1.0 - part.x) * (1.0 - part.y));
-        add(square(1, 0), part.x * (1.0 - part.y));
-        add(square(0, 1), (1.0 - part.x) * part.y);
-        add(square(1, 1), part.x * part.y);
+        for ([column, row], share) in [
+            ([x, y], (1.0 - part.x) * (1.0 - part.y)),
+            ([x + 1, y], part.x * (1.0 - part.y)),
+            ([x, y + 1], (1.0 - part.x) * part.y),
+            ([x + 1, y + 1], part.x * part.y),
+        ] {
+            let [mean, cover] = self.clamped_square(column, row);
+            sums += Vec2::new(mean, 1.0) * (cover * share);
+        }
         [if sums.y > 0.0 { sums.x / sums.y } else { 0.0 }, sums.y]
+    }
+
+    /// The square at a column and row, or the nearest one at the border.
+    fn clamped_square(&self, column: i32, row: i32) -> [f32; 2] {
+        let [x, y] = [(column, self.size[0]), (row, self.size[1])]
+            .map(|(at, size)| at.max(0).cast_unsigned().min(size - 1) as usize);
+        self.squares[y * self.size[0] as usize + x]
     }
 }
 
@@ -77,13 +83,12 @@ impl LayerDepths {
 fn square(buffer: &VisibilityBuffer, [x, y]: [u32; 2], layer: f32) -> [f32; 2] {
     let columns = x * SQUARE..buffer.width.min((x + 1) * SQUARE);
     let rows = buffer.rows.start.max(y * SQUARE)..buffer.rows.end.min((y + 1) * SQUARE);
-    let depths =
-        || rows.clone().flat_map(|y| columns.clone().flat_map(move |x| buffer.depths([x, y])));
-    let first = depths().flatten().fold(f32::INFINITY, f32::min);
+    let depths = rows.flat_map(|y| columns.clone().flat_map(move |x| buffer.depths([x, y])));
+    let first = depths.clone().flatten().fold(f32::INFINITY, f32::min);
     // Depths are summed relative to the nearest one: in `f32`, sums of metres would lose a yarn's
     // radius.
     let (mut sum, mut inside, mut count) = (0.0, 0.0, 0.0);
-    for depth in depths() {
+    for depth in depths {
         count += 1.0;
         if let Some(depth) = depth.filter(|depth| *depth <= first + layer) {
             sum += depth - first;

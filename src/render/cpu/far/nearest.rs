@@ -119,7 +119,7 @@ impl VisibilityBuffer {
     }
 
     /// Depths that the samples of a pixel see; `None` for those that see no yarn.
-    pub(super) fn depths(&self, pixel: [u32; 2]) -> impl Iterator<Item = Option<f32>> {
+    pub(super) fn depths(&self, pixel: [u32; 2]) -> impl Iterator<Item = Option<f32>> + Clone {
         let samples = self.pixel_quads(pixel).iter().flat_map(|quad| {
             (0..4).filter(|lane| quad.places[0][*lane].is_finite()).map(|lane| &quad.keys[lane])
         });

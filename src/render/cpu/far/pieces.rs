@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use crate::ids::index32;
 use crate::render::cpu::to_f32;
 use crate::render::paths;
-use crate::scene::{Scene, SceneStrand, SpanLengths, drawable};
+use crate::scene::{Scene, SpanLengths, drawable};
 
 /// Data points whose pieces one task handles at a time.
 const PART: u32 = 4096;
@@ -99,12 +99,16 @@ impl<'a> SplatPieces<'a> {
     /// between central differences at its ends. It is continuous from piece to piece.
     pub(super) fn tangent(&self, strand: usize, first: u32, s: f32) -> Vec3 {
         let points = &self.scene.strands[strand].points;
-        let slope = |point: u32| {
-            let ends = [point.saturating_sub(1).max(points.start), (point + 1).min(points.end - 1)];
-            let [before, after] = ends.map(|end| self.scene.positions[end as usize]);
-            (after - before).normalize_or_zero()
-        };
-        slope(first).lerp(slope((first + 1).min(points.end - 1)), s).normalize_or(Vec3::X)
+        let next = (first + 1).min(points.end - 1);
+        let [start, end] = [first, next].map(|point| self.central_difference(point, points));
+        start.lerp(end, s).normalize_or(Vec3::X)
+    }
+
+    /// Direction from the data point before `point` to the one after it.
+    fn central_difference(&self, point: u32, strand: &Range<u32>) -> Vec3 {
+        let ends = [point.saturating_sub(1).max(strand.start), (point + 1).min(strand.end - 1)];
+        let [before, after] = ends.map(|end| self.scene.positions[end as usize]);
+        (after - before).normalize_or_zero()
     }
 
     /// Arc length at fraction `s` of that piece, mm, as if all pieces had the mean length. Exact
@@ -126,25 +130,32 @@ impl<'a> SplatPieces<'a> {
         if point >= strand.end {
             return None;
         }
-        let at = |point: u32| self.scene.positions[point as usize];
-        let here = at(point);
+        let positions = &self.scene.positions;
+        let point = point as usize;
+        let here = positions[point];
         if !drawable(here) {
             return None;
         }
-        let inner = strand.start + 2 <= point && point + 2 < strand.end;
-        let bend = if inner { here * 2.0 - at(point - 2) - at(point + 2) } else { Vec3::ZERO };
+        let inner = strand.start as usize + 2 <= point && point + 2 < strand.end as usize;
+        // No shift at the ends, where a span has no neighbour beyond it.
+        let bend = if inner {
+            here * 2.0 - positions[point - 2] - positions[point + 2]
+        } else {
+            Vec3::ZERO
+        };
         Some(here - self.centre + if drawable(bend) { bend / 48.0 } else { Vec3::ZERO })
     }
 
     /// Strands cut into parts for tasks.
     fn parts(&self) -> Vec<(usize, Range<u32>)> {
-        let parts = |(number, strand): (usize, &SceneStrand)| {
+        let mut parts = Vec::new();
+        for (number, strand) in self.scene.strands.iter().enumerate() {
             let Range { start, end } = strand.points;
-            (start..end)
-                .step_by(PART as usize)
-                .map(move |first| (number, first..end.min(first.saturating_add(PART))))
-        };
-        self.scene.strands.iter().enumerate().flat_map(parts).collect()
+            for first in (start..end).step_by(PART as usize) {
+                parts.push((number, first..end.min(first.saturating_add(PART))));
+            }
+        }
+        parts
     }
 }
 

@@ -52,11 +52,10 @@ impl Screen {
 
     /// Whether a point lies in the picture or within a pixel of it.
     pub(super) fn shows(&self, point: Vec3) -> bool {
-        let inside = |at: Vec3| {
+        self.project(point).is_some_and(|at| {
             at.truncate().cmpge(Vec2::NEG_ONE).all()
                 && at.truncate().cmple(self.extent() + 1.0).all()
-        };
-        self.project(point).is_some_and(inside)
+        })
     }
 
     /// Outline of a piece whose ends are projected already.

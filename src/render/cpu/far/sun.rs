@@ -111,30 +111,19 @@ impl ShadowMap {
     fn blocks(&self) -> Vec<f32> {
         let [width, height] = self.size.map(|side| side as usize);
         let across = width.div_ceil(BLOCK);
-        let nearest_of_rows = |rows: &[AtomicU32]| {
-            let mut blocks = vec![f32::INFINITY; across];
-            for row in rows.chunks(width) {
-                for (block, texels) in blocks.iter_mut().zip(row.chunks(BLOCK)) {
-                    *block = texels
-                        .iter()
-                        .map(|texel| f32::from_bits(texel.load(Ordering::Relaxed)))
-                        .fold(*block, f32::min);
-                }
-            }
-            blocks
-        };
+        let down = height.div_ceil(BLOCK);
         let single: Vec<Vec<f32>> =
-            self.nearest.par_chunks(width * BLOCK).map(nearest_of_rows).collect();
-        let around = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
-        let nearest_around = |y: usize, x: usize| {
-            let rows = around(y, height.div_ceil(BLOCK));
-            rows.flat_map(|y| single[y][around(x, across)].iter().copied())
-                .fold(f32::INFINITY, f32::min)
-        };
-        (0..height.div_ceil(BLOCK))
-            .flat_map(|y| (0..across).map(move |x| (y, x)))
-            .map(|(y, x)| nearest_around(y, x))
-            .collect()
+            self.nearest.par_chunks(width * BLOCK).map(|rows| block_row(rows, width)).collect();
+        let mut blocks = Vec::with_capacity(down * across);
+        for y in 0..down {
+            for x in 0..across {
+                let rows = &single[y.saturating_sub(1)..(y + 2).min(down)];
+                let columns = x.saturating_sub(1)..(x + 2).min(across);
+                let around = rows.iter().flat_map(|row| &row[columns.clone()]);
+                blocks.push(around.copied().fold(f32::INFINITY, f32::min));
+            }
+        }
+        blocks
     }
 
     /// Whether light from a unit direction within the sun's disc reaches a point on a yarn of this
@@ -169,8 +158,8 @@ impl ShadowMap {
             clippy::cast_sign_loss,
             reason = "saturates, then is held to the grid"
         )]
-        let inside = |at: f32, size: u32| (at as u32).min(size - 1) as usize;
-        [inside(at.x, self.size[0]), inside(at.y, self.size[1])]
+        let texel = [(at.x as u32).min(self.size[0] - 1), (at.y as u32).min(self.size[1] - 1)];
+        texel.map(|index| index as usize)
     }
 
     /// The nearest depth in a texel.
@@ -184,6 +173,20 @@ impl ShadowMap {
             - self.low;
         (from.truncate() / self.texel).extend(from.z)
     }
+}
+
+/// Nearest depth in each block of a row of blocks. `texels` are its rows of texels.
+fn block_row(texels: &[AtomicU32], width: usize) -> Vec<f32> {
+    let mut blocks = vec![f32::INFINITY; width.div_ceil(BLOCK)];
+    for row in texels.chunks(width) {
+        for (block, texels) in blocks.iter_mut().zip(row.chunks(BLOCK)) {
+            *block = texels
+                .iter()
+                .map(|texel| f32::from_bits(texel.load(Ordering::Relaxed)))
+                .fold(*block, f32::min);
+        }
+    }
+    blocks
 }
 
 #[cfg(test)]

@@ -118,10 +118,15 @@ impl<'a> Segments<'a> {
                 let crossing = self.strip(start).crossing(origin, direction);
                 // The texture lookup comes last, because it costs more than all other tests
                 // together.
-                let stops = |crossing: &Crossing| {
-                    crossing.distance <= limit && self.is_opaque_at(start, crossing, ray)
-                };
-                crossing.filter(stops).map_or(f32::INFINITY, |crossing| crossing.distance)
+                match crossing {
+                    Some(crossing)
+                        if crossing.distance <= limit
+                            && self.is_opaque_at(start, &crossing, ray) =>
+                    {
+                        crossing.distance
+                    }
+                    _ => f32::INFINITY,
+                }
             }
         }
     }

@@ -45,13 +45,11 @@ impl RibbonStrip {
         let ([a0, a1], [b0, b1]) = (self.a, self.b);
         let first = triangle(origin, direction, a0, a1 - a0, b0 - a0)
             .map(|(distance, u, v)| Crossing { distance, u, v });
-        let second = || {
-            let met = triangle(origin, direction, b1, b0 - b1, a1 - b1)?;
-            Some(Crossing { distance: met.0, u: 1.0 - met.1, v: 1.0 - met.2 })
-        };
+        let second = triangle(origin, direction, b1, b0 - b1, a1 - b1)
+            .map(|(distance, s, t)| Crossing { distance, u: 1.0 - s, v: 1.0 - t });
         // A strip whose ends are twisted against each other is not planar, so both triangles may be
         // crossed. The nearer crossing is visible.
-        match (first, second()) {
+        match (first, second) {
             (Some(one), Some(other)) => {
                 Some(if other.distance < one.distance { other } else { one })
             }
