@@ -8,12 +8,11 @@ override FUZZ: bool = false;
 override MAPS: bool = true;
 // Alpha from which a fragment is solid. Below it is fuzz, which a pass of its own blends.
 const SOLID_ALPHA = 0.5;
-// Alpha below which a fragment is dropped: it changes no byte of the picture visibly but would cost
-// blending.
+// Alpha below which a fragment is dropped, because blending it costs more than it shows.
 const MIN_ALPHA = 0.02;
-// Fraction of Chebyshev's bound that counts as full shadow. It hides light bleeding, the light that
-// variance shadow maps let through where layers at several depths overlap (Lauritzen 2007,
-// 'Summed-area variance shadow maps', section 8.4.3). Too much of it narrows penumbras.
+// Chebyshev's bound up to this value counts as full shadow. That hides light bleeding, the light
+// that variance shadow maps let through where layers at several depths overlap (Lauritzen 2007,
+// 'Summed-area variance shadow maps', section 8.4.3). Higher values narrow penumbras.
 const LIGHT_BLEEDING = 0.2;
 // Samples per pixel of alpha to coverage.
 const SAMPLES = 4.0;
@@ -187,7 +186,6 @@ fn shade(in: Surface) -> Light {
     var around = in.side * 0.5 + 0.5;
     // An impostor: restore the tube's normal and position from the place across the strip.
     if SHAPE == STRIP {
-        // The round yarn that the strip stands for.
         let rise = sqrt(max(1.0 - in.side * in.side, 0.0));
         let front_of = front_of_strip(outward, tangent, toward_eye);
         outward = normalize(outward * in.side + front_of * rise);

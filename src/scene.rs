@@ -167,6 +167,7 @@ impl Scene {
         maps: Vec<Maps>,
         texture_of: impl Fn(usize) -> Option<u16>,
     ) -> Self {
+        // A tube shows the texture from all sides, so it is converted once, here.
         let maps: Vec<_> = maps.into_iter().map(|maps| maps.for_shape(shape)).collect();
         for (bar, look) in looks.iter_mut().enumerate() {
             look.maps = texture_of(bar);
@@ -206,6 +207,7 @@ impl Scene {
         stitches: impl IntoIterator<Item = u32>,
         look: u16,
     ) {
+        // Indices are 32 bits wide: half the memory of `usize`.
         let (start, first) = (index32(self.positions.len()), index32(self.stitches.len()));
         for (point, normal) in points {
             self.positions.push(point);
@@ -235,8 +237,9 @@ impl Scene {
     /// yarns takes on this colour.
     #[must_use]
     pub fn mean_albedo(&self) -> Vec3 {
-        let drawn = self.strands.iter().filter(|strand| self.radius(strand).is_some());
-        let (sum, points) = drawn.fold((Vec3::ZERO, 0.0), |(sum, points), strand| {
+        // Strands that no renderer draws do not colour the light.
+        let drawable = self.strands.iter().filter(|strand| self.radius(strand).is_some());
+        let (sum, points) = drawable.fold((Vec3::ZERO, 0.0), |(sum, points), strand| {
             let own = strand.points.len() as f32;
             (sum + self.albedo_of(&self.looks[usize::from(strand.look)]) * own, points + own)
         });
@@ -247,8 +250,8 @@ impl Scene {
     /// none.
     #[must_use]
     pub fn radii(&self) -> (f32, f32) {
-        let drawn = self.strands.iter().filter_map(|strand| self.radius(strand));
-        drawn.fold((f32::INFINITY, 0.0), |(thinnest, thickest), radius| {
+        let radii = self.strands.iter().filter_map(|strand| self.radius(strand));
+        radii.fold((f32::INFINITY, 0.0), |(thinnest, thickest), radius| {
             (radius.min(thinnest), radius.max(thickest))
         })
     }

@@ -138,8 +138,8 @@ impl Camera {
     /// eye.
     #[must_use]
     pub fn project(&self, point: DVec3, aspect: f64) -> Option<DVec2> {
-        let seen = self.to_camera_axes(point - self.eye);
-        (seen.z < 0.0).then(|| DVec2::new(seen.x / aspect, seen.y) / (-seen.z * self.tan_half))
+        let p = self.to_camera_axes(point - self.eye);
+        (p.z < 0.0).then(|| DVec2::new(p.x / aspect, p.y) / (-p.z * self.tan_half))
     }
 
     /// Matrix from coordinates relative to `centre` to clip coordinates. z is 0 at distance `near`

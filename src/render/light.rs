@@ -58,7 +58,10 @@ impl Light {
     #[must_use]
     pub fn around(&self, camera: &Camera) -> Rig {
         let toward_sun = camera.to_world(self.sun_direction.try_normalize().unwrap_or(Vec3::Z));
+        // Tilted toward the camera: pure 'up' would leave the middle of a cloth that faces the
+        // camera dull.
         let zenith = camera.to_world(Vec3::new(0.0, 1.0, 1.0).normalize());
+        // The sky's mean radiance, and the sun's as if spread evenly by a white diffuse surface.
         let sky = (self.sky_above + self.sky_below) * 0.5;
         Rig { toward_sun, interior: (sky + self.sun * FRAC_1_PI) * INTERIOR, light: *self, zenith }
     }

@@ -109,10 +109,9 @@ impl Mips {
             Shape::Tube => wrapped(row, height),
             Shape::Ribbon => clamped(row, height),
         });
-        let texel = |column: usize, row: usize| {
-            decode(*picture.get_pixel(columns[column], rows[row]), kind)
-        };
-        texel(0, 0).lerp(texel(1, 0), x).lerp(texel(0, 1).lerp(texel(1, 1), x), y)
+        let [a, b, c, d] = [(0, 0), (1, 0), (0, 1), (1, 1)]
+            .map(|(i, j)| decode(*picture.get_pixel(columns[i], rows[j]), kind));
+        a.lerp(b, x).lerp(c.lerp(d, x), y)
     }
 }
 
@@ -209,7 +208,7 @@ impl Maps {
             };
             let at = TexCoord { u: u + du, v: v + dv, shape };
             for (level, weight) in [(fine, 1.0 - share), (fine + 1, share)] {
-                // The first level always counts. The second one may not exist where its weight is 0.
+                // The first level always counts. The second may not exist where its weight is 0.
                 if level == fine || weight > 0.0 {
                     let values = look_up(level, at);
                     sum.iter_mut()

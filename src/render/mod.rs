@@ -1,12 +1,13 @@
 //! Pictures of yarns. All renderers share one scene, one camera and one shading model.
 //!
-//! In: a [`Scene`], a [`Camera`] and [`RenderOptions`]. Out: an sRGB picture with straight alpha. Rooms
-//! that every renderer shares: [`camera`] (rays and framing), [`light`] (sun and sky), [`shade`]
-//! (how a surface reflects), [`sheen`] (what its fibres mirror), [`ply`] (what makes a tube read as
-//! yarn), [`maps`] (what a photo of a yarn says), `paths` (yarns as short pieces) and [`tone`]
-//! (from light to pixels). [`cpu`] traces rays, or draws what is far, and is the only room that
-//! knows of bounding volume hierarchies; [`gpu`] draws triangles and is the only one that names
-//! wgpu; [`painter`] chooses between the two.
+//! In: a [`Scene`], a [`Camera`] and [`RenderOptions`]. Out: an sRGB picture with straight alpha.
+//!
+//! All renderers share these modules: [`camera`] (rays and framing), [`light`] (sun and sky),
+//! [`shade`] (reflection of a surface), [`sheen`] (specular reflection of fibres), [`ply`]
+//! (procedural plies and fibres), [`maps`] (textures of yarns), `paths` (curves as polylines) and
+//! [`tone`] (from light to pixels). [`cpu`] traces rays, or splats distant yarns; only it knows
+//! bounding volume hierarchies. [`gpu`] rasterises triangles; only it names wgpu. [`painter`]
+//! chooses between the two.
 //!
 //! ```
 //! use warpknit::render::{Camera, RenderOptions, View, render};
@@ -15,7 +16,8 @@
 //! scene.looks.push(YarnLook::plain(glam::Vec3::splat(0.5), 0.7, 0.1));
 //! scene.push_strand([glam::Vec3::NEG_X, glam::Vec3::X], 0);
 //! let options = RenderOptions { width: 40, height: 30, ..RenderOptions::default() };
-//! let camera = Camera::view(View::Front, &scene.positions, Camera::DEFAULT_FOV, 1.0, options.aspect());
+//! let (fov, aspect) = (Camera::DEFAULT_FOV, options.aspect());
+//! let camera = Camera::view(View::Front, &scene.positions, fov, 1.0, aspect);
 //! let picture = render(&scene, &camera, &options, &|_| ())?;
 //! assert_ne!(picture.get_pixel(20, 15), picture.get_pixel(20, 2));
 //! # Ok::<(), warpknit::render::gpu::GpuError>(())
@@ -90,6 +92,7 @@ impl RenderOptions {
     #[must_use]
     pub fn rows(&self) -> Range<u32> {
         let rows = self.rows.clone().unwrap_or(0..self.height);
+        // A range beyond the picture becomes empty, never reversed.
         let end = rows.end.min(self.height);
         rows.start.min(end)..end
     }

@@ -158,12 +158,13 @@ fn stitch_length(scene: &Scene) -> f64 {
 fn uploaded_st(scene: &Scene, stitch: f64, camera: &Camera, options: &RenderOptions) -> u32 {
     let Some(bounds) = scene.bounds().filter(|_| options.lod) else { return options.st };
     let eye = camera.eye();
+    // Distance to the bounding box: no stitch is nearer.
     let nearest = eye.distance(eye.clamp(bounds.min.as_dvec3(), bounds.max.as_dvec3()));
     let wanted = PIECES_A_PIXEL * stitch / camera.pixel_size(nearest, options.height);
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
-        reason = "saturates, and is held to what is wanted at most"
+        reason = "saturates, and is clamped below"
     )]
     let wanted = wanted.ceil() as u32;
     wanted.clamp(LEAST_ST.min(options.st), options.st)

@@ -76,12 +76,12 @@ impl YarnPaths {
         scene: &Scene,
         range: Range<usize>,
         centre: DVec3,
-        cut: Subdivision<'_>,
+        subdivision: Subdivision<'_>,
     ) -> Self {
         let mut paths = Self { centre, ..Self::default() };
         let mut buffer = PointRun::default();
         for (strand, number) in scene.strands[range.clone()].iter().zip(index32(range.start)..) {
-            paths.push_strand(scene, strand, number, cut, &mut buffer);
+            paths.push_strand(scene, strand, number, subdivision, &mut buffer);
         }
         paths
     }
@@ -101,7 +101,7 @@ impl YarnPaths {
         scene: &Scene,
         strand: &SceneStrand,
         number: u32,
-        cut: Subdivision<'_>,
+        subdivision: Subdivision<'_>,
         buffer: &mut PointRun,
     ) {
         let Some(radius) = scene.radius(strand) else { return };
@@ -117,7 +117,7 @@ impl YarnPaths {
                     buffer,
                     PathStyle { radius, look: strand.look, shape: scene.shape },
                     along,
-                    cut,
+                    subdivision,
                 );
             }
             start = end + 1;
@@ -131,7 +131,7 @@ impl YarnPaths {
         run: &PointRun,
         style: PathStyle,
         along: f64,
-        cut: Subdivision<'_>,
+        subdivision: Subdivision<'_>,
     ) -> f64 {
         let mut builder = PathBuilder {
             paths: self,
@@ -141,11 +141,12 @@ impl YarnPaths {
             frame: TangentFrame::default(),
             along,
         };
-        match cut {
+        match subdivision {
             Subdivision::Picture(camera, options) => builder.subdivide_spans(camera, options),
             Subdivision::Stitch(st) => builder.subdivide_stitches(st),
         }
         let along = builder.along;
+        // A radius of 0 marks the end: no piece starts there.
         if let Some(last) = self.points.last_mut() {
             last.w = 0.0;
         }
@@ -295,8 +296,11 @@ impl PathBuilder<'_> {
             #[expect(clippy::cast_possible_truncation, reason = "rounding is meant")]
             let widening =
                 (chord.arc / chord.length.max(f64::MIN_POSITIVE)).clamp(1.0, MAX_WIDENING) as f32;
+            // Both the position and the width of the piece change. Without the shift, loops shrink;
+            // without the width, the cloth becomes brighter through its gaps.
             *start = (start.truncate() + moved).extend(start.w * widening);
         }
+        // The texture advances by the length of the curve, not of the chord.
         self.along += chord.arc - chord.length;
     }
 
@@ -313,6 +317,7 @@ impl PathBuilder<'_> {
                     clippy::cast_sign_loss,
                     reason = "between 0 and the number of spans"
                 )]
+                // The end of a stitch belongs to its last span.
                 let index = (ends[0] + parameter.floor() as usize).min(ends[1] - 1);
                 self.push_point(index, parameter - f64::from(index32(index - ends[0])));
             }
@@ -404,6 +409,7 @@ impl TangentFrame {
     /// normal, their cross product is undefined. There the normal is tilted slightly, so that the
     /// ribbon's width keeps its last direction.
     fn ribbon_normal(&mut self, normal: Vec3A) -> Vec3A {
+        // The width's squared length is the squared sine of the angle between yarn and normal.
         let width = self.tangent.cross(normal);
         if width.length_squared() >= MIN_SINE * MIN_SINE {
             self.across = frame::across(normal, self.tangent);

@@ -127,12 +127,14 @@ fn fibres(point: &YarnPoint, turn: f32) -> (f32, f32) {
     let v = point.along / (FIBRE_LENGTH * point.radius);
     let (column, row) = (q.floor(), v.floor());
     let (x, y) = (q - column, v - row);
-    let height = |dx: f32, dy: f32| noise(column + dx, row + dy);
+    // Heights at the four corners of the noise's cell.
+    let [a, b] = [noise(column, row), noise(column, row + 1.0)];
+    let [c, d] = [noise(column + 1.0, row), noise(column + 1.0, row + 1.0)];
     // Smoothstep along the fibre, and across it with its derivative: continuous slopes show no
     // grid.
     let ease = y * y * (3.0 - 2.0 * y);
-    let left = height(0.0, 0.0) * (1.0 - ease) + height(0.0, 1.0) * ease;
-    let right = height(1.0, 0.0) * (1.0 - ease) + height(1.0, 1.0) * ease;
+    let left = a * (1.0 - ease) + b * ease;
+    let right = c * (1.0 - ease) + d * ease;
     let smooth = x * x * (3.0 - 2.0 * x);
     ((left - right) * 3.0 * x * (1.0 - x), left + (right - left) * smooth)
 }

@@ -61,6 +61,7 @@ impl Sheen {
     /// Unit direction of the fibres where the yarn's normal is `normal`.
     #[must_use]
     pub fn fibre(&self, normal: Vec3) -> Vec3 {
+        // Turned by the twist about the normal, then projected into the tangent plane.
         let turned = self.tangent - self.tangent.cross(normal) * self.slope;
         (turned - normal * turned.dot(normal)).normalize_or(self.tangent)
     }
@@ -74,9 +75,13 @@ impl Sheen {
         }
         // sin d: the cosine between fibre and half vector.
         let sine = self.fibre(normal).dot((light + view).normalize_or_zero());
+        // cos d from sin d; the von Mises distribution is largest where the half vector is
+        // perpendicular to the fibre.
         let spread = (CONCENTRATION * ((1.0 - sine * sine).max(0.0).sqrt() - 1.0)).exp();
         let phase = ISOTROPIC
             + (1.0 - ISOTROPIC) * (-FORWARD_CONCENTRATION * (1.0 + light.dot(view))).exp();
+        // Fibres at grazing angles show more of themselves: the divisor is n.l + n.v and not their
+        // product.
         self.share * spread * phase / (nl + nv)
     }
 
@@ -86,13 +91,16 @@ impl Sheen {
     /// of the fibres is wider than their distance.
     #[must_use]
     pub fn mean_over_width(&self, light: Vec3, view: Vec3) -> f32 {
+        // The visible half of the yarn, from one outline (-1) to the other (1).
         let width = self.tangent.cross(view).normalize_or_zero();
         let front = width.cross(self.tangent);
-        let at = |(side, share): (f32, f32)| {
-            let normal = width * side + front * (1.0 - side * side).sqrt();
-            share * self.lobe(normal, light, view) * normal.dot(light).max(0.0)
-        };
-        GAUSS_NODES.into_iter().map(at).sum()
+        GAUSS_NODES
+            .into_iter()
+            .map(|(side, weight)| {
+                let normal = width * side + front * (1.0 - side * side).sqrt();
+                weight * self.lobe(normal, light, view) * normal.dot(light).max(0.0)
+            })
+            .sum()
     }
 
     /// The normal at the brightest line of a yarn. A shadow that matters falls there.

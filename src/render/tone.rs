@@ -69,6 +69,7 @@ fn hex(digits: &str) -> Option<[u8; 3]> {
 #[must_use]
 pub fn pixel(light: Vec4, exposure: f32, background: Background) -> [u8; 4] {
     let coverage = light.w.clamp(0.0, 1.0);
+    // Undo the multiplication by coverage before the tone curve, which is not linear.
     let yarn =
         if light.w > 0.0 { shoulder(light.truncate() / light.w * exposure) } else { Vec3::ZERO };
     match background {
@@ -76,8 +77,11 @@ pub fn pixel(light: Vec4, exposure: f32, background: Background) -> [u8; 4] {
             let [r, g, b] = encode(yarn);
             [r, g, b, byte(coverage)]
         }
+        // Without yarn the bytes pass through, without a round trip to linear light.
         Background::Color(color) if coverage == 0.0 => [color[0], color[1], color[2], 255],
         Background::Color(color) => {
+            // Blending happens in linear light. In sRGB codes, edges against a bright background
+            // would look too dark.
             let behind = Vec3::from_array(color.map(|c| linear(f32::from(c) / 255.0)));
             let [r, g, b] = encode(behind.lerp(yarn, coverage));
             [r, g, b, 255]
@@ -89,8 +93,10 @@ pub fn pixel(light: Vec4, exposure: f32, background: Background) -> [u8; 4] {
 fn shoulder(light: Vec3) -> Vec3 {
     let room = 1.0 - SHOULDER;
     Vec3::from_array(light.to_array().map(|c| match c {
+        // The slope at the shoulder is 1 on both sides, so gradients show no edge there.
         c if c > SHOULDER => 1.0 - room * (-(c - SHOULDER) / room).exp(),
         c if c > 0.0 => c,
+        // Also NaN: a pixel without a number is black.
         _ => 0.0,
     }))
 }

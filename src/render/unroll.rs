@@ -36,6 +36,7 @@ impl Maps {
         if shape == Shape::Ribbon || rows == (0..height) {
             return self;
         }
+        // All three maps share one mapping, so that they stay aligned.
         let around = TubeMapping::new(&rows, height);
         let lean = mean_slopes(&self.normal.levels[0]);
         let base = around.remap(&self.base.levels[0], |color, _, _| color.xyz().extend(1.0));
@@ -69,6 +70,7 @@ fn yarn_rows(base: &RgbaImage) -> Range<u32> {
     let rows: Vec<f32> = (0..base.height())
         .map(|row| (0..base.width()).map(|x| f32::from(base.get_pixel(x, row).0[3])).sum())
         .collect();
+    // Relative to the best row, because a loose yarn covers no row fully.
     let least = MIN_COVERAGE * rows.iter().copied().fold(0.0, f32::max);
     let mut yarn = (0..base.height()).filter(|row| rows[*row as usize] >= least);
     let first = yarn.next().unwrap_or(0);
@@ -80,6 +82,7 @@ fn yarn_rows(base: &RgbaImage) -> Range<u32> {
 fn mean_slopes(normals: &RgbaImage) -> Vec<f32> {
     let mut means = Vec::new();
     for row in 0..normals.height() {
+        // The mean slope of a row is the yarn's roundness there.
         let slopes = (0..normals.width()).map(|x| slope_across(*normals.get_pixel(x, row)));
         means.push(slopes.sum::<f32>() / normals.width() as f32);
     }
@@ -102,6 +105,7 @@ impl TubeMapping {
     /// Orthographic projection of a cylinder: the row at angle t around the tube shows the photo's
     /// row at sin t.
     fn new(yarn: &Range<u32>, height: u32) -> Self {
+        // Centre line and usable half width of the yarn, rows.
         let (middle, half) = (
             0.5 * (yarn.start + yarn.end) as f32,
             0.5 * SHOWN_WIDTH * (yarn.end - yarn.start) as f32,

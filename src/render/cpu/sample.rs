@@ -40,6 +40,7 @@ pub(super) struct Sampler {
 
 impl Sampler {
     pub(super) fn new(x: u32, y: u32, seed: u32) -> Self {
+        // Nested hashes: a sum of x and y would give equal shifts along diagonals.
         let tile = hash(hash(hash(seed).wrapping_add(x / 4)).wrapping_add(y / 4));
         Self { tile, place: BAYER_ORDER[(y % 4 * 4 + x % 4) as usize] }
     }
@@ -58,6 +59,7 @@ impl Sampler {
     /// All pairs that this pixel uses for `dimension`.
     #[inline]
     pub(super) fn pairs(&self, dimension: SampleDimension, count: u32) -> SampleSequence {
+        // The golden ratio spreads the few dimensions over all 32 bits before hashing.
         let shift = hash(self.tile ^ (dimension as u32).wrapping_mul(0x9E37_79B9));
         SampleSequence { first: self.place.wrapping_mul(count), shift: [shift, hash(shift)] }
     }
@@ -74,6 +76,7 @@ impl SampleSequence {
     /// Pair `index` of this part.
     #[inline]
     pub(super) fn at(&self, index: u32) -> [f32; 2] {
+        // Wrapping arithmetic modulo 2^32 is the fractional part of the sequence, exactly.
         let number = self.first.wrapping_add(index);
         let [one, other] = self.shift;
         [

@@ -109,10 +109,17 @@ mod tests {
 
     macro_rules! layout {
         ($name:ident: $($field:ident),*) => {
-            (stringify!($name), (vec![$((stringify!($field).to_owned(), offset_of!($name, $field))),*], size_of::<$name>()))
+            (
+                stringify!($name),
+                (
+                    vec![$((stringify!($field).to_owned(), offset_of!($name, $field))),*],
+                    size_of::<$name>(),
+                ),
+            )
         };
     }
 
+    /// Layouts of the structure `name` in all shaders that have it.
     fn in_shaders(name: &str) -> Vec<Layout> {
         let mut found = Vec::new();
         for (_, source) in shaders::ALL {
@@ -136,9 +143,11 @@ mod tests {
     #[test]
     fn structures_lie_in_memory_as_the_shaders_read_them() {
         let twins = [
-            layout!(ViewUniform: clip_from_world, sun_from_world, eye, toward_sun, pixel, sun, tile_width, zenith, tile_height, sky_above,
-                depth_scale, sky_below, corner_x, interior, corner_y, sun_bias, layer, spare),
-            layout!(LookData: albedo, roughness, metallic, radius, plies, ply_slope, fibre_slope, repeat, sheen, spare),
+            layout!(ViewUniform: clip_from_world, sun_from_world, eye, toward_sun, pixel, sun,
+                tile_width, zenith, tile_height, sky_above, depth_scale, sky_below, corner_x,
+                interior, corner_y, sun_bias, layer, spare),
+            layout!(LookData: albedo, roughness, metallic, radius, plies, ply_slope, fibre_slope,
+                repeat, sheen, spare),
             layout!(Chunk: first, count, look, spare),
             layout!(Draw: first, stride, edges, spare),
             layout!(Blur: step, reach, sigma, near, far, perspective, layer),

@@ -94,6 +94,7 @@ impl Gpu {
         };
         let adapter = pollster::block_on(instance.request_adapter(&options))
             .map_err(|_none| GpuError::NoAdapter)?;
+        // A software adapter is slower than ray tracing on the CPU.
         if !software && adapter.get_info().device_type == DeviceType::Cpu {
             return Err(GpuError::NoAdapter);
         }
@@ -179,6 +180,7 @@ impl Gpu {
 
     /// Waits until all submitted work is done.
     pub(super) fn wait(&self) -> Result<(), GpuError> {
+        // Recorded errors come first, because they explain why waiting failed.
         let waited = self.device.poll(wgpu::PollType::wait_indefinitely());
         self.fault()?;
         match waited {

@@ -82,6 +82,7 @@ impl FrameSetup {
         let eye = (camera.eye() - centre).as_vec3();
         let ahead = -camera.to_world(Vec3::Z);
         let [near, far] = range(pages, ahead, eye.dot(ahead));
+        // All yarns lie behind the eye.
         if far <= 0.0 {
             return None;
         }
@@ -92,16 +93,16 @@ impl FrameSetup {
         let pixel = camera.pixel_size(1.0, options.height) as f32;
         let clip_from_world = camera.clip_from_world(centre, options.aspect(), near, far);
         let frustum = Frustum { clip_from_world, eye: eye.extend(1.0), pixel };
-        let seen: Vec<_> = visible_chunks(pages, &frustum).collect();
+        let visible: Vec<_> = visible_chunks(pages, &frustum).collect();
         // The mean position of the visible chunks. The pixel's size there sets the resolution of
         // the maps.
         let middle =
-            seen.iter().map(|bounds| bounds.centre).sum::<Vec3>() / seen.len().max(1) as f32;
+            visible.iter().map(|bounds| bounds.centre).sum::<Vec3>() / visible.len().max(1) as f32;
         let pixel_there = pixel * (middle - eye).dot(ahead).max(near);
         let rig = options.light.around(camera);
         let sun = sun_map(
             pages,
-            seen.iter().map(|bounds| (bounds.centre, bounds.reach)),
+            visible.iter().map(|bounds| (bounds.centre, bounds.reach)),
             rig.toward_sun,
             thinnest,
             pixel_there,
@@ -132,20 +133,21 @@ impl FrameSetup {
 /// texels.
 fn sun_map(
     pages: &[Page],
-    seen: impl Iterator<Item = (Vec3, f32)>,
+    visible: impl Iterator<Item = (Vec3, f32)>,
     toward_sun: Vec3,
     thinnest: f32,
     pixel: f32,
 ) -> Option<(DepthMap, Mat4)> {
     let (across, up) = toward_sun.any_orthonormal_pair();
     let (low, high) =
-        seen.fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(low, high), (centre, reach)| {
+        visible.fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(low, high), (centre, reach)| {
             let at = Vec2::new(across.dot(centre), up.dot(centre));
             (low.min(at - reach), high.max(at + reach))
         });
     if low.x >= high.x {
         return None;
     }
+    // All yarns may cast shadows into the view, not only the visible ones.
     let [near, far] = range(pages, -toward_sun, 0.0);
     let size_mm = high - low;
     // As fine as the yarns need, but no finer than the picture shows or the limit allows.
@@ -168,6 +170,7 @@ fn sun_map(
         distance.extend(0.0),
     );
     let frustum = Frustum { clip_from_world, eye: toward_sun.extend(0.0), pixel: texel };
+    // At least 0.6 texels: a narrower Gaussian would alias on the texel grid.
     let sigma = (PENUMBRA_RADII * thinnest / texel).max(0.6);
     Some((
         DepthMap { frustum, size: size.as_uvec2().to_array(), sigma, near, far, layer: None },
@@ -185,6 +188,7 @@ fn depth_map(
     options: &RenderOptions,
 ) -> DepthMap {
     let largest = options.width.max(options.height).max(1) as f32;
+    // Not finer than the filter needs, than half of the picture, or than the limit.
     let scale =
         (DEPTH_TEXELS * pixel / (DEPTH_RADII * thinnest)).min(0.5).min(MAX_DEPTH_TEXELS / largest);
     let sigma = (DEPTH_RADII * thinnest * scale / pixel).max(0.6);

@@ -8,8 +8,8 @@
 //! no more edges than its radius in pixels can show. A yarn of few pixels becomes a strip that
 //! faces the eye, an impostor: its shader restores the round shape for a fifth of the triangles.
 //!
-//! Cost: linear in the number of chunks. Not promised: continuous transitions between levels; steps
-//! are so short that none is visible.
+//! Both are textbook methods (Luebke et al. 2003, 'Level of detail for 3D graphics'). Cost: linear in
+//! the number of chunks. Not promised: continuous transitions. A chunk switches levels at once.
 
 use std::collections::BTreeMap;
 use std::f32::consts::PI;
@@ -44,6 +44,7 @@ pub(super) struct Frustum {
 impl Frustum {
     /// Size of a pixel at the nearest point of a ball, mm.
     fn pixel_on(&self, bounds: &ChunkBounds) -> f32 {
+        // An eye at infinity: orthographic.
         if self.eye.w == 0.0 {
             return self.pixel;
         }
@@ -58,6 +59,7 @@ impl Frustum {
         let m = self.clip_from_world;
         let sides =
             [m.row(3) + m.row(0), m.row(3) - m.row(0), m.row(3) + m.row(1), m.row(3) - m.row(1)];
+        // Normalised, so that plane . centre is a distance that compares with the ball's radius.
         sides.map(|side| side / side.xyz().length().max(f32::MIN_POSITIVE))
     }
 }
@@ -126,6 +128,8 @@ impl DrawPlan {
                 if !ball_in_view(&sides, bounds.centre, bounds.reach) {
                     continue;
                 }
+                // One decision per chunk, by the pixel at its nearest point, so that no part of it
+                // is too coarse.
                 let key = rules.key(bounds, frustum.pixel_on(bounds), options);
                 let parts = bounds.pieces.div_ceil(STEPS * key.stride);
                 sorted.entry(key).or_default().extend((0..parts).map(|part| chunk * PARTS + part));
@@ -165,6 +169,7 @@ impl LodRules {
     /// The batch of a chunk on which a pixel is `pixel` mm wide.
     fn key(&self, bounds: &ChunkBounds, pixel: f32, options: &RenderOptions) -> BatchKey {
         let (radius, maps) = self.looks[usize::from(bounds.look)];
+        // Without level of detail, `sr` counts as it is given.
         let edges = match self.shape {
             Shape::Ribbon => 2,
             Shape::Tube if options.lod => edges(radius, pixel, options.sr),
@@ -179,6 +184,7 @@ impl LodRules {
 fn stride(piece: f32, pixel: f32) -> u32 {
     let mut stride = 1;
     let mut step = piece;
+    // Powers of two divide a chunk's steps evenly.
     while step < pixel && stride < MAX_STRIDE {
         stride *= 2;
         step *= 2.0;
@@ -189,6 +195,7 @@ fn stride(piece: f32, pixel: f32) -> u32 {
 /// Edges of a cross-section, at most `sr`; 2 for a strip.
 fn edges(radius: f32, pixel: f32, sr: u32) -> u32 {
     let pixels = radius / pixel.max(f32::MIN_POSITIVE);
+    // Few pixels: an impostor.
     if pixels <= STRIP_PIXELS {
         return 2;
     }
@@ -197,7 +204,7 @@ fn edges(radius: f32, pixel: f32, sr: u32) -> u32 {
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
-        reason = "saturates, and is held to `sr`"
+        reason = "saturates, and is clamped to `sr`"
     )]
     let shown = (PI / half_angle).ceil() as u32;
     shown.clamp(3, sr)

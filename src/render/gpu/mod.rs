@@ -4,12 +4,9 @@
 //! says what to do. In the library, only this module names wgpu. The passes of a frame are:
 //!
 //! 1. Depths from the sun, filtered (variance shadow map).
-//!
 //! 2. Depths around the eye, filtered (ambient occlusion).
-//!
 //! 3. The yarns with their light, tile by tile, so that no picture is too large. A depth pre-pass
-//! comes first.
-//!
+//!    comes first.
 //! 4. Tone mapping, the same curve as in all renderers.
 //!
 //! `device` opens the adapter. `pages` keeps the yarns in its memory. `levels` selects the level of
@@ -120,6 +117,7 @@ impl Renderer {
     pub fn load(&self, scene: &Scene, st: u32) -> Result<Yarns, GpuError> {
         let centre = scene.bounds().map_or(DVec3::ZERO, |bounds| bounds.centre().as_dvec3());
         let (thinnest, _) = scene.radii();
+        // Bindings must not be empty.
         let mut looks: Vec<_> = scene.looks.iter().map(|look| shader_look(look, scene)).collect();
         if looks.is_empty() {
             looks.push(bytemuck::Zeroable::zeroed());
@@ -143,6 +141,7 @@ impl Renderer {
             .iter()
             .map(|maps| self.maps_group(&maps.base, &maps.normal, &maps.surface))
             .collect();
+        // Yarns without textures bind white texels, because every binding needs a resource.
         let none = Mips { levels: vec![RgbaImage::from_pixel(1, 1, Rgba([255; 4]))] };
         maps.push(self.maps_group(&none, &none, &none));
         let pages = pages::upload(&self.gpu, scene, centre, st)?;
@@ -171,8 +170,9 @@ impl Renderer {
     ) -> Result<RgbaImage, GpuError> {
         let mut picture = RgbaImage::new(options.width, options.height);
         let frame = FrameSetup::new(yarns, camera, options);
-        let lights =
+        let depth_maps =
             frame.as_ref().map(|frame| self.depth_maps(yarns, frame, options)).transpose()?;
+        // A tile's side in pixels, without its margin of one pixel on both sides.
         let side = TILE.min(self.gpu.device.limits().max_texture_dimension_2d)
             / supersampling(options)
             - 2;
@@ -181,8 +181,8 @@ impl Renderer {
                 let size = [side.min(options.width - x), side.min(options.height - y)];
                 let tile = self.gpu.texture(PICTURE, size, TextureUsages::COPY_SRC, 1);
                 let view = tile.create_view(&wgpu::TextureViewDescriptor::default());
-                let lit = frame.as_ref().zip(lights.as_ref());
-                self.tile(yarns, lit, options, [x, y], size, &view);
+                let geometry = frame.as_ref().zip(depth_maps.as_ref());
+                self.tile(yarns, geometry, options, [x, y], size, &view);
                 self.gpu.read(&tile, &mut picture, [x, y])?;
             }
         }
@@ -200,11 +200,11 @@ impl Renderer {
         to: &wgpu::TextureView,
     ) -> Result<(), GpuError> {
         let frame = FrameSetup::new(yarns, camera, options);
-        let lights =
+        let depth_maps =
             frame.as_ref().map(|frame| self.depth_maps(yarns, frame, options)).transpose()?;
         self.tile(
             yarns,
-            frame.as_ref().zip(lights.as_ref()),
+            frame.as_ref().zip(depth_maps.as_ref()),
             options,
             [0, 0],
             [options.width, options.height],
@@ -255,6 +255,7 @@ impl Renderer {
             ..frame.view
         };
         {
+            // Far depths, 1, stay where no yarn is drawn.
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("depth"),
                 depth_stencil_attachment: Some(depth_attachment(
@@ -306,7 +307,7 @@ impl Renderer {
     fn tile(
         &mut self,
         yarns: &Yarns,
-        lit: Option<(&FrameSetup, &wgpu::BindGroup)>,
+        geometry: Option<(&FrameSetup, &wgpu::BindGroup)>,
         options: &RenderOptions,
         corner: [u32; 2],
         size: [u32; 2],
@@ -317,12 +318,12 @@ impl Renderer {
         let scale = supersampling(options);
         let size = size.map(|pixels| (pixels + 2) * scale);
         let light = self.gpu.target(LIGHT, size, 1);
-        let drawn = lit.map(|(frame, lights)| {
+        let draws = geometry.map(|(frame, depth_maps)| {
             let view = tile_view(frame, options, corner, size);
             let frustum = Frustum { clip_from_world: view.clip_from_world, ..frame.camera };
             (
                 view,
-                lights,
+                depth_maps,
                 self.prepare_draws(
                     yarns,
                     &frustum,
@@ -335,7 +336,7 @@ impl Renderer {
             .gpu
             .device
             .create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("picture") });
-        self.light(&mut encoder, yarns, drawn.as_ref(), size, &light);
+        self.light(&mut encoder, yarns, draws.as_ref(), size, &light);
         let background = match options.background {
             Background::Transparent => Vec4::ZERO,
             Background::Color([r, g, b]) => {
@@ -364,11 +365,13 @@ impl Renderer {
         &self,
         encoder: &mut wgpu::CommandEncoder,
         yarns: &Yarns,
-        drawn: Option<&(data::ViewUniform, &wgpu::BindGroup, PreparedDraws)>,
+        draws: Option<&(data::ViewUniform, &wgpu::BindGroup, PreparedDraws)>,
         size: [u32; 2],
         light: &wgpu::TextureView,
     ) {
         let samples = self.pipelines.samples;
+        // With multisampling, the pass renders to a texture of its own and the hardware averages
+        // its samples into `light`.
         let sampled = (samples > 1).then(|| self.gpu.target(LIGHT, size, samples));
         let depths = self.gpu.target(DEPTH, size, samples);
         {
@@ -381,7 +384,7 @@ impl Renderer {
                 )),
                 ..wgpu::RenderPassDescriptor::default()
             });
-            if let Some((view, _, prepared)) = drawn {
+            if let Some((view, _, prepared)) = draws {
                 self.draw_prepared(&mut pass, yarns, prepared, view, PassKind::Prepass);
             }
         }
@@ -403,9 +406,10 @@ impl Renderer {
             )),
             ..wgpu::RenderPassDescriptor::default()
         });
-        if let Some((view, lights, prepared)) = drawn {
-            pass.set_bind_group(3, *lights, &[]);
+        if let Some((view, depth_maps, prepared)) = draws {
+            pass.set_bind_group(3, *depth_maps, &[]);
             self.draw_prepared(&mut pass, yarns, prepared, view, PassKind::Light);
+            // Fuzz comes last: it is blended over the solid yarns behind it.
             self.draw_prepared(&mut pass, yarns, prepared, view, PassKind::Fuzz);
         }
     }
@@ -434,7 +438,7 @@ fn tile_view(
 ) -> data::ViewUniform {
     let scale = supersampling(options) as f32;
     let corner = Vec2::from(corner.map(|pixels| pixels as f32)) - 1.0;
-    let [tile_width, tile_height] = size.map(|lights| lights as f32);
+    let [tile_width, tile_height] = size.map(|texels| texels as f32);
     data::ViewUniform {
         clip_from_world: crop(options, corner, Vec2::new(tile_width, tile_height) / scale)
             * frame.camera.clip_from_world,

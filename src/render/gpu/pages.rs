@@ -63,22 +63,21 @@ pub(super) fn upload(
         usize::try_from(limits.max_storage_buffer_binding_size.min(limits.max_buffer_size))
             .unwrap_or(usize::MAX);
     let room = (largest / size_of::<[f32; 4]>()).min(PAGE_POINTS);
+    // Enough strands for all threads, but not the whole fabric.
     let window = CUT_STRANDS * 4 * rayon::current_num_threads();
     let (mut pages, mut draft) = (Vec::new(), Draft::default());
     for first in (0..scene.strands.len()).step_by(window) {
         let end = scene.strands.len().min(first + window);
-        let cut = |start| {
-            YarnPaths::new(
-                scene,
-                start..end.min(start + CUT_STRANDS),
-                centre,
-                Subdivision::Stitch(st),
-            )
-        };
-        let parts: Vec<YarnPaths> =
-            (first..end).into_par_iter().step_by(CUT_STRANDS).map(cut).collect();
+        let starts = (first..end).into_par_iter().step_by(CUT_STRANDS);
+        let parts: Vec<YarnPaths> = starts
+            .map(|start| {
+                let strands = start..end.min(start + CUT_STRANDS);
+                YarnPaths::new(scene, strands, centre, Subdivision::Stitch(st))
+            })
+            .collect();
         for paths in &parts {
             for (start, pieces) in runs(paths) {
+                // A chunk lies on one page only.
                 if draft.points.len() + pieces as usize >= room {
                     pages.push(std::mem::take(&mut draft).finish(gpu)?);
                 }
@@ -98,6 +97,7 @@ fn runs(paths: &YarnPaths) -> Vec<(usize, u32)> {
     let mut start = 0;
     for (at, point) in paths.points.iter().enumerate() {
         let pieces = index32(at - start);
+        // The last point of a strand ends a chunk, and so does a full chunk.
         if point.w <= 0.0 {
             if pieces > 0 {
                 runs.push((start, pieces));
@@ -124,6 +124,8 @@ impl Draft {
         self.tangent_frames.extend(tangent_frames.map(|(&tangent, &across)| [tangent, across]));
         let look = paths.looks[start];
         self.chunks.push(data::Chunk { first, count: pieces, look: u32::from(look), spare: 0 });
+        // The ball around the bounding box: looser than the smallest ball, but computed in one
+        // pass.
         let low = points.iter().fold(Vec3::INFINITY, |low, point| low.min(point.truncate()));
         let high = points.iter().fold(Vec3::NEG_INFINITY, |high, point| high.max(point.truncate()));
         let length = points
@@ -138,11 +140,15 @@ impl Draft {
 
     /// Uploads the page.
     fn finish(self, gpu: &Gpu) -> Result<Page, GpuError> {
-        let store = |label, contents: &[u8]| gpu.store(label, contents, BufferUsages::STORAGE);
+        let usage = BufferUsages::STORAGE;
         let page = Page {
-            points: store("points", bytemuck::cast_slice(&self.points)),
-            tangent_frames: store("tangent_frames", bytemuck::cast_slice(&self.tangent_frames)),
-            chunks: store("chunks", bytemuck::cast_slice(&self.chunks)),
+            points: gpu.store("points", bytemuck::cast_slice(&self.points), usage),
+            tangent_frames: gpu.store(
+                "tangent_frames",
+                bytemuck::cast_slice(&self.tangent_frames),
+                usage,
+            ),
+            chunks: gpu.store("chunks", bytemuck::cast_slice(&self.chunks), usage),
             chunk_bounds: self.chunk_bounds,
         };
         // wgpu stages copies in memory of its own. Waiting for them frees it before the next page.

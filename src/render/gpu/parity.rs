@@ -162,9 +162,11 @@ fn reflection_is_the_same() {
     let Some(gpu) = adapter("reflection_is_the_same") else { return };
     let formula = "
 fn formula(u: mat4x4f) -> vec4f {
-    let sheen = Sheen(select(0.0, u[2].z, u[2].w > 0.3), u[3].w - 0.5, direction(vec2f(u[2].w, u[2].z)));
+    let share = select(0.0, u[2].z, u[2].w > 0.3);
+    let sheen = Sheen(share, u[3].w - 0.5, direction(vec2f(u[2].w, u[2].z)));
     let m = Material(direction(u[0].xy), u[1].xyz, u[2].x, u[2].y, sheen);
-    return vec4f(brdf(m, direction(u[0].zw), direction(u[3].xy)), schlick_rough(reflectance(m), u[3].z, m.roughness).x);
+    let skylight = schlick_rough(reflectance(m), u[3].z, m.roughness).x;
+    return vec4f(brdf(m, direction(u[0].zw), direction(u[3].xy)), skylight);
 }";
     let inputs = random();
     let twin = |u: &Input| {
@@ -203,7 +205,10 @@ fn formula(u: mat4x4f) -> vec4f {
     let toward_eye = direction(u[1].zw);
     let height = dot(sheen_highlight_normal(s, toward_light, toward_eye), vec3f(0.6, 0.0, 0.8));
     return vec4f(
-        sheen_mean_over_width(s, toward_light, toward_eye), sheen_base_share_under_sky(s, u[2].z), sheen_sky_reflectance(s, direction(u[2].xy), toward_eye), height,
+        sheen_mean_over_width(s, toward_light, toward_eye),
+        sheen_base_share_under_sky(s, u[2].z),
+        sheen_sky_reflectance(s, direction(u[2].xy), toward_eye),
+        height,
     );
 }";
     let inputs = random();
@@ -239,7 +244,8 @@ fn formula(u: mat4x4f) -> vec4f {
     let toward_eye = normalize(normal + u[1].xyz - 0.5);
     let plies = floor(1.0 + 4.0 * u[0].w);
     let detail = ply_detail(YarnPoint(
-        normal, toward_eye, vec3f(0.0, 0.0, 1.0), angle, u[0].y * 5.0, 0.02 + u[0].z, u[2].x * u[2].x, plies, u[2].y, u[2].z - 0.5,
+        normal, toward_eye, vec3f(0.0, 0.0, 1.0), angle, u[0].y * 5.0, 0.02 + u[0].z,
+        u[2].x * u[2].x, plies, u[2].y, u[2].z - 0.5,
     ));
     return vec4f(detail.normal, detail.shade);
 }";

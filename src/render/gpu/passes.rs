@@ -29,6 +29,7 @@ impl Yarns {
             (Shape::Tube, 2) => Expansion::Strip,
             (Shape::Tube, _) => Expansion::Tube,
         };
+        // Depth passes do not shade, so they share pipelines with and without sheen.
         let has_sheen = self.has_sheen && matches!(pass_kind, PassKind::Light | PassKind::Fuzz);
         PipelineKey { expansion, pass_kind, has_maps: key.maps.is_some(), has_sheen }
     }
@@ -50,6 +51,7 @@ impl Renderer {
                 .map(|&pass_kind| yarns.pipeline_key(&batch.key, pass_kind))
                 .filter(|pipeline| pipeline.is_drawn())
             {
+                // Pipelines are compiled on first use.
                 self.pipelines.make(&self.gpu, &self.layouts, pipeline);
             }
             self.indices.entry(batch.key.edges).or_insert_with(|| {
@@ -60,6 +62,7 @@ impl Renderer {
                 )
             });
         }
+        // All batches' uniforms share one buffer.
         let draws: Vec<u8> = plan.batches.iter().flat_map(|batch| self.draw_bytes(batch)).collect();
         if draws.is_empty() {
             return PreparedDraws { plan, groups: Vec::new() };
@@ -141,6 +144,7 @@ impl Renderer {
             // The last entry stands for yarns without textures.
             let maps = batch.key.maps.map_or(yarns.maps.len() - 1, usize::from);
             pass.set_pipeline(pipeline);
+            // A dynamic offset selects the batch's `Draw`; the bind group stays the same.
             pass.set_bind_group(1, group, &[number * alignment]);
             pass.set_bind_group(2, &yarns.maps[maps], &[]);
             pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint16);

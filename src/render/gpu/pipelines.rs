@@ -263,11 +263,14 @@ fn yarn_pipeline(
             buffers: &[],
         },
         primitive: wgpu::PrimitiveState {
+            // Tubes are closed, so their back faces are invisible. Ribbons and strips show both
+            // sides.
             cull_mode: (expansion == Expansion::Tube).then_some(wgpu::Face::Back),
             ..wgpu::PrimitiveState::default()
         },
         depth_stencil: Some(wgpu::DepthStencilState {
             format: DEPTH,
+            // Fuzz is tested against solid yarns but hides nothing itself.
             depth_write_enabled: Some(!is_fuzz),
             // Less or equal: the light pass meets exactly the depths of the pre-pass (`@invariant`
             // in the shader).
@@ -331,13 +334,14 @@ pub(super) fn indices(edges: u32) -> Vec<u16> {
     let corner = |step: u32, s: u32| {
         u16::try_from(step * edges + s % edges).expect("eight steps of 64 edges")
     };
-    let quad = |(step, s)| {
+    let mut indices = Vec::new();
+    for (step, s) in (0..data::STEPS).flat_map(|step| (0..around).map(move |s| (step, s))) {
         // Two triangles for each quad between two rings, counter-clockwise from outside.
         let (a, b, c, d) =
             (corner(step, s), corner(step, s + 1), corner(step + 1, s), corner(step + 1, s + 1));
-        [a, b, c, b, d, c]
-    };
-    (0..data::STEPS).flat_map(|step| (0..around).map(move |s| (step, s))).flat_map(quad).collect()
+        indices.extend([a, b, c, b, d, c]);
+    }
+    indices
 }
 
 #[cfg(test)]

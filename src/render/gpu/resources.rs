@@ -85,6 +85,8 @@ impl Gpu {
             view_formats: &[],
         };
         let texture = self.device.create_texture(&descriptor);
+        // The mip levels are computed on the CPU: hardware generation would average sRGB codes and
+        // ignore alpha.
         for (level, picture) in (0..).zip(&mips.levels) {
             let to = wgpu::TexelCopyTextureInfo { mip_level: level, ..texture.as_image_copy() };
             let layout = wgpu::TexelCopyBufferLayout {
@@ -111,6 +113,7 @@ impl Gpu {
         corner: [u32; 2],
     ) -> Result<(), GpuError> {
         let size = tile.size();
+        // wgpu wants rows in buffers aligned, so the copy has padding, which the loop below drops.
         let row = (size.width * 4).next_multiple_of(ROW_BYTES);
         let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("pixels"),

@@ -212,20 +212,23 @@ impl<'a> Splatter<'a> {
         toward_sun: Vec3,
         toward_eye: Vec3,
     ) -> Vec3 {
-        // One shadow lookup for a point on the tube whose normal is given.
-        let reaches =
-            |outward: Vec3| self.shadows.is_lit(axis + outward * radius, radius, toward_sun);
         let mut light = Vec3::ZERO;
-        if outward.dot(toward_sun) > 0.0 && reaches(outward) {
+        if outward.dot(toward_sun) > 0.0
+            && self.shadows.is_lit(axis + outward * radius, radius, toward_sun)
+        {
             light = surface.base_brdf(toward_sun, toward_eye)
                 * self.rig.sun()
                 * surface.normal.dot(toward_sun).max(0.0);
         }
         let sheen = &surface.sheen;
-        if sheen.share > 0.0 && reaches(sheen.highlight_normal(toward_sun, toward_eye)) {
-            light += surface.sheen_color()
-                * self.rig.sun()
-                * sheen.mean_over_width(toward_sun, toward_eye);
+        if sheen.share > 0.0 {
+            // The shadow of the brightest line stands for that of the whole highlight.
+            let brightest = axis + sheen.highlight_normal(toward_sun, toward_eye) * radius;
+            if self.shadows.is_lit(brightest, radius, toward_sun) {
+                light += surface.sheen_color()
+                    * self.rig.sun()
+                    * sheen.mean_over_width(toward_sun, toward_eye);
+            }
         }
         light
     }

@@ -38,12 +38,12 @@ struct SampleQuad {
 impl SampleQuad {
     /// Samples `first` to `first + 3` of pixel (x, y), as far as they are below `spp`.
     fn new([x, y]: [u32; 2], first: u32, spp: u32, seed: u32) -> Self {
+        // The same places as in the ray tracer, so both methods sample alike.
         let places = Sampler::new(x, y, seed).pairs(SampleDimension::Pixel, spp);
-        let at = |lane: u32| match places.at(first + lane) {
+        let [a, b, c, d] = [0, 1, 2, 3].map(|lane| match places.at(first + lane) {
             [across, down] if first + lane < spp => Vec2::new(x as f32 + across, y as f32 + down),
             _ => Vec2::INFINITY,
-        };
-        let [a, b, c, d] = [at(0), at(1), at(2), at(3)];
+        });
         Self {
             places: [Vec4::new(a.x, b.x, c.x, d.x), Vec4::new(a.y, b.y, c.y, d.y)],
             keys: [NOTHING; 4].map(AtomicU64::new),

@@ -92,8 +92,9 @@ impl CapsuleOutline {
                 // where it is nearly horizontal.
                 let (middle, reach) =
                     ((row as f32 + 0.5 - self.start.y) * rise, ((0.5 + self.radius) * rise).abs());
-                let share = |at: f32| self.start.x + self.along.x * at.clamp(0.0, 1.0);
-                (share(middle - reach), share(middle + reach))
+                let [one, other] = [middle - reach, middle + reach]
+                    .map(|at| self.start.x + self.along.x * at.clamp(0.0, 1.0));
+                (one, other)
             }
             None => (self.start.x, self.start.x + self.along.x),
         };

@@ -58,10 +58,10 @@ impl<'a> SplatPieces<'a> {
         self.parts().into_par_iter().for_each(|(strand, points)| {
             let strand = &self.scene.strands[strand];
             let Some(radius) = self.scene.radius(strand) else { return };
-            let placed = |point: u32| self.joint(point, &strand.points).and_then(&place);
-            let mut start = placed(points.start);
+            // Each joint is computed once: the end of a piece is the start of the next.
+            let mut start = self.joint(points.start, &strand.points).and_then(&place);
             for number in points {
-                let next = placed(number + 1);
+                let next = self.joint(number + 1, &strand.points).and_then(&place);
                 if let Some(start) = start {
                     // A single point, or one before a gap, is drawn as a ball.
                     draw(number, [start, next.unwrap_or(start)], radius);

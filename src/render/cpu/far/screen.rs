@@ -46,6 +46,7 @@ impl Screen {
     pub(super) fn project(&self, point: Vec3) -> Option<Vec3> {
         let clip = self.clip_from_world * point.extend(1.0);
         (clip.w > 0.0).then(|| {
+            // From clip space (y up, -1..1) to pixels (y down).
             ((clip.xy() / clip.w * Vec2::new(0.5, -0.5) + 0.5) * self.extent()).extend(clip.w)
         })
     }
@@ -73,6 +74,7 @@ impl Screen {
         let ends = [start, self.project(piece.ends[1]).unwrap_or(start)];
         let outline = self.outline(ends, piece.radius);
         let share = outline.within([Vec4::splat(place.x), Vec4::splat(place.y)]).share.x;
+        // From pixels to radii at the piece's distance.
         let aside = (place - outline.at(share)) * (self.pixel * ends[0].z / piece.radius);
         Some((share, self.right * aside.x - self.up * aside.y))
     }

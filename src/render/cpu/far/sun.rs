@@ -57,23 +57,20 @@ impl ShadowMap {
         let (across, up) = toward.any_orthonormal_pair();
         // The grid covers what is shown. Points outside of the picture may still cast shadows into
         // it, so their depth counts.
-        let corners_of = |point: Vec3| {
+        let nothing = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+        let boxes = pieces.points().map(|point| {
             let at = Vec3::new(point.dot(across), point.dot(up), -point.dot(toward));
-            let (low, high) =
-                if screen.shows(point) { (at, at) } else { (Vec3::INFINITY, Vec3::NEG_INFINITY) };
+            let [low, high] = if screen.shows(point) { [at, at] } else { nothing };
             [low.with_z(at.z), high]
-        };
-        let around = |[low, high]: [Vec3; 2], [other_low, other_high]: [Vec3; 2]| {
-            [low.min(other_low), high.max(other_high)]
-        };
-        let [low, high] =
-            pieces.points().map(corners_of).reduce(|| [Vec3::INFINITY, Vec3::NEG_INFINITY], around);
+        });
+        let [low, high] = boxes.reduce(|| nothing, |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
         let (thinnest, thickest) = pieces.scene.radii();
         // A piece may be visible although neither of its ends is.
         let margin = thickest + pieces.longest();
         let low = low - margin;
         let extent = (high.truncate() + margin - low.truncate()).max(Vec2::ZERO);
         let finest = (TEXEL_RADII * thinnest).max(TEXEL_PIXELS * pixel);
+        // Coarsen the grid where it would exceed the memory limit.
         let texel = finest.max((extent.x * extent.y / MAX_TEXELS).sqrt());
         let size =
             (extent / texel).ceil().clamp(Vec2::ONE, Vec2::splat(MAX_TEXELS)).as_uvec2().to_array();
@@ -96,7 +93,7 @@ impl ShadowMap {
                 let within = outline.within([middles, Vec4::splat(y as f32 + 0.5)]);
                 let depths = within.depths([one.z, other.z], radius);
                 for lane in within.covered() {
-                    // The last quad may reach beyond the row.
+                    // The last group of four may extend beyond the row.
                     let Some(texel) = row.get(first as usize + lane) else { break };
                     let depth = depths[lane].max(0.0).to_bits();
                     if depth < texel.load(Ordering::Relaxed) {
@@ -134,11 +131,13 @@ impl ShadowMap {
     /// there. It counts as blocked if the depth there lies more than halfway to the occluder.
     pub(super) fn is_lit(&self, place: Vec3, radius: f32, toward: Vec3) -> bool {
         let at = self.project(place);
-        let cell = self.texel_at(at.truncate());
-        let before = at.z - self.depth(cell);
-        let around = at.z
-            - self.blocks
-                [cell[1] / BLOCK * (self.size[0] as usize).div_ceil(BLOCK) + cell[0] / BLOCK];
+        let texel = self.texel_at(at.truncate());
+        let before = at.z - self.depth(texel);
+        let blocks_across = (self.size[0] as usize).div_ceil(BLOCK);
+        let block = texel[1] / BLOCK * blocks_across + texel[0] / BLOCK;
+        let around = at.z - self.blocks[block];
+        // Three cases. The sun's centre is hidden: the occluder is known. It is visible, but
+        // something stands far in front nearby: a penumbra is possible. Otherwise the point is lit.
         let away = match before > BIAS_TEXELS * self.texel + BIAS_RADII * radius {
             true => before,
             false if around > SOFT_RADII * radius => around,
@@ -156,7 +155,7 @@ impl ShadowMap {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
-            reason = "saturates, then is held to the grid"
+            reason = "saturates, then is clamped to the grid"
         )]
         let texel = [(at.x as u32).min(self.size[0] - 1), (at.y as u32).min(self.size[1] - 1)];
         texel.map(|index| index as usize)
