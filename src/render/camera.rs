@@ -76,7 +76,7 @@ impl Camera {
         let axes = Self::look_at(toward_eye, DVec3::ZERO, fov, 1.0);
         let in_camera_axes = points
             .iter()
-            .map(|point| axes.to_camera_axes(point.as_dvec3()))
+            .map(|point| axes.in_camera_axes(point.as_dvec3()))
             .filter(|point| point.is_finite());
         let low = in_camera_axes.clone().fold(DVec3::INFINITY, DVec3::min);
         let high = in_camera_axes.clone().fold(DVec3::NEG_INFINITY, DVec3::max);
@@ -138,7 +138,7 @@ impl Camera {
     /// eye.
     #[must_use]
     pub fn project(&self, point: DVec3, aspect: f64) -> Option<DVec2> {
-        let p = self.to_camera_axes(point - self.eye);
+        let p = self.in_camera_axes(point - self.eye);
         (p.z < 0.0).then(|| DVec2::new(p.x / aspect, p.y) / (-p.z * self.tan_half))
     }
 
@@ -174,7 +174,7 @@ impl Camera {
     }
 
     /// A vector from world axes to camera axes (right, up, back).
-    fn to_camera_axes(&self, offset: DVec3) -> DVec3 {
+    fn in_camera_axes(&self, offset: DVec3) -> DVec3 {
         DVec3::new(offset.dot(self.right), offset.dot(self.up), offset.dot(self.back))
     }
 }

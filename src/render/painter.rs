@@ -60,7 +60,7 @@ impl<'a> Painter<'a> {
                         renderer,
                         stitch: stitch_length(scene),
                         yarns: None,
-                    }))
+                    }));
                 }
                 Err(error) => painter.fall_back(error)?,
             }

@@ -134,7 +134,7 @@ impl Gpu {
         // Both callbacks outlive this function, so each owns its handles.
         let (fault, adapter) = (Arc::clone(&gpu.fault), gpu.name.clone());
         gpu.device.on_uncaptured_error(Arc::new(move |error| {
-            record_fault(&fault, from_wgpu_error(&adapter, &error))
+            record_fault(&fault, from_wgpu_error(&adapter, &error));
         }));
         let (fault, adapter) = (Arc::clone(&gpu.fault), gpu.name.clone());
         gpu.device.set_device_lost_callback(move |_, reason| {

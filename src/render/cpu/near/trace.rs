@@ -60,7 +60,7 @@ impl<'a> SegmentBvh<'a> {
     /// The nearest segment along `ray`.
     pub(super) fn nearest(&self, ray: &SceneRay) -> Option<Hit> {
         let mut nearest = Hit { start: 0, distance: ray.reach };
-        self.bvh.ray_traverse(ray.to_obvhs(), &mut RayHit::none(), |_, index| {
+        self.bvh.ray_traverse(ray.as_obvhs_ray(), &mut RayHit::none(), |_, index| {
             for start in group_segments(&self.segments, self.groups[index], self.group_size) {
                 let distance = self.segments.distance(start, ray, nearest.distance);
                 // Ties go to the first segment along the yarn. Otherwise the order of traversal
@@ -84,7 +84,7 @@ impl<'a> SegmentBvh<'a> {
     /// edge there that could cast a shadow.
     pub(super) fn occluder(&self, ray: &SceneRay, own: u32) -> Option<u32> {
         let mut occluder = None;
-        self.bvh.ray_traverse_miss(ray.to_obvhs(), |traversal, index| {
+        self.bvh.ray_traverse_miss(ray.as_obvhs_ray(), |traversal, index| {
             let group = group_segments(&self.segments, self.groups[index], self.group_size)
                 .filter(|start| start.abs_diff(own) > 1);
             occluder = group
@@ -99,7 +99,7 @@ impl<'a> SegmentBvh<'a> {
 
 impl SceneRay {
     /// The ray in the form that the hierarchy takes.
-    fn to_obvhs(&self) -> Ray {
+    fn as_obvhs_ray(&self) -> Ray {
         Ray::new(self.origin.into(), self.direction.into(), 0.0, self.reach)
     }
 }
