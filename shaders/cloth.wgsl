@@ -1,13 +1,20 @@
-// The light that leaves a yarn toward the eye: sun through its shadow map, sky through the cloth's own depth.
+// The light that leaves a yarn toward the eye. Sun: through a variance shadow map (Donnelly and
+// Lauritzen 2006, 'Variance shadow maps'). Sky: ambient occlusion from the cloth's own mean depth.
+// Surface: textures or procedural plies.
 
+// Whether this pass draws fuzz: translucent fragments, blended.
 override FUZZ: bool = false;
-// Whether yarns have maps.
+// Whether yarns have textures.
 override MAPS: bool = true;
-// Alpha from which yarn is solid; below it is fuzz, blended in a pass of its own.
-const SOLID = 0.5;
-const LEAST_ALPHA = 0.02;
-// Share of the variance's bound that counts as full shadow: what bleeds through from other layers stays below it.
-const BLEEDING = 0.2;
+// Alpha from which a fragment is solid. Below it is fuzz, which a pass of its own blends.
+const SOLID_ALPHA = 0.5;
+// Alpha below which a fragment is dropped, because blending it costs more than it shows.
+const MIN_ALPHA = 0.02;
+// Chebyshev's bound up to this value counts as full shadow. That hides light bleeding, the light
+// that variance shadow maps let through where layers at several depths overlap (Lauritzen 2007,
+// 'Summed-area variance shadow maps', section 8.4.3). Higher values narrow penumbras.
+const LIGHT_BLEEDING = 0.2;
+// Samples per pixel of alpha to coverage.
 const SAMPLES = 4.0;
 
 @group(2) @binding(0) var base_map: texture_2d<f32>;
@@ -18,18 +25,21 @@ const SAMPLES = 4.0;
 @group(3) @binding(0) var sun_map: texture_2d<f32>;
 @group(3) @binding(1) var depth_map: texture_2d<f32>;
 
+// A fragment's light, and the samples that it covers.
 struct Light {
     @location(0) color: vec4f,
     @builtin(sample_mask) samples: u32,
 }
 
-// A texel's share in a mean of four, about the depth `origin`: weighted first and second moments, and the weight.
-fn share_of(texel: vec4f, origin: f32, share: f32) -> vec3f {
+// A texel's part in the mean of four, relative to the depth `origin`: weighted first and second
+// moment, and the weight.
+fn weighted_moments(texel: vec4f, origin: f32, share: f32) -> vec3f {
     let offset = texel.x - origin;
     return share * texel.z * vec3f(offset, offset * offset + texel.y, 1.0);
 }
 
-// Mean, variance and cover between texels.
+// Mean, variance and cover, interpolated between texels. The hardware's filter would interpolate
+// variances, which ignores the differences of the means.
 fn moments_at(map: texture_2d<f32>, place: vec2f) -> vec3f {
     let corner = floor(place - 0.5);
     let part = place - 0.5 - corner;
@@ -40,58 +50,80 @@ fn moments_at(map: texture_2d<f32>, place: vec2f) -> vec3f {
     let b = textureLoad(map, vec2i(high.x, low.y), 0);
     let c = textureLoad(map, vec2i(low.x, high.y), 0);
     let d = textureLoad(map, high, 0);
-    // Any covered texel's depth will do: it only keeps the sums small.
+    // Any covered texel's depth will do as the origin: it keeps the sums small, so that no digits
+    // cancel.
     let origin = max(max(a.x, b.x), max(c.x, d.x));
-    let sums = share_of(a, origin, (1.0 - part.x) * (1.0 - part.y)) + share_of(b, origin, part.x * (1.0 - part.y))
-        + share_of(c, origin, (1.0 - part.x) * part.y) + share_of(d, origin, part.x * part.y);
+    let sums = weighted_moments(a, origin, (1.0 - part.x) * (1.0 - part.y))
+        + weighted_moments(b, origin, part.x * (1.0 - part.y))
+        + weighted_moments(c, origin, (1.0 - part.x) * part.y)
+        + weighted_moments(d, origin, part.x * part.y);
+    // Law of total variance: E[x^2] - E[x]^2, where x^2 includes each texel's own variance.
     let mean = sums.x / max(sums.z, TINY);
     return vec3f(origin + mean, max(sums.y / max(sums.z, TINY) - mean * mean, 0.0), sums.z);
 }
 
-// Share of the sun that reaches a point: Chebyshev's bound on how much of what the map averages lies behind it.
-fn sunlit(world: vec3f) -> f32 {
+// Visibility of the sun: Chebyshev's upper bound of the fraction of the filtered depths that lie
+// behind the point (Donnelly and Lauritzen 2006, eq. 5).
+fn sun_visibility(world: vec3f) -> f32 {
     let place = view.sun_from_world * vec4f(world, 1.0);
     let m = moments_at(sun_map, place.xy);
     let behind = place.z - view.sun_bias - m.x;
     if behind <= 0.0 || m.z <= 0.0 {
         return 1.0;
     }
+    // A lower limit of the variance: on flat texels it would be 0, and rounding would decide.
     let variance = max(m.y, view.sun_bias * view.sun_bias);
     let bound = variance / (variance + behind * behind);
-    return 1.0 - m.z * (1.0 - saturate((bound - BLEEDING) / (1.0 - BLEEDING)));
+    return 1.0 - m.z * (1.0 - saturate((bound - LIGHT_BLEEDING) / (1.0 - LIGHT_BLEEDING)));
 }
 
+// Radiance of the sky in a unit direction: a linear gradient.
 fn sky(direction: vec3f) -> vec3f {
     return mix(view.sky_below, view.sky_above, 0.5 + 0.5 * dot(direction, view.zenith));
 }
 
-// Share of the sky that is open at a depth, by the cloth's mean depth around it.
-fn open_sky(at: vec2f, radius: f32, depth: f32, cosine: f32) -> f32 {
+// Visibility of the sky at a depth, from the cloth's mean depth around it.
+fn sky_visibility_at(at: vec2f, radius: f32, depth: f32, cosine: f32) -> f32 {
     let m = moments_at(depth_map, (at + vec2f(view.corner_x, view.corner_y)) * view.depth_scale);
-    return open_share((m.x - depth) / radius, depth - m.x > view.layer, m.z, cosine, SHAPE == RIBBON);
+    let before = (m.x - depth) / radius;
+    return sky_visibility(before, depth - m.x > view.layer, m.z, cosine, SHAPE == RIBBON);
 }
 
-// What sun and sky send to the eye from a place whose round surface looks `outward` and has the BRDF `reflected` for the sun.
-fn light_of(
-    material: Material, reflected: vec3f, outward: vec3f, world: vec3f, toward_eye: vec3f, open: f32, occlusion: f32,
+// Light of sun and sky reflected to the eye. The tube's own normal is `outward`, and `sun_brdf` is
+// the BRDF for the sun.
+fn reflected_light(
+    material: Material,
+    sun_brdf: vec3f,
+    outward: vec3f,
+    world: vec3f,
+    toward_eye: vec3f,
+    open: f32,
+    occlusion: f32,
 ) -> vec3f {
     var light = vec3f(0.0);
     let sun_cosine = dot(material.normal, view.toward_sun);
+    // The tube's normal must face the sun too. A tilted normal on the dark side would leak light.
     if sun_cosine > 0.0 && (SHAPE == RIBBON || dot(outward, view.toward_sun) > 0.0) {
-        light = reflected * view.sun * (sun_cosine * sunlit(world));
+        light = sun_brdf * view.sun * (sun_cosine * sun_visibility(world));
     }
-    let mirrored = schlick_rough(reflectance(material), dot(material.normal, toward_eye), material.roughness);
+    let cosine = dot(material.normal, toward_eye);
+    let mirrored = schlick_rough(reflectance(material), cosine, material.roughness);
+    // The specular part takes the sky's radiance in the mirror direction, times the mean Fresnel
+    // term.
     let mirror = reflect(-toward_eye, material.normal);
-    // The mean of a gradient over cosine-weighted directions is the gradient two thirds of the way to the normal.
+    // The sky is linear in the direction's height. So its cosine-weighted mean over the hemisphere
+    // is its value two thirds of the way from the horizontal to the normal.
     let above = sky(material.normal * (2.0 / 3.0)) * open + view.interior * (1.0 - open);
     var skylight = diffuse(material, mirrored) * above + mirrored * sky(mirror) * open;
     if SHEEN {
-        skylight = skylight * sheen_spared_by_sky(material.sheen, dot(material.normal, toward_eye))
-            + glint(material) * above * sheen_of_sky(material.sheen, material.normal, toward_eye);
+        skylight = skylight * sheen_base_share_under_sky(material.sheen, cosine)
+            + sheen_color(material) * above
+                * sheen_sky_reflectance(material.sheen, material.normal, toward_eye);
     }
     return light + skylight * occlusion;
 }
 
+// A yarn's surface at one place of its textures.
 struct Texel {
     albedo: vec3f,
     alpha: f32,
@@ -102,16 +134,18 @@ struct Texel {
     occlusion: f32,
 }
 
-const MOST_TAPS = 8.0;
+// Limit of anisotropic filtering, as in src/render/maps.rs.
+const MAX_TAPS = 8.0;
 
-// The maps around a place (0..1 around, repeats along), over a footprint: as many taps along its longer side as its shorter one fits into it,
-// as Maps::sample in src/render/maps.rs takes them. Derivatives would do that in hardware, but they jump at a tube's seam, and a software
-// driver has none at a triangle's edge.
+// The textures at a place (repeats along the yarn, 0..1 around it), averaged over a footprint.
+// Anisotropic filtering, as Maps::sample in src/render/maps.rs does it: several lookups along the
+// footprint's longer side, at the mip level of the shorter one. Hardware derivatives would do the
+// same, but they jump at a tube's seam, and a software driver has none at a triangle's edge.
 fn map_texel(place: vec2f, footprint: vec2f) -> Texel {
     let texels = abs(footprint) * vec2f(textureDimensions(base_map));
     let short = max(min(texels.x, texels.y), 1.0);
     let long = max(max(texels.x, texels.y), 1.0);
-    let taps = clamp(ceil(long / short), 1.0, MOST_TAPS);
+    let taps = clamp(ceil(long / short), 1.0, MAX_TAPS);
     let level = log2(max(long / taps, short));
     let way = select(vec2f(footprint.x, 0.0), vec2f(0.0, footprint.y), texels.y > texels.x);
     let border = select(0.0, 0.5 / f32(textureDimensions(base_map).y), SHAPE == RIBBON);
@@ -120,23 +154,26 @@ fn map_texel(place: vec2f, footprint: vec2f) -> Texel {
     var surface = vec3f(0.0);
     for (var tap = 0.0; tap < taps; tap += 1.0) {
         var at = place + way * ((tap + 0.5) / taps - 0.5);
-        // A ribbon ends at its edges; a tube goes on around.
+        // A ribbon ends at its edges; a tube wraps around.
         at.y = select(at.y, clamp(at.y, border, 1.0 - border), SHAPE == RIBBON);
         base += textureSampleLevel(base_map, map_sampler, at, level) / taps;
         normal += textureSampleLevel(normal_map, map_sampler, at, level).xyz / taps;
         surface += textureSampleLevel(surface_map, map_sampler, at, level).xyz / taps;
     }
     normal = normal * 2.0 - 1.0;
-    // The picture's top is where `around` is 0.
-    return Texel(base.rgb, base.a, vec3f(normal.x, -normal.y, normal.z), surface.y, surface.z, surface.x);
+    // The picture's top is where `around` is 0, so its y axis is reversed.
+    let flipped = vec3f(normal.x, -normal.y, normal.z);
+    return Texel(base.rgb, base.a, flipped, surface.y, surface.z, surface.x);
 }
 
-// The direction in which the round yarn rises that a strip stands for; both arguments of unit length and across each other.
+// The direction, across the yarn toward the eye, in which the tube that a strip stands for bulges.
+// Arguments are unit vectors at right angles.
 fn front_of_strip(width: vec3f, tangent: vec3f, toward_eye: vec3f) -> vec3f {
     let front = cross(width, tangent);
     return front * sign(dot(front, toward_eye));
 }
 
+// The shaded fragment of a yarn.
 @fragment
 fn shade(in: Surface) -> Light {
     let look = looks[in.look];
@@ -147,8 +184,8 @@ fn shade(in: Surface) -> Light {
     var world = in.world;
     var outward = normalize(in.normal);
     var around = in.side * 0.5 + 0.5;
+    // An impostor: restore the tube's normal and position from the place across the strip.
     if SHAPE == STRIP {
-        // The round yarn that the strip stands for.
         let rise = sqrt(max(1.0 - in.side * in.side, 0.0));
         let front_of = front_of_strip(outward, tangent, toward_eye);
         outward = normalize(outward * in.side + front_of * rise);
@@ -157,10 +194,12 @@ fn shade(in: Surface) -> Light {
     if SHAPE == RIBBON {
         outward *= select(-1.0, 1.0, dot(outward, toward_eye) >= 0.0);
     } else {
+        // Orthogonalise: interpolation leaves the frame's vectors not quite perpendicular.
         let start = normalize(in.across - tangent * dot(in.across, tangent));
         around = atan2(dot(outward, cross(tangent, start)), dot(outward, start));
     }
     let cosine = dot(outward, toward_eye);
+    // Size of a pixel here, mm. An eye at infinity has w = 0.
     let footprint = view.pixel * select(1.0, eye_distance, view.eye.w > 0.5);
 
     let sheen = Sheen(look.sheen, look.fibre_slope, tangent);
@@ -170,55 +209,65 @@ fn shade(in: Surface) -> Light {
     if MAPS {
         let turn = select(around / TAU, around, SHAPE == RIBBON);
         let girth = in.radius * select(TAU, 2.0, SHAPE == RIBBON);
-        let texel = map_texel(vec2f(in.along / look.repeat, turn), footprint / vec2f(look.repeat, girth));
-        // A tube is solid: the fuzz that a picture shows beside its yarn has no place on it.
+        let place = vec2f(in.along / look.repeat, turn);
+        let texel = map_texel(place, footprint / vec2f(look.repeat, girth));
+        // A tube is solid: the fuzz that a photo shows beside its yarn has no place on it.
         alpha = select(1.0, texel.alpha, SHAPE == RIBBON);
         occlusion = texel.occlusion;
-        // A ribbon's back is its front seen through: only what looks outward turns.
+        // A ribbon's back shows its front from behind: only the outward direction is reversed.
         let sideways = cross(tangent, select(outward, normalize(in.normal), SHAPE == RIBBON));
-        let tilted = tangent * texel.normal.x + sideways * texel.normal.y + outward * texel.normal.z;
-        material = Material(facing(normalize(tilted), toward_eye), texel.albedo, texel.roughness, texel.metallic, sheen);
+        let n = texel.normal;
+        let tilted = tangent * n.x + sideways * n.y + outward * n.z;
+        let normal = face_eye(normalize(tilted), toward_eye);
+        material = Material(normal, texel.albedo, texel.roughness, texel.metallic, sheen);
     } else if SHAPE != RIBBON {
-        let detail = ply_detail(Place(
-            outward, toward_eye, tangent, around, in.along, in.radius, footprint, look.plies, look.ply_slope, look.fibre_slope,
+        let detail = ply_detail(YarnPoint(
+            outward, toward_eye, tangent, around, in.along, in.radius, footprint,
+            look.plies, look.ply_slope, look.fibre_slope,
         ));
         material.normal = detail.normal;
         material.albedo *= detail.shade;
     }
-    if alpha < LEAST_ALPHA || (FUZZ && alpha >= SOLID) || (!FUZZ && alpha < SOLID) {
+    // This pass draws either solid fragments or fuzz.
+    if alpha < MIN_ALPHA || (FUZZ && alpha >= SOLID_ALPHA) || (!FUZZ && alpha < SOLID_ALPHA) {
         discard;
     }
 
-    let open = open_sky(in.clip.xy, in.radius, 1.0 / in.clip.w, cosine);
-    let reflected = brdf(material, view.toward_sun, toward_eye);
-    let light = light_of(material, reflected, outward, world, toward_eye, open, occlusion);
+    let open = sky_visibility_at(in.clip.xy, in.radius, 1.0 / in.clip.w, cosine);
+    let sun_brdf = brdf(material, view.toward_sun, toward_eye);
+    let light = reflected_light(material, sun_brdf, outward, world, toward_eye, open, occlusion);
 
-    // Alpha to coverage, done here so that every driver takes the same samples and a solid sample's alpha is 1. Which samples differs from
-    // yarn to yarn, or two half-covering ones would leave the same half open.
+    // Alpha to coverage, computed here so that every driver chooses the same samples, and so that
+    // the colour of a solid sample has alpha 1. Rounding is stochastic. A hash of the yarn and the
+    // pixel rotates the samples, or two half-covering yarns would leave the same half open.
     let random = mix_bits(in.seed ^ (u32(in.clip.x) << 8u) ^ (u32(in.clip.y) << 20u));
     let taken = (1u << u32(alpha * SAMPLES + f32(random >> 8u) / 16777216.0)) - 1u;
     let turned = random % 4u;
-    let solid = select((taken << turned | taken >> (4u - turned)) & 15u, 0xFFFFFFFFu, alpha > 0.99 || !MAPS);
+    let some = (taken << turned | taken >> (4u - turned)) & 15u;
+    let solid = select(some, 0xFFFFFFFFu, alpha > 0.99 || !MAPS);
     return Light(vec4f(light, 1.0) * select(1.0, alpha, FUZZ), select(solid, 0xFFFFFFFFu, FUZZ));
 }
 
-// For the depth passes of ribbons with maps: what is fuzz neither hides nor shadows.
+// Depth passes of ribbons with textures: fuzz neither occludes nor casts shadows.
 @fragment
-fn hole(in: Surface) {
+fn discard_fuzz(in: Surface) {
     let place = vec2f(in.along / looks[in.look].repeat, in.side * 0.5 + 0.5);
-    if textureSampleLevel(base_map, map_sampler, place, 0.0).a < SOLID {
+    if textureSampleLevel(base_map, map_sampler, place, 0.0).a < SOLID_ALPHA {
         discard;
     }
 }
 
-// A plain strip of two pixels or so is lit at its points and not at its pixels: where a software driver shades whole blocks of pixels for
-// each small triangle, that takes a third of the time. Its edges get the light from .577 of the way to them, so that their mean is that of
-// the round yarn (Gauss' quadrature by two points). Plies are too fine to be seen and darken by their mean.
+// Light per vertex, for plain strips up to two pixels or so wide. A software driver shades whole
+// blocks of pixels for each small triangle; light per vertex takes a third of the time. The
+// vertices at the edges get the light from 0.577 of the way to them. So their mean is that of the
+// round yarn (Gauss-Legendre quadrature with two points). Plies are too fine to show and darken the
+// yarn by their mean.
 struct Lit {
     @builtin(position) clip: vec4f,
     @location(0) light: vec3f,
 }
 
+// Node of the quadrature, 1 / sqrt(3).
 const GAUSS = 0.577;
 
 @vertex
@@ -229,20 +278,26 @@ fn expand_lit(@builtin(vertex_index) vertex: u32, @builtin(instance_index) insta
     let rise = sqrt(1.0 - GAUSS * GAUSS);
     let front_of = front_of_strip(in.normal, in.tangent, toward_eye);
     let outward = in.normal * (in.side * GAUSS) + front_of * rise;
-    // The strip's edge stands MEAN_RISE before the axis.
-    let world = in.world + (in.normal * (in.side * (GAUSS - 1.0)) + front_of * (rise - MEAN_RISE)) * in.radius;
+    // The strip's vertices stand MEAN_RISE before the axis, at its edges; move to the point of the
+    // tube at the node.
+    let offset = in.normal * (in.side * (GAUSS - 1.0)) + front_of * (rise - MEAN_RISE);
+    let world = in.world + offset * in.radius;
     let shade = 1.0 - GROOVE * select(0.0, MEAN_GROOVE, look.plies > 1.0);
     let sheen = Sheen(look.sheen, look.fibre_slope, normalize(in.tangent));
-    let material = Material(facing(outward, toward_eye), look.albedo * shade, look.roughness, look.metallic, sheen);
-    let pixel = (in.clip.xy / in.clip.w * vec2f(0.5, -0.5) + 0.5) * vec2f(view.tile_width, view.tile_height);
-    let open = open_sky(pixel, in.radius, in.clip.w, dot(outward, toward_eye));
-    let reflected = base_brdf(material, view.toward_sun, toward_eye);
-    var light = light_of(material, reflected, outward, world, toward_eye, open, 1.0);
+    let normal = face_eye(outward, toward_eye);
+    let material = Material(normal, look.albedo * shade, look.roughness, look.metallic, sheen);
+    let tile_size = vec2f(view.tile_width, view.tile_height);
+    let pixel = (in.clip.xy / in.clip.w * vec2f(0.5, -0.5) + 0.5) * tile_size;
+    let open = sky_visibility_at(pixel, in.radius, in.clip.w, dot(outward, toward_eye));
+    let sun_brdf = base_brdf(material, view.toward_sun, toward_eye);
+    var light = reflected_light(material, sun_brdf, outward, world, toward_eye, open, 1.0);
     if SHEEN {
-        // That of the whole width, in the sun where the brightest of it is, as far pictures on the processor have it.
-        let brightest = sheen_brightest(sheen, view.toward_sun, toward_eye);
-        let shone = sunlit(world + (brightest - outward) * in.radius);
-        light += glint(material) * view.sun * (sheen_across(sheen, view.toward_sun, toward_eye) * shone);
+        // The sheen's mean over the width, with one shadow lookup at its brightest line, as in the
+        // CPU renderer's splatting.
+        let brightest = sheen_highlight_normal(sheen, view.toward_sun, toward_eye);
+        let sun_share = sun_visibility(world + (brightest - outward) * in.radius);
+        let shine = sheen_mean_over_width(sheen, view.toward_sun, toward_eye);
+        light += sheen_color(material) * view.sun * (shine * sun_share);
     }
     return Lit(in.clip, light);
 }

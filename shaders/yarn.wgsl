@@ -1,11 +1,15 @@
-// Yarns from their points: tubes of so many edges, strips that face the eye and pass for tubes, ribbons in the fabric's plane.
+// Expansion of yarns from their points, in the vertex shader: tubes with a given number of edges,
+// strips that face the eye and stand for distant tubes (impostors), and ribbons in the fabric's
+// plane.
 //
-//     ring k+1  3───4───5 ─ 3        An instance is eight steps of one chunk, a step `stride` points long: nine rings. Vertices are
-//               │ ╲ │ ╲ │ ╲ │        numbered ring by ring, `edges` a ring (two for strips and ribbons), by an index buffer that all
-//     ring k    0───1───2 ─ 0        instances share.
+//     ring k+1  3───4───5 ─ 3     An instance is eight steps of one chunk, and a step is `stride`
+//               │ ╲ │ ╲ │ ╲ │     points long. That makes nine rings. Vertices are numbered ring
+//     ring k    0───1───2 ─ 0     by ring, `edges` a ring (two for strips and ribbons). All
+//                                 instances share one index buffer.
 //
-// Nothing but points is stored: expanding them here was measured as fast as stored vertices, and 40 times smaller. Past a chunk's
-// end rings coincide with its last one, and their triangles have no area.
+// Only points are stored. Expanding them here was measured as fast as stored vertices, and takes a
+// fortieth of the memory. Beyond a chunk's end, rings coincide with its last one, and their
+// triangles have no area.
 
 override SHAPE: u32 = 0u;
 const TUBE = 0u;
@@ -13,17 +17,19 @@ const STRIP = 1u;
 const RIBBON = 2u;
 
 const TAU = 6.283185307179586;
-// Steps an instance, and instances that a chunk may have at stride 1.
+// Steps of an instance, and instances of a full chunk at stride 1.
 const STEPS = 8u;
 const PARTS = 32u;
-// Most that a step may widen its yarn by: all of a loop's length in one step would cover its neighbours.
-const MOST_WIDENING = 3.0;
-// How far a round yarn rises over its axis toward the eye, in the mean over its width; in radii. Its strip stands there.
+// Limit of the widening of a step. A step along a whole loop would otherwise become so wide that it
+// covers its neighbours.
+const MAX_WIDENING = 3.0;
+// Mean height of a tube over its axis toward the eye, pi / 4 radii. The strip that stands for the
+// tube lies there.
 const MEAN_RISE = 0.785;
 
 struct Chunk {
     first: u32,
-    // Pieces; a point more than that belongs to it.
+    // Number of pieces; the chunk has one more point.
     count: u32,
     look: u32,
     spare: u32,
@@ -39,14 +45,17 @@ struct Draw {
 
 // Position and arc length, mm.
 @group(1) @binding(0) var<storage, read> points: array<vec4f>;
-// Unit tangent, and what lies across it: of tubes where angles count from, of ribbons the fabric's normal.
-@group(1) @binding(1) var<storage, read> turns: array<vec2u>;
+// Packed unit vectors: the tangent, and a direction across it. For tubes angles count from that,
+// for ribbons it is the fabric's normal.
+@group(1) @binding(1) var<storage, read> tangent_frames: array<vec2u>;
 @group(1) @binding(2) var<storage, read> chunks: array<Chunk>;
 // Chunk times PARTS plus the part.
 @group(1) @binding(3) var<storage, read> parts: array<u32>;
 @group(1) @binding(4) var<uniform> draw: Draw;
 
-// Centroid: an edge pixel's middle may lie beside its yarn, where normals would point anywhere.
+// Interpolants. Centroid sampling: at an edge, the pixel's centre may lie outside of the triangle,
+// where extrapolated normals would be wrong. `@invariant` makes the depths of the pre-pass and the
+// light pass equal.
 struct Surface {
     @builtin(position) @invariant clip: vec4f,
     @location(0) @interpolate(perspective, centroid) world: vec3f,
@@ -63,6 +72,7 @@ struct Surface {
     @location(8) @interpolate(flat, either) seed: u32,
 }
 
+// Octahedral decoding of a unit vector (Meyer et al. 2010, 'On floating-point normal vectors').
 fn unpack_unit(bits: u32) -> vec3f {
     let flat = unpack2x16snorm(bits);
     let z = 1.0 - abs(flat.x) - abs(flat.y);
@@ -70,7 +80,8 @@ fn unpack_unit(bits: u32) -> vec3f {
     return normalize(vec3f(select(folded, flat, z >= 0.0), z));
 }
 
-// How much wider a yarn must be so that chords of a winding path cover what the path does.
+// Factor on the radius so that a chord covers the same area as the winding path that it replaces:
+// arc length over chord length.
 fn widening(at: u32, chunk: Chunk) -> f32 {
     if draw.stride == 1u {
         return 1.0;
@@ -79,17 +90,19 @@ fn widening(at: u32, chunk: Chunk) -> f32 {
     let high = min(at + draw.stride, chunk.first + chunk.count);
     let here = points[at].xyz;
     let chords = distance(points[low].xyz, here) + distance(here, points[high].xyz);
-    return clamp((points[high].w - points[low].w) / max(chords, 1e-6), 1.0, MOST_WIDENING);
+    return clamp((points[high].w - points[low].w) / max(chords, 1e-6), 1.0, MAX_WIDENING);
 }
 
+// Expands one vertex of an instance.
 fn vertex_of(vertex: u32, instance: u32) -> Surface {
     let part = parts[draw.first + instance];
     let chunk = chunks[part / PARTS];
     let look = looks[chunk.look];
     let step = (part % PARTS) * STEPS + vertex / draw.edges;
+    // Steps beyond the chunk's end stay at its last point, so that their triangles have no area.
     let at = chunk.first + min(step * draw.stride, chunk.count);
-    let tangent = unpack_unit(turns[at].x);
-    let across = unpack_unit(turns[at].y);
+    let tangent = unpack_unit(tangent_frames[at].x);
+    let across = unpack_unit(tangent_frames[at].y);
     let centre = points[at].xyz;
 
     var out: Surface;
@@ -101,6 +114,7 @@ fn vertex_of(vertex: u32, instance: u32) -> Surface {
     out.seed = part / PARTS;
     let edge = f32(vertex % draw.edges);
     if SHAPE == TUBE {
+        // A tube: a regular polygon around the axis, in the tangent frame.
         let angle = TAU * edge / f32(draw.edges);
         let start = normalize(across - tangent * dot(across, tangent));
         out.normal = start * cos(angle) + cross(tangent, start) * sin(angle);
@@ -108,6 +122,7 @@ fn vertex_of(vertex: u32, instance: u32) -> Surface {
         out.world = centre + out.normal * out.radius;
     } else {
         out.side = edge * 2.0 - 1.0;
+        // A strip faces the eye. A ribbon lies in the fabric's plane, across its normal.
         let toward = view.eye.xyz - centre * view.eye.w;
         let facing = select(toward, across, SHAPE == RIBBON);
         let width = cross(tangent, facing);

@@ -6,13 +6,13 @@ use warpknit::drape::{Cloth, swatch_panel};
 use warpknit::fabric::Fabric;
 use warpknit::render::camera::{Camera, View};
 use warpknit::render::cloth;
-use warpknit::render::{Options, render};
+use warpknit::render::{RenderOptions, render};
 
 use super::cpu::CpuTime;
 
 pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
     let fabric = Fabric::named("tricot").expect("built in");
-    let options = Options { width: 400, height: 300, ..Options::default() };
+    let options = RenderOptions { width: 400, height: 300, ..RenderOptions::default() };
     let mut group = criterion.benchmark_group("render 400x300");
     group.sample_size(10);
     for side in [10_u32, 50, 400] {

@@ -54,7 +54,7 @@ fn compare(folder: &Path) -> Result<()> {
         let maps = read_maps(&yarn, 2.0 * fabric.radius(), None)?;
         let scene = with_cloth(
             &cloth,
-            Scene::wearing(shape, looks(&fabric, fabric.radius()), vec![maps], |_| Some(0)),
+            Scene::with_textures(shape, looks(&fabric, fabric.radius()), vec![maps], |_| Some(0)),
         );
         both_sides(folder, name, &frame, &scene)?;
     }

@@ -11,7 +11,7 @@ use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{DynamicImage, RgbImage};
 use warpknit::fabric::Fabric;
 use warpknit::render::scene::Scene;
-use warpknit::render::{Background, Camera, Options, View, render};
+use warpknit::render::{Background, Camera, RenderOptions, View, render};
 
 const WIDTH: u32 = 320;
 const HEIGHT: u32 = 240;
@@ -75,12 +75,12 @@ impl Frame {
         // The distance at which the frame's height fills the vertical field of view.
         let distance = self.0.y / 2.0 / (Camera::DEFAULT_FOV / 2.0).tan();
         let camera = Camera::look_at(middle + side * distance, middle, Camera::DEFAULT_FOV, 1.0);
-        let options = Options {
+        let options = RenderOptions {
             width: WIDTH,
             height: HEIGHT,
             spp: 8,
             background: Background::Color(BACKGROUND),
-            ..Options::default()
+            ..RenderOptions::default()
         };
         let mut picture = DynamicImage::from(
             render(scene, &camera, &options, &|_| ()).expect("the processor needs no driver"),

@@ -16,7 +16,7 @@ use warpknit::photo::yarn::develop::Developed;
 use warpknit::render::cloth;
 use warpknit::render::maps::Maps;
 use warpknit::render::scene::Shape;
-use warpknit::render::{Camera, Options, View, render};
+use warpknit::render::{Camera, RenderOptions, View, render};
 
 use warpknit::pipeline::{self, Textures};
 
@@ -70,12 +70,12 @@ pub(super) fn swatch(
     };
     // A front view with few rays: the sheet is an overview, not a rendering.
     drape::run(&cloth, &drape::DrapeOptions::default(), &mut |_, _| {}, &mut deliver)?;
-    let options = Options {
+    let options = RenderOptions {
         width: column_width(2),
         height: ROWS[2],
         spp: 2,
         sky_rays: 1,
-        ..Options::default()
+        ..RenderOptions::default()
     };
     let camera =
         Camera::view(View::Front, &scene.positions, Camera::DEFAULT_FOV, 1.0, options.aspect());

@@ -11,7 +11,7 @@ use warpknit::drape::strands::Edge;
 use warpknit::export::Format;
 use warpknit::map::Mapping;
 use warpknit::render::scene::Shape;
-use warpknit::render::{Choice, View};
+use warpknit::render::{RendererChoice, View};
 
 use super::args::MOST_PIXELS;
 use super::bench::BenchFormat;
@@ -23,7 +23,7 @@ pub(crate) enum RendererArg {
     Cpu,
 }
 
-impl From<RendererArg> for Choice {
+impl From<RendererArg> for RendererChoice {
     fn from(renderer: RendererArg) -> Self {
         match renderer {
             RendererArg::Auto => Self::Auto,

@@ -89,8 +89,11 @@ fn preview(fabric: &Fabric) -> RgbaImage {
         index32(whole(narrow((PREVIEW_CELLS * longer / spacing).round())).min(MOST_CELLS as usize))
     };
     let scene = cloth::swatch(fabric, cells(fabric.wale_spacing()), cells(fabric.course_spacing()));
-    let options =
-        render::Options { width: PREVIEW_SIDE, height: PREVIEW_SIDE, ..render::Options::default() };
+    let options = render::RenderOptions {
+        width: PREVIEW_SIDE,
+        height: PREVIEW_SIDE,
+        ..render::RenderOptions::default()
+    };
     let camera = Camera::view(View::Front, &scene.positions, PREVIEW_VIEW, 1.0, 1.0);
     render::render(&scene, &camera, &options, &|_| ()).expect("pictures of that size can be drawn")
 }

@@ -14,7 +14,7 @@ use super::settings::Settings;
 use crate::export::{Output, png};
 use crate::render::fibres as near;
 use crate::render::scene::Scene;
-use crate::render::{self, Choice, Painter};
+use crate::render::{self, Painter, RendererChoice};
 use crate::tile::Tile;
 
 /// What drew, and where the pictures wait for their names.
@@ -41,8 +41,8 @@ pub(super) fn draw(
     if let Some(tile) = tile {
         options.rows = Some(tile.share(options.height));
         // What one machine draws and another one draws must fit together, whichever has an adapter.
-        if options.renderer == Choice::Auto {
-            options.renderer = Choice::Cpu;
+        if options.renderer == RendererChoice::Auto {
+            options.renderer = RendererChoice::Cpu;
         }
     }
     let count = settings.picture.turntable.unwrap_or(1);
@@ -79,10 +79,10 @@ pub(super) fn draw(
 
 /// The renderer's options.
 #[must_use]
-pub fn options(settings: &Settings) -> render::Options {
+pub fn options(settings: &Settings) -> render::RenderOptions {
     let picture = &settings.picture;
-    let defaults = render::Options::default();
-    let mut options = render::Options {
+    let defaults = render::RenderOptions::default();
+    let mut options = render::RenderOptions {
         width: picture.size.0,
         height: picture.size.1,
         renderer: picture.renderer,

@@ -12,7 +12,7 @@ use crate::drape::strands::Edge;
 use crate::export::Format;
 use crate::map::Mapping;
 use crate::render::scene::Shape;
-use crate::render::{Background, Camera, Choice, View};
+use crate::render::{Background, Camera, RendererChoice, View};
 use crate::tile::Tile;
 use crate::yarn::fibres::FIBRE_RADIUS;
 
@@ -102,7 +102,7 @@ pub struct PictureSettings {
     /// The background; white where none is chosen.
     pub background: Option<Background>,
     /// The renderer.
-    pub renderer: Choice,
+    pub renderer: RendererChoice,
     /// Samples a pixel.
     pub spp: u32,
     /// Samples of each pixel's edges on a graphics card: 1 or 4.
@@ -146,7 +146,7 @@ impl Default for PictureSettings {
             fov: Camera::DEFAULT_FOV,
             zoom: 1.0,
             background: None,
-            renderer: Choice::Auto,
+            renderer: RendererChoice::Auto,
             spp: 4,
             samples: 4,
             lod: true,

@@ -109,7 +109,7 @@ pub fn scene(shape: Shape, fabric: &Fabric, radius: f64, textures: &Textures) ->
         width: enlargement * maps.width,
         ..maps.clone()
     };
-    Scene::wearing(shape, looks, textures.maps.iter().map(enlarged).collect(), |bar| {
+    Scene::with_textures(shape, looks, textures.maps.iter().map(enlarged).collect(), |bar| {
         textures.of_bar(bar)
     })
 }

@@ -12,7 +12,7 @@ use warpknit::fabric::Fabric;
 use warpknit::photo::capture::{Captured, GivenLayout, Segment};
 use warpknit::render::cloth;
 use warpknit::render::scene::{Scene, YarnLook};
-use warpknit::render::{Background, Camera, Light, Options, render};
+use warpknit::render::{Background, Camera, Light, RenderOptions, render};
 use warpknit::yarn::curve;
 
 /// How a cloth is made.
@@ -360,14 +360,14 @@ fn photographed(
     let sky = Vec3::splat(0.9);
     let light = Light { sun: Vec3::ZERO, sky_above: sky, sky_below: sky, ..Light::default() };
     let background = Background::Color([12, 12, 12]);
-    let options = Options {
+    let options = RenderOptions {
         width: size,
         height: size,
         spp: 4,
         sky_rays: 6,
         background,
         light,
-        ..Options::default()
+        ..RenderOptions::default()
     };
     render(&scene, &camera, &options, &|_| ()).unwrap()
 }

@@ -12,9 +12,9 @@ use warpknit::fabric::Fabric;
 use warpknit::garment::{ReadOptions, read};
 use warpknit::render::cloth;
 use warpknit::render::gpu::Gpu;
-use warpknit::render::maps::{Kind, Maps, Mips};
+use warpknit::render::maps::{MapKind, Maps, Mips};
 use warpknit::render::scene::{Scene, Shape, YarnLook};
-use warpknit::render::{Background, Camera, Choice, Options, Painter, View, render};
+use warpknit::render::{Background, Camera, Painter, RenderOptions, RendererChoice, View, render};
 
 /// Whether there is an adapter, be it software; CI must have one.
 pub(crate) fn can_draw(test: &str) -> bool {
@@ -28,27 +28,32 @@ pub(crate) fn can_draw(test: &str) -> bool {
     }
 }
 
-fn on(renderer: Choice, scene: &Scene, camera: &Camera, options: &Options) -> RgbaImage {
-    render(scene, camera, &Options { renderer, ..options.clone() }, &|_| ()).unwrap()
+fn on(
+    renderer: RendererChoice,
+    scene: &Scene,
+    camera: &Camera,
+    options: &RenderOptions,
+) -> RgbaImage {
+    render(scene, camera, &RenderOptions { renderer, ..options.clone() }, &|_| ()).unwrap()
 }
 
 /// Mean FLIP between both renderers' pictures, 512 pixels square, of sixteen samples.
 fn difference(scene: &Scene, camera: &Camera) -> f64 {
-    let options = Options {
+    let options = RenderOptions {
         width: 512,
         height: 512,
         spp: 16,
         st: 80,
         sr: 16,
         lod: false,
-        ..Options::default()
+        ..RenderOptions::default()
     };
     // The processor's noise is no difference between the two.
     let drawn = |renderer, spp| {
-        DynamicImage::from(on(renderer, scene, camera, &Options { spp, ..options.clone() }))
+        DynamicImage::from(on(renderer, scene, camera, &RenderOptions { spp, ..options.clone() }))
             .into_rgb8()
     };
-    let [cpu, gpu] = [drawn(Choice::Cpu, 64), drawn(Choice::Gpu, 16)];
+    let [cpu, gpu] = [drawn(RendererChoice::Cpu, 64), drawn(RendererChoice::Gpu, 16)];
     let difference = f64::from(flip(&cpu, &gpu).mean());
     println!("mean FLIP {difference:.4}");
     difference
@@ -75,9 +80,9 @@ fn ribbons(wales: u32, courses: u32) -> Scene {
     let plain = |texel| RgbaImage::from_pixel(base.width(), base.height(), Rgba(texel));
     let width = tubes.looks[0].radius * 2.5;
     let maps = Maps {
-        normal: Mips::new(plain([128, 128, 255, 255]), Kind::Normal),
-        surface: Mips::new(plain([255, 191, 0, 255]), Kind::Plain),
-        base: Mips::new(base, Kind::Color),
+        normal: Mips::new(plain([128, 128, 255, 255]), MapKind::Normal),
+        surface: Mips::new(plain([255, 191, 0, 255]), MapKind::Plain),
+        base: Mips::new(base, MapKind::Color),
         length: width * 2.0,
         width,
     };
@@ -137,30 +142,30 @@ fn both_renderers_draw_the_same_skirt() {
 }
 
 /// Compares with what was drawn before, 256 pixels square.
-fn golden(name: &str, scene: &Scene, camera: &Camera, options: &Options) {
+fn golden(name: &str, scene: &Scene, camera: &Camera, options: &RenderOptions) {
     if can_draw(name) {
-        let options = Options { width: 256, height: 256, ..options.clone() };
-        golden::check(name, &on(Choice::Gpu, scene, camera, &options), 0.01, 0.1);
+        let options = RenderOptions { width: 256, height: 256, ..options.clone() };
+        golden::check(name, &on(RendererChoice::Gpu, scene, camera, &options), 0.01, 0.1);
     }
 }
 
 #[test]
 fn golden_tubes_from_the_front_and_the_back() {
     let scene = cloth::swatch(&Fabric::named("locknit").unwrap(), 6, 6);
-    golden("gpu_tubes_front", &scene, &front(&scene), &Options::default());
+    golden("gpu_tubes_front", &scene, &front(&scene), &RenderOptions::default());
     let back = Camera::view(View::Back, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0);
-    golden("gpu_tubes_back", &scene, &back, &Options::default());
+    golden("gpu_tubes_back", &scene, &back, &RenderOptions::default());
 }
 
 #[test]
 fn golden_strips_of_a_far_skirt() {
     let scene = skirt(0.6);
-    golden("gpu_strips", &scene, &front(&scene), &Options::default());
+    golden("gpu_strips", &scene, &front(&scene), &RenderOptions::default());
     golden(
         "gpu_strips_exact",
         &scene,
         &front(&scene),
-        &Options { lod: false, samples: 1, ..Options::default() },
+        &RenderOptions { lod: false, samples: 1, ..RenderOptions::default() },
     );
 }
 
@@ -171,14 +176,14 @@ fn golden_net_on_nothing() {
         "gpu_net",
         &scene,
         &front(&scene),
-        &Options { background: Background::Transparent, ..Options::default() },
+        &RenderOptions { background: Background::Transparent, ..RenderOptions::default() },
     );
 }
 
 #[test]
 fn golden_ribbons_with_fuzz() {
     let scene = ribbons(5, 5);
-    golden("gpu_ribbons", &scene, &front(&scene), &Options::default());
+    golden("gpu_ribbons", &scene, &front(&scene), &RenderOptions::default());
 }
 
 #[test]
@@ -186,7 +191,7 @@ fn golden_textured_tubes() {
     let mut scene = ribbons(5, 5);
     scene.shape = Shape::Tube;
     scene.looks.iter_mut().for_each(|look| look.radius *= 0.5);
-    golden("gpu_textured_tubes", &scene, &front(&scene), &Options::default());
+    golden("gpu_textured_tubes", &scene, &front(&scene), &RenderOptions::default());
 }
 
 #[test]
@@ -202,7 +207,7 @@ fn golden_shadow_of_one_yarn_on_another() {
         "gpu_shadow",
         &scene,
         &Camera::look_at(DVec3::Z * 14.0, DVec3::ZERO, 0.4, 1.0),
-        &Options { spp: 16, ..Options::default() },
+        &RenderOptions { spp: 16, ..RenderOptions::default() },
     );
 }
 
@@ -210,10 +215,10 @@ fn golden_shadow_of_one_yarn_on_another() {
 fn the_same_bytes_every_time_and_for_any_number_of_threads() {
     if can_draw("the_same_bytes_every_time_and_for_any_number_of_threads") {
         let scene = cloth::swatch(&Fabric::named("tricot").unwrap(), 6, 6);
-        let options = Options { width: 128, height: 128, ..Options::default() };
+        let options = RenderOptions { width: 128, height: 128, ..RenderOptions::default() };
         let with = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| on(Choice::Gpu, &scene, &front(&scene), &options))
+            pool.install(|| on(RendererChoice::Gpu, &scene, &front(&scene), &options))
         };
         assert!(with(1) == with(2));
     }
@@ -226,9 +231,15 @@ fn tiles_of_a_large_picture_join() {
         let mut scene =
             Scene { looks: vec![YarnLook::plain(Vec3::splat(0.6), 0.7, 0.5)], ..Scene::default() };
         scene.push_strand([Vec3::NEG_X * 50.0, Vec3::ZERO, Vec3::X * 50.0], 0);
-        let options = Options { width: 1100, height: 60, samples: 1, spp: 1, ..Options::default() };
+        let options = RenderOptions {
+            width: 1100,
+            height: 60,
+            samples: 1,
+            spp: 1,
+            ..RenderOptions::default()
+        };
         let camera = Camera::look_at(DVec3::Z * 100.0, DVec3::ZERO, 0.02, 1.0);
-        let picture = on(Choice::Gpu, &scene, &camera, &options);
+        let picture = on(RendererChoice::Gpu, &scene, &camera, &options);
         for y in 10..50 {
             let [before, after] = [1021, 1022].map(|x| picture.get_pixel(x, y).0);
             assert!(
@@ -242,14 +253,14 @@ fn tiles_of_a_large_picture_join() {
 #[test]
 fn an_empty_scene_is_all_background() {
     if can_draw("an_empty_scene_is_all_background") {
-        let options = Options {
+        let options = RenderOptions {
             width: 33,
             height: 20,
             background: "#1030f0".parse().unwrap(),
-            ..Options::default()
+            ..RenderOptions::default()
         };
         let camera = Camera::look_at(DVec3::Z, DVec3::ZERO, 0.5, 1.0);
-        let picture = on(Choice::Gpu, &Scene::default(), &camera, &options);
+        let picture = on(RendererChoice::Gpu, &Scene::default(), &camera, &options);
         assert!(picture.pixels().all(|pixel| pixel.0 == [0x10, 0x30, 0xF0, 255]));
     }
 }
@@ -265,14 +276,14 @@ fn odd_strands_are_drawn_or_passed_over() {
         scene.push_strand([Vec3::NAN, Vec3::NEG_X, Vec3::X, Vec3::INFINITY], 0);
         scene.push_strand([Vec3::NEG_Y, Vec3::Y], 1);
         scene.push_strand([Vec3::NEG_Y, Vec3::Y], 2);
-        let options = Options {
+        let options = RenderOptions {
             width: 60,
             height: 60,
             background: Background::Transparent,
-            ..Options::default()
+            ..RenderOptions::default()
         };
         let picture = on(
-            Choice::Gpu,
+            RendererChoice::Gpu,
             &scene,
             &Camera::look_at(DVec3::Z * 20.0, DVec3::ZERO, 0.2, 1.0),
             &options,
@@ -285,7 +296,12 @@ fn odd_strands_are_drawn_or_passed_over() {
 #[test]
 fn without_hardware_the_processor_draws_by_itself() {
     let scene = cloth::swatch(&Fabric::named("tricot").unwrap(), 3, 3);
-    let options = Options { width: 16, height: 16, renderer: Choice::Auto, ..Options::default() };
+    let options = RenderOptions {
+        width: 16,
+        height: 16,
+        renderer: RendererChoice::Auto,
+        ..RenderOptions::default()
+    };
     let mut painter = Painter::new(&scene, &options).unwrap();
     let hardware = Gpu::find(false).is_ok();
     assert_eq!((painter.name() == "cpu", painter.notice()), (!hardware, None));

@@ -147,8 +147,8 @@ fn fibres_are_drawn_where_the_camera_is_near_and_nowhere_else() {
         fibres.len()
     );
     // All of it is there, and no fibre is thinner than half a pixel.
-    let length = |strands: &[&warpknit::render::scene::Strand]| -> f32 {
-        let of = |strand: &&warpknit::render::scene::Strand| -> f32 {
+    let length = |strands: &[&warpknit::render::scene::SceneStrand]| -> f32 {
+        let of = |strand: &&warpknit::render::scene::SceneStrand| -> f32 {
             let points = &near.positions[strand.points.start as usize..strand.points.end as usize];
             points.windows(2).map(|ends| ends[0].distance(ends[1])).sum()
         };

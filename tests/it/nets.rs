@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3};
 use warpknit::fabric::Fabric;
 use warpknit::knit::{Pattern, numbers};
 use warpknit::render::cloth::swatch;
-use warpknit::render::{Background, Camera, Options, render};
+use warpknit::render::{Background, Camera, RenderOptions, render};
 
 /// Pixels a wale: a hole's edge is then well under a hundredth of its area.
 const FINE: f64 = 48.0;
@@ -42,12 +42,12 @@ impl Window {
         let distance = FAR * size.y;
         let fov = 2.0 * (size.y / 2.0 / distance).atan();
         let camera = Camera::look_at(middle + DVec3::Z * distance, middle, fov, 1.0);
-        let options = Options {
+        let options = RenderOptions {
             width,
             height,
             sky_rays: 1,
             background: Background::Transparent,
-            ..Options::default()
+            ..RenderOptions::default()
         };
         let picture = render(&scene, &camera, &options, &|_| ()).unwrap();
         let alpha = picture.pixels().map(|pixel| f64::from(pixel.0[3]) / 255.0).collect();

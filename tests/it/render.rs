@@ -6,9 +6,9 @@ use glam::{DVec3, Vec3};
 use image::{DynamicImage, Rgba, RgbaImage};
 use warpknit::fabric::Fabric;
 use warpknit::render::cloth;
-use warpknit::render::maps::{Kind, Maps, Mips};
+use warpknit::render::maps::{MapKind, Maps, Mips};
 use warpknit::render::scene::{Scene, YarnLook};
-use warpknit::render::{Background, Camera, Options, View, render};
+use warpknit::render::{Background, Camera, RenderOptions, View, render};
 
 const SIZE: u32 = 120;
 
@@ -16,8 +16,13 @@ fn look(albedo: Vec3, radius: f32) -> YarnLook {
     YarnLook::plain(albedo, 0.7, radius)
 }
 
-fn options() -> Options {
-    Options { width: SIZE, height: SIZE, background: Background::Transparent, ..Options::default() }
+fn options() -> RenderOptions {
+    RenderOptions {
+        width: SIZE,
+        height: SIZE,
+        background: Background::Transparent,
+        ..RenderOptions::default()
+    }
 }
 
 /// A yarn along x, thicker the larger the radius.
@@ -32,7 +37,7 @@ fn facing(distance: f64, height: f64) -> Camera {
     Camera::look_at(DVec3::Z * distance, DVec3::ZERO, 2.0 * (height / 2.0 / distance).atan(), 1.0)
 }
 
-fn draw(scene: &Scene, camera: &Camera, options: &Options) -> RgbaImage {
+fn draw(scene: &Scene, camera: &Camera, options: &RenderOptions) -> RgbaImage {
     render(scene, camera, options, &|_| ()).unwrap()
 }
 
@@ -60,13 +65,13 @@ fn an_empty_scene_is_all_background() {
     for scene in [Scene::default(), Scene { looks: vec![look(Vec3::ONE, 0.1)], ..Scene::default() }]
     {
         assert!(draw(&scene, &camera, &options()).pixels().all(|pixel| pixel.0 == [0; 4]));
-        let blue = Options { background: "#1030f0".parse().unwrap(), ..options() };
+        let blue = RenderOptions { background: "#1030f0".parse().unwrap(), ..options() };
         assert!(
             draw(&scene, &camera, &blue).pixels().all(|pixel| pixel.0 == [0x10, 0x30, 0xF0, 255])
         );
     }
     assert_eq!(
-        draw(&tangle(), &camera, &Options { width: 0, height: 0, ..options() }).dimensions(),
+        draw(&tangle(), &camera, &RenderOptions { width: 0, height: 0, ..options() }).dimensions(),
         (0, 0)
     );
 }
@@ -77,7 +82,8 @@ fn a_straight_yarn_is_as_wide_as_its_projection() {
     for distance in [40.0, 4000.0] {
         let (radius, shown) = (0.06, 2.0);
         let scene = straight(radius);
-        let picture = draw(&scene, &facing(distance, shown), &Options { spp: 16, ..options() });
+        let picture =
+            draw(&scene, &facing(distance, shown), &RenderOptions { spp: 16, ..options() });
         let covered: f64 = picture.pixels().map(|pixel| f64::from(pixel.0[3]) / 255.0).sum();
         let width = covered / f64::from(SIZE);
         // The outline is where rays touch: sin = radius / distance.
@@ -153,7 +159,7 @@ fn bytes_do_not_depend_on_threads() {
         pool.install(|| draw(&scene, &camera, &options()))
     };
     assert!(with(1) == with(2));
-    assert!(with(2) != draw(&scene, &camera, &Options { seed: 1, ..options() }));
+    assert!(with(2) != draw(&scene, &camera, &RenderOptions { seed: 1, ..options() }));
 }
 
 #[test]
@@ -162,11 +168,11 @@ fn bytes_of_far_yarns_do_not_depend_on_threads() {
     let camera = Camera::view(View::Iso, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0);
     let with = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| draw(&scene, &camera, &Options { spp: 3, ..options() }))
+        pool.install(|| draw(&scene, &camera, &RenderOptions { spp: 3, ..options() }))
     };
     let one = with(1);
     (0..4).for_each(|_| assert!(with(3) == one));
-    assert!(one != draw(&scene, &camera, &Options { seed: 1, spp: 3, ..options() }));
+    assert!(one != draw(&scene, &camera, &RenderOptions { seed: 1, spp: 3, ..options() }));
 }
 
 #[test]
@@ -177,8 +183,8 @@ fn far_shadows_fall_where_the_sun_is_hidden_and_nowhere_else() {
         let y = f32::from(line) * 0.25 - 50.0;
         scene.push_strand((0_u8..=100).map(|i| Vec3::new(f32::from(i) - 50.0, y, 0.0)), 0);
     }
-    let lit = draw(&scene, &facing(400.0, 110.0), &Options { spp: 16, ..options() });
-    let toward_sun = Options::default().light.around(&facing(400.0, 110.0)).toward_sun;
+    let lit = draw(&scene, &facing(400.0, 110.0), &RenderOptions { spp: 16, ..options() });
+    let toward_sun = RenderOptions::default().light.around(&facing(400.0, 110.0)).toward_sun;
     for line in 0_u16..80 {
         let y = f32::from(line) * 0.25 - 10.0;
         scene.push_strand(
@@ -186,7 +192,7 @@ fn far_shadows_fall_where_the_sun_is_hidden_and_nowhere_else() {
             0,
         );
     }
-    let shadowed = draw(&scene, &facing(400.0, 110.0), &Options { spp: 16, ..options() });
+    let shadowed = draw(&scene, &facing(400.0, 110.0), &RenderOptions { spp: 16, ..options() });
     let at = |picture: &RgbaImage, x: f32, y: f32| {
         let pixel = |mm: f32| (f32::from(u16::try_from(SIZE).unwrap()) * (0.5 + mm / 110.0)) as u32;
         let cells =
@@ -216,7 +222,7 @@ fn odd_strands_are_drawn_or_passed_over() {
         assert!(pixel[3] == 255 && pixel[0] > 20, "a ball at {x}: {pixel:?}");
     }
     assert_eq!(picture.get_pixel(60, 85).0[3], 0, "yarns without a radius are not seen");
-    let far = draw(&scene, &facing(4000.0, 400.0), &Options { spp: 16, ..options() });
+    let far = draw(&scene, &facing(4000.0, 400.0), &RenderOptions { spp: 16, ..options() });
     let seen = |x: u32| far.get_pixel(x, 60).0[3];
     assert!(
         (58..63).map(seen).any(|alpha| alpha > 0) && (0..50).map(seen).all(|alpha| alpha == 0),
@@ -295,8 +301,8 @@ fn assert_alike(exact: &RgbaImage, coarse: &RgbaImage) {
 fn far_yarns_keep_colour_and_coverage() {
     let scene = mat();
     let camera = Camera::view(View::Front, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0);
-    let [exact, coarse] =
-        [false, true].map(|lod| draw(&scene, &camera, &Options { spp: 16, lod, ..options() }));
+    let [exact, coarse] = [false, true]
+        .map(|lod| draw(&scene, &camera, &RenderOptions { spp: 16, lod, ..options() }));
     assert_alike(&exact, &coarse);
 }
 
@@ -311,10 +317,10 @@ fn far_cloth_looks_as_traced() {
         let fine = draw(
             &scene,
             &camera,
-            &Options { width: 4 * SIZE, height: 4 * SIZE, lod: false, ..options() },
+            &RenderOptions { width: 4 * SIZE, height: 4 * SIZE, lod: false, ..options() },
         );
         let traced = shrunk(&fine);
-        let drawn = draw(&scene, &camera, &Options { spp: 16, ..options() });
+        let drawn = draw(&scene, &camera, &RenderOptions { spp: 16, ..options() });
         assert_alike(&traced, &drawn);
         let [traced, drawn] =
             [traced, drawn].map(|picture| DynamicImage::from(picture).into_rgb8());
@@ -331,10 +337,10 @@ fn far_textures_are_seen_from_edge_to_edge() {
     let base = RgbaImage::from_fn(8, 32, |_, y| {
         if (8..24).contains(&y) { Rgba([20, 40, 200, 255]) } else { Rgba([200, 40, 20, 255]) }
     });
-    let plain = |texel| Mips::new(RgbaImage::from_pixel(8, 32, Rgba(texel)), Kind::Plain);
+    let plain = |texel| Mips::new(RgbaImage::from_pixel(8, 32, Rgba(texel)), MapKind::Plain);
     let mut scene = mat();
     scene.maps.push(Maps {
-        base: Mips::new(base, Kind::Color),
+        base: Mips::new(base, MapKind::Color),
         normal: plain([128, 128, 255, 255]),
         surface: plain([255, 180, 0, 255]),
         length: 1.0,
@@ -342,14 +348,14 @@ fn far_textures_are_seen_from_edge_to_edge() {
     });
     scene.looks.iter_mut().for_each(|look| look.maps = Some(0));
     let camera = Camera::view(View::Front, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0);
-    let [exact, coarse] =
-        [false, true].map(|lod| draw(&scene, &camera, &Options { spp: 16, lod, ..options() }));
+    let [exact, coarse] = [false, true]
+        .map(|lod| draw(&scene, &camera, &RenderOptions { spp: 16, lod, ..options() }));
     assert_alike(&exact, &coarse);
 }
 
 #[test]
 fn the_processor_draws_what_it_drew() {
-    let options = Options { width: 256, height: 256, ..Options::default() };
+    let options = RenderOptions { width: 256, height: 256, ..RenderOptions::default() };
     let golden = |name: &str, scene: &Scene, view| {
         let camera = Camera::view(view, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0);
         golden::check(name, &draw(scene, &camera, &options), 0.02, 0.3);
@@ -366,6 +372,6 @@ fn near_yarns_are_drawn_alike_with_and_without_leaving_out() {
     let scene = tangle();
     let camera = Camera::view(View::Iso, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0);
     let [exact, coarse] =
-        [false, true].map(|lod| draw(&scene, &camera, &Options { lod, ..options() }));
+        [false, true].map(|lod| draw(&scene, &camera, &RenderOptions { lod, ..options() }));
     assert!(exact == coarse);
 }

@@ -2,19 +2,19 @@
 
 use glam::{DVec3, Vec3};
 use image::{Rgba, RgbaImage};
-use warpknit::render::maps::{Kind, Maps, Mips};
+use warpknit::render::maps::{MapKind, Maps, Mips};
 use warpknit::render::scene::{Scene, Shape, YarnLook};
-use warpknit::render::{Background, Camera, Options, render};
+use warpknit::render::{Background, Camera, RenderOptions, render};
 
 const SIZE: u32 = 120;
 
-fn options() -> Options {
-    Options {
+fn options() -> RenderOptions {
+    RenderOptions {
         width: SIZE,
         height: SIZE,
         spp: 16,
         background: Background::Transparent,
-        ..Options::default()
+        ..RenderOptions::default()
     }
 }
 
@@ -44,9 +44,9 @@ fn maps(base: RgbaImage) -> Maps {
     let (width, height) = base.dimensions();
     let plain = |texel| RgbaImage::from_pixel(width, height, Rgba(texel));
     Maps {
-        base: Mips::new(base, Kind::Color),
-        normal: Mips::new(plain([128, 128, 255, 255]), Kind::Normal),
-        surface: Mips::new(plain([255, 191, 0, 255]), Kind::Plain),
+        base: Mips::new(base, MapKind::Color),
+        normal: Mips::new(plain([128, 128, 255, 255]), MapKind::Normal),
+        surface: Mips::new(plain([255, 191, 0, 255]), MapKind::Plain),
         length: 1.0,
         width: 2.0,
     }
@@ -163,9 +163,12 @@ fn textures_repeat_with_their_length_on_ribbons_and_tubes() {
 fn normal_maps_turn_the_light_and_occlusion_dims_the_sky() {
     let brightness = |normal: [u8; 4], occlusion: u8| {
         let mut scene = yarn(Shape::Ribbon, Some(half_open(255)));
-        scene.maps[0].normal = Mips::new(RgbaImage::from_pixel(16, 16, Rgba(normal)), Kind::Normal);
-        scene.maps[0].surface =
-            Mips::new(RgbaImage::from_pixel(16, 16, Rgba([occlusion, 191, 0, 255])), Kind::Plain);
+        scene.maps[0].normal =
+            Mips::new(RgbaImage::from_pixel(16, 16, Rgba(normal)), MapKind::Normal);
+        scene.maps[0].surface = Mips::new(
+            RgbaImage::from_pixel(16, 16, Rgba([occlusion, 191, 0, 255])),
+            MapKind::Plain,
+        );
         draw(&scene, DVec3::Z).get_pixel(SIZE / 2, SIZE / 2).0[1]
     };
     let flat = [128, 128, 255, 255];

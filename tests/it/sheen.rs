@@ -8,7 +8,7 @@ use image::{DynamicImage, RgbaImage};
 use warpknit::fabric::Fabric;
 use warpknit::render::cloth;
 use warpknit::render::scene::{Scene, YarnLook};
-use warpknit::render::{Background, Camera, Choice, Light, Options, View, render};
+use warpknit::render::{Background, Camera, Light, RenderOptions, RendererChoice, View, render};
 
 /// Width of the cloth, mm.
 const SIDE: f32 = 15.0;
@@ -35,13 +35,13 @@ fn satin(turn: f32, sheen: f32, slope: f32) -> Scene {
     scene
 }
 
-fn draw(scene: &Scene, size: u32, renderer: Choice) -> RgbaImage {
+fn draw(scene: &Scene, size: u32, renderer: RendererChoice) -> RgbaImage {
     // From half way up behind the eye, so that yarns across the picture mirror it.
     let light = Light { sun_direction: Vec3::new(0.0, 1.0, 1.0), ..Light::default() };
     let camera = Camera::look_at(DVec3::Z * 100.0, DVec3::ZERO, 2.0 * 0.05_f64.atan(), 1.0);
     let background = Background::Transparent;
     // Dim enough that the tone curve is a straight line.
-    let options = Options {
+    let options = RenderOptions {
         width: size,
         height: size,
         spp: 16,
@@ -49,7 +49,7 @@ fn draw(scene: &Scene, size: u32, renderer: Choice) -> RgbaImage {
         background,
         light,
         exposure: 0.4,
-        ..Options::default()
+        ..RenderOptions::default()
     };
     render(scene, &camera, &options, &|_| ()).unwrap()
 }
@@ -66,8 +66,9 @@ fn brightness(picture: &RgbaImage) -> f64 {
 #[test]
 fn cloth_shines_across_its_yarns_and_not_along_them() {
     for size in [NEAR, FAR] {
-        let bright =
-            |turn: f32, sheen: f32| brightness(&draw(&satin(turn, sheen, 0.0), size, Choice::Cpu));
+        let bright = |turn: f32, sheen: f32| {
+            brightness(&draw(&satin(turn, sheen, 0.0), size, RendererChoice::Cpu))
+        };
         let quarter = std::f32::consts::FRAC_PI_2;
         let [dull, shining] = [0.0, 0.5].map(|sheen| bright(0.0, sheen) / bright(quarter, sheen));
         println!("{size} pixels: across over along {dull:.3}, with a sheen {shining:.3}");
@@ -84,8 +85,9 @@ fn twist_spreads_the_shine_over_more_directions() {
     // Somewhere around a twisted yarn fibres lie across the half vector also where its axis
     // doesn't.
     for size in [NEAR, FAR] {
-        let bright =
-            |turn: f32, slope: f32| brightness(&draw(&satin(turn, 0.5, slope), size, Choice::Cpu));
+        let bright = |turn: f32, slope: f32| {
+            brightness(&draw(&satin(turn, 0.5, slope), size, RendererChoice::Cpu))
+        };
         for slope in [0.6_f32, -0.6] {
             let [square, turned] = [0.0, 0.7].map(|turn| bright(turn, slope) / bright(turn, 0.0));
             println!(
@@ -101,8 +103,8 @@ fn twist_spreads_the_shine_over_more_directions() {
 /// layer of straight yarns: how much of the sky is open is fitted to knits.
 #[test]
 fn far_cloth_shines_as_near_cloth_does() {
-    for renderer in [Choice::Cpu, Choice::Gpu] {
-        if renderer == Choice::Gpu && !can_draw("far_cloth_shines_as_near_cloth_does") {
+    for renderer in [RendererChoice::Cpu, RendererChoice::Gpu] {
+        if renderer == RendererChoice::Gpu && !can_draw("far_cloth_shines_as_near_cloth_does") {
             continue;
         }
         for (turn, slope) in [(0.0, 0.0), (0.4, 0.0), (1.2, 0.0), (0.0, 0.3), (0.3, -0.3)] {
@@ -124,14 +126,14 @@ fn a_far_knit_is_as_bright_as_a_near_one() {
     let camera = Camera::view(View::Back, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0);
     let drawn = |size: u32, lod: bool| {
         let (background, exposure) = (Background::Transparent, 0.4);
-        let options = Options {
+        let options = RenderOptions {
             width: size,
             height: size,
             spp: 16,
             background,
             lod,
             exposure,
-            ..Options::default()
+            ..RenderOptions::default()
         };
         brightness(&render(&scene, &camera, &options, &|_| ()).unwrap())
     };
@@ -148,21 +150,26 @@ fn both_renderers_draw_the_same_sheen() {
     let mut scene = cloth::swatch(&Fabric::named("satin").unwrap(), 12, 14);
     scene.looks.iter_mut().for_each(|look| look.sheen = 0.6);
     let camera = Camera::view(View::Back, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0);
-    let options = Options {
+    let options = RenderOptions {
         width: 512,
         height: 512,
         spp: 16,
         st: 80,
         sr: 16,
         lod: false,
-        ..Options::default()
+        ..RenderOptions::default()
     };
-    let [cpu, gpu] = [(Choice::Cpu, 64), (Choice::Gpu, 16)].map(|(renderer, spp)| {
-        let picture =
-            render(&scene, &camera, &Options { renderer, spp, ..options.clone() }, &|_| ())
-                .unwrap();
-        DynamicImage::from(picture).into_rgb8()
-    });
+    let [cpu, gpu] =
+        [(RendererChoice::Cpu, 64), (RendererChoice::Gpu, 16)].map(|(renderer, spp)| {
+            let picture = render(
+                &scene,
+                &camera,
+                &RenderOptions { renderer, spp, ..options.clone() },
+                &|_| (),
+            )
+            .unwrap();
+            DynamicImage::from(picture).into_rgb8()
+        });
     let difference = flip(&cpu, &gpu).mean();
     println!("mean FLIP {difference:.4}");
     assert!(difference < 0.06, "{difference}");

@@ -1,16 +1,16 @@
-//! The camera: where each point of the picture looks, and how things are framed.
+//! The camera: rays, projection and framing.
 //!
-//! In: a view's name and points to be seen, or an eye and a target. Out: rays, and the projection
-//! that is their inverse, in `f64` world coordinates, mm, y up. Picture coordinates run from -1 at
-//! the left and bottom edge to 1 at the right and top. Distances to the eye are not promised to
-//! suit a depth buffer: a renderer that needs near and far planes takes them from the scene.
+//! In: the name of a view and points to frame, or an eye and a target. Out: rays through the
+//! picture, and the projection that inverts them, in `f64` world coordinates, mm, y up. Picture
+//! coordinates run from -1 at the left and bottom edges to 1 at the right and top. Not provided:
+//! near and far planes. A renderer with a depth buffer takes them from the scene.
 
 use glam::{DMat4, DQuat, DVec2, DVec3, DVec4, Mat4, Vec3};
 
-/// Share of the frame's half-width that a framed box fills at zoom 1; the rest is margin.
+/// Fraction of the frame that a framed box fills at zoom 1; the rest is margin.
 pub const FRAME_FILL: f64 = 0.94;
 
-/// The angles that a field of view is held to, so that rays stay finite.
+/// Limits of the field of view, radians, within which rays stay finite.
 const FOV_LIMITS: (f64, f64) = (1e-4, 3.0);
 
 /// A direction from which to see the whole of something.
@@ -57,49 +57,49 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// Vertical field of view where none is asked for: 30 degrees.
+    /// Default vertical field of view: 30 degrees.
     pub const DEFAULT_FOV: f64 = std::f64::consts::PI / 6.0;
 
-    /// Looks at `points` from the side that `view` names, near enough that they fill [`FRAME_FILL`]
-    /// of the frame in one direction.
+    /// Looks at `points` from the side that `view` names, so near that they fill [`FRAME_FILL`] of
+    /// the frame in one direction.
     ///
-    /// `fov` is the vertical field of view, radians; `zoom` magnifies the middle of the picture;
-    /// `aspect` is width over height. Without points it looks at the origin.
+    /// `fov` is the vertical field of view, radians. `zoom` magnifies the centre of the picture.
+    /// `aspect` is width over height. Without points the camera looks at the origin.
     #[must_use]
     pub fn view(view: View, points: &[Vec3], fov: f64, zoom: f64, aspect: f64) -> Self {
         Self::facing(view.toward_eye(), points, fov, zoom, aspect)
     }
 
-    /// The same from any side: `toward_eye` is the unit vector from what is seen to the eye.
+    /// The same from any side: `toward_eye` is the unit vector from the points to the eye.
     #[must_use]
     pub fn facing(toward_eye: DVec3, points: &[Vec3], fov: f64, zoom: f64, aspect: f64) -> Self {
         let axes = Self::look_at(toward_eye, DVec3::ZERO, fov, 1.0);
-        let seen = || {
-            points
-                .iter()
-                .map(|point| axes.seen_from_here(point.as_dvec3()))
-                .filter(|point| point.is_finite())
-        };
-        let low = seen().fold(DVec3::INFINITY, DVec3::min);
-        let high = seen().fold(DVec3::NEG_INFINITY, DVec3::max);
-        // The middle of what is seen, not of the world's box around it: from a corner the two lie
-        // far apart.
+        let in_camera_axes = points
+            .iter()
+            .map(|point| axes.in_camera_axes(point.as_dvec3()))
+            .filter(|point| point.is_finite());
+        let low = in_camera_axes.clone().fold(DVec3::INFINITY, DVec3::min);
+        let high = in_camera_axes.clone().fold(DVec3::NEG_INFINITY, DVec3::max);
+        // The centre in camera axes, not that of the world's bounding box: seen from a corner, the
+        // two lie far apart.
         let middle = if low.x <= high.x { low.midpoint(high) } else { DVec3::ZERO };
         let reach = FRAME_FILL * axes.tan_half;
-        let distance = seen().map(|point| point - middle).fold(0.0_f64, |farthest, offset| {
-            let across = (offset.x.abs() / aspect).max(offset.y.abs());
-            farthest.max(offset.z + across / reach)
-        });
+        let distance =
+            in_camera_axes.map(|point| point - middle).fold(0.0_f64, |farthest, offset| {
+                let across = (offset.x.abs() / aspect).max(offset.y.abs());
+                farthest.max(offset.z + across / reach)
+            });
+        // Back to world axes.
         let target = axes.right * middle.x + axes.up * middle.y + axes.back * middle.z;
-        // A single point has no size to fit; any distance shows it.
+        // A single point has no size to fit. Any distance shows it.
         Self::look_at(target + toward_eye * distance.max(1e-3), target, fov, zoom)
     }
 
-    /// Stands at `eye` and looks at `target`, upright, or with -z up where it looks straight down
-    /// (+z straight up).
+    /// Stands at `eye` and looks at `target`, upright. Where it looks straight down, -z is up;
+    /// where it looks straight up, +z is.
     ///
-    /// `fov` is the vertical field of view, radians, held to a range in which rays are finite;
-    /// `zoom` magnifies. Where `eye` is `target`, it looks along -z.
+    /// `fov` is the vertical field of view, radians, clamped to a range in which rays are finite.
+    /// `zoom` magnifies. Where `eye` equals `target`, it looks along -z.
     #[must_use]
     pub fn look_at(eye: DVec3, target: DVec3, fov: f64, zoom: f64) -> Self {
         let back = (eye - target).try_normalize().unwrap_or(DVec3::Z);
@@ -113,7 +113,7 @@ impl Camera {
         Self { eye, right, up: back.cross(right), back, tan_half: half.tan() / zoom }
     }
 
-    /// The camera carried around the upright line through `target`, counter-clockwise seen from
+    /// The camera rotated about the vertical line through `target`, counter-clockwise as seen from
     /// above, radians.
     #[must_use]
     pub fn turned_about(&self, target: DVec3, angle: f64) -> Self {
@@ -122,37 +122,37 @@ impl Camera {
         Self { eye: target + turn * (self.eye - target), right, up, back, ..*self }
     }
 
-    /// Where the camera stands.
+    /// Position of the eye.
     #[must_use]
     pub fn eye(&self) -> DVec3 {
         self.eye
     }
 
-    /// The unit direction seen at picture point (x, y).
+    /// Unit direction of the ray through picture point (x, y).
     #[must_use]
     pub fn direction(&self, x: f64, y: f64, aspect: f64) -> DVec3 {
         ((self.right * (x * aspect) + self.up * y) * self.tan_half - self.back).normalize()
     }
 
-    /// The picture point that shows `point`; `None` for points not in front of the eye.
+    /// The picture point at which `point` appears. `None` for points that are not in front of the
+    /// eye.
     #[must_use]
     pub fn project(&self, point: DVec3, aspect: f64) -> Option<DVec2> {
-        let seen = self.seen_from_here(point - self.eye);
-        (seen.z < 0.0).then(|| DVec2::new(seen.x / aspect, seen.y) / (-seen.z * self.tan_half))
+        let p = self.in_camera_axes(point - self.eye);
+        (p.z < 0.0).then(|| DVec2::new(p.x / aspect, p.y) / (-p.z * self.tan_half))
     }
 
-    /// Clip coordinates of points given relative to `centre`: z is 0 at distance `near` along the
-    /// camera's axis and 1 at `far`, and w is that distance.
+    /// Matrix from coordinates relative to `centre` to clip coordinates. z is 0 at distance `near`
+    /// along the camera's axis and 1 at `far`. w is that distance.
     #[must_use]
     pub fn clip_from_world(&self, centre: DVec3, aspect: f64, near: f32, far: f32) -> Mat4 {
         let offset = centre - self.eye;
-        let row = |axis: DVec3, scale: f64| (axis * scale).extend(axis.dot(offset) * scale);
-        let distance = row(-self.back, 1.0);
+        let distance = projection_row(-self.back, offset, 1.0);
         let (near, far) = (f64::from(near), f64::from(far));
         let depth = (distance - DVec4::W * near) * (far / (far - near));
         DMat4::from_cols(
-            row(self.right, 1.0 / (aspect * self.tan_half)),
-            row(self.up, 1.0 / self.tan_half),
+            projection_row(self.right, offset, 1.0 / (aspect * self.tan_half)),
+            projection_row(self.up, offset, 1.0 / self.tan_half),
             depth,
             distance,
         )
@@ -160,24 +160,28 @@ impl Camera {
         .as_mat4()
     }
 
-    /// The size of a pixel, mm, on things at `distance` from the eye, for a picture `height` pixels
-    /// high.
+    /// Size of a pixel, mm, at `distance` from the eye, in a picture that is `height` pixels high.
     #[must_use]
     pub fn pixel_size(&self, distance: f64, height: u32) -> f64 {
         2.0 * self.tan_half * distance / f64::from(height.max(1))
     }
 
-    /// A direction given along the camera's right, up and back, in world axes.
+    /// A direction from camera axes (right, up, back) to world axes.
     #[must_use]
     pub fn to_world(&self, direction: Vec3) -> Vec3 {
         let d = direction.as_dvec3();
         (self.right * d.x + self.up * d.y + self.back * d.z).as_vec3()
     }
 
-    /// A direction in world axes along the camera's right, up and back.
-    fn seen_from_here(&self, offset: DVec3) -> DVec3 {
+    /// A vector from world axes to camera axes (right, up, back).
+    fn in_camera_axes(&self, offset: DVec3) -> DVec3 {
         DVec3::new(offset.dot(self.right), offset.dot(self.up), offset.dot(self.back))
     }
+}
+
+/// Row of a matrix that maps a point p to `axis . (p + offset)`, scaled.
+fn projection_row(axis: DVec3, offset: DVec3, scale: f64) -> DVec4 {
+    (axis * scale).extend(axis.dot(offset) * scale)
 }
 
 #[cfg(test)]

@@ -12,7 +12,7 @@ use warpknit_core::number::narrow;
 use warpknit_core::yarn::fibres::{Axis, Bundle, FIBRE_RADIUS, for_each_fibre};
 
 use crate::Camera;
-use crate::scene::{Scene, Strand, YarnLook};
+use crate::scene::{Scene, SceneStrand, YarnLook};
 
 /// Width of a yarn in pixels from which on it is drawn as fibres. A picture at this width shows
 /// single fibres; far below it they would be thinner than a pixel.
@@ -69,7 +69,7 @@ fn near_lengths(yarns: &Scene, test: &NearTest<'_>, looks: usize) -> (Vec<(f64, 
 }
 
 /// The control points of a scene's strand, mm.
-fn controls(scene: &Scene, strand: &Strand) -> Vec<DVec3> {
+fn controls(scene: &Scene, strand: &SceneStrand) -> Vec<DVec3> {
     scene.positions[strand.points.start as usize..strand.points.end as usize]
         .iter()
         .map(|point| point.as_dvec3())

@@ -1,21 +1,23 @@
-//! Pictures of yarns: one scene, one camera, one shading model, whatever draws it.
+//! Pictures of yarns. All renderers share one scene, one camera and one shading model.
 //!
-//! In: a [`Scene`], a [`Camera`] and [`Options`]. Out: an sRGB picture with straight alpha. Rooms
-//! that every renderer shares: [`camera`] (rays and framing), [`light`] (sun and sky), [`shade`]
-//! (how a surface reflects), [`sheen`] (what its fibres mirror), [`ply`] (what makes a tube read as
-//! yarn), [`maps`] (what a photo of a yarn says), `paths` (yarns as short pieces) and [`tone`]
-//! (from light to pixels). [`cpu`] traces rays, or draws what is far, and is the only room that
-//! knows of bounding volume hierarchies; [`gpu`] draws triangles and is the only one that names
-//! wgpu; [`painter`] chooses between the two.
+//! In: a [`Scene`], a [`Camera`] and [`RenderOptions`]. Out: an sRGB picture with straight alpha.
+//!
+//! All renderers share these modules: [`camera`] (rays and framing), [`light`] (sun and sky),
+//! [`shade`] (reflection of a surface), [`sheen`] (specular reflection of fibres), [`ply`]
+//! (procedural plies and fibres), [`maps`] (textures of yarns), `paths` (curves as polylines) and
+//! [`tone`] (from light to pixels). [`cpu`] traces rays, or splats distant yarns; only it knows
+//! bounding volume hierarchies. [`gpu`] rasterises triangles; only it names wgpu. [`painter`]
+//! chooses between the two.
 //!
 //! ```
-//! use warpknit_render::{Camera, Options, View, render};
+//! use warpknit_render::{Camera, RenderOptions, View, render};
 //! use warpknit_render::scene::{Scene, YarnLook};
 //! let mut scene = Scene::default();
 //! scene.looks.push(YarnLook::plain(glam::Vec3::splat(0.5), 0.7, 0.1));
 //! scene.push_strand([glam::Vec3::NEG_X, glam::Vec3::X], 0);
-//! let options = Options { width: 40, height: 30, ..Options::default() };
-//! let camera = Camera::view(View::Front, &scene.positions, Camera::DEFAULT_FOV, 1.0, options.aspect());
+//! let options = RenderOptions { width: 40, height: 30, ..RenderOptions::default() };
+//! let (fov, aspect) = (Camera::DEFAULT_FOV, options.aspect());
+//! let camera = Camera::view(View::Front, &scene.positions, fov, 1.0, aspect);
 //! let picture = render(&scene, &camera, &options, &|_| ())?;
 //! assert_ne!(picture.get_pixel(20, 15), picture.get_pixel(20, 2));
 //! # Ok::<(), warpknit_render::GpuError>(())
@@ -45,7 +47,7 @@ mod without_gpu;
 pub use camera::{Camera, View};
 pub use error::GpuError;
 pub use light::Light;
-pub use painter::{Choice, Painter};
+pub use painter::{Painter, RendererChoice};
 pub use tone::Background;
 
 use std::ops::Range;
@@ -53,64 +55,65 @@ use std::ops::Range;
 use crate::scene::Scene;
 use image::RgbaImage;
 
-/// What a picture should be like.
+/// Settings of a picture.
 #[derive(Clone, Debug)]
-pub struct Options {
+pub struct RenderOptions {
     /// Pixels across.
     pub width: u32,
     /// Pixels down.
     pub height: u32,
-    /// Which rows of the picture are wanted, all if none are named. Seen is what the whole picture
-    /// shows there, to the byte.
+    /// Rows of the picture that are wanted, or all. They are the same to the byte as in the whole
+    /// picture.
     pub rows: Option<Range<u32>>,
-    /// What draws.
-    pub renderer: Choice,
-    /// Samples a pixel, at least 1. Where yarns are drawn as triangles, what goes beyond `samples`
-    /// is made up by drawing larger.
+    /// The renderer.
+    pub renderer: RendererChoice,
+    /// Samples per pixel, at least 1. The GPU renderer takes `samples` of them by multisampling and
+    /// the rest by supersampling.
     pub spp: u32,
-    /// Rays a sample that look for nearby yarns in the way of the sky.
+    /// Ambient occlusion rays per sample.
     pub sky_rays: u32,
-    /// What is seen where no yarn is.
+    /// Colour of pixels without yarn.
     pub background: Background,
     /// Sun and sky.
     pub light: Light,
-    /// Light is multiplied by this before tone mapping.
+    /// Factor on the light before tone mapping.
     pub exposure: f32,
-    /// Samples a pixel where yarns are drawn as triangles: 1 or 4.
+    /// Multisampling of the GPU renderer, samples per pixel: 1 or 4.
     pub samples: u32,
-    /// St: most pieces of a stitch that are drawn as triangles.
+    /// St: largest number of pieces a stitch in the GPU renderer.
     pub st: u32,
-    /// Sr: most edges of a tube's section there.
+    /// Sr: largest number of edges of a tube's cross-section there.
     pub sr: u32,
-    /// Whether far yarns may be coarser.
+    /// Level of detail: whether distant yarns may be coarser.
     pub lod: bool,
-    /// Another seed gives other noise, the same seed the same bytes.
+    /// Seed of the sampling noise. The same seed gives the same bytes.
     pub seed: u32,
 }
 
-impl Options {
+impl RenderOptions {
     /// Width over height.
     #[must_use]
     pub fn aspect(&self) -> f64 {
         f64::from(self.width.max(1)) / f64::from(self.height.max(1))
     }
 
-    /// The rows that are wanted and there.
+    /// The wanted rows, clipped to the picture.
     #[must_use]
     pub fn rows(&self) -> Range<u32> {
         let rows = self.rows.clone().unwrap_or(0..self.height);
+        // A range beyond the picture becomes empty, never reversed.
         let end = rows.end.min(self.height);
         rows.start.min(end)..end
     }
 }
 
-impl Default for Options {
+impl Default for RenderOptions {
     fn default() -> Self {
         Self {
             width: 1600,
             height: 1200,
             rows: None,
-            renderer: Choice::Cpu,
+            renderer: RendererChoice::Cpu,
             spp: 4,
             sky_rays: 2,
             background: Background::default(),
@@ -125,19 +128,18 @@ impl Default for Options {
     }
 }
 
-/// Draws `scene` as `camera` sees it. `progress` is told the finished share, 0..1, from any thread
-/// and in no fixed order.
+/// Draws `scene` as `camera` sees it. `progress` receives the finished fraction, 0..1, from any
+/// thread and in no fixed order.
 ///
-/// The bytes depend on the arguments alone, and on the adapter if one draws, but not on the number
-/// of threads. An empty scene gives the background. [`Painter`] draws several pictures of one
-/// scene.
+/// The bytes depend on the arguments alone, and on the graphics adapter if one draws. They do not
+/// depend on the number of threads. An empty scene gives the background. [`Painter`] draws several
+/// pictures of one scene.
 ///
-/// # Errors
-/// With [`Choice::Gpu`] whatever the adapter can't do.
+/// # Errors With [`RendererChoice::Gpu`], whatever the adapter cannot do.
 pub fn render(
     scene: &Scene,
     camera: &Camera,
-    options: &Options,
+    options: &RenderOptions,
     progress: &(dyn Fn(f32) + Sync),
 ) -> Result<RgbaImage, GpuError> {
     Painter::new(scene, options)?.draw(camera, options, progress)

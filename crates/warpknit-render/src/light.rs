@@ -1,26 +1,27 @@
-//! The light of a product photograph: one sun and a sky, both placed relative to the camera.
+//! Lighting of a product photograph: one sun and a sky, both placed relative to the camera.
 //!
-//! In: a [`Light`] and the camera. Out: a [`Rig`] in world axes. The sun stands to the upper left
-//! and rakes over a cloth that faces the camera at about 40 degrees, so that loops show relief from
-//! every side of a garment; the sky is a gradient, brightest above and behind the camera. A light
-//! fixed in the world would leave the back of a garment in the dark.
+//! In: a [`Light`] and the camera. Out: a [`Rig`] in world axes. The sun stands to the upper left.
+//! It makes about 40 degrees with a cloth that faces the camera, so that loops show relief from
+//! every side of a garment. The sky is a linear gradient, brightest above and behind the camera. A
+//! light fixed in the world would leave the back of a garment in the dark.
 
 use crate::camera::Camera;
 use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
 
-/// Share of the light on the cloth that still reaches the gaps between its yarns; a stand-in for
-/// light reflected more than once.
+/// Fraction of the light on the cloth that reaches the gaps between its yarns. It is an
+/// approximation of multiple reflection, which is not traced. At 0 gaps turn black; towards 1 the
+/// cloth loses its relief.
 const INTERIOR: f32 = 0.40;
 
 /// Sun and sky, linear RGB.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Light {
-    /// Toward the sun along the camera's right, up and back; any length but zero.
+    /// Direction to the sun along the camera's right, up and back axes; any length but zero.
     pub sun_direction: Vec3,
     /// Irradiance of the sun on a surface that faces it.
     pub sun: Vec3,
-    /// Half the angle that the sun covers, radians: larger is softer.
+    /// Angular radius of the sun, radians. Larger is softer.
     pub sun_half_angle: f32,
     /// Radiance of the sky at its brightest, above and behind the camera.
     pub sky_above: Vec3,
@@ -43,12 +44,12 @@ impl Default for Light {
 /// A [`Light`] in world axes.
 #[derive(Clone, Copy, Debug)]
 pub struct Rig {
-    /// Unit vector toward the middle of the sun.
+    /// Unit vector to the sun's centre.
     pub toward_sun: Vec3,
-    /// Radiance that comes from an occluder of white yarn nearby, to be multiplied by its albedo.
+    /// Radiance of an occluder of white yarn nearby. Multiply it by the yarn's albedo.
     pub interior: Vec3,
     pub(super) light: Light,
-    /// Unit vector toward the brightest sky.
+    /// Unit vector to the brightest sky.
     pub(super) zenith: Vec3,
 }
 
@@ -57,7 +58,10 @@ impl Light {
     #[must_use]
     pub fn around(&self, camera: &Camera) -> Rig {
         let toward_sun = camera.to_world(self.sun_direction.try_normalize().unwrap_or(Vec3::Z));
+        // Tilted toward the camera: pure 'up' would leave the middle of a cloth that faces the
+        // camera dull.
         let zenith = camera.to_world(Vec3::new(0.0, 1.0, 1.0).normalize());
+        // The sky's mean radiance, and the sun's as if spread evenly by a white diffuse surface.
         let sky = (self.sky_above + self.sky_below) * 0.5;
         Rig { toward_sun, interior: (sky + self.sun * FRAC_1_PI) * INTERIOR, light: *self, zenith }
     }
@@ -70,11 +74,12 @@ impl Rig {
         self.light.sun
     }
 
-    /// A direction within the sun's disc, from two uniform numbers in 0..1.
+    /// A uniformly distributed direction within the sun's disc, from two uniform numbers in 0..1.
     #[must_use]
     pub fn sun_sample(&self, u: [f32; 2]) -> Vec3 {
         let (across, up) = self.toward_sun.any_orthonormal_pair();
         let (sin, cos) = (std::f32::consts::TAU * u[1]).sin_cos();
+        // The square root makes the density uniform per area of the disc.
         let r = self.light.sun_half_angle.tan() * u[0].sqrt();
         (self.toward_sun + (across * cos + up * sin) * r).normalize()
     }

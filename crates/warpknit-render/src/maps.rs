@@ -1,11 +1,13 @@
-//! What a photo of a yarn says of its surface: base colour, normals, roughness, metal, occlusion,
-//! each with its smaller levels.
+//! Textures of a yarn: base colour, normals, roughness, metal and occlusion, each with its mip
+//! levels.
 //!
-//! In: pictures of one repeat of the yarn, x along it and y across. Out: [`Maps`], which both
-//! renderers look up, the GPU's hardware and [`Maps::sample`] alike. Levels are means over areas:
-//! of light and not of its sRGB code, of colours by how opaque they are, of normals as vectors.
-//! Lookups repeat along the yarn without a seam; what the picture shows must match at its ends by
-//! itself.
+//! In: pictures of one repeat of the yarn, x along it and y across it. Out: [`Maps`], which both
+//! renderers sample: the GPU in hardware, the CPU by [`Maps::sample`]. Mip levels (Williams 1983,
+//! 'Pyramidal parametrics') are area means: of linear light and not of sRGB codes, of colours
+//! weighted by alpha, of normals as vectors.
+//!
+//! Lookups repeat along the yarn. Not promised: a seamless repeat. The picture's ends must match by
+//! themselves.
 
 use std::sync::LazyLock;
 
@@ -16,51 +18,53 @@ use rayon::prelude::*;
 use super::tone;
 use crate::scene::Shape;
 
-/// Most lookups along the longer side of a pixel's trace on the yarn; a longer one blurs.
-const MOST_TAPS: f32 = 8.0;
-/// What a transparent texel weighs in a mean of colours, so that a level without any yarn still has
-/// a colour.
-const LEAST_WEIGHT: f32 = 1e-3;
+/// Limit of anisotropic filtering: lookups along the longer side of a pixel's footprint on the
+/// yarn. Footprints that are longer still are blurred across the yarn too. Each lookup costs the
+/// same; hardware commonly allows 16.
+const MAX_TAPS: f32 = 8.0;
+/// Weight of a transparent texel in a mean of colours. With 0, a mip level without any yarn would
+/// have no colour (0 / 0). Larger weights let the background's colour into the yarn's.
+const MIN_WEIGHT: f32 = 1e-3;
 
-/// A picture and its smaller levels, each half as large, down to one pixel.
+/// A picture and its mip levels, each half the size of the one before, down to one pixel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mips {
-    /// Level 0 is the picture itself, but for the colour of transparent texels.
+    /// Level 0 is the picture itself, except for the colour of transparent texels.
     pub levels: Vec<RgbaImage>,
 }
 
-/// One yarn's pictures, all of one size.
+/// Textures of one yarn, all of one size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Maps {
-    /// Base colour, sRGB, and alpha, straight: the fuzz.
+    /// Base colour, sRGB, with straight alpha: the fuzz.
     pub base: Mips,
-    /// Normals as colours, OpenGL's way: x along the yarn, y toward the picture's top, z outward.
+    /// Normal map in OpenGL's convention: x along the yarn, y toward the picture's top, z outward.
     pub normal: Mips,
-    /// Red: ambient occlusion, green: roughness, blue: metal, as glTF packs them.
+    /// Red: ambient occlusion. Green: roughness. Blue: metal. This is glTF's packing.
     pub surface: Mips,
-    /// What one repeat is long, mm.
+    /// Length of one repeat, mm.
     pub length: f32,
-    /// What the picture is wide across the yarn, fuzz included, mm.
+    /// Width of the picture across the yarn, fuzz included, mm.
     pub width: f32,
 }
 
-/// What a picture's numbers mean, and so what their mean is.
+/// Meaning of a picture's numbers. It decides how their mean is taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum MapKind {
     /// sRGB with straight alpha.
     Color,
-    /// Unit vectors, 0..1 for -1..1.
+    /// Unit vectors, stored as 0..1 for -1..1.
     Normal,
-    /// The numbers themselves.
+    /// Plain numbers.
     Plain,
 }
 
-/// A yarn's surface at one place of its maps.
+/// A yarn's surface at one place of its textures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Texel {
     /// Base colour, linear RGB 0..1.
     pub albedo: Vec3,
-    /// Share that is covered by yarn.
+    /// Fraction that yarn covers.
     pub alpha: f32,
     /// Unit normal: x along the yarn, y toward the picture's top, z outward.
     pub normal: Vec3,
@@ -68,21 +72,23 @@ pub struct Texel {
     pub roughness: f32,
     /// 0 for fibres, 1 for metal.
     pub metallic: f32,
-    /// Share of the ambient light that arrives.
+    /// Fraction of the ambient light that arrives.
     pub occlusion: f32,
 }
 
 impl Mips {
-    /// `picture` and its levels, each side of one half the last one's, rounded down. Transparent
-    /// texels take the colour of the yarn beside them: hardware that filters colours without regard
-    /// to alpha must not find a photo's background there.
+    /// `picture` with its mip levels. Transparent texels take the colour of the yarn beside them:
+    /// hardware filters colours without regard to alpha, and would otherwise mix a photo's
+    /// background into the edges.
     #[must_use]
-    pub fn new(picture: RgbaImage, kind: Kind) -> Self {
+    pub fn new(picture: RgbaImage, kind: MapKind) -> Self {
         let mut levels = vec![picture];
-        while let Some(smaller) = levels.last().and_then(|level| halved(level, kind)) {
+        while let Some(smaller) = levels.last().and_then(|level| downsample(level, kind)) {
             levels.push(smaller);
         }
-        if kind == Kind::Color {
+        // From coarse to fine ('push-pull', Gortler et al. 1996, 'The lumigraph'): each level fills
+        // its holes from the next coarser one, which has no holes left.
+        if kind == MapKind::Color {
             for fine in (0..levels.len() - 1).rev() {
                 let (finer, coarser) = levels.split_at_mut(fine + 1);
                 fill_transparent(&mut finer[fine], &coarser[0]);
@@ -91,9 +97,9 @@ impl Mips {
         Self { levels }
     }
 
-    /// Between four texels of a level; what of them leaves the picture sideways comes back where
-    /// `shape` closes around the yarn.
-    fn bilinear(&self, level: usize, at: Place, kind: Kind) -> Vec4 {
+    /// Bilinear interpolation between four texels of a level. Columns wrap around along the yarn.
+    /// Rows wrap around a tube and are clamped at a ribbon's edges.
+    fn bilinear(&self, level: usize, at: TexCoord, kind: MapKind) -> Vec4 {
         let picture = &self.levels[level];
         let (width, height) = picture.dimensions();
         let (left, x) = cell(at.v - at.v.floor(), width);
@@ -103,25 +109,24 @@ impl Mips {
             Shape::Tube => wrapped(row, height),
             Shape::Ribbon => clamped(row, height),
         });
-        let texel = |column: usize, row: usize| {
-            weighed(*picture.get_pixel(columns[column], rows[row]), kind)
-        };
-        texel(0, 0).lerp(texel(1, 0), x).lerp(texel(0, 1).lerp(texel(1, 1), x), y)
+        let [a, b, c, d] = [(0, 0), (1, 0), (0, 1), (1, 1)]
+            .map(|(i, j)| decode(*picture.get_pixel(columns[i], rows[j]), kind));
+        a.lerp(b, x).lerp(c.lerp(d, x), y)
     }
 }
 
-/// Where on the maps, as shares of their sides.
+/// Texture coordinates, 0..1 across (u) and along the yarn (v), and what they are wrapped around.
 #[derive(Clone, Copy)]
-struct Place {
+struct TexCoord {
     u: f32,
     v: f32,
     shape: Shape,
 }
 
 impl Maps {
-    /// The mean over about the rectangle of `footprint_u` by `footprint_v` around (u, v), all in
-    /// shares of the picture: u across the yarn from the picture's top, v along it. u goes around a
-    /// tube and ends at a ribbon's edges.
+    /// Mean over about the rectangle of `footprint_u` by `footprint_v` around (u, v), all as
+    /// fractions of the picture. u runs across the yarn from the picture's top, v along it. u wraps
+    /// around a tube and ends at a ribbon's edges.
     #[must_use]
     pub fn sample(
         &self,
@@ -133,17 +138,16 @@ impl Maps {
     ) -> Texel {
         let (base, normal, surface) = self
             .taps([u, v], [footprint_u, footprint_v], shape, |level, at| {
-                let of = |mips: &Mips, kind| mips.bilinear(level, at, kind);
                 [
-                    of(&self.base, Kind::Color),
-                    of(&self.normal, Kind::Normal),
-                    of(&self.surface, Kind::Plain),
+                    self.base.bilinear(level, at, MapKind::Color),
+                    self.normal.bilinear(level, at, MapKind::Normal),
+                    self.surface.bilinear(level, at, MapKind::Plain),
                 ]
             })
             .into();
         let alpha = base.w.clamp(0.0, 1.0);
         Texel {
-            albedo: base.xyz() / (base.w + LEAST_WEIGHT),
+            albedo: base.xyz() / (base.w + MIN_WEIGHT),
             alpha,
             normal: normal.xyz().normalize_or(Vec3::Z),
             roughness: surface.y,
@@ -152,49 +156,49 @@ impl Maps {
         }
     }
 
-    /// [`Self::sample`]'s alpha alone.
+    /// The alpha of [`Self::sample`] alone, for visibility tests.
     #[must_use]
     pub fn alpha(&self, u: f32, v: f32, footprint_u: f32, footprint_v: f32, shape: Shape) -> f32 {
         let [alpha] = self.taps([u, v], [footprint_u, footprint_v], shape, |level, at| {
-            [self.base.bilinear(level, at, Kind::Plain)]
+            [self.base.bilinear(level, at, MapKind::Plain)]
         });
         alpha.w
     }
 
-    /// The colour of all of the picture's yarn.
+    /// Mean colour of the yarn: that of the coarsest mip level.
     #[must_use]
     pub fn mean_albedo(&self) -> Vec3 {
         let mean = self
             .base
             .levels
             .last()
-            .map_or(Vec4::ZERO, |level| weighed(*level.get_pixel(0, 0), Kind::Color));
-        mean.xyz() / (mean.w + LEAST_WEIGHT)
+            .map_or(Vec4::ZERO, |level| decode(*level.get_pixel(0, 0), MapKind::Color));
+        mean.xyz() / (mean.w + MIN_WEIGHT)
     }
 
-    /// The mean of what `look_up` gives over a footprint: of as many places along its longer side
-    /// as its shorter one fits into it, at the two levels between which that one is a texel.
+    /// Anisotropic filtering (McCormack et al. 1999, 'Feline: fast elliptical lines for anisotropic
+    /// texture mapping'): several trilinear lookups along the footprint's longer side. Their mip
+    /// level suits the shorter side. `look_up` returns the values at a level and place.
     fn taps<const N: usize>(
         &self,
         [u, v]: [f32; 2],
         footprint: [f32; 2],
         shape: Shape,
-        look_up: impl Fn(usize, Place) -> [Vec4; N],
+        look_up: impl Fn(usize, TexCoord) -> [Vec4; N],
     ) -> [Vec4; N] {
         let (width, height) = self.base.levels[0].dimensions();
         let (across, along) =
             (footprint[0].abs() * float(height), footprint[1].abs() * float(width));
+        // Sides of the footprint in texels. One texel at least: magnification interpolates level 0.
         let (short, long) = (across.min(along).max(1.0), across.max(along).max(1.0));
-        let taps = (long / short).ceil().clamp(1.0, MOST_TAPS);
+        let taps = (long / short).ceil().clamp(1.0, MAX_TAPS);
         let top = float(u32::try_from(self.base.levels.len() - 1).unwrap_or(0));
+        // The level whose texels are as large as the shorter side, or larger if the number of
+        // lookups was limited.
         let level = (long / taps).max(short).log2().clamp(0.0, top);
+        // Trilinear: interpolate between this level and the next coarser one.
         let (fine, share) = (whole(level), level.fract());
         let mut sum = [Vec4::ZERO; N];
-        let mut add = |level: usize, at: Place, share: f32| {
-            sum.iter_mut()
-                .zip(look_up(level, at))
-                .for_each(|(sum, value)| *sum += value * (share / taps));
-        };
         for tap in 0..whole(taps) {
             let aside = (float(u32::try_from(tap).unwrap_or(0)) + 0.5) / taps - 0.5;
             let (du, dv) = if across > along {
@@ -202,24 +206,29 @@ impl Maps {
             } else {
                 (0.0, aside * footprint[1])
             };
-            let at = Place { u: u + du, v: v + dv, shape };
-            add(fine, at, 1.0 - share);
-            if share > 0.0 {
-                add(fine + 1, at, share);
+            let at = TexCoord { u: u + du, v: v + dv, shape };
+            for (level, weight) in [(fine, 1.0 - share), (fine + 1, share)] {
+                // The first level always counts. The second may not exist where its weight is 0.
+                if level == fine || weight > 0.0 {
+                    let values = look_up(level, at);
+                    sum.iter_mut()
+                        .zip(values)
+                        .for_each(|(sum, value)| *sum += value * (weight / taps));
+                }
             }
         }
         sum
     }
 }
 
-/// The next smaller level; `None` below one pixel.
-fn halved(picture: &RgbaImage, kind: Kind) -> Option<RgbaImage> {
+/// The next coarser mip level; `None` below one pixel.
+fn downsample(picture: &RgbaImage, kind: MapKind) -> Option<RgbaImage> {
     let (width, height) = picture.dimensions();
     if width.max(height) <= 1 || width.min(height) == 0 {
         return None;
     }
     let mut half = RgbaImage::new((width / 2).max(1), (height / 2).max(1));
-    let (columns, rows) = (shares(width, half.width()), shares(height, half.height()));
+    let (columns, rows) = (box_weights(width, half.width()), box_weights(height, half.height()));
     let row_bytes = half.width() as usize * 4;
     half.as_mut().par_chunks_mut(row_bytes).zip(&rows).for_each(|(bytes, row)| {
         for (texel, column) in bytes.chunks_exact_mut(4).zip(&columns) {
@@ -227,17 +236,17 @@ fn halved(picture: &RgbaImage, kind: Kind) -> Option<RgbaImage> {
             for (y, down) in (row.first..).zip(row.weights) {
                 for (x, across) in (column.first..).zip(column.weights) {
                     if across * down > 0.0 {
-                        mean += weighed(*picture.get_pixel(x, y), kind) * (across * down);
+                        mean += decode(*picture.get_pixel(x, y), kind) * (across * down);
                     }
                 }
             }
-            texel.copy_from_slice(&packed(mean, kind));
+            texel.copy_from_slice(&encode_mean(mean, kind));
         }
     });
     Some(half)
 }
 
-/// Gives transparent texels the colour that the next smaller level has there.
+/// Gives transparent texels the colour that the next coarser level has there.
 fn fill_transparent(picture: &mut RgbaImage, smaller: &RgbaImage) {
     for (x, y, texel) in picture.enumerate_pixels_mut().filter(|(_, _, texel)| texel.0[3] == 0) {
         let Rgba([r, g, b, _]) =
@@ -246,73 +255,86 @@ fn fill_transparent(picture: &mut RgbaImage, smaller: &RgbaImage) {
     }
 }
 
-/// The texels of a row that a texel of a smaller one covers.
-struct Shares {
+/// Weights of a box filter: the texels of a row that one texel of a coarser row covers.
+struct BoxWeights {
     first: u32,
-    /// Adding up to 1.
+    /// Weights of three texels from `first` on. They add up to 1.
     weights: [f32; 3],
 }
 
-/// How `small` texels share `large` ones among them: two each, or some of a third where the number
-/// is odd.
-fn shares(large: u32, small: u32) -> Vec<Shares> {
+/// Box filter from `large` to `small` texels. Each covers two, or parts of three where the number
+/// is odd: dropping the last column instead would shift the texture.
+fn box_weights(large: u32, small: u32) -> Vec<BoxWeights> {
     let size = float(large) / float(small);
-    let share = |index: u32| {
-        let (start, end) = (float(index) * size, float(index + 1) * size);
-        let first =
-            (u64::from(index) * u64::from(large) / u64::from(small)).try_into().unwrap_or(0);
-        let covered =
-            |texel: u32| ((float(texel) + 1.0).min(end) - float(texel).max(start)).max(0.0) / size;
-        // Rounding may leave a trace of weight on a texel beyond the last.
-        let weight = |texel: u32| if texel < large { covered(texel) } else { 0.0 };
-        Shares { first, weights: [first, first + 1, first + 2].map(weight) }
-    };
-    (0..small).map(share).collect()
+    (0..small)
+        .map(|index| {
+            let (start, end) = (float(index) * size, float(index + 1) * size);
+            let first =
+                (u64::from(index) * u64::from(large) / u64::from(small)).try_into().unwrap_or(0);
+            let weights = [first, first + 1, first + 2].map(|texel| {
+                // Rounding may leave a trace of weight on a texel beyond the last.
+                if texel < large { overlap(texel, start, end) / size } else { 0.0 }
+            });
+            BoxWeights { first, weights }
+        })
+        .collect()
 }
 
-/// A texel as numbers of which means may be taken.
-fn weighed(Rgba(bytes): Rgba<u8>, kind: Kind) -> Vec4 {
+/// Length of a texel that lies between `start` and `end`, texels.
+fn overlap(texel: u32, start: f32, end: f32) -> f32 {
+    ((float(texel) + 1.0).min(end) - float(texel).max(start)).max(0.0)
+}
+
+/// A texel as numbers that may be averaged: linear light premultiplied by alpha, vectors, or plain
+/// numbers.
+fn decode(Rgba(bytes): Rgba<u8>, kind: MapKind) -> Vec4 {
     let plain = Vec4::from_array(bytes.map(f32::from)) / 255.0;
     match kind {
-        Kind::Color => {
+        MapKind::Color => {
             let [r, g, b, _] = bytes.map(|byte| LINEAR[usize::from(byte)]);
-            (Vec3::new(r, g, b) * (plain.w + LEAST_WEIGHT)).extend(plain.w)
+            (Vec3::new(r, g, b) * (plain.w + MIN_WEIGHT)).extend(plain.w)
         }
-        Kind::Normal => (plain.xyz() * 2.0 - 1.0).extend(plain.w),
-        Kind::Plain => plain,
+        MapKind::Normal => (plain.xyz() * 2.0 - 1.0).extend(plain.w),
+        MapKind::Plain => plain,
     }
 }
 
 /// The texel of such a mean.
-fn packed(mean: Vec4, kind: Kind) -> [u8; 4] {
+fn encode_mean(mean: Vec4, kind: MapKind) -> [u8; 4] {
     let alpha = tone::byte(mean.w);
     let [r, g, b] = match kind {
-        Kind::Color => tone::encode(mean.xyz() / (mean.w + LEAST_WEIGHT)),
-        Kind::Normal => (mean.xyz().normalize_or(Vec3::Z) * 0.5 + 0.5).to_array().map(tone::byte),
-        Kind::Plain => mean.xyz().to_array().map(tone::byte),
+        MapKind::Color => tone::encode(mean.xyz() / (mean.w + MIN_WEIGHT)),
+        MapKind::Normal => {
+            (mean.xyz().normalize_or(Vec3::Z) * 0.5 + 0.5).to_array().map(tone::byte)
+        }
+        MapKind::Plain => mean.xyz().to_array().map(tone::byte),
     };
     [r, g, b, alpha]
 }
 
-/// sRGB bytes as light.
+/// Table from sRGB bytes to linear light.
 pub static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
     std::array::from_fn(|byte| {
         tone::linear(f32::from(u8::try_from(byte).unwrap_or(u8::MAX)) / 255.0)
     })
 });
 
-/// The texel left of or above `share` of a side, and how far it is on to the next.
+/// The texel to the left of (or above) the place `share` of a side, and the fraction of the way to
+/// the next texel.
 fn cell(share: f32, size: u32) -> (i64, f32) {
+    // Texel centres lie at half-integers.
     let place = share * float(size) - 0.5;
     #[expect(clippy::cast_possible_truncation, reason = "saturates far outside of any picture")]
     let first = place.floor() as i64;
     (first, place - place.floor())
 }
 
+/// Index with repeat addressing.
 fn wrapped(index: i64, size: u32) -> u32 {
     u32::try_from(index.rem_euclid(i64::from(size))).unwrap_or(0)
 }
 
+/// Index with clamp-to-edge addressing.
 fn clamped(index: i64, size: u32) -> u32 {
     u32::try_from(index.clamp(0, i64::from(size) - 1)).unwrap_or(0)
 }
@@ -349,7 +371,7 @@ mod tests {
         let picture = RgbaImage::from_fn(9, 7, |_, y| {
             if y / 2 == 1 { Rgba([200, 90, 40, 255]) } else { Rgba([0, 255, 0, 0]) }
         });
-        for level in Mips::new(picture, Kind::Color).levels {
+        for level in Mips::new(picture, MapKind::Color).levels {
             for texel in level.pixels() {
                 let mut colours = texel.0.into_iter().zip([200, 90, 40]);
                 assert!(colours.all(|(found, wanted)| found.abs_diff(wanted) <= 8), "{texel:?}");
@@ -362,9 +384,9 @@ mod tests {
         let normal = RgbaImage::from_pixel(width, height, Rgba([128, 128, 255, 255]));
         let surface = RgbaImage::from_pixel(width, height, Rgba([255, 191, 0, 255]));
         Maps {
-            base: Mips::new(base, Kind::Color),
-            normal: Mips::new(normal, Kind::Normal),
-            surface: Mips::new(surface, Kind::Plain),
+            base: Mips::new(base, MapKind::Color),
+            normal: Mips::new(normal, MapKind::Normal),
+            surface: Mips::new(surface, MapKind::Plain),
             length: 1.0,
             width: 1.0,
         }
@@ -376,10 +398,10 @@ mod tests {
             let noise = RgbaImage::from_fn(width, height, |x, y| {
                 Rgba([x, y, x * y, 7].map(|n| (n * 97 % 251).to_le_bytes()[0]))
             });
-            let levels = Mips::new(noise, Kind::Plain).levels;
+            let levels = Mips::new(noise, MapKind::Plain).levels;
             assert_eq!(levels.last().unwrap().dimensions(), (1, 1));
             let mean = |level: &RgbaImage| {
-                let sum: Vec4 = level.pixels().map(|&texel| weighed(texel, Kind::Plain)).sum();
+                let sum: Vec4 = level.pixels().map(|&texel| decode(texel, MapKind::Plain)).sum();
                 sum / float(level.width() * level.height()) * 255.0
             };
             for pair in levels.windows(2) {
@@ -392,14 +414,14 @@ mod tests {
 
     #[test]
     fn means_are_of_light_weighed_by_alpha_and_of_unit_normals() {
-        let levels = Mips::new(stripes(4, 4), Kind::Color).levels;
+        let levels = Mips::new(stripes(4, 4), MapKind::Color).levels;
         // Half of the light is 188 in sRGB; a transparent texel's colour hardly counts.
         assert_eq!(levels[2].get_pixel(0, 0).0, [188, 40, 200, 128]);
         let tilted = RgbaImage::from_fn(2, 2, |x, _| {
             if x == 0 { Rgba([218, 128, 218, 255]) } else { Rgba([38, 128, 218, 255]) }
         });
         assert_eq!(
-            Mips::new(tilted, Kind::Normal).levels[1].get_pixel(0, 0).0,
+            Mips::new(tilted, MapKind::Normal).levels[1].get_pixel(0, 0).0,
             [128, 128, 255, 255]
         );
     }

@@ -1,50 +1,54 @@
-//! Which renderer draws: the one that is wanted, or the best that there is.
+//! Choice of the renderer: the one that is wanted, or the best that there is.
 //!
-//! In: a scene, and [`Choice`]. Out: pictures, and the name of what drew them. `Auto` takes a
-//! hardware adapter and never a software one, which is slower than tracing rays; whatever goes
-//! wrong there, the processor draws instead, and [`Painter::notice`] says why.
+//! In: a scene, and [`RendererChoice`]. Out: pictures, and the name of the renderer. `Auto` takes a
+//! hardware adapter. It never takes a software one, because ray tracing on the CPU is faster. If
+//! the adapter fails, the CPU renderer draws instead, and [`Painter::notice`] says why.
 
 use image::RgbaImage;
 
 use crate::scene::Scene;
-use crate::{Camera, GpuError, Options, cpu};
+use crate::{Camera, GpuError, RenderOptions, cpu};
 
 #[cfg(feature = "gpu")]
 use crate::gpu::Uploaded;
 #[cfg(not(feature = "gpu"))]
 use crate::without_gpu::Uploaded;
 
-/// What is to draw.
+/// Which renderer to use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Choice {
-    /// The graphics processor where there is one.
+pub enum RendererChoice {
+    /// The GPU if there is a hardware adapter, otherwise the CPU.
     Auto,
-    /// The graphics adapter, be it one of software, or nothing.
+    /// The GPU, also with a software adapter. Without an adapter it is an error.
     Gpu,
-    /// The processor, which needs no driver.
+    /// The CPU, which needs no driver.
     #[default]
     Cpu,
 }
 
-/// Draws a scene as often as is wanted.
+/// Draws a scene any number of times.
 #[derive(Debug)]
 pub struct Painter<'a> {
     scene: &'a Scene,
     gpu: Option<Box<Uploaded>>,
-    /// Whether the processor may step in.
+    /// Whether the CPU may draw if the GPU fails.
     falls_back: bool,
     notice: Option<String>,
 }
 
 impl<'a> Painter<'a> {
-    /// Makes ready to draw `scene`; of `options` only the renderer and the samples count.
+    /// Prepares to draw `scene`. Only `options.renderer` and `options.samples` matter here.
     ///
     /// # Errors
-    /// With [`Choice::Gpu`] whatever the adapter can't do.
-    pub fn new(scene: &'a Scene, options: &Options) -> Result<Self, GpuError> {
-        let mut painter =
-            Self { scene, gpu: None, falls_back: options.renderer == Choice::Auto, notice: None };
-        if options.renderer != Choice::Cpu {
+    /// With [`RendererChoice::Gpu`] whatever the adapter can't do.
+    pub fn new(scene: &'a Scene, options: &RenderOptions) -> Result<Self, GpuError> {
+        let mut painter = Self {
+            scene,
+            gpu: None,
+            falls_back: options.renderer == RendererChoice::Auto,
+            notice: None,
+        };
+        if options.renderer != RendererChoice::Cpu {
             match Uploaded::new(scene, options) {
                 Ok(uploaded) => painter.gpu = Some(Box::new(uploaded)),
                 Err(error) => painter.fall_back(error)?,
@@ -53,13 +57,13 @@ impl<'a> Painter<'a> {
         Ok(painter)
     }
 
-    /// What draws: the adapter's name, or `cpu`.
+    /// The renderer's name: that of the adapter, or `cpu`.
     #[must_use]
     pub fn name(&self) -> &str {
         self.gpu.as_ref().map_or("cpu", |gpu| gpu.name())
     }
 
-    /// Why the processor had to step in, if it had to.
+    /// The reason why the CPU draws instead of the GPU, if it does.
     #[must_use]
     pub fn notice(&self) -> Option<&str> {
         self.notice.as_deref()
@@ -68,11 +72,11 @@ impl<'a> Painter<'a> {
     /// Draws the scene as `camera` sees it. See [`super::render`].
     ///
     /// # Errors
-    /// With [`Choice::Gpu`] whatever the adapter can't do.
+    /// With [`RendererChoice::Gpu`], whatever the adapter cannot do.
     pub fn draw(
         &mut self,
         camera: &Camera,
-        options: &Options,
+        options: &RenderOptions,
         progress: &(dyn Fn(f32) + Sync),
     ) -> Result<RgbaImage, GpuError> {
         if let Some(gpu) = &mut self.gpu {
@@ -87,13 +91,13 @@ impl<'a> Painter<'a> {
         Ok(cpu::render(self.scene, camera, options, progress))
     }
 
-    /// Leaves the graphics processor, where that is allowed.
+    /// Switches to the CPU, where that is allowed.
     fn fall_back(&mut self, error: GpuError) -> Result<(), GpuError> {
         if !self.falls_back {
             return Err(error);
         }
         self.gpu = None;
-        // A machine without an adapter is nothing to be told of, nor a build that can't use one.
+        // A machine without an adapter needs no notice, nor a build that can't use one.
         if !matches!(error, GpuError::NoAdapter | GpuError::NotBuiltIn) {
             self.notice = Some(format!("the processor draws instead: {error}"));
         }

@@ -1,44 +1,53 @@
-//! Yarns as chains of short straight pieces, for whoever draws them.
+//! Yarns as chains of short straight pieces (polylines), for all renderers.
 //!
-//! In: a scene and how finely to cut it. Out: [`Paths`], structure of arrays, 30 bytes a point:
-//! points on the centripetal Catmull-Rom curve, with the curve's own tangent at each and a
-//! direction across it. Around a tube that is a rotation-minimising frame's (double reflection,
-//! Wang et al. 2008), on a ribbon the fabric's normal. Coordinates are relative to the scene's
-//! middle, which keeps `f32` good to a ten-thousandth of a millimetre on a garment. A strand is
-//! broken where a point is not [`drawable`]; a lone point becomes a ball.
+//! In: a scene and a level of subdivision. Out: [`YarnPaths`], a structure of arrays with 30 bytes
+//! a point. Points lie on the centripetal Catmull-Rom curve (Yuksel, Schaefer and Keyser 2011,
+//! 'Parameterization and applications of Catmull-Rom curves'). Each has the curve's unit tangent
+//! and a direction across it. For tubes that direction belongs to a rotation-minimising frame
+//! (double reflection: Wang, Jüttler, Zheng and Liu 2008, 'Computation of rotation minimizing
+//! frames'). For ribbons it is the fabric's normal.
+//!
+//! Coordinates are relative to the scene's centre, so that `f32` resolves a ten-thousandth of a
+//! millimetre on a garment. A strand is split at points that are not [`drawable`]. A single point
+//! becomes a ball. Cost: linear in the number of points.
 
 use std::ops::Range;
 
 use glam::{DVec3, Vec3A, Vec4};
 
-use super::{Camera, Options};
+use super::{Camera, RenderOptions};
 use crate::octahedral::PackedUnit;
-use crate::scene::{Scene, Shape, Strand, drawable};
+use crate::scene::{Scene, SceneStrand, Shape, drawable};
 use warpknit_core::ids::index32;
 use warpknit_core::yarn::curve::{self, Span};
 use warpknit_core::yarn::frame;
 
-/// Largest distance between a curve and its chord, pixels.
+/// Tolerance of the distance between a curve and its chord, pixels. Higher values show corners in
+/// loops. Lower ones add pieces that no pixel shows.
 const CHORD_ERROR: f64 = 0.2;
-/// Most pieces between two data points; at 8, a half turn is a sixteen-sided polygon's.
+/// Limit of pieces between two data points. With 8, a half turn is drawn as half of a regular
+/// polygon with 16 sides. It bounds memory when the eye is close.
 const MAX_PIECES: u32 = 8;
-/// Most by which a piece that stands for several spans is widened, so that it hides what they hid;
-/// a sharper bend is kept.
-const WIDEST: f64 = 1.5;
-/// Farthest that several spans may lie from their piece on the average, pixels. At .2 loops grow
-/// flat enough that a fabric of a million stitches is 2 % brighter, at .1 it is by less than 1 %.
-const MOST_BULGE: f64 = 0.1;
-/// Least sine of the angle between a yarn and the fabric's normal at which a ribbon's width is
-/// across both.
-const LEAST_SINE: f32 = 1e-3;
+/// Limit by which a merged piece is widened to cover the area of its spans. A bend that would need
+/// more is not merged: the wide piece would cover its neighbours.
+const MAX_WIDENING: f64 = 1.5;
+/// Tolerance of the mean distance between merged spans and their piece, pixels. With 0.2, loops
+/// become so flat that a fabric of a million stitches is 2 % brighter. With 0.1 it is less than 1 %
+/// brighter. Lower values merge fewer spans.
+const MAX_BULGE: f64 = 0.1;
+/// Smallest sine of the angle between a yarn and the fabric's normal at which their cross product
+/// defines a ribbon's width. Below it, rounding decides the direction.
+const MIN_SINE: f32 = 1e-3;
 
-/// How finely yarns are cut.
+/// Level of subdivision.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Cut<'a> {
-    /// So that a chord leaves its curve by less than [`CHORD_ERROR`] pixels, where [`MAX_PIECES`]
-    /// allows; with [`Options::lod`] by no pieces shorter than a pixel, where bends allow.
-    Picture(&'a Camera, &'a Options),
-    /// St pieces a stitch, evenly in its own parameter, as [`warpknit_core::yarn::tube`] cuts it.
+pub(super) enum Subdivision<'a> {
+    /// Adaptive: a chord leaves its curve by less than [`CHORD_ERROR`] pixels, as far as
+    /// [`MAX_PIECES`] allows. With [`RenderOptions::lod`], spans shorter than a pixel are merged
+    /// where their bend allows.
+    Picture(&'a Camera, &'a RenderOptions),
+    /// Uniform: St pieces a stitch, evenly in the stitch's parameter, as [`warpknit_core::yarn::tube`]
+    /// subdivides it.
     #[cfg_attr(
         not(feature = "gpu"),
         expect(dead_code, reason = "the graphics card alone asks for it")
@@ -48,30 +57,35 @@ pub(super) enum Cut<'a> {
 
 /// Consecutive points of yarns.
 #[derive(Debug, Default)]
-pub(super) struct Paths {
-    /// What to add to a point to be in the world.
+pub(super) struct YarnPaths {
+    /// Offset from these coordinates to world coordinates.
     pub(super) centre: DVec3,
-    /// Points on the axis, and in w the radius of the piece that starts here: 0 at a strand's end,
-    /// where none does.
+    /// Points on the axis. w is the radius of the piece that starts there: 0 at a strand's end,
+    /// where no piece starts.
     pub(super) points: Vec<Vec4>,
     /// Unit tangents.
     pub(super) tangents: Vec<PackedUnit>,
-    /// Of a tube the unit vector across the yarn from which angles around it count, of a ribbon the
+    /// For tubes the unit vector across the yarn from which angles around it count, for ribbons the
     /// fabric's normal.
     pub(super) across: Vec<PackedUnit>,
-    /// Arc length, mm, from a start that differs from strand to strand.
+    /// Arc length, mm, from an origin that differs from strand to strand.
     pub(super) along: Vec<f32>,
-    /// The yarns' looks.
+    /// Indices of the yarns' looks.
     pub(super) looks: Vec<u16>,
 }
 
-impl Paths {
-    /// The strands of numbers `range`, cut; `centre` is what coordinates are relative to.
-    pub(super) fn of(scene: &Scene, range: Range<usize>, centre: DVec3, cut: Cut<'_>) -> Self {
+impl YarnPaths {
+    /// Subdivides the strands `range`. Coordinates are relative to `centre`.
+    pub(super) fn new(
+        scene: &Scene,
+        range: Range<usize>,
+        centre: DVec3,
+        subdivision: Subdivision<'_>,
+    ) -> Self {
         let mut paths = Self { centre, ..Self::default() };
-        let mut room = Room::default();
+        let mut buffer = PointRun::default();
         for (strand, number) in scene.strands[range.clone()].iter().zip(index32(range.start)..) {
-            paths.push_strand(scene, strand, number, cut, &mut room);
+            paths.push_strand(scene, strand, number, subdivision, &mut buffer);
         }
         paths
     }
@@ -85,49 +99,58 @@ impl Paths {
         self.looks.extend_from_slice(&other.looks);
     }
 
+    /// Appends one strand, split at points that are not drawable.
     fn push_strand(
         &mut self,
         scene: &Scene,
-        strand: &Strand,
+        strand: &SceneStrand,
         number: u32,
-        cut: Cut<'_>,
-        room: &mut Room,
+        subdivision: Subdivision<'_>,
+        buffer: &mut PointRun,
     ) {
         let Some(radius) = scene.radius(strand) else { return };
         let mut along = phase(number);
         let mut start = strand.points.start;
         while start < strand.points.end {
-            let good = |point: u32| drawable(scene.positions[point as usize]);
-            let end =
-                (start..strand.points.end).find(|&point| !good(point)).unwrap_or(strand.points.end);
+            let end = (start..strand.points.end)
+                .find(|&point| !drawable(scene.positions[point as usize]))
+                .unwrap_or(strand.points.end);
             if start < end {
-                room.fill(scene, strand, start..end, self.centre);
+                buffer.fill(scene, strand, start..end, self.centre);
                 along = self.push_run(
-                    room,
-                    Yarn { radius, look: strand.look, shape: scene.shape },
+                    buffer,
+                    PathStyle { radius, look: strand.look, shape: scene.shape },
                     along,
-                    cut,
+                    subdivision,
                 );
             }
             start = end + 1;
         }
     }
 
-    /// The length at the run's end.
-    fn push_run(&mut self, run: &Room, yarn: Yarn, along: f64, cut: Cut<'_>) -> f64 {
-        let mut laying = Laying {
+    /// Appends a run of drawable points whose arc length starts at `along`; returns the arc length
+    /// at its end.
+    fn push_run(
+        &mut self,
+        run: &PointRun,
+        style: PathStyle,
+        along: f64,
+        subdivision: Subdivision<'_>,
+    ) -> f64 {
+        let mut builder = PathBuilder {
             paths: self,
             run,
-            yarn,
-            at: (usize::MAX, None),
-            frame: Frame::default(),
+            style,
+            cached: (usize::MAX, None),
+            frame: TangentFrame::default(),
             along,
         };
-        match cut {
-            Cut::Picture(camera, options) => laying.by_spans(camera, options),
-            Cut::Stitch(st) => laying.by_stitches(st),
+        match subdivision {
+            Subdivision::Picture(camera, options) => builder.subdivide_spans(camera, options),
+            Subdivision::Stitch(st) => builder.subdivide_stitches(st),
         }
-        let along = laying.along;
+        let along = builder.along;
+        // A radius of 0 marks the end: no piece starts there.
         if let Some(last) = self.points.last_mut() {
             last.w = 0.0;
         }
@@ -135,27 +158,28 @@ impl Paths {
     }
 }
 
-/// What is the same all along a yarn.
+/// Properties that are constant along a yarn.
 #[derive(Clone, Copy)]
-struct Yarn {
+struct PathStyle {
     radius: f32,
     look: u16,
     shape: Shape,
 }
 
-/// A run of drawable points, in double precision, relative to the middle. Its memory serves strand
-/// after strand.
+/// A run of drawable points in `f64`, relative to the centre. Its memory is reused for one strand
+/// after another.
 #[derive(Default)]
-struct Room {
+struct PointRun {
     points: Vec<DVec3>,
     /// The fabric's normals, for ribbons.
     normals: Vec<Vec3A>,
-    /// Points at which stitches begin or end, both ends of the run among them.
+    /// Points at which stitches begin or end, including both ends of the run.
     stitches: Vec<usize>,
 }
 
-impl Room {
-    fn fill(&mut self, scene: &Scene, strand: &Strand, range: Range<u32>, centre: DVec3) {
+impl PointRun {
+    /// Takes the points `range` of a strand.
+    fn fill(&mut self, scene: &Scene, strand: &SceneStrand, range: Range<u32>, centre: DVec3) {
         let (start, end) = (range.start as usize, range.end as usize);
         self.points.clear();
         self.points
@@ -166,6 +190,7 @@ impl Room {
                 scene.normals[start..end].iter().map(|normal| Vec3A::from(normal.unpack())),
             );
         }
+        // A single point gets a copy, so that it is a piece of length 0: a ball.
         if let [only] = self.points[..] {
             self.points.push(only);
             self.normals.extend_from_within(..);
@@ -182,11 +207,11 @@ impl Room {
         self.stitches.push(last);
     }
 
-    /// From point `index` on as many spans as it takes to come a pixel far, fewer where they bend
-    /// too much for one piece.
-    fn chord(&self, index: usize, pixel: f64) -> Chord {
+    /// Merges spans from point `index` on until the chord is a pixel long, or until they bend too
+    /// much for a single piece.
+    fn merge_spans(&self, index: usize, pixel: f64) -> MergedSpans {
         let start = self.points[index];
-        let (mut found, mut arc, mut moment) = (Chord::default(), 0.0, DVec3::ZERO);
+        let (mut found, mut arc, mut moment) = (MergedSpans::default(), 0.0, DVec3::ZERO);
         for spans in 1..self.points.len() - index {
             let end = self.points[index + spans];
             let length = start.distance(end);
@@ -197,11 +222,12 @@ impl Room {
             let span_length = span.length();
             arc += span_length;
             moment += span.mean() * span_length;
+            // Mean position of the curve, by arc length, minus the midpoint of the chord.
             let bulge = moment / arc.max(f64::MIN_POSITIVE) - start.midpoint(end);
-            if spans > 1 && (arc > WIDEST * length || bulge.length() > MOST_BULGE * pixel) {
+            if spans > 1 && (arc > MAX_WIDENING * length || bulge.length() > MAX_BULGE * pixel) {
                 break;
             }
-            found = Chord { spans, length, arc, bulge };
+            found = MergedSpans { spans, length, arc, bulge };
             if length >= pixel {
                 break;
             }
@@ -210,32 +236,33 @@ impl Room {
     }
 }
 
-/// A straight piece in place of whole spans.
+/// A straight piece that replaces whole spans.
 #[derive(Default)]
-struct Chord {
-    /// None where the first span alone is long enough to be cut.
+struct MergedSpans {
+    /// Number of spans. 0 where the first span is long enough to be subdivided itself.
     spans: usize,
+    /// Length of the chord, mm.
     length: f64,
-    /// Length of the curve.
+    /// Length of the curve, mm.
     arc: f64,
-    /// From the chord to where the curve lies on the average.
+    /// Vector from the chord's midpoint to the curve's mean position.
     bulge: DVec3,
 }
 
-/// A run on its way into [`Paths`].
-struct Laying<'a> {
-    paths: &'a mut Paths,
-    run: &'a Room,
-    yarn: Yarn,
-    /// The span that was last asked for.
-    at: (usize, Option<Span>),
-    frame: Frame,
+/// State while a run is appended to [`YarnPaths`].
+struct PathBuilder<'a> {
+    paths: &'a mut YarnPaths,
+    run: &'a PointRun,
+    style: PathStyle,
+    /// The span that was computed last, with its index. Consecutive points mostly share a span.
+    cached: (usize, Option<Span>),
+    frame: TangentFrame,
     along: f64,
 }
 
-impl Laying<'_> {
-    /// As many pieces between two data points, or as few, as the picture shows.
-    fn by_spans(&mut self, camera: &Camera, options: &Options) {
+impl PathBuilder<'_> {
+    /// Subdivides spans adaptively, and merges those that are shorter than a pixel.
+    fn subdivide_spans(&mut self, camera: &Camera, options: &RenderOptions) {
         let eye = camera.eye() - self.paths.centre;
         let pixel = |point: DVec3| camera.pixel_size(point.distance(eye), options.height);
         let last = self.run.points.len() - 1;
@@ -243,45 +270,48 @@ impl Laying<'_> {
         let mut bulge = DVec3::ZERO;
         while index < last {
             let far = if options.lod {
-                self.run.chord(index, pixel(self.run.points[index]))
+                self.run.merge_spans(index, pixel(self.run.points[index]))
             } else {
-                Chord::default()
+                MergedSpans::default()
             };
             if far.spans > 0 {
-                self.chord(index, &far, bulge);
+                self.push_merged(index, &far, bulge);
                 index += far.spans;
                 bulge = far.bulge;
                 continue;
             }
             let count = pieces(&self.span(index), pixel);
             for piece in 0..count {
-                self.point(index, f64::from(piece) / f64::from(count));
+                self.push_point(index, f64::from(piece) / f64::from(count));
             }
             index += 1;
             bulge = DVec3::ZERO;
         }
-        self.point(last - 1, 1.0);
+        self.push_point(last - 1, 1.0);
     }
 
-    /// One piece for all of a chord's spans: as long as they are in `along`, and as much wider as
-    /// it is shorter than they are. Its start is moved so that it lies where they lie on the
-    /// average, not inside their bend; `bulge` is that of the chord before.
-    fn chord(&mut self, index: usize, chord: &Chord, bulge: DVec3) {
-        self.point(index, 0.0);
+    /// Appends one piece for merged spans. Its arc length is that of the spans. It is widened by
+    /// the ratio of arc to chord, so that it covers the same area. Its start is moved so that on
+    /// average it lies on the spans and not inside their bend; `bulge` is that of the piece before.
+    fn push_merged(&mut self, index: usize, chord: &MergedSpans, bulge: DVec3) {
+        self.push_point(index, 0.0);
         if let Some(start) = self.paths.points.last_mut() {
             let moved = (bulge + chord.bulge).as_vec3() * 0.5;
             #[expect(clippy::cast_possible_truncation, reason = "rounding is meant")]
             let widening =
-                (chord.arc / chord.length.max(f64::MIN_POSITIVE)).clamp(1.0, WIDEST) as f32;
+                (chord.arc / chord.length.max(f64::MIN_POSITIVE)).clamp(1.0, MAX_WIDENING) as f32;
+            // Both the position and the width of the piece change. Without the shift, loops shrink;
+            // without the width, the cloth becomes brighter through its gaps.
             *start = (start.truncate() + moved).extend(start.w * widening);
         }
+        // The texture advances by the length of the curve, not of the chord.
         self.along += chord.arc - chord.length;
     }
 
-    /// St pieces a stitch.
-    fn by_stitches(&mut self, st: u32) {
+    /// Subdivides each stitch into `st` pieces.
+    fn subdivide_stitches(&mut self, st: u32) {
         let run = self.run;
-        self.point(0, 0.0);
+        self.push_point(0, 0.0);
         for ends in run.stitches.windows(2) {
             let spans = f64::from(index32(ends[1] - ends[0]));
             for step in 1..=st {
@@ -291,78 +321,85 @@ impl Laying<'_> {
                     clippy::cast_sign_loss,
                     reason = "between 0 and the number of spans"
                 )]
+                // The end of a stitch belongs to its last span.
                 let index = (ends[0] + parameter.floor() as usize).min(ends[1] - 1);
-                self.point(index, parameter - f64::from(index32(index - ends[0])));
+                self.push_point(index, parameter - f64::from(index32(index - ends[0])));
             }
         }
     }
 
+    /// The span after point `index`.
     fn span(&mut self, index: usize) -> Span {
-        match self.at {
+        match self.cached {
             (at, Some(span)) if at == index => span,
             _ => {
                 let span = curve::span(&self.run.points, index);
-                self.at = (index, Some(span));
+                self.cached = (index, Some(span));
                 span
             }
         }
     }
 
-    fn point(&mut self, index: usize, t: f64) {
+    /// Appends the point at parameter `t` of the span after point `index`.
+    fn push_point(&mut self, index: usize, t: f64) {
         let span = self.span(index);
         let position = span.at(t);
         self.along += self.frame.advance(position, span.tangent(t));
-        let across = match self.yarn.shape {
+        let across = match self.style.shape {
             Shape::Tube => self.frame.across,
             Shape::Ribbon => {
                 #[expect(clippy::cast_possible_truncation, reason = "rounding is meant")]
                 let share = t as f32;
-                self.frame.over(self.run.normals[index].lerp(self.run.normals[index + 1], share))
+                self.frame
+                    .ribbon_normal(self.run.normals[index].lerp(self.run.normals[index + 1], share))
             }
         };
-        self.paths.points.push(position.as_vec3().extend(self.yarn.radius));
+        self.paths.points.push(position.as_vec3().extend(self.style.radius));
         self.paths.tangents.push(PackedUnit::new(self.frame.tangent.into()));
         self.paths.across.push(PackedUnit::new(across.into()));
         #[expect(clippy::cast_possible_truncation, reason = "rounding is meant")]
         self.paths.along.push(self.along as f32);
-        self.paths.looks.push(self.yarn.look);
+        self.paths.looks.push(self.style.look);
     }
 }
 
-/// Pieces that keep the chord error of `span` below [`CHORD_ERROR`], given the size of a pixel at a
-/// point.
+/// Number of pieces that keep the chord error of `span` below [`CHORD_ERROR`], given the size of a
+/// pixel at a point.
 fn pieces(span: &Span, pixel: impl Fn(DVec3) -> f64) -> u32 {
     let (start, middle, end) = (span.tangent(0.0), span.tangent(0.5), span.tangent(1.0));
-    // The second derivative is linear in t, so its largest value is at an end; a chord of 1/n
-    // leaves the curve by |p''| / (8 n^2).
+    // The second derivative of a cubic is linear in t, so its norm is largest at an end. A chord of
+    // 1/n of the parameter leaves the curve by at most |p''| / (8 n^2), the error bound of linear
+    // interpolation.
     let cubic = 2.0 * (start + end) - 4.0 * middle;
     let bend = (end - start - cubic).length().max((end - start + cubic).length());
     let wanted = (bend / (8.0 * CHORD_ERROR * pixel(span.at(0.5)).max(f64::MIN_POSITIVE))).sqrt();
     (1..MAX_PIECES).find(|&count| f64::from(count) >= wanted).unwrap_or(MAX_PIECES)
 }
 
-/// Where a strand's arc length starts, mm: spread out, so that neighbours don't show the same plies
-/// side by side.
+/// Arc length at the start of a strand, mm. A hash spreads it, so that neighbouring yarns do not
+/// show the same plies or texels side by side.
 pub(super) fn phase(strand: u32) -> f64 {
     f64::from(super::ply::hash(strand) >> 20) * 0.37
 }
 
-/// A rotation-minimising frame on its way along a yarn.
+/// A rotation-minimising frame that moves along a yarn.
 #[derive(Default)]
-struct Frame {
+struct TangentFrame {
     position: DVec3,
     tangent: Vec3A,
     across: Vec3A,
 }
 
-impl Frame {
-    /// Moves on to `position`, where the curve runs along `derivative`; the distance moved, 0 for
-    /// the first point.
+impl TangentFrame {
+    /// Moves the frame to `position`, where the curve has this derivative. Returns the distance
+    /// moved, 0 for the first point.
     fn advance(&mut self, position: DVec3, derivative: DVec3) -> f64 {
         let first = self.tangent == Vec3A::ZERO;
         let tangent =
             derivative.as_vec3a().normalize_or(if first { Vec3A::X } else { self.tangent });
         let chord = position - self.position;
+        // Double reflection transports the direction across the yarn without twist about the
+        // tangent. A Frenet frame would flip at inflections.
         let (across, moved) = if first {
             (frame::perpendicular_unit(Vec3A::Z, tangent), 0.0)
         } else {
@@ -375,15 +412,17 @@ impl Frame {
         moved
     }
 
-    /// The fabric's normal where it is `normal`, leant so that a ribbon across both it and the
-    /// tangent keeps its last direction where the yarn runs along the normal.
-    fn over(&mut self, normal: Vec3A) -> Vec3A {
+    /// The normal that a ribbon uses where the fabric's is `normal`. Where the yarn runs along the
+    /// normal, their cross product is undefined. There the normal is tilted slightly, so that the
+    /// ribbon's width keeps its last direction.
+    fn ribbon_normal(&mut self, normal: Vec3A) -> Vec3A {
+        // The width's squared length is the squared sine of the angle between yarn and normal.
         let width = self.tangent.cross(normal);
-        if width.length_squared() >= LEAST_SINE * LEAST_SINE {
+        if width.length_squared() >= MIN_SINE * MIN_SINE {
             self.across = frame::perpendicular_unit(normal, self.tangent);
             return normal;
         }
-        // Here `across` holds what `carry` made of the last normal.
-        normal + self.across * (10.0 * LEAST_SINE)
+        // Here `across` is the last normal as `carry` transported it.
+        normal + self.across * (10.0 * MIN_SINE)
     }
 }

@@ -1,44 +1,51 @@
-//! What makes a smooth tube read as yarn: plies wound around each other, and fibres in the plies.
+//! Procedural plies and fibres on a smooth tube: the appearance of yarns without textures.
 //!
-//! In: where on the tube a point lies (around and along) and how large a pixel is there. Out: a
-//! tilted normal and a factor on the albedo. The tube's outline stays round. Detail that a pixel
-//! cannot hold fades out instead of flickering. A picture made from a photo of a yarn takes its
-//! place where there is one; this room is a look, not a model of any one yarn.
+//! In: a point's coordinates on the tube (around and along) and the size of a pixel there. Out: a
+//! perturbed normal (bump mapping, Blinn 1978, 'Simulation of wrinkled surfaces') and a factor on
+//! the albedo. The tube's silhouette stays round. Detail finer than a pixel fades out, because it
+//! would alias.
+//!
+//! Not promised: the appearance of any particular yarn. Textures from a photo ([`super::maps`])
+//! take the place of this file where there are any. `shaders/ply.wgsl` repeats it line by line, and
+//! a test compares the two.
 
 use glam::Vec3;
 use std::f32::consts::TAU;
 use warpknit_core::yarn::fibres::MIDDLING_SLOPE;
 
-/// Tilt of the normal in the groove between plies, radians. A full half circle a ply looks like
-/// rope at this size.
+/// Largest tilt of the normal, radians, in the groove between plies. The tilt of truly round plies
+/// would be 90 degrees and looks like rope at this size. With 0, plies show as stripes of colour
+/// only.
 const PLY_TILT: f32 = 0.42;
-/// Light lost in the groove between plies.
+/// Fraction of the light that is lost in the groove between plies.
 const GROOVE: f32 = 0.30;
-/// Mean depth of a yarn's surface in its grooves.
+/// Mean depth of the grooves over a yarn's surface: the mean of |2 x|^3 for x in -0.5..0.5.
 const MEAN_GROOVE: f32 = 0.25;
-/// Fibres to be seen around the yarn; real yarns have more, which no pixel shows.
+/// Visible fibres around the yarn. Real yarns have more, but those would be finer than a pixel in
+/// most pictures.
 const FIBRES: i32 = 26;
-/// Slope of the fibres: single yarns are twisted against their plying, so that fibres lie almost
+/// Slope of the fibres. Single yarns are twisted against their plying, so that fibres lie almost
 /// along the axis.
 const FIBRE_SLOPE: f32 = -0.12;
-/// Length over which a fibre stays at the surface, in radii.
+/// Length of a fibre on the surface, radii. Shorter ones look like grain, longer ones like grooves.
 const FIBRE_LENGTH: f32 = 5.0;
-/// Tilt of the normal between fibres, radians, and change of albedo.
+/// Largest tilt of the normal between fibres, radians.
 const FIBRE_TILT: f32 = 0.30;
+/// Largest change of the albedo from fibre to fibre.
 const FIBRE_SHADE: f32 = 0.16;
-/// Least cosine between a normal and the direction to the eye.
-const LEAST_COSINE: f32 = 0.05;
+/// Smallest cosine between a shaded normal and the direction to the eye.
+const MIN_COSINE: f32 = 0.05;
 
-/// A point on a yarn's surface.
+/// A point on a yarn's surface, for procedural detail.
 #[derive(Clone, Copy, Debug)]
-pub struct Place {
+pub struct YarnPoint {
     /// Unit normal of the tube.
     pub normal: Vec3,
     /// Unit vector to the eye.
     pub toward_eye: Vec3,
     /// Unit tangent of the yarn.
     pub tangent: Vec3,
-    /// Angle around the axis, from the yarn's own frame, radians.
+    /// Angle around the axis in the yarn's tangent frame, radians.
     pub around: f32,
     /// Arc length along the yarn, mm.
     pub along: f32,
@@ -46,83 +53,91 @@ pub struct Place {
     pub radius: f32,
     /// Size of a pixel at this point, mm.
     pub footprint: f32,
-    /// Yarns that are wound around each other.
+    /// Number of yarns that are twisted around each other.
     pub plies: f32,
-    /// Slope of the twist, see [`crate::scene::YarnLook::twist_slope`].
+    /// Slope of the twist; see [`crate::scene::YarnLook::twist_slope`].
     pub twist_slope: Option<f32>,
 }
 
-/// The normal and the factor on the albedo that the yarn has at `place`.
+/// The normal and the factor on the albedo at a point of the yarn.
 #[must_use]
-pub fn detail(place: &Place) -> (Vec3, f32) {
-    let turn = TAU * place.radius;
-    let around = place.tangent.cross(place.normal);
+pub fn detail(point: &YarnPoint) -> (Vec3, f32) {
+    let turn = TAU * point.radius;
+    let around = point.tangent.cross(point.normal);
     let (ply_tilt, groove) =
-        if place.plies > 1.0 { plies(place, turn, around) } else { (Vec3::ZERO, 0.0) };
-    let fibre_share = fade(place.footprint, 2.0 * turn / small(FIBRES));
+        if point.plies > 1.0 { plies(point, turn, around) } else { (Vec3::ZERO, 0.0) };
+    let fibre_share = fade(point.footprint, 2.0 * turn / small(FIBRES));
     if fibre_share <= 0.0 && ply_tilt == Vec3::ZERO {
-        return (facing(place.normal, place.toward_eye), 1.0 - GROOVE * groove);
+        return (face_eye(point.normal, point.toward_eye), 1.0 - GROOVE * groove);
     }
-    let (tilt, fibre) = fibres(place, turn);
-    let normal = place.normal + ply_tilt + around * (tilt * FIBRE_TILT * fibre_share);
+    let (tilt, fibre) = fibres(point, turn);
+    let normal = point.normal + ply_tilt + around * (tilt * FIBRE_TILT * fibre_share);
     let shade = (1.0 - GROOVE * groove) * (1.0 + FIBRE_SHADE * fibre * fibre_share);
-    (facing(normal.normalize_or(place.normal), place.toward_eye), shade)
+    (face_eye(normal.normalize_or(point.normal), point.toward_eye), shade)
 }
 
-/// The factor on the albedo of a yarn too thin for its plies to be seen.
+/// Factor on the albedo of a yarn too thin for its plies to be visible.
 pub(super) fn mean_shade(plies: u32) -> f32 {
     if plies > 1 { 1.0 - GROOVE * MEAN_GROOVE } else { 1.0 }
 }
 
-/// Slopes of plies and of fibres against the axis. A single yarn's twist is its fibres'.
+/// Slopes of plies and of fibres against the axis. In a single yarn, the twist is that of its
+/// fibres.
 pub(super) fn slopes(plies: f32, twist_slope: Option<f32>) -> [f32; 2] {
     let fibre = if plies > 1.0 { FIBRE_SLOPE } else { twist_slope.unwrap_or(FIBRE_SLOPE) };
     [twist_slope.unwrap_or(MIDDLING_SLOPE), fibre]
 }
 
-/// What the plies add to the normal, and how deep in a groove between them `place` lies, 0..1.
-fn plies(place: &Place, turn: f32, around: Vec3) -> (Vec3, f32) {
-    let share = fade(place.footprint, turn / place.plies);
-    let [slope, _] = slopes(place.plies, place.twist_slope);
-    // Across one ply, -0.5..0.5: the normal tilts outward on both sides of its crown.
-    let ply = place.plies * (place.around / TAU + slope * place.along / turn);
+/// Tilt of the normal by the plies, and the depth in the groove between them, 0..1.
+fn plies(point: &YarnPoint, turn: f32, around: Vec3) -> (Vec3, f32) {
+    let share = fade(point.footprint, turn / point.plies);
+    let [slope, _] = slopes(point.plies, point.twist_slope);
+    // Helical coordinate: the ply's number at this angle and length. It is an integer on a ply's
+    // crown.
+    let ply = point.plies * (point.around / TAU + slope * point.along / turn);
+    // -0.5..0.5 across one ply. The normal tilts outward on both sides of the crown.
     let offset = ply - ply.round();
     let groove = (2.0 * offset.abs()).powi(3);
-    // Unresolved grooves still darken the yarn by their mean, so that colour does not jump with
-    // distance.
+    // A groove that is finer than a pixel still darkens the yarn by its mean, so the colour does
+    // not change with distance.
     (
-        (around + place.tangent * slope) * (2.0 * offset * PLY_TILT * share),
+        (around + point.tangent * slope) * (2.0 * offset * PLY_TILT * share),
         groove * share + MEAN_GROOVE * (1.0 - share),
     )
 }
 
-/// `normal`, bent toward the eye where it would look away: what is seen must face the eye, or
-/// outlines turn black.
-pub(super) fn facing(normal: Vec3, toward_eye: Vec3) -> Vec3 {
+/// `normal`, bent toward the eye if it faces away. Interpolated and perturbed normals may do so
+/// near the silhouette, where the BRDF would return black.
+pub(super) fn face_eye(normal: Vec3, toward_eye: Vec3) -> Vec3 {
     let cosine = normal.dot(toward_eye);
-    if cosine >= LEAST_COSINE {
+    if cosine >= MIN_COSINE {
         normal
     } else {
-        (normal + toward_eye * (LEAST_COSINE - cosine)).normalize_or(toward_eye)
+        (normal + toward_eye * (MIN_COSINE - cosine)).normalize_or(toward_eye)
     }
 }
 
-/// Slope and height of the fibres' noise, both about -1..1.
-fn fibres(place: &Place, turn: f32) -> (f32, f32) {
-    let [_, slope] = slopes(place.plies, place.twist_slope);
-    let q = small(FIBRES) * (place.around / TAU + slope * place.along / turn);
-    let v = place.along / (FIBRE_LENGTH * place.radius);
+/// Slope and height of the fibres' noise, both about -1..1: value noise, stretched along the
+/// fibres.
+fn fibres(point: &YarnPoint, turn: f32) -> (f32, f32) {
+    let [_, slope] = slopes(point.plies, point.twist_slope);
+    let q = small(FIBRES) * (point.around / TAU + slope * point.along / turn);
+    let v = point.along / (FIBRE_LENGTH * point.radius);
     let (column, row) = (q.floor(), v.floor());
     let (x, y) = (q - column, v - row);
-    let height = |dx: f32, dy: f32| noise(column + dx, row + dy);
+    // Heights at the four corners of the noise's cell.
+    let [a, b] = [noise(column, row), noise(column, row + 1.0)];
+    let [c, d] = [noise(column + 1.0, row), noise(column + 1.0, row + 1.0)];
+    // Smoothstep along the fibre, and across it with its derivative: continuous slopes show no
+    // grid.
     let ease = y * y * (3.0 - 2.0 * y);
-    let left = height(0.0, 0.0) * (1.0 - ease) + height(0.0, 1.0) * ease;
-    let right = height(1.0, 0.0) * (1.0 - ease) + height(1.0, 1.0) * ease;
+    let left = a * (1.0 - ease) + b * ease;
+    let right = c * (1.0 - ease) + d * ease;
     let smooth = x * x * (3.0 - 2.0 * x);
     ((left - right) * 3.0 * x * (1.0 - x), left + (right - left) * smooth)
 }
 
-/// Noise on a grid that wraps around the yarn, -1..1.
+/// Value noise on a grid that wraps around the yarn, -1..1.
 fn noise(column: f32, row: f32) -> f32 {
     #[expect(
         clippy::cast_possible_truncation,
@@ -136,7 +151,7 @@ fn noise(column: f32, row: f32) -> f32 {
     f32::from(u16::try_from(bits >> 16).unwrap_or(0)) / 32_767.5 - 1.0
 }
 
-/// Mixes all bits of a number (Murmur3's finaliser).
+/// Hash of an integer: the finaliser of MurmurHash3 (Appleby 2011).
 #[must_use]
 pub fn hash(mut bits: u32) -> u32 {
     bits = (bits ^ (bits >> 16)).wrapping_mul(0x85EB_CA6B);
@@ -144,12 +159,14 @@ pub fn hash(mut bits: u32) -> u32 {
     bits ^ (bits >> 16)
 }
 
-/// 1 where a pixel is far smaller than a feature, 0 where it is as large.
+/// Fades detail out: 1 where a pixel is smaller than 0.3 of a feature, 0 where it is as large or
+/// larger.
 fn fade(footprint: f32, feature: f32) -> f32 {
     let share = ((feature - footprint) / (0.7 * feature).max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
     share * share * (3.0 - 2.0 * share)
 }
 
+/// A small integer as a float.
 fn small(count: i32) -> f32 {
     f32::from(u8::try_from(count).unwrap_or(u8::MAX))
 }
@@ -159,10 +176,10 @@ mod tests {
     use super::*;
     use std::f32::consts::PI;
 
-    fn place(around: f32, along: f32, footprint: f32) -> Place {
+    fn place(around: f32, along: f32, footprint: f32) -> YarnPoint {
         let normal = Vec3::new(around.cos(), around.sin(), 0.0);
         let (plies, twist_slope) = (3.0, None);
-        Place {
+        YarnPoint {
             normal,
             toward_eye: normal,
             tangent: Vec3::Z,
@@ -200,7 +217,7 @@ mod tests {
         let grooves = |plies: f32, twist_slope: Option<f32>, along: f32| {
             let shade = |step: u16| {
                 let here = place(f32::from(step) * TAU / 720.0 - PI, along, 1e-4);
-                detail(&Place { plies, twist_slope, ..here }).1
+                detail(&YarnPoint { plies, twist_slope, ..here }).1
             };
             let shades: Vec<_> = (0..720).map(shade).collect();
             let darkest =

@@ -1,8 +1,8 @@
-//! What a renderer draws: yarns as control points, and what they are made of.
+//! The scene: what renderers draw. Yarns are control points with a look for each guide bar.
 //!
-//! In: the strands of the blocks that [`warpknit_core::drape`] hands out. Out: structure-of-arrays control
-//! points in `f32`, 12 bytes a data point and 4 a stitch, so that millions of stitches fit;
-//! renderers expand them on their own.
+//! In: strands of the blocks that [`warpknit_core::drape`] hands out. Out: control points in `f32` as a
+//! structure of arrays, with 12 bytes a data point and 4 a stitch, so that millions of stitches fit
+//! into memory. Renderers subdivide the curves on their own.
 
 use std::ops::Range;
 
@@ -13,19 +13,20 @@ use crate::maps::Maps;
 use crate::octahedral::PackedUnit;
 use warpknit_core::ids::index32;
 
-/// Renderers pass over points with a larger coordinate, mm: ten kilometres, where `f32` has lost
-/// whole stitches.
-pub const FARTHEST: f32 = 1e7;
+/// Largest coordinate that renderers accept, mm: ten kilometres. Beyond it, `f32` has a spacing of
+/// a millimetre, and whole stitches coincide.
+pub const MAX_COORDINATE: f32 = 1e7;
 
-/// Whether renderers take `point` for a point of a yarn: finite and not beyond [`FARTHEST`].
+/// Whether renderers accept `point` as a point of a yarn: finite, and not beyond
+/// [`MAX_COORDINATE`].
 #[must_use]
 pub fn drawable(point: Vec3) -> bool {
-    point.abs().cmple(Vec3::splat(FARTHEST)).all()
+    point.abs().cmple(Vec3::splat(MAX_COORDINATE)).all()
 }
 
-/// Whether renderers draw yarns of some radius.
-fn drawn_with(radius: f32) -> bool {
-    radius > 0.0 && radius < FARTHEST
+/// Whether renderers draw yarns of this radius.
+fn is_drawable_radius(radius: f32) -> bool {
+    radius > 0.0 && radius < MAX_COORDINATE
 }
 
 /// How a yarn looks.
@@ -39,19 +40,20 @@ pub struct YarnLook {
     pub metallic: f32,
     /// Radius, mm.
     pub radius: f32,
-    /// Single yarns that are wound around each other.
+    /// Number of single yarns that are twisted around each other.
     pub plies: u32,
-    /// Circumference over the length of one turn of the plies, or of the fibres where there is one
-    /// ply; S over 0, Z under 0. A middling twist where it isn't known.
+    /// Twist as a slope: circumference over the length of one turn, of the plies, or of the fibres
+    /// in a single yarn. S twist is positive, Z twist negative. `None` stands for a medium twist.
     pub twist_slope: Option<f32>,
-    /// How much its fibres mirror, 0 for dull ones to 1; see [`crate::sheen`].
+    /// Specular strength of the fibres, from 0 for dull ones to 1. See [`crate::sheen`].
     pub sheen: f32,
-    /// Its pictures in [`Scene::maps`]; a plain yarn has none, and plies and fibres are made up.
+    /// Index of its textures in [`Scene::maps`]. A yarn without textures gets procedural plies and
+    /// fibres.
     pub maps: Option<u16>,
 }
 
 impl YarnLook {
-    /// Fibres of one colour in three plies of a middling twist.
+    /// A yarn of one colour without textures, with three plies of a medium twist.
     #[must_use]
     pub const fn plain(albedo: Vec3, roughness: f32, radius: f32) -> Self {
         Self {
@@ -67,60 +69,61 @@ impl YarnLook {
     }
 }
 
-/// What yarns are drawn as.
+/// Primitive that yarns are drawn as.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Shape {
     /// Round, with [`YarnLook::radius`].
     #[default]
     Tube,
-    /// Flat strips in the fabric's plane, [`YarnLook::radius`] to either side of the axis, lit as
-    /// the fabric's surface is.
+    /// Flat strips in the fabric's plane. They extend [`YarnLook::radius`] to either side of the
+    /// axis and are shaded with the fabric's normal.
     Ribbon,
 }
 
-/// One uninterrupted run of yarn.
+/// Everything that the camera may see.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Strand {
-    /// Its control points in [`Scene::positions`].
+pub struct SceneStrand {
+    /// Range of its control points in [`Scene::positions`].
     pub points: Range<u32>,
-    /// Its stitches in [`Scene::stitches`].
+    /// Range of its stitches in [`Scene::stitches`].
     pub stitches: Range<u32>,
-    /// Its look in [`Scene::looks`].
+    /// Index of its look in [`Scene::looks`].
     pub look: u16,
 }
 
 /// Everything in front of the camera.
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
-    /// What all yarns are drawn as.
+    /// Primitive that all yarns are drawn as.
     pub shape: Shape,
-    /// Control points of all strands, mm; the yarn passes through each (centripetal Catmull-Rom,
-    /// [`warpknit_core::yarn::curve`]).
+    /// Control points of all strands, mm. The yarn passes through each of them (centripetal
+    /// Catmull-Rom, [`warpknit_core::yarn::curve`]).
     pub positions: Vec<Vec3>,
-    /// The fabric's normal at each, for ribbons; tubes need none.
+    /// Normal of the fabric at each control point, for ribbons. Empty for tubes.
     pub normals: Vec<PackedUnit>,
-    /// First control points of the stitches.
+    /// Index of the first control point of each stitch.
     pub stitches: Vec<u32>,
-    /// Strands, in yarn order; their ranges of points rise and don't overlap.
-    pub strands: Vec<Strand>,
-    /// Looks, one a guide bar.
+    /// Strands in yarn order. Their ranges of points rise and do not overlap.
+    pub strands: Vec<SceneStrand>,
+    /// Looks, one for each guide bar.
     pub looks: Vec<YarnLook>,
-    /// Pictures of yarns that looks name.
+    /// Textures that looks refer to.
     pub maps: Vec<Maps>,
 }
 
-/// How far neighbouring data points lie apart, mm.
+/// Distances between neighbouring data points, mm.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SpanLengths {
-    /// Of all together.
+    /// Sum of all distances.
     pub sum: f64,
-    /// How many there are.
+    /// Number of distances.
     pub count: u64,
-    /// The longest.
+    /// The longest distance.
     pub longest: f64,
 }
 
 impl SpanLengths {
+    /// These lengths with one more.
     fn with(self, length: f64) -> Self {
         Self { sum: self.sum + length, count: self.count + 1, longest: self.longest.max(length) }
     }
@@ -145,35 +148,37 @@ impl Bounds {
     /// All eight corners.
     #[must_use]
     pub fn corners(&self) -> [Vec3; 8] {
-        let pick = |corner: usize, axis: usize| {
-            if corner >> axis & 1 == 0 { self.min[axis] } else { self.max[axis] }
-        };
+        // Bit `axis` of a corner's number chooses between the smaller and the larger coordinate.
         std::array::from_fn(|corner| {
-            Vec3::from_array(std::array::from_fn(|axis| pick(corner, axis)))
+            Vec3::from_array(std::array::from_fn(|axis| {
+                if corner >> axis & 1 == 0 { self.min[axis] } else { self.max[axis] }
+            }))
         })
     }
 }
 
 impl Scene {
-    /// An empty scene for yarns of these looks that wear `maps`, those at `worn(bar)`: tubes what
-    /// of the pictures goes around them, and ribbons are as wide as their pictures.
-    pub fn wearing(
+    /// An empty scene for yarns of these looks, textured with `maps`. `texture_of(bar)` is the
+    /// index of a bar's texture. For tubes, textures are converted so that they wrap around.
+    /// Ribbons become as wide as their textures.
+    pub fn with_textures(
         shape: Shape,
         mut looks: Vec<YarnLook>,
         maps: Vec<Maps>,
-        worn: impl Fn(usize) -> Option<u16>,
+        texture_of: impl Fn(usize) -> Option<u16>,
     ) -> Self {
-        let maps: Vec<_> = maps.into_iter().map(|maps| maps.fitting(shape)).collect();
+        // A tube shows the texture from all sides, so it is converted once, here.
+        let maps: Vec<_> = maps.into_iter().map(|maps| maps.for_shape(shape)).collect();
         for (bar, look) in looks.iter_mut().enumerate() {
-            look.maps = worn(bar);
-            if let (Some(place), Shape::Ribbon) = (look.maps, shape) {
-                look.radius = maps[usize::from(place)].width / 2.0;
+            look.maps = texture_of(bar);
+            if let (Some(texture), Shape::Ribbon) = (look.maps, shape) {
+                look.radius = maps[usize::from(texture)].width / 2.0;
             }
         }
         Self { shape, looks, maps, ..Self::default() }
     }
 
-    /// Forgets the yarns, and keeps what they look like.
+    /// Removes the yarns and keeps their looks.
     pub fn clear(&mut self) {
         self.positions.clear();
         self.normals.clear();
@@ -181,8 +186,8 @@ impl Scene {
         self.strands.clear();
     }
 
-    /// Appends one strand through `points` with the look at index `look`, all of it one stitch, in
-    /// a fabric that faces +z.
+    /// Appends one strand through `points` with the look at index `look`. All of it is one stitch,
+    /// in a fabric that faces +z.
     ///
     /// ```
     /// use glam::Vec3;
@@ -194,14 +199,15 @@ impl Scene {
         self.push_stitches(points.into_iter().map(|point| (point, Vec3::Z)), [0], look);
     }
 
-    /// Appends one strand through points, each with the fabric's unit normal there, and says which
-    /// of them begin stitches, from 0.
+    /// Appends one strand through points, each with the fabric's unit normal. `stitches` are the
+    /// indices, from 0, of the points that begin stitches.
     pub fn push_stitches(
         &mut self,
         points: impl IntoIterator<Item = (Vec3, Vec3)>,
         stitches: impl IntoIterator<Item = u32>,
         look: u16,
     ) {
+        // Indices are 32 bits wide: half the memory of `usize`.
         let (start, first) = (index32(self.positions.len()), index32(self.stitches.len()));
         for (point, normal) in points {
             self.positions.push(point);
@@ -212,55 +218,50 @@ impl Scene {
         self.stitches.extend(stitches.into_iter().map(|stitch| start + stitch));
         let (points, stitches) =
             (start..index32(self.positions.len()), first..index32(self.stitches.len()));
-        self.strands.push(Strand { points, stitches, look });
+        self.strands.push(SceneStrand { points, stitches, look });
     }
 
-    /// The pictures of a look, if it has any.
+    /// The textures of a look, if it has any.
     #[must_use]
     pub fn maps_of(&self, look: &YarnLook) -> Option<&Maps> {
         self.maps.get(usize::from(look.maps?))
     }
 
-    /// The colour of all of a look's yarn, linear RGB.
+    /// Mean colour of a look's yarn, linear RGB.
     #[must_use]
     pub fn albedo_of(&self, look: &YarnLook) -> Vec3 {
         self.maps_of(look).map_or(look.albedo, Maps::mean_albedo)
     }
 
-    /// The colour of all yarn, by the share of the data points that each look has: what light
-    /// between the yarns takes on.
+    /// Mean colour of all yarns, weighted by their data points. Light that is reflected between
+    /// yarns takes on this colour.
     #[must_use]
     pub fn mean_albedo(&self) -> Vec3 {
-        let drawn = self.strands.iter().filter(|strand| self.radius(strand).is_some());
-        let (sum, points) = drawn.fold((Vec3::ZERO, 0.0), |(sum, points), strand| {
+        // Strands that no renderer draws do not colour the light.
+        let drawable = self.strands.iter().filter(|strand| self.radius(strand).is_some());
+        let (sum, points) = drawable.fold((Vec3::ZERO, 0.0), |(sum, points), strand| {
             let own = strand.points.len() as f32;
             (sum + self.albedo_of(&self.looks[usize::from(strand.look)]) * own, points + own)
         });
         if points > 0.0 { sum / points } else { Vec3::ZERO }
     }
 
-    /// Radii of the thinnest and the thickest yarn that is drawn, mm; infinite and 0 where there is
+    /// Radii of the thinnest and of the thickest drawable yarn, mm; infinity and 0 if there is
     /// none.
     #[must_use]
     pub fn radii(&self) -> (f32, f32) {
-        let drawn = self.strands.iter().filter_map(|strand| self.radius(strand));
-        drawn.fold((f32::INFINITY, 0.0), |(thinnest, thickest), radius| {
+        let radii = self.strands.iter().filter_map(|strand| self.radius(strand));
+        radii.fold((f32::INFINITY, 0.0), |(thinnest, thickest), radius| {
             (radius.min(thinnest), radius.max(thickest))
         })
     }
 
-    /// How far the data points that are drawn lie from the next one on their strand.
+    /// Distances between neighbouring drawable data points of strands.
     #[must_use]
     pub fn span_lengths(&self) -> SpanLengths {
-        let of_strand = |strand: &Strand| {
-            let points = &self.positions[strand.points.start as usize..strand.points.end as usize];
-            let drawn = points.windows(2).filter(|ends| ends.iter().all(|end| drawable(*end)));
-            drawn
-                .map(|ends| f64::from(ends[0].distance(ends[1])))
-                .fold(SpanLengths::default(), SpanLengths::with)
-        };
-        // Summed in order, so that any number of threads finds the same.
-        let strands: Vec<SpanLengths> = self.strands.par_iter().map(of_strand).collect();
+        // Sums are taken in order, so that the result does not depend on the number of threads.
+        let strands: Vec<SpanLengths> =
+            self.strands.par_iter().map(|strand| self.strand_lengths(strand)).collect();
         strands.into_iter().fold(SpanLengths::default(), |sum, own| SpanLengths {
             sum: sum.sum + own.sum,
             count: sum.count + own.count,
@@ -268,17 +269,27 @@ impl Scene {
         })
     }
 
-    /// The radius of a strand, if it is one that can be drawn: above 0 and under [`FARTHEST`].
-    #[must_use]
-    pub fn radius(&self, strand: &Strand) -> Option<f32> {
-        let radius = self.looks[usize::from(strand.look)].radius;
-        drawn_with(radius).then_some(radius)
+    /// Distances between neighbouring drawable data points of one strand.
+    fn strand_lengths(&self, strand: &SceneStrand) -> SpanLengths {
+        let points = &self.positions[strand.points.start as usize..strand.points.end as usize];
+        points
+            .windows(2)
+            .filter(|ends| ends.iter().all(|end| drawable(*end)))
+            .map(|ends| f64::from(ends[0].distance(ends[1])))
+            .fold(SpanLengths::default(), SpanLengths::with)
     }
 
-    /// The box around all yarns, their radii included; `None` where nothing is there to be seen.
+    /// The radius of a strand if it is drawable: above 0 and below [`MAX_COORDINATE`].
+    #[must_use]
+    pub fn radius(&self, strand: &SceneStrand) -> Option<f32> {
+        let radius = self.looks[usize::from(strand.look)].radius;
+        is_drawable_radius(radius).then_some(radius)
+    }
+
+    /// Bounding box of all yarns, including their radii. `None` if nothing is visible.
     ///
-    /// The curve between two data points may leave the box by a little: Catmull-Rom curves
-    /// overshoot their points.
+    /// The curve between two data points may leave the box by a little, because Catmull-Rom curves
+    /// overshoot.
     #[must_use]
     pub fn bounds(&self) -> Option<Bounds> {
         let mut bounds: Option<Bounds> = None;

@@ -1,5 +1,6 @@
-//! How a yarn's surface reflects light: Cook-Torrance with Beckmann's distribution and Schlick's
-//! Fresnel and Smith terms.
+//! Reflection of a yarn's surface: the microfacet model of Cook and Torrance (1982, 'A reflectance
+//! model for computer graphics') with Beckmann's distribution and Schlick's approximations of the
+//! Fresnel and masking terms.
 //!
 //! In: a [`Surface`] (normal and material at a point) and two unit directions. Out: the BRDF
 //!
@@ -10,20 +11,25 @@
 //! G = G1(l) G1(v),   G1(x) = n.x / ((n.x)(1-k) + k),   k = (roughness+1)^2/8
 //! ```
 //!
-//! Source: the yarn papers' shading section with its misprints mended (Cook and Torrance 1982;
-//! Schlick 1994). A shader is to follow this file line by line. It is reciprocal, and loses a
-//! little light between microfacets. It gains none for roughness from 0.55 up, where fibres lie;
-//! smoother white dielectrics gain up to 8 % at grazing angles, because the diffuse part gives up F
-//! of the half vector and not what the specular part takes.
+//! The papers on ribbon and tubular yarns give these terms with misprints; `docs/method.md` lists
+//! the corrections. F and G1 are those of Schlick (1994, 'An inexpensive BRDF model for
+//! physically-based rendering'). `shaders/shade.wgsl` repeats this file line by line, and a test
+//! compares the two.
+//!
+//! The BRDF is reciprocal. It loses a little energy, because light between microfacets is not
+//! followed. It gains none for a roughness of 0.55 and more, as fibres have. Smoother white
+//! dielectrics gain up to 8 % at grazing angles: the diffuse part is reduced by F at the half
+//! vector and not by what the specular part reflects in total.
 
 use super::sheen::Sheen;
 use glam::Vec3;
 use std::f32::consts::PI;
 
-/// Roughness is held above this: a mirror has no BRDF to evaluate.
+/// Lower limit of the roughness. At 0 the distribution becomes a delta function and its value
+/// overflows.
 const MIN_ROUGHNESS: f32 = 0.03;
 
-/// What light meets at one point.
+/// Material and normal at one point.
 #[derive(Clone, Copy, Debug)]
 pub struct Surface {
     /// Unit normal.
@@ -34,98 +40,114 @@ pub struct Surface {
     pub roughness: f32,
     /// 0 for fibres, 1 for metal.
     pub metallic: f32,
-    /// What its fibres mirror besides.
+    /// Specular reflection of its fibres, in addition.
     pub sheen: Sheen,
 }
 
 impl Surface {
-    /// Reflectance at normal incidence.
+    /// Reflectance at normal incidence. 0.04 is that of a dielectric with an index of refraction of
+    /// 1.5.
     #[must_use]
     pub fn f0(&self) -> Vec3 {
         Vec3::splat(0.04).lerp(self.albedo, self.metallic)
     }
 
-    /// The BRDF toward `view` of light from `light`, unit vectors away from the surface; zero where
-    /// either is below it.
+    /// The BRDF for unit directions to the light and to the eye; zero where either is below the
+    /// surface.
     #[must_use]
     pub fn brdf(&self, light: Vec3, view: Vec3) -> Vec3 {
-        let base = self.base(light, view);
+        let base = self.base_brdf(light, view);
         if self.sheen.share > 0.0 {
-            base + self.glint() * self.sheen.lobe(self.normal, light, view)
+            base + self.sheen_color() * self.sheen.lobe(self.normal, light, view)
         } else {
             base
         }
     }
 
-    /// The BRDF without the fibres' sheen, less what this takes.
+    /// The BRDF without the fibres' sheen. It is scaled down by the energy that the sheen takes.
     #[must_use]
-    pub fn base(&self, light: Vec3, view: Vec3) -> Vec3 {
+    pub fn base_brdf(&self, light: Vec3, view: Vec3) -> Vec3 {
         let (nl, nv) = (self.normal.dot(light), self.normal.dot(view));
+        // The half vector: the normal of the microfacets that mirror `light` to `view`.
         let half = (light + view).normalize_or_zero();
         let nh = self.normal.dot(half);
+        // Nothing is reflected through the surface. The test of `nh` also catches opposite
+        // directions.
         if nl <= 0.0 || nv <= 0.0 || nh <= 0.0 {
             return Vec3::ZERO;
         }
         let roughness = self.roughness.clamp(MIN_ROUGHNESS, 1.0);
         let fresnel = schlick(self.f0(), view.dot(half));
-        // G1(x) / n.x, so that the BRDF's own 1 / (n.l n.v) cancels and grazing angles stay finite.
+        // G1(x) / (n.x) instead of G1(x): it cancels the BRDF's 1 / ((n.l)(n.v)), which would
+        // overflow at grazing angles.
         let k = (roughness + 1.0) * (roughness + 1.0) / 8.0;
-        let masking = |cosine: f32| 1.0 / (cosine * (1.0 - k) + k);
         let specular =
-            fresnel * (beckmann(nh, roughness * roughness) * masking(nl) * masking(nv) / 4.0);
-        (self.diffuse(fresnel) / PI + specular) * self.sheen.spared(nl, nv)
+            fresnel * (beckmann(nh, roughness * roughness) * masking(nl, k) * masking(nv, k) / 4.0);
+        (self.diffuse(fresnel) / PI + specular) * self.sheen.base_share(nl, nv)
     }
 
-    /// The colour of a sheen: a third of it comes off the fibres, white, and the rest through them.
+    /// Colour of the sheen. A third of it is reflected at the fibres' surfaces, so it is white. The
+    /// rest passes through them and takes on their colour.
     #[must_use]
-    pub fn glint(&self) -> Vec3 {
+    pub fn sheen_color(&self) -> Vec3 {
         self.albedo.lerp(Vec3::ONE, 1.0 / 3.0)
     }
 
-    /// The part of the light that leaves as the base colour where the share `fresnel` is mirrored.
+    /// Diffuse albedo that is left where the fraction `fresnel` is mirrored. Metals have none.
     #[must_use]
     pub fn diffuse(&self, fresnel: Vec3) -> Vec3 {
         (Vec3::ONE - fresnel) * self.albedo * (1.0 - self.metallic)
     }
 }
 
-/// Schlick's Fresnel term for the cosine between a direction and the mirroring normal.
+/// Schlick's approximation of the Fresnel term (1994). `cosine` is that of the angle
+/// between a direction and the normal that mirrors it.
 #[must_use]
 pub fn schlick(f0: Vec3, cosine: f32) -> Vec3 {
     f0 + (Vec3::ONE - f0) * (1.0 - cosine.clamp(0.0, 1.0)).powi(5)
 }
 
-/// The mean of Schlick's term over the microfacets of a rough surface (Lagarde 2011): rough cloth
-/// does not turn into a mirror at grazing angles. For light from a whole sky, where there is no
-/// single half vector.
+/// Mean of Schlick's term over the microfacets of a rough surface (Lagarde 2011, 'Adopting a
+/// physically based shading model'). Rough cloth does not become a mirror at grazing angles. It
+/// serves light from a whole sky, for which there is no single half vector.
 #[must_use]
 pub fn schlick_rough(f0: Vec3, cosine: f32, roughness: f32) -> Vec3 {
     f0 + (f0.max(Vec3::splat(1.0 - roughness)) - f0) * (1.0 - cosine.clamp(0.0, 1.0)).powi(5)
 }
 
-/// Cloth is about this thick, radii of its thinnest yarn; what lies deeper is another layer, such
-/// as a skirt's other side.
+/// Thickness of a layer of cloth, radii of its thinnest yarn. Deeper yarns belong to another layer,
+/// such as the other side of a skirt. Smaller values cut a cloth's own yarns off. Larger ones mix
+/// layers that touch.
 pub(super) const LAYER_RADII: f32 = 12.0;
 
-/// Share of the sky that yarns nearby leave open for a yarn that lies `before` the mean depth of
-/// the nearest layer around it, radii; none for one of another layer. `cover` is the share of the
-/// surroundings that are yarn, `cosine` that of its surface with the direction to the eye.
+/// Visibility of the sky among neighbouring yarns: a cheap approximation of ambient occlusion. The
+/// yarn lies `before` the mean depth of the nearest layer around it, in radii; `None` if it belongs
+/// to another layer. `cover` is the fraction of the surroundings that yarn covers. `cosine` is that
+/// of the angle between its normal and the direction to the eye.
 ///
-/// A logistic curve, fitted to what traced rays see on tricot and locknit from three sides, to .13
-/// root mean square of a share that varies by .26. Another layer, seen through a hole, has the sky
-/// of a cloth's middle.
-pub(super) fn open_sky(before: Option<f32>, cover: f32, cosine: f32, is_ribbon: bool) -> f32 {
+/// It is a logistic curve, fitted to the result of traced rays on tricot and locknit from three
+/// sides. The fit has a root mean square error of 0.13 for a visibility that varies by 0.26. Yarn
+/// of another layer, seen through a hole, has the visibility of a cloth's middle, 0.5.
+pub(super) fn sky_visibility(before: Option<f32>, cover: f32, cosine: f32, is_ribbon: bool) -> f32 {
+    // Depths where half of the sky is visible, and the slope, both from the fit.
     let middle = if is_ribbon { -0.35 } else { 0.065 };
     let level = before.map_or(0.5, |before| 1.0 / (1.0 + (middle - 0.427 * before).exp()));
     ((1.0 + cover * (level - 1.0)) * (0.51 + (1.2 - 0.51) * cosine)).clamp(0.0, 1.0)
 }
 
-/// Beckmann's distribution of microfacet normals.
+/// Beckmann's distribution of microfacet normals. `cosine` is that of the angle between normal and
+/// half vector.
 fn beckmann(cosine: f32, a: f32) -> f32 {
     let cos2 = (cosine * cosine).min(1.0);
     let a2 = a * a;
-    // cos^4 underflows only where the exponential is zero long before.
+    // The exponential underflows to zero long before cos^4 does, so the lower limit only prevents 0
+    // / 0.
     (-(1.0 - cos2) / (cos2 * a2)).exp() / (PI * a2 * cos2 * cos2).max(f32::MIN_POSITIVE)
+}
+
+/// Schlick's approximation of Smith's masking term G1, divided by its cosine.
+fn masking(cosine: f32, k: f32) -> f32 {
+    1.0 / (cosine * (1.0 - k) + k)
 }
 
 #[cfg(test)]

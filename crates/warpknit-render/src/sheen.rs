@@ -1,123 +1,136 @@
-//! The sheen of satin and silk: what fibres mirror that lie side by side, along a yarn or around it
-//! at the angle of their twist.
+//! The sheen of satin and silk: specular reflection of parallel fibres, which lie along a yarn or
+//! wind around it at the angle of their twist.
 //!
-//! In: a [`Sheen`] and unit directions. Out: what it adds to the BRDF, and what it leaves of the
-//! rest. After Irawan and Marschner 2012 ("Specular reflection from woven cloth"), with their terms
-//! but not their curved cylinders, since here the yarns are there:
+//! In: a [`Sheen`] and unit directions. Out: its contribution to the BRDF, and the scale of the
+//! rest of the BRDF. The model is that of Irawan and Marschner (2012, 'Specular reflection from
+//! woven cloth'). Their curved cylinders are left out, because here the yarns' geometry is given:
 //!
 //! ```text
 //! f = share e^(40 (cos d - 1)) P / (n.l + n.v),   sin d = t.h
-//! P = .6 + .4 e^(-3 (1 + l.v))
+//! P = 0.6 + 0.4 e^(-3 (1 + l.v))
 //! ```
 //!
-//! A fibre along t mirrors light where the half vector h is across it; fibres are not quite
-//! parallel, so that d is spread by a von Mises distribution. P is their phase function: as much to
-//! all sides, and more forward. The divisor is Seeliger's law for fibres that shadow and hide each
-//! other. A shader is to follow this file line by line.
+//! A fibre along t mirrors light where the half vector h is perpendicular to it. Fibres are not
+//! quite parallel, so the angle d is spread by a von Mises distribution. P is their phase function:
+//! an isotropic part and a forward lobe. The divisor is the Lommel-Seeliger law for fibres that
+//! shadow and mask each other. `shaders/sheen.wgsl` repeats this file line by line, and a test
+//! compares the two.
 //!
-//! It is reciprocal. With these constants it mirrors at most 1 / (1 + n.v) of the light toward v,
-//! and that is what the rest of the surface is denied, so that both together gain no energy that
-//! the rest alone doesn't. It does not change colour with the angle.
+//! The sheen is reciprocal. With these constants it reflects at most 1 / (1 + n.v) of the light
+//! toward v. The rest of the surface is scaled down by the same fraction, so that the sum gains no
+//! energy that the rest alone does not gain. Not modelled: a change of colour with the angle.
 
 use glam::Vec3;
 
-/// Von Mises' concentration of the fibres: they stray by 9 degrees root mean square, as filaments
-/// of a little crimp do.
+/// Concentration of the von Mises distribution of fibre directions: a standard deviation of 9
+/// degrees, as filaments with little crimp have. Higher values make highlights narrower, until
+/// samples miss them and they flicker. Lower ones turn satin dull. The energy bound above holds for
+/// this value.
 const CONCENTRATION: f32 = 40.0;
-/// The phase function's even part. What is above is the share of what goes forward, of this
-/// concentration.
-const EVEN: f32 = 0.6;
-const FORWARD: f32 = 3.0;
-/// What of its width a fibre hides that is seen along its length; it strays by some degrees, so not
-/// all.
-const ALONG: f32 = 0.95;
-/// Where across a yarn's width, in radii, its highlight is asked for, and for what share of the
-/// mean (Gauss and Legendre).
-const NODES: [(f32, f32); 4] = [
+/// Isotropic part of the phase function; the rest is the forward lobe.
+const ISOTROPIC: f32 = 0.6;
+/// Concentration of the forward lobe.
+const FORWARD_CONCENTRATION: f32 = 3.0;
+/// Loss of a fibre's visible width when it is seen along its length. Fibres vary by some degrees,
+/// so it is less than 1.
+const END_ON_LOSS: f32 = 0.95;
+/// Nodes across a yarn's width, in radii, and weights of Gauss-Legendre quadrature with four
+/// points.
+const GAUSS_NODES: [(f32, f32); 4] = [
     (-0.861_136, 0.173_927),
     (-0.339_981, 0.326_073),
     (0.339_981, 0.326_073),
     (0.861_136, 0.173_927),
 ];
 
-/// Fibres in a yarn's surface that mirror light.
+/// Specular reflection of the fibres in a yarn's surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sheen {
-    /// Share of what they could mirror, 0..1.
+    /// Strength, 0..1 of the largest that conserves energy.
     pub share: f32,
-    /// Slope of the fibres against the yarn's axis: S over 0, Z under 0.
+    /// Slope of the fibres against the yarn's axis: positive for S twist, negative for Z twist.
     pub slope: f32,
     /// Unit tangent of the yarn.
     pub tangent: Vec3,
 }
 
 impl Sheen {
-    /// That of dull fibres.
+    /// No sheen: dull fibres.
     pub const NONE: Self = Self { share: 0.0, slope: 0.0, tangent: Vec3::X };
 
-    /// Unit direction of the fibres where the yarn's surface looks along `normal`.
+    /// Unit direction of the fibres where the yarn's normal is `normal`.
     #[must_use]
     pub fn fibre(&self, normal: Vec3) -> Vec3 {
+        // Turned by the twist about the normal, then projected into the tangent plane.
         let turned = self.tangent - self.tangent.cross(normal) * self.slope;
         (turned - normal * turned.dot(normal)).normalize_or(self.tangent)
     }
 
-    /// What it adds to the BRDF of a surface that looks along `normal`; zero where either direction
-    /// is below it.
+    /// The sheen's contribution to the BRDF; zero where either direction is below the surface.
     #[must_use]
     pub fn lobe(&self, normal: Vec3, light: Vec3, view: Vec3) -> f32 {
         let (nl, nv) = (normal.dot(light), normal.dot(view));
         if nl <= 0.0 || nv <= 0.0 {
             return 0.0;
         }
+        // sin d: the cosine between fibre and half vector.
         let sine = self.fibre(normal).dot((light + view).normalize_or_zero());
+        // cos d from sin d; the von Mises distribution is largest where the half vector is
+        // perpendicular to the fibre.
         let spread = (CONCENTRATION * ((1.0 - sine * sine).max(0.0).sqrt() - 1.0)).exp();
-        let phase = EVEN + (1.0 - EVEN) * (-FORWARD * (1.0 + light.dot(view))).exp();
+        let phase = ISOTROPIC
+            + (1.0 - ISOTROPIC) * (-FORWARD_CONCENTRATION * (1.0 + light.dot(view))).exp();
+        // Fibres at grazing angles show more of themselves: the divisor is n.l + n.v and not their
+        // product.
         self.share * spread * phase / (nl + nv)
     }
 
-    /// What it adds to the light from a yarn, of a light of irradiance 1, in the mean over the
-    /// width that is seen: for yarns of which a pixel shows the whole width. Their highlight is a
-    /// narrow line if they are twisted, which one place of the width would hit or miss; four are
-    /// enough, since the fibres' spread is wider than their distance.
+    /// Radiance of the sheen under a light of irradiance 1, as the mean over a yarn's visible
+    /// width. For yarns whose whole width lies in a pixel. The highlight of a twisted yarn is a
+    /// narrow line, which a single sample would hit or miss. Four nodes suffice, because the spread
+    /// of the fibres is wider than their distance.
     #[must_use]
-    pub fn across(&self, light: Vec3, view: Vec3) -> f32 {
+    pub fn mean_over_width(&self, light: Vec3, view: Vec3) -> f32 {
+        // The visible half of the yarn, from one outline (-1) to the other (1).
         let width = self.tangent.cross(view).normalize_or_zero();
         let front = width.cross(self.tangent);
-        let at = |(side, share): (f32, f32)| {
-            let normal = width * side + front * (1.0 - side * side).sqrt();
-            share * self.lobe(normal, light, view) * normal.dot(light).max(0.0)
-        };
-        NODES.into_iter().map(at).sum()
+        GAUSS_NODES
+            .into_iter()
+            .map(|(side, weight)| {
+                let normal = width * side + front * (1.0 - side * side).sqrt();
+                weight * self.lobe(normal, light, view) * normal.dot(light).max(0.0)
+            })
+            .sum()
     }
 
-    /// Where around its yarn the highlight is, as the normal there: where a yarn hides the light
-    /// from the next, it does so there.
+    /// The normal at the brightest line of a yarn. A shadow that matters falls there.
     #[must_use]
-    pub fn brightest(&self, light: Vec3, view: Vec3) -> Vec3 {
+    pub fn highlight_normal(&self, light: Vec3, view: Vec3) -> Vec3 {
         let sum = light + view;
         (sum - self.tangent * sum.dot(self.tangent)).normalize_or(view)
     }
 
-    /// What it leaves to the rest of the surface of light that comes and goes at these cosines.
+    /// Fraction of the rest of the BRDF that is left, for light that arrives and leaves at these
+    /// cosines.
     #[must_use]
-    pub fn spared(&self, light_cosine: f32, view_cosine: f32) -> f32 {
+    pub fn base_share(&self, light_cosine: f32, view_cosine: f32) -> f32 {
         1.0 - self.share / (1.0 + light_cosine.min(view_cosine).clamp(0.0, 1.0))
     }
 
-    /// The same of light from a whole sky: the mean of [`Self::spared`] by the cosine.
+    /// The same for light from a whole sky: the cosine-weighted mean of [`Self::base_share`].
     #[must_use]
-    pub fn spared_by_sky(&self, view_cosine: f32) -> f32 {
+    pub fn base_share_under_sky(&self, view_cosine: f32) -> f32 {
         let cosine = view_cosine.clamp(0.0, 1.0);
         1.0 - self.share * (1.0 + cosine - 2.0 * cosine.ln_1p())
     }
 
-    /// Share of a whole sky's light that it mirrors toward `view`. Fitted to the lobe: fibres seen
-    /// along their length show less of themselves.
+    /// Fraction of a uniform sky's light that the sheen reflects toward `view`. It is a fit to the
+    /// integral of the lobe: fibres seen along their length show less of themselves.
     #[must_use]
-    pub fn of_sky(&self, normal: Vec3, view: Vec3) -> f32 {
+    pub fn sky_reflectance(&self, normal: Vec3, view: Vec3) -> f32 {
         let along = self.fibre(normal).dot(view);
-        self.share * (1.0 - ALONG * along * along).sqrt() / (1.0 + normal.dot(view).clamp(0.0, 1.0))
+        self.share * (1.0 - END_ON_LOSS * along * along).sqrt()
+            / (1.0 + normal.dot(view).clamp(0.0, 1.0))
     }
 }
 
@@ -155,7 +168,7 @@ mod tests {
                 let view = direction(cosine, angle);
                 let total = mirrored(view);
                 assert!(total <= 1.0 / (1.0 + cosine), "{total} at {cosine} {angle}");
-                let said = sheen(0.0).of_sky(Vec3::Z, view);
+                let said = sheen(0.0).sky_reflectance(Vec3::Z, view);
                 assert!((said - total).abs() < 0.09, "{said} for {total} at {cosine} {angle}");
             }
         }
@@ -237,7 +250,7 @@ mod tests {
                     sheen(slope).lobe(normal, light, view) * normal.dot(light).max(0.0)
                 };
                 let exact = (0..1000).map(at).sum::<f32>() / 1000.0;
-                let found = sheen(slope).across(light, view);
+                let found = sheen(slope).mean_over_width(light, view);
                 assert!((found - exact).abs() < 0.1 * exact + 0.005, "{found} {exact} for {slope}");
             }
         }
@@ -248,10 +261,10 @@ mod tests {
         for view in [0.0, 0.3, 0.7, 1.0] {
             let light = |step: u16| (f32::from(step) + 0.5) / 1000.0;
             let mean = (0..1000)
-                .map(|step| sheen(0.0).spared(light(step), view) * 2.0 * light(step))
+                .map(|step| sheen(0.0).base_share(light(step), view) * 2.0 * light(step))
                 .sum::<f32>()
                 / 1000.0;
-            assert!((mean - sheen(0.0).spared_by_sky(view)).abs() < 1e-3);
+            assert!((mean - sheen(0.0).base_share_under_sky(view)).abs() < 1e-3);
         }
     }
 }

@@ -1,17 +1,18 @@
-//! From light to pixels: exposure, a soft shoulder, the background, sRGB.
+//! Tone mapping: from light to pixels.
 //!
-//! In: linear RGB light with the share of the pixel that yarns cover. Out: 8-bit sRGB with straight
-//! alpha. The curve leaves everything up to [`SHOULDER`] as it is, so that a yarn's colour in the
-//! picture is its colour, and bends what is brighter toward white without ever clipping. A
-//! background colour is no light: it comes out exactly as given.
+//! In: linear RGB light with the pixel's coverage by yarns. Out: 8-bit sRGB with straight alpha.
+//! The tone curve is the identity up to [`SHOULDER`], so that a yarn's colour in the picture is its
+//! colour. Brighter values approach white without clipping. A background colour is not light: it
+//! appears exactly as given. `shaders/tone.wgsl` repeats this file, and a test compares the two.
 
 use glam::{Vec3, Vec4};
 use std::str::FromStr;
 
-/// Linear value from which highlights are compressed.
+/// Linear value above which highlights are compressed. Lower values change the yarns' colours;
+/// higher ones leave less room for highlights, until they clip.
 pub const SHOULDER: f32 = 0.6;
 
-/// What is seen where no yarn is.
+/// Colour of pixels without yarn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Background {
     /// A colour, sRGB 0..=255.
@@ -26,7 +27,7 @@ impl Default for Background {
     }
 }
 
-/// A background that isn't one.
+/// A text that is not a background.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{0}` is no background: give #rrggbb, #rgb, white, black, grey or transparent")]
 pub struct BackgroundError(String);
@@ -51,7 +52,7 @@ impl FromStr for Background {
     }
 }
 
-/// `rrggbb` or `rgb`.
+/// A colour from the digits `rrggbb` or `rgb`.
 fn hex(digits: &str) -> Option<[u8; 3]> {
     let values: Vec<u8> = digits
         .chars()
@@ -64,11 +65,11 @@ fn hex(digits: &str) -> Option<[u8; 3]> {
     }
 }
 
-/// The pixel for `light`, whose xyz hold linear RGB times coverage and whose w holds the coverage,
-/// 0..1.
+/// The pixel for `light`: linear RGB times coverage in xyz, coverage 0..1 in w.
 #[must_use]
 pub fn pixel(light: Vec4, exposure: f32, background: Background) -> [u8; 4] {
     let coverage = light.w.clamp(0.0, 1.0);
+    // Undo the multiplication by coverage before the tone curve, which is not linear.
     let yarn =
         if light.w > 0.0 { shoulder(light.truncate() / light.w * exposure) } else { Vec3::ZERO };
     match background {
@@ -76,8 +77,11 @@ pub fn pixel(light: Vec4, exposure: f32, background: Background) -> [u8; 4] {
             let [r, g, b] = encode(yarn);
             [r, g, b, byte(coverage)]
         }
+        // Without yarn the bytes pass through, without a round trip to linear light.
         Background::Color(color) if coverage == 0.0 => [color[0], color[1], color[2], 255],
         Background::Color(color) => {
+            // Blending happens in linear light. In sRGB codes, edges against a bright background
+            // would look too dark.
             let behind = Vec3::from_array(color.map(|c| linear(f32::from(c) / 255.0)));
             let [r, g, b] = encode(behind.lerp(yarn, coverage));
             [r, g, b, 255]
@@ -85,16 +89,19 @@ pub fn pixel(light: Vec4, exposure: f32, background: Background) -> [u8; 4] {
     }
 }
 
-/// Leaves values up to [`SHOULDER`], and lets the rest approach 1 with a continuous slope.
+/// The tone curve: identity up to [`SHOULDER`], then 1 - e^-x, which joins it with the same slope.
 fn shoulder(light: Vec3) -> Vec3 {
     let room = 1.0 - SHOULDER;
     Vec3::from_array(light.to_array().map(|c| match c {
+        // The slope at the shoulder is 1 on both sides, so gradients show no edge there.
         c if c > SHOULDER => 1.0 - room * (-(c - SHOULDER) / room).exp(),
         c if c > 0.0 => c,
+        // Also NaN: a pixel without a number is black.
         _ => 0.0,
     }))
 }
 
+/// sRGB decoding (IEC 61966-2-1).
 pub(super) fn linear(c: f32) -> f32 {
     if c <= 0.040_45 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
 }
@@ -107,7 +114,7 @@ pub fn encode(color: Vec3) -> [u8; 3] {
         .map(|c| byte(if c <= 0.003_130_8 { c * 12.92 } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 }))
 }
 
-/// The nearest byte to a share of 255; shares beyond 0 and 1 are clamped.
+/// 0..1 as a byte, rounded.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=255")]
 #[must_use]
 pub fn byte(share: f32) -> u8 {

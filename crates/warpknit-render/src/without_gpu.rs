@@ -3,14 +3,14 @@
 use image::RgbaImage;
 
 use crate::scene::Scene;
-use crate::{Camera, GpuError, Options};
+use crate::{Camera, GpuError, RenderOptions};
 
 /// Never made: [`Uploaded::new`] is always an error.
 #[derive(Debug)]
 pub(crate) enum Uploaded {}
 
 impl Uploaded {
-    pub(crate) fn new(_scene: &Scene, _options: &Options) -> Result<Self, GpuError> {
+    pub(crate) fn new(_scene: &Scene, _options: &RenderOptions) -> Result<Self, GpuError> {
         Err(GpuError::NotBuiltIn)
     }
 
@@ -22,7 +22,7 @@ impl Uploaded {
         &mut self,
         _scene: &Scene,
         _camera: &Camera,
-        _options: &Options,
+        _options: &RenderOptions,
     ) -> Result<RgbaImage, GpuError> {
         match *self {}
     }

@@ -4,7 +4,7 @@
 
 use anyhow::Result;
 use warpknit::render::scene::Scene;
-use warpknit::render::{Camera, Choice, Options, Painter, View};
+use warpknit::render::{Camera, Painter, RenderOptions, RendererChoice, View};
 
 use super::super::args::Bench;
 use super::measure::{Moment, Sample};
@@ -18,35 +18,37 @@ const MOST_RUNS: u32 = 3;
 /// Draws and times scenes with fixed options.
 #[derive(Debug)]
 pub(super) struct PictureTimer {
-    options: Options,
+    options: RenderOptions,
     /// Runs of each picture, after one that warms up.
     pub(super) runs: u32,
 }
 
 impl PictureTimer {
     pub(super) fn new(arguments: &Bench) -> Self {
-        let options = Options {
+        let options = RenderOptions {
             width: SIZE.0,
             height: SIZE.1,
             renderer: arguments.renderer.into(),
-            ..Options::default()
+            ..RenderOptions::default()
         };
         Self { options, runs: arguments.runs.min(MOST_RUNS) }
     }
 
     /// The same with tubes of St by Sr segments everywhere, for renderers that draw triangles.
     pub(super) fn with_tubes(&self, st: u32, sr: u32) -> Self {
-        Self { options: Options { st, sr, lod: false, ..self.options.clone() }, runs: self.runs }
+        Self {
+            options: RenderOptions { st, sr, lod: false, ..self.options.clone() },
+            runs: self.runs,
+        }
     }
 
     /// A note on how pictures are drawn.
     pub(super) fn note(&self) -> String {
         let by = match self.options.renderer {
-            Choice::Cpu => "drawn on the processor",
-            Choice::Gpu => "drawn on the graphics adapter, which is found anew each time",
-            Choice::Auto => {
-                "drawn on the graphics adapter, found anew each time, or on the processor where \
-                 there is none"
+            RendererChoice::Cpu => "drawn on the processor",
+            RendererChoice::Gpu => "drawn on the graphics adapter, which is found anew each time",
+            RendererChoice::Auto => {
+                "drawn on the graphics adapter, found anew each time, or on the processor where there is none"
             }
         };
         format!("{by}; runs of each: {}", self.runs)
@@ -54,7 +56,7 @@ impl PictureTimer {
 
     /// Whether St and Sr make a difference. The CPU renderer traces curves, not tubes.
     pub(super) fn heeds_tubes(&self) -> bool {
-        self.options.renderer != Choice::Cpu
+        self.options.renderer != RendererChoice::Cpu
     }
 
     /// Draws once to warm up, and then once for each run.

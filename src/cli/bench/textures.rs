@@ -8,7 +8,7 @@ use image::{Rgba, RgbaImage};
 use warpknit::drape::{Cloth, swatch_panel};
 use warpknit::fabric::Fabric;
 use warpknit::render::cloth::{looks, with_cloth};
-use warpknit::render::maps::{Kind, Maps, Mips};
+use warpknit::render::maps::{MapKind, Maps, Mips};
 use warpknit::render::scene::{Scene, Shape};
 
 use super::super::args::{Bench, DEFAULT_FABRIC};
@@ -63,7 +63,7 @@ pub(super) fn textures(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Resu
         let texture = (!maps.is_empty()).then_some(0);
         let scene = with_cloth(
             &cloth,
-            Scene::wearing(Shape::Tube, looks(&fabric, fabric.radius()), maps, |_| texture),
+            Scene::with_textures(Shape::Tube, looks(&fabric, fabric.radius()), maps, |_| texture),
         );
         let taken = Times::from_samples(&timer.timed(&scene)?);
         // The first picture has no texture, and all others are compared with it.
@@ -90,6 +90,6 @@ fn maps(side: u32, thickness: f64) -> Maps {
     let surface = RgbaImage::from_fn(side, side, |x, y| Rgba([255, shade(x, y), 0, 255]));
     #[expect(clippy::cast_possible_truncation, reason = "a length in mm needs no more")]
     let (length, width) = ((REPEAT * thickness) as f32, thickness as f32);
-    let (base, normal) = (Mips::new(base, Kind::Color), Mips::new(normal, Kind::Normal));
-    Maps { base, normal, surface: Mips::new(surface, Kind::Plain), length, width }
+    let (base, normal) = (Mips::new(base, MapKind::Color), Mips::new(normal, MapKind::Normal));
+    Maps { base, normal, surface: Mips::new(surface, MapKind::Plain), length, width }
 }

@@ -15,7 +15,7 @@ use image::RgbaImage;
 use warpknit::render::GpuError;
 use warpknit::render::gpu::{Gpu, Renderer, Yarns};
 use warpknit::render::scene::Scene;
-use warpknit::render::{Camera, Options};
+use warpknit::render::{Camera, RenderOptions};
 
 use super::panel::RenderSettings;
 
@@ -169,7 +169,8 @@ impl FrameRenderer {
                 }
             };
             let options = shot.rendering.options(size, samples);
-            let options = Options { lod: options.lod || quality == Quality::Draft, ..options };
+            let options =
+                RenderOptions { lod: options.lod || quality == Quality::Draft, ..options };
             renderer.draw_to(yarns, &shot.camera, &options, &target.view)?;
             // Waiting makes the measured time that of the whole frame, and keeps frames from piling
             // up on a slow device. An error of waiting shows up with the next frame.
@@ -218,7 +219,7 @@ impl FrameRenderer {
     pub(super) fn picture(
         &mut self,
         camera: &Camera,
-        options: &Options,
+        options: &RenderOptions,
     ) -> Result<Option<RgbaImage>, GpuError> {
         let Some(DeviceRenderers { full, yarns: Some(yarns), .. }) = &mut self.renderers else {
             return Ok(None);

@@ -18,7 +18,7 @@ use anyhow::{Result, anyhow, bail};
 use eframe::egui::ViewportBuilder;
 use eframe::egui_wgpu::{WgpuConfiguration, WgpuSetup, WgpuSetupCreateNew};
 use eframe::{NativeOptions, wgpu};
-use warpknit::render::Choice;
+use warpknit::render::RendererChoice;
 
 use super::args::Live;
 use super::terminal::Terminal;
@@ -47,7 +47,7 @@ pub(crate) fn view(arguments: Live) -> Result<()> {
              drape and swatch take it"
         );
     }
-    if Choice::from(shared.drawing.renderer) == Choice::Cpu {
+    if RendererChoice::from(shared.drawing.renderer) == RendererChoice::Cpu {
         bail!(
             "--renderer cpu can't follow a drag: view draws on the graphics adapter, \
              be it one of software"

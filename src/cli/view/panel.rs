@@ -94,7 +94,7 @@ impl PanelSettings {
 
 impl RenderSettings {
     fn from_arguments(shared: &Shared) -> Self {
-        let defaults = render::Options::default();
+        let defaults = render::RenderOptions::default();
         let sun = defaults.light.sun_direction.normalize();
         let background = shared.background.unwrap_or_default();
         Self {
@@ -112,8 +112,8 @@ impl RenderSettings {
 
     /// The renderer's options for a picture of so many pixels and samples a pixel. The window's
     /// background is always opaque.
-    pub(super) fn options(&self, [width, height]: [u32; 2], samples: u32) -> render::Options {
-        render::Options {
+    pub(super) fn options(&self, [width, height]: [u32; 2], samples: u32) -> render::RenderOptions {
+        render::RenderOptions {
             width,
             height,
             samples,
@@ -123,15 +123,15 @@ impl RenderSettings {
             lod: self.lod,
             light: self.light(),
             background: Background::Color(self.background),
-            ..render::Options::default()
+            ..render::RenderOptions::default()
         }
     }
 
     /// The renderer's options for a picture that is saved.
-    pub(super) fn options_to_save(&self, size: [u32; 2], spp: u32) -> render::Options {
+    pub(super) fn options_to_save(&self, size: [u32; 2], spp: u32) -> render::RenderOptions {
         let options = self.options(size, 4);
         let background = if self.cut_out { Background::Transparent } else { options.background };
-        render::Options { background, spp, ..options }
+        render::RenderOptions { background, spp, ..options }
     }
 
     /// The light in camera space: azimuth and height are spherical coordinates.
@@ -344,7 +344,7 @@ mod tests {
         let Command::View(live) = arguments.command else { panic!("it was asked to view") };
         let (options, usual) = (
             RenderSettings::from_arguments(&live.shared).options([8, 6], 4),
-            render::Options::default(),
+            render::RenderOptions::default(),
         );
         assert!(options.light.sun_direction.angle_between(usual.light.sun_direction) < 1e-3);
         assert_eq!(

@@ -34,7 +34,7 @@ use serde::Deserialize;
 
 pub use error::PhotoError;
 
-use warpknit_render::maps::{Kind, Maps, Mips};
+use warpknit_render::maps::{MapKind, Maps, Mips};
 
 /// Fewest and most pixels of a picture each way. Graphics cards take no more.
 const SIDES: (u32, u32) = (4, 16_384);
@@ -98,9 +98,9 @@ pub fn read_maps(path: &Path, thickness: f64, length: Option<f64>) -> Result<Map
         ])
     });
     Ok(Maps {
-        base: Mips::new(base, Kind::Color),
-        normal: Mips::new(normal, Kind::Normal),
-        surface: Mips::new(surface, Kind::Plain),
+        base: Mips::new(base, MapKind::Color),
+        normal: Mips::new(normal, MapKind::Normal),
+        surface: Mips::new(surface, MapKind::Plain),
         length,
         width,
     })

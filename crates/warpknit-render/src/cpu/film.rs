@@ -1,55 +1,62 @@
-//! From samples to pixels: every sample counts in all pixels that a tent around it reaches.
+//! Reconstruction filter: from samples to pixels.
 //!
-//! In: the samples of a row of pixels, each with its place. Out: what they add to this row and to
-//! the ones above and below it. A tent one pixel wide each way holds back the moire of far cloth,
-//! and, since neighbours share their samples, cuts the noise that a box of the same few samples
-//! would leave by a third. Rows are joined in a fixed order, so that sums round the same way every
-//! time.
+//! In: the samples of a row of pixels, each with its place in its pixel. Out: their contributions
+//! to this row and to the rows above and below it. The filter is a tent (the bilinear filter), two
+//! pixels wide. Each sample counts in all four pixels whose tent covers it ('splatting').
+//!
+//! A tent suppresses the moiré that a box filter would leave in distant cloth. Because neighbouring
+//! pixels share samples, it also has about a third less noise than a box with the same few samples.
+//! Rows are added in a fixed order, so floating-point sums are the same for any number of threads.
 
 use glam::Vec4;
 
-/// Samples weighed and added up.
+/// A weighted sum of samples: the numerator and denominator of the filtered value.
 #[derive(Clone, Copy, Debug, Default)]
-struct Cell {
+struct WeightedSum {
     light: Vec4,
     weight: f32,
 }
 
-/// What a row's samples add to the row above, the row itself and the row below.
+/// Contributions of one row's samples to the row above, to the row itself and to the row below.
 #[derive(Debug)]
-pub(super) struct Splats([Vec<Cell>; 3]);
+pub(super) struct Splats([Vec<WeightedSum>; 3]);
 
 impl Splats {
-    /// Nothing yet, for a picture `width` pixels wide.
+    /// An empty row for a picture `width` pixels wide.
     pub(super) fn new(width: u32) -> Self {
-        Self(std::array::from_fn(|_| vec![Cell::default(); width as usize]))
+        Self(std::array::from_fn(|_| vec![WeightedSum::default(); width as usize]))
     }
 
     /// Adds a sample at `place` within pixel `x`, 0..1 to the right and down.
     pub(super) fn add(&mut self, x: u32, place: [f32; 2], light: Vec4) {
-        let [across, down] = [tent(place[0]), tent(place[1])];
+        let [across, down] = [tent_weights(place[0]), tent_weights(place[1])];
         for (row, down) in self.0.iter_mut().zip(down) {
             for (next, across) in (x as usize..).zip(across) {
                 // `next` counts one too far to the right, since pixel x - 1 may lie left of the
                 // picture.
-                if let Some(cell) = next.checked_sub(1).and_then(|column| row.get_mut(column)) {
-                    cell.light += light * (across * down);
-                    cell.weight += across * down;
+                if let Some(sum) = next.checked_sub(1).and_then(|column| row.get_mut(column)) {
+                    sum.light += light * (across * down);
+                    sum.weight += across * down;
                 }
             }
         }
     }
 
-    /// The mean light of pixel `x` of the middle one of three rows.
+    /// The filtered light of pixel `x` in the middle one of three rows.
     pub(super) fn pixel(rows: &[Self], x: usize) -> Vec4 {
         let (above, own, below) = (rows[0].0[2][x], rows[1].0[1][x], rows[2].0[0][x]);
         let weight = above.weight + own.weight + below.weight;
+        // Dividing by the sum of weights (Pharr, Jakob and Humphreys 2016, 'Physically Based
+        // Rendering', section 7.8) keeps uniform light uniform, also at the border, where part of a
+        // tent lies outside the picture.
         if weight > 0.0 { (above.light + own.light + below.light) / weight } else { Vec4::ZERO }
     }
 }
 
-/// What a sample at `at`, 0..1 within its pixel, gives to the pixel before, its own and the next.
-fn tent(at: f32) -> [f32; 3] {
+/// Weights of a sample at `at`, 0..1 across its pixel, in the previous pixel, its own and the next
+/// one. The tent of a pixel is 1 at its centre and 0 at the centres of its neighbours, so the three
+/// add up to 1.
+fn tent_weights(at: f32) -> [f32; 3] {
     [(0.5 - at).max(0.0), 1.0 - (at - 0.5).abs(), (at - 0.5).max(0.0)]
 }
 
@@ -62,7 +69,7 @@ mod tests {
         let mut rows = [(); 3].map(|()| Splats::new(3));
         rows[1].add(1, [0.5, 0.5], Vec4::ONE);
         let weights = |rows: &[Splats; 3]| {
-            rows[1].0.each_ref().map(|row| row.iter().map(|cell| cell.weight).collect::<Vec<_>>())
+            rows[1].0.each_ref().map(|row| row.iter().map(|sum| sum.weight).collect::<Vec<_>>())
         };
         assert_eq!(weights(&rows), [[0.0; 3], [0.0, 1.0, 0.0], [0.0; 3]]);
         rows[1] = Splats::new(3);

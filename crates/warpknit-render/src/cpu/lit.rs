@@ -1,13 +1,13 @@
-//! Light from a place on a yarn, however it was found.
+//! Shading that both CPU methods share.
 //!
-//! In: a [`Spot`] or a surface, and what it sees of the sky. Out: its material, where a yarn has
-//! maps, and what it reflects of the sky.
+//! In: a point on a yarn ([`ShadingPoint`]), its texture if it has one, and the light that arrives
+//! from the sky. Out: the surface's material there and the light that it reflects toward the eye.
 
 use std::f32::consts::TAU;
 
 use glam::{Vec3, Vec4};
 
-use super::narrow;
+use super::to_f32;
 use crate::light::Rig;
 use crate::maps::Maps;
 use crate::ply;
@@ -15,43 +15,51 @@ use crate::scene::{Shape, YarnLook};
 use crate::shade::{Surface, schlick_rough};
 use crate::sheen::Sheen;
 
-/// A place on a yarn, before anything is known of its colour.
-pub(super) struct Spot {
+/// A point on a yarn, before its material is known.
+pub(super) struct ShadingPoint {
     pub(super) position: Vec3,
     pub(super) normal: Vec3,
     pub(super) tangent: Vec3,
-    /// Across the yarn to where its picture has its top.
+    /// Unit vector across the yarn, toward the top of its texture.
     pub(super) top: Vec3,
     /// Angle around a tube, radians; on a ribbon 0..TAU from edge to edge.
     pub(super) around: f32,
+    /// Arc length along the yarn, mm.
     pub(super) along: f32,
 }
 
-/// What a sample that meets yarn adds to the film: light, and in w that yarn is there. What is no
-/// number is black.
-pub(super) fn opaque(light: Vec3) -> Vec4 {
+/// A film sample that meets yarn: its light, and a coverage of 1 in w. Light that is not finite
+/// becomes black, because a single NaN would otherwise spread to nine pixels of the film.
+pub(super) fn opaque_sample(light: Vec3) -> Vec4 {
     if light.is_finite() { light.extend(1.0) } else { Vec4::W }
 }
 
-/// The sun's light toward the eye, where it shines from a unit direction.
-pub(super) fn direct(rig: &Rig, surface: &Surface, toward_sun: Vec3, toward_eye: Vec3) -> Vec3 {
+/// The sun's light that the surface reflects toward the eye, for a sun in direction `toward_sun`.
+pub(super) fn sun_reflection(
+    rig: &Rig,
+    surface: &Surface,
+    toward_sun: Vec3,
+    toward_eye: Vec3,
+) -> Vec3 {
     surface.brdf(toward_sun, toward_eye) * rig.sun() * surface.normal.dot(toward_sun).max(0.0)
 }
 
-/// What a place sees above it.
+/// Light from the sky, and from yarns that hide part of it, at one point.
 #[derive(Clone, Copy)]
-pub(super) struct Sky {
-    /// Mean radiance, by the cosine.
+pub(super) struct SkyLight {
+    /// Cosine-weighted mean radiance over the hemisphere.
     pub(super) light: Vec3,
-    /// Share that no yarn stops.
+    /// Visibility of the sky: the fraction of the hemisphere that no yarn occludes.
     pub(super) open: f32,
 }
 
-impl Sky {
-    /// The sky's diffuse light toward the eye, and its mirror image dimmed by how much of it is to
-    /// be seen.
+impl SkyLight {
+    /// Reflection of the sky: a diffuse part, and a mirror part that is scaled by the sky's
+    /// visibility.
     pub(super) fn reflected(&self, rig: &Rig, surface: &Surface, toward_eye: Vec3) -> Vec3 {
         let normal = surface.normal;
+        // Split into a diffuse and a specular integral. The specular one is approximated by the
+        // radiance in the mirror direction times the mean Fresnel term, instead of by more rays.
         let mirrored = schlick_rough(surface.f0(), normal.dot(toward_eye), surface.roughness);
         let mirror = (normal * (2.0 * normal.dot(toward_eye)) - toward_eye).normalize_or(normal);
         let base = surface.diffuse(mirrored) * self.light + mirrored * rig.sky(mirror) * self.open;
@@ -59,32 +67,35 @@ impl Sky {
         if sheen.share <= 0.0 {
             return base;
         }
-        // Fibres mirror a whole cone of the sky: its mean is not far from that of all.
-        let of_fibres = surface.glint() * self.light * sheen.of_sky(normal, toward_eye);
-        base * sheen.spared_by_sky(normal.dot(toward_eye)) + of_fibres
+        // Fibres reflect light into a whole cone, so the sky's mean stands for what they mirror.
+        let of_fibres =
+            surface.sheen_color() * self.light * sheen.sky_reflectance(normal, toward_eye);
+        base * sheen.base_share_under_sky(normal.dot(toward_eye)) + of_fibres
     }
 }
 
-/// The sheen of a yarn that runs along `tangent`.
-pub(super) fn sheen(look: &YarnLook, tangent: Vec3) -> Sheen {
-    let [_, slope] = ply::slopes(narrow(f64::from(look.plies)), look.twist_slope);
+/// The sheen of a yarn of this look, which runs along `tangent`.
+pub(super) fn yarn_sheen(look: &YarnLook, tangent: Vec3) -> Sheen {
+    let [_, slope] = ply::slopes(to_f32(f64::from(look.plies)), look.twist_slope);
     Sheen { share: look.sheen, slope, tangent }
 }
 
-/// The surface of a yarn, without its sheen, at a place of its photo, and its occlusion.
+/// The surface and the occlusion of a textured yarn at a point, without its sheen.
 ///
-/// `footprint` is what a pixel shows of the photo's height and length, as shares of these.
-pub(super) fn mapped(
+/// `footprint` is the size of a pixel as fractions of the texture's height and length. It selects
+/// the mip level.
+pub(super) fn textured_surface(
     maps: &Maps,
-    spot: &Spot,
+    point: &ShadingPoint,
     footprint: [f32; 2],
     shape: Shape,
 ) -> (Surface, f32) {
-    let (u, v) = (spot.around / TAU, spot.along / maps.length);
+    let (u, v) = (point.around / TAU, point.along / maps.length);
     let texel = maps.sample(u, v, footprint[0], footprint[1], shape);
     let tilt = texel.normal;
-    let normal = (spot.tangent * tilt.x + spot.top * tilt.y + spot.normal * tilt.z)
-        .normalize_or(spot.normal);
+    // Normal mapping: x along the yarn, y toward the texture's top, z outward.
+    let normal = (point.tangent * tilt.x + point.top * tilt.y + point.normal * tilt.z)
+        .normalize_or(point.normal);
     (
         Surface {
             normal,

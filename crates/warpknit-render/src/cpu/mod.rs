@@ -1,10 +1,14 @@
-//! Pictures on the processor: what a machine without a graphics driver gets.
+//! The CPU renderer, for machines without a graphics driver.
 //!
-//! In: the same as every renderer's. Out: the picture. What a sample of a pixel sees is found by
-//! tracing rays (`near`), or where all yarns are thinner than pixels by drawing their pieces
-//! (`far`). Rows are lit in parallel and no sample depends on another, so that any number of
-//! threads gives the same bytes, and some rows of a picture are drawn alone as they are in the
-//! whole.
+//! In: a scene, a camera and options, as for every renderer. Out: the picture. Two methods find the
+//! yarn that a sample of a pixel sees. Ray tracing against a bounding volume hierarchy (`near`) is
+//! the general one. Where every yarn is thinner than a pixel, splatting into a visibility buffer
+//! (`far`) replaces it.
+//!
+//! The picture is computed in bands of rows. Within a band, tiles of rows run in parallel. No
+//! sample depends on another one, and sums are taken in a fixed order. So the bytes do not depend
+//! on the number of threads, and a few rows of a picture are the same whether they are drawn alone
+//! or with the rest.
 
 mod film;
 mod lit;
@@ -19,19 +23,22 @@ use image::RgbaImage;
 use rayon::prelude::*;
 
 use crate::scene::Scene;
-use crate::{Camera, Options, tone};
+use crate::{Camera, RenderOptions, tone};
 use film::Splats;
-use raytrace::Near;
-use splat::Far;
+use raytrace::RayTracer;
+use splat::Splatter;
 use warpknit_core::ids::index32;
 
-/// Yarns are thin where a pixel is wider than so many of their radii.
-const THIN: f32 = 2.0;
-/// Squares' rows that each thread has to light before their pixels are written: enough to share
-/// evenly, few enough to take little memory.
-const TILES_A_THREAD: usize = 4;
-/// Pixels that are lit one after another lie in squares of so many, which see the same yarns while
-/// these are in the cache.
+/// A yarn counts as thin where a pixel is wider than this many of its radii, that is, wider than
+/// the yarn. Lower values splat yarns whose plies would still show. Higher ones keep tracing rays
+/// where nothing of a yarn but its mean colour can be seen.
+const THIN_RADII: f32 = 2.0;
+/// Rows of tiles in a band, for each thread. With fewer, threads wait for each other at the end of
+/// a band. With more, the samples of unwritten rows take more memory.
+const TILE_ROWS_PER_THREAD: usize = 4;
+/// Side of a tile, pixels. The pixels of a tile are sampled one after another, because they see the
+/// same yarns while these are in the cache. Whole rows would evict them between one row and the
+/// next.
 const TILE: u32 = 8;
 
 /// See [`crate::render`].
@@ -39,42 +46,48 @@ const TILE: u32 = 8;
 pub fn render(
     scene: &Scene,
     camera: &Camera,
-    options: &Options,
+    options: &RenderOptions,
     progress: &(dyn Fn(f32) + Sync),
 ) -> RgbaImage {
     let (width, height) = (options.width, options.height);
     let wanted = options.rows();
     let mut picture = RgbaImage::new(width, wanted.end - wanted.start);
-    // A pixel needs the samples of the rows next to its own, which count even where they are not
-    // wanted.
-    let lit = lit_rows(options);
-    let mut looking =
-        scene.bounds().map(|bounds| match Far::new(scene, &bounds, camera, options) {
-            Some(far) => Looking::Far(far),
-            None => Looking::Near(Near::new(scene, &bounds, camera, options)),
+    // The film's filter reaches one pixel up and down. Hence the samples of the rows next to the
+    // wanted ones count too, even where those rows themselves are not wanted.
+    let sampled = rows_to_sample(options);
+    let mut method =
+        scene.bounds().map(|bounds| match Splatter::new(scene, &bounds, camera, options) {
+            Some(splatter) => Method::Splatter(splatter),
+            None => Method::RayTracer(RayTracer::new(scene, &bounds, camera, options)),
         });
     let done = AtomicU32::new(0);
-    // So the last two rows of a band wait for the next one. Beyond the picture's edges nothing is.
+    // The last two rows of a band wait for the next band, because a row needs the samples of the
+    // row below. Above the first and below the last row of the picture there is an empty row.
     let mut rows = Vec::new();
     rows.extend((wanted.start == 0).then(|| Splats::new(width)));
     let row_bytes = (width as usize * 4).max(1);
+    // The part of the picture below the rows that are written already.
     let mut unwritten = picture.as_mut();
-    let band_rows = TILE * index32(TILES_A_THREAD * rayon::current_num_threads());
-    for band in lit.clone().step_by(band_rows as usize) {
-        let end = lit.end.min(band.saturating_add(band_rows));
-        if let Some(looking) = &mut looking {
-            looking.look_at(&(band..end));
+    let band_rows = TILE * index32(TILE_ROWS_PER_THREAD * rayon::current_num_threads());
+    for band in sampled.clone().step_by(band_rows as usize) {
+        let end = sampled.end.min(band.saturating_add(band_rows));
+        if let Some(method) = &mut method {
+            method.prepare_rows(&(band..end));
         }
-        let light = |first: u32| {
-            let rows = light(looking.as_ref(), first..end.min(first.saturating_add(TILE)), width);
-            for _ in &rows {
-                progress(share(done.fetch_add(1, Ordering::Relaxed) + 1, lit.end - lit.start));
-            }
-            rows
-        };
-        let tiles: Vec<_> = (band..end).into_par_iter().step_by(TILE as usize).map(light).collect();
+        let first_rows = (band..end).into_par_iter().step_by(TILE as usize);
+        let tiles: Vec<_> = first_rows
+            .map(|first| {
+                let tile = first..end.min(first.saturating_add(TILE));
+                let rows = sample_rows(method.as_ref(), tile, width);
+                for _ in &rows {
+                    let rows_done = done.fetch_add(1, Ordering::Relaxed) + 1;
+                    progress(share(rows_done, sampled.end - sampled.start));
+                }
+                rows
+            })
+            .collect();
         rows.extend(tiles.into_iter().flatten());
-        if end == lit.end && wanted.end == height {
+        if end == sampled.end && wanted.end == height {
             rows.push(Splats::new(width));
         }
         let (written, rest) = unwritten.split_at_mut((rows.len() - 2) * width as usize * 4);
@@ -93,8 +106,8 @@ pub fn render(
     picture
 }
 
-/// The rows that are wanted and those next to them, if any are.
-fn lit_rows(options: &Options) -> Range<u32> {
+/// The rows that are wanted and those next to them. Empty if none are wanted.
+fn rows_to_sample(options: &RenderOptions) -> Range<u32> {
     let wanted = options.rows();
     if wanted.is_empty() {
         wanted
@@ -103,54 +116,54 @@ fn lit_rows(options: &Options) -> Range<u32> {
     }
 }
 
-/// Lights the pixels of some rows, square after square.
-fn light(looking: Option<&Looking<'_>>, rows: Range<u32>, width: u32) -> Vec<Splats> {
+/// Takes the samples of some rows of pixels, tile after tile.
+fn sample_rows(method: Option<&Method<'_>>, rows: Range<u32>, width: u32) -> Vec<Splats> {
     let mut rows: Vec<_> = rows.map(|y| (y, Splats::new(width))).collect();
-    if let Some(looking) = looking {
+    if let Some(method) = method {
         for left in (0..width).step_by(TILE as usize) {
             for (y, splats) in &mut rows {
                 (left..width.min(left.saturating_add(TILE)))
-                    .for_each(|x| looking.pixel([x, *y], splats));
+                    .for_each(|x| method.pixel([x, *y], splats));
             }
         }
     }
     rows.into_iter().map(|(_, splats)| splats).collect()
 }
 
-/// How it is found what a sample sees.
-enum Looking<'a> {
-    Near(Near<'a>),
-    Far(Far<'a>),
+/// The method that finds the yarn that a sample sees.
+enum Method<'a> {
+    RayTracer(RayTracer<'a>),
+    Splatter(Splatter<'a>),
 }
 
-impl Looking<'_> {
-    /// Makes ready to light some rows.
-    fn look_at(&mut self, rows: &Range<u32>) {
-        if let Self::Far(far) = self {
-            far.look_at(rows);
+impl Method<'_> {
+    /// Prepares the method for the samples of some rows.
+    fn prepare_rows(&mut self, rows: &Range<u32>) {
+        if let Self::Splatter(splatter) = self {
+            splatter.prepare_rows(rows);
         }
     }
 
-    /// Adds the samples of a pixel to its row.
+    /// Adds the samples of one pixel to the film row that it lies in.
     fn pixel(&self, pixel: [u32; 2], splats: &mut Splats) {
         match self {
-            Self::Near(near) => near.pixel(pixel, splats),
-            Self::Far(far) => far.pixel(pixel, splats),
+            Self::RayTracer(tracer) => tracer.pixel(pixel, splats),
+            Self::Splatter(splatter) => splatter.pixel(pixel, splats),
         }
     }
 }
 
-/// Whether a yarn of some radius is thinner than a pixel of size `footprint`.
+/// Whether a yarn of this radius is thin where a pixel is `footprint` wide.
 fn is_thin(footprint: f32, radius: f32) -> bool {
-    footprint > THIN * radius
+    footprint > THIN_RADII * radius
 }
 
 /// `part / whole`.
 fn share(part: u32, whole: u32) -> f32 {
-    narrow(f64::from(part) / f64::from(whole))
+    to_f32(f64::from(part) / f64::from(whole))
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "rounding is meant")]
-fn narrow(value: f64) -> f32 {
+fn to_f32(value: f64) -> f32 {
     value as f32
 }

@@ -1,23 +1,24 @@
 //! The shaders' structures, byte for byte as WGSL lays them out.
 //!
-//! In and out: nothing but memory. A test reads the shaders and compares the name and the offset of
-//! each field.
+//! In and out: memory only. A test reads the shaders and compares the name and offset of each
+//! field. Fields named `spare` pad structures to WGSL's alignment.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
-/// Pieces of a chunk at most, and steps of an instance: `PARTS * STEPS` and `STEPS` of
-/// `shaders/yarn.wgsl`.
+/// Largest number of pieces in a chunk.
+// Chunks are the unit of culling and level of detail. Shorter ones cull better and cost more
+// instances and memory; longer ones do the opposite. The products are fixed in the shader too.
 pub(super) const CHUNK: u32 = PARTS * STEPS;
-/// Steps that an instance takes.
+/// Steps of an instance: `STEPS` of `shaders/yarn.wgsl`.
 pub(super) const STEPS: u32 = 8;
-/// Instances of a whole chunk.
+/// Instances of a full chunk: `PARTS` of `shaders/yarn.wgsl`.
 pub(super) const PARTS: u32 = 32;
 
-/// `View` of `shaders/view.wgsl`.
+/// `ViewUniform` of `shaders/view.wgsl`.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
-pub(super) struct View {
+pub(super) struct ViewUniform {
     pub(super) clip_from_world: Mat4,
     pub(super) sun_from_world: Mat4,
     pub(super) eye: Vec4,
@@ -38,10 +39,10 @@ pub(super) struct View {
     pub(super) spare: Vec2,
 }
 
-/// `Look` of `shaders/view.wgsl`.
+/// `LookData` of `shaders/view.wgsl`.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
-pub(super) struct Look {
+pub(super) struct LookData {
     pub(super) albedo: Vec3,
     pub(super) roughness: f32,
     pub(super) metallic: f32,
@@ -108,10 +109,17 @@ mod tests {
 
     macro_rules! layout {
         ($name:ident: $($field:ident),*) => {
-            (stringify!($name), (vec![$((stringify!($field).to_owned(), offset_of!($name, $field))),*], size_of::<$name>()))
+            (
+                stringify!($name),
+                (
+                    vec![$((stringify!($field).to_owned(), offset_of!($name, $field))),*],
+                    size_of::<$name>(),
+                ),
+            )
         };
     }
 
+    /// Layouts of the structure `name` in all shaders that have it.
     fn in_shaders(name: &str) -> Vec<Layout> {
         let mut found = Vec::new();
         for (_, source) in shaders::ALL {
@@ -135,9 +143,11 @@ mod tests {
     #[test]
     fn structures_lie_in_memory_as_the_shaders_read_them() {
         let twins = [
-            layout!(View: clip_from_world, sun_from_world, eye, toward_sun, pixel, sun, tile_width, zenith, tile_height, sky_above,
-                depth_scale, sky_below, corner_x, interior, corner_y, sun_bias, layer, spare),
-            layout!(Look: albedo, roughness, metallic, radius, plies, ply_slope, fibre_slope, repeat, sheen, spare),
+            layout!(ViewUniform: clip_from_world, sun_from_world, eye, toward_sun, pixel, sun,
+                tile_width, zenith, tile_height, sky_above, depth_scale, sky_below, corner_x,
+                interior, corner_y, sun_bias, layer, spare),
+            layout!(LookData: albedo, roughness, metallic, radius, plies, ply_slope, fibre_slope,
+                repeat, sheen, spare),
             layout!(Chunk: first, count, look, spare),
             layout!(Draw: first, stride, edges, spare),
             layout!(Blur: step, reach, sigma, near, far, perspective, layer),

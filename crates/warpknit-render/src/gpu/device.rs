@@ -1,15 +1,15 @@
-//! The graphics device: which adapter, with which limits, and what went wrong on it.
+//! The graphics device: its adapter, its limits, and its errors.
 //!
 //! In: whether a software adapter will do. Out: a [`Gpu`] ready to draw, or a [`GpuError`] that
-//! says what to do. Nothing that the device refuses panics: errors that no call returns are kept,
-//! and [`Gpu::fault`] hands over the first.
+//! says what to do. Errors of the device do not panic: those that no call returns are recorded, and
+//! [`Gpu::fault`] returns the first one.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::GpuError;
 use wgpu::{Backends, DeviceType, Instance, InstanceDescriptor, RequestAdapterOptions};
 
-/// A graphics device and what it said of itself.
+/// A graphics device with its name and its first error.
 #[derive(Clone, Debug)]
 pub struct Gpu {
     pub(super) device: wgpu::Device,
@@ -18,7 +18,7 @@ pub struct Gpu {
     fault: Arc<Mutex<Option<GpuError>>>,
 }
 
-/// Formats that every pass may count on, with what is asked of them.
+/// Formats that the passes render to, and the usages they need.
 const TARGETS: [(wgpu::TextureFormat, wgpu::TextureUsages); 3] = [
     (super::LIGHT, wgpu::TextureUsages::RENDER_ATTACHMENT),
     (super::MOMENTS, wgpu::TextureUsages::RENDER_ATTACHMENT),
@@ -26,10 +26,9 @@ const TARGETS: [(wgpu::TextureFormat, wgpu::TextureUsages); 3] = [
 ];
 
 impl Gpu {
-    /// The fastest adapter; one that computes on the processor only if `software` is wanted.
+    /// The fastest adapter. One that computes on the CPU is accepted only if `software` is set.
     ///
-    /// # Errors
-    /// No adapter, or one that refuses or lacks something.
+    /// # Errors No adapter, or one that refuses a device or lacks a capability.
     pub fn find(software: bool) -> Result<Self, GpuError> {
         let mut descriptor = InstanceDescriptor::new_without_display_handle();
         descriptor.backends = Backends::PRIMARY | Backends::GL;
@@ -40,14 +39,15 @@ impl Gpu {
         };
         let adapter = pollster::block_on(instance.request_adapter(&options))
             .map_err(|_none| GpuError::NoAdapter)?;
+        // A software adapter is slower than ray tracing on the CPU.
         if !software && adapter.get_info().device_type == DeviceType::Cpu {
             return Err(GpuError::NoAdapter);
         }
         Self::open(&adapter)
     }
 
-    /// The device of an adapter, with all the limits that the adapter has: defaults would page
-    /// large fabrics without need.
+    /// Opens a device with all limits of its adapter. With wgpu's defaults, large fabrics would
+    /// need more pages.
     fn open(adapter: &wgpu::Adapter) -> Result<Self, GpuError> {
         let name = adapter.get_info().name;
         let descriptor = wgpu::DeviceDescriptor {
@@ -63,26 +63,30 @@ impl Gpu {
         Self::on(adapter, device, queue)
     }
 
-    /// Draws on a device that a window has opened.
+    /// Uses a device that a window has opened.
     ///
-    /// # Errors
-    /// An adapter that lacks something.
+    /// # Errors An adapter that lacks a capability.
     pub fn on(
         adapter: &wgpu::Adapter,
         device: wgpu::Device,
         queue: wgpu::Queue,
     ) -> Result<Self, GpuError> {
         let name = adapter.get_info().name;
-        if let Some(lacking) = lacking(adapter, &device) {
+        if let Some(lacking) = missing_capability(adapter, &device) {
             return Err(GpuError::Lacking { adapter: name, lacking });
         }
         let gpu = Self { device, queue, name, fault: Arc::default() };
+        // Both callbacks outlive this function, so each owns its handles.
         let (fault, adapter) = (Arc::clone(&gpu.fault), gpu.name.clone());
-        gpu.device
-            .on_uncaptured_error(Arc::new(move |error| note(&fault, of_error(&adapter, &error))));
+        gpu.device.on_uncaptured_error(Arc::new(move |error| {
+            record_fault(&fault, from_wgpu_error(&adapter, &error));
+        }));
         let (fault, adapter) = (Arc::clone(&gpu.fault), gpu.name.clone());
         gpu.device.set_device_lost_callback(move |_, reason| {
-            note(&fault, GpuError::Lost { adapter: adapter.clone(), reason: first_line(&reason) });
+            record_fault(
+                &fault,
+                GpuError::Lost { adapter: adapter.clone(), reason: first_line(&reason) },
+            );
         });
         Ok(gpu)
     }
@@ -93,8 +97,8 @@ impl Gpu {
         &self.name
     }
 
-    /// A buffer that holds `contents`, whose length is a multiple of four. wgpu's own helper panics
-    /// where the device refuses; here [`Gpu::fault`] tells.
+    /// A buffer with these contents, whose length must be a multiple of four. wgpu's helper
+    /// `create_buffer_init` panics if the device refuses; here [`Gpu::fault`] reports it.
     pub(super) fn store(
         &self,
         label: &str,
@@ -111,7 +115,7 @@ impl Gpu {
         buffer
     }
 
-    /// Fails with the first thing that went wrong so far, if any did.
+    /// Fails with the first error so far, if there was one.
     pub(super) fn fault(&self) -> Result<(), GpuError> {
         match &*self.fault.lock().unwrap_or_else(PoisonError::into_inner) {
             Some(error) => Err(error.clone()),
@@ -119,8 +123,9 @@ impl Gpu {
         }
     }
 
-    /// Waits until all that was submitted is done.
+    /// Waits until all submitted work is done.
     pub(super) fn wait(&self) -> Result<(), GpuError> {
+        // Recorded errors come first, because they explain why waiting failed.
         let waited = self.device.poll(wgpu::PollType::wait_indefinitely());
         self.fault()?;
         match waited {
@@ -133,28 +138,28 @@ impl Gpu {
     }
 }
 
-/// What an adapter would need and has not.
-fn lacking(adapter: &wgpu::Adapter, device: &wgpu::Device) -> Option<String> {
+/// A capability that drawing needs and the adapter lacks.
+fn missing_capability(adapter: &wgpu::Adapter, device: &wgpu::Device) -> Option<String> {
+    // Vertices are expanded from storage buffers in the vertex shader.
     let downlevel = adapter.get_downlevel_capabilities().flags;
     if !downlevel.contains(wgpu::DownlevelFlags::VERTEX_STORAGE)
         || device.limits().max_storage_buffers_per_shader_stage < 5
     {
         return Some("storage buffers for vertices".to_owned());
     }
-    let missing = |&&(format, usages): &&(wgpu::TextureFormat, wgpu::TextureUsages)| {
-        !adapter.get_texture_format_features(format).allowed_usages.contains(usages)
-    };
-    TARGETS.iter().find(missing).map(|(format, _)| {
-        format!("targets of {format:?}, which Vulkan, Metal and DirectX 12 drivers have")
-    })
+    let (format, _) = TARGETS.iter().find(|(format, usages)| {
+        !adapter.get_texture_format_features(*format).allowed_usages.contains(*usages)
+    })?;
+    Some(format!("targets of {format:?}, which Vulkan, Metal and DirectX 12 drivers have"))
 }
 
-/// Keeps the first fault: what follows is its consequence.
-fn note(fault: &Mutex<Option<GpuError>>, error: GpuError) {
+/// Keeps the first error, because later ones are its consequences.
+fn record_fault(fault: &Mutex<Option<GpuError>>, error: GpuError) {
     fault.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
 }
 
-fn of_error(adapter: &str, error: &wgpu::Error) -> GpuError {
+/// Converts an error that no call returned.
+fn from_wgpu_error(adapter: &str, error: &wgpu::Error) -> GpuError {
     let adapter = adapter.to_owned();
     match error {
         wgpu::Error::OutOfMemory { .. } => GpuError::OutOfMemory { adapter },
@@ -167,6 +172,7 @@ fn of_error(adapter: &str, error: &wgpu::Error) -> GpuError {
     }
 }
 
+/// The first line of a driver's message.
 fn first_line(text: &str) -> String {
     text.lines().next().unwrap_or_default().to_owned()
 }

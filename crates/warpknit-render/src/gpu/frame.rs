@@ -1,110 +1,118 @@
-//! Where everything lies in a frame: the camera's and the sun's views of the yarns, and the sizes
-//! of their maps.
+//! Geometry of a frame: the camera's and the sun's projections, and the sizes of the depth maps.
 //!
-//! In: a camera, a light, and what of the yarns is in view. Out: [`Frame`], matrices and sizes for
-//! all passes, in coordinates relative to the scene's middle. The sun's map covers what the camera
-//! sees and nothing more, so that a close-up has fine shadows.
+//! In: a camera, a light, and the chunks of yarn in view. Out: [`FrameSetup`], matrices and sizes
+//! for all passes, relative to the scene's centre. The sun's map covers only what the camera sees,
+//! so that a close-up has fine shadows (as light-space perspective methods aim for, here by a tight
+//! bounding box).
 
 use bytemuck::Zeroable;
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
 use super::Yarns;
 use super::data;
-use super::lod::{Sight, seen};
+use super::lod::{Frustum, visible_chunks};
 use super::pages::Page;
 use crate::shade::LAYER_RADII;
-use crate::{Camera, Options};
+use crate::{Camera, RenderOptions};
 
-/// Most texels of the sun's map a side: 256 MiB with both of its averages.
-const MOST_SUN_TEXELS: f32 = 2048.0;
-/// Size of a texel of the sun's map in radii of the thinnest yarn, where the picture can show it.
+/// Limit of the sun's map, texels a side: 256 MiB with both of its filtered copies.
+const MAX_SUN_TEXELS: f32 = 2048.0;
+/// Size of a texel of the sun's map, radii of the thinnest yarn, where the picture can show it.
+/// With larger texels, neighbouring yarns merge in the map.
 const SUN_TEXEL_RADII: f32 = 0.2;
-/// The same in pixels of the picture, where it can't.
+/// Lower limit of that size, in pixels of the picture. Finer texels than the picture can show cost
+/// time only.
 const SUN_TEXEL_PIXELS: f32 = 0.35;
-/// Reach of the sun's penumbra on a yarn, radii of the thinnest.
+/// Standard deviation of the shadow filter, radii of the thinnest yarn. With less, shadow edges
+/// alias; with more, shadows of single yarns vanish.
 const PENUMBRA_RADII: f32 = 0.2;
-/// What the sun's map takes for one depth, radii of the thinnest yarn.
+/// Depth bias of the sun's map, radii of the thinnest yarn. Without it, yarns shadow themselves;
+/// with a large one, contact shadows vanish.
 const SUN_BIAS_RADII: f32 = 0.1;
-/// How far around a point the cloth's depth is averaged, radii of the thinnest yarn. Of 3, 5 and 8,
-/// 3 told best what the sky's rays of the CPU renderer see (.127, .132, .139 of the share that is
-/// open, root mean square).
+/// Standard deviation of the filter of the eye's depth map, radii of the thinnest yarn. Of 3, 5 and
+/// 8, 3 predicted best how much sky the rays of the CPU renderer see: root mean square errors of
+/// 0.127, 0.132 and 0.139.
 const DEPTH_RADII: f32 = 3.0;
-/// Most texels of the eye's map of depths a side.
-const MOST_DEPTH_TEXELS: f32 = 2048.0;
-/// Texels that this takes.
+/// Limit of the eye's depth map, texels a side.
+const MAX_DEPTH_TEXELS: f32 = 2048.0;
+/// Standard deviation of that filter in texels, which sets the map's resolution. With fewer, the
+/// Gaussian is badly sampled.
 const DEPTH_TEXELS: f32 = 2.5;
-/// Near and far planes lie this much beyond what is drawn.
+/// The near and far planes lie this factor beyond the yarns, against rounding.
 const PLANE_MARGIN: f32 = 1.001;
 
-/// A map of averaged depths.
+/// A map of filtered depths.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DepthMap {
-    pub(super) sight: Sight,
-    /// Texels.
+    pub(super) frustum: Frustum,
+    /// Width and height, texels.
     pub(super) size: [u32; 2],
-    /// Of the averaging weights, texels.
+    /// Standard deviation of the filter, texels.
     pub(super) sigma: f32,
     pub(super) near: f32,
     pub(super) far: f32,
-    /// Depth of the nearest layer, mm, where only that one is averaged.
+    /// Thickness of the nearest layer, mm, if only that layer is averaged.
     pub(super) layer: Option<f32>,
 }
 
-/// A frame's geometry.
+/// Geometry of all passes of a frame.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Frame {
-    pub(super) camera: Sight,
+pub(super) struct FrameSetup {
+    pub(super) camera: Frustum,
     pub(super) sun: DepthMap,
     /// Depths around the eye.
     pub(super) depth: DepthMap,
-    /// What all tiles share.
-    pub(super) view: data::View,
+    /// Uniforms that all tiles share.
+    pub(super) view: data::ViewUniform,
 }
 
-/// The nearest and farthest of what is drawn along a direction, from a point.
+/// Smallest and largest distance of the yarns along a direction, from a point.
 fn range(pages: &[Page], along: Vec3, from: f32) -> [f32; 2] {
-    let extents = pages.iter().flat_map(|page| &page.extents);
-    extents.fold([f32::INFINITY, f32::NEG_INFINITY], |[near, far], extent| {
-        let depth = extent.centre.dot(along) - from;
-        [near.min(depth - extent.reach), far.max(depth + extent.reach)]
+    let chunk_bounds = pages.iter().flat_map(|page| &page.chunk_bounds);
+    chunk_bounds.fold([f32::INFINITY, f32::NEG_INFINITY], |[near, far], bounds| {
+        let depth = bounds.centre.dot(along) - from;
+        [near.min(depth - bounds.reach), far.max(depth + bounds.reach)]
     })
 }
 
-impl Frame {
-    /// Plans a frame; nothing where the camera sees no yarn.
-    pub(super) fn new(yarns: &Yarns, camera: &Camera, options: &Options) -> Option<Self> {
+impl FrameSetup {
+    /// Computes the geometry of a frame. `None` if the camera sees no yarn.
+    pub(super) fn new(yarns: &Yarns, camera: &Camera, options: &RenderOptions) -> Option<Self> {
         let Yarns { ref pages, centre, thinnest, .. } = *yarns;
         let eye = (camera.eye() - centre).as_vec3();
         let ahead = -camera.to_world(Vec3::Z);
         let [near, far] = range(pages, ahead, eye.dot(ahead));
+        // All yarns lie behind the eye.
         if far <= 0.0 {
             return None;
         }
-        // A depth buffer of 32 bits holds a thousandth of the distance to the eye and all beyond.
+        // A depth buffer of 32 bits resolves a thousandth of the distance to the eye and everything
+        // beyond. A smaller near plane would cost precision where the yarns are.
         let (near, far) = ((near / PLANE_MARGIN).max(far * 1e-3), far * PLANE_MARGIN);
         #[expect(clippy::cast_possible_truncation, reason = "a pixel's size")]
         let pixel = camera.pixel_size(1.0, options.height) as f32;
         let clip_from_world = camera.clip_from_world(centre, options.aspect(), near, far);
-        let sight = Sight { clip_from_world, eye: eye.extend(1.0), pixel };
-        let seen: Vec<_> = seen(pages, &sight).collect();
-        // Where most of what is seen lies: that sets what the maps must show.
+        let frustum = Frustum { clip_from_world, eye: eye.extend(1.0), pixel };
+        let visible: Vec<_> = visible_chunks(pages, &frustum).collect();
+        // The mean position of the visible chunks. The pixel's size there sets the resolution of
+        // the maps.
         let middle =
-            seen.iter().map(|extent| extent.centre).sum::<Vec3>() / seen.len().max(1) as f32;
+            visible.iter().map(|bounds| bounds.centre).sum::<Vec3>() / visible.len().max(1) as f32;
         let pixel_there = pixel * (middle - eye).dot(ahead).max(near);
         let rig = options.light.around(camera);
         let sun = sun_map(
             pages,
-            seen.iter().map(|extent| (extent.centre, extent.reach)),
+            visible.iter().map(|bounds| (bounds.centre, bounds.reach)),
             rig.toward_sun,
             thinnest,
             pixel_there,
         )?;
-        let depth = depth_map(sight, thinnest, pixel_there, near, far, options);
-        let texel = sun.0.sight.pixel;
-        let view = data::View {
+        let depth = depth_map(frustum, thinnest, pixel_there, near, far, options);
+        let texel = sun.0.frustum.pixel;
+        let view = data::ViewUniform {
             clip_from_world,
             sun_from_world: sun.1,
-            eye: sight.eye,
+            eye: frustum.eye,
             toward_sun: rig.toward_sun,
             pixel,
             sun: rig.light.sun,
@@ -115,87 +123,94 @@ impl Frame {
             interior: rig.interior * yarns.albedo,
             layer: LAYER_RADII * thinnest,
             sun_bias: (SUN_BIAS_RADII * thinnest).max(0.5 * texel),
-            ..data::View::zeroed()
+            ..data::ViewUniform::zeroed()
         };
-        Some(Self { camera: sight, sun: sun.0, depth, view })
+        Some(Self { camera: frustum, sun: sun.0, depth, view })
     }
 }
 
-/// The sun's map over the balls that are seen, and the matrix by which points look themselves up in
-/// it.
+/// The sun's depth map over the visible chunks, and the matrix from world coordinates to its
+/// texels.
 fn sun_map(
     pages: &[Page],
-    seen: impl Iterator<Item = (Vec3, f32)>,
+    visible: impl Iterator<Item = (Vec3, f32)>,
     toward_sun: Vec3,
     thinnest: f32,
     pixel: f32,
 ) -> Option<(DepthMap, Mat4)> {
     let (across, up) = toward_sun.any_orthonormal_pair();
     let (low, high) =
-        seen.fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(low, high), (centre, reach)| {
+        visible.fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(low, high), (centre, reach)| {
             let at = Vec2::new(across.dot(centre), up.dot(centre));
             (low.min(at - reach), high.max(at + reach))
         });
     if low.x >= high.x {
         return None;
     }
+    // All yarns may cast shadows into the view, not only the visible ones.
     let [near, far] = range(pages, -toward_sun, 0.0);
-    let extent = high - low;
+    let size_mm = high - low;
+    // As fine as the yarns need, but no finer than the picture shows or the limit allows.
     let texel = (SUN_TEXEL_RADII * thinnest)
         .max(SUN_TEXEL_PIXELS * pixel)
-        .max(extent.max_element() / MOST_SUN_TEXELS);
-    let size = (extent / texel).ceil().max(Vec2::ONE);
-    let extent = size * texel;
+        .max(size_mm.max_element() / MAX_SUN_TEXELS);
+    let size = (size_mm / texel).ceil().max(Vec2::ONE);
+    let size_mm = size * texel;
     let distance = -toward_sun;
-    let rows = |x: Vec4, y: Vec4, z: Vec4| Mat4::from_cols(x, y, z, Vec4::W).transpose();
-    let clip_from_world = rows(
-        (across * 2.0 / extent.x).extend(-1.0 - 2.0 * low.x / extent.x),
-        (up * 2.0 / extent.y).extend(-1.0 - 2.0 * low.y / extent.y),
+    // Orthographic projection with the sun's rays along z.
+    let clip_from_world = affine(
+        (across * 2.0 / size_mm.x).extend(-1.0 - 2.0 * low.x / size_mm.x),
+        (up * 2.0 / size_mm.y).extend(-1.0 - 2.0 * low.y / size_mm.y),
         (distance / (far - near)).extend(-near / (far - near)),
     );
-    // Rows of texels count from the top.
-    let texels_from_world = rows(
+    // Rows of texels count from the top. z stays in mm, because the moments are kept in mm.
+    let texels_from_world = affine(
         (across / texel).extend(-low.x / texel),
-        (-up / texel).extend((low.y + extent.y) / texel),
+        (-up / texel).extend((low.y + size_mm.y) / texel),
         distance.extend(0.0),
     );
-    let sight = Sight { clip_from_world, eye: toward_sun.extend(0.0), pixel: texel };
+    let frustum = Frustum { clip_from_world, eye: toward_sun.extend(0.0), pixel: texel };
+    // At least 0.6 texels: a narrower Gaussian would alias on the texel grid.
     let sigma = (PENUMBRA_RADII * thinnest / texel).max(0.6);
     Some((
-        DepthMap { sight, size: size.as_uvec2().to_array(), sigma, near, far, layer: None },
+        DepthMap { frustum, size: size.as_uvec2().to_array(), sigma, near, far, layer: None },
         texels_from_world,
     ))
 }
 
-/// The map of depths around the eye: as coarse as its averages allow.
+/// The depth map around the eye, as coarse as its filter allows.
 fn depth_map(
-    camera: Sight,
+    camera: Frustum,
     thinnest: f32,
     pixel: f32,
     near: f32,
     far: f32,
-    options: &Options,
+    options: &RenderOptions,
 ) -> DepthMap {
     let largest = options.width.max(options.height).max(1) as f32;
+    // Not finer than the filter needs, than half of the picture, or than the limit.
     let scale =
-        (DEPTH_TEXELS * pixel / (DEPTH_RADII * thinnest)).min(0.5).min(MOST_DEPTH_TEXELS / largest);
-    let side = |pixels: u32| {
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "at most half of it"
-        )]
-        let texels = (pixels as f32 * scale).ceil() as u32;
-        texels.max(1)
-    };
+        (DEPTH_TEXELS * pixel / (DEPTH_RADII * thinnest)).min(0.5).min(MAX_DEPTH_TEXELS / largest);
     let sigma = (DEPTH_RADII * thinnest * scale / pixel).max(0.6);
-    let sight = Sight { pixel: camera.pixel / scale, ..camera };
+    let frustum = Frustum { pixel: camera.pixel / scale, ..camera };
     DepthMap {
-        sight,
-        size: [side(options.width), side(options.height)],
+        frustum,
+        size: [options.width, options.height].map(|pixels| scaled(pixels, scale)),
         sigma,
         near,
         far,
         layer: Some(LAYER_RADII * thinnest),
     }
+}
+
+/// A number of pixels as texels of a smaller map.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most half of it")]
+fn scaled(pixels: u32, scale: f32) -> u32 {
+    let texels = (pixels as f32 * scale).ceil() as u32;
+    texels.max(1)
+}
+
+/// An affine matrix by its upper three rows.
+fn affine(x: Vec4, y: Vec4, z: Vec4) -> Mat4 {
+    Mat4::from_cols(x, y, z, Vec4::W).transpose()
 }

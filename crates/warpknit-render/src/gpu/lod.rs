@@ -1,11 +1,15 @@
-//! What of the yarns a pass draws, and how finely.
+//! Level of detail and view-frustum culling: which yarns a pass draws, and how finely.
 //!
-//! In: chunks with their extents, and a [`Sight`]: from where they are seen and how large a pixel
-//! is there. Out: [`Plan`], instances sorted into batches of one stride, one section and one set of
-//! maps. Chunks out of view are left out. With level of detail no step is shorter than a pixel as
-//! long as doubling it keeps it so, a section has no more edges than its radius in pixels can show,
-//! and a yarn of few pixels is a strip that faces the eye: its shader gives it back its roundness
-//! for a fifth of the triangles.
+//! In: chunks with their bounding balls, and a [`Frustum`] with the size of a pixel. Out:
+//! [`DrawPlan`], instances sorted into batches that share a step length, a cross-section and a set
+//! of textures. Chunks outside of the frustum are left out.
+//!
+//! With level of detail, steps are doubled until they are as long as a pixel. A cross-section has
+//! no more edges than its radius in pixels can show. A yarn of few pixels becomes a strip that
+//! faces the eye, an impostor: its shader restores the round shape for a fifth of the triangles.
+//!
+//! Both are textbook methods (Luebke et al. 2003, 'Level of detail for 3D graphics'). Cost: linear in
+//! the number of chunks. Not promised: continuous transitions. A chunk switches levels at once.
 
 use std::collections::BTreeMap;
 use std::f32::consts::PI;
@@ -13,108 +17,127 @@ use std::f32::consts::PI;
 use glam::{Mat4, Vec3, Vec4, Vec4Swizzles};
 
 use super::data::{PARTS, STEPS};
-use super::pages::{Extent, Page};
-use crate::Options;
+use super::pages::{ChunkBounds, Page};
+use crate::RenderOptions;
 use crate::scene::{Scene, Shape};
 use warpknit_core::ids::index32;
 
-/// Radius up to which a tube is drawn as a strip, pixels.
+/// Radius up to which a tube is drawn as a strip, pixels. Above it, the strip's flat silhouette in
+/// bends would show.
 const STRIP_PIXELS: f32 = 1.25;
-/// How far a section's chord may leave its circle, pixels.
+/// Tolerance of a cross-section's polygon against its circle, pixels. Larger ones show corners in
+/// the outline.
 const SECTION_ERROR: f32 = 0.1;
-/// Longest step, points: an instance then takes a whole chunk.
-const MOST_STRIDE: u32 = PARTS;
+/// Longest step, points: an instance then covers a whole chunk.
+const MAX_STRIDE: u32 = PARTS;
 
-/// From where yarns are seen.
+/// A view of the yarns: its projection and the size of its pixels.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Sight {
+pub(super) struct Frustum {
     pub(super) clip_from_world: Mat4,
-    /// As `eye` of the shaders' `View`.
+    /// As `eye` of the shaders' `ViewUniform`.
     pub(super) eye: Vec4,
-    /// Size of a pixel at distance 1, or at every distance for an eye infinitely far, mm.
+    /// Size of a pixel at distance 1, mm. For an eye at infinity, the size at every distance.
     pub(super) pixel: f32,
 }
 
-impl Sight {
-    /// Size of a pixel on the nearest point of a ball.
-    fn pixel_on(&self, extent: &Extent) -> f32 {
+impl Frustum {
+    /// Size of a pixel at the nearest point of a ball, mm.
+    fn pixel_on(&self, bounds: &ChunkBounds) -> f32 {
+        // An eye at infinity: orthographic.
         if self.eye.w == 0.0 {
             return self.pixel;
         }
-        self.pixel * (self.eye.xyz().distance(extent.centre) - extent.reach).max(0.0)
+        self.pixel * (self.eye.xyz().distance(bounds.centre) - bounds.reach).max(0.0)
     }
 
-    /// The four planes at the picture's sides, inside where positive.
+    /// The four side planes, normalised, positive inside (Gribb and Hartmann 2001, 'Fast extraction
+    /// of viewing frustum planes').
     fn sides(&self) -> [Vec4; 4] {
+        // A point is inside where -w <= x <= w, so the planes are sums and differences of the
+        // matrix' rows.
         let m = self.clip_from_world;
         let sides =
             [m.row(3) + m.row(0), m.row(3) - m.row(0), m.row(3) + m.row(1), m.row(3) - m.row(1)];
+        // Normalised, so that plane . centre is a distance that compares with the ball's radius.
         sides.map(|side| side / side.xyz().length().max(f32::MIN_POSITIVE))
     }
 }
 
-/// Whether a ball reaches into all half-spaces.
-fn inside(sides: &[Vec4; 4], centre: Vec3, reach: f32) -> bool {
+/// Whether a ball reaches into all four half-spaces. It may pass near a corner without being
+/// visible; that only costs time.
+fn ball_in_view(sides: &[Vec4; 4], centre: Vec3, reach: f32) -> bool {
     sides.iter().all(|side| side.dot(centre.extend(1.0)) > -reach)
 }
 
-/// The chunks that are in view.
-pub(super) fn seen<'a>(pages: &'a [Page], sight: &Sight) -> impl Iterator<Item = &'a Extent> {
-    let sides = sight.sides();
+/// The chunks inside the frustum.
+pub(super) fn visible_chunks<'a>(
+    pages: &'a [Page],
+    frustum: &Frustum,
+) -> impl Iterator<Item = &'a ChunkBounds> {
+    let sides = frustum.sides();
     pages
         .iter()
-        .flat_map(|page| &page.extents)
-        .filter(move |extent| inside(&sides, extent.centre, extent.reach))
+        .flat_map(|page| &page.chunk_bounds)
+        .filter(move |bounds| ball_in_view(&sides, bounds.centre, bounds.reach))
 }
 
-/// What draws of one kind have in common.
+/// State that the instances of a batch share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Kind {
-    /// Edges of the section; 2 for what is flat.
+pub(super) struct BatchKey {
+    /// Edges of the cross-section; 2 for flat primitives.
     pub(super) edges: u32,
     pub(super) maps: Option<u16>,
     /// Points a step.
     pub(super) stride: u32,
 }
 
-/// Instances of one kind on one page.
+/// Instances with one key on one page.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Batch {
     pub(super) page: usize,
-    pub(super) kind: Kind,
-    /// Its first instance in the page's parts.
+    pub(super) key: BatchKey,
+    /// Index of its first instance in the page's parts.
     pub(super) first: u32,
     pub(super) count: u32,
 }
 
-/// All that a pass draws.
+/// Everything that a pass draws.
 #[derive(Debug, Default)]
-pub(super) struct Plan {
-    /// For each page, chunk times [`PARTS`] plus the part, batch after batch.
+pub(super) struct DrawPlan {
+    /// For each page the instances, batch after batch: chunk times [`PARTS`] plus the part.
     pub(super) parts: Vec<Vec<u32>>,
-    /// Grouped by page.
+    /// Batches, grouped by page.
     pub(super) batches: Vec<Batch>,
 }
 
-impl Plan {
+impl DrawPlan {
     /// Plans a pass.
-    pub(super) fn of(kinds: &Kinds, pages: &[Page], sight: &Sight, options: &Options) -> Self {
-        let sides = sight.sides();
+    pub(super) fn new(
+        rules: &LodRules,
+        pages: &[Page],
+        frustum: &Frustum,
+        options: &RenderOptions,
+    ) -> Self {
+        let sides = frustum.sides();
         let mut plan = Self::default();
         for (number, page) in pages.iter().enumerate() {
-            let mut sorted: BTreeMap<Kind, Vec<u32>> = BTreeMap::new();
-            for (chunk, extent) in (0..).zip(&page.extents) {
-                if !inside(&sides, extent.centre, extent.reach) {
+            // An ordered map, so that batches come in the same order every time.
+            let mut sorted: BTreeMap<BatchKey, Vec<u32>> = BTreeMap::new();
+            for (chunk, bounds) in (0..).zip(&page.chunk_bounds) {
+                if !ball_in_view(&sides, bounds.centre, bounds.reach) {
                     continue;
                 }
-                let kind = kinds.kind(extent, sight.pixel_on(extent), options);
-                let parts = extent.pieces.div_ceil(STEPS * kind.stride);
-                sorted.entry(kind).or_default().extend((0..parts).map(|part| chunk * PARTS + part));
+                // One decision per chunk, by the pixel at its nearest point, so that no part of it
+                // is too coarse.
+                let key = rules.key(bounds, frustum.pixel_on(bounds), options);
+                let parts = bounds.pieces.div_ceil(STEPS * key.stride);
+                sorted.entry(key).or_default().extend((0..parts).map(|part| chunk * PARTS + part));
             }
             let mut all = Vec::new();
-            for (kind, parts) in sorted {
+            for (key, parts) in sorted {
                 let (first, count) = (index32(all.len()), index32(parts.len()));
-                plan.batches.push(Batch { page: number, kind, first, count });
+                plan.batches.push(Batch { page: number, key, first, count });
                 all.extend(parts);
             }
             plan.parts.push(all);
@@ -123,16 +146,16 @@ impl Plan {
     }
 }
 
-/// What of a scene decides how its chunks are drawn.
+/// Properties of a scene that decide how its chunks are drawn.
 #[derive(Clone, Debug)]
-pub(super) struct Kinds {
+pub(super) struct LodRules {
     shape: Shape,
-    /// Radius and maps of each look.
+    /// Radius and texture of each look.
     looks: Vec<(f32, Option<u16>)>,
 }
 
-impl Kinds {
-    pub(super) fn of(scene: &Scene) -> Self {
+impl LodRules {
+    pub(super) fn new(scene: &Scene) -> Self {
         Self {
             shape: scene.shape,
             looks: scene
@@ -143,40 +166,45 @@ impl Kinds {
         }
     }
 
-    fn kind(&self, extent: &Extent, pixel: f32, options: &Options) -> Kind {
-        let (radius, maps) = self.looks[usize::from(extent.look)];
+    /// The batch of a chunk on which a pixel is `pixel` mm wide.
+    fn key(&self, bounds: &ChunkBounds, pixel: f32, options: &RenderOptions) -> BatchKey {
+        let (radius, maps) = self.looks[usize::from(bounds.look)];
+        // Without level of detail, `sr` counts as it is given.
         let edges = match self.shape {
             Shape::Ribbon => 2,
             Shape::Tube if options.lod => edges(radius, pixel, options.sr),
             Shape::Tube => options.sr,
         };
-        let stride = if options.lod { stride(extent.piece, pixel) } else { 1 };
-        Kind { edges, maps, stride }
+        let stride = if options.lod { stride(bounds.piece, pixel) } else { 1 };
+        BatchKey { edges, maps, stride }
     }
 }
 
-/// The least power of two that makes a step as long as a pixel.
+/// The smallest power of two that makes a step at least a pixel long, up to [`MAX_STRIDE`].
 fn stride(piece: f32, pixel: f32) -> u32 {
     let mut stride = 1;
     let mut step = piece;
-    while step < pixel && stride < MOST_STRIDE {
+    // Powers of two divide a chunk's steps evenly.
+    while step < pixel && stride < MAX_STRIDE {
         stride *= 2;
         step *= 2.0;
     }
     stride
 }
 
-/// Edges of a section, `sr` at most; 2 for a strip.
+/// Edges of a cross-section, at most `sr`; 2 for a strip.
 fn edges(radius: f32, pixel: f32, sr: u32) -> u32 {
     let pixels = radius / pixel.max(f32::MIN_POSITIVE);
+    // Few pixels: an impostor.
     if pixels <= STRIP_PIXELS {
         return 2;
     }
+    // The sagitta of a chord over the angle 2 h is r (1 - cos h). Set it to the tolerance.
     let half_angle = (1.0 - SECTION_ERROR / pixels).acos();
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
-        reason = "saturates, and is held to `sr`"
+        reason = "saturates, and is clamped to `sr`"
     )]
     let shown = (PI / half_angle).ceil() as u32;
     shown.clamp(3, sr)
@@ -205,18 +233,21 @@ mod tests {
         assert_eq!(edges(1.25, 1.0, 64), 2);
         assert_eq!([1.3, 3.0, 10.0, 1e6].map(|radius| edges(radius, 1.0, 14)), [8, 13, 14, 14]);
         assert!(edges(100.0, 1.0, 64) > edges(10.0, 1.0, 64));
-        assert_eq!(edges(1.0, 0.0, 6), 6, "an eye inside the yarn");
+        assert_eq!(edges(1.0, 0.0, 6), 6, "an eye ball_in_view the yarn");
     }
 
     #[test]
     fn what_is_beside_the_picture_is_left_out() {
-        let sight =
-            Sight { clip_from_world: Mat4::from_scale(Vec3::splat(0.1)), eye: Vec4::Z, pixel: 1.0 };
-        let sides = sight.sides();
+        let frustum = Frustum {
+            clip_from_world: Mat4::from_scale(Vec3::splat(0.1)),
+            eye: Vec4::Z,
+            pixel: 1.0,
+        };
+        let sides = frustum.sides();
         let cases = [(0.0, true), (10.9, true), (11.1, false), (-10.9, true), (-11.1, false)];
         for (at, expected) in cases {
-            assert_eq!(inside(&sides, Vec3::X * at, 1.0), expected, "{at}");
-            assert_eq!(inside(&sides, Vec3::Y * at, 1.0), expected, "{at}");
+            assert_eq!(ball_in_view(&sides, Vec3::X * at, 1.0), expected, "{at}");
+            assert_eq!(ball_in_view(&sides, Vec3::Y * at, 1.0), expected, "{at}");
         }
     }
 }

@@ -1,14 +1,19 @@
-//! Pictures on the graphics processor, through wgpu.
+//! The GPU renderer, through wgpu.
 //!
-//! In: the same as every renderer's. Out: the picture, or an error that says what to do. In the
-//! library only this room names wgpu. Passes of a frame: depths from the sun, averaged; depths
-//! around the eye, averaged; the yarns with their light, tile by tile, so that no picture is too
-//! large; and the same tone curve as everywhere. `device` opens the adapter, `pages` keeps the
-//! yarns there, `levels` says what is drawn and how finely, `frame` where it lies, `pipelines` with
-//! which shaders, `passes` puts it into commands, and `resources` makes what they read and write.
+//! In: a scene, a camera and options, as for every renderer. Out: the picture, or an error that
+//! says what to do. In the library, only this module names wgpu. The passes of a frame are:
 //!
-//! What it does not promise: the same bytes on two adapters. On one adapter they depend on the
-//! arguments alone.
+//! 1. Depths from the sun, filtered (variance shadow map).
+//! 2. Depths around the eye, filtered (ambient occlusion).
+//! 3. The yarns with their light, tile by tile, so that no picture is too large. A depth pre-pass
+//!    comes first.
+//! 4. Tone mapping, the same curve as in all renderers.
+//!
+//! `device` opens the adapter. `pages` keeps the yarns in its memory. `levels` selects the level of
+//! detail. `frame` computes projections. `pipelines` compiles shaders, `passes` records commands,
+//! and `resources` creates buffers and textures.
+//!
+//! Not promised: the same bytes on two adapters. On one adapter they depend on the arguments alone.
 
 mod data;
 mod device;
@@ -33,27 +38,26 @@ pub use device::Gpu;
 pub(crate) use uploaded::Uploaded;
 
 use super::maps::Mips;
-use super::{Background, Camera, Options, ply};
+use super::{Background, Camera, RenderOptions, ply};
 use crate::GpuError;
 use crate::scene::{Scene, Shape, YarnLook};
-use frame::{DepthMap, Frame};
-use lod::{Kinds, Sight};
+use frame::{DepthMap, FrameSetup};
+use lod::{Frustum, LodRules};
 use pages::Page;
-use passes::{Listed, depth_attachment, screen_pass};
-use pipelines::{Layouts, Pipelines, Writes};
+use passes::{PreparedDraws, depth_attachment, screen_pass};
+use pipelines::{Layouts, PassKind, Pipelines};
 
-/// Light before the tone curve; half floats hold a thousand times the sun.
+/// Light before tone mapping. Half floats hold a thousand times the sun's.
 const LIGHT: TextureFormat = TextureFormat::Rgba16Float;
-/// Mean, variance and cover of depths: single precision, since half of it would lose a yarn's
-/// radius a metre away.
+/// Mean, variance and cover of depths. Half floats would lose a yarn's radius at a metre.
 const MOMENTS: TextureFormat = TextureFormat::Rgba32Float;
 const DEPTH: TextureFormat = TextureFormat::Depth32Float;
-/// Pixels as they go to files, encoded by the shader.
+/// Pixels as they go to files. The shader encodes sRGB itself.
 const PICTURE: TextureFormat = TextureFormat::Rgba8Unorm;
-/// Largest side of a tile, lights: their four samples take 50 MB.
+/// Largest side of a tile, texels. With four samples, its light and depths take 50 MB.
 const TILE: u32 = 1024;
-/// Most lights a pixel each way.
-const MOST_SUPERSAMPLING: u32 = 8;
+/// Limit of supersampling, texels a pixel each way.
+const MAX_SUPERSAMPLING: u32 = 8;
 
 /// A device with everything that does not depend on the scene.
 #[derive(Debug)]
@@ -61,33 +65,32 @@ pub struct Renderer {
     gpu: Gpu,
     layouts: Layouts,
     pipelines: Pipelines,
-    /// By number of edges.
+    /// Index buffers and their lengths, by number of edges.
     indices: BTreeMap<u32, (wgpu::Buffer, u32)>,
     sampler: wgpu::Sampler,
 }
 
-/// A scene on the device.
+/// A scene in the device's memory.
 #[derive(Debug)]
 pub struct Yarns {
     centre: DVec3,
     pages: Vec<Page>,
     shape: Shape,
-    kinds: Kinds,
-    /// Whether any of them has a sheen.
-    shines: bool,
+    lod: LodRules,
+    /// Whether any look has a sheen.
+    has_sheen: bool,
     looks: wgpu::Buffer,
     thinnest: f32,
     /// See [`Scene::mean_albedo`].
     albedo: Vec3,
-    /// Those of each set of maps, then those of yarns without.
+    /// Textures of each set of maps. The last entry stands for yarns without any.
     maps: Vec<wgpu::BindGroup>,
 }
 
 impl Renderer {
-    /// Compiles all shaders for pictures of so many samples a pixel: 1 or 4.
+    /// Compiles the shaders for pictures with this number of samples per pixel: 1 or 4.
     ///
-    /// # Errors
-    /// What the device refuses.
+    /// # Errors Whatever the device refuses.
     pub fn new(gpu: Gpu, samples: u32) -> Result<Self, GpuError> {
         let layouts = Layouts::new(&gpu);
         let pipelines = Pipelines::new(&gpu, &layouts, if samples > 1 { 4 } else { 1 });
@@ -110,18 +113,18 @@ impl Renderer {
         self.gpu.name()
     }
 
-    /// Uploads a scene, `st` pieces a stitch. It is no longer needed then.
+    /// Uploads a scene with `st` pieces a stitch. The scene is not needed afterwards.
     ///
-    /// # Errors
-    /// What the device refuses, its memory above all.
+    /// # Errors Whatever the device refuses, above all memory.
     pub fn load(&self, scene: &Scene, st: u32) -> Result<Yarns, GpuError> {
         let centre = scene.bounds().map_or(DVec3::ZERO, |bounds| bounds.centre().as_dvec3());
         let (thinnest, _) = scene.radii();
+        // Bindings must not be empty.
         let mut looks: Vec<_> = scene.looks.iter().map(|look| shader_look(look, scene)).collect();
         if looks.is_empty() {
             looks.push(bytemuck::Zeroable::zeroed());
         }
-        let shines = scene.looks.iter().any(|look| look.sheen > 0.0);
+        let has_sheen = scene.looks.iter().any(|look| look.sheen > 0.0);
         let looks = self.gpu.store("looks", bytemuck::cast_slice(&looks), BufferUsages::STORAGE);
         let most = self.gpu.device.limits().max_texture_dimension_2d;
         if let Some(maps) = scene
@@ -140,16 +143,17 @@ impl Renderer {
             .iter()
             .map(|maps| self.maps_group(&maps.base, &maps.normal, &maps.surface))
             .collect();
+        // Yarns without textures bind white texels, because every binding needs a resource.
         let none = Mips { levels: vec![RgbaImage::from_pixel(1, 1, Rgba([255; 4]))] };
         maps.push(self.maps_group(&none, &none, &none));
         let pages = pages::upload(&self.gpu, scene, centre, st)?;
-        let (albedo, kinds) = (scene.mean_albedo(), Kinds::of(scene));
+        let (albedo, lod) = (scene.mean_albedo(), LodRules::new(scene));
         Ok(Yarns {
             centre,
             pages,
             shape: scene.shape,
-            kinds,
-            shines,
+            lod,
+            has_sheen,
             looks,
             thinnest,
             albedo,
@@ -157,19 +161,20 @@ impl Renderer {
         })
     }
 
-    /// Draws a picture and brings it back.
+    /// Draws a picture and reads it back.
     ///
-    /// # Errors
-    /// What the device refuses.
+    /// # Errors Whatever the device refuses.
     pub fn draw(
         &mut self,
         yarns: &Yarns,
         camera: &Camera,
-        options: &Options,
+        options: &RenderOptions,
     ) -> Result<RgbaImage, GpuError> {
         let mut picture = RgbaImage::new(options.width, options.height);
-        let frame = Frame::new(yarns, camera, options);
-        let lights = frame.as_ref().map(|frame| self.lights(yarns, frame, options)).transpose()?;
+        let frame = FrameSetup::new(yarns, camera, options);
+        let depth_maps =
+            frame.as_ref().map(|frame| self.depth_maps(yarns, frame, options)).transpose()?;
+        // A tile's side in pixels, without its margin of one pixel on both sides.
         let side = TILE.min(self.gpu.device.limits().max_texture_dimension_2d)
             / supersampling(options)
             - 2;
@@ -178,30 +183,30 @@ impl Renderer {
                 let size = [side.min(options.width - x), side.min(options.height - y)];
                 let tile = self.gpu.texture(PICTURE, size, TextureUsages::COPY_SRC, 1);
                 let view = tile.create_view(&wgpu::TextureViewDescriptor::default());
-                let lit = frame.as_ref().zip(lights.as_ref());
-                self.tile(yarns, lit, options, [x, y], size, &view);
+                let geometry = frame.as_ref().zip(depth_maps.as_ref());
+                self.tile(yarns, geometry, options, [x, y], size, &view);
                 self.gpu.read(&tile, &mut picture, [x, y])?;
             }
         }
         Ok(picture)
     }
 
-    /// Draws the whole picture to a texture of the picture's size, to be shown.
+    /// Draws the whole picture to a texture of its size, to be shown in a window.
     ///
-    /// # Errors
-    /// What the device refuses.
+    /// # Errors Whatever the device refuses.
     pub fn draw_to(
         &mut self,
         yarns: &Yarns,
         camera: &Camera,
-        options: &Options,
+        options: &RenderOptions,
         to: &wgpu::TextureView,
     ) -> Result<(), GpuError> {
-        let frame = Frame::new(yarns, camera, options);
-        let lights = frame.as_ref().map(|frame| self.lights(yarns, frame, options)).transpose()?;
+        let frame = FrameSetup::new(yarns, camera, options);
+        let depth_maps =
+            frame.as_ref().map(|frame| self.depth_maps(yarns, frame, options)).transpose()?;
         self.tile(
             yarns,
-            frame.as_ref().zip(lights.as_ref()),
+            frame.as_ref().zip(depth_maps.as_ref()),
             options,
             [0, 0],
             [options.width, options.height],
@@ -210,20 +215,21 @@ impl Renderer {
         self.gpu.fault()
     }
 
-    /// The averaged depths from the sun and around the eye, bound for the light.
-    fn lights(
+    /// Draws and filters the depths from the sun and around the eye; returns them bound for the
+    /// light pass.
+    fn depth_maps(
         &mut self,
         yarns: &Yarns,
-        frame: &Frame,
-        options: &Options,
+        frame: &FrameSetup,
+        options: &RenderOptions,
     ) -> Result<wgpu::BindGroup, GpuError> {
         let mut encoder = self
             .gpu
             .device
             .create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("depths") });
         let [sun, depth] = [&frame.sun, &frame.depth].map(|map| {
-            let listed = self.list(yarns, &map.sight, options, &[Writes::Depth]);
-            self.depth_map(&mut encoder, yarns, frame, map, &listed)
+            let prepared = self.prepare_draws(yarns, &map.frustum, options, &[PassKind::Depth]);
+            self.depth_map(&mut encoder, yarns, frame, map, &prepared)
         });
         self.gpu.queue.submit([encoder.finish()]);
         self.gpu.fault()?;
@@ -234,23 +240,24 @@ impl Renderer {
         ))
     }
 
-    /// Draws depths and averages them.
+    /// Draws depths and filters them.
     fn depth_map(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         yarns: &Yarns,
-        frame: &Frame,
+        frame: &FrameSetup,
         map: &DepthMap,
-        listed: &Listed,
+        prepared: &PreparedDraws,
     ) -> wgpu::TextureView {
         let depths = self.gpu.target(DEPTH, map.size, 1);
-        let view = data::View {
-            clip_from_world: map.sight.clip_from_world,
-            eye: map.sight.eye,
-            pixel: map.sight.pixel,
+        let view = data::ViewUniform {
+            clip_from_world: map.frustum.clip_from_world,
+            eye: map.frustum.eye,
+            pixel: map.frustum.pixel,
             ..frame.view
         };
         {
+            // Far depths, 1, stay where no yarn is drawn.
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("depth"),
                 depth_stencil_attachment: Some(depth_attachment(
@@ -260,8 +267,10 @@ impl Renderer {
                 )),
                 ..wgpu::RenderPassDescriptor::default()
             });
-            self.draw_listed(&mut pass, yarns, listed, &view, Writes::Depth);
+            self.draw_prepared(&mut pass, yarns, prepared, &view, PassKind::Depth);
         }
+        // A Gaussian is separable: one pass along rows and one along columns cost 2 n taps instead
+        // of n^2.
         let [once, twice] = [(); 2].map(|()| self.gpu.target(MOMENTS, map.size, 1));
         let [from_depths, from_moments] =
             if map.layer.is_some() { &self.pipelines.nearest } else { &self.pipelines.all };
@@ -269,8 +278,9 @@ impl Renderer {
             [([1, 0], from_depths, &twice, &once), ([0, 1], from_moments, &once, &twice)]
         {
             #[expect(clippy::cast_possible_truncation, reason = "some texels")]
+            // Two standard deviations hold 95 % of the Gaussian's weight.
             let reach = (2.0 * map.sigma).round() as i32;
-            let (perspective, layer) = (map.sight.eye.w, map.layer.unwrap_or_default());
+            let (perspective, layer) = (map.frustum.eye.w, map.layer.unwrap_or_default());
             let blur = data::Blur {
                 step,
                 reach,
@@ -299,30 +309,36 @@ impl Renderer {
     fn tile(
         &mut self,
         yarns: &Yarns,
-        lit: Option<(&Frame, &wgpu::BindGroup)>,
-        options: &Options,
+        geometry: Option<(&FrameSetup, &wgpu::BindGroup)>,
+        options: &RenderOptions,
         corner: [u32; 2],
         size: [u32; 2],
         to: &wgpu::TextureView,
     ) {
-        // A pixel more on every side, since the tone curve's filter reaches into the next ones.
+        // One more pixel on every side, because the reconstruction filter reaches into the next
+        // tiles.
         let scale = supersampling(options);
         let size = size.map(|pixels| (pixels + 2) * scale);
         let light = self.gpu.target(LIGHT, size, 1);
-        let drawn = lit.map(|(frame, lights)| {
+        let draws = geometry.map(|(frame, depth_maps)| {
             let view = tile_view(frame, options, corner, size);
-            let sight = Sight { clip_from_world: view.clip_from_world, ..frame.camera };
+            let frustum = Frustum { clip_from_world: view.clip_from_world, ..frame.camera };
             (
                 view,
-                lights,
-                self.list(yarns, &sight, options, &[Writes::Before, Writes::Light, Writes::Fuzz]),
+                depth_maps,
+                self.prepare_draws(
+                    yarns,
+                    &frustum,
+                    options,
+                    &[PassKind::Prepass, PassKind::Light, PassKind::Fuzz],
+                ),
             )
         });
         let mut encoder = self
             .gpu
             .device
             .create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("picture") });
-        self.light(&mut encoder, yarns, drawn.as_ref(), size, &light);
+        self.light(&mut encoder, yarns, draws.as_ref(), size, &light);
         let background = match options.background {
             Background::Transparent => Vec4::ZERO,
             Background::Color([r, g, b]) => {
@@ -346,16 +362,18 @@ impl Renderer {
         self.gpu.queue.submit([encoder.finish()]);
     }
 
-    /// Draws the yarns' light, depths first, to `light` of `size`; without any it is dark.
+    /// Draws the yarns' light to `light`, after a depth pre-pass. Without yarns it stays black.
     fn light(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         yarns: &Yarns,
-        drawn: Option<&(data::View, &wgpu::BindGroup, Listed)>,
+        draws: Option<&(data::ViewUniform, &wgpu::BindGroup, PreparedDraws)>,
         size: [u32; 2],
         light: &wgpu::TextureView,
     ) {
         let samples = self.pipelines.samples;
+        // With multisampling, the pass renders to a texture of its own and the hardware averages
+        // its samples into `light`.
         let sampled = (samples > 1).then(|| self.gpu.target(LIGHT, size, samples));
         let depths = self.gpu.target(DEPTH, size, samples);
         {
@@ -368,8 +386,8 @@ impl Renderer {
                 )),
                 ..wgpu::RenderPassDescriptor::default()
             });
-            if let Some((view, _, listed)) = drawn {
-                self.draw_listed(&mut pass, yarns, listed, view, Writes::Before);
+            if let Some((view, _, prepared)) = draws {
+                self.draw_prepared(&mut pass, yarns, prepared, view, PassKind::Prepass);
             }
         }
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
@@ -390,13 +408,15 @@ impl Renderer {
             )),
             ..wgpu::RenderPassDescriptor::default()
         });
-        if let Some((view, lights, listed)) = drawn {
-            pass.set_bind_group(3, *lights, &[]);
-            self.draw_listed(&mut pass, yarns, listed, view, Writes::Light);
-            self.draw_listed(&mut pass, yarns, listed, view, Writes::Fuzz);
+        if let Some((view, depth_maps, prepared)) = draws {
+            pass.set_bind_group(3, *depth_maps, &[]);
+            self.draw_prepared(&mut pass, yarns, prepared, view, PassKind::Light);
+            // Fuzz comes last: it is blended over the solid yarns behind it.
+            self.draw_prepared(&mut pass, yarns, prepared, view, PassKind::Fuzz);
         }
     }
 
+    /// Uploads one set of textures and binds it.
     fn maps_group(&self, base: &Mips, normal: &Mips, surface: &Mips) -> wgpu::BindGroup {
         let formats =
             [TextureFormat::Rgba8UnormSrgb, TextureFormat::Rgba8Unorm, TextureFormat::Rgba8Unorm];
@@ -411,12 +431,17 @@ impl Renderer {
     }
 }
 
-/// What a tile of `size` lights sees, from a pixel before `corner` on.
-fn tile_view(frame: &Frame, options: &Options, corner: [u32; 2], size: [u32; 2]) -> data::View {
+/// Uniforms of a tile of `size` texels, which begins one pixel before `corner`.
+fn tile_view(
+    frame: &FrameSetup,
+    options: &RenderOptions,
+    corner: [u32; 2],
+    size: [u32; 2],
+) -> data::ViewUniform {
     let scale = supersampling(options) as f32;
     let corner = Vec2::from(corner.map(|pixels| pixels as f32)) - 1.0;
-    let [tile_width, tile_height] = size.map(|lights| lights as f32);
-    data::View {
+    let [tile_width, tile_height] = size.map(|texels| texels as f32);
+    data::ViewUniform {
         clip_from_world: crop(options, corner, Vec2::new(tile_width, tile_height) / scale)
             * frame.camera.clip_from_world,
         tile_width,
@@ -428,26 +453,27 @@ fn tile_view(frame: &Frame, options: &Options, corner: [u32; 2], size: [u32; 2])
     }
 }
 
-/// Lights a pixel each way, for the samples that are wanted beyond those of each light.
-fn supersampling(options: &Options) -> u32 {
-    (options.spp / options.samples.max(1)).isqrt().clamp(1, MOST_SUPERSAMPLING)
+/// Texels a pixel each way, for the samples that are wanted beyond those of multisampling.
+fn supersampling(options: &RenderOptions) -> u32 {
+    (options.spp / options.samples.max(1)).isqrt().clamp(1, MAX_SUPERSAMPLING)
 }
 
-/// Blows a part of the picture up to all of clip space: `size` pixels from `corner` on.
-fn crop(options: &Options, corner: Vec2, size: Vec2) -> Mat4 {
+/// Matrix that enlarges a part of the picture to all of clip space: `size` pixels from `corner` on.
+fn crop(options: &RenderOptions, corner: Vec2, size: Vec2) -> Mat4 {
     let whole = Vec2::new(options.width as f32, options.height as f32);
     let scale = whole / size;
-    // The part's middle in clip coordinates, y up.
+    // The part's centre in clip coordinates, y up.
     let middle = ((corner + size / 2.0) / whole * 2.0 - 1.0) * Vec2::new(1.0, -1.0);
     Mat4::from_translation((-middle * scale).extend(0.0)) * Mat4::from_scale(scale.extend(1.0))
 }
 
-fn shader_look(look: &YarnLook, scene: &Scene) -> data::Look {
+/// A look in the shaders' layout.
+fn shader_look(look: &YarnLook, scene: &Scene) -> data::LookData {
     #[expect(clippy::cast_precision_loss, reason = "a few plies")]
     let plies = look.plies as f32;
     let [ply_slope, fibre_slope] = ply::slopes(plies, look.twist_slope);
     let repeat = scene.maps_of(look).map_or(0.0, |maps| maps.length);
-    data::Look {
+    data::LookData {
         albedo: look.albedo,
         roughness: look.roughness,
         metallic: look.metallic,

@@ -1,9 +1,9 @@
-//! Yarns in the device's memory: points in pages that fit its bindings, cut into chunks that are
-//! culled and coarsened one by one.
+//! Yarns in the device's memory: points in pages that fit its binding limits, divided into chunks
+//! that are culled and coarsened one by one.
 //!
-//! In: a scene and St. Out: [`Yarns`], 24 bytes a point there, 40 bytes a chunk of up to [`CHUNK`]
-//! pieces here. Strands are cut a window at a time, so what is held beside the pages does not grow
-//! with the fabric. A page's bind group serves all passes.
+//! In: a scene and St. Out: [`Page`]s, with 24 bytes a point on the device and 40 bytes a chunk of
+//! up to [`CHUNK`] pieces on the host. Strands are subdivided a window at a time, so the memory
+//! beside the pages does not grow with the fabric. All passes share a page's bind group.
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -13,19 +13,19 @@ use super::data::{self, CHUNK};
 use super::device::Gpu;
 use crate::GpuError;
 use crate::octahedral::PackedUnit;
-use crate::paths::{Cut, Paths};
+use crate::paths::{Subdivision, YarnPaths};
 use crate::scene::Scene;
 use warpknit_core::ids::index32;
 
-/// Strands that a thread cuts at a time.
+/// Strands that a task subdivides at a time.
 const CUT_STRANDS: usize = 16;
-/// Points of a page at most: 64 MiB, which every device binds and allocates.
+/// Limit of a page's points: 64 MiB, which every device can bind and allocate.
 const PAGE_POINTS: usize = 4 << 20;
 
-/// What is known of a chunk without asking the device.
+/// Properties of a chunk that the host needs for culling and level of detail.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Extent {
-    /// A ball around it, its yarn's radius included.
+pub(super) struct ChunkBounds {
+    /// Bounding ball, including the yarn's radius.
     pub(super) centre: Vec3,
     pub(super) reach: f32,
     /// Mean length of its pieces, mm.
@@ -37,22 +37,22 @@ pub(super) struct Extent {
 /// Points that one bind group holds.
 #[derive(Debug)]
 pub(super) struct Page {
-    pub(super) extents: Vec<Extent>,
+    pub(super) chunk_bounds: Vec<ChunkBounds>,
     pub(super) points: wgpu::Buffer,
-    pub(super) turns: wgpu::Buffer,
+    pub(super) tangent_frames: wgpu::Buffer,
     pub(super) chunks: wgpu::Buffer,
 }
 
-/// A page on its way.
+/// A page that is being filled.
 #[derive(Default)]
 struct Draft {
     points: Vec<[f32; 4]>,
-    turns: Vec<[PackedUnit; 2]>,
+    tangent_frames: Vec<[PackedUnit; 2]>,
     chunks: Vec<data::Chunk>,
-    extents: Vec<Extent>,
+    chunk_bounds: Vec<ChunkBounds>,
 }
 
-/// Uploads all strands of `scene`, `st` pieces a stitch, relative to `centre`.
+/// Uploads all strands of `scene` with `st` pieces a stitch, relative to `centre`.
 pub(super) fn upload(
     gpu: &Gpu,
     scene: &Scene,
@@ -64,16 +64,21 @@ pub(super) fn upload(
         usize::try_from(limits.max_storage_buffer_binding_size.min(limits.max_buffer_size))
             .unwrap_or(usize::MAX);
     let room = (largest / size_of::<[f32; 4]>()).min(PAGE_POINTS);
+    // Enough strands for all threads, but not the whole fabric.
     let window = CUT_STRANDS * 4 * rayon::current_num_threads();
     let (mut pages, mut draft) = (Vec::new(), Draft::default());
     for first in (0..scene.strands.len()).step_by(window) {
         let end = scene.strands.len().min(first + window);
-        let cut =
-            |start| Paths::of(scene, start..end.min(start + CUT_STRANDS), centre, Cut::Stitch(st));
-        let parts: Vec<Paths> =
-            (first..end).into_par_iter().step_by(CUT_STRANDS).map(cut).collect();
+        let starts = (first..end).into_par_iter().step_by(CUT_STRANDS);
+        let parts: Vec<YarnPaths> = starts
+            .map(|start| {
+                let strands = start..end.min(start + CUT_STRANDS);
+                YarnPaths::new(scene, strands, centre, Subdivision::Stitch(st))
+            })
+            .collect();
         for paths in &parts {
             for (start, pieces) in runs(paths) {
+                // A chunk lies on one page only.
                 if draft.points.len() + pieces as usize >= room {
                     pages.push(std::mem::take(&mut draft).finish(gpu)?);
                 }
@@ -87,12 +92,13 @@ pub(super) fn upload(
     Ok(pages)
 }
 
-/// First points and pieces of the chunks that strands are cut into.
-fn runs(paths: &Paths) -> Vec<(usize, u32)> {
+/// First point and number of pieces of each chunk.
+fn runs(paths: &YarnPaths) -> Vec<(usize, u32)> {
     let mut runs = Vec::new();
     let mut start = 0;
     for (at, point) in paths.points.iter().enumerate() {
         let pieces = index32(at - start);
+        // The last point of a strand ends a chunk, and so does a full chunk.
         if point.w <= 0.0 {
             if pieces > 0 {
                 runs.push((start, pieces));
@@ -107,18 +113,20 @@ fn runs(paths: &Paths) -> Vec<(usize, u32)> {
 }
 
 impl Draft {
-    /// Adds a chunk. Its last point is the next one's first, and stored for each.
-    fn push(&mut self, paths: &Paths, start: usize, pieces: u32) {
+    /// Adds a chunk. Consecutive chunks share a point, and each stores it.
+    fn push(&mut self, paths: &YarnPaths, start: usize, pieces: u32) {
         let range = start..=start + pieces as usize;
         let first = index32(self.points.len());
         let (points, along) = (&paths.points[range.clone()], &paths.along[range.clone()]);
         self.points.extend(
             points.iter().zip(along).map(|(point, &along)| [point.x, point.y, point.z, along]),
         );
-        let turns = paths.tangents[range.clone()].iter().zip(&paths.across[range]);
-        self.turns.extend(turns.map(|(&tangent, &across)| [tangent, across]));
+        let tangent_frames = paths.tangents[range.clone()].iter().zip(&paths.across[range]);
+        self.tangent_frames.extend(tangent_frames.map(|(&tangent, &across)| [tangent, across]));
         let look = paths.looks[start];
         self.chunks.push(data::Chunk { first, count: pieces, look: u32::from(look), spare: 0 });
+        // The ball around the bounding box: looser than the smallest ball, but computed in one
+        // pass.
         let low = points.iter().fold(Vec3::INFINITY, |low, point| low.min(point.truncate()));
         let high = points.iter().fold(Vec3::NEG_INFINITY, |high, point| high.max(point.truncate()));
         let length = points
@@ -128,18 +136,23 @@ impl Draft {
         #[expect(clippy::cast_precision_loss, reason = "256 at most")]
         let piece = length / pieces as f32;
         let (centre, reach) = (low.midpoint(high), low.distance(high) / 2.0 + points[0].w);
-        self.extents.push(Extent { centre, reach, piece, pieces, look });
+        self.chunk_bounds.push(ChunkBounds { centre, reach, piece, pieces, look });
     }
 
+    /// Uploads the page.
     fn finish(self, gpu: &Gpu) -> Result<Page, GpuError> {
-        let store = |label, contents: &[u8]| gpu.store(label, contents, BufferUsages::STORAGE);
+        let usage = BufferUsages::STORAGE;
         let page = Page {
-            points: store("points", bytemuck::cast_slice(&self.points)),
-            turns: store("turns", bytemuck::cast_slice(&self.turns)),
-            chunks: store("chunks", bytemuck::cast_slice(&self.chunks)),
-            extents: self.extents,
+            points: gpu.store("points", bytemuck::cast_slice(&self.points), usage),
+            tangent_frames: gpu.store(
+                "tangent_frames",
+                bytemuck::cast_slice(&self.tangent_frames),
+                usage,
+            ),
+            chunks: gpu.store("chunks", bytemuck::cast_slice(&self.chunks), usage),
+            chunk_bounds: self.chunk_bounds,
         };
-        // What the copies were staged in is free once they are done.
+        // wgpu stages copies in memory of its own. Waiting for them frees it before the next page.
         gpu.queue.submit([]);
         gpu.wait()?;
         Ok(page)

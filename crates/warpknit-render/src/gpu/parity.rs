@@ -1,5 +1,5 @@
-//! Tests: the shaders' formulas give what their Rust twins give, on random input, on whatever
-//! adapter there is.
+//! Tests: the shaders' formulas give the same values as their Rust twins on random input, on any
+//! adapter.
 
 use glam::{Vec3, Vec4};
 use proptest::prelude::*;
@@ -8,13 +8,13 @@ use proptest::test_runner::TestRunner;
 use wgpu::util::DeviceExt;
 
 use super::Gpu;
-use crate::ply::{self, Place};
+use crate::ply::{self, YarnPoint};
 use crate::shade::{self, Surface, schlick_rough};
 use crate::sheen::Sheen;
 use crate::{Background, tone};
 use warpknit_shaders as shaders;
 
-/// Inputs of each formula, four numbers four times.
+/// Number of random inputs of each formula; each has four times four numbers.
 const COUNT: usize = 4096;
 type Input = [Vec4; 4];
 
@@ -36,7 +36,7 @@ fn direction(u: vec2f) -> vec3f {
 }
 ";
 
-/// An adapter to test on. Without one the test is skipped, but in CI it fails.
+/// An adapter to test on. Without one, the test is skipped; in CI it fails.
 pub(super) fn adapter(test: &str) -> Option<Gpu> {
     match Gpu::find(true) {
         Ok(gpu) => Some(gpu),
@@ -48,7 +48,7 @@ pub(super) fn adapter(test: &str) -> Option<Gpu> {
     }
 }
 
-/// Runs `formula(input: mat4x4f) -> vec4f`, written in WGSL after `source`, on the device.
+/// Runs `formula(input: mat4x4f) -> vec4f`, WGSL that is appended to `source`, on the device.
 fn on_device(gpu: &Gpu, source: &str, formula: &str, inputs: &[Input]) -> Vec<Vec4> {
     let source = format!("{source}{formula}{RUN}");
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
@@ -106,7 +106,7 @@ fn on_device(gpu: &Gpu, source: &str, formula: &str, inputs: &[Input]) -> Vec<Ve
     bytemuck::pod_collect_to_vec(&outputs)
 }
 
-/// Numbers 0..1, the same in every run.
+/// Random numbers 0..1, the same in every run.
 fn random() -> Vec<Input> {
     let numbers = prop::array::uniform16(0.0_f32..1.0).prop_map(|n| {
         let row = |at: usize| Vec4::new(n[at], n[at + 1], n[at + 2], n[at + 3]);
@@ -123,8 +123,8 @@ fn direction(u: Vec4) -> Vec3 {
     Vec3::new(cos * around, sin * around, height)
 }
 
-/// Asserts that no component differs by more than `limit` of its size, or of 1 where that is
-/// smaller; `spared` in a thousand may.
+/// Asserts that no component differs by more than `limit`, relative to its size or to 1, whichever
+/// is larger. `spared` of a thousand may differ more.
 fn assert_close(found: &[Vec4], expected: &[Vec4], limit: f32, spared: usize) {
     let far = |(found, expected): &(&Vec4, &Vec4)| {
         let off = (**found - **expected).abs() / expected.abs().max(Vec4::ONE);
@@ -147,13 +147,13 @@ fn the_open_sky_is_the_same() {
     let formula = "
 fn formula(u: mat4x4f) -> vec4f {
     let before = (u[0].x - 0.5) * 40.0;
-    return vec4f(open_share(before, u[0].y > 0.8, u[0].z, u[0].w, u[1].x > 0.5));
+    return vec4f(sky_visibility(before, u[0].y > 0.8, u[0].z, u[0].w, u[1].x > 0.5));
 }";
     let inputs = random();
     let found = on_device(&gpu, shaders::YARN, formula, &inputs);
     let expected = |u: &Input| {
         let before = (u[0].y <= 0.8).then_some((u[0].x - 0.5) * 40.0);
-        Vec4::splat(shade::open_sky(before, u[0].z, u[0].w, u[1].x > 0.5))
+        Vec4::splat(shade::sky_visibility(before, u[0].z, u[0].w, u[1].x > 0.5))
     };
     assert_close(&found, &inputs.iter().map(expected).collect::<Vec<_>>(), 1e-5, 0);
 }
@@ -163,9 +163,11 @@ fn reflection_is_the_same() {
     let Some(gpu) = adapter("reflection_is_the_same") else { return };
     let formula = "
 fn formula(u: mat4x4f) -> vec4f {
-    let sheen = Sheen(select(0.0, u[2].z, u[2].w > 0.3), u[3].w - 0.5, direction(vec2f(u[2].w, u[2].z)));
+    let share = select(0.0, u[2].z, u[2].w > 0.3);
+    let sheen = Sheen(share, u[3].w - 0.5, direction(vec2f(u[2].w, u[2].z)));
     let m = Material(direction(u[0].xy), u[1].xyz, u[2].x, u[2].y, sheen);
-    return vec4f(brdf(m, direction(u[0].zw), direction(u[3].xy)), schlick_rough(reflectance(m), u[3].z, m.roughness).x);
+    let skylight = schlick_rough(reflectance(m), u[3].z, m.roughness).x;
+    return vec4f(brdf(m, direction(u[0].zw), direction(u[3].xy)), skylight);
 }";
     let inputs = random();
     let twin = |u: &Input| {
@@ -202,9 +204,12 @@ fn formula(u: mat4x4f) -> vec4f {
     let s = Sheen(u[0].x, u[0].y - 0.5, direction(u[0].zw));
     let toward_light = direction(u[1].xy);
     let toward_eye = direction(u[1].zw);
-    let height = dot(sheen_brightest(s, toward_light, toward_eye), vec3f(0.6, 0.0, 0.8));
+    let height = dot(sheen_highlight_normal(s, toward_light, toward_eye), vec3f(0.6, 0.0, 0.8));
     return vec4f(
-        sheen_across(s, toward_light, toward_eye), sheen_spared_by_sky(s, u[2].z), sheen_of_sky(s, direction(u[2].xy), toward_eye), height,
+        sheen_mean_over_width(s, toward_light, toward_eye),
+        sheen_base_share_under_sky(s, u[2].z),
+        sheen_sky_reflectance(s, direction(u[2].xy), toward_eye),
+        height,
     );
 }";
     let inputs = random();
@@ -212,11 +217,11 @@ fn formula(u: mat4x4f) -> vec4f {
         let [tangent, view] = [u[0], u[1]].map(|row| direction(Vec4::new(row.z, row.w, 0.0, 0.0)));
         let light = direction(u[1]);
         let sheen = Sheen { share: u[0].x, slope: u[0].y - 0.5, tangent };
-        let height = sheen.brightest(light, view).dot(Vec3::new(0.6, 0.0, 0.8));
+        let height = sheen.highlight_normal(light, view).dot(Vec3::new(0.6, 0.0, 0.8));
         Vec4::new(
-            sheen.across(light, view),
-            sheen.spared_by_sky(u[2].z),
-            sheen.of_sky(direction(u[2]), view),
+            sheen.mean_over_width(light, view),
+            sheen.base_share_under_sky(u[2].z),
+            sheen.sky_reflectance(direction(u[2]), view),
             height,
         )
     };
@@ -239,8 +244,9 @@ fn formula(u: mat4x4f) -> vec4f {
     let normal = vec3f(cos(angle), sin(angle), 0.0);
     let toward_eye = normalize(normal + u[1].xyz - 0.5);
     let plies = floor(1.0 + 4.0 * u[0].w);
-    let detail = ply_detail(Place(
-        normal, toward_eye, vec3f(0.0, 0.0, 1.0), angle, u[0].y * 5.0, 0.02 + u[0].z, u[2].x * u[2].x, plies, u[2].y, u[2].z - 0.5,
+    let detail = ply_detail(YarnPoint(
+        normal, toward_eye, vec3f(0.0, 0.0, 1.0), angle, u[0].y * 5.0, 0.02 + u[0].z,
+        u[2].x * u[2].x, plies, u[2].y, u[2].z - 0.5,
     ));
     return vec4f(detail.normal, detail.shade);
 }";
@@ -249,7 +255,7 @@ fn formula(u: mat4x4f) -> vec4f {
         let around = std::f32::consts::TAU * (u[0].x - 0.5);
         let normal = Vec3::new(around.cos(), around.sin(), 0.0);
         let plies = (1.0 + 4.0 * u[0].w).floor();
-        let place = Place {
+        let place = YarnPoint {
             normal,
             toward_eye: (normal + u[1].truncate() - 0.5).normalize(),
             tangent: Vec3::Z,
@@ -305,7 +311,7 @@ fn a_lost_device_is_an_error() {
     let mut scene = crate::scene::Scene::default();
     scene.looks.push(crate::scene::YarnLook::plain(Vec3::ONE, 0.5, 0.1));
     scene.push_strand([Vec3::ZERO, Vec3::X], 0);
-    let options = crate::Options { width: 16, height: 16, ..Default::default() };
+    let options = crate::RenderOptions { width: 16, height: 16, ..Default::default() };
     let camera = crate::Camera::view(crate::View::Front, &scene.positions, 0.5, 1.0, 1.0);
     let drawn = super::Renderer::new(gpu, options.samples).and_then(|mut renderer| {
         let yarns = renderer.load(&scene, options.st)?;

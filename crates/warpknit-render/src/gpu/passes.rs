@@ -1,68 +1,71 @@
-//! Passes over the yarns: which instances are drawn, with which pipelines; and passes over all
-//! pixels.
+//! Render passes: over the yarns (which instances, with which pipelines), and over all pixels.
 //!
-//! In: a [`Plan`] of batches. Out: commands. What a pass binds is made anew for each: it is small
-//! beside the yarns, which stay.
+//! In: a [`DrawPlan`]. Out: commands. Bind groups other than the yarns' are created anew for each
+//! pass; they are small.
 
 use bytemuck::bytes_of;
 use wgpu::BufferUsages;
 
-use super::lod::{self, Plan};
+use super::lod::{self, DrawPlan};
 use super::pages::Page;
-use super::pipelines::{self, Expansion, Purpose, Writes};
+use super::pipelines::{self, Expansion, PassKind, PipelineKey};
 use super::{Renderer, Yarns, data};
-use crate::Options;
+use crate::RenderOptions;
 use crate::scene::Shape;
 use warpknit_core::ids::index32;
 
-/// A pass' yarns, ready to be drawn.
-pub(super) struct Listed {
-    plan: Plan,
-    /// One a page.
+/// Draws of a pass whose instances are on the device.
+pub(super) struct PreparedDraws {
+    plan: DrawPlan,
+    /// Bind group of each page; `None` for pages with nothing to draw.
     groups: Vec<Option<wgpu::BindGroup>>,
 }
 
 impl Yarns {
-    fn purpose(&self, kind: &lod::Kind, writes: Writes) -> Purpose {
-        let expansion = match (self.shape, kind.edges) {
+    /// The pipeline for a batch in this kind of pass.
+    fn pipeline_key(&self, key: &lod::BatchKey, pass_kind: PassKind) -> PipelineKey {
+        let expansion = match (self.shape, key.edges) {
             (Shape::Ribbon, _) => Expansion::Ribbon,
             (Shape::Tube, 2) => Expansion::Strip,
             (Shape::Tube, _) => Expansion::Tube,
         };
-        let shines = self.shines && matches!(writes, Writes::Light | Writes::Fuzz);
-        Purpose { expansion, writes, has_maps: kind.maps.is_some(), shines }
+        // Depth passes do not shade, so they share pipelines with and without sheen.
+        let has_sheen = self.has_sheen && matches!(pass_kind, PassKind::Light | PassKind::Fuzz);
+        PipelineKey { expansion, pass_kind, has_maps: key.maps.is_some(), has_sheen }
     }
 }
 
 impl Renderer {
-    /// What of the yarns a pass draws, with its instances on the device.
-    pub(super) fn list(
+    /// Plans a pass, creates its pipelines, and uploads its instances.
+    pub(super) fn prepare_draws(
         &mut self,
         yarns: &Yarns,
-        sight: &lod::Sight,
-        options: &Options,
-        writes: &[Writes],
-    ) -> Listed {
-        let plan = Plan::of(&yarns.kinds, &yarns.pages, sight, options);
+        frustum: &lod::Frustum,
+        options: &RenderOptions,
+        pass_kind: &[PassKind],
+    ) -> PreparedDraws {
+        let plan = DrawPlan::new(&yarns.lod, &yarns.pages, frustum, options);
         for batch in &plan.batches {
-            for purpose in writes
+            for pipeline in pass_kind
                 .iter()
-                .map(|&writes| yarns.purpose(&batch.kind, writes))
-                .filter(|purpose| purpose.is_drawn())
+                .map(|&pass_kind| yarns.pipeline_key(&batch.key, pass_kind))
+                .filter(|pipeline| pipeline.is_drawn())
             {
-                self.pipelines.make(&self.gpu, &self.layouts, purpose);
+                // Pipelines are compiled on first use.
+                self.pipelines.make(&self.gpu, &self.layouts, pipeline);
             }
-            self.indices.entry(batch.kind.edges).or_insert_with(|| {
-                let indices = pipelines::indices(batch.kind.edges);
+            self.indices.entry(batch.key.edges).or_insert_with(|| {
+                let indices = pipelines::indices(batch.key.edges);
                 (
                     self.gpu.store("indices", bytemuck::cast_slice(&indices), BufferUsages::INDEX),
                     index32(indices.len()),
                 )
             });
         }
+        // All batches' uniforms share one buffer.
         let draws: Vec<u8> = plan.batches.iter().flat_map(|batch| self.draw_bytes(batch)).collect();
         if draws.is_empty() {
-            return Listed { plan, groups: Vec::new() };
+            return PreparedDraws { plan, groups: Vec::new() };
         }
         let draws = self.gpu.uniform(&draws);
         let groups = plan
@@ -71,15 +74,15 @@ impl Renderer {
             .zip(&yarns.pages)
             .map(|(parts, page)| self.page_group(page, parts, &draws))
             .collect();
-        Listed { plan, groups }
+        PreparedDraws { plan, groups }
     }
 
-    /// A batch's `Draw`, as long as offsets of uniforms must be.
+    /// A batch's `Draw`, padded to the alignment of dynamic uniform offsets.
     fn draw_bytes(&self, batch: &lod::Batch) -> Vec<u8> {
         let draw = data::Draw {
             first: batch.first,
-            stride: batch.kind.stride,
-            edges: batch.kind.edges,
+            stride: batch.key.stride,
+            edges: batch.key.edges,
             spare: 0,
         };
         let mut bytes = bytes_of(&draw).to_vec();
@@ -87,6 +90,7 @@ impl Renderer {
         bytes
     }
 
+    /// Bind group of a page; `None` if nothing of it is drawn.
     fn page_group(
         &self,
         page: &Page,
@@ -102,20 +106,24 @@ impl Renderer {
             offset: 0,
             size: std::num::NonZeroU64::new(size_of::<data::Draw>() as u64),
         });
-        let stored =
-            [&page.points, &page.turns, &page.chunks, &parts].map(wgpu::Buffer::as_entire_binding);
-        let [points, turns, chunks, parts] = stored;
-        Some(self.gpu.group("page", &self.layouts.page, &[points, turns, chunks, parts, draw]))
+        let stored = [&page.points, &page.tangent_frames, &page.chunks, &parts]
+            .map(wgpu::Buffer::as_entire_binding);
+        let [points, tangent_frames, chunks, parts] = stored;
+        Some(self.gpu.group(
+            "page",
+            &self.layouts.page,
+            &[points, tangent_frames, chunks, parts, draw],
+        ))
     }
 
-    /// Draws batch after batch with the pipelines that were made for them.
-    pub(super) fn draw_listed(
+    /// Draws all batches with their pipelines.
+    pub(super) fn draw_prepared(
         &self,
         pass: &mut wgpu::RenderPass<'_>,
         yarns: &Yarns,
-        listed: &Listed,
-        view: &data::View,
-        writes: Writes,
+        prepared: &PreparedDraws,
+        view: &data::ViewUniform,
+        pass_kind: PassKind,
     ) {
         let view = self.gpu.uniform(bytes_of(view));
         let view = self.gpu.group(
@@ -125,17 +133,18 @@ impl Renderer {
         );
         pass.set_bind_group(0, &view, &[]);
         let alignment = self.gpu.device.limits().min_uniform_buffer_offset_alignment;
-        for (batch, number) in listed.plan.batches.iter().zip(0_u32..) {
-            let purpose = yarns.purpose(&batch.kind, writes);
+        for (batch, number) in prepared.plan.batches.iter().zip(0_u32..) {
+            let pipeline = yarns.pipeline_key(&batch.key, pass_kind);
             let (Some(pipeline), Some(group)) =
-                (self.pipelines.made(purpose), &listed.groups[batch.page])
+                (self.pipelines.made(pipeline), &prepared.groups[batch.page])
             else {
                 continue;
             };
-            let (indices, count) = &self.indices[&batch.kind.edges];
-            // The last stands for none.
-            let maps = batch.kind.maps.map_or(yarns.maps.len() - 1, usize::from);
+            let (indices, count) = &self.indices[&batch.key.edges];
+            // The last entry stands for yarns without textures.
+            let maps = batch.key.maps.map_or(yarns.maps.len() - 1, usize::from);
             pass.set_pipeline(pipeline);
+            // A dynamic offset selects the batch's `Draw`; the bind group stays the same.
             pass.set_bind_group(1, group, &[number * alignment]);
             pass.set_bind_group(2, &yarns.maps[maps], &[]);
             pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint16);
@@ -144,7 +153,7 @@ impl Renderer {
     }
 }
 
-/// How a pass uses its depths.
+/// A depth buffer as a pass' attachment.
 pub(super) fn depth_attachment(
     view: &wgpu::TextureView,
     load: wgpu::LoadOp<f32>,
@@ -157,7 +166,7 @@ pub(super) fn depth_attachment(
     }
 }
 
-/// Runs a shader over all pixels of `to`.
+/// Runs a fragment shader over all pixels of `to`.
 pub(super) fn screen_pass(
     encoder: &mut wgpu::CommandEncoder,
     pipeline: &wgpu::RenderPipeline,

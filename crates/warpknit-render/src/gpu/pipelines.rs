@@ -1,7 +1,7 @@
-//! The pipelines and the layouts of what is bound to them, made once for a device.
+//! Render pipelines and bind group layouts, created once for a device.
 //!
-//! Groups of the yarn shader: 0 the view, 1 a page, 2 a yarn's maps, 3 what the light needs. Passes
-//! that only write depths bind the first three.
+//! Bind groups of the yarn shader: 0 the view, 1 a page of yarns, 2 textures, 3 depth maps. Depth
+//! passes bind the first three only.
 
 use std::collections::BTreeMap;
 
@@ -14,7 +14,7 @@ use super::device::Gpu;
 use super::{DEPTH, LIGHT, MOMENTS, PICTURE};
 use warpknit_shaders as shaders;
 
-/// How vertices are expanded: `SHAPE` of the yarn shader.
+/// How points are expanded into vertices: `SHAPE` of the yarn shader.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Expansion {
     Tube = 0,
@@ -22,50 +22,50 @@ pub(super) enum Expansion {
     Ribbon = 2,
 }
 
-/// What a pass over the yarns writes.
+/// Passes over the yarns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Writes {
-    /// Depths of one sample, for maps of depths.
+pub(super) enum PassKind {
+    /// Depths with one sample, for depth maps.
     Depth,
-    /// Depths of the picture's samples, before its light, so that only what is seen is lit. Ribbons
-    /// have none: which of their samples are solid is for the light to say.
-    Before,
-    /// Light of what is solid.
+    /// Depth pre-pass with the picture's samples, so that only visible fragments are shaded.
+    /// Ribbons have none, because the light pass decides which of their samples are solid.
+    Prepass,
+    /// Light of solid fragments.
     Light,
-    /// Light of what is not, blended; only ribbons have it.
+    /// Light of translucent fragments, blended. Only for ribbons with textures.
     Fuzz,
 }
 
-/// What a pipeline over the yarns is made for. A software driver computes both ways of every
-/// branch, so what never happens is left out.
+/// Specialisation of a pipeline over the yarns. A software driver computes both sides of every
+/// branch, so features that do not occur are compiled out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Purpose {
+pub(super) struct PipelineKey {
     pub(super) expansion: Expansion,
-    pub(super) writes: Writes,
+    pub(super) pass_kind: PassKind,
     pub(super) has_maps: bool,
     /// Whether yarns may have a sheen.
-    pub(super) shines: bool,
+    pub(super) has_sheen: bool,
 }
 
-impl Purpose {
-    /// Whether plain strips are lit at their points, see the shader.
-    fn lit_at_points(self) -> bool {
-        self.expansion == Expansion::Strip && !self.has_maps && self.writes == Writes::Light
+impl PipelineKey {
+    /// Whether light is computed per vertex: for plain strips, see the shader.
+    fn lit_per_vertex(self) -> bool {
+        self.expansion == Expansion::Strip && !self.has_maps && self.pass_kind == PassKind::Light
     }
 
-    /// Whether there is anything to be drawn.
+    /// Whether the pass has anything to draw.
     pub(super) fn is_drawn(self) -> bool {
         let is_ribbon = self.expansion == Expansion::Ribbon;
-        match self.writes {
-            Writes::Depth | Writes::Light => true,
-            // What is lit at its points costs no more to light than to hide.
-            Writes::Before => !is_ribbon && (self.expansion == Expansion::Tube || self.has_maps),
-            Writes::Fuzz => is_ribbon && self.has_maps,
+        match self.pass_kind {
+            PassKind::Depth | PassKind::Light => true,
+            // Light per vertex costs no more than the pre-pass that would hide it.
+            PassKind::Prepass => !is_ribbon && (self.expansion == Expansion::Tube || self.has_maps),
+            PassKind::Fuzz => is_ribbon && self.has_maps,
         }
     }
 }
 
-/// Layouts of the yarn shader's groups.
+/// Layouts of the bind groups.
 #[derive(Debug)]
 pub(super) struct Layouts {
     pub(super) view: wgpu::BindGroupLayout,
@@ -76,22 +76,23 @@ pub(super) struct Layouts {
     pub(super) tone: wgpu::BindGroupLayout,
 }
 
-/// The pipelines for pictures of one number of samples. Those over the yarns are made when they are
-/// first wanted: compiling all takes half a second on a software driver.
+/// The pipelines for one number of samples. Those over the yarns are compiled when they are first
+/// needed, because compiling all of them takes half a second on a software driver.
 #[derive(Debug)]
 pub(super) struct Pipelines {
     pub(super) samples: u32,
     yarn: wgpu::ShaderModule,
-    made: BTreeMap<Purpose, wgpu::RenderPipeline>,
-    /// Averages of all depths: from a depth buffer, then from averages.
+    made: BTreeMap<PipelineKey, wgpu::RenderPipeline>,
+    /// Filters of all depths: from a depth buffer, and from moments.
     pub(super) all: [wgpu::RenderPipeline; 2],
-    /// Averages of the nearest layer's depths.
+    /// Filters of the nearest layer's depths.
     pub(super) nearest: [wgpu::RenderPipeline; 2],
     pub(super) tone: wgpu::RenderPipeline,
 }
 
 const BOTH: ShaderStages = ShaderStages::VERTEX_FRAGMENT;
 
+/// Layout entry of a buffer.
 fn buffer(
     binding: u32,
     visibility: ShaderStages,
@@ -102,6 +103,7 @@ fn buffer(
     Entry { binding, visibility, ty, count: None }
 }
 
+/// Layout entry of a texture.
 fn texture(binding: u32, visibility: ShaderStages, sample_type: TextureSampleType) -> Entry {
     let ty = BindingType::Texture {
         sample_type,
@@ -170,53 +172,54 @@ impl Layouts {
 impl Pipelines {
     /// Compiles the shaders.
     pub(super) fn new(gpu: &Gpu, layouts: &Layouts, samples: u32) -> Self {
-        let module = |source: &'static str| {
-            let source = wgpu::ShaderSource::Wgsl(source.into());
-            gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source })
-        };
-        let (yarn, moments, tone) =
-            (module(shaders::YARN), module(shaders::MOMENTS), module(shaders::TONE));
-        let averages = |is_layered: bool| {
+        let [yarn, moments, tone] =
+            [shaders::YARN, shaders::MOMENTS, shaders::TONE].map(|source| {
+                let source = wgpu::ShaderSource::Wgsl(source.into());
+                gpu.device
+                    .create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source })
+            });
+        // In the order of `all` and `nearest`: depths of all layers, or of the nearest one.
+        let [all, nearest] = [false, true].map(|is_layered| {
             [true, false].map(|from_depths| {
                 let constants =
                     &[("LAYERED", switch(is_layered)), ("FROM_DEPTHS", switch(from_depths))];
                 screen_pipeline(gpu, &layouts.moments, &moments, "average", MOMENTS, constants)
             })
-        };
+        });
         Self {
             samples,
             yarn,
             made: BTreeMap::new(),
-            all: averages(false),
-            nearest: averages(true),
+            all,
+            nearest,
             tone: screen_pipeline(gpu, &layouts.tone, &tone, "tone_map", PICTURE, &[]),
         }
     }
 
-    /// Makes the pipeline for a purpose, unless it is there.
-    pub(super) fn make(&mut self, gpu: &Gpu, layouts: &Layouts, purpose: Purpose) {
-        if !self.made.contains_key(&purpose) {
-            self.made
-                .insert(purpose, yarn_pipeline(gpu, layouts, &self.yarn, purpose, self.samples));
+    /// Compiles the pipeline for a key, unless it exists.
+    pub(super) fn make(&mut self, gpu: &Gpu, layouts: &Layouts, key: PipelineKey) {
+        if !self.made.contains_key(&key) {
+            self.made.insert(key, yarn_pipeline(gpu, layouts, &self.yarn, key, self.samples));
         }
     }
 
-    /// The pipeline for a purpose, if it was made.
-    pub(super) fn made(&self, purpose: Purpose) -> Option<&wgpu::RenderPipeline> {
-        self.made.get(&purpose)
+    /// The pipeline for a key, if it was compiled.
+    pub(super) fn made(&self, key: PipelineKey) -> Option<&wgpu::RenderPipeline> {
+        self.made.get(&key)
     }
 }
 
+/// Compiles a pipeline over the yarns.
 fn yarn_pipeline(
     gpu: &Gpu,
     layouts: &Layouts,
     module: &wgpu::ShaderModule,
-    purpose: Purpose,
+    key: PipelineKey,
     samples: u32,
 ) -> wgpu::RenderPipeline {
-    let Purpose { expansion, writes, has_maps, shines } = purpose;
-    let samples = if writes == Writes::Depth { 1 } else { samples };
-    let groups = if matches!(writes, Writes::Depth | Writes::Before) { 3 } else { 4 };
+    let PipelineKey { expansion, pass_kind, has_maps, has_sheen } = key;
+    let samples = if pass_kind == PassKind::Depth { 1 } else { samples };
+    let groups = if matches!(pass_kind, PassKind::Depth | PassKind::Prepass) { 3 } else { 4 };
     let groups =
         &[Some(&layouts.view), Some(&layouts.page), Some(&layouts.maps), Some(&layouts.light)]
             [..groups];
@@ -225,26 +228,26 @@ fn yarn_pipeline(
         bind_group_layouts: groups,
         immediate_size: 0,
     });
-    let is_fuzz = writes == Writes::Fuzz;
+    let is_fuzz = pass_kind == PassKind::Fuzz;
     let constants = &[
         ("SHAPE", f64::from(expansion as u32)),
         ("FUZZ", switch(is_fuzz)),
         ("MAPS", switch(has_maps)),
-        ("SHEEN", switch(shines)),
+        ("SHEEN", switch(has_sheen)),
     ];
     let compilation_options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
     let blend = is_fuzz.then_some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING);
     let light =
         [Some(wgpu::ColorTargetState { format: LIGHT, blend, write_mask: wgpu::ColorWrites::ALL })];
-    let fragment = match writes {
-        // A depth needs no fragment, but where there may be holes.
-        Writes::Depth | Writes::Before => {
-            (expansion == Expansion::Ribbon && has_maps).then_some(("hole", &[][..]))
+    let fragment = match pass_kind {
+        // Depths need no fragment shader, except where a texture has holes.
+        PassKind::Depth | PassKind::Prepass => {
+            (expansion == Expansion::Ribbon && has_maps).then_some(("discard_fuzz", &[][..]))
         }
-        Writes::Light if purpose.lit_at_points() => Some(("lit", &light[..])),
-        Writes::Light | Writes::Fuzz => Some(("shade", &light[..])),
+        PassKind::Light if key.lit_per_vertex() => Some(("lit", &light[..])),
+        PassKind::Light | PassKind::Fuzz => Some(("shade", &light[..])),
     };
-    let expand = if purpose.lit_at_points() { "expand_lit" } else { "expand" };
+    let expand = if key.lit_per_vertex() { "expand_lit" } else { "expand" };
     let fragment = fragment.map(|(entry, targets)| wgpu::FragmentState {
         module,
         entry_point: Some(entry),
@@ -261,13 +264,17 @@ fn yarn_pipeline(
             buffers: &[],
         },
         primitive: wgpu::PrimitiveState {
+            // Tubes are closed, so their back faces are invisible. Ribbons and strips show both
+            // sides.
             cull_mode: (expansion == Expansion::Tube).then_some(wgpu::Face::Back),
             ..wgpu::PrimitiveState::default()
         },
         depth_stencil: Some(wgpu::DepthStencilState {
             format: DEPTH,
+            // Fuzz is tested against solid yarns but hides nothing itself.
             depth_write_enabled: Some(!is_fuzz),
-            // Equal to what the same triangles have written before.
+            // Less or equal: the light pass meets exactly the depths of the pre-pass (`@invariant`
+            // in the shader).
             depth_compare: Some(wgpu::CompareFunction::LessEqual),
             stencil: wgpu::StencilState::default(),
             bias: wgpu::DepthBiasState::default(),
@@ -279,12 +286,12 @@ fn yarn_pipeline(
     })
 }
 
-/// A shader's switch.
+/// A boolean as the value of a shader's override constant.
 fn switch(is_on: bool) -> f64 {
     f64::from(u8::from(is_on))
 }
 
-/// A pass over all pixels of a picture.
+/// Compiles a pipeline over all pixels.
 fn screen_pipeline(
     gpu: &Gpu,
     group: &wgpu::BindGroupLayout,
@@ -322,18 +329,20 @@ fn screen_pipeline(
     })
 }
 
-/// Triangles of an instance: `edges` a ring, or a flat strip for 2.
+/// Index buffer of an instance: rings with `edges` edges, or a flat strip for 2.
 pub(super) fn indices(edges: u32) -> Vec<u16> {
     let around = if edges == 2 { 1 } else { edges };
     let corner = |step: u32, s: u32| {
         u16::try_from(step * edges + s % edges).expect("eight steps of 64 edges")
     };
-    let quad = |(step, s)| {
+    let mut indices = Vec::new();
+    for (step, s) in (0..data::STEPS).flat_map(|step| (0..around).map(move |s| (step, s))) {
+        // Two triangles for each quad between two rings, counter-clockwise from outside.
         let (a, b, c, d) =
             (corner(step, s), corner(step, s + 1), corner(step + 1, s), corner(step + 1, s + 1));
-        [a, b, c, b, d, c]
-    };
-    (0..data::STEPS).flat_map(|step| (0..around).map(move |s| (step, s))).flat_map(quad).collect()
+        indices.extend([a, b, c, b, d, c]);
+    }
+    indices
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
-//! What passes read and write: buffers, textures, bind groups, and the way back.
+//! Resources of passes: buffers, textures, bind groups, and reading pictures back.
 //!
-//! In: bytes and sizes. Out: wgpu's handles. Only the way back fails by itself; of the rest
-//! `Gpu::fault` tells what the device refused.
+//! In: bytes and sizes. Out: wgpu's handles. Only reading back returns errors itself; `Gpu::fault`
+//! reports what else the device refused.
 
 use std::sync::mpsc;
 
@@ -13,11 +13,11 @@ use crate::GpuError;
 use crate::maps::Mips;
 use warpknit_core::ids::index32;
 
-/// Rows of texels in buffers start at multiples of this.
+/// Alignment of texel rows in buffers, bytes.
 const ROW_BYTES: u32 = wgpu::COPY_BYTES_PER_ROW_ALIGNMENT;
 
 impl Gpu {
-    /// A texture to be drawn to and then read by a shader.
+    /// A texture to render to and then to read in a shader.
     pub(super) fn target(
         &self,
         format: TextureFormat,
@@ -28,7 +28,7 @@ impl Gpu {
         texture.create_view(&wgpu::TextureViewDescriptor::default())
     }
 
-    /// A texture to be drawn to, and used as `usage` says.
+    /// A texture to render to, with further usages.
     pub(super) fn texture(
         &self,
         format: TextureFormat,
@@ -48,11 +48,12 @@ impl Gpu {
         })
     }
 
+    /// A uniform buffer with these contents.
     pub(super) fn uniform(&self, contents: &[u8]) -> wgpu::Buffer {
         self.store("uniform", contents, BufferUsages::UNIFORM)
     }
 
-    /// Binds resources to bindings 0, 1, 2 and so on.
+    /// A bind group with resources at bindings 0, 1, 2 and so on.
     pub(super) fn group(
         &self,
         label: &str,
@@ -70,7 +71,7 @@ impl Gpu {
         })
     }
 
-    /// Uploads a picture with all of its levels.
+    /// Uploads a texture with all of its mip levels.
     pub(super) fn mips(&self, mips: &Mips, format: TextureFormat) -> wgpu::TextureView {
         let (width, height) = mips.levels[0].dimensions();
         let size = wgpu::Extent3d { width, height, depth_or_array_layers: 1 };
@@ -85,6 +86,8 @@ impl Gpu {
             view_formats: &[],
         };
         let texture = self.device.create_texture(&descriptor);
+        // The mip levels are computed on the CPU: hardware generation would average sRGB codes and
+        // ignore alpha.
         for (level, picture) in (0..).zip(&mips.levels) {
             let to = wgpu::TexelCopyTextureInfo { mip_level: level, ..texture.as_image_copy() };
             let layout = wgpu::TexelCopyBufferLayout {
@@ -111,6 +114,7 @@ impl Gpu {
         corner: [u32; 2],
     ) -> Result<(), GpuError> {
         let size = tile.size();
+        // wgpu wants rows in buffers aligned, so the copy has padding, which the loop below drops.
         let row = (size.width * 4).next_multiple_of(ROW_BYTES);
         let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("pixels"),
@@ -133,24 +137,25 @@ impl Gpu {
         self.queue.submit([encoder.finish()]);
         let (sender, mapped) = mpsc::channel();
         buffer.slice(..).map_async(wgpu::MapMode::Read, move |result| {
-            // Nobody listens any more if waiting has failed.
+            // The receiver is gone if waiting has failed.
             let _unheard = sender.send(result);
         });
         self.wait()?;
-        let refused =
-            |reason: String| GpuError::Refused { adapter: self.name().to_owned(), reason };
         match mapped.try_recv() {
             Ok(Ok(())) => {}
-            Ok(Err(error)) => return Err(refused(error.to_string())),
-            Err(_never) => return Err(refused("it never finished".to_owned())),
+            Ok(Err(error)) => return Err(self.refused(&error)),
+            Err(_never) => return Err(self.refused(&"it never finished")),
         }
-        let pixels =
-            buffer.slice(..).get_mapped_range().map_err(|error| refused(error.to_string()))?;
+        let pixels = buffer.slice(..).get_mapped_range().map_err(|error| self.refused(&error))?;
         for (y, row) in (corner[1]..).zip(pixels.chunks_exact(row as usize)) {
             let start = (y as usize * picture.width() as usize + corner[0] as usize) * 4;
             let bytes = size.width as usize * 4;
             picture.as_mut()[start..start + bytes].copy_from_slice(&row[..bytes]);
         }
         Ok(())
+    }
+    /// The error for a command that the device refused.
+    fn refused(&self, reason: &dyn std::fmt::Display) -> GpuError {
+        GpuError::Refused { adapter: self.name().to_owned(), reason: reason.to_string() }
     }
 }

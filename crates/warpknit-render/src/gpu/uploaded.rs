@@ -1,27 +1,29 @@
 //! A scene on a graphics device, uploaded as finely as the camera needs it.
 //!
-//! In: a scene, a camera, [`Options`]. Out: pictures, for [`crate::Painter`].
+//! In: a scene, a camera, [`RenderOptions`]. Out: pictures, for [`crate::Painter`].
 
 use image::{RgbaImage, imageops};
 use warpknit_core::ids::index32;
 
 use super::{Gpu, Renderer, Yarns};
 use crate::scene::Scene;
-use crate::{Camera, Choice, GpuError, Options};
+use crate::{Camera, GpuError, RenderOptions, RendererChoice};
 
-/// Fewest pieces of a stitch that are uploaded: its data points. What needs fewer is made of them
-/// as it is drawn.
+/// Smallest number of uploaded pieces a stitch, the number of its data points. Coarser levels of
+/// detail skip points when drawing.
 const LEAST_ST: u32 = 10;
-/// Pieces that are uploaded for each pixel of a stitch's length, where far yarns may be coarser.
+/// Uploaded pieces for each pixel of a stitch's length, where level of detail is allowed. With
+/// fewer than about 1, bends show corners. More take memory and vertex work for pieces that level
+/// of detail skips.
 const PIECES_A_PIXEL: f64 = 2.0;
 
-/// A renderer, and the scene on its device once it is known how near it is seen.
+/// A GPU renderer. The scene is uploaded once its first camera, and so its detail, is known.
 #[derive(Debug)]
 pub(crate) struct Uploaded {
     renderer: Renderer,
     /// Mean length of a stitch, mm.
     stitch: f64,
-    /// With their St.
+    /// The uploaded yarns with their St.
     yarns: Option<(u32, Yarns)>,
 }
 
@@ -30,8 +32,8 @@ impl Uploaded {
     ///
     /// # Errors
     /// [`GpuError`] where there is none, or it can't draw yarns.
-    pub(crate) fn new(scene: &Scene, options: &Options) -> Result<Self, GpuError> {
-        let gpu = Gpu::find(options.renderer == Choice::Gpu)?;
+    pub(crate) fn new(scene: &Scene, options: &RenderOptions) -> Result<Self, GpuError> {
+        let gpu = Gpu::find(options.renderer == RendererChoice::Gpu)?;
         let renderer = Renderer::new(gpu, options.samples)?;
         Ok(Self { renderer, stitch: stitch_length(scene), yarns: None })
     }
@@ -46,12 +48,12 @@ impl Uploaded {
         &mut self,
         scene: &Scene,
         camera: &Camera,
-        options: &Options,
+        options: &RenderOptions,
     ) -> Result<RgbaImage, GpuError> {
         let st = uploaded_st(scene, self.stitch, camera, options);
         let (_, yarns) = match &mut self.yarns {
             Some(uploaded) if uploaded.0 >= st => uploaded,
-            // The old ones go first, since both may not fit.
+            // The old yarns are freed first, because both may not fit into memory.
             coarser => {
                 *coarser = None;
                 coarser.insert((st, self.renderer.load(scene, st)?))
@@ -69,17 +71,18 @@ fn stitch_length(scene: &Scene) -> f64 {
     scene.span_lengths().sum / f64::from(index32(scene.stitches.len().max(1)))
 }
 
-/// St that the nearest stitches need, [`Options::st`] at most: a million stitches of forty pieces
-/// would take a gigabyte.
-fn uploaded_st(scene: &Scene, stitch: f64, camera: &Camera, options: &Options) -> u32 {
+/// St that the nearest stitches need, at most [`RenderOptions::st`]. A million stitches of forty
+/// pieces would take a gigabyte.
+fn uploaded_st(scene: &Scene, stitch: f64, camera: &Camera, options: &RenderOptions) -> u32 {
     let Some(bounds) = scene.bounds().filter(|_| options.lod) else { return options.st };
     let eye = camera.eye();
+    // Distance to the bounding box: no stitch is nearer.
     let nearest = eye.distance(eye.clamp(bounds.min.as_dvec3(), bounds.max.as_dvec3()));
     let wanted = PIECES_A_PIXEL * stitch / camera.pixel_size(nearest, options.height);
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
-        reason = "saturates, and is held to what is wanted at most"
+        reason = "saturates, and is clamped below"
     )]
     let wanted = wanted.ceil() as u32;
     wanted.clamp(LEAST_ST.min(options.st), options.st)

@@ -1,9 +1,12 @@
-//! Tracing rays: each sample of a pixel sends one to the yarns, one from there to the sun and a few
-//! short ones to the sky.
+//! Ray tracing. Each sample of a pixel casts one ray at the yarns. From the hit, one shadow ray
+//! goes to the sun and a few short ones into the sky (ambient occlusion).
 //!
-//! In: a scene and a camera. Out: [`Near`], which adds the light of a pixel's samples to a film. A
-//! sky ray that is stopped brings the colour of the yarn that stopped it. Yarns are tubes or
-//! ribbons, with maps or plies.
+//! In: a scene and a camera. Out: [`RayTracer`], which adds the light of a pixel's samples to the
+//! film. A sky ray that is blocked returns the colour of the yarn that blocks it, times a constant
+//! for the light in gaps between yarns ([`Rig::interior`]). Yarns are tubes or ribbons, textured or
+//! with procedural plies.
+//!
+//! Not computed: further bounces of light, and light transmitted through fibres.
 
 mod capsule;
 mod ray;
@@ -16,139 +19,158 @@ use std::f32::consts::TAU;
 use glam::{Vec3, Vec4};
 
 use super::film::Splats;
-use super::lit::{self, Sky, Spot, direct, mapped, opaque};
-use super::sample::{Purpose, Sampler};
-use super::{is_thin, narrow, share};
+use super::lit::{self, ShadingPoint, SkyLight, opaque_sample, sun_reflection, textured_surface};
+use super::sample::{SampleDimension, Sampler};
+use super::{is_thin, share, to_f32};
 use crate::light::Rig;
-use crate::ply::{self, Place};
+use crate::ply::{self, YarnPoint};
 use crate::scene::{Bounds, Scene, Shape, YarnLook};
 use crate::shade::Surface;
 use crate::sheen::Sheen;
-use crate::{Camera, Options};
-use ray::{Eye, Hit, Path};
+use crate::{Camera, RenderOptions};
+use ray::{CameraRays, Hit, SceneRay};
 use segments::Segments;
-use trace::Tracer;
+use trace::SegmentBvh;
 
-/// How far a sky ray looks for yarns in its way, in radii of the yarn it starts from: about a wale
-/// in common fabrics.
-const SKY_REACH: f32 = 24.0;
-/// Secondary rays start this share of the radius above the surface.
-const LIFT: f32 = 0.02;
+/// Length of sky rays, in radii of the yarn that they start from: about a wale in common fabrics.
+/// Shorter rays miss the neighbouring wale, and the cloth's relief flattens. Longer ones let
+/// distant folds darken the cloth and cost more.
+const SKY_REACH_RADII: f32 = 24.0;
+/// Offset of secondary rays' origins above the surface, radii. Too small an offset lets a ray hit
+/// its own surface by rounding ('shadow acne'). Too large a one leaks light at contacts between
+/// yarns.
+const ORIGIN_OFFSET: f32 = 0.02;
 
-/// All that a pixel's colour depends on.
-pub(super) struct Near<'a> {
-    tracer: Tracer<'a>,
-    eye: Eye<'a>,
+/// Everything that a pixel's colour depends on.
+pub(super) struct RayTracer<'a> {
+    bvh: SegmentBvh<'a>,
+    eye: CameraRays<'a>,
     rig: Rig,
 }
 
-/// A yarn's surface where a ray met it.
-struct Meeting {
-    /// First point of the segment.
+/// A yarn's surface where a ray hits it.
+struct SurfaceHit {
+    /// First point of the segment that is hit.
     start: u32,
-    /// On the yarn, relative to the scene's middle.
+    /// The point, relative to the scene's centre.
     position: Vec3,
-    /// Normal of the tube or the fabric; the surface's own is tilted by plies and fibres.
+    /// Normal of the tube or of the fabric. The normal of `surface` is tilted by plies, fibres or a
+    /// texture.
     smooth_normal: Vec3,
     surface: Surface,
-    /// Share of the sky's light that the yarn's own relief lets through.
+    /// Fraction of the sky's light that the yarn's own relief lets through.
     occlusion: f32,
     radius: f32,
     toward_eye: Vec3,
     /// Size of a pixel there, mm.
     footprint: f32,
-    chance: u32,
-    /// Whether a pixel is wider than the yarn, and the difference may be used.
+    random_bits: u32,
+    /// Whether the yarn is thinner than a pixel and level of detail is allowed.
     thin: bool,
 }
 
-impl<'a> Near<'a> {
-    /// Makes ready to look at `scene`, which lies within `bounds`.
+impl<'a> RayTracer<'a> {
+    /// Prepares a scene that lies within `bounds`.
     pub(super) fn new(
         scene: &'a Scene,
         bounds: &Bounds,
         camera: &'a Camera,
-        options: &'a Options,
+        options: &'a RenderOptions,
     ) -> Self {
-        let segments = Segments::of(scene, bounds, camera, options);
-        let eye = Eye::new(camera, options, segments.paths.centre, segments.bounds);
-        Self { tracer: Tracer::new(segments), eye, rig: options.light.around(camera) }
+        let segments = Segments::new(scene, bounds, camera, options);
+        let eye = CameraRays::new(camera, options, segments.paths.centre, segments.bounds);
+        Self { bvh: SegmentBvh::new(segments), eye, rig: options.light.around(camera) }
     }
 
-    /// Adds the samples of a pixel to its row.
+    /// Adds the samples of one pixel to its film row.
     pub(super) fn pixel(&self, [x, y]: [u32; 2], splats: &mut Splats) {
         let spp = self.eye.options.spp.max(1);
         let sampler = Sampler::new(x, y, self.eye.options.seed);
         let mut shared = None;
         for index in 0..spp {
-            let place = sampler.pair(Purpose::Pixel, index, spp);
-            let path = self.eye.path([x, y], place, sampler.chance(index));
+            let place = sampler.pair(SampleDimension::Pixel, index, spp);
+            let ray = self.eye.primary_ray([x, y], place, sampler.random_bits(index));
             splats.add(
                 x,
                 place,
-                path.map_or(Vec4::ZERO, |path| self.sample(&path, index, &sampler, &mut shared)),
+                ray.map_or(Vec4::ZERO, |ray| self.sample(&ray, index, &sampler, &mut shared)),
             );
         }
     }
 
-    /// The light that a sample sees along its ray, and in w 1 where yarn is and 0 where none is.
+    /// Light along a sample's ray, with w = 1 where it meets yarn and w = 0 where it does not.
     ///
-    /// Where yarns are thinner than a pixel, two samples share one sky ray by way of `shared`. Four
-    /// would, and two one sun ray, at five sixths of the time, but cloth then grows grainy and its
-    /// colour is off by 3 %.
-    fn sample(&self, path: &Path, index: u32, sampler: &Sampler, shared: &mut Option<Sky>) -> Vec4 {
-        let Some(hit) = self.tracer.nearest(path) else { return Vec4::ZERO };
-        let met = self.meet(path, hit);
+    /// Where yarns are thinner than a pixel, two samples share one sky ray, by way of `shared`.
+    /// Sharing it among four samples, and one sun ray between two, takes five sixths of the time.
+    /// But then the cloth looks grainy, and its colour is off by 3 %.
+    fn sample(
+        &self,
+        ray: &SceneRay,
+        index: u32,
+        sampler: &Sampler,
+        shared: &mut Option<SkyLight>,
+    ) -> Vec4 {
+        let Some(hit) = self.bvh.nearest(ray) else { return Vec4::ZERO };
+        let here = self.surface_hit(ray, hit);
         let sky = match shared.take() {
-            Some(sky) if met.thin => sky,
-            _ => *shared.insert(self.sky(&met, sampler, index)),
+            Some(sky) if here.thin => sky,
+            _ => *shared.insert(self.sky_light(&here, sampler, index)),
         };
-        let light = self.sunlight(&met, sampler, index)
-            + sky.reflected(&self.rig, &met.surface, met.toward_eye) * met.occlusion;
-        opaque(light)
+        let light = self.sun_light(&here, sampler, index)
+            + sky.reflected(&self.rig, &here.surface, here.toward_eye) * here.occlusion;
+        opaque_sample(light)
     }
 
-    fn meet(&self, path: &Path, hit: Hit) -> Meeting {
-        let scene = self.tracer.segments.scene;
-        let spot = match scene.shape {
-            Shape::Tube => self.on_tube(path, hit),
-            Shape::Ribbon => self.on_ribbon(path, hit),
+    /// The surface at a hit: geometry, then texture or plies, then sheen.
+    fn surface_hit(&self, ray: &SceneRay, hit: Hit) -> SurfaceHit {
+        let scene = self.bvh.segments.scene;
+        let point = match scene.shape {
+            Shape::Tube => self.point_on_tube(ray, hit),
+            Shape::Ribbon => self.point_on_ribbon(ray, hit),
         };
-        let toward_eye = -path.direction;
-        let footprint = self.eye.pixel_at(spot.position);
-        let look = &scene.looks[usize::from(self.tracer.segments.look(hit.start))];
+        let toward_eye = -ray.direction;
+        let footprint = self.eye.pixel_at(point.position);
+        let look = &scene.looks[usize::from(self.bvh.segments.look(hit.start))];
         let (mut surface, occlusion) = match scene.maps_of(look) {
             Some(maps) => {
                 let girth = look.radius * if scene.shape == Shape::Tube { TAU } else { 2.0 };
-                mapped(maps, &spot, [footprint / girth, footprint / maps.length], scene.shape)
+                textured_surface(
+                    maps,
+                    &point,
+                    [footprint / girth, footprint / maps.length],
+                    scene.shape,
+                )
             }
-            None => (self.plied(look, &spot, toward_eye, footprint), 1.0),
+            None => (self.untextured_surface(look, &point, toward_eye, footprint), 1.0),
         };
-        surface.normal = ply::facing(surface.normal, toward_eye);
-        surface.sheen = lit::sheen(look, spot.tangent);
-        Meeting {
+        surface.normal = ply::face_eye(surface.normal, toward_eye);
+        surface.sheen = lit::yarn_sheen(look, point.tangent);
+        SurfaceHit {
             start: hit.start,
-            position: spot.position,
-            smooth_normal: spot.normal,
+            position: point.position,
+            smooth_normal: point.normal,
             surface,
             occlusion,
             radius: look.radius,
             toward_eye,
             footprint,
-            chance: path.chance,
+            random_bits: ray.random_bits,
             thin: self.eye.options.lod && is_thin(footprint, look.radius),
         }
     }
 
-    fn on_tube(&self, path: &Path, hit: Hit) -> Spot {
-        let met = path.at(hit.distance);
-        let axis = self.tracer.segments.axis_point(hit.start, met);
-        let outward = met - axis.position;
-        // The capsule's normal with the curve's tangent taken out of it: smooth where two capsules
-        // join.
+    /// The shading point of a hit on a tube.
+    fn point_on_tube(&self, ray: &SceneRay, hit: Hit) -> ShadingPoint {
+        let entry = ray.at(hit.distance);
+        let axis = self.bvh.segments.axis_point(hit.start, entry);
+        let outward = entry - axis.position;
+        // Remove the tangential component of the capsule's normal. The result follows the smooth
+        // curve and is continuous where two capsules join.
         let normal =
-            (outward - axis.tangent * outward.dot(axis.tangent)).normalize_or(-path.direction);
-        Spot {
+            (outward - axis.tangent * outward.dot(axis.tangent)).normalize_or(-ray.direction);
+        ShadingPoint {
+            // Project the hit onto the tube's exact radius. The distance along the ray has the
+            // rounding of `f32`.
             position: axis.position + outward.normalize_or(normal) * axis.radius,
             normal,
             tangent: axis.tangent,
@@ -158,32 +180,45 @@ impl<'a> Near<'a> {
         }
     }
 
-    fn on_ribbon(&self, path: &Path, hit: Hit) -> Spot {
-        let segments = &self.tracer.segments;
-        let crossing =
-            segments.strip(hit.start).crossing(path.origin.into(), path.direction.into());
+    /// The shading point of a hit on a ribbon.
+    fn point_on_ribbon(&self, ray: &SceneRay, hit: Hit) -> ShadingPoint {
+        let segments = &self.bvh.segments;
+        let crossing = segments.strip(hit.start).crossing(ray.origin.into(), ray.direction.into());
         let (u, v) = crossing.map_or((0.5, 0.5), |crossing| (crossing.u, crossing.v));
         let (tangent, normal) = segments.directions(hit.start, v);
-        let front = normal.normalize_or(-path.direction);
-        // Cloth has two right sides: the back is lit as the front is.
-        let normal = if front.dot(path.direction) > 0.0 { -front } else { front };
+        let front = normal.normalize_or(-ray.direction);
+        // Both sides of the cloth are right sides: the back is shaded like the front.
+        let normal = if front.dot(ray.direction) > 0.0 { -front } else { front };
         let (top, along) = (front.cross(tangent).normalize_or_zero(), segments.along(hit.start, v));
-        Spot { position: path.at(hit.distance), normal, tangent, top, around: u * TAU, along }
+        ShadingPoint {
+            position: ray.at(hit.distance),
+            normal,
+            tangent,
+            top,
+            around: u * TAU,
+            along,
+        }
     }
 
-    /// The surface of a yarn of which there is no photo, without its sheen.
-    fn plied(&self, look: &YarnLook, spot: &Spot, toward_eye: Vec3, footprint: f32) -> Surface {
-        let (normal, shade) = match self.tracer.segments.scene.shape {
-            Shape::Ribbon => (spot.normal, 1.0),
-            Shape::Tube => ply::detail(&Place {
-                normal: spot.normal,
+    /// The surface of a yarn without a texture, without its sheen.
+    fn untextured_surface(
+        &self,
+        look: &YarnLook,
+        point: &ShadingPoint,
+        toward_eye: Vec3,
+        footprint: f32,
+    ) -> Surface {
+        let (normal, shade) = match self.bvh.segments.scene.shape {
+            Shape::Ribbon => (point.normal, 1.0),
+            Shape::Tube => ply::detail(&YarnPoint {
+                normal: point.normal,
                 toward_eye,
-                tangent: spot.tangent,
-                around: spot.around,
-                along: spot.along,
+                tangent: point.tangent,
+                around: point.around,
+                along: point.along,
                 radius: look.radius,
                 footprint,
-                plies: narrow(f64::from(look.plies)),
+                plies: to_f32(f64::from(look.plies)),
                 twist_slope: look.twist_slope,
             }),
         };
@@ -196,58 +231,75 @@ impl<'a> Near<'a> {
         }
     }
 
-    /// What a yarn that stops a sky ray is coloured like.
-    fn albedo(&self, start: u32) -> Vec3 {
-        let scene = self.tracer.segments.scene;
-        scene.albedo_of(&scene.looks[usize::from(self.tracer.segments.look(start))])
+    /// Colour of the yarn that blocks a sky ray.
+    fn occluder_albedo(&self, start: u32) -> Vec3 {
+        let scene = self.bvh.segments.scene;
+        scene.albedo_of(&scene.looks[usize::from(self.bvh.segments.look(start))])
     }
 
-    fn sunlight(&self, met: &Meeting, sampler: &Sampler, index: u32) -> Vec3 {
-        let toward =
-            self.rig.sun_sample(sampler.pair(Purpose::Sun, index, self.eye.options.spp.max(1)));
-        if met.surface.normal.dot(toward) <= 0.0 || met.smooth_normal.dot(toward) <= 0.0 {
+    /// The sun's light reflected toward the eye. One random direction within the sun's disc per
+    /// sample gives soft shadows.
+    fn sun_light(&self, here: &SurfaceHit, sampler: &Sampler, index: u32) -> Vec3 {
+        let toward = self.rig.sun_sample(sampler.pair(
+            SampleDimension::Sun,
+            index,
+            self.eye.options.spp.max(1),
+        ));
+        // Below either horizon no light arrives, and no ray is needed.
+        if here.surface.normal.dot(toward) <= 0.0 || here.smooth_normal.dot(toward) <= 0.0 {
             return Vec3::ZERO;
         }
-        if self.tracer.occluder(&met.path(toward, f32::INFINITY), met.start).is_some() {
+        if self.bvh.occluder(&here.secondary_ray(toward, f32::INFINITY), here.start).is_some() {
             return Vec3::ZERO;
         }
-        direct(&self.rig, &met.surface, toward, met.toward_eye)
+        sun_reflection(&self.rig, &here.surface, toward, here.toward_eye)
     }
 
-    /// What cosine-distributed rays see of the sky, or of the yarns in front of it.
-    fn sky(&self, met: &Meeting, sampler: &Sampler, index: u32) -> Sky {
-        let rays = if met.thin { 1 } else { self.eye.options.sky_rays.max(1) };
+    /// Cosine-weighted light from the sky, or from the yarns in front of it.
+    fn sky_light(&self, here: &SurfaceHit, sampler: &Sampler, index: u32) -> SkyLight {
+        let rays = if here.thin { 1 } else { self.eye.options.sky_rays.max(1) };
         let (mut light, mut open) = (Vec3::ZERO, 0);
         for ray in 0..rays {
-            let u =
-                sampler.pair(Purpose::Sky, index * rays + ray, self.eye.options.spp.max(1) * rays);
-            let toward = cosine_direction(met.surface.normal, u);
-            let stopped = if met.smooth_normal.dot(toward) <= 0.0 {
-                Some(met.start)
+            let u = sampler.pair(
+                SampleDimension::Sky,
+                index * rays + ray,
+                self.eye.options.spp.max(1) * rays,
+            );
+            // Importance sampling: the density of directions is the cosine over pi, so all rays
+            // weigh the same.
+            let toward = cosine_direction(here.surface.normal, u);
+            // A direction below the smooth surface points into the yarn itself.
+            let occluder = if here.smooth_normal.dot(toward) <= 0.0 {
+                Some(here.start)
             } else {
-                self.tracer.occluder(&met.path(toward, met.radius * SKY_REACH), met.start)
+                self.bvh.occluder(
+                    &here.secondary_ray(toward, here.radius * SKY_REACH_RADII),
+                    here.start,
+                )
             };
-            light += match stopped {
-                Some(start) => self.rig.interior * self.albedo(start),
+            light += match occluder {
+                Some(start) => self.rig.interior * self.occluder_albedo(start),
                 None => self.rig.sky(toward),
             };
-            open += u32::from(stopped.is_none());
+            open += u32::from(occluder.is_none());
         }
-        Sky { light: light * share(1, rays), open: share(open, rays) }
+        SkyLight { light: light * share(1, rays), open: share(open, rays) }
     }
 }
 
-impl Meeting {
-    fn path(&self, direction: Vec3, reach: f32) -> Path {
-        let origin = self.position + self.smooth_normal * (self.radius * LIFT);
-        // Another number than the eye's ray had: what let that one through must not let all
-        // through.
-        let chance = ply::hash(self.chance ^ direction.x.to_bits());
-        Path { origin, direction, reach, footprint: self.footprint, chance }
+impl SurfaceHit {
+    /// A ray from the hit in this direction.
+    fn secondary_ray(&self, direction: Vec3, reach: f32) -> SceneRay {
+        let origin = self.position + self.smooth_normal * (self.radius * ORIGIN_OFFSET);
+        // Not the primary ray's random bits. Otherwise the strips that let the primary ray through
+        // would let all of its secondary rays through as well.
+        let random_bits = ply::hash(self.random_bits ^ direction.x.to_bits());
+        SceneRay { origin, direction, reach, footprint: self.footprint, random_bits }
     }
 }
 
-/// A direction around `normal` with density proportional to the cosine.
+/// A random direction around `normal`, with a density proportional to the cosine (Malley's method:
+/// a uniform point of the disc, projected up to the hemisphere).
 fn cosine_direction(normal: Vec3, u: [f32; 2]) -> Vec3 {
     let (across, up) = normal.any_orthonormal_pair();
     let (sin, cos) = (TAU * u[1]).sin_cos();

@@ -1,22 +1,27 @@
-//! Rays: from the eye, and from a surface toward what may light it.
+//! Rays: from the eye through pixels, and from a surface toward the light.
+//!
+//! In: a camera and a place in a pixel. Out: a [`SceneRay`], clipped to the bounding box of all
+//! yarns. Rays from the eye are computed in `f64` and stored in `f32`, relative to the scene's
+//! centre.
 
 use glam::{DVec3, Vec3};
 use obvhs::aabb::Aabb;
 
-use crate::cpu::narrow;
-use crate::{Camera, Options};
+use crate::cpu::to_f32;
+use crate::{Camera, RenderOptions};
 
-/// A ray in world directions, its origin relative to the scene's middle.
+/// A ray with world directions; its origin is relative to the scene's centre.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Path {
+pub(super) struct SceneRay {
     pub(super) origin: Vec3,
     /// Of unit length.
     pub(super) direction: Vec3,
+    /// Distance beyond which nothing is looked for, mm.
     pub(super) reach: f32,
     /// Size of a pixel where the ray may meet something, mm.
     pub(super) footprint: f32,
-    /// By which it is decided what half-covered places let through.
-    pub(super) chance: u32,
+    /// Random bits that decide whether a partly transparent texel stops this ray.
+    pub(super) random_bits: u32,
 }
 
 /// The nearest segment along a ray.
@@ -28,67 +33,75 @@ pub(super) struct Hit {
     pub(super) distance: f32,
 }
 
-impl Path {
-    /// The place at a distance along the ray.
+impl SceneRay {
+    /// The point at a distance along the ray.
     pub(super) fn at(&self, distance: f32) -> Vec3 {
         self.origin + self.direction * distance
     }
 }
 
-/// Where the rays of a picture come from.
-pub(super) struct Eye<'a> {
+/// The source of a picture's primary rays.
+pub(super) struct CameraRays<'a> {
     pub(super) camera: &'a Camera,
-    pub(super) options: &'a Options,
-    /// Relative to the scene's middle.
+    pub(super) options: &'a RenderOptions,
+    /// The eye, relative to the scene's centre.
     position: DVec3,
-    /// Around all yarns.
+    /// Bounding box of all yarns.
     bounds: Aabb,
 }
 
-impl<'a> Eye<'a> {
-    /// An eye before yarns within `bounds`, which are relative to `centre`.
+impl<'a> CameraRays<'a> {
+    /// Rays of `camera` into a scene within `bounds`, which are relative to `centre`.
     pub(super) fn new(
         camera: &'a Camera,
-        options: &'a Options,
+        options: &'a RenderOptions,
         centre: DVec3,
         bounds: Aabb,
     ) -> Self {
         Self { camera, options, position: camera.eye() - centre, bounds }
     }
 
-    /// The ray through a place in pixel (x, y), cut to where it may meet something; `None` where it
-    /// passes all yarns by. Yarns are hundredths of a millimetre thick and eyes metres away, so it
-    /// starts where it enters the box around them.
-    pub(super) fn path(&self, [x, y]: [u32; 2], place: [f32; 2], chance: u32) -> Option<Path> {
+    /// The ray through a place in pixel (x, y). `None` where it misses the bounding box.
+    ///
+    /// The ray starts where it enters the box. The eye may stand metres away from yarns that are
+    /// hundredths of a millimetre thick, and `f32` distances from the eye would be too coarse.
+    pub(super) fn primary_ray(
+        &self,
+        [x, y]: [u32; 2],
+        place: [f32; 2],
+        random_bits: u32,
+    ) -> Option<SceneRay> {
         let (width, height) = (self.options.width, self.options.height);
         let across = (f64::from(x) + f64::from(place[0])) / f64::from(width) * 2.0 - 1.0;
         let up = 1.0 - (f64::from(y) + f64::from(place[1])) / f64::from(height) * 2.0;
         let direction = self.camera.direction(across, up, self.options.aspect());
         let Aabb { min, max } = self.bounds;
+        // Slab test (Kay and Kajiya 1986, 'Ray tracing complex scenes').
         let inverse = direction.recip();
         let (a, b) = (
             (Vec3::from(min).as_dvec3() - self.position) * inverse,
             (Vec3::from(max).as_dvec3() - self.position) * inverse,
         );
-        // 0 * infinity, for a ray within a face's plane, counts as inside.
+        // A ray that lies in the plane of a face gives 0 * infinity = NaN. `min` and `max` ignore
+        // NaN, so it counts as inside.
         let (near, far) = (a.min(b).max_element().max(0.0), a.max(b).min_element());
         if near > far {
             return None;
         }
         let origin = (self.position + direction * near).as_vec3();
-        let footprint = narrow(self.camera.pixel_size(near.midpoint(far), height));
-        Some(Path {
+        let footprint = to_f32(self.camera.pixel_size(near.midpoint(far), height));
+        Some(SceneRay {
             origin,
             direction: direction.as_vec3(),
             reach: f32::INFINITY,
             footprint,
-            chance,
+            random_bits,
         })
     }
 
-    /// Size of a pixel at a place, mm.
+    /// Size of a pixel at a point, mm.
     pub(super) fn pixel_at(&self, place: Vec3) -> f32 {
-        narrow(
+        to_f32(
             self.camera.pixel_size(place.as_dvec3().distance(self.position), self.options.height),
         )
     }

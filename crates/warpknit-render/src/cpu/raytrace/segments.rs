@@ -1,73 +1,80 @@
-//! The chains of capsules or strips that rays meet.
+//! Chains of capsules or ribbon strips, the primitives that rays are tested against.
 //!
-//! In: a scene and a camera. Out: [`Segments`]: [`Paths`] whose pieces are capsules, or strips of
-//! ribbon, and where a ray meets a piece. A ribbon stops the share of the rays that its picture's
-//! alpha says, by a number that a ray and a strip always give alike.
+//! In: a scene and a camera. Out: [`Segments`], that is [`YarnPaths`] whose pieces are capsules
+//! (tubes) or strips (ribbons), with the intersection of a ray and one segment. A textured ribbon
+//! is partly transparent: it stops a ray with a probability equal to its alpha ('stochastic
+//! transparency', Enderton et al. 2010). The random number depends on the ray and the strip alone,
+//! so repeated tests agree.
 
 use glam::{Vec3, Vec3A, Vec4};
 use obvhs::aabb::Aabb;
 use rayon::prelude::*;
 
 use super::capsule::capsule;
-use super::ray::Path;
-use super::strip::{Crossing, Strip};
+use super::ray::SceneRay;
+use super::strip::{Crossing, RibbonStrip};
 use crate::cpu::sample::unit;
-use crate::paths::{Cut, Paths};
+use crate::paths::{Subdivision, YarnPaths};
 use crate::ply::hash;
 use crate::scene::{Bounds, Scene, Shape};
-use crate::{Camera, Options};
+use crate::{Camera, RenderOptions};
 
-/// Boxes are padded by this share of the largest coordinate: a few roundings of `f32`.
-const PADDING: f32 = 1e-6;
-/// And radii are taken this much larger there.
-const GROWN: f32 = 1.001;
-/// Strands that are cut at a time before they are put with the others, and strands that a thread
-/// takes of them.
+/// Boxes are padded by this fraction of the largest coordinate: a few roundings of `f32`. Without
+/// padding, rounding in the slab test of a box loses hits on its faces.
+const BOX_PADDING: f32 = 1e-6;
+/// Radii are this much larger in boxes, for the same reason.
+const RADIUS_MARGIN: f32 = 1.001;
+/// Strands that are subdivided before their paths are appended to the others. Only one batch exists
+/// twice in memory.
 const BATCH: usize = 512;
+/// Strands of a batch that one task subdivides.
 const PART: usize = 8;
 
-/// Capsules, or strips, between consecutive points. A segment is named by its first point.
+/// Capsules or strips between consecutive points. A segment is identified by the index of its first
+/// point.
 #[derive(Debug)]
 pub(super) struct Segments<'a> {
     pub(super) scene: &'a Scene,
-    pub(super) paths: Paths,
-    /// What boxes are padded by, mm.
+    pub(super) paths: YarnPaths,
+    /// Padding of the boxes, mm.
     padding: f32,
-    /// Around them all.
+    /// Bounding box of all segments.
     pub(super) bounds: Aabb,
 }
 
-/// A place on a segment's axis.
+/// A point on a segment's axis, with the yarn's tangent frame there.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct AxisPoint {
     pub(super) position: Vec3,
     pub(super) radius: f32,
     /// Unit tangent of the curve, continuous from segment to segment.
     pub(super) tangent: Vec3,
+    /// Unit vector across the yarn from which the angle around it counts.
     pub(super) across: Vec3,
+    /// Arc length, mm.
     pub(super) along: f32,
 }
 
 impl<'a> Segments<'a> {
-    /// Cuts up all strands for a picture; `bounds` are the scene's.
-    pub(super) fn of(
+    /// Subdivides all strands for a picture. `bounds` are the scene's.
+    pub(super) fn new(
         scene: &'a Scene,
         bounds: &Bounds,
         camera: &Camera,
-        options: &Options,
+        options: &RenderOptions,
     ) -> Self {
         let centre = bounds.centre().as_dvec3();
         let count = scene.strands.len();
-        let mut paths = Paths { centre, ..Paths::default() };
+        let mut paths = YarnPaths { centre, ..YarnPaths::default() };
         for batch in (0..count).step_by(BATCH) {
             let end = count.min(batch + BATCH);
-            let parts: Vec<Paths> = ((batch..end).into_par_iter().step_by(PART))
+            let parts: Vec<YarnPaths> = ((batch..end).into_par_iter().step_by(PART))
                 .map(|first| {
-                    Paths::of(
+                    YarnPaths::new(
                         scene,
                         first..end.min(first + PART),
                         centre,
-                        Cut::Picture(camera, options),
+                        Subdivision::Picture(camera, options),
                     )
                 })
                 .collect();
@@ -79,29 +86,29 @@ impl<'a> Segments<'a> {
             .map(|&point| Aabb::from_point(Vec3A::from_vec4(point)))
             .reduce(Aabb::empty, |a, b| a.union(&b));
         let thickest = paths.points.par_iter().map(|point| point.w).reduce(|| 0.0, f32::max);
-        let padding = around.min.abs().max(around.max.abs()).max_element() * PADDING;
-        let grown = Vec3A::splat(thickest * GROWN + padding);
+        let padding = around.min.abs().max(around.max.abs()).max_element() * BOX_PADDING;
+        let grown = Vec3A::splat(thickest * RADIUS_MARGIN + padding);
         Self { scene, paths, padding, bounds: Aabb::new(around.min - grown, around.max + grown) }
     }
 
-    /// Whether a segment starts at point `point`.
+    /// Whether a segment starts at this point. The last point of a strand has radius 0.
     pub(super) fn starts_at(&self, point: u32) -> bool {
         self.paths.points[point as usize].w > 0.0
     }
 
-    /// The box around the segment that starts at point `start`.
-    pub(super) fn boxed(&self, start: u32) -> Aabb {
+    /// Bounding box of the segment that starts at point `start`.
+    pub(super) fn bounding_box(&self, start: u32) -> Aabb {
         let (a, b) = self.ends(start);
-        // The end of a strip has the radius of the next one.
-        let grown = Vec3A::splat(a.w.max(b.w) * GROWN + self.padding);
+        // Ends may have different radii: a strip's end has the radius of the next strip.
+        let grown = Vec3A::splat(a.w.max(b.w) * RADIUS_MARGIN + self.padding);
         let (a, b) = (Vec3A::from_vec4(a), Vec3A::from_vec4(b));
         Aabb::new(a.min(b) - grown, a.max(b) + grown)
     }
 
-    /// How far along `path` a segment is met; infinite where it isn't, and for a ribbon where that
-    /// would be beyond `limit`.
-    pub(super) fn distance(&self, start: u32, path: &Path, limit: f32) -> f32 {
-        let (origin, direction) = (path.origin.into(), path.direction.into());
+    /// Distance along `ray` to a segment; infinite where the ray misses it. For a ribbon also
+    /// infinite beyond `limit`.
+    pub(super) fn distance(&self, start: u32, ray: &SceneRay, limit: f32) -> f32 {
+        let (origin, direction) = (ray.origin.into(), ray.direction.into());
         match self.scene.shape {
             Shape::Tube => {
                 let (a, b) = self.ends(start);
@@ -109,40 +116,49 @@ impl<'a> Segments<'a> {
             }
             Shape::Ribbon => {
                 let crossing = self.strip(start).crossing(origin, direction);
-                // The picture is looked at last: that costs more than all else.
-                let stops = |crossing: &Crossing| {
-                    crossing.distance <= limit && self.stops(start, crossing, path)
-                };
-                crossing.filter(stops).map_or(f32::INFINITY, |crossing| crossing.distance)
+                // The texture lookup comes last, because it costs more than all other tests
+                // together.
+                match crossing {
+                    Some(crossing)
+                        if crossing.distance <= limit
+                            && self.is_opaque_at(start, &crossing, ray) =>
+                    {
+                        crossing.distance
+                    }
+                    _ => f32::INFINITY,
+                }
             }
         }
     }
 
-    /// Whether a ribbon's picture has yarn where it is crossed.
-    fn stops(&self, start: u32, crossing: &Crossing, path: &Path) -> bool {
+    /// Whether a ribbon's texture stops the ray at this crossing: its alpha against a random
+    /// number.
+    fn is_opaque_at(&self, start: u32, crossing: &Crossing, ray: &SceneRay) -> bool {
         let look = &self.scene.looks[usize::from(self.look(start))];
         let Some(maps) = self.scene.maps_of(look) else { return true };
         let v = self.along(start, crossing.v) / maps.length;
-        let (across, along) = (path.footprint / (2.0 * look.radius), path.footprint / maps.length);
+        let (across, along) = (ray.footprint / (2.0 * look.radius), ray.footprint / maps.length);
         let alpha = maps.alpha(crossing.u, v, across, along, Shape::Ribbon);
-        alpha > unit(hash(path.chance ^ hash(start)))
+        // A hash of the ray and the strip. Two strips in front of each other get independent
+        // numbers, or two half-transparent ones would let the same half of all rays through.
+        alpha > unit(hash(ray.random_bits ^ hash(start)))
     }
 
-    /// Both points of a segment.
+    /// Both end points of a segment, with radii in w.
     pub(super) fn ends(&self, start: u32) -> (Vec4, Vec4) {
         (self.paths.points[start as usize], self.paths.points[start as usize + 1])
     }
 
-    /// The strip of ribbon that starts at point `start`.
-    pub(super) fn strip(&self, start: u32) -> Strip {
+    /// The ribbon strip that starts at point `start`.
+    pub(super) fn strip(&self, start: u32) -> RibbonStrip {
         let (i, j) = (start as usize, start as usize + 1);
         let points = &self.paths.points;
-        // A strand's last point has no radius of its own.
+        // The last point of a strand has no radius of its own.
         let end_radius = if points[j].w > 0.0 { points[j].w } else { points[i].w };
-        Strip { a: self.edge(i, points[i].w), b: self.edge(j, end_radius) }
+        RibbonStrip { a: self.edge(i, points[i].w), b: self.edge(j, end_radius) }
     }
 
-    /// Both ends of a ribbon's width.
+    /// Both ends of the ribbon's width at a point.
     fn edge(&self, point: usize, radius: f32) -> [Vec3A; 2] {
         let axis = Vec3A::from_vec4(self.paths.points[point]);
         let (tangent, normal) =
@@ -151,18 +167,19 @@ impl<'a> Segments<'a> {
         [axis - aside, axis + aside]
     }
 
-    /// The look of the segment that starts at point `start`.
+    /// Look of the segment that starts at point `start`.
     pub(super) fn look(&self, start: u32) -> u16 {
         self.paths.looks[start as usize]
     }
 
-    /// Arc length at share `s` of the segment that starts at point `start`.
+    /// Arc length at fraction `s` of the segment that starts at point `start`.
     pub(super) fn along(&self, start: u32, s: f32) -> f32 {
         let (a, b) = (self.paths.along[start as usize], self.paths.along[start as usize + 1]);
         a + s * (b - a)
     }
 
-    /// Tangent and direction across there, as [`Paths`] has them.
+    /// Tangent and direction across the yarn at fraction `s`, interpolated linearly as for Phong
+    /// shading, so that normals are continuous from segment to segment.
     pub(super) fn directions(&self, start: u32, s: f32) -> (Vec3, Vec3) {
         let (i, j) = (start as usize, start as usize + 1);
         let (tangents, across) = (&self.paths.tangents, &self.paths.across);
@@ -170,7 +187,7 @@ impl<'a> Segments<'a> {
         (tangent, across[i].unpack().lerp(across[j].unpack(), s))
     }
 
-    /// The axis point nearest to `position` of the segment that starts at point `start`.
+    /// The point of a segment's axis that is nearest to `position`.
     pub(super) fn axis_point(&self, start: u32, position: Vec3) -> AxisPoint {
         let paths = &self.paths;
         let (i, j) = (start as usize, start as usize + 1);
@@ -206,7 +223,12 @@ mod tests {
     fn segments(scene: &Scene, height: u32) -> Segments<'_> {
         let bounds = scene.bounds().unwrap();
         let camera = Camera::view(crate::View::Front, &scene.positions, 0.5, 1.0, 1.0);
-        Segments::of(scene, &bounds, &camera, &Options { height, lod: false, ..Options::default() })
+        Segments::new(
+            scene,
+            &bounds,
+            &camera,
+            &RenderOptions { height, lod: false, ..RenderOptions::default() },
+        )
     }
 
     fn starts(segments: &Segments) -> Vec<u32> {
@@ -232,8 +254,8 @@ mod tests {
         let scene = scene(&[&waves]);
         let camera = Camera::view(crate::View::Front, &scene.positions, 0.5, 1.0, 1.0);
         let cut = |lod| {
-            let options = Options { height: 40, lod, ..Options::default() };
-            Segments::of(&scene, &scene.bounds().unwrap(), &camera, &options).paths
+            let options = RenderOptions { height: 40, lod, ..RenderOptions::default() };
+            Segments::new(&scene, &scene.bounds().unwrap(), &camera, &options).paths
         };
         let (exact, far) = (cut(false), cut(true));
         assert!(
@@ -242,14 +264,14 @@ mod tests {
             far.points.len(),
             exact.points.len()
         );
-        let length = |paths: &Paths| paths.along.last().unwrap() - paths.along[0];
+        let length = |paths: &YarnPaths| paths.along.last().unwrap() - paths.along[0];
         assert!(
             (length(&far) / length(&exact) - 1.0).abs() < 0.01,
             "{} {}",
             length(&far),
             length(&exact)
         );
-        let area = |paths: &Paths| -> f32 {
+        let area = |paths: &YarnPaths| -> f32 {
             paths
                 .points
                 .windows(2)

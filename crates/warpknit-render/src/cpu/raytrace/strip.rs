@@ -1,51 +1,55 @@
-//! Pieces of ribbon: flat strips between two points of a yarn's axis.
+//! Ray-ribbon intersection. A ribbon is a chain of strips, flat pieces between two points of the
+//! yarn's axis.
 //!
-//! In: the ends of a piece, across the yarn from edge to edge. Out: where a ray meets it. The four
-//! corners are those of the pieces before and after, and two triangles fill them, so that no light
-//! falls between pieces:
+//! In: the ends of a strip, each from edge to edge across the yarn. Out: the point where a ray
+//! crosses it. A strip shares its corners with the strips before and after it, and two triangles
+//! fill it. So no light leaks between strips:
 //!
 //! ```text
 //!   u = 0   a0 ────── b0     v = 0 at a, 1 at b, along the yarn;
 //!            │   ╱    │      u from edge to edge, along tangent x normal
 //!   u = 1   a1 ────── b1
 //! ```
+//!
+//! Triangles are met from both sides (Möller and Trumbore 1997, 'Fast, minimum storage ray/triangle
+//! intersection').
 
 use glam::Vec3A;
 
-/// How far, as a share of its sides, a triangle reaches over its edges: rounding must leave no
-/// crack.
-const REACH: f32 = 1e-5;
+/// Tolerance of the barycentric coordinates: triangles extend this fraction of their sides beyond
+/// their edges. With 0, rounding opens cracks along shared edges. Much larger ones let triangles
+/// stick out at a ribbon's outer edges.
+const EDGE_TOLERANCE: f32 = 1e-5;
 
-/// A piece of ribbon by its corners.
+/// A strip, by its corners.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Strip {
-    /// Where it starts, at u = 0 and 1.
+pub(super) struct RibbonStrip {
+    /// The start, at u = 0 and u = 1.
     pub(super) a: [Vec3A; 2],
-    /// Where it ends.
+    /// The end, likewise.
     pub(super) b: [Vec3A; 2],
 }
 
-/// Where a ray meets a strip.
+/// The point where a ray crosses a strip.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Crossing {
-    /// Along the ray, of unit direction.
+    /// Distance along the ray, whose direction has unit length.
     pub(super) distance: f32,
     pub(super) u: f32,
     pub(super) v: f32,
 }
 
-impl Strip {
-    /// Where the ray from `origin` meets the strip, from either side.
+impl RibbonStrip {
+    /// The nearest crossing of the ray with the strip, from either side.
     pub(super) fn crossing(&self, origin: Vec3A, direction: Vec3A) -> Option<Crossing> {
         let ([a0, a1], [b0, b1]) = (self.a, self.b);
         let first = triangle(origin, direction, a0, a1 - a0, b0 - a0)
             .map(|(distance, u, v)| Crossing { distance, u, v });
-        let second = || {
-            let met = triangle(origin, direction, b1, b0 - b1, a1 - b1)?;
-            Some(Crossing { distance: met.0, u: 1.0 - met.1, v: 1.0 - met.2 })
-        };
-        // A strip that is bent out of its plane may be met twice; the nearer one is seen.
-        match (first, second()) {
+        let second = triangle(origin, direction, b1, b0 - b1, a1 - b1)
+            .map(|(distance, s, t)| Crossing { distance, u: 1.0 - s, v: 1.0 - t });
+        // A strip whose ends are twisted against each other is not planar, so both triangles may be
+        // crossed. The nearer crossing is visible.
+        match (first, second) {
             (Some(one), Some(other)) => {
                 Some(if other.distance < one.distance { other } else { one })
             }
@@ -54,7 +58,8 @@ impl Strip {
     }
 }
 
-/// Distance to a triangle and the shares of its sides there (Möller and Trumbore 1997).
+/// Distance to a triangle, and the barycentric coordinates along its sides `one` and `other`
+/// (Möller and Trumbore 1997).
 fn triangle(
     origin: Vec3A,
     direction: Vec3A,
@@ -62,11 +67,12 @@ fn triangle(
     one: Vec3A,
     other: Vec3A,
 ) -> Option<(f32, f32, f32)> {
-    // Start beside the corner: from far away the product below would lose what a thin strip is
-    // wide.
+    // Move the origin beside the corner. The products below would otherwise lose the strip's width,
+    // a tenth of a millimetre, against the eye's distance of metres.
     let beside = (corner - origin).dot(direction);
     let from = (origin - corner) + direction * beside;
     let p = direction.cross(other);
+    // The triple product: zero for a ray in the triangle's plane and for a degenerate triangle.
     let volume = one.dot(p);
     if volume == 0.0 {
         return None;
@@ -74,7 +80,8 @@ fn triangle(
     let s = from.dot(p) / volume;
     let q = from.cross(one);
     let t = direction.dot(q) / volume;
-    let inside = s >= -REACH && t >= -REACH && s + t <= 1.0 + REACH;
+    // Both barycentric coordinates and their sum in 0..1, up to the tolerance.
+    let inside = s >= -EDGE_TOLERANCE && t >= -EDGE_TOLERANCE && s + t <= 1.0 + EDGE_TOLERANCE;
     let distance = beside + other.dot(q) / volume;
     (inside && distance >= 0.0).then_some((distance, s, t))
 }
@@ -84,8 +91,8 @@ mod tests {
     use super::*;
 
     /// From x = 0 to 4, 2 wide, its far end turned by a quarter.
-    fn strip() -> Strip {
-        Strip {
+    fn strip() -> RibbonStrip {
+        RibbonStrip {
             a: [Vec3A::Y, Vec3A::NEG_Y],
             b: [Vec3A::new(4.0, 0.7, 0.7), Vec3A::new(4.0, -0.7, -0.7)],
         }
@@ -121,7 +128,7 @@ mod tests {
             [Vec3A::new(x, cos, sin), Vec3A::new(x, -cos, -sin)].map(|point| point * 0.05)
         };
         let strips: Vec<_> = (0_u8..6)
-            .map(|i| Strip { a: turned(f32::from(i)), b: turned(f32::from(i) + 1.0) })
+            .map(|i| RibbonStrip { a: turned(f32::from(i)), b: turned(f32::from(i) + 1.0) })
             .collect();
         for step in 0_u16..4000 {
             let (x, y) = (f32::from(step) * 1.4e-3 + 0.1, f32::from(step % 17) / 40.0 - 0.2);

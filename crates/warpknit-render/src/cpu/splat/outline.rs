@@ -1,72 +1,77 @@
-//! What a piece of yarn covers of a grid of pixels or texels.
+//! Rasterisation of capsules: the cells of a grid that a piece of yarn covers.
 //!
-//! In: both ends of a piece in the grid's own coordinates. Out: [`Outline`], the cells that it may
-//! touch, and whether it covers a place in one.
+//! In: both ends of a piece in the grid's coordinates (pixels or texels). Out: [`CapsuleOutline`],
+//! that is the rows and columns that the piece may touch, and a test of four places at once.
 
 use std::ops::Range;
 
 use glam::{Vec2, Vec4};
 
-/// Rise of an axis, in cells, under which it runs along one row.
-const LEVEL: f32 = 1e-3;
-/// Length of an axis, in cells, from which not all of its box is looked at.
-const LONG: f32 = 5.0;
+/// Rise of an axis, cells, below which it counts as horizontal. It limits 1 / rise, which would
+/// overflow.
+const MIN_RISE: f32 = 1e-3;
+/// Length of an axis, cells, from which each row's columns are narrowed to the axis. For shorter
+/// ones, the test of the whole bounding box is cheaper than the narrowing.
+const LONG_AXIS: f32 = 5.0;
 
-/// A piece of yarn as a line with round ends, in cells.
+/// A piece of yarn as a line segment with round ends, in cells.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Outline {
+pub(super) struct CapsuleOutline {
     start: Vec2,
-    /// To the end.
+    /// From start to end.
     along: Vec2,
-    /// One over the length's square.
+    /// 1 / length^2.
     scale: f32,
     radius: f32,
-    /// One over the radius' square.
+    /// 1 / radius^2.
     inverse2: f32,
-    /// Share of the axis a row, never infinite, if the axis is long enough for its box to be mostly
-    /// empty.
+    /// Change of the axis parameter from row to row, limited by [`MIN_RISE`]. `None` for short
+    /// axes.
     rise: Option<f32>,
 }
 
-/// Where four places lie in an outline.
+/// Places of four samples relative to an outline.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Within {
-    /// Along the axis, 0..1.
+pub(super) struct Coverage {
+    /// Parameter of the nearest point of the axis, 0..1.
     pub(super) share: Vec4,
-    /// From the axis, in radii, squared.
-    aside2: Vec4,
+    /// Squared distance from the axis, in radii.
+    distance2: Vec4,
 }
 
-impl Within {
-    /// Which of them it covers, by number.
+impl Coverage {
+    /// Lanes of the samples that are covered.
     #[inline]
     pub(super) fn covered(&self) -> impl Iterator<Item = usize> + use<> {
-        let mut left = self.aside2.cmple(Vec4::ONE).bitmask();
+        let mut left = self.distance2.cmple(Vec4::ONE).bitmask();
         std::iter::from_fn(move || {
             let lane = left.trailing_zeros() as usize;
+            // Clears the lowest set bit.
             left &= left.wrapping_sub(1);
             (lane < 4).then_some(lane)
         })
     }
 
-    /// Depths of the yarn's surface there, whose axis has these at its ends.
+    /// Depths of the tube's surface at the four places, given the depths of the axis' ends.
     #[inline]
     pub(super) fn depths(&self, [start, end]: [f32; 2], radius: f32) -> Vec4 {
-        let rise = (Vec4::ONE - self.aside2).max(Vec4::ZERO).sqrt();
+        // The tube's circular section: it rises toward the eye by sqrt(1 - d^2) radii at distance d
+        // from the axis.
+        let rise = (Vec4::ONE - self.distance2).max(Vec4::ZERO).sqrt();
         Vec4::splat(start) + self.share * (end - start) - rise * radius
     }
 }
 
-impl Outline {
+impl CapsuleOutline {
     pub(super) fn new([start, end]: [Vec2; 2], radius: f32) -> Self {
         let along = end - start;
         let scale = along.length_squared().max(f32::MIN_POSITIVE).recip();
-        let rise = if along.y.abs() > LEVEL { along.y.recip() } else { LEVEL.recip() };
-        let rise = (along.length_squared() > LONG * LONG).then_some(rise);
+        let rise = if along.y.abs() > MIN_RISE { along.y.recip() } else { MIN_RISE.recip() };
+        let rise = (along.length_squared() > LONG_AXIS * LONG_AXIS).then_some(rise);
         Self { start, along, scale, rise, radius, inverse2: (radius * radius).recip() }
     }
 
-    /// Those of some rows of a grid that it may touch.
+    /// Those of some rows of a grid that the piece may touch.
     #[inline]
     pub(super) fn rows(&self, rows: &Range<u32>) -> Range<u32> {
         let end = self.start.y + self.along.y;
@@ -78,40 +83,42 @@ impl Outline {
         touched.start.max(rows.start)..touched.end
     }
 
-    /// Columns that it may touch in a row.
+    /// Columns of a row that the piece may touch.
     #[inline]
     pub(super) fn columns(&self, row: u32, width: u32) -> Range<u32> {
         let (one, other) = match self.rise {
             Some(rise) => {
-                // What of the axis comes as near to the row as it takes; all of it, where it runs
-                // along the row.
+                // The part of the axis whose distance from the row is within reach. All of it,
+                // where it is nearly horizontal.
                 let (middle, reach) =
                     ((row as f32 + 0.5 - self.start.y) * rise, ((0.5 + self.radius) * rise).abs());
-                let share = |at: f32| self.start.x + self.along.x * at.clamp(0.0, 1.0);
-                (share(middle - reach), share(middle + reach))
+                let [one, other] = [middle - reach, middle + reach]
+                    .map(|at| self.start.x + self.along.x * at.clamp(0.0, 1.0));
+                (one, other)
             }
             None => (self.start.x, self.start.x + self.along.x),
         };
         cells(one.min(other) - self.radius, one.max(other) + self.radius, width)
     }
 
-    /// A place on the axis.
+    /// The point of the axis at a parameter.
     pub(super) fn at(&self, share: f32) -> Vec2 {
         self.start + self.along * share
     }
 
-    /// Where the places of four columns and rows lie.
+    /// Coverage at four places, given as four columns and four rows.
     #[inline]
-    pub(super) fn within(&self, [columns, rows]: [Vec4; 2]) -> Within {
+    pub(super) fn within(&self, [columns, rows]: [Vec4; 2]) -> Coverage {
         let (x, y) = (columns - self.start.x, rows - self.start.y);
+        // Projection onto the axis, clamped to its ends: this makes the ends round.
         let share =
             ((x * self.along.x + y * self.along.y) * self.scale).clamp(Vec4::ZERO, Vec4::ONE);
         let (x, y) = (x - share * self.along.x, y - share * self.along.y);
-        Within { share, aside2: (x * x + y * y) * self.inverse2 }
+        Coverage { share, distance2: (x * x + y * y) * self.inverse2 }
     }
 }
 
-/// The cells from `low` to `high` of a grid with `end` of them.
+/// Cells from `low` to `high` in a grid of `end` cells.
 #[inline]
 #[expect(
     clippy::cast_possible_truncation,
@@ -126,7 +133,7 @@ fn cells(low: f32, high: f32, end: u32) -> Range<u32> {
 mod tests {
     use super::*;
 
-    fn within(outline: &Outline, place: Vec2) -> Option<[f32; 2]> {
+    fn within(outline: &CapsuleOutline, place: Vec2) -> Option<[f32; 2]> {
         let within = outline
             .within([Vec4::splat(place.x), Vec4::new(f32::INFINITY, place.y, place.y, f32::NAN)]);
         let covered: Vec<_> = within.covered().collect();
@@ -134,7 +141,7 @@ mod tests {
         (!covered.is_empty()).then(|| [within.share.y, -within.depths([0.0; 2], 1.0).z])
     }
 
-    fn cells(outline: &Outline, size: [u32; 2]) -> Vec<[u32; 2]> {
+    fn cells(outline: &CapsuleOutline, size: [u32; 2]) -> Vec<[u32; 2]> {
         outline
             .rows(&(0..size[1]))
             .flat_map(|y| outline.columns(y, size[0]).map(move |x| [x, y]))
@@ -143,12 +150,12 @@ mod tests {
 
     #[test]
     fn cells_hold_all_that_is_covered_and_end_with_the_grid() {
-        let outline = Outline::new([Vec2::new(-3.0, 2.5), Vec2::new(4.2, 3.1)], 0.4);
+        let outline = CapsuleOutline::new([Vec2::new(-3.0, 2.5), Vec2::new(4.2, 3.1)], 0.4);
         assert_eq!(outline.rows(&(3..9)), 3..4);
         let touched = cells(&outline, [4, 9]);
         assert_eq!(touched, [[0, 2], [1, 2], [2, 2], [3, 2], [0, 3], [1, 3], [2, 3], [3, 3]]);
         let diagonal =
-            cells(&Outline::new([Vec2::ZERO, Vec2::splat(900.0)], 0.4), [900, 900]).len();
+            cells(&CapsuleOutline::new([Vec2::ZERO, Vec2::splat(900.0)], 0.4), [900, 900]).len();
         assert!((900..5000).contains(&diagonal), "{diagonal}");
         let holds = |[x, y]: [u32; 2], place: Vec2| {
             (place - Vec2::new(x as f32, y as f32)).abs_diff_eq(Vec2::splat(0.5), 0.5)
@@ -160,13 +167,14 @@ mod tests {
                 "{place}"
             );
         }
-        let beside = |x: f32| cells(&Outline::new([Vec2::new(x, 1.0); 2], 0.3), [4, 4]).len();
+        let beside =
+            |x: f32| cells(&CapsuleOutline::new([Vec2::new(x, 1.0); 2], 0.3), [4, 4]).len();
         assert_eq!([-0.5, 0.5, 3.9, 4.5].map(beside), [0, 2, 2, 0]);
     }
 
     #[test]
     fn places_know_where_along_they_are_and_how_high_the_yarn_rises_there() {
-        let outline = Outline::new([Vec2::ZERO, Vec2::new(4.0, 0.0)], 2.0);
+        let outline = CapsuleOutline::new([Vec2::ZERO, Vec2::new(4.0, 0.0)], 2.0);
         let close = |found: Option<[f32; 2]>, wanted: [f32; 2]| {
             found.is_some_and(|found| (0..2).all(|i| (found[i] - wanted[i]).abs() < 1e-6))
         };

@@ -1,54 +1,55 @@
-//! Yarns as the straight pieces between their data points: from afar, a bend between two of them is
-//! finer than a pixel shows.
+//! Yarns as straight pieces between their data points. From afar, a bend between two points is
+//! finer than a pixel.
 //!
-//! In: a scene. Out: [`Pieces`], which names a piece by its first data point and keeps nothing of
-//! it.
+//! In: a scene. Out: [`SplatPieces`], which identifies a piece by its first data point and computes
+//! the rest on demand. Memory: none per piece.
 
 use std::ops::Range;
 
 use glam::Vec3;
 use rayon::prelude::*;
 
-use crate::cpu::narrow;
+use crate::cpu::to_f32;
 use crate::paths;
-use crate::scene::{Scene, SpanLengths, Strand, drawable};
+use crate::scene::{Scene, SpanLengths, drawable};
 use warpknit_core::ids::index32;
 
-/// Data points of which a thread draws the pieces at a time.
+/// Data points whose pieces one task handles at a time.
 const PART: u32 = 4096;
 
 /// All pieces of a scene's yarns.
-pub(super) struct Pieces<'a> {
+pub(super) struct SplatPieces<'a> {
     pub(super) scene: &'a Scene,
-    /// The scene's middle, to which places are relative.
+    /// The scene's centre, to which positions are relative.
     centre: Vec3,
     lengths: SpanLengths,
 }
 
-/// A piece: a line with round ends.
+/// A piece: a capsule.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Piece {
+pub(super) struct SplatPiece {
     pub(super) ends: [Vec3; 2],
     pub(super) radius: f32,
 }
 
-impl<'a> Pieces<'a> {
+impl<'a> SplatPieces<'a> {
     pub(super) fn new(scene: &'a Scene, centre: Vec3) -> Self {
         Self { scene, centre, lengths: scene.span_lengths() }
     }
 
-    /// Length of the longest, mm.
+    /// Length of the longest piece, mm.
     pub(super) fn longest(&self) -> f32 {
-        narrow(self.lengths.longest)
+        to_f32(self.lengths.longest)
     }
 
-    /// Whether strands lie one after another in memory: by that a piece's strand is found.
+    /// Whether strands lie one after another in memory. The binary search in [`Self::strand_of`]
+    /// needs that.
     pub(super) fn are_in_order(&self) -> bool {
         self.scene.strands.is_sorted_by(|one, other| one.points.end <= other.points.start)
     }
 
-    /// Calls `draw` with every piece's number, both ends as `place` puts them, and the radius, in
-    /// parallel. What has no place is left out.
+    /// Calls `draw` with each piece's index, both of its ends as `place` projects them, and its
+    /// radius, in parallel. Points that `place` rejects are left out.
     pub(super) fn for_each(
         &self,
         place: impl Fn(Vec3) -> Option<Vec3> + Sync,
@@ -57,12 +58,12 @@ impl<'a> Pieces<'a> {
         self.parts().into_par_iter().for_each(|(strand, points)| {
             let strand = &self.scene.strands[strand];
             let Some(radius) = self.scene.radius(strand) else { return };
-            let placed = |point: u32| self.axis(point, &strand.points).and_then(&place);
-            let mut start = placed(points.start);
+            // Each joint is computed once: the end of a piece is the start of the next.
+            let mut start = self.joint(points.start, &strand.points).and_then(&place);
             for number in points {
-                let next = placed(number + 1);
+                let next = self.joint(number + 1, &strand.points).and_then(&place);
                 if let Some(start) = start {
-                    // A last point, and one before a gap, is a ball.
+                    // A single point, or one before a gap, is drawn as a ball.
                     draw(number, [start, next.unwrap_or(start)], radius);
                 }
                 start = next;
@@ -82,11 +83,11 @@ impl<'a> Pieces<'a> {
     }
 
     /// The piece that starts at data point `first` of a strand, if there is one.
-    pub(super) fn piece(&self, strand: usize, first: u32) -> Option<Piece> {
+    pub(super) fn piece(&self, strand: usize, first: u32) -> Option<SplatPiece> {
         let strand = &self.scene.strands[strand];
-        let start = self.axis(first, &strand.points)?;
-        let ends = [start, self.axis(first + 1, &strand.points).unwrap_or(start)];
-        Some(Piece { ends, radius: self.scene.radius(strand)? })
+        let start = self.joint(first, &strand.points)?;
+        let ends = [start, self.joint(first + 1, &strand.points).unwrap_or(start)];
+        Some(SplatPiece { ends, radius: self.scene.radius(strand)? })
     }
 
     /// The strand of a data point.
@@ -94,53 +95,67 @@ impl<'a> Pieces<'a> {
         self.scene.strands.partition_point(|strand| strand.points.end <= point)
     }
 
-    /// The yarn's direction at share `s` of the piece that starts at data point `first`: turns
-    /// evenly from piece to piece.
+    /// Unit tangent at fraction `s` of the piece that starts at data point `first`, interpolated
+    /// between central differences at its ends. It is continuous from piece to piece.
     pub(super) fn tangent(&self, strand: usize, first: u32, s: f32) -> Vec3 {
         let points = &self.scene.strands[strand].points;
-        let slope = |point: u32| {
-            let ends = [point.saturating_sub(1).max(points.start), (point + 1).min(points.end - 1)];
-            let [before, after] = ends.map(|end| self.scene.positions[end as usize]);
-            (after - before).normalize_or_zero()
-        };
-        slope(first).lerp(slope((first + 1).min(points.end - 1)), s).normalize_or(Vec3::X)
+        let next = (first + 1).min(points.end - 1);
+        let [start, end] = [first, next].map(|point| self.central_difference(point, points));
+        start.lerp(end, s).normalize_or(Vec3::X)
     }
 
-    /// Arc length at share `s` of that piece, mm: as if all pieces were of one length.
+    /// Direction from the data point before `point` to the one after it.
+    fn central_difference(&self, point: u32, strand: &Range<u32>) -> Vec3 {
+        let ends = [point.saturating_sub(1).max(strand.start), (point + 1).min(strand.end - 1)];
+        let [before, after] = ends.map(|end| self.scene.positions[end as usize]);
+        (after - before).normalize_or_zero()
+    }
+
+    /// Arc length at fraction `s` of that piece, mm, as if all pieces had the mean length. Exact
+    /// lengths would need 4 bytes a point; they only shift the texture along the yarn.
     pub(super) fn along(&self, strand: usize, first: u32, s: f32) -> f32 {
         let pieces = f64::from(first - self.scene.strands[strand].points.start) + f64::from(s);
-        narrow(
+        to_f32(
             paths::phase(index32(strand))
                 + pieces * (self.lengths.sum / self.lengths.count.max(1) as f64),
         )
     }
 
-    /// Where the pieces at a data point meet: moved out of the bend there, so that pieces lie where
-    /// the curve does on the average. A span of a Catmull-Rom curve (here taken for a uniform one)
-    /// lies (p1 + p2 - p0 - p3) / 24 aside of its chord.
+    /// The point where two pieces meet. It is moved outward from the bend there, so that on average
+    /// the pieces lie on the curve and not inside it. A span of a uniform Catmull-Rom curve lies
+    /// (p1 + p2 - p0 - p3) / 24 beside its chord on average. The mean of that over the two spans at
+    /// a point gives the shift.
     #[inline]
-    fn axis(&self, point: u32, strand: &Range<u32>) -> Option<Vec3> {
+    fn joint(&self, point: u32, strand: &Range<u32>) -> Option<Vec3> {
         if point >= strand.end {
             return None;
         }
-        let at = |point: u32| self.scene.positions[point as usize];
-        let here = at(point);
+        let positions = &self.scene.positions;
+        let point = point as usize;
+        let here = positions[point];
         if !drawable(here) {
             return None;
         }
-        let inner = strand.start + 2 <= point && point + 2 < strand.end;
-        let bend = if inner { here * 2.0 - at(point - 2) - at(point + 2) } else { Vec3::ZERO };
+        let inner = strand.start as usize + 2 <= point && point + 2 < strand.end as usize;
+        // No shift at the ends, where a span has no neighbour beyond it.
+        let bend = if inner {
+            here * 2.0 - positions[point - 2] - positions[point + 2]
+        } else {
+            Vec3::ZERO
+        };
         Some(here - self.centre + if drawable(bend) { bend / 48.0 } else { Vec3::ZERO })
     }
 
+    /// Strands cut into parts for tasks.
     fn parts(&self) -> Vec<(usize, Range<u32>)> {
-        let parts = |(number, strand): (usize, &Strand)| {
+        let mut parts = Vec::new();
+        for (number, strand) in self.scene.strands.iter().enumerate() {
             let Range { start, end } = strand.points;
-            (start..end)
-                .step_by(PART as usize)
-                .map(move |first| (number, first..end.min(first.saturating_add(PART))))
-        };
-        self.scene.strands.iter().enumerate().flat_map(parts).collect()
+            for first in (start..end).step_by(PART as usize) {
+                parts.push((number, first..end.min(first.saturating_add(PART))));
+            }
+        }
+        parts
     }
 }
 
@@ -152,7 +167,7 @@ mod tests {
 
     fn drawn(scene: &Scene) -> Vec<(u32, [Vec3; 2])> {
         let found = Mutex::new(Vec::new());
-        Pieces::new(scene, Vec3::ZERO)
+        SplatPieces::new(scene, Vec3::ZERO)
             .for_each(Some, |number, ends, _| found.lock().unwrap().push((number, ends)));
         let mut found = found.into_inner().unwrap();
         found.sort_by_key(|(number, _)| *number);
@@ -171,7 +186,7 @@ mod tests {
         let expected =
             [(0, [Vec3::ZERO, Vec3::X]), (1, [Vec3::X; 2]), (3, [Vec3::Y; 2]), (6, [Vec3::Z; 2])];
         assert_eq!(drawn(&scene), expected);
-        let pieces = Pieces::new(&scene, Vec3::ZERO);
+        let pieces = SplatPieces::new(&scene, Vec3::ZERO);
         assert_eq!([0, 3, 4, 5, 6].map(|point| pieces.strand_of(point)), [0, 0, 1, 1, 2]);
         assert_eq!((pieces.longest(), pieces.points().count()), (1.0, 4));
     }

@@ -1,87 +1,91 @@
-//! What the sun sees: the nearest depths on a grid across its rays.
+//! Shadow map of the sun: the nearest depths on a grid across the sun's rays (Williams 1978,
+//! 'Casting curved shadows on curved surfaces').
 //!
-//! In: pieces, the picture's frame and the sun. Out: [`SunMap`], 4 bytes a texel, which tells
-//! whether a place is in the sun. It covers what the picture shows. Shadows of other folds are soft
-//! as the sun is wide; the penumbra of one yarn on the next is finer than a pixel.
+//! In: pieces, the picture's screen and the direction to the sun. Out: [`ShadowMap`], 4 bytes a
+//! texel. It covers what the picture shows. Distant shadows, such as that of one fold on another,
+//! have a penumbra as wide as the sun makes it (after Fernando 2005, 'Percentage-closer soft
+//! shadows'). The penumbra of one yarn on its neighbour is finer than a pixel and is left out.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use super::outline::Outline;
-use super::pieces::Pieces;
+use super::outline::CapsuleOutline;
+use super::pieces::SplatPieces;
 use super::screen::Screen;
 
-/// Size of a texel, radii of the thinnest yarn.
+/// Size of a texel, radii of the thinnest yarn. Finer texels resolve what no pixel shows. Coarser
+/// ones let light through between yarns, or close the gaps.
 const TEXEL_RADII: f32 = 1.4;
-/// The same in pixels of the picture, which can't show more.
+/// Lower limit of a texel's size, in pixels of the picture, which cannot show finer shadows.
 const TEXEL_PIXELS: f32 = 0.5;
-/// Most texels, 128 MB, but for what rounding up adds to a thin strip.
-const MOST_TEXELS: f32 = 33e6;
-/// What counts as one depth, in texels and in radii of the yarn there.
+/// Limit of the number of texels: 128 MB. Rounding up may add a little for very thin strips.
+const MAX_TEXELS: f32 = 33e6;
+/// Depth bias, in texels and in radii of the yarn that is tested. Without it, a yarn would shadow
+/// itself because of the map's resolution ('shadow acne'). Too large a bias loses the shadows of
+/// yarns that touch.
 const BIAS_TEXELS: f32 = 0.5;
 const BIAS_RADII: f32 = 0.3;
 
-/// Texels a side of the blocks in which shadows from far away are looked for: as wide as the
-/// penumbra of a garment's farther side.
+/// Side of the blocks in which occluders of distant shadows are searched, texels: as wide as the
+/// penumbra that a garment's far side casts. Smaller blocks would cut penumbras off; larger ones
+/// find occluders that matter less.
 const BLOCK: usize = 64;
-/// Depth from which a shadow has a penumbra to be seen, radii of the yarn it falls on.
+/// Distance to the occluder from which a shadow gets a penumbra, radii of the yarn that it falls
+/// on. A nearer occluder is the cloth itself.
 const SOFT_RADII: f32 = 12.0;
 
 /// Depths along the sun's rays.
-pub(super) struct SunMap {
+pub(super) struct ShadowMap {
     across: Vec3,
     up: Vec3,
     toward: Vec3,
-    /// Where the grid begins, mm along `across`, `up` and the rays.
+    /// Origin of the grid, mm along `across`, `up` and the rays.
     low: Vec3,
     texel: f32,
     size: [u32; 2],
-    /// Bits of the nearest depth at each texel's middle.
+    /// Bits of the nearest depth at each texel's centre.
     nearest: Vec<AtomicU32>,
-    /// The nearest depth in each block and those around it.
+    /// Nearest depth in each block and in the eight blocks around it.
     blocks: Vec<f32>,
 }
 
-impl SunMap {
+impl ShadowMap {
     /// The map for what `screen` shows, where a pixel is `pixel` mm wide.
-    pub(super) fn new(pieces: &Pieces, screen: &Screen, pixel: f32, toward: Vec3) -> Self {
+    pub(super) fn new(pieces: &SplatPieces, screen: &Screen, pixel: f32, toward: Vec3) -> Self {
         let (across, up) = toward.any_orthonormal_pair();
-        // What isn't shown may still cast a shadow: its depth counts.
-        let corners_of = |point: Vec3| {
+        // The grid covers what is shown. Points outside of the picture may still cast shadows into
+        // it, so their depth counts.
+        let nothing = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+        let boxes = pieces.points().map(|point| {
             let at = Vec3::new(point.dot(across), point.dot(up), -point.dot(toward));
-            let (low, high) =
-                if screen.shows(point) { (at, at) } else { (Vec3::INFINITY, Vec3::NEG_INFINITY) };
+            let [low, high] = if screen.shows(point) { [at, at] } else { nothing };
             [low.with_z(at.z), high]
-        };
-        let around = |[low, high]: [Vec3; 2], [other_low, other_high]: [Vec3; 2]| {
-            [low.min(other_low), high.max(other_high)]
-        };
-        let [low, high] =
-            pieces.points().map(corners_of).reduce(|| [Vec3::INFINITY, Vec3::NEG_INFINITY], around);
+        });
+        let [low, high] = boxes.reduce(|| nothing, |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
         let (thinnest, thickest) = pieces.scene.radii();
-        // A piece may be shown though neither of its ends is.
+        // A piece may be visible although neither of its ends is.
         let margin = thickest + pieces.longest();
         let low = low - margin;
         let extent = (high.truncate() + margin - low.truncate()).max(Vec2::ZERO);
         let finest = (TEXEL_RADII * thinnest).max(TEXEL_PIXELS * pixel);
-        let texel = finest.max((extent.x * extent.y / MOST_TEXELS).sqrt());
-        let size = (extent / texel)
-            .ceil()
-            .clamp(Vec2::ONE, Vec2::splat(MOST_TEXELS))
-            .as_uvec2()
-            .to_array();
+        // Coarsen the grid where it would exceed the memory limit.
+        let texel = finest.max((extent.x * extent.y / MAX_TEXELS).sqrt());
+        let size =
+            (extent / texel).ceil().clamp(Vec2::ONE, Vec2::splat(MAX_TEXELS)).as_uvec2().to_array();
         let texels = (0..size[0] as usize * size[1] as usize).into_par_iter();
         let nearest = texels.map(|_| AtomicU32::new(f32::INFINITY.to_bits())).collect();
         let mut map = Self { across, up, toward, low, texel, size, nearest, blocks: Vec::new() };
-        pieces.for_each(|point| Some(map.place(point)), |_, ends, radius| map.draw(ends, radius));
+        pieces
+            .for_each(|point| Some(map.project(point)), |_, ends, radius| map.splat(ends, radius));
         map.blocks = map.blocks();
         map
     }
 
-    fn draw(&self, [one, other]: [Vec3; 2], radius: f32) {
-        let outline = Outline::new([one.truncate(), other.truncate()], radius / self.texel);
+    /// Rasterises one piece into the map.
+    fn splat(&self, [one, other]: [Vec3; 2], radius: f32) {
+        let outline = CapsuleOutline::new([one.truncate(), other.truncate()], radius / self.texel);
         for y in outline.rows(&(0..self.size[1])) {
             let row = &self.nearest[y as usize * self.size[0] as usize..][..self.size[0] as usize];
             for first in outline.columns(y, self.size[0]).step_by(4) {
@@ -89,7 +93,7 @@ impl SunMap {
                 let within = outline.within([middles, Vec4::splat(y as f32 + 0.5)]);
                 let depths = within.depths([one.z, other.z], radius);
                 for lane in within.covered() {
-                    // The last four may reach beyond the row.
+                    // The last group of four may extend beyond the row.
                     let Some(texel) = row.get(first as usize + lane) else { break };
                     let depth = depths[lane].max(0.0).to_bits();
                     if depth < texel.load(Ordering::Relaxed) {
@@ -100,68 +104,61 @@ impl SunMap {
         }
     }
 
+    /// Minimum filter over blocks, then over 3 x 3 blocks.
     fn blocks(&self) -> Vec<f32> {
         let [width, height] = self.size.map(|side| side as usize);
         let across = width.div_ceil(BLOCK);
-        let nearest_of_rows = |rows: &[AtomicU32]| {
-            let mut blocks = vec![f32::INFINITY; across];
-            for row in rows.chunks(width) {
-                for (block, texels) in blocks.iter_mut().zip(row.chunks(BLOCK)) {
-                    *block = texels
-                        .iter()
-                        .map(|texel| f32::from_bits(texel.load(Ordering::Relaxed)))
-                        .fold(*block, f32::min);
-                }
-            }
-            blocks
-        };
+        let down = height.div_ceil(BLOCK);
         let single: Vec<Vec<f32>> =
-            self.nearest.par_chunks(width * BLOCK).map(nearest_of_rows).collect();
-        let around = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
-        let nearest_around = |y: usize, x: usize| {
-            let rows = around(y, height.div_ceil(BLOCK));
-            rows.flat_map(|y| single[y][around(x, across)].iter().copied())
-                .fold(f32::INFINITY, f32::min)
-        };
-        (0..height.div_ceil(BLOCK))
-            .flat_map(|y| (0..across).map(move |x| (y, x)))
-            .map(|(y, x)| nearest_around(y, x))
-            .collect()
+            self.nearest.par_chunks(width * BLOCK).map(|rows| block_row(rows, width)).collect();
+        let mut blocks = Vec::with_capacity(down * across);
+        for y in 0..down {
+            for x in 0..across {
+                let rows = &single[y.saturating_sub(1)..(y + 2).min(down)];
+                let columns = x.saturating_sub(1)..(x + 2).min(across);
+                let around = rows.iter().flat_map(|row| &row[columns.clone()]);
+                blocks.push(around.copied().fold(f32::INFINITY, f32::min));
+            }
+        }
+        blocks
     }
 
-    /// Whether light from a unit direction within the sun's disc reaches a place on a yarn of some
+    /// Whether light from a unit direction within the sun's disc reaches a point on a yarn of this
     /// radius.
     ///
-    /// What hides the sun's middle, or else the nearest thing in the blocks around, tells how far
-    /// away a shadow's edge begins: the ray is followed so far, and stopped if something stands
-    /// there, or half as far (after Fernando 2005, percentage-closer soft shadows).
-    pub(super) fn reaches(&self, place: Vec3, radius: f32, toward: Vec3) -> bool {
-        let at = self.place(place);
-        let cell = self.cell(at.truncate());
-        let before = at.z - self.depth(cell);
-        let around = at.z
-            - self.blocks
-                [cell[1] / BLOCK * (self.size[0] as usize).div_ceil(BLOCK) + cell[0] / BLOCK];
+    /// The distance to the occluder comes from the map, or, where the sun's centre is visible, from
+    /// the nearest depth in the blocks around. The ray is followed for that distance and looked up
+    /// there. It counts as blocked if the depth there lies more than halfway to the occluder.
+    pub(super) fn is_lit(&self, place: Vec3, radius: f32, toward: Vec3) -> bool {
+        let at = self.project(place);
+        let texel = self.texel_at(at.truncate());
+        let before = at.z - self.depth(texel);
+        let blocks_across = (self.size[0] as usize).div_ceil(BLOCK);
+        let block = texel[1] / BLOCK * blocks_across + texel[0] / BLOCK;
+        let around = at.z - self.blocks[block];
+        // Three cases. The sun's centre is hidden: the occluder is known. It is visible, but
+        // something stands far in front nearby: a penumbra is possible. Otherwise the point is lit.
         let away = match before > BIAS_TEXELS * self.texel + BIAS_RADII * radius {
             true => before,
             false if around > SOFT_RADII * radius => around,
             false => return true,
         };
+        // Offset per unit of depth of this ray from the ray to the sun's centre.
         let slope =
             Vec2::new(toward.dot(self.across), toward.dot(self.up)) / toward.dot(self.toward);
-        let there = self.cell(at.truncate() + slope * (away / self.texel));
+        let there = self.texel_at(at.truncate() + slope * (away / self.texel));
         at.z - self.depth(there) <= 0.5 * away
     }
 
-    /// The texel at a place in the grid, or at its border.
-    fn cell(&self, at: Vec2) -> [usize; 2] {
+    /// The texel at a place of the grid, clamped to its border.
+    fn texel_at(&self, at: Vec2) -> [usize; 2] {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
-            reason = "saturates, then is held to the grid"
+            reason = "saturates, then is clamped to the grid"
         )]
-        let inside = |at: f32, size: u32| (at as u32).min(size - 1) as usize;
-        [inside(at.x, self.size[0]), inside(at.y, self.size[1])]
+        let texel = [(at.x as u32).min(self.size[0] - 1), (at.y as u32).min(self.size[1] - 1)];
+        texel.map(|index| index as usize)
     }
 
     /// The nearest depth in a texel.
@@ -169,19 +166,33 @@ impl SunMap {
         f32::from_bits(self.nearest[y * self.size[0] as usize + x].load(Ordering::Relaxed))
     }
 
-    /// In texels, and in z the depth, mm.
-    fn place(&self, point: Vec3) -> Vec3 {
+    /// Column and row in texels, and depth in mm.
+    fn project(&self, point: Vec3) -> Vec3 {
         let from = Vec3::new(point.dot(self.across), point.dot(self.up), -point.dot(self.toward))
             - self.low;
         (from.truncate() / self.texel).extend(from.z)
     }
 }
 
+/// Nearest depth in each block of a row of blocks. `texels` are its rows of texels.
+fn block_row(texels: &[AtomicU32], width: usize) -> Vec<f32> {
+    let mut blocks = vec![f32::INFINITY; width.div_ceil(BLOCK)];
+    for row in texels.chunks(width) {
+        for (block, texels) in blocks.iter_mut().zip(row.chunks(BLOCK)) {
+            *block = texels
+                .iter()
+                .map(|texel| f32::from_bits(texel.load(Ordering::Relaxed)))
+                .fold(*block, f32::min);
+        }
+    }
+    blocks
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::scene::{Scene, YarnLook};
-    use crate::{Camera, Options, View};
+    use crate::{Camera, RenderOptions, View};
 
     #[test]
     fn a_sheet_shadows_what_lies_behind_it_softly_at_its_edge() {
@@ -196,19 +207,19 @@ mod tests {
                 );
             }
         }
-        let options = Options { width: 60, height: 60, ..Options::default() };
+        let options = RenderOptions { width: 60, height: 60, ..RenderOptions::default() };
         let camera = Camera::view(View::Front, &scene.positions, 0.3, 1.0, 1.0);
         let bounds = scene.bounds().unwrap();
         let screen = Screen::new(&bounds, &camera, &options);
-        let pieces = Pieces::new(&scene, bounds.centre());
-        let sun = SunMap::new(&pieces, &screen, 1.0, Vec3::Z);
+        let pieces = SplatPieces::new(&scene, bounds.centre());
+        let sun = ShadowMap::new(&pieces, &screen, 1.0, Vec3::Z);
         // Through a sun a tenth wide: shares of its light at places of the lower sheet, on top of
         // its yarns.
         let lit = |x: f32, z: f32| {
             let place = Vec3::new(x, 0.0, z + 0.2) - bounds.centre();
             let toward = (0_u8..=40)
                 .map(|i| Vec3::new((f32::from(i) / 20.0 - 1.0) * 0.1, 0.0, 1.0).normalize());
-            toward.filter(|toward| sun.reaches(place, 0.2, *toward)).count()
+            toward.filter(|toward| sun.is_lit(place, 0.2, *toward)).count()
         };
         assert_eq!(
             [lit(0.0, 0.0), lit(0.0, 20.0), lit(25.0, 0.0), lit(-25.0, 0.0)],
