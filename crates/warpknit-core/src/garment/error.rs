@@ -170,6 +170,9 @@ pub enum GarmentError {
         /// What it must be.
         must: &'static str,
     },
+    /// Arrays that don't belong together.
+    #[error("the arrays hold no garment: {0}")]
+    Arrays(#[from] ArrayFault),
     /// tobj refused a file that the cleaning pass had accepted. No known input does that.
     #[error("{}: the OBJ parser refused the file ({reason}): please report it", .path.display())]
     Parser {
@@ -177,6 +180,38 @@ pub enum GarmentError {
         path: PathBuf,
         /// What tobj said.
         reason: tobj::LoadError,
+    },
+}
+
+/// Why arrays hold no garment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ArrayFault {
+    /// No triangle.
+    #[error("there are no triangles")]
+    Empty,
+    /// A vertex lacks its flat or its draped position.
+    #[error("there are {flat} flat and {draped} draped positions: give each vertex both")]
+    Lengths {
+        /// Flat positions.
+        flat: usize,
+        /// Draped positions.
+        draped: usize,
+    },
+    /// A triangle names a vertex that isn't there.
+    #[error("triangle {triangle} names vertex {vertex} of {vertices}: count vertices from 0")]
+    Index {
+        /// The triangle, from 0.
+        triangle: usize,
+        /// The vertex that it names.
+        vertex: u32,
+        /// How many there are.
+        vertices: usize,
+    },
+    /// A position that is infinite or not a number.
+    #[error("a position of vertex {vertex} is not finite: leave such vertices out")]
+    NotFinite {
+        /// The vertex, from 0.
+        vertex: usize,
     },
 }
 

@@ -21,6 +21,7 @@ use crate::ids::FaceId;
 
 mod error;
 mod frames;
+mod memory;
 mod obj;
 mod order;
 mod pair;
@@ -30,7 +31,7 @@ mod rectangle;
 pub mod stretch;
 mod unit;
 
-pub use error::{GarmentError, GarmentFault};
+pub use error::{ArrayFault, GarmentError, GarmentFault};
 pub use frames::Frames;
 pub use unit::{Unit, UnknownUnit};
 
@@ -213,7 +214,7 @@ pub fn read(
     draped: Option<&Path>,
     options: &ReadOptions,
 ) -> Result<Garment, GarmentError> {
-    GarmentFiles::read(flat, draped, options)?.garment(options).map(|(garment, _, _)| garment)
+    GarmentFiles::read(flat, draped, options)?.into_garment(options)
 }
 
 /// The files of a garment, paired.
@@ -235,16 +236,28 @@ impl<'a> GarmentFiles<'a> {
     ) -> Result<Self, GarmentError> {
         check(options)?;
         let flat = obj::read(path)?;
-        let draped = draped_path.map(obj::read).transpose()?;
-        let two = draped_path.zip(draped.as_ref());
-        let Some((draped_path, draped_mesh)) = two else {
+        let draped = match draped_path {
+            Some(draped_path) => Some((draped_path, obj::read(draped_path)?)),
+            None => None,
+        };
+        Self::pair(path, flat, draped)
+    }
+
+    /// Pairs the triangles of one mesh with `vt`, or of a flat and a draped one.
+    fn pair(
+        path: &'a Path,
+        flat: ObjMesh,
+        draped: Option<(&Path, ObjMesh)>,
+    ) -> Result<Self, GarmentError> {
+        let Some((draped_path, draped_mesh)) = draped else {
             let pairs = pair::with_texture(&flat, path)?;
             let pieces = panel::pieces(&pairs);
-            return Ok(Self { path, flat, draped, pattern: FlatSource::Texture, pairs, pieces });
+            let pattern = FlatSource::Texture;
+            return Ok(Self { path, flat, draped: None, pattern, pairs, pieces });
         };
         let paths = [path, draped_path];
         let mut pattern = FlatSource::Positions;
-        let mut pairs = pair::two_files(&flat, draped_mesh, paths, pattern)?;
+        let mut pairs = pair::two_files(&flat, &draped_mesh, paths, pattern)?;
         let mut pieces = panel::pieces(&pairs);
         let leaves_plane =
             pieces.iter().any(|piece| matches!(piece, Err((Refusal::NotFlat(_), _, _))));
@@ -252,14 +265,19 @@ impl<'a> GarmentFiles<'a> {
         // but its `vt` may be one.
         if leaves_plane && flat.is_textured() {
             pattern = FlatSource::Texture;
-            pairs = pair::two_files(&flat, draped_mesh, paths, pattern)?;
+            pairs = pair::two_files(&flat, &draped_mesh, paths, pattern)?;
             pairs.warnings.push(format!(
                 "{} does not lie flat: its vt are taken for the flat pattern",
                 path.display()
             ));
             pieces = panel::pieces(&pairs);
         }
-        Ok(Self { path, flat, draped, pattern, pairs, pieces })
+        Ok(Self { path, flat, draped: Some(draped_mesh), pattern, pairs, pieces })
+    }
+
+    /// The garment alone.
+    fn into_garment(self, options: &ReadOptions) -> Result<Garment, GarmentError> {
+        self.garment(options).map(|(garment, _, _)| garment)
     }
 
     /// The garment and the unit of its draped positions. The files are returned too, since the
