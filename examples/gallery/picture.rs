@@ -48,13 +48,7 @@ impl Frame {
 
     /// Wales and courses of a piece of fabric that fills the frame.
     pub(crate) fn swatch(&self, fabric: &Fabric) -> (u32, u32) {
-        let reach = fabric
-            .bars
-            .iter()
-            .map(|bar| bar.chain.gaps())
-            .map(|(low, high)| high - low)
-            .max()
-            .unwrap_or(0);
+        let reach = fabric.structure.widest_lapping();
         let spacing = DVec2::new(fabric.wale_spacing(), fabric.course_spacing());
         let count = (self.0 / spacing
             + 2.0 * (DVec2::splat(MARGIN) + DVec2::new(f64::from(reach), 0.0)))

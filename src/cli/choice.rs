@@ -115,7 +115,7 @@ pub(super) fn pictured(
 
 /// The same whoever chose densities; and what was done, in words.
 pub(super) fn enlarged(fabric: &Fabric, area: f64) -> Result<(Fabric, Option<String>)> {
-    let bars = f64::from(index32(fabric.bars.len()));
+    let bars = f64::from(index32(fabric.yarn_systems()));
     let stitches = bars * area / (fabric.wale_spacing() * fabric.course_spacing());
     if stitches <= PICTURED_STITCHES {
         return Ok((fabric.clone(), None));

@@ -4,14 +4,14 @@
 //! to point, those parts that lie above the cloth's middle over all that lie below it, with dark
 //! edges.
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
 use super::path::Piece;
 use super::{
     Anchor, Drawing, FAINT, HAIR, HEADING, INK, Layer, MARGIN, Shape, TextSize, shortened,
 };
 use warpknit_core::fabric::yarn::Color;
-use warpknit_core::fabric::{BarKind, Fabric, Path};
+use warpknit_core::fabric::{Fabric, LaidCloth, StrandDirection};
 use warpknit_core::number::byte;
 
 /// Cells each way, and the longer side of one, px.
@@ -24,7 +24,7 @@ const SHOWN: f64 = 0.85;
 const EDGE: f32 = 0.4;
 const UNDER: f32 = 0.7;
 
-pub(super) fn draw(fabric: &Fabric) -> Drawing {
+pub(super) fn draw(fabric: &Fabric, cloth: &LaidCloth) -> Drawing {
     let spacing = DVec2::new(fabric.wale_spacing(), fabric.course_spacing());
     let scale = SIDE / spacing.max_element();
     let cell = spacing * scale;
@@ -52,14 +52,14 @@ pub(super) fn draw(fabric: &Fabric) -> Drawing {
     });
     let mut layers = vec![Layer { name: "cells".to_owned(), color: HAIR, shapes: sides.collect() }];
     for (name, above) in [("under", false), ("over", true)] {
-        for (number, ((bar, path), thickness)) in
-            (1..).zip(fabric.bars.iter().zip(&fabric.paths).zip(fabric.thickness()))
+        for (number, (strand, thickness)) in (1..).zip(cloth.strands.iter().zip(fabric.thickness()))
         {
             let width = SHOWN * 2.0 * thickness * fabric.radius() * scale;
             let lines = |width: f64| {
-                lines(path, bar.kind, above, |at| origin + at * cell * DVec2::new(1.0, -1.0), width)
+                let place = |at| origin + at * cell * DVec2::new(1.0, -1.0);
+                lines(&strand.path, strand.direction, above, place, width)
             };
-            let color = bar.yarn.color;
+            let color = strand.yarn.color;
             if above {
                 layers.push(Layer {
                     name: format!("strand-{number}-edge"),
@@ -93,13 +93,13 @@ fn shaded(Color(bytes): Color, share: f32) -> Color {
 /// The spans of a strand whose middle is above the cloth's, or isn't, in all cells. Those that
 /// leave the sheet are left out.
 fn lines(
-    path: &Path,
-    kind: BarKind,
+    path: &[DVec3],
+    direction: StrandDirection,
     above: bool,
     place: impl Fn(DVec2) -> DVec2,
     width: f64,
 ) -> Vec<Shape> {
-    let period = if kind == BarKind::LaidAcross { DVec2::X } else { DVec2::Y };
+    let period = direction.step().truncate();
     let ends: Vec<_> = path.iter().map(|point| (point.truncate(), point.z)).collect();
     let next = ends.iter().skip(1).copied().chain([(ends[0].0 + period, ends[0].1)]);
     let spans: Vec<_> = ends
@@ -133,7 +133,7 @@ mod tests {
             glam::DVec3::new(0.5, 0.4, 0.2),
             glam::DVec3::new(0.5, 0.7, -0.3),
         ];
-        let of = |above| lines(&path, BarKind::LaidAlong, above, |at| at, 1.0);
+        let of = |above| lines(&path, StrandDirection::Along, above, |at| at, 1.0);
         // One span of three is above; of those that go on, the topmost row's leave the sheet.
         assert_eq!((of(true).len(), of(false).len()), (9, 9 + 6));
     }

@@ -13,7 +13,7 @@ use super::{
     Anchor, Drawing, FAINT, HAIR, HEADING, INK, Layer, MARGIN, Shape, TextSize, label, shortened,
 };
 use warpknit_core::fabric::Fabric;
-use warpknit_core::fabric::motif::{Cell, Motif};
+use warpknit_core::fabric::motif::{ChartCell, Motif};
 use warpknit_core::ids::index32;
 
 /// The most loops of a side that are drawn.
@@ -123,7 +123,7 @@ impl Sheet<'_> {
         upright.chain(level).collect()
     }
 
-    fn symbols(&self, wanted: impl Fn(Cell) -> bool) -> Vec<Shape> {
+    fn symbols(&self, wanted: impl Fn(ChartCell) -> bool) -> Vec<Shape> {
         let of = |range: Range<usize>| range.map(|at| (at, i64::from(index32(at))));
         let mut shapes = Vec::new();
         for (course, row) in of(0..self.courses) {
@@ -137,7 +137,7 @@ impl Sheet<'_> {
         shapes
     }
 
-    fn symbol(&self, cell: Cell, wale: f64, course: f64) -> Shape {
+    fn symbol(&self, cell: ChartCell, wale: f64, course: f64) -> Shape {
         let place = |x: f64, y: f64| self.at(wale + x, course + y);
         if cell.carried != 0 {
             return Self::line(place(0.5, 0.1), place(0.5 + f64::from(cell.carried), 0.9), SYMBOL);

@@ -5,7 +5,8 @@
 
 use crate::scene::{Scene, YarnLook};
 use warpknit_core::drape::{Block, Cloth, Options, run, swatch_panel};
-use warpknit_core::fabric::{Bar, Fabric};
+use warpknit_core::fabric::Fabric;
+use warpknit_core::fabric::yarn::Yarn;
 use warpknit_core::ids::index32;
 
 /// How rough yarns look, in files too; fibres are dull.
@@ -14,16 +15,16 @@ pub const ROUGHNESS: f32 = 0.75;
 /// One look a bar; `radius` is the thickest one's, mm.
 #[must_use]
 pub fn looks(fabric: &Fabric, radius: f64) -> Vec<YarnLook> {
-    let look = |(bar, thickness): (&Bar, f64)| {
+    let look = |(yarn, thickness): (&Yarn, f64)| {
         #[expect(clippy::cast_possible_truncation, reason = "a radius in mm, and what is about 1")]
         let [radius, sheen] =
-            [radius * thickness, bar.yarn.sheen.unwrap_or(0.0)].map(|number| number as f32);
+            [radius * thickness, yarn.sheen.unwrap_or(0.0)].map(|number| number as f32);
         #[expect(clippy::cast_possible_truncation, reason = "a slope about 1")]
-        let twist_slope = bar.yarn.twist_slope().map(|slope| slope as f32);
-        let look = YarnLook::plain(bar.yarn.color.linear().into(), ROUGHNESS, radius);
-        YarnLook { plies: bar.yarn.plies.unwrap_or(look.plies), twist_slope, sheen, ..look }
+        let twist_slope = yarn.twist_slope().map(|slope| slope as f32);
+        let look = YarnLook::plain(yarn.color.linear().into(), ROUGHNESS, radius);
+        YarnLook { plies: yarn.plies.unwrap_or(look.plies), twist_slope, sheen, ..look }
     };
-    fabric.bars.iter().zip(fabric.thickness()).map(look).collect()
+    fabric.yarns().zip(fabric.thickness()).map(look).collect()
 }
 
 /// Appends a block's strands to a scene that has its fabric's [`looks`].

@@ -14,11 +14,11 @@ use crate::yarn::tube::Section;
 /// `fibre` mm thick, were the cloth not enlarged.
 #[must_use]
 pub fn bundles(fabric: &Fabric, radius: f64, fibre: f64) -> Vec<Bundle> {
-    let bundle = |(bar, thickness): (&crate::fabric::Bar, f64)| {
-        let slope = bar.yarn.twist_slope().unwrap_or_else(|| MIDDLING_SLOPE.into());
-        Bundle::filling(radius * thickness, bar.yarn.packing, fibre * fabric.enlargement, slope)
+    let bundle = |(yarn, thickness): (&crate::fabric::yarn::Yarn, f64)| {
+        let slope = yarn.twist_slope().unwrap_or_else(|| MIDDLING_SLOPE.into());
+        Bundle::filling(radius * thickness, yarn.packing, fibre * fabric.enlargement, slope)
     };
-    fabric.bars.iter().zip(fabric.thickness()).map(bundle).collect()
+    fabric.yarns().zip(fabric.thickness()).map(bundle).collect()
 }
 
 /// The fabric whose yarns are the fibres of another one's: as fine as `bundles` say, for whoever
@@ -26,9 +26,9 @@ pub fn bundles(fabric: &Fabric, radius: f64, fibre: f64) -> Vec<Bundle> {
 #[must_use]
 pub fn fabric(yarns: &Fabric, bundles: &[Bundle]) -> Fabric {
     let mut fibres = yarns.clone();
-    for (bar, bundle) in fibres.bars.iter_mut().zip(bundles) {
-        bar.yarn.count = bar.yarn.count.times((bundle.fibre / bundle.radius).powi(2));
-        (bar.yarn.plies, bar.yarn.twist) = (Some(1), None);
+    for (yarn, bundle) in fibres.structure.yarns_mut().zip(bundles) {
+        yarn.count = yarn.count.times((bundle.fibre / bundle.radius).powi(2));
+        (yarn.plies, yarn.twist) = (Some(1), None);
     }
     fibres
 }

@@ -12,7 +12,7 @@
 use glam::{DVec2, DVec3};
 
 use super::stitch::Layer;
-use crate::fabric::Fabric;
+use crate::fabric::{Fabric, WarpKnit};
 use crate::ids::index32;
 
 // Constants of the specification, lengths in wale spacings.
@@ -94,9 +94,9 @@ impl Lattice {
     }
 
     /// Wales in balance, over one repeat of the fabric.
-    pub(super) fn relaxed(fabric: &Fabric) -> Self {
+    pub(super) fn relaxed(fabric: &Fabric, knit: &WarpKnit) -> Self {
         let mut lattice = Self::straight(fabric, fabric.threading_repeat(), fabric.repeat());
-        let model = lattice.model(fabric);
+        let model = lattice.model(knit);
         if !model.springs.is_empty() {
             lattice.balance(&model);
         }
@@ -104,9 +104,9 @@ impl Lattice {
     }
 
     /// What acts on the straight lattice.
-    fn model(&self, fabric: &Fabric) -> Model {
+    fn model(&self, knit: &WarpKnit) -> Model {
         let course = self.course_spacing / self.wale_spacing;
-        let (threads, springs) = (self.threads(fabric), self.springs(fabric));
+        let (threads, springs) = (self.threads(knit), self.springs(knit));
         let mut pulls = vec![0.0; threads.len()];
         for (wale, course) in springs.iter().flat_map(|spring| [spring.from, spring.to]) {
             pulls[self.index(wale, course)] += UNDERLAP_STIFFNESS;
@@ -125,17 +125,15 @@ impl Lattice {
     }
 
     /// How many threads loop on each node, at least one.
-    fn threads(&self, fabric: &Fabric) -> Vec<f64> {
+    fn threads(&self, knit: &WarpKnit) -> Vec<f64> {
         let places = (0..as_i64(self.wales))
             .flat_map(|wale| (0..as_i64(self.courses)).map(move |course| (wale, course)));
-        let threads = |(wale, course)| {
-            fabric.bars.iter().filter(|bar| bar.loops_on(wale, course)).count().max(1)
-        };
+        let threads = |(wale, course)| knit.threads_on(wale, course).max(1);
         places.map(|place| f64::from(index32(threads(place)))).collect()
     }
 
     /// The underlaps of a repeat that change the wale.
-    fn springs(&self, fabric: &Fabric) -> Vec<Spring> {
+    fn springs(&self, knit: &WarpKnit) -> Vec<Spring> {
         let mut springs = Vec::new();
         let aspect = self.course_spacing / self.wale_spacing;
         let mut tie = |from: (i64, i64), to: (i64, i64)| {
@@ -145,12 +143,13 @@ impl Lattice {
                 springs.push(Spring { from, to, rest: UNDERLAP_REST * span.length() });
             }
         };
-        for bar in &fabric.bars {
+        for bar in &knit.bars {
+            let Some(chain) = bar.chain() else { continue };
             let guides = (0..as_i64(self.wales)).filter(|&guide| bar.threading.carries(guide));
             for (guide, course) in guides
                 .flat_map(|guide| (0..as_i64(self.courses)).map(move |course| (guide, course)))
             {
-                let (lap, next) = (bar.chain.lap(course), bar.chain.lap(course + 1));
+                let (lap, next) = (chain.lap(course), chain.lap(course + 1));
                 if lap.overlap() == 0 {
                     // An inlay holds the first and the last wale that it passes.
                     let (low, high) = (lap.from.min(next.from), lap.from.max(next.from));
@@ -342,7 +341,7 @@ mod tests {
 
     fn gaps(name: &str) -> (f64, f64) {
         let fabric = Fabric::named(name).unwrap();
-        let lattice = Lattice::relaxed(&fabric);
+        let lattice = Lattice::relaxed(&fabric, fabric.warp_knit().unwrap());
         let gap =
             |w: i64, c: i64| (lattice.node(w + 1, c) - lattice.node(w, c)).x / lattice.wale_spacing;
         let all = || (0..8).flat_map(|w| (0..24).map(move |c| (w, c))).map(|(w, c)| gap(w, c));
@@ -379,7 +378,7 @@ mod tests {
     fn forces_are_in_balance_in_the_end() {
         let fabric = Fabric::named("hex-net-3").unwrap();
         let mut lattice = Lattice::straight(&fabric, fabric.threading_repeat(), fabric.repeat());
-        let model = lattice.model(&fabric);
+        let model = lattice.model(fabric.warp_knit().unwrap());
         lattice.balance(&model);
         lattice.nodes.iter_mut().for_each(|node| *node /= fabric.wale_spacing());
         let mut forces = vec![DVec2::ZERO; lattice.nodes.len()];
@@ -393,7 +392,7 @@ mod tests {
     fn straight_wales_are_left_as_drawn() {
         let fabric = Fabric::named("tricot").unwrap();
         let lattice = Lattice::straight(&fabric, 1, 1);
-        let layer = crate::knit::layers(&fabric, 1.0)[0];
+        let layer = crate::knit::layers(&fabric, fabric.warp_knit().unwrap(), 1.0)[0];
         let offset = DVec3::new(0.1, 0.3, -0.2);
         let expected =
             offset + DVec3::new(2.5 * fabric.wale_spacing(), 3.0 * fabric.course_spacing(), 0.0);

@@ -11,7 +11,7 @@ use std::ops::Range;
 
 use glam::{DVec2, DVec3};
 
-use crate::fabric::motif::{Cell, Motif};
+use crate::fabric::motif::{ChartCell, Motif};
 use crate::yarn::nurbs::{Nurbs, parameters};
 
 /// Control points that each loop adds.
@@ -62,7 +62,7 @@ impl Loops {
             reason = "wales and courses are counted in thousands"
         )]
         let home = (DVec2::new(wale as f64, course as f64) + 0.5) * self.spacing;
-        let side = |cell: Cell| if cell.reverse { -1.0 } else { 1.0 };
+        let side = |cell: ChartCell| if cell.reverse { -1.0 } else { 1.0 };
         std::array::from_fn(|at| {
             let [x, y, z] = PLACES[at];
             let (z, moved) = match at {

@@ -17,7 +17,7 @@ use super::strands::{Piece, Strand, strands};
 use super::upright::Upright;
 use crate::plane::double;
 use warpknit_core::fabric::yarn::{Color, Count, MOST_TWIST, Yarn};
-use warpknit_core::fabric::{Bar, BarKind, Dimensions, Fabric};
+use warpknit_core::fabric::{Fabric, LaidCloth, LaidStrand, StrandDirection, Structure};
 
 /// What the fabric is called until a person gives it a name.
 const NAME: &str = "captured";
@@ -51,7 +51,11 @@ pub(super) fn fabric(lattice: &Lattice, layout: &Layout, yarns: &Yarns, pixel: f
         .flat_map(|&corner| (0..layout.seen.len()).map(move |segment| piece(corner, segment)))
         .collect();
     let strands = strands(&pieces, cell);
-    let bar = |strand: &Strand| {
+    // Numbers that a person can read: a hundred-thousandth of a cell or a mm is far under what a
+    // photo tells.
+    let round = |number: f64| (1e5 * number).round() / 1e5;
+    let rounded = |point: DVec3| DVec3::from(point.to_array().map(round));
+    let laid = |strand: &Strand| {
         // All strands of a colour that run one way are of one yarn.
         let alike = strands.iter().filter(|other| {
             other.across == strand.across && group(other, colors) == group(strand, colors)
@@ -60,35 +64,23 @@ pub(super) fn fabric(lattice: &Lattice, layout: &Layout, yarns: &Yarns, pixel: f
             alike.clone().map(|other| other.width).sum::<f64>() / double(alike.clone().count());
         let twist =
             mean_twist(alike.flat_map(|strand| &strand.segments).map(|&segment| &twists[segment]));
-        let kind = if strand.across { BarKind::LaidAcross } else { BarKind::LaidAlong };
-        Bar::laid(
-            kind,
-            yarn(
-                width,
-                twist,
-                Color::from_linear(colors.linear[group(strand, colors)].as_vec3().into()),
-            ),
-        )
+        let direction =
+            if strand.across { StrandDirection::Across } else { StrandDirection::Along };
+        let path = strand.path.iter().map(|&point| rounded(point / cell.extend(1.0))).collect();
+        let yarn = yarn(
+            width,
+            twist,
+            Color::from_linear(colors.linear[group(strand, colors)].as_vec3().into()),
+        );
+        LaidStrand { path, direction, yarn }
     };
-    // Numbers that a person can read: a hundred-thousandth of a cell or a mm is far under what a
-    // photo tells.
-    let round = |number: f64| (1e5 * number).round() / 1e5;
-    let rounded = |point: DVec3| DVec3::from(point.to_array().map(round));
     Fabric {
         wales_per_cm: round(10.0 / cell.x),
         courses_per_cm: round(10.0 / cell.y),
-        bars: strands.iter().map(bar).collect(),
-        paths: strands
-            .iter()
-            .map(|strand| {
-                strand.path.iter().map(|&point| rounded(point / cell.extend(1.0))).collect()
-            })
-            .collect(),
+        structure: Structure::Laid(LaidCloth { strands: strands.iter().map(laid).collect() }),
         name: NAME.to_owned(),
         about: String::new(),
         gauge: None,
-        stitch: Dimensions::default(),
-        motif: None,
         panels: Vec::new(),
         enlargement: 1.0,
     }

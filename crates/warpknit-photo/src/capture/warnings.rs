@@ -35,8 +35,10 @@ impl Captured {
             "the segments lie over each other, or leave much of the cell blank: look at grid3x3.png, and mend layout.toml"
                 .to_owned()
         });
-        let across = self.fabric.bars.iter().filter(|bar| bar.kind.runs_across()).count();
-        let loose = (across == 0 || across == self.fabric.bars.len()).then(|| {
+        let strands = self.fabric.yarn_systems();
+        let runs_across = |&strand: &usize| self.fabric.structure.runs_across(strand);
+        let across = (0..strands).filter(runs_across).count();
+        let loose = (across == 0 || across == strands).then(|| {
             "all yarns run one way, and nothing holds them together: look at grid3x3.png, and add what is missing to layout.toml, or give a larger cell (--cell) if the cloth repeats after more"
                 .to_owned()
         });
