@@ -89,7 +89,7 @@ fn knitted(fabric: &Fabric) -> Points {
     );
     let room = SIZE - 4.0 * fabric.wale_spacing();
     let mut knitted = Knitted::default();
-    for bar in 0..fabric.bars.len() {
+    for bar in 0..fabric.yarn_systems() {
         for guide in pattern.yarns_over(bar, 0.0..room.x) {
             pattern.lay(bar, guide, pattern.steps_along(bar, 0.0..room.y), &mesh, &mut knitted);
         }

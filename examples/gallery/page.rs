@@ -5,7 +5,7 @@
 
 use std::fmt::Write as _;
 
-use warpknit::fabric::{Fabric, builtin};
+use warpknit::fabric::{Fabric, Structure, builtin};
 use warpknit::knit::numbers::{self, Numbers};
 use warpknit::knit::{Pattern, clearance};
 
@@ -66,6 +66,15 @@ fn shapes(page: &mut String) {
     }
 }
 
+/// The marks of a yarn system: guides of a bar, courses of a feeder.
+fn threading(fabric: &Fabric, system: usize) -> String {
+    match &fabric.structure {
+        Structure::Warp(knit) => knit.bars[system].threading.to_string(),
+        Structure::Weft(knit) => knit.feeders[system].courses.to_string(),
+        Structure::Laid(_) => "I".to_owned(),
+    }
+}
+
 /// The section of a fabric.
 fn section(page: &mut String, fabric: &Fabric) {
     let pattern = Pattern::new(fabric);
@@ -85,16 +94,16 @@ fn section(page: &mut String, fabric: &Fabric) {
              |---|---|---|---|---|---|---|"
         ),
     );
-    for (at, bar) in fabric.bars.iter().enumerate() {
+    for (at, yarn) in fabric.yarns().enumerate() {
         let run_in = numbers.run_in[at].map_or("-".to_owned(), |run_in| format!("{run_in:.0}"));
-        let (number, diameter, mass) = (at + 1, bar.yarn.diameter(), numbers.bar_mass[at]);
+        let (number, diameter, mass) = (at + 1, yarn.diameter(), numbers.bar_mass[at]);
         line(
             page,
             format_args!(
                 "| {number} | `{}` | `{}` | {} | {diameter:.3} | {run_in} | {mass:.1} |",
-                bar.lapping(),
-                bar.threading,
-                bar.yarn.count
+                fabric.lapping(at),
+                threading(fabric, at),
+                yarn.count
             ),
         );
     }

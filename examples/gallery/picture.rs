@@ -51,13 +51,7 @@ impl Frame {
 
     /// Wales and courses of a piece of fabric that fills the frame.
     pub(crate) fn swatch(&self, fabric: &Fabric) -> (u32, u32) {
-        let reach = fabric
-            .bars
-            .iter()
-            .map(|bar| bar.chain.gaps())
-            .map(|(low, high)| high - low)
-            .max()
-            .unwrap_or(0);
+        let reach = fabric.structure.widest_lapping();
         let spacing = DVec2::new(fabric.wale_spacing(), fabric.course_spacing());
         // Underlaps reach over `reach` gaps, so the cut ends lie that much farther in.
         let count = (self.0 / spacing

@@ -87,7 +87,7 @@ fn report(found: &Captured) -> String {
                 "cell of {:.3} x {:.3} mm, {} strands",
                 fabric.wale_spacing(),
                 fabric.course_spacing(),
-                fabric.bars.len()
+                fabric.yarn_systems()
             ),
         ),
         ("scale", format!("{:.2} pixels a mm", pixel.recip())),

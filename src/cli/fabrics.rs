@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use anyhow::Result;
-use warpknit::fabric::{Bar, Fabric, builtin};
+use warpknit::fabric::{Fabric, Structure, builtin};
 
 use super::args::Fabrics;
 use super::choice::named_fabric;
@@ -26,9 +26,14 @@ pub(crate) fn fabrics(arguments: &Fabrics) -> Result<()> {
             let mut list = String::new();
             for name in builtin::names() {
                 let fabric = Fabric::named(name)?;
-                let structure = match &fabric.motif {
-                    Some(motif) => format!("weft knit, {} x {}", motif.wales(), motif.courses()),
-                    None => fabric.bars.iter().map(Bar::lapping).collect::<Vec<_>>().join(" + "),
+                let structure = match &fabric.structure {
+                    Structure::Weft(knit) => {
+                        format!("weft knit, {} x {}", knit.motif.wales(), knit.motif.courses())
+                    }
+                    Structure::Warp(_) | Structure::Laid(_) => {
+                        let lappings = (0..fabric.yarn_systems()).map(|bar| fabric.lapping(bar));
+                        lappings.collect::<Vec<_>>().join(" + ")
+                    }
                 };
                 writeln!(
                     list,

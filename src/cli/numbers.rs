@@ -27,7 +27,7 @@ pub(super) fn table(real: &RealCloth) -> String {
             ),
         ),
     ];
-    if fabric.motif.is_some() {
+    if fabric.weft_knit().is_some() {
         // m a m² is also 1/1000 mm a mm².
         let length = numbers.yarn_length / 1000.0 * fabric.wale_spacing() * fabric.course_spacing();
         rows.push(("loop length", format!("{length:.2} mm")));
@@ -52,14 +52,14 @@ pub(super) fn table(real: &RealCloth) -> String {
             "yarn", "diameter mm", "run-in mm/rack", "ratio", "g/m²"
         ),
     );
-    for (at, bar) in fabric.bars.iter().enumerate() {
+    for (at, yarn) in fabric.yarns().enumerate() {
         let (count, diameter, mass) =
-            (bar.yarn.count.to_string(), bar.yarn.diameter(), numbers.bar_mass[at]);
+            (yarn.count.to_string(), yarn.diameter(), numbers.bar_mass[at]);
         let run_in = numbers.run_in[at].map_or("-".to_owned(), |run_in| format!("{run_in:.0}"));
         let ratio = numbers.run_in[at]
             .zip(numbers.run_in[0])
             .map_or("-".to_owned(), |(own, first)| format!("{:.3}", own / first));
-        let (number, lapping) = (at + 1, bar.lapping());
+        let (number, lapping) = (at + 1, fabric.lapping(at));
         line(
             &mut table,
             format_args!(

@@ -7,8 +7,9 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use warpknit::chart::{ChartFormat, Drawing, png, svg};
 use warpknit::export::{self, ExportError, Output};
+use warpknit::fabric::lapping::Chain;
 use warpknit::fabric::motif::Motif;
-use warpknit::fabric::{Bar, BarKind, Fabric};
+use warpknit::fabric::{Bar, Fabric, Lay, Structure};
 use warpknit::knit::{Pattern, clearance};
 
 use warpknit::pipeline::{check_distinct, text_file};
@@ -34,32 +35,21 @@ pub(super) fn sheet(fabric: &Fabric) -> Result<String, fmt::Error> {
         fabric.wale_spacing(),
         fabric.course_spacing()
     )?;
-    match &fabric.motif {
-        Some(motif) => text.push_str(&chart(motif)),
-        None if fabric.is_laid() => {}
-        None => text.push_str(&table(fabric)),
+    match &fabric.structure {
+        Structure::Warp(knit) => text.push_str(&table(fabric, &knit.bars)),
+        Structure::Weft(knit) => text.push_str(&chart(&knit.motif)),
+        Structure::Laid(_) => {}
     }
-    for (bar, number) in fabric.bars.iter().zip(1..) {
-        let (drive, threading) = if bar.counts_from_left() {
-            (", drive left", bar.threading.mirrored())
-        } else {
-            ("", bar.threading.clone())
-        };
-        let laid = match bar.kind {
-            BarKind::Feeder => format!("feeder {number}: {}", bar.lapping()),
-            BarKind::LaidAlong | BarKind::LaidAcross => {
-                format!("strand {number}: {}", bar.lapping())
-            }
-            _ => format!("bar {number}: chain {}{drive}, threading {threading}", bar.lapping()),
-        };
+    for (at, yarn) in fabric.yarns().enumerate() {
         writeln!(
             text,
-            "  {laid}, yarn {}, diameter {:.3} mm",
-            bar.yarn.count,
-            bar.yarn.diameter()
+            "  {}, yarn {}, diameter {:.3} mm",
+            system(fabric, at),
+            yarn.count,
+            yarn.diameter()
         )?;
     }
-    if fabric.motif.is_none() && !fabric.is_laid() {
+    if fabric.warp_knit().is_some() {
         let needles = fabric.needles();
         writeln!(text, "  threads on a needle: {}..{}", needles.fewest, needles.most)?;
     }
@@ -76,6 +66,20 @@ pub(super) fn sheet(fabric: &Fabric) -> Result<String, fmt::Error> {
     Ok(text)
 }
 
+/// A yarn system with its number and how it is laid.
+fn system(fabric: &Fabric, at: usize) -> String {
+    let (number, lapping) = (at + 1, fabric.lapping(at));
+    match &fabric.structure {
+        Structure::Warp(knit) => {
+            let bar = &knit.bars[at];
+            let drive = if bar.counts_from_left() { ", drive left" } else { "" };
+            format!("bar {number}: chain {lapping}{drive}, threading {}", bar.written_threading())
+        }
+        Structure::Weft(_) => format!("feeder {number}: {lapping}"),
+        Structure::Laid(_) => format!("strand {number}: {lapping}"),
+    }
+}
+
 /// The chart: a row a course, the last one on top, and what the letters mean.
 fn chart(motif: &Motif) -> String {
     let rows = motif.rows().iter().zip((1..=motif.courses()).rev());
@@ -87,11 +91,11 @@ fn chart(motif: &Motif) -> String {
 }
 
 /// The chain: a row a course, first course first, four columns a bar.
-fn table(fabric: &Fabric) -> String {
+fn table(fabric: &Fabric, bars: &[Bar]) -> String {
     let shown = fabric.repeat().min(MOST_ROWS);
     let columns = ["lap", "kind", "underlap", "needles"];
     let mut groups: Vec<Vec<[String; 4]>> = Vec::new();
-    for bar in &fabric.bars {
+    for bar in bars {
         let header = columns.map(str::to_owned);
         groups.push(
             std::iter::once(header)
@@ -124,11 +128,18 @@ fn table(fabric: &Fabric) -> String {
 /// A lap as written, its kind, the underlap that follows (arrows as in the diagram), and the
 /// needles on which guide 1 loops, in the order of the swing; needle 1 lies between gaps 0 and 1.
 fn cells(bar: &Bar, course: i64) -> [String; 4] {
-    if bar.kind == BarKind::Weft {
-        let weft = if bar.threading.carries(course) { "weft" } else { "none" };
-        return ["-", weft, "-", "-"].map(str::to_owned);
+    match &bar.lay {
+        Lay::Lapping(chain) => lap_cells(chain, course),
+        Lay::Weft => {
+            let weft = if bar.threading.carries(course) { "weft" } else { "none" };
+            ["-", weft, "-", "-"].map(str::to_owned)
+        }
     }
-    let (chain, left) = (bar.written_chain(), bar.counts_from_left());
+}
+
+/// The same of a guide bar, which laps.
+fn lap_cells(chain: &Chain, course: i64) -> [String; 4] {
+    let (chain, left) = (chain.as_written(), chain.counts_from_left());
     let (lap, underlap) = (chain.lap(course), chain.underlap(course));
     let two = (lap.to - lap.from).abs() > 1;
     let kind = match (lap.overlap(), chain.is_closed(course)) {
@@ -189,11 +200,16 @@ pub(super) fn drawn(
 mod tests {
     use super::*;
 
+    fn table_of(text: &str) -> String {
+        let fabric = Fabric::parse(text).unwrap();
+        table(&fabric, &fabric.warp_knit().unwrap().bars)
+    }
+
     #[test]
     fn the_table_names_every_lap() {
         let text = Fabric::named("tricot").unwrap().to_string();
         let text = text.replacen("\"1-2/1-0//\"", "\"0-2/2-2/2-2/3-2/0-0/0-1/1-2//\"", 1);
-        let table = table(&Fabric::parse(&text).unwrap());
+        let table = table_of(&text);
         let column = |row: &str| {
             row.split('|')
                 .nth(1)
@@ -229,7 +245,7 @@ mod tests {
             &format!("\"{chain}\""),
             1,
         );
-        let table = table(&Fabric::parse(&text).unwrap());
+        let table = table_of(&text);
         assert_eq!(table.lines().count(), 2 + MOST_ROWS + 1);
         assert_eq!(table.lines().last(), Some("  ... and 400 more courses"));
     }

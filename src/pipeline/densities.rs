@@ -53,7 +53,7 @@ impl Densities {
 /// # Errors
 /// [`RunError::TooLargeGarment`].
 pub fn enlarged(fabric: &Fabric, area: f64) -> Result<(Fabric, Option<String>), RunError> {
-    let bars = f64::from(index32(fabric.bars.len()));
+    let bars = f64::from(index32(fabric.yarn_systems()));
     let stitches = bars * area / (fabric.wale_spacing() * fabric.course_spacing());
     if stitches <= PICTURED_STITCHES {
         return Ok((fabric.clone(), None));

@@ -50,17 +50,17 @@ impl Textures {
     fn named_by(fabric: &Fabric, thickest: f64) -> Result<Self, RunError> {
         let mut textures = Self::default();
         let mut worn: Vec<&Yarn> = Vec::new();
-        for ((bar, thickness), number) in fabric.bars.iter().zip(fabric.thickness()).zip(1..) {
-            let Some(path) = &bar.yarn.texture else {
+        for ((own, thickness), number) in fabric.yarns().zip(fabric.thickness()).zip(1..) {
+            let Some(path) = &own.texture else {
                 textures.of_bars.push(None);
                 continue;
             };
-            let place = worn.iter().position(|yarn| **yarn == bar.yarn).unwrap_or(worn.len());
+            let place = worn.iter().position(|yarn| *yarn == own).unwrap_or(worn.len());
             if place == worn.len() {
-                let maps = read_maps(path, thickest * thickness, bar.yarn.texture_length)
+                let maps = read_maps(path, thickest * thickness, own.texture_length)
                     .map_err(|source| RunError::MapsOfBar { bar: number, source })?;
                 textures.maps.push(maps);
-                worn.push(&bar.yarn);
+                worn.push(own);
             }
             textures.of_bars.push(u16::try_from(place).ok());
         }

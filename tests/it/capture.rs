@@ -6,7 +6,7 @@ use std::process::Output;
 
 use glam::{DMat2, DVec2};
 use image::RgbImage;
-use warpknit::fabric::BarKind;
+use warpknit::fabric::StrandDirection;
 use warpknit::photo::capture::{
     CERTAIN, CaptureError, CaptureSettings, Captured, GivenLayout, Segment, capture,
 };
@@ -495,23 +495,27 @@ fn a_captured_weave_goes_over_and_under_and_drapes() {
     let area = fabric.wale_spacing() * fabric.course_spacing() * 400.0;
     let cell = (truth.lattice[0].perp_dot(truth.lattice[1]) * 2.0).abs();
     assert!((area / cell - 1.0).abs() < 0.05, "{area} {cell}");
-    let across = |kind: BarKind| fabric.bars.iter().filter(|bar| bar.kind == kind).count();
-    assert_eq!((across(BarKind::LaidAlong), across(BarKind::LaidAcross)), (2, 2));
-    for path in &fabric.paths {
-        let heights: Vec<f64> = path.iter().map(|point| point.z).collect();
+    let strands = &fabric.laid_cloth().unwrap().strands;
+    let run = |direction: StrandDirection| {
+        strands.iter().filter(move |strand| strand.direction == direction)
+    };
+    let (along, across) = (StrandDirection::Along, StrandDirection::Across);
+    assert_eq!((run(along).count(), run(across).count()), (2, 2));
+    for strand in strands {
+        let heights: Vec<f64> = strand.path.iter().map(|point| point.z).collect();
         assert!(
             heights.iter().any(|z| *z > 0.05) && heights.iter().any(|z| *z < -0.05),
             "{heights:?}"
         );
     }
     let width = truth.stretches[0].width / 20.0;
-    for bar in &fabric.bars {
-        assert!((bar.yarn.diameter() / width - 1.0).abs() < 0.1, "{} {width}", bar.yarn.diameter());
+    for yarn in fabric.yarns() {
+        assert!((yarn.diameter() / width - 1.0).abs() < 0.1, "{} {width}", yarn.diameter());
     }
     // Warps of one colour, wefts of another.
-    let color = |kind: BarKind| fabric.bars.iter().find(|bar| bar.kind == kind).unwrap().yarn.color;
-    assert_ne!(color(BarKind::LaidAlong), color(BarKind::LaidAcross));
-    assert!(fabric.bars.iter().all(|bar| bar.yarn.color == color(bar.kind)));
+    let color = |direction| run(direction).next().unwrap().yarn.color;
+    assert_ne!(color(along), color(across));
+    assert!(strands.iter().all(|strand| strand.yarn.color == color(strand.direction)));
     for (shape, segment) in shapes.iter().zip(&layout.visible) {
         assert!(
             (shape.width - segment.width / 20.0).abs() < 1e-9

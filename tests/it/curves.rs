@@ -226,7 +226,7 @@ fn npz_holds_the_data_points_of_the_csv_and_the_cut_ends() {
     );
     let (_, shape, colors) = npz(&bytes, "color");
     let locknit = warpknit::fabric::Fabric::named("locknit").unwrap();
-    assert_eq!((shape, &colors[3..]), (vec![2, 3], &locknit.bars[1].yarn.color.0[..]));
+    assert_eq!((shape, &colors[3..]), (vec![2, 3], &locknit.yarn(1).color.0[..]));
 }
 
 #[test]

@@ -1,7 +1,12 @@
 //! The built-in fabrics: all of the table in docs/fabrics.md, each what its name says; and what
 //! docs/method.md says of the stitch.
 
-use warpknit::fabric::{BarKind, Fabric, builtin};
+use warpknit::fabric::{Bar, Fabric, Lay, builtin};
+
+/// The guide bars of a warp knit.
+fn bars(fabric: &Fabric) -> &[Bar] {
+    &fabric.warp_knit().unwrap().bars
+}
 
 /// The fabrics of the table in docs/fabrics.md.
 pub(crate) const NAMES: [&str; 30] = [
@@ -52,12 +57,12 @@ fn every_fabric_of_the_table_is_there_and_serves_every_needle() {
             "{name}: {}",
             fabric.about
         );
-        let mut colours: Vec<_> = fabric.bars.iter().map(|bar| bar.yarn.color.0).collect();
+        let mut colours: Vec<_> = fabric.yarns().map(|yarn| yarn.color.0).collect();
         colours.sort_unstable();
         colours.dedup();
         assert_eq!(
             colours.len(),
-            fabric.bars.len(),
+            fabric.yarn_systems(),
             "{name}: bars of one colour can't be told apart"
         );
     }
@@ -66,7 +71,7 @@ fn every_fabric_of_the_table_is_there_and_serves_every_needle() {
 #[test]
 fn laps_are_open_or_closed_as_their_names_say() {
     let closed = |name: &str| {
-        let chain = Fabric::named(name).unwrap().bars[0].chain.clone();
+        let chain = bars(&Fabric::named(name).unwrap())[0].chain().unwrap().clone();
         let courses = 0..chain.laps().len() as i64;
         courses.map(|course| chain.is_closed(course)).collect::<Vec<_>>()
     };
@@ -94,7 +99,7 @@ fn nets_are_half_set_and_their_bars_never_share_a_needle() {
         for (wale, course) in
             (0..2).flat_map(|wale| (0..fabric.repeat() as i64).map(move |course| (wale, course)))
         {
-            let loops = fabric.bars.iter().filter(|bar| bar.loops_on(wale, course)).count();
+            let loops = fabric.structure.threads_on(wale, course);
             assert_eq!(loops, 1, "{name}: wale {wale}, course {course}");
         }
     }
@@ -110,9 +115,9 @@ fn inlays_and_wefts_knit_nothing() {
         ("weft-inserted", 1),
     ] {
         let fabric = Fabric::named(name).unwrap();
-        assert_eq!(fabric.bars.iter().filter(|bar| bar.chain.is_inlay()).count(), inlays, "{name}");
+        assert_eq!(bars(&fabric).iter().filter(|bar| bar.is_inlay()).count(), inlays, "{name}");
     }
-    assert_eq!(Fabric::named("weft-inserted").unwrap().bars[1].kind, BarKind::Weft);
+    assert_eq!(bars(&Fabric::named("weft-inserted").unwrap())[1].lay, Lay::Weft);
 }
 
 #[test]
@@ -125,8 +130,8 @@ fn the_documentation_tells_the_truth() {
     let fabric = Fabric::parse(example).unwrap();
     assert_eq!(fabric.warnings(), Vec::<String>::new());
     assert_eq!(
-        fabric.bars[0].chain,
-        Fabric::named("power-net").unwrap().bars[0].chain,
+        bars(&fabric)[0].lay,
+        bars(&Fabric::named("power-net").unwrap())[0].lay,
         "raschel numbers are halved"
     );
     for name in NAMES {
@@ -145,7 +150,7 @@ fn the_method_has_the_dimensions_of_the_stitch() {
         std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/method.md"),
     )
     .unwrap();
-    let d = Fabric::named("tricot").unwrap().stitch;
+    let d = Fabric::named("tricot").unwrap().warp_knit().unwrap().stitch;
     for (name, value) in [
         ("w1", d.w1),
         ("w1x", d.w1x),

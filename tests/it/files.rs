@@ -213,8 +213,8 @@ fn obj_names_a_material_a_bar_and_holds_lines_if_asked_to() {
         tobj::load_obj(folder.path().join("s.obj"), &tobj::LoadOptions::default()).unwrap();
     let materials = materials.unwrap();
     let tricot = warpknit::fabric::Fabric::named("tricot").unwrap();
-    for (bar, material) in tricot.bars.iter().zip(&materials) {
-        let [r, g, b] = bar.yarn.color.linear().map(f64::from);
+    for (yarn, material) in tricot.yarns().zip(&materials) {
+        let [r, g, b] = yarn.color.linear().map(f64::from);
         assert!(material.diffuse.unwrap().iter().zip([r, g, b]).all(|(a, b)| (a - b).abs() < 1e-6));
     }
     let bar = |name: &str| usize::from(name.contains("bar2"));
@@ -284,7 +284,7 @@ fn ply_holds_what_the_obj_of_the_same_run_holds_and_the_colours() {
             assert!(near(ply, obj, 0.6e-4) && near(ply, glb, 1e-5), "{ply:?} {obj:?} {glb:?}");
         }
         let tricot = warpknit::fabric::Fabric::named("tricot").unwrap();
-        let (front, back) = (tricot.bars[0].yarn.color.0, tricot.bars[1].yarn.color.0);
+        let (front, back) = (tricot.yarn(0).color.0, tricot.yarn(1).color.0);
         assert_eq!((ply.colors[0], *ply.colors.last().unwrap()), (front, back));
         assert!(ply.colors.chunk_by(|a, b| a == b).count() <= 2);
     }

@@ -122,7 +122,7 @@ fn named_anchor(heading: &str) -> String {
 fn a_locknit_weighs_and_runs_in_as_mills_report() {
     let fabric = Fabric::named("locknit").unwrap().at_densities(15.0, 22.0).unwrap();
     let fabric = Fabric { enlargement: 1.0, ..fabric };
-    assert!((fabric.bars[0].yarn.count.tex() - 4.4).abs() < 1e-12);
+    assert!((fabric.yarn(0).count.tex() - 4.4).abs() < 1e-12);
     let numbers = numbers::measure(&fabric, &Pattern::new(&fabric));
     assert!((80.0..=110.0).contains(&numbers.mass), "{} g/m²", numbers.mass);
     let ratio = numbers.run_in[0].unwrap() / numbers.run_in[1].unwrap();

@@ -27,11 +27,12 @@ fn yarn_path(
     bar: usize,
     (wale, course): (i64, i64),
 ) -> Option<Path> {
-    if !fabric.bars[bar].loops_on(wale, course) {
+    let bars = &fabric.warp_knit().expect("guide bars").bars;
+    if !bars[bar].loops_on(wale, course) {
         return None;
     }
     let mesh = StructureMesh::anchored_at(fabric, DVec2::ZERO);
-    let guides = (wale - 10..wale + 10).filter(|&guide| fabric.bars[bar].threading.carries(guide));
+    let guides = (wale - 10..wale + 10).filter(|&guide| bars[bar].threading.carries(guide));
     let mut paths = guides.filter_map(|guide| {
         let mut knitted = Knitted::default();
         pattern.lay(bar, guide, course - 1..course + 2, &mesh, &mut knitted);
@@ -46,7 +47,7 @@ fn yarn_path(
             .map(|(i, t)| (i as i64 - first as i64, span(&knitted.points, i).at(t)))
             .collect();
         let tag = knitted.tags[first];
-        (tag.kind == PointKind::Loop && i64::from(tag.wale) == wale).then_some(path)
+        (tag.kind == PointKind::WarpLoop && i64::from(tag.wale) == wale).then_some(path)
     });
     let path = paths.next().expect("the bar loops there");
     assert!(paths.next().is_none(), "one loop a bar on each needle");
@@ -126,12 +127,10 @@ fn check(old: &Path, new: &Path) -> Result<(), String> {
 fn check_all(fabric: &Fabric) -> Result<usize, String> {
     let pattern = Pattern::new(fabric);
     let (wales, courses) = (fabric.threading_repeat() as i64, fabric.repeat() as i64);
-    let mut places = 0;
+    let (mut places, bars) = (0, fabric.yarn_systems());
     for (wale, course) in (0..wales).flat_map(|wale| (0..courses).map(move |course| (wale, course)))
     {
-        for (old_bar, new_bar) in
-            (0..fabric.bars.len()).flat_map(|old| (0..fabric.bars.len()).map(move |new| (old, new)))
-        {
+        for (old_bar, new_bar) in (0..bars).flat_map(|old| (0..bars).map(move |new| (old, new))) {
             let old = yarn_path(fabric, &pattern, old_bar, (wale, course));
             let new = yarn_path(fabric, &pattern, new_bar, (wale, course + 1));
             if let (Some(old), Some(new)) = (old, new) {
@@ -164,8 +163,13 @@ fn random_fabrics_of_two_bars_interlock() {
     let mut runner = TestRunner::deterministic();
     // Laps over one needle in every course; how loops of a lap over two needles lie is another
     // matter.
-    let is_plain = |bar: &Bar| bar.chain.laps().iter().all(|lap| lap.needles().count() == 1);
-    let plain = |fabric: &Fabric| fabric.bars.len() <= 2 && fabric.bars.iter().all(is_plain);
+    let is_plain = |bar: &Bar| {
+        bar.chain().is_some_and(|chain| chain.laps().iter().all(|lap| lap.needles().count() == 1))
+    };
+    let plain = |fabric: &Fabric| {
+        let bars = &fabric.warp_knit().unwrap().bars;
+        bars.len() <= 2 && bars.iter().all(is_plain)
+    };
     let fabrics = std::iter::repeat_with(|| fabric().new_tree(&mut runner).unwrap().current())
         .filter(plain)
         .take(100);

@@ -49,7 +49,7 @@ fn straight_strands_are_as_long_and_as_heavy_as_the_cloth() {
     // A warp every 1.25 mm and a weft every mm: 800 and 1000 m in a m².
     assert!((numbers.yarn_length - 1800.0).abs() < 1e-6, "{numbers:?}");
     assert!((numbers.mass - 1.8 * 20.0).abs() < 1e-6 && numbers.run_in == [None, None]);
-    let diameter = fabric.bars[0].yarn.diameter();
+    let diameter = fabric.yarn(0).diameter();
     assert!((numbers.thickness - 0.4 - diameter).abs() < 1e-9);
 }
 

@@ -188,7 +188,7 @@ fn random_fabrics_relax() {
         assert!(relaxation.stretch < 0.02, "{relaxation:?} in\n{fabric}");
         let mesh = warpknit::knit::mesh::StructureMesh::anchored_at(fabric, glam::DVec2::ZERO);
         let mut knitted = Knitted::default();
-        for bar in 0..fabric.bars.len() {
+        for bar in 0..fabric.yarn_systems() {
             (0..fabric.threading_repeat() as i64)
                 .for_each(|guide| pattern.lay(bar, guide, 0..12, &mesh, &mut knitted));
         }

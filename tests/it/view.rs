@@ -119,8 +119,8 @@ fn a_window_shows_the_cloth() {
         (all / 10..all * 9 / 10).contains(&background),
         "{background} of {all} pixels are background"
     );
-    for bar in Fabric::named("tricot").unwrap().bars {
-        let color = bar.yarn.color.0;
+    for yarn in Fabric::named("tricot").unwrap().yarns() {
+        let color = yarn.color.0;
         let seen = pixels_of(color, &window);
         assert!(seen > all / 50, "{seen} of {all} pixels are {color:?}");
     }

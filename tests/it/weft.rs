@@ -42,7 +42,7 @@ fn crossings(one: &[DVec3], other: &[DVec3]) -> Vec<f64> {
 fn every_loop_hangs_in_the_one_below() {
     for name in WEFT_KNITS {
         let fabric = Fabric::named(name).unwrap();
-        let (pattern, motif) = (Pattern::new(&fabric), fabric.motif.as_ref().unwrap());
+        let (pattern, motif) = (Pattern::new(&fabric), &fabric.weft_knit().unwrap().motif);
         let mesh = StructureMesh::anchored_at(&fabric, glam::DVec2::ZERO);
         let (wales, courses) = (motif.wales() as i64, motif.courses() as i64);
         let course = |course: i64| {

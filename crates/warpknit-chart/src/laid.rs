@@ -7,7 +7,7 @@
 //! Not promised: the order of two strands that both lie above the middle is that of the bars, not
 //! of their heights.
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
 use super::path::PathSegment;
 use super::{
@@ -15,7 +15,7 @@ use super::{
     text,
 };
 use warpknit_core::fabric::yarn::Color;
-use warpknit_core::fabric::{BarKind, Fabric, Path};
+use warpknit_core::fabric::{Fabric, LaidCloth, StrandDirection};
 use warpknit_core::number::byte;
 
 /// Cells each way.
@@ -31,7 +31,7 @@ const EDGE: f32 = 0.4;
 const UNDER: f32 = 0.7;
 
 /// Draws the plan.
-pub(super) fn draw(fabric: &Fabric) -> Drawing {
+pub(super) fn draw(fabric: &Fabric, cloth: &LaidCloth) -> Drawing {
     let spacing = DVec2::new(fabric.wale_spacing(), fabric.course_spacing());
     let scale = SIDE / spacing.max_element();
     let cell = spacing * scale;
@@ -56,14 +56,14 @@ pub(super) fn draw(fabric: &Fabric) -> Drawing {
         vec![DrawingLayer { name: "cells".to_owned(), color: HAIR, shapes: sides.collect() }];
     // Painter's algorithm with two levels: first everything below the middle plane, then above it.
     for (name, above) in [("under", false), ("over", true)] {
-        for (number, ((bar, path), thickness)) in
-            (1..).zip(fabric.bars.iter().zip(&fabric.paths).zip(fabric.thickness()))
+        for (number, (strand, thickness)) in (1..).zip(cloth.strands.iter().zip(fabric.thickness()))
         {
             let width = SHOWN * 2.0 * thickness * fabric.radius() * scale;
             let lines = |width: f64| {
-                lines(path, bar.kind, above, |at| origin + at * cell * DVec2::new(1.0, -1.0), width)
+                let place = |at| origin + at * cell * DVec2::new(1.0, -1.0);
+                lines(&strand.path, strand.direction, above, place, width)
             };
-            let color = bar.yarn.color;
+            let color = strand.yarn.color;
             // A wider dark line below an upper strand shows where it crosses over others.
             if above {
                 layers.push(DrawingLayer {
@@ -98,14 +98,14 @@ fn shaded(Color(bytes): Color, share: f32) -> Color {
 /// The spans of a strand that lie above the cloth's middle plane, or below it, in all cells. A span
 /// that leaves the sheet is left out.
 fn lines(
-    path: &Path,
-    kind: BarKind,
+    path: &[DVec3],
+    direction: StrandDirection,
     above: bool,
     place: impl Fn(DVec2) -> DVec2,
     width: f64,
 ) -> Vec<DrawingShape> {
     // The strand is periodic: its last point leads to its first one in the next cell.
-    let period = if kind == BarKind::LaidAcross { DVec2::X } else { DVec2::Y };
+    let period = direction.step().truncate();
     let ends: Vec<_> = path.iter().map(|point| (point.truncate(), point.z)).collect();
     let next = ends.iter().skip(1).copied().chain([(ends[0].0 + period, ends[0].1)]);
     let spans: Vec<_> = ends
@@ -143,7 +143,7 @@ mod tests {
             glam::DVec3::new(0.5, 0.4, 0.2),
             glam::DVec3::new(0.5, 0.7, -0.3),
         ];
-        let of = |above| lines(&path, BarKind::LaidAlong, above, |at| at, 1.0);
+        let of = |above| lines(&path, StrandDirection::Along, above, |at| at, 1.0);
         // One span of three is above; of those that go on, the topmost row's leave the sheet.
         assert_eq!((of(true).len(), of(false).len()), (9, 9 + 6));
     }

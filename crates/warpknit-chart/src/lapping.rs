@@ -14,8 +14,9 @@ use super::{
     Anchor, Drawing, DrawingLayer, DrawingShape, FAINT, HAIR, HEADING, INK, MARGIN, TextSize, cut,
     label, shortened,
 };
+use warpknit_core::fabric::lapping::Chain;
 use warpknit_core::fabric::yarn::Color;
-use warpknit_core::fabric::{Bar, BarKind, Fabric};
+use warpknit_core::fabric::{Bar, Fabric, Lay, WarpKnit};
 use warpknit_core::ids::index32;
 
 /// The most needles on a sheet. A PNG of a sheet with all three limits still takes less than 200 MB
@@ -78,8 +79,8 @@ struct LappingSheet {
 }
 
 /// Draws the diagram.
-pub(super) fn draw(fabric: &Fabric) -> Drawing {
-    let bars = &fabric.bars[..fabric.bars.len().min(MOST_BARS)];
+pub(super) fn draw(fabric: &Fabric, knit: &WarpKnit) -> Drawing {
+    let bars = &knit.bars[..knit.bars.len().min(MOST_BARS)];
     let reach = reach(bars);
     let mut sheet = LappingSheet::new(fabric, bars, &reach);
     let notes = notes(fabric, &sheet, &reach);
@@ -90,8 +91,10 @@ pub(super) fn draw(fabric: &Fabric) -> Drawing {
     let lanes = lanes(bars, sheet.pitch);
     // The front bar is knitted last and lies uppermost on the technical back.
     for (at, (bar, lane)) in bars.iter().zip(lanes).enumerate().rev() {
-        if bars.len() <= 2 && bar.kind == BarKind::Guide {
-            layers.push(sheet.neighbours(at, bar, lane));
+        if let Lay::Lapping(chain) = &bar.lay
+            && bars.len() <= 2
+        {
+            layers.push(sheet.neighbours(at, bar, chain, lane));
         }
         let shapes = sheet.yarn(bar, drawn_guide(bar), lane, YARN);
         layers.push(DrawingLayer { name: format!("bar-{}", at + 1), color: bar_color(at), shapes });
@@ -110,7 +113,7 @@ fn bar_color(at: usize) -> Color {
 /// The guide whose yarn stands for its bar: the first threaded one, counted from the drive. A weft
 /// has no guide, and all wefts are drawn.
 fn drawn_guide(bar: &Bar) -> i64 {
-    if bar.kind == BarKind::Weft {
+    if bar.lay == Lay::Weft {
         return 0;
     }
     let step = if bar.counts_from_left() { -1 } else { 1 };
@@ -123,7 +126,7 @@ fn drawn_guide(bar: &Bar) -> i64 {
 /// The range of gaps that the drawn yarns of all bars pass.
 fn reach(bars: &[Bar]) -> Range<i64> {
     let gaps = bars.iter().map(|bar| {
-        let ((low, high), guide) = (bar.chain.gaps(), drawn_guide(bar));
+        let ((low, high), guide) = (bar.gaps(), drawn_guide(bar));
         (guide + i64::from(low), guide + i64::from(high))
     });
     let (low, high) = gaps.fold((0, 0), |(low, high), (l, h)| (low.min(l), high.max(h)));
@@ -135,7 +138,7 @@ fn lanes(bars: &[Bar], pitch: Pitch) -> Vec<Lane> {
     let number = |count: usize| f64::from(index32(count));
     // Overlaps of several bars are nested around the same dot, each a step farther out. The steps
     // shrink with the number of bars, since the outermost must not reach the next needle.
-    let knitting = bars.iter().filter(|bar| !bar.chain.is_inlay()).count();
+    let knitting = bars.iter().filter(|bar| !bar.is_inlay()).count();
     let (nearest, farthest) = (0.19 * pitch.across, CORNER * pitch.across);
     let leg_step =
         (0.09 * pitch.across).min((farthest - nearest) / number(knitting.saturating_sub(1).max(1)));
@@ -144,7 +147,7 @@ fn lanes(bars: &[Bar], pitch: Pitch) -> Vec<Lane> {
     let mut lanes = Vec::with_capacity(bars.len());
     for (at, bar) in bars.iter().enumerate() {
         let leg = nearest + leg_step * number(nested);
-        nested += usize::from(!bar.chain.is_inlay());
+        nested += usize::from(!bar.is_inlay());
         // In gaps and bands the paths lie side by side, centred on the middle.
         let aside = aside_step * (number(at) - number(bars.len() - 1) / 2.0);
         lanes.push(Lane { leg, aside });
@@ -169,8 +172,8 @@ fn notes(fabric: &Fabric, sheet: &LappingSheet, reach: &Range<i64>) -> Vec<Strin
             sheet.gaps.end - sheet.gaps.start + 1
         ));
     }
-    if sheet.bars < fabric.bars.len() {
-        notes.push(format!("the first {} of {} bars are drawn", sheet.bars, fabric.bars.len()));
+    if sheet.bars < fabric.yarn_systems() {
+        notes.push(format!("the first {} of {} bars are drawn", sheet.bars, fabric.yarn_systems()));
     }
     notes
 }
@@ -263,10 +266,8 @@ impl LappingSheet {
 
     /// The part of a guide's yarn that lies on the sheet.
     fn yarn(&self, bar: &Bar, guide: i64, lane: Lane, width: f64) -> Vec<DrawingShape> {
-        if bar.kind == BarKind::Weft {
-            return self.wefts(bar, lane, width);
-        }
-        let corners = waypoints(&bar.chain, guide, index32(self.courses).into(), self.pitch, lane);
+        let Lay::Lapping(chain) = &bar.lay else { return self.wefts(bar, lane, width) };
+        let corners = waypoints(chain, guide, index32(self.courses).into(), self.pitch, lane);
         let corners: Vec<_> =
             corners.into_iter().map(|point| self.origin + DVec2::new(point.x, -point.y)).collect();
         let parts = clipped(&corners, self.left(), self.right());
@@ -286,8 +287,8 @@ impl LappingSheet {
     }
 
     /// The other yarns of a bar, thin and pale.
-    fn neighbours(&self, at: usize, bar: &Bar, lane: Lane) -> DrawingLayer {
-        let (low, high) = bar.chain.gaps();
+    fn neighbours(&self, at: usize, bar: &Bar, chain: &Chain, lane: Lane) -> DrawingLayer {
+        let (low, high) = chain.gaps();
         let touching = self.gaps.start - i64::from(high)..=self.gaps.end - i64::from(low);
         let drawn = drawn_guide(bar);
         let others = touching.filter(|&guide| guide != drawn && bar.threading.carries(guide));
@@ -364,7 +365,7 @@ const VIEW: &str = "seen from the technical back, course 1 below";
 /// The legend's lines, each with its indent in px.
 fn words_of<'a>(fabric: &'a Fabric, bars: &'a [Bar]) -> impl Iterator<Item = (String, f64)> + 'a {
     let widest = bars.iter().map(|bar| bar.lapping().len().min(MOST_OF_CHAIN)).max().unwrap_or(0);
-    let several = fabric.bars.len() > 9;
+    let several = fabric.yarn_systems() > 9;
     bars.iter().enumerate().map(move |(at, bar)| {
         let number = if several { format!("{:2}", at + 1) } else { (at + 1).to_string() };
         let drive = if bar.counts_from_left() { "  drive left" } else { "" };
@@ -374,9 +375,7 @@ fn words_of<'a>(fabric: &'a Fabric, bars: &'a [Bar]) -> impl Iterator<Item = (St
             guide => format!("  (guide {}: gaps + {guide})", guide + 1),
         };
         let chain = cut(&bar.lapping(), MOST_OF_CHAIN);
-        let threading =
-            if bar.counts_from_left() { bar.threading.mirrored() } else { bar.threading.clone() };
-        let threading = cut(&threading.to_string(), MOST_OF_THREADING);
+        let threading = cut(&bar.written_threading().to_string(), MOST_OF_THREADING);
         (shortened(&format!("bar {number}  {chain:widest$}  {threading}{guide}{drive}")), SAMPLE)
     })
 }

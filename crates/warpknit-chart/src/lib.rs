@@ -27,8 +27,8 @@ use glam::DVec2;
 use image::RgbaImage;
 
 pub use path::PathSegment;
-use warpknit_core::fabric::Fabric;
 use warpknit_core::fabric::yarn::Color;
+use warpknit_core::fabric::{Fabric, Structure};
 use warpknit_core::garment::Garment;
 
 /// Text and symbols.
@@ -178,10 +178,10 @@ impl Drawing {
     /// ```
     #[must_use]
     pub fn from_fabric(fabric: &Fabric) -> Self {
-        match &fabric.motif {
-            Some(motif) => motif::draw(fabric, motif),
-            None if fabric.is_laid() => laid::draw(fabric),
-            None => lapping::draw(fabric),
+        match &fabric.structure {
+            Structure::Warp(knit) => lapping::draw(fabric, knit),
+            Structure::Weft(knit) => motif::draw(fabric, &knit.motif),
+            Structure::Laid(cloth) => laid::draw(fabric, cloth),
         }
     }
 

@@ -14,7 +14,7 @@ use super::{
     label, shortened, text,
 };
 use warpknit_core::fabric::Fabric;
-use warpknit_core::fabric::motif::{Cell, Motif};
+use warpknit_core::fabric::motif::{ChartCell, Motif};
 use warpknit_core::ids::index32;
 
 /// The most wales and courses that are drawn.
@@ -135,7 +135,7 @@ impl WeftChart<'_> {
     }
 
     /// The symbols of the loops for which `wanted` holds.
-    fn symbols(&self, wanted: impl Fn(Cell) -> bool) -> Vec<DrawingShape> {
+    fn symbols(&self, wanted: impl Fn(ChartCell) -> bool) -> Vec<DrawingShape> {
         let mut shapes = Vec::new();
         for course in 0..self.courses {
             for wale in 0..self.wales {
@@ -149,7 +149,7 @@ impl WeftChart<'_> {
     }
 
     /// The symbol of the loop at a wale and a course.
-    fn symbol(&self, cell: Cell, wale: f64, course: f64) -> DrawingShape {
+    fn symbol(&self, cell: ChartCell, wale: f64, course: f64) -> DrawingShape {
         let place = |x: f64, y: f64| self.at(wale + x, course + y);
         // A loop that a crossing carries to another wale slants from its own square to that wale.
         if cell.carried != 0 {

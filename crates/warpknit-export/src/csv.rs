@@ -75,7 +75,7 @@ fn row(
 ) -> std::fmt::Result {
     let tag = block.knitted.tags[block.strands.sources[at] as usize];
     let kind = match tag.kind {
-        PointKind::Loop => "loop",
+        PointKind::WarpLoop | PointKind::WeftLoop => "loop",
         PointKind::Inlay => "inlay",
         PointKind::Underlap => "turn",
     };

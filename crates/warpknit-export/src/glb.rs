@@ -125,11 +125,11 @@ impl GlbWriter {
             extras: json::Extras::default(),
         });
         push_textures(&mut root, buffer, &wardrobe.textures);
-        for (number, bar) in fabric.bars.iter().enumerate() {
+        for (number, yarn) in fabric.yarns().enumerate() {
             let name = format!("{} bar {}", fabric.name, number + 1);
             let material = match wardrobe.worn_by(number) {
                 Some(place) => textured(&name, place, wardrobe.textures[place].mean),
-                None => plain(&name, bar.yarn.color.linear()),
+                None => plain(&name, yarn.color.linear()),
             };
             root.push(material);
         }

@@ -14,7 +14,8 @@ use super::buffer::{Buffer, Conveyor};
 use super::digits::numbers;
 use super::{ExportError, Output, Sink, lines};
 use warpknit_core::drape::Block;
-use warpknit_core::fabric::{Bar, Fabric};
+use warpknit_core::fabric::Fabric;
+use warpknit_core::fabric::yarn::Yarn;
 use warpknit_core::yarn::tube::Section;
 
 /// MPa, and Poisson's ratio: of soft fibres, for a first run.
@@ -42,7 +43,7 @@ struct Group {
 pub struct InpWriter {
     output: Output,
     st: u32,
-    bars: Vec<Bar>,
+    yarns: Vec<Yarn>,
     radii: Vec<f32>,
     groups: Vec<Group>,
     /// Nodes so far.
@@ -70,7 +71,7 @@ impl InpWriter {
         Ok(Self {
             output,
             st: section.st,
-            bars: fabric.bars.clone(),
+            yarns: fabric.yarns().cloned().collect(),
             radii,
             groups,
             nodes: 0,
@@ -118,15 +119,15 @@ impl InpWriter {
             ));
             add(&format!("{}\n{FIRST_AXIS}", self.radii[*bar]));
         }
-        for (bar, number) in self.bars.iter().zip(1..) {
+        for (yarn, number) in self.yarns.iter().zip(1..) {
             add(&format!("*MATERIAL, NAME=YARN_{number}"));
-            add(&format!("*DENSITY\n{:e}", bar.yarn.density * bar.yarn.packing * DENSITY));
+            add(&format!("*DENSITY\n{:e}", yarn.density * yarn.packing * DENSITY));
             add(
                 "** A fabric file does not know Young's modulus and Poisson's ratio: put your yarn's here.",
             );
             add(&format!("*ELASTIC\n{:?}, {:?}", ELASTIC.0, ELASTIC.1));
         }
-        let laid: Vec<usize> = (0..self.bars.len())
+        let laid: Vec<usize> = (0..self.yarns.len())
             .filter(|bar| self.groups.iter().any(|group| group.bar == *bar))
             .collect();
         for bar in &laid {

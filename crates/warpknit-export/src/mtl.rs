@@ -58,9 +58,9 @@ fn name(path: &Path) -> String {
 
 fn text(fabric: &Fabric, wardrobe: &Wardrobe, pictures: &[PathBuf]) -> String {
     let mut text = String::from("# yarns by warpknit\n");
-    for (bar, number) in fabric.bars.iter().zip(1..) {
+    for (yarn, number) in fabric.yarns().zip(1..) {
         let worn = wardrobe.worn_by(number - 1);
-        let [r, g, b] = worn.map_or(bar.yarn.color.linear(), |_| [1.0; 3]);
+        let [r, g, b] = worn.map_or(yarn.color.linear(), |_| [1.0; 3]);
         // The exponent whose highlight is as wide: 2 / roughness^4 - 2.
         let exponent = 2.0 / ROUGHNESS.powi(4) - 2.0;
         write!(text, "newmtl bar_{number}\nKd {r} {g} {b}\nKs 0.04 0.04 0.04\nNs {exponent:.3}\nPr {ROUGHNESS}\nillum 2\n")

@@ -90,7 +90,7 @@ impl<'a> NpzWriter<'a> {
         let output = Output::create(target)?;
         let spills = ARRAYS.iter().map(|_| Spill::create(target)).collect::<Result<_, _>>()?;
         let radii = fabric.thickness().into_iter().map(|thickness| section.radius * thickness);
-        let bars = radii.zip(fabric.bars.iter().map(|bar| bar.yarn.color.0)).collect();
+        let bars = radii.zip(fabric.yarns().map(|yarn| yarn.color.0)).collect();
         Ok(Self { output, garment, spills, bars, conveyor: Conveyor::default() })
     }
 }
@@ -238,7 +238,7 @@ impl Array {
 
 fn number(kind: PointKind) -> u8 {
     match kind {
-        PointKind::Loop => 0,
+        PointKind::WarpLoop | PointKind::WeftLoop => 0,
         PointKind::Inlay => 1,
         PointKind::Underlap => 2,
     }

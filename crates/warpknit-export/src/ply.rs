@@ -63,7 +63,7 @@ impl PlyWriter {
     /// # Errors
     /// What the disk says.
     pub fn create(target: &Path, fabric: &Fabric, section: &Section) -> Result<Self, ExportError> {
-        let colors = fabric.bars.iter().map(|bar| bar.yarn.color.0).collect();
+        let colors = fabric.yarns().map(|yarn| yarn.color.0).collect();
         // Counts are never longer than these.
         let file = HeadLast::create(target, header(u64::MAX, u64::MAX, 0).len())?;
         Ok(Self {

@@ -261,12 +261,7 @@ pub(super) fn boxed([low, high]: [Vec3; 2], radius: f32) -> String {
 
 /// Each bar's colour, linear, and radius, mm.
 pub(super) fn bars(fabric: &Fabric, section: &Section) -> Vec<([f32; 3], f32)> {
-    fabric
-        .bars
-        .iter()
-        .map(|bar| bar.yarn.color.linear())
-        .zip(super::radii(fabric, section))
-        .collect()
+    fabric.yarns().map(|yarn| yarn.color.linear()).zip(super::radii(fabric, section)).collect()
 }
 
 /// Appends a block's control points.

@@ -5,7 +5,8 @@
 
 use crate::scene::{Scene, YarnLook};
 use warpknit_core::drape::{Block, Cloth, DrapeOptions, run, swatch_panel};
-use warpknit_core::fabric::{Bar, Fabric};
+use warpknit_core::fabric::Fabric;
+use warpknit_core::fabric::yarn::Yarn;
 use warpknit_core::ids::index32;
 
 /// Roughness of yarns in pictures and in files, 0 to 1. Most textile fibres are dull.
@@ -14,18 +15,18 @@ pub const ROUGHNESS: f32 = 0.75;
 /// One look for each bar. `radius` is that of the thickest bar, mm.
 #[must_use]
 pub fn looks(fabric: &Fabric, radius: f64) -> Vec<YarnLook> {
-    let bars = fabric.bars.iter().zip(fabric.thickness());
-    bars.map(|(bar, thickness)| bar_look(bar, radius * thickness)).collect()
+    let yarns = fabric.yarns().zip(fabric.thickness());
+    yarns.map(|(yarn, thickness)| yarn_look(yarn, radius * thickness)).collect()
 }
 
-/// The look of a bar whose yarns are drawn with `radius` mm.
-fn bar_look(bar: &Bar, radius: f64) -> YarnLook {
+/// The look of a yarn that is drawn with `radius` mm.
+fn yarn_look(yarn: &Yarn, radius: f64) -> YarnLook {
     #[expect(clippy::cast_possible_truncation, reason = "a radius in mm, and a number about 1")]
-    let [radius, sheen] = [radius, bar.yarn.sheen.unwrap_or(0.0)].map(|number| number as f32);
+    let [radius, sheen] = [radius, yarn.sheen.unwrap_or(0.0)].map(|number| number as f32);
     #[expect(clippy::cast_possible_truncation, reason = "a slope about 1")]
-    let twist_slope = bar.yarn.twist_slope().map(|slope| slope as f32);
-    let look = YarnLook::plain(bar.yarn.color.linear().into(), ROUGHNESS, radius);
-    YarnLook { plies: bar.yarn.plies.unwrap_or(look.plies), twist_slope, sheen, ..look }
+    let twist_slope = yarn.twist_slope().map(|slope| slope as f32);
+    let look = YarnLook::plain(yarn.color.linear().into(), ROUGHNESS, radius);
+    YarnLook { plies: yarn.plies.unwrap_or(look.plies), twist_slope, sheen, ..look }
 }
 
 /// Appends a block's strands to a scene that has its fabric's [`looks`].

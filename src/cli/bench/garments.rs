@@ -115,7 +115,7 @@ pub(super) fn folded_cone(triangles: usize) -> Garment {
 pub(super) fn at_stitches(fabric: &Fabric, garment: &Garment, stitches: f64) -> Result<Fabric> {
     let area: f64 = garment.panels.iter().map(Panel::area).sum();
     // One stitch of each bar for each cell of wale spacing by course spacing.
-    let bars = f64::from(index32(fabric.bars.len()));
+    let bars = f64::from(index32(fabric.yarn_systems()));
     let there = bars * area / (fabric.wale_spacing() * fabric.course_spacing());
     scaled(fabric, stitches / there)
 }

@@ -16,11 +16,11 @@ use crate::yarn::tube::Section;
 /// the radius of a fibre, mm, of the cloth before enlargement.
 #[must_use]
 pub fn bundles(fabric: &Fabric, radius: f64, fibre: f64) -> Vec<Bundle> {
-    let mut bundles = Vec::with_capacity(fabric.bars.len());
-    for (bar, thickness) in fabric.bars.iter().zip(fabric.thickness()) {
-        let slope = bar.yarn.twist_slope().unwrap_or_else(|| MIDDLING_SLOPE.into());
+    let mut bundles = Vec::with_capacity(fabric.yarn_systems());
+    for (yarn, thickness) in fabric.yarns().zip(fabric.thickness()) {
+        let slope = yarn.twist_slope().unwrap_or_else(|| MIDDLING_SLOPE.into());
         let fibre = fibre * fabric.enlargement;
-        bundles.push(Bundle::filling(radius * thickness, bar.yarn.packing, fibre, slope));
+        bundles.push(Bundle::filling(radius * thickness, yarn.packing, fibre, slope));
     }
     bundles
 }
@@ -30,10 +30,10 @@ pub fn bundles(fabric: &Fabric, radius: f64, fibre: f64) -> Vec<Bundle> {
 #[must_use]
 pub fn fabric(yarns: &Fabric, bundles: &[Bundle]) -> Fabric {
     let mut fibres = yarns.clone();
-    for (bar, bundle) in fibres.bars.iter_mut().zip(bundles) {
+    for (yarn, bundle) in fibres.structure.yarns_mut().zip(bundles) {
         // A yarn's count is its mass by length, so it falls with the area of the section.
-        bar.yarn.count = bar.yarn.count.times((bundle.fibre / bundle.radius).powi(2));
-        (bar.yarn.plies, bar.yarn.twist) = (Some(1), None);
+        yarn.count = yarn.count.times((bundle.fibre / bundle.radius).powi(2));
+        (yarn.plies, yarn.twist) = (Some(1), None);
     }
     fibres
 }

@@ -139,7 +139,7 @@ impl<'a> Cloth<'a> {
         let meshes = origins.map(|origin| StructureMesh::anchored_at(fabric, origin)).collect();
         let mut cloth = Self::without_yarns(garment, fabric, meshes);
         for panel in 0..garment.panels.len() {
-            for bar in 0..fabric.bars.len() {
+            for bar in 0..fabric.yarn_systems() {
                 cloth.plan_bar(fabric, panel, bar);
             }
         }
@@ -152,7 +152,7 @@ impl<'a> Cloth<'a> {
     pub fn swatch(panel: &'a Garment, fabric: &Fabric, wales: u32, courses: u32) -> Self {
         // One auxiliary wale on the left and half a course below: the first loops' feet and the
         // underlaps' turns extend beyond the pattern.
-        let low = fabric.bars.iter().map(|bar| bar.chain.gaps().0).min().unwrap_or(0);
+        let low = fabric.structure.lowest_gap();
         let corner = DVec2::new(
             (1.0 - f64::from(low)) * fabric.wale_spacing(),
             0.5 * fabric.course_spacing(),
@@ -160,11 +160,12 @@ impl<'a> Cloth<'a> {
         let mesh = StructureMesh::anchored_at(fabric, corner);
         let mut cloth = Self::without_yarns(panel, fabric, vec![mesh]);
         let (wales, courses) = (i64::from(wales), i64::from(courses));
-        for (bar, threads) in fabric.bars.iter().enumerate() {
+        for bar in 0..fabric.yarn_systems() {
             let (numbers, steps) =
                 if cloth.pattern.runs_across(bar) { (courses, wales) } else { (wales, courses) };
-            let numbers = (0..numbers).filter(|&number| threads.threading.carries(number));
-            cloth.plan_yarns(0, bar, numbers.map(|number| (number, 0..steps)));
+            let numbers: Vec<_> =
+                (0..numbers).filter(|&number| cloth.pattern.has_yarn(bar, number)).collect();
+            cloth.plan_yarns(0, bar, numbers.into_iter().map(|number| (number, 0..steps)));
         }
         cloth
     }

@@ -1,12 +1,13 @@
-//! The dimensions of the eight-point stitch, which a fabric file may change.
+//! The dimensions of the eight-point stitch of warp knits, which a fabric file may change.
 //!
 //! In: numbers over the wale spacing W, the course spacing C or the yarn's radius r. Out:
-//! [`Dimensions`], whose default is the specification's table. Each is held in a range in which a
-//! loop stays a loop: feet below legs below head, and the head above the next course. That yarns
-//! keep clear of each other is not promised for any but the default.
+//! [`Dimensions`]. Source of the eight points: Liu, Kyosev and Jiang 2022, section 2.1 and Fig. 2;
+//! `docs/method.md` has the table of their defaults. Each is limited to a range in which a loop
+//! stays a loop: feet below legs below head, and the head above the next course. Not promised: that
+//! yarns keep clear of each other with any but the defaults.
 
-/// Dimensions of a stitch. S1, S8 are its feet, S2, S7 its lower legs, S3, S6 its upper legs and
-/// S4, S5 its head.
+/// Dimensions of a stitch. Its eight points are the feet S1 and S8, the lower legs S2 and S7, the
+/// upper legs S3 and S6, and the head S4 and S5.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dimensions {
     /// Half the distance between the feet, over W.
@@ -54,37 +55,37 @@ impl Default for Dimensions {
     }
 }
 
-/// A dimension as the file knows it.
+/// A dimension as a key of the fabric file.
 pub(super) struct Key {
     pub(super) name: &'static str,
-    /// What it may be: from, to and the unit.
+    /// Its range: from, to and the unit.
     pub(super) range: (f64, f64, &'static str),
-    /// Its value.
-    pub(super) of: fn(&mut Dimensions) -> &mut f64,
+    /// Its field.
+    pub(super) field: fn(&mut Dimensions) -> &mut f64,
 }
 
-// Half a wale belongs to each loop.
+// To each side of a wale, half a wale spacing belongs to its loop.
 const ACROSS: (f64, f64, &str) = (0.01, 0.5, "of the wale spacing");
-// A yarn is 2 r thick, and a loop of ten yarns' depth is none any more.
+// A yarn is 2 r thick. A loop ten yarns deep would be no loop.
 const DEPTH: (f64, f64, &str) = (0.0, 20.0, "yarn radii");
 
-/// All dimensions in the order of the specification's table.
+/// All dimensions: widths, heights, depths.
 pub(super) const KEYS: [Key; 12] = [
-    Key { name: "w1", range: ACROSS, of: |d| &mut d.w1 },
-    Key { name: "w1x", range: ACROSS, of: |d| &mut d.w1x },
-    Key { name: "w2", range: ACROSS, of: |d| &mut d.w2 },
-    Key { name: "w3", range: ACROSS, of: |d| &mut d.w3 },
-    Key { name: "w4", range: ACROSS, of: |d| &mut d.w4 },
-    Key { name: "h1", range: (0.0, 0.5, "of the course spacing"), of: |d| &mut d.h1 },
-    Key { name: "h2", range: (0.5, 1.2, "of the course spacing"), of: |d| &mut d.h2 },
-    Key { name: "h3", range: (1.0, 2.0, "of the course spacing"), of: |d| &mut d.h3 },
-    Key { name: "z1", range: DEPTH, of: |d| &mut d.z1 },
-    Key { name: "z2", range: DEPTH, of: |d| &mut d.z2 },
-    Key { name: "zo", range: DEPTH, of: |d| &mut d.zo },
-    Key { name: "zs", range: DEPTH, of: |d| &mut d.zs },
+    Key { name: "w1", range: ACROSS, field: |d| &mut d.w1 },
+    Key { name: "w1x", range: ACROSS, field: |d| &mut d.w1x },
+    Key { name: "w2", range: ACROSS, field: |d| &mut d.w2 },
+    Key { name: "w3", range: ACROSS, field: |d| &mut d.w3 },
+    Key { name: "w4", range: ACROSS, field: |d| &mut d.w4 },
+    Key { name: "h1", range: (0.0, 0.5, "of the course spacing"), field: |d| &mut d.h1 },
+    Key { name: "h2", range: (0.5, 1.2, "of the course spacing"), field: |d| &mut d.h2 },
+    Key { name: "h3", range: (1.0, 2.0, "of the course spacing"), field: |d| &mut d.h3 },
+    Key { name: "z1", range: DEPTH, field: |d| &mut d.z1 },
+    Key { name: "z2", range: DEPTH, field: |d| &mut d.z2 },
+    Key { name: "zo", range: DEPTH, field: |d| &mut d.zo },
+    Key { name: "zs", range: DEPTH, field: |d| &mut d.zs },
 ];
 
-/// The names of all dimensions, for people.
+/// The names of all dimensions, for an error message.
 pub(super) fn names() -> String {
     KEYS.map(|key| key.name).join(" ")
 }
@@ -98,11 +99,11 @@ mod tests {
         let mut dimensions = Dimensions::default();
         for (key, value) in KEYS.iter().zip(1_u8..) {
             let (low, high, _) = key.range;
-            assert!((low..=high).contains((key.of)(&mut dimensions)), "{}", key.name);
-            *(key.of)(&mut dimensions) = f64::from(value);
+            assert!((low..=high).contains((key.field)(&mut dimensions)), "{}", key.name);
+            *(key.field)(&mut dimensions) = f64::from(value);
         }
         for (key, value) in KEYS.iter().zip(1_u8..) {
-            assert_eq!(*(key.of)(&mut dimensions), f64::from(value), "{}", key.name);
+            assert_eq!(*(key.field)(&mut dimensions), f64::from(value), "{}", key.name);
         }
     }
 }

@@ -1,4 +1,7 @@
-//! What can be wrong with a fabric, and where its text says so.
+//! Errors in fabrics: the fault, and the place in the text that is to blame.
+//!
+//! A fault carries the values and limits that its message names. The place is found when the file
+//! is read, so that the binary can print the line with carets below it.
 
 use std::fmt;
 use std::ops::Range;
@@ -10,29 +13,30 @@ use super::{MAX_BARS, MAX_REPEAT, MAX_THREADING};
 
 /// Why there is no fabric.
 ///
-/// It prints as one line without the place, which whoever knows the file's name puts in front: see
-/// [`Place`].
+/// It prints as one line without its place. The caller, who knows the file's name, puts the place
+/// in front: see [`Place`].
 #[derive(Debug, thiserror::Error)]
 #[error("{fault}")]
 pub struct FabricError {
-    /// What is wrong.
-    pub fault: Fault,
-    /// Where, if it is about a place in a text.
+    /// The fault.
+    pub fault: FabricFault,
+    /// Its place, if it is about one in a text.
     pub place: Option<Box<Place>>,
 }
 
-/// The ways in which a fabric can be wrong.
+/// The faults that a fabric can have.
 #[derive(Debug, thiserror::Error)]
-pub enum Fault {
+pub enum FabricFault {
     /// The file can't be read.
     #[error("can't read the fabric file: {0}")]
     Io(std::io::Error),
     /// No built-in fabric of that name.
     #[error(
-        "there is no built-in fabric '{0}': `warpknit fabrics` lists them, and a file's name ends in .toml"
+        "there is no built-in fabric '{0}': `warpknit fabrics` lists them, and a file's name ends \
+         in .toml"
     )]
     Unknown(String),
-    /// Not TOML, or not what a fabric file holds; TOML's own words.
+    /// Not TOML, or not the keys and types of a fabric file, in the TOML reader's words.
     #[error("{0}")]
     Toml(String),
     /// A chain that can't be read.
@@ -42,7 +46,7 @@ pub enum Fault {
         what: String,
         /// The chain as written.
         text: String,
-        /// What is wrong, with its span in `text`.
+        /// The fault in it, with its span in `text`.
         why: LappingError,
     },
     /// A threading that can't be read.
@@ -52,7 +56,7 @@ pub enum Fault {
         what: String,
         /// The marks as written.
         text: String,
-        /// What is wrong, with its span in `text`.
+        /// The fault in it, with its span in `text`.
         why: ThreadingError,
     },
     /// A number out of its range.
@@ -62,16 +66,16 @@ pub enum Fault {
         what: String,
         /// Its value.
         value: f64,
-        /// What it may be.
+        /// Its range, in words.
         range: String,
     },
-    /// Wales from two keys.
+    /// Wales by two keys.
     #[error("the wales are given twice: leave either wales_per_cm or gauge (needles an inch) out")]
     TwoGauges,
-    /// Wales from none.
+    /// Wales by no key.
     #[error("the wales are missing: give wales_per_cm or gauge (needles an inch)")]
     NoGauge,
-    /// A key of `[stitch]` that is none.
+    /// An unknown key of `[stitch]`.
     #[error("[stitch] has no {0}: it takes {known}", known = super::dimensions::names())]
     UnknownDimension(String),
     /// Two tables for one panel.
@@ -80,17 +84,17 @@ pub enum Fault {
     /// A chart that can't be read.
     #[error("chart: {0}")]
     Chart(MotifError),
-    /// A letter or a symbol of a legend that is none.
+    /// An unknown letter or symbol of a legend.
     #[error("legend: {0}")]
     Legend(String),
-    /// A key that the other kind of fabric has.
+    /// A key that only another kind of fabric has.
     #[error("a {kind} has no {key}: {instead}")]
     OtherKind {
         /// Such as `warp knit`.
         kind: &'static str,
         /// The key.
         key: &'static str,
-        /// What it has.
+        /// The keys that this kind has.
         instead: &'static str,
     },
     /// No feeder.
@@ -98,7 +102,8 @@ pub enum Fault {
     NoFeeders,
     /// A course without a yarn, or with several.
     #[error(
-        "course {course} is knitted by {count} feeders: the marks of `courses` must give each course one"
+        "course {course} is knitted by {count} feeders: the marks of `courses` must give each \
+         course one"
     )]
     Feeders {
         /// Counted from 1.
@@ -109,12 +114,12 @@ pub enum Fault {
     /// No strand.
     #[error("laid cloth needs at least one [[strands]] table")]
     NoStrands,
-    /// A strand's path that is none.
+    /// A strand's path with a fault.
     #[error("strand {number}: its path {why}")]
     Path {
         /// Counted from 1.
         number: usize,
-        /// What is wrong with it, and what to do.
+        /// The fault and its remedy.
         why: &'static str,
     },
     /// No bar.
@@ -133,7 +138,8 @@ pub enum Fault {
     RepeatTooLong(usize),
     /// Bars and threadings that meet too rarely together.
     #[error(
-        "a repeat of {wales} wales by {courses} courses is too large for {bars} bars or feeders; at most {most} laps are taken"
+        "a repeat of {wales} wales by {courses} courses is too large for {bars} bars or feeders; \
+         at most {most} laps are taken"
     )]
     RepeatTooLarge {
         /// Wales of the common repeat.
@@ -147,14 +153,14 @@ pub enum Fault {
     },
 }
 
-impl From<Fault> for FabricError {
-    fn from(fault: Fault) -> Self {
+impl From<FabricFault> for FabricError {
+    fn from(fault: FabricFault) -> Self {
         Self { fault, place: None }
     }
 }
 
-impl Fault {
-    /// The bytes of its own text that are to blame; none for faults that are about no text.
+impl FabricFault {
+    /// The bytes of its own text that are to blame; an empty range for faults about no text.
     pub(super) fn span(&self) -> Range<usize> {
         match self {
             Self::Lapping { why, .. } => why.span.clone(),
@@ -172,7 +178,7 @@ impl Fault {
 
     /// The error at some bytes of a text.
     pub(super) fn at(self, text: &str, span: Range<usize>) -> FabricError {
-        FabricError { fault: self, place: Some(Box::new(Place::of(text, span))) }
+        FabricError { fault: self, place: Some(Box::new(Place::new(text, span))) }
     }
 }
 
@@ -182,38 +188,41 @@ impl Fault {
 /// use warpknit_core::fabric::Fabric;
 /// let error = Fabric::parse("name = 'x'\nwales_per_cm = 0.0\n").unwrap_err();
 /// assert_eq!(error.to_string(), "missing field `courses_per_cm`");
-/// let error = Fabric::parse("name = 'x'\nwales_per_cm = 0.0\ncourses_per_cm = 1\nbars = []").unwrap_err();
+/// let text = "name = 'x'\nwales_per_cm = 0.0\ncourses_per_cm = 1\nbars = []";
+/// let error = Fabric::parse(text).unwrap_err();
 /// let place = error.place.unwrap();
 /// assert_eq!(place.line, 2);
 /// assert_eq!(place.to_string(), "wales_per_cm = 0.0\n               ^^^");
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Place {
-    /// The line, first line 1.
+    /// Number of the line, counted from 1.
     pub line: usize,
-    /// What the line says; `…` where a long one is cut.
+    /// Text of the line; `…` where a long one is cut.
     pub text: String,
     /// The characters of `text` that are to blame, at least one.
     pub columns: Range<usize>,
 }
 
-/// Characters shown before and from the fault in a long line: a chain of a thousand courses need
-/// not fill the screen.
+/// Characters of a long line that are shown before the fault, and from it on: a chain of a thousand
+/// courses need not fill the screen.
 const SHOWN: usize = 80;
 
 impl Place {
-    /// The place of some bytes of a text; a span over several lines is shown as far as its first
-    /// line goes.
+    /// The place of some bytes of a text. A span over several lines ends with its first line.
     #[must_use]
-    pub fn of(text: &str, span: Range<usize>) -> Self {
+    pub fn new(text: &str, span: Range<usize>) -> Self {
+        // A span that comes from another parser may cut a character: its bytes are rounded down.
         let start = text.floor_char_boundary(span.start);
         let line_start = text[..start].rfind('\n').map_or(0, |newline| newline + 1);
         let line_end = text[start..].find('\n').map_or(text.len(), |newline| start + newline);
         let end = text.floor_char_boundary(span.end.clamp(start, line_end));
         let before: Vec<_> = text[line_start..start].chars().collect();
         let after: Vec<_> = text[start..line_end].trim_end_matches('\r').chars().collect();
+        // An empty span still gets a caret.
         let wrong = text[start..end].chars().count().clamp(1, SHOWN);
 
+        // Columns count characters, not bytes, so that carets stand below what they point at.
         let cut = before.len().saturating_sub(SHOWN);
         let mut shown: String = if cut > 0 { "…" } else { "" }.to_owned();
         shown.extend(&before[cut..]);
@@ -246,12 +255,12 @@ mod tests {
     #[test]
     fn places_are_pointed_at() {
         let text = "a = 1\n\tb = \"é-2\"\r\nc";
-        assert_eq!(Place::of(text, 12..14).to_string(), "\tb = \"é-2\"\n\t     ^");
-        assert_eq!(Place::of(text, 12..14).line, 2);
-        assert_eq!(Place::of(text, 0..text.len()).to_string(), "a = 1\n^^^^^");
-        assert_eq!(Place::of("", 0..0).to_string(), "\n^");
+        assert_eq!(Place::new(text, 12..14).to_string(), "\tb = \"é-2\"\n\t     ^");
+        assert_eq!(Place::new(text, 12..14).line, 2);
+        assert_eq!(Place::new(text, 0..text.len()).to_string(), "a = 1\n^^^^^");
+        assert_eq!(Place::new("", 0..0).to_string(), "\n^");
         let long = "x".repeat(1000);
-        let place = Place::of(&long, 500..501);
+        let place = Place::new(&long, 500..501);
         assert_eq!(
             (place.text.chars().count(), place.columns),
             (SHOWN * 2 + 2, SHOWN + 1..SHOWN + 2)
@@ -260,9 +269,13 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_place_panics(text in "[é\t\r\n a]{0,30}|.{0,200}", start in 0_usize..60, length in 0_usize..60) {
+        fn no_place_panics(
+            text in "[é\t\r\n a]{0,30}|.{0,200}",
+            start in 0_usize..60,
+            length in 0_usize..60,
+        ) {
             let start = start.min(text.len());
-            let place = Place::of(&text, start..start + length);
+            let place = Place::new(&text, start..start + length);
             prop_assert!(place.columns.start <= place.text.chars().count());
             prop_assert!(place.line >= 1 && place.to_string().lines().count() <= 2);
         }

@@ -1,10 +1,11 @@
 //! The chain notation of warp knitting: `1-0/1-2//` to laps, and back.
 //!
 //! In: the text of one guide bar's lapping. Out: a [`Chain`], one [`Lap`] a course; or a
-//! [`LappingError`] with the byte span that is wrong, so that whoever prints it can point at it.
-//! `-` is the overlap in front of the needle, `/` the underlap behind the needles. Rules: the
-//! specification's knit page; the numbering is that of tricot machines (0, 1, 2 …) or of raschel
-//! charts (0, 2, 4 …), which is halved.
+//! [`LappingError`] with the byte span of the fault, so that a caller can point at it. `-` is the
+//! overlap in front of the needle, `/` the underlap behind the needles. Gaps between needles are
+//! numbered as on tricot machines (0, 1, 2 …), or as in raschel charts (0, 2, 4 …), whose numbers
+//! are halved. Links after a course's second only time the movement on the machine (tempi) and have
+//! no geometry. Cost: linear in the text. Not promised: that a machine can knit the chain.
 
 use std::fmt;
 use std::ops::Range;
@@ -29,7 +30,8 @@ pub enum Numbering {
     Raschel,
 }
 
-/// One course of a bar: the guide swings through gap `from` and is overlapped to gap `to`.
+/// One course of a bar: the guide swings through gap `from` to the front of the needles, passes
+/// over to gap `to` (the overlap), and swings back.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Lap {
     /// The gap before the overlap.
@@ -69,7 +71,7 @@ impl Lap {
     }
 }
 
-/// A bar's lapping: one lap a course, repeated for ever.
+/// A bar's lapping: one lap a course, repeated without end.
 ///
 /// ```
 /// use warpknit_core::fabric::lapping::{Chain, Lap, Numbering};
@@ -84,14 +86,14 @@ pub struct Chain {
 }
 
 impl Chain {
-    /// Reads a chain. The end mark (`//`, `/`, `,` or nothing) is free, spaces may stand anywhere.
+    /// Reads a chain. It may end in `//`, `/`, `,` or nothing, and spaces may stand anywhere.
     ///
     /// # Errors
     /// The first fault in the text, with its span.
     pub fn parse(text: &str, numbering: Numbering) -> Result<Self, LappingError> {
         let courses = split(text)?;
         if courses.is_empty() {
-            return Err(LappingError { fault: Fault::Empty, span: 0..text.len() });
+            return Err(LappingError { fault: LappingFault::Empty, span: 0..text.len() });
         }
         let laps =
             courses.into_iter().map(|course| course.lap(numbering)).collect::<Result<_, _>>()?;
@@ -132,8 +134,24 @@ impl Chain {
     /// Lowest and highest gap.
     #[must_use]
     pub fn gaps(&self) -> (i32, i32) {
-        let gaps = || self.laps.iter().flat_map(|lap| [lap.from, lap.to]);
-        (gaps().min().expect("a chain has a lap"), gaps().max().expect("a chain has a lap"))
+        // The chain was checked to have a course, so neither is empty.
+        let lowest = self.laps.iter().map(|lap| lap.from.min(lap.to)).min();
+        let highest = self.laps.iter().map(|lap| lap.from.max(lap.to)).max();
+        (lowest.expect("a chain has a lap"), highest.expect("a chain has a lap"))
+    }
+
+    /// Whether the drive is on the left, so that a designer writes its gaps with the other sign.
+    ///
+    /// Only a chain that was read with its drive on the left has gaps below 0.
+    #[must_use]
+    pub fn counts_from_left(&self) -> bool {
+        self.gaps().0 < 0
+    }
+
+    /// The chain with gaps counted from the drive, never below 0.
+    #[must_use]
+    pub fn as_written(&self) -> Self {
+        if self.counts_from_left() { self.mirrored() } else { self.clone() }
     }
 
     /// The same lapping with the drive on the other side: gaps counted the other way.
@@ -152,23 +170,23 @@ impl fmt::Display for Chain {
     }
 }
 
-/// What is wrong with a chain, and where.
+/// A fault in a chain, and its place.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{fault}")]
 pub struct LappingError {
-    /// What is wrong.
-    pub fault: Fault,
+    /// The fault.
+    pub fault: LappingFault,
     /// The bytes of the text that are to blame.
     pub span: Range<usize>,
 }
 
-/// The ways in which a chain can be wrong.
+/// The faults that a chain can have.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Fault {
+pub enum LappingFault {
     /// No course at all.
     #[error("the chain is empty: write a course as two gaps, such as 1-0")]
     Empty,
-    /// Something that is no digit, `-`, `/` or `,`.
+    /// A character other than a digit, `-`, `/` or `,`.
     #[error("'{0}' is not a number: a chain holds gaps, '-', '/' and ',' alone")]
     NotANumber(char),
     /// `1-` or `-0` or `1--0`.
@@ -197,24 +215,39 @@ pub enum Fault {
     OddRaschelGap(i32),
 }
 
-/// A number of the text and where it stands.
+/// A number of the text and its place.
 struct Link {
     gap: i32,
     span: Range<usize>,
+}
+
+impl Link {
+    /// The gap as tricot machines number it.
+    fn number(&self, numbering: Numbering) -> Result<i32, LappingError> {
+        match numbering {
+            Numbering::Tricot => Ok(self.gap),
+            Numbering::Raschel if self.gap % 2 == 0 => Ok(self.gap / 2),
+            Numbering::Raschel => {
+                let fault = LappingFault::OddRaschelGap(self.gap);
+                Err(LappingError { fault, span: self.span.clone() })
+            }
+        }
+    }
 }
 
 /// The links of one course.
 #[derive(Default)]
 struct CourseText {
     links: Vec<Link>,
-    /// Position of a `-` that still waits for its right-hand link.
+    /// Position of a `-` whose right-hand link has not come yet.
     open_dash: Option<usize>,
 }
 
 impl CourseText {
     fn push(&mut self, link: Link) -> Result<(), LappingError> {
+        // After the first link each needs a dash of its own.
         if !self.links.is_empty() && self.open_dash.take().is_none() {
-            return Err(LappingError { fault: Fault::NoSeparator, span: link.span });
+            return Err(LappingError { fault: LappingFault::NoSeparator, span: link.span });
         }
         self.links.push(link);
         Ok(())
@@ -222,7 +255,7 @@ impl CourseText {
 
     fn dash(&mut self, at: usize) -> Result<(), LappingError> {
         if self.links.is_empty() || self.open_dash.is_some() {
-            return Err(LappingError { fault: Fault::MissingLink, span: at..at + 1 });
+            return Err(LappingError { fault: LappingFault::MissingLink, span: at..at + 1 });
         }
         self.open_dash = Some(at);
         Ok(())
@@ -231,13 +264,17 @@ impl CourseText {
     /// Ends the course: its links must be whole.
     fn finish(&self) -> Result<(), LappingError> {
         match (self.open_dash, self.links.as_slice()) {
-            (Some(at), _) => Err(LappingError { fault: Fault::MissingLink, span: at..at + 1 }),
-            (None, [only]) => {
-                Err(LappingError { fault: Fault::LoneLink(only.gap), span: only.span.clone() })
+            (Some(at), _) => {
+                Err(LappingError { fault: LappingFault::MissingLink, span: at..at + 1 })
             }
-            (None, links) if links.len() > MAX_LINKS => {
-                Err(LappingError { fault: Fault::TooManyLinks(links.len()), span: self.span() })
-            }
+            (None, [only]) => Err(LappingError {
+                fault: LappingFault::LoneLink(only.gap),
+                span: only.span.clone(),
+            }),
+            (None, links) if links.len() > MAX_LINKS => Err(LappingError {
+                fault: LappingFault::TooManyLinks(links.len()),
+                span: self.span(),
+            }),
             _ => Ok(()),
         }
     }
@@ -248,17 +285,14 @@ impl CourseText {
 
     /// The lap: links after the second are timing steps of tempi and have no geometry of their own.
     fn lap(&self, numbering: Numbering) -> Result<Lap, LappingError> {
-        let gap = |link: &Link| match numbering {
-            Numbering::Tricot => Ok(link.gap),
-            Numbering::Raschel if link.gap % 2 == 0 => Ok(link.gap / 2),
-            Numbering::Raschel => {
-                Err(LappingError { fault: Fault::OddRaschelGap(link.gap), span: link.span.clone() })
-            }
-        };
-        let lap = Lap { from: gap(&self.links[0])?, to: gap(&self.links[1])? };
+        let [from, to] = [&self.links[0], &self.links[1]].map(|link| link.number(numbering));
+        let lap = Lap { from: from?, to: to? };
         let needles = (lap.to - lap.from).abs();
         if needles > MAX_OVERLAP {
-            return Err(LappingError { fault: Fault::OverlapTooWide(needles), span: self.span() });
+            return Err(LappingError {
+                fault: LappingFault::OverlapTooWide(needles),
+                span: self.span(),
+            });
         }
         Ok(lap)
     }
@@ -270,9 +304,13 @@ fn split(text: &str) -> Result<Vec<CourseText>, LappingError> {
     let mut course = CourseText::default();
     let mut rest = text.char_indices().peekable();
     let mut ended = false;
+    // One pass from left to right; a course is complete at the separator after it.
     while let Some((at, c)) = rest.next() {
         if ended && c.is_ascii_digit() {
-            return Err(LappingError { fault: Fault::AfterEnd, span: at..text.trim_end().len() });
+            return Err(LappingError {
+                fault: LappingFault::AfterEnd,
+                span: at..text.trim_end().len(),
+            });
         }
         match c {
             '0'..='9' => {
@@ -287,6 +325,8 @@ fn split(text: &str) -> Result<Vec<CourseText>, LappingError> {
                 course.finish()?;
                 if !course.links.is_empty() {
                     courses.push(std::mem::take(&mut course));
+                // A separator right after another ends the chain; before the first course both are
+                // ignored.
                 } else if !courses.is_empty() {
                     ended = true;
                 }
@@ -294,7 +334,7 @@ fn split(text: &str) -> Result<Vec<CourseText>, LappingError> {
             c if c.is_whitespace() => {}
             c => {
                 return Err(LappingError {
-                    fault: Fault::NotANumber(c),
+                    fault: LappingFault::NotANumber(c),
                     span: at..at + c.len_utf8(),
                 });
             }
@@ -312,7 +352,7 @@ fn gap_number(digits: &str, at: usize) -> Result<i32, LappingError> {
     match digits.parse::<i32>() {
         Ok(gap) if gap <= MAX_GAP => Ok(gap),
         _ => Err(LappingError {
-            fault: Fault::GapTooHigh(digits.to_owned()),
+            fault: LappingFault::GapTooHigh(digits.to_owned()),
             span: at..at + digits.len(),
         }),
     }
@@ -323,7 +363,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn fault(text: &str) -> (Fault, Range<usize>) {
+    fn fault(text: &str) -> (LappingFault, Range<usize>) {
         let error = Chain::parse(text, Numbering::Tricot).unwrap_err();
         (error.fault, error.span)
     }
@@ -338,23 +378,23 @@ mod tests {
 
     #[test]
     fn every_fault_has_its_span() {
-        assert_eq!(fault(""), (Fault::Empty, 0..0));
-        assert_eq!(fault(" // "), (Fault::Empty, 0..4));
-        assert_eq!(fault("1-0/x-2"), (Fault::NotANumber('x'), 4..5));
-        assert_eq!(fault("1-0/1-é"), (Fault::NotANumber('é'), 6..8));
-        assert_eq!(fault("1-0/1-/"), (Fault::MissingLink, 5..6));
-        assert_eq!(fault("-0"), (Fault::MissingLink, 0..1));
-        assert_eq!(fault("1--0"), (Fault::MissingLink, 2..3));
-        assert_eq!(fault("1-0/12/"), (Fault::LoneLink(12), 4..6));
-        assert_eq!(fault("1 0"), (Fault::NoSeparator, 2..3));
-        assert_eq!(fault("1-0/1-2//3-4 "), (Fault::AfterEnd, 9..12));
-        assert_eq!(fault("1-0-0-0-0"), (Fault::TooManyLinks(5), 0..9));
-        assert_eq!(fault("0-4097"), (Fault::GapTooHigh("4097".into()), 2..6));
+        assert_eq!(fault(""), (LappingFault::Empty, 0..0));
+        assert_eq!(fault(" // "), (LappingFault::Empty, 0..4));
+        assert_eq!(fault("1-0/x-2"), (LappingFault::NotANumber('x'), 4..5));
+        assert_eq!(fault("1-0/1-é"), (LappingFault::NotANumber('é'), 6..8));
+        assert_eq!(fault("1-0/1-/"), (LappingFault::MissingLink, 5..6));
+        assert_eq!(fault("-0"), (LappingFault::MissingLink, 0..1));
+        assert_eq!(fault("1--0"), (LappingFault::MissingLink, 2..3));
+        assert_eq!(fault("1-0/12/"), (LappingFault::LoneLink(12), 4..6));
+        assert_eq!(fault("1 0"), (LappingFault::NoSeparator, 2..3));
+        assert_eq!(fault("1-0/1-2//3-4 "), (LappingFault::AfterEnd, 9..12));
+        assert_eq!(fault("1-0-0-0-0"), (LappingFault::TooManyLinks(5), 0..9));
+        assert_eq!(fault("0-4097"), (LappingFault::GapTooHigh("4097".into()), 2..6));
         assert_eq!(
             fault("0-99999999999999999999"),
-            (Fault::GapTooHigh("99999999999999999999".into()), 2..22)
+            (LappingFault::GapTooHigh("99999999999999999999".into()), 2..22)
         );
-        assert_eq!(fault("1-0/0-3//"), (Fault::OverlapTooWide(3), 4..7));
+        assert_eq!(fault("1-0/0-3//"), (LappingFault::OverlapTooWide(3), 4..7));
     }
 
     #[test]
@@ -362,7 +402,7 @@ mod tests {
         let raschel = Chain::parse("2-0/2-4//", Numbering::Raschel).unwrap();
         assert_eq!(raschel.to_string(), "1-0/1-2//");
         let odd = Chain::parse("2-1//", Numbering::Raschel).unwrap_err();
-        assert_eq!((odd.fault, odd.span), (Fault::OddRaschelGap(1), 2..3));
+        assert_eq!((odd.fault, odd.span), (LappingFault::OddRaschelGap(1), 2..3));
     }
 
     #[test]
@@ -384,7 +424,8 @@ mod tests {
     proptest! {
         #[test]
         fn print_and_parse_round_trip(laps in prop::collection::vec((0..=MAX_GAP, -2..=2), 1..40)) {
-            let laps = laps.into_iter().map(|(from, by): (i32, i32)| Lap { from, to: (from + by).clamp(0, MAX_GAP) }).collect();
+            let lap = |(from, by): (i32, i32)| Lap { from, to: (from + by).clamp(0, MAX_GAP) };
+            let laps = laps.into_iter().map(lap).collect();
             let chain = Chain { laps };
             prop_assert_eq!(Chain::parse(&chain.to_string(), Numbering::Tricot).unwrap(), chain);
         }
@@ -393,7 +434,8 @@ mod tests {
         fn no_text_panics(text in "[0-9/,\\- xé]{0,60}|.{0,40}") {
             if let Err(error) = Chain::parse(&text, Numbering::Raschel) {
                 prop_assert!(error.span.start <= error.span.end && error.span.end <= text.len());
-                prop_assert!(text.is_char_boundary(error.span.start) && text.is_char_boundary(error.span.end));
+                prop_assert!(text.is_char_boundary(error.span.start));
+                prop_assert!(text.is_char_boundary(error.span.end));
             }
         }
     }

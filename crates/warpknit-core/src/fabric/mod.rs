@@ -1,9 +1,9 @@
-//! Fabrics as a designer names them: guide bars with their lapping, threading and yarn, and the
-//! densities.
+//! Fabrics as a designer names them: the structure of their yarns, and the densities of the cloth.
 //!
 //! In: a TOML file ([`Fabric::read`]) or a built-in name ([`Fabric::named`]). Out: a checked
-//! [`Fabric`]. Lengths that are drawn follow from it ([`Fabric::radius`]), weights always from the
-//! yarn's count.
+//! [`Fabric`], which is a warp knit, a weft knit or laid cloth ([`Structure`]). The drawn radius of
+//! its yarns follows from the densities ([`Fabric::radius`]); masses always follow from the yarns'
+//! counts.
 
 mod bar;
 pub mod builtin;
@@ -12,53 +12,40 @@ mod dimensions;
 mod error;
 mod file;
 pub mod lapping;
+mod limits;
 pub mod motif;
+mod structure;
 pub mod threading;
 pub mod yarn;
 
 use std::fmt;
-use std::path;
+use std::path::Path;
 
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 
 use file::{FabricFile, in_range};
 use lapping::Numbering;
-use motif::Motif;
 use threading::Threading;
+use yarn::Yarn;
 
-pub use bar::{Bar, BarKind};
+pub use bar::{Bar, Lay};
 pub use checks::Needles;
 pub use dimensions::Dimensions;
-pub use error::{FabricError, Fault, Place};
-
-/// The longest common repeat of all bars, courses.
-pub const MAX_REPEAT: usize = 10_000;
-/// The longest common repeat of all threadings, guides.
-pub const MAX_THREADING: usize = 1_000;
-/// The most guide bars; machines have up to some 80, most of them for a few patterning threads.
-pub const MAX_BARS: usize = 100;
-
-/// The most needles of the common repeat, over all of its courses and bars: each is looked at for
-/// warnings.
-pub const MAX_LAPS: usize = 10_000_000;
-/// The most loops of a weft knit's common repeat: all are laid out, and take a kilobyte each.
-pub const MAX_LOOPS: usize = 1_000_000;
-
-/// The most points of a laid strand's path.
-pub const MAX_PATH: usize = 1_000;
+pub use error::{FabricError, FabricFault, Place};
+pub use limits::{MAX_BARS, MAX_LAPS, MAX_LOOPS, MAX_PATH, MAX_REPEAT, MAX_THREADING};
+pub use structure::{
+    Feeder, LaidCloth, LaidStrand, StrandDirection, Structure, WarpKnit, WeftKnit,
+};
 
 const INCH_IN_CM: f64 = 2.54;
-/// The thickest radius that leaves a loop open, over W and over C.
+
+// The thickest radius for which knits are laid out, over W and over C. At a radius of 0.14 W the
+// lower legs of a loop would touch each other (w2 of the stitch), and no other yarn could pass
+// between them.
 const THICKEST_ACROSS: f64 = 0.12;
 const THICKEST_ALONG: f64 = 0.2;
 
-/// How the yarn of a laid strand runs through its cell: x and y in cells, counted from its lower
-/// left corner, z in mm before [`Fabric::enlargement`]. From the last point it goes on to the first
-/// one of the next cell.
-pub type Path = Vec<DVec3>;
-
-/// A fabric: warp knit by guide bars, weft knit by feeders after a motif, or laid as its strands'
-/// paths say, in cells of one wale and one course.
+/// A fabric: the structure of its yarns, and how densely they lie in the cloth.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fabric {
     /// The name by which the command line knows it.
@@ -72,19 +59,12 @@ pub struct Fabric {
     pub gauge: Option<f64>,
     /// Courses per centimetre of the finished cloth.
     pub courses_per_cm: f64,
-    /// The shape of its stitches.
-    pub stitch: Dimensions,
-    /// Guide bars, front first (bar 1 = front guide bar, nearest the technical back); of a weft
-    /// knit its feeders, of laid cloth its strands.
-    pub bars: Vec<Bar>,
-    /// Which loop stands where in a weft knit; none in others.
-    pub motif: Option<Motif>,
-    /// Of laid cloth the path of each of [`Fabric::bars`]; none in a knit.
-    pub paths: Vec<Path>,
+    /// Its yarns, and how they are knitted or laid.
+    pub structure: Structure,
     /// Panels on which it lies otherwise than along the garment's grain from the lowest-left
     /// corner.
     pub panels: Vec<PanelLayout>,
-    /// How many times the yarns are drawn larger than their count says: cloth shown at another
+    /// How many times the yarns are drawn larger than their count says, for cloth shown at another
     /// scale.
     pub enlargement: f64,
 }
@@ -94,32 +74,40 @@ pub struct Fabric {
 pub struct PanelLayout {
     /// Index of the panel in [`crate::garment::Garment::panels`].
     pub panel: usize,
-    /// Turns the panel's wales, degrees, counter-clockwise seen from the technical face, on top of
-    /// the garment's grain.
+    /// The angle of the panel's wales, degrees, counter-clockwise seen from the technical face, on
+    /// top of the garment's grain.
     pub grain_degrees: f64,
-    /// Where gap 0 of course 0 lies, mm from the lowest-left corner of the panel once its wales run
-    /// upward.
+    /// Position of gap 0 of course 0, mm from the lowest-left corner of the panel once its wales
+    /// run upward.
     pub origin: DVec2,
 }
 
 impl Fabric {
-    /// The built-in fabric of that name.
+    /// The built-in fabric of that name; [`builtin::names`] lists them.
     ///
     /// # Errors
-    /// [`Fault::Unknown`].
+    /// [`FabricFault::Unknown`].
+    ///
+    /// ```
+    /// use warpknit_core::fabric::Fabric;
+    /// let tricot = Fabric::named("tricot")?;
+    /// assert_eq!((tricot.yarn_systems(), tricot.repeat()), (2, 2));
+    /// assert!(Fabric::named("tweed").is_err());
+    /// # Ok::<(), warpknit_core::fabric::FabricError>(())
+    /// ```
     pub fn named(name: &str) -> Result<Self, FabricError> {
-        let text = builtin::text(name).ok_or_else(|| Fault::Unknown(name.to_owned()))?;
+        let text = builtin::text(name).ok_or_else(|| FabricFault::Unknown(name.to_owned()))?;
         Self::parse(text)
     }
 
-    /// Reads a fabric file; the paths of textures in it start from its folder.
+    /// Reads a fabric file. Relative paths of textures in it start from its folder.
     ///
     /// # Errors
-    /// What is wrong with it; the caller knows the file's name.
-    pub fn read(path: &path::Path) -> Result<Self, FabricError> {
-        let mut fabric = Self::parse(&std::fs::read_to_string(path).map_err(Fault::Io)?)?;
-        let folder = path.parent().unwrap_or(path::Path::new(""));
-        for texture in fabric.bars.iter_mut().filter_map(|bar| bar.yarn.texture.as_mut()) {
+    /// The first fault in it. The caller knows the file's name.
+    pub fn read(path: &Path) -> Result<Self, FabricError> {
+        let mut fabric = Self::parse(&std::fs::read_to_string(path).map_err(FabricFault::Io)?)?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        for texture in fabric.structure.yarns_mut().filter_map(|yarn| yarn.texture.as_mut()) {
             *texture = folder.join(&*texture);
         }
         Ok(fabric)
@@ -128,16 +116,32 @@ impl Fabric {
     /// Reads a fabric from TOML.
     ///
     /// # Errors
-    /// The first thing that is wrong.
+    /// The first fault in it.
+    ///
+    /// ```
+    /// use warpknit_core::fabric::Fabric;
+    /// let pillar = Fabric::parse(r##"
+    ///     name = "pillar"
+    ///     wales_per_cm = 8
+    ///     courses_per_cm = 12
+    ///     [[bars]]
+    ///     lapping = "1-0/0-1//"
+    ///     yarn = { count = "110 dtex", density = 1.38, packing = 0.65, color = "#d8d0c0" }
+    /// "##)?;
+    /// assert_eq!(pillar.wale_spacing(), 1.25);
+    /// assert!(pillar.warnings().is_empty());
+    /// # Ok::<(), warpknit_core::fabric::FabricError>(())
+    /// ```
     pub fn parse(text: &str) -> Result<Self, FabricError> {
         file::parse(text)
     }
 
-    /// The fabric with other bars, of these chains (or `weft`) and threadings, front first, as the
-    /// command line gives them.
+    /// A warp knit of these chains (or `weft`) and threadings, front first, as the command line
+    /// gives them.
     ///
-    /// Densities and yarns stay: each bar has the yarn of this fabric's bar in its place, or of the
-    /// last. Without threadings all are full, and the last one is that of all bars after it.
+    /// Densities and yarns stay: each bar has the yarn of this fabric's yarn system in its place,
+    /// or of the last one. Without threadings all are full, and the last threading is that of all
+    /// bars after it.
     ///
     /// # Errors
     /// A chain or a threading that can't be read, under the name of its flag, or too much of
@@ -145,7 +149,8 @@ impl Fabric {
     ///
     /// ```
     /// use warpknit_core::fabric::Fabric;
-    /// let satin = Fabric::named("tricot")?.with_chains(&["3-4/1-0".into(), "1-0/1-2".into()], &[])?;
+    /// let chains = ["3-4/1-0".to_owned(), "1-0/1-2".to_owned()];
+    /// let satin = Fabric::named("tricot")?.with_chains(&chains, &[])?;
     /// assert_eq!(satin.name, "3-4/1-0// + 1-0/1-2//");
     /// # Ok::<(), warpknit_core::fabric::FabricError>(())
     /// ```
@@ -154,71 +159,53 @@ impl Fabric {
         chains: &[String],
         threadings: &[String],
     ) -> Result<Self, FabricError> {
-        let threading = |text: &String| {
-            bar::read_threading("--threading", text).map_err(|fault| fault.in_own(text))
-        };
-        let threadings = threadings.iter().map(threading).collect::<Result<Vec<_>, _>>()?;
-        let last = self.bars.last().ok_or(Fault::NoBars)?;
-        let bar = |(index, text): (usize, &String)| {
-            let (kind, chain) = bar::read_lapping("--lapping", text, Numbering::default())
+        // Threadings first: a fault in one is reported before a fault in a chain.
+        let mut read = Vec::with_capacity(threadings.len());
+        for text in threadings {
+            let threading = bar::read_threading("--threading", text);
+            read.push(threading.map_err(|fault| fault.in_own(text))?);
+        }
+        let last = self.yarns().last().ok_or(FabricFault::NoBars)?;
+        let mut bars = Vec::with_capacity(chains.len());
+        for (index, text) in chains.iter().enumerate() {
+            let lay = bar::read_lapping("--lapping", text, Numbering::default())
                 .map_err(|fault| fault.in_own(text))?;
-            let threading = threadings
-                .get(index)
-                .or(threadings.last())
-                .cloned()
-                .unwrap_or_else(Threading::full);
-            let yarn = self.bars.get(index).unwrap_or(last).yarn.clone();
-            Ok(Bar { chain, threading, yarn, kind })
+            let threading = read.get(index).or(read.last()).cloned();
+            bars.push(Bar {
+                lay,
+                threading: threading.unwrap_or_else(Threading::full),
+                yarn: self.yarns().nth(index).unwrap_or(last).clone(),
+            });
+        }
+        let stitch = match &self.structure {
+            Structure::Warp(knit) => knit.stitch,
+            Structure::Weft(_) | Structure::Laid(_) => Dimensions::default(),
         };
-        let bars = chains.iter().enumerate().map(bar).collect::<Result<Vec<_>, FabricError>>()?;
-        let name = bars.iter().map(Bar::lapping).collect::<Vec<_>>().join(" + ");
-        let fabric =
-            Self { name, about: String::new(), bars, motif: None, paths: Vec::new(), ..self };
+        let fabric = Self {
+            name: bars.iter().map(Bar::lapping).collect::<Vec<_>>().join(" + "),
+            about: String::new(),
+            structure: Structure::Warp(WarpKnit { bars, stitch }),
+            ..self
+        };
         fabric.check_repeats()?;
         Ok(fabric)
-    }
-
-    /// Refuses more bars and longer repeats than can be knitted.
-    fn check_repeats(&self) -> Result<(), Fault> {
-        let (courses, guides) = (self.repeat(), self.threading_repeat());
-        // Of feeders one alone knits each course.
-        let (bars, most) =
-            if self.motif.is_some() { (1, MAX_LOOPS) } else { (self.bars.len(), MAX_LAPS) };
-        match self.bars.len() {
-            0 if self.motif.is_some() => Err(Fault::NoFeeders),
-            0 => Err(Fault::NoBars),
-            bars if bars > MAX_BARS => Err(Fault::TooManyBars(bars)),
-            _ if courses > MAX_REPEAT => Err(Fault::RepeatTooLong(courses)),
-            _ if guides > MAX_THREADING => Err(Fault::ThreadingTooLong(guides)),
-            _ if guides * courses * bars > most => {
-                Err(Fault::RepeatTooLarge { wales: guides, courses, bars, most })
-            }
-            _ => self.check_feeders(),
-        }
-    }
-
-    /// Refuses courses of a weft knit that not exactly one feeder knits.
-    fn check_feeders(&self) -> Result<(), Fault> {
-        if self.motif.is_none() {
-            return Ok(());
-        }
-        for (course, number) in (0_i64..).zip(1..=self.repeat()) {
-            let count = self.bars.iter().filter(|feeder| feeder.loops_on(0, course)).count();
-            if count != 1 {
-                return Err(Fault::Feeders { course: number, count });
-            }
-        }
-        Ok(())
     }
 
     /// The same cloth at other densities, the yarns drawn in the same proportion to the wale
     /// spacing.
     ///
-    /// A named fabric is a look: at a tenth of its wales its true yarns would be hairlines. Weights
+    /// A named fabric is a look: at a tenth of its wales its true yarns would be hairlines. Masses
     /// still follow the count.
     ///
     /// # Errors
-    /// [`Fault::Range`] where a density is not positive.
+    /// [`FabricFault::Range`] where a density is not positive.
+    ///
+    /// ```
+    /// use warpknit_core::fabric::Fabric;
+    /// let coarse = Fabric::named("tricot")?.at_densities(2.0, 3.0)?;
+    /// assert_eq!(coarse.wale_spacing(), 5.0);
+    /// # Ok::<(), warpknit_core::fabric::FabricError>(())
+    /// ```
     pub fn at_densities(
         mut self,
         wales_per_cm: f64,
@@ -226,6 +213,7 @@ impl Fabric {
     ) -> Result<Self, FabricError> {
         in_range("wales_per_cm", wales_per_cm, file::DENSITY)?;
         in_range("courses_per_cm", courses_per_cm, file::DENSITY)?;
+        // Drawn radii grow with the wale spacing, so that the loops keep their shape.
         self.enlargement *= self.wales_per_cm / wales_per_cm;
         self.wales_per_cm = wales_per_cm;
         self.gauge = None;
@@ -233,10 +221,73 @@ impl Fabric {
         Ok(self)
     }
 
-    /// Whether its yarns lie as paths say.
+    /// The yarn of each yarn system (guide bar, feeder or laid strand), front first.
+    ///
+    /// ```
+    /// use warpknit_core::fabric::Fabric;
+    /// let locknit = Fabric::named("locknit")?;
+    /// assert!(locknit.yarns().all(|yarn| yarn.count.tex() == 4.4));
+    /// # Ok::<(), warpknit_core::fabric::FabricError>(())
+    /// ```
+    pub fn yarns(&self) -> impl ExactSizeIterator<Item = &Yarn> + Clone {
+        (0..self.yarn_systems()).map(|system| self.structure.yarn(system))
+    }
+
+    /// The yarn of one system.
+    ///
+    /// # Panics
+    /// If there is no such system.
+    #[must_use]
+    pub fn yarn(&self, system: usize) -> &Yarn {
+        self.structure.yarn(system)
+    }
+
+    /// How many yarn systems it has: guide bars, feeders or laid strands.
+    #[must_use]
+    pub fn yarn_systems(&self) -> usize {
+        self.structure.yarn_systems()
+    }
+
+    /// How a yarn system is laid, as a designer writes it: see [`Structure::lapping`].
+    ///
+    /// # Panics
+    /// If there is no such system.
+    #[must_use]
+    pub fn lapping(&self, system: usize) -> String {
+        self.structure.lapping(system)
+    }
+
+    /// The warp knit that it is, if it is one.
+    #[must_use]
+    pub fn warp_knit(&self) -> Option<&WarpKnit> {
+        match &self.structure {
+            Structure::Warp(knit) => Some(knit),
+            Structure::Weft(_) | Structure::Laid(_) => None,
+        }
+    }
+
+    /// The weft knit that it is, if it is one.
+    #[must_use]
+    pub fn weft_knit(&self) -> Option<&WeftKnit> {
+        match &self.structure {
+            Structure::Weft(knit) => Some(knit),
+            Structure::Warp(_) | Structure::Laid(_) => None,
+        }
+    }
+
+    /// The laid cloth that it is, if it is one.
+    #[must_use]
+    pub fn laid_cloth(&self) -> Option<&LaidCloth> {
+        match &self.structure {
+            Structure::Laid(cloth) => Some(cloth),
+            Structure::Warp(_) | Structure::Weft(_) => None,
+        }
+    }
+
+    /// Whether its yarns lie on given paths and nothing is knitted.
     #[must_use]
     pub fn is_laid(&self) -> bool {
-        !self.paths.is_empty()
+        self.laid_cloth().is_some()
     }
 
     /// Wale spacing W, mm.
@@ -254,45 +305,42 @@ impl Fabric {
     /// The radius for which all of the fabric's yarns are laid out, and with which the thickest is
     /// drawn, mm.
     ///
-    /// It is the thickest yarn's own, but in a knit no more than what leaves a loop open. The
-    /// layout takes one radius for all bars, so that their layers stay apart.
+    /// It is the thickest yarn's own, but in a knit at most the radius that leaves a loop open. The
+    /// layout takes one radius for all yarn systems, so that their layers stay apart.
     #[must_use]
     pub fn radius(&self) -> f64 {
         let radius = self.true_radius() * self.enlargement;
-        if self.is_laid() {
-            return radius;
+        match self.structure {
+            Structure::Warp(_) | Structure::Weft(_) => radius
+                .min(THICKEST_ACROSS * self.wale_spacing())
+                .min(THICKEST_ALONG * self.course_spacing()),
+            Structure::Laid(_) => radius,
         }
-        radius
-            .min(THICKEST_ACROSS * self.wale_spacing())
-            .min(THICKEST_ALONG * self.course_spacing())
     }
 
-    /// Each bar's drawn radius over the thickest one's: yarns keep their proportions whatever the
-    /// radius they are laid out for.
+    /// The drawn radius of each system's yarn over that of the thickest: yarns keep their
+    /// proportions, whatever the radius they are laid out for.
     #[must_use]
     pub fn thickness(&self) -> Vec<f64> {
-        self.bars.iter().map(|bar| bar.yarn.diameter() / 2.0 / self.true_radius()).collect()
+        self.yarns().map(|yarn| yarn.diameter() / 2.0 / self.true_radius()).collect()
     }
 
     /// The thickest yarn's radius by its count, mm.
     #[must_use]
     pub fn true_radius(&self) -> f64 {
-        self.bars.iter().map(|bar| bar.yarn.diameter() / 2.0).fold(0.0, f64::max)
+        self.yarns().map(|yarn| yarn.diameter() / 2.0).fold(0.0, f64::max)
     }
 
-    /// Courses after which all bars repeat together.
+    /// Courses after which all yarn systems repeat together.
     #[must_use]
     pub fn repeat(&self) -> usize {
-        let motif = self.motif.as_ref().map_or(1, Motif::courses);
-        self.bars.iter().fold(motif, |repeat, bar| least_common_multiple(repeat, bar.courses()))
+        self.structure.repeat()
     }
 
-    /// Guides after which all threadings repeat together; of a weft knit the motif's wales. Wefts
-    /// count courses and not guides, and so are left out.
+    /// Wales after which all yarn systems repeat together: see [`Structure::threading_repeat`].
     #[must_use]
     pub fn threading_repeat(&self) -> usize {
-        let motif = self.motif.as_ref().map_or(1, Motif::wales);
-        self.bars.iter().fold(motif, |repeat, bar| least_common_multiple(repeat, bar.guides()))
+        self.structure.threading_repeat()
     }
 }
 
@@ -305,17 +353,13 @@ impl fmt::Display for Fabric {
     }
 }
 
-fn least_common_multiple(a: usize, b: usize) -> usize {
-    let (mut x, mut y) = (a, b);
-    while y != 0 {
-        (x, y) = (y, x % y);
-    }
-    (a / x).saturating_mul(b)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn bars(fabric: &Fabric) -> &[Bar] {
+        &fabric.warp_knit().unwrap().bars
+    }
 
     #[test]
     fn built_in_fabrics_read_print_and_read_again() {
@@ -335,23 +379,24 @@ mod tests {
             .replace("\"1-2/1-0//\"", "\"1-2/1-0//\"\ndrive = \"left\"");
         let text = text.replacen("drive = \"right\"\n", "", 1);
         let fabric = Fabric::parse(&text).unwrap();
-        assert_eq!(fabric.bars[0].chain.gaps(), (-2, 0));
+        assert_eq!(bars(&fabric)[0].gaps(), (-2, 0));
         assert_eq!(Fabric::parse(&fabric.to_string()).unwrap(), fabric);
     }
 
     #[test]
     fn a_left_hand_drive_is_the_mirror_image() {
         let bar = |drive: &str| {
-            let yarn = "yarn = { count = \"44 dtex\", density = 1.38, packing = 0.65, color = \"#ffffff\" }";
-            let bars = format!(
+            let yarn = "yarn = { count = \"44 dtex\", density = 1.38, packing = 0.65, \
+                        color = \"#ffffff\" }";
+            let table = format!(
                 "[[bars]]\nlapping = \"1-0/1-2//\"\nthreading = \"II.\"\n{drive}\n{yarn}\n"
             );
             let fabric = Fabric::parse(&format!(
-                "name = \"t\"\nwales_per_cm = 10.0\ncourses_per_cm = 10.0\n{bars}"
+                "name = \"t\"\nwales_per_cm = 10.0\ncourses_per_cm = 10.0\n{table}"
             ))
             .unwrap();
             assert!(!fabric.warnings().iter().any(|warning| warning.contains("no gap 0")));
-            fabric.bars[0].clone()
+            bars(&fabric)[0].clone()
         };
         let (right, left) = (bar(""), bar("drive = \"left\""));
         for course in 0..2 {
@@ -371,68 +416,11 @@ mod tests {
         let text = Fabric::named("tricot").unwrap().to_string().replacen("1-2/1-0//", "weft", 1);
         let fabric =
             Fabric::parse(&text.replacen("threading = \"I\"", "threading = \"I..\"", 1)).unwrap();
-        let weft = &fabric.bars[0];
-        assert!(weft.kind == BarKind::Weft && weft.chain.is_inlay() && !weft.loops_on(0, 0));
+        let weft = &bars(&fabric)[0];
+        assert!(weft.lay == Lay::Weft && weft.is_inlay() && !weft.loops_on(0, 0));
         assert_eq!((fabric.repeat(), fabric.threading_repeat()), (6, 1));
         assert!(fabric.to_string().contains("lapping = \"weft\""));
         assert_eq!(Fabric::parse(&fabric.to_string()).unwrap(), fabric);
-    }
-
-    fn threading(marks: usize) -> String {
-        format!("threading = \"{}\"", "I".repeat(marks))
-    }
-
-    #[test]
-    fn too_much_of_anything_is_refused() {
-        let good = Fabric::named("tricot").unwrap().to_string();
-        let long = good.replacen("threading = \"I\"", &threading(997), 1).replacen(
-            "threading = \"I\"",
-            &threading(1009),
-            1,
-        );
-        assert!(matches!(
-            Fabric::parse(&long),
-            Err(FabricError { fault: Fault::ThreadingTooLong(_), .. })
-        ));
-        let bars = good[good.find("[[bars]]").unwrap()..].repeat(60);
-        assert!(matches!(
-            Fabric::parse(&(good + "\n" + &bars)),
-            Err(FabricError { fault: Fault::TooManyBars(122), .. })
-        ));
-    }
-
-    #[test]
-    fn a_repeat_that_takes_minutes_or_gigabytes_is_refused() {
-        let good = Fabric::named("tricot").unwrap().to_string();
-        let bars = good[good.find("[[bars]]").unwrap()..].repeat(10);
-        let warp = good.replacen("1-2/1-0//", &"1-2/1-0/".repeat(3_000), 1).replacen(
-            "threading = \"I\"",
-            &threading(900),
-            1,
-        );
-        let warp = warp + "\n" + &bars;
-        assert!(matches!(
-            Fabric::parse(&warp),
-            Err(FabricError { fault: Fault::RepeatTooLarge { bars: 22, .. }, .. })
-        ));
-        let feeder = &good[good.find("[bars.yarn]").unwrap()..good.rfind("[[bars]]").unwrap()]
-            .replace("bars", "feeders");
-        let head = format!(
-            "name = \"w\"\nkind = \"weft\"\nwales_per_cm = 7.0\ncourses_per_cm = 8.0\nchart = \"{}\"\n",
-            "k".repeat(500)
-        );
-        let weft = |courses: usize| {
-            format!("{head}[[feeders]]\ncourses = \"{}\"\n{feeder}", "I".repeat(courses))
-        };
-        assert!(Fabric::parse(&weft(2_000)).is_ok());
-        let refused = Fabric::parse(&weft(2_001));
-        assert!(
-            matches!(
-                refused,
-                Err(FabricError { fault: Fault::RepeatTooLarge { bars: 1, .. }, .. })
-            ),
-            "{refused:?}"
-        );
     }
 
     #[test]
@@ -454,10 +442,10 @@ mod tests {
             .with_chains(&strings(&["2-1/1-2", "1-0/1-2", "weft"]), &strings(&["I."]))
             .unwrap();
         assert_eq!(net.name, "2-1/1-2// + 1-0/1-2// + weft");
-        let yarns: Vec<_> = net.bars.iter().map(|bar| bar.yarn.color).collect();
-        assert_eq!(yarns, [0, 1, 1].map(|bar: usize| tricot.bars[bar].yarn.color));
-        assert!(net.bars.iter().all(|bar| bar.threading.to_string() == "I."));
-        assert_eq!((net.wales_per_cm, net.bars[2].kind), (tricot.wales_per_cm, BarKind::Weft));
+        let yarns: Vec<_> = net.yarns().map(|yarn| yarn.color).collect();
+        assert_eq!(yarns, [0, 1, 1].map(|bar| tricot.yarn(bar).color));
+        assert!(bars(&net).iter().all(|bar| bar.threading.to_string() == "I."));
+        assert_eq!((net.wales_per_cm, &bars(&net)[2].lay), (tricot.wales_per_cm, &Lay::Weft));
 
         let wrong = tricot.clone().with_chains(&strings(&["1-0", "1-0/1-7"]), &[]).unwrap_err();
         assert_eq!(
@@ -477,7 +465,7 @@ mod tests {
             .at_densities(fabric.wales_per_cm / 10.0, fabric.courses_per_cm / 10.0)
             .unwrap();
         assert!((coarse.radius() - 10.0 * fabric.radius()).abs() < 1e-12);
-        assert_eq!(coarse.bars, fabric.bars);
+        assert_eq!(coarse.structure, fabric.structure);
         assert!(fabric.at_densities(0.0, 1.0).is_err());
     }
 

@@ -1,9 +1,9 @@
-//! Motifs of weft-knit fabric: which loop stands at each wale and course, as a chart that a
-//! designer draws.
+//! Motifs of weft-knit fabric: the loop at each wale and course, as a chart that a designer draws.
 //!
-//! In: rows of letters, the last course on top, and a legend of what each letter is. Out: a checked
-//! [`Motif`], repeated for ever across and along; or a [`MotifError`] with the byte span that is
-//! wrong. A run of one cable letter is as many crossings as fit into it.
+//! In: rows of letters, the last course on top, and a legend of their meanings. Out: a checked
+//! [`Motif`], repeated without end across and along; or a [`MotifError`] with the byte span of the
+//! fault. A run of one cable letter holds as many crossings as fit into it. Cost: linear in the
+//! chart. Not promised: tucks, floats and transfers other than cables have no letters.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -15,12 +15,12 @@ pub const MOST_SIDE: usize = 1_000;
 /// The most wales of either side of a cable.
 pub const MOST_CROSSED: u32 = 12;
 
-/// What a letter of the chart stands for.
+/// The meaning of a letter of the chart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Symbol {
     /// A loop whose legs show on the technical face.
     Face,
-    /// A loop whose legs show on the technical back: a purl.
+    /// A loop whose legs show on the technical back: a purl stitch.
     Reverse,
     /// Face loops whose heads change places: those of `front` wales pass in front of those of
     /// `behind`.
@@ -29,12 +29,12 @@ pub enum Symbol {
         front: u32,
         /// Wales that cross behind them.
         behind: u32,
-        /// Which way the front ones lean, from the bottom up, seen from the technical face.
+        /// The side to which the front ones lean, from the bottom up, seen from the technical face.
         lean: Lean,
     },
 }
 
-/// A way sideways.
+/// The side to which a crossing leans.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lean {
     /// Toward lower wales.
@@ -45,26 +45,34 @@ pub enum Lean {
 
 /// One loop of a motif.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Cell {
-    /// Whether its legs show on the technical back.
+pub struct ChartCell {
+    /// Whether its legs show on the technical back, and not on the face.
     pub reverse: bool,
-    /// By how many wales its head is carried to the right.
+    /// Wales by which its head is carried to the right; negative to the left.
     pub carried: i32,
-    /// 1 where it is carried in front of others, -1 behind, 0 where it isn't carried.
+    /// 1 where its head passes in front of others, -1 behind them, 0 where it is not carried.
     pub layer: i32,
 }
 
-/// A motif: rows of loops.
+/// A motif: rows of loops, repeated across and along.
+///
+/// ```
+/// use std::collections::BTreeMap;
+/// use warpknit_core::fabric::motif::Motif;
+/// let rib = Motif::parse("kp", &BTreeMap::new()).unwrap();
+/// assert_eq!((rib.wales(), rib.courses()), (2, 1));
+/// assert!(!rib.cell(0, 0).reverse && rib.cell(3, 7).reverse);
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Motif {
     /// The chart as written, last course first.
     rows: Vec<String>,
     legend: BTreeMap<char, Symbol>,
     wales: usize,
-    /// The most wales that a head is carried.
+    /// The most wales by which a head is carried.
     reach: i32,
     /// First course first, wale after wale.
-    cells: Vec<Cell>,
+    cells: Vec<ChartCell>,
 }
 
 impl Motif {
@@ -77,6 +85,7 @@ impl Motif {
     pub fn parse(chart: &str, legend: &BTreeMap<char, Symbol>) -> Result<Self, MotifError> {
         let mut known = BTreeMap::from([('k', Symbol::Face), ('p', Symbol::Reverse)]);
         known.extend(legend);
+        // Rows with the byte at which each starts: errors point into the chart as written.
         let mut rows: Vec<(usize, &str)> = Vec::new();
         let mut start = 0;
         for line in chart.split('\n') {
@@ -86,16 +95,19 @@ impl Motif {
             }
             start += line.len() + 1;
         }
-        let Some(&(_, first)) = rows.first() else { return Err(Fault::Empty.at(0..chart.len())) };
+        let Some(&(_, first)) = rows.first() else {
+            return Err(MotifFault::Empty.at(0..chart.len()));
+        };
         let wales = first.chars().count();
         if wales > MOST_SIDE || rows.len() > MOST_SIDE {
-            return Err(Fault::TooLarge { wales, courses: rows.len() }.at(0..chart.len()));
+            return Err(MotifFault::TooLarge { wales, courses: rows.len() }.at(0..chart.len()));
         }
         let mut cells = Vec::with_capacity(wales * rows.len());
+        // Charts are drawn as the cloth hangs, so the first course is the lowest row.
         for &(start, row) in rows.iter().rev() {
             let count = row.chars().count();
             if count != wales {
-                return Err(Fault::Ragged { count, wales }.at(start..start + row.len()));
+                return Err(MotifFault::Ragged { count, wales }.at(start..start + row.len()));
             }
             add_row(row, start, &known, &mut cells)?;
         }
@@ -116,17 +128,13 @@ impl Motif {
         self.rows.len()
     }
 
-    /// The loop at a wale and a course, counted from the motif's lower left.
+    /// The loop at a wale and a course, counted from the lower left of one repeat.
     #[must_use]
-    pub fn cell(&self, wale: i64, course: i64) -> Cell {
-        let wrap = |at: i64, count: usize| {
-            let count = i64::try_from(count).expect("motifs are small");
-            usize::try_from(at.rem_euclid(count)).expect("a remainder is not negative")
-        };
-        self.cells[wrap(course, self.courses()) * self.wales + wrap(wale, self.wales)]
+    pub fn cell(&self, wale: i64, course: i64) -> ChartCell {
+        self.cells[wrapped(course, self.courses()) * self.wales + wrapped(wale, self.wales)]
     }
 
-    /// The most wales that a head is carried; 0 without cables.
+    /// The most wales by which a head is carried; 0 without cables.
     #[must_use]
     pub fn reach(&self) -> i32 {
         self.reach
@@ -138,11 +146,17 @@ impl Motif {
         &self.rows
     }
 
-    /// What its letters stand for, beside `k` and `p`.
+    /// The meanings of its letters other than `k` and `p`.
     #[must_use]
     pub fn legend(&self) -> &BTreeMap<char, Symbol> {
         &self.legend
     }
+}
+
+/// A place within one repeat of `count` places.
+fn wrapped(at: i64, count: usize) -> usize {
+    let count = i64::try_from(count).expect("motifs are small");
+    usize::try_from(at.rem_euclid(count)).expect("a remainder is not negative")
 }
 
 /// Appends a row's loops.
@@ -150,19 +164,19 @@ fn add_row(
     row: &str,
     start: usize,
     legend: &BTreeMap<char, Symbol>,
-    cells: &mut Vec<Cell>,
+    cells: &mut Vec<ChartCell>,
 ) -> Result<(), MotifError> {
     let letters: Vec<(usize, char)> = row.char_indices().collect();
     let mut at = 0;
     while let Some(&(byte, letter)) = letters.get(at) {
         let span = start + byte..start + byte + letter.len_utf8();
         let Some(&symbol) = legend.get(&letter) else {
-            return Err(Fault::Unknown(letter).at(span));
+            return Err(MotifFault::Unknown(letter).at(span));
         };
-        let plain = |reverse| Cell { reverse, carried: 0, layer: 0 };
         match symbol {
             Symbol::Face | Symbol::Reverse => {
-                cells.push(plain(symbol == Symbol::Reverse));
+                let reverse = symbol == Symbol::Reverse;
+                cells.push(ChartCell { reverse, carried: 0, layer: 0 });
                 at += 1;
             }
             Symbol::Cable { front, behind, lean } => {
@@ -170,8 +184,11 @@ fn add_row(
                 let run = letters[at..].iter().take_while(|(_, other)| *other == letter).count();
                 if run < width {
                     let end = letters.get(at + run).map_or(row.len(), |(byte, _)| *byte);
-                    return Err(Fault::Narrow { letter, symbol, run }.at(span.start..start + end));
+                    return Err(
+                        MotifFault::Narrow { letter, symbol, run }.at(span.start..start + end)
+                    );
                 }
+                // The rest of the run, if there is any, is read as a crossing of its own.
                 cells.extend(crossing(front, behind, lean));
                 at += width;
             }
@@ -181,21 +198,43 @@ fn add_row(
 }
 
 /// The loops of a crossing, from left to right.
-fn crossing(front: u32, behind: u32, lean: Lean) -> impl Iterator<Item = Cell> {
-    let moved = |wales: u32| i32::try_from(wales).expect("cables are narrow");
-    let (in_front, at_back) = match lean {
-        Lean::Right => (moved(behind), -moved(front)),
-        Lean::Left => (-moved(behind), moved(front)),
+fn crossing(front: u32, behind: u32, lean: Lean) -> impl Iterator<Item = ChartCell> {
+    let [front_wales, behind_wales] =
+        [front, behind].map(|wales| i32::try_from(wales).expect("cables are narrow"));
+    // The two blocks change places: each is carried by the width of the other. Front loops that
+    // lean right start on the left.
+    let [left, right] = match lean {
+        Lean::Right => [(front, behind_wales, 1), (behind, -front_wales, -1)],
+        Lean::Left => [(behind, front_wales, -1), (front, -behind_wales, 1)],
     };
-    let block = |count: u32, carried, layer| {
-        (0..count).map(move |_| Cell { reverse: false, carried, layer })
-    };
-    let (fronts, backs) = (block(front, in_front, 1), block(behind, at_back, -1));
-    let (left, right): (Vec<Cell>, Vec<Cell>) = match lean {
-        Lean::Right => (fronts.collect(), backs.collect()),
-        Lean::Left => (backs.collect(), fronts.collect()),
-    };
-    left.into_iter().chain(right)
+    [left, right].into_iter().flat_map(|(count, carried, layer)| {
+        (0..count).map(move |_| ChartCell { reverse: false, carried, layer })
+    })
+}
+
+/// Wales of one side of a cable, if the text is a number of them.
+fn crossed_wales(text: &str) -> Option<u32> {
+    text.parse().ok().filter(|count| (1..=MOST_CROSSED).contains(count))
+}
+
+impl Symbol {
+    fn read(text: &str) -> Option<Self> {
+        match text.split_whitespace().collect::<Vec<_>>()[..] {
+            ["face"] => Some(Self::Face),
+            ["reverse"] => Some(Self::Reverse),
+            ["cable", wales, lean] => {
+                let (front, behind) = wales.split_once('/')?;
+                let lean = match lean {
+                    "left" => Lean::Left,
+                    "right" => Lean::Right,
+                    _ => return None,
+                };
+                let [front, behind] = [front, behind].map(crossed_wales);
+                Some(Self::Cable { front: front?, behind: behind?, lean })
+            }
+            _ => None,
+        }
+    }
 }
 
 impl FromStr for Symbol {
@@ -203,27 +242,7 @@ impl FromStr for Symbol {
 
     /// Reads `face`, `reverse`, or a cable such as `cable 3/3 left`.
     fn from_str(text: &str) -> Result<Self, SymbolError> {
-        let error = || SymbolError(text.to_owned());
-        match text.split_whitespace().collect::<Vec<_>>()[..] {
-            ["face"] => Ok(Self::Face),
-            ["reverse"] => Ok(Self::Reverse),
-            ["cable", wales, lean] => {
-                let (front, behind) = wales.split_once('/').ok_or_else(error)?;
-                let count = |text: &str| {
-                    text.parse()
-                        .ok()
-                        .filter(|count| (1..=MOST_CROSSED).contains(count))
-                        .ok_or_else(error)
-                };
-                let lean = match lean {
-                    "left" => Lean::Left,
-                    "right" => Lean::Right,
-                    _ => return Err(error()),
-                };
-                Ok(Self::Cable { front: count(front)?, behind: count(behind)?, lean })
-            }
-            _ => Err(error()),
-        }
+        Self::read(text).ok_or_else(|| SymbolError(text.to_owned()))
     }
 }
 
@@ -246,21 +265,23 @@ impl fmt::Display for Symbol {
 /// A symbol that can't be read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "{0:?} is no loop: face, reverse, or a cable such as \"cable 3/3 left\" (3 wales in front of 3, 12 at most)"
+    "{0:?} is no loop: face, reverse, or a cable such as \"cable 3/3 left\" (3 wales in front \
+     of 3, 12 at most)"
 )]
 pub struct SymbolError(String);
 
-/// What is wrong with a chart, and where.
+/// A fault in a chart, and its place.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{fault}")]
 pub struct MotifError {
-    fault: Fault,
+    fault: MotifFault,
     /// Bytes of the chart.
     pub span: Range<usize>,
 }
 
+/// The faults that a chart can have.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-enum Fault {
+enum MotifFault {
     #[error("the chart is empty: a line a course, a letter a loop")]
     Empty,
     #[error(
@@ -277,7 +298,7 @@ enum Fault {
     Narrow { letter: char, symbol: Symbol, run: usize },
 }
 
-impl Fault {
+impl MotifFault {
     fn at(self, span: Range<usize>) -> MotifError {
         MotifError { fault: self, span }
     }

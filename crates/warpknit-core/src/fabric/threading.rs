@@ -1,12 +1,20 @@
 //! Threadings: which guides of a bar carry a yarn.
 //!
-//! In: marks such as `I.`. Out: a [`Threading`], repeated for ever; or a [`ThreadingError`] with
-//! the byte span that is wrong.
+//! In: marks such as `I.`. Out: a [`Threading`], repeated without end; or a [`ThreadingError`] with
+//! the byte span of the fault. Wefts and feeders have threadings too; their marks stand for
+//! courses.
 
 use std::fmt;
 use std::ops::Range;
 
-/// Which guides of a bar carry a yarn, repeated across (or, for a weft, which courses get one).
+/// Which guides of a bar carry a yarn, repeated across; for wefts and feeders, which courses get
+/// one.
+///
+/// ```
+/// use warpknit_core::fabric::threading::Threading;
+/// let half_set = Threading::parse("I.").unwrap();
+/// assert!(half_set.carries(0) && !half_set.carries(1) && half_set.carries(-2));
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Threading(Vec<bool>);
 
@@ -27,7 +35,7 @@ impl Threading {
                 'I' | '1' | '|' => Ok(true),
                 '.' | '0' | '*' => Ok(false),
                 other => Err(ThreadingError {
-                    fault: Fault::UnknownMark(other),
+                    fault: ThreadingFault::UnknownMark(other),
                     span: at..at + other.len_utf8(),
                 }),
             });
@@ -35,13 +43,14 @@ impl Threading {
         if marks.contains(&true) {
             Ok(Self(marks))
         } else {
-            Err(ThreadingError { fault: Fault::NoYarn, span: 0..text.len() })
+            Err(ThreadingError { fault: ThreadingFault::NoYarn, span: 0..text.len() })
         }
     }
 
     /// Whether guide `k` carries a yarn; the first mark is guide 0.
     #[must_use]
     pub fn carries(&self, guide: i64) -> bool {
+        // Guides left of guide 0 have negative numbers, and marks repeat that way as well.
         let repeat = i64::try_from(self.0.len()).expect("marks fit in memory");
         self.0[usize::try_from(guide.rem_euclid(repeat)).expect("a remainder is not negative")]
     }
@@ -49,6 +58,7 @@ impl Threading {
     /// The same threading counted the other way from guide 0.
     #[must_use]
     pub fn mirrored(&self) -> Self {
+        // Guide k becomes guide -k: the first mark stays, the others run backward.
         let (first, others) = self.0.split_first().expect("a threading has a mark");
         Self(std::iter::once(*first).chain(others.iter().rev().copied()).collect())
     }
@@ -66,25 +76,26 @@ impl fmt::Display for Threading {
     }
 }
 
-/// What is wrong with a threading, and where.
+/// A fault in a threading, and its place.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{fault}")]
 pub struct ThreadingError {
-    /// What is wrong.
-    pub fault: Fault,
+    /// The fault.
+    pub fault: ThreadingFault,
     /// The bytes of the text that are to blame.
     pub span: Range<usize>,
 }
 
-/// The ways in which a threading can be wrong.
+/// The faults that a threading can have.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Fault {
-    /// A character that is no mark.
+pub enum ThreadingFault {
+    /// An unknown mark.
     #[error("'{0}' is no threading mark: use I for a threaded guide and . for an empty one")]
     UnknownMark(char),
     /// Every guide empty.
     #[error(
-        "a bar without a threaded guide knits nothing: use I for a threaded guide and . for an empty one"
+        "a bar without a threaded guide knits nothing: use I for a threaded guide and . for an \
+         empty one"
     )]
     NoYarn,
 }
@@ -98,11 +109,11 @@ mod tests {
         assert_eq!(Threading::parse("I 1|.0*").unwrap().to_string(), "III...");
         assert_eq!(
             Threading::parse("I.é").unwrap_err(),
-            ThreadingError { fault: Fault::UnknownMark('é'), span: 2..4 }
+            ThreadingError { fault: ThreadingFault::UnknownMark('é'), span: 2..4 }
         );
         assert_eq!(
             Threading::parse("..").unwrap_err(),
-            ThreadingError { fault: Fault::NoYarn, span: 0..2 }
+            ThreadingError { fault: ThreadingFault::NoYarn, span: 0..2 }
         );
         assert!(Threading::parse("").is_err());
     }

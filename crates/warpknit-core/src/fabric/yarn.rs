@@ -1,4 +1,8 @@
-//! What a yarn is: its count, its fibre, its colour; and from these its diameter and its weight.
+//! Yarns: count, fibre and colour, and the diameter that follows from them.
+//!
+//! In: a yarn as a designer orders it, in the units of the trade. Out: its linear density in tex,
+//! its diameter in mm and the slope of its twist. The diameter is that of a round yarn of which
+//! fibres fill a share. Not promised: how far cloth squeezes the yarn.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -15,27 +19,28 @@ pub struct Yarn {
     pub count: Count,
     /// Density of the fibre, g/cm³.
     pub density: f64,
-    /// Share of the yarn's section that is fibre: about .45 textured, .6 spun, .65 filament, .9
+    /// Share of the yarn's section that is fibre: about 0.45 textured, 0.6 spun, 0.65 filament, 0.9
     /// elastane, 1 monofilament.
     pub packing: f64,
     /// Colour, sRGB.
     pub color: Color,
-    /// Single yarns that are wound around each other, where it is said.
+    /// Single yarns that are wound around each other, where it is given.
     pub plies: Option<u32>,
     /// Turns per metre of the plies, or of the fibres of a single yarn; over 0 is S, under 0 is Z.
     pub twist: Option<f64>,
-    /// How much fibres that lie side by side mirror, as filaments do and spun fibres don't, 0 to 1,
-    /// where it is said.
+    /// Share of light that parallel fibres reflect like a mirror, 0 to 1, where it is given:
+    /// filaments do, spun fibres hardly.
     pub sheen: Option<f64>,
-    /// The yarn's pictures, a folder or an image for [`crate::photo::read_maps`]; in a file its
+    /// The yarn's pictures, a folder or an image for `warpknit::photo::read_maps`; in a file its
     /// path starts from the file's folder.
     pub texture: Option<PathBuf>,
-    /// Length of yarn that the pictures show, mm, whatever they say themselves.
+    /// Length of yarn that the pictures show, mm. It overrides the length that they give
+    /// themselves.
     pub texture_length: Option<f64>,
 }
 
 impl Yarn {
-    /// A plain yarn: nothing is said of its plies, twist, sheen and texture.
+    /// A plain yarn: its plies, twist, sheen and texture are not given.
     #[must_use]
     pub fn plain(count: Count, density: f64, packing: f64, color: Color) -> Self {
         Self {
@@ -53,9 +58,13 @@ impl Yarn {
 
     /// Diameter in mm of the round yarn, `d = 0.03568 sqrt(tex / (density · packing))`.
     ///
+    /// A kilometre of yarn of T tex holds T / density cm³ of fibre, so its section is
+    /// `1e-3 T / (density · packing)` mm², and `2 sqrt(1e-3 / π)` is 0.03568.
+    ///
     /// ```
     /// use warpknit_core::fabric::yarn::Yarn;
-    /// let polyester = Yarn::plain("44 dtex".parse().unwrap(), 1.38, 0.65, "#d8d0c0".parse().unwrap());
+    /// let (count, color) = ("44 dtex".parse().unwrap(), "#d8d0c0".parse().unwrap());
+    /// let polyester = Yarn::plain(count, 1.38, 0.65, color);
     /// assert!((polyester.diameter() - 0.079).abs() < 5e-4);
     /// ```
     #[must_use]
@@ -68,7 +77,8 @@ impl Yarn {
     ///
     /// ```
     /// # use warpknit_core::fabric::yarn::Yarn;
-    /// let mut yarn = Yarn::plain("20 tex".parse().unwrap(), 1.52, 0.6, "#ffffff".parse().unwrap());
+    /// # let (count, color) = ("20 tex".parse().unwrap(), "#ffffff".parse().unwrap());
+    /// let mut yarn = Yarn::plain(count, 1.52, 0.6, color);
     /// yarn.twist = Some(600.0);
     /// assert!((yarn.twist_slope().unwrap() - 0.315).abs() < 1e-3);
     /// ```
@@ -97,13 +107,13 @@ pub struct Count {
 }
 
 impl Count {
-    /// As coarse as that, times a share, held to what yarns can have.
+    /// This count times a share, limited to the finest and the coarsest yarn.
     #[must_use]
     pub fn times(self, share: f64) -> Self {
         Self { value: (share * self.tex()).clamp(LEAST_TEX, MOST_TEX), unit: CountUnit::Tex }
     }
 
-    /// So many tex, held to what yarns can have, to a thousandth.
+    /// A number of tex, rounded to a thousandth and limited to the finest and the coarsest yarn.
     #[must_use]
     pub fn from_tex(tex: f64) -> Self {
         Self {
@@ -126,9 +136,9 @@ impl Count {
 
 /// The most turns per metre either way.
 pub const MOST_TWIST: f64 = 5000.0;
-/// The finest yarn: microfibres have some 0.03 tex.
+/// The finest count; microfibres have some 0.03 tex.
 const LEAST_TEX: f64 = 1e-3;
-/// The coarsest: ropes.
+/// The coarsest count: ropes.
 const MOST_TEX: f64 = 1e5;
 
 /// A yarn count that can't be read.
@@ -139,30 +149,32 @@ const MOST_TEX: f64 = 1e5;
 )]
 pub struct CountError(String);
 
-impl FromStr for Count {
-    type Err = CountError;
-
-    fn from_str(text: &str) -> Result<Self, CountError> {
-        let refuse = || CountError(text.to_owned());
+impl Count {
+    /// Reads a number and a unit, if the text is a count.
+    fn read(text: &str) -> Option<Self> {
         let trimmed = text.trim();
-        let split =
-            trimmed.find(|c: char| c.is_ascii_alphabetic() && c != 'e').ok_or_else(refuse)?;
+        // The unit starts at the first letter. An 'e' may be the exponent of the number.
+        let split = trimmed.find(|c: char| c.is_ascii_alphabetic() && c != 'e')?;
         let (number, unit) = trimmed.split_at(split);
         let unit = match unit.to_ascii_lowercase().as_str() {
             "tex" => CountUnit::Tex,
             "dtex" => CountUnit::Dtex,
             "den" => CountUnit::Denier,
             "nm" => CountUnit::Nm,
-            _ => return Err(refuse()),
+            _ => return None,
         };
-        let value = number
-            .trim()
-            .parse()
-            .ok()
-            .filter(|value: &f64| value.is_finite() && *value > 0.0)
-            .ok_or_else(refuse)?;
+        let value =
+            number.trim().parse().ok().filter(|value: &f64| value.is_finite() && *value > 0.0)?;
         let count = Self { value, unit };
-        if (LEAST_TEX..=MOST_TEX).contains(&count.tex()) { Ok(count) } else { Err(refuse()) }
+        (LEAST_TEX..=MOST_TEX).contains(&count.tex()).then_some(count)
+    }
+}
+
+impl FromStr for Count {
+    type Err = CountError;
+
+    fn from_str(text: &str) -> Result<Self, CountError> {
+        Self::read(text).ok_or_else(|| CountError(text.to_owned()))
     }
 }
 
@@ -201,6 +213,8 @@ impl Color {
     /// The nearest colour to one in linear light.
     #[must_use]
     pub fn from_linear(linear: [f32; 3]) -> Self {
+        // The transfer function of sRGB (IEC 61966-2-1): a straight piece near black, where a power
+        // alone would be infinitely steep.
         Self(linear.map(|c| {
             let s = if c <= 0.003_130_8 { 12.92 * c } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 };
             byte(255.0 * s.clamp(0.0, 1.0))
@@ -210,6 +224,7 @@ impl Color {
     /// The colour in linear light, 0..1 (IEC 61966-2-1).
     #[must_use]
     pub fn linear(self) -> [f32; 3] {
+        // The inverse of the transfer function; the bounds of its straight piece are its own.
         self.0.map(|byte| {
             let s = f32::from(byte) / 255.0;
             if s <= 0.040_45 { s / 12.92 } else { ((s + 0.055) / 1.055).powf(2.4) }
@@ -226,14 +241,12 @@ impl FromStr for Color {
     type Err = ColorError;
 
     fn from_str(text: &str) -> Result<Self, ColorError> {
-        let refuse = || ColorError(text.to_owned());
         let digits = text
             .strip_prefix('#')
             .filter(|d| d.len() == 6 && d.bytes().all(|b| b.is_ascii_hexdigit()));
-        let digits = digits.ok_or_else(refuse)?;
-        let byte =
-            |at: usize| u8::from_str_radix(&digits[at..at + 2], 16).map_err(|_not_hex| refuse());
-        Ok(Self([byte(0)?, byte(2)?, byte(4)?]))
+        let rgb = digits.and_then(|digits| u32::from_str_radix(digits, 16).ok());
+        let [_, r, g, b] = rgb.ok_or_else(|| ColorError(text.to_owned()))?.to_be_bytes();
+        Ok(Self([r, g, b]))
     }
 }
 
@@ -290,7 +303,7 @@ mod tests {
     }
 
     #[test]
-    fn diameters_of_the_specification() {
+    fn diameters_of_common_yarns() {
         let yarn = |count: &str, density, packing| {
             Yarn::plain(count.parse().unwrap(), density, packing, Color([0; 3]))
         };

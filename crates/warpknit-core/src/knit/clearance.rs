@@ -421,7 +421,11 @@ mod tests {
         let count = |times: usize| {
             let chains = ["1-2/1-0/", "1-0/1-2/"].map(|chain| chain.repeat(times));
             let fabric = Fabric::named("tricot").unwrap().with_chains(&chains, &[]).unwrap();
-            let found = measure(&fabric, &Pattern::straight(&fabric), fabric.radius());
+            let found = measure(
+                &fabric,
+                &Pattern::straight(&fabric, fabric.warp_knit().unwrap()),
+                fabric.radius(),
+            );
             (found.pairs, found.pairs_below_1)
         };
         let (once, twice) = (count(1), count(2));
@@ -438,7 +442,12 @@ mod tests {
                 let mut fabric =
                     Fabric::named(name).unwrap().at_densities(10.0, 10.0 / course).unwrap();
                 fabric.enlargement = radius / fabric.true_radius();
-                let found = measure(&fabric, &Pattern::straight(&fabric), radius).min_over_2r;
+                let found = measure(
+                    &fabric,
+                    &Pattern::straight(&fabric, fabric.warp_knit().unwrap()),
+                    radius,
+                )
+                .min_over_2r;
                 assert!(
                     (found - expected).abs() < 0.01,
                     "{name} at C {course}: {found}, the prototype has {expected}"

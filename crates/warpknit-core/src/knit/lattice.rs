@@ -20,7 +20,7 @@
 use glam::{DVec2, DVec3};
 
 use super::stitch::Layer;
-use crate::fabric::Fabric;
+use crate::fabric::{Fabric, WarpKnit};
 use crate::ids::index32;
 
 // The model has no units: lengths are in wale spacings, and the stiffness of a wale of one thread
@@ -124,9 +124,9 @@ impl WaleLattice {
     }
 
     /// Wales in balance, over one repeat of the fabric.
-    pub(super) fn relaxed(fabric: &Fabric) -> Self {
+    pub(super) fn relaxed(fabric: &Fabric, knit: &WarpKnit) -> Self {
         let mut lattice = Self::straight(fabric, fabric.threading_repeat(), fabric.repeat());
-        let model = lattice.model(fabric);
+        let model = lattice.model(knit);
         if !model.springs.is_empty() {
             lattice.balance(&model);
         }
@@ -134,9 +134,9 @@ impl WaleLattice {
     }
 
     /// The springs and masses of a fabric, at rest on the straight lattice.
-    fn model(&self, fabric: &Fabric) -> MassSpringModel {
+    fn model(&self, knit: &WarpKnit) -> MassSpringModel {
         let course = self.course_spacing / self.wale_spacing;
-        let (threads, springs) = (self.threads(fabric), self.springs(fabric));
+        let (threads, springs) = (self.threads(knit), self.springs(knit));
         let mut pulls = vec![0.0; threads.len()];
         for (wale, course) in springs.iter().flat_map(|spring| [spring.from, spring.to]) {
             pulls[self.index(wale, course)] += UNDERLAP_STIFFNESS;
@@ -158,12 +158,9 @@ impl WaleLattice {
     }
 
     /// Number of threads that loop on each node, at least one.
-    fn threads(&self, fabric: &Fabric) -> Vec<f64> {
+    fn threads(&self, knit: &WarpKnit) -> Vec<f64> {
         self.places()
-            .map(|(wale, course)| {
-                let threads = fabric.bars.iter().filter(|bar| bar.loops_on(wale, course)).count();
-                f64::from(index32(threads.max(1)))
-            })
+            .map(|(wale, course)| f64::from(index32(knit.threads_on(wale, course).max(1))))
             .collect()
     }
 
@@ -174,14 +171,15 @@ impl WaleLattice {
     }
 
     /// The underlaps of a repeat that change the wale.
-    fn springs(&self, fabric: &Fabric) -> Vec<UnderlapSpring> {
+    fn springs(&self, knit: &WarpKnit) -> Vec<UnderlapSpring> {
         let mut springs = Vec::new();
-        for bar in &fabric.bars {
+        for bar in &knit.bars {
+            let Some(chain) = bar.chain() else { continue };
             let guides = (0..as_i64(self.wales)).filter(|&guide| bar.threading.carries(guide));
             for (guide, course) in guides
                 .flat_map(|guide| (0..as_i64(self.courses)).map(move |course| (guide, course)))
             {
-                let (lap, next) = (bar.chain.lap(course), bar.chain.lap(course + 1));
+                let (lap, next) = (chain.lap(course), chain.lap(course + 1));
                 if lap.overlap() == 0 {
                     // An inlay pulls at the first and the last wale around which it turns. It
                     // passes those between without a hold on them.
@@ -412,7 +410,7 @@ mod tests {
 
     fn gaps(name: &str) -> (f64, f64) {
         let fabric = Fabric::named(name).unwrap();
-        let lattice = WaleLattice::relaxed(&fabric);
+        let lattice = WaleLattice::relaxed(&fabric, fabric.warp_knit().unwrap());
         let places = || (0..8).flat_map(|w| (0..24).map(move |c| (w, c)));
         let all = || places().map(|(w, c)| lattice.gap(w, c));
         (all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max))
@@ -448,7 +446,7 @@ mod tests {
         let fabric = Fabric::named("hex-net-3").unwrap();
         let mut lattice =
             WaleLattice::straight(&fabric, fabric.threading_repeat(), fabric.repeat());
-        let model = lattice.model(&fabric);
+        let model = lattice.model(fabric.warp_knit().unwrap());
         lattice.balance(&model);
         lattice.nodes.iter_mut().for_each(|node| *node /= fabric.wale_spacing());
         let mut forces = vec![DVec2::ZERO; lattice.nodes.len()];
@@ -462,7 +460,7 @@ mod tests {
     fn straight_wales_are_left_as_drawn() {
         let fabric = Fabric::named("tricot").unwrap();
         let lattice = WaleLattice::straight(&fabric, 1, 1);
-        let layer = crate::knit::layers(&fabric, 1.0)[0];
+        let layer = crate::knit::layers(&fabric, fabric.warp_knit().unwrap(), 1.0)[0];
         let offset = DVec3::new(0.1, 0.3, -0.2);
         let expected =
             offset + DVec3::new(2.5 * fabric.wale_spacing(), 3.0 * fabric.course_spacing(), 0.0);

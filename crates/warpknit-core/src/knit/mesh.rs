@@ -58,8 +58,6 @@ impl StructureMesh {
 /// ```
 #[must_use]
 pub fn vertices(fabric: &Fabric, wales: u32, courses: u32) -> (u32, u32) {
-    let wales_lapped =
-        fabric.bars.iter().map(|bar| bar.chain.gaps()).map(|(low, high)| high.abs_diff(low)).max();
-    let reach = wales_lapped.unwrap_or(0).saturating_sub(1);
+    let reach = fabric.structure.widest_lapping().saturating_sub(1);
     (wales + reach + 2, courses + 1)
 }

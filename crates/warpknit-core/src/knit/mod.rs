@@ -28,8 +28,7 @@ use std::ops::Range;
 
 use glam::{DVec2, DVec3};
 
-use crate::fabric::motif::Motif;
-use crate::fabric::{Bar, BarKind, Fabric};
+use crate::fabric::{Bar, Fabric, LaidCloth, Lay, StrandDirection, Structure, WarpKnit, WeftKnit};
 use crate::ids::index32;
 use lattice::WaleLattice;
 use mesh::StructureMesh;
@@ -44,13 +43,25 @@ pub const MAX_RELAXED_LAPS: usize = 2_000;
 /// What a data point is part of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PointKind {
-    /// S1 to S8 of a loop. A weft-knit loop has the eight places of its curve, each followed by the
-    /// place halfway to the next.
-    Loop,
+    /// S1 to S8 of a loop of a warp knit.
+    WarpLoop,
+    /// The eight places of the curve of a weft-knit loop, each followed by the place halfway to the
+    /// next.
+    WeftLoop,
     /// A point of a yarn that is laid in.
     Inlay,
     /// A point of a long underlap, between one loop and the next.
     Underlap,
+}
+
+/// A bed of needles. Machines with two of them knit spacer and double-faced fabrics.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Bed {
+    /// The front bed, or the only one.
+    #[default]
+    Front,
+    /// The back bed. No fabric has loops on it yet.
+    Back,
 }
 
 /// Where a data point belongs.
@@ -62,9 +73,14 @@ pub struct Tag {
     pub wale: i32,
     /// Loop, inlay or underlap.
     pub kind: PointKind,
+    /// The bed of its needle.
+    pub bed: Bed,
     /// 1 to 8 in a loop of a warp knit, 1 to 16 in a loop of a weft knit. Other kinds count from 1.
     pub point: u16,
 }
+
+// There is one tag for each data point: kind, bed and point share the last four bytes.
+const _: () = assert!(size_of::<Tag>() == 12);
 
 /// Data points of some yarns, in the order in which the yarns run.
 #[derive(Clone, Debug, Default)]
@@ -101,7 +117,8 @@ const SQUEEZED_RADIUS: f64 = 0.6;
 /// One bar's repeat.
 #[derive(Clone, Debug)]
 struct BarPattern {
-    kind: BarKind,
+    /// Whether its yarns run across the wales and not along them.
+    runs_across: bool,
     /// For each guide of the repeat (for a weft: each course), the index in [`Repeat::yarns`] of
     /// its yarn, if it has one.
     yarns: Vec<Option<usize>>,
@@ -136,21 +153,26 @@ impl Pattern {
     /// ```
     #[must_use]
     pub fn new(fabric: &Fabric) -> Self {
-        if let Some(motif) = &fabric.motif {
-            return Self::weft_knit(fabric, motif);
+        match &fabric.structure {
+            Structure::Warp(knit) => Self::warp_knit(fabric, knit),
+            Structure::Weft(knit) => Self::weft_knit(fabric, knit),
+            Structure::Laid(cloth) => Self::laid(fabric, cloth),
         }
-        if fabric.is_laid() {
-            return Self::laid(fabric);
-        }
+    }
+
+    /// Loops of guide bars on relaxed wales.
+    fn warp_knit(fabric: &Fabric, knit: &WarpKnit) -> Self {
         let (wales, courses) = (fabric.threading_repeat(), fabric.repeat());
-        if wales * courses * fabric.bars.len() > MAX_RELAXED_LAPS {
-            return Self::straight(fabric);
+        if wales * courses * knit.bars.len() > MAX_RELAXED_LAPS {
+            return Self::straight(fabric, knit);
         }
-        let lattice = WaleLattice::relaxed(fabric);
+        let lattice = WaleLattice::relaxed(fabric, knit);
         let mut pattern = Self::empty(fabric);
-        for (bar, layer) in fabric.bars.iter().zip(layers(fabric, LAYOUT_RADIUS)) {
-            let (guides, steps) =
-                if bar.kind == BarKind::Guide { (wales, courses) } else { (courses, wales) };
+        for (bar, layer) in knit.bars.iter().zip(layers(fabric, knit, LAYOUT_RADIUS)) {
+            let (guides, steps) = match bar.lay {
+                Lay::Lapping(_) => (wales, courses),
+                Lay::Weft => (courses, wales),
+            };
             pattern.add_bar(
                 bar,
                 &layer,
@@ -165,20 +187,20 @@ impl Pattern {
     }
 
     /// The repeat of a weft knit: courses of loops as its motif shows them.
-    fn weft_knit(fabric: &Fabric, motif: &Motif) -> Self {
+    fn weft_knit(fabric: &Fabric, knit: &WeftKnit) -> Self {
         let (wales, courses) = (fabric.threading_repeat(), fabric.repeat());
         let mut pattern = Self::empty(fabric);
         let loops = Loops { spacing: pattern.spacing, radius: fabric.radius() };
-        for (number, feeder) in fabric.bars.iter().enumerate() {
+        for (number, feeder) in knit.feeders.iter().enumerate() {
             let yarns = (0..courses).map(|course| {
-                has_yarn(feeder, course).then(|| {
-                    pattern.repeat.add_course(number, motif, &loops, course, wales);
+                feeder.courses.carries(i64::from(index32(course))).then(|| {
+                    pattern.repeat.add_course(number, &knit.motif, &loops, course, wales);
                     pattern.repeat.yarns.len() - 1
                 })
             });
             let yarns = yarns.collect();
             pattern.bars.push(BarPattern {
-                kind: feeder.kind,
+                runs_across: true,
                 yarns,
                 bounds: (DVec2::ZERO, DVec2::ZERO),
             });
@@ -191,17 +213,17 @@ impl Pattern {
     }
 
     /// The repeat of laid cloth: its yarns follow given paths, scaled to the fabric's densities.
-    fn laid(fabric: &Fabric) -> Self {
+    fn laid(fabric: &Fabric, cloth: &LaidCloth) -> Self {
         let mut pattern = Self::empty(fabric);
         let cell = pattern.spacing.extend(fabric.enlargement);
-        for (number, (bar, path)) in fabric.bars.iter().zip(&fabric.paths).enumerate() {
+        for (number, strand) in cloth.strands.iter().enumerate() {
             pattern.repeat.add_path(
                 number,
-                path.iter().map(|&point| point * cell),
-                if bar.kind.runs_across() { DVec3::X } else { DVec3::Y } * cell,
+                strand.path.iter().map(|&point| point * cell),
+                strand.direction.step() * cell,
             );
             pattern.bars.push(BarPattern {
-                kind: bar.kind,
+                runs_across: strand.direction == StrandDirection::Across,
                 yarns: vec![Some(number)],
                 bounds: (DVec2::ZERO, DVec2::ZERO),
             });
@@ -212,11 +234,11 @@ impl Pattern {
     }
 
     /// Loops on straight wales, nothing relaxed. One yarn of each bar stands for all of its yarns.
-    fn straight(fabric: &Fabric) -> Self {
+    fn straight(fabric: &Fabric, knit: &WarpKnit) -> Self {
         let lattice = WaleLattice::straight(fabric, 1, 1);
         let mut pattern = Self::empty(fabric);
-        for (bar, layer) in fabric.bars.iter().zip(layers(fabric, 1.0)) {
-            let steps = if bar.kind == BarKind::Guide { bar.chain.laps().len() } else { 1 };
+        for (bar, layer) in knit.bars.iter().zip(layers(fabric, knit, 1.0)) {
+            let steps = bar.chain().map_or(1, |chain| chain.laps().len());
             pattern.add_bar(
                 bar,
                 &layer,
@@ -258,7 +280,8 @@ impl Pattern {
             )
         });
         let yarns = yarns.collect();
-        self.bars.push(BarPattern { kind: bar.kind, yarns, bounds: (DVec2::ZERO, DVec2::ZERO) });
+        let runs_across = bar.chain().is_none();
+        self.bars.push(BarPattern { runs_across, yarns, bounds: (DVec2::ZERO, DVec2::ZERO) });
     }
 
     /// Pushes yarns apart that would cut each other at a `share` of their radius.
@@ -284,7 +307,7 @@ impl Pattern {
             let bar = &mut self.bars[yarn.bar];
             for step in 0..yarn.steps.len() - 1 {
                 let home = self.spacing
-                    * if bar.kind.runs_across() {
+                    * if bar.runs_across {
                         as_vec(step, yarn.guide)
                     } else {
                         as_vec(yarn.guide, step)
@@ -318,7 +341,17 @@ impl Pattern {
     /// along them.
     #[must_use]
     pub fn runs_across(&self, bar: usize) -> bool {
-        self.bars[bar].kind.runs_across()
+        self.bars[bar].runs_across
+    }
+
+    /// Whether a bar has a yarn of that number: whether that guide is threaded, or that course gets
+    /// a yarn.
+    ///
+    /// # Panics
+    /// If `bar` is not one of the fabric's.
+    #[must_use]
+    pub fn has_yarn(&self, bar: usize, number: i64) -> bool {
+        self.bars[bar].yarn(number).is_some()
     }
 
     /// Numbers of a bar's yarns that may touch a range of x (for wefts: of y), mm from gap 0 of
@@ -373,11 +406,8 @@ impl Pattern {
             // and courses. Points are computed once a repeat, so all its copies are equal but for
             // the rounding of this one addition.
             let place = step.rem_euclid(repeat);
-            let shift = if bar.kind.runs_across() {
-                [step - place, number]
-            } else {
-                [number, step - place]
-            };
+            let shift =
+                if bar.runs_across { [step - place, number] } else { [number, step - place] };
             let [wales, courses] = shift.map(|count| {
                 i32::try_from(count).expect("a panel has fewer wales and courses than 2^31")
             });
@@ -413,7 +443,7 @@ impl BarPattern {
 
     /// The axis (0 x, 1 y) across which the yarns are numbered (0) and along which they run (1).
     fn axis(&self, which: usize) -> usize {
-        if self.kind.runs_across() { 1 - which } else { which }
+        if self.runs_across { 1 - which } else { which }
     }
 
     fn extent(&self, which: usize) -> Range<f64> {
@@ -432,7 +462,7 @@ fn steps(range: Range<f64>, extent: Range<f64>, spacing: f64) -> Range<i64> {
     steps
 }
 
-/// Whether a guide of a bar (for a weft or a feeder: a course) is threaded.
+/// Whether a guide of a bar (for a weft: a course) is threaded.
 fn has_yarn(bar: &Bar, guide: usize) -> bool {
     bar.threading.carries(i64::from(index32(guide)))
 }
@@ -442,18 +472,17 @@ fn as_vec(x: usize, y: usize) -> DVec2 {
 }
 
 /// The layer of each bar, laid out for yarns of a share of their radius.
-fn layers(fabric: &Fabric, share: f64) -> Vec<Layer> {
+fn layers(fabric: &Fabric, knit: &WarpKnit, share: f64) -> Vec<Layer> {
     let radius = share * fabric.radius();
-    let nesting: Vec<_> =
-        (0..fabric.bars.len()).map(|bar| knitting_bars_behind(fabric, bar)).collect();
-    let inlays = fabric.bars.iter().map(|bar| bar.chain.is_inlay());
+    let nesting: Vec<_> = (0..knit.bars.len()).map(|bar| knitting_bars_behind(knit, bar)).collect();
+    let inlays = knit.bars.iter().map(Bar::is_inlay);
     let depths = stitch::layer_depths(
         &inlays.zip(nesting.iter().copied()).collect::<Vec<_>>(),
-        &fabric.stitch,
+        &knit.stitch,
     );
     let bars = nesting.iter().zip(depths);
     bars.map(|(nesting, depth)| Layer {
-        dimensions: fabric.stitch,
+        dimensions: knit.stitch,
         wale_spacing: fabric.wale_spacing(),
         course_spacing: fabric.course_spacing(),
         radius,
@@ -464,9 +493,9 @@ fn layers(fabric: &Fabric, share: f64) -> Vec<Layer> {
 }
 
 /// Counts the knitting bars behind this one that share a needle with it in some course.
-fn knitting_bars_behind(fabric: &Fabric, bar: usize) -> u32 {
-    let own = &fabric.bars[bar];
-    index32(fabric.bars[bar + 1..].iter().filter(|other| share_a_needle(own, other)).count())
+fn knitting_bars_behind(knit: &WarpKnit, bar: usize) -> u32 {
+    let own = &knit.bars[bar];
+    index32(knit.bars[bar + 1..].iter().filter(|other| share_a_needle(own, other)).count())
 }
 
 /// Whether two bars ever put their loops on one needle in the same course.
@@ -484,7 +513,8 @@ mod tests {
         let fabric = Fabric::named("tricot").unwrap();
         let mesh = StructureMesh::anchored_at(&fabric, DVec2::ZERO);
         let mut knitted = Knitted::default();
-        Pattern::straight(&fabric).lay(1, guide, 0..4, &mesh, &mut knitted);
+        let knit = fabric.warp_knit().unwrap();
+        Pattern::straight(&fabric, knit).lay(1, guide, 0..4, &mesh, &mut knitted);
         knitted
     }
 

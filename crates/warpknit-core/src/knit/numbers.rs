@@ -10,7 +10,7 @@
 
 use super::repeat::{Repeat, RepeatYarn};
 use super::{Pattern, cover};
-use crate::fabric::{BarKind, Fabric};
+use crate::fabric::{Fabric, Structure};
 use crate::ids::index32;
 use crate::yarn::curve::{self, Span};
 
@@ -51,7 +51,7 @@ pub fn measure(fabric: &Fabric, pattern: &Pattern) -> Numbers {
     let body = cover::measure(fabric, pattern);
     let (mut run_in, mut bar_mass) = (Vec::new(), Vec::new());
     let (mut yarn_length, mut fibre) = (0.0, 0.0);
-    for (at, bar) in fabric.bars.iter().enumerate() {
+    for (at, yarn) in fabric.yarns().enumerate() {
         let per_step = pattern.lengths_per_step(at);
         let sum: f64 = per_step.iter().flatten().sum();
         let threaded = f64::from(index32(per_step.iter().flatten().count()));
@@ -59,12 +59,12 @@ pub fn measure(fabric: &Fabric, pattern: &Pattern) -> Numbers {
         let kilometres = sum
             / f64::from(index32(per_step.len()))
             / (fabric.wale_spacing() * fabric.course_spacing());
-        let mass = bar.yarn.count.tex() * kilometres;
-        run_in.push((bar.kind == BarKind::Guide && threaded > 0.0).then(|| RACK * sum / threaded));
+        let mass = yarn.count.tex() * kilometres;
+        run_in.push((is_lapped(fabric, at) && threaded > 0.0).then(|| RACK * sum / threaded));
         bar_mass.push(mass);
         yarn_length += 1000.0 * kilometres;
         // g/m² divided by g/cm³ is the thickness of the solid fibre in micrometres.
-        fibre += mass / bar.yarn.density / 1000.0;
+        fibre += mass / yarn.density / 1000.0;
     }
     let mass = bar_mass.iter().sum();
     let is_thinned = fabric.radius() < fabric.true_radius() * fabric.enlargement;
@@ -77,6 +77,14 @@ pub fn measure(fabric: &Fabric, pattern: &Pattern) -> Numbers {
         thickness: body.thickness,
         cover: body.cover,
         porosity,
+    }
+}
+
+/// Whether guides lap a system's yarns along the wales, so that they have a run-in.
+fn is_lapped(fabric: &Fabric, system: usize) -> bool {
+    match &fabric.structure {
+        Structure::Warp(knit) => knit.bars[system].chain().is_some(),
+        Structure::Weft(_) | Structure::Laid(_) => false,
     }
 }
 
@@ -127,7 +135,7 @@ mod tests {
     fn a_straight_inlay_is_as_long_as_the_cloth() {
         let text = Fabric::named("tricot").unwrap().to_string().replace("1-2/1-0//", "0-0//");
         let fabric = Fabric::parse(&text).unwrap();
-        let numbers = measure(&fabric, &Pattern::straight(&fabric));
+        let numbers = measure(&fabric, &Pattern::straight(&fabric, fabric.warp_knit().unwrap()));
         assert!((numbers.run_in[0].unwrap() - 480.0 * fabric.course_spacing()).abs() < 1e-6);
     }
 
@@ -145,7 +153,7 @@ mod tests {
         let numbers = measure(&fabric, &Pattern::new(&fabric));
         // A round yarn fills pi/4 of the square around it, its fibres `packing` of that, and beside
         // it is air.
-        let yarn = &fabric.bars[0].yarn;
+        let yarn = fabric.yarn(0);
         let filled =
             std::f64::consts::FRAC_PI_4 * yarn.packing * yarn.diameter() / fabric.wale_spacing();
         let porosity = numbers.porosity.unwrap();

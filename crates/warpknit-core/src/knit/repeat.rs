@@ -12,9 +12,10 @@ use glam::DVec3;
 use super::lattice::WaleLattice;
 use super::stitch::{self, LapDirections, Layer};
 use super::weft::{self, Loops};
-use super::{PointKind, Tag};
+use super::{Bed, PointKind, Tag};
+use crate::fabric::lapping::Chain;
 use crate::fabric::motif::Motif;
-use crate::fabric::{Bar, BarKind};
+use crate::fabric::{Bar, Lay};
 use crate::ids::index32;
 
 /// All yarns of a repeat: structure of arrays.
@@ -51,20 +52,19 @@ impl Repeat {
         lattice: &WaleLattice,
         [guide, steps]: [usize; 2],
     ) {
-        let layout = YarnLayout { bar, layer, lattice, guide: i64::from(index32(guide)) };
+        let layout = YarnLayout { layer, lattice, guide: i64::from(index32(guide)) };
         let count = i64::from(index32(steps));
         let mut yarn = RepeatYarn {
             bar: number,
             guide,
             steps: Vec::with_capacity(steps + 1),
-            period: layout.period(count),
+            period: layout.period(&bar.lay, count),
         };
         for step in 0..count {
             yarn.steps.push(index32(self.stitches.len()));
-            if bar.kind == BarKind::Guide {
-                layout.add_lap(step, self);
-            } else {
-                layout.add_weft(step, self);
+            match &bar.lay {
+                Lay::Lapping(chain) => layout.add_lap(chain, step, self),
+                Lay::Weft => layout.add_weft(step, self),
             }
         }
         yarn.steps.push(index32(self.stitches.len()));
@@ -87,7 +87,8 @@ impl Repeat {
             self.begin_stitch();
             for (point, &place) in (1..).zip(points) {
                 let course = i32::try_from(course).expect("repeats are limited");
-                self.push(place, Tag { course, wale, kind: PointKind::Loop, point });
+                let (kind, bed) = (PointKind::WeftLoop, Bed::Front);
+                self.push(place, Tag { course, wale, kind, bed, point });
             }
         }
         let steps = (first..=first + index32(wales)).collect();
@@ -104,7 +105,8 @@ impl Repeat {
         let first = index32(self.stitches.len());
         self.begin_stitch();
         for (point, place) in (1..).zip(path) {
-            self.push(place, Tag { course: 0, wale: 0, kind: PointKind::Inlay, point });
+            let (kind, bed) = (PointKind::Inlay, Bed::Front);
+            self.push(place, Tag { course: 0, wale: 0, kind, bed, point });
         }
         self.yarns.push(RepeatYarn {
             bar: strand,
@@ -157,7 +159,6 @@ impl Repeat {
 
 /// All that lays out one guide's yarn (or one weft).
 struct YarnLayout<'a> {
-    bar: &'a Bar,
     layer: &'a Layer,
     lattice: &'a WaleLattice,
     guide: i64,
@@ -166,20 +167,18 @@ struct YarnLayout<'a> {
 impl YarnLayout<'_> {
     /// From a point to the same point `steps` steps further, mm.
     #[expect(clippy::cast_precision_loss, reason = "repeats are limited to 10 000 courses")]
-    fn period(&self, steps: i64) -> DVec3 {
-        if self.bar.kind == BarKind::Guide {
-            DVec3::new(0.0, steps as f64 * self.layer.course_spacing, 0.0)
-        } else {
-            DVec3::new(steps as f64 * self.layer.wale_spacing, 0.0, 0.0)
+    fn period(&self, lay: &Lay, steps: i64) -> DVec3 {
+        match lay {
+            Lay::Lapping(_) => DVec3::new(0.0, steps as f64 * self.layer.course_spacing, 0.0),
+            Lay::Weft => DVec3::new(steps as f64 * self.layer.wale_spacing, 0.0, 0.0),
         }
     }
 
     /// Adds the lap of a course: its loops or its inlay, and the underlap to the next course.
-    fn add_lap(&self, course: i64, repeat: &mut Repeat) {
-        let chain = &self.bar.chain;
+    fn add_lap(&self, chain: &Chain, course: i64, repeat: &mut Repeat) {
         let lap = chain.lap(course);
         if lap.overlap() == 0 {
-            let points = self.inlay(course);
+            let points = self.inlay(chain, course);
             repeat.begin_stitch();
             (1u16..).zip(points).for_each(|(number, point)| {
                 repeat.push(point, self.tag(course, lap.needle(), PointKind::Inlay, number));
@@ -188,17 +187,17 @@ impl YarnLayout<'_> {
         }
         let needles = lap.needles().count();
         for (at, needle) in lap.needles().enumerate() {
-            let points = self.loop_points(course, at);
+            let points = self.loop_points(chain, course, at);
             repeat.begin_stitch();
             (1u16..).zip(points).for_each(|(number, point)| {
-                repeat.push(point, self.tag(course, needle, PointKind::Loop, number));
+                repeat.push(point, self.tag(course, needle, PointKind::WarpLoop, number));
             });
             // The underlap joins this loop's exit foot (S8) to the next loop's entry foot (S1). An
             // overlap over two needles has such a stretch between its two loops as well.
             let next = if at + 1 < needles {
-                self.loop_points(course, at + 1)[0]
+                self.loop_points(chain, course, at + 1)[0]
             } else {
-                self.first_point(course + 1)
+                self.first_point(chain, course + 1)
             };
             let underlap = stitch::underlap_points(points[7], next, self.layer.wale_spacing);
             for (number, point) in (1u16..).zip(underlap) {
@@ -215,19 +214,22 @@ impl YarnLayout<'_> {
             let course = i32::try_from(self.guide).expect("repeats are limited");
             let y = (f64::from(course) + 0.5) * self.layer.course_spacing;
             let point = self.lattice.between_wales(f64::from(wales) + half, y, -self.layer.depth);
-            repeat.push(point, Tag { course, wale: wales, kind: PointKind::Inlay, point: number });
+            let (kind, bed) = (PointKind::Inlay, Bed::Front);
+            repeat.push(point, Tag { course, wale: wales, kind, bed, point: number });
         }
     }
 
     /// The first point of the lap of a course.
-    fn first_point(&self, course: i64) -> DVec3 {
-        let lap = self.bar.chain.lap(course);
-        if lap.overlap() == 0 { self.inlay(course)[0] } else { self.loop_points(course, 0)[0] }
+    fn first_point(&self, chain: &Chain, course: i64) -> DVec3 {
+        if chain.lap(course).overlap() == 0 {
+            self.inlay(chain, course)[0]
+        } else {
+            self.loop_points(chain, course, 0)[0]
+        }
     }
 
     /// S1 to S8 of the `at`th loop of a lap.
-    fn loop_points(&self, course: i64, at: usize) -> [DVec3; 8] {
-        let chain = &self.bar.chain;
+    fn loop_points(&self, chain: &Chain, course: i64, at: usize) -> [DVec3; 8] {
         let lap = chain.lap(course);
         let last = lap.needles().count() - 1;
         let needle = lap.needles().nth(at).expect("a lap has that loop");
@@ -243,8 +245,8 @@ impl YarnLayout<'_> {
     }
 
     /// Points of an inlay from its gap to its gap in the next course.
-    fn inlay(&self, course: i64) -> Vec<DVec3> {
-        let (from, to) = (self.bar.chain.lap(course).from, self.bar.chain.lap(course + 1).from);
+    fn inlay(&self, chain: &Chain, course: i64) -> Vec<DVec3> {
+        let (from, to) = (chain.lap(course).from, chain.lap(course + 1).from);
         #[expect(
             clippy::cast_precision_loss,
             reason = "guides and courses are counted in thousands"
@@ -280,6 +282,6 @@ impl YarnLayout<'_> {
     fn tag(&self, course: i64, needle: i32, kind: PointKind, point: u16) -> Tag {
         let course = i32::try_from(course).expect("repeats are limited");
         let wale = i32::try_from(self.guide).expect("threadings are limited") + needle;
-        Tag { course, wale, kind, point }
+        Tag { course, wale, kind, bed: Bed::Front, point }
     }
 }

@@ -17,7 +17,7 @@ use std::ops::Range;
 
 use glam::{DVec2, DVec3};
 
-use crate::fabric::motif::{Cell, Motif};
+use crate::fabric::motif::{ChartCell, Motif};
 use crate::yarn::nurbs::{Nurbs, parameters};
 
 /// Control points that each loop adds.
@@ -123,7 +123,7 @@ impl Loops {
 }
 
 /// 1 for a face loop, -1 for a reverse loop.
-fn side(cell: Cell) -> f64 {
+fn side(cell: ChartCell) -> f64 {
     if cell.reverse { -1.0 } else { 1.0 }
 }
 

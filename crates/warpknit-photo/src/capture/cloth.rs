@@ -15,11 +15,11 @@ use super::fibres::Twist;
 use super::lattice::Lattice;
 use super::layout::Layout;
 use super::shape::CylinderShape;
-use super::strands::{LaidStrand, PlacedSegment, strands};
+use super::strands::{JoinedStrand, PlacedSegment, strands};
 use super::upright::Upright;
 use crate::plane::double;
 use warpknit_core::fabric::yarn::{Color, Count, MOST_TWIST, Yarn};
-use warpknit_core::fabric::{Bar, BarKind, Dimensions, Fabric};
+use warpknit_core::fabric::{Fabric, LaidCloth, LaidStrand, StrandDirection, Structure};
 
 /// Name of the fabric until a person gives it one.
 const NAME: &str = "captured";
@@ -67,22 +67,15 @@ pub(super) fn fabric(
     Fabric {
         wales_per_cm: rounded(10.0 / cell.x),
         courses_per_cm: rounded(10.0 / cell.y),
-        bars: strands.iter().map(|strand| bar(strand, &strands, yarns)).collect(),
-        paths: strands
-            .iter()
-            .map(|strand| {
-                strand
-                    .path
-                    .iter()
-                    .map(|&point| DVec3::from((point / cell.extend(1.0)).to_array().map(rounded)))
-                    .collect()
-            })
-            .collect(),
+        structure: Structure::Laid(LaidCloth {
+            strands: strands
+                .iter()
+                .map(|strand| laid(strand, &strands, yarns, cell.extend(1.0)))
+                .collect(),
+        }),
         name: NAME.to_owned(),
         about: String::new(),
         gauge: None,
-        stitch: Dimensions::default(),
-        motif: None,
         panels: Vec::new(),
         enlargement: 1.0,
     }
@@ -94,9 +87,14 @@ fn rounded(number: f64) -> f64 {
     (1e5 * number).round() / 1e5
 }
 
-/// The bar that lays a strand. Strands of one colour that run the same way are of one yarn, and get
-/// its mean width and twist.
-fn bar(strand: &LaidStrand, strands: &[LaidStrand], yarns: &SegmentYarns) -> Bar {
+/// A strand as the fabric holds it, its path in cells. Strands of one colour that run the same way
+/// are of one yarn, and get its mean width and twist.
+fn laid(
+    strand: &JoinedStrand,
+    strands: &[JoinedStrand],
+    yarns: &SegmentYarns,
+    cell: DVec3,
+) -> LaidStrand {
     let colors = yarns.colors;
     let own_color = majority_color(strand, colors);
     let alike = strands.iter().filter(|other| {
@@ -106,13 +104,20 @@ fn bar(strand: &LaidStrand, strands: &[LaidStrand], yarns: &SegmentYarns) -> Bar
     let twist = mean_twist(
         alike.flat_map(|strand| &strand.segments).map(|&segment| &yarns.twists[segment]),
     );
-    let kind = if strand.across { BarKind::LaidAcross } else { BarKind::LaidAlong };
     let color = Color::from_linear(colors.linear[own_color].as_vec3().into());
-    Bar::laid(kind, yarn(width, twist, color))
+    LaidStrand {
+        path: strand
+            .path
+            .iter()
+            .map(|&point| DVec3::from((point / cell).to_array().map(rounded)))
+            .collect(),
+        direction: if strand.across { StrandDirection::Across } else { StrandDirection::Along },
+        yarn: yarn(width, twist, color),
+    }
 }
 
 /// The colour group of most of a strand's segments; of equally frequent ones the first.
-fn majority_color(strand: &LaidStrand, colors: &SegmentColors) -> usize {
+fn majority_color(strand: &JoinedStrand, colors: &SegmentColors) -> usize {
     (0..colors.linear.len())
         .max_by_key(|&group| {
             let members =

@@ -1,6 +1,6 @@
 //! From segments to yarns: the stretches between those that are visible.
 //!
-//! In: the segments of a rectangular cell. Out: [`LaidStrand`]s, each the path of a yarn through
+//! In: the segments of a rectangular cell. Out: [`JoinedStrand`]s, each the path of a yarn through
 //! the cell, which goes on into the next cell above or beside.
 //!
 //! Method: greedy matching of segment ends by a cost of distance and turn. Parts of one segment,
@@ -59,7 +59,7 @@ pub(super) struct PlacedSegment {
 
 /// A yarn through the cell.
 #[derive(Clone, Debug)]
-pub(super) struct LaidStrand {
+pub(super) struct JoinedStrand {
     /// Whether it goes on into the cell beside, and not into the one above.
     pub(super) across: bool,
     /// Its axis, mm. From the last point it goes on to the first point of the next cell.
@@ -90,7 +90,7 @@ struct EndLink {
 
 /// Joins placed segments to yarns. They are given copy by copy of the cell, in the order of the
 /// layout's visible segments.
-pub(super) fn strands(placed: &[PlacedSegment], cell: DVec2) -> Vec<LaidStrand> {
+pub(super) fn strands(placed: &[PlacedSegment], cell: DVec2) -> Vec<JoinedStrand> {
     let mean = placed.iter().map(|own| own.shape.centre.z + own.shape.semi_axis).sum::<f64>()
         / double(placed.len().max(1));
     let links = links(placed, cell);
@@ -285,7 +285,7 @@ fn is_ring(next: &[[Next; 2]], first: usize, count: usize) -> bool {
 
 impl SegmentChain {
     /// The path of the chain's yarn.
-    fn into_strand(mut self, placed: &[PlacedSegment], cell: DVec2, mean: f64) -> LaidStrand {
+    fn into_strand(mut self, placed: &[PlacedSegment], cell: DVec2, mean: f64) -> JoinedStrand {
         if self.is_closed_underneath {
             self.period = self.main_direction(placed, cell);
         }
@@ -315,7 +315,7 @@ impl SegmentChain {
         let width = self.entries.iter().map(|((own, _), _)| placed[*own].shape.width).sum::<f64>()
             / double(self.entries.len());
         let segments = self.entries.iter().map(|((own, _), _)| placed[*own].segment).collect();
-        LaidStrand { across: self.period.x != 0.0, path, segments, width }
+        JoinedStrand { across: self.period.x != 0.0, path, segments, width }
     }
 
     /// The step of one cell, along x or y, in the direction in which the chain mostly runs.
@@ -433,7 +433,7 @@ mod tests {
     fn a_leg_without_another_goes_on_to_its_own_copy() {
         let strands = strands(&[piece(0, [0.2, 0.1], [0.5, 0.9])], DVec2::new(4.0, 3.0));
         assert_eq!(strands.len(), 1);
-        let LaidStrand { across, path, .. } = &strands[0];
+        let JoinedStrand { across, path, .. } = &strands[0];
         assert!(!across && path.len() >= 7 && path[6].y > 0.9 && path[6].z < -0.2, "{path:?}");
     }
 
@@ -447,7 +447,7 @@ mod tests {
             ..piece(0, [0.9, 0.5], [0.1, 0.5])
         };
         let strands = strands(&[own], DVec2::ONE);
-        let [LaidStrand { across: true, path, .. }] = &strands[..] else { panic!("{strands:?}") };
+        let [JoinedStrand { across: true, path, .. }] = &strands[..] else { panic!("{strands:?}") };
         let sinks = own.shape.sinks();
         for (at, point) in path[..5].iter().enumerate() {
             assert!(point.truncate().distance(bent[4 - at]) < 1e-12, "{path:?}");

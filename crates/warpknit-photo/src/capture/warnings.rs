@@ -75,8 +75,10 @@ impl Captured {
 
     /// A cloth needs yarns in two directions.
     fn direction_warning(&self) -> Option<String> {
-        let across = self.fabric.bars.iter().filter(|bar| bar.kind.runs_across()).count();
-        (across == 0 || across == self.fabric.bars.len()).then(|| {
+        let strands = self.fabric.yarn_systems();
+        let across =
+            (0..strands).filter(|&strand| self.fabric.structure.runs_across(strand)).count();
+        (across == 0 || across == strands).then(|| {
             "all yarns run one way, and nothing holds them together: look at grid3x3.png, and add \
              what is missing to layout.toml, or give a larger cell (--cell) if the cloth repeats \
              after more"

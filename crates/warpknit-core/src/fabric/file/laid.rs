@@ -1,13 +1,16 @@
 //! The tables of laid cloth: its strands, each with the path of its yarn.
+//!
+//! In: `[[strands]]` tables. Out: a [`LaidCloth`], and tables again. A path must move from each
+//! point to the next, or its yarn would have no direction there.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
-use super::{Limits, Source, YarnTable, unplaced};
-use crate::fabric::bar::{Bar, BarKind};
-use crate::fabric::error::{FabricError, Fault};
-use crate::fabric::{MAX_PATH, Path};
+use super::source::{Limits, Source, unplaced};
+use super::yarn::YarnTable;
+use crate::fabric::error::{FabricError, FabricFault};
+use crate::fabric::{LaidCloth, LaidStrand, MAX_PATH, StrandDirection};
 
 const ACROSS: Limits = (-100.0, 100.0, "cells");
 const DEPTH: Limits = (-1000.0, 1000.0, "mm");
@@ -18,59 +21,62 @@ const APART: f64 = 1e-9;
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct StrandTable {
-    runs: Runs,
+    runs: StrandDirection,
     path: Spanned<Vec<[Spanned<f64>; 3]>>,
     yarn: YarnTable,
 }
 
-/// Where a strand goes on.
-#[derive(Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum Runs {
-    Along,
-    Across,
+/// The laid cloth of a file.
+pub(super) fn laid_cloth(
+    strands: Vec<StrandTable>,
+    source: Source<'_>,
+) -> Result<LaidCloth, FabricError> {
+    let strands = strands.into_iter().zip(1..);
+    let strands: Vec<_> = strands
+        .map(|(table, number)| table.into_strand(number, source))
+        .collect::<Result<_, _>>()?;
+    if strands.is_empty() { Err(FabricFault::NoStrands.into()) } else { Ok(LaidCloth { strands }) }
 }
 
 impl StrandTable {
-    /// The strand, and the path of its yarn.
-    pub(super) fn into_bar(
-        self,
-        number: usize,
-        source: Source<'_>,
-    ) -> Result<(Bar, Path), FabricError> {
-        let refuse = |why| Fault::Path { number, why }.at(source.0, self.path.span());
-        let places = self.path.get_ref();
-        if !(2..=MAX_PATH).contains(&places.len()) {
-            return Err(refuse("has too few or too many points: 2 to 1000 are taken"));
-        }
-        let mut path = Path::with_capacity(places.len());
-        for [x, y, z] in places {
-            let place =
-                |name: &str, number: &Spanned<f64>, limits| source.number(name, number, limits);
-            let what = format!("strand {number}: path");
-            path.push(DVec3::new(
-                place(&what, x, ACROSS)?,
-                place(&what, y, ACROSS)?,
-                place(&what, z, DEPTH)?,
-            ));
-        }
-        let (kind, period) = match self.runs {
-            Runs::Along => (BarKind::LaidAlong, DVec3::Y),
-            Runs::Across => (BarKind::LaidAcross, DVec3::X),
-        };
-        let next = path.iter().copied().skip(1).chain([path[0] + period]);
+    /// The strand; `number` names it in errors.
+    fn into_strand(self, number: usize, source: Source<'_>) -> Result<LaidStrand, FabricError> {
+        let path = self.points(number, source)?;
+        // The path goes on into the next cell, so its last span ends at the first point there.
+        let next = path.iter().copied().skip(1).chain([path[0] + self.runs.step()]);
         if path.iter().zip(next).any(|(point, next)| point.distance(next) < APART) {
-            return Err(refuse(
-                "has two points in a row in one place; it goes on into the next cell, so the last is not the first again",
-            ));
+            let why = "has two points in a row in one place; it goes on into the next cell, so the \
+                       last is not the first again";
+            return Err(FabricFault::Path { number, why }.at(source.0, self.path.span()));
         }
-        Ok((Bar::laid(kind, self.yarn.into_yarn(&format!("strand {number}"), source)?), path))
+        let yarn = self.yarn.into_yarn(&format!("strand {number}"), source)?;
+        Ok(LaidStrand { path, direction: self.runs, yarn })
     }
 
-    pub(super) fn of(bar: &Bar, path: &Path) -> Self {
-        let runs = if bar.kind == BarKind::LaidAcross { Runs::Across } else { Runs::Along };
-        let path = path.iter().map(|point| point.to_array().map(unplaced)).collect();
-        Self { runs, path: unplaced(path), yarn: YarnTable::from(&bar.yarn) }
+    /// The points of its path, each within its limits.
+    fn points(&self, number: usize, source: Source<'_>) -> Result<Vec<DVec3>, FabricError> {
+        let points = self.path.get_ref();
+        if !(2..=MAX_PATH).contains(&points.len()) {
+            let why = "has too few or too many points: 2 to 1000 are taken";
+            return Err(FabricFault::Path { number, why }.at(source.0, self.path.span()));
+        }
+        let what = format!("strand {number}: path");
+        let mut path = Vec::with_capacity(points.len());
+        for [x, y, z] in points {
+            path.push(DVec3::new(
+                source.number(&what, x, ACROSS)?,
+                source.number(&what, y, ACROSS)?,
+                source.number(&what, z, DEPTH)?,
+            ));
+        }
+        Ok(path)
+    }
+}
+
+impl From<&LaidStrand> for StrandTable {
+    fn from(strand: &LaidStrand) -> Self {
+        let path = strand.path.iter().map(|point| point.to_array().map(unplaced)).collect();
+        Self { runs: strand.direction, path: unplaced(path), yarn: YarnTable::from(&strand.yarn) }
     }
 }
 
@@ -78,7 +84,7 @@ impl StrandTable {
 mod tests {
     use proptest::prelude::*;
 
-    use crate::fabric::Fabric;
+    use crate::fabric::{Fabric, Structure};
 
     const PLAIN: &str = r##"name = "plain"
 kind = "laid"
@@ -150,15 +156,26 @@ yarn = { count = "20 tex", density = 1.5, packing = 0.6, color = "#907050" }
 
     proptest! {
         #[test]
-        fn every_path_reads_back(points in prop::collection::vec((-100.0..100.0, -100.0..100.0, -1000.0..1000.0), 2..9), across in any::<bool>()) {
+        fn every_path_reads_back(
+            points in prop::collection::vec(
+                (-100.0..100.0, -100.0..100.0, -1000.0..1000.0),
+                2..9,
+            ),
+            across in any::<bool>(),
+        ) {
             let mut fabric = Fabric::parse(PLAIN).unwrap();
-            fabric.bars.swap(0, usize::from(across));
-            fabric.paths[0] = points.into_iter().map(glam::DVec3::from).collect();
+            let Structure::Laid(cloth) = &mut fabric.structure else { unreachable!() };
+            cloth.strands.swap(0, usize::from(across));
+            cloth.strands[0].path = points.into_iter().map(glam::DVec3::from).collect();
             prop_assert_eq!(Fabric::parse(&fabric.to_string()).unwrap(), fabric);
         }
 
         #[test]
-        fn no_damage_panics(from in 0..PLAIN.len(), length in 0..40_usize, patch in "(?s)[\\[\\]{}\"'=\n0-9-]{0,6}|.{0,3}") {
+        fn no_damage_panics(
+            from in 0..PLAIN.len(),
+            length in 0..40_usize,
+            patch in "(?s)[\\[\\]{}\"'=\n0-9-]{0,6}|.{0,3}",
+        ) {
             let mut text = PLAIN.to_owned();
             text.replace_range(from..(from + length).min(PLAIN.len()), &patch);
             if let Err(error) = Fabric::parse(&text) {

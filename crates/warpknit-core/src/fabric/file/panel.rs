@@ -1,11 +1,14 @@
 //! The table of a panel: how the fabric lies on it.
+//!
+//! In: `[[panels]]` tables. Out: a [`PanelLayout`] each, and tables again. Whether the garment has
+//! such a panel is checked when it is covered.
 
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
-use super::{Limits, Source, unplaced};
+use super::source::{Limits, Source, unplaced};
 use crate::fabric::PanelLayout;
-use crate::fabric::error::{FabricError, Fault};
+use crate::fabric::error::{FabricError, FabricFault};
 
 const GRAIN: Limits = (-360.0, 360.0, "degrees");
 const ORIGIN: Limits = (-1e5, 1e5, "mm");
@@ -46,7 +49,7 @@ pub(super) fn panels(
     for table in tables {
         let panel = *table.panel.get_ref();
         if panels.iter().any(|other| other.panel == panel) {
-            return Err(Fault::PanelTwice(panel).at(source.0, table.panel.span()));
+            return Err(FabricFault::PanelTwice(panel).at(source.0, table.panel.span()));
         }
         let grain_degrees = source.number(&format!("panel {panel}: grain"), &table.grain, GRAIN)?;
         let [x, y] = table

@@ -1,14 +1,20 @@
 //! The tables of a warp knit: its guide bars, and the dimensions of its stitches.
+//!
+//! In: tables as TOML has them. Out: a [`WarpKnit`], and tables again. A bar with its drive on the
+//! left is mirrored, so that the rest of the program counts gaps from one side only.
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
-use super::{Source, YarnTable, full_set, unplaced};
-use crate::fabric::bar::{self, Bar, BarKind};
+use super::full_set;
+use super::source::{Source, unplaced};
+use super::yarn::YarnTable;
+use crate::fabric::WarpKnit;
+use crate::fabric::bar::{self, Bar, Lay};
 use crate::fabric::dimensions::{Dimensions, KEYS};
-use crate::fabric::error::{FabricError, Fault};
+use crate::fabric::error::{FabricError, FabricFault};
 use crate::fabric::lapping::Numbering;
 
 /// A `[[bars]]` table.
@@ -35,25 +41,50 @@ enum Drive {
     Left,
 }
 
+/// The warp knit of a file.
+pub(super) fn warp_knit(
+    stitch: &BTreeMap<Spanned<String>, Spanned<f64>>,
+    bars: Vec<BarTable>,
+    source: Source<'_>,
+) -> Result<WarpKnit, FabricError> {
+    let stitch = dimensions(stitch, source)?;
+    let bars = bars.into_iter().zip(1..).map(|(table, number)| table.into_bar(number, source));
+    Ok(WarpKnit { bars: bars.collect::<Result<_, _>>()?, stitch })
+}
+
+/// The dimensions that differ from their defaults, as the file has them.
+pub(super) fn stitch_table(stitch: &Dimensions) -> BTreeMap<Spanned<String>, Spanned<f64>> {
+    let (mut stitch, mut default) = (*stitch, Dimensions::default());
+    let changed = KEYS.iter().filter_map(|key| {
+        let value = *(key.field)(&mut stitch);
+        (value != *(key.field)(&mut default))
+            .then(|| (unplaced(key.name.to_owned()), unplaced(value)))
+    });
+    changed.collect()
+}
+
 /// Reads the `[stitch]` table.
-pub(super) fn stitch(
+fn dimensions(
     table: &BTreeMap<Spanned<String>, Spanned<f64>>,
     source: Source<'_>,
 ) -> Result<Dimensions, FabricError> {
     let mut stitch = Dimensions::default();
     for (name, value) in table {
         let Some(key) = KEYS.iter().find(|key| key.name == name.get_ref()) else {
-            return Err(Fault::UnknownDimension(name.get_ref().clone()).at(source.0, name.span()));
+            return Err(
+                FabricFault::UnknownDimension(name.get_ref().clone()).at(source.0, name.span())
+            );
         };
-        *(key.of)(&mut stitch) =
+        *(key.field)(&mut stitch) =
             source.number(&format!("stitch.{}", key.name), value, key.range)?;
     }
     Ok(stitch)
 }
 
 impl BarTable {
-    pub(super) fn into_bar(self, number: usize, source: Source<'_>) -> Result<Bar, FabricError> {
-        let (kind, chain) = bar::read_lapping(
+    /// The bar; `number` names it in errors.
+    fn into_bar(self, number: usize, source: Source<'_>) -> Result<Bar, FabricError> {
+        let lay = bar::read_lapping(
             &format!("bar {number}, lapping"),
             self.lapping.get_ref(),
             self.numbering,
@@ -62,29 +93,24 @@ impl BarTable {
         let threading =
             bar::read_threading(&format!("bar {number}, threading"), self.threading.get_ref())
                 .map_err(|fault| source.in_string(&self.threading, fault.span(), fault))?;
-        // Both gaps and guides are counted from the drive; a weft's marks are courses.
-        let mirrored = self.drive == Drive::Left && kind == BarKind::Guide;
-        let (chain, threading) =
-            if mirrored { (chain.mirrored(), threading.mirrored()) } else { (chain, threading) };
-        Ok(Bar {
-            chain,
-            threading,
-            yarn: self.yarn.into_yarn(&format!("bar {number}"), source)?,
-            kind,
-        })
+        // Gaps and guides are both counted from the drive. The marks of wefts are courses.
+        let (lay, threading) = match (lay, self.drive) {
+            (Lay::Lapping(chain), Drive::Left) => {
+                (Lay::Lapping(chain.mirrored()), threading.mirrored())
+            }
+            (lay @ (Lay::Lapping(_) | Lay::Weft), _) => (lay, threading),
+        };
+        Ok(Bar { lay, threading, yarn: self.yarn.into_yarn(&format!("bar {number}"), source)? })
     }
 }
 
 impl From<&Bar> for BarTable {
     fn from(bar: &Bar) -> Self {
-        let left = bar.counts_from_left();
         Self {
             lapping: unplaced(bar.lapping()),
             numbering: Numbering::Tricot,
-            drive: if left { Drive::Left } else { Drive::Right },
-            threading: unplaced(
-                if left { bar.threading.mirrored() } else { bar.threading.clone() }.to_string(),
-            ),
+            drive: if bar.counts_from_left() { Drive::Left } else { Drive::Right },
+            threading: unplaced(bar.written_threading().to_string()),
             yarn: YarnTable::from(&bar.yarn),
         }
     }

@@ -1,11 +1,13 @@
-//! The table of a yarn, whatever brings it.
+//! The table of a yarn, which bars, feeders and strands have alike.
+//!
+//! In: a `yarn` table. Out: a [`Yarn`], and a table again.
 
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
-use super::{Limits, Source, unplaced};
+use super::source::{Limits, Source, unplaced};
 use crate::fabric::error::FabricError;
 use crate::fabric::yarn::{Color, Count, MOST_TWIST, Yarn};
 
@@ -16,7 +18,7 @@ const TWIST: Limits = (-MOST_TWIST, MOST_TWIST, "turns per metre");
 const SHEEN: Limits = (0.0, 1.0, "");
 const TEXTURE_LENGTH: Limits = (0.01, 10_000.0, "mm");
 
-/// A bar's `yarn`.
+/// The `yarn` of a bar, a feeder or a strand.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct YarnTable {
@@ -37,29 +39,31 @@ pub(super) struct YarnTable {
 }
 
 impl YarnTable {
-    /// `whose` names the bar in messages.
+    /// The yarn; `whose` names the bar, feeder or strand in errors.
     pub(super) fn into_yarn(self, whose: &str, source: Source<'_>) -> Result<Yarn, FabricError> {
-        let what = |key: &str| format!("{whose}: yarn.{key}");
-        let optional = |key: &str, number: &Option<Spanned<f64>>, limits| {
-            number.as_ref().map(|number| source.number(&what(key), number, limits)).transpose()
-        };
+        let what = format!("{whose}: yarn");
+        // TOML reads plies as integers; their range is checked like that of other numbers.
         if let Some(plies) = &self.plies {
             source.number(
-                &what("plies"),
+                &format!("{what}.plies"),
                 &Spanned::new(plies.span(), f64::from(*plies.get_ref())),
                 PLIES,
             )?;
         }
         Ok(Yarn {
             count: self.count,
-            density: source.number(&what("density"), &self.density, FIBRE_DENSITY)?,
-            packing: source.number(&what("packing"), &self.packing, PACKING)?,
+            density: source.number(&format!("{what}.density"), &self.density, FIBRE_DENSITY)?,
+            packing: source.number(&format!("{what}.packing"), &self.packing, PACKING)?,
             color: self.color,
             plies: self.plies.map(Spanned::into_inner),
-            twist: optional("twist", &self.twist, TWIST)?,
-            sheen: optional("sheen", &self.sheen, SHEEN)?,
+            twist: source.optional(&format!("{what}.twist"), self.twist.as_ref(), TWIST)?,
+            sheen: source.optional(&format!("{what}.sheen"), self.sheen.as_ref(), SHEEN)?,
             texture: self.texture,
-            texture_length: optional("texture_length", &self.texture_length, TEXTURE_LENGTH)?,
+            texture_length: source.optional(
+                &format!("{what}.texture_length"),
+                self.texture_length.as_ref(),
+                TEXTURE_LENGTH,
+            )?,
         })
     }
 }
