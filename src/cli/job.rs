@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use anyhow::{Result, bail};
 use warpknit::drape::{self, Cloth, Totals, fibres};
-use warpknit::export::{Format, Output, Wardrobe};
+use warpknit::export::{Format, Output, TextureSet};
 use warpknit::fabric::Fabric;
 use warpknit::garment::stretch::stretch;
 use warpknit::ids::index32;
@@ -26,7 +26,7 @@ use super::pictures::{self, Textures};
 use super::system::peak_memory_mb;
 use super::targets::text_file;
 use super::values::{ShapeArg, SwitchArg};
-use super::writers::{Wanted, section, wardrobe};
+use super::writers::{Wanted, section, textures_in_files};
 
 /// One run: what is knitted, onto what, and how it is shown.
 pub(super) struct Job<'a> {
@@ -56,7 +56,7 @@ pub(super) struct Setup {
     pub(super) section: Section,
     pub(super) textures: Textures,
     /// The same as files hold them.
-    pub(super) wardrobe: Arc<Wardrobe>,
+    pub(super) textures_in_files: Arc<TextureSet>,
     /// What yarns are spun of, where their fibres are to be seen.
     pub(super) fibres: Option<Fibres>,
     /// How yarns are laid, with surfaces where a file holds them.
@@ -71,9 +71,8 @@ pub(super) struct Fibres {
     pub(super) bundles: Vec<Bundle>,
     /// Pixels across a yarn from which on a picture shows them.
     pub(super) near: f64,
-    /// What files hold: a fabric of fibres, and how their tubes are made; none where files hold
-    /// yarns.
-    pub(super) filed: Option<(Fabric, Section)>,
+    /// How the tubes of fibres in files are made; none where files hold yarns.
+    pub(super) filed: Option<Section>,
 }
 
 /// The most points of fibres in files: as curves, of which a .usda takes some 20 GB, and as tubes,
@@ -143,16 +142,8 @@ impl Job<'_> {
             );
         }
         self.check_fibres(&bundles, wanted)?;
-        let fabric = fibres::fabric(self.shown, &bundles);
-        let radius = bundles.iter().map(|bundle| bundle.fibre).fold(0.0, f64::max);
-        let section = Section {
-            st: 1,
-            sr: self.shared.sr.unwrap_or(FIBRE_SR),
-            radius,
-            flatten: 1.0,
-            ..*section
-        };
-        Ok(Some(Fibres { bundles, near: 0.0, filed: Some((fabric, section)) }))
+        let section = Section { sr: self.shared.sr.unwrap_or(FIBRE_SR), ..*section };
+        Ok(Some(Fibres { bundles, near: 0.0, filed: Some(section) }))
     }
 
     /// What the run needs before its first yarn; `wanted` are its files.
@@ -162,9 +153,9 @@ impl Job<'_> {
         let wants_surface = wanted.iter().any(|(_, format)| format.holds_tubes());
         let options = drape::Options { surface: wants_surface.then_some(section), ..self.options };
         let textures = Textures::of(self.shared, self.shown)?;
-        let wardrobe = wardrobe(wanted, self, section.radius, &textures);
+        let textures_in_files = textures_in_files(wanted, self, section.radius, &textures);
         let fibres = self.fibres(wanted, &section)?;
-        Ok(Setup { section, textures, wardrobe, fibres, options, near })
+        Ok(Setup { section, textures, textures_in_files, fibres, options, near })
     }
 
     /// What is to be said of the garment and of how the fabric is drawn, before any yarn is laid.

@@ -7,7 +7,7 @@ use anyhow::{Context, Result, bail};
 use warpknit::drape::clearance::Gauge;
 use warpknit::drape::strands::Losses;
 use warpknit::drape::{self, Block, Cloth, Stage, Totals};
-use warpknit::export::{ExportError, Format, Output, Sink};
+use warpknit::export::{ExportError, FileWriter, Format, Output};
 use warpknit::garment::Panel;
 use warpknit::knit::clearance::Clearance;
 use warpknit::render::cloth;
@@ -212,7 +212,7 @@ pub(super) fn tell_warnings(job: &Job<'_>, warnings: &mut Vec<String>) {
 struct Takers<'a, 'b> {
     /// Where they are to be drawn from.
     scene: Option<&'a mut Scene>,
-    sinks: &'a mut [Box<dyn Sink + 'b>],
+    sinks: &'a mut [FileWriter<'b>],
     gauge: Option<Gauge>,
 }
 

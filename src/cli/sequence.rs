@@ -12,7 +12,7 @@ use glam::{DVec3, Vec3};
 use warpknit::drape::sequence::Held;
 use warpknit::drape::{Block, Options};
 use warpknit::export::usda_frames::UsdaFramesWriter;
-use warpknit::export::{ExportError, Format, Output, Sink};
+use warpknit::export::{ClothInfo, ExportError, Format, Output, Sink, Target};
 use warpknit::garment::Garment;
 use warpknit::garment::stretch::stretch;
 use warpknit::ids::index32;
@@ -56,7 +56,7 @@ struct Show<'a, 'b> {
     setup: &'a Setup,
     held: Held,
     files: &'a Files,
-    usda: Vec<UsdaFramesWriter>,
+    usda: Vec<UsdaFramesWriter<Output>>,
     scene: Option<Scene>,
     /// What the camera sees: the sequence's extent.
     seen: Vec<Vec3>,
@@ -78,10 +78,12 @@ pub(super) fn make(job: &Job<'_>, sequence: &Sequence<'_>, mut clock: Clock) -> 
     let wants_extent = wants_picture && job.shared.eye.is_none();
     let seen = if wants_extent { seen(sequence, job, &mut clock)? } else { Vec::new() };
     let usda = files.whole.iter().filter(|(_, format)| *format == Format::Usda);
+    let info = ClothInfo::from_fabric(job.shown, setup.section);
     let usda = usda.map(|(path, _)| {
-        UsdaFramesWriter::create(path, job.shown, &setup.section, sequence.frames_per_second)
+        let target = Target::named(Output::create(path)?, path);
+        UsdaFramesWriter::create(target, &info, sequence.frames_per_second)
     });
-    let usda = usda.collect::<Result<Vec<_>, _>>()?;
+    let usda = usda.collect::<Result<Vec<_>, ExportError>>()?;
     let reports = files.whole.iter().filter(|(_, format)| *format == Format::Json);
     reports.into_iter().try_for_each(|(path, _)| Output::check(path))?;
     let held =
@@ -107,7 +109,8 @@ pub(super) fn make(job: &Job<'_>, sequence: &Sequence<'_>, mut clock: Clock) -> 
     let frames = show.all(sequence)?;
     let Show { held, usda, drawn_by, warnings, .. } = show;
     clock.begin(Task::Write, 1.0);
-    let mut finished = finished(usda.into_iter().map(Box::new).collect())?;
+    let usda = usda.into_iter().map(|writer| Box::new(writer).finish());
+    let mut finished = usda.collect::<Result<Vec<_>, _>>()?;
     clock.stop();
     let shown = frames.iter().filter(|frame| frame.skipped.is_none()).count();
     let totals = *held.totals();

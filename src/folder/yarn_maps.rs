@@ -39,7 +39,7 @@ pub fn save(yarn: &Developed, folder: &OutputFolder) -> Result<(), ExportError> 
     picture(folder, "roughness.png", &|file| surface.roughness.write_to(file, ImageFormat::Png))?;
     picture(folder, "metallic.png", &|file| surface.metallic.write_to(file, ImageFormat::Png))?;
     picture(folder, "ao.png", &|file| surface.occlusion.write_to(file, ImageFormat::Png))?;
-    let io = |source| ExportError::Io { path: folder.target().join("yarn.toml"), source };
+    let io = |source| ExportError::Io { path: Some(folder.target().join("yarn.toml")), source };
     fs::write(folder.file("yarn.toml"), toml(yarn)).map_err(io)
 }
 
@@ -50,7 +50,7 @@ fn picture(
     name: &str,
     write: &dyn Fn(&mut BufWriter<File>) -> Result<(), ImageError>,
 ) -> Result<(), ExportError> {
-    let io = |source| ExportError::Io { path: folder.target().join(name), source };
+    let io = |source| ExportError::Io { path: Some(folder.target().join(name)), source };
     let mut file = BufWriter::new(File::create(folder.file(name)).map_err(io)?);
     write(&mut file).map_err(|error| match error {
         ImageError::IoError(source) => io(source),

@@ -21,18 +21,6 @@ pub fn bundles(fabric: &Fabric, radius: f64, fibre: f64) -> Vec<Bundle> {
     fabric.bars.iter().zip(fabric.thickness()).map(bundle).collect()
 }
 
-/// The fabric whose yarns are the fibres of another one's: as fine as `bundles` say, for whoever
-/// asks how thick strands are.
-#[must_use]
-pub fn fabric(yarns: &Fabric, bundles: &[Bundle]) -> Fabric {
-    let mut fibres = yarns.clone();
-    for (bar, bundle) in fibres.bars.iter_mut().zip(bundles) {
-        bar.yarn.count = bar.yarn.count.times((bundle.fibre / bundle.radius).powi(2));
-        (bar.yarn.plies, bar.yarn.twist) = (Some(1), None);
-    }
-    fibres
-}
-
 /// A block of fibres in place of a block of yarns, with surfaces if they are asked for; a yarn's
 /// fibres have its number. Where they lie on the flat panel isn't known.
 #[must_use]
