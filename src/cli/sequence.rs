@@ -80,8 +80,7 @@ pub(super) fn make(job: &Job<'_>, sequence: &Sequence<'_>, mut clock: Clock) -> 
     let usda = files.whole.iter().filter(|(_, format)| *format == Format::Usda);
     let info = ClothInfo::from_fabric(job.shown, setup.section);
     let usda = usda.map(|(path, _)| {
-        let target = Target::named(Output::create(path)?, path);
-        UsdaFramesWriter::create(target, &info, sequence.frames_per_second)
+        UsdaFramesWriter::create(Target::create(path)?, &info, sequence.frames_per_second)
     });
     let usda = usda.collect::<Result<Vec<_>, ExportError>>()?;
     let reports = files.whole.iter().filter(|(_, format)| *format == Format::Json);

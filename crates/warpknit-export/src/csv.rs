@@ -7,7 +7,6 @@
 
 use std::fmt::Write as _;
 use std::io::{Seek, Write};
-use std::path::Path;
 
 use super::buffer::{Buffer, Conveyor};
 use super::{ClothInfo, ExportError, Sink, Target};
@@ -43,7 +42,7 @@ impl<'a, W: Write + Seek + Send> CsvWriter<'a, W> {
 impl<W: Write + Seek + Send> Sink<W> for CsvWriter<'_, W> {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
         let Self { target, panels, conveyor } = self;
-        check_panels(blocks, panels, target.path())?;
+        check_panels(blocks, panels, target)?;
         conveyor.carry(
             blocks,
             |block, text| add_rows(block, &panels[block.panel], text),
@@ -57,15 +56,15 @@ impl<W: Write + Seek + Send> Sink<W> for CsvWriter<'_, W> {
 }
 
 /// Refuses blocks of panels that aren't known.
-pub(super) fn check_panels(
+pub(super) fn check_panels<W>(
     blocks: &[Block],
     panels: &[Panel],
-    path: Option<&Path>,
+    target: &Target<W>,
 ) -> Result<(), ExportError> {
     match blocks.iter().find(|block| block.panel >= panels.len()) {
         None => Ok(()),
         Some(block) => Err(ExportError::NoPanel {
-            path: path.map(Path::to_owned),
+            path: target.error_path(),
             panel: block.panel,
             panels: panels.len(),
         }),

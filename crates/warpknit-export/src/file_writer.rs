@@ -22,7 +22,7 @@ impl<'a> FileWriter<'a> {
             .iter()
             .map(|companion| Output::create_whole(&companion.path, &companion.bytes))
             .collect::<Result<_, _>>()?;
-        let target = Target::named(Output::create(path)?, path);
+        let target = Target::create(path)?;
         Ok(Self { writer: writer(format, target, cloth)?, companions })
     }
 

@@ -15,7 +15,6 @@
 use std::collections::BTreeMap;
 use std::io::{Seek, Write};
 use std::ops::Range;
-use std::path::Path;
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
@@ -327,10 +326,8 @@ impl<W: Write + Seek> GlbWriter<W> {
 
     /// That number of bytes, where the format can hold it.
     fn within_limit(&self, bytes: u64) -> Result<u32, ExportError> {
-        u32::try_from(bytes).map_err(|_over_4_gib| ExportError::TooLarge {
-            path: self.file.path().map(Path::to_owned),
-            bytes,
-        })
+        u32::try_from(bytes)
+            .map_err(|_over_4_gib| ExportError::TooLarge { path: self.file.error_path(), bytes })
     }
 }
 

@@ -92,7 +92,7 @@ impl<'a, W: Write + Seek + Send> NpzWriter<'a, W> {
 impl<W: Write + Seek + Send> Sink<W> for NpzWriter<'_, W> {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
         let Self { target, panels, spools, conveyor, .. } = self;
-        check_panels(blocks, panels, target.path())?;
+        check_panels(blocks, panels, target)?;
         for ((array, ..), spool) in ARRAYS.iter().zip(spools) {
             conveyor.carry(
                 blocks,

@@ -9,7 +9,7 @@
 //! sought (a pipe) or nobody knows how long the header will be at the most.
 
 use std::io::{Seek, SeekFrom, Write};
-use std::path::Path;
+use std::path::PathBuf;
 
 use super::spool::Spool;
 use super::{ExportError, Target};
@@ -45,9 +45,9 @@ impl<W: Write + Seek> PatchedHeader<W> {
         self.room
     }
 
-    /// The target's path, if it has one.
-    pub(super) fn path(&self) -> Option<&Path> {
-        self.target.path()
+    /// The path that errors name.
+    pub(super) fn error_path(&self) -> Option<PathBuf> {
+        self.target.error_path()
     }
 
     /// Appends to the body.
@@ -79,7 +79,7 @@ impl<W: Write + Seek> PatchedHeader<W> {
                 bytes.seek(SeekFrom::Start(end)).map(drop)
             })?,
             None => {
-                let (path, bytes) = (target.path().map(Path::to_owned), header.len());
+                let (path, bytes) = (target.error_path(), header.len());
                 return Err(ExportError::HeaderTooLong { path, bytes, room });
             }
         }
@@ -92,7 +92,6 @@ mod tests {
     use std::io::{Cursor, Read as _};
 
     use super::*;
-    use crate::Output;
 
     fn written<W: Write + Seek>(
         target: Target<W>,
@@ -109,7 +108,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a");
         for (header, room) in [("head", Some(4)), ("a long header", None)] {
-            let target = Target::named(Output::create(&path).unwrap(), &path);
+            let target = Target::create(&path).unwrap();
             written(target, room, header.as_bytes()).unwrap().publish().unwrap();
             let expected = format!("{header}bodybodybody");
             assert_eq!(std::fs::read_to_string(&path).unwrap(), expected);
@@ -134,7 +133,7 @@ mod tests {
         for header in ["head", "a long header"] {
             let (mut reader, writer) = std::io::pipe().unwrap();
             let path = format!("/proc/self/fd/{}", std::os::fd::AsRawFd::as_raw_fd(&writer));
-            let target = Target::named(Output::create(Path::new(&path)).unwrap(), &path);
+            let target = Target::create(path.as_ref()).unwrap();
             written(target, Some(4), header.as_bytes()).unwrap().publish().unwrap();
             drop(writer);
             let mut text = String::new();

@@ -9,7 +9,6 @@
 
 use std::io::{Seek, Write};
 use std::ops::Range;
-use std::path::Path;
 
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
@@ -95,7 +94,7 @@ impl<W: Write + Seek + Send> Sink<W> for PlyWriter<W> {
         if self.vertices > u64::from(u32::MAX) {
             // Refused now, and not when the disk is full of vertices that can't be numbered.
             return Err(ExportError::TooMany {
-                path: self.file.path().map(Path::to_owned),
+                path: self.file.error_path(),
                 vertices: self.vertices,
             });
         }

@@ -3,8 +3,8 @@
 use std::io::{self, Seek, Write};
 use std::path::{Path, PathBuf};
 
-use super::ExportError;
 use super::spool::Spool;
+use super::{ExportError, Output};
 
 /// Something that takes bytes, with its path if it has one.
 ///
@@ -18,19 +18,21 @@ use super::spool::Spool;
 pub struct Target<W> {
     bytes: W,
     path: Option<PathBuf>,
+    /// Where the path leads if it is a link: errors name that file, which is the one that is full.
+    leads_to: Option<PathBuf>,
 }
 
 impl<W> Target<W> {
     /// A target without a name.
     #[must_use]
     pub fn new(bytes: W) -> Self {
-        Self { bytes, path: None }
+        Self { bytes, path: None, leads_to: None }
     }
 
     /// A target of that path, which need not be a file's.
     #[must_use]
     pub fn named(bytes: W, path: impl Into<PathBuf>) -> Self {
-        Self { bytes, path: Some(path.into()) }
+        Self { bytes, path: Some(path.into()), leads_to: None }
     }
 
     /// Its path, if it has one.
@@ -39,14 +41,31 @@ impl<W> Target<W> {
         self.path.as_deref()
     }
 
+    /// The path that errors name.
+    pub(super) fn error_path(&self) -> Option<PathBuf> {
+        self.leads_to.clone().or_else(|| self.path.clone())
+    }
+
     /// The result with the target's name in its error.
     pub(super) fn name_error<T>(&self, result: io::Result<T>) -> Result<T, ExportError> {
-        result.map_err(|source| ExportError::Io { path: self.path.clone(), source })
+        result.map_err(|source| ExportError::Io { path: self.error_path(), source })
     }
 
     /// An empty part of the file, to be copied to its place later.
     pub(super) fn spool(&self) -> Result<Spool, ExportError> {
         self.name_error(Spool::create(self.path()))
+    }
+}
+
+impl Target<Output> {
+    /// An [`Output`] at that path.
+    ///
+    /// # Errors
+    /// As of [`Output::create`].
+    pub fn create(path: &Path) -> Result<Self, ExportError> {
+        let bytes = Output::create(path)?;
+        let leads_to = Some(bytes.target().to_owned());
+        Ok(Self { bytes, path: Some(path.to_owned()), leads_to })
     }
 }
 
