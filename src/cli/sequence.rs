@@ -12,7 +12,7 @@ use glam::{DVec3, Vec3};
 use warpknit::drape::sequence::Held;
 use warpknit::drape::{Block, Options};
 use warpknit::export::usda_frames::UsdaFramesWriter;
-use warpknit::export::{ClothInfo, ExportError, Format, Output, Sink, Target};
+use warpknit::export::{ClothInfo, Destination, ExportError, Format, Output, Sink};
 use warpknit::garment::Garment;
 use warpknit::garment::stretch::stretch;
 use warpknit::ids::index32;
@@ -80,7 +80,7 @@ pub(super) fn make(job: &Job<'_>, sequence: &Sequence<'_>, mut clock: Clock) -> 
     let usda = files.whole.iter().filter(|(_, format)| *format == Format::Usda);
     let info = ClothInfo::from_fabric(job.shown, setup.section);
     let usda = usda.map(|(path, _)| {
-        UsdaFramesWriter::create(Target::create(path)?, &info, sequence.frames_per_second)
+        UsdaFramesWriter::create(Destination::create(path)?, &info, sequence.frames_per_second)
     });
     let usda = usda.collect::<Result<Vec<_>, ExportError>>()?;
     let reports = files.whole.iter().filter(|(_, format)| *format == Format::Json);

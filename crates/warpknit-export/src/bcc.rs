@@ -13,7 +13,7 @@ use glam::Vec3;
 
 use super::buffer::{Buffer, Conveyor};
 use super::patched_header::PatchedHeader;
-use super::{ClothInfo, ExportError, Sink, Target, lines};
+use super::{ClothInfo, Destination, ExportError, Sink, lines};
 use warpknit_core::drape::Block;
 use warpknit_core::ids::index32;
 
@@ -52,7 +52,7 @@ impl<W: Write + Seek + Send> BccWriter<W> {
     ///
     /// # Errors
     /// [`ExportError::Io`].
-    pub fn create(target: Target<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
+    pub fn create(target: Destination<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
         let file = PatchedHeader::create(target, Some(size_of::<BccHeader>()))?;
         let st = cloth.section.st;
         Ok(Self { file, st, curves: 0, points: 0, conveyor: Conveyor::default() })

@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 use std::io::{Seek, Write};
 
 use super::buffer::{Buffer, Conveyor};
-use super::{ClothInfo, ExportError, Sink, Target};
+use super::{ClothInfo, Destination, ExportError, Sink};
 use warpknit_core::drape::Block;
 use warpknit_core::drape::strands::{CUT, Strand};
 use warpknit_core::garment::Panel;
@@ -23,7 +23,7 @@ pub const HEADER: &str = "panel,bar,yarn,course,wale,kind,point,triangle,\
 /// Writes data points.
 #[derive(Debug)]
 pub struct CsvWriter<'a, W> {
-    target: Target<W>,
+    target: Destination<W>,
     panels: &'a [Panel],
     conveyor: Conveyor,
 }
@@ -33,7 +33,7 @@ impl<'a, W: Write + Seek + Send> CsvWriter<'a, W> {
     ///
     /// # Errors
     /// [`ExportError::Io`].
-    pub fn create(mut target: Target<W>, cloth: &ClothInfo<'a>) -> Result<Self, ExportError> {
+    pub fn create(mut target: Destination<W>, cloth: &ClothInfo<'a>) -> Result<Self, ExportError> {
         target.write(HEADER.as_bytes())?;
         Ok(Self { target, panels: cloth.panels, conveyor: Conveyor::default() })
     }
@@ -59,7 +59,7 @@ impl<W: Write + Seek + Send> Sink<W> for CsvWriter<'_, W> {
 pub(super) fn check_panels<W>(
     blocks: &[Block],
     panels: &[Panel],
-    target: &Target<W>,
+    target: &Destination<W>,
 ) -> Result<(), ExportError> {
     match blocks.iter().find(|block| block.panel >= panels.len()) {
         None => Ok(()),

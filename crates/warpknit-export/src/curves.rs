@@ -11,13 +11,13 @@ use std::io::{Seek, Write};
 
 use super::buffer::{Buffer, Conveyor};
 use super::digits::numbers;
-use super::{ClothInfo, ExportError, Sink, StrandStyle, Target, lines};
+use super::{ClothInfo, Destination, ExportError, Sink, StrandStyle, lines};
 use warpknit_core::drape::Block;
 
 /// Writes centre lines for Mitsuba.
 #[derive(Debug)]
 pub struct CurvesWriter<W> {
-    target: Target<W>,
+    target: Destination<W>,
     st: u32,
     /// Each bar's radius, mm.
     radii: Vec<f32>,
@@ -29,7 +29,7 @@ impl<W: Write + Seek + Send> CurvesWriter<W> {
     ///
     /// # Errors
     /// None: nothing is written before the first block.
-    pub fn create(target: Target<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
+    pub fn create(target: Destination<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
         let radii = cloth.strands.iter().map(StrandStyle::radius_f32).collect();
         Ok(Self { target, st: cloth.section.st, radii, conveyor: Conveyor::default() })
     }

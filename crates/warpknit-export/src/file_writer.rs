@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{ClothInfo, ExportError, Format, Output, Sink, Target, mtl, writer};
+use super::{ClothInfo, Destination, ExportError, Format, Output, Sink, mtl, writer};
 use warpknit_core::drape::Block;
 
 /// Writes a file of any format that holds yarns, and its companions.
@@ -22,7 +22,7 @@ impl<'a> FileWriter<'a> {
             .iter()
             .map(|companion| Output::create_whole(&companion.path, &companion.bytes))
             .collect::<Result<_, _>>()?;
-        let target = Target::create(path)?;
+        let target = Destination::create(path)?;
         Ok(Self { writer: writer(format, target, cloth)?, companions })
     }
 

@@ -29,7 +29,7 @@ use rayon::prelude::*;
 
 use super::patched_header::PatchedHeader;
 use super::texture::{Texture, TextureSet};
-use super::{ClothInfo, Expected, ExportError, Sink, Target};
+use super::{ClothInfo, Destination, Expected, ExportError, Sink};
 use warpknit_core::drape::Block;
 use warpknit_core::ids::{YarnId, index32};
 use warpknit_render::cloth::ROUGHNESS;
@@ -111,7 +111,7 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
     ///
     /// # Errors
     /// [`ExportError::Io`].
-    pub fn create(target: Target<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
+    pub fn create(target: Destination<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
         let textures = Arc::clone(&cloth.textures);
         let (root, buffer) = root_of(cloth);
         let room = cloth.expected.map(|expected| room_for(&root, expected));

@@ -12,7 +12,7 @@ use std::io::{Seek, Write};
 
 use super::buffer::{Buffer, Conveyor};
 use super::digits::numbers;
-use super::{ClothInfo, ExportError, Sink, StrandStyle, Target, lines};
+use super::{ClothInfo, Destination, ExportError, Sink, StrandStyle, lines};
 use warpknit_core::drape::Block;
 
 /// Young's modulus, MPa, and Poisson's ratio: of soft fibres, for a first run.
@@ -46,7 +46,7 @@ struct NumberedStrands<'a> {
 /// Writes beams as Abaqus input.
 #[derive(Debug)]
 pub struct InpWriter<W> {
-    target: Target<W>,
+    target: Destination<W>,
     st: u32,
     styles: Vec<StrandStyle>,
     sets: Vec<ElementSet>,
@@ -60,7 +60,7 @@ impl<W: Write + Seek + Send> InpWriter<W> {
     ///
     /// # Errors
     /// [`ExportError::Io`].
-    pub fn create(mut target: Target<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
+    pub fn create(mut target: Destination<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
         let name = &cloth.name;
         target.write_with(|file| {
             writeln!(

@@ -18,6 +18,7 @@ pub mod bcc;
 mod buffer;
 pub mod csv;
 pub mod curves;
+mod destination;
 mod digits;
 pub mod fibres;
 mod file_writer;
@@ -36,7 +37,6 @@ mod patched_header;
 pub mod ply;
 pub mod png;
 mod spool;
-mod target;
 mod temporary;
 mod texture;
 pub mod usda;
@@ -46,13 +46,13 @@ mod whole;
 use std::io::{Seek, Write};
 use std::path::{Path, PathBuf};
 
+pub use destination::Destination;
 pub use file_writer::FileWriter;
 pub use folder::OutputFolder;
 pub use format::Format;
 pub use info::{ClothInfo, Expected, StrandStyle, default_section};
 pub use mtl::Companion;
 pub use output::Output;
-pub use target::Target;
 pub use temporary::{TemporaryFolder, remove_temporaries};
 pub use texture::TextureSet;
 use warpknit_core::drape::Block;
@@ -92,13 +92,13 @@ pub trait Sink<W> {
 /// ```
 /// use std::io::Cursor;
 /// use warpknit_core::{drape, fabric::Fabric};
-/// use warpknit_export::{ClothInfo, ExportError, Format, Target, default_section, writer};
+/// use warpknit_export::{ClothInfo, ExportError, Format, Destination, default_section, writer};
 ///
 /// let fabric = Fabric::named("tricot")?;
 /// let panel = drape::swatch_panel(&fabric, 4, 6);
 /// let cloth = drape::Cloth::swatch(&panel, &fabric, 4, 6);
 /// let info = ClothInfo::from_fabric(&fabric, default_section(fabric.radius()));
-/// let mut sink = writer(Format::Bcc, Target::new(Cursor::new(Vec::new())), &info)?;
+/// let mut sink = writer(Format::Bcc, Destination::new(Cursor::new(Vec::new())), &info)?;
 /// let mut take = |blocks: &[drape::Block]| sink.take(blocks);
 /// drape::run(&cloth, &drape::Options::default(), &mut |_, _| {}, &mut take)?;
 /// let bytes = sink.finish()?.into_inner();
@@ -107,7 +107,7 @@ pub trait Sink<W> {
 /// ```
 pub fn writer<'a, W: Write + Seek + Send + 'a>(
     format: Format,
-    target: Target<W>,
+    target: Destination<W>,
     cloth: &ClothInfo<'a>,
 ) -> Result<Box<dyn Sink<W> + 'a>, ExportError> {
     let writer: Box<dyn Sink<W> + 'a> = match format {

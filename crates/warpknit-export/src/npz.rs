@@ -20,7 +20,7 @@ use zip::{CompressionMethod, ZipWriter};
 use super::buffer::{Buffer, Conveyor};
 use super::csv::check_panels;
 use super::spool::Spool;
-use super::{ClothInfo, ExportError, Sink, Target};
+use super::{ClothInfo, Destination, ExportError, Sink};
 use warpknit_core::drape::Block;
 use warpknit_core::drape::strands::CUT;
 use warpknit_core::garment::Panel;
@@ -68,7 +68,7 @@ const ARRAYS: [(Array, &str, &str, usize); 13] = [
 /// Writes arrays for numpy.
 #[derive(Debug)]
 pub struct NpzWriter<'a, W> {
-    target: Target<W>,
+    target: Destination<W>,
     panels: &'a [Panel],
     /// In the order of [`ARRAYS`].
     spools: Vec<Spool>,
@@ -82,7 +82,7 @@ impl<'a, W: Write + Seek + Send> NpzWriter<'a, W> {
     ///
     /// # Errors
     /// [`ExportError::Io`].
-    pub fn create(target: Target<W>, cloth: &ClothInfo<'a>) -> Result<Self, ExportError> {
+    pub fn create(target: Destination<W>, cloth: &ClothInfo<'a>) -> Result<Self, ExportError> {
         let spools = ARRAYS.iter().map(|_| target.spool()).collect::<Result<_, _>>()?;
         let bars = cloth.strands.iter().map(|style| (style.radius, style.color.0)).collect();
         Ok(Self { target, panels: cloth.panels, spools, bars, conveyor: Conveyor::default() })

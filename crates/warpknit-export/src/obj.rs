@@ -15,13 +15,13 @@ use glam::{Vec2, Vec3};
 use super::buffer::{Buffer, Conveyor};
 use super::digits::{add_line, decimal, thrice, word};
 use super::texture::TextureSet;
-use super::{ClothInfo, ExportError, Sink, Target, mtl};
+use super::{ClothInfo, Destination, ExportError, Sink, mtl};
 use warpknit_core::drape::Block;
 
 /// Writes tubes as text.
 #[derive(Debug)]
 pub struct ObjWriter<W> {
-    target: Target<W>,
+    target: Destination<W>,
     textures: Arc<TextureSet>,
     /// Vertices written so far.
     vertices: u64,
@@ -33,7 +33,7 @@ impl<W: Write + Seek + Send> ObjWriter<W> {
     ///
     /// # Errors
     /// [`ExportError::Io`].
-    pub fn create(mut target: Target<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
+    pub fn create(mut target: Destination<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
         target.write(mtl::obj_beginning(target.path()).as_bytes())?;
         let textures = Arc::clone(&cloth.textures);
         Ok(Self { target, textures, vertices: 0, conveyor: Conveyor::default() })

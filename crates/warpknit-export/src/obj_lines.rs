@@ -7,13 +7,13 @@ use std::io::{Seek, Write};
 
 use super::buffer::{Buffer, Conveyor};
 use super::digits::numbers;
-use super::{ClothInfo, ExportError, Sink, Target, lines, mtl};
+use super::{ClothInfo, Destination, ExportError, Sink, lines, mtl};
 use warpknit_core::drape::Block;
 
 /// Writes centre lines as text.
 #[derive(Debug)]
 pub struct ObjLinesWriter<W> {
-    target: Target<W>,
+    target: Destination<W>,
     st: u32,
     /// Points written so far.
     points: u64,
@@ -25,7 +25,7 @@ impl<W: Write + Seek + Send> ObjLinesWriter<W> {
     ///
     /// # Errors
     /// [`ExportError::Io`].
-    pub fn create(mut target: Target<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
+    pub fn create(mut target: Destination<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
         target.write(mtl::obj_beginning(target.path()).as_bytes())?;
         Ok(Self { target, st: cloth.section.st, points: 0, conveyor: Conveyor::default() })
     }

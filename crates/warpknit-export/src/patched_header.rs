@@ -12,12 +12,12 @@ use std::io::{Seek, SeekFrom, Write};
 use std::path::PathBuf;
 
 use super::spool::Spool;
-use super::{ExportError, Target};
+use super::{Destination, ExportError};
 
 /// A file whose header is known last.
 #[derive(Debug)]
 pub(super) struct PatchedHeader<W> {
-    target: Target<W>,
+    target: Destination<W>,
     /// The body, where it has to wait.
     waiting: Option<Spool>,
     /// Where the file begins in the target.
@@ -28,7 +28,10 @@ pub(super) struct PatchedHeader<W> {
 
 impl<W: Write + Seek> PatchedHeader<W> {
     /// Starts the file with so many bytes of room for the header, or with an open length.
-    pub(super) fn create(mut target: Target<W>, room: Option<usize>) -> Result<Self, ExportError> {
+    pub(super) fn create(
+        mut target: Destination<W>,
+        room: Option<usize>,
+    ) -> Result<Self, ExportError> {
         let start = target.write_with(Seek::stream_position).ok();
         let mut waiting = None;
         if let (Some(start), Some(room)) = (start, room) {
@@ -94,7 +97,7 @@ mod tests {
     use super::*;
 
     fn written<W: Write + Seek>(
-        target: Target<W>,
+        target: Destination<W>,
         room: Option<usize>,
         header: &[u8],
     ) -> Result<W, ExportError> {
@@ -108,11 +111,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a");
         for (header, room) in [("head", Some(4)), ("a long header", None)] {
-            let target = Target::create(&path).unwrap();
+            let target = Destination::create(&path).unwrap();
             written(target, room, header.as_bytes()).unwrap().publish().unwrap();
             let expected = format!("{header}bodybodybody");
             assert_eq!(std::fs::read_to_string(&path).unwrap(), expected);
-            let memory = Target::new(Cursor::new(Vec::new()));
+            let memory = Destination::new(Cursor::new(Vec::new()));
             let memory = written(memory, room, header.as_bytes()).unwrap();
             assert_eq!(memory.into_inner(), expected.as_bytes());
         }
@@ -121,7 +124,7 @@ mod tests {
 
     #[test]
     fn a_header_that_overflows_its_room_is_an_error_that_names_the_target() {
-        let target = Target::named(Cursor::new(Vec::new()), "a.glb");
+        let target = Destination::named(Cursor::new(Vec::new()), "a.glb");
         let error = written(target, Some(4), b"a long header").unwrap_err().to_string();
         assert!(error.starts_with("a.glb: ") && error.contains("room for 4"), "{error}");
     }
@@ -133,7 +136,7 @@ mod tests {
         for header in ["head", "a long header"] {
             let (mut reader, writer) = std::io::pipe().unwrap();
             let path = format!("/proc/self/fd/{}", std::os::fd::AsRawFd::as_raw_fd(&writer));
-            let target = Target::create(path.as_ref()).unwrap();
+            let target = Destination::create(path.as_ref()).unwrap();
             written(target, Some(4), header.as_bytes()).unwrap().publish().unwrap();
             drop(writer);
             let mut text = String::new();

@@ -15,7 +15,7 @@ use glam::{Vec2, Vec3};
 
 use super::buffer::{Buffer, Conveyor};
 use super::patched_header::PatchedHeader;
-use super::{ClothInfo, ExportError, Sink, Target};
+use super::{ClothInfo, Destination, ExportError, Sink};
 use warpknit_core::drape::Block;
 use warpknit_core::yarn::faces;
 use warpknit_core::yarn::tube::Section;
@@ -61,7 +61,7 @@ impl<W: Write + Seek + Send> PlyWriter<W> {
     ///
     /// # Errors
     /// [`ExportError::Io`].
-    pub fn create(target: Target<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
+    pub fn create(target: Destination<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
         // No count is longer than these.
         let room = header(u64::MAX, u64::MAX, 0).len();
         Ok(Self {

@@ -18,7 +18,7 @@ use rayon::prelude::*;
 use super::buffer::{Buffer, Conveyor};
 use super::digits::numbers;
 use super::spool::Spool;
-use super::{ClothInfo, ExportError, Sink, StrandStyle, Target};
+use super::{ClothInfo, Destination, ExportError, Sink, StrandStyle};
 use warpknit_core::drape::Block;
 use warpknit_core::drape::strands::{CUT, Strand};
 use warpknit_core::ids::index32;
@@ -34,7 +34,7 @@ const UNKNOWN: i32 = -1;
 /// Writes yarns as USD curves.
 #[derive(Debug)]
 pub struct UsdaWriter<W> {
-    target: Target<W>,
+    target: Destination<W>,
     styles: Vec<StrandStyle>,
     current: Option<CurrentPrim>,
     attributes: Attributes,
@@ -69,7 +69,7 @@ impl<W: Write + Seek + Send> UsdaWriter<W> {
     ///
     /// # Errors
     /// [`ExportError::Io`].
-    pub fn create(mut target: Target<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
+    pub fn create(mut target: Destination<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
         let styles = cloth.strands.clone();
         target.write(beginning(&styles, "").as_bytes())?;
         let attributes = Attributes::create(&target)?;
@@ -126,7 +126,7 @@ impl<W: Write + Seek + Send> Sink<W> for UsdaWriter<W> {
 
 impl Attributes {
     /// Empty arrays of a file.
-    pub(super) fn create<W>(target: &Target<W>) -> Result<Self, ExportError> {
+    pub(super) fn create<W>(target: &Destination<W>) -> Result<Self, ExportError> {
         Ok(Self([
             (Attribute::Counts, target.spool()?),
             (Attribute::Yarns, target.spool()?),
@@ -141,7 +141,7 @@ impl Attributes {
         &mut self,
         blocks: &[Block],
         conveyor: &mut Conveyor,
-        target: &mut Target<W>,
+        target: &mut Destination<W>,
     ) -> Result<(), ExportError> {
         for (attribute, spool) in &mut self.0 {
             conveyor.carry(

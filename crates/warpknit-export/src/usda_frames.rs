@@ -18,13 +18,13 @@ use super::usda::{
     Attributes, EMPTY, add_points, beginning, blocks_by_prim, bounds, extent_text, prim_beginning,
     union,
 };
-use super::{ClothInfo, ExportError, Sink, StrandStyle, Target};
+use super::{ClothInfo, Destination, ExportError, Sink, StrandStyle};
 use warpknit_core::drape::Block;
 
 /// Writes yarns as USD curves that move.
 #[derive(Debug)]
 pub struct UsdaFramesWriter<W> {
-    target: Target<W>,
+    target: Destination<W>,
     styles: Vec<StrandStyle>,
     frames_per_second: f64,
     /// All prims' samples, and behind the first frame's their attributes.
@@ -57,7 +57,7 @@ impl<W: Write + Seek + Send> UsdaFramesWriter<W> {
     /// # Errors
     /// [`ExportError::Io`].
     pub fn create(
-        target: Target<W>,
+        target: Destination<W>,
         cloth: &ClothInfo<'_>,
         frames_per_second: f64,
     ) -> Result<Self, ExportError> {

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::{
-    ClothInfo, Companion, Expected, ExportError, Format, Target, TextureSet, default_section, mtl,
-    writer,
+    ClothInfo, Companion, Destination, Expected, ExportError, Format, TextureSet, default_section,
+    mtl, writer,
 };
 use warpknit_core::drape::{self, Block, Cloth, Totals, fibres};
 use warpknit_core::fabric::Fabric;
@@ -14,7 +14,7 @@ use warpknit_core::fabric::Fabric;
 /// What [`write`] may be asked for. The default is yarns without textures, as the fabric has them.
 #[derive(Clone, Debug, Default)]
 pub struct WriteOptions {
-    /// The target's path, if it has one: see [`Target`].
+    /// The target's path, if it has one: see [`Destination`].
     pub path: Option<PathBuf>,
     /// How yarns are mapped and cut at panels' edges. `surface` says how fine and how thick tubes
     /// and lines are; without it they are those of [`default_section`] at the fabric's radius.
@@ -85,8 +85,8 @@ pub fn write(
     let info = ClothInfo { expected: Some(expected), ..info.on_panels(&cloth.garment().panels) };
     let path = options.path.as_deref();
     let target = match path {
-        Some(path) => Target::named(target, path),
-        None => Target::new(target),
+        Some(path) => Destination::named(target, path),
+        None => Destination::new(target),
     };
     let mut writer = writer(format, target, &info)?;
     // Fibres get their own surfaces, so those of yarns would be made for nothing.

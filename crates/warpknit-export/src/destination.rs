@@ -15,14 +15,14 @@ use super::{ExportError, Output};
 /// What can't be sought, such as a pipe, is found out by asking for its position: then a file whose
 /// header is known last is put together in a temporary file first.
 #[derive(Debug)]
-pub struct Target<W> {
+pub struct Destination<W> {
     bytes: W,
     path: Option<PathBuf>,
     /// Where the path leads if it is a link: errors name that file, which is the one that is full.
     leads_to: Option<PathBuf>,
 }
 
-impl<W> Target<W> {
+impl<W> Destination<W> {
     /// A target without a name.
     #[must_use]
     pub fn new(bytes: W) -> Self {
@@ -57,7 +57,7 @@ impl<W> Target<W> {
     }
 }
 
-impl Target<Output> {
+impl Destination<Output> {
     /// An [`Output`] at that path.
     ///
     /// # Errors
@@ -69,7 +69,7 @@ impl Target<Output> {
     }
 }
 
-impl<W: Write + Seek> Target<W> {
+impl<W: Write + Seek> Destination<W> {
     /// Appends bytes.
     pub(super) fn write(&mut self, bytes: &[u8]) -> Result<(), ExportError> {
         self.write_with(|target| target.write_all(bytes))
