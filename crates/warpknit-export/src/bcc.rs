@@ -72,6 +72,7 @@ impl<W: Write + Seek + Send> Sink<W> for BccWriter<W> {
     }
 
     fn finish(self: Box<Self>) -> Result<W, ExportError> {
+        // The field is text, filled up with zeros.
         let mut info = [0; 40];
         info[..INFO.len()].copy_from_slice(INFO);
         let (curves, points) = (self.curves, self.points);

@@ -35,6 +35,7 @@ impl<'a, W> FibreWriter<'a, W> {
 impl<W> Sink<W> for FibreWriter<'_, W> {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
         let Self { writer, bundles, surface } = self;
+        // As many blocks as threads: fewer would leave threads idle, more would only take memory.
         for blocks in blocks.chunks(rayon::current_num_threads().max(1)) {
             let fibres: Vec<Block> = blocks
                 .par_iter()

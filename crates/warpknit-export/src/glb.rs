@@ -27,19 +27,14 @@ use json::validation::USize64;
 use json::{Accessor, Index, Root};
 use rayon::prelude::*;
 
+use super::glb_material::root_of;
 use super::patched_header::PatchedHeader;
-use super::texture::{Texture, TextureSet};
+use super::texture::TextureSet;
 use super::{ClothInfo, Destination, Expected, ExportError, Sink};
 use warpknit_core::drape::Block;
 use warpknit_core::ids::{YarnId, index32};
-use warpknit_render::cloth::ROUGHNESS;
 
 const METRES_PER_MM: f32 = 1e-3;
-/// Light that fibres standing off a yarn scatter, as a share of its colour.
-const SHEEN: f32 = 0.4;
-/// How widely they scatter it: 0 is a rim of light, 1 a velvet all over.
-const SHEEN_ROUGHNESS: f32 = 0.5;
-const SHEEN_EXTENSION: &str = "KHR_materials_sheen";
 /// Bytes of the file's header and of those of its two chunks.
 const HEADERS: usize = BARE_HEADERS + 8;
 /// The same where there is no vertex, and so no second chunk.
@@ -130,7 +125,7 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
     }
 
     /// Appends the pictures to the binary chunk, each at a multiple of 4 bytes, as their views say
-    /// ([`push_textures`]).
+    /// ([`root_of`]).
     fn write_textures(&mut self) -> Result<(), ExportError> {
         for picture in self.textures.textures.iter().flat_map(|texture| &texture.pictures) {
             let padding = picture.len().next_multiple_of(4) - picture.len();
@@ -149,11 +144,13 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
             (Semantic::Normals, self.array(&block.tubes.normals, Type::Vec3, ComponentType::F32)?),
             (Semantic::TexCoords(0), self.array(uvs, Type::Vec2, ComponentType::F32)?),
         ];
+        // Indices are a view of their own: the format wants them apart from vertices.
         let corners: &[u32] = bytemuck::cast_slice(&prepared.triangles);
         let corners = self.array(corners, Type::Scalar, ComponentType::U32)?;
         for yarn in &prepared.yarns {
             let mut attributes = BTreeMap::new();
             for (semantic, view) in &vertices {
+                // The format demands bounds of positions, and of nothing else.
                 let bounds = (*semantic == Semantic::Positions).then_some([yarn.low, yarn.high]);
                 attributes.insert(
                     Valid(semantic.clone()),
@@ -283,6 +280,8 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
 
 impl<W: Write + Seek + Send> Sink<W> for GlbWriter<W> {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
+        // Arrays are made in parallel, and written in order below. Their memory is kept for the
+        // next blocks.
         let mut prepared = std::mem::take(&mut self.prepared);
         prepared.resize_with(blocks.len().max(prepared.len()), PreparedBlock::default);
         let textures = &self.textures;
@@ -296,6 +295,7 @@ impl<W: Write + Seek + Send> Sink<W> for GlbWriter<W> {
             }
         }
         self.prepared = prepared;
+        // Refused now, and not when the disk is full of bytes that the header can't count.
         self.within_limit(self.bytes).map(drop)
     }
 
@@ -364,35 +364,6 @@ impl PreparedBlock {
     }
 }
 
-/// The JSON before any yarn, materials and textures, and the index of its buffer.
-fn root_of(cloth: &ClothInfo<'_>) -> (Root, Index<json::Buffer>) {
-    let mut root = Root {
-        asset: json::Asset {
-            generator: Some(concat!("warpknit ", env!("CARGO_PKG_VERSION")).to_owned()),
-            ..json::Asset::default()
-        },
-        extensions_used: vec![SHEEN_EXTENSION.to_owned()],
-        ..Root::default()
-    };
-    let buffer = root.push(json::Buffer {
-        byte_length: USize64(0),
-        name: None,
-        uri: None,
-        extensions: None,
-        extras: json::Extras::default(),
-    });
-    let textures = &cloth.textures;
-    push_textures(&mut root, buffer, &textures.textures);
-    for (bar, style) in cloth.strands.iter().enumerate() {
-        let name = format!("{} {}", cloth.name, style.name);
-        root.push(match textures.texture_of(bar) {
-            Some(place) => textured(&name, place, textures.textures[place].mean),
-            None => plain(&name, style.color.linear()),
-        });
-    }
-    (root, buffer)
-}
-
 /// Bytes that the headers and the JSON take at the most.
 fn room_for(root: &Root, Expected { blocks, yarns }: Expected) -> usize {
     let json = json_text(root).len() + LAST_JSON + BLOCK_JSON * blocks + YARN_JSON * yarns;
@@ -411,110 +382,4 @@ fn bounds(positions: &[Vec3]) -> [Vec3; 2] {
 
 fn json_text(root: &Root) -> Vec<u8> {
     json::serialize::to_vec(root).expect("numbers here are finite and keys are text")
-}
-
-/// Adds the views, images and textures of pictures that the binary chunk begins with: base colour,
-/// normals and surface of each yarn.
-fn push_textures(root: &mut Root, buffer: Index<json::Buffer>, textures: &[Texture]) {
-    let mut offset = 0;
-    for picture in textures.iter().flat_map(|texture| &texture.pictures) {
-        let view = root.push(json::buffer::View {
-            buffer,
-            byte_length: USize64::from(picture.len()),
-            byte_offset: Some(USize64::from(offset)),
-            byte_stride: None,
-            name: None,
-            target: None,
-            extensions: None,
-            extras: json::Extras::default(),
-        });
-        offset += picture.len().next_multiple_of(4);
-        let source = root.push(json::Image {
-            buffer_view: Some(view),
-            mime_type: Some(json::image::MimeType("image/png".to_owned())),
-            name: None,
-            uri: None,
-            extensions: None,
-            extras: json::Extras::default(),
-        });
-        root.push(json::Texture {
-            name: None,
-            sampler: None,
-            source,
-            extensions: None,
-            extras: json::Extras::default(),
-        });
-    }
-}
-
-/// A yarn of one colour.
-fn plain(name: &str, color: [f32; 3]) -> json::Material {
-    let surface = json::material::PbrMetallicRoughness {
-        base_color_factor: json::material::PbrBaseColorFactor([color[0], color[1], color[2], 1.0]),
-        metallic_factor: json::material::StrengthFactor(0.0),
-        roughness_factor: json::material::StrengthFactor(ROUGHNESS),
-        ..json::material::PbrMetallicRoughness::default()
-    };
-    material(name, color, surface)
-}
-
-/// The index of one of the pictures at that place of the texture set.
-fn texture_index(place: usize, picture: usize) -> Index<json::Texture> {
-    Index::new(index32(Texture::PICTURES * place + picture))
-}
-
-fn texture_info(place: usize, picture: usize) -> json::texture::Info {
-    json::texture::Info {
-        index: texture_index(place, picture),
-        tex_coord: 0,
-        extensions: None,
-        extras: json::Extras::default(),
-    }
-}
-
-/// A yarn with the pictures at that place of the texture set, whose mean colour is `mean`.
-fn textured(name: &str, place: usize, mean: [f32; 3]) -> json::Material {
-    // Factors have their default, 1: the pictures' own values.
-    let surface = json::material::PbrMetallicRoughness {
-        base_color_texture: Some(texture_info(place, Texture::BASE)),
-        metallic_roughness_texture: Some(texture_info(place, Texture::SURFACE)),
-        ..json::material::PbrMetallicRoughness::default()
-    };
-    json::Material {
-        normal_texture: Some(json::material::NormalTexture {
-            index: texture_index(place, Texture::NORMAL),
-            scale: 1.0,
-            tex_coord: 0,
-            extensions: None,
-            extras: json::Extras::default(),
-        }),
-        occlusion_texture: Some(json::material::OcclusionTexture {
-            index: texture_index(place, Texture::SURFACE),
-            strength: json::material::StrengthFactor(1.0),
-            tex_coord: 0,
-            extensions: None,
-            extras: json::Extras::default(),
-        }),
-        ..material(name, mean, surface)
-    }
-}
-
-/// A material with the sheen of fibres of that colour.
-fn material(
-    name: &str,
-    color: [f32; 3],
-    surface: json::material::PbrMetallicRoughness,
-) -> json::Material {
-    let sheen = serde_json::json!({
-        "sheenColorFactor": color.map(|channel| SHEEN * channel),
-        "sheenRoughnessFactor": SHEEN_ROUGHNESS,
-    });
-    json::Material {
-        name: Some(name.to_owned()),
-        pbr_metallic_roughness: surface,
-        extensions: Some(json::extensions::material::Material {
-            others: [(SHEEN_EXTENSION.to_owned(), sheen)].into_iter().collect(),
-        }),
-        ..json::Material::default()
-    }
 }

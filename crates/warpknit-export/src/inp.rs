@@ -158,6 +158,7 @@ impl<W: Write + Seek + Send> Sink<W> for InpWriter<W> {
             if sets.last().is_none_or(|set| (set.panel, set.bar) != (panel, bar)) {
                 sets.push(ElementSet { panel, bar, strands: Vec::new() });
             }
+            // The format counts from 1.
             numbered.push((block, *nodes + 1));
             *nodes += lines::count_all(block, *st);
             let counts = block.strands.strands.iter().map(|strand| lines::count(strand, *st));

@@ -4,7 +4,7 @@
 //! the files say of the cloth besides its points. Out: bytes in one of the [`Format`]s. Blocks are
 //! written as they come, in yarn order, so memory stays bounded however large the cloth is.
 //!
-//! - [`write`] knits, maps and writes a cloth in one call.
+//! - [`write()`] knits, maps and writes a cloth in one call.
 //! - [`writer`] makes a [`Sink`] of any format over anything that is `Write + Seek`: a file or a
 //!   `Cursor<Vec<u8>>`. Hand it blocks, then finish it.
 //! - [`FileWriter`] does the same for a path: the file and its companions (the `.mtl` and the
@@ -25,6 +25,7 @@ mod file_writer;
 mod folder;
 mod format;
 pub mod glb;
+mod glb_material;
 mod info;
 pub mod inp;
 mod lines;

@@ -93,6 +93,7 @@ impl<W: Write + Seek + Send> Sink<W> for NpzWriter<'_, W> {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
         let Self { target, panels, spools, conveyor, .. } = self;
         check_panels(blocks, panels, target)?;
+        // Array by array, since each has a spool of its own to be written to in order.
         for ((array, ..), spool) in ARRAYS.iter().zip(spools) {
             conveyor.carry(
                 blocks,

@@ -64,6 +64,7 @@ impl<W: Write + Seek + Send> Sink<W> for ObjWriter<W> {
 
 /// The objects of a block whose first vertex has this number, counted from 0.
 fn add_objects(block: &Block, first: u64, textures: &TextureSet, text: &mut Buffer) {
+    // Downward where there is a picture, since the format's pictures begin at the bottom.
     let along = textures.texture_of(block.bar).map_or(1.0, |_| -textures.repeats_per_mm(block.bar));
     for (strand, tube) in block.strands.strands.iter().zip(&block.tubes.strands) {
         let (panel, bar, yarn) = (block.panel, block.bar + 1, strand.yarn.0);

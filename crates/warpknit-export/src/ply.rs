@@ -118,6 +118,7 @@ impl<W: Write + Seek + Send> Sink<W> for PlyWriter<W> {
             },
             |bytes| file.write(bytes),
         )?;
+        // A comment takes up what the counts leave of the room, so the body stays where it is.
         let padding = file.room() - header(vertices, faces, 0).len();
         file.finish(header(vertices, faces, padding).as_bytes())
     }

@@ -86,6 +86,7 @@ impl<W: Write + Seek + Send> UsdaWriter<W> {
             self.current = Some(CurrentPrim { panel, bar, extent: EMPTY });
         }
         let Self { target, current, attributes, conveyor, .. } = self;
+        // The extent comes after the points in the file, so it needs no second pass.
         if let Some(CurrentPrim { extent, .. }) = current {
             *extent = blocks.par_iter().map(bounds).reduce(|| *extent, union);
         }
@@ -214,6 +215,7 @@ fn add_value(text: &mut Buffer, value: std::fmt::Arguments<'_>) {
 /// Course and wale of a point. A cut end has those of the data point beside it.
 fn course_and_wale(block: &Block, strand: &Strand, at: u32) -> [i32; 2] {
     let sources = &block.strands.sources;
+    // Only a strand's first and last point can be cut, and the point next to it is a data point.
     let inner = if at == strand.points.start { at + 1 } else { at.saturating_sub(1) };
     let source =
         [at, inner].map(|at| sources[at as usize]).into_iter().find(|&source| source != CUT);
@@ -230,6 +232,7 @@ fn add_lengths(points: &[DVec3], text: &mut Buffer) {
         text.write_str("(0, ").expect("memory takes all text");
         numbers(text, [narrow(length)], b' ');
         text.write_str("), ").expect("memory takes all text");
+        // The arc length of the curve, not of its chord: textures don't stretch in bends.
         if index + 1 < points.len() {
             length += curve::span(points, index).length();
         }

@@ -95,6 +95,7 @@ impl<W: Write + Seek + Send> UsdaFramesWriter<W> {
         conveyor
             .carry(blocks, add_points, |text| target.write_with(|_| waiting.write_all(text)))?;
         prim.points.last_mut().expect("one was pushed").end = waiting.length();
+        // Later frames have the same yarns, so their attributes would be the same.
         if codes.len() == 1 {
             attributes.add(blocks, conveyor, target)?;
         }

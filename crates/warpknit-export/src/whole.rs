@@ -11,7 +11,7 @@ use super::{
 use warpknit_core::drape::{self, Block, Cloth, Totals, fibres};
 use warpknit_core::fabric::Fabric;
 
-/// What [`write`] may be asked for. The default is yarns without textures, as the fabric has them.
+/// Options of [`write()`]. The default is yarns as the fabric has them, without textures.
 #[derive(Clone, Debug, Default)]
 pub struct WriteOptions {
     /// The target's path, if it has one: see [`Destination`].
@@ -25,7 +25,7 @@ pub struct WriteOptions {
     pub fibre_radius: Option<f64>,
 }
 
-/// What [`write`] made besides the target's bytes.
+/// What [`write()`] made besides the target's bytes.
 #[derive(Clone, Debug, Default)]
 pub struct Written {
     /// What was laid.
