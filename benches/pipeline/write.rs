@@ -4,14 +4,11 @@
 //! temporary folder; the system's share of the CPU time counts too. `bytes` only copies as many
 //! bytes as the `.glb` has from memory to a file, which is a lower bound for every writer.
 
-use std::sync::Arc;
+use std::path::Path;
 
 use criterion::{BatchSize, Criterion, Throughput};
 use warpknit::drape::{self, Block, Cloth, DrapeOptions};
-use warpknit::export::glb::GlbWriter;
-use warpknit::export::obj::ObjWriter;
-use warpknit::export::ply::PlyWriter;
-use warpknit::export::{Output, Sink, Wardrobe};
+use warpknit::export::{ClothInfo, Expected, FileWriter, Format, Output};
 use warpknit::yarn::tube::Section;
 
 use super::cpu::CpuTime;
@@ -38,10 +35,12 @@ fn tubes(cloth: &Cloth<'_>, section: Section) -> Vec<Block> {
     held
 }
 
-/// Writes all blocks. The file is deleted when the result is dropped, outside the measured time.
-fn write_all(mut sink: impl Sink, blocks: &[Block]) -> Vec<Output> {
-    blocks.chunks(WINDOW).try_for_each(|window| sink.take(window)).expect("room on the disk");
-    Box::new(sink).finish().expect("room on the disk")
+/// Writes all blocks; the file is there until the result is dropped, which is off the clock.
+fn write_all(path: &Path, cloth: &ClothInfo<'_>, blocks: &[Block]) -> Vec<Output> {
+    let format = Format::from_path(path).expect("a known ending");
+    let mut writer = FileWriter::create(path, format, cloth).expect("a new file");
+    blocks.chunks(WINDOW).try_for_each(|window| writer.take(window)).expect("room on the disk");
+    writer.finish().expect("room on the disk")
 }
 
 pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
@@ -54,7 +53,8 @@ pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let at = |name: &str| folder.path().join(name);
     let bytes = vec![7; 1 << 20];
-    let plain = || Arc::new(Wardrobe::default());
+    let expected = Some(Expected { blocks: blocks.len(), yarns: cloth.yarns() });
+    let info = ClothInfo { expected, ..ClothInfo::from_fabric(&fabric, section) };
 
     let mut group = criterion.benchmark_group("write");
     group.sample_size(10).throughput(Throughput::Elements(vertices as u64));
@@ -69,23 +69,9 @@ pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
                 .expect("room on the disk");
             vec![output]
         }),
-        ("glb", &|| {
-            let writer =
-                GlbWriter::create(&at("skirt.glb"), &fabric, plain(), blocks.len(), cloth.yarns());
-            write_all(writer.expect("a new file"), &blocks)
-        }),
-        ("obj", &|| {
-            write_all(
-                ObjWriter::create(&at("skirt.obj"), &fabric, plain()).expect("a new file"),
-                &blocks,
-            )
-        }),
-        ("ply", &|| {
-            write_all(
-                PlyWriter::create(&at("skirt.ply"), &fabric, &section).expect("a new file"),
-                &blocks,
-            )
-        }),
+        ("glb", &|| write_all(&at("skirt.glb"), &info, &blocks)),
+        ("obj", &|| write_all(&at("skirt.obj"), &info, &blocks)),
+        ("ply", &|| write_all(&at("skirt.ply"), &info, &blocks)),
     ];
     for (name, write) in writers {
         group.bench_function(name, |bench| {

@@ -119,7 +119,7 @@ impl From<ViewArg> for View {
 
 pub(super) fn output(text: &str) -> Result<(PathBuf, Format), String> {
     let path = PathBuf::from(text);
-    let format = Format::of(&path).map_err(|error| error.to_string())?;
+    let format = Format::from_path(&path).map_err(|error| error.to_string())?;
     Ok((path, format))
 }
 

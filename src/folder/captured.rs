@@ -9,18 +9,14 @@ use std::path::Path;
 use image::RgbaImage;
 
 use crate::chart::svg;
-use crate::drape::fibres::{bundles, fabric};
-use crate::drape::{self, Cloth, DrapeOptions, swatch_panel};
-use crate::export::fibres::SpunWriter;
-use crate::export::usda::UsdaWriter;
-use crate::export::{ExportError, Output, OutputFolder, Sink, png};
+use crate::drape::{Cloth, swatch_panel};
+use crate::export::{self, ExportError, Format, Output, OutputFolder, WriteOptions, png};
 use crate::fabric::Fabric;
 use crate::ids::index32;
 use crate::number::{narrow, whole};
 use crate::photo::capture::Captured;
 use crate::render::{self, Camera, View, cloth};
 use crate::yarn::fibres::FIBRE_RADIUS;
-use crate::yarn::tube::Section;
 
 /// All files of such a folder.
 pub const FILES: [&str; 10] = [
@@ -57,7 +53,7 @@ pub fn save(captured: &Captured, folder: &OutputFolder) -> Result<(), ExportErro
     fibres(&captured.fabric, &folder.file("fibres.usda"))?;
     let text = |name: &str, text: String| {
         fs::write(folder.file(name), text)
-            .map_err(|source| ExportError::Io { path: folder.target().join(name), source })
+            .map_err(|source| ExportError::Io { path: Some(folder.target().join(name)), source })
     };
     text("layout.svg", svg::text(&captured.drawing()))?;
     text("layout.toml", captured.layout_text())?;
@@ -67,19 +63,16 @@ pub fn save(captured: &Captured, folder: &OutputFolder) -> Result<(), ExportErro
 
 /// All fibres of one cell, as thick as the paper's.
 fn fibres(fabric: &Fabric, path: &Path) -> Result<(), ExportError> {
-    let bundles = bundles(fabric, fabric.radius(), FIBRE_RADIUS);
-    let radius = bundles.iter().map(|bundle| bundle.fibre).fold(0.0, f64::max);
-    let section = Section { st: 1, sr: 4, radius, flatten: 1.0, caps: false, texture_per_mm: 1.0 };
     let panel = swatch_panel(fabric, 1, 1);
-    let writer = UsdaWriter::create(path, &self::fabric(fabric, &bundles), &section)?;
-    let mut sink = Box::new(SpunWriter::new(Box::new(writer), bundles, None));
-    drape::run(
-        &Cloth::swatch(&panel, fabric, 1, 1),
-        &DrapeOptions::default(),
-        &mut |_, _| {},
-        &mut |blocks| sink.take(blocks),
-    )?;
-    sink.finish()?.into_iter().try_for_each(Output::publish)
+    let cloth = Cloth::swatch(&panel, fabric, 1, 1);
+    let options = WriteOptions {
+        path: Some(path.to_owned()),
+        fibre_radius: Some(FIBRE_RADIUS),
+        ..WriteOptions::default()
+    };
+    let mut output = Output::create(path)?;
+    export::write(Format::Usda, &cloth, fabric, &options, &mut output)?;
+    output.publish()
 }
 
 /// The cloth as it will look, some cells of it.

@@ -61,5 +61,5 @@ fn picture(
 
 /// An error of a file, under the name that it will have when the folder is complete.
 fn io_error(folder: &OutputFolder, name: &str, source: io::Error) -> ExportError {
-    ExportError::Io { path: folder.target().join(name), source }
+    ExportError::Io { path: Some(folder.target().join(name)), source }
 }

@@ -7,7 +7,6 @@ use super::job::Job;
 use super::settings::Wanted;
 use crate::drape::fibres;
 use crate::export::Format;
-use crate::fabric::Fabric;
 use crate::ids::index32;
 use crate::render::fibres::MIN_YARN_PIXELS;
 use crate::render::scene::Shape;
@@ -27,9 +26,8 @@ pub(super) struct Fibres {
     pub(super) bundles: Vec<Bundle>,
     /// Pixels across a yarn from which on a picture shows them.
     pub(super) near: f64,
-    /// What files hold: a fabric of fibres, and how their tubes are made; none where files hold
-    /// yarns.
-    pub(super) filed: Option<(Fabric, Section)>,
+    /// How the tubes of fibres in files are made; none where files hold yarns.
+    pub(super) filed: Option<Section>,
 }
 
 impl Fibres {
@@ -53,11 +51,8 @@ impl Fibres {
         }
         check_formats(wanted)?;
         check_size(job, &bundles, wanted)?;
-        let fabric = fibres::fabric(job.shown, &bundles);
-        let radius = bundles.iter().map(|bundle| bundle.fibre).fold(0.0, f64::max);
-        let sr = job.settings.sr.unwrap_or(FIBRE_SR);
-        let section = Section { st: 1, sr, radius, flatten: 1.0, ..*section };
-        Ok(Some(Self { bundles, near: 0.0, filed: Some((fabric, section)) }))
+        let section = Section { sr: job.settings.sr.unwrap_or(FIBRE_SR), ..*section };
+        Ok(Some(Self { bundles, near: 0.0, filed: Some(section) }))
     }
 }
 

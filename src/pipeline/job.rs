@@ -7,9 +7,9 @@ use super::RunError;
 use super::fibres::Fibres;
 use super::settings::{Settings, Wanted};
 use super::textures::{self, Textures};
-use super::writers::{section, wardrobe};
+use super::writers::{section, textures_in_files};
 use crate::drape::{self, Cloth};
-use crate::export::Wardrobe;
+use crate::export::TextureSet;
 use crate::fabric::Fabric;
 use crate::knit::clearance::{self, Clearance};
 use crate::render::scene::{Scene, Shape};
@@ -52,7 +52,7 @@ pub(super) struct Setup {
     pub(super) section: Section,
     pub(super) textures: Textures,
     /// The same as files hold them.
-    pub(super) wardrobe: Arc<Wardrobe>,
+    pub(super) textures_in_files: Arc<TextureSet>,
     /// The yarns' fibres, where they are to be seen.
     pub(super) fibres: Option<Fibres>,
     /// How yarns are laid, with surfaces where a file holds them.
@@ -70,9 +70,9 @@ impl Job<'_> {
         let options =
             drape::DrapeOptions { surface: wants_surface.then_some(section), ..self.options };
         let textures = Textures::read(self.settings.picture.texture.as_deref(), self.shown)?;
-        let wardrobe = wardrobe(wanted, self, section.radius, &textures);
+        let textures_in_files = textures_in_files(wanted, self, section.radius, &textures);
         let fibres = Fibres::new(self, wanted, &section)?;
-        Ok(Setup { section, textures, wardrobe, fibres, options, near })
+        Ok(Setup { section, textures, textures_in_files, fibres, options, near })
     }
 
     /// What is to be said of the garment and of how the fabric is drawn, before any yarn is laid.

@@ -21,7 +21,7 @@ use super::targets::numbered;
 use super::writers::{check_places, finished, sinks, wanted};
 use crate::drape::clearance::ClearanceMeter;
 use crate::drape::{self, Block, Cloth, Totals, swatch_panel};
-use crate::export::{ExportError, Format, Output, Sink};
+use crate::export::{ExportError, FileWriter, Format, Output};
 use crate::fabric::Fabric;
 use crate::garment::{Garment, Panel};
 use crate::knit::clearance::Clearance;
@@ -228,7 +228,7 @@ pub(super) fn say_warnings(job: &Job<'_>, warnings: &mut Vec<String>, clock: &Cl
 struct Receivers<'a, 'b> {
     /// The scene from which they are drawn, if they are.
     scene: Option<&'a mut Scene>,
-    sinks: &'a mut [Box<dyn Sink + 'b>],
+    sinks: &'a mut [FileWriter<'b>],
     gauge: Option<ClearanceMeter>,
 }
 

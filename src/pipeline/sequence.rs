@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use crate::drape::sequence::LocatedCloth;
 use crate::drape::{Block, DrapeOptions};
 use crate::export::usda_frames::UsdaFramesWriter;
-use crate::export::{ExportError, Format, Output, Sink};
+use crate::export::{ClothInfo, Destination, ExportError, Format, Output, Sink};
 use crate::garment::stretch::stretch;
 use crate::garment::{Frames, Garment};
 use crate::ids::index32;
@@ -70,7 +70,7 @@ struct Show<'a, 'b, 'c> {
     setup: &'a Setup,
     held: LocatedCloth,
     files: &'a Files,
-    usda: Vec<UsdaFramesWriter>,
+    usda: Vec<UsdaFramesWriter<Output>>,
     scene: Option<Scene>,
     /// What the camera sees: the sequence's extent.
     seen: Vec<Vec3>,
@@ -96,10 +96,11 @@ pub(super) fn make(
     let wants_extent = wants_picture && job.settings.picture.eye.is_none();
     let seen = if wants_extent { seen(sequence, job, &mut clock)? } else { Vec::new() };
     let usda = files.whole.iter().filter(|(_, format)| *format == Format::Usda);
+    let info = ClothInfo::from_fabric(job.shown, setup.section);
     let usda = usda.map(|(path, _)| {
-        UsdaFramesWriter::create(path, job.shown, &setup.section, sequence.frames_per_second)
+        UsdaFramesWriter::create(Destination::create(path)?, &info, sequence.frames_per_second)
     });
-    let usda = usda.collect::<Result<Vec<_>, _>>()?;
+    let usda = usda.collect::<Result<Vec<_>, ExportError>>()?;
     let reports = files.whole.iter().filter(|(_, format)| *format == Format::Json);
     reports.into_iter().try_for_each(|(path, _)| Output::check(path))?;
     let held = LocatedCloth::locate(job.cloth, &setup.options, &mut |stage, done| {
@@ -126,7 +127,8 @@ pub(super) fn make(
     let frames = show.all(sequence)?;
     let Show { held, usda, drawn_by, warnings, .. } = show;
     clock.begin(Task::Write, 1.0);
-    let mut finished = finished(usda.into_iter().map(Box::new).collect())?;
+    let usda = usda.into_iter().map(|writer| Box::new(writer).finish());
+    let mut finished = usda.collect::<Result<Vec<_>, _>>()?;
     clock.stop();
     let shown = frames.iter().filter(|frame| frame.skipped.is_none()).count();
     let totals = *held.totals();

@@ -54,7 +54,8 @@ fn every_file_is_listed_and_every_listed_file_is_there() {
 
 #[test]
 fn every_file_format_has_a_page_and_a_row_in_the_tables() {
-    let refused = warpknit::export::Format::of(Path::new("cloth.unknown")).unwrap_err().to_string();
+    let refused =
+        warpknit::export::Format::from_path(Path::new("cloth.unknown")).unwrap_err().to_string();
     let endings: Vec<&str> =
         refused.split("known are ").nth(1).unwrap().split_whitespace().collect();
     assert!(endings.len() > 10, "{refused}");

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use glam::DVec3;
 use warpknit::drape::{self, Block, Cloth, DrapeOptions, fibres};
+use warpknit::export::StrandStyle;
 use warpknit::fabric::Fabric;
 use warpknit::knit::{Pattern, numbers};
 use warpknit::render;
@@ -84,8 +85,9 @@ fn fibres_take_their_yarns_place() {
     let fabric = Fabric::parse(GRID).unwrap();
     let bundles = fibres::bundles(&fabric, fabric.radius(), 0.01);
     assert!(bundles[0].slope > 0.0 && bundles[1].slope < 0.0, "S and Z");
-    let fibres = fibres::fabric(&fabric, &bundles);
-    assert!((fibres.radius() / 0.01 - 1.0).abs() < 0.01, "{}", fibres.radius());
+    for style in StrandStyle::from_bundles(&fabric, &bundles) {
+        assert!((style.radius / 0.01 - 1.0).abs() < 0.01, "{}", style.radius);
+    }
     for block in blocks(&fabric, 3, 3) {
         let bundle = &bundles[block.bar];
         let spun = fibres::block(&block, bundle, None);

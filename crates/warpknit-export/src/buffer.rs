@@ -1,5 +1,4 @@
-//! Bytes on their way to a file: made in parallel, in memory that is used again, and written in
-//! order.
+//! Bytes on their way to a file: made in parallel in reused memory, and written in order.
 
 use std::fmt;
 
@@ -10,7 +9,8 @@ use super::ExportError;
 /// Bytes that grow at their end.
 #[derive(Debug, Default)]
 pub(super) struct Buffer {
-    /// Longer than what is in it: what follows is overwritten.
+    /// Longer than the content: bytes behind `length` are left over and will be overwritten. So no
+    /// byte is zeroed twice.
     bytes: Vec<u8>,
     length: usize,
 }
@@ -25,7 +25,7 @@ impl Buffer {
         &self.bytes[..self.length]
     }
 
-    /// So many more bytes at the end, to be overwritten.
+    /// Appends so many bytes of any value, for the caller to overwrite.
     pub(super) fn grow(&mut self, count: usize) -> &mut [u8] {
         let start = self.length;
         self.length += count;
@@ -35,7 +35,7 @@ impl Buffer {
         &mut self.bytes[start..self.length]
     }
 
-    /// Takes back the last bytes.
+    /// Removes the last bytes.
     pub(super) fn shrink(&mut self, count: usize) {
         self.length -= count;
     }
@@ -48,18 +48,18 @@ impl fmt::Write for Buffer {
     }
 }
 
-/// Makes bytes of items in parallel and writes them in order, those of some items while those of
-/// the next ones are being made.
+/// Makes bytes of items in parallel and writes them in order: a pipeline of two stages with double
+/// buffering. While one thread writes a batch, one item a thread, the others make the next batch.
 #[derive(Debug, Default)]
 pub(super) struct Conveyor {
-    /// What is being written.
+    /// The batch that is being written.
     ready: Vec<Buffer>,
-    /// What is being made.
+    /// The batch that is being made.
     next: Vec<Buffer>,
 }
 
 impl Conveyor {
-    /// Each item's bytes are what `make` puts into an empty buffer.
+    /// Writes all items. `make` puts an item's bytes into an empty buffer.
     ///
     /// # Errors
     /// The first error of `write`.
@@ -73,7 +73,7 @@ impl Conveyor {
         self.ready.resize_with(threads, Buffer::default);
         self.next.resize_with(threads, Buffer::default);
         let mut made = 0;
-        // Once more at the end, when all are made and the last ones are still to be written.
+        // The empty batch at the end makes nothing, while the last full one is written.
         for items in items.chunks(threads).chain([&[][..]]) {
             let (ready, next) = (&self.ready[..made], &mut self.next);
             let (written, ()) = rayon::join(
@@ -86,6 +86,7 @@ impl Conveyor {
                 },
             );
             written?;
+            // Buffers keep their memory: after the first blocks nothing is allocated.
             std::mem::swap(&mut self.ready, &mut self.next);
             made = items.len();
         }

@@ -1,72 +1,89 @@
-//! Data points as text, one row a point.
+//! Data points as comma-separated values (RFC 4180), one row a point.
 //!
-//! Columns as the specification's cli page has them; panels, yarns, courses, wales and triangles
-//! are counted from 0, bars from 1 (front bar), points from 1. Numbers are the shortest that read
-//! back as the same `f64`. Cut ends are no data points and have no row.
+//! The columns are [`HEADER`]'s. Panels, yarns, courses, wales and triangles are counted from 0;
+//! bars from 1, which is the front bar; points of a stitch from 1. Coordinates are mm, flat ones in
+//! the axes of the flat mesh. Numbers are the shortest that read back as the same `f64`. Ends that
+//! the panel's edge cut are no data points and have no row.
 
 use std::fmt::Write as _;
-use std::io::Write as _;
-use std::path::Path;
-
-use glam::{DAffine3, DVec3};
+use std::io::{Seek, Write};
 
 use super::buffer::{Buffer, Conveyor};
-use super::{ExportError, Output, Sink};
+use super::{ClothInfo, Destination, ExportError, Sink};
 use warpknit_core::drape::Block;
 use warpknit_core::drape::strands::{CUT, Strand};
-use warpknit_core::garment::{Garment, Panel};
+use warpknit_core::garment::Panel;
 use warpknit_core::knit::PointKind;
 
 /// The first row.
-pub const HEADER: &str = "panel,bar,yarn,course,wale,kind,point,triangle,flat_x,flat_y,flat_z,draped_x,draped_y,draped_z,\
+pub const HEADER: &str = "panel,bar,yarn,course,wale,kind,point,triangle,\
+                          flat_x,flat_y,flat_z,draped_x,draped_y,draped_z,\
                           normal_x,normal_y,normal_z\n";
 
 /// Writes data points.
 #[derive(Debug)]
-pub struct CsvWriter<'a> {
-    output: Output,
-    garment: &'a Garment,
+pub struct CsvWriter<'a, W> {
+    target: Destination<W>,
+    panels: &'a [Panel],
     conveyor: Conveyor,
 }
 
-impl<'a> CsvWriter<'a> {
-    /// Starts the file.
+impl<'a, W: Write + Seek + Send> CsvWriter<'a, W> {
+    /// Starts the file of yarns on the cloth's panels.
     ///
     /// # Errors
-    /// What the disk says.
-    pub fn create(target: &Path, garment: &'a Garment) -> Result<Self, ExportError> {
-        let mut output = Output::create(target)?;
-        output.write_with(|file| file.write_all(HEADER.as_bytes()))?;
-        Ok(Self { output, garment, conveyor: Conveyor::default() })
+    /// [`ExportError::Io`].
+    pub fn create(mut target: Destination<W>, cloth: &ClothInfo<'a>) -> Result<Self, ExportError> {
+        target.write(HEADER.as_bytes())?;
+        Ok(Self { target, panels: cloth.panels, conveyor: Conveyor::default() })
     }
 }
 
-impl Sink for CsvWriter<'_> {
+impl<W: Write + Seek + Send> Sink<W> for CsvWriter<'_, W> {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
-        let Self { output, garment, conveyor } = self;
+        let Self { target, panels, conveyor } = self;
+        check_panels(blocks, panels, target)?;
         conveyor.carry(
             blocks,
-            |block, text| rows(block, &garment.panels[block.panel], text),
-            |text| output.write_with(|file| file.write_all(text)),
+            |block, text| add_rows(block, &panels[block.panel], text),
+            |text| target.write(text),
         )
     }
 
-    fn finish(self: Box<Self>) -> Result<Vec<Output>, ExportError> {
-        Ok(vec![self.output.seal()?])
+    fn finish(self: Box<Self>) -> Result<W, ExportError> {
+        self.target.finish()
     }
 }
 
-fn rows(block: &Block, panel: &Panel, text: &mut Buffer) {
+/// Refuses blocks of panels that aren't known.
+pub(super) fn check_panels<W>(
+    blocks: &[Block],
+    panels: &[Panel],
+    target: &Destination<W>,
+) -> Result<(), ExportError> {
+    match blocks.iter().find(|block| block.panel >= panels.len()) {
+        None => Ok(()),
+        Some(block) => Err(ExportError::NoPanel {
+            path: target.error_path(),
+            panel: block.panel,
+            panels: panels.len(),
+        }),
+    }
+}
+
+/// The rows of a block.
+fn add_rows(block: &Block, panel: &Panel, text: &mut Buffer) {
     for strand in &block.strands.strands {
         for at in strand.points.start as usize..strand.points.end as usize {
             if block.strands.sources[at] != CUT {
-                row(block, strand, at, panel, text).expect("memory takes all text");
+                add_row(block, strand, at, panel, text).expect("memory takes all text");
             }
         }
     }
 }
 
-fn row(
+/// The row of the point at index `at` of its block.
+fn add_row(
     block: &Block,
     strand: &Strand,
     at: usize,
@@ -86,14 +103,9 @@ fn row(
         "{panel_number},{bar},{yarn},{},{},{kind},{},{}",
         tag.course, tag.wale, tag.point, face.0
     )?;
-    let flat = in_own_axes(&panel.flat_from_panel, block.strands.flat[at]);
+    let flat = panel.flat_from_panel.transform_point3(block.strands.flat[at]);
     for v in [flat, block.draped.positions[at], block.draped.normals[at]] {
         write!(text, ",{},{},{}", v.x, v.y, v.z)?;
     }
     text.write_char('\n')
-}
-
-/// A flat point in the flat mesh's own axes.
-fn in_own_axes(flat_from_panel: &DAffine3, flat: DVec3) -> DVec3 {
-    flat_from_panel.transform_point3(flat)
 }

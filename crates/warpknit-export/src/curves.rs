@@ -1,62 +1,57 @@
-//! Centre lines as text for Mitsuba's `linearcurve` and `bsplinecurve`: a line `x y z radius` a
-//! point in mm, an empty line between yarns.
+//! Centre lines as text for the shapes `linearcurve` and `bsplinecurve` of the renderer Mitsuba 3
+//! ("Mitsuba 3 documentation", plugin reference, shapes): a line `x y z radius` a point in mm, an
+//! empty line after each yarn.
 //!
-//! Points are St a stitch. As a `linearcurve` yarns go through them; a `bsplinecurve` takes them
-//! for control points, which rounds bends off by about the sixth part of the distance between
-//! points squared over the bend's radius.
+//! There are St points a stitch. A `linearcurve` goes through them. A `bsplinecurve` takes them as
+//! control points, which cuts bends short by about d²/(6r), where d is the distance between points
+//! and r the bend's radius.
 
 use std::fmt::Write as _;
-use std::path::Path;
+use std::io::{Seek, Write};
 
 use super::buffer::{Buffer, Conveyor};
 use super::digits::numbers;
-use super::{ExportError, Output, Sink, lines};
+use super::{ClothInfo, Destination, ExportError, Sink, StrandStyle, lines};
 use warpknit_core::drape::Block;
-use warpknit_core::fabric::Fabric;
-use warpknit_core::yarn::tube::Section;
 
 /// Writes centre lines for Mitsuba.
 #[derive(Debug)]
-pub struct CurvesWriter {
-    output: Output,
+pub struct CurvesWriter<W> {
+    target: Destination<W>,
     st: u32,
     /// Each bar's radius, mm.
     radii: Vec<f32>,
     conveyor: Conveyor,
 }
 
-impl CurvesWriter {
-    /// Starts the file of a fabric's yarns, as thick and with as many segments a stitch as their
-    /// tubes.
+impl<W: Write + Seek + Send> CurvesWriter<W> {
+    /// Starts the file.
     ///
     /// # Errors
-    /// What the disk says.
-    pub fn create(target: &Path, fabric: &Fabric, section: &Section) -> Result<Self, ExportError> {
-        let radii = super::radii(fabric, section);
-        Ok(Self {
-            output: Output::create(target)?,
-            st: section.st,
-            radii,
-            conveyor: Conveyor::default(),
-        })
+    /// None: nothing is written before the first block.
+    pub fn create(target: Destination<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
+        let radii = cloth.strands.iter().map(StrandStyle::radius_f32).collect();
+        Ok(Self { target, st: cloth.section.st, radii, conveyor: Conveyor::default() })
     }
 }
 
-impl Sink for CurvesWriter {
+impl<W: Write + Seek + Send> Sink<W> for CurvesWriter<W> {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
-        let Self { output, st, radii, conveyor } = self;
-        let make = |block: &Block, text: &mut Buffer| add(block, *st, radii[block.bar], text);
-        conveyor.carry(blocks, make, |text| {
-            output.write_with(|file| std::io::Write::write_all(file, text))
-        })
+        let Self { target, st, radii, conveyor } = self;
+        conveyor.carry(
+            blocks,
+            |block, text| add_curves(block, *st, radii[block.bar], text),
+            |text| target.write(text),
+        )
     }
 
-    fn finish(self: Box<Self>) -> Result<Vec<Output>, ExportError> {
-        Ok(vec![self.output.seal()?])
+    fn finish(self: Box<Self>) -> Result<W, ExportError> {
+        self.target.finish()
     }
 }
 
-fn add(block: &Block, st: u32, radius: f32, text: &mut Buffer) {
+/// The centre lines of a block.
+fn add_curves(block: &Block, st: u32, radius: f32, text: &mut Buffer) {
     lines::each(block, st, |line| {
         for point in line {
             numbers(text, [point.x, point.y, point.z, radius], b' ');

@@ -1,45 +1,52 @@
-//! Files of fibres: whatever a writer takes, with each yarn's fibres in its place.
+//! Files of fibres: any writer, with each yarn replaced by its fibres.
 //!
-//! In: blocks of yarns. Out: what the writer makes of blocks of fibres. Blocks are spun in
-//! parallel, as many at a time as there are threads: fibres take a thousand times a yarn's memory.
+//! In: blocks of yarns. Out: what the inner writer makes of blocks of fibres
+//! ([`warpknit_core::drape::fibres::block`]). Fibres take about a thousand times their yarn's
+//! memory, so blocks are handed on in groups of one a thread.
 
 use rayon::prelude::*;
 
-use super::{ExportError, Output, Sink};
+use super::{ExportError, Sink};
 use warpknit_core::drape::{Block, fibres};
 use warpknit_core::yarn::fibres::Bundle;
 use warpknit_core::yarn::tube::Section;
 
-/// Spins yarns on their way to a writer.
-pub struct SpunWriter<'a> {
-    writer: Box<dyn Sink + 'a>,
+/// Replaces yarns by their fibres on the way to another writer.
+pub struct FibreWriter<'a, W> {
+    writer: Box<dyn Sink<W> + 'a>,
     /// One a bar.
     bundles: Vec<Bundle>,
     surface: Option<Section>,
 }
 
-impl<'a> SpunWriter<'a> {
-    /// Spins for a writer of the fabric that [`fibres::fabric`] gives; `surface` where it takes
-    /// tubes.
+impl<'a, W> FibreWriter<'a, W> {
+    /// Hands fibres of these bundles, one a bar, to `writer`; with tubes where `surface` says how
+    /// fine they are.
     #[must_use]
-    pub fn new(writer: Box<dyn Sink + 'a>, bundles: Vec<Bundle>, surface: Option<Section>) -> Self {
+    pub fn new(
+        writer: Box<dyn Sink<W> + 'a>,
+        bundles: Vec<Bundle>,
+        surface: Option<Section>,
+    ) -> Self {
         Self { writer, bundles, surface }
     }
 }
 
-impl Sink for SpunWriter<'_> {
+impl<W> Sink<W> for FibreWriter<'_, W> {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
+        let Self { writer, bundles, surface } = self;
+        // As many blocks as threads: fewer would leave threads idle, more would only take memory.
         for blocks in blocks.chunks(rayon::current_num_threads().max(1)) {
-            let spun: Vec<Block> = blocks
+            let fibres: Vec<Block> = blocks
                 .par_iter()
-                .map(|block| fibres::block(block, &self.bundles[block.bar], self.surface.as_ref()))
+                .map(|block| fibres::block(block, &bundles[block.bar], surface.as_ref()))
                 .collect();
-            self.writer.take(&spun)?;
+            writer.take(&fibres)?;
         }
         Ok(())
     }
 
-    fn finish(self: Box<Self>) -> Result<Vec<Output>, ExportError> {
+    fn finish(self: Box<Self>) -> Result<W, ExportError> {
         self.writer.finish()
     }
 }

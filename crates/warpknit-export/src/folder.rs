@@ -1,10 +1,11 @@
-//! A folder that becomes visible only when it is whole; one that is there already takes the new
-//! files, each whole, one after another.
+//! A folder that appears under its name only when it is whole. If it is there already, the new
+//! files are moved into it one by one, each whole.
 
 use std::io;
 use std::path::{Path, PathBuf};
 
 use super::ExportError;
+use super::output::folder_of;
 use super::temporary::TemporaryFolder;
 
 /// A folder being filled beside its target.
@@ -24,7 +25,8 @@ impl OutputFolder {
     /// [`ExportError::Io`] where the folder around it is missing or can't be written, or the target
     /// is a file.
     pub fn create(target: &Path) -> Result<Self, ExportError> {
-        Self::open(target).map_err(|source| ExportError::Io { path: target.to_owned(), source })
+        Self::open(target)
+            .map_err(|source| ExportError::Io { path: Some(target.to_owned()), source })
     }
 
     fn open(target: &Path) -> io::Result<Self> {
@@ -36,10 +38,7 @@ impl OutputFolder {
                 "it is a file, and a folder is needed",
             ));
         }
-        let around = target
-            .parent()
-            .filter(|folder| !folder.as_os_str().is_empty())
-            .unwrap_or(Path::new("."));
+        let around = folder_of(&target);
         if !around.is_dir() {
             return Err(io::Error::new(
                 io::ErrorKind::NotFound,
@@ -56,20 +55,20 @@ impl OutputFolder {
         &self.target
     }
 
-    /// Where a file of this name is to be written.
+    /// Where to write a file of this name.
     #[must_use]
     pub fn file(&self, name: &str) -> PathBuf {
         self.temporary.path().join(name)
     }
 
-    /// Gives the folder its name. Where a folder has it already, the files take their places in it,
-    /// one after another.
+    /// Gives the folder its name. Where a folder of that name is there, the files are moved into it
+    /// one by one.
     ///
     /// # Errors
     /// [`ExportError::Io`].
     pub fn publish(self) -> Result<(), ExportError> {
         let Self { target, temporary } = self;
-        temporary.publish(&target).map_err(|source| ExportError::Io { path: target, source })
+        temporary.publish(&target).map_err(|source| ExportError::Io { path: Some(target), source })
     }
 }
 

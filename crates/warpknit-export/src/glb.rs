@@ -1,94 +1,96 @@
-//! Tubes as binary glTF 2.0: a node for each bar of each panel, below it a node with a mesh for
-//! each yarn, a material a bar; metres.
+//! Tubes as binary glTF (Khronos Group, "glTF 2.0 Specification", chapter 4, "GLB File Format"): a
+//! node for each bar of each panel, below it a node with a mesh for each yarn, a material a bar;
+//! metres.
 //!
-//! Materials are those of fibres: rough, no metal, and with a sheen (`KHR_materials_sheen`) by
-//! which cloth is brighter where it turns away. Bars whose yarns wear pictures have them as
-//! textures, in the file; the second texture coordinate then counts repeats of the picture, and
-//! else millimetres of yarn. The JSON chunk comes first in the file but is known last (counts and
-//! bounds), so it gets room for what so many blocks will need, and what it doesn't fill is spaces.
-//! Positions, normals and texture coordinates are `f32`, indices `u32`. A block's arrays lie
-//! together; each of its yarns is a part of them, its indices counted from its own first vertex.
+//! Materials are those of fibres: rough, no metal, and with a sheen (`KHR_materials_sheen`), which
+//! brightens cloth where it turns away from the eye. Textures lie in the file. The second texture
+//! coordinate counts repeats of the texture, and millimetres of yarn where a bar has none.
+//!
+//! The JSON chunk comes first in the file but is known last (counts and bounds). So it gets room
+//! for the expected blocks and yarns, and spaces fill what it doesn't take. Positions, normals and
+//! texture coordinates are `f32`, indices `u32`. A block's arrays lie together: all of its
+//! positions are one buffer view, and each of its yarns is an accessor to a range of it, with
+//! indices counted from its own first vertex.
 
+use std::collections::BTreeMap;
+use std::io::{Seek, Write};
 use std::ops::Range;
-use std::path::Path;
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 use gltf_json as json;
 use json::accessor::{ComponentType, GenericComponentType, Type};
-use json::buffer::{Stride, Target};
+use json::buffer::{Stride, Target as ViewTarget};
 use json::mesh::Semantic;
 use json::validation::Checked::Valid;
 use json::validation::USize64;
 use json::{Accessor, Index, Root};
 use rayon::prelude::*;
 
-use super::patched_header::HeadLast;
-use super::texture::{Texture, Wardrobe};
-use super::{ExportError, Output, Sink};
+use super::glb_material::root_of;
+use super::patched_header::PatchedHeader;
+use super::texture::TextureSet;
+use super::{ClothInfo, Destination, Expected, ExportError, Sink};
 use warpknit_core::drape::Block;
-use warpknit_core::fabric::Fabric;
 use warpknit_core::ids::{YarnId, index32};
-use warpknit_render::cloth::ROUGHNESS;
 
 const METRES_PER_MM: f32 = 1e-3;
-/// Light that fibres standing off a yarn scatter, as a share of its colour, and how widely.
-const SHEEN: f32 = 0.4;
-const SHEEN_ROUGHNESS: f32 = 0.5;
-const SHEEN_EXTENSION: &str = "KHR_materials_sheen";
-/// Header of the file, and of each of its two chunks.
+/// Bytes of the file's header and of those of its two chunks.
 const HEADERS: usize = BARE_HEADERS + 8;
 /// The same where there is no vertex, and so no second chunk.
 const BARE_HEADERS: usize = 12 + 8;
-/// Room for a block's entries in the JSON: four views, and a node if need be. They take about 500.
+/// Room for a block's entries in the JSON: four views, and a node if need be. They take about 500
+/// bytes, and with all numbers at their longest less than this.
 const BLOCK_JSON: usize = 700;
-/// Room for a yarn's: four accessors, a mesh, a node. They take about 900.
+/// Room for a yarn's entries: four accessors, a mesh, a node. They take about 900 bytes, and with
+/// all numbers at their longest less than this.
 const YARN_JSON: usize = 1100;
-/// Room for what closes the JSON.
+/// Room for the end of the JSON.
 const LAST_JSON: usize = 200;
 
 /// Writes tubes as glTF.
 #[derive(Debug)]
-pub struct GlbWriter {
-    file: HeadLast,
+pub struct GlbWriter<W> {
+    file: PatchedHeader<W>,
     /// Bytes of the binary chunk.
     bytes: u64,
     root: Root,
     /// Nodes of panels' bars.
     bars: Vec<Index<json::Node>>,
     buffer: Index<json::Buffer>,
-    wardrobe: Arc<Wardrobe>,
+    textures: Arc<TextureSet>,
     /// Panel and bar of the last yarn, and their node.
     current: Option<((usize, usize), Index<json::Node>)>,
-    /// The blocks at hand as the file holds them.
-    prepared: Vec<Prepared>,
+    /// The arrays of the blocks at hand as the file holds them.
+    prepared: Vec<PreparedBlock>,
 }
 
-/// What of a block's arrays is not as tubes have it.
+/// Those of a block's arrays that differ from its tubes'.
 #[derive(Debug, Default)]
-struct Prepared {
+struct PreparedBlock {
     /// m.
     positions: Vec<Vec3>,
-    /// Counted in repeats of the bar's picture; empty where it has none.
+    /// Counted in repeats of the bar's texture; empty where it has none.
     uvs: Vec<Vec2>,
     /// Counted from the first vertex of each yarn.
     triangles: Vec<[u32; 3]>,
-    yarns: Vec<Part>,
+    yarns: Vec<YarnRange>,
 }
 
-/// A yarn's part of a block's arrays.
+/// A yarn's range of a block's arrays.
 #[derive(Debug)]
-struct Part {
+struct YarnRange {
     yarn: YarnId,
     vertices: Range<usize>,
     triangles: Range<usize>,
+    /// Bounds, m.
     low: Vec3,
     high: Vec3,
 }
 
 /// Where an array lies in the file.
 #[derive(Clone, Copy)]
-struct View {
+struct ArrayView {
     index: Index<json::buffer::View>,
     kind: Type,
     component: ComponentType,
@@ -96,57 +98,25 @@ struct View {
     size: usize,
 }
 
-impl GlbWriter {
-    /// Starts the file: one material a bar, with the pictures that the wardrobe has for it. There
-    /// is room for so many blocks and yarns; with more of them the file takes longer to finish.
+impl<W: Write + Seek + Send> GlbWriter<W> {
+    /// Starts the file, with its materials and textures.
+    ///
+    /// There is room for the blocks and yarns that the cloth expects, and more are refused at the
+    /// end. If it expects none in particular, the body waits in a temporary file.
     ///
     /// # Errors
-    /// What the disk says.
-    pub fn create(
-        target: &Path,
-        fabric: &Fabric,
-        wardrobe: Arc<Wardrobe>,
-        blocks: usize,
-        yarns: usize,
-    ) -> Result<Self, ExportError> {
-        let mut root = Root {
-            asset: json::Asset {
-                generator: Some(concat!("warpknit ", env!("CARGO_PKG_VERSION")).to_owned()),
-                ..json::Asset::default()
-            },
-            extensions_used: vec![SHEEN_EXTENSION.to_owned()],
-            ..Root::default()
-        };
-        let buffer = root.push(json::Buffer {
-            byte_length: USize64(0),
-            name: None,
-            uri: None,
-            extensions: None,
-            extras: json::Extras::default(),
-        });
-        push_textures(&mut root, buffer, &wardrobe.textures);
-        for (number, yarn) in fabric.yarns().enumerate() {
-            let name = format!("{} bar {}", fabric.name, number + 1);
-            let material = match wardrobe.worn_by(number) {
-                Some(place) => textured(&name, place, wardrobe.textures[place].mean),
-                None => plain(&name, yarn.color.linear()),
-            };
-            root.push(material);
-        }
-        let room = (HEADERS
-            + json_text(&root).len()
-            + LAST_JSON
-            + BLOCK_JSON * blocks
-            + YARN_JSON * yarns)
-            .next_multiple_of(4);
-        let file = HeadLast::create(target, room)?;
+    /// [`ExportError::Io`].
+    pub fn create(target: Destination<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
+        let textures = Arc::clone(&cloth.textures);
+        let (root, buffer) = root_of(cloth);
+        let room = cloth.expected.map(|expected| room_for(&root, expected));
         let mut writer = Self {
-            file,
+            file: PatchedHeader::create(target, room)?,
             bytes: 0,
             root,
             bars: Vec::new(),
             buffer,
-            wardrobe,
+            textures,
             current: None,
             prepared: Vec::new(),
         };
@@ -154,10 +124,10 @@ impl GlbWriter {
         Ok(writer)
     }
 
-    /// Appends the pictures to the binary chunk, each from a multiple of 4 bytes on, as their views
-    /// say.
+    /// Appends the pictures to the binary chunk, each at a multiple of 4 bytes, as their views say
+    /// ([`root_of`]).
     fn write_textures(&mut self) -> Result<(), ExportError> {
-        for picture in self.wardrobe.textures.iter().flat_map(|texture| &texture.pictures) {
+        for picture in self.textures.textures.iter().flat_map(|texture| &texture.pictures) {
             let padding = picture.len().next_multiple_of(4) - picture.len();
             self.file.write(picture)?;
             self.file.write(&[0; 3][..padding])?;
@@ -167,26 +137,28 @@ impl GlbWriter {
     }
 
     /// Adds one block's tubes, a mesh a yarn.
-    fn add(&mut self, block: &Block, prepared: &Prepared) -> Result<(), ExportError> {
+    fn add(&mut self, block: &Block, prepared: &PreparedBlock) -> Result<(), ExportError> {
         let uvs = if prepared.uvs.is_empty() { &block.tubes.uvs } else { &prepared.uvs };
         let vertices = [
             (Semantic::Positions, self.array(&prepared.positions, Type::Vec3, ComponentType::F32)?),
             (Semantic::Normals, self.array(&block.tubes.normals, Type::Vec3, ComponentType::F32)?),
             (Semantic::TexCoords(0), self.array(uvs, Type::Vec2, ComponentType::F32)?),
         ];
+        // Indices are a view of their own: the format wants them apart from vertices.
         let corners: &[u32] = bytemuck::cast_slice(&prepared.triangles);
         let corners = self.array(corners, Type::Scalar, ComponentType::U32)?;
-        for part in &prepared.yarns {
-            let mut attributes = std::collections::BTreeMap::new();
+        for yarn in &prepared.yarns {
+            let mut attributes = BTreeMap::new();
             for (semantic, view) in &vertices {
-                let bounds = (*semantic == Semantic::Positions).then_some([part.low, part.high]);
+                // The format demands bounds of positions, and of nothing else.
+                let bounds = (*semantic == Semantic::Positions).then_some([yarn.low, yarn.high]);
                 attributes.insert(
                     Valid(semantic.clone()),
-                    self.part_of(*view, part.vertices.clone(), bounds),
+                    self.range_of(*view, yarn.vertices.clone(), bounds),
                 );
             }
             let indices =
-                self.part_of(corners, 3 * part.triangles.start..3 * part.triangles.end, None);
+                self.range_of(corners, 3 * yarn.triangles.start..3 * yarn.triangles.end, None);
             let primitive = json::mesh::Primitive {
                 attributes,
                 indices: Some(indices),
@@ -196,12 +168,12 @@ impl GlbWriter {
                 extensions: None,
                 extras: json::Extras::default(),
             };
-            self.add_yarn(block, part.yarn, primitive);
+            self.add_yarn(block, yarn.yarn, primitive);
         }
         Ok(())
     }
 
-    /// Hangs a yarn below the node of its panel's bar.
+    /// Adds a yarn's mesh, and its node below that of its panel's bar.
     fn add_yarn(&mut self, block: &Block, yarn: YarnId, primitive: json::mesh::Primitive) {
         let name = Some(format!("yarn {}", yarn.0));
         let mesh = self.root.push(json::Mesh {
@@ -229,23 +201,21 @@ impl GlbWriter {
         node
     }
 
-    /// Some elements of an array, with their bounds if they are to be told.
-    fn part_of(
+    /// An accessor to some elements of an array, with their bounds if it needs them.
+    fn range_of(
         &mut self,
-        view: View,
+        view: ArrayView,
         elements: Range<usize>,
         bounds: Option<[Vec3; 2]>,
     ) -> Index<Accessor> {
-        let bound =
-            |at: usize| bounds.map(|bounds| json::Value::from(bounds[at].to_array().to_vec()));
         self.root.push(Accessor {
             buffer_view: Some(view.index),
             byte_offset: Some(USize64::from(elements.start * view.size)),
             count: USize64::from(elements.len()),
             component_type: Valid(GenericComponentType(view.component)),
             type_: Valid(view.kind),
-            min: bound(0),
-            max: bound(1),
+            min: bounds.map(|[low, _]| json::Value::from(low.to_array().to_vec())),
+            max: bounds.map(|[_, high]| json::Value::from(high.to_array().to_vec())),
             name: None,
             normalized: false,
             sparse: None,
@@ -254,21 +224,22 @@ impl GlbWriter {
         })
     }
 
-    /// Appends an array to the binary chunk with its view. All of its element sizes are multiples
-    /// of 4, so it stays aligned.
+    /// Appends an array to the binary chunk, with its view. Elements are multiples of 4 bytes, so
+    /// the chunk stays aligned as the format wants it.
     fn array<T: bytemuck::NoUninit>(
         &mut self,
         values: &[T],
         kind: Type,
         component: ComponentType,
-    ) -> Result<View, ExportError> {
+    ) -> Result<ArrayView, ExportError> {
         let bytes: &[u8] = bytemuck::cast_slice(values);
         self.file.write(bytes)?;
-        // Parts of one view need its stride, but indices may have none.
+        // A view of vertices that several accessors share must state its stride; indices may have
+        // none.
         let (target, stride) = if kind == Type::Scalar {
-            (Target::ElementArrayBuffer, None)
+            (ViewTarget::ElementArrayBuffer, None)
         } else {
-            (Target::ArrayBuffer, Some(Stride(size_of::<T>())))
+            (ViewTarget::ArrayBuffer, Some(Stride(size_of::<T>())))
         };
         let index = self.root.push(json::buffer::View {
             buffer: self.buffer,
@@ -281,14 +252,14 @@ impl GlbWriter {
             extras: json::Extras::default(),
         });
         self.bytes += bytes.len() as u64;
-        Ok(View { index, kind, component, size: size_of::<T>() })
+        Ok(ArrayView { index, kind, component, size: size_of::<T>() })
     }
 
-    /// The JSON chunk, filled up with spaces to its room or else to a multiple of 4 bytes.
+    /// The JSON chunk, filled up with spaces to its room, or to a multiple of 4 bytes.
     fn json_chunk(&mut self) -> Vec<u8> {
         self.root.buffers[self.buffer.value()].byte_length = USize64(self.bytes);
         if self.bytes == 0 {
-            // The format knows no empty buffers.
+            // The format has no empty buffers.
             self.root.buffers.clear();
         }
         let scene = self.root.push(json::Scene {
@@ -299,77 +270,83 @@ impl GlbWriter {
         });
         self.root.scene = Some(scene);
         let mut text = json_text(&self.root);
-        text.resize(text.len().next_multiple_of(4).max(self.file.room() - self.headers()), b' ');
+        text.resize(
+            text.len().next_multiple_of(4).max(self.file.room().saturating_sub(self.headers())),
+            b' ',
+        );
         text
     }
 }
 
-impl Sink for GlbWriter {
+impl<W: Write + Seek + Send> Sink<W> for GlbWriter<W> {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
+        // Arrays are made in parallel, and written in order below. Their memory is kept for the
+        // next blocks.
         let mut prepared = std::mem::take(&mut self.prepared);
-        prepared.resize_with(blocks.len().max(prepared.len()), Prepared::default);
-        let wardrobe = &self.wardrobe;
+        prepared.resize_with(blocks.len().max(prepared.len()), PreparedBlock::default);
+        let textures = &self.textures;
         blocks
             .par_iter()
             .zip(&mut prepared)
-            .for_each(|(block, prepared)| prepared.fill(block, wardrobe));
+            .for_each(|(block, prepared)| prepared.fill(block, textures));
         for (block, prepared) in blocks.iter().zip(&prepared) {
             if !prepared.positions.is_empty() {
                 self.add(block, prepared)?;
             }
         }
         self.prepared = prepared;
+        // Refused now, and not when the disk is full of bytes that the header can't count.
         self.within_limit(self.bytes).map(drop)
     }
 
-    fn finish(mut self: Box<Self>) -> Result<Vec<Output>, ExportError> {
+    fn finish(mut self: Box<Self>) -> Result<W, ExportError> {
         let text = self.json_chunk();
         let length = self.within_limit((self.headers() + text.len()) as u64 + self.bytes)?;
         let binary = self.within_limit(self.bytes)?;
-        let mut head = Vec::with_capacity(HEADERS + text.len());
-        head.extend_from_slice(b"glTF");
+        let mut header = Vec::with_capacity(HEADERS + text.len());
+        header.extend_from_slice(b"glTF");
         for word in [2, length, index32(text.len())] {
-            head.extend_from_slice(&word.to_le_bytes());
+            header.extend_from_slice(&word.to_le_bytes());
         }
-        head.extend_from_slice(b"JSON");
-        head.extend_from_slice(&text);
+        header.extend_from_slice(b"JSON");
+        header.extend_from_slice(&text);
         if binary > 0 {
-            head.extend_from_slice(&binary.to_le_bytes());
-            head.extend_from_slice(b"BIN\0");
+            header.extend_from_slice(&binary.to_le_bytes());
+            header.extend_from_slice(b"BIN\0");
         }
-        Ok(vec![self.file.finish(&head)?])
+        self.file.finish(&header)
     }
 }
 
-impl GlbWriter {
+impl<W: Write + Seek> GlbWriter<W> {
     /// Bytes of the headers that the file has.
     fn headers(&self) -> usize {
         if self.bytes > 0 { HEADERS } else { BARE_HEADERS }
     }
 
-    /// A number of bytes that the format can hold.
+    /// That number of bytes, where the format can hold it.
     fn within_limit(&self, bytes: u64) -> Result<u32, ExportError> {
-        u32::try_from(bytes).map_err(|_over_4_gib| ExportError::TooLarge {
-            path: self.file.target().to_owned(),
-            bytes,
-        })
+        u32::try_from(bytes)
+            .map_err(|_over_4_gib| ExportError::TooLarge { path: self.file.error_path(), bytes })
     }
 }
 
-impl Prepared {
-    fn fill(&mut self, block: &Block, wardrobe: &Wardrobe) {
+impl PreparedBlock {
+    /// Takes the arrays of a block.
+    fn fill(&mut self, block: &Block, textures: &TextureSet) {
         let tubes = &block.tubes;
         self.positions.clear();
         self.positions.extend(tubes.positions.iter().map(|position| *position * METRES_PER_MM));
         self.uvs.clear();
-        if wardrobe.worn_by(block.bar).is_some() {
-            let repeats = Vec2::new(1.0, wardrobe.per_mm(block.bar));
+        if textures.texture_of(block.bar).is_some() {
+            let repeats = Vec2::new(1.0, textures.repeats_per_mm(block.bar));
             self.uvs.extend(tubes.uvs.iter().map(|uv| *uv * repeats));
         }
         self.triangles.clear();
         self.yarns.clear();
         let strands: Vec<_> = block.strands.strands.iter().zip(&tubes.strands).collect();
-        // A yarn's strands follow each other, and so do their vertices and triangles.
+        // A yarn is one mesh: its strands follow each other, and so do their vertices and
+        // triangles.
         for strands in strands.chunk_by(|(a, _), (b, _)| a.yarn == b.yarn) {
             let ((strand, (first, first_triangles)), (_, (last, last_triangles))) =
                 (strands[0], strands[strands.len() - 1]);
@@ -381,112 +358,28 @@ impl Prepared {
                 .iter()
                 .map(|corners| corners.map(|corner| corner - first.start));
             self.triangles.extend(own);
-            let bounds = |(low, high): (Vec3, Vec3), position: &Vec3| {
-                (low.min(*position), high.max(*position))
-            };
-            let positions = &self.positions[vertices.clone()];
-            let (low, high) = positions.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), bounds);
-            self.yarns.push(Part { yarn: strand.yarn, vertices, triangles, low, high });
+            let [low, high] = bounds(&self.positions[vertices.clone()]);
+            self.yarns.push(YarnRange { yarn: strand.yarn, vertices, triangles, low, high });
         }
     }
 }
 
+/// Bytes that the headers and the JSON take at the most.
+fn room_for(root: &Root, Expected { blocks, yarns }: Expected) -> usize {
+    let json = json_text(root).len() + LAST_JSON + BLOCK_JSON * blocks + YARN_JSON * yarns;
+    (HEADERS + json).next_multiple_of(4)
+}
+
+/// Lowest and highest corner of some positions.
+fn bounds(positions: &[Vec3]) -> [Vec3; 2] {
+    let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    for position in positions {
+        low = low.min(*position);
+        high = high.max(*position);
+    }
+    [low, high]
+}
+
 fn json_text(root: &Root) -> Vec<u8> {
     json::serialize::to_vec(root).expect("numbers here are finite and keys are text")
-}
-
-/// Adds the views, images and textures of pictures that the binary chunk begins with: base colour,
-/// normals and surface of each yarn.
-fn push_textures(root: &mut Root, buffer: Index<json::Buffer>, textures: &[Texture]) {
-    let mut offset = 0;
-    for picture in textures.iter().flat_map(|texture| &texture.pictures) {
-        let view = root.push(json::buffer::View {
-            buffer,
-            byte_length: USize64::from(picture.len()),
-            byte_offset: Some(USize64::from(offset)),
-            byte_stride: None,
-            name: None,
-            target: None,
-            extensions: None,
-            extras: json::Extras::default(),
-        });
-        offset += picture.len().next_multiple_of(4);
-        let source = root.push(json::Image {
-            buffer_view: Some(view),
-            mime_type: Some(json::image::MimeType("image/png".to_owned())),
-            name: None,
-            uri: None,
-            extensions: None,
-            extras: json::Extras::default(),
-        });
-        root.push(json::Texture {
-            name: None,
-            sampler: None,
-            source,
-            extensions: None,
-            extras: json::Extras::default(),
-        });
-    }
-}
-
-/// A yarn of one colour.
-fn plain(name: &str, color: [f32; 3]) -> json::Material {
-    let surface = json::material::PbrMetallicRoughness {
-        base_color_factor: json::material::PbrBaseColorFactor([color[0], color[1], color[2], 1.0]),
-        metallic_factor: json::material::StrengthFactor(0.0),
-        roughness_factor: json::material::StrengthFactor(ROUGHNESS),
-        ..json::material::PbrMetallicRoughness::default()
-    };
-    material(name, color, surface)
-}
-
-/// A yarn that wears the pictures at that place of the wardrobe, of such a mean colour.
-fn textured(name: &str, place: usize, mean: [f32; 3]) -> json::Material {
-    let texture = |picture: usize| Index::new(index32(Texture::PICTURES * place + picture));
-    let info = |picture: usize| json::texture::Info {
-        index: texture(picture),
-        tex_coord: 0,
-        extensions: None,
-        extras: json::Extras::default(),
-    };
-    // Factors are 1 where nothing is said: the pictures' own values.
-    let surface = json::material::PbrMetallicRoughness {
-        base_color_texture: Some(info(Texture::BASE)),
-        metallic_roughness_texture: Some(info(Texture::SURFACE)),
-        ..json::material::PbrMetallicRoughness::default()
-    };
-    json::Material {
-        normal_texture: Some(json::material::NormalTexture {
-            index: texture(Texture::NORMAL),
-            scale: 1.0,
-            tex_coord: 0,
-            extensions: None,
-            extras: json::Extras::default(),
-        }),
-        occlusion_texture: Some(json::material::OcclusionTexture {
-            index: texture(Texture::SURFACE),
-            strength: json::material::StrengthFactor(1.0),
-            tex_coord: 0,
-            extensions: None,
-            extras: json::Extras::default(),
-        }),
-        ..material(name, mean, surface)
-    }
-}
-
-/// A yarn whose fibres catch the light as its colour says.
-fn material(
-    name: &str,
-    color: [f32; 3],
-    surface: json::material::PbrMetallicRoughness,
-) -> json::Material {
-    let sheen = serde_json::json!({ "sheenColorFactor": color.map(|channel| SHEEN * channel), "sheenRoughnessFactor": SHEEN_ROUGHNESS });
-    json::Material {
-        name: Some(name.to_owned()),
-        pbr_metallic_roughness: surface,
-        extensions: Some(json::extensions::material::Material {
-            others: [(SHEEN_EXTENSION.to_owned(), sheen)].into_iter().collect(),
-        }),
-        ..json::Material::default()
-    }
 }

@@ -1,190 +1,188 @@
-//! Yarns as Abaqus input: two-node beams (B31) along the centre lines, a section and a material a
-//! bar, contact pairs between the bars; mm, tonnes, N, MPa.
+//! Yarns as Abaqus input (Dassault Systèmes, "Abaqus Keywords Guide"): two-node beams (B31) along
+//! the centre lines, a section and a material a bar, contact pairs between the bars; mm, tonnes, N,
+//! MPa.
 //!
-//! An element set a bar of a panel, `PANEL_0_BAR_1`. What a fabric does not say stands in the file
-//! as a value to be replaced, with a comment: Young's modulus and friction. Density is that of the
-//! yarn, fibre and air. One pass: nodes come first, and the elements follow from the strands'
-//! lengths, 4 bytes a strand.
+//! Each bar of each panel has an element set, such as `PANEL_0_BAR_1`. A fabric knows nothing of
+//! Young's modulus and friction: the file holds values to be replaced, with a comment. Density is
+//! that of the yarn, fibre and air together. The file is written in one pass. Nodes come first.
+//! Elements follow from the strands' numbers of nodes, 4 bytes a strand, and are made at the end.
 
 use std::fmt::Write as _;
-use std::io::Write as _;
-use std::path::Path;
+use std::io::{Seek, Write};
 
 use super::buffer::{Buffer, Conveyor};
 use super::digits::numbers;
-use super::{ExportError, Output, Sink, lines};
+use super::{ClothInfo, Destination, ExportError, Sink, StrandStyle, lines};
 use warpknit_core::drape::Block;
-use warpknit_core::fabric::Fabric;
-use warpknit_core::fabric::yarn::Yarn;
-use warpknit_core::yarn::tube::Section;
 
-/// MPa, and Poisson's ratio: of soft fibres, for a first run.
+/// Young's modulus, MPa, and Poisson's ratio: of soft fibres, for a first run.
 const ELASTIC: (f64, f64) = (1000.0, 0.3);
 const FRICTION: f64 = 0.3;
 /// Tonnes per mm³ in a g/cm³.
 const DENSITY: f64 = 1e-9;
-/// A direction along which no yarn runs: the first axis of each beam's section must not be the
-/// beam's own, and of a round section it is no matter which.
+/// The first axis of a beam's section. A round section may have any but the beam's own direction,
+/// and along this one no yarn runs.
 const FIRST_AXIS: &str = "0.3713, 0.5571, 0.7428";
 /// Strands whose elements are made at a time by one thread.
 const STRANDS: usize = 64;
 
-/// Strands of one bar of a panel.
+/// The elements of one bar of a panel.
 #[derive(Debug)]
-struct Group {
+struct ElementSet {
     panel: usize,
     bar: usize,
-    /// Nodes of each.
+    /// Nodes of each strand.
     strands: Vec<u32>,
+}
+
+/// Some strands with the numbers of their first node and their first element.
+struct NumberedStrands<'a> {
+    /// Nodes of each strand.
+    strands: &'a [u32],
+    node: u64,
+    element: u64,
 }
 
 /// Writes beams as Abaqus input.
 #[derive(Debug)]
-pub struct InpWriter {
-    output: Output,
+pub struct InpWriter<W> {
+    target: Destination<W>,
     st: u32,
-    yarns: Vec<Yarn>,
-    radii: Vec<f32>,
-    groups: Vec<Group>,
+    styles: Vec<StrandStyle>,
+    sets: Vec<ElementSet>,
     /// Nodes so far.
     nodes: u64,
     conveyor: Conveyor,
 }
 
-impl InpWriter {
-    /// Starts the file of a fabric's yarns, as thick and with as many segments a stitch as their
-    /// tubes.
+impl<W: Write + Seek + Send> InpWriter<W> {
+    /// Starts the file of the cloth's strands, with as many beams a stitch as tubes have segments.
     ///
     /// # Errors
-    /// What the disk says.
-    pub fn create(target: &Path, fabric: &Fabric, section: &Section) -> Result<Self, ExportError> {
-        let mut output = Output::create(target)?;
-        let name = &fabric.name;
-        output.write_with(|file| {
+    /// [`ExportError::Io`].
+    pub fn create(mut target: Destination<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
+        let name = &cloth.name;
+        target.write_with(|file| {
             writeln!(
                 file,
                 "*HEADING\nyarns of {name} by warpknit; mm, tonnes, N, MPa\n*NODE, NSET=YARNS"
             )
         })?;
-        let radii = super::radii(fabric, section);
-        let (groups, conveyor) = (Vec::new(), Conveyor::default());
         Ok(Self {
-            output,
-            st: section.st,
-            yarns: fabric.yarns().cloned().collect(),
-            radii,
-            groups,
+            target,
+            st: cloth.section.st,
+            styles: cloth.strands.clone(),
+            sets: Vec::new(),
             nodes: 0,
-            conveyor,
+            conveyor: Conveyor::default(),
         })
     }
 
-    /// Elements of all groups, each under its set's name.
+    /// Writes the elements of all sets, each set under its name.
     fn write_elements(&mut self) -> Result<(), ExportError> {
-        let Self { output, groups, conveyor, .. } = self;
+        let Self { target, sets, conveyor, .. } = self;
         let (mut node, mut element) = (1, 1);
-        for group in groups {
-            let name = set(group.panel, group.bar);
-            output.write_with(|file| writeln!(file, "*ELEMENT, TYPE=B31, ELSET={name}"))?;
-            let number = |strands| {
-                let first = (strands, node, element);
+        for set in sets {
+            let name = set.name();
+            target.write_with(|file| writeln!(file, "*ELEMENT, TYPE=B31, ELSET={name}"))?;
+            let mut numbered = Vec::new();
+            for strands in set.strands.chunks(STRANDS) {
+                numbered.push(NumberedStrands { strands, node, element });
                 for &nodes in strands {
                     node += u64::from(nodes);
                     element += u64::from(nodes) - 1;
                 }
-                first
-            };
-            let numbered: Vec<_> = group.strands.chunks(STRANDS).map(number).collect();
-            let make = |(strands, node, element): &(&[u32], u64, u64), text: &mut Buffer| {
-                elements(strands, *node, *element, text);
-            };
-            conveyor
-                .carry(&numbered, make, |text| output.write_with(|file| file.write_all(text)))?;
+            }
+            conveyor.carry(&numbered, add_elements, |text| target.write(text))?;
         }
         Ok(())
     }
 
-    /// Sections, materials and contact.
-    fn properties(&self) -> String {
+    /// Sections and materials.
+    fn materials(&self) -> String {
         let mut text = String::new();
-        let mut add = |line: &str| {
-            text.push_str(line);
-            text.push('\n');
-        };
-        for Group { panel, bar, .. } in &self.groups {
-            add(&format!(
-                "*BEAM SECTION, ELSET={}, MATERIAL=YARN_{}, SECTION=CIRC",
-                set(*panel, *bar),
-                bar + 1
-            ));
-            add(&format!("{}\n{FIRST_AXIS}", self.radii[*bar]));
-        }
-        for (yarn, number) in self.yarns.iter().zip(1..) {
-            add(&format!("*MATERIAL, NAME=YARN_{number}"));
-            add(&format!("*DENSITY\n{:e}", yarn.density * yarn.packing * DENSITY));
-            add(
-                "** A fabric file does not know Young's modulus and Poisson's ratio: put your yarn's here.",
+        for set in &self.sets {
+            let (name, number) = (set.name(), set.bar + 1);
+            let radius = self.styles[set.bar].radius_f32();
+            text += &format!(
+                "*BEAM SECTION, ELSET={name}, MATERIAL=YARN_{number}, SECTION=CIRC\n\
+                 {radius}\n{FIRST_AXIS}\n"
             );
-            add(&format!("*ELASTIC\n{:?}, {:?}", ELASTIC.0, ELASTIC.1));
         }
-        let laid: Vec<usize> = (0..self.yarns.len())
-            .filter(|bar| self.groups.iter().any(|group| group.bar == *bar))
+        for (style, number) in self.styles.iter().zip(1..) {
+            let density = style.density * DENSITY;
+            let (young, poisson) = ELASTIC;
+            text += &format!(
+                "*MATERIAL, NAME=YARN_{number}\n*DENSITY\n{density:e}\n\
+                 ** A fabric file does not know Young's modulus and Poisson's ratio: \
+                 put your yarn's here.\n\
+                 *ELASTIC\n{young:?}, {poisson:?}\n"
+            );
+        }
+        text
+    }
+
+    /// Contact: a surface a bar, and a pair for each two bars and for each bar with itself.
+    fn contact(&self) -> String {
+        let mut text = String::new();
+        let laid: Vec<usize> = (0..self.styles.len())
+            .filter(|bar| self.sets.iter().any(|set| set.bar == *bar))
             .collect();
         for bar in &laid {
-            add(&format!("*SURFACE, TYPE=ELEMENT, NAME=SURFACE_{}", bar + 1));
-            self.groups
-                .iter()
-                .filter(|group| group.bar == *bar)
-                .for_each(|group| add(&format!("{},", set(group.panel, *bar))));
+            text += &format!("*SURFACE, TYPE=ELEMENT, NAME=SURFACE_{}\n", bar + 1);
+            for set in self.sets.iter().filter(|set| set.bar == *bar) {
+                text += &format!("{},\n", set.name());
+            }
         }
-        add("*SURFACE INTERACTION, NAME=YARN_ON_YARN");
-        add("** Friction is not known either.");
-        add(&format!("*FRICTION\n{FRICTION:?}"));
+        text += "*SURFACE INTERACTION, NAME=YARN_ON_YARN\n** Friction is not known either.\n";
+        text += &format!("*FRICTION\n{FRICTION:?}\n");
         for (at, bar) in laid.iter().enumerate() {
             for other in &laid[at..] {
-                add(&format!(
-                    "*CONTACT PAIR, INTERACTION=YARN_ON_YARN\nSURFACE_{}, SURFACE_{}",
-                    bar + 1,
-                    other + 1
-                ));
+                let (number, other) = (bar + 1, other + 1);
+                text += &format!(
+                    "*CONTACT PAIR, INTERACTION=YARN_ON_YARN\n\
+                     SURFACE_{number}, SURFACE_{other}\n"
+                );
             }
         }
         text
     }
 }
 
-impl Sink for InpWriter {
+impl<W: Write + Seek + Send> Sink<W> for InpWriter<W> {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
-        let Self { output, st, groups, nodes, conveyor, .. } = self;
+        let Self { target, st, sets, nodes, conveyor, .. } = self;
         let mut numbered = Vec::new();
         for block in blocks.iter().filter(|block| !block.strands.strands.is_empty()) {
-            if groups
-                .last()
-                .is_none_or(|group| (group.panel, group.bar) != (block.panel, block.bar))
-            {
-                groups.push(Group { panel: block.panel, bar: block.bar, strands: Vec::new() });
+            let (panel, bar) = (block.panel, block.bar);
+            if sets.last().is_none_or(|set| (set.panel, set.bar) != (panel, bar)) {
+                sets.push(ElementSet { panel, bar, strands: Vec::new() });
             }
+            // The format counts from 1.
             numbered.push((block, *nodes + 1));
+            *nodes += lines::count_all(block, *st);
             let counts = block.strands.strands.iter().map(|strand| lines::count(strand, *st));
-            *nodes += counts.clone().map(u64::from).sum::<u64>();
-            groups.last_mut().expect("pushed above").strands.extend(counts);
+            sets.last_mut().expect("pushed above").strands.extend(counts);
         }
-        let make =
-            |(block, first): &(&Block, u64), text: &mut Buffer| add_nodes(block, *st, *first, text);
-        conveyor.carry(&numbered, make, |text| output.write_with(|file| file.write_all(text)))
+        conveyor.carry(
+            &numbered,
+            |(block, first), text| add_nodes(block, *st, *first, text),
+            |text| target.write(text),
+        )
     }
 
-    fn finish(mut self: Box<Self>) -> Result<Vec<Output>, ExportError> {
+    fn finish(mut self: Box<Self>) -> Result<W, ExportError> {
         self.write_elements()?;
-        let properties = self.properties();
-        self.output.write_with(|file| file.write_all(properties.as_bytes()))?;
-        Ok(vec![self.output.seal()?])
+        let properties = self.materials() + &self.contact();
+        self.target.write(properties.as_bytes())?;
+        self.target.finish()
     }
 }
 
-/// The set of a panel's bar.
-fn set(panel: usize, bar: usize) -> String {
-    format!("PANEL_{panel}_BAR_{}", bar + 1)
+impl ElementSet {
+    fn name(&self) -> String {
+        format!("PANEL_{}_BAR_{}", self.panel, self.bar + 1)
+    }
 }
 
 /// A line a node, the first with this number.
@@ -200,7 +198,8 @@ fn add_nodes(block: &Block, st: u32, mut number: u64, text: &mut Buffer) {
 }
 
 /// A line an element: its number, and its two nodes.
-fn elements(strands: &[u32], mut node: u64, mut element: u64, text: &mut Buffer) {
+fn add_elements(numbered: &NumberedStrands<'_>, text: &mut Buffer) {
+    let NumberedStrands { strands, mut node, mut element } = *numbered;
     for &nodes in strands {
         for _ in 1..nodes {
             writeln!(text, "{element},{node},{}", node + 1).expect("memory takes all text");

@@ -1,19 +1,32 @@
-//! Files: what the pipeline makes, in formats that other tools open.
+//! Yarns as files that other tools open.
 //!
-//! In: blocks of yarns as [`warpknit_core::drape::run`] hands them over, yarn by yarn, so that nothing is
-//! held whole. Out: one file a writer. Each goes to a temporary file beside its target ([`Output`])
-//! and takes the target's name only when every output of the run is whole, so a failed run leaves
-//! no partial file and the old one stays. A program that ends in another way than by returning
-//! calls [`remove_temporaries`] first.
+//! In: blocks of yarns as [`warpknit_core::drape::run`] hands them over, and a [`ClothInfo`]: what
+//! the files say of the cloth besides its points. Out: bytes in one of the [`Format`]s. Blocks are
+//! written as they come, in yarn order, so memory stays bounded however large the cloth is.
+//!
+//! - [`write()`] knits, maps and writes a cloth in one call.
+//! - [`writer`] makes a [`Sink`] of any format over anything that is `Write + Seek`: a file or a
+//!   `Cursor<Vec<u8>>`. Hand it blocks, then finish it.
+//! - [`FileWriter`] does the same for a path: the file and its companions (the `.mtl` and the
+//!   pictures of an `.obj`) are [`Output`]s, which appear under their names only when they are
+//!   whole. So a failed run leaves no partial file, and an old file stays as it was.
+//!
+//! Files and folders are touched in `output.rs`, `folder.rs` and `temporary.rs` alone. A program
+//! that may end without returning calls [`remove_temporaries`] first.
 
 pub mod bcc;
 mod buffer;
 pub mod csv;
 pub mod curves;
+mod destination;
 mod digits;
 pub mod fibres;
+mod file_writer;
 mod folder;
+mod format;
 pub mod glb;
+mod glb_material;
+mod info;
 pub mod inp;
 mod lines;
 pub mod mtl;
@@ -29,147 +42,154 @@ mod temporary;
 mod texture;
 pub mod usda;
 pub mod usda_frames;
+mod whole;
 
+use std::io::{Seek, Write};
 use std::path::{Path, PathBuf};
 
+pub use destination::Destination;
+pub use file_writer::FileWriter;
 pub use folder::OutputFolder;
+pub use format::Format;
+pub use info::{ClothInfo, Expected, StrandStyle, default_section};
+pub use mtl::Companion;
 pub use output::Output;
 pub use temporary::{TemporaryFolder, remove_temporaries};
-pub use texture::Wardrobe;
+pub use texture::TextureSet;
 use warpknit_core::drape::Block;
-use warpknit_core::fabric::Fabric;
-use warpknit_core::yarn::tube::Section;
+pub use whole::{WriteOptions, Written, write};
 
 /// Binary formats take numbers as they lie in memory.
 const _: () = assert!(cfg!(target_endian = "little"), ".glb and .ply are little-endian");
 
-/// A writer that takes a run's blocks as they come.
-pub trait Sink {
-    /// Takes the next blocks, in yarn order.
+/// A writer that takes a run's blocks as they come; `W` is where its bytes go.
+pub trait Sink<W> {
+    /// Writes the next blocks, in yarn order.
     ///
     /// # Errors
-    /// What the disk says.
+    /// [`ExportError::Io`]; [`ExportError::TooLarge`] and [`ExportError::TooMany`] at a format's
+    /// limits; [`ExportError::NoPanel`] where a format needs a panel that the [`ClothInfo`] lacks.
+    ///
+    /// # Panics
+    /// If a block is of a bar that has no [`StrandStyle`].
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError>;
 
-    /// Writes what belongs to the end and gives back the whole file, and those that come with it,
-    /// still under their temporary names.
+    /// Writes the end of the file, flushes it and gives the target back.
     ///
     /// # Errors
-    /// What the disk says.
-    fn finish(self: Box<Self>) -> Result<Vec<Output>, ExportError>;
+    /// As of [`Sink::take`], and [`ExportError::HeaderTooLong`].
+    fn finish(self: Box<Self>) -> Result<W, ExportError>;
 }
 
-/// What a file's ending asks for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
-    /// A picture.
-    Png,
-    /// Binary glTF 2.0.
-    Glb,
-    /// Wavefront OBJ: tubes.
-    Obj,
-    /// Wavefront OBJ: centre lines. It has the ending of [`Format::Obj`], which is what endings ask
-    /// for.
-    ObjLines,
-    /// Binary PLY.
-    Ply,
-    /// USD text: curves.
-    Usda,
-    /// Binary Curve Collection.
-    Bcc,
-    /// Mitsuba's curves, as text.
-    Curves,
-    /// Abaqus input: beams.
-    Inp,
-    /// Arrays for numpy.
-    Npz,
-    /// Data points.
-    Csv,
-    /// The run's report.
-    Json,
-}
-
-/// What endings ask for.
-const ENDINGS: [(&str, Format); 11] = [
-    (".png", Format::Png),
-    (".glb", Format::Glb),
-    (".obj", Format::Obj),
-    (".ply", Format::Ply),
-    (".usda", Format::Usda),
-    (".bcc", Format::Bcc),
-    (".curves.txt", Format::Curves),
-    (".inp", Format::Inp),
-    (".npz", Format::Npz),
-    (".csv", Format::Csv),
-    (".json", Format::Json),
-];
-
-impl Format {
-    /// The format of a path, by its ending in any case.
-    ///
-    /// # Errors
-    /// [`ExportError::UnknownEnding`].
-    pub fn of(path: &Path) -> Result<Self, ExportError> {
-        let name = path
-            .file_name()
-            .and_then(|name| name.to_str())
-            .unwrap_or_default()
-            .to_ascii_lowercase();
-        // A name is more than its ending.
-        let known = ENDINGS
-            .iter()
-            .find(|(ending, _)| name.strip_suffix(ending).is_some_and(|stem| !stem.is_empty()));
-        known.map(|(_, format)| *format).ok_or_else(|| ExportError::UnknownEnding(path.to_owned()))
+/// A writer of any format that holds yarns.
+///
+/// Where the cloth is described by its bundles ([`ClothInfo::from_bundles`]), the writer replaces
+/// each yarn by its fibres. Formats of tubes need blocks with surfaces; those of fibres get theirs
+/// here.
+///
+/// # Errors
+/// [`ExportError::Io`]; [`ExportError::NotOfYarns`] for pictures and reports.
+///
+/// ```
+/// use std::io::Cursor;
+/// use warpknit_core::{drape, fabric::Fabric};
+/// use warpknit_export::{ClothInfo, ExportError, Format, Destination, default_section, writer};
+///
+/// let fabric = Fabric::named("tricot")?;
+/// let panel = drape::swatch_panel(&fabric, 4, 6);
+/// let cloth = drape::Cloth::swatch(&panel, &fabric, 4, 6);
+/// let info = ClothInfo::from_fabric(&fabric, default_section(fabric.radius()));
+/// let mut sink = writer(Format::Bcc, Destination::new(Cursor::new(Vec::new())), &info)?;
+/// let mut take = |blocks: &[drape::Block]| sink.take(blocks);
+/// drape::run(&cloth, &drape::DrapeOptions::default(), &mut |_, _| {}, &mut take)?;
+/// let bytes = sink.finish()?.into_inner();
+/// assert_eq!(&bytes[..3], b"BCC");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn writer<'a, W: Write + Seek + Send + 'a>(
+    format: Format,
+    target: Destination<W>,
+    cloth: &ClothInfo<'a>,
+) -> Result<Box<dyn Sink<W> + 'a>, ExportError> {
+    let writer: Box<dyn Sink<W> + 'a> = match format {
+        Format::Glb => Box::new(glb::GlbWriter::create(target, cloth)?),
+        Format::Obj => Box::new(obj::ObjWriter::create(target, cloth)?),
+        Format::ObjLines => Box::new(obj_lines::ObjLinesWriter::create(target, cloth)?),
+        Format::Ply => Box::new(ply::PlyWriter::create(target, cloth)?),
+        Format::Usda => Box::new(usda::UsdaWriter::create(target, cloth)?),
+        Format::Bcc => Box::new(bcc::BccWriter::create(target, cloth)?),
+        Format::Curves => Box::new(curves::CurvesWriter::create(target, cloth)?),
+        Format::Inp => Box::new(inp::InpWriter::create(target, cloth)?),
+        Format::Npz => Box::new(npz::NpzWriter::create(target, cloth)?),
+        Format::Csv => Box::new(csv::CsvWriter::create(target, cloth)?),
+        Format::Png | Format::Json => return Err(ExportError::NotOfYarns(format.ending())),
+    };
+    if cloth.bundles.is_empty() {
+        return Ok(writer);
     }
-
-    /// The ending that asks for it.
-    #[must_use]
-    pub fn ending(self) -> &'static str {
-        let asked = if self == Self::ObjLines { Self::Obj } else { self };
-        ENDINGS.iter().find(|(_, format)| *format == asked).map_or("", |(ending, _)| ending)
-    }
-
-    /// Whether it holds tubes.
-    #[must_use]
-    pub fn holds_tubes(self) -> bool {
-        matches!(self, Self::Glb | Self::Obj | Self::Ply)
-    }
+    let surface = format.holds_tubes().then_some(cloth.section);
+    Ok(Box::new(fibres::FibreWriter::new(writer, cloth.bundles.clone(), surface)))
 }
 
-/// Each bar's radius, mm, where the thickest one's is the section's.
-fn radii(fabric: &Fabric, section: &Section) -> Vec<f32> {
-    let narrow = |thickness| warpknit_core::number::narrow(section.radius * thickness);
-    fabric.thickness().into_iter().map(narrow).collect()
-}
-
-/// Why a file could not be written.
+/// Why a file could not be written. The path is that of the target, where one is known.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
     /// No writer for that ending.
-    #[error("{}: no writer for this ending; known are {}", .0.display(), ENDINGS.map(|(ending, _)| ending).join(" "))]
+    #[error("{}: no writer for this ending; known are {}", .0.display(), format::endings())]
     UnknownEnding(PathBuf),
-    /// The disk said no.
-    #[error("{}: can't write", path.display())]
+    /// The format holds no yarns.
+    #[error("a {0} holds no yarns, and blocks can't be written to it")]
+    NotOfYarns(&'static str),
+    /// The target or the disk refused.
+    #[error("{}can't write", prefix(path.as_deref()))]
     Io {
         /// The target.
-        path: PathBuf,
+        path: Option<PathBuf>,
         /// What the system says.
         source: std::io::Error,
     },
     /// Over what the format holds.
-    #[error("{}: {bytes} bytes are over the 4 GiB that a .glb holds; make parts with --tile, lower --st, --sr or the densities, or write .obj", path.display())]
+    #[error("{}{bytes} bytes are over the 4 GiB that a .glb holds; make parts with --tile, lower \
+             --st, --sr or the densities, or write .obj", prefix(path.as_deref()))]
     TooLarge {
         /// The target.
-        path: PathBuf,
+        path: Option<PathBuf>,
         /// What it would take.
         bytes: u64,
     },
     /// More vertices than the format numbers.
-    #[error("{}: {vertices} vertices are more than the 2^32 that a .ply numbers; lower --st or --sr, or write .obj", path.display())]
+    #[error("{}{vertices} vertices are more than the 2^32 that a .ply numbers; lower --st or \
+             --sr, or write .obj", prefix(path.as_deref()))]
     TooMany {
         /// The target.
-        path: PathBuf,
+        path: Option<PathBuf>,
         /// How many there would be.
         vertices: u64,
     },
+    /// A header longer than the room that was kept for it.
+    #[error("{}the header takes {bytes} bytes and there is room for {room}; there were more \
+             blocks or yarns than expected", prefix(path.as_deref()))]
+    HeaderTooLong {
+        /// The target.
+        path: Option<PathBuf>,
+        /// What the header takes.
+        bytes: usize,
+        /// What was kept for it.
+        room: usize,
+    },
+    /// A block of a panel that the [`ClothInfo`] lacks.
+    #[error("{}yarns lie on panel {panel}, and {panels} panels are known", prefix(path.as_deref()))]
+    NoPanel {
+        /// The target.
+        path: Option<PathBuf>,
+        /// The block's panel, from 0.
+        panel: usize,
+        /// How many there are.
+        panels: usize,
+    },
+}
+
+/// What an error begins with: the target's path, where one is known.
+fn prefix(path: Option<&Path>) -> String {
+    path.map_or_else(String::new, |path| format!("{}: ", path.display()))
 }

@@ -11,6 +11,11 @@ pub(super) fn count(strand: &Strand, st: u32) -> u32 {
     (strand.pieces.end - strand.pieces.start) * st + 1
 }
 
+/// Points of all centre lines of a block.
+pub(super) fn count_all(block: &Block, st: u32) -> u64 {
+    block.strands.strands.iter().map(|strand| u64::from(count(strand, st))).sum()
+}
+
 /// Calls `take` with the centre line of each strand of a block, mm.
 pub(super) fn each(block: &Block, st: u32, mut take: impl FnMut(&[Vec3])) {
     let mut line = Vec::new();

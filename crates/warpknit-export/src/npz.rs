@@ -1,35 +1,36 @@
-//! All of a cloth's arrays for Python (`numpy.load`): an uncompressed `.npz`, one `.npy` an array,
-//! little-endian.
+//! All of a cloth's arrays for Python (`numpy.load`): an uncompressed `.npz`, which is a ZIP
+//! archive with one `.npy` an array, little-endian (NumPy Enhancement Proposal 1, "A Simple File
+//! Format for NumPy Arrays", version 1.0 of the format).
 //!
-//! An entry a point, yarns one after the other, the ends that the panel's edge cut included:
-//! `flat`, `draped`, `normal` (f8, 3 each, mm), `triangle` (u4, in file order), `weights` (f8, 3),
-//! `course`, `wale` (i4), `kind` (u1: 0 loop, 1 inlay, 2 turn, 255 a cut end, whose other tags are
-//! 0) and `point` (u2). An entry a strand: `length` (u4, its points), `yarn`, `panel`, `bar` (u4,
-//! from 0). An entry a bar: `radius` (f8, mm), `color` (u1, 3, sRGB). Each array waits on the disk
-//! until the archive is put together at the end.
+//! - A row a point, strand after strand, with the ends that the panel's edge cut: `flat`, `draped`,
+//!   `normal` (f8, 3 each, mm), `triangle` (u4, in file order), `weights` (f8, 3), `course`, `wale`
+//!   (i4), `kind` (u1: 0 loop, 1 inlay, 2 turn, 255 a cut end, whose other tags are 0) and `point`
+//!   (u2).
+//! - A row a strand: `length` (u4, its points), `yarn`, `panel`, `bar` (u4, from 0).
+//! - A row a bar: `radius` (f8, mm), `color` (u1, 3, sRGB).
+//!
+//! Each array waits in a spool until the archive is put together at the end.
 
-use std::io::{self, Write as _};
-use std::path::Path;
+use std::io::{self, Seek, Write};
 
 use glam::DVec3;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
 use super::buffer::{Buffer, Conveyor};
-use super::spool::Spill;
-use super::{ExportError, Output, Sink};
+use super::csv::check_panels;
+use super::spool::Spool;
+use super::{ClothInfo, Destination, ExportError, Sink};
 use warpknit_core::drape::Block;
 use warpknit_core::drape::strands::CUT;
-use warpknit_core::fabric::Fabric;
-use warpknit_core::garment::{Garment, Panel};
+use warpknit_core::garment::Panel;
 use warpknit_core::ids::index32;
 use warpknit_core::knit::PointKind;
-use warpknit_core::yarn::tube::Section;
 
 /// The kind of an end that was cut.
 const CUT_KIND: u8 = u8::MAX;
 
-/// An array with an entry a point or a strand.
+/// An array with a row a point or a strand.
 #[derive(Clone, Copy, Debug)]
 enum Array {
     Flat,
@@ -47,7 +48,7 @@ enum Array {
     Bar,
 }
 
-/// Each array's name, numpy's name of its type, and numbers an entry.
+/// Each array's name, numpy's name of its type, and numbers in a row.
 const ARRAYS: [(Array, &str, &str, usize); 13] = [
     (Array::Flat, "flat", "<f8", 3),
     (Array::Draped, "draped", "<f8", 3),
@@ -66,63 +67,58 @@ const ARRAYS: [(Array, &str, &str, usize); 13] = [
 
 /// Writes arrays for numpy.
 #[derive(Debug)]
-pub struct NpzWriter<'a> {
-    output: Output,
-    garment: &'a Garment,
+pub struct NpzWriter<'a, W> {
+    target: Destination<W>,
+    panels: &'a [Panel],
     /// In the order of [`ARRAYS`].
-    spills: Vec<Spill>,
+    spools: Vec<Spool>,
     /// Each bar's radius, mm, and colour.
     bars: Vec<(f64, [u8; 3])>,
     conveyor: Conveyor,
 }
 
-impl<'a> NpzWriter<'a> {
-    /// Starts the file of a fabric's yarns on a garment, as thick as their tubes.
+impl<'a, W: Write + Seek + Send> NpzWriter<'a, W> {
+    /// Starts the file of yarns on the cloth's panels.
     ///
     /// # Errors
-    /// What the disk says.
-    pub fn create(
-        target: &Path,
-        fabric: &Fabric,
-        garment: &'a Garment,
-        section: &Section,
-    ) -> Result<Self, ExportError> {
-        let output = Output::create(target)?;
-        let spills = ARRAYS.iter().map(|_| Spill::create(target)).collect::<Result<_, _>>()?;
-        let radii = fabric.thickness().into_iter().map(|thickness| section.radius * thickness);
-        let bars = radii.zip(fabric.yarns().map(|yarn| yarn.color.0)).collect();
-        Ok(Self { output, garment, spills, bars, conveyor: Conveyor::default() })
+    /// [`ExportError::Io`].
+    pub fn create(target: Destination<W>, cloth: &ClothInfo<'a>) -> Result<Self, ExportError> {
+        let spools = ARRAYS.iter().map(|_| target.spool()).collect::<Result<_, _>>()?;
+        let bars = cloth.strands.iter().map(|style| (style.radius, style.color.0)).collect();
+        Ok(Self { target, panels: cloth.panels, spools, bars, conveyor: Conveyor::default() })
     }
 }
 
-impl Sink for NpzWriter<'_> {
+impl<W: Write + Seek + Send> Sink<W> for NpzWriter<'_, W> {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
-        let Self { output, garment, spills, conveyor, .. } = self;
-        for ((array, ..), spill) in ARRAYS.iter().zip(spills) {
+        let Self { target, panels, spools, conveyor, .. } = self;
+        check_panels(blocks, panels, target)?;
+        // Array by array, since each has a spool of its own to be written to in order.
+        for ((array, ..), spool) in ARRAYS.iter().zip(spools) {
             conveyor.carry(
                 blocks,
-                |block, bytes| array.add(block, &garment.panels[block.panel], bytes),
-                |bytes| output.write_with(|_| spill.write_all(bytes)),
+                |block, bytes| array.add(block, &panels[block.panel], bytes),
+                |bytes| target.write_with(|_| spool.write_all(bytes)),
             )?;
         }
         Ok(())
     }
 
-    fn finish(self: Box<Self>) -> Result<Vec<Output>, ExportError> {
-        let Self { mut output, mut spills, bars, .. } = *self;
-        output.write_with(|file| archive(file, &mut spills, &bars))?;
-        Ok(vec![output.seal()?])
+    fn finish(self: Box<Self>) -> Result<W, ExportError> {
+        let Self { mut target, mut spools, bars, .. } = *self;
+        target.write_with(|file| write_archive(file, &mut spools, &bars))?;
+        target.finish()
     }
 }
 
-/// A file that takes everything after its first error and keeps that: an archive that is dropped
-/// unfinished prints to stderr.
-struct Lasting<W> {
+/// A file that keeps its first error and pretends to take everything after it. An archive that is
+/// dropped unfinished tries to finish itself and prints to stderr if that fails; so it mustn't.
+struct KeepsError<W> {
     file: W,
     failed: io::Result<()>,
 }
 
-impl<W: io::Write> io::Write for Lasting<W> {
+impl<W: io::Write> io::Write for KeepsError<W> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         if self.failed.is_ok() {
             self.failed = self.file.write_all(bytes);
@@ -139,104 +135,124 @@ impl<W: io::Write> io::Write for Lasting<W> {
 }
 
 /// Puts all arrays into one file.
-fn archive(
+fn write_archive(
     file: &mut impl io::Write,
-    spills: &mut [Spill],
+    spools: &mut [Spool],
     bars: &[(f64, [u8; 3])],
 ) -> io::Result<()> {
-    let mut file = Lasting { file, failed: Ok(()) };
-    fill(ZipWriter::new_stream(&mut file), spills, bars)?;
+    let mut file = KeepsError { file, failed: Ok(()) };
+    // As a stream: sizes and checksums follow each array, so the archive needs no seeking and a
+    // pipe gets the same bytes as a file.
+    fill(ZipWriter::new_stream(&mut file), spools, bars)?;
     file.failed
 }
 
+/// Copies the spools into the archive, and adds the arrays of the bars.
 fn fill(
-    mut archive: ZipWriter<impl io::Write + io::Seek>,
-    spills: &mut [Spill],
+    mut archive: ZipWriter<impl Write + Seek>,
+    spools: &mut [Spool],
     bars: &[(f64, [u8; 3])],
 ) -> io::Result<()> {
-    let begin = |archive: &mut ZipWriter<_>, name: &str, header: &[u8], bytes: u64| {
-        let large = bytes + 4096 > u64::from(u32::MAX);
-        let options = SimpleFileOptions::default()
-            .compression_method(CompressionMethod::Stored)
-            .large_file(large);
-        archive.start_file(format!("{name}.npy"), options)?;
-        archive.write_all(header)
-    };
-    for ((_, name, kind, width), spill) in ARRAYS.iter().zip(spills) {
-        let rows = spill.length() / (*width * size(kind)) as u64;
-        begin(&mut archive, name, &header(kind, rows, *width), spill.length())?;
-        spill.pour(&mut archive)?;
+    for ((_, name, kind, width), spool) in ARRAYS.iter().zip(spools) {
+        let rows = spool.length() / (*width * size(kind)) as u64;
+        begin_array(&mut archive, name, &header(kind, rows, *width), spool.length())?;
+        spool.drain(&mut archive)?;
     }
     let rows = bars.len() as u64;
     let radii: Vec<f64> = bars.iter().map(|(radius, _)| *radius).collect();
-    begin(&mut archive, "radius", &header("<f8", rows, 1), 8 * rows)?;
+    begin_array(&mut archive, "radius", &header("<f8", rows, 1), 8 * rows)?;
     archive.write_all(bytemuck::cast_slice(&radii))?;
     let colors: Vec<[u8; 3]> = bars.iter().map(|(_, color)| *color).collect();
-    begin(&mut archive, "color", &header("|u1", rows, 3), 3 * rows)?;
+    begin_array(&mut archive, "color", &header("|u1", rows, 3), 3 * rows)?;
     archive.write_all(bytemuck::cast_slice(&colors))?;
     archive.finish()?;
     Ok(())
 }
 
+/// Begins an array's file, whose numbers take so many bytes behind the header.
+fn begin_array(
+    archive: &mut ZipWriter<impl Write + Seek>,
+    name: &str,
+    header: &[u8],
+    bytes: u64,
+) -> io::Result<()> {
+    // From 4 GiB on sizes take ZIP64's 8 bytes. The header has far fewer than 4096 bytes.
+    let large = bytes + 4096 > u64::from(u32::MAX);
+    let options = SimpleFileOptions::default()
+        .compression_method(CompressionMethod::Stored)
+        .large_file(large);
+    archive.start_file(format!("{name}.npy"), options)?;
+    archive.write_all(header)
+}
+
 impl Array {
-    /// Appends a block's entries.
+    /// Appends a block's rows.
     fn add(self, block: &Block, panel: &Panel, bytes: &mut Buffer) {
         let strands = &block.strands;
-        let mut put = |entry: &[u8]| bytes.grow(entry.len()).copy_from_slice(entry);
-        let vector = |v: DVec3| v.to_array();
-        let tag = |source: u32| (source != CUT).then(|| block.knitted.tags[source as usize]);
-        let tags = || strands.sources.iter().map(|&source| tag(source));
         match self {
             Self::Flat => {
-                let own = |flat: &DVec3| vector(panel.flat_from_panel.transform_point3(*flat));
-                strands.flat.iter().for_each(|flat| put(bytemuck::bytes_of(&own(flat))));
+                for flat in &strands.flat {
+                    add_vector(panel.flat_from_panel.transform_point3(*flat), bytes);
+                }
             }
             Self::Draped => {
-                block.draped.positions.iter().for_each(|at| put(bytemuck::bytes_of(&vector(*at))));
+                block.draped.positions.iter().for_each(|point| add_vector(*point, bytes));
             }
-            Self::Normal => block
-                .draped
-                .normals
-                .iter()
-                .for_each(|normal| put(bytemuck::bytes_of(&vector(*normal)))),
+            Self::Normal => {
+                block.draped.normals.iter().for_each(|normal| add_vector(*normal, bytes));
+            }
             Self::Triangle => {
-                strands
-                    .located
-                    .iter()
-                    .for_each(|at| put(&panel.faces[at.triangle as usize].0.to_le_bytes()));
+                for point in &strands.located {
+                    add(&panel.faces[point.triangle as usize].0.to_le_bytes(), bytes);
+                }
             }
             Self::Weights => {
-                strands.located.iter().for_each(|at| put(bytemuck::bytes_of(&at.weights())));
+                for point in &strands.located {
+                    add(bytemuck::bytes_of(&point.weights()), bytes);
+                }
             }
-            Self::Course => {
-                tags().for_each(|tag| put(&tag.map_or(0, |tag| tag.course).to_le_bytes()));
+            Self::Course | Self::Wale | Self::Kind | Self::Point => self.add_tags(block, bytes),
+            Self::Length | Self::Yarn | Self::Panel | Self::Bar => self.add_strands(block, bytes),
+        }
+    }
+
+    /// Appends what the points' tags say.
+    fn add_tags(self, block: &Block, bytes: &mut Buffer) {
+        for &source in &block.strands.sources {
+            let tag = (source != CUT).then(|| block.knitted.tags[source as usize]);
+            match self {
+                Self::Course => add(&tag.map_or(0, |tag| tag.course).to_le_bytes(), bytes),
+                Self::Wale => add(&tag.map_or(0, |tag| tag.wale).to_le_bytes(), bytes),
+                Self::Kind => add(&[tag.map_or(CUT_KIND, |tag| kind_number(tag.kind))], bytes),
+                _ => add(&tag.map_or(0, |tag| tag.point).to_le_bytes(), bytes),
             }
-            Self::Wale => tags().for_each(|tag| put(&tag.map_or(0, |tag| tag.wale).to_le_bytes())),
-            Self::Kind => {
-                tags().for_each(|tag| put(&[tag.map_or(CUT_KIND, |tag| number(tag.kind))]));
-            }
-            Self::Point => {
-                tags().for_each(|tag| put(&tag.map_or(0, |tag| tag.point).to_le_bytes()));
-            }
-            Self::Length => {
-                strands.strands.iter().for_each(|strand| {
-                    put(&(strand.points.end - strand.points.start).to_le_bytes());
-                });
-            }
-            Self::Yarn => {
-                strands.strands.iter().for_each(|strand| put(&strand.yarn.0.to_le_bytes()));
-            }
-            Self::Panel => {
-                strands.strands.iter().for_each(|_| put(&index32(block.panel).to_le_bytes()));
-            }
-            Self::Bar => {
-                strands.strands.iter().for_each(|_| put(&index32(block.bar).to_le_bytes()));
-            }
+        }
+    }
+
+    /// Appends a row a strand.
+    fn add_strands(self, block: &Block, bytes: &mut Buffer) {
+        for strand in &block.strands.strands {
+            let number = match self {
+                Self::Length => strand.points.end - strand.points.start,
+                Self::Yarn => strand.yarn.0,
+                Self::Panel => index32(block.panel),
+                _ => index32(block.bar),
+            };
+            add(&number.to_le_bytes(), bytes);
         }
     }
 }
 
-fn number(kind: PointKind) -> u8 {
+fn add(row: &[u8], bytes: &mut Buffer) {
+    bytes.grow(row.len()).copy_from_slice(row);
+}
+
+fn add_vector(vector: DVec3, bytes: &mut Buffer) {
+    add(bytemuck::bytes_of(&vector.to_array()), bytes);
+}
+
+/// A kind of point as a number.
+fn kind_number(kind: PointKind) -> u8 {
     match kind {
         PointKind::WarpLoop | PointKind::WeftLoop => 0,
         PointKind::Inlay => 1,
@@ -244,17 +260,17 @@ fn number(kind: PointKind) -> u8 {
     }
 }
 
-/// Bytes of a number.
+/// Bytes of a number of that type.
 fn size(kind: &str) -> usize {
     usize::from(kind.as_bytes()[2] - b'0')
 }
 
-/// What an array's file begins with: version 1.0 of the format, filled up to a multiple of 64
-/// bytes.
+/// The header of an array's file: a Python dictionary, filled up with spaces so that the numbers
+/// begin at a multiple of 64 bytes, which lets them be mapped into memory.
 fn header(kind: &str, rows: u64, width: usize) -> Vec<u8> {
     let shape = if width == 1 { format!("({rows},)") } else { format!("({rows}, {width})") };
     let mut text = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}");
-    // Ten bytes come before it, and a newline ends it.
+    // The dictionary stands behind ten bytes and before a newline.
     let length = (10 + text.len() + 1).next_multiple_of(64) - 10;
     text += &" ".repeat(length - text.len() - 1);
     text.push('\n');

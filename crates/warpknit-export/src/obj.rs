@@ -1,94 +1,81 @@
-//! Tubes as Wavefront OBJ: one object a strand, with texture coordinates and normals, mm, to four
-//! decimals, and a material a bar ([`super::mtl`]).
+//! Tubes as Wavefront OBJ (Alias|Wavefront, "Advanced Visualizer Manual", appendix B1, "Object
+//! Files (.obj)", version 3.0): one object a strand, with texture coordinates and normals, mm, to
+//! four decimals, and a material a bar ([`super::mtl`]).
 //!
-//! Where a bar's yarns wear a picture, the second texture coordinate counts its repeats, downward,
-//! since OBJ's pictures begin at the bottom; else it is millimetres of yarn.
+//! The second texture coordinate is millimetres of yarn. Where a bar has a texture it counts
+//! repeats of that, downward, since OBJ's pictures begin at the bottom.
 
 use std::fmt::Write as _;
-use std::io::Write as _;
+use std::io::{Seek, Write};
 use std::ops::Range;
-use std::path::Path;
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 
 use super::buffer::{Buffer, Conveyor};
 use super::digits::{add_line, decimal, thrice, word};
-use super::texture::Wardrobe;
-use super::{ExportError, Output, Sink, mtl};
+use super::texture::TextureSet;
+use super::{ClothInfo, Destination, ExportError, Sink, mtl};
 use warpknit_core::drape::Block;
-use warpknit_core::fabric::Fabric;
 
 /// Writes tubes as text.
 #[derive(Debug)]
-pub struct ObjWriter {
-    output: Output,
-    /// Materials and pictures.
-    companions: Vec<Output>,
-    wardrobe: Arc<Wardrobe>,
+pub struct ObjWriter<W> {
+    target: Destination<W>,
+    textures: Arc<TextureSet>,
     /// Vertices written so far.
     vertices: u64,
     conveyor: Conveyor,
 }
 
-impl ObjWriter {
-    /// Starts the file, and writes what comes with it: a material for each of the fabric's bars,
-    /// with the pictures that the wardrobe has for it.
+impl<W: Write + Seek + Send> ObjWriter<W> {
+    /// Starts the file. Its materials and pictures are files of their own: [`mtl::companions`].
     ///
     /// # Errors
-    /// What the disk says.
-    pub fn create(
-        target: &Path,
-        fabric: &Fabric,
-        wardrobe: Arc<Wardrobe>,
-    ) -> Result<Self, ExportError> {
-        let companions = mtl::write(target, fabric, &wardrobe)?;
-        let mut output = Output::create(target)?;
-        output.write_with(|file| {
-            write!(file, "# yarns by warpknit, mm\n{}", mtl::reference(target))
-        })?;
-        Ok(Self { output, companions, wardrobe, vertices: 0, conveyor: Conveyor::default() })
+    /// [`ExportError::Io`].
+    pub fn create(mut target: Destination<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
+        target.write(mtl::obj_beginning(target.path()).as_bytes())?;
+        let textures = Arc::clone(&cloth.textures);
+        Ok(Self { target, textures, vertices: 0, conveyor: Conveyor::default() })
     }
 }
 
-impl Sink for ObjWriter {
+impl<W: Write + Seek + Send> Sink<W> for ObjWriter<W> {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
-        let Self { output, vertices, conveyor, wardrobe, .. } = self;
-        let number = |block| {
-            let first = *vertices;
-            *vertices += block_vertices(block);
-            (block, first)
-        };
-        let numbered: Vec<_> = blocks.iter().map(number).collect();
+        let Self { target, vertices, conveyor, textures } = self;
+        // Vertex numbers run through the file, so each block is given its first one before blocks
+        // are written in parallel.
+        let mut numbered = Vec::with_capacity(blocks.len());
+        for block in blocks {
+            numbered.push((block, *vertices));
+            *vertices += block.tubes.positions.len() as u64;
+        }
         conveyor.carry(
             &numbered,
-            |(block, first), text| objects(block, *first, wardrobe, text),
-            |text| output.write_with(|file| file.write_all(text)),
+            |(block, first), text| add_objects(block, *first, textures, text),
+            |text| target.write(text),
         )
     }
 
-    fn finish(self: Box<Self>) -> Result<Vec<Output>, ExportError> {
-        let Self { output, companions, .. } = *self;
-        Ok(std::iter::once(output.seal()?).chain(companions).collect())
+    fn finish(self: Box<Self>) -> Result<W, ExportError> {
+        self.target.finish()
     }
 }
 
-fn block_vertices(block: &Block) -> u64 {
-    block.tubes.positions.len() as u64
-}
-
-/// The objects of a block whose first vertex is the file's `first`, counted from 0.
-fn objects(block: &Block, first: u64, wardrobe: &Wardrobe, text: &mut Buffer) {
-    let along = wardrobe.worn_by(block.bar).map_or(1.0, |_| -wardrobe.per_mm(block.bar));
+/// The objects of a block whose first vertex has this number, counted from 0.
+fn add_objects(block: &Block, first: u64, textures: &TextureSet, text: &mut Buffer) {
+    // Downward where there is a picture, since the format's pictures begin at the bottom.
+    let along = textures.texture_of(block.bar).map_or(1.0, |_| -textures.repeats_per_mm(block.bar));
     for (strand, tube) in block.strands.strands.iter().zip(&block.tubes.strands) {
         let (panel, bar, yarn) = (block.panel, block.bar + 1, strand.yarn.0);
         write!(text, "o panel{panel}_bar{bar}_yarn{yarn}\nusemtl bar_{bar}\n")
             .expect("memory takes all text");
-        object(block, tube, first, along, text);
+        add_object(block, tube, first, along, text);
     }
 }
 
-fn object(
+/// A strand's vertices and faces; `along` scales the texture coordinate along the yarn.
+fn add_object(
     block: &Block,
     (vertices, triangles): &(Range<u32>, Range<u32>),
     first: u64,
@@ -98,21 +85,22 @@ fn object(
     let tubes = &block.tubes;
     let vertices = vertices.start as usize..vertices.end as usize;
     for &Vec3 { x, y, z } in &tubes.positions[vertices.clone()] {
-        line(text, "v", [x, y, z]);
+        add_numbers(text, "v", [x, y, z]);
     }
     for &Vec2 { x, y } in &tubes.uvs[vertices.clone()] {
-        line(text, "vt", [x, along * y]);
+        add_numbers(text, "vt", [x, along * y]);
     }
     for &Vec3 { x, y, z } in &tubes.normals[vertices] {
-        line(text, "vn", [x, y, z]);
+        add_numbers(text, "vn", [x, y, z]);
     }
     for triangle in &tubes.triangles[triangles.start as usize..triangles.end as usize] {
-        face(text, triangle.map(|vertex| u64::from(vertex) + first + 1));
+        // The format counts from 1, through the whole file.
+        add_triangle(text, triangle.map(|vertex| u64::from(vertex) + first + 1));
     }
 }
 
-/// A line of numbers behind its keyword.
-fn line<const N: usize>(text: &mut Buffer, keyword: &str, numbers: [f32; N]) {
+/// A line of numbers behind their keyword.
+fn add_numbers<const N: usize>(text: &mut Buffer, keyword: &str, numbers: [f32; N]) {
     add_line(text, |line| {
         let mut at = keyword.bytes().fold(0, |at, letter| word(line, at, u64::from(letter), 1));
         for number in numbers {
@@ -124,7 +112,7 @@ fn line<const N: usize>(text: &mut Buffer, keyword: &str, numbers: [f32; N]) {
 }
 
 /// A triangle whose positions, texture coordinates and normals have the same numbers.
-fn face(text: &mut Buffer, corners: [u64; 3]) {
+fn add_triangle(text: &mut Buffer, corners: [u64; 3]) {
     add_line(text, |line| {
         let at = word(line, 0, u64::from(b'f'), 1);
         let at = corners.into_iter().fold(at, |at, corner| thrice(line, at, corner, *b" //"));

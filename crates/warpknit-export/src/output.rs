@@ -1,14 +1,14 @@
-//! A file that becomes visible only when it is whole.
+//! A file that appears under its name only when it is whole.
 
 use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use super::ExportError;
 use super::temporary::TemporaryFile;
 
-/// Buffer of an output: large enough that the system is rarely called, and small enough that what a
-/// writer has made whole goes to it at once, uncopied.
+/// Buffer of an output: large enough that the system is rarely called, and small enough that whole
+/// buffers of a [`super::buffer::Conveyor`] go past it, uncopied.
 pub(super) const BUFFER: usize = 1 << 16;
 
 /// A file being written beside its target, or the target itself where that is no regular file (a
@@ -30,11 +30,22 @@ impl Output {
     /// [`ExportError::Io`] where the folder is missing or can't be written, or the target is a
     /// folder.
     pub fn create(target: &Path) -> Result<Self, ExportError> {
-        Self::open(target).map_err(|source| ExportError::Io { path: target.to_owned(), source })
+        Self::open(target)
+            .map_err(|source| ExportError::Io { path: Some(target.to_owned()), source })
     }
 
-    /// Asks, before the work, whether the target can be written after it. A pipe is left alone:
-    /// whoever reads it would see its end.
+    /// A whole file of these bytes, still under its temporary name.
+    ///
+    /// # Errors
+    /// As of [`Output::create`], and [`ExportError::Io`].
+    pub fn create_whole(target: &Path, bytes: &[u8]) -> Result<Self, ExportError> {
+        let mut output = Self::create(target)?;
+        output.write_with(|file| file.write_all(bytes))?;
+        output.seal()
+    }
+
+    /// Checks, before the work, that the target can be written after it. A pipe is not opened: its
+    /// reader would take that for the end.
     ///
     /// # Errors
     /// As of [`Output::create`].
@@ -48,20 +59,13 @@ impl Output {
         if target.is_dir() {
             return Err(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder"));
         }
-        if is_pipe(&target) {
-            let file = File::options().write(true).open(&target)?;
-            return Ok(Self {
-                target,
-                file: BufWriter::with_capacity(BUFFER, file),
-                temporary: None,
-            });
-        }
-        let (file, temporary) = temporary_beside(&target)?;
-        Ok(Self {
-            target,
-            file: BufWriter::with_capacity(BUFFER, file),
-            temporary: Some(temporary),
-        })
+        let (file, temporary) = if is_pipe(&target) {
+            (File::options().write(true).open(&target)?, None)
+        } else {
+            let (file, temporary) = temporary_beside(&target)?;
+            (file, Some(temporary))
+        };
+        Ok(Self { target, file: BufWriter::with_capacity(BUFFER, file), temporary })
     }
 
     /// The file's final path.
@@ -70,12 +74,7 @@ impl Output {
         &self.target
     }
 
-    /// Whether it can go back to what is written: a pipe can't.
-    pub(super) fn is_regular(&self) -> bool {
-        self.temporary.is_some()
-    }
-
-    /// Bytes of `write`'s making, its error told with the target's name.
+    /// Lets `write` append bytes; its error is given the target's name.
     ///
     /// # Errors
     /// [`ExportError::Io`].
@@ -84,10 +83,10 @@ impl Output {
         write: impl FnOnce(&mut BufWriter<File>) -> io::Result<T>,
     ) -> Result<T, ExportError> {
         write(&mut self.file)
-            .map_err(|source| ExportError::Io { path: self.target.clone(), source })
+            .map_err(|source| ExportError::Io { path: Some(self.target.clone()), source })
     }
 
-    /// Hands everything that is buffered to the system, which says now if there is no room for it.
+    /// Hands everything that is buffered to the system. A full disk may show only now.
     ///
     /// # Errors
     /// [`ExportError::Io`].
@@ -104,18 +103,43 @@ impl Output {
         match self.temporary {
             Some(temporary) => temporary
                 .publish(&self.target)
-                .map_err(|source| ExportError::Io { path: self.target.clone(), source }),
+                .map_err(|source| ExportError::Io { path: Some(self.target.clone()), source }),
             None => Ok(()),
         }
     }
 }
 
-/// Whether what is there is neither a file nor a folder.
+impl Write for Output {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.file.write(bytes)
+    }
+
+    fn write_all(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.file.write_all(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+impl Seek for Output {
+    /// Refused for a pipe and for any other target that is no regular file: a terminal or
+    /// `/dev/null` may take a seek and ignore it.
+    fn seek(&mut self, position: SeekFrom) -> io::Result<u64> {
+        match self.temporary {
+            Some(_) => self.file.seek(position),
+            None => Err(io::ErrorKind::NotSeekable.into()),
+        }
+    }
+}
+
+/// Whether the target is there and neither a file nor a folder.
 fn is_pipe(target: &Path) -> bool {
     target.exists() && !target.is_file() && !target.is_dir()
 }
 
-/// Where a file is.
+/// The folder that a file is in.
 pub(super) fn folder_of(target: &Path) -> &Path {
     target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }

@@ -1,132 +1,147 @@
 //! Files that begin with what is known last: counts, or a table of contents.
+//!
+//! The body is written behind room for the header, and the header into that room at the end. So no
+//! byte is written twice. Measured on 1.8 million vertices: with this, and with bytes that are made
+//! in parallel while others are being written ([`super::buffer::Conveyor`]), a `.glb` took 23
+//! instead of 60 ns a vertex.
+//!
+//! The body waits in a spool instead, and is copied behind the header, where the target can't be
+//! sought (a pipe) or nobody knows how long the header will be at the most.
 
-use std::fs::File;
-use std::io::{self, BufWriter, Read as _, Seek as _, SeekFrom, Write as _};
-use std::path::Path;
+use std::io::{Seek, SeekFrom, Write};
+use std::path::PathBuf;
 
-use super::ExportError;
-use super::output::{BUFFER, Output};
+use super::spool::Spool;
+use super::{Destination, ExportError};
 
-/// A file whose body is written behind room for its head, so that no byte is written twice.
-/// Measured on 1.8 million vertices: with this and with bytes that are made in parallel while
-/// others are being written ([`super::buffer::Conveyor`]), a `.glb` took 23 instead of 60 ns a
-/// vertex.
-///
-/// Where the target can't go back to its beginning (a pipe), the body waits in a nameless temporary
-/// file and is copied behind the head; it is too where the head turns out longer than its room.
+/// A file whose header is known last.
 #[derive(Debug)]
-pub(super) struct HeadLast {
-    output: Output,
-    waiting: Option<BufWriter<File>>,
+pub(super) struct PatchedHeader<W> {
+    target: Destination<W>,
+    /// The body, where it has to wait.
+    waiting: Option<Spool>,
+    /// Where the file begins in the target.
+    start: u64,
+    /// Bytes kept for the header; 0 where its length is open.
     room: usize,
 }
 
-impl HeadLast {
-    /// Starts the file with so many bytes of room for the head.
-    ///
-    /// # Errors
-    /// What the disk says.
-    pub(super) fn create(target: &Path, room: usize) -> Result<Self, ExportError> {
-        let mut output = Output::create(target)?;
+impl<W: Write + Seek> PatchedHeader<W> {
+    /// Starts the file with so many bytes of room for the header, or with an open length.
+    pub(super) fn create(
+        mut target: Destination<W>,
+        room: Option<usize>,
+    ) -> Result<Self, ExportError> {
+        let start = target.write_with(Seek::stream_position).ok();
         let mut waiting = None;
-        if output.is_regular() {
-            output.write_with(|file| file.seek(SeekFrom::Start(room as u64)).map(drop))?;
+        if let (Some(start), Some(room)) = (start, room) {
+            // What lies between is zeros until the header is written over them.
+            target.write_with(|bytes| bytes.seek(SeekFrom::Start(start + room as u64)))?;
         } else {
-            let file = tempfile::tempfile()
-                .map_err(|source| ExportError::Io { path: target.to_owned(), source })?;
-            waiting = Some(BufWriter::with_capacity(BUFFER, file));
+            waiting = Some(target.spool()?);
         }
-        Ok(Self { output, waiting, room })
+        Ok(Self { target, waiting, start: start.unwrap_or(0), room: room.unwrap_or(0) })
     }
 
-    /// Bytes to which the head is to be filled up, if it is shorter.
+    /// Length to which the header is to be filled up, if it is shorter.
     pub(super) fn room(&self) -> usize {
         self.room
     }
 
-    /// See [`Output::target`].
-    pub(super) fn target(&self) -> &Path {
-        self.output.target()
+    /// The path that errors name.
+    pub(super) fn error_path(&self) -> Option<PathBuf> {
+        self.target.error_path()
     }
 
     /// Appends to the body.
-    ///
-    /// # Errors
-    /// What the disk says.
     pub(super) fn write(&mut self, bytes: &[u8]) -> Result<(), ExportError> {
         match &mut self.waiting {
-            Some(waiting) => waiting.write_all(bytes).map_err(|source| ExportError::Io {
-                path: self.output.target().to_owned(),
-                source,
-            }),
-            None => self.output.write_with(|file| file.write_all(bytes)),
+            Some(waiting) => {
+                let result = waiting.write_all(bytes);
+                self.target.name_error(result)
+            }
+            None => self.target.write(bytes),
         }
     }
 
-    /// Puts the head in front, which fills its room or is longer, and gives back the whole file.
+    /// Puts the header in front, flushes, and gives the target back, positioned at the file's end.
     ///
     /// # Errors
-    /// What the disk says.
-    pub(super) fn finish(self, head: &[u8]) -> Result<Output, ExportError> {
-        let Self { mut output, waiting, room } = self;
+    /// [`ExportError::Io`], and [`ExportError::HeaderTooLong`] where the header overflows its room.
+    pub(super) fn finish(self, header: &[u8]) -> Result<W, ExportError> {
+        let Self { mut target, waiting, start, room } = self;
         match waiting {
-            Some(body) => output.write_with(|file| append(head, body.into_inner()?, 0, file))?,
-            None if head.len() == room => {
-                output.write_with(|file| file.rewind().and_then(|()| file.write_all(head)))?;
-            }
+            Some(mut body) => target.write_with(|bytes| {
+                bytes.write_all(header)?;
+                body.drain(bytes)
+            })?,
+            None if header.len() == room => target.write_with(|bytes| {
+                let end = bytes.stream_position()?;
+                bytes.seek(SeekFrom::Start(start))?;
+                bytes.write_all(header)?;
+                bytes.seek(SeekFrom::Start(end)).map(drop)
+            })?,
             None => {
-                let body = output.write_with(|file| {
-                    file.flush()?;
-                    file.get_ref().try_clone()
-                })?;
-                let mut whole = Output::create(output.target())?;
-                whole.write_with(|file| append(head, body, room as u64, file))?;
-                output = whole;
+                let (path, bytes) = (target.error_path(), header.len());
+                return Err(ExportError::HeaderTooLong { path, bytes, room });
             }
         }
-        output.seal()
+        target.finish()
     }
-}
-
-/// Writes a head, and behind it what a file holds from `start` on.
-fn append(head: &[u8], mut body: File, start: u64, file: &mut BufWriter<File>) -> io::Result<()> {
-    let length = body.seek(SeekFrom::End(0))?;
-    body.seek(SeekFrom::Start(start))?;
-    file.write_all(head)?;
-    io::copy(&mut body.take(length - start), file).map(drop)
 }
 
 #[cfg(test)]
 mod tests {
+    use std::io::{Cursor, Read as _};
+
     use super::*;
 
-    fn written(target: &Path, head: &[u8]) {
-        let mut file = HeadLast::create(target, 4).unwrap();
-        (0..3).for_each(|_| file.write(b"body").unwrap());
-        file.finish(head).unwrap().publish().unwrap();
+    fn written<W: Write + Seek>(
+        target: Destination<W>,
+        room: Option<usize>,
+        header: &[u8],
+    ) -> Result<W, ExportError> {
+        let mut file = PatchedHeader::create(target, room)?;
+        (0..3).try_for_each(|_| file.write(b"body"))?;
+        file.finish(header)
     }
 
     #[test]
-    fn a_head_stands_in_front_whether_it_has_room_or_not() {
+    fn a_header_stands_in_front_whether_it_has_room_or_its_length_is_open() {
         let folder = tempfile::tempdir().unwrap();
-        let target = folder.path().join("a");
-        for head in ["head", "a long head"] {
-            written(&target, head.as_bytes());
-            assert_eq!(std::fs::read_to_string(&target).unwrap(), format!("{head}bodybodybody"));
+        let path = folder.path().join("a");
+        for (header, room) in [("head", Some(4)), ("a long header", None)] {
+            let target = Destination::create(&path).unwrap();
+            written(target, room, header.as_bytes()).unwrap().publish().unwrap();
+            let expected = format!("{header}bodybodybody");
+            assert_eq!(std::fs::read_to_string(&path).unwrap(), expected);
+            let memory = Destination::new(Cursor::new(Vec::new()));
+            let memory = written(memory, room, header.as_bytes()).unwrap();
+            assert_eq!(memory.into_inner(), expected.as_bytes());
         }
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing else stays");
+    }
+
+    #[test]
+    fn a_header_that_overflows_its_room_is_an_error_that_names_the_target() {
+        let target = Destination::named(Cursor::new(Vec::new()), "a.glb");
+        let error = written(target, Some(4), b"a long header").unwrap_err().to_string();
+        assert!(error.starts_with("a.glb: ") && error.contains("room for 4"), "{error}");
     }
 
     #[test]
     #[cfg(target_os = "linux")]
     fn a_target_that_cant_go_back_gets_the_same_bytes() {
         // Linux writes to a pipe through a file of this name, as a shell's `>(...)` has it.
-        let (mut reader, writer) = io::pipe().unwrap();
-        let target = format!("/proc/self/fd/{}", std::os::fd::AsRawFd::as_raw_fd(&writer));
-        written(Path::new(&target), b"head");
-        drop(writer);
-        let mut text = String::new();
-        reader.read_to_string(&mut text).unwrap();
-        assert_eq!(text, "headbodybodybody");
+        for header in ["head", "a long header"] {
+            let (mut reader, writer) = std::io::pipe().unwrap();
+            let path = format!("/proc/self/fd/{}", std::os::fd::AsRawFd::as_raw_fd(&writer));
+            let target = Destination::create(path.as_ref()).unwrap();
+            written(target, Some(4), header.as_bytes()).unwrap().publish().unwrap();
+            drop(writer);
+            let mut text = String::new();
+            reader.read_to_string(&mut text).unwrap();
+            assert_eq!(text, format!("{header}bodybodybody"));
+        }
     }
 }

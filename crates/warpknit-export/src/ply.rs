@@ -1,33 +1,32 @@
-//! Tubes as binary PLY, little-endian: positions, normals, texture coordinates (s, t) and the bar's
-//! colour at each vertex, then all triangles, mm.
+//! Tubes as binary PLY, little-endian (Greg Turk, "The PLY Polygon File Format", 1994): positions,
+//! normals, texture coordinates (s, t) and the bar's colour at each vertex, then all triangles, mm.
 //!
-//! One pass: the counts in the header are known last, and the head gets room for them, and so are
-//! the vertices before which no triangle may stand; but which vertices a tube's triangles join
-//! follows from its length ([`faces`]), so that triangles are made at the end and only the tubes'
-//! lengths are kept, 4 bytes a strand. Property names are those that Blender, MeshLab and
-//! CloudCompare take for what they are.
+//! The file is written in one pass. Its header counts vertices and triangles, which are known last,
+//! so it gets room. All vertices stand before all triangles, but triangles need not wait: a tube's
+//! triangles follow from its number of vertices ([`faces`]). Only that number is kept, 4 bytes a
+//! strand, and the triangles are made at the end. Properties have the names by which Blender,
+//! MeshLab and CloudCompare recognise them.
 
+use std::io::{Seek, Write};
 use std::ops::Range;
-use std::path::Path;
 
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
 
 use super::buffer::{Buffer, Conveyor};
-use super::patched_header::HeadLast;
-use super::{ExportError, Output, Sink};
+use super::patched_header::PatchedHeader;
+use super::{ClothInfo, Destination, ExportError, Sink};
 use warpknit_core::drape::Block;
-use warpknit_core::fabric::Fabric;
 use warpknit_core::yarn::faces;
 use warpknit_core::yarn::tube::Section;
 
 /// Strands whose triangles are made at a time by one thread.
 const STRANDS: usize = 16;
 
-/// A vertex as it lies in the file.
+/// A vertex as it lies in the file: packed, since the format knows no padding.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C, packed)]
-struct Vertex {
+struct VertexRecord {
     position: Vec3,
     normal: Vec3,
     texture: Vec2,
@@ -37,66 +36,65 @@ struct Vertex {
 /// A triangle as it lies in the file.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C, packed)]
-struct Face {
+struct TriangleRecord {
     corners: u8,
     vertices: [u32; 3],
 }
 
 /// Writes tubes as PLY.
 #[derive(Debug)]
-pub struct PlyWriter {
-    file: HeadLast,
-    /// What tubes the blocks have.
+pub struct PlyWriter<W> {
+    file: PatchedHeader<W>,
+    /// That of the blocks' tubes.
     section: Section,
     /// Each bar's colour, sRGB.
     colors: Vec<[u8; 3]>,
     /// Vertices of each strand.
     strands: Vec<u32>,
-    /// Of all of them.
+    /// Vertices of all strands.
     vertices: u64,
     conveyor: Conveyor,
 }
 
-impl PlyWriter {
-    /// Starts the file of a fabric's tubes, which all have this section.
+impl<W: Write + Seek + Send> PlyWriter<W> {
+    /// Starts the file of tubes, which all have the cloth's section.
     ///
     /// # Errors
-    /// What the disk says.
-    pub fn create(target: &Path, fabric: &Fabric, section: &Section) -> Result<Self, ExportError> {
-        let colors = fabric.yarns().map(|yarn| yarn.color.0).collect();
-        // Counts are never longer than these.
-        let file = HeadLast::create(target, header(u64::MAX, u64::MAX, 0).len())?;
+    /// [`ExportError::Io`].
+    pub fn create(target: Destination<W>, cloth: &ClothInfo<'_>) -> Result<Self, ExportError> {
+        // No count is longer than these.
+        let room = header(u64::MAX, u64::MAX, 0).len();
         Ok(Self {
-            file,
-            section: *section,
-            colors,
+            file: PatchedHeader::create(target, Some(room))?,
+            section: cloth.section,
+            colors: cloth.strands.iter().map(|style| style.color.0).collect(),
             strands: Vec::new(),
             vertices: 0,
             conveyor: Conveyor::default(),
         })
     }
-
-    /// Vertices of all strands in turn, numbered through.
-    fn numbered(&self) -> Vec<Range<u32>> {
-        let mut next = 0_u32;
-        let number = |&count: &u32| {
-            let first = next;
-            next += count;
-            first..next
-        };
-        self.strands.iter().map(number).collect()
-    }
 }
 
-impl Sink for PlyWriter {
+/// The vertices of each strand, numbered through.
+fn number_vertices(strands: &[u32]) -> Vec<Range<u32>> {
+    let mut numbered = Vec::with_capacity(strands.len());
+    let mut next = 0_u32;
+    for count in strands {
+        numbered.push(next..next + count);
+        next += count;
+    }
+    numbered
+}
+
+impl<W: Write + Seek + Send> Sink<W> for PlyWriter<W> {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
         let strands = blocks.iter().flat_map(|block| &block.tubes.strands);
         self.strands.extend(strands.map(|(vertices, _)| vertices.end - vertices.start));
         self.vertices += blocks.iter().map(|block| block.tubes.positions.len() as u64).sum::<u64>();
         if self.vertices > u64::from(u32::MAX) {
-            // Said now, not when the disk is full of what can't be numbered.
+            // Refused now, and not when the disk is full of vertices that can't be numbered.
             return Err(ExportError::TooMany {
-                path: self.file.target().to_owned(),
+                path: self.file.error_path(),
                 vertices: self.vertices,
             });
         }
@@ -108,27 +106,25 @@ impl Sink for PlyWriter {
         )
     }
 
-    fn finish(mut self: Box<Self>) -> Result<Vec<Output>, ExportError> {
-        let strands = self.numbered();
-        let Self { file, section, conveyor, vertices, .. } = &mut *self;
+    fn finish(self: Box<Self>) -> Result<W, ExportError> {
+        let Self { mut file, section, mut conveyor, vertices, strands, .. } = *self;
+        let strands = number_vertices(&strands);
+        let faces = strands.iter().map(|vertices| faces::count(&section, vertices) as u64).sum();
         let strands: Vec<_> = strands.chunks(STRANDS).collect();
-        let count = strands
-            .iter()
-            .copied()
-            .flatten()
-            .map(|vertices| faces::count(section, vertices) as u64)
-            .sum();
-        let add = |strands: &&[Range<u32>], bytes: &mut Buffer| {
-            strands.iter().for_each(|vertices| add_faces(section, vertices.clone(), bytes));
-        };
-        conveyor.carry(&strands, add, |bytes| file.write(bytes))?;
-        let padding = file.room() - header(*vertices, count, 0).len();
-        let header = header(*vertices, count, padding);
-        Ok(vec![self.file.finish(header.as_bytes())?])
+        conveyor.carry(
+            &strands,
+            |strands, bytes| {
+                strands.iter().for_each(|vertices| add_faces(&section, vertices.clone(), bytes));
+            },
+            |bytes| file.write(bytes),
+        )?;
+        // A comment takes up what the counts leave of the room, so the body stays where it is.
+        let padding = file.room() - header(vertices, faces, 0).len();
+        file.finish(header(vertices, faces, padding).as_bytes())
     }
 }
 
-/// The header, so many characters longer than it would be.
+/// The header, lengthened by that many spaces in its comment.
 fn header(vertices: u64, faces: u64, padding: usize) -> String {
     format!(
         "ply\n\
@@ -146,24 +142,28 @@ fn header(vertices: u64, faces: u64, padding: usize) -> String {
     )
 }
 
+/// The vertices of a block.
 fn add_vertices(block: &Block, color: [u8; 3], bytes: &mut Buffer) {
     let tubes = &block.tubes;
-    let vertices = bytemuck::cast_slice_mut::<_, Vertex>(
-        bytes.grow(tubes.positions.len() * size_of::<Vertex>()),
+    let vertices = bytemuck::cast_slice_mut::<_, VertexRecord>(
+        bytes.grow(tubes.positions.len() * size_of::<VertexRecord>()),
     );
     let values = tubes.positions.iter().zip(&tubes.normals).zip(&tubes.uvs);
     for (vertex, ((&position, &normal), &texture)) in vertices.iter_mut().zip(values) {
-        *vertex = Vertex { position, normal, texture, color };
+        *vertex = VertexRecord { position, normal, texture, color };
     }
 }
 
+/// The triangles of a tube with these vertices.
 fn add_faces(section: &Section, vertices: Range<u32>, bytes: &mut Buffer) {
     let count = faces::count(section, &vertices);
-    let mut faces =
-        bytemuck::cast_slice_mut::<_, Face>(bytes.grow(count * size_of::<Face>())).iter_mut();
+    let mut faces = bytemuck::cast_slice_mut::<_, TriangleRecord>(
+        bytes.grow(count * size_of::<TriangleRecord>()),
+    )
+    .iter_mut();
     faces::for_each(section, vertices, |vertices| {
         if let Some(face) = faces.next() {
-            *face = Face { corners: 3, vertices };
+            *face = TriangleRecord { corners: 3, vertices };
         }
     });
 }

@@ -1,13 +1,13 @@
-//! Files and folders that have no name yet, and that never outlive their process for long.
+//! Files and folders that have no name yet, and that don't outlive their process for long.
 //!
 //! In: a folder. Out: a file or a folder in it called `.warpknit-` and six letters and `.part`. It
-//! is gone when it is dropped or published; when a signal ends the process, if the program then
-//! calls [`remove_temporaries`]; and where a process had no time for that (SIGKILL), the next one
-//! that writes beside it removes it. To tell a dead process's temporaries from those at work, each
-//! is locked while it is written: the system gives locks back whatever way a process ends.
+//! goes when it is dropped or published. When a signal ends the process it goes if the program
+//! calls [`remove_temporaries`]. After SIGKILL the next process that writes into the same folder
+//! removes it. To tell a dead process's temporaries from those in use, each is locked while it is
+//! written: the system releases locks however a process ends.
 //!
-//! Not promised: that the dead's are removed where files can't be locked (some network file
-//! systems) or elsewhere than on Unix.
+//! Not promised: that temporaries of dead processes are removed where files can't be locked (some
+//! network file systems), or elsewhere than on Unix.
 
 use std::ffi::OsStr;
 use std::fs::{self, File};
@@ -17,17 +17,19 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use tempfile::{Builder, TempDir, TempPath};
 
+use super::output::folder_of;
+
 const PREFIX: &str = ".warpknit-";
 const SUFFIX: &str = ".part";
 const RANDOM_LETTERS: usize = 6;
-/// How often a folder is emptied anew, if another thread goes on writing into it.
+/// How often removing a folder is tried again while another thread writes into it.
 const REMOVALS: usize = 100;
 
-/// This process's temporaries. Whoever makes, publishes or removes one holds it.
+/// This process's temporaries. Its lock is held while one is made, published or removed.
 static REGISTER: Mutex<Register> = Mutex::new(Register { alive: Vec::new(), swept: Vec::new() });
 
 struct Register {
-    /// All that are on the disk.
+    /// Those that are on the disk.
     alive: Vec<PathBuf>,
     /// Folders without temporaries of dead processes.
     swept: Vec<PathBuf>,
@@ -37,16 +39,17 @@ fn register() -> MutexGuard<'static, Register> {
     REGISTER.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Removes all temporary files and folders of this process, for a process that is about to end: no
-/// other can be made or published from now on, and whoever tries waits for the end.
+/// Removes all temporary files and folders of a process that is about to end. From now on none can
+/// be made or published: a thread that tries waits until the process ends.
 ///
-/// A program calls it when a signal asks it to end. Outputs that are whole keep their names.
+/// A program calls it when a signal asks it to end. Files that were published stay.
 pub fn remove_temporaries() {
     let register = register();
     for path in register.alive.iter().rev() {
-        // Nothing more can be done about one that can't be removed.
+        // There is no remedy for one that can't be removed.
         let _gone = if path.is_dir() { remove_folder(path) } else { fs::remove_file(path) };
     }
+    // The lock is never released, so nothing can be made any more.
     std::mem::forget(register);
 }
 
@@ -62,18 +65,18 @@ fn remove_folder(path: &Path) -> io::Result<()> {
     result
 }
 
-/// A path's place in the register, given up on drop.
+/// A path's place in the register, removed on drop.
 #[derive(Debug)]
-struct Entry(PathBuf);
+struct Registration(PathBuf);
 
-impl Entry {
+impl Registration {
     fn new(register: &mut Register, path: &Path) -> Self {
         register.alive.push(path.to_owned());
         Self(path.to_owned())
     }
 }
 
-impl Drop for Entry {
+impl Drop for Registration {
     fn drop(&mut self) {
         register().alive.retain(|path| *path != self.0);
     }
@@ -83,7 +86,7 @@ impl Drop for Entry {
 #[derive(Debug)]
 pub(super) struct TemporaryFile {
     path: TempPath,
-    _entry: Entry,
+    _registration: Registration,
 }
 
 impl TemporaryFile {
@@ -98,16 +101,16 @@ impl TemporaryFile {
         loop {
             let (file, path) = builder.tempfile_in(folder)?.into_parts();
             if is_kept(&file, &path) {
-                let entry = Entry::new(&mut register, &path);
-                return Ok((file, Self { path, _entry: entry }));
+                let registration = Registration::new(&mut register, &path);
+                return Ok((file, Self { path, _registration: registration }));
             }
         }
     }
 
     /// Gives the file its name, in place of any file of that name.
     pub(super) fn publish(self, target: &Path) -> io::Result<()> {
-        let Self { path, _entry } = self;
-        let _held = register();
+        let Self { path, _registration } = self;
+        let _guard = register();
         path.persist(target).map_err(|refused| refused.error)
     }
 }
@@ -116,8 +119,8 @@ impl TemporaryFile {
 #[derive(Debug)]
 pub struct TemporaryFolder {
     folder: TempDir,
-    _entry: Entry,
-    /// What keeps it locked, where a folder can be.
+    _registration: Registration,
+    /// Its open handle, which holds the lock where folders can be locked.
     _lock: Option<File>,
 }
 
@@ -136,28 +139,28 @@ impl TemporaryFolder {
             let folder = builder.tempdir_in(around)?;
             let lock = match File::open(folder.path()) {
                 Ok(lock) => Some(lock),
-                // Swept away by another run before it could be kept.
+                // Another process removed it before it could be locked.
                 Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
                 Err(_no_lock) => None,
             };
             if lock.as_ref().is_none_or(|lock| is_kept(lock, folder.path())) {
-                let entry = Entry::new(&mut register, folder.path());
-                return Ok(Self { folder, _entry: entry, _lock: lock });
+                let registration = Registration::new(&mut register, folder.path());
+                return Ok(Self { folder, _registration: registration, _lock: lock });
             }
         }
     }
 
-    /// Where it is for now.
+    /// Its temporary path.
     #[must_use]
     pub fn path(&self) -> &Path {
         self.folder.path()
     }
 
-    /// Gives the folder its name. Where a folder has it already, the files take their places in it,
-    /// one after another.
+    /// Gives the folder its name. Where a folder of that name is there, the files are moved into it
+    /// one by one.
     pub(super) fn publish(self, target: &Path) -> io::Result<()> {
-        let Self { _entry, _lock, folder } = self;
-        let _held = register();
+        let Self { _registration, _lock, folder } = self;
+        let _guard = register();
         if !target.exists() {
             return fs::rename(folder.path(), target);
         }
@@ -167,6 +170,16 @@ impl TemporaryFolder {
         }
         Ok(())
     }
+}
+
+/// A nameless file, which is gone when it is closed: beside `target`, or else in the system's
+/// folder for temporary files.
+pub(super) fn nameless(target: Option<&Path>) -> io::Result<File> {
+    // There is room for the target, which is more than the system's folder may have. Beside a pipe
+    // no file may be allowed.
+    target
+        .and_then(|target| tempfile::tempfile_in(folder_of(target)).ok())
+        .map_or_else(tempfile::tempfile, Ok)
 }
 
 fn builder() -> Builder<'static, 'static> {
@@ -184,12 +197,12 @@ fn is_temporary(name: &OsStr) -> bool {
     })
 }
 
-/// Locks a new temporary; false where another process, between its making and its locking, took it
-/// for a dead one's and removed it.
+/// Locks a new temporary. False if another process removed it between its making and its locking,
+/// taking it for one of a dead process.
 #[cfg(unix)]
 fn is_kept(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt as _;
-    // Where there are no locks, nothing is swept either.
+    // Where files can't be locked, nobody sweeps either.
     let _unlocked = file.lock();
     match (file.metadata(), fs::symlink_metadata(path)) {
         (Ok(made), Ok(there)) => (made.dev(), made.ino()) == (there.dev(), there.ino()),
@@ -203,7 +216,7 @@ fn is_kept(_file: &File, _path: &Path) -> bool {
 }
 
 impl Register {
-    /// Removes what dead processes left in a folder, once a process.
+    /// Removes what dead processes left in a folder. A process does it once a folder.
     fn sweep(&mut self, folder: &Path) {
         if !cfg!(unix) || self.swept.iter().any(|swept| swept == folder) {
             return;
@@ -211,13 +224,13 @@ impl Register {
         self.swept.push(folder.to_owned());
         let Ok(entries) = fs::read_dir(folder) else { return };
         for entry in entries.flatten().filter(|entry| is_temporary(&entry.file_name())) {
-            // What can't be removed is somebody else's, and no reason to fail.
+            // What can't be removed belongs to another process, and is no reason to fail.
             let _kept = remove_dead(&entry.path());
         }
     }
 }
 
-/// Removes a temporary that nobody holds locked.
+/// Removes a temporary that nobody has locked.
 fn remove_dead(path: &Path) -> io::Result<()> {
     let kind = fs::symlink_metadata(path)?.file_type();
     if kind.is_dir() {
@@ -225,7 +238,7 @@ fn remove_dead(path: &Path) -> io::Result<()> {
         folder.try_lock()?;
         fs::remove_dir_all(path)
     } else if kind.is_file() {
-        // Network file systems lock only what may be written.
+        // Network file systems lock only files that are open for writing.
         let file = File::options().write(true).open(path)?;
         file.try_lock()?;
         fs::remove_file(path)

@@ -1,36 +1,35 @@
 //! A drape sequence as one `.usda`: the curves of [`super::usda`] with time samples, a time code a
 //! frame.
 //!
-//! Points and boxes have samples; which yarns there are, their courses and wales and their lengths
-//! are the first frame's, since the yarns of a sequence are those of its first frame. Frames come
-//! one after the other and the file wants each prim with all of its frames, so everything waits in
-//! a nameless temporary file until the last frame is there.
+//! Points and bounding boxes have samples. The yarns, their courses, wales and lengths are the
+//! first frame's: the yarns of a sequence are laid once. Frames come one after the other, but the
+//! file needs each prim with all of its frames. So everything waits in a spool until the last frame
+//! is there.
 
-use std::io::Write as _;
+use std::io::{Seek, Write};
 use std::ops::Range;
-use std::path::Path;
 
 use glam::Vec3;
 use rayon::prelude::*;
 
 use super::buffer::Conveyor;
-use super::spool::Spill;
-use super::usda::{Attributes, EMPTY, bars, bounds, boxed, groups, head, points, prim, union};
-use super::{ExportError, Output, Sink};
+use super::spool::Spool;
+use super::usda::{
+    Attributes, EMPTY, add_points, beginning, blocks_by_prim, bounds, extent_text, prim_beginning,
+    union,
+};
+use super::{ClothInfo, Destination, ExportError, Sink, StrandStyle};
 use warpknit_core::drape::Block;
-use warpknit_core::fabric::Fabric;
-use warpknit_core::yarn::tube::Section;
 
 /// Writes yarns as USD curves that move.
 #[derive(Debug)]
-pub struct UsdaFramesWriter {
-    output: Output,
-    /// Each bar's colour, linear, and radius, mm.
-    bars: Vec<([f32; 3], f32)>,
+pub struct UsdaFramesWriter<W> {
+    target: Destination<W>,
+    styles: Vec<StrandStyle>,
     frames_per_second: f64,
     /// All prims' samples, and behind the first frame's their attributes.
-    waiting: Spill,
-    prims: Vec<Prim>,
+    waiting: Spool,
+    prims: Vec<WaitingPrim>,
     /// Time codes of the frames so far.
     codes: Vec<u32>,
     /// The prim to which the last blocks belonged.
@@ -39,84 +38,86 @@ pub struct UsdaFramesWriter {
     conveyor: Conveyor,
 }
 
-/// What waits of a prim.
+/// Where a prim's parts wait in the spool.
 #[derive(Debug)]
-struct Prim {
+struct WaitingPrim {
     panel: usize,
     bar: usize,
-    /// Points, a sample a frame.
+    /// The points of each frame.
     points: Vec<Range<u64>>,
-    /// Lowest and highest control point, mm, of each.
+    /// Lowest and highest control point of each frame, mm.
     extents: Vec<[Vec3; 2]>,
-    /// Lines of attributes that don't move.
+    /// The attributes, which are the same in all frames.
     attributes: Range<u64>,
 }
 
-impl UsdaFramesWriter {
-    /// Starts the file of a fabric's yarns, as thick as their tubes.
+impl<W: Write + Seek + Send> UsdaFramesWriter<W> {
+    /// Starts the file.
     ///
     /// # Errors
-    /// What the disk says.
+    /// [`ExportError::Io`].
     pub fn create(
-        target: &Path,
-        fabric: &Fabric,
-        section: &Section,
+        target: Destination<W>,
+        cloth: &ClothInfo<'_>,
         frames_per_second: f64,
     ) -> Result<Self, ExportError> {
         Ok(Self {
-            output: Output::create(target)?,
-            bars: bars(fabric, section),
+            styles: cloth.strands.clone(),
             frames_per_second,
-            waiting: Spill::create(target)?,
+            waiting: target.spool()?,
             prims: Vec::new(),
             codes: Vec::new(),
             current: None,
-            attributes: Attributes::create(target)?,
+            attributes: Attributes::create(&target)?,
             conveyor: Conveyor::default(),
+            target,
         })
     }
 
-    /// Says that the blocks to come are those of the frame with this time code: higher than the
-    /// last one's.
+    /// Begins the frame with this time code, which is higher than the last one's. The blocks to
+    /// come are that frame's.
     ///
     /// # Errors
-    /// What the disk says.
+    /// [`ExportError::Io`].
     pub fn begin_frame(&mut self, code: u32) -> Result<(), ExportError> {
         self.end_prim()?;
         self.codes.push(code);
         Ok(())
     }
 
+    /// Adds blocks of one bar of one panel.
     fn add(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
-        let at = (blocks[0].panel, blocks[0].bar);
-        let known = |prim: &Prim| (prim.panel, prim.bar) == at;
-        if !self.current.is_some_and(|current| known(&self.prims[current])) {
-            self.end_prim()?;
-            let place = self.prims.iter().position(known).unwrap_or(self.prims.len());
-            if place == self.prims.len() {
-                let (panel, bar) = at;
-                self.prims.push(Prim {
-                    panel,
-                    bar,
-                    points: Vec::new(),
-                    extents: Vec::new(),
-                    attributes: 0..0,
-                });
-            }
-            let start = self.waiting.length();
-            self.prims[place].points.push(start..start);
-            self.prims[place].extents.push(EMPTY);
-            self.current = Some(place);
-        }
-        let Self { output, waiting, prims, codes, current, attributes, conveyor, .. } = self;
-        let prim = &mut prims[current.expect("set above")];
+        self.find_prim(blocks[0].panel, blocks[0].bar)?;
+        let Self { target, waiting, prims, codes, current, attributes, conveyor, .. } = self;
+        let prim = &mut prims[current.expect("found above")];
         let extent = prim.extents.last_mut().expect("one was pushed");
         *extent = blocks.par_iter().map(bounds).reduce(|| *extent, union);
-        conveyor.carry(blocks, points, |text| output.write_with(|_| waiting.write_all(text)))?;
+        conveyor
+            .carry(blocks, add_points, |text| target.write_with(|_| waiting.write_all(text)))?;
         prim.points.last_mut().expect("one was pushed").end = waiting.length();
+        // Later frames have the same yarns, so their attributes would be the same.
         if codes.len() == 1 {
-            attributes.add(blocks, conveyor, output)?;
+            attributes.add(blocks, conveyor, target)?;
         }
+        Ok(())
+    }
+
+    /// Makes the prim of a panel's bar the current one, with a sample of this frame.
+    fn find_prim(&mut self, panel: usize, bar: usize) -> Result<(), ExportError> {
+        let place = self.prims.iter().position(|prim| (prim.panel, prim.bar) == (panel, bar));
+        if place.is_some() && self.current == place {
+            return Ok(());
+        }
+        self.end_prim()?;
+        let place = place.unwrap_or(self.prims.len());
+        if place == self.prims.len() {
+            let (points, extents) = (Vec::new(), Vec::new());
+            self.prims.push(WaitingPrim { panel, bar, points, extents, attributes: 0..0 });
+        }
+        let start = self.waiting.length();
+        self.prims[place].points.push(start..start);
+        self.prims[place].extents.push(EMPTY);
+        self.current = Some(place);
         Ok(())
     }
 
@@ -125,56 +126,65 @@ impl UsdaFramesWriter {
         let Some(current) = self.current.take() else { return Ok(()) };
         if self.codes.len() == 1 {
             let start = self.waiting.length();
-            let Self { output, waiting, attributes, .. } = self;
-            output.write_with(|_| attributes.pour(waiting))?;
+            let Self { target, waiting, attributes, .. } = self;
+            target.write_with(|_| attributes.drain(waiting))?;
             self.prims[current].attributes = start..self.waiting.length();
         }
         Ok(())
     }
 
-    /// What the file says of time.
+    /// The lines that say how time runs.
     fn time(&self) -> String {
-        let (first, last) =
-            (self.codes.first().copied().unwrap_or(1), self.codes.last().copied().unwrap_or(1));
+        let first = self.codes.first().copied().unwrap_or(1);
+        let last = self.codes.last().copied().unwrap_or(1);
         let speed = self.frames_per_second;
         format!(
-            "    startTimeCode = {first}\n    endTimeCode = {last}\n    timeCodesPerSecond = {speed}\n    framesPerSecond = {speed}\n"
+            "    startTimeCode = {first}\n    endTimeCode = {last}\n    \
+             timeCodesPerSecond = {speed}\n    framesPerSecond = {speed}\n"
         )
     }
 }
 
-impl Sink for UsdaFramesWriter {
+impl<W: Write + Seek + Send> Sink<W> for UsdaFramesWriter<W> {
     fn take(&mut self, blocks: &[Block]) -> Result<(), ExportError> {
-        groups(blocks).try_for_each(|blocks| self.add(blocks))
+        blocks_by_prim(blocks).try_for_each(|blocks| self.add(blocks))
     }
 
-    fn finish(mut self: Box<Self>) -> Result<Vec<Output>, ExportError> {
+    fn finish(mut self: Box<Self>) -> Result<W, ExportError> {
         self.end_prim()?;
         let time = self.time();
-        let Self { mut output, bars, mut waiting, prims, codes, .. } = *self;
-        output.write_with(|file| {
-            file.write_all(head(&bars, &time).as_bytes())?;
-            for Prim { panel, bar, points, extents, attributes } in &prims {
-                writeln!(
-                    file,
-                    "{}        point3f[] points.timeSamples = {{",
-                    prim(*panel, *bar, bars[*bar])
-                )?;
-                for (code, sample) in codes.iter().zip(points) {
-                    write!(file, "            {code}: [")?;
-                    waiting.copy(sample, file)?;
-                    file.write_all(b"],\n")?;
-                }
-                file.write_all(b"        }\n")?;
-                waiting.copy(attributes, file)?;
-                file.write_all(b"        float3[] extent.timeSamples = {\n")?;
-                for (code, extent) in codes.iter().zip(extents) {
-                    writeln!(file, "            {code}: {},", boxed(*extent, bars[*bar].1))?;
-                }
-                file.write_all(b"        }\n    }\n")?;
-            }
-            file.write_all(b"}\n")
-        })?;
-        Ok(vec![output.seal()?])
+        let Self { mut target, styles, mut waiting, prims, codes, .. } = *self;
+        target.write(beginning(&styles, &time).as_bytes())?;
+        for prim in &prims {
+            target.write_with(|file| prim.write(&codes, &styles[prim.bar], &mut waiting, file))?;
+        }
+        target.write(b"}\n")?;
+        target.finish()
+    }
+}
+
+impl WaitingPrim {
+    /// Writes the prim with a sample for each time code.
+    fn write(
+        &self,
+        codes: &[u32],
+        style: &StrandStyle,
+        waiting: &mut Spool,
+        file: &mut impl Write,
+    ) -> std::io::Result<()> {
+        let text = prim_beginning(self.panel, self.bar, style);
+        writeln!(file, "{text}        point3f[] points.timeSamples = {{")?;
+        for (code, sample) in codes.iter().zip(&self.points) {
+            write!(file, "            {code}: [")?;
+            waiting.copy(sample, file)?;
+            file.write_all(b"],\n")?;
+        }
+        file.write_all(b"        }\n")?;
+        waiting.copy(&self.attributes, file)?;
+        file.write_all(b"        float3[] extent.timeSamples = {\n")?;
+        for (code, extent) in codes.iter().zip(&self.extents) {
+            writeln!(file, "            {code}: {},", extent_text(*extent, style))?;
+        }
+        file.write_all(b"        }\n    }\n")
     }
 }

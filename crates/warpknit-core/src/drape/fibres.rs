@@ -25,19 +25,6 @@ pub fn bundles(fabric: &Fabric, radius: f64, fibre: f64) -> Vec<Bundle> {
     bundles
 }
 
-/// The fabric whose yarns are the fibres of another fabric's yarns. Writers ask it how thick their
-/// strands are.
-#[must_use]
-pub fn fabric(yarns: &Fabric, bundles: &[Bundle]) -> Fabric {
-    let mut fibres = yarns.clone();
-    for (yarn, bundle) in fibres.structure.yarns_mut().zip(bundles) {
-        // A yarn's count is its mass by length, so it falls with the area of the section.
-        yarn.count = yarn.count.times((bundle.fibre / bundle.radius).powi(2));
-        (yarn.plies, yarn.twist) = (Some(1), None);
-    }
-    fibres
-}
-
 /// A block of fibres in place of a block of yarns, with tubes if a `surface` is given. A yarn's
 /// fibres have its number. Their positions on the flat panel are unknown.
 #[must_use]
