@@ -52,7 +52,7 @@ pub(crate) fn yarn(arguments: &Yarn) -> Result<()> {
     let maps = read_maps(&folder.file(""), SWATCH_YARN_WIDTH, None)?;
     terminal.begin(Task::Render, f64::from(STEPS_SHARE));
     let swatch = contact::swatch(maps, &yarn, &|done| {
-        terminal.progress(f64::from(STEPS_SHARE + (1.0 - STEPS_SHARE) * done))
+        terminal.progress(f64::from(STEPS_SHARE + (1.0 - STEPS_SHARE) * done));
     })?;
     terminal.begin(Task::Write, 1.0);
     png::write(&folder.file("sheet.png"), &contact::sheet(&photo, &yarn, &swatch))?.publish()?;

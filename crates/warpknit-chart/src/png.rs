@@ -61,13 +61,13 @@ pub fn paint(drawing: &Drawing) -> RgbaImage {
         for shape in &layer.shapes {
             match shape {
                 DrawingShape::Path { segments, width } => {
-                    line(&mut sheet, segments, *width, &paint)
+                    line(&mut sheet, segments, *width, &paint);
                 }
                 DrawingShape::Area { segments } => area(&mut sheet, segments, &paint),
                 DrawingShape::Picture { at, picture } => overlay(&mut sheet, *at, picture),
                 DrawingShape::Dot { at, radius } => dot(&mut sheet, *at, *radius, &paint),
                 DrawingShape::Text { at, text, size, anchor } => {
-                    write(&mut sheet, *at, text, *size, *anchor, layer.color)
+                    write(&mut sheet, *at, text, *size, *anchor, layer.color);
                 }
                 DrawingShape::Title { .. } => {}
             }

@@ -74,7 +74,7 @@ fn group(out: &mut String, layer: &DrawingLayer) -> fmt::Result {
                 PathData(segments)
             )?,
             DrawingShape::Area { segments } => {
-                writeln!(out, "<path fill-rule=\"evenodd\" d=\"{}\"/>", PathData(segments))?
+                writeln!(out, "<path fill-rule=\"evenodd\" d=\"{}\"/>", PathData(segments))?;
             }
             DrawingShape::Picture { at, picture: pixels } => picture(out, *at, pixels)?,
             DrawingShape::Dot { at, radius } => {
@@ -166,7 +166,7 @@ impl fmt::Display for PathData<'_> {
                 PathSegment::Move(end) => write!(f, "M{}", point(end))?,
                 PathSegment::Line(end) => write!(f, "L{}", point(end))?,
                 PathSegment::Curve(a, b, end) => {
-                    write!(f, "C{} {} {}", point(a), point(b), point(end))?
+                    write!(f, "C{} {} {}", point(a), point(b), point(end))?;
                 }
             }
         }

@@ -154,7 +154,7 @@ impl Mask {
         match self.set.get(y * self.width..(y + 1) * self.width) {
             // Multiplying by 0 or 1 is a reset without a branch, which the compiler vectorises.
             Some(set) => {
-                runs.iter_mut().zip(set).for_each(|(run, set)| *run = (*run + 1) * u32::from(*set))
+                runs.iter_mut().zip(set).for_each(|(run, set)| *run = (*run + 1) * u32::from(*set));
             }
             // Below the picture everything is set.
             None => runs.iter_mut().for_each(|run| *run += 1),
