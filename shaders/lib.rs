@@ -1,7 +1,9 @@
-//! The WGSL shaders that draw yarns on a graphics card, put together from the fragments beside this file.
+//! The WGSL shaders that draw yarns on a graphics card, put together from the fragments beside this
+//! file.
 //!
-//! They are a package of their own so that the files stay in one obvious place and still go along when the renderer is
-//! published. `warpknit-render` compares their structures and formulas with its own.
+//! They are a package of their own so that the files stay in one obvious place and still go along
+//! when the renderer is published. `warpknit-render` compares their structures and formulas with
+//! its own.
 
 /// Yarns and the light on them.
 pub const YARN: &str = concat!(

@@ -13,8 +13,7 @@ use warpknit::photo::capture::{CaptureSettings, Captured, GivenLayout, capture a
 use warpknit::photo::yarn::read_photo;
 
 use super::args::Capture;
-use super::terminal::Terminal;
-use super::{print, tell};
+use super::terminal::{Terminal, print, tell};
 use warpknit::pipeline::{Listener as _, Task, check_distinct};
 
 /// Longest layout file, bytes. One of 64 segments has some thousands.

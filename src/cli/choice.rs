@@ -1,4 +1,5 @@
-//! From arguments to the library's own types: the fabric that is named, how a garment is read, and a run's settings.
+//! From arguments to the library's own types: the fabric that is named, how a garment is read, and
+//! a run's settings.
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +9,7 @@ use warpknit::garment::ReadOptions;
 use warpknit::pipeline::{Densities, PictureSettings, Placement, Settings, Source};
 
 use super::args::{Chains, Drawing, Laying, Reading, Shared};
-use super::tell;
+use super::terminal::tell;
 use super::values::SwitchArg;
 
 impl Laying {
@@ -31,7 +32,8 @@ impl Reading {
 }
 
 impl Shared {
-    /// What the library is told of a run. Yarns on a garment and one machine's part are not shared by all commands.
+    /// What the library is told of a run. Yarns on a garment and one machine's part are not shared
+    /// by all commands.
     pub(super) fn settings(&self) -> Settings {
         Settings {
             outputs: self.outputs.clone(),

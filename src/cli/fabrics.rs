@@ -7,7 +7,7 @@ use warpknit::fabric::{Fabric, Structure, builtin};
 
 use super::args::Fabrics;
 use super::choice::named_fabric;
-use super::print;
+use super::terminal::print;
 
 /// Characters of the chains that are listed; nets have long ones, and `warpknit fabrics NAME` shows
 /// them whole.

@@ -16,7 +16,7 @@ use super::args::{DEFAULT_FABRIC, Inspect};
 use super::choice::named_fabric;
 use super::drapes::expanded;
 use super::sheet::{diagrams, drawn, sheet};
-use super::{print, tell};
+use super::terminal::{print, tell};
 use warpknit::pipeline::{check_distinct, numbered};
 
 /// Overlaps that are named, the largest ones.

@@ -8,8 +8,7 @@ use warpknit::pipeline::{self, Clock, Done, Sequence, Settings, Task};
 use super::args::{Drape, Swatch};
 use super::choice::fabric;
 use super::drapes::Drapes;
-use super::terminal::Terminal;
-use super::{print, tell};
+use super::terminal::{Terminal, print, tell};
 
 /// Knits a fabric onto a garment.
 pub(crate) fn drape(arguments: &Drape) -> Result<()> {

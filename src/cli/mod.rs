@@ -22,7 +22,7 @@ mod values;
 mod view;
 mod yarn;
 
-use std::io::{self, Write};
+use std::io;
 
 use anyhow::{Result, anyhow};
 
@@ -63,22 +63,5 @@ fn told_of_loss(outputs: usize, made: Result<()>) -> Result<()> {
             Err(anyhow!("{error:#}; no other file is written"))
         }
         made => made,
-    }
-}
-
-/// Prints data to stdout. Whoever closes it has seen enough, and files are still to be written.
-fn print(text: &str) -> Result<()> {
-    let mut stdout = io::stdout().lock();
-    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
-        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
-        printed => Ok(printed?),
-    }
-}
-
-/// Tells a person something, on stderr.
-fn tell(quiet: bool, message: &str) {
-    if !quiet {
-        // Nothing is lost if nobody listens.
-        let _unheard = writeln!(io::stderr(), "{message}");
     }
 }

@@ -5,7 +5,7 @@ use anyhow::{Result, bail};
 use clap::CommandFactory as _;
 
 use super::args::{Arguments, Completions, Man};
-use super::print;
+use super::terminal::print;
 
 /// Prints a completion script.
 pub(crate) fn completions(arguments: &Completions) -> Result<()> {

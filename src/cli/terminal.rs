@@ -1,4 +1,7 @@
-//! A command's threads, and its progress bar and messages on a terminal.
+//! A command's threads, and all that a person sees of it: data on stdout, the progress bar and
+//! messages on stderr.
+
+use std::io::{self, Write};
 
 use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -37,7 +40,7 @@ impl Terminal {
 
     /// Says something on stderr that stays above the bar, also where messages are not wanted.
     pub(crate) fn aside(&self, message: &str) {
-        self.bar.suspend(|| super::tell(false, message));
+        self.bar.suspend(|| tell(false, message));
     }
 
     /// Removes the bar.
@@ -75,5 +78,22 @@ impl Listener for Terminal {
                 Message::Note(text) => format!("note: {text}"),
             });
         }
+    }
+}
+
+/// Prints data to stdout. Whoever closes it has seen enough, and files are still to be written.
+pub(super) fn print(text: &str) -> Result<()> {
+    let mut stdout = io::stdout().lock();
+    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        printed => Ok(printed?),
+    }
+}
+
+/// Tells a person something, on stderr.
+pub(super) fn tell(quiet: bool, message: &str) {
+    if !quiet {
+        // Nothing is lost if nobody listens.
+        let _unheard = writeln!(io::stderr(), "{message}");
     }
 }

@@ -13,8 +13,8 @@ use warpknit::map::Mapping;
 use warpknit::render::scene::Shape;
 use warpknit::render::{RendererChoice, View};
 
-use super::args::MOST_PIXELS;
-use super::bench::BenchFormat;
+/// The largest side of a picture.
+pub(crate) const MOST_PIXELS: u32 = 32_768;
 
 #[derive(ValueEnum, Clone, Copy, Debug)]
 pub(crate) enum RendererArg {
@@ -135,13 +135,6 @@ pub(super) fn diagram(text: &str) -> Result<(PathBuf, chart::ChartFormat), Strin
     let path = PathBuf::from(text);
     let format = chart::ChartFormat::from_path(&path)
         .ok_or("nothing is drawn with this ending; known are .svg .png")?;
-    Ok((path, format))
-}
-
-pub(super) fn figures(text: &str) -> Result<(PathBuf, BenchFormat), String> {
-    let path = PathBuf::from(text);
-    let format = BenchFormat::from_path(&path)
-        .ok_or("no figures are written with this ending; known are .json .svg .png")?;
     Ok((path, format))
 }
 

@@ -13,8 +13,7 @@ use warpknit::photo::yarn::{read_maps, read_photo};
 
 use super::args::Yarn;
 use super::contact::{self, SWATCH_YARN_WIDTH};
-use super::terminal::Terminal;
-use super::{print, tell};
+use super::terminal::{Terminal, print, tell};
 use warpknit::pipeline::{Listener as _, Task};
 
 /// Sizes of maps that are accepted, mm. Others come from a mistake in a flag.

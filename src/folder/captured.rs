@@ -1,7 +1,8 @@
-//! The folder that a capture fills: the cloth as pictures, as a layout to correct by hand, and as a fabric to drape.
+//! The folder that a capture fills: the cloth as pictures, as a layout to correct by hand, and as a
+//! fabric to drape.
 //!
-//! In: [`Captured`] and an [`OutputFolder`]. Out: [`FILES`] in it. Besides what the capture itself gives there are
-//! a preview of the draped cloth and the fibres of one cell.
+//! In: [`Captured`] and an [`OutputFolder`]. Out: [`FILES`] in it. Besides what the capture itself
+//! gives there are a preview of the draped cloth and the fibres of one cell.
 
 use std::fs;
 use std::path::Path;

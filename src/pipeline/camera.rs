@@ -1,6 +1,7 @@
 //! The camera of a picture, and of each picture of a turntable.
 //!
-//! In: a scene and [`PictureSettings`]. Out: a [`Camera`] that sees all of the cloth, or stands where it was put.
+//! In: a scene and [`PictureSettings`]. Out: a [`Camera`] that sees all of the cloth, or stands
+//! where it was put.
 
 use std::f64::consts::TAU;
 

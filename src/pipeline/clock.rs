@@ -1,7 +1,8 @@
 //! The time of a run, task by task, and who hears of its progress.
 //!
-//! In: tasks as they begin and end. Out: [`Timings`] for the report. A [`Listener`] hears of each task and message; the
-//! command draws a progress bar with it, and the library prints nothing by itself.
+//! In: tasks as they begin and end. Out: [`Timings`] for the report. A [`Listener`] hears of each
+//! task and message; the command draws a progress bar with it, and the library prints nothing by
+//! itself.
 
 use std::time::{Duration, Instant};
 

@@ -1,6 +1,7 @@
 //! Densities of cloth as it is drawn: those that were chosen, or so few that loops can be seen.
 //!
-//! In: a fabric, the flat area of a garment and [`Densities`]. Out: the fabric as it is drawn, and a note that says what was done.
+//! In: a fabric, the flat area of a garment and [`Densities`]. Out: the fabric as it is drawn, and
+//! a note that says what was done.
 
 use super::RunError;
 use super::settings::Densities;
@@ -8,11 +9,12 @@ use crate::fabric::{Fabric, FabricError};
 use crate::garment::Garment;
 use crate::ids::index32;
 
-/// The most stitches that a garment is given unasked. A picture of 1600 x 1200 pixels shows no more of them one by one; with
-/// fewer, loops look like rope.
+/// The most stitches that a garment is given unasked. A picture of 1600 x 1200 pixels shows no more
+/// of them one by one; with fewer, loops look like rope.
 const PICTURED_STITCHES: f64 = 12_000.0;
-/// The most memory that a picture takes for each stitch, GB: measured 1.7 kB where a million are ray traced. Far ones take
-/// a quarter of it, but how far they are is not known before they are knitted.
+/// The most memory that a picture takes for each stitch, GB: measured 1.7 kB where a million are
+/// ray traced. Far ones take a quarter of it, but how far they are is not known before they are
+/// knitted.
 pub(crate) const PICTURE_GB: f64 = 1.7e-6;
 
 impl Densities {
@@ -22,7 +24,8 @@ impl Densities {
         self.wales_per_cm.is_some() || self.courses_per_cm.is_some()
     }
 
-    /// The fabric at these densities. One density alone scales the other, so that loops keep their shape.
+    /// The fabric at these densities. One density alone scales the other, so that loops keep their
+    /// shape.
     ///
     /// # Errors
     /// A density that no fabric has.
@@ -47,8 +50,8 @@ impl Densities {
     }
 }
 
-/// The fabric for `area` mm² of garment. Where nobody chose densities and its loops would be too many and too small to see, it is enlarged, yarns
-/// and all, and a note says by how much.
+/// The fabric for `area` mm² of garment. Where nobody chose densities and its loops would be too
+/// many and too small to see, it is enlarged, yarns and all, and a note says by how much.
 ///
 /// # Errors
 /// [`RunError::TooLargeGarment`].

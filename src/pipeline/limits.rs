@@ -35,8 +35,8 @@ pub(super) fn check_request(job: &Job<'_>, wants_picture: bool) -> Result<(), Ru
     check_memory("a picture", stitches, PICTURE_GB, "lower the densities, or write no .png")
 }
 
-/// Refuses cloth that would not fit the memory at so many GB a stitch, before the work and not in the
-/// middle of it.
+/// Refuses cloth that would not fit the memory at so many GB a stitch, before the work and not in
+/// the middle of it.
 ///
 /// # Errors
 /// [`RunError::NoMemory`].

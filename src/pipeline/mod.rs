@@ -5,8 +5,9 @@
 //!                                                     └▶ scene ──┴▶ lay ─▶ camera, pictures ─▶ summary ─▶ files
 //! ```
 //!
-//! In: a garment or the size of a swatch, a [`crate::fabric::Fabric`], [`Settings`]. Out: files, all of them or none, and [`Done`].
-//! A [`Listener`] hears how the run goes on. Nothing here prints.
+//! In: a garment or the size of a swatch, a [`crate::fabric::Fabric`], [`Settings`]. Out: files,
+//! all of them or none, and [`Done`]. A [`Listener`] hears how the run goes on. Nothing here
+//! prints.
 
 mod camera;
 mod clock;
@@ -20,6 +21,7 @@ mod pictures;
 mod run;
 mod sequence;
 mod settings;
+mod setup;
 mod summary;
 mod targets;
 mod textures;
@@ -32,8 +34,9 @@ pub use job::Source;
 pub use limits::{MOST_STITCHES, check_laid, check_memory, loss_warning};
 pub use numbers::RealCloth;
 pub use pictures::options;
-pub use run::{Done, drape, swatch};
+pub use run::{drape, swatch};
 pub use sequence::{Motion, Sequence};
 pub use settings::{Densities, PictureSettings, Placement, Settings, Wanted};
+pub use summary::Done;
 pub use targets::{check_distinct, numbered, text_file};
 pub use textures::{Textures, scene};

@@ -1,7 +1,7 @@
 //! A fabric at its true scale, measured.
 //!
-//! In: a fabric, however much it is drawn enlarged. Out: the numbers of the real cloth: at the densities of its file or those that were
-//! chosen, with yarns as thick as their count says.
+//! In: a fabric, however much it is drawn enlarged. Out: the numbers of the real cloth: at the
+//! densities of its file or those that were chosen, with yarns as thick as their count says.
 
 use crate::fabric::Fabric;
 use crate::knit::Pattern;

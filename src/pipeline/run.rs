@@ -1,7 +1,7 @@
 //! One run: a fabric onto a garment or into a swatch, drawn and written.
 //!
-//! In: a garment or the size of a swatch, a fabric, [`Settings`]. Out: files, which appear under their names only when
-//! all of them are whole, and [`Done`].
+//! In: a garment or the size of a swatch, a fabric, [`Settings`]. Out: files, which appear under
+//! their names only when all of them are whole, and [`Done`].
 
 use std::borrow::Cow;
 use std::cell::RefCell;
@@ -10,13 +10,13 @@ use std::path::{Path, PathBuf};
 use super::RunError;
 use super::clock::{Clock, Message, Task};
 use super::densities::{enlarged, turn_grains};
-use super::job::{Job, Setup, Source};
+use super::job::{Job, Source};
 use super::limits::{check_laid, check_request, loss_warning};
-use super::numbers::RealCloth;
 use super::pictures;
 use super::sequence::{self, Sequence};
 use super::settings::{Settings, Wanted};
-use super::summary::RunSummary;
+use super::setup::Setup;
+use super::summary::{Done, RunSummary, say_warnings};
 use super::targets::numbered;
 use super::writers::{check_places, finished, sinks, wanted};
 use crate::drape::clearance::ClearanceMeter;
@@ -31,19 +31,6 @@ use crate::render::scene::Scene;
 /// The most stitches whose clearance on the body is measured: some 20 kB each, were they all on one
 /// panel.
 const MEASURED_STITCHES: u64 = 50_000;
-
-/// A run that is done.
-#[derive(Debug)]
-pub struct Done {
-    /// What was laid.
-    pub totals: Totals,
-    /// The files that were written, in a line.
-    pub files: String,
-    /// Frames that were made, and all of a sequence's frames.
-    pub frames: Option<(usize, usize)>,
-    /// The real cloth, where its numbers were measured.
-    pub real: Option<RealCloth>,
-}
 
 /// Knits a fabric onto a garment, or onto all frames of a drape sequence whose first frame it is.
 ///
@@ -137,11 +124,11 @@ fn make(job: &Job<'_>, mut clock: Clock<'_>) -> Result<Done, RunError> {
         .map(|(path, _)| path.as_path())
         .collect();
     check_request(job, !pictures.is_empty())?;
-    let setup = job.setup(&outputs)?;
+    let setup = Setup::new(job, &outputs)?;
     check_places(job, outputs.iter(), &setup.textures)?;
-    let mut warnings = job.first_warnings(&setup);
+    let mut warnings = setup.first_warnings(job);
     let mut sinks = sinks(&outputs, job, &setup)?;
-    let mut scene = job.scene(&setup);
+    let mut scene = setup.scene(job);
 
     let gauge =
         wants_gauge(job, &outputs).then(|| ClearanceMeter::new(job.cloth, setup.section.radius));
@@ -211,17 +198,6 @@ fn all_around(wanted: Vec<Wanted>, turntable: Option<u32>) -> Vec<Wanted> {
         }
     }
     all
-}
-
-/// Says what is amiss, and adds notes that a script should know as well.
-pub(super) fn say_warnings(job: &Job<'_>, warnings: &mut Vec<String>, clock: &Clock<'_>) {
-    for warning in &*warnings {
-        clock.listener().say(Message::Warning(warning));
-    }
-    if let Some(note) = &job.enlarged {
-        clock.listener().say(Message::Note(note));
-        warnings.push(note.clone());
-    }
 }
 
 /// Who receives a run's yarns.

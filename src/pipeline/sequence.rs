@@ -21,12 +21,12 @@ use glam::{DVec3, Vec3};
 
 use super::RunError;
 use super::clock::{Clock, Message, Task};
-use super::job::{Job, Setup};
+use super::job::Job;
 use super::limits::{check_laid, check_memory, check_request, loss_warning};
 use super::pictures;
-use super::run::{Done, say_warnings};
 use super::settings::Wanted;
-use super::summary::RunSummary;
+use super::setup::Setup;
+use super::summary::{Done, RunSummary, say_warnings};
 use super::targets::numbered;
 use super::writers::{check_places, finished, sinks, wanted};
 
@@ -88,9 +88,9 @@ pub(super) fn make(
     let files = Files::of(wanted(job), index32(sequence.paths.len()));
     let wants_picture = files.numbered.iter().any(|(_, format)| *format == Format::Png);
     check(job, sequence, wants_picture)?;
-    let setup = job.setup(&files.all())?;
+    let setup = Setup::new(job, &files.all())?;
     check_places(job, files.all().iter(), &setup.textures)?;
-    let mut warnings = job.first_warnings(&setup);
+    let mut warnings = setup.first_warnings(job);
     warnings.extend(sequence.motion.bad.iter().map(|what| format!("left out: {what}")));
 
     let wants_extent = wants_picture && job.settings.picture.eye.is_none();
@@ -110,7 +110,7 @@ pub(super) fn make(
     warnings.extend(loss_warning(held.totals()));
     say_warnings(job, &mut warnings, &clock);
 
-    let scene = wants_picture.then(|| job.scene(&setup));
+    let scene = wants_picture.then(|| setup.scene(job));
     let drawn_by = String::new();
     let mut show = Show {
         job,

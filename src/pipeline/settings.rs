@@ -1,7 +1,7 @@
 //! What a person may choose of a run: its files, densities, yarns and pictures.
 //!
-//! In: nothing; [`Settings::default`] is what the command does unasked. The command fills these from its flags, a
-//! library user by hand.
+//! In: nothing; [`Settings::default`] is what the command does unasked. The command fills these
+//! from its flags, a library user by hand.
 
 use std::path::PathBuf;
 
@@ -51,7 +51,8 @@ pub struct Settings {
     pub flatten: f64,
     /// Whether the tubes' ends are closed in files.
     pub caps: bool,
-    /// Whether yarns are made of their fibres; where nobody chooses, captured cloth shows them in pictures from near.
+    /// Whether yarns are made of their fibres; where nobody chooses, captured cloth shows them in
+    /// pictures from near.
     pub fibres: Option<bool>,
     /// Radius of a fibre, mm.
     pub fibre_radius: f64,
@@ -61,7 +62,8 @@ pub struct Settings {
     pub picture: PictureSettings,
 }
 
-/// Wales and courses per cm; one alone scales the other. Without any, a garment of too many stitches is enlarged.
+/// Wales and courses per cm; one alone scales the other. Without any, a garment of too many
+/// stitches is enlarged.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Densities {
     /// Wales per cm.

@@ -1,9 +1,10 @@
 //! What is known at the end of a run, and its report.
 
-use super::clock::Clock;
-use super::job::{Job, Setup};
+use super::clock::{Clock, Message};
+use super::job::Job;
 use super::numbers::RealCloth;
 use super::settings::Wanted;
+use super::setup::Setup;
 use super::targets::text_file;
 use crate::drape::Totals;
 use crate::export::{ExportError, Format, Output};
@@ -14,6 +15,19 @@ use crate::report::{
 };
 use crate::system::peak_memory_mb;
 use crate::tile::Tile;
+
+/// A run that is done.
+#[derive(Debug)]
+pub struct Done {
+    /// What was laid.
+    pub totals: Totals,
+    /// The files that were written, in a line.
+    pub files: String,
+    /// Frames that were made, and all of a sequence's frames.
+    pub frames: Option<(usize, usize)>,
+    /// The real cloth, where its numbers were measured.
+    pub real: Option<RealCloth>,
+}
 
 /// What is known at the end of a run.
 pub(super) struct RunSummary<'a> {
@@ -124,5 +138,16 @@ fn cloth_report(job: &Job<'_>, real: &RealCloth) -> ClothReport {
         porosity: numbers.porosity,
         stretch_warp,
         stretch_weft,
+    }
+}
+
+/// Says what is amiss, and adds notes that a script should know as well.
+pub(super) fn say_warnings(job: &Job<'_>, warnings: &mut Vec<String>, clock: &Clock<'_>) {
+    for warning in &*warnings {
+        clock.listener().say(Message::Warning(warning));
+    }
+    if let Some(note) = &job.enlarged {
+        clock.listener().say(Message::Note(note));
+        warnings.push(note.clone());
     }
 }

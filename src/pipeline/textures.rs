@@ -1,7 +1,7 @@
 //! The maps that yarns are drawn with, and the scene that wears them.
 //!
-//! In: a fabric that names them, or a folder for all yarns. Out: [`Textures`], and an empty [`Scene`] with the looks of the
-//! fabric's yarns.
+//! In: a fabric that names them, or a folder for all yarns. Out: [`Textures`], and an empty
+//! [`Scene`] with the looks of the fabric's yarns.
 
 use std::path::Path;
 

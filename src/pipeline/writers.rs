@@ -3,19 +3,14 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use crate::export::{
-    ClothInfo, Expected, ExportError, FileWriter, Format, Output, TextureSet, default_section, mtl,
-};
-use crate::render::scene::Shape;
-use crate::yarn::tube::Section;
-
 use super::RunError;
-use super::densities::drawn_radius;
 use super::fibres::Fibres;
-use super::job::{Job, Setup};
-use super::settings::{Settings, Wanted};
+use super::job::Job;
+use super::settings::Wanted;
+use super::setup::Setup;
 use super::targets::check_distinct;
-use super::textures::{self, Textures};
+use super::textures::Textures;
+use crate::export::{ClothInfo, Expected, ExportError, FileWriter, Format, Output, mtl};
 
 /// The files that were asked for, or a picture named after the input.
 pub(super) fn wanted(job: &Job<'_>) -> Vec<Wanted> {
@@ -96,27 +91,4 @@ pub(super) fn finished(sinks: Vec<FileWriter<'_>>) -> Result<Vec<Output>, Export
         outputs.extend(sink.finish()?);
     }
     Ok(outputs)
-}
-
-/// The textures of these files, made ready where there is a file that holds some.
-pub(super) fn textures_in_files(
-    outputs: &[Wanted],
-    job: &Job<'_>,
-    radius: f64,
-    textures: &Textures,
-) -> Arc<TextureSet> {
-    if !outputs.iter().any(|(_, format)| format.holds_textures()) {
-        return Arc::default();
-    }
-    let scene = textures::scene(Shape::Tube, job.shown, radius, textures);
-    Arc::new(TextureSet::from_scene(&scene))
-}
-
-/// How fine and how thick tubes in files are.
-pub(super) fn section(job: &Job<'_>) -> Result<Section, RunError> {
-    let Settings { radius, flatten, caps, .. } = *job.settings;
-    let default = default_section(drawn_radius(job.shown, radius)?);
-    let st = job.settings.st.unwrap_or(default.st);
-    let sr = job.settings.sr.unwrap_or(default.sr);
-    Ok(Section { st, sr, flatten, caps, ..default })
 }

@@ -1,55 +1,132 @@
-//! ARCHITECTURE.md tells the truth: every source file has its row, and every row its file.
+//! ARCHITECTURE.md tells the truth, and each file says in its header what it is.
 
-use std::collections::BTreeSet;
-use std::path::Path;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
 
-fn files(folder: &Path, found: &mut BTreeSet<String>) {
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn read(path: &Path) -> String {
+    std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+/// All files below a folder, without what is built.
+fn files(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-        if entry.is_dir() {
+        let name = entry.file_name().unwrap().to_string_lossy().into_owned();
+        if entry.is_dir() && name != "target" && !name.starts_with('.') {
             files(&entry, found);
-        } else {
-            found.insert(entry.strip_prefix(root).unwrap().to_str().unwrap().replace('\\', "/"));
+        } else if entry.is_file() {
+            found.push(entry);
         }
     }
 }
 
-#[test]
-fn every_file_is_listed_and_every_listed_file_is_there() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let text = std::fs::read_to_string(root.join("ARCHITECTURE.md")).unwrap();
-    let rows = text.lines().filter_map(|line| {
-        line.strip_prefix("| `")?.split_once('`').map(|(file, _)| file.to_owned())
+/// All of our files with these endings.
+fn sources(endings: &[&str]) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for folder in ["src", "crates", "shaders", "tests", "benches", "examples", "fuzz"] {
+        files(&root().join(folder), &mut found);
+    }
+    found.retain(|path| {
+        path.extension().is_some_and(|ending| endings.iter().any(|wanted| ending == *wanted))
     });
-    let mut listed: BTreeSet<_> =
-        rows.filter(|file| file.starts_with("src/") || file.starts_with("shaders/")).collect();
-    let mut there = BTreeSet::new();
-    files(&root.join("src"), &mut there);
-    if root.join("shaders").is_dir() {
-        files(&root.join("shaders"), &mut there);
+    assert!(found.len() > 10);
+    found
+}
+
+/// The paths in backticks of ARCHITECTURE.md.
+fn named_paths(text: &str) -> Vec<&str> {
+    let known = ["crates/", "src/", "tests/", "examples/", "docs/", "fuzz", "benches", "shaders"];
+    let is_path = |word: &&str| known.iter().any(|start| word.starts_with(start));
+    text.split('`').skip(1).step_by(2).filter(is_path).collect()
+}
+
+#[test]
+fn every_source_file_has_a_header() {
+    for path in sources(&["rs"]) {
+        assert!(read(&path).starts_with("//! "), "{} has no header", path.display());
     }
-    // A row that names a folder stands for the data files right in it, of which there must be some;
-    // code has a row a file.
-    for folder in listed.iter().filter(|row| row.ends_with('/')).cloned().collect::<Vec<_>>() {
-        let is_data = |file: &String| {
-            file.strip_prefix(&folder)
-                .is_some_and(|name| name.ends_with(".toml") && !name.contains('/'))
-        };
-        let before = there.len();
-        there.retain(|file| !is_data(file));
-        assert!(there.len() < before, "{folder} is in ARCHITECTURE.md and has no data files");
-        listed.remove(&folder);
+    for path in sources(&["wgsl"]) {
+        assert!(read(&path).starts_with("// "), "{} has no header", path.display());
     }
-    assert_eq!(
-        there.difference(&listed).collect::<Vec<_>>(),
-        Vec::<&String>::new(),
-        "in the tree, not in ARCHITECTURE.md"
-    );
-    assert_eq!(
-        listed.difference(&there).collect::<Vec<_>>(),
-        Vec::<&String>::new(),
-        "in ARCHITECTURE.md, not in the tree"
-    );
+}
+
+#[test]
+fn every_path_in_the_architecture_is_there_and_every_room_is_in_it() {
+    let text = read(&root().join("ARCHITECTURE.md"));
+    assert!(text.split_whitespace().count() <= 1300, "ARCHITECTURE.md is one page");
+    let named = named_paths(&text);
+    for path in named.iter().filter(|path| !path.contains('*')) {
+        assert!(root().join(path).exists(), "{path} is in ARCHITECTURE.md and not in the tree");
+    }
+    // A room is a crate, or a folder of code right below the source of one.
+    let mut rooms = BTreeSet::new();
+    for path in sources(&["rs"]) {
+        let path = path.strip_prefix(root()).unwrap().to_string_lossy().replace('\\', "/");
+        let parts: Vec<&str> = path.split('/').collect();
+        match parts.as_slice() {
+            ["crates", crate_name, "src", room, _, ..] => {
+                rooms.insert(format!("crates/{crate_name}/src/{room}"));
+            }
+            ["crates", crate_name, ..] => _ = rooms.insert(format!("crates/{crate_name}")),
+            ["src", room, _, ..] => _ = rooms.insert(format!("src/{room}")),
+            _ => {}
+        }
+    }
+    rooms.remove("crates/warpknit-chart/src/garment");
+    let is_named = |room: &String| named.iter().any(|path| path.starts_with(room.as_str()));
+    let missing: Vec<_> = rooms.iter().filter(|room| !is_named(room)).collect();
+    assert_eq!(missing, Vec::<&String>::new(), "not in ARCHITECTURE.md");
+}
+
+/// The rooms of a crate: the modules of its root, each with the others that it imports.
+fn imports(source: &Path) -> BTreeMap<String, BTreeSet<String>> {
+    let mut found = Vec::new();
+    files(source, &mut found);
+    let mut rooms: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for path in found.iter().filter(|path| path.extension().is_some_and(|ending| ending == "rs")) {
+        let inside = path.strip_prefix(source).unwrap();
+        let first = inside.components().next().unwrap().as_os_str().to_string_lossy().into_owned();
+        let room = first.trim_end_matches(".rs").to_owned();
+        // Tests may use what they like.
+        let text = read(path);
+        let code = text.split("#[cfg(test)]\nmod ").next().unwrap();
+        let lines = code.lines().filter(|line| !line.trim_start().starts_with("//"));
+        let own = rooms.entry(room.clone()).or_default();
+        for line in lines {
+            own.extend(line.split("crate::").skip(1).map(|rest| {
+                rest.split(|letter: char| !letter.is_alphanumeric() && letter != '_')
+                    .next()
+                    .unwrap_or_default()
+                    .to_owned()
+            }));
+        }
+        own.remove(&room);
+    }
+    let known: BTreeSet<String> = rooms.keys().cloned().collect();
+    rooms.values_mut().for_each(|others| others.retain(|other| known.contains(other)));
+    rooms.remove("lib");
+    rooms.remove("main");
+    rooms
+}
+
+#[test]
+fn rooms_do_not_import_each_other_in_a_circle() {
+    let crates = ["core", "render", "export", "photo", "chart"]
+        .map(|name| root().join("crates").join(format!("warpknit-{name}")).join("src"));
+    for source in crates.iter().chain([&root().join("src")]) {
+        let mut rooms = imports(source);
+        // Rooms whose imports are all gone go, until none is left, or those of a circle.
+        while let Some(free) =
+            rooms.iter().find(|(_, others)| others.is_empty()).map(|(room, _)| room.clone())
+        {
+            rooms.remove(&free);
+            rooms.values_mut().for_each(|others| _ = others.remove(&free));
+        }
+        assert!(rooms.is_empty(), "{}: a circle among {rooms:?}", source.display());
+    }
 }
 
 #[test]
@@ -59,19 +136,16 @@ fn every_file_format_has_a_page_and_a_row_in_the_tables() {
     let endings: Vec<&str> =
         refused.split("known are ").nth(1).unwrap().split_whitespace().collect();
     assert!(endings.len() > 10, "{refused}");
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let read = |path: &str| {
-        std::fs::read_to_string(root.join(path)).unwrap_or_else(|error| panic!("{path}: {error}"))
-    };
+    let text = |path: &str| read(&root().join(path));
     for ending in endings {
         let page = format!("formats/{}.md", ending.trim_start_matches('.'));
-        assert!(read(&format!("docs/{page}")).starts_with(&format!("# {ending}\n")), "{page}");
+        assert!(text(&format!("docs/{page}")).starts_with(&format!("# {ending}\n")), "{page}");
         assert!(
-            read("README.md").contains(&format!("| [`{ending}`](docs/{page}) |")),
+            text("README.md").contains(&format!("| [`{ending}`](docs/{page}) |")),
             "{ending} in README.md"
         );
         assert!(
-            read("docs/formats.md").contains(&format!("| [`{ending}`]({page}) |")),
+            text("docs/formats.md").contains(&format!("| [`{ending}`]({page}) |")),
             "{ending} in docs/formats.md"
         );
     }

@@ -132,7 +132,8 @@ fn picture(out: &mut String, at: DVec2, pixels: &RgbaImage) -> fmt::Result {
 fn base64(out: &mut String, bytes: &[u8]) {
     const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     for three in bytes.chunks(3) {
-        // Missing bytes of the last group count as 0; `=` marks the characters that they would fill.
+        // Missing bytes of the last group count as 0; `=` marks the characters that they would
+        // fill.
         let [a, b, c] = [0, 1, 2].map(|at| three.get(at).map_or(0, |&byte| u32::from(byte)));
         let bits = a << 16 | b << 8 | c;
         for (digit, shift) in [18, 12, 6, 0].into_iter().enumerate() {

@@ -1,7 +1,8 @@
-//! The core of `warpknit`: from a fabric's lapping and a garment's meshes to draped yarns, as arrays.
+//! The core of `warpknit`: from a fabric's lapping and a garment's meshes to draped yarns, as
+//! arrays.
 //!
-//! In: OBJ text and a fabric. Out: blocks of yarns ([`drape::Block`]), which other crates draw or write to files. The stages, in the order in which
-//! data flow through them:
+//! In: OBJ text and a fabric. Out: blocks of yarns ([`drape::Block`]), which other crates draw or
+//! write to files. The stages, in the order in which data flow through them:
 //!
 //! 1. [`garment`] reads a flat and a draped mesh and pairs them, panel by panel.
 //! 2. [`fabric`] holds what a designer names: bars, lapping, yarns, densities.

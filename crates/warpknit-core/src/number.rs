@@ -1,7 +1,8 @@
 //! Conversions between kinds of numbers, each with a name that says what it may lose.
 //!
-//! In: a number. Out: the same in another type. They stand here once, so that the lints against lossy casts hold
-//! everywhere else. All are inlined: kernels of other crates call them for each pixel and each vertex.
+//! In: a number. Out: the same in another type. They stand here once, so that the lints against
+//! lossy casts hold everywhere else. All are inlined: kernels of other crates call them for each
+//! pixel and each vertex.
 
 /// The nearest `f32`: as precise as files, textures and renderers need.
 #[inline]
@@ -11,7 +12,8 @@ pub fn narrow(number: f64) -> f32 {
     number as f32
 }
 
-/// A count as `f32`. Exact up to 2^24; counts of pixels beyond are rounded far below what an eye sees.
+/// A count as `f32`. Exact up to 2^24; counts of pixels beyond are rounded far below what an eye
+/// sees.
 #[inline]
 #[must_use]
 #[expect(

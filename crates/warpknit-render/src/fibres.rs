@@ -1,8 +1,8 @@
 //! Yarns as their fibres, for close-up pictures.
 //!
-//! In: a [`Scene`] of yarns and a camera. Out: the same with one strand for each fibre. Only the parts of yarns near
-//! the camera become fibres: level of detail by screen size. Their fibres are no thinner than
-//! pixels can show. So memory is bounded by the picture and not by the garment.
+//! In: a [`Scene`] of yarns and a camera. Out: the same with one strand for each fibre. Only the
+//! parts of yarns near the camera become fibres: level of detail by screen size. Their fibres are
+//! no thinner than pixels can show. So memory is bounded by the picture and not by the garment.
 //!
 //! Cost: linear in the fibres' points, after a pass over all points of the scene to find the near
 //! parts.

@@ -38,6 +38,7 @@ mod paths;
 pub mod ply;
 pub mod scene;
 pub mod shade;
+mod shape;
 pub mod sheen;
 pub mod tone;
 mod unroll;

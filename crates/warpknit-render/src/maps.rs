@@ -16,7 +16,7 @@ use image::{Rgba, RgbaImage};
 use rayon::prelude::*;
 
 use super::tone;
-use crate::scene::Shape;
+use crate::shape::Shape;
 
 /// Limit of anisotropic filtering: lookups along the longer side of a pixel's footprint on the
 /// yarn. Footprints that are longer still are blurred across the yarn too. Each lookup costs the

@@ -46,8 +46,8 @@ pub(super) enum Subdivision<'a> {
     /// [`MAX_PIECES`] allows. With [`RenderOptions::lod`], spans shorter than a pixel are merged
     /// where their bend allows.
     Picture(&'a Camera, &'a RenderOptions),
-    /// Uniform: St pieces a stitch, evenly in the stitch's parameter, as [`warpknit_core::yarn::tube`]
-    /// subdivides it.
+    /// Uniform: St pieces a stitch, evenly in the stitch's parameter, as
+    /// [`warpknit_core::yarn::tube`] subdivides it.
     #[cfg_attr(
         not(feature = "gpu"),
         expect(dead_code, reason = "the graphics card alone asks for it")

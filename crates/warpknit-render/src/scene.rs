@@ -1,8 +1,8 @@
 //! The scene: what renderers draw. Yarns are control points with a look for each guide bar.
 //!
-//! In: strands of the blocks that [`warpknit_core::drape`] hands out. Out: control points in `f32` as a
-//! structure of arrays, with 12 bytes a data point and 4 a stitch, so that millions of stitches fit
-//! into memory. Renderers subdivide the curves on their own.
+//! In: strands of the blocks that [`warpknit_core::drape`] hands out. Out: control points in `f32`
+//! as a structure of arrays, with 12 bytes a data point and 4 a stitch, so that millions of
+//! stitches fit into memory. Renderers subdivide the curves on their own.
 
 use std::ops::Range;
 
@@ -11,6 +11,7 @@ use rayon::prelude::*;
 
 use crate::maps::Maps;
 use crate::octahedral::PackedUnit;
+pub use crate::shape::Shape;
 use warpknit_core::ids::index32;
 
 /// Largest coordinate that renderers accept, mm: ten kilometres. Beyond it, `f32` has a spacing of
@@ -67,17 +68,6 @@ impl YarnLook {
             maps: None,
         }
     }
-}
-
-/// Primitive that yarns are drawn as.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Shape {
-    /// Round, with [`YarnLook::radius`].
-    #[default]
-    Tube,
-    /// Flat strips in the fabric's plane. They extend [`YarnLook::radius`] to either side of the
-    /// axis and are shaded with the fabric's normal.
-    Ribbon,
 }
 
 /// Everything that the camera may see.

@@ -16,7 +16,7 @@ use image::{Rgba, RgbaImage};
 
 use super::maps::{MapKind, Maps, Mips};
 use super::tone::byte;
-use crate::scene::Shape;
+use crate::shape::Shape;
 
 /// Fraction of the yarn's half width that is used. Near the outlines a photo has little yarn and
 /// much fuzz; at 1, the flanks of tubes would show the background.

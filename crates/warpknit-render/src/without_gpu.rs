@@ -1,4 +1,5 @@
-//! What stands in for the graphics card in a build without the feature `gpu`: an adapter that is never there.
+//! What stands in for the graphics card in a build without the feature `gpu`: an adapter that is
+//! never there.
 
 use image::RgbaImage;
 

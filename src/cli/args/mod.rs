@@ -1,5 +1,6 @@
-//! The command line, as the specification's cli page has it.
+//! The command line: commands and their flags, with the help texts that people read.
 
+mod bench;
 mod photos;
 
 use std::path::{Path, PathBuf};
@@ -14,19 +15,17 @@ use warpknit::render::Background;
 use warpknit::tile::Tile;
 use warpknit::yarn::fibres::FIBRE_RADIUS;
 
+use bench::figures;
+pub(crate) use bench::{BenchFormat, Subject};
 pub(crate) use photos::{Capture, Yarn};
 
-use super::bench::{BenchFormat, Subject};
 use super::config::{self, Trouble};
 #[cfg(feature = "view")]
 use super::values::picture;
 use super::values::{
-    EdgeArg, MappingArg, RendererArg, ShapeArg, SwitchArg, ViewArg, diagram, field_of_view,
-    figures, finite, flattening, output, positive, samples, size, vector,
+    EdgeArg, MappingArg, RendererArg, ShapeArg, SwitchArg, ViewArg, diagram, field_of_view, finite,
+    flattening, output, positive, samples, size, vector,
 };
-
-/// The largest side of a picture.
-pub(crate) const MOST_PIXELS: u32 = 32_768;
 
 /// The fabric where none is named.
 pub(crate) const DEFAULT_FABRIC: &str = "tricot";

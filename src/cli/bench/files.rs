@@ -2,8 +2,6 @@
 //!
 //! In: the tables. Out: files that appear under their names only when all of them are complete.
 
-use std::path::Path;
-
 use anyhow::Result;
 use serde::Serialize;
 use serde::ser::Serializer;
@@ -11,33 +9,11 @@ use warpknit::chart::{png, svg};
 use warpknit::export::{self, Output};
 
 use super::super::args::Bench;
+use super::super::args::BenchFormat;
 use super::plot::sheet;
 use super::table::Table;
 use warpknit::pipeline::{check_distinct, text_file};
 use warpknit::system::{memory_gb, processor};
-
-/// The formats of a run's files.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum BenchFormat {
-    /// All figures.
-    Json,
-    /// Plots as vector graphics, which drawing programs edit.
-    Svg,
-    /// Plots as pixels.
-    Png,
-}
-
-impl BenchFormat {
-    /// The format that a path's extension asks for, in upper or lower case.
-    pub(crate) fn from_path(path: &Path) -> Option<Self> {
-        match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
-            "json" => Some(Self::Json),
-            "svg" => Some(Self::Svg),
-            "png" => Some(Self::Png),
-            _ => None,
-        }
-    }
-}
 
 /// The JSON file: the run, the machine, the tables. Its field names are an interface for scripts.
 #[derive(Serialize)]

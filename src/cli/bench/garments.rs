@@ -126,8 +126,8 @@ pub(super) fn at_stitches(fabric: &Fabric, garment: &Garment, stitches: f64) -> 
 pub(super) fn fitted(fabric: &Fabric, garment: &Garment, stitches: f64) -> Result<(Fabric, usize)> {
     let mut fitted = at_stitches(fabric, garment, stitches)?;
     let mut tries = 1..=TRIES;
-    // Stitches grow in proportion to the product of the densities, so scaling by the ratio of wanted
-    // to counted stitches converges in a few iterations.
+    // Stitches grow in proportion to the product of the densities, so scaling by the ratio of
+    // wanted to counted stitches converges in a few iterations.
     loop {
         let (_, totals) = time_stages(&Cloth::cover(garment, &fitted)?, &DrapeOptions::default());
         let there = totals.losses.stitches;

@@ -26,31 +26,11 @@ mod weft;
 use anyhow::{Result, bail};
 use clap::ValueEnum;
 
-use super::args::Bench;
-use super::print;
-use super::terminal::Terminal;
-pub(crate) use files::BenchFormat;
+use super::args::{Bench, Subject};
+use super::terminal::{Terminal, print};
 use garments::Garments;
 use table::Table;
 use warpknit::pipeline::{Listener as _, Task};
-
-/// The subjects that can be measured. Their comments are the command's help texts.
-#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Subject {
-    /// Table 2: coordinates on the plane fabric and on the curved one
-    PlaneCurved,
-    /// Table 3: total with rendering
-    Total,
-    /// Figure 14: render time over St, Sr and the fabric's size
-    StSr,
-    /// Figure 15: render time over the size of the yarn's texture
-    Textures,
-    /// Plain weft knits, the ribbon paper's table
-    Weft,
-    /// Time and memory from a thousand to 4.4 million stitches and from 2000 to 2 million
-    /// triangles: a minute or two, 1 GB
-    Growth,
-}
 
 /// The default subjects: the source paper's tables and figures.
 const PAPER: [Subject; 4] =
@@ -69,7 +49,7 @@ pub(crate) fn bench(arguments: &Bench) -> Result<()> {
     for (at, subject) in subjects.iter().enumerate() {
         let mut progress =
             |done: f64| terminal.begin(Task::Measure, (at as f64 + done) / subjects.len() as f64);
-        tables.extend(subject.measure(arguments, &garments, &mut progress)?);
+        tables.extend(measure(*subject, arguments, &garments, &mut progress)?);
     }
     files::write(arguments, &tables)?;
     terminal.clear();
@@ -106,23 +86,22 @@ fn subjects(arguments: &Bench) -> Vec<Subject> {
     if chosen.is_empty() { unasked.to_vec() } else { chosen }
 }
 
-impl Subject {
-    fn measure(
-        self,
-        arguments: &Bench,
-        garments: &Garments,
-        progress: &mut dyn FnMut(f64),
-    ) -> Result<Vec<Table>> {
-        let table = match self {
-            Self::PlaneCurved => plane_curved::plane_curved(arguments, garments, progress),
-            Self::Total => total::total(arguments, garments, progress),
-            Self::StSr => st_sr::st_sr(arguments, progress),
-            Self::Textures => textures::textures(arguments, progress),
-            Self::Weft => weft::weft(arguments, progress),
-            Self::Growth => return growth::growth(arguments, garments, progress),
-        };
-        Ok(vec![table?])
-    }
+/// Measures one subject.
+fn measure(
+    subject: Subject,
+    arguments: &Bench,
+    garments: &Garments,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Vec<Table>> {
+    let table = match subject {
+        Subject::PlaneCurved => plane_curved::plane_curved(arguments, garments, progress),
+        Subject::Total => total::total(arguments, garments, progress),
+        Subject::StSr => st_sr::st_sr(arguments, progress),
+        Subject::Textures => textures::textures(arguments, progress),
+        Subject::Weft => weft::weft(arguments, progress),
+        Subject::Growth => return growth::growth(arguments, garments, progress),
+    };
+    Ok(vec![table?])
 }
 
 #[cfg(test)]

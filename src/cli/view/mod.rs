@@ -1,8 +1,8 @@
 //! `warpknit view`: a garment or a swatch in a window, knitted again whenever a setting changes.
 //!
 //! In: the arguments of `drape`, or the size of a swatch. Out: a window until it is closed.
-//! [`cloth_source`] is the source of cloth, [`worker`] knits on a thread of its own, [`canvas`] renders,
-//! [`orbit`] is the camera, [`panel`] has the settings, and [`window`] joins them.
+//! [`cloth_source`] is the source of cloth, [`worker`] knits on a thread of its own, [`canvas`]
+//! renders, [`orbit`] is the camera, [`panel`] has the settings, and [`window`] joins them.
 
 mod canvas;
 mod cloth_source;

@@ -18,7 +18,8 @@ use image::RgbaImage;
 use warpknit::export::png;
 use warpknit::render::View;
 
-use super::super::args::{Live, MOST_PIXELS};
+use super::super::args::Live;
+use super::super::values::MOST_PIXELS;
 use super::canvas::{FrameRenderer, FrameRequest};
 use super::cloth_source::{ClothSource, KnittedScene, Recipe};
 use super::orbit::Orbit;

@@ -1,7 +1,7 @@
 //! Garments from memory: arrays, and OBJ text from any reader.
 //!
-//! In: arrays in millimetres, or [`BufRead`]ers. Out: a [`Garment`], by the same steps as from files. Cost: as from
-//! files, without the disk.
+//! In: arrays in millimetres, or [`BufRead`]ers. Out: a [`Garment`], by the same steps as from
+//! files. Cost: as from files, without the disk.
 
 use std::io::BufRead;
 use std::path::Path;
@@ -21,12 +21,13 @@ const DRAPED: &str = "DRAPED.obj";
 const ARRAYS: &str = "arrays";
 
 impl Garment {
-    /// A garment from arrays: vertex `i` lies at `flat[i]` on the pattern and at `draped[i]` on the body, mm. `triangles`
-    /// holds indices of vertices. Triangles that share no vertex belong to different panels.
+    /// A garment from arrays: vertex `i` lies at `flat[i]` on the pattern and at `draped[i]` on the
+    /// body, mm. `triangles` holds indices of vertices. Triangles that share no vertex belong to
+    /// different panels.
     ///
     /// # Errors
-    /// [`GarmentError::Arrays`] where lengths differ, an index is out of range or a number is not finite; otherwise as of
-    /// [`super::read`].
+    /// [`GarmentError::Arrays`] where lengths differ, an index is out of range or a number is not
+    /// finite; otherwise as of [`super::read`].
     ///
     /// ```
     /// use glam::{DVec2, DVec3};

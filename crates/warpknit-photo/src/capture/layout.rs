@@ -3,11 +3,11 @@
 //! In: the mean cell. Out: a [`Layout`], or nothing where no layout is plausible.
 //!
 //! Method: competing hypotheses, as in Wu et al. 2017. Layouts of a weave ([`woven`]) and layouts
-//! that merely cover the cell ([`greedy_cover`]) are refined on a coarse grid and ranked by a cost: the
-//! variance that they leave unexplained, with penalties for the number of segments, for overlaps,
-//! and for what only hidden parts explain. Where a weave is clear, covers are skipped. Covers go
-//! through a local search, which joins, drops and adds segments while the cost falls. The best
-//! layout is refined on a finer grid. If it is not plausible then, the next one is tried.
+//! that merely cover the cell ([`greedy_cover`]) are refined on a coarse grid and ranked by a cost:
+//! the variance that they leave unexplained, with penalties for the number of segments, for
+//! overlaps, and for what only hidden parts explain. Where a weave is clear, covers are skipped.
+//! Covers go through a local search, which joins, drops and adds segments while the cost falls. The
+//! best layout is refined on a finer grid. If it is not plausible then, the next one is tried.
 //!
 //! Cost: 0.5 to 2 s where a weave is clear, else 3 to 15 s on two cores.
 //!

@@ -1,6 +1,7 @@
 //! `layout.toml`: the cell and its segments, which a person may change and give back.
 //!
-//! In: text, or [`Captured`]. Out: [`GivenLayout`] with each error at its line, or text that reads back as the same.
+//! In: text, or [`Captured`]. Out: [`GivenLayout`] with each error at its line, or text that reads
+//! back as the same.
 //!
 //! Not promised: a check that a given layout suits the photo; its fit and its warnings tell that.
 

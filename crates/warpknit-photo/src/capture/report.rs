@@ -1,7 +1,7 @@
 //! A capture as pictures, texts and numbers, in memory: whoever wants files writes them.
 //!
-//! In: [`Captured`]. Out: the mean cell as a picture along its vectors, nine cells with the segments drawn over them, the drawing of
-//! the segments' numbers, `fabric.toml` and `report.json`.
+//! In: [`Captured`]. Out: the mean cell as a picture along its vectors, nine cells with the
+//! segments drawn over them, the drawing of the segments' numbers, `fabric.toml` and `report.json`.
 
 use image::RgbaImage;
 use serde::Serialize;

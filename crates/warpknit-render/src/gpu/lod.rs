@@ -8,8 +8,8 @@
 //! no more edges than its radius in pixels can show. A yarn of few pixels becomes a strip that
 //! faces the eye, an impostor: its shader restores the round shape for a fifth of the triangles.
 //!
-//! Both are textbook methods (Luebke et al. 2003, 'Level of detail for 3D graphics'). Cost: linear in
-//! the number of chunks. Not promised: continuous transitions. A chunk switches levels at once.
+//! Both are textbook methods (Luebke et al. 2003, 'Level of detail for 3D graphics'). Cost: linear
+//! in the number of chunks. Not promised: continuous transitions. A chunk switches levels at once.
 
 use std::collections::BTreeMap;
 use std::f32::consts::PI;

@@ -1,7 +1,7 @@
 //! The text of `yarn.toml`, which lies beside the maps of a yarn.
 //!
-//! In: [`Developed`]. Out: TOML as [`crate::yarn::read_maps`] reads it. It holds lengths only where the scale is known:
-//! the reader then takes the fabric's own yarn for the width.
+//! In: [`Developed`]. Out: TOML as [`crate::yarn::read_maps`] reads it. It holds lengths only where
+//! the scale is known: the reader then takes the fabric's own yarn for the width.
 
 use std::fmt::Write as _;
 

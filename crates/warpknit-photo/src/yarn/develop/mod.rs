@@ -13,9 +13,9 @@
 //! ```
 //!
 //! Beside them, `axis` fits the yarn's axis, `ground` the light of the ground behind the yarn,
-//! `mask` has morphology and connected components, and `description` writes yarn.toml. The *ground* is the
-//! background of the photo, the *strip* the part that shows the yarn level, the *unit* one repeat
-//! of the yarn.
+//! `mask` has morphology and connected components, and `description` writes yarn.toml. The *ground*
+//! is the background of the photo, the *strip* the part that shows the yarn level, the *unit* one
+//! repeat of the yarn.
 //!
 //! Cost: 48 megapixels, with a strip of 16, take some six seconds on two cores and 820 MB, reading
 //! included; a photo of half a megapixel takes a few tenths of a second. That is 3 bytes a pixel of
