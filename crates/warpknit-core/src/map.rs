@@ -120,14 +120,20 @@ struct Facet {
 /// registers would take four.
 const LANES: usize = 4;
 
+/// Values at the three corners as a linear function of the barycentric weights of the second and
+/// the third one: the value at the first corner, and both differences from it.
+#[inline]
+fn linear([a, b, c]: [DVec3; 3]) -> [DVec3; 3] {
+    [a, b - a, c - a]
+}
+
 impl Facet {
     fn new(panel: &Panel, triangle: u32) -> Self {
         let corners = panel.triangles[triangle as usize];
-        let [position, normal] = [&panel.draped, &panel.normals].map(|values| {
-            let [a, b, c] = corners.map(|v| values[v as usize]);
-            [a, b - a, c - a]
-        });
-        Self { position, normal }
+        Self {
+            position: linear(corners.map(|v| panel.draped[v as usize])),
+            normal: linear(corners.map(|v| panel.normals[v as usize])),
+        }
     }
 
     /// Maps a run of points in the triangle.
