@@ -107,12 +107,6 @@ pub struct Count {
 }
 
 impl Count {
-    /// This count times a share, limited to the finest and the coarsest yarn.
-    #[must_use]
-    pub fn times(self, share: f64) -> Self {
-        Self { value: (share * self.tex()).clamp(LEAST_TEX, MOST_TEX), unit: CountUnit::Tex }
-    }
-
     /// A number of tex, rounded to a thousandth and limited to the finest and the coarsest yarn.
     #[must_use]
     pub fn from_tex(tex: f64) -> Self {
