@@ -33,8 +33,16 @@ fn files(folder: &Path) -> Files {
     files
 }
 
+/// Counts the temporary files and folders, in folders too, by their names alone: a living run may
+/// remove one at any time.
 fn temporaries(folder: &Path) -> usize {
-    files(folder).keys().filter(|name| name.contains(".warpknit-")).count()
+    let Ok(entries) = std::fs::read_dir(folder) else { return 0 };
+    let mut count = 0;
+    for path in entries.map(|entry| entry.unwrap().path()) {
+        count += usize::from(path.to_string_lossy().contains(".warpknit-"));
+        count += if path.is_dir() { temporaries(&path) } else { 0 };
+    }
+    count
 }
 
 /// A run that takes some time, and what it leaves when nothing disturbs it.

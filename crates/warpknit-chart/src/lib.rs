@@ -171,7 +171,8 @@ impl Drawing {
     /// laid cloth. Cost: at most some thousand shapes, whatever the fabric.
     ///
     /// ```
-    /// use warpknit::{chart::Drawing, fabric::Fabric};
+    /// use warpknit_chart::Drawing;
+    /// use warpknit_core::fabric::Fabric;
     /// let drawing = Drawing::from_fabric(&Fabric::named("locknit").unwrap());
     /// assert!(drawing.layers.iter().any(|layer| layer.name == "bar-2"));
     /// assert!(drawing.notes.is_empty());
@@ -190,7 +191,8 @@ impl Drawing {
     /// number of pixels, so only the outlines grow with the panels' edges.
     ///
     /// ```
-    /// use warpknit::{chart::Drawing, garment::Garment};
+    /// use warpknit_chart::Drawing;
+    /// use warpknit_core::garment::Garment;
     /// let drawing = Drawing::from_garment("square.obj", &Garment::rectangle(50.0, 50.0));
     /// assert!(drawing.layers.iter().any(|layer| layer.name == "panel-0"));
     /// ```

@@ -16,7 +16,8 @@ use super::{Anchor, Drawing, DrawingLayer, DrawingShape, PathSegment, TextSize};
 /// The text of an `.svg` file.
 ///
 /// ```
-/// use warpknit::{chart::{Drawing, svg}, fabric::Fabric};
+/// use warpknit_chart::{Drawing, svg};
+/// use warpknit_core::fabric::Fabric;
 /// let text = svg::text(&Drawing::from_fabric(&Fabric::named("tricot").unwrap()));
 /// assert!(text.starts_with("<svg") && text.contains(r#"<g id="bar-1""#));
 /// ```

@@ -52,8 +52,9 @@ pub fn add_to(scene: &mut Scene, block: &Block) {
 /// the fabric gives.
 ///
 /// ```
-/// use warpknit::{drape::picture, fabric::Fabric};
-/// let scene = picture::swatch(&Fabric::named("tricot")?, 4, 6);
+/// use warpknit_core::fabric::Fabric;
+/// use warpknit_render::cloth;
+/// let scene = cloth::swatch(&Fabric::named("tricot")?, 4, 6);
 /// assert_eq!((scene.strands.len(), scene.looks.len()), (2 * 4, 2));
 /// # Ok::<(), warpknit_core::fabric::FabricError>(())
 /// ```

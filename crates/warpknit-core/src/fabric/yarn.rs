@@ -31,7 +31,7 @@ pub struct Yarn {
     /// Share of light that parallel fibres reflect like a mirror, 0 to 1, where it is given:
     /// filaments do, spun fibres hardly.
     pub sheen: Option<f64>,
-    /// The yarn's pictures, a folder or an image for `warpknit::photo::read_maps`; in a file its
+    /// The yarn's pictures, a folder or an image for `warpknit::photo::yarn::read_maps`; in a file its
     /// path starts from the file's folder.
     pub texture: Option<PathBuf>,
     /// Length of yarn that the pictures show, mm. It overrides the length that they give
