@@ -58,7 +58,7 @@ const MIN_FIBRES: usize = 12;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Twist {
     /// The angle of the outermost fibres to the yarn's axis. S is positive and Z negative, as for
-    /// [`crate::scene::YarnLook::twist_slope`], whose arctangent it is.
+    /// [`warpknit_render::scene::YarnLook::twist_slope`], whose arctangent it is.
     pub degrees: f64,
     /// Width of a fibre, pixels of the photo: an upper bound where the yarn is too narrow to
     /// measure it, 0 where no fibre is visible.
