@@ -27,8 +27,8 @@ pub fn check_distinct<'a>(
     Ok(())
 }
 
-/// Numbered paths in place of one path with this ending: `NAME-001.png` and so on. The numbers have at
-/// least three digits, so that names sort in order.
+/// Numbered paths in place of one path with this ending: `NAME-001.png` and so on. The numbers have
+/// at least three digits, so that names sort in order.
 #[must_use]
 pub fn numbered(path: &Path, ending: &str, count: u32) -> Vec<PathBuf> {
     let digits = count.to_string().len().max(3);

@@ -33,8 +33,8 @@ pub(super) fn wanted(job: &Job<'_>) -> Vec<Wanted> {
     wanted
 }
 
-/// Refuses files that would overwrite an input or each other. The `.mtl` and textures beside an `.obj`
-/// count too.
+/// Refuses files that would overwrite an input or each other. The `.mtl` and the textures beside an
+/// `.obj` count too.
 pub(super) fn check_places<'a>(
     job: &Job<'_>,
     outputs: impl Iterator<Item = &'a Wanted> + Clone,
