@@ -67,8 +67,8 @@ pub fn enlarged(fabric: &Fabric, area: f64) -> Result<(Fabric, Option<String>), 
     let (wales, courses) = (fabric.wales_per_cm, fabric.courses_per_cm);
     let note = format!(
         "{stitches:.0} stitches at true gauge would be too small to see, so the cloth is drawn \
-         {times:.1} times enlarged; --wales-per-cm {wales} --courses-per-cm {courses} knits it at true gauge \
-         (a picture then takes up to {:.0} GB)",
+         {times:.1} times enlarged; --wales-per-cm {wales} --courses-per-cm {courses} knits it at true \
+         gauge (a picture then takes up to {:.0} GB)",
         stitches * PICTURE_GB
     );
     let enlarged = fabric

@@ -1,9 +1,10 @@
 //! `warpknit drape` of a drape sequence. The fabric is knitted and located once, then mapped onto
 //! every frame.
 //!
-//! In: a [`Job`] on the first frame, and a [`Sequence`]. Out: files and [`Done`]. Most formats have one
-//! file for each frame. These are numbered like the frames and appear frame by frame, so they stay
-//! if a run of hours ends early. A `.usda` has all frames and appears at the end, as the report does.
+//! In: a [`Job`] on the first frame, and a [`Sequence`]. Out: files and [`Done`]. Most formats have
+//! one file for each frame. These are numbered like the frames and appear frame by frame, so they
+//! stay if a run of hours ends early. A `.usda` has all frames and appears at the end, as the
+//! report does.
 
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
