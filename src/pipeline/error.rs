@@ -39,7 +39,7 @@ pub enum RunError {
     /// A fabric that can't be laid out on this garment.
     #[error("{fabric}")]
     Layout {
-        /// The fabric as it was asked for.
+        /// The fabric's name as the user gave it.
         fabric: String,
         /// The reason.
         source: LayoutError,

@@ -30,7 +30,7 @@ pub(super) struct Job<'a> {
 /// The origin of a run's cloth, for the names of files and in messages.
 #[derive(Clone, Debug, Default)]
 pub struct Source {
-    /// The fabric as it was asked for.
+    /// The fabric's name as the user gave it.
     pub fabric: String,
     /// Files that were read, and must not be overwritten.
     pub inputs: Vec<PathBuf>,

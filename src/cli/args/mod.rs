@@ -276,7 +276,7 @@ pub(crate) struct Inspect {
 }
 
 impl Inspect {
-    /// Whether a fabric is asked for.
+    /// Whether a fabric is to be shown.
     pub(crate) fn has_fabric(&self) -> bool {
         self.fabric.is_some() || !self.chains.lapping.is_empty()
     }

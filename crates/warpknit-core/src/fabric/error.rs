@@ -35,7 +35,8 @@ pub enum FabricFault {
     #[error(
         "there is no built-in fabric '{0}': `warpknit fabrics` lists them, and a file's name ends \
          in .toml{hint}",
-        hint = builtin::nearest(.0).map_or_else(String::new, |near| format!("; did you mean '{near}'?"))
+        hint = builtin::nearest(.0)
+            .map_or_else(String::new, |near| format!("; did you mean '{near}'?"))
     )]
     Unknown(String),
     /// Not TOML, or not the keys and types of a fabric file, in the TOML reader's words.
