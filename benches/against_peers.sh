@@ -9,7 +9,7 @@
 set -euo pipefail
 [ $# -eq 1 ] || { sed -n '2,8s/^# \{0,1\}//p' "$0" >&2; exit 2; }
 peers=$(realpath "$1")
-inputs=${PEER_INPUTS:+$(realpath "$inputs")}
+inputs=${PEER_INPUTS:+$(realpath "$PEER_INPUTS")}
 cd "$(dirname "$0")/.."
 python=${PYTHON:-python3}
 scratch=$(mktemp -d)

@@ -157,9 +157,9 @@ impl Report {
     /// The report as JSON text, ending in a newline.
     ///
     /// # Panics
-    /// Never: it holds only finite numbers and text.
+    /// Never: a report has only numbers and text.
     #[must_use]
     pub fn to_json(&self) -> String {
-        serde_json::to_string_pretty(self).expect("a report holds numbers and text alone") + "\n"
+        serde_json::to_string_pretty(self).expect("a report has only numbers and text") + "\n"
     }
 }

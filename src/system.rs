@@ -1,6 +1,6 @@
 //! Facts from the operating system about this process and its machine: memory and the processor.
 //!
-//! Memory and the processor's name are read where Linux tells them; elsewhere they are unknown.
+//! They are read from Linux's `/proc`. On other systems they are unknown.
 
 /// The processor's name.
 #[must_use]
@@ -8,48 +8,47 @@ pub fn processor() -> Option<String> {
     line("/proc/cpuinfo", "model name")
 }
 
-/// Memory that the machine has, GB.
+/// Memory of the machine, GB.
 #[must_use]
 pub fn memory_gb() -> Option<f64> {
     bytes("/proc/meminfo", "MemTotal").map(|bytes| bytes / 1e9)
 }
 
-/// Memory that is free for this process, GB.
+/// Memory that this process can still get without swapping, GB.
 #[must_use]
 pub fn available_memory_gb() -> Option<f64> {
     bytes("/proc/meminfo", "MemAvailable").map(|bytes| bytes / 1e9)
 }
 
-/// The most memory this process has held, MB; 0 where that is unknown.
+/// The peak memory of this process, MB. 0 if unknown.
 #[must_use]
 pub fn peak_memory_mb() -> f64 {
     bytes("/proc/self/status", "VmHWM").map_or(0.0, |bytes| bytes / 1e6)
 }
 
-/// The memory that this process holds now, MB; 0 where that is unknown.
+/// The current memory of this process, MB. 0 if unknown.
 #[must_use]
 pub fn resident_memory_mb() -> f64 {
     bytes("/proc/self/status", "VmRSS").map_or(0.0, |bytes| bytes / 1e6)
 }
 
-/// Begins the count of [`peak_memory_mb`] anew, from what is held now, where Linux lets a process
-/// do so.
+/// Resets [`peak_memory_mb`] to the current memory, if Linux allows it.
 pub fn forget_peak_memory() {
-    // Where that is refused the peak stays that of the process, which only larger work moves.
+    // 5 resets the peak (man 5 proc). If it is refused, the peak stays that of the whole process.
     let _kept = std::fs::write("/proc/self/clear_refs", "5");
 }
 
-/// What stands there in units of 1024 bytes, which Linux calls kB.
+/// The number of a line, in bytes. Linux gives it in units of 1024 bytes and calls them kB.
 fn bytes(file: &str, name: &str) -> Option<f64> {
     line(file, name)?.trim_end_matches("kB").trim().parse().ok().map(|units: f64| 1024.0 * units)
 }
 
-/// What stands behind `name` and a colon in one of the system's files.
+/// The text after `name` and a colon in one of the system's files.
 fn line(file: &str, name: &str) -> Option<String> {
     let text = std::fs::read_to_string(file).ok()?;
     let found =
         text.lines().filter_map(|line| line.split_once(':')).find(|(at, _)| at.trim() == name);
-    found.map(|(_, told)| told.trim().to_owned())
+    found.map(|(_, value)| value.trim().to_owned())
 }
 
 #[cfg(all(test, target_os = "linux"))]

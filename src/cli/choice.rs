@@ -1,5 +1,7 @@
-//! From arguments to the library's own types: the fabric that is named, how a garment is read, and
-//! a run's settings.
+//! Conversion of arguments into the library's types.
+//!
+//! In: parsed arguments. Out: the named fabric, the options of reading a garment, and a run's
+//! settings.
 
 use std::path::{Path, PathBuf};
 
@@ -13,14 +15,14 @@ use super::terminal::tell;
 use super::values::SwitchArg;
 
 impl Laying {
-    /// How the library lays yarns.
+    /// The placement of yarns on a garment.
     pub(super) fn placement(&self) -> Placement {
         Placement { mapping: self.mapping.into(), edge: self.edge.into() }
     }
 }
 
 impl Reading {
-    /// What the library takes.
+    /// The options of reading a garment, with angles in radians.
     pub(super) fn options(&self) -> ReadOptions {
         ReadOptions {
             unit: self.unit,
@@ -32,8 +34,8 @@ impl Reading {
 }
 
 impl Shared {
-    /// What the library is told of a run. Yarns on a garment and one machine's part are not shared
-    /// by all commands.
+    /// The settings of a run. `placement` and `tile` keep their defaults, because not all commands
+    /// have flags for them.
     pub(super) fn settings(&self) -> Settings {
         Settings {
             outputs: self.outputs.clone(),
@@ -51,15 +53,18 @@ impl Shared {
         }
     }
 
+    /// The chosen densities.
     pub(super) fn densities(&self) -> Densities {
         Densities { wales_per_cm: self.wales_per_cm, courses_per_cm: self.courses_per_cm }
     }
 
+    /// The settings of pictures, with angles in radians.
     fn picture(&self) -> PictureSettings {
         let Drawing { renderer, spp, samples, lod, shape, ref texture, turntable } = self.drawing;
         PictureSettings {
             size: self.size,
             view: self.view.into(),
+            // clap requires --eye and --look-at together.
             eye: self.eye.zip(self.look_at),
             fov: self.fov.to_radians(),
             zoom: self.zoom,
@@ -74,14 +79,14 @@ impl Shared {
         }
     }
 
-    /// Where a run's cloth comes from.
+    /// The origin of a run's cloth, for names and messages.
     pub(super) fn source(&self, fabric: &Fabric, inputs: Vec<PathBuf>, stem: &Path) -> Source {
         let fabric = self.chains.label(&self.fabric, fabric).to_owned();
         Source { fabric, inputs, stem: stem.to_owned() }
     }
 }
 
-/// The built-in fabric of a name, or the one in a file.
+/// A built-in fabric, or the fabric of a file. A file's name ends in `.toml`.
 pub(super) fn named_fabric(name: &str) -> Result<Fabric> {
     if Path::new(name).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml")) {
         Fabric::read(Path::new(name)).map_err(|error| in_file(name, error))
@@ -91,7 +96,7 @@ pub(super) fn named_fabric(name: &str) -> Result<Fabric> {
 }
 
 impl Chains {
-    /// The fabric with these bars, if there are any.
+    /// The fabric with these bars in place of its own, if any are given.
     pub(super) fn on(&self, fabric: Fabric) -> Result<Fabric> {
         if self.lapping.is_empty() {
             Ok(fabric)
@@ -100,13 +105,13 @@ impl Chains {
         }
     }
 
-    /// What messages call the fabric: as it was asked for, or by its chains.
+    /// The fabric's name in messages: the name given with `--fabric`, or else its chains.
     pub(super) fn label<'a>(&self, asked: &'a str, fabric: &'a Fabric) -> &'a str {
         if self.lapping.is_empty() { asked } else { &fabric.name }
     }
 }
 
-/// The fabric that was named, at the densities that were given.
+/// The chosen fabric at the chosen densities. Its warnings are printed.
 pub(super) fn fabric(shared: &Shared) -> Result<Fabric> {
     let fabric = shared.chains.on(named_fabric(&shared.fabric)?)?;
     let name = shared.chains.label(&shared.fabric, &fabric);
@@ -116,7 +121,7 @@ pub(super) fn fabric(shared: &Shared) -> Result<Fabric> {
     Ok(shared.densities().of_fabric(fabric)?)
 }
 
-/// An error in a fabric file, with its name and line in front.
+/// An error in a fabric file, with the file's name and line in front.
 fn in_file(name: &str, error: FabricError) -> anyhow::Error {
     let place = match &error.place {
         Some(place) => format!("{name}:{}", place.line),

@@ -1,11 +1,11 @@
 //! `warpknit.toml` in the working folder: defaults for flags.
 //!
-//! A key is a flag's long name, for every command that has it, or for one command alone in a table
-//! of that command's name. What stands on the command line goes before what stands in the file. A
-//! flag that takes no value is switched on by `true`.
+//! A key is a flag's long name. At the top of the file it counts for every command that has the
+//! flag. In a table with a command's name it counts for that command only. The command line has
+//! priority over the file. `true` switches on a flag that takes no value.
 //!
-//! Not promised: flags that need each other (`eye` and `look-at`) stand together, in the file or on
-//! the command line.
+//! Not supported: one of two flags that need each other (`eye` and `look-at`) in the file and the
+//! other on the command line.
 
 use std::ffi::OsString;
 use std::path::Path;
@@ -18,42 +18,43 @@ use toml::de::{DeTable, DeValue};
 
 /// The file's name.
 pub(super) const FILE: &str = "warpknit.toml";
-/// The flag by which it is not read.
+/// The flag that makes the program ignore the file.
 pub(super) const IGNORE: &str = "no-config";
 
-/// A flag that on the command line means more than itself, and those of the file that would go
-/// before it or make no sense with it.
+/// Flags whose presence on the command line cancels other flags of the file. With `--fabric`, a
+/// `lapping` of the file would replace the bars of the fabric that the user just named.
 const OVERRULES: [(&str, &[&str]); 3] = [
     ("fabric", &["lapping", "threading"]),
     ("lapping", &["threading"]),
     ("view", &["eye", "look-at"]),
 ];
-/// A command that is asked about a fabric by these flags, which for others only say which one.
+/// `inspect` shows a fabric only if one of these flags is given. A default in the file would make it
+/// show one always, so the file sets them for `inspect` only in its own table.
 const ASKED: (&str, [&str; 3]) = ("inspect", ["fabric", "lapping", "threading"]);
 
-/// What the file says of one flag.
+/// One key of the file.
 #[derive(Debug)]
 struct Entry {
-    /// The only command that it is for, if it is for one.
+    /// The command whose table has the key. `None` at the top of the file.
     command: Option<String>,
     flag: String,
     values: Vec<String>,
     line: usize,
 }
 
-/// The command with the defaults that `path` sets, if there is such a file, and the arguments as it
-/// understands them.
+/// Parses the arguments, with the defaults of the file at `path` if it exists.
+///
+/// clap can't tell a wrong default from a wrong argument. So the arguments are parsed once without
+/// the file, then once more after each entry: the entry at which parsing begins to fail is wrong.
 ///
 /// # Errors
-/// What is wrong with the file, with its line. Wrong usage on the command line itself is clap's to
-/// tell.
+/// [`Trouble::File`] with the line of the fault, or [`Trouble::Usage`] for the command line.
 pub(super) fn matches(
     command: &Command,
     path: &Path,
     arguments: &[OsString],
 ) -> Result<ArgMatches, Trouble> {
-    let parse = |command: &Command| command.clone().try_get_matches_from(arguments);
-    let plain = parse(command);
+    let plain = parse(command, arguments);
     if arguments.iter().any(|argument| {
         argument.to_str().is_some_and(|text| text.strip_prefix("--") == Some(IGNORE))
     }) || !path.is_file()
@@ -61,7 +62,7 @@ pub(super) fn matches(
         return plain.map_err(Trouble::Usage);
     }
     let entries = match (entries(path), plain.as_ref()) {
-        // Help is there for whoever has to mend the file.
+        // `--help` works with a wrong file too: it may be needed to correct the file.
         (Err(_wrong), Err(shown)) if !shown.use_stderr() => Vec::new(),
         (entries, _) => entries?,
     };
@@ -73,16 +74,16 @@ pub(super) fn matches(
         command = entry
             .set(command)
             .map_err(|what| anyhow!("{}:{}: {what}", path.display(), entry.line))?;
-        last = parse(&command);
-        // Without the file the command line was right, so a value of the file is wrong.
+        last = parse(&command, arguments);
+        // The command line alone was right, so this value of the file is wrong.
         if let (true, Err(error)) = (usable, &last)
             && error.use_stderr()
         {
-            let told = error.to_string();
+            let message = error.to_string();
             let what =
-                told.lines().next().unwrap_or_default().trim_start_matches("error: ").to_owned();
+                message.lines().next().unwrap_or_default().trim_start_matches("error: ").to_owned();
             return Err(anyhow!(
-                "{}:{}: {what}; --{IGNORE} passes the file over",
+                "{}:{}: {what}; --{IGNORE} ignores the file",
                 path.display(),
                 entry.line
             )
@@ -92,24 +93,32 @@ pub(super) fn matches(
     last.map_err(Trouble::Usage)
 }
 
-/// Flags of the file that others on the command line stand in for.
+/// Parses the arguments as `command` defines them.
+fn parse(command: &Command, arguments: &[OsString]) -> Result<ArgMatches, clap::Error> {
+    command.clone().try_get_matches_from(arguments)
+}
+
+/// Flags of the file that are cancelled by flags on the command line.
 fn overruled(matches: &ArgMatches) -> Vec<&'static str> {
     let Some((_, given)) = matches.subcommand() else { return Vec::new() };
-    let is_given = |flag: &str| {
-        given.try_contains_id(flag).is_ok()
-            && given.value_source(flag) == Some(ValueSource::CommandLine)
-    };
     OVERRULES
         .iter()
-        .filter(|(flag, _)| is_given(flag))
+        .filter(|(flag, _)| is_given(given, flag))
         .flat_map(|(_, others)| others.iter().copied())
         .collect()
 }
 
-/// Why there are no arguments.
+/// Whether a flag is on the command line.
+fn is_given(matches: &ArgMatches, flag: &str) -> bool {
+    // `value_source` panics for a flag that the command doesn't have.
+    matches.try_contains_id(flag).is_ok()
+        && matches.value_source(flag) == Some(ValueSource::CommandLine)
+}
+
+/// The reason why the arguments can't be used.
 #[derive(Debug)]
 pub(super) enum Trouble {
-    /// The command line is wrong, or asks for help.
+    /// The command line is wrong, or it asks for help.
     Usage(clap::Error),
     /// The file is wrong.
     File(anyhow::Error),
@@ -121,47 +130,56 @@ impl From<anyhow::Error> for Trouble {
     }
 }
 
-/// The file's entries, in its order: those for all commands, then those for one.
+/// The file's entries: first those for all commands, then those of tables, each in the file's order.
+/// So a table's entry replaces one for all commands.
 fn entries(path: &Path) -> Result<Vec<Entry>> {
     let text = std::fs::read_to_string(path)
         .with_context(|| format!("{}: can't be read", path.display()))?;
-    let line_of = |at: usize| 1 + text[..at.min(text.len())].matches('\n').count();
     let table = DeTable::parse(&text).map_err(|error| {
-        let line = error.span().map_or(1, |span| line_of(span.start));
+        let line = error.span().map_or(1, |span| line_of(&text, span.start));
         anyhow!("{}:{line}: {}", path.display(), error.message())
     })?;
     let mut entries = Vec::new();
     for (key, value) in table.get_ref() {
-        let mut add =
-            |command: Option<&str>, key: &Spanned<toml::de::DeString<'_>>, value: &DeValue<'_>| {
-                let start = key.span().start;
-                let line = line_of(start);
-                let values = values(value).with_context(|| {
-                    format!("{}:{line}: {} is no value of a flag", path.display(), key.get_ref())
-                })?;
-                entries.push((
-                    start,
-                    Entry {
-                        command: command.map(str::to_owned),
-                        flag: key.get_ref().to_string(),
-                        values,
-                        line,
-                    },
-                ));
-                anyhow::Ok(())
-            };
         match value.get_ref() {
-            DeValue::Table(own) => own
-                .iter()
-                .try_for_each(|(flag, value)| add(Some(key.get_ref()), flag, value.get_ref()))?,
-            value => add(None, key, value)?,
+            DeValue::Table(own) => {
+                for (flag, value) in own {
+                    let entry = entry(&text, Some(key.get_ref()), flag, value.get_ref());
+                    entries.push(entry.map_err(|what| anyhow!("{}:{what}", path.display()))?);
+                }
+            }
+            value => {
+                let entry = entry(&text, None, key, value);
+                entries.push(entry.map_err(|what| anyhow!("{}:{what}", path.display()))?);
+            }
         }
     }
+    // The TOML reader sorts keys by name. Messages and priority follow the file's order.
     entries.sort_by_key(|(start, entry)| (entry.command.is_some(), *start));
     Ok(entries.into_iter().map(|(_, entry)| entry).collect())
 }
 
-/// A value as the command line would have it, an array as several.
+/// One entry of the file, with the place of its key in the text; or the line and the fault.
+fn entry(
+    text: &str,
+    command: Option<&str>,
+    key: &Spanned<toml::de::DeString<'_>>,
+    value: &DeValue<'_>,
+) -> Result<(usize, Entry), String> {
+    let start = key.span().start;
+    let line = line_of(text, start);
+    let flag = key.get_ref().to_string();
+    let values = values(value).ok_or_else(|| format!("{line}: {flag} is no value of a flag"))?;
+    Ok((start, Entry { command: command.map(str::to_owned), flag, values, line }))
+}
+
+/// The number of the line that has this byte, from 1.
+fn line_of(text: &str, at: usize) -> usize {
+    1 + text[..at.min(text.len())].matches('\n').count()
+}
+
+/// The words that a value would be on the command line. An array gives several. `None` for types
+/// that no flag takes.
 fn values(value: &DeValue<'_>) -> Option<Vec<String>> {
     match value {
         DeValue::String(text) => Some(vec![text.to_string()]),
@@ -178,7 +196,7 @@ fn values(value: &DeValue<'_>) -> Option<Vec<String>> {
 }
 
 impl Entry {
-    /// The program with this default in its command, or in all of them that have the flag.
+    /// Sets this default in its command, or in all commands that have the flag.
     fn set(&self, program: Command) -> Result<Command> {
         let names: Vec<String> =
             program.get_subcommands().map(|command| command.get_name().to_owned()).collect();
@@ -200,8 +218,10 @@ impl Entry {
                 bail!("--{} of {name} takes no value: true switches it on", self.flag);
             }
             if matches!(argument.get_action(), ArgAction::Set) && self.values.len() != 1 {
+                // A flag may be repeatable in one command and single in another.
                 bail!(
-                    "--{} of {name} takes one value and not {}: a table [COMMAND] sets it for one command",
+                    "--{} of {name} takes one value and not {}: a table [COMMAND] sets it for one \
+                     command",
                     self.flag,
                     self.values.len()
                 );
@@ -222,12 +242,13 @@ impl Entry {
         Ok(program)
     }
 
-    /// Whether a command takes it, if it has the flag.
+    /// Whether the entry counts for a command, if that has the flag.
     fn is_for(&self, command: &str) -> bool {
         let asks = command == ASKED.0 && ASKED.1.contains(&self.flag.as_str());
         self.command.as_ref().map_or(!asks, |own| own == command)
     }
 
+    /// The command's argument with this flag as its long name.
     fn argument<'a>(&self, command: &'a Command) -> Option<&'a Arg> {
         command
             .get_arguments()

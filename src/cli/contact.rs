@@ -36,7 +36,7 @@ const GAP: u32 = 20;
 const LABEL: u32 = 28;
 /// Heights of the three rows of pictures, pixels.
 const ROWS: [u32; 3] = [360, 220, 480];
-/// Pixels to a px of a drawing in `chart::png`.
+/// Pixels of the sheet for each px of a drawing in `chart::png`.
 const PIXELS_PER_PX: f64 = 2.0;
 
 /// A picture with its label and the width of its cell.
@@ -59,7 +59,7 @@ pub(super) fn swatch(
     let cloth = Cloth::swatch(&panel, &fabric, wales, courses);
     #[expect(clippy::cast_possible_truncation, reason = "a length in mm needs no more")]
     let width = (2.0 * fabric.radius() * f64::from(yarn.base.height()) / yarn.yarn_width) as f32;
-    // Scales the texture with its aspect ratio.
+    // The length is scaled with the width, so that the texture keeps its aspect ratio.
     maps.length *= width / maps.width;
     maps.width = width;
     let mut scene =
@@ -82,7 +82,7 @@ pub(super) fn swatch(
     Ok(render(&scene, &camera, &options, progress)?)
 }
 
-/// The sheet.
+/// The sheet: three rows of pictures with their labels.
 pub(super) fn sheet(photo: &RgbImage, yarn: &Developed, swatch: &RgbaImage) -> RgbaImage {
     let height = DynamicImage::from(yarn.surface.height.clone()).into_rgba8();
 
@@ -147,7 +147,7 @@ fn tops() -> [u32; 3] {
     [GAP, second, second + LABEL + ROWS[1] + GAP]
 }
 
-/// Width of each of so many equal columns.
+/// Width of a column if the sheet has this number of equal columns.
 fn column_width(columns: u32) -> u32 {
     (SHEET - GAP * (columns + 1)) / columns
 }
@@ -206,12 +206,16 @@ fn on_checks(picture: &RgbaImage) -> RgbaImage {
     RgbaImage::from_fn(picture.width(), picture.height(), |x, y| {
         let behind = if (x / side + y / side).is_multiple_of(2) { 210_u32 } else { 150 };
         let Rgba([r, g, b, a]) = *picture.get_pixel(x, y);
-        let mixed = |value: u8| {
-            let sum = u32::from(value) * u32::from(a) + behind * (255 - u32::from(a));
-            u8::try_from((sum + 127) / 255).unwrap_or(u8::MAX)
-        };
-        Rgba([mixed(r), mixed(g), mixed(b), u8::MAX])
+        let [r, g, b] = [r, g, b].map(|value| over(value, behind, a));
+        Rgba([r, g, b, u8::MAX])
     })
+}
+
+/// A colour value over an opaque one (the operator "over" of Porter and Duff, Compositing digital
+/// images, 1984), rounded.
+fn over(value: u8, behind: u32, alpha: u8) -> u8 {
+    let sum = u32::from(value) * u32::from(alpha) + behind * (255 - u32::from(alpha));
+    u8::try_from((sum + 127) / 255).unwrap_or(u8::MAX)
 }
 
 #[cfg(test)]

@@ -1,7 +1,6 @@
 //! The CPU time of this process, from the operating system.
 
-/// CPU time that this process has taken, its threads together, ms; unknown on systems that don't
-/// say.
+/// CPU time of all threads of this process together, ms. `None` on systems without such a clock.
 pub(crate) fn cpu_ms() -> Option<f64> {
     #[cfg(unix)]
     {

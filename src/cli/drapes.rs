@@ -1,5 +1,7 @@
-//! The drapes that `drape` is given: one, or the frames of a sequence, as files, folders and
-//! patterns such as `'frames/*.obj'`.
+//! The mesh arguments of `drape`: one drape, or the frames of a sequence.
+//!
+//! In: paths of files, folders, and patterns such as `'frames/*.obj'`. Out: the files in the order of
+//! their numbers, and the garment of the first one.
 
 use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
@@ -8,20 +10,21 @@ use anyhow::{Context, Result, bail};
 use warpknit::garment::{Frames, Garment, ReadOptions, read};
 use warpknit::pipeline::Motion;
 
-/// Which files hold a garment.
+/// The files of a garment.
 #[derive(Debug)]
 pub(super) struct Drapes {
     /// The flat pattern, if it is a file of its own.
     flat: Option<PathBuf>,
-    /// At least one.
+    /// The drapes, at least one.
     pub(super) frames: Vec<PathBuf>,
-    /// What an output is called if none is named: the lone drape, or the folder of the frames.
+    /// Name of the output without its ending, if no output is named: the name of the only drape, or
+    /// of the frames' folder.
     stem: PathBuf,
 }
 
 impl Drapes {
-    /// A lone file has its flat pattern in its vt, and so has the first file of a lone folder or
-    /// pattern; else the first path is the flat pattern.
+    /// Finds the files. If there are `others`, `first` is the flat pattern. If there are none, the
+    /// flat pattern is in the vt of `first`, or of its first file if it is a folder or a pattern.
     pub(super) fn from_paths(first: &Path, others: &[PathBuf]) -> Result<Self> {
         let named = others.first().map_or(first, PathBuf::as_path);
         let named = if named.is_dir() { named.file_name() } else { named.file_stem() };
@@ -32,12 +35,11 @@ impl Drapes {
         let mut frames = Vec::new();
         for path in others {
             let found = expanded(path)?;
-            // The flat pattern may lie among its drapes, and is none of them unless it is named as
-            // one.
-            let is_flat = |frame: &PathBuf| {
-                frame != path && frame.canonicalize().ok() == first.canonicalize().ok()
-            };
-            frames.extend(found.into_iter().filter(|frame| !is_flat(frame)));
+            // The flat pattern may be in the folder of its drapes. It counts as a drape only if the
+            // user named it as one.
+            frames.extend(found.into_iter().filter(|frame| {
+                frame == path || frame.canonicalize().ok() != first.canonicalize().ok()
+            }));
         }
         if frames.is_empty() {
             bail!("{}: there is no drape beside the flat pattern", others[0].display());
@@ -45,18 +47,18 @@ impl Drapes {
         Ok(Self { flat: Some(first.to_owned()), frames, stem })
     }
 
-    /// Everything that is read, and must not be overwritten.
+    /// All input files. They must not be overwritten.
     pub(super) fn inputs(&self) -> impl Iterator<Item = &Path> {
         self.flat.iter().chain(&self.frames).map(PathBuf::as_path)
     }
 
-    /// What an output is called if none is named.
+    /// Name of the output without its ending, if no output is named.
     pub(super) fn stem(&self) -> &Path {
         &self.stem
     }
 
-    /// Reads the garment as its first drape has it. Of a sequence drapes before it that can't be
-    /// read are passed over, if they may be.
+    /// Reads the garment with its first drape. With `skip_bad`, a sequence starts at the first frame
+    /// that can be read, and the errors of the frames before it are returned.
     pub(super) fn open(
         &self,
         options: &ReadOptions,
@@ -82,42 +84,44 @@ impl Drapes {
                 Err(error) => return Err(error.into()),
             }
         }
-        bail!("not one of {} frames can be read; the first: {}", frames.len(), bad[0])
+        bail!("none of {} frames can be read; error of the first: {}", frames.len(), bad[0])
     }
 }
 
-/// The files that a path means: itself, the `.obj` files of a folder, or those that fit a pattern,
-/// by the numbers in their names.
+/// The files that a path stands for: the path itself, the `.obj` files of a folder, or the files that
+/// match a pattern. They are ordered by the numbers in their names.
 pub(super) fn expanded(path: &Path) -> Result<Vec<PathBuf>> {
+    // A file whose name has brackets is a file, not a pattern.
     let pattern = path.to_str().filter(|text| text.contains(['*', '?', '[']) && !path.exists());
     let mut files: Vec<_> = match pattern {
         Some(pattern) => {
             let found = glob::glob(pattern)
-                .with_context(|| format!("{pattern}: no pattern that can be understood"))?;
+                .with_context(|| format!("{pattern}: this pattern can't be understood"))?;
             found.collect::<Result<_, _>>()?
         }
         None if path.is_dir() => obj_files(path)?,
         None => Vec::new(),
     };
     if let (Some(pattern), true) = (pattern, files.is_empty()) {
-        bail!("{pattern}: no file fits this pattern");
+        bail!("{pattern}: no file matches this pattern");
     }
     if files.is_empty() && path.is_dir() {
         bail!("{}: there is no .obj file in this folder", path.display());
     }
     if files.is_empty() {
-        // What is missing is for its reader to name.
+        // A missing file is an error of the reader, which names it.
         files.push(path.to_owned());
     }
     files.sort_by(|a, b| by_numbers(&a.to_string_lossy(), &b.to_string_lossy()));
     Ok(files)
 }
 
+/// The `.obj` files of a folder, in no order.
 fn obj_files(folder: &Path) -> Result<Vec<PathBuf>> {
-    let named = || format!("{}: can't be listed", folder.display());
+    let entries = folder.read_dir().and_then(Iterator::collect::<Result<Vec<_>, _>>);
+    let entries = entries.with_context(|| format!("{}: can't be listed", folder.display()))?;
     let mut files = Vec::new();
-    for entry in folder.read_dir().with_context(named)? {
-        let path = entry.with_context(named)?.path();
+    for path in entries.iter().map(std::fs::DirEntry::path) {
         if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("obj"))
             && path.is_file()
         {
@@ -127,12 +131,13 @@ fn obj_files(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// Orders names so that `frame_2` comes before `frame_10`: runs of digits by their number, all else
-/// by its letters.
+/// Natural order of names, so that `frame_2` comes before `frame_10`: runs of digits are compared as
+/// numbers, everything else by its letters.
 fn by_numbers(a: &str, b: &str) -> Ordering {
     let (mut a_rest, mut b_rest) = (a, b);
     while let (Some(x), Some(y)) = (a_rest.chars().next(), b_rest.chars().next()) {
         let order = if x.is_ascii_digit() && y.is_ascii_digit() {
+            // Without leading zeros a longer number is larger. Numbers of any length work.
             let (x, y) = (take_digits(&mut a_rest), take_digits(&mut b_rest));
             x.len().cmp(&y.len()).then(x.cmp(y))
         } else {
@@ -143,11 +148,11 @@ fn by_numbers(a: &str, b: &str) -> Ordering {
             return order;
         }
     }
-    // Names that differ in leading zeros alone still have an order.
+    // Names that differ only in leading zeros need an order too, or sorting would depend on the disk.
     a_rest.len().cmp(&b_rest.len()).then(a.cmp(b))
 }
 
-/// The digits in front, without leading zeros.
+/// Takes the digits from the front of a text, and returns them without leading zeros.
 fn take_digits<'a>(text: &mut &'a str) -> &'a str {
     let end = text.find(|letter: char| !letter.is_ascii_digit()).unwrap_or(text.len());
     let (digits, rest) = text.split_at(end);

@@ -1,4 +1,4 @@
-//! `warpknit fabrics`: the built-in fabrics.
+//! `warpknit fabrics`: the list of built-in fabrics, or one of them as TOML.
 
 use std::fmt::Write as _;
 
@@ -9,15 +9,17 @@ use super::args::Fabrics;
 use super::choice::named_fabric;
 use super::terminal::print;
 
-/// Characters of the chains that are listed; nets have long ones, and `warpknit fabrics NAME` shows
-/// them whole.
+/// Width of the column of chains, characters. Nets have longer chains: these are cut, and
+/// `warpknit fabrics NAME` shows them whole.
 const CHAINS: usize = 32;
 
-/// Lists the fabrics, a line each with the name first, or prints one as the TOML that `--fabric`
-/// takes.
+/// Lists the fabrics, one line each with the name first, or prints one as the TOML that `--fabric`
+/// reads.
 pub(crate) fn fabrics(arguments: &Fabrics) -> Result<()> {
     match &arguments.name {
         Some(name) => match builtin::text(name) {
+            // The text as it was written, with its comments. A fabric file is parsed and written
+            // again, so that its keys and defaults become visible.
             Some(text) => print(text),
             None => print(&named_fabric(name)?.to_string()),
         },
@@ -47,7 +49,7 @@ pub(crate) fn fabrics(arguments: &Fabrics) -> Result<()> {
     }
 }
 
-/// The chains, as far as their column holds them.
+/// The chains, cut to the width of their column. Chains are ASCII.
 fn shortened(chains: &str) -> String {
     if chains.len() <= CHAINS { chains.to_owned() } else { format!("{}…", &chains[..CHAINS - 1]) }
 }

@@ -1,5 +1,5 @@
-//! `warpknit inspect`: what meshes hold and whether they pair, with a sheet of each garment, and
-//! what a fabric's lapping is.
+//! `warpknit inspect`: facts about meshes and whether they match, a sheet of each garment, and the
+//! lapping of a fabric.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -19,11 +19,11 @@ use super::sheet::{diagrams, drawn, sheet};
 use super::terminal::{print, tell};
 use warpknit::pipeline::{check_distinct, numbered};
 
-/// Overlaps that are named, the largest ones.
+/// The most overlaps that are listed. The largest ones come first.
 const NAMED: usize = 6;
 
-/// Prints what was asked for: a fabric, then one section a garment. Pictures appear under their
-/// names only when nothing failed.
+/// Prints the fabric, if one is named, then one section for each garment. Pictures appear under their
+/// names only if nothing failed.
 pub(crate) fn inspect(arguments: &Inspect) -> Result<()> {
     let mut pictures = Vec::new();
     let Inspect { fabric: asked, chains, .. } = arguments;
@@ -40,9 +40,12 @@ pub(crate) fn inspect(arguments: &Inspect) -> Result<()> {
     Ok(pictures.into_iter().try_for_each(Output::publish)?)
 }
 
-/// One section a garment, and its sheets: a lone file with its vt, or the first file as the flat
-/// mesh of each other one; folders and patterns stand for their files. A garment that can't be read
-/// has a section that says why, and the others follow; the run fails at its end.
+/// Prints one section for each garment and draws its sheets. A single file has its flat mesh in its
+/// vt. With several files, the first is the flat mesh of all others. Folders and patterns stand for
+/// their files.
+///
+/// The section of a garment that can't be read has the error. The other garments follow, and the
+/// command fails at the end.
 fn inspect_meshes(arguments: &Inspect) -> Result<Vec<Output>> {
     let meshes =
         arguments.meshes.iter().map(|path| expanded(path)).collect::<Result<Vec<_>>>()?.concat();
@@ -62,7 +65,7 @@ fn inspect_meshes(arguments: &Inspect) -> Result<Vec<Output>> {
                 print(&section(&name, &garment)?)?;
                 whole.extend(draw(&name, &garment, &targets[number])?);
             }
-            // The same for every file: nothing more can be said.
+            // A wrong option is the same error for every file.
             Err(error @ GarmentError::Option { .. }) => return Err(error.into()),
             Err(error) => {
                 print(&format!("{name}\n  pairs: no: {error}\n"))?;
@@ -86,15 +89,15 @@ fn inspect_meshes(arguments: &Inspect) -> Result<Vec<Output>> {
     }
 }
 
-/// The files of each garment's sheet, none over an input or over another, in folders that can be
-/// written to.
+/// The files of each garment's sheet. They are checked: none overwrites an input or another sheet,
+/// and their folders can be written to.
 fn sheets_of_each(
     arguments: &Inspect,
     meshes: &[PathBuf],
     garments: usize,
 ) -> Result<Vec<Vec<(PathBuf, ChartFormat)>>> {
     let mut each = vec![Vec::new(); garments];
-    // Those of a fabric are drawn already.
+    // With a fabric, the outputs are its diagrams, which are drawn already.
     if arguments.has_fabric() {
         return Ok(each);
     }
@@ -106,13 +109,13 @@ fn sheets_of_each(
             files.push((path, *format));
         }
     }
-    let paths = || each.iter().flatten().map(|(path, _)| path.as_path());
-    check_distinct(meshes.iter().map(PathBuf::as_path), paths())?;
-    paths().try_for_each(Output::check)?;
+    let paths: Vec<_> = each.iter().flatten().map(|(path, _)| path.as_path()).collect();
+    check_distinct(meshes.iter().map(PathBuf::as_path), paths.iter().copied())?;
+    paths.into_iter().try_for_each(Output::check)?;
     Ok(each)
 }
 
-/// Draws a garment's sheet into files that are whole but not yet under their names.
+/// Draws a garment's sheet into complete files, still under their temporary names.
 fn draw(name: &str, garment: &Garment, targets: &[(PathBuf, ChartFormat)]) -> Result<Vec<Output>> {
     if targets.is_empty() {
         return Ok(Vec::new());
@@ -124,10 +127,12 @@ fn draw(name: &str, garment: &Garment, targets: &[(PathBuf, ChartFormat)]) -> Re
         .collect::<Result<_, _>>()?)
 }
 
+/// The name of a garment of two files.
 fn pair(flat: &Path, draped: &Path) -> String {
     format!("{} + {}", flat.display(), draped.display())
 }
 
+/// The section of a garment.
 fn section(name: &str, garment: &Garment) -> Result<String, std::fmt::Error> {
     let facts = &garment.summary;
     let mut text = String::new();
@@ -145,12 +150,11 @@ fn section(name: &str, garment: &Garment) -> Result<String, std::fmt::Error> {
         "  left out: {} flipped, {} degenerate, {untextured} without vt",
         facts.flipped, facts.degenerate
     )?;
-    let points = || garment.panels.iter().flat_map(|panel| panel.draped.iter().copied());
-    let (low, high) = (
-        points().fold(DVec3::INFINITY, DVec3::min),
-        points().fold(DVec3::NEG_INFINITY, DVec3::max),
-    );
-    let vector = |v: DVec3| format!("{:.1},{:.1},{:.1}", v.x, v.y, v.z);
+    // The bounding box of the drape. `--eye` and `--look-at` take points written like these.
+    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    for point in garment.panels.iter().flat_map(|panel| &panel.draped) {
+        (low, high) = (low.min(*point), high.max(*point));
+    }
     writeln!(
         text,
         "  draped from {} to {} mm, {} mm large",
@@ -159,7 +163,6 @@ fn section(name: &str, garment: &Garment) -> Result<String, std::fmt::Error> {
         vector(high - low)
     )?;
     let (warp, weft) = stretch(garment);
-    let percentiles = |p: Percentiles| format!("{:.3} {:.3} {:.3}", p[0], p[1], p[2]);
     writeln!(text, "  stretch 5/50/95 %: warp {}, weft {}", percentiles(warp), percentiles(weft))?;
     let whole = isometry(&garment.panels);
     let [smallest, largest, area] = [whole.smallest, whole.largest, whole.area].map(percentiles);
@@ -175,19 +178,31 @@ fn section(name: &str, garment: &Garment) -> Result<String, std::fmt::Error> {
     Ok(text)
 }
 
-/// A row a panel, with the smallest stretch that 5 % of its cloth are under and the largest that 5
-/// % are over.
+/// A vector's numbers with commas between them.
+fn vector(v: DVec3) -> String {
+    format!("{:.1},{:.1},{:.1}", v.x, v.y, v.z)
+}
+
+/// Three percentiles with spaces between them.
+fn percentiles(p: Percentiles) -> String {
+    format!("{:.3} {:.3} {:.3}", p[0], p[1], p[2])
+}
+
+/// One row for each panel. `smallest 5 %` is the 5th percentile of the smallest stretch, and
+/// `largest 95 %` the 95th percentile of the largest.
 fn panel_table(text: &mut String, garment: &Garment) -> std::fmt::Result {
     writeln!(
         text,
-        "  panel  triangles   width mm  height mm   area cm²  flat unit mm  smallest 5 %  largest 95 %  mirrored  flipped  non-manifold edges"
+        "  panel  triangles   width mm  height mm   area cm²  flat unit mm  smallest 5 %  \
+         largest 95 %  mirrored  flipped  non-manifold edges"
     )?;
     for (number, panel) in garment.panels.iter().enumerate() {
         let size = panel.size();
         let own = isometry(std::slice::from_ref(panel));
         writeln!(
             text,
-            "  {number:5}  {:9}  {:9.1}  {:9.1}  {:9.1}  {:12.4}  {:12.3}  {:12.3}  {:>8}  {:7}  {:18}",
+            "  {number:5}  {:9}  {:9.1}  {:9.1}  {:9.1}  {:12.4}  {:12.3}  {:12.3}  {:>8}  {:7}  \
+             {:18}",
             panel.triangles.len(),
             size.x,
             size.y,
@@ -203,24 +218,10 @@ fn panel_table(text: &mut String, garment: &Garment) -> std::fmt::Result {
     Ok(())
 }
 
-/// What lies over what in the flat layout, the largest overlaps by name.
+/// The overlaps of panels in the flat layout, the largest ones by name.
 fn overlap_lines(found: &Overlaps) -> String {
+    // A search that ended early gives lower bounds.
     let least = if found.complete { "" } else { "at least " };
-    // A fold of one triangle is too small for cm².
-    let area = |area: f64| {
-        if area < 100.0 { format!("{area:.2} mm²") } else { format!("{:.1} cm²", area / 100.0) }
-    };
-    let named = |mut all: Vec<(String, f64)>| {
-        // A stable sort: equal ones stay in the panels' order.
-        all.sort_by(|a, b| b.1.total_cmp(&a.1));
-        let more = all.len().saturating_sub(NAMED);
-        let list: Vec<_> = all
-            .iter()
-            .take(NAMED)
-            .map(|(name, size)| format!("{name} ({least}{})", area(*size)))
-            .collect();
-        list.join(", ") + &if more > 0 { format!(" and {more} more") } else { String::new() }
-    };
     let mut text = String::new();
     if !found.between.is_empty() {
         let pairs =
@@ -229,7 +230,7 @@ fn overlap_lines(found: &Overlaps) -> String {
         let plural = if count == 1 { "" } else { "s" };
         text += &format!(
             "  panels over each other in the flat file: {least}{count} pair{plural}, {}\n",
-            named(pairs)
+            largest_overlaps(pairs, least)
         );
     }
     if !found.within.is_empty() {
@@ -237,7 +238,7 @@ fn overlap_lines(found: &Overlaps) -> String {
             found.within.iter().map(|(panel, area)| (format!("panel {panel}"), *area)).collect();
         text += &format!(
             "  warning: over themselves, so that stitches there go to one of two places: {}\n",
-            named(panels)
+            largest_overlaps(panels, least)
         );
     }
     if text.is_empty() {
@@ -251,6 +252,24 @@ fn overlap_lines(found: &Overlaps) -> String {
         );
     }
     text
+}
+
+/// The largest overlaps with their areas, and the number of the others.
+fn largest_overlaps(mut all: Vec<(String, f64)>, least: &str) -> String {
+    // A stable sort: equal ones stay in the panels' order.
+    all.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let more = all.len().saturating_sub(NAMED);
+    let list: Vec<_> = all
+        .iter()
+        .take(NAMED)
+        .map(|(name, size)| format!("{name} ({least}{})", area_text(*size)))
+        .collect();
+    list.join(", ") + &if more > 0 { format!(" and {more} more") } else { String::new() }
+}
+
+/// An area, given in mm², with its unit. A fold of one triangle is too small for cm².
+fn area_text(area: f64) -> String {
+    if area < 100.0 { format!("{area:.2} mm²") } else { format!("{:.1} cm²", area / 100.0) }
 }
 
 #[cfg(test)]

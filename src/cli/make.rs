@@ -1,4 +1,4 @@
-//! `warpknit drape` and `warpknit swatch`: from arguments to files.
+//! `warpknit drape` and `warpknit swatch`. In: arguments. Out: files, and a line about them.
 
 use std::path::Path;
 
@@ -45,7 +45,7 @@ pub(crate) fn swatch(arguments: &Swatch) -> Result<()> {
     let terminal = Terminal::begin_command(&shared.running)?;
     let clock = Clock::start(&terminal);
     let fabric = fabric(shared)?;
-    // A fabric of chains is named by them, and a file may name its fabric anything.
+    // The name may be that of chains, or any text of a fabric file. A slash would make it a path.
     let is_path = fabric.name.is_empty() || fabric.name.contains(['/', '\\']);
     let stem = if is_path { "swatch" } else { &fabric.name };
     let source = shared.source(&fabric, Vec::new(), Path::new(stem));
@@ -60,7 +60,7 @@ pub(crate) fn swatch(arguments: &Swatch) -> Result<()> {
     }
 }
 
-/// Says what was made.
+/// Prints the counts and the names of the files.
 fn tell_done(done: &Done, quiet: bool) {
     let (stitches, yarns) = (done.totals.losses.stitches, done.totals.yarns);
     let frames =

@@ -1,4 +1,4 @@
-//! The commands, one file each, and what they share.
+//! The command line: one file for each command, and the parts that commands share.
 
 mod args;
 mod bench;
@@ -31,11 +31,13 @@ use args::Command;
 #[cfg(unix)]
 pub(crate) use signals::clean_up_on_signals;
 
-/// Runs the command that was asked for.
+/// Runs the command that the arguments name.
 pub(crate) fn run(arguments: Arguments) -> Result<()> {
     match arguments.command {
-        Command::Drape(drape) => told_of_loss(drape.shared.outputs.len(), make::drape(&drape)),
-        Command::Swatch(swatch) => told_of_loss(swatch.shared.outputs.len(), make::swatch(&swatch)),
+        Command::Drape(drape) => with_lost_files(drape.shared.outputs.len(), make::drape(&drape)),
+        Command::Swatch(swatch) => {
+            with_lost_files(swatch.shared.outputs.len(), make::swatch(&swatch))
+        }
         #[cfg(feature = "view")]
         Command::View(live) => view::view(live),
         Command::Inspect(inspect) => inspect::inspect(&inspect),
@@ -48,7 +50,7 @@ pub(crate) fn run(arguments: Arguments) -> Result<()> {
     }
 }
 
-/// Whether a reader of ours has gone: it has seen enough.
+/// Whether the error is that a reader of our output has closed it. That ends a run, but is no fault.
 pub(crate) fn is_broken_pipe(error: &anyhow::Error) -> bool {
     error
         .chain()
@@ -56,9 +58,10 @@ pub(crate) fn is_broken_pipe(error: &anyhow::Error) -> bool {
         .any(|cause| cause.kind() == io::ErrorKind::BrokenPipe)
 }
 
-/// An output whose reader has gone is no error, unless others are lost with it.
-fn told_of_loss(outputs: usize, made: Result<()>) -> Result<()> {
+/// Turns a closed output into an error if other outputs are lost with it.
+fn with_lost_files(outputs: usize, made: Result<()>) -> Result<()> {
     match made {
+        // The error text replaces the chain, so that `is_broken_pipe` no longer hides it.
         Err(error) if outputs > 1 && is_broken_pipe(&error) => {
             Err(anyhow!("{error:#}; no other file is written"))
         }

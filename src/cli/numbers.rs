@@ -1,10 +1,12 @@
-//! The numbers of a fabric as a table for designers.
+//! The table of a fabric's numbers that `warpknit swatch` prints.
+//!
+//! In: the measurements of the real cloth. Out: text.
 
 use std::fmt::Write as _;
 
 use warpknit::pipeline::RealCloth;
 
-/// A line a number with its name first, and a line a bar.
+/// One line for each number, with its name first, then one line for each bar.
 pub(super) fn table(real: &RealCloth) -> String {
     let RealCloth { fabric, numbers, clearance } = real;
     let mut rows = vec![
@@ -28,18 +30,19 @@ pub(super) fn table(real: &RealCloth) -> String {
         ),
     ];
     if fabric.weft_knit().is_some() {
-        // m a m² is also 1/1000 mm a mm².
+        // 1 m/m² is 1/1000 mm/mm². A loop of a plain weft knit takes one wale times one course.
         let length = numbers.yarn_length / 1000.0 * fabric.wale_spacing() * fabric.course_spacing();
         rows.push(("loop length", format!("{length:.2} mm")));
     }
     if fabric.radius() < fabric.true_radius() {
         let (drawn, thick) = (2.0 * fabric.radius(), 2.0 * fabric.true_radius());
         rows.push((
-                "note",
-                format!(
-                    "thickness and cover factor are those of yarns of {drawn:.3} mm, not {thick:.3} mm: loops have no more room"
-                ),
-            ));
+            "note",
+            format!(
+                "thickness and cover factor are those of yarns of {drawn:.3} mm, not \
+                     {thick:.3} mm: loops have no more room"
+            ),
+        ));
     }
     let mut table = String::new();
     for (name, value) in rows {
@@ -70,6 +73,7 @@ pub(super) fn table(real: &RealCloth) -> String {
     table
 }
 
+/// Adds a line to the table.
 fn line(table: &mut String, text: std::fmt::Arguments<'_>) {
     writeln!(table, "{text}").expect("a string takes any text");
 }

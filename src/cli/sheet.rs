@@ -1,5 +1,5 @@
-//! `warpknit inspect --fabric`: a fabric as a designer checks it, the chain as a table and as a
-//! lapping diagram, or a weft knit's chart.
+//! `warpknit inspect --fabric`: the sheet with which a designer checks a fabric. It has the chains as
+//! a table and as a lapping diagram, or the chart of a weft knit.
 
 use std::fmt::{self, Write as _};
 use std::path::{Path, PathBuf};
@@ -14,10 +14,10 @@ use warpknit::knit::{Pattern, clearance};
 
 use warpknit::pipeline::{check_distinct, text_file};
 
-/// The most courses of the table.
+/// The most courses in the table. Longer chains are cut, with a line that says so.
 const MOST_ROWS: usize = 200;
 
-/// What a fabric's chains say, and whether its yarns fit once a repeat is knitted.
+/// The text of the sheet: name, densities, chains, yarns, and the clearance of one knitted repeat.
 pub(super) fn sheet(fabric: &Fabric) -> Result<String, fmt::Error> {
     let mut text = String::new();
     writeln!(
@@ -66,7 +66,7 @@ pub(super) fn sheet(fabric: &Fabric) -> Result<String, fmt::Error> {
     Ok(text)
 }
 
-/// A yarn system with its number and how it is laid.
+/// A yarn system with its number and its lapping.
 fn system(fabric: &Fabric, at: usize) -> String {
     let (number, lapping) = (at + 1, fabric.lapping(at));
     match &fabric.structure {
@@ -80,7 +80,7 @@ fn system(fabric: &Fabric, at: usize) -> String {
     }
 }
 
-/// The chart: a row a course, the last one on top, and what the letters mean.
+/// The chart: one row for each course, the last course on top, and a legend of the letters.
 fn chart(motif: &Motif) -> String {
     let rows = motif.rows().iter().zip((1..=motif.courses()).rev());
     let mut text: String = rows.map(|(row, course)| format!("  {course:6}  {row}\n")).collect();
@@ -90,10 +90,11 @@ fn chart(motif: &Motif) -> String {
     text
 }
 
-/// The chain: a row a course, first course first, four columns a bar.
+/// The chains: one row for each course, the first course on top, and four columns for each bar.
 fn table(fabric: &Fabric, bars: &[Bar]) -> String {
     let shown = fabric.repeat().min(MOST_ROWS);
     let columns = ["lap", "kind", "underlap", "needles"];
+    // The cells of each bar, with the column names as its first row.
     let mut groups: Vec<Vec<[String; 4]>> = Vec::new();
     for bar in bars {
         let header = columns.map(str::to_owned);
@@ -110,6 +111,7 @@ fn table(fabric: &Fabric, bars: &[Bar]) -> String {
             |column: usize| group.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
         let widths = [0, 1, 2, 3].map(width);
         let title = format!("bar {number}");
+        // Three gaps of two spaces lie between the four columns.
         let all: usize = widths.iter().sum::<usize>() + 6;
         lines[0] += &format!("  | {title:all$}");
         for (line, row) in lines[1..].iter_mut().zip(group) {
@@ -137,7 +139,7 @@ fn cells(bar: &Bar, course: i64) -> [String; 4] {
     }
 }
 
-/// The same of a guide bar, which laps.
+/// The four cells of a guide bar that laps.
 fn lap_cells(chain: &Chain, course: i64) -> [String; 4] {
     let (chain, left) = (chain.as_written(), chain.counts_from_left());
     let (lap, underlap) = (chain.lap(course), chain.underlap(course));
@@ -166,8 +168,8 @@ fn lap_cells(chain: &Chain, course: i64) -> [String; 4] {
     [format!("{}-{}", lap.from, lap.to), kind.to_owned(), arrow, needles]
 }
 
-/// Draws the lapping diagram into files that are whole but not yet under their names; and what the
-/// diagram leaves out.
+/// Draws the lapping diagram into complete files, still under their temporary names. Also returns
+/// notes about parts that the diagram leaves out.
 pub(super) fn diagrams(
     fabric: &Fabric,
     outputs: &[(PathBuf, ChartFormat)],
@@ -184,7 +186,7 @@ pub(super) fn diagrams(
     Ok((whole, drawing.notes))
 }
 
-/// A drawing in a file that is whole but not yet under its name.
+/// Writes a drawing into a complete file, still under its temporary name.
 pub(super) fn drawn(
     drawing: &Drawing,
     path: &Path,

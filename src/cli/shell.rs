@@ -1,11 +1,14 @@
-//! `warpknit completions` and `warpknit man`: what a shell and `man` want to know, from the
-//! definition of the command line.
+//! `warpknit completions` and `warpknit man`: completion scripts and manual pages, generated from
+//! the definition of the command line.
 
 use anyhow::{Result, bail};
 use clap::CommandFactory as _;
 
 use super::args::{Arguments, Completions, Man};
 use super::terminal::print;
+
+/// Headings in help texts whose lists stay line by line in the manual.
+const LISTS: [&str; 2] = ["Examples:", "Files in the folder:"];
 
 /// Prints a completion script.
 pub(crate) fn completions(arguments: &Completions) -> Result<()> {
@@ -22,7 +25,7 @@ pub(crate) fn completions(arguments: &Completions) -> Result<()> {
 /// Prints the manual page of the program, or of one of its commands.
 pub(crate) fn man(arguments: &Man) -> Result<()> {
     let mut program = Arguments::command();
-    // Commands learn their full names and what they inherit.
+    // Only a built command knows the full names of its subcommands and the flags they inherit.
     program.build();
     let Some(name) = &arguments.command else { return page(program) };
     let Some(command) = program.find_subcommand(name) else {
@@ -33,14 +36,15 @@ pub(crate) fn man(arguments: &Man) -> Result<()> {
     page(command.clone().name(name))
 }
 
+/// Prints the manual page of one command.
 fn page(command: clap::Command) -> Result<()> {
     let mut page = Vec::new();
     clap_mangen::Man::new(command).render(&mut page)?;
     print(&as_written(&String::from_utf8_lossy(&page)))
 }
 
-/// The page with its examples line by line: `man` would fill them up to whole lines, and nobody
-/// could copy them.
+/// The page with its lists line by line. Otherwise `man` would join the lines, and nobody could copy
+/// an example.
 fn as_written(page: &str) -> String {
     let mut text = String::with_capacity(page.len() + 16);
     let mut is_open = false;
@@ -51,7 +55,8 @@ fn as_written(page: &str) -> String {
         }
         text += line;
         text.push('\n');
-        if line == "Examples:" {
+        // Unfilled text in roff: from `.nf` to `.fi`.
+        if LISTS.contains(&line) {
             text += ".nf\n";
             is_open = true;
         }

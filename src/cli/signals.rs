@@ -1,9 +1,8 @@
-//! What happens at Ctrl-C, when the system asks the program to end, and when a file outgrows its
-//! limit.
+//! Signals: Ctrl-C, requests to terminate, and a file that exceeds its size limit.
 //!
-//! The temporary files of unfinished outputs are removed, then the program dies by the same signal,
-//! as shells and scripts expect (a shell shows 130 after Ctrl-C). SIGKILL can't be heard; what that
-//! leaves, the next run removes.
+//! The temporary files of unfinished outputs are removed. Then the program ends by the same signal,
+//! as shells and scripts expect (a shell shows 130 after Ctrl-C). SIGKILL can't be caught: the next
+//! run removes the temporary files that it leaves.
 
 use std::fs;
 use std::io;
@@ -20,28 +19,29 @@ use warpknit::export::remove_temporaries;
 /// Listens for the signals that end a program, on a thread of its own.
 ///
 /// # Errors
-/// What the system says.
+/// The system's error if a signal can't be registered.
 pub(crate) fn clean_up_on_signals() -> io::Result<()> {
-    // Once somebody listens, a write beyond `ulimit -f` is an error like that of a full disk, told
-    // with the file's name, and no sudden death.
+    // With any handler for it, a write beyond `ulimit -f` fails like one on a full disk, and the
+    // error names the file. Without a handler the program would end at once.
     signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false)))?;
     let ignored = ignored_signals();
-    let asked_to_hear =
+    let caught =
         [SIGINT, SIGTERM, SIGHUP].into_iter().filter(|signal| ignored & (1 << (signal - 1)) == 0);
-    let mut signals = Signals::new(asked_to_hear)?;
+    let mut signals = Signals::new(caught)?;
     let listen = move || {
         if let Some(signal) = signals.forever().next() {
             remove_temporaries();
-            let _dead = emulate_default_handler(signal);
+            let _ended = emulate_default_handler(signal);
+            // Only if the signal's own action did not end the process.
             process::exit(128 + signal);
         }
     };
     thread::Builder::new().name("signals".to_owned()).spawn(listen).map(drop)
 }
 
-/// The signals that whoever started the program wants ignored (`nohup`, jobs in the background of a
-/// script), a bit each from signal 1; they stay so. Where the system doesn't tell, SIGHUP is taken
-/// for one of them.
+/// The signals that the program's parent set to be ignored (`nohup`, background jobs of a script),
+/// one bit each from signal 1. They stay ignored. Where `/proc` is missing, only SIGHUP counts as
+/// ignored.
 fn ignored_signals() -> u64 {
     let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status

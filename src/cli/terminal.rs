@@ -1,5 +1,5 @@
-//! A command's threads, and all that a person sees of it: data on stdout, the progress bar and
-//! messages on stderr.
+//! A command's threads, and its output on the terminal: data on stdout, the progress bar and messages
+//! on stderr.
 
 use std::io::{self, Write};
 
@@ -10,7 +10,7 @@ use warpknit::pipeline::{Listener, Message, Task};
 
 use super::args::Running;
 
-/// The person at the terminal, who sees a bar and messages on stderr.
+/// The listener of a run that shows a progress bar and messages on stderr.
 #[derive(Debug)]
 pub(crate) struct Terminal {
     bar: ProgressBar,
@@ -18,7 +18,7 @@ pub(crate) struct Terminal {
 }
 
 impl Terminal {
-    /// Starts a command: its threads, all cores where no number is given, and the bar.
+    /// Starts a command: its threads, by default one for each core, and the progress bar.
     pub(crate) fn begin_command(running: &Running) -> Result<Self> {
         if let Some(threads) = running.threads {
             ThreadPoolBuilder::new()
@@ -29,7 +29,7 @@ impl Terminal {
         Ok(Self::new(running.quiet))
     }
 
-    /// The bar shows itself on a terminal only.
+    /// A progress bar. It is visible only if stderr is a terminal.
     pub(crate) fn new(quiet: bool) -> Self {
         let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(1000) };
         let style = ProgressStyle::with_template("{msg:10} {bar:40} {percent:>3} %")
@@ -38,7 +38,7 @@ impl Terminal {
         Self { bar, quiet }
     }
 
-    /// Says something on stderr that stays above the bar, also where messages are not wanted.
+    /// Prints a message on stderr above the bar, also with `--quiet`.
     pub(crate) fn aside(&self, message: &str) {
         self.bar.suspend(|| tell(false, message));
     }
@@ -81,7 +81,7 @@ impl Listener for Terminal {
     }
 }
 
-/// Prints data to stdout. Whoever closes it has seen enough, and files are still to be written.
+/// Prints data to stdout. A closed stdout is no error, so that the files are still written.
 pub(super) fn print(text: &str) -> Result<()> {
     let mut stdout = io::stdout().lock();
     match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
@@ -90,10 +90,10 @@ pub(super) fn print(text: &str) -> Result<()> {
     }
 }
 
-/// Tells a person something, on stderr.
+/// Prints a message on stderr, unless `quiet`.
 pub(super) fn tell(quiet: bool, message: &str) {
     if !quiet {
-        // Nothing is lost if nobody listens.
-        let _unheard = writeln!(io::stderr(), "{message}");
+        // A closed stderr must not end the work.
+        let _closed = writeln!(io::stderr(), "{message}");
     }
 }

@@ -1,5 +1,7 @@
-//! What a flag's text may be: choices by name, and numbers, sizes and paths that are checked as
-//! they are read.
+//! Values of flags: choices by name, and parsers of numbers, sizes and paths.
+//!
+//! In: the text of a flag. Out: the value, or a message that says what is allowed. clap prints it
+//! with the flag's name.
 
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -13,7 +15,7 @@ use warpknit::map::Mapping;
 use warpknit::render::scene::Shape;
 use warpknit::render::{RendererChoice, View};
 
-/// The largest side of a picture.
+/// The largest side of a picture, pixels.
 pub(crate) const MOST_PIXELS: u32 = 32_768;
 
 #[derive(ValueEnum, Clone, Copy, Debug)]
@@ -79,7 +81,7 @@ impl From<EdgeArg> for Edge {
 
 #[derive(ValueEnum, Clone, Copy, Debug)]
 pub(crate) enum MappingArg {
-    /// The paper's: affine in each triangle
+    /// The source paper's method: affine in each triangle
     Frame,
     /// Depth in mm along a smooth normal
     Smooth,
@@ -117,6 +119,7 @@ impl From<ViewArg> for View {
     }
 }
 
+/// Parses an output's path. Its ending gives the format.
 pub(super) fn output(text: &str) -> Result<(PathBuf, Format), String> {
     let path = PathBuf::from(text);
     let format = Format::from_path(&path).map_err(|error| error.to_string())?;
@@ -124,6 +127,7 @@ pub(super) fn output(text: &str) -> Result<(PathBuf, Format), String> {
 }
 
 #[cfg(feature = "view")]
+/// Parses the path of a picture of the window.
 pub(super) fn picture(text: &str) -> Result<PathBuf, String> {
     match output(text)? {
         (path, Format::Png) => Ok(path),
@@ -131,13 +135,15 @@ pub(super) fn picture(text: &str) -> Result<PathBuf, String> {
     }
 }
 
+/// Parses the path of a drawing.
 pub(super) fn diagram(text: &str) -> Result<(PathBuf, chart::ChartFormat), String> {
     let path = PathBuf::from(text);
     let format = chart::ChartFormat::from_path(&path)
-        .ok_or("nothing is drawn with this ending; known are .svg .png")?;
+        .ok_or("drawings can't be written with this ending; known are .svg .png")?;
     Ok((path, format))
 }
 
+/// Parses a size such as `1600x1200`.
 pub(super) fn size(text: &str) -> Result<(u32, u32), String> {
     let sides = text
         .split_once(['x', 'X'])
@@ -150,6 +156,7 @@ pub(super) fn size(text: &str) -> Result<(u32, u32), String> {
     }
 }
 
+/// Parses the number of samples of edges. WebGPU guarantees 1 and 4 only.
 pub(super) fn samples(text: &str) -> Result<u32, String> {
     match text {
         "1" => Ok(1),
@@ -158,6 +165,7 @@ pub(super) fn samples(text: &str) -> Result<u32, String> {
     }
 }
 
+/// Parses a point such as `0,500,1200`.
 pub(super) fn vector(text: &str) -> Result<DVec3, String> {
     let numbers =
         list(text).filter(|numbers: &[f64; 3]| numbers.iter().all(|number| number.is_finite()));
@@ -166,50 +174,59 @@ pub(super) fn vector(text: &str) -> Result<DVec3, String> {
         .ok_or_else(|| "write three numbers with commas, such as 0,500,1200".to_owned())
 }
 
+/// Parses a rectangle: x, y, width, height.
 pub(super) fn rectangle(text: &str) -> Result<[u32; 4], String> {
     list(text).ok_or_else(|| {
         "write x, y, width and height in pixels with commas, such as 100,50,800,300".to_owned()
     })
 }
 
+/// Parses two vectors in the plane.
 pub(super) fn two_vectors(text: &str) -> Result<[f64; 4], String> {
     let numbers =
         list(text).filter(|numbers: &[f64; 4]| numbers.iter().all(|number| number.is_finite()));
     numbers.ok_or_else(|| "write both vectors in pixels with commas, such as 24,0,0,18".to_owned())
 }
 
-/// So many numbers with commas between them.
+/// Parses exactly `N` numbers with commas between them.
 fn list<T: FromStr, const N: usize>(text: &str) -> Option<[T; N]> {
     let numbers: Option<Vec<T>> =
         text.split(',').map(|number| number.trim().parse().ok()).collect();
     numbers?.try_into().ok()
 }
 
+/// Parses a share of white.
 pub(super) fn brightness(text: &str) -> Result<f32, String> {
     number(text, |share| (-1.0..=1.0).contains(share), "it must be between -1 and 1")
 }
 
+/// Parses a factor of contrast.
 pub(super) fn contrast(text: &str) -> Result<f32, String> {
     number(text, |factor| (0.1..=10.0).contains(factor), "it must be between 0.1 and 10")
 }
 
+/// Parses a number that is neither infinite nor NaN.
 pub(super) fn finite(text: &str) -> Result<f64, String> {
     number(text, |number: &f64| number.is_finite(), "it must be a number")
 }
 
+/// Parses a finite number over 0.
 pub(super) fn positive(text: &str) -> Result<f64, String> {
     number(text, |number: &f64| *number > 0.0 && number.is_finite(), "it must be a number over 0")
 }
 
+/// Parses width over height of a section. Beyond these limits tubes would be sheets.
 pub(super) fn flattening(text: &str) -> Result<f64, String> {
     number(text, |ratio| (0.1..=10.0).contains(ratio), "it must be between 0.1 and 10")
 }
 
+/// Parses a field of view in degrees. Perspective has no picture at 180 degrees, and above 120 its
+/// borders are stretched beyond use.
 pub(super) fn field_of_view(text: &str) -> Result<f64, String> {
     number(text, |degrees| (1.0..=120.0).contains(degrees), "it must be between 1 and 120 degrees")
 }
 
-/// The number, if it is one that `suits`.
+/// Parses a number for which `suits` is true, or returns the message `otherwise`.
 fn number<T: FromStr>(
     text: &str,
     suits: impl FnOnce(&T) -> bool,

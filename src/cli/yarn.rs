@@ -16,17 +16,18 @@ use super::contact::{self, SWATCH_YARN_WIDTH};
 use super::terminal::{Terminal, print, tell};
 use warpknit::pipeline::{Listener as _, Task};
 
-/// Sizes of maps that are accepted, mm. Others come from a mistake in a flag.
+/// Accepted sizes of maps, mm. A size outside comes from a mistake in a flag.
 const SIZES: std::ops::RangeInclusive<f64> = 0.001..=10_000.0;
-/// Files in the folder that are no maps: yarn.toml and the contact sheet.
+/// Number of files in the folder that are not maps: yarn.toml and the contact sheet.
 const OTHER_FILES: usize = 2;
-/// Share of the progress bar for the steps. The sheet's swatch takes most of the rest.
+/// Share of the progress bar for the steps. The sheet's swatch has the rest.
 const STEPS_SHARE: f32 = 0.6;
 
 /// Develops a photo into a folder of maps.
 pub(crate) fn yarn(arguments: &Yarn) -> Result<()> {
     let terminal = Terminal::begin_command(&arguments.running)?;
     terminal.begin(Task::Read, 0.0);
+    // Wrong paths end the command here, before the work.
     check_names(arguments)?;
     let folder = OutputFolder::create(&arguments.output)?;
     let photo = read_photo(&arguments.photo)?;
@@ -69,6 +70,7 @@ pub(crate) fn yarn(arguments: &Yarn) -> Result<()> {
 }
 
 impl Yarn {
+    /// The library's settings. --dpi and --yarn-width-mm exclude each other.
     fn settings(&self) -> YarnPhotoSettings {
         let scale = match (self.dpi, self.yarn_width_mm) {
             (Some(dpi), _) => PixelScale::Dpi(dpi),
@@ -80,14 +82,14 @@ impl Yarn {
     }
 }
 
-/// Refuses to overwrite the photo.
+/// Refuses an output folder in which a file would overwrite the photo.
 fn check_names(arguments: &Yarn) -> Result<()> {
     let photo = arguments.photo.canonicalize().ok();
     for file in FILES {
         let target = arguments.output.join(file);
         if photo.is_some() && target.canonicalize().ok() == photo {
             bail!(
-                "{}: this is the photo, and would be written over; name another folder with -o",
+                "{}: this is the photo, and it would be overwritten; name another folder with -o",
                 target.display()
             );
         }
@@ -100,6 +102,7 @@ fn check_size(yarn: &Developed) -> Result<()> {
     if let Some((width, length)) = yarn.width().zip(yarn.length())
         && !(SIZES.contains(&width) && SIZES.contains(&length))
     {
+        // In exponents: such sizes are often off by powers of ten.
         bail!(
             "the maps would be {width:.3e} mm wide and {length:.3e} mm long: \
              check --yarn-width-mm or --dpi"
@@ -122,7 +125,7 @@ fn notes(yarn: &Developed) -> Vec<String> {
         let correlation = yarn.repeat.correlation;
         notes.push(format!(
             "no repeat was found (correlation {correlation:.2}); the maps show a stretch that fits \
-             itself, as good for spun yarns"
+             itself, which is as good for spun yarns"
         ));
     }
     notes

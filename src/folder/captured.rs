@@ -1,8 +1,7 @@
-//! The folder that a capture fills: the cloth as pictures, as a layout to correct by hand, and as a
-//! fabric to drape.
+//! The folder of a captured cloth: pictures, a layout to correct by hand, and a fabric to drape.
 //!
-//! In: [`Captured`] and an [`OutputFolder`]. Out: [`FILES`] in it. Besides what the capture itself
-//! gives there are a preview of the draped cloth and the fibres of one cell.
+//! In: [`Captured`] and an [`OutputFolder`]. Out: [`FILES`] in it. A preview of the cloth and the
+//! fibres of one cell are made here. The other files come from the capture.
 
 use std::fs;
 use std::path::Path;
@@ -32,37 +31,44 @@ pub const FILES: [&str; 10] = [
     "preview.png",
     "report.json",
 ];
-/// Cells each way of the preview, its pixels, and how wide its camera sees.
+/// Cells of the preview along the longer side of a cell.
 const PREVIEW_CELLS: f64 = 5.0;
+/// Width and height of the preview, pixels.
 const PREVIEW_SIDE: u32 = 640;
+/// Vertical field of view of the preview's camera, radians.
 const PREVIEW_VIEW: f64 = 0.3;
-/// The most cells of the preview each way, however narrow they are.
+/// The most cells of the preview along either side. It limits the work for very narrow cells.
 const MOST_CELLS: u32 = 256;
 
 /// Writes all files.
 ///
 /// # Errors
-/// What the disk says.
+/// [`ExportError`] if a file can't be written.
 pub fn save(captured: &Captured, folder: &OutputFolder) -> Result<(), ExportError> {
-    let picture =
-        |name: &str, picture: &RgbaImage| png::write(&folder.file(name), picture)?.publish();
-    picture("cell.png", &captured.cell_picture())?;
-    picture("grid3x3.png", &captured.grid_picture())?;
-    picture("texture.png", captured.texture())?;
-    picture("depth.png", &captured.depth_picture())?;
-    picture("preview.png", &preview(&captured.fabric))?;
+    picture(folder, "cell.png", &captured.cell_picture())?;
+    picture(folder, "grid3x3.png", &captured.grid_picture())?;
+    picture(folder, "texture.png", captured.texture())?;
+    picture(folder, "depth.png", &captured.depth_picture())?;
+    picture(folder, "preview.png", &preview(&captured.fabric))?;
     fibres(&captured.fabric, &folder.file("fibres.usda"))?;
-    let text = |name: &str, text: String| {
-        fs::write(folder.file(name), text)
-            .map_err(|source| ExportError::Io { path: Some(folder.target().join(name)), source })
-    };
-    text("layout.svg", svg::text(&captured.drawing()))?;
-    text("layout.toml", captured.layout_text())?;
-    text("fabric.toml", captured.fabric_text())?;
-    text("report.json", captured.report_text())
+    text(folder, "layout.svg", &svg::text(&captured.drawing()))?;
+    text(folder, "layout.toml", &captured.layout_text())?;
+    text(folder, "fabric.toml", &captured.fabric_text())?;
+    text(folder, "report.json", &captured.report_text())
 }
 
-/// All fibres of one cell, as thick as the paper's.
+/// Writes a picture of the folder.
+fn picture(folder: &OutputFolder, name: &str, picture: &RgbaImage) -> Result<(), ExportError> {
+    png::write(&folder.file(name), picture)?.publish()
+}
+
+/// Writes a text of the folder. An error names the file as it will be when the folder is complete.
+fn text(folder: &OutputFolder, name: &str, text: &str) -> Result<(), ExportError> {
+    fs::write(folder.file(name), text)
+        .map_err(|source| ExportError::Io { path: Some(folder.target().join(name)), source })
+}
+
+/// Writes all fibres of one cell, with the default radius.
 fn fibres(fabric: &Fabric, path: &Path) -> Result<(), ExportError> {
     let panel = swatch_panel(fabric, 1, 1);
     let cloth = Cloth::swatch(&panel, fabric, 1, 1);
@@ -76,13 +82,13 @@ fn fibres(fabric: &Fabric, path: &Path) -> Result<(), ExportError> {
     output.publish()
 }
 
-/// The cloth as it will look, some cells of it.
+/// A picture of some cells of the cloth.
 fn preview(fabric: &Fabric) -> RgbaImage {
-    let longer = fabric.wale_spacing().max(fabric.course_spacing());
-    let cells = |spacing: f64| {
-        index32(whole(narrow((PREVIEW_CELLS * longer / spacing).round())).min(MOST_CELLS as usize))
-    };
-    let scene = cloth::swatch(fabric, cells(fabric.wale_spacing()), cells(fabric.course_spacing()));
+    // More cells along their shorter side, so that the preview is about square.
+    let side = PREVIEW_CELLS * fabric.wale_spacing().max(fabric.course_spacing());
+    let [wales, courses] =
+        [fabric.wale_spacing(), fabric.course_spacing()].map(|spacing| cells(side, spacing));
+    let scene = cloth::swatch(fabric, wales, courses);
     let options = render::RenderOptions {
         width: PREVIEW_SIDE,
         height: PREVIEW_SIDE,
@@ -90,4 +96,9 @@ fn preview(fabric: &Fabric) -> RgbaImage {
     };
     let camera = Camera::view(View::Front, &scene.positions, PREVIEW_VIEW, 1.0, 1.0);
     render::render(&scene, &camera, &options, &|_| ()).expect("pictures of that size can be drawn")
+}
+
+/// The number of cells of this spacing along a side, at most [`MOST_CELLS`].
+fn cells(side: f64, spacing: f64) -> u32 {
+    index32(whole(narrow((side / spacing).round())).min(MOST_CELLS as usize))
 }

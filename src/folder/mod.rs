@@ -1,7 +1,7 @@
 //! Folders of files that `yarn` and `capture` fill from a photo.
 //!
-//! In: what the photo crate found. Out: files in an [`crate::export::OutputFolder`], which is seen
-//! only when whole.
+//! In: the results of the photo crate. Out: files in an [`crate::export::OutputFolder`]. The folder
+//! appears under its name only when it is complete.
 
 pub mod captured;
 pub mod yarn_maps;

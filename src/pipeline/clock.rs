@@ -1,15 +1,15 @@
-//! The time of a run, task by task, and who hears of its progress.
+//! The time of a run, task by task, and the listener that follows its progress.
 //!
-//! In: tasks as they begin and end. Out: [`Timings`] for the report. A [`Listener`] hears of each
-//! task and message; the command draws a progress bar with it, and the library prints nothing by
-//! itself.
+//! In: tasks as they begin and end. Out: [`Timings`] for the report. A [`Listener`] receives each
+//! task and each message. The command's listener draws a progress bar. The library itself prints
+//! nothing.
 
 use std::time::{Duration, Instant};
 
 use crate::drape::Stage;
 use crate::report::Timings;
 
-/// What time is spent on, as the report names it.
+/// A part of a run whose time is measured. [`Clock::timings`] maps tasks to the report's keys.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Task {
     /// Reading meshes and photos.
@@ -30,12 +30,13 @@ pub enum Task {
     Measure,
     /// Pictures.
     Render,
-    /// Pictures, into files.
+    /// Compressing pictures and writing their files.
     Compress,
     /// All other files.
     Write,
 }
 
+/// Number of variants of [`Task`].
 const TASKS: usize = 11;
 
 impl From<Stage> for Task {
@@ -51,20 +52,20 @@ impl From<Stage> for Task {
     }
 }
 
-/// What a run says to a person while it goes on.
+/// A message for a person during a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Message<'a> {
-    /// Something is amiss.
+    /// A fault in the input or in the result.
     Warning(&'a str),
-    /// Something is worth knowing.
+    /// A fact that the person may want to know.
     Note(&'a str),
 }
 
-/// Hears how a run goes on, from any thread. `()` ignores it all.
+/// Receives the progress of a run, from any thread. `()` ignores it.
 pub trait Listener: Sync {
-    /// A task begins, with the share of it that is done, from 0 to 1.
+    /// A task begins. A share of it, from 0 to 1, may already be done.
     fn begin(&self, task: Task, done: f64);
-    /// The share of the running task that is done, from 0 to 1.
+    /// The finished share of the running task, from 0 to 1.
     fn progress(&self, done: f64);
     /// A message for a person.
     fn say(&self, message: Message<'_>);
@@ -76,7 +77,7 @@ impl Listener for () {
     fn say(&self, _message: Message<'_>) {}
 }
 
-/// A stopwatch that is always running for exactly one task, or none.
+/// A stopwatch for tasks. It measures one task at a time, or none.
 pub struct Clock<'a> {
     start: Instant,
     lap: Instant,
@@ -86,14 +87,14 @@ pub struct Clock<'a> {
 }
 
 impl<'a> Clock<'a> {
-    /// Starts; the total of [`Clock::timings`] counts from here.
+    /// Starts the clock. The total of [`Clock::timings`] counts from here.
     #[must_use]
     pub fn start(listener: &'a dyn Listener) -> Self {
         let now = Instant::now();
         Self { start: now, lap: now, running: None, spent: [Duration::ZERO; TASKS], listener }
     }
 
-    /// Ends the running task and begins another, of which a share is done.
+    /// Ends the running task and begins another. A share of it, from 0 to 1, may already be done.
     pub fn begin(&mut self, task: Task, done: f64) {
         self.stop();
         self.running = Some(task);
@@ -103,23 +104,25 @@ impl<'a> Clock<'a> {
     /// Ends the running task.
     pub fn stop(&mut self) {
         let now = Instant::now();
+        // The same task may begin many times, once for each block of yarns: its times add up.
         if let Some(task) = self.running.take() {
             self.spent[task as usize] += now - self.lap;
         }
         self.lap = now;
     }
 
-    /// Who hears of this run.
+    /// The listener of this run.
     #[must_use]
     pub fn listener(&self) -> &'a dyn Listener {
         self.listener
     }
 
+    /// Time of a task so far, ms.
     fn spent(&self, task: Task) -> f64 {
         1000.0 * self.spent[task as usize].as_secs_f64()
     }
 
-    /// The time of all tasks but drawing and its files so far, ms.
+    /// The time so far of all tasks except drawing pictures and writing them, ms.
     #[must_use]
     pub fn without_pictures(&self) -> f64 {
         1000.0 * self.spent.iter().sum::<Duration>().as_secs_f64()
@@ -127,9 +130,10 @@ impl<'a> Clock<'a> {
             - self.spent(Task::Compress)
     }
 
-    /// The times of all tasks, ms; building the search trees counts as location.
+    /// The times of all tasks, ms. Building the search trees counts as location.
     #[must_use]
     pub fn timings(&self) -> Timings {
+        // The total is wall time and so is larger than the sum: it includes the time between tasks.
         Timings {
             read: self.spent(Task::Read),
             knit: self.spent(Task::Knit),

@@ -1,7 +1,7 @@
-//! Densities of cloth as it is drawn: those that were chosen, or so few that loops can be seen.
+//! Densities of the cloth as it is drawn: the chosen ones, or lower ones at which loops are visible.
 //!
 //! In: a fabric, the flat area of a garment and [`Densities`]. Out: the fabric as it is drawn, and
-//! a note that says what was done.
+//! a note for the user if it was enlarged.
 
 use super::RunError;
 use super::settings::Densities;
@@ -9,12 +9,12 @@ use crate::fabric::{Fabric, FabricError};
 use crate::garment::Garment;
 use crate::ids::index32;
 
-/// The most stitches that a garment is given unasked. A picture of 1600 x 1200 pixels shows no more
-/// of them one by one; with fewer, loops look like rope.
+/// The most stitches of a garment whose densities nobody chose. With more, a picture of 1600 x 1200
+/// pixels no longer shows single stitches. With far fewer, loops look like rope.
 const PICTURED_STITCHES: f64 = 12_000.0;
-/// The most memory that a picture takes for each stitch, GB: measured 1.7 kB where a million are
-/// ray traced. Far ones take a quarter of it, but how far they are is not known before they are
-/// knitted.
+/// The most memory that a picture needs for each stitch, GB. Measured: 1.7 kB with a million ray
+/// traced stitches. Distant cloth needs a quarter of it, but the distance is unknown before the
+/// cloth is knitted.
 pub(crate) const PICTURE_GB: f64 = 1.7e-6;
 
 impl Densities {
@@ -28,7 +28,7 @@ impl Densities {
     /// shape.
     ///
     /// # Errors
-    /// A density that no fabric has.
+    /// [`FabricError`] if a density is outside the limits of a fabric.
     ///
     /// ```
     /// use warpknit::fabric::Fabric;
@@ -43,6 +43,7 @@ impl Densities {
         if !self.are_chosen() {
             return Ok(fabric);
         }
+        // Courses for each wale. It is kept, so that one flag alone doesn't stretch the loops.
         let aspect = fabric.courses_per_cm / fabric.wales_per_cm;
         let from_courses = self.courses_per_cm.map(|courses| courses / aspect);
         let wales = self.wales_per_cm.or(from_courses).unwrap_or(fabric.wales_per_cm);
@@ -50,8 +51,8 @@ impl Densities {
     }
 }
 
-/// The fabric for `area` mm² of garment. Where nobody chose densities and its loops would be too
-/// many and too small to see, it is enlarged, yarns and all, and a note says by how much.
+/// The fabric for `area` mm² of garment, where nobody chose densities. A fabric of too many stitches
+/// is enlarged together with its yarns, and a note says by how much.
 ///
 /// # Errors
 /// [`RunError::TooLargeGarment`].
@@ -61,11 +62,13 @@ pub fn enlarged(fabric: &Fabric, area: f64) -> Result<(Fabric, Option<String>), 
     if stitches <= PICTURED_STITCHES {
         return Ok((fabric.clone(), None));
     }
+    // Stitches are counted by area, so their number falls with the square of the enlargement.
     let times = (stitches / PICTURED_STITCHES).sqrt();
     let (wales, courses) = (fabric.wales_per_cm, fabric.courses_per_cm);
     let note = format!(
-        "{stitches:.0} stitches at true gauge would be too small to see, so the cloth is drawn {times:.1} times enlarged; \
-         --wales-per-cm {wales} --courses-per-cm {courses} knits it at true gauge (a picture then takes up to {:.0} GB)",
+        "{stitches:.0} stitches at true gauge would be too small to see, so the cloth is drawn \
+         {times:.1} times enlarged; --wales-per-cm {wales} --courses-per-cm {courses} knits it at true \
+         gauge (a picture then takes up to {:.0} GB)",
         stitches * PICTURE_GB
     );
     let enlarged = fabric
@@ -75,7 +78,7 @@ pub fn enlarged(fabric: &Fabric, area: f64) -> Result<(Fabric, Option<String>), 
     Ok((enlarged, Some(note)))
 }
 
-/// The radius that was chosen, if the fabric has room for it, or else the fabric's, mm.
+/// The radius with which yarns are drawn, mm: the chosen one, or else the fabric's.
 ///
 /// # Errors
 /// [`RunError::TooThick`].
@@ -88,7 +91,7 @@ pub fn drawn_radius(fabric: &Fabric, chosen: Option<f64>) -> Result<f64, RunErro
     }
 }
 
-/// Turns the panels whose layout in the fabric says so.
+/// Turns the wale direction of each panel by the angle that the fabric's layout gives it.
 pub fn turn_grains(garment: &mut Garment, fabric: &Fabric) {
     for layout in &fabric.panels {
         garment.turn_grain(layout.panel, layout.grain_degrees.to_radians());

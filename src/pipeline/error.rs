@@ -1,4 +1,4 @@
-//! Why a run can't be made.
+//! Errors of a run. Each variant carries the values and limits that its message names.
 
 use std::path::PathBuf;
 
@@ -9,13 +9,14 @@ use crate::garment::GarmentError;
 use crate::photo::yarn::PhotoError;
 use crate::render::GpuError;
 
-/// Why a run can't be made. Each is one line that says what to do; flags are those of the command.
+/// An error that ends a run. Each message is one line and says what to do. Its flags are those of the
+/// command.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
-    /// A fabric or its densities.
+    /// An error in a fabric or in its densities.
     #[error(transparent)]
     Fabric(#[from] FabricError),
-    /// A file of a garment or of one of its frames.
+    /// An error in a file of a garment or of one of its frames.
     #[error(transparent)]
     Garment(#[from] GarmentError),
     /// A file that can't be written.
@@ -24,42 +25,43 @@ pub enum RunError {
     /// The graphics card.
     #[error(transparent)]
     Gpu(#[from] GpuError),
-    /// The maps that all yarns are to be drawn with.
+    /// An error in the maps that were chosen for all yarns.
     #[error(transparent)]
     Maps(#[from] PhotoError),
-    /// The maps that the fabric names for a bar.
+    /// An error in the maps that the fabric names for one bar.
     #[error("the yarn of bar {bar}")]
     MapsOfBar {
         /// Number of the bar, from 1.
         bar: usize,
-        /// What is wrong with its maps.
+        /// The error in its maps.
         source: PhotoError,
     },
     /// A fabric that can't be laid out on this garment.
     #[error("{fabric}")]
     Layout {
-        /// The fabric as it was asked for.
+        /// The fabric's name as the user gave it.
         fabric: String,
-        /// Why not.
+        /// The reason.
         source: LayoutError,
     },
-    /// A garment that no densities suit.
+    /// A garment so large that its enlarged fabric would be outside the limits of densities.
     #[error("the garment is too large for any density: check --unit")]
     TooLargeGarment {
         /// The density that was tried.
         source: FabricError,
     },
-    /// Yarns thicker than their place.
+    /// Yarns thicker than the space between two wales.
     #[error(
-        "a radius of {radius} mm is over the wale spacing of {wale_spacing:.3} mm: yarns would fill each other's place"
+        "a radius of {radius} mm is over the wale spacing of {wale_spacing:.3} mm: yarns would fill \
+         each other's place"
     )]
     TooThick {
         /// The radius that was chosen, mm.
         radius: f64,
-        /// The room for it, mm.
+        /// The largest radius that fits, mm.
         wale_spacing: f64,
     },
-    /// More stitches than are numbered.
+    /// More stitches than [`super::MOST_STITCHES`].
     #[error(
         "{stitches} stitches are over the limit of {most}: lower --wales-per-cm and --courses-per-cm"
     )]
@@ -69,18 +71,19 @@ pub enum RunError {
         /// How many there may be.
         most: u64,
     },
-    /// More than the free memory holds.
+    /// Cloth that needs more memory than is free.
     #[error(
-        "{what} of {stitches} stitches takes about {needed:.0} GB of memory and {free:.0} GB are free: {remedy}"
+        "{what} of {stitches} stitches takes about {needed:.0} GB of memory and {free:.0} GB \
+         are free: {remedy}"
     )]
     NoMemory {
         /// What takes the memory.
         what: &'static str,
-        /// How many stitches it has.
+        /// The number of stitches.
         stitches: u64,
-        /// What they take, GB.
+        /// The memory that they need, GB.
         needed: f64,
-        /// What there is, GB.
+        /// The free memory, GB.
         free: f64,
         /// What to do.
         remedy: &'static str,
@@ -90,12 +93,13 @@ pub enum RunError {
         "--turntable turns pictures, and none is asked for: name one, such as -o all-around.png"
     )]
     TurntableWithoutPicture,
-    /// A camera that looks nowhere.
+    /// A camera at the point that it looks at.
     #[error("--eye and --look-at are the same point: there is no direction to look in")]
     NoDirection,
     /// A tile of a picture with fewer rows than tiles.
     #[error(
-        "--tile {number}/{of}: a picture of {rows} rows can't be cut into {of} parts; raise --size, or ask for fewer"
+        "--tile {number}/{of}: a picture of {rows} rows can't be cut into {of} parts; raise --size, \
+         or ask for fewer"
     )]
     TooManyTiles {
         /// The tile, from 1.
@@ -107,10 +111,11 @@ pub enum RunError {
     },
     /// No yarn on the garment.
     #[error(
-        "no yarn lies on the garment: its panels are smaller than a stitch; raise --wales-per-cm and --courses-per-cm"
+        "no yarn lies on the garment: its panels are smaller than a stitch; raise \
+         --wales-per-cm and --courses-per-cm"
     )]
     NoYarn,
-    /// A file that would be written over.
+    /// An output that would overwrite an input or another output.
     #[error(
         "{}: this file is an input or another output; name another one with -o", path.display()
     )]
@@ -118,12 +123,13 @@ pub enum RunError {
         /// The file.
         path: PathBuf,
     },
-    /// Fibres of ribbons.
+    /// Fibres were asked for together with ribbons.
     #[error("--shape ribbon has no fibres: leave out one of --shape and --fibres")]
     RibbonsOfFibres,
-    /// Data points of fibres.
+    /// Fibres were asked for in a file of data points.
     #[error(
-        "{}: data points are of yarns and not of fibres: leave out --fibres, or write .usda, .bcc, .curves.txt or .glb",
+        "{}: data points are of yarns and not of fibres: leave out --fibres, or write .usda, .bcc, \
+         .curves.txt or .glb",
         path.display()
     )]
     DataPointsOfFibres {
@@ -132,7 +138,8 @@ pub enum RunError {
     },
     /// More fibres than a file holds.
     #[error(
-        "{}: the fibres of {stitches} stitches take about {points:.1e} points, and it holds {most:.1e} at most: raise --fibre-radius, or write a swatch",
+        "{}: the fibres of {stitches} stitches take about {points:.1e} points, and the file holds \
+         {most:.1e} at most: raise --fibre-radius, or write a swatch",
         path.display()
     )]
     TooManyFibres {
@@ -142,18 +149,19 @@ pub enum RunError {
         stitches: u64,
         /// Points of their fibres.
         points: f64,
-        /// How many the file holds.
+        /// The most points that the file can hold.
         most: f64,
     },
-    /// What is made of one drape, asked of a sequence.
+    /// A turntable or a tile was asked for together with a drape sequence.
     #[error("--turntable and --tile are for one drape, and these are {frames} frames")]
     NotOfSequence {
         /// Frames of the sequence.
         frames: usize,
     },
-    /// Fibres in a file of all frames.
+    /// Fibres were asked for in a file of all frames.
     #[error(
-        "a {} of a drape sequence holds yarns and not fibres: leave out --fibres, or drape the frames one by one",
+        "a {} of a drape sequence holds yarns and not fibres: leave out --fibres, or drape the \
+         frames one by one",
         Format::Usda.ending()
     )]
     FibresOfSequence,

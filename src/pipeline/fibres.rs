@@ -13,31 +13,34 @@ use crate::render::scene::Shape;
 use crate::yarn::fibres::Bundle;
 use crate::yarn::tube::Section;
 
-/// The most points of fibres in files: as curves, of which a .usda takes some 20 GB, and as tubes,
-/// of which a .glb holds no more than 4 GB.
+/// The most points of fibres in a file. As curves, so many make a .usda of about 20 GB. As tubes,
+/// more would not fit the 4 GB of a .glb.
 const MOST_CURVE_POINTS: f64 = 2e8;
 const MOST_TUBE_POINTS: f64 = 1.5e7;
-/// Edges of a fibre's section in files, where nobody asks for others.
+/// Edges of a fibre's section in files, unless others were chosen. Fibres are so thin that a square
+/// section suffices.
 const FIBRE_SR: u32 = 4;
 
 /// The fibres of a run.
 pub(super) struct Fibres {
     /// The fibres of each bar's yarns.
     pub(super) bundles: Vec<Bundle>,
-    /// Pixels across a yarn from which on a picture shows them.
+    /// Width of a yarn in a picture, pixels, from which on its fibres are drawn.
     pub(super) near: f64,
-    /// How the tubes of fibres in files are made; none where files hold yarns.
+    /// Section of the fibres' tubes in files. `None` if files contain yarns.
     pub(super) filed: Option<Section>,
 }
 
 impl Fibres {
-    /// The fibres that are asked for; unasked, captured cloth shows them in pictures from near.
+    /// The fibres of a run, or `None` for yarns. Where nobody chose, captured cloth has fibres in
+    /// pictures from near, and no other cloth has.
     pub(super) fn new(
         job: &Job<'_>,
         wanted: &[Wanted],
         section: &Section,
     ) -> Result<Option<Self>, RunError> {
         let asked = job.settings.fibres;
+        // A ribbon shows its fibres by its texture.
         let is_ribbon = job.settings.picture.shape == Shape::Ribbon;
         if is_ribbon && asked == Some(true) {
             return Err(RunError::RibbonsOfFibres);
@@ -46,6 +49,7 @@ impl Fibres {
             return Ok(None);
         }
         let bundles = fibres::bundles(job.shown, section.radius, job.settings.fibre_radius);
+        // Nobody asked: files keep the yarns, and only near pictures show fibres.
         if asked.is_none() {
             return Ok(Some(Self { bundles, near: MIN_YARN_PIXELS, filed: None }));
         }
@@ -56,7 +60,7 @@ impl Fibres {
     }
 }
 
-/// Refuses files of data points, which fibres don't have.
+/// Refuses files of data points, because fibres have none.
 fn check_formats(wanted: &[Wanted]) -> Result<(), RunError> {
     let of_points = wanted.iter().find(|(_, format)| matches!(format, Format::Csv | Format::Npz));
     match of_points {
@@ -65,7 +69,7 @@ fn check_formats(wanted: &[Wanted]) -> Result<(), RunError> {
     }
 }
 
-/// Refuses files of more fibres than they or the memory can hold, before the work.
+/// Refuses files of too many fibres, before the work.
 fn check_size(job: &Job<'_>, bundles: &[Bundle], wanted: &[Wanted]) -> Result<(), RunError> {
     let stitches = job.filed().stitches();
     #[expect(clippy::cast_precision_loss, reason = "an estimate")]
@@ -83,7 +87,7 @@ fn check_size(job: &Job<'_>, bundles: &[Bundle], wanted: &[Wanted]) -> Result<()
     Ok(())
 }
 
-/// Points that the fibres of a stitch take, as a mean over the bars.
+/// Number of points of the fibres of one stitch, as a mean over the bars.
 fn points_a_stitch(job: &Job<'_>, bundles: &[Bundle]) -> f64 {
     let (pattern, shown) = (job.cloth.pattern(), job.shown);
     let side = shown.wale_spacing().max(shown.course_spacing());
@@ -92,7 +96,8 @@ fn points_a_stitch(job: &Job<'_>, bundles: &[Bundle]) -> f64 {
         let steps =
             if pattern.runs_across(bar) { shown.threading_repeat() } else { shown.repeat() };
         let spans = f64::from(index32(pattern.points_per_repeat(bar))) / f64::from(index32(steps));
-        // A span has two points of each fibre at the least.
+        // A fibre has a point for each of its steps along the yarn, but at least two for each span
+        // between data points.
         sum += f64::from(bundle.count) * (bundle.points_per_mm() * side).max(2.0 * spans);
     }
     sum / f64::from(index32(bundles.len()))

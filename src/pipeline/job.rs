@@ -1,4 +1,4 @@
-//! One run of `drape` or `swatch`: what is knitted, and onto what.
+//! One run of `drape` or `swatch`, as data: its fabric, its cloth and its settings.
 
 use std::path::PathBuf;
 
@@ -7,45 +7,44 @@ use crate::drape::{Cloth, DrapeOptions};
 use crate::fabric::Fabric;
 use crate::tile::Tile;
 
-/// One run: what is knitted, onto what, and how it is shown.
+/// One run: the fabric, the cloth that is knitted from it, and the settings.
 pub(super) struct Job<'a> {
     pub(super) settings: &'a Settings,
-    /// The fabric as named, whose numbers are reported.
+    /// The fabric that was named. The report has its numbers.
     pub(super) fabric: &'a Fabric,
     /// The fabric at the densities at which it is drawn.
     pub(super) shown: &'a Fabric,
-    /// How much larger that is, if it is; said in the report too.
+    /// A note about the enlargement of `shown`, if it is enlarged. The report has it too.
     pub(super) enlarged: Option<String>,
     pub(super) cloth: &'a Cloth<'a>,
-    /// The part that files hold, if it isn't the whole.
+    /// The part of the cloth that goes into files. `None` for the whole.
     pub(super) part: Option<(Tile, Cloth<'a>)>,
     pub(super) options: DrapeOptions,
     /// Flat area that is knitted, mm².
     pub(super) area: f64,
     pub(super) source: &'a Source,
-    /// Whether it is a swatch: it has no body, and its numbers are wanted at the end whatever the
-    /// files.
+    /// Whether it is a swatch. A swatch has no body, and its numbers are always measured at the end.
     pub(super) is_swatch: bool,
 }
 
-/// Where a run's cloth comes from, for the names of its files and messages.
+/// The origin of a run's cloth, for the names of files and in messages.
 #[derive(Clone, Debug, Default)]
 pub struct Source {
-    /// The fabric as it was asked for.
+    /// The fabric's name as the user gave it.
     pub fabric: String,
     /// Files that were read, and must not be overwritten.
     pub inputs: Vec<PathBuf>,
-    /// What an output is called if none is named.
+    /// Name of the output without its ending, if no output is named.
     pub stem: PathBuf,
 }
 
 impl Job<'_> {
-    /// The part that is made, if it isn't the whole.
+    /// The part that is made. `None` for the whole.
     pub(super) fn tile(&self) -> Option<Tile> {
         self.part.as_ref().map(|(tile, _)| *tile)
     }
 
-    /// The yarns that files hold.
+    /// The cloth whose yarns go into files.
     pub(super) fn filed(&self) -> &Cloth<'_> {
         self.part.as_ref().map_or(self.cloth, |(_, part)| part)
     }

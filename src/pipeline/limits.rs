@@ -1,4 +1,6 @@
-//! Refusals before the work, and what the work may lack afterwards.
+//! Checks of a run: limits before the work, and losses after it.
+//!
+//! In: a [`Job`], or the totals of a run. Out: an error, or a warning.
 
 use super::RunError;
 use super::densities::PICTURE_GB;
@@ -8,13 +10,14 @@ use crate::drape::strands::Losses;
 use crate::system::available_memory_gb;
 use crate::tile::Tile;
 
-/// The most stitches that are taken on: beyond them 32 bits no longer number the data points, and
-/// any garment at its true gauge has far fewer.
+/// The most stitches of a run. With more, 32 bits could no longer number the data points. Any garment
+/// at its true gauge has far fewer.
 pub const MOST_STITCHES: u64 = 200_000_000;
 
 /// Refuses a request that can't be met, before any work.
 pub(super) fn check_request(job: &Job<'_>, wants_picture: bool) -> Result<(), RunError> {
     let picture = &job.settings.picture;
+    // A tile of a picture has the shadows of all yarns, so a picture needs the whole cloth.
     let stitches = if wants_picture { job.cloth.stitches() } else { job.filed().stitches() };
     if stitches > MOST_STITCHES {
         return Err(RunError::TooManyStitches { stitches, most: MOST_STITCHES });
@@ -35,8 +38,8 @@ pub(super) fn check_request(job: &Job<'_>, wants_picture: bool) -> Result<(), Ru
     check_memory("a picture", stitches, PICTURE_GB, "lower the densities, or write no .png")
 }
 
-/// Refuses cloth that would not fit the memory at so many GB a stitch, before the work and not in
-/// the middle of it.
+/// Refuses cloth that needs more memory than is free, before the work rather than in the middle of
+/// it. The need is estimated as `gb_a_stitch` for each stitch.
 ///
 /// # Errors
 /// [`RunError::NoMemory`].
@@ -52,11 +55,12 @@ pub fn check_memory(
         Some(free) if needed > free => {
             Err(RunError::NoMemory { what, stitches, needed, free, remedy })
         }
+        // Where the system doesn't give the free memory, the work is tried.
         _ => Ok(()),
     }
 }
 
-/// Refuses cloth of which nothing can be seen.
+/// Refuses cloth without a single yarn.
 ///
 /// # Errors
 /// [`RunError::NoYarn`].
@@ -64,7 +68,7 @@ pub fn check_laid(totals: &Totals) -> Result<(), RunError> {
     if totals.strands == 0 { Err(RunError::NoYarn) } else { Ok(()) }
 }
 
-/// The warning about data points that defects of the mesh took, if there are any.
+/// The warning about data points that were lost in defects of the mesh, if there are any.
 #[must_use]
 pub fn loss_warning(totals: &Totals) -> Option<String> {
     let Losses { in_defects, .. } = totals.losses;
@@ -72,7 +76,8 @@ pub fn loss_warning(totals: &Totals) -> Option<String> {
     let percent = 100.0 * in_defects as f64 / (totals.data_points + in_defects).max(1) as f64;
     (in_defects > 0).then(|| {
         format!(
-            "{in_defects} data points ({percent:.3} %) lie in triangles that can't be knitted and are lost"
+            "{in_defects} data points ({percent:.3} %) lie in triangles that can't be knitted \
+             and are lost"
         )
     })
 }

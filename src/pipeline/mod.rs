@@ -1,4 +1,5 @@
-//! A run as a whole: what the command, the window and the gallery do with a fabric and a garment.
+//! One whole run, from a fabric and a garment to files. The command, the window and the gallery use
+//! it.
 //!
 //! ```text
 //!   Settings ─▶ densities ─▶ Job ─▶ fibres, textures ─▶ writers ─┐
@@ -6,7 +7,7 @@
 //! ```
 //!
 //! In: a garment or the size of a swatch, a [`crate::fabric::Fabric`], [`Settings`]. Out: files,
-//! all of them or none, and [`Done`]. A [`Listener`] hears how the run goes on. Nothing here
+//! all of them or none, and [`Done`]. A [`Listener`] receives progress and messages. Nothing here
 //! prints.
 
 mod camera;

@@ -1,7 +1,7 @@
 //! One run: a fabric onto a garment or into a swatch, drawn and written.
 //!
-//! In: a garment or the size of a swatch, a fabric, [`Settings`]. Out: files, which appear under
-//! their names only when all of them are whole, and [`Done`].
+//! In: a garment or the size of a swatch, a fabric, [`Settings`]. Out: files and [`Done`]. The files
+//! appear under their names only when all of them are complete.
 
 use std::borrow::Cow;
 use std::cell::RefCell;
@@ -28,14 +28,15 @@ use crate::knit::clearance::Clearance;
 use crate::render::cloth;
 use crate::render::scene::Scene;
 
-/// The most stitches whose clearance on the body is measured: some 20 kB each, were they all on one
-/// panel.
+/// The most stitches whose clearance on the body is measured. A stitch needs up to 20 kB of memory
+/// if all are on one panel, so this is about 1 GB.
 const MEASURED_STITCHES: u64 = 50_000;
 
-/// Knits a fabric onto a garment, or onto all frames of a drape sequence whose first frame it is.
+/// Knits a fabric onto a garment. With a `sequence`, `garment` is its first frame, and the fabric is
+/// knitted onto all frames.
 ///
 /// # Errors
-/// [`RunError`]: nothing is written then, but for the frames of a sequence that were whole before.
+/// [`RunError`]. Nothing is written then, except the frames of a sequence that were complete before.
 ///
 /// ```no_run
 /// use warpknit::fabric::Fabric;
@@ -43,7 +44,8 @@ const MEASURED_STITCHES: u64 = 50_000;
 /// use warpknit::pipeline::{Clock, Settings, Source, drape};
 /// let garment = garment::read("tshirt.obj".as_ref(), None, &ReadOptions::default())?;
 /// let source = Source { stem: "tshirt".into(), ..Source::default() };
-/// let done = drape(garment, None, &Fabric::named("locknit")?, &source, &Settings::default(), Clock::start(&()))?;
+/// let (fabric, settings) = (Fabric::named("locknit")?, Settings::default());
+/// let done = drape(garment, None, &fabric, &source, &settings, Clock::start(&()))?;
 /// println!("{} stitches: {}", done.totals.losses.stitches, done.files);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -58,7 +60,7 @@ pub fn drape(
     turn_grains(&mut garment, fabric);
     clock.stop();
     let area = garment.panels.iter().map(Panel::area).sum();
-    // Densities that someone chose are the fabric's own by now.
+    // The caller has already applied chosen densities to the fabric. They are never changed here.
     let (shown, note) = if settings.densities.are_chosen() {
         (Cow::Borrowed(fabric), None)
     } else {
@@ -88,7 +90,7 @@ pub fn drape(
 /// Knits a flat piece of fabric of `wales` yarns a bar and `courses` courses.
 ///
 /// # Errors
-/// [`RunError`]: nothing is written then.
+/// [`RunError`]. Nothing is written then.
 pub fn swatch(
     [wales, courses]: [u32; 2],
     fabric: &Fabric,
@@ -115,7 +117,7 @@ pub fn swatch(
     make(&job, clock)
 }
 
-/// Knits, draws and writes. Files appear under their names only when all are whole.
+/// Knits, draws and writes. Files appear under their names only when all are complete.
 fn make(job: &Job<'_>, mut clock: Clock<'_>) -> Result<Done, RunError> {
     let outputs = all_around(wanted(job), job.settings.picture.turntable);
     let pictures: Vec<_> = outputs
@@ -123,6 +125,7 @@ fn make(job: &Job<'_>, mut clock: Clock<'_>) -> Result<Done, RunError> {
         .filter(|(_, format)| *format == Format::Png)
         .map(|(path, _)| path.as_path())
         .collect();
+    // Everything that can be refused is refused here, before the work.
     check_request(job, !pictures.is_empty())?;
     let setup = Setup::new(job, &outputs)?;
     check_places(job, outputs.iter(), &setup.textures)?;
@@ -135,7 +138,7 @@ fn make(job: &Job<'_>, mut clock: Clock<'_>) -> Result<Done, RunError> {
     let receivers =
         Receivers { scene: (!pictures.is_empty()).then_some(&mut scene), sinks: &mut sinks, gauge };
     let (totals, draped) = lay(job, &setup.options, receivers, &mut clock)?;
-    // A part may well have no yarn.
+    // A part of the cloth can be without yarns while the whole has some.
     if job.part.is_none() {
         check_laid(&totals)?;
     }
@@ -150,6 +153,7 @@ fn make(job: &Job<'_>, mut clock: Clock<'_>) -> Result<Done, RunError> {
         draw(job, &setup, &scene, &pictures, &mut whole, &mut warnings, &mut clock)?
     };
     clock.stop();
+    // The report comes last, because it has the times of everything else.
     let summary = RunSummary {
         setup: &setup,
         totals: &totals,
@@ -164,7 +168,8 @@ fn make(job: &Job<'_>, mut clock: Clock<'_>) -> Result<Done, RunError> {
     Ok(Done { totals, files: names.join(" "), frames: None, real })
 }
 
-/// Draws all pictures, adds their files to the `whole` ones, and says who drew them.
+/// Draws all pictures and adds their files to `whole`, the complete ones. Returns the renderer's
+/// name.
 fn draw(
     job: &Job<'_>,
     setup: &Setup,
@@ -184,7 +189,7 @@ fn draw(
     Ok(pictures.drawn_by)
 }
 
-/// The files, with as many pictures as are to be taken all around in place of each one.
+/// The files of a run. With a turntable, each picture becomes `turntable` numbered ones.
 fn all_around(wanted: Vec<Wanted>, turntable: Option<u32>) -> Vec<Wanted> {
     let Some(count) = turntable else { return wanted };
     let mut all = Vec::new();
@@ -200,15 +205,18 @@ fn all_around(wanted: Vec<Wanted>, turntable: Option<u32>) -> Vec<Wanted> {
     all
 }
 
-/// Who receives a run's yarns.
+/// The receivers of a run's yarns.
 struct Receivers<'a, 'b> {
-    /// The scene from which they are drawn, if they are.
+    /// The scene for pictures. `None` without pictures.
     scene: Option<&'a mut Scene>,
+    /// Files that are written block by block.
     sinks: &'a mut [FileWriter<'b>],
+    /// Measures the clearance on the body. `None` if nobody needs it.
     gauge: Option<ClearanceMeter>,
 }
 
-/// Lays the yarns, and says what was laid and how near they come to each other.
+/// Lays the yarns block by block and gives each block to the receivers. Returns the totals and the
+/// clearance on the body.
 fn lay(
     job: &Job<'_>,
     options: &drape::DrapeOptions,
@@ -216,10 +224,11 @@ fn lay(
     clock: &mut Clock<'_>,
 ) -> Result<(Totals, Option<Clearance>), RunError> {
     let Receivers { mut scene, sinks, mut gauge } = receivers;
+    // Both closures below need the clock, and `drape::run` calls them in turn.
     let clock = RefCell::new(clock);
     if let (Some(whole), true) = (&mut scene, job.part.is_some()) {
-        // A part of a picture has the light and the shadows of the whole, whose knitting does not
-        // count among the part's numbers.
+        // A tile of a picture has the light and shadows of the whole cloth, so the scene needs all
+        // yarns. This time counts as rendering, so that it stays out of the part's own numbers.
         let mut announce = |_, _| clock.borrow_mut().begin(Task::Render, 0.0);
         let mut show = |blocks: &[Block]| -> Result<(), ExportError> {
             blocks.iter().for_each(|block| cloth::add_to(whole, block));
@@ -235,7 +244,7 @@ fn lay(
         }
         sinks.iter_mut().try_for_each(|sink| sink.take(blocks))?;
         if let Some(gauge) = &mut gauge {
-            // Measuring is no stage of making cloth: its time counts in the total alone.
+            // Measuring is not a stage of the work: its time counts only in the total.
             clock.borrow_mut().stop();
             gauge.take(blocks);
         }
@@ -245,10 +254,10 @@ fn lay(
     Ok((totals, gauge.map(ClearanceMeter::finish)))
 }
 
-/// Whether clearance is to be measured on the body: for a report of the whole alone, and not on a
-/// swatch, which has no body.
+/// Whether to measure the clearance on the body: only for a report of the whole cloth, and not for a
+/// swatch, because that has no body.
 fn wants_gauge(job: &Job<'_>, outputs: &[Wanted]) -> bool {
-    // Of a part the yarns beside it are missing, and one of them may be the nearest.
+    // A part lacks its neighbouring yarns, and one of them may be the nearest.
     let draped = !job.is_swatch && job.part.is_none();
     draped
         && outputs.iter().any(|(_, format)| *format == Format::Json)

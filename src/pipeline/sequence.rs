@@ -1,8 +1,10 @@
-//! `warpknit drape` of a sequence: knitted and located once, shown on every frame.
+//! `warpknit drape` of a drape sequence. The fabric is knitted and located once, then mapped onto
+//! every frame.
 //!
-//! Files that hold one drape are numbered as the frames are and appear frame by frame, so what is
-//! done stays done when a run of hours ends early; a `.usda` holds all frames and appears at the
-//! end, as the report does.
+//! In: a [`Job`] on the first frame, and a [`Sequence`]. Out: files and [`Done`]. Most formats have
+//! one file for each frame. These are numbered like the frames and appear frame by frame, so they
+//! stay if a run of hours ends early. A `.usda` has all frames and appears at the end, as the
+//! report does.
 
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
@@ -30,18 +32,18 @@ use super::summary::{Done, RunSummary, say_warnings};
 use super::targets::numbered;
 use super::writers::{check_places, finished, sinks, wanted};
 
-/// What a held stitch takes, GB: measured .94 kB.
-const HELD_GB: f64 = 1e-6;
+/// Memory of a located stitch, which is kept for all frames, GB. Measured: 0.94 kB.
+const LOCATED_GB: f64 = 1e-6;
 
-/// What a sequence needs besides its job, whose cloth is laid on the first frame.
+/// The frames of a run. The cloth of its job lies on the first usable frame.
 pub struct Sequence<'a> {
     /// The first usable frame, and how the others are read.
     pub motion: &'a Motion,
-    /// All frames, those before the first usable one included.
+    /// All frames, including those before the first usable one.
     pub paths: &'a [PathBuf],
     /// Whether frames that can't be read are left out.
     pub skip_bad: bool,
-    /// Frames a second in a `.usda`.
+    /// Frames per second in a `.usda`.
     pub frames_per_second: f64,
 }
 
@@ -50,42 +52,43 @@ pub struct Sequence<'a> {
 pub struct Motion {
     /// Reads the other frames.
     pub reader: Frames,
-    /// The place of the first usable frame among all of them.
+    /// Index of the first usable frame.
     pub first: usize,
-    /// What is wrong with those before it.
+    /// The errors of the frames before it.
     pub bad: Vec<String>,
 }
 
 /// The files of a sequence.
 struct Files {
-    /// Those that hold one drape, numbered: a frame an entry.
+    /// Formats with one file for each frame, and the paths of these files.
     numbered: Vec<(Vec<PathBuf>, Format)>,
-    /// Those that hold all frames.
+    /// Files of all frames.
     whole: Vec<Wanted>,
 }
 
-/// What is made frame by frame.
+/// The state of a run from frame to frame.
 struct Show<'a, 'b, 'c> {
     job: &'a Job<'a>,
     setup: &'a Setup,
-    held: LocatedCloth,
+    located: LocatedCloth,
     files: &'a Files,
     usda: Vec<UsdaFramesWriter<Output>>,
+    /// The scene for pictures, cleared for each frame. `None` without pictures.
     scene: Option<Scene>,
-    /// What the camera sees: the sequence's extent.
-    seen: Vec<Vec3>,
+    /// Points around all frames, for a camera that does not move. Empty if it has its own place.
+    extent: Vec<Vec3>,
     drawn_by: String,
     warnings: Vec<String>,
     clock: &'b mut Clock<'c>,
 }
 
-/// Knits once, and draws and writes every frame.
+/// Knits once, then draws and writes every frame.
 pub(super) fn make(
     job: &Job<'_>,
     sequence: &Sequence<'_>,
     mut clock: Clock<'_>,
 ) -> Result<Done, RunError> {
-    let files = Files::of(wanted(job), index32(sequence.paths.len()));
+    let files = Files::new(wanted(job), index32(sequence.paths.len()));
     let wants_picture = files.numbered.iter().any(|(_, format)| *format == Format::Png);
     check(job, sequence, wants_picture)?;
     let setup = Setup::new(job, &files.all())?;
@@ -94,7 +97,7 @@ pub(super) fn make(
     warnings.extend(sequence.motion.bad.iter().map(|what| format!("left out: {what}")));
 
     let wants_extent = wants_picture && job.settings.picture.eye.is_none();
-    let seen = if wants_extent { seen(sequence, job, &mut clock)? } else { Vec::new() };
+    let extent = if wants_extent { extent(sequence, job, &mut clock)? } else { Vec::new() };
     let usda = files.whole.iter().filter(|(_, format)| *format == Format::Usda);
     let info = ClothInfo::from_fabric(job.shown, setup.section);
     let usda = usda.map(|(path, _)| {
@@ -103,11 +106,12 @@ pub(super) fn make(
     let usda = usda.collect::<Result<Vec<_>, ExportError>>()?;
     let reports = files.whole.iter().filter(|(_, format)| *format == Format::Json);
     reports.into_iter().try_for_each(|(path, _)| Output::check(path))?;
-    let held = LocatedCloth::locate(job.cloth, &setup.options, &mut |stage, done| {
+    // Location is the same for all frames, because it only depends on the flat panels.
+    let located = LocatedCloth::locate(job.cloth, &setup.options, &mut |stage, done| {
         clock.begin(Task::from(stage), done);
     });
-    check_laid(held.totals())?;
-    warnings.extend(loss_warning(held.totals()));
+    check_laid(located.totals())?;
+    warnings.extend(loss_warning(located.totals()));
     say_warnings(job, &mut warnings, &clock);
 
     let scene = wants_picture.then(|| setup.scene(job));
@@ -115,23 +119,23 @@ pub(super) fn make(
     let mut show = Show {
         job,
         setup: &setup,
-        held,
+        located,
         files: &files,
         usda,
         scene,
-        seen,
+        extent,
         drawn_by,
         warnings,
         clock: &mut clock,
     };
     let frames = show.all(sequence)?;
-    let Show { held, usda, drawn_by, warnings, .. } = show;
+    let Show { located, usda, drawn_by, warnings, .. } = show;
     clock.begin(Task::Write, 1.0);
     let usda = usda.into_iter().map(|writer| Box::new(writer).finish());
     let mut finished = usda.collect::<Result<Vec<_>, _>>()?;
     clock.stop();
     let shown = frames.iter().filter(|frame| frame.skipped.is_none()).count();
-    let totals = *held.totals();
+    let totals = *located.totals();
     let summary =
         RunSummary { setup: &setup, totals: &totals, draped: None, warnings, drawn_by, frames };
     finished.extend(summary.files(job, &files.whole, &clock)?.0);
@@ -140,7 +144,7 @@ pub(super) fn make(
     Ok(Done { totals, files: files.names(), frames, real: None })
 }
 
-/// Refuses what can't be done, before any work.
+/// Refuses settings that a sequence can't have, before any work.
 fn check(job: &Job<'_>, sequence: &Sequence<'_>, wants_picture: bool) -> Result<(), RunError> {
     check_request(job, wants_picture)?;
     if job.settings.picture.turntable.is_some() || job.part.is_some() {
@@ -154,13 +158,14 @@ fn check(job: &Job<'_>, sequence: &Sequence<'_>, wants_picture: bool) -> Result<
     check_memory(
         "a drape sequence",
         job.cloth.stitches(),
-        HELD_GB,
+        LOCATED_GB,
         "lower the densities, or drape the frames one by one",
     )
 }
 
 impl Files {
-    fn of(wanted: Vec<Wanted>, count: u32) -> Self {
+    /// The files for `count` frames: a `.usda` and a report have all frames, other formats one each.
+    fn new(wanted: Vec<Wanted>, count: u32) -> Self {
         let (whole, single): (Vec<_>, Vec<_>) = wanted
             .into_iter()
             .partition(|(_, format)| matches!(format, Format::Usda | Format::Json));
@@ -171,6 +176,7 @@ impl Files {
         Self { numbered, whole }
     }
 
+    /// All files of the run.
     fn all(&self) -> Vec<Wanted> {
         let numbered = self
             .numbered
@@ -179,21 +185,23 @@ impl Files {
         numbered.chain(self.whole.iter().cloned()).collect()
     }
 
-    /// Those of one frame.
+    /// The files of one frame.
     fn of_frame(&self, number: usize) -> Vec<Wanted> {
         self.numbered.iter().map(|(paths, format)| (paths[number].clone(), *format)).collect()
     }
 
-    /// What they are called, in a line.
+    /// The names of all files in one line.
     fn names(&self) -> String {
-        let series = |(paths, _): &(Vec<PathBuf>, Format)| {
+        // A range for each format: a sequence may have thousands of frames.
+        let series = self.numbered.iter().map(|(paths, _)| {
             format!("{} to {}", paths[0].display(), paths[paths.len() - 1].display())
-        };
+        });
         let whole = self.whole.iter().map(|(path, _)| path.display().to_string());
-        self.numbered.iter().map(series).chain(whole).collect::<Vec<_>>().join(", ")
+        series.chain(whole).collect::<Vec<_>>().join(", ")
     }
 }
 
+/// The report's entry for a frame that was left out.
 fn left_out(path: &Path, what: &str) -> FrameReport {
     FrameReport {
         file: path.display().to_string(),
@@ -205,7 +213,7 @@ fn left_out(path: &Path, what: &str) -> FrameReport {
 }
 
 impl Show<'_, '_, '_> {
-    /// Makes the files of all frames; says of each what there is to be told.
+    /// Makes the files of all frames. Returns the report's entry for each frame.
     fn all(&mut self, sequence: &Sequence<'_>) -> Result<Vec<FrameReport>, RunError> {
         let Sequence { motion, paths, .. } = sequence;
         let mut garment = self.job.cloth.garment().clone();
@@ -213,6 +221,7 @@ impl Show<'_, '_, '_> {
             paths.iter().zip(&motion.bad).map(|(path, what)| left_out(path, what)).collect();
         for (number, path) in paths.iter().enumerate().skip(motion.first) {
             self.clock.begin(Task::Read, 0.0);
+            // The garment is the first usable frame already.
             if number > motion.first {
                 match motion.reader.pose(&mut garment, path) {
                     Ok(odd) => odd.into_iter().for_each(|odd| self.warn(odd)),
@@ -225,6 +234,7 @@ impl Show<'_, '_, '_> {
                 }
             }
             self.frame(&garment, number)?;
+            // The clock runs through, so a frame's time is what the frames before it leave.
             let before: f64 = frames.iter().map(|frame: &FrameReport| frame.ms).sum();
             let (stretch_warp, stretch_weft) = stretch(&garment);
             let ms = self.clock.without_pictures() - before;
@@ -239,6 +249,7 @@ impl Show<'_, '_, '_> {
         Ok(frames)
     }
 
+    /// Tells the listener a warning and keeps it for the report.
     fn warn(&mut self, what: String) {
         self.clock.listener().say(Message::Warning(&what));
         self.warnings.push(what);
@@ -246,7 +257,7 @@ impl Show<'_, '_, '_> {
 
     /// Makes a frame's files.
     fn frame(&mut self, garment: &Garment, number: usize) -> Result<(), RunError> {
-        let Self { job, setup, held, files, usda, scene, clock, .. } = self;
+        let Self { job, setup, located, files, usda, scene, clock, .. } = self;
         let own = files.of_frame(number);
         let mut sinks = sinks(&own, job, setup)?;
         usda.iter_mut().try_for_each(|usda| usda.begin_frame(index32(number + 1)))?;
@@ -262,7 +273,7 @@ impl Show<'_, '_, '_> {
             sinks.iter_mut().try_for_each(|sink| sink.take(blocks))
         };
         let options: &DrapeOptions = &setup.options;
-        held.run_frame(
+        located.run_frame(
             garment,
             options,
             &mut |stage, done| clock.borrow_mut().begin(Task::from(stage), done),
@@ -276,60 +287,71 @@ impl Show<'_, '_, '_> {
             .map(|(path, _)| path.as_path())
             .collect();
         if let (Some(scene), false) = (&self.scene, paths.is_empty()) {
-            let seen = (!self.seen.is_empty()).then_some(self.seen.as_slice());
+            let extent = (!self.extent.is_empty()).then_some(self.extent.as_slice());
             let pictures = pictures::draw(
                 scene,
                 self.setup.fibres.as_ref(),
                 self.job.settings,
                 None,
-                seen,
+                extent,
                 &paths,
                 self.clock,
             )?;
             whole.extend(pictures.files);
             self.drawn_by = pictures.drawn_by;
-            // What draws is the same for all frames, and so is what there is to be said of it.
+            // The renderer is the same for all frames, so its notice is given once.
             if let Some(notice) = pictures.notice.filter(|notice| !self.warnings.contains(notice)) {
                 self.clock.listener().say(Message::Note(&notice));
                 self.warnings.push(notice);
             }
         }
         self.clock.stop();
+        // The files of this frame are complete: they appear now, whatever happens to later frames.
         Ok(whole.into_iter().try_for_each(Output::publish)?)
     }
 }
 
-/// Points around all frames, which the camera is to see: the outermost one in each of 26
-/// directions, frame by frame, and a stitch beyond it.
-fn seen(
+/// Points around all frames, for one camera that sees each of them. They are the outermost points
+/// of each frame in 26 directions, moved outward by one wale spacing for the thickness of the cloth.
+///
+/// Without them the camera would move with each frame, and a film would shake.
+fn extent(
     sequence: &Sequence<'_>,
     job: &Job<'_>,
     clock: &mut Clock<'_>,
 ) -> Result<Vec<Vec3>, RunError> {
     clock.begin(Task::Render, 0.0);
     let (mut garment, reach) = (job.cloth.garment().clone(), job.shown.wale_spacing());
-    let mut seen = outermost(&garment, reach);
+    let mut extent = outermost(&garment, reach);
     for path in &sequence.paths[sequence.motion.first + 1..] {
         match sequence.motion.reader.pose(&mut garment, path) {
-            Ok(_odd) => seen.extend(outermost(&garment, reach)),
-            // Told of when its turn comes.
+            Ok(_odd) => extent.extend(outermost(&garment, reach)),
+            // The warning follows when this frame is drawn.
             Err(_bad) if sequence.skip_bad => {}
             Err(error) => return Err(error.into()),
         }
     }
-    Ok(seen)
+    Ok(extent)
 }
 
+/// The outermost points of a draped garment in 26 directions, each moved outward by `reach`.
 fn outermost(garment: &Garment, reach: f64) -> Vec<Vec3> {
     let points: Vec<DVec3> =
         garment.panels.iter().flat_map(|panel| panel.draped.iter().copied()).collect();
-    let steps = || [-1.0, 0.0, 1.0].into_iter();
-    let directions =
-        steps().flat_map(|x| steps().flat_map(move |y| steps().map(move |z| DVec3::new(x, y, z))));
-    let beyond = |toward: DVec3| {
-        let farthest =
-            points.iter().copied().max_by(|a, b| a.dot(toward).total_cmp(&b.dot(toward)));
-        farthest.map(|point| (point + reach * toward.normalize_or_zero()).as_vec3())
-    };
-    directions.filter_map(beyond).collect()
+    // The directions from the centre of a cube to its 6 faces, 12 edges and 8 corners, as in a
+    // k-DOP. The 27th, zero, only adds a point of the garment itself.
+    let steps = [-1.0, 0.0, 1.0];
+    let mut outermost = Vec::new();
+    for x in steps {
+        for y in steps {
+            for z in steps {
+                let toward = DVec3::new(x, y, z);
+                let farthest = points.iter().max_by(|a, b| a.dot(toward).total_cmp(&b.dot(toward)));
+                outermost.extend(
+                    farthest.map(|point| (*point + reach * toward.normalize_or_zero()).as_vec3()),
+                );
+            }
+        }
+    }
+    outermost
 }

@@ -1,7 +1,7 @@
-//! What a person may choose of a run: its files, densities, yarns and pictures.
+//! The settings of a run: its files, densities, yarns and pictures.
 //!
-//! In: nothing; [`Settings::default`] is what the command does unasked. The command fills these
-//! from its flags, a library user by hand.
+//! [`Settings::default`] has the defaults of the command's flags. The command fills the settings
+//! from its flags, and a user of the library by hand.
 
 use std::path::PathBuf;
 
@@ -19,7 +19,7 @@ use crate::yarn::fibres::FIBRE_RADIUS;
 /// A file and the format in which it is written.
 pub type Wanted = (PathBuf, Format);
 
-/// Everything that a run can be told, but for the garment and the fabric.
+/// All settings of a run. The garment and the fabric are given beside them.
 ///
 /// ```
 /// use warpknit::export::Format;
@@ -33,37 +33,37 @@ pub type Wanted = (PathBuf, Format);
 /// ```
 #[derive(Clone, Debug)]
 pub struct Settings {
-    /// The files to write. Without any, a picture is written that is named after the input.
+    /// The files to write. If there are none, one picture is written, named after the input.
     pub outputs: Vec<Wanted>,
     /// Wales and courses per cm.
     pub densities: Densities,
     /// How yarns lie on a garment.
     pub placement: Placement,
-    /// One machine's part of the run.
+    /// The part of the run that this machine makes. `None` for the whole.
     pub tile: Option<Tile>,
-    /// Segments of tube a stitch (St); 10 in files and 40 in pictures where none are chosen.
+    /// Segments of tube for each stitch (St). By default 10 in files and 40 in pictures.
     pub st: Option<u32>,
-    /// Edges of a tube's section (Sr); 6 in files and 12 in pictures where none are chosen.
+    /// Edges of a tube's section (Sr). By default 6 in files and 12 in pictures.
     pub sr: Option<u32>,
-    /// Radius of the thickest yarn, mm; from its count where none is chosen.
+    /// Radius of the thickest yarn, mm. By default from its count.
     pub radius: Option<f64>,
     /// Width over height of the tubes' section in files.
     pub flatten: f64,
     /// Whether the tubes' ends are closed in files.
     pub caps: bool,
-    /// Whether yarns are made of their fibres; where nobody chooses, captured cloth shows them in
+    /// Whether yarns are made of their fibres. By default captured cloth shows its fibres in
     /// pictures from near.
     pub fibres: Option<bool>,
     /// Radius of a fibre, mm.
     pub fibre_radius: f64,
-    /// Whether an `.obj` holds centre lines in place of tubes.
+    /// Whether an `.obj` has centre lines in place of tubes.
     pub centre_lines: bool,
     /// How pictures are taken.
     pub picture: PictureSettings,
 }
 
-/// Wales and courses per cm; one alone scales the other. Without any, a garment of too many
-/// stitches is enlarged.
+/// Wales and courses per cm. One alone scales the other. If both are missing, the fabric's own count,
+/// and on a garment of too many stitches the cloth is enlarged.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Densities {
     /// Wales per cm.
@@ -75,14 +75,14 @@ pub struct Densities {
 /// How yarns lie on a garment.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Placement {
-    /// How depth is carried from the flat panel to the draped one.
+    /// Method that maps depth from the flat panel to the draped one.
     pub mapping: Mapping,
-    /// What happens at a panel's edge.
+    /// Treatment of yarns at a panel's edge.
     pub edge: Edge,
 }
 
 impl From<Placement> for drape::DrapeOptions {
-    /// Without surfaces, which are for those who write them.
+    /// Options without surfaces. A run adds them if a file needs them.
     fn from(placement: Placement) -> Self {
         Self { mapping: placement.mapping, edge: placement.edge, surface: None }
     }
@@ -93,7 +93,7 @@ impl From<Placement> for drape::DrapeOptions {
 pub struct PictureSettings {
     /// Width and height, pixels.
     pub size: (u32, u32),
-    /// From where the camera looks, if it has no place of its own.
+    /// Side from which the camera looks, unless `eye` is given.
     pub view: View,
     /// The camera's own place and the point that it looks at, mm.
     pub eye: Option<(DVec3, DVec3)>,
@@ -101,21 +101,21 @@ pub struct PictureSettings {
     pub fov: f64,
     /// Magnifies the middle of the picture.
     pub zoom: f64,
-    /// The background; white where none is chosen.
+    /// The background. By default white.
     pub background: Option<Background>,
     /// The renderer.
     pub renderer: RendererChoice,
-    /// Samples a pixel.
+    /// Samples for each pixel.
     pub spp: u32,
     /// Samples of each pixel's edges on a graphics card: 1 or 4.
     pub samples: u32,
-    /// Whether yarns of few pixels are drawn more coarsely.
+    /// Level of detail: whether yarns of few pixels are drawn more coarsely.
     pub lod: bool,
     /// Tubes or ribbons.
     pub shape: Shape,
-    /// The maps of all yarns, a folder or an image; without it, those that the fabric names.
+    /// The maps of all yarns, a folder or an image. By default those that the fabric names.
     pub texture: Option<PathBuf>,
-    /// Pictures from all around in place of each one.
+    /// Number of pictures from all around that replace each picture.
     pub turntable: Option<u32>,
 }
 

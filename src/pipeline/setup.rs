@@ -1,4 +1,4 @@
-//! What a run needs before its first yarn: tubes, textures, fibres and the clearance of the repeat.
+//! Preparation of a run before its first yarn: tubes, textures, fibres and the repeat's clearance.
 //!
 //! In: a [`Job`] and its files. Out: [`Setup`], or an error before any work.
 
@@ -16,25 +16,27 @@ use crate::knit::clearance::{self, Clearance};
 use crate::render::scene::{Scene, Shape};
 use crate::yarn::tube::Section;
 
-/// What a run's files make and draw with.
+/// The prepared parts of a run.
 pub(super) struct Setup {
+    /// Section of the tubes in files.
     pub(super) section: Section,
     pub(super) textures: Textures,
-    /// The same as files hold them.
+    /// The textures in the form in which files store them.
     pub(super) textures_in_files: Arc<TextureSet>,
-    /// The yarns' fibres, where they are to be seen.
+    /// The yarns' fibres. `None` if yarns are drawn and written whole.
     pub(super) fibres: Option<Fibres>,
-    /// How yarns are laid, with surfaces where a file holds them.
+    /// Options of laying yarns, with surfaces if a file needs them.
     pub(super) options: DrapeOptions,
-    /// How near yarns come to each other on the flat fabric.
+    /// Clearance between yarns on the flat fabric.
     pub(super) near: Clearance,
 }
 
 impl Setup {
-    /// What a run with these files needs.
+    /// Prepares a run that writes these files.
     pub(super) fn new(job: &Job<'_>, wanted: &[Wanted]) -> Result<Self, RunError> {
         let section = section(job)?;
         let near = clearance::measure(job.shown, job.cloth.pattern(), section.radius);
+        // Pictures make their own surfaces. Without a file of tubes a run needs none.
         let wants_surface = wanted.iter().any(|(_, format)| format.holds_tubes());
         let options = DrapeOptions { surface: wants_surface.then_some(section), ..job.options };
         let textures = Textures::read(job.settings.picture.texture.as_deref(), job.shown)?;
@@ -54,20 +56,21 @@ impl Setup {
         warnings
     }
 
-    /// The scene that the run's yarns are drawn in.
+    /// The empty scene for the run's yarns.
     pub(super) fn scene(&self, job: &Job<'_>) -> Scene {
         let shape = job.settings.picture.shape;
         textures::scene(shape, job.shown, self.section.radius, &self.textures)
     }
 }
 
-/// The textures of these files, made ready where there is a file that holds some.
+/// The textures in the form in which files store them. Empty if no file stores textures.
 fn textures_in_files(
     outputs: &[Wanted],
     job: &Job<'_>,
     radius: f64,
     textures: &Textures,
 ) -> Arc<TextureSet> {
+    // Encoding textures takes time, so it is done only for files that store them.
     if !outputs.iter().any(|(_, format)| format.holds_textures()) {
         return Arc::default();
     }
@@ -75,7 +78,7 @@ fn textures_in_files(
     Arc::new(TextureSet::from_scene(&scene))
 }
 
-/// How fine and how thick tubes in files are.
+/// The section of tubes in files: the chosen values, or else the defaults.
 fn section(job: &Job<'_>) -> Result<Section, RunError> {
     let Settings { radius, flatten, caps, .. } = *job.settings;
     let default = default_section(drawn_radius(job.shown, radius)?);

@@ -1,4 +1,6 @@
-//! What is known at the end of a run, and its report.
+//! The end of a run: its totals and its report.
+//!
+//! In: a [`Job`] and the results of its stages. Out: report files, and [`Done`] for the caller.
 
 use super::clock::{Clock, Message};
 use super::job::Job;
@@ -16,35 +18,35 @@ use crate::report::{
 use crate::system::peak_memory_mb;
 use crate::tile::Tile;
 
-/// A run that is done.
+/// A finished run.
 #[derive(Debug)]
 pub struct Done {
-    /// What was laid.
+    /// Totals of the laid yarns.
     pub totals: Totals,
-    /// The files that were written, in a line.
+    /// Names of the written files, in one line.
     pub files: String,
-    /// Frames that were made, and all of a sequence's frames.
+    /// Number of drawn frames and of all frames. `None` without a sequence.
     pub frames: Option<(usize, usize)>,
-    /// The real cloth, where its numbers were measured.
+    /// Measurements of the real cloth. `None` for a garment without a report.
     pub real: Option<RealCloth>,
 }
 
-/// What is known at the end of a run.
+/// The results of a run's stages, for its report.
 pub(super) struct RunSummary<'a> {
     pub(super) setup: &'a Setup,
     pub(super) totals: &'a Totals,
-    /// The same on the body, where it was measured.
+    /// Clearance on the body, if it was measured.
     pub(super) draped: Option<Clearance>,
     pub(super) warnings: Vec<String>,
-    /// What drew the picture; empty where there is none.
+    /// Name of the renderer. Empty without a picture.
     pub(super) drawn_by: String,
-    /// Of a drape sequence.
+    /// The frames of a drape sequence. Empty without one.
     pub(super) frames: Vec<FrameReport>,
 }
 
 impl RunSummary<'_> {
-    /// The reports among the files, of a run whose time ends here, and the numbers of the real
-    /// cloth where they or the person at the terminal are told them.
+    /// Writes the reports among the files. Returns them with the measurements of the real cloth,
+    /// which a swatch always has and a garment only with a report. The run's time ends here.
     pub(super) fn files(
         &self,
         job: &Job<'_>,
@@ -60,7 +62,8 @@ impl RunSummary<'_> {
         if !job.is_swatch && reports.peek().is_none() {
             return Ok((Vec::new(), None));
         }
-        // What is shown with its own yarns is the real cloth, and need not be knitted again.
+        // Cloth that is drawn at its true scale is the real cloth. Its repeat is knitted already,
+        // and relaxing it again would take as long as before.
         let shown_is_real = job.fabric == job.shown
             && job.fabric.enlargement == 1.0
             && section.radius == job.fabric.radius();
@@ -74,6 +77,7 @@ impl RunSummary<'_> {
         Ok((files, Some(real)))
     }
 
+    /// The report of the run.
     fn report(&self, job: &Job<'_>, real: &RealCloth, clock: &Clock<'_>) -> Report {
         let Self { setup: Setup { section, near, .. }, totals, draped, .. } = self;
         let garment = job.cloth.garment();
@@ -124,11 +128,12 @@ impl RunSummary<'_> {
     }
 }
 
-/// The real cloth: the fabric at its own densities over the garment's flat area.
+/// Measurements of the real cloth: the fabric at its own densities on the garment's flat area.
 fn cloth_report(job: &Job<'_>, real: &RealCloth) -> ClothReport {
     let garment = job.cloth.garment();
     let numbers = &real.numbers;
     let (stretch_warp, stretch_weft) = stretch(garment);
+    // `yarn_length` is in m/m² and the area in mm².
     ClothReport {
         mass_g_m2: numbers.mass,
         yarn_length_m: numbers.yarn_length * job.area * 1e-6,
@@ -141,7 +146,8 @@ fn cloth_report(job: &Job<'_>, real: &RealCloth) -> ClothReport {
     }
 }
 
-/// Says what is amiss, and adds notes that a script should know as well.
+/// Tells the listener all warnings, then the note about enlargement. The note is added to the
+/// warnings, so that the report has it for scripts.
 pub(super) fn say_warnings(job: &Job<'_>, warnings: &mut Vec<String>, clock: &Clock<'_>) {
     for warning in &*warnings {
         clock.listener().say(Message::Warning(warning));

@@ -1,4 +1,6 @@
-//! Where a run's files go: none over an input or over another, each seen only when whole.
+//! The paths of a run's files. No file overwrites an input or another output.
+//!
+//! In: the paths that a user named. Out: an error, or the paths of numbered files.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -6,7 +8,7 @@ use std::path::{Path, PathBuf};
 use super::RunError;
 use crate::export::{ExportError, Output};
 
-/// Refuses outputs that are inputs or named twice.
+/// Refuses outputs that are also inputs, and outputs that are named twice.
 ///
 /// # Errors
 /// [`RunError::NotDistinct`].
@@ -14,6 +16,7 @@ pub fn check_distinct<'a>(
     inputs: impl IntoIterator<Item = &'a Path>,
     outputs: impl IntoIterator<Item = &'a Path>,
 ) -> Result<(), RunError> {
+    // Runs have few files, so a linear search is enough.
     let mut taken: Vec<PathBuf> = inputs.into_iter().map(place).collect();
     for path in outputs {
         if taken.contains(&place(path)) {
@@ -24,7 +27,8 @@ pub fn check_distinct<'a>(
     Ok(())
 }
 
-/// The names of `count` files in place of one with this ending: `NAME-001.png` and so on.
+/// Numbered paths in place of one path with this ending: `NAME-001.png` and so on. The numbers have
+/// at least three digits, so that names sort in order.
 #[must_use]
 pub fn numbered(path: &Path, ending: &str, count: u32) -> Vec<PathBuf> {
     let digits = count.to_string().len().max(3);
@@ -35,21 +39,24 @@ pub fn numbered(path: &Path, ending: &str, count: u32) -> Vec<PathBuf> {
         .collect()
 }
 
-/// Where a path leads, however it is spelled; a file that is not there yet is looked for in its
-/// folder.
+/// The canonical form of a path, so that `a.png` and `./a.png` are the same file. A path that can't
+/// be resolved stays as it is.
 fn place(path: &Path) -> PathBuf {
-    let in_folder = || {
-        let folder =
-            path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        Some(folder.canonicalize().ok()?.join(path.file_name()?))
-    };
-    path.canonicalize().ok().or_else(in_folder).unwrap_or_else(|| path.to_owned())
+    path.canonicalize().ok().or_else(|| new_place(path)).unwrap_or_else(|| path.to_owned())
 }
 
-/// A whole file of text, still under its temporary name.
+/// The canonical form of a path to a file that does not exist yet: that of its folder, and its name.
+fn new_place(path: &Path) -> Option<PathBuf> {
+    // `canonicalize` refuses the empty path, which is the parent of a bare file name.
+    let folder =
+        path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    Some(folder.canonicalize().ok()?.join(path.file_name()?))
+}
+
+/// A complete file of text, still under its temporary name.
 ///
 /// # Errors
-/// What the disk says.
+/// [`ExportError`] if the file can't be written.
 pub fn text_file(path: &Path, text: &str) -> Result<Output, ExportError> {
     let mut output = Output::create(path)?;
     output.write_with(|file| file.write_all(text.as_bytes()))?;

@@ -1,4 +1,7 @@
-//! Which files a run writes, and who writes each.
+//! The files of a run and their writers.
+//!
+//! In: a [`Job`] and its prepared parts. Out: a [`FileWriter`] for each file that is written block by
+//! block.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -12,11 +15,12 @@ use super::targets::check_distinct;
 use super::textures::Textures;
 use crate::export::{ClothInfo, Expected, ExportError, FileWriter, Format, Output, mtl};
 
-/// The files that were asked for, or a picture named after the input.
+/// The chosen files, or one picture that is named after the input.
 pub(super) fn wanted(job: &Job<'_>) -> Vec<Wanted> {
     let mut wanted = job.settings.outputs.clone();
     if wanted.is_empty() {
         let mut name = job.source.stem.as_os_str().to_owned();
+        // Not `with_extension`: a stem such as `shirt.v2` keeps its dot.
         name.push(".png");
         wanted.push((PathBuf::from(name), Format::Png));
     }
@@ -29,8 +33,8 @@ pub(super) fn wanted(job: &Job<'_>) -> Vec<Wanted> {
     wanted
 }
 
-/// Refuses files that are written twice, or over one that was read; those that come with others
-/// count too.
+/// Refuses files that would overwrite an input or each other. The `.mtl` and the textures beside an
+/// `.obj` count too.
 pub(super) fn check_places<'a>(
     job: &Job<'_>,
     outputs: impl Iterator<Item = &'a Wanted> + Clone,
@@ -50,7 +54,7 @@ pub(super) fn check_places<'a>(
     )
 }
 
-/// What files say of the cloth: its yarns, or their fibres where those were asked for.
+/// The facts about the cloth that writers need: its yarns, or their fibres if they were chosen.
 pub(super) fn cloth_info<'a>(job: &Job<'a>, setup: &Setup) -> ClothInfo<'a> {
     let (cloth, panels) = (job.filed(), &job.cloth.garment().panels);
     let info = match &setup.fibres {
@@ -62,11 +66,12 @@ pub(super) fn cloth_info<'a>(job: &Job<'a>, setup: &Setup) -> ClothInfo<'a> {
             ..ClothInfo::from_fabric(job.shown, setup.section)
         },
     };
+    // Some formats begin with their number of blocks and yarns, before any yarn is laid.
     let expected = Expected { blocks: cloth.blocks(), yarns: cloth.yarns() };
     ClothInfo { expected: Some(expected), ..info.on_panels(panels) }
 }
 
-/// Writers of everything that streams.
+/// The writers of all files that are written block by block.
 pub(super) fn sinks<'a>(
     outputs: &[Wanted],
     job: &Job<'a>,
@@ -76,7 +81,8 @@ pub(super) fn sinks<'a>(
     let mut sinks = Vec::new();
     for (path, format) in outputs {
         match format {
-            // Made whole at the end. Whether they can be written is checked before the work.
+            // Pictures and reports are written at the end. Here their paths are checked, so that a
+            // wrong one ends the run before the work.
             Format::Png | Format::Json => Output::check(path)?,
             format => sinks.push(FileWriter::create(path, *format, &cloth)?),
         }
@@ -84,7 +90,7 @@ pub(super) fn sinks<'a>(
     Ok(sinks)
 }
 
-/// The whole files, and what comes with each.
+/// Ends all writers. Returns the complete files, each with the files beside it.
 pub(super) fn finished(sinks: Vec<FileWriter<'_>>) -> Result<Vec<Output>, ExportError> {
     let mut outputs = Vec::new();
     for sink in sinks {

@@ -79,6 +79,9 @@ fn failures_end_with_1_and_one_message() {
     );
     let no_fabric = fails(1, &["swatch", "--fabric", "tweed"], |_| {});
     assert!(no_fabric.contains("there is no built-in fabric 'tweed'"), "{no_fabric}");
+    assert!(!no_fabric.contains("did you mean"), "{no_fabric}");
+    let misspelt = fails(1, &["swatch", "--fabric", "lokcnit"], |_| {});
+    assert!(misspelt.contains("; did you mean 'locknit'?"), "{misspelt}");
     let no_folder = fails(1, &[&["swatch", "-o", "no/such/a.png"], &SMALL[..]].concat(), |_| {});
     assert!(no_folder.contains("no/such/a.png"), "{no_folder}");
     let endless = fails(1, &["swatch", "--wales", "20000", "--courses", "20000"], |_| {});

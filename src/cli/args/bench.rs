@@ -1,10 +1,10 @@
-//! What `bench` may be asked for: subjects and the formats of its files.
+//! Values of `bench`'s flags: subjects, and the formats of its files.
 
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 
-/// The subjects that can be measured. Their comments are the command's help texts.
+/// The subjects that can be measured. The comments are the command's help texts.
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Subject {
     /// Table 2: coordinates on the plane fabric and on the curved one
@@ -34,7 +34,7 @@ pub(crate) enum BenchFormat {
 }
 
 impl BenchFormat {
-    /// The format that a path's extension asks for, in upper or lower case.
+    /// The format of a path by its extension, in upper or lower case.
     pub(crate) fn from_path(path: &Path) -> Option<Self> {
         match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
             "json" => Some(Self::Json),
@@ -45,9 +45,10 @@ impl BenchFormat {
     }
 }
 
+/// Parses the path of a file of figures.
 pub(super) fn figures(text: &str) -> Result<(PathBuf, BenchFormat), String> {
     let path = PathBuf::from(text);
     let format = BenchFormat::from_path(&path)
-        .ok_or("no figures are written with this ending; known are .json .svg .png")?;
+        .ok_or("figures can't be written with this ending; known are .json .svg .png")?;
     Ok((path, format))
 }

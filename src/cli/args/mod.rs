@@ -1,4 +1,6 @@
-//! The command line: commands and their flags, with the help texts that people read.
+//! The command line: commands and their flags.
+//!
+//! The doc comments of commands and flags are the help texts of the program.
 
 mod bench;
 mod photos;
@@ -27,7 +29,7 @@ use super::values::{
     flattening, output, positive, samples, size, vector,
 };
 
-/// The fabric where none is named.
+/// The fabric, unless one is named.
 pub(crate) const DEFAULT_FABRIC: &str = "tricot";
 
 /// Knits warp-knit fabric, yarn by yarn, onto a garment from a pattern tool.
@@ -36,17 +38,17 @@ pub(crate) const DEFAULT_FABRIC: &str = "tricot";
 pub(crate) struct Arguments {
     #[command(subcommand)]
     pub(crate) command: Command,
-    /// Don't read warpknit.toml of this folder, which may hold other defaults
+    /// Don't read defaults from warpknit.toml in this folder
     #[arg(long, global = true)]
     no_config: bool,
 }
 
 impl Arguments {
-    /// The arguments of this process; ends it where they are wrong usage.
+    /// Parses the arguments of this process. Wrong usage ends the process with status 2.
     ///
     /// # Errors
-    /// What is wrong with [`config::FILE`].
-    pub(crate) fn of_process() -> anyhow::Result<Self> {
+    /// A fault in [`config::FILE`].
+    pub(crate) fn from_process() -> anyhow::Result<Self> {
         let words: Vec<_> = std::env::args_os().collect();
         let matches = match config::matches(&Self::command(), Path::new(config::FILE), &words) {
             Ok(matches) => matches,
@@ -58,7 +60,7 @@ impl Arguments {
         Ok(arguments)
     }
 
-    /// Ends the process where marks and chains don't fit.
+    /// Ends the process if flags contradict each other in a way that clap can't express.
     fn check_chains(&self) {
         let chains = match &self.command {
             Command::Drape(drape) => Some(&drape.shared.chains),
@@ -78,7 +80,8 @@ impl Arguments {
             && threading.len() != lapping.len()
         {
             let message = format!(
-                "--threading is given {} times and --lapping {} times: give one for each bar, or one for all",
+                "--threading is given {} times and --lapping {} times: give one for each bar, or \
+                 one for all",
                 threading.len(),
                 lapping.len()
             );
@@ -87,7 +90,8 @@ impl Arguments {
         if let Command::Inspect(inspect) = &self.command
             && inspect.is_ambiguous()
         {
-            let message = "-o draws a fabric's diagram or a garment's sheet: give it with one of them, or inspect both without -o";
+            let message = "-o draws a fabric's diagram or a garment's sheet: give it with one of \
+                           them, or inspect both without -o";
             Self::command().error(ErrorKind::ArgumentConflict, message).exit();
         }
     }
@@ -111,15 +115,15 @@ pub(crate) enum Command {
     /// Show a garment or a swatch in a window, and knit it again as you choose
     #[cfg(feature = "view")]
     #[command(
-        after_help = "Left drag turns, right or middle drag moves, the wheel zooms; 1 to 6 look from the front, back, left, right, top
-and a corner, F frames everything. The button saves view-001.png and so on into this folder, as high as --size says.
+        after_help = "Left drag turns, right or middle drag moves, the wheel zooms. Keys 1 to 6 look from the front, back, left, right, top
+and a corner; F shows everything. The button saves view-001.png and so on in this folder, as high as --size says.
 
 Examples:
   warpknit view meshes/skirt_flat.obj meshes/skirt_draped.obj
   warpknit view --fabric locknit --wales 8 --courses 9"
     )]
     View(Live),
-    /// Say what meshes hold and whether they pair, and what a fabric's lapping is
+    /// Check meshes and whether they match, and show a fabric's lapping
     #[command(after_help = "Examples:
   warpknit inspect --fabric locknit -o lapping.svg -o lapping.png
   warpknit inspect --lapping 3-4/1-0// --lapping 1-0/1-2//
@@ -144,22 +148,28 @@ Examples:
     )]
     Yarn(Yarn),
     /// Turn a photo of a cloth into a fabric of its yarns and fibres
-    #[command(
-        after_help = "The folder gets cell.png, the mean of all copies of what repeats; grid3x3.png, nine of them with the segments of yarn drawn; texture.png, some cells as the
-photo has them, which tile; layout.toml, the cell and its segments, to be changed by hand and given back with --layout; layout.svg, which of them is which; depth.png;
-fabric.toml, for --fabric; fibres.usda, the fibres of a cell; preview.png; report.json.
+    #[command(after_help = "Files in the folder:
+  cell.png      the repeating cell, as the mean of all its copies
+  grid3x3.png   nine cells with the segments of yarn drawn
+  texture.png   some cells cut from the photo; they tile
+  layout.toml   the cell and its segments, to change by hand and give back with --layout
+  layout.svg    the segments with their numbers
+  depth.png     the height of the yarns
+  fabric.toml   the fabric, for --fabric
+  fibres.usda   the fibres of a cell
+  preview.png   a picture of the draped cloth
+  report.json   all numbers
 
 Examples:
   warpknit capture linen.jpg -o linen
   warpknit drape meshes/tshirt.obj --fabric linen/fabric.toml -o shirt.png
   warpknit capture linen.jpg --layout linen/layout.toml -o mine
-  warpknit capture twill.png --cell 24,0,0,18 -o twill"
-    )]
+  warpknit capture twill.png --cell 24,0,0,18 -o twill")]
     Capture(Capture),
-    /// Time the work here, beside what the papers published
+    /// Time the work on this machine, beside the papers' published times
     #[command(
-        after_help = "Times are medians of several runs, with the fastest and the slowest. Published figures are those of the papers' machines; `times` says how many
-times as long they are. --brute runs the source paper's own algorithm here, as the fair baseline.
+        after_help = "Times are medians of several runs, with the fastest and the slowest. Published times come from the papers' machines; `times` is the
+published time divided by ours. --brute runs the source paper's own algorithm on this machine, as a fair baseline.
 
 Examples:
   warpknit bench
@@ -176,7 +186,7 @@ Examples:
   warpknit completions zsh > ~/.zfunc/_warpknit
   warpknit completions fish > ~/.config/fish/completions/warpknit.fish")]
     Completions(Completions),
-    /// Print the manual page, of the program or of a command
+    /// Print the manual page of the program or of a command
     #[command(after_help = "Examples:
   warpknit man | man -l -
   warpknit man drape > ~/.local/share/man/man1/warpknit-drape.1")]
@@ -185,8 +195,8 @@ Examples:
 
 #[derive(Args, Debug)]
 pub(crate) struct Drape {
-    /// The flat pattern; or one file whose positions are draped and whose vt is the flat pattern,
-    /// or a folder of frames of which the first is such a file
+    /// The flat pattern; or one file whose positions are draped and whose vt is the flat pattern;
+    /// or a folder of frames whose first file is such a file
     #[arg(value_name = "FLAT.obj|GARMENT.obj")]
     pub(crate) flat: PathBuf,
     /// The same faces, draped; or the frames of a drape sequence: files, folders of them, or
@@ -257,8 +267,8 @@ pub(crate) struct Inspect {
     pub(crate) fabric: Option<String>,
     #[command(flatten)]
     pub(crate) chains: Chains,
-    /// A file by its ending, .svg .png: of meshes a sheet of flat panels and stretch, of more than
-    /// one drape OUT-001 and so on; of a fabric its lapping diagram; may be repeated
+    /// A file to write, by its ending: .svg .png; for meshes a sheet of flat panels and stretch
+    /// (OUT-001 and so on for several drapes), for a fabric its lapping diagram; may be repeated
     #[arg(short, long = "output", value_name = "OUT", value_parser = diagram)]
     pub(crate) outputs: Vec<(PathBuf, chart::ChartFormat)>,
     #[command(flatten)]
@@ -266,12 +276,12 @@ pub(crate) struct Inspect {
 }
 
 impl Inspect {
-    /// Whether a fabric is asked for.
+    /// Whether a fabric is to be shown.
     pub(crate) fn has_fabric(&self) -> bool {
         self.fabric.is_some() || !self.chains.lapping.is_empty()
     }
 
-    /// Whether files are asked for that could be of the fabric or of the meshes.
+    /// Whether an output could be meant for the fabric or for the meshes.
     fn is_ambiguous(&self) -> bool {
         self.has_fabric() && !self.meshes.is_empty() && !self.outputs.is_empty()
     }
@@ -279,8 +289,8 @@ impl Inspect {
 
 #[derive(Args, Debug)]
 pub(crate) struct Fabrics {
-    /// The fabric to print: a built-in one as its file is written, or a fabric file as it was
-    /// understood
+    /// The fabric to print: the file of a built-in one, or a fabric file as the program
+    /// understands it
     #[arg(value_name = "NAME|FILE.toml")]
     pub(crate) name: Option<String>,
 }
@@ -299,19 +309,19 @@ pub(crate) struct Man {
 
 #[derive(Args, Debug)]
 pub(crate) struct Bench {
-    /// A garment of your own in place of ours: the flat pattern and the same faces draped, or one
-    /// file with vt; for plane-curved, total and growth
+    /// Your own garment in place of ours, for plane-curved, total and growth: the flat pattern and
+    /// the same faces draped, or one file with vt
     #[arg(value_name = "OBJ", num_args = 0..=2)]
     pub(crate) meshes: Vec<PathBuf>,
     /// What to measure; may be repeated [default: plane-curved, total, st-sr, textures]
     #[arg(long, value_enum, value_name = "NAME")]
     pub(crate) only: Vec<Subject>,
-    /// Plain weft knits from 20 x 20 to 100 x 100 loops, from their motif to tubes (the ribbon
-    /// paper's table): --only weft
+    /// The same as --only weft: plain weft knits from 20 x 20 to 100 x 100 loops, from their motif
+    /// to tubes (the ribbon paper's table)
     #[arg(long)]
     pub(crate) weft: bool,
-    /// Also the paper's own algorithm in plane-curved: every triangle in turn for each point, run
-    /// once
+    /// In plane-curved, also run the paper's own algorithm once: it tests every triangle in turn
+    /// for each point
     #[arg(long)]
     pub(crate) brute: bool,
     /// A file to write, by its ending: .json (all figures) .svg .png (plots); may be repeated
@@ -319,13 +329,13 @@ pub(crate) struct Bench {
     pub(crate) outputs: Vec<(PathBuf, BenchFormat)>,
     #[command(flatten)]
     pub(crate) reading: Reading,
-    /// What draws the pictures that are timed
+    /// The renderer of the pictures that are timed
     #[arg(long, value_enum, default_value = "cpu")]
     pub(crate) renderer: RendererArg,
     /// Edges of the tubes' section in weft
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(3..=64))]
     pub(crate) sr: u32,
-    /// Runs of each, after one that warms up; of pictures three at most
+    /// Timed runs of each, after one run to warm up; pictures have three at most
     #[arg(long, value_name = "N", default_value_t = 9, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub(crate) runs: u32,
     #[command(flatten)]
@@ -335,30 +345,29 @@ pub(crate) struct Bench {
 /// A lapping of one's own.
 #[derive(Args, Debug)]
 pub(crate) struct Chains {
-    /// A bar's chain, such as 1-0/1-2//, or weft; a bar each, front first. They take the place of
-    /// the fabric's bars, and take their yarns
+    /// A bar's chain, such as 1-0/1-2//, or weft; one for each bar, front first. These bars replace
+    /// the fabric's bars and use their yarns
     #[arg(long, value_name = "CHAIN")]
     pub(crate) lapping: Vec<String>,
-    /// Which guides of a --lapping carry a yarn: I threaded, . empty, repeated across; one for each
-    /// --lapping, or one for all [default: I]
+    /// Which guides of a --lapping carry a yarn: I threaded, . empty, repeated across the bar; one
+    /// for each --lapping, or one for all [default: I]
     #[arg(long, value_name = "MARKS", requires = "lapping")]
     pub(crate) threading: Vec<String>,
 }
 
-/// What of a run's outputs is made.
+/// The part of a run's outputs that is made.
 #[derive(Args, Debug)]
 pub(crate) struct Part {
-    /// Make the I-th of N parts, for N machines: files hold a part of the yarns, and pictures a
-    /// band of rows, which together are the whole
+    /// Make the I-th of N parts, for N machines: files get a part of the yarns, and pictures a
+    /// band of rows; together the parts are the whole
     #[arg(long, value_name = "I/N")]
     pub(crate) tile: Option<Tile>,
 }
 
-/// How a drape sequence is taken.
+/// How a drape sequence is read and written.
 #[derive(Args, Debug)]
 pub(crate) struct MotionArgs {
-    /// Leave out frames of a drape sequence that can't be read, with a warning, in place of ending
-    /// there
+    /// Leave out frames of a drape sequence that can't be read, with a warning, instead of failing
     #[arg(long)]
     pub(crate) skip_bad_frames: bool,
     /// Frames a second, for a .usda of a drape sequence
@@ -372,7 +381,7 @@ pub(crate) struct Laying {
     /// What happens to yarns at a panel's edge
     #[arg(long, value_enum, default_value = "clip")]
     pub(crate) edge: EdgeArg,
-    /// How depth is carried from the flat panel to the draped one
+    /// How depth is mapped from the flat panel to the draped one
     #[arg(long, value_enum, default_value = "smooth")]
     pub(crate) mapping: MappingArg,
 }
@@ -380,10 +389,10 @@ pub(crate) struct Laying {
 /// How meshes are read.
 #[derive(Args, Debug)]
 pub(crate) struct Reading {
-    /// What one unit of the draped mesh is: mm, cm, dm, m or in [default: guessed from its size]
+    /// Length of one unit of the draped mesh: mm, cm, dm, m or in [default: guessed from its size]
     #[arg(long, value_name = "UNIT")]
     pub(crate) unit: Option<Unit>,
-    /// What one unit of the flat mesh is, mm [default: from the areas]
+    /// Length of one unit of the flat mesh, mm [default: from the areas]
     #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) uv_scale: Option<f64>,
     /// Turn the wale direction, counter-clockwise seen from the technical face
@@ -394,7 +403,7 @@ pub(crate) struct Reading {
     pub(crate) turn: bool,
 }
 
-/// What `drape` and `swatch` share.
+/// Flags that `drape`, `swatch` and `view` share.
 #[derive(Args, Debug)]
 pub(crate) struct Shared {
     /// A file to write, by its ending: .png .glb .obj .ply .usda .bcc .curves.txt .inp .npz .csv
@@ -407,14 +416,14 @@ pub(crate) struct Shared {
     pub(crate) fabric: String,
     #[command(flatten)]
     pub(crate) chains: Chains,
-    /// Wales per cm; yarns are drawn in proportion [default: the fabric's, or fewer where a garment
-    /// would hold over 12000 stitches]
+    /// Wales per cm; yarns are drawn in proportion [default: the fabric's, or fewer if a garment
+    /// would have over 12000 stitches]
     #[arg(long, value_name = "X", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) wales_per_cm: Option<f64>,
     /// Courses per cm [default: in proportion to the wales]
     #[arg(long, value_name = "X", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) courses_per_cm: Option<f64>,
-    /// Tube segments a stitch [default: 10 in files, 40 in pictures]
+    /// Tube segments for each stitch [default: 10 in files, 40 in pictures]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=256))]
     pub(crate) st: Option<u32>,
     /// Edges of a tube's section [default: 6 in files, 12 in pictures]
@@ -423,18 +432,18 @@ pub(crate) struct Shared {
     /// Draw yarns with this radius [default: from the yarn's count, as far as the loops leave room]
     #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) radius: Option<f64>,
-    /// Width over height of the tubes' section in files: over 1 lies flat in the fabric's plane,
-    /// its area kept
+    /// Width over height of the tubes' section in files: over 1 it lies flat in the fabric's plane;
+    /// its area is kept
     #[arg(long, value_name = "K", default_value_t = 1.0, value_parser = flattening)]
     pub(crate) flatten: f64,
     /// Close the tubes' ends
     #[arg(long)]
     pub(crate) caps: bool,
-    /// Yarns as their fibres, in files and in pictures [default: in pictures from near, of captured
-    /// cloth]
+    /// Show yarns as their fibres, in files and in pictures [default: only captured cloth, in
+    /// pictures from near]
     #[arg(long, value_enum, value_name = "on|off")]
     pub(crate) fibres: Option<SwitchArg>,
-    /// Radius of a fibre, mm; thicker ones are fewer
+    /// Radius of a fibre, mm; the thicker they are, the fewer a yarn has
     #[arg(long, value_name = "MM", value_parser = positive, default_value_t = FIBRE_RADIUS)]
     pub(crate) fibre_radius: f64,
     /// Write the yarns' centre lines, as l records, to .obj in place of tubes
@@ -443,13 +452,14 @@ pub(crate) struct Shared {
     /// Size of the picture
     #[arg(long, value_name = "WxH", default_value = "1600x1200", value_parser = size)]
     pub(crate) size: (u32, u32),
-    /// From where to look: a swatch's front is its technical face
+    /// Side to look from; a swatch's front is its technical face
     #[arg(long, value_enum, default_value = "front")]
     pub(crate) view: ViewArg,
-    /// Stand here instead of at a view, mm (with --look-at; `inspect` prints where a garment lies)
+    /// Place the camera here instead of at a view, mm (with --look-at; `inspect` prints where a
+    /// garment lies)
     #[arg(long, value_name = "X,Y,Z", value_parser = vector, requires = "look_at", allow_hyphen_values = true)]
     pub(crate) eye: Option<DVec3>,
-    /// Look at this point, mm (with --eye)
+    /// Point the camera at this place, mm (with --eye)
     #[arg(long, value_name = "X,Y,Z", value_parser = vector, requires = "eye", allow_hyphen_values = true)]
     pub(crate) look_at: Option<DVec3>,
     /// Vertical field of view
@@ -473,7 +483,7 @@ pub(crate) struct Running {
     /// Threads [default: all cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub(crate) threads: Option<u32>,
-    /// Say nothing but errors and the numbers that were asked for
+    /// Print only errors and the requested numbers
     #[arg(long)]
     pub(crate) quiet: bool,
 }
@@ -481,26 +491,25 @@ pub(crate) struct Running {
 /// How pictures are drawn.
 #[derive(Args, Debug)]
 pub(crate) struct Drawing {
-    /// What draws: auto takes the graphics processor, or the processor where there is none
+    /// The renderer: auto uses the graphics processor, or the CPU if there is none
     #[arg(long, value_enum, default_value = "auto")]
     pub(crate) renderer: RendererArg,
-    /// Samples a pixel
+    /// Samples for each pixel
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=4096))]
     pub(crate) spp: u32,
-    /// Samples of each pixel's edges on the graphics processor: 1 or 4
+    /// Samples for smooth edges in each pixel on the graphics processor: 1 or 4
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = samples)]
     pub(crate) samples: u32,
-    /// Whether yarns of few pixels are drawn more coarsely
+    /// Level of detail: draw yarns of few pixels more coarsely
     #[arg(long, value_enum, default_value = "on")]
     pub(crate) lod: SwitchArg,
     /// Draw yarns as tubes, or in pictures as flat ribbons
     #[arg(long, value_enum, default_value = "tube")]
     pub(crate) shape: ShapeArg,
-    /// A yarn's pictures: a folder with base_color.png and others, or one image; x runs along the
-    /// yarn
+    /// Maps of a yarn: a folder with base_color.png and others, or one image; x runs along the yarn
     #[arg(long, value_name = "DIR|IMAGE")]
     pub(crate) texture: Option<PathBuf>,
-    /// Write N pictures from all around, NAME-001.png and so on
+    /// Write N pictures from all around: NAME-001.png and so on
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=9999))]
     pub(crate) turntable: Option<u32>,
 }

@@ -1,4 +1,4 @@
-//! What `yarn` and `capture` take: photos.
+//! Arguments of `yarn` and `capture`: a photo, and how to read it.
 
 use std::path::PathBuf;
 
@@ -16,26 +16,27 @@ pub(crate) struct Yarn {
     /// The folder for the maps
     #[arg(short, long = "output", value_name = "DIR")]
     pub(crate) output: PathBuf,
-    /// Look at this rectangle of the photo alone, pixels
+    /// Use only this rectangle of the photo, pixels
     #[arg(long, value_name = "X,Y,W,H", value_parser = rectangle, allow_hyphen_values = true)]
     pub(crate) crop: Option<[u32; 4]>,
-    /// Add this share of white, -1 to 1, in place of the stretch of greys; the colours change too
+    /// Add this share of white, -1 to 1, instead of stretching the greys; the colours change too
     #[arg(long, value_name = "B", value_parser = brightness, allow_negative_numbers = true)]
     pub(crate) brightness: Option<f32>,
-    /// Multiply the distance from middle grey by this, .1 to 10, in place of the stretch; the
-    /// colours change too
+    /// Multiply the distance from middle grey by this, 0.1 to 10, instead of stretching the greys;
+    /// the colours change too
     #[arg(long, value_name = "K", value_parser = contrast, allow_negative_numbers = true)]
     pub(crate) contrast: Option<f32>,
-    /// The grey that splits yarn from ground, 1 to 254, after the levels [default: Otsu's]
+    /// The grey that separates yarn from ground, 1 to 254, after the levels [default: by Otsu's
+    /// method]
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u8).range(1..=254))]
     pub(crate) threshold: Option<u8>,
-    /// Pixels an inch, as of a scanner
+    /// Pixels per inch, for example of a scanner
     #[arg(long, value_name = "DPI", value_parser = positive, allow_negative_numbers = true, conflicts_with = "yarn_width_mm")]
     pub(crate) dpi: Option<f64>,
-    /// How wide the yarn is without its fuzz, which says how large a pixel is
+    /// Width of the yarn without its fuzz, mm; the size of a pixel follows from it
     #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) yarn_width_mm: Option<f64>,
-    /// Say what each step decided
+    /// Print the decision of each step
     #[arg(short, long)]
     pub(crate) verbose: bool,
     #[command(flatten)]
@@ -44,24 +45,24 @@ pub(crate) struct Yarn {
 
 #[derive(Args, Debug)]
 pub(crate) struct Capture {
-    /// A photo, .png or .jpg: cloth that fills it, sharp and evenly lit, its pattern seen four
-    /// times each way
+    /// A photo, .png or .jpg: the cloth fills it, is sharp and evenly lit, and its pattern repeats
+    /// at least four times each way
     #[arg(value_name = "IMAGE")]
     pub(crate) photo: PathBuf,
     /// The folder for the cell, its layout and the fabric
     #[arg(short, long = "output", value_name = "DIR")]
     pub(crate) output: PathBuf,
-    /// Both vectors of the cell that repeats, pixels, y down, in place of what is found
+    /// Both vectors of the repeating cell, pixels, y down, instead of finding them
     #[arg(long, value_name = "AX,AY,BX,BY", value_parser = two_vectors, allow_hyphen_values = true, conflicts_with = "layout")]
     pub(crate) cell: Option<[f64; 4]>,
-    /// How thick the cloth is, mm: the scale of its depth
+    /// Thickness of the cloth, mm: the scale of its depth
     #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true, default_value_t = THICKNESS)]
     pub(crate) thickness: f64,
-    /// Pixels of the photo a mm [default: as many as make a yarn half as wide as the cloth is
+    /// Pixels of the photo per mm [default: so many that a yarn is half as wide as the cloth is
     /// thick]
     #[arg(long, value_name = "N", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) pixels_per_mm: Option<f64>,
-    /// A layout.toml, perhaps changed by hand: its cell and its segments, in place of what is found
+    /// A layout.toml, perhaps changed by hand: use its cell and segments instead of finding them
     #[arg(long, value_name = "FILE")]
     pub(crate) layout: Option<PathBuf>,
     #[command(flatten)]

@@ -95,8 +95,9 @@ pub(super) fn write(arguments: &Bench, tables: &[Table]) -> Result<()> {
 fn plots(tables: &[Table]) -> Result<warpknit::chart::Drawing> {
     let Machine { system, architecture, processor, cores, threads, .. } = Machine::here();
     let processor = processor.as_deref().unwrap_or(architecture);
+    let plural = if threads == 1 { "" } else { "s" };
     let heading = format!(
-        "warpknit {} bench on {system}, {processor}, {threads} threads on {cores} cores; \
+        "warpknit {} bench on {system}, {processor}, {threads} thread{plural} on {cores} cores; \
          dashed: published, other machine",
         env!("CARGO_PKG_VERSION")
     );

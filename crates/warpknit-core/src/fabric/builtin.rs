@@ -50,3 +50,66 @@ pub fn names() -> impl Iterator<Item = &'static str> {
 pub fn text(name: &str) -> Option<&'static str> {
     FABRICS.iter().find(|(known, _)| *known == name).map(|(_, text)| *text)
 }
+
+/// The built-in name that a misspelt one most likely means: the one of the smallest edit distance,
+/// if at most a third of the letters are wrong. Upper and lower case count as the same.
+///
+/// ```
+/// use warpknit_core::fabric::builtin;
+/// assert_eq!(builtin::nearest("lokcnit"), Some("locknit"));
+/// ```
+#[must_use]
+pub fn nearest(name: &str) -> Option<&'static str> {
+    let name = name.to_lowercase();
+    let most = name.chars().count() / 3;
+    names()
+        .map(|known| (edit_distance(&name, known), known))
+        .filter(|(distance, _)| *distance <= most)
+        .min_by_key(|(distance, _)| *distance)
+        .map(|(_, known)| known)
+}
+
+/// The Levenshtein distance: the fewest letters to insert, delete or replace that turn `a` into
+/// `b`.
+fn edit_distance(a: &str, b: &str) -> usize {
+    // A row of the table of Wagner and Fischer, The string-to-string correction problem, 1974:
+    // `row[j]` is the distance of the letters of `a` so far to the first `j` letters of `b`.
+    let mut row: Vec<usize> = (0..=b.chars().count()).collect();
+    for (i, letter) in a.chars().enumerate() {
+        let mut diagonal = std::mem::replace(&mut row[0], i + 1);
+        for (j, other) in b.chars().enumerate() {
+            let replaced = diagonal + usize::from(letter != other);
+            diagonal = row[j + 1];
+            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[b.chars().count()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn distances_count_single_letters() {
+        assert_eq!(edit_distance("kitten", "sitting"), 3);
+        assert_eq!(edit_distance("", "cord"), 4);
+        assert_eq!(edit_distance("cord", ""), 4);
+        assert_eq!(edit_distance("satin", "satin"), 0);
+    }
+
+    #[test]
+    fn a_misspelt_name_finds_its_fabric() {
+        for (misspelt, meant) in [
+            ("lokcnit", "locknit"),
+            ("jersy", "jersey"),
+            ("Tricot", "tricot"),
+            ("hexnet-5", "hex-net-5"),
+        ] {
+            assert_eq!(nearest(misspelt), Some(meant), "{misspelt}");
+        }
+        for stranger in ["", "tweed", "x", "corduroy-velvet"] {
+            assert_eq!(nearest(stranger), None, "{stranger}");
+        }
+    }
+}

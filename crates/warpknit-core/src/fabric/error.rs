@@ -6,6 +6,7 @@
 use std::fmt;
 use std::ops::Range;
 
+use super::builtin;
 use super::lapping::LappingError;
 use super::motif::MotifError;
 use super::threading::ThreadingError;
@@ -33,7 +34,9 @@ pub enum FabricFault {
     /// No built-in fabric of that name.
     #[error(
         "there is no built-in fabric '{0}': `warpknit fabrics` lists them, and a file's name ends \
-         in .toml"
+         in .toml{hint}",
+        hint = builtin::nearest(.0)
+            .map_or_else(String::new, |near| format!("; did you mean '{near}'?"))
     )]
     Unknown(String),
     /// Not TOML, or not the keys and types of a fabric file, in the TOML reader's words.
