@@ -1,4 +1,4 @@
-//! Knits a fabric onto a shipped skirt, and writes a picture and a GLB: `cargo run --release --example drape`.
+//! Knits a fabric onto a shipped skirt, and writes files: `cargo run --release --example drape`.
 
 use std::path::Path;
 

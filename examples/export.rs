@@ -1,4 +1,4 @@
-//! Writes a swatch as curves into memory, for whoever sends it on: `cargo run --release --example export`.
+//! Writes a swatch into memory in some formats: `cargo run --release --example export`.
 
 use std::io::Cursor;
 

@@ -1,4 +1,4 @@
-//! Knits a lapping of one's own, draws it and prints its numbers: `cargo run --release --example swatch`.
+//! Draws a lapping and prints its numbers: `cargo run --release --example swatch`.
 
 use warpknit::fabric::Fabric;
 use warpknit::pipeline::RealCloth;

@@ -59,13 +59,13 @@ pub(super) fn draw(
             |done: f32| listener.progress(f64::from((frame as f32 + done) / count as f32));
         let camera = camera(scene, extent, &settings.picture, options.aspect(), frame);
         let size = [options.width, options.height];
-        let spun = fibres
+        let close_up = fibres
             .and_then(|fibres| near::scene(scene, &fibres.bundles, fibres.near, &camera, size));
         // The scene of yarns serves all frames and is prepared once. The scene of fibres depends on
         // the camera, so it is prepared for each frame.
-        let picture = match (&spun, &mut far) {
-            (Some(spun), _) => {
-                pictures.draw(&mut Painter::new(spun, &options)?, &camera, &options, &progress)?
+        let picture = match (&close_up, &mut far) {
+            (Some(close_up), _) => {
+                pictures.draw(&mut Painter::new(close_up, &options)?, &camera, &options, &progress)?
             }
             (None, Some(far)) => pictures.draw(far, &camera, &options, &progress)?,
             (None, None) => {

@@ -1,5 +1,5 @@
-//! The garment page of the specification, line by line, on small meshes; then every real garment
-//! there is.
+//! Reading garments: each promise of docs/garments.md on small meshes, then every real garment that
+//! is at hand.
 
 use std::path::{Path, PathBuf};
 

@@ -5,8 +5,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::ExportError;
-use super::output::folder_of;
-use super::temporary::TemporaryFolder;
+use super::temporary::{TemporaryFolder, folder_of};
 
 /// A folder being filled beside its target.
 ///

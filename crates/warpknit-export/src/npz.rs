@@ -243,10 +243,13 @@ impl Array {
     }
 }
 
+/// Appends a row. Inlined, so that the compiler knows how long it is and copies it without a call.
+#[inline(always)]
 fn add(row: &[u8], bytes: &mut Buffer) {
     bytes.grow(row.len()).copy_from_slice(row);
 }
 
+#[inline]
 fn add_vector(vector: DVec3, bytes: &mut Buffer) {
     add(bytemuck::bytes_of(&vector.to_array()), bytes);
 }

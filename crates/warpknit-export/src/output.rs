@@ -5,7 +5,7 @@ use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use super::ExportError;
-use super::temporary::TemporaryFile;
+use super::temporary::{TemporaryFile, folder_of};
 
 /// Buffer of an output: large enough that the system is rarely called, and small enough that whole
 /// buffers of a [`super::buffer::Conveyor`] go past it, uncopied.
@@ -137,11 +137,6 @@ impl Seek for Output {
 /// Whether the target is there and neither a file nor a folder.
 fn is_pipe(target: &Path) -> bool {
     target.exists() && !target.is_file() && !target.is_dir()
-}
-
-/// The folder that a file is in.
-pub(super) fn folder_of(target: &Path) -> &Path {
-    target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 /// A new file beside `target`.

@@ -17,8 +17,6 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use tempfile::{Builder, TempDir, TempPath};
 
-use super::output::folder_of;
-
 const PREFIX: &str = ".warpknit-";
 const SUFFIX: &str = ".part";
 const RANDOM_LETTERS: usize = 6;
@@ -289,4 +287,8 @@ mod tests {
         assert!(file.path.exists() && folder.path().exists());
         assert!(!is_kept(&_file, &around.path().join("gone")));
     }
+}
+/// The folder that a file is in.
+pub(super) fn folder_of(target: &Path) -> &Path {
+    target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }

@@ -48,13 +48,25 @@ mod without_gpu;
 pub use camera::{Camera, View};
 pub use error::GpuError;
 pub use light::Light;
-pub use painter::{Painter, RendererChoice};
+pub use painter::Painter;
 pub use tone::Background;
 
 use std::ops::Range;
 
 use crate::scene::Scene;
 use image::RgbaImage;
+
+/// Which renderer to use.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum RendererChoice {
+    /// The GPU if there is a hardware adapter, otherwise the CPU.
+    Auto,
+    /// The GPU, also with a software adapter. Without an adapter it is an error.
+    Gpu,
+    /// The CPU, which needs no driver.
+    #[default]
+    Cpu,
+}
 
 /// Settings of a picture.
 #[derive(Clone, Debug)]
@@ -136,7 +148,8 @@ impl Default for RenderOptions {
 /// depend on the number of threads. An empty scene gives the background. [`Painter`] draws several
 /// pictures of one scene.
 ///
-/// # Errors With [`RendererChoice::Gpu`], whatever the adapter cannot do.
+/// # Errors
+/// With [`RendererChoice::Gpu`], whatever the adapter cannot do.
 pub fn render(
     scene: &Scene,
     camera: &Camera,

@@ -7,24 +7,12 @@
 use image::RgbaImage;
 
 use crate::scene::Scene;
-use crate::{Camera, GpuError, RenderOptions, cpu};
+use crate::{Camera, GpuError, RenderOptions, RendererChoice, cpu};
 
 #[cfg(feature = "gpu")]
 use crate::gpu::Uploaded;
 #[cfg(not(feature = "gpu"))]
 use crate::without_gpu::Uploaded;
-
-/// Which renderer to use.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum RendererChoice {
-    /// The GPU if there is a hardware adapter, otherwise the CPU.
-    Auto,
-    /// The GPU, also with a software adapter. Without an adapter it is an error.
-    Gpu,
-    /// The CPU, which needs no driver.
-    #[default]
-    Cpu,
-}
 
 /// Draws a scene any number of times.
 #[derive(Debug)]

@@ -6,7 +6,7 @@
 //!
 //! All computation is done on one repeat ([`Pattern::new`]), in three steps. Underlaps pull at the
 //! wales and bend them (`lattice`). Laps become points on the bent wales (`stitch`, `repeat`).
-//! Yarns that would cut each other are pushed apart (`contact`). Laying a yarn on a panel then
+//! Yarns that would cut each other are pushed apart (`relax`). Laying a yarn on a panel then
 //! takes one addition a point (about 5 ns).
 //!
 //! Source: Liu, Kyosev and Jiang 2022, "Yarn-level modelling and geometric simulation of

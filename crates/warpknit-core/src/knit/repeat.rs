@@ -3,7 +3,7 @@
 //! In: a fabric's bars and the [`WaleLattice`] of its control points. Out: a [`Repeat`], which
 //! holds for each threaded guide (or weft) a yarn as a chain that continues in the next repeat.
 //! Coordinates are mm from gap 0 of guide 0 in course 0. Cost: linear in the points, about 0.2 µs
-//! each. Not promised: yarns that keep clear of each other, which is `contact`'s work.
+//! each. Not promised: yarns that keep clear of each other, which is `relax`'s work.
 
 use std::ops::Range;
 

@@ -17,7 +17,7 @@
 //! Source: Liu, Kyosev and Jiang 2022, "Yarn-level modelling and geometric simulation of
 //! warp-knitted clothing elements", section 2.1 and Fig. 2. `docs/method.md` holds the table of
 //! [`Dimensions`]. Cost: some dozens of nanoseconds a loop. Not promised: that the yarns of several
-//! bars keep clear of each other; the relaxation (`contact`) makes the room that is missing.
+//! bars keep clear of each other; the relaxation (`relax`) makes the room that is missing.
 
 use glam::DVec3;
 

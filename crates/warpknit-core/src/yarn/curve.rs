@@ -63,6 +63,7 @@ impl Span {
 
     /// The arc length, by Simpson's rule with three evaluations. The error is below 1 % for the
     /// bends of yarns.
+    #[inline]
     #[must_use]
     pub fn length(&self) -> f64 {
         (self.tangent(0.0).length() + 4.0 * self.tangent(0.5).length() + self.tangent(1.0).length())
@@ -105,6 +106,7 @@ pub fn span(points: &[DVec3], index: usize) -> Span {
 }
 
 /// Centripetal knot intervals: square roots of the chord lengths.
+#[inline]
 fn knot_intervals(p: &[DVec3; 4]) -> [f64; 3] {
     std::array::from_fn(|i| p[i].distance(p[i + 1]).max(f64::from(MIN_CHORD)).sqrt())
 }

@@ -23,7 +23,6 @@ use crate::number::double;
 /// Slope of plies and fibres against the yarn's axis where no twist is known: tan 24 degrees, a
 /// middling twist.
 pub const MIDDLING_SLOPE: f32 = 0.445;
-/// Radius of a fibre, mm: the paper's, that of fine cotton.
 /// Radius of a fibre, mm: that of fine cotton, as in the paper.
 pub const FIBRE_RADIUS: f64 = 0.0045;
 /// The largest number of fibres in a yarn. A thicker yarn gets thicker fibres instead.

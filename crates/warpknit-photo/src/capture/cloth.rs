@@ -25,7 +25,7 @@ use warpknit_core::fabric::{Fabric, LaidCloth, LaidStrand, StrandDirection, Stru
 const NAME: &str = "captured";
 /// Density of cotton fibre, g/cm³.
 const COTTON_DENSITY: f64 = 1.5;
-/// Share of a yarn's section that fibres fill, as in Wu et al. 2017.
+/// Share of a yarn's section that fibres fill, as in Wu et al..
 const PACKING: f64 = 0.6;
 /// Share of the light that the yarns' fibres mirror: that of dull cotton. A person who knows better
 /// changes it.

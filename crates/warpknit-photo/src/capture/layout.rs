@@ -2,7 +2,7 @@
 //!
 //! In: the mean cell. Out: a [`Layout`], or nothing where no layout is plausible.
 //!
-//! Method: competing hypotheses, as in Wu et al. 2017. Layouts of a weave ([`woven`]) and layouts
+//! Method: competing hypotheses, as in Wu et al.. Layouts of a weave ([`woven`]) and layouts
 //! that merely cover the cell ([`greedy_cover`]) are refined on a coarse grid and ranked by a cost:
 //! the variance that they leave unexplained, with penalties for the number of segments, for
 //! overlaps, and for what only hidden parts explain. Where a weave is clear, covers are skipped.
@@ -92,7 +92,7 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// The largest overlap of a valid layout. The rule of Wu et al. 2017 is little overlap and
+    /// The largest overlap of a valid layout. The rule of Wu et al. is little overlap and
     /// little blank; this is how much a person's layout may have.
     pub const MOST_OVERLAP: f64 = 0.35;
     /// The largest share of a valid layout that lies under no yarn. Nets are mostly blank.

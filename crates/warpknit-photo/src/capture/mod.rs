@@ -4,7 +4,7 @@
 //! results of single steps. Out: [`Captured`]: the cell that repeats, its mean, a texture that
 //! tiles, and the yarn segments in the cell. No training data: every step is analysis.
 //!
-//! Source: Wu, Chen, Zhang, Zhou and Zhao 2017, *Modeling yarn-level geometry from a single
+//! Source: Wu, Chen, Zhang, Zhou and Zhao, *Modeling yarn-level geometry from a single
 //! micro-image*. The steps:
 //!
 //! ```text

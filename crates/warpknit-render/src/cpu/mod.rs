@@ -1,9 +1,9 @@
 //! The CPU renderer, for machines without a graphics driver.
 //!
 //! In: a scene, a camera and options, as for every renderer. Out: the picture. Two methods find the
-//! yarn that a sample of a pixel sees. Ray tracing against a bounding volume hierarchy (`near`) is
+//! yarn that a sample of a pixel sees. Ray tracing against a bounding volume hierarchy (`raytrace`) is
 //! the general one. Where every yarn is thinner than a pixel, splatting into a visibility buffer
-//! (`far`) replaces it.
+//! (`splat`) replaces it.
 //!
 //! The picture is computed in bands of rows. Within a band, tiles of rows run in parallel. No
 //! sample depends on another one, and sums are taken in a fixed order. So the bytes do not depend

@@ -28,7 +28,8 @@ const TARGETS: [(wgpu::TextureFormat, wgpu::TextureUsages); 3] = [
 impl Gpu {
     /// The fastest adapter. One that computes on the CPU is accepted only if `software` is set.
     ///
-    /// # Errors No adapter, or one that refuses a device or lacks a capability.
+    /// # Errors
+    /// No adapter, or one that refuses a device or lacks a capability.
     pub fn find(software: bool) -> Result<Self, GpuError> {
         let mut descriptor = InstanceDescriptor::new_without_display_handle();
         descriptor.backends = Backends::PRIMARY | Backends::GL;
@@ -65,7 +66,8 @@ impl Gpu {
 
     /// Uses a device that a window has opened.
     ///
-    /// # Errors An adapter that lacks a capability.
+    /// # Errors
+    /// An adapter that lacks a capability.
     pub fn on(
         adapter: &wgpu::Adapter,
         device: wgpu::Device,

@@ -9,7 +9,7 @@
 //!    comes first.
 //! 4. Tone mapping, the same curve as in all renderers.
 //!
-//! `device` opens the adapter. `pages` keeps the yarns in its memory. `levels` selects the level of
+//! `device` opens the adapter. `pages` keeps the yarns in its memory. `lod` selects the level of
 //! detail. `frame` computes projections. `pipelines` compiles shaders, `passes` records commands,
 //! and `resources` creates buffers and textures.
 //!
@@ -90,7 +90,8 @@ pub struct Yarns {
 impl Renderer {
     /// Compiles the shaders for pictures with this number of samples per pixel: 1 or 4.
     ///
-    /// # Errors Whatever the device refuses.
+    /// # Errors
+    /// Whatever the device refuses.
     pub fn new(gpu: Gpu, samples: u32) -> Result<Self, GpuError> {
         let layouts = Layouts::new(&gpu);
         let pipelines = Pipelines::new(&gpu, &layouts, if samples > 1 { 4 } else { 1 });
@@ -115,7 +116,8 @@ impl Renderer {
 
     /// Uploads a scene with `st` pieces a stitch. The scene is not needed afterwards.
     ///
-    /// # Errors Whatever the device refuses, above all memory.
+    /// # Errors
+    /// Whatever the device refuses, above all memory.
     pub fn load(&self, scene: &Scene, st: u32) -> Result<Yarns, GpuError> {
         let centre = scene.bounds().map_or(DVec3::ZERO, |bounds| bounds.centre().as_dvec3());
         let (thinnest, _) = scene.radii();
@@ -163,7 +165,8 @@ impl Renderer {
 
     /// Draws a picture and reads it back.
     ///
-    /// # Errors Whatever the device refuses.
+    /// # Errors
+    /// Whatever the device refuses.
     pub fn draw(
         &mut self,
         yarns: &Yarns,
@@ -193,7 +196,8 @@ impl Renderer {
 
     /// Draws the whole picture to a texture of its size, to be shown in a window.
     ///
-    /// # Errors Whatever the device refuses.
+    /// # Errors
+    /// Whatever the device refuses.
     pub fn draw_to(
         &mut self,
         yarns: &Yarns,

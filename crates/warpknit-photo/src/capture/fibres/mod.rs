@@ -12,7 +12,7 @@
 //!
 //! The photo's own pixels are used, whatever the size of the view in which the repeat was found.
 //!
-//! Source: Wu et al. 2017, *Modeling yarn-level geometry from a single micro-image*, section 5,
+//! Source: Wu et al., *Modeling yarn-level geometry from a single micro-image*, section 5,
 //! with a structure tensor in place of Gabor filters. Cost: 0.1 s a segment on two cores;
 //! [`MAX_PIXELS`] bounds it.
 //!

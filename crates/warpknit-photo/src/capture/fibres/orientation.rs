@@ -5,8 +5,8 @@
 //!
 //! Method: a structure tensor (Bigün and Granlund 1987, *Optimal orientation detection of linear
 //! symmetry*) of the copy less its blur. A blur wider than a fibre leaves the fibres and takes off
-//! the rest of the cylinder's shading. The strongest of several Gabor filters, as in Wu et al.
-//! 2017, errs by 8 to 17 degrees here; the tensor errs by 1 or 2.
+//! the rest of the cylinder's shading. The strongest of several Gabor filters, as in Wu et al.,
+//! errs by 8 to 17 degrees here; the tensor errs by 1 or 2.
 //!
 //! Not promised: two directions at one place. The stronger one or a mean of both comes out.
 
