@@ -64,9 +64,12 @@ pub(super) fn draw(
         // The scene of yarns serves all frames and is prepared once. The scene of fibres depends on
         // the camera, so it is prepared for each frame.
         let picture = match (&close_up, &mut far) {
-            (Some(close_up), _) => {
-                pictures.draw(&mut Painter::new(close_up, &options)?, &camera, &options, &progress)?
-            }
+            (Some(close_up), _) => pictures.draw(
+                &mut Painter::new(close_up, &options)?,
+                &camera,
+                &options,
+                &progress,
+            )?,
             (None, Some(far)) => pictures.draw(far, &camera, &options, &progress)?,
             (None, None) => {
                 let painter = far.insert(Painter::new(scene, &options)?);
