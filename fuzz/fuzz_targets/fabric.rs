@@ -37,7 +37,7 @@ fn use_it(fabric: &Fabric) {
         "{printed}"
     );
     let _drawn = svg::text(&Drawing::from_fabric(fabric));
-    if fabric.repeat() * fabric.threading_repeat() * fabric.bars.len() > MOST_LAPS {
+    if fabric.repeat() * fabric.threading_repeat() * fabric.yarn_systems() > MOST_LAPS {
         return;
     }
     let panel = drape::swatch_panel(fabric, 3, 3);
