@@ -9,7 +9,7 @@ use glam::DVec2;
 use image::imageops::{self, FilterType};
 use image::{DynamicImage, GrayImage, ImageBuffer, Pixel, RgbImage, Rgba, RgbaImage};
 use warpknit::chart::{Anchor, Drawing, DrawingLayer, DrawingShape, TextSize, png};
-use warpknit::drape::{self, Block, Cloth};
+use warpknit::drape::{Cloth, swatch_panel};
 use warpknit::fabric::Fabric;
 use warpknit::fabric::yarn::Color;
 use warpknit::photo::yarn::develop::Developed;
@@ -55,21 +55,16 @@ pub(super) fn swatch(
 ) -> Result<RgbaImage> {
     let fabric = Fabric::named(FABRIC)?;
     let (wales, courses) = SWATCH;
-    let panel = drape::swatch_panel(&fabric, wales, courses);
+    let panel = swatch_panel(&fabric, wales, courses);
     let cloth = Cloth::swatch(&panel, &fabric, wales, courses);
     #[expect(clippy::cast_possible_truncation, reason = "a length in mm needs no more")]
     let width = (2.0 * fabric.radius() * f64::from(yarn.base.height()) / yarn.yarn_width) as f32;
     // The length is scaled with the width, so that the texture keeps its aspect ratio.
     maps.length *= width / maps.width;
     maps.width = width;
-    let mut scene =
-        pipeline::scene(Shape::Ribbon, &fabric, fabric.radius(), &Textures::for_all(maps));
-    let mut deliver = |blocks: &[Block]| -> Result<()> {
-        blocks.iter().for_each(|block| cloth::add_to(&mut scene, block));
-        Ok(())
-    };
+    let empty = pipeline::scene(Shape::Ribbon, &fabric, fabric.radius(), &Textures::for_all(maps));
+    let scene = cloth::with_cloth(&cloth, empty);
     // A front view with few rays: the sheet is an overview, not a rendering.
-    drape::run(&cloth, &drape::DrapeOptions::default(), &mut |_, _| {}, &mut deliver)?;
     let options = RenderOptions {
         width: column_width(2),
         height: ROWS[2],

@@ -12,7 +12,7 @@ use warpknit::fabric::motif::Motif;
 use warpknit::fabric::{Bar, Fabric, Lay, Structure};
 use warpknit::knit::{Pattern, clearance};
 
-use warpknit::pipeline::{check_distinct, text_file};
+use warpknit::pipeline::check_distinct;
 
 /// The most courses in the table. Longer chains are cut, with a line that says so.
 const MOST_ROWS: usize = 200;
@@ -194,7 +194,7 @@ pub(super) fn drawn(
 ) -> Result<Output, ExportError> {
     match format {
         ChartFormat::Png => export::png::write(path, &png::paint(drawing)),
-        ChartFormat::Svg => text_file(path, &svg::text(drawing)),
+        ChartFormat::Svg => Output::create_whole(path, svg::text(drawing).as_bytes()),
     }
 }
 

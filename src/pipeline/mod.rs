@@ -39,5 +39,5 @@ pub use run::{drape, swatch};
 pub use sequence::{Motion, Sequence};
 pub use settings::{Densities, PictureSettings, Placement, Settings, Wanted};
 pub use summary::Done;
-pub use targets::{check_distinct, numbered, text_file};
+pub use targets::{check_distinct, numbered};
 pub use textures::{Textures, scene};

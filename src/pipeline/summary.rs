@@ -7,7 +7,6 @@ use super::job::Job;
 use super::numbers::RealCloth;
 use super::settings::Wanted;
 use super::setup::Setup;
-use super::targets::text_file;
 use crate::drape::Totals;
 use crate::export::{ExportError, Format, Output};
 use crate::garment::stretch::stretch;
@@ -73,7 +72,9 @@ impl RunSummary<'_> {
             RealCloth::new(job.fabric)
         };
         let text = self.report(job, &real, clock).to_json();
-        let files = reports.map(|path| text_file(path, &text)).collect::<Result<_, _>>()?;
+        let files = reports
+            .map(|path| Output::create_whole(path, text.as_bytes()))
+            .collect::<Result<_, _>>()?;
         Ok((files, Some(real)))
     }
 

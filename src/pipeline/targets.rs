@@ -2,11 +2,9 @@
 //!
 //! In: the paths that a user named. Out: an error, or the paths of numbered files.
 
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use super::RunError;
-use crate::export::{ExportError, Output};
 
 /// Refuses outputs that are also inputs, and outputs that are named twice.
 ///
@@ -51,16 +49,6 @@ fn new_place(path: &Path) -> Option<PathBuf> {
     let folder =
         path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     Some(folder.canonicalize().ok()?.join(path.file_name()?))
-}
-
-/// A complete file of text, still under its temporary name.
-///
-/// # Errors
-/// [`ExportError`] if the file can't be written.
-pub fn text_file(path: &Path, text: &str) -> Result<Output, ExportError> {
-    let mut output = Output::create(path)?;
-    output.write_with(|file| file.write_all(text.as_bytes()))?;
-    output.seal()
 }
 
 #[cfg(test)]

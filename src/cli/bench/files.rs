@@ -12,7 +12,7 @@ use super::super::args::Bench;
 use super::super::args::BenchFormat;
 use super::plot::sheet;
 use super::table::Table;
-use warpknit::pipeline::{check_distinct, text_file};
+use warpknit::pipeline::check_distinct;
 use warpknit::system::{memory_gb, processor};
 
 /// The JSON file: the run, the machine, the tables. Its field names are an interface for scripts.
@@ -81,9 +81,12 @@ pub(super) fn write(arguments: &Bench, tables: &[Table]) -> Result<()> {
                     runs: arguments.runs,
                     tables,
                 };
-                text_file(path, &(serde_json::to_string_pretty(&record)? + "\n"))?
+                Output::create_whole(
+                    path,
+                    (serde_json::to_string_pretty(&record)? + "\n").as_bytes(),
+                )?
             }
-            BenchFormat::Svg => text_file(path, &svg::text(&plots(tables)?))?,
+            BenchFormat::Svg => Output::create_whole(path, svg::text(&plots(tables)?).as_bytes())?,
             BenchFormat::Png => export::png::write(path, &png::paint(&plots(tables)?))?,
         })
     });
