@@ -22,6 +22,7 @@ pub struct YarnId(pub u32);
 /// assert_eq!(warpknit_core::ids::index32(7), 7);
 /// ```
 #[must_use]
+#[inline]
 pub fn index32(index: usize) -> u32 {
     u32::try_from(index).expect("an index over 2^32 needs more memory than any reader here accepts")
 }

@@ -88,12 +88,13 @@ fn square(buffer: &VisibilityBuffer, [x, y]: [u32; 2], layer: f32) -> [f32; 2] {
     // Depths are summed relative to the nearest one: in `f32`, sums of metres would lose a yarn's
     // radius.
     let (mut sum, mut inside, mut count) = (0.0, 0.0, 0.0);
-    for depth in depths {
+    // Nested iterators are far faster from inside than with a `for` loop.
+    depths.for_each(|depth| {
         count += 1.0;
         if let Some(depth) = depth.filter(|depth| *depth <= first + layer) {
             sum += depth - first;
             inside += 1.0;
         }
-    }
+    });
     if inside > 0.0 { [first + sum / inside, inside / count] } else { [0.0; 2] }
 }
