@@ -54,20 +54,18 @@ impl Bar {
     /// Whether one of this bar's yarns makes a loop on the needle of `wale` in `course`.
     #[must_use]
     pub fn loops_on(&self, wale: i64, course: i64) -> bool {
-        let Some(chain) = self.chain() else { return false };
+        self.loop_count(wale, course) > 0
+    }
+
+    /// How many of this bar's yarns make a loop on the needle of `wale` in `course`: more than one
+    /// where laps over two needles overlap.
+    #[must_use]
+    pub fn loop_count(&self, wale: i64, course: i64) -> usize {
+        let Some(chain) = self.chain() else { return 0 };
         let lap = chain.lap(course);
         // The guide that stands n gaps to the left passes needle n of its own.
         let needles = i64::from(lap.needle())..i64::from(lap.from.max(lap.to));
-        needles.into_iter().any(|needle| self.threading.carries(wale - needle))
-    }
-
-    /// Courses and wales after which this bar and another repeat together.
-    #[must_use]
-    pub fn repeat_with(&self, other: &Self) -> [usize; 2] {
-        [
-            least_common_multiple(self.courses(), other.courses()),
-            least_common_multiple(self.guides(), other.guides()),
-        ]
+        needles.filter(|needle| self.threading.carries(wale - needle)).count()
     }
 
     /// Courses after which its lapping, or its laying-in of wefts, repeats.

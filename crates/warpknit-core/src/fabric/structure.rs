@@ -240,10 +240,11 @@ impl Structure {
 }
 
 impl WarpKnit {
-    /// How many bars form a loop on the needle of a wale in a course.
+    /// How many loops the needle of a wale forms in a course. A bar that laps two needles at once
+    /// may form two of them.
     #[must_use]
     pub fn threads_on(&self, wale: i64, course: i64) -> usize {
-        self.bars.iter().filter(|bar| bar.loops_on(wale, course)).count()
+        self.bars.iter().map(|bar| bar.loop_count(wale, course)).sum()
     }
 }
 

@@ -19,7 +19,6 @@
 
 use glam::{DVec2, DVec3};
 
-use super::stitch::Layer;
 use crate::fabric::{Fabric, WarpKnit};
 use crate::ids::index32;
 
@@ -61,21 +60,6 @@ const TIME_STEP: f64 = 0.15;
 const TOLERANCE: f64 = 1e-4;
 /// Limit of time steps, a bound for lattices that converge slowly.
 pub(super) const MAX_STEPS: usize = 5000;
-
-// Narrow gaps press loops together. A loop keeps its width as long as the gap has room for it.
-
-/// Room between the loops of two wales, radii: two yarns, and some air.
-const LOOP_CLEARANCE: f64 = 2.6;
-/// Width of a loop over the half width of its upper legs. It is 2 at the upper legs; the curve
-/// bulges a little beyond its data points.
-const LOOP_WIDTH: f64 = 2.25;
-/// Loops get no narrower than this share of their width. Lower values close loops over the legs
-/// that pass through them; at 1 the loops of nets cut each other.
-const MIN_NARROWING: f64 = 0.5;
-
-/// Least distance of an inlay's end from the axis of the wale around which it turns, over W: a
-/// little outside the wale's loops, whose half width is about 0.33. Nearer ends lie inside loops.
-const MIN_INLAY_DISTANCE: f64 = 0.4;
 
 /// The control points of a repeat, mm; gap 0 of guide 0 lies at x = 0, course 0 at y = 0.
 #[derive(Clone, Debug)]
@@ -131,6 +115,16 @@ impl WaleLattice {
             lattice.balance(&model);
         }
         lattice
+    }
+
+    /// Wales of the repeat.
+    pub(super) fn wales(&self) -> usize {
+        self.wales
+    }
+
+    /// Courses of the repeat.
+    pub(super) fn courses(&self) -> usize {
+        self.courses
     }
 
     /// The springs and masses of a fabric, at rest on the straight lattice.
@@ -322,9 +316,8 @@ impl WaleLattice {
         )
     }
 
-    /// The axis of a wale at `course`, and its unit tangent. The axis is a uniform Catmull-Rom
-    /// curve through the wale's control points.
-    fn axis(&self, wale: i64, course: f64) -> (DVec2, DVec2) {
+    /// The axis of a wale at `course`: a uniform Catmull-Rom curve through the wale's control points.
+    fn axis(&self, wale: i64, course: f64) -> DVec2 {
         #[expect(clippy::cast_possible_truncation, reason = "courses are counted in thousands")]
         let below = course.floor() as i64;
         let t = course - course.floor();
@@ -333,65 +326,23 @@ impl WaleLattice {
         // here, and the curve's parameter is the course itself.
         let (a, b, c) =
             (3.0 * p1 - p0 - 3.0 * p2 + p3, 2.0 * p0 - 5.0 * p1 + 4.0 * p2 - p3, p2 - p0);
-        let place = p1 + 0.5 * (((a * t) + b) * t + c) * t;
-        (place, ((3.0 * a * t + 2.0 * b) * t + c).normalize_or(DVec2::Y))
+        p1 + 0.5 * (((a * t) + b) * t + c) * t
     }
 
-    /// Places a point of a loop, given by its `offset` (x to the right, y along the wale, z) from
-    /// the control point of its wale and course.
+    /// Moves a point that is given on straight wales, mm from gap 0 and course 0, onto the bent
+    /// ones; z stays as given.
     ///
-    /// The offset is taken in a tangent frame that follows the bent wale: y along it, x across it.
-    /// The loop's head then turns into the next segment of the wale. A rigid frame would let the
-    /// loops of nets cut each other. Where wales are close, loops get narrower.
-    pub(super) fn on_wale(&self, wale: i64, course: i64, offset: DVec3, layer: &Layer) -> DVec3 {
-        #[expect(clippy::cast_precision_loss, reason = "courses are counted in thousands")]
-        let (axis, tangent) = self.axis(wale, course as f64 + offset.y / self.course_spacing);
-        let across = DVec2::new(tangent.y, -tangent.x);
-        (axis + across * (offset.x * self.narrowing(wale, course, layer))).extend(offset.z)
-    }
-
-    /// Factor of the width of a stitch's loops, from the narrowest gap beside it.
-    fn narrowing(&self, wale: i64, course: i64, layer: &Layer) -> f64 {
-        // A loop reaches from its own course into the next, so the gaps of both count.
-        let beside = [
-            self.gap(wale, course),
-            self.gap(wale - 1, course),
-            self.gap(wale, course + 1),
-            self.gap(wale - 1, course + 1),
-        ];
-        let gap = beside.into_iter().fold(f64::INFINITY, f64::min);
-        ((gap - LOOP_CLEARANCE * layer.radius / self.wale_spacing)
-            / (LOOP_WIDTH * layer.dimensions.w3))
-            .clamp(MIN_NARROWING, 1.0)
-    }
-
-    /// The gap to the right of a wale, over W.
-    fn gap(&self, wale: i64, course: i64) -> f64 {
-        (self.node(wale + 1, course) - self.node(wale, course)).x / self.wale_spacing
-    }
-
-    /// Places a point between wales. `gap` counts gaps of the machine from gap 0, `y` is in mm from
-    /// course 0, and z stays as given.
-    pub(super) fn between_wales(&self, gap: f64, y: f64, z: f64) -> DVec3 {
+    /// It is one map of the plane for all points. As long as wales keep their order it is
+    /// injective, so what does not cross on straight wales does not cross on bent ones. A frame for
+    /// each stitch would let neighbouring stitches cut each other.
+    pub(super) fn bend(&self, point: DVec3) -> DVec3 {
         // Wale w stands between gaps w and w + 1.
-        let wale = gap - 0.5;
+        let wale = point.x / self.wale_spacing - 0.5;
         #[expect(clippy::cast_possible_truncation, reason = "wales are counted in thousands")]
         let left = wale.floor() as i64;
-        let course = y / self.course_spacing;
-        self.axis(left, course).0.lerp(self.axis(left + 1, course).0, wale - wale.floor()).extend(z)
-    }
-
-    /// Places the point at which an inlay turns beside the last wale that it passes, to the right
-    /// (`side` 1) or to the left (-1).
-    ///
-    /// It lies in the middle of the gap. In an open gap it lies nearer to its wale: out in the hole
-    /// of a net nothing holds the yarn.
-    pub(super) fn beside_wale(&self, wale: i64, side: i64, y: f64, z: f64) -> DVec3 {
-        let course = y / self.course_spacing;
-        let (own, other) = (self.axis(wale, course).0, self.axis(wale + side, course).0);
-        let gap = own.distance(other).max(1e-9) / self.wale_spacing;
-        let reach = (gap / 2.0).min((1.0 - gap / 2.0).max(MIN_INLAY_DISTANCE));
-        own.lerp(other, reach / gap).extend(z)
+        let course = point.y / self.course_spacing;
+        let [from, to] = [self.axis(left, course), self.axis(left + 1, course)];
+        from.lerp(to, wale - wale.floor()).extend(point.z)
     }
 }
 
@@ -407,6 +358,13 @@ fn wrap(at: i64, size: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    impl WaleLattice {
+        /// The gap to the right of a wale, over W.
+        fn gap(&self, wale: i64, course: i64) -> f64 {
+            (self.node(wale + 1, course) - self.node(wale, course)).x / self.wale_spacing
+        }
+    }
 
     fn gaps(name: &str) -> (f64, f64) {
         let fabric = Fabric::named(name).unwrap();
@@ -460,12 +418,7 @@ mod tests {
     fn straight_wales_are_left_as_drawn() {
         let fabric = Fabric::named("tricot").unwrap();
         let lattice = WaleLattice::straight(&fabric, 1, 1);
-        let layer = crate::knit::layers(&fabric, fabric.warp_knit().unwrap(), 1.0)[0];
-        let offset = DVec3::new(0.1, 0.3, -0.2);
-        let expected =
-            offset + DVec3::new(2.5 * fabric.wale_spacing(), 3.0 * fabric.course_spacing(), 0.0);
-        assert!(lattice.on_wale(2, 3, offset, &layer).distance(expected) < 1e-12);
-        let beside = lattice.between_wales(1.0, 0.4, -0.1);
-        assert!(beside.distance(DVec3::new(fabric.wale_spacing(), 0.4, -0.1)) < 1e-12);
+        let point = DVec3::new(0.31, -1.2, -0.2);
+        assert!(lattice.bend(point).distance(point) < 1e-12);
     }
 }

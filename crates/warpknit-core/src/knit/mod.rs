@@ -17,6 +17,7 @@ mod cell_list;
 pub mod clearance;
 mod cover;
 mod lattice;
+pub mod links;
 pub mod mesh;
 pub mod numbers;
 mod relax;
@@ -34,7 +35,7 @@ use lattice::WaleLattice;
 use mesh::StructureMesh;
 pub use relax::Relaxation;
 use repeat::Repeat;
-use stitch::Layer;
+use stitch::StitchLayout;
 use weft::Loops;
 
 /// The largest repeat that is relaxed, laps: some seconds' work.
@@ -102,11 +103,10 @@ impl Knitted {
     }
 }
 
-/// Share of the yarns' radius for which loops are laid out. The relaxation then makes room for the
-/// full radius. Real cloth is pressed together: laid out at 1, a locknit would be a tenth heavier
-/// than mills make it. At much lower values loops are laid out inside each other, and the
-/// relaxation may part them on the wrong side.
-const LAYOUT_RADIUS: f64 = 0.75;
+/// Share of the yarns' radius for which loops are laid out.
+const LAYOUT_RADIUS: f64 = 0.5;
+/// Share of the yarns' radius at which the layout gives their shape and length.
+const SHAPE_RADIUS: f64 = 0.5;
 
 /// Share of the yarns' radius for which laid yarns are relaxed. Woven yarns are squeezed flat where
 /// they cross. Round yarns on square crossings have no room once they are thicker than 0.577 of
@@ -137,6 +137,8 @@ pub struct Pattern {
     bars: Vec<BarPattern>,
     /// W and C, mm.
     spacing: DVec2,
+    /// Wales and courses of the repeat.
+    size: [usize; 2],
     /// How the relaxation ended, if there was one.
     relaxation: Option<Relaxation>,
 }
@@ -160,30 +162,40 @@ impl Pattern {
         }
     }
 
-    /// Loops of guide bars on relaxed wales.
+    /// Loops of guide bars on relaxed wales: laid out thin, so that they interlock, and grown.
     fn warp_knit(fabric: &Fabric, knit: &WarpKnit) -> Self {
         let (wales, courses) = (fabric.threading_repeat(), fabric.repeat());
-        if wales * courses * knit.bars.len() > MAX_RELAXED_LAPS {
-            return Self::straight(fabric, knit);
-        }
         let lattice = WaleLattice::relaxed(fabric, knit);
         let mut pattern = Self::empty(fabric);
-        for (bar, layer) in knit.bars.iter().zip(layers(fabric, knit, LAYOUT_RADIUS)) {
+        pattern.lay_out(knit, &StitchLayout::new(fabric, knit, LAYOUT_RADIUS * fabric.radius()), &lattice);
+        let mut shape = Self::empty(fabric);
+        shape.lay_out(knit, &StitchLayout::new(fabric, knit, SHAPE_RADIUS * fabric.radius()), &lattice);
+        pattern.relax(fabric, &shape.repeat.points, pattern.spacing * as_vec(wales, courses), 1.0);
+        pattern.measure_bounds();
+        pattern
+    }
+
+    /// Adds the yarns of all bars.
+    fn lay_out(&mut self, knit: &WarpKnit, layout: &StitchLayout<'_>, lattice: &WaleLattice) {
+        let (wales, courses) = (lattice.wales(), lattice.courses());
+        for (number, bar) in knit.bars.iter().enumerate() {
             let (guides, steps) = match bar.lay {
                 Lay::Lapping(_) => (wales, courses),
                 Lay::Weft => (courses, wales),
             };
-            pattern.add_bar(
-                bar,
-                &layer,
-                &lattice,
-                (0..guides).map(|guide| has_yarn(bar, guide).then_some(guide)),
-                steps,
-            );
+            let yarns = (0..guides).map(|guide| {
+                has_yarn(bar, guide).then(|| {
+                    self.repeat.add_yarn(bar, number, layout, lattice, [guide, steps]);
+                    self.repeat.yarns.len() - 1
+                })
+            });
+            let yarns = yarns.collect();
+            self.bars.push(BarPattern {
+                runs_across: bar.chain().is_none(),
+                yarns,
+                bounds: (DVec2::ZERO, DVec2::ZERO),
+            });
         }
-        pattern.relax(fabric, pattern.spacing * as_vec(wales, courses), 1.0);
-        pattern.measure_bounds();
-        pattern
     }
 
     /// The repeat of a weft knit: courses of loops as its motif shows them.
@@ -206,7 +218,8 @@ impl Pattern {
             });
         }
         if wales * courses <= MAX_RELAXED_LAPS {
-            pattern.relax(fabric, pattern.spacing * as_vec(wales, courses), 1.0);
+            let shape = pattern.repeat.points.clone();
+            pattern.relax(fabric, &shape, pattern.spacing * as_vec(wales, courses), 1.0);
         }
         pattern.measure_bounds();
         pattern
@@ -228,64 +241,21 @@ impl Pattern {
                 bounds: (DVec2::ZERO, DVec2::ZERO),
             });
         }
-        pattern.relax(fabric, pattern.spacing, SQUEEZED_RADIUS);
-        pattern.measure_bounds();
-        pattern
-    }
-
-    /// Loops on straight wales, nothing relaxed. One yarn of each bar stands for all of its yarns.
-    fn straight(fabric: &Fabric, knit: &WarpKnit) -> Self {
-        let lattice = WaleLattice::straight(fabric, 1, 1);
-        let mut pattern = Self::empty(fabric);
-        for (bar, layer) in knit.bars.iter().zip(layers(fabric, knit, 1.0)) {
-            let steps = bar.chain().map_or(1, |chain| chain.laps().len());
-            pattern.add_bar(
-                bar,
-                &layer,
-                &lattice,
-                (0..bar.threading.repeat()).map(|guide| has_yarn(bar, guide).then_some(0)),
-                steps,
-            );
-        }
+        let shape = pattern.repeat.points.clone();
+        pattern.relax(fabric, &shape, pattern.spacing, SQUEEZED_RADIUS);
         pattern.measure_bounds();
         pattern
     }
 
     fn empty(fabric: &Fabric) -> Self {
         let spacing = DVec2::new(fabric.wale_spacing(), fabric.course_spacing());
-        Self { repeat: Repeat::default(), bars: Vec::new(), spacing, relaxation: None }
+        let size = [fabric.threading_repeat(), fabric.repeat()];
+        Self { repeat: Repeat::default(), bars: Vec::new(), spacing, size, relaxation: None }
     }
 
-    /// Adds a bar. For each of its guides `models` gives the guide of the repeat whose yarn it
-    /// copies, or none for an empty guide.
-    fn add_bar(
-        &mut self,
-        bar: &Bar,
-        layer: &Layer,
-        lattice: &WaleLattice,
-        models: impl Iterator<Item = Option<usize>>,
-        steps: usize,
-    ) {
-        let number = self.bars.len();
-        let first = self.repeat.yarns.len();
-        let yarns = models.map(|model| {
-            let model = model?;
-            let known = self.repeat.yarns[first..].iter().position(|yarn| yarn.guide == model);
-            Some(
-                first
-                    + known.unwrap_or_else(|| {
-                        self.repeat.add_yarn(bar, number, layer, lattice, [model, steps]);
-                        self.repeat.yarns.len() - 1 - first
-                    }),
-            )
-        });
-        let yarns = yarns.collect();
-        let runs_across = bar.chain().is_none();
-        self.bars.push(BarPattern { runs_across, yarns, bounds: (DVec2::ZERO, DVec2::ZERO) });
-    }
-
-    /// Pushes yarns apart that would cut each other at a `share` of their radius.
-    fn relax(&mut self, fabric: &Fabric, cell: DVec2, share: f64) {
+    /// Pushes yarns apart that would cut each other at a `share` of their radius. `shape` are their
+    /// points as they would lie with room enough: it gives the yarns' lengths.
+    fn relax(&mut self, fabric: &Fabric, shape: &[DVec3], cell: DVec2, share: f64) {
         let thickness = fabric.thickness();
         let yarns: Vec<_> = self
             .repeat
@@ -297,7 +267,7 @@ impl Pattern {
                 radius: share * thickness[yarn.bar] * fabric.radius(),
             })
             .collect();
-        self.relaxation = Some(relax::relax(&mut self.repeat.points, &yarns, cell));
+        self.relaxation = Some(relax::relax(&mut self.repeat.points, shape, &yarns, cell));
     }
 
     /// Sets each bar's bounding box. The relaxation moves points out of their steps' cells, so it
@@ -469,40 +439,6 @@ fn has_yarn(bar: &Bar, guide: usize) -> bool {
 
 fn as_vec(x: usize, y: usize) -> DVec2 {
     DVec2::new(f64::from(index32(x)), f64::from(index32(y)))
-}
-
-/// The layer of each bar, laid out for yarns of a share of their radius.
-fn layers(fabric: &Fabric, knit: &WarpKnit, share: f64) -> Vec<Layer> {
-    let radius = share * fabric.radius();
-    let nesting: Vec<_> = (0..knit.bars.len()).map(|bar| knitting_bars_behind(knit, bar)).collect();
-    let inlays = knit.bars.iter().map(Bar::is_inlay);
-    let depths = stitch::layer_depths(
-        &inlays.zip(nesting.iter().copied()).collect::<Vec<_>>(),
-        &knit.stitch,
-    );
-    let bars = nesting.iter().zip(depths);
-    bars.map(|(nesting, depth)| Layer {
-        dimensions: knit.stitch,
-        wale_spacing: fabric.wale_spacing(),
-        course_spacing: fabric.course_spacing(),
-        radius,
-        nesting: f64::from(*nesting),
-        depth: depth * radius,
-    })
-    .collect()
-}
-
-/// Counts the knitting bars behind this one that share a needle with it in some course.
-fn knitting_bars_behind(knit: &WarpKnit, bar: usize) -> u32 {
-    let own = &knit.bars[bar];
-    index32(knit.bars[bar + 1..].iter().filter(|other| share_a_needle(own, other)).count())
-}
-
-/// Whether two bars ever put their loops on one needle in the same course.
-fn share_a_needle(one: &Bar, other: &Bar) -> bool {
-    let [along, across] =
-        one.repeat_with(other).map(|repeat| i64::try_from(repeat).expect("repeats are limited"));
-    (0..along).any(|c| (0..across).any(|w| one.loops_on(w, c) && other.loops_on(w, c)))
 }
 
 #[cfg(test)]

@@ -109,10 +109,18 @@ pub struct Relaxation {
     pub sweeps: usize,
     /// The largest change of a yarn's length, as a share of it.
     pub stretch: f64,
+    /// The share of their radii to which yarns could grow: 1 where they fit.
+    pub grown: f64,
 }
 
 /// Moves `points` until no two yarns are nearer than they are thick, or a limit is reached.
-pub(super) fn relax(points: &mut [DVec3], yarns: &[YarnChain], cell: DVec2) -> Relaxation {
+pub(super) fn relax(
+    points: &mut [DVec3],
+    shape: &[DVec3],
+    yarns: &[YarnChain],
+    cell: DVec2,
+) -> Relaxation {
+    let _ = shape;
     let mut solver = Solver::new(points, yarns, cell);
     solver.sample();
     let lengths = solver.lengths.clone();
@@ -142,7 +150,7 @@ pub(super) fn relax(points: &mut [DVec3], yarns: &[YarnChain], cell: DVec2) -> R
     solver.sample();
     let changes =
         solver.lengths.iter().zip(&lengths).map(|(now, &before)| (now / before - 1.0).abs());
-    Relaxation { sweeps, stretch: changes.fold(0.0, f64::max) }
+    Relaxation { sweeps, stretch: changes.fold(0.0, f64::max), grown: inflation }
 }
 
 /// A span of the curve between two data points: its four control points and its samples.
@@ -596,7 +604,7 @@ mod tests {
         let mut points = [upright(0.2, 0.0, 3), upright(0.7, 0.0, 5)].concat();
         let before = points.clone();
         let relaxation = relax(&mut points, &[chain(0..3, 0.1), chain(3..8, 0.1)], CELL);
-        assert_eq!((points, relaxation), (before, Relaxation { sweeps: 0, stretch: 0.0 }));
+        assert_eq!((points, relaxation), (before, Relaxation { sweeps: 0, stretch: 0.0, grown: 1.0 }));
     }
 
     #[test]

@@ -7,13 +7,13 @@
 
 use std::ops::Range;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use super::lattice::WaleLattice;
-use super::stitch::{self, LapDirections, Layer};
+use super::stitch::{LoopPlace, StitchLayout};
 use super::weft::{self, Loops};
 use super::{Bed, PointKind, Tag};
-use crate::fabric::lapping::Chain;
+use crate::fabric::lapping::{Chain, Lap};
 use crate::fabric::motif::Motif;
 use crate::fabric::{Bar, Lay};
 use crate::ids::index32;
@@ -48,11 +48,12 @@ impl Repeat {
         &mut self,
         bar: &Bar,
         number: usize,
-        layer: &Layer,
+        layout: &StitchLayout<'_>,
         lattice: &WaleLattice,
         [guide, steps]: [usize; 2],
     ) {
-        let layout = YarnLayout { layer, lattice, guide: i64::from(index32(guide)) };
+        let layout =
+            YarnLayout { bar: number, layout, lattice, guide: i64::from(index32(guide)) };
         let count = i64::from(index32(steps));
         let mut yarn = RepeatYarn {
             bar: number,
@@ -159,7 +160,8 @@ impl Repeat {
 
 /// All that lays out one guide's yarn (or one weft).
 struct YarnLayout<'a> {
-    layer: &'a Layer,
+    bar: usize,
+    layout: &'a StitchLayout<'a>,
     lattice: &'a WaleLattice,
     guide: i64,
 }
@@ -168,9 +170,10 @@ impl YarnLayout<'_> {
     /// From a point to the same point `steps` steps further, mm.
     #[expect(clippy::cast_precision_loss, reason = "repeats are limited to 10 000 courses")]
     fn period(&self, lay: &Lay, steps: i64) -> DVec3 {
+        let spacing = self.layout.spacing();
         match lay {
-            Lay::Lapping(_) => DVec3::new(0.0, steps as f64 * self.layer.course_spacing, 0.0),
-            Lay::Weft => DVec3::new(steps as f64 * self.layer.wale_spacing, 0.0, 0.0),
+            Lay::Lapping(_) => DVec3::new(0.0, steps as f64 * spacing.y, 0.0),
+            Lay::Weft => DVec3::new(steps as f64 * spacing.x, 0.0, 0.0),
         }
     }
 
@@ -178,110 +181,90 @@ impl YarnLayout<'_> {
     fn add_lap(&self, chain: &Chain, course: i64, repeat: &mut Repeat) {
         let lap = chain.lap(course);
         if lap.overlap() == 0 {
-            let points = self.inlay(chain, course);
-            repeat.begin_stitch();
-            (1u16..).zip(points).for_each(|(number, point)| {
-                repeat.push(point, self.tag(course, lap.needle(), PointKind::Inlay, number));
-            });
+            self.add_inlay(chain, course, repeat);
             return;
         }
         let needles = lap.needles().count();
         for (at, needle) in lap.needles().enumerate() {
-            let points = self.loop_points(chain, course, at);
+            let points = self.loop_points(lap, course, at);
             repeat.begin_stitch();
-            (1u16..).zip(points).for_each(|(number, point)| {
-                repeat.push(point, self.tag(course, needle, PointKind::WarpLoop, number));
-            });
+            self.push(repeat, points, self.tag(course, needle, PointKind::WarpLoop));
             // The underlap joins this loop's exit foot (S8) to the next loop's entry foot (S1). An
             // overlap over two needles has such a stretch between its two loops as well.
-            let next = if at + 1 < needles {
-                self.loop_points(chain, course, at + 1)[0]
+            let underlap = if at + 1 < needles {
+                let next = self.loop_points(lap, course, at + 1)[0];
+                self.layout.underlap_points(points[7], next, 1).collect()
             } else {
-                self.first_point(chain, course + 1)
+                self.underlap(chain, course, points[7])
             };
-            let underlap = stitch::underlap_points(points[7], next, self.layer.wale_spacing);
-            for (number, point) in (1u16..).zip(underlap) {
-                repeat.push(point, self.tag(course, needle, PointKind::Underlap, number));
-            }
+            self.push(repeat, underlap, self.tag(course, needle, PointKind::Underlap));
         }
+    }
+
+    /// Adds the inlay of a course, and the yarn's way up to the next loop if one follows.
+    fn add_inlay(&self, chain: &Chain, course: i64, repeat: &mut Repeat) {
+        let (lap, next) = (chain.lap(course), chain.lap(course + 1));
+        let gaps = [lap, next].map(|lap| self.guide + i64::from(lap.from));
+        let points = self.layout.inlay_points(self.bar, gaps, course);
+        repeat.begin_stitch();
+        self.push(repeat, points, self.tag(course, lap.needle(), PointKind::Inlay));
+        if next.overlap() != 0 {
+            let foot = self.loop_points(next, course + 1, 0)[0];
+            let turn = self.layout.turn(foot, -1.0);
+            self.push(repeat, [turn], self.tag(course, lap.needle(), PointKind::Underlap));
+        }
+    }
+
+    /// Inner points of the underlap that leaves the last loop of a course at `foot`.
+    fn underlap(&self, chain: &Chain, course: i64, foot: DVec3) -> Vec<DVec3> {
+        let (lap, next) = (chain.lap(course), chain.lap(course + 1));
+        let last = lap.needles().last().expect("only laps that knit have underlaps");
+        let from = self.layout.turn(foot, 1.0);
+        // Wales from the last needle to the next one, and the place where the yarn arrives.
+        let (wales, to) = if let Some(needle) = next.needles().next() {
+            let foot = self.loop_points(next, course + 1, 0)[0];
+            (needle.abs_diff(last), self.layout.turn(foot, -1.0))
+        } else {
+            let gap = self.guide + i64::from(next.from);
+            let to = self.layout.turn_into_gap(self.bar, gap, course + 1);
+            // The gap beside the needle is half a wale away.
+            (next.from.abs_diff(last).min(next.from.abs_diff(last + 1)), to)
+        };
+        let mut points = vec![from];
+        points.extend(self.layout.underlap_points(from, to, wales));
+        points.push(to);
+        points
     }
 
     /// Adds a straight weft at one wale: a point behind the needle and one in the gap beside it.
     fn add_weft(&self, wale: i64, repeat: &mut Repeat) {
-        let wales = i32::try_from(wale).expect("repeats are limited");
+        let [course, wales] =
+            [self.guide, wale].map(|count| i32::try_from(count).expect("repeats are limited"));
+        let spacing = self.layout.spacing();
+        let points = [0.5, 1.0].map(|half| {
+            let place = DVec2::new(f64::from(wales) + half, f64::from(course) + 0.5);
+            (place * spacing).extend(-self.layout.depth(self.bar))
+        });
+        let (kind, bed) = (PointKind::Inlay, Bed::Front);
         repeat.begin_stitch();
-        for (number, half) in [(1, 0.5), (2, 1.0)] {
-            let course = i32::try_from(self.guide).expect("repeats are limited");
-            let y = (f64::from(course) + 0.5) * self.layer.course_spacing;
-            let point = self.lattice.between_wales(f64::from(wales) + half, y, -self.layer.depth);
-            let (kind, bed) = (PointKind::Inlay, Bed::Front);
-            repeat.push(point, Tag { course, wale: wales, kind, bed, point: number });
+        self.push(repeat, points, Tag { course, wale: wales, kind, bed, point: 0 });
+    }
+
+    /// S1 to S8 of the `at`th loop of a lap, on straight wales.
+    fn loop_points(&self, lap: Lap, course: i64, at: usize) -> [DVec3; 8] {
+        self.layout.loop_points(self.bar, lap, LoopPlace { guide: self.guide, course, at })
+    }
+
+    /// Adds points of one kind, bent with their wales and numbered from 1.
+    fn push(&self, repeat: &mut Repeat, points: impl IntoIterator<Item = DVec3>, tag: Tag) {
+        for (point, place) in (1..).zip(points) {
+            repeat.push(self.lattice.bend(place), Tag { point, ..tag });
         }
     }
 
-    /// The first point of the lap of a course.
-    fn first_point(&self, chain: &Chain, course: i64) -> DVec3 {
-        if chain.lap(course).overlap() == 0 {
-            self.inlay(chain, course)[0]
-        } else {
-            self.loop_points(chain, course, 0)[0]
-        }
-    }
-
-    /// S1 to S8 of the `at`th loop of a lap.
-    fn loop_points(&self, chain: &Chain, course: i64, at: usize) -> [DVec3; 8] {
-        let lap = chain.lap(course);
-        let last = lap.needles().count() - 1;
-        let needle = lap.needles().nth(at).expect("a lap has that loop");
-        // Between the loops of one lap the yarn continues in the overlap's direction, as the
-        // underlap of an open lap does.
-        let underlap_before = if at == 0 { chain.underlap(course - 1) } else { lap.overlap() };
-        let underlap_after = if at == last { chain.underlap(course) } else { lap.overlap() };
-        let directions = LapDirections { overlap: lap.overlap(), underlap_before, underlap_after };
-        let points = self.layer.loop_points(directions);
-        points.map(|point| {
-            self.lattice.on_wale(self.guide + i64::from(needle), course, point, self.layer)
-        })
-    }
-
-    /// Points of an inlay from its gap to its gap in the next course.
-    fn inlay(&self, chain: &Chain, course: i64) -> Vec<DVec3> {
-        let (from, to) = (chain.lap(course).from, chain.lap(course + 1).from);
-        #[expect(
-            clippy::cast_precision_loss,
-            reason = "guides and courses are counted in thousands"
-        )]
-        let (gap_0, bottom) = (self.guide as f64, course as f64 * self.layer.course_spacing);
-        let run = self.layer.inlay_points(from, to);
-        let last = run.len() - 1;
-        let side = i64::from((to - from).signum());
-        let mut points = Vec::with_capacity(run.len());
-        for (at, (gap, y)) in run.into_iter().enumerate() {
-            let (y, z) = (bottom + y, -self.layer.depth);
-            // A moving inlay reverses at both ends of its run, close to the outermost wale that it
-            // passes. Between them it crosses wales, whose bends it follows.
-            points.push(match at {
-                0 if last > 0 => {
-                    self.lattice.beside_wale(self.wale_beside(from, side), -side, y, z)
-                }
-                _ if last > 0 && at == last => {
-                    self.lattice.beside_wale(self.wale_beside(to, -side), side, y, z)
-                }
-                _ => self.lattice.between_wales(gap_0 + gap, y, z),
-            });
-        }
-        points
-    }
-
-    /// The wale to the right (`side` 1) or to the left (-1) of one of the guide's gaps. Wale w
-    /// stands between gaps w and w + 1.
-    fn wale_beside(&self, gap: i32, side: i64) -> i64 {
-        self.guide + i64::from(gap) + (side - 1) / 2
-    }
-
-    fn tag(&self, course: i64, needle: i32, kind: PointKind, point: u16) -> Tag {
+    fn tag(&self, course: i64, needle: i32, kind: PointKind) -> Tag {
         let course = i32::try_from(course).expect("repeats are limited");
         let wale = i32::try_from(self.guide).expect("threadings are limited") + needle;
-        Tag { course, wale, kind, bed: Bed::Front, point }
+        Tag { course, wale, kind, bed: Bed::Front, point: 0 }
     }
 }
