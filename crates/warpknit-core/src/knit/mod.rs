@@ -167,9 +167,12 @@ impl Pattern {
         let (wales, courses) = (fabric.threading_repeat(), fabric.repeat());
         let lattice = WaleLattice::relaxed(fabric, knit);
         let mut pattern = Self::empty(fabric);
-        pattern.lay_out(knit, &StitchLayout::new(fabric, knit, LAYOUT_RADIUS * fabric.radius()), &lattice);
+        let env = |n: &str, d: f64| -> f64 { std::env::var(n).ok().and_then(|v| v.parse().ok()).unwrap_or(d) };
+        let q = (0..courses as i64).flat_map(|c| (0..wales as i64).map(move |w| (w, c))).map(|(w, c)| knit.threads_on(w, c)).max().unwrap_or(1).max(1) as f64;
+        let thin = (env("LAY", 0.5) * fabric.radius()).min(env("LAYW", 0.08) * fabric.wale_spacing() / q);
+        pattern.lay_out(knit, &StitchLayout::new(fabric, knit, thin), &lattice);
         let mut shape = Self::empty(fabric);
-        shape.lay_out(knit, &StitchLayout::new(fabric, knit, SHAPE_RADIUS * fabric.radius()), &lattice);
+        shape.lay_out(knit, &StitchLayout::new(fabric, knit, env("SHAPE", SHAPE_RADIUS) * fabric.radius()), &lattice);
         pattern.relax(fabric, &shape.repeat.points, pattern.spacing * as_vec(wales, courses), 1.0);
         pattern.measure_bounds();
         pattern

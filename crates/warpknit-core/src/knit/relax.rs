@@ -42,22 +42,23 @@ const TARGET_DISTANCE: f64 = 1.04;
 /// of the radii. It lies between touching (1) and [`TARGET_DISTANCE`]. Contacts are solved softly
 /// and reach their target only in the limit, so a tolerance near the target is never met.
 const TOLERANCE: f64 = 1.01;
-/// The yarns' radii start at the share at which nothing touches, and grow by this share each time
-/// the neighbour list is rebuilt. With full radii from the start, a yarn that is laid out deep
-/// inside another is pushed out on the wrong side and loops lose their interlocking. Smaller steps
-/// only take more sweeps.
-const INFLATION_STEP: f64 = 0.05;
+/// Share by which radii grow at a time.
+const GROWTH_STEP: f64 = 0.05;
+/// Radii grow once the nearest pair is at this share of the distance that they ask for.
+const GROWTH_CLEARANCE: f64 = 0.965;
+/// Limit of a point's move in one sweep, radii.
+const MAX_STEP: f64 = 0.2;
 /// Sweeps for which a neighbour list serves. More sweeps let pairs meet that are not in the list;
 /// fewer spend the time on rebuilding it.
 const SWEEPS_PER_LIST: usize = 8;
 /// Limit of all sweeps. Stretch and bending have faded long before it (0.95^100 is 0.6 %).
-const MAX_SWEEPS: usize = 400;
+const MAX_SWEEPS: usize = 1200;
 /// Limit of sweeps times pairs: some seconds.
-const MAX_PAIR_CHECKS: usize = 40_000_000;
+const MAX_PAIR_CHECKS: usize = 4_000_000_000;
 /// Above this number of candidates for one list, or of pairs in it, whole yarns lie in each other's
 /// place. Nothing pushes these apart, so the solver gives up.
-const MAX_CANDIDATES: usize = 40_000_000;
-const MAX_PAIRS: usize = 400_000;
+const MAX_CANDIDATES: usize = 400_000_000;
+const MAX_PAIRS: usize = 4_000_000;
 /// Cutoff of the neighbour list over the sum of the radii. What exceeds [`TARGET_DISTANCE`] is the
 /// list's skin: two yarns may approach by that much before the list is rebuilt. A thinner skin
 /// misses contacts between rebuilds; a thicker one lengthens the list.
@@ -91,6 +92,13 @@ const BENDING_STIFFNESS: f64 = 0.12;
 /// yarns lose their shapes before they are apart.
 const STIFFNESS_DECAY: f64 = 0.95;
 
+/// Places in each span at which its curvature is held.
+const CURVATURE_PLACES: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
+/// Least radius of the bends of a yarn, over its own.
+const MIN_BEND_RADIUS: f64 = 1.05;
+const CURVATURE_STIFFNESS: f64 = 0.5;
+const BEND_TOLERANCE: f64 = 1.03;
+
 /// One yarn of the repeat: a chain that continues in the next repeat.
 #[derive(Clone, Debug)]
 pub(super) struct YarnChain {
@@ -113,36 +121,52 @@ pub struct Relaxation {
     pub grown: f64,
 }
 
-/// Moves `points` until no two yarns are nearer than they are thick, or a limit is reached.
+fn env(name: &str, default: f64) -> f64 { std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default) }
+
+/// Moves `points` until no two yarns are nearer than they are thick and no bend is too tight, or a
+/// limit is reached.
 pub(super) fn relax(
     points: &mut [DVec3],
     shape: &[DVec3],
     yarns: &[YarnChain],
     cell: DVec2,
 ) -> Relaxation {
-    let _ = shape;
-    let mut solver = Solver::new(points, yarns, cell);
+    let mut solver = Solver::new(points, shape, yarns, cell);
     solver.sample();
     let lengths = solver.lengths.clone();
     let mut sweeps = 0;
     let mut pair_checks = 0;
     let mut stiffness = 1.0;
-    let mut inflation: f64 = 0.0;
+    // The share of their radii that yarns have.
+    let mut grown: f64 = 0.0;
+    let mut bend = f64::INFINITY;
+    let mut stalled = 0;
+    let press = env("PRESS", 0.0);
     while sweeps < MAX_SWEEPS && pair_checks < MAX_PAIR_CHECKS {
         solver.sample();
         let Some(nearest) = solver.find_contacts() else { break };
-        if nearest >= TOLERANCE {
+        if nearest >= TOLERANCE && bend <= BEND_TOLERANCE && grown >= 1.0 {
             break;
         }
-        // Radii grow towards their full size. They never shrink: a sweep may bring some pair a
-        // little nearer than before, and following it down would undo the progress of the others.
-        inflation = (inflation.max(nearest) + INFLATION_STEP).min(1.0);
+        // Radii grow only while nothing is much nearer than they are now: what lies in front of
+        // another yarn stays there.
+        if nearest >= GROWTH_CLEARANCE * grown {
+            grown = (grown.max(nearest.min(1.0) / (1.0 + env("STEP", GROWTH_STEP))) * (1.0 + env("STEP", GROWTH_STEP))).min(1.0);
+            stalled = 0;
+        } else {
+            stalled += 1;
+            if stalled > 40 { break; }
+        }
         for _ in 0..SWEEPS_PER_LIST {
-            solver.solve_contacts(inflation);
+            solver.begin_sweep();
+            bend = solver.solve_curvature(CURVATURE_STIFFNESS, grown);
+            solver.solve_contacts(grown);
             solver.solve_stretch(STRETCH_STIFFNESS * stiffness);
             solver.solve_bending(BENDING_STIFFNESS * stiffness);
             solver.solve_lengths();
-            stiffness *= STIFFNESS_DECAY;
+            if press > 0.0 { for p in solver.points.iter_mut() { p.z *= 1.0 - press * stiffness; } }
+            solver.limit_moves(grown);
+            if grown >= 1.0 || stalled > 0 { stiffness *= env("DECAY", STIFFNESS_DECAY); }
         }
         sweeps += SWEEPS_PER_LIST;
         pair_checks += SWEEPS_PER_LIST * solver.pairs.len();
@@ -150,7 +174,7 @@ pub(super) fn relax(
     solver.sample();
     let changes =
         solver.lengths.iter().zip(&lengths).map(|(now, &before)| (now / before - 1.0).abs());
-    Relaxation { sweeps, stretch: changes.fold(0.0, f64::max), grown: inflation }
+    Relaxation { sweeps, stretch: changes.fold(0.0, f64::max), grown }
 }
 
 /// A span of the curve between two data points: its four control points and its samples.
@@ -206,14 +230,22 @@ struct Solver<'a> {
     rest_chords: Vec<f64>,
     /// The data points as they were laid out.
     rest_points: Vec<DVec3>,
+    /// The data points before this sweep.
+    before: Vec<DVec3>,
     /// The neighbour list.
     pairs: Vec<ContactPair>,
 }
 
 impl<'a> Solver<'a> {
-    fn new(points: &'a mut [DVec3], yarns: &'a [YarnChain], cell: DVec2) -> Self {
+    fn new(
+        points: &'a mut [DVec3],
+        shape: &[DVec3],
+        yarns: &'a [YarnChain],
+        cell: DVec2,
+    ) -> Self {
         let mut solver = Self {
-            rest_points: points.to_vec(),
+            rest_points: shape.to_vec(),
+            before: Vec::new(),
             points,
             yarns,
             cell,
@@ -257,7 +289,8 @@ impl<'a> Solver<'a> {
             .ceil()
             .clamp(MIN_SEGMENTS, MAX_SEGMENTS) as u32;
         self.spans[number as usize].segments = segments;
-        self.rest_chords.push(chord);
+        let rest = self.rest_chord(number as usize);
+        self.rest_chords.push(rest);
         self.segments.extend((start..start + segments).map(|sample| CurveSegment {
             span: number,
             sample,
@@ -272,6 +305,15 @@ impl<'a> Solver<'a> {
         std::array::from_fn(|k| {
             self.points[span.points[k] as usize] + period * span.image_shifts[k]
         })
+    }
+
+    /// The length of a span's chord in the shape that yarns take with room enough.
+    fn rest_chord(&self, span: usize) -> f64 {
+        let span = &self.spans[span];
+        let period = self.yarns[span.yarn as usize].period;
+        let [from, to] =
+            [1, 2].map(|k| self.rest_points[span.points[k] as usize] + period * span.image_shifts[k]);
+        from.distance(to)
     }
 
     fn chord(&self, span: usize) -> DVec3 {
@@ -456,6 +498,57 @@ impl<'a> Solver<'a> {
                 self.points[span_b.points[k] as usize] -= push * weights_b[k];
             }
         }
+    }
+
+    fn begin_sweep(&mut self) {
+        self.before.clear();
+        self.before.extend_from_slice(self.points);
+    }
+
+    fn limit_moves(&mut self, grown: f64) {
+        for yarn in self.yarns {
+            let limit = MAX_STEP * grown * yarn.radius;
+            for at in yarn.points.clone() {
+                let before = self.before[at];
+                self.points[at] = before + (self.points[at] - before).clamp_length_max(limit);
+            }
+        }
+    }
+
+    /// Curvature constraints: opens bends that are tighter than the yarn's radius allows.
+    /// Returns the largest curvature, over that of a bend with the yarn's radius.
+    fn solve_curvature(&mut self, stiffness: f64, inflation: f64) -> f64 {
+        let mut worst: f64 = 0.0;
+        for number in 0..self.spans.len() {
+            let span = self.spans[number];
+            let radius = self.yarns[span.yarn as usize].radius * inflation.min(1.0);
+            for t in CURVATURE_PLACES {
+                let control = self.control_points(&span);
+                let [first, second] = curve::weights(&control).derivatives(t);
+                let (u, v) = (blend(&control, &first), blend(&control, &second));
+                let turn = u.cross(v);
+                let (speed, size) = (u.length().max(1e-12), turn.length());
+                let curvature = size / (speed * speed * speed);
+                worst = worst.max(curvature * radius);
+                let excess = curvature - 1.0 / (MIN_BEND_RADIUS * radius);
+                if excess <= 0.0 {
+                    continue;
+                }
+                let axis = turn / size;
+                let (by_first, by_second) = (
+                    v.cross(axis) / speed.powi(3) - 3.0 * curvature * u / (speed * speed),
+                    axis.cross(u) / speed.powi(3),
+                );
+                let gradients: [DVec3; 4] =
+                    std::array::from_fn(|k| first[k] * by_first + second[k] * by_second);
+                let squared: f64 = gradients.iter().map(|g| g.length_squared()).sum();
+                for k in 0..4 {
+                    let step = gradients[k] * (stiffness * excess / squared);
+                    self.points[span.points[k] as usize] -= step.clamp_length_max(0.2 * radius);
+                }
+            }
+        }
+        worst
     }
 
     /// Stretch constraints: pulls neighbouring data points back to their distance as laid out

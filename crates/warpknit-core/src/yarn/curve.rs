@@ -134,6 +134,19 @@ impl Weights {
         weights[2] += 3.0 * t2 - 2.0 * t3;
         weights
     }
+
+    /// Weights of the four points in the first and in the second derivative at `t`.
+    pub(crate) fn derivatives(&self, t: f64) -> [[f64; 4]; 2] {
+        let [h1, h2] = [3.0 * t * t - 4.0 * t + 1.0, 3.0 * t * t - 2.0 * t];
+        let mut first = std::array::from_fn(|k| h1 * self.m1[k] + h2 * self.m2[k]);
+        first[1] += 6.0 * t * (t - 1.0);
+        first[2] -= 6.0 * t * (t - 1.0);
+        let [h1, h2] = [6.0 * t - 4.0, 6.0 * t - 2.0];
+        let mut second = std::array::from_fn(|k| h1 * self.m1[k] + h2 * self.m2[k]);
+        second[1] += 12.0 * t - 6.0;
+        second[2] -= 12.0 * t - 6.0;
+        [first, second]
+    }
 }
 
 /// The weights of four points in the span between the second and the third.
