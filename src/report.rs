@@ -6,6 +6,7 @@
 
 use serde::Serialize;
 
+use crate::fabric::Machine;
 use crate::knit::clearance::Clearance;
 
 /// The report of a run.
@@ -42,6 +43,9 @@ pub struct Report {
     /// The renderer of the picture. Empty without a picture.
     pub renderer: String,
     pub cloth: ClothReport,
+    /// The cloth on its machine. Without a shrinkage in the fabric there is no such key.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub machine: Option<MachineReport>,
     /// The frames of a drape sequence. Without a sequence there is no such key.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub frames: Vec<FrameReport>,
@@ -143,6 +147,10 @@ pub struct ClothReport {
     pub yarn_length_m: f64,
     /// One for each bar, from the front. Null for wefts.
     pub run_in_mm_per_rack: Vec<Option<f64>>,
+    /// The same of the relaxed yarn. Null for bars without a draft. Without any draft there is no
+    /// such key.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub relaxed_run_in_mm_per_rack: Vec<Option<f64>>,
     pub thickness_mm: f64,
     /// Share of the flat area that yarns cover.
     pub cover_factor: f64,
@@ -151,6 +159,27 @@ pub struct ClothReport {
     /// 5th, 50th, 95th percentile.
     pub stretch_warp: [f64; 3],
     pub stretch_weft: [f64; 3],
+}
+
+/// The cloth on its machine, before finishing. Its run-in is that of the finished cloth.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[expect(missing_docs, reason = "see Report")]
+pub struct MachineReport {
+    pub wales_per_cm: f64,
+    /// Needles an inch.
+    pub gauge: f64,
+    pub courses_per_cm: f64,
+    /// Share of the machine's width that finishing takes. 0 if it isn't given.
+    pub width_shrink: f64,
+    /// The same of the length.
+    pub length_shrink: f64,
+}
+
+impl From<Machine> for MachineReport {
+    fn from(machine: Machine) -> Self {
+        let Machine { wales_per_cm, gauge, courses_per_cm, width_shrink, length_shrink } = machine;
+        Self { wales_per_cm, gauge, courses_per_cm, width_shrink, length_shrink }
+    }
 }
 
 impl Report {

@@ -12,7 +12,7 @@ use warpknit::pipeline::{Densities, PictureSettings, Placement, Settings, Source
 
 use super::args::{Chains, Drawing, Laying, Reading, Shared};
 use super::terminal::tell;
-use super::values::SwitchArg;
+use super::values::{RunIn, SwitchArg};
 
 impl Laying {
     /// The placement of yarns on a garment.
@@ -96,13 +96,22 @@ pub(super) fn named_fabric(name: &str) -> Result<Fabric> {
 }
 
 impl Chains {
-    /// The fabric with these bars in place of its own, if any are given.
-    pub(super) fn on(&self, fabric: Fabric) -> Result<Fabric> {
-        if self.lapping.is_empty() {
-            Ok(fabric)
+    /// The fabric with these bars, counts and run-ins in place of its own, as far as they are given,
+    /// at the chosen densities. Also returns a warning about counts that don't suit the densities.
+    pub(super) fn on(
+        &self,
+        fabric: Fabric,
+        densities: Densities,
+    ) -> Result<(Fabric, Option<String>)> {
+        let fabric = if self.lapping.is_empty() {
+            fabric
         } else {
-            Ok(fabric.with_chains(&self.lapping, &self.threading)?)
-        }
+            fabric.with_chains(&self.lapping, &self.threading)?
+        };
+        let (fabric, warning) = densities.of_counts(fabric, &self.count)?;
+        // Given run-ins are those of the real cloth, so they come after its scale.
+        let run_ins: Vec<_> = self.run_in.iter().map(|RunIn(length)| *length).collect();
+        Ok((fabric.with_run_ins(&run_ins)?, warning))
     }
 
     /// The fabric's name in messages: the name given with `--fabric`, or else its chains.
@@ -113,12 +122,12 @@ impl Chains {
 
 /// The chosen fabric at the chosen densities. Its warnings are printed.
 pub(super) fn fabric(shared: &Shared) -> Result<Fabric> {
-    let fabric = shared.chains.on(named_fabric(&shared.fabric)?)?;
+    let (fabric, misfit) = shared.chains.on(named_fabric(&shared.fabric)?, shared.densities())?;
     let name = shared.chains.label(&shared.fabric, &fabric);
-    for warning in fabric.warnings() {
+    for warning in fabric.warnings().into_iter().chain(misfit) {
         tell(shared.running.quiet, &format!("warning: {name}: {warning}"));
     }
-    Ok(shared.densities().of_fabric(fabric)?)
+    Ok(fabric)
 }
 
 /// An error in a fabric file, with the file's name and line in front.

@@ -24,13 +24,15 @@ pub(super) const IGNORE: &str = "no-config";
 /// Flags whose presence on the command line cancels other flags of the file. With `--fabric`, a
 /// `lapping` of the file would replace the bars of the fabric that the user just named.
 const OVERRULES: [(&str, &[&str]); 3] = [
-    ("fabric", &["lapping", "threading"]),
-    ("lapping", &["threading"]),
+    ("fabric", &["lapping", "threading", "count", "run-in"]),
+    ("lapping", &["threading", "run-in"]),
     ("view", &["eye", "look-at"]),
 ];
-/// `inspect` shows a fabric only if one of these flags is given. A default in the file would make it
-/// show one always, so the file sets them for `inspect` only in its own table.
-const ASKED: (&str, [&str; 3]) = ("inspect", ["fabric", "lapping", "threading"]);
+/// `inspect` shows a fabric, and `fabrics` one of one's own, only if one of these flags is given. A
+/// default in the file would make them show one always, so the file sets them for these commands
+/// only in their own tables.
+const ASKED: ([&str; 2], [&str; 5]) =
+    (["inspect", "fabrics"], ["fabric", "lapping", "threading", "count", "run-in"]);
 
 /// One key of the file.
 #[derive(Debug)]
@@ -244,7 +246,7 @@ impl Entry {
 
     /// Whether the entry counts for a command, if that has the flag.
     fn is_for(&self, command: &str) -> bool {
-        let asks = command == ASKED.0 && ASKED.1.contains(&self.flag.as_str());
+        let asks = ASKED.0.contains(&command) && ASKED.1.contains(&self.flag.as_str());
         self.command.as_ref().map_or(!asks, |own| own == command)
     }
 

@@ -4,8 +4,9 @@ use std::fmt::Write as _;
 
 use anyhow::Result;
 use warpknit::fabric::{Fabric, Structure, builtin};
+use warpknit::pipeline::Densities;
 
-use super::args::Fabrics;
+use super::args::{DEFAULT_FABRIC, Fabrics};
 use super::choice::named_fabric;
 use super::terminal::print;
 
@@ -14,9 +15,16 @@ use super::terminal::print;
 const CHAINS: usize = 32;
 
 /// Lists the fabrics, one line each with the name first, or prints one as the TOML that `--fabric`
-/// reads.
+/// reads. A lapping, counts and run-ins make a fabric of their own, so that what was tried with
+/// them becomes a file.
 pub(crate) fn fabrics(arguments: &Fabrics) -> Result<()> {
-    match &arguments.name {
+    let Fabrics { name, chains } = arguments;
+    if chains.is_given() {
+        let asked = name.as_deref().unwrap_or(DEFAULT_FABRIC);
+        let (fabric, _) = chains.on(named_fabric(asked)?, Densities::default())?;
+        return print(&fabric.to_string());
+    }
+    match name {
         Some(name) => match builtin::text(name) {
             // The text as it was written, with its comments. A fabric file is parsed and written
             // again, so that its keys and defaults become visible.

@@ -17,7 +17,7 @@ use super::choice::named_fabric;
 use super::drapes::expanded;
 use super::sheet::{diagrams, drawn, sheet};
 use super::terminal::{print, tell};
-use warpknit::pipeline::{check_distinct, numbered};
+use warpknit::pipeline::{Densities, check_distinct, numbered};
 
 /// The most overlaps that are listed. The largest ones come first.
 const NAMED: usize = 6;
@@ -29,7 +29,7 @@ pub(crate) fn inspect(arguments: &Inspect) -> Result<()> {
     let Inspect { fabric: asked, chains, .. } = arguments;
     if arguments.has_fabric() {
         let asked = asked.as_deref().unwrap_or(DEFAULT_FABRIC);
-        let fabric = chains.on(named_fabric(asked)?)?;
+        let (fabric, _) = chains.on(named_fabric(asked)?, Densities::default())?;
         let name = chains.label(asked, &fabric);
         let (whole, notes) = diagrams(&fabric, &arguments.outputs)?;
         notes.iter().for_each(|note| tell(false, &format!("note: {name}: {note}")));

@@ -4,11 +4,13 @@
 
 use std::fmt::Write as _;
 
+use warpknit::fabric::Machine;
 use warpknit::pipeline::RealCloth;
 
 /// One line for each number, with its name first, then one line for each bar.
 pub(super) fn table(real: &RealCloth) -> String {
     let RealCloth { fabric, numbers, clearance } = real;
+    let machine = fabric.machine().map(|machine| ("machine", machine_text(&machine)));
     let mut rows = vec![
         ("fabric", fabric.name.clone()),
         ("wales", format!("{:.2} /cm, W {:.3} mm", fabric.wales_per_cm, fabric.wale_spacing())),
@@ -16,6 +18,9 @@ pub(super) fn table(real: &RealCloth) -> String {
             "courses",
             format!("{:.2} /cm, C {:.3} mm", fabric.courses_per_cm, fabric.course_spacing()),
         ),
+    ];
+    rows.extend(machine);
+    rows.extend([
         ("mass", format!("{:.1} g/m²", numbers.mass)),
         ("yarn length", format!("{:.0} m/m²", numbers.yarn_length)),
         ("thickness", format!("{:.3} mm", numbers.thickness)),
@@ -28,7 +33,7 @@ pub(super) fn table(real: &RealCloth) -> String {
                 clearance.min_over_2r, clearance.pairs_below_1
             ),
         ),
-    ];
+    ]);
     if fabric.weft_knit().is_some() {
         // 1 m/m² is 1/1000 mm/mm². A loop of a plain weft knit takes one wale times one course.
         let length = numbers.yarn_length / 1000.0 * fabric.wale_spacing() * fabric.course_spacing();
@@ -70,7 +75,31 @@ pub(super) fn table(real: &RealCloth) -> String {
             ),
         );
     }
+    for (number, (yarn, relaxed)) in (1..).zip(fabric.yarns().zip(&numbers.relaxed_run_in)) {
+        if let (Some(draft), Some(relaxed)) = (yarn.draft, relaxed) {
+            line(
+                &mut table,
+                format_args!(
+                    "bar {number} lies stretched to {draft} times its length: {relaxed:.0} mm a rack \
+                     relaxed"
+                ),
+            );
+        }
+    }
     table
+}
+
+/// The densities on the machine, and what finishing takes.
+pub(super) fn machine_text(machine: &Machine) -> String {
+    format!(
+        "gauge {:.1} ({:.2} wales/cm), {:.2} courses/cm; finishing takes {:.1} % of the width and \
+         {:.1} % of the length, and leaves the run-in",
+        machine.gauge,
+        machine.wales_per_cm,
+        machine.courses_per_cm,
+        100.0 * machine.width_shrink,
+        100.0 * machine.length_shrink
+    )
 }
 
 /// Adds a line to the table.

@@ -12,6 +12,7 @@ use warpknit::fabric::motif::Motif;
 use warpknit::fabric::{Bar, Fabric, Lay, Structure};
 use warpknit::knit::{Pattern, clearance};
 
+use super::numbers::machine_text;
 use warpknit::pipeline::check_distinct;
 
 /// The most courses in the table. Longer chains are cut, with a line that says so.
@@ -35,6 +36,12 @@ pub(super) fn sheet(fabric: &Fabric) -> Result<String, fmt::Error> {
         fabric.wale_spacing(),
         fabric.course_spacing()
     )?;
+    if let Some(machine) = fabric.machine() {
+        writeln!(text, "  machine: {}", machine_text(&machine))?;
+    }
+    if let Some(thickness) = fabric.finish.thickness {
+        writeln!(text, "  pressed to {thickness} mm")?;
+    }
     match &fabric.structure {
         Structure::Warp(knit) => text.push_str(&table(fabric, &knit.bars)),
         Structure::Weft(knit) => text.push_str(&chart(&knit.motif)),
@@ -43,15 +50,21 @@ pub(super) fn sheet(fabric: &Fabric) -> Result<String, fmt::Error> {
     for (at, yarn) in fabric.yarns().enumerate() {
         writeln!(
             text,
-            "  {}, yarn {}, diameter {:.3} mm",
+            "  {}, yarn {}{}, diameter {:.3} mm",
             system(fabric, at),
             yarn.count,
+            yarn.draft.map_or_else(String::new, |draft| format!(", draft {draft}")),
             yarn.diameter()
         )?;
     }
     if fabric.warp_knit().is_some() {
         let needles = fabric.needles();
-        writeln!(text, "  threads on a needle: {}..{}", needles.fewest, needles.most)?;
+        let most = if needles.most == needles.fewest {
+            String::new()
+        } else {
+            format!(" to {}", needles.most)
+        };
+        writeln!(text, "  threads on a needle: {}{most}", needles.fewest)?;
     }
     let (pattern, radius) = (Pattern::new(fabric), fabric.radius());
     let clearance = clearance::measure(fabric, &pattern, radius);
@@ -73,7 +86,13 @@ fn system(fabric: &Fabric, at: usize) -> String {
         Structure::Warp(knit) => {
             let bar = &knit.bars[at];
             let drive = if bar.counts_from_left() { ", drive left" } else { "" };
-            format!("bar {number}: chain {lapping}{drive}, threading {}", bar.written_threading())
+            let threading = bar.written_threading();
+            let run_in =
+                bar.run_in.map_or_else(String::new, |mm| format!(", run-in {mm} mm a rack"));
+            let slack = bar
+                .slack
+                .map_or_else(String::new, |slack| format!(", slack {:.1} %", 100.0 * slack));
+            format!("bar {number}: chain {lapping}{drive}, threading {threading}{run_in}{slack}")
         }
         Structure::Weft(_) => format!("feeder {number}: {lapping}"),
         Structure::Laid(_) => format!("strand {number}: {lapping}"),

@@ -215,6 +215,21 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
     number(text, |number: &f64| *number > 0.0 && number.is_finite(), "it must be a number over 0")
 }
 
+/// The run-in of a bar, mm a rack. `None` for a bar that keeps its own.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct RunIn(pub(crate) Option<f64>);
+
+/// Parses a run-in, or `-` for a bar that keeps its own. The fabric checks its range.
+pub(super) fn run_in(text: &str) -> Result<RunIn, String> {
+    if text == "-" {
+        return Ok(RunIn(None));
+    }
+    let otherwise =
+        "write mm a rack of 480 courses, such as 1240, or - for a bar that keeps its own";
+    number(text, |length: &f64| *length > 0.0 && length.is_finite(), otherwise)
+        .map(|length| RunIn(Some(length)))
+}
+
 /// Parses width over height of a section. Beyond these limits tubes would be sheets.
 pub(super) fn flattening(text: &str) -> Result<f64, String> {
     number(text, |ratio| (0.1..=10.0).contains(ratio), "it must be between 0.1 and 10")
@@ -252,6 +267,8 @@ mod tests {
                 && rectangle("1,2,3,4,5").is_err()
         );
         assert!(brightness("-2").is_err() && contrast("0").is_err() && contrast("1.5").is_ok());
+        assert_eq!((run_in("1240"), run_in("-")), (Ok(RunIn(Some(1240.0))), Ok(RunIn(None))));
+        assert!(run_in("0").is_err() && run_in("-5").is_err() && run_in("1.2m").is_err());
         assert!(positive("0").is_err() && positive("nan").is_err() && positive("inf").is_err());
     }
 }

@@ -124,6 +124,7 @@ impl RunSummary<'_> {
             peak_memory_mb: peak_memory_mb(),
             renderer: self.drawn_by.clone(),
             cloth: cloth_report(job, real),
+            machine: real.fabric.machine().map(Into::into),
             frames: self.frames.clone(),
         }
     }
@@ -134,11 +135,17 @@ fn cloth_report(job: &Job<'_>, real: &RealCloth) -> ClothReport {
     let garment = job.cloth.garment();
     let numbers = &real.numbers;
     let (stretch_warp, stretch_weft) = stretch(garment);
+    let any_draft = real.fabric.yarns().any(|yarn| yarn.draft.is_some());
     // `yarn_length` is in m/m² and the area in mm².
     ClothReport {
         mass_g_m2: numbers.mass,
         yarn_length_m: numbers.yarn_length * job.area * 1e-6,
         run_in_mm_per_rack: numbers.run_in.clone(),
+        relaxed_run_in_mm_per_rack: if any_draft {
+            numbers.relaxed_run_in.clone()
+        } else {
+            Vec::new()
+        },
         thickness_mm: numbers.thickness,
         cover_factor: numbers.cover,
         porosity: numbers.porosity,

@@ -8,14 +8,14 @@ use warpknit::fabric::builtin;
 
 use crate::drape::mesh;
 
-fn warpknit(folder: &Path) -> Command {
+pub(crate) fn warpknit(folder: &Path) -> Command {
     let mut command = Command::cargo_bin("warpknit").unwrap();
     command.current_dir(folder);
     command
 }
 
 /// stderr of a run that must end with `code` and leave nothing in its folder but what was there.
-fn fails(code: i32, arguments: &[&str], prepare: impl Fn(&Path)) -> String {
+pub(crate) fn fails(code: i32, arguments: &[&str], prepare: impl Fn(&Path)) -> String {
     let folder = tempfile::tempdir().unwrap();
     prepare(folder.path());
     let names = || {
@@ -33,7 +33,7 @@ fn fails(code: i32, arguments: &[&str], prepare: impl Fn(&Path)) -> String {
     String::from_utf8(output.stderr).unwrap()
 }
 
-const SMALL: [&str; 6] = ["--size", "32x24", "--wales", "2", "--courses", "2"];
+pub(crate) const SMALL: [&str; 6] = ["--size", "32x24", "--wales", "2", "--courses", "2"];
 
 #[test]
 fn wrong_usage_ends_with_2() {
@@ -51,6 +51,10 @@ fn wrong_usage_ends_with_2() {
         &["drape", "a.obj", "--unit", "mile"],
         &["swatch", "--radius", "-1"],
         &["swatch", "--threading", "I"],
+        &["swatch", "--run-in", "long"],
+        &["swatch", "--run-in", "0"],
+        &["swatch", "--run-in", "-1240"],
+        &["drape", "a.obj", "--count", "78"],
         &[
             "swatch",
             "--lapping",

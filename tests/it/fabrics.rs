@@ -2,6 +2,7 @@
 //! docs/method.md says of the stitch.
 
 use warpknit::fabric::{Bar, Fabric, Lay, builtin};
+use warpknit::knit::{Pattern, numbers};
 
 /// The guide bars of a warp knit.
 fn bars(fabric: &Fabric) -> &[Bar] {
@@ -172,5 +173,30 @@ fn the_method_has_the_dimensions_of_the_stitch() {
         // Key, meaning, unit, default, range.
         let default = row.split('|').nth(4).unwrap().trim().parse::<f64>().unwrap();
         assert_eq!(default, value, "{row}");
+    }
+}
+
+/// The yarn cover of the relaxed cloth: g/m² over g/km is km/m², and times the diameter in mm a share.
+fn measured(fabric: &Fabric) -> f64 {
+    let numbers = numbers::measure(fabric, &Pattern::new(fabric));
+    let yarns = numbers.bar_mass.iter().zip(fabric.yarns());
+    yarns.map(|(mass, yarn)| mass / yarn.tex_in_cloth() * yarn.diameter()).sum()
+}
+
+#[test]
+fn ratios_of_yarn_cover_are_near_those_of_relaxed_cloth() {
+    for name in ["tricot", "locknit", "satin", "hex-net-3", "marquisette", "jersey"] {
+        let fabric = Fabric::named(name).unwrap();
+        let fine = fabric.clone().with_counts(&["20 dtex".parse().unwrap()]).unwrap();
+        let coarse = Fabric {
+            wales_per_cm: 0.7 * fabric.wales_per_cm,
+            courses_per_cm: 0.8 * fabric.courses_per_cm,
+            ..fabric.clone()
+        };
+        for other in [fine, coarse] {
+            let ratio = other.yarn_cover() / fabric.yarn_cover();
+            let exact = measured(&other) / measured(&fabric);
+            assert!((ratio / exact - 1.0).abs() < 0.15, "{name}: {ratio} {exact}");
+        }
     }
 }

@@ -19,6 +19,7 @@ mod curves;
 mod drape;
 mod fabrics;
 mod files;
+mod finish;
 mod flip;
 mod gallery;
 mod garment;

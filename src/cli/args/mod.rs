@@ -12,6 +12,7 @@ use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 use glam::DVec3;
 use warpknit::chart;
 use warpknit::export::Format;
+use warpknit::fabric::yarn::Count;
 use warpknit::garment::Unit;
 use warpknit::render::Background;
 use warpknit::tile::Tile;
@@ -25,8 +26,8 @@ use super::config::{self, Trouble};
 #[cfg(feature = "view")]
 use super::values::picture;
 use super::values::{
-    EdgeArg, MappingArg, RendererArg, ShapeArg, SwitchArg, ViewArg, diagram, field_of_view, finite,
-    flattening, output, positive, samples, size, vector,
+    EdgeArg, MappingArg, RendererArg, RunIn, ShapeArg, SwitchArg, ViewArg, diagram, field_of_view,
+    finite, flattening, output, positive, run_in, samples, size, vector,
 };
 
 /// The fabric, unless one is named.
@@ -68,14 +69,14 @@ impl Arguments {
             Command::Inspect(inspect) => Some(&inspect.chains),
             #[cfg(feature = "view")]
             Command::View(view) => Some(&view.shared.chains),
-            Command::Fabrics(_)
-            | Command::Yarn(_)
+            Command::Fabrics(fabrics) => Some(&fabrics.chains),
+            Command::Yarn(_)
             | Command::Capture(_)
             | Command::Bench(_)
             | Command::Completions(_)
             | Command::Man(_) => None,
         };
-        if let Some(Chains { lapping, threading }) = chains
+        if let Some(Chains { lapping, threading, .. }) = chains
             && threading.len() > 1
             && threading.len() != lapping.len()
         {
@@ -110,7 +111,9 @@ pub(crate) enum Command {
     #[command(after_help = "Examples:
   warpknit swatch --fabric locknit --view front -o face.png
   warpknit swatch --fabric locknit --view back -o back.png
-  warpknit swatch --lapping 3-4/1-0// --lapping 1-0/1-2// -o satin.png")]
+  warpknit swatch --lapping 3-4/1-0// --lapping 1-0/1-2// -o satin.png
+  warpknit swatch --fabric locknit --count '78 dtex' -o heavy.png
+  warpknit swatch --fabric locknit --run-in 1400 --run-in 1100 -o tight.png")]
     Swatch(Swatch),
     /// Show a garment or a swatch in a window, and knit it again as you choose
     #[cfg(feature = "view")]
@@ -134,7 +137,9 @@ Examples:
     /// List the built-in fabrics, or print one as TOML
     #[command(after_help = "Examples:
   warpknit fabrics
-  warpknit fabrics locknit > my.toml && warpknit swatch --fabric my.toml")]
+  warpknit fabrics locknit > my.toml && warpknit swatch --fabric my.toml
+  warpknit fabrics locknit --count '78 dtex' > thick.toml
+  warpknit fabrics --lapping 3-4/1-0// --lapping 1-0/1-2// > satin.toml")]
     Fabrics(Fabrics),
     /// Turn a photo of a straight yarn on a plain ground into maps that tile
     #[command(
@@ -260,7 +265,7 @@ pub(crate) struct Live {
 #[derive(Args, Debug)]
 pub(crate) struct Inspect {
     /// One garment with vt, or the flat mesh and one or more drapes of it
-    #[arg(value_name = "OBJ", required_unless_present_any = ["fabric", "lapping"])]
+    #[arg(value_name = "OBJ", required_unless_present_any = ["fabric", "lapping", "count", "run_in"])]
     pub(crate) meshes: Vec<PathBuf>,
     /// A built-in fabric or a fabric file: its chain as a table, threads on the needles, warnings
     #[arg(long, value_name = "NAME|FILE.toml")]
@@ -278,7 +283,7 @@ pub(crate) struct Inspect {
 impl Inspect {
     /// Whether a fabric is to be shown.
     pub(crate) fn has_fabric(&self) -> bool {
-        self.fabric.is_some() || !self.chains.lapping.is_empty()
+        self.fabric.is_some() || self.chains.is_given()
     }
 
     /// Whether an output could be meant for the fabric or for the meshes.
@@ -293,6 +298,8 @@ pub(crate) struct Fabrics {
     /// understands it
     #[arg(value_name = "NAME|FILE.toml")]
     pub(crate) name: Option<String>,
+    #[command(flatten)]
+    pub(crate) chains: Chains,
 }
 
 #[derive(Args, Debug)]
@@ -342,7 +349,7 @@ pub(crate) struct Bench {
     pub(crate) running: Running,
 }
 
-/// A lapping of one's own.
+/// A lapping, yarns and run-ins of one's own.
 #[derive(Args, Debug)]
 pub(crate) struct Chains {
     /// A bar's chain, such as 1-0/1-2//, or weft; one for each bar, front first. These bars replace
@@ -353,6 +360,23 @@ pub(crate) struct Chains {
     /// for each --lapping, or one for all [default: I]
     #[arg(long, value_name = "MARKS", requires = "lapping")]
     pub(crate) threading: Vec<String>,
+    /// Yarn count, such as \"78 dtex\" or \"40 den\", in place of the fabric's; one for each bar,
+    /// front first, the last for all further bars. Densities follow the thickest yarn, unless they
+    /// are given
+    #[arg(long, value_name = "COUNT")]
+    pub(crate) count: Vec<Count>,
+    /// Yarn that a bar is fed, mm a rack of 480 courses; one for each bar, front first; - leaves a
+    /// bar's as it is
+    #[arg(long, value_name = "MM", value_parser = run_in, allow_negative_numbers = true)]
+    pub(crate) run_in: Vec<RunIn>,
+}
+
+impl Chains {
+    /// Whether any of its flags is given.
+    pub(crate) fn is_given(&self) -> bool {
+        let Self { lapping, threading: _, count, run_in } = self;
+        !(lapping.is_empty() && count.is_empty() && run_in.is_empty())
+    }
 }
 
 /// The part of a run's outputs that is made.

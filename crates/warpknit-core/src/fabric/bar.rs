@@ -1,6 +1,7 @@
 //! Guide bars of a warp knit: a lapping, a threading and a yarn; or wefts that are laid in.
 
 use super::error::FabricFault;
+use super::file::Limits;
 use super::lapping::{Chain, Numbering};
 use super::structure::least_common_multiple;
 use super::threading::Threading;
@@ -16,9 +17,19 @@ pub struct Bar {
     pub lay: Lay,
     /// Which of its guides carry a yarn; for wefts, which courses get one.
     pub threading: Threading,
+    /// Yarn that each of its guides is fed, mm a rack of 480 courses, where it is given: it sets
+    /// the length of its loops or inlays. Wefts have none.
+    pub run_in: Option<f64>,
+    /// How much longer than straight its yarns lie, as a share, where it is given: for inlays and
+    /// wefts, which otherwise lie straight under tension.
+    pub slack: Option<f64>,
     /// The yarn that they carry.
     pub yarn: Yarn,
 }
+
+/// Run-ins that are taken. Tricots take 1 to 3 m a rack, the coarsest cloth that can be described
+/// some hundred times as much.
+pub(super) const RUN_IN: Limits = (1.0, 1e6, "mm a rack of 480 courses");
 
 /// How a bar lays its yarns.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -43,6 +54,19 @@ impl Bar {
     #[must_use]
     pub fn is_inlay(&self) -> bool {
         self.chain().is_none_or(Chain::is_inlay)
+    }
+
+    /// Why its run-in and its slack can't both be as they are, if they can't.
+    pub(super) fn contradiction(&self) -> Option<&'static str> {
+        if self.run_in.is_some() && self.chain().is_none() {
+            Some("wefts have no run_in_mm, since no guide feeds them; slack makes them longer")
+        } else if self.slack.is_some() && !self.is_inlay() {
+            Some("slack is for yarns that are laid in, and this bar knits: it takes run_in_mm")
+        } else if self.slack.is_some() && self.run_in.is_some() {
+            Some("its length is given twice: leave either run_in_mm or slack out")
+        } else {
+            None
+        }
     }
 
     /// Lowest and highest gap of its guides. Wefts have none, and count as gap 0.

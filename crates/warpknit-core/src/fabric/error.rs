@@ -125,6 +125,29 @@ pub enum FabricFault {
         /// The fault and its remedy.
         why: &'static str,
     },
+    /// A bar whose run-in or slack can't be.
+    #[error("bar {number}: {why}")]
+    Bar {
+        /// Counted from 1.
+        number: usize,
+        /// The fault and its remedy.
+        why: &'static str,
+    },
+    /// A flag that is given once for each yarn system, and too often.
+    #[error(
+        "{flag} is given {given} times, but the fabric has {systems} {system}{}",
+        if *systems == 1 { "" } else { "s" }
+    )]
+    TooManyValues {
+        /// The flag.
+        flag: &'static str,
+        /// How often it is given.
+        given: usize,
+        /// `bar`, `feeder` or `strand`.
+        system: &'static str,
+        /// How many bars, feeders or strands the fabric has.
+        systems: usize,
+    },
     /// No bar.
     #[error("a fabric needs at least one [[bars]] table")]
     NoBars,

@@ -7,31 +7,33 @@
 
 mod bar;
 pub mod builtin;
+mod changes;
 mod checks;
 mod dimensions;
 mod error;
 mod file;
+mod finish;
 pub mod lapping;
 mod limits;
 pub mod motif;
 mod structure;
 pub mod threading;
 pub mod yarn;
+mod yarn_cover;
 
 use std::fmt;
 use std::path::Path;
 
 use glam::DVec2;
 
-use file::{FabricFile, in_range};
-use lapping::Numbering;
-use threading::Threading;
+use file::FabricFile;
 use yarn::Yarn;
 
 pub use bar::{Bar, Lay};
 pub use checks::Needles;
 pub use dimensions::Dimensions;
 pub use error::{FabricError, FabricFault, Place};
+pub use finish::{Finish, Machine};
 pub use limits::{MAX_BARS, MAX_LAPS, MAX_LOOPS, MAX_PATH, MAX_REPEAT, MAX_THREADING};
 pub use structure::{
     Feeder, LaidCloth, LaidStrand, StrandDirection, Structure, WarpKnit, WeftKnit,
@@ -54,11 +56,13 @@ pub struct Fabric {
     pub about: String,
     /// Wales per centimetre of the finished cloth.
     pub wales_per_cm: f64,
-    /// Needles an inch, where the wales were given so: `wales_per_cm` follows from it, before
-    /// finishing.
+    /// Needles an inch, where the wales were given so: `wales_per_cm` follows from it and from the
+    /// shrinkage of `finish`.
     pub gauge: Option<f64>,
     /// Courses per centimetre of the finished cloth.
     pub courses_per_cm: f64,
+    /// What finishing does to it.
+    pub finish: Finish,
     /// Its yarns, and how they are knitted or laid.
     pub structure: Structure,
     /// Panels on which it lies otherwise than along the garment's grain from the lowest-left
@@ -134,91 +138,6 @@ impl Fabric {
     /// ```
     pub fn parse(text: &str) -> Result<Self, FabricError> {
         file::parse(text)
-    }
-
-    /// A warp knit of these chains (or `weft`) and threadings, front first, as the command line
-    /// gives them.
-    ///
-    /// Densities and yarns stay: each bar has the yarn of this fabric's yarn system in its place,
-    /// or of the last one. Without threadings all are full, and the last threading is that of all
-    /// bars after it.
-    ///
-    /// # Errors
-    /// A chain or a threading that can't be read, under the name of its flag, or too much of
-    /// anything.
-    ///
-    /// ```
-    /// use warpknit_core::fabric::Fabric;
-    /// let chains = ["3-4/1-0".to_owned(), "1-0/1-2".to_owned()];
-    /// let satin = Fabric::named("tricot")?.with_chains(&chains, &[])?;
-    /// assert_eq!(satin.name, "3-4/1-0// + 1-0/1-2//");
-    /// # Ok::<(), warpknit_core::fabric::FabricError>(())
-    /// ```
-    pub fn with_chains(
-        self,
-        chains: &[String],
-        threadings: &[String],
-    ) -> Result<Self, FabricError> {
-        // Threadings first: a fault in one is reported before a fault in a chain.
-        let mut read = Vec::with_capacity(threadings.len());
-        for text in threadings {
-            let threading = bar::read_threading("--threading", text);
-            read.push(threading.map_err(|fault| fault.in_own(text))?);
-        }
-        let last = self.yarns().last().ok_or(FabricFault::NoBars)?;
-        let mut bars = Vec::with_capacity(chains.len());
-        for (index, text) in chains.iter().enumerate() {
-            let lay = bar::read_lapping("--lapping", text, Numbering::default())
-                .map_err(|fault| fault.in_own(text))?;
-            let threading = read.get(index).or(read.last()).cloned();
-            bars.push(Bar {
-                lay,
-                threading: threading.unwrap_or_else(Threading::full),
-                yarn: self.yarns().nth(index).unwrap_or(last).clone(),
-            });
-        }
-        let stitch = match &self.structure {
-            Structure::Warp(knit) => knit.stitch,
-            Structure::Weft(_) | Structure::Laid(_) => Dimensions::default(),
-        };
-        let fabric = Self {
-            name: bars.iter().map(Bar::lapping).collect::<Vec<_>>().join(" + "),
-            about: String::new(),
-            structure: Structure::Warp(WarpKnit { bars, stitch }),
-            ..self
-        };
-        fabric.check_repeats()?;
-        Ok(fabric)
-    }
-
-    /// The same cloth at other densities, the yarns drawn in the same proportion to the wale
-    /// spacing.
-    ///
-    /// A named fabric is a look: at a tenth of its wales its true yarns would be hairlines. Masses
-    /// still follow the count.
-    ///
-    /// # Errors
-    /// [`FabricFault::Range`] where a density is not positive.
-    ///
-    /// ```
-    /// use warpknit_core::fabric::Fabric;
-    /// let coarse = Fabric::named("tricot")?.at_densities(2.0, 3.0)?;
-    /// assert_eq!(coarse.wale_spacing(), 5.0);
-    /// # Ok::<(), warpknit_core::fabric::FabricError>(())
-    /// ```
-    pub fn at_densities(
-        mut self,
-        wales_per_cm: f64,
-        courses_per_cm: f64,
-    ) -> Result<Self, FabricError> {
-        in_range("wales_per_cm", wales_per_cm, file::DENSITY)?;
-        in_range("courses_per_cm", courses_per_cm, file::DENSITY)?;
-        // Drawn radii grow with the wale spacing, so that the loops keep their shape.
-        self.enlargement *= self.wales_per_cm / wales_per_cm;
-        self.wales_per_cm = wales_per_cm;
-        self.gauge = None;
-        self.courses_per_cm = courses_per_cm;
-        Ok(self)
     }
 
     /// The yarn of each yarn system (guide bar, feeder or laid strand), front first.
@@ -430,43 +349,6 @@ mod tests {
             .to_string()
             .replace("threading = \"I\"", "threading = \"..I\"");
         assert_eq!(Fabric::parse(&text).unwrap().warnings().len(), 1);
-    }
-
-    #[test]
-    fn chains_take_the_bars_places_and_keep_their_yarns() {
-        let strings =
-            |texts: &[&str]| texts.iter().map(|text| (*text).to_owned()).collect::<Vec<_>>();
-        let tricot = Fabric::named("tricot").unwrap();
-        let net = tricot
-            .clone()
-            .with_chains(&strings(&["2-1/1-2", "1-0/1-2", "weft"]), &strings(&["I."]))
-            .unwrap();
-        assert_eq!(net.name, "2-1/1-2// + 1-0/1-2// + weft");
-        let yarns: Vec<_> = net.yarns().map(|yarn| yarn.color).collect();
-        assert_eq!(yarns, [0, 1, 1].map(|bar| tricot.yarn(bar).color));
-        assert!(bars(&net).iter().all(|bar| bar.threading.to_string() == "I."));
-        assert_eq!((net.wales_per_cm, &bars(&net)[2].lay), (tricot.wales_per_cm, &Lay::Weft));
-
-        let wrong = tricot.clone().with_chains(&strings(&["1-0", "1-0/1-7"]), &[]).unwrap_err();
-        assert_eq!(
-            wrong.to_string(),
-            "--lapping \"1-0/1-7\": an overlap over 6 needles: guides lap over 1 or 2"
-        );
-        assert_eq!(wrong.place.unwrap().to_string(), "1-0/1-7\n    ^^^");
-        let wrong = tricot.with_chains(&strings(&["1-0"]), &strings(&["Ix"])).unwrap_err();
-        assert_eq!(wrong.place.unwrap().to_string(), "Ix\n ^");
-    }
-
-    #[test]
-    fn densities_scale_the_drawing_but_not_the_count() {
-        let fabric = Fabric::named("tricot").unwrap();
-        let coarse = fabric
-            .clone()
-            .at_densities(fabric.wales_per_cm / 10.0, fabric.courses_per_cm / 10.0)
-            .unwrap();
-        assert!((coarse.radius() - 10.0 * fabric.radius()).abs() < 1e-12);
-        assert_eq!(coarse.structure, fabric.structure);
-        assert!(fabric.at_densities(0.0, 1.0).is_err());
     }
 
     #[test]

@@ -24,6 +24,9 @@ pub struct Yarn {
     pub packing: f64,
     /// Colour, sRGB.
     pub color: Color,
+    /// Stretched length over relaxed length of the yarn in the cloth, where it is given, as for
+    /// elastane. Count and twist are those of the relaxed yarn.
+    pub draft: Option<f64>,
     /// Single yarns that are wound around each other, where it is given.
     pub plies: Option<u32>,
     /// Turns per metre of the plies, or of the fibres of a single yarn; over 0 is S, under 0 is Z.
@@ -48,6 +51,7 @@ impl Yarn {
             density,
             packing,
             color,
+            draft: None,
             plies: None,
             twist: None,
             sheen: None,
@@ -56,10 +60,25 @@ impl Yarn {
         }
     }
 
-    /// Diameter in mm of the round yarn, `d = 0.03568 sqrt(tex / (density · packing))`.
+    /// Linear density in the cloth, tex: that of the count, over the draft.
+    ///
+    /// ```
+    /// # use warpknit_core::fabric::yarn::Yarn;
+    /// # let (count, color) = ("44 dtex".parse().unwrap(), "#ffffff".parse().unwrap());
+    /// let elastane = Yarn { draft: Some(2.5), ..Yarn::plain(count, 1.2, 0.9, color) };
+    /// assert!((elastane.tex_in_cloth() - 1.76).abs() < 1e-12);
+    /// ```
+    #[must_use]
+    pub fn tex_in_cloth(&self) -> f64 {
+        self.count.tex() / self.draft.unwrap_or(1.0)
+    }
+
+    /// Diameter in mm of the round yarn in the cloth, `d = 0.03568 sqrt(T / (density · packing))`
+    /// with T = [`Yarn::tex_in_cloth`].
     ///
     /// A kilometre of yarn of T tex holds T / density cm³ of fibre, so its section is
-    /// `1e-3 T / (density · packing)` mm², and `2 sqrt(1e-3 / π)` is 0.03568.
+    /// `1e-3 T / (density · packing)` mm², and `2 sqrt(1e-3 / π)` is 0.03568. A drafted yarn keeps
+    /// its volume, so its diameter falls with the square root of the draft.
     ///
     /// ```
     /// use warpknit_core::fabric::yarn::Yarn;
@@ -69,7 +88,7 @@ impl Yarn {
     /// ```
     #[must_use]
     pub fn diameter(&self) -> f64 {
-        0.03568 * (self.count.tex() / (self.density * self.packing)).sqrt()
+        0.03568 * (self.tex_in_cloth() / (self.density * self.packing)).sqrt()
     }
 
     /// Slope of its twist against its axis, circumference over the length of a turn, where a twist
@@ -84,7 +103,9 @@ impl Yarn {
     /// ```
     #[must_use]
     pub fn twist_slope(&self) -> Option<f64> {
-        self.twist.map(|turns_per_m| std::f64::consts::PI * self.diameter() * turns_per_m / 1000.0)
+        // A drafted yarn has its turns on a greater length.
+        let per_turn = std::f64::consts::PI * self.diameter() / self.draft.unwrap_or(1.0);
+        self.twist.map(|turns_per_m| per_turn * turns_per_m / 1000.0)
     }
 }
 
@@ -304,6 +325,20 @@ mod tests {
         assert!((yarn("44 dtex", 1.38, 0.65).diameter() - 0.079).abs() < 5e-4);
         assert!((yarn("78 dtex", 1.38, 0.65).diameter() - 0.105).abs() < 5e-4);
         assert!((yarn("20 tex", 1.52, 0.6).diameter() - 0.167).abs() < 5e-4);
+    }
+
+    #[test]
+    fn a_drafted_yarn_keeps_its_volume_and_its_turns() {
+        let relaxed = Yarn {
+            twist: Some(200.0),
+            ..Yarn::plain("44 dtex".parse().unwrap(), 1.2, 0.9, Color([0; 3]))
+        };
+        let drafted = Yarn { draft: Some(2.5), ..relaxed.clone() };
+        let volume = |yarn: &Yarn| yarn.diameter().powi(2) * yarn.draft.unwrap_or(1.0);
+        assert!((volume(&drafted) - volume(&relaxed)).abs() < 1e-12);
+        assert!((drafted.tex_in_cloth() * 2.5 - relaxed.tex_in_cloth()).abs() < 1e-12);
+        let slope = relaxed.twist_slope().unwrap() / 2.5_f64.powf(1.5);
+        assert!((drafted.twist_slope().unwrap() - slope).abs() < 1e-12);
     }
 
     #[test]

@@ -2,8 +2,8 @@
 //! porosity.
 //!
 //! In: a [`Fabric`] and its [`Pattern`]. Out: [`Numbers`] of its repeat. Lengths and masses come
-//! from the relaxed yarn path and the yarn's count (tex, grams a kilometre), never from the drawn
-//! radius. Thickness and cover factor come from the yarns as they are laid out, at
+//! from the relaxed yarn path and the yarn's count (tex, grams a kilometre) over its draft, never
+//! from the drawn radius. Thickness and cover factor come from the yarns as they are laid out, at
 //! [`Fabric::radius`]. `docs/method.md` has the formulas. Cost: some 20 ms, most of it the
 //! cover factor. Not promised: the figures of a mill, whose cloth is stretched and heat-set. This
 //! cloth lies at the densities that its file gives.
@@ -23,6 +23,8 @@ pub struct Numbers {
     /// mm of yarn for 480 courses, a bar each, front first. Wefts have none, since no guide leads
     /// them along the wales.
     pub run_in: Vec<Option<f64>>,
+    /// The same of the relaxed yarn, run-in over draft. Only yarns with a draft have one.
+    pub relaxed_run_in: Vec<Option<f64>>,
     /// g of each bar's yarns in a m² of flat cloth, front first.
     pub bar_mass: Vec<f64>,
     /// g/m² of flat cloth.
@@ -49,7 +51,7 @@ pub struct Numbers {
 #[must_use]
 pub fn measure(fabric: &Fabric, pattern: &Pattern) -> Numbers {
     let body = cover::measure(fabric, pattern);
-    let (mut run_in, mut bar_mass) = (Vec::new(), Vec::new());
+    let (mut run_in, mut relaxed_run_in, mut bar_mass) = (Vec::new(), Vec::new(), Vec::new());
     let (mut yarn_length, mut fibre) = (0.0, 0.0);
     for (at, yarn) in fabric.yarns().enumerate() {
         let per_step = pattern.lengths_per_step(at);
@@ -59,8 +61,10 @@ pub fn measure(fabric: &Fabric, pattern: &Pattern) -> Numbers {
         let kilometres = sum
             / f64::from(index32(per_step.len()))
             / (fabric.wale_spacing() * fabric.course_spacing());
-        let mass = yarn.count.tex() * kilometres;
-        run_in.push((is_lapped(fabric, at) && threaded > 0.0).then(|| RACK * sum / threaded));
+        let mass = yarn.tex_in_cloth() * kilometres;
+        let fed = (is_lapped(fabric, at) && threaded > 0.0).then(|| RACK * sum / threaded);
+        run_in.push(fed);
+        relaxed_run_in.push(fed.zip(yarn.draft).map(|(fed, draft)| fed / draft));
         bar_mass.push(mass);
         yarn_length += 1000.0 * kilometres;
         // g/m² divided by g/cm³ is the thickness of the solid fibre in micrometres.
@@ -71,6 +75,7 @@ pub fn measure(fabric: &Fabric, pattern: &Pattern) -> Numbers {
     let porosity = (body.thickness > 0.0 && !is_thinned).then(|| 1.0 - fibre / body.thickness);
     Numbers {
         run_in,
+        relaxed_run_in,
         bar_mass,
         mass,
         yarn_length,
@@ -159,6 +164,26 @@ mod tests {
         let porosity = numbers.porosity.unwrap();
         assert!((porosity - (1.0 - filled)).abs() < 1e-3, "{porosity} {filled}");
         assert!((numbers.mass - numbers.bar_mass[0]).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_draft_divides_mass_and_relaxed_length() {
+        let text = Fabric::named("tricot").unwrap().to_string().replace("1-2/1-0//", "0-0//");
+        let mut fabric = Fabric::parse(&text).unwrap();
+        let mut measured = |draft| {
+            fabric.structure.yarns_mut().next().unwrap().draft = draft;
+            let knit = fabric.warp_knit().unwrap();
+            (measure(&fabric, &Pattern::straight(&fabric, knit)), fabric.clone())
+        };
+        let (plain, _) = measured(None);
+        let (drafted, fabric) = measured(Some(2.5));
+        // The inlay is straight, one in a wale: 1 / W mm of yarn on a mm² of cloth.
+        let mass = fabric.yarn(0).count.tex() / fabric.wale_spacing();
+        assert!((plain.bar_mass[0] - mass).abs() < 1e-9);
+        assert!((drafted.bar_mass[0] - mass / 2.5).abs() < 1e-9);
+        let relaxed = 480.0 * fabric.course_spacing() / 2.5;
+        assert!((drafted.relaxed_run_in[0].unwrap() - relaxed).abs() < 1e-6);
+        assert_eq!((plain.relaxed_run_in, drafted.relaxed_run_in[1]), (vec![None, None], None));
     }
 
     #[test]

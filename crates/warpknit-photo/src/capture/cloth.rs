@@ -19,7 +19,7 @@ use super::strands::{JoinedStrand, PlacedSegment, strands};
 use super::upright::Upright;
 use crate::plane::double;
 use warpknit_core::fabric::yarn::{Color, Count, MOST_TWIST, Yarn};
-use warpknit_core::fabric::{Fabric, LaidCloth, LaidStrand, StrandDirection, Structure};
+use warpknit_core::fabric::{Fabric, Finish, LaidCloth, LaidStrand, StrandDirection, Structure};
 
 /// Name of the fabric until a person gives it one.
 const NAME: &str = "captured";
@@ -76,6 +76,7 @@ pub(super) fn fabric(
         name: NAME.to_owned(),
         about: String::new(),
         gauge: None,
+        finish: Finish::default(),
         panels: Vec::new(),
         enlargement: 1.0,
     }

@@ -5,6 +5,7 @@
 //! of its range is read with its span. A printed fabric reads back as the same fabric. Not kept:
 //! comments, and the numbering and tempi of a chain.
 
+mod finish;
 mod laid;
 mod panel;
 mod source;
@@ -18,14 +19,15 @@ use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
 use super::error::{FabricError, FabricFault};
-use super::{Fabric, INCH_IN_CM, Structure};
+use super::{Fabric, Structure};
+use finish::FinishTable;
 use laid::{StrandTable, laid_cloth};
 use panel::{PanelTable, panels};
 use source::{GAUGE, Source, unplaced};
 use warp::{BarTable, stitch_table, warp_knit};
 use weft::{FeederTable, legend_table, weft_knit};
 
-pub(super) use source::{DENSITY, in_range};
+pub(super) use source::{DENSITY, Limits, in_range};
 
 /// The fabric file.
 #[derive(Serialize, Deserialize)]
@@ -41,6 +43,8 @@ pub(super) struct FabricFile {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     gauge: Option<Spanned<f64>>,
     courses_per_cm: Spanned<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    finish: Option<FinishTable>,
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     stitch: BTreeMap<Spanned<String>, Spanned<f64>>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -78,8 +82,7 @@ fn full_set() -> Spanned<String> {
 /// Reads a fabric.
 pub(super) fn parse(text: &str) -> Result<Fabric, FabricError> {
     let file: FabricFile = toml::from_str(text).map_err(|error| {
-        // The messages of the TOML reader may have several lines; errors here have one.
-        let fault = FabricFault::Toml(error.message().replace('\n', " "));
+        let fault = FabricFault::Toml(plain(error.message()));
         match error.span() {
             // A missing key of the outermost table has no place: its span is empty, or everything.
             Some(span) if span != (0..0) && span != (0..text.len()) => fault.at(text, span),
@@ -89,20 +92,28 @@ pub(super) fn parse(text: &str) -> Result<Fabric, FabricError> {
     file.into_fabric(Source(text))
 }
 
+/// A message of the TOML reader in one line, with words in place of the types of this program.
+fn plain(message: &str) -> String {
+    let types = [("f64", "a number"), ("u32", "a whole number"), ("usize", "a whole number")];
+    types.iter().fold(message.replace('\n', " "), |text, (name, words)| {
+        text.replace(&format!("expected {name}"), &format!("expected {words}"))
+    })
+}
+
 impl FabricFile {
     fn into_fabric(self, source: Source<'_>) -> Result<Fabric, FabricError> {
+        self.check_kind()?;
+        let finish = self.finish.unwrap_or_default().into_finish(source)?;
         let (wales_per_cm, gauge) = match (&self.wales_per_cm, &self.gauge) {
             (Some(wales), None) => (source.number("wales_per_cm", wales, DENSITY)?, None),
             (None, Some(gauge)) => {
-                // Each needle forms a wale, so needles an inch are wales an inch.
                 let gauge = source.number("gauge", gauge, GAUGE)?;
-                (gauge / INCH_IN_CM, Some(gauge))
+                (finish.wales_per_cm(gauge), Some(gauge))
             }
             (Some(_), Some(gauge)) => return Err(FabricFault::TwoGauges.at(source.0, gauge.span())),
             (None, None) => return Err(FabricFault::NoGauge.into()),
         };
         let courses_per_cm = source.number("courses_per_cm", &self.courses_per_cm, DENSITY)?;
-        self.check_kind()?;
         let structure = match self.kind {
             FabricKind::Warp => Structure::Warp(warp_knit(&self.stitch, self.bars, source)?),
             FabricKind::Weft => {
@@ -117,6 +128,7 @@ impl FabricFile {
             wales_per_cm,
             gauge,
             courses_per_cm,
+            finish,
             structure,
             panels: panels(&self.panels, source)?,
             enlargement: 1.0,
@@ -134,6 +146,7 @@ impl FabricFile {
             ("[[feeders]]", !self.feeders.is_empty()),
         ];
         let strands = [("[[strands]]", !self.strands.is_empty())];
+        let finish = [("[finish]", self.finish.is_some())];
         let (kind, instead, others) = match self.kind {
             FabricKind::Warp => (
                 "warp knit",
@@ -144,7 +157,9 @@ impl FabricFile {
             FabricKind::Weft => {
                 ("weft knit", "it has a chart and [[feeders]]", [&bars[..], &strands].concat())
             }
-            FabricKind::Laid => ("laid cloth", "it has [[strands]]", [&bars[..], &weft].concat()),
+            FabricKind::Laid => {
+                ("laid cloth", "it has [[strands]]", [&bars[..], &weft, &finish].concat())
+            }
         };
         match others.into_iter().find(|(_, given)| *given) {
             Some((key, _)) => Err(FabricFault::OtherKind { kind, key, instead }),
@@ -163,6 +178,7 @@ impl From<&Fabric> for FabricFile {
             wales_per_cm: fabric.gauge.is_none().then(|| unplaced(fabric.wales_per_cm)),
             gauge: fabric.gauge.map(unplaced),
             courses_per_cm: unplaced(fabric.courses_per_cm),
+            finish: FinishTable::of(&fabric.finish),
             stitch: BTreeMap::new(),
             chart: None,
             legend: BTreeMap::new(),

@@ -9,7 +9,7 @@ use crate::fabric::lapping::{Chain, MAX_GAP, Numbering};
 use crate::fabric::motif::Motif;
 use crate::fabric::threading::Threading;
 use crate::fabric::yarn::{Color, Yarn};
-use crate::fabric::{Bar, Dimensions, Feeder, Lay, PanelLayout, WarpKnit, WeftKnit};
+use crate::fabric::{Bar, Dimensions, Feeder, Finish, Lay, PanelLayout, WarpKnit, WeftKnit};
 use proptest::prelude::*;
 
 const FABRIC: &str = r##"name = "net"
@@ -77,7 +77,8 @@ fn faults_are_pointed_at() {
         "2.0",
     );
     pointed("plies = 2", "plies = 99", "bar 1: yarn.plies is 99", "9: ", "99");
-    pointed("plies = 2", "plies = 2.5", "expected u32", "9: ", "2.5");
+    pointed("plies = 2", "plies = 2.5", "expected a whole number", "9: ", "2.5");
+    pointed("12.5", "'many'", "expected a number", "3: ", "'many'");
     pointed("plies = 2", "twist = 1e9", "yarn.twist is 1000000000", "9: ", "1e9");
     pointed(
         "plies = 2",
@@ -85,6 +86,13 @@ fn faults_are_pointed_at() {
         "yarn.sheen is 1.5, but must be between 0 and 1",
         "9: ",
         "1.5",
+    );
+    pointed(
+        "plies = 2",
+        "draft = 0.5",
+        "bar 1: yarn.draft is 0.5, but must be between 1 and 8",
+        "9: ",
+        "0.5",
     );
     pointed("44 dtex", "44 stone", "no yarn count", "9: ", "\"44 stone\"");
     pointed(
@@ -122,6 +130,70 @@ fn faults_are_pointed_at() {
     ));
 }
 
+/// A file with a bar that knits, an inlay and wefts, each with a line of its own, and with one of
+/// finishing.
+fn finished(finish: &str, knits: &str, inlay: &str, weft: &str) -> Result<Fabric, FabricError> {
+    let yarn = r##"yarn = { count = "44 dtex", density = 1.2, packing = 0.9, color = "#ffffff" }"##;
+    let bars = [("1-0/1-2", knits), ("0-0/1-1", inlay), ("weft", weft)]
+        .map(|(lapping, key)| format!("[[bars]]\nlapping = \"{lapping}\"\n{key}\n{yarn}\n"));
+    let bars = bars.concat();
+    parse(&format!("name = \"f\"\ngauge = 28\ncourses_per_cm = 20\n[finish]\n{finish}\n{bars}"))
+}
+
+#[test]
+fn run_ins_and_slacks_are_read_where_they_make_sense() {
+    let fabric = finished("", "run_in_mm = 1240", "run_in_mm = 300", "slack = 0.05").unwrap();
+    let bars = &fabric.warp_knit().unwrap().bars;
+    let given: Vec<_> = bars.iter().map(|bar| (bar.run_in, bar.slack)).collect();
+    assert_eq!(given, [(Some(1240.0), None), (Some(300.0), None), (None, Some(0.05))]);
+    assert_round_trip(&fabric);
+    for (keys, message) in [
+        (["run_in_mm = 0", "", ""], "bar 1: run_in_mm is 0, but must be between 1 and 1000000 mm"),
+        (["run_in_mm = inf", "", ""], "bar 1: run_in_mm is inf, but"),
+        (["slack = 0.1", "", ""], "bar 1: slack is for yarns that are laid in, and this bar knits"),
+        (["", "slack = 0.6", ""], "bar 2: slack is 0.6, but must be between 0 and 0.5 of the"),
+        (["", "slack = 0.1\nrun_in_mm = 300", ""], "bar 2: its length is given twice"),
+        (["", "", "run_in_mm = 300"], "bar 3: wefts have no run_in_mm"),
+    ] {
+        let [knits, inlay, weft] = keys;
+        let error = finished("", knits, inlay, weft).unwrap_err();
+        assert!(error.to_string().starts_with(message), "{keys:?}: {error}");
+        let place = error.place.unwrap();
+        assert!(keys.concat().contains(&place.text), "{keys:?}: {place}");
+    }
+}
+
+#[test]
+fn a_finish_gives_the_densities_of_the_machine() {
+    let finish = "width_shrink = 0.25\nlength_shrink = 0.1\nthickness_mm = 0.4";
+    let fabric = finished(finish, "", "", "").unwrap();
+    assert_round_trip(&fabric);
+    // A cloth of 100 needles is 100 / 28 inches wide on the machine, and three quarters of that in
+    // the end.
+    assert!((fabric.wale_spacing() - 0.75 * 25.4 / 28.0).abs() < 1e-12);
+    let machine = fabric.machine().unwrap();
+    assert!((machine.gauge - 28.0).abs() < 1e-12);
+    assert!((machine.wales_per_cm - 28.0 / 2.54).abs() < 1e-12);
+    assert!((machine.courses_per_cm - 18.0).abs() < 1e-12);
+    assert_eq!((machine.width_shrink, machine.length_shrink), (0.25, 0.1));
+    assert_eq!(fabric.finish.thickness, Some(0.4));
+    let pressed = finished("thickness_mm = 0.4", "", "", "").unwrap();
+    assert_eq!(pressed.machine(), None);
+    assert_round_trip(&pressed);
+    let along = finished("length_shrink = -0.1", "", "", "").unwrap().machine().unwrap();
+    assert_eq!((along.width_shrink, along.length_shrink), (0.0, -0.1));
+    for (finish, message) in [
+        ("width_shrink = 0.9", "finish.width_shrink is 0.9, but must be between -1 and 0.8 of"),
+        ("length_shrink = nan", "finish.length_shrink is NaN"),
+        ("thickness_mm = 0", "finish.thickness_mm is 0, but must be between 0.01 and 100 mm"),
+        ("thickness = 0.4", "unknown field `thickness`"),
+    ] {
+        let error = finished(finish, "", "", "").unwrap_err();
+        assert!(error.to_string().starts_with(message), "{finish}: {error}");
+        assert_eq!(error.place.unwrap().text, finish);
+    }
+}
+
 fn assert_round_trip(fabric: &Fabric) {
     let text = fabric.to_string();
     let again = parse(&text).unwrap_or_else(|error| panic!("{error}\n{text}"));
@@ -155,10 +227,19 @@ fn yarns() -> impl Strategy<Value = Yarn> {
         prop::option::of(1..=12_u32),
         prop::option::of(-5000.0..5000.0),
         prop::option::of(0.0..=1.0),
+        prop::option::of(1.0..=8.0),
     );
     let texture = (prop::option::of(".{0,12}"), prop::option::of(0.01..10_000.0));
     (count, 0.1..25.0, 0.01..1.0, prop::array::uniform3(0_u8..), look, texture).prop_map(
-        |(count, density, packing, rgb, (plies, twist, sheen), (texture, texture_length))| Yarn {
+        |(
+            count,
+            density,
+            packing,
+            rgb,
+            (plies, twist, sheen, draft),
+            (texture, texture_length),
+        )| Yarn {
+            draft,
             plies,
             twist,
             sheen,
@@ -170,14 +251,24 @@ fn yarns() -> impl Strategy<Value = Yarn> {
 }
 
 fn bars() -> impl Strategy<Value = Bar> {
-    (chains(), "[I.]{0,4}I[I.]{0,4}", yarns(), 0..3).prop_map(|(chain, marks, yarn, what)| {
+    let lengths = (prop::option::of(1.0..=1e6), prop::option::of(0.0..=0.5));
+    let all = (chains(), "[I.]{0,4}I[I.]{0,4}", lengths, yarns(), 0..3);
+    all.prop_map(|(chain, marks, (run_in, slack), yarn, what)| {
         let threading = Threading::parse(&marks).unwrap();
         let lay = match what {
             0 => Lay::Weft,
             1 => Lay::Lapping(chain.mirrored()),
             _ => Lay::Lapping(chain),
         };
-        Bar { lay, threading, yarn }
+        let mut bar = Bar { lay, threading, run_in: None, slack: None, yarn };
+        // A bar that knits has no slack, a weft no run-in, and no bar both.
+        if bar.is_inlay() {
+            bar.slack = slack;
+        }
+        if bar.chain().is_some() && bar.slack.is_none() {
+            bar.run_in = run_in;
+        }
+        bar
     })
 }
 
@@ -196,6 +287,17 @@ fn stitches() -> impl Strategy<Value = Dimensions> {
     )
 }
 
+fn finishes() -> impl Strategy<Value = Finish> {
+    let shrink = || prop::option::of(-1.0..=0.8);
+    (shrink(), shrink(), prop::option::of(0.01..=100.0)).prop_map(
+        |(width_shrink, length_shrink, thickness)| Finish {
+            width_shrink,
+            length_shrink,
+            thickness,
+        },
+    )
+}
+
 fn fabrics() -> impl Strategy<Value = Fabric> {
     let panels = prop::collection::btree_map(
         0..40_usize,
@@ -203,14 +305,15 @@ fn fabrics() -> impl Strategy<Value = Fabric> {
         0..4,
     );
     let texts = (".{0,20}", "\\PC{0,40}|[\"'\\\\\n]{0,9}");
-    let densities = (any::<bool>(), 0.1..1000.0, 0.01..1000.0);
+    let densities = (any::<bool>(), 0.1..1000.0, 0.01..1000.0, finishes());
     (texts, densities, stitches(), prop::collection::vec(bars(), 1..4), panels).prop_map(
-        |((name, about), (by_gauge, wales, courses_per_cm), stitch, bars, panels)| Fabric {
+        |((name, about), (by_gauge, wales, courses_per_cm, finish), stitch, bars, panels)| Fabric {
             name,
             about,
-            wales_per_cm: if by_gauge { wales / INCH_IN_CM } else { wales },
+            wales_per_cm: if by_gauge { finish.wales_per_cm(wales) } else { wales },
             gauge: by_gauge.then_some(wales),
             courses_per_cm,
+            finish,
             structure: Structure::Warp(WarpKnit { bars, stitch }),
             panels: panels
                 .into_iter()

@@ -9,13 +9,16 @@ use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
 use super::full_set;
-use super::source::{Source, unplaced};
+use super::source::{Limits, Source, unplaced};
 use super::yarn::YarnTable;
 use crate::fabric::WarpKnit;
-use crate::fabric::bar::{self, Bar, Lay};
+use crate::fabric::bar::{self, Bar, Lay, RUN_IN};
 use crate::fabric::dimensions::{Dimensions, KEYS};
 use crate::fabric::error::{FabricError, FabricFault};
 use crate::fabric::lapping::Numbering;
+
+/// An inlay that is half as long again as its way would hang out of the cloth in loops.
+const SLACK: Limits = (0.0, 0.5, "of the straight length");
 
 /// A `[[bars]]` table.
 #[derive(Serialize, Deserialize)]
@@ -28,6 +31,10 @@ pub(super) struct BarTable {
     drive: Drive,
     #[serde(default = "full_set")]
     threading: Spanned<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    run_in_mm: Option<Spanned<f64>>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    slack: Option<Spanned<f64>>,
     yarn: YarnTable,
 }
 
@@ -100,7 +107,26 @@ impl BarTable {
             }
             (lay @ (Lay::Lapping(_) | Lay::Weft), _) => (lay, threading),
         };
-        Ok(Bar { lay, threading, yarn: self.yarn.into_yarn(&format!("bar {number}"), source)? })
+        let whose = format!("bar {number}");
+        let bar = Bar {
+            lay,
+            threading,
+            run_in: source.optional(
+                &format!("{whose}: run_in_mm"),
+                self.run_in_mm.as_ref(),
+                RUN_IN,
+            )?,
+            slack: source.optional(&format!("{whose}: slack"), self.slack.as_ref(), SLACK)?,
+            yarn: self.yarn.into_yarn(&whose, source)?,
+        };
+        match bar.contradiction() {
+            Some(why) => {
+                let key = self.slack.or(self.run_in_mm);
+                let span = key.map_or(0..0, |key| key.span());
+                Err(FabricFault::Bar { number, why }.at(source.0, span))
+            }
+            None => Ok(bar),
+        }
     }
 }
 
@@ -111,6 +137,8 @@ impl From<&Bar> for BarTable {
             numbering: Numbering::Tricot,
             drive: if bar.counts_from_left() { Drive::Left } else { Drive::Right },
             threading: unplaced(bar.written_threading().to_string()),
+            run_in_mm: bar.run_in.map(unplaced),
+            slack: bar.slack.map(unplaced),
             yarn: YarnTable::from(&bar.yarn),
         }
     }

@@ -15,6 +15,8 @@ const FIBRE_DENSITY: Limits = (0.1, 25.0, "g/cm³");
 const PACKING: Limits = (0.01, 1.0, "");
 const PLIES: Limits = (1.0, 12.0, "");
 const TWIST: Limits = (-MOST_TWIST, MOST_TWIST, "turns per metre");
+/// Elastane is stretched to some five times its length before it breaks.
+const DRAFT: Limits = (1.0, 8.0, "");
 const SHEEN: Limits = (0.0, 1.0, "");
 const TEXTURE_LENGTH: Limits = (0.01, 10_000.0, "mm");
 
@@ -26,6 +28,8 @@ pub(super) struct YarnTable {
     density: Spanned<f64>,
     packing: Spanned<f64>,
     color: Color,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    draft: Option<Spanned<f64>>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     plies: Option<Spanned<u32>>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -55,6 +59,7 @@ impl YarnTable {
             density: source.number(&format!("{what}.density"), &self.density, FIBRE_DENSITY)?,
             packing: source.number(&format!("{what}.packing"), &self.packing, PACKING)?,
             color: self.color,
+            draft: source.optional(&format!("{what}.draft"), self.draft.as_ref(), DRAFT)?,
             plies: self.plies.map(Spanned::into_inner),
             twist: source.optional(&format!("{what}.twist"), self.twist.as_ref(), TWIST)?,
             sheen: source.optional(&format!("{what}.sheen"), self.sheen.as_ref(), SHEEN)?,
@@ -75,6 +80,7 @@ impl From<&Yarn> for YarnTable {
             density: unplaced(yarn.density),
             packing: unplaced(yarn.packing),
             color: yarn.color,
+            draft: yarn.draft.map(unplaced),
             plies: yarn.plies.map(unplaced),
             twist: yarn.twist.map(unplaced),
             sheen: yarn.sheen.map(unplaced),
