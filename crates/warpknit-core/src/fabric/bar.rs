@@ -3,7 +3,6 @@
 use super::error::FabricFault;
 use super::file::Limits;
 use super::lapping::{Chain, Numbering};
-use super::structure::least_common_multiple;
 use super::threading::Threading;
 use super::yarn::Yarn;
 

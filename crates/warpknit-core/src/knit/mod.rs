@@ -13,7 +13,6 @@
 //! warp-knitted clothing elements", section 2; formulas and constants in `docs/method.md`. Not
 //! promised: repeats over [`MAX_RELAXED_LAPS`] laps have straight wales and are not relaxed.
 
-mod cell_list;
 pub mod clearance;
 mod cover;
 mod lattice;
@@ -34,7 +33,8 @@ use crate::ids::index32;
 use lattice::WaleLattice;
 use mesh::StructureMesh;
 pub use relax::Relaxation;
-use repeat::Repeat;
+use relax::YarnLength;
+use repeat::{Repeat, RepeatYarn};
 use stitch::StitchLayout;
 use weft::Loops;
 
@@ -103,10 +103,12 @@ impl Knitted {
     }
 }
 
-/// Share of the yarns' radius for which loops are laid out.
+/// Share of the yarns' radius for which loops are laid out at most, before they grow. Thinner
+/// layouts take longer to grow; thicker ones make thicker cloth.
 const LAYOUT_RADIUS: f64 = 0.5;
-/// Share of the yarns' radius at which the layout gives their shape and length.
-const SHAPE_RADIUS: f64 = 0.5;
+/// Share of the yarns' radius at which the layout gives the yarns' shape and length. Real cloth is
+/// pressed together: laid out at 1, a locknit would be a fifth heavier than mills make it.
+const SHAPE_RADIUS: f64 = 0.4;
 
 /// Share of the yarns' radius for which laid yarns are relaxed. Woven yarns are squeezed flat where
 /// they cross. Round yarns on square crossings have no room once they are thicker than 0.577 of
@@ -167,12 +169,11 @@ impl Pattern {
         let (wales, courses) = (fabric.threading_repeat(), fabric.repeat());
         let lattice = WaleLattice::relaxed(fabric, knit);
         let mut pattern = Self::empty(fabric);
-        let env = |n: &str, d: f64| -> f64 { std::env::var(n).ok().and_then(|v| v.parse().ok()).unwrap_or(d) };
-        let q = (0..courses as i64).flat_map(|c| (0..wales as i64).map(move |w| (w, c))).map(|(w, c)| knit.threads_on(w, c)).max().unwrap_or(1).max(1) as f64;
-        let thin = (env("LAY", 0.5) * fabric.radius()).min(env("LAYW", 0.08) * fabric.wale_spacing() / q);
-        pattern.lay_out(knit, &StitchLayout::new(fabric, knit, thin), &lattice);
+        let radius = fabric.radius();
+        let thin = StitchLayout::thin(fabric, knit, LAYOUT_RADIUS * radius);
+        pattern.lay_out(knit, &thin, &lattice);
         let mut shape = Self::empty(fabric);
-        shape.lay_out(knit, &StitchLayout::new(fabric, knit, env("SHAPE", SHAPE_RADIUS) * fabric.radius()), &lattice);
+        shape.lay_out(knit, &StitchLayout::new(fabric, knit, SHAPE_RADIUS * radius), &lattice);
         pattern.relax(fabric, &shape.repeat.points, pattern.spacing * as_vec(wales, courses), 1.0);
         pattern.measure_bounds();
         pattern
@@ -259,6 +260,7 @@ impl Pattern {
     /// Pushes yarns apart that would cut each other at a `share` of their radius. `shape` are their
     /// points as they would lie with room enough: it gives the yarns' lengths.
     fn relax(&mut self, fabric: &Fabric, shape: &[DVec3], cell: DVec2, share: f64) {
+        let press = fabric.finish.thickness.map(|thickness| thickness * fabric.enlargement);
         let thickness = fabric.thickness();
         let yarns: Vec<_> = self
             .repeat
@@ -268,9 +270,17 @@ impl Pattern {
                 points: self.repeat.points_of(yarn),
                 period: yarn.period,
                 radius: share * thickness[yarn.bar] * fabric.radius(),
+                length: yarn_length(fabric, yarn),
             })
             .collect();
-        self.relaxation = Some(relax::relax(&mut self.repeat.points, shape, &yarns, cell));
+        self.relaxation = Some(relax::relax(
+            &mut self.repeat.points,
+            shape,
+            &yarns,
+            cell,
+            press,
+            &|_| (),
+        ));
     }
 
     /// Sets each bar's bounding box. The relaxation moves points out of their steps' cells, so it
@@ -433,6 +443,19 @@ fn steps(range: Range<f64>, extent: Range<f64>, spacing: f64) -> Range<i64> {
     #[expect(clippy::cast_possible_truncation, reason = "rounded before, and `as` saturates")]
     let steps = first as i64..last as i64 + 1;
     steps
+}
+
+/// What sets the length of a yarn: a given run-in, the tension of an inlay, or its shape.
+fn yarn_length(fabric: &Fabric, yarn: &RepeatYarn) -> YarnLength {
+    let Structure::Warp(knit) = &fabric.structure else { return YarnLength::Shape };
+    let bar = &knit.bars[yarn.bar];
+    let steps = f64::from(index32(yarn.steps.len() - 1));
+    match (fabric.drawn_run_in(yarn.bar), bar.slack) {
+        (Some(run_in), _) => YarnLength::Fed(run_in / numbers::RACK * steps),
+        (None, Some(slack)) => YarnLength::Slack(slack),
+        (None, None) if bar.is_inlay() => YarnLength::Taut,
+        (None, None) => YarnLength::Shape,
+    }
 }
 
 /// Whether a guide of a bar (for a weft: a course) is threaded.

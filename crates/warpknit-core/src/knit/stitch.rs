@@ -46,6 +46,9 @@ const FOOT_STEP: f64 = 1.5;
 /// All steps of a needle's feet together take at most this share of the feet's distance from the
 /// wale. At 1 the innermost feet would meet on the wale.
 const FOOT_STEPS: f64 = 0.8;
+/// The thickest layout radius over W, times the loops on a needle. The feet of all ranks share a
+/// width of `FOOT_STEPS` times w1 (0.19 W) on each side, and take two radii a rank.
+const ROOM: f64 = 0.07;
 /// Depth of the rearmost layer, pitches: a part that every fabric has, and one for each loop on a
 /// needle.
 const REAR_LAYER: [f64; 2] = [1.0, 0.6];
@@ -103,6 +106,13 @@ impl<'a> StitchLayout<'a> {
             ranks,
             depths: layer_depths(&knit.bars, ranks, pitch),
         }
+    }
+
+    /// The layout for a radius that is thin enough for any number of loops on a needle, at most
+    /// `radius` mm.
+    pub(super) fn thin(fabric: &Fabric, knit: &'a WarpKnit, radius: f64) -> Self {
+        let ranks = f64::from(index32(most_on_a_needle(fabric, knit).max(1)));
+        Self::new(fabric, knit, radius.min(ROOM / ranks * fabric.wale_spacing()))
     }
 
     /// W and C, mm.

@@ -69,6 +69,21 @@ impl Span {
         (self.tangent(0.0).length() + 4.0 * self.tangent(0.5).length() + self.tangent(1.0).length())
             / 6.0
     }
+
+    /// The arc length, by Gauss and Legendre's rule with five evaluations. On a stitch's bends the
+    /// error is below 1e-6: masses that users compare with a mill's need that.
+    #[must_use]
+    pub fn precise_length(&self) -> f64 {
+        // Nodes and weights of the five-point rule on 0..1.
+        const NODES: [(f64, f64); 5] = [
+            (0.046_910_077_030_668, 0.118_463_442_528_094_5),
+            (0.230_765_344_947_158_5, 0.239_314_335_249_683_2),
+            (0.5, 0.284_444_444_444_444_4),
+            (0.769_234_655_052_841_5, 0.239_314_335_249_683_2),
+            (0.953_089_922_969_332, 0.118_463_442_528_094_5),
+        ];
+        NODES.iter().map(|(t, weight)| weight * self.tangent(*t).length()).sum()
+    }
 }
 
 /// The span from `points[index]` to `points[index + 1]`.

@@ -1,0 +1,237 @@
+//! Contacts: yarns that are nearer than their radii allow are moved apart.
+//!
+//! In: the sampled curves. Out: a neighbour list of segments that may touch (Verlet 1967, "Computer
+//! 'experiments' on classical fluids"), and moves of the data points. The list is rebuilt from a
+//! cell list once yarns have moved by its skin. Cost: the list about a microsecond a segment, a
+//! sweep some nanoseconds a pair.
+
+use glam::{DVec2, DVec3};
+
+use super::cell_list::CellList;
+use super::curves::{CurveSegment, blend};
+use super::{MAX_CANDIDATES, MAX_PAIRS, Solver, TARGET_DISTANCE, YarnChain};
+use crate::ids::index32;
+use crate::yarn::curve;
+
+/// Cutoff of the neighbour list over the sum of the radii. What exceeds [`TARGET_DISTANCE`] is the
+/// list's skin: two yarns may approach by that much before the list is rebuilt. A thinner skin
+/// rebuilds it more often; a thicker one lengthens the list.
+const LIST_CUTOFF: f64 = 1.35;
+/// The list is rebuilt once a data point has moved by this many of its radii: a quarter less than
+/// half of the skin, since a curve may move further than its points.
+const LIST_MOVE: f64 = 0.25;
+/// Fastest approach of two segments that the solver reckons with, over the sum of the radii, a
+/// sweep. A pair is skipped for as many sweeps as it would need to meet at this speed. This is a
+/// heuristic: faster moves are allowed. Lower values skip pairs that meet meanwhile, until the list
+/// is looked at; higher values check distant pairs in vain.
+const APPROACH_PER_SWEEP: f64 = 0.06;
+/// Parts of one strand that are nearer than this along it, in radii, are no contacts. In the
+/// tightest bend, a half circle of one radius, parts that are 3.1 radii apart along the yarn lie
+/// two radii from each other. Smaller values would open such bends as if they were contacts; values
+/// beyond some ten radii would let the two legs of a narrow loop cut each other.
+const SAME_STRAND_RADII: f64 = 6.0;
+/// Share of its missing distance that a contact moves its yarns in one sweep (the constraint's
+/// stiffness in position-based dynamics, 0 to 1). Many contacts share the same data points, so near
+/// 1 their corrections add up and overshoot; near 0 they lose against stretch and bending.
+const CONTACT_STIFFNESS: f64 = 0.25;
+/// Limit of one contact's correction, over the sum of the radii. Without it, deep overlaps throw
+/// points past their neighbours; much lower, they never come apart.
+const MAX_MOVE: f64 = 0.3;
+
+/// An entry of the neighbour list: two segments that may touch.
+#[derive(Clone, Copy)]
+pub(super) struct ContactPair {
+    pub(super) a: u32,
+    pub(super) b: u32,
+    /// Sweeps for which the pair is skipped, since it is too far apart to meet.
+    skipped_sweeps: u32,
+    /// From b to its image beside a.
+    offset: DVec3,
+    /// Sum of both radii.
+    contact_distance: f64,
+}
+
+impl Solver<'_> {
+    /// Least distance of two yarns over the sum of their radii, or `None` if there are too many
+    /// pairs. Rebuilds the neighbour list if yarns moved so far that others might meet.
+    pub(super) fn nearest(&mut self) -> Option<f64> {
+        if self.list_is_stale() {
+            self.list_points.clear();
+            self.list_points.extend_from_slice(self.points);
+            return self.find_contacts();
+        }
+        let ratios = self.pairs.iter().map(|pair| {
+            let (a, b) = (&self.segments[pair.a as usize], &self.segments[pair.b as usize]);
+            let other = self.ends(b).map(|end| end + pair.offset);
+            separation(self.ends(a), other).length() / pair.contact_distance
+        });
+        Some(ratios.fold(f64::INFINITY, f64::min))
+    }
+
+    /// Whether two yarns that were not near enough for the list may have met since it was built.
+    fn list_is_stale(&self) -> bool {
+        self.list_points.len() != self.points.len()
+            || self.yarns.iter().any(|yarn| {
+                let limit = LIST_MOVE * yarn.radius;
+                yarn.points.clone().any(|at| {
+                    self.points[at].distance_squared(self.list_points[at]) > limit * limit
+                })
+            })
+    }
+
+    /// Builds the neighbour list: all pairs that might touch before it is built again. Returns the
+    /// least distance over the sum of the radii, or `None` if there are too many pairs.
+    fn find_contacts(&mut self) -> Option<f64> {
+        let thickest = self.yarns.iter().map(|yarn| yarn.radius).fold(0.0, f64::max);
+        let middles: Vec<_> = self
+            .segments
+            .iter()
+            .map(|s| {
+                let [from, to] = self.ends(s);
+                (from + to) / 2.0
+            })
+            .collect();
+        let halves: Vec<_> = self
+            .segments
+            .iter()
+            .map(|s| {
+                let [from, to] = self.ends(s);
+                from.distance(to) / 2.0
+            })
+            .collect();
+        let longest = halves.iter().copied().fold(0.0, f64::max);
+        // Two segments within the cutoff have their middles within this distance, so a cell list of
+        // the middles finds every pair.
+        let cell_list =
+            CellList::new(&middles, self.cell, LIST_CUTOFF * 2.0 * thickest + 2.0 * longest);
+        let mut pairs = std::mem::take(&mut self.pairs);
+        pairs.clear();
+        let (mut nearest, mut candidates) = (f64::INFINITY, 0);
+        for (s, one) in self.segments.iter().enumerate() {
+            if pairs.len() > MAX_PAIRS * self.segments.len()
+                || candidates > MAX_CANDIDATES * self.segments.len() {
+                return None;
+            }
+            let yarn_s = self.spans[one.span as usize].yarn;
+            let chain_s = &self.yarns[yarn_s as usize];
+            cell_list.near(s, |t, shift| {
+                candidates += 1;
+                // The cell list gives each pair from both sides. Only one side is kept, or the
+                // contact would be solved twice. A segment and its own image come twice likewise.
+                if t < s || (t == s && (shift.x, shift.y) <= (0.0, 0.0)) {
+                    return;
+                }
+                let other = &self.segments[t];
+                let yarn_t = self.spans[other.span as usize].yarn;
+                let contact_distance = chain_s.radius + self.yarns[yarn_t as usize].radius;
+                let offset = (shift * self.cell).extend(0.0);
+                // Bounding spheres reject most candidates before the exact distance is taken.
+                let reach = LIST_CUTOFF * contact_distance + halves[s] + halves[t];
+                if (middles[t] + offset).distance_squared(middles[s]) > reach * reach {
+                    return;
+                }
+                if yarn_s == yarn_t && self.is_same_strand(one, other, shift, chain_s) {
+                    return;
+                }
+                let other_ends = self.ends(other).map(|end| end + offset);
+                let ratio = separation(self.ends(one), other_ends).length() / contact_distance;
+                nearest = nearest.min(ratio);
+                if ratio < LIST_CUTOFF {
+                    pairs.push(ContactPair {
+                        a: index32(s),
+                        b: index32(t),
+                        skipped_sweeps: 0,
+                        offset,
+                        contact_distance,
+                    });
+                }
+            });
+        }
+        self.pairs = pairs;
+        Some(nearest)
+    }
+
+    /// Whether two segments of one yarn are parts of one strand that lie close along it. `shift` is
+    /// the image shift of the second one.
+    fn is_same_strand(
+        &self,
+        s: &CurveSegment,
+        t: &CurveSegment,
+        shift: DVec2,
+        chain: &YarnChain,
+    ) -> bool {
+        let runs_across = chain.period.x != 0.0;
+        let (beside, along) = if runs_across { (shift.y, shift.x) } else { (shift.x, shift.y) };
+        let length = self.lengths[self.spans[s.span as usize].yarn as usize];
+        // An image shifted beside the yarn is another strand. One shifted along it is the same
+        // strand, whole lengths of the repeat further on.
+        beside == 0.0
+            && (t.along + along * length - s.along).abs() <= SAME_STRAND_RADII * chain.radius
+    }
+
+    /// Contact constraints: moves the yarns of each pair in the list apart by what is missing from
+    /// their distance. `grown` is the share of their full radii that yarns have in this sweep.
+    pub(super) fn solve_contacts(&mut self, grown: f64) {
+        for at in 0..self.pairs.len() {
+            let ContactPair { a, b, skipped_sweeps, offset, contact_distance } = self.pairs[at];
+            if skipped_sweeps > 0 {
+                self.pairs[at].skipped_sweeps -= 1;
+                continue;
+            }
+            let (a, b) = (self.segments[a as usize], self.segments[b as usize]);
+            let (span_a, span_b) = (self.spans[a.span as usize], self.spans[b.span as usize]);
+            // The samples are recomputed from the control points instead of read: earlier contacts
+            // of this sweep have moved the points (Gauss-Seidel). Stale samples would apply the
+            // same correction several times over.
+            let (control_a, control_b) =
+                (self.control_points(&span_a), self.control_points(&span_b));
+            let (weights_a, weights_b) = (self.end_weights(a), self.end_weights(b));
+            let one = weights_a.map(|weights| blend(&control_a, weights));
+            let other = weights_b.map(|weights| blend(&control_b, weights) + offset);
+            let (along_a, along_b) = curve::nearest_of_segments(one, other);
+            let apart = one[0].lerp(one[1], along_a) - other[0].lerp(other[1], along_b);
+            let distance = apart.length();
+            let missing = TARGET_DISTANCE * grown * contact_distance - distance;
+            if missing <= 0.0 {
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "a few sweeps"
+                )]
+                let sweeps = (-missing / (APPROACH_PER_SWEEP * contact_distance)) as u32;
+                self.pairs[at].skipped_sweeps = sweeps;
+                continue;
+            }
+            // Centre lines that meet have no direction apart: any one serves, and depth is the one
+            // in which cloth has room.
+            let direction = if distance > 1e-9 { apart / distance } else { DVec3::Z };
+            let weights_a = lerp_weights(weights_a, along_a);
+            let weights_b = lerp_weights(weights_b, along_b);
+            // Projection of the constraint C = |apart| - target (Müller et al. 2007, section 3.3,
+            // all masses equal): the nearest points are weighted sums of control points, so the
+            // gradient of C for a control point is its weight times the direction. Division by the
+            // squared gradient makes the nearest points move by the distance asked, however the
+            // weights are spread over the control points.
+            let gradient_squared: f64 =
+                weights_a.iter().chain(&weights_b).map(|weight| weight * weight).sum();
+            let push = direction
+                * ((CONTACT_STIFFNESS * missing).min(MAX_MOVE * contact_distance)
+                    / gradient_squared);
+            for k in 0..4 {
+                self.points[span_a.points[k] as usize] += push * weights_a[k];
+                self.points[span_b.points[k] as usize] -= push * weights_b[k];
+            }
+        }
+    }
+}
+
+/// From the nearest point of the second segment to that of the first.
+fn separation(one: [DVec3; 2], other: [DVec3; 2]) -> DVec3 {
+    let (along_one, along_other) = curve::nearest_of_segments(one, other);
+    one[0].lerp(one[1], along_one) - other[0].lerp(other[1], along_other)
+}
+
+/// Weights of the control points at a share of the way along a segment.
+fn lerp_weights([from, to]: [&[f64; 4]; 2], along: f64) -> [f64; 4] {
+    std::array::from_fn(|k| from[k] + along * (to[k] - from[k]))
+}

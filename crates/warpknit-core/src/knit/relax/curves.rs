@@ -1,0 +1,230 @@
+//! The yarns' curves in the solver: spans between data points, sampled as segments.
+//!
+//! In: the chains of data points. Out: samples of their centripetal Catmull-Rom curves, with the
+//! weights of the data points in each, and lengths along the yarns. Cost: some nanoseconds a
+//! sample. Method and promises: see the parent module.
+
+use glam::{DVec2, DVec3};
+
+use super::{Solver, YarnChain, YarnLength};
+use crate::ids::index32;
+use crate::yarn::curve;
+
+/// Length of a segment of the sampled curve, radii. Longer segments cut the corners of bends, so
+/// contacts are missed there; shorter ones cost time with the square of their number.
+const SEGMENT_RADII: f64 = 1.2;
+/// Limits of the segments of one span. Under four, a loop's head becomes a polygon. The upper limit
+/// bounds the work for very thin yarns, whose radii would ask for many more.
+const MIN_SEGMENTS: f64 = 4.0;
+const MAX_SEGMENTS: f64 = 12.0;
+
+/// A span of the curve between two data points: its four control points and its samples.
+#[derive(Clone, Copy)]
+pub(super) struct ChainSpan {
+    pub(super) yarn: u32,
+    pub(super) points: [u32; 4],
+    /// Image shifts of the control points: how many periods lie from each point to its image beside
+    /// the span.
+    pub(super) image_shifts: [f64; 4],
+    /// Index of its first sample. It has one sample more than segments.
+    pub(super) start: u32,
+    pub(super) segments: u32,
+    /// Its first segment.
+    segment: u32,
+}
+
+/// A segment of a sampled curve: from a sample to the next.
+#[derive(Clone, Copy)]
+pub(super) struct CurveSegment {
+    pub(super) span: u32,
+    /// Its first sample.
+    pub(super) sample: u32,
+    /// Yarn length from the start of the repeat to its middle.
+    pub(super) along: f64,
+}
+
+impl<'a> Solver<'a> {
+    /// A solver at its start.
+    pub(super) fn new(
+        points: &'a mut [DVec3],
+        shape: &[DVec3],
+        yarns: &'a [YarnChain],
+        cell: DVec2,
+    ) -> Self {
+        let mut solver = Self {
+            rest_points: shape.to_vec(),
+            points,
+            yarns,
+            cell,
+            spans: Vec::new(),
+            segments: Vec::new(),
+            weights: Vec::new(),
+            samples: Vec::new(),
+            lengths: vec![0.0; yarns.len()],
+            lengths_over_chords: Vec::new(),
+            rest_lengths: Vec::new(),
+            rest_chords: Vec::new(),
+            before: Vec::new(),
+            list_points: Vec::new(),
+            pairs: Vec::new(),
+        };
+        for (yarn, chain) in (0u32..).zip(yarns) {
+            chain.points.clone().for_each(|at| solver.add_span(yarn, chain, at));
+        }
+        solver.weights.resize(solver.samples.len(), [0.0; 4]);
+        solver.set_rest_lengths();
+        solver
+    }
+
+    /// Measures the yarns' lengths in their shape, and scales their chords to the lengths that they
+    /// should have.
+    fn set_rest_lengths(&mut self) {
+        let mut lengths = vec![0.0; self.yarns.len()];
+        for span in &self.spans {
+            let control = self.images(span, &self.rest_points);
+            lengths[span.yarn as usize] += curve::span(&control, 1).precise_length();
+        }
+        let scales = self.yarns.iter().zip(&lengths).map(|(yarn, length)| match yarn.length {
+            YarnLength::Fed(fed) => fed / length,
+            YarnLength::Slack(slack) => 1.0 + slack,
+            YarnLength::Shape | YarnLength::Taut | YarnLength::Loose => 1.0,
+        });
+        let scales = scales.collect::<Vec<_>>();
+        let chords = self.spans.iter().map(|span| {
+            let [_, from, to, _] = self.images(span, &self.rest_points);
+            scales[span.yarn as usize] * from.distance(to)
+        });
+        self.rest_chords = chords.collect();
+        self.rest_lengths = lengths.iter().zip(scales).map(|(length, scale)| length * scale).collect();
+    }
+
+    /// Adds the span that starts at a point of a yarn.
+    fn add_span(&mut self, yarn: u32, chain: &YarnChain, at: usize) {
+        let count = i64::from(index32(chain.points.len()));
+        let at = i64::from(index32(at - chain.points.start));
+        // The four control points, counted along the endless yarn. Beyond the chain's ends they are
+        // images of points of this repeat, some whole periods away.
+        let indices = [at - 1, at, at + 1, at + 2];
+        let points = indices.map(|i| {
+            let wrapped = usize::try_from(i.rem_euclid(count));
+            index32(chain.points.start + wrapped.expect("a remainder is not negative"))
+        });
+        #[expect(clippy::cast_precision_loss, reason = "a repeat or two")]
+        let image_shifts = indices.map(|i| i.div_euclid(count) as f64);
+        let (start, number) = (index32(self.samples.len()), index32(self.spans.len()));
+        let segment = index32(self.segments.len());
+        self.spans.push(ChainSpan { yarn, points, image_shifts, start, segments: 0, segment });
+        let chord = self.chord(number as usize).length();
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "clamped to some segments"
+        )]
+        let segments = (chord / (SEGMENT_RADII * chain.radius))
+            .ceil()
+            .clamp(MIN_SEGMENTS, MAX_SEGMENTS) as u32;
+        self.spans[number as usize].segments = segments;
+        self.segments.extend((start..start + segments).map(|sample| CurveSegment {
+            span: number,
+            sample,
+            along: 0.0,
+        }));
+        self.samples.resize(self.samples.len() + segments as usize + 1, DVec3::ZERO);
+    }
+
+    /// The four control points of a span, as images beside it.
+    pub(super) fn control_points(&self, span: &ChainSpan) -> [DVec3; 4] {
+        self.images(span, self.points)
+    }
+
+    /// The images beside a span of its four points in `points`.
+    fn images(&self, span: &ChainSpan, points: &[DVec3]) -> [DVec3; 4] {
+        let period = self.yarns[span.yarn as usize].period;
+        std::array::from_fn(|k| points[span.points[k] as usize] + period * span.image_shifts[k])
+    }
+
+    pub(super) fn chord(&self, span: usize) -> DVec3 {
+        let [_, from, to, _] = self.control_points(&self.spans[span]);
+        to - from
+    }
+
+    /// Both ends of a segment.
+    pub(super) fn ends(&self, segment: &CurveSegment) -> [DVec3; 2] {
+        [0, 1].map(|end| self.samples[segment.sample as usize + end])
+    }
+
+    /// Weights of the control points at both ends of a segment.
+    pub(super) fn end_weights(&self, segment: CurveSegment) -> [&[f64; 4]; 2] {
+        [0, 1].map(|end| &self.weights[segment.sample as usize + end])
+    }
+
+    /// Samples the curves at the points' present places.
+    pub(super) fn sample(&mut self) {
+        // The knots of a centripetal Catmull-Rom curve depend on its control points, so the weights
+        // do too. They are frozen here until the next call. Between two calls a sample is then
+        // linear in the control points, which gives each contact a constant gradient.
+        for span in &self.spans {
+            let control = self.control_points(span);
+            let weights = curve::weights(&control);
+            for step in 0..=span.segments {
+                let shares = weights.at(f64::from(step) / f64::from(span.segments));
+                let sample = (span.start + step) as usize;
+                self.weights[sample] = shares;
+                self.samples[sample] = blend(&control, &shares);
+            }
+        }
+        self.measure_lengths();
+    }
+
+    /// Measures the length of each yarn, and how far along it each segment lies.
+    fn measure_lengths(&mut self) {
+        self.lengths.fill(0.0);
+        for span in &self.spans {
+            let length = curve::span(&self.control_points(span), 1).precise_length();
+            let along = &mut self.lengths[span.yarn as usize];
+            // The segments of a span are about equally long.
+            let step = length / f64::from(span.segments);
+            let first = span.segment as usize;
+            for (segment, number) in self.segments[first..].iter_mut().zip(0..span.segments) {
+                segment.along = *along + (f64::from(number) + 0.5) * step;
+            }
+            *along += length;
+        }
+        let chords = self.yarns.iter().map(|yarn| {
+            yarn.points.clone().map(|span| self.chord(span).length()).sum::<f64>().max(1e-9)
+        });
+        self.lengths_over_chords =
+            chords.zip(&self.lengths).map(|(chords, length)| length / chords).collect();
+    }
+
+    /// The largest difference of a yarn's length from what it should be, as a share of it.
+    pub(super) fn stretch(&self) -> f64 {
+        let yarns = self.yarns.iter().zip(self.lengths.iter().zip(&self.rest_lengths));
+        let changes = yarns.map(|(yarn, (&length, &rest))| match yarn.length {
+            YarnLength::Shape | YarnLength::Fed(_) | YarnLength::Slack(_) => (length / rest - 1.0).abs(),
+            YarnLength::Taut | YarnLength::Loose => 0.0,
+        });
+        changes.fold(0.0, f64::max)
+    }
+
+    /// From the lowest to the highest surface of the yarns, mm.
+    pub(super) fn thickness(&self) -> f64 {
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        for span in &self.spans {
+            let radius = self.yarns[span.yarn as usize].radius;
+            let start = span.start as usize;
+            for sample in &self.samples[start..=start + span.segments as usize] {
+                (low, high) = (low.min(sample.z - radius), high.max(sample.z + radius));
+            }
+        }
+        high - low
+    }
+}
+
+/// The weighted sum of four control points.
+pub(super) fn blend(control: &[DVec3; 4], weights: &[f64; 4]) -> DVec3 {
+    control[0] * weights[0]
+        + control[1] * weights[1]
+        + control[2] * weights[2]
+        + control[3] * weights[3]
+}

@@ -1,0 +1,187 @@
+//! The shape of yarns in the solver: curvature, stretch, bending and length.
+//!
+//! In: the data points, and those of the shape that yarns would take with room enough. Out: moves
+//! of the data points. Each constraint is linear in the points.
+
+use glam::DVec3;
+
+use super::curves::blend;
+use super::{Solver, YarnLength};
+use crate::yarn::curve;
+
+/// Least radius of the bends of a yarn, over its own. Real yarns bend no tighter than their radius:
+/// their inner side would fold.
+const MIN_BEND_RADIUS: f64 = 1.05;
+/// Share of the excess curvature that a sweep takes away.
+const CURVATURE_STIFFNESS: f64 = 0.5;
+/// Places in each span at which its curvature is held. The curvature of a cubic is largest at its
+/// ends or near its middle.
+const CURVATURE_PLACES: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
+/// Limit of a data point's move in one sweep, radii. Two yarns that touch, and move towards each
+/// other by so much, still lie on their own sides.
+const MAX_STEP: f64 = 0.2;
+/// Tolerance of a yarn's length, as a share of it.
+const LENGTH_TOLERANCE: f64 = 0.012;
+/// The same for yarns of which the length is given.
+const FEED_TOLERANCE: f64 = 0.002;
+/// Stiffness of stretch and bending in the first sweep (0 to 1). Higher values pull yarns back into
+/// each other; at 0 contacts crumple the yarns.
+const STRETCH_STIFFNESS: f64 = 0.15;
+const BENDING_STIFFNESS: f64 = 0.12;
+/// Share of the way to the middle of its neighbours that tension draws a point in the first sweep.
+const TENSION_STIFFNESS: f64 = 0.3;
+/// Share by which a yarn without a length of its own lengthens in the first sweep.
+const LOOSENING: f64 = 0.01;
+
+impl Solver<'_> {
+    /// Curvature constraints: opens bends that are tighter than the yarn's radius allows.
+    /// Returns the largest curvature, over that of a bend with the yarn's radius.
+    pub(super) fn solve_curvature(&mut self, grown: f64) -> f64 {
+        let mut worst: f64 = 0.0;
+        for number in 0..self.spans.len() {
+            let span = self.spans[number];
+            let radius = self.yarns[span.yarn as usize].radius * grown;
+            for t in CURVATURE_PLACES {
+                let control = self.control_points(&span);
+                let [first, second] = curve::weights(&control).derivatives(t);
+                let (u, v) = (blend(&control, &first), blend(&control, &second));
+                let turn = u.cross(v);
+                let (speed, size) = (u.length().max(1e-12), turn.length());
+                let curvature = size / (speed * speed * speed);
+                worst = worst.max(curvature * radius);
+                let excess = curvature - 1.0 / (MIN_BEND_RADIUS * radius);
+                if excess <= 0.0 {
+                    continue;
+                }
+                // Projection of the constraint (Müller et al. 2007, section 3.3): the curvature is
+                // |u × v| / |u|³ with the curve's derivatives u and v, which are weighted sums of
+                // the control points while the knots are taken as constant.
+                let axis = turn / size;
+                let (by_first, by_second) = (
+                    v.cross(axis) / speed.powi(3) - 3.0 * curvature * u / (speed * speed),
+                    axis.cross(u) / speed.powi(3),
+                );
+                let gradients: [DVec3; 4] =
+                    std::array::from_fn(|k| first[k] * by_first + second[k] * by_second);
+                let squared: f64 = gradients.iter().map(|g| g.length_squared()).sum();
+                for k in 0..4 {
+                    let step = gradients[k] * (CURVATURE_STIFFNESS * excess / squared);
+                    self.points[span.points[k] as usize] -= step.clamp_length_max(0.2 * radius);
+                }
+            }
+        }
+        worst
+    }
+
+    /// Stretch constraints: pulls neighbouring data points to their distance in the shape (the
+    /// distance constraint of Müller et al. 2007).
+    pub(super) fn solve_stretch(&mut self, stiffness: f64) {
+        for number in 0..self.spans.len() {
+            let span = self.spans[number];
+            if self.yarns[span.yarn as usize].length == YarnLength::Taut {
+                continue;
+            }
+            let chord = self.chord(number);
+            let length = chord.length().max(1e-9);
+            // Both ends have the same mass, so each takes half of the correction.
+            let share = 0.5 * STRETCH_STIFFNESS * stiffness;
+            let pull = chord * (share * (length - self.rest_chords[number]) / length);
+            let [_, from, to, _] = span.points.map(|point| point as usize);
+            self.points[from] += pull;
+            self.points[to] -= pull;
+        }
+    }
+
+    /// Bending constraints: evens out the displacements of neighbouring data points, so that bends
+    /// keep their shape. Yarns under tension have none to keep: they are drawn straight.
+    pub(super) fn solve_bending(&mut self, stiffness: f64) {
+        for number in 0..self.spans.len() {
+            let span = self.spans[number];
+            let [before, at, after, _] = span.points.map(|point| point as usize);
+            if self.yarns[span.yarn as usize].length == YarnLength::Taut {
+                let [before, here, after, _] = self.control_points(&span);
+                let pull = TENSION_STIFFNESS * stiffness * (before.midpoint(after) - here);
+                self.points[at] += pull;
+                continue;
+            }
+            // The constraint keeps each point's discrete Laplacian as it is in the shape. An angle
+            // constraint would straighten loops, since it does not know their rest shape. Whole
+            // yarns may move freely: equal displacements give no pull.
+            let pull = BENDING_STIFFNESS
+                * stiffness
+                * (self.displacement(before).midpoint(self.displacement(after))
+                    - self.displacement(at));
+            self.points[at] += pull;
+        }
+    }
+
+    /// How far a data point has moved from where its shape has it.
+    fn displacement(&self, point: usize) -> DVec3 {
+        self.points[point] - self.rest_points[point]
+    }
+
+    /// Length constraints: brings yarns that grew or shrank by more than the tolerance back to
+    /// their lengths, along the gradient of the length.
+    pub(super) fn solve_lengths(&mut self, stiffness: f64) {
+        for (number, yarn) in self.yarns.iter().enumerate() {
+            // The length of the chords stands for that of the curve: it has a simple gradient, and
+            // from one look at the curve to the next both change in proportion.
+            let chords: Vec<_> = yarn.points.clone().map(|span| self.chord(span)).collect();
+            let now: f64 = chords.iter().map(|chord| chord.length()).sum();
+            let rest = self.rest_lengths[number] / self.lengths_over_chords[number];
+            // An inequality constraint: within the tolerance a yarn may take or give length, as
+            // real yarn slips through its loops. Nothing happens there.
+            let change = now / rest - 1.0;
+            let excess = match yarn.length {
+                YarnLength::Shape => change - change.clamp(-LENGTH_TOLERANCE, LENGTH_TOLERANCE),
+                YarnLength::Fed(_) | YarnLength::Slack(_) => change - change.clamp(-FEED_TOLERANCE, FEED_TOLERANCE),
+                YarnLength::Loose => -LOOSENING * stiffness,
+                YarnLength::Taut => 0.0,
+            };
+            let gradient_squared: f64 =
+                (0..chords.len()).map(|i| length_gradient(&chords, i).length_squared()).sum();
+            // A straight yarn has no gradient: no small move of its points changes its length.
+            if excess == 0.0 || gradient_squared < 1e-12 {
+                continue;
+            }
+            let step = 0.5 * excess * rest / gradient_squared;
+            for (i, point) in self.points[yarn.points.clone()].iter_mut().enumerate() {
+                *point -= length_gradient(&chords, i) * step;
+            }
+        }
+    }
+
+    /// Presses the cloth between two planes at a distance of `thickness`, mm.
+    pub(super) fn press(&mut self, thickness: f64) {
+        if thickness == f64::INFINITY {
+            return;
+        }
+        let (low, high) = self.points.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |all, p| {
+            (all.0.min(p.z), all.1.max(p.z))
+        });
+        let middle = low.midpoint(high);
+        for yarn in self.yarns {
+            let reach = (thickness / 2.0 - yarn.radius).max(0.0);
+            for point in &mut self.points[yarn.points.clone()] {
+                point.z = point.z.clamp(middle - reach, middle + reach);
+            }
+        }
+    }
+
+    /// Takes back what a data point moved in this sweep beyond the limit.
+    pub(super) fn limit_moves(&mut self, grown: f64) {
+        for yarn in self.yarns {
+            let limit = MAX_STEP * grown * yarn.radius;
+            for at in yarn.points.clone() {
+                let before = self.before[at];
+                self.points[at] = before + (self.points[at] - before).clamp_length_max(limit);
+            }
+        }
+    }
+}
+
+/// Gradient of a closed chain's length for its `i`th point, from which chord `i` starts.
+fn length_gradient(chords: &[DVec3], i: usize) -> DVec3 {
+    let count = chords.len();
+    chords[(i + count - 1) % count].normalize_or_zero() - chords[i].normalize_or_zero()
+}
