@@ -186,6 +186,7 @@ pub(crate) fn weights(points: &[DVec3; 4]) -> Weights {
 /// let y = [DVec3::new(0.25, -1.0, 1.0), DVec3::new(0.25, 1.0, 1.0)];
 /// assert_eq!(warpknit_core::yarn::curve::nearest_of_segments(x, y), (0.25, 0.5));
 /// ```
+#[inline]
 #[must_use]
 pub fn nearest_of_segments([p, q]: [DVec3; 2], [u, v]: [DVec3; 2]) -> (f64, f64) {
     // Ericson's names: d1 and d2 are the segments' directions, r joins their starts.

@@ -9,7 +9,9 @@ use glam::{DVec2, DVec3};
 
 use super::cell_list::CellList;
 use super::curves::{CurveSegment, blend};
-use super::{MAX_CANDIDATES, MAX_PAIRS, Solver, TARGET_DISTANCE, YarnChain};
+use super::{
+    BEND_TOLERANCE, MAX_CANDIDATES, MAX_PAIRS, Solver, TARGET_DISTANCE, TOLERANCE, YarnChain,
+};
 use crate::ids::index32;
 use crate::yarn::curve;
 
@@ -24,16 +26,21 @@ const LIST_MOVE: f64 = 0.25;
 /// sweep. A pair is skipped for as many sweeps as it would need to meet at this speed. This is a
 /// heuristic: faster moves are allowed. Lower values skip pairs that meet meanwhile, until the list
 /// is looked at; higher values check distant pairs in vain.
-const APPROACH_PER_SWEEP: f64 = 0.06;
+const APPROACH_PER_SWEEP: f64 = 0.03;
 /// Parts of one strand that are nearer than this along it, in radii, are no contacts. In the
 /// tightest bend, a half circle of one radius, parts that are 3.1 radii apart along the yarn lie
 /// two radii from each other. Smaller values would open such bends as if they were contacts; values
 /// beyond some ten radii would let the two legs of a narrow loop cut each other.
 const SAME_STRAND_RADII: f64 = 6.0;
+/// Only fewer than one span in this many is swept alone.
+const MOST_ACTIVE: usize = 5;
+/// Spans on each side of an active one that are active too. A span's curve depends on its
+/// neighbours' points, and so do theirs.
+const ACTIVE_SPANS: usize = 3;
 /// Share of its missing distance that a contact moves its yarns in one sweep (the constraint's
 /// stiffness in position-based dynamics, 0 to 1). Many contacts share the same data points, so near
 /// 1 their corrections add up and overshoot; near 0 they lose against stretch and bending.
-const CONTACT_STIFFNESS: f64 = 0.25;
+const CONTACT_STIFFNESS: f64 = 0.4;
 /// Limit of one contact's correction, over the sum of the radii. Without it, deep overlaps throw
 /// points past their neighbours; much lower, they never come apart.
 const MAX_MOVE: f64 = 0.3;
@@ -60,12 +67,50 @@ impl Solver<'_> {
             self.list_points.extend_from_slice(self.points);
             return self.find_contacts();
         }
-        let ratios = self.pairs.iter().map(|pair| {
-            let (a, b) = (&self.segments[pair.a as usize], &self.segments[pair.b as usize]);
-            let other = self.ends(b).map(|end| end + pair.offset);
-            separation(self.ends(a), other).length() / pair.contact_distance
-        });
+        let ratios = self.pairs.iter().map(|pair| self.ratio(pair));
         Some(ratios.fold(f64::INFINITY, f64::min))
+    }
+
+    /// Distance of the two segments of a pair over the sum of their radii.
+    fn ratio(&self, pair: &ContactPair) -> f64 {
+        let (a, b) = (&self.segments[pair.a as usize], &self.segments[pair.b as usize]);
+        let other = self.ends(b).map(|end| end + pair.offset);
+        separation(self.ends(a), other).length() / pair.contact_distance
+    }
+
+    /// Marks the spans around each pair that is too near and each bend that is too tight. Once all
+    /// other constraints have faded, only these need further sweeps.
+    pub(super) fn find_active(&mut self) {
+        let mut active = std::mem::take(&mut self.active);
+        active.fill(false);
+        for pair in &self.pairs {
+            if self.ratio(pair) < TOLERANCE {
+                for segment in [pair.a, pair.b] {
+                    self.mark(self.segments[segment as usize].span, &mut active);
+                }
+            }
+        }
+        for (span, &bend) in (0u32..).zip(&self.bends) {
+            if bend > BEND_TOLERANCE {
+                self.mark(span, &mut active);
+            }
+        }
+        // Where much is still too near, room has to come from everywhere.
+        let count = active.iter().filter(|&&is_active| is_active).count();
+        if count > active.len() / MOST_ACTIVE {
+            active.fill(true);
+        }
+        self.active = active;
+    }
+
+    /// Marks a span and those around it, as far as a move of its points is felt.
+    fn mark(&self, span: u32, active: &mut [bool]) {
+        let yarn = &self.yarns[self.spans[span as usize].yarn as usize];
+        let (first, count) = (yarn.points.start, yarn.points.len());
+        for beside in 0..=2 * ACTIVE_SPANS {
+            let at = (span as usize - first + beside + count * ACTIVE_SPANS - ACTIVE_SPANS) % count;
+            active[first + at] = true;
+        }
     }
 
     /// Whether two yarns that were not near enough for the list may have met since it was built.
@@ -179,6 +224,9 @@ impl Solver<'_> {
                 continue;
             }
             let (a, b) = (self.segments[a as usize], self.segments[b as usize]);
+            if !self.active[a.span as usize] && !self.active[b.span as usize] {
+                continue;
+            }
             let (span_a, span_b) = (self.spans[a.span as usize], self.spans[b.span as usize]);
             // The samples are recomputed from the control points instead of read: earlier contacts
             // of this sweep have moved the points (Gauss-Seidel). Stale samples would apply the

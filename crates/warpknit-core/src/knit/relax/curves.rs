@@ -12,7 +12,7 @@ use crate::yarn::curve;
 
 /// Length of a segment of the sampled curve, radii. Longer segments cut the corners of bends, so
 /// contacts are missed there; shorter ones cost time with the square of their number.
-const SEGMENT_RADII: f64 = 1.2;
+const SEGMENT_RADII: f64 = 1.5;
 /// Limits of the segments of one span. Under four, a loop's head becomes a polygon. The upper limit
 /// bounds the work for very thin yarns, whose radii would ask for many more.
 const MIN_SEGMENTS: f64 = 4.0;
@@ -66,12 +66,18 @@ impl<'a> Solver<'a> {
             rest_chords: Vec::new(),
             before: Vec::new(),
             list_points: Vec::new(),
+            bends: Vec::new(),
+            skipped_bends: Vec::new(),
+            active: Vec::new(),
             pairs: Vec::new(),
         };
         for (yarn, chain) in (0u32..).zip(yarns) {
             chain.points.clone().for_each(|at| solver.add_span(yarn, chain, at));
         }
         solver.weights.resize(solver.samples.len(), [0.0; 4]);
+        solver.bends = vec![0.0; solver.spans.len()];
+        solver.skipped_bends = vec![0; solver.spans.len()];
+        solver.active = vec![true; solver.spans.len()];
         solver.set_rest_lengths();
         solver
     }
@@ -137,10 +143,16 @@ impl<'a> Solver<'a> {
         self.images(span, self.points)
     }
 
+    #[inline]
     /// The images beside a span of its four points in `points`.
     fn images(&self, span: &ChainSpan, points: &[DVec3]) -> [DVec3; 4] {
+        let control = span.points.map(|point| points[point as usize]);
+        // Spans within the repeat, nearly all of them, need no image.
+        if span.image_shifts == [0.0; 4] {
+            return control;
+        }
         let period = self.yarns[span.yarn as usize].period;
-        std::array::from_fn(|k| points[span.points[k] as usize] + period * span.image_shifts[k])
+        std::array::from_fn(|k| control[k] + period * span.image_shifts[k])
     }
 
     pub(super) fn chord(&self, span: usize) -> DVec3 {

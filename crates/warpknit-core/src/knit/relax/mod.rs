@@ -37,7 +37,7 @@ use curves::{ChainSpan, CurveSegment};
 /// Distance that a contact aims at, over the sum of the radii. Segments are chords that lie inside
 /// the bends of the curve, so at 1 the curves themselves would still cut. Larger values make cloth
 /// thicker than its yarns are.
-const TARGET_DISTANCE: f64 = 1.04;
+const TARGET_DISTANCE: f64 = 1.05;
 /// Convergence tolerance: the solver stops once the nearest pair is at this distance over the sum
 /// of the radii. It lies between touching (1) and [`TARGET_DISTANCE`]. Contacts are solved softly
 /// and reach their target only in the limit, so a tolerance near the target is never met.
@@ -50,8 +50,8 @@ const BEND_TOLERANCE: f64 = 1.03;
 /// start apart by so much; what lies right in front of another has to be farther away in the input.
 const START: f64 = 0.15;
 /// Share by which radii grow at a time. Larger steps take fewer sweeps, until contacts lag behind
-/// and growth waits for them; at 0.08 it hardly ever does.
-const GROWTH_STEP: f64 = 0.08;
+/// and growth waits for them; at 0.12 it hardly ever does.
+const GROWTH_STEP: f64 = 0.12;
 /// Radii grow once the nearest pair is at this share of the distance that they ask for. A yarn that
 /// came much nearer could be pushed out on the wrong side. Near [`TOLERANCE`] growth would wait
 /// long for the last pair.
@@ -65,7 +65,9 @@ const MAX_SWEEPS: usize = 1200;
 /// grow. It fades so that contacts are satisfied in the end. At 1 the solver stalls where
 /// constraints contradict each other; at much lower values yarns lose their shapes before they are
 /// apart.
-const STIFFNESS_DECAY: f64 = 0.9;
+const STIFFNESS_DECAY: f64 = 0.8;
+/// Stiffness below which stretch and bending no longer move anything that can be seen.
+const FADED: f64 = 1e-3;
 /// Above this number of candidates for one list, or of pairs in it, for each segment, whole yarns
 /// lie in each other's place. Nothing pushes these apart, so the solver gives up.
 const MAX_CANDIDATES: usize = 20_000;
@@ -147,6 +149,9 @@ pub(super) fn relax(
             thickness = (thickness.min(solver.thickness()) * (1.0 - PRESS_STEP)).max(press);
         }
         let is_waiting = is_grown || !has_room;
+        if is_grown && is_pressed && stiffness <= FADED {
+            solver.find_active();
+        }
         for _ in 0..SWEEPS_PER_STEP {
             bend = solver.sweep(grown, stiffness, thickness);
             if is_waiting {
@@ -188,6 +193,13 @@ struct Solver<'a> {
     before: Vec<DVec3>,
     /// The data points when the neighbour list was built.
     list_points: Vec<DVec3>,
+    /// The largest curvature of each span when it was last looked at, over that of a bend with the
+    /// yarn's radius.
+    bends: Vec<f64>,
+    /// For each span, sweeps for which its bends are skipped.
+    skipped_bends: Vec<u8>,
+    /// Whether a span still takes part in sweeps.
+    active: Vec<bool>,
     /// The neighbour list.
     pairs: Vec<ContactPair>,
 }
@@ -202,8 +214,10 @@ impl Solver<'_> {
         self.before.extend_from_slice(self.points);
         let bend = self.solve_curvature(grown);
         self.solve_contacts(grown);
-        self.solve_stretch(stiffness);
-        self.solve_bending(stiffness);
+        if stiffness > FADED {
+            self.solve_stretch(stiffness);
+            self.solve_bending(stiffness);
+        }
         self.solve_lengths(stiffness);
         self.press(thickness);
         self.limit_moves(grown);

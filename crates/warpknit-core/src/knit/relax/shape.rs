@@ -17,6 +17,9 @@ const CURVATURE_STIFFNESS: f64 = 0.5;
 /// Places in each span at which its curvature is held. The curvature of a cubic is largest at its
 /// ends or near its middle.
 const CURVATURE_PLACES: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
+/// Spans with less than this curvature, over that of the tightest bend, are skipped for some sweeps.
+const EASY_BEND: f64 = 0.7;
+const SKIPPED_SWEEPS: u8 = 7;
 /// Limit of a data point's move in one sweep, radii. Two yarns that touch, and move towards each
 /// other by so much, still lie on their own sides.
 const MAX_STEP: f64 = 0.2;
@@ -37,40 +40,51 @@ impl Solver<'_> {
     /// Curvature constraints: opens bends that are tighter than the yarn's radius allows.
     /// Returns the largest curvature, over that of a bend with the yarn's radius.
     pub(super) fn solve_curvature(&mut self, grown: f64) -> f64 {
-        let mut worst: f64 = 0.0;
         for number in 0..self.spans.len() {
-            let span = self.spans[number];
-            let radius = self.yarns[span.yarn as usize].radius * grown;
-            for t in CURVATURE_PLACES {
-                let control = self.control_points(&span);
-                let [first, second] = curve::weights(&control).derivatives(t);
-                let (u, v) = (blend(&control, &first), blend(&control, &second));
-                let turn = u.cross(v);
-                let (speed, size) = (u.length().max(1e-12), turn.length());
-                let curvature = size / (speed * speed * speed);
-                worst = worst.max(curvature * radius);
-                let excess = curvature - 1.0 / (MIN_BEND_RADIUS * radius);
-                if excess <= 0.0 {
-                    continue;
-                }
-                // Projection of the constraint (Müller et al. 2007, section 3.3): the curvature is
-                // |u × v| / |u|³ with the curve's derivatives u and v, which are weighted sums of
-                // the control points while the knots are taken as constant.
-                let axis = turn / size;
-                let (by_first, by_second) = (
-                    v.cross(axis) / speed.powi(3) - 3.0 * curvature * u / (speed * speed),
-                    axis.cross(u) / speed.powi(3),
-                );
-                let gradients: [DVec3; 4] =
-                    std::array::from_fn(|k| first[k] * by_first + second[k] * by_second);
-                let squared: f64 = gradients.iter().map(|g| g.length_squared()).sum();
-                for k in 0..4 {
-                    let step = gradients[k] * (CURVATURE_STIFFNESS * excess / squared);
-                    self.points[span.points[k] as usize] -= step.clamp_length_max(0.2 * radius);
-                }
+            // Spans that are far from a tight bend are looked at less often.
+            if self.skipped_bends[number] > 0 || !self.active[number] {
+                self.skipped_bends[number] = self.skipped_bends[number].saturating_sub(1);
+                continue;
+            }
+            self.bends[number] = self.open_bend(number, grown);
+            let is_easy = self.bends[number] < EASY_BEND;
+            self.skipped_bends[number] = if is_easy { SKIPPED_SWEEPS } else { 0 };
+        }
+        self.bends.iter().copied().fold(0.0, f64::max)
+    }
+
+    /// Opens the bends of one span. Returns the largest curvature that it had, over that of a bend
+    /// with the yarn's radius.
+    fn open_bend(&mut self, number: usize, grown: f64) -> f64 {
+        let span = self.spans[number];
+        let radius = self.yarns[span.yarn as usize].radius * grown;
+        let limit = 1.0 / (MIN_BEND_RADIUS * radius);
+        let mut worst: f64 = 0.0;
+        for t in CURVATURE_PLACES {
+            let control = self.control_points(&span);
+            let [first, second] = curve::weights(&control).derivatives(t);
+            let (u, v) = (blend(&control, &first), blend(&control, &second));
+            let (turn, speed) = (u.cross(v), u.length().max(1e-12));
+            let curvature = turn.length() / speed.powi(3);
+            worst = worst.max(curvature);
+            if curvature <= limit {
+                continue;
+            }
+            // Projection of the constraint (Müller et al. 2007, section 3.3). The curvature is
+            // |u × v| / |u|³ with the curve's derivatives u and v, which are weighted sums of the
+            // control points while the knots are taken as constant.
+            let axis = turn.normalize_or(DVec3::Z);
+            let by_first = v.cross(axis) / speed.powi(3) - 3.0 * curvature * u / (speed * speed);
+            let by_second = axis.cross(u) / speed.powi(3);
+            let gradients: [DVec3; 4] =
+                std::array::from_fn(|k| first[k] * by_first + second[k] * by_second);
+            let squared: f64 = gradients.iter().map(|gradient| gradient.length_squared()).sum();
+            for (point, gradient) in span.points.into_iter().zip(gradients) {
+                let step = gradient * (CURVATURE_STIFFNESS * (curvature - limit) / squared);
+                self.points[point as usize] -= step.clamp_length_max(MAX_STEP * radius);
             }
         }
-        worst
+        worst * radius
     }
 
     /// Stretch constraints: pulls neighbouring data points to their distance in the shape (the
