@@ -101,7 +101,8 @@ impl<'a> Solver<'a> {
             scales[span.yarn as usize] * from.distance(to)
         });
         self.rest_chords = chords.collect();
-        self.rest_lengths = lengths.iter().zip(scales).map(|(length, scale)| length * scale).collect();
+        self.rest_lengths =
+            lengths.iter().zip(scales).map(|(length, scale)| length * scale).collect();
     }
 
     /// Adds the span that starts at a point of a yarn.
@@ -213,7 +214,9 @@ impl<'a> Solver<'a> {
     pub(super) fn stretch(&self) -> f64 {
         let yarns = self.yarns.iter().zip(self.lengths.iter().zip(&self.rest_lengths));
         let changes = yarns.map(|(yarn, (&length, &rest))| match yarn.length {
-            YarnLength::Shape | YarnLength::Fed(_) | YarnLength::Slack(_) => (length / rest - 1.0).abs(),
+            YarnLength::Shape | YarnLength::Fed(_) | YarnLength::Slack(_) => {
+                (length / rest - 1.0).abs()
+            }
             YarnLength::Taut | YarnLength::Loose => 0.0,
         });
         changes.fold(0.0, f64::max)

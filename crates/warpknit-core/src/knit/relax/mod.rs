@@ -31,6 +31,7 @@ use std::ops::Range;
 
 use glam::{DVec2, DVec3};
 
+use super::Progress;
 use contacts::ContactPair;
 use curves::{ChainSpan, CurveSegment};
 
@@ -66,6 +67,8 @@ const MAX_SWEEPS: usize = 1200;
 /// constraints contradict each other; at much lower values yarns lose their shapes before they are
 /// apart.
 const STIFFNESS_DECAY: f64 = 0.8;
+/// Share by which a press closes at a time.
+const PRESS_STEP: f64 = 0.02;
 /// Stiffness below which stretch and bending no longer move anything that can be seen.
 const FADED: f64 = 1e-3;
 /// Above this number of candidates for one list, or of pairs in it, for each segment, whole yarns
@@ -84,6 +87,16 @@ pub(super) struct YarnChain {
     pub(super) radius: f64,
     /// What sets its length.
     pub(super) length: YarnLength,
+}
+
+/// All yarns of a repeat.
+#[derive(Clone, Debug)]
+pub(super) struct Cloth<'a> {
+    pub(super) yarns: &'a [YarnChain],
+    /// Size of the repeat, mm.
+    pub(super) cell: DVec2,
+    /// The distance of two planes that press it, mm.
+    pub(super) press: Option<f64>,
 }
 
 /// What sets the length of a yarn.
@@ -111,26 +124,29 @@ pub struct Relaxation {
     pub stretch: f64,
     /// The share of their radii to which yarns could grow: 1 where they fit.
     pub grown: f64,
+    /// Least distance of two yarns over the sum of their radii, as the solver sees it: infinite
+    /// where no two are near.
+    pub nearest: f64,
 }
 
 /// Moves `points` until no two yarns are nearer than they are thick and no bend is too tight, or a
-/// limit is reached. `shape` holds the same points as they would lie with room enough. `progress`
-/// is called now and then with the share that is done, roughly.
+/// limit is reached. `shape` holds the same points as they would lie with room enough. Returns also
+/// the data point at which two yarns are nearest.
 pub(super) fn relax(
     points: &mut [DVec3],
     shape: &[DVec3],
-    yarns: &[YarnChain],
-    cell: DVec2,
-    press: Option<f64>,
-    progress: &dyn Fn(f64),
-) -> Relaxation {
-    let mut solver = Solver::new(points, shape, yarns, cell);
+    cloth: &Cloth<'_>,
+    progress: Progress<'_>,
+) -> (Relaxation, Option<usize>) {
+    let press = cloth.press;
+    let mut solver = Solver::new(points, shape, cloth.yarns, cloth.cell);
     let mut sweeps = 0;
     let mut stiffness = 1.0;
     let mut grown = START;
     let mut bend = f64::INFINITY;
     let mut thickness = f64::INFINITY;
     while sweeps < MAX_SWEEPS {
+        progress(share_done(grown, stiffness));
         solver.sample();
         let Some(nearest) = solver.nearest() else { break };
         let is_grown = grown >= 1.0;
@@ -143,7 +159,6 @@ pub(super) fn relax(
         let has_room = nearest >= GROWTH_CLEARANCE * grown;
         if has_room && !is_grown {
             grown = ((1.0 + GROWTH_STEP) * grown).max(nearest).min(1.0);
-            progress(grown.powi(4));
         } else if has_room && let Some(press) = press {
             // The planes close as the radii grow: step by step.
             thickness = (thickness.min(solver.thickness()) * (1.0 - PRESS_STEP)).max(press);
@@ -161,11 +176,14 @@ pub(super) fn relax(
         sweeps += SWEEPS_PER_STEP;
     }
     solver.sample();
-    Relaxation { sweeps, stretch: solver.stretch(), grown }
+    let nearest = solver.nearest().unwrap_or(0.0);
+    (Relaxation { sweeps, stretch: solver.stretch(), grown, nearest }, solver.tightest())
 }
 
-/// Share by which a press closes at a time.
-const PRESS_STEP: f64 = 0.02;
+/// The share of the work that is done, roughly: half of it is growth, half is settling.
+fn share_done(grown: f64, stiffness: f64) -> f64 {
+    0.5 * (grown - START) / (1.0 - START) + 0.5 * stiffness.max(FADED).log(FADED)
+}
 
 /// The state of the solver: structure of arrays.
 struct Solver<'a> {
@@ -236,7 +254,7 @@ mod tests {
     /// Relaxes yarns that keep the shape in which they come.
     fn relaxed(points: &mut [DVec3], yarns: &[YarnChain], cell: DVec2) -> Relaxation {
         let shape = points.to_vec();
-        relax(points, &shape, yarns, cell, None, &|_| ())
+        relax(points, &shape, &Cloth { yarns, cell, press: None }, &mut |_| ()).0
     }
 
     /// A straight yarn up the cell through `points` places.
@@ -293,7 +311,18 @@ mod tests {
         let mut points = [upright(0.2, 0.0, 3), upright(0.7, 0.0, 5)].concat();
         let before = points.clone();
         let relaxation = relaxed(&mut points, &[chain(0..3, 0.1), chain(3..8, 0.1)], CELL);
-        assert_eq!((points, relaxation), (before, Relaxation { sweeps: 0, stretch: 0.0, grown: 1.0 }));
+        assert_eq!(
+            (points, relaxation),
+            (
+                before,
+                Relaxation {
+                    sweeps: SWEEPS_PER_STEP,
+                    stretch: 0.0,
+                    grown: 1.0,
+                    nearest: f64::INFINITY
+                }
+            )
+        );
     }
 
     #[test]

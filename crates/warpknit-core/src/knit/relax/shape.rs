@@ -148,7 +148,9 @@ impl Solver<'_> {
             let change = now / rest - 1.0;
             let excess = match yarn.length {
                 YarnLength::Shape => change - change.clamp(-LENGTH_TOLERANCE, LENGTH_TOLERANCE),
-                YarnLength::Fed(_) | YarnLength::Slack(_) => change - change.clamp(-FEED_TOLERANCE, FEED_TOLERANCE),
+                YarnLength::Fed(_) | YarnLength::Slack(_) => {
+                    change - change.clamp(-FEED_TOLERANCE, FEED_TOLERANCE)
+                }
                 YarnLength::Loose => -LOOSENING * stiffness,
                 YarnLength::Taut => 0.0,
             };
@@ -170,9 +172,10 @@ impl Solver<'_> {
         if thickness == f64::INFINITY {
             return;
         }
-        let (low, high) = self.points.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |all, p| {
-            (all.0.min(p.z), all.1.max(p.z))
-        });
+        let (low, high) = self
+            .points
+            .iter()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |all, p| (all.0.min(p.z), all.1.max(p.z)));
         let middle = low.midpoint(high);
         for yarn in self.yarns {
             let reach = (thickness / 2.0 - yarn.radius).max(0.0);
