@@ -79,6 +79,8 @@ struct LoopCurve {
     needle: [usize; 2],
     /// The wale on whose needle its head hangs, in the repeat. Cables carry it to another one.
     head: usize,
+    /// How many repeats to the right that needle is.
+    repeats: i32,
     points: Vec<DVec3>,
 }
 
@@ -99,6 +101,7 @@ pub fn measure(fabric: &Fabric, pattern: &Pattern) -> Links {
     }
     let courses = pattern.size[1];
     let period = DVec3::Y * (f64::from(index32(courses)) * pattern.spacing.y);
+    let width = DVec3::X * (f64::from(index32(pattern.size[0])) * pattern.spacing.x);
     let far = DVec3::Y * (FAR * pattern.spacing.y);
     let loops = pattern.loops(fabric);
     let mut by_needle: BTreeMap<[usize; 2], Vec<&LoopCurve>> = BTreeMap::new();
@@ -108,11 +111,13 @@ pub fn measure(fabric: &Fabric, pattern: &Pattern) -> Links {
     for old in &loops {
         let course = old.needle[1];
         let next = (course + 1) % courses;
-        let shift = if next == 0 { period } else { DVec3::ZERO };
+        let up = if next == 0 { period } else { DVec3::ZERO };
+        let shift = up + width * f64::from(old.repeats);
         let closed = closed_below(&old.points, far);
         for new in by_needle.get(&[old.head, next]).into_iter().flatten() {
             links.checked += 1;
-            if !is_drawn_through(fabric, &nearest_image(new, old, pattern, shift), &closed, far) {
+            let new_points: Vec<_> = new.points.iter().map(|&point| point + shift).collect();
+            if !is_drawn_through(fabric, &new_points, &closed, far) {
                 links.wrong += 1;
                 links.first_wrong.get_or_insert(WrongLink {
                     wale: old.head,
@@ -124,15 +129,6 @@ pub fn measure(fabric: &Fabric, pattern: &Pattern) -> Links {
         }
     }
     links
-}
-
-/// The points of a new loop moved by `shift`, and by whole repeats to the old loop's side.
-fn nearest_image(new: &LoopCurve, old: &LoopCurve, pattern: &Pattern, shift: DVec3) -> Vec<DVec3> {
-    let width = f64::from(index32(pattern.size[0])) * pattern.spacing.x;
-    // A cable may carry the head over the border of the repeat.
-    let head = old.points[old.points.len() / 2].x;
-    let repeats = ((head - new.points[new.points.len() / 2].x) / width).round();
-    new.points.iter().map(|&point| point + shift + DVec3::X * (repeats * width)).collect()
 }
 
 /// The curve of an old loop with both feet led down out of reach. The two ends need no joint:
@@ -220,10 +216,13 @@ impl Pattern {
             let home = self.wrap(wale, 0);
             #[expect(clippy::cast_precision_loss, reason = "a repeat or two")]
             let shift = DVec3::X * ((wale - as_i64(home)) as f64 * self.spacing.x);
+            let hangs_on = as_i64(home) + carried(fabric, wale, course);
+            let repeats = hangs_on.div_euclid(as_i64(self.size[0]));
             loops.push(LoopCurve {
                 bar: yarn.bar,
                 needle: [home, self.wrap(course, 1)],
-                head: self.wrap(wale + carried(fabric, wale, course), 0),
+                head: self.wrap(hangs_on, 0),
+                repeats: i32::try_from(repeats).expect("cables reach over some wales"),
                 // The unrolled points start one before the yarn's first, so point n of this loop
                 // has index `at + n`.
                 points: sampled(&points, at + feet.start()..=at + feet.end(), shift),

@@ -9,7 +9,7 @@
 //! the other bars.
 
 use super::relax::YarnLength;
-use super::{Pattern, numbers};
+use super::{Pattern, links, numbers};
 use crate::fabric::{Fabric, Structure};
 
 /// Difference of a run-in from the one that is given, as a share of it, below which it holds.
@@ -58,7 +58,7 @@ pub fn check(fabric: &Fabric, pattern: &Pattern) -> Result<(), RunInError> {
             continue;
         };
         let Some(got) = pattern.run_in(bar) else { continue };
-        if (got / drawn - 1.0).abs() <= TOLERANCE && pattern.is_knitted() {
+        if (got / drawn - 1.0).abs() <= TOLERANCE && pattern.is_knitted(fabric) {
             continue;
         }
         let [least, most] = [YarnLength::Taut, YarnLength::Loose].map(|length| {
@@ -84,8 +84,9 @@ impl Pattern {
         (count > 0.0).then(|| numbers::RACK * sum / count)
     }
 
-    /// Whether the relaxation ended with yarns that don't cut each other.
-    fn is_knitted(&self) -> bool {
+    /// Whether the relaxation ended with yarns that don't cut each other, all loops still linked.
+    fn is_knitted(&self, fabric: &Fabric) -> bool {
         self.relaxation.is_none_or(|relaxation| relaxation.nearest >= MIN_CLEARANCE)
+            && links::measure(fabric, self).wrong == 0
     }
 }
