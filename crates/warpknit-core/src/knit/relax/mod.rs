@@ -62,7 +62,7 @@ const GROWTH_CLEARANCE: f64 = 0.965;
 const SWEEPS_PER_STEP: usize = 8;
 /// The solver gives up after so many looks in which neither the nearest pair nor the tightest bend
 /// has become better by [`PROGRESS`]: some spots have no room.
-const MAX_LOOKS_IN_VAIN: usize = 10;
+const MAX_LOOKS_IN_VAIN: usize = 15;
 const PROGRESS: f64 = 2e-3;
 /// Limit of all sweeps. Fabrics whose yarns fit take one to four hundred.
 const MAX_SWEEPS: usize = 1200;
