@@ -30,7 +30,7 @@ pub(crate) const NAMES: [&str; 41] = [
     "elastic-locknit",
     "ticking",
     "four-bar-tricot",
-    "striped-satin",
+    "pinstripe",
     "elastic-satin",
     "pillar-open",
     "pillar-closed",

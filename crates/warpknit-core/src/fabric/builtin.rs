@@ -22,7 +22,7 @@ const FABRICS: &[(&str, &str)] = &[
     ("elastic-locknit", include_str!("builtin/elastic-locknit.toml")),
     ("ticking", include_str!("builtin/ticking.toml")),
     ("four-bar-tricot", include_str!("builtin/four-bar-tricot.toml")),
-    ("striped-satin", include_str!("builtin/striped-satin.toml")),
+    ("pinstripe", include_str!("builtin/pinstripe.toml")),
     ("elastic-satin", include_str!("builtin/elastic-satin.toml")),
     ("pillar-open", include_str!("builtin/pillar-open.toml")),
     ("pillar-closed", include_str!("builtin/pillar-closed.toml")),
