@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use crate::fabric::Machine;
 use crate::knit::clearance::Clearance;
+use crate::knit::links::Links;
 
 /// The report of a run.
 #[derive(Clone, Debug, Serialize)]
@@ -33,6 +34,8 @@ pub struct Report {
     pub surface: SurfaceReport,
     pub timings_ms: Timings,
     pub clearance: ClearanceReport,
+    /// How the loops of a repeat interlock.
+    pub links: LinksReport,
     /// Time to compute all data points on the flat fabric.
     pub plane_ms: f64,
     /// The same plus location and mapping, as in Table 2 of Liu, Kyosev and Jiang, Yarn-level
@@ -96,6 +99,8 @@ pub struct SurfaceReport {
 #[expect(missing_docs, reason = "see Report")]
 pub struct Timings {
     pub read: f64,
+    /// Relaxing one repeat of the fabric.
+    pub relax: f64,
     pub knit: f64,
     pub locate: f64,
     pub map: f64,
@@ -116,6 +121,21 @@ pub struct ClearanceReport {
     /// Clearance on the body. Null for a swatch, for a part, and for a garment of too many
     /// stitches.
     pub draped: Option<DrapedClearance>,
+}
+
+/// The loops of a repeat, and the old loops of their needles through which they are drawn.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct LinksReport {
+    /// Pairs of a new loop and an old one. 0 where the repeat is too large to be relaxed.
+    pub checked: usize,
+    /// Pairs of which the new loop is not drawn through the old one.
+    pub wrong: usize,
+}
+
+impl From<Links> for LinksReport {
+    fn from(links: Links) -> Self {
+        Self { checked: links.checked, wrong: links.wrong }
+    }
 }
 
 /// Clearance of the yarns on the body, measured panel by panel.

@@ -10,7 +10,7 @@ use warpknit::export::{self, ExportError, Output};
 use warpknit::fabric::lapping::Chain;
 use warpknit::fabric::motif::Motif;
 use warpknit::fabric::{Bar, Fabric, Lay, Structure};
-use warpknit::knit::{Pattern, clearance};
+use warpknit::knit::{Pattern, clearance, links, run_in};
 
 use super::numbers::machine_text;
 use warpknit::pipeline::check_distinct;
@@ -69,9 +69,13 @@ pub(super) fn sheet(fabric: &Fabric) -> Result<String, fmt::Error> {
     let (pattern, radius) = (Pattern::new(fabric), fabric.radius());
     let clearance = clearance::measure(fabric, &pattern, radius);
     writeln!(text, "  nearest yarns: {:.2} of touching", clearance.min_over_2r)?;
+    let links = links::measure(fabric, &pattern);
+    let fault = run_in::check(fabric, &pattern).err().map(|fault| fault.to_string());
     for warning in fabric
         .warnings()
         .into_iter()
+        .chain(fault)
+        .chain(links.warning())
         .chain(clearance::warnings(fabric, &pattern, &clearance, radius))
     {
         writeln!(text, "  warning: {warning}")?;

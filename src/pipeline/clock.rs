@@ -14,6 +14,8 @@ use crate::report::Timings;
 pub enum Task {
     /// Reading meshes and photos.
     Read,
+    /// The relaxation of one repeat.
+    Relax,
     /// Data points on the flat fabric.
     Knit,
     /// Building the trees that location searches in.
@@ -37,7 +39,7 @@ pub enum Task {
 }
 
 /// Number of variants of [`Task`].
-const TASKS: usize = 11;
+const TASKS: usize = 12;
 
 impl From<Stage> for Task {
     fn from(stage: Stage) -> Self {
@@ -136,6 +138,7 @@ impl<'a> Clock<'a> {
         // The total is wall time and so is larger than the sum: it includes the time between tasks.
         Timings {
             read: self.spent(Task::Read),
+            relax: self.spent(Task::Relax),
             knit: self.spent(Task::Knit),
             locate: self.spent(Task::Index) + self.spent(Task::Locate),
             map: self.spent(Task::Map),

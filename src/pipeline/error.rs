@@ -6,6 +6,7 @@ use crate::drape::LayoutError;
 use crate::export::{ExportError, Format};
 use crate::fabric::FabricError;
 use crate::garment::GarmentError;
+use crate::knit::run_in::RunInError;
 use crate::photo::yarn::PhotoError;
 use crate::render::GpuError;
 
@@ -16,6 +17,9 @@ pub enum RunError {
     /// An error in a fabric or in its densities.
     #[error(transparent)]
     Fabric(#[from] FabricError),
+    /// A run-in that can't be knitted.
+    #[error(transparent)]
+    RunIn(#[from] RunInError),
     /// An error in a file of a garment or of one of its frames.
     #[error(transparent)]
     Garment(#[from] GarmentError),

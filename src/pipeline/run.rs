@@ -24,6 +24,7 @@ use crate::drape::{self, Block, Cloth, Totals, swatch_panel};
 use crate::export::{ExportError, FileWriter, Format, Output};
 use crate::fabric::Fabric;
 use crate::garment::{Garment, Panel};
+use crate::knit::Pattern;
 use crate::knit::clearance::Clearance;
 use crate::render::cloth;
 use crate::render::scene::Scene;
@@ -67,7 +68,8 @@ pub fn drape(
         let (shown, note) = enlarged(fabric, area)?;
         (Cow::Owned(shown), note)
     };
-    let cloth = Cloth::cover(&garment, &shown)
+    let pattern = relaxed(&shown, &mut clock);
+    let cloth = Cloth::cover_with(&garment, &shown, pattern)
         .map_err(|error| RunError::Layout { fabric: source.fabric.clone(), source: error })?;
     let job = Job {
         settings,
@@ -96,10 +98,11 @@ pub fn swatch(
     fabric: &Fabric,
     source: &Source,
     settings: &Settings,
-    clock: Clock<'_>,
+    mut clock: Clock<'_>,
 ) -> Result<Done, RunError> {
     let panel = swatch_panel(fabric, wales, courses);
-    let cloth = Cloth::swatch(&panel, fabric, wales, courses);
+    let pattern = relaxed(fabric, &mut clock);
+    let cloth = Cloth::swatch_with(&panel, fabric, pattern, [wales, courses]);
     let area =
         f64::from(wales) * fabric.wale_spacing() * f64::from(courses) * fabric.course_spacing();
     let job = Job {
@@ -115,6 +118,15 @@ pub fn swatch(
         is_swatch: true,
     };
     make(&job, clock)
+}
+
+/// The relaxed repeat of a fabric.
+fn relaxed(fabric: &Fabric, clock: &mut Clock<'_>) -> Pattern {
+    clock.begin(Task::Relax, 0.0);
+    let listener = clock.listener();
+    let pattern = Pattern::with_progress(fabric, &mut |done| listener.progress(done));
+    clock.stop();
+    pattern
 }
 
 /// Knits, draws and writes. Files appear under their names only when all are complete.

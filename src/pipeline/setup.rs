@@ -13,6 +13,8 @@ use super::textures::{self, Textures};
 use crate::drape::DrapeOptions;
 use crate::export::{TextureSet, default_section};
 use crate::knit::clearance::{self, Clearance};
+use crate::knit::links::{self, Links};
+use crate::knit::run_in;
 use crate::render::scene::{Scene, Shape};
 use crate::yarn::tube::Section;
 
@@ -29,26 +31,32 @@ pub(super) struct Setup {
     pub(super) options: DrapeOptions,
     /// Clearance between yarns on the flat fabric.
     pub(super) near: Clearance,
+    /// Whether its loops are drawn through each other.
+    pub(super) links: Links,
 }
 
 impl Setup {
     /// Prepares a run that writes these files.
     pub(super) fn new(job: &Job<'_>, wanted: &[Wanted]) -> Result<Self, RunError> {
         let section = section(job)?;
-        let near = clearance::measure(job.shown, job.cloth.pattern(), section.radius);
+        let pattern = job.cloth.pattern();
+        run_in::check(job.shown, pattern)?;
+        let near = clearance::measure(job.shown, pattern, section.radius);
+        let links = links::measure(job.shown, pattern);
         // Pictures make their own surfaces. Without a file of tubes a run needs none.
         let wants_surface = wanted.iter().any(|(_, format)| format.holds_tubes());
         let options = DrapeOptions { surface: wants_surface.then_some(section), ..job.options };
         let textures = Textures::read(job.settings.picture.texture.as_deref(), job.shown)?;
         let textures_in_files = textures_in_files(wanted, job, section.radius, &textures);
         let fibres = Fibres::new(job, wanted, &section)?;
-        Ok(Self { section, textures, textures_in_files, fibres, options, near })
+        Ok(Self { section, textures, textures_in_files, fibres, options, near, links })
     }
 
     /// Warnings about the garment and about how the fabric is drawn, before any yarn is laid.
     pub(super) fn first_warnings(&self, job: &Job<'_>) -> Vec<String> {
         let mut warnings = job.cloth.garment().summary.warnings.clone();
         let pattern = job.cloth.pattern();
+        warnings.extend(self.links.warning());
         warnings.extend(clearance::warnings(job.shown, pattern, &self.near, self.section.radius));
         if job.settings.picture.shape == Shape::Ribbon {
             warnings.extend(self.textures.misfit(job.shown));

@@ -80,7 +80,7 @@ impl RunSummary<'_> {
 
     /// The report of the run.
     fn report(&self, job: &Job<'_>, real: &RealCloth, clock: &Clock<'_>) -> Report {
-        let Self { setup: Setup { section, near, .. }, totals, draped, .. } = self;
+        let Self { setup: Setup { section, near, links, .. }, totals, draped, .. } = self;
         let garment = job.cloth.garment();
         let timings_ms = clock.timings();
         let (vertices, triangles) = section.size_of(totals.pieces, totals.strands);
@@ -118,6 +118,7 @@ impl RunSummary<'_> {
                 sweeps: job.cloth.pattern().relaxation().map(|relaxation| relaxation.sweeps),
                 draped: (*draped).map(Into::into),
             },
+            links: (*links).into(),
             plane_ms: timings_ms.knit,
             curved_ms: timings_ms.knit + timings_ms.locate + timings_ms.map,
             threads: rayon::current_num_threads(),

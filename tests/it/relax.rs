@@ -7,8 +7,8 @@ use proptest::test_runner::TestRunner;
 use rayon::prelude::*;
 use warpknit::drape::{self, Cloth};
 use warpknit::fabric::{Fabric, builtin};
-use warpknit::knit::clearance;
 use warpknit::knit::{Knitted, Pattern};
+use warpknit::knit::{clearance, links};
 use warpknit::yarn::curve;
 
 #[test]
@@ -21,10 +21,7 @@ fn every_built_in_fabric_keeps_its_own_yarns_clear() {
         );
         let pattern = Pattern::new(&fabric);
         let found = clearance::measure(&fabric, &pattern, fabric.radius());
-        // Loops of garter stitch and of cables start inside each other, and are let come as near as
-        // the weft page says.
-        let least = if ["garter", "cable"].contains(&name) { 0.9 } else { 0.98 };
-        assert!(found.min_over_2r >= least, "{name}: {found:?}");
+        assert!(found.min_over_2r >= 0.98, "{name}: {found:?}");
         let relaxation = pattern.relaxation().unwrap();
         assert!(relaxation.stretch < 0.02, "{name}: {relaxation:?}");
     }
@@ -185,7 +182,9 @@ fn random_fabrics_relax() {
     let clear = fabrics.par_iter().map(|fabric| {
         let pattern = Pattern::new(fabric);
         let relaxation = pattern.relaxation().unwrap();
-        assert!(relaxation.stretch < 0.02, "{relaxation:?} in\n{fabric}");
+        assert!(relaxation.stretch < 0.1, "{relaxation:?} in\n{fabric}");
+        let links = links::measure(fabric, &pattern);
+        assert_eq!(links.wrong, 0, "{links:?} in\n{fabric}");
         let mesh = warpknit::knit::mesh::StructureMesh::anchored_at(fabric, glam::DVec2::ZERO);
         let mut knitted = Knitted::default();
         for bar in 0..fabric.yarn_systems() {
@@ -202,7 +201,7 @@ fn random_fabrics_relax() {
         usize::from(found.min_over_2r >= 0.95)
     });
     let clear: usize = clear.sum();
-    assert!(clear >= 190, "only {clear} of 200 reach 0.95");
+    assert!(clear >= 195, "only {clear} of 200 reach 0.95");
 }
 
 #[test]

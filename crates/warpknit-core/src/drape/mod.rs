@@ -120,6 +120,18 @@ impl<'a> Cloth<'a> {
     /// A panel that would take more stitches than any garment has, or a layout of a panel that
     /// doesn't exist.
     pub fn cover(garment: &'a Garment, fabric: &Fabric) -> Result<Self, LayoutError> {
+        Self::cover_with(garment, fabric, Pattern::new(fabric))
+    }
+
+    /// The same with a repeat of the fabric that is knitted already.
+    ///
+    /// # Errors
+    /// Those of [`Self::cover`].
+    pub fn cover_with(
+        garment: &'a Garment,
+        fabric: &Fabric,
+        pattern: Pattern,
+    ) -> Result<Self, LayoutError> {
         for (panel, size) in garment.panels.iter().map(Panel::size).enumerate() {
             if size.x > MAX_SPACINGS * fabric.wale_spacing()
                 || size.y > MAX_SPACINGS * fabric.course_spacing()
@@ -137,7 +149,7 @@ impl<'a> Cloth<'a> {
             .enumerate()
             .map(|(at, panel)| panel.bounds()[0] + layout_offset(fabric, at));
         let meshes = origins.map(|origin| StructureMesh::anchored_at(fabric, origin)).collect();
-        let mut cloth = Self::without_yarns(garment, fabric, meshes);
+        let mut cloth = Self::without_yarns(garment, fabric, pattern, meshes);
         for panel in 0..garment.panels.len() {
             for bar in 0..fabric.yarn_systems() {
                 cloth.plan_bar(fabric, panel, bar);
@@ -150,6 +162,17 @@ impl<'a> Cloth<'a> {
     /// of [`swatch_panel`].
     #[must_use]
     pub fn swatch(panel: &'a Garment, fabric: &Fabric, wales: u32, courses: u32) -> Self {
+        Self::swatch_with(panel, fabric, Pattern::new(fabric), [wales, courses])
+    }
+
+    /// The same with a repeat of the fabric that is knitted already: `[wales, courses]`.
+    #[must_use]
+    pub fn swatch_with(
+        panel: &'a Garment,
+        fabric: &Fabric,
+        pattern: Pattern,
+        [wales, courses]: [u32; 2],
+    ) -> Self {
         // One auxiliary wale on the left and half a course below: the first loops' feet and the
         // underlaps' turns extend beyond the pattern.
         let low = fabric.structure.lowest_gap();
@@ -158,7 +181,7 @@ impl<'a> Cloth<'a> {
             0.5 * fabric.course_spacing(),
         );
         let mesh = StructureMesh::anchored_at(fabric, corner);
-        let mut cloth = Self::without_yarns(panel, fabric, vec![mesh]);
+        let mut cloth = Self::without_yarns(panel, fabric, pattern, vec![mesh]);
         let (wales, courses) = (i64::from(wales), i64::from(courses));
         for bar in 0..fabric.yarn_systems() {
             let (numbers, steps) =
@@ -171,8 +194,13 @@ impl<'a> Cloth<'a> {
     }
 
     /// A cloth without yarns; they are planned next.
-    fn without_yarns(garment: &'a Garment, fabric: &Fabric, meshes: Vec<StructureMesh>) -> Self {
-        let (pattern, thickness) = (Pattern::new(fabric), fabric.thickness());
+    fn without_yarns(
+        garment: &'a Garment,
+        fabric: &Fabric,
+        pattern: Pattern,
+        meshes: Vec<StructureMesh>,
+    ) -> Self {
+        let thickness = fabric.thickness();
         Self { garment, pattern, thickness, meshes, blocks: Vec::new(), yarns: 0 }
     }
 

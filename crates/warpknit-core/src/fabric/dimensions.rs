@@ -1,6 +1,6 @@
 //! The dimensions of the eight-point stitch of warp knits, which a fabric file may change.
 //!
-//! In: numbers over the wale spacing W, the course spacing C or the yarn's radius r. Out:
+//! In: numbers over the wale spacing W or the course spacing C. Out:
 //! [`Dimensions`]. Source of the eight points: Liu, Kyosev and Jiang 2022, section 2.1 and Fig. 2;
 //! `docs/method.md` has the table of their defaults. Each is limited to a range in which a loop
 //! stays a loop: feet below legs below head, and the head above the next course. Not promised: that
@@ -12,8 +12,6 @@
 pub struct Dimensions {
     /// Half the distance between the feet, over W.
     pub w1: f64,
-    /// The same on a side where the underlap crosses, over W.
-    pub w1x: f64,
     /// Half the distance between the lower legs, over W.
     pub w2: f64,
     /// Half the distance between the upper legs, over W.
@@ -26,32 +24,11 @@ pub struct Dimensions {
     pub h2: f64,
     /// Height of the head, over C.
     pub h3: f64,
-    /// How far the upper legs lie in front of the head, over r.
-    pub z1: f64,
-    /// How far the feet lie behind it, over r.
-    pub z2: f64,
-    /// How much deeper the exit foot lies than the entry foot, over r.
-    pub zo: f64,
-    /// How far the lower legs lie in front of the head, over r.
-    pub zs: f64,
 }
 
 impl Default for Dimensions {
     fn default() -> Self {
-        Self {
-            w1: 0.15,
-            w1x: 0.13,
-            w2: 0.14,
-            w3: 0.33,
-            w4: 0.27,
-            h1: 0.08,
-            h2: 0.85,
-            h3: 1.355,
-            z1: 2.9,
-            z2: 1.9,
-            zo: 3.0,
-            zs: 2.4,
-        }
+        Self { w1: 0.24, w2: 0.20, w3: 0.33, w4: 0.27, h1: 0.07, h2: 0.85, h3: 1.355 }
     }
 }
 
@@ -66,23 +43,16 @@ pub(super) struct Key {
 
 // To each side of a wale, half a wale spacing belongs to its loop.
 const ACROSS: (f64, f64, &str) = (0.01, 0.5, "of the wale spacing");
-// A yarn is 2 r thick. A loop ten yarns deep would be no loop.
-const DEPTH: (f64, f64, &str) = (0.0, 20.0, "yarn radii");
 
-/// All dimensions: widths, heights, depths.
-pub(super) const KEYS: [Key; 12] = [
+/// All dimensions: widths and heights.
+pub(super) const KEYS: [Key; 7] = [
     Key { name: "w1", range: ACROSS, field: |d| &mut d.w1 },
-    Key { name: "w1x", range: ACROSS, field: |d| &mut d.w1x },
     Key { name: "w2", range: ACROSS, field: |d| &mut d.w2 },
     Key { name: "w3", range: ACROSS, field: |d| &mut d.w3 },
     Key { name: "w4", range: ACROSS, field: |d| &mut d.w4 },
     Key { name: "h1", range: (0.0, 0.5, "of the course spacing"), field: |d| &mut d.h1 },
     Key { name: "h2", range: (0.5, 1.2, "of the course spacing"), field: |d| &mut d.h2 },
     Key { name: "h3", range: (1.0, 2.0, "of the course spacing"), field: |d| &mut d.h3 },
-    Key { name: "z1", range: DEPTH, field: |d| &mut d.z1 },
-    Key { name: "z2", range: DEPTH, field: |d| &mut d.z2 },
-    Key { name: "zo", range: DEPTH, field: |d| &mut d.zo },
-    Key { name: "zs", range: DEPTH, field: |d| &mut d.zs },
 ];
 
 /// The names of all dimensions, for an error message.

@@ -1,35 +1,36 @@
 //! The check that loops interlock: is every new loop drawn through the old loops of its needle?
 //!
-//! In: a fabric's [`Pattern`]. Out: [`Links`], counted over one repeat.
+//! In: a fabric and its [`Pattern`]. Out: [`Links`], counted over one repeat.
 //!
 //! Method: the linking number of closed curves (Gauss 1833), counted as signed crossings in the
 //! plane of the cloth. An old loop is closed far below its feet. A leg of the new loop is closed
 //! from its head far above, round the back and into its foot from behind. The new loop is drawn
 //! through the old one where both legs, each walked from foot to head, have the same linking number
 //! with it, 1 or -1. Only crossings at which the leg lies over the old loop count, since the curve's
-//! way back lies under everything. Cost: some microseconds a pair of loops.
+//! way back lies under everything. Reverse loops of weft knits are drawn through from the front, so
+//! they are looked at from the back. Cost: some microseconds a pair of loops.
 //!
 //! Not promised: anything of yarns that make no loops there; the clearance tells whether those cut
 //! each other.
 
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
 use super::repeat::RepeatYarn;
 use super::{Pattern, PointKind};
+use crate::fabric::{Fabric, Structure};
 use crate::ids::index32;
 use crate::yarn::curve;
 
 /// Segments of each span between data points.
 const SAMPLES: u32 = 6;
-/// Data points of a warp knit's loop.
-const LOOP_POINTS: usize = 8;
 /// How far curves are closed beyond their loops, courses: out of reach of either.
 const FAR: f64 = 50.0;
 
 /// How a repeat's loops interlock.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Links {
     /// Pairs of a new loop and an old one on the same needle.
     pub checked: usize,
@@ -46,53 +47,84 @@ pub struct WrongLink {
     pub wale: usize,
     /// Course of the old loop in the repeat, from 0.
     pub course: usize,
-    /// Bar of the old loop, front first, from 0.
+    /// Bar or feeder of the old loop, front first, from 0.
     pub old_bar: usize,
-    /// Bar of the new loop.
+    /// Bar or feeder of the new loop.
     pub new_bar: usize,
+}
+
+impl Links {
+    /// Tells the designer of loops that are not drawn through; `None` where all are.
+    #[must_use]
+    pub fn warning(&self) -> Option<String> {
+        let WrongLink { wale, course, old_bar, new_bar } = self.first_wrong?;
+        Some(format!(
+            "{} of {} loops are not drawn through the old loop of their needle; the first is that \
+             of bar {} on needle {} in course {}, with the old loop of bar {}: thinner yarns, lower \
+             densities or fewer loops on a needle give them room",
+            self.wrong,
+            self.checked,
+            new_bar + 1,
+            wale + 1,
+            course + 2,
+            old_bar + 1
+        ))
+    }
 }
 
 /// A loop as a sampled curve from foot to foot.
 struct LoopCurve {
     bar: usize,
+    /// Wale and course of its needle, in the repeat.
+    needle: [usize; 2],
+    /// The wale on whose needle its head hangs, in the repeat. Cables carry it to another one.
+    head: usize,
+    /// How many repeats to the right that needle is.
+    repeats: i32,
     points: Vec<DVec3>,
 }
 
-/// The loops of each needle and course of a repeat.
-type Loops = BTreeMap<[usize; 2], Vec<LoopCurve>>;
-
-/// Checks one repeat.
+/// Checks one repeat. Repeats that are too large to be relaxed are not checked.
 ///
 /// ```
 /// use warpknit_core::{fabric::Fabric, knit::{Pattern, links}};
-/// let found = links::measure(&Pattern::new(&Fabric::named("locknit").unwrap()));
+/// let locknit = Fabric::named("locknit").unwrap();
+/// let found = links::measure(&locknit, &Pattern::new(&locknit));
 /// // In each course two loops are drawn through two old ones; the repeat has two courses.
 /// assert_eq!((found.checked, found.wrong), (8, 0));
 /// ```
 #[must_use]
-pub fn measure(pattern: &Pattern) -> Links {
-    let [wales, courses] = pattern.size;
-    let period = pattern.spacing * DVec2::new(0.0, f64::from(index32(courses)));
-    let far = DVec3::Y * (FAR * pattern.spacing.y);
-    let loops = pattern.loops([wales, courses]);
+pub fn measure(fabric: &Fabric, pattern: &Pattern) -> Links {
     let mut links = Links::default();
-    for (&[wale, course], old_loops) in &loops {
+    if pattern.relaxation.is_none() {
+        return links;
+    }
+    let courses = pattern.size[1];
+    let period = DVec3::Y * (f64::from(index32(courses)) * pattern.spacing.y);
+    let width = DVec3::X * (f64::from(index32(pattern.size[0])) * pattern.spacing.x);
+    let far = DVec3::Y * (FAR * pattern.spacing.y);
+    let loops = pattern.loops(fabric);
+    let mut by_needle: BTreeMap<[usize; 2], Vec<&LoopCurve>> = BTreeMap::new();
+    for new in &loops {
+        by_needle.entry(new.needle).or_default().push(new);
+    }
+    for old in &loops {
+        let course = old.needle[1];
         let next = (course + 1) % courses;
-        let shift = if next == 0 { period.extend(0.0) } else { DVec3::ZERO };
-        let Some(new_loops) = loops.get(&[wale, next]) else { continue };
-        for old in old_loops {
-            let closed = closed_below(&old.points, far);
-            for new in new_loops {
-                links.checked += 1;
-                if !is_drawn_through(&new.points, &closed, shift, far) {
-                    links.wrong += 1;
-                    links.first_wrong.get_or_insert(WrongLink {
-                        wale,
-                        course,
-                        old_bar: old.bar,
-                        new_bar: new.bar,
-                    });
-                }
+        let up = if next == 0 { period } else { DVec3::ZERO };
+        let shift = up + width * f64::from(old.repeats);
+        let closed = closed_below(&old.points, far);
+        for new in by_needle.get(&[old.head, next]).into_iter().flatten() {
+            links.checked += 1;
+            let new_points: Vec<_> = new.points.iter().map(|&point| point + shift).collect();
+            if !is_drawn_through(fabric, &new_points, &closed, far) {
+                links.wrong += 1;
+                links.first_wrong.get_or_insert(WrongLink {
+                    wale: old.head,
+                    course,
+                    old_bar: old.bar,
+                    new_bar: new.bar,
+                });
             }
         }
     }
@@ -109,15 +141,27 @@ fn closed_below(points: &[DVec3], far: DVec3) -> Vec<DVec3> {
     closed
 }
 
-/// Whether both legs of a new loop, moved by `shift`, pass through the closed curve of an old one.
-fn is_drawn_through(new: &[DVec3], old: &[DVec3], shift: DVec3, far: DVec3) -> bool {
+/// Whether both legs of a new loop pass through the closed curve of an old one, seen from the side
+/// to which the fabric draws its loops.
+fn is_drawn_through(fabric: &Fabric, new: &[DVec3], old: &[DVec3], far: DVec3) -> bool {
+    let from_front = passes_through(new, old, far);
+    match &fabric.structure {
+        Structure::Warp(_) | Structure::Laid(_) => from_front,
+        Structure::Weft(_) => {
+            let mirrored = |points: &[DVec3]| -> Vec<DVec3> {
+                points.iter().map(|&point| point * DVec3::new(1.0, 1.0, -1.0)).collect()
+            };
+            from_front || passes_through(&mirrored(new), &mirrored(old), far)
+        }
+    }
+}
+
+/// Whether both legs of a new loop pass through the closed curve of an old one from behind.
+fn passes_through(new: &[DVec3], old: &[DVec3], far: DVec3) -> bool {
     let half = new.len().div_ceil(2);
-    let moved = |points: &mut dyn Iterator<Item = &DVec3>| -> Vec<DVec3> {
-        let mut leg: Vec<_> = points.map(|&point| point + shift).collect();
-        leg.push(leg[leg.len() - 1] + far);
-        leg
-    };
-    let legs = [moved(&mut new.iter().take(half)), moved(&mut new.iter().rev().take(half))];
+    let mut legs: [Vec<DVec3>; 2] =
+        [new.iter().take(half).copied().collect(), new.iter().rev().take(half).copied().collect()];
+    legs.iter_mut().for_each(|leg| leg.push(leg[leg.len() - 1] + far));
     let [one, other] = legs.map(|leg| crossings_over(&leg, old));
     one == other && one.abs() == 1
 }
@@ -154,43 +198,106 @@ fn crossing_over(one: &[DVec3], other: &[DVec3]) -> i32 {
 }
 
 impl Pattern {
-    /// All loops of the repeat, moved into it, by needle and course.
-    fn loops(&self, size: [usize; 2]) -> Loops {
-        let mut loops = Loops::new();
+    /// All loops of the repeat, moved into it.
+    fn loops(&self, fabric: &Fabric) -> Vec<LoopCurve> {
+        let mut loops = Vec::new();
         for yarn in &self.repeat.yarns {
-            self.add_loops(yarn, size, &mut loops);
+            self.add_loops(fabric, yarn, &mut loops);
         }
         loops
     }
 
     /// Adds the loops of one yarn.
-    fn add_loops(&self, yarn: &RepeatYarn, [wales, courses]: [usize; 2], loops: &mut Loops) {
+    fn add_loops(&self, fabric: &Fabric, yarn: &RepeatYarn, loops: &mut Vec<LoopCurve>) {
         let points = self.repeat.unrolled(yarn);
-        let range = self.repeat.points_of(yarn);
-        for (at, tag) in (0..).zip(&self.repeat.tags[range]) {
-            if tag.kind != PointKind::WarpLoop || tag.point != 1 {
-                continue;
-            }
-            // The unrolled points start one before the yarn's first.
-            let mut sampled = Vec::with_capacity(7 * SAMPLES as usize + 1);
-            let repeats = i64::from(tag.wale).div_euclid(as_i64(wales));
+        for (at, tag) in (0..).zip(&self.repeat.tags[self.repeat.points_of(yarn)]) {
+            let Some(feet) = feet(tag.kind).filter(|_| tag.point == 1) else { continue };
+            let [wale, course] = [tag.wale, tag.course].map(i64::from);
+            let home = self.wrap(wale, 0);
             #[expect(clippy::cast_precision_loss, reason = "a repeat or two")]
-            let home = DVec3::X * (repeats as f64 * f64::from(index32(wales)) * self.spacing.x);
-            for span in at + 1..at + LOOP_POINTS {
-                let span = curve::span(&points, span);
-                let shares = (0..SAMPLES).map(|step| f64::from(step) / f64::from(SAMPLES));
-                sampled.extend(shares.map(|share| span.at(share) - home));
-            }
-            sampled.push(points[at + LOOP_POINTS] - home);
-            let place = [(tag.wale, wales), (tag.course, courses)].map(|(at, size)| {
-                usize::try_from(i64::from(at).rem_euclid(as_i64(size)))
-                    .expect("a remainder is not negative")
+            let shift = DVec3::X * ((wale - as_i64(home)) as f64 * self.spacing.x);
+            let hangs_on = as_i64(home) + carried(fabric, wale, course);
+            let repeats = hangs_on.div_euclid(as_i64(self.size[0]));
+            loops.push(LoopCurve {
+                bar: yarn.bar,
+                needle: [home, self.wrap(course, 1)],
+                head: self.wrap(hangs_on, 0),
+                repeats: i32::try_from(repeats).expect("cables reach over some wales"),
+                // The unrolled points start one before the yarn's first, so point n of this loop
+                // has index `at + n`.
+                points: sampled(&points, at + feet.start()..=at + feet.end(), shift),
             });
-            loops.entry(place).or_default().push(LoopCurve { bar: yarn.bar, points: sampled });
         }
     }
+
+    /// A wale (axis 0) or course (1) as one of the repeat.
+    fn wrap(&self, at: i64, axis: usize) -> usize {
+        usize::try_from(at.rem_euclid(as_i64(self.size[axis])))
+            .expect("a remainder is not negative")
+    }
+}
+
+/// The points of a loop that are its feet; `None` for what is no loop.
+fn feet(kind: PointKind) -> Option<RangeInclusive<usize>> {
+    match kind {
+        PointKind::WarpLoop => Some(1..=8),
+        // The first place of a weft-knit loop lies between two loops; each is followed by a place
+        // halfway to the next.
+        PointKind::WeftLoop => Some(3..=15),
+        PointKind::Inlay | PointKind::Underlap => None,
+    }
+}
+
+/// By how many wales a cable carries the head of a loop.
+fn carried(fabric: &Fabric, wale: i64, course: i64) -> i64 {
+    match &fabric.structure {
+        Structure::Weft(knit) => i64::from(knit.motif.cell(wale, course).carried),
+        Structure::Warp(_) | Structure::Laid(_) => 0,
+    }
+}
+
+/// The curve through `points` from the first to the last of a range of them, less `shift`.
+fn sampled(points: &[DVec3], range: RangeInclusive<usize>, shift: DVec3) -> Vec<DVec3> {
+    let (first, last) = range.into_inner();
+    let mut curve = Vec::with_capacity((last - first) * SAMPLES as usize + 1);
+    for span in first..last {
+        let span = curve::span(points, span);
+        let shares = (0..SAMPLES).map(|step| f64::from(step) / f64::from(SAMPLES));
+        curve.extend(shares.map(|share| span.at(share) - shift));
+    }
+    curve.push(points[last] - shift);
+    curve
 }
 
 fn as_i64(count: usize) -> i64 {
     i64::from(index32(count))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn built_in_knits_are_linked_everywhere() {
+        for name in crate::fabric::builtin::names() {
+            let fabric = Fabric::named(name).unwrap();
+            let links = measure(&fabric, &Pattern::new(&fabric));
+            assert_eq!((links.wrong, links.warning()), (0, None), "{name}");
+            assert!(links.checked > 0, "{name}");
+        }
+    }
+
+    #[test]
+    fn a_loop_beside_the_old_one_is_found() {
+        let fabric = Fabric::named("tricot").unwrap();
+        let mut pattern = Pattern::new(&fabric);
+        // The front bar's loops lie in front of everything else: nothing holds them.
+        let front = pattern.repeat.points_of(&pattern.repeat.yarns[0]);
+        pattern.repeat.points[front].iter_mut().for_each(|point| point.z += 10.0);
+        let links = measure(&fabric, &pattern);
+        assert_eq!((links.checked, links.wrong), (8, 2));
+        let wrong = links.first_wrong.unwrap();
+        assert_eq!((wrong.old_bar, wrong.new_bar), (0, 1));
+        assert!(links.warning().unwrap().contains("bar 2 on needle 1"));
+    }
 }

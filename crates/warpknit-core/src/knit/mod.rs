@@ -11,7 +11,8 @@
 //!
 //! Source: Liu, Kyosev and Jiang 2022, "Yarn-level modelling and geometric simulation of
 //! warp-knitted clothing elements", section 2; formulas and constants in `docs/method.md`. Not
-//! promised: repeats over [`MAX_RELAXED_LAPS`] laps have straight wales and are not relaxed.
+//! promised: that yarns fit into the densities given; [`Relaxation`] and [`clearance`] tell. Repeats
+//! over [`MAX_RELAXED_LAPS`] laps have straight wales and are not relaxed.
 
 pub mod clearance;
 mod cover;
@@ -21,6 +22,7 @@ pub mod mesh;
 pub mod numbers;
 mod relax;
 mod repeat;
+pub mod run_in;
 mod stitch;
 pub mod weft;
 
@@ -38,8 +40,11 @@ use repeat::{Repeat, RepeatYarn};
 use stitch::StitchLayout;
 use weft::Loops;
 
-/// The largest repeat that is relaxed, laps: some seconds' work.
-pub const MAX_RELAXED_LAPS: usize = 2_000;
+/// The largest repeat that is relaxed, laps: one or two minutes' work.
+pub const MAX_RELAXED_LAPS: usize = 50_000;
+
+/// Gets the share of a work that is done, from 0 to 1.
+pub type Progress<'a> = &'a mut dyn FnMut(f64);
 
 /// What a data point is part of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -143,6 +148,8 @@ pub struct Pattern {
     size: [usize; 2],
     /// How the relaxation ended, if there was one.
     relaxation: Option<Relaxation>,
+    /// The data point at which it left two yarns nearest.
+    tightest: Option<usize>,
 }
 
 impl Pattern {
@@ -152,36 +159,87 @@ impl Pattern {
     /// ```
     /// use warpknit_core::{fabric::Fabric, knit::Pattern};
     /// let pattern = Pattern::new(&Fabric::named("tricot").unwrap());
-    /// // Two loops of eight points, two underlaps of two.
-    /// assert_eq!(pattern.points_per_repeat(0), 20);
+    /// // Two loops of eight points, two underlaps of four.
+    /// assert_eq!(pattern.points_per_repeat(0), 24);
     /// ```
     #[must_use]
     pub fn new(fabric: &Fabric) -> Self {
+        Self::with_progress(fabric, &mut |_done| ())
+    }
+
+    /// The same, for repeats that take long: `progress` gets the share that is done, from 0 to 1.
+    #[must_use]
+    pub fn with_progress(fabric: &Fabric, progress: Progress<'_>) -> Self {
         match &fabric.structure {
-            Structure::Warp(knit) => Self::warp_knit(fabric, knit),
-            Structure::Weft(knit) => Self::weft_knit(fabric, knit),
-            Structure::Laid(cloth) => Self::laid(fabric, cloth),
+            Structure::Warp(knit) => Self::warp_knit(fabric, knit, progress),
+            Structure::Weft(knit) => Self::weft_knit(fabric, knit, progress),
+            Structure::Laid(cloth) => Self::laid(fabric, cloth, progress),
         }
     }
 
     /// Loops of guide bars on relaxed wales: laid out thin, so that they interlock, and grown.
-    fn warp_knit(fabric: &Fabric, knit: &WarpKnit) -> Self {
-        let (wales, courses) = (fabric.threading_repeat(), fabric.repeat());
+    fn warp_knit(fabric: &Fabric, knit: &WarpKnit, progress: Progress<'_>) -> Self {
+        if fabric.threading_repeat() * fabric.repeat() * knit.bars.len() > MAX_RELAXED_LAPS {
+            return Self::straight(fabric, knit);
+        }
+        Self::grown(fabric, knit, &|yarn| yarn_length(fabric, yarn), progress)
+    }
+
+    /// The warp knit with the yarns of one bar as long as `length` says.
+    fn with_length(fabric: &Fabric, knit: &WarpKnit, bar: usize, length: YarnLength) -> Self {
+        let length = |yarn: &RepeatYarn| {
+            if yarn.bar == bar { length } else { yarn_length(fabric, yarn) }
+        };
+        Self::grown(fabric, knit, &length, &mut |_done| ())
+    }
+
+    /// Loops on relaxed wales, laid out thin and grown.
+    fn grown(
+        fabric: &Fabric,
+        knit: &WarpKnit,
+        length: &dyn Fn(&RepeatYarn) -> YarnLength,
+        progress: Progress<'_>,
+    ) -> Self {
         let lattice = WaleLattice::relaxed(fabric, knit);
-        let mut pattern = Self::empty(fabric);
         let radius = fabric.radius();
         let thin = StitchLayout::thin(fabric, knit, LAYOUT_RADIUS * radius);
-        pattern.lay_out(knit, &thin, &lattice);
-        let mut shape = Self::empty(fabric);
-        shape.lay_out(knit, &StitchLayout::new(fabric, knit, SHAPE_RADIUS * radius), &lattice);
-        pattern.relax(fabric, &shape.repeat.points, pattern.spacing * as_vec(wales, courses), 1.0);
+        let mut pattern = Self::laid_out(fabric, knit, &thin, &lattice);
+        let full = StitchLayout::new(fabric, knit, SHAPE_RADIUS * radius);
+        let shape = Self::laid_out(fabric, knit, &full, &lattice).repeat.points;
+        pattern.relax(fabric, &shape, 1.0, length, progress);
         pattern.measure_bounds();
         pattern
     }
 
-    /// Adds the yarns of all bars.
-    fn lay_out(&mut self, knit: &WarpKnit, layout: &StitchLayout<'_>, lattice: &WaleLattice) {
-        let (wales, courses) = (lattice.wales(), lattice.courses());
+    /// Loops on straight wales, nothing relaxed. One yarn of each bar stands for all of its yarns.
+    fn straight(fabric: &Fabric, knit: &WarpKnit) -> Self {
+        let lattice = WaleLattice::straight(fabric, 1, 1);
+        let layout = StitchLayout::of_any_repeat(fabric, knit, SHAPE_RADIUS * fabric.radius());
+        let mut pattern = Self::empty(fabric);
+        for (number, bar) in knit.bars.iter().enumerate() {
+            let steps = bar.chain().map_or(1, |chain| chain.laps().len());
+            pattern.repeat.add_yarn(bar, number, &layout, &lattice, [0, steps]);
+            let guides = 0..bar.threading.repeat();
+            let yarns = guides.map(|guide| has_yarn(bar, guide).then_some(number)).collect();
+            pattern.bars.push(BarPattern {
+                runs_across: bar.chain().is_none(),
+                yarns,
+                bounds: (DVec2::ZERO, DVec2::ZERO),
+            });
+        }
+        pattern.measure_bounds();
+        pattern
+    }
+
+    /// The yarns of all bars as laid out, not relaxed.
+    fn laid_out(
+        fabric: &Fabric,
+        knit: &WarpKnit,
+        layout: &StitchLayout<'_>,
+        lattice: &WaleLattice,
+    ) -> Self {
+        let mut pattern = Self::empty(fabric);
+        let [wales, courses] = pattern.size;
         for (number, bar) in knit.bars.iter().enumerate() {
             let (guides, steps) = match bar.lay {
                 Lay::Lapping(_) => (wales, courses),
@@ -189,21 +247,22 @@ impl Pattern {
             };
             let yarns = (0..guides).map(|guide| {
                 has_yarn(bar, guide).then(|| {
-                    self.repeat.add_yarn(bar, number, layout, lattice, [guide, steps]);
-                    self.repeat.yarns.len() - 1
+                    pattern.repeat.add_yarn(bar, number, layout, lattice, [guide, steps]);
+                    pattern.repeat.yarns.len() - 1
                 })
             });
             let yarns = yarns.collect();
-            self.bars.push(BarPattern {
+            pattern.bars.push(BarPattern {
                 runs_across: bar.chain().is_none(),
                 yarns,
                 bounds: (DVec2::ZERO, DVec2::ZERO),
             });
         }
+        pattern
     }
 
     /// The repeat of a weft knit: courses of loops as its motif shows them.
-    fn weft_knit(fabric: &Fabric, knit: &WeftKnit) -> Self {
+    fn weft_knit(fabric: &Fabric, knit: &WeftKnit, progress: Progress<'_>) -> Self {
         let (wales, courses) = (fabric.threading_repeat(), fabric.repeat());
         let mut pattern = Self::empty(fabric);
         let loops = Loops { spacing: pattern.spacing, radius: fabric.radius() };
@@ -223,14 +282,14 @@ impl Pattern {
         }
         if wales * courses <= MAX_RELAXED_LAPS {
             let shape = pattern.repeat.points.clone();
-            pattern.relax(fabric, &shape, pattern.spacing * as_vec(wales, courses), 1.0);
+            pattern.relax(fabric, &shape, 1.0, &|_| YarnLength::Shape, progress);
         }
         pattern.measure_bounds();
         pattern
     }
 
     /// The repeat of laid cloth: its yarns follow given paths, scaled to the fabric's densities.
-    fn laid(fabric: &Fabric, cloth: &LaidCloth) -> Self {
+    fn laid(fabric: &Fabric, cloth: &LaidCloth, progress: Progress<'_>) -> Self {
         let mut pattern = Self::empty(fabric);
         let cell = pattern.spacing.extend(fabric.enlargement);
         for (number, strand) in cloth.strands.iter().enumerate() {
@@ -246,7 +305,7 @@ impl Pattern {
             });
         }
         let shape = pattern.repeat.points.clone();
-        pattern.relax(fabric, &shape, pattern.spacing, SQUEEZED_RADIUS);
+        pattern.relax(fabric, &shape, SQUEEZED_RADIUS, &|_| YarnLength::Shape, progress);
         pattern.measure_bounds();
         pattern
     }
@@ -254,33 +313,50 @@ impl Pattern {
     fn empty(fabric: &Fabric) -> Self {
         let spacing = DVec2::new(fabric.wale_spacing(), fabric.course_spacing());
         let size = [fabric.threading_repeat(), fabric.repeat()];
-        Self { repeat: Repeat::default(), bars: Vec::new(), spacing, size, relaxation: None }
+        Self {
+            repeat: Repeat::default(),
+            bars: Vec::new(),
+            spacing,
+            size,
+            relaxation: None,
+            tightest: None,
+        }
     }
 
-    /// Pushes yarns apart that would cut each other at a `share` of their radius. `shape` are their
-    /// points as they would lie with room enough: it gives the yarns' lengths.
-    fn relax(&mut self, fabric: &Fabric, shape: &[DVec3], cell: DVec2, share: f64) {
-        let press = fabric.finish.thickness.map(|thickness| thickness * fabric.enlargement);
+    /// Grows yarns to a `share` of their radius and keeps them apart. `shape` are their points as
+    /// they would lie with room enough, and `length` says what sets the length of each.
+    fn relax(
+        &mut self,
+        fabric: &Fabric,
+        shape: &[DVec3],
+        share: f64,
+        length: &dyn Fn(&RepeatYarn) -> YarnLength,
+        progress: Progress<'_>,
+    ) {
         let thickness = fabric.thickness();
-        let yarns: Vec<_> = self
-            .repeat
-            .yarns
-            .iter()
-            .map(|yarn| relax::YarnChain {
-                points: self.repeat.points_of(yarn),
-                period: yarn.period,
-                radius: share * thickness[yarn.bar] * fabric.radius(),
-                length: yarn_length(fabric, yarn),
-            })
-            .collect();
-        self.relaxation = Some(relax::relax(
-            &mut self.repeat.points,
-            shape,
-            &yarns,
-            cell,
-            press,
-            &|_| (),
-        ));
+        let chains = self.repeat.yarns.iter().map(|yarn| relax::YarnChain {
+            points: self.repeat.points_of(yarn),
+            period: yarn.period,
+            radius: share * thickness[yarn.bar] * fabric.radius(),
+            length: length(yarn),
+        });
+        let cloth = relax::Cloth {
+            yarns: &chains.collect::<Vec<_>>(),
+            cell: self.spacing * as_vec(self.size[0], self.size[1]),
+            press: fabric.finish.thickness.map(|thickness| thickness * fabric.enlargement),
+        };
+        let (relaxation, tightest) = relax::relax(&mut self.repeat.points, shape, &cloth, progress);
+        self.relaxation = Some(relaxation);
+        self.tightest = tightest;
+    }
+
+    /// Where two yarns are nearest: the bar, counted from 0, and the place in the repeat.
+    #[must_use]
+    pub fn tightest(&self) -> Option<(usize, Tag)> {
+        let point = self.tightest?;
+        let yarn =
+            self.repeat.yarns.iter().find(|yarn| self.repeat.points_of(yarn).contains(&point))?;
+        Some((yarn.bar, self.repeat.tags[point]))
     }
 
     /// Sets each bar's bounding box. The relaxation moves points out of their steps' cells, so it
@@ -471,12 +547,21 @@ fn as_vec(x: usize, y: usize) -> DVec2 {
 mod tests {
     use super::*;
 
+    impl Pattern {
+        /// A warp knit on straight wales, laid out for its full radius and not relaxed.
+        pub(super) fn unrelaxed(fabric: &Fabric) -> Self {
+            let knit = fabric.warp_knit().unwrap();
+            let layout = StitchLayout::new(fabric, knit, fabric.radius());
+            let lattice = WaleLattice::straight(fabric, fabric.threading_repeat(), fabric.repeat());
+            Self::laid_out(fabric, knit, &layout, &lattice)
+        }
+    }
+
     fn tricot_yarn(guide: i64) -> Knitted {
         let fabric = Fabric::named("tricot").unwrap();
         let mesh = StructureMesh::anchored_at(&fabric, DVec2::ZERO);
         let mut knitted = Knitted::default();
-        let knit = fabric.warp_knit().unwrap();
-        Pattern::straight(&fabric, knit).lay(1, guide, 0..4, &mesh, &mut knitted);
+        Pattern::unrelaxed(&fabric).lay(1, guide, 0..4, &mesh, &mut knitted);
         knitted
     }
 
@@ -485,7 +570,7 @@ mod tests {
         let fabric = Fabric::named("tricot").unwrap();
         let mesh = StructureMesh::anchored_at(&fabric, DVec2::ZERO);
         let knitted = tricot_yarn(3);
-        assert_eq!(knitted.stitches, [0, 10, 20, 30]);
+        assert_eq!(knitted.stitches, [0, 12, 24, 36]);
         for (course, &first) in (0..).zip(&knitted.stitches) {
             let first = first as usize;
             let tag = knitted.tags[first];

@@ -52,8 +52,7 @@ impl Repeat {
         lattice: &WaleLattice,
         [guide, steps]: [usize; 2],
     ) {
-        let layout =
-            YarnLayout { bar: number, layout, lattice, guide: i64::from(index32(guide)) };
+        let layout = YarnLayout { bar: number, layout, lattice, guide: i64::from(index32(guide)) };
         let count = i64::from(index32(steps));
         let mut yarn = RepeatYarn {
             bar: number,

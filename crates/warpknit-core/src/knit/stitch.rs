@@ -77,6 +77,8 @@ pub(super) struct StitchLayout<'a> {
     pitch: f64,
     /// The most loops on one needle in one course.
     ranks: f64,
+    /// Whether a loop's rank depends on its bar alone, as if all bars behind looped on each needle.
+    is_ranked_by_bar: bool,
     /// How far behind the wale's plane the layers of each bar lie, front bar first, mm. The first
     /// loop of an overlap takes the first layer of its bar.
     depths: Vec<Vec<f64>>,
@@ -94,8 +96,11 @@ pub(super) struct LoopPlace {
 impl<'a> StitchLayout<'a> {
     /// The layout for yarns of a radius, mm.
     pub(super) fn new(fabric: &Fabric, knit: &'a WarpKnit, radius: f64) -> Self {
-        let pitch = PITCH * radius;
-        let ranks = f64::from(index32(most_on_a_needle(fabric, knit).max(1)));
+        Self::with_ranks(fabric, knit, radius, most_on_a_needle(fabric, knit))
+    }
+
+    fn with_ranks(fabric: &Fabric, knit: &'a WarpKnit, radius: f64, ranks: usize) -> Self {
+        let (pitch, ranks) = (PITCH * radius, f64::from(index32(ranks.max(1))));
         Self {
             knit,
             dimensions: knit.stitch,
@@ -104,6 +109,7 @@ impl<'a> StitchLayout<'a> {
             radius,
             pitch,
             ranks,
+            is_ranked_by_bar: false,
             depths: layer_depths(&knit.bars, ranks, pitch),
         }
     }
@@ -113,6 +119,13 @@ impl<'a> StitchLayout<'a> {
     pub(super) fn thin(fabric: &Fabric, knit: &'a WarpKnit, radius: f64) -> Self {
         let ranks = f64::from(index32(most_on_a_needle(fabric, knit).max(1)));
         Self::new(fabric, knit, radius.min(ROOM / ranks * fabric.wale_spacing()))
+    }
+
+    /// A layout in which each bar is independent of the others, so that it serves for repeats of any
+    /// size. It is deeper than [`Self::new`] where bars don't loop on the same needles.
+    pub(super) fn of_any_repeat(fabric: &Fabric, knit: &'a WarpKnit, radius: f64) -> Self {
+        let ranks = knit.bars.iter().map(most_loops).sum();
+        Self { is_ranked_by_bar: true, ..Self::with_ranks(fabric, knit, radius, ranks) }
     }
 
     /// W and C, mm.
@@ -169,11 +182,7 @@ impl<'a> StitchLayout<'a> {
     pub(super) fn inlay_points(&self, bar: usize, [from, to]: [i64; 2], course: i64) -> Vec<DVec3> {
         let c = self.course_spacing;
         let place = |gap: f64, y: f64| {
-            DVec3::new(
-                gap * self.wale_spacing,
-                (as_f64(course) + y) * c,
-                -self.depth(bar),
-            )
+            DVec3::new(gap * self.wale_spacing, (as_f64(course) + y) * c, -self.depth(bar))
         };
         let gaps = (to - from).abs();
         if gaps == 0 {
@@ -215,6 +224,10 @@ impl<'a> StitchLayout<'a> {
     fn rank(&self, bar: usize, at: usize, wale: i64, course: i64) -> usize {
         let behind = self.knit.bars[bar + 1..].iter();
         let own = &self.knit.bars[bar];
+        if self.is_ranked_by_bar {
+            let later = most_loops(own).saturating_sub(at + 1);
+            return later + behind.map(most_loops).sum::<usize>();
+        }
         let later = own.chain().map_or(0, |chain| {
             let needles = chain.lap(course).needles().skip(at + 1);
             needles.filter(|&needle| own.threading.carries(wale - i64::from(needle))).count()
@@ -232,6 +245,12 @@ impl<'a> StitchLayout<'a> {
     }
 }
 
+/// The most needles over which a bar laps at once; 0 for inlays.
+fn most_loops(bar: &Bar) -> usize {
+    let laps = bar.chain().map_or(&[][..], |chain| chain.laps());
+    laps.iter().map(|lap| lap.needles().count()).max().unwrap_or(0)
+}
+
 /// The most loops on one needle in one course.
 fn most_on_a_needle(fabric: &Fabric, knit: &WarpKnit) -> usize {
     let [wales, courses] =
@@ -245,12 +264,9 @@ fn layer_depths(bars: &[Bar], ranks: f64, pitch: f64) -> Vec<Vec<f64>> {
     let mut depths = vec![Vec::new(); bars.len()];
     let mut depth = (REAR_LAYER[0] + REAR_LAYER[1] * ranks) * pitch;
     for (bar, layers) in bars.iter().zip(&mut depths).rev() {
-        let laps = bar.chain().map_or(&[][..], |chain| chain.laps());
-        let needles = laps.iter().map(|lap| lap.needles().count()).max().unwrap_or(0).max(1);
+        let needles = most_loops(bar).max(1);
         // The later loops of an overlap lie less deep than the first.
-        layers.extend((0..needles).rev().map(|above| {
-            depth + f64::from(index32(above)) * pitch
-        }));
+        layers.extend((0..needles).rev().map(|above| depth + f64::from(index32(above)) * pitch));
         depth += f64::from(index32(needles)) * pitch;
     }
     depths

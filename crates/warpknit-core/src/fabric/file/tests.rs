@@ -102,7 +102,7 @@ fn faults_are_pointed_at() {
         "4: ",
         "0.9",
     );
-    pointed("w1", "w9", "[stitch] has no w9: it takes w1 w1x", "4: ", "w9");
+    pointed("w1", "w9", "[stitch] has no w9: it takes w1 w2", "4: ", "w9");
     pointed(
         "wales_per_cm",
         "whales_per_cm",

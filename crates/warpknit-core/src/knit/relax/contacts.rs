@@ -71,6 +71,14 @@ impl Solver<'_> {
         Some(ratios.fold(f64::INFINITY, f64::min))
     }
 
+    /// The data point before the place at which two yarns are nearest.
+    pub(super) fn tightest(&self) -> Option<usize> {
+        let nearest =
+            self.pairs.iter().min_by(|one, other| self.ratio(one).total_cmp(&self.ratio(other)))?;
+        let span = self.segments[nearest.a as usize].span as usize;
+        Some(self.spans[span].points[1] as usize)
+    }
+
     /// Distance of the two segments of a pair over the sum of their radii.
     fn ratio(&self, pair: &ContactPair) -> f64 {
         let (a, b) = (&self.segments[pair.a as usize], &self.segments[pair.b as usize]);
@@ -154,7 +162,8 @@ impl Solver<'_> {
         let (mut nearest, mut candidates) = (f64::INFINITY, 0);
         for (s, one) in self.segments.iter().enumerate() {
             if pairs.len() > MAX_PAIRS * self.segments.len()
-                || candidates > MAX_CANDIDATES * self.segments.len() {
+                || candidates > MAX_CANDIDATES * self.segments.len()
+            {
                 return None;
             }
             let yarn_s = self.spans[one.span as usize].yarn;

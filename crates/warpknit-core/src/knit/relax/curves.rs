@@ -6,13 +6,14 @@
 
 use glam::{DVec2, DVec3};
 
+use super::shape::LENGTH_TOLERANCE;
 use super::{Solver, YarnChain, YarnLength};
 use crate::ids::index32;
 use crate::yarn::curve;
 
 /// Length of a segment of the sampled curve, radii. Longer segments cut the corners of bends, so
 /// contacts are missed there; shorter ones cost time with the square of their number.
-const SEGMENT_RADII: f64 = 1.5;
+const SEGMENT_RADII: f64 = 1.35;
 /// Limits of the segments of one span. Under four, a loop's head becomes a polygon. The upper limit
 /// bounds the work for very thin yarns, whose radii would ask for many more.
 const MIN_SEGMENTS: f64 = 4.0;
@@ -64,10 +65,10 @@ impl<'a> Solver<'a> {
             lengths_over_chords: Vec::new(),
             rest_lengths: Vec::new(),
             rest_chords: Vec::new(),
+            length_tolerance: LENGTH_TOLERANCE,
             before: Vec::new(),
             list_points: Vec::new(),
             bends: Vec::new(),
-            skipped_bends: Vec::new(),
             active: Vec::new(),
             pairs: Vec::new(),
         };
@@ -75,8 +76,6 @@ impl<'a> Solver<'a> {
             chain.points.clone().for_each(|at| solver.add_span(yarn, chain, at));
         }
         solver.weights.resize(solver.samples.len(), [0.0; 4]);
-        solver.bends = vec![0.0; solver.spans.len()];
-        solver.skipped_bends = vec![0; solver.spans.len()];
         solver.active = vec![true; solver.spans.len()];
         solver.set_rest_lengths();
         solver
@@ -101,7 +100,8 @@ impl<'a> Solver<'a> {
             scales[span.yarn as usize] * from.distance(to)
         });
         self.rest_chords = chords.collect();
-        self.rest_lengths = lengths.iter().zip(scales).map(|(length, scale)| length * scale).collect();
+        self.rest_lengths =
+            lengths.iter().zip(scales).map(|(length, scale)| length * scale).collect();
     }
 
     /// Adds the span that starts at a point of a yarn.
@@ -213,7 +213,9 @@ impl<'a> Solver<'a> {
     pub(super) fn stretch(&self) -> f64 {
         let yarns = self.yarns.iter().zip(self.lengths.iter().zip(&self.rest_lengths));
         let changes = yarns.map(|(yarn, (&length, &rest))| match yarn.length {
-            YarnLength::Shape | YarnLength::Fed(_) | YarnLength::Slack(_) => (length / rest - 1.0).abs(),
+            YarnLength::Shape | YarnLength::Fed(_) | YarnLength::Slack(_) => {
+                (length / rest - 1.0).abs()
+            }
             YarnLength::Taut | YarnLength::Loose => 0.0,
         });
         changes.fold(0.0, f64::max)

@@ -31,6 +31,7 @@ use std::ops::Range;
 
 use glam::{DVec2, DVec3};
 
+use super::Progress;
 use contacts::ContactPair;
 use curves::{ChainSpan, CurveSegment};
 
@@ -59,6 +60,10 @@ const GROWTH_CLEARANCE: f64 = 0.965;
 /// Sweeps between two looks at the nearest pair. More of them let pairs meet that are not in the
 /// list; fewer spend the time on looking.
 const SWEEPS_PER_STEP: usize = 8;
+/// The solver gives up after so many looks in which neither the nearest pair nor the tightest bend
+/// has become better by [`PROGRESS`]: some spots have no room.
+const MAX_LOOKS_IN_VAIN: usize = 15;
+const PROGRESS: f64 = 2e-3;
 /// Limit of all sweeps. Fabrics whose yarns fit take one to four hundred.
 const MAX_SWEEPS: usize = 1200;
 /// Factor of the stiffness of stretch and bending from one sweep to the next, in sweeps that do not
@@ -66,6 +71,11 @@ const MAX_SWEEPS: usize = 1200;
 /// constraints contradict each other; at much lower values yarns lose their shapes before they are
 /// apart.
 const STIFFNESS_DECAY: f64 = 0.8;
+/// Share by which a press closes at a time.
+const PRESS_STEP: f64 = 0.02;
+/// Share by which the tolerance of lengths that are not given grows with each look at cloth that
+/// does not fit: by half over some hundred sweeps.
+const YIELDING: f64 = 0.03;
 /// Stiffness below which stretch and bending no longer move anything that can be seen.
 const FADED: f64 = 1e-3;
 /// Above this number of candidates for one list, or of pairs in it, for each segment, whole yarns
@@ -84,6 +94,16 @@ pub(super) struct YarnChain {
     pub(super) radius: f64,
     /// What sets its length.
     pub(super) length: YarnLength,
+}
+
+/// All yarns of a repeat.
+#[derive(Clone, Debug)]
+pub(super) struct Cloth<'a> {
+    pub(super) yarns: &'a [YarnChain],
+    /// Size of the repeat, mm.
+    pub(super) cell: DVec2,
+    /// The distance of two planes that press it, mm.
+    pub(super) press: Option<f64>,
 }
 
 /// What sets the length of a yarn.
@@ -111,28 +131,33 @@ pub struct Relaxation {
     pub stretch: f64,
     /// The share of their radii to which yarns could grow: 1 where they fit.
     pub grown: f64,
+    /// Least distance of two yarns over the sum of their radii, as the solver sees it: infinite
+    /// where no two are near.
+    pub nearest: f64,
 }
 
 /// Moves `points` until no two yarns are nearer than they are thick and no bend is too tight, or a
-/// limit is reached. `shape` holds the same points as they would lie with room enough. `progress`
-/// is called now and then with the share that is done, roughly.
+/// limit is reached. `shape` holds the same points as they would lie with room enough. Returns also
+/// the data point at which two yarns are nearest.
 pub(super) fn relax(
     points: &mut [DVec3],
     shape: &[DVec3],
-    yarns: &[YarnChain],
-    cell: DVec2,
-    press: Option<f64>,
-    progress: &dyn Fn(f64),
-) -> Relaxation {
-    let mut solver = Solver::new(points, shape, yarns, cell);
+    cloth: &Cloth<'_>,
+    progress: Progress<'_>,
+) -> (Relaxation, Option<usize>) {
+    let press = cloth.press;
+    let mut solver = Solver::new(points, shape, cloth.yarns, cloth.cell);
     let mut sweeps = 0;
     let mut stiffness = 1.0;
     let mut grown = START;
-    let mut bend = f64::INFINITY;
     let mut thickness = f64::INFINITY;
+    // The nearest pair and the tightest bend since shapes have faded, and looks without a better.
+    let (mut best, mut looks_in_vain) = ([0.0_f64, f64::INFINITY], 0);
     while sweeps < MAX_SWEEPS {
+        progress(share_done(grown, stiffness));
         solver.sample();
         let Some(nearest) = solver.nearest() else { break };
+        let bend = solver.find_bends(grown);
         let is_grown = grown >= 1.0;
         let is_pressed = press.is_none_or(|press| thickness <= press);
         if is_grown && is_pressed && nearest >= TOLERANCE && bend <= BEND_TOLERANCE {
@@ -143,7 +168,6 @@ pub(super) fn relax(
         let has_room = nearest >= GROWTH_CLEARANCE * grown;
         if has_room && !is_grown {
             grown = ((1.0 + GROWTH_STEP) * grown).max(nearest).min(1.0);
-            progress(grown.powi(4));
         } else if has_room && let Some(press) = press {
             // The planes close as the radii grow: step by step.
             thickness = (thickness.min(solver.thickness()) * (1.0 - PRESS_STEP)).max(press);
@@ -152,8 +176,18 @@ pub(super) fn relax(
         if is_grown && is_pressed && stiffness <= FADED {
             solver.find_active();
         }
+        if stiffness <= FADED {
+            let is_better = nearest > best[0] + PROGRESS || bend < best[1] - PROGRESS;
+            best = [best[0].max(nearest), best[1].min(bend)];
+            looks_in_vain = if is_better { 0 } else { looks_in_vain + 1 };
+            if looks_in_vain > MAX_LOOKS_IN_VAIN {
+                break;
+            }
+            // What still does not fit needs yarn, or gives some.
+            solver.length_tolerance *= 1.0 + YIELDING;
+        }
         for _ in 0..SWEEPS_PER_STEP {
-            bend = solver.sweep(grown, stiffness, thickness);
+            solver.sweep(grown, stiffness, thickness);
             if is_waiting {
                 stiffness *= STIFFNESS_DECAY;
             }
@@ -161,11 +195,14 @@ pub(super) fn relax(
         sweeps += SWEEPS_PER_STEP;
     }
     solver.sample();
-    Relaxation { sweeps, stretch: solver.stretch(), grown }
+    let nearest = solver.nearest().unwrap_or(0.0);
+    (Relaxation { sweeps, stretch: solver.stretch(), grown, nearest }, solver.tightest())
 }
 
-/// Share by which a press closes at a time.
-const PRESS_STEP: f64 = 0.02;
+/// The share of the work that is done, roughly: half of it is growth, half is settling.
+fn share_done(grown: f64, stiffness: f64) -> f64 {
+    0.5 * (grown - START) / (1.0 - START) + 0.5 * stiffness.max(FADED).log(FADED)
+}
 
 /// The state of the solver: structure of arrays.
 struct Solver<'a> {
@@ -189,15 +226,15 @@ struct Solver<'a> {
     rest_chords: Vec<f64>,
     /// The data points of the shape.
     rest_points: Vec<DVec3>,
+    /// Tolerance of the length of a yarn that keeps to its shape, as a share of it.
+    length_tolerance: f64,
     /// The data points before this sweep.
     before: Vec<DVec3>,
     /// The data points when the neighbour list was built.
     list_points: Vec<DVec3>,
-    /// The largest curvature of each span when it was last looked at, over that of a bend with the
+    /// The largest curvature of each span at the last look, over that of a bend with the
     /// yarn's radius.
     bends: Vec<f64>,
-    /// For each span, sweeps for which its bends are skipped.
-    skipped_bends: Vec<u8>,
     /// Whether a span still takes part in sweeps.
     active: Vec<bool>,
     /// The neighbour list.
@@ -207,12 +244,11 @@ struct Solver<'a> {
 impl Solver<'_> {
     /// One iteration over all constraints. `grown` is the share of their radii that yarns have,
     /// `stiffness` that of the constraints which fade, `thickness` the distance of the planes that
-    /// press the cloth, mm. Returns the largest curvature, over that of a bend with the yarn's
-    /// radius.
-    fn sweep(&mut self, grown: f64, stiffness: f64, thickness: f64) -> f64 {
+    /// press the cloth, mm.
+    fn sweep(&mut self, grown: f64, stiffness: f64, thickness: f64) {
         self.before.clear();
         self.before.extend_from_slice(self.points);
-        let bend = self.solve_curvature(grown);
+        self.solve_curvature(grown);
         self.solve_contacts(grown);
         if stiffness > FADED {
             self.solve_stretch(stiffness);
@@ -221,7 +257,6 @@ impl Solver<'_> {
         self.solve_lengths(stiffness);
         self.press(thickness);
         self.limit_moves(grown);
-        bend
     }
 }
 
@@ -236,7 +271,7 @@ mod tests {
     /// Relaxes yarns that keep the shape in which they come.
     fn relaxed(points: &mut [DVec3], yarns: &[YarnChain], cell: DVec2) -> Relaxation {
         let shape = points.to_vec();
-        relax(points, &shape, yarns, cell, None, &|_| ())
+        relax(points, &shape, &Cloth { yarns, cell, press: None }, &mut |_| ()).0
     }
 
     /// A straight yarn up the cell through `points` places.
@@ -293,7 +328,18 @@ mod tests {
         let mut points = [upright(0.2, 0.0, 3), upright(0.7, 0.0, 5)].concat();
         let before = points.clone();
         let relaxation = relaxed(&mut points, &[chain(0..3, 0.1), chain(3..8, 0.1)], CELL);
-        assert_eq!((points, relaxation), (before, Relaxation { sweeps: 0, stretch: 0.0, grown: 1.0 }));
+        assert_eq!(
+            (points, relaxation),
+            (
+                before,
+                Relaxation {
+                    sweeps: SWEEPS_PER_STEP,
+                    stretch: 0.0,
+                    grown: 1.0,
+                    nearest: f64::INFINITY
+                }
+            )
+        );
     }
 
     #[test]

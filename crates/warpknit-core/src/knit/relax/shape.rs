@@ -17,16 +17,21 @@ const CURVATURE_STIFFNESS: f64 = 0.5;
 /// Places in each span at which its curvature is held. The curvature of a cubic is largest at its
 /// ends or near its middle.
 const CURVATURE_PLACES: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
-/// Spans with less than this curvature, over that of the tightest bend, are skipped for some sweeps.
+/// Places at which all bends are looked at, less one.
+const BEND_LOOKS: u8 = 8;
+/// Spans with less than this curvature, over that of a bend with the yarn's radius, are left alone
+/// until the next look.
 const EASY_BEND: f64 = 0.7;
-const SKIPPED_SWEEPS: u8 = 7;
 /// Limit of a data point's move in one sweep, radii. Two yarns that touch, and move towards each
 /// other by so much, still lie on their own sides.
 const MAX_STEP: f64 = 0.2;
-/// Tolerance of a yarn's length, as a share of it.
-const LENGTH_TOLERANCE: f64 = 0.012;
+/// Tolerance of the length of a yarn that keeps to its shape, as a share of it, at the start.
+pub(super) const LENGTH_TOLERANCE: f64 = 0.012;
 /// The same for yarns of which the length is given.
 const FEED_TOLERANCE: f64 = 0.002;
+/// Limit of the share by which a sweep changes a yarn's length. Contacts hold against such a pull.
+/// With more, a run-in that is far too short would pull loops out of each other.
+const MAX_FEED_STEP: f64 = 0.01;
 /// Stiffness of stretch and bending in the first sweep (0 to 1). Higher values pull yarns back into
 /// each other; at 0 contacts crumple the yarns.
 const STRETCH_STIFFNESS: f64 = 0.15;
@@ -37,36 +42,44 @@ const TENSION_STIFFNESS: f64 = 0.3;
 const LOOSENING: f64 = 0.01;
 
 impl Solver<'_> {
-    /// Curvature constraints: opens bends that are tighter than the yarn's radius allows.
-    /// Returns the largest curvature, over that of a bend with the yarn's radius.
-    pub(super) fn solve_curvature(&mut self, grown: f64) -> f64 {
-        for number in 0..self.spans.len() {
-            // Spans that are far from a tight bend are looked at less often.
-            if self.skipped_bends[number] > 0 || !self.active[number] {
-                self.skipped_bends[number] = self.skipped_bends[number].saturating_sub(1);
-                continue;
-            }
-            self.bends[number] = self.open_bend(number, grown);
-            let is_easy = self.bends[number] < EASY_BEND;
-            self.skipped_bends[number] = if is_easy { SKIPPED_SWEEPS } else { 0 };
-        }
+    /// Looks at all bends. Returns the largest curvature, over that of a bend with the yarn's
+    /// radius.
+    pub(super) fn find_bends(&mut self, grown: f64) -> f64 {
+        let bends = self.spans.iter().map(|span| {
+            let control = self.control_points(span);
+            let weights = curve::weights(&control);
+            let places = (0..=BEND_LOOKS).map(|at| f64::from(at) / f64::from(BEND_LOOKS));
+            let curvatures = places.map(|t| {
+                let [u, v] = weights.derivatives(t).map(|weights| blend(&control, &weights));
+                u.cross(v).length() / u.length().max(1e-12).powi(3)
+            });
+            curvatures.fold(0.0, f64::max) * self.yarns[span.yarn as usize].radius * grown
+        });
+        self.bends = bends.collect();
         self.bends.iter().copied().fold(0.0, f64::max)
     }
 
-    /// Opens the bends of one span. Returns the largest curvature that it had, over that of a bend
-    /// with the yarn's radius.
-    fn open_bend(&mut self, number: usize, grown: f64) -> f64 {
+    /// Curvature constraints: opens bends that are tighter than the yarn's radius allows. Spans that
+    /// are far from a tight bend wait for the next look.
+    pub(super) fn solve_curvature(&mut self, grown: f64) {
+        for number in 0..self.spans.len() {
+            if self.active[number] && self.bends[number] > EASY_BEND {
+                self.open_bend(number, grown);
+            }
+        }
+    }
+
+    /// Opens the bends of one span.
+    fn open_bend(&mut self, number: usize, grown: f64) {
         let span = self.spans[number];
         let radius = self.yarns[span.yarn as usize].radius * grown;
         let limit = 1.0 / (MIN_BEND_RADIUS * radius);
-        let mut worst: f64 = 0.0;
         for t in CURVATURE_PLACES {
             let control = self.control_points(&span);
             let [first, second] = curve::weights(&control).derivatives(t);
             let (u, v) = (blend(&control, &first), blend(&control, &second));
             let (turn, speed) = (u.cross(v), u.length().max(1e-12));
             let curvature = turn.length() / speed.powi(3);
-            worst = worst.max(curvature);
             if curvature <= limit {
                 continue;
             }
@@ -84,7 +97,6 @@ impl Solver<'_> {
                 self.points[point as usize] -= step.clamp_length_max(MAX_STEP * radius);
             }
         }
-        worst * radius
     }
 
     /// Stretch constraints: pulls neighbouring data points to their distance in the shape (the
@@ -138,6 +150,9 @@ impl Solver<'_> {
     /// their lengths, along the gradient of the length.
     pub(super) fn solve_lengths(&mut self, stiffness: f64) {
         for (number, yarn) in self.yarns.iter().enumerate() {
+            if !self.active[yarn.points.clone()].contains(&true) {
+                continue;
+            }
             // The length of the chords stands for that of the curve: it has a simple gradient, and
             // from one look at the curve to the next both change in proportion.
             let chords: Vec<_> = yarn.points.clone().map(|span| self.chord(span)).collect();
@@ -147,11 +162,16 @@ impl Solver<'_> {
             // real yarn slips through its loops. Nothing happens there.
             let change = now / rest - 1.0;
             let excess = match yarn.length {
-                YarnLength::Shape => change - change.clamp(-LENGTH_TOLERANCE, LENGTH_TOLERANCE),
-                YarnLength::Fed(_) | YarnLength::Slack(_) => change - change.clamp(-FEED_TOLERANCE, FEED_TOLERANCE),
+                YarnLength::Shape => {
+                    change - change.clamp(-self.length_tolerance, self.length_tolerance)
+                }
+                YarnLength::Fed(_) | YarnLength::Slack(_) => {
+                    change - change.clamp(-FEED_TOLERANCE, FEED_TOLERANCE)
+                }
                 YarnLength::Loose => -LOOSENING * stiffness,
                 YarnLength::Taut => 0.0,
             };
+            let excess = excess.clamp(-MAX_FEED_STEP, MAX_FEED_STEP);
             let gradient_squared: f64 =
                 (0..chords.len()).map(|i| length_gradient(&chords, i).length_squared()).sum();
             // A straight yarn has no gradient: no small move of its points changes its length.
@@ -170,9 +190,10 @@ impl Solver<'_> {
         if thickness == f64::INFINITY {
             return;
         }
-        let (low, high) = self.points.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |all, p| {
-            (all.0.min(p.z), all.1.max(p.z))
-        });
+        let (low, high) = self
+            .points
+            .iter()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |all, p| (all.0.min(p.z), all.1.max(p.z)));
         let middle = low.midpoint(high);
         for yarn in self.yarns {
             let reach = (thickness / 2.0 - yarn.radius).max(0.0);
