@@ -256,7 +256,7 @@ fn inspect_prints_the_fabric_and_writes_both_formats() {
         "W 0.685 mm, C 0.460 mm",
         "2-3  closed  2 \u{2192}       3",
         "diameter 0.079 mm",
-        "needle: 2..2",
+        "needle: 2\n",
     ] {
         assert!(text.contains(part), "{part}: {text}");
     }

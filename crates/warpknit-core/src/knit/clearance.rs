@@ -42,6 +42,8 @@ const MIN_RELAXED: f64 = 0.98;
 /// Least clearance of laid yarns, which are squeezed flat where they cross. The relaxation pushes
 /// them apart to a little more than this (0.6 of their radii).
 const MIN_SQUEEZED: f64 = 0.55;
+/// Cloth that is thicker than its press says by more than this factor gets a warning.
+const MAX_THICKER: f64 = 1.02;
 /// Limits for one segment, of pairs that it forms and of candidates that it checks. Regular cloth
 /// has a few dozen. Beyond, whole yarns lie in one place; the rest of them adds nothing to the
 /// answer, and the work would grow with the square of their number.
@@ -366,6 +368,16 @@ pub fn warnings(
         warnings.push(format!(
             "the repeat of over {MAX_RELAXED_LAPS} laps is too large to be relaxed: yarns lie as \
              laid out, and may cut each other"
+        ));
+    }
+    let wanted = fabric.finish.thickness.map(|thickness| thickness * fabric.enlargement);
+    if let (Some(wanted), Some(relaxation)) = (wanted, pattern.relaxation())
+        && relaxation.thickness > MAX_THICKER * wanted
+    {
+        warnings.push(format!(
+            "the press can't make the cloth {wanted:.3} mm thick: its yarns move aside to {:.3} mm \
+             and no further",
+            relaxation.thickness
         ));
     }
     if fabric.is_laid() {
