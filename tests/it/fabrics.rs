@@ -10,7 +10,7 @@ fn bars(fabric: &Fabric) -> &[Bar] {
 }
 
 /// The fabrics of the table in docs/fabrics.md.
-pub(crate) const NAMES: [&str; 30] = [
+pub(crate) const NAMES: [&str; 41] = [
     "tricot",
     "locknit",
     "reverse-locknit",
@@ -21,6 +21,17 @@ pub(crate) const NAMES: [&str; 30] = [
     "double-cord",
     "double-atlas",
     "pillar-tricot",
+    "three-bar-tricot",
+    "three-bar-locknit",
+    "pillar-locknit",
+    "three-bar-satin",
+    "three-bar-queenscord",
+    "plush",
+    "elastic-locknit",
+    "ticking",
+    "four-bar-tricot",
+    "pinstripe",
+    "elastic-satin",
     "pillar-open",
     "pillar-closed",
     "tricot-closed",
@@ -112,6 +123,8 @@ fn inlays_and_wefts_knit_nothing() {
         ("marquisette", 1),
         ("marquisette-3", 2),
         ("power-net", 2),
+        ("ticking", 1),
+        ("elastic-satin", 2),
         ("tulle-3", 1),
         ("weft-inserted", 1),
     ] {

@@ -97,8 +97,8 @@ impl Window {
 /// counted.
 const SHARES: [(&str, f64, f64, Option<usize>); 10] = [
     ("tricot", 0.0, 0.15, None),
-    // Its pillars stand a wale apart, and the inlay crosses between them in each course.
-    ("tulle-3", 0.35, 0.9, Some(6)),
+    // Its pillars stand a wale apart, and the inlay crosses between them in each third course.
+    ("tulle-3", 0.35, 0.9, Some(2)),
     // Neighbouring pillars meet once in five courses.
     ("tulle-5", 0.35, 0.9, Some(2)),
     // One a wale and course: the inlay crosses in each.

@@ -1,7 +1,7 @@
 //! The fabrics that come with the program, one TOML file each, embedded in the binary.
 
-/// Name and text of each: the default first, then cloths of two bars, single bars, nets and inlays,
-/// and weft knits.
+/// Name and text of each: the default first, then cloths of two bars, of three and four, single bars,
+/// nets and inlays, and weft knits.
 const FABRICS: &[(&str, &str)] = &[
     ("tricot", include_str!("builtin/tricot.toml")),
     ("locknit", include_str!("builtin/locknit.toml")),
@@ -13,6 +13,17 @@ const FABRICS: &[(&str, &str)] = &[
     ("double-cord", include_str!("builtin/double-cord.toml")),
     ("double-atlas", include_str!("builtin/double-atlas.toml")),
     ("pillar-tricot", include_str!("builtin/pillar-tricot.toml")),
+    ("three-bar-tricot", include_str!("builtin/three-bar-tricot.toml")),
+    ("three-bar-locknit", include_str!("builtin/three-bar-locknit.toml")),
+    ("pillar-locknit", include_str!("builtin/pillar-locknit.toml")),
+    ("three-bar-satin", include_str!("builtin/three-bar-satin.toml")),
+    ("three-bar-queenscord", include_str!("builtin/three-bar-queenscord.toml")),
+    ("plush", include_str!("builtin/plush.toml")),
+    ("elastic-locknit", include_str!("builtin/elastic-locknit.toml")),
+    ("ticking", include_str!("builtin/ticking.toml")),
+    ("four-bar-tricot", include_str!("builtin/four-bar-tricot.toml")),
+    ("pinstripe", include_str!("builtin/pinstripe.toml")),
+    ("elastic-satin", include_str!("builtin/elastic-satin.toml")),
     ("pillar-open", include_str!("builtin/pillar-open.toml")),
     ("pillar-closed", include_str!("builtin/pillar-closed.toml")),
     ("tricot-closed", include_str!("builtin/tricot-closed.toml")),
