@@ -55,6 +55,10 @@ const MIN_WALE_GAP: f64 = 0.60;
 /// Stiffness of a spring from each node to its straight place. It fixes the lattice where underlaps
 /// pull equally in both directions. At 0 such a lattice may drift; at more it holds nets back.
 const ANCHOR_STIFFNESS: f64 = 0.01;
+/// Limit of a wale's sideways move from one course to the next, wale spacings. Nets need 0.43.
+/// Irregular lappings that drop stitches lean by up to one wale, and the curve of a leg that leans
+/// so much may leave the loop through which it is drawn.
+const MAX_SLANT: f64 = 0.5;
 /// Factor of the velocities in each step. At 1 the lattice oscillates for ever; near 0 it creeps.
 const DAMPING: f64 = 0.85;
 /// Length of a time step. Explicit steps are stable up to about 2 / sqrt(stiffness / mass) of the
@@ -252,7 +256,21 @@ impl WaleLattice {
                 break;
             }
         }
+        self.limit_slant(&model.rest);
         self.nodes.iter_mut().for_each(|node| *node *= self.wale_spacing);
+    }
+
+    /// Draws all nodes towards their rest places if a wale leans too much somewhere, lengths in
+    /// wale spacings.
+    fn limit_slant(&mut self, rest: &[DVec2]) {
+        let moved: Vec<_> = self.nodes.iter().zip(rest).map(|(node, rest)| *node - *rest).collect();
+        let slants = self.places().map(|(wale, course)| {
+            (moved[self.index(wale, course + 1)].x - moved[self.index(wale, course)].x).abs()
+        });
+        let share = MAX_SLANT / slants.fold(MAX_SLANT, f64::max);
+        for (node, (rest, moved)) in self.nodes.iter_mut().zip(rest.iter().zip(moved)) {
+            *node = *rest + share * moved;
+        }
     }
 
     /// Computes the force on every node; lengths in wale spacings.
