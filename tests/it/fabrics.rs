@@ -193,7 +193,8 @@ fn measured(fabric: &Fabric) -> f64 {
 
 #[test]
 fn ratios_of_yarn_cover_are_near_those_of_relaxed_cloth() {
-    for name in ["tricot", "locknit", "satin", "hex-net-3", "marquisette", "jersey"] {
+    // Fabrics whose run-in is not given: one that is given doesn't follow the densities.
+    for name in ["tricot", "locknit", "satin", "atlas-net", "tricot-inlay", "jersey"] {
         let fabric = Fabric::named(name).unwrap();
         let fine = fabric.clone().with_counts(&["20 dtex".parse().unwrap()]).unwrap();
         let coarse = Fabric {
