@@ -49,9 +49,9 @@ fn an_impossible_run_in_is_refused_with_its_range() {
 
 #[test]
 fn slack_lengthens_an_inlay_and_tension_straightens_it() {
-    let taut = run_in_of(&Fabric::named("marquisette").unwrap(), 1);
+    let taut = run_in_of(&Fabric::named("tricot-inlay").unwrap(), 1);
     let slack = [0.0, 0.1]
-        .map(|slack| run_in_of(&with_line("marquisette", 1, &format!("slack = {slack:.1}")), 1));
+        .map(|slack| run_in_of(&with_line("tricot-inlay", 1, &format!("slack = {slack:.1}")), 1));
     assert!(taut <= slack[0] * 1.01, "{taut} {slack:?}");
     assert!((slack[1] / slack[0] - 1.1).abs() < 0.01, "{slack:?}");
 }

@@ -113,6 +113,25 @@ impl Fabric {
         bar.run_in.map(|run_in| run_in * self.enlargement)
     }
 
+    /// The cloth at the densities that it has now, with yarns as thick as their count says and loops
+    /// as large as they are drawn.
+    #[must_use]
+    pub fn not_enlarged(mut self) -> Self {
+        let times = std::mem::replace(&mut self.enlargement, 1.0);
+        self.scale_lengths(times);
+        self
+    }
+
+    /// Scales what is given in mm: run-ins and thickness.
+    fn scale_lengths(&mut self, times: f64) {
+        self.finish.thickness = self.finish.thickness.map(|thickness| thickness * times);
+        if let Structure::Warp(knit) = &mut self.structure {
+            for bar in &mut knit.bars {
+                bar.run_in = bar.run_in.map(|run_in| run_in * times);
+            }
+        }
+    }
+
     /// The same cloth, all its lengths so many times as large, but for its yarns: densities,
     /// run-ins and thickness.
     ///
@@ -136,12 +155,7 @@ impl Fabric {
         self.courses_per_cm =
             in_range("courses_per_cm", self.courses_per_cm / times, file::DENSITY)?;
         self.gauge = None;
-        self.finish.thickness = self.finish.thickness.map(|thickness| thickness * times);
-        if let Structure::Warp(knit) = &mut self.structure {
-            for bar in &mut knit.bars {
-                bar.run_in = bar.run_in.map(|run_in| run_in * times);
-            }
-        }
+        self.scale_lengths(times);
         Ok(self)
     }
 
