@@ -138,8 +138,9 @@ fn a_repeat_of_thousands_of_laps_is_relaxed() {
         let mut gap = 4_usize;
         let laps = (0..1100).map(|course| {
             let random = (seed + course) * 2_654_435_761 % 4_294_967_296 / 65_536;
-            gap = (gap + random % 3).clamp(1, 8) - usize::from(random % 3 > 0 && gap > 1);
-            if random % 2 == 0 {
+            gap =
+                (gap + random % 3).clamp(1, 8) - usize::from(!random.is_multiple_of(3) && gap > 1);
+            if random.is_multiple_of(2) {
                 format!("{gap}-{}", gap + 1)
             } else {
                 format!("{}-{gap}", gap + 1)
