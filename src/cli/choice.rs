@@ -109,7 +109,7 @@ impl Chains {
             fabric.with_chains(&self.lapping, &self.threading)?
         };
         let (fabric, warning) = densities.of_counts(fabric, &self.count)?;
-        // Given run-ins are those of the real cloth, so they come after its scale.
+        // Given run-ins count for the chosen densities, so they come after them.
         let run_ins: Vec<_> = self.run_in.iter().map(|RunIn(length)| *length).collect();
         Ok((fabric.with_run_ins(&run_ins)?, warning))
     }

@@ -91,7 +91,7 @@ impl Densities {
             let times = changed.true_radius() / fabric.true_radius();
             return Ok((changed.at_scale(times)?, None));
         }
-        let changed = self.of_fabric(changed)?.not_enlarged();
+        let changed = Fabric { enlargement: 1.0, ..self.of_fabric(changed)? };
         let warning = misfit(&changed, &fabric);
         Ok((changed, warning))
     }

@@ -24,7 +24,7 @@ impl RealCloth {
     #[must_use]
     pub fn new(fabric: &Fabric) -> Self {
         // An enlarged fabric has thicker yarns: without this, mass and thickness would be too large.
-        let fabric = fabric.clone().not_enlarged();
+        let fabric = Fabric { enlargement: 1.0, ..fabric.clone() };
         let pattern = Pattern::new(&fabric);
         let clearance = clearance::measure(&fabric, &pattern, fabric.radius());
         Self { numbers: numbers::measure(&fabric, &pattern), clearance, fabric }
@@ -33,7 +33,7 @@ impl RealCloth {
     /// Measures a repeat that has been knitted already and whose clearance is known.
     #[must_use]
     pub fn from_pattern(fabric: &Fabric, pattern: &Pattern, clearance: Clearance) -> Self {
-        let fabric = fabric.clone().not_enlarged();
+        let fabric = Fabric { enlargement: 1.0, ..fabric.clone() };
         Self { numbers: numbers::measure(&fabric, pattern), clearance, fabric }
     }
 }

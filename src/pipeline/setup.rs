@@ -56,6 +56,7 @@ impl Setup {
     pub(super) fn first_warnings(&self, job: &Job<'_>) -> Vec<String> {
         let mut warnings = job.cloth.garment().summary.warnings.clone();
         let pattern = job.cloth.pattern();
+        warnings.extend(run_in::missed(job.shown, pattern));
         warnings.extend(self.links.warning());
         warnings.extend(clearance::warnings(job.shown, pattern, &self.near, self.section.radius));
         if job.settings.picture.shape == Shape::Ribbon {

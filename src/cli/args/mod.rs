@@ -113,7 +113,7 @@ pub(crate) enum Command {
   warpknit swatch --fabric locknit --view back -o back.png
   warpknit swatch --lapping 3-4/1-0// --lapping 1-0/1-2// -o satin.png
   warpknit swatch --fabric locknit --count '78 dtex' -o heavy.png
-  warpknit swatch --fabric locknit --run-in 1400 --run-in 1100 -o tight.png")]
+  warpknit swatch --fabric locknit --run-in 1714 --run-in 1360 -o tight.png")]
     Swatch(Swatch),
     /// Show a garment or a swatch in a window, and knit it again as you choose
     #[cfg(feature = "view")]

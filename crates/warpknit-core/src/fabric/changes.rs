@@ -78,8 +78,8 @@ impl Fabric {
     /// spacing.
     ///
     /// A named fabric is a look: at a tenth of its wales its true yarns would be hairlines. Masses
-    /// still follow the count. Run-ins stay too: they are set on the machine, and
-    /// [`Fabric::drawn_run_in`] enlarges them with the cloth.
+    /// still follow the count. Run-ins of the file change as the loops do, by an estimate from the
+    /// lapping.
     ///
     /// # Errors
     /// [`FabricFault::Range`] where a density is not positive.
@@ -98,28 +98,21 @@ impl Fabric {
         in_range("wales_per_cm", wales_per_cm, file::DENSITY)?;
         in_range("courses_per_cm", courses_per_cm, file::DENSITY)?;
         // Drawn radii grow with the wale spacing, so that the loops keep their shape.
-        self.enlargement *= self.wales_per_cm / wales_per_cm;
+        let times = self.wales_per_cm / wales_per_cm;
+        self.enlargement *= times;
+        self.finish.thickness = self.finish.thickness.map(|thickness| thickness * times);
+        let before = [self.wale_spacing(), self.course_spacing()];
+        let after = [10.0 / wales_per_cm, 10.0 / courses_per_cm];
+        if let Structure::Warp(knit) = &mut self.structure {
+            for bar in &mut knit.bars {
+                let [before, after] = [before, after].map(|spacing| bar.estimated_length(spacing));
+                bar.run_in = bar.run_in.map(|run_in| run_in * after / before);
+            }
+        }
         self.wales_per_cm = wales_per_cm;
         self.gauge = None;
         self.courses_per_cm = courses_per_cm;
         Ok(self)
-    }
-
-    /// The run-in that is given for a bar, mm a rack, as long as the cloth is drawn:
-    /// enlarged with it. `None` where none is given.
-    #[must_use]
-    pub fn drawn_run_in(&self, system: usize) -> Option<f64> {
-        let bar = self.warp_knit()?.bars.get(system)?;
-        bar.run_in.map(|run_in| run_in * self.enlargement)
-    }
-
-    /// The cloth at the densities that it has now, with yarns as thick as their count says and loops
-    /// as large as they are drawn.
-    #[must_use]
-    pub fn not_enlarged(mut self) -> Self {
-        let times = std::mem::replace(&mut self.enlargement, 1.0);
-        self.scale_lengths(times);
-        self
     }
 
     /// Scales what is given in mm: run-ins and thickness.
@@ -311,8 +304,9 @@ mod tests {
         assert_eq!(run_ins, [Some(1500.0), None]);
         // The cloth is drawn enlarged, and the yarn of its loops with it.
         let coarse = changed.at_densities(1.46, 2.174).unwrap();
-        assert!((coarse.drawn_run_in(0).unwrap() - 15_000.0).abs() < 1e-6);
-        assert_eq!(coarse.drawn_run_in(1), None);
+        let run_ins: Vec<_> =
+            coarse.warp_knit().unwrap().bars.iter().map(|bar| bar.run_in).collect();
+        assert!(run_ins[0].is_some_and(|run_in| run_in > 2000.0) && run_ins[1].is_none());
         let fault = |name: &str, run_ins: &[Option<f64>]| {
             named(name).with_run_ins(run_ins).unwrap_err().to_string()
         };

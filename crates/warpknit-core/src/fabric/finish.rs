@@ -21,8 +21,7 @@ pub struct Finish {
     pub width_shrink: Option<f64>,
     /// Share of the length on the machine that is lost; under 0 where the cloth was stretched.
     pub length_shrink: Option<f64>,
-    /// Thickness of the finished cloth, pressed between two planes, mm, before
-    /// [`Fabric::enlargement`].
+    /// Thickness of the finished cloth, pressed between two planes, mm.
     pub thickness: Option<f64>,
 }
 

@@ -370,7 +370,7 @@ pub fn warnings(
              laid out, and may cut each other"
         ));
     }
-    let wanted = fabric.finish.thickness.map(|thickness| thickness * fabric.enlargement);
+    let wanted = fabric.finish.thickness;
     if let (Some(wanted), Some(relaxation)) = (wanted, pattern.relaxation())
         && relaxation.thickness > MAX_THICKER * wanted
     {
@@ -391,7 +391,8 @@ pub fn warnings(
         }
     } else if clearance.min_over_2r < MIN_RELAXED {
         let place = pattern.tightest().map_or_else(String::new, |(bar, tag)| {
-            format!(", bar {} on needle {} in course {},", bar + 1, tag.wale + 1, tag.course + 1)
+            let [wale, course] = pattern.in_repeat(tag);
+            format!(", bar {} on needle {} in course {},", bar + 1, wale + 1, course + 1)
         });
         // Cloth of yarns that are finer by a share has as much more room; so has cloth of lower
         // densities, in both directions.

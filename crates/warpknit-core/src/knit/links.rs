@@ -45,8 +45,8 @@ pub struct Links {
 pub struct WrongLink {
     /// Wale of the needle in the repeat, from 0.
     pub wale: usize,
-    /// Course of the old loop in the repeat, from 0.
-    pub course: usize,
+    /// Course of the new loop in the repeat, from 0.
+    pub new_course: usize,
     /// Bar or feeder of the old loop, front first, from 0.
     pub old_bar: usize,
     /// Bar or feeder of the new loop.
@@ -57,7 +57,7 @@ impl Links {
     /// Tells the designer of loops that are not drawn through; `None` where all are.
     #[must_use]
     pub fn warning(&self) -> Option<String> {
-        let WrongLink { wale, course, old_bar, new_bar } = self.first_wrong?;
+        let WrongLink { wale, new_course, old_bar, new_bar } = self.first_wrong?;
         Some(format!(
             "{} of {} loops are not drawn through the old loop of their needle; the first is that \
              of bar {} on needle {} in course {}, with the old loop of bar {}: thinner yarns, lower \
@@ -66,7 +66,7 @@ impl Links {
             self.checked,
             new_bar + 1,
             wale + 1,
-            course + 2,
+            new_course + 1,
             old_bar + 1
         ))
     }
@@ -121,7 +121,7 @@ pub fn measure(fabric: &Fabric, pattern: &Pattern) -> Links {
                 links.wrong += 1;
                 links.first_wrong.get_or_insert(WrongLink {
                     wale: old.head,
-                    course,
+                    new_course: next,
                     old_bar: old.bar,
                     new_bar: new.bar,
                 });

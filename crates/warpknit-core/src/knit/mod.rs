@@ -343,7 +343,7 @@ impl Pattern {
         let cloth = relax::Cloth {
             yarns: &chains.collect::<Vec<_>>(),
             cell: self.spacing * as_vec(self.size[0], self.size[1]),
-            press: fabric.finish.thickness.map(|thickness| thickness * fabric.enlargement),
+            press: fabric.finish.thickness,
         };
         let (relaxation, tightest) = relax::relax(&mut self.repeat.points, shape, &cloth, progress);
         self.relaxation = Some(relaxation);
@@ -384,6 +384,15 @@ impl Pattern {
     #[must_use]
     pub fn relaxation(&self) -> Option<Relaxation> {
         self.relaxation
+    }
+
+    /// Wale and course of a data point as those of the repeat, from 0.
+    pub(crate) fn in_repeat(&self, tag: Tag) -> [usize; 2] {
+        let places = [(tag.wale, self.size[0]), (tag.course, self.size[1])];
+        places.map(|(at, size)| {
+            usize::try_from(i64::from(at).rem_euclid(i64::from(index32(size))))
+                .expect("a remainder is not negative")
+        })
     }
 
     /// Data points of one yarn of a bar in one repeat.
@@ -526,7 +535,7 @@ fn yarn_length(fabric: &Fabric, yarn: &RepeatYarn) -> YarnLength {
     let Structure::Warp(knit) = &fabric.structure else { return YarnLength::Shape };
     let bar = &knit.bars[yarn.bar];
     let steps = f64::from(index32(yarn.steps.len() - 1));
-    match (fabric.drawn_run_in(yarn.bar), bar.slack) {
+    match (bar.run_in, bar.slack) {
         (Some(run_in), _) => YarnLength::Fed(run_in / numbers::RACK * steps),
         (None, Some(slack)) => YarnLength::Slack(slack),
         (None, None) if bar.is_inlay() => YarnLength::Taut,

@@ -92,7 +92,7 @@ impl<'a> Solver<'a> {
         let scales = self.yarns.iter().zip(&lengths).map(|(yarn, length)| match yarn.length {
             YarnLength::Fed(fed) => fed / length,
             YarnLength::Slack(slack) => 1.0 + slack,
-            YarnLength::Shape | YarnLength::Taut | YarnLength::Loose => 1.0,
+            YarnLength::Shape | YarnLength::Taut => 1.0,
         });
         let scales = scales.collect::<Vec<_>>();
         let chords = self.spans.iter().map(|span| {
@@ -216,7 +216,7 @@ impl<'a> Solver<'a> {
             YarnLength::Shape | YarnLength::Fed(_) | YarnLength::Slack(_) => {
                 (length / rest - 1.0).abs()
             }
-            YarnLength::Taut | YarnLength::Loose => 0.0,
+            YarnLength::Taut => 0.0,
         });
         changes.fold(0.0, f64::max)
     }

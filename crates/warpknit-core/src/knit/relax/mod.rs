@@ -119,8 +119,6 @@ pub(super) enum YarnLength {
     Slack(f64),
     /// Its tension, which pulls it as straight as the other yarns allow.
     Taut,
-    /// Whatever room there is: as long as the other yarns allow.
-    Loose,
 }
 
 /// How the relaxation ended.
@@ -152,6 +150,7 @@ pub(super) fn relax(
     let press = cloth.press;
     let mut solver = Solver::new(points, shape, cloth.yarns, cloth.cell);
     let mut sweeps = 0;
+    let mut gave_up = false;
     let mut stiffness = 1.0;
     let mut grown = START;
     let mut thickness = f64::INFINITY;
@@ -160,7 +159,10 @@ pub(super) fn relax(
     while sweeps < MAX_SWEEPS {
         progress(share_done(grown, stiffness));
         solver.sample();
-        let Some(nearest) = solver.nearest() else { break };
+        let Some(nearest) = solver.nearest() else {
+            gave_up = true;
+            break;
+        };
         let bend = solver.find_bends(grown);
         let is_grown = grown >= 1.0;
         let is_pressed = press.is_none_or(|press| solver.thickness() <= press * PRESS_TOLERANCE);
@@ -202,12 +204,13 @@ pub(super) fn relax(
         sweeps += SWEEPS_PER_STEP;
     }
     solver.sample();
-    let nearest = solver.nearest().unwrap_or(0.0);
+    // Too many pairs are no distance at all.
+    let nearest = if gave_up { 0.0 } else { solver.nearest().unwrap_or(0.0) };
     let (stretch, thickness) = (solver.stretch(), solver.thickness());
     (Relaxation { sweeps, stretch, grown, nearest, thickness }, solver.tightest())
 }
 
-/// The share of the work that is done, roughly: half of it is growth, half is settling.
+/// The share of the work that is done, roughly: half of it is growth, half comes after it.
 fn share_done(grown: f64, stiffness: f64) -> f64 {
     0.5 * (grown - START) / (1.0 - START) + 0.5 * stiffness.max(FADED).log(FADED)
 }
@@ -262,7 +265,7 @@ impl Solver<'_> {
             self.solve_stretch(stiffness);
             self.solve_bending(stiffness);
         }
-        self.solve_lengths(stiffness);
+        self.solve_lengths();
         self.press(thickness);
         self.limit_moves(grown);
     }

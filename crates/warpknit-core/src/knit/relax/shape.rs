@@ -38,8 +38,6 @@ const STRETCH_STIFFNESS: f64 = 0.15;
 const BENDING_STIFFNESS: f64 = 0.12;
 /// Share of the way to the middle of its neighbours that tension draws a point in the first sweep.
 const TENSION_STIFFNESS: f64 = 0.3;
-/// Share by which a yarn without a length of its own lengthens in the first sweep.
-const LOOSENING: f64 = 0.01;
 
 impl Solver<'_> {
     /// Looks at all bends. Returns the largest curvature, over that of a bend with the yarn's
@@ -148,7 +146,7 @@ impl Solver<'_> {
 
     /// Length constraints: brings yarns that grew or shrank by more than the tolerance back to
     /// their lengths, along the gradient of the length.
-    pub(super) fn solve_lengths(&mut self, stiffness: f64) {
+    pub(super) fn solve_lengths(&mut self) {
         for (number, yarn) in self.yarns.iter().enumerate() {
             if !self.active[yarn.points.clone()].contains(&true) {
                 continue;
@@ -168,7 +166,6 @@ impl Solver<'_> {
                 YarnLength::Fed(_) | YarnLength::Slack(_) => {
                     change - change.clamp(-FEED_TOLERANCE, FEED_TOLERANCE)
                 }
-                YarnLength::Loose => -LOOSENING * stiffness,
                 YarnLength::Taut => 0.0,
             };
             let excess = excess.clamp(-MAX_FEED_STEP, MAX_FEED_STEP);
