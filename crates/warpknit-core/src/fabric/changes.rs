@@ -16,6 +16,9 @@ use super::threading::Threading;
 use super::yarn::Count;
 use super::{Dimensions, Fabric, Structure, WarpKnit};
 
+/// Difference of two proportions of wales to courses that count as one, as a share.
+const SAME_PROPORTION: f64 = 0.02;
+
 impl Fabric {
     /// A warp knit of these chains (or `weft`) and threadings, front first, as the command line
     /// gives them.
@@ -78,8 +81,8 @@ impl Fabric {
     /// spacing.
     ///
     /// A named fabric is a look: at a tenth of its wales its true yarns would be hairlines. Masses
-    /// still follow the count. Run-ins of the file change as the loops do, by an estimate from the
-    /// lapping.
+    /// still follow the count. Run-ins of the file are enlarged too. In other proportions of wales and
+    /// courses they don't count: yarns take the length of their loops.
     ///
     /// # Errors
     /// [`FabricFault::Range`] where a density is not positive.
@@ -101,12 +104,12 @@ impl Fabric {
         let times = self.wales_per_cm / wales_per_cm;
         self.enlargement *= times;
         self.finish.thickness = self.finish.thickness.map(|thickness| thickness * times);
-        let before = [self.wale_spacing(), self.course_spacing()];
-        let after = [10.0 / wales_per_cm, 10.0 / courses_per_cm];
+        let is_in_proportion =
+            (self.courses_per_cm / courses_per_cm / times - 1.0).abs() < SAME_PROPORTION;
         if let Structure::Warp(knit) = &mut self.structure {
             for bar in &mut knit.bars {
-                let [before, after] = [before, after].map(|spacing| bar.estimated_length(spacing));
-                bar.run_in = bar.run_in.map(|run_in| run_in * after / before);
+                let run_in = bar.run_in.filter(|_| is_in_proportion);
+                bar.run_in = run_in.map(|run_in| run_in * times);
             }
         }
         self.wales_per_cm = wales_per_cm;

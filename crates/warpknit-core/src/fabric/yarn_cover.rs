@@ -47,21 +47,16 @@ impl Fabric {
     }
 }
 
-impl Bar {
-    /// Estimated mm of a guide's yarn in a course at spacings W and C, mm; a given run-in is not
-    /// looked at.
-    pub(super) fn estimated_length(&self, [w, c]: [f64; 2]) -> f64 {
-        match &self.lay {
-            Lay::Weft => w,
-            Lay::Lapping(chain) => length_of_course(chain, w, c),
-        }
-    }
-}
-
 /// mm of a bar's yarns in a wale and a course.
 fn length_of_bar(bar: &Bar, w: f64, c: f64) -> f64 {
     let threaded = share(bar.threading.repeat(), |guide| bar.threading.carries(guide));
-    let length = bar.run_in.map_or_else(|| bar.estimated_length([w, c]), |run_in| run_in / RACK);
+    let length = match &bar.lay {
+        Lay::Weft => w,
+        Lay::Lapping(chain) => match bar.run_in {
+            Some(run_in) => run_in / RACK,
+            None => length_of_course(chain, w, c),
+        },
+    };
     threaded * length * (1.0 + bar.slack.unwrap_or(0.0))
 }
 
