@@ -26,6 +26,8 @@ pub struct Bar {
     pub yarn: Yarn,
 }
 
+/// Courses of a rack, the unit in which warp knitters state run-in.
+pub(crate) const RACK: f64 = 480.0;
 /// Run-ins that are taken. Tricots take 1 to 3 m a rack, the coarsest cloth that can be described
 /// some hundred times as much.
 pub(super) const RUN_IN: Limits = (1.0, 1e6, "mm a rack of 480 courses");

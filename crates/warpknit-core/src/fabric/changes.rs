@@ -103,15 +103,13 @@ impl Fabric {
         // Drawn radii grow with the wale spacing, so that the loops keep their shape.
         let times = self.wales_per_cm / wales_per_cm;
         self.enlargement *= times;
-        self.finish.thickness = self.finish.thickness.map(|thickness| thickness * times);
-        let is_in_proportion =
-            (self.courses_per_cm / courses_per_cm / times - 1.0).abs() < SAME_PROPORTION;
-        if let Structure::Warp(knit) = &mut self.structure {
-            for bar in &mut knit.bars {
-                let run_in = bar.run_in.filter(|_| is_in_proportion);
-                bar.run_in = run_in.map(|run_in| run_in * times);
-            }
+        let proportion = self.courses_per_cm / courses_per_cm / times;
+        if let Structure::Warp(knit) = &mut self.structure
+            && (proportion - 1.0).abs() >= SAME_PROPORTION
+        {
+            knit.bars.iter_mut().for_each(|bar| bar.run_in = None);
         }
+        self.scale_lengths(times);
         self.wales_per_cm = wales_per_cm;
         self.gauge = None;
         self.courses_per_cm = courses_per_cm;

@@ -29,6 +29,7 @@ use glam::DVec2;
 use file::FabricFile;
 use yarn::Yarn;
 
+pub(crate) use bar::RACK;
 pub use bar::{Bar, Lay};
 pub use checks::Needles;
 pub use dimensions::Dimensions;

@@ -7,13 +7,11 @@
 //! lengths are those of a flat drawing, up to a quarter below relaxed ones. In the ratio of two
 //! cloths of one lapping most of that cancels: it is within 15 %.
 
-use super::bar::{Bar, Lay};
+use super::bar::{Bar, Lay, RACK};
 use super::lapping::Chain;
 use super::{Fabric, LaidStrand, Structure, WeftKnit};
 use crate::ids::index32;
 
-/// Courses of a rack.
-const RACK: f64 = 480.0;
 // The loop of a warp knit: two legs up to the head of the eight-point stitch, and the head's width.
 const WARP_LEGS: f64 = 2.0 * 1.355;
 const WARP_HEAD: f64 = 0.54;

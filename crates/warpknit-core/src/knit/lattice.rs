@@ -19,6 +19,7 @@
 
 use glam::{DVec2, DVec3};
 
+use super::{as_i64, wrap};
 use crate::fabric::{Bar, Fabric, WarpKnit};
 use crate::ids::index32;
 
@@ -384,15 +385,6 @@ fn pillars_on(knit: &WarpKnit, wale: i64, course: i64) -> usize {
         here.needles().any(|needle| stays(&needle))
     };
     knit.bars.iter().filter(stays).count()
-}
-
-fn as_i64(count: usize) -> i64 {
-    i64::from(index32(count))
-}
-
-/// A wale or course of the endless fabric as one of the repeat, which has `size` of them.
-fn wrap(at: i64, size: usize) -> usize {
-    usize::try_from(at.rem_euclid(as_i64(size))).expect("a remainder is not negative")
 }
 
 #[cfg(test)]

@@ -19,7 +19,7 @@ use std::ops::RangeInclusive;
 use glam::DVec3;
 
 use super::repeat::RepeatYarn;
-use super::{Pattern, PointKind};
+use super::{Pattern, PointKind, as_i64, wrap};
 use crate::fabric::{Fabric, Structure};
 use crate::ids::index32;
 use crate::yarn::curve;
@@ -213,27 +213,21 @@ impl Pattern {
         for (at, tag) in (0..).zip(&self.repeat.tags[self.repeat.points_of(yarn)]) {
             let Some(feet) = feet(tag.kind).filter(|_| tag.point == 1) else { continue };
             let [wale, course] = [tag.wale, tag.course].map(i64::from);
-            let home = self.wrap(wale, 0);
+            let [home, home_course] = self.in_repeat(*tag);
             #[expect(clippy::cast_precision_loss, reason = "a repeat or two")]
             let shift = DVec3::X * ((wale - as_i64(home)) as f64 * self.spacing.x);
             let hangs_on = as_i64(home) + carried(fabric, wale, course);
             let repeats = hangs_on.div_euclid(as_i64(self.size[0]));
             loops.push(LoopCurve {
                 bar: yarn.bar,
-                needle: [home, self.wrap(course, 1)],
-                head: self.wrap(hangs_on, 0),
+                needle: [home, home_course],
+                head: wrap(hangs_on, self.size[0]),
                 repeats: i32::try_from(repeats).expect("cables reach over some wales"),
                 // The unrolled points start one before the yarn's first, so point n of this loop
                 // has index `at + n`.
                 points: sampled(&points, at + feet.start()..=at + feet.end(), shift),
             });
         }
-    }
-
-    /// A wale (axis 0) or course (1) as one of the repeat.
-    fn wrap(&self, at: i64, axis: usize) -> usize {
-        usize::try_from(at.rem_euclid(as_i64(self.size[axis])))
-            .expect("a remainder is not negative")
     }
 }
 
@@ -267,10 +261,6 @@ fn sampled(points: &[DVec3], range: RangeInclusive<usize>, shift: DVec3) -> Vec<
     }
     curve.push(points[last] - shift);
     curve
-}
-
-fn as_i64(count: usize) -> i64 {
-    i64::from(index32(count))
 }
 
 #[cfg(test)]

@@ -30,7 +30,9 @@ use std::ops::Range;
 
 use glam::{DVec2, DVec3};
 
-use crate::fabric::{Bar, Fabric, LaidCloth, Lay, StrandDirection, Structure, WarpKnit, WeftKnit};
+use crate::fabric::{
+    Bar, Fabric, LaidCloth, Lay, RACK, StrandDirection, Structure, WarpKnit, WeftKnit,
+};
 use crate::ids::index32;
 use lattice::WaleLattice;
 use mesh::StructureMesh;
@@ -182,31 +184,13 @@ impl Pattern {
         if fabric.threading_repeat() * fabric.repeat() * knit.bars.len() > MAX_RELAXED_LAPS {
             return Self::straight(fabric, knit);
         }
-        Self::grown(fabric, knit, &|yarn| yarn_length(fabric, yarn), progress)
-    }
-
-    /// The warp knit with the yarns of one bar as long as `length` says.
-    fn with_length(fabric: &Fabric, knit: &WarpKnit, bar: usize, length: YarnLength) -> Self {
-        let length = |yarn: &RepeatYarn| {
-            if yarn.bar == bar { length } else { yarn_length(fabric, yarn) }
-        };
-        Self::grown(fabric, knit, &length, &mut |_done| ())
-    }
-
-    /// Loops on relaxed wales, laid out thin and grown.
-    fn grown(
-        fabric: &Fabric,
-        knit: &WarpKnit,
-        length: &dyn Fn(&RepeatYarn) -> YarnLength,
-        progress: Progress<'_>,
-    ) -> Self {
         let lattice = WaleLattice::relaxed(fabric, knit);
         let radius = fabric.radius();
         let thin = StitchLayout::thin(fabric, knit, LAYOUT_RADIUS * radius);
         let mut pattern = Self::laid_out(fabric, knit, &thin, &lattice);
         let full = StitchLayout::new(fabric, knit, SHAPE_RADIUS * radius);
         let shape = Self::laid_out(fabric, knit, &full, &lattice).repeat.points;
-        pattern.relax(fabric, &shape, 1.0, length, progress);
+        pattern.relax(fabric, &shape, 1.0, progress);
         pattern.measure_bounds();
         pattern
     }
@@ -221,11 +205,7 @@ impl Pattern {
             pattern.repeat.add_yarn(bar, number, &layout, &lattice, [0, steps]);
             let guides = 0..bar.threading.repeat();
             let yarns = guides.map(|guide| has_yarn(bar, guide).then_some(number)).collect();
-            pattern.bars.push(BarPattern {
-                runs_across: bar.chain().is_none(),
-                yarns,
-                bounds: (DVec2::ZERO, DVec2::ZERO),
-            });
+            pattern.bars.push(BarPattern::new(bar.chain().is_none(), yarns));
         }
         pattern.measure_bounds();
         pattern
@@ -252,11 +232,7 @@ impl Pattern {
                 })
             });
             let yarns = yarns.collect();
-            pattern.bars.push(BarPattern {
-                runs_across: bar.chain().is_none(),
-                yarns,
-                bounds: (DVec2::ZERO, DVec2::ZERO),
-            });
+            pattern.bars.push(BarPattern::new(bar.chain().is_none(), yarns));
         }
         pattern
     }
@@ -274,15 +250,11 @@ impl Pattern {
                 })
             });
             let yarns = yarns.collect();
-            pattern.bars.push(BarPattern {
-                runs_across: true,
-                yarns,
-                bounds: (DVec2::ZERO, DVec2::ZERO),
-            });
+            pattern.bars.push(BarPattern::new(true, yarns));
         }
         if wales * courses <= MAX_RELAXED_LAPS {
             let shape = pattern.repeat.points.clone();
-            pattern.relax(fabric, &shape, 1.0, &|_| YarnLength::Shape, progress);
+            pattern.relax(fabric, &shape, 1.0, progress);
         }
         pattern.measure_bounds();
         pattern
@@ -298,14 +270,11 @@ impl Pattern {
                 strand.path.iter().map(|&point| point * cell),
                 strand.direction.step() * cell,
             );
-            pattern.bars.push(BarPattern {
-                runs_across: strand.direction == StrandDirection::Across,
-                yarns: vec![Some(number)],
-                bounds: (DVec2::ZERO, DVec2::ZERO),
-            });
+            let runs_across = strand.direction == StrandDirection::Across;
+            pattern.bars.push(BarPattern::new(runs_across, vec![Some(number)]));
         }
         let shape = pattern.repeat.points.clone();
-        pattern.relax(fabric, &shape, SQUEEZED_RADIUS, &|_| YarnLength::Shape, progress);
+        pattern.relax(fabric, &shape, SQUEEZED_RADIUS, progress);
         pattern.measure_bounds();
         pattern
     }
@@ -324,21 +293,14 @@ impl Pattern {
     }
 
     /// Grows yarns to a `share` of their radius and keeps them apart. `shape` are their points as
-    /// they would lie with room enough, and `length` says what sets the length of each.
-    fn relax(
-        &mut self,
-        fabric: &Fabric,
-        shape: &[DVec3],
-        share: f64,
-        length: &dyn Fn(&RepeatYarn) -> YarnLength,
-        progress: Progress<'_>,
-    ) {
+    /// they would lie with room enough.
+    fn relax(&mut self, fabric: &Fabric, shape: &[DVec3], share: f64, progress: Progress<'_>) {
         let thickness = fabric.thickness();
         let chains = self.repeat.yarns.iter().map(|yarn| relax::YarnChain {
             points: self.repeat.points_of(yarn),
             period: yarn.period,
             radius: share * thickness[yarn.bar] * fabric.radius(),
-            length: length(yarn),
+            length: yarn_length(fabric, yarn),
         });
         let cloth = relax::Cloth {
             yarns: &chains.collect::<Vec<_>>(),
@@ -388,11 +350,8 @@ impl Pattern {
 
     /// Wale and course of a data point as those of the repeat, from 0.
     pub(crate) fn in_repeat(&self, tag: Tag) -> [usize; 2] {
-        let places = [(tag.wale, self.size[0]), (tag.course, self.size[1])];
-        places.map(|(at, size)| {
-            usize::try_from(i64::from(at).rem_euclid(i64::from(index32(size))))
-                .expect("a remainder is not negative")
-        })
+        let [wales, courses] = self.size;
+        [wrap(i64::from(tag.wale), wales), wrap(i64::from(tag.course), courses)]
     }
 
     /// Data points of one yarn of a bar in one repeat.
@@ -503,6 +462,11 @@ impl Pattern {
 }
 
 impl BarPattern {
+    /// A bar of these yarns; its bounding box is measured later.
+    fn new(runs_across: bool, yarns: Vec<Option<usize>>) -> Self {
+        Self { runs_across, yarns, bounds: (DVec2::ZERO, DVec2::ZERO) }
+    }
+
     /// Index in the repeat of the yarn with that number.
     fn yarn(&self, number: i64) -> Option<usize> {
         let repeat = i64::from(index32(self.yarns.len()));
@@ -536,11 +500,20 @@ fn yarn_length(fabric: &Fabric, yarn: &RepeatYarn) -> YarnLength {
     let bar = &knit.bars[yarn.bar];
     let steps = f64::from(index32(yarn.steps.len() - 1));
     match (bar.run_in, bar.slack) {
-        (Some(run_in), _) => YarnLength::Fed(run_in / numbers::RACK * steps),
+        (Some(run_in), _) => YarnLength::Fed(run_in / RACK * steps),
         (None, Some(slack)) => YarnLength::Slack(slack),
         (None, None) if bar.is_inlay() => YarnLength::Taut,
         (None, None) => YarnLength::Shape,
     }
+}
+
+/// A wale or course of the endless fabric as one of the repeat, which has `size` of them.
+fn wrap(at: i64, size: usize) -> usize {
+    usize::try_from(at.rem_euclid(as_i64(size))).expect("a remainder is not negative")
+}
+
+fn as_i64(count: usize) -> i64 {
+    i64::from(index32(count))
 }
 
 /// Whether a guide of a bar (for a weft: a course) is threaded.

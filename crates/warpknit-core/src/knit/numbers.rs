@@ -10,12 +10,9 @@
 
 use super::repeat::{Repeat, RepeatYarn};
 use super::{Pattern, cover};
-use crate::fabric::{Fabric, Structure};
+use crate::fabric::{Fabric, RACK, Structure};
 use crate::ids::index32;
 use crate::yarn::curve;
-
-/// Courses of a rack, the unit in which warp knitters state run-in.
-pub(super) const RACK: f64 = 480.0;
 
 /// A fabric in numbers.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,13 +53,12 @@ pub fn measure(fabric: &Fabric, pattern: &Pattern) -> Numbers {
     for (at, yarn) in fabric.yarns().enumerate() {
         let per_step = pattern.lengths_per_step(at);
         let sum: f64 = per_step.iter().flatten().sum();
-        let threaded = f64::from(index32(per_step.iter().flatten().count()));
         // mm of yarn on a mm² is the same number as km on a m², and tex is g a km.
         let kilometres = sum
             / f64::from(index32(per_step.len()))
             / (fabric.wale_spacing() * fabric.course_spacing());
         let mass = yarn.tex_in_cloth() * kilometres;
-        let fed = (is_lapped(fabric, at) && threaded > 0.0).then(|| RACK * sum / threaded);
+        let fed = self::run_in(&per_step).filter(|_| is_lapped(fabric, at));
         run_in.push(fed);
         relaxed_run_in.push(fed.zip(yarn.draft).map(|(fed, draft)| fed / draft));
         bar_mass.push(mass);
@@ -83,6 +79,13 @@ pub fn measure(fabric: &Fabric, pattern: &Pattern) -> Numbers {
         cover: body.cover,
         porosity,
     }
+}
+
+/// mm a rack of yarns with these lengths a step; `None` where no guide is threaded.
+pub(super) fn run_in(per_step: &[Option<f64>]) -> Option<f64> {
+    let threaded = per_step.iter().flatten().count();
+    let sum: f64 = per_step.iter().flatten().sum();
+    (threaded > 0).then(|| RACK * sum / f64::from(index32(threaded)))
 }
 
 /// Whether guides lap a system's yarns along the wales, so that they have a run-in.

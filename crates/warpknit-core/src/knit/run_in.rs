@@ -7,10 +7,8 @@
 //! Cost: nothing where the pattern holds, a dozen relaxations a bar where it does not. Not promised:
 //! the range of several bars together; those of the other bars are kept as they are given.
 
-use super::relax::YarnLength;
 use super::{Pattern, links, numbers};
 use crate::fabric::{Fabric, Structure};
-use crate::ids::index32;
 
 /// Difference of a run-in from the one that is given, as a share of it, below which it holds.
 const TOLERANCE: f64 = 0.005;
@@ -57,32 +55,26 @@ pub struct RunInError {
 /// assert!(fault.bar == 1 && fault.least > 900.0);
 /// ```
 pub fn check(fabric: &Fabric, pattern: &Pattern) -> Result<(), RunInError> {
-    let Structure::Warp(knit) = &fabric.structure else { return Ok(()) };
-    if missed(fabric, pattern).is_empty() && pattern.is_knitted(fabric) {
+    if given(fabric, pattern).next().is_none()
+        || missed(fabric, pattern).is_empty() && pattern.is_knitted(fabric)
+    {
         return Ok(());
     }
-    for (bar, table) in knit.bars.iter().enumerate() {
-        let Some(wanted) = table.run_in else { continue };
-        let holds = |length| {
-            let pattern = Pattern::with_length(fabric, knit, bar, length);
-            let run_in = pattern.run_in(bar).filter(|_| pattern.is_knitted(fabric));
-            run_in.filter(|run_in| match length {
-                YarnLength::Fed(fed) => (run_in / rack(fabric, fed) - 1.0).abs() <= TOLERANCE,
-                YarnLength::Shape | YarnLength::Slack(_) | YarnLength::Taut => true,
-            })
-        };
+    for (bar, wanted, _) in given(fabric, pattern) {
         // Where the cloth doesn't hold with this bar's own length either, it is not this bar's
         // fault.
-        let Some(own) = holds(YarnLength::Shape) else { continue };
-        let fed = |run_in: f64| holds(YarnLength::Fed(repeat(fabric, run_in))).is_some();
-        if fed(wanted) {
+        let Some(own) = knitted(fabric, bar, None) else { continue };
+        let holds = |run_in: f64| {
+            knitted(fabric, bar, Some(run_in)).is_some_and(|got| is_near(got, run_in))
+        };
+        if holds(wanted) {
             continue;
         }
         let [least, most] = [NARROWEST, WIDEST].map(|share| {
             let (mut good, mut bad) = (own, share * own);
             for _ in 0..BISECTIONS {
                 let middle = good.midpoint(bad);
-                *(if fed(middle) { &mut good } else { &mut bad }) = middle;
+                *(if holds(middle) { &mut good } else { &mut bad }) = middle;
             }
             good
         });
@@ -97,40 +89,44 @@ pub fn check(fabric: &Fabric, pattern: &Pattern) -> Result<(), RunInError> {
 /// Warns of run-ins that the cloth did not take as they are given.
 #[must_use]
 pub fn missed(fabric: &Fabric, pattern: &Pattern) -> Vec<String> {
-    let Structure::Warp(knit) = &fabric.structure else { return Vec::new() };
-    let bars = knit.bars.iter().enumerate();
-    let missed = bars.filter_map(|(bar, table)| {
-        let (wanted, got) = (table.run_in?, pattern.run_in(bar)?);
-        ((got / wanted - 1.0).abs() > TOLERANCE).then(|| {
-            format!(
-                "bar {}: the run-in is {got:.0} mm a rack, not the {wanted:.0} mm that are given: \
-                 with the other bars' yarns there is no room for it",
-                bar + 1
-            )
-        })
+    let missed = given(fabric, pattern).filter(|(_, wanted, got)| !is_near(*got, *wanted));
+    let warnings = missed.map(|(bar, wanted, got)| {
+        format!(
+            "bar {}: the run-in is {got:.0} mm a rack, not the {wanted:.0} mm that are given: \
+             with the other bars' yarns there is no room for it",
+            bar + 1
+        )
     });
-    missed.collect()
+    warnings.collect()
 }
 
-/// mm a rack of a yarn with so many mm in a repeat.
-fn rack(fabric: &Fabric, length: f64) -> f64 {
-    length * numbers::RACK / f64::from(index32(fabric.repeat()))
+/// The bars with a given run-in: which, what is wanted, and what the pattern has. There are none in
+/// a repeat that is too large to be relaxed.
+fn given(fabric: &Fabric, pattern: &Pattern) -> impl Iterator<Item = (usize, f64, f64)> {
+    let bars = fabric.warp_knit().map_or(&[][..], |knit| &knit.bars);
+    let relaxed = bars.iter().enumerate().filter(|_| pattern.relaxation.is_some());
+    relaxed.filter_map(|(at, bar)| Some((at, bar.run_in?, pattern.run_in(at)?)))
 }
 
-/// mm a repeat of a yarn with so many mm a rack.
-fn repeat(fabric: &Fabric, run_in: f64) -> f64 {
-    run_in / numbers::RACK * f64::from(index32(fabric.repeat()))
+/// The run-in of a bar in the same cloth with that run-in given, or none; `None` where that cloth
+/// can't be knitted.
+fn knitted(fabric: &Fabric, bar: usize, run_in: Option<f64>) -> Option<f64> {
+    let mut fabric = fabric.clone();
+    let Structure::Warp(knit) = &mut fabric.structure else { return None };
+    knit.bars[bar].run_in = run_in;
+    let pattern = Pattern::new(&fabric);
+    pattern.run_in(bar).filter(|_| pattern.is_knitted(&fabric))
+}
+
+/// Whether a run-in is as wanted.
+fn is_near(got: f64, wanted: f64) -> bool {
+    (got / wanted - 1.0).abs() <= TOLERANCE
 }
 
 impl Pattern {
-    /// The run-in of a bar's yarns, mm a rack as drawn; none where no yarn runs along the wales.
+    /// The run-in of a bar's yarns, mm a rack; none where no yarn runs along the wales.
     fn run_in(&self, bar: usize) -> Option<f64> {
-        let lengths = self.lengths_per_step(bar);
-        let (sum, count) = lengths
-            .iter()
-            .flatten()
-            .fold((0.0, 0.0), |(sum, count), length| (sum + length, count + 1.0));
-        (count > 0.0).then(|| numbers::RACK * sum / count)
+        numbers::run_in(&self.lengths_per_step(bar))
     }
 
     /// Whether the relaxation ended with yarns that don't cut each other, all loops still linked.

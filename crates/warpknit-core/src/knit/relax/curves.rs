@@ -143,8 +143,8 @@ impl<'a> Solver<'a> {
         self.images(span, self.points)
     }
 
-    #[inline]
     /// The images beside a span of its four points in `points`.
+    #[inline]
     fn images(&self, span: &ChainSpan, points: &[DVec3]) -> [DVec3; 4] {
         let control = span.points.map(|point| points[point as usize]);
         // Spans within the repeat, nearly all of them, need no image.

@@ -64,7 +64,7 @@ const SWEEPS_PER_STEP: usize = 8;
 /// has become better by [`PROGRESS`]: some spots have no room.
 const MAX_LOOKS_IN_VAIN: usize = 15;
 const PROGRESS: f64 = 2e-3;
-/// Limit of all sweeps. Fabrics whose yarns fit take one to four hundred.
+/// Limit of all sweeps. Fabrics whose yarns fit take one to six hundred.
 const MAX_SWEEPS: usize = 1200;
 /// Factor of the stiffness of stretch and bending from one sweep to the next, in sweeps that do not
 /// grow. It fades so that contacts are satisfied in the end. At 1 the solver stalls where

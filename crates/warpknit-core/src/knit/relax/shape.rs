@@ -1,7 +1,7 @@
 //! The shape of yarns in the solver: curvature, stretch, bending and length.
 //!
 //! In: the data points, and those of the shape that yarns would take with room enough. Out: moves
-//! of the data points. Each constraint is linear in the points.
+//! of the data points. Cost: linear in the data points.
 
 use glam::DVec3;
 
