@@ -9,6 +9,7 @@ use serde::Serialize;
 use crate::fabric::Machine;
 use crate::knit::clearance::Clearance;
 use crate::knit::links::Links;
+use crate::map::relaxed::StrainCounts;
 
 /// The report of a run.
 #[derive(Clone, Debug, Serialize)]
@@ -36,6 +37,8 @@ pub struct Report {
     pub clearance: ClearanceReport,
     /// How the loops of a repeat interlock.
     pub links: LinksReport,
+    /// Where the garment strains the cloth too far. Null where the mapping knows no strain.
+    pub strain: Option<StrainReport>,
     /// Time to compute all data points on the flat fabric.
     pub plane_ms: f64,
     /// The same plus location and mapping, as in Table 2 of Liu, Kyosev and Jiang, Yarn-level
@@ -103,6 +106,8 @@ pub struct Timings {
     pub relax: f64,
     pub knit: f64,
     pub locate: f64,
+    /// Solving the repeat for the strains of the garment.
+    pub strain: f64,
     pub map: f64,
     pub surface: f64,
     pub render: f64,
@@ -130,6 +135,26 @@ pub struct LinksReport {
     pub checked: usize,
     /// Pairs of which the new loop is not drawn through the old one.
     pub wrong: usize,
+}
+
+/// Shares of the data points where the garment strains the cloth too far.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct StrainReport {
+    /// The strain is larger than any that was solved.
+    pub outside: f64,
+    /// Loops can't follow: yarn would have to stretch by over 1 %.
+    pub locked: f64,
+}
+
+impl StrainReport {
+    /// The shares of some points. Nothing where there were none.
+    #[must_use]
+    pub fn new(counts: StrainCounts) -> Option<Self> {
+        #[expect(clippy::cast_precision_loss, reason = "a share of three digits")]
+        let share = |count: usize| count as f64 / counts.points as f64;
+        let shares = Self { outside: share(counts.outside), locked: share(counts.locked) };
+        (counts.points > 0).then_some(shares)
+    }
 }
 
 impl From<Links> for LinksReport {

@@ -57,7 +57,7 @@ impl Listener for Terminal {
             Task::Measure => "measuring",
             Task::Render => "rendering",
             Task::Compress | Task::Write => "writing",
-            Task::Relax => "relaxing",
+            Task::Relax | Task::Strain => "relaxing",
             Task::Knit | Task::Index | Task::Locate | Task::Map | Task::Surface => "knitting",
         });
         self.progress(done);

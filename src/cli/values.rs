@@ -85,6 +85,8 @@ pub(crate) enum MappingArg {
     Frame,
     /// Depth in mm along a smooth normal
     Smooth,
+    /// Yarn keeps its length: loops deform as the cloth is strained
+    Relaxed,
 }
 
 impl From<MappingArg> for Mapping {
@@ -92,6 +94,7 @@ impl From<MappingArg> for Mapping {
         match mapping {
             MappingArg::Frame => Self::Frame,
             MappingArg::Smooth => Self::Smooth,
+            MappingArg::Relaxed => Self::Relaxed,
         }
     }
 }

@@ -22,6 +22,8 @@ pub enum Task {
     Index,
     /// The triangle of each data point.
     Locate,
+    /// Solving the repeat for the strains of the garment.
+    Strain,
     /// Draped positions.
     Map,
     /// Tubes.
@@ -39,7 +41,7 @@ pub enum Task {
 }
 
 /// Number of variants of [`Task`].
-const TASKS: usize = 12;
+const TASKS: usize = 13;
 
 impl From<Stage> for Task {
     fn from(stage: Stage) -> Self {
@@ -47,6 +49,7 @@ impl From<Stage> for Task {
             Stage::Index => Self::Index,
             Stage::Knit => Self::Knit,
             Stage::Locate => Self::Locate,
+            Stage::Strain => Self::Strain,
             Stage::Map => Self::Map,
             Stage::Surface => Self::Surface,
             Stage::Deliver => Self::Write,
@@ -141,6 +144,7 @@ impl<'a> Clock<'a> {
             relax: self.spent(Task::Relax),
             knit: self.spent(Task::Knit),
             locate: self.spent(Task::Index) + self.spent(Task::Locate),
+            strain: self.spent(Task::Strain),
             map: self.spent(Task::Map),
             surface: self.spent(Task::Surface),
             render: self.spent(Task::Render),

@@ -26,6 +26,7 @@ use crate::fabric::Fabric;
 use crate::garment::{Garment, Panel};
 use crate::knit::Pattern;
 use crate::knit::clearance::Clearance;
+use crate::map::Mapping;
 use crate::render::cloth;
 use crate::render::scene::Scene;
 
@@ -112,12 +113,17 @@ pub fn swatch(
         enlarged: None,
         part: settings.tile.map(|tile| (tile, cloth.part(tile))),
         cloth: &cloth,
-        options: drape::DrapeOptions::default(),
+        options: flat_options(),
         area,
         source,
         is_swatch: true,
     };
     make(&job, clock)
+}
+
+/// Options of a swatch: it is its own drape, so no strain has to be looked up.
+fn flat_options() -> drape::DrapeOptions {
+    drape::DrapeOptions { mapping: Mapping::Smooth, ..drape::DrapeOptions::default() }
 }
 
 /// The relaxed repeat of a fabric.

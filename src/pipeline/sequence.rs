@@ -10,12 +10,13 @@ use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
 use crate::drape::sequence::LocatedCloth;
-use crate::drape::{Block, DrapeOptions};
+use crate::drape::{Block, DrapeOptions, Totals};
 use crate::export::usda_frames::UsdaFramesWriter;
 use crate::export::{ClothInfo, Destination, ExportError, Format, Output, Sink};
 use crate::garment::stretch::stretch;
 use crate::garment::{Frames, Garment};
 use crate::ids::index32;
+use crate::map::relaxed::StrainCounts;
 use crate::render::cloth;
 use crate::render::scene::Scene;
 use crate::report::FrameReport;
@@ -77,6 +78,8 @@ struct Show<'a, 'b, 'c> {
     scene: Option<Scene>,
     /// Points around all frames, for a camera that does not move. Empty if it has its own place.
     extent: Vec<Vec3>,
+    /// Points of all frames where the cloth is strained too far.
+    strain: StrainCounts,
     drawn_by: String,
     warnings: Vec<String>,
     clock: &'b mut Clock<'c>,
@@ -124,18 +127,19 @@ pub(super) fn make(
         usda,
         scene,
         extent,
+        strain: StrainCounts::default(),
         drawn_by,
         warnings,
         clock: &mut clock,
     };
     let frames = show.all(sequence)?;
-    let Show { located, usda, drawn_by, warnings, .. } = show;
+    let Show { located, usda, strain, drawn_by, warnings, .. } = show;
     clock.begin(Task::Write, 1.0);
     let usda = usda.into_iter().map(|writer| Box::new(writer).finish());
     let mut finished = usda.collect::<Result<Vec<_>, _>>()?;
     clock.stop();
     let shown = frames.iter().filter(|frame| frame.skipped.is_none()).count();
-    let totals = *located.totals();
+    let totals = Totals { strain, ..*located.totals() };
     let summary =
         RunSummary { setup: &setup, totals: &totals, draped: None, warnings, drawn_by, frames };
     finished.extend(summary.files(job, &files.whole, &clock)?.0);
@@ -257,7 +261,7 @@ impl Show<'_, '_, '_> {
 
     /// Makes a frame's files.
     fn frame(&mut self, garment: &Garment, number: usize) -> Result<(), RunError> {
-        let Self { job, setup, located, files, usda, scene, clock, .. } = self;
+        let Self { job, setup, located, files, usda, scene, strain, clock, .. } = self;
         let own = files.of_frame(number);
         let mut sinks = sinks(&own, job, setup)?;
         usda.iter_mut().try_for_each(|usda| usda.begin_frame(index32(number + 1)))?;
@@ -273,7 +277,7 @@ impl Show<'_, '_, '_> {
             sinks.iter_mut().try_for_each(|sink| sink.take(blocks))
         };
         let options: &DrapeOptions = &setup.options;
-        located.run_frame(
+        *strain += located.run_frame(
             garment,
             options,
             &mut |stage, done| clock.borrow_mut().begin(Task::from(stage), done),

@@ -12,7 +12,7 @@ use crate::export::{ExportError, Format, Output};
 use crate::garment::stretch::stretch;
 use crate::knit::clearance::Clearance;
 use crate::report::{
-    ClearanceReport, ClothReport, FrameReport, GarmentReport, Report, SurfaceReport,
+    ClearanceReport, ClothReport, FrameReport, GarmentReport, Report, StrainReport, SurfaceReport,
 };
 use crate::system::peak_memory_mb;
 use crate::tile::Tile;
@@ -119,6 +119,7 @@ impl RunSummary<'_> {
                 draped: (*draped).map(Into::into),
             },
             links: (*links).into(),
+            strain: StrainReport::new(totals.strain),
             plane_ms: timings_ms.knit,
             curved_ms: timings_ms.knit + timings_ms.locate + timings_ms.map,
             threads: rayon::current_num_threads(),

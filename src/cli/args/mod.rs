@@ -405,8 +405,8 @@ pub(crate) struct Laying {
     /// What happens to yarns at a panel's edge
     #[arg(long, value_enum, default_value = "clip")]
     pub(crate) edge: EdgeArg,
-    /// How depth is mapped from the flat panel to the draped one
-    #[arg(long, value_enum, default_value = "smooth")]
+    /// How yarns are mapped from the flat panel to the draped one
+    #[arg(long, value_enum, default_value = "relaxed")]
     pub(crate) mapping: MappingArg,
 }
 

@@ -12,6 +12,7 @@
 //! Cost: linear in the stitches. Not promised: yarns that know of each other across panels; each
 //! panel is laid out on its own.
 
+mod body;
 pub mod clearance;
 pub mod fibres;
 mod lengths;
@@ -19,6 +20,7 @@ pub mod sequence;
 pub mod strands;
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use glam::{DVec2, Vec2Swizzles};
 use rayon::prelude::*;
@@ -27,11 +29,14 @@ use crate::fabric::Fabric;
 use crate::garment::{Garment, Panel};
 use crate::ids::{YarnId, index32};
 use crate::knit::mesh::{StructureMesh, vertices};
+use crate::knit::strain::StrainTable;
 use crate::knit::{Knitted, Pattern};
 use crate::locate::{Locator, SurfacePoint};
-use crate::map::{Draped, Mapping, map_into};
+use crate::map::relaxed::StrainCounts;
+use crate::map::{Draped, Mapping};
 use crate::tile::Tile;
 use crate::yarn::tube::{Section, Tubes};
+use body::Body;
 use lengths::Lengths;
 use strands::{Edge, Losses, Strands};
 
@@ -103,6 +108,8 @@ struct BlockPlan {
 pub struct Cloth<'a> {
     garment: &'a Garment,
     pattern: Pattern,
+    /// How the repeat changes with the cloth's strain. `None` where it can't be relaxed.
+    strain: Option<Arc<StrainTable>>,
     /// Each bar's drawn radius relative to that of the thickest bar.
     thickness: Vec<f64>,
     /// The structure mesh of each panel.
@@ -201,7 +208,8 @@ impl<'a> Cloth<'a> {
         meshes: Vec<StructureMesh>,
     ) -> Self {
         let thickness = fabric.thickness();
-        Self { garment, pattern, thickness, meshes, blocks: Vec::new(), yarns: 0 }
+        let strain = StrainTable::new(fabric, &pattern).map(Arc::new);
+        Self { garment, pattern, strain, thickness, meshes, blocks: Vec::new(), yarns: 0 }
     }
 
     /// The yarns of one part of the cloth, with the numbers that they have in the whole. A part
@@ -227,15 +235,21 @@ impl<'a> Cloth<'a> {
             }
         }
         let yarns = blocks.iter().map(|block| block.yarns.len()).sum();
-        let (pattern, thickness, meshes) =
-            (self.pattern.clone(), self.thickness.clone(), self.meshes.clone());
-        Self { garment: self.garment, pattern, thickness, meshes, blocks, yarns }
+        let (pattern, strain) = (self.pattern.clone(), self.strain.clone());
+        let (thickness, meshes) = (self.thickness.clone(), self.meshes.clone());
+        Self { garment: self.garment, pattern, strain, thickness, meshes, blocks, yarns }
     }
 
     /// The repeat of the fabric.
     #[must_use]
     pub fn pattern(&self) -> &Pattern {
         &self.pattern
+    }
+
+    /// How the repeat changes with the cloth's strain. Nothing where it can't be relaxed.
+    #[must_use]
+    pub fn strain(&self) -> Option<&StrainTable> {
+        self.strain.as_deref()
     }
 
     /// Number of planned stitches, including those that will turn out to lie off their panel.
@@ -368,6 +382,8 @@ pub struct Block {
     pub strands: Strands,
     /// The draped positions of the strands' points.
     pub draped: Draped,
+    /// How many of these points lie where the cloth is strained too far.
+    pub strain: StrainCounts,
     /// The strands' tubes, if they are wanted.
     pub tubes: Tubes,
     /// Each yarn with its stitches in `knitted`.
@@ -385,6 +401,8 @@ pub enum Stage {
     Knit,
     /// The triangle of each data point, and clipping at the panel's edge.
     Locate,
+    /// Solving the repeat for the strains of the garment.
+    Strain,
     /// Draped positions.
     Map,
     /// Tubes.
@@ -406,6 +424,8 @@ pub struct Totals {
     pub data_points: usize,
     /// Counts of what edges and defects removed.
     pub losses: Losses,
+    /// Counts of points where the cloth is strained too far.
+    pub strain: StrainCounts,
 }
 
 /// Runs the pipeline, and delivers windows of blocks in yarn order.
@@ -433,13 +453,17 @@ pub fn run<E>(
     announce: &mut dyn FnMut(Stage, f64),
     deliver: &mut dyn FnMut(&[Block]) -> Result<(), E>,
 ) -> Result<Totals, E> {
-    knit_and_locate(cloth, options, announce, &mut |blocks, announce, done| {
-        drape_blocks(blocks, cloth.garment, &cloth.thickness, options, &mut |stage| {
-            announce(stage, done);
-        });
+    announce(Stage::Strain, 0.0);
+    let body = Body::new(cloth.garment, cloth.strain(), options.mapping);
+    let mut strain = StrainCounts::default();
+    let mut totals = knit_and_locate(cloth, options, announce, &mut |blocks, announce, done| {
+        drape_blocks(blocks, &body, &cloth.thickness, options, &mut |stage| announce(stage, done));
+        blocks.iter().for_each(|block| strain += block.strain);
         announce(Stage::Deliver, done);
         deliver(blocks)
-    })
+    })?;
+    totals.strain = strain;
+    Ok(totals)
 }
 
 /// Called at the start of each stage, with the share of blocks that are done.
@@ -483,15 +507,13 @@ fn knit_and_locate<E>(
 /// Maps located blocks to the draped garment, and adds their tubes if they are wanted.
 fn drape_blocks(
     blocks: &mut [Block],
-    garment: &Garment,
+    body: &Body<'_>,
     thickness: &[f64],
     options: &DrapeOptions,
     announce: &mut dyn FnMut(Stage),
 ) {
     announce(Stage::Map);
-    blocks
-        .par_iter_mut()
-        .for_each(|block| block.map(&garment.panels[block.panel], options.mapping));
+    blocks.par_iter_mut().for_each(|block| block.map(body));
     if let Some(section) = &options.surface {
         announce(Stage::Surface);
         blocks.par_iter_mut().for_each(|block| block.add_tubes(section, thickness[block.bar]));
@@ -557,8 +579,9 @@ impl Block {
     }
 
     /// Maps the strands' points to the draped panel.
-    fn map(&mut self, panel: &Panel, mapping: Mapping) {
-        map_into(panel, &self.strands.flat, &self.strands.located, mapping, &mut self.draped);
+    fn map(&mut self, body: &Body<'_>) {
+        let Self { strands, knitted, draped, .. } = self;
+        self.strain = body.map(self.panel, strands, knitted, draped);
     }
 
     /// Makes the strands' tubes. `thickness` is the bar's radius relative to the section's.

@@ -9,12 +9,17 @@
 //!
 //! Not promised: memory bounded by a window, as [`super::run`] has it. All located yarns are kept.
 
+use std::sync::Arc;
+
+use super::body::Body;
 use super::{
     Announce, Block, Cloth, DrapeOptions, Stage, Totals, drape_blocks, knit_and_locate, window_len,
 };
 use crate::garment::Garment;
 use crate::ids::index32;
+use crate::knit::strain::StrainTable;
 use crate::map::Draped;
+use crate::map::relaxed::StrainCounts;
 use crate::yarn::tube::Tubes;
 
 /// All of a cloth's yarns, located on the flat pattern.
@@ -24,6 +29,7 @@ pub struct LocatedCloth {
     /// Each bar's drawn radius relative to that of the thickest bar.
     thickness: Vec<f64>,
     totals: Totals,
+    strain: Option<Arc<StrainTable>>,
     /// Memory for the draped points and tubes of one window. The blocks of all windows take turns
     /// in using it, so only one window's surfaces exist at a time.
     spare: Vec<(Draped, Tubes)>,
@@ -38,7 +44,8 @@ impl LocatedCloth {
             located.extend(blocks.iter().map(Block::located_copy));
             Ok::<(), std::convert::Infallible>(())
         });
-        Self { blocks: located, thickness: cloth.thickness.clone(), totals, spare: Vec::new() }
+        let (thickness, strain) = (cloth.thickness.clone(), cloth.strain.clone());
+        Self { blocks: located, thickness, totals, strain, spare: Vec::new() }
     }
 
     /// The numbers of yarns, stitches and losses.
@@ -74,8 +81,11 @@ impl LocatedCloth {
         options: &DrapeOptions,
         announce: &mut Announce<'_>,
         deliver: &mut dyn FnMut(&[Block]) -> Result<(), E>,
-    ) -> Result<(), E> {
-        let Self { blocks, thickness, spare, .. } = self;
+    ) -> Result<StrainCounts, E> {
+        let Self { blocks, thickness, spare, strain: table, .. } = self;
+        announce(Stage::Strain, 0.0);
+        let body = Body::new(garment, table.as_deref(), options.mapping);
+        let mut strain = StrainCounts::default();
         let all = blocks.len();
         let mut rest = blocks.as_mut_slice();
         while !rest.is_empty() {
@@ -87,12 +97,13 @@ impl LocatedCloth {
             // The spare memory grows to the largest window and is then used by all.
             spare.resize_with(spare.len().max(window.len()), Default::default);
             exchange(window, spare);
-            drape_blocks(window, garment, thickness, options, &mut |stage| announce(stage, done));
+            drape_blocks(window, &body, thickness, options, &mut |stage| announce(stage, done));
+            window.iter().for_each(|block| strain += block.strain);
             announce(Stage::Deliver, done);
             deliver(window)?;
             exchange(window, spare);
         }
-        Ok(())
+        Ok(strain)
     }
 }
 

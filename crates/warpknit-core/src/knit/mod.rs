@@ -14,6 +14,7 @@
 //! promised: that yarns fit into the densities given; [`Relaxation`] and [`clearance`] tell. Repeats
 //! over [`MAX_RELAXED_LAPS`] laps have straight wales and are not relaxed.
 
+mod cell_list;
 pub mod clearance;
 mod cover;
 mod lattice;
@@ -24,6 +25,7 @@ mod relax;
 mod repeat;
 pub mod run_in;
 mod stitch;
+pub mod strain;
 pub mod weft;
 
 use std::ops::Range;
@@ -99,6 +101,8 @@ pub struct Knitted {
     pub tags: Vec<Tag>,
     /// Index of the first point of each stitch (a lap with the underlap that follows it).
     pub stitches: Vec<u32>,
+    /// The point of the repeat of which each is a copy.
+    pub origins: Vec<u32>,
 }
 
 impl Knitted {
@@ -107,6 +111,7 @@ impl Knitted {
         self.points.clear();
         self.tags.clear();
         self.stitches.clear();
+        self.origins.clear();
     }
 }
 
@@ -451,6 +456,7 @@ impl Pattern {
             knitted
                 .points
                 .extend(self.repeat.points[points.clone()].iter().map(|&point| point + offset));
+            knitted.origins.extend(index32(points.start)..index32(points.end));
             let tags = &self.repeat.tags[points];
             knitted.tags.extend(tags.iter().map(|tag| Tag {
                 course: tag.course + courses,

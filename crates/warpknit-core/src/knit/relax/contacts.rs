@@ -7,12 +7,12 @@
 
 use glam::{DVec2, DVec3};
 
-use super::cell_list::CellList;
 use super::curves::{CurveSegment, blend};
 use super::{
     BEND_TOLERANCE, MAX_CANDIDATES, MAX_PAIRS, Solver, TARGET_DISTANCE, TOLERANCE, YarnChain,
 };
 use crate::ids::index32;
+use crate::knit::cell_list::CellList;
 use crate::yarn::curve;
 
 /// Cutoff of the neighbour list over the sum of the radii. What exceeds [`TARGET_DISTANCE`] is the

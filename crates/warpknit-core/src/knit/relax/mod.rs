@@ -22,7 +22,6 @@
 //! [`super::clearance`] what they cut), nor loops that interlock where the input does not interlock
 //! them ([`super::links`] counts those).
 
-mod cell_list;
 mod contacts;
 mod curves;
 mod shape;

@@ -13,6 +13,9 @@
 //! each frame. Not promised: yarns that keep clear of each other on strongly bent cloth, where
 //! depth along normals crowds points on the inner side.
 
+pub mod relaxed;
+pub(crate) mod surface;
+
 use std::array::from_fn;
 
 use glam::{DAffine3, DVec2, DVec3};
@@ -27,8 +30,11 @@ pub enum Mapping {
     Frame,
     /// Depth in mm along an interpolated normal, which is continuous across triangle edges. Yarns
     /// have no cracks there and keep their thickness.
-    #[default]
     Smooth,
+    /// Yarn keeps its length: loops move within the cloth as it is strained. Fabrics that can't be
+    /// relaxed are mapped by [`Self::Smooth`].
+    #[default]
+    Relaxed,
 }
 
 /// Draped points.
@@ -83,7 +89,7 @@ pub fn map_into(
             take_mut(&mut normals, located.len()),
         );
         match mapping {
-            Mapping::Smooth => {
+            Mapping::Smooth | Mapping::Relaxed => {
                 Facet::new(panel, located[0].triangle).map(flat, located, positions, normals);
             }
             Mapping::Frame => {

@@ -1,0 +1,89 @@
+//! The draped garment as the target of a map.
+//!
+//! In: a [`Garment`], how yarns are mapped, and the table of strained repeats if there is one. Out: a
+//! [`Body`], which maps the strands of a block. What a whole panel has to give is made here, once a
+//! run or once a frame.
+
+use rayon::prelude::*;
+
+use super::strands::{CUT, Strands};
+use crate::garment::Garment;
+use crate::knit::Knitted;
+use crate::knit::strain::StrainTable;
+use crate::map::relaxed::{self, StrainCounts};
+use crate::map::surface::SmoothSurface;
+use crate::map::{Draped, Mapping, map_into};
+
+/// A garment that yarns are mapped to.
+pub(super) struct Body<'a> {
+    garment: &'a Garment,
+    mapping: Mapping,
+    /// The table, and the smooth surface of each panel, for [`Mapping::Relaxed`].
+    relaxed: Option<(&'a StrainTable, Vec<SmoothSurface>)>,
+}
+
+impl<'a> Body<'a> {
+    /// Prepares a garment, and solves the repeat for its strains.
+    pub(super) fn new(
+        garment: &'a Garment,
+        table: Option<&'a StrainTable>,
+        mapping: Mapping,
+    ) -> Self {
+        let relaxed = table.filter(|_| mapping == Mapping::Relaxed).map(|table| {
+            let surfaces: Vec<_> = garment.panels.par_iter().map(SmoothSurface::new).collect();
+            let panels = garment.panels.iter().zip(&surfaces);
+            let strains = panels
+                .flat_map(|(panel, surface)| relaxed::strains(panel, surface, table.depths()));
+            table.prepare(strains, &mut |_done| ());
+            (table, surfaces)
+        });
+        Self { garment, mapping, relaxed }
+    }
+
+    /// Maps the strands of a block on one panel.
+    pub(super) fn map(
+        &self,
+        panel: usize,
+        strands: &Strands,
+        knitted: &Knitted,
+        draped: &mut Draped,
+    ) -> StrainCounts {
+        let mesh = &self.garment.panels[panel];
+        let Some((table, surfaces)) = &self.relaxed else {
+            map_into(mesh, &strands.flat, &strands.located, self.mapping, draped);
+            return StrainCounts::default();
+        };
+        relaxed::map_relaxed(
+            mesh,
+            &surfaces[panel],
+            table,
+            &strands.flat,
+            &strands.located,
+            &origins(strands, knitted),
+            draped,
+        )
+    }
+}
+
+/// The points of the repeat of which a block's strand points are copies. A cut end follows the data
+/// point beside it.
+fn origins(strands: &Strands, knitted: &Knitted) -> Vec<u32> {
+    let mut origins = Vec::with_capacity(strands.sources.len());
+    for (at, &source) in strands.sources.iter().enumerate() {
+        let origin = match source {
+            // Only the first and the last point of a strand can be cut; another one is beside each.
+            CUT => match strands.sources.get(at + 1) {
+                Some(&next) if starts_strand(strands, at) => knitted.origins[next as usize],
+                _ => *origins.last().expect("a strand has a point before its cut end"),
+            },
+            source => knitted.origins[source as usize],
+        };
+        origins.push(origin);
+    }
+    origins
+}
+
+/// Whether a point is the first of a strand.
+fn starts_strand(strands: &Strands, point: usize) -> bool {
+    strands.strands.binary_search_by_key(&point, |strand| strand.points.start as usize).is_ok()
+}

@@ -1,0 +1,186 @@
+//! Contacts of the strain solver: which segments of yarn may touch, and how near they are.
+//!
+//! In: the sampled curves of a strained repeat. Out: a neighbour list, rebuilt once yarns have moved
+//! by its skin, and the distance of each pair. Cost: about a microsecond a segment for a list, some
+//! nanoseconds a pair.
+
+use glam::{DVec2, DVec3, Vec3Swizzles};
+
+use super::rest::{Rest, RestSpan, Segment};
+use super::solver::Solver;
+use crate::ids::index32;
+use crate::knit::cell_list::CellList;
+use crate::yarn::curve;
+
+/// Cutoff of the neighbour list over touching.
+const LIST_CUTOFF: f64 = 1.4;
+/// The list is rebuilt once a point has moved by this many radii of the thinnest yarn.
+const LIST_MOVE: f64 = 0.3;
+/// Parts of one strand nearer than this along it, in radii, are no contacts.
+const SAME_STRAND_RADII: f64 = 6.0;
+
+/// Two segments that may touch.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pair {
+    a: u32,
+    b: u32,
+    /// From b to its image beside a, in cells.
+    shift: DVec2,
+    /// Sum of both radii, mm.
+    pub(super) touching: f64,
+}
+
+impl Pair {
+    /// The spans of both segments.
+    pub(super) fn spans<'a>(&self, rest: &'a Rest) -> [&'a RestSpan; 2] {
+        [self.a, self.b].map(|at| &rest.spans[rest.segments[at as usize].span as usize])
+    }
+}
+
+/// How near two segments are.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Contact {
+    /// Distance over touching.
+    pub(super) ratio: f64,
+    /// From the second one to the first, of unit length.
+    pub(super) direction: DVec3,
+    /// Weights of the four control points of each in its nearest place.
+    pub(super) weights: [[f64; 4]; 2],
+}
+
+impl Solver<'_> {
+    /// Whether yarns that are not in the list may have met.
+    pub(super) fn list_is_stale(&self) -> bool {
+        let limit = LIST_MOVE * self.rest.thinnest;
+        self.list_points.len() != self.points.len()
+            || self
+                .points
+                .iter()
+                .zip(&self.list_points)
+                .any(|(point, before)| point.distance_squared(*before) > limit * limit)
+    }
+
+    /// Builds the neighbour list.
+    pub(super) fn build_list(&mut self) {
+        self.list_points.clone_from(&self.points);
+        let back = self.strain.inverse();
+        let ends = |segment: &Segment| self.ends(segment);
+        let middles: Vec<_> =
+            self.rest.segments.iter().map(|s| ends(s)[0].midpoint(ends(s)[1])).collect();
+        let halves: Vec<_> =
+            self.rest.segments.iter().map(|s| ends(s)[0].distance(ends(s)[1]) / 2.0).collect();
+        let longest = halves.iter().copied().fold(0.0, f64::max);
+        let thickest = self.rest.yarns.iter().map(|yarn| yarn.radius).fold(0.0, f64::max);
+        // The list is sorted in the axes of the flat cloth, whose cell is a rectangle. A strained
+        // distance is longer there by the norm of the inverse map at most.
+        let reach = (2.0 * LIST_CUTOFF * thickest + 2.0 * longest) * norm(back);
+        let flat: Vec<_> = middles.iter().map(|p: &DVec3| (back * p.xy()).extend(p.z)).collect();
+        let list = CellList::new(&flat, self.rest.cell, reach);
+        let mut pairs = std::mem::take(&mut self.pairs);
+        pairs.clear();
+        for (a, one) in self.rest.segments.iter().enumerate() {
+            list.near(a, |b, shift| {
+                if b < a || (b == a && (shift.x, shift.y) <= (0.0, 0.0)) {
+                    return;
+                }
+                let other = &self.rest.segments[b];
+                let [yarn, other_yarn] =
+                    [one, other].map(|s| self.rest.spans[s.span as usize].yarn as usize);
+                let touching = self.rest.yarns[yarn].radius + self.rest.yarns[other_yarn].radius;
+                let reach = LIST_CUTOFF * touching + halves[a] + halves[b];
+                let offset = self.offset(shift);
+                if (middles[b] + offset).distance_squared(middles[a]) > reach * reach
+                    || (yarn == other_yarn && self.is_same_strand(yarn, one, other, shift))
+                {
+                    return;
+                }
+                let pair = Pair { a: index32(a), b: index32(b), shift, touching };
+                if self.contact(&pair, LIST_CUTOFF).is_some() {
+                    pairs.push(pair);
+                }
+            });
+        }
+        self.pairs = pairs;
+    }
+
+    /// For each point the points with which it shares residuals.
+    pub(super) fn neighbours(&self) -> Vec<Vec<u32>> {
+        let mut neighbours = vec![Vec::new(); self.points.len()];
+        let mut join = |points: &[u32]| {
+            for &one in points {
+                let others = points.iter().copied().filter(|&other| other != one);
+                neighbours[one as usize].extend(others);
+            }
+        };
+        self.rest.spans.iter().for_each(|span| join(&span.points));
+        let mut spans: Vec<_> = self
+            .pairs
+            .iter()
+            .map(|pair| [pair.a, pair.b].map(|at| self.rest.segments[at as usize].span))
+            .collect();
+        spans.sort_unstable();
+        spans.dedup();
+        for [one, other] in spans {
+            let points = [one, other].map(|span| self.rest.spans[span as usize].points);
+            join(points.as_flattened());
+        }
+        for own in &mut neighbours {
+            own.sort_unstable();
+            own.dedup();
+        }
+        neighbours
+    }
+
+    /// How near a pair is; nothing if it is farther than `cutoff` over touching.
+    #[inline]
+    pub(super) fn contact(&self, pair: &Pair, cutoff: f64) -> Option<Contact> {
+        let [a, b] = [pair.a, pair.b].map(|at| &self.rest.segments[at as usize]);
+        let offset = self.offset(pair.shift);
+        let (one, other) = (self.ends(a), self.ends(b).map(|end| end + offset));
+        let (along, along_other) = curve::nearest_of_segments(one, other);
+        let apart = one[0].lerp(one[1], along) - other[0].lerp(other[1], along_other);
+        let distance = apart.length();
+        let ratio = distance / pair.touching;
+        (ratio < cutoff).then(|| Contact {
+            ratio,
+            // Centre lines that meet have no direction apart; depth is where cloth has room.
+            direction: if distance > 1e-9 { apart / distance } else { DVec3::Z },
+            weights: [self.shares(a, along), self.shares(b, along_other)],
+        })
+    }
+
+    /// Weights of the control points at a share of the way along a segment.
+    fn shares(&self, segment: &Segment, along: f64) -> [f64; 4] {
+        let at = segment.sample as usize;
+        let (from, to) = (&self.weights[at], &self.weights[at + 1]);
+        std::array::from_fn(|k| from[k] + along * (to[k] - from[k]))
+    }
+
+    fn ends(&self, segment: &Segment) -> [DVec3; 2] {
+        let at = segment.sample as usize;
+        [self.samples[at], self.samples[at + 1]]
+    }
+
+    /// A shift in cells as a place of the strained cloth.
+    fn offset(&self, shift: DVec2) -> DVec3 {
+        (self.strain * (shift * self.rest.cell)).extend(0.0)
+    }
+
+    /// Whether two segments of one yarn are parts of one strand that lie close along it.
+    fn is_same_strand(&self, yarn: usize, one: &Segment, other: &Segment, shift: DVec2) -> bool {
+        let rest = &self.rest.yarns[yarn];
+        let runs_across = rest.period.x != 0.0;
+        let (beside, along) = if runs_across { (shift.y, shift.x) } else { (shift.x, shift.y) };
+        let middle =
+            |s: &Segment| (self.along[s.sample as usize] + self.along[s.sample as usize + 1]) / 2.0;
+        let apart = middle(other) + along * self.lengths[yarn] - middle(one);
+        beside == 0.0 && apart.abs() <= SAME_STRAND_RADII * rest.radius
+    }
+}
+
+/// The largest stretch of a map.
+fn norm(map: glam::DMat2) -> f64 {
+    let (a, b) = (map.x_axis, map.y_axis);
+    let (aa, bb, ab) = (a.length_squared(), b.length_squared(), a.dot(b));
+    (0.5 * (aa + bb) + (0.5 * (aa - bb)).hypot(ab)).sqrt()
+}

@@ -1,0 +1,117 @@
+//! Strained cloth: where the yarns of a repeat lie when the cloth is stretched or sheared.
+//!
+//! In: a fabric and its relaxed [`Pattern`]. Out: a [`StrainTable`], which tells for any in-plane
+//! [`Strain`] of the cloth by how much each data point moves within it.
+//!
+//! Yarn hardly stretches. When cloth is pulled its loops open, their legs straighten and underlaps
+//! turn. A repeat is solved over a grid of strains (`grid`): each span keeps its length, yarns keep
+//! apart, and bends yield (`solver`, `contacts`). Linear equations are solved by their profile
+//! (`profile`). The table interpolates between the solved knots (`table`).
+//!
+//! Source: Sperl, Narain and Wojtan 2021, "Mechanics-aware deformation of yarn pattern geometry".
+//! Nothing here knows of garments. Cost: some ten milliseconds a knot for two bars. Not promised:
+//! yarn's friction, or the history of how the cloth was pulled.
+
+mod contacts;
+mod grid;
+mod profile;
+mod rest;
+mod solver;
+mod table;
+
+use glam::{DMat2, DVec2};
+
+use super::{Pattern, YarnLength, as_vec, yarn_length};
+use crate::fabric::{Fabric, Structure};
+use rest::{Rest, RestYarn};
+pub use table::{Lookup, StrainTable};
+
+/// The largest repeat that is solved, data points. The work for a knot grows with the square of
+/// their number.
+const MAX_POINTS: usize = 1000;
+/// Weights of the pull towards the flat shape. Without it the same strain reached in two ways gives
+/// shapes that lie half a radius apart; above 0.6 yarn lengths suffer. Loops of weft knits are so
+/// free that a tenth of it serves.
+const WARP_PULL: f64 = 0.4;
+const WEFT_PULL: f64 = 0.05;
+
+/// A strain of the cloth within its plane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Strain {
+    /// Ratio of strained to flat length along the courses: across the wales.
+    pub courses: f64,
+    /// The same along the wales.
+    pub wales: f64,
+    /// Sine of the angle by which courses and wales leave the right angle.
+    pub shear: f64,
+}
+
+impl Strain {
+    /// Flat cloth.
+    pub const NONE: Self = Self { courses: 1.0, wales: 1.0, shear: 0.0 };
+
+    /// The map from flat places to strained ones. Courses stay along x.
+    fn map(self) -> DMat2 {
+        let upright = (1.0 - self.shear * self.shear).sqrt();
+        DMat2::from_cols(
+            DVec2::new(self.courses, 0.0),
+            self.wales * DVec2::new(self.shear, upright),
+        )
+    }
+
+    /// The largest of the differences along each axis.
+    fn distance(self, other: Self) -> f64 {
+        let apart =
+            [self.courses - other.courses, self.wales - other.wales, self.shear - other.shear];
+        apart.into_iter().map(f64::abs).fold(0.0, f64::max)
+    }
+
+    /// A share of the way to another strain.
+    fn towards(self, other: Self, share: f64) -> Self {
+        let mix = |from: f64, to: f64| from + share * (to - from);
+        Self {
+            courses: mix(self.courses, other.courses),
+            wales: mix(self.wales, other.wales),
+            shear: mix(self.shear, other.shear),
+        }
+    }
+}
+
+impl StrainTable {
+    /// The table of a fabric's repeat, nothing of it solved yet. Nothing where the repeat was not
+    /// relaxed, is too large, or is laid cloth.
+    ///
+    /// ```
+    /// use warpknit_core::fabric::Fabric;
+    /// use warpknit_core::knit::{Pattern, strain::{Strain, StrainTable}};
+    /// let jersey = Fabric::named("jersey").unwrap();
+    /// let table = StrainTable::new(&jersey, &Pattern::new(&jersey)).unwrap();
+    /// // Flat cloth is met exactly.
+    /// assert_eq!(table.at(Strain::NONE).offset(0).length(), 0.0);
+    /// let pulled = Strain { courses: 1.15, ..Strain::NONE };
+    /// assert!(table.at(pulled).offset(0).length() > 0.0 && !table.at(pulled).is_locked);
+    /// ```
+    #[must_use]
+    pub fn new(fabric: &Fabric, pattern: &Pattern) -> Option<Self> {
+        let pull = match &fabric.structure {
+            Structure::Warp(_) => WARP_PULL,
+            Structure::Weft(_) => WEFT_PULL,
+            Structure::Laid(_) => return None,
+        };
+        if pattern.relaxation().is_none() || pattern.repeat.points.len() > MAX_POINTS {
+            return None;
+        }
+        let thickness = fabric.thickness();
+        let yarns = pattern.repeat.yarns.iter().map(|yarn| RestYarn {
+            points: pattern.repeat.points_of(yarn),
+            period: yarn.period,
+            radius: thickness[yarn.bar] * fabric.radius(),
+            // Elastane stretches with the cloth, and slack is yarn to spare.
+            is_elastic: fabric.yarn(yarn.bar).draft.is_some()
+                || matches!(yarn_length(fabric, yarn), YarnLength::Slack(_)),
+        });
+        let cell = pattern.spacing * as_vec(pattern.size[0], pattern.size[1]);
+        let points = pattern.repeat.points.clone();
+        Some(Self::of(Rest::new(points, yarns.collect(), cell, pull)))
+    }
+}

@@ -1,0 +1,240 @@
+//! A symmetric matrix by its profile, and its Cholesky factors.
+//!
+//! In: a graph of points that share residuals. Out: [`Profile`], a symmetric positive definite
+//! matrix of 3 x 3 blocks, which is filled, factored and solved in place.
+//!
+//! Method: each row is stored from its first entry to the diagonal (the profile of Jennings 1966,
+//! "A compact storage scheme for the solution of symmetric linear simultaneous equations"). Points
+//! are numbered by the reverse of Cuthill and McKee's order (1969, "Reducing the bandwidth of sparse
+//! symmetric matrices"), which keeps rows short. Cholesky factors fill the same profile.
+//!
+//! Cost: rows times the square of their length. A repeat of 48 points takes 0.2 ms. Not promised:
+//! short rows in cloth whose repeat is wide and long.
+
+use glam::DVec3;
+
+use crate::ids::index32;
+
+/// Products that are summed side by side, so that the compiler vectorises them.
+const LANES: usize = 8;
+
+/// The matrix and the right side of normal equations.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Profile {
+    /// First row of each point.
+    rows: Vec<u32>,
+    /// The point whose rows stand at each place: the inverse of `rows`.
+    order: Vec<u32>,
+    /// First column of each row.
+    first: Vec<u32>,
+    /// Place in `values` at which column 0 of each row would stand.
+    origin: Vec<isize>,
+    values: Vec<f64>,
+}
+
+impl Profile {
+    /// An empty matrix for points with these neighbours, in both directions.
+    pub(super) fn new(neighbours: &[Vec<u32>]) -> Self {
+        let order = reverse_cuthill_mckee(neighbours);
+        let mut rows = vec![0; order.len()];
+        for (place, &point) in (0u32..).zip(&order) {
+            rows[point as usize] = 3 * place;
+        }
+        let mut profile = Self { rows, order, ..Self::default() };
+        let mut length = 0;
+        for (place, &point) in (0u32..).zip(&profile.order) {
+            let nearest =
+                neighbours[point as usize].iter().map(|&other| profile.rows[other as usize]);
+            let first = nearest.min().unwrap_or(3 * place).min(3 * place);
+            for row in 3 * place..3 * place + 3 {
+                profile.first.push(first);
+                profile.origin.push(length - first as isize);
+                length += (row - first + 1) as isize;
+            }
+        }
+        profile.values = vec![0.0; length.unsigned_abs()];
+        profile
+    }
+
+    /// Sets all entries to 0.
+    pub(super) fn clear(&mut self) {
+        self.values.fill(0.0);
+    }
+
+    /// Adds the products of a residual's gradient with itself: `entries` are points and derivatives
+    /// by their places.
+    pub(super) fn add_product(&mut self, entries: &[(u32, DVec3)]) {
+        for &(one, a) in entries {
+            let a = a.to_array();
+            let row = self.rows[one as usize];
+            for &(other, b) in entries {
+                let column = self.rows[other as usize];
+                if column > row {
+                    continue;
+                }
+                for (i, a) in a.into_iter().enumerate() {
+                    let start = self.at(row as usize + i, column as usize);
+                    // Above the diagonal of a block on it, the entry of the other side counts.
+                    let width = if column == row { i + 1 } else { 3 };
+                    for (value, b) in self.values[start..start + width].iter_mut().zip(b.to_array())
+                    {
+                        *value += a * b;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Scales the diagonal and adds a constant to it.
+    pub(super) fn damp(&mut self, factor: f64, constant: f64) {
+        for row in 0..self.first.len() {
+            let at = self.at(row, row);
+            self.values[at] = self.values[at] * factor + constant;
+        }
+    }
+
+    /// The largest entry of the diagonal.
+    pub(super) fn largest(&self) -> f64 {
+        (0..self.first.len()).map(|row| self.values[self.at(row, row)]).fold(0.0, f64::max)
+    }
+
+    /// Copies the entries of a matrix of the same profile.
+    pub(super) fn copy_from(&mut self, other: &Self) {
+        self.clone_from(other);
+    }
+
+    /// Replaces the matrix by its Cholesky factor. False where it is not positive definite.
+    pub(super) fn factor(&mut self) -> bool {
+        for row in 0..self.first.len() {
+            let start = self.first[row] as usize;
+            for column in start..row {
+                let shared = start.max(self.first[column] as usize);
+                let (left, right) = self.values.split_at(self.at(row, start));
+                let others = &left[self.at(column, shared)..=self.at(column, column)];
+                let (diagonal, others) = others.split_last().expect("a row has its diagonal");
+                let own = &right[shared - start..column - start];
+                let entry = (right[column - start] - dot(own, others)) / diagonal;
+                let at = self.at(row, column);
+                self.values[at] = entry;
+            }
+            let at = self.at(row, row);
+            let own = &self.values[self.at(row, start)..at];
+            let rest = self.values[at] - dot(own, own);
+            if rest <= 0.0 {
+                return false;
+            }
+            self.values[at] = rest.sqrt();
+        }
+        true
+    }
+
+    /// Solves for a right side by point, after [`Self::factor`].
+    pub(super) fn solve(&self, right: &[DVec3]) -> Vec<DVec3> {
+        let mut x: Vec<f64> =
+            self.order.iter().flat_map(|&point| right[point as usize].to_array()).collect();
+        for row in 0..x.len() {
+            let start = self.first[row] as usize;
+            let factors = &self.values[self.at(row, start)..self.at(row, row)];
+            x[row] = (x[row] - dot(factors, &x[start..row])) / self.values[self.at(row, row)];
+        }
+        for row in (0..x.len()).rev() {
+            let start = self.first[row] as usize;
+            x[row] /= self.values[self.at(row, row)];
+            let (above, own) = x.split_at_mut(row);
+            let factors = &self.values[self.at(row, start)..self.at(row, row)];
+            for (value, factor) in above[start..].iter_mut().zip(factors) {
+                *value -= factor * own[0];
+            }
+        }
+        self.rows.iter().map(|&row| DVec3::from_slice(&x[row as usize..row as usize + 3])).collect()
+    }
+
+    fn at(&self, row: usize, column: usize) -> usize {
+        self.origin[row].wrapping_add_unsigned(column).unsigned_abs()
+    }
+}
+
+/// The scalar product of two rows.
+#[inline]
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let (a, last_a) = a.as_chunks::<LANES>();
+    let (b, last_b) = b.as_chunks::<LANES>();
+    let mut sums = [0.0; LANES];
+    for (a, b) in a.iter().zip(b) {
+        for lane in 0..LANES {
+            sums[lane] += a[lane] * b[lane];
+        }
+    }
+    let last: f64 = last_a.iter().zip(last_b).map(|(a, b)| a * b).sum();
+    sums.iter().sum::<f64>() + last
+}
+
+/// Points in the reverse of Cuthill and McKee's order.
+fn reverse_cuthill_mckee(neighbours: &[Vec<u32>]) -> Vec<u32> {
+    let mut order: Vec<u32> = Vec::with_capacity(neighbours.len());
+    let mut is_placed = vec![false; neighbours.len()];
+    let by_degree = |point: &u32| (neighbours[*point as usize].len(), *point);
+    let mut starts: Vec<u32> = (0..index32(neighbours.len())).collect();
+    starts.sort_by_key(by_degree);
+    for start in starts {
+        if std::mem::replace(&mut is_placed[start as usize], true) {
+            continue;
+        }
+        let mut next = order.len();
+        order.push(start);
+        while let Some(&point) = order.get(next) {
+            next += 1;
+            let free = neighbours[point as usize].iter().copied();
+            let mut free: Vec<_> = free
+                .filter(|&other| !std::mem::replace(&mut is_placed[other as usize], true))
+                .collect();
+            free.sort_by_key(by_degree);
+            order.append(&mut free);
+        }
+    }
+    order.reverse();
+    order
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_solution_gives_back_the_right_side() {
+        // A ring of points, so that rows have unlike lengths.
+        let count = 9u32;
+        let neighbours: Vec<_> =
+            (0..count).map(|at| vec![(at + 1) % count, (at + count - 1) % count]).collect();
+        let mut matrix = Profile::new(&neighbours);
+        let gradients: Vec<_> = (0..count)
+            .map(|at| {
+                let turn = f64::from(at);
+                let gradient = DVec3::new(turn.sin(), turn.cos(), 0.3 * turn);
+                [(at, gradient), ((at + 1) % count, DVec3::new(-gradient.z, 0.4, gradient.y))]
+            })
+            .collect();
+        gradients.iter().for_each(|entries| matrix.add_product(entries));
+        matrix.damp(1.0, 0.5);
+        let wanted: Vec<_> = (0..count).map(|at| DVec3::new(1.0, f64::from(at), -2.0)).collect();
+        // The product of the matrix with the wanted solution, residual by residual.
+        let mut right: Vec<_> = wanted.iter().map(|&place| 0.5 * place).collect();
+        for entries in &gradients {
+            let along: f64 = entries.iter().map(|(at, g)| g.dot(wanted[*at as usize])).sum();
+            for (at, gradient) in entries {
+                right[*at as usize] += *gradient * along;
+            }
+        }
+        assert!(matrix.factor());
+        for (found, wanted) in matrix.solve(&right).iter().zip(&wanted) {
+            assert!(found.distance(*wanted) < 1e-12, "{found} {wanted}");
+        }
+    }
+
+    #[test]
+    fn a_matrix_that_is_not_positive_is_refused() {
+        let mut matrix = Profile::new(&[Vec::new()]);
+        matrix.add_product(&[(0, DVec3::X)]);
+        assert!(!matrix.factor());
+    }
+}
