@@ -109,6 +109,8 @@ pub struct Timings {
     /// Solving the repeat for the strains of the garment.
     pub strain: f64,
     pub map: f64,
+    /// Moving yarns apart on the body.
+    pub sweep: f64,
     pub surface: f64,
     pub render: f64,
     pub write: f64,

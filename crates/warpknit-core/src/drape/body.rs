@@ -7,9 +7,10 @@
 use rayon::prelude::*;
 
 use super::strands::{CUT, Strands};
+use super::sweeps;
 use crate::garment::Garment;
 use crate::knit::Knitted;
-use crate::knit::strain::StrainTable;
+use crate::knit::strain::{Neighbours, StrainTable};
 use crate::map::relaxed::{self, StrainCounts};
 use crate::map::surface::SmoothSurface;
 use crate::map::{Draped, Mapping, map_into};
@@ -20,6 +21,8 @@ pub(super) struct Body<'a> {
     mapping: Mapping,
     /// The table, and the smooth surface of each panel, for [`Mapping::Relaxed`].
     relaxed: Option<(&'a StrainTable, Vec<SmoothSurface>)>,
+    /// The spans near each other in the repeat, if yarns are swept.
+    neighbours: Option<Neighbours>,
 }
 
 impl<'a> Body<'a> {
@@ -28,6 +31,7 @@ impl<'a> Body<'a> {
         garment: &'a Garment,
         table: Option<&'a StrainTable>,
         mapping: Mapping,
+        is_swept: bool,
     ) -> Self {
         let relaxed = table.filter(|_| mapping == Mapping::Relaxed).map(|table| {
             let surfaces: Vec<_> = garment.panels.par_iter().map(SmoothSurface::new).collect();
@@ -37,7 +41,13 @@ impl<'a> Body<'a> {
             table.prepare(strains, &mut |_done| ());
             (table, surfaces)
         });
-        Self { garment, mapping, relaxed }
+        let neighbours = table.filter(|_| is_swept).map(|table| table.neighbours(sweeps::NEAR));
+        Self { garment, mapping, relaxed, neighbours }
+    }
+
+    /// What sweeps need to know of the repeat. Nothing if yarns are not swept.
+    pub(super) fn swept(&self) -> Option<&Neighbours> {
+        self.neighbours.as_ref()
     }
 
     /// Maps the strands of a block on one panel.

@@ -159,6 +159,19 @@ pub struct Pattern {
     tightest: Option<usize>,
 }
 
+/// A yarn of the cloth as a copy of one of the repeat.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct YarnCopy {
+    /// The yarn of the repeat.
+    pub(crate) yarn: usize,
+    /// Whether it runs across the wales.
+    pub(crate) runs_across: bool,
+    /// Cells from that yarn to this copy, across the way it runs.
+    pub(crate) beside: i64,
+    /// Index of its first data point, counted along the endless yarn from the one in cell 0.
+    pub(crate) first: i64,
+}
+
 impl Pattern {
     /// Computes the repeat of a fabric. Cost: some milliseconds for a common one, most of it the
     /// relaxation of its yarns.
@@ -374,6 +387,26 @@ impl Pattern {
     #[must_use]
     pub fn runs_across(&self, bar: usize) -> bool {
         self.bars[bar].runs_across
+    }
+
+    /// A bar's yarn of that number as a copy of one of the repeat, from one of its steps on. Nothing
+    /// where the bar has no such yarn.
+    pub(crate) fn copy(&self, bar: usize, number: i64, step: i64) -> Option<YarnCopy> {
+        let pattern = &self.bars[bar];
+        let yarn = pattern.yarn(number)?;
+        let own = &self.repeat.yarns[yarn];
+        let [wales, courses] = self.size.map(as_i64);
+        let cells = if pattern.runs_across { courses } else { wales };
+        let steps = as_i64(own.steps.len() - 1);
+        let place = usize::try_from(step.rem_euclid(steps)).expect("a remainder is not negative");
+        let points = self.repeat.points_of(own);
+        let first = self.repeat.points_of_steps(own, place..place + 1).start - points.start;
+        Some(YarnCopy {
+            yarn,
+            runs_across: pattern.runs_across,
+            beside: (number - as_i64(own.guide)).div_euclid(cells),
+            first: step.div_euclid(steps) * as_i64(points.len()) + as_i64(first),
+        })
     }
 
     /// Whether a bar has a yarn of that number: whether that guide is threaded, or that course gets

@@ -14,6 +14,7 @@
 
 mod contacts;
 mod grid;
+mod neighbours;
 mod profile;
 mod rest;
 mod solver;
@@ -23,6 +24,7 @@ use glam::{DMat2, DVec2};
 
 use super::{Pattern, YarnLength, as_vec, yarn_length};
 use crate::fabric::{Fabric, Structure};
+pub(crate) use neighbours::{NearSpan, Neighbours};
 use rest::{Rest, RestYarn};
 pub use table::{Lookup, StrainTable};
 

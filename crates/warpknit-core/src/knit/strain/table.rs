@@ -37,7 +37,7 @@ const RAY_STEPS: u32 = 32;
 /// Offsets of the data points of a repeat over strains of the cloth.
 #[derive(Debug)]
 pub struct StrainTable {
-    rest: Rest,
+    pub(super) rest: Rest,
     /// What the solver found at each knot.
     solved: Vec<OnceLock<Knot>>,
     /// What lookups interpolate: the same, but at the lock for locked knots.
