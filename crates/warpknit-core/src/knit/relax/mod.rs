@@ -59,7 +59,7 @@ const GROWTH_STEP: f64 = 0.12;
 const GROWTH_CLEARANCE: f64 = 0.965;
 /// Sweeps between two looks at the nearest pair. More of them let pairs meet that are not in the
 /// list; fewer spend the time on looking.
-const SWEEPS_PER_STEP: usize = 8;
+const SWEEPS_PER_STEP: u32 = 8;
 /// The solver gives up after so many looks in which neither the nearest pair nor the tightest bend
 /// has become better by [`PROGRESS`]: some spots have no room.
 const MAX_LOOKS_IN_VAIN: usize = 15;
@@ -195,13 +195,14 @@ pub(super) fn relax(
             // What still does not fit needs yarn, or gives some.
             solver.length_tolerance *= 1.0 + YIELDING;
         }
+        solver.choose_pairs();
         for _ in 0..SWEEPS_PER_STEP {
             solver.sweep(grown, stiffness, thickness);
             if is_waiting {
                 stiffness *= STIFFNESS_DECAY;
             }
         }
-        sweeps += SWEEPS_PER_STEP;
+        sweeps += SWEEPS_PER_STEP as usize;
     }
     solver.sample();
     // Too many pairs are no distance at all.
@@ -243,13 +244,24 @@ struct Solver<'a> {
     before: Vec<DVec3>,
     /// The data points when the neighbour list was built.
     list_points: Vec<DVec3>,
-    /// The largest curvature of each span at the last look, over that of a bend with the
-    /// yarn's radius.
+    /// The data points when the curves were sampled.
+    sampled_points: Vec<DVec3>,
+    /// Whether a span was sampled anew at the last look.
+    moved: Vec<bool>,
+    /// The length of each span.
+    span_lengths: Vec<f64>,
+    /// The largest curvature of each span.
+    curvatures: Vec<f64>,
+    /// The same over that of a bend with the yarn's radius at the last look.
     bends: Vec<f64>,
     /// Whether a span still takes part in sweeps.
     active: Vec<bool>,
     /// The neighbour list.
     pairs: Vec<ContactPair>,
+    /// For each pair, the distance over the sum of the radii at the last look.
+    ratios: Vec<f64>,
+    /// The pairs that take part in sweeps.
+    swept_pairs: Vec<u32>,
 }
 
 impl Solver<'_> {
