@@ -18,6 +18,7 @@ pub mod clearance;
 mod cover;
 mod lattice;
 pub mod links;
+mod loops;
 pub mod mesh;
 pub mod numbers;
 mod points;
@@ -442,6 +443,7 @@ fn yarn_length(fabric: &Fabric, yarn: &RepeatYarn) -> YarnLength {
     match (bar.run_in, bar.slack) {
         (Some(run_in), _) => YarnLength::Fed(run_in / RACK * steps),
         (None, Some(slack)) => YarnLength::Slack(slack),
+        (None, None) if bar.is_pulled_straight() => YarnLength::Drafted,
         (None, None) if bar.is_inlay() => YarnLength::Taut,
         (None, None) => YarnLength::Shape,
     }

@@ -10,8 +10,8 @@ use glam::{DVec2, DVec3};
 use super::cell_list::CellList;
 use super::curves::{CurveSegment, blend};
 use super::{
-    BEND_TOLERANCE, MAX_CANDIDATES, MAX_PAIRS, SWEEPS_PER_STEP, Solver, TARGET_DISTANCE,
-    TOLERANCE, YarnChain,
+    BEND_TOLERANCE, MAX_CANDIDATES, MAX_PAIRS, SWEEPS_PER_STEP, Solver, TARGET_DISTANCE, TOLERANCE,
+    YarnChain,
 };
 use crate::ids::index32;
 use crate::yarn::curve;
@@ -153,11 +153,8 @@ impl Solver<'_> {
             let [from, to] = self.ends(segment);
             (from.midpoint(to), from.distance(to) / 2.0)
         });
-        let cell_list = CellList::new(
-            &balls.collect::<Vec<_>>(),
-            self.cell,
-            LIST_CUTOFF * 2.0 * thickest,
-        );
+        let cell_list =
+            CellList::new(&balls.collect::<Vec<_>>(), self.cell, LIST_CUTOFF * 2.0 * thickest);
         let mut pairs = std::mem::take(&mut self.pairs);
         pairs.clear();
         self.ratios.clear();

@@ -18,6 +18,9 @@ const SEGMENT_RADII: f64 = 1.35;
 /// bounds the work for very thin yarns, whose radii would ask for many more.
 const MIN_SEGMENTS: f64 = 4.0;
 const MAX_SEGMENTS: f64 = 12.0;
+/// Length of a drafted yarn over that of a straight line. At 1 the loops that it passes by turns
+/// would have to leave their wale by their whole width.
+const DRAFTED_LENGTH: f64 = 1.03;
 /// Spans on each side of the one that starts at a data point to which that point is a control point.
 /// The third one after it is not, which does no harm.
 const CONTROLLED_SPANS: usize = 2;
@@ -103,6 +106,7 @@ impl<'a> Solver<'a> {
         let scales = self.yarns.iter().zip(&lengths).map(|(yarn, length)| match yarn.length {
             YarnLength::Fed(fed) => fed / length,
             YarnLength::Slack(slack) => 1.0 + slack,
+            YarnLength::Drafted => DRAFTED_LENGTH * yarn.period.length() / length,
             YarnLength::Shape | YarnLength::Taut => 1.0,
         });
         let scales = scales.collect::<Vec<_>>();
@@ -252,14 +256,26 @@ impl<'a> Solver<'a> {
 
     /// The largest difference of a yarn's length from what it should be, as a share of it.
     pub(super) fn stretch(&self) -> f64 {
+        self.length_error(|length| !length.is_tense())
+    }
+
+    /// The same of the yarns of which the length is given, by a run-in or a draft.
+    pub(super) fn misfed(&self) -> f64 {
+        self.length_error(|length| matches!(length, YarnLength::Fed(_) | YarnLength::Drafted))
+    }
+
+    fn length_error(&self, counts: impl Fn(YarnLength) -> bool) -> f64 {
         let yarns = self.yarns.iter().zip(self.lengths.iter().zip(&self.rest_lengths));
-        let changes = yarns.map(|(yarn, (&length, &rest))| match yarn.length {
-            YarnLength::Shape | YarnLength::Fed(_) | YarnLength::Slack(_) => {
-                (length / rest - 1.0).abs()
+        let counted = yarns.filter(|(yarn, _)| counts(yarn.length));
+        let errors = counted.map(|(yarn, (&length, &rest))| {
+            let change = length / rest - 1.0;
+            match yarn.length {
+                YarnLength::Shape | YarnLength::Fed(_) | YarnLength::Slack(_) => change.abs(),
+                YarnLength::Drafted => change.max(0.0),
+                YarnLength::Taut => 0.0,
             }
-            YarnLength::Taut => 0.0,
         });
-        changes.fold(0.0, f64::max)
+        errors.fold(0.0, f64::max)
     }
 
     /// From the lowest to the highest surface of the yarns, mm.

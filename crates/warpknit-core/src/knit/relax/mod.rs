@@ -47,6 +47,8 @@ const TOLERANCE: f64 = 1.01;
 /// radius. At 1.03 bends of the drawn curve, measured between the places that the solver looks at,
 /// keep over 0.95 of that radius.
 const BEND_TOLERANCE: f64 = 1.03;
+/// Convergence tolerance of lengths that are given, as a share of them.
+const FEED_TOLERANCE: f64 = 0.008;
 /// Radii of the first sweeps at least, over the full ones. Yarns that are laid out in the same place
 /// start apart by so much; what lies right in front of another has to be farther away in the input.
 const START: f64 = 0.15;
@@ -119,6 +121,15 @@ pub(super) enum YarnLength {
     Slack(f64),
     /// Its tension, which pulls it as straight as the other yarns allow.
     Taut,
+    /// Its draft, which pulls it straight, so that the other yarns give way.
+    Drafted,
+}
+
+impl YarnLength {
+    /// Whether tension draws the yarn straight, so that it keeps to no shape.
+    fn is_tense(self) -> bool {
+        matches!(self, Self::Taut | Self::Drafted)
+    }
 }
 
 /// How the relaxation ended.
@@ -154,8 +165,9 @@ pub(super) fn relax(
     let mut stiffness = 1.0;
     let mut grown = START;
     let mut thickness = f64::INFINITY;
-    // The nearest pair and the tightest bend since shapes have faded, and looks without a better.
-    let (mut best, mut looks_in_vain) = ([0.0_f64, f64::INFINITY], 0);
+    // The nearest pair, the tightest bend and the worst feed since shapes have faded, and looks
+    // without a better.
+    let (mut best, mut looks_in_vain) = ([0.0_f64, f64::INFINITY, f64::INFINITY], 0);
     while sweeps < MAX_SWEEPS {
         progress(share_done(grown, stiffness));
         solver.sample();
@@ -166,7 +178,9 @@ pub(super) fn relax(
         let bend = solver.find_bends(grown);
         let is_grown = grown >= 1.0;
         let is_pressed = press.is_none_or(|press| solver.thickness() <= press * PRESS_TOLERANCE);
-        if is_grown && is_pressed && nearest >= TOLERANCE && bend <= BEND_TOLERANCE {
+        let misfed = solver.misfed();
+        let is_fed = misfed <= FEED_TOLERANCE;
+        if is_grown && is_pressed && is_fed && nearest >= TOLERANCE && bend <= BEND_TOLERANCE {
             break;
         }
         // Radii grow only while nothing is much nearer than they are now: what lies in front of
@@ -182,12 +196,14 @@ pub(super) fn relax(
             }
         }
         let is_waiting = is_grown || !has_room;
-        if is_grown && is_pressed && stiffness <= FADED {
+        if is_grown && is_pressed && is_fed && stiffness <= FADED {
             solver.find_active();
         }
         if stiffness <= FADED {
-            let is_better = nearest > best[0] + PROGRESS || bend < best[1] - PROGRESS;
-            best = [best[0].max(nearest), best[1].min(bend)];
+            let is_better = nearest > best[0] + PROGRESS
+                || bend < best[1] - PROGRESS
+                || misfed < best[2] - PROGRESS;
+            best = [best[0].max(nearest), best[1].min(bend), best[2].min(misfed)];
             looks_in_vain = if is_better { 0 } else { looks_in_vain + 1 };
             if looks_in_vain > MAX_LOOKS_IN_VAIN {
                 break;

@@ -27,8 +27,9 @@ const EASY_BEND: f64 = 0.7;
 const MAX_STEP: f64 = 0.2;
 /// Tolerance of the length of a yarn that keeps to its shape, as a share of it, at the start.
 pub(super) const LENGTH_TOLERANCE: f64 = 0.012;
-/// The same for yarns of which the length is given.
-const FEED_TOLERANCE: f64 = 0.002;
+/// The same for yarns of which the length is given. It is less than the solver's tolerance at the
+/// end, so that they come there.
+const FEED_DEAD_ZONE: f64 = 0.002;
 /// Limit of the share by which a sweep changes a yarn's length. Contacts hold against such a pull.
 /// With more, a run-in that is far too short would pull loops out of each other.
 const MAX_FEED_STEP: f64 = 0.01;
@@ -43,9 +44,11 @@ impl Solver<'_> {
     /// Looks at all bends. Returns the largest curvature, over that of a bend with the yarn's
     /// radius.
     pub(super) fn find_bends(&mut self, grown: f64) -> f64 {
-        let bends = self.spans.iter().zip(&self.curvatures).map(|(span, curvature)| {
-            curvature * self.yarns[span.yarn as usize].radius * grown
-        });
+        let bends = self
+            .spans
+            .iter()
+            .zip(&self.curvatures)
+            .map(|(span, curvature)| curvature * self.yarns[span.yarn as usize].radius * grown);
         self.bends = bends.collect();
         self.bends.iter().copied().fold(0.0, f64::max)
     }
@@ -93,7 +96,7 @@ impl Solver<'_> {
     pub(super) fn solve_stretch(&mut self, stiffness: f64) {
         for number in 0..self.spans.len() {
             let span = self.spans[number];
-            if self.yarns[span.yarn as usize].length == YarnLength::Taut {
+            if self.yarns[span.yarn as usize].length.is_tense() {
                 continue;
             }
             let chord = self.chord(number);
@@ -113,7 +116,7 @@ impl Solver<'_> {
         for number in 0..self.spans.len() {
             let span = self.spans[number];
             let [before, at, after, _] = span.points.map(|point| point as usize);
-            if self.yarns[span.yarn as usize].length == YarnLength::Taut {
+            if self.yarns[span.yarn as usize].length.is_tense() {
                 let [before, here, after, _] = self.control_points(&span);
                 let pull = TENSION_STIFFNESS * stiffness * (before.midpoint(after) - here);
                 self.points[at] += pull;
@@ -155,8 +158,9 @@ impl Solver<'_> {
                     change - change.clamp(-self.length_tolerance, self.length_tolerance)
                 }
                 YarnLength::Fed(_) | YarnLength::Slack(_) => {
-                    change - change.clamp(-FEED_TOLERANCE, FEED_TOLERANCE)
+                    change - change.clamp(-FEED_DEAD_ZONE, FEED_DEAD_ZONE)
                 }
+                YarnLength::Drafted => change.max(0.0),
                 YarnLength::Taut => 0.0,
             };
             let excess = excess.clamp(-MAX_FEED_STEP, MAX_FEED_STEP);
