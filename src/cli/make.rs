@@ -24,6 +24,7 @@ pub(crate) fn drape(arguments: &Drape) -> Result<()> {
     let source = shared.source(&fabric, inputs, drapes.stem());
     let settings = Settings {
         placement: arguments.laying.placement(),
+        cache: arguments.laying.cache(),
         tile: arguments.part.tile,
         ..shared.settings()
     };

@@ -16,6 +16,7 @@ use super::pictures;
 use super::sequence::{self, Sequence};
 use super::settings::{Settings, Wanted};
 use super::setup::Setup;
+use super::strain_cache::StrainCache;
 use super::summary::{Done, RunSummary, say_warnings};
 use super::targets::numbered;
 use super::writers::{check_places, finished, sinks, wanted};
@@ -155,7 +156,9 @@ fn make(job: &Job<'_>, mut clock: Clock<'_>) -> Result<Done, RunError> {
         wants_gauge(job, &outputs).then(|| ClearanceMeter::new(job.cloth, setup.section.radius));
     let receivers =
         Receivers { scene: (!pictures.is_empty()).then_some(&mut scene), sinks: &mut sinks, gauge };
+    let cache = cache(job, &mut clock);
     let (totals, draped) = lay(job, &setup.options, receivers, &mut clock)?;
+    cache.keep(job.cloth);
     // A part of the cloth can be without yarns while the whole has some.
     if job.part.is_none() {
         check_laid(&totals)?;
@@ -184,6 +187,14 @@ fn make(job: &Job<'_>, mut clock: Clock<'_>) -> Result<Done, RunError> {
     whole.into_iter().chain(reports).try_for_each(Output::publish)?;
     let names: Vec<_> = outputs.iter().map(|(path, _)| path.display().to_string()).collect();
     Ok(Done { totals, files: names.join(" "), frames: None, real })
+}
+
+/// The cache of a run's strained repeats, which are read here.
+pub(super) fn cache(job: &Job<'_>, clock: &mut Clock<'_>) -> StrainCache {
+    clock.begin(Task::Strain, 0.0);
+    let wants_strain = job.options.mapping == Mapping::Relaxed;
+    let folder = job.settings.cache.as_deref().filter(|_| wants_strain);
+    StrainCache::open(folder, job.cloth)
 }
 
 /// Draws all pictures and adds their files to `whole`, the complete ones. Returns the renderer's

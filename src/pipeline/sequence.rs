@@ -27,6 +27,7 @@ use super::clock::{Clock, Message, Task};
 use super::job::Job;
 use super::limits::{check_laid, check_memory, check_request, loss_warning};
 use super::pictures;
+use super::run::cache;
 use super::settings::Wanted;
 use super::setup::Setup;
 use super::summary::{Done, RunSummary, say_warnings};
@@ -117,6 +118,7 @@ pub(super) fn make(
     warnings.extend(loss_warning(located.totals()));
     say_warnings(job, &mut warnings, &clock);
 
+    let cache = cache(job, &mut clock);
     let scene = wants_picture.then(|| setup.scene(job));
     let drawn_by = String::new();
     let mut show = Show {
@@ -133,6 +135,7 @@ pub(super) fn make(
         clock: &mut clock,
     };
     let frames = show.all(sequence)?;
+    cache.keep(job.cloth);
     let Show { located, usda, strain, drawn_by, warnings, .. } = show;
     clock.begin(Task::Write, 1.0);
     let usda = usda.into_iter().map(|writer| Box::new(writer).finish());

@@ -39,6 +39,9 @@ pub struct Settings {
     pub densities: Densities,
     /// How yarns lie on a garment.
     pub placement: Placement,
+    /// The folder in which strained repeats are kept from one run to the next. By default none; the
+    /// command has [`super::cache_folder`].
+    pub cache: Option<PathBuf>,
     /// The part of the run that this machine makes. `None` for the whole.
     pub tile: Option<Tile>,
     /// Segments of tube for each stitch (St). By default 10 in files and 40 in pictures.
@@ -125,6 +128,7 @@ impl Default for Settings {
             outputs: Vec::new(),
             densities: Densities::default(),
             placement: Placement::default(),
+            cache: None,
             tile: None,
             st: None,
             sr: None,

@@ -167,6 +167,7 @@ fn fibres_are_drawn_where_the_camera_is_near_and_nowhere_else() {
 
 fn run(folder: &Path, arguments: &[&str]) -> std::process::Output {
     let mut command = assert_cmd::Command::cargo_bin("warpknit").unwrap();
+    command.env("XDG_CACHE_HOME", crate::cache_home());
     command.current_dir(folder).args(arguments).output().unwrap()
 }
 

@@ -408,6 +408,9 @@ pub(crate) struct Laying {
     /// How yarns are mapped from the flat panel to the draped one
     #[arg(long, value_enum, default_value = "relaxed")]
     pub(crate) mapping: MappingArg,
+    /// Don't keep strained repeats for the next run, nor use those that are kept
+    #[arg(long)]
+    pub(crate) no_cache: bool,
 }
 
 /// How meshes are read.

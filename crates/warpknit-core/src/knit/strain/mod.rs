@@ -17,6 +17,7 @@ mod grid;
 mod profile;
 mod rest;
 mod solver;
+mod stored;
 mod table;
 
 use glam::{DMat2, DVec2};

@@ -37,9 +37,9 @@ const RAY_STEPS: u32 = 32;
 /// Offsets of the data points of a repeat over strains of the cloth.
 #[derive(Debug)]
 pub struct StrainTable {
-    rest: Rest,
+    pub(super) rest: Rest,
     /// What the solver found at each knot.
-    solved: Vec<OnceLock<Knot>>,
+    pub(super) solved: Vec<OnceLock<Knot>>,
     /// What lookups interpolate: the same, but at the lock for locked knots.
     placed: Vec<OnceLock<Vec<[f32; 3]>>>,
 }
