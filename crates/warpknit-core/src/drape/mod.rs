@@ -430,8 +430,9 @@ pub struct Totals {
 
 /// Runs the pipeline, and delivers windows of blocks in yarn order.
 ///
-/// `announce` is called at the start of each stage, with the share of blocks that are done. A
-/// program can time stages or draw a progress bar with it.
+/// `announce` is called at the start of each stage, with the share of blocks that are done, and
+/// often during [`Stage::Strain`], with the share of strains. A program can time stages or draw a
+/// progress bar with it.
 ///
 /// # Errors
 /// The first error of `deliver`. Nothing is delivered after it.
@@ -454,7 +455,9 @@ pub fn run<E>(
     deliver: &mut dyn FnMut(&[Block]) -> Result<(), E>,
 ) -> Result<Totals, E> {
     announce(Stage::Strain, 0.0);
-    let body = Body::new(cloth.garment, cloth.strain(), options.mapping);
+    let body = Body::new(cloth.garment, cloth.strain(), options.mapping, &mut |done| {
+        announce(Stage::Strain, done);
+    });
     let mut strain = StrainCounts::default();
     let mut totals = knit_and_locate(cloth, options, announce, &mut |blocks, announce, done| {
         drape_blocks(blocks, &body, &cloth.thickness, options, &mut |stage| announce(stage, done));

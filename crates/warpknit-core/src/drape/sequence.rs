@@ -84,7 +84,9 @@ impl LocatedCloth {
     ) -> Result<StrainCounts, E> {
         let Self { blocks, thickness, spare, strain: table, .. } = self;
         announce(Stage::Strain, 0.0);
-        let body = Body::new(garment, table.as_deref(), options.mapping);
+        let body = Body::new(garment, table.as_deref(), options.mapping, &mut |done| {
+            announce(Stage::Strain, done);
+        });
         let mut strain = StrainCounts::default();
         let all = blocks.len();
         let mut rest = blocks.as_mut_slice();
