@@ -8,9 +8,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use warpknit::fabric::{Fabric, FabricError};
 use warpknit::garment::ReadOptions;
-use warpknit::pipeline::{
-    Densities, PictureSettings, Placement, Settings, Source, cache_folder,
-};
+use warpknit::pipeline::{Densities, PictureSettings, Placement, Settings, Source, cache_folder};
 
 use super::args::{Chains, Drawing, Laying, Reading, Shared};
 use super::terminal::tell;

@@ -14,8 +14,8 @@ pub(super) struct Job<'a> {
     pub(super) fabric: &'a Fabric,
     /// The fabric at the densities at which it is drawn.
     pub(super) shown: &'a Fabric,
-    /// A note about the enlargement of `shown`, if it is enlarged. The report has it too.
-    pub(super) enlarged: Option<String>,
+    /// Notes about how the cloth is shown. The report has them too.
+    pub(super) notes: Vec<String>,
     pub(super) cloth: &'a Cloth<'a>,
     /// The part of the cloth that goes into files. `None` for the whole.
     pub(super) part: Option<(Tile, Cloth<'a>)>,

@@ -1,12 +1,14 @@
 //! Checks of a run: limits before the work, and losses after it.
 //!
-//! In: a [`Job`], or the totals of a run. Out: an error, or a warning.
+//! In: a [`Job`], its cloth, or the totals of a run. Out: an error, a warning or a note.
 
 use super::RunError;
 use super::densities::PICTURE_GB;
 use super::job::Job;
-use crate::drape::Totals;
+use super::settings::Placement;
 use crate::drape::strands::Losses;
+use crate::drape::{Cloth, Totals};
+use crate::map::Mapping;
 use crate::system::available_memory_gb;
 use crate::tile::Tile;
 
@@ -79,5 +81,16 @@ pub fn loss_warning(totals: &Totals) -> Option<String> {
             "{in_defects} data points ({percent:.3} %) lie in triangles that can't be knitted \
              and are lost"
         )
+    })
+}
+
+/// The note that yarns stretch with the garment although their lengths were to be kept, if the
+/// fabric's repeat can't be solved for strains.
+#[must_use]
+pub fn unstrained_note(cloth: &Cloth<'_>, placement: Placement) -> Option<String> {
+    (placement.mapping == Mapping::Relaxed && cloth.strain().is_none()).then(|| {
+        "this fabric's repeat can't be solved for the garment's strains, so yarns stretch with the \
+         garment, as with --mapping smooth"
+            .to_owned()
     })
 }

@@ -11,12 +11,13 @@ use super::RunError;
 use super::clock::{Clock, Message, Task};
 use super::densities::{enlarged, turn_grains};
 use super::job::{Job, Source};
-use super::limits::{check_laid, check_request, loss_warning};
+use super::limits::{check_laid, check_request, loss_warning, unstrained_note};
 use super::pictures;
 use super::sequence::{self, Sequence};
 use super::settings::{Settings, Wanted};
 use super::setup::Setup;
 use super::strain_cache::StrainCache;
+use super::stretch::pull;
 use super::summary::{Done, RunSummary, say_warnings};
 use super::targets::numbered;
 use super::writers::{check_places, finished, sinks, wanted};
@@ -77,7 +78,7 @@ pub fn drape(
         settings,
         fabric,
         shown: &shown,
-        enlarged: note,
+        notes: note.into_iter().chain(unstrained_note(&cloth, settings.placement)).collect(),
         part: settings.tile.map(|tile| (tile, cloth.part(tile))),
         cloth: &cloth,
         options: settings.placement.into(),
@@ -91,7 +92,8 @@ pub fn drape(
     }
 }
 
-/// Knits a flat piece of fabric of `wales` yarns a bar and `courses` courses.
+/// Knits a flat piece of fabric of `wales` yarns a bar and `courses` courses, and pulls it if the
+/// settings say so.
 ///
 /// # Errors
 /// [`RunError`]. Nothing is written then.
@@ -102,16 +104,26 @@ pub fn swatch(
     settings: &Settings,
     mut clock: Clock<'_>,
 ) -> Result<Done, RunError> {
-    let panel = swatch_panel(fabric, wales, courses);
     let pattern = relaxed(fabric, &mut clock);
-    let cloth = Cloth::swatch_with(&panel, fabric, pattern, [wales, courses]);
+    let mut settings = Cow::Borrowed(settings);
+    let (shown, pattern, stretched) = match settings.stretch {
+        None => (Cow::Borrowed(fabric), pattern, None),
+        Some(stretch) => {
+            let (pulled, stretched) = pull(fabric, &pattern, stretch, &mut clock)?;
+            // Densities limit the radius at which loops are drawn. Pulled yarns stay as thick.
+            settings.to_mut().radius.get_or_insert(fabric.radius());
+            (Cow::Owned(pulled.fabric), pulled.pattern, Some(stretched))
+        }
+    };
+    let panel = swatch_panel(&shown, wales, courses);
+    let cloth = Cloth::swatch_with(&panel, &shown, pattern, [wales, courses]);
     let area =
         f64::from(wales) * fabric.wale_spacing() * f64::from(courses) * fabric.course_spacing();
     let job = Job {
-        settings,
+        settings: &settings,
         fabric,
-        shown: fabric,
-        enlarged: None,
+        shown: &shown,
+        notes: Vec::new(),
         part: settings.tile.map(|tile| (tile, cloth.part(tile))),
         cloth: &cloth,
         options: flat_options(),
@@ -119,7 +131,7 @@ pub fn swatch(
         source,
         is_swatch: true,
     };
-    make(&job, clock)
+    Ok(Done { stretched, ..make(&job, clock)? })
 }
 
 /// Options of a swatch: it is its own drape, so no strain has to be looked up.
@@ -186,7 +198,7 @@ fn make(job: &Job<'_>, mut clock: Clock<'_>) -> Result<Done, RunError> {
     let (reports, real) = summary.files(job, &outputs, &clock)?;
     whole.into_iter().chain(reports).try_for_each(Output::publish)?;
     let names: Vec<_> = outputs.iter().map(|(path, _)| path.display().to_string()).collect();
-    Ok(Done { totals, files: names.join(" "), frames: None, real })
+    Ok(Done { totals, files: names.join(" "), frames: None, real, stretched: None })
 }
 
 /// The cache of a run's strained repeats, which are read here.

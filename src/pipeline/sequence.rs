@@ -148,7 +148,7 @@ pub(super) fn make(
     finished.extend(summary.files(job, &files.whole, &clock)?.0);
     finished.into_iter().try_for_each(Output::publish)?;
     let frames = Some((shown, sequence.paths.len()));
-    Ok(Done { totals, files: files.names(), frames, real: None })
+    Ok(Done { totals, files: files.names(), frames, real: None, stretched: None })
 }
 
 /// Refuses settings that a sequence can't have, before any work.

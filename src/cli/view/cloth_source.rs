@@ -20,8 +20,8 @@ use warpknit::report::Timings;
 use super::super::args::Live;
 use super::super::choice::{fabric, named_fabric};
 use warpknit::pipeline::{
-    self, Clock, MOST_STITCHES, StrainCache, Task, Textures, check_laid, check_memory, drawn_radius, enlarged,
-    loss_warning, turn_grains,
+    self, Clock, MOST_STITCHES, Placement, StrainCache, Task, Textures, check_laid, check_memory,
+    drawn_radius, enlarged, loss_warning, turn_grains, unstrained_note,
 };
 
 /// Memory of a stitch, GB: 160 bytes of scene, and on a software adapter 25 for each of ten points,
@@ -33,7 +33,7 @@ pub(super) struct ClothSource {
     /// The fabrics on the list; the one that the command line names comes first.
     pub(super) choices: Vec<FabricChoice>,
     base: ClothBase,
-    options: drape::DrapeOptions,
+    placement: Placement,
     /// The folder in which strained repeats are kept.
     cache: Option<PathBuf>,
     /// Tubes or ribbons, as the command line asks.
@@ -118,7 +118,7 @@ impl ClothSource {
         Ok(Self {
             choices,
             base,
-            options: arguments.laying.placement().into(),
+            placement: arguments.laying.placement(),
             cache: arguments.laying.cache(),
             shape: shared.drawing.shape.into(),
         })
@@ -206,7 +206,7 @@ impl ClothSource {
                 blocks.iter().for_each(|block| cloth::add_to(&mut scene, block));
                 if superseded() { Err(Superseded) } else { Ok(()) }
             };
-            drape::run(cloth, &self.options, &mut announce, &mut deliver)
+            drape::run(cloth, &self.placement.into(), &mut announce, &mut deliver)
         };
         clock.stop();
         let Ok(totals) = totals else { return Ok(None) };
@@ -214,6 +214,7 @@ impl ClothSource {
         cache.keep(cloth);
         let mut warnings = cloth.garment().summary.warnings.clone();
         warnings.extend(loss_warning(&totals));
+        warnings.extend(unstrained_note(cloth, self.placement));
         let (enlargement, timings) = (fabric.enlargement, clock.timings());
         Ok(Some(KnittedScene { scene, totals, radius, enlargement, timings, warnings }))
     }

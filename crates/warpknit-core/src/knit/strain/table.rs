@@ -39,6 +39,7 @@ const RAY_STEPS: u32 = 32;
 #[derive(Debug)]
 pub struct StrainTable {
     pub(super) rest: Rest,
+    elastic_bars: Vec<usize>,
     /// What the solver found at each knot.
     pub(super) solved: Vec<OnceLock<Knot>>,
     /// What lookups interpolate: the same, but at the lock for locked knots.
@@ -65,13 +66,13 @@ pub struct Lookup<'a> {
 }
 
 impl StrainTable {
-    pub(super) fn of(mut rest: Rest) -> Self {
+    pub(super) fn of(mut rest: Rest, elastic_bars: Vec<usize>) -> Self {
         solver::measure_rest(&mut rest);
         let mut solved = Vec::new();
         let mut placed = Vec::new();
         solved.resize_with(KNOTS, OnceLock::new);
         placed.resize_with(KNOTS, OnceLock::new);
-        Self { rest, solved, placed }
+        Self { rest, elastic_bars, solved, placed }
     }
 
     /// Solves in parallel the knots around these strains. `progress` gets the share that is done.
@@ -120,6 +121,12 @@ impl StrainTable {
     pub fn depths(&self) -> [f64; 2] {
         let depths = self.rest.points.iter().map(|point| point.z);
         depths.fold([0.0, 0.0], |[low, high], z| [z.min(low), z.max(high)])
+    }
+
+    /// Bars, from 0, whose yarns may stretch: elastane, and inlays with slack.
+    #[must_use]
+    pub fn elastic_bars(&self) -> &[usize] {
+        &self.elastic_bars
     }
 
     /// The number of solved knots.
@@ -335,8 +342,11 @@ mod tests {
 
     #[test]
     fn slack_inlays_and_elastane_may_stretch() {
-        let (.., table) = table("elastic-locknit");
+        let (fabric, _, table) = table("elastic-locknit");
         assert!(table.rest.yarns.iter().any(|yarn| yarn.is_elastic));
         assert!(table.rest.yarns.iter().any(|yarn| !yarn.is_elastic));
+        let bars = fabric.yarns().map(|yarn| yarn.draft.is_some());
+        let expected: Vec<_> = (0..).zip(bars).filter(|(_, is_drafted)| *is_drafted).collect();
+        assert_eq!(table.elastic_bars(), expected.iter().map(|(bar, _)| *bar).collect::<Vec<_>>());
     }
 }
