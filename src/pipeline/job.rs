@@ -3,8 +3,10 @@
 use std::path::PathBuf;
 
 use super::settings::Settings;
+use super::strain_cache::StrainCache;
 use crate::drape::{Cloth, DrapeOptions};
 use crate::fabric::Fabric;
+use crate::map::Mapping;
 use crate::tile::Tile;
 
 /// One run: the fabric, the cloth that is knitted from it, and the settings.
@@ -42,6 +44,12 @@ impl Job<'_> {
     /// The part that is made. `None` for the whole.
     pub(super) fn tile(&self) -> Option<Tile> {
         self.part.as_ref().map(|(tile, _)| *tile)
+    }
+
+    /// The cache of the strained repeats, which are read here.
+    pub(super) fn cache(&self) -> StrainCache {
+        let wants_strain = self.options.mapping == Mapping::Relaxed;
+        StrainCache::open(self.settings.cache.as_deref().filter(|_| wants_strain), self.cloth)
     }
 
     /// The cloth whose yarns go into files.

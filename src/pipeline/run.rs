@@ -16,7 +16,6 @@ use super::pictures;
 use super::sequence::{self, Sequence};
 use super::settings::{Settings, Wanted};
 use super::setup::Setup;
-use super::strain_cache::StrainCache;
 use super::stretch::pull;
 use super::summary::{Done, RunSummary, say_warnings};
 use super::targets::numbered;
@@ -168,7 +167,8 @@ fn make(job: &Job<'_>, mut clock: Clock<'_>) -> Result<Done, RunError> {
         wants_gauge(job, &outputs).then(|| ClearanceMeter::new(job.cloth, setup.section.radius));
     let receivers =
         Receivers { scene: (!pictures.is_empty()).then_some(&mut scene), sinks: &mut sinks, gauge };
-    let cache = cache(job, &mut clock);
+    clock.begin(Task::Strain, 0.0);
+    let cache = job.cache();
     let (totals, draped) = lay(job, &setup.options, receivers, &mut clock)?;
     cache.keep(job.cloth);
     // A part of the cloth can be without yarns while the whole has some.
@@ -199,14 +199,6 @@ fn make(job: &Job<'_>, mut clock: Clock<'_>) -> Result<Done, RunError> {
     whole.into_iter().chain(reports).try_for_each(Output::publish)?;
     let names: Vec<_> = outputs.iter().map(|(path, _)| path.display().to_string()).collect();
     Ok(Done { totals, files: names.join(" "), frames: None, real, stretched: None })
-}
-
-/// The cache of a run's strained repeats, which are read here.
-pub(super) fn cache(job: &Job<'_>, clock: &mut Clock<'_>) -> StrainCache {
-    clock.begin(Task::Strain, 0.0);
-    let wants_strain = job.options.mapping == Mapping::Relaxed;
-    let folder = job.settings.cache.as_deref().filter(|_| wants_strain);
-    StrainCache::open(folder, job.cloth)
 }
 
 /// Draws all pictures and adds their files to `whole`, the complete ones. Returns the renderer's

@@ -27,7 +27,6 @@ use super::clock::{Clock, Message, Task};
 use super::job::Job;
 use super::limits::{check_laid, check_memory, check_request, loss_warning};
 use super::pictures;
-use super::run::cache;
 use super::settings::Wanted;
 use super::setup::Setup;
 use super::summary::{Done, RunSummary, say_warnings};
@@ -118,7 +117,8 @@ pub(super) fn make(
     warnings.extend(loss_warning(located.totals()));
     say_warnings(job, &mut warnings, &clock);
 
-    let cache = cache(job, &mut clock);
+    clock.begin(Task::Strain, 0.0);
+    let cache = job.cache();
     let scene = wants_picture.then(|| setup.scene(job));
     let drawn_by = String::new();
     let mut show = Show {
