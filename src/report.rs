@@ -142,22 +142,28 @@ pub struct LinksReport {
 }
 
 /// Shares of the data points where the garment strains the cloth too far.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct StrainReport {
     /// The strain is larger than any that was solved.
     pub outside: f64,
     /// Loops can't follow: yarn would have to stretch by over 1 %.
     pub locked: f64,
+    /// Bars, from 1, whose yarns may stretch: elastane, and inlays with slack. Without any there is
+    /// no such key.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub elastic_bars: Vec<usize>,
 }
 
 impl StrainReport {
-    /// The shares of some points. Nothing where there were none.
+    /// The shares of some points, with the elastic bars from 0. Nothing where there were no points.
     #[must_use]
-    pub fn new(counts: StrainCounts) -> Option<Self> {
+    pub fn new(counts: StrainCounts, elastic_bars: &[usize]) -> Option<Self> {
         #[expect(clippy::cast_precision_loss, reason = "a share of three digits")]
         let share = |count: usize| count as f64 / counts.points as f64;
-        let shares = Self { outside: share(counts.outside), locked: share(counts.locked) };
-        (counts.points > 0).then_some(shares)
+        let elastic_bars = elastic_bars.iter().map(|bar| bar + 1).collect();
+        let report =
+            Self { outside: share(counts.outside), locked: share(counts.locked), elastic_bars };
+        (counts.points > 0).then_some(report)
     }
 }
 

@@ -8,6 +8,7 @@ mod knit;
 mod locate;
 mod read;
 mod render;
+mod strain;
 mod tube;
 mod whole;
 mod write;
@@ -30,6 +31,6 @@ criterion_group! {
     name = benches;
     config = configured();
     targets = read::benches, knit::benches, locate::benches, tube::benches, write::benches,
-        whole::benches, frames::benches, render::benches
+        whole::benches, frames::benches, strain::benches, render::benches
 }
 criterion_main!(benches);

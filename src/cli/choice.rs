@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use warpknit::fabric::{Fabric, FabricError};
 use warpknit::garment::ReadOptions;
-use warpknit::pipeline::{Densities, PictureSettings, Placement, Settings, Source};
+use warpknit::pipeline::{Densities, PictureSettings, Placement, Settings, Source, cache_folder};
 
 use super::args::{Chains, Drawing, Laying, Reading, Shared};
 use super::terminal::tell;
@@ -22,6 +22,11 @@ impl Laying {
             sweeps: self.sweeps.map(SwitchArg::is_on),
             edge: self.edge.into(),
         }
+    }
+
+    /// The folder in which strained repeats are kept.
+    pub(super) fn cache(&self) -> Option<PathBuf> {
+        if self.no_cache { None } else { cache_folder() }
     }
 }
 

@@ -8,6 +8,7 @@ use warpknit::pipeline::{self, Clock, Done, Sequence, Settings, Task};
 use super::args::{Drape, Swatch};
 use super::choice::fabric;
 use super::drapes::Drapes;
+use super::numbers;
 use super::terminal::{Terminal, print, tell};
 
 /// Knits a fabric onto a garment.
@@ -24,6 +25,7 @@ pub(crate) fn drape(arguments: &Drape) -> Result<()> {
     let source = shared.source(&fabric, inputs, drapes.stem());
     let settings = Settings {
         placement: arguments.laying.placement(),
+        cache: arguments.laying.cache(),
         tile: arguments.part.tile,
         ..shared.settings()
     };
@@ -49,15 +51,15 @@ pub(crate) fn swatch(arguments: &Swatch) -> Result<()> {
     let is_path = fabric.name.is_empty() || fabric.name.contains(['/', '\\']);
     let stem = if is_path { "swatch" } else { &fabric.name };
     let source = shared.source(&fabric, Vec::new(), Path::new(stem));
-    let settings = Settings { tile: arguments.part.tile, ..shared.settings() };
+    let settings =
+        Settings { tile: arguments.part.tile, stretch: arguments.stretch, ..shared.settings() };
     let size = [arguments.wales, arguments.courses];
     let done = pipeline::swatch(size, &fabric, &source, &settings, clock)?;
     terminal.clear();
     tell_done(&done, shared.running.quiet);
-    match &done.real {
-        Some(real) => print(&super::numbers::table(real)),
-        None => Ok(()),
-    }
+    let numbers = done.real.iter().map(numbers::table);
+    let stretched = done.stretched.iter().map(numbers::stretched);
+    print(&numbers.chain(stretched).collect::<String>())
 }
 
 /// Prints the counts and the names of the files.

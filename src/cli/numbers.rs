@@ -5,7 +5,8 @@
 use std::fmt::Write as _;
 
 use warpknit::fabric::Machine;
-use warpknit::pipeline::RealCloth;
+use warpknit::knit::strain::pull::BENDING;
+use warpknit::pipeline::{FreeWidth, RealCloth, Stretched};
 
 /// One line for each number, with its name first, then one line for each bar.
 pub(super) fn table(real: &RealCloth) -> String {
@@ -86,6 +87,34 @@ pub(super) fn table(real: &RealCloth) -> String {
             );
         }
     }
+    table
+}
+
+/// How a swatch is pulled: a line, and a table of its free width.
+pub(super) fn stretched(stretched: &Stretched) -> String {
+    let Stretched { strain, is_locked, free } = stretched;
+    let locked = if *is_locked { ", where its yarn would have to stretch" } else { "" };
+    let mut table = format!(
+        "\npulled to {:.3} along the courses and {:.3} along the wales{locked}; the numbers above \
+         are those of flat cloth\n",
+        strain.courses, strain.wales
+    );
+    let Some(last) = free.last() else { return table };
+    line(&mut table, format_args!("\ncourses  wales  half as stiff  twice as stiff"));
+    for FreeWidth { courses, wales: [soft, assumed, stiff] } in free {
+        line(&mut table, format_args!("{courses:<7.2}  {assumed:.3}  {soft:<13.3}  {stiff:.3}"));
+    }
+    line(
+        &mut table,
+        format_args!(
+            "\nassumed bending: a bend whose chord changes by a radius takes as much energy as two \
+             yarns\npressed together by {:.1} % of touching. At the last pull half of it gives \
+             {:+.1} % of the width,\nand twice of it {:+.1} %.",
+            100.0 * BENDING,
+            100.0 * (last.wales[0] - last.wales[1]),
+            100.0 * (last.wales[2] - last.wales[1])
+        ),
+    );
     table
 }
 

@@ -12,6 +12,7 @@ use warpknit::chart;
 use warpknit::drape::strands::Edge;
 use warpknit::export::Format;
 use warpknit::map::Mapping;
+use warpknit::pipeline::{STRETCHES, Stretch};
 use warpknit::render::scene::Shape;
 use warpknit::render::{RendererChoice, View};
 
@@ -216,6 +217,17 @@ pub(super) fn finite(text: &str) -> Result<f64, String> {
 /// Parses a finite number over 0.
 pub(super) fn positive(text: &str) -> Result<f64, String> {
     number(text, |number: &f64| *number > 0.0 && number.is_finite(), "it must be a number over 0")
+}
+
+/// Parses how a swatch is pulled.
+pub(super) fn stretch(text: &str) -> Result<Stretch, String> {
+    let ratio = |text: &str| {
+        let (least, most) = STRETCHES;
+        number(text, |ratio: &f64| (least..=most).contains(ratio), "it must be 0.5 to 2")
+    };
+    let (courses, wales) = text.split_once(',').unwrap_or((text, "1"));
+    let wales = if wales == "free" { None } else { Some(ratio(wales)?) };
+    Ok(Stretch { courses: ratio(courses)?, wales })
 }
 
 /// The run-in of a bar, mm a rack. `None` for a bar that keeps its own.

@@ -54,6 +54,14 @@ pub enum RunError {
         /// The density that was tried.
         source: FabricError,
     },
+    /// A fabric that can't be pulled.
+    #[error(
+        "{fabric}: --stretch solves the repeat of a relaxed knit, and this fabric's can't be solved"
+    )]
+    CantStretch {
+        /// The fabric's name.
+        fabric: String,
+    },
     /// Yarns thicker than the space between two wales.
     #[error(
         "a radius of {radius} mm is over the wale spacing of {wale_spacing:.3} mm: yarns would fill \

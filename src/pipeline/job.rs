@@ -3,8 +3,10 @@
 use std::path::PathBuf;
 
 use super::settings::Settings;
+use super::strain_cache::StrainCache;
 use crate::drape::{Cloth, DrapeOptions};
 use crate::fabric::Fabric;
+use crate::map::Mapping;
 use crate::tile::Tile;
 
 /// One run: the fabric, the cloth that is knitted from it, and the settings.
@@ -14,8 +16,8 @@ pub(super) struct Job<'a> {
     pub(super) fabric: &'a Fabric,
     /// The fabric at the densities at which it is drawn.
     pub(super) shown: &'a Fabric,
-    /// A note about the enlargement of `shown`, if it is enlarged. The report has it too.
-    pub(super) enlarged: Option<String>,
+    /// Notes about how the cloth is shown. The report has them too.
+    pub(super) notes: Vec<String>,
     pub(super) cloth: &'a Cloth<'a>,
     /// The part of the cloth that goes into files. `None` for the whole.
     pub(super) part: Option<(Tile, Cloth<'a>)>,
@@ -42,6 +44,12 @@ impl Job<'_> {
     /// The part that is made. `None` for the whole.
     pub(super) fn tile(&self) -> Option<Tile> {
         self.part.as_ref().map(|(tile, _)| *tile)
+    }
+
+    /// The cache of the strained repeats, which are read here.
+    pub(super) fn cache(&self) -> StrainCache {
+        let wants_strain = self.options.mapping == Mapping::Relaxed;
+        StrainCache::open(self.settings.cache.as_deref().filter(|_| wants_strain), self.cloth)
     }
 
     /// The cloth whose yarns go into files.

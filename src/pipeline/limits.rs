@@ -1,19 +1,20 @@
 //! Checks of a run: limits before the work, and losses after it.
 //!
-//! In: a [`Job`], or the totals of a run. Out: an error, or a warning.
+//! In: a [`Job`], its cloth, or the totals of a run. Out: an error, a warning or a note.
 
 use std::path::PathBuf;
 
 use super::RunError;
 use super::densities::{PICTURE_GB, drawn_radius};
 use super::job::{Job, Source};
-use super::settings::Settings;
+use super::settings::{Placement, Settings};
 use super::targets::check_distinct;
 use super::writers::wanted;
-use crate::drape::Totals;
 use crate::drape::strands::Losses;
+use crate::drape::{Cloth, Totals};
 use crate::export::Format;
 use crate::fabric::Fabric;
+use crate::map::Mapping;
 use crate::system::available_memory_gb;
 use crate::tile::Tile;
 
@@ -103,5 +104,16 @@ pub fn loss_warning(totals: &Totals) -> Option<String> {
             "{in_defects} data points ({percent:.3} %) lie in triangles that can't be knitted \
              and are lost"
         )
+    })
+}
+
+/// The note that yarns stretch with the garment although their lengths were to be kept, if the
+/// fabric's repeat can't be solved for strains.
+#[must_use]
+pub fn unstrained_note(cloth: &Cloth<'_>, placement: Placement) -> Option<String> {
+    (placement.mapping == Mapping::Relaxed && cloth.strain().is_none()).then(|| {
+        "this fabric's repeat can't be solved for the garment's strains, so yarns stretch with the \
+         garment, as with --mapping smooth"
+            .to_owned()
     })
 }

@@ -11,11 +11,12 @@ use super::RunError;
 use super::clock::{Clock, Message, Task};
 use super::densities::{enlarged, turn_grains};
 use super::job::{Job, Source};
-use super::limits::{check_laid, check_request, check_settings, loss_warning};
+use super::limits::{check_laid, check_request, check_settings, loss_warning, unstrained_note};
 use super::pictures;
 use super::sequence::{self, Sequence};
 use super::settings::{Settings, Wanted};
 use super::setup::Setup;
+use super::stretch::pull;
 use super::summary::{Done, RunSummary, say_warnings};
 use super::targets::numbered;
 use super::writers::{check_places, finished, sinks, wanted};
@@ -77,7 +78,7 @@ pub fn drape(
         settings,
         fabric,
         shown: &shown,
-        enlarged: note,
+        notes: note.into_iter().chain(unstrained_note(&cloth, settings.placement)).collect(),
         part: settings.tile.map(|tile| (tile, cloth.part(tile))),
         cloth: &cloth,
         options: settings.placement.into(),
@@ -91,7 +92,8 @@ pub fn drape(
     }
 }
 
-/// Knits a flat piece of fabric of `wales` yarns a bar and `courses` courses.
+/// Knits a flat piece of fabric of `wales` yarns a bar and `courses` courses, and pulls it if the
+/// settings say so.
 ///
 /// # Errors
 /// [`RunError`]. Nothing is written then.
@@ -103,16 +105,26 @@ pub fn swatch(
     mut clock: Clock<'_>,
 ) -> Result<Done, RunError> {
     check_settings(settings, source, fabric)?;
-    let panel = swatch_panel(fabric, wales, courses);
     let pattern = relaxed(fabric, &mut clock);
-    let cloth = Cloth::swatch_with(&panel, fabric, pattern, [wales, courses]);
+    let mut settings = Cow::Borrowed(settings);
+    let (shown, pattern, stretched) = match settings.stretch {
+        None => (Cow::Borrowed(fabric), pattern, None),
+        Some(stretch) => {
+            let (pulled, stretched) = pull(fabric, &pattern, stretch, &mut clock)?;
+            // Densities limit the radius at which loops are drawn. Pulled yarns stay as thick.
+            settings.to_mut().radius.get_or_insert(fabric.radius());
+            (Cow::Owned(pulled.fabric), pulled.pattern, Some(stretched))
+        }
+    };
+    let panel = swatch_panel(&shown, wales, courses);
+    let cloth = Cloth::swatch_with(&panel, &shown, pattern, [wales, courses]);
     let area =
         f64::from(wales) * fabric.wale_spacing() * f64::from(courses) * fabric.course_spacing();
     let job = Job {
-        settings,
+        settings: &settings,
         fabric,
-        shown: fabric,
-        enlarged: None,
+        shown: &shown,
+        notes: Vec::new(),
         part: settings.tile.map(|tile| (tile, cloth.part(tile))),
         cloth: &cloth,
         options: flat_options(),
@@ -120,7 +132,7 @@ pub fn swatch(
         source,
         is_swatch: true,
     };
-    make(&job, clock)
+    Ok(Done { stretched, ..make(&job, clock)? })
 }
 
 /// Options of a swatch: it is its own drape, so no strain has to be looked up.
@@ -157,7 +169,10 @@ fn make(job: &Job<'_>, mut clock: Clock<'_>) -> Result<Done, RunError> {
         wants_gauge(job, &outputs).then(|| ClearanceMeter::new(job.cloth, setup.section.radius));
     let receivers =
         Receivers { scene: (!pictures.is_empty()).then_some(&mut scene), sinks: &mut sinks, gauge };
+    clock.begin(Task::Strain, 0.0);
+    let cache = job.cache();
     let (totals, draped) = lay(job, &setup.options, receivers, &mut clock)?;
+    cache.keep(job.cloth);
     // A part of the cloth can be without yarns while the whole has some.
     if job.part.is_none() {
         check_laid(&totals)?;
@@ -185,7 +200,7 @@ fn make(job: &Job<'_>, mut clock: Clock<'_>) -> Result<Done, RunError> {
     let (reports, real) = summary.files(job, &outputs, &clock)?;
     whole.into_iter().chain(reports).try_for_each(Output::publish)?;
     let names: Vec<_> = outputs.iter().map(|(path, _)| path.display().to_string()).collect();
-    Ok(Done { totals, files: names.join(" "), frames: None, real })
+    Ok(Done { totals, files: names.join(" "), frames: None, real, stretched: None })
 }
 
 /// Draws all pictures and adds their files to `whole`, the complete ones. Returns the renderer's

@@ -117,6 +117,8 @@ pub(super) fn make(
     warnings.extend(loss_warning(located.totals()));
     say_warnings(job, &mut warnings, &clock);
 
+    clock.begin(Task::Strain, 0.0);
+    let cache = job.cache();
     let scene = wants_picture.then(|| setup.scene(job));
     let drawn_by = String::new();
     let mut show = Show {
@@ -133,6 +135,7 @@ pub(super) fn make(
         clock: &mut clock,
     };
     let frames = show.all(sequence)?;
+    cache.keep(job.cloth);
     let Show { located, usda, strain, drawn_by, warnings, .. } = show;
     clock.begin(Task::Write, 1.0);
     let usda = usda.into_iter().map(|writer| Box::new(writer).finish());
@@ -145,7 +148,7 @@ pub(super) fn make(
     finished.extend(summary.files(job, &files.whole, &clock)?.0);
     finished.into_iter().try_for_each(Output::publish)?;
     let frames = Some((shown, sequence.paths.len()));
-    Ok(Done { totals, files: files.names(), frames, real: None })
+    Ok(Done { totals, files: files.names(), frames, real: None, stretched: None })
 }
 
 /// Refuses settings that a sequence can't have, before any work.

@@ -7,6 +7,7 @@ use std::path::PathBuf;
 
 use glam::DVec3;
 
+use super::stretch::Stretch;
 use crate::drape;
 use crate::drape::strands::Edge;
 use crate::export::Format;
@@ -39,6 +40,11 @@ pub struct Settings {
     pub densities: Densities,
     /// How yarns lie on a garment.
     pub placement: Placement,
+    /// How a swatch is pulled. By default not at all.
+    pub stretch: Option<Stretch>,
+    /// The folder in which strained repeats are kept from one run to the next. By default none; the
+    /// command has [`super::cache_folder`].
+    pub cache: Option<PathBuf>,
     /// The part of the run that this machine makes. `None` for the whole.
     pub tile: Option<Tile>,
     /// Segments of tube for each stitch (St). By default 10 in files and 40 in pictures.
@@ -129,6 +135,8 @@ impl Default for Settings {
             outputs: Vec::new(),
             densities: Densities::default(),
             placement: Placement::default(),
+            stretch: None,
+            cache: None,
             tile: None,
             st: None,
             sr: None,

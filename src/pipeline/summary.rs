@@ -7,10 +7,12 @@ use super::job::Job;
 use super::numbers::RealCloth;
 use super::settings::Wanted;
 use super::setup::Setup;
+use super::stretch::Stretched;
 use crate::drape::Totals;
 use crate::export::{ExportError, Format, Output};
 use crate::garment::stretch::stretch;
 use crate::knit::clearance::Clearance;
+use crate::knit::strain::StrainTable;
 use crate::report::{
     ClearanceReport, ClothReport, FrameReport, GarmentReport, Report, StrainReport, SurfaceReport,
 };
@@ -28,6 +30,8 @@ pub struct Done {
     pub frames: Option<(usize, usize)>,
     /// Measurements of the real cloth. `None` for a garment without a report.
     pub real: Option<RealCloth>,
+    /// How a swatch was pulled, if it was.
+    pub stretched: Option<Stretched>,
 }
 
 /// The results of a run's stages, for its report.
@@ -119,7 +123,10 @@ impl RunSummary<'_> {
                 draped: (*draped).map(Into::into),
             },
             links: (*links).into(),
-            strain: StrainReport::new(totals.strain),
+            strain: StrainReport::new(
+                totals.strain,
+                job.cloth.strain().map_or(&[], StrainTable::elastic_bars),
+            ),
             plane_ms: timings_ms.knit,
             curved_ms: timings_ms.knit + timings_ms.locate + timings_ms.map,
             threads: rayon::current_num_threads(),
@@ -157,13 +164,13 @@ fn cloth_report(job: &Job<'_>, real: &RealCloth) -> ClothReport {
     }
 }
 
-/// Tells the listener all warnings, then the note about enlargement. The note is added to the
-/// warnings, so that the report has it for scripts.
+/// Tells the listener all warnings, then the notes. Notes are added to the warnings, so that the
+/// report has them for scripts.
 pub(super) fn say_warnings(job: &Job<'_>, warnings: &mut Vec<String>, clock: &Clock<'_>) {
     for warning in &*warnings {
         clock.listener().say(Message::Warning(warning));
     }
-    if let Some(note) = &job.enlarged {
+    for note in &job.notes {
         clock.listener().say(Message::Note(note));
         warnings.push(note.clone());
     }

@@ -194,6 +194,18 @@ fn what_the_ribbon_paper_published_is_printed_bare_alone_and_titled_among_others
 }
 
 #[test]
+fn the_mappings_stand_side_by_side() {
+    let folder = tempfile::tempdir().unwrap();
+    garment(folder.path());
+    table(folder.path(), &["own.obj", "--unit", "mm", "--only", "mapping", "-o", "b.json"]);
+    let record = json(&folder.path().join("b.json"));
+    let rows = record["tables"]["mapping"]["rows"].as_array().unwrap();
+    let parts: Vec<_> = rows.iter().map(|row| row["part"].as_str().unwrap()).collect();
+    assert_eq!(parts[..5], ["plane", "frame", "smooth", "relaxed", "solving strains"]);
+    assert!(rows.iter().all(|row| row["ns_a_point"].as_f64().unwrap() > 0.0));
+}
+
+#[test]
 fn wrong_files_are_told_of_before_anything_is_measured() {
     let folder = tempfile::tempdir().unwrap();
     garment(folder.path());
@@ -219,6 +231,10 @@ fn wrong_files_are_told_of_before_anything_is_measured() {
         .stdout("")
         .get_output()
         .clone();
-    assert!(String::from_utf8(pictures.stderr).unwrap().contains("plane-curved, total and growth"));
+    assert!(
+        String::from_utf8(pictures.stderr)
+            .unwrap()
+            .contains("plane-curved, mapping, total and growth")
+    );
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
 }

@@ -528,6 +528,7 @@ fn a_captured_weave_goes_over_and_under_and_drapes() {
     std::fs::write(folder.path().join("cloth.toml"), fabric.to_string()).unwrap();
     let shirt = Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes/tshirt.obj");
     let mut command = assert_cmd::Command::cargo_bin("warpknit").unwrap();
+    command.env("XDG_CACHE_HOME", crate::cache_home());
     let arguments = [
         "--fabric",
         "cloth.toml",

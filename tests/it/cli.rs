@@ -10,6 +10,7 @@ use crate::drape::mesh;
 
 pub(crate) fn warpknit(folder: &Path) -> Command {
     let mut command = Command::cargo_bin("warpknit").unwrap();
+    command.env("XDG_CACHE_HOME", crate::cache_home());
     command.current_dir(folder);
     command
 }

@@ -13,6 +13,7 @@ const ST: usize = 4;
 fn knitted(folder: &Path) {
     let mesh = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes").join(name);
     let mut command = Command::cargo_bin("warpknit").unwrap();
+    command.env("XDG_CACHE_HOME", crate::cache_home());
     command
         .current_dir(folder)
         .arg("drape")

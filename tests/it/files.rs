@@ -10,6 +10,7 @@ use crate::readback;
 /// Runs `warpknit` in a folder; the report's JSON.
 fn knit(folder: &Path, arguments: &[&str]) -> Value {
     let mut command = Command::cargo_bin("warpknit").unwrap();
+    command.env("XDG_CACHE_HOME", crate::cache_home());
     command
         .current_dir(folder)
         .args(arguments)

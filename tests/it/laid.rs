@@ -13,7 +13,7 @@ use warpknit::render::cloth;
 use warpknit::render::{Camera, View};
 
 /// A weave of straight warps under straight wefts, 1.25 x 1 mm a cell.
-const GRID: &str = r##"name = "grid"
+pub(crate) const GRID: &str = r##"name = "grid"
 kind = "laid"
 wales_per_cm = 8
 courses_per_cm = 10
@@ -167,6 +167,7 @@ fn fibres_are_drawn_where_the_camera_is_near_and_nowhere_else() {
 
 fn run(folder: &Path, arguments: &[&str]) -> std::process::Output {
     let mut command = assert_cmd::Command::cargo_bin("warpknit").unwrap();
+    command.env("XDG_CACHE_HOME", crate::cache_home());
     command.current_dir(folder).args(arguments).output().unwrap()
 }
 

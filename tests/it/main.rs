@@ -46,8 +46,14 @@ mod render;
 mod ribbon;
 mod sequence;
 mod sheen;
+mod strain;
 mod tile;
 #[cfg(all(feature = "view", target_os = "linux"))]
 mod view;
 mod weft;
 mod yarn_photo;
+
+/// The folder that stands in for the user's caches in runs of the command.
+fn cache_home() -> &'static str {
+    concat!(env!("CARGO_TARGET_TMPDIR"), "/cache")
+}

@@ -16,6 +16,7 @@ const PROGRAM: u64 = 60 * MB;
 /// whether it took them for a garment.
 fn peak(head: &str, mut line: impl FnMut(u64) -> String + Send, bytes: u64) -> (u64, bool) {
     let mut command = Command::new(assert_cmd::cargo::cargo_bin!("warpknit"));
+    command.env("XDG_CACHE_HOME", crate::cache_home());
     command
         .args(["inspect", "/dev/stdin"])
         .stdin(Stdio::piped())

@@ -42,6 +42,7 @@ fn frames(folder: &Path) -> PathBuf {
 
 fn drape(folder: &Path, arguments: &[&str]) -> Assert {
     let mut command = Command::cargo_bin("warpknit").unwrap();
+    command.env("XDG_CACHE_HOME", crate::cache_home());
     command
         .current_dir(folder)
         .arg("drape")

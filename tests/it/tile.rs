@@ -13,6 +13,7 @@ use crate::readback::{self, Mesh};
 fn drape(folder: &Path, name: &str, arguments: &[&str]) {
     let meshes = Path::new(env!("CARGO_MANIFEST_DIR")).join("meshes");
     let mut command = Command::cargo_bin("warpknit").unwrap();
+    command.env("XDG_CACHE_HOME", crate::cache_home());
     command
         .current_dir(folder)
         .arg("drape")
@@ -147,6 +148,7 @@ fn bands_of_a_picture_are_the_whole() {
 fn what_names_no_part_is_wrong_usage() {
     let refused = |arguments: &[&str], code: i32| {
         let mut command = Command::cargo_bin("warpknit").unwrap();
+        command.env("XDG_CACHE_HOME", crate::cache_home());
         let assert = command.arg("swatch").args(arguments).assert().code(code).stdout("");
         String::from_utf8(assert.get_output().stderr.clone()).unwrap()
     };

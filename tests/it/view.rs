@@ -56,6 +56,7 @@ impl Display {
 
     fn warpknit(&self, folder: &Path) -> Command {
         let mut command = Command::new(assert_cmd::cargo::cargo_bin!("warpknit"));
+        command.env("XDG_CACHE_HOME", crate::cache_home());
         command
             .current_dir(folder)
             .env("DISPLAY", &self.name)
@@ -142,6 +143,7 @@ fn what_cannot_be_shown_ends_with_a_word_and_no_file() {
 fn without_a_display_it_says_so() {
     let folder = tempfile::tempdir().unwrap();
     let mut command = Command::new(assert_cmd::cargo::cargo_bin!("warpknit"));
+    command.env("XDG_CACHE_HOME", crate::cache_home());
     command.current_dir(folder.path()).args(SMALL).stdout(Stdio::piped()).stderr(Stdio::piped());
     let output = end(command
         .env_remove("DISPLAY")

@@ -9,6 +9,8 @@ use clap::ValueEnum;
 pub(crate) enum Subject {
     /// Table 2: coordinates on the plane fabric and on the curved one
     PlaneCurved,
+    /// The ways from the flat fabric to the body: plane, frame, smooth, relaxed
+    Mapping,
     /// Table 3: total with rendering
     Total,
     /// Figure 14: render time over St, Sr and the fabric's size

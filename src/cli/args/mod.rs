@@ -14,6 +14,7 @@ use warpknit::chart;
 use warpknit::export::Format;
 use warpknit::fabric::yarn::Count;
 use warpknit::garment::Unit;
+use warpknit::pipeline::Stretch;
 use warpknit::render::Background;
 use warpknit::tile::Tile;
 use warpknit::yarn::fibres::FIBRE_RADIUS;
@@ -27,7 +28,7 @@ use super::config::{self, Trouble};
 use super::values::picture;
 use super::values::{
     EdgeArg, MappingArg, RendererArg, RunIn, ShapeArg, SwitchArg, ViewArg, diagram, field_of_view,
-    finite, flattening, output, positive, run_in, samples, size, vector,
+    finite, flattening, output, positive, run_in, samples, size, stretch, vector,
 };
 
 /// The fabric, unless one is named.
@@ -113,7 +114,8 @@ pub(crate) enum Command {
   warpknit swatch --fabric locknit --view back -o back.png
   warpknit swatch --lapping 3-4/1-0// --lapping 1-0/1-2// -o satin.png
   warpknit swatch --fabric locknit --count '78 dtex' -o heavy.png
-  warpknit swatch --fabric locknit --run-in 1714 --run-in 1360 -o tight.png")]
+  warpknit swatch --fabric locknit --run-in 1714 --run-in 1360 -o tight.png
+  warpknit swatch --fabric locknit --stretch 1.2,free -o pulled.png")]
     Swatch(Swatch),
     /// Show a garment or a swatch in a window, and knit it again as you choose
     #[cfg(feature = "view")]
@@ -228,6 +230,10 @@ pub(crate) struct Swatch {
     /// Courses
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=20_000))]
     pub(crate) courses: u32,
+    /// Pull the cloth to X times its length along the courses and Y times along the wales; `free`
+    /// for Y is the width that it takes by itself, with a table of it over the pull [default for Y: 1]
+    #[arg(long, value_name = "X[,Y|free]", value_parser = stretch)]
+    pub(crate) stretch: Option<Stretch>,
     #[command(flatten)]
     pub(crate) part: Part,
     #[command(flatten)]
@@ -316,8 +322,8 @@ pub(crate) struct Man {
 
 #[derive(Args, Debug)]
 pub(crate) struct Bench {
-    /// Your own garment in place of ours, for plane-curved, total and growth: the flat pattern and
-    /// the same faces draped, or one file with vt
+    /// Your own garment in place of ours, for plane-curved, mapping, total and growth: the flat
+    /// pattern and the same faces draped, or one file with vt
     #[arg(value_name = "OBJ", num_args = 0..=2)]
     pub(crate) meshes: Vec<PathBuf>,
     /// What to measure; may be repeated [default: plane-curved, total, st-sr, textures]
@@ -412,6 +418,9 @@ pub(crate) struct Laying {
     /// the mapping `relaxed`]
     #[arg(long, value_enum, value_name = "on|off")]
     pub(crate) sweeps: Option<SwitchArg>,
+    /// Don't keep strained repeats for the next run, nor use those that are kept
+    #[arg(long)]
+    pub(crate) no_cache: bool,
 }
 
 /// How meshes are read.

@@ -10,14 +10,14 @@ use std::hint::black_box;
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
-use warpknit::drape::{self, Block, Cloth, DrapeOptions};
+use warpknit::drape::{self, Block, Cloth};
 use warpknit::garment::Panel;
 use warpknit::ids::index32;
 use warpknit::locate::SurfacePoint;
 use warpknit::locate::orient2d::crosses;
 use warpknit::map::{Mapping, map};
 
-use super::measure::{Moment, Sample};
+use super::measure::{FLAT_YARN, Moment, Sample};
 
 /// Locates and maps all data points of a cloth, with as many threads as the pipeline, and returns
 /// the time.
@@ -37,7 +37,7 @@ pub(super) fn located_and_mapped(cloth: &Cloth<'_>) -> Sample {
         taken += start.elapsed();
         Ok(())
     };
-    let Ok(_totals) = drape::run(cloth, &DrapeOptions::default(), &mut |_, _| {}, &mut deliver);
+    let Ok(_totals) = drape::run(cloth, &FLAT_YARN, &mut |_, _| {}, &mut deliver);
     taken
 }
 

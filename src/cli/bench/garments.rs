@@ -7,14 +7,14 @@
 use std::fs;
 
 use anyhow::{Context, Result};
-use warpknit::drape::{Cloth, DrapeOptions};
+use warpknit::drape::Cloth;
 use warpknit::export::TemporaryFolder;
 use warpknit::fabric::Fabric;
 use warpknit::garment::{Garment, GarmentSummary, Panel, ReadOptions, read};
 use warpknit::ids::index32;
 
 use super::super::args::Bench;
-use super::measure::time_stages;
+use super::measure::{FLAT_YARN, time_stages};
 use super::panel::shuffled_cone;
 
 /// Accepted relative difference between the counted and the wanted number of stitches.
@@ -130,7 +130,7 @@ pub(super) fn fitted(fabric: &Fabric, garment: &Garment, stitches: f64) -> Resul
     // Stitches grow in proportion to the product of the densities, so scaling by the ratio of
     // wanted to counted stitches converges in a few iterations.
     loop {
-        let (_, totals) = time_stages(&Cloth::cover(garment, &fitted)?, &DrapeOptions::default());
+        let (_, totals) = time_stages(&Cloth::cover(garment, &fitted)?, &FLAT_YARN);
         let there = totals.losses.stitches;
         let times = stitches / f64::from(index32(there)).max(1.0);
         let next = scaled(&fitted, times)?;
@@ -170,8 +170,7 @@ mod tests {
         let garment = Shipped::Pinch.read().unwrap();
         let (net, stitches) =
             fitted(&Fabric::named("hex-net-3").unwrap(), &garment, 576.0).unwrap();
-        let (_, totals) =
-            time_stages(&Cloth::cover(&garment, &net).unwrap(), &DrapeOptions::default());
+        let (_, totals) = time_stages(&Cloth::cover(&garment, &net).unwrap(), &FLAT_YARN);
         assert!(
             (556..=596).contains(&stitches) && totals.losses.stitches == stitches,
             "{stitches}"

@@ -12,7 +12,7 @@ use warpknit::yarn::tube::Section;
 
 use super::super::args::{Bench, DEFAULT_FABRIC};
 use super::garments::{Garments, Shipped, at_stitches, folded_cone};
-use super::measure::{Moment, Sample, StageTimes, Times, time_stages};
+use super::measure::{FLAT_YARN, Moment, Sample, StageTimes, Times, time_stages};
 use super::plot::{Plot, Series};
 use super::table::{Column, Table, TableCell, times};
 use warpknit::system::{forget_peak_memory, peak_memory_mb, resident_memory_mb};
@@ -142,7 +142,7 @@ fn measure(runs: u32, table: &mut Table, garment: &Garment, fabric: &Fabric) -> 
     let (st, sr) = SECTION;
     let section =
         Section { st, sr, radius: fabric.radius(), flatten: 1.0, caps: false, texture_per_mm: 1.0 };
-    let options = DrapeOptions { surface: Some(section), ..DrapeOptions::default() };
+    let options = DrapeOptions { surface: Some(section), ..FLAT_YARN };
     // The system's peak counts from the start of the process unless it is reset for each row.
     forget_peak_memory();
     // The first run counts the stitches. On a small row it is the warm-up run and is dropped.

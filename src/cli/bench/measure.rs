@@ -9,7 +9,9 @@ use std::ops::{Add, AddAssign};
 use std::time::Instant;
 
 use anyhow::Result;
+use warpknit::drape::strands::Edge;
 use warpknit::drape::{self, Block, Cloth, DrapeOptions, Stage, Totals};
+use warpknit::map::Mapping;
 
 use super::super::cpu_time::cpu_ms;
 
@@ -126,9 +128,17 @@ pub(super) fn measured_parts<const N: usize>(
     }))
 }
 
+/// Options of the tables that compare with the papers, which know no strains of the repeat. Those
+/// have a table of their own.
+pub(super) const FLAT_YARN: DrapeOptions =
+    DrapeOptions { mapping: Mapping::Smooth, sweeps: None, edge: Edge::Clip, surface: None };
+
+/// Number of variants of [`Stage`].
+const STAGES: usize = Stage::Deliver as usize + 1;
+
 /// The time of each stage of the pipeline.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct StageTimes([Sample; 6]);
+pub(super) struct StageTimes([Sample; STAGES]);
 
 impl StageTimes {
     /// The time of a stage, 0 if it did not run.

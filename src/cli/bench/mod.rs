@@ -3,8 +3,8 @@
 //! In: the flags. Out: tables on standard output, and as JSON, SVG or PNG where asked for. Each
 //! subject is a file and gives one or two tables: Table 2 of Liu, Kyosev and Jiang 2022
 //! ([`plane_curved`], with [`brute`] as its baseline), its Table 3 ([`total`]), its Figures 14 and
-//! 15 ([`st_sr`], [`textures`]), the table of the ribbon paper ([`weft`](mod@weft)), and
-//! [`growth`](mod@growth) with the size. Figures are medians of several runs after a warm-up run;
+//! 15 ([`st_sr`], [`textures`]), the table of the ribbon paper ([`weft`](mod@weft)), the ways to
+//! the body ([`mapping`](mod@mapping)), and [`growth`](mod@growth) with the size. Figures are medians of several runs after a warm-up run;
 //! `from` and `to` are the fastest and the slowest run.
 
 mod brute;
@@ -12,6 +12,7 @@ mod canvas;
 mod files;
 mod garments;
 mod growth;
+mod mapping;
 mod measure;
 mod panel;
 mod picture;
@@ -36,7 +37,8 @@ use warpknit::pipeline::{Listener as _, Task};
 const PAPER: [Subject; 4] =
     [Subject::PlaneCurved, Subject::Total, Subject::StSr, Subject::Textures];
 /// The subjects that the user's own garment can be measured in.
-const ON_GARMENTS: [Subject; 3] = [Subject::PlaneCurved, Subject::Total, Subject::Growth];
+const ON_GARMENTS: [Subject; 4] =
+    [Subject::PlaneCurved, Subject::Mapping, Subject::Total, Subject::Growth];
 
 /// Measures the subjects, prints their tables and writes them to files.
 pub(crate) fn bench(arguments: &Bench) -> Result<()> {
@@ -68,7 +70,7 @@ fn check(arguments: &Bench, subjects: &[Subject]) -> Result<()> {
     if !arguments.meshes.is_empty() && !subjects.iter().any(|subject| ON_GARMENTS.contains(subject))
     {
         bail!(
-            "a garment of your own is measured in plane-curved, total and growth: \
+            "a garment of your own is measured in plane-curved, mapping, total and growth: \
              name one of them with --only, or no garment"
         );
     }
@@ -95,6 +97,7 @@ fn measure(
 ) -> Result<Vec<Table>> {
     let table = match subject {
         Subject::PlaneCurved => plane_curved::plane_curved(arguments, garments, progress),
+        Subject::Mapping => mapping::mapping(arguments, garments, progress),
         Subject::Total => total::total(arguments, garments, progress),
         Subject::StSr => st_sr::st_sr(arguments, progress),
         Subject::Textures => textures::textures(arguments, progress),

@@ -11,7 +11,7 @@ use warpknit::render::cloth;
 use warpknit::yarn::tube::Section;
 
 use super::super::args::{Bench, DEFAULT_FABRIC};
-use super::measure::{measured_parts, time_stages};
+use super::measure::{FLAT_YARN, measured_parts, time_stages};
 use super::picture::{PictureTimer, SIZE};
 use super::plot::{Plot, Series};
 use super::table::{BESIDE, TIMES, Table, TableCell, beside, times};
@@ -73,7 +73,7 @@ pub(super) fn st_sr(arguments: &Bench, progress: &mut dyn FnMut(f64)) -> Result<
                 caps: false,
                 texture_per_mm: 1.0,
             };
-            let options = DrapeOptions { surface: Some(section), ..DrapeOptions::default() };
+            let options = DrapeOptions { surface: Some(section), ..FLAT_YARN };
             let timer = timer.with_tubes(st, sr);
             // Tubes are made by the pipeline's surface stage, and the picture by the renderer; the
             // paper's render time is their sum.

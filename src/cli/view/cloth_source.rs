@@ -6,6 +6,7 @@
 
 use std::borrow::Cow;
 use std::cell::RefCell;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
@@ -19,8 +20,8 @@ use warpknit::report::Timings;
 use super::super::args::Live;
 use super::super::choice::{fabric, named_fabric};
 use warpknit::pipeline::{
-    self, Clock, MOST_STITCHES, Task, Textures, check_laid, check_memory, drawn_radius, enlarged,
-    loss_warning, turn_grains,
+    self, Clock, MOST_STITCHES, Placement, StrainCache, Task, Textures, check_laid, check_memory,
+    drawn_radius, enlarged, loss_warning, turn_grains, unstrained_note,
 };
 
 /// Memory of a stitch, GB: 160 bytes of scene, and on a software adapter 25 for each of ten points,
@@ -32,7 +33,9 @@ pub(super) struct ClothSource {
     /// The fabrics on the list; the one that the command line names comes first.
     pub(super) choices: Vec<FabricChoice>,
     base: ClothBase,
-    options: drape::DrapeOptions,
+    placement: Placement,
+    /// The folder in which strained repeats are kept.
+    cache: Option<PathBuf>,
     /// Tubes or ribbons, as the command line asks.
     shape: Shape,
 }
@@ -115,7 +118,8 @@ impl ClothSource {
         Ok(Self {
             choices,
             base,
-            options: arguments.laying.placement().into(),
+            placement: arguments.laying.placement(),
+            cache: arguments.laying.cache(),
             shape: shared.drawing.shape.into(),
         })
     }
@@ -171,6 +175,15 @@ impl ClothSource {
         Ok(fabric.at_densities(recipe.wales_per_cm, recipe.courses_per_cm)?)
     }
 
+    /// The cache of a cloth's strained repeats. Only a fabric as it is first shown has one: a slider
+    /// that is dragged makes dozens of others.
+    fn cache(&self, cloth: &Cloth<'_>, recipe: Recipe) -> StrainCache {
+        let first = self.recipe(recipe.fabric);
+        let is_first = (recipe.wales_per_cm, recipe.courses_per_cm)
+            == (first.wales_per_cm, first.courses_per_cm);
+        StrainCache::open(self.cache.as_deref().filter(|_| is_first), cloth)
+    }
+
     /// Runs the pipeline on a cloth and collects its blocks in a scene. It checks after each group
     /// of blocks whether the cloth is still wanted.
     fn lay(
@@ -183,6 +196,7 @@ impl ClothSource {
         superseded: &dyn Fn() -> bool,
     ) -> Result<Option<KnittedScene>> {
         check_room(cloth.stitches())?;
+        let cache = self.cache(cloth, recipe);
         let mut scene =
             pipeline::scene(recipe.shape, fabric, radius, &self.choices[recipe.fabric].textures);
         let totals = {
@@ -192,13 +206,15 @@ impl ClothSource {
                 blocks.iter().for_each(|block| cloth::add_to(&mut scene, block));
                 if superseded() { Err(Superseded) } else { Ok(()) }
             };
-            drape::run(cloth, &self.options, &mut announce, &mut deliver)
+            drape::run(cloth, &self.placement.into(), &mut announce, &mut deliver)
         };
         clock.stop();
         let Ok(totals) = totals else { return Ok(None) };
         check_laid(&totals)?;
+        cache.keep(cloth);
         let mut warnings = cloth.garment().summary.warnings.clone();
         warnings.extend(loss_warning(&totals));
+        warnings.extend(unstrained_note(cloth, self.placement));
         let (enlargement, timings) = (fabric.enlargement, clock.timings());
         Ok(Some(KnittedScene { scene, totals, radius, enlargement, timings, warnings }))
     }

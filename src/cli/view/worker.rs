@@ -106,6 +106,7 @@ mod tests {
             "warpknit",
             "view",
             "--quiet",
+            "--no-cache",
             "--wales",
             "3",
             "--courses",

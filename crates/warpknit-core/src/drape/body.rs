@@ -9,8 +9,8 @@ use rayon::prelude::*;
 use super::strands::{CUT, Strands};
 use super::sweeps;
 use crate::garment::Garment;
-use crate::knit::Knitted;
 use crate::knit::strain::{Neighbours, StrainTable};
+use crate::knit::{Knitted, Progress};
 use crate::map::relaxed::{self, StrainCounts};
 use crate::map::surface::SmoothSurface;
 use crate::map::{Draped, Mapping, map_into};
@@ -26,19 +26,21 @@ pub(super) struct Body<'a> {
 }
 
 impl<'a> Body<'a> {
-    /// Prepares a garment, and solves the repeat for its strains.
+    /// Prepares a garment, and solves the repeat for its strains. `progress` gets the share of them
+    /// that is done.
     pub(super) fn new(
         garment: &'a Garment,
         table: Option<&'a StrainTable>,
         mapping: Mapping,
         is_swept: bool,
+        progress: Progress<'_>,
     ) -> Self {
         let relaxed = table.filter(|_| mapping == Mapping::Relaxed).map(|table| {
             let surfaces: Vec<_> = garment.panels.par_iter().map(SmoothSurface::new).collect();
             let panels = garment.panels.iter().zip(&surfaces);
             let strains = panels
                 .flat_map(|(panel, surface)| relaxed::strains(panel, surface, table.depths()));
-            table.prepare(strains, &mut |_done| ());
+            table.prepare(strains, progress);
             (table, surfaces)
         });
         let neighbours = table.filter(|_| is_swept).map(|table| table.neighbours(sweeps::NEAR));

@@ -471,8 +471,9 @@ pub struct Totals {
 
 /// Runs the pipeline, and delivers windows of blocks in yarn order.
 ///
-/// `announce` is called at the start of each stage, with the share of blocks that are done. A
-/// program can time stages or draw a progress bar with it.
+/// `announce` is called at the start of each stage, with the share of blocks that are done, and
+/// often during [`Stage::Strain`], with the share of strains. A program can time stages or draw a
+/// progress bar with it.
 ///
 /// # Errors
 /// The first error of `deliver`. Nothing is delivered after it.
@@ -496,7 +497,9 @@ pub fn run<E>(
 ) -> Result<Totals, E> {
     announce(Stage::Strain, 0.0);
     let is_swept = cloth.is_swept(options);
-    let body = Body::new(cloth.garment, cloth.strain(), options.mapping, is_swept);
+    let body = Body::new(cloth.garment, cloth.strain(), options.mapping, is_swept, &mut |done| {
+        announce(Stage::Strain, done);
+    });
     let (mut strain, mut spare) = (StrainCounts::default(), Vec::new());
     let mut totals = knit_and_locate(cloth, options, announce, &mut |blocks, announce, done| {
         strain += map_blocks(blocks, &body, &mut |stage| announce(stage, done));

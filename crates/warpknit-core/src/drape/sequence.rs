@@ -90,7 +90,10 @@ impl LocatedCloth {
     ) -> Result<StrainCounts, E> {
         let Self { blocks, thickness, strain: table, is_swept, spare, spare_tubes, .. } = self;
         announce(Stage::Strain, 0.0);
-        let body = Body::new(garment, table.as_deref(), options.mapping, *is_swept);
+        let (mapping, is_swept) = (options.mapping, *is_swept);
+        let body = Body::new(garment, table.as_deref(), mapping, is_swept, &mut |done| {
+            announce(Stage::Strain, done);
+        });
         let mut strain = StrainCounts::default();
         let all = blocks.len();
         let mut rest = blocks.as_mut_slice();

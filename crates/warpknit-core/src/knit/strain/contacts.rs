@@ -75,13 +75,15 @@ impl Solver<'_> {
             self.rest.segments.iter().map(|s| ends(s)[0].midpoint(ends(s)[1])).collect();
         let halves: Vec<_> =
             self.rest.segments.iter().map(|s| ends(s)[0].distance(ends(s)[1]) / 2.0).collect();
-        let longest = halves.iter().copied().fold(0.0, f64::max);
         let thickest = self.rest.yarns.iter().map(|yarn| yarn.radius).fold(0.0, f64::max);
         // The list is sorted in the axes of the flat cloth, whose cell is a rectangle. A strained
-        // distance is longer there by the norm of the inverse map at most.
-        let reach = (2.0 * cutoff * thickest + 2.0 * longest) * norm(back);
-        let flat: Vec<_> = middles.iter().map(|p: &DVec3| (back * p.xy()).extend(p.z)).collect();
-        let list = CellList::new(&flat, self.rest.cell, reach);
+        // distance is longer there by the norm of the inverse map at most; depths stay.
+        let longer = norm(back).max(1.0);
+        let balls = middles.iter().zip(&halves).map(|(middle, half): (&DVec3, &f64)| {
+            ((back * middle.xy()).extend(middle.z), half * longer)
+        });
+        let balls: Vec<_> = balls.collect();
+        let list = CellList::new(&balls, self.rest.cell, 2.0 * cutoff * thickest * longer);
         let mut pairs = std::mem::take(&mut self.pairs);
         pairs.clear();
         for (a, one) in self.rest.segments.iter().enumerate() {

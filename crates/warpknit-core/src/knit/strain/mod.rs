@@ -16,12 +16,17 @@ mod contacts;
 mod grid;
 mod neighbours;
 mod profile;
+pub mod pull;
 mod rest;
 mod solver;
+mod stored;
 mod table;
+
+use std::collections::BTreeSet;
 
 use glam::{DMat2, DVec2};
 
+use super::repeat::RepeatYarn;
 use super::{Pattern, YarnLength, as_vec, yarn_length};
 use crate::fabric::{Fabric, Structure};
 pub(crate) use neighbours::{NearSpan, Neighbours};
@@ -95,25 +100,38 @@ impl StrainTable {
     /// ```
     #[must_use]
     pub fn new(fabric: &Fabric, pattern: &Pattern) -> Option<Self> {
-        let pull = match &fabric.structure {
-            Structure::Warp(_) => WARP_PULL,
-            Structure::Weft(_) => WEFT_PULL,
-            Structure::Laid(_) => return None,
-        };
-        if pattern.relaxation().is_none() || pattern.repeat.points.len() > MAX_POINTS {
-            return None;
-        }
-        let thickness = fabric.thickness();
-        let yarns = pattern.repeat.yarns.iter().map(|yarn| RestYarn {
-            points: pattern.repeat.points_of(yarn),
-            period: yarn.period,
-            radius: thickness[yarn.bar] * fabric.radius(),
-            // Elastane stretches with the cloth, and slack is yarn to spare.
-            is_elastic: fabric.yarn(yarn.bar).draft.is_some()
-                || matches!(yarn_length(fabric, yarn), YarnLength::Slack(_)),
-        });
-        let cell = pattern.spacing * as_vec(pattern.size[0], pattern.size[1]);
-        let points = pattern.repeat.points.clone();
-        Some(Self::of(Rest::new(points, yarns.collect(), cell, pull)))
+        let yarns = pattern.repeat.yarns.iter();
+        let elastic: BTreeSet<_> =
+            yarns.filter(|yarn| is_elastic(fabric, yarn)).map(|yarn| yarn.bar).collect();
+        rest_of(fabric, pattern).map(|rest| Self::of(rest, elastic.into_iter().collect()))
     }
+}
+
+/// The repeat at rest. Nothing where it can't be strained.
+fn rest_of(fabric: &Fabric, pattern: &Pattern) -> Option<Rest> {
+    let pull = match &fabric.structure {
+        Structure::Warp(_) => WARP_PULL,
+        Structure::Weft(_) => WEFT_PULL,
+        Structure::Laid(_) => return None,
+    };
+    if pattern.relaxation().is_none() || pattern.repeat.points.len() > MAX_POINTS {
+        return None;
+    }
+    let thickness = fabric.thickness();
+    let yarns = pattern.repeat.yarns.iter().map(|yarn| RestYarn {
+        points: pattern.repeat.points_of(yarn),
+        period: yarn.period,
+        radius: thickness[yarn.bar] * fabric.radius(),
+        is_elastic: is_elastic(fabric, yarn),
+    });
+    let cell = pattern.spacing * as_vec(pattern.size[0], pattern.size[1]);
+    let points = pattern.repeat.points.clone();
+    Some(Rest::new(points, yarns.collect(), cell, pull))
+}
+
+/// Whether a yarn may change its length: elastane stretches with the cloth, and slack is yarn to
+/// spare.
+fn is_elastic(fabric: &Fabric, yarn: &RepeatYarn) -> bool {
+    fabric.yarn(yarn.bar).draft.is_some()
+        || matches!(yarn_length(fabric, yarn), YarnLength::Slack(_))
 }

@@ -72,6 +72,8 @@ pub(super) struct Rest {
     pub(super) target: f64,
     /// Weight of the pull towards the flat shape.
     pub(super) pull: f64,
+    /// How many times as much as usual bends resist.
+    pub(super) bending: f64,
 }
 
 impl Rest {
@@ -88,6 +90,7 @@ impl Rest {
             thinnest,
             target: 1.0,
             pull,
+            bending: 1.0,
         };
         for yarn in 0..rest.yarns.len() {
             rest.yarns[yarn].points.clone().for_each(|at| rest.add_span(yarn, at));

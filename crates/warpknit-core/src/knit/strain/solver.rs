@@ -27,8 +27,8 @@ use crate::yarn::curve;
 /// freely.
 const LENGTH: f64 = 100.0;
 const ELASTIC_LENGTH: f64 = 1.0;
-const CONTACT: f64 = 30.0;
-const CHORDS: [f64; 2] = [0.3, 0.09];
+pub(super) const CONTACT: f64 = 30.0;
+pub(super) const CHORDS: [f64; 2] = [0.3, 0.09];
 /// Limit of the move of a point in one iteration, radii.
 const MAX_MOVE: f64 = 0.3;
 /// Yarns nearer than this, over touching, may have been about to pass through each other: the step
@@ -40,6 +40,9 @@ const ITERATIONS: [usize; 2] = [8, 60];
 /// by more than this many radii.
 const ENERGY_TOLERANCE: f64 = 1e-3;
 const MOVE_TOLERANCE: f64 = 0.05;
+/// Share by which the energy falls at most in another turn, once a state is refined, and the turns.
+const REFINED_TOLERANCE: f64 = 1e-6;
+const MAX_REFINEMENTS: usize = 100;
 /// Largest change of strain at a time.
 const STRAIN_STEP: f64 = 0.05;
 /// The damping starts here, falls with each step that is taken and rises with each that is refused.
@@ -202,7 +205,7 @@ impl<'a> Solver<'a> {
         let control = self.control(span);
         let mut sum = 0.0;
         for (chord, far) in [2, 3].into_iter().enumerate() {
-            let weight = CHORDS[chord] / radius;
+            let weight = self.rest.bending * CHORDS[chord] / radius;
             let across = control[far] - control[0];
             let length = across.length().max(MIN_LENGTH);
             let residual = weight * (length - span.chords[chord]);
@@ -393,6 +396,27 @@ pub(super) fn solve(rest: &Rest, from: &State, strain: Strain) -> State {
         energy,
         stretch: solver.stretch(),
         nearest: solver.nearest(),
+    }
+}
+
+/// Iterates on until the energy no longer falls: for what depends on the energy itself.
+pub(super) fn refine(rest: &Rest, state: State) -> State {
+    let mut solver = Solver::new(rest);
+    solver.points.clone_from(&state.points);
+    solver.set_strain(state.strain);
+    let mut energy = state.energy;
+    for _ in 0..MAX_REFINEMENTS {
+        let before = std::mem::replace(&mut energy, solver.minimise(ITERATIONS[1]));
+        if before - energy <= REFINED_TOLERANCE * energy {
+            break;
+        }
+    }
+    State {
+        energy,
+        points: solver.flat_points(),
+        stretch: solver.stretch(),
+        nearest: solver.nearest(),
+        ..state
     }
 }
 

@@ -12,15 +12,16 @@
 //! Cost: some ten milliseconds a knot for two bars, 20 ns a lookup. Not promised: that a state is
 //! the only one of its strain.
 
-use std::sync::OnceLock;
+use std::sync::{OnceLock, mpsc};
 
 use glam::DVec3;
-use rayon::prelude::*;
+use rayon::Yield;
 
 use super::Strain;
 use super::grid::{self, KNOTS, Place};
 use super::rest::Rest;
 use super::solver::{self, State};
+use crate::ids::index32;
 use crate::knit::Progress;
 
 /// Largest move of a data point for a strain of [`SNAP_STRAIN`], radii. A state farther from its
@@ -38,8 +39,9 @@ const RAY_STEPS: u32 = 32;
 #[derive(Debug)]
 pub struct StrainTable {
     pub(super) rest: Rest,
+    elastic_bars: Vec<usize>,
     /// What the solver found at each knot.
-    solved: Vec<OnceLock<Knot>>,
+    pub(super) solved: Vec<OnceLock<Knot>>,
     /// What lookups interpolate: the same, but at the lock for locked knots.
     placed: Vec<OnceLock<Vec<[f32; 3]>>>,
 }
@@ -64,16 +66,16 @@ pub struct Lookup<'a> {
 }
 
 impl StrainTable {
-    pub(super) fn of(mut rest: Rest) -> Self {
+    pub(super) fn of(mut rest: Rest, elastic_bars: Vec<usize>) -> Self {
         solver::measure_rest(&mut rest);
         let mut solved = Vec::new();
         let mut placed = Vec::new();
         solved.resize_with(KNOTS, OnceLock::new);
         placed.resize_with(KNOTS, OnceLock::new);
-        Self { rest, solved, placed }
+        Self { rest, elastic_bars, solved, placed }
     }
 
-    /// Solves in parallel the knots around these strains.
+    /// Solves in parallel the knots around these strains. `progress` gets the share that is done.
     pub fn prepare(&self, strains: impl IntoIterator<Item = Strain>, progress: Progress<'_>) {
         let mut is_wanted = vec![false; KNOTS];
         for strain in strains {
@@ -84,9 +86,33 @@ impl StrainTable {
         let mut wanted: Vec<_> = (0..KNOTS).filter(|&knot| is_wanted[knot]).collect();
         // From flat cloth outward, so that each knot finds the one it starts from.
         wanted.sort_by_key(|&knot| grid::level(knot));
-        let _ = progress;
-        wanted.par_iter().with_max_len(1).for_each(|&knot| {
-            self.placed(knot);
+        self.solve_all(&wanted, progress);
+    }
+
+    /// Solves knots in this order, on all threads. The calling thread reports the progress.
+    fn solve_all(&self, wanted: &[usize], progress: Progress<'_>) {
+        let (sender, solved) = mpsc::channel();
+        rayon::in_place_scope_fifo(|scope| {
+            for &knot in wanted {
+                let sender = sender.clone();
+                scope.spawn_fifo(move |_| {
+                    self.placed(knot);
+                    // If nobody listens any more, another knot has panicked.
+                    let _left = sender.send(());
+                });
+            }
+            drop(sender);
+            let mut done = 0;
+            loop {
+                // A thread of the pool works as well. Only where nothing is left to begin does it
+                // wait for the others, until all have sent.
+                if rayon::yield_now() != Some(Yield::Executed) {
+                    let Ok(()) = solved.recv() else { break };
+                    done += 1;
+                }
+                done += solved.try_iter().count();
+                progress(f64::from(index32(done)) / f64::from(index32(wanted.len())));
+            }
         });
     }
 
@@ -95,6 +121,12 @@ impl StrainTable {
     pub fn depths(&self) -> [f64; 2] {
         let depths = self.rest.points.iter().map(|point| point.z);
         depths.fold([0.0, 0.0], |[low, high], z| [z.min(low), z.max(high)])
+    }
+
+    /// Bars, from 0, whose yarns may stretch: elastane, and inlays with slack.
+    #[must_use]
+    pub fn elastic_bars(&self) -> &[usize] {
+        &self.elastic_bars
     }
 
     /// The number of solved knots.
@@ -192,9 +224,8 @@ impl StrainTable {
         let offsets = state.points.iter().zip(&self.rest.points);
         #[expect(clippy::cast_possible_truncation, reason = "offsets are stored so")]
         let offsets = offsets.map(|(point, flat)| (*point - *flat).to_array().map(|x| x as f32));
-        let overlap = (self.rest.target - state.nearest).max(0.0);
         #[expect(clippy::cast_possible_truncation, reason = "offsets are stored so")]
-        let lock = (state.stretch / LOCK_STRETCH).max(overlap / LOCK_OVERLAP) as f32;
+        let lock = lock(&self.rest, state) as f32;
         Knot { offsets: offsets.collect(), lock }
     }
 
@@ -204,6 +235,12 @@ impl StrainTable {
         let points = points.map(|(flat, offset)| *flat + DVec3::from_array(offset.map(f64::from)));
         State { strain: grid::strain(knot), points: points.collect(), ..solver::flat(&self.rest) }
     }
+}
+
+/// How locked the cloth is in a state: over 1 the yarn would have to stretch.
+pub(super) fn lock(rest: &Rest, state: &State) -> f64 {
+    let overlap = (rest.target - state.nearest).max(0.0);
+    (state.stretch / LOCK_STRETCH).max(overlap / LOCK_OVERLAP)
 }
 
 impl Lookup<'_> {
@@ -287,9 +324,29 @@ mod tests {
     }
 
     #[test]
+    fn progress_rises_to_the_whole_on_any_number_of_threads() {
+        let strains = [strained(0.8, 1.2, 0.2), strained(1.2, 1.1, -0.1)];
+        let heard = |table: &StrainTable| {
+            let mut shares = Vec::new();
+            table.prepare(strains, &mut |share| shares.push(share));
+            assert!(shares.len() > 1 && shares.is_sorted() && shares.last() == Some(&1.0));
+        };
+        let (.., table) = table("jersey");
+        heard(&table);
+        for threads in [1, 2, 3] {
+            let (.., table) = self::table("jersey");
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| heard(&table));
+        }
+    }
+
+    #[test]
     fn slack_inlays_and_elastane_may_stretch() {
-        let (.., table) = table("elastic-locknit");
+        let (fabric, _, table) = table("elastic-locknit");
         assert!(table.rest.yarns.iter().any(|yarn| yarn.is_elastic));
         assert!(table.rest.yarns.iter().any(|yarn| !yarn.is_elastic));
+        let bars = fabric.yarns().map(|yarn| yarn.draft.is_some());
+        let expected: Vec<_> = (0..).zip(bars).filter(|(_, is_drafted)| *is_drafted).collect();
+        assert_eq!(table.elastic_bars(), expected.iter().map(|(bar, _)| *bar).collect::<Vec<_>>());
     }
 }
