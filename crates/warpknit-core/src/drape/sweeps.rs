@@ -45,6 +45,10 @@ const LENGTH_STIFFNESS: f64 = 0.6;
 const LENGTH_TOLERANCE: f64 = 0.002;
 /// Lengths that are wrong by more are those of locked cloth, where yarn does stretch.
 const LENGTH_LIMIT: f64 = 0.3;
+/// Parts into which a span is divided to find where it is nearest to another.
+const PARTS: usize = 3;
+/// Limit of the move of a point in one sweep, radii.
+const MAX_STEP: f64 = 0.2;
 /// Limit of the move of a point, radii: it stays where the cloth is.
 const MAX_MOVE: f64 = 2.0;
 
@@ -152,7 +156,7 @@ impl<'a> Panel<'a> {
         active.retain(|&span| self.push_span(yarn, span as usize, &mut moves));
         let radius = self.neighbours.yarns[yarn.copy.yarn].radius;
         for (place, step) in own.iter_mut().zip(&moves) {
-            *place += step.clamp_length_max(0.2 * radius);
+            *place += step.clamp_length_max(MAX_STEP * radius);
         }
         if !self.neighbours.yarns[yarn.copy.yarn].is_elastic {
             self.keep_lengths(yarn, own);
@@ -193,9 +197,7 @@ impl<'a> Panel<'a> {
                 let squared: f64 = weights.iter().map(|weight| weight * weight).sum();
                 let push = apart * (0.5 * CONTACT_STIFFNESS * missing / (distance * squared));
                 for (k, weight) in weights.into_iter().enumerate() {
-                    if let Some(step) = (span + k).checked_sub(1).and_then(|at| moves.get_mut(at)) {
-                        *step += push * weight;
-                    }
+                    moves[span + k - 1] += push * weight;
                 }
             }
         }
@@ -205,7 +207,7 @@ impl<'a> Panel<'a> {
     /// Corrects the lengths of a yarn's spans.
     fn keep_lengths(&self, yarn: &PanelYarn, own: &mut [DVec3]) {
         let (count, start) = self.points_of(yarn.copy.yarn);
-        for span in 0..own.len().saturating_sub(1) {
+        for span in 1..own.len().saturating_sub(2) {
             let at = (yarn.copy.first + i64::from(index32(span))).rem_euclid(count);
             let point = start + usize::try_from(at).expect("not negative");
             let Some(control) = control_points(own, span) else { continue };
@@ -255,14 +257,11 @@ impl<'a> Panel<'a> {
     }
 }
 
-/// The control points of a span of a yarn. Nothing where one of its ends is off the panel.
+/// The control points of a span of a yarn. Nothing where one of them is off the panel: there the
+/// curve is not that of the repeat.
 fn control_points(own: &[DVec3], span: usize) -> Option<[DVec3; 4]> {
-    let place = |at: Option<usize>| own.get(at?).copied().filter(|place| !place.is_nan());
-    let (from, to) = (place(Some(span))?, place(Some(span + 1))?);
-    // Beyond an end of the yarn a phantom point mirrors the inner one, as the curve has it.
-    let before = place(span.checked_sub(1)).unwrap_or(2.0 * from - to);
-    let after = place(Some(span + 2)).unwrap_or(2.0 * to - from);
-    Some([before, from, to, after])
+    let control: [DVec3; 4] = own.get(span.checked_sub(1)?..span + 3)?.try_into().ok()?;
+    control.iter().all(|place| !place.is_nan()).then_some(control)
 }
 
 /// From the nearest point of the other span to that of the first, and where on the first that is.
@@ -292,6 +291,3 @@ fn nearest_of_spans(one: &[DVec3; 4], other: &[DVec3; 4], reach: f64) -> Option<
     let (_, s, t) = best;
     Some((one.at(s) - other.at(t), s))
 }
-
-/// Parts into which a span is divided to find where it is nearest to another.
-const PARTS: usize = 3;
