@@ -1,6 +1,7 @@
 //! The cost of each stage in CPU time of one thread: `cargo bench`, or `cargo bench -- locate` for
 //! some of them. Each stage is a file; `inputs` makes what they are measured on.
 
+mod clearance;
 mod cpu;
 mod frames;
 mod inputs;
@@ -30,6 +31,6 @@ criterion_group! {
     name = benches;
     config = configured();
     targets = read::benches, knit::benches, locate::benches, tube::benches, write::benches,
-        whole::benches, frames::benches, render::benches
+        whole::benches, frames::benches, clearance::benches, render::benches
 }
 criterion_main!(benches);

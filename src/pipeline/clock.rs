@@ -26,6 +26,8 @@ pub enum Task {
     Map,
     /// Tubes.
     Surface,
+    /// The clearance of the yarns on the body.
+    Clearance,
     /// Maps or yarns of a photo.
     Develop,
     /// A benchmark.
@@ -39,7 +41,7 @@ pub enum Task {
 }
 
 /// Number of variants of [`Task`].
-const TASKS: usize = 12;
+const TASKS: usize = 13;
 
 impl From<Stage> for Task {
     fn from(stage: Stage) -> Self {
@@ -146,6 +148,7 @@ impl<'a> Clock<'a> {
             render: self.spent(Task::Render),
             write: self.spent(Task::Compress) + self.spent(Task::Write),
             total: 1000.0 * self.start.elapsed().as_secs_f64(),
+            clearance: self.spent(Task::Clearance),
         }
     }
 }

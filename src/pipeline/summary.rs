@@ -8,9 +8,9 @@ use super::numbers::RealCloth;
 use super::settings::Wanted;
 use super::setup::Setup;
 use crate::drape::Totals;
+use crate::drape::clearance::BodyClearance;
 use crate::export::{ExportError, Format, Output};
 use crate::garment::stretch::stretch;
-use crate::knit::clearance::Clearance;
 use crate::report::{
     ClearanceReport, ClothReport, FrameReport, GarmentReport, Report, SurfaceReport,
 };
@@ -35,7 +35,7 @@ pub(super) struct RunSummary<'a> {
     pub(super) setup: &'a Setup,
     pub(super) totals: &'a Totals,
     /// Clearance on the body, if it was measured.
-    pub(super) draped: Option<Clearance>,
+    pub(super) draped: Option<BodyClearance>,
     pub(super) warnings: Vec<String>,
     /// Name of the renderer. Empty without a picture.
     pub(super) drawn_by: String,

@@ -13,7 +13,7 @@ use warpknit::render::cloth;
 use warpknit::render::{Camera, View};
 
 /// A weave of straight warps under straight wefts, 1.25 x 1 mm a cell.
-const GRID: &str = r##"name = "grid"
+pub(crate) const GRID: &str = r##"name = "grid"
 kind = "laid"
 wales_per_cm = 8
 courses_per_cm = 10

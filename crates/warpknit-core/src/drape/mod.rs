@@ -527,6 +527,19 @@ impl BlockPlan {
 }
 
 impl Block {
+    /// Knits, locates and maps the planned yarns.
+    fn lay(
+        &mut self,
+        cloth: &Cloth<'_>,
+        plan: &BlockPlan,
+        locator: &Locator<'_>,
+        options: &DrapeOptions,
+    ) {
+        self.knit(cloth, plan);
+        self.locate(locator, options.edge);
+        self.map(&cloth.garment.panels[self.panel], options.mapping);
+    }
+
     /// Computes the flat data points of the planned yarns.
     fn knit(&mut self, cloth: &Cloth<'_>, plan: &BlockPlan) {
         (self.panel, self.bar) = (plan.panel, plan.bar);
