@@ -6,8 +6,8 @@
 
 use serde::Serialize;
 
+use crate::drape::clearance::BodyClearance;
 use crate::fabric::Machine;
-use crate::knit::clearance::Clearance;
 use crate::knit::links::Links;
 use crate::map::relaxed::StrainCounts;
 
@@ -115,6 +115,8 @@ pub struct Timings {
     pub render: f64,
     pub write: f64,
     pub total: f64,
+    /// Measuring the clearance on the body.
+    pub clearance: f64,
 }
 
 /// Clearance of the yarns on the flat fabric.
@@ -125,8 +127,7 @@ pub struct ClearanceReport {
     pub pairs_below_1: usize,
     /// Sweeps of the relaxation. Null where the repeat is too large to be relaxed.
     pub sweeps: Option<usize>,
-    /// Clearance on the body. Null for a swatch, for a part, and for a garment of too many
-    /// stitches.
+    /// Clearance on the body. Null for a swatch, for a part and for a sequence.
     pub draped: Option<DrapedClearance>,
 }
 
@@ -173,24 +174,32 @@ impl From<Links> for LinksReport {
     }
 }
 
-/// Clearance of the yarns on the body, measured panel by panel.
+/// Clearance of the yarns on the body, measured panel by panel. Only neighbours of the flat cloth
+/// count, and not cloth that lies on cloth.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[expect(missing_docs, reason = "see Report")]
 pub struct DrapedClearance {
+    /// 1.02 at most.
     pub min_over_2r: f64,
-    /// Pairs of path segments whose distance is below twice that of touching.
-    pub pairs: usize,
-    pub pairs_below_1: usize,
-    /// Share of `pairs` whose distance is below 0.95 of that of touching.
+    /// Pairs of path segments whose distance is below 1.02 of that of touching.
+    pub pairs: u64,
+    pub pairs_below_1: u64,
+    /// Share of the yarn length that is nearer to another yarn than 0.95 of touching.
     pub share_below_0_95: f64,
+    /// Share of the yarn length that is nearer than 0.98 of touching in the flat cloth already. It
+    /// is left out of `share_below_0_95`.
+    pub share_near_flat: f64,
 }
 
-impl From<Clearance> for DrapedClearance {
-    fn from(clearance: Clearance) -> Self {
-        let Clearance { min_over_2r, pairs, pairs_below_1, pairs_below_95 } = clearance;
-        #[expect(clippy::cast_precision_loss, reason = "a share of three digits")]
-        let share_below_0_95 = pairs_below_95 as f64 / pairs.max(1) as f64;
-        Self { min_over_2r, pairs, pairs_below_1, share_below_0_95 }
+impl From<BodyClearance> for DrapedClearance {
+    fn from(clearance: BodyClearance) -> Self {
+        Self {
+            min_over_2r: clearance.min_over_2r,
+            pairs: clearance.pairs,
+            pairs_below_1: clearance.pairs_below_1,
+            share_below_0_95: clearance.share_below_95(),
+            share_near_flat: clearance.share_near_flat(),
+        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! The cost of each stage in CPU time of one thread: `cargo bench`, or `cargo bench -- locate` for
 //! some of them. Each stage is a file; `inputs` makes what they are measured on.
 
+mod clearance;
 mod cpu;
 mod frames;
 mod inputs;
@@ -31,6 +32,6 @@ criterion_group! {
     name = benches;
     config = configured();
     targets = read::benches, knit::benches, locate::benches, tube::benches, write::benches,
-        whole::benches, frames::benches, strain::benches, render::benches
+        whole::benches, frames::benches, strain::benches, clearance::benches, render::benches
 }
 criterion_main!(benches);

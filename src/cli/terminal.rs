@@ -54,7 +54,7 @@ impl Listener for Terminal {
         self.bar.set_message(match task {
             Task::Read => "reading",
             Task::Develop => "developing",
-            Task::Measure => "measuring",
+            Task::Measure | Task::Clearance => "measuring",
             Task::Render => "rendering",
             Task::Compress | Task::Write => "writing",
             Task::Relax | Task::Strain => "relaxing",

@@ -30,6 +30,8 @@ pub enum Task {
     Sweep,
     /// Tubes.
     Surface,
+    /// The clearance of the yarns on the body.
+    Clearance,
     /// Maps or yarns of a photo.
     Develop,
     /// A benchmark.
@@ -43,7 +45,7 @@ pub enum Task {
 }
 
 /// Number of variants of [`Task`].
-const TASKS: usize = 14;
+const TASKS: usize = 15;
 
 impl From<Stage> for Task {
     fn from(stage: Stage) -> Self {
@@ -154,6 +156,7 @@ impl<'a> Clock<'a> {
             render: self.spent(Task::Render),
             write: self.spent(Task::Compress) + self.spent(Task::Write),
             total: 1000.0 * self.start.elapsed().as_secs_f64(),
+            clearance: self.spent(Task::Clearance),
         }
     }
 }

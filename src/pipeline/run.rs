@@ -20,20 +20,15 @@ use super::stretch::pull;
 use super::summary::{Done, RunSummary, say_warnings};
 use super::targets::numbered;
 use super::writers::{check_places, finished, sinks, wanted};
-use crate::drape::clearance::ClearanceMeter;
+use crate::drape::clearance::{self, BodyClearance};
 use crate::drape::{self, Block, Cloth, Totals, swatch_panel};
 use crate::export::{ExportError, FileWriter, Format, Output};
 use crate::fabric::Fabric;
 use crate::garment::{Garment, Panel};
 use crate::knit::Pattern;
-use crate::knit::clearance::Clearance;
 use crate::map::Mapping;
 use crate::render::cloth;
 use crate::render::scene::Scene;
-
-/// The most stitches whose clearance on the body is measured. A stitch needs up to 20 kB of memory
-/// if all are on one panel, so this is about 1 GB.
-const MEASURED_STITCHES: u64 = 50_000;
 
 /// Knits a fabric onto a garment. With a `sequence`, `garment` is its first frame, and the fabric is
 /// knitted onto all frames.
@@ -165,13 +160,11 @@ fn make(job: &Job<'_>, mut clock: Clock<'_>) -> Result<Done, RunError> {
     let mut sinks = sinks(&outputs, job, &setup)?;
     let mut scene = setup.scene(job);
 
-    let gauge =
-        wants_gauge(job, &outputs).then(|| ClearanceMeter::new(job.cloth, setup.section.radius));
     let receivers =
-        Receivers { scene: (!pictures.is_empty()).then_some(&mut scene), sinks: &mut sinks, gauge };
+        Receivers { scene: (!pictures.is_empty()).then_some(&mut scene), sinks: &mut sinks };
     clock.begin(Task::Strain, 0.0);
     let cache = job.cache();
-    let (totals, draped) = lay(job, &setup.options, receivers, &mut clock)?;
+    let totals = lay(job, &setup.options, receivers, &mut clock)?;
     cache.keep(job.cloth);
     // A part of the cloth can be without yarns while the whole has some.
     if job.part.is_none() {
@@ -179,6 +172,8 @@ fn make(job: &Job<'_>, mut clock: Clock<'_>) -> Result<Done, RunError> {
     }
     warnings.extend(loss_warning(&totals));
     say_warnings(job, &mut warnings, &clock);
+    let draped = wants_clearance(job, &outputs)
+        .then(|| body_clearance(job, setup.section.radius, &mut clock));
 
     clock.begin(Task::Write, 1.0);
     let mut whole = finished(sinks)?;
@@ -246,19 +241,16 @@ struct Receivers<'a, 'b> {
     scene: Option<&'a mut Scene>,
     /// Files that are written block by block.
     sinks: &'a mut [FileWriter<'b>],
-    /// Measures the clearance on the body. `None` if nobody needs it.
-    gauge: Option<ClearanceMeter>,
 }
 
-/// Lays the yarns block by block and gives each block to the receivers. Returns the totals and the
-/// clearance on the body.
+/// Lays the yarns block by block and gives each block to the receivers.
 fn lay(
     job: &Job<'_>,
     options: &drape::DrapeOptions,
     receivers: Receivers<'_, '_>,
     clock: &mut Clock<'_>,
-) -> Result<(Totals, Option<Clearance>), RunError> {
-    let Receivers { mut scene, sinks, mut gauge } = receivers;
+) -> Result<Totals, RunError> {
+    let Receivers { mut scene, sinks } = receivers;
     // Both closures below need the clock, and `drape::run` calls them in turn.
     let clock = RefCell::new(clock);
     if let (Some(whole), true) = (&mut scene, job.part.is_some()) {
@@ -277,24 +269,25 @@ fn lay(
         if let Some(scene) = &mut scene {
             blocks.iter().for_each(|block| cloth::add_to(scene, block));
         }
-        sinks.iter_mut().try_for_each(|sink| sink.take(blocks))?;
-        if let Some(gauge) = &mut gauge {
-            // Measuring is not a stage of the work: its time counts only in the total.
-            clock.borrow_mut().stop();
-            gauge.take(blocks);
-        }
-        Ok(())
+        sinks.iter_mut().try_for_each(|sink| sink.take(blocks))
     };
-    let totals = drape::run(job.filed(), options, &mut announce, &mut deliver)?;
-    Ok((totals, gauge.map(ClearanceMeter::finish)))
+    Ok(drape::run(job.filed(), options, &mut announce, &mut deliver)?)
+}
+
+/// Measures the clearance on the body of yarns drawn with a radius.
+fn body_clearance(job: &Job<'_>, radius: f64, clock: &mut Clock<'_>) -> BodyClearance {
+    clock.begin(Task::Clearance, 0.0);
+    let listener = clock.listener();
+    let progress = &mut |done| listener.progress(done);
+    let clearance = clearance::measure(job.cloth, &job.options, radius, progress);
+    clock.stop();
+    clearance
 }
 
 /// Whether to measure the clearance on the body: only for a report of the whole cloth, and not for a
 /// swatch, because that has no body.
-fn wants_gauge(job: &Job<'_>, outputs: &[Wanted]) -> bool {
+fn wants_clearance(job: &Job<'_>, outputs: &[Wanted]) -> bool {
     // A part lacks its neighbouring yarns, and one of them may be the nearest.
     let draped = !job.is_swatch && job.part.is_none();
-    draped
-        && outputs.iter().any(|(_, format)| *format == Format::Json)
-        && job.cloth.stitches() <= MEASURED_STITCHES
+    draped && outputs.iter().any(|(_, format)| *format == Format::Json)
 }

@@ -9,9 +9,9 @@ use super::settings::Wanted;
 use super::setup::Setup;
 use super::stretch::Stretched;
 use crate::drape::Totals;
+use crate::drape::clearance::BodyClearance;
 use crate::export::{ExportError, Format, Output};
 use crate::garment::stretch::stretch;
-use crate::knit::clearance::Clearance;
 use crate::knit::strain::StrainTable;
 use crate::report::{
     ClearanceReport, ClothReport, FrameReport, GarmentReport, Report, StrainReport, SurfaceReport,
@@ -39,7 +39,7 @@ pub(super) struct RunSummary<'a> {
     pub(super) setup: &'a Setup,
     pub(super) totals: &'a Totals,
     /// Clearance on the body, if it was measured.
-    pub(super) draped: Option<Clearance>,
+    pub(super) draped: Option<BodyClearance>,
     pub(super) warnings: Vec<String>,
     /// Name of the renderer. Empty without a picture.
     pub(super) drawn_by: String,

@@ -23,5 +23,6 @@ pub mod knit;
 pub mod locate;
 pub mod map;
 pub mod number;
+mod spatial_hash;
 pub mod tile;
 pub mod yarn;

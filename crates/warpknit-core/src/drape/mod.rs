@@ -647,6 +647,20 @@ impl Block {
         start..end
     }
 
+    /// Knits, locates and maps the planned yarns.
+    fn lay(
+        &mut self,
+        cloth: &Cloth<'_>,
+        plan: &BlockPlan,
+        locator: &Locator<'_>,
+        body: &Body<'_>,
+        edge: Edge,
+    ) {
+        self.knit(cloth, plan);
+        self.locate(locator, edge);
+        self.map(body);
+    }
+
     /// Computes the flat data points of the planned yarns.
     fn knit(&mut self, cloth: &Cloth<'_>, plan: &BlockPlan) {
         (self.panel, self.bar, self.is_beside) = (plan.panel, plan.bar, plan.is_beside);

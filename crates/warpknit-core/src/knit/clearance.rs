@@ -4,22 +4,21 @@
 //! one repeat against everything around it. Out: a [`Clearance`], the least distance between centre
 //! lines over the sum of the two radii.
 //!
-//! Method: paths are sampled 12 times a span. A spatial hash (Teschner, Heidelberger, Müller,
-//! Pomerantes and Gross 2003, "Optimized spatial hashing for collision detection of deformable
-//! objects") finds pairs of segments that may be near, and their distances are exact. Parts of one
-//! strand nearer than 7 radii along it are not compared. Cost: about 1 µs a segment on one thread,
-//! some milliseconds a repeat.
+//! Method: paths are sampled 12 times a span. A spatial hash finds pairs of segments that may be
+//! near, and their distances are exact. Parts of one strand nearer than 7 radii along it are not
+//! compared. Cost: about 1 µs a segment on one thread, some milliseconds a repeat.
 //!
 //! Not promised: repeats over 96 courses or 64 wales are measured only over that much of them. Of
 //! many yarns in one place only some are compared.
 
-use glam::{DVec2, DVec3, I64Vec2, I64Vec3};
+use glam::{DVec2, DVec3, I64Vec2};
 use rayon::prelude::*;
 
 use super::mesh::StructureMesh;
 use super::{Knitted, MAX_RELAXED_LAPS, Pattern};
 use crate::fabric::Fabric;
 use crate::ids::index32;
+use crate::spatial_hash::{SpatialHash, Sphere};
 use crate::yarn::curve;
 
 /// Segments of each span between data points. With fewer, the chords cut the corners of bends and
@@ -35,10 +34,10 @@ const CUTOFF: f64 = 2.0;
 /// values count the inside of tight bends as cuts; beyond some ten, cuts between the two legs of a
 /// narrow loop are missed. It is a little over the relaxation's 6, so that what that solver leaves
 /// alone is not reported.
-const SAME_STRAND_RADII: f64 = 7.0;
+pub(crate) const SAME_STRAND_RADII: f64 = 7.0;
 /// Relaxed yarns keep at least this clearance. Under 1, since samples of the relaxation and of this
 /// check lie at different places of the curve.
-const MIN_RELAXED: f64 = 0.98;
+pub(crate) const MIN_RELAXED: f64 = 0.98;
 /// Least clearance of laid yarns, which are squeezed flat where they cross. The relaxation pushes
 /// them apart to a little more than this (0.6 of their radii).
 const MIN_SQUEEZED: f64 = 0.55;
@@ -48,7 +47,7 @@ const MAX_THICKER: f64 = 1.02;
 /// has a few dozen. Beyond, whole yarns lie in one place; the rest of them adds nothing to the
 /// answer, and the work would grow with the square of their number.
 const MAX_PAIRS: usize = 1000;
-const MAX_CANDIDATES: usize = 5 * MAX_PAIRS;
+pub(crate) const MAX_CANDIDATES: usize = 5 * MAX_PAIRS;
 
 /// The distances between yarns, in figures.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -108,9 +107,12 @@ impl PathSegment {
         self.from.midpoint(self.to)
     }
 
-    /// Half its length.
-    fn half(&self) -> f64 {
-        self.from.distance(self.to) / 2.0
+    /// Its bounding sphere, grown by its share of the cutoff.
+    fn sphere(&self) -> Sphere {
+        Sphere {
+            middle: self.middle().as_vec3(),
+            reach: rounded_up(CUTOFF * self.radius + self.from.distance(self.to) / 2.0),
+        }
     }
 
     /// Least distance to another, over the sum of the radii.
@@ -120,6 +122,13 @@ impl PathSegment {
         self.from.lerp(self.to, share).distance(other.from.lerp(other.to, share_other))
             / (self.radius + other.radius)
     }
+}
+
+/// A length in single precision, never shorter than it was. The share of growth is a hundred times
+/// the rounding of places and lengths on a repeat.
+#[expect(clippy::cast_possible_truncation, reason = "rounding is what the growth is for")]
+fn rounded_up(length: f64) -> f32 {
+    (length * (1.0 + 1e-5)) as f32
 }
 
 /// Paths of yarn as segments, to be measured against each other.
@@ -170,7 +179,11 @@ impl SampledPaths {
         let thickest = self.segments.iter().map(|s| s.radius).fold(0.0, f64::max);
         // Two segments within the cutoff have their middles within this distance, so the cells
         // around a segment hold all its partners.
-        let hash = SpatialHash::new(&self.segments, 2.0 * CUTOFF * thickest + longest);
+        let mut hash = SpatialHash::default();
+        hash.fill(
+            self.segments.iter().map(PathSegment::sphere),
+            rounded_up(2.0 * CUTOFF * thickest + longest),
+        );
         (0..self.segments.len())
             .into_par_iter()
             .with_min_len(1024)
@@ -190,22 +203,18 @@ impl SampledPaths {
         if repeat(s.middle()) != I64Vec2::ZERO {
             return clearance;
         }
-        let reach = CUTOFF * s.radius + s.half();
-        for other in hash.around(s.middle()).take(MAX_CANDIDATES) {
-            let t = &self.segments[other.at as usize];
-            // Bounding spheres reject most candidates for a tenth of the work of a distance.
-            let far = other.middle.distance_squared(s.middle()) > (reach + other.reach).powi(2);
+        // Bounding spheres reject most candidates for a tenth of the work of a distance.
+        for other in hash.around(s.sphere()).take(MAX_CANDIDATES) {
+            let other = other as usize;
+            let t = &self.segments[other];
             let same_strand =
                 s.strand == t.strand && (s.along - t.along).abs() <= SAME_STRAND_RADII * s.radius;
             // Each pair comes from both of its sides. Within the repeat the lower index counts it;
             // across a border, the side that finds its partner above or to the right.
-            let there = repeat(other.middle);
-            let counts_elsewhere = if there == I64Vec2::ZERO {
-                (other.at as usize) < at
-            } else {
-                (there.y, there.x) < (0, 0)
-            };
-            if far || same_strand || counts_elsewhere {
+            let there = repeat(t.middle());
+            let counts_elsewhere =
+                if there == I64Vec2::ZERO { other < at } else { (there.y, there.x) < (0, 0) };
+            if same_strand || counts_elsewhere {
                 continue;
             }
             clearance = clearance.with(s.ratio(t));
@@ -214,80 +223,6 @@ impl SampledPaths {
             }
         }
         clearance
-    }
-}
-
-/// A segment in the hash, with its bounding sphere.
-#[derive(Clone, Copy, Default)]
-struct HashEntry {
-    at: u32,
-    cell: I64Vec3,
-    middle: DVec3,
-    /// Radius of the bounding sphere, grown by the segment's share of the cutoff.
-    reach: f64,
-}
-
-/// A spatial hash: segments sorted by the cell of space in which their middles lie. Each bucket
-/// keeps the segments' order, so sums do not depend on threads.
-struct SpatialHash {
-    /// Side of a cell, mm.
-    size: f64,
-    /// First entry of each bucket, and the end of the last.
-    starts: Vec<u32>,
-    entries: Vec<HashEntry>,
-}
-
-impl SpatialHash {
-    fn new(segments: &[PathSegment], size: f64) -> Self {
-        // About one segment a bucket. Fewer buckets mix more cells in one; more cost memory and
-        // cache.
-        let starts = vec![0; segments.len().next_power_of_two() + 1];
-        let mut hash = Self { size, starts, entries: vec![HashEntry::default(); segments.len()] };
-        let cells: Vec<_> = segments.iter().map(|s| hash.cell(s.middle())).collect();
-        // A counting sort: sizes of buckets, their starts by a running sum, then the entries.
-        for &cell in &cells {
-            let bucket = hash.bucket(cell);
-            hash.starts[bucket + 1] += 1;
-        }
-        for bucket in 1..hash.starts.len() {
-            hash.starts[bucket] += hash.starts[bucket - 1];
-        }
-        let mut next = hash.starts.clone();
-        for (at, (segment, cell)) in (0u32..).zip(segments.iter().zip(cells)) {
-            let slot = &mut next[hash.bucket(cell)];
-            let reach = CUTOFF * segment.radius + segment.half();
-            hash.entries[*slot as usize] = HashEntry { at, cell, middle: segment.middle(), reach };
-            *slot += 1;
-        }
-        hash
-    }
-
-    fn cell(&self, at: DVec3) -> I64Vec3 {
-        (at / self.size).floor().as_i64vec3()
-    }
-
-    /// The bucket of a cell. Large primes spread neighbouring cells over the buckets (Teschner et
-    /// al. 2003, section 3.1).
-    fn bucket(&self, cell: I64Vec3) -> usize {
-        let hash = cell.x.wrapping_mul(73_856_093)
-            ^ cell.y.wrapping_mul(19_349_663)
-            ^ cell.z.wrapping_mul(83_492_791);
-        let buckets = i64::from(index32(self.starts.len() - 1));
-        usize::try_from(hash.rem_euclid(buckets)).expect("a remainder is not negative")
-    }
-
-    /// All segments whose middles may lie within a cell's size of `at`.
-    fn around(&self, at: DVec3) -> impl Iterator<Item = &HashEntry> {
-        let home = self.cell(at);
-        let cells = (0..27).map(move |n| home + I64Vec3::new(n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1));
-        cells.flat_map(move |cell| {
-            let bucket = self.bucket(cell);
-            let entries =
-                &self.entries[self.starts[bucket] as usize..self.starts[bucket + 1] as usize];
-            // Other cells may have the same hash; without this check their segments would come
-            // twice or more.
-            entries.iter().filter(move |entry| entry.cell == cell)
-        })
     }
 }
 

@@ -260,7 +260,7 @@ impl Pattern {
         });
         let cloth = relax::Cloth {
             yarns: &chains.collect::<Vec<_>>(),
-            cell: self.spacing * as_vec(self.size[0], self.size[1]),
+            cell: self.repeat_size(),
             press: fabric.finish.thickness,
         };
         let (relaxation, tightest) = relax::relax(&mut self.repeat.points, shape, &cloth, progress);
@@ -318,6 +318,22 @@ impl Pattern {
     pub fn points_per_repeat(&self, bar: usize) -> usize {
         let yarn = self.bars[bar].yarns.iter().flatten().next();
         yarn.map_or(0, |&yarn| self.repeat.points_of(&self.repeat.yarns[yarn]).len())
+    }
+
+    /// Width and height of the repeat, mm.
+    pub(crate) fn repeat_size(&self) -> DVec2 {
+        self.spacing * as_vec(self.size[0], self.size[1])
+    }
+
+    /// Data points on a mm² of flat cloth, on average, were every guide threaded.
+    pub(crate) fn points_per_area(&self) -> f64 {
+        let points = self.bars.iter().filter_map(|bar| {
+            let yarn = &self.repeat.yarns[*bar.yarns.iter().flatten().next()?];
+            let [points, steps] = [self.repeat.points_of(yarn).len(), yarn.steps.len() - 1]
+                .map(|count| f64::from(index32(count)));
+            Some(points / steps)
+        });
+        points.sum::<f64>() / self.spacing.element_product()
     }
 
     /// Whether a bar's yarns run across the wales, as wefts and feeders' yarns do. All others run

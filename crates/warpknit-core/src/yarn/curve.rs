@@ -48,6 +48,11 @@ impl Span {
         (self.a * (3.0 * t) + self.b * 2.0) * t + self.c
     }
 
+    /// The coefficients of the cubic, from that of `t³` to the constant.
+    pub(crate) fn cubic(&self) -> [DVec3; 4] {
+        [self.a, self.b, self.c, self.d]
+    }
+
     /// The Bézier control points of the same cubic.
     #[must_use]
     pub fn bezier(&self) -> [DVec3; 4] {
