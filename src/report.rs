@@ -109,6 +109,8 @@ pub struct Timings {
     /// Solving the repeat for the strains of the garment.
     pub strain: f64,
     pub map: f64,
+    /// Moving yarns apart on the body.
+    pub sweep: f64,
     pub surface: f64,
     pub render: f64,
     pub write: f64,
@@ -135,6 +137,8 @@ pub struct LinksReport {
     pub checked: usize,
     /// Pairs of which the new loop is not drawn through the old one.
     pub wrong: usize,
+    /// Loops that no loop of the next course is drawn through.
+    pub held: usize,
 }
 
 /// Shares of the data points where the garment strains the cloth too far.
@@ -165,7 +169,7 @@ impl StrainReport {
 
 impl From<Links> for LinksReport {
     fn from(links: Links) -> Self {
-        Self { checked: links.checked, wrong: links.wrong }
+        Self { checked: links.checked, wrong: links.wrong, held: links.held }
     }
 }
 
@@ -202,6 +206,8 @@ pub struct ClothReport {
     /// such key.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub relaxed_run_in_mm_per_rack: Vec<Option<f64>>,
+    /// One for each bar or feeder; those that make no loops have null.
+    pub loop_width_mm: Vec<Option<f64>>,
     pub thickness_mm: f64,
     /// Share of the flat area that yarns cover.
     pub cover_factor: f64,

@@ -17,7 +17,11 @@ use super::values::{RunIn, SwitchArg};
 impl Laying {
     /// The placement of yarns on a garment.
     pub(super) fn placement(&self) -> Placement {
-        Placement { mapping: self.mapping.into(), edge: self.edge.into() }
+        Placement {
+            mapping: self.mapping.into(),
+            sweeps: self.sweeps.map(SwitchArg::is_on),
+            edge: self.edge.into(),
+        }
     }
 
     /// The folder in which strained repeats are kept.

@@ -58,7 +58,9 @@ impl Listener for Terminal {
             Task::Render => "rendering",
             Task::Compress | Task::Write => "writing",
             Task::Relax | Task::Strain => "relaxing",
-            Task::Knit | Task::Index | Task::Locate | Task::Map | Task::Surface => "knitting",
+            Task::Knit | Task::Index | Task::Locate | Task::Map | Task::Sweep | Task::Surface => {
+                "knitting"
+            }
         });
         self.progress(done);
     }

@@ -26,6 +26,8 @@ pub enum Task {
     Strain,
     /// Draped positions.
     Map,
+    /// Moving yarns apart on the body.
+    Sweep,
     /// Tubes.
     Surface,
     /// Maps or yarns of a photo.
@@ -41,7 +43,7 @@ pub enum Task {
 }
 
 /// Number of variants of [`Task`].
-const TASKS: usize = 13;
+const TASKS: usize = 14;
 
 impl From<Stage> for Task {
     fn from(stage: Stage) -> Self {
@@ -51,6 +53,7 @@ impl From<Stage> for Task {
             Stage::Locate => Self::Locate,
             Stage::Strain => Self::Strain,
             Stage::Map => Self::Map,
+            Stage::Sweep => Self::Sweep,
             Stage::Surface => Self::Surface,
             Stage::Deliver => Self::Write,
         }
@@ -146,6 +149,7 @@ impl<'a> Clock<'a> {
             locate: self.spent(Task::Index) + self.spent(Task::Locate),
             strain: self.spent(Task::Strain),
             map: self.spent(Task::Map),
+            sweep: self.spent(Task::Sweep),
             surface: self.spent(Task::Surface),
             render: self.spent(Task::Render),
             write: self.spent(Task::Compress) + self.spent(Task::Write),

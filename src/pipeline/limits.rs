@@ -2,12 +2,18 @@
 //!
 //! In: a [`Job`], its cloth, or the totals of a run. Out: an error, a warning or a note.
 
+use std::path::PathBuf;
+
 use super::RunError;
-use super::densities::PICTURE_GB;
-use super::job::Job;
-use super::settings::Placement;
+use super::densities::{PICTURE_GB, drawn_radius};
+use super::job::{Job, Source};
+use super::settings::{Placement, Settings};
+use super::targets::check_distinct;
+use super::writers::wanted;
 use crate::drape::strands::Losses;
 use crate::drape::{Cloth, Totals};
+use crate::export::Format;
+use crate::fabric::Fabric;
 use crate::map::Mapping;
 use crate::system::available_memory_gb;
 use crate::tile::Tile;
@@ -16,26 +22,43 @@ use crate::tile::Tile;
 /// at its true gauge has far fewer.
 pub const MOST_STITCHES: u64 = 200_000_000;
 
-/// Refuses a request that can't be met, before any work.
-pub(super) fn check_request(job: &Job<'_>, wants_picture: bool) -> Result<(), RunError> {
-    let picture = &job.settings.picture;
-    // A tile of a picture has the shadows of all yarns, so a picture needs the whole cloth.
-    let stitches = if wants_picture { job.cloth.stitches() } else { job.filed().stitches() };
-    if stitches > MOST_STITCHES {
-        return Err(RunError::TooManyStitches { stitches, most: MOST_STITCHES });
-    }
-    if picture.turntable.is_some() && !wants_picture {
-        return Err(RunError::TurntableWithoutPicture);
-    }
-    if !wants_picture {
-        return Ok(());
+/// Refuses settings that can't be met, before the repeat is relaxed.
+pub(super) fn check_settings(
+    settings: &Settings,
+    source: &Source,
+    fabric: &Fabric,
+) -> Result<(), RunError> {
+    drawn_radius(fabric, settings.radius)?;
+    let (outputs, picture) = (wanted(settings, source), &settings.picture);
+    check_distinct(
+        source.inputs.iter().map(PathBuf::as_path),
+        outputs.iter().map(|(path, _)| path.as_path()),
+    )?;
+    if !outputs.iter().any(|(_, format)| *format == Format::Png) {
+        return match picture.turntable {
+            Some(_) => Err(RunError::TurntableWithoutPicture),
+            None => Ok(()),
+        };
     }
     if picture.eye.is_some_and(|(eye, target)| eye == target) {
         return Err(RunError::NoDirection);
     }
     let rows = picture.size.1;
-    if let Some([number, of]) = job.tile().map(Tile::numbers).filter(|[_, of]| *of > rows) {
-        return Err(RunError::TooManyTiles { number, of, rows });
+    match settings.tile.map(Tile::numbers) {
+        Some([number, of]) if of > rows => Err(RunError::TooManyTiles { number, of, rows }),
+        _ => Ok(()),
+    }
+}
+
+/// Refuses cloth that is too large, before any of it is laid.
+pub(super) fn check_request(job: &Job<'_>, wants_picture: bool) -> Result<(), RunError> {
+    // A tile of a picture has the shadows of all yarns, so a picture needs the whole cloth.
+    let stitches = if wants_picture { job.cloth.stitches() } else { job.filed().stitches() };
+    if stitches > MOST_STITCHES {
+        return Err(RunError::TooManyStitches { stitches, most: MOST_STITCHES });
+    }
+    if !wants_picture {
+        return Ok(());
     }
     check_memory("a picture", stitches, PICTURE_GB, "lower the densities, or write no .png")
 }

@@ -11,7 +11,7 @@ use super::RunError;
 use super::clock::{Clock, Message, Task};
 use super::densities::{enlarged, turn_grains};
 use super::job::{Job, Source};
-use super::limits::{check_laid, check_request, loss_warning, unstrained_note};
+use super::limits::{check_laid, check_request, check_settings, loss_warning, unstrained_note};
 use super::pictures;
 use super::sequence::{self, Sequence};
 use super::settings::{Settings, Wanted};
@@ -70,6 +70,7 @@ pub fn drape(
         let (shown, note) = enlarged(fabric, area)?;
         (Cow::Owned(shown), note)
     };
+    check_settings(settings, source, &shown)?;
     let pattern = relaxed(&shown, &mut clock);
     let cloth = Cloth::cover_with(&garment, &shown, pattern)
         .map_err(|error| RunError::Layout { fabric: source.fabric.clone(), source: error })?;
@@ -103,6 +104,7 @@ pub fn swatch(
     settings: &Settings,
     mut clock: Clock<'_>,
 ) -> Result<Done, RunError> {
+    check_settings(settings, source, fabric)?;
     let pattern = relaxed(fabric, &mut clock);
     let mut settings = Cow::Borrowed(settings);
     let (shown, pattern, stretched) = match settings.stretch {
@@ -149,13 +151,13 @@ fn relaxed(fabric: &Fabric, clock: &mut Clock<'_>) -> Pattern {
 
 /// Knits, draws and writes. Files appear under their names only when all are complete.
 fn make(job: &Job<'_>, mut clock: Clock<'_>) -> Result<Done, RunError> {
-    let outputs = all_around(wanted(job), job.settings.picture.turntable);
+    let outputs = all_around(wanted(job.settings, job.source), job.settings.picture.turntable);
     let pictures: Vec<_> = outputs
         .iter()
         .filter(|(_, format)| *format == Format::Png)
         .map(|(path, _)| path.as_path())
         .collect();
-    // Everything that can be refused is refused here, before the work.
+    // The rest that can be refused is refused here, before the work.
     check_request(job, !pictures.is_empty())?;
     let setup = Setup::new(job, &outputs)?;
     check_places(job, outputs.iter(), &setup.textures)?;

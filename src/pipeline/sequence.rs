@@ -91,7 +91,7 @@ pub(super) fn make(
     sequence: &Sequence<'_>,
     mut clock: Clock<'_>,
 ) -> Result<Done, RunError> {
-    let files = Files::new(wanted(job), index32(sequence.paths.len()));
+    let files = Files::new(wanted(job.settings, job.source), index32(sequence.paths.len()));
     let wants_picture = files.numbered.iter().any(|(_, format)| *format == Format::Png);
     check(job, sequence, wants_picture)?;
     let setup = Setup::new(job, &files.all())?;
@@ -158,7 +158,7 @@ fn check(job: &Job<'_>, sequence: &Sequence<'_>, wants_picture: bool) -> Result<
         return Err(RunError::NotOfSequence { frames: sequence.paths.len() });
     }
     if job.settings.fibres == Some(true)
-        && wanted(job).iter().any(|(_, format)| *format == Format::Usda)
+        && wanted(job.settings, job.source).iter().any(|(_, format)| *format == Format::Usda)
     {
         return Err(RunError::FibresOfSequence);
     }

@@ -83,6 +83,9 @@ pub struct Densities {
 pub struct Placement {
     /// Method that maps depth from the flat panel to the draped one.
     pub mapping: Mapping,
+    /// Whether yarns that cut each other on the body are moved apart, with [`Mapping::Relaxed`]. By
+    /// default up to a million stitches.
+    pub sweeps: Option<bool>,
     /// Treatment of yarns at a panel's edge.
     pub edge: Edge,
 }
@@ -90,7 +93,8 @@ pub struct Placement {
 impl From<Placement> for drape::DrapeOptions {
     /// Options without surfaces. A run adds them if a file needs them.
     fn from(placement: Placement) -> Self {
-        Self { mapping: placement.mapping, edge: placement.edge, surface: None }
+        let Placement { mapping, sweeps, edge } = placement;
+        Self { mapping, sweeps, edge, surface: None }
     }
 }
 

@@ -155,6 +155,7 @@ fn cloth_report(job: &Job<'_>, real: &RealCloth) -> ClothReport {
         } else {
             Vec::new()
         },
+        loop_width_mm: numbers.loop_width.clone(),
         thickness_mm: numbers.thickness,
         cover_factor: numbers.cover,
         porosity: numbers.porosity,

@@ -8,23 +8,23 @@ use std::sync::Arc;
 
 use super::RunError;
 use super::fibres::Fibres;
-use super::job::Job;
-use super::settings::Wanted;
+use super::job::{Job, Source};
+use super::settings::{Settings, Wanted};
 use super::setup::Setup;
 use super::targets::check_distinct;
 use super::textures::Textures;
 use crate::export::{ClothInfo, Expected, ExportError, FileWriter, Format, Output, mtl};
 
 /// The chosen files, or one picture that is named after the input.
-pub(super) fn wanted(job: &Job<'_>) -> Vec<Wanted> {
-    let mut wanted = job.settings.outputs.clone();
+pub(super) fn wanted(settings: &Settings, source: &Source) -> Vec<Wanted> {
+    let mut wanted = settings.outputs.clone();
     if wanted.is_empty() {
-        let mut name = job.source.stem.as_os_str().to_owned();
+        let mut name = source.stem.as_os_str().to_owned();
         // Not `with_extension`: a stem such as `shirt.v2` keeps its dot.
         name.push(".png");
         wanted.push((PathBuf::from(name), Format::Png));
     }
-    if job.settings.centre_lines {
+    if settings.centre_lines {
         wanted
             .iter_mut()
             .filter(|(_, format)| *format == Format::Obj)

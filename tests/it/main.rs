@@ -31,6 +31,7 @@ mod interlock;
 #[cfg(unix)]
 mod interruption;
 mod laid;
+mod lappings;
 mod licences;
 mod locate;
 mod malformed;

@@ -6,6 +6,9 @@ use warpknit::fabric::Fabric;
 use warpknit::garment::{Garment, ReadOptions, read};
 use warpknit::locate::{Locator, SurfacePoint};
 use warpknit::map::{Mapping, map};
+use warpknit::yarn::curve;
+
+use crate::drape::mesh;
 
 /// A 1 m square of 20 x 20 cells, flat, whose draped vertices `drape` moves.
 pub(crate) fn garment(drape: impl Fn(DVec3) -> DVec3) -> Garment {
@@ -58,7 +61,7 @@ fn knitted(garment: &Garment, mapping: Mapping) -> Vec<(DVec3, DVec3)> {
     points
 }
 
-const BOTH: [Mapping; 2] = [Mapping::Frame, Mapping::Smooth];
+const ALL: [Mapping; 3] = [Mapping::Frame, Mapping::Smooth, Mapping::Relaxed];
 
 fn assert_maps(
     drape: impl Fn(DVec3) -> DVec3,
@@ -76,8 +79,8 @@ fn assert_maps(
 
 #[test]
 fn a_flat_drape_is_the_identity() {
-    for mapping in BOTH {
-        assert_maps(|p| p, |p| p, mapping, 1e-5);
+    for mapping in ALL {
+        assert_maps(|p| p, |p| p, mapping, 1e-6);
     }
 }
 
@@ -85,8 +88,8 @@ fn a_flat_drape_is_the_identity() {
 fn a_rigid_motion_moves_every_point_by_it() {
     let turn = DQuat::from_euler(glam::EulerRot::XYZ, 0.7, -1.1, 2.3);
     let motion = move |p: DVec3| turn * p + DVec3::new(300.0, -50.0, 120.0);
-    for mapping in BOTH {
-        assert_maps(motion, motion, mapping, 1e-5);
+    for mapping in ALL {
+        assert_maps(motion, motion, mapping, 1e-6);
     }
 }
 
@@ -172,4 +175,64 @@ fn smooth_keeps_the_thickness_in_mm() {
         .map(|(p, q)| (p.distance(q) - 1.2).abs())
         .fold(0.0, f64::max);
     assert!(worst < 1e-4, "thickness off by {worst} mm");
+}
+
+/// Lengths of stitches on the body over those in the flat cloth, of the stitches that lie whole on
+/// the garment, along the curves through their points.
+fn length_ratios(garment: &Garment, fabric: &Fabric, mapping: Mapping) -> Vec<f64> {
+    let cloth = Cloth::cover(garment, fabric).unwrap();
+    let mut ratios = Vec::new();
+    let deliver = &mut |blocks: &[drape::Block]| {
+        for block in blocks {
+            for strand in &block.strands.strands {
+                let (flat, draped) =
+                    (&block.strands.flat[strand.range()], &block.draped.positions[strand.range()]);
+                let pieces: Vec<_> = block.strands.pieces_of(strand).collect();
+                // The first and the last stitch are cut, or shaped by a cut.
+                for piece in pieces.iter().skip(1).take(pieces.len().saturating_sub(2)) {
+                    let length = |points: &[DVec3]| -> f64 {
+                        (piece.start..piece.end - 1)
+                            .map(|at| curve::span(points, at).precise_length())
+                            .sum()
+                    };
+                    ratios.push(length(draped) / length(flat));
+                }
+            }
+        }
+        Ok::<_, std::io::Error>(())
+    };
+    let options = DrapeOptions { mapping, ..DrapeOptions::default() };
+    drape::run(&cloth, &options, &mut |_, _| {}, deliver).unwrap();
+    ratios
+}
+
+/// The share of ratios that are off by less than 2 %.
+fn share_kept(ratios: &[f64]) -> f64 {
+    let kept = ratios.iter().filter(|ratio| (*ratio - 1.0).abs() < 0.02).count();
+    kept as f64 / ratios.len() as f64
+}
+
+#[test]
+fn yarn_keeps_its_length_on_pulled_cloth() {
+    for (name, pulled) in [
+        ("tricot", DVec3::new(1.15, 0.95, 1.0)),
+        ("locknit", DVec3::new(0.9, 1.1, 1.0)),
+        ("jersey", DVec3::new(1.15, 1.0, 1.0)),
+    ] {
+        let fabric = Fabric::named(name).unwrap();
+        let coarse = fabric.courses_per_cm * 0.5 / fabric.wales_per_cm;
+        let fabric = fabric.at_densities(0.5, coarse).unwrap();
+        let garment = garment(|p| p * pulled);
+        let relaxed = share_kept(&length_ratios(&garment, &fabric, Mapping::Relaxed));
+        let smooth = share_kept(&length_ratios(&garment, &fabric, Mapping::Smooth));
+        assert!(relaxed > 0.99 && smooth < 0.6, "{name}: {relaxed} relaxed, {smooth} smooth");
+    }
+}
+
+#[test]
+fn yarn_keeps_its_length_on_a_shipped_garment() {
+    let garment = read(&mesh("tshirt.obj"), None, &ReadOptions::default()).unwrap();
+    let fabric = Fabric::named("locknit").unwrap().at_densities(1.0, 1.5).unwrap();
+    let relaxed = share_kept(&length_ratios(&garment, &fabric, Mapping::Relaxed));
+    assert!(relaxed > 0.98, "{relaxed}");
 }

@@ -414,6 +414,10 @@ pub(crate) struct Laying {
     /// How yarns are mapped from the flat panel to the draped one
     #[arg(long, value_enum, default_value = "relaxed")]
     pub(crate) mapping: MappingArg,
+    /// Move yarns apart that cut each other on the body [default: up to a million stitches, with
+    /// the mapping `relaxed`]
+    #[arg(long, value_enum, value_name = "on|off")]
+    pub(crate) sweeps: Option<SwitchArg>,
     /// Don't keep strained repeats for the next run, nor use those that are kept
     #[arg(long)]
     pub(crate) no_cache: bool,

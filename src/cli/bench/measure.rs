@@ -131,7 +131,7 @@ pub(super) fn measured_parts<const N: usize>(
 /// Options of the tables that compare with the papers, which know no strains of the repeat. Those
 /// have a table of their own.
 pub(super) const FLAT_YARN: DrapeOptions =
-    DrapeOptions { mapping: Mapping::Smooth, edge: Edge::Clip, surface: None };
+    DrapeOptions { mapping: Mapping::Smooth, sweeps: None, edge: Edge::Clip, surface: None };
 
 /// Number of variants of [`Stage`].
 const STAGES: usize = Stage::Deliver as usize + 1;

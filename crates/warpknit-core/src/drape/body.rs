@@ -7,8 +7,9 @@
 use rayon::prelude::*;
 
 use super::strands::{CUT, Strands};
+use super::sweeps;
 use crate::garment::Garment;
-use crate::knit::strain::StrainTable;
+use crate::knit::strain::{Neighbours, StrainTable};
 use crate::knit::{Knitted, Progress};
 use crate::map::relaxed::{self, StrainCounts};
 use crate::map::surface::SmoothSurface;
@@ -20,6 +21,8 @@ pub(super) struct Body<'a> {
     mapping: Mapping,
     /// The table, and the smooth surface of each panel, for [`Mapping::Relaxed`].
     relaxed: Option<(&'a StrainTable, Vec<SmoothSurface>)>,
+    /// The spans near each other in the repeat, if yarns are swept.
+    neighbours: Option<Neighbours>,
 }
 
 impl<'a> Body<'a> {
@@ -29,6 +32,7 @@ impl<'a> Body<'a> {
         garment: &'a Garment,
         table: Option<&'a StrainTable>,
         mapping: Mapping,
+        is_swept: bool,
         progress: Progress<'_>,
     ) -> Self {
         let relaxed = table.filter(|_| mapping == Mapping::Relaxed).map(|table| {
@@ -39,7 +43,13 @@ impl<'a> Body<'a> {
             table.prepare(strains, progress);
             (table, surfaces)
         });
-        Self { garment, mapping, relaxed }
+        let neighbours = table.filter(|_| is_swept).map(|table| table.neighbours(sweeps::NEAR));
+        Self { garment, mapping, relaxed, neighbours }
+    }
+
+    /// What sweeps need to know of the repeat. Nothing if yarns are not swept.
+    pub(super) fn swept(&self) -> Option<&Neighbours> {
+        self.neighbours.as_ref()
     }
 
     /// Maps the strands of a block on one panel.

@@ -18,6 +18,7 @@ pub mod fibres;
 mod lengths;
 pub mod sequence;
 pub mod strands;
+mod sweeps;
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -30,7 +31,7 @@ use crate::garment::{Garment, Panel};
 use crate::ids::{YarnId, index32};
 use crate::knit::mesh::{StructureMesh, vertices};
 use crate::knit::strain::StrainTable;
-use crate::knit::{Knitted, Pattern};
+use crate::knit::{Knitted, Pattern, YarnCopy};
 use crate::locate::{Locator, SurfacePoint};
 use crate::map::relaxed::StrainCounts;
 use crate::map::{Draped, Mapping};
@@ -100,6 +101,8 @@ struct YarnPlan {
 struct BlockPlan {
     panel: usize,
     bar: usize,
+    /// Whether its yarns belong to another part of the cloth, and only lie beside this part's.
+    is_beside: bool,
     yarns: Vec<YarnPlan>,
 }
 
@@ -117,6 +120,10 @@ pub struct Cloth<'a> {
     blocks: Vec<BlockPlan>,
     yarns: usize,
 }
+
+/// The most stitches whose yarns are swept on the body unless that is asked for. All yarns of a
+/// panel are in memory then, some kilobytes a stitch.
+pub const MAX_SWEPT_STITCHES: u64 = 1_000_000;
 
 impl<'a> Cloth<'a> {
     /// Covers every panel. The fabric starts at the lowest-left corner of the panel's bounding box
@@ -222,19 +229,24 @@ impl<'a> Cloth<'a> {
         let mut before = 0;
         let mut blocks = Vec::new();
         for block in &self.blocks {
-            let mut own = BlockPlan { yarns: Vec::new(), ..*block };
-            for yarn in &block.yarns {
+            let mut is_own = |yarn: &YarnPlan| {
                 let twice_middle = 2 * before + yarn.stitches();
                 before += yarn.stitches();
-                if tile.holds(twice_middle, twice_all) {
-                    own.yarns.push(yarn.clone());
+                tile.holds(twice_middle, twice_all)
+            };
+            let (own, others): (Vec<_>, Vec<_>) =
+                block.yarns.iter().cloned().partition(|yarn| is_own(yarn));
+            for (is_beside, yarns) in [(false, own), (true, others)] {
+                if !yarns.is_empty() {
+                    blocks.push(BlockPlan { is_beside, yarns, ..*block });
                 }
             }
-            if !own.yarns.is_empty() {
-                blocks.push(own);
-            }
         }
-        let yarns = blocks.iter().map(|block| block.yarns.len()).sum();
+        // Yarns push their neighbours aside on their own panel only.
+        let panels: Vec<_> =
+            blocks.iter().filter(|block| !block.is_beside).map(|block| block.panel).collect();
+        blocks.retain(|block| panels.binary_search(&block.panel).is_ok());
+        let yarns = self.yarns;
         let (pattern, strain) = (self.pattern.clone(), self.strain.clone());
         let (thickness, meshes) = (self.thickness.clone(), self.meshes.clone());
         Self { garment: self.garment, pattern, strain, thickness, meshes, blocks, yarns }
@@ -255,19 +267,32 @@ impl<'a> Cloth<'a> {
     /// Number of planned stitches, including those that will turn out to lie off their panel.
     #[must_use]
     pub fn stitches(&self) -> u64 {
-        self.blocks.iter().map(BlockPlan::stitches).sum()
+        self.own_blocks().map(BlockPlan::stitches).sum()
+    }
+
+    /// The blocks that [`run`] delivers.
+    fn own_blocks(&self) -> impl Iterator<Item = &BlockPlan> {
+        self.blocks.iter().filter(|block| !block.is_beside)
+    }
+
+    /// Whether its yarns are swept on the body. For a part that depends on the whole cloth.
+    fn is_swept(&self, options: &DrapeOptions) -> bool {
+        let all = || self.blocks.iter().map(BlockPlan::stitches).sum::<u64>();
+        options.mapping == Mapping::Relaxed
+            && self.strain.is_some()
+            && options.sweeps.unwrap_or_else(|| all() <= MAX_SWEPT_STITCHES)
     }
 
     /// Number of blocks that [`run`] will deliver.
     #[must_use]
     pub fn blocks(&self) -> usize {
-        self.blocks.len()
+        self.own_blocks().count()
     }
 
     /// Number of planned yarns, including those that will turn out to lie off their panel.
     #[must_use]
     pub fn yarns(&self) -> usize {
-        self.blocks.iter().map(|block| block.yarns.len()).sum()
+        self.own_blocks().map(|block| block.yarns.len()).sum()
     }
 
     /// The garment that the cloth covers.
@@ -314,7 +339,7 @@ impl<'a> Cloth<'a> {
         let mut stitches = usize::MAX;
         for (guide, courses) in yarns {
             if stitches >= BLOCK_STITCHES {
-                self.blocks.push(BlockPlan { panel, bar, yarns: Vec::new() });
+                self.blocks.push(BlockPlan { panel, bar, is_beside: false, yarns: Vec::new() });
                 stitches = 0;
             }
             stitches += usize::try_from(courses.end - courses.start).unwrap_or(0);
@@ -365,6 +390,9 @@ pub struct DrapeOptions {
     pub mapping: Mapping,
     /// The treatment of yarns at the panel's edge.
     pub edge: Edge,
+    /// Whether yarns that cut each other on the body are moved apart, with [`Mapping::Relaxed`].
+    /// `None`: up to [`MAX_SWEPT_STITCHES`].
+    pub sweeps: Option<bool>,
     /// The section of tubes, if they are wanted. Its radius is that of the thickest bar.
     pub surface: Option<Section>,
 }
@@ -386,10 +414,21 @@ pub struct Block {
     pub strain: StrainCounts,
     /// The strands' tubes, if they are wanted.
     pub tubes: Tubes,
-    /// Each yarn with its stitches in `knitted`.
-    yarns: Vec<(YarnId, Range<usize>)>,
+    yarns: Vec<BlockYarn>,
+    /// Whether it is only there for its neighbours' sake.
+    is_beside: bool,
     /// The location of each data point of `knitted`.
     located: Vec<Option<SurfacePoint>>,
+}
+
+/// A yarn of a block.
+#[derive(Clone, Debug)]
+struct BlockYarn {
+    id: YarnId,
+    /// Its stitches in [`Block::knitted`].
+    stitches: Range<usize>,
+    /// The yarn of the repeat that it copies.
+    copy: YarnCopy,
 }
 
 /// The stages that the pipeline announces.
@@ -405,6 +444,8 @@ pub enum Stage {
     Strain,
     /// Draped positions.
     Map,
+    /// Moving yarns apart on the body.
+    Sweep,
     /// Tubes.
     Surface,
     /// Delivering blocks.
@@ -455,15 +496,15 @@ pub fn run<E>(
     deliver: &mut dyn FnMut(&[Block]) -> Result<(), E>,
 ) -> Result<Totals, E> {
     announce(Stage::Strain, 0.0);
-    let body = Body::new(cloth.garment, cloth.strain(), options.mapping, &mut |done| {
+    let is_swept = cloth.is_swept(options);
+    let body = Body::new(cloth.garment, cloth.strain(), options.mapping, is_swept, &mut |done| {
         announce(Stage::Strain, done);
     });
-    let mut strain = StrainCounts::default();
+    let (mut strain, mut spare) = (StrainCounts::default(), Vec::new());
     let mut totals = knit_and_locate(cloth, options, announce, &mut |blocks, announce, done| {
-        drape_blocks(blocks, &body, &cloth.thickness, options, &mut |stage| announce(stage, done));
-        blocks.iter().for_each(|block| strain += block.strain);
-        announce(Stage::Deliver, done);
-        deliver(blocks)
+        strain += map_blocks(blocks, &body, &mut |stage| announce(stage, done));
+        let mut announce = |stage| announce(stage, done);
+        deliver_blocks(blocks, &mut spare, &cloth.thickness, options, &mut announce, deliver)
     })?;
     totals.strain = strain;
     Ok(totals)
@@ -488,39 +529,80 @@ fn knit_and_locate<E>(
     // The blocks of the largest window. Each window uses their memory again, so after the first
     // ones nothing is allocated any more.
     let mut blocks: Vec<Block> = Vec::new();
-    blocks.resize_with(cloth.blocks.len().min(MAX_BLOCKS), Block::default);
     let mut totals = Totals::default();
-    let mut rest = cloth.blocks.as_slice();
+    let is_swept = cloth.is_swept(options);
+    let all: Vec<_> = cloth.blocks.iter().filter(|plan| is_swept || !plan.is_beside).collect();
+    let mut rest = all.as_slice();
     while !rest.is_empty() {
-        let done = 1.0 - f64::from(index32(rest.len())) / f64::from(index32(cloth.blocks.len()));
-        let (plans, later) = rest
-            .split_at(window_len(rest.iter().map(BlockPlan::stitches), options.surface.as_ref()));
+        let done = 1.0 - f64::from(index32(rest.len())) / f64::from(index32(all.len()));
+        let fitting = match is_swept {
+            true => rest.iter().take_while(|plan| plan.panel == rest[0].panel).count(),
+            false => window_len(rest.iter().map(|plan| plan.stitches()), options.surface.as_ref()),
+        };
+        let (plans, later) = rest.split_at(fitting);
         rest = later;
-        let blocks = &mut blocks[..plans.len()];
+        blocks.resize_with(blocks.len().max(fitting), Block::default);
+        let blocks = &mut blocks[..fitting];
         announce(Stage::Knit, done);
         blocks.par_iter_mut().zip(plans).for_each(|(block, plan)| block.knit(cloth, plan));
         announce(Stage::Locate, done);
         blocks.par_iter_mut().for_each(|block| block.locate(&locators[block.panel], options.edge));
-        blocks.iter().for_each(|block| totals.add(block, options.edge));
+        let own = blocks.iter().filter(|block| !block.is_beside);
+        own.for_each(|block| totals.add(block, options.edge));
         take(blocks, announce, done)?;
     }
     Ok(totals)
 }
 
-/// Maps located blocks to the draped garment, and adds their tubes if they are wanted.
-fn drape_blocks(
+/// Maps located blocks to the draped garment. Blocks of a swept garment are those of a whole panel.
+fn map_blocks(
     blocks: &mut [Block],
     body: &Body<'_>,
+    announce: &mut dyn FnMut(Stage),
+) -> StrainCounts {
+    announce(Stage::Map);
+    blocks.par_iter_mut().for_each(|block| block.map(body));
+    if let Some(neighbours) = body.swept() {
+        announce(Stage::Sweep);
+        sweeps::sweep(blocks, neighbours);
+    }
+    let mut strain = StrainCounts::default();
+    blocks.iter().filter(|block| !block.is_beside).for_each(|block| strain += block.strain);
+    strain
+}
+
+/// Delivers mapped blocks, with tubes if they are wanted. `spare` is memory for tubes that all
+/// windows share, so that tubes of one window exist at a time.
+fn deliver_blocks<E>(
+    blocks: &mut [Block],
+    spare: &mut Vec<Tubes>,
     thickness: &[f64],
     options: &DrapeOptions,
     announce: &mut dyn FnMut(Stage),
-) {
-    announce(Stage::Map);
-    blocks.par_iter_mut().for_each(|block| block.map(body));
-    if let Some(section) = &options.surface {
-        announce(Stage::Surface);
-        blocks.par_iter_mut().for_each(|block| block.add_tubes(section, thickness[block.bar]));
+    deliver: &mut dyn FnMut(&[Block]) -> Result<(), E>,
+) -> Result<(), E> {
+    let alike = |one: &Block, next: &Block| one.is_beside == next.is_beside;
+    for own in blocks.chunk_by_mut(alike).filter(|blocks| !blocks[0].is_beside) {
+        let mut rest = own;
+        while !rest.is_empty() {
+            let fitting = window_len(rest.iter().map(Block::stitches), options.surface.as_ref());
+            let (window, later) = rest.split_at_mut(fitting);
+            rest = later;
+            if let Some(section) = &options.surface {
+                announce(Stage::Surface);
+                spare.resize_with(spare.len().max(window.len()), Tubes::default);
+                window.par_iter_mut().zip(spare.par_iter_mut()).for_each(|(block, spare)| {
+                    std::mem::swap(&mut block.tubes, spare);
+                    block.add_tubes(section, thickness[block.bar]);
+                });
+            }
+            announce(Stage::Deliver);
+            deliver(window)?;
+            let tubes = window.iter_mut().map(|block| &mut block.tubes);
+            tubes.zip(&mut *spare).for_each(|(tubes, spare)| std::mem::swap(tubes, spare));
+        }
     }
+    Ok(())
 }
 
 /// The number of the next blocks that fit in a window, given the stitches of each.
@@ -552,16 +634,34 @@ impl BlockPlan {
 }
 
 impl Block {
+    fn stitches(&self) -> u64 {
+        self.knitted.stitches.len() as u64
+    }
+
+    /// The data points of some stitches in `knitted`.
+    fn points_of(&self, stitches: &Range<usize>) -> Range<usize> {
+        let [start, end] = [stitches.start, stitches.end].map(|stitch| {
+            let points = self.knitted.points.len();
+            self.knitted.stitches.get(stitch).map_or(points, |&point| point as usize)
+        });
+        start..end
+    }
+
     /// Computes the flat data points of the planned yarns.
     fn knit(&mut self, cloth: &Cloth<'_>, plan: &BlockPlan) {
-        (self.panel, self.bar) = (plan.panel, plan.bar);
+        (self.panel, self.bar, self.is_beside) = (plan.panel, plan.bar, plan.is_beside);
         self.knitted.clear();
         self.yarns.clear();
         for yarn in &plan.yarns {
             let first = self.knitted.stitches.len();
             let mesh = &cloth.meshes[plan.panel];
             cloth.pattern.lay(plan.bar, yarn.guide, yarn.courses.clone(), mesh, &mut self.knitted);
-            self.yarns.push((yarn.id, first..self.knitted.stitches.len()));
+            let copy = cloth.pattern.copy(plan.bar, yarn.guide, yarn.courses.start);
+            self.yarns.extend(copy.map(|copy| BlockYarn {
+                id: yarn.id,
+                stitches: first..self.knitted.stitches.len(),
+                copy,
+            }));
         }
     }
 
@@ -569,11 +669,11 @@ impl Block {
     fn locate(&mut self, locator: &Locator<'_>, edge: Edge) {
         locator.locate_into(&self.knitted.points, &mut self.located);
         self.strands.clear();
-        for (yarn, stitches) in &self.yarns {
+        for yarn in &self.yarns {
             self.strands.add_yarn(
-                *yarn,
+                yarn.id,
                 &self.knitted,
-                stitches.clone(),
+                yarn.stitches.clone(),
                 &self.located,
                 locator,
                 edge,

@@ -13,7 +13,8 @@ use std::sync::Arc;
 
 use super::body::Body;
 use super::{
-    Announce, Block, Cloth, DrapeOptions, Stage, Totals, drape_blocks, knit_and_locate, window_len,
+    Announce, Block, Cloth, DrapeOptions, Stage, Totals, deliver_blocks, knit_and_locate,
+    map_blocks, window_len,
 };
 use crate::garment::Garment;
 use crate::ids::index32;
@@ -30,9 +31,12 @@ pub struct LocatedCloth {
     thickness: Vec<f64>,
     totals: Totals,
     strain: Option<Arc<StrainTable>>,
-    /// Memory for the draped points and tubes of one window. The blocks of all windows take turns
-    /// in using it, so only one window's surfaces exist at a time.
-    spare: Vec<(Draped, Tubes)>,
+    is_swept: bool,
+    /// Memory for the draped points of one window. The blocks of all windows take turns in using
+    /// it.
+    spare: Vec<Draped>,
+    /// The same for tubes.
+    spare_tubes: Vec<Tubes>,
 }
 
 impl LocatedCloth {
@@ -45,7 +49,9 @@ impl LocatedCloth {
             Ok::<(), std::convert::Infallible>(())
         });
         let (thickness, strain) = (cloth.thickness.clone(), cloth.strain.clone());
-        Self { blocks: located, thickness, totals, strain, spare: Vec::new() }
+        let is_swept = cloth.is_swept(options);
+        let (spare, spare_tubes) = (Vec::new(), Vec::new());
+        Self { blocks: located, thickness, totals, strain, is_swept, spare, spare_tubes }
     }
 
     /// The numbers of yarns, stitches and losses.
@@ -82,9 +88,10 @@ impl LocatedCloth {
         announce: &mut Announce<'_>,
         deliver: &mut dyn FnMut(&[Block]) -> Result<(), E>,
     ) -> Result<StrainCounts, E> {
-        let Self { blocks, thickness, spare, strain: table, .. } = self;
+        let Self { blocks, thickness, strain: table, is_swept, spare, spare_tubes, .. } = self;
         announce(Stage::Strain, 0.0);
-        let body = Body::new(garment, table.as_deref(), options.mapping, &mut |done| {
+        let (mapping, is_swept) = (options.mapping, *is_swept);
+        let body = Body::new(garment, table.as_deref(), mapping, is_swept, &mut |done| {
             announce(Stage::Strain, done);
         });
         let mut strain = StrainCounts::default();
@@ -92,47 +99,45 @@ impl LocatedCloth {
         let mut rest = blocks.as_mut_slice();
         while !rest.is_empty() {
             let done = 1.0 - f64::from(index32(rest.len())) / f64::from(index32(all));
-            let fitting = window_len(rest.iter().map(Block::stitches), options.surface.as_ref());
-            // The same windows as in `run`, so that surfaces take no more memory than there.
+            // The same windows as in `run`, so that draped points take no more memory than there.
+            let fitting = match is_swept {
+                true => rest.iter().take_while(|block| block.panel == rest[0].panel).count(),
+                false => window_len(rest.iter().map(Block::stitches), options.surface.as_ref()),
+            };
             let (window, later) = rest.split_at_mut(fitting);
             rest = later;
             // The spare memory grows to the largest window and is then used by all.
             spare.resize_with(spare.len().max(window.len()), Default::default);
             exchange(window, spare);
-            drape_blocks(window, &body, thickness, options, &mut |stage| announce(stage, done));
-            window.iter().for_each(|block| strain += block.strain);
-            announce(Stage::Deliver, done);
-            deliver(window)?;
+            let mut announce = |stage| announce(stage, done);
+            strain += map_blocks(window, &body, &mut announce);
+            deliver_blocks(window, spare_tubes, thickness, options, &mut announce, deliver)?;
             exchange(window, spare);
         }
         Ok(strain)
     }
 }
 
-/// Swaps the blocks' draped points and tubes with the spare memory. Called once before a window is
-/// draped and once after it.
-fn exchange(blocks: &mut [Block], spare: &mut [(Draped, Tubes)]) {
-    for (block, (draped, tubes)) in blocks.iter_mut().zip(spare) {
+/// Swaps the blocks' draped points with the spare memory. Called once before a window is draped and
+/// once after it.
+fn exchange(blocks: &mut [Block], spare: &mut [Draped]) {
+    for (block, draped) in blocks.iter_mut().zip(spare) {
         std::mem::swap(&mut block.draped, draped);
-        std::mem::swap(&mut block.tubes, tubes);
     }
 }
 
 impl Block {
     /// A copy of the located yarns, without draped points and tubes, and without spare capacity.
     fn located_copy(&self) -> Self {
-        let Self { panel, bar, knitted, strands, yarns, .. } = self;
+        let Self { panel, bar, knitted, strands, yarns, is_beside, .. } = self;
         Self {
             panel: *panel,
             bar: *bar,
             knitted: knitted.clone(),
             strands: strands.clone(),
             yarns: yarns.clone(),
+            is_beside: *is_beside,
             ..Self::default()
         }
-    }
-
-    fn stitches(&self) -> u64 {
-        self.knitted.stitches.len() as u64
     }
 }

@@ -57,6 +57,14 @@ impl Bar {
         self.chain().is_none_or(Chain::is_inlay)
     }
 
+    /// Whether it lays drafted yarns into single ribs: in these they lie straight, and the loops
+    /// stand by turns on both sides. Over several wales they would draw the cloth together.
+    #[must_use]
+    pub fn is_pulled_straight(&self) -> bool {
+        let (low, high) = self.gaps();
+        self.is_inlay() && self.chain().is_some() && self.yarn.draft.is_some() && high - low <= 1
+    }
+
     /// Why its run-in and its slack can't both be as they are, if they can't.
     pub(super) fn contradiction(&self) -> Option<&'static str> {
         if self.run_in.is_some() && self.chain().is_none() {

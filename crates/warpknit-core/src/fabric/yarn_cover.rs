@@ -7,14 +7,11 @@
 //! lengths are those of a flat drawing, up to a quarter below relaxed ones. In the ratio of two
 //! cloths of one lapping most of that cancels: it is within 15 %.
 
-use super::bar::{Bar, Lay, RACK};
+use super::bar::{Lay, RACK};
 use super::lapping::Chain;
-use super::{Fabric, LaidStrand, Structure, WeftKnit};
+use super::{Fabric, LaidStrand, Structure, WarpKnit, WeftKnit};
 use crate::ids::index32;
 
-// The loop of a warp knit: two legs up to the head of the eight-point stitch, and the head's width.
-const WARP_LEGS: f64 = 2.0 * 1.355;
-const WARP_HEAD: f64 = 0.54;
 // The loop of a weft knit. Its legs run through 1.47 of the course spacing. The rest is what is
 // missing to 4.1 wale spacings, the loop length of relaxed plain knit (Munden 1959), at
 // C = 0.77 W.
@@ -36,7 +33,7 @@ impl Fabric {
     pub fn yarn_cover(&self) -> f64 {
         let (w, c) = (self.wale_spacing(), self.course_spacing());
         let length = |system: usize| match &self.structure {
-            Structure::Warp(knit) => length_of_bar(&knit.bars[system], w, c),
+            Structure::Warp(knit) => length_of_bar(knit, system, w, c),
             Structure::Weft(knit) => length_of_feeder(knit, system, w, c),
             Structure::Laid(cloth) => length_of_strand(&cloth.strands[system], w, c),
         };
@@ -46,25 +43,28 @@ impl Fabric {
 }
 
 /// mm of a bar's yarns in a wale and a course.
-fn length_of_bar(bar: &Bar, w: f64, c: f64) -> f64 {
+fn length_of_bar(knit: &WarpKnit, bar: usize, w: f64, c: f64) -> f64 {
+    let (bar, stitch) = (&knit.bars[bar], &knit.stitch);
+    // A loop: two legs up to the head, and the head's width.
+    let length_of_loop = 2.0 * (stitch.h3 * c + stitch.w4 * w);
     let threaded = share(bar.threading.repeat(), |guide| bar.threading.carries(guide));
     let length = match &bar.lay {
         Lay::Weft => w,
         Lay::Lapping(chain) => match bar.run_in {
             Some(run_in) => run_in / RACK,
-            None => length_of_course(chain, w, c),
+            None => length_of_course(chain, length_of_loop, w, c),
         },
     };
     threaded * length * (1.0 + bar.slack.unwrap_or(0.0))
 }
 
 /// mm of a guide's yarn in a course, the mean of its chain.
-fn length_of_course(chain: &Chain, w: f64, c: f64) -> f64 {
+fn length_of_course(chain: &Chain, length_of_loop: f64, w: f64, c: f64) -> f64 {
     let courses = chain.laps().len();
     let length = |course: i64| {
         let loops = f64::from(chain.lap(course).overlap().abs());
         let aside = f64::from(chain.underlap(course)) * w;
-        loops * (WARP_LEGS * c + WARP_HEAD * w) + aside.hypot(c)
+        loops * length_of_loop + aside.hypot(c)
     };
     (0_i64..).take(courses).map(length).sum::<f64>() / f64::from(index32(courses))
 }

@@ -14,18 +14,14 @@
 //! each other.
 
 use std::collections::BTreeMap;
-use std::ops::RangeInclusive;
 
 use glam::DVec3;
 
-use super::repeat::RepeatYarn;
-use super::{Pattern, PointKind, as_i64, wrap};
-use crate::fabric::{Fabric, Structure};
+use super::Pattern;
+use super::loops::LoopCurve;
+use crate::fabric::Fabric;
 use crate::ids::index32;
-use crate::yarn::curve;
 
-/// Segments of each span between data points.
-const SAMPLES: u32 = 6;
 /// How far curves are closed beyond their loops, courses: out of reach of either.
 const FAR: f64 = 50.0;
 
@@ -38,6 +34,9 @@ pub struct Links {
     pub wrong: usize,
     /// The first of them.
     pub first_wrong: Option<WrongLink>,
+    /// Loops that no loop of the next course is drawn through, since their needle gets none there.
+    /// The needle holds such a loop over, or drops it.
+    pub held: usize,
 }
 
 /// A new loop that is not drawn through an old one.
@@ -72,18 +71,6 @@ impl Links {
     }
 }
 
-/// A loop as a sampled curve from foot to foot.
-struct LoopCurve {
-    bar: usize,
-    /// Wale and course of its needle, in the repeat.
-    needle: [usize; 2],
-    /// The wale on whose needle its head hangs, in the repeat. Cables carry it to another one.
-    head: usize,
-    /// How many repeats to the right that needle is.
-    repeats: i32,
-    points: Vec<DVec3>,
-}
-
 /// Checks one repeat. Repeats that are too large to be relaxed are not checked.
 ///
 /// ```
@@ -114,10 +101,12 @@ pub fn measure(fabric: &Fabric, pattern: &Pattern) -> Links {
         let up = if next == 0 { period } else { DVec3::ZERO };
         let shift = up + width * f64::from(old.repeats);
         let closed = closed_below(&old.points, far);
-        for new in by_needle.get(&[old.head, next]).into_iter().flatten() {
+        let new_loops = by_needle.get(&[old.head, next]);
+        links.held += usize::from(new_loops.is_none());
+        for new in new_loops.into_iter().flatten() {
             links.checked += 1;
             let new_points: Vec<_> = new.points.iter().map(|&point| point + shift).collect();
-            if !is_drawn_through(fabric, &new_points, &closed, far) {
+            if !is_drawn_through(&new_points, &closed, far, new.is_reverse) {
                 links.wrong += 1;
                 links.first_wrong.get_or_insert(WrongLink {
                     wale: old.head,
@@ -141,19 +130,16 @@ fn closed_below(points: &[DVec3], far: DVec3) -> Vec<DVec3> {
     closed
 }
 
-/// Whether both legs of a new loop pass through the closed curve of an old one, seen from the side
-/// to which the fabric draws its loops.
-fn is_drawn_through(fabric: &Fabric, new: &[DVec3], old: &[DVec3], far: DVec3) -> bool {
-    let from_front = passes_through(new, old, far);
-    match &fabric.structure {
-        Structure::Warp(_) | Structure::Laid(_) => from_front,
-        Structure::Weft(_) => {
-            let mirrored = |points: &[DVec3]| -> Vec<DVec3> {
-                points.iter().map(|&point| point * DVec3::new(1.0, 1.0, -1.0)).collect()
-            };
-            from_front || passes_through(&mirrored(new), &mirrored(old), far)
-        }
+/// Whether both legs of a new loop pass through the closed curve of an old one, from behind or, for
+/// a reverse loop, from the front.
+fn is_drawn_through(new: &[DVec3], old: &[DVec3], far: DVec3, is_reverse: bool) -> bool {
+    if !is_reverse {
+        return passes_through(new, old, far);
     }
+    let mirrored = |points: &[DVec3]| -> Vec<DVec3> {
+        points.iter().map(|&point| point * DVec3::new(1.0, 1.0, -1.0)).collect()
+    };
+    passes_through(&mirrored(new), &mirrored(old), far)
 }
 
 /// Whether both legs of a new loop pass through the closed curve of an old one from behind.
@@ -197,72 +183,6 @@ fn crossing_over(one: &[DVec3], other: &[DVec3]) -> i32 {
     }
 }
 
-impl Pattern {
-    /// All loops of the repeat, moved into it.
-    fn loops(&self, fabric: &Fabric) -> Vec<LoopCurve> {
-        let mut loops = Vec::new();
-        for yarn in &self.repeat.yarns {
-            self.add_loops(fabric, yarn, &mut loops);
-        }
-        loops
-    }
-
-    /// Adds the loops of one yarn.
-    fn add_loops(&self, fabric: &Fabric, yarn: &RepeatYarn, loops: &mut Vec<LoopCurve>) {
-        let points = self.repeat.unrolled(yarn);
-        for (at, tag) in (0..).zip(&self.repeat.tags[self.repeat.points_of(yarn)]) {
-            let Some(feet) = feet(tag.kind).filter(|_| tag.point == 1) else { continue };
-            let [wale, course] = [tag.wale, tag.course].map(i64::from);
-            let [home, home_course] = self.in_repeat(*tag);
-            #[expect(clippy::cast_precision_loss, reason = "a repeat or two")]
-            let shift = DVec3::X * ((wale - as_i64(home)) as f64 * self.spacing.x);
-            let hangs_on = as_i64(home) + carried(fabric, wale, course);
-            let repeats = hangs_on.div_euclid(as_i64(self.size[0]));
-            loops.push(LoopCurve {
-                bar: yarn.bar,
-                needle: [home, home_course],
-                head: wrap(hangs_on, self.size[0]),
-                repeats: i32::try_from(repeats).expect("cables reach over some wales"),
-                // The unrolled points start one before the yarn's first, so point n of this loop
-                // has index `at + n`.
-                points: sampled(&points, at + feet.start()..=at + feet.end(), shift),
-            });
-        }
-    }
-}
-
-/// The points of a loop that are its feet; `None` for what is no loop.
-fn feet(kind: PointKind) -> Option<RangeInclusive<usize>> {
-    match kind {
-        PointKind::WarpLoop => Some(1..=8),
-        // The first place of a weft-knit loop lies between two loops; each is followed by a place
-        // halfway to the next.
-        PointKind::WeftLoop => Some(3..=15),
-        PointKind::Inlay | PointKind::Underlap => None,
-    }
-}
-
-/// By how many wales a cable carries the head of a loop.
-fn carried(fabric: &Fabric, wale: i64, course: i64) -> i64 {
-    match &fabric.structure {
-        Structure::Weft(knit) => i64::from(knit.motif.cell(wale, course).carried),
-        Structure::Warp(_) | Structure::Laid(_) => 0,
-    }
-}
-
-/// The curve through `points` from the first to the last of a range of them, less `shift`.
-fn sampled(points: &[DVec3], range: RangeInclusive<usize>, shift: DVec3) -> Vec<DVec3> {
-    let (first, last) = range.into_inner();
-    let mut curve = Vec::with_capacity((last - first) * SAMPLES as usize + 1);
-    for span in first..last {
-        let span = curve::span(points, span);
-        let shares = (0..SAMPLES).map(|step| f64::from(step) / f64::from(SAMPLES));
-        curve.extend(shares.map(|share| span.at(share) - shift));
-    }
-    curve.push(points[last] - shift);
-    curve
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -289,5 +209,30 @@ mod tests {
         let wrong = links.first_wrong.unwrap();
         assert_eq!((wrong.old_bar, wrong.new_bar), (0, 1));
         assert!(links.warning().unwrap().contains("bar 2 on needle 1"));
+    }
+
+    #[test]
+    fn a_loop_drawn_through_to_the_wrong_side_is_found() {
+        let fabric = Fabric::named("jersey").unwrap();
+        let pattern = Pattern::new(&fabric);
+        let face = measure(&fabric, &pattern);
+        assert_eq!((face.checked, face.wrong), (1, 0));
+        // The same loops, called reverse ones.
+        let purl = fabric.to_string().replace("\nk\n", "\np\n");
+        let links = measure(&Fabric::parse(&purl).unwrap(), &pattern);
+        assert_eq!((links.checked, links.wrong), (1, 1));
+    }
+
+    #[test]
+    fn loops_that_are_held_over_are_counted() {
+        let chains = ["1-0/1-2//".to_owned()];
+        let fabric = Fabric::named("tricot").unwrap().with_chains(&chains, &[]).unwrap();
+        assert_eq!(measure(&fabric, &Pattern::new(&fabric)).held, 0);
+        let half = fabric.to_string().replace("threading = \"I\"", "threading = \"I.\"");
+        let half = Fabric::parse(&half).unwrap();
+        // Its yarns go to and fro between two needles, so each needle gets a loop in every other
+        // course.
+        let links = measure(&half, &Pattern::new(&half));
+        assert_eq!((links.checked, links.held), (0, 2));
     }
 }

@@ -19,8 +19,10 @@ pub mod clearance;
 mod cover;
 mod lattice;
 pub mod links;
+mod loops;
 pub mod mesh;
 pub mod numbers;
+mod points;
 mod relax;
 mod repeat;
 pub mod run_in;
@@ -38,6 +40,7 @@ use crate::fabric::{
 use crate::ids::index32;
 use lattice::WaleLattice;
 use mesh::StructureMesh;
+pub use points::{Bed, Knitted, PointKind, Tag};
 pub use relax::Relaxation;
 use relax::YarnLength;
 use repeat::{Repeat, RepeatYarn};
@@ -49,71 +52,6 @@ pub const MAX_RELAXED_LAPS: usize = 50_000;
 
 /// Gets the share of a work that is done, from 0 to 1.
 pub type Progress<'a> = &'a mut dyn FnMut(f64);
-
-/// What a data point is part of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PointKind {
-    /// S1 to S8 of a loop of a warp knit.
-    WarpLoop,
-    /// The eight places of the curve of a weft-knit loop, each followed by the place halfway to the
-    /// next.
-    WeftLoop,
-    /// A point of a yarn that is laid in.
-    Inlay,
-    /// A point of a long underlap, between one loop and the next.
-    Underlap,
-}
-
-/// A bed of needles. Machines with two of them knit spacer and double-faced fabrics.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Bed {
-    /// The front bed, or the only one.
-    #[default]
-    Front,
-    /// The back bed. No fabric has loops on it yet.
-    Back,
-}
-
-/// Where a data point belongs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Tag {
-    /// Course, counted from the panel's lowest.
-    pub course: i32,
-    /// Wale, counted from the panel's leftmost.
-    pub wale: i32,
-    /// Loop, inlay or underlap.
-    pub kind: PointKind,
-    /// The bed of its needle.
-    pub bed: Bed,
-    /// 1 to 8 in a loop of a warp knit, 1 to 16 in a loop of a weft knit. Other kinds count from 1.
-    pub point: u16,
-}
-
-// There is one tag for each data point: kind, bed and point share the last four bytes.
-const _: () = assert!(size_of::<Tag>() == 12);
-
-/// Data points of some yarns, in the order in which the yarns run.
-#[derive(Clone, Debug, Default)]
-pub struct Knitted {
-    /// Positions on the flat panel, mm; z is the depth.
-    pub points: Vec<DVec3>,
-    /// Course, wale and kind of each point.
-    pub tags: Vec<Tag>,
-    /// Index of the first point of each stitch (a lap with the underlap that follows it).
-    pub stitches: Vec<u32>,
-    /// The point of the repeat of which each is a copy.
-    pub origins: Vec<u32>,
-}
-
-impl Knitted {
-    /// Removes all points but keeps the memory.
-    pub fn clear(&mut self) {
-        self.points.clear();
-        self.tags.clear();
-        self.stitches.clear();
-        self.origins.clear();
-    }
-}
 
 /// Share of the yarns' radius for which loops are laid out at most, before they grow. Thinner
 /// layouts take longer to grow; thicker ones make thicker cloth.
@@ -157,6 +95,19 @@ pub struct Pattern {
     relaxation: Option<Relaxation>,
     /// The data point at which it left two yarns nearest.
     tightest: Option<usize>,
+}
+
+/// A yarn of the cloth as a copy of one of the repeat.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct YarnCopy {
+    /// The yarn of the repeat.
+    pub(crate) yarn: usize,
+    /// Whether it runs across the wales.
+    pub(crate) runs_across: bool,
+    /// Cells from that yarn to this copy, across the way it runs.
+    pub(crate) beside: i64,
+    /// Index of its first data point, counted along the endless yarn from the one in cell 0.
+    pub(crate) first: i64,
 }
 
 impl Pattern {
@@ -376,6 +327,26 @@ impl Pattern {
         self.bars[bar].runs_across
     }
 
+    /// A bar's yarn of that number as a copy of one of the repeat, from one of its steps on. Nothing
+    /// where the bar has no such yarn.
+    pub(crate) fn copy(&self, bar: usize, number: i64, step: i64) -> Option<YarnCopy> {
+        let pattern = &self.bars[bar];
+        let yarn = pattern.yarn(number)?;
+        let own = &self.repeat.yarns[yarn];
+        let [wales, courses] = self.size.map(as_i64);
+        let cells = if pattern.runs_across { courses } else { wales };
+        let steps = as_i64(own.steps.len() - 1);
+        let place = usize::try_from(step.rem_euclid(steps)).expect("a remainder is not negative");
+        let points = self.repeat.points_of(own);
+        let first = self.repeat.points_of_steps(own, place..place + 1).start - points.start;
+        Some(YarnCopy {
+            yarn,
+            runs_across: pattern.runs_across,
+            beside: (number - as_i64(own.guide)).div_euclid(cells),
+            first: step.div_euclid(steps) * as_i64(points.len()) + as_i64(first),
+        })
+    }
+
     /// Whether a bar has a yarn of that number: whether that guide is threaded, or that course gets
     /// a yarn.
     ///
@@ -508,6 +479,7 @@ fn yarn_length(fabric: &Fabric, yarn: &RepeatYarn) -> YarnLength {
     match (bar.run_in, bar.slack) {
         (Some(run_in), _) => YarnLength::Fed(run_in / RACK * steps),
         (None, Some(slack)) => YarnLength::Slack(slack),
+        (None, None) if bar.is_pulled_straight() => YarnLength::Drafted,
         (None, None) if bar.is_inlay() => YarnLength::Taut,
         (None, None) => YarnLength::Shape,
     }

@@ -22,6 +22,9 @@ pub struct Numbers {
     pub run_in: Vec<Option<f64>>,
     /// The same of the relaxed yarn, run-in over draft. Only yarns with a draft have one.
     pub relaxed_run_in: Vec<Option<f64>>,
+    /// Mean distance of the two legs of a loop at half of its height, mm, for each bar or feeder.
+    /// Those that make no loops have none.
+    pub loop_width: Vec<Option<f64>>,
     /// g of each bar's yarns in a m² of flat cloth, front first.
     pub bar_mass: Vec<f64>,
     /// g/m² of flat cloth.
@@ -72,6 +75,7 @@ pub fn measure(fabric: &Fabric, pattern: &Pattern) -> Numbers {
     Numbers {
         run_in,
         relaxed_run_in,
+        loop_width: pattern.loop_widths(fabric),
         bar_mass,
         mass,
         yarn_length,

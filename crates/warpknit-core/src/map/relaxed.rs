@@ -116,3 +116,44 @@ pub(crate) fn strains<'a>(
         })
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fabric::Fabric;
+    use crate::garment::Garment;
+    use crate::knit::Pattern;
+
+    #[test]
+    fn nothing_jumps_at_the_edge_of_two_triangles() {
+        let fabric = Fabric::named("tricot").unwrap();
+        let table = StrainTable::new(&fabric, &Pattern::new(&fabric)).unwrap();
+        // Two triangles that share the edge from vertex 0 to 2, stretched unlike.
+        let mut panel = Garment::rectangle(4.0, 3.0).panels.remove(0);
+        panel.draped[1] += DVec3::new(0.5, -0.1, 0.6);
+        panel.draped[3] += DVec3::new(0.1, 0.3, -0.4);
+        let surface = SmoothSurface::new(&panel);
+        let shared = [panel.triangles[0], panel.triangles[1]];
+        let edge: Vec<_> = shared[0].into_iter().filter(|v| shared[1].contains(v)).collect();
+        for share in [0.0, 0.2, 0.5, 0.9] {
+            let sides = [0, 1].map(|triangle: u32| {
+                let weight = |corner: usize| {
+                    let vertex = shared[triangle as usize][corner];
+                    if vertex == edge[0] {
+                        1.0 - share
+                    } else if vertex == edge[1] {
+                        share
+                    } else {
+                        0.0
+                    }
+                };
+                let at = SurfacePoint { triangle, b: weight(1), c: weight(2) };
+                let flat = [DVec3::new(0.0, 0.0, 0.15)];
+                let mut draped = Draped::default();
+                map_relaxed(&panel, &surface, &table, &flat, &[at], &[3], &mut draped);
+                draped.positions[0]
+            });
+            assert!(sides[0].distance(sides[1]) < 1e-9, "{share}: {sides:?}");
+        }
+    }
+}

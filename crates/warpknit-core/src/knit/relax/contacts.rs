@@ -9,7 +9,8 @@ use glam::{DVec2, DVec3};
 
 use super::curves::{CurveSegment, blend};
 use super::{
-    BEND_TOLERANCE, MAX_CANDIDATES, MAX_PAIRS, Solver, TARGET_DISTANCE, TOLERANCE, YarnChain,
+    BEND_TOLERANCE, MAX_CANDIDATES, MAX_PAIRS, SWEEPS_PER_STEP, Solver, TARGET_DISTANCE, TOLERANCE,
+    YarnChain,
 };
 use crate::ids::index32;
 use crate::knit::cell_list::CellList;
@@ -67,16 +68,27 @@ impl Solver<'_> {
             self.list_points.extend_from_slice(self.points);
             return self.find_contacts();
         }
-        let ratios = self.pairs.iter().map(|pair| self.ratio(pair));
-        Some(ratios.fold(f64::INFINITY, f64::min))
+        let mut ratios = std::mem::take(&mut self.ratios);
+        for (pair, ratio) in self.pairs.iter().zip(&mut ratios) {
+            if self.spans_of(pair).iter().any(|&span| self.moved[span]) {
+                *ratio = self.ratio(pair);
+            }
+        }
+        self.ratios = ratios;
+        Some(self.ratios.iter().copied().fold(f64::INFINITY, f64::min))
     }
 
     /// The data point before the place at which two yarns are nearest.
     pub(super) fn tightest(&self) -> Option<usize> {
-        let nearest =
-            self.pairs.iter().min_by(|one, other| self.ratio(one).total_cmp(&self.ratio(other)))?;
-        let span = self.segments[nearest.a as usize].span as usize;
+        let pairs = self.pairs.iter().zip(&self.ratios);
+        let (nearest, _) = pairs.min_by(|(_, one), (_, other)| one.total_cmp(other))?;
+        let [span, _] = self.spans_of(nearest);
         Some(self.spans[span].points[1] as usize)
+    }
+
+    /// The spans in which the two segments of a pair lie.
+    fn spans_of(&self, pair: &ContactPair) -> [usize; 2] {
+        [pair.a, pair.b].map(|segment| self.segments[segment as usize].span as usize)
     }
 
     /// Distance of the two segments of a pair over the sum of their radii.
@@ -91,17 +103,12 @@ impl Solver<'_> {
     pub(super) fn find_active(&mut self) {
         let mut active = std::mem::take(&mut self.active);
         active.fill(false);
-        for pair in &self.pairs {
-            if self.ratio(pair) < TOLERANCE {
-                for segment in [pair.a, pair.b] {
-                    self.mark(self.segments[segment as usize].span, &mut active);
-                }
-            }
+        let near = self.pairs.iter().zip(&self.ratios).filter(|(_, ratio)| **ratio < TOLERANCE);
+        for span in near.flat_map(|(pair, _)| self.spans_of(pair)) {
+            self.mark(index32(span), ACTIVE_SPANS, &mut active);
         }
-        for (span, &bend) in (0u32..).zip(&self.bends) {
-            if bend > BEND_TOLERANCE {
-                self.mark(span, &mut active);
-            }
+        for (span, _) in (0u32..).zip(&self.bends).filter(|(_, bend)| **bend > BEND_TOLERANCE) {
+            self.mark(span, ACTIVE_SPANS, &mut active);
         }
         // Where much is still too near, room has to come from everywhere.
         let count = active.iter().filter(|&&is_active| is_active).count();
@@ -111,14 +118,19 @@ impl Solver<'_> {
         self.active = active;
     }
 
-    /// Marks a span and those around it, as far as a move of its points is felt.
-    fn mark(&self, span: u32, active: &mut [bool]) {
-        let yarn = &self.yarns[self.spans[span as usize].yarn as usize];
-        let (first, count) = (yarn.points.start, yarn.points.len());
-        for beside in 0..=2 * ACTIVE_SPANS {
-            let at = (span as usize - first + beside + count * ACTIVE_SPANS - ACTIVE_SPANS) % count;
-            active[first + at] = true;
+    /// Chooses the pairs of the next sweeps: those with an active span. The others wait as long.
+    pub(super) fn choose_pairs(&mut self) {
+        let mut chosen = std::mem::take(&mut self.swept_pairs);
+        chosen.clear();
+        for at in 0..self.pairs.len() {
+            if self.spans_of(&self.pairs[at]).iter().any(|&span| self.active[span]) {
+                chosen.push(index32(at));
+            } else {
+                let skipped = &mut self.pairs[at].skipped_sweeps;
+                *skipped = skipped.saturating_sub(SWEEPS_PER_STEP);
+            }
         }
+        self.swept_pairs = chosen;
     }
 
     /// Whether two yarns that were not near enough for the list may have met since it was built.
@@ -136,29 +148,17 @@ impl Solver<'_> {
     /// least distance over the sum of the radii, or `None` if there are too many pairs.
     fn find_contacts(&mut self) -> Option<f64> {
         let thickest = self.yarns.iter().map(|yarn| yarn.radius).fold(0.0, f64::max);
-        let middles: Vec<_> = self
-            .segments
-            .iter()
-            .map(|s| {
-                let [from, to] = self.ends(s);
-                (from + to) / 2.0
-            })
-            .collect();
-        let halves: Vec<_> = self
-            .segments
-            .iter()
-            .map(|s| {
-                let [from, to] = self.ends(s);
-                from.distance(to) / 2.0
-            })
-            .collect();
-        let longest = halves.iter().copied().fold(0.0, f64::max);
-        // Two segments within the cutoff have their middles within this distance, so a cell list of
-        // the middles finds every pair.
+        // Two segments within the cutoff have bounding balls within it.
+        let balls = self.segments.iter().map(|segment| {
+            let [from, to] = self.ends(segment);
+            (from.midpoint(to), from.distance(to) / 2.0)
+        });
         let cell_list =
-            CellList::new(&middles, self.cell, LIST_CUTOFF * 2.0 * thickest + 2.0 * longest);
+            CellList::new(&balls.collect::<Vec<_>>(), self.cell, LIST_CUTOFF * 2.0 * thickest);
         let mut pairs = std::mem::take(&mut self.pairs);
         pairs.clear();
+        self.ratios.clear();
+        let mut ratios = std::mem::take(&mut self.ratios);
         let (mut nearest, mut candidates) = (f64::INFINITY, 0);
         for (s, one) in self.segments.iter().enumerate() {
             if pairs.len() > MAX_PAIRS * self.segments.len()
@@ -179,11 +179,6 @@ impl Solver<'_> {
                 let yarn_t = self.spans[other.span as usize].yarn;
                 let contact_distance = chain_s.radius + self.yarns[yarn_t as usize].radius;
                 let offset = (shift * self.cell).extend(0.0);
-                // Bounding spheres reject most candidates before the exact distance is taken.
-                let reach = LIST_CUTOFF * contact_distance + halves[s] + halves[t];
-                if (middles[t] + offset).distance_squared(middles[s]) > reach * reach {
-                    return;
-                }
                 if yarn_s == yarn_t && self.is_same_strand(one, other, shift, chain_s) {
                     return;
                 }
@@ -191,6 +186,7 @@ impl Solver<'_> {
                 let ratio = separation(self.ends(one), other_ends).length() / contact_distance;
                 nearest = nearest.min(ratio);
                 if ratio < LIST_CUTOFF {
+                    ratios.push(ratio);
                     pairs.push(ContactPair {
                         a: index32(s),
                         b: index32(t),
@@ -201,7 +197,7 @@ impl Solver<'_> {
                 }
             });
         }
-        self.pairs = pairs;
+        (self.pairs, self.ratios) = (pairs, ratios);
         Some(nearest)
     }
 
@@ -226,16 +222,14 @@ impl Solver<'_> {
     /// Contact constraints: moves the yarns of each pair in the list apart by what is missing from
     /// their distance. `grown` is the share of their full radii that yarns have in this sweep.
     pub(super) fn solve_contacts(&mut self, grown: f64) {
-        for at in 0..self.pairs.len() {
+        for at in 0..self.swept_pairs.len() {
+            let at = self.swept_pairs[at] as usize;
             let ContactPair { a, b, skipped_sweeps, offset, contact_distance } = self.pairs[at];
             if skipped_sweeps > 0 {
                 self.pairs[at].skipped_sweeps -= 1;
                 continue;
             }
             let (a, b) = (self.segments[a as usize], self.segments[b as usize]);
-            if !self.active[a.span as usize] && !self.active[b.span as usize] {
-                continue;
-            }
             let (span_a, span_b) = (self.spans[a.span as usize], self.spans[b.span as usize]);
             // The samples are recomputed from the control points instead of read: earlier contacts
             // of this sweep have moved the points (Gauss-Seidel). Stale samples would apply the

@@ -6,7 +6,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::shape::LENGTH_TOLERANCE;
+use super::shape::{LENGTH_TOLERANCE, largest_curvature};
 use super::{Solver, YarnChain, YarnLength};
 use crate::ids::index32;
 use crate::yarn::curve;
@@ -18,6 +18,12 @@ const SEGMENT_RADII: f64 = 1.35;
 /// bounds the work for very thin yarns, whose radii would ask for many more.
 const MIN_SEGMENTS: f64 = 4.0;
 const MAX_SEGMENTS: f64 = 12.0;
+/// Length of a drafted yarn over that of a straight line. At 1 the loops that it passes by turns
+/// would have to leave their wale by their whole width.
+const DRAFTED_LENGTH: f64 = 1.03;
+/// Spans on each side of the one that starts at a data point to which that point is a control point.
+/// The third one after it is not, which does no harm.
+const CONTROLLED_SPANS: usize = 2;
 
 /// A span of the curve between two data points: its four control points and its samples.
 #[derive(Clone, Copy)]
@@ -68,15 +74,23 @@ impl<'a> Solver<'a> {
             length_tolerance: LENGTH_TOLERANCE,
             before: Vec::new(),
             list_points: Vec::new(),
+            sampled_points: Vec::new(),
+            moved: Vec::new(),
+            span_lengths: Vec::new(),
+            curvatures: Vec::new(),
             bends: Vec::new(),
             active: Vec::new(),
             pairs: Vec::new(),
+            ratios: Vec::new(),
+            swept_pairs: Vec::new(),
         };
         for (yarn, chain) in (0u32..).zip(yarns) {
             chain.points.clone().for_each(|at| solver.add_span(yarn, chain, at));
         }
         solver.weights.resize(solver.samples.len(), [0.0; 4]);
-        solver.active = vec![true; solver.spans.len()];
+        let spans = solver.spans.len();
+        (solver.active, solver.moved) = (vec![true; spans], vec![true; spans]);
+        (solver.span_lengths, solver.curvatures) = (vec![0.0; spans], vec![0.0; spans]);
         solver.set_rest_lengths();
         solver
     }
@@ -92,6 +106,7 @@ impl<'a> Solver<'a> {
         let scales = self.yarns.iter().zip(&lengths).map(|(yarn, length)| match yarn.length {
             YarnLength::Fed(fed) => fed / length,
             YarnLength::Slack(slack) => 1.0 + slack,
+            YarnLength::Drafted => DRAFTED_LENGTH * yarn.period.length() / length,
             YarnLength::Shape | YarnLength::Taut => 1.0,
         });
         let scales = scales.collect::<Vec<_>>();
@@ -170,13 +185,19 @@ impl<'a> Solver<'a> {
         [0, 1].map(|end| &self.weights[segment.sample as usize + end])
     }
 
-    /// Samples the curves at the points' present places.
+    /// Samples the curves at the points' present places. What has not moved since the last call is
+    /// left as it is.
     pub(super) fn sample(&mut self) {
+        self.find_moved();
         // The knots of a centripetal Catmull-Rom curve depend on its control points, so the weights
         // do too. They are frozen here until the next call. Between two calls a sample is then
         // linear in the control points, which gives each contact a constant gradient.
-        for span in &self.spans {
-            let control = self.control_points(span);
+        for number in 0..self.spans.len() {
+            if !self.moved[number] {
+                continue;
+            }
+            let span = self.spans[number];
+            let control = self.control_points(&span);
             let weights = curve::weights(&control);
             for step in 0..=span.segments {
                 let shares = weights.at(f64::from(step) / f64::from(span.segments));
@@ -184,15 +205,39 @@ impl<'a> Solver<'a> {
                 self.weights[sample] = shares;
                 self.samples[sample] = blend(&control, &shares);
             }
+            self.span_lengths[number] = curve::span(&control, 1).precise_length();
+            self.curvatures[number] = largest_curvature(&control, &weights);
         }
         self.measure_lengths();
+    }
+
+    /// Marks the spans of which a control point has moved since the last call.
+    fn find_moved(&mut self) {
+        let mut moved = std::mem::take(&mut self.moved);
+        moved.fill(self.sampled_points.is_empty());
+        let places = self.points.iter().zip(&self.sampled_points);
+        for (at, _) in (0u32..).zip(places).filter(|(_, (now, then))| now != then) {
+            self.mark(at, CONTROLLED_SPANS, &mut moved);
+        }
+        self.moved = moved;
+        self.sampled_points.clear();
+        self.sampled_points.extend_from_slice(self.points);
+    }
+
+    /// Marks a span and those of its yarn that are at most so many places away.
+    pub(super) fn mark(&self, span: u32, reach: usize, marks: &mut [bool]) {
+        let yarn = &self.yarns[self.spans[span as usize].yarn as usize];
+        let (first, count) = (yarn.points.start, yarn.points.len());
+        for beside in 0..=2 * reach {
+            let at = (span as usize - first + beside + count * reach - reach) % count;
+            marks[first + at] = true;
+        }
     }
 
     /// Measures the length of each yarn, and how far along it each segment lies.
     fn measure_lengths(&mut self) {
         self.lengths.fill(0.0);
-        for span in &self.spans {
-            let length = curve::span(&self.control_points(span), 1).precise_length();
+        for (span, length) in self.spans.iter().zip(&self.span_lengths) {
             let along = &mut self.lengths[span.yarn as usize];
             // The segments of a span are about equally long.
             let step = length / f64::from(span.segments);
@@ -211,14 +256,26 @@ impl<'a> Solver<'a> {
 
     /// The largest difference of a yarn's length from what it should be, as a share of it.
     pub(super) fn stretch(&self) -> f64 {
+        self.length_error(|length| !length.is_tense())
+    }
+
+    /// The same of the yarns of which the length is given, by a run-in or a draft.
+    pub(super) fn misfed(&self) -> f64 {
+        self.length_error(|length| matches!(length, YarnLength::Fed(_) | YarnLength::Drafted))
+    }
+
+    fn length_error(&self, counts: impl Fn(YarnLength) -> bool) -> f64 {
         let yarns = self.yarns.iter().zip(self.lengths.iter().zip(&self.rest_lengths));
-        let changes = yarns.map(|(yarn, (&length, &rest))| match yarn.length {
-            YarnLength::Shape | YarnLength::Fed(_) | YarnLength::Slack(_) => {
-                (length / rest - 1.0).abs()
+        let counted = yarns.filter(|(yarn, _)| counts(yarn.length));
+        let errors = counted.map(|(yarn, (&length, &rest))| {
+            let change = length / rest - 1.0;
+            match yarn.length {
+                YarnLength::Shape | YarnLength::Fed(_) | YarnLength::Slack(_) => change.abs(),
+                YarnLength::Drafted => change.max(0.0),
+                YarnLength::Taut => 0.0,
             }
-            YarnLength::Taut => 0.0,
         });
-        changes.fold(0.0, f64::max)
+        errors.fold(0.0, f64::max)
     }
 
     /// From the lowest to the highest surface of the yarns, mm.

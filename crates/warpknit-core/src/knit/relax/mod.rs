@@ -46,6 +46,8 @@ const TOLERANCE: f64 = 1.01;
 /// radius. At 1.03 bends of the drawn curve, measured between the places that the solver looks at,
 /// keep over 0.95 of that radius.
 const BEND_TOLERANCE: f64 = 1.03;
+/// Convergence tolerance of lengths that are given, as a share of them.
+const FEED_TOLERANCE: f64 = 0.008;
 /// Radii of the first sweeps at least, over the full ones. Yarns that are laid out in the same place
 /// start apart by so much; what lies right in front of another has to be farther away in the input.
 const START: f64 = 0.15;
@@ -58,7 +60,7 @@ const GROWTH_STEP: f64 = 0.12;
 const GROWTH_CLEARANCE: f64 = 0.965;
 /// Sweeps between two looks at the nearest pair. More of them let pairs meet that are not in the
 /// list; fewer spend the time on looking.
-const SWEEPS_PER_STEP: usize = 8;
+const SWEEPS_PER_STEP: u32 = 8;
 /// The solver gives up after so many looks in which neither the nearest pair nor the tightest bend
 /// has become better by [`PROGRESS`]: some spots have no room.
 const MAX_LOOKS_IN_VAIN: usize = 15;
@@ -118,6 +120,15 @@ pub(super) enum YarnLength {
     Slack(f64),
     /// Its tension, which pulls it as straight as the other yarns allow.
     Taut,
+    /// Its draft, which pulls it straight, so that the other yarns give way.
+    Drafted,
+}
+
+impl YarnLength {
+    /// Whether tension draws the yarn straight, so that it keeps to no shape.
+    fn is_tense(self) -> bool {
+        matches!(self, Self::Taut | Self::Drafted)
+    }
 }
 
 /// How the relaxation ended.
@@ -153,8 +164,9 @@ pub(super) fn relax(
     let mut stiffness = 1.0;
     let mut grown = START;
     let mut thickness = f64::INFINITY;
-    // The nearest pair and the tightest bend since shapes have faded, and looks without a better.
-    let (mut best, mut looks_in_vain) = ([0.0_f64, f64::INFINITY], 0);
+    // The nearest pair, the tightest bend and the worst feed since shapes have faded, and looks
+    // without a better.
+    let (mut best, mut looks_in_vain) = ([0.0_f64, f64::INFINITY, f64::INFINITY], 0);
     while sweeps < MAX_SWEEPS {
         progress(share_done(grown, stiffness));
         solver.sample();
@@ -165,7 +177,9 @@ pub(super) fn relax(
         let bend = solver.find_bends(grown);
         let is_grown = grown >= 1.0;
         let is_pressed = press.is_none_or(|press| solver.thickness() <= press * PRESS_TOLERANCE);
-        if is_grown && is_pressed && nearest >= TOLERANCE && bend <= BEND_TOLERANCE {
+        let misfed = solver.misfed();
+        let is_fed = misfed <= FEED_TOLERANCE;
+        if is_grown && is_pressed && is_fed && nearest >= TOLERANCE && bend <= BEND_TOLERANCE {
             break;
         }
         // Radii grow only while nothing is much nearer than they are now: what lies in front of
@@ -181,12 +195,14 @@ pub(super) fn relax(
             }
         }
         let is_waiting = is_grown || !has_room;
-        if is_grown && is_pressed && stiffness <= FADED {
+        if is_grown && is_pressed && is_fed && stiffness <= FADED {
             solver.find_active();
         }
         if stiffness <= FADED {
-            let is_better = nearest > best[0] + PROGRESS || bend < best[1] - PROGRESS;
-            best = [best[0].max(nearest), best[1].min(bend)];
+            let is_better = nearest > best[0] + PROGRESS
+                || bend < best[1] - PROGRESS
+                || misfed < best[2] - PROGRESS;
+            best = [best[0].max(nearest), best[1].min(bend), best[2].min(misfed)];
             looks_in_vain = if is_better { 0 } else { looks_in_vain + 1 };
             if looks_in_vain > MAX_LOOKS_IN_VAIN {
                 break;
@@ -194,13 +210,14 @@ pub(super) fn relax(
             // What still does not fit needs yarn, or gives some.
             solver.length_tolerance *= 1.0 + YIELDING;
         }
+        solver.choose_pairs();
         for _ in 0..SWEEPS_PER_STEP {
             solver.sweep(grown, stiffness, thickness);
             if is_waiting {
                 stiffness *= STIFFNESS_DECAY;
             }
         }
-        sweeps += SWEEPS_PER_STEP;
+        sweeps += SWEEPS_PER_STEP as usize;
     }
     solver.sample();
     // Too many pairs are no distance at all.
@@ -242,13 +259,24 @@ struct Solver<'a> {
     before: Vec<DVec3>,
     /// The data points when the neighbour list was built.
     list_points: Vec<DVec3>,
-    /// The largest curvature of each span at the last look, over that of a bend with the
-    /// yarn's radius.
+    /// The data points when the curves were sampled.
+    sampled_points: Vec<DVec3>,
+    /// Whether a span was sampled anew at the last look.
+    moved: Vec<bool>,
+    /// The length of each span.
+    span_lengths: Vec<f64>,
+    /// The largest curvature of each span.
+    curvatures: Vec<f64>,
+    /// The same over that of a bend with the yarn's radius at the last look.
     bends: Vec<f64>,
     /// Whether a span still takes part in sweeps.
     active: Vec<bool>,
     /// The neighbour list.
     pairs: Vec<ContactPair>,
+    /// For each pair, the distance over the sum of the radii at the last look.
+    ratios: Vec<f64>,
+    /// The pairs that take part in sweeps.
+    swept_pairs: Vec<u32>,
 }
 
 impl Solver<'_> {

@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use super::curves::blend;
 use super::{Solver, YarnLength};
-use crate::yarn::curve;
+use crate::yarn::curve::{self, Weights};
 
 /// Least radius of the bends of a yarn, over its own. Real yarns bend no tighter than their radius:
 /// their inner side would fold.
@@ -27,8 +27,9 @@ const EASY_BEND: f64 = 0.7;
 const MAX_STEP: f64 = 0.2;
 /// Tolerance of the length of a yarn that keeps to its shape, as a share of it, at the start.
 pub(super) const LENGTH_TOLERANCE: f64 = 0.012;
-/// The same for yarns of which the length is given.
-const FEED_TOLERANCE: f64 = 0.002;
+/// The same for yarns of which the length is given. It is less than the solver's tolerance at the
+/// end, so that they come there.
+const FEED_DEAD_ZONE: f64 = 0.002;
 /// Limit of the share by which a sweep changes a yarn's length. Contacts hold against such a pull.
 /// With more, a run-in that is far too short would pull loops out of each other.
 const MAX_FEED_STEP: f64 = 0.01;
@@ -43,16 +44,11 @@ impl Solver<'_> {
     /// Looks at all bends. Returns the largest curvature, over that of a bend with the yarn's
     /// radius.
     pub(super) fn find_bends(&mut self, grown: f64) -> f64 {
-        let bends = self.spans.iter().map(|span| {
-            let control = self.control_points(span);
-            let weights = curve::weights(&control);
-            let places = (0..=BEND_LOOKS).map(|at| f64::from(at) / f64::from(BEND_LOOKS));
-            let curvatures = places.map(|t| {
-                let [u, v] = weights.derivatives(t).map(|weights| blend(&control, &weights));
-                u.cross(v).length() / u.length().max(1e-12).powi(3)
-            });
-            curvatures.fold(0.0, f64::max) * self.yarns[span.yarn as usize].radius * grown
-        });
+        let bends = self
+            .spans
+            .iter()
+            .zip(&self.curvatures)
+            .map(|(span, curvature)| curvature * self.yarns[span.yarn as usize].radius * grown);
         self.bends = bends.collect();
         self.bends.iter().copied().fold(0.0, f64::max)
     }
@@ -76,15 +72,13 @@ impl Solver<'_> {
             let control = self.control_points(&span);
             let [first, second] = curve::weights(&control).derivatives(t);
             let (u, v) = (blend(&control, &first), blend(&control, &second));
-            let (turn, speed) = (u.cross(v), u.length().max(1e-12));
-            let curvature = turn.length() / speed.powi(3);
+            let (speed, curvature) = (u.length().max(1e-12), curvature(u, v));
             if curvature <= limit {
                 continue;
             }
-            // Projection of the constraint (Müller et al. 2007, section 3.3). The curvature is
-            // |u × v| / |u|³ with the curve's derivatives u and v, which are weighted sums of the
-            // control points while the knots are taken as constant.
-            let axis = turn.normalize_or(DVec3::Z);
+            // Projection of the constraint (Müller et al. 2007, section 3.3). The derivatives are
+            // weighted sums of the control points while the knots are taken as constant.
+            let axis = u.cross(v).normalize_or(DVec3::Z);
             let by_first = v.cross(axis) / speed.powi(3) - 3.0 * curvature * u / (speed * speed);
             let by_second = axis.cross(u) / speed.powi(3);
             let gradients: [DVec3; 4] =
@@ -102,7 +96,7 @@ impl Solver<'_> {
     pub(super) fn solve_stretch(&mut self, stiffness: f64) {
         for number in 0..self.spans.len() {
             let span = self.spans[number];
-            if self.yarns[span.yarn as usize].length == YarnLength::Taut {
+            if self.yarns[span.yarn as usize].length.is_tense() {
                 continue;
             }
             let chord = self.chord(number);
@@ -122,7 +116,7 @@ impl Solver<'_> {
         for number in 0..self.spans.len() {
             let span = self.spans[number];
             let [before, at, after, _] = span.points.map(|point| point as usize);
-            if self.yarns[span.yarn as usize].length == YarnLength::Taut {
+            if self.yarns[span.yarn as usize].length.is_tense() {
                 let [before, here, after, _] = self.control_points(&span);
                 let pull = TENSION_STIFFNESS * stiffness * (before.midpoint(after) - here);
                 self.points[at] += pull;
@@ -164,15 +158,19 @@ impl Solver<'_> {
                     change - change.clamp(-self.length_tolerance, self.length_tolerance)
                 }
                 YarnLength::Fed(_) | YarnLength::Slack(_) => {
-                    change - change.clamp(-FEED_TOLERANCE, FEED_TOLERANCE)
+                    change - change.clamp(-FEED_DEAD_ZONE, FEED_DEAD_ZONE)
                 }
+                YarnLength::Drafted => change.max(0.0),
                 YarnLength::Taut => 0.0,
             };
             let excess = excess.clamp(-MAX_FEED_STEP, MAX_FEED_STEP);
+            if excess == 0.0 {
+                continue;
+            }
             let gradient_squared: f64 =
                 (0..chords.len()).map(|i| length_gradient(&chords, i).length_squared()).sum();
             // A straight yarn has no gradient: no small move of its points changes its length.
-            if excess == 0.0 || gradient_squared < 1e-12 {
+            if gradient_squared < 1e-12 {
                 continue;
             }
             let step = 0.5 * excess * rest / gradient_squared;
@@ -210,6 +208,21 @@ impl Solver<'_> {
             }
         }
     }
+}
+
+/// Curvature of a curve with the derivatives `u` and `v`.
+fn curvature(u: DVec3, v: DVec3) -> f64 {
+    u.cross(v).length() / u.length().max(1e-12).powi(3)
+}
+
+/// The largest curvature of a span.
+pub(super) fn largest_curvature(control: &[DVec3; 4], weights: &Weights) -> f64 {
+    let places = (0..=BEND_LOOKS).map(|at| f64::from(at) / f64::from(BEND_LOOKS));
+    let curvatures = places.map(|t| {
+        let [u, v] = weights.derivatives(t).map(|weights| blend(control, &weights));
+        curvature(u, v)
+    });
+    curvatures.fold(0.0, f64::max)
 }
 
 /// Gradient of a closed chain's length for its `i`th point, from which chord `i` starts.

@@ -6,6 +6,7 @@
 
 use glam::{DVec2, DVec3, Vec3Swizzles};
 
+use super::neighbours::NearSpan;
 use super::rest::{Rest, RestSpan, Segment};
 use super::solver::Solver;
 use crate::ids::index32;
@@ -63,19 +64,26 @@ impl Solver<'_> {
     /// Builds the neighbour list.
     pub(super) fn build_list(&mut self) {
         self.list_points.clone_from(&self.points);
+        self.find_pairs(LIST_CUTOFF);
+    }
+
+    /// Finds all pairs of segments nearer than `cutoff` over touching.
+    fn find_pairs(&mut self, cutoff: f64) {
         let back = self.strain.inverse();
         let ends = |segment: &Segment| self.ends(segment);
         let middles: Vec<_> =
             self.rest.segments.iter().map(|s| ends(s)[0].midpoint(ends(s)[1])).collect();
         let halves: Vec<_> =
             self.rest.segments.iter().map(|s| ends(s)[0].distance(ends(s)[1]) / 2.0).collect();
-        let longest = halves.iter().copied().fold(0.0, f64::max);
         let thickest = self.rest.yarns.iter().map(|yarn| yarn.radius).fold(0.0, f64::max);
         // The list is sorted in the axes of the flat cloth, whose cell is a rectangle. A strained
-        // distance is longer there by the norm of the inverse map at most.
-        let reach = (2.0 * LIST_CUTOFF * thickest + 2.0 * longest) * norm(back);
-        let flat: Vec<_> = middles.iter().map(|p: &DVec3| (back * p.xy()).extend(p.z)).collect();
-        let list = CellList::new(&flat, self.rest.cell, reach);
+        // distance is longer there by the norm of the inverse map at most; depths stay.
+        let longer = norm(back).max(1.0);
+        let balls = middles.iter().zip(&halves).map(|(middle, half): (&DVec3, &f64)| {
+            ((back * middle.xy()).extend(middle.z), half * longer)
+        });
+        let balls: Vec<_> = balls.collect();
+        let list = CellList::new(&balls, self.rest.cell, 2.0 * cutoff * thickest * longer);
         let mut pairs = std::mem::take(&mut self.pairs);
         pairs.clear();
         for (a, one) in self.rest.segments.iter().enumerate() {
@@ -87,7 +95,7 @@ impl Solver<'_> {
                 let [yarn, other_yarn] =
                     [one, other].map(|s| self.rest.spans[s.span as usize].yarn as usize);
                 let touching = self.rest.yarns[yarn].radius + self.rest.yarns[other_yarn].radius;
-                let reach = LIST_CUTOFF * touching + halves[a] + halves[b];
+                let reach = cutoff * touching + halves[a] + halves[b];
                 let offset = self.offset(shift);
                 if (middles[b] + offset).distance_squared(middles[a]) > reach * reach
                     || (yarn == other_yarn && self.is_same_strand(yarn, one, other, shift))
@@ -95,12 +103,32 @@ impl Solver<'_> {
                     return;
                 }
                 let pair = Pair { a: index32(a), b: index32(b), shift, touching };
-                if self.contact(&pair, LIST_CUTOFF).is_some() {
+                if self.contact(&pair, cutoff).is_some() {
                     pairs.push(pair);
                 }
             });
         }
         self.pairs = pairs;
+    }
+
+    /// For each span those with a segment nearer than `cutoff` over touching, from both sides.
+    pub(super) fn near_spans(&mut self, cutoff: f64) -> Vec<Vec<NearSpan>> {
+        self.find_pairs(cutoff);
+        let mut near = vec![Vec::new(); self.rest.spans.len()];
+        for pair in &self.pairs {
+            let [a, b] = [pair.a, pair.b].map(|at| self.rest.segments[at as usize].span);
+            let cells = pair.shift.as_ivec2();
+            for (one, other, cells) in [(a, b, cells), (b, a, -cells)] {
+                let yarn = self.rest.spans[other as usize].yarn;
+                let partner = NearSpan { yarn, point: other, cells: cells.to_array() };
+                near[one as usize].push(partner);
+            }
+        }
+        for own in &mut near {
+            own.sort_unstable();
+            own.dedup();
+        }
+        near
     }
 
     /// For each point the points with which it shares residuals.

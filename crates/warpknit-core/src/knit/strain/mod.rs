@@ -14,6 +14,7 @@
 
 mod contacts;
 mod grid;
+mod neighbours;
 mod profile;
 pub mod pull;
 mod rest;
@@ -28,6 +29,7 @@ use glam::{DMat2, DVec2};
 use super::repeat::RepeatYarn;
 use super::{Pattern, YarnLength, as_vec, yarn_length};
 use crate::fabric::{Fabric, Structure};
+pub(crate) use neighbours::{NearSpan, Neighbours};
 use rest::{Rest, RestYarn};
 pub use table::{Lookup, StrainTable};
 

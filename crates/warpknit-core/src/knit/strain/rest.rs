@@ -3,6 +3,7 @@
 //! In: the data points of the flat relaxed repeat, periodic in both directions. Out: [`Rest`], spans
 //! with their lengths and chords, and how near yarns lie. Cost: as a sweep of the relaxation.
 
+use std::array::from_fn;
 use std::ops::Range;
 
 use glam::{DVec2, DVec3};
@@ -97,6 +98,12 @@ impl Rest {
         rest
     }
 
+    /// The four control points of a span.
+    pub(super) fn control(&self, span: &RestSpan) -> [DVec3; 4] {
+        let period = self.yarns[span.yarn as usize].period;
+        from_fn(|k| self.points[span.points[k] as usize] + period * span.shifts[k])
+    }
+
     /// Adds the span that starts at a point of a yarn.
     fn add_span(&mut self, number: usize, at: usize) {
         let yarn = &self.yarns[number];
@@ -110,10 +117,8 @@ impl Rest {
         });
         #[expect(clippy::cast_precision_loss, reason = "a repeat or two")]
         let shifts = indices.map(|i| i.div_euclid(count) as f64);
-        let mut control = [DVec3::ZERO; 4];
-        for k in 0..4 {
-            control[k] = self.points[points[k] as usize] + yarn.period * shifts[k];
-        }
+        let control: [DVec3; 4] =
+            from_fn(|k| self.points[points[k] as usize] + yarn.period * shifts[k]);
         let [first, from, to, last] = control;
         #[expect(
             clippy::cast_possible_truncation,

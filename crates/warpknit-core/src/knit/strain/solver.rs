@@ -17,6 +17,7 @@ use glam::{DMat2, DVec3, Vec3Swizzles};
 
 use super::Strain;
 use super::contacts::Pair;
+use super::neighbours::NearSpan;
 use super::profile::Profile;
 use super::rest::{Rest, RestSpan};
 use crate::yarn::curve;
@@ -340,6 +341,24 @@ pub(super) fn measure_rest(rest: &mut Rest) {
         span.length = length;
     }
     rest.target = nearest.min(1.0);
+}
+
+/// For each span of the flat repeat those nearer than `cutoff` over touching, and how far its curve
+/// leaves its chord, mm.
+pub(super) fn near_spans(rest: &Rest, cutoff: f64) -> (Vec<Vec<NearSpan>>, Vec<f64>) {
+    let mut solver = Solver::new(rest);
+    solver.sample();
+    let bulge = |span: &RestSpan| {
+        let samples = &solver.samples[span.start as usize..=(span.start + span.segments) as usize];
+        let (from, chord) = (samples[0], samples[samples.len() - 1] - samples[0]);
+        let way = chord.normalize_or_zero();
+        samples
+            .iter()
+            .map(|at| (at - from).reject_from_normalized(way).length())
+            .fold(0.0, f64::max)
+    };
+    let bulges = rest.spans.iter().map(bulge).collect();
+    (solver.near_spans(cutoff), bulges)
 }
 
 /// The state without strain.

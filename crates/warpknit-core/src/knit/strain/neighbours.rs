@@ -1,0 +1,71 @@
+//! Which spans of a repeat lie near which others, and what each span keeps.
+//!
+//! In: the repeat at rest. Out: [`Neighbours`], the partners of each span, for yarns laid many times
+//! over a panel. Cost: as one neighbour list of the solver.
+
+use std::ops::Range;
+
+use super::StrainTable;
+use super::solver;
+use crate::yarn::curve;
+
+/// A span near another one, counted from that one's cell of the endless cloth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct NearSpan {
+    /// Its yarn in the repeat.
+    pub(crate) yarn: u32,
+    /// The data point of the repeat at which it starts.
+    pub(crate) point: u32,
+    /// Cells to the right and up.
+    pub(crate) cells: [i32; 2],
+}
+
+/// A yarn of the repeat.
+#[derive(Clone, Debug)]
+pub(crate) struct NearYarn {
+    /// Its data points in the repeat.
+    pub(crate) points: Range<usize>,
+    /// Whether it runs across the wales.
+    pub(crate) runs_across: bool,
+    /// mm.
+    pub(crate) radius: f64,
+    /// Whether it may change its length.
+    pub(crate) is_elastic: bool,
+}
+
+/// The spans of a repeat.
+#[derive(Clone, Debug)]
+pub(crate) struct Neighbours {
+    pub(crate) yarns: Vec<NearYarn>,
+    /// For each data point, the spans near the one that starts there.
+    pub(crate) near: Vec<Vec<NearSpan>>,
+    /// Length of the span that starts at each data point, mm.
+    pub(crate) lengths: Vec<f64>,
+    /// How far that span's curve leaves its chord, mm.
+    pub(crate) bulges: Vec<f64>,
+    /// Distance over touching that yarns keep.
+    pub(crate) target: f64,
+}
+
+impl StrainTable {
+    /// The spans of the repeat that are near each other when the cloth is flat, and those that
+    /// strains bring near. `cutoff` is their distance over touching.
+    pub(crate) fn neighbours(&self, cutoff: f64) -> Neighbours {
+        let rest = &self.rest;
+        let (near, bulges) = solver::near_spans(rest, cutoff);
+        let lengths = rest.spans.iter().map(|span| curve::span(&rest.control(span), 1).length());
+        let yarns = rest.yarns.iter().map(|yarn| NearYarn {
+            points: yarn.points.clone(),
+            runs_across: yarn.period.x != 0.0,
+            radius: yarn.radius,
+            is_elastic: yarn.is_elastic,
+        });
+        Neighbours {
+            yarns: yarns.collect(),
+            near,
+            lengths: lengths.collect(),
+            bulges,
+            target: rest.target,
+        }
+    }
+}
