@@ -51,7 +51,7 @@ fn run(garment: &Garment, fabric: &Fabric, edge: Edge, visit: &mut dyn FnMut(&Bl
         Ok::<_, std::io::Error>(())
     };
     // What is located and lost does not depend on the map, and this one solves no strains.
-    let options = DrapeOptions { mapping: Mapping::Smooth, edge, surface: None };
+    let options = DrapeOptions { mapping: Mapping::Smooth, edge, ..DrapeOptions::default() };
     drape::run(&cloth, &options, &mut |_, _| {}, deliver).unwrap()
 }
 
