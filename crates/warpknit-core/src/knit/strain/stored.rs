@@ -17,10 +17,11 @@ use crate::ids::index32;
 /// First bytes of a table.
 const MAGIC: [u8; 8] = *b"wk-knots";
 /// The sources that decide what is found at a knot.
-const SOURCES: [&str; 11] = [
+const SOURCES: [&str; 12] = [
     include_str!("contacts.rs"),
     include_str!("grid.rs"),
     include_str!("mod.rs"),
+    include_str!("neighbours.rs"),
     include_str!("profile.rs"),
     include_str!("pull.rs"),
     include_str!("rest.rs"),
