@@ -31,11 +31,11 @@ use crate::yarn::curve;
 /// yarns nearer by half of what is over 1 here.
 pub(super) const NEAR: f64 = 2.0;
 /// Number of sweeps.
-const SWEEPS: usize = 24;
-/// A sweep in so many looks at all spans; those between look at the spans that were near then.
+const SWEEPS: usize = 18;
+/// A sweep in so many looks for near spans; those between look at the pairs that were near then.
 const LOOK: usize = 6;
-/// Spans with a partner nearer than this, over touching, are looked at again.
-const ACTIVE: f64 = 1.1;
+/// Pairs nearer than this, over touching, are looked at again.
+const ACTIVE: f64 = 1.05;
 /// Share of its missing distance by which a contact moves each yarn. Neighbouring spans see the
 /// same contact, so larger values overshoot.
 const CONTACT_STIFFNESS: f64 = 0.6;
@@ -72,20 +72,40 @@ struct Panel<'a> {
     mapped: Vec<DVec3>,
 }
 
+/// What sweeps do for one yarn until the next look.
+#[derive(Clone, Debug, Default)]
+struct Active {
+    pairs: Vec<SpanPair>,
+    /// Whether nothing of the yarn has to move.
+    is_idle: bool,
+}
+
+/// A span of a yarn and one of another that is near it.
+#[derive(Clone, Copy, Debug)]
+struct SpanPair {
+    span: u32,
+    other_yarn: u32,
+    other_span: u32,
+    /// Sum of the radii, mm.
+    touching: f64,
+    /// Distance of the chords at which curves may touch, mm.
+    reach: f64,
+}
+
 /// Moves the yarns of a panel apart.
 pub(super) fn sweep(blocks: &mut [Block], neighbours: &Neighbours) {
     let mut panel = Panel::new(blocks, neighbours);
-    let mut active = vec![Vec::new(); panel.yarns.len()];
+    let mut active = vec![Active::default(); panel.yarns.len()];
     let mut next = panel.places.clone();
     for sweep in 0..SWEEPS {
         let slices = slices_of(&mut next, &panel.yarns);
         let is_look = sweep % LOOK == 0;
         panel.yarns.par_iter().zip(&mut active).zip(slices).for_each(|((yarn, active), own)| {
             if is_look {
-                active.clear();
-                active.extend(0..index32(own.len()));
+                active.is_idle = false;
+                panel.find_pairs(yarn, &mut active.pairs);
             }
-            if is_look || !active.is_empty() {
+            if !active.is_idle {
                 panel.move_yarn(yarn, active, own);
             }
         });
@@ -149,63 +169,88 @@ impl<'a> Panel<'a> {
         }
     }
 
-    /// Moves one yarn by its contacts, then by its lengths. `own` are its places. `active` are the
-    /// spans to look at; those that are near others stay in it.
-    fn move_yarn(&self, yarn: &PanelYarn, active: &mut Vec<u32>, own: &mut [DVec3]) {
+    /// Finds the spans that are near those of a yarn.
+    fn find_pairs(&self, yarn: &PanelYarn, pairs: &mut Vec<SpanPair>) {
+        pairs.clear();
+        let (count, start) = self.points_of(yarn.copy.yarn);
+        let own = &self.places[yarn.places.clone()];
+        for span in 1..own.len().saturating_sub(2) {
+            let at = yarn.copy.first + i64::from(index32(span));
+            let point = start + usize::try_from(at.rem_euclid(count)).expect("not negative");
+            let along = at.div_euclid(count);
+            for near in &self.neighbours.near[point] {
+                let Some((number, other_span)) = self.partner(&yarn.copy, along, near) else {
+                    continue;
+                };
+                let other = &self.places[self.yarns[number as usize].places.clone()];
+                let Some(&[from, to]) = other.get(other_span..other_span + 2) else { continue };
+                let [one, radius] = [yarn.copy.yarn, near.yarn as usize]
+                    .map(|yarn| self.neighbours.yarns[yarn].radius);
+                let touching = one + radius;
+                let bulges =
+                    self.neighbours.bulges[point] + self.neighbours.bulges[near.point as usize];
+                let reach = ACTIVE * touching + bulges;
+                // Bounding balls of the chords; a place off the panel is no number and not near.
+                let apart = own[span].midpoint(own[span + 1]).distance(from.midpoint(to));
+                let halves = (own[span].distance(own[span + 1]) + from.distance(to)) / 2.0;
+                if apart < reach + halves {
+                    let (span, other_span) = (index32(span), index32(other_span));
+                    pairs.push(SpanPair { span, other_yarn: number, other_span, touching, reach });
+                }
+            }
+        }
+    }
+
+    /// Moves one yarn by its contacts, then by its lengths. `own` are its places. Pairs that turn
+    /// out to be far apart leave the list.
+    fn move_yarn(&self, yarn: &PanelYarn, active: &mut Active, own: &mut [DVec3]) {
         let mut moves = vec![DVec3::ZERO; own.len()];
-        active.retain(|&span| self.push_span(yarn, span as usize, &mut moves));
+        let mut pushed = false;
+        active.pairs.retain(|pair| {
+            let ratio = self.push_pair(yarn, pair, &mut moves);
+            pushed |= ratio < self.neighbours.target;
+            ratio < ACTIVE
+        });
         let radius = self.neighbours.yarns[yarn.copy.yarn].radius;
-        for (place, step) in own.iter_mut().zip(&moves) {
-            *place += step.clamp_length_max(MAX_STEP * radius);
+        if pushed {
+            for (place, step) in own.iter_mut().zip(&moves) {
+                *place += step.clamp_length_max(MAX_STEP * radius);
+            }
         }
-        if !self.neighbours.yarns[yarn.copy.yarn].is_elastic {
-            self.keep_lengths(yarn, own);
-        }
+        let is_elastic = self.neighbours.yarns[yarn.copy.yarn].is_elastic;
+        let stretched = !is_elastic && self.keep_lengths(yarn, own);
+        active.is_idle = !pushed && !stretched;
         let mapped = &self.mapped[yarn.places.clone()];
         for (place, &mapped) in own.iter_mut().zip(mapped) {
             *place = mapped + (*place - mapped).clamp_length_max(MAX_MOVE * radius);
         }
     }
 
-    /// Adds to the moves of a yarn what the contacts of one of its spans ask for. False where no
-    /// other span is near.
-    fn push_span(&self, yarn: &PanelYarn, span: usize, moves: &mut [DVec3]) -> bool {
-        let Some(control) = control_points(&self.places[yarn.places.clone()], span) else {
-            return false;
-        };
-        let (count, start) = self.points_of(yarn.copy.yarn);
-        let at = yarn.copy.first + i64::from(index32(span));
-        let point = start + usize::try_from(at.rem_euclid(count)).expect("not negative");
-        let along = at.div_euclid(count);
-        let mut nearest = f64::INFINITY;
-        for near in &self.neighbours.near[point] {
-            let Some((other, other_span)) = self.partner(&yarn.copy, along, near) else { continue };
-            let other_places = &self.places[other.places.clone()];
-            let Some(other_control) = control_points(other_places, other_span) else { continue };
-            let touching = self.neighbours.yarns[yarn.copy.yarn].radius
-                + self.neighbours.yarns[near.yarn as usize].radius;
-            let bulge = self.neighbours.bulges[point] + self.neighbours.bulges[near.point as usize];
-            let Some((apart, t)) = nearest_of_spans(&control, &other_control, touching + bulge)
-            else {
-                continue;
-            };
-            let distance = apart.length();
-            nearest = nearest.min(distance / touching);
-            let missing = self.neighbours.target * touching - distance;
-            if missing > 0.0 && distance > 0.0 {
-                let weights = curve::weights(&control).at(t);
-                let squared: f64 = weights.iter().map(|weight| weight * weight).sum();
-                let push = apart * (0.5 * CONTACT_STIFFNESS * missing / (distance * squared));
-                for (k, weight) in weights.into_iter().enumerate() {
-                    moves[span + k - 1] += push * weight;
-                }
+    /// Adds to the moves of a yarn what a pair asks for. Returns its distance over touching.
+    fn push_pair(&self, yarn: &PanelYarn, pair: &SpanPair, moves: &mut [DVec3]) -> f64 {
+        let other = &self.yarns[pair.other_yarn as usize];
+        let control = control_points(&self.places[yarn.places.clone()], pair.span as usize);
+        let other = control_points(&self.places[other.places.clone()], pair.other_span as usize);
+        let found = control.zip(other).and_then(|(control, other)| {
+            nearest_of_spans(&control, &other, pair.reach).map(|found| (control, found))
+        });
+        let Some((control, (apart, t))) = found else { return f64::INFINITY };
+        let distance = apart.length();
+        let missing = self.neighbours.target * pair.touching - distance;
+        if missing > 0.0 && distance > 0.0 {
+            let weights = curve::weights(&control).at(t);
+            let squared: f64 = weights.iter().map(|weight| weight * weight).sum();
+            let push = apart * (0.5 * CONTACT_STIFFNESS * missing / (distance * squared));
+            for (k, weight) in weights.into_iter().enumerate() {
+                moves[pair.span as usize + k - 1] += push * weight;
             }
         }
-        nearest < ACTIVE
+        distance / pair.touching
     }
 
-    /// Corrects the lengths of a yarn's spans.
-    fn keep_lengths(&self, yarn: &PanelYarn, own: &mut [DVec3]) {
+    /// Corrects the lengths of a yarn's spans. Returns whether any was wrong.
+    fn keep_lengths(&self, yarn: &PanelYarn, own: &mut [DVec3]) -> bool {
+        let mut any = false;
         let (count, start) = self.points_of(yarn.copy.yarn);
         for span in 1..own.len().saturating_sub(2) {
             let at = (yarn.copy.first + i64::from(index32(span))).rem_euclid(count);
@@ -217,23 +262,25 @@ impl<'a> Panel<'a> {
                 let step = (control[2] - control[1]) * (0.5 * LENGTH_STIFFNESS * wrong);
                 own[span] += step;
                 own[span + 1] -= step;
+                any = true;
             }
         }
+        any
     }
 
     /// A partner of a span of a copy in its cell `along`, with its span.
-    fn partner(&self, copy: &YarnCopy, along: i64, near: &NearSpan) -> Option<(&PanelYarn, usize)> {
+    fn partner(&self, copy: &YarnCopy, along: i64, near: &NearSpan) -> Option<(u32, usize)> {
         let own = if copy.runs_across { [along, copy.beside] } else { [copy.beside, along] };
         let [x, y] = [0, 1].map(|axis| own[axis] + i64::from(near.cells[axis]));
         let (first, copies) = &self.copies[near.yarn as usize];
         let runs_across = self.neighbours.yarns[near.yarn as usize].runs_across;
         let (beside, along) = if runs_across { (y, x) } else { (x, y) };
         let at = usize::try_from(beside - first).ok()?;
-        let other = &self.yarns[(*copies.get(at)?)? as usize];
+        let number = (*copies.get(at)?)?;
         let (count, start) = self.points_of(near.yarn as usize);
         let index = along * count + i64::from(near.point) - i64::from(index32(start));
-        let span = usize::try_from(index - other.copy.first).ok()?;
-        Some((other, span))
+        let span = usize::try_from(index - self.yarns[number as usize].copy.first).ok()?;
+        Some((number, span))
     }
 
     /// Number of data points of a yarn of the repeat, and the first of them.

@@ -16,7 +16,7 @@
 //! - A share of yarn length counts each yarn by its length in the flat cloth. What is too near flat
 //!   already is left out of it, since the mapping is not the cause.
 //!
-//! Cost: 17 to 25 µs a stitch on one thread, twice that where the flat cloth is looked at too, and
+//! Cost: 19 to 26 µs a stitch on one thread, twice that where the flat cloth is looked at too, and
 //! some 20 MB for each thread. Patches do not depend on threads, and their results are added in
 //! order, so the answer is the same for any number of them.
 //!
