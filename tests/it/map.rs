@@ -216,7 +216,7 @@ fn share_kept(ratios: &[f64]) -> f64 {
 fn yarn_keeps_its_length_on_pulled_cloth() {
     for (name, pulled) in [
         ("tricot", DVec3::new(1.15, 0.95, 1.0)),
-        ("locknit", DVec3::new(0.9, 1.1, 1.0)),
+        ("locknit", DVec3::new(1.15, 1.0, 1.0)),
         ("jersey", DVec3::new(1.15, 1.0, 1.0)),
     ] {
         let fabric = Fabric::named(name).unwrap();
