@@ -14,7 +14,7 @@ use std::sync::Arc;
 use super::body::Body;
 use super::{
     Announce, Block, Cloth, DrapeOptions, Stage, Totals, deliver_blocks, knit_and_locate,
-    map_blocks, window_len,
+    map_blocks, map_window,
 };
 use crate::garment::Garment;
 use crate::ids::index32;
@@ -100,10 +100,8 @@ impl LocatedCloth {
         while !rest.is_empty() {
             let done = 1.0 - f64::from(index32(rest.len())) / f64::from(index32(all));
             // The same windows as in `run`, so that draped points take no more memory than there.
-            let fitting = match is_swept {
-                true => rest.iter().take_while(|block| block.panel == rest[0].panel).count(),
-                false => window_len(rest.iter().map(Block::stitches), options.surface.as_ref()),
-            };
+            let next = rest.iter().map(|block| (block.panel, block.stitches()));
+            let fitting = map_window(next, is_swept, options);
             let (window, later) = rest.split_at_mut(fitting);
             rest = later;
             // The spare memory grows to the largest window and is then used by all.

@@ -185,7 +185,7 @@ impl<'a> Panel<'a> {
                 let other = &self.places[self.yarns[number as usize].places.clone()];
                 let Some(&[from, to]) = other.get(other_span..other_span + 2) else { continue };
                 let [one, radius] = [yarn.copy.yarn, near.yarn as usize]
-                    .map(|yarn| self.neighbours.yarns[yarn].radius);
+                    .map(|yarn| self.neighbours.yarns[yarn].chain.radius);
                 let touching = one + radius;
                 let bulges =
                     self.neighbours.bulges[point] + self.neighbours.bulges[near.point as usize];
@@ -211,7 +211,7 @@ impl<'a> Panel<'a> {
             pushed |= ratio < self.neighbours.target;
             ratio < ACTIVE
         });
-        let radius = self.neighbours.yarns[yarn.copy.yarn].radius;
+        let radius = self.neighbours.yarns[yarn.copy.yarn].chain.radius;
         if pushed {
             for (place, step) in own.iter_mut().zip(&moves) {
                 *place += step.clamp_length_max(MAX_STEP * radius);
@@ -273,7 +273,7 @@ impl<'a> Panel<'a> {
         let own = if copy.runs_across { [along, copy.beside] } else { [copy.beside, along] };
         let [x, y] = [0, 1].map(|axis| own[axis] + i64::from(near.cells[axis]));
         let (first, copies) = &self.copies[near.yarn as usize];
-        let runs_across = self.neighbours.yarns[near.yarn as usize].runs_across;
+        let runs_across = self.neighbours.yarns[near.yarn as usize].chain.runs_across();
         let (beside, along) = if runs_across { (y, x) } else { (x, y) };
         let at = usize::try_from(beside - first).ok()?;
         let number = (*copies.get(at)?)?;
@@ -285,7 +285,7 @@ impl<'a> Panel<'a> {
 
     /// Number of data points of a yarn of the repeat, and the first of them.
     fn points_of(&self, yarn: usize) -> (i64, usize) {
-        let points = &self.neighbours.yarns[yarn].points;
+        let points = &self.neighbours.yarns[yarn].chain.points;
         (i64::from(index32(points.len())), points.start)
     }
 

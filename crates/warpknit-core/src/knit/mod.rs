@@ -15,6 +15,7 @@
 //! over [`MAX_RELAXED_LAPS`] laps have straight wales and are not relaxed.
 
 mod cell_list;
+mod chain;
 pub mod clearance;
 mod cover;
 mod lattice;
@@ -38,6 +39,7 @@ use crate::fabric::{
     Bar, Fabric, LaidCloth, Lay, RACK, StrandDirection, Structure, WarpKnit, WeftKnit,
 };
 use crate::ids::index32;
+use chain::Chain;
 use lattice::WaleLattice;
 use mesh::StructureMesh;
 pub use points::{Bed, Knitted, PointKind, Tag};
@@ -253,9 +255,11 @@ impl Pattern {
     fn relax(&mut self, fabric: &Fabric, shape: &[DVec3], share: f64, progress: Progress<'_>) {
         let thickness = fabric.thickness();
         let chains = self.repeat.yarns.iter().map(|yarn| relax::YarnChain {
-            points: self.repeat.points_of(yarn),
-            period: yarn.period,
-            radius: share * thickness[yarn.bar] * fabric.radius(),
+            chain: Chain {
+                points: self.repeat.points_of(yarn),
+                period: yarn.period,
+                radius: share * thickness[yarn.bar] * fabric.radius(),
+            },
             length: yarn_length(fabric, yarn),
         });
         let cloth = relax::Cloth {

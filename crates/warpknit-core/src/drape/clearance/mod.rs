@@ -33,9 +33,10 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::body::Body;
+use super::cloth::{BlockPlan, YarnPlan, along_yarns};
 use super::strands::{CUT, Strand, Strands};
 use super::sweeps;
-use super::{Block, BlockPlan, Cloth, DrapeOptions, YarnPlan, along_yarns};
+use super::{Block, Cloth, DrapeOptions};
 use crate::ids::index32;
 use crate::knit::Knitted;
 use crate::knit::clearance::MIN_RELAXED;

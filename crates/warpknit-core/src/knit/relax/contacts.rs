@@ -5,15 +5,14 @@
 //! cell list once yarns have moved by its skin. Cost: the list about a microsecond a segment, a
 //! sweep some nanoseconds a pair.
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
-use super::curves::{CurveSegment, blend};
 use super::{
     BEND_TOLERANCE, MAX_CANDIDATES, MAX_PAIRS, SWEEPS_PER_STEP, Solver, TARGET_DISTANCE, TOLERANCE,
-    YarnChain,
 };
 use crate::ids::index32;
 use crate::knit::cell_list::CellList;
+use crate::knit::chain::blend;
 use crate::yarn::curve;
 
 /// Cutoff of the neighbour list over the sum of the radii. What exceeds [`TARGET_DISTANCE`] is the
@@ -28,11 +27,6 @@ const LIST_MOVE: f64 = 0.25;
 /// heuristic: faster moves are allowed. Lower values skip pairs that meet meanwhile, until the list
 /// is looked at; higher values check distant pairs in vain.
 const APPROACH_PER_SWEEP: f64 = 0.03;
-/// Parts of one strand that are nearer than this along it, in radii, are no contacts. In the
-/// tightest bend, a half circle of one radius, parts that are 3.1 radii apart along the yarn lie
-/// two radii from each other. Smaller values would open such bends as if they were contacts; values
-/// beyond some ten radii would let the two legs of a narrow loop cut each other.
-const SAME_STRAND_RADII: f64 = 6.0;
 /// Only fewer than one span in this many is swept alone.
 const MOST_ACTIVE: usize = 5;
 /// Spans on each side of an active one that are active too. A span's curve depends on its
@@ -83,7 +77,7 @@ impl Solver<'_> {
         let pairs = self.pairs.iter().zip(&self.ratios);
         let (nearest, _) = pairs.min_by(|(_, one), (_, other)| one.total_cmp(other))?;
         let [span, _] = self.spans_of(nearest);
-        Some(self.spans[span].points[1] as usize)
+        Some(self.spans[span].control.points[1] as usize)
     }
 
     /// The spans in which the two segments of a pair lie.
@@ -137,8 +131,8 @@ impl Solver<'_> {
     fn list_is_stale(&self) -> bool {
         self.list_points.len() != self.points.len()
             || self.yarns.iter().any(|yarn| {
-                let limit = LIST_MOVE * yarn.radius;
-                yarn.points.clone().any(|at| {
+                let limit = LIST_MOVE * yarn.chain.radius;
+                yarn.chain.points.clone().any(|at| {
                     self.points[at].distance_squared(self.list_points[at]) > limit * limit
                 })
             })
@@ -147,7 +141,7 @@ impl Solver<'_> {
     /// Builds the neighbour list: all pairs that might touch before it is built again. Returns the
     /// least distance over the sum of the radii, or `None` if there are too many pairs.
     fn find_contacts(&mut self) -> Option<f64> {
-        let thickest = self.yarns.iter().map(|yarn| yarn.radius).fold(0.0, f64::max);
+        let thickest = self.yarns.iter().map(|yarn| yarn.chain.radius).fold(0.0, f64::max);
         // Two segments within the cutoff have bounding balls within it.
         let balls = self.segments.iter().map(|segment| {
             let [from, to] = self.ends(segment);
@@ -167,7 +161,7 @@ impl Solver<'_> {
                 return None;
             }
             let yarn_s = self.spans[one.span as usize].yarn;
-            let chain_s = &self.yarns[yarn_s as usize];
+            let chain = &self.yarns[yarn_s as usize].chain;
             cell_list.near(s, |t, shift| {
                 candidates += 1;
                 // The cell list gives each pair from both sides. Only one side is kept, or the
@@ -177,9 +171,10 @@ impl Solver<'_> {
                 }
                 let other = &self.segments[t];
                 let yarn_t = self.spans[other.span as usize].yarn;
-                let contact_distance = chain_s.radius + self.yarns[yarn_t as usize].radius;
+                let contact_distance = chain.radius + self.yarns[yarn_t as usize].chain.radius;
                 let offset = (shift * self.cell).extend(0.0);
-                if yarn_s == yarn_t && self.is_same_strand(one, other, shift, chain_s) {
+                let (along, length) = (other.along - one.along, self.lengths[yarn_s as usize]);
+                if yarn_s == yarn_t && chain.is_same_strand(along, shift, length) {
                     return;
                 }
                 let other_ends = self.ends(other).map(|end| end + offset);
@@ -199,24 +194,6 @@ impl Solver<'_> {
         }
         (self.pairs, self.ratios) = (pairs, ratios);
         Some(nearest)
-    }
-
-    /// Whether two segments of one yarn are parts of one strand that lie close along it. `shift` is
-    /// the image shift of the second one.
-    fn is_same_strand(
-        &self,
-        s: &CurveSegment,
-        t: &CurveSegment,
-        shift: DVec2,
-        chain: &YarnChain,
-    ) -> bool {
-        let runs_across = chain.period.x != 0.0;
-        let (beside, along) = if runs_across { (shift.y, shift.x) } else { (shift.x, shift.y) };
-        let length = self.lengths[self.spans[s.span as usize].yarn as usize];
-        // An image shifted beside the yarn is another strand. One shifted along it is the same
-        // strand, whole lengths of the repeat further on.
-        beside == 0.0
-            && (t.along + along * length - s.along).abs() <= SAME_STRAND_RADII * chain.radius
     }
 
     /// Contact constraints: moves the yarns of each pair in the list apart by what is missing from
@@ -269,8 +246,8 @@ impl Solver<'_> {
                 * ((CONTACT_STIFFNESS * missing).min(MAX_MOVE * contact_distance)
                     / gradient_squared);
             for k in 0..4 {
-                self.points[span_a.points[k] as usize] += push * weights_a[k];
-                self.points[span_b.points[k] as usize] -= push * weights_b[k];
+                self.points[span_a.control.points[k] as usize] += push * weights_a[k];
+                self.points[span_b.control.points[k] as usize] -= push * weights_b[k];
             }
         }
     }

@@ -9,15 +9,12 @@ use glam::{DVec2, DVec3};
 use super::shape::{LENGTH_TOLERANCE, largest_curvature};
 use super::{Solver, YarnChain, YarnLength};
 use crate::ids::index32;
+use crate::knit::chain::{Chain, SpanControl, blend};
 use crate::yarn::curve;
 
 /// Length of a segment of the sampled curve, radii. Longer segments cut the corners of bends, so
 /// contacts are missed there; shorter ones cost time with the square of their number.
 const SEGMENT_RADII: f64 = 1.35;
-/// Limits of the segments of one span. Under four, a loop's head becomes a polygon. The upper limit
-/// bounds the work for very thin yarns, whose radii would ask for many more.
-const MIN_SEGMENTS: f64 = 4.0;
-const MAX_SEGMENTS: f64 = 12.0;
 /// Length of a drafted yarn over that of a straight line. At 1 the loops that it passes by turns
 /// would have to leave their wale by their whole width.
 const DRAFTED_LENGTH: f64 = 1.03;
@@ -25,14 +22,11 @@ const DRAFTED_LENGTH: f64 = 1.03;
 /// The third one after it is not, which does no harm.
 const CONTROLLED_SPANS: usize = 2;
 
-/// A span of the curve between two data points: its four control points and its samples.
+/// A span of the curve between two data points.
 #[derive(Clone, Copy)]
 pub(super) struct ChainSpan {
     pub(super) yarn: u32,
-    pub(super) points: [u32; 4],
-    /// Image shifts of the control points: how many periods lie from each point to its image beside
-    /// the span.
-    pub(super) image_shifts: [f64; 4],
+    pub(super) control: SpanControl,
     /// Index of its first sample. It has one sample more than segments.
     pub(super) start: u32,
     pub(super) segments: u32,
@@ -85,6 +79,7 @@ impl<'a> Solver<'a> {
             swept_pairs: Vec::new(),
         };
         for (yarn, chain) in (0u32..).zip(yarns) {
+            let chain = &chain.chain;
             chain.points.clone().for_each(|at| solver.add_span(yarn, chain, at));
         }
         solver.weights.resize(solver.samples.len(), [0.0; 4]);
@@ -106,7 +101,7 @@ impl<'a> Solver<'a> {
         let scales = self.yarns.iter().zip(&lengths).map(|(yarn, length)| match yarn.length {
             YarnLength::Fed(fed) => fed / length,
             YarnLength::Slack(slack) => 1.0 + slack,
-            YarnLength::Drafted => DRAFTED_LENGTH * yarn.period.length() / length,
+            YarnLength::Drafted => DRAFTED_LENGTH * yarn.chain.period.length() / length,
             YarnLength::Shape | YarnLength::Taut => 1.0,
         });
         let scales = scales.collect::<Vec<_>>();
@@ -120,31 +115,13 @@ impl<'a> Solver<'a> {
     }
 
     /// Adds the span that starts at a point of a yarn.
-    fn add_span(&mut self, yarn: u32, chain: &YarnChain, at: usize) {
-        let count = i64::from(index32(chain.points.len()));
-        let at = i64::from(index32(at - chain.points.start));
-        // The four control points, counted along the endless yarn. Beyond the chain's ends they are
-        // images of points of this repeat, some whole periods away.
-        let indices = [at - 1, at, at + 1, at + 2];
-        let points = indices.map(|i| {
-            let wrapped = usize::try_from(i.rem_euclid(count));
-            index32(chain.points.start + wrapped.expect("a remainder is not negative"))
-        });
-        #[expect(clippy::cast_precision_loss, reason = "a repeat or two")]
-        let image_shifts = indices.map(|i| i.div_euclid(count) as f64);
+    fn add_span(&mut self, yarn: u32, chain: &Chain, at: usize) {
         let (start, number) = (index32(self.samples.len()), index32(self.spans.len()));
         let segment = index32(self.segments.len());
-        self.spans.push(ChainSpan { yarn, points, image_shifts, start, segments: 0, segment });
-        let chord = self.chord(number as usize).length();
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "clamped to some segments"
-        )]
-        let segments = (chord / (SEGMENT_RADII * chain.radius))
-            .ceil()
-            .clamp(MIN_SEGMENTS, MAX_SEGMENTS) as u32;
-        self.spans[number as usize].segments = segments;
+        let control = chain.control(at);
+        let [_, from, to, _] = control.places(self.points, chain.period);
+        let segments = chain.segments(from.distance(to), SEGMENT_RADII);
+        self.spans.push(ChainSpan { yarn, control, start, segments, segment });
         self.segments.extend((start..start + segments).map(|sample| CurveSegment {
             span: number,
             sample,
@@ -161,13 +138,7 @@ impl<'a> Solver<'a> {
     /// The images beside a span of its four points in `points`.
     #[inline]
     fn images(&self, span: &ChainSpan, points: &[DVec3]) -> [DVec3; 4] {
-        let control = span.points.map(|point| points[point as usize]);
-        // Spans within the repeat, nearly all of them, need no image.
-        if span.image_shifts == [0.0; 4] {
-            return control;
-        }
-        let period = self.yarns[span.yarn as usize].period;
-        std::array::from_fn(|k| control[k] + period * span.image_shifts[k])
+        span.control.places(points, self.yarns[span.yarn as usize].chain.period)
     }
 
     pub(super) fn chord(&self, span: usize) -> DVec3 {
@@ -227,7 +198,7 @@ impl<'a> Solver<'a> {
     /// Marks a span and those of its yarn that are at most so many places away.
     pub(super) fn mark(&self, span: u32, reach: usize, marks: &mut [bool]) {
         let yarn = &self.yarns[self.spans[span as usize].yarn as usize];
-        let (first, count) = (yarn.points.start, yarn.points.len());
+        let (first, count) = (yarn.chain.points.start, yarn.chain.points.len());
         for beside in 0..=2 * reach {
             let at = (span as usize - first + beside + count * reach - reach) % count;
             marks[first + at] = true;
@@ -248,7 +219,7 @@ impl<'a> Solver<'a> {
             *along += length;
         }
         let chords = self.yarns.iter().map(|yarn| {
-            yarn.points.clone().map(|span| self.chord(span).length()).sum::<f64>().max(1e-9)
+            yarn.chain.points.clone().map(|span| self.chord(span).length()).sum::<f64>().max(1e-9)
         });
         self.lengths_over_chords =
             chords.zip(&self.lengths).map(|(chords, length)| length / chords).collect();
@@ -282,7 +253,7 @@ impl<'a> Solver<'a> {
     pub(super) fn thickness(&self) -> f64 {
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         for span in &self.spans {
-            let radius = self.yarns[span.yarn as usize].radius;
+            let radius = self.yarns[span.yarn as usize].chain.radius;
             let start = span.start as usize;
             for sample in &self.samples[start..=start + span.segments as usize] {
                 (low, high) = (low.min(sample.z - radius), high.max(sample.z + radius));
@@ -290,12 +261,4 @@ impl<'a> Solver<'a> {
         }
         high - low
     }
-}
-
-/// The weighted sum of four control points.
-pub(super) fn blend(control: &[DVec3; 4], weights: &[f64; 4]) -> DVec3 {
-    control[0] * weights[0]
-        + control[1] * weights[1]
-        + control[2] * weights[2]
-        + control[3] * weights[3]
 }

@@ -26,11 +26,10 @@ mod contacts;
 mod curves;
 mod shape;
 
-use std::ops::Range;
-
 use glam::{DVec2, DVec3};
 
 use super::Progress;
+use super::chain::Chain;
 use contacts::ContactPair;
 use curves::{ChainSpan, CurveSegment};
 
@@ -86,16 +85,10 @@ const FADED: f64 = 1e-3;
 const MAX_CANDIDATES: usize = 20_000;
 const MAX_PAIRS: usize = 2_000;
 
-/// One yarn of the repeat: a chain that continues in the next repeat.
+/// One yarn of the repeat, and what sets its length.
 #[derive(Clone, Debug)]
 pub(super) struct YarnChain {
-    /// Its data points.
-    pub(super) points: Range<usize>,
-    /// From a point to the same point in the next repeat, mm: along the wales, for a weft across.
-    pub(super) period: DVec3,
-    /// mm.
-    pub(super) radius: f64,
-    /// What sets its length.
+    pub(super) chain: Chain,
     pub(super) length: YarnLength,
 }
 
@@ -300,6 +293,8 @@ impl Solver<'_> {
 
 #[cfg(test)]
 mod tests {
+    use std::ops::Range;
+
     use super::*;
     use crate::ids::index32;
     use crate::knit::clearance::SampledPaths;
@@ -320,7 +315,8 @@ mod tests {
     }
 
     fn chain(points: Range<usize>, radius: f64) -> YarnChain {
-        YarnChain { points, period: DVec3::Y, radius, length: YarnLength::Shape }
+        let chain = Chain { points, period: DVec3::Y, radius };
+        YarnChain { chain, length: YarnLength::Shape }
     }
 
     #[test]

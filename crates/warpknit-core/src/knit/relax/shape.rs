@@ -5,8 +5,8 @@
 
 use glam::DVec3;
 
-use super::curves::blend;
 use super::{Solver, YarnLength};
+use crate::knit::chain::blend;
 use crate::yarn::curve::{self, Weights};
 
 /// Least radius of the bends of a yarn, over its own. Real yarns bend no tighter than their radius:
@@ -44,11 +44,9 @@ impl Solver<'_> {
     /// Looks at all bends. Returns the largest curvature, over that of a bend with the yarn's
     /// radius.
     pub(super) fn find_bends(&mut self, grown: f64) -> f64 {
-        let bends = self
-            .spans
-            .iter()
-            .zip(&self.curvatures)
-            .map(|(span, curvature)| curvature * self.yarns[span.yarn as usize].radius * grown);
+        let bends = self.spans.iter().zip(&self.curvatures).map(|(span, curvature)| {
+            curvature * self.yarns[span.yarn as usize].chain.radius * grown
+        });
         self.bends = bends.collect();
         self.bends.iter().copied().fold(0.0, f64::max)
     }
@@ -66,7 +64,7 @@ impl Solver<'_> {
     /// Opens the bends of one span.
     fn open_bend(&mut self, number: usize, grown: f64) {
         let span = self.spans[number];
-        let radius = self.yarns[span.yarn as usize].radius * grown;
+        let radius = self.yarns[span.yarn as usize].chain.radius * grown;
         let limit = 1.0 / (MIN_BEND_RADIUS * radius);
         for t in CURVATURE_PLACES {
             let control = self.control_points(&span);
@@ -84,7 +82,7 @@ impl Solver<'_> {
             let gradients: [DVec3; 4] =
                 std::array::from_fn(|k| first[k] * by_first + second[k] * by_second);
             let squared: f64 = gradients.iter().map(|gradient| gradient.length_squared()).sum();
-            for (point, gradient) in span.points.into_iter().zip(gradients) {
+            for (point, gradient) in span.control.points.into_iter().zip(gradients) {
                 let step = gradient * (CURVATURE_STIFFNESS * (curvature - limit) / squared);
                 self.points[point as usize] -= step.clamp_length_max(MAX_STEP * radius);
             }
@@ -104,7 +102,7 @@ impl Solver<'_> {
             // Both ends have the same mass, so each takes half of the correction.
             let share = 0.5 * STRETCH_STIFFNESS * stiffness;
             let pull = chord * (share * (length - self.rest_chords[number]) / length);
-            let [_, from, to, _] = span.points.map(|point| point as usize);
+            let [_, from, to, _] = span.control.points.map(|point| point as usize);
             self.points[from] += pull;
             self.points[to] -= pull;
         }
@@ -115,7 +113,7 @@ impl Solver<'_> {
     pub(super) fn solve_bending(&mut self, stiffness: f64) {
         for number in 0..self.spans.len() {
             let span = self.spans[number];
-            let [before, at, after, _] = span.points.map(|point| point as usize);
+            let [before, at, after, _] = span.control.points.map(|point| point as usize);
             if self.yarns[span.yarn as usize].length.is_tense() {
                 let [before, here, after, _] = self.control_points(&span);
                 let pull = TENSION_STIFFNESS * stiffness * (before.midpoint(after) - here);
@@ -142,12 +140,12 @@ impl Solver<'_> {
     /// their lengths, along the gradient of the length.
     pub(super) fn solve_lengths(&mut self) {
         for (number, yarn) in self.yarns.iter().enumerate() {
-            if !self.active[yarn.points.clone()].contains(&true) {
+            if !self.active[yarn.chain.points.clone()].contains(&true) {
                 continue;
             }
             // The length of the chords stands for that of the curve: it has a simple gradient, and
             // from one look at the curve to the next both change in proportion.
-            let chords: Vec<_> = yarn.points.clone().map(|span| self.chord(span)).collect();
+            let chords: Vec<_> = yarn.chain.points.clone().map(|span| self.chord(span)).collect();
             let now: f64 = chords.iter().map(|chord| chord.length()).sum();
             let rest = self.rest_lengths[number] / self.lengths_over_chords[number];
             // An inequality constraint: within the tolerance a yarn may take or give length, as
@@ -174,7 +172,7 @@ impl Solver<'_> {
                 continue;
             }
             let step = 0.5 * excess * rest / gradient_squared;
-            for (i, point) in self.points[yarn.points.clone()].iter_mut().enumerate() {
+            for (i, point) in self.points[yarn.chain.points.clone()].iter_mut().enumerate() {
                 *point -= length_gradient(&chords, i) * step;
             }
         }
@@ -191,8 +189,8 @@ impl Solver<'_> {
             .fold((f64::INFINITY, f64::NEG_INFINITY), |all, p| (all.0.min(p.z), all.1.max(p.z)));
         let middle = low.midpoint(high);
         for yarn in self.yarns {
-            let reach = (thickness / 2.0 - yarn.radius).max(0.0);
-            for point in &mut self.points[yarn.points.clone()] {
+            let reach = (thickness / 2.0 - yarn.chain.radius).max(0.0);
+            for point in &mut self.points[yarn.chain.points.clone()] {
                 point.z = point.z.clamp(middle - reach, middle + reach);
             }
         }
@@ -201,8 +199,8 @@ impl Solver<'_> {
     /// Takes back what a data point moved in this sweep beyond the limit.
     pub(super) fn limit_moves(&mut self, grown: f64) {
         for yarn in self.yarns {
-            let limit = MAX_STEP * grown * yarn.radius;
-            for at in yarn.points.clone() {
+            let limit = MAX_STEP * grown * yarn.chain.radius;
+            for at in yarn.chain.points.clone() {
                 let before = self.before[at];
                 self.points[at] = before + (self.points[at] - before).clamp_length_max(limit);
             }

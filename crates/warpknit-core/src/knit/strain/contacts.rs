@@ -17,9 +17,6 @@ use crate::yarn::curve;
 const LIST_CUTOFF: f64 = 1.4;
 /// The list is rebuilt once a point has moved by this many radii of the thinnest yarn.
 const LIST_MOVE: f64 = 0.3;
-/// Parts of one strand nearer than this along it, in radii, are no contacts.
-const SAME_STRAND_RADII: f64 = 6.0;
-
 /// Two segments that may touch.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pair {
@@ -75,7 +72,7 @@ impl Solver<'_> {
             self.rest.segments.iter().map(|s| ends(s)[0].midpoint(ends(s)[1])).collect();
         let halves: Vec<_> =
             self.rest.segments.iter().map(|s| ends(s)[0].distance(ends(s)[1]) / 2.0).collect();
-        let thickest = self.rest.yarns.iter().map(|yarn| yarn.radius).fold(0.0, f64::max);
+        let thickest = self.rest.yarns.iter().map(|yarn| yarn.chain.radius).fold(0.0, f64::max);
         // The list is sorted in the axes of the flat cloth, whose cell is a rectangle. A strained
         // distance is longer there by the norm of the inverse map at most; depths stay.
         let longer = norm(back).max(1.0);
@@ -94,11 +91,18 @@ impl Solver<'_> {
                 let other = &self.rest.segments[b];
                 let [yarn, other_yarn] =
                     [one, other].map(|s| self.rest.spans[s.span as usize].yarn as usize);
-                let touching = self.rest.yarns[yarn].radius + self.rest.yarns[other_yarn].radius;
+                let [chain, other_chain] =
+                    [yarn, other_yarn].map(|yarn| &self.rest.yarns[yarn].chain);
+                let touching = chain.radius + other_chain.radius;
                 let reach = cutoff * touching + halves[a] + halves[b];
                 let offset = self.offset(shift);
                 if (middles[b] + offset).distance_squared(middles[a]) > reach * reach
-                    || (yarn == other_yarn && self.is_same_strand(yarn, one, other, shift))
+                    || (yarn == other_yarn
+                        && chain.is_same_strand(
+                            self.along(other) - self.along(one),
+                            shift,
+                            self.lengths[yarn],
+                        ))
                 {
                     return;
                 }
@@ -140,7 +144,7 @@ impl Solver<'_> {
                 neighbours[one as usize].extend(others);
             }
         };
-        self.rest.spans.iter().for_each(|span| join(&span.points));
+        self.rest.spans.iter().for_each(|span| join(&span.control.points));
         let mut spans: Vec<_> = self
             .pairs
             .iter()
@@ -149,7 +153,7 @@ impl Solver<'_> {
         spans.sort_unstable();
         spans.dedup();
         for [one, other] in spans {
-            let points = [one, other].map(|span| self.rest.spans[span as usize].points);
+            let points = [one, other].map(|span| self.rest.spans[span as usize].control.points);
             join(points.as_flattened());
         }
         for own in &mut neighbours {
@@ -194,15 +198,10 @@ impl Solver<'_> {
         (self.strain * (shift * self.rest.cell)).extend(0.0)
     }
 
-    /// Whether two segments of one yarn are parts of one strand that lie close along it.
-    fn is_same_strand(&self, yarn: usize, one: &Segment, other: &Segment, shift: DVec2) -> bool {
-        let rest = &self.rest.yarns[yarn];
-        let runs_across = rest.period.x != 0.0;
-        let (beside, along) = if runs_across { (shift.y, shift.x) } else { (shift.x, shift.y) };
-        let middle =
-            |s: &Segment| (self.along[s.sample as usize] + self.along[s.sample as usize + 1]) / 2.0;
-        let apart = middle(other) + along * self.lengths[yarn] - middle(one);
-        beside == 0.0 && apart.abs() <= SAME_STRAND_RADII * rest.radius
+    /// Yarn length from the start of the repeat to the middle of a segment.
+    fn along(&self, segment: &Segment) -> f64 {
+        let sample = segment.sample as usize;
+        f64::midpoint(self.along[sample], self.along[sample + 1])
     }
 }
 

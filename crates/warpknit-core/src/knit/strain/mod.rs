@@ -26,6 +26,7 @@ use std::collections::BTreeSet;
 
 use glam::{DMat2, DVec2};
 
+use super::chain::Chain;
 use super::repeat::RepeatYarn;
 use super::{Pattern, YarnLength, as_vec, yarn_length};
 use crate::fabric::{Fabric, Structure};
@@ -119,9 +120,11 @@ fn rest_of(fabric: &Fabric, pattern: &Pattern) -> Option<Rest> {
     }
     let thickness = fabric.thickness();
     let yarns = pattern.repeat.yarns.iter().map(|yarn| RestYarn {
-        points: pattern.repeat.points_of(yarn),
-        period: yarn.period,
-        radius: thickness[yarn.bar] * fabric.radius(),
+        chain: Chain {
+            points: pattern.repeat.points_of(yarn),
+            period: yarn.period,
+            radius: thickness[yarn.bar] * fabric.radius(),
+        },
         is_elastic: is_elastic(fabric, yarn),
     });
     let cell = pattern.spacing * as_vec(pattern.size[0], pattern.size[1]);

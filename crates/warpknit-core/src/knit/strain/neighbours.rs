@@ -3,9 +3,8 @@
 //! In: the repeat at rest. Out: [`Neighbours`], the partners of each span, for yarns laid many times
 //! over a panel. Cost: as one neighbour list of the solver.
 
-use std::ops::Range;
-
 use super::StrainTable;
+use super::rest::RestYarn;
 use super::solver;
 use crate::yarn::curve;
 
@@ -20,23 +19,10 @@ pub(crate) struct NearSpan {
     pub(crate) cells: [i32; 2],
 }
 
-/// A yarn of the repeat.
-#[derive(Clone, Debug)]
-pub(crate) struct NearYarn {
-    /// Its data points in the repeat.
-    pub(crate) points: Range<usize>,
-    /// Whether it runs across the wales.
-    pub(crate) runs_across: bool,
-    /// mm.
-    pub(crate) radius: f64,
-    /// Whether it may change its length.
-    pub(crate) is_elastic: bool,
-}
-
 /// The spans of a repeat.
 #[derive(Clone, Debug)]
 pub(crate) struct Neighbours {
-    pub(crate) yarns: Vec<NearYarn>,
+    pub(crate) yarns: Vec<RestYarn>,
     /// For each data point, the spans near the one that starts there.
     pub(crate) near: Vec<Vec<NearSpan>>,
     /// Length of the span that starts at each data point, mm.
@@ -54,14 +40,8 @@ impl StrainTable {
         let rest = &self.rest;
         let (near, bulges) = solver::near_spans(rest, cutoff);
         let lengths = rest.spans.iter().map(|span| curve::span(&rest.control(span), 1).length());
-        let yarns = rest.yarns.iter().map(|yarn| NearYarn {
-            points: yarn.points.clone(),
-            runs_across: yarn.period.x != 0.0,
-            radius: yarn.radius,
-            is_elastic: yarn.is_elastic,
-        });
         Neighbours {
-            yarns: yarns.collect(),
+            yarns: rest.yarns.clone(),
             near,
             lengths: lengths.collect(),
             bulges,

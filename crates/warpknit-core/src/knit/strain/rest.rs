@@ -3,29 +3,18 @@
 //! In: the data points of the flat relaxed repeat, periodic in both directions. Out: [`Rest`], spans
 //! with their lengths and chords, and how near yarns lie. Cost: as a sweep of the relaxation.
 
-use std::array::from_fn;
-use std::ops::Range;
-
 use glam::{DVec2, DVec3};
 
 use crate::ids::index32;
+use crate::knit::chain::{Chain, SpanControl};
 
 /// Length of a segment of the sampled curve, radii. Longer ones cut the corners of bends, so yarns
 /// lie nearer than the solver sees; shorter ones cost time with the square of their number.
 const SEGMENT_RADII: f64 = 0.9;
-/// Limits of the segments of one span.
-const MIN_SEGMENTS: f64 = 4.0;
-const MAX_SEGMENTS: f64 = 12.0;
-
-/// A yarn of the repeat: a chain that continues in the next repeat.
+/// A yarn of the repeat at rest.
 #[derive(Clone, Debug)]
 pub(crate) struct RestYarn {
-    /// Its data points.
-    pub(crate) points: Range<usize>,
-    /// From a point to the same point in the next repeat, mm.
-    pub(crate) period: DVec3,
-    /// mm.
-    pub(crate) radius: f64,
+    pub(crate) chain: Chain,
     /// Whether it may change its length: elastane, and inlays with slack.
     pub(crate) is_elastic: bool,
 }
@@ -34,10 +23,7 @@ pub(crate) struct RestYarn {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RestSpan {
     pub(super) yarn: u32,
-    /// Its four control points.
-    pub(super) points: [u32; 4],
-    /// Whole periods from each control point to its image beside the span.
-    pub(super) shifts: [f64; 4],
+    pub(super) control: SpanControl,
     /// Its first sample. It has one sample more than segments.
     pub(super) start: u32,
     pub(super) segments: u32,
@@ -79,7 +65,7 @@ pub(super) struct Rest {
 impl Rest {
     /// A repeat whose spans have no lengths yet.
     pub(super) fn new(points: Vec<DVec3>, yarns: Vec<RestYarn>, cell: DVec2, pull: f64) -> Self {
-        let thinnest = yarns.iter().map(|yarn| yarn.radius).fold(f64::INFINITY, f64::min);
+        let thinnest = yarns.iter().map(|yarn| yarn.chain.radius).fold(f64::INFINITY, f64::min);
         let mut rest = Self {
             points,
             yarns,
@@ -93,46 +79,26 @@ impl Rest {
             bending: 1.0,
         };
         for yarn in 0..rest.yarns.len() {
-            rest.yarns[yarn].points.clone().for_each(|at| rest.add_span(yarn, at));
+            rest.yarns[yarn].chain.points.clone().for_each(|at| rest.add_span(yarn, at));
         }
         rest
     }
 
     /// The four control points of a span.
     pub(super) fn control(&self, span: &RestSpan) -> [DVec3; 4] {
-        let period = self.yarns[span.yarn as usize].period;
-        from_fn(|k| self.points[span.points[k] as usize] + period * span.shifts[k])
+        span.control.places(&self.points, self.yarns[span.yarn as usize].chain.period)
     }
 
     /// Adds the span that starts at a point of a yarn.
     fn add_span(&mut self, number: usize, at: usize) {
-        let yarn = &self.yarns[number];
-        let count = i64::from(index32(yarn.points.len()));
-        let at = i64::from(index32(at - yarn.points.start));
-        // The four control points, counted along the endless yarn.
-        let indices = [at - 1, at, at + 1, at + 2];
-        let points = indices.map(|i| {
-            let wrapped = usize::try_from(i.rem_euclid(count));
-            index32(yarn.points.start + wrapped.expect("a remainder is not negative"))
-        });
-        #[expect(clippy::cast_precision_loss, reason = "a repeat or two")]
-        let shifts = indices.map(|i| i.div_euclid(count) as f64);
-        let control: [DVec3; 4] =
-            from_fn(|k| self.points[points[k] as usize] + yarn.period * shifts[k]);
-        let [first, from, to, last] = control;
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "clamped to some segments"
-        )]
-        let segments = (from.distance(to) / (SEGMENT_RADII * yarn.radius))
-            .ceil()
-            .clamp(MIN_SEGMENTS, MAX_SEGMENTS) as u32;
+        let chain = &self.yarns[number].chain;
+        let control = chain.control(at);
+        let [first, from, to, last] = control.places(&self.points, chain.period);
+        let segments = chain.segments(from.distance(to), SEGMENT_RADII);
         let (span, start) = (index32(self.spans.len()), index32(self.samples));
         self.spans.push(RestSpan {
             yarn: index32(number),
-            points,
-            shifts,
+            control,
             start,
             segments,
             length: 0.0,

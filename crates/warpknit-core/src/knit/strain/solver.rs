@@ -20,6 +20,7 @@ use super::contacts::Pair;
 use super::neighbours::NearSpan;
 use super::profile::Profile;
 use super::rest::{Rest, RestSpan};
+use crate::knit::chain::blend;
 use crate::yarn::curve;
 
 /// Weights of the residuals: a change of a span's length by one, yarns at distance 0, a change of a
@@ -48,6 +49,9 @@ const STRAIN_STEP: f64 = 0.05;
 /// The damping starts here, falls with each step that is taken and rises with each that is refused.
 const DAMPING: f64 = 1e-3;
 const MAX_DAMPING: f64 = 1e6;
+
+/// Shorter lengths have no direction, mm.
+const MIN_LENGTH: f64 = 1e-12;
 
 /// A strained repeat.
 #[derive(Clone, Debug)]
@@ -112,12 +116,8 @@ impl<'a> Solver<'a> {
 
     /// The four control points of a span.
     fn control(&self, span: &RestSpan) -> [DVec3; 4] {
-        let control = span.points.map(|at| self.points[at as usize]);
-        if span.shifts == [0.0; 4] {
-            return control;
-        }
-        let period = self.strained(self.rest.yarns[span.yarn as usize].period);
-        std::array::from_fn(|k| control[k] + period * span.shifts[k])
+        let period = self.strained(self.rest.yarns[span.yarn as usize].chain.period);
+        span.control.places(&self.points, period)
     }
 
     /// A flat place moved with the cloth.
@@ -192,7 +192,7 @@ impl<'a> Solver<'a> {
                     *derivative += along * (self.weights[at + 1][k] - self.weights[at][k]);
                 }
             }
-            let entries: [_; 4] = std::array::from_fn(|k| (span.points[k], derivatives[k]));
+            let entries: [_; 4] = std::array::from_fn(|k| (span.control.points[k], derivatives[k]));
             self.add(residual, &entries);
         }
         residual * residual
@@ -201,7 +201,7 @@ impl<'a> Solver<'a> {
     /// A yarn keeps its bends: the distances of a control point to the next but one and the one
     /// after that.
     fn add_chords(&mut self, span: &RestSpan, with_matrix: bool) -> f64 {
-        let radius = self.rest.yarns[span.yarn as usize].radius;
+        let radius = self.rest.yarns[span.yarn as usize].chain.radius;
         let control = self.control(span);
         let mut sum = 0.0;
         for (chord, far) in [2, 3].into_iter().enumerate() {
@@ -214,7 +214,10 @@ impl<'a> Solver<'a> {
                 let derivative = across * (weight / length);
                 self.add(
                     residual,
-                    &[(span.points[far], derivative), (span.points[0], -derivative)],
+                    &[
+                        (span.control.points[far], derivative),
+                        (span.control.points[0], -derivative),
+                    ],
                 );
             }
         }
@@ -238,9 +241,9 @@ impl<'a> Solver<'a> {
                 let apart = contact.direction * (CONTACT / pair.touching);
                 let entries: [_; 8] = std::array::from_fn(|k| {
                     if k < 4 {
-                        (one.points[k], apart * -contact.weights[0][k])
+                        (one.control.points[k], apart * -contact.weights[0][k])
                     } else {
-                        (other.points[k - 4], apart * contact.weights[1][k - 4])
+                        (other.control.points[k - 4], apart * contact.weights[1][k - 4])
                     }
                 });
                 self.add(residual, &entries);
@@ -288,7 +291,8 @@ impl<'a> Solver<'a> {
             for (point, step) in self.points.iter_mut().zip(&moves) {
                 *point -= *step * share;
             }
-            let next = self.evaluate(false);
+            // Nearly all steps are taken, so the matrix is wanted.
+            let next = self.evaluate(true);
             let passes = next.nearest < MIN_RATIO && next.nearest < energy.nearest;
             if next.sum <= energy.sum && !passes {
                 let gain = (energy.sum - next.sum) / energy.sum.max(1e-12);
@@ -298,7 +302,6 @@ impl<'a> Solver<'a> {
                 if is_done || energy.sum < 1e-9 {
                     break;
                 }
-                energy = self.evaluate(true);
             } else {
                 self.points = before;
                 damping *= 4.0;
@@ -326,9 +329,6 @@ impl<'a> Solver<'a> {
         self.points.iter().map(|p| (back * p.xy()).extend(p.z)).collect()
     }
 }
-
-/// Shorter lengths have no direction, mm.
-const MIN_LENGTH: f64 = 1e-12;
 
 /// Measures the rest lengths of a repeat's spans and how near its yarns lie.
 pub(super) fn measure_rest(rest: &mut Rest) {
@@ -390,13 +390,7 @@ pub(super) fn solve(rest: &Rest, from: &State, strain: Strain) -> State {
         solver.set_strain(from.strain.towards(strain, share));
         energy = solver.minimise(ITERATIONS[usize::from(step == steps)]);
     }
-    State {
-        strain,
-        points: solver.flat_points(),
-        energy,
-        stretch: solver.stretch(),
-        nearest: solver.nearest(),
-    }
+    solver.state(strain, energy)
 }
 
 /// Iterates on until the energy no longer falls: for what depends on the energy itself.
@@ -411,16 +405,21 @@ pub(super) fn refine(rest: &Rest, state: State) -> State {
             break;
         }
     }
-    State {
-        energy,
-        points: solver.flat_points(),
-        stretch: solver.stretch(),
-        nearest: solver.nearest(),
-        ..state
-    }
+    solver.state(state.strain, energy)
 }
 
 impl Solver<'_> {
+    /// The present state.
+    fn state(&self, strain: Strain, energy: f64) -> State {
+        State {
+            strain,
+            points: self.flat_points(),
+            energy,
+            stretch: self.stretch(),
+            nearest: self.nearest(),
+        }
+    }
+
     /// The largest change of a yarn's length, as a share of it. Elastic yarns don't count.
     fn stretch(&self) -> f64 {
         let mut rest = vec![0.0; self.lengths.len()];
@@ -437,12 +436,4 @@ impl Solver<'_> {
         let all = self.pairs.iter().filter_map(|pair| self.contact(pair, f64::INFINITY));
         all.map(|contact| contact.ratio).fold(f64::INFINITY, f64::min)
     }
-}
-
-/// The weighted sum of four control points.
-pub(super) fn blend(control: &[DVec3; 4], weights: &[f64; 4]) -> DVec3 {
-    control[0] * weights[0]
-        + control[1] * weights[1]
-        + control[2] * weights[2]
-        + control[3] * weights[3]
 }

@@ -17,7 +17,7 @@ use crate::ids::index32;
 /// First bytes of a table.
 const MAGIC: [u8; 8] = *b"wk-knots";
 /// The sources that decide what is found at a knot.
-const SOURCES: [&str; 12] = [
+const SOURCES: [&str; 13] = [
     include_str!("contacts.rs"),
     include_str!("grid.rs"),
     include_str!("mod.rs"),
@@ -29,6 +29,7 @@ const SOURCES: [&str; 12] = [
     include_str!("stored.rs"),
     include_str!("table.rs"),
     include_str!("../cell_list.rs"),
+    include_str!("../chain.rs"),
     include_str!("../../yarn/curve.rs"),
 ];
 /// Their hash. So a change of the solver makes other tables, also between two versions.
@@ -139,10 +140,11 @@ impl StrainTable {
         let mut add = |numbers: &[f64]| key.extend(numbers.iter().flat_map(|x| x.to_le_bytes()));
         add(&[rest.cell.x, rest.cell.y, rest.pull]);
         for yarn in &rest.yarns {
+            let chain = &yarn.chain;
             let is_elastic = f64::from(u8::from(yarn.is_elastic));
-            let points = [yarn.points.start, yarn.points.end].map(|at| f64::from(index32(at)));
+            let points = [chain.points.start, chain.points.end].map(|at| f64::from(index32(at)));
             add(&points);
-            add(&[yarn.period.x, yarn.period.y, yarn.period.z, yarn.radius, is_elastic]);
+            add(&[chain.period.x, chain.period.y, chain.period.z, chain.radius, is_elastic]);
         }
         rest.points.iter().for_each(|point| add(&point.to_array()));
         key

@@ -42,8 +42,8 @@ pub struct StrainTable {
     elastic_bars: Vec<usize>,
     /// What the solver found at each knot.
     pub(super) solved: Vec<OnceLock<Knot>>,
-    /// What lookups interpolate: the same, but at the lock for locked knots.
-    placed: Vec<OnceLock<Vec<[f32; 3]>>>,
+    /// Offsets at the lock, for knots beyond it.
+    at_locks: Vec<OnceLock<Vec<[f32; 3]>>>,
 }
 
 /// A solved knot.
@@ -69,10 +69,10 @@ impl StrainTable {
     pub(super) fn of(mut rest: Rest, elastic_bars: Vec<usize>) -> Self {
         solver::measure_rest(&mut rest);
         let mut solved = Vec::new();
-        let mut placed = Vec::new();
+        let mut at_locks = Vec::new();
         solved.resize_with(KNOTS, OnceLock::new);
-        placed.resize_with(KNOTS, OnceLock::new);
-        Self { rest, elastic_bars, solved, placed }
+        at_locks.resize_with(KNOTS, OnceLock::new);
+        Self { rest, elastic_bars, solved, at_locks }
     }
 
     /// Solves in parallel the knots around these strains. `progress` gets the share that is done.
@@ -139,12 +139,10 @@ impl StrainTable {
     pub fn at(&self, strain: Strain) -> Lookup<'_> {
         let place = Place::of(strain);
         let knots = place.knots();
-        let lock: f64 =
-            knots.iter().map(|&(knot, weight)| weight * f64::from(self.lock(knot))).sum();
         Lookup {
             corners: knots.map(|(knot, weight)| (self.placed(knot), weight)),
             is_outside: place.is_outside,
-            is_locked: lock > 1.0,
+            is_locked: self.lock_at(&knots) > 1.0,
         }
     }
 
@@ -152,30 +150,36 @@ impl StrainTable {
         self.solved(knot).lock
     }
 
-    /// The offsets that lookups interpolate.
+    /// How locked the cloth is between knots with these weights.
+    fn lock_at(&self, knots: &[(usize, f64)]) -> f64 {
+        knots.iter().map(|&(knot, weight)| weight * f64::from(self.lock(knot))).sum()
+    }
+
+    /// The offsets that lookups interpolate: those of the knot, or at the lock for locked ones.
     fn placed(&self, knot: usize) -> &[[f32; 3]] {
-        self.placed[knot].get_or_init(|| {
-            let solved = self.solved(knot);
-            if solved.lock <= 1.0 { solved.offsets.clone() } else { self.at_lock(knot) }
-        })
+        let solved = self.solved(knot);
+        if solved.lock <= 1.0 {
+            return &solved.offsets;
+        }
+        self.at_locks[knot].get_or_init(|| self.at_lock(knot))
     }
 
     /// The offsets where the line from flat cloth to a locked knot meets the lock.
     fn at_lock(&self, knot: usize) -> Vec<[f32; 3]> {
         let target = grid::strain(knot);
-        let mut last = Place::of(Strain::NONE);
+        let mut last = Vec::new();
         for step in 1..RAY_STEPS {
             let share = f64::from(step) / f64::from(RAY_STEPS);
             let place = Place::of(Strain::NONE.towards(target, share));
             let knots = place.knots().into_iter().filter(|(_, weight)| *weight > 0.0);
-            let lock: f64 = knots.map(|(at, weight)| weight * f64::from(self.lock(at))).sum();
-            if lock > 1.0 {
+            let knots: Vec<_> = knots.collect();
+            if self.lock_at(&knots) > 1.0 {
                 break;
             }
-            last = place;
+            last = knots;
         }
         let mut offsets = vec![[0.0_f32; 3]; self.rest.points.len()];
-        for (at, weight) in last.knots().into_iter().filter(|(_, weight)| *weight > 0.0) {
+        for (at, weight) in last {
             for (sum, offset) in offsets.iter_mut().zip(&self.solved(at).offsets) {
                 for axis in 0..3 {
                     #[expect(clippy::cast_possible_truncation, reason = "offsets are stored so")]

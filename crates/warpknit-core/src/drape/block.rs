@@ -1,0 +1,133 @@
+//! A block: consecutive yarns of one bar on one panel, on their way through the stages.
+//!
+//! In: a plan of yarns. Out: their flat data points, the strands on the panel, draped points and
+//! tubes, each made by a stage of its own in memory that a later block uses again.
+
+use std::ops::Range;
+
+use super::body::Body;
+use super::cloth::{BlockPlan, Cloth};
+use super::strands::{Edge, Strands};
+#[cfg(doc)]
+use crate::garment::Garment;
+use crate::ids::YarnId;
+use crate::knit::{Knitted, YarnCopy};
+use crate::locate::{Locator, SurfacePoint};
+use crate::map::Draped;
+use crate::map::relaxed::StrainCounts;
+use crate::yarn::tube::{Section, Tubes};
+
+/// Consecutive yarns of one bar on one panel, after all stages.
+#[derive(Clone, Debug, Default)]
+pub struct Block {
+    /// Index of the panel in [`Garment::panels`].
+    pub panel: usize,
+    /// Index of the bar, counted from the front.
+    pub bar: usize,
+    /// Flat data points of all its yarns, on the panel or not.
+    pub knitted: Knitted,
+    /// The parts of the yarns that lie on the panel.
+    pub strands: Strands,
+    /// The draped positions of the strands' points.
+    pub draped: Draped,
+    /// How many of these points lie where the cloth is strained too far.
+    pub strain: StrainCounts,
+    /// The strands' tubes, if they are wanted.
+    pub tubes: Tubes,
+    pub(super) yarns: Vec<BlockYarn>,
+    /// Whether it is only there for its neighbours' sake.
+    pub(super) is_beside: bool,
+    /// The location of each data point of `knitted`.
+    pub(super) located: Vec<Option<SurfacePoint>>,
+}
+
+/// A yarn of a block.
+#[derive(Clone, Debug)]
+pub(super) struct BlockYarn {
+    pub(super) id: YarnId,
+    /// Its stitches in [`Block::knitted`].
+    pub(super) stitches: Range<usize>,
+    /// The yarn of the repeat that it copies.
+    pub(super) copy: YarnCopy,
+}
+
+impl Block {
+    pub(super) fn stitches(&self) -> u64 {
+        self.knitted.stitches.len() as u64
+    }
+
+    /// The data points of some stitches in `knitted`.
+    pub(super) fn points_of(&self, stitches: &Range<usize>) -> Range<usize> {
+        let [start, end] = [stitches.start, stitches.end].map(|stitch| {
+            let points = self.knitted.points.len();
+            self.knitted.stitches.get(stitch).map_or(points, |&point| point as usize)
+        });
+        start..end
+    }
+
+    /// Knits, locates and maps the planned yarns.
+    pub(super) fn lay(
+        &mut self,
+        cloth: &Cloth<'_>,
+        plan: &BlockPlan,
+        locator: &Locator<'_>,
+        body: &Body<'_>,
+        edge: Edge,
+    ) {
+        self.knit(cloth, plan);
+        self.locate(locator, edge);
+        self.map(body);
+    }
+
+    /// Computes the flat data points of the planned yarns.
+    pub(super) fn knit(&mut self, cloth: &Cloth<'_>, plan: &BlockPlan) {
+        (self.panel, self.bar, self.is_beside) = (plan.panel, plan.bar, plan.is_beside);
+        self.knitted.clear();
+        self.yarns.clear();
+        for yarn in &plan.yarns {
+            let first = self.knitted.stitches.len();
+            let mesh = &cloth.meshes[plan.panel];
+            cloth.pattern.lay(plan.bar, yarn.guide, yarn.courses.clone(), mesh, &mut self.knitted);
+            let copy = cloth.pattern.copy(plan.bar, yarn.guide, yarn.courses.start);
+            self.yarns.extend(copy.map(|copy| BlockYarn {
+                id: yarn.id,
+                stitches: first..self.knitted.stitches.len(),
+                copy,
+            }));
+        }
+    }
+
+    /// Locates the data points on the panel and clips the yarns at its edge.
+    pub(super) fn locate(&mut self, locator: &Locator<'_>, edge: Edge) {
+        locator.locate_into(&self.knitted.points, &mut self.located);
+        self.strands.clear();
+        for yarn in &self.yarns {
+            self.strands.add_yarn(
+                yarn.id,
+                &self.knitted,
+                yarn.stitches.clone(),
+                &self.located,
+                locator,
+                edge,
+            );
+        }
+    }
+
+    /// Maps the strands' points to the draped panel.
+    pub(super) fn map(&mut self, body: &Body<'_>) {
+        let Self { strands, knitted, draped, .. } = self;
+        self.strain = body.map(self.panel, strands, knitted, draped);
+    }
+
+    /// Makes the strands' tubes. `thickness` is the bar's radius relative to the section's.
+    pub(super) fn add_tubes(&mut self, section: &Section, thickness: f64) {
+        let section = &Section { radius: section.radius * thickness, ..*section };
+        self.tubes.clear();
+        self.tubes.reserve(self.strands.pieces.len(), self.strands.strands.len(), section);
+        for strand in &self.strands.strands {
+            let (positions, normals) =
+                (&self.draped.positions[strand.range()], &self.draped.normals[strand.range()]);
+            self.tubes.add(positions, normals, self.strands.pieces_of(strand), section);
+        }
+    }
+}
