@@ -12,7 +12,7 @@
 //! computes all contacts from the places before it and moves each yarn by itself, so the result is
 //! the same for any number of threads. Lengths are corrected along each yarn in turn.
 //!
-//! Cost: some 10 µs a stitch, and a fifth of a kilobyte. Not promised: cloth that lies on cloth.
+//! Cost: some 90 µs a stitch, and a fifth of a kilobyte. Not promised: cloth that lies on cloth.
 
 use std::array::from_fn;
 use std::ops::Range;
@@ -28,7 +28,7 @@ use crate::knit::strain::{NearSpan, Neighbours};
 use crate::yarn::curve;
 
 /// Cutoff of the partners of a span in the flat repeat, over touching. Strains of a fifth bring
-/// yarns nearer by half of what is over 1 here.
+/// yarns nearer by some tenths of touching; with 1.5 some that meet in folds are missed.
 pub(super) const NEAR: f64 = 2.0;
 /// Number of sweeps.
 const SWEEPS: usize = 18;
@@ -43,7 +43,8 @@ const CONTACT_STIFFNESS: f64 = 0.6;
 const LENGTH_STIFFNESS: f64 = 0.6;
 /// Wrong lengths that are left: less is not seen.
 const LENGTH_TOLERANCE: f64 = 0.002;
-/// Lengths that are wrong by more are those of locked cloth, where yarn does stretch.
+/// Lengths that are wrong by more are those of locked cloth, where yarn has to stretch. Moving its
+/// points would not mend them.
 const LENGTH_LIMIT: f64 = 0.3;
 /// Parts into which a span is divided to find where it is nearest to another.
 const PARTS: usize = 3;
@@ -66,9 +67,10 @@ struct Panel<'a> {
     /// For each yarn of the repeat: the first copy, and the number in `yarns` of each copy from
     /// there on.
     copies: Vec<(i64, Vec<Option<u32>>)>,
-    /// Place of each data point; not a number for those off the panel.
+    /// Place of each data point; not a number for those off the panel. The one next to a cut end has
+    /// the place of the cut, which shapes the curve beside it.
     places: Vec<DVec3>,
-    /// The places as mapped.
+    /// The places as mapped; not a number for cut ends too, which don't move.
     mapped: Vec<DVec3>,
 }
 
@@ -136,19 +138,53 @@ impl<'a> Panel<'a> {
         for block in blocks {
             let start = panel.places.len();
             panel.places.resize(start + block.knitted.points.len(), DVec3::NAN);
-            for (&source, &place) in block.strands.sources.iter().zip(&block.draped.positions) {
-                if source != CUT {
-                    panel.places[start + source as usize] = place;
-                }
-            }
+            panel.add_places(block, start);
             panel.yarns.extend(block.yarns.iter().map(|yarn| {
                 let points = block.points_of(&yarn.stitches);
                 PanelYarn { copy: yarn.copy, places: start + points.start..start + points.end }
             }));
         }
         panel.mapped.clone_from(&panel.places);
+        panel.add_cuts(blocks);
         panel.sort_copies();
         panel
+    }
+
+    /// Adds the data points of a block on the panel.
+    fn add_places(&mut self, block: &Block, start: usize) {
+        for (&source, &place) in block.strands.sources.iter().zip(&block.draped.positions) {
+            if source != CUT {
+                self.places[start + source as usize] = place;
+            }
+        }
+    }
+
+    /// Adds the cut ends of all strands.
+    fn add_cuts(&mut self, blocks: &[Block]) {
+        let mut start = 0;
+        for block in blocks {
+            let Block { strands, draped, .. } = block;
+            for strand in &strands.strands {
+                let points = strand.range();
+                let (sources, places) =
+                    (&strands.sources[points.clone()], &draped.positions[points]);
+                if let [CUT, first, ..] = *sources {
+                    self.add_cut((start + first as usize).checked_sub(1), places[0]);
+                }
+                if let [.., last, CUT] = *sources {
+                    self.add_cut(Some(start + last as usize + 1), places[places.len() - 1]);
+                }
+            }
+            start += block.knitted.points.len();
+        }
+    }
+
+    /// Adds a cut end in the place of the data point beyond it, unless that one is on the panel.
+    fn add_cut(&mut self, beyond: Option<usize>, cut: DVec3) {
+        let place = beyond.and_then(|at| self.places.get_mut(at));
+        if let Some(place) = place.filter(|place| place.is_nan()) {
+            *place = cut;
+        }
     }
 
     /// Finds the copies of each yarn of the repeat.
@@ -172,12 +208,9 @@ impl<'a> Panel<'a> {
     /// Finds the spans that are near those of a yarn.
     fn find_pairs(&self, yarn: &PanelYarn, pairs: &mut Vec<SpanPair>) {
         pairs.clear();
-        let (count, start) = self.points_of(yarn.copy.yarn);
         let own = &self.places[yarn.places.clone()];
         for span in 1..own.len().saturating_sub(2) {
-            let at = yarn.copy.first + i64::from(index32(span));
-            let point = start + usize::try_from(at.rem_euclid(count)).expect("not negative");
-            let along = at.div_euclid(count);
+            let (point, along) = self.origin(yarn, span);
             for near in &self.neighbours.near[point] {
                 let Some((number, other_span)) = self.partner(&yarn.copy, along, near) else {
                     continue;
@@ -220,9 +253,14 @@ impl<'a> Panel<'a> {
         let is_elastic = self.neighbours.yarns[yarn.copy.yarn].is_elastic;
         let stretched = !is_elastic && self.keep_lengths(yarn, own);
         active.is_idle = !pushed && !stretched;
-        let mapped = &self.mapped[yarn.places.clone()];
-        for (place, &mapped) in own.iter_mut().zip(mapped) {
-            *place = mapped + (*place - mapped).clamp_length_max(MAX_MOVE * radius);
+        let [mapped, before] =
+            [&self.mapped, &self.places].map(|places| &places[yarn.places.clone()]);
+        for (place, (&mapped, &before)) in own.iter_mut().zip(mapped.iter().zip(before)) {
+            *place = if mapped.is_nan() {
+                before
+            } else {
+                mapped + (*place - mapped).clamp_length_max(MAX_MOVE * radius)
+            };
         }
     }
 
@@ -251,11 +289,14 @@ impl<'a> Panel<'a> {
     /// Corrects the lengths of a yarn's spans. Returns whether any was wrong.
     fn keep_lengths(&self, yarn: &PanelYarn, own: &mut [DVec3]) -> bool {
         let mut any = false;
-        let (count, start) = self.points_of(yarn.copy.yarn);
+        let mapped = &self.mapped[yarn.places.clone()];
         for span in 1..own.len().saturating_sub(2) {
-            let at = (yarn.copy.first + i64::from(index32(span))).rem_euclid(count);
-            let point = start + usize::try_from(at).expect("not negative");
+            let (point, _) = self.origin(yarn, span);
             let Some(control) = control_points(own, span) else { continue };
+            // The part of a span up to a cut has no length to keep.
+            if mapped[span].is_nan() || mapped[span + 1].is_nan() {
+                continue;
+            }
             let length = curve::span(&control, 1).length();
             let wrong = length / self.neighbours.lengths[point] - 1.0;
             if wrong.abs() > LENGTH_TOLERANCE && wrong.abs() < LENGTH_LIMIT {
@@ -266,6 +307,14 @@ impl<'a> Panel<'a> {
             }
         }
         any
+    }
+
+    /// The data point of the repeat of which a yarn's point is a copy, and its cell along the yarn.
+    fn origin(&self, yarn: &PanelYarn, point: usize) -> (usize, i64) {
+        let (count, start) = self.points_of(yarn.copy.yarn);
+        let at = yarn.copy.first + i64::from(index32(point));
+        let within = usize::try_from(at.rem_euclid(count)).expect("a remainder is not negative");
+        (start + within, at.div_euclid(count))
     }
 
     /// A partner of a span of a copy in its cell `along`, with its span.
