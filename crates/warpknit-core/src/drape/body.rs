@@ -11,7 +11,7 @@ use super::sweeps;
 use crate::garment::Garment;
 use crate::knit::strain::{Neighbours, StrainTable};
 use crate::knit::{Knitted, Progress};
-use crate::map::relaxed::{self, StrainCounts};
+use crate::map::relaxed::{StrainCounts, StrainedPanel};
 use crate::map::surface::SmoothSurface;
 use crate::map::{Draped, Mapping, map_into};
 
@@ -37,9 +37,9 @@ impl<'a> Body<'a> {
     ) -> Self {
         let relaxed = table.filter(|_| mapping == Mapping::Relaxed).map(|table| {
             let surfaces: Vec<_> = garment.panels.par_iter().map(SmoothSurface::new).collect();
-            let panels = garment.panels.iter().zip(&surfaces);
+            let panels = garment.panels.par_iter().zip(&surfaces);
             let strains = panels
-                .flat_map(|(panel, surface)| relaxed::strains(panel, surface, table.depths()));
+                .flat_map(|(panel, surface)| StrainedPanel { panel, surface, table }.strains());
             table.prepare(strains, progress);
             (table, surfaces)
         });
@@ -65,34 +65,23 @@ impl<'a> Body<'a> {
             map_into(mesh, &strands.flat, &strands.located, self.mapping, draped);
             return StrainCounts::default();
         };
-        relaxed::map_relaxed(
-            mesh,
-            &surfaces[panel],
-            table,
-            &strands.flat,
-            &strands.located,
-            &origins(strands, knitted),
-            draped,
-        )
+        let strained = StrainedPanel { panel: mesh, surface: &surfaces[panel], table };
+        let origin = |point| origin(strands, knitted, point);
+        strained.map(&strands.flat, &strands.located, origin, draped)
     }
 }
 
-/// The points of the repeat of which a block's strand points are copies. A cut end follows the data
-/// point beside it.
-fn origins(strands: &Strands, knitted: &Knitted) -> Vec<u32> {
-    let mut origins = Vec::with_capacity(strands.sources.len());
-    for (at, &source) in strands.sources.iter().enumerate() {
-        let origin = match source {
-            // Only the first and the last point of a strand can be cut; another one is beside each.
-            CUT => match strands.sources.get(at + 1) {
-                Some(&next) if starts_strand(strands, at) => knitted.origins[next as usize],
-                _ => *origins.last().expect("a strand has a point before its cut end"),
-            },
-            source => knitted.origins[source as usize],
-        };
-        origins.push(origin);
-    }
-    origins
+/// The point of the repeat of which a strand's point is a copy. A cut end follows the data point
+/// beside it.
+#[inline]
+fn origin(strands: &Strands, knitted: &Knitted, point: usize) -> u32 {
+    let source = match strands.sources[point] {
+        // Only the first and the last point of a strand can be cut; another one is beside each.
+        CUT if starts_strand(strands, point) => strands.sources[point + 1],
+        CUT => strands.sources[point - 1],
+        source => source,
+    };
+    knitted.origins[source as usize]
 }
 
 /// Whether a point is the first of a strand.

@@ -11,10 +11,13 @@
 //!
 //! Cost: some 60 ns a point over the smooth map.
 
+use std::array::from_fn;
+
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::Draped;
-use super::surface::{Slope, SmoothSurface, SurfaceFrame};
+use super::surface::{LaneVec, SmoothSurface, SurfaceFrames, part_of};
 use crate::garment::Panel;
 use crate::knit::strain::{Strain, StrainTable};
 use crate::locate::SurfacePoint;
@@ -38,83 +41,139 @@ impl std::ops::AddAssign for StrainCounts {
     }
 }
 
-/// Maps located points. `origins` are their points in the repeat.
-pub(crate) fn map_relaxed(
-    panel: &Panel,
-    surface: &SmoothSurface,
-    table: &StrainTable,
-    flat: &[DVec3],
-    located: &[SurfacePoint],
-    origins: &[u32],
-    draped: &mut Draped,
-) -> StrainCounts {
-    draped.positions.clear();
-    draped.normals.clear();
-    let mut counts = StrainCounts { points: flat.len(), ..StrainCounts::default() };
-    let mut at = 0;
-    for run in located.chunk_by(|one, next| one.triangle == next.triangle) {
-        let patch = surface.patch(panel, run[0].triangle as usize);
-        for point in run {
-            let frame = patch.at(point.b, point.c);
-            let depth = flat[at].z;
-            let slope = slope_at(&frame, depth);
-            let lookup = table.at(strain_of(&slope));
-            let offset = lookup.offset(origins[at] as usize);
-            counts.outside += usize::from(lookup.is_outside);
-            counts.locked += usize::from(lookup.is_locked);
-            draped.positions.push(
-                frame.place
-                    + slope[0] * offset.x
-                    + slope[1] * offset.y
-                    + frame.normal * (depth + offset.z),
-            );
-            draped.normals.push(frame.normal);
-            at += 1;
+/// Points that are mapped at a time. The same coordinate of four points lies side by side, so the
+/// compiler computes two at a time (SSE2).
+const LANES: usize = 4;
+
+/// What yarn is mapped to: a panel whose cloth is strained.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct StrainedPanel<'a> {
+    pub(crate) panel: &'a Panel,
+    pub(crate) surface: &'a SmoothSurface,
+    pub(crate) table: &'a StrainTable,
+}
+
+impl StrainedPanel<'_> {
+    /// Maps located points. `origin` tells of which point of the repeat each is a copy.
+    pub(crate) fn map(
+        &self,
+        flat: &[DVec3],
+        located: &[SurfacePoint],
+        origin: impl Fn(usize) -> u32,
+        draped: &mut Draped,
+    ) -> StrainCounts {
+        draped.positions.clear();
+        draped.normals.clear();
+        let mut counts = StrainCounts { points: flat.len(), ..StrainCounts::default() };
+        let mut lookup = self.table.at(Strain::NONE);
+        let mut at = 0;
+        for run in located.chunk_by(|one, next| one.triangle == next.triangle) {
+            let patch = self.surface.patch(self.panel, run[0].triangle as usize);
+            let part = |point: &SurfacePoint| part_of(point.b, point.c);
+            for run in run.chunk_by(|one, next| part(one) == part(next)) {
+                let surface = patch.part(part(&run[0]));
+                for group in run.chunks(LANES) {
+                    // A group that is not full repeats its last point, so a point has the same bits
+                    // wherever in a run it lies.
+                    let lane = |k: usize| k.min(group.len() - 1);
+                    let frames = surface
+                        .at::<LANES>(from_fn(|k| group[lane(k)].b), from_fn(|k| group[lane(k)].c));
+                    let depths = from_fn(|k| flat[at + lane(k)].z);
+                    let (slopes, strains) = strained(&frames, &depths);
+                    let mut offsets = [[0.0; LANES]; 3];
+                    for (k, strain) in strains.into_iter().enumerate().take(group.len()) {
+                        lookup.move_to(self.table, strain);
+                        let (offset, is_locked) = lookup.offset_and_lock(origin(at + k) as usize);
+                        counts.outside += usize::from(lookup.is_outside());
+                        counts.locked += usize::from(is_locked);
+                        (0..3).for_each(|axis| offsets[axis][k] = offset[axis]);
+                    }
+                    let positions = placed(&frames, &slopes, &depths, &offsets);
+                    draped.positions.extend(vectors(&positions).take(group.len()));
+                    draped.normals.extend(vectors(&frames.normal).take(group.len()));
+                    at += group.len();
+                }
+            }
         }
+        counts
     }
-    counts
+
+    /// Strains of the cloth all over the panel, at both of its sides.
+    pub(crate) fn strains(self) -> impl ParallelIterator<Item = Strain> {
+        let depths = self.table.depths();
+        (0..self.panel.triangles.len()).into_par_iter().flat_map_iter(move |triangle| {
+            let patch = self.surface.patch(self.panel, triangle);
+            let mut all = Vec::with_capacity(2 * PLACES.len());
+            for (b, c) in PLACES {
+                let frames = patch.part(part_of(b, c)).at([b; 2], [c; 2]);
+                all.extend(strained(&frames, &depths).1);
+            }
+            all
+        })
+    }
 }
 
-/// The slope of the layer at a depth over the surface.
+/// Places in a triangle where strain is looked at: corners, middles of edges and of the three parts.
+const PLACES: [(f64, f64); 9] = [
+    (0.0, 0.0),
+    (1.0, 0.0),
+    (0.0, 1.0),
+    (0.5, 0.0),
+    (0.0, 0.5),
+    (0.5, 0.5),
+    (1.0 / 3.0, 1.0 / 3.0),
+    (0.15, 0.15),
+    (0.7, 0.15),
+];
+
+/// Places at some depths over the surface, moved by offsets in the axes of the flat cloth.
 #[inline]
-fn slope_at(frame: &SurfaceFrame, depth: f64) -> Slope {
-    std::array::from_fn(|axis| frame.slope[axis] + frame.bend[axis] * depth)
-}
-
-/// The strain of cloth that is placed with this slope.
-#[inline]
-fn strain_of([u, v]: &Slope) -> Strain {
-    let (courses, wales) = (u.length(), v.length());
-    let shear = u.dot(*v) / (courses * wales);
-    // A side of a fold that has no length has no direction.
-    Strain { courses, wales, shear: if shear.is_finite() { shear } else { 0.0 } }
-}
-
-/// Strains of the cloth all over a panel, at both of its sides.
-pub(crate) fn strains<'a>(
-    panel: &'a Panel,
-    surface: &'a SmoothSurface,
-    depths: [f64; 2],
-) -> impl Iterator<Item = Strain> + 'a {
-    // Corners, middles of edges and of the three parts.
-    const PLACES: [(f64, f64); 9] = [
-        (0.0, 0.0),
-        (1.0, 0.0),
-        (0.0, 1.0),
-        (0.5, 0.0),
-        (0.0, 0.5),
-        (0.5, 0.5),
-        (1.0 / 3.0, 1.0 / 3.0),
-        (0.15, 0.15),
-        (0.7, 0.15),
-    ];
-    (0..panel.triangles.len()).flat_map(move |triangle| {
-        let patch = surface.patch(panel, triangle);
-        PLACES.into_iter().flat_map(move |(b, c)| {
-            let frame = patch.at(b, c);
-            depths.map(|depth| strain_of(&slope_at(&frame, depth)))
+fn placed<const N: usize>(
+    frames: &SurfaceFrames<N>,
+    [u, v]: &[LaneVec<N>; 2],
+    depths: &[f64; N],
+    offsets: &LaneVec<N>,
+) -> LaneVec<N> {
+    let [along, across, out] = offsets;
+    from_fn(|axis| {
+        from_fn(|k| {
+            frames.place[axis][k]
+                + u[axis][k] * along[k]
+                + v[axis][k] * across[k]
+                + frames.normal[axis][k] * (depths[k] + out[k])
         })
     })
+}
+
+/// The vectors of lanes, one after another.
+#[inline]
+fn vectors<const N: usize>(lanes: &LaneVec<N>) -> impl Iterator<Item = DVec3> {
+    (0..N).map(|k| DVec3::new(lanes[0][k], lanes[1][k], lanes[2][k]))
+}
+
+/// The slopes of layers at some depths over the surface, and the strains of cloth placed with them.
+#[inline]
+fn strained<const N: usize>(
+    frames: &SurfaceFrames<N>,
+    depths: &[f64; N],
+) -> ([LaneVec<N>; 2], [Strain; N]) {
+    let slopes: [LaneVec<N>; 2] = from_fn(|way| {
+        let (slope, bend) = (&frames.slope[way], &frames.bend[way]);
+        from_fn(|axis| from_fn(|k| slope[axis][k] + bend[axis][k] * depths[k]))
+    });
+    let dot = |one: &LaneVec<N>, other: &LaneVec<N>| -> [f64; N] {
+        from_fn(|k| one[0][k] * other[0][k] + one[1][k] * other[1][k] + one[2][k] * other[2][k])
+    };
+    let [u, v] = &slopes;
+    let (courses, wales) = (dot(u, u).map(f64::sqrt), dot(v, v).map(f64::sqrt));
+    let across = dot(u, v);
+    let strains = from_fn(|k| {
+        let shear = across[k] / (courses[k] * wales[k]);
+        // A side of a fold that has no length has no direction.
+        let shear = if shear.is_finite() { shear } else { 0.0 };
+        Strain { courses: courses[k], wales: wales[k], shear }
+    });
+    (slopes, strains)
 }
 
 #[cfg(test)]
@@ -150,7 +209,8 @@ mod tests {
                 let at = SurfacePoint { triangle, b: weight(1), c: weight(2) };
                 let flat = [DVec3::new(0.0, 0.0, 0.15)];
                 let mut draped = Draped::default();
-                map_relaxed(&panel, &surface, &table, &flat, &[at], &[3], &mut draped);
+                let strained = StrainedPanel { panel: &panel, surface: &surface, table: &table };
+                strained.map(&flat, &[at], |_| 3, &mut draped);
                 draped.positions[0]
             });
             assert!(sides[0].distance(sides[1]) < 1e-9, "{share}: {sides:?}");

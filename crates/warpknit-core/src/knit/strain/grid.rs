@@ -6,6 +6,8 @@
 //! Cost: some nanoseconds a strain. Not promised: strains beyond the grid; these are moved along the
 //! line to the flat state until they are on it.
 
+use std::array::from_fn;
+
 use super::Strain;
 
 /// Stretches of the knots along courses and along wales: a tenth apart near flat cloth, where
@@ -25,38 +27,93 @@ pub(super) const KNOTS: usize = SIZE[0] * SIZE[1] * SIZE[2];
 pub(super) struct Place {
     /// The knot with the lowest index of each axis.
     low: usize,
+    /// Interval of each axis.
+    intervals: [Interval; 3],
     /// Shares of the way to the next knot of each axis.
     shares: [f64; 3],
     /// Whether the strain lies beyond the grid.
     pub(super) is_outside: bool,
 }
 
+/// The interval between two knots of an axis.
+#[derive(Clone, Copy, Debug)]
+struct Interval {
+    /// Number of the lower knot.
+    number: usize,
+    from: f64,
+    to: f64,
+}
+
 impl Place {
     /// The place of a strain.
     pub(super) fn of(strain: Strain) -> Self {
         let (strain, is_outside) = into_grid(strain);
-        let [x, y, z] = [
-            interval(&STRETCHES, strain.courses),
-            interval(&STRETCHES, strain.wales),
-            interval(&SHEARS, strain.shear),
+        let intervals = [
+            Interval::of(&STRETCHES, strain.courses),
+            Interval::of(&STRETCHES, strain.wales),
+            Interval::of(&SHEARS, strain.shear),
         ];
-        Self { low: index([x.0, y.0, z.0]), shares: [x.1, y.1, z.1], is_outside }
+        let low = index(intervals.map(|interval| interval.number));
+        Self { low, intervals, shares: [0.0; 3], is_outside }.with_shares(strain)
     }
 
-    /// The knots around it with their weights, which add up to 1.
+    /// The place of another strain, if it lies between the same knots.
     #[inline]
-    pub(super) fn knots(&self) -> [(usize, f64); 8] {
-        let [x, y, z] = self.shares;
-        std::array::from_fn(|corner| {
-            let mut weight = 1.0;
-            let mut knot = self.low;
-            for (bit, share, stride) in [(1, x, 1), (2, y, SIZE[0]), (4, z, SIZE[0] * SIZE[1])] {
-                let is_high = corner & bit != 0;
-                weight *= if is_high { share } else { 1.0 - share };
-                knot += if is_high { stride } else { 0 };
-            }
-            (knot, weight)
+    pub(super) fn moved_to(&self, strain: Strain) -> Option<Self> {
+        let [x, y, z] = &self.intervals;
+        let is_within = x.holds(strain.courses) & y.holds(strain.wales) & z.holds(strain.shear);
+        is_within.then(|| Self { is_outside: false, ..*self }.with_shares(strain))
+    }
+
+    #[inline]
+    fn with_shares(mut self, strain: Strain) -> Self {
+        let [x, y, z] = &self.intervals;
+        self.shares = [x.share(strain.courses), y.share(strain.wales), z.share(strain.shear)];
+        self
+    }
+
+    /// The knots around it. Each bit of a corner's number stands for the upper knot of an axis.
+    pub(super) fn corners(&self) -> [usize; 8] {
+        from_fn(|corner| {
+            let strides = [(1, 1), (2, SIZE[0]), (4, SIZE[0] * SIZE[1])].into_iter();
+            self.low
+                + strides
+                    .map(|(bit, stride)| usize::from(corner & bit != 0) * stride)
+                    .sum::<usize>()
         })
+    }
+
+    /// The weights of the knots around it, which add up to 1.
+    #[inline]
+    pub(super) fn weights(&self) -> [f64; 8] {
+        let [x, y, z] = self.shares.map(|share| [1.0 - share, share]);
+        from_fn(|corner| x[corner & 1] * y[corner >> 1 & 1] * z[corner >> 2])
+    }
+
+    /// The knots around it with their weights.
+    pub(super) fn knots(&self) -> [(usize, f64); 8] {
+        let (corners, weights) = (self.corners(), self.weights());
+        from_fn(|corner| (corners[corner], weights[corner]))
+    }
+}
+
+impl Interval {
+    /// The interval of a rising list that holds a value.
+    fn of(values: &[f64], value: f64) -> Self {
+        let inner = &values[1..values.len() - 1];
+        let number = inner.iter().map(|&knot| usize::from(value >= knot)).sum();
+        Self { number, from: values[number], to: values[number + 1] }
+    }
+
+    #[inline]
+    fn holds(&self, value: f64) -> bool {
+        (self.from <= value) & (value < self.to)
+    }
+
+    /// The share of the way through it.
+    #[inline]
+    fn share(&self, value: f64) -> f64 {
+        ((value - self.from) / (self.to - self.from)).clamp(0.0, 1.0)
     }
 }
 
@@ -75,15 +132,6 @@ fn into_grid(strain: Strain) -> (Strain, bool) {
         }
     }
     if share < 1.0 { (Strain::NONE.towards(strain, share), true) } else { (strain, false) }
-}
-
-/// The interval of a rising list that holds a value, and the share of the way through it.
-#[inline]
-fn interval(values: &[f64], value: f64) -> (usize, f64) {
-    let inner = &values[1..values.len() - 1];
-    let low = inner.iter().map(|&knot| usize::from(value >= knot)).sum();
-    let share = (value - values[low]) / (values[low + 1] - values[low]);
-    (low, share.clamp(0.0, 1.0))
 }
 
 /// The number of a knot.
@@ -106,7 +154,7 @@ pub(super) fn strain(knot: usize) -> Strain {
 /// first. Flat cloth has none.
 pub(super) fn inward(knot: usize) -> impl Iterator<Item = usize> {
     let at = axes(knot);
-    let far: [usize; 3] = std::array::from_fn(|axis| at[axis].abs_diff(FLAT[axis]));
+    let far: [usize; 3] = from_fn(|axis| at[axis].abs_diff(FLAT[axis]));
     // Shear comes first where it is as far, then courses: an order is needed, and any one serves.
     let mut order = [2, 0, 1];
     order.sort_by_key(|&axis| std::cmp::Reverse(far[axis]));

@@ -97,7 +97,7 @@ impl StrainTable {
     /// // Flat cloth is met exactly.
     /// assert_eq!(table.at(Strain::NONE).offset(0).length(), 0.0);
     /// let pulled = Strain { courses: 1.15, ..Strain::NONE };
-    /// assert!(table.at(pulled).offset(0).length() > 0.0 && !table.at(pulled).is_locked);
+    /// assert!(table.at(pulled).offset(0).length() > 0.0 && !table.at(pulled).is_locked());
     /// ```
     #[must_use]
     pub fn new(fabric: &Fabric, pattern: &Pattern) -> Option<Self> {

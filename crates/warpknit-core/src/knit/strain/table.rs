@@ -16,6 +16,7 @@ use std::sync::{OnceLock, mpsc};
 
 use glam::DVec3;
 use rayon::Yield;
+use rayon::prelude::*;
 
 use super::Strain;
 use super::grid::{self, KNOTS, Place};
@@ -42,8 +43,8 @@ pub struct StrainTable {
     elastic_bars: Vec<usize>,
     /// What the solver found at each knot.
     pub(super) solved: Vec<OnceLock<Knot>>,
-    /// Offsets at the lock, for knots beyond it.
-    at_locks: Vec<OnceLock<Vec<[f32; 3]>>>,
+    /// What lookups interpolate.
+    placed: Vec<OnceLock<Vec<PlacedOffset>>>,
 }
 
 /// A solved knot.
@@ -55,34 +56,46 @@ pub(super) struct Knot {
     pub(super) lock: f32,
 }
 
+/// The offset of a data point at a knot as lookups take it, at the lock for locked knots, and behind
+/// it how locked the cloth is: four numbers that are interpolated together.
+type PlacedOffset = [f32; 4];
+
 /// The place of a strain in the table.
 #[derive(Clone, Copy, Debug)]
 pub struct Lookup<'a> {
-    corners: [(&'a [[f32; 3]], f64); 8],
-    /// Whether the strain lies beyond the table.
-    pub is_outside: bool,
-    /// Whether the cloth is locked there.
-    pub is_locked: bool,
+    place: Place,
+    /// The offsets of the knots around it.
+    corners: [&'a [PlacedOffset]; 8],
+    weights: [f32; 8],
 }
 
 impl StrainTable {
     pub(super) fn of(mut rest: Rest, elastic_bars: Vec<usize>) -> Self {
         solver::measure_rest(&mut rest);
         let mut solved = Vec::new();
-        let mut at_locks = Vec::new();
+        let mut placed = Vec::new();
         solved.resize_with(KNOTS, OnceLock::new);
-        at_locks.resize_with(KNOTS, OnceLock::new);
-        Self { rest, elastic_bars, solved, at_locks }
+        placed.resize_with(KNOTS, OnceLock::new);
+        Self { rest, elastic_bars, solved, placed }
     }
 
     /// Solves in parallel the knots around these strains. `progress` gets the share that is done.
-    pub fn prepare(&self, strains: impl IntoIterator<Item = Strain>, progress: Progress<'_>) {
-        let mut is_wanted = vec![false; KNOTS];
-        for strain in strains {
+    pub fn prepare(
+        &self,
+        strains: impl IntoParallelIterator<Item = Strain>,
+        progress: Progress<'_>,
+    ) {
+        let none = || vec![false; KNOTS];
+        let wanted = strains.into_par_iter().fold(none, |mut is_wanted, strain| {
             for (knot, _) in Place::of(strain).knots() {
                 is_wanted[knot] = true;
             }
-        }
+            is_wanted
+        });
+        let is_wanted = wanted.reduce(none, |mut all, some| {
+            all.iter_mut().zip(some).for_each(|(all, some)| *all |= some);
+            all
+        });
         let mut wanted: Vec<_> = (0..KNOTS).filter(|&knot| is_wanted[knot]).collect();
         // From flat cloth outward, so that each knot finds the one it starts from.
         wanted.sort_by_key(|&knot| grid::level(knot));
@@ -136,32 +149,29 @@ impl StrainTable {
     }
 
     /// Finds a strain in the table.
+    #[must_use]
     pub fn at(&self, strain: Strain) -> Lookup<'_> {
         let place = Place::of(strain);
-        let knots = place.knots();
-        Lookup {
-            corners: knots.map(|(knot, weight)| (self.placed(knot), weight)),
-            is_outside: place.is_outside,
-            is_locked: self.lock_at(&knots) > 1.0,
-        }
-    }
-
-    fn lock(&self, knot: usize) -> f32 {
-        self.solved(knot).lock
+        let corners = place.corners().map(|knot| self.placed(knot));
+        Lookup { place, corners, weights: weights(&place) }
     }
 
     /// How locked the cloth is between knots with these weights.
     fn lock_at(&self, knots: &[(usize, f64)]) -> f64 {
-        knots.iter().map(|&(knot, weight)| weight * f64::from(self.lock(knot))).sum()
+        knots.iter().map(|&(knot, weight)| weight * f64::from(self.solved(knot).lock)).sum()
     }
 
-    /// The offsets that lookups interpolate: those of the knot, or at the lock for locked ones.
-    fn placed(&self, knot: usize) -> &[[f32; 3]] {
-        let solved = self.solved(knot);
-        if solved.lock <= 1.0 {
-            return &solved.offsets;
-        }
-        self.at_locks[knot].get_or_init(|| self.at_lock(knot))
+    /// What lookups interpolate.
+    fn placed(&self, knot: usize) -> &[PlacedOffset] {
+        self.placed[knot].get_or_init(|| {
+            let Knot { offsets, lock } = self.solved(knot);
+            let with_lock = |&[x, y, z]: &[f32; 3]| [x, y, z, *lock];
+            if *lock <= 1.0 {
+                offsets.iter().map(with_lock).collect()
+            } else {
+                self.at_lock(knot).iter().map(with_lock).collect()
+            }
+        })
     }
 
     /// The offsets where the line from flat cloth to a locked knot meets the lock.
@@ -247,16 +257,58 @@ pub(super) fn lock(rest: &Rest, state: &State) -> f64 {
     (state.stretch / LOCK_STRETCH).max(overlap / LOCK_OVERLAP)
 }
 
-impl Lookup<'_> {
-    /// The offset of a data point of the repeat, in the axes of the flat cloth, mm.
+/// The weights of the knots around a place, as precise as offsets are.
+#[inline]
+#[expect(clippy::cast_possible_truncation, reason = "offsets are stored so")]
+fn weights(place: &Place) -> [f32; 8] {
+    place.weights().map(|weight| weight as f32)
+}
+
+impl<'a> Lookup<'a> {
+    /// Goes on to another strain of the same table. Between the same knots this takes no look at
+    /// them.
+    #[inline]
+    pub fn move_to(&mut self, table: &'a StrainTable, strain: Strain) {
+        if let Some(place) = self.place.moved_to(strain) {
+            self.weights = weights(&place);
+            self.place = place;
+        } else {
+            *self = table.at(strain);
+        }
+    }
+
+    /// Whether the strain lies beyond the table.
     #[inline]
     #[must_use]
+    pub fn is_outside(&self) -> bool {
+        self.place.is_outside
+    }
+
+    /// Whether the cloth is locked there.
+    #[must_use]
+    pub fn is_locked(&self) -> bool {
+        self.offset_and_lock(0).1
+    }
+
+    /// The offset of a data point of the repeat, in the axes of the flat cloth, mm.
+    #[must_use]
     pub fn offset(&self, point: usize) -> DVec3 {
-        let mut sum = DVec3::ZERO;
-        for (offsets, weight) in self.corners {
-            sum += DVec3::from_array(offsets[point].map(f64::from)) * weight;
+        self.offset_and_lock(point).0
+    }
+
+    /// The offset of a data point, and whether the cloth is locked.
+    #[inline]
+    #[must_use]
+    pub fn offset_and_lock(&self, point: usize) -> (DVec3, bool) {
+        let mut sum = [0.0; 4];
+        for (offsets, weight) in self.corners.iter().zip(self.weights) {
+            let offset = offsets[point];
+            for (sum, part) in sum.iter_mut().zip(offset) {
+                *sum += part * weight;
+            }
         }
-        sum
+        let [x, y, z, lock] = sum;
+        (DVec3::from_array([x, y, z].map(f64::from)), lock > 1.0)
     }
 }
 
@@ -290,7 +342,8 @@ mod tests {
                 let knots = Place::of(strain).knots();
                 let (knot, _) = knots.into_iter().find(|(_, weight)| *weight > 0.99).unwrap();
                 // The lock counts whole per cents of stretch, and twentieths of touching.
-                assert!(table.lock(knot) < 0.5, "{name} {strain:?}: {}", table.lock(knot));
+                let lock = table.solved(knot).lock;
+                assert!(lock < 0.5, "{name} {strain:?}: {lock}");
             }
         }
     }
@@ -298,9 +351,9 @@ mod tests {
     #[test]
     fn cloth_locks_where_no_loop_can_follow() {
         let (.., table) = table("jersey");
-        assert!(table.at(strained(1.5, 1.5, 0.0)).is_locked);
-        assert!(table.at(strained(3.0, 1.0, 0.0)).is_outside);
-        assert!(!table.at(strained(1.1, 1.0, 0.0)).is_outside);
+        assert!(table.at(strained(1.5, 1.5, 0.0)).is_locked());
+        assert!(table.at(strained(3.0, 1.0, 0.0)).is_outside());
+        assert!(!table.at(strained(1.1, 1.0, 0.0)).is_outside());
     }
 
     #[test]
