@@ -14,6 +14,8 @@ knit swatch --fabric locknit --wales 8 --courses 9 --shape ribbon --texture mesh
 knit swatch --fabric cable --wales 32 --courses 36 --size 1000x920 --spp 8 -o docs/cable.png
 cargo run --quiet --release -- inspect --fabric locknit -o docs/locknit_lapping.svg >/dev/null
 
+knit bench --only yarn-length -o docs/yarn_length.svg
+
 captured=$(mktemp -d)
 trap 'rm -r "$captured"' EXIT
 knit swatch --fabric jersey --view front --wales 24 --courses 30 --zoom 1.5 --size 800x800 --background '#101010' -o "$captured/photo.png"

@@ -11,6 +11,8 @@ pub(crate) enum Subject {
     PlaneCurved,
     /// The ways from the flat fabric to the body: plane, frame, smooth, relaxed
     Mapping,
+    /// How much yarn each stitch gains or loses on the body, by mapping
+    YarnLength,
     /// Table 3: total with rendering
     Total,
     /// Figure 14: render time over St, Sr and the fabric's size

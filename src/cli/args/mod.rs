@@ -322,8 +322,8 @@ pub(crate) struct Man {
 
 #[derive(Args, Debug)]
 pub(crate) struct Bench {
-    /// Your own garment in place of ours, for plane-curved, mapping, total and growth: the flat
-    /// pattern and the same faces draped, or one file with vt
+    /// Your own garment in place of ours, for plane-curved, mapping, yarn-length, total and growth:
+    /// the flat pattern and the same faces draped, or one file with vt
     #[arg(value_name = "OBJ", num_args = 0..=2)]
     pub(crate) meshes: Vec<PathBuf>,
     /// What to measure; may be repeated [default: plane-curved, total, st-sr, textures]

@@ -4,8 +4,9 @@
 //! subject is a file and gives one or two tables: Table 2 of Liu, Kyosev and Jiang 2022
 //! ([`plane_curved`], with [`brute`] as its baseline), its Table 3 ([`total`]), its Figures 14 and
 //! 15 ([`st_sr`], [`textures`]), the table of the ribbon paper ([`weft`](mod@weft)), the ways to
-//! the body ([`mapping`](mod@mapping)), and [`growth`](mod@growth) with the size. Figures are medians of several runs after a warm-up run;
-//! `from` and `to` are the fastest and the slowest run.
+//! the body ([`mapping`](mod@mapping)), what they do to the yarn
+//! ([`yarn_length`](mod@yarn_length)), and [`growth`](mod@growth) with the size. Times are medians of
+//! several runs after a warm-up run; `from` and `to` are the fastest and the slowest run.
 
 mod brute;
 mod canvas;
@@ -23,6 +24,7 @@ mod table;
 mod textures;
 mod total;
 mod weft;
+mod yarn_length;
 
 use anyhow::{Result, bail};
 use clap::ValueEnum;
@@ -37,8 +39,8 @@ use warpknit::pipeline::{Listener as _, Task};
 const PAPER: [Subject; 4] =
     [Subject::PlaneCurved, Subject::Total, Subject::StSr, Subject::Textures];
 /// The subjects that the user's own garment can be measured in.
-const ON_GARMENTS: [Subject; 4] =
-    [Subject::PlaneCurved, Subject::Mapping, Subject::Total, Subject::Growth];
+const ON_GARMENTS: [Subject; 5] =
+    [Subject::PlaneCurved, Subject::Mapping, Subject::YarnLength, Subject::Total, Subject::Growth];
 
 /// Measures the subjects, prints their tables and writes them to files.
 pub(crate) fn bench(arguments: &Bench) -> Result<()> {
@@ -70,8 +72,8 @@ fn check(arguments: &Bench, subjects: &[Subject]) -> Result<()> {
     if !arguments.meshes.is_empty() && !subjects.iter().any(|subject| ON_GARMENTS.contains(subject))
     {
         bail!(
-            "a garment of your own is measured in plane-curved, mapping, total and growth: \
-             name one of them with --only, or no garment"
+            "a garment of your own is measured in plane-curved, mapping, yarn-length, total \
+             and growth: name one of them with --only, or no garment"
         );
     }
     Ok(())
@@ -98,6 +100,7 @@ fn measure(
     let table = match subject {
         Subject::PlaneCurved => plane_curved::plane_curved(arguments, garments, progress),
         Subject::Mapping => mapping::mapping(arguments, garments, progress),
+        Subject::YarnLength => yarn_length::yarn_length(garments, progress),
         Subject::Total => total::total(arguments, garments, progress),
         Subject::StSr => st_sr::st_sr(arguments, progress),
         Subject::Textures => textures::textures(arguments, progress),
