@@ -73,7 +73,11 @@ pub fn drape(
         settings,
         fabric,
         shown: &shown,
-        notes: note.into_iter().chain(unstrained_note(&cloth, settings.placement)).collect(),
+        notes: note
+            .into_iter()
+            .chain(garment.summary.notes.iter().cloned())
+            .chain(unstrained_note(&cloth, settings.placement))
+            .collect(),
         part: settings.tile.map(|tile| (tile, cloth.part(tile))),
         cloth: &cloth,
         options: settings.placement.into(),

@@ -51,6 +51,7 @@ mod tile;
 #[cfg(all(feature = "view", target_os = "linux"))]
 mod view;
 mod weft;
+mod winding;
 mod yarn_photo;
 
 /// The folder that stands in for the user's caches in runs of the command.

@@ -103,6 +103,12 @@ fn cm2(area: f64) -> String {
 }
 
 impl GarmentSummary {
+    /// Draped area that takes no stitches, % of the whole garment's.
+    #[must_use]
+    pub fn lost_percent(&self) -> f64 {
+        if self.lost_mm2 > 0.0 { 100.0 * self.lost_mm2 / self.draped_mm2 } else { 0.0 }
+    }
+
     /// The summary of pairing and of the winding.
     pub(super) fn of_pairs(cloth: &mut Cloth) -> Self {
         let Cloth { pairs, reversed, .. } = cloth;

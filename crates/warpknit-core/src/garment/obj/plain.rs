@@ -32,8 +32,9 @@ impl Builder {
             [b'v', b' ' | b'\t', ..] => self.plain_position(cursor),
             [b'f', b' ' | b'\t', ..] => self.plain_face(cursor, line),
             [b'v', b't', b' ' | b'\t', ..] => self.plain_texture(cursor),
-            // Names, and continuations right behind a keyword.
-            [b'v', b't' | b'\\', ..] | [b'f' | b'g' | b'o', ..] => None,
+            // Names, and all that is no plain record of its keyword. Normals are not used.
+            [b'v', after, ..] if *after != b'n' => None,
+            [b'f' | b'g' | b'o', ..] => None,
             [b'\n' | b'\r', ..] => cursor.end_line(),
             // A comment, or a record that is not used. Neither is ever continued.
             [b'!'..=b'~', rest @ ..] => {
