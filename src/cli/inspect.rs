@@ -156,6 +156,7 @@ fn section(name: &str, garment: &Garment) -> Result<String, std::fmt::Error> {
     for point in garment.panels.iter().flat_map(|panel| &panel.draped) {
         (low, high) = (low.min(*point), high.max(*point));
     }
+    let [low, high] = [low, high].map(|corner| corner + facts.origin);
     writeln!(
         text,
         "  draped from {} to {} mm, {} mm large",

@@ -18,6 +18,7 @@ mod config;
 mod curves;
 mod drape;
 mod fabrics;
+mod far;
 mod feed;
 mod files;
 mod finish;

@@ -23,7 +23,7 @@ mod sweeps;
 use std::ops::Range;
 use std::sync::Arc;
 
-use glam::{DVec2, Vec2Swizzles};
+use glam::{DVec2, DVec3, Vec2Swizzles};
 use rayon::prelude::*;
 
 use crate::fabric::Fabric;
@@ -404,6 +404,10 @@ pub struct Block {
     pub panel: usize,
     /// Index of the bar, counted from the front.
     pub bar: usize,
+    /// The place from which its draped coordinates count, mm: [`GarmentSummary::origin`].
+    ///
+    /// [`GarmentSummary::origin`]: crate::garment::GarmentSummary::origin
+    pub origin: DVec3,
     /// Flat data points of all its yarns, on the panel or not.
     pub knitted: Knitted,
     /// The parts of the yarns that lie on the panel.
@@ -664,6 +668,7 @@ impl Block {
     /// Computes the flat data points of the planned yarns.
     fn knit(&mut self, cloth: &Cloth<'_>, plan: &BlockPlan) {
         (self.panel, self.bar, self.is_beside) = (plan.panel, plan.bar, plan.is_beside);
+        self.origin = cloth.garment.summary.origin;
         self.knitted.clear();
         self.yarns.clear();
         for yarn in &plan.yarns {

@@ -123,10 +123,11 @@ impl Frames {
             });
         }
         let (unit, strange) = self.unit_of(size);
+        let origin = garment.summary.origin;
         for (panel, draped) in garment.panels.iter_mut().zip(&draped) {
             for (place, new) in panel.draped.iter_mut().zip(draped) {
                 if let Some(new) = new {
-                    *place = *new * unit.millimetres();
+                    *place = *new * unit.millimetres() - origin;
                 }
             }
             panel.normals = normals(&panel.draped, &panel.triangles);

@@ -50,6 +50,12 @@ use pieces::{Areas, Piece, Refusal, Refused};
 use summary::{Loss, shortened};
 use vertices::Vertices;
 
+/// Distance from the origin from which on draped coordinates count from a local one, mm. There a
+/// 32-bit float is exact to 0.5 µm. A smaller distance would move garments that need it not.
+const FAR: f64 = 10_000.0;
+/// Local origins are multiples of this, mm: eighths of a metre, which `.glb` holds exactly.
+const ORIGIN_STEP: f64 = 125.0;
+
 /// Options for reading a garment.
 ///
 /// By default the unit and the scale are estimated, the wales run along the flat y axis, and the
@@ -78,7 +84,7 @@ pub struct ReadOptions {
 pub struct Panel {
     /// Flat vertices in panel axes, mm.
     pub uv: Vec<DVec2>,
-    /// The same vertices draped, mm.
+    /// The same vertices draped, mm from [`GarmentSummary::origin`].
     pub draped: Vec<DVec3>,
     /// Unit draped vertex normals, angle-weighted over the triangles of this panel only (split at
     /// panel borders).
@@ -291,7 +297,7 @@ impl<'a> GarmentFiles<'a> {
         let flat_file = self.pattern == FlatSource::Positions;
         let scales = estimate_scales(areas, &pieces, unit, options, flat_file, &mut summary);
         let mut numbers = Numbers::new(vertices);
-        let panels: Vec<Panel> = pieces
+        let mut panels: Vec<Panel> = pieces
             .iter()
             .zip(scales)
             .map(|(piece, scale_mm)| {
@@ -303,11 +309,29 @@ impl<'a> GarmentFiles<'a> {
                 panel
             })
             .collect();
+        summary.origin = local_origin(&panels);
+        for point in panels.iter_mut().flat_map(|panel| &mut panel.draped) {
+            *point -= summary.origin;
+        }
         summary.note_folds(&pieces);
         summary.count_defects(&panels);
         let total = (areas.draped_total() + pairs.untextured_area) * unit_mm * unit_mm;
         summary.note_loss(loss, total, self.path, options.allow_loss)?;
         Ok((Garment { panels, summary }, unit, self))
+    }
+}
+
+/// The origin of draped coordinates: that of the file, unless the garment is far from it. Pictures
+/// and most files hold 32-bit floats, which are as exact as a yarn needs only near their origin.
+fn local_origin(panels: &[Panel]) -> DVec3 {
+    let points = panels.iter().flat_map(|panel| &panel.draped);
+    let [low, high] = points
+        .fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], p| [low.min(*p), high.max(*p)]);
+    let centre = 0.5 * (low + high);
+    if centre.abs().max_element() > FAR {
+        (centre / ORIGIN_STEP).round() * ORIGIN_STEP
+    } else {
+        DVec3::ZERO
     }
 }
 

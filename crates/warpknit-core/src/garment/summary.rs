@@ -5,6 +5,8 @@
 
 use std::path::Path;
 
+use glam::DVec3;
+
 use super::error::GarmentError;
 use super::pieces::{Piece, Refusal, Refused};
 use super::{Cloth, Panel};
@@ -35,6 +37,9 @@ pub struct GarmentSummary {
     pub untextured: usize,
     /// Pieces of the pattern that are no panels: they have no area, or they are not plane.
     pub refused: usize,
+    /// The place in the file's axes from which draped coordinates count, mm: 0, or a place near a
+    /// garment that is far away.
+    pub origin: DVec3,
     /// Draped area of the whole garment, mm².
     pub draped_mm2: f64,
     /// Draped area that takes no stitches, mm².
