@@ -8,7 +8,7 @@
 //! used. A frame whose vertices are numbered differently is paired with the flat pattern as the
 //! first drape was.
 //!
-//! Cost: about 100 ns a triangle, most of it for parsing the text.
+//! Cost: linear in the triangles, most of it for parsing the text.
 //!
 //! Not promised: that a frame shows the same cloth, only that its faces pair.
 

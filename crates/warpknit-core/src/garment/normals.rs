@@ -1,7 +1,7 @@
 //! Area vectors of triangles, and normals of vertices.
 //!
-//! In: draped positions and triangles. Out: unit vertex normals. Cost: some 100 ns a triangle,
-//! shared among threads; the sums are in the order of the triangles for any number of them.
+//! In: draped positions and triangles. Out: unit vertex normals. Cost: linear, shared among
+//! threads; the sums are in the order of the triangles for any number of them.
 
 use glam::DVec3;
 use rayon::prelude::*;

@@ -4,7 +4,7 @@
 //! whole, holds no continuation and no comment behind a record, and its numbers have the forms of
 //! [`Cursor`]. The first line of another kind ends the text, and nothing of it is kept.
 //!
-//! Cost: some 1.5 ns a byte. Not promised: to take every sound line. What is left here the slow way
+//! Cost: one pass over the bytes. Not promised: to take every sound line. What is left here the slow way
 //! reads, to the same mesh.
 
 use glam::DVec3;
