@@ -8,6 +8,8 @@ use serde::Serialize;
 
 use crate::drape::clearance::BodyClearance;
 use crate::fabric::Machine;
+use crate::garment::Garment;
+use crate::garment::stretch::stretch;
 use crate::knit::links::Links;
 use crate::map::relaxed::StrainCounts;
 
@@ -22,6 +24,8 @@ pub struct Report {
     pub warpknit: &'static str,
     pub fabric: String,
     pub garment: GarmentReport,
+    /// One for each panel of the garment, in the order of its `panel` column in a `.csv`.
+    pub panels: Vec<PanelReport>,
     pub wales_per_cm: f64,
     pub courses_per_cm: f64,
     /// Number of the part, from 1, and number of parts, if the counts are those of a part. Null for
@@ -82,6 +86,50 @@ pub struct GarmentReport {
     /// Length of one flat unit, mm.
     pub uv_scale_mm: f64,
     pub warnings: Vec<String>,
+    /// Draped area that takes no stitches.
+    pub lost_cm2: f64,
+    /// The same as a share of the draped area.
+    pub lost_percent: f64,
+}
+
+/// A panel: what it takes to find the flat coordinates of a `.csv` in the garment's file, and how
+/// the panel is stretched.
+#[derive(Clone, Debug, Serialize)]
+#[expect(missing_docs, reason = "see Report")]
+pub struct PanelReport {
+    /// Length of one flat unit, mm.
+    pub scale_mm: f64,
+    /// Whether it lies face down in the pattern.
+    pub mirrored: bool,
+    /// The other panels of its piece of the pattern, where that lies folded over itself.
+    pub folds: Vec<usize>,
+    /// Flat area that is knitted.
+    pub area_cm2: f64,
+    /// 5th, 50th, 95th percentile.
+    pub stretch_warp: [f64; 3],
+    pub stretch_weft: [f64; 3],
+}
+
+impl PanelReport {
+    /// The reports of all panels of a garment.
+    #[must_use]
+    pub fn of_all(garment: &Garment) -> Vec<Self> {
+        let summaries = garment.summary.panels.iter().map(Some).chain(std::iter::repeat(None));
+        let panels = garment.panels.iter().zip(summaries);
+        panels
+            .map(|(panel, summary)| {
+                let (stretch_warp, stretch_weft) = stretch(std::slice::from_ref(panel));
+                Self {
+                    scale_mm: summary.map_or(garment.summary.uv_scale_mm, |own| own.scale_mm),
+                    mirrored: panel.mirrored,
+                    folds: summary.map_or_else(Vec::new, |own| own.folds.clone()),
+                    area_cm2: panel.area() / 100.0,
+                    stretch_warp,
+                    stretch_weft,
+                }
+            })
+            .collect()
+    }
 }
 
 /// The surface of the yarns.

@@ -38,6 +38,7 @@ impl Reading {
             uv_scale: self.uv_scale,
             grain: self.grain.to_radians(),
             turn: self.turn,
+            allow_loss: self.allow_loss,
         }
     }
 }

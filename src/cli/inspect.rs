@@ -9,7 +9,7 @@ use glam::DVec3;
 use warpknit::chart::{ChartFormat, Drawing};
 use warpknit::export::Output;
 use warpknit::garment::stretch::{Percentiles, isometry, stretch};
-use warpknit::garment::{Garment, GarmentError, GarmentSummary, read};
+use warpknit::garment::{Garment, GarmentError, GarmentSummary, ReadOptions, read};
 use warpknit::locate::overlap::{Overlaps, overlaps};
 
 use super::args::{DEFAULT_FABRIC, Inspect};
@@ -56,7 +56,8 @@ fn inspect_meshes(arguments: &Inspect) -> Result<Vec<Output>> {
         others.iter().map(|path| Some(path.as_path())).collect()
     };
     let targets = sheets_of_each(arguments, &meshes, garments.len())?;
-    let options = arguments.reading.options();
+    // A garment that loses much of its cloth is what is to be inspected.
+    let options = ReadOptions { allow_loss: true, ..arguments.reading.options() };
     let (mut whole, mut failed) = (Vec::new(), Vec::new());
     for (number, draped) in garments.iter().enumerate() {
         let name = draped.map_or_else(|| first.display().to_string(), |draped| pair(first, draped));
@@ -155,6 +156,7 @@ fn section(name: &str, garment: &Garment) -> Result<String, std::fmt::Error> {
     for point in garment.panels.iter().flat_map(|panel| &panel.draped) {
         (low, high) = (low.min(*point), high.max(*point));
     }
+    let [low, high] = [low, high].map(|corner| corner + facts.origin);
     writeln!(
         text,
         "  draped from {} to {} mm, {} mm large",
@@ -162,7 +164,7 @@ fn section(name: &str, garment: &Garment) -> Result<String, std::fmt::Error> {
         vector(high),
         vector(high - low)
     )?;
-    let (warp, weft) = stretch(garment);
+    let (warp, weft) = stretch(&garment.panels);
     writeln!(text, "  stretch 5/50/95 %: warp {}, weft {}", percentiles(warp), percentiles(weft))?;
     let whole = isometry(&garment.panels);
     let [smallest, largest, area] = [whole.smallest, whole.largest, whole.area].map(percentiles);
@@ -172,6 +174,9 @@ fn section(name: &str, garment: &Garment) -> Result<String, std::fmt::Error> {
     )?;
     text += &overlap_lines(&overlaps(garment));
     panel_table(&mut text, garment)?;
+    for note in &facts.notes {
+        writeln!(text, "  note: {note}")?;
+    }
     for warning in &facts.warnings {
         writeln!(text, "  warning: {warning}")?;
     }

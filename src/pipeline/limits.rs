@@ -97,12 +97,10 @@ pub fn check_laid(totals: &Totals) -> Result<(), RunError> {
 #[must_use]
 pub fn loss_warning(totals: &Totals) -> Option<String> {
     let Losses { in_defects, .. } = totals.losses;
-    #[expect(clippy::cast_precision_loss, reason = "a percentage of three digits")]
-    let percent = 100.0 * in_defects as f64 / (totals.data_points + in_defects).max(1) as f64;
     (in_defects > 0).then(|| {
         format!(
-            "{in_defects} data points ({percent:.3} %) lie in triangles that can't be knitted \
-             and are lost"
+            "{in_defects} data points of stitches that are kept lie in triangles that can't be \
+             knitted and are lost"
         )
     })
 }

@@ -57,6 +57,13 @@ pub fn drape(
 ) -> Result<Done, RunError> {
     turn_grains(&mut garment, fabric);
     clock.stop();
+    let mut settings = Cow::Borrowed(settings);
+    if let Some((eye, target)) = settings.picture.eye {
+        // The user's places are in the file's axes.
+        let origin = garment.summary.origin;
+        settings.to_mut().picture.eye = Some((eye - origin, target - origin));
+    }
+    let settings = &*settings;
     let area = garment.panels.iter().map(Panel::area).sum();
     // The caller has already applied chosen densities to the fabric. They are never changed here.
     let (shown, note) = if settings.densities.are_chosen() {
@@ -73,7 +80,11 @@ pub fn drape(
         settings,
         fabric,
         shown: &shown,
-        notes: note.into_iter().chain(unstrained_note(&cloth, settings.placement)).collect(),
+        notes: note
+            .into_iter()
+            .chain(garment.summary.notes.iter().cloned())
+            .chain(unstrained_note(&cloth, settings.placement))
+            .collect(),
         part: settings.tile.map(|tile| (tile, cloth.part(tile))),
         cloth: &cloth,
         options: settings.placement.into(),

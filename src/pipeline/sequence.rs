@@ -243,7 +243,7 @@ impl Show<'_, '_, '_> {
             self.frame(&garment, number)?;
             // The clock runs through, so a frame's time is what the frames before it leave.
             let before: f64 = frames.iter().map(|frame: &FrameReport| frame.ms).sum();
-            let (stretch_warp, stretch_weft) = stretch(&garment);
+            let (stretch_warp, stretch_weft) = stretch(&garment.panels);
             let ms = self.clock.without_pictures() - before;
             frames.push(FrameReport {
                 file: path.display().to_string(),

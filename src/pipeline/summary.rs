@@ -14,7 +14,8 @@ use crate::export::{ExportError, Format, Output};
 use crate::garment::stretch::stretch;
 use crate::knit::strain::StrainTable;
 use crate::report::{
-    ClearanceReport, ClothReport, FrameReport, GarmentReport, Report, StrainReport, SurfaceReport,
+    ClearanceReport, ClothReport, FrameReport, GarmentReport, PanelReport, Report, StrainReport,
+    SurfaceReport,
 };
 use crate::system::peak_memory_mb;
 use crate::tile::Tile;
@@ -97,7 +98,10 @@ impl RunSummary<'_> {
                 unit: garment.summary.unit,
                 uv_scale_mm: garment.summary.uv_scale_mm,
                 warnings: self.warnings.clone(),
+                lost_cm2: garment.summary.lost_mm2 / 100.0,
+                lost_percent: garment.summary.lost_percent(),
             },
+            panels: PanelReport::of_all(garment),
             wales_per_cm: job.shown.wales_per_cm,
             courses_per_cm: job.shown.courses_per_cm,
             tile: job.tile().map(Tile::numbers),
@@ -143,7 +147,7 @@ impl RunSummary<'_> {
 fn cloth_report(job: &Job<'_>, real: &RealCloth) -> ClothReport {
     let garment = job.cloth.garment();
     let numbers = &real.numbers;
-    let (stretch_warp, stretch_weft) = stretch(garment);
+    let (stretch_warp, stretch_weft) = stretch(&garment.panels);
     let any_draft = real.fabric.yarns().any(|yarn| yarn.draft.is_some());
     // `yarn_length` is in m/m² and the area in mm².
     ClothReport {

@@ -69,7 +69,7 @@ fn shipped_garments_are_near_isometric_and_whole() {
             "{name}: {:?}",
             garment.summary.warnings
         );
-        let (warp, weft) = stretch(&garment);
+        let (warp, weft) = stretch(&garment.panels);
         for [low, median, high] in [warp, weft] {
             assert!(
                 (0.98..=1.02).contains(&median) && low >= 0.92 && high <= 1.08,
@@ -213,28 +213,29 @@ fn yarns_are_cut_at_a_slit_between_sides_that_lie_apart() {
     assert!(longest < 15.0, "a yarn jumps {longest} mm across the open slit");
 }
 
-/// A square of 20 x 20 cells of 25 mm, flat and draped alike, whose inner 6 x 6 cells are wound the
-/// wrong way if asked.
+/// A square of 20 x 20 cells of 25 mm, flat and draped alike, whose inner 6 x 6 cells are flipped
+/// if asked. Reading would mend them, so they are put among the flipped ones afterwards.
 fn square(flipped: bool) -> Garment {
-    let folder = tempfile::tempdir().unwrap();
-    let mut text = String::new();
+    let mut flat = Vec::new();
     for i in 0..21 * 21 {
-        text += &format!("v {} {} 0\n", 25 * (i % 21), 25 * (i / 21));
+        flat.push(DVec2::new(f64::from(25 * (i % 21)), f64::from(25 * (i / 21))));
     }
-    for (x, y) in (0..400).map(|i| (i % 20, i / 20)) {
-        let a = y * 21 + x + 1;
-        let inner = (7..13).contains(&x) && (7..13).contains(&y);
-        let [b, d] = if flipped && inner { [a + 21, a + 1] } else { [a + 1, a + 21] };
-        text += &format!("f {a} {b} {}\nf {a} {} {d}\n", a + 22, a + 22);
-    }
-    let path = folder.path().join("square.obj");
-    std::fs::write(&path, text).unwrap();
-    let options = ReadOptions {
-        unit: Some(warpknit::garment::Unit::Mm),
-        uv_scale: Some(1.0),
-        ..ReadOptions::default()
+    let draped: Vec<_> = flat.iter().map(|p| p.extend(0.0)).collect();
+    let cells = (0..400).map(|i| i / 20 * 21 + i % 20);
+    let triangles: Vec<_> =
+        cells.flat_map(|a: u32| [[a, a + 1, a + 22], [a, a + 22, a + 21]]).collect();
+    let mut garment = Garment::from_arrays(&flat, &draped, &triangles).unwrap();
+    let panel = &mut garment.panels[0];
+    let Panel { uv, triangles, faces, .. } = &panel.clone();
+    let is_inner = |corners: &[u32; 3]| {
+        let middle = corners.iter().map(|&v| uv[v as usize]).sum::<DVec2>() / 3.0;
+        flipped && middle.abs().max_element() < 75.0
     };
-    read(&path, Some(&path), &options).unwrap()
+    let all = || triangles.iter().zip(faces);
+    (panel.triangles, panel.faces) = all().filter(|(corners, _)| !is_inner(corners)).unzip();
+    panel.flipped =
+        triangles.iter().filter(|corners| is_inner(corners)).map(|&[a, b, c]| [a, c, b]).collect();
+    garment
 }
 
 #[test]

@@ -18,6 +18,7 @@ mod config;
 mod curves;
 mod drape;
 mod fabrics;
+mod far;
 mod feed;
 mod files;
 mod finish;
@@ -51,6 +52,7 @@ mod tile;
 #[cfg(all(feature = "view", target_os = "linux"))]
 mod view;
 mod weft;
+mod winding;
 mod yarn_photo;
 
 /// The folder that stands in for the user's caches in runs of the command.

@@ -139,7 +139,7 @@ fn files_that_are_no_mesh_are_named() {
     check("a comment", b"# nothing", 0, "no OBJ");
     check("a mark alone", b"\xEF\xBB\xBF", 0, "no OBJ");
     check("a picture", b"\x89PNG\r\n\x1A\n\0\0\0\rIHDR\0\0\x01\0", 0, "no OBJ");
-    check("UTF-16", b"\xFF\xFEv\0 \x000\0 \x000\0 \x000\0\n\0", 0, "no OBJ");
+    check("UTF-16", b"\xFF\xFEv\0 \x000\0 \x000\0 \x000\0\n\0", 0, "UTF-16");
     check(
         "a PLY file",
         b"ply\nformat ascii 1.0\nelement vertex 3\nend_header\n0 0 0\n",

@@ -104,7 +104,7 @@ fn add_row(
         tag.course, tag.wale, tag.point, face.0
     )?;
     let flat = panel.flat_from_panel.transform_point3(block.strands.flat[at]);
-    for v in [flat, block.draped.positions[at], block.draped.normals[at]] {
+    for v in [flat, block.draped.positions[at] + block.origin, block.draped.normals[at]] {
         write!(text, ",{},{},{}", v.x, v.y, v.z)?;
     }
     text.write_char('\n')

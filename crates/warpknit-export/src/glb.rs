@@ -17,7 +17,7 @@ use std::io::{Seek, Write};
 use std::ops::Range;
 use std::sync::Arc;
 
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use gltf_json as json;
 use json::accessor::{ComponentType, GenericComponentType, Type};
 use json::buffer::{Stride, Target as ViewTarget};
@@ -41,7 +41,7 @@ const HEADERS: usize = BARE_HEADERS + 8;
 const BARE_HEADERS: usize = 12 + 8;
 /// Room for a block's entries in the JSON: four views, and a node if need be. They take about 500
 /// bytes, and with all numbers at their longest less than this.
-const BLOCK_JSON: usize = 700;
+const BLOCK_JSON: usize = 770;
 /// Room for a yarn's entries: four accessors, a mesh, a node. They take about 900 bytes, and with
 /// all numbers at their longest less than this.
 const YARN_JSON: usize = 1100;
@@ -195,7 +195,10 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
             return node;
         }
         let name = Some(format!("panel {} bar {}", block.panel, block.bar + 1));
-        let node = self.root.push(json::Node { name, ..json::Node::default() });
+        // Far from the origin positions count from a place near the garment, where they are exact.
+        let place =
+            (block.origin != DVec3::ZERO).then(|| (block.origin / 1000.0).as_vec3().to_array());
+        let node = self.root.push(json::Node { name, translation: place, ..json::Node::default() });
         self.bars.push(node);
         self.current = Some((at, node));
         node

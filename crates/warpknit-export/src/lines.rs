@@ -1,6 +1,6 @@
 //! Centre lines of a block's strands, for the formats that hold curves.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use warpknit_core::drape::Block;
 use warpknit_core::drape::strands::Strand;
@@ -27,6 +27,14 @@ pub(super) fn each(block: &Block, st: u32, mut take: impl FnMut(&[Vec3])) {
             st,
             &mut line,
         );
+        line.iter_mut().for_each(|point| *point = in_file(block, *point));
         take(&line);
     }
+}
+
+/// A draped place of a block in the axes of the garment's file, mm.
+#[inline]
+pub(super) fn in_file(block: &Block, place: Vec3) -> Vec3 {
+    // Most garments are near, and their places stay as they are, to the bit.
+    if block.origin == DVec3::ZERO { place } else { (place.as_dvec3() + block.origin).as_vec3() }
 }

@@ -196,7 +196,8 @@ impl Array {
                 }
             }
             Self::Draped => {
-                block.draped.positions.iter().for_each(|point| add_vector(*point, bytes));
+                let points = block.draped.positions.iter();
+                points.for_each(|point| add_vector(*point + block.origin, bytes));
             }
             Self::Normal => {
                 block.draped.normals.iter().for_each(|normal| add_vector(*normal, bytes));

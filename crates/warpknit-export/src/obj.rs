@@ -14,6 +14,7 @@ use glam::{Vec2, Vec3};
 
 use super::buffer::{Buffer, Conveyor};
 use super::digits::{add_line, decimal, thrice, word};
+use super::lines::in_file;
 use super::texture::TextureSet;
 use super::{ClothInfo, Destination, ExportError, Sink, mtl};
 use warpknit_core::drape::Block;
@@ -84,7 +85,8 @@ fn add_object(
 ) {
     let tubes = &block.tubes;
     let vertices = vertices.start as usize..vertices.end as usize;
-    for &Vec3 { x, y, z } in &tubes.positions[vertices.clone()] {
+    for position in &tubes.positions[vertices.clone()] {
+        let Vec3 { x, y, z } = in_file(block, *position);
         add_numbers(text, "v", [x, y, z]);
     }
     for &Vec2 { x, y } in &tubes.uvs[vertices.clone()] {

@@ -14,6 +14,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
 
 use super::buffer::{Buffer, Conveyor};
+use super::lines::in_file;
 use super::patched_header::PatchedHeader;
 use super::{ClothInfo, Destination, ExportError, Sink};
 use warpknit_core::drape::Block;
@@ -150,6 +151,7 @@ fn add_vertices(block: &Block, color: [u8; 3], bytes: &mut Buffer) {
     );
     let values = tubes.positions.iter().zip(&tubes.normals).zip(&tubes.uvs);
     for (vertex, ((&position, &normal), &texture)) in vertices.iter_mut().zip(values) {
+        let position = in_file(block, position);
         *vertex = VertexRecord { position, normal, texture, color };
     }
 }

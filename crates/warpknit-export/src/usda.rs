@@ -245,7 +245,12 @@ fn controls(block: &Block) -> impl Iterator<Item = Vec3> {
         let points = &block.draped.positions[strand.range()];
         let spans = (0..points.len() - 1)
             .flat_map(|index| curve::span(points, index).bezier().into_iter().skip(1));
-        points.first().copied().into_iter().chain(spans).map(|point| point.as_vec3())
+        points
+            .first()
+            .copied()
+            .into_iter()
+            .chain(spans)
+            .map(|point| (point + block.origin).as_vec3())
     })
 }
 

@@ -438,6 +438,9 @@ pub(crate) struct Reading {
     /// Turn the cloth over: technical face inside
     #[arg(long)]
     pub(crate) turn: bool,
+    /// Knit a garment although over 10 % of its draped area can't take stitches
+    #[arg(long)]
+    pub(crate) allow_loss: bool,
 }
 
 /// Flags that `drape`, `swatch` and `view` share.

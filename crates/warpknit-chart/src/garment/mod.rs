@@ -129,7 +129,7 @@ fn maps_of(
     corner: DVec2,
     size: DVec2,
 ) -> Vec<DrawingLayer> {
-    let (warp, weft) = stretch(garment);
+    let (warp, weft) = stretch(&garment.panels);
     let rows = [
         Direction {
             name: "warp",

@@ -5,6 +5,8 @@
 
 use std::ops::Range;
 
+use glam::DVec3;
+
 use super::body::Body;
 use super::cloth::{BlockPlan, Cloth};
 use super::strands::{Edge, Strands};
@@ -24,6 +26,10 @@ pub struct Block {
     pub panel: usize,
     /// Index of the bar, counted from the front.
     pub bar: usize,
+    /// The place from which its draped coordinates count, mm: [`GarmentSummary::origin`].
+    ///
+    /// [`GarmentSummary::origin`]: crate::garment::GarmentSummary::origin
+    pub origin: DVec3,
     /// Flat data points of all its yarns, on the panel or not.
     pub knitted: Knitted,
     /// The parts of the yarns that lie on the panel.
@@ -82,6 +88,7 @@ impl Block {
     /// Computes the flat data points of the planned yarns.
     pub(super) fn knit(&mut self, cloth: &Cloth<'_>, plan: &BlockPlan) {
         (self.panel, self.bar, self.is_beside) = (plan.panel, plan.bar, plan.is_beside);
+        self.origin = cloth.garment.summary.origin;
         self.knitted.clear();
         self.yarns.clear();
         for yarn in &plan.yarns {

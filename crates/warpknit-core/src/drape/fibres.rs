@@ -33,6 +33,7 @@ pub fn block(yarns: &Block, bundle: &Bundle, surface: Option<&Section>) -> Block
     let mut fibres = Block {
         panel: yarns.panel,
         bar: yarns.bar,
+        origin: yarns.origin,
         knitted: yarns.knitted.clone(),
         ..Block::default()
     };

@@ -127,10 +127,11 @@ fn exchange(blocks: &mut [Block], spare: &mut [Draped]) {
 impl Block {
     /// A copy of the located yarns, without draped points and tubes, and without spare capacity.
     fn located_copy(&self) -> Self {
-        let Self { panel, bar, knitted, strands, yarns, is_beside, .. } = self;
+        let Self { panel, bar, origin, knitted, strands, yarns, is_beside, .. } = self;
         Self {
             panel: *panel,
             bar: *bar,
+            origin: *origin,
             knitted: knitted.clone(),
             strands: strands.clone(),
             yarns: yarns.clone(),

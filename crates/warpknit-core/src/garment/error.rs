@@ -55,6 +55,15 @@ pub enum GarmentError {
         /// Lines of the file.
         lines: u64,
     },
+    /// The file is text of 16-bit characters.
+    #[error(
+        "{}: is UTF-16 text, which OBJ files are not: save it as UTF-8 or plain text \
+         (on Windows, PowerShell's `>` writes UTF-16)", .path.display()
+    )]
+    Utf16 {
+        /// The file.
+        path: PathBuf,
+    },
     /// The file has vertices but no face.
     #[error(
         "{}: holds {vertices} vertices and no face: \
@@ -160,6 +169,18 @@ pub enum GarmentError {
         /// Why the pieces were refused.
         reason: String,
     },
+    /// Too much of the garment can't be knitted.
+    #[error(
+        "{}: {what}, which is over the limit of {} %: lay these faces flat in the pattern and \
+         export it again, or give --allow-loss (`warpknit inspect -o sheet.svg` marks them)",
+        .path.display(), 100.0 * super::MOST_LOSS
+    )]
+    Loss {
+        /// The file with the flat pattern.
+        path: PathBuf,
+        /// The area, its share and the reasons.
+        what: String,
+    },
     /// An option has a number out of its range.
     #[error("{option} is {value}, but must be {must}")]
     Option {
@@ -173,14 +194,6 @@ pub enum GarmentError {
     /// Arrays that don't belong together.
     #[error("the arrays hold no garment: {0}")]
     Arrays(#[from] ArrayFault),
-    /// tobj refused a file that the cleaning pass had accepted. No known input does that.
-    #[error("{}: the OBJ parser refused the file ({reason}): please report it", .path.display())]
-    Parser {
-        /// The file.
-        path: PathBuf,
-        /// What tobj said.
-        reason: tobj::LoadError,
-    },
 }
 
 /// Why arrays hold no garment.

@@ -5,10 +5,10 @@
 //!
 //! Method: connectivity is constant in a sequence, so everything that was located on the flat
 //! pattern stays valid. Of a frame with the connectivity of the first drape only the positions are
-//! read. A frame whose vertices are numbered differently is paired with the flat pattern as the
+//! used. A frame whose vertices are numbered differently is paired with the flat pattern as the
 //! first drape was.
 //!
-//! Cost: about 400 ns a triangle, nearly all of it for parsing the text.
+//! Cost: linear in the triangles, most of it for parsing the text.
 //!
 //! Not promised: that a frame shows the same cloth, only that its faces pair.
 
@@ -16,10 +16,10 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
+use super::normals::{cross, normals};
 use super::obj::{self, ObjMesh};
 use super::pair::{FlatSource, LARGEST, Pairs, two_files};
-use super::panel::{cross, normals};
-use super::{Garment, GarmentError, GarmentFiles, Panel, ReadOptions, Unit};
+use super::{Cloth, Garment, GarmentError, GarmentFiles, Panel, ReadOptions, Unit, winding};
 use crate::ids::index32;
 
 /// Ratio of a frame's size to the first one's, above which (or below whose inverse) the frame is
@@ -38,6 +38,8 @@ pub struct Frames {
     pattern: FlatSource,
     /// Connectivity hash of the first drape ([`ObjMesh::connectivity`]).
     connectivity: u64,
+    /// The flat file's faces whose winding was mended.
+    reversed: Vec<u32>,
     /// For each vertex of each panel, a corner of a paired triangle: three times the triangle's
     /// index plus 0, 1 or 2.
     corners: Vec<Vec<u32>>,
@@ -62,25 +64,18 @@ impl Frames {
         options: &ReadOptions,
     ) -> Result<(Garment, Self), GarmentError> {
         let (garment, unit, files) = GarmentFiles::read(flat, first, options)?.garment(options)?;
-        let GarmentFiles { path, flat, draped, pattern, pairs, .. } = files;
-        let first_drape = draped.as_ref().unwrap_or(&flat);
+        let GarmentFiles { path, flat, draped, pattern, cloth } = files;
+        let Cloth { pairs, reversed, .. } = cloth;
         let corners: Vec<_> =
             garment.panels.iter().map(|panel| corners(panel, &pairs, options.turn)).collect();
-        let mut vertices: Vec<Vec<u32>> = Vec::with_capacity(corners.len());
-        for corners in &corners {
-            let mut panel_vertices = draped_vertices(corners, &pairs);
-            // From tobj's numbering to the file's, which further frames are read in.
-            for vertex in panel_vertices.iter_mut().filter(|vertex| **vertex != UNUSED) {
-                *vertex = first_drape.order[*vertex as usize];
-            }
-            vertices.push(panel_vertices);
-        }
-        let connectivity = first_drape.connectivity;
+        let vertices = corners.iter().map(|corners| draped_vertices(corners, &pairs)).collect();
+        let connectivity = draped.as_ref().unwrap_or(&flat).connectivity();
         let frames = Self {
             path: path.to_owned(),
             flat,
             pattern,
             connectivity,
+            reversed,
             corners,
             vertices,
             unit,
@@ -101,28 +96,22 @@ impl Frames {
     pub fn pose(&self, garment: &mut Garment, frame: &Path) -> Result<Vec<String>, GarmentError> {
         // All new positions are collected before the garment changes, so that a bad frame leaves it
         // as it was. First the fast way, for a frame with the connectivity of the first drape.
-        let (draped, mut odd) = match obj::read_positions(frame, self.connectivity)? {
-            Some(positions)
-                if positions.iter().all(|position| position.abs().max_element() <= LARGEST) =>
-            {
-                (
-                    self.vertices
-                        .iter()
-                        .map(|vertices| positions_of(vertices, &positions))
-                        .collect::<Vec<_>>(),
-                    Vec::new(),
-                )
-            }
-            // Coordinates out of range take the slow way as well, since only it knows their line.
-            _ => {
-                let mesh = obj::read(frame)?;
-                let mut pairs = two_files(&self.flat, &mesh, [&self.path, frame], self.pattern)?;
-                let places = self
-                    .corners
-                    .iter()
-                    .map(|corners| positions_of(&draped_vertices(corners, &pairs), &pairs.draped));
-                (places.collect(), std::mem::take(&mut pairs.warnings))
-            }
+        let mesh = obj::read(frame)?;
+        let same = mesh.connectivity() == self.connectivity
+            && mesh.positions.iter().all(|p| p.abs().max_element() <= LARGEST);
+        let (draped, mut odd): (Vec<_>, _) = if same {
+            let places =
+                self.vertices.iter().map(|vertices| positions_of(vertices, &mesh.positions));
+            (places.collect(), Vec::new())
+        } else {
+            // Coordinates out of range come here as well, since only pairing knows their line.
+            let mut pairs = two_files(&self.flat, &mesh, [&self.path, frame], self.pattern)?;
+            winding::reverse(&mut pairs, None, &self.reversed);
+            let places = self
+                .corners
+                .iter()
+                .map(|corners| positions_of(&draped_vertices(corners, &pairs), &pairs.draped));
+            (places.collect(), std::mem::take(&mut pairs.warnings))
         };
         let size = size(garment.panels.iter().zip(&draped), |draped, vertex| {
             draped[vertex].unwrap_or_default()
@@ -134,10 +123,11 @@ impl Frames {
             });
         }
         let (unit, strange) = self.unit_of(size);
+        let origin = garment.summary.origin;
         for (panel, draped) in garment.panels.iter_mut().zip(&draped) {
             for (place, new) in panel.draped.iter_mut().zip(draped) {
                 if let Some(new) = new {
-                    *place = *new * unit.millimetres();
+                    *place = *new * unit.millimetres() - origin;
                 }
             }
             panel.normals = normals(&panel.draped, &panel.triangles);
@@ -191,7 +181,7 @@ fn corners(panel: &Panel, pairs: &Pairs, turned: bool) -> Vec<u32> {
     let mut corners = vec![UNUSED; panel.draped.len()];
     for (triangle, face) in panel.triangles.iter().zip(&panel.faces) {
         // Pairs are in the order of the flat file's triangles, some of which have none.
-        let pair = pairs.triangles.partition_point(|pair| pair.face < *face);
+        let pair = pairs.faces.partition_point(|paired| paired < face);
         for (vertex, corner) in triangle.iter().zip(order) {
             corners[*vertex as usize] = 3 * index32(pair) + corner;
         }
@@ -205,7 +195,7 @@ fn draped_vertices(corners: &[u32], pairs: &Pairs) -> Vec<u32> {
         .iter()
         .map(|&corner| match corner {
             UNUSED => UNUSED,
-            _ => pairs.triangles[(corner / 3) as usize].draped[(corner % 3) as usize],
+            _ => pairs.draped_triangles[(corner / 3) as usize][(corner % 3) as usize],
         })
         .collect()
 }

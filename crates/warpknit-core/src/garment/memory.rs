@@ -5,13 +5,13 @@
 
 use std::io::BufRead;
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 
 use super::error::ArrayFault;
-use super::obj::{self, Face, ObjMesh};
+use super::obj::{self, Face, Label, ObjMesh};
 use super::{Garment, GarmentError, GarmentFiles, ReadOptions, Unit};
-use crate::ids::index32;
 
 /// The name of OBJ text in messages, where it is the only one or the flat one.
 const FLAT: &str = "FLAT.obj";
@@ -47,23 +47,26 @@ impl Garment {
         triangles: &[[u32; 3]],
     ) -> Result<Self, GarmentError> {
         check_arrays(flat, draped, triangles)?;
-        let faces = (1..)
-            .take(triangles.len())
-            .map(|line| Face { line, corners: 3, textured: true, object: None, group: None })
-            .collect();
+        let faces =
+            (1..).take(triangles.len()).map(|line| Face { line, corners: 3, label: 0 }).collect();
+        let triangles = Arc::new(triangles.to_vec());
         let mesh = ObjMesh {
-            positions: draped.to_vec(),
-            texture: flat.to_vec(),
+            positions: Arc::new(draped.to_vec()),
+            texture: Arc::new(flat.iter().map(|p| p.extend(0.0)).collect()),
             faces,
-            triangles: triangles.to_vec(),
-            texture_triangles: triangles.to_vec(),
-            texture_count: flat.len(),
-            order: (0..index32(draped.len())).collect(),
+            triangles: Arc::clone(&triangles),
+            texture_triangles: triangles,
+            labels: vec![Label::default()],
             ..ObjMesh::default()
         };
-        // The arrays are in mm on both sides, so nothing is to be estimated.
-        let options =
-            ReadOptions { unit: Some(Unit::Mm), uv_scale: Some(1.0), ..ReadOptions::default() };
+        // The arrays are in mm on both sides, so nothing is to be estimated. The summary tells of a
+        // loss, which the caller may judge.
+        let options = ReadOptions {
+            unit: Some(Unit::Mm),
+            uv_scale: Some(1.0),
+            allow_loss: true,
+            ..ReadOptions::default()
+        };
         GarmentFiles::pair(Path::new(ARRAYS), mesh, None)?.into_garment(&options)
     }
 

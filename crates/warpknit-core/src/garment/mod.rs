@@ -3,11 +3,13 @@
 //! In: one OBJ with `vt`, or a flat and a draped OBJ ([`read`]). Out: a [`Garment`] in millimetres,
 //! each [`Panel`] in axes of its own.
 //!
-//! The steps: `obj` parses the text into a mesh, `pair` pairs flat and draped triangles, `panel`
-//! finds the connected pieces and their planes, `unit` estimates units and scales. `error` has the
-//! messages for everything that may be wrong with a file.
+//! The steps: `obj` parses the text into a mesh, `pair` pairs flat and draped triangles, `winding`
+//! turns round the faces that are wound against their neighbours, `pieces` finds the connected
+//! pieces and their planes, `unit` estimates units and scales, `panel` makes panels of the pieces,
+//! and `summary` says what was found and lost. `error` has the messages for everything that may be
+//! wrong with a file.
 //!
-//! Cost: nearly all of the time goes into parsing the text.
+//! Cost: linear in the triangles; docs/performance.md has figures.
 //!
 //! Not promised: that flat and draped are the same cloth (only that their triangles pair), and that
 //! the cloth doesn't intersect itself.
@@ -22,22 +24,37 @@ use crate::ids::FaceId;
 mod error;
 mod frames;
 mod memory;
+mod normals;
 mod obj;
 mod order;
 mod pair;
 mod panel;
-mod records;
+mod pieces;
 mod rectangle;
+mod sets;
 pub mod stretch;
+mod summary;
 mod unit;
+mod vertices;
+mod winding;
 
 pub use error::{ArrayFault, GarmentError, GarmentFault};
 pub use frames::Frames;
+pub use summary::{GarmentSummary, MOST_LOSS, PanelSummary};
 pub use unit::{Unit, UnknownUnit};
 
 use obj::ObjMesh;
 use pair::{FlatSource, Pairs};
-use panel::{Piece, Refusal, Refused};
+use panel::Numbers;
+use pieces::{Areas, Piece, Refusal, Refused};
+use summary::{Loss, shortened};
+use vertices::Vertices;
+
+/// Distance from the origin from which on draped coordinates count from a local one, mm. There a
+/// 32-bit float is exact to 0.5 µm. A smaller distance would move garments that need it not.
+const FAR: f64 = 10_000.0;
+/// Local origins are multiples of this, mm: eighths of a metre, which `.glb` holds exactly.
+const ORIGIN_STEP: f64 = 125.0;
 
 /// Options for reading a garment.
 ///
@@ -54,6 +71,8 @@ pub struct ReadOptions {
     pub grain: f64,
     /// Puts the technical face on the other side of the cloth.
     pub turn: bool,
+    /// Accepts a garment of which over [`MOST_LOSS`] can't be knitted.
+    pub allow_loss: bool,
 }
 
 /// A panel: one connected piece of the flat pattern, with its draped positions.
@@ -65,7 +84,7 @@ pub struct ReadOptions {
 pub struct Panel {
     /// Flat vertices in panel axes, mm.
     pub uv: Vec<DVec2>,
-    /// The same vertices draped, mm.
+    /// The same vertices draped, mm from [`GarmentSummary::origin`].
     pub draped: Vec<DVec3>,
     /// Unit draped vertex normals, angle-weighted over the triangles of this panel only (split at
     /// panel borders).
@@ -91,41 +110,6 @@ pub struct Garment {
     pub panels: Vec<Panel>,
     /// The summary of reading.
     pub summary: GarmentSummary,
-}
-
-/// The summary of reading a garment, for the report and for `inspect`.
-#[derive(Clone, Debug, Default)]
-pub struct GarmentSummary {
-    /// Triangles in the file, usable or not.
-    pub triangles: usize,
-    /// Unit of the draped coordinates: mm, cm, dm, m, in.
-    pub unit: &'static str,
-    /// Whether the unit was guessed and not given by the user.
-    pub unit_guessed: bool,
-    /// Length of one flat unit for the whole garment, mm. Panels that differ from it are named in
-    /// `warnings`.
-    pub uv_scale_mm: f64,
-    /// Triangles without flat area.
-    pub degenerate: usize,
-    /// Triangles wound against their panel.
-    pub flipped: usize,
-    /// Triangles with a corner that has no `vt`.
-    pub untextured: usize,
-    /// Pieces of the pattern that are no panels: they have no area, or they are not plane.
-    pub refused: usize,
-    /// The summary of each panel, in the order of [`Garment::panels`].
-    pub panels: Vec<PanelSummary>,
-    /// Warnings for the user, one line each.
-    pub warnings: Vec<String>,
-}
-
-/// The summary of reading one panel.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct PanelSummary {
-    /// Length of one flat unit in this panel, mm.
-    pub scale_mm: f64,
-    /// Number of its triangles without flat area.
-    pub degenerate: usize,
 }
 
 impl Panel {
@@ -224,8 +208,28 @@ struct GarmentFiles<'a> {
     /// The draped file, if there are two files.
     draped: Option<ObjMesh>,
     pattern: FlatSource,
+    cloth: Cloth,
+}
+
+/// The paired triangles, their winding mended, and their pieces.
+struct Cloth {
     pairs: Pairs,
+    vertices: Vertices,
+    areas: Areas,
+    /// The polygons whose winding was mended, in ascending order.
+    reversed: Vec<u32>,
     pieces: Vec<Result<Piece, Refused>>,
+}
+
+impl Cloth {
+    fn new(mut pairs: Pairs) -> Self {
+        let mut vertices = Vertices::new(&pairs);
+        let reversed = winding::reversed(&pairs, &vertices);
+        winding::reverse(&mut pairs, Some(&mut vertices), &reversed);
+        let areas = Areas::new(&pairs);
+        let pieces = pieces::pieces(&pairs, &vertices, &areas);
+        Self { pairs, vertices, areas, reversed, pieces }
+    }
 }
 
 impl<'a> GarmentFiles<'a> {
@@ -235,12 +239,11 @@ impl<'a> GarmentFiles<'a> {
         options: &ReadOptions,
     ) -> Result<Self, GarmentError> {
         check(options)?;
-        let flat = obj::read(path)?;
-        let draped = match draped_path {
-            Some(draped_path) => Some((draped_path, obj::read(draped_path)?)),
-            None => None,
+        let Some(draped_path) = draped_path else {
+            return Self::pair(path, obj::read(path)?, None);
         };
-        Self::pair(path, flat, draped)
+        let (flat, draped) = rayon::join(|| obj::read(path), || obj::read(draped_path));
+        Self::pair(path, flat?, Some((draped_path, draped?)))
     }
 
     /// Pairs the triangles of one mesh with `vt`, or of a flat and a draped one.
@@ -250,29 +253,29 @@ impl<'a> GarmentFiles<'a> {
         draped: Option<(&Path, ObjMesh)>,
     ) -> Result<Self, GarmentError> {
         let Some((draped_path, draped_mesh)) = draped else {
-            let pairs = pair::with_texture(&flat, path)?;
-            let pieces = panel::pieces(&pairs);
+            let cloth = Cloth::new(pair::with_texture(&flat, path)?);
             let pattern = FlatSource::Texture;
-            return Ok(Self { path, flat, draped: None, pattern, pairs, pieces });
+            return Ok(Self { path, flat, draped: None, pattern, cloth });
         };
         let paths = [path, draped_path];
         let mut pattern = FlatSource::Positions;
-        let mut pairs = pair::two_files(&flat, &draped_mesh, paths, pattern)?;
-        let mut pieces = panel::pieces(&pairs);
-        let leaves_plane =
-            pieces.iter().any(|piece| matches!(piece, Err((Refusal::NotFlat(_), _, _))));
+        let mut cloth = Cloth::new(pair::two_files(&flat, &draped_mesh, paths, pattern)?);
+        let leaves_plane = cloth
+            .pieces
+            .iter()
+            .any(|piece| matches!(piece, Err(Refused { reason: Refusal::NotFlat(_), .. })));
         // Some tools export the garment at rest on the body as FLAT. Its positions are no pattern,
         // but its `vt` may be one.
         if leaves_plane && flat.is_textured() {
             pattern = FlatSource::Texture;
-            pairs = pair::two_files(&flat, &draped_mesh, paths, pattern)?;
+            let mut pairs = pair::two_files(&flat, &draped_mesh, paths, pattern)?;
             pairs.warnings.push(format!(
                 "{} does not lie flat: its vt are taken for the flat pattern",
                 path.display()
             ));
-            pieces = panel::pieces(&pairs);
+            cloth = Cloth::new(pairs);
         }
-        Ok(Self { path, flat, draped: Some(draped_mesh), pattern, pairs, pieces })
+        Ok(Self { path, flat, draped: Some(draped_mesh), pattern, cloth })
     }
 
     /// The garment alone.
@@ -283,35 +286,52 @@ impl<'a> GarmentFiles<'a> {
     /// The garment and the unit of its draped positions. The files are returned too, since the
     /// frames of a sequence are paired with them.
     fn garment(mut self, options: &ReadOptions) -> Result<(Garment, Unit, Self), GarmentError> {
-        let mut summary = GarmentSummary {
-            triangles: self.pairs.total,
-            untextured: self.pairs.untextured,
-            warnings: std::mem::take(&mut self.pairs.warnings),
-            ..GarmentSummary::default()
-        };
-        let pairs = &self.pairs;
+        let mut summary = GarmentSummary::of_pairs(&mut self.cloth);
+        let pieces = std::mem::take(&mut self.cloth.pieces);
+        let Cloth { pairs, vertices, areas, .. } = &self.cloth;
         let unit = choose_unit(pairs, options, &mut summary);
-        let pieces = usable_pieces(std::mem::take(&mut self.pieces), self.path, &mut summary)?;
-        let scales = estimate_scales(
-            pairs,
-            &pieces,
-            unit,
-            options,
-            self.pattern == FlatSource::Positions,
-            &mut summary,
-        );
-        let panels: Vec<Panel> = pieces
+        let unit_mm = unit.millimetres();
+        let mut loss =
+            Loss { untextured: pairs.untextured_area * unit_mm * unit_mm, ..Loss::default() };
+        let pieces = summary.usable_pieces(&self.cloth, pieces, self.path, unit_mm, &mut loss)?;
+        let flat_file = self.pattern == FlatSource::Positions;
+        let scales = estimate_scales(areas, &pieces, unit, options, flat_file, &mut summary);
+        let mut numbers = Numbers::new(vertices);
+        let mut panels: Vec<Panel> = pieces
             .iter()
             .zip(scales)
             .map(|(piece, scale_mm)| {
-                let (panel, degenerate) = piece.panel(pairs, scale_mm, unit.millimetres(), options);
-                summary.panels.push(PanelSummary { scale_mm, degenerate });
-                summary.degenerate += degenerate;
+                let (panel, left) =
+                    piece.panel(pairs, (vertices, &mut numbers), scale_mm, unit_mm, options);
+                summary.add_panel(scale_mm, left.degenerate);
+                loss.degenerate += left.degenerate_area;
+                loss.flipped += left.flipped_area;
                 panel
             })
             .collect();
-        count_defects(&panels, &mut summary);
+        summary.origin = local_origin(&panels);
+        for point in panels.iter_mut().flat_map(|panel| &mut panel.draped) {
+            *point -= summary.origin;
+        }
+        summary.note_folds(&pieces);
+        summary.count_defects(&panels);
+        let total = (areas.draped_total() + pairs.untextured_area) * unit_mm * unit_mm;
+        summary.note_loss(loss, total, self.path, options.allow_loss)?;
         Ok((Garment { panels, summary }, unit, self))
+    }
+}
+
+/// The origin of draped coordinates: that of the file, unless the garment is far from it. Pictures
+/// and most files hold 32-bit floats, which are as exact as a yarn needs only near their origin.
+fn local_origin(panels: &[Panel]) -> DVec3 {
+    let points = panels.iter().flat_map(|panel| &panel.draped);
+    let [low, high] = points
+        .fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], p| [low.min(*p), high.max(*p)]);
+    let centre = 0.5 * (low + high);
+    if centre.abs().max_element() > FAR {
+        (centre / ORIGIN_STEP).round() * ORIGIN_STEP
+    } else {
+        DVec3::ZERO
     }
 }
 
@@ -353,53 +373,10 @@ fn choose_unit(pairs: &Pairs, options: &ReadOptions, summary: &mut GarmentSummar
     unit
 }
 
-/// The pieces that can hold stitches. The others are counted, and a warning names them.
-fn usable_pieces(
-    pieces: Vec<Result<Piece, Refused>>,
-    flat: &Path,
-    summary: &mut GarmentSummary,
-) -> Result<Vec<Piece>, GarmentError> {
-    let mut usable = Vec::new();
-    let mut refusals = Vec::new();
-    for piece in pieces {
-        match piece {
-            Ok(piece) => usable.push(piece),
-            Err((refusal, triangles, polygon)) => {
-                summary.refused += 1;
-                let why = match refusal {
-                    Refusal::NoFlatArea => {
-                        summary.degenerate += triangles;
-                        "has no flat area".to_owned()
-                    }
-                    Refusal::NoDrapedArea => "has no draped area".to_owned(),
-                    Refusal::NotFlat(share) => {
-                        format!(
-                            "leaves its plane by {:.1} % of its size (2 % is the most)",
-                            100.0 * share
-                        )
-                    }
-                };
-                refusals.push(format!(
-                    "the piece of {triangles} triangles at face {} {why}",
-                    polygon + 1
-                ));
-            }
-        }
-    }
-    if usable.is_empty() {
-        let reason = format!("{}: is this the flat pattern?", shortened(&refusals));
-        return Err(GarmentError::NoPanel { path: flat.to_path_buf(), reason });
-    }
-    if !refusals.is_empty() {
-        summary.warnings.push(format!("left out: {}", shortened(&refusals)));
-    }
-    Ok(usable)
-}
-
 /// The scale of each piece: mm per flat unit. `flat_file` tells whether the pattern is the
 /// positions of a flat file, which have a unit, and not a `vt`, which has none.
 fn estimate_scales(
-    pairs: &Pairs,
+    areas: &Areas,
     pieces: &[Piece],
     unit: Unit,
     options: &ReadOptions,
@@ -413,9 +390,16 @@ fn estimate_scales(
     // The garment's estimate is the median over all triangles and not over the panels' estimates,
     // so that small panels count little.
     let mut all: Vec<Vec<_>> =
-        pieces.iter().map(|piece| piece.stretches(pairs, unit.millimetres())).collect();
-    let own: Vec<f64> = all.iter_mut().map(|stretches| unit::scale(stretches)).collect();
-    let scales = unit::choose_scales(unit::scale(&mut all.concat()), &own, flat_file);
+        pieces.iter().map(|piece| piece.stretches(areas, unit.millimetres())).collect();
+    let mut own: Vec<f64> = all.iter_mut().map(|stretches| unit::scale(stretches)).collect();
+    // The sides of a fold were drawn as one piece, so they have one scale.
+    for (i, piece) in pieces.iter().enumerate().filter(|(_, piece)| piece.folded.is_some()) {
+        let sides = pieces.iter().zip(&all).filter(|(side, _)| side.folded == piece.folded);
+        let mut together: Vec<_> = sides.flat_map(|(_, stretches)| stretches).copied().collect();
+        own[i] = unit::scale(&mut together);
+    }
+    let whole = if let [only] = *own { only } else { unit::scale(&mut all.concat()) };
+    let scales = unit::choose_scales(whole, &own, flat_file);
     summary.uv_scale_mm = scales.garment;
     if !scales.differing.is_empty() {
         let names: Vec<_> =
@@ -428,46 +412,4 @@ fn estimate_scales(
         ));
     }
     scales.panels
-}
-
-/// Counts triangles that take no stitches, and warns of them.
-fn count_defects(panels: &[Panel], summary: &mut GarmentSummary) {
-    summary.flipped = panels.iter().map(|panel| panel.flipped.len()).sum();
-    if summary.flipped > 0 {
-        let mut places = Vec::new();
-        for (i, panel) in panels.iter().enumerate().filter(|(_, panel)| !panel.flipped.is_empty()) {
-            places.push(format!("{} in panel {i}", panel.flipped.len()));
-        }
-        summary.warnings.push(format!(
-            "{} flat triangles are flipped against their panel and take no stitches: {}",
-            summary.flipped,
-            shortened(&places)
-        ));
-    }
-    if summary.degenerate > 0 {
-        summary.warnings.push(format!(
-            "{} triangles have no flat area and take no stitches",
-            summary.degenerate
-        ));
-    }
-    // A sewing pattern has a few large pieces. An automatic unwrap (a texture atlas) has many small
-    // ones, and a fabric laid out on each of them would look like patchwork. More than 8 pieces of
-    // under 4 triangles each on average are taken for an atlas: no sewing pattern is that coarse.
-    let usable: usize = panels.iter().map(|panel| panel.triangles.len()).sum();
-    if panels.len() > 8 && usable < 4 * panels.len() {
-        summary.warnings.push(format!(
-            "the pattern is in {} pieces of {:.1} triangles each: \
-             is it an atlas and not a sewing pattern?",
-            panels.len(),
-            usable as f64 / panels.len() as f64
-        ));
-    }
-}
-
-/// A list on one line: its first eight entries, and the number of the others.
-fn shortened(entries: &[String]) -> String {
-    let shown = entries.len().min(8);
-    let more = entries.len() - shown;
-    let list = entries[..shown].join(", ");
-    if more > 0 { format!("{list} and {more} more") } else { list }
 }

@@ -12,7 +12,7 @@
 
 use glam::{DMat2, DVec2, DVec3};
 
-use super::{Garment, Panel};
+use super::Panel;
 
 /// The 5th, 50th and 95th percentile by flat area; 1 is unstretched.
 pub type Percentiles = [f64; 3];
@@ -46,15 +46,15 @@ pub struct Isometry {
     pub area: Percentiles,
 }
 
-/// Stretch of a garment's usable triangles: (warp, along v; weft, along u).
+/// Stretch of the usable triangles of some panels: (warp, along v; weft, along u).
 ///
 /// ```
 /// use warpknit_core::garment::{Garment, stretch::stretch};
-/// assert_eq!(stretch(&Garment::rectangle(10.0, 10.0)), ([1.0; 3], [1.0; 3]));
+/// assert_eq!(stretch(&Garment::rectangle(10.0, 10.0).panels), ([1.0; 3], [1.0; 3]));
 /// ```
 #[must_use]
-pub fn stretch(garment: &Garment) -> (Percentiles, Percentiles) {
-    let all = triangles(&garment.panels);
+pub fn stretch(panels: &[Panel]) -> (Percentiles, Percentiles) {
+    let all = triangles(panels);
     (percentiles(&all, |one| one.warp, SHARES), percentiles(&all, |one| one.weft, SHARES))
 }
 
@@ -140,6 +140,7 @@ pub fn percentiles<const N: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::garment::Garment;
 
     /// A rectangle whose draped positions are moved.
     fn draped(place: impl Fn(DVec3) -> DVec3) -> Garment {
@@ -151,7 +152,7 @@ mod tests {
     #[test]
     fn a_stretched_square() {
         let garment = draped(|p| p * DVec3::new(1.25, 0.5, 1.0));
-        assert_eq!(stretch(&garment), ([0.5; 3], [1.25; 3]));
+        assert_eq!(stretch(&garment.panels), ([0.5; 3], [1.25; 3]));
         let expected = Isometry { smallest: [0.5; 3], largest: [1.25; 3], area: [0.625; 3] };
         assert_eq!(isometry(&garment.panels), expected);
     }
@@ -168,7 +169,7 @@ mod tests {
             );
             assert!((area[share] - 1.0).abs() < 1e-12);
         }
-        let (warp, weft) = stretch(&garment);
+        let (warp, weft) = stretch(&garment.panels);
         assert!((warp[1] - 1.5_f64.hypot(1.0)).abs() < 1e-12 && (weft[1] - 1.0).abs() < 1e-12);
     }
 

@@ -338,8 +338,8 @@ mod tests {
         // Panel 0 takes two mm for each of the garment's, so in the layout it is 5 by 5 at (4,
         // 2.5).
         found.summary.panels = vec![
-            PanelSummary { scale_mm: 2.0, degenerate: 0 },
-            PanelSummary { scale_mm: 1.0, degenerate: 0 },
+            PanelSummary { scale_mm: 2.0, ..PanelSummary::default() },
+            PanelSummary { scale_mm: 1.0, ..PanelSummary::default() },
         ];
         near(&overlaps(&found).between, &[([0, 1], 25.0)]);
     }

@@ -1,19 +1,21 @@
 //! The records of an OBJ text, one at a time, for any line ends, continuations and comments.
 //!
 //! In: bytes. Out: `Records::record`, one record without leading blanks, with the line on which it
-//! starts. Memory is bounded by [`LONGEST_RECORD`]: gigabytes of blanks or comments are read
+//! starts; or the bytes themselves, for whoever can read whole lines faster
+//! ([`Records::take_lines`]). Memory is bounded by [`LONGEST_RECORD`]: gigabytes of blanks or comments are read
 //! without being stored. Cost: one pass over the bytes.
 
 use std::io::{self, BufRead};
 use std::path::Path;
 
-use super::error::{GarmentError, GarmentFault};
+use super::super::error::{GarmentError, GarmentFault};
+use super::numbers::line_end;
 
 /// Longest accepted record with its continuations, bytes: enough for a polygon of 50 000 corners.
 /// It bounds memory for files that are no text.
 const LONGEST_RECORD: usize = 1 << 20;
 
-/// Reasons why the cleaning pass stopped, each with its line.
+/// Reasons why reading stopped, each with its line.
 #[derive(Debug)]
 pub(super) enum Stop {
     Fault(u64, GarmentFault),
@@ -56,6 +58,29 @@ impl<R: BufRead> Records<R> {
         Self { input, record: Vec::new(), first: 0, number: 0, bytes: 0, after_return: false }
     }
 
+    /// Offers the text that is at hand to `take`, which gets it with the number of lines before it.
+    /// It returns the bytes and the lines that it has taken: whole lines from the start.
+    pub(super) fn take_lines(
+        &mut self,
+        take: impl FnOnce(&[u8], u64) -> (usize, u64),
+    ) -> Result<(), Stop> {
+        // The first line may begin with a byte order mark.
+        if self.bytes == 0 {
+            return Ok(());
+        }
+        let after_return = std::mem::take(&mut self.after_return);
+        let buffer = filled(&mut self.input, self.number + 1)?;
+        let start = usize::from(after_return && buffer.first() == Some(&b'\n'));
+        // No line that is longer than a record may be is ever whole here.
+        let text = &buffer[start..buffer.len().min(LONGEST_RECORD)];
+        let (used, lines) = take(text, self.number);
+        self.number += lines;
+        self.bytes += (start + used) as u64;
+        self.after_return = after_return && buffer.is_empty();
+        self.input.consume(start + used);
+        Ok(())
+    }
+
     /// Reads the next record into `self.record`. False at the end of the file.
     pub(super) fn next(&mut self) -> Result<bool, Stop> {
         self.record.clear();
@@ -92,12 +117,7 @@ impl<R: BufRead> Records<R> {
         }
         let mut comment = false;
         loop {
-            let number = self.number;
-            let buffer = match self.input.fill_buf() {
-                Ok(buffer) => buffer,
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
-                Err(error) => return Err(Stop::Input(number, error)),
-            };
+            let buffer = filled(&mut self.input, self.number)?;
             if buffer.is_empty() {
                 return Ok(false);
             }
@@ -112,7 +132,7 @@ impl<R: BufRead> Records<R> {
                 start = 3;
             }
             let rest = &buffer[start..];
-            let end = rest.iter().position(|&byte| byte == b'\n' || byte == b'\r');
+            let end = line_end(rest);
             let text = &rest[..end.unwrap_or(rest.len())];
             // The first text of a record tells whether the line is a comment.
             let kept = if self.record.is_empty() { text.trim_ascii_start() } else { text };
@@ -135,6 +155,17 @@ impl<R: BufRead> Records<R> {
             }
         }
     }
+}
+
+/// The bytes that are at hand, at least one unless the input has ended. `line` is for the error.
+fn filled(input: &mut impl BufRead, line: u64) -> Result<&[u8], Stop> {
+    while let Err(error) = input.fill_buf() {
+        if error.kind() != io::ErrorKind::Interrupted {
+            return Err(Stop::Input(line, error));
+        }
+    }
+    // The bytes are there, so this asks the system for nothing.
+    input.fill_buf().map_err(|error| Stop::Input(line, error))
 }
 
 /// The words of a record.

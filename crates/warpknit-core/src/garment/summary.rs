@@ -1,0 +1,299 @@
+//! What reading found: numbers, notes and warnings, and how much of the cloth is lost.
+//!
+//! In: the pieces and panels of a garment. Out: its [`GarmentSummary`], or an error where too much
+//! of it can't be knitted.
+
+use std::path::Path;
+
+use glam::DVec3;
+
+use super::error::GarmentError;
+use super::pieces::{Piece, Refusal, Refused};
+use super::{Cloth, Panel};
+
+/// Share of the draped area that may take no stitches without an error. A hole of that size is no
+/// small defect of a mesh: the file isn't what the user takes it for.
+pub const MOST_LOSS: f64 = 0.1;
+
+/// The summary of reading a garment, for the report and for `inspect`.
+#[derive(Clone, Debug, Default)]
+pub struct GarmentSummary {
+    /// Triangles in the file, usable or not.
+    pub triangles: usize,
+    /// Unit of the draped coordinates: mm, cm, dm, m, in.
+    pub unit: &'static str,
+    /// Whether the unit was guessed and not given by the user.
+    pub unit_guessed: bool,
+    /// Length of one flat unit for the whole garment, mm. Panels that differ from it are named in
+    /// `warnings`.
+    pub uv_scale_mm: f64,
+    /// Faces that were wound against their neighbours in both meshes, and have been turned round.
+    pub reversed: usize,
+    /// Triangles without flat area.
+    pub degenerate: usize,
+    /// Triangles wound against their panel.
+    pub flipped: usize,
+    /// Triangles with a corner that has no `vt`.
+    pub untextured: usize,
+    /// Pieces of the pattern that are no panels: they have no area, or they are not plane.
+    pub refused: usize,
+    /// The place in the file's axes from which draped coordinates count, mm: 0, or a place near a
+    /// garment that is far away.
+    pub origin: DVec3,
+    /// Draped area of the whole garment, mm².
+    pub draped_mm2: f64,
+    /// Draped area that takes no stitches, mm².
+    pub lost_mm2: f64,
+    /// The summary of each panel, in the order of [`super::Garment::panels`].
+    pub panels: Vec<PanelSummary>,
+    /// Notes for the user, one line each: what was mended, and how.
+    pub notes: Vec<String>,
+    /// Warnings for the user, one line each.
+    pub warnings: Vec<String>,
+}
+
+/// The summary of reading one panel.
+#[derive(Clone, Debug, Default)]
+pub struct PanelSummary {
+    /// Length of one flat unit in this panel, mm.
+    pub scale_mm: f64,
+    /// Number of its triangles without flat area.
+    pub degenerate: usize,
+    /// The other sides of its folds: panels of the same piece of the pattern, which lies folded
+    /// over itself.
+    pub folds: Vec<usize>,
+}
+
+/// Draped areas that take no stitches, by their reason, mm².
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Loss {
+    pub(super) flipped: f64,
+    pub(super) degenerate: f64,
+    pub(super) untextured: f64,
+    pub(super) refused: f64,
+}
+
+impl Loss {
+    fn total(self) -> f64 {
+        self.flipped + self.degenerate + self.untextured + self.refused
+    }
+
+    /// The reasons with their areas, in one line.
+    fn reasons(self) -> String {
+        let reasons = [
+            (self.flipped, "flipped"),
+            (self.degenerate, "without flat area"),
+            (self.untextured, "without vt"),
+            (self.refused, "in pieces that are left out"),
+        ];
+        let named = reasons.iter().filter(|(area, _)| *area > 0.0);
+        named
+            .map(|(area, reason)| format!("{} {reason}", cm2(*area)))
+            .collect::<Vec<_>>()
+            .join(", ")
+    }
+}
+
+/// An area in mm², in cm² with three digits or more.
+fn cm2(area: f64) -> String {
+    let area = area / 100.0;
+    let decimals = if area >= 100.0 {
+        0
+    } else if area >= 1.0 {
+        1
+    } else {
+        3
+    };
+    format!("{area:.decimals$} cm²")
+}
+
+impl GarmentSummary {
+    /// Draped area that takes no stitches, % of the whole garment's.
+    #[must_use]
+    pub fn lost_percent(&self) -> f64 {
+        if self.lost_mm2 > 0.0 { 100.0 * self.lost_mm2 / self.draped_mm2 } else { 0.0 }
+    }
+
+    /// The summary of pairing and of the winding.
+    pub(super) fn of_pairs(cloth: &mut Cloth) -> Self {
+        let Cloth { pairs, reversed, .. } = cloth;
+        let mut summary = Self {
+            triangles: pairs.total,
+            untextured: pairs.untextured,
+            reversed: reversed.len(),
+            warnings: std::mem::take(&mut pairs.warnings),
+            ..Self::default()
+        };
+        if !reversed.is_empty() {
+            summary.notes.push(format!(
+                "{} of {} faces were wound against their neighbours and are turned round, \
+                 first face {}",
+                reversed.len(),
+                pairs.polygon_ranges().count(),
+                reversed[0] + 1
+            ));
+        }
+        summary
+    }
+
+    /// The pieces that can hold stitches. The others are counted, and a warning names them.
+    pub(super) fn usable_pieces(
+        &mut self,
+        cloth: &Cloth,
+        pieces: Vec<Result<Piece, Refused>>,
+        flat: &Path,
+        unit_mm: f64,
+        loss: &mut Loss,
+    ) -> Result<Vec<Piece>, GarmentError> {
+        let mut usable = Vec::new();
+        let mut refusals = Vec::new();
+        for piece in pieces {
+            match piece {
+                Ok(piece) => usable.push(piece),
+                Err(Refused { reason, triangles }) => {
+                    self.refused += 1;
+                    loss.refused += cloth.areas.draped_sum(&triangles) * unit_mm * unit_mm;
+                    let polygon = cloth.pairs.polygons[triangles[0] as usize];
+                    if reason == Refusal::NoFlatArea {
+                        self.degenerate += triangles.len();
+                    }
+                    refusals.push(format!(
+                        "the piece of {} triangles at face {} {reason}",
+                        triangles.len(),
+                        polygon + 1
+                    ));
+                }
+            }
+        }
+        if usable.is_empty() {
+            let reason = format!("{}: is this the flat pattern?", shortened(&refusals));
+            return Err(GarmentError::NoPanel { path: flat.to_path_buf(), reason });
+        }
+        if !refusals.is_empty() {
+            self.warnings.push(format!("left out: {}", shortened(&refusals)));
+        }
+        Ok(usable)
+    }
+
+    /// Adds a panel.
+    pub(super) fn add_panel(&mut self, scale_mm: f64, degenerate: usize) {
+        self.panels.push(PanelSummary { scale_mm, degenerate, folds: Vec::new() });
+        self.degenerate += degenerate;
+    }
+
+    /// Notes which panels are sides of the same folded piece.
+    pub(super) fn note_folds(&mut self, pieces: &[Piece]) {
+        let mut sides: Vec<(u32, usize)> = pieces
+            .iter()
+            .zip(0..)
+            .filter_map(|(piece, panel)| Some((piece.folded?, panel)))
+            .collect();
+        // Sides of one piece are together then, in the order of the panels.
+        sides.sort_unstable();
+        let mut folded = Vec::new();
+        for sides in sides.chunk_by(|a, b| a.0 == b.0) {
+            let panels: Vec<_> = sides.iter().map(|&(_, panel)| panel).collect();
+            for &panel in &panels {
+                self.panels[panel].folds =
+                    panels.iter().copied().filter(|&other| other != panel).collect();
+            }
+            folded.push(panels.iter().map(usize::to_string).collect::<Vec<_>>().join(" and "));
+        }
+        if !folded.is_empty() {
+            self.notes.push(format!(
+                "the pattern is folded over itself, and each side of a fold is a panel: {}",
+                shortened(&folded)
+            ));
+        }
+    }
+
+    /// Counts triangles that take no stitches, and warns of them.
+    pub(super) fn count_defects(&mut self, panels: &[Panel]) {
+        self.flipped = panels.iter().map(|panel| panel.flipped.len()).sum();
+        if self.flipped > 0 {
+            let mut places = Vec::new();
+            for (i, panel) in
+                panels.iter().enumerate().filter(|(_, panel)| !panel.flipped.is_empty())
+            {
+                places.push(format!("{} in panel {i}", panel.flipped.len()));
+            }
+            self.warnings.push(format!(
+                "{} flat triangles are flipped against their panel and take no stitches: {}",
+                self.flipped,
+                shortened(&places)
+            ));
+        }
+        if self.degenerate > 0 {
+            self.warnings.push(format!(
+                "{} triangles have no flat area and take no stitches",
+                self.degenerate
+            ));
+        }
+        // A sewing pattern has a few large pieces. An automatic unwrap (a texture atlas) has many small
+        // ones, and a fabric laid out on each of them would look like patchwork. More than 8 pieces of
+        // under 4 triangles each on average are taken for an atlas: no sewing pattern is that coarse.
+        let usable: usize = panels.iter().map(|panel| panel.triangles.len()).sum();
+        if panels.len() > 8 && usable < 4 * panels.len() {
+            self.warnings.push(format!(
+                "the pattern is in {} pieces of {:.1} triangles each: \
+                 is it an atlas and not a sewing pattern?",
+                panels.len(),
+                usable as f64 / panels.len() as f64
+            ));
+        }
+    }
+
+    /// Warns of cloth that is lost, and refuses a garment that loses too much of it. `total` is the
+    /// draped area of the whole garment, mm².
+    pub(super) fn note_loss(
+        &mut self,
+        loss: Loss,
+        total: f64,
+        flat: &Path,
+        allowed: bool,
+    ) -> Result<(), GarmentError> {
+        let lost = loss.total();
+        let share = lost / total;
+        (self.draped_mm2, self.lost_mm2) = (total, lost);
+        // Less is the rounding of triangles that have no area.
+        if share <= 1e-9 {
+            return Ok(());
+        }
+        let what = format!(
+            "{} ({:.3} % of the draped area) take no stitches: {}",
+            cm2(lost),
+            100.0 * share,
+            loss.reasons()
+        );
+        if share > MOST_LOSS && !allowed {
+            return Err(GarmentError::Loss { path: flat.to_path_buf(), what });
+        }
+        self.warnings.push(format!(
+            "{what}; lay these faces flat in the pattern and export it again \
+             (`warpknit inspect -o sheet.svg` marks them)"
+        ));
+        Ok(())
+    }
+}
+
+impl std::fmt::Display for Refusal {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::NoFlatArea => f.write_str("has no flat area"),
+            Self::NoDrapedArea => f.write_str("has no draped area"),
+            Self::NotFlat(share) => write!(
+                f,
+                "leaves its plane by {:.1} % of its size (2 % is the most)",
+                100.0 * share
+            ),
+        }
+    }
+}
+
+/// A list on one line: its first eight entries, and the number of the others.
+pub(super) fn shortened(entries: &[String]) -> String {
+    let shown = entries.len().min(8);
+    let more = entries.len() - shown;
+    let list = entries[..shown].join(", ");
+    if more > 0 { format!("{list} and {more} more") } else { list }
+}

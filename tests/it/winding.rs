@@ -1,0 +1,323 @@
+//! Winding mended, folds and lost cloth: sheets whose faces are wound both ways, patterns that lie
+//! folded over themselves, strips with one side only.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use glam::{DVec2, DVec3};
+use proptest::prelude::*;
+use warpknit::garment::{Frames, Garment, GarmentError, Panel, ReadOptions, Unit, read};
+
+/// Cells of a sheet along each side.
+const CELLS: usize = 6;
+
+fn options() -> ReadOptions {
+    ReadOptions { unit: Some(Unit::Mm), ..ReadOptions::default() }
+}
+
+/// A wavy sheet of 50 mm cells in quads. `flat` places a vertex of the pattern, and `reversed` says
+/// which faces are wound the other way.
+struct Sheet<'a> {
+    flat: &'a dyn Fn(f64, f64) -> DVec2,
+    reversed: &'a dyn Fn(usize) -> bool,
+}
+
+impl Sheet<'_> {
+    fn vertices(&self) -> impl Iterator<Item = (DVec3, DVec2)> + '_ {
+        let side = CELLS + 1;
+        (0..side * side).map(move |i| {
+            let [x, y] = [i % side, i / side].map(|at| at as f64);
+            let z = if i % 2 == 0 { 0.0 } else { 9.0 };
+            (DVec3::new(50.0 * x, 50.0 * y, z), (self.flat)(x, y))
+        })
+    }
+
+    /// The faces, with one number for `v` and for `vt` where `texture`.
+    fn faces(&self, texture: bool) -> String {
+        let mut text = String::new();
+        for i in 0..CELLS * CELLS {
+            let a = i / CELLS * (CELLS + 1) + i % CELLS + 1;
+            let mut corners = [a, a + 1, a + CELLS + 2, a + CELLS + 1];
+            if (self.reversed)(i) {
+                corners.reverse();
+            }
+            let words = corners.map(|v| if texture { format!("{v}/{v}") } else { v.to_string() });
+            writeln!(text, "f {}", words.join(" ")).unwrap();
+        }
+        text
+    }
+
+    /// One file with `vt`.
+    fn one(&self) -> String {
+        let mut text = String::new();
+        for (p, uv) in self.vertices() {
+            writeln!(text, "v {} {} {}\nvt {} {}", p.x, p.y, p.z, uv.x, uv.y).unwrap();
+        }
+        text + &self.faces(true)
+    }
+
+    /// The flat and the draped file of a pair.
+    fn two(&self) -> [String; 2] {
+        let [mut flat, mut draped] = [const { String::new() }; 2];
+        for (p, uv) in self.vertices() {
+            writeln!(flat, "v {} {} 0", 50.0 * uv.x, 50.0 * uv.y).unwrap();
+            writeln!(draped, "v {} {} {}", p.x, p.y, p.z).unwrap();
+        }
+        [flat + &self.faces(false), draped + &self.faces(false)]
+    }
+}
+
+fn plain(x: f64, y: f64) -> DVec2 {
+    DVec2::new(x, y)
+}
+
+fn sheet(reversed: &dyn Fn(usize) -> bool) -> Sheet<'_> {
+    Sheet { flat: &plain, reversed }
+}
+
+fn read_one(text: &str) -> Result<Garment, GarmentError> {
+    Garment::read_obj(text.as_bytes(), &options())
+}
+
+fn read_two([flat, draped]: &[String; 2]) -> Garment {
+    Garment::read_obj_pair(flat.as_bytes(), draped.as_bytes(), &options()).unwrap()
+}
+
+/// The corners of each face, flat in the file's axes and draped, by the face.
+fn corners(panel: &Panel) -> BTreeMap<u32, [[DVec3; 2]; 3]> {
+    let corner = |v: u32| {
+        let flat = panel.flat_from_panel.transform_point3(panel.uv[v as usize].extend(0.0));
+        [flat, panel.draped[v as usize]]
+    };
+    let faces = panel.faces.iter().map(|face| face.0);
+    faces.zip(panel.triangles.iter().map(|triangle| triangle.map(corner))).collect()
+}
+
+/// Nothing lost, nothing flipped, as many faces turned round.
+fn check_whole(garment: &Garment, reversed: usize) {
+    let facts = &garment.summary;
+    assert_eq!((facts.reversed, facts.flipped, facts.degenerate), (reversed, 0, 0));
+    assert_eq!((facts.lost_mm2, &facts.warnings), (0.0, &Vec::new()));
+    let laid: usize = garment.panels.iter().map(|panel| panel.triangles.len()).sum();
+    assert_eq!(laid, facts.triangles);
+}
+
+#[test]
+fn faces_wound_both_ways_are_the_sheet_that_they_were_cut_from() {
+    let whole = sheet(&|_| false);
+    let half = CELLS * CELLS / 2;
+    type Reversed<'a> = &'a dyn Fn(usize) -> bool;
+    let cases: [(&str, Reversed<'_>, usize); 4] = [
+        ("a third", &|i| i % 3 == 0, CELLS * CELLS / 3),
+        ("the last half", &|i| i >= half, half),
+        ("the first half", &|i| i < half, half),
+        ("one", &|i| i == 8, 1),
+    ];
+    let (one, two) = (read_one(&whole.one()).unwrap(), read_two(&whole.two()));
+    check_whole(&one, 0);
+    assert_eq!(one.summary.notes, Vec::<String>::new());
+    for (what, reversed, count) in cases {
+        let mixed = sheet(reversed);
+        for (garment, whole) in
+            [(read_one(&mixed.one()).unwrap(), &one), (read_two(&mixed.two()), &two)]
+        {
+            check_whole(&garment, count);
+            assert_eq!(corners(&garment.panels[0]), corners(&whole.panels[0]), "{what}");
+            assert_eq!(garment.panels[0].normals, whole.panels[0].normals, "{what}");
+            assert!(garment.summary.notes[0].starts_with(&format!("{count} of 36 faces")));
+        }
+    }
+}
+
+#[test]
+fn most_faces_decide_where_the_technical_face_is() {
+    let inside_out = read_one(&sheet(&|i| i % 3 > 0).one()).unwrap();
+    check_whole(&inside_out, CELLS * CELLS / 3);
+    assert!(inside_out.panels[0].mirrored);
+    assert!(inside_out.panels[0].normals.iter().all(|normal| normal.z < 0.0));
+}
+
+#[test]
+fn a_frame_with_other_numbers_is_mended_like_the_first() {
+    let folder = tempfile::tempdir().unwrap();
+    let mixed = sheet(&|i| i % 3 == 0);
+    let [flat, draped] = mixed.two();
+    // Two vertices more, so that the frame's connectivity is another one.
+    let renumbered = |line: &str| match line.strip_prefix("f ") {
+        Some(face) => {
+            let face = face.split(' ').map(|v| (v.parse::<usize>().unwrap() + 2).to_string());
+            format!("f {}\n", face.collect::<Vec<_>>().join(" "))
+        }
+        None => format!("{line}\n"),
+    };
+    let frame: String = draped.lines().map(renumbered).collect();
+    let write = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        path
+    };
+    let (flat, first) = (write("flat.obj", &flat), write("1.obj", &draped));
+    let second = write("2.obj", &format!("v 9 9 9\nv 9 9 9\n{frame}"));
+    let (garment, frames) = Frames::read(&flat, Some(&first), &options()).unwrap();
+    let mut posed = garment.clone();
+    assert_eq!(frames.pose(&mut posed, &second).unwrap(), Vec::<String>::new());
+    assert_eq!(posed.panels[0].draped, garment.panels[0].draped);
+    let alone = read(&flat, Some(&second), &options()).unwrap();
+    assert_eq!(corners(&alone.panels[0]), corners(&garment.panels[0]));
+}
+
+#[test]
+fn each_side_of_a_fold_is_a_panel() {
+    // Folded once in the middle, and like a fan in three.
+    let once = |x: f64, y: f64| DVec2::new((x - 3.0).abs(), y);
+    let fan = |x: f64, y: f64| {
+        DVec2::new(
+            if x < 2.0 {
+                x
+            } else if x < 4.0 {
+                4.0 - x
+            } else {
+                x - 4.0
+            },
+            y,
+        )
+    };
+    type Flat<'a> = &'a dyn Fn(f64, f64) -> DVec2;
+    let cases: [(Flat<'_>, &[bool]); 2] = [(&once, &[true, false]), (&fan, &[false, true, false])];
+    for (flat, mirrored) in cases {
+        for reversed in [&(|_| false) as &dyn Fn(usize) -> bool, &|i| i % 5 == 1] {
+            let sheet = Sheet { flat, reversed };
+            for garment in [read_one(&sheet.one()).unwrap(), read_two(&sheet.two())] {
+                check_whole(&garment, (0..CELLS * CELLS).filter(|&i| reversed(i)).count());
+                let found: Vec<_> = garment.panels.iter().map(|panel| panel.mirrored).collect();
+                assert_eq!(found, mirrored);
+                // The cloth shows the same side everywhere, and each panel knows the others.
+                for (number, panel) in garment.panels.iter().enumerate() {
+                    assert!(panel.normals.iter().all(|normal| normal.z > 0.0));
+                    let others = (0..mirrored.len()).filter(|&other| other != number);
+                    assert_eq!(garment.summary.panels[number].folds, others.collect::<Vec<_>>());
+                }
+                let scales = garment.summary.panels.iter().map(|panel| panel.scale_mm);
+                assert!(scales.clone().all(|scale| scale == scales.clone().next().unwrap()));
+                assert!(garment.summary.notes.last().unwrap().contains("folded over itself"));
+            }
+        }
+    }
+}
+
+/// A Möbius strip of 24 quads, cut once in the pattern. `reversed` says which faces are wound the
+/// other way.
+fn moebius(reversed: impl Fn(usize) -> bool) -> String {
+    let mut text = String::new();
+    let count = 24;
+    for i in 0..count {
+        let angle = i as f64 / count as f64 * std::f64::consts::TAU;
+        for side in [-30.0, 30.0] {
+            let radius = 200.0 + side * (angle / 2.0).cos();
+            let (sin, cos) = angle.sin_cos();
+            writeln!(text, "v {} {} {}", radius * cos, radius * sin, side * (angle / 2.0).sin())
+                .unwrap();
+        }
+    }
+    for i in 0..=count {
+        writeln!(text, "vt {} 0\nvt {0} 60", 52.0 * i as f64).unwrap();
+    }
+    for i in 0..count {
+        let (a, b) = (2 * i + 1, 2 * i + 2);
+        let (c, d) = if i + 1 < count { (a + 2, b + 2) } else { (2, 1) };
+        let mut corners = [(a, a), (c, a + 2), (d, b + 2), (b, b)];
+        if reversed(i) {
+            corners.reverse();
+        }
+        let words = corners.map(|(v, vt)| format!("{v}/{vt}"));
+        writeln!(text, "f {}", words.join(" ")).unwrap();
+    }
+    text
+}
+
+#[test]
+fn a_moebius_strip_cut_in_the_pattern_is_one_panel() {
+    for (reversed, count) in [(&(|_| false) as &dyn Fn(usize) -> bool, 0), (&|i| i % 4 == 2, 6)] {
+        let garment = read_one(&moebius(reversed)).unwrap();
+        check_whole(&garment, count);
+        assert_eq!(garment.panels.len(), 1);
+        assert!(!garment.panels[0].mirrored);
+    }
+}
+
+#[test]
+fn a_ring_that_no_cut_opens_is_read() {
+    // The pattern's end is its beginning, so the last quad goes back over all others.
+    let text = moebius(|_| false);
+    let mut closed = String::new();
+    for line in text.lines() {
+        writeln!(closed, "{}", line.replace("/49", "/2").replace("/50", "/1")).unwrap();
+    }
+    let garment =
+        Garment::read_obj(closed.as_bytes(), &ReadOptions { allow_loss: true, ..options() })
+            .unwrap();
+    let facts = &garment.summary;
+    let laid: usize = garment.panels.iter().map(|panel| panel.triangles.len()).sum();
+    assert_eq!(laid + facts.flipped + facts.degenerate, 48, "{facts:?}");
+}
+
+#[test]
+fn pages_of_a_book_spread_nothing_over_their_spine() {
+    // Three pages of two cells at one spine: no two of them need agree.
+    let mut text = String::from("v 0 0 0\nv 0 100 0\nvt 0 0\nvt 0 100\n");
+    for (x, z, u) in [(1.0, 0.0, 1.0), (-1.0, 0.0, -1.0), (0.0, 1.0, 1.3)] {
+        for far in [80.0, 160.0] {
+            for y in [0, 100] {
+                writeln!(text, "v {} {y} {}\nvt {} {y}", x * far, z * far, u * far).unwrap();
+            }
+        }
+    }
+    for page in 0..3 {
+        let [a, b, c, d] = [3, 4, 5, 6].map(|vertex| vertex + 4 * page);
+        // Outer cells are wound against the inner ones.
+        writeln!(text, "f 1/1 {a}/{a} {b}/{b} 2/2").unwrap();
+        writeln!(text, "f {b}/{b} {d}/{d} {c}/{c} {a}/{a}").unwrap();
+    }
+    let garment = read_one(&text).unwrap();
+    assert_eq!(garment.panels.iter().map(Panel::non_manifold_edges).max(), Some(1));
+    check_whole(&garment, 3);
+}
+
+#[test]
+fn lost_cloth_is_told_and_much_of_it_refused() {
+    // Faces from `first` on lose their vt.
+    let without = |first: usize| {
+        let text = sheet(&|_| false).one();
+        let mut faces = 0;
+        let mut lines = String::new();
+        for line in text.lines() {
+            faces += usize::from(line.starts_with('f'));
+            let bare = line.split(' ').map(|word| word.split('/').next().unwrap());
+            let bare = bare.collect::<Vec<_>>().join(" ");
+            writeln!(lines, "{}", if faces > first { bare.as_str() } else { line }).unwrap();
+        }
+        lines
+    };
+    let some = read_one(&without(33)).unwrap().summary;
+    assert!((some.lost_percent() - 100.0 * 3.0 / 36.0).abs() < 1e-9, "{}", some.lost_percent());
+    let warning = some.warnings.last().unwrap();
+    assert!(warning.contains("cm² (8.333 % of the draped area) take no stitches"), "{warning}");
+    let error = read_one(&without(30)).unwrap_err();
+    assert!(matches!(error, GarmentError::Loss { .. }));
+    let error = error.to_string();
+    assert!(error.contains("16.667 %") && error.contains("--allow-loss"), "{error}");
+    let allowed = ReadOptions { allow_loss: true, ..options() };
+    let rest = Garment::read_obj(without(30).as_bytes(), &allowed).unwrap();
+    assert_eq!(rest.panels[0].triangles.len(), 60);
+}
+
+proptest! {
+    /// Whatever part of a sheet is reversed, the whole sheet is knitted, on one side.
+    #[test]
+    fn any_winding_is_mended(reversed in prop::collection::vec(any::<bool>(), CELLS * CELLS)) {
+        let garment = read_one(&sheet(&|i| reversed[i]).one()).unwrap();
+        let turned = reversed.iter().filter(|&&reversed| reversed).count();
+        check_whole(&garment, turned.min(CELLS * CELLS - turned));
+        prop_assert_eq!(garment.panels.len(), 1);
+    }
+}
