@@ -50,16 +50,15 @@ pub(super) fn check_settings(
     }
 }
 
-/// Refuses cloth that is too large, before any of it is laid.
-pub(super) fn check_request(job: &Job<'_>, wants_picture: bool) -> Result<(), RunError> {
-    // A tile of a picture has the shadows of all yarns, so a picture needs the whole cloth.
-    let stitches = if wants_picture { job.cloth.stitches() } else { job.filed().stitches() };
+/// Refuses cloth that is too large, before any of it is laid. `drawn` is the cloth that pictures
+/// need, if there are any.
+pub(super) fn check_request(job: &Job<'_>, drawn: Option<&Cloth<'_>>) -> Result<(), RunError> {
+    let shown = drawn.map(Cloth::stitches);
+    let stitches = job.filed().stitches().max(shown.unwrap_or(0));
     if stitches > MOST_STITCHES {
         return Err(RunError::TooManyStitches { stitches, most: MOST_STITCHES });
     }
-    if !wants_picture {
-        return Ok(());
-    }
+    let Some(stitches) = shown else { return Ok(()) };
     check_memory("a picture", stitches, PICTURE_GB, "lower the densities, or write no .png")
 }
 

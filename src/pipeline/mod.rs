@@ -28,6 +28,7 @@ mod stretch;
 mod summary;
 mod targets;
 mod textures;
+mod views;
 mod writers;
 
 pub use clock::{Clock, Listener, Message, Task};

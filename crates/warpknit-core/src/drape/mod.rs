@@ -16,6 +16,7 @@ mod body;
 pub mod clearance;
 pub mod fibres;
 mod lengths;
+pub mod seen;
 pub mod sequence;
 pub mod strands;
 mod sweeps;
@@ -119,6 +120,8 @@ pub struct Cloth<'a> {
     meshes: Vec<StructureMesh>,
     blocks: Vec<BlockPlan>,
     yarns: usize,
+    /// Stitches of the whole cloth. `None` unless this is what pictures see of it.
+    whole: Option<u64>,
 }
 
 /// The most stitches whose yarns are swept on the body unless that is asked for. All yarns of a
@@ -216,7 +219,16 @@ impl<'a> Cloth<'a> {
     ) -> Self {
         let thickness = fabric.thickness();
         let strain = StrainTable::new(fabric, &pattern).map(Arc::new);
-        Self { garment, pattern, strain, thickness, meshes, blocks: Vec::new(), yarns: 0 }
+        Self {
+            garment,
+            pattern,
+            strain,
+            thickness,
+            meshes,
+            blocks: Vec::new(),
+            yarns: 0,
+            whole: None,
+        }
     }
 
     /// The yarns of one part of the cloth, with the numbers that they have in the whole. A part
@@ -249,7 +261,8 @@ impl<'a> Cloth<'a> {
         let yarns = self.yarns;
         let (pattern, strain) = (self.pattern.clone(), self.strain.clone());
         let (thickness, meshes) = (self.thickness.clone(), self.meshes.clone());
-        Self { garment: self.garment, pattern, strain, thickness, meshes, blocks, yarns }
+        let whole = self.whole;
+        Self { garment: self.garment, pattern, strain, thickness, meshes, blocks, yarns, whole }
     }
 
     /// The repeat of the fabric.
@@ -270,6 +283,12 @@ impl<'a> Cloth<'a> {
         self.own_blocks().map(BlockPlan::stitches).sum()
     }
 
+    /// Stitches of the whole cloth of which this is a part, planned as in [`Self::stitches`].
+    #[must_use]
+    pub fn whole_stitches(&self) -> u64 {
+        self.whole.unwrap_or_else(|| self.blocks.iter().map(BlockPlan::stitches).sum())
+    }
+
     /// The blocks that [`run`] delivers.
     fn own_blocks(&self) -> impl Iterator<Item = &BlockPlan> {
         self.blocks.iter().filter(|block| !block.is_beside)
@@ -277,10 +296,9 @@ impl<'a> Cloth<'a> {
 
     /// Whether its yarns are swept on the body. For a part that depends on the whole cloth.
     fn is_swept(&self, options: &DrapeOptions) -> bool {
-        let all = || self.blocks.iter().map(BlockPlan::stitches).sum::<u64>();
         options.mapping == Mapping::Relaxed
             && self.strain.is_some()
-            && options.sweeps.unwrap_or_else(|| all() <= MAX_SWEPT_STITCHES)
+            && options.sweeps.unwrap_or_else(|| self.whole_stitches() <= MAX_SWEPT_STITCHES)
     }
 
     /// Number of blocks that [`run`] will deliver.
