@@ -46,3 +46,4 @@ pub use stretch::{BENDINGS, FreeWidth, STRETCHES, Stretch, Stretched};
 pub use summary::Done;
 pub use targets::{check_distinct, numbered};
 pub use textures::{Textures, scene};
+pub use views::{InView, draped_points, extent};

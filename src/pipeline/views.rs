@@ -16,13 +16,15 @@ use crate::render::scene::{Bounds, Scene};
 use crate::render::{Camera, RenderOptions, cloth};
 
 /// What pictures see of a garment.
-pub(super) struct InView {
+#[derive(Debug)]
+pub struct InView {
     seen: Seen,
     stretches: Stretches,
 }
 
 /// The draped points of a garment, which cameras frame.
-pub(super) fn draped_points(garment: &Garment) -> Vec<Vec3> {
+#[must_use]
+pub fn draped_points(garment: &Garment) -> Vec<Vec3> {
     let mut points = Vec::new();
     for panel in &garment.panels {
         let mut used = vec![false; panel.draped.len()];
@@ -34,7 +36,8 @@ pub(super) fn draped_points(garment: &Garment) -> Vec<Vec3> {
 }
 
 /// The box around a garment's yarns.
-pub(super) fn extent(points: &[Vec3], cloth: &Cloth<'_>) -> Option<Bounds> {
+#[must_use]
+pub fn extent(points: &[Vec3], cloth: &Cloth<'_>) -> Option<Bounds> {
     #[expect(clippy::cast_possible_truncation, reason = "a length in mm needs no more")]
     let depth = depth(cloth) as f32;
     Bounds::around(points).map(|Bounds { min, max }| Bounds { min: min - depth, max: max + depth })
@@ -64,8 +67,10 @@ impl InView {
         Self::of_cameras(cloth, scene, &cameras.collect::<Vec<_>>(), &options, has_fibres)
     }
 
-    /// The same for pictures that cameras take with these options.
-    pub(super) fn of_cameras(
+    /// What cameras see of a cloth whose yarns go into `scene`. `None` if they see all of it. With
+    /// fibres, yarns in view begin where they begin in the whole.
+    #[must_use]
+    pub fn of_cameras(
         cloth: &Cloth<'_>,
         scene: &Scene,
         cameras: &[Camera],
@@ -73,12 +78,12 @@ impl InView {
         has_fibres: bool,
     ) -> Option<Self> {
         let sights: Vec<_> = cameras.iter().map(|camera| sight(camera, options)).collect();
-        let thickest = scene.looks.iter().map(|look| look.radius).fold(0.0, f32::max);
+        let thickest = scene.looks.iter().map(|look| f64::from(look.radius)).fold(0.0, f64::max);
         let stitch = cloth.pattern().spacing().max_element();
         let around = Surroundings {
             stitch,
-            depth: depth(cloth) + f64::from(thickest),
-            sky_reach: f64::from(SKY_REACH_RADII * thickest) + stitch,
+            depth: depth(cloth) + thickest,
+            sky_reach: f64::from(SKY_REACH_RADII) * thickest + stitch,
         };
         let seen = Seen::find(cloth.garment(), &sights, &around)?;
         let near = has_fibres || scene.shows_turns(seen.pixel());
@@ -86,13 +91,14 @@ impl InView {
         Some(Self { seen, stretches })
     }
 
-    /// The yarns of a cloth that are needed.
-    pub(super) fn cloth<'a>(&self, whole: &Cloth<'a>, options: &DrapeOptions) -> Cloth<'a> {
+    /// The yarns of a cloth that are needed. `options` are those with which it is laid.
+    #[must_use]
+    pub fn cloth<'a>(&self, whole: &Cloth<'a>, options: &DrapeOptions) -> Cloth<'a> {
         whole.seen(&self.seen, options, self.stretches)
     }
 
     /// Adds what is needed of a block to a scene.
-    pub(super) fn add_to(&self, scene: &mut Scene, block: &Block) {
+    pub fn add_to(&self, scene: &mut Scene, block: &Block) {
         cloth::add_seen(scene, block, &self.seen, self.stretches);
     }
 }

@@ -5,8 +5,8 @@
 
 use std::ops::Range;
 
-use crate::scene::{Scene, YarnLook};
-use warpknit_core::drape::seen::{Seen, Stretches};
+use crate::scene::{Scene, SceneStrand, YarnLook};
+use warpknit_core::drape::seen::{LEAD_POINTS, Seen, Stretches};
 use warpknit_core::drape::strands::Strand;
 use warpknit_core::drape::{Block, Cloth, DrapeOptions, run, swatch_panel};
 use warpknit_core::fabric::Fabric;
@@ -53,8 +53,14 @@ pub fn add_seen(scene: &mut Scene, block: &Block, seen: &Seen, stretches: Stretc
         let runs = seen.runs(block.panel, &block.strands.flat[strand.range()]);
         let mut lead_end = None;
         for (run, is_seen) in runs {
-            if !is_seen || stretches == Stretches::AsSeen {
-                add_run(scene, block, strand, run);
+            if !is_seen {
+                add_run(scene, block, strand, run).is_shadow = true;
+                continue;
+            }
+            if stretches == Stretches::AsSeen {
+                let start = run.start.saturating_sub(LEAD_POINTS);
+                let lead = index32(run.start - start);
+                add_run(scene, block, strand, start..run.end).lead = lead;
                 continue;
             }
             // Of several runs in view, the first one's lead and the last one's end count.
@@ -63,14 +69,18 @@ pub fn add_seen(scene: &mut Scene, block: &Block, seen: &Seen, stretches: Stretc
             *end = run.end;
         }
         if let Some((lead, end)) = lead_end {
-            add_run(scene, block, strand, 0..end);
-            scene.strands.last_mut().expect("added just now").lead = index32(lead);
+            add_run(scene, block, strand, 0..end).lead = index32(lead);
         }
     }
 }
 
-/// Appends some of a strand's points, counted from its first.
-fn add_run(scene: &mut Scene, block: &Block, strand: &Strand, run: Range<usize>) {
+/// Appends some of a strand's points, counted from its first, as a strand of the scene.
+fn add_run<'a>(
+    scene: &'a mut Scene,
+    block: &Block,
+    strand: &Strand,
+    run: Range<usize>,
+) -> &'a mut SceneStrand {
     let look = u16::try_from(block.bar).expect("machines have some tens of bars");
     let first = strand.points.start as usize;
     let points = first + run.start..first + run.end;
@@ -84,7 +94,9 @@ fn add_run(scene: &mut Scene, block: &Block, strand: &Strand, run: Range<usize>)
     let pieces = block.strands.pieces_of(strand).map(|piece| piece.start);
     let within = pieces.filter(|start| run.contains(start)).map(|start| start - run.start);
     scene.push_stitches(points, within.map(index32), look);
-    scene.strands.last_mut().expect("added just now").yarn = strand.yarn.0;
+    let added = scene.strands.last_mut().expect("added just now");
+    added.yarn = strand.yarn.0;
+    added
 }
 
 /// A scene of a flat swatch: `wales` yarns a bar and `courses` courses, drawn with the radius that

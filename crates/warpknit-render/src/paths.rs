@@ -35,6 +35,9 @@ const MAX_WIDENING: f64 = 1.5;
 /// become so flat that a fabric of a million stitches is 2 % brighter. With 0.1 it is less than 1 %
 /// brighter. Lower values merge fewer spans.
 const MAX_BULGE: f64 = 0.1;
+/// Size of the pixels for which yarns are subdivided that only cast shadows, radii. Much larger ones
+/// would flatten loops so far that the shadow of the nearest, a few radii wide, changes.
+const SHADOW_RADII: f32 = 3.0;
 /// Smallest sine of the angle between a yarn and the fabric's normal at which their cross product
 /// defines a ribbon's width. Below it, rounding decides the direction.
 const MIN_SINE: f32 = 1e-3;
@@ -121,6 +124,7 @@ impl YarnPaths {
                     look: strand.look,
                     shape: scene.shape,
                     lead: (strand.points.start + strand.lead).saturating_sub(start) as usize,
+                    coarsest: if strand.is_shadow { f64::from(SHADOW_RADII * radius) } else { 0.0 },
                 };
                 along = self.push_run(buffer, style, along, subdivision);
             }
@@ -171,6 +175,8 @@ struct PathStyle {
     shape: Shape,
     /// How many of its first points need not be drawn.
     lead: usize,
+    /// Size of a pixel for which it is subdivided at least, mm.
+    coarsest: f64,
 }
 
 /// A run of drawable points in `f64`, relative to the centre. Its memory is reused for one strand
@@ -273,7 +279,9 @@ impl PathBuilder<'_> {
     /// Subdivides spans adaptively, and merges those that are shorter than a pixel.
     fn subdivide_spans(&mut self, camera: &Camera, options: &RenderOptions) {
         let eye = camera.eye() - self.paths.centre;
-        let pixel = |point: DVec3| camera.pixel_size(point.distance(eye), options.height);
+        let coarsest = self.style.coarsest;
+        let pixel =
+            |point: DVec3| camera.pixel_size(point.distance(eye), options.height).max(coarsest);
         let last = self.run.points.len() - 1;
         let mut index = 0;
         let mut bulge = DVec3::ZERO;

@@ -85,6 +85,8 @@ pub struct SceneStrand {
     /// How many of its first points need not be drawn: they lie out of view, and only tell how the
     /// plies lie that are in view.
     pub lead: u32,
+    /// Whether it is out of view and only casts the sun's shadow, so that a coarse one will do.
+    pub is_shadow: bool,
 }
 
 /// Everything in front of the camera.
@@ -231,7 +233,7 @@ impl Scene {
         let (points, stitches) =
             (start..index32(self.positions.len()), first..index32(self.stitches.len()));
         let yarn = index32(self.strands.len());
-        self.strands.push(SceneStrand { points, stitches, look, yarn, lead: 0 });
+        self.strands.push(SceneStrand { points, stitches, look, yarn, lead: 0, is_shadow: false });
     }
 
     /// The textures of a look, if it has any.

@@ -24,7 +24,7 @@ use rayon::prelude::*;
 
 use crate::garment::{Garment, Panel};
 use crate::map::surface::SmoothSurface;
-pub use plan::Stretches;
+pub use plan::{LEAD_POINTS, Stretches};
 use shadow::SunGrid;
 
 /// Smallest number of cells across the larger side of a garment's panel, and largest. With fewer, a
@@ -108,7 +108,8 @@ impl Seen {
     pub fn find(garment: &Garment, sights: &[Sight], around: &Surroundings) -> Option<Self> {
         let facets: Vec<Vec<Facet>> =
             garment.panels.par_iter().map(|panel| facets(panel, around.depth)).collect();
-        let is_inside = |facet: &Facet| sights.iter().any(|sight| sight.holds(facet));
+        let reach = around.sky_reach;
+        let is_inside = |facet: &Facet| sights.iter().any(|sight| sight.holds(facet, reach));
         if facets.iter().flatten().all(is_inside) {
             return None;
         }
@@ -192,10 +193,10 @@ impl Sight {
         reach.fold(f64::INFINITY, f64::min) + facet.depth
     }
 
-    /// Whether all of a facet, with the yarns on it, lies inside the view.
-    fn holds(&self, facet: &Facet) -> bool {
+    /// Whether all of a facet lies inside the view or within `reach` of it.
+    fn holds(&self, facet: &Facet, reach: f64) -> bool {
         self.sides.iter().all(|(normal, offset)| {
-            facet.place.iter().all(|place| normal.dot(*place) + offset >= facet.depth)
+            facet.place.iter().all(|place| normal.dot(*place) + offset >= -reach)
         })
     }
 }

@@ -14,9 +14,12 @@ use glam::DVec2;
 use super::{Part, Seen};
 use crate::drape::{BLOCK_STITCHES, BlockPlan, Cloth, DrapeOptions, YarnPlan};
 
-/// Steps that a stretch is longer than what is seen of it, at both ends: room for the points around
-/// a run of [`Seen::runs`].
-const CONTEXT_STEPS: i64 = 3;
+/// Steps that a stretch is longer than what is seen of it: before it [`LEAD_POINTS`], four a step at
+/// least, and behind it room for the points around a run of [`Seen::runs`].
+const CONTEXT_STEPS: [i64; 2] = [12, 3];
+/// Points before a run from which on a strand is divided into pieces. Pieces shorter than a pixel are
+/// merged one after another, so the first ones depend on where the strand begins.
+pub const LEAD_POINTS: usize = 40;
 /// Stretches of a yarn with fewer steps between them are joined: a new one would lay its context
 /// anew.
 const JOINED_STEPS: i64 = 16;
@@ -85,8 +88,8 @@ impl<'a> Cloth<'a> {
         let steps = ranges.map(|(range, part)| {
             let from = range.start - along - origin[1 - axis];
             let steps = pattern.steps_along(bar, from..range.end + along - origin[1 - axis]);
-            let from = (steps.start - CONTEXT_STEPS).max(yarn.courses.start);
-            (from..(steps.end + CONTEXT_STEPS).min(yarn.courses.end), part)
+            let from = (steps.start - CONTEXT_STEPS[0]).max(yarn.courses.start);
+            (from..(steps.end + CONTEXT_STEPS[1]).min(yarn.courses.end), part)
         });
         steps.filter(|(steps, _)| !steps.is_empty()).collect()
     }
