@@ -164,7 +164,8 @@ fn make(job: &Job<'_>, mut clock: Clock<'_>) -> Result<Done, RunError> {
         Drawn::of(job, &setup, &scene, &points)
     });
     // The rest that can be refused is refused here, before the work.
-    check_request(job, drawn.as_ref().map(|drawn| drawn.cloth(job)))?;
+    let gb_a_stitch = views::gb_a_stitch(&scene, &points, job.settings);
+    check_request(job, drawn.as_ref().map(|drawn| (drawn.cloth(job), gb_a_stitch)))?;
     let mut warnings = setup.first_warnings(job);
     let mut sinks = sinks(&outputs, job, &setup)?;
 

@@ -24,6 +24,7 @@ use glam::{DVec3, Vec3};
 
 use super::RunError;
 use super::clock::{Clock, Message, Task};
+use super::densities::PICTURE_GB;
 use super::job::Job;
 use super::limits::{check_laid, check_memory, check_request, loss_warning};
 use super::pictures;
@@ -153,7 +154,7 @@ pub(super) fn make(
 
 /// Refuses settings that a sequence can't have, before any work.
 fn check(job: &Job<'_>, sequence: &Sequence<'_>, wants_picture: bool) -> Result<(), RunError> {
-    check_request(job, wants_picture.then_some(job.cloth))?;
+    check_request(job, wants_picture.then_some((job.cloth, PICTURE_GB)))?;
     if job.settings.picture.turntable.is_some() || job.part.is_some() {
         return Err(RunError::NotOfSequence { frames: sequence.paths.len() });
     }

@@ -6,6 +6,7 @@
 use glam::Vec3;
 
 use super::camera::camera;
+use super::densities::{FAR_PICTURE_GB, PICTURE_GB};
 use super::pictures::options;
 use super::settings::Settings;
 use crate::drape::seen::{Seen, Sight, Stretches, Surroundings};
@@ -41,6 +42,21 @@ pub fn extent(points: &[Vec3], cloth: &Cloth<'_>) -> Option<Bounds> {
     #[expect(clippy::cast_possible_truncation, reason = "a length in mm needs no more")]
     let depth = depth(cloth) as f32;
     Bounds::around(points).map(|Bounds { min, max }| Bounds { min: min - depth, max: max + depth })
+}
+
+/// Memory that a picture takes for each stitch that it needs, GB. `points` are those that cameras
+/// frame.
+pub(super) fn gb_a_stitch(scene: &Scene, points: &[Vec3], settings: &Settings) -> f64 {
+    let options = options(settings);
+    let Some(Bounds { min, max }) = scene.extent.filter(|_| options.lod) else { return PICTURE_GB };
+    let thickest = scene.looks.iter().map(|look| f64::from(look.radius)).fold(0.0, f64::max);
+    let is_far = (0..settings.picture.turntable.unwrap_or(1)).all(|frame| {
+        let camera = camera(points, &settings.picture, options.aspect(), frame);
+        let middle = min.midpoint(max).as_dvec3();
+        let nearest = camera.eye().distance(middle) - f64::from(min.distance(max)) / 2.0;
+        camera.pixel_size(nearest.max(0.0), options.height) > 2.0 * thickest
+    });
+    if is_far { FAR_PICTURE_GB } else { PICTURE_GB }
 }
 
 /// Distance of a cloth's yarns from the draped surface at most, mm.

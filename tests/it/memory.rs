@@ -158,12 +158,12 @@ fn within(kilobytes: u32, arguments: &[&str]) -> (Option<i32>, String) {
 fn a_picture_without_room_is_refused_before_the_work() {
     let mesh = crate::drape::mesh("tshirt.obj");
     let all = ["drape", mesh.to_str().unwrap(), "--wales-per-cm", "13", "--renderer", "cpu"];
-    let (status, said) = within(1_800_000, &all);
+    let (status, said) = within(1_000_000, &all);
     assert_eq!(status, Some(1), "{said}");
     let lines: Vec<_> = said.lines().collect();
     assert!(lines.len() == 1 && lines[0].starts_with("error: a picture of"), "{said}");
     // A close-up takes what it shows.
     let near = [&all[..], &["--zoom", "60", "--size", "160x120", "-o", "near.png"]].concat();
-    let (status, said) = within(1_800_000, &near);
+    let (status, said) = within(1_000_000, &near);
     assert_eq!(status, Some(0), "{said}");
 }

@@ -37,7 +37,7 @@ const MAX_WIDENING: f64 = 1.5;
 const MAX_BULGE: f64 = 0.1;
 /// Size of the pixels for which yarns are subdivided that only cast shadows, radii. Much larger ones
 /// would flatten loops so far that the shadow of the nearest, a few radii wide, changes.
-const SHADOW_RADII: f32 = 8.0;
+const SHADOW_RADII: f32 = 4.0;
 /// Smallest sine of the angle between a yarn and the fabric's normal at which their cross product
 /// defines a ribbon's width. Below it, rounding decides the direction.
 const MIN_SINE: f32 = 1e-3;
