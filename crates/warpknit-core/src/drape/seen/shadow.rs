@@ -8,7 +8,7 @@
 //! that depth and within the cone that the sun's disc spans there. Cost: a few cells a facet. Not
 //! promised: that a facet which passes is lit itself.
 
-use std::ops::RangeInclusive;
+use std::ops::Range;
 
 use glam::{DVec2, DVec3};
 
@@ -104,13 +104,13 @@ impl SunGrid {
     }
 
     /// The columns (axis 0) or rows (axis 1) within `reach` of a coordinate. Empty beside the grid.
-    fn cells(&self, axis: usize, at: f64, reach: f64) -> RangeInclusive<usize> {
+    fn cells(&self, axis: usize, at: f64, reach: f64) -> Range<usize> {
         let from = (at - reach - self.low[axis]) / self.cell;
         let to = (at + reach - self.low[axis]) / self.cell;
         if to < 0.0 || from >= as_f64(self.size[axis]) {
-            return 1..=0;
+            return 0..0;
         }
-        whole(from)..=whole(to).min(self.size[axis] - 1)
+        whole(from)..self.size[axis].min(whole(to) + 1)
     }
 }
 
