@@ -38,6 +38,8 @@ const MAX_BULGE: f64 = 0.1;
 /// Size of the pixels for which yarns are subdivided that only cast shadows, radii. Much larger ones
 /// would flatten loops so far that the shadow of the nearest, a few radii wide, changes.
 const SHADOW_RADII: f32 = 4.0;
+/// The same in pixels of the picture at most: yarns many pixels wide cast shadows that are resolved.
+const SHADOW_PIXELS: f64 = 2.0;
 /// Smallest sine of the angle between a yarn and the fabric's normal at which their cross product
 /// defines a ribbon's width. Below it, rounding decides the direction.
 const MIN_SINE: f32 = 1e-3;
@@ -280,8 +282,10 @@ impl PathBuilder<'_> {
     fn subdivide_spans(&mut self, camera: &Camera, options: &RenderOptions) {
         let eye = camera.eye() - self.paths.centre;
         let coarsest = self.style.coarsest;
-        let pixel =
-            |point: DVec3| camera.pixel_size(point.distance(eye), options.height).max(coarsest);
+        let pixel = |point: DVec3| {
+            let pixel = camera.pixel_size(point.distance(eye), options.height);
+            pixel.max(coarsest.min(SHADOW_PIXELS * pixel))
+        };
         let last = self.run.points.len() - 1;
         let mut index = 0;
         let mut bulge = DVec3::ZERO;
