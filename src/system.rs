@@ -14,10 +14,33 @@ pub fn memory_gb() -> Option<f64> {
     bytes("/proc/meminfo", "MemTotal").map(|bytes| bytes / 1e9)
 }
 
-/// Memory that this process can still get without swapping, GB.
+/// Memory that this process can still get without swapping, GB: what the machine has free, what the
+/// limit of its address space leaves (`ulimit -v`), and what that of its control group leaves.
 #[must_use]
 pub fn available_memory_gb() -> Option<f64> {
-    bytes("/proc/meminfo", "MemAvailable").map(|bytes| bytes / 1e9)
+    let free = bytes("/proc/meminfo", "MemAvailable");
+    let found = [free, room_in_address_space(), room_in_control_group()].into_iter().flatten();
+    found.reduce(f64::min).map(|bytes| bytes.max(0.0) / 1e9)
+}
+
+/// Bytes that the limit of the address space leaves. `None` without a limit.
+fn room_in_address_space() -> Option<f64> {
+    let limits = std::fs::read_to_string("/proc/self/limits").ok()?;
+    let limit = limits.lines().find_map(|line| line.strip_prefix("Max address space"))?;
+    let soft: f64 = limit.split_whitespace().next()?.parse().ok()?;
+    Some(soft - bytes("/proc/self/status", "VmSize")?)
+}
+
+/// Bytes that the limit of the control group leaves, in which containers run. `None` without one.
+fn room_in_control_group() -> Option<f64> {
+    let groups = std::fs::read_to_string("/proc/self/cgroup").ok()?;
+    let own = groups.lines().find_map(|line| line.strip_prefix("0::/"))?;
+    let folder = std::path::Path::new("/sys/fs/cgroup").join(own);
+    let number = |name: &str| -> Option<f64> {
+        std::fs::read_to_string(folder.join(name)).ok()?.trim().parse().ok()
+    };
+    // Without a limit the file says `max`, which is no number.
+    Some(number("memory.max")? - number("memory.current")?)
 }
 
 /// The peak memory of this process, MB. 0 if unknown.

@@ -67,5 +67,6 @@ fn tell_done(done: &Done, quiet: bool) {
     let (stitches, yarns) = (done.totals.losses.stitches, done.totals.yarns);
     let frames =
         done.frames.map_or_else(String::new, |(made, all)| format!("{made} of {all} frames, "));
-    tell(quiet, &format!("{frames}{stitches} stitches, {yarns} yarns: {}", done.files));
+    let of_all = done.whole.map_or_else(String::new, |whole| format!(" in view of {whole}"));
+    tell(quiet, &format!("{frames}{stitches} stitches{of_all}, {yarns} yarns: {}", done.files));
 }

@@ -1,4 +1,5 @@
-//! Signals: Ctrl-C, requests to terminate, and a file that exceeds its size limit.
+//! Signals: Ctrl-C, requests to terminate, a file that exceeds its size limit, and the end of
+//! memory.
 //!
 //! The temporary files of unfinished outputs are removed. Then the program ends by the same signal,
 //! as shells and scripts expect (a shell shows 130 after Ctrl-C). SIGKILL can't be caught: the next
@@ -11,7 +12,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::thread;
 
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
+use signal_hook::consts::{SIGABRT, SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::iterator::Signals;
 use signal_hook::low_level::emulate_default_handler;
 use warpknit::export::remove_temporaries;
@@ -24,6 +25,9 @@ pub(crate) fn clean_up_on_signals() -> io::Result<()> {
     // With any handler for it, a write beyond `ulimit -f` fails like one on a full disk, and the
     // error names the file. Without a handler the program would end at once.
     signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false)))?;
+    // A failed allocation prints its line and aborts the program. It shall end like any other error
+    // and dump no core.
+    signal_hook::flag::register_conditional_shutdown(SIGABRT, 1, Arc::new(AtomicBool::new(true)))?;
     let ignored = ignored_signals();
     let caught =
         [SIGINT, SIGTERM, SIGHUP].into_iter().filter(|signal| ignored & (1 << (signal - 1)) == 0);

@@ -20,12 +20,12 @@ pub(crate) struct Terminal {
 impl Terminal {
     /// Starts a command: its threads, by default one for each core, and the progress bar.
     pub(crate) fn begin_command(running: &Running) -> Result<Self> {
-        if let Some(threads) = running.threads {
-            ThreadPoolBuilder::new()
-                .num_threads(threads as usize)
-                .build_global()
-                .context("can't start the threads")?;
-        }
+        // 0 stands for all cores. Started here and not at the first use, where a system without room
+        // for them would end the program with a panic.
+        ThreadPoolBuilder::new()
+            .num_threads(running.threads.unwrap_or(0) as usize)
+            .build_global()
+            .context("can't start the threads")?;
         Ok(Self::new(running.quiet))
     }
 

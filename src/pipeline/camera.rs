@@ -1,7 +1,7 @@
 //! The camera of a picture, and of each picture of a turntable.
 //!
-//! In: a scene and [`PictureSettings`]. Out: a [`Camera`] that stands where the settings put it, or
-//! far enough away that all of the cloth is in the picture.
+//! In: points of the cloth and [`PictureSettings`]. Out: a [`Camera`] that stands where the settings
+//! put it, or far enough away that all of the cloth is in the picture.
 
 use std::f64::consts::TAU;
 
@@ -9,32 +9,29 @@ use glam::{DVec3, Vec3};
 
 use super::settings::PictureSettings;
 use crate::render::Camera;
-use crate::render::scene::{Bounds, Scene};
+use crate::render::scene::Bounds;
 
 /// Points on each rim of the drum around a scene. A turntable's camera must see the whole drum.
 /// With 64 points the largest gap between circle and polygon is 0.12 % of the radius; with 8 points
 /// it is 8 %, and cloth at the border could leave the picture.
 const RIM: u32 = 64;
 
-/// The camera of picture number `frame`. It sees all of `extent`, or the scene where that is `None`.
+/// The camera of picture number `frame`. It sees all of `points`.
 ///
 /// All pictures of a turntable have the same distance, because each camera sees the same drum. Only
 /// the angle differs.
 pub(super) fn camera(
-    scene: &Scene,
-    extent: Option<&[Vec3]>,
+    points: &[Vec3],
     settings: &PictureSettings,
     aspect: f64,
     frame: u32,
 ) -> Camera {
     let fov = settings.fov;
-    let Some(count) = settings.turntable else {
-        return still(settings, extent.unwrap_or(&scene.positions), fov, aspect);
-    };
-    // A scene without yarns has no bounding box. Its picture is the background alone.
-    let Some(bounds) = scene.bounds() else { return still(settings, &[], fov, aspect) };
+    let Some(count) = settings.turntable else { return still(settings, points, fov, aspect) };
+    // Cloth without yarns has no bounding box. Its picture is the background alone.
+    let Some(bounds) = Bounds::around(points) else { return still(settings, &[], fov, aspect) };
     let angle = TAU * f64::from(frame) / f64::from(count);
-    still(settings, &drum(&scene.positions, &bounds), fov, aspect)
+    still(settings, &drum(points, &bounds), fov, aspect)
         .turned_about(bounds.centre().as_dvec3(), angle)
 }
 

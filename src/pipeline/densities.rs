@@ -15,9 +15,11 @@ use crate::ids::index32;
 /// pixels no longer shows single stitches. With far fewer, loops look like rope.
 const PICTURED_STITCHES: f64 = 12_000.0;
 /// The most memory that a picture needs for each stitch, GB. Measured: 1.7 kB with a million ray
-/// traced stitches. Distant cloth needs a quarter of it, but the distance is unknown before the
-/// cloth is knitted.
+/// traced stitches.
 pub(crate) const PICTURE_GB: f64 = 1.7e-6;
+/// The same where all yarns are thinner than pixels. Measured: 0.18 to 0.19 kB with 3.6 and 5.1 million
+/// stitches; a third more is left for fabrics with more points.
+pub(crate) const FAR_PICTURE_GB: f64 = 0.25e-6;
 
 /// Yarn cover over that of the fabric as it is named. Within these limits no warning is given.
 /// Below them the cloth is a net that its lapping doesn't mean. Above them loops have no room.
@@ -137,10 +139,10 @@ pub fn enlarged(fabric: &Fabric, area: f64) -> Result<(Fabric, Option<String>), 
     let note = format!(
         "{stitches:.0} stitches at true gauge would be too small to see, so the cloth is drawn \
          {times:.1} times enlarged; --wales-per-cm {} --courses-per-cm {} knits it at true \
-         gauge (a picture then takes up to {:.0} GB)",
+         gauge (a picture of all of it then takes about {:.1} GB)",
         short(wales),
         short(courses),
-        stitches * PICTURE_GB
+        stitches * FAR_PICTURE_GB
     );
     let enlarged = fabric
         .clone()

@@ -85,7 +85,7 @@ pub enum RunError {
     },
     /// Cloth that needs more memory than is free.
     #[error(
-        "{what} of {stitches} stitches takes about {needed:.0} GB of memory and {free:.0} GB \
+        "{what} of {stitches} stitches takes about {needed:.1} GB of memory and {free:.1} GB \
          are free: {remedy}"
     )]
     NoMemory {

@@ -5,7 +5,7 @@
 use std::path::PathBuf;
 
 use super::RunError;
-use super::densities::{PICTURE_GB, drawn_radius};
+use super::densities::drawn_radius;
 use super::job::{Job, Source};
 use super::settings::{Placement, Settings};
 use super::targets::check_distinct;
@@ -50,17 +50,19 @@ pub(super) fn check_settings(
     }
 }
 
-/// Refuses cloth that is too large, before any of it is laid.
-pub(super) fn check_request(job: &Job<'_>, wants_picture: bool) -> Result<(), RunError> {
-    // A tile of a picture has the shadows of all yarns, so a picture needs the whole cloth.
-    let stitches = if wants_picture { job.cloth.stitches() } else { job.filed().stitches() };
+/// Refuses cloth that is too large, before any of it is laid. `drawn` is the cloth that pictures
+/// need, with the memory of a stitch there, GB, if there are any.
+pub(super) fn check_request(
+    job: &Job<'_>,
+    drawn: Option<(&Cloth<'_>, f64)>,
+) -> Result<(), RunError> {
+    let shown = drawn.map(|(cloth, gb_a_stitch)| (cloth.stitches(), gb_a_stitch));
+    let stitches = job.filed().stitches().max(shown.map_or(0, |(stitches, _)| stitches));
     if stitches > MOST_STITCHES {
         return Err(RunError::TooManyStitches { stitches, most: MOST_STITCHES });
     }
-    if !wants_picture {
-        return Ok(());
-    }
-    check_memory("a picture", stitches, PICTURE_GB, "lower the densities, or write no .png")
+    let Some((stitches, gb_a_stitch)) = shown else { return Ok(()) };
+    check_memory("a picture", stitches, gb_a_stitch, "lower the densities, or write no .png")
 }
 
 /// Refuses cloth that needs more memory than is free, before the work rather than in the middle of

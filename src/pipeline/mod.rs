@@ -28,6 +28,7 @@ mod stretch;
 mod summary;
 mod targets;
 mod textures;
+mod views;
 mod writers;
 
 pub use clock::{Clock, Listener, Message, Task};
@@ -45,3 +46,4 @@ pub use stretch::{BENDINGS, FreeWidth, STRETCHES, Stretch, Stretched};
 pub use summary::Done;
 pub use targets::{check_distinct, numbered};
 pub use textures::{Textures, scene};
+pub use views::{InView, draped_points, extent};

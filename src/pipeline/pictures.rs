@@ -29,14 +29,14 @@ pub(super) struct Pictures {
 }
 
 /// Draws the scene, or a tile of the picture, and writes it to `paths`. With a turntable, the paths
-/// of one output's frames follow each other. The camera sees all of `extent`, or of the scene where
-/// that is `None`. Yarns that are wide enough in the picture are drawn with their fibres.
+/// of one output's frames follow each other. The camera sees all of `extent`. Yarns that are wide
+/// enough in the picture are drawn with their fibres.
 pub(super) fn draw(
     scene: &Scene,
     fibres: Option<&Fibres>,
     settings: &Settings,
     tile: Option<Tile>,
-    extent: Option<&[Vec3]>,
+    extent: &[Vec3],
     paths: &[&Path],
     clock: &mut Clock<'_>,
 ) -> Result<Pictures, RunError> {
@@ -57,7 +57,7 @@ pub(super) fn draw(
         let listener = clock.listener();
         let progress =
             |done: f32| listener.progress(f64::from((frame as f32 + done) / count as f32));
-        let camera = camera(scene, extent, &settings.picture, options.aspect(), frame);
+        let camera = camera(extent, &settings.picture, options.aspect(), frame);
         let size = [options.width, options.height];
         let close_up = fibres
             .and_then(|fibres| near::scene(scene, &fibres.bundles, fibres.near, &camera, size));

@@ -7,6 +7,8 @@ use std::borrow::Cow;
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
+use glam::Vec3;
+
 use super::RunError;
 use super::clock::{Clock, Message, Task};
 use super::densities::{enlarged, turn_grains};
@@ -19,6 +21,7 @@ use super::setup::Setup;
 use super::stretch::pull;
 use super::summary::{Done, RunSummary, say_warnings};
 use super::targets::numbered;
+use super::views::{self, InView, draped_points};
 use super::writers::{check_places, finished, sinks, wanted};
 use crate::drape::clearance::{self, BodyClearance};
 use crate::drape::{self, Block, Cloth, Totals, swatch_panel};
@@ -163,23 +166,40 @@ fn make(job: &Job<'_>, mut clock: Clock<'_>) -> Result<Done, RunError> {
         .filter(|(_, format)| *format == Format::Png)
         .map(|(path, _)| path.as_path())
         .collect();
-    // The rest that can be refused is refused here, before the work.
-    check_request(job, !pictures.is_empty())?;
     let setup = Setup::new(job, &outputs)?;
     check_places(job, outputs.iter(), &setup.textures)?;
+    let mut scene = setup.scene(job);
+    let mut points = if job.is_swatch { Vec::new() } else { draped_points(job.cloth.garment()) };
+    let drawn = (!pictures.is_empty()).then(|| {
+        scene.extent = views::extent(&points, job.cloth);
+        Drawn::of(job, &setup, &scene, &points)
+    });
+    // The rest that can be refused is refused here, before the work.
+    let gb_a_stitch = views::gb_a_stitch(&scene, &points, job.settings);
+    check_request(job, drawn.as_ref().map(|drawn| (drawn.cloth(job), gb_a_stitch)))?;
     let mut warnings = setup.first_warnings(job);
     let mut sinks = sinks(&outputs, job, &setup)?;
-    let mut scene = setup.scene(job);
 
-    let receivers =
-        Receivers { scene: (!pictures.is_empty()).then_some(&mut scene), sinks: &mut sinks };
+    let is_only_drawn = pictures.len() == outputs.len();
     clock.begin(Task::Strain, 0.0);
     let cache = job.cache();
+    let receivers = Receivers {
+        pictures: drawn.as_ref().map(|drawn| (drawn, &mut scene)),
+        sinks: &mut sinks,
+        is_only_drawn,
+    };
     let totals = lay(job, &setup.options, receivers, &mut clock)?;
     cache.keep(job.cloth);
+    let in_view = drawn
+        .as_ref()
+        .filter(|drawn| is_only_drawn && job.part.is_none() && drawn.in_view.is_some());
     // A part of the cloth can be without yarns while the whole has some.
-    if job.part.is_none() {
+    if job.part.is_none() && in_view.is_none() {
         check_laid(&totals)?;
+    }
+    let whole = in_view.map(|_| job.cloth.stitches());
+    if job.is_swatch {
+        points.clone_from(&scene.positions);
     }
     warnings.extend(loss_warning(&totals));
     say_warnings(job, &mut warnings, &clock);
@@ -187,11 +207,11 @@ fn make(job: &Job<'_>, mut clock: Clock<'_>) -> Result<Done, RunError> {
         .then(|| body_clearance(job, setup.section.radius, &mut clock));
 
     clock.begin(Task::Write, 1.0);
-    let mut whole = finished(sinks)?;
+    let mut files = finished(sinks)?;
     let drawn_by = if pictures.is_empty() {
         String::new()
     } else {
-        draw(job, &setup, &scene, &pictures, &mut whole, &mut warnings, &mut clock)?
+        draw(job, &setup, (&scene, &points), &pictures, &mut files, &mut warnings, &mut clock)?
     };
     clock.stop();
     // The report comes last, because it has the times of everything else.
@@ -204,29 +224,29 @@ fn make(job: &Job<'_>, mut clock: Clock<'_>) -> Result<Done, RunError> {
         frames: Vec::new(),
     };
     let (reports, real) = summary.files(job, &outputs, &clock)?;
-    whole.into_iter().chain(reports).try_for_each(Output::publish)?;
+    files.into_iter().chain(reports).try_for_each(Output::publish)?;
     let names: Vec<_> = outputs.iter().map(|(path, _)| path.display().to_string()).collect();
-    Ok(Done { totals, files: names.join(" "), frames: None, real, stretched: None })
+    Ok(Done { totals, whole, files: names.join(" "), frames: None, real, stretched: None })
 }
 
-/// Draws all pictures and adds their files to `whole`, the complete ones. Returns the renderer's
+/// Draws all pictures and adds them to `files`, the complete ones. Cameras see all of `extent`. Returns the renderer's
 /// name.
 fn draw(
     job: &Job<'_>,
     setup: &Setup,
-    scene: &Scene,
+    (scene, extent): (&Scene, &[Vec3]),
     paths: &[&Path],
-    whole: &mut Vec<Output>,
+    files: &mut Vec<Output>,
     warnings: &mut Vec<String>,
     clock: &mut Clock<'_>,
 ) -> Result<String, RunError> {
     let fibres = setup.fibres.as_ref();
-    let pictures = pictures::draw(scene, fibres, job.settings, job.tile(), None, paths, clock)?;
+    let pictures = pictures::draw(scene, fibres, job.settings, job.tile(), extent, paths, clock)?;
     if let Some(notice) = pictures.notice {
         clock.listener().say(Message::Note(&notice));
         warnings.push(notice);
     }
-    whole.extend(pictures.files);
+    files.extend(pictures.files);
     Ok(pictures.drawn_by)
 }
 
@@ -246,39 +266,82 @@ fn all_around(wanted: Vec<Wanted>, turntable: Option<u32>) -> Vec<Wanted> {
     all
 }
 
+/// What pictures show of a cloth.
+struct Drawn<'a> {
+    /// What is in view. `None` for all.
+    in_view: Option<(InView, Cloth<'a>)>,
+}
+
+impl<'a> Drawn<'a> {
+    /// Finds what the pictures of a garment show. A swatch is drawn whole.
+    fn of(job: &Job<'a>, setup: &Setup, scene: &Scene, points: &[Vec3]) -> Self {
+        if job.is_swatch {
+            return Self { in_view: None };
+        }
+        let has_fibres = setup.fibres.is_some();
+        let found = InView::of_pictures(job.cloth, scene, points, job.settings, has_fibres);
+        Self {
+            in_view: found.map(|found| {
+                let cloth = found.cloth(job.cloth, &job.options);
+                (found, cloth)
+            }),
+        }
+    }
+
+    /// The cloth that pictures need.
+    fn cloth<'b>(&'b self, job: &'b Job<'a>) -> &'b Cloth<'a> {
+        self.in_view.as_ref().map_or(job.cloth, |(_, cloth)| cloth)
+    }
+
+    /// Adds a block of that cloth to a scene.
+    fn add_to(&self, scene: &mut Scene, block: &Block) {
+        match &self.in_view {
+            Some((in_view, _)) => in_view.add_to(scene, block),
+            None => cloth::add_to(scene, block),
+        }
+    }
+}
+
 /// The receivers of a run's yarns.
-struct Receivers<'a, 'b> {
-    /// The scene for pictures. `None` without pictures.
-    scene: Option<&'a mut Scene>,
+struct Receivers<'a, 'b, 'c> {
+    /// What pictures show, and their scene. `None` without pictures.
+    pictures: Option<(&'a Drawn<'c>, &'a mut Scene)>,
     /// Files that are written block by block.
     sinks: &'a mut [FileWriter<'b>],
+    /// Whether all files are pictures.
+    is_only_drawn: bool,
 }
 
 /// Lays the yarns block by block and gives each block to the receivers.
 fn lay(
     job: &Job<'_>,
     options: &drape::DrapeOptions,
-    receivers: Receivers<'_, '_>,
+    receivers: Receivers<'_, '_, '_>,
     clock: &mut Clock<'_>,
 ) -> Result<Totals, RunError> {
-    let Receivers { mut scene, sinks } = receivers;
-    // Both closures below need the clock, and `drape::run` calls them in turn.
+    let Receivers { mut pictures, sinks, is_only_drawn } = receivers;
+    // The closures below need the clock, and `drape::run` calls them in turn.
     let clock = RefCell::new(clock);
-    if let (Some(whole), true) = (&mut scene, job.part.is_some()) {
-        // A tile of a picture has the light and shadows of the whole cloth, so the scene needs all
-        // yarns. This time counts as rendering, so that it stays out of the part's own numbers.
-        let mut announce = |_, _| clock.borrow_mut().begin(Task::Render, 0.0);
+    let mut announce = |stage, done| clock.borrow_mut().begin(Task::from(stage), done);
+    // A tile of a picture has the light and shadows of the whole cloth, and a close-up takes a part
+    // of it: pictures then need other yarns than files.
+    if let Some((drawn, scene)) =
+        pictures.take_if(|(drawn, _)| job.part.is_some() || drawn.in_view.is_some())
+    {
         let mut show = |blocks: &[Block]| -> Result<(), ExportError> {
-            blocks.iter().for_each(|block| cloth::add_to(whole, block));
+            blocks.iter().for_each(|block| drawn.add_to(scene, block));
             Ok(())
         };
-        drape::run(job.cloth, &job.options, &mut announce, &mut show)?;
-        scene = None;
+        if is_only_drawn && job.part.is_none() {
+            return Ok(drape::run(drawn.cloth(job), &job.options, &mut announce, &mut show)?);
+        }
+        // This time counts as rendering, so that it stays out of the files' own numbers.
+        let mut announce = |_, _| clock.borrow_mut().begin(Task::Render, 0.0);
+        drape::run(drawn.cloth(job), &job.options, &mut announce, &mut show)?;
     }
-    let mut announce = |stage, done| clock.borrow_mut().begin(Task::from(stage), done);
     let mut deliver = |blocks: &[Block]| -> Result<(), ExportError> {
-        if let Some(scene) = &mut scene {
-            blocks.iter().for_each(|block| cloth::add_to(scene, block));
+        if let Some((drawn, scene)) = &mut pictures {
+            blocks.iter().for_each(|block| drawn.add_to(scene, block));
         }
         sinks.iter_mut().try_for_each(|sink| sink.take(blocks))
     };

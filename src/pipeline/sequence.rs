@@ -24,6 +24,7 @@ use glam::{DVec3, Vec3};
 
 use super::RunError;
 use super::clock::{Clock, Message, Task};
+use super::densities::PICTURE_GB;
 use super::job::Job;
 use super::limits::{check_laid, check_memory, check_request, loss_warning};
 use super::pictures;
@@ -148,12 +149,12 @@ pub(super) fn make(
     finished.extend(summary.files(job, &files.whole, &clock)?.0);
     finished.into_iter().try_for_each(Output::publish)?;
     let frames = Some((shown, sequence.paths.len()));
-    Ok(Done { totals, files: files.names(), frames, real: None, stretched: None })
+    Ok(Done { totals, whole: None, files: files.names(), frames, real: None, stretched: None })
 }
 
 /// Refuses settings that a sequence can't have, before any work.
 fn check(job: &Job<'_>, sequence: &Sequence<'_>, wants_picture: bool) -> Result<(), RunError> {
-    check_request(job, wants_picture)?;
+    check_request(job, wants_picture.then_some((job.cloth, PICTURE_GB)))?;
     if job.settings.picture.turntable.is_some() || job.part.is_some() {
         return Err(RunError::NotOfSequence { frames: sequence.paths.len() });
     }
@@ -294,7 +295,8 @@ impl Show<'_, '_, '_> {
             .map(|(path, _)| path.as_path())
             .collect();
         if let (Some(scene), false) = (&self.scene, paths.is_empty()) {
-            let extent = (!self.extent.is_empty()).then_some(self.extent.as_slice());
+            // A camera with a place of its own needs none.
+            let extent = self.extent.as_slice();
             let pictures = pictures::draw(
                 scene,
                 self.setup.fibres.as_ref(),

@@ -25,6 +25,8 @@ use crate::tile::Tile;
 pub struct Done {
     /// Totals of the laid yarns.
     pub totals: Totals,
+    /// Planned stitches of the whole cloth, if only what is in view was laid.
+    pub whole: Option<u64>,
     /// Names of the written files, in one line.
     pub files: String,
     /// Number of drawn frames and of all frames. `None` without a sequence.

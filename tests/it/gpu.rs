@@ -307,3 +307,14 @@ fn without_hardware_the_processor_draws_by_itself() {
     assert_eq!((painter.name() == "cpu", painter.notice()), (!hardware, None));
     let _picture = painter.draw(&front(&scene), &options, &|_| ()).unwrap();
 }
+
+#[test]
+fn drivers_are_silent() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut command = crate::cli::warpknit(folder.path());
+    command.env_remove("XDG_RUNTIME_DIR").args(["swatch", "--wales", "3", "--courses", "3"]);
+    command.args(["--size", "40x30", "--quiet", "-o", "swatch.png"]);
+    let said = command.output().unwrap();
+    assert_eq!(String::from_utf8_lossy(&said.stderr), "");
+    assert!(said.status.success());
+}

@@ -45,6 +45,7 @@ mod readback;
 mod relax;
 mod render;
 mod ribbon;
+mod seen;
 mod sequence;
 mod sheen;
 mod strain;

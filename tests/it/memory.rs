@@ -140,3 +140,30 @@ fn face(number: u64) -> String {
         format!("f {at}/{at} {0}/{0} {1}/{1}\n", at - 1, at - 1000)
     }
 }
+
+/// What a command says that may take so many kB of addresses, and its exit status.
+fn within(kilobytes: u32, arguments: &[&str]) -> (Option<i32>, String) {
+    let folder = tempfile::tempdir().unwrap();
+    let mut shell = Command::new("sh");
+    shell.env("XDG_CACHE_HOME", crate::cache_home()).env("RUST_BACKTRACE", "1");
+    shell.args(["-c", &format!("ulimit -v {kilobytes}; exec \"$0\" \"$@\"")]);
+    shell.arg(assert_cmd::cargo::cargo_bin!("warpknit")).args(arguments);
+    let done = shell.current_dir(folder.path()).output().unwrap();
+    let left = folder.path().read_dir().unwrap().count();
+    assert!(done.status.success() || left == 0, "no file stays");
+    (done.status.code(), String::from_utf8_lossy(&done.stderr).into_owned())
+}
+
+#[test]
+fn a_picture_without_room_is_refused_before_the_work() {
+    let mesh = crate::drape::mesh("tshirt.obj");
+    let all = ["drape", mesh.to_str().unwrap(), "--wales-per-cm", "13", "--renderer", "cpu"];
+    let (status, said) = within(1_000_000, &all);
+    assert_eq!(status, Some(1), "{said}");
+    let lines: Vec<_> = said.lines().collect();
+    assert!(lines.len() == 1 && lines[0].starts_with("error: a picture of"), "{said}");
+    // A close-up takes what it shows.
+    let near = [&all[..], &["--zoom", "60", "--size", "160x120", "-o", "near.png"]].concat();
+    let (status, said) = within(1_000_000, &near);
+    assert_eq!(status, Some(0), "{said}");
+}

@@ -142,6 +142,24 @@ impl Camera {
         (p.z < 0.0).then(|| DVec2::new(p.x / aspect, p.y) / (-p.z * self.tan_half))
     }
 
+    /// The planes around what a picture of this aspect shows: an inward unit normal n and a number d.
+    /// Inside, n·p + d is not negative. The last plane lies across the eye.
+    #[must_use]
+    pub fn sides(&self, aspect: f64) -> [(DVec3, f64); 5] {
+        let (x, y) = (aspect * self.tan_half, self.tan_half);
+        let sides = [
+            self.right - self.back * x,
+            -self.right - self.back * x,
+            self.up - self.back * y,
+            -self.up - self.back * y,
+            -self.back,
+        ];
+        sides.map(|side| {
+            let normal = side.normalize();
+            (normal, -normal.dot(self.eye))
+        })
+    }
+
     /// Matrix from coordinates relative to `centre` to clip coordinates. z is 0 at distance `near`
     /// along the camera's axis and 1 at `far`. w is that distance.
     #[must_use]
@@ -241,6 +259,21 @@ mod tests {
             turned.project(carried, 1.6).unwrap().distance(camera.project(point, 1.6).unwrap())
                 < 1e-12
         );
+    }
+
+    #[test]
+    fn points_inside_all_sides_are_those_of_the_picture() {
+        let camera =
+            Camera::look_at(DVec3::new(3.0, 4.0, 5.0), DVec3::new(-1.0, 0.0, 2.0), 0.7, 1.3);
+        for (x, y) in [(0.0, 0.0), (-0.99, 0.99), (1.01, 0.0), (0.2, -1.01), (-1.01, 0.3)] {
+            for distance in [0.5, 40.0, -2.0] {
+                let point = camera.eye() + camera.direction(x, y, 1.6) * distance;
+                let inside =
+                    camera.sides(1.6).iter().all(|(normal, d)| normal.dot(point) + d >= 0.0);
+                let shown = f64::max(x.abs(), y.abs()) < 1.0 && distance > 0.0;
+                assert_eq!(inside, shown, "{x} {y} {distance}");
+            }
+        }
     }
 
     #[test]

@@ -3,7 +3,11 @@
 //! In: a [`Fabric`] and [`Block`]s. Out: a [`Scene`] with one look for each bar. Points keep their
 //! order in strands and lose their tags. Nothing is drawn here. Cost: linear in the points.
 
-use crate::scene::{Scene, YarnLook};
+use std::ops::Range;
+
+use crate::scene::{Scene, SceneStrand, YarnLook};
+use warpknit_core::drape::seen::{LEAD_POINTS, Seen, Stretches};
+use warpknit_core::drape::strands::Strand;
 use warpknit_core::drape::{Block, Cloth, DrapeOptions, run, swatch_panel};
 use warpknit_core::fabric::Fabric;
 use warpknit_core::fabric::yarn::Yarn;
@@ -34,18 +38,65 @@ fn yarn_look(yarn: &Yarn, radius: f64) -> YarnLook {
 /// # Panics
 /// If the block's bar is number 65 536 or above. Fabrics have at most a hundred bars.
 pub fn add_to(scene: &mut Scene, block: &Block) {
-    let look = u16::try_from(block.bar).expect("machines have some tens of bars");
     for strand in &block.strands.strands {
-        let (positions, normals) =
-            (&block.draped.positions[strand.range()], &block.draped.normals[strand.range()]);
-        let points = positions
-            .iter()
-            .zip(normals)
-            .map(|(position, normal)| (position.as_vec3(), normal.as_vec3()));
-        // The first point of each stitch: a renderer draws the same number of segments for each.
-        let stitches = block.strands.pieces_of(strand).map(|piece| index32(piece.start));
-        scene.push_stitches(points, stitches, look);
+        add_run(scene, block, strand, 0..strand.points.len());
     }
+}
+
+/// Appends what pictures need of a block's strands. With [`Stretches::FromStart`], a strand that is
+/// seen goes into the scene from its first point on, and what is not seen of it is its lead.
+///
+/// # Panics
+/// As [`add_to`].
+pub fn add_seen(scene: &mut Scene, block: &Block, seen: &Seen, stretches: Stretches) {
+    for strand in &block.strands.strands {
+        let runs = seen.runs(block.panel, &block.strands.flat[strand.range()]);
+        let mut lead_end = None;
+        for (run, is_seen) in runs {
+            if !is_seen {
+                add_run(scene, block, strand, run).is_shadow = true;
+                continue;
+            }
+            if stretches == Stretches::AsSeen {
+                let start = run.start.saturating_sub(LEAD_POINTS);
+                let lead = index32(run.start - start);
+                add_run(scene, block, strand, start..run.end).lead = lead;
+                continue;
+            }
+            // Of several runs in view, the first one's lead and the last one's end count.
+            let (lead, end) = lead_end.get_or_insert((run.start, run.end));
+            *lead = run.start.min(*lead);
+            *end = run.end;
+        }
+        if let Some((lead, end)) = lead_end {
+            add_run(scene, block, strand, 0..end).lead = index32(lead);
+        }
+    }
+}
+
+/// Appends some of a strand's points, counted from its first, as a strand of the scene.
+fn add_run<'a>(
+    scene: &'a mut Scene,
+    block: &Block,
+    strand: &Strand,
+    run: Range<usize>,
+) -> &'a mut SceneStrand {
+    let look = u16::try_from(block.bar).expect("machines have some tens of bars");
+    let first = strand.points.start as usize;
+    let points = first + run.start..first + run.end;
+    let (positions, normals) =
+        (&block.draped.positions[points.clone()], &block.draped.normals[points]);
+    let points = positions
+        .iter()
+        .zip(normals)
+        .map(|(position, normal)| (position.as_vec3(), normal.as_vec3()));
+    // The first point of each stitch: a renderer draws the same number of segments for each.
+    let pieces = block.strands.pieces_of(strand).map(|piece| piece.start);
+    let within = pieces.filter(|start| run.contains(start)).map(|start| start - run.start);
+    scene.push_stitches(points, within.map(index32), look);
+    let added = scene.strands.last_mut().expect("added just now");
+    added.yarn = strand.yarn.0;
+    added
 }
 
 /// A scene of a flat swatch: `wales` yarns a bar and `courses` courses, drawn with the radius that

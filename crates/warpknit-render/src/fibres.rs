@@ -106,10 +106,11 @@ pub fn scene(
         looks: with_fibre_looks(&yarns.looks, &drawn),
         shape: yarns.shape,
         maps: yarns.maps.clone(),
+        extent: yarns.extent,
         ..Scene::default()
     };
     // Second pass: each strand is split into runs of near and far spans.
-    for (number, strand) in (0_u64..).zip(&yarns.strands) {
+    for strand in &yarns.strands {
         let (look, points) = (usize::from(strand.look), controls(yarns, strand));
         let bundle = &drawn[look];
         let near_spans: Vec<bool> =
@@ -125,7 +126,7 @@ pub fn scene(
             match axis.as_ref().filter(|_| run[0]) {
                 Some(axis) => {
                     let look = strand.look + index16(yarns.looks.len());
-                    for_each_fibre(bundle, axis, spans, number, &mut |fibre| {
+                    for_each_fibre(bundle, axis, spans, u64::from(strand.yarn), &mut |fibre| {
                         fibres.push_strand(fibre.iter().copied(), look);
                     });
                 }

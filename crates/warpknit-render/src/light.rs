@@ -14,6 +14,11 @@ use std::f32::consts::FRAC_1_PI;
 /// cloth loses its relief.
 const INTERIOR: f32 = 0.40;
 
+/// Length of sky rays, in radii of the yarn that they start from: about a wale in common fabrics.
+/// Shorter rays miss the neighbouring wale, and the cloth's relief flattens. Longer ones let
+/// distant folds darken the cloth and cost more.
+pub const SKY_REACH_RADII: f32 = 24.0;
+
 /// Sun and sky, linear RGB.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Light {

@@ -35,6 +35,11 @@ const MAX_WIDENING: f64 = 1.5;
 /// become so flat that a fabric of a million stitches is 2 % brighter. With 0.1 it is less than 1 %
 /// brighter. Lower values merge fewer spans.
 const MAX_BULGE: f64 = 0.1;
+/// Size of the pixels for which yarns are subdivided that only cast shadows, radii. Much larger ones
+/// would flatten loops so far that the shadow of the nearest, a few radii wide, changes.
+const SHADOW_RADII: f32 = 4.0;
+/// The same in pixels of the picture at most: yarns many pixels wide cast shadows that are resolved.
+const SHADOW_PIXELS: f64 = 2.0;
 /// Smallest sine of the angle between a yarn and the fabric's normal at which their cross product
 /// defines a ribbon's width. Below it, rounding decides the direction.
 const MIN_SINE: f32 = 1e-3;
@@ -84,8 +89,8 @@ impl YarnPaths {
     ) -> Self {
         let mut paths = Self { centre, ..Self::default() };
         let mut buffer = PointRun::default();
-        for (strand, number) in scene.strands[range.clone()].iter().zip(index32(range.start)..) {
-            paths.push_strand(scene, strand, number, subdivision, &mut buffer);
+        for strand in &scene.strands[range] {
+            paths.push_strand(scene, strand, subdivision, &mut buffer);
         }
         paths
     }
@@ -104,12 +109,11 @@ impl YarnPaths {
         &mut self,
         scene: &Scene,
         strand: &SceneStrand,
-        number: u32,
         subdivision: Subdivision<'_>,
         buffer: &mut PointRun,
     ) {
         let Some(radius) = scene.radius(strand) else { return };
-        let mut along = phase(number);
+        let mut along = phase(strand.yarn);
         let mut start = strand.points.start;
         while start < strand.points.end {
             let end = (start..strand.points.end)
@@ -117,12 +121,14 @@ impl YarnPaths {
                 .unwrap_or(strand.points.end);
             if start < end {
                 buffer.fill(scene, strand, start..end, self.centre);
-                along = self.push_run(
-                    buffer,
-                    PathStyle { radius, look: strand.look, shape: scene.shape },
-                    along,
-                    subdivision,
-                );
+                let style = PathStyle {
+                    radius,
+                    look: strand.look,
+                    shape: scene.shape,
+                    lead: (strand.points.start + strand.lead).saturating_sub(start) as usize,
+                    coarsest: if strand.is_shadow { f64::from(SHADOW_RADII * radius) } else { 0.0 },
+                };
+                along = self.push_run(buffer, style, along, subdivision);
             }
             start = end + 1;
         }
@@ -144,12 +150,17 @@ impl YarnPaths {
             cached: (usize::MAX, None),
             frame: TangentFrame::default(),
             along,
+            drawn: 0,
         };
         match subdivision {
             Subdivision::Picture(camera, options) => builder.subdivide_spans(camera, options),
             Subdivision::Stitch(st) => builder.subdivide_stitches(st),
         }
         let along = builder.along;
+        // A strand that ends within its lead has no points.
+        if builder.drawn == 0 {
+            return along;
+        }
         // A radius of 0 marks the end: no piece starts there.
         if let Some(last) = self.points.last_mut() {
             last.w = 0.0;
@@ -164,6 +175,10 @@ struct PathStyle {
     radius: f32,
     look: u16,
     shape: Shape,
+    /// How many of its first points need not be drawn.
+    lead: usize,
+    /// Size of a pixel for which it is subdivided at least, mm.
+    coarsest: f64,
 }
 
 /// A run of drawable points in `f64`, relative to the centre. Its memory is reused for one strand
@@ -258,13 +273,19 @@ struct PathBuilder<'a> {
     cached: (usize, Option<Span>),
     frame: TangentFrame,
     along: f64,
+    /// Number of points that were appended.
+    drawn: usize,
 }
 
 impl PathBuilder<'_> {
     /// Subdivides spans adaptively, and merges those that are shorter than a pixel.
     fn subdivide_spans(&mut self, camera: &Camera, options: &RenderOptions) {
         let eye = camera.eye() - self.paths.centre;
-        let pixel = |point: DVec3| camera.pixel_size(point.distance(eye), options.height);
+        let coarsest = self.style.coarsest;
+        let pixel = |point: DVec3| {
+            let pixel = camera.pixel_size(point.distance(eye), options.height);
+            pixel.max(coarsest.min(SHADOW_PIXELS * pixel))
+        };
         let last = self.run.points.len() - 1;
         let mut index = 0;
         let mut bulge = DVec3::ZERO;
@@ -295,7 +316,7 @@ impl PathBuilder<'_> {
     /// average it lies on the spans and not inside their bend; `bulge` is that of the piece before.
     fn push_merged(&mut self, index: usize, chord: &MergedSpans, bulge: DVec3) {
         self.push_point(index, 0.0);
-        if let Some(start) = self.paths.points.last_mut() {
+        if let Some(start) = self.paths.points.last_mut().filter(|_| self.drawn > 0) {
             let moved = (bulge + chord.bulge).as_vec3() * 0.5;
             #[expect(clippy::cast_possible_truncation, reason = "rounding is meant")]
             let widening =
@@ -340,11 +361,16 @@ impl PathBuilder<'_> {
         }
     }
 
-    /// Appends the point at parameter `t` of the span after point `index`.
+    /// Appends the point at parameter `t` of the span after point `index`. In the lead only the frame
+    /// and the length advance.
     fn push_point(&mut self, index: usize, t: f64) {
         let span = self.span(index);
         let position = span.at(t);
         self.along += self.frame.advance(position, span.tangent(t));
+        if index < self.style.lead {
+            return;
+        }
+        self.drawn += 1;
         let across = match self.style.shape {
             Shape::Tube => self.frame.across,
             Shape::Ribbon => {

@@ -81,6 +81,14 @@ pub(super) fn mean_shade(plies: u32) -> f32 {
     if plies > 1 { 1.0 - GROOVE * MEAN_GROOVE } else { 1.0 }
 }
 
+/// Size of a pixel from which on a yarn of this radius shows neither plies nor fibres, mm: what
+/// [`fade`] leaves of them changes no colour by one of 255.
+pub(super) fn coarsest_detail(plies: u32, radius: f32) -> f32 {
+    let turn = TAU * radius;
+    let fibres = 2.0 * turn / small(FIBRES);
+    0.95 * if plies > 1 { fibres.max(turn / plies as f32) } else { fibres }
+}
+
 /// Slopes of plies and of fibres against the axis. In a single yarn, the twist is that of its
 /// fibres.
 pub(super) fn slopes(plies: f32, twist_slope: Option<f32>) -> [f32; 2] {

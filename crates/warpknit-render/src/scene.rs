@@ -11,6 +11,7 @@ use rayon::prelude::*;
 
 use crate::maps::Maps;
 use crate::octahedral::PackedUnit;
+use crate::ply;
 pub use crate::shape::Shape;
 use warpknit_core::ids::index32;
 
@@ -79,6 +80,13 @@ pub struct SceneStrand {
     pub stitches: Range<u32>,
     /// Index of its look in [`Scene::looks`].
     pub look: u16,
+    /// Number of its yarn. It decides where along the yarn plies and textures begin.
+    pub yarn: u32,
+    /// How many of its first points need not be drawn: they lie out of view, and only tell how the
+    /// plies lie that are in view.
+    pub lead: u32,
+    /// Whether it is out of view and only casts the sun's shadow, so that a coarse one will do.
+    pub is_shadow: bool,
 }
 
 /// Everything in front of the camera.
@@ -99,6 +107,9 @@ pub struct Scene {
     pub looks: Vec<YarnLook>,
     /// Textures that looks refer to.
     pub maps: Vec<Maps>,
+    /// Box around the whole cloth, if the scene holds what a picture sees of it. So a picture does
+    /// not depend on how much of the cloth is there.
+    pub extent: Option<Bounds>,
 }
 
 /// Distances between neighbouring data points, mm.
@@ -133,6 +144,19 @@ impl Bounds {
     #[must_use]
     pub fn centre(&self) -> Vec3 {
         self.min.midpoint(self.max)
+    }
+
+    /// The box around drawable points. `None` without any.
+    #[must_use]
+    pub fn around(points: &[Vec3]) -> Option<Self> {
+        let balls = points.iter().filter(|point| drawable(**point));
+        balls.map(|&point| Self { min: point, max: point }).reduce(Self::union)
+    }
+
+    /// The box around both.
+    #[must_use]
+    pub fn union(self, other: Self) -> Self {
+        Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
     /// All eight corners.
@@ -208,13 +232,23 @@ impl Scene {
         self.stitches.extend(stitches.into_iter().map(|stitch| start + stitch));
         let (points, stitches) =
             (start..index32(self.positions.len()), first..index32(self.stitches.len()));
-        self.strands.push(SceneStrand { points, stitches, look });
+        let yarn = index32(self.strands.len());
+        self.strands.push(SceneStrand { points, stitches, look, yarn, lead: 0, is_shadow: false });
     }
 
     /// The textures of a look, if it has any.
     #[must_use]
     pub fn maps_of(&self, look: &YarnLook) -> Option<&Maps> {
         self.maps.get(usize::from(look.maps?))
+    }
+
+    /// Whether pixels of this size, mm, show how any yarn is turned about its axis: by its plies, its
+    /// fibres or its textures.
+    #[must_use]
+    pub fn shows_turns(&self, pixel: f64) -> bool {
+        self.looks.iter().any(|look| {
+            look.maps.is_some() || pixel < f64::from(ply::coarsest_detail(look.plies, look.radius))
+        })
     }
 
     /// Mean colour of a look's yarn, linear RGB.
@@ -276,22 +310,23 @@ impl Scene {
         is_drawable_radius(radius).then_some(radius)
     }
 
-    /// Bounding box of all yarns, including their radii. `None` if nothing is visible.
+    /// Bounding box of all yarns, including their radii, or [`Self::extent`]. `None` if nothing is
+    /// visible.
     ///
     /// The curve between two data points may leave the box by a little, because Catmull-Rom curves
     /// overshoot.
     #[must_use]
     pub fn bounds(&self) -> Option<Bounds> {
+        if self.extent.is_some() && !self.strands.is_empty() {
+            return self.extent;
+        }
         let mut bounds: Option<Bounds> = None;
         for strand in &self.strands {
             let Some(radius) = self.radius(strand) else { continue };
             let points = &self.positions[strand.points.start as usize..strand.points.end as usize];
             for &point in points.iter().filter(|&&point| drawable(point)) {
                 let ball = Bounds { min: point - radius, max: point + radius };
-                bounds = Some(bounds.map_or(ball, |b| Bounds {
-                    min: b.min.min(ball.min),
-                    max: b.max.max(ball.max),
-                }));
+                bounds = Some(bounds.map_or(ball, |bounds| bounds.union(ball)));
             }
         }
         bounds

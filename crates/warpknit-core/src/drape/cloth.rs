@@ -25,7 +25,7 @@ use crate::tile::Tile;
 /// Stitches after which a block ends. Much smaller blocks would cost more in scheduling than in
 /// work; much larger ones would not stay in a core's cache between stages, and would divide a small
 /// fabric among too few threads.
-const BLOCK_STITCHES: usize = 512;
+pub(super) const BLOCK_STITCHES: usize = 512;
 /// The largest number of wales or courses of a panel. A garment at true gauge has some thousand, so
 /// a larger panel is one in the wrong unit, and planning it would take all memory.
 const MAX_SPACINGS: f64 = 1e6;
@@ -101,7 +101,9 @@ pub struct Cloth<'a> {
     /// The structure mesh of each panel.
     pub(super) meshes: Vec<StructureMesh>,
     pub(super) blocks: Vec<BlockPlan>,
-    yarns: usize,
+    pub(super) yarns: usize,
+    /// Stitches of the whole cloth. `None` unless this is what pictures see of it.
+    pub(super) whole: Option<u64>,
 }
 
 /// The most stitches whose yarns are swept on the body unless that is asked for. All yarns of a
@@ -199,7 +201,16 @@ impl<'a> Cloth<'a> {
     ) -> Self {
         let thickness = fabric.thickness();
         let strain = StrainTable::new(fabric, &pattern).map(Arc::new);
-        Self { garment, pattern, strain, thickness, meshes, blocks: Vec::new(), yarns: 0 }
+        Self {
+            garment,
+            pattern,
+            strain,
+            thickness,
+            meshes,
+            blocks: Vec::new(),
+            yarns: 0,
+            whole: None,
+        }
     }
 
     /// The yarns of one part of the cloth, with the numbers that they have in the whole. A part
@@ -232,7 +243,8 @@ impl<'a> Cloth<'a> {
         let yarns = self.yarns;
         let (pattern, strain) = (self.pattern.clone(), self.strain.clone());
         let (thickness, meshes) = (self.thickness.clone(), self.meshes.clone());
-        Self { garment: self.garment, pattern, strain, thickness, meshes, blocks, yarns }
+        let whole = self.whole;
+        Self { garment: self.garment, pattern, strain, thickness, meshes, blocks, yarns, whole }
     }
 
     /// The repeat of the fabric.
@@ -253,20 +265,25 @@ impl<'a> Cloth<'a> {
         self.own_blocks().map(BlockPlan::stitches).sum()
     }
 
-    /// The blocks that [`run`] delivers.
+    /// Stitches of the whole cloth of which this is a part, planned as in [`Self::stitches`].
+    #[must_use]
+    pub fn whole_stitches(&self) -> u64 {
+        self.whole.unwrap_or_else(|| self.blocks.iter().map(BlockPlan::stitches).sum())
+    }
+
+    /// The blocks that [`super::run`] delivers.
     pub(super) fn own_blocks(&self) -> impl Iterator<Item = &BlockPlan> {
         self.blocks.iter().filter(|block| !block.is_beside)
     }
 
     /// Whether its yarns are swept on the body. For a part that depends on the whole cloth.
     pub(super) fn is_swept(&self, options: &DrapeOptions) -> bool {
-        let all = || self.blocks.iter().map(BlockPlan::stitches).sum::<u64>();
         options.mapping == Mapping::Relaxed
             && self.strain.is_some()
-            && options.sweeps.unwrap_or_else(|| all() <= MAX_SWEPT_STITCHES)
+            && options.sweeps.unwrap_or_else(|| self.whole_stitches() <= MAX_SWEPT_STITCHES)
     }
 
-    /// Number of blocks that [`run`] will deliver.
+    /// Number of blocks that [`super::run`] will deliver.
     #[must_use]
     pub fn blocks(&self) -> usize {
         self.own_blocks().count()

@@ -18,6 +18,7 @@ pub mod clearance;
 mod cloth;
 pub mod fibres;
 mod lengths;
+pub mod seen;
 pub mod sequence;
 pub mod strands;
 mod sweeps;

@@ -324,6 +324,19 @@ impl Pattern {
         yarn.map_or(0, |&yarn| self.repeat.points_of(&self.repeat.yarns[yarn]).len())
     }
 
+    /// Wale and course spacing, mm.
+    #[must_use]
+    pub fn spacing(&self) -> DVec2 {
+        self.spacing
+    }
+
+    /// Lowest and highest data point of the repeat, mm from the middle of the cloth.
+    #[must_use]
+    pub fn depths(&self) -> [f64; 2] {
+        let depths = self.repeat.points.iter().map(|point| point.z);
+        depths.fold([0.0, 0.0], |[low, high], z| [z.min(low), z.max(high)])
+    }
+
     /// Width and height of the repeat, mm.
     pub(crate) fn repeat_size(&self) -> DVec2 {
         self.spacing * as_vec(self.size[0], self.size[1])

@@ -210,6 +210,34 @@ impl Patch {
         Self { parts, gradients: Gradients::of(flat).corners, normals, bends }
     }
 
+    /// Distance of the surface from its flat triangle at most, mm: that of its control points, since
+    /// a Bézier triangle lies within their hull. `corners` are the triangle's, in order.
+    pub(crate) fn bulge(&self, corners: [DVec3; 3]) -> f64 {
+        // The exponents of the control points, as `Self::parts` has them.
+        const EXPONENTS: [[f64; 3]; 10] = [
+            [3.0, 0.0, 0.0],
+            [2.0, 1.0, 0.0],
+            [1.0, 2.0, 0.0],
+            [0.0, 3.0, 0.0],
+            [2.0, 0.0, 1.0],
+            [1.0, 1.0, 1.0],
+            [0.0, 2.0, 1.0],
+            [1.0, 0.0, 2.0],
+            [0.0, 1.0, 2.0],
+            [0.0, 0.0, 3.0],
+        ];
+        let middle = corners.iter().sum::<DVec3>() / 3.0;
+        let mut farthest: f64 = 0.0;
+        for (k, part) in self.parts.iter().enumerate() {
+            let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+            for (point, [r, s, t]) in part.iter().zip(EXPONENTS) {
+                let flat = (corners[i] * r + corners[j] * s + middle * t) / 3.0;
+                farthest = farthest.max(point.distance(flat));
+            }
+        }
+        farthest
+    }
+
     /// A part as a polynomial.
     #[inline]
     pub(crate) fn part(&self, number: usize) -> Part<'_> {

@@ -31,6 +31,8 @@ impl Gpu {
     /// # Errors
     /// No adapter, or one that refuses a device or lacks a capability.
     pub fn find(software: bool) -> Result<Self, GpuError> {
+        #[cfg(unix)]
+        let _silent = super::silence::SilentStderr::begin();
         let mut descriptor = InstanceDescriptor::new_without_display_handle();
         descriptor.backends = Backends::PRIMARY | Backends::GL;
         let instance = Instance::new(descriptor.with_env());

@@ -25,6 +25,8 @@ mod parity;
 mod passes;
 mod pipelines;
 mod resources;
+#[cfg(unix)]
+mod silence;
 mod uploaded;
 
 use std::collections::BTreeMap;

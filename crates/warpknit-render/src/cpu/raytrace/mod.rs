@@ -22,7 +22,7 @@ use super::film::Splats;
 use super::lit::{self, ShadingPoint, SkyLight, opaque_sample, sun_reflection, textured_surface};
 use super::sample::{SampleDimension, Sampler};
 use super::{is_thin, share, to_f32};
-use crate::light::Rig;
+use crate::light::{Rig, SKY_REACH_RADII};
 use crate::ply::{self, YarnPoint};
 use crate::scene::{Bounds, Scene, Shape, YarnLook};
 use crate::shade::Surface;
@@ -32,10 +32,6 @@ use ray::{CameraRays, Hit, SceneRay};
 use segments::Segments;
 use trace::SegmentBvh;
 
-/// Length of sky rays, in radii of the yarn that they start from: about a wale in common fabrics.
-/// Shorter rays miss the neighbouring wale, and the cloth's relief flattens. Longer ones let
-/// distant folds darken the cloth and cost more.
-const SKY_REACH_RADII: f32 = 24.0;
 /// Offset of secondary rays' origins above the surface, radii. Too small an offset lets a ray hit
 /// its own surface by rounding ('shadow acne'). Too large a one leaks light at contacts between
 /// yarns.

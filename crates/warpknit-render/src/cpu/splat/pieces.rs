@@ -12,7 +12,6 @@ use rayon::prelude::*;
 use crate::cpu::to_f32;
 use crate::paths;
 use crate::scene::{Scene, SpanLengths, drawable};
-use warpknit_core::ids::index32;
 
 /// Data points whose pieces one task handles at a time.
 const PART: u32 = 4096;
@@ -116,7 +115,7 @@ impl<'a> SplatPieces<'a> {
     pub(super) fn along(&self, strand: usize, first: u32, s: f32) -> f32 {
         let pieces = f64::from(first - self.scene.strands[strand].points.start) + f64::from(s);
         to_f32(
-            paths::phase(index32(strand))
+            paths::phase(self.scene.strands[strand].yarn)
                 + pieces * (self.lengths.sum / self.lengths.count.max(1) as f64),
         )
     }

@@ -67,11 +67,16 @@ impl ShadowMap {
         let (thinnest, thickest) = pieces.scene.radii();
         // A piece may be visible although neither of its ends is.
         let margin = thickest + pieces.longest();
-        let low = low - margin;
-        let extent = (high.truncate() + margin - low.truncate()).max(Vec2::ZERO);
+        let extent = (high.truncate() - low.truncate()).max(Vec2::ZERO);
         let finest = (TEXEL_RADII * thinnest).max(TEXEL_PIXELS * pixel);
         // Coarsen the grid where it would exceed the memory limit.
         let texel = finest.max((extent.x * extent.y / MAX_TEXELS).sqrt());
+        // Texels and blocks lie the same whatever margin there is, so that yarns out of view do not
+        // change how the shadows in it are sampled.
+        let block = BLOCK as f32 * texel;
+        let corner = ((low.truncate() - margin) / block).floor() * block;
+        let extent = high.truncate() + margin - corner;
+        let low = corner.extend(low.z - margin);
         let size =
             (extent / texel).ceil().clamp(Vec2::ONE, Vec2::splat(MAX_TEXELS)).as_uvec2().to_array();
         let texels = (0..size[0] as usize * size[1] as usize).into_par_iter();

@@ -1,0 +1,132 @@
+//! What the pictures of a garment see of it, found before its yarns are knitted.
+//!
+//! In: a garment, its cloth, and the settings of pictures. Out: the points that cameras frame, and
+//! [`InView`], by which only what is seen is knitted.
+
+use glam::Vec3;
+
+use super::camera::camera;
+use super::densities::{FAR_PICTURE_GB, PICTURE_GB};
+use super::pictures::options;
+use super::settings::Settings;
+use crate::drape::seen::{Seen, Sight, Stretches, Surroundings};
+use crate::drape::{Block, Cloth, DrapeOptions};
+use crate::garment::Garment;
+use crate::render::light::SKY_REACH_RADII;
+use crate::render::scene::{Bounds, Scene};
+use crate::render::{Camera, RenderOptions, cloth};
+
+/// What pictures see of a garment.
+#[derive(Debug)]
+pub struct InView {
+    seen: Seen,
+    stretches: Stretches,
+}
+
+/// The draped points of a garment, which cameras frame.
+#[must_use]
+pub fn draped_points(garment: &Garment) -> Vec<Vec3> {
+    let mut points = Vec::new();
+    for panel in &garment.panels {
+        let mut used = vec![false; panel.draped.len()];
+        panel.triangles.iter().flatten().for_each(|&vertex| used[vertex as usize] = true);
+        let places = panel.draped.iter().zip(used).filter(|(_, used)| *used);
+        points.extend(places.map(|(place, _)| place.as_vec3()));
+    }
+    points
+}
+
+/// The box around a garment's yarns.
+#[must_use]
+pub fn extent(points: &[Vec3], cloth: &Cloth<'_>) -> Option<Bounds> {
+    #[expect(clippy::cast_possible_truncation, reason = "a length in mm needs no more")]
+    let depth = depth(cloth) as f32;
+    Bounds::around(points).map(|Bounds { min, max }| Bounds { min: min - depth, max: max + depth })
+}
+
+/// Memory that a picture takes for each stitch that it needs, GB. `points` are those that cameras
+/// frame.
+pub(super) fn gb_a_stitch(scene: &Scene, points: &[Vec3], settings: &Settings) -> f64 {
+    let options = options(settings);
+    let Some(Bounds { min, max }) = scene.extent.filter(|_| options.lod) else { return PICTURE_GB };
+    let thickest = scene.looks.iter().map(|look| f64::from(look.radius)).fold(0.0, f64::max);
+    let is_far = (0..settings.picture.turntable.unwrap_or(1)).all(|frame| {
+        let camera = camera(points, &settings.picture, options.aspect(), frame);
+        let middle = min.midpoint(max).as_dvec3();
+        let nearest = camera.eye().distance(middle) - f64::from(min.distance(max)) / 2.0;
+        camera.pixel_size(nearest.max(0.0), options.height) > 2.0 * thickest
+    });
+    if is_far { FAR_PICTURE_GB } else { PICTURE_GB }
+}
+
+/// Distance of a cloth's yarns from the draped surface at most, mm.
+fn depth(cloth: &Cloth<'_>) -> f64 {
+    let thickness = cloth.pattern().depths().into_iter().map(f64::abs).fold(0.0, f64::max);
+    // Strained loops move within the cloth by a part of a stitch.
+    thickness + cloth.pattern().spacing().max_element()
+}
+
+impl InView {
+    /// What the pictures see of a cloth whose yarns go into `scene`. `None` if they see all of it.
+    /// `points` are those that cameras frame.
+    pub(super) fn of_pictures(
+        cloth: &Cloth<'_>,
+        scene: &Scene,
+        points: &[Vec3],
+        settings: &Settings,
+        has_fibres: bool,
+    ) -> Option<Self> {
+        let options = options(settings);
+        let frames = 0..settings.picture.turntable.unwrap_or(1);
+        let cameras =
+            frames.map(|frame| camera(points, &settings.picture, options.aspect(), frame));
+        Self::of_cameras(cloth, scene, &cameras.collect::<Vec<_>>(), &options, has_fibres)
+    }
+
+    /// What cameras see of a cloth whose yarns go into `scene`. `None` if they see all of it. With
+    /// fibres, yarns in view begin where they begin in the whole.
+    #[must_use]
+    pub fn of_cameras(
+        cloth: &Cloth<'_>,
+        scene: &Scene,
+        cameras: &[Camera],
+        options: &RenderOptions,
+        has_fibres: bool,
+    ) -> Option<Self> {
+        let sights: Vec<_> = cameras.iter().map(|camera| sight(camera, options)).collect();
+        let thickest = scene.looks.iter().map(|look| f64::from(look.radius)).fold(0.0, f64::max);
+        let stitch = cloth.pattern().spacing().max_element();
+        let around = Surroundings {
+            stitch,
+            depth: depth(cloth) + thickest,
+            sky_reach: f64::from(SKY_REACH_RADII) * thickest + stitch,
+        };
+        let seen = Seen::find(cloth.garment(), &sights, &around)?;
+        let near = has_fibres || scene.shows_turns(seen.pixel());
+        let stretches = if near { Stretches::FromStart } else { Stretches::AsSeen };
+        Some(Self { seen, stretches })
+    }
+
+    /// The yarns of a cloth that are needed. `options` are those with which it is laid.
+    #[must_use]
+    pub fn cloth<'a>(&self, whole: &Cloth<'a>, options: &DrapeOptions) -> Cloth<'a> {
+        whole.seen(&self.seen, options, self.stretches)
+    }
+
+    /// Adds what is needed of a block to a scene.
+    pub fn add_to(&self, scene: &mut Scene, block: &Block) {
+        cloth::add_seen(scene, block, &self.seen, self.stretches);
+    }
+}
+
+/// What decides what a camera sees.
+fn sight(camera: &Camera, options: &RenderOptions) -> Sight {
+    let rig = options.light.around(camera);
+    Sight {
+        sides: camera.sides(options.aspect()).to_vec(),
+        eye: camera.eye(),
+        pixel: camera.pixel_size(1.0, options.height),
+        toward_sun: rig.toward_sun.as_dvec3(),
+        sun_spread: f64::from(options.light.sun_half_angle).tan(),
+    }
+}
