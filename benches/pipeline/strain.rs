@@ -44,13 +44,14 @@ pub(crate) fn benches(criterion: &mut Criterion<CpuTime>) {
 }
 
 /// Strains such as clothes have, up to a quarter.
-fn strains() -> impl Iterator<Item = Strain> {
+fn strains() -> Vec<Strain> {
     const STRETCHES: [f64; 4] = [0.85, 0.95, 1.05, 1.15];
-    STRETCHES.into_iter().flat_map(|courses| {
+    let strains = STRETCHES.into_iter().flat_map(|courses| {
         STRETCHES
             .into_iter()
             .flat_map(move |wales| [-0.1, 0.1].map(|shear| Strain { courses, wales, shear }))
-    })
+    });
+    strains.collect()
 }
 
 /// A frame by each map, without solving.

@@ -234,7 +234,7 @@ fn wrong_files_are_told_of_before_anything_is_measured() {
     assert!(
         String::from_utf8(pictures.stderr)
             .unwrap()
-            .contains("plane-curved, mapping, total and growth")
+            .contains("plane-curved, mapping, yarn-length, total and growth")
     );
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
 }

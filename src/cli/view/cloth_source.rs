@@ -51,7 +51,7 @@ pub(super) struct FabricChoice {
 
 /// The surface that is covered with fabric.
 enum ClothBase {
-    Garment(Garment),
+    Garment(Box<Garment>),
     Swatch { wales: u32, courses: u32 },
 }
 
@@ -88,11 +88,10 @@ impl ClothSource {
         let shared = &arguments.shared;
         let first = fabric(shared)?;
         let base = match &arguments.flat {
-            Some(flat) => ClothBase::Garment(read(
-                flat,
-                arguments.draped.as_deref(),
-                &arguments.reading.options(),
-            )?),
+            Some(flat) => {
+                let options = arguments.reading.options();
+                ClothBase::Garment(read(flat, arguments.draped.as_deref(), &options)?.into())
+            }
             None => ClothBase::Swatch { wales: arguments.wales, courses: arguments.courses },
         };
         // On a garment a fine fabric may have too many stitches, and is then enlarged. A swatch has
@@ -142,7 +141,7 @@ impl ClothSource {
         clock.begin(Task::Knit, 0.0);
         match &self.base {
             ClothBase::Garment(garment) => {
-                let mut garment = Cow::Borrowed(garment);
+                let mut garment = Cow::Borrowed(garment.as_ref());
                 if !fabric.panels.is_empty() {
                     turn_grains(garment.to_mut(), &fabric);
                 }

@@ -67,10 +67,9 @@ struct Panel<'a> {
     /// For each yarn of the repeat: the first copy, and the number in `yarns` of each copy from
     /// there on.
     copies: Vec<(i64, Vec<Option<u32>>)>,
-    /// Place of each data point; not a number for those off the panel. The one next to a cut end has
-    /// the place of the cut, which shapes the curve beside it.
+    /// Place of each data point; not a number for those off the panel.
     places: Vec<DVec3>,
-    /// The places as mapped; not a number for cut ends too, which don't move.
+    /// The places as mapped.
     mapped: Vec<DVec3>,
 }
 
@@ -145,7 +144,6 @@ impl<'a> Panel<'a> {
             }));
         }
         panel.mapped.clone_from(&panel.places);
-        panel.add_cuts(blocks);
         panel.sort_copies();
         panel
     }
@@ -156,34 +154,6 @@ impl<'a> Panel<'a> {
             if source != CUT {
                 self.places[start + source as usize] = place;
             }
-        }
-    }
-
-    /// Adds the cut ends of all strands.
-    fn add_cuts(&mut self, blocks: &[Block]) {
-        let mut start = 0;
-        for block in blocks {
-            let Block { strands, draped, .. } = block;
-            for strand in &strands.strands {
-                let points = strand.range();
-                let (sources, places) =
-                    (&strands.sources[points.clone()], &draped.positions[points]);
-                if let [CUT, first, ..] = *sources {
-                    self.add_cut((start + first as usize).checked_sub(1), places[0]);
-                }
-                if let [.., last, CUT] = *sources {
-                    self.add_cut(Some(start + last as usize + 1), places[places.len() - 1]);
-                }
-            }
-            start += block.knitted.points.len();
-        }
-    }
-
-    /// Adds a cut end in the place of the data point beyond it, unless that one is on the panel.
-    fn add_cut(&mut self, beyond: Option<usize>, cut: DVec3) {
-        let place = beyond.and_then(|at| self.places.get_mut(at));
-        if let Some(place) = place.filter(|place| place.is_nan()) {
-            *place = cut;
         }
     }
 
@@ -253,14 +223,8 @@ impl<'a> Panel<'a> {
         let is_elastic = self.neighbours.yarns[yarn.copy.yarn].is_elastic;
         let stretched = !is_elastic && self.keep_lengths(yarn, own);
         active.is_idle = !pushed && !stretched;
-        let [mapped, before] =
-            [&self.mapped, &self.places].map(|places| &places[yarn.places.clone()]);
-        for (place, (&mapped, &before)) in own.iter_mut().zip(mapped.iter().zip(before)) {
-            *place = if mapped.is_nan() {
-                before
-            } else {
-                mapped + (*place - mapped).clamp_length_max(MAX_MOVE * radius)
-            };
+        for (place, &mapped) in own.iter_mut().zip(&self.mapped[yarn.places.clone()]) {
+            *place = mapped + (*place - mapped).clamp_length_max(MAX_MOVE * radius);
         }
     }
 
@@ -289,14 +253,9 @@ impl<'a> Panel<'a> {
     /// Corrects the lengths of a yarn's spans. Returns whether any was wrong.
     fn keep_lengths(&self, yarn: &PanelYarn, own: &mut [DVec3]) -> bool {
         let mut any = false;
-        let mapped = &self.mapped[yarn.places.clone()];
         for span in 1..own.len().saturating_sub(2) {
             let (point, _) = self.origin(yarn, span);
             let Some(control) = control_points(own, span) else { continue };
-            // The part of a span up to a cut has no length to keep.
-            if mapped[span].is_nan() || mapped[span + 1].is_nan() {
-                continue;
-            }
             let length = curve::span(&control, 1).length();
             let wrong = length / self.neighbours.lengths[point] - 1.0;
             if wrong.abs() > LENGTH_TOLERANCE && wrong.abs() < LENGTH_LIMIT {
