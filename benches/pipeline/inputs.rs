@@ -5,6 +5,7 @@
 //! `points_*.bin`, these files are read, so that other programs work on the same inputs
 //! (`benches/against_peers.sh`). Otherwise a panel is made, and a tricot is knitted on it.
 
+use std::ops::Range;
 use std::path::Path;
 
 use glam::{DVec2, DVec3};
@@ -27,8 +28,8 @@ pub(crate) const POINTS: [(&str, f64); 4] =
 /// Data points in single precision, as the peers' files hold them, yarn after yarn.
 pub(crate) struct Points {
     pub(crate) points: Vec<[f32; 3]>,
-    /// Number of points of a yarn.
-    pub(crate) yarn: usize,
+    /// The points of each yarn.
+    pub(crate) yarns: Vec<Range<usize>>,
     /// Number of points of a stitch.
     pub(crate) stitch: usize,
 }
@@ -68,14 +69,16 @@ pub(crate) fn points(name: &str) -> Points {
     if let Some((points, size)) =
         peer_file(&format!("points_{name}.bin")).zip(peer_file(&format!("points_{name}.txt")))
     {
-        let points = numbers(&points).into_iter().map(|p| p.map(f32::from_le_bytes)).collect();
+        let points: Vec<_> =
+            numbers(&points).into_iter().map(|p| p.map(f32::from_le_bytes)).collect();
         let size = String::from_utf8(size).expect("text");
         let wales: usize = size
             .split_whitespace()
             .next()
             .and_then(|wales| wales.parse().ok())
             .expect("wales and courses");
-        return Points { points, yarn: 8 * wales, stitch: 8 };
+        let yarns = ranges((0..=points.len()).step_by(8 * wales));
+        return Points { points, yarns, stitch: 8 };
     }
     let stitches = POINTS.iter().find(|(known, _)| *known == name).expect("one of the sizes").1;
     knitted(&tricot_for(SIZE.x * SIZE.y, stitches))
@@ -89,9 +92,11 @@ fn knitted(fabric: &Fabric) -> Points {
     );
     let room = SIZE - 4.0 * fabric.wale_spacing();
     let mut knitted = Knitted::default();
+    let mut ends = vec![0];
     for bar in 0..fabric.yarn_systems() {
         for guide in pattern.yarns_over(bar, 0.0..room.x) {
             pattern.lay(bar, guide, pattern.steps_along(bar, 0.0..room.y), &mesh, &mut knitted);
+            ends.push(knitted.points.len());
         }
     }
     let low = DVec3::new(1.0, 1.0, -1e3);
@@ -99,7 +104,12 @@ fn knitted(fabric: &Fabric) -> Points {
     let points: Vec<_> =
         knitted.points.iter().map(|p| p.clamp(low, high).as_vec3().to_array()).collect();
     // A stitch of tricot has the eight points of its loop and two of its underlap.
-    Points { points, yarn: 10 * pattern.steps_along(0, 0.0..room.y).count(), stitch: 10 }
+    Points { points, yarns: ranges(ends.into_iter()), stitch: 10 }
+}
+
+/// The ranges between places and the next ones.
+fn ranges(places: impl Iterator<Item = usize> + Clone) -> Vec<Range<usize>> {
+    places.clone().zip(places.skip(1)).map(|(start, end)| start..end).collect()
 }
 
 /// The shipped skirt.

@@ -1,5 +1,7 @@
 //! Benchmarks of tubes: positions, normals, texture coordinates and triangles.
 
+use std::ops::Range;
+
 use criterion::{BenchmarkId, Criterion, Throughput};
 use glam::DVec3;
 use warpknit::yarn::tube::{Section, Tubes};
@@ -14,27 +16,23 @@ const SECTIONS: [(u32, u32); 3] = [(10, 5), (10, 13), (25, 5)];
 /// memory; otherwise each yarn reuses the memory of the one before it.
 fn tubes(points: &Points, section: &Section, held: bool) -> usize {
     let mut all = Tubes::default();
-    let (mut flat, normals) = (Vec::new(), vec![DVec3::Z; points.yarn]);
-    let stitches = points.yarn / points.stitch;
+    let longest = points.yarns.iter().map(Range::len).max().unwrap_or(0);
+    let (mut flat, normals) = (Vec::with_capacity(longest), vec![DVec3::Z; longest]);
     let mut vertices = 0;
     if held {
-        all.reserve(
-            points.points.len() / points.stitch,
-            points.points.len() / points.yarn,
-            section,
-        );
+        all.reserve(points.points.len() / points.stitch, points.yarns.len(), section);
     }
-    for yarn in points.points.chunks(points.yarn) {
+    for yarn in &points.yarns {
         flat.clear();
-        flat.extend(yarn.iter().map(|p| DVec3::from(p.map(f64::from))));
+        flat.extend(points.points[yarn.clone()].iter().map(|p| DVec3::from(p.map(f64::from))));
         // Each stitch shares the first point of the next one, except the last.
-        let pieces = (0..stitches)
-            .map(|s| s * points.stitch..((s + 1) * points.stitch + 1).min(points.yarn));
+        let starts = (0..yarn.len() - 1).step_by(points.stitch);
+        let pieces = starts.map(|start| start..(start + points.stitch + 1).min(yarn.len()));
         if !held {
             all.clear();
         }
         let before = all.positions.len();
-        all.add(&flat, &normals, pieces, section);
+        all.add(&flat, &normals[..flat.len()], pieces, section);
         vertices += std::hint::black_box(&all).positions.len() - before;
     }
     vertices
