@@ -111,9 +111,14 @@ pub fn loss_warning(totals: &Totals) -> Option<String> {
 /// fabric's repeat can't be solved for strains.
 #[must_use]
 pub fn unstrained_note(cloth: &Cloth<'_>, placement: Placement) -> Option<String> {
-    (placement.mapping == Mapping::Relaxed && cloth.strain().is_none()).then(|| {
-        "this fabric's repeat can't be solved for the garment's strains, so yarns stretch with the \
-         garment, as with --mapping smooth"
-            .to_owned()
-    })
+    if placement.mapping != Mapping::Relaxed || cloth.keeps_lengths(&placement.into()) {
+        return None;
+    }
+    let why = if cloth.strain().is_none() {
+        "this fabric's repeat can't be solved for the garment's strains"
+    } else {
+        "this fabric's repeat is too large to be solved for the garment's strains, and yarns are \
+         not moved apart on it (--sweeps on)"
+    };
+    Some(format!("{why}, so yarns stretch with the garment, as with --mapping smooth"))
 }

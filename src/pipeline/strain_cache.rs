@@ -58,7 +58,8 @@ impl StrainCache {
     #[must_use]
     pub fn open(folder: Option<&Path>, cloth: &Cloth<'_>) -> Self {
         let none = Self { file: None, kept: 0 };
-        let Some((folder, table)) = folder.zip(cloth.strain()) else { return none };
+        let table = cloth.strain().filter(|table| !table.is_flat_only());
+        let Some((folder, table)) = folder.zip(table) else { return none };
         let file = folder.join(format!("{:016x}.{ENDING}", table.fingerprint()));
         let kept = read(&file).is_some_and(|bytes| table.load(&bytes));
         Self { file: Some(file), kept: if kept { table.knots() } else { 0 } }

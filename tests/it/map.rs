@@ -218,6 +218,8 @@ fn yarn_keeps_its_length_on_pulled_cloth() {
         ("tricot", DVec3::new(1.15, 0.95, 1.0)),
         ("locknit", DVec3::new(1.15, 1.0, 1.0)),
         ("jersey", DVec3::new(1.15, 1.0, 1.0)),
+        // Too large for a table: sweeps alone keep its lengths.
+        ("cable", DVec3::new(1.1, 1.0, 1.0)),
     ] {
         let fabric = Fabric::named(name).unwrap();
         let coarse = fabric.courses_per_cm * 0.5 / fabric.wales_per_cm;

@@ -283,6 +283,14 @@ impl<'a> Cloth<'a> {
             && options.sweeps.unwrap_or_else(|| self.whole_stitches() <= MAX_SWEPT_STITCHES)
     }
 
+    /// Whether yarns keep their lengths on the body: by the table of strained repeats, or by sweeps
+    /// alone if the repeat is too large for it.
+    #[must_use]
+    pub fn keeps_lengths(&self, options: &DrapeOptions) -> bool {
+        let is_tabled = self.strain().is_some_and(|table| !table.is_flat_only());
+        options.mapping == Mapping::Relaxed && (is_tabled || self.is_swept(options))
+    }
+
     /// Number of blocks that [`super::run`] will deliver.
     #[must_use]
     pub fn blocks(&self) -> usize {

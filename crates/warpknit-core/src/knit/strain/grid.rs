@@ -144,6 +144,11 @@ fn axes(knot: usize) -> [usize; 3] {
     [knot % SIZE[0], knot / SIZE[0] % SIZE[1], knot / SIZE[0] / SIZE[1]]
 }
 
+/// The knot of flat cloth.
+pub(super) fn flat() -> usize {
+    index(FLAT)
+}
+
 /// The strain of a knot.
 pub(super) fn strain(knot: usize) -> Strain {
     let [x, y, z] = axes(knot);

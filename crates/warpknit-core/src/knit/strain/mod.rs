@@ -34,9 +34,6 @@ pub(crate) use neighbours::{NearSpan, Neighbours};
 use rest::{Rest, RestYarn};
 pub use table::{Lookup, StrainTable};
 
-/// The largest repeat that is solved, data points. The work for a knot grows with the square of
-/// their number.
-const MAX_POINTS: usize = 1000;
 /// Weights of the pull towards the flat shape. Without it the same strain reached in two ways gives
 /// shapes that lie half a radius apart; above 0.6 yarn lengths suffer. Loops of weft knits are so
 /// free that a tenth of it serves.
@@ -87,7 +84,7 @@ impl Strain {
 
 impl StrainTable {
     /// The table of a fabric's repeat, nothing of it solved yet. Nothing where the repeat was not
-    /// relaxed, is too large, or is laid cloth.
+    /// relaxed, or is laid cloth.
     ///
     /// ```
     /// use warpknit_core::fabric::Fabric;
@@ -115,9 +112,7 @@ fn rest_of(fabric: &Fabric, pattern: &Pattern) -> Option<Rest> {
         Structure::Weft(_) => WEFT_PULL,
         Structure::Laid(_) => return None,
     };
-    if pattern.relaxation().is_none() || pattern.repeat.points.len() > MAX_POINTS {
-        return None;
-    }
+    pattern.relaxation()?;
     let thickness = fabric.thickness();
     let yarns = pattern.repeat.yarns.iter().map(|yarn| RestYarn {
         chain: Chain {

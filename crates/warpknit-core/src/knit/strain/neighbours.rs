@@ -31,6 +31,8 @@ pub(crate) struct Neighbours {
     pub(crate) bulges: Vec<f64>,
     /// Distance over touching that yarns keep.
     pub(crate) target: f64,
+    /// Whether the repeat has no table of strains, so that sweeps have all to do.
+    pub(crate) is_flat_only: bool,
 }
 
 impl StrainTable {
@@ -46,6 +48,7 @@ impl StrainTable {
             lengths: lengths.collect(),
             bulges,
             target: rest.target,
+            is_flat_only: self.is_flat_only(),
         }
     }
 }

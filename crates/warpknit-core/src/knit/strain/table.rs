@@ -25,6 +25,9 @@ use super::solver::{self, State};
 use crate::ids::index32;
 use crate::knit::Progress;
 
+/// The largest repeat that is solved, data points. The work for a knot grows with the square of
+/// their number.
+const MAX_POINTS: usize = 1000;
 /// Largest move of a data point for a strain of [`SNAP_STRAIN`], radii. A state farther from its
 /// start has snapped into another one.
 const SNAP_RADII: f64 = 1.5;
@@ -85,6 +88,9 @@ impl StrainTable {
         strains: impl IntoParallelIterator<Item = Strain>,
         progress: Progress<'_>,
     ) {
+        if self.is_flat_only() {
+            return;
+        }
         let none = || vec![false; KNOTS];
         let wanted = strains.into_par_iter().fold(none, |mut is_wanted, strain| {
             for (knot, _) in Place::of(strain).knots() {
@@ -142,6 +148,13 @@ impl StrainTable {
         &self.elastic_bars
     }
 
+    /// Whether the repeat is too large to be solved. Then all strains get the offsets of flat cloth,
+    /// which are none, and only sweeps on the body keep the lengths of yarns.
+    #[must_use]
+    pub fn is_flat_only(&self) -> bool {
+        self.rest.points.len() > MAX_POINTS
+    }
+
     /// The number of solved knots.
     #[must_use]
     pub fn knots(&self) -> usize {
@@ -163,6 +176,7 @@ impl StrainTable {
 
     /// What lookups interpolate.
     fn placed(&self, knot: usize) -> &[PlacedOffset] {
+        let knot = if self.is_flat_only() { grid::flat() } else { knot };
         self.placed[knot].get_or_init(|| {
             let Knot { offsets, lock } = self.solved(knot);
             let with_lock = |&[x, y, z]: &[f32; 3]| [x, y, z, *lock];
