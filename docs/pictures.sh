@@ -14,11 +14,19 @@ knit swatch --fabric locknit --wales 8 --courses 9 --shape ribbon --texture mesh
 knit swatch --fabric cable --wales 32 --courses 36 --size 1000x920 --spp 8 -o docs/cable.png
 cargo run --quiet --release -- inspect --fabric locknit -o docs/locknit_lapping.svg >/dev/null
 
+made=$(mktemp -d)
+trap 'rm -r "$made"' EXIT
+
+# A square of cloth, pulled to 1.25 times its width and .92 times its height.
+square() { printf 'v 0 0 0\nv %s 0 0\nv %s %s 0\nv 0 %s 0\nf 1 2 3\nf 1 3 4\n' "$1" "$1" "$2" "$2"; }
+square 100 100 >"$made/flat.obj"
+square 125 92 >"$made/pulled.obj"
+for mapping in smooth relaxed; do
+    knit drape "$made/flat.obj" "$made/pulled.obj" --unit mm --fabric jersey --wales-per-cm 1 --mapping "$mapping" --size 560x460 --zoom 2 --spp 16 -o "docs/pulled_$mapping.png"
+done
 knit bench --only yarn-length -o docs/yarn_length.svg
 
-captured=$(mktemp -d)
-trap 'rm -r "$captured"' EXIT
-knit swatch --fabric jersey --view front --wales 24 --courses 30 --zoom 1.5 --size 800x800 --background '#101010' -o "$captured/photo.png"
-knit capture "$captured/photo.png" -o "$captured/cloth"
-knit drape meshes/tshirt.obj --fabric "$captured/cloth/fabric.toml" --size 800x800 --spp 16 -o docs/captured_shirt.png
-knit drape meshes/tshirt.obj --fabric "$captured/cloth/fabric.toml" --size 800x800 --zoom 12 -o docs/captured_fibres.png
+knit swatch --fabric jersey --view front --wales 24 --courses 30 --zoom 1.5 --size 800x800 --background '#101010' -o "$made/photo.png"
+knit capture "$made/photo.png" -o "$made/cloth"
+knit drape meshes/tshirt.obj --fabric "$made/cloth/fabric.toml" --size 800x800 --spp 16 -o docs/captured_shirt.png
+knit drape meshes/tshirt.obj --fabric "$made/cloth/fabric.toml" --size 800x800 --zoom 12 -o docs/captured_fibres.png

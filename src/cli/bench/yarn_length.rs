@@ -29,8 +29,10 @@ const LINES: [(Shipped, f64); 2] = [(Shipped::Tube, 8480.0), (Shipped::Skirt, 26
 const MAPPINGS: [(&str, Mapping); 2] = [("smooth", Mapping::Smooth), ("relaxed", Mapping::Relaxed)];
 /// Changes of length in the table, per cent.
 const LIMITS: [f64; 3] = [1.0, 2.0, 5.0];
-/// Changes of length in the plot: so many even steps up to the last, per cent.
-const PLOTTED: u32 = 40;
+/// Changes of length in the plot, per cent: so many between the first and the last, each larger than
+/// the one before by the same factor.
+const PLOTTED: u32 = 32;
+const FIRST: f64 = 0.1;
 const LAST: f64 = 20.0;
 
 /// Measures the table, on the user's garment if there is one.
@@ -75,8 +77,8 @@ fn push(table: &mut Table, name: &str, garment: &Garment, fabric: &Fabric) -> Re
         let shares = LIMITS.map(|limit| TableCell::Number(share_over(changes, limit), 2));
         table.push(labels.into_iter().chain(shares));
     }
-    for step in 1..=PLOTTED {
-        let limit = LAST * f64::from(step) / f64::from(PLOTTED);
+    for step in 0..=PLOTTED {
+        let limit = FIRST * (LAST / FIRST).powf(f64::from(step) / f64::from(PLOTTED));
         plot.push(limit, changes.each_ref().map(|changes| share_over(changes, limit)));
     }
     table.plots.push(plot);
