@@ -8,6 +8,7 @@ use tempfile::TempDir;
 use warpknit::drape::{self, Cloth, LayoutError, Totals};
 use warpknit::fabric::Fabric;
 use warpknit::garment::Garment;
+use warpknit::map::Mapping;
 use warpknit::yarn::tube::Section;
 
 /// The most stitches that are knitted for one input: a few milliseconds.
@@ -70,7 +71,12 @@ pub fn knit(garment: &Garment, fabric: &Fabric) -> Result<Option<Totals>, Layout
         caps: true,
         texture_per_mm: 1.0,
     };
-    let options = drape::DrapeOptions { surface: Some(section), ..drape::DrapeOptions::default() };
+    // Solving the repeat for all strains of a crumpled garment takes longer than an input may.
+    let options = drape::DrapeOptions {
+        mapping: Mapping::Smooth,
+        surface: Some(section),
+        ..drape::DrapeOptions::default()
+    };
     let Ok(totals) = drape::run(&cloth, &options, &mut |_, _| {}, &mut |_| Ok::<_, Infallible>(()));
     Ok(Some(totals))
 }

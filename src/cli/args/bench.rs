@@ -21,6 +21,8 @@ pub(crate) enum Subject {
     Textures,
     /// Plain weft knits, the ribbon paper's table
     Weft,
+    /// How long garments of 2000 to 2 million triangles take to read
+    Reading,
     /// Time and memory from a thousand to 4.4 million stitches and from 2000 to 2 million
     /// triangles: a minute or two, 1 GB
     Growth,

@@ -5,8 +5,9 @@
 //! ([`plane_curved`], with [`brute`] as its baseline), its Table 3 ([`total`]), its Figures 14 and
 //! 15 ([`st_sr`], [`textures`]), the table of the ribbon paper ([`weft`](mod@weft)), the ways to
 //! the body ([`mapping`](mod@mapping)), what they do to the yarn
-//! ([`yarn_length`](mod@yarn_length)), and [`growth`](mod@growth) with the size. Times are medians of
-//! several runs after a warm-up run; `from` and `to` are the fastest and the slowest run.
+//! ([`yarn_length`](mod@yarn_length)), [`reading`](mod@reading), and [`growth`](mod@growth) with the
+//! size. Times are medians of several runs after a warm-up run; `from` and `to` are the fastest and
+//! the slowest run.
 
 mod brute;
 mod canvas;
@@ -19,6 +20,7 @@ mod panel;
 mod picture;
 mod plane_curved;
 mod plot;
+mod reading;
 mod st_sr;
 mod table;
 mod textures;
@@ -105,6 +107,7 @@ fn measure(
         Subject::StSr => st_sr::st_sr(arguments, progress),
         Subject::Textures => textures::textures(arguments, progress),
         Subject::Weft => weft::weft(arguments, progress),
+        Subject::Reading => reading::reading(arguments, progress),
         Subject::Growth => return growth::growth(arguments, garments, progress),
     };
     Ok(vec![table?])
