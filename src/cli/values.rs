@@ -12,7 +12,7 @@ use warpknit::chart;
 use warpknit::drape::strands::Edge;
 use warpknit::export::Format;
 use warpknit::map::Mapping;
-use warpknit::pipeline::{STRETCHES, Stretch};
+use warpknit::pipeline::{FREE_PULLS, STRETCHES, Stretch};
 use warpknit::render::scene::Shape;
 use warpknit::render::{RendererChoice, View};
 
@@ -221,13 +221,17 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
 
 /// Parses how a swatch is pulled.
 pub(super) fn stretch(text: &str) -> Result<Stretch, String> {
-    let ratio = |text: &str| {
-        let (least, most) = STRETCHES;
-        number(text, |ratio: &f64| (least..=most).contains(ratio), "it must be 0.5 to 2")
+    let ratio = |text: &str, (least, most): (f64, f64), what| {
+        number(text.trim(), |ratio: &f64| (least..=most).contains(ratio), what)
     };
+    let ratios = "write X, X,Y or X,free; each is a ratio of 0.5 to 2, such as 1.15 for 15 % more";
     let (courses, wales) = text.split_once(',').unwrap_or((text, "1"));
-    let wales = if wales == "free" { None } else { Some(ratio(wales)?) };
-    Ok(Stretch { courses: ratio(courses)?, wales })
+    if wales.trim().eq_ignore_ascii_case("free") {
+        let pulls = "a free width is looked for at ratios of 1 to 1.25";
+        return Ok(Stretch { courses: ratio(courses, FREE_PULLS, pulls)?, wales: None });
+    }
+    let wales = Some(ratio(wales, STRETCHES, ratios)?);
+    Ok(Stretch { courses: ratio(courses, STRETCHES, ratios)?, wales })
 }
 
 /// The run-in of a bar, mm a rack. `None` for a bar that keeps its own.

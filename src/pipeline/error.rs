@@ -56,7 +56,8 @@ pub enum RunError {
     },
     /// A fabric that can't be pulled.
     #[error(
-        "{fabric}: --stretch solves the repeat of a relaxed knit, and this fabric's can't be solved"
+        "{fabric}: --stretch solves the repeat of a relaxed knit, and this fabric's can't be solved, \
+         or is too large"
     )]
     CantStretch {
         /// The fabric's name.

@@ -120,5 +120,5 @@ pub fn unstrained_note(cloth: &Cloth<'_>, placement: Placement) -> Option<String
         "this fabric's repeat is too large to be solved for the garment's strains, and yarns are \
          not moved apart on it (--sweeps on)"
     };
-    Some(format!("{why}, so yarns stretch with the garment, as with --mapping smooth"))
+    Some(format!("{why}, so yarns stretch with the garment as if they were rubber"))
 }

@@ -42,7 +42,7 @@ pub use run::{drape, swatch};
 pub use sequence::{Motion, Sequence};
 pub use settings::{Densities, PictureSettings, Placement, Settings, Wanted};
 pub use strain_cache::{StrainCache, cache_folder};
-pub use stretch::{BENDINGS, FreeWidth, STRETCHES, Stretch, Stretched};
+pub use stretch::{BENDINGS, FREE_PULLS, FreeWidth, STRETCHES, Stretch, Stretched};
 pub use summary::Done;
 pub use targets::{check_distinct, numbered};
 pub use textures::{Textures, scene};

@@ -77,15 +77,14 @@ impl StrainCache {
 
 /// The bytes of a file of bounded size.
 fn read(file: &Path) -> Option<Vec<u8>> {
+    // A pipe in its place would never open.
+    let about = std::fs::metadata(file).ok()?;
+    if !about.is_file() || about.len() > MOST_BYTES {
+        return None;
+    }
     let mut bytes = Vec::new();
-    let file = std::fs::File::open(file).ok().filter(is_of_bounded_size)?;
-    file.take(MOST_BYTES).read_to_end(&mut bytes).ok()?;
+    std::fs::File::open(file).ok()?.take(MOST_BYTES).read_to_end(&mut bytes).ok()?;
     Some(bytes)
-}
-
-/// Whether it is a file and not too large. A pipe in its place would never end.
-fn is_of_bounded_size(file: &std::fs::File) -> bool {
-    file.metadata().is_ok_and(|about| about.is_file() && about.len() <= MOST_BYTES)
 }
 
 /// Writes the file of a table.
@@ -159,6 +158,16 @@ mod tests {
             cache.keep(cloth);
         });
         assert_eq!(std::fs::read(only_file(&folder)).unwrap(), bytes);
+    }
+
+    /// The pipe has no writer, so whoever opened it would wait forever.
+    #[cfg(unix)]
+    #[test]
+    fn a_pipe_in_place_of_the_file_is_not_opened() {
+        let folder = tempfile::tempdir().unwrap();
+        let pipe = folder.path().join("pipe");
+        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        assert!(read(&pipe).is_none());
     }
 
     #[test]

@@ -2,7 +2,7 @@
 //!
 //! In: a fabric, its relaxed repeat, and a [`Stretch`]. Out: the pulled cloth, and [`Stretched`] for
 //! the user. Method and what is not promised: see [`crate::knit::strain::pull`]. Cost: below a second
-//! at a given width, some seconds for the free width of two bars.
+//! at a given width, up to ten seconds for the free width of two bars.
 
 use super::RunError;
 use super::clock::{Clock, Task};
@@ -15,6 +15,9 @@ use crate::knit::strain::pull::{Pulled, Puller};
 pub const BENDINGS: [f64; 3] = [0.5, 1.0, 2.0];
 /// Limits of both ratios of a [`Stretch`]. No knit reaches them without its yarn giving way.
 pub const STRETCHES: (f64, f64) = (0.5, 2.0);
+/// Limits of a pull at which the free width is looked for. Beyond them some lappings snap from one
+/// state into another, and the width says little.
+pub const FREE_PULLS: (f64, f64) = (1.0, 1.25);
 
 /// How a swatch is pulled.
 #[derive(Clone, Copy, Debug, PartialEq)]

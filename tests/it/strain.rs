@@ -105,7 +105,7 @@ fn a_pulled_swatch_is_as_wide_as_pulled_and_tells_its_free_width() {
     assert!(told.starts_with(&numbers), "the numbers are those of flat cloth: {told}");
     assert!(told.contains("pulled to 1.100 along the courses and 0.950 along the wales"), "{told}");
     assert_eq!(flat["surface"]["radius_mm"], pulled["surface"]["radius_mm"]);
-    let (_, told) = swatch(&["--stretch", "1.1,free"]);
+    let (_, told) = swatch(&["--stretch", "1.1, Free"]);
     let rows: Vec<_> = told.lines().filter(|line| line.starts_with("1.")).collect();
     assert_eq!(rows.len(), 3, "{told}");
     assert!(rows[0].starts_with("1.00     1.000") && told.contains("assumed bending"), "{told}");
@@ -116,7 +116,9 @@ fn what_cannot_be_pulled_is_refused() {
     let grid = |folder: &Path| std::fs::write(folder.join("grid.toml"), GRID).unwrap();
     let laid = fails(1, &["swatch", "--fabric", "grid.toml", "--stretch", "1.1"], grid);
     assert!(laid.starts_with("error: grid: --stretch solves"), "{laid}");
-    for stretch in ["3", "1.1,wide", "0.1,1", "1,1,1", ""] {
+    let cable = fails(1, &["swatch", "--fabric", "cable", "--stretch", "1.1"], |_| {});
+    assert!(cable.starts_with("error: cable: --stretch solves"), "{cable}");
+    for stretch in ["3", "1.1,wide", "0.1,1", "1,1,1", "1.5,free", "15%", ""] {
         assert!(fails(2, &["swatch", "--stretch", stretch], |_| {}).starts_with("error:"));
     }
 }

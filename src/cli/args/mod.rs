@@ -230,8 +230,9 @@ pub(crate) struct Swatch {
     /// Courses
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=20_000))]
     pub(crate) courses: u32,
-    /// Pull the cloth to X times its length along the courses and Y times along the wales; `free`
-    /// for Y is the width that it takes by itself, with a table of it over the pull [default for Y: 1]
+    /// Pull the cloth to X times its length along the courses (across the wales) and Y times along
+    /// the wales; `free` for Y is the length that it takes by itself, with a table of it over the
+    /// pull [default for Y: 1]
     #[arg(long, value_name = "X[,Y|free]", value_parser = stretch)]
     pub(crate) stretch: Option<Stretch>,
     #[command(flatten)]

@@ -18,7 +18,7 @@ use glam::{DVec2, Vec3Swizzles};
 
 use super::rest::Rest;
 use super::solver::{self, State};
-use super::table::lock;
+use super::table::{MAX_POINTS, lock};
 use super::{Strain, rest_of};
 use crate::fabric::Fabric;
 use crate::ids::index32;
@@ -55,10 +55,11 @@ pub struct Pulled {
 }
 
 impl<'a> Puller<'a> {
-    /// A fabric and its relaxed repeat. Nothing where [`super::StrainTable::new`] gives nothing.
+    /// A fabric and its relaxed repeat. Nothing where [`super::StrainTable::new`] gives nothing, or
+    /// where the repeat is too large to be solved ([`super::StrainTable::is_flat_only`]).
     #[must_use]
     pub fn new(fabric: &'a Fabric, pattern: &'a Pattern) -> Option<Self> {
-        let mut rest = rest_of(fabric, pattern)?;
+        let mut rest = rest_of(fabric, pattern).filter(|rest| rest.points.len() <= MAX_POINTS)?;
         solver::measure_rest(&mut rest);
         Some(Self { fabric, pattern, rest })
     }

@@ -27,7 +27,7 @@ use crate::knit::Progress;
 
 /// The largest repeat that is solved, data points. The work for a knot grows with the square of
 /// their number.
-const MAX_POINTS: usize = 1000;
+pub(super) const MAX_POINTS: usize = 1000;
 /// Largest move of a data point for a strain of [`SNAP_STRAIN`], radii. A state farther from its
 /// start has snapped into another one.
 const SNAP_RADII: f64 = 1.5;
