@@ -265,6 +265,12 @@ impl<'a> Cloth<'a> {
         self.own_blocks().map(BlockPlan::stitches).sum()
     }
 
+    /// The same of one bar.
+    #[must_use]
+    pub fn stitches_of_bar(&self, bar: usize) -> u64 {
+        self.own_blocks().filter(|block| block.bar == bar).map(BlockPlan::stitches).sum()
+    }
+
     /// Stitches of the whole cloth of which this is a part, planned as in [`Self::stitches`].
     #[must_use]
     pub fn whole_stitches(&self) -> u64 {
