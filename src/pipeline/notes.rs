@@ -44,46 +44,45 @@ pub(super) fn sizes(
 
 /// A picture at true gauge that nobody asked for.
 fn true_gauge(job: &Job<'_>, drawn: &Drawn<'_>) -> String {
-    let (whole, shown) = (job.cloth.stitches(), drawn.cloth(job).stitches());
-    let stitches =
-        if drawn.is_part() { format!("{shown} of {whole}") } else { format!("all {whole}") };
+    let stitches = if drawn.is_part() {
+        let shown = float(drawn.cloth(job).stitches());
+        format!("{} of {}", count_text(shown), count_text(stitches_on(job.fabric, job.area)))
+    } else {
+        count_text(stitches_on(job.fabric, job.area))
+    };
+    let (_, shows) = subject(job, ["shows", "show"]);
     format!(
-        "{} shows true gauge and takes about {} of memory for {stitches} stitches; --enlarge auto \
-         draws about {PICTURED_STITCHES} that are large enough to see",
-        names(job),
+        "{shows} true gauge: about {stitches} stitches and {} of memory; --enlarge auto draws about \
+         {} larger ones",
         size_text(drawn.bytes),
+        count_text(PICTURED_STITCHES)
     )
 }
 
 /// Cloth that is enlarged because there are too many stitches.
 fn enlarged(job: &Job<'_>, is_one_of_two: bool, setup: &Setup) -> String {
-    let stitches = job.cloth.stitches();
-    let all = stitches_on(job.fabric, job.area);
+    let (planned, all) = (float(job.cloth.stitches()).max(1.0), stitches_on(job.fabric, job.area));
     let times = job.shown.enlargement / job.fabric.enlargement;
-    let again = if is_one_of_two { "the cloth is knitted a second time for " } else { "" };
-    let verb = if is_one_of_two { ": " } else { " holds " };
-    let of = if is_one_of_two { "" } else { "the cloth as " };
+    let (is_single, have) = subject(job, ["has", "have"]);
     let files = files(job, setup);
-    let now = listed(&files, |file| file.bytes);
-    let true_gauge = listed(&files, |file| file.bytes * all / float(stitches).max(1.0));
-    let full = match (now, true_gauge) {
+    let full = |file: &File| file.bytes * all / planned;
+    let (opens, sizes) = match (listed(&files, |file| file.bytes), listed(&files, full)) {
         (Some(now), Some(then)) => {
-            let parts = files.iter().any(|file| {
-                file.format == Format::Glb
-                    && file.bytes * all / float(stitches).max(1.0) > MOST_OF_GLB
-            });
-            let parts = if parts { ", in parts by --tile" } else { "" };
-            format!(
-                "; that takes about {now}. --enlarge 1 keeps true gauge and all {all:.0} stitches, and \
-                 takes about {then}{parts}"
-            )
+            let it = if is_single { "it" } else { "them" };
+            let too_large =
+                files.iter().any(|file| file.format == Format::Glb && full(file) > MOST_OF_GLB);
+            let parts = if too_large { ", in parts by --tile" } else { "" };
+            let opens = format!(", so that other programs can open {it}");
+            (opens, format!(": about {now}, where true gauge would take {then}{parts}"))
         }
-        _ => format!("; --enlarge 1 keeps true gauge and all {all:.0} stitches"),
+        _ => (String::new(), String::new()),
     };
+    let again = if is_one_of_two { ". For this the cloth is knitted a second time" } else { "" };
     format!(
-        "{again}{}{verb}{of}{stitches} stitches, {times:.1} times enlarged, so that other programs can \
-         open it{full}",
-        names(job)
+        "{have} about {} stitches in place of {}, {times:.1} times enlarged{opens}{sizes}; --enlarge 1 \
+         keeps true gauge{again}",
+        count_text(stitches_on(job.shown, job.area)),
+        count_text(all),
     )
 }
 
@@ -132,8 +131,37 @@ fn listed(files: &[File], size: impl Fn(&File) -> f64) -> Option<String> {
     }
 }
 
-/// The names of a job's files in a line.
-fn names(job: &Job<'_>) -> String {
+/// The names of a job's files with a verb that goes with one or with several, and whether it is one.
+fn subject(job: &Job<'_>, [one, several]: [&str; 2]) -> (bool, String) {
     let names: Vec<_> = job.outputs.iter().map(|(path, _)| path.display().to_string()).collect();
-    names.join(" ")
+    let is_single = names.len() == 1;
+    (is_single, format!("{} {}", names.join(" and "), if is_single { one } else { several }))
+}
+
+/// A count with two digits that matter: `12000`, `950000`, `5.2 million`.
+fn count_text(count: f64) -> String {
+    if count >= 1e6 {
+        let decimals = usize::from(count < 9.95e6);
+        return format!("{:.decimals$} million", count / 1e6);
+    }
+    let step = 10_f64.powf((count.max(1.0).log10().floor() - 1.0).max(0.0));
+    format!("{:.0}", (count / step).round() * step)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_are_read_at_a_glance() {
+        for (count, text) in [
+            (7.0, "7"),
+            (12_004.0, "12000"),
+            (953_900.0, "950000"),
+            (5_172_743.0, "5.2 million"),
+            (25_172_743.0, "25 million"),
+        ] {
+            assert_eq!(count_text(count), text);
+        }
+    }
 }

@@ -5,23 +5,23 @@
 //! shows that place from the same eye, in the same light, so many times larger. The inset is a
 //! picture of its own, of cloth that is knitted for it, and no enlarged part of the other one.
 //!
-//! Unless a place is chosen, it is one near the picture's middle where a panel faces the camera. The
+//! Unless a place is chosen, it is one near the picture's middle where a panel faces the camera in the sun. The
 //! inset lies where it hides least cloth, and near the place among places that hide as little. Both
-//! are found on a coarse grid ([`silhouette`]), in some milliseconds. Not promised: that the place is
-//! well lit.
+//! are found on a coarse grid ([`silhouette`]), in some milliseconds. Not promised: a place in the
+//! sun, if few places near the middle are.
 
 mod frame;
 mod silhouette;
 
-use glam::{DVec2, UVec2};
+use glam::{DVec2, DVec3, UVec2};
 use image::RgbaImage;
 
 use super::RunError;
 use super::settings::LoupeChoice;
 use crate::garment::Garment;
-use crate::render::Camera;
+use crate::render::{Camera, Light};
 use frame::{Disc, Lines};
-use silhouette::{Shown, Silhouette, shown_at};
+use silhouette::{Shown, Silhouette, is_shadowed, shown_at};
 
 /// Width of a wale in a picture, pixels, below which loops are no longer seen: the loupe is then on
 /// unless that is chosen otherwise.
@@ -45,6 +45,12 @@ const LINE: f64 = 0.0022;
 /// How much a place loses by its distance from the picture's middle, in half diagonals, against the
 /// cosine at which it faces the camera.
 const OFF_MIDDLE: f64 = 0.6;
+/// How much a place gains by the cosine at which it faces the sun, against the same.
+const SUNNY: f64 = 0.5;
+/// Places that are tried before one in the shadow is taken.
+const MOST_SHADOWED: usize = 2000;
+/// Cloth so near the place, in wales, that it casts no shadow: the panel itself, where it is bent.
+const SHADOW_WALES: f64 = 10.0;
 
 /// A loupe in a picture.
 #[derive(Debug)]
@@ -90,7 +96,8 @@ impl Loupe {
                     return Ok(None);
                 }
                 let silhouette = Silhouette::new(garment, camera, picture);
-                let Some((place, shown)) = good_place(&silhouette, picture) else {
+                let Some((place, shown)) = good_place(&silhouette, garment, wale, camera, picture)
+                else {
                     return Ok(None);
                 };
                 if wale_in(&shown) >= SEEN_PIXELS {
@@ -107,7 +114,7 @@ impl Loupe {
         let inset = Disc { middle: inset_place(&silhouette, picture, mark, radius), radius };
         let width = (LINE * picture.min_element()).max(1.0);
         let aspect = picture.x / picture.y;
-        let at = (place / picture * 2.0 - 1.0) * DVec2::new(1.0, -1.0);
+        let at = in_picture(picture, place);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some hundred")]
         let side = (2.0 * radius) as u32;
         Ok(Some(Self {
@@ -139,25 +146,52 @@ impl Loupe {
     pub(super) fn note(&self) -> String {
         let Self { times, place, .. } = self;
         format!(
-            "the loupe shows the place {:.3},{:.3} of the picture {times:.0} times larger; \
-             --loupe X,Y looks elsewhere, and --loupe off leaves it out",
+            "the loupe magnifies the place {:.3},{:.3} of the picture {times:.0} times; --loupe X,Y \
+             looks elsewhere, and --loupe off leaves it out",
             place.x, place.y
         )
     }
 }
 
-/// The place near the picture's middle where a panel faces the camera best.
-fn good_place(silhouette: &Silhouette, picture: DVec2) -> Option<(DVec2, Shown)> {
-    let mut best: Option<(f64, DVec2, Shown)> = None;
+/// The place near the picture's middle where a panel faces the camera and the sun best, and lies in
+/// no shadow if there is such a place.
+fn good_place(
+    silhouette: &Silhouette,
+    garment: &Garment,
+    wale: f64,
+    camera: &Camera,
+    picture: DVec2,
+) -> Option<(DVec2, Shown)> {
+    let toward_sun = Light::default().around(camera).toward_sun.as_dvec3();
+    let mut found: Vec<(f64, DVec2, DVec3, Shown)> = Vec::new();
     for cell in silhouette.cells() {
-        let (Some(shown), place) = (silhouette.at(cell), silhouette.middle(cell)) else { continue };
-        let off = place.distance(picture / 2.0) / (picture.length() / 2.0);
-        let score = shown.facing - OFF_MIDDLE * off;
-        if best.is_none_or(|(most, ..)| score > most) && is_within(silhouette, cell, shown) {
-            best = Some((score, place, shown));
+        let (Some(shown), at) = (silhouette.at(cell), silhouette.middle(cell)) else { continue };
+        if !is_within(silhouette, cell, shown) {
+            continue;
         }
+        let off = at.distance(picture / 2.0) / (picture.length() / 2.0);
+        let direction = direction(camera, picture, at);
+        let score =
+            shown.normal.dot(-direction) + SUNNY * shown.normal.dot(toward_sun) - OFF_MIDDLE * off;
+        found.push((score, at, camera.eye() + direction * shown.distance, shown));
     }
-    best.map(|(_, place, shown)| (place, shown))
+    found.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut best = found.iter().take(MOST_SHADOWED);
+    let lit = best
+        .clone()
+        .find(|(.., place, _)| !is_shadowed(garment, *place, toward_sun, SHADOW_WALES * wale));
+    lit.or_else(|| best.next()).map(|(_, at, _, shown)| (*at, *shown))
+}
+
+/// Direction of the ray through a place of the picture, pixels from its top left corner.
+fn direction(camera: &Camera, picture: DVec2, at: DVec2) -> DVec3 {
+    let DVec2 { x, y } = in_picture(picture, at);
+    camera.direction(x, y, picture.x / picture.y)
+}
+
+/// A place in pixels as the camera counts: -1 to 1, from the left and from below.
+fn in_picture(picture: DVec2, at: DVec2) -> DVec2 {
+    (at / picture * 2.0 - 1.0) * DVec2::new(1.0, -1.0)
 }
 
 /// Whether the cells around a cell show the same panel, so that no edge or seam is near.
@@ -224,7 +258,7 @@ fn hidden(silhouette: &Silhouette, picture: DVec2, disc: Disc) -> f64 {
 mod tests {
     use super::*;
     use crate::render::View;
-    use glam::{DVec3, Vec3};
+    use glam::Vec3;
 
     const SIZE: [u32; 2] = [800, 600];
 

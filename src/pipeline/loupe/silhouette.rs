@@ -30,8 +30,8 @@ pub(super) struct Shown {
     pub(super) panel: usize,
     /// Distance from the eye, mm.
     pub(super) distance: f64,
-    /// Cosine between the cloth's normal and the ray to the eye, whichever side it shows.
-    pub(super) facing: f64,
+    /// Unit normal of the side that it shows.
+    pub(super) normal: DVec3,
 }
 
 /// A draped triangle as it lies in the picture.
@@ -94,6 +94,26 @@ pub(super) fn shown_at(
     nearest
 }
 
+/// Whether cloth lies between a place and the sun, farther than `reach` from the place, mm. Method:
+/// Möller and Trumbore 1997, 'Fast, minimum storage ray/triangle intersection'.
+pub(super) fn is_shadowed(garment: &Garment, place: DVec3, toward_sun: DVec3, reach: f64) -> bool {
+    let blocks = |[a, b, c]: [DVec3; 3]| {
+        let (ab, ac) = (b - a, c - a);
+        let across = toward_sun.cross(ac);
+        let scale = ab.dot(across).recip();
+        let from = place - a;
+        let u = from.dot(across) * scale;
+        let along = from.cross(ab);
+        let v = toward_sun.dot(along) * scale;
+        // A triangle along the ray has an infinite scale, and is not hit.
+        u >= 0.0 && v >= 0.0 && u + v <= 1.0 && ac.dot(along) * scale > reach
+    };
+    garment.panels.iter().any(|panel| {
+        let places = |triangle: &[u32; 3]| triangle.map(|vertex| panel.draped[vertex as usize]);
+        panel.triangles.iter().any(|triangle| blocks(places(triangle)))
+    })
+}
+
 /// Keeps the nearer of two.
 fn nearer(nearest: &mut Option<Shown>, other: Option<Shown>) {
     if let Some(other) = other
@@ -142,8 +162,12 @@ impl Projected {
         let distances = DVec3::from(self.place.map(|place| place.distance(camera.eye())));
         let distance = (weights / area).dot(distances.recip()).recip();
         let normal = (q - p).cross(r - p).normalize_or_zero();
-        let toward_eye = (camera.eye() - p).normalize_or_zero();
-        Some(Shown { panel: self.panel, distance, facing: normal.dot(toward_eye).abs() })
+        let is_turned = normal.dot(camera.eye() - p) < 0.0;
+        Some(Shown {
+            panel: self.panel,
+            distance,
+            normal: if is_turned { -normal } else { normal },
+        })
     }
 }
 
@@ -165,8 +189,7 @@ mod tests {
         for cell in silhouette.cells() {
             let Some(shown) = silhouette.at(cell) else { continue };
             inside += 1.0;
-            let off_axis = camera.eye().z / shown.distance;
-            assert!((shown.facing - off_axis).abs() < 0.05, "{cell}");
+            assert!(shown.normal.distance(DVec3::Z) < 1e-9, "{cell}");
             distances.push(shown.distance);
             let same = shown_at(&garment, &camera, picture, silhouette.middle(cell)).unwrap();
             assert!((same.distance - shown.distance).abs() < 1e-9);
@@ -177,5 +200,10 @@ mod tests {
         let nearest = distances.iter().copied().fold(f64::INFINITY, f64::min);
         assert!((nearest / camera.eye().z - 1.0).abs() < 0.01);
         assert!(shown_at(&garment, &camera, picture, DVec2::new(2.0, 150.0)).is_none());
+        let behind = DVec3::new(100.0, 50.0, -20.0);
+        assert!(is_shadowed(&garment, behind, DVec3::Z, 10.0));
+        assert!(!is_shadowed(&garment, behind, DVec3::Z, 30.0));
+        assert!(!is_shadowed(&garment, behind, DVec3::X, 10.0));
+        assert!(!is_shadowed(&garment, behind + DVec3::Z * 40.0, DVec3::Z, 10.0));
     }
 }
