@@ -60,7 +60,7 @@ impl<'a> Drawn<'a> {
         };
         let shown = of_cameras(&cameras, &whole);
         let bytes = |shown: &ShownCloth<'a>, cameras: &[Camera], options: &RenderOptions| {
-            picture_bytes(shown.cloth(job), job.shown, scene, cameras, job.settings, options)
+            picture_bytes(shown.cloth(job), job.shown, scene, cameras, &job.options, options)
         };
         let mut needed = bytes(&shown, &cameras, &options);
         let loupe = match cameras.as_slice() {

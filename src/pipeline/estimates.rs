@@ -4,13 +4,12 @@
 //! of a tube, vertex, triangle or pixel, measured 2026-11 with seven fabrics on two garments. Checked
 //! within a third against files and runs in `tests/it/estimates.rs`. Not promised: files of fibres.
 
-use super::settings::Settings;
-use crate::drape::Cloth;
+use crate::drape::{Cloth, DrapeOptions};
 use crate::export::Format;
 use crate::fabric::Fabric;
 use crate::ids::index32;
 use crate::render::scene::{Bounds, Scene};
-use crate::render::{Camera, RenderOptions};
+use crate::render::{Camera, RenderOptions, RendererChoice};
 use crate::yarn::tube::Section;
 
 /// Memory of a run that draws nothing.
@@ -21,6 +20,8 @@ const PIXEL: f64 = 80.0;
 const POINT: f64 = 13.5;
 /// The same on a graphics adapter of software, with the copies made while uploading.
 const GPU_POINT: f64 = 60.0;
+/// Memory of a stitch while it is swept.
+const SWEPT: f64 = 6500.0;
 /// Memory of a piece of yarn that rays are traced against, with its share of the tree.
 const PIECE: f64 = 75.0;
 /// The most pieces between two data points.
@@ -66,27 +67,43 @@ pub(super) fn file_bytes(
 }
 
 /// Bytes of memory that a run needs to draw a cloth. `scene` is empty, and `cameras` are those of its
-/// pictures.
+/// pictures. `laying` are the options with which it is laid.
 pub(super) fn picture_bytes(
     cloth: &Cloth<'_>,
     fabric: &Fabric,
     scene: &Scene,
     cameras: &[Camera],
-    settings: &Settings,
+    laying: &DrapeOptions,
+    options: &RenderOptions,
+) -> f64 {
+    let points = points(cloth, fabric);
+    // Yarns are swept before anything is drawn.
+    let swept = SWEPT * float(cloth.swept_together(laying));
+    PROGRAM
+        + POINT * points
+        + swept.max(drawing_bytes(cloth, fabric, scene, cameras, points, options))
+}
+
+/// The part of it for drawing a scene of so many data points.
+fn drawing_bytes(
+    cloth: &Cloth<'_>,
+    fabric: &Fabric,
+    scene: &Scene,
+    cameras: &[Camera],
+    points: f64,
     options: &RenderOptions,
 ) -> f64 {
     let rows = f64::from(index32(options.rows().len()));
-    let base = PROGRAM + PIXEL * f64::from(options.width) * rows;
-    let points = points(cloth, fabric);
-    if settings.picture.renderer == crate::render::RendererChoice::Gpu {
-        return base + (POINT + GPU_POINT) * points;
+    let pixels = PIXEL * f64::from(options.width) * rows;
+    if options.renderer == RendererChoice::Gpu {
+        return pixels + GPU_POINT * points;
     }
     // The smallest pixel on cloth decides how yarns are drawn.
     let pixel = cameras.iter().map(|camera| smallest_pixel(scene, camera, options));
     let pixel = pixel.fold(f64::INFINITY, f64::min);
     let thickest = scene.looks.iter().map(|look| f64::from(look.radius)).fold(0.0, f64::max);
     if options.lod && pixel > 2.0 * thickest {
-        return base + POINT * points;
+        return pixels;
     }
     // A loop goes up and down its course and over to its wale.
     let stitch = 2.0 * (fabric.wale_spacing() + 2.0 * fabric.course_spacing());
@@ -99,7 +116,7 @@ pub(super) fn picture_bytes(
         // A chord leaves its curve by a part of its length that falls with its square.
         points * (0.4 * step / pixel).sqrt().clamp(1.0, MOST_PIECES)
     };
-    base + POINT * points + PIECE * pieces
+    pixels + PIECE * pieces
 }
 
 /// Size of a pixel where the yarns' box comes nearest to the eye, mm.
@@ -114,6 +131,7 @@ fn smallest_pixel(scene: &Scene, camera: &Camera, options: &RenderOptions) -> f6
 pub(super) fn size_text(bytes: f64) -> String {
     match bytes {
         bytes if bytes < 1e6 => "under 1 MB".to_owned(),
+        bytes if bytes < 9.95e6 => format!("{:.1} MB", bytes / 1e6),
         bytes if bytes < 995e6 => format!("{:.0} MB", bytes / 1e6),
         bytes if bytes < 9.95e9 => format!("{:.1} GB", bytes / 1e9),
         bytes => format!("{:.0} GB", bytes / 1e9),
@@ -135,6 +153,7 @@ mod tests {
     fn sizes_are_read_at_a_glance() {
         for (bytes, text) in [
             (3e3, "under 1 MB"),
+            (1.54e6, "1.5 MB"),
             (94.4e6, "94 MB"),
             (999e6, "1.0 GB"),
             (1.34e9, "1.3 GB"),

@@ -85,7 +85,7 @@ pub fn drape(
                 notes: notes.chain(unstrained_note(cloth, settings.placement)).collect(),
                 part: settings.tile.map(|tile| (tile, cloth.part(tile))),
                 cloth,
-                options: settings.placement.into(),
+                options: laying(settings, *gauge),
                 area,
                 source,
                 is_swatch: false,
@@ -143,6 +143,16 @@ pub fn swatch(
         is_swatch: true,
     };
     Ok(Done { stretched, ..make(&[job], clock)? })
+}
+
+/// Options of a garment's cloth. A picture at true gauge that nobody asked for is not swept: there is
+/// little to mend, and less to see of it.
+fn laying(settings: &Settings, gauge: Gauge) -> drape::DrapeOptions {
+    let mut options = drape::DrapeOptions::from(settings.placement);
+    if gauge == Gauge::True {
+        options.sweeps.get_or_insert(false);
+    }
+    options
 }
 
 /// Options of a swatch: it is its own drape, so no strain has to be looked up.

@@ -63,7 +63,8 @@ fn sizes_of_files_are_told_and_true() {
         // A smaller tube, so that the file of the whole cloth is soon written.
         let section = ["--st", "2", "--sr", "3", "-o", "b.ply", "-o", "b.csv"];
         let [_, coarse] = told(&said(folder.path(), fabric, &section));
-        said(folder.path(), fabric, &[&section[..], &["--enlarge", "1"]].concat());
+        let all = ["--enlarge", "1", "--sweeps", "off"];
+        said(folder.path(), fabric, &[&section[..], &all].concat());
         for name in ["b.ply", "b.csv"] {
             assert!(
                 is_near(coarse[name], length(name)),
@@ -85,7 +86,7 @@ fn the_memory_of_a_picture_is_told_and_true() {
         ("jersey", &["--size", "1200x900"]),
         ("locknit", &["--size", "1600x1200", "--zoom", "2"]),
     ] {
-        let outputs = ["-o", "a.png", "-o", "a.json", "--renderer", "cpu", "--spp", "4"];
+        let outputs = ["-o", "a.png", "-o", "a.json", "--renderer", "cpu"];
         let said = said(folder.path(), fabric, &[&outputs[..], flags].concat());
         let (_, rest) = said.split_once(" stitches and ").unwrap();
         let (told, _) = rest.split_once(" MB of memory").unwrap();

@@ -428,7 +428,7 @@ pub(crate) struct Laying {
     #[arg(long, value_enum, default_value = "relaxed")]
     pub(crate) mapping: MappingArg,
     /// Move yarns apart that cut each other on the body [default: up to a million stitches, with
-    /// the mapping `relaxed`]
+    /// the mapping `relaxed`; not in a picture that shows true gauge unasked]
     #[arg(long, value_enum, value_name = "on|off")]
     pub(crate) sweeps: Option<SwitchArg>,
     /// Don't keep strained repeats for the next run, nor use those that are kept

@@ -282,6 +282,17 @@ impl<'a> Cloth<'a> {
         self.blocks.iter().filter(|block| !block.is_beside)
     }
 
+    /// Stitches that are in memory together while they are swept, those of a panel. 0 if yarns are not
+    /// swept with these options.
+    #[must_use]
+    pub fn swept_together(&self, options: &DrapeOptions) -> u64 {
+        if !self.is_swept(options) {
+            return 0;
+        }
+        let panels = self.blocks.chunk_by(|one, next| one.panel == next.panel);
+        panels.map(|panel| panel.iter().map(BlockPlan::stitches).sum()).max().unwrap_or(0)
+    }
+
     /// Whether its yarns are swept on the body. For a part that depends on the whole cloth.
     pub(super) fn is_swept(&self, options: &DrapeOptions) -> bool {
         options.mapping == Mapping::Relaxed
