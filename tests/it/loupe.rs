@@ -88,7 +88,7 @@ fn enlargements_and_densities_count_for_everything() {
     ] {
         let said = run(
             folder.path(),
-            &[&of_sheet(&UNSWEPT), &["-o", "a.png", "-o", "a.json", "--loupe", "off"], flags]
+            &[&of_sheet(&UNSWEPT)[..], &["-o", "a.png", "-o", "a.json", "--loupe", "off"], flags]
                 .concat(),
         );
         assert!(!said.contains("note:"), "{said}");
