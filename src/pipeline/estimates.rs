@@ -24,8 +24,8 @@ const GPU_POINT: f64 = 60.0;
 const SWEPT: f64 = 6500.0;
 /// Memory of a piece of yarn that rays are traced against, with its share of the tree.
 const PIECE: f64 = 75.0;
-/// The most pieces between two data points.
-const MOST_PIECES: f64 = 8.0;
+/// Pieces between two data points where none are merged, as a mean over bends and straight runs.
+const PIECES: f64 = 1.65;
 
 /// Number of data points of a cloth.
 pub(super) fn points(cloth: &Cloth<'_>, fabric: &Fabric) -> f64 {
@@ -113,8 +113,7 @@ fn drawing_bytes(
         // Shorter ones are merged.
         points * step / pixel
     } else {
-        // A chord leaves its curve by a part of its length that falls with its square.
-        points * (0.4 * step / pixel).sqrt().clamp(1.0, MOST_PIECES)
+        points * PIECES
     };
     pixels + PIECE * pieces
 }
