@@ -21,7 +21,7 @@ use super::settings::LoupeChoice;
 use crate::garment::Garment;
 use crate::render::{Camera, Light};
 use frame::{Disc, Lines};
-use silhouette::{Shown, Silhouette, is_shadowed, shown_at};
+use silhouette::{Shown, Silhouette, direction, in_picture, is_shadowed, shown_at};
 
 /// Width of a wale in a picture, pixels, below which loops are no longer seen: the loupe is then on
 /// unless that is chosen otherwise.
@@ -181,17 +181,6 @@ fn good_place(
         .clone()
         .find(|(.., place, _)| !is_shadowed(garment, *place, toward_sun, SHADOW_WALES * wale));
     lit.or_else(|| best.next()).map(|(_, at, _, shown)| (*at, *shown))
-}
-
-/// Direction of the ray through a place of the picture, pixels from its top left corner.
-fn direction(camera: &Camera, picture: DVec2, at: DVec2) -> DVec3 {
-    let DVec2 { x, y } = in_picture(picture, at);
-    camera.direction(x, y, picture.x / picture.y)
-}
-
-/// A place in pixels as the camera counts: -1 to 1, from the left and from below.
-fn in_picture(picture: DVec2, at: DVec2) -> DVec2 {
-    (at / picture * 2.0 - 1.0) * DVec2::new(1.0, -1.0)
 }
 
 /// Whether the cells around a cell show the same panel, so that no edge or seam is near.
