@@ -17,6 +17,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     let (fabric, source) = (Fabric::named("locknit")?, Source::default());
     let done = drape(garment, None, &fabric, &source, &settings, Clock::start(&()))?;
-    println!("{} stitches: {}", done.totals.losses.stitches, done.files);
+    for part in done.parts {
+        println!("{} stitches: {}", part.totals.losses.stitches, part.files);
+    }
     Ok(())
 }

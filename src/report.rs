@@ -52,6 +52,10 @@ pub struct Report {
     pub peak_memory_mb: f64,
     /// The renderer of the picture. Empty without a picture.
     pub renderer: String,
+    /// The cloth of a garment's picture, which is not always that of the files. Without a picture of
+    /// a garment there is no such key, and not for a sequence.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub picture: Option<PictureReport>,
     pub cloth: ClothReport,
     /// The cloth on its machine. Without a shrinkage in the fabric there is no such key.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -59,6 +63,27 @@ pub struct Report {
     /// The frames of a drape sequence. Without a sequence there is no such key.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub frames: Vec<FrameReport>,
+}
+
+/// The cloth of a picture.
+#[derive(Clone, Debug, Serialize)]
+#[expect(missing_docs, reason = "see Report")]
+pub struct PictureReport {
+    pub wales_per_cm: f64,
+    pub courses_per_cm: f64,
+    /// Planned stitches, of what is in view.
+    pub stitches: u64,
+    /// Null without a loupe.
+    pub loupe: Option<LoupeReport>,
+}
+
+/// The loupe of a picture.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[expect(missing_docs, reason = "see Report")]
+pub struct LoupeReport {
+    /// Where it looks, as shares of the picture's width and height from its top left corner.
+    pub at: [f64; 2],
+    pub times: f64,
 }
 
 /// A frame of a drape sequence.

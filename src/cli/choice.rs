@@ -86,6 +86,7 @@ impl Shared {
             shape: shape.into(),
             texture: texture.clone(),
             turntable,
+            ..PictureSettings::default()
         }
     }
 

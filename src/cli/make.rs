@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::Result;
-use warpknit::pipeline::{self, Clock, Done, Sequence, Settings, Task};
+use warpknit::pipeline::{self, Clock, Done, PictureSettings, Sequence, Settings, Task};
 
 use super::args::{Drape, Swatch};
 use super::choice::fabric;
@@ -23,11 +23,17 @@ pub(crate) fn drape(arguments: &Drape) -> Result<()> {
     let (garment, motion) = drapes.open(&arguments.reading.options(), skip_bad)?;
     let inputs = drapes.inputs().map(Path::to_owned).collect();
     let source = shared.source(&fabric, inputs, drapes.stem());
+    let shared_settings = shared.settings();
     let settings = Settings {
+        enlarge: arguments.laying.enlarge,
+        picture: PictureSettings {
+            loupe: arguments.loupe.unwrap_or_default(),
+            ..shared_settings.picture
+        },
         placement: arguments.laying.placement(),
         cache: arguments.laying.cache(),
         tile: arguments.part.tile,
-        ..shared.settings()
+        ..shared_settings
     };
     let sequence = motion.as_ref().map(|motion| Sequence {
         motion,
@@ -64,9 +70,11 @@ pub(crate) fn swatch(arguments: &Swatch) -> Result<()> {
 
 /// Prints the counts and the names of the files.
 fn tell_done(done: &Done, quiet: bool) {
-    let (stitches, yarns) = (done.totals.losses.stitches, done.totals.yarns);
     let frames =
         done.frames.map_or_else(String::new, |(made, all)| format!("{made} of {all} frames, "));
-    let of_all = done.whole.map_or_else(String::new, |whole| format!(" in view of {whole}"));
-    tell(quiet, &format!("{frames}{stitches} stitches{of_all}, {yarns} yarns: {}", done.files));
+    for part in &done.parts {
+        let (stitches, yarns) = (part.totals.losses.stitches, part.totals.yarns);
+        let of_all = part.whole.map_or_else(String::new, |whole| format!(" in view of {whole}"));
+        tell(quiet, &format!("{frames}{stitches} stitches{of_all}, {yarns} yarns: {}", part.files));
+    }
 }

@@ -7,12 +7,12 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::ValueEnum;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use warpknit::chart;
 use warpknit::drape::strands::Edge;
 use warpknit::export::Format;
 use warpknit::map::Mapping;
-use warpknit::pipeline::{FREE_PULLS, STRETCHES, Stretch};
+use warpknit::pipeline::{Enlarge, FREE_PULLS, LoupeChoice, STRETCHES, Stretch};
 use warpknit::render::scene::Shape;
 use warpknit::render::{RendererChoice, View};
 
@@ -178,6 +178,30 @@ pub(super) fn vector(text: &str) -> Result<DVec3, String> {
         .ok_or_else(|| "write three numbers with commas, such as 0,500,1200".to_owned())
 }
 
+/// Parses an enlargement. Under 1 cloth would be finer than it is.
+pub(super) fn enlarge(text: &str) -> Result<Enlarge, String> {
+    if text == "auto" {
+        return Ok(Enlarge::Auto);
+    }
+    let otherwise = "it must be auto, or 1 or more";
+    number(text, |times: &f64| *times >= 1.0 && times.is_finite(), otherwise).map(Enlarge::Times)
+}
+
+/// Parses where a loupe looks.
+pub(super) fn loupe(text: &str) -> Result<LoupeChoice, String> {
+    if text == "off" {
+        return Ok(LoupeChoice::Off);
+    }
+    let at = list(text).map(|[x, y]| DVec2::new(x, y));
+    at.filter(|at| at.min_element() >= 0.0 && at.max_element() <= 1.0)
+        .map(LoupeChoice::At)
+        .ok_or_else(|| {
+            "write off, or the place as shares of the picture's width and height, both from 0 to 1, \
+             such as 0.5,0.4"
+                .to_owned()
+        })
+}
+
 /// Parses a rectangle: x, y, width, height.
 pub(super) fn rectangle(text: &str) -> Result<[u32; 4], String> {
     list(text).ok_or_else(|| {
@@ -279,6 +303,16 @@ mod tests {
         assert!(size("0x4").is_err() && size("640").is_err() && size("99999x1").is_err());
         assert_eq!(vector("1,-2, 3.5"), Ok(DVec3::new(1.0, -2.0, 3.5)));
         assert!(vector("1,2").is_err() && vector("1,2,x").is_err() && vector("1,2,3,x").is_err());
+        assert_eq!(enlarge("auto"), Ok(Enlarge::Auto));
+        assert_eq!(enlarge("2.5"), Ok(Enlarge::Times(2.5)));
+        for wrong in ["0.5", "-1", "inf", "nan", "big", ""] {
+            assert!(enlarge(wrong).is_err(), "{wrong}");
+        }
+        assert_eq!(loupe("off"), Ok(LoupeChoice::Off));
+        assert_eq!(loupe("0.25, 1"), Ok(LoupeChoice::At(DVec2::new(0.25, 1.0))));
+        for wrong in ["on", "400,300", "0.5", "-0.1,0.5", "nan,0.5", "0.1,0.2,0.3", ""] {
+            assert!(loupe(wrong).is_err(), "{wrong}");
+        }
         assert_eq!(rectangle("1, 2,30,40"), Ok([1, 2, 30, 40]));
         assert!(
             rectangle("1,2,3").is_err()

@@ -1,25 +1,23 @@
-//! Densities of the cloth as it is drawn: the chosen ones, those that suit chosen yarn counts, or
-//! lower ones at which loops are visible.
+//! Densities of the cloth as it is drawn: the chosen ones, those that suit chosen yarn counts, true
+//! gauge, or lower ones at which a garment has few stitches.
 //!
-//! In: a fabric, the flat area of a garment, yarn counts and [`Densities`]. Out: the fabric as it is
-//! drawn, and a note for the user if it was enlarged or if its yarns don't suit its densities.
+//! In: a fabric, the flat area of a garment, yarn counts, [`Densities`] and [`Enlarge`]. Out: the
+//! fabric as pictures and files show it, and a warning if its yarns don't suit its densities.
+
+use std::borrow::Cow;
 
 use super::RunError;
-use super::settings::Densities;
+use super::settings::{Densities, Enlarge, Settings, Wanted};
+use crate::export::Format;
 use crate::fabric::yarn::Count;
 use crate::fabric::{Fabric, FabricError};
 use crate::garment::Garment;
 use crate::ids::index32;
 
-/// The most stitches of a garment whose densities nobody chose. With more, a picture of 1600 x 1200
-/// pixels no longer shows single stitches. With far fewer, loops look like rope.
-const PICTURED_STITCHES: f64 = 12_000.0;
-/// The most memory that a picture needs for each stitch, GB. Measured: 1.7 kB with a million ray
-/// traced stitches.
-pub(crate) const PICTURE_GB: f64 = 1.7e-6;
-/// The same where all yarns are thinner than pixels. Measured: 0.18 to 0.19 kB with 3.6 and 5.1 million
-/// stitches; a third more is left for fabrics with more points.
-pub(crate) const FAR_PICTURE_GB: f64 = 0.25e-6;
+/// Stitches of a garment's cloth where it is enlarged unasked. A file of so many opens in other
+/// programs, and a picture of 1600 x 1200 pixels still shows each. With far fewer, loops look like
+/// rope.
+pub(super) const PICTURED_STITCHES: f64 = 12_000.0;
 
 /// Yarn cover over that of the fabric as it is named. Within these limits no warning is given.
 /// Below them the cloth is a net that its lapping doesn't mean. Above them loops have no room.
@@ -122,33 +120,102 @@ fn short(density: f64) -> f64 {
     (1e4 * density).round() / 1e4
 }
 
-/// The fabric for `area` mm² of garment, where nobody chose densities. A fabric of too many stitches
-/// is enlarged together with its yarns, and a note says by how much.
-///
-/// # Errors
-/// [`RunError::TooLargeGarment`].
-pub fn enlarged(fabric: &Fabric, area: f64) -> Result<(Fabric, Option<String>), RunError> {
+/// Stitches of a fabric on `area` mm² of garment.
+pub(super) fn stitches_on(fabric: &Fabric, area: f64) -> f64 {
     let bars = f64::from(index32(fabric.yarn_systems()));
-    let stitches = bars * area / (fabric.wale_spacing() * fabric.course_spacing());
-    if stitches <= PICTURED_STITCHES {
-        return Ok((fabric.clone(), None));
+    bars * area / (fabric.wale_spacing() * fabric.course_spacing())
+}
+
+impl Enlarge {
+    /// The enlargement of a fabric on `area` mm² of garment.
+    fn times(self, fabric: &Fabric, area: f64) -> f64 {
+        match self {
+            Self::Times(times) => times,
+            // Stitches are counted by area, so their number falls with the square of the enlargement.
+            Self::Auto => (stitches_on(fabric, area) / PICTURED_STITCHES).sqrt().max(1.0),
+        }
     }
-    // Stitches are counted by area, so their number falls with the square of the enlargement.
-    let times = (stitches / PICTURED_STITCHES).sqrt();
-    let (wales, courses) = (fabric.wales_per_cm, fabric.courses_per_cm);
-    let note = format!(
-        "{stitches:.0} stitches at true gauge would be too small to see, so the cloth is drawn \
-         {times:.1} times enlarged; --wales-per-cm {} --courses-per-cm {} knits it at true \
-         gauge (a picture of all of it then takes about {:.1} GB)",
-        short(wales),
-        short(courses),
-        stitches * FAR_PICTURE_GB
-    );
-    let enlarged = fabric
-        .clone()
-        .at_densities(wales / times, courses / times)
-        .map_err(|source| RunError::TooLargeGarment { source })?;
-    Ok((enlarged, Some(note)))
+
+    /// The fabric, enlarged together with its yarns for `area` mm² of garment.
+    ///
+    /// # Errors
+    /// [`RunError::TooLargeGarment`] or [`RunError::Enlarged`] where its densities would be outside
+    /// the limits of a fabric.
+    ///
+    /// ```
+    /// use warpknit::fabric::Fabric;
+    /// use warpknit::pipeline::Enlarge;
+    /// let tricot = Fabric::named("tricot")?;
+    /// let square_metre = 1e6;
+    /// let drawn = Enlarge::Auto.of_fabric(&tricot, square_metre)?;
+    /// let stitches = 2.0 * square_metre / (drawn.wale_spacing() * drawn.course_spacing());
+    /// assert!((stitches - 12_000.0).abs() < 1e-6);
+    /// assert_eq!(Enlarge::Times(1.0).of_fabric(&tricot, square_metre)?, tricot);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn of_fabric(self, fabric: &Fabric, area: f64) -> Result<Fabric, RunError> {
+        let times = self.times(fabric, area);
+        if times == 1.0 {
+            return Ok(fabric.clone());
+        }
+        let (wales, courses) = (fabric.wales_per_cm / times, fabric.courses_per_cm / times);
+        fabric.clone().at_densities(wales, courses).map_err(|source| match self {
+            Self::Auto => RunError::TooLargeGarment { source },
+            Self::Times(times) => RunError::Enlarged { times, source },
+        })
+    }
+}
+
+/// Files of a run, and the fabric that they show.
+#[derive(Debug)]
+pub(super) struct Shown<'a> {
+    pub(super) fabric: Cow<'a, Fabric>,
+    pub(super) outputs: Vec<Wanted>,
+    /// Why the fabric is as large as it is.
+    pub(super) gauge: Gauge,
+}
+
+/// Why cloth is drawn as large as it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Gauge {
+    /// Someone chose it, or there are few stitches anyway.
+    Chosen,
+    /// A picture is at true gauge unless something else is chosen.
+    True,
+    /// It is enlarged so that about [`PICTURED_STITCHES`] remain.
+    Enlarged,
+}
+
+/// The fabrics that a run's files show on `area` mm² of garment: one for all files, or that of
+/// pictures and then that of the others. `is_moving` says whether pictures are those of a sequence.
+/// The caller has already applied chosen densities to the fabric. They are never changed here.
+pub(super) fn shown<'a>(
+    fabric: &'a Fabric,
+    area: f64,
+    settings: &Settings,
+    outputs: Vec<Wanted>,
+    is_moving: bool,
+) -> Result<Vec<Shown<'a>>, RunError> {
+    let at = |fabric, outputs, gauge| Shown { fabric, outputs, gauge };
+    if settings.densities.are_chosen() {
+        return Ok(vec![at(Cow::Borrowed(fabric), outputs, Gauge::Chosen)]);
+    }
+    let enlarged = settings.enlarge.unwrap_or(Enlarge::Auto).of_fabric(fabric, area)?;
+    if matches!(settings.enlarge, Some(Enlarge::Times(_))) || enlarged == *fabric {
+        return Ok(vec![at(Cow::Owned(enlarged), outputs, Gauge::Chosen)]);
+    }
+    // Many pictures at true gauge would take hours.
+    let are_many = is_moving || settings.picture.turntable.is_some();
+    if settings.enlarge.is_some() || are_many {
+        return Ok(vec![at(Cow::Owned(enlarged), outputs, Gauge::Enlarged)]);
+    }
+    let (pictures, files): (Vec<_>, Vec<_>) =
+        outputs.into_iter().partition(|(_, format)| *format == Format::Png);
+    let all = [
+        at(Cow::Borrowed(fabric), pictures, Gauge::True),
+        at(Cow::Owned(enlarged), files, Gauge::Enlarged),
+    ];
+    Ok(all.into_iter().filter(|shown| !shown.outputs.is_empty()).collect())
 }
 
 /// The radius with which yarns are drawn, mm: the chosen one, or else the fabric's.
@@ -191,6 +258,47 @@ mod tests {
             assert!((spacing - 2.0_f64.sqrt()).abs() < 1e-9, "{name}");
             assert_eq!((thick.enlargement, warning), (1.0, None));
         }
+    }
+
+    /// The enlargement of each part of a run's files, with their number.
+    fn parts(settings: &Settings, names: &[&str], is_moving: bool) -> Vec<(f64, usize)> {
+        let fabric = Fabric::named("tricot").unwrap();
+        let outputs =
+            names.iter().map(|name| (name.into(), Format::from_path(name.as_ref()).unwrap()));
+        let shown = shown(&fabric, 1e6, settings, outputs.collect(), is_moving).unwrap();
+        shown.iter().map(|part| (part.fabric.enlargement, part.outputs.len())).collect()
+    }
+
+    #[test]
+    fn pictures_show_true_gauge_and_files_are_enlarged() {
+        let all = ["a.glb", "a.png", "a.json", "b.png"];
+        let unasked = Settings::default();
+        let [(picture, pictures), (file, files)] = parts(&unasked, &all, false)[..] else {
+            panic!("two parts")
+        };
+        assert_eq!((picture, pictures, files), (1.0, 2, 2));
+        assert!(file > 10.0);
+        assert_eq!(parts(&unasked, &["a.png"], false), [(1.0, 1)]);
+        assert_eq!(parts(&unasked, &["a.glb"], false), [(file, 1)]);
+        // Many pictures, and whatever is asked for, are of one cloth.
+        assert_eq!(parts(&unasked, &all, true), [(file, 4)]);
+        let mut turned = Settings::default();
+        turned.picture.turntable = Some(3);
+        assert_eq!(parts(&turned, &all, false), [(file, 4)]);
+        for (enlarge, times) in
+            [(Enlarge::Auto, file), (Enlarge::Times(1.0), 1.0), (Enlarge::Times(3.0), 3.0)]
+        {
+            let settings = Settings { enlarge: Some(enlarge), ..Settings::default() };
+            let [(found, 4)] = parts(&settings, &all, false)[..] else { panic!("one part") };
+            assert!((found - times).abs() < 1e-9, "{enlarge:?}");
+        }
+        let densities = Densities { wales_per_cm: Some(15.0), courses_per_cm: None };
+        let settings = Settings { densities, ..Settings::default() };
+        assert_eq!(parts(&settings, &all, false), [(1.0, 4)]);
+        // Small garments are never enlarged.
+        let fabric = Fabric::named("tricot").unwrap();
+        let small = shown(&fabric, 100.0, &unasked, vec![("a.glb".into(), Format::Glb)], false);
+        assert_eq!(small.unwrap()[0].gauge, Gauge::Chosen);
     }
 
     #[test]

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use glam::DVec2;
+
 use crate::drape::LayoutError;
 use crate::export::{ExportError, Format};
 use crate::fabric::FabricError;
@@ -47,6 +49,14 @@ pub enum RunError {
         fabric: String,
         /// The reason.
         source: LayoutError,
+    },
+    /// An enlargement that no fabric can have.
+    #[error("--enlarge {times}")]
+    Enlarged {
+        /// The chosen enlargement.
+        times: f64,
+        /// The density that was tried.
+        source: FabricError,
     },
     /// A garment so large that its enlarged fabric would be outside the limits of densities.
     #[error("the garment is too large for any density: check --unit")]
@@ -106,6 +116,23 @@ pub enum RunError {
         "--turntable turns pictures, and none is asked for: name one, such as -o all-around.png"
     )]
     TurntableWithoutPicture,
+    /// A loupe without a picture.
+    #[error(
+        "--loupe is a part of a picture, and none is asked for: name one, such as -o cloth.png"
+    )]
+    LoupeWithoutPicture,
+    /// A loupe in pictures that move.
+    #[error("--loupe X,Y is for one picture, and these are many: leave it out")]
+    LoupeOfMany,
+    /// A loupe at a place without cloth.
+    #[error(
+        "--loupe {},{}: the picture shows no cloth there; choose a place on the garment, in shares \
+         of the picture's width and height from its top left corner", at.x, at.y
+    )]
+    LoupeOffCloth {
+        /// The place, as shares of the picture's width and height.
+        at: DVec2,
+    },
     /// A camera at the point that it looks at.
     #[error("--eye and --look-at are the same point: there is no direction to look in")]
     NoDirection,

@@ -1,8 +1,9 @@
-//! One run of `drape` or `swatch`, as data: its fabric, its cloth and its settings.
+//! One run of `drape` or `swatch`, or the pictures or the files of one, as data: its fabric, its cloth and its settings.
 
 use std::path::PathBuf;
 
-use super::settings::Settings;
+use super::densities::Gauge;
+use super::settings::{Settings, Wanted};
 use super::strain_cache::StrainCache;
 use crate::drape::{Cloth, DrapeOptions};
 use crate::fabric::Fabric;
@@ -16,6 +17,10 @@ pub(super) struct Job<'a> {
     pub(super) fabric: &'a Fabric,
     /// The fabric at the densities at which it is drawn.
     pub(super) shown: &'a Fabric,
+    /// The files to make of it.
+    pub(super) outputs: Vec<Wanted>,
+    /// Why it is drawn at these densities.
+    pub(super) gauge: Gauge,
     /// Notes about how the cloth is shown. The report has them too.
     pub(super) notes: Vec<String>,
     pub(super) cloth: &'a Cloth<'a>,

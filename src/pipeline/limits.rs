@@ -1,19 +1,16 @@
 //! Checks of a run: limits before the work, and losses after it.
 //!
-//! In: a [`Job`], its cloth, or the totals of a run. Out: an error, a warning or a note.
+//! In: the settings of a run, its cloth, or its totals. Out: an error, a warning or a note.
 
 use std::path::PathBuf;
 
 use super::RunError;
-use super::densities::drawn_radius;
-use super::job::{Job, Source};
-use super::settings::{Placement, Settings};
+use super::job::Source;
+use super::settings::{LoupeChoice, Placement, Settings, Wanted};
 use super::targets::check_distinct;
-use super::writers::wanted;
 use crate::drape::strands::Losses;
 use crate::drape::{Cloth, Totals};
 use crate::export::Format;
-use crate::fabric::Fabric;
 use crate::map::Mapping;
 use crate::system::available_memory_gb;
 use crate::tile::Tile;
@@ -22,14 +19,16 @@ use crate::tile::Tile;
 /// at its true gauge has far fewer.
 pub const MOST_STITCHES: u64 = 200_000_000;
 
-/// Refuses settings that can't be met, before the repeat is relaxed.
+/// Refuses settings that can't be met, before the repeat is relaxed. `is_moving` says whether pictures
+/// are those of a sequence.
 pub(super) fn check_settings(
     settings: &Settings,
     source: &Source,
-    fabric: &Fabric,
+    outputs: &[Wanted],
+    is_moving: bool,
 ) -> Result<(), RunError> {
-    drawn_radius(fabric, settings.radius)?;
-    let (outputs, picture) = (wanted(settings, source), &settings.picture);
+    let picture = &settings.picture;
+    let has_loupe = matches!(picture.loupe, LoupeChoice::At(_));
     check_distinct(
         source.inputs.iter().map(PathBuf::as_path),
         outputs.iter().map(|(path, _)| path.as_path()),
@@ -37,8 +36,12 @@ pub(super) fn check_settings(
     if !outputs.iter().any(|(_, format)| *format == Format::Png) {
         return match picture.turntable {
             Some(_) => Err(RunError::TurntableWithoutPicture),
+            None if has_loupe => Err(RunError::LoupeWithoutPicture),
             None => Ok(()),
         };
+    }
+    if has_loupe && (is_moving || picture.turntable.is_some()) {
+        return Err(RunError::LoupeOfMany);
     }
     if picture.eye.is_some_and(|(eye, target)| eye == target) {
         return Err(RunError::NoDirection);
@@ -50,34 +53,28 @@ pub(super) fn check_settings(
     }
 }
 
-/// Refuses cloth that is too large, before any of it is laid. `drawn` is the cloth that pictures
-/// need, with the memory of a stitch there, GB, if there are any.
-pub(super) fn check_request(
-    job: &Job<'_>,
-    drawn: Option<(&Cloth<'_>, f64)>,
-) -> Result<(), RunError> {
-    let shown = drawn.map(|(cloth, gb_a_stitch)| (cloth.stitches(), gb_a_stitch));
-    let stitches = job.filed().stitches().max(shown.map_or(0, |(stitches, _)| stitches));
+/// Refuses more stitches than can be numbered.
+///
+/// # Errors
+/// [`RunError::TooManyStitches`].
+pub fn check_stitches(stitches: u64) -> Result<(), RunError> {
     if stitches > MOST_STITCHES {
         return Err(RunError::TooManyStitches { stitches, most: MOST_STITCHES });
     }
-    let Some((stitches, gb_a_stitch)) = shown else { return Ok(()) };
-    check_memory("a picture", stitches, gb_a_stitch, "lower the densities, or write no .png")
+    Ok(())
 }
 
 /// Refuses cloth that needs more memory than is free, before the work rather than in the middle of
-/// it. The need is estimated as `gb_a_stitch` for each stitch.
+/// it. The need is an estimate, in GB.
 ///
 /// # Errors
 /// [`RunError::NoMemory`].
 pub fn check_memory(
     what: &'static str,
     stitches: u64,
-    gb_a_stitch: f64,
+    needed: f64,
     remedy: &'static str,
 ) -> Result<(), RunError> {
-    #[expect(clippy::cast_precision_loss, reason = "an estimate")]
-    let needed = stitches as f64 * gb_a_stitch;
     match available_memory_gb() {
         Some(free) if needed > free => {
             Err(RunError::NoMemory { what, stitches, needed, free, remedy })

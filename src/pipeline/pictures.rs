@@ -11,12 +11,14 @@ use super::RunError;
 use super::camera::camera;
 use super::clock::{Clock, Task};
 use super::fibres::Fibres;
+use super::job::Job;
+use super::loupe::Loupe;
 use super::settings::Settings;
 use crate::export::{Output, png};
+use crate::ids::index32;
 use crate::render::fibres as near;
 use crate::render::scene::Scene;
-use crate::render::{self, Camera, Painter, RendererChoice};
-use crate::tile::Tile;
+use crate::render::{Camera, Painter, RenderOptions, RendererChoice};
 
 /// Drawn pictures, and the name of the renderer that drew them.
 #[derive(Default)]
@@ -28,69 +30,73 @@ pub(super) struct Pictures {
     pub(super) files: Vec<Output>,
 }
 
-/// Draws the scene, or a tile of the picture, and writes it to `paths`. With a turntable, the paths
-/// of one output's frames follow each other. The camera sees all of `extent`. Yarns that are wide
-/// enough in the picture are drawn with their fibres.
-pub(super) fn draw(
-    scene: &Scene,
-    fibres: Option<&Fibres>,
-    settings: &Settings,
-    tile: Option<Tile>,
-    extent: &[Vec3],
-    paths: &[&Path],
-    clock: &mut Clock<'_>,
-) -> Result<Pictures, RunError> {
-    clock.begin(Task::Render, 0.0);
-    let mut options = options(settings);
-    if let Some(tile) = tile {
-        options.rows = Some(tile.share(options.height));
-        // The tiles of several machines must fit together, whichever machine has an adapter. The
-        // CPU renderer gives the same pixels everywhere.
-        if options.renderer == RendererChoice::Auto {
-            options.renderer = RendererChoice::Cpu;
-        }
-    }
-    let count = settings.picture.turntable.unwrap_or(1);
-    let (mut far, mut pictures) = (None, Pictures::default());
-    for frame in 0..count {
-        clock.begin(Task::Render, f64::from(frame) / f64::from(count));
-        let listener = clock.listener();
-        let progress =
-            |done: f32| listener.progress(f64::from((frame as f32 + done) / count as f32));
-        let camera = camera(extent, &settings.picture, options.aspect(), frame);
-        let size = [options.width, options.height];
-        let close_up = fibres
-            .and_then(|fibres| near::scene(scene, &fibres.bundles, fibres.near, &camera, size));
-        // The scene of yarns serves all frames and is prepared once. The scene of fibres depends on
-        // the camera, so it is prepared for each frame.
-        let picture = match (&close_up, &mut far) {
-            (Some(close_up), _) => pictures.draw(
-                &mut Painter::new(close_up, &options)?,
-                &camera,
-                &options,
-                &progress,
-            )?,
-            (None, Some(far)) => pictures.draw(far, &camera, &options, &progress)?,
-            (None, None) => {
-                let painter = far.insert(Painter::new(scene, &options)?);
-                pictures.draw(painter, &camera, &options, &progress)?
-            }
-        };
-        clock.begin(Task::Compress, 1.0);
-        for path in paths.iter().skip(frame as usize).step_by(count as usize) {
-            pictures.files.push(png::write(path, &picture)?);
-        }
-    }
-    Ok(pictures)
-}
-
 impl Pictures {
+    /// Draws the scene, or a tile of the picture, and writes it to `paths`. With a turntable, the
+    /// paths of one output's frames follow each other. The camera sees all of `extent`. Yarns that are
+    /// wide enough in the picture are drawn with their fibres. A loupe's inset is drawn over it.
+    pub(super) fn draw(
+        &mut self,
+        job: &Job<'_>,
+        scene: &Scene,
+        fibres: Option<&Fibres>,
+        (extent, inset): (&[Vec3], Option<(&Loupe, &RgbaImage)>),
+        paths: &[&Path],
+        clock: &mut Clock<'_>,
+    ) -> Result<(), RunError> {
+        clock.begin(Task::Render, 0.0);
+        let options = options_of(job);
+        let cameras = cameras(job.settings, &options, extent);
+        let count = cameras.len();
+        let mut far = None;
+        for (frame, camera) in cameras.iter().enumerate() {
+            let share = |done: f64| (f64::from(index32(frame)) + done) / f64::from(index32(count));
+            clock.begin(Task::Render, share(0.0));
+            let listener = clock.listener();
+            let progress = |done: f32| listener.progress(share(f64::from(done)));
+            // The scene of yarns serves all frames and is prepared once. The scene of fibres depends on
+            // the camera, so it is prepared for each frame.
+            let mut picture = match (close_up(scene, fibres, camera, &options), &mut far) {
+                (Some(close_up), _) => {
+                    let painter = &mut Painter::new(&close_up, &options)?;
+                    self.paint(painter, camera, &options, &progress)?
+                }
+                (None, Some(far)) => self.paint(far, camera, &options, &progress)?,
+                (None, None) => {
+                    let painter = far.insert(Painter::new(scene, &options)?);
+                    self.paint(painter, camera, &options, &progress)?
+                }
+            };
+            if let Some((loupe, inset)) = inset {
+                loupe.draw(&mut picture, options.rows().start, inset);
+            }
+            clock.begin(Task::Compress, 1.0);
+            for path in paths.iter().skip(frame).step_by(count) {
+                self.files.push(png::write(path, &picture)?);
+            }
+        }
+        Ok(())
+    }
+
+    /// Draws the inset of a loupe.
+    pub(super) fn inset(
+        &mut self,
+        scene: &Scene,
+        fibres: Option<&Fibres>,
+        job: &Job<'_>,
+        loupe: &Loupe,
+    ) -> Result<RgbaImage, RunError> {
+        let (camera, options) = (loupe.camera(), inset_options(job, loupe));
+        let close_up = close_up(scene, fibres, camera, &options);
+        let mut painter = Painter::new(close_up.as_ref().unwrap_or(scene), &options)?;
+        self.paint(&mut painter, camera, &options, &|_| ())
+    }
+
     /// Draws one picture, and notes the renderer that drew it.
-    fn draw(
+    fn paint(
         &mut self,
         painter: &mut Painter<'_>,
         camera: &Camera,
-        options: &render::RenderOptions,
+        options: &RenderOptions,
         progress: &(dyn Fn(f32) + Sync),
     ) -> Result<RgbaImage, RunError> {
         let picture = painter.draw(camera, options, progress)?;
@@ -103,13 +109,54 @@ impl Pictures {
     }
 }
 
+/// The scene of fibres for a camera. `None` where yarns are drawn whole.
+fn close_up(
+    scene: &Scene,
+    fibres: Option<&Fibres>,
+    camera: &Camera,
+    options: &RenderOptions,
+) -> Option<Scene> {
+    let size = [options.width, options.height];
+    fibres.and_then(|fibres| near::scene(scene, &fibres.bundles, fibres.near, camera, size))
+}
+
+/// The cameras of a run's pictures. They see all of `extent`.
+pub(super) fn cameras(
+    settings: &Settings,
+    options: &RenderOptions,
+    extent: &[Vec3],
+) -> Vec<Camera> {
+    let frames = 0..settings.picture.turntable.unwrap_or(1);
+    frames.map(|frame| camera(extent, &settings.picture, options.aspect(), frame)).collect()
+}
+
+/// The renderer's options for a job's pictures, or for its tile of them.
+pub(super) fn options_of(job: &Job<'_>) -> RenderOptions {
+    let mut options = options(job.settings);
+    if let Some(tile) = job.tile() {
+        options.rows = Some(tile.share(options.height));
+        // The tiles of several machines must fit together, whichever machine has an adapter. The
+        // CPU renderer gives the same pixels everywhere.
+        if options.renderer == RendererChoice::Auto {
+            options.renderer = RendererChoice::Cpu;
+        }
+    }
+    options
+}
+
+/// The renderer's options for the inset of a loupe. All tiles of a picture draw the whole of it.
+pub(super) fn inset_options(job: &Job<'_>, loupe: &Loupe) -> RenderOptions {
+    let [width, height] = loupe.size();
+    RenderOptions { width, height, rows: None, ..options_of(job) }
+}
+
 /// The renderer's options from a run's settings. Settings that nobody chose have the renderer's
 /// defaults.
 #[must_use]
-pub fn options(settings: &Settings) -> render::RenderOptions {
+pub fn options(settings: &Settings) -> RenderOptions {
     let picture = &settings.picture;
-    let defaults = render::RenderOptions::default();
-    let mut options = render::RenderOptions {
+    let defaults = RenderOptions::default();
+    let mut options = RenderOptions {
         width: picture.size.0,
         height: picture.size.1,
         renderer: picture.renderer,

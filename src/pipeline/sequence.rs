@@ -24,18 +24,21 @@ use glam::{DVec3, Vec3};
 
 use super::RunError;
 use super::clock::{Clock, Message, Task};
-use super::densities::PICTURE_GB;
+use super::estimates::float;
 use super::job::Job;
-use super::limits::{check_laid, check_memory, check_request, loss_warning};
-use super::pictures;
+use super::limits::{check_laid, check_memory, check_stitches, loss_warning};
+use super::notes;
+use super::pictures::Pictures;
 use super::settings::Wanted;
 use super::setup::Setup;
-use super::summary::{Done, RunSummary, say_warnings};
+use super::summary::{Done, Laid, RunSummary, say_warnings};
 use super::targets::numbered;
-use super::writers::{check_places, finished, sinks, wanted};
+use super::writers::{check_places, finished, sinks};
 
 /// Memory of a located stitch, which is kept for all frames, GB. Measured: 0.94 kB.
 const LOCATED_GB: f64 = 1e-6;
+/// The most that a picture of one needs, GB. Measured: 1.7 kB with a million ray traced stitches.
+const PICTURE_GB: f64 = 1.7e-6;
 
 /// The frames of a run. The cloth of its job lies on the first usable frame.
 pub struct Sequence<'a> {
@@ -92,12 +95,13 @@ pub(super) fn make(
     sequence: &Sequence<'_>,
     mut clock: Clock<'_>,
 ) -> Result<Done, RunError> {
-    let files = Files::new(wanted(job.settings, job.source), index32(sequence.paths.len()));
+    let files = Files::new(job.outputs.clone(), index32(sequence.paths.len()));
     let wants_picture = files.numbered.iter().any(|(_, format)| *format == Format::Png);
     check(job, sequence, wants_picture)?;
     let setup = Setup::new(job, &files.all())?;
     check_places(job, files.all().iter(), &setup.textures)?;
     let mut warnings = setup.first_warnings(job);
+    let sizes = notes::sizes(job, false, None, &setup);
     warnings.extend(sequence.motion.bad.iter().map(|what| format!("left out: {what}")));
 
     let wants_extent = wants_picture && job.settings.picture.eye.is_none();
@@ -116,7 +120,7 @@ pub(super) fn make(
     });
     check_laid(located.totals())?;
     warnings.extend(loss_warning(located.totals()));
-    say_warnings(job, &mut warnings, &clock);
+    say_warnings(&mut warnings, sizes.iter().chain(&job.notes), &clock);
 
     clock.begin(Task::Strain, 0.0);
     let cache = job.cache();
@@ -144,29 +148,39 @@ pub(super) fn make(
     clock.stop();
     let shown = frames.iter().filter(|frame| frame.skipped.is_none()).count();
     let totals = Totals { strain, ..*located.totals() };
-    let summary =
-        RunSummary { setup: &setup, totals: &totals, draped: None, warnings, drawn_by, frames };
+    let summary = RunSummary {
+        setup: &setup,
+        totals: &totals,
+        draped: None,
+        warnings,
+        drawn_by,
+        picture: None,
+        frames,
+    };
     finished.extend(summary.files(job, &files.whole, &clock)?.0);
     finished.into_iter().try_for_each(Output::publish)?;
     let frames = Some((shown, sequence.paths.len()));
-    Ok(Done { totals, whole: None, files: files.names(), frames, real: None, stretched: None })
+    let parts = vec![Laid { totals, whole: None, files: files.names() }];
+    Ok(Done { parts, frames, real: None, stretched: None })
 }
 
 /// Refuses settings that a sequence can't have, before any work.
 fn check(job: &Job<'_>, sequence: &Sequence<'_>, wants_picture: bool) -> Result<(), RunError> {
-    check_request(job, wants_picture.then_some((job.cloth, PICTURE_GB)))?;
+    let stitches = job.cloth.stitches();
+    check_stitches(stitches)?;
     if job.settings.picture.turntable.is_some() || job.part.is_some() {
         return Err(RunError::NotOfSequence { frames: sequence.paths.len() });
     }
     if job.settings.fibres == Some(true)
-        && wanted(job.settings, job.source).iter().any(|(_, format)| *format == Format::Usda)
+        && job.outputs.iter().any(|(_, format)| *format == Format::Usda)
     {
         return Err(RunError::FibresOfSequence);
     }
+    let gb_a_stitch = LOCATED_GB + if wants_picture { PICTURE_GB } else { 0.0 };
     check_memory(
         "a drape sequence",
-        job.cloth.stitches(),
-        LOCATED_GB,
+        stitches,
+        gb_a_stitch * float(stitches),
         "lower the densities, or drape the frames one by one",
     )
 }
@@ -297,15 +311,9 @@ impl Show<'_, '_, '_> {
         if let (Some(scene), false) = (&self.scene, paths.is_empty()) {
             // A camera with a place of its own needs none.
             let extent = self.extent.as_slice();
-            let pictures = pictures::draw(
-                scene,
-                self.setup.fibres.as_ref(),
-                self.job.settings,
-                None,
-                extent,
-                &paths,
-                self.clock,
-            )?;
+            let fibres = self.setup.fibres.as_ref();
+            let mut pictures = Pictures::default();
+            pictures.draw(self.job, scene, fibres, (extent, None), &paths, self.clock)?;
             whole.extend(pictures.files);
             self.drawn_by = pictures.drawn_by;
             // The renderer is the same for all frames, so its notice is given once.

@@ -5,7 +5,7 @@
 
 use std::path::PathBuf;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use super::stretch::Stretch;
 use crate::drape;
@@ -38,6 +38,10 @@ pub struct Settings {
     pub outputs: Vec<Wanted>,
     /// Wales and courses per cm.
     pub densities: Densities,
+    /// How much larger than true the stitches of a garment are. `None` where nobody chose: pictures
+    /// then show true gauge, and files, turntables and sequences have [`Enlarge::Auto`]. Chosen
+    /// densities count for everything and leave it out.
+    pub enlarge: Option<Enlarge>,
     /// How yarns lie on a garment.
     pub placement: Placement,
     /// How a swatch is pulled. By default not at all.
@@ -69,13 +73,22 @@ pub struct Settings {
 }
 
 /// Wales and courses per cm. One alone scales the other. If both are missing, the fabric's own count,
-/// and on a garment of too many stitches the cloth is enlarged.
+/// and on a garment [`Settings::enlarge`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Densities {
     /// Wales per cm.
     pub wales_per_cm: Option<f64>,
     /// Courses per cm.
     pub courses_per_cm: Option<f64>,
+}
+
+/// How much larger than true the stitches of a garment are. Wales, courses and yarns grow alike.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Enlarge {
+    /// As much as leaves about 12 000 stitches, and not at all where there are fewer.
+    Auto,
+    /// So many times. 1 is true gauge.
+    Times(f64),
 }
 
 /// How yarns lie on a garment.
@@ -127,6 +140,20 @@ pub struct PictureSettings {
     pub texture: Option<PathBuf>,
     /// Number of pictures from all around that replace each picture.
     pub turntable: Option<u32>,
+    /// The inset that magnifies a place. Swatches, turntables and sequences have none.
+    pub loupe: LoupeChoice,
+}
+
+/// Where the loupe of a picture looks.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum LoupeChoice {
+    /// At cloth near the middle that faces the camera, if a wale is under 4 pixels wide there.
+    #[default]
+    Auto,
+    /// There is none.
+    Off,
+    /// At this place, as shares of the picture's width and height from its top left corner.
+    At(DVec2),
 }
 
 impl Default for Settings {
@@ -134,6 +161,7 @@ impl Default for Settings {
         Self {
             outputs: Vec::new(),
             densities: Densities::default(),
+            enlarge: None,
             placement: Placement::default(),
             stretch: None,
             cache: None,
@@ -167,6 +195,7 @@ impl Default for PictureSettings {
             shape: Shape::Tube,
             texture: None,
             turntable: None,
+            loupe: LoupeChoice::default(),
         }
     }
 }

@@ -14,21 +14,28 @@ use crate::export::{ExportError, Format, Output};
 use crate::garment::stretch::stretch;
 use crate::knit::strain::StrainTable;
 use crate::report::{
-    ClearanceReport, ClothReport, FrameReport, GarmentReport, PanelReport, Report, StrainReport,
-    SurfaceReport,
+    ClearanceReport, ClothReport, FrameReport, GarmentReport, PanelReport, PictureReport, Report,
+    StrainReport, SurfaceReport,
 };
 use crate::system::peak_memory_mb;
 use crate::tile::Tile;
 
-/// A finished run.
+/// A cloth that a run laid.
 #[derive(Debug)]
-pub struct Done {
+pub struct Laid {
     /// Totals of the laid yarns.
     pub totals: Totals,
     /// Planned stitches of the whole cloth, if only what is in view was laid.
     pub whole: Option<u64>,
-    /// Names of the written files, in one line.
+    /// Names of the files that were made of it, in one line.
     pub files: String,
+}
+
+/// A finished run.
+#[derive(Debug)]
+pub struct Done {
+    /// What was laid: one cloth, or that of the pictures and then that of the other files.
+    pub parts: Vec<Laid>,
     /// Number of drawn frames and of all frames. `None` without a sequence.
     pub frames: Option<(usize, usize)>,
     /// Measurements of the real cloth. `None` for a garment without a report.
@@ -46,6 +53,8 @@ pub(super) struct RunSummary<'a> {
     pub(super) warnings: Vec<String>,
     /// Name of the renderer. Empty without a picture.
     pub(super) drawn_by: String,
+    /// The cloth of a garment's picture.
+    pub(super) picture: Option<PictureReport>,
     /// The frames of a drape sequence. Empty without one.
     pub(super) frames: Vec<FrameReport>,
 }
@@ -138,6 +147,7 @@ impl RunSummary<'_> {
             threads: rayon::current_num_threads(),
             peak_memory_mb: peak_memory_mb(),
             renderer: self.drawn_by.clone(),
+            picture: self.picture.clone(),
             cloth: cloth_report(job, real),
             machine: real.fabric.machine().map(Into::into),
             frames: self.frames.clone(),
@@ -172,11 +182,15 @@ fn cloth_report(job: &Job<'_>, real: &RealCloth) -> ClothReport {
 
 /// Tells the listener all warnings, then the notes. Notes are added to the warnings, so that the
 /// report has them for scripts.
-pub(super) fn say_warnings(job: &Job<'_>, warnings: &mut Vec<String>, clock: &Clock<'_>) {
+pub(super) fn say_warnings<'a>(
+    warnings: &mut Vec<String>,
+    notes: impl Iterator<Item = &'a String>,
+    clock: &Clock<'_>,
+) {
     for warning in &*warnings {
         clock.listener().say(Message::Warning(warning));
     }
-    for note in &job.notes {
+    for note in notes {
         clock.listener().say(Message::Note(note));
         warnings.push(note.clone());
     }

@@ -1,14 +1,10 @@
 //! What the pictures of a garment see of it, found before its yarns are knitted.
 //!
-//! In: a garment, its cloth, and the settings of pictures. Out: the points that cameras frame, and
+//! In: a garment, its cloth, and the cameras of pictures. Out: the points that cameras frame, and
 //! [`InView`], by which only what is seen is knitted.
 
 use glam::Vec3;
 
-use super::camera::camera;
-use super::densities::{FAR_PICTURE_GB, PICTURE_GB};
-use super::pictures::options;
-use super::settings::Settings;
 use crate::drape::seen::{Seen, Sight, Stretches, Surroundings};
 use crate::drape::{Block, Cloth, DrapeOptions};
 use crate::garment::Garment;
@@ -44,21 +40,6 @@ pub fn extent(points: &[Vec3], cloth: &Cloth<'_>) -> Option<Bounds> {
     Bounds::around(points).map(|Bounds { min, max }| Bounds { min: min - depth, max: max + depth })
 }
 
-/// Memory that a picture takes for each stitch that it needs, GB. `points` are those that cameras
-/// frame.
-pub(super) fn gb_a_stitch(scene: &Scene, points: &[Vec3], settings: &Settings) -> f64 {
-    let options = options(settings);
-    let Some(Bounds { min, max }) = scene.extent.filter(|_| options.lod) else { return PICTURE_GB };
-    let thickest = scene.looks.iter().map(|look| f64::from(look.radius)).fold(0.0, f64::max);
-    let is_far = (0..settings.picture.turntable.unwrap_or(1)).all(|frame| {
-        let camera = camera(points, &settings.picture, options.aspect(), frame);
-        let middle = min.midpoint(max).as_dvec3();
-        let nearest = camera.eye().distance(middle) - f64::from(min.distance(max)) / 2.0;
-        camera.pixel_size(nearest.max(0.0), options.height) > 2.0 * thickest
-    });
-    if is_far { FAR_PICTURE_GB } else { PICTURE_GB }
-}
-
 /// Distance of a cloth's yarns from the draped surface at most, mm.
 fn depth(cloth: &Cloth<'_>) -> f64 {
     let thickness = cloth.pattern().depths().into_iter().map(f64::abs).fold(0.0, f64::max);
@@ -67,22 +48,6 @@ fn depth(cloth: &Cloth<'_>) -> f64 {
 }
 
 impl InView {
-    /// What the pictures see of a cloth whose yarns go into `scene`. `None` if they see all of it.
-    /// `points` are those that cameras frame.
-    pub(super) fn of_pictures(
-        cloth: &Cloth<'_>,
-        scene: &Scene,
-        points: &[Vec3],
-        settings: &Settings,
-        has_fibres: bool,
-    ) -> Option<Self> {
-        let options = options(settings);
-        let frames = 0..settings.picture.turntable.unwrap_or(1);
-        let cameras =
-            frames.map(|frame| camera(points, &settings.picture, options.aspect(), frame));
-        Self::of_cameras(cloth, scene, &cameras.collect::<Vec<_>>(), &options, has_fibres)
-    }
-
     /// What cameras see of a cloth whose yarns go into `scene`. `None` if they see all of it. With
     /// fibres, yarns in view begin where they begin in the whole.
     #[must_use]

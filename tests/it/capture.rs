@@ -538,6 +538,8 @@ fn a_captured_weave_goes_over_and_under_and_drapes() {
         "shirt.json",
         "--size",
         "160x160",
+        "--enlarge",
+        "auto",
         "--quiet",
     ];
     let output = command

@@ -10,7 +10,7 @@ use serde_json::Value;
 const FAR: DVec3 = DVec3::new(1e6, -1e6, 3e5);
 
 /// A bent sheet of 120 mm, moved.
-fn sheet(at: DVec3) -> String {
+pub(crate) fn sheet(at: DVec3) -> String {
     let mut text = String::new();
     for (x, y) in (0..49).map(|i| (f64::from(i % 7), f64::from(i / 7))) {
         let p = at + DVec3::new(20.0 * x, 20.0 * y, 4.0 * (x - 3.0) * (x - 3.0));

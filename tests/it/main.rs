@@ -17,6 +17,7 @@ mod cloth;
 mod config;
 mod curves;
 mod drape;
+mod estimates;
 mod fabrics;
 mod far;
 mod feed;
@@ -35,6 +36,7 @@ mod laid;
 mod lappings;
 mod licences;
 mod locate;
+mod loupe;
 mod malformed;
 mod map;
 #[cfg(target_os = "linux")]

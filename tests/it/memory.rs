@@ -5,7 +5,7 @@
 //! is seen all the same, as it takes milliseconds.
 
 use std::io::{self, Write};
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
 const MB: u64 = 1_000_000;
@@ -23,7 +23,6 @@ fn peak(head: &str, mut line: impl FnMut(u64) -> String + Send, bytes: u64) -> (
         .stdout(Stdio::null())
         .stderr(Stdio::null());
     let mut child = command.spawn().unwrap();
-    let status = format!("/proc/{}/status", child.id());
     let mut input = io::BufWriter::with_capacity(1 << 16, child.stdin.take().unwrap());
     let mut feed = move || -> io::Result<()> {
         input.write_all(head.as_bytes())?;
@@ -39,19 +38,25 @@ fn peak(head: &str, mut line: impl FnMut(u64) -> String + Send, bytes: u64) -> (
     std::thread::scope(|scope| {
         // A program that has seen enough closes its end.
         scope.spawn(move || drop(feed()));
-        let mut most = 0;
-        loop {
-            let text = std::fs::read_to_string(&status).unwrap_or_default();
-            let kilobytes = text.lines().find_map(|line| {
-                line.strip_prefix("VmHWM:")?.trim().strip_suffix(" kB")?.parse().ok()
-            });
-            most = kilobytes.unwrap_or(0_u64).max(most);
-            if let Some(status) = child.try_wait().unwrap() {
-                return (1024 * most, status.success());
-            }
-            std::thread::sleep(Duration::from_millis(2));
-        }
+        most_held(&mut child)
     })
+}
+
+/// The most memory that a process holds until it ends, bytes, and whether it ends well.
+pub(crate) fn most_held(child: &mut Child) -> (u64, bool) {
+    let status = format!("/proc/{}/status", child.id());
+    let mut most = 0;
+    loop {
+        let text = std::fs::read_to_string(&status).unwrap_or_default();
+        let kilobytes = text
+            .lines()
+            .find_map(|line| line.strip_prefix("VmHWM:")?.trim().strip_suffix(" kB")?.parse().ok());
+        most = kilobytes.unwrap_or(0_u64).max(most);
+        if let Some(status) = child.try_wait().unwrap() {
+            return (1024 * most, status.success());
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    }
 }
 
 const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n";

@@ -54,6 +54,9 @@ pub struct Camera {
     back: DVec3,
     /// Half the picture's height at distance 1, zoom included.
     tan_half: f64,
+    /// Where the picture's middle lies at distance 1, along `right` and `up`. Zero unless the
+    /// picture is a part of another one.
+    middle: DVec2,
 }
 
 impl Camera {
@@ -110,7 +113,14 @@ impl Camera {
             .clamp(FOV_LIMITS.0, FOV_LIMITS.1)
             / 2.0;
         let zoom = if zoom > 0.0 && zoom.is_finite() { zoom } else { 1.0 };
-        Self { eye, right, up: back.cross(right), back, tan_half: half.tan() / zoom }
+        Self {
+            eye,
+            right,
+            up: back.cross(right),
+            back,
+            tan_half: half.tan() / zoom,
+            middle: DVec2::ZERO,
+        }
     }
 
     /// The camera rotated about the vertical line through `target`, counter-clockwise as seen from
@@ -122,6 +132,14 @@ impl Camera {
         Self { eye: target + turn * (self.eye - target), right, up, back, ..*self }
     }
 
+    /// The camera of a part of the picture, with the same eye, axes and light. `middle` is the
+    /// part's middle in a picture of this aspect, and `share` its height over the picture's.
+    #[must_use]
+    pub fn part(&self, middle: DVec2, aspect: f64, share: f64) -> Self {
+        let middle = self.middle + middle * DVec2::new(aspect, 1.0) * self.tan_half;
+        Self { middle, tan_half: share * self.tan_half, ..*self }
+    }
+
     /// Position of the eye.
     #[must_use]
     pub fn eye(&self) -> DVec3 {
@@ -131,7 +149,8 @@ impl Camera {
     /// Unit direction of the ray through picture point (x, y).
     #[must_use]
     pub fn direction(&self, x: f64, y: f64, aspect: f64) -> DVec3 {
-        ((self.right * (x * aspect) + self.up * y) * self.tan_half - self.back).normalize()
+        let at = self.middle + DVec2::new(x * aspect, y) * self.tan_half;
+        (self.right * at.x + self.up * at.y - self.back).normalize()
     }
 
     /// The picture point at which `point` appears. `None` for points that are not in front of the
@@ -139,19 +158,22 @@ impl Camera {
     #[must_use]
     pub fn project(&self, point: DVec3, aspect: f64) -> Option<DVec2> {
         let p = self.in_camera_axes(point - self.eye);
-        (p.z < 0.0).then(|| DVec2::new(p.x / aspect, p.y) / (-p.z * self.tan_half))
+        (p.z < 0.0).then(|| {
+            (p.truncate() / -p.z - self.middle) / (DVec2::new(aspect, 1.0) * self.tan_half)
+        })
     }
 
     /// The planes around what a picture of this aspect shows: an inward unit normal n and a number d.
     /// Inside, n·p + d is not negative. The last plane lies across the eye.
     #[must_use]
     pub fn sides(&self, aspect: f64) -> [(DVec3, f64); 5] {
-        let (x, y) = (aspect * self.tan_half, self.tan_half);
+        let reach = DVec2::new(aspect, 1.0) * self.tan_half;
+        let (low, high) = (self.middle - reach, self.middle + reach);
         let sides = [
-            self.right - self.back * x,
-            -self.right - self.back * x,
-            self.up - self.back * y,
-            -self.up - self.back * y,
+            self.right + self.back * low.x,
+            -self.right - self.back * high.x,
+            self.up + self.back * low.y,
+            -self.up - self.back * high.y,
             -self.back,
         ];
         sides.map(|side| {
@@ -169,8 +191,12 @@ impl Camera {
         let (near, far) = (f64::from(near), f64::from(far));
         let depth = (distance - DVec4::W * near) * (far / (far - near));
         DMat4::from_cols(
-            projection_row(self.right, offset, 1.0 / (aspect * self.tan_half)),
-            projection_row(self.up, offset, 1.0 / self.tan_half),
+            projection_row(
+                self.right + self.back * self.middle.x,
+                offset,
+                1.0 / (aspect * self.tan_half),
+            ),
+            projection_row(self.up + self.back * self.middle.y, offset, 1.0 / self.tan_half),
             depth,
             distance,
         )
@@ -290,6 +316,38 @@ mod tests {
             let expected = DVec4::new(x, y, depth, 1.0) * distance;
             assert!(seen.as_dvec4().distance(expected) < 1e-4, "{seen} {expected}");
         }
+    }
+
+    #[test]
+    fn a_part_shows_what_is_there_in_the_whole() {
+        let whole =
+            Camera::look_at(DVec3::new(3.0, 4.0, 5.0), DVec3::new(-1.0, 0.0, 2.0), 0.7, 1.3);
+        let (middle, share, aspect) = (DVec2::new(0.5, -0.3), 0.2, 1.6);
+        let part = whole.part(middle, aspect, share);
+        for (x, y) in [(0.0, 0.0), (-0.9, 0.4), (1.1, -1.0)] {
+            // The part is square.
+            let there = middle + DVec2::new(x / aspect, y) * share;
+            let direction = part.direction(x, y, 1.0);
+            assert!(direction.distance(whole.direction(there.x, there.y, aspect)) < 1e-12);
+            let point = whole.eye() + direction * 17.0;
+            let at = DVec2::new(x, y);
+            assert!(part.project(point, 1.0).unwrap().distance(at) < 1e-12);
+            let inside = part.sides(1.0).iter().all(|(normal, d)| normal.dot(point) + d >= 0.0);
+            assert_eq!(inside, at.abs().max_element() < 1.0, "{x} {y}");
+            let clip = part.clip_from_world(DVec3::ONE, 1.0, 2.0, 30.0)
+                * (point - DVec3::ONE).as_vec3().extend(1.0);
+            assert!(
+                (clip.as_dvec4().truncate().truncate() / f64::from(clip.w)).distance(at) < 1e-4
+            );
+        }
+        // A part of the part is a part of the whole.
+        let again = part.part(DVec2::new(0.5, 0.5), 1.0, 0.5);
+        let there = middle + DVec2::new(0.5 / aspect, 0.5) * share;
+        let (seen, expected) =
+            (again.direction(0.0, 0.0, 1.0), whole.direction(there.x, there.y, aspect));
+        assert!(seen.distance(expected) < 1e-12);
+        let sizes = [&part, &whole].map(|camera| camera.pixel_size(10.0, 100));
+        assert!((sizes[0] / sizes[1] - share).abs() < 1e-12);
     }
 
     #[test]

@@ -14,7 +14,7 @@ use warpknit::chart;
 use warpknit::export::Format;
 use warpknit::fabric::yarn::Count;
 use warpknit::garment::Unit;
-use warpknit::pipeline::Stretch;
+use warpknit::pipeline::{Enlarge, LoupeChoice, Stretch};
 use warpknit::render::Background;
 use warpknit::tile::Tile;
 use warpknit::yarn::fibres::FIBRE_RADIUS;
@@ -27,8 +27,9 @@ use super::config::{self, Trouble};
 #[cfg(feature = "view")]
 use super::values::picture;
 use super::values::{
-    EdgeArg, MappingArg, RendererArg, RunIn, ShapeArg, SwitchArg, ViewArg, diagram, field_of_view,
-    finite, flattening, output, positive, run_in, samples, size, stretch, vector,
+    EdgeArg, MappingArg, RendererArg, RunIn, ShapeArg, SwitchArg, ViewArg, diagram, enlarge,
+    field_of_view, finite, flattening, loupe, output, positive, run_in, samples, size, stretch,
+    vector,
 };
 
 /// The fabric, unless one is named.
@@ -105,6 +106,8 @@ pub(crate) enum Command {
     #[command(after_help = "Examples:
   warpknit drape meshes/skirt_flat.obj meshes/skirt_draped.obj -o skirt.png -o skirt.glb
   warpknit drape meshes/tshirt.obj --fabric locknit --view iso -o tshirt.png -o tshirt.json
+  warpknit drape meshes/tshirt.obj --loupe 0.35,0.4 -o shoulder.png
+  warpknit drape meshes/tshirt.obj --enlarge auto -o large-loops.png
   warpknit drape pattern.obj 'frames/*.obj' -o dance.png -o dance.usda
   warpknit drape pattern.obj frames/ --skip-bad-frames --fps 30 -o dance.usda")]
     Drape(Drape),
@@ -218,6 +221,11 @@ pub(crate) struct Drape {
     pub(crate) motion: MotionArgs,
     #[command(flatten)]
     pub(crate) part: Part,
+    /// Magnify the place X,Y of the picture in a round inset until loops can be seen; 0,0 is the top
+    /// left corner and 1,1 the bottom right one. Turntables and sequences have none [default: cloth
+    /// near the middle, where stitches are under 4 pixels wide]
+    #[arg(long, value_name = "X,Y|off", value_parser = loupe, allow_hyphen_values = true)]
+    pub(crate) loupe: Option<LoupeChoice>,
     #[command(flatten)]
     pub(crate) shared: Shared,
 }
@@ -409,6 +417,11 @@ pub(crate) struct MotionArgs {
 /// How yarns are laid on a garment.
 #[derive(Args, Debug)]
 pub(crate) struct Laying {
+    /// Draw stitches K times larger than true, and K² times fewer; 1 is true gauge, and auto leaves
+    /// about 12000 stitches [default: 1 in a picture; auto in other files, turntables, sequences and
+    /// `view`]
+    #[arg(long, value_name = "K|auto", value_parser = enlarge, allow_negative_numbers = true, conflicts_with_all = ["wales_per_cm", "courses_per_cm"])]
+    pub(crate) enlarge: Option<Enlarge>,
     /// What happens to yarns at a panel's edge
     #[arg(long, value_enum, default_value = "clip")]
     pub(crate) edge: EdgeArg,
@@ -416,7 +429,7 @@ pub(crate) struct Laying {
     #[arg(long, value_enum, default_value = "relaxed")]
     pub(crate) mapping: MappingArg,
     /// Move yarns apart that cut each other on the body [default: up to a million stitches, with
-    /// the mapping `relaxed`]
+    /// the mapping `relaxed`; not in a picture that shows true gauge unasked]
     #[arg(long, value_enum, value_name = "on|off")]
     pub(crate) sweeps: Option<SwitchArg>,
     /// Don't keep strained repeats for the next run, nor use those that are kept
@@ -457,8 +470,8 @@ pub(crate) struct Shared {
     pub(crate) fabric: String,
     #[command(flatten)]
     pub(crate) chains: Chains,
-    /// Wales per cm; yarns are drawn in proportion [default: the fabric's, or fewer if a garment
-    /// would have over 12000 stitches]
+    /// Wales per cm; yarns are drawn in proportion [default: the fabric's; on a garment, see
+    /// --enlarge]
     #[arg(long, value_name = "X", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) wales_per_cm: Option<f64>,
     /// Courses per cm [default: in proportion to the wales]

@@ -9,7 +9,7 @@ use std::cell::RefCell;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use warpknit::drape::{self, Block, Cloth, Totals};
 use warpknit::fabric::{Fabric, builtin};
 use warpknit::garment::{Garment, Panel, read};
@@ -20,8 +20,8 @@ use warpknit::report::Timings;
 use super::super::args::Live;
 use super::super::choice::{fabric, named_fabric};
 use warpknit::pipeline::{
-    self, Clock, MOST_STITCHES, Placement, StrainCache, Task, Textures, check_laid, check_memory,
-    drawn_radius, enlarged, loss_warning, turn_grains, unstrained_note,
+    self, Clock, Enlarge, Placement, StrainCache, Task, Textures, check_laid, check_memory,
+    check_stitches, drawn_radius, loss_warning, turn_grains, unstrained_note,
 };
 
 /// Memory of a stitch, GB: 160 bytes of scene, and on a software adapter 25 for each of ten points,
@@ -94,6 +94,7 @@ impl ClothSource {
             }
             None => ClothBase::Swatch { wales: arguments.wales, courses: arguments.courses },
         };
+        let enlarge = arguments.laying.enlarge.unwrap_or(Enlarge::Auto);
         // On a garment a fine fabric may have too many stitches, and is then enlarged. A swatch has
         // as many as were asked for, so its area counts as 0.
         let area = base.area();
@@ -105,12 +106,16 @@ impl ClothSource {
             shared.drawing.texture.is_some(),
         );
         let others = builtin::names().filter(|name| *name != label).map(|name| {
-            let fabric = enlarged(&named_fabric(name)?, area)?.0;
+            let fabric = enlarge.of_fabric(&named_fabric(name)?, area)?;
             let textures = if for_all { Arc::clone(&textures) } else { Arc::default() };
             Ok(FabricChoice { label: name.to_owned(), fabric, textures })
         });
         let others = others.collect::<Result<Vec<_>>>()?;
-        let shown = if shared.densities().are_chosen() { first } else { enlarged(&first, area)?.0 };
+        let shown = if shared.densities().are_chosen() {
+            first
+        } else {
+            enlarge.of_fabric(&first, area)?
+        };
         let mut choices =
             vec![FabricChoice { label, fabric: shown, textures: Arc::clone(&textures) }];
         choices.extend(others);
@@ -231,8 +236,8 @@ impl ClothBase {
 
 /// Refuses cloth whose stitches can't be numbered or would not fit the memory.
 fn check_room(stitches: u64) -> Result<()> {
-    if stitches > MOST_STITCHES {
-        bail!("{stitches} stitches are too many: lower the densities");
-    }
-    Ok(check_memory("a picture", stitches, STITCH_GB, "lower the densities")?)
+    check_stitches(stitches)?;
+    #[expect(clippy::cast_precision_loss, reason = "an estimate")]
+    let needed = stitches as f64 * STITCH_GB;
+    Ok(check_memory("a picture", stitches, needed, "lower the densities")?)
 }

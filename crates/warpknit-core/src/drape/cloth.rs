@@ -265,6 +265,12 @@ impl<'a> Cloth<'a> {
         self.own_blocks().map(BlockPlan::stitches).sum()
     }
 
+    /// The same of one bar.
+    #[must_use]
+    pub fn stitches_of_bar(&self, bar: usize) -> u64 {
+        self.own_blocks().filter(|block| block.bar == bar).map(BlockPlan::stitches).sum()
+    }
+
     /// Stitches of the whole cloth of which this is a part, planned as in [`Self::stitches`].
     #[must_use]
     pub fn whole_stitches(&self) -> u64 {
@@ -274,6 +280,17 @@ impl<'a> Cloth<'a> {
     /// The blocks that [`super::run`] delivers.
     pub(super) fn own_blocks(&self) -> impl Iterator<Item = &BlockPlan> {
         self.blocks.iter().filter(|block| !block.is_beside)
+    }
+
+    /// Stitches that are in memory together while they are swept, those of a panel. 0 if yarns are not
+    /// swept with these options.
+    #[must_use]
+    pub fn swept_together(&self, options: &DrapeOptions) -> u64 {
+        if !self.is_swept(options) {
+            return 0;
+        }
+        let panels = self.blocks.chunk_by(|one, next| one.panel == next.panel);
+        panels.map(|panel| panel.iter().map(BlockPlan::stitches).sum()).max().unwrap_or(0)
     }
 
     /// Whether its yarns are swept on the body. For a part that depends on the whole cloth.

@@ -1,0 +1,149 @@
+//! What the pictures of a run show of its cloth, and the loupe in them.
+//!
+//! In: a [`Job`] and its prepared parts. Out: [`Drawn`], found before the work: the cloth that has to
+//! be knitted for the pictures, and that of the loupe, which is a picture from much nearer.
+
+use std::convert::Infallible;
+
+use glam::Vec3;
+use image::RgbaImage;
+
+use super::RunError;
+use super::clock::{Clock, Task};
+use super::estimates::picture_bytes;
+use super::job::Job;
+use super::loupe::Loupe;
+use super::pictures::{self, Pictures};
+use super::setup::Setup;
+use super::views::{self, InView};
+use crate::drape::{self, Block, Cloth};
+use crate::render::scene::Scene;
+use crate::render::{Camera, RenderOptions, cloth};
+
+/// What pictures show of a cloth.
+pub(super) struct Drawn<'a> {
+    /// The cloth that pictures need, and its part of the whole.
+    shown: ShownCloth<'a>,
+    loupe: Option<(Loupe, ShownCloth<'a>)>,
+    /// Memory that the run needs for pictures, bytes.
+    pub(super) bytes: f64,
+}
+
+/// The cloth that cameras see.
+struct ShownCloth<'a> {
+    /// What is in view. `None` for all.
+    in_view: Option<(InView, Cloth<'a>)>,
+}
+
+impl<'a> Drawn<'a> {
+    /// Finds what the pictures of a garment show. A swatch is drawn whole. `scene` is empty, and
+    /// `points` are those that cameras frame.
+    pub(super) fn of(
+        job: &Job<'a>,
+        setup: &Setup,
+        scene: &Scene,
+        points: &[Vec3],
+    ) -> Result<Self, RunError> {
+        let options = pictures::options_of(job);
+        let whole = RenderOptions { rows: None, ..options.clone() };
+        let cameras = pictures::cameras(job.settings, &options, points);
+        let has_fibres = setup.fibres.is_some();
+        let of_cameras = |cameras: &[Camera], options: &RenderOptions| {
+            let found = (!job.is_swatch)
+                .then(|| InView::of_cameras(job.cloth, scene, cameras, options, has_fibres));
+            ShownCloth {
+                in_view: found.flatten().map(|found| {
+                    let cloth = found.cloth(job.cloth, &job.options);
+                    (found, cloth)
+                }),
+            }
+        };
+        let shown = of_cameras(&cameras, &whole);
+        let bytes = |shown: &ShownCloth<'a>, cameras: &[Camera], options: &RenderOptions| {
+            picture_bytes(shown.cloth(job), job.shown, scene, cameras, &job.options, options)
+        };
+        let mut needed = bytes(&shown, &cameras, &options);
+        let loupe = match cameras.as_slice() {
+            [camera] if !job.is_swatch => find_loupe(job, camera)?,
+            _ => None,
+        };
+        let loupe = loupe.map(|loupe| {
+            let (cameras, options) = ([*loupe.camera()], pictures::inset_options(job, &loupe));
+            let shown = of_cameras(&cameras, &options);
+            // One is drawn after the other.
+            needed = needed.max(bytes(&shown, &cameras, &options));
+            (loupe, shown)
+        });
+        Ok(Self { shown, loupe, bytes: needed })
+    }
+
+    /// The cloth that pictures need.
+    pub(super) fn cloth<'b>(&'b self, job: &'b Job<'a>) -> &'b Cloth<'a> {
+        self.shown.cloth(job)
+    }
+
+    /// Whether pictures show only a part of the cloth.
+    pub(super) fn is_part(&self) -> bool {
+        self.shown.in_view.is_some()
+    }
+
+    /// Adds a block of the cloth that pictures need to a scene.
+    pub(super) fn add_to(&self, scene: &mut Scene, block: &Block) {
+        self.shown.add_to(scene, block);
+    }
+
+    /// The loupe.
+    pub(super) fn loupe(&self) -> Option<&Loupe> {
+        self.loupe.as_ref().map(|(loupe, _)| loupe)
+    }
+
+    /// Knits and draws what the loupe shows. This time counts as rendering.
+    pub(super) fn inset(
+        &self,
+        job: &Job<'a>,
+        setup: &Setup,
+        extent: &Scene,
+        pictures: &mut Pictures,
+        clock: &mut Clock<'_>,
+    ) -> Result<Option<RgbaImage>, RunError> {
+        let Some((loupe, shown)) = &self.loupe else { return Ok(None) };
+        clock.begin(Task::Render, 0.0);
+        let mut scene = setup.scene(job);
+        scene.extent = extent.extent;
+        let Ok(_) = drape::run(shown.cloth(job), &job.options, &mut |_, _| {}, &mut |blocks| {
+            blocks.iter().for_each(|block| shown.add_to(&mut scene, block));
+            Ok::<_, Infallible>(())
+        });
+        pictures.inset(&scene, setup.fibres.as_ref(), job, loupe).map(Some)
+    }
+}
+
+impl<'a> ShownCloth<'a> {
+    fn cloth<'b>(&'b self, job: &'b Job<'a>) -> &'b Cloth<'a> {
+        self.in_view.as_ref().map_or(job.cloth, |(_, cloth)| cloth)
+    }
+
+    fn add_to(&self, scene: &mut Scene, block: &Block) {
+        match &self.in_view {
+            Some((in_view, _)) => in_view.add_to(scene, block),
+            None => cloth::add_to(scene, block),
+        }
+    }
+}
+
+/// The loupe of a garment's only picture.
+fn find_loupe(job: &Job<'_>, camera: &Camera) -> Result<Option<Loupe>, RunError> {
+    let picture = &job.settings.picture;
+    if picture.turntable.is_some() {
+        return Ok(None);
+    }
+    let size = [picture.size.0, picture.size.1];
+    Loupe::find(picture.loupe, job.cloth.garment(), job.shown.wale_spacing(), camera, size)
+}
+
+/// The empty scene of a run's pictures, with the box around its cloth.
+pub(super) fn empty_scene(job: &Job<'_>, setup: &Setup, points: &[Vec3]) -> Scene {
+    let mut scene = setup.scene(job);
+    scene.extent = views::extent(points, job.cloth);
+    scene
+}
