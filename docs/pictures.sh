@@ -21,4 +21,4 @@ trap 'rm -r "$captured"' EXIT
 knit swatch --fabric jersey --view front --wales 24 --courses 30 --zoom 1.5 --size 800x800 --background '#101010' -o "$captured/photo.png"
 knit capture "$captured/photo.png" -o "$captured/cloth"
 knit drape meshes/tshirt.obj --fabric "$captured/cloth/fabric.toml" --size 800x800 --spp 16 -o docs/captured_shirt.png
-knit drape meshes/tshirt.obj --fabric "$captured/cloth/fabric.toml" --size 800x800 --zoom 12 -o docs/captured_fibres.png
+knit drape meshes/tshirt.obj --fabric "$captured/cloth/fabric.toml" --size 800x800 --enlarge auto --zoom 12 -o docs/captured_fibres.png
