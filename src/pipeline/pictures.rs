@@ -10,6 +10,7 @@ use image::RgbaImage;
 use super::RunError;
 use super::camera::camera;
 use super::clock::{Clock, Task};
+use super::densities::Gauge;
 use super::fibres::Fibres;
 use super::job::Job;
 use super::loupe::Loupe;
@@ -133,13 +134,13 @@ pub(super) fn cameras(
 /// The renderer's options for a job's pictures, or for its tile of them.
 pub(super) fn options_of(job: &Job<'_>) -> RenderOptions {
     let mut options = options(job.settings);
-    if let Some(tile) = job.tile() {
-        options.rows = Some(tile.share(options.height));
-        // The tiles of several machines must fit together, whichever machine has an adapter. The
-        // CPU renderer gives the same pixels everywhere.
-        if options.renderer == RendererChoice::Auto {
-            options.renderer = RendererChoice::Cpu;
-        }
+    options.rows = job.tile().map(|tile| tile.share(options.height));
+    // The tiles of several machines must fit together, whichever machine has an adapter. The CPU
+    // renderer gives the same pixels everywhere. At true gauge yarns are thinner than pixels, and
+    // the graphics processor would leave some out.
+    let needs_cpu = job.tile().is_some() || job.gauge == Gauge::True;
+    if needs_cpu && options.renderer == RendererChoice::Auto {
+        options.renderer = RendererChoice::Cpu;
     }
     options
 }
