@@ -60,6 +60,9 @@ pub struct Report {
     /// The cloth on its machine. Without a shrinkage in the fabric there is no such key.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub machine: Option<MachineReport>,
+    /// How a swatch is pulled. Without a pull there is no such key.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stretched: Option<StretchedReport>,
     /// The frames of a drape sequence. Without a sequence there is no such key.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub frames: Vec<FrameReport>,
@@ -298,6 +301,30 @@ pub struct ClothReport {
     /// 5th, 50th, 95th percentile.
     pub stretch_warp: [f64; 3],
     pub stretch_weft: [f64; 3],
+}
+
+/// A pulled swatch. Densities, counts and clearance are those of the pulled cloth, and the numbers
+/// in `cloth` those of flat cloth.
+#[derive(Clone, Debug, Serialize)]
+#[expect(missing_docs, reason = "see Report")]
+pub struct StretchedReport {
+    /// Ratios of pulled to flat length.
+    pub courses: f64,
+    pub wales: f64,
+    /// Whether yarn would have to stretch.
+    pub locked: bool,
+    /// The lengths along the wales that the cloth takes by itself, over the pull. Empty unless they
+    /// were asked for.
+    pub free: Vec<FreeWidthReport>,
+}
+
+/// What a pulled cloth takes by itself along its wales.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[expect(missing_docs, reason = "see Report")]
+pub struct FreeWidthReport {
+    pub courses: f64,
+    /// With half the bending that is assumed, with it, and with twice as much.
+    pub wales: [f64; 3],
 }
 
 /// The cloth on its machine, before finishing. Its run-in is that of the finished cloth.

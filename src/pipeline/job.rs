@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use super::densities::Gauge;
 use super::settings::{Settings, Wanted};
 use super::strain_cache::StrainCache;
+use super::stretch::Stretched;
 use crate::drape::{Cloth, DrapeOptions};
 use crate::fabric::Fabric;
 use crate::map::Mapping;
@@ -32,6 +33,8 @@ pub(super) struct Job<'a> {
     pub(super) source: &'a Source,
     /// Whether it is a swatch. A swatch has no body, and its numbers are always measured at the end.
     pub(super) is_swatch: bool,
+    /// How the swatch is pulled.
+    pub(super) stretched: Option<Stretched>,
 }
 
 /// The origin of a run's cloth, for the names of files and in messages.

@@ -89,6 +89,7 @@ pub fn drape(
                 area,
                 source,
                 is_swatch: false,
+                stretched: None,
             }
         })
         .collect();
@@ -141,6 +142,7 @@ pub fn swatch(
         area,
         source,
         is_swatch: true,
+        stretched: stretched.clone(),
     };
     Ok(Done { stretched, ..make(&[job], clock)? })
 }

@@ -7,15 +7,15 @@ use super::job::Job;
 use super::numbers::RealCloth;
 use super::settings::Wanted;
 use super::setup::Setup;
-use super::stretch::Stretched;
+use super::stretch::{FreeWidth, Stretched};
 use crate::drape::Totals;
 use crate::drape::clearance::BodyClearance;
 use crate::export::{ExportError, Format, Output};
 use crate::garment::stretch::stretch;
-use crate::knit::strain::StrainTable;
+use crate::knit::strain::Strain;
 use crate::report::{
-    ClearanceReport, ClothReport, FrameReport, GarmentReport, PanelReport, PictureReport, Report,
-    StrainReport, SurfaceReport,
+    ClearanceReport, ClothReport, FrameReport, FreeWidthReport, GarmentReport, PanelReport,
+    PictureReport, Report, StrainReport, StretchedReport, SurfaceReport,
 };
 use crate::system::peak_memory_mb;
 use crate::tile::Tile;
@@ -138,10 +138,9 @@ impl RunSummary<'_> {
                 draped: (*draped).map(Into::into),
             },
             links: (*links).into(),
-            strain: StrainReport::new(
-                totals.strain,
-                job.cloth.strain().map_or(&[], StrainTable::elastic_bars),
-            ),
+            strain: (job.cloth.strain())
+                .filter(|table| !table.is_flat_only())
+                .and_then(|table| StrainReport::new(totals.strain, table.elastic_bars())),
             plane_ms: timings_ms.knit,
             curved_ms: timings_ms.knit + timings_ms.locate + timings_ms.map,
             threads: rayon::current_num_threads(),
@@ -150,8 +149,18 @@ impl RunSummary<'_> {
             picture: self.picture.clone(),
             cloth: cloth_report(job, real),
             machine: real.fabric.machine().map(Into::into),
+            stretched: job.stretched.as_ref().map(Into::into),
             frames: self.frames.clone(),
         }
+    }
+}
+
+impl From<&Stretched> for StretchedReport {
+    fn from(stretched: &Stretched) -> Self {
+        let free = stretched.free.iter();
+        let free = free.map(|&FreeWidth { courses, wales }| FreeWidthReport { courses, wales });
+        let Strain { courses, wales, .. } = stretched.strain;
+        Self { courses, wales, locked: stretched.is_locked, free: free.collect() }
     }
 }
 

@@ -105,9 +105,13 @@ fn a_pulled_swatch_is_as_wide_as_pulled_and_tells_its_free_width() {
     assert!(told.starts_with(&numbers), "the numbers are those of flat cloth: {told}");
     assert!(told.contains("pulled to 1.100 along the courses and 0.950 along the wales"), "{told}");
     assert_eq!(flat["surface"]["radius_mm"], pulled["surface"]["radius_mm"]);
-    let (_, told) = swatch(&["--stretch", "1.1, Free"]);
+    assert!(flat["stretched"].is_null());
+    assert_eq!([&pulled["stretched"]["courses"], &pulled["stretched"]["wales"]], [1.1, 0.95]);
+    assert_eq!(pulled["stretched"]["locked"], false);
+    let (free, told) = swatch(&["--stretch", "1.1, Free"]);
     let rows: Vec<_> = told.lines().filter(|line| line.starts_with("1.")).collect();
     assert_eq!(rows.len(), 3, "{told}");
+    assert_eq!(free["stretched"]["free"].as_array().unwrap().len(), 3);
     assert!(rows[0].starts_with("1.00     1.000") && told.contains("assumed bending"), "{told}");
 }
 
