@@ -19,7 +19,7 @@ use warpknit::system::{memory_gb, processor};
 #[derive(Serialize)]
 struct RunRecord<'a> {
     warpknit: &'static str,
-    machine: Machine,
+    machine: MachineInfo,
     /// Runs of each figure after the warm-up run. Pictures may have fewer; their tables' notes say
     /// so.
     runs: u32,
@@ -29,7 +29,7 @@ struct RunRecord<'a> {
 
 /// The machine that the figures depend on.
 #[derive(Serialize)]
-struct Machine {
+struct MachineInfo {
     system: &'static str,
     architecture: &'static str,
     /// Its name, where the system gives it.
@@ -39,7 +39,7 @@ struct Machine {
     threads: usize,
 }
 
-impl Machine {
+impl MachineInfo {
     fn here() -> Self {
         let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
         Self {
@@ -77,7 +77,7 @@ pub(super) fn write(arguments: &Bench, tables: &[Table]) -> Result<()> {
             BenchFormat::Json => {
                 let record = RunRecord {
                     warpknit: env!("CARGO_PKG_VERSION"),
-                    machine: Machine::here(),
+                    machine: MachineInfo::here(),
                     runs: arguments.runs,
                     tables,
                 };
@@ -96,7 +96,7 @@ pub(super) fn write(arguments: &Bench, tables: &[Table]) -> Result<()> {
 
 /// The sheet of all plots.
 fn plots(tables: &[Table]) -> Result<warpknit::chart::Drawing> {
-    let Machine { system, architecture, processor, cores, threads, .. } = Machine::here();
+    let MachineInfo { system, architecture, processor, cores, threads, .. } = MachineInfo::here();
     let processor = processor.as_deref().unwrap_or(architecture);
     let plural = if threads == 1 { "" } else { "s" };
     let heading = format!(

@@ -51,7 +51,7 @@ const STAGES: [Stage; 5] = [Stage::Index, Stage::Knit, Stage::Locate, Stage::Map
 const NAMES: [&str; 6] = ["lay out", "index", "knit", "locate", "map", "surface"];
 
 /// The figures of a row that are plotted.
-struct Row {
+struct GrowthRow {
     stitches: usize,
     stages: [f64; 6],
     peak: f64,
@@ -131,13 +131,13 @@ fn plots(size: &'static str) -> [Plot; 2] {
 }
 
 /// Adds a row to the plots.
-fn push(plots: &mut [Plot; 2], size: f64, row: &Row) {
+fn push(plots: &mut [Plot; 2], size: f64, row: &GrowthRow) {
     plots[0].push(size, row.stages);
     plots[1].push(size, [row.peak]);
 }
 
 /// Measures a row and adds it to the table.
-fn measure(runs: u32, table: &mut Table, garment: &Garment, fabric: &Fabric) -> Result<Row> {
+fn measure(runs: u32, table: &mut Table, garment: &Garment, fabric: &Fabric) -> Result<GrowthRow> {
     let triangles = garment.summary.triangles;
     let (st, sr) = SECTION;
     let section =
@@ -168,7 +168,7 @@ fn measure(runs: u32, table: &mut Table, garment: &Garment, fabric: &Fabric) -> 
         [TableCell::Count(taken.len()), TableCell::Number(peak, 0), TableCell::Number(held, 0)];
     table
         .push(sizes.into_iter().chain(stages.map(TableCell::ms)).chain(times(&all)).chain(further));
-    Ok(Row { stitches, stages, peak })
+    Ok(GrowthRow { stitches, stages, peak })
 }
 
 /// One run: the times of laying out and of the stages, and the number of stitches.

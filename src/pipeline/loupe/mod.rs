@@ -21,7 +21,7 @@ use super::settings::LoupeChoice;
 use crate::garment::Garment;
 use crate::render::{Camera, Light};
 use frame::{Disc, Lines};
-use silhouette::{Shown, Silhouette, direction, in_picture, is_shadowed, shown_at};
+use silhouette::{ShownPoint, Silhouette, direction, in_picture, is_shadowed, shown_at};
 
 /// Width of a wale in a picture, pixels, below which loops are no longer seen: the loupe is then on
 /// unless that is chosen otherwise.
@@ -82,7 +82,7 @@ impl Loupe {
         let picture = DVec2::new(f64::from(width), f64::from(height));
         // An even side, so that the inset's pixels lie on the picture's.
         let radius = (SHARE / 2.0 * picture.min_element()).round();
-        let wale_in = |shown: &Shown| wale / camera.pixel_size(shown.distance, height);
+        let wale_in = |shown: &ShownPoint| wale / camera.pixel_size(shown.distance, height);
         let (silhouette, place, shown) = match choice {
             LoupeChoice::Off => return Ok(None),
             LoupeChoice::At(share) => {
@@ -161,9 +161,9 @@ fn good_place(
     wale: f64,
     camera: &Camera,
     picture: DVec2,
-) -> Option<(DVec2, Shown)> {
+) -> Option<(DVec2, ShownPoint)> {
     let toward_sun = Light::default().around(camera).toward_sun.as_dvec3();
-    let mut found: Vec<(f64, DVec2, DVec3, Shown)> = Vec::new();
+    let mut found: Vec<(f64, DVec2, DVec3, ShownPoint)> = Vec::new();
     for cell in silhouette.cells() {
         let (Some(shown), at) = (silhouette.at(cell), silhouette.middle(cell)) else { continue };
         if !is_within(silhouette, cell, shown) {
@@ -184,7 +184,7 @@ fn good_place(
 }
 
 /// Whether the cells around a cell show the same panel, so that no edge or seam is near.
-fn is_within(silhouette: &Silhouette, cell: UVec2, shown: Shown) -> bool {
+fn is_within(silhouette: &Silhouette, cell: UVec2, shown: ShownPoint) -> bool {
     let UVec2 { x: width, y: height } = silhouette.size;
     if cell.x == 0 || cell.y == 0 || cell.x + 1 >= width || cell.y + 1 >= height {
         return false;

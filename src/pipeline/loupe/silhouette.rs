@@ -21,12 +21,12 @@ pub(super) struct Silhouette {
     /// Side of a cell, pixels.
     pub(super) cell: f64,
     /// Row after row from the top.
-    shown: Vec<Option<Shown>>,
+    shown: Vec<Option<ShownPoint>>,
 }
 
 /// The nearest cloth at a place of the picture.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Shown {
+pub(super) struct ShownPoint {
     pub(super) panel: usize,
     /// Distance from the eye, mm.
     pub(super) distance: f64,
@@ -47,7 +47,7 @@ impl Silhouette {
     pub(super) fn new(garment: &Garment, camera: &Camera, picture: DVec2) -> Self {
         let cell = (picture.max_element() / f64::from(CELLS)).max(1.0);
         let size = (picture / cell).ceil().max(DVec2::ONE).as_uvec2();
-        let mut shown: Vec<Option<Shown>> = vec![None; (size.x * size.y) as usize];
+        let mut shown: Vec<Option<ShownPoint>> = vec![None; (size.x * size.y) as usize];
         for triangle in projected(garment, camera, picture) {
             let [low, high] = triangle.bounds();
             let first = (low / cell - 0.5).ceil().max(DVec2::ZERO).as_uvec2();
@@ -67,7 +67,7 @@ impl Silhouette {
     }
 
     /// The nearest cloth in a cell.
-    pub(super) fn at(&self, cell: UVec2) -> Option<Shown> {
+    pub(super) fn at(&self, cell: UVec2) -> Option<ShownPoint> {
         self.shown[(cell.y * self.size.x + cell.x) as usize]
     }
 
@@ -89,7 +89,7 @@ pub(super) fn shown_at(
     camera: &Camera,
     picture: DVec2,
     at: DVec2,
-) -> Option<Shown> {
+) -> Option<ShownPoint> {
     let mut nearest = None;
     for triangle in projected(garment, camera, picture) {
         nearer(&mut nearest, triangle.at(at, camera.eye(), direction(camera, picture, at)));
@@ -129,7 +129,7 @@ pub(super) fn is_shadowed(garment: &Garment, place: DVec3, toward_sun: DVec3, re
 }
 
 /// Keeps the nearer of two.
-fn nearer(nearest: &mut Option<Shown>, other: Option<Shown>) {
+fn nearer(nearest: &mut Option<ShownPoint>, other: Option<ShownPoint>) {
     if let Some(other) = other
         && nearest.is_none_or(|nearest| other.distance < nearest.distance)
     {
@@ -164,7 +164,7 @@ impl Projected {
     }
 
     /// What it shows at a place of the picture. `None` beside it.
-    fn at(&self, at: DVec2, eye: DVec3, direction: DVec3) -> Option<Shown> {
+    fn at(&self, at: DVec2, eye: DVec3, direction: DVec3) -> Option<ShownPoint> {
         let [a, b, c] = self.corners.map(|corner| corner - at);
         let weights = DVec3::new(b.perp_dot(c), c.perp_dot(a), a.perp_dot(b));
         let area = weights.element_sum();
@@ -179,7 +179,7 @@ impl Projected {
             return None;
         }
         let is_turned = normal.dot(eye - p) < 0.0;
-        Some(Shown {
+        Some(ShownPoint {
             panel: self.panel,
             distance,
             normal: if is_turned { -normal } else { normal },

@@ -128,7 +128,7 @@ impl Strands {
         edge: Edge,
     ) {
         let mut builder =
-            Builder { strands: self, yarn, locator, open: None, counted_as_clipped: false };
+            StrandBuilder { strands: self, yarn, locator, open: None, counted_as_clipped: false };
         for stitch in stitches {
             let first = knitted.stitches[stitch] as usize;
             let last = knitted
@@ -155,7 +155,7 @@ struct Last {
 }
 
 /// Builds the strands of one yarn, point by point.
-struct Builder<'a, 'b> {
+struct StrandBuilder<'a, 'b> {
     strands: &'a mut Strands,
     yarn: YarnId,
     locator: &'a Locator<'b>,
@@ -166,7 +166,7 @@ struct Builder<'a, 'b> {
     counted_as_clipped: bool,
 }
 
-impl Builder<'_, '_> {
+impl StrandBuilder<'_, '_> {
     /// Counts a stitch; true if all of it lies on the panel.
     fn count(&mut self, points: &[DVec3], located: &[Option<SurfacePoint>]) -> bool {
         // A stitch without a point on the panel is not counted as lost: yarns are planned a little

@@ -66,7 +66,7 @@ struct PanelYarn {
 }
 
 /// All yarns of a panel.
-struct Panel<'a> {
+struct SweptPanel<'a> {
     neighbours: &'a Neighbours,
     yarns: Vec<PanelYarn>,
     /// For each yarn of the repeat: the first copy, and the number in `yarns` of each copy from
@@ -101,7 +101,7 @@ struct SpanPair {
 /// Moves the yarns of a panel apart.
 pub(super) fn sweep(blocks: &mut [Block], neighbours: &Neighbours) {
     let sweeps = if neighbours.is_flat_only { LONE_SWEEPS } else { SWEEPS };
-    let mut panel = Panel::new(blocks, neighbours);
+    let mut panel = SweptPanel::new(blocks, neighbours);
     let mut active = vec![Active::default(); panel.yarns.len()];
     let mut next = panel.places.clone();
     for sweep in 0..sweeps {
@@ -131,7 +131,7 @@ fn slices_of<'a>(all: &'a mut [DVec3], yarns: &[PanelYarn]) -> Vec<&'a mut [DVec
     slices.collect()
 }
 
-impl<'a> Panel<'a> {
+impl<'a> SweptPanel<'a> {
     fn new(blocks: &[Block], neighbours: &'a Neighbours) -> Self {
         let mut panel = Self {
             neighbours,

@@ -45,7 +45,7 @@ pub use unit::{Unit, UnknownUnit};
 
 use obj::ObjMesh;
 use pair::{FlatSource, Pairs};
-use panel::Numbers;
+use panel::PanelNumbers;
 use pieces::{Areas, Piece, Refusal, Refused};
 use summary::{Loss, shortened};
 use vertices::Vertices;
@@ -296,7 +296,7 @@ impl<'a> GarmentFiles<'a> {
         let pieces = summary.usable_pieces(&self.cloth, pieces, self.path, unit_mm, &mut loss)?;
         let flat_file = self.pattern == FlatSource::Positions;
         let scales = estimate_scales(areas, &pieces, unit, options, flat_file, &mut summary);
-        let mut numbers = Numbers::new(vertices);
+        let mut numbers = PanelNumbers::new(vertices);
         let mut panels: Vec<Panel> = pieces
             .iter()
             .zip(scales)

@@ -21,14 +21,14 @@ use crate::ids::index32;
 const MIN_UPRIGHT: f64 = 0.1;
 
 /// Numbers the vertices of one panel after another.
-pub(super) struct Numbers {
+pub(super) struct PanelNumbers {
     /// The number of each vertex in the current panel.
     number_of: Vec<u32>,
     /// The corners, as pair and corner, where the vertices were first used.
     first: Vec<(u32, usize)>,
 }
 
-impl Numbers {
+impl PanelNumbers {
     const NONE: u32 = u32::MAX;
 
     pub(super) fn new(vertices: &Vertices) -> Self {
@@ -75,7 +75,7 @@ impl Piece {
     pub(super) fn panel(
         &self,
         pairs: &Pairs,
-        (vertices, numbers): (&Vertices, &mut Numbers),
+        (vertices, numbers): (&Vertices, &mut PanelNumbers),
         scale_mm: f64,
         unit_mm: f64,
         options: &ReadOptions,

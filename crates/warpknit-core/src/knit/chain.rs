@@ -25,7 +25,7 @@ const SAME_STRAND_RADII: f64 = 6.0;
 
 /// A yarn of the repeat: a chain that continues in the next repeat.
 #[derive(Clone, Debug)]
-pub(crate) struct Chain {
+pub(crate) struct ControlChain {
     /// Its data points.
     pub(crate) points: Range<usize>,
     /// From a point to the same point in the next repeat, mm: along the wales, for a weft across.
@@ -43,7 +43,7 @@ pub(super) struct SpanControl {
     shifts: [f64; 4],
 }
 
-impl Chain {
+impl ControlChain {
     /// Whether the yarn runs across the wales.
     pub(crate) fn runs_across(&self) -> bool {
         self.period.x != 0.0

@@ -1,6 +1,6 @@
 //! Cover factor and thickness of cloth: its yarns rasterised as solid bodies.
 //!
-//! In: a fabric and its [`Pattern`]. Out: a [`Body`]: the share of the flat area that yarns hide,
+//! In: a fabric and its [`Pattern`]. Out: a [`MeasuredBody`]: the share of the flat area that yarns hide,
 //! seen from the front, and the distance from the lowest to the highest yarn surface.
 //!
 //! Method: paths are sampled 12 times a span, and the capsules around their segments are rasterised
@@ -33,7 +33,7 @@ const SAMPLES: u32 = 12;
 
 /// Cloth as a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Body {
+pub(super) struct MeasuredBody {
     /// Share of the flat area that yarns hide.
     pub(super) cover: f64,
     /// From the lowest to the highest surface, mm.
@@ -41,11 +41,11 @@ pub(super) struct Body {
 }
 
 /// Measures the fabric's yarns at the radius for which they are laid out.
-pub(super) fn measure(fabric: &Fabric, pattern: &Pattern) -> Body {
+pub(super) fn measure(fabric: &Fabric, pattern: &Pattern) -> MeasuredBody {
     measure_at(fabric, pattern, SAMPLES_PER_STITCH)
 }
 
-fn measure_at(fabric: &Fabric, pattern: &Pattern, samples_per_stitch: f64) -> Body {
+fn measure_at(fabric: &Fabric, pattern: &Pattern, samples_per_stitch: f64) -> MeasuredBody {
     let spacing = DVec2::new(fabric.wale_spacing(), fabric.course_spacing());
     let (wales, courses) =
         (fabric.threading_repeat().min(MAX_WALES), fabric.repeat().min(MAX_COURSES));
@@ -100,7 +100,7 @@ fn measure_at(fabric: &Fabric, pattern: &Pattern, samples_per_stitch: f64) -> Bo
             }
         }
     }
-    Body { cover: raster.hidden_share(), thickness: (high - low).max(0.0) }
+    MeasuredBody { cover: raster.hidden_share(), thickness: (high - low).max(0.0) }
 }
 
 /// Sample points of a repeat, each at the middle of its square.

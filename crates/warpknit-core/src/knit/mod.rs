@@ -39,7 +39,7 @@ use crate::fabric::{
     Bar, Fabric, LaidCloth, Lay, RACK, StrandDirection, Structure, WarpKnit, WeftKnit,
 };
 use crate::ids::index32;
-use chain::Chain;
+use chain::ControlChain;
 use lattice::WaleLattice;
 use mesh::StructureMesh;
 pub use points::{Bed, Knitted, PointKind, Tag};
@@ -255,14 +255,14 @@ impl Pattern {
     fn relax(&mut self, fabric: &Fabric, shape: &[DVec3], share: f64, progress: Progress<'_>) {
         let thickness = fabric.thickness();
         let chains = self.repeat.yarns.iter().map(|yarn| relax::YarnChain {
-            chain: Chain {
+            chain: ControlChain {
                 points: self.repeat.points_of(yarn),
                 period: yarn.period,
                 radius: share * thickness[yarn.bar] * fabric.radius(),
             },
             length: yarn_length(fabric, yarn),
         });
-        let cloth = relax::Cloth {
+        let cloth = relax::RelaxedCloth {
             yarns: &chains.collect::<Vec<_>>(),
             cell: self.repeat_size(),
             press: fabric.finish.thickness,

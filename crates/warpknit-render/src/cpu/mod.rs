@@ -57,8 +57,8 @@ pub fn render(
     let sampled = rows_to_sample(options);
     let mut method =
         scene.bounds().map(|bounds| match Splatter::new(scene, &bounds, camera, options) {
-            Some(splatter) => Method::Splatter(splatter),
-            None => Method::RayTracer(RayTracer::new(scene, &bounds, camera, options)),
+            Some(splatter) => PictureMethod::Splatter(splatter),
+            None => PictureMethod::RayTracer(RayTracer::new(scene, &bounds, camera, options)),
         });
     let done = AtomicU32::new(0);
     // The last two rows of a band wait for the next band, because a row needs the samples of the
@@ -117,7 +117,7 @@ fn rows_to_sample(options: &RenderOptions) -> Range<u32> {
 }
 
 /// Takes the samples of some rows of pixels, tile after tile.
-fn sample_rows(method: Option<&Method<'_>>, rows: Range<u32>, width: u32) -> Vec<Splats> {
+fn sample_rows(method: Option<&PictureMethod<'_>>, rows: Range<u32>, width: u32) -> Vec<Splats> {
     let mut rows: Vec<_> = rows.map(|y| (y, Splats::new(width))).collect();
     if let Some(method) = method {
         for left in (0..width).step_by(TILE as usize) {
@@ -131,12 +131,12 @@ fn sample_rows(method: Option<&Method<'_>>, rows: Range<u32>, width: u32) -> Vec
 }
 
 /// The method that finds the yarn that a sample sees.
-enum Method<'a> {
+enum PictureMethod<'a> {
     RayTracer(RayTracer<'a>),
     Splatter(Splatter<'a>),
 }
 
-impl Method<'_> {
+impl PictureMethod<'_> {
     /// Prepares the method for the samples of some rows.
     fn prepare_rows(&mut self, rows: &Range<u32>) {
         if let Self::Splatter(splatter) = self {

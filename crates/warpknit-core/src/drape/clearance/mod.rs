@@ -172,7 +172,7 @@ pub fn measure(
 }
 
 /// A square of a panel whose yarns are measured together.
-struct Patch {
+struct ClothPatch {
     panel: usize,
     area: Area,
 }
@@ -291,7 +291,7 @@ impl<'a> Pass<'a> {
     }
 
     /// A patch, counted over all panels.
-    fn patch(&self, at: usize) -> Patch {
+    fn patch(&self, at: usize) -> ClothPatch {
         let panel = self.ends.partition_point(|&end| end <= at);
         let [columns, rows] = self.grid(panel);
         let at = at + columns * rows - self.ends[panel];
@@ -302,7 +302,7 @@ impl<'a> Pass<'a> {
             self.origin(panel) + self.side * DVec2::new(x, y)
         };
         let (low, high) = (corner(at), corner(at.map(|count| count + 1)));
-        Patch { panel, area: Area { low, high, margin: self.margin } }
+        ClothPatch { panel, area: Area { low, high, margin: self.margin } }
     }
 
     /// Whether yarns may be too near each other in the flat cloth: whether they are in one repeat.
@@ -360,7 +360,7 @@ impl<'a> Pass<'a> {
     }
 
     /// Measures the yarns of a patch.
-    fn measure(&self, patch: &Patch, place: &mut Workplace) -> BodyClearance {
+    fn measure(&self, patch: &ClothPatch, place: &mut Workplace) -> BodyClearance {
         place.draped.clear();
         place.flat.clear();
         let mut strands = 0;
@@ -388,7 +388,7 @@ impl<'a> Pass<'a> {
     }
 
     /// The yarns of a bar that touch a patch or its margin, over the steps within it.
-    fn plan(&self, patch: &Patch, bar: usize) -> BlockPlan {
+    fn plan(&self, patch: &ClothPatch, bar: usize) -> BlockPlan {
         let mesh = &self.cloth.meshes[patch.panel];
         let origin = mesh.origin - DVec2::new(mesh.wale_spacing / 2.0, 0.0);
         let (numbers, steps) = self.touching(&patch.area, bar, origin);

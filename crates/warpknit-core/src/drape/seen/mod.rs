@@ -65,7 +65,7 @@ pub struct Surroundings {
 
 /// What a place of the cloth is for a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Part {
+pub enum PanelPart {
     /// Neither seen nor between the sun and what is seen.
     #[default]
     Unseen,
@@ -90,12 +90,12 @@ struct PartGrid {
     cell: f64,
     size: UVec2,
     /// Row after row, from the lowest.
-    parts: Vec<Part>,
+    parts: Vec<PanelPart>,
 }
 
 /// A part of a draped triangle.
 #[derive(Clone, Copy)]
-struct Facet {
+struct FlatFacet {
     flat: [DVec2; 3],
     place: [DVec3; 3],
     /// Distance of its yarns from it at most, mm.
@@ -106,10 +106,10 @@ impl Seen {
     /// Finds what pictures see. `None` if they see all of the garment.
     #[must_use]
     pub fn find(garment: &Garment, sights: &[Sight], around: &Surroundings) -> Option<Self> {
-        let facets: Vec<Vec<Facet>> =
+        let facets: Vec<Vec<FlatFacet>> =
             garment.panels.par_iter().map(|panel| facets(panel, around.depth)).collect();
         let reach = around.sky_reach;
-        let is_inside = |facet: &Facet| sights.iter().any(|sight| sight.holds(facet, reach));
+        let is_inside = |facet: &FlatFacet| sights.iter().any(|sight| sight.holds(facet, reach));
         if facets.iter().flatten().all(is_inside) {
             return None;
         }
@@ -122,10 +122,10 @@ impl Seen {
     }
 
     /// Adds what one picture sees.
-    fn add(&mut self, facets: &[Vec<Facet>], sight: &Sight, around: &Surroundings) {
+    fn add(&mut self, facets: &[Vec<FlatFacet>], sight: &Sight, around: &Surroundings) {
         let panels = self.panels.par_iter_mut().zip(facets);
         // The places that the sun must reach, and how near the nearest is.
-        let in_view: Vec<Facet> = panels
+        let in_view: Vec<FlatFacet> = panels
             .flat_map_iter(|(grid, facets)| {
                 let mut in_view = Vec::new();
                 for facet in facets {
@@ -150,7 +150,7 @@ impl Seen {
 
     /// The part of a panel at a flat place.
     #[must_use]
-    pub fn at(&self, panel: usize, place: DVec2) -> Part {
+    pub fn at(&self, panel: usize, place: DVec2) -> PanelPart {
         let grid = &self.panels[panel];
         grid.parts[grid.index(grid.cell_of(place))]
     }
@@ -162,10 +162,10 @@ impl Seen {
         let mut runs: Vec<(Range<usize>, bool)> = Vec::new();
         for (at, place) in flat.iter().enumerate() {
             let part = self.at(panel, place.truncate());
-            if part == Part::Unseen {
+            if part == PanelPart::Unseen {
                 continue;
             }
-            let is_seen = part == Part::Seen;
+            let is_seen = part == PanelPart::Seen;
             match runs.last_mut() {
                 Some((run, any_seen)) if at <= run.end + JOINED_POINTS => {
                     run.end = at + 1;
@@ -185,7 +185,7 @@ impl Seen {
 impl Sight {
     /// How far inside the view a facet reaches, mm. Negative outside, where it is the distance or
     /// less.
-    fn depth_of(&self, facet: &Facet) -> f64 {
+    fn depth_of(&self, facet: &FlatFacet) -> f64 {
         let reach = self.sides.iter().map(|(normal, offset)| {
             let corners = facet.place.iter().map(|place| normal.dot(*place) + offset);
             corners.fold(f64::NEG_INFINITY, f64::max)
@@ -194,7 +194,7 @@ impl Sight {
     }
 
     /// Whether all of a facet lies inside the view or within `reach` of it.
-    fn holds(&self, facet: &Facet, reach: f64) -> bool {
+    fn holds(&self, facet: &FlatFacet, reach: f64) -> bool {
         self.sides.iter().all(|(normal, offset)| {
             facet.place.iter().all(|place| normal.dot(*place) + offset >= -reach)
         })
@@ -202,17 +202,17 @@ impl Sight {
 }
 
 /// The draped triangles of a panel, on which yarns are no farther away than `depth`.
-fn facets(panel: &Panel, depth: f64) -> Vec<Facet> {
+fn facets(panel: &Panel, depth: f64) -> Vec<FlatFacet> {
     let surface = SmoothSurface::new(panel);
     let facet = |(triangle, corners): (usize, &[u32; 3])| {
         let place = corners.map(|v| panel.draped[v as usize]);
         let depth = depth + surface.patch(panel, triangle).bulge(place);
-        Facet { flat: corners.map(|v| panel.uv[v as usize]), place, depth }
+        FlatFacet { flat: corners.map(|v| panel.uv[v as usize]), place, depth }
     };
     panel.triangles.iter().enumerate().map(facet).collect()
 }
 
-impl Facet {
+impl FlatFacet {
     /// Its four quarters.
     fn quarters(&self) -> [Self; 4] {
         let Self { flat: [a, b, c], place: [p, q, r], depth } = *self;
@@ -254,7 +254,7 @@ impl PartGrid {
         // Cells of two stitches: a smaller one would hold no whole loop.
         let cell = (2.0 * stitch).clamp(longest / CELLS.1, longest / CELLS.0);
         let size = (extent / cell).ceil().max(DVec2::ONE).as_uvec2();
-        let parts = vec![Part::Unseen; (size.x * size.y) as usize];
+        let parts = vec![PanelPart::Unseen; (size.x * size.y) as usize];
         Self { low, cell, size, parts }
     }
 
@@ -269,7 +269,7 @@ impl PartGrid {
     }
 
     /// Raises the cells that a facet touches to `part`.
-    fn raise(&mut self, facet: &Facet, part: Part) {
+    fn raise(&mut self, facet: &FlatFacet, part: PanelPart) {
         let [low, high] = facet.flat_bounds().map(|corner| self.cell_of(corner));
         for y in low.y..=high.y {
             let row = self.index(UVec2::new(low.x, y))..=self.index(UVec2::new(high.x, y));
@@ -278,14 +278,20 @@ impl PartGrid {
     }
 
     /// Whether a facet is as small as a cell.
-    fn is_small(&self, facet: &Facet) -> bool {
+    fn is_small(&self, facet: &FlatFacet) -> bool {
         let [low, high] = facet.flat_bounds();
         (high - low).max_element() <= self.cell
     }
 
     /// Marks what a picture sees of a facet. Parts in the view itself are added to `in_view`; those
     /// within `reach` of it are marked too.
-    fn add_view(&mut self, facet: &Facet, sight: &Sight, reach: f64, in_view: &mut Vec<Facet>) {
+    fn add_view(
+        &mut self,
+        facet: &FlatFacet,
+        sight: &Sight,
+        reach: f64,
+        in_view: &mut Vec<FlatFacet>,
+    ) {
         let depth = sight.depth_of(facet);
         if depth < -reach {
             return;
@@ -294,30 +300,30 @@ impl PartGrid {
             let quarters = facet.quarters();
             return quarters.iter().for_each(|part| self.add_view(part, sight, reach, in_view));
         }
-        self.raise(facet, Part::Seen);
+        self.raise(facet, PanelPart::Seen);
         if depth >= 0.0 {
             in_view.push(*facet);
         }
     }
 
     /// Marks what of a facet casts shadows into the view.
-    fn add_shadow(&mut self, facet: &Facet, sun: &SunGrid) {
+    fn add_shadow(&mut self, facet: &FlatFacet, sun: &SunGrid) {
         if !sun.is_shadowed_by(facet) {
             return;
         }
         if self.is_small(facet) {
-            return self.raise(facet, Part::Shadow);
+            return self.raise(facet, PanelPart::Shadow);
         }
         facet.quarters().iter().for_each(|part| self.add_shadow(part, sun));
     }
 
     /// The ranges along a strip that are seen or cast shadows, joined where cells touch, with what
     /// they are at most. The strip is `across` one axis (0 or 1) and runs along the other.
-    fn ranges(&self, axis: usize, across: Range<f64>) -> Vec<(Range<f64>, Part)> {
+    fn ranges(&self, axis: usize, across: Range<f64>) -> Vec<(Range<f64>, PanelPart)> {
         let cells = |at: f64, axis: usize| self.cell_of(DVec2::splat(at))[axis];
         let columns = cells(across.start, axis)..=cells(across.end, axis);
         let along = 1 - axis;
-        let mut ranges: Vec<(Range<f64>, Part)> = Vec::new();
+        let mut ranges: Vec<(Range<f64>, PanelPart)> = Vec::new();
         for row in 0..self.size[along] {
             let cell = |column| {
                 let cell =
@@ -325,7 +331,7 @@ impl PartGrid {
                 self.parts[self.index(cell)]
             };
             let part = columns.clone().map(cell).max().unwrap_or_default();
-            if part == Part::Unseen {
+            if part == PanelPart::Unseen {
                 continue;
             }
             let start = self.low[along] + f64::from(row) * self.cell;

@@ -11,7 +11,7 @@ use std::ops::Range;
 
 use glam::DVec2;
 
-use super::{Part, Seen};
+use super::{PanelPart, Seen};
 use crate::drape::cloth::{BLOCK_STITCHES, BlockPlan, YarnPlan};
 use crate::drape::{Cloth, DrapeOptions};
 
@@ -71,7 +71,7 @@ impl<'a> Cloth<'a> {
         yarn: &YarnPlan,
         seen: &Seen,
         is_swept: bool,
-    ) -> Vec<(Range<i64>, Part)> {
+    ) -> Vec<(Range<i64>, PanelPart)> {
         let (bar, pattern) = (block.bar, &self.pattern);
         // Yarns across the wales are numbered along y and run along x.
         let axis = usize::from(pattern.runs_across(bar));
@@ -113,13 +113,13 @@ impl<'a> Cloth<'a> {
 /// The stretches of one yarn, given the ranges of its steps that pictures need.
 fn stretches_of(
     yarn: &YarnPlan,
-    ranges: Vec<(Range<i64>, Part)>,
+    ranges: Vec<(Range<i64>, PanelPart)>,
     stretches: Stretches,
     is_swept: bool,
 ) -> Vec<YarnPlan> {
     let mut joined: Vec<Range<i64>> = Vec::new();
     for (mut range, part) in ranges {
-        if stretches == Stretches::FromStart && part == Part::Seen {
+        if stretches == Stretches::FromStart && part == PanelPart::Seen {
             range.start = yarn.courses.start;
             joined.clear();
         }

@@ -12,7 +12,7 @@ use std::ops::Range;
 
 use glam::{DVec2, DVec3};
 
-use super::{Facet, Sight};
+use super::{FlatFacet, Sight};
 
 /// Cells along the longer side of the grid. With more, wide penumbras take longer; with fewer, more
 /// cloth counts as a caster than casts shadows.
@@ -36,7 +36,7 @@ pub(super) struct SunGrid {
 
 impl SunGrid {
     /// The grid over what is in view. `None` without any cloth in view.
-    pub(super) fn new(in_view: &[Facet], sight: &Sight) -> Option<Self> {
+    pub(super) fn new(in_view: &[FlatFacet], sight: &Sight) -> Option<Self> {
         let (across, up) = sight.toward_sun.any_orthonormal_pair();
         let mut grid = Self {
             across,
@@ -76,7 +76,7 @@ impl SunGrid {
     }
 
     /// Whether a facet may cast a shadow on what is in view.
-    pub(super) fn is_shadowed_by(&self, facet: &Facet) -> bool {
+    pub(super) fn is_shadowed_by(&self, facet: &FlatFacet) -> bool {
         let (place, reach) = self.project(facet);
         let top = place.z - reach;
         let farthest = self.spread * (self.bottom - top);
@@ -96,7 +96,7 @@ impl SunGrid {
     }
 
     /// Place across the sun's rays and depth along them, and the reach of the facet with its yarns.
-    fn project(&self, facet: &Facet) -> (DVec3, f64) {
+    fn project(&self, facet: &FlatFacet) -> (DVec3, f64) {
         let (middle, reach) = facet.ball();
         let place =
             DVec3::new(middle.dot(self.across), middle.dot(self.up), -middle.dot(self.toward));

@@ -9,7 +9,7 @@ use glam::{DVec2, DVec3};
 use super::shape::{LENGTH_TOLERANCE, largest_curvature};
 use super::{Solver, YarnChain, YarnLength};
 use crate::ids::index32;
-use crate::knit::chain::{Chain, SpanControl, blend};
+use crate::knit::chain::{ControlChain, SpanControl, blend};
 use crate::yarn::curve;
 
 /// Length of a segment of the sampled curve, radii. Longer segments cut the corners of bends, so
@@ -115,7 +115,7 @@ impl<'a> Solver<'a> {
     }
 
     /// Adds the span that starts at a point of a yarn.
-    fn add_span(&mut self, yarn: u32, chain: &Chain, at: usize) {
+    fn add_span(&mut self, yarn: u32, chain: &ControlChain, at: usize) {
         let (start, number) = (index32(self.samples.len()), index32(self.spans.len()));
         let segment = index32(self.segments.len());
         let control = chain.control(at);

@@ -29,7 +29,7 @@ mod shape;
 use glam::{DVec2, DVec3};
 
 use super::Progress;
-use super::chain::Chain;
+use super::chain::ControlChain;
 use contacts::ContactPair;
 use curves::{ChainSpan, CurveSegment};
 
@@ -88,13 +88,13 @@ const MAX_PAIRS: usize = 2_000;
 /// One yarn of the repeat, and what sets its length.
 #[derive(Clone, Debug)]
 pub(super) struct YarnChain {
-    pub(super) chain: Chain,
+    pub(super) chain: ControlChain,
     pub(super) length: YarnLength,
 }
 
 /// All yarns of a repeat.
 #[derive(Clone, Debug)]
-pub(super) struct Cloth<'a> {
+pub(super) struct RelaxedCloth<'a> {
     pub(super) yarns: &'a [YarnChain],
     /// Size of the repeat, mm.
     pub(super) cell: DVec2,
@@ -147,7 +147,7 @@ pub struct Relaxation {
 pub(super) fn relax(
     points: &mut [DVec3],
     shape: &[DVec3],
-    cloth: &Cloth<'_>,
+    cloth: &RelaxedCloth<'_>,
     progress: Progress<'_>,
 ) -> (Relaxation, Option<usize>) {
     let press = cloth.press;
@@ -304,7 +304,7 @@ mod tests {
     /// Relaxes yarns that keep the shape in which they come.
     fn relaxed(points: &mut [DVec3], yarns: &[YarnChain], cell: DVec2) -> Relaxation {
         let shape = points.to_vec();
-        relax(points, &shape, &Cloth { yarns, cell, press: None }, &mut |_| ()).0
+        relax(points, &shape, &RelaxedCloth { yarns, cell, press: None }, &mut |_| ()).0
     }
 
     /// A straight yarn up the cell through `points` places.
@@ -315,7 +315,7 @@ mod tests {
     }
 
     fn chain(points: Range<usize>, radius: f64) -> YarnChain {
-        let chain = Chain { points, period: DVec3::Y, radius };
+        let chain = ControlChain { points, period: DVec3::Y, radius };
         YarnChain { chain, length: YarnLength::Shape }
     }
 

@@ -7,8 +7,8 @@
 use glam::{DVec2, DVec3, Vec3Swizzles};
 
 use super::neighbours::NearSpan;
-use super::rest::{Rest, RestSpan, Segment};
-use super::solver::Solver;
+use super::rest::{Rest, RestSegment, RestSpan};
+use super::solver::StrainSolver;
 use crate::ids::index32;
 use crate::knit::cell_list::CellList;
 use crate::yarn::curve;
@@ -46,7 +46,7 @@ pub(super) struct Contact {
     pub(super) weights: [[f64; 4]; 2],
 }
 
-impl Solver<'_> {
+impl StrainSolver<'_> {
     /// Whether yarns that are not in the list may have met.
     pub(super) fn list_is_stale(&self) -> bool {
         let limit = LIST_MOVE * self.rest.thinnest;
@@ -67,7 +67,7 @@ impl Solver<'_> {
     /// Finds all pairs of segments nearer than `cutoff` over touching.
     fn find_pairs(&mut self, cutoff: f64) {
         let back = self.strain.inverse();
-        let ends = |segment: &Segment| self.ends(segment);
+        let ends = |segment: &RestSegment| self.ends(segment);
         let middles: Vec<_> =
             self.rest.segments.iter().map(|s| ends(s)[0].midpoint(ends(s)[1])).collect();
         let halves: Vec<_> =
@@ -182,13 +182,13 @@ impl Solver<'_> {
     }
 
     /// Weights of the control points at a share of the way along a segment.
-    fn shares(&self, segment: &Segment, along: f64) -> [f64; 4] {
+    fn shares(&self, segment: &RestSegment, along: f64) -> [f64; 4] {
         let at = segment.sample as usize;
         let (from, to) = (&self.weights[at], &self.weights[at + 1]);
         std::array::from_fn(|k| from[k] + along * (to[k] - from[k]))
     }
 
-    fn ends(&self, segment: &Segment) -> [DVec3; 2] {
+    fn ends(&self, segment: &RestSegment) -> [DVec3; 2] {
         let at = segment.sample as usize;
         [self.samples[at], self.samples[at + 1]]
     }
@@ -199,7 +199,7 @@ impl Solver<'_> {
     }
 
     /// Yarn length from the start of the repeat to the middle of a segment.
-    fn along(&self, segment: &Segment) -> f64 {
+    fn along(&self, segment: &RestSegment) -> f64 {
         let sample = segment.sample as usize;
         f64::midpoint(self.along[sample], self.along[sample + 1])
     }

@@ -24,7 +24,7 @@ pub(super) const KNOTS: usize = SIZE[0] * SIZE[1] * SIZE[2];
 
 /// A place in the grid: the eight knots around it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Place {
+pub(super) struct GridPlace {
     /// The knot with the lowest index of each axis.
     low: usize,
     /// Interval of each axis.
@@ -44,7 +44,7 @@ struct Interval {
     to: f64,
 }
 
-impl Place {
+impl GridPlace {
     /// The place of a strain.
     pub(super) fn of(strain: Strain) -> Self {
         let (strain, is_outside) = into_grid(strain);
@@ -183,7 +183,7 @@ mod tests {
     #[test]
     fn a_knot_is_met_exactly() {
         for knot in 0..KNOTS {
-            let found = Place::of(strain(knot)).knots();
+            let found = GridPlace::of(strain(knot)).knots();
             let own: f64 = found.iter().filter(|(at, _)| *at == knot).map(|(_, w)| w).sum();
             assert_eq!(own, 1.0, "{knot}");
         }

@@ -26,7 +26,7 @@ use std::collections::BTreeSet;
 
 use glam::{DMat2, DVec2};
 
-use super::chain::Chain;
+use super::chain::ControlChain;
 use super::repeat::RepeatYarn;
 use super::{Pattern, YarnLength, as_vec, yarn_length};
 use crate::fabric::{Fabric, Structure};
@@ -115,7 +115,7 @@ fn rest_of(fabric: &Fabric, pattern: &Pattern) -> Option<Rest> {
     pattern.relaxation()?;
     let thickness = fabric.thickness();
     let yarns = pattern.repeat.yarns.iter().map(|yarn| RestYarn {
-        chain: Chain {
+        chain: ControlChain {
             points: pattern.repeat.points_of(yarn),
             period: yarn.period,
             radius: thickness[yarn.bar] * fabric.radius(),

@@ -6,7 +6,7 @@
 use glam::{DVec2, DVec3};
 
 use crate::ids::index32;
-use crate::knit::chain::{Chain, SpanControl};
+use crate::knit::chain::{ControlChain, SpanControl};
 
 /// Length of a segment of the sampled curve, radii. Longer ones cut the corners of bends, so yarns
 /// lie nearer than the solver sees; shorter ones cost time with the square of their number.
@@ -14,7 +14,7 @@ const SEGMENT_RADII: f64 = 0.9;
 /// A yarn of the repeat at rest.
 #[derive(Clone, Debug)]
 pub(crate) struct RestYarn {
-    pub(crate) chain: Chain,
+    pub(crate) chain: ControlChain,
     /// Whether it may change its length: elastane, and inlays with slack.
     pub(crate) is_elastic: bool,
 }
@@ -35,7 +35,7 @@ pub(super) struct RestSpan {
 
 /// A segment of a sampled curve.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Segment {
+pub(super) struct RestSegment {
     pub(super) span: u32,
     /// Its first sample.
     pub(super) sample: u32,
@@ -49,7 +49,7 @@ pub(super) struct Rest {
     /// Size of the repeat, mm.
     pub(super) cell: DVec2,
     pub(super) spans: Vec<RestSpan>,
-    pub(super) segments: Vec<Segment>,
+    pub(super) segments: Vec<RestSegment>,
     /// Number of all samples.
     pub(super) samples: usize,
     /// Radius of the thinnest yarn, mm.
@@ -104,7 +104,7 @@ impl Rest {
             length: 0.0,
             chords: [first.distance(to), first.distance(last)],
         });
-        let own = (start..start + segments).map(|sample| Segment { span, sample });
+        let own = (start..start + segments).map(|sample| RestSegment { span, sample });
         self.segments.extend(own);
         self.samples += segments as usize + 1;
     }

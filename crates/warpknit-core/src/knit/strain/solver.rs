@@ -68,7 +68,7 @@ pub(super) struct State {
 }
 
 /// The solver at one strain.
-pub(super) struct Solver<'a> {
+pub(super) struct StrainSolver<'a> {
     pub(super) rest: &'a Rest,
     /// The cloth's map from flat places to strained ones.
     pub(super) strain: DMat2,
@@ -95,7 +95,7 @@ struct Energy {
     nearest: f64,
 }
 
-impl<'a> Solver<'a> {
+impl<'a> StrainSolver<'a> {
     fn new(rest: &'a Rest) -> Self {
         let zero = vec![DVec3::ZERO; rest.samples];
         Self {
@@ -332,7 +332,7 @@ impl<'a> Solver<'a> {
 
 /// Measures the rest lengths of a repeat's spans and how near its yarns lie.
 pub(super) fn measure_rest(rest: &mut Rest) {
-    let mut solver = Solver::new(rest);
+    let mut solver = StrainSolver::new(rest);
     solver.evaluate(false);
     let lengths: Vec<_> = rest.spans.iter().map(|span| solver.length(span)).collect();
     let ratios = solver.pairs.iter().filter_map(|pair| solver.contact(pair, f64::INFINITY));
@@ -346,7 +346,7 @@ pub(super) fn measure_rest(rest: &mut Rest) {
 /// For each span of the flat repeat those nearer than `cutoff` over touching, and how far its curve
 /// leaves its chord, mm.
 pub(super) fn near_spans(rest: &Rest, cutoff: f64) -> (Vec<Vec<NearSpan>>, Vec<f64>) {
-    let mut solver = Solver::new(rest);
+    let mut solver = StrainSolver::new(rest);
     solver.sample();
     let bulge = |span: &RestSpan| {
         let samples = &solver.samples[span.start as usize..=(span.start + span.segments) as usize];
@@ -374,7 +374,7 @@ pub(super) fn flat(rest: &Rest) -> State {
 
 /// Solves for a strain, starting from a state of another one.
 pub(super) fn solve(rest: &Rest, from: &State, strain: Strain) -> State {
-    let mut solver = Solver::new(rest);
+    let mut solver = StrainSolver::new(rest);
     solver.points.clone_from(&from.points);
     // The flat state solves to itself, and no strain needs more than some dozen steps.
     #[expect(
@@ -395,7 +395,7 @@ pub(super) fn solve(rest: &Rest, from: &State, strain: Strain) -> State {
 
 /// Iterates on until the energy no longer falls: for what depends on the energy itself.
 pub(super) fn refine(rest: &Rest, state: State) -> State {
-    let mut solver = Solver::new(rest);
+    let mut solver = StrainSolver::new(rest);
     solver.points.clone_from(&state.points);
     solver.set_strain(state.strain);
     let mut energy = state.energy;
@@ -408,7 +408,7 @@ pub(super) fn refine(rest: &Rest, state: State) -> State {
     solver.state(state.strain, energy)
 }
 
-impl Solver<'_> {
+impl StrainSolver<'_> {
     /// The present state.
     fn state(&self, strain: Strain, energy: f64) -> State {
         State {

@@ -19,7 +19,7 @@ use rayon::Yield;
 use rayon::prelude::*;
 
 use super::Strain;
-use super::grid::{self, KNOTS, Place};
+use super::grid::{self, GridPlace, KNOTS};
 use super::rest::Rest;
 use super::solver::{self, State};
 use crate::ids::index32;
@@ -66,7 +66,7 @@ type PlacedOffset = [f32; 4];
 /// The place of a strain in the table.
 #[derive(Clone, Copy, Debug)]
 pub struct Lookup<'a> {
-    place: Place,
+    place: GridPlace,
     /// The offsets of the knots around it.
     corners: [&'a [PlacedOffset]; 8],
     weights: [f32; 8],
@@ -93,7 +93,7 @@ impl StrainTable {
         }
         let none = || vec![false; KNOTS];
         let wanted = strains.into_par_iter().fold(none, |mut is_wanted, strain| {
-            for (knot, _) in Place::of(strain).knots() {
+            for (knot, _) in GridPlace::of(strain).knots() {
                 is_wanted[knot] = true;
             }
             is_wanted
@@ -164,7 +164,7 @@ impl StrainTable {
     /// Finds a strain in the table.
     #[must_use]
     pub fn at(&self, strain: Strain) -> Lookup<'_> {
-        let place = Place::of(strain);
+        let place = GridPlace::of(strain);
         let corners = place.corners().map(|knot| self.placed(knot));
         Lookup { place, corners, weights: weights(&place) }
     }
@@ -194,7 +194,7 @@ impl StrainTable {
         let mut last = Vec::new();
         for step in 1..RAY_STEPS {
             let share = f64::from(step) / f64::from(RAY_STEPS);
-            let place = Place::of(Strain::NONE.towards(target, share));
+            let place = GridPlace::of(Strain::NONE.towards(target, share));
             let knots = place.knots().into_iter().filter(|(_, weight)| *weight > 0.0);
             let knots: Vec<_> = knots.collect();
             if self.lock_at(&knots) > 1.0 {
@@ -274,7 +274,7 @@ pub(super) fn lock(rest: &Rest, state: &State) -> f64 {
 /// The weights of the knots around a place, as precise as offsets are.
 #[inline]
 #[expect(clippy::cast_possible_truncation, reason = "offsets are stored so")]
-fn weights(place: &Place) -> [f32; 8] {
+fn weights(place: &GridPlace) -> [f32; 8] {
     place.weights().map(|weight| weight as f32)
 }
 
@@ -353,7 +353,7 @@ mod tests {
                 strained(1.0, 1.1, 0.0),
                 strained(1.1, 0.9, 0.2),
             ] {
-                let knots = Place::of(strain).knots();
+                let knots = GridPlace::of(strain).knots();
                 let (knot, _) = knots.into_iter().find(|(_, weight)| *weight > 0.99).unwrap();
                 // The lock counts whole per cents of stretch, and twentieths of touching.
                 let lock = table.solved(knot).lock;
