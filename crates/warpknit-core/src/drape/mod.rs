@@ -11,6 +11,9 @@
 //!
 //! Cost: linear in the stitches. Not promised: yarns that know of each other across panels; each
 //! panel is laid out on its own.
+//!
+//! [`Garment`]: crate::garment::Garment
+//! [`Fabric`]: crate::fabric::Fabric
 
 mod block;
 mod body;
