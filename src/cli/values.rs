@@ -192,14 +192,13 @@ pub(super) fn loupe(text: &str) -> Result<LoupeChoice, String> {
     if text == "off" {
         return Ok(LoupeChoice::Off);
     }
-    let at = list(text).map(|[x, y]| DVec2::new(x, y));
-    at.filter(|at| at.min_element() >= 0.0 && at.max_element() <= 1.0)
-        .map(LoupeChoice::At)
-        .ok_or_else(|| {
-            "write off, or the place as shares of the picture's width and height, both from 0 to 1, \
+    let shares = list(text)
+        .filter(|shares: &[f64; 2]| shares.iter().all(|share| (0.0..=1.0).contains(share)));
+    shares.map(|shares| LoupeChoice::At(DVec2::from(shares))).ok_or_else(|| {
+        "write off, or the place as shares of the picture's width and height, both from 0 to 1, \
              such as 0.5,0.4"
-                .to_owned()
-        })
+            .to_owned()
+    })
 }
 
 /// Parses a rectangle: x, y, width, height.

@@ -14,10 +14,10 @@
 //! Not promised: that flat and draped are the same cloth (only that their triangles pair), and that
 //! the cloth doesn't intersect itself.
 
-use std::collections::HashMap;
 use std::path::Path;
 
 use glam::{DAffine3, DVec2, DVec3};
+use rayon::prelude::*;
 
 use crate::ids::FaceId;
 
@@ -145,13 +145,12 @@ impl Panel {
     #[must_use]
     pub fn non_manifold_edges(&self) -> usize {
         // An edge is named by its smaller vertex first, so that both directions are the same edge.
-        let mut triangles_at: HashMap<[u32; 2], u32> = HashMap::new();
-        for &[a, b, c] in self.triangles.iter().chain(&self.flipped) {
-            for [a, b] in [[a, b], [b, c], [c, a]] {
-                *triangles_at.entry([a.min(b), a.max(b)]).or_default() += 1;
-            }
-        }
-        triangles_at.values().filter(|&&count| count > 2).count()
+        // Sorting brings equal edges together; for millions of them it is faster than hashing.
+        let triangles = self.triangles.iter().chain(&self.flipped);
+        let sides = triangles.flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
+        let mut edges: Vec<[u32; 2]> = sides.map(|[a, b]| [a.min(b), a.max(b)]).collect();
+        edges.par_sort_unstable();
+        edges.chunk_by(|a, b| a == b).filter(|equal| equal.len() > 2).count()
     }
 }
 

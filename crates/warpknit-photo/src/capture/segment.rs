@@ -357,12 +357,14 @@ pub(super) fn covered_shares(
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
-    const LATTICE: Lattice = Lattice { a: DVec2::new(20.0, 0.0), b: DVec2::new(0.0, 10.0) };
+    pub(in super::super) const LATTICE: Lattice =
+        Lattice { a: DVec2::new(20.0, 0.0), b: DVec2::new(0.0, 10.0) };
 
-    fn segment(x: f64, y: f64, angle: f64) -> Segment {
+    /// A segment of 12 by 4 pixels about a place, in pixels, at an angle in radians.
+    pub(in super::super) fn segment(x: f64, y: f64, angle: f64) -> Segment {
         let centre = DVec2::new(x, y);
         Segment { sag: 0.4, tilt: 0.1, ..Segment::straight(centre, angle, 4.0, 12.0, 1.0) }
     }

@@ -156,16 +156,8 @@ fn interval_middle(segment: &Segment, (first, last): (f64, f64)) -> DVec2 {
 mod tests {
     use std::f64::consts::FRAC_PI_2;
 
-    use glam::DVec2;
-
+    use super::super::segment::tests::{LATTICE, segment};
     use super::*;
-
-    const LATTICE: Lattice = Lattice { a: DVec2::new(20.0, 0.0), b: DVec2::new(0.0, 10.0) };
-
-    fn segment(x: f64, y: f64, angle: f64) -> Segment {
-        let centre = DVec2::new(x, y);
-        Segment { sag: 0.4, tilt: 0.1, ..Segment::straight(centre, angle, 4.0, 12.0, 1.0) }
-    }
 
     #[test]
     fn what_lies_below_another_is_not_visible() {
