@@ -25,6 +25,7 @@ for mapping in smooth relaxed; do
     knit drape "$made/flat.obj" "$made/pulled.obj" --unit mm --fabric jersey --wales-per-cm 1 --mapping "$mapping" --size 560x460 --zoom 2 --spp 16 -o "docs/pulled_$mapping.png"
 done
 knit bench --only yarn-length -o docs/yarn_length.svg
+knit bench --only reading -o docs/reading.svg
 
 knit swatch --fabric jersey --view front --wales 24 --courses 30 --zoom 1.5 --size 800x800 --background '#101010' -o "$made/photo.png"
 knit capture "$made/photo.png" -o "$made/cloth"
