@@ -13,7 +13,7 @@ use super::RunError;
 use super::clock::{Clock, Message, Task};
 use super::drawn::{Drawn, empty_scene};
 use super::job::Job;
-use super::limits::{check_laid, check_memory, check_stitches, loss_warning};
+use super::limits::{check_laid, check_memory, check_stitches, locked_warning, loss_warning};
 use super::notes;
 use super::pictures::Pictures;
 use super::settings::Wanted;
@@ -25,6 +25,7 @@ use super::writers::{check_places, finished, sinks};
 use crate::drape::clearance::{self, BodyClearance};
 use crate::drape::{self, Block, Totals};
 use crate::export::{ExportError, FileWriter, Format, Output};
+use crate::map::relaxed::StrainCounts;
 use crate::render::cloth;
 use crate::render::scene::Scene;
 use crate::report::{LoupeReport, PictureReport};
@@ -192,7 +193,8 @@ impl<'a> Prepared<'a> {
             is_last,
         };
         let radius = wants_clearance(job, &outputs).then_some(setup.section.radius);
-        let (totals, draped) = lay(job, (&setup.options, radius), receivers, clock)?;
+        let mut strain = vec![StrainCounts::default(); job.cloth.garment().panels.len()];
+        let (totals, draped) = lay(job, (&setup.options, radius), receivers, &mut strain, clock)?;
         cache.keep(job.cloth);
         let is_in_view = is_only_drawn
             && job.part.is_none()
@@ -202,6 +204,7 @@ impl<'a> Prepared<'a> {
             check_laid(&totals)?;
         }
         all.warn(loss_warning(&totals), clock);
+        all.warn(locked_warning(&strain, job.cloth.garment()), clock);
         clock.begin(Task::Write, 1.0);
         all.files.extend(finished(sinks)?);
         if let Some((drawn, scene)) = &pictures {
@@ -248,11 +251,12 @@ struct Receivers<'a, 'b, 'c> {
 }
 
 /// Lays the yarns block by block and gives each block to the receivers. With a radius, measures the
-/// clearance of yarns drawn with it.
+/// clearance of yarns drawn with it. Adds to `strain` the counts of each panel.
 fn lay(
     job: &Job<'_>,
     (options, radius): (&drape::DrapeOptions, Option<f64>),
     receivers: Receivers<'_, '_, '_>,
+    strain: &mut [StrainCounts],
     clock: &mut Clock<'_>,
 ) -> Result<(Totals, Option<BodyClearance>), RunError> {
     let Receivers { mut pictures, sinks, is_only_drawn, is_last } = receivers;
@@ -267,17 +271,25 @@ fn lay(
         pictures.take_if(|(drawn, _)| job.part.is_some() || drawn.is_part())
     {
         let mut show = |blocks: &[Block]| -> Result<(), ExportError> {
-            blocks.iter().for_each(|block| drawn.add_to(scene, block));
+            blocks.iter().for_each(|block| {
+                strain[block.panel] += block.strain;
+                drawn.add_to(scene, block);
+            });
             Ok(())
         };
         if is_only_drawn && job.part.is_none() {
-            return Ok((drape::run(drawn.cloth(job), &job.options, &mut announce, &mut show)?, None));
+            return Ok((
+                drape::run(drawn.cloth(job), &job.options, &mut announce, &mut show)?,
+                None,
+            ));
         }
         // This time counts as rendering, so that it stays out of the files' own numbers.
         let mut announce = |_, _| clock.borrow_mut().begin(Task::Render, 0.0);
         drape::run(drawn.cloth(job), &job.options, &mut announce, &mut show)?;
+        strain.fill(StrainCounts::default());
     }
     let mut deliver = |blocks: &[Block]| -> Result<(), ExportError> {
+        blocks.iter().for_each(|block| strain[block.panel] += block.strain);
         if let Some((_, scene)) = &mut pictures {
             blocks.iter().for_each(|block| cloth::add_to(scene, block));
         }

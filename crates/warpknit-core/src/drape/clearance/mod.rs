@@ -123,8 +123,7 @@ pub fn measure(
     }
     let options = DrapeOptions { surface: None, ..*options };
     let deliver = &mut |_: &[Block]| Ok::<_, std::convert::Infallible>(());
-    let Ok((_, clearance)) =
-        run(cloth, &options, radius, &mut |_, done| progress(done), deliver);
+    let Ok((_, clearance)) = run(cloth, &options, radius, &mut |_, done| progress(done), deliver);
     clearance
 }
 

@@ -123,8 +123,9 @@ impl Patches {
         let PanelPatches { origin, columns, rows, .. } = self.panels[panel];
         let [low, high] = [low - self.margin, high + self.margin]
             .map(|corner| ((corner - origin) / self.side).to_array().map(whole));
-        (low[1]..=high[1].min(rows - 1))
-            .flat_map(move |row| (low[0]..=high[0].min(columns - 1)).map(move |at| row * columns + at))
+        (low[1]..=high[1].min(rows - 1)).flat_map(move |row| {
+            (low[0]..=high[0].min(columns - 1)).map(move |at| row * columns + at)
+        })
     }
 }
 
