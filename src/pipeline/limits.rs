@@ -161,12 +161,13 @@ pub(super) fn locked_warning(strain: &[StrainCounts], garment: &Garment) -> Opti
         return None;
     }
     let most = (0..strain.len()).max_by_key(|&panel| strain[panel].locked)?;
-    let ([_, wales, _], [_, courses, _]) = stretch(std::slice::from_ref(&garment.panels[most]));
+    // Medians would say little: the rest of a locked panel may lie slack.
+    let ([.., wales], [.., courses]) = stretch(std::slice::from_ref(&garment.panels[most]));
     Some(format!(
         "the garment strains {:.0} % of the cloth further than its loops can follow: most on panel \
-         {most}, {:.0} % of it, which is {wales:.2} times as long along the wales and {courses:.2} \
-         along the courses as flat (medians); yarns there stretch like rubber and may cut each other; \
-         take a pattern that fits the body with less stretch, or a fabric that gives more",
+         {most}, {:.0} % of it, which is stretched in places to {wales:.2} times its length along the \
+         wales and {courses:.2} along the courses; yarns there stretch like rubber and may cut each \
+         other; take a pattern that fits the body with less stretch, or a fabric that gives more",
         100.0 * share(&all),
         100.0 * share(&strain[most]),
     ))
