@@ -56,6 +56,7 @@ impl From<Stage> for Task {
             Stage::Strain => Self::Strain,
             Stage::Map => Self::Map,
             Stage::Sweep => Self::Sweep,
+            Stage::Clearance => Self::Clearance,
             Stage::Surface => Self::Surface,
             Stage::Deliver => Self::Write,
         }

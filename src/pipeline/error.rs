@@ -149,6 +149,12 @@ pub enum RunError {
         /// Rows of the picture.
         rows: u32,
     },
+    /// Sweeps were asked for with a mapping that has none.
+    #[error(
+        "--sweeps on goes with --mapping relaxed, which keeps the lengths of yarns: leave out one of \
+         --sweeps and --mapping"
+    )]
+    SweepsUnrelaxed,
     /// No yarn on the garment.
     #[error(
         "no yarn lies on the garment: its panels are smaller than a stitch; raise \

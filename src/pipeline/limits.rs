@@ -5,13 +5,17 @@
 use std::path::PathBuf;
 
 use super::RunError;
+use super::estimates::float;
 use super::job::Source;
 use super::settings::{LoupeChoice, Placement, Settings, Wanted};
 use super::targets::check_distinct;
 use crate::drape::strands::Losses;
-use crate::drape::{Cloth, Totals};
+use crate::drape::{Cloth, DrapeOptions, Totals};
 use crate::export::Format;
+use crate::garment::Garment;
+use crate::garment::stretch::stretch;
 use crate::map::Mapping;
+use crate::map::relaxed::StrainCounts;
 use crate::system::available_memory_gb;
 use crate::tile::Tile;
 
@@ -27,6 +31,7 @@ pub(super) fn check_settings(
     outputs: &[Wanted],
     is_moving: bool,
 ) -> Result<(), RunError> {
+    check_placement(settings.placement)?;
     let picture = &settings.picture;
     let has_loupe = matches!(picture.loupe, LoupeChoice::At(_));
     check_distinct(
@@ -50,6 +55,19 @@ pub(super) fn check_settings(
     match settings.tile.map(Tile::numbers) {
         Some([number, of]) if of > rows => Err(RunError::TooManyTiles { number, of, rows }),
         _ => Ok(()),
+    }
+}
+
+/// Refuses sweeps with a mapping that stretches yarns as if they were rubber.
+///
+/// # Errors
+/// [`RunError::SweepsUnrelaxed`].
+pub fn check_placement(placement: Placement) -> Result<(), RunError> {
+    match placement.mapping {
+        Mapping::Smooth | Mapping::Frame if placement.sweeps == Some(true) => {
+            Err(RunError::SweepsUnrelaxed)
+        }
+        Mapping::Smooth | Mapping::Frame | Mapping::Relaxed => Ok(()),
     }
 }
 
@@ -104,18 +122,53 @@ pub fn loss_warning(totals: &Totals) -> Option<String> {
     })
 }
 
-/// The note that yarns stretch with the garment although their lengths were to be kept, if the
-/// fabric's repeat can't be solved for strains.
+/// The note on how yarns keep their lengths, where the fabric's repeat can't be solved for strains: by
+/// sweeps alone, or not at all.
 #[must_use]
-pub fn unstrained_note(cloth: &Cloth<'_>, placement: Placement) -> Option<String> {
-    if placement.mapping != Mapping::Relaxed || cloth.keeps_lengths(&placement.into()) {
+pub fn lengths_note(cloth: &Cloth<'_>, options: &DrapeOptions) -> Option<String> {
+    if options.mapping != Mapping::Relaxed
+        || cloth.strain().is_some_and(|table| !table.is_flat_only())
+    {
         return None;
     }
-    let why = if cloth.strain().is_none() {
-        "this fabric's repeat can't be solved for the garment's strains"
+    Some(if cloth.keeps_lengths(options) {
+        "this fabric's repeat is too large to be solved for the garment's strains: yarns keep their \
+         lengths by being moved on the garment alone, where each has room"
+            .to_owned()
     } else {
-        "this fabric's repeat is too large to be solved for the garment's strains, and yarns are \
-         not moved apart on it (--sweeps on)"
-    };
-    Some(format!("{why}, so yarns stretch with the garment as if they were rubber"))
+        let why = if cloth.strain().is_none() {
+            "this fabric's repeat can't be solved for the garment's strains"
+        } else {
+            "this fabric's repeat is too large to be solved for the garment's strains, and yarns \
+             are not moved apart on it (--sweeps on)"
+        };
+        format!("{why}, so yarns stretch with the garment as if they were rubber")
+    })
+}
+
+/// Share of the points that may be locked without a warning. Cut edges and seams of most garments have
+/// some.
+const FEW_LOCKED: f64 = 0.01;
+
+/// The warning about cloth that is strained further than its loops can follow. `strain` has the counts
+/// of each panel.
+pub(super) fn locked_warning(strain: &[StrainCounts], garment: &Garment) -> Option<String> {
+    let share =
+        |counts: &StrainCounts| float(counts.locked as u64) / float(counts.points.max(1) as u64);
+    let mut all = StrainCounts::default();
+    strain.iter().for_each(|counts| all += *counts);
+    if share(&all) <= FEW_LOCKED {
+        return None;
+    }
+    let most = (0..strain.len()).max_by_key(|&panel| strain[panel].locked)?;
+    // Medians would say little: the rest of a locked panel may lie slack.
+    let ([.., wales], [.., courses]) = stretch(std::slice::from_ref(&garment.panels[most]));
+    Some(format!(
+        "the garment strains {:.0} % of the cloth further than its loops can follow: most on panel \
+         {most}, {:.0} % of it, which is stretched in places to {wales:.2} times its length along the \
+         wales and {courses:.2} along the courses; yarns there stretch like rubber and may cut each \
+         other; take a pattern that fits the body with less stretch, or a fabric that gives more",
+        100.0 * share(&all),
+        100.0 * share(&strain[most]),
+    ))
 }

@@ -13,7 +13,7 @@ use super::RunError;
 use super::clock::{Clock, Message, Task};
 use super::drawn::{Drawn, empty_scene};
 use super::job::Job;
-use super::limits::{check_laid, check_memory, check_stitches, loss_warning};
+use super::limits::{check_laid, check_memory, check_stitches, locked_warning, loss_warning};
 use super::notes;
 use super::pictures::Pictures;
 use super::settings::Wanted;
@@ -25,6 +25,7 @@ use super::writers::{check_places, finished, sinks};
 use crate::drape::clearance::{self, BodyClearance};
 use crate::drape::{self, Block, Totals};
 use crate::export::{ExportError, FileWriter, Format, Output};
+use crate::map::relaxed::StrainCounts;
 use crate::render::cloth;
 use crate::render::scene::Scene;
 use crate::report::{LoupeReport, PictureReport};
@@ -191,7 +192,9 @@ impl<'a> Prepared<'a> {
             is_only_drawn,
             is_last,
         };
-        let totals = lay(job, &setup.options, receivers, clock)?;
+        let radius = wants_clearance(job, &outputs).then_some(setup.section.radius);
+        let mut strain = vec![StrainCounts::default(); job.cloth.garment().panels.len()];
+        let (totals, draped) = lay(job, (&setup.options, radius), receivers, &mut strain, clock)?;
         cache.keep(job.cloth);
         let is_in_view = is_only_drawn
             && job.part.is_none()
@@ -201,8 +204,7 @@ impl<'a> Prepared<'a> {
             check_laid(&totals)?;
         }
         all.warn(loss_warning(&totals), clock);
-        let draped = wants_clearance(job, &outputs)
-            .then(|| body_clearance(job, setup.section.radius, clock));
+        all.warn(locked_warning(&strain, job.cloth.garment()), clock);
         clock.begin(Task::Write, 1.0);
         all.files.extend(finished(sinks)?);
         if let Some((drawn, scene)) = &pictures {
@@ -248,13 +250,15 @@ struct Receivers<'a, 'b, 'c> {
     is_last: bool,
 }
 
-/// Lays the yarns block by block and gives each block to the receivers.
+/// Lays the yarns block by block and gives each block to the receivers. With a radius, measures the
+/// clearance of yarns drawn with it. Adds to `strain` the counts of each panel.
 fn lay(
     job: &Job<'_>,
-    options: &drape::DrapeOptions,
+    (options, radius): (&drape::DrapeOptions, Option<f64>),
     receivers: Receivers<'_, '_, '_>,
+    strain: &mut [StrainCounts],
     clock: &mut Clock<'_>,
-) -> Result<Totals, RunError> {
+) -> Result<(Totals, Option<BodyClearance>), RunError> {
     let Receivers { mut pictures, sinks, is_only_drawn, is_last } = receivers;
     // The closures below need the clock, and `drape::run` calls them in turn.
     let clock = RefCell::new(clock);
@@ -267,33 +271,36 @@ fn lay(
         pictures.take_if(|(drawn, _)| job.part.is_some() || drawn.is_part())
     {
         let mut show = |blocks: &[Block]| -> Result<(), ExportError> {
-            blocks.iter().for_each(|block| drawn.add_to(scene, block));
+            blocks.iter().for_each(|block| {
+                strain[block.panel] += block.strain;
+                drawn.add_to(scene, block);
+            });
             Ok(())
         };
         if is_only_drawn && job.part.is_none() {
-            return Ok(drape::run(drawn.cloth(job), &job.options, &mut announce, &mut show)?);
+            return Ok((
+                drape::run(drawn.cloth(job), &job.options, &mut announce, &mut show)?,
+                None,
+            ));
         }
         // This time counts as rendering, so that it stays out of the files' own numbers.
         let mut announce = |_, _| clock.borrow_mut().begin(Task::Render, 0.0);
         drape::run(drawn.cloth(job), &job.options, &mut announce, &mut show)?;
+        strain.fill(StrainCounts::default());
     }
     let mut deliver = |blocks: &[Block]| -> Result<(), ExportError> {
+        blocks.iter().for_each(|block| strain[block.panel] += block.strain);
         if let Some((_, scene)) = &mut pictures {
             blocks.iter().for_each(|block| cloth::add_to(scene, block));
         }
         sinks.iter_mut().try_for_each(|sink| sink.take(blocks))
     };
-    Ok(drape::run(job.filed(), options, &mut announce, &mut deliver)?)
-}
-
-/// Measures the clearance on the body of yarns drawn with a radius.
-fn body_clearance(job: &Job<'_>, radius: f64, clock: &mut Clock<'_>) -> BodyClearance {
-    clock.begin(Task::Clearance, 0.0);
-    let listener = clock.listener();
-    let progress = &mut |done| listener.progress(done);
-    let clearance = clearance::measure(job.cloth, &job.options, radius, progress);
-    clock.stop();
-    clearance
+    let (cloth, announce) = (job.filed(), &mut announce);
+    let Some(radius) = radius else {
+        return Ok((drape::run(cloth, options, announce, &mut deliver)?, None));
+    };
+    let (totals, draped) = clearance::run(cloth, options, radius, announce, &mut deliver)?;
+    Ok((totals, Some(draped)))
 }
 
 /// Whether to measure the clearance on the body: only for a report of the whole cloth, and not for a

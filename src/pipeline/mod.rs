@@ -41,7 +41,9 @@ pub use densities::{drawn_radius, turn_grains};
 pub use error::RunError;
 pub use job::Source;
 pub use limits::MOST_STITCHES;
-pub use limits::{check_laid, check_memory, check_stitches, loss_warning, unstrained_note};
+pub use limits::{
+    check_laid, check_memory, check_placement, check_stitches, lengths_note, loss_warning,
+};
 pub use numbers::RealCloth;
 pub use pictures::options;
 pub use run::{drape, swatch};

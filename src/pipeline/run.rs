@@ -10,7 +10,7 @@ use super::RunError;
 use super::clock::{Clock, Task};
 use super::densities::{Gauge, Shown, drawn_radius, shown, turn_grains};
 use super::job::{Job, Source};
-use super::limits::{check_settings, unstrained_note};
+use super::limits::{check_settings, lengths_note};
 use super::make::make;
 use super::sequence::{self, Sequence};
 use super::settings::Settings;
@@ -76,16 +76,17 @@ pub fn drape(
         .map(|(part, cloth)| {
             let Shown { fabric: shown, outputs, gauge } = part;
             let notes = garment.summary.notes.iter().cloned();
+            let options = laying(settings, part.gauge);
             Job {
                 settings,
                 fabric,
                 shown,
                 outputs: outputs.clone(),
                 gauge: *gauge,
-                notes: notes.chain(unstrained_note(cloth, settings.placement)).collect(),
+                notes: notes.chain(lengths_note(cloth, &options)).collect(),
                 part: settings.tile.map(|tile| (tile, cloth.part(tile))),
                 cloth,
-                options: laying(settings, *gauge),
+                options,
                 area,
                 source,
                 is_swatch: false,

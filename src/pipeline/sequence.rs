@@ -26,7 +26,7 @@ use super::RunError;
 use super::clock::{Clock, Message, Task};
 use super::estimates::float;
 use super::job::Job;
-use super::limits::{check_laid, check_memory, check_stitches, loss_warning};
+use super::limits::{check_laid, check_memory, check_stitches, locked_warning, loss_warning};
 use super::notes;
 use super::pictures::Pictures;
 use super::settings::Wanted;
@@ -82,7 +82,8 @@ struct Show<'a, 'b, 'c> {
     scene: Option<Scene>,
     /// Points around all frames, for a camera that does not move. Empty if it has its own place.
     extent: Vec<Vec3>,
-    /// Points of all frames where the cloth is strained too far.
+    /// Points of all frames where the cloth is strained too far, panel by panel.
+    panels: Vec<StrainCounts>,
     strain: StrainCounts,
     drawn_by: String,
     warnings: Vec<String>,
@@ -134,12 +135,16 @@ pub(super) fn make(
         usda,
         scene,
         extent,
+        panels: vec![StrainCounts::default(); job.cloth.garment().panels.len()],
         strain: StrainCounts::default(),
         drawn_by,
         warnings,
         clock: &mut clock,
     };
     let frames = show.all(sequence)?;
+    if let Some(locked) = locked_warning(&show.panels, job.cloth.garment()) {
+        show.warn(locked);
+    }
     cache.keep(job.cloth);
     let Show { located, usda, strain, drawn_by, warnings, .. } = show;
     clock.begin(Task::Write, 1.0);
@@ -279,7 +284,7 @@ impl Show<'_, '_, '_> {
 
     /// Makes a frame's files.
     fn frame(&mut self, garment: &Garment, number: usize) -> Result<(), RunError> {
-        let Self { job, setup, located, files, usda, scene, strain, clock, .. } = self;
+        let Self { job, setup, located, files, usda, scene, panels, strain, clock, .. } = self;
         let own = files.of_frame(number);
         let mut sinks = sinks(&own, job, setup)?;
         usda.iter_mut().try_for_each(|usda| usda.begin_frame(index32(number + 1)))?;
@@ -288,6 +293,7 @@ impl Show<'_, '_, '_> {
         }
         let clock = RefCell::new(clock);
         let mut deliver = |blocks: &[Block]| -> Result<(), ExportError> {
+            blocks.iter().for_each(|block| panels[block.panel] += block.strain);
             if let Some(scene) = scene {
                 blocks.iter().for_each(|block| cloth::add_to(scene, block));
             }

@@ -58,7 +58,16 @@ impl Setup {
         let pattern = job.cloth.pattern();
         warnings.extend(run_in::missed(job.shown, pattern));
         warnings.extend(self.links.warning());
-        warnings.extend(clearance::warnings(job.shown, pattern, &self.near, self.section.radius));
+        match &job.stretched {
+            // What densities and yarns would fit says nothing of cloth that is pulled.
+            Some(stretched) => warnings.extend(stretched.warning(&self.near)),
+            None => warnings.extend(clearance::warnings(
+                job.shown,
+                pattern,
+                &self.near,
+                self.section.radius,
+            )),
+        }
         if job.settings.picture.shape == Shape::Ribbon {
             warnings.extend(self.textures.misfit(job.shown));
         }

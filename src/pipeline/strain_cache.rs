@@ -21,7 +21,8 @@ use crate::knit::strain::StrainTable;
 
 /// The ending of the cache's files.
 const ENDING: &str = "knots";
-/// Files of the cache. The oldest make room for a new one: each density of a fabric has its own.
+/// Files of the cache. Those that no run has used for longest make room for a new one: each density
+/// of a fabric has its own.
 const MOST_FILES: usize = 64;
 /// Size of a file that is read or written at most. Two bars take about a megabyte.
 const MOST_BYTES: u64 = 64 << 20;
@@ -62,6 +63,9 @@ impl StrainCache {
         let Some((folder, table)) = folder.zip(table) else { return none };
         let file = folder.join(format!("{:016x}.{ENDING}", table.fingerprint()));
         let kept = read(&file).is_some_and(|bytes| table.load(&bytes));
+        if kept {
+            mark_used(&file);
+        }
         Self { file: Some(file), kept: if kept { table.knots() } else { 0 } }
     }
 
@@ -87,6 +91,14 @@ fn read(file: &Path) -> Option<Vec<u8>> {
     Some(bytes)
 }
 
+/// Gives a file the time of its last use, by which [`make_room`] chooses. Not all systems keep the
+/// time at which a file was read.
+fn mark_used(file: &Path) {
+    let opened = std::fs::File::options().append(true).open(file);
+    // A cache that can't be written keeps its files anyway.
+    let _unmarked = opened.and_then(|file| file.set_modified(SystemTime::now()));
+}
+
 /// Writes the file of a table.
 fn write(file: &Path, table: &StrainTable) -> Result<(), ExportError> {
     let bytes = table.to_bytes();
@@ -101,7 +113,8 @@ fn write(file: &Path, table: &StrainTable) -> Result<(), ExportError> {
     Output::create_whole(file, &bytes)?.publish()
 }
 
-/// Removes the oldest files of the cache, so that a new one is the last that fits.
+/// Removes the files of the cache that were used longest ago, so that a new one is the last that
+/// fits.
 fn make_room(folder: &Path) {
     let Ok(entries) = folder.read_dir() else { return };
     let own = entries.filter_map(Result::ok).map(|entry| entry.path());
@@ -193,6 +206,31 @@ mod tests {
         std::fs::create_dir(&file).unwrap();
         keep(folder.path());
         assert!(file.is_dir());
+    }
+
+    #[test]
+    fn what_was_used_lately_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let open = |cloth: &Cloth<'_>| StrainCache::open(Some(folder.path()), cloth);
+        with_cloth(|cloth| {
+            let cache = open(cloth);
+            solve(cloth);
+            cache.keep(cloth);
+        });
+        let used = only_file(folder.path());
+        let long_ago = |file: &Path, seconds: u64| {
+            let time = SystemTime::UNIX_EPOCH + std::time::Duration::from_secs(seconds);
+            std::fs::File::options().append(true).open(file).unwrap().set_modified(time).unwrap();
+        };
+        long_ago(&used, 1);
+        for number in 0..MOST_FILES {
+            let file = folder.path().join(format!("{number}.{ENDING}"));
+            std::fs::write(&file, "").unwrap();
+            long_ago(&file, 1000 + number as u64);
+        }
+        with_cloth(|cloth| drop(open(cloth)));
+        make_room(folder.path());
+        assert!(used.exists() && !folder.path().join(format!("0.{ENDING}")).exists());
     }
 
     #[test]

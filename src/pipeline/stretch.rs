@@ -8,6 +8,7 @@ use super::RunError;
 use super::clock::{Clock, Task};
 use crate::fabric::Fabric;
 use crate::knit::Pattern;
+use crate::knit::clearance::Clearance;
 use crate::knit::strain::Strain;
 use crate::knit::strain::pull::{Pulled, Puller};
 
@@ -37,6 +38,21 @@ pub struct Stretched {
     pub is_locked: bool,
     /// Widths along the wales over the pull, where they are free.
     pub free: Vec<FreeWidth>,
+}
+
+impl Stretched {
+    /// The warning that the cloth is locked, if it is. `near` is the clearance of its yarns.
+    pub(super) fn warning(&self, near: &Clearance) -> Option<String> {
+        let Strain { courses, wales, .. } = self.strain;
+        self.is_locked.then(|| {
+            format!(
+                "no loop can follow a pull to {courses:.2} along the courses and {wales:.2} along the \
+                 wales: yarns would have to stretch, or lie nearer than touching (the nearest at {:.2} \
+                 of it); change the cloth's size by less",
+                near.min_over_2r
+            )
+        })
+    }
 }
 
 /// The free width along the wales at a pull.

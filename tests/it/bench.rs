@@ -212,13 +212,14 @@ fn yarn_keeps_its_length_better_relaxed_than_smooth() {
     let text = "v 0 0 0\nv 230 0 0\nv 230 300 0\nv 0 300 0\nvt 0 0\nvt 200 0\nvt 200 300\nvt 0 300\nf 1/1 2/2 3/3 4/4\n";
     std::fs::write(folder.path().join("own.obj"), text).unwrap();
     let outputs = ["--only", "yarn-length", "-o", "b.json", "-o", "b.svg"];
-    let units = ["own.obj", "--unit", "mm", "--uv-scale", "1"];
+    let units = ["own.obj", "--unit", "mm", "--uv-scale", "1", "--fabric", "locknit"];
     table(folder.path(), &[&units[..], &outputs[..]].concat());
     let record = json(&folder.path().join("b.json"));
     let rows = record["tables"]["yarn-length"]["rows"].as_array().unwrap();
     assert!(!rows.is_empty());
     for [smooth, relaxed] in rows.as_chunks().0 {
         assert_eq!([&smooth["map"], &relaxed["map"]], ["smooth", "relaxed"]);
+        assert_eq!(relaxed["fabric"], "locknit");
         let [smooth, relaxed] = [smooth, relaxed].map(|row| row["over_2"].as_f64().unwrap());
         assert!(smooth > 90.0 && relaxed < 5.0, "{smooth} % smooth, {relaxed} % relaxed");
     }
@@ -246,6 +247,7 @@ fn wrong_files_are_told_of_before_anything_is_measured() {
     fails(1, &["-o", "b.json", "-o", "./b.json"], "another output");
     fails(1, &["absent.obj"], "absent.obj");
     fails(1, &["--brute"], "--only plane-curved");
+    fails(1, &["--fabric", "locknit"], "--only yarn-length");
     let pictures = bench(folder.path(), &["own.obj", "--only", "st-sr"])
         .assert()
         .code(1)

@@ -3,7 +3,7 @@
 
 use glam::{DQuat, DVec3};
 use rayon::ThreadPoolBuilder;
-use warpknit::drape::clearance::{BodyClearance, measure as measure_cloth};
+use warpknit::drape::clearance::{BodyClearance, measure as measure_cloth, run};
 use warpknit::drape::strands::Edge;
 use warpknit::drape::{self, Block, Cloth, DrapeOptions};
 use warpknit::fabric::Fabric;
@@ -174,4 +174,30 @@ fn any_number_of_threads_gives_the_same() {
     });
     assert!(one.pairs_below_1 > 0 && one.below_95 > 0.0);
     assert_eq!(one, three);
+}
+
+#[test]
+fn swept_yarns_are_measured_within_the_run() {
+    let (garment, fabric) = (skirt(), at(0.8));
+    let cloth = Cloth::cover(&garment, &fabric).unwrap();
+    let options = DrapeOptions { sweeps: Some(true), ..DrapeOptions::default() };
+    let mut points = 0;
+    let mut stages = Vec::new();
+    let deliver = &mut |blocks: &[Block]| {
+        points += blocks.iter().map(|block| block.draped.positions.len()).sum::<usize>();
+        Ok::<_, std::convert::Infallible>(())
+    };
+    let announce = &mut |stage, _| stages.push(stage);
+    let Ok((totals, within)) = run(&cloth, &options, fabric.radius(), announce, deliver);
+    assert!(totals.data_points > 0 && points >= totals.data_points);
+    assert!(stages.contains(&drape::Stage::Clearance));
+    let pool = ThreadPoolBuilder::new().num_threads(3).build().unwrap();
+    let again = pool.install(|| measure_cloth(&cloth, &options, fabric.radius(), &mut |_| ()));
+    assert_eq!(within, again);
+    let unswept = DrapeOptions { sweeps: Some(false), ..options };
+    let before = measure_cloth(&cloth, &unswept, fabric.radius(), &mut |_| ());
+    // The same yarns, which sweeps have moved apart. An arc's share of its span's flat length is that
+    // of its draped length, so lengths differ by a ten-thousandth.
+    assert!((within.yarn_length / before.yarn_length - 1.0).abs() < 5e-4, "{within:?} {before:?}");
+    assert!(within.below_95 < 0.2 * before.below_95, "{within:?} {before:?}");
 }

@@ -126,3 +126,79 @@ fn what_cannot_be_pulled_is_refused() {
         assert!(fails(2, &["swatch", "--stretch", stretch], |_| {}).starts_with("error:"));
     }
 }
+
+/// A rectangle of 200 x 300 mm, pulled along both ways by a factor.
+fn pulled_obj(folder: &Path, factor: f64) {
+    let (x, y) = (200.0 * factor, 300.0 * factor);
+    let text = format!(
+        "v 0 0 0\nv {x} 0 0\nv {x} {y} 0\nv 0 {y} 0\nvt 0 0\nvt 200 0\nvt 200 300\nvt 0 300\n\
+         f 1/1 2/2 3/3 4/4\n"
+    );
+    std::fs::write(folder.join("own.obj"), text).unwrap();
+}
+
+/// The warnings and notes in the report of a drape of that rectangle, or what the command says
+/// when it fails.
+fn said_of(factor: f64, flags: &[&str]) -> Result<Vec<String>, String> {
+    let folder = tempfile::tempdir().unwrap();
+    pulled_obj(folder.path(), factor);
+    let mut command = Command::cargo_bin("warpknit").unwrap();
+    command.current_dir(&folder).args(["drape", "own.obj", "--unit", "mm", "--uv-scale", "1"]);
+    command.args(["--no-cache", "-o", "o.json"]).args(flags);
+    let output = command.output().unwrap();
+    if !output.status.success() {
+        return Err(String::from_utf8(output.stderr).unwrap());
+    }
+    let text = std::fs::read_to_string(folder.path().join("o.json")).unwrap();
+    let report: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let said = report["garment"]["warnings"].as_array().unwrap().iter();
+    Ok(said.map(|text| text.as_str().unwrap().to_owned()).collect())
+}
+
+#[test]
+fn locked_cloth_is_told_of_once_with_its_panel() {
+    let locked = |factor: f64| {
+        let said = said_of(factor, &["--wales-per-cm", "3", "--fabric", "tricot"]).unwrap();
+        said.into_iter().filter(|text| text.contains("than its loops can follow")).collect()
+    };
+    let (free, pulled): (Vec<String>, Vec<String>) = (locked(1.05), locked(1.45));
+    assert!(free.is_empty(), "{free:?}");
+    assert!(pulled.len() == 1 && pulled[0].contains("panel 0, 100 % of it"), "{pulled:?}");
+}
+
+#[test]
+fn sweeps_without_the_relaxed_mapping_are_refused() {
+    for mapping in ["smooth", "frame"] {
+        let why = said_of(1.0, &["--mapping", mapping, "--sweeps", "on"]).unwrap_err();
+        assert!(why.contains("--sweeps on goes with --mapping relaxed"), "{why}");
+        assert!(said_of(1.0, &["--mapping", mapping, "--sweeps", "off"]).is_ok());
+    }
+}
+
+#[test]
+fn a_cable_says_how_its_lengths_are_kept() {
+    let flags = ["--wales-per-cm", "2", "--fabric", "cable"];
+    let notes = |more: &[&str]| {
+        let said = said_of(1.05, &[&flags[..], more].concat()).unwrap();
+        said.into_iter().filter(|text| text.contains("repeat is too large")).collect::<Vec<_>>()
+    };
+    let (swept, unswept) = (notes(&[]), notes(&["--sweeps", "off"]));
+    assert!(swept.len() == 1 && swept[0].contains("by being moved on the garment"), "{swept:?}");
+    assert!(unswept.len() == 1 && unswept[0].contains("rubber"), "{unswept:?}");
+}
+
+#[test]
+fn a_swatch_pulled_too_far_has_one_warning() {
+    let folder = tempfile::tempdir().unwrap();
+    let warnings = |stretch: &str| {
+        let mut command = Command::cargo_bin("warpknit").unwrap();
+        command.current_dir(&folder).args(["swatch", "--fabric", "jersey", "--stretch", stretch]);
+        let output = command.args(["-o", "o.json"]).output().unwrap();
+        let text = String::from_utf8(output.stderr).unwrap();
+        std::fs::remove_file(folder.path().join("o.json")).unwrap();
+        text.lines().filter(|line| line.starts_with("warning")).map(str::to_owned).collect()
+    };
+    let (free, locked): (Vec<String>, Vec<String>) = (warnings("1.1,1"), warnings("1.5,1.5"));
+    assert!(free.is_empty(), "{free:?}");
+    assert!(locked.len() == 1 && locked[0].contains("no loop can follow"), "{locked:?}");
+}

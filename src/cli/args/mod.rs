@@ -346,6 +346,9 @@ pub(crate) struct Bench {
     /// for each point
     #[arg(long)]
     pub(crate) brute: bool,
+    /// The fabric of yarn-length, a built-in one or a file [default: tricot]
+    #[arg(long, value_name = "NAME|FILE.toml")]
+    pub(crate) fabric: Option<String>,
     /// A file to write, by its ending: .json (all figures) .svg .png (plots); may be repeated
     #[arg(short, long = "output", value_name = "OUT", value_parser = figures)]
     pub(crate) outputs: Vec<(PathBuf, BenchFormat)>,

@@ -71,6 +71,9 @@ fn check(arguments: &Bench, subjects: &[Subject]) -> Result<()> {
     if arguments.brute && !subjects.contains(&Subject::PlaneCurved) {
         bail!("--brute is part of plane-curved, which is not measured: add --only plane-curved");
     }
+    if arguments.fabric.is_some() && subjects != [Subject::YarnLength] {
+        bail!("--fabric is for yarn-length alone: add --only yarn-length, and no other subject");
+    }
     if !arguments.meshes.is_empty() && !subjects.iter().any(|subject| ON_GARMENTS.contains(subject))
     {
         bail!(
@@ -102,7 +105,7 @@ fn measure(
     let table = match subject {
         Subject::PlaneCurved => plane_curved::plane_curved(arguments, garments, progress),
         Subject::Mapping => mapping::mapping(arguments, garments, progress),
-        Subject::YarnLength => yarn_length::yarn_length(garments, progress),
+        Subject::YarnLength => yarn_length::yarn_length(arguments, garments, progress),
         Subject::Total => total::total(arguments, garments, progress),
         Subject::StSr => st_sr::st_sr(arguments, progress),
         Subject::Textures => textures::textures(arguments, progress),

@@ -17,7 +17,8 @@ use warpknit::garment::Garment;
 use warpknit::map::Mapping;
 use warpknit::yarn::curve;
 
-use super::super::args::DEFAULT_FABRIC;
+use super::super::args::{Bench, DEFAULT_FABRIC};
+use super::super::choice::named_fabric;
 use super::garments::{Garments, Shipped, fitted};
 use super::measure::FLAT_YARN;
 use super::plot::{Plot, Series};
@@ -36,7 +37,12 @@ const FIRST: f64 = 0.1;
 const LAST: f64 = 20.0;
 
 /// Measures the table, on the user's garment if there is one.
-pub(super) fn yarn_length(garments: &Garments, progress: &mut dyn FnMut(f64)) -> Result<Table> {
+pub(super) fn yarn_length(
+    arguments: &Bench,
+    garments: &Garments,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Table> {
+    let fabric = named_fabric(arguments.fabric.as_deref().unwrap_or(DEFAULT_FABRIC))?;
     let mut table = Table::new(
         "yarn-length",
         "Yarn on the body: shares of stitches whose yarn is longer or shorter than flat",
@@ -51,7 +57,7 @@ pub(super) fn yarn_length(garments: &Garments, progress: &mut dyn FnMut(f64)) ->
     for (at, (shipped, stitches)) in LINES.into_iter().enumerate() {
         progress(at as f64 / LINES.len() as f64);
         let (name, garment) = garments.get(shipped)?;
-        let (fabric, _) = fitted(&Fabric::named(DEFAULT_FABRIC)?, &garment, stitches)?;
+        let (fabric, _) = fitted(&fabric, &garment, stitches)?;
         push(&mut table, &name, &garment, &fabric)?;
     }
     Ok(table)

@@ -21,7 +21,7 @@ use super::super::args::Live;
 use super::super::choice::{fabric, named_fabric};
 use warpknit::pipeline::{
     self, Clock, Enlarge, Placement, StrainCache, Task, Textures, check_laid, check_memory,
-    check_stitches, drawn_radius, loss_warning, turn_grains, unstrained_note,
+    check_placement, check_stitches, drawn_radius, lengths_note, loss_warning, turn_grains,
 };
 
 /// Memory of a stitch, GB: 160 bytes of scene, and on a software adapter 25 for each of ten points,
@@ -119,10 +119,12 @@ impl ClothSource {
         let mut choices =
             vec![FabricChoice { label, fabric: shown, textures: Arc::clone(&textures) }];
         choices.extend(others);
+        let placement = arguments.laying.placement();
+        check_placement(placement)?;
         Ok(Self {
             choices,
             base,
-            placement: arguments.laying.placement(),
+            placement,
             cache: arguments.laying.cache(),
             shape: shared.drawing.shape.into(),
         })
@@ -218,7 +220,7 @@ impl ClothSource {
         cache.keep(cloth);
         let mut warnings = cloth.garment().summary.warnings.clone();
         warnings.extend(loss_warning(&totals));
-        warnings.extend(unstrained_note(cloth, self.placement));
+        warnings.extend(lengths_note(cloth, &self.placement.into()));
         let (enlargement, timings) = (fabric.enlargement, clock.timings());
         Ok(Some(KnittedScene { scene, totals, radius, enlargement, timings, warnings }))
     }

@@ -78,6 +78,8 @@ pub enum Stage {
     Map,
     /// Moving yarns apart on the body.
     Sweep,
+    /// Measuring how near yarns come to each other, with [`clearance::run`].
+    Clearance,
     /// Tubes.
     Surface,
     /// Delivering blocks.
@@ -127,6 +129,20 @@ pub fn run<E>(
     announce: &mut dyn FnMut(Stage, f64),
     deliver: &mut dyn FnMut(&[Block]) -> Result<(), E>,
 ) -> Result<Totals, E> {
+    run_with(cloth, options, announce, &mut |_, _| (), deliver)
+}
+
+/// Called with the mapped blocks of a window before they are delivered. It announces its own stage.
+type Look<'a> = dyn FnMut(&[Block], &mut dyn FnMut(Stage)) + 'a;
+
+/// Runs the pipeline, and shows each window to `look` before it is delivered.
+fn run_with<E>(
+    cloth: &Cloth<'_>,
+    options: &DrapeOptions,
+    announce: &mut dyn FnMut(Stage, f64),
+    look: &mut Look<'_>,
+    deliver: &mut dyn FnMut(&[Block]) -> Result<(), E>,
+) -> Result<Totals, E> {
     announce(Stage::Strain, 0.0);
     let is_swept = cloth.is_swept(options);
     let body = Body::new(cloth.garment, cloth.strain(), options.mapping, is_swept, &mut |done| {
@@ -136,6 +152,7 @@ pub fn run<E>(
     let mut totals = knit_and_locate(cloth, options, announce, &mut |blocks, announce, done| {
         strain += map_blocks(blocks, &body, &mut |stage| announce(stage, done));
         let mut announce = |stage| announce(stage, done);
+        look(blocks, &mut announce);
         deliver_blocks(blocks, &mut spare, &cloth.thickness, options, &mut announce, deliver)
     })?;
     totals.strain = strain;

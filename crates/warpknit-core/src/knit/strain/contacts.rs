@@ -17,6 +17,7 @@ use crate::yarn::curve;
 const LIST_CUTOFF: f64 = 1.4;
 /// The list is rebuilt once a point has moved by this many radii of the thinnest yarn.
 const LIST_MOVE: f64 = 0.3;
+
 /// Two segments that may touch.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pair {

@@ -11,6 +11,7 @@ use crate::knit::chain::{ControlChain, SpanControl};
 /// Length of a segment of the sampled curve, radii. Longer ones cut the corners of bends, so yarns
 /// lie nearer than the solver sees; shorter ones cost time with the square of their number.
 const SEGMENT_RADII: f64 = 0.9;
+
 /// A yarn of the repeat at rest.
 #[derive(Clone, Debug)]
 pub(crate) struct RestYarn {
