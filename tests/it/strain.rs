@@ -116,6 +116,19 @@ fn a_pulled_swatch_is_as_wide_as_pulled_and_tells_its_free_width() {
 }
 
 #[test]
+fn a_pull_asks_no_run_in_of_the_pulled_cloth() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut command = warpknit(folder.path());
+    command.args(["swatch", "--fabric", "power-net", "--wales", "6", "--courses", "6"]);
+    let output = command.args(["--stretch", "1,1.4", "-o", "s.csv"]).assert().success();
+    let told = String::from_utf8(output.get_output().stderr.clone()).unwrap();
+    assert!(
+        told.contains("no loop can follow a pull to 1.00 along the courses and 1.40"),
+        "{told}"
+    );
+}
+
+#[test]
 fn what_cannot_be_pulled_is_refused() {
     let grid = |folder: &Path| std::fs::write(folder.join("grid.toml"), GRID).unwrap();
     let laid = fails(1, &["swatch", "--fabric", "grid.toml", "--stretch", "1.1"], grid);

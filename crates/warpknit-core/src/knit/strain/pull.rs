@@ -20,7 +20,7 @@ use super::rest::Rest;
 use super::solver::{self, State};
 use super::table::{MAX_POINTS, lock};
 use super::{Strain, rest_of};
-use crate::fabric::Fabric;
+use crate::fabric::{Fabric, Structure};
 use crate::ids::index32;
 use crate::knit::{Pattern, Progress};
 
@@ -46,7 +46,8 @@ pub struct Puller<'a> {
 /// A pulled cloth.
 #[derive(Clone, Debug)]
 pub struct Pulled {
-    /// The fabric at the densities that it is pulled to.
+    /// The fabric at the densities that it is pulled to, without run-ins of its own: the yarn is
+    /// that of the flat cloth.
     pub fabric: Fabric,
     /// Its repeat, as wide and as long as pulled.
     pub pattern: Pattern,
@@ -124,11 +125,15 @@ impl<'a> Puller<'a> {
     pub fn at(&self, strain: Strain) -> Pulled {
         let state = solver::solve(&self.rest, &solver::flat(&self.rest), strain);
         let state = solver::refine(&self.rest, state);
-        let fabric = Fabric {
+        let mut fabric = Fabric {
             wales_per_cm: self.fabric.wales_per_cm / strain.courses,
             courses_per_cm: self.fabric.courses_per_cm / strain.wales,
             ..self.fabric.clone()
         };
+        if let Structure::Warp(knit) = &mut fabric.structure {
+            // Given run-ins were asked of the flat cloth. At other densities they may not fit.
+            knit.bars.iter_mut().for_each(|bar| bar.run_in = None);
+        }
         Pulled {
             fabric,
             pattern: self.pattern.pulled(&state),
