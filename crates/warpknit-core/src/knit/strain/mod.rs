@@ -5,7 +5,8 @@
 //!
 //! Yarn hardly stretches. When cloth is pulled its loops open, their legs straighten and underlaps
 //! turn. A repeat is solved over a grid of strains (`grid`): each span keeps its length, yarns keep
-//! apart, and bends yield (`solver`, `contacts`). Linear equations are solved by their profile
+//! apart, and bends yield (`solver`, `contacts`). Where loops leave their old ones the cloth is
+//! locked (`link_check`). Linear equations are solved by their profile
 //! (`profile`). The table interpolates between the solved knots (`table`).
 //!
 //! Source: Sperl, Narain and Wojtan 2021, "Mechanics-aware deformation of yarn pattern geometry".
@@ -14,6 +15,7 @@
 
 mod contacts;
 mod grid;
+mod link_check;
 mod neighbours;
 mod profile;
 pub mod pull;
@@ -30,6 +32,7 @@ use super::chain::ControlChain;
 use super::repeat::RepeatYarn;
 use super::{Pattern, YarnLength, as_vec, yarn_length};
 use crate::fabric::{Fabric, Structure};
+use link_check::LinkCheck;
 pub(crate) use neighbours::{NearSpan, Neighbours};
 use rest::{Rest, RestYarn};
 pub use table::{Lookup, StrainTable};
@@ -101,7 +104,9 @@ impl StrainTable {
         let yarns = pattern.repeat.yarns.iter();
         let elastic: BTreeSet<_> =
             yarns.filter(|yarn| is_elastic(fabric, yarn)).map(|yarn| yarn.bar).collect();
-        rest_of(fabric, pattern).map(|rest| Self::of(rest, elastic.into_iter().collect()))
+        let rest = rest_of(fabric, pattern)?;
+        let links = LinkCheck::new(fabric, pattern);
+        Some(Self::of(rest, links, elastic.into_iter().collect()))
     }
 }
 

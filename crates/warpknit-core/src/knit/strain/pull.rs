@@ -16,6 +16,7 @@
 
 use glam::{DVec2, Vec3Swizzles};
 
+use super::link_check::LinkCheck;
 use super::rest::Rest;
 use super::solver::{self, State};
 use super::table::{MAX_POINTS, lock};
@@ -41,6 +42,7 @@ pub struct Puller<'a> {
     fabric: &'a Fabric,
     pattern: &'a Pattern,
     rest: Rest,
+    links: LinkCheck,
 }
 
 /// A pulled cloth.
@@ -51,7 +53,7 @@ pub struct Pulled {
     pub fabric: Fabric,
     /// Its repeat, as wide and as long as pulled.
     pub pattern: Pattern,
-    /// Whether the cloth is locked: its yarn would have to stretch.
+    /// Whether the cloth is locked: its yarn would have to stretch, or its loops would come apart.
     pub is_locked: bool,
 }
 
@@ -62,7 +64,8 @@ impl<'a> Puller<'a> {
     pub fn new(fabric: &'a Fabric, pattern: &'a Pattern) -> Option<Self> {
         let mut rest = rest_of(fabric, pattern).filter(|rest| rest.points.len() <= MAX_POINTS)?;
         solver::measure_rest(&mut rest);
-        Some(Self { fabric, pattern, rest })
+        let links = LinkCheck::new(fabric, pattern);
+        Some(Self { fabric, pattern, rest, links })
     }
 
     /// The same cloth with yarns whose bends resist so many times as much.
@@ -137,7 +140,7 @@ impl<'a> Puller<'a> {
         Pulled {
             fabric,
             pattern: self.pattern.pulled(&state),
-            is_locked: lock(&self.rest, &state) > 1.0,
+            is_locked: lock(&self.rest, &self.links, &state) > 1.0,
         }
     }
 }

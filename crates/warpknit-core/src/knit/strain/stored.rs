@@ -17,9 +17,10 @@ use crate::ids::index32;
 /// First bytes of a table.
 const MAGIC: [u8; 8] = *b"wk-knots";
 /// The sources that decide what is found at a knot.
-const SOURCES: [&str; 13] = [
+const SOURCES: [&str; 15] = [
     include_str!("contacts.rs"),
     include_str!("grid.rs"),
+    include_str!("link_check.rs"),
     include_str!("mod.rs"),
     include_str!("neighbours.rs"),
     include_str!("profile.rs"),
@@ -30,6 +31,7 @@ const SOURCES: [&str; 13] = [
     include_str!("table.rs"),
     include_str!("../cell_list.rs"),
     include_str!("../chain.rs"),
+    include_str!("../links.rs"),
     include_str!("../../yarn/curve.rs"),
 ];
 /// Their hash. So a change of the solver makes other tables, also between two versions.

@@ -4,8 +4,8 @@
 //! of the repeat its offset in the axes of the flat cloth, interpolated between solved knots.
 //!
 //! Method: knots are solved when they are first asked for, each from a fixed neighbour nearer to
-//! flat cloth, so its value depends on nothing but the fabric. Where the yarn would have to stretch
-//! the cloth is locked, and the offsets stay those of the strain at which it locks on the straight
+//! flat cloth, so its value depends on nothing but the fabric. Where the yarn would have to stretch,
+//! or a loop would leave its old one, the cloth is locked, and the offsets stay those of the strain at which it locks on the straight
 //! line from the flat state. Source: Sperl, Narain and Wojtan 2021, "Mechanics-aware deformation of
 //! yarn pattern geometry".
 //!
@@ -20,6 +20,7 @@ use rayon::prelude::*;
 
 use super::Strain;
 use super::grid::{self, GridPlace, KNOTS};
+use super::link_check::LinkCheck;
 use super::rest::Rest;
 use super::solver::{self, State};
 use crate::ids::index32;
@@ -36,6 +37,9 @@ const SNAP_STRAIN: f64 = 0.05;
 const LOCK_STRETCH: f64 = 0.01;
 /// How far below touching yarns may lie before the cloth locks.
 const LOCK_OVERLAP: f64 = 0.05;
+/// How locked the cloth is where a loop has left its old one: so far beyond the lock that a point
+/// is locked when a knot with an eighth of the weight around it is.
+const TORN_LOCK: f64 = 8.0;
 /// Places that are looked at on the line from flat cloth to a locked knot.
 const RAY_STEPS: u32 = 32;
 
@@ -43,6 +47,7 @@ const RAY_STEPS: u32 = 32;
 #[derive(Debug)]
 pub struct StrainTable {
     pub(super) rest: Rest,
+    links: LinkCheck,
     elastic_bars: Vec<usize>,
     /// What the solver found at each knot.
     pub(super) solved: Vec<OnceLock<Knot>>,
@@ -55,7 +60,8 @@ pub struct StrainTable {
 pub(super) struct Knot {
     /// From each flat data point to the strained one, in the axes of the flat cloth, mm.
     pub(super) offsets: Vec<[f32; 3]>,
-    /// How locked the cloth is: over 1 the yarn would have to stretch.
+    /// How locked the cloth is: over 1 the yarn would have to stretch, or a loop to leave its old
+    /// one.
     pub(super) lock: f32,
 }
 
@@ -73,13 +79,13 @@ pub struct Lookup<'a> {
 }
 
 impl StrainTable {
-    pub(super) fn of(mut rest: Rest, elastic_bars: Vec<usize>) -> Self {
+    pub(super) fn of(mut rest: Rest, links: LinkCheck, elastic_bars: Vec<usize>) -> Self {
         solver::measure_rest(&mut rest);
         let mut solved = Vec::new();
         let mut placed = Vec::new();
         solved.resize_with(KNOTS, OnceLock::new);
         placed.resize_with(KNOTS, OnceLock::new);
-        Self { rest, elastic_bars, solved, placed }
+        Self { rest, links, elastic_bars, solved, placed }
     }
 
     /// Solves in parallel the knots around these strains. `progress` gets the share that is done.
@@ -253,7 +259,7 @@ impl StrainTable {
         #[expect(clippy::cast_possible_truncation, reason = "offsets are stored so")]
         let offsets = offsets.map(|(point, flat)| (*point - *flat).to_array().map(|x| x as f32));
         #[expect(clippy::cast_possible_truncation, reason = "offsets are stored so")]
-        let lock = lock(&self.rest, state) as f32;
+        let lock = lock(&self.rest, &self.links, state) as f32;
         Knot { offsets: offsets.collect(), lock }
     }
 
@@ -265,8 +271,12 @@ impl StrainTable {
     }
 }
 
-/// How locked the cloth is in a state: over 1 the yarn would have to stretch.
-pub(super) fn lock(rest: &Rest, state: &State) -> f64 {
+/// How locked the cloth is in a state: over 1 the yarn would have to stretch, or a loop to leave its
+/// old one.
+pub(super) fn lock(rest: &Rest, links: &LinkCheck, state: &State) -> f64 {
+    if !links.hold(&state.points) {
+        return TORN_LOCK;
+    }
     let overlap = (rest.target - state.nearest).max(0.0);
     (state.stretch / LOCK_STRETCH).max(overlap / LOCK_OVERLAP)
 }
@@ -368,6 +378,22 @@ mod tests {
         assert!(table.at(strained(1.5, 1.5, 0.0)).is_locked());
         assert!(table.at(strained(3.0, 1.0, 0.0)).is_outside());
         assert!(!table.at(strained(1.1, 1.0, 0.0)).is_outside());
+    }
+
+    #[test]
+    fn cloth_locks_before_a_loop_leaves_its_old_one() {
+        let (fabric, pattern, table) = table("power-net");
+        let strain = strained(1.0, 1.35, 0.0);
+        let knots = GridPlace::of(strain).knots();
+        let (torn, _) = knots.into_iter().find(|(_, weight)| *weight > 0.99).unwrap();
+        assert!(!table.links.hold(&table.state(torn).points));
+        let lookup = table.at(strain);
+        assert!(lookup.is_locked());
+        let mut moved = pattern.clone();
+        for (at, point) in moved.repeat.points.iter_mut().enumerate() {
+            *point += lookup.offset(at);
+        }
+        assert_eq!(links::measure(&fabric, &moved).wrong, 0);
     }
 
     #[test]
