@@ -53,6 +53,7 @@ pub(super) fn file_bytes(
     let triangles = 2.0 * stitches * st * sr;
     Some(match format {
         Format::Png | Format::Json => return None,
+        // Indices take half of that where yarns are short.
         Format::Glb => 32.0 * vertices + 12.0 * triangles,
         Format::Ply => 35.0 * vertices + 13.0 * triangles,
         Format::Obj => 90.0 * vertices + 54.0 * triangles,

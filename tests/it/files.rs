@@ -69,9 +69,11 @@ fn glb_holds_the_counts_of_the_report_in_valid_chunks() {
             floats.iter().all(|x| x.abs() < 0.02),
             "metres: the swatch is some millimetres large"
         );
-        let indices: &[u32] =
-            &bytemuck::pod_collect_to_vec(array(accessor(&primitive["indices"]), 4));
-        assert_eq!(indices.iter().max(), Some(&(u32::try_from(count).unwrap() - 1)));
+        // Short yarns need no more than 16 bits.
+        assert_eq!(accessor(&primitive["indices"])["componentType"], 5123);
+        let indices: &[u16] =
+            &bytemuck::pod_collect_to_vec(array(accessor(&primitive["indices"]), 2));
+        assert_eq!(indices.iter().max(), Some(&(u16::try_from(count).unwrap() - 1)));
         vertices += count;
         triangles += indices.len() / 3;
     }
@@ -102,6 +104,19 @@ fn glb_holds_the_counts_of_the_report_in_valid_chunks() {
         assert_eq!(yarn["name"], format!("yarn {at}"));
         assert_eq!(json["meshes"][number(&yarn["mesh"])]["name"], yarn["name"]);
     }
+}
+
+#[test]
+fn glb_counts_the_vertices_of_long_yarns() {
+    let folder = tempfile::tempdir().unwrap();
+    // A yarn of 700 stitches with 8 rings of 13 vertices each has more than 16 bits count.
+    let long = ["swatch", "--fabric", "tricot", "--wales", "2", "--courses", "700"];
+    let surface = ["--st", "8", "--sr", "12", "-o", "s.glb", "-o", "s.ply"];
+    knit(folder.path(), &[&long[..], &surface].concat());
+    let glb = readback::glb(&folder.path().join("s.glb"));
+    let ply = readback::ply(&folder.path().join("s.ply"));
+    assert!(glb.positions.len() > 2 * usize::from(u16::MAX));
+    assert_eq!(glb.triangles, ply.triangles);
 }
 
 #[test]

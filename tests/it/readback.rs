@@ -51,6 +51,10 @@ impl Bytes<'_> {
         std::array::from_fn(|_| f32::from_le_bytes(self.take()))
     }
 
+    fn short_index(&mut self) -> usize {
+        usize::from(u16::from_le_bytes(self.take()))
+    }
+
     fn index(&mut self) -> usize {
         u32::from_le_bytes(self.take()) as usize
     }
@@ -144,6 +148,9 @@ pub(crate) fn glb(path: &Path) -> Mesh {
         let view_bytes = &binary[number(&view["byteOffset"])..][..number(&view["byteLength"])];
         (Bytes(&view_bytes[number(&accessor["byteOffset"])..]), number(&accessor["count"]))
     };
+    let is_short = |index: &Value| {
+        json["accessors"][index.as_u64().unwrap() as usize]["componentType"] == 5123
+    };
     for primitive in json["meshes"]
         .as_array()
         .unwrap()
@@ -154,12 +161,15 @@ pub(crate) fn glb(path: &Path) -> Mesh {
         let (mut normals, _) = array(&primitive["attributes"]["NORMAL"]);
         let (mut uvs, _) = array(&primitive["attributes"]["TEXCOORD_0"]);
         let (mut indices, corners) = array(&primitive["indices"]);
+        let next = if is_short(&primitive["indices"]) { Bytes::short_index } else { Bytes::index };
         mesh.append(Mesh {
             positions: (0..count).map(|_| positions.floats()).collect(),
             normals: (0..count).map(|_| normals.floats()).collect(),
             uvs: (0..count).map(|_| uvs.floats()).collect(),
             colors: Vec::new(),
-            triangles: (0..corners / 3).map(|_| std::array::from_fn(|_| indices.index())).collect(),
+            triangles: (0..corners / 3)
+                .map(|_| std::array::from_fn(|_| next(&mut indices)))
+                .collect(),
         });
     }
     mesh

@@ -8,7 +8,8 @@
 //!
 //! The JSON chunk comes first in the file but is known last (counts and bounds). So it gets room
 //! for the expected blocks and yarns, and spaces fill what it doesn't take. Positions, normals and
-//! texture coordinates are `f32`, indices `u32`. A block's arrays lie together: all of its
+//! texture coordinates are `f32`; indices are `u16` where no yarn of the block has more vertices
+//! than these count, else `u32`. A block's arrays lie together: all of its
 //! positions are one buffer view, and each of its yarns is an accessor to a range of it, with
 //! indices counted from its own first vertex.
 
@@ -74,6 +75,8 @@ struct PreparedBlock {
     uvs: Vec<Vec2>,
     /// Counted from the first vertex of each yarn.
     triangles: Vec<[u32; 3]>,
+    /// The same where they fit; then `triangles` is empty.
+    short_triangles: Vec<[u16; 3]>,
     yarns: Vec<YarnRange>,
 }
 
@@ -145,8 +148,12 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
             (Semantic::TexCoords(0), self.array(uvs, Type::Vec2, ComponentType::F32)?),
         ];
         // Indices are a view of their own: the format wants them apart from vertices.
-        let corners: &[u32] = bytemuck::cast_slice(&prepared.triangles);
-        let corners = self.array(corners, Type::Scalar, ComponentType::U32)?;
+        let corners = if prepared.triangles.is_empty() {
+            let corners = prepared.short_triangles.as_flattened();
+            self.array(corners, Type::Scalar, ComponentType::U16)?
+        } else {
+            self.array(prepared.triangles.as_flattened(), Type::Scalar, ComponentType::U32)?
+        };
         for yarn in &prepared.yarns {
             let mut attributes = BTreeMap::new();
             for (semantic, view) in &vertices {
@@ -227,8 +234,8 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
         })
     }
 
-    /// Appends an array to the binary chunk, with its view. Elements are multiples of 4 bytes, so
-    /// the chunk stays aligned as the format wants it.
+    /// Appends an array to the binary chunk, with its view, and fills it up to a multiple of 4 bytes
+    /// as the format wants it.
     fn array<T: bytemuck::NoUninit>(
         &mut self,
         values: &[T],
@@ -236,7 +243,9 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
         component: ComponentType,
     ) -> Result<ArrayView, ExportError> {
         let bytes: &[u8] = bytemuck::cast_slice(values);
+        let padding = bytes.len().next_multiple_of(4) - bytes.len();
         self.file.write(bytes)?;
+        self.file.write(&[0; 3][..padding])?;
         // A view of vertices that several accessors share must state its stride; indices may have
         // none.
         let (target, stride) = if kind == Type::Scalar {
@@ -254,7 +263,7 @@ impl<W: Write + Seek + Send> GlbWriter<W> {
             extensions: None,
             extras: json::Extras::default(),
         });
-        self.bytes += bytes.len() as u64;
+        self.bytes += (bytes.len() + padding) as u64;
         Ok(ArrayView { index, kind, component, size: size_of::<T>() })
     }
 
@@ -345,7 +354,6 @@ impl PreparedBlock {
             let repeats = Vec2::new(1.0, textures.repeats_per_mm(block.bar));
             self.uvs.extend(tubes.uvs.iter().map(|uv| *uv * repeats));
         }
-        self.triangles.clear();
         self.yarns.clear();
         let strands: Vec<_> = block.strands.strands.iter().zip(&tubes.strands).collect();
         // A yarn is one mesh: its strands follow each other, and so do their vertices and
@@ -357,12 +365,29 @@ impl PreparedBlock {
                 first.start as usize..last.end as usize,
                 first_triangles.start as usize..last_triangles.end as usize,
             );
-            let own = tubes.triangles[triangles.clone()]
-                .iter()
-                .map(|corners| corners.map(|corner| corner - first.start));
-            self.triangles.extend(own);
             let [low, high] = bounds(&self.positions[vertices.clone()]);
             self.yarns.push(YarnRange { yarn: strand.yarn, vertices, triangles, low, high });
+        }
+        self.fill_triangles(&tubes.triangles);
+    }
+
+    /// Counts the corners of a block's triangles from the first vertex of each yarn.
+    fn fill_triangles(&mut self, triangles: &[[u32; 3]]) {
+        self.triangles.clear();
+        self.short_triangles.clear();
+        // The greatest number of 16 bits ends a strip in some readers, so it is no vertex.
+        let is_short = self.yarns.iter().all(|yarn| yarn.vertices.len() <= usize::from(u16::MAX));
+        for yarn in &self.yarns {
+            let first = index32(yarn.vertices.start);
+            let own = triangles[yarn.triangles.clone()]
+                .iter()
+                .map(|corners| corners.map(|corner| corner - first));
+            if is_short {
+                #[expect(clippy::cast_possible_truncation, reason = "no yarn has more vertices")]
+                self.short_triangles.extend(own.map(|corners| corners.map(|corner| corner as u16)));
+            } else {
+                self.triangles.extend(own);
+            }
         }
     }
 }
