@@ -294,3 +294,70 @@ fn halve(items: &mut [Item]) -> usize {
     });
     half
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Boxes along a helix, some of them in one place.
+    fn boxes(count: u32) -> Vec<Box3> {
+        (0..count)
+            .map(|i| {
+                let turn = (i - i % 3) as f32 * 0.01;
+                Box3::of_point(Vec3A::new(turn.cos(), turn.sin(), turn * 0.1))
+                    .grown(Vec3A::splat(0.02))
+            })
+            .collect()
+    }
+
+    /// Leaves below a node, with the depth of the deepest.
+    fn leaves(nodes: &[Node], node: u32, depth: usize, found: &mut Vec<u32>) -> usize {
+        let node = &nodes[node as usize];
+        let lanes = (0..LANES).filter(|&lane| node.faces[0][0][lane].is_finite());
+        let depths = lanes.map(|lane| match node.children[lane] {
+            leaf if leaf & LEAF != 0 => {
+                found.push(leaf & !LEAF);
+                depth
+            }
+            child => leaves(nodes, child, depth + 1, found),
+        });
+        depths.max().unwrap_or(depth)
+    }
+
+    #[test]
+    fn each_leaf_is_in_the_tree_once_and_no_branch_is_too_deep() {
+        for count in [0, 1, 7, 9, 300, 20_000] {
+            let (nodes, mut order) = build(&boxes(count));
+            let mut found = Vec::new();
+            assert!(leaves(&nodes, 0, 1, &mut found) <= MAX_DEPTH);
+            assert!(found.iter().copied().eq(0..count), "leaves lie in the order of the nodes");
+            order.sort_unstable();
+            assert!(order.into_iter().eq(0..count));
+        }
+    }
+
+    #[test]
+    fn boxes_in_one_place_and_growing_ones_stay_shallow() {
+        let same = vec![Box3::of_point(Vec3A::ONE); 5000];
+        let growing: Vec<Box3> =
+            (0_u8..120).map(|i| Box3::of_point(Vec3A::splat(2.0_f32.powi(i32::from(i))))).collect();
+        for boxes in [same, growing] {
+            let (nodes, _) = build(&boxes);
+            assert!(leaves(&nodes, 0, 1, &mut Vec::new()) <= MAX_DEPTH);
+        }
+    }
+
+    #[test]
+    fn the_tree_is_the_same_for_any_number_of_threads() {
+        let boxes = boxes(40_000);
+        let by = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let (nodes, order) = pool.install(|| build(&boxes));
+            let bits = |node: &Node| {
+                (node.faces.map(|pair| pair.map(|f| f.map(f32::to_bits))), node.children)
+            };
+            (nodes.iter().map(bits).collect::<Vec<_>>(), order)
+        };
+        assert!(by(1) == by(3));
+    }
+}

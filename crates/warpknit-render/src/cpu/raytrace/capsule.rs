@@ -179,3 +179,170 @@ fn ball<S: Eight>(simd: S, origin: Lanes3<S>, direction: Lanes3<S>, radius2: Lan
     (closest - half2.max(zero).sqrt())
         .where_set(zero.at_most(half2), Lanes::all(simd, f32::INFINITY))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cpu::raytrace::lanes::{Instructions, Kernel};
+    use glam::DVec3;
+    use proptest::prelude::*;
+
+    struct One<'a>(&'a Leaf, Vec3, Vec3);
+
+    impl Kernel for One<'_> {
+        type Output = [f32; LANES];
+
+        #[inline(always)]
+        fn run<S: Eight>(self, simd: S) -> [f32; LANES] {
+            let ray = LaneRay::new(simd, self.1, self.2);
+            let (near, beside) = self.0.near(&ray);
+            let distances = beside.distances(&ray).array();
+            std::array::from_fn(
+                |lane| {
+                    if near >> lane & 1 == 1 { distances[lane] } else { f32::INFINITY }
+                },
+            )
+        }
+    }
+
+    /// Distance to the capsule from `a` to `b`, which is alone in its leaf.
+    fn capsule(origin: Vec3, direction: Vec3, a: Vec3, b: Vec3, radius: f32) -> f32 {
+        let leaf = Leaf::new(&[a.extend(radius), b.extend(0.0)], 0, |_| radius);
+        let [distance, others @ ..] = Instructions::best().run(One(&leaf, origin, direction));
+        assert_eq!(others, [f32::INFINITY; LANES - 1], "absent capsules are never hit");
+        distance
+    }
+
+    /// The same by sphere tracing in f64: steps by the distance to the capsule. Rays that start
+    /// inside miss it.
+    fn by_steps(origin: DVec3, direction: DVec3, a: DVec3, b: DVec3, radius: f64) -> f64 {
+        let gap = |p: DVec3| {
+            let s = ((p - a).dot(b - a) / (b - a).length_squared().max(1e-30)).clamp(0.0, 1.0);
+            p.distance(a + (b - a) * s) - radius
+        };
+        if gap(origin) < 0.0 {
+            return f64::INFINITY;
+        }
+        let mut t = 0.0;
+        for _ in 0..2000 {
+            let step = gap(origin + direction * t);
+            if step < 1e-9 {
+                return t;
+            }
+            t += step;
+        }
+        f64::INFINITY
+    }
+
+    #[test]
+    fn capsules_agree_with_steps_in_f64_from_everywhere() {
+        let ends = [
+            (DVec3::ZERO, DVec3::X),
+            (DVec3::new(0.3, 0.2, -0.1), DVec3::new(0.3, 0.2, -0.1)),
+            (DVec3::Z, DVec3::new(0.1, -0.4, 0.2)),
+        ];
+        for (a, b) in ends {
+            for step in 0_u8..200 {
+                let angle = f64::from(step) * 0.71;
+                let origin = DVec3::new(
+                    angle.cos() * 3.0,
+                    (angle * 1.3).sin() * 2.0 + 1.5,
+                    angle.sin() * 3.0,
+                );
+                let aim = a.lerp(b, f64::from(step % 7) / 5.0 - 0.1)
+                    + DVec3::new(0.0, f64::from(step % 5) * 0.04, 0.0);
+                let direction = (aim - origin).normalize();
+                let expected = by_steps(origin, direction, a, b, 0.1);
+                let [o, d, p, q] = [origin, direction, a, b].map(|v| v.as_vec3());
+                let found = f64::from(capsule(o, d, p, q, 0.1));
+                let grazing = expected.is_infinite() != found.is_infinite();
+                assert!(
+                    !grazing && (found == expected || (found - expected).abs() < 1e-5),
+                    "{step}: {found} {expected}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn rays_along_the_axis_meet_the_end() {
+        let t = capsule(Vec3::NEG_X, Vec3::X, Vec3::ZERO, Vec3::X, 0.1);
+        assert!((t - 0.9).abs() < 1e-6);
+        let back = capsule(Vec3::X * 3.0, Vec3::NEG_X, Vec3::ZERO, Vec3::X, 0.1);
+        assert!((back - 1.9).abs() < 1e-6);
+    }
+
+    #[test]
+    fn rays_from_inside_miss() {
+        for direction in [Vec3::X, Vec3::Y, Vec3::new(0.6, 0.8, 0.0)] {
+            let t = capsule(Vec3::X * 0.5, direction, Vec3::ZERO, Vec3::X, 0.1);
+            assert!(t.is_infinite());
+        }
+    }
+
+    #[test]
+    fn a_thin_yarn_is_hit_exactly_from_metres_away() {
+        for offset in [0.0_f32, 0.01, 0.025, 0.0299] {
+            let t = capsule(Vec3::new(0.2, offset, 4000.0), Vec3::NEG_Z, Vec3::ZERO, Vec3::X, 0.03);
+            let expected = 4000.0 - (0.03_f64.powi(2) - f64::from(offset).powi(2)).sqrt();
+            assert!(
+                (f64::from(t) - expected).abs() < 3e-4,
+                "half a unit in the last place of 4000 is 1.2e-4: {t}"
+            );
+        }
+        let beside = Vec3::new(0.2, 0.0301, 4000.0);
+        assert!(capsule(beside, Vec3::NEG_Z, Vec3::ZERO, Vec3::X, 0.03).is_infinite());
+    }
+
+    #[test]
+    fn own_segment_and_its_neighbours_are_left_out() {
+        let points: Vec<Vec4> = (0_u8..9).map(|x| Vec4::new(f32::from(x), 0.0, 0.0, 1.0)).collect();
+        let leaf = Leaf::new(&points, 100, |_| 1.0);
+        for own in 90..120_u32 {
+            for lane in 0..8_u32 {
+                let other = leaf.others(own) >> lane & 1 == 1;
+                assert_eq!(other, (100 + lane).abs_diff(own) > 1, "{own} {lane}");
+            }
+        }
+    }
+
+    /// A coordinate that is often the same in two points.
+    fn coordinate() -> impl Strategy<Value = f32> {
+        prop_oneof![Just(0.0_f32), Just(1.0), -2.0..2.0_f32]
+    }
+
+    fn point() -> impl Strategy<Value = Vec3> {
+        [coordinate(), coordinate(), coordinate()].prop_map(Vec3::from)
+    }
+
+    proptest! {
+        #[test]
+        fn both_sets_of_instructions_give_the_same_bits(
+            points in prop::collection::vec(point(), 2..=9), origin in point(), aim in point(),
+        ) {
+            let points: Vec<Vec4> = points.iter().map(|point| point.extend(0.2)).collect();
+            let leaf = Leaf::new(&points, 0, |start| 0.1 + start as f32 * 0.05);
+            let direction = (aim - origin).normalize_or(Vec3::X);
+            let [best, plain] = [Instructions::best(), Instructions::plain()]
+                .map(|set| set.run(One(&leaf, origin, direction)).map(f32::to_bits));
+            prop_assert_eq!(best, plain);
+        }
+
+        /// Capsules of no length, rays along the axis, grazing ones and origins inside included.
+        #[test]
+        fn any_ray_agrees_with_steps_in_f64(a in point(), b in point(), origin in point(), aim in point()) {
+            let direction = (aim - origin).normalize_or(Vec3::X);
+            let found = f64::from(capsule(origin, direction, a, b, 0.25));
+            let [o, d, p, q] = [origin, direction, a, b].map(|v| v.as_dvec3());
+            // Where a slightly thicker or thinner capsule decides otherwise, rounding may, too.
+            let nearest = by_steps(o, d, p, q, 0.250_01);
+            let farthest = by_steps(o, d, p, q, 0.249_99);
+            prop_assume!(nearest.is_finite() == farthest.is_finite());
+            let expected = by_steps(o, d, p, q, 0.25);
+            let slack = if expected.is_finite() { farthest - nearest + 1e-5 } else { 0.0 };
+            prop_assert!(
+                found == expected || (found - expected).abs() <= slack, "{} {}", found, expected
+            );
+        }
+    }
+}

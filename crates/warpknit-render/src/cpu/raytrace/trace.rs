@@ -164,3 +164,95 @@ fn leaf_box(segments: &Segments, cut: &Cut) -> Box3 {
     (cut.first..cut.first + cut.segments)
         .fold(Box3::EMPTY, |around, start| around.union(segments.bounding_box(start)))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cpu::raytrace::tree::Waiting;
+    use crate::scene::{Scene, YarnLook};
+    use crate::{Camera, RenderOptions, View};
+    use glam::Vec3;
+    use proptest::prelude::*;
+
+    fn scene(strands: &[Vec<Vec3>]) -> Scene {
+        let mut scene = Scene::default();
+        scene.looks.push(YarnLook::plain(Vec3::ONE, 0.5, 0.1));
+        strands.iter().for_each(|points| scene.push_strand(points.iter().copied(), 0));
+        scene
+    }
+
+    /// The yarns of `scene` as straight pieces.
+    fn bvh(scene: &Scene) -> SegmentBvh<'_> {
+        let bounds = scene.bounds().unwrap();
+        let camera = Camera::view(View::Front, &scene.positions, 0.5, 1.0, 1.0);
+        let options = RenderOptions { height: 64, lod: false, ..RenderOptions::default() };
+        SegmentBvh::new(Segments::new(scene, &bounds, &camera, &options))
+    }
+
+    /// A tree whose only leaf is this one, which finds what is in it without looking at boxes.
+    fn alone(bvh: &SegmentBvh<'_>, cut: &Cut) -> Tree {
+        let everywhere = Box3::of_point(glam::Vec3A::ZERO).grown(glam::Vec3A::splat(1e9));
+        Tree::new(vec![leaf(&bvh.segments, cut)], &[everywhere])
+    }
+
+    /// The nearest hit, from all leaves in turn.
+    fn by_all(trees: &[Tree], ray: &SceneRay) -> Option<Hit> {
+        trees
+            .iter()
+            .filter_map(|tree| tree.nearest(ray, &Capsules, &mut Waiting::new()))
+            .min_by(|a, b| a.distance.total_cmp(&b.distance).then(a.start.cmp(&b.start)))
+    }
+
+    fn coordinate() -> impl Strategy<Value = f32> {
+        prop_oneof![Just(0.0_f32), Just(0.5), -2.0..2.0_f32]
+    }
+
+    fn point() -> impl Strategy<Value = Vec3> {
+        [coordinate(), coordinate(), coordinate()].prop_map(Vec3::from)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 64, ..ProptestConfig::default() })]
+
+        /// Points that coincide, rays along axes and from inside yarns included.
+        #[test]
+        fn the_tree_finds_what_all_leaves_in_turn_do(
+            strands in prop::collection::vec(prop::collection::vec(point(), 1..30), 1..12),
+            rays in prop::collection::vec((point(), point(), prop_oneof![Just(f32::INFINITY), 0.1..4.0_f32]), 40),
+        ) {
+            let scene = scene(&strands);
+            let bvh = bvh(&scene);
+            let trees: Vec<Tree> =
+                cuts(&bvh.segments.paths.points).iter().map(|cut| alone(&bvh, cut)).collect();
+            let mut waiting = Waiting::new();
+            for (origin, aim, reach) in rays {
+                let direction = (aim - origin).normalize_or(Vec3::Z);
+                let ray = SceneRay { origin, direction, reach, footprint: 0.01, random_bits: 0 };
+                let hit = bvh.nearest(&ray, &mut waiting);
+                prop_assert_eq!(hit, by_all(&trees, &ray));
+                for own in [0, 3, u32::MAX / 2] {
+                    let occluder = bvh.occluder(&ray, own, &mut waiting);
+                    let blocks = |tree: &Tree| {
+                        tree.occluder(&ray, own, &Capsules, &mut Waiting::new()).is_some()
+                    };
+                    prop_assert_eq!(occluder.is_some(), trees.iter().any(blocks));
+                    prop_assert!(occluder.is_none_or(|start| start.abs_diff(own) > 1));
+                }
+            }
+        }
+
+        #[test]
+        fn cuts_hold_each_segment_once(lengths in prop::collection::vec(0_usize..40, 0..20)) {
+            let points: Vec<Vec4> = lengths
+                .iter()
+                .flat_map(|&length| (0..=length).map(move |i| Vec4::splat(if i < length { 1.0 } else { 0.0 })))
+                .collect();
+            let starts = |cut: &Cut| cut.first..cut.first + cut.segments;
+            let held: Vec<u32> = cuts(&points).iter().flat_map(starts).collect();
+            let segments: Vec<u32> =
+                (0..).zip(&points).filter(|(_, point)| point.w > 0.0).map(|(start, _)| start).collect();
+            prop_assert_eq!(held, segments);
+            prop_assert!(cuts(&points).iter().all(|cut| cut.segments <= 8));
+        }
+    }
+}
