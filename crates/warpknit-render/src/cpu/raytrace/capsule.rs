@@ -69,7 +69,7 @@ impl Leaf {
     pub(super) fn others(&self, own: u32) -> u32 {
         // Three bits, the middle one at `own`, moved down by one so that none is lost at lane 0.
         let place = own.wrapping_sub(self.first).wrapping_add(1);
-        if place <= index32(LANES) { !((0b111 << place) >> 2) } else { u32::MAX }
+        if place <= index32(LANES) + 1 { !((0b111 << place) >> 2) } else { u32::MAX }
     }
 
     /// Coordinates of the segments' starts and ends.

@@ -12,6 +12,7 @@ mod build;
 mod capsule;
 mod lanes;
 mod ray;
+pub(super) mod rays;
 mod segments;
 mod strip;
 mod trace;

@@ -230,7 +230,9 @@ mod tests {
                 let ray = SceneRay { origin, direction, reach, footprint: 0.01, random_bits: 0 };
                 let hit = bvh.nearest(&ray, &mut waiting);
                 prop_assert_eq!(hit, by_all(&trees, &ray));
-                for own in [0, 3, u32::MAX / 2] {
+                let unowned = bvh.occluder(&ray, u32::MAX / 2, &mut waiting);
+                prop_assert_eq!(hit.is_some(), unowned.is_some());
+                for own in [0, 3] {
                     let occluder = bvh.occluder(&ray, own, &mut waiting);
                     let blocks = |tree: &Tree| {
                         tree.occluder(&ray, own, &Capsules, &mut Waiting::new()).is_some()

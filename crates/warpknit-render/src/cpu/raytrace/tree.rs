@@ -32,7 +32,8 @@ pub(super) struct Tree {
 
 /// What a leaf's segments are.
 pub(super) trait Shapes {
-    /// The segments of a leaf that the ray meets at most `limit` away, as bits, and how far away.
+    /// Those segments `among` a leaf's that the ray meets at most `limit` away, which is finite; as
+    /// bits, and how far away.
     fn distances<S: Eight>(
         &self,
         leaf: &Leaf,
@@ -134,6 +135,12 @@ impl<S: Eight> Slabs<S> {
     }
 }
 
+/// A limit that the infinite distance of a miss does not keep.
+#[inline(always)]
+fn finite(limit: f32) -> f32 {
+    limit.min(f32::MAX)
+}
+
 /// A child to be sorted by distance.
 #[inline(always)]
 fn place(distance: f32, child: u32) -> u64 {
@@ -197,7 +204,8 @@ impl<T: Shapes> Kernel for Nearest<'_, T> {
                 }
             } else {
                 let leaf = &tree.leaves[(child & !LEAF) as usize];
-                let (mut met, distances) = shapes.distances(leaf, u32::MAX, &lanes, hit.distance);
+                let (mut met, distances) =
+                    shapes.distances(leaf, u32::MAX, &lanes, finite(hit.distance));
                 while met != 0 {
                     let lane = met.trailing_zeros() as usize % LANES;
                     met &= met - 1;
@@ -252,7 +260,7 @@ impl<T: Shapes> Kernel for Occluder<'_, T> {
                 }
             } else {
                 let leaf = &tree.leaves[(here & !LEAF) as usize];
-                let (met, _) = shapes.distances(leaf, leaf.others(own), &lanes, ray.reach);
+                let (met, _) = shapes.distances(leaf, leaf.others(own), &lanes, finite(ray.reach));
                 if met != 0 {
                     return Some(leaf.first + met.trailing_zeros());
                 }
