@@ -90,11 +90,6 @@ impl<'a> Segments<'a> {
         Self { scene, paths, padding, bounds: around.grown(grown) }
     }
 
-    /// Whether a segment starts at this point. The last point of a strand has radius 0.
-    pub(super) fn starts_at(&self, point: u32) -> bool {
-        self.paths.points[point as usize].w > 0.0
-    }
-
     /// Bounding box of the segment that starts at point `start`.
     pub(super) fn bounding_box(&self, start: u32) -> Box3 {
         let (a, b) = self.ends(start);
@@ -225,7 +220,7 @@ mod tests {
 
     fn starts(segments: &Segments) -> Vec<u32> {
         (0..index32(segments.paths.points.len()))
-            .filter(|&point| segments.starts_at(point))
+            .filter(|&point| segments.paths.points[point as usize].w > 0.0)
             .collect()
     }
 
