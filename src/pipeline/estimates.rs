@@ -61,6 +61,7 @@ pub(super) fn file_bytes(
         Format::Bcc => 12.1 * rings,
         Format::Curves => 34.0 * rings,
         Format::Inp => 52.0 * rings,
+        Format::Html => 40e3 + 6.0 * points(cloth, fabric),
         Format::Usda => 116.0 * points(cloth, fabric),
         Format::Npz => 115.0 * points(cloth, fabric),
         Format::Csv => 200.0 * points(cloth, fabric),

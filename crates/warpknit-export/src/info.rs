@@ -6,6 +6,7 @@
 
 use std::sync::Arc;
 
+use super::facts::Facts;
 use super::texture::TextureSet;
 use warpknit_core::fabric::Fabric;
 use warpknit_core::fabric::yarn::{Color, Yarn};
@@ -92,6 +93,8 @@ pub struct ClothInfo<'a> {
     /// How much is to come at the most, where it is known. A `.glb` keeps room for as much, and
     /// refuses more; without this its body waits in a temporary file and is copied at the end.
     pub expected: Option<Expected>,
+    /// What a page says of the fabric in words and numbers. By default nothing.
+    pub facts: Facts,
     /// The garment's panels: `.npz` and `.csv` take triangles and flat coordinates from them.
     pub panels: &'a [Panel],
 }
@@ -107,6 +110,7 @@ impl<'a> ClothInfo<'a> {
             textures: Arc::default(),
             bundles: Vec::new(),
             expected: None,
+            facts: Facts::default(),
             panels: &[],
         }
     }

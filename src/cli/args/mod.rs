@@ -463,8 +463,8 @@ pub(crate) struct Reading {
 /// Flags that `drape`, `swatch` and `view` share.
 #[derive(Args, Debug)]
 pub(crate) struct Shared {
-    /// A file to write, by its ending: .png .glb .obj .ply .usda .bcc .curves.txt .inp .npz .csv
-    /// (data points) .json (report); may be repeated [default: a .png here, named after the drape
+    /// A file to write, by its ending: .png .html (a page to turn and zoom) .glb .obj .ply
+    /// .usda .bcc .curves.txt .inp .npz .csv (data points) .json (report); may be repeated [default: a .png here, named after the drape
     /// or the fabric]
     #[arg(short, long = "output", value_name = "OUT", value_parser = output)]
     pub(crate) outputs: Vec<(PathBuf, Format)>,
