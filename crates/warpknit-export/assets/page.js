@@ -13,7 +13,6 @@ const clamp = (x, low, high) => Math.min(high, Math.max(low, x));
 const WIDTH = 2048;                    // of the textures; yarn.vert knows it too
 const GROUP = 4;                       // entries that the coarsest ribbon takes in one step
 const END = 256;                       // flag of the entries behind a strand's last point
-const CHUNK = 1024;                    // entries that are shown or left out together
 const FOV = Math.PI / 6;
 
 // Vectors of three numbers.
@@ -36,25 +35,23 @@ function unpack(data) {
   const { points, strands } = cloth, lengths = new Uint32Array(data.buffer, 0, strands);
   const padded = n => (Math.ceil(n / GROUP) + 1) * GROUP;
   const count = lengths.reduce((sum, n) => sum + padded(n), GROUP), rows = Math.ceil((count + GROUP) / WIDTH);
-  const places = new Uint16Array(4 * WIDTH * rows), directions = new Int8Array(4 * WIDTH * rows), starts = [];
+  const places = new Uint16Array(4 * WIDTH * rows).fill(END), directions = new Int8Array(4 * WIDTH * rows), starts = [];
   const signed = (at, i) => { const code = data[at + i] | data[at + points + i] << 8; return code >> 1 ^ -(code & 1); };
   const first = 4 * strands, now = [0, 0, 0, 0, 0, 0];
-  for (let i = 0; i < GROUP; i++) places[4 * i + 3] = END;
   let at = GROUP, i = 0;
   for (const n of lengths) {
     starts.push(at);
-    const end = at + padded(n), last = i + n;
+    const end = at + padded(n), filled = at + n;
     for (; at < end; at++) {
-      if (i < last) {
+      if (at < filled) {
         for (let k = 0; k < 3; k++) {
           now[k] = now[k] + signed(first + 2 * k * points, i) & 65535;
           now[3 + k] = now[3 + k] + data[first + (6 + k) * points + i] & 255;
         }
         i++;
-        places.set([now[0], now[1], now[2], now[3]], 4 * at);
-      } else {
-        places.set([now[0], now[1], now[2], now[3] | END], 4 * at);
       }
+      for (let k = 0; k < 3; k++) places[4 * at + k] = now[k];
+      places[4 * at + 3] = at < filled ? now[3] : now[3] | END;
       directions[4 * at] = now[4];
       directions[4 * at + 1] = now[5];
     }
@@ -63,9 +60,10 @@ function unpack(data) {
   return { places, directions, rows, starts };
 }
 
-// Runs of entries of one bar, each with the sphere around it, from the cloth's middle.
+// Runs of entries of one bar that are shown or left out together, each with the sphere around it, from the cloth's
+// middle. Short runs fit a close-up better, and long ones take less time to go through in large cloth.
 function divide({ places, starts }) {
-  const chunks = [];
+  const chunks = [], CHUNK = starts.at(-1) < 500000 ? 128 : 512;
   let strand = 0;
   for (const [bar, strands] of cloth.runs) {
     const end = starts[strand += strands];
@@ -174,10 +172,16 @@ gl.uniform3fv(at('low'), origin);
 // How finely a chunk is drawn where a mm at its distance has so many pixels: rings an entry, entries a ring, sides.
 function detailOf({ bar }, pixels) {
   const thick = cloth.bars[bar].radius * pixels, span = spacing[bar] * pixels;
-  if (thick > 2) return [clamp(Math.ceil(Math.sqrt(2 * span) / 1.5), 3, 10), 1, clamp(Math.round(thick) + 4, 6, 16)];
+  // Chords and edges then are less than a third of a pixel off the curve.
+  if (thick > 2) return [clamp(Math.ceil(Math.sqrt(span / 2)), 2, 12), 1, clamp(Math.ceil(4 * Math.sqrt(thick)), 6, 20)];
   if (span < 0.4) return [1, 4, 2];
   if (span < 0.9) return [1, 2, 2];
   return [span < 3 ? 1 : span < 7 ? 2 : 3, 1, 2];
+}
+
+function isOutside(planes, [x, y, z], reach) {
+  for (const p of planes) if (p[0] * x + p[1] * y + p[2] * z + p[3] < -reach) return true;
+  return false;
 }
 
 // Draws all that a camera sees; `fineness` is the pixels that count as one.
@@ -200,6 +204,8 @@ function drawYarns({ clip, eye, pixel }, lens, fineness) {
       ({ bar } = waiting);
       gl.uniform3fv(at('color'), cloth.bars[bar].color);
       gl.uniform1f(at('radius'), cloth.bars[bar].radius);
+      // Two plies turn once in 16 radii; whole turns in 4096 entries, after which the shader begins again.
+      gl.uniform1f(at('twist'), Math.round(0.8 * spacing[bar] / cloth.bars[bar].radius * 4096 / (2 * Math.PI)) * 2 * Math.PI / 4096);
     }
     if (sides > 2 && !hasFrames) {
       hasFrames = true;
@@ -214,8 +220,8 @@ function drawYarns({ clip, eye, pixel }, lens, fineness) {
   };
   for (const chunk of chunks) {
     const { a, b, middle, radius } = chunk, reach = radius + thickest;
-    if (hidden.has(chunk.bar) || planes.some(p => dot(p, middle) + p[3] < -reach)) continue;
-    const distance = Math.max(Math.hypot(...add(middle, eye, -1)) - radius, 1e-3);
+    if (hidden.has(chunk.bar) || isOutside(planes, middle, reach)) continue;
+    const distance = Math.max(Math.hypot(middle[0] - eye[0], middle[1] - eye[1], middle[2] - eye[2]) - radius, 1e-3);
     const detail = detailOf(chunk, fineness / (pixel * distance));
     if (!waiting || waiting.b !== a || waiting.bar !== chunk.bar || waiting.detail.some((d, k) => d !== detail[k])) {
       flush();
@@ -268,13 +274,15 @@ function anchor(x, y) {
   const [w, h] = [canvas.clientWidth, canvas.clientHeight], { eye, right, up, back, distance } = camera(w / h);
   const mm = view.span / h, ray = unit(add(add(add([0, 0, 0], back, -distance), right, (x - 0.5) * w * mm), up, (0.5 - y) * h * mm));
   const slack = Math.max(3 * mm, 2 * Math.max(...spacing));
+  const from = add(origin, eye, -1);
   let nearest = Infinity;
   for (const { a, b, bar, middle, radius } of chunks) {
     const to = add(middle, eye, -1), along = dot(to, ray);
     if (hidden.has(bar) || dot(to, to) - along * along > (radius + slack) ** 2) continue;
     for (let i = a; i < b; i++) {
-      const p = [0, 1, 2].map(k => origin[k] + cloth.step * yarns.places[4 * i + k] - eye[k]), s = dot(p, ray);
-      if (s > 0 && s < nearest && dot(p, p) - s * s < slack * slack) nearest = s;
+      const x = from[0] + cloth.step * yarns.places[4 * i], y = from[1] + cloth.step * yarns.places[4 * i + 1];
+      const z = from[2] + cloth.step * yarns.places[4 * i + 2], s = x * ray[0] + y * ray[1] + z * ray[2];
+      if (s > 0 && s < nearest && x * x + y * y + z * z - s * s < slack * slack) nearest = s;
     }
   }
   const depth = -nearest * dot(ray, back);
@@ -301,7 +309,7 @@ function zoom(factor, x = 0.5, y = 0.5) {
 
 // ---- Pictures
 
-let asked = false, moved = 0, slow = false, before = 0, frames = 0;
+let asked = true, moved = 0, slow = false, before = 0, frames = 0;
 function invalidate(moving = false) {
   if (moving) moved = performance.now();
   if (!asked) requestAnimationFrame(draw);
@@ -457,7 +465,6 @@ addEventListener('keydown', event => {
   else return;
   event.preventDefault();
 });
-new ResizeObserver(() => invalidate()).observe(canvas);
 
 // A link may choose the view: page.html#yaw=150&pitch=20&zoom=8&x=0.4&y=0.3&loupe=1 (degrees; shares of the picture).
 const asks = new URLSearchParams(location.hash.slice(1)), ask = (name, other) => +(asks.get(name) ?? other);
@@ -473,5 +480,6 @@ if (ask('loupe', 0)) toggleLoupe(true);
 draw(performance.now());
 gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
 $('message').textContent = '';
+new ResizeObserver(() => invalidate()).observe(canvas);
 Object.assign(document.body.dataset, { first: Math.round(performance.now() - started), error: gl.getError() || '' });
 })();

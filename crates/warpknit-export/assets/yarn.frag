@@ -11,7 +11,7 @@ uniform int sides;
 uniform vec3 lens;                    // middle and radius of the loupe, pixels; 0 where there is none
 
 in vec3 sight, side, front, along, cloth;
-in float across, height, gone, size, around;
+in float across, height, gone, size, around, phase;
 out vec4 result;
 
 void main() {
@@ -36,9 +36,11 @@ void main() {
   vec3 h = normalize(lamp + v);
   float fibre = dot(f, h), shine = pow(max(0., 1. - fibre * fibre), 24.) * max(0., dot(n, h));
   float sheen = pow(1. - max(0., dot(n, v)), 3.);
-  // Filaments show as faint streaks along the yarn, once it is some pixels wide.
-  float streak = sin(9. * (sides == 2 ? 1.5708 + asin(clamp(across, -1., 1.)) : around)) * smoothstep(3., 8., size);
-  vec3 light = color * (1. + .05 * streak) * open * (.92 * key + .34 * dome)
+  // Two plies, and the filaments in them, show once a yarn is some pixels wide.
+  float turn = sides == 2 ? 1.5708 + asin(clamp(across, -1., 1.)) : around;
+  float ply = sin(2. * turn + phase) * smoothstep(1.5, 4., size), filament = sin(15. * turn + 6. * phase) * smoothstep(5., 12., size);
+  open *= 1. - .16 * pow(.5 - .5 * ply, 2.) * step(1.5, size);
+  vec3 light = color * (1. + .05 * filament) * open * (.92 * key + .34 * dome)
     + open * (color * .22 * sheen * dome + vec3(.10) * shine * near * key);
   // A soft shoulder keeps white yarns from running out, then the display's transfer curve.
   light = light / (1. + .18 * max(light.r, max(light.g, light.b)));

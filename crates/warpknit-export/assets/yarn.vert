@@ -15,11 +15,12 @@ uniform sampler2D directions;         // octahedral: the cloth's normal, and the
 uniform mat4 clip;
 uniform vec3 eye, low;                // mm from the cloth's middle
 uniform float grid, radius, pixel;    // mm; mm; mm a pixel has at a distance of 1 mm
+uniform float twist;                  // radians an entry
 uniform vec2 heights;                 // mm of depth at 0 and at 255
 uniform ivec4 shape;                  // first entry; rings an entry; entries a ring; sides
 
 out vec3 sight, side, front, along, cloth;
-out float across, height, gone, size, around;
+out float across, height, gone, size, around, phase;
 
 uvec4 entry(int at) { return texelFetch(points, ivec2(at & 2047, at >> 11), 0); }
 vec3 place(uvec4 e) { return low + grid * vec3(e.xyz); }
@@ -66,6 +67,16 @@ void main() {
   vec3 a = m + n - 2. * chord, b = 3. * chord - 2. * m - n;
   p += ((a * t + b) * t + m) * t;
   along = normalize((3. * a * t + 2. * b) * t + m + 1e-9);
+  phase = twist * (float(at & 4095) + t);
+  // Tubes are closed: a ring without width stands behind the last one of a strand and before the first one.
+  int cap = 0;
+  if (sides > 2 && e.w < END && ends && t > 0.) cap = 1;
+  if (sides > 2 && e.w >= END && !ends && ring % shape.y == shape.y - 1) {
+    cap = -1;
+    p = place(next);
+    along = normalize(place(after) - p + 1e-9);
+  }
+  if (cap != 0) gone = 0.;
 
   vec4 here = texelFetch(directions, ivec2(at & 2047, at >> 11), 0);
   int then = ends ? at : at + shape.z;
@@ -92,8 +103,9 @@ void main() {
     first = normalize(first - along * dot(first, along));
     around = 6.2831853 * float(corner) / float(sides);
     side = cos(around) * first + sin(around) * cross(along, first);
+    if (cap != 0) side = float(cap) * along;
+    else p += radius * side;
     front = side;
-    p += radius * side;
   }
   gl_Position = clip * vec4(p, 1.);
 }
