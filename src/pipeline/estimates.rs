@@ -39,7 +39,7 @@ pub(super) fn points(cloth: &Cloth<'_>, fabric: &Fabric) -> f64 {
     (0..fabric.yarn_systems()).map(of_bar).sum()
 }
 
-/// Bytes of a file of a cloth, or `None` for pictures and reports. `section` is that of its tubes.
+/// Bytes of a file of a cloth, or `None` for pictures, reports and pages. `section` is that of its tubes.
 pub(super) fn file_bytes(
     format: Format,
     cloth: &Cloth<'_>,
@@ -52,7 +52,8 @@ pub(super) fn file_bytes(
     let (rings, vertices) = (stitches * st, stitches * st * (sr + 1.0));
     let triangles = 2.0 * stitches * st * sr;
     Some(match format {
-        Format::Png | Format::Json => return None,
+        // Pages are compressed, to a tenth where all stitches are alike.
+        Format::Png | Format::Json | Format::Html => return None,
         // Indices take half of that where yarns are short.
         Format::Glb => 32.0 * vertices + 12.0 * triangles,
         Format::Ply => 35.0 * vertices + 13.0 * triangles,
@@ -61,7 +62,6 @@ pub(super) fn file_bytes(
         Format::Bcc => 12.1 * rings,
         Format::Curves => 34.0 * rings,
         Format::Inp => 52.0 * rings,
-        Format::Html => 40e3 + 6.0 * points(cloth, fabric),
         Format::Usda => 116.0 * points(cloth, fabric),
         Format::Npz => 115.0 * points(cloth, fabric),
         Format::Csv => 200.0 * points(cloth, fabric),
