@@ -54,8 +54,8 @@ pub(super) fn file_bytes(
     Some(match format {
         // Pages are compressed, to a tenth where all stitches are alike.
         Format::Png | Format::Json | Format::Html => return None,
-        // Indices take half of that where yarns are short.
-        Format::Glb => 32.0 * vertices + 12.0 * triangles,
+        // With floats and textures twice as much.
+        Format::Glb => 12.0 * stitches * st * sr + 6.0 * triangles,
         Format::Ply => 35.0 * vertices + 13.0 * triangles,
         Format::Obj => 90.0 * vertices + 54.0 * triangles,
         Format::ObjLines => 40.0 * rings,

@@ -165,7 +165,8 @@ impl<'a> Prepared<'a> {
         let loupe = drawn.and_then(Drawn::loupe);
         let sizes = notes::sizes(self.job, jobs.len() > 1, drawn, &self.setup);
         let own = self.job.notes.iter().cloned();
-        sizes.into_iter().chain(own).chain(loupe.map(|loupe| loupe.note())).collect()
+        let ribbons = notes::ribbons(self.job, &self.outputs);
+        sizes.into_iter().chain(own).chain(ribbons).chain(loupe.map(|loupe| loupe.note())).collect()
     }
 
     /// Knits, draws and writes. `is_last` says that the report will have this job's numbers.

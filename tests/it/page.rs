@@ -28,7 +28,7 @@ fn probed(browser: &str, folder: &Path, page: &str) -> String {
     let output = Command::new(browser)
         .args(["--headless", "--no-sandbox", "--use-angle=swiftshader", "--dump-dom"])
         .args(["--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--window-size=700,500"])
-        .args(["--virtual-time-budget=60000", "--disable-dev-shm-usage"])
+        .args(["--virtual-time-budget=600000", "--disable-dev-shm-usage"])
         .arg(format!("--user-data-dir={}", folder.join("profile").display()))
         .arg(format!("file://{}", path.display()))
         .output()

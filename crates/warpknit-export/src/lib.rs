@@ -14,6 +14,7 @@
 //! Files and folders are touched in `output.rs`, `folder.rs` and `temporary.rs` alone. A program
 //! that may end without returning calls [`remove_temporaries`] first.
 
+mod axes;
 mod base64;
 pub mod bcc;
 mod buffer;
@@ -27,6 +28,7 @@ mod file_writer;
 mod folder;
 mod format;
 pub mod glb;
+mod glb_grid;
 mod glb_material;
 pub mod html;
 mod html_lines;
@@ -51,6 +53,7 @@ mod whole;
 use std::io::{Seek, Write};
 use std::path::{Path, PathBuf};
 
+pub use axes::{Axes, FileUnit, UpAxis};
 pub use destination::Destination;
 pub use facts::{Facts, SystemFacts};
 pub use file_writer::FileWriter;
