@@ -55,8 +55,7 @@ impl Garment {
         turn: bool,
         allow_loss: bool,
     ) -> PyResult<Self> {
-        let unit = unit.map(str::parse::<Unit>).transpose();
-        let unit = unit.map_err(|error| GarmentError::new_err(error.to_string()))?;
+        let unit = unit.map(named_unit).transpose()?;
         let options = ReadOptions { unit, uv_scale, grain: grain.to_radians(), turn, allow_loss };
         let read = py.detach(|| garment::read(&flat, draped.as_deref(), &options));
         let garment = read.map_err(|error| error::of_garment(&error))?;
@@ -72,14 +71,26 @@ impl Garment {
     /// Faces that share no vertex belong to different panels. C-contiguous float64 positions and
     /// uint32 faces are read without a copy.
     ///
+    /// unit: of draped. uv_scale: length of one unit of flat, mm; None estimates it panel by panel,
+    /// as for a UV map. grain, turn: as of `load`.
+    ///
     /// Raises GarmentError.
     #[staticmethod]
+    #[pyo3(signature = (flat, draped, faces, *, unit="mm", uv_scale=Some(1.0), grain=0.0,
+                        turn=false))]
+    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn from_arrays(
         py: Python<'_>,
         flat: Positions<'_>,
         draped: Positions<'_>,
         faces: &Bound<'_, PyAny>,
+        unit: &str,
+        uv_scale: Option<f64>,
+        grain: f64,
+        turn: bool,
     ) -> PyResult<Self> {
+        let (unit, grain) = (Some(named_unit(unit)?), grain.to_radians());
+        let options = ReadOptions { unit, uv_scale, grain, turn, allow_loss: true };
         let (flat, draped) = (rows::<2>("flat", &flat)?, rows::<3>("draped", &draped)?);
         let direct: Option<Faces<'_>> = faces.extract().ok();
         let faces = match &direct {
@@ -88,7 +99,7 @@ impl Garment {
         };
         let flat: &[DVec2] = bytemuck::cast_slice(&flat);
         let draped: &[DVec3] = bytemuck::cast_slice(&draped);
-        let made = py.detach(|| garment::Garment::from_arrays(flat, draped, &faces));
+        let made = py.detach(|| garment::Garment::from_arrays_with(flat, draped, &faces, &options));
         let garment = made.map_err(|error| error::of_garment(&error))?;
         Ok(Self { garment: Arc::new(garment), inputs: Vec::new() })
     }
@@ -133,6 +144,11 @@ impl Garment {
         let (panels, area) = (self.panels(), self.area_cm2());
         format!("<warpknit.Garment of {panels} panels, {area:.0} cm²>")
     }
+}
+
+/// The unit of that name.
+fn named_unit(name: &str) -> PyResult<Unit> {
+    name.parse::<Unit>().map_err(|error| GarmentError::new_err(error.to_string()))
 }
 
 /// The numbers of an array of `WIDTH` columns, in place where it is contiguous.

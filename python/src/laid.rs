@@ -97,6 +97,6 @@ fn index(number: usize) -> i32 {
 }
 
 /// A number of things in memory.
-fn index64(number: usize) -> i64 {
+pub(crate) fn index64(number: usize) -> i64 {
     i64::try_from(number).unwrap_or(i64::MAX)
 }

@@ -23,7 +23,7 @@ use warpknit::yarn::tube::{MAX_ST, SR, Section, Tubes};
 use warpknit::{fabric, garment};
 
 use crate::error;
-use crate::laid::Laid;
+use crate::laid::{Laid, index64};
 use crate::names;
 
 /// The largest picture each way, pixels.
@@ -59,6 +59,7 @@ pub(crate) struct Yarns {
     panel: Py<PyArray1<i32>>,
     bar: Py<PyArray1<i32>>,
     radius: Py<PyArray1<f64>>,
+    stitch_counts: Py<PyArray1<i64>>,
     strands: Strands,
     report: OnceLock<String>,
 }
@@ -154,6 +155,8 @@ impl Yarns {
         let radii: Vec<_> = shown.thickness().iter().map(|share| share * shown.radius()).collect();
         let strands = Strands::of(&laid);
         let radius = strands.bars.iter().map(|&bar| radii[bar]).collect();
+        let counts = laid.first_stitches.windows(2).map(|pair| index64(pair[1] - pair[0]));
+        let counts = counts.collect();
         Ok(Self {
             origin,
             fabric,
@@ -170,6 +173,7 @@ impl Yarns {
             panel: column(py, laid.panel)?,
             bar: column(py, laid.bar)?,
             radius: column(py, radius)?,
+            stitch_counts: column(py, counts)?,
             strands,
             report: OnceLock::new(),
         })
@@ -332,6 +336,13 @@ impl Yarns {
     #[getter]
     fn radius(&self, py: Python<'_>) -> Py<PyArray1<f64>> {
         self.radius.clone_ref(py)
+    }
+
+    /// (s,) int64: stitches and parts of stitches of each strand. Its tube in `to_mesh` has
+    /// (st * stitches + 1) * (sr + 1) vertices.
+    #[getter]
+    fn stitch_counts(&self, py: Python<'_>) -> Py<PyArray1<i64>> {
+        self.stitch_counts.clone_ref(py)
     }
 
     /// (3,) floats: the place from which the vertices of `to_mesh` count, mm. It is zero unless the

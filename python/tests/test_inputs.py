@@ -99,6 +99,20 @@ def test_arrays() -> None:
         assert (warpknit.drape(same, fabric, 2.0).points == points).all()
 
 
+def test_arrays_of_a_uv_map() -> None:
+    # A square of 300 mm in metres, its pattern in the unit square.
+    metres = 0.3 * np.column_stack([SQUARE / 100, np.zeros(4)])
+    garment = warpknit.Garment.from_arrays(SQUARE / 100, metres, FACES, unit="m", uv_scale=None)
+    assert garment.area_cm2 == pytest.approx(900.0)
+    yarns = warpknit.drape(garment, warpknit.Fabric.named("tricot"), 2.0, "smooth")
+    turned = warpknit.Garment.from_arrays(SQUARE / 100, metres, FACES, unit="m", uv_scale=300, grain=90)
+    across = warpknit.drape(turned, warpknit.Fabric.named("tricot"), 2.0, "smooth")
+    assert yarns.points.max() == pytest.approx(300, abs=2)
+    # A wale runs along y, or along x where the grain is turned.
+    spread = [np.ptp(cloth.points[cloth.wale == 20], axis=0) for cloth in (yarns, across)]
+    assert spread[0][1] > 250 > 50 > spread[0][0] and spread[1][0] > 250 > 50 > spread[1][1]
+
+
 @pytest.mark.parametrize(
     ("flat", "draped", "faces", "words"),
     [

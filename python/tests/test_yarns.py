@@ -31,6 +31,7 @@ def test_arrays_have_the_shapes_and_types_that_the_docs_say(yarns: warpknit.Yarn
         (yarns.panel, (s,), "int32"),
         (yarns.bar, (s,), "int32"),
         (yarns.radius, (s,), "float64"),
+        (yarns.stitch_counts, (s,), "int64"),
     ]
     for array, shape, kind in arrays:
         assert array.shape == shape and array.dtype == kind
@@ -83,6 +84,7 @@ def test_a_mesh_has_the_triangles_of_the_paper(yarns: warpknit.Yarns) -> None:
     assert len(faces) == 2 * 4 * 5 * yarns.stitches
     assert vertices.dtype == normals.dtype == uv.dtype == np.float32 and faces.dtype == np.uint32
     assert faces.max() == len(vertices) - 1
+    assert len(vertices) == ((4 * yarns.stitch_counts + 1) * (5 + 1)).sum()
     assert np.allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-5)
     # A triangle faces as its normals do, where rings are near each other for the bends of a loop.
     vertices, faces, normals, _ = yarns.to_mesh(st=32, sr=6)

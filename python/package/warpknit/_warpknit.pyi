@@ -12,6 +12,7 @@ __all__ = ["Fabric", "FabricError", "Garment", "GarmentError", "Yarns", "__versi
 __version__: str
 
 _Path = str | PathLike[str]
+_Unit = Literal["mm", "cm", "dm", "m", "in"]
 _View = Literal["front", "back", "left", "right", "top", "iso"]
 
 class GarmentError(ValueError):
@@ -70,14 +71,23 @@ class Garment:
         flat: _Path,
         draped: _Path | None = None,
         *,
-        unit: Literal["mm", "cm", "dm", "m", "in"] | None = None,
+        unit: _Unit | None = None,
         uv_scale: float | None = None,
         grain: float = 0.0,
         turn: bool = False,
         allow_loss: bool = False,
     ) -> Garment: ...
     @staticmethod
-    def from_arrays(flat: ArrayLike, draped: ArrayLike, faces: ArrayLike) -> Garment: ...
+    def from_arrays(
+        flat: ArrayLike,
+        draped: ArrayLike,
+        faces: ArrayLike,
+        *,
+        unit: _Unit = "mm",
+        uv_scale: float | None = 1.0,
+        grain: float = 0.0,
+        turn: bool = False,
+    ) -> Garment: ...
     @property
     def panels(self) -> int: ...
     @property
@@ -116,6 +126,8 @@ class Yarns:
     @property
     def radius(self) -> NDArray[np.float64]: ...
     @property
+    def stitch_counts(self) -> NDArray[np.int64]: ...
+    @property
     def origin(self) -> list[float]: ...
     @property
     def fabric(self) -> Fabric: ...
@@ -131,7 +143,8 @@ class Yarns:
     def render(
         self,
         size: tuple[int, int] = (800, 600),
-        view: _View = "front",
+        view: _Unit = Literal["mm", "cm", "dm", "m", "in"]
+_View = "front",
         *,
         zoom: float = 1.0,
         background: str = "white",
