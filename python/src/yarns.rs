@@ -259,6 +259,16 @@ fn vectors<'a>(array: &'a PyReadonlyArray2<'_, f64>) -> PyResult<&'a [DVec3]> {
     Ok(bytemuck::cast_slice(array.as_slice()?))
 }
 
+/// Refuses pictures without pixels, and those that no memory holds.
+fn check_size(size: (u32, u32)) -> PyResult<()> {
+    let pixels = 1..=MOST_PIXELS;
+    if pixels.contains(&size.0) && pixels.contains(&size.1) {
+        return Ok(());
+    }
+    let text = format!("size is {size:?}, but both must be between 1 and {MOST_PIXELS}");
+    Err(PyValueError::new_err(text))
+}
+
 /// Refuses tubes out of their range, in words of Python.
 fn check_tubes(st: u32, sr: u32) -> PyResult<()> {
     if !(1..=MAX_ST).contains(&st) {
@@ -440,11 +450,7 @@ impl Yarns {
     ) -> PyResult<Py<PyAny>> {
         let background = background.parse::<Background>();
         let background = background.map_err(|error| PyValueError::new_err(error.to_string()))?;
-        let pixels = 1..=MOST_PIXELS;
-        if !pixels.contains(&size.0) || !pixels.contains(&size.1) {
-            let text = format!("size is {size:?}, but both must be between 1 and {MOST_PIXELS}");
-            return Err(PyValueError::new_err(text));
-        }
+        check_size(size)?;
         if !(1..=4096).contains(&spp) {
             return Err(PyValueError::new_err(format!("spp is {spp}, but must be 1 to 4096")));
         }
@@ -459,10 +465,14 @@ impl Yarns {
     /// command's -o knows.
     ///
     /// st, sr: segments along each stitch of a tube, and edges around. curves: an .obj has centre lines.
+    /// size, view: of pictures, as of `render`.
     ///
     /// The files are those of the command, byte for byte, and appear only when all of them are whole.
     /// To write them, the cloth is knitted again.
-    #[pyo3(signature = (*paths, st=None, sr=None, flatten=1.0, caps=false, curves=false))]
+    #[pyo3(signature = (*paths, st=None, sr=None, flatten=1.0, caps=false, curves=false,
+                        size=(1600, 1200), view="front"),
+           text_signature = "($self, *paths, st=None, sr=None, flatten=1.0, caps=False, \
+                             curves=False, size=(1600, 1200), view='front')")]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn save(
         &self,
@@ -473,6 +483,8 @@ impl Yarns {
         flatten: f64,
         caps: bool,
         curves: bool,
+        size: (u32, u32),
+        view: &str,
     ) -> PyResult<()> {
         if paths.is_empty() {
             return Err(PyValueError::new_err("name a file, such as \"cloth.glb\""));
@@ -482,8 +494,10 @@ impl Yarns {
         let outputs = formats.map(|pair| pair.map(|(format, path)| (path, format)));
         let outputs = outputs.collect::<Result<Vec<_>, _>>();
         let outputs = outputs.map_err(|error| error::of_export(&error))?;
-        let settings =
+        check_size(size)?;
+        let mut settings =
             Settings { st, sr, flatten, caps, centre_lines: curves, ..self.settings.clone() };
+        (settings.picture.size, settings.picture.view) = (size, names::view(view)?);
         let written = py.detach(|| self.write(outputs, &settings));
         written.map_err(|error| error::of_run(&error))
     }

@@ -130,7 +130,7 @@ def test_every_ending_of_the_command_is_written(
     locknit: warpknit.Fabric, tmp_path: Path, ending: str
 ) -> None:
     path = tmp_path / f"cloth{ending}"
-    warpknit.swatch(locknit, 3, 4).save(path)
+    warpknit.swatch(locknit, 3, 4).save(path, size=(320, 240))
     assert path.stat().st_size > 100
 
 

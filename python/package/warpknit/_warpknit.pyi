@@ -143,8 +143,7 @@ class Yarns:
     def render(
         self,
         size: tuple[int, int] = (800, 600),
-        view: _Unit = Literal["mm", "cm", "dm", "m", "in"]
-_View = "front",
+        view: _View = "front",
         *,
         zoom: float = 1.0,
         background: str = "white",
@@ -159,6 +158,8 @@ _View = "front",
         flatten: float = 1.0,
         caps: bool = False,
         curves: bool = False,
+        size: tuple[int, int] = (1600, 1200),
+        view: _View = "front",
     ) -> None: ...
     def _repr_png_(self) -> bytes: ...
     def __len__(self) -> int: ...
