@@ -211,11 +211,33 @@ pub(super) fn picture(text: &str) -> Result<PathBuf, String> {
     }
 }
 
-/// Parses the path of a drawing.
-pub(super) fn diagram(text: &str) -> Result<(PathBuf, chart::ChartFormat), String> {
+/// The formats of what `inspect` finds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum FactsFormat {
+    /// A drawing.
+    Chart(chart::ChartFormat),
+    /// The facts of a garment, for scripts.
+    Json,
+}
+
+impl FactsFormat {
+    /// The ending that asks for it.
+    pub(crate) fn ending(self) -> &'static str {
+        match self {
+            Self::Chart(chart) => chart.ending(),
+            Self::Json => ".json",
+        }
+    }
+}
+
+/// Parses the path of a file of `inspect`.
+pub(super) fn diagram(text: &str) -> Result<(PathBuf, FactsFormat), String> {
     let path = PathBuf::from(text);
-    let format = chart::ChartFormat::from_path(&path)
-        .ok_or("drawings can't be written with this ending; known are .svg .png")?;
+    let is_json = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json"));
+    let chart = || chart::ChartFormat::from_path(&path).map(FactsFormat::Chart);
+    let format = if is_json { Some(FactsFormat::Json) } else { chart() };
+    let format =
+        format.ok_or("inspect writes no file with this ending; known are .svg .png .json")?;
     Ok((path, format))
 }
 

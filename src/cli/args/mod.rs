@@ -10,7 +10,6 @@ use std::path::{Path, PathBuf};
 use clap::error::ErrorKind;
 use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 use glam::DVec3;
-use warpknit::chart;
 use warpknit::export::Format;
 use warpknit::fabric::yarn::Count;
 use warpknit::garment::Unit;
@@ -27,9 +26,9 @@ use super::config::{self, Trouble};
 #[cfg(feature = "view")]
 use super::values::picture;
 use super::values::{
-    EdgeArg, FileUnitArg, MappingArg, NodesArg, PrecisionArg, RendererArg, RunIn, ShapeArg,
-    SwitchArg, UpArg, ViewArg, diagram, enlarge, field_of_view, finite, flattening, loupe, output,
-    positive, run_in, samples, size, stretch, vector,
+    EdgeArg, FactsFormat, FileUnitArg, MappingArg, NodesArg, PrecisionArg, RendererArg, RunIn,
+    ShapeArg, SwitchArg, UpArg, ViewArg, diagram, enlarge, field_of_view, finite, flattening, loupe,
+    output, positive, run_in, samples, size, stretch, vector,
 };
 
 /// The fabric, unless one is named.
@@ -288,9 +287,10 @@ pub(crate) struct Inspect {
     #[command(flatten)]
     pub(crate) chains: Chains,
     /// A file to write, by its ending: .svg .png; for meshes a sheet of flat panels and stretch
-    /// (OUT-001 and so on for several drapes), for a fabric its lapping diagram; may be repeated
+    /// (OUT-001 and so on for several drapes), for a fabric its lapping diagram; .json for the facts
+    /// of meshes; may be repeated
     #[arg(short, long = "output", value_name = "OUT", value_parser = diagram)]
-    pub(crate) outputs: Vec<(PathBuf, chart::ChartFormat)>,
+    pub(crate) outputs: Vec<(PathBuf, FactsFormat)>,
     #[command(flatten)]
     pub(crate) reading: Reading,
 }
