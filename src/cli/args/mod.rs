@@ -349,7 +349,8 @@ pub(crate) struct Bench {
     /// The fabric of yarn-length, a built-in one or a file [default: tricot]
     #[arg(long, value_name = "NAME|FILE.toml")]
     pub(crate) fabric: Option<String>,
-    /// A file to write, by its ending: .json (all figures) .svg .png (plots); may be repeated
+    /// A file to write, by its ending: .json .csv (all figures) .md .tex (tables) .svg .png (plots); may
+    /// be repeated
     #[arg(short, long = "output", value_name = "OUT", value_parser = figures)]
     pub(crate) outputs: Vec<(PathBuf, BenchFormat)>,
     #[command(flatten)]
