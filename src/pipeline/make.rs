@@ -155,7 +155,7 @@ impl<'a> Prepared<'a> {
             check_stitches(stitches)?;
             check_memory("a picture", stitches, drawn.bytes / 1e9, notes::remedy(job))?;
         }
-        let sinks = sinks(&outputs, job, &setup)?;
+        let sinks = sinks(&outputs, job, &setup, &job.cloth.garment().panels)?;
         Ok(Self { job, setup, outputs, points, pictures, sinks })
     }
 

@@ -174,7 +174,7 @@ fn quantised_glb_holds_the_triangles_of_the_floats() {
             }
         }
         let size = |name: &str| std::fs::metadata(folder.path().join(name)).unwrap().len();
-        assert!(2 * size("s.glb") < size("f.glb"), "{} of {}", size("s.glb"), size("f.glb"));
+        assert!(3 * size("s.glb") < 2 * size("f.glb"), "{} of {}", size("s.glb"), size("f.glb"));
     }
 }
 
@@ -201,7 +201,7 @@ fn ply_and_obj_take_the_unit_and_the_upright_axis_of_their_reader() {
         line.split(' ').skip(1).map(|word| word.parse::<f32>().unwrap()).collect::<Vec<_>>()
     };
     let (a, b) = (first("a.obj"), first("b.obj"));
-    assert!((b[0] - a[0] / 1000.0).abs() < 1e-7 && (b[2] - a[1] / 1000.0).abs() < 1e-7);
+    assert!((b[0] - a[0] / 1000.0).abs() < 2e-7 && (b[2] - a[1] / 1000.0).abs() < 2e-7);
 }
 
 /// Ribbons are for pictures, and a file of tubes says so.

@@ -3,11 +3,17 @@
 //!
 //! Without Chromium the test is skipped, except in `.ci/run`.
 
+use std::io::{BufRead as _, BufReader};
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::sync::{Arc, Mutex, mpsc};
+use std::time::Duration;
 
 use crate::cli::warpknit;
 use crate::drape::mesh;
+
+/// How long a page may take on a busy machine.
+const LONGEST: Duration = Duration::from_secs(300);
 
 /// The browser's name. `None` where there is none.
 fn chromium() -> Option<&'static str> {
@@ -25,18 +31,38 @@ fn probed(browser: &str, folder: &Path, page: &str) -> String {
     let probed = text.replace("</body>", &format!("<script>\n{probe}</script>\n</body>"));
     let path = folder.join(format!("probed-{page}"));
     std::fs::write(&path, probed).unwrap();
-    let output = Command::new(browser)
-        .args(["--headless", "--no-sandbox", "--use-angle=swiftshader", "--dump-dom"])
+    let child = Command::new(browser)
+        .args(["--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-logging=stderr"])
         .args(["--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--window-size=700,500"])
-        .args(["--virtual-time-budget=600000", "--disable-dev-shm-usage"])
+        .args(["--disable-dev-shm-usage", "--disable-background-timer-throttling"])
         .arg(format!("--user-data-dir={}", folder.join("profile").display()))
         .arg(format!("file://{}", path.display()))
-        .output()
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
         .unwrap();
-    let dom = String::from_utf8_lossy(&output.stdout).into_owned();
-    let found = dom.split_once("data-probe=\"").and_then(|(_, rest)| rest.split_once('"'));
-    let errors = String::from_utf8_lossy(&output.stderr);
-    found.unwrap_or_else(|| panic!("{page}: the probe did not end\n{errors}")).0.to_owned()
+    let child = Arc::new(Mutex::new(child));
+    let errors = BufReader::new(child.lock().unwrap().stderr.take().unwrap());
+    // A browser that says nothing is ended, and its lines then end too.
+    let watched = Arc::clone(&child);
+    let (done, is_done) = mpsc::channel::<()>();
+    let watch = std::thread::spawn(move || {
+        let _ = is_done.recv_timeout(LONGEST);
+        let mut child = watched.lock().unwrap();
+        let _ = child.kill();
+        let _ = child.wait();
+    });
+    let mut all = String::new();
+    let lines = errors.lines().map_while(Result::ok);
+    let found = lines.into_iter().find_map(|line| {
+        let found = line.split_once("probe: ").map(|(_, rest)| rest.to_owned());
+        all += &format!("{line}\n");
+        found
+    });
+    drop(done);
+    watch.join().unwrap();
+    let found = found.unwrap_or_else(|| panic!("{page}: the probe did not end\n{all}"));
+    found.split_once('"').map_or(found.clone(), |(found, _)| found.to_owned())
 }
 
 #[test]

@@ -1,19 +1,12 @@
-// Put at the end of a page by tests/it/page.rs: uses the page as a person would, and leaves what it found in
-// `data-probe` of the body, as words such as `turns=true`.
+// Put at the end of a page by tests/it/page.rs: uses the page as a person would, and says on the console what it
+// found, as words such as `turns=true`.
 (async () => {
 const errors = [], canvas = document.getElementById('view'), data = document.body.dataset;
 addEventListener('error', event => errors.push(event.message));
 addEventListener('unhandledrejection', event => errors.push(String(event.reason)));
 addEventListener('securitypolicyviolation', event => errors.push(event.blockedURI));
 console.error = console.warn = (...words) => errors.push(words.join(' '));
-// The browser's virtual time passes at once where nothing is to be done, and the page unpacks on a thread of its own
-// meanwhile. So each turn here also takes some milliseconds of the processor's time.
-while (!data.first && !data.error) {
-  await new Promise(done => setTimeout(done, 50));
-  let spent = 0;
-  for (let i = 0; i < 3e6; i++) spent = Math.sqrt(spent + i);
-  data.waited = spent;
-}
+while (!data.first && !data.error) await new Promise(done => setTimeout(done, 50));
 
 // The canvas after an event, in the frame that draws it: its pixels as a number, and how many of them show yarn.
 async function after(event, target = window) {
@@ -49,5 +42,5 @@ const found = {
   error: data.error || 'none',
   errors: errors.length ? errors.join(';').replaceAll(/[\s"<>&]+/g, '_') : 'none',
 };
-data.probe = Object.entries(found).map(([name, value]) => `${name}=${value}`).join(' ');
+console.log('probe: ' + Object.entries(found).map(([name, value]) => `${name}=${value}`).join(' '));
 })();

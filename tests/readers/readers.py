@@ -31,7 +31,7 @@ def main():
         folder = Path(folder)
         names = ["glb", "obj", "ply", "usda", "bcc", "curves.txt", "inp", "npz", "csv", "json"]
         outputs = [flag for name in names for flag in ("-o", folder / f"skirt.{name}")]
-        subprocess.run([arguments.binary, "drape", *GARMENT, "--fabric", arguments.fabric, "--quiet", *outputs], check=True)
+        subprocess.run([arguments.binary, "drape", *GARMENT, "--fabric", arguments.fabric, "--quiet", "--glb-precision", "f32", "--nodes", "yarn", *outputs], check=True)
         report = json.loads((folder / "skirt.json").read_text())
         arrays = np.load(folder / "skirt.npz")
         checks = [
