@@ -27,8 +27,8 @@ use super::config::{self, Trouble};
 use super::values::picture;
 use super::values::{
     EdgeArg, FactsFormat, FileUnitArg, MappingArg, NodesArg, PrecisionArg, RendererArg, RunIn,
-    ShapeArg, SwitchArg, UpArg, ViewArg, diagram, enlarge, field_of_view, finite, flattening, loupe,
-    output, positive, run_in, samples, size, stretch, vector,
+    ShapeArg, SwitchArg, UpArg, ViewArg, diagram, enlarge, field_of_view, finite, flattening,
+    loupe, output, positive, run_in, samples, size, stretch, vector,
 };
 
 /// The fabric, unless one is named.
