@@ -11,10 +11,19 @@ use rayon::prelude::*;
 
 use crate::cpu::to_f32;
 use crate::paths;
-use crate::scene::{Scene, SpanLengths, drawable};
+use crate::scene::{Scene, SceneStrand, SpanLengths, drawable};
 
-/// Data points whose pieces one task handles at a time.
-const PART: u32 = 4096;
+/// Pieces in a block. Larger blocks reach into more tiles that only some of their pieces meet.
+/// Smaller ones take more memory.
+const BLOCK: u32 = 16;
+/// Blocks that one task handles at a time.
+const PART_BLOCKS: u32 = 256;
+/// Length of a piece, pixels, up to which data points are left out. Longer pieces would cut the
+/// corners of loops that a picture shows.
+const LONGEST: f32 = 0.5;
+/// Most data points from the start of a piece to its end. With more, a loop would have no corner
+/// left.
+const MOST: u32 = 2;
 
 /// All pieces of a scene's yarns.
 pub(super) struct SplatPieces<'a> {
@@ -22,6 +31,8 @@ pub(super) struct SplatPieces<'a> {
     /// The scene's centre, to which positions are relative.
     centre: Vec3,
     lengths: SpanLengths,
+    /// Data points from the start of a piece to its end.
+    stride: u32,
 }
 
 /// A piece: a capsule.
@@ -32,13 +43,17 @@ pub(super) struct SplatPiece {
 }
 
 impl<'a> SplatPieces<'a> {
-    pub(super) fn new(scene: &'a Scene, centre: Vec3) -> Self {
-        Self { scene, centre, lengths: scene.span_lengths() }
+    /// The pieces for a picture whose pixels are `pixel` mm wide.
+    pub(super) fn new(scene: &'a Scene, centre: Vec3, pixel: f32) -> Self {
+        let lengths = scene.span_lengths();
+        let mean = to_f32(lengths.sum / lengths.count.max(1) as f64);
+        let fitting = (1..=MOST).rev().find(|stride| mean * *stride as f32 <= LONGEST * pixel);
+        Self { scene, centre, lengths, stride: fitting.unwrap_or(1) }
     }
 
     /// Length of the longest piece, mm.
     pub(super) fn longest(&self) -> f32 {
-        to_f32(self.lengths.longest)
+        to_f32(self.lengths.longest) * self.stride as f32
     }
 
     /// Whether strands lie one after another in memory. The binary search in [`Self::strand_of`]
@@ -47,27 +62,71 @@ impl<'a> SplatPieces<'a> {
         self.scene.strands.is_sorted_by(|one, other| one.points.end <= other.points.start)
     }
 
-    /// Calls `draw` with each piece's index, both of its ends as `place` projects them, and its
-    /// radius, in parallel. Points that `place` rejects are left out.
+    /// Calls `draw` with both ends of each piece as `place` projects them, and its radius, in
+    /// parallel. Points that `place` rejects are left out.
     pub(super) fn for_each(
         &self,
         place: impl Fn(Vec3) -> Option<Vec3> + Sync,
-        draw: impl Fn(u32, [Vec3; 2], f32) + Sync,
+        draw: impl Fn([Vec3; 2], f32) + Sync,
     ) {
         self.parts().into_par_iter().for_each(|(strand, points)| {
             let strand = &self.scene.strands[strand];
-            let Some(radius) = self.scene.radius(strand) else { return };
-            // Each joint is computed once: the end of a piece is the start of the next.
-            let mut start = self.joint(points.start, &strand.points).and_then(&place);
-            for number in points {
-                let next = self.joint(number + 1, &strand.points).and_then(&place);
-                if let Some(start) = start {
-                    // A single point, or one before a gap, is drawn as a ball.
-                    draw(number, [start, next.unwrap_or(start)], radius);
-                }
-                start = next;
+            if let Some(radius) = self.scene.radius(strand) {
+                self.walk(strand, points, &place, |_, ends| draw(ends, radius));
             }
         });
+    }
+
+    /// Number of data points whose pieces are a block.
+    pub(super) fn block_points(&self) -> u32 {
+        BLOCK * self.stride
+    }
+
+    /// Calls `draw` with the number, both projected ends and the radius of each piece of the block
+    /// that starts at data point `first`.
+    #[inline]
+    pub(super) fn for_each_in_block(
+        &self,
+        first: u32,
+        place: &impl Fn(Vec3) -> Option<Vec3>,
+        mut draw: impl FnMut(u32, [Vec3; 2], f32),
+    ) {
+        let strand = &self.scene.strands[self.strand_of(first)];
+        let Some(radius) = self.scene.radius(strand) else { return };
+        let points = first..strand.points.end.min(first.saturating_add(self.block_points()));
+        self.walk(strand, points, place, |number, ends| draw(number, ends, radius));
+    }
+
+    /// Calls `draw` with the number and the projected ends of each piece that starts among these
+    /// points of a strand. A single point, the last one, and one before a gap are balls. So each
+    /// end of a piece is the start of another.
+    #[inline]
+    fn walk(
+        &self,
+        strand: &SceneStrand,
+        points: Range<u32>,
+        place: &impl Fn(Vec3) -> Option<Vec3>,
+        mut draw: impl FnMut(u32, [Vec3; 2]),
+    ) {
+        let mut number = points.start;
+        // Each joint is computed once: the end of a piece is the start of the next.
+        let mut start = self.joint(number, &strand.points).and_then(place);
+        while number < points.end {
+            let next = self.next(number, &strand.points);
+            let end = self.joint(next, &strand.points).and_then(place);
+            if let Some(start) = start {
+                draw(number, [start, end.unwrap_or(start)]);
+            }
+            (number, start) = (next, end);
+        }
+    }
+
+    /// The data point where the piece that starts at `point` ends. After the last one, a point
+    /// beyond the strand.
+    #[inline]
+    fn next(&self, point: u32, strand: &Range<u32>) -> u32 {
+        let next = point + self.stride;
+        if next >= strand.end && point + 1 < strand.end { strand.end - 1 } else { next }
     }
 
     /// All drawable points.
@@ -85,7 +144,8 @@ impl<'a> SplatPieces<'a> {
     pub(super) fn piece(&self, strand: usize, first: u32) -> Option<SplatPiece> {
         let strand = &self.scene.strands[strand];
         let start = self.joint(first, &strand.points)?;
-        let ends = [start, self.joint(first + 1, &strand.points).unwrap_or(start)];
+        let next = self.next(first, &strand.points);
+        let ends = [start, self.joint(next, &strand.points).unwrap_or(start)];
         Some(SplatPiece { ends, radius: self.scene.radius(strand)? })
     }
 
@@ -98,14 +158,16 @@ impl<'a> SplatPieces<'a> {
     /// between central differences at its ends. It is continuous from piece to piece.
     pub(super) fn tangent(&self, strand: usize, first: u32, s: f32) -> Vec3 {
         let points = &self.scene.strands[strand].points;
-        let next = (first + 1).min(points.end - 1);
+        let next = self.next(first, points).min(points.end - 1);
         let [start, end] = [first, next].map(|point| self.central_difference(point, points));
         start.lerp(end, s).normalize_or(Vec3::X)
     }
 
-    /// Direction from the data point before `point` to the one after it.
+    /// Direction from the piece's end before `point` to the one after it.
     fn central_difference(&self, point: u32, strand: &Range<u32>) -> Vec3 {
-        let ends = [point.saturating_sub(1).max(strand.start), (point + 1).min(strand.end - 1)];
+        let reach = self.stride;
+        let ends =
+            [point.saturating_sub(reach).max(strand.start), (point + reach).min(strand.end - 1)];
         let [before, after] = ends.map(|end| self.scene.positions[end as usize]);
         (after - before).normalize_or_zero()
     }
@@ -113,7 +175,8 @@ impl<'a> SplatPieces<'a> {
     /// Arc length at fraction `s` of that piece, mm, as if all pieces had the mean length. Exact
     /// lengths would need 4 bytes a point; they only shift the texture along the yarn.
     pub(super) fn along(&self, strand: usize, first: u32, s: f32) -> f32 {
-        let pieces = f64::from(first - self.scene.strands[strand].points.start) + f64::from(s);
+        let pieces = f64::from(first - self.scene.strands[strand].points.start)
+            + f64::from(s) * f64::from(self.stride);
         to_f32(
             paths::phase(self.scene.strands[strand].yarn)
                 + pieces * (self.lengths.sum / self.lengths.count.max(1) as f64),
@@ -135,10 +198,11 @@ impl<'a> SplatPieces<'a> {
         if !drawable(here) {
             return None;
         }
-        let inner = strand.start as usize + 2 <= point && point + 2 < strand.end as usize;
+        let reach = 2 * self.stride as usize;
+        let inner = strand.start as usize + reach <= point && point + reach < strand.end as usize;
         // No shift at the ends, where a span has no neighbour beyond it.
         let bend = if inner {
-            here * 2.0 - positions[point - 2] - positions[point + 2]
+            here * 2.0 - positions[point - reach] - positions[point + reach]
         } else {
             Vec3::ZERO
         };
@@ -146,12 +210,13 @@ impl<'a> SplatPieces<'a> {
     }
 
     /// Strands cut into parts for tasks.
-    fn parts(&self) -> Vec<(usize, Range<u32>)> {
+    pub(super) fn parts(&self) -> Vec<(usize, Range<u32>)> {
         let mut parts = Vec::new();
         for (number, strand) in self.scene.strands.iter().enumerate() {
             let Range { start, end } = strand.points;
-            for first in (start..end).step_by(PART as usize) {
-                parts.push((number, first..end.min(first.saturating_add(PART))));
+            let part = PART_BLOCKS * self.block_points();
+            for first in (start..end).step_by(part as usize) {
+                parts.push((number, first..end.min(first.saturating_add(part))));
             }
         }
         parts
@@ -162,14 +227,16 @@ impl<'a> SplatPieces<'a> {
 mod tests {
     use super::*;
     use crate::scene::YarnLook;
-    use std::sync::Mutex;
 
     fn drawn(scene: &Scene) -> Vec<(u32, [Vec3; 2])> {
-        let found = Mutex::new(Vec::new());
-        SplatPieces::new(scene, Vec3::ZERO)
-            .for_each(Some, |number, ends, _| found.lock().unwrap().push((number, ends)));
-        let mut found = found.into_inner().unwrap();
-        found.sort_by_key(|(number, _)| *number);
+        let pieces = SplatPieces::new(scene, Vec3::ZERO, 0.0);
+        let mut found = Vec::new();
+        for (_, points) in pieces.parts() {
+            for first in points.step_by(pieces.block_points() as usize) {
+                pieces
+                    .for_each_in_block(first, &Some, |number, ends, _| found.push((number, ends)));
+            }
+        }
         found
     }
 
@@ -185,7 +252,7 @@ mod tests {
         let expected =
             [(0, [Vec3::ZERO, Vec3::X]), (1, [Vec3::X; 2]), (3, [Vec3::Y; 2]), (6, [Vec3::Z; 2])];
         assert_eq!(drawn(&scene), expected);
-        let pieces = SplatPieces::new(&scene, Vec3::ZERO);
+        let pieces = SplatPieces::new(&scene, Vec3::ZERO, 0.0);
         assert_eq!([0, 3, 4, 5, 6].map(|point| pieces.strand_of(point)), [0, 0, 1, 1, 2]);
         assert_eq!((pieces.longest(), pieces.points().count()), (1.0, 4));
     }
