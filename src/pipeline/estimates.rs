@@ -103,7 +103,9 @@ fn drawing_bytes(
     let pixel = cameras.iter().map(|camera| smallest_pixel(scene, camera, options));
     let pixel = pixel.fold(f64::INFINITY, f64::min);
     let thickest = scene.looks.iter().map(|look| f64::from(look.radius)).fold(0.0, f64::max);
-    if options.lod && pixel > 2.0 * thickest {
+    // Textured yarns are traced while they are wider than a pixel, others while wider than two.
+    let thin = if scene.maps.is_empty() { 1.0 } else { 2.0 };
+    if options.lod && pixel > thin * thickest {
         return pixels;
     }
     // A loop goes up and down its course and over to its wale.

@@ -172,7 +172,8 @@ fn bytes_of_far_yarns_do_not_depend_on_threads() {
     };
     let one = with(1);
     (0..4).for_each(|_| assert!(with(3) == one));
-    assert!(one != draw(&scene, &camera, &RenderOptions { seed: 1, spp: 3, ..options() }));
+    // Far yarns have no noise, and so no seed.
+    assert!(one == draw(&scene, &camera, &RenderOptions { seed: 1, spp: 3, ..options() }));
 }
 
 #[test]

@@ -9,7 +9,7 @@ use std::ops::Range;
 use glam::{Vec2, Vec3Swizzles};
 use rayon::prelude::*;
 
-use super::pieces::SplatPieces;
+use super::pieces::{BLOCK, SplatPieces};
 use super::screen::Screen;
 use super::tiles::SIDE;
 
@@ -80,7 +80,7 @@ fn bin(
     rows: &Range<u32>,
 ) -> Vec<Binned> {
     let mut binned = Vec::new();
-    for first in points.step_by(pieces.block_points() as usize) {
+    for first in points.step_by(BLOCK as usize) {
         let (mut low, mut high) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
         let mut nearest = f32::INFINITY;
         pieces.for_each_in_block(first, &|point| screen.project(point), |_, ends, radius| {

@@ -100,7 +100,7 @@ impl<'a> Splatter<'a> {
         if !options.lod || scene.shape != Shape::Tube || pixel <= thin * thickest {
             return None;
         }
-        let pieces = SplatPieces::new(scene, centre, pixel);
+        let pieces = SplatPieces::new(scene, centre);
         if pieces.longest() > MAX_PIECE_ANGLE * to_f32(nearest) || !pieces.are_in_order() {
             return None;
         }
@@ -203,9 +203,12 @@ fn weight_of(weights: &[[f32; NEAR]], mask: u64) -> [f32; NEAR] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::View;
+    use crate::cpu::render;
     use crate::scene::YarnLook;
+    use crate::{View, cloth};
     use glam::{DVec3, Vec3};
+    use image::RgbaImage;
+    use warpknit_core::fabric::Fabric;
 
     /// Ten straight yarns a millimetre apart, of two looks in turn.
     pub(super) fn mat() -> Scene {
@@ -246,6 +249,49 @@ mod tests {
         let (scene, inside) =
             (mat(), Camera::look_at(DVec3::new(5.0, 5.0, 0.0), DVec3::ZERO, 0.5, 1.0));
         assert!(Splatter::new(&scene, &scene.bounds().unwrap(), &inside, &far).is_none());
+    }
+
+    /// The root mean square difference of two pictures on the cloth, and that of the means of each
+    /// channel, of 255.
+    fn differences(one: &RgbaImage, other: &RgbaImage) -> (f64, f64) {
+        let (mut squares, mut sums, mut count) = (0.0, [0.0; 3], 0.0);
+        for (one, other) in one.pixels().zip(other.pixels()) {
+            if one.0[..3] != [255; 3] || other.0[..3] != [255; 3] {
+                count += 1.0;
+                for (sum, (one, other)) in sums.iter_mut().zip(one.0.iter().zip(other.0)) {
+                    let difference = f64::from(*one) - f64::from(other);
+                    *sum += difference;
+                    squares += difference * difference;
+                }
+            }
+        }
+        let mean = sums.iter().fold(0.0_f64, |most, sum| most.max((sum / count).abs()));
+        ((squares / count / 3.0).sqrt(), mean)
+    }
+
+    /// A swatch of a fabric with so many wales, drawn 160 pixels wide.
+    fn drawn(fabric: &str, wales: u32, change: &RenderOptions) -> RgbaImage {
+        let scene = cloth::swatch(&Fabric::named(fabric).unwrap(), wales, wales);
+        let camera = Camera::view(View::Iso, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0);
+        let options = RenderOptions { width: 160, height: 160, ..change.clone() };
+        render(&scene, &camera, &options, &|_| ())
+    }
+
+    #[test]
+    fn pictures_have_no_noise_and_are_the_same_with_any_number_of_threads() {
+        let usual = RenderOptions::default();
+        let many = RenderOptions { spp: 256, ..usual.clone() };
+        for (fabric, wales) in [("marquisette", 80), ("jersey", 80), ("locknit", 160)] {
+            let draw = |threads: usize| {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                pool.install(|| drawn(fabric, wales, &usual))
+            };
+            let picture = draw(1);
+            assert!(picture == draw(3), "{fabric}");
+            let (rms, mean) = differences(&picture, &drawn(fabric, wales, &many));
+            println!("{fabric}: {rms:.2} {mean:.2}");
+            assert!(rms < 4.0 && mean < 1.0, "{fabric}: {rms} {mean}");
+        }
     }
 
     #[test]

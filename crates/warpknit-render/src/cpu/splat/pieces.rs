@@ -13,26 +13,17 @@ use crate::cpu::to_f32;
 use crate::paths;
 use crate::scene::{Scene, SceneStrand, SpanLengths, drawable};
 
-/// Pieces in a block. Larger blocks reach into more tiles that only some of their pieces meet.
+/// Pieces, and data points, in a block. Larger blocks reach into more tiles that only some of their pieces meet.
 /// Smaller ones take more memory.
-const BLOCK: u32 = 16;
+pub(super) const BLOCK: u32 = 16;
 /// Blocks that one task handles at a time.
 const PART_BLOCKS: u32 = 256;
-/// Length of a piece, pixels, up to which data points are left out. Longer pieces would cut the
-/// corners of loops that a picture shows.
-const LONGEST: f32 = 0.5;
-/// Most data points from the start of a piece to its end. With more, a loop would have no corner
-/// left.
-const MOST: u32 = 2;
-
 /// All pieces of a scene's yarns.
 pub(super) struct SplatPieces<'a> {
     pub(super) scene: &'a Scene,
     /// The scene's centre, to which positions are relative.
     centre: Vec3,
     lengths: SpanLengths,
-    /// Data points from the start of a piece to its end.
-    stride: u32,
 }
 
 /// A piece: a capsule.
@@ -43,17 +34,13 @@ pub(super) struct SplatPiece {
 }
 
 impl<'a> SplatPieces<'a> {
-    /// The pieces for a picture whose pixels are `pixel` mm wide.
-    pub(super) fn new(scene: &'a Scene, centre: Vec3, pixel: f32) -> Self {
-        let lengths = scene.span_lengths();
-        let mean = to_f32(lengths.sum / lengths.count.max(1) as f64);
-        let fitting = (1..=MOST).rev().find(|stride| mean * *stride as f32 <= LONGEST * pixel);
-        Self { scene, centre, lengths, stride: fitting.unwrap_or(1) }
+    pub(super) fn new(scene: &'a Scene, centre: Vec3) -> Self {
+        Self { scene, centre, lengths: scene.span_lengths() }
     }
 
     /// Length of the longest piece, mm.
     pub(super) fn longest(&self) -> f32 {
-        to_f32(self.lengths.longest) * self.stride as f32
+        to_f32(self.lengths.longest)
     }
 
     /// Whether strands lie one after another in memory. The binary search in [`Self::strand_of`]
@@ -77,11 +64,6 @@ impl<'a> SplatPieces<'a> {
         });
     }
 
-    /// Number of data points whose pieces are a block.
-    pub(super) fn block_points(&self) -> u32 {
-        BLOCK * self.stride
-    }
-
     /// Calls `draw` with the number, both projected ends and the radius of each piece of the block
     /// that starts at data point `first`.
     #[inline]
@@ -93,7 +75,7 @@ impl<'a> SplatPieces<'a> {
     ) {
         let strand = &self.scene.strands[self.strand_of(first)];
         let Some(radius) = self.scene.radius(strand) else { return };
-        let points = first..strand.points.end.min(first.saturating_add(self.block_points()));
+        let points = first..strand.points.end.min(first.saturating_add(BLOCK));
         self.walk(strand, points, place, |number, ends| draw(number, ends, radius));
     }
 
@@ -112,21 +94,13 @@ impl<'a> SplatPieces<'a> {
         // Each joint is computed once: the end of a piece is the start of the next.
         let mut start = self.joint(number, &strand.points).and_then(place);
         while number < points.end {
-            let next = self.next(number, &strand.points);
+            let next = number + 1;
             let end = self.joint(next, &strand.points).and_then(place);
             if let Some(start) = start {
                 draw(number, [start, end.unwrap_or(start)]);
             }
             (number, start) = (next, end);
         }
-    }
-
-    /// The data point where the piece that starts at `point` ends. After the last one, a point
-    /// beyond the strand.
-    #[inline]
-    fn next(&self, point: u32, strand: &Range<u32>) -> u32 {
-        let next = point + self.stride;
-        if next >= strand.end && point + 1 < strand.end { strand.end - 1 } else { next }
     }
 
     /// All drawable points.
@@ -144,8 +118,7 @@ impl<'a> SplatPieces<'a> {
     pub(super) fn piece(&self, strand: usize, first: u32) -> Option<SplatPiece> {
         let strand = &self.scene.strands[strand];
         let start = self.joint(first, &strand.points)?;
-        let next = self.next(first, &strand.points);
-        let ends = [start, self.joint(next, &strand.points).unwrap_or(start)];
+        let ends = [start, self.joint(first + 1, &strand.points).unwrap_or(start)];
         Some(SplatPiece { ends, radius: self.scene.radius(strand)? })
     }
 
@@ -158,16 +131,14 @@ impl<'a> SplatPieces<'a> {
     /// between central differences at its ends. It is continuous from piece to piece.
     pub(super) fn tangent(&self, strand: usize, first: u32, s: f32) -> Vec3 {
         let points = &self.scene.strands[strand].points;
-        let next = self.next(first, points).min(points.end - 1);
+        let next = (first + 1).min(points.end - 1);
         let [start, end] = [first, next].map(|point| self.central_difference(point, points));
         start.lerp(end, s).normalize_or(Vec3::X)
     }
 
-    /// Direction from the piece's end before `point` to the one after it.
+    /// Direction from the data point before `point` to the one after it.
     fn central_difference(&self, point: u32, strand: &Range<u32>) -> Vec3 {
-        let reach = self.stride;
-        let ends =
-            [point.saturating_sub(reach).max(strand.start), (point + reach).min(strand.end - 1)];
+        let ends = [point.saturating_sub(1).max(strand.start), (point + 1).min(strand.end - 1)];
         let [before, after] = ends.map(|end| self.scene.positions[end as usize]);
         (after - before).normalize_or_zero()
     }
@@ -175,8 +146,7 @@ impl<'a> SplatPieces<'a> {
     /// Arc length at fraction `s` of that piece, mm, as if all pieces had the mean length. Exact
     /// lengths would need 4 bytes a point; they only shift the texture along the yarn.
     pub(super) fn along(&self, strand: usize, first: u32, s: f32) -> f32 {
-        let pieces = f64::from(first - self.scene.strands[strand].points.start)
-            + f64::from(s) * f64::from(self.stride);
+        let pieces = f64::from(first - self.scene.strands[strand].points.start) + f64::from(s);
         to_f32(
             paths::phase(self.scene.strands[strand].yarn)
                 + pieces * (self.lengths.sum / self.lengths.count.max(1) as f64),
@@ -198,11 +168,10 @@ impl<'a> SplatPieces<'a> {
         if !drawable(here) {
             return None;
         }
-        let reach = 2 * self.stride as usize;
-        let inner = strand.start as usize + reach <= point && point + reach < strand.end as usize;
+        let inner = strand.start as usize + 2 <= point && point + 2 < strand.end as usize;
         // No shift at the ends, where a span has no neighbour beyond it.
         let bend = if inner {
-            here * 2.0 - positions[point - reach] - positions[point + reach]
+            here * 2.0 - positions[point - 2] - positions[point + 2]
         } else {
             Vec3::ZERO
         };
@@ -214,7 +183,7 @@ impl<'a> SplatPieces<'a> {
         let mut parts = Vec::new();
         for (number, strand) in self.scene.strands.iter().enumerate() {
             let Range { start, end } = strand.points;
-            let part = PART_BLOCKS * self.block_points();
+            let part = PART_BLOCKS * BLOCK;
             for first in (start..end).step_by(part as usize) {
                 parts.push((number, first..end.min(first.saturating_add(part))));
             }
@@ -229,10 +198,10 @@ mod tests {
     use crate::scene::YarnLook;
 
     fn drawn(scene: &Scene) -> Vec<(u32, [Vec3; 2])> {
-        let pieces = SplatPieces::new(scene, Vec3::ZERO, 0.0);
+        let pieces = SplatPieces::new(scene, Vec3::ZERO);
         let mut found = Vec::new();
         for (_, points) in pieces.parts() {
-            for first in points.step_by(pieces.block_points() as usize) {
+            for first in points.step_by(BLOCK as usize) {
                 pieces
                     .for_each_in_block(first, &Some, |number, ends, _| found.push((number, ends)));
             }
@@ -252,7 +221,7 @@ mod tests {
         let expected =
             [(0, [Vec3::ZERO, Vec3::X]), (1, [Vec3::X; 2]), (3, [Vec3::Y; 2]), (6, [Vec3::Z; 2])];
         assert_eq!(drawn(&scene), expected);
-        let pieces = SplatPieces::new(&scene, Vec3::ZERO, 0.0);
+        let pieces = SplatPieces::new(&scene, Vec3::ZERO);
         assert_eq!([0, 3, 4, 5, 6].map(|point| pieces.strand_of(point)), [0, 0, 1, 1, 2]);
         assert_eq!((pieces.longest(), pieces.points().count()), (1.0, 4));
     }

@@ -221,7 +221,7 @@ mod tests {
         let camera = Camera::view(View::Front, &scene.positions, 0.3, 1.0, 1.0);
         let bounds = scene.bounds().unwrap();
         let screen = Screen::new(&bounds, &camera, &options, 1);
-        let pieces = SplatPieces::new(&scene, bounds.centre(), 0.0);
+        let pieces = SplatPieces::new(&scene, bounds.centre());
         let sun = ShadowMap::new(&pieces, &screen, 1.0, Vec3::Z);
         // Through a sun a tenth wide: shares of its light at places of the lower sheet, on top of
         // its yarns.
