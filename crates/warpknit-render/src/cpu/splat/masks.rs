@@ -145,10 +145,17 @@ impl HalfPlanes {
     /// The places of the cell with this centre that a capsule covers.
     #[inline]
     pub(super) fn mask(&self, stroke: &Stroke, centre: Vec2) -> u64 {
-        let body = stroke
-            .bands
-            .map_or(0, |[across, along]| self.band(&across, centre) & self.band(&along, centre));
-        body | self.disc(stroke.start, stroke.radius, centre)
+        self.part_mask(stroke, 1.0, centre)
+    }
+
+    /// The places that a capsule of the same axis covers, whose radius is a share of the stroke's.
+    #[inline]
+    pub(super) fn part_mask(&self, stroke: &Stroke, share: f32, centre: Vec2) -> u64 {
+        let body = stroke.bands.map_or(0, |[across, along]| {
+            let across = Band { half: across.half * share, ..across };
+            self.band(&across, centre) & self.band(&along, centre)
+        });
+        body | self.disc(stroke.start, stroke.radius * share, centre)
     }
 
     /// Places in a band.

@@ -4,7 +4,7 @@
 //! and taken from the places that are left. Ties go to the piece with the lower number, so the
 //! result does not depend on the order of pieces.
 //!
-//! One depth serves a piece in a cell. Where pieces cut each other within a cell, one of them hides
+//! Two depths serve a piece in a cell, one for its core and one for its rims. Where pieces cut each other within a cell, one of them hides
 //! all of the other there.
 
 use glam::Vec2;
@@ -20,6 +20,14 @@ pub(super) const SIDE: u32 = 16;
 const CELLS: usize = (SIDE * SIDE) as usize;
 /// Mean height of a yarn's visible half over its axis, radii.
 const MEAN_RISE: f32 = std::f32::consts::FRAC_PI_4;
+/// Part of a yarn's width that is its core; the rest are its rims. Where yarns lie side by side at
+/// one height, the core of the one hides the rim of the other. A single depth for both would show
+/// too many rims, which face away, and make cloth 6 % too dark.
+const CORE: f32 = 0.7;
+/// Mean heights of the core and of the rims over the axis, radii: means of sqrt(1 - x^2) from 0 to
+/// 0.7 and from there to 1.
+const CORE_RISE: f32 = 0.911;
+const RIM_RISE: f32 = 0.493;
 
 /// A piece of yarn where it is visible in a cell.
 #[derive(Clone, Copy, Debug)]
@@ -146,13 +154,15 @@ impl TileMemory {
                 if mask != 0 {
                     self.covered[cell] |= mask;
                     let axis = start + (end - start) * stroke.share(centre);
-                    let front = (axis - radius).max(0.0);
-                    let key = u64::from(front.to_bits()) << 32 | u64::from(number);
-                    self.cells[cell].push(Candidate {
-                        key,
-                        mask,
-                        depth: axis - MEAN_RISE * radius,
-                    });
+                    let core = mask & planes.part_mask(stroke, CORE, centre);
+                    for (mask, rise) in [(core, CORE_RISE), (mask & !core, RIM_RISE)] {
+                        if mask != 0 {
+                            let front = (axis - rise * radius).max(0.0);
+                            let key = u64::from(front.to_bits()) << 32 | u64::from(number);
+                            let depth = axis - MEAN_RISE * radius;
+                            self.cells[cell].push(Candidate { key, mask, depth });
+                        }
+                    }
                 }
             }
         }
@@ -164,6 +174,7 @@ impl TileMemory {
         for candidates in &mut self.cells {
             tile.starts.push(warpknit_core::ids::index32(tile.fragments.len()));
             candidates.sort_unstable_by_key(|candidate| candidate.key);
+            let first = tile.fragments.len();
             let mut left = u64::MAX;
             for candidate in candidates.iter() {
                 let mask = candidate.mask & left;
@@ -171,7 +182,13 @@ impl TileMemory {
                     left &= !mask;
                     #[expect(clippy::cast_possible_truncation, reason = "the lower half is meant")]
                     let piece = candidate.key as u32;
-                    tile.fragments.push(Fragment { mask, piece, depth: candidate.depth });
+                    let own = &mut tile.fragments[first..];
+                    match own.iter_mut().find(|fragment| fragment.piece == piece) {
+                        Some(core) => core.mask |= mask,
+                        None => {
+                            tile.fragments.push(Fragment { mask, piece, depth: candidate.depth });
+                        }
+                    }
                     if left == 0 {
                         break;
                     }
