@@ -16,6 +16,8 @@ use crate::yarn::tube::Section;
 const PROGRAM: f64 = 35e6;
 /// Memory of a pixel with its samples.
 const PIXEL: f64 = 80.0;
+/// The same where yarns are drawn as coverage masks, which are held for a few rows at a time.
+const MASK_PIXEL: f64 = 10.0;
 /// Memory of a data point in a scene.
 const POINT: f64 = 13.5;
 /// The same on a graphics adapter of software, with the copies made while uploading.
@@ -96,16 +98,18 @@ fn drawing_bytes(
     options: &RenderOptions,
 ) -> f64 {
     let rows = f64::from(index32(options.rows().len()));
-    let pixels = PIXEL * f64::from(options.width) * rows;
+    let pixels = f64::from(options.width) * rows;
     if options.renderer == RendererChoice::Gpu {
-        return pixels + GPU_POINT * points;
+        return PIXEL * pixels + GPU_POINT * points;
     }
     // The smallest pixel on cloth decides how yarns are drawn.
     let pixel = cameras.iter().map(|camera| smallest_pixel(scene, camera, options));
     let pixel = pixel.fold(f64::INFINITY, f64::min);
     let thickest = scene.looks.iter().map(|look| f64::from(look.radius)).fold(0.0, f64::max);
-    if options.lod && pixel > 2.0 * thickest {
-        return pixels;
+    // Textured yarns are traced while they are wider than a pixel, others while wider than two.
+    let thin = if scene.maps.is_empty() { 1.0 } else { 2.0 };
+    if options.lod && pixel > thin * thickest {
+        return MASK_PIXEL * pixels;
     }
     // A loop goes up and down its course and over to its wale.
     let stitch = 2.0 * (fabric.wale_spacing() + 2.0 * fabric.course_spacing());
@@ -117,7 +121,7 @@ fn drawing_bytes(
     } else {
         points * PIECES
     };
-    pixels + PIECE * pieces
+    PIXEL * pixels + PIECE * pieces
 }
 
 /// Size of a pixel where the yarns' box comes nearest to the eye, mm.

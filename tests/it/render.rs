@@ -164,7 +164,7 @@ fn bytes_do_not_depend_on_threads() {
 
 #[test]
 fn bytes_of_far_yarns_do_not_depend_on_threads() {
-    let scene = mat();
+    let scene = mat(0.05);
     let camera = Camera::view(View::Iso, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0);
     let with = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -172,7 +172,8 @@ fn bytes_of_far_yarns_do_not_depend_on_threads() {
     };
     let one = with(1);
     (0..4).for_each(|_| assert!(with(3) == one));
-    assert!(one != draw(&scene, &camera, &RenderOptions { seed: 1, spp: 3, ..options() }));
+    // Far yarns have no noise, and so no seed.
+    assert!(one == draw(&scene, &camera, &RenderOptions { seed: 1, spp: 3, ..options() }));
 }
 
 #[test]
@@ -242,8 +243,8 @@ fn progress_reaches_the_end() {
 }
 
 /// A mat of loops, some of them a pixel high.
-fn mat() -> Scene {
-    let looks = vec![look(Vec3::new(0.6, 0.3, 0.1), 0.05), look(Vec3::splat(0.7), 0.05)];
+fn mat(radius: f32) -> Scene {
+    let looks = vec![look(Vec3::new(0.6, 0.3, 0.1), radius), look(Vec3::splat(0.7), radius)];
     let mut scene = Scene { looks, ..Scene::default() };
     for line in 0_u8..60 {
         let x = f32::from(line) * 0.25;
@@ -297,9 +298,11 @@ fn assert_alike(exact: &RgbaImage, coarse: &RgbaImage) {
     assert!((coarse[3] / cover - 1.0).abs() < 0.02, "coverage: {cover} {}", coarse[3]);
 }
 
+/// Pieces of traced yarns that are merged keep their light. Thinner yarns are not traced;
+/// `far_cloth_looks_as_traced` has them.
 #[test]
 fn far_yarns_keep_colour_and_coverage() {
-    let scene = mat();
+    let scene = mat(0.15);
     let camera = Camera::view(View::Front, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0);
     let [exact, coarse] = [false, true]
         .map(|lod| draw(&scene, &camera, &RenderOptions { spp: 16, lod, ..options() }));
@@ -338,7 +341,7 @@ fn far_textures_are_seen_from_edge_to_edge() {
         if (8..24).contains(&y) { Rgba([20, 40, 200, 255]) } else { Rgba([200, 40, 20, 255]) }
     });
     let plain = |texel| Mips::new(RgbaImage::from_pixel(8, 32, Rgba(texel)), MapKind::Plain);
-    let mut scene = mat();
+    let mut scene = mat(0.05);
     scene.maps.push(Maps {
         base: Mips::new(base, MapKind::Color),
         normal: plain([128, 128, 255, 255]),

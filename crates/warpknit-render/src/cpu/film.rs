@@ -10,6 +10,9 @@
 
 use glam::Vec4;
 
+/// Pixels that a sample counts in at most: its own and those around it.
+pub(super) const NEAR: usize = 9;
+
 /// A weighted sum of samples: the numerator and denominator of the filtered value.
 #[derive(Clone, Copy, Debug, Default)]
 struct WeightedSum {
@@ -42,6 +45,20 @@ impl Splats {
         }
     }
 
+    /// Adds the sums over all samples of pixel `x` to the nine pixels around it, row by row: their
+    /// weighted lights, and their weights.
+    pub(super) fn add_sums(&mut self, x: u32, lights: &[Vec4; NEAR], weights: &[f32; NEAR]) {
+        let sums = lights.chunks_exact(3).zip(weights.chunks_exact(3));
+        for (row, (lights, weights)) in self.0.iter_mut().zip(sums) {
+            for (next, (light, weight)) in (x as usize..).zip(lights.iter().zip(weights)) {
+                if let Some(sum) = next.checked_sub(1).and_then(|column| row.get_mut(column)) {
+                    sum.light += *light;
+                    sum.weight += *weight;
+                }
+            }
+        }
+    }
+
     /// The filtered light of pixel `x` in the middle one of three rows.
     pub(super) fn pixel(rows: &[Self], x: usize) -> Vec4 {
         let (above, own, below) = (rows[0].0[2][x], rows[1].0[1][x], rows[2].0[0][x]);
@@ -51,6 +68,12 @@ impl Splats {
         // tent lies outside the picture.
         if weight > 0.0 { (above.light + own.light + below.light) / weight } else { Vec4::ZERO }
     }
+}
+
+/// Weights of a sample at `place` in its pixel, in the nine pixels around it, row by row.
+pub(super) fn weights_around(place: [f32; 2]) -> [f32; NEAR] {
+    let [across, down] = place.map(tent_weights);
+    std::array::from_fn(|near| across[near % 3] * down[near / 3])
 }
 
 /// Weights of a sample at `at`, 0..1 across its pixel, in the previous pixel, its own and the next

@@ -1,14 +1,15 @@
 //! Mean depth of the nearest layer of cloth around each pixel. It tells how deep a yarn lies in its
 //! cloth, and from that how much of the sky is visible from it.
 //!
-//! In: the depths of all samples. Out: [`LayerDepths`], means over squares of pixels. The idea is
+//! In: what cells see. Out: [`LayerDepths`], means over squares of pixels. The idea is
 //! that of screen-space ambient occlusion (Mittring 2007, 'Finding next gen'): compare a depth with
 //! those around it.
 
 use glam::Vec2;
 use rayon::prelude::*;
 
-use super::nearest::VisibilityBuffer;
+use super::masks::PLACES;
+use super::visible::TileRows;
 use crate::shade::{self, LAYER_RADII};
 
 /// Side of a square, pixels. One pixel has too few samples for a mean. Larger squares blur the
@@ -22,24 +23,29 @@ pub(super) struct LayerDepths {
     top: u32,
     /// Number of squares across and down.
     size: [u32; 2],
+    /// Side of a square, cells.
+    side: u32,
     /// Thickness of a layer, mm.
     layer: f32,
-    /// Mean depth of each square, and the fraction of its samples in the nearest layer.
+    /// Mean depth of each square, and the fraction of its places in the nearest layer.
     squares: Vec<[f32; 2]>,
 }
 
 impl LayerDepths {
-    /// Averages the depths of the buffer's rows. `thinnest` is the radius of the thinnest yarn.
-    pub(super) fn new(buffer: &VisibilityBuffer, thinnest: f32) -> Self {
-        let (top, end) = (buffer.rows.start / SQUARE, buffer.rows.end.div_ceil(SQUARE));
-        let (across, layer) = (buffer.width.div_ceil(SQUARE), LAYER_RADII * thinnest);
+    /// Averages the depths of some rows of cells. `thinnest` is the radius of the thinnest yarn, and
+    /// a pixel is `split` cells wide.
+    pub(super) fn new(tiles: &TileRows, thinnest: f32, split: u32) -> Self {
+        let side = SQUARE * split;
+        let rows = tiles.cell_rows();
+        let (top, end) = (rows.start / side, rows.end.div_ceil(side));
+        let (across, layer) = (tiles.width.div_ceil(side), LAYER_RADII * thinnest);
         let squares = (top..end)
             .into_par_iter()
-            .flat_map_iter(|y| (0..across).map(move |x| square(buffer, [x, y], layer)));
-        Self { top, size: [across, end - top], layer, squares: squares.collect() }
+            .flat_map_iter(|y| (0..across).map(move |x| square(tiles, [x, y], side, layer)));
+        Self { top, size: [across, end - top], side, layer, squares: squares.collect() }
     }
 
-    /// Visibility of the sky for a yarn of this radius at `depth`, in the pixel at `place`.
+    /// Visibility of the sky for a yarn of this radius at `depth`, at `place`, in cells.
     /// `cosine` is that of the angle between its normal and the direction to the eye.
     pub(super) fn sky_visibility(&self, place: Vec2, radius: f32, depth: f32, cosine: f32) -> f32 {
         let [mean, cover] = self.interpolate(place);
@@ -51,7 +57,7 @@ impl LayerDepths {
 
     /// Mean depth and cover, interpolated between squares.
     fn interpolate(&self, place: Vec2) -> [f32; 2] {
-        let place = place / SQUARE as f32 - Vec2::new(0.5, 0.5 + self.top as f32);
+        let place = place / self.side as f32 - Vec2::new(0.5, 0.5 + self.top as f32);
         let corner = place.floor();
         let part = place - corner;
         #[expect(clippy::cast_possible_truncation, reason = "a pixel's number")]
@@ -79,22 +85,24 @@ impl LayerDepths {
     }
 }
 
-/// Mean depth and cover of the nearest layer in one square of pixels.
-fn square(buffer: &VisibilityBuffer, [x, y]: [u32; 2], layer: f32) -> [f32; 2] {
-    let columns = x * SQUARE..buffer.width.min((x + 1) * SQUARE);
-    let rows = buffer.rows.start.max(y * SQUARE)..buffer.rows.end.min((y + 1) * SQUARE);
-    let depths = rows.flat_map(|y| columns.clone().flat_map(move |x| buffer.depths([x, y])));
-    let first = depths.clone().flatten().fold(f32::INFINITY, f32::min);
+/// Mean depth and cover of the nearest layer in one square of cells.
+fn square(tiles: &TileRows, [x, y]: [u32; 2], side: u32, layer: f32) -> [f32; 2] {
+    let all = tiles.cell_rows();
+    let columns = x * side..tiles.width.min((x + 1) * side);
+    let rows = all.start.max(y * side)..all.end.min((y + 1) * side);
+    let cells = rows.flat_map(|y| columns.clone().map(move |x| tiles.cell([x, y])));
+    let first =
+        (cells.clone().flatten()).fold(f32::INFINITY, |first, fragment| first.min(fragment.depth));
     // Depths are summed relative to the nearest one: in `f32`, sums of metres would lose a yarn's
     // radius.
     let (mut sum, mut inside, mut count) = (0.0, 0.0, 0.0);
-    // Nested iterators are far faster from inside than with a `for` loop.
-    depths.for_each(|depth| {
-        count += 1.0;
-        if let Some(depth) = depth.filter(|depth| *depth <= first + layer) {
-            sum += depth - first;
-            inside += 1.0;
+    for cell in cells {
+        count += PLACES as f32;
+        for fragment in cell.iter().filter(|fragment| fragment.depth <= first + layer) {
+            let places = fragment.mask.count_ones() as f32;
+            sum += (fragment.depth - first) * places;
+            inside += places;
         }
-    });
+    }
     if inside > 0.0 { [first + sum / inside, inside / count] } else { [0.0; 2] }
 }

@@ -1,68 +1,83 @@
-//! Splatting of yarns thinner than pixels. Each piece of yarn is rasterised into the few samples
-//! that it covers, instead of each ray searching a tree of millions of pieces.
+//! Yarns up to two pixels wide, without noise. Each piece of yarn is drawn into the pixels that it
+//! covers, instead of each ray searching a tree of millions of pieces.
 //!
 //! In: a scene of tubes, a camera, a light. Out: [`Splatter`], which adds the light of a pixel's
-//! samples to the film. A visibility buffer stores which piece each sample sees (Burns and Hunt
-//! 2013, 'The visibility buffer'). A shadow map decides what the sun lights (Williams 1978,
-//! 'Casting curved shadows on curved surfaces'). The mean depth of the nearest layer around a
-//! sample gives the visibility of the sky, as in the GPU renderer (`shaders/cloth.wgsl`).
+//! pieces to the film. Coverage is exact to 1/64 of a pixel ([`masks`]): pieces are binned in blocks
+//! by tile ([`blocks`]), drawn as masks of 64 places in a pixel, and hidden front to back
+//! ([`tiles`]). A piece is lit once in each pixel that sees it ([`light`]). A shadow map decides
+//! what the sun lights (Williams 1978, 'Casting curved shadows on curved surfaces'). The mean depth
+//! of the nearest layer around a pixel gives the visibility of the sky, as in the GPU renderer
+//! (`shaders/cloth.wgsl`).
 //!
-//! Cost: some hundred ns for each piece and for each sample. A large picture is done in parts of
-//! [`VisibilityBuffer::max_rows`] rows, and each part goes through all pieces again.
+//! With more than 64 samples a pixel, it is split into cells with 64 places each.
 //!
 //! Not promised: the exact outlines of the ray tracer. Bends between data points are straight here.
 
+mod blocks;
 mod layers;
-mod nearest;
+mod light;
+mod masks;
 mod outline;
 mod pieces;
 mod screen;
 mod sun;
+mod tiles;
+mod visible;
 
 use std::ops::Range;
 
-use glam::{Vec2, Vec3, Vec4};
+use glam::{Vec2, Vec4};
 
-use super::film::Splats;
-use super::lit::{self, ShadingPoint, SkyLight, opaque_sample, textured_surface};
-use super::sample::{SampleDimension, Sampler};
-use super::{is_thin, rows_to_sample, to_f32};
-use crate::light::Rig;
+use super::film::{NEAR, Splats, weights_around};
+use super::lit::opaque_sample;
+use super::{rows_to_sample, to_f32};
 use crate::scene::{Bounds, Scene, Shape};
-use crate::shade::Surface;
-use crate::sheen::Sheen;
-use crate::{Camera, RenderOptions, ply};
+use crate::{Camera, RenderOptions};
+use blocks::Blocks;
 use layers::LayerDepths;
-use nearest::VisibilityBuffer;
+use light::Lights;
+use masks::{HalfPlanes, PLACES, places};
 use pieces::SplatPieces;
 use screen::Screen;
 use sun::ShadowMap;
+use visible::{TileRows, tile_rows};
 
+/// Radii of the thickest yarn in a pixel from which on yarns are drawn in this way: yarns up to two
+/// pixels wide. Wider ones show the bends that are left out here.
+const THIN_RADII: f32 = 1.0;
+/// The same where yarns have textures, whose places around the yarn are left out here: yarns up to
+/// a pixel wide.
+const THIN_TEXTURED_RADII: f32 = 2.0;
 /// Largest length of a piece over its distance from the eye. A piece is interpolated linearly in
 /// the picture. Along a longer one, perspective would make that wrong, and yarns are traced
 /// instead.
 const MAX_PIECE_ANGLE: f32 = 0.05;
-/// Extra rows above and below the prepared ones, whose depths count for the sky of these. It must
-/// cover the reach of [`LayerDepths::sky_visibility`], two squares of pixels; otherwise parts of a
-/// picture would show seams.
+/// Extra rows of pixels above and below the prepared ones, whose depths count for the sky of these.
+/// It must cover the reach of [`LayerDepths::sky_visibility`], two squares of pixels; otherwise
+/// parts of a picture would show seams.
 const SKY_MARGIN_ROWS: u32 = 4;
 
 /// Everything that a pixel's colour depends on.
 pub(super) struct Splatter<'a> {
     pieces: SplatPieces<'a>,
     screen: Screen,
-    shadows: ShadowMap,
-    rig: Rig,
+    planes: HalfPlanes,
+    blocks: Blocks,
+    lights: Lights,
     options: &'a RenderOptions,
-    /// Mean base colour of all yarns.
-    albedo: Vec3,
+    /// Cells across and down in a pixel.
+    split: u32,
+    /// Weights of each place of a pixel's cells in the pixels around, cell by cell.
+    weights: Vec<[f32; NEAR]>,
+    /// Sums of all of them.
+    total: [f32; NEAR],
     visible: Option<VisibleRows>,
 }
 
-/// The visible pieces in some rows of the picture.
+/// The visible pieces in some rows of pixels.
 struct VisibleRows {
     rows: Range<u32>,
-    buffer: VisibilityBuffer,
+    tiles: TileRows,
     layers: LayerDepths,
 }
 
@@ -81,175 +96,119 @@ impl<'a> Splatter<'a> {
             - f64::from(bounds.min.distance(bounds.max)) / 2.0;
         let pixel = to_f32(camera.pixel_size(nearest, options.height));
         let (_, thickest) = scene.radii();
-        if !options.lod || scene.shape != Shape::Tube || !is_thin(pixel, thickest) {
+        let thin = if scene.maps.is_empty() { THIN_RADII } else { THIN_TEXTURED_RADII };
+        if !options.lod || scene.shape != Shape::Tube || pixel <= thin * thickest {
             return None;
         }
         let pieces = SplatPieces::new(scene, centre);
         if pieces.longest() > MAX_PIECE_ANGLE * to_f32(nearest) || !pieces.are_in_order() {
             return None;
         }
-        let (screen, rig) = (Screen::new(bounds, camera, options), options.light.around(camera));
+        let split = split(options.spp);
+        let screen = Screen::new(bounds, camera, options, split);
+        let sampled = rows_to_sample(options);
+        let cells = around(&sampled, options.height, split);
+        let blocks = Blocks::new(&pieces, &screen, tile_rows(&cells));
+        let rig = options.light.around(camera);
         let shadows = ShadowMap::new(&pieces, &screen, pixel, rig.toward_sun);
+        let lights = Lights::new(rig, shadows, scene.mean_albedo());
+        let weights = cell_weights(split);
         Some(Self {
             pieces,
             screen,
-            shadows,
-            rig,
+            planes: HalfPlanes::new(),
+            blocks,
+            lights,
             options,
-            albedo: scene.mean_albedo(),
+            split,
+            total: total(&weights),
+            weights,
             visible: None,
         })
     }
 
-    /// Finds the visible pieces of some rows, and of as many rows after them as memory allows. Only
-    /// these rows have samples then.
+    /// Finds the visible pieces of some rows. Only these rows have samples then.
     pub(super) fn prepare_rows(&mut self, rows: &Range<u32>) {
-        if self
-            .visible
-            .as_ref()
-            .is_some_and(|visible| visible.rows.start <= rows.start && rows.end <= visible.rows.end)
-        {
-            return;
-        }
-        // Free the old buffer first, because both may not fit into memory.
-        self.visible = None;
-        let height = self.options.height;
-        let end = rows.end.max(
-            rows_to_sample(self.options)
-                .end
-                .min(rows.start.saturating_add(VisibilityBuffer::max_rows(self.options))),
-        );
-        let around = rows.start.saturating_sub(SKY_MARGIN_ROWS)..height.min(end + SKY_MARGIN_ROWS);
-        let buffer = VisibilityBuffer::new(&self.pieces, &self.screen, self.options, around);
-        let layers = LayerDepths::new(&buffer, self.pieces.scene.radii().0);
-        self.visible = Some(VisibleRows { rows: rows.start..end, buffer, layers });
+        let before = self.visible.take().map_or_else(TileRows::default, |visible| visible.tiles);
+        let cells = around(rows, self.options.height, self.split);
+        let parts = (&self.pieces, &self.screen, &self.planes, &self.blocks);
+        let tiles = TileRows::new(before, parts, &cells);
+        let layers = LayerDepths::new(&tiles, self.pieces.scene.radii().0, self.split);
+        self.visible = Some(VisibleRows { rows: rows.clone(), tiles, layers });
     }
 
-    /// Adds the samples of one pixel to its film row.
+    /// Adds the light of one pixel to its film row.
     pub(super) fn pixel(&self, [x, y]: [u32; 2], splats: &mut Splats) {
-        let Some(visible) = &self.visible else { return };
-        let sampler = Sampler::new(x, y, self.options.seed);
-        let spp = self.options.spp.max(1);
-        let suns = sampler.pairs(SampleDimension::Sun, spp);
-        for index in 0..spp {
-            let (place, piece) = visible.buffer.sample([x, y], index);
-            let light =
-                piece.and_then(|piece| self.light(&visible.layers, place, piece, suns.at(index)));
-            let light = light.map_or(Vec4::ZERO, opaque_sample);
-            splats.add(x, (place - Vec2::new(x as f32, y as f32)).to_array(), light);
-        }
-    }
-
-    /// Light from the piece that starts at data point `first`, toward the eye, at a place in the
-    /// picture.
-    fn light(&self, layers: &LayerDepths, place: Vec2, first: u32, sun: [f32; 2]) -> Option<Vec3> {
-        let strand = self.pieces.strand_of(first);
-        let piece = self.pieces.piece(strand, first)?;
-        let scene = self.pieces.scene;
-        let look = &scene.looks[usize::from(scene.strands[strand].look)];
-        let (share, aside) = self.screen.locate(&piece, place)?;
-        let axis = piece.ends[0].lerp(piece.ends[1], share);
-        let toward_eye = (self.screen.eye - axis).normalize();
-        let tangent = self.pieces.tangent(strand, first, share);
-        // A tangent frame for the visible half of the tube: `width` across the yarn and the
-        // direction to the eye, `front` across the yarn toward the eye. `side` runs from -1 to 1
-        // between the outlines.
-        let width = tangent.cross(toward_eye).normalize_or(self.screen.right);
-        let front = width.cross(tangent);
-        let side = aside.dot(width).clamp(-1.0, 1.0);
-        let outward = width * side + front * (1.0 - side * side).sqrt();
-        let position = axis + outward * piece.radius;
-        let footprint = self.screen.pixel_at(axis);
-        let (mut surface, occlusion) = match scene.maps_of(look) {
-            Some(maps) => {
-                let along = self.pieces.along(strand, first, share);
-                let point = ShadingPoint {
-                    position,
-                    normal: outward,
-                    tangent,
-                    top: outward.cross(tangent),
-                    around: 0.0,
-                    along,
-                };
-                // The pixel is wider than the yarn, so the texture is averaged over the yarn's full
-                // height. That includes the hidden half, whose mean differs little.
-                textured_surface(maps, &point, [1.0, footprint / maps.length], Shape::Tube)
-            }
-            None => {
-                let albedo = look.albedo * ply::mean_shade(look.plies);
-                let (roughness, metallic) = (look.roughness, look.metallic);
-                (Surface { normal: outward, albedo, roughness, metallic, sheen: Sheen::NONE }, 1.0)
-            }
+        let Some(visible) = self.visible.as_ref().filter(|visible| visible.rows.contains(&y))
+        else {
+            return;
         };
-        surface.normal = ply::face_eye(surface.normal, toward_eye);
-        surface.sheen = lit::yarn_sheen(look, tangent);
-        let from_sun = self.sun_light(
-            &surface,
-            outward,
-            axis,
-            piece.radius,
-            self.rig.sun_sample(sun),
-            toward_eye,
-        );
-        let cosine = outward.dot(toward_eye);
-        let open = layers.sky_visibility(place, piece.radius, self.screen.depth(position), cosine);
-        Some(
-            from_sun
-                + self.sky_light(&surface, open).reflected(&self.rig, &surface, toward_eye)
-                    * occlusion,
-        )
-    }
-
-    /// The sun's light reflected toward the eye from the side of a yarn that faces `outward`. The
-    /// sheen is the mean over the visible width, and its shadow is looked up at the brightest line.
-    /// Samples of a pixel would give the same mean, but with more noise.
-    fn sun_light(
-        &self,
-        surface: &Surface,
-        outward: Vec3,
-        axis: Vec3,
-        radius: f32,
-        toward_sun: Vec3,
-        toward_eye: Vec3,
-    ) -> Vec3 {
-        let mut light = Vec3::ZERO;
-        if outward.dot(toward_sun) > 0.0
-            && self.shadows.is_lit(axis + outward * radius, radius, toward_sun)
-        {
-            light = surface.base_brdf(toward_sun, toward_eye)
-                * self.rig.sun()
-                * surface.normal.dot(toward_sun).max(0.0);
-        }
-        let sheen = &surface.sheen;
-        if sheen.share > 0.0 {
-            // The shadow of the brightest line stands for that of the whole highlight.
-            let brightest = axis + sheen.highlight_normal(toward_sun, toward_eye) * radius;
-            if self.shadows.is_lit(brightest, radius, toward_sun) {
-                light += surface.sheen_color()
-                    * self.rig.sun()
-                    * sheen.mean_over_width(toward_sun, toward_eye);
+        let mut lights = [Vec4::ZERO; NEAR];
+        let parts = (&self.pieces, &self.screen, &visible.layers);
+        for (number, weights) in self.weights.chunks_exact(PLACES).enumerate() {
+            let number = warpknit_core::ids::index32(number);
+            let cell = [x * self.split + number % self.split, y * self.split + number / self.split];
+            let corner = Vec2::new(cell[0] as f32, cell[1] as f32);
+            for fragment in visible.tiles.cell(cell) {
+                let light = self.lights.of(parts, corner, fragment);
+                let light = light.map_or(Vec4::ZERO, opaque_sample);
+                let sums = weight_of(weights, fragment.mask);
+                for (sum, weight) in lights.iter_mut().zip(sums) {
+                    *sum += light * weight;
+                }
             }
         }
-        light
+        splats.add_sums(x, &lights, &self.total);
     }
+}
 
-    /// The sky's light at a point where yarns leave the fraction `open` of the sky visible.
-    fn sky_light(&self, surface: &Surface, open: f32) -> SkyLight {
-        // The sky is linear in the direction's height. So its cosine-weighted mean over the
-        // hemisphere is its value two thirds of the way from the horizontal to the normal.
-        let above = self.rig.sky(surface.normal * (2.0 / 3.0));
-        // An occluder is about as often the same yarn as another one.
-        let interior = self.rig.interior * surface.albedo.midpoint(self.albedo);
-        SkyLight { light: above * open + interior * (1.0 - open), open }
+/// Cells across a pixel for so many samples: enough that each sample has a place.
+fn split(spp: u32) -> u32 {
+    (1..).find(|split| split * split * 64 >= spp).unwrap_or(1)
+}
+
+/// The rows of cells of some rows of pixels and of those around them that count for their sky.
+fn around(rows: &Range<u32>, height: u32, split: u32) -> Range<u32> {
+    rows.start.saturating_sub(SKY_MARGIN_ROWS) * split
+        ..height.min(rows.end + SKY_MARGIN_ROWS) * split
+}
+
+/// Weights of the places of all cells of a pixel in the pixels around it.
+fn cell_weights(split: u32) -> Vec<[f32; NEAR]> {
+    let cells = (0..split).flat_map(|y| (0..split).map(move |x| Vec2::new(x as f32, y as f32)));
+    cells
+        .flat_map(|cell| {
+            places().map(|place| weights_around(((cell + place) / split as f32).to_array()))
+        })
+        .collect()
+}
+
+/// Sums of the weights of all places.
+fn total(weights: &[[f32; NEAR]]) -> [f32; NEAR] {
+    std::array::from_fn(|near| weights.iter().map(|own| own[near]).sum())
+}
+
+/// Sums of the weights of a mask's places.
+fn weight_of(weights: &[[f32; NEAR]], mask: u64) -> [f32; NEAR] {
+    let (mut sums, mut left) = ([0.0; NEAR], mask);
+    while left != 0 {
+        let own = &weights[left.trailing_zeros() as usize % PLACES];
+        // Clears the lowest set bit.
+        left &= left - 1;
+        sums.iter_mut().zip(own).for_each(|(sum, weight)| *sum += weight);
     }
+    sums
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::View;
+    use crate::cpu::render;
     use crate::scene::YarnLook;
-    use glam::DVec3;
+    use crate::{View, cloth};
+    use glam::{DVec3, Vec3};
+    use image::RgbaImage;
+    use warpknit_core::fabric::Fabric;
 
     /// Ten straight yarns a millimetre apart, of two looks in turn.
     pub(super) fn mat() -> Scene {
@@ -290,6 +249,49 @@ mod tests {
         let (scene, inside) =
             (mat(), Camera::look_at(DVec3::new(5.0, 5.0, 0.0), DVec3::ZERO, 0.5, 1.0));
         assert!(Splatter::new(&scene, &scene.bounds().unwrap(), &inside, &far).is_none());
+    }
+
+    /// The root mean square difference of two pictures on the cloth, and that of the means of each
+    /// channel, of 255.
+    fn differences(one: &RgbaImage, other: &RgbaImage) -> (f64, f64) {
+        let (mut squares, mut sums, mut count) = (0.0, [0.0; 3], 0.0);
+        for (one, other) in one.pixels().zip(other.pixels()) {
+            if one.0[..3] != [255; 3] || other.0[..3] != [255; 3] {
+                count += 1.0;
+                for (sum, (one, other)) in sums.iter_mut().zip(one.0.iter().zip(other.0)) {
+                    let difference = f64::from(*one) - f64::from(other);
+                    *sum += difference;
+                    squares += difference * difference;
+                }
+            }
+        }
+        let mean = sums.iter().fold(0.0_f64, |most, sum| most.max((sum / count).abs()));
+        ((squares / count / 3.0).sqrt(), mean)
+    }
+
+    /// A swatch of a fabric with so many wales, drawn 160 pixels wide.
+    fn drawn(fabric: &str, wales: u32, change: &RenderOptions) -> RgbaImage {
+        let scene = cloth::swatch(&Fabric::named(fabric).unwrap(), wales, wales);
+        let camera = Camera::view(View::Iso, &scene.positions, Camera::DEFAULT_FOV, 1.0, 1.0);
+        let options = RenderOptions { width: 160, height: 160, ..change.clone() };
+        render(&scene, &camera, &options, &|_| ())
+    }
+
+    #[test]
+    fn pictures_have_no_noise_and_are_the_same_with_any_number_of_threads() {
+        let usual = RenderOptions::default();
+        let many = RenderOptions { spp: 256, ..usual.clone() };
+        for (fabric, wales) in [("marquisette", 80), ("jersey", 80), ("locknit", 160)] {
+            let draw = |threads: usize| {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                pool.install(|| drawn(fabric, wales, &usual))
+            };
+            let picture = draw(1);
+            assert!(picture == draw(3), "{fabric}");
+            let (rms, mean) = differences(&picture, &drawn(fabric, wales, &many));
+            println!("{fabric}: {rms:.2} {mean:.2}");
+            assert!(rms < 4.0 && mean < 1.0, "{fabric}: {rms} {mean}");
+        }
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Rasterisation of capsules: the cells of a grid that a piece of yarn covers.
 //!
-//! In: both ends of a piece in the grid's coordinates (pixels or texels). Out: [`CapsuleOutline`],
+//! In: both ends of a piece in the grid's coordinates (texels of the sun's map). Out: [`CapsuleOutline`],
 //! that is the rows and columns that the piece may touch, and a test of four places at once.
 
 use std::ops::Range;
@@ -99,11 +99,6 @@ impl CapsuleOutline {
             None => (self.start.x, self.start.x + self.along.x),
         };
         cells(one.min(other) - self.radius, one.max(other) + self.radius, width)
-    }
-
-    /// The point of the axis at a parameter.
-    pub(super) fn at(&self, share: f32) -> Vec2 {
-        self.start + self.along * share
     }
 
     /// Coverage at four places, given as four columns and four rows.

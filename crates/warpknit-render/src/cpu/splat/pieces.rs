@@ -11,11 +11,13 @@ use rayon::prelude::*;
 
 use crate::cpu::to_f32;
 use crate::paths;
-use crate::scene::{Scene, SpanLengths, drawable};
+use crate::scene::{Scene, SceneStrand, SpanLengths, drawable};
 
-/// Data points whose pieces one task handles at a time.
-const PART: u32 = 4096;
-
+/// Pieces, and data points, in a block. Larger blocks reach into more tiles that only some of their pieces meet.
+/// Smaller ones take more memory.
+pub(super) const BLOCK: u32 = 16;
+/// Blocks that one task handles at a time.
+const PART_BLOCKS: u32 = 256;
 /// All pieces of a scene's yarns.
 pub(super) struct SplatPieces<'a> {
     pub(super) scene: &'a Scene,
@@ -47,27 +49,58 @@ impl<'a> SplatPieces<'a> {
         self.scene.strands.is_sorted_by(|one, other| one.points.end <= other.points.start)
     }
 
-    /// Calls `draw` with each piece's index, both of its ends as `place` projects them, and its
-    /// radius, in parallel. Points that `place` rejects are left out.
+    /// Calls `draw` with both ends of each piece as `place` projects them, and its radius, in
+    /// parallel. Points that `place` rejects are left out.
     pub(super) fn for_each(
         &self,
         place: impl Fn(Vec3) -> Option<Vec3> + Sync,
-        draw: impl Fn(u32, [Vec3; 2], f32) + Sync,
+        draw: impl Fn([Vec3; 2], f32) + Sync,
     ) {
         self.parts().into_par_iter().for_each(|(strand, points)| {
             let strand = &self.scene.strands[strand];
-            let Some(radius) = self.scene.radius(strand) else { return };
-            // Each joint is computed once: the end of a piece is the start of the next.
-            let mut start = self.joint(points.start, &strand.points).and_then(&place);
-            for number in points {
-                let next = self.joint(number + 1, &strand.points).and_then(&place);
-                if let Some(start) = start {
-                    // A single point, or one before a gap, is drawn as a ball.
-                    draw(number, [start, next.unwrap_or(start)], radius);
-                }
-                start = next;
+            if let Some(radius) = self.scene.radius(strand) {
+                self.walk(strand, points, &place, |_, ends| draw(ends, radius));
             }
         });
+    }
+
+    /// Calls `draw` with the number, both projected ends and the radius of each piece of the block
+    /// that starts at data point `first`.
+    #[inline]
+    pub(super) fn for_each_in_block(
+        &self,
+        first: u32,
+        place: &impl Fn(Vec3) -> Option<Vec3>,
+        mut draw: impl FnMut(u32, [Vec3; 2], f32),
+    ) {
+        let strand = &self.scene.strands[self.strand_of(first)];
+        let Some(radius) = self.scene.radius(strand) else { return };
+        let points = first..strand.points.end.min(first.saturating_add(BLOCK));
+        self.walk(strand, points, place, |number, ends| draw(number, ends, radius));
+    }
+
+    /// Calls `draw` with the number and the projected ends of each piece that starts among these
+    /// points of a strand. A single point, the last one, and one before a gap are balls. So each
+    /// end of a piece is the start of another.
+    #[inline]
+    fn walk(
+        &self,
+        strand: &SceneStrand,
+        points: Range<u32>,
+        place: &impl Fn(Vec3) -> Option<Vec3>,
+        mut draw: impl FnMut(u32, [Vec3; 2]),
+    ) {
+        let mut number = points.start;
+        // Each joint is computed once: the end of a piece is the start of the next.
+        let mut start = self.joint(number, &strand.points).and_then(place);
+        while number < points.end {
+            let next = number + 1;
+            let end = self.joint(next, &strand.points).and_then(place);
+            if let Some(start) = start {
+                draw(number, [start, end.unwrap_or(start)]);
+            }
+            (number, start) = (next, end);
+        }
     }
 
     /// All drawable points.
@@ -146,12 +179,13 @@ impl<'a> SplatPieces<'a> {
     }
 
     /// Strands cut into parts for tasks.
-    fn parts(&self) -> Vec<(usize, Range<u32>)> {
+    pub(super) fn parts(&self) -> Vec<(usize, Range<u32>)> {
         let mut parts = Vec::new();
         for (number, strand) in self.scene.strands.iter().enumerate() {
             let Range { start, end } = strand.points;
-            for first in (start..end).step_by(PART as usize) {
-                parts.push((number, first..end.min(first.saturating_add(PART))));
+            let part = PART_BLOCKS * BLOCK;
+            for first in (start..end).step_by(part as usize) {
+                parts.push((number, first..end.min(first.saturating_add(part))));
             }
         }
         parts
@@ -162,14 +196,16 @@ impl<'a> SplatPieces<'a> {
 mod tests {
     use super::*;
     use crate::scene::YarnLook;
-    use std::sync::Mutex;
 
     fn drawn(scene: &Scene) -> Vec<(u32, [Vec3; 2])> {
-        let found = Mutex::new(Vec::new());
-        SplatPieces::new(scene, Vec3::ZERO)
-            .for_each(Some, |number, ends, _| found.lock().unwrap().push((number, ends)));
-        let mut found = found.into_inner().unwrap();
-        found.sort_by_key(|(number, _)| *number);
+        let pieces = SplatPieces::new(scene, Vec3::ZERO);
+        let mut found = Vec::new();
+        for (_, points) in pieces.parts() {
+            for first in points.step_by(BLOCK as usize) {
+                pieces
+                    .for_each_in_block(first, &Some, |number, ends, _| found.push((number, ends)));
+            }
+        }
         found
     }
 

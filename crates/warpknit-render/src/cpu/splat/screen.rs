@@ -1,12 +1,13 @@
 //! Screen space: projection of points and pieces into the picture.
 //!
 //! In: a camera, and points relative to the scene's centre. Out: column, row and depth of a point,
-//! and the outline of a piece.
+//! and a piece's stroke. Columns and rows count cells: pixels, or equal parts of them.
 
-use glam::{Mat4, Vec2, Vec3, Vec4, Vec4Swizzles};
+use glam::{Mat4, Vec2, Vec3, Vec4Swizzles};
 
-use super::outline::CapsuleOutline;
+use super::masks::Stroke;
 use super::pieces::SplatPiece;
+use crate::cpu::to_f32;
 use crate::scene::Bounds;
 use crate::{Camera, RenderOptions};
 
@@ -19,17 +20,22 @@ pub(super) struct Screen {
     up: Vec3,
     /// Unit vector in which the camera looks.
     ahead: Vec3,
-    /// Size of a pixel at distance 1.
-    pixel: f32,
-    /// Pixels across and down.
+    /// Size of a cell at distance 1.
+    cell: f32,
+    /// Cells across and down.
     pub(super) size: [u32; 2],
 }
 
 impl Screen {
-    pub(super) fn new(bounds: &Bounds, camera: &Camera, options: &RenderOptions) -> Self {
+    /// The screen of a picture whose pixels are `split` cells wide and high.
+    pub(super) fn new(
+        bounds: &Bounds,
+        camera: &Camera,
+        options: &RenderOptions,
+        split: u32,
+    ) -> Self {
         let centre = bounds.centre().as_dvec3();
-        #[expect(clippy::cast_possible_truncation, reason = "a pixel's size")]
-        let pixel = camera.pixel_size(1.0, options.height) as f32;
+        let pixel = to_f32(camera.pixel_size(1.0, options.height));
         Self {
             // The near and far planes affect clip z only, which is not used here.
             clip_from_world: camera.clip_from_world(centre, options.aspect(), 1.0, 2.0),
@@ -37,8 +43,8 @@ impl Screen {
             right: camera.to_world(Vec3::X),
             up: camera.to_world(Vec3::Y),
             ahead: -camera.to_world(Vec3::Z),
-            pixel,
-            size: [options.width, options.height],
+            cell: pixel / split as f32,
+            size: [options.width, options.height].map(|side| side.saturating_mul(split)),
         }
     }
 
@@ -46,12 +52,12 @@ impl Screen {
     pub(super) fn project(&self, point: Vec3) -> Option<Vec3> {
         let clip = self.clip_from_world * point.extend(1.0);
         (clip.w > 0.0).then(|| {
-            // From clip space (y up, -1..1) to pixels (y down).
+            // From clip space (y up, -1..1) to cells (y down).
             ((clip.xy() / clip.w * Vec2::new(0.5, -0.5) + 0.5) * self.extent()).extend(clip.w)
         })
     }
 
-    /// Whether a point lies in the picture or within a pixel of it.
+    /// Whether a point lies in the picture or within a cell of it.
     pub(super) fn shows(&self, point: Vec3) -> bool {
         self.project(point).is_some_and(|at| {
             at.truncate().cmpge(Vec2::NEG_ONE).all()
@@ -59,24 +65,29 @@ impl Screen {
         })
     }
 
-    /// Outline of a piece whose ends are projected already.
+    /// A piece in the picture whose ends are projected already.
     ///
     /// A sphere away from the picture's centre projects to an ellipse. Here it stays a circle,
-    /// which is indistinguishable for a yarn thinner than a pixel.
-    pub(super) fn outline(&self, [one, other]: [Vec3; 2], radius: f32) -> CapsuleOutline {
-        CapsuleOutline::new([one.truncate(), other.truncate()], radius / (self.pixel * one.z))
+    /// which is indistinguishable for a yarn of two pixels.
+    pub(super) fn stroke(&self, [start, end]: [Vec3; 2], radius: f32) -> Stroke {
+        Stroke::new([start.truncate(), end.truncate()], self.radius(radius, start.z))
     }
 
-    /// Parameter along a piece of the point nearest to a place in the picture, and the offset of
-    /// that place from the axis, in world directions and radii.
-    pub(super) fn locate(&self, piece: &SplatPiece, place: Vec2) -> Option<(f32, Vec3)> {
+    /// The piece in the picture.
+    pub(super) fn stroke_of(&self, piece: &SplatPiece) -> Option<Stroke> {
         let start = self.project(piece.ends[0])?;
-        let ends = [start, self.project(piece.ends[1]).unwrap_or(start)];
-        let outline = self.outline(ends, piece.radius);
-        let share = outline.within([Vec4::splat(place.x), Vec4::splat(place.y)]).share.x;
-        // From pixels to radii at the piece's distance.
-        let aside = (place - outline.at(share)) * (self.pixel * ends[0].z / piece.radius);
-        Some((share, self.right * aside.x - self.up * aside.y))
+        Some(self.stroke([start, self.project(piece.ends[1]).unwrap_or(start)], piece.radius))
+    }
+
+    /// A radius in cells, at a depth.
+    #[inline]
+    pub(super) fn radius(&self, radius: f32, depth: f32) -> f32 {
+        radius / (self.cell * depth)
+    }
+
+    /// The direction in the world of one in the picture.
+    pub(super) fn to_world(&self, at: Vec2) -> Vec3 {
+        self.right * at.x - self.up * at.y
     }
 
     /// Distance along the camera's axis.
@@ -84,9 +95,9 @@ impl Screen {
         (point - self.eye).dot(self.ahead)
     }
 
-    /// Size of a pixel at a point, mm.
-    pub(super) fn pixel_at(&self, place: Vec3) -> f32 {
-        self.pixel * self.eye.distance(place)
+    /// Size of a cell at a point, mm.
+    pub(super) fn cell_at(&self, place: Vec3) -> f32 {
+        self.cell * self.eye.distance(place)
     }
 
     /// The picture's size as floats.

@@ -82,8 +82,7 @@ impl ShadowMap {
         let texels = (0..size[0] as usize * size[1] as usize).into_par_iter();
         let nearest = texels.map(|_| AtomicU32::new(f32::INFINITY.to_bits())).collect();
         let mut map = Self { across, up, toward, low, texel, size, nearest, blocks: Vec::new() };
-        pieces
-            .for_each(|point| Some(map.project(point)), |_, ends, radius| map.splat(ends, radius));
+        pieces.for_each(|point| Some(map.project(point)), |ends, radius| map.splat(ends, radius));
         map.blocks = map.blocks();
         map
     }
@@ -128,31 +127,37 @@ impl ShadowMap {
         blocks
     }
 
-    /// Whether light from a unit direction within the sun's disc reaches a point on a yarn of this
-    /// radius.
+    /// Fraction of the sun's disc whose light reaches a point on a yarn of this radius. `suns` are
+    /// unit directions to points that are spread over the disc.
     ///
     /// The distance to the occluder comes from the map, or, where the sun's centre is visible, from
-    /// the nearest depth in the blocks around. The ray is followed for that distance and looked up
+    /// the nearest depth in the blocks around. Each ray is followed for that distance and looked up
     /// there. It counts as blocked if the depth there lies more than halfway to the occluder.
-    pub(super) fn is_lit(&self, place: Vec3, radius: f32, toward: Vec3) -> bool {
+    pub(super) fn lit_share(&self, place: Vec3, radius: f32, suns: &[Vec3]) -> f32 {
         let at = self.project(place);
         let texel = self.texel_at(at.truncate());
         let before = at.z - self.depth(texel);
-        let blocks_across = (self.size[0] as usize).div_ceil(BLOCK);
-        let block = texel[1] / BLOCK * blocks_across + texel[0] / BLOCK;
-        let around = at.z - self.blocks[block];
         // Three cases. The sun's centre is hidden: the occluder is known. It is visible, but
         // something stands far in front nearby: a penumbra is possible. Otherwise the point is lit.
-        let away = match before > BIAS_TEXELS * self.texel + BIAS_RADII * radius {
-            true => before,
-            false if around > SOFT_RADII * radius => around,
-            false => return true,
+        let away = if before > BIAS_TEXELS * self.texel + BIAS_RADII * radius {
+            before
+        } else {
+            let blocks_across = (self.size[0] as usize).div_ceil(BLOCK);
+            let block = texel[1] / BLOCK * blocks_across + texel[0] / BLOCK;
+            let around = at.z - self.blocks[block];
+            if around <= SOFT_RADII * radius {
+                return 1.0;
+            }
+            around
         };
-        // Offset per unit of depth of this ray from the ray to the sun's centre.
-        let slope =
-            Vec2::new(toward.dot(self.across), toward.dot(self.up)) / toward.dot(self.toward);
-        let there = self.texel_at(at.truncate() + slope * (away / self.texel));
-        at.z - self.depth(there) <= 0.5 * away
+        let lit = suns.iter().filter(|toward| {
+            // Offset per unit of depth of this ray from the ray to the sun's centre.
+            let slope =
+                Vec2::new(toward.dot(self.across), toward.dot(self.up)) / toward.dot(self.toward);
+            let there = self.texel_at(at.truncate() + slope * (away / self.texel));
+            at.z - self.depth(there) <= 0.5 * away
+        });
+        lit.count() as f32 / suns.len() as f32
     }
 
     /// The texel at a place of the grid, clamped to its border.
@@ -215,27 +220,28 @@ mod tests {
         let options = RenderOptions { width: 60, height: 60, ..RenderOptions::default() };
         let camera = Camera::view(View::Front, &scene.positions, 0.3, 1.0, 1.0);
         let bounds = scene.bounds().unwrap();
-        let screen = Screen::new(&bounds, &camera, &options);
+        let screen = Screen::new(&bounds, &camera, &options, 1);
         let pieces = SplatPieces::new(&scene, bounds.centre());
         let sun = ShadowMap::new(&pieces, &screen, 1.0, Vec3::Z);
         // Through a sun a tenth wide: shares of its light at places of the lower sheet, on top of
         // its yarns.
         let lit = |x: f32, z: f32| {
             let place = Vec3::new(x, 0.0, z + 0.2) - bounds.centre();
-            let toward = (0_u8..=40)
-                .map(|i| Vec3::new((f32::from(i) / 20.0 - 1.0) * 0.1, 0.0, 1.0).normalize());
-            toward.filter(|toward| sun.is_lit(place, 0.2, *toward)).count()
+            let suns: [Vec3; 41] = std::array::from_fn(|i| {
+                Vec3::new((i as f32 / 20.0 - 1.0) * 0.1, 0.0, 1.0).normalize()
+            });
+            (sun.lit_share(place, 0.2, &suns) * 41.0).round()
         };
         assert_eq!(
             [lit(0.0, 0.0), lit(0.0, 20.0), lit(25.0, 0.0), lit(-25.0, 0.0)],
-            [0, 41, 41, 41]
+            [0.0, 41.0, 41.0, 41.0]
         );
         let edge = [8.5, 9.5, 10.5, 11.5].map(|x| lit(x, 0.0));
         assert!(
             edge.is_sorted()
-                && edge[0] > 0
-                && edge[3] < 41
-                && (10..31).contains(&edge[1].midpoint(edge[2])),
+                && edge[0] > 0.0
+                && edge[3] < 41.0
+                && (10.0..31.0).contains(&edge[1].midpoint(edge[2])),
             "{edge:?}"
         );
     }

@@ -1,0 +1,242 @@
+//! Light of a piece of yarn in a cell of the picture.
+//!
+//! In: a fragment, that is a piece and the places of a cell where it is visible. Out: its mean
+//! light. It is lit at up to three places across the yarn, around the mean of the visible places by
+//! their standard deviation: Gauss's quadrature. The mean alone makes yarns that show their whole
+//! width too bright, because light falls off toward both outlines.
+
+use glam::{Vec2, Vec3};
+
+use super::layers::LayerDepths;
+use super::masks::{PLACES, Stroke, places};
+use super::pieces::SplatPieces;
+use super::screen::Screen;
+use super::sun::ShadowMap;
+use super::tiles::Fragment;
+use crate::cpu::lit::{self, ShadingPoint, SkyLight, textured_surface};
+use crate::cpu::sample::{SampleDimension, Sampler};
+use crate::light::Rig;
+use crate::maps::Maps;
+use crate::ply;
+use crate::scene::{Shape, YarnLook};
+use crate::shade::Surface;
+use crate::sheen::Sheen;
+
+/// Places from which on a fragment is lit at two places. Fewer are hardly spread.
+const SPREAD: u32 = 3;
+/// Places from which on it is lit at three. Two places miss where the sun's light ends on a yarn
+/// that shows its whole width, and make it 6 % too dark.
+const WIDE: u32 = 8;
+/// Nodes of Gauss-Legendre quadrature, in standard deviations, and their weights.
+const GAUSS_2: [(f32, f32); 2] = [(-1.0, 0.5), (1.0, 0.5)];
+const GAUSS_3: [(f32, f32); 3] =
+    [(-1.341_641, 5.0 / 18.0), (0.0, 4.0 / 9.0), (1.341_641, 5.0 / 18.0)];
+/// Largest distance of a lit place from the axis, radii. At the outline itself a surface is seen
+/// edge-on.
+const RIM: f32 = 0.99;
+/// Directions in the sun's disc that a penumbra is the mean of.
+const SUNS: u32 = 8;
+
+/// Everything that the light depends on besides a piece.
+pub(super) struct Lights {
+    rig: Rig,
+    shadows: ShadowMap,
+    /// Directions to points of the sun's disc, spread evenly.
+    suns: [Vec3; SUNS as usize],
+    /// Mean base colour of all yarns.
+    albedo: Vec3,
+    places: [Vec2; PLACES],
+}
+
+/// The visible places of a fragment.
+struct Spread {
+    /// Their mean in the picture, cells.
+    mean: Vec2,
+    /// Their standard deviation across the piece, cells.
+    deviation: f32,
+    count: u32,
+}
+
+/// A yarn where a fragment is lit.
+struct Section<'a> {
+    look: &'a YarnLook,
+    maps: Option<&'a Maps>,
+    axis: Vec3,
+    tangent: Vec3,
+    toward_eye: Vec3,
+    /// Unit vector across the yarn and the direction to the eye.
+    width: Vec3,
+    /// Unit vector across the yarn, toward the eye.
+    front: Vec3,
+    /// Arc length along the yarn, mm.
+    along: f32,
+    /// Size of a cell, mm.
+    footprint: f32,
+}
+
+impl Section<'_> {
+    /// The surface at `side` from -1 to 1 between the outlines, its smooth normal, and the fraction
+    /// of the sky's light that its texture lets through.
+    fn surface(&self, side: f32) -> (Surface, Vec3, f32) {
+        let outward = self.width * side + self.front * (1.0 - side * side).sqrt();
+        let (mut surface, occlusion) = match self.maps {
+            Some(maps) => {
+                let point = ShadingPoint {
+                    position: self.axis + outward * self.look.radius,
+                    normal: outward,
+                    tangent: self.tangent,
+                    top: outward.cross(self.tangent),
+                    around: 0.0,
+                    along: self.along,
+                };
+                // The texture is averaged over the yarn's full height. That includes the hidden
+                // half, whose mean differs little.
+                textured_surface(maps, &point, [1.0, self.footprint / maps.length], Shape::Tube)
+            }
+            None => {
+                let albedo = self.look.albedo * ply::mean_shade(self.look.plies);
+                let (roughness, metallic) = (self.look.roughness, self.look.metallic);
+                let sheen = Sheen::NONE;
+                (Surface { normal: outward, albedo, roughness, metallic, sheen }, 1.0)
+            }
+        };
+        surface.normal = ply::face_eye(surface.normal, self.toward_eye);
+        surface.sheen = lit::yarn_sheen(self.look, self.tangent);
+        (surface, outward, occlusion)
+    }
+}
+
+impl Lights {
+    pub(super) fn new(rig: Rig, shadows: ShadowMap, albedo: Vec3) -> Self {
+        let (sampler, mut number) = (Sampler::new(0, 0, 0), 0..);
+        let suns = [(); SUNS as usize].map(|()| {
+            rig.sun_sample(sampler.pair(SampleDimension::Sun, number.next().unwrap_or(0), SUNS))
+        });
+        Self { rig, shadows, suns, albedo, places: places() }
+    }
+
+    /// Mean light toward the eye of a fragment in the cell whose corner is `corner`.
+    pub(super) fn of(
+        &self,
+        (pieces, screen, layers): (&SplatPieces<'_>, &Screen, &LayerDepths),
+        corner: Vec2,
+        fragment: &Fragment,
+    ) -> Option<Vec3> {
+        let (scene, strand) = (pieces.scene, pieces.strand_of(fragment.piece));
+        let piece = pieces.piece(strand, fragment.piece)?;
+        let stroke = screen.stroke_of(&piece)?;
+        let spread = self.spread(&stroke, corner, fragment.mask);
+        let share = stroke.share(spread.mean);
+        let axis = piece.ends[0].lerp(piece.ends[1], share);
+        let tangent = pieces.tangent(strand, fragment.piece, share);
+        let toward_eye = (screen.eye - axis).normalize();
+        // A tangent frame for the visible half of the tube.
+        let width = tangent.cross(toward_eye).normalize_or(screen.right);
+        let look = &scene.looks[usize::from(scene.strands[strand].look)];
+        let section = Section {
+            look,
+            maps: scene.maps_of(look),
+            axis,
+            tangent,
+            toward_eye,
+            width,
+            front: width.cross(tangent),
+            along: pieces.along(strand, fragment.piece, share),
+            footprint: screen.cell_at(axis),
+        };
+        let radius = screen.radius(piece.radius, screen.depth(axis));
+        let side = screen.to_world(spread.mean - stroke.at(share)).dot(width) / radius;
+        let aside = screen.to_world(stroke.across()).dot(width) * spread.deviation / radius;
+        let open = |outward: Vec3| {
+            let depth = screen.depth(axis + outward * piece.radius);
+            layers.sky_visibility(spread.mean, piece.radius, depth, outward.dot(toward_eye))
+        };
+        let nodes: &[(f32, f32)] = match spread.count {
+            WIDE.. => &GAUSS_3,
+            SPREAD.. => &GAUSS_2,
+            _ => &[(0.0, 1.0)],
+        };
+        let sides = nodes.iter().map(|(offset, weight)| (side + aside * offset, *weight));
+        Some(self.over(&section, sides, open))
+    }
+
+    /// Mean and deviation of the places of a mask.
+    fn spread(&self, stroke: &Stroke, corner: Vec2, mask: u64) -> Spread {
+        let across = stroke.across();
+        let (mut sum, mut squares, mut left) = (Vec2::ZERO, 0.0, mask);
+        while left != 0 {
+            let place = self.places[left.trailing_zeros() as usize % PLACES];
+            // Clears the lowest set bit.
+            left &= left - 1;
+            sum += place;
+            squares += place.dot(across).powi(2);
+        }
+        let count = mask.count_ones();
+        let mean = sum / count as f32;
+        let variance = squares / count as f32 - mean.dot(across).powi(2);
+        Spread { mean: corner + mean, deviation: variance.max(0.0).sqrt(), count }
+    }
+
+    /// Mean light of a section over some places across it, each with its weight. `open` is the fraction of the sky that
+    /// other yarns leave visible from a place of its surface.
+    fn over(
+        &self,
+        section: &Section<'_>,
+        sides: impl Iterator<Item = (f32, f32)>,
+        open: impl Fn(Vec3) -> f32,
+    ) -> Vec3 {
+        let mut light = Vec3::ZERO;
+        let mut sheen = Vec3::ZERO;
+        for (index, (side, weight)) in sides.enumerate() {
+            let (surface, outward, occlusion) = section.surface(side.clamp(-RIM, RIM));
+            let sky = self.sky_light(&surface, open(outward));
+            light += weight
+                * (self.base_sunlight(section, &surface, outward)
+                    + sky.reflected(&self.rig, &surface, section.toward_eye) * occlusion);
+            if index == 0 {
+                sheen = self.sheen_sunlight(section, &surface);
+            }
+        }
+        light + sheen
+    }
+
+    /// The sun's light reflected toward the eye from the side of a yarn that faces `outward`,
+    /// without the sheen.
+    fn base_sunlight(&self, section: &Section<'_>, surface: &Surface, outward: Vec3) -> Vec3 {
+        let toward = self.rig.toward_sun;
+        let cosine = surface.normal.dot(toward);
+        if cosine <= 0.0 || outward.dot(toward) <= 0.0 {
+            return Vec3::ZERO;
+        }
+        let radius = section.look.radius;
+        let lit = self.shadows.lit_share(section.axis + outward * radius, radius, &self.suns);
+        if lit <= 0.0 {
+            return Vec3::ZERO;
+        }
+        surface.base_brdf(toward, section.toward_eye) * self.rig.sun() * (cosine * lit)
+    }
+
+    /// The sun's light reflected by the fibres' sheen, as the mean over the visible width. Its
+    /// highlight is narrower than two places across the yarn can tell.
+    fn sheen_sunlight(&self, section: &Section<'_>, surface: &Surface) -> Vec3 {
+        let (sheen, toward, eye) = (&surface.sheen, self.rig.toward_sun, section.toward_eye);
+        if sheen.share <= 0.0 {
+            return Vec3::ZERO;
+        }
+        // The shadow of the brightest line stands for that of the whole highlight.
+        let radius = section.look.radius;
+        let brightest = section.axis + sheen.highlight_normal(toward, eye) * radius;
+        let lit = self.shadows.lit_share(brightest, radius, &self.suns);
+        surface.sheen_color() * self.rig.sun() * (sheen.mean_over_width(toward, eye) * lit)
+    }
+
+    /// The sky's light at a point where yarns leave the fraction `open` of the sky visible.
+    fn sky_light(&self, surface: &Surface, open: f32) -> SkyLight {
+        // The sky is linear in the direction's height. So its cosine-weighted mean over the
+        // hemisphere is its value two thirds of the way from the horizontal to the normal.
+        let above = self.rig.sky(surface.normal * (2.0 / 3.0));
+        // An occluder is about as often the same yarn as another one.
+        let interior = self.rig.interior * surface.albedo.midpoint(self.albedo);
+        SkyLight { light: above * open + interior * (1.0 - open), open }
+    }
+}
