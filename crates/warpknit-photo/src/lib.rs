@@ -7,4 +7,6 @@
 
 pub mod capture;
 mod plane;
+mod fourier;
+pub mod recognise;
 pub mod yarn;
