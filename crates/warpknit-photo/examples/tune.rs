@@ -2,8 +2,9 @@
 use std::path::Path;
 use image::RgbImage;
 use warpknit_core::fabric::Fabric;
-use warpknit_photo::recognise::{ClothKey, Face, rank};
+use warpknit_photo::recognise::{ClothKey, Face, RecogniseSettings, Ranked, recognise};
 fn key(f: &Fabric) -> ClothKey {
+    let Some(_) = f.warp_knit() else { return key(&Fabric::named(match f.name.as_str() { "jersey" => "tulle-5", "rib-1x1" => "hex-net-5", "rib-2x2" => "pinstripe", "garter" => "hex-net-3", _ => "ticking" }).unwrap()) };
     ClothKey::new(f.warp_knit().unwrap(), f.repeat(), f.threading_repeat())
 }
 fn main() {
@@ -28,7 +29,10 @@ fn main() {
             for (which, photos) in [vec![(&back, Face::Back)], vec![(&front, Face::Front)], vec![(&back, Face::Back), (&front, Face::Front)]].into_iter().enumerate() {
                 if which < 2 && std::env::var("BOTH").is_ok() { continue; }
                 let t = std::time::Instant::now();
-                let both = rank(&photos);
+                let r = recognise(&photos, &RecogniseSettings::default());
+                let (r, fabric) = match r { Ok(r) => (r.ranked, Some(r.fabric)), Err(e) => { line += &e.to_string()[..10]; (vec![], None) } };
+                if let (Some(x), true) = (&fabric, which == 2) { if let Some(a) = r.first() { if a.fabric.warp_knit().is_some() && key(x) != key(&a.fabric) { line += " MIRRORKEY"; } } }
+                let both: [Vec<Ranked>; 2] = [vec![], r];
                 secs += t.elapsed().as_secs_f64();
                 for (stage, r) in both.iter().enumerate() {
                     let place = r.iter().position(|c| key(&c.fabric) == key(&f)).unwrap_or(98);
@@ -36,7 +40,7 @@ fn main() {
                     counts[stage][which][1] += usize::from(place < 3);
                     if stage == 0 { line += &format!(" | {}>", place + 1); continue; }
                     line += &format!("{} ", place + 1);
-                    if which == 2 { line += &format!("{:.3} {:.2}", r.get(place).map_or(0.0, |c| c.explained), r.get(place).map_or(0.0, |c| c.common)); for c in r.iter().take(2) { line += &format!(" {}{} {:.3} {:.2}", if c.is_mirrored {"~"} else {""}, c.fabric.name, c.explained, c.common); } }
+                    if which == 2 { line += &format!("{:.3} {:.2}", r.get(place).map_or(0.0, |c| c.explained), r.get(place).map_or(0.0, |c| c.explained_of_common)); for c in r.iter().take(2) { line += &format!(" {}{} {:.3} {:.2}", if c.is_mirrored {"~"} else {""}, c.fabric.name, c.explained, c.explained_of_common); } }
                 }
             }
             println!("{line}");

@@ -5,6 +5,7 @@
 //! proportions. Drafts of the catalogue are drawn once and kept. Cost: one or two milliseconds a
 //! draft, some tens a relaxed cloth.
 
+use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
 use rayon::prelude::*;
@@ -12,8 +13,9 @@ use rayon::prelude::*;
 use super::Face;
 use super::same::ClothKey;
 use super::sketch::Sketch;
+use warpknit_core::fabric::motif::Motif;
 use warpknit_core::fabric::yarn::Count;
-use warpknit_core::fabric::{Fabric, Structure, builtin};
+use warpknit_core::fabric::{Bar, Fabric, Structure, builtin};
 use warpknit_core::knit::Pattern;
 
 /// A cloth, and what its faces look like.
@@ -65,6 +67,13 @@ impl Candidate {
         }
     }
 
+    /// A key that its mirror image doesn't share, unless that is the same to the eye.
+    pub(super) fn handed(&self) -> Option<ClothKey> {
+        let knit = self.fabric.warp_knit()?;
+        let [wales, courses] = self.repeat();
+        Some(ClothKey::handed(knit, courses, wales, false))
+    }
+
     /// Wales and courses of its repeat.
     pub(super) fn repeat(&self) -> [usize; 2] {
         self.sketches[0].repeat
@@ -105,7 +114,10 @@ pub(super) fn warp_knits() -> &'static [Candidate] {
     CATALOGUE.get_or_init(|| {
         let mut fabrics = built_in(|fabric| fabric.warp_knit().is_some());
         fabrics.extend(grid());
-        let all: Vec<Candidate> = fabrics.into_par_iter().map(Candidate::draft).collect();
+        let all: Vec<Candidate> = fabrics
+            .into_par_iter()
+            .map(|fabric| if has_inlay(&fabric) { Candidate::relaxed(fabric) } else { Candidate::draft(fabric) })
+            .collect();
         let mut kept: Vec<Candidate> = Vec::new();
         for candidate in all {
             if !kept.iter().any(|other| other.key == candidate.key) {
@@ -114,6 +126,35 @@ pub(super) fn warp_knits() -> &'static [Candidate] {
         }
         kept
     })
+}
+
+/// Weft knits by their charts: jersey, reverse jersey, both ribs and garter.
+const CHARTS: [(&str, &str); 5] =
+    [("jersey", "k"), ("jersey", "p"), ("rib-1x1", "kp"), ("rib-2x2", "kkpp"), ("garter", "p\nk")];
+
+/// The weft knits. They are relaxed: their drafts would not interlock.
+pub(super) fn weft_knits() -> &'static [Candidate] {
+    static CATALOGUE: OnceLock<Vec<Candidate>> = OnceLock::new();
+    CATALOGUE.get_or_init(|| {
+        CHARTS
+            .into_par_iter()
+            .filter_map(|(name, chart)| {
+                let mut fabric = Fabric::named(name).ok()?;
+                if let Structure::Weft(knit) = &mut fabric.structure {
+                    knit.motif = Motif::parse(chart, &BTreeMap::new()).ok()?;
+                }
+                if chart == "p" {
+                    "reverse-jersey".clone_into(&mut fabric.name);
+                }
+                Some(Candidate::relaxed(fabric))
+            })
+            .collect()
+    })
+}
+
+/// Whether a bar is laid in. Only the relaxation pulls it straight, so that no draft is like it.
+fn has_inlay(fabric: &Fabric) -> bool {
+    fabric.warp_knit().is_some_and(|knit| knit.bars.iter().any(Bar::is_inlay))
 }
 
 /// Built-in fabrics of a kind.
@@ -131,11 +172,12 @@ pub fn grid() -> impl Iterator<Item = Fabric> {
         // A pillar in front has no sense.
         let others = if at == 0 { &[] } else { &FRONT[1..] };
         let backs = BACK.into_iter().chain(others.iter().copied());
-        backs.filter_map(move |back| full_bars(&[front.to_owned(), back.to_owned()]))
+        backs.filter_map(move |back| full_bars(&[front.to_owned(), back.to_owned()]).ok())
     })
 }
 
-/// A cloth of full bars with these chains, front first.
-pub(super) fn full_bars(chains: &[String]) -> Option<Fabric> {
-    Fabric::named("locknit").ok()?.with_chains(chains, &[]).ok()
+/// A cloth of full bars with these chains, front first, or what is wrong with them.
+pub(super) fn full_bars(chains: &[String]) -> Result<Fabric, String> {
+    let like = Fabric::named("locknit").map_err(|error| error.to_string())?;
+    like.with_chains(chains, &[]).map_err(|error| error.to_string())
 }

@@ -12,7 +12,7 @@ use rustfft::num_complex::Complex32;
 
 use super::sketch::{CHANNELS, Sketch};
 use crate::fourier::Fourier;
-use crate::plane::{double, float, narrow};
+use crate::plane::{double, narrow};
 
 /// Share of a channel's power that is added to it: a light of which a little is seen in the photo
 /// may not explain much of it.
@@ -136,9 +136,4 @@ fn blurred(spectrum: &mut [Complex32], fourier: &Fourier, sigma: f64) {
     for (row, weight) in spectrum.chunks_exact_mut(fourier.width).zip(&down) {
         row.iter_mut().zip(&across).for_each(|(value, other)| *value *= weight * other);
     }
-}
-
-/// The mean of some numbers; 0 of none.
-pub(super) fn mean(values: &[f32]) -> f32 {
-    values.iter().sum::<f32>() / float(values.len().max(1))
 }

@@ -9,17 +9,17 @@
 
 use rayon::prelude::*;
 
+use super::Face;
 use super::candidate::{Candidate, proportioned};
 use super::compare::Template;
 use super::view::{FaceView, Score};
 use crate::plane::double;
-use warpknit_core::fabric::Fabric;
 
 /// Blurs of sketches that are tried, pixels of theirs. Photos are blurred by themselves, and again
 /// before they are sampled.
 const BLURS: [f64; 2] = [1.2, 2.0];
 /// Yarn diameters that are tried, of the candidate's own.
-const THICKNESSES: [f64; 3] = [1.0, 0.82, 1.22];
+const THICKNESSES: [f64; 3] = [1.0, 0.87, 1.14];
 /// Frames in which a draft that fits is tried again once it is relaxed.
 const FRAMES: usize = 4;
 
@@ -33,10 +33,20 @@ pub(super) struct Fit {
     /// Its best score in each photo.
     pub(super) scores: Vec<Score>,
     /// The frames that are tried next, of each photo.
-    frames: Vec<Vec<usize>>,
+    pub(super) frames: Vec<Vec<usize>>,
 }
 
 impl Fit {
+    /// Share that it explains of what all copies of its repeat have in common, the mean of all
+    /// photos.
+    pub(super) fn explained_of_common(&self, views: &[FaceView]) -> f64 {
+        let repeat = self.candidate.repeat();
+        let each = self.scores.iter().zip(views).map(|(score, view)| {
+            (score.explained / view.common(repeat, score.frame).max(1e-9)).min(1.0)
+        });
+        each.sum::<f64>() / double(self.scores.len().max(1))
+    }
+
     /// Course spacing over wale spacing, the mean of all photos.
     pub(super) fn proportion(&self, views: &[FaceView]) -> f64 {
         let each = self.scores.iter().zip(views).map(|(score, view)| {
@@ -56,6 +66,24 @@ pub(super) fn fit_all(views: &mut [FaceView], candidates: &[Candidate]) -> Vec<F
     let mut fits: Vec<Fit> = candidates
         .par_iter()
         .flat_map_iter(|candidate| both_hands(views, candidate, None))
+        .collect();
+    sort(&mut fits);
+    fits
+}
+
+/// Fits candidates in some frames of each photo; the best first.
+pub(super) fn fit_in(
+    views: &mut [FaceView],
+    candidates: &[Candidate],
+    frames: &[Vec<usize>],
+) -> Vec<Fit> {
+    for view in views.iter_mut() {
+        candidates.iter().for_each(|candidate| view.fold(candidate.repeat()));
+    }
+    let views = &*views;
+    let mut fits: Vec<Fit> = candidates
+        .par_iter()
+        .filter_map(|candidate| fit(views, candidate, false, &BLURS[..1], Some(frames)))
         .collect();
     sort(&mut fits);
     fits
@@ -105,7 +133,15 @@ pub(super) fn sort(fits: &mut [Fit]) {
 fn both_hands(views: &[FaceView], candidate: &Candidate, before: Option<&Fit>) -> Vec<Fit> {
     let hands = if candidate.is_handed { &[false, true][..] } else { &[false] };
     let hands = hands.iter().filter(|hand| before.is_none_or(|fit| fit.is_mirrored == **hand));
-    hands.filter_map(|&is_mirrored| fit(views, candidate, is_mirrored, before)).collect()
+    let blurs = if before.is_some() { &BLURS[..] } else { &BLURS[..1] };
+    let frames = before.map(|fit| &fit.frames[..]);
+    hands.filter_map(|&is_mirrored| fit(views, candidate, is_mirrored, blurs, frames)).collect()
+}
+
+/// The face that a photo shows if it shows a candidate. A weft knit whose one photo is given is
+/// taken to be shown from its face: reverse jersey is a cloth of its own.
+pub(super) fn seen(view: &FaceView, photos: usize, candidate: &Candidate) -> Face {
+    if photos == 1 && candidate.key.is_none() { Face::Front } else { view.face }
 }
 
 /// The fit of a candidate or of its mirror image.
@@ -113,21 +149,19 @@ fn fit(
     views: &[FaceView],
     candidate: &Candidate,
     is_mirrored: bool,
-    before: Option<&Fit>,
+    blurs: &[f64],
+    among: Option<&[Vec<usize>]>,
 ) -> Option<Fit> {
     let (mut scores, mut frames, mut explained) = (Vec::new(), Vec::new(), 0.0);
     for (at, view) in views.iter().enumerate() {
-        let sketch = candidate.sketch(view.face);
+        let sketch = candidate.sketch(seen(view, views.len(), candidate));
         let mirrored = is_mirrored.then(|| sketch.mirrored());
         let sketch = mirrored.as_ref().unwrap_or(sketch);
-        let blurs = if before.is_some() { &BLURS[..] } else { &BLURS[..1] };
         let mut best: Vec<Score> = Vec::new();
         for blur in blurs {
             let template: Template = view.template(sketch, *blur)?;
-            let own = match before {
-                Some(fit) => {
-                    view.scores(&template, sketch.repeat, fit.frames[at].iter().copied())
-                }
+            let own = match among {
+                Some(among) => view.scores(&template, sketch.repeat, among[at].iter().copied()),
                 None => view.scores(&template, sketch.repeat, 0..view.frames.len()),
             };
             if best.first().is_none_or(|best| {
@@ -160,9 +194,4 @@ pub(super) fn distinct(fits: Vec<Fit>, most: usize) -> Vec<Fit> {
         }
     }
     kept
-}
-
-/// The cloth that a fit shows: the mirror image of its fabric, if it is mirrored.
-pub(super) fn cloth(fit: &Fit) -> Fabric {
-    fit.candidate.fabric.clone()
 }

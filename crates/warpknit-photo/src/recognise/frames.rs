@@ -12,6 +12,7 @@
 
 use glam::{DMat2, DVec2};
 
+use crate::capture::lattice::Lattice;
 use crate::fourier::Fourier;
 use crate::plane::{Plane, double, narrow, whole};
 
@@ -38,6 +39,8 @@ const WAVELENGTHS: [f64; 2] = [4.0, 140.0];
 const NEAR: f64 = 0.12;
 /// Lattices that are looked at, and those with frames that are kept.
 const MOST_LATTICES: usize = 24;
+/// Pairs of waves that are looked at for them, the best first.
+const MOST_BASES: usize = 3000;
 const MOST_FRAMED: usize = 5;
 /// What a coarser lattice of waves is better, an e-fold of its cell: it explains fewer waves by
 /// chance.
@@ -100,7 +103,8 @@ impl Frame {
 pub(super) fn frames(even: &Plane) -> Vec<(DMat2, Vec<Frame>)> {
     let mut found: Vec<Frame> = Vec::new();
     let mut all = Vec::new();
-    for lattice in lattices(&waves(even)) {
+    let waves = waves(even);
+    for lattice in lattices(&waves) {
         let first = found.len();
         for repeat in REPEATS {
             let repeat = DMat2::from_cols_array(&repeat).inverse();
@@ -249,8 +253,10 @@ fn lattices(waves: &[Wave]) -> Vec<DMat2> {
     }
     scored.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut found: Vec<DMat2> = Vec::new();
-    for (_, matrix) in scored.into_iter().take(400) {
+    for (_, matrix) in scored.into_iter().take(MOST_BASES) {
         let direct = fitted(matrix, waves).inverse().transpose();
+        // Changes of basis have small entries, so they start from the shortest vectors.
+        let direct = Lattice::reduced(direct.x_axis, direct.y_axis).matrix();
         let is_same = |other: &DMat2| {
             let change = other.inverse() * direct;
             let near = change.to_cols_array().into_iter().all(|entry| {

@@ -24,7 +24,9 @@ pub(super) struct Sheet {
 
 /// The mean of all copies of a repeat.
 pub(super) struct Fold {
+    /// Without their mean.
     pub(super) values: Vec<f32>,
+    pub(super) mean: f32,
     /// Share of the photo's variance that it explains.
     pub(super) share: f64,
 }
@@ -90,7 +92,7 @@ impl Sheet {
             .collect();
         let common = sums.iter().zip(&values).map(|(sum, value)| sum[1] * value * value).sum::<f32>();
         let share = f64::from(common / (count * self.power).max(f32::MIN_POSITIVE));
-        Fold { values, share }
+        Fold { values, mean, share }
     }
 
     /// How many copies of a repeat it shows.

@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use image::RgbImage;
 use rayon::prelude::*;
 
@@ -17,7 +17,7 @@ use super::sketch::{COURSE, Sketch, WALE};
 use super::unfold::Sheet;
 use crate::capture::lattice::Lattice;
 use crate::capture::plane::normalized_contrast;
-use crate::capture::register::register_in;
+use crate::capture::register::{DisplacementField, register_in};
 use crate::fourier::Fourier;
 use crate::plane::{Plane, double, float};
 
@@ -36,6 +36,11 @@ pub(super) struct FaceView {
     pub(super) face: Face,
     pub(super) frames: Vec<Frame>,
     sheets: Vec<Sheet>,
+    /// For each frame the lattice by whose waves bends were taken off.
+    lattice_of: Vec<usize>,
+    fields: Vec<DisplacementField>,
+    /// The photo's channels, linear light.
+    channels: [Plane; 3],
     /// For each repeat that was asked for: its transforms, and its fold in each frame.
     folds: BTreeMap<[usize; 2], (Fourier, Vec<FrameFold>)>,
 }
@@ -64,24 +69,26 @@ impl FaceView {
         let side = lightness.width.min(lightness.height);
         let even = normalized_contrast(&lightness, SHADING * float(side));
         let smooth = even.smoothed(BLUR);
-        let middle = 0.5 * DVec2::new(double(even.width - 1), double(even.height - 1));
         let lattices = frames(&even);
-        let (frames, sheets) = lattices
+        let fields: Vec<DisplacementField> = lattices
             .par_iter()
-            .filter(|(_, frames)| !frames.is_empty())
-            .flat_map_iter(|(vectors, frames)| {
+            .map(|(vectors, _)| {
                 let lattice = Lattice::reduced(vectors.x_axis, vectors.y_axis);
                 let sigma = (WINDOW[0] * lattice.longer()).min(WINDOW[1] * double(side));
-                let field = register_in(&even, &lattice, sigma);
-                let place = |at: DVec2| field.displaced(at + middle) - middle;
-                let sheets: Vec<_> = frames
-                    .iter()
-                    .map(|frame| (*frame, Sheet::new(&smooth, *frame, place)))
-                    .collect();
-                sheets
+                register_in(&even, &lattice, sigma)
             })
-            .unzip();
-        Self { face, frames, sheets, folds: BTreeMap::new() }
+            .collect();
+        let of_lattices = lattices.iter().enumerate().flat_map(|(at, (_, frames))| {
+            frames.iter().map(move |frame| (at, *frame))
+        });
+        let (lattice_of, frames): (Vec<usize>, Vec<Frame>) = of_lattices.unzip();
+        let sheets = frames
+            .par_iter()
+            .zip(&lattice_of)
+            .map(|(frame, at)| laid_out(&smooth, *frame, &fields[*at]))
+            .collect();
+        let channels = Plane::channels(photo);
+        Self { face, frames, sheets, lattice_of, fields, channels, folds: BTreeMap::new() }
     }
 
     /// Folds the photo into a repeat in all frames, unless that is done.
@@ -125,6 +132,17 @@ impl FaceView {
         scores
     }
 
+    /// The mean colour of all copies of a repeat in a frame, linear light.
+    pub(super) fn mean_colors(&self, repeat: [usize; 2], frame: usize) -> Vec<DVec3> {
+        let field = &self.fields[self.lattice_of[frame]];
+        let [red, green, blue] = self.channels.each_ref().map(|channel| {
+            let fold = laid_out(channel, self.frames[frame], field).fold(repeat);
+            let mean = fold.mean;
+            fold.values.into_iter().map(move |value| f64::from(value + mean))
+        });
+        red.zip(green).zip(blue).map(|((red, green), blue)| DVec3::new(red, green, blue)).collect()
+    }
+
     /// The mean of all copies of a repeat in a frame.
     pub(super) fn mean_cell(&self, repeat: [usize; 2], frame: usize) -> Vec<f32> {
         self.sheets[frame].fold(repeat).values
@@ -137,4 +155,10 @@ impl FaceView {
         let chance = 1.0 / self.sheets[frame].copies(repeat).max(2.0);
         ((share - chance) / (1.0 - chance)).max(0.0)
     }
+}
+
+/// A photo in a frame, its bends taken off.
+fn laid_out(plane: &Plane, frame: Frame, field: &DisplacementField) -> Sheet {
+    let middle = 0.5 * DVec2::new(double(plane.width - 1), double(plane.height - 1));
+    Sheet::new(plane, frame, |at: DVec2| field.displaced(at + middle) - middle)
 }
