@@ -41,7 +41,8 @@ pub(crate) fn knits() {
                         .iter()
                         .map(|face| (taken(&drawn(&own, *face, seed), taking, seed), *face))
                         .collect();
-                    let photos: Vec<_> = photos.iter().map(|(photo, face)| (photo, *face)).collect();
+                    let photos: Vec<_> =
+                        photos.iter().map(|(photo, face)| (photo, *face)).collect();
                     let found = recognise(&photos, &RecogniseSettings::default());
                     let place = found.ok().and_then(|found| place(&found, fabric));
                     first += usize::from(place == Some(0));
@@ -76,7 +77,8 @@ fn key(fabric: &Fabric) -> Option<ClothKey> {
 fn random(seed: u64) -> Vec<Fabric> {
     let mut random = Random::new(seed);
     let built_in = builtin::names().map(|name| Fabric::named(name).unwrap());
-    let mut known: Vec<ClothKey> = built_in.chain(grid()).filter_map(|fabric| key(&fabric)).collect();
+    let mut known: Vec<ClothKey> =
+        built_in.chain(grid()).filter_map(|fabric| key(&fabric)).collect();
     let mut found = Vec::new();
     while found.len() < RANDOM {
         let courses = [2, 2, 3, 4][usize::try_from(whole(random.within(0.0, 3.999))).unwrap()];
@@ -100,5 +102,8 @@ fn chain(random: &mut Random, courses: usize) -> String {
         })
         .collect();
     let low = laps.iter().flatten().copied().min().unwrap();
-    laps.iter().map(|[from, to]| format!("{}-{}", from - low, to - low)).collect::<Vec<_>>().join("/")
+    laps.iter()
+        .map(|[from, to]| format!("{}-{}", from - low, to - low))
+        .collect::<Vec<_>>()
+        .join("/")
 }

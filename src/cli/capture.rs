@@ -9,11 +9,13 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail};
 use glam::DVec2;
-use warpknit::export::OutputFolder;
 use image::RgbImage;
+use warpknit::export::OutputFolder;
 use warpknit::folder::captured::{FILES, save};
 use warpknit::folder::recognised;
-use warpknit::photo::capture::{CaptureSettings, Captured, GivenLayout, capture as captured};
+use warpknit::photo::capture::{
+    CaptureSettings, Captured, GivenLayout, Hypothesis, capture as captured,
+};
 use warpknit::photo::recognise::{
     Face, Kinds, MOST_UNEXPLAINED, RecogniseSettings, Recognition, recognise,
 };
@@ -26,10 +28,6 @@ use warpknit::pipeline::{Listener as _, Task, check_distinct};
 /// Longest layout file, bytes. One of 64 segments has some thousands.
 const MOST_BYTES: u64 = 1 << 20;
 
-/// A knit that explains so much of its repeat that nothing else is tried. Drawn photos of knits are
-/// explained by 0.8 and more.
-const ENOUGH: f64 = 0.3;
-
 /// Captures a photo. The folder appears only when all of its files are whole.
 pub(crate) fn capture(arguments: &Capture) -> Result<()> {
     let terminal = Terminal::begin_command(&arguments.running)?;
@@ -38,7 +36,7 @@ pub(crate) fn capture(arguments: &Capture) -> Result<()> {
         .into_iter()
         .flatten()
         .map(PathBuf::as_path);
-    let files = FILES.iter().chain(&recognised::FILES);
+    let files = FILES.iter().chain(recognised::FILES.iter().filter(|file| !FILES.contains(file)));
     let outputs: Vec<PathBuf> = files.map(|file| arguments.output.join(file)).collect();
     check_distinct(inputs, outputs.iter().map(PathBuf::as_path))?;
     let folder = OutputFolder::create(&arguments.output)?;
@@ -47,8 +45,7 @@ pub(crate) fn capture(arguments: &Capture) -> Result<()> {
     let front = arguments.front.as_deref().map(read_photo).transpose()?;
     terminal.begin(Task::Develop, 0.1);
     let knit = knit(arguments, &photo, front.as_ref())?;
-    let is_knit = |found: &Recognition| found.unexplained() <= ENOUGH || must_knit(arguments);
-    if let Some(found) = knit.as_ref().filter(|found| is_knit(found)) {
+    if let Some(found) = knit.as_ref().filter(|_| must_knit(arguments)) {
         return save_knit(arguments, found, folder, &terminal);
     }
     terminal.begin(Task::Develop, 0.3);
@@ -63,10 +60,12 @@ pub(crate) fn capture(arguments: &Capture) -> Result<()> {
         layout,
     };
     let laid = captured(&photo, &settings);
-    // What leaves less unexplained is the answer; a knit that leaves too much is none.
+    // A weave that leaves less unexplained is the answer. Free strands explain any cloth, so they
+    // come last.
     if let Some(knit) = knit.as_ref().filter(|knit| knit.unexplained() <= MOST_UNEXPLAINED) {
-        let is_better =
-            laid.as_ref().map_or(true, |laid| knit.unexplained() < laid.layout.error);
+        let is_better = laid.as_ref().map_or(true, |laid| {
+            laid.layout.hypothesis != Hypothesis::Woven || knit.unexplained() < laid.layout.error
+        });
         if is_better {
             return save_knit(arguments, knit, folder, &terminal);
         }
@@ -126,8 +125,7 @@ fn knit(
     }
     let mut photos = vec![(photo, Face::Back)];
     photos.extend(front.map(|front| (front, Face::Front)));
-    let kinds =
-        if arguments.structure == Some(CaptureAs::Warp) { Kinds::Warp } else { Kinds::All };
+    let kinds = if arguments.structure == Some(CaptureAs::Warp) { Kinds::Warp } else { Kinds::All };
     let settings = RecogniseSettings {
         kinds,
         lapping: arguments.lapping.clone(),
@@ -174,7 +172,10 @@ fn save_knit(
     let Recognition { fabric, ranked, .. } = found;
     let mut lines = vec![
         format!("{:12}{}", "cloth", ranked.first().map_or("", |best| &best.fabric.name)),
-        format!("{:12}{:.2} wales and {:.2} courses a cm", "densities", fabric.wales_per_cm, fabric.courses_per_cm),
+        format!(
+            "{:12}{:.2} wales and {:.2} courses a cm",
+            "densities", fabric.wales_per_cm, fabric.courses_per_cm
+        ),
         format!("{:12}{}", "unexplained", percent(found.unexplained())),
         format!("{:12}{}", "margin", percent(found.margin())),
     ];

@@ -58,7 +58,11 @@ pub fn save(captured: &Captured, folder: &OutputFolder) -> Result<(), ExportErro
 }
 
 /// Writes a picture of the folder.
-pub(super) fn picture(folder: &OutputFolder, name: &str, picture: &RgbaImage) -> Result<(), ExportError> {
+pub(super) fn picture(
+    folder: &OutputFolder,
+    name: &str,
+    picture: &RgbaImage,
+) -> Result<(), ExportError> {
     png::write(&folder.file(name), picture)?.publish()
 }
 

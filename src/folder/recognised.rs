@@ -10,8 +10,7 @@ use crate::export::{ExportError, OutputFolder};
 use crate::photo::recognise::{Ranked, Recognition};
 
 /// All files of such a folder. The last one is there where two photos were given.
-pub const FILES: [&str; 5] =
-    ["fabric.toml", "preview.png", "report.json", "back.png", "front.png"];
+pub const FILES: [&str; 5] = ["fabric.toml", "preview.png", "report.json", "back.png", "front.png"];
 
 /// Writes all files.
 ///

@@ -14,8 +14,8 @@ use warpknit::photo::capture::{
 use warpknit::photo::recognise::{Face, RecogniseSettings, recognise};
 
 use crate::aperiodic::{bricks, face, fur, noise};
-use crate::knit_photo::{FAIR, drawn, taken, varied};
 use crate::cloth::{Disturbance, Kind, Random, Sample, Stretch, between, fibrous, layout, sample};
+use crate::knit_photo::{FAIR, drawn, taken, varied};
 
 fn found(image: &RgbImage) -> Captured {
     capture(image, &CaptureSettings::default()).unwrap()
@@ -612,8 +612,7 @@ fn knit_photo(name: &str, face: Face, seed: u64) -> RgbImage {
 
 #[test]
 fn both_faces_of_a_locknit_give_its_chains_and_their_mirror_images_the_others() {
-    let [back, front] =
-        [Face::Back, Face::Front].map(|face| knit_photo("locknit", face, 101));
+    let [back, front] = [Face::Back, Face::Front].map(|face| knit_photo("locknit", face, 101));
     let flipped = [&back, &front].map(image::imageops::flip_horizontal);
     let lappings = |back: &RgbImage, front: &RgbImage| {
         let photos = [(back, Face::Back), (front, Face::Front)];
@@ -636,13 +635,17 @@ fn a_locknit_s_photos_become_a_fabric_of_bars_and_noise_becomes_none() {
         knit_photo("locknit", face, 101).save(folder.join(name)).unwrap();
     }
     noise(&mut Random::new(7), 300).save(folder.join("noise.png")).unwrap();
-    let output = run(folder, &["back.png", "--front", "face.png", "--width-mm", "12", "-o", "knit"]);
+    let output =
+        run(folder, &["back.png", "--front", "face.png", "--width-mm", "12", "-o", "knit"]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let fabric = Fabric::read(&folder.join("knit/fabric.toml")).unwrap();
     assert_eq!(fabric.warp_knit().unwrap().bars.len(), 2);
     let report: serde_json::Value =
         serde_json::from_slice(&std::fs::read(folder.join("knit/report.json")).unwrap()).unwrap();
-    assert_eq!((&report["hypothesis"], &report["ranked"][0]["name"]), (&"warp".into(), &"locknit".into()));
+    assert_eq!(
+        (&report["hypothesis"], &report["ranked"][0]["name"]),
+        (&"warp".into(), &"locknit".into())
+    );
     let refused = run(folder, &["noise.png", "--structure", "knit", "-o", "none"]);
     assert!(!refused.status.success() && !folder.join("none").exists());
 }

@@ -52,9 +52,7 @@ pub(crate) fn drawn(fabric: &Fabric, face: Face, seed: u64) -> RgbImage {
     let wale = random.within(16.0, 22.0);
     let scale = fabric.wale_spacing() / wale;
     let side = f64::from(DRAWN);
-    let count = |spacing: f64| {
-        u32::try_from(whole(1.25 * side * scale / spacing)).unwrap() + 4
-    };
+    let count = |spacing: f64| u32::try_from(whole(1.25 * side * scale / spacing)).unwrap() + 4;
     let mut scene =
         cloth::swatch(fabric, count(fabric.wale_spacing()), count(fabric.course_spacing()));
     let shade = random.within(0.3, 0.7) as f32;
@@ -108,7 +106,8 @@ pub(crate) fn taken(drawn: &RgbImage, taking: Taking, seed: u64) -> RgbImage {
         })
         .collect();
     let moved = |p: DVec2| {
-        let bend: DVec2 = waves.iter().map(|(wave, phase, way)| *way * (wave.dot(p) + phase).sin()).sum();
+        let bend: DVec2 =
+            waves.iter().map(|(wave, phase, way)| *way * (wave.dot(p) + phase).sin()).sum();
         p + bend * (taking.bend / 2.0_f64.sqrt())
     };
     let gamma = random.within(0.75, 1.3);
@@ -120,9 +119,8 @@ pub(crate) fn taken(drawn: &RgbImage, taking: Taking, seed: u64) -> RgbImage {
         let light = 1.0 + gradient.dot(p) / side;
         let at = moved(matrix * p) + middle;
         let noise = 255.0 * taking.noise * random_at(seed, x, y);
-        Rgb(sample(&blurred, at).map(|value| {
-            byte(255.0 * (value / 255.0).powf(gamma) * light + noise)
-        }))
+        Rgb(sample(&blurred, at)
+            .map(|value| byte(255.0 * (value / 255.0).powf(gamma) * light + noise)))
     })
 }
 

@@ -6,7 +6,7 @@
 //! of a cloth.
 
 pub mod capture;
-mod plane;
 mod fourier;
+mod plane;
 pub mod recognise;
 pub mod yarn;

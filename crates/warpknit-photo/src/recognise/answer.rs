@@ -120,7 +120,6 @@ fn lightest(samples: &mut [(f32, DVec3)]) -> Option<DVec3> {
     samples.sort_by(|a, b| b.0.total_cmp(&a.0));
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
     let count = (LIGHTEST * double(samples.len())).ceil() as usize;
-    (count > 0).then(|| {
-        samples[..count].iter().map(|(_, color)| *color).sum::<DVec3>() / double(count)
-    })
+    (count > 0)
+        .then(|| samples[..count].iter().map(|(_, color)| *color).sum::<DVec3>() / double(count))
 }

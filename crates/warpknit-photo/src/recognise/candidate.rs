@@ -116,7 +116,13 @@ pub(super) fn warp_knits() -> &'static [Candidate] {
         fabrics.extend(grid());
         let all: Vec<Candidate> = fabrics
             .into_par_iter()
-            .map(|fabric| if has_inlay(&fabric) { Candidate::relaxed(fabric) } else { Candidate::draft(fabric) })
+            .map(|fabric| {
+                if has_inlay(&fabric) {
+                    Candidate::relaxed(fabric)
+                } else {
+                    Candidate::draft(fabric)
+                }
+            })
             .collect();
         let mut kept: Vec<Candidate> = Vec::new();
         for candidate in all {

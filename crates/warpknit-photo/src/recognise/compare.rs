@@ -111,8 +111,7 @@ impl Template {
                 DVec4::new(first.re.into(), first.im.into(), second.re.into(), second.im.into())
                     * scale;
             let light = self.inverse * product;
-            let explained =
-                2.0 * light.dot(product) - light.dot(self.gram * light);
+            let explained = 2.0 * light.dot(product) - light.dot(self.gram * light);
             if explained > best.explained {
                 best = Match { explained, shift: [at % fourier.width, at / fourier.width] };
             }

@@ -164,9 +164,10 @@ fn fit(
                 Some(among) => view.scores(&template, sketch.repeat, among[at].iter().copied()),
                 None => view.scores(&template, sketch.repeat, 0..view.frames.len()),
             };
-            if best.first().is_none_or(|best| {
-                own.first().is_some_and(|own| own.explained > best.explained)
-            }) {
+            if best
+                .first()
+                .is_none_or(|best| own.first().is_some_and(|own| own.explained > best.explained))
+            {
                 best = own;
             }
         }

@@ -92,10 +92,7 @@ impl Frame {
     fn is_like(self, other: Self) -> bool {
         let entries = |frame: Self| frame.0.to_cols_array();
         let largest = entries(other).into_iter().fold(0.0, |a: f64, b| a.max(b.abs()));
-        entries(self)
-            .into_iter()
-            .zip(entries(other))
-            .all(|(a, b)| (a - b).abs() < SAME * largest)
+        entries(self).into_iter().zip(entries(other)).all(|(a, b)| (a - b).abs() < SAME * largest)
     }
 }
 
@@ -146,9 +143,8 @@ fn changes() -> impl Iterator<Item = DMat2> {
         range().flat_map(move |b| {
             range().flat_map(move |c| {
                 range().filter_map(move |d| {
-                    ((a * d - b * c).abs() == 1).then(|| {
-                        DMat2::from_cols_array(&[a, b, c, d].map(f64::from))
-                    })
+                    ((a * d - b * c).abs() == 1)
+                        .then(|| DMat2::from_cols_array(&[a, b, c, d].map(f64::from)))
                 })
             })
         })
@@ -162,8 +158,7 @@ fn waves(even: &Plane) -> Vec<Wave> {
     let window = |at: usize, side: usize| {
         0.5 - 0.5 * (std::f64::consts::TAU * (double(at) + 0.5) / double(side)).cos()
     };
-    let across: Vec<f32> =
-        (0..even.width).map(|x| narrow(window(x, even.width))).collect();
+    let across: Vec<f32> = (0..even.width).map(|x| narrow(window(x, even.width))).collect();
     for (y, row) in grid.chunks_exact_mut(SIDE).take(even.height).enumerate() {
         let down = narrow(window(y, even.height));
         for ((value, own), weight) in row.iter_mut().zip(even.row(y)).zip(&across) {
@@ -176,18 +171,14 @@ fn waves(even: &Plane) -> Vec<Wave> {
     let side = even.width.min(even.height);
     let reach = whole(narrow(2.1 * double(SIDE) / double(side))).max(2);
     let half = SIDE / 2;
-    let modulus = |x: usize, y: usize| -> f32 {
-        spectrum[(y % SIDE) * SIDE + x % SIDE].norm()
-    };
+    let modulus = |x: usize, y: usize| -> f32 { spectrum[(y % SIDE) * SIDE + x % SIDE].norm() };
     let lowest = double(SIDE) / WAVELENGTHS[1];
     let highest = double(SIDE) * 0.45;
     let mut found: Vec<Wave> = Vec::new();
     for y in 0..=half {
         for x in 0..SIDE {
-            let signed = DVec2::new(
-                if x < half { double(x) } else { double(x) - double(SIDE) },
-                double(y),
-            );
+            let signed =
+                DVec2::new(if x < half { double(x) } else { double(x) - double(SIDE) }, double(y));
             if signed.length() < lowest
                 || signed.max_element() > highest
                 || signed.x < -highest
@@ -197,9 +188,8 @@ fn waves(even: &Plane) -> Vec<Wave> {
             }
             let own = modulus(x, y);
             let is_top = (0..=2 * reach).all(|down| {
-                (0..=2 * reach).all(|right| {
-                    modulus(x + SIDE + right - reach, y + SIDE + down - reach) <= own
-                })
+                (0..=2 * reach)
+                    .all(|right| modulus(x + SIDE + right - reach, y + SIDE + down - reach) <= own)
             });
             if is_top {
                 let before = |dx: usize, dy: usize| modulus(x + SIDE - dx, y + SIDE - dy);
@@ -259,9 +249,10 @@ fn lattices(waves: &[Wave]) -> Vec<DMat2> {
         let direct = Lattice::reduced(direct.x_axis, direct.y_axis).matrix();
         let is_same = |other: &DMat2| {
             let change = other.inverse() * direct;
-            let near = change.to_cols_array().into_iter().all(|entry| {
-                (entry - entry.round()).abs() < 0.05
-            });
+            let near = change
+                .to_cols_array()
+                .into_iter()
+                .all(|entry| (entry - entry.round()).abs() < 0.05);
             near && (change.determinant().abs() - 1.0).abs() < 0.05
         };
         if direct.is_finite() && !found.iter().any(is_same) {

@@ -77,8 +77,8 @@ fn turned(
     let low = laps.iter().flatten().copied().min().unwrap_or(0);
     let laps = laps.iter().flatten().map(|gap| gap - low);
     // Guides move as far as their gaps do.
-    let marks = (0..guides)
-        .map(|guide| i64::from(bar.threading.carries(sign * (guide - low - place))));
+    let marks =
+        (0..guides).map(|guide| i64::from(bar.threading.carries(sign * (guide - low - place))));
     laps.chain(marks).collect()
 }
 
@@ -88,7 +88,8 @@ mod tests {
     use warpknit_core::fabric::Fabric;
 
     fn key(chains: &[&str], threadings: &[&str]) -> ClothKey {
-        let owned = |texts: &[&str]| texts.iter().map(|text| (*text).to_owned()).collect::<Vec<_>>();
+        let owned =
+            |texts: &[&str]| texts.iter().map(|text| (*text).to_owned()).collect::<Vec<_>>();
         let fabric = Fabric::named("tricot")
             .unwrap()
             .with_chains(&owned(chains), &owned(threadings))

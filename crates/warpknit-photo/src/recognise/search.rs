@@ -48,11 +48,8 @@ pub(super) fn search(views: &mut [FaceView], known: &[Fit]) -> Vec<Fit> {
     let mut beam: Vec<Laps> = starts(known, courses);
     let (mut seen, mut all): (BTreeSet<ClothKey>, Vec<Fit>) = (BTreeSet::new(), Vec::new());
     for round in 0..ROUNDS {
-        let next: Vec<Laps> = if round == 0 {
-            beam.clone()
-        } else {
-            beam.iter().flat_map(changes).collect()
-        };
+        let next: Vec<Laps> =
+            if round == 0 { beam.clone() } else { beam.iter().flat_map(changes).collect() };
         let drafts: Vec<Candidate> = next
             .par_iter()
             .filter_map(|laps| {

@@ -107,9 +107,8 @@ impl HeightBuffer {
     /// Draws all yarns of a system.
     fn draw(&mut self, fabric: &Fabric, pattern: &Pattern, system: usize, radius: f64, face: Face) {
         let mesh = StructureMesh::anchored_at(fabric, DVec2::ZERO);
-        let repeat = [fabric.threading_repeat(), fabric.repeat()].map(|count| {
-            i64::from(index32(count))
-        });
+        let repeat =
+            [fabric.threading_repeat(), fabric.repeat()].map(|count| i64::from(index32(count)));
         let [yarns, steps] =
             if pattern.runs_across(system) { [repeat[1], repeat[0]] } else { repeat };
         // Seen from the back, left is right and deep is high.

@@ -13,7 +13,6 @@ use crate::plane::{Plane, double, float, narrow, whole};
 /// A photo on the grid of sketches.
 pub(super) struct Sheet {
     width: usize,
-    height: usize,
     /// Wale and course of its first pixel.
     first: [i64; 2],
     /// Without a value where the photo ends.
@@ -58,7 +57,7 @@ impl Sheet {
         let power = known.map(|value| (value - mean).powi(2)).sum::<f32>() / count;
         #[expect(clippy::cast_possible_truncation, reason = "some hundred wales at most")]
         let first = low.to_array().map(|at| at as i64);
-        Self { width, height, first, values, power }
+        Self { width, first, values, power }
     }
 
     /// All copies of a repeat, wales and courses, folded into one.
@@ -90,14 +89,14 @@ impl Sheet {
             .iter()
             .map(|[sum, count]| if *count > 0.0 { sum / count - mean } else { 0.0 })
             .collect();
-        let common = sums.iter().zip(&values).map(|(sum, value)| sum[1] * value * value).sum::<f32>();
+        let common =
+            sums.iter().zip(&values).map(|(sum, value)| sum[1] * value * value).sum::<f32>();
         let share = f64::from(common / (count * self.power).max(f32::MIN_POSITIVE));
         Fold { values, mean, share }
     }
 
     /// How many copies of a repeat it shows.
     pub(super) fn copies(&self, repeat: [usize; 2]) -> f64 {
-        double(self.values.iter().flatten().count())
-            / double(repeat[0] * WALE * repeat[1] * COURSE)
+        double(self.values.iter().flatten().count()) / double(repeat[0] * WALE * repeat[1] * COURSE)
     }
 }

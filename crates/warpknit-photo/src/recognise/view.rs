@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 
 use glam::{DVec2, DVec3};
 use image::RgbImage;
+use image::imageops::crop_imm;
 use rayon::prelude::*;
 
 use super::Face;
@@ -21,6 +22,9 @@ use crate::capture::register::{DisplacementField, register_in};
 use crate::fourier::Fourier;
 use crate::plane::{Plane, double, float};
 
+/// Pixels each way that are looked at: thirty wales of twenty pixels. More takes longer and tells
+/// little more.
+const MOST_SIDE: u32 = 640;
 /// Deviation of the window in which shading is taken off, as a share of the shorter side: about a
 /// wale in a photo of twenty.
 const SHADING: f32 = 0.05;
@@ -65,6 +69,7 @@ pub(super) struct Score {
 impl FaceView {
     /// A photo in all of its frames.
     pub(super) fn new(photo: &RgbImage, face: Face) -> Self {
+        let photo = &middle(photo);
         let lightness = Plane::lightness(photo);
         let side = lightness.width.min(lightness.height);
         let even = normalized_contrast(&lightness, SHADING * float(side));
@@ -78,9 +83,10 @@ impl FaceView {
                 register_in(&even, &lattice, sigma)
             })
             .collect();
-        let of_lattices = lattices.iter().enumerate().flat_map(|(at, (_, frames))| {
-            frames.iter().map(move |frame| (at, *frame))
-        });
+        let of_lattices = lattices
+            .iter()
+            .enumerate()
+            .flat_map(|(at, (_, frames))| frames.iter().map(move |frame| (at, *frame)));
         let (lattice_of, frames): (Vec<usize>, Vec<Frame>) = of_lattices.unzip();
         let sheets = frames
             .par_iter()
@@ -155,6 +161,13 @@ impl FaceView {
         let chance = 1.0 / self.sheets[frame].copies(repeat).max(2.0);
         ((share - chance) / (1.0 - chance)).max(0.0)
     }
+}
+
+/// The middle of a photo, at most [`MOST_SIDE`] each way.
+fn middle(photo: &RgbImage) -> RgbImage {
+    let (width, height) = photo.dimensions();
+    let [columns, rows] = [width, height].map(|side| side.min(MOST_SIDE));
+    crop_imm(photo, (width - columns) / 2, (height - rows) / 2, columns, rows).to_image()
 }
 
 /// A photo in a frame, its bends taken off.
