@@ -1,6 +1,6 @@
 //! Lappings that no catalogue holds: a beam search over the laps of two full bars.
 //!
-//! In: photos, and the fits of a catalogue, whose frames are taken. Out: the best lappings as fits
+//! In: photos, and the fits of a catalogue to start from. Out: the best lappings as fits
 //! of drafts.
 //!
 //! Method: the number of courses is the smallest after which the photo repeats about as well as
@@ -30,7 +30,7 @@ const BEAM: usize = 4;
 /// Rounds of changes, at most.
 const ROUNDS: usize = 6;
 /// Frames of each photo that are tried.
-const FRAMES: usize = 8;
+const FRAMES: usize = 10;
 /// A number of courses is taken if its fold is worth this share of the best one's.
 const AS_GOOD: f64 = 0.95;
 
@@ -41,10 +41,11 @@ type Laps = [Vec<Lap>; 2];
 
 /// The best lappings of two full bars, the best first.
 pub(super) fn search(views: &mut [FaceView], known: &[Fit]) -> Vec<Fit> {
-    let frames = likely_frames(views, known);
-    let courses = courses(views, &frames);
-    let Some(best) = known.first() else { return Vec::new() };
-    let proportion = best.proportion(views);
+    let (courses, frames) = courses_and_frames(views);
+    let Some(frame) = frames[0].first().map(|frame| views[0].frames[*frame]) else {
+        return Vec::new();
+    };
+    let proportion = frame.course() / frame.wale();
     let mut beam: Vec<Laps> = starts(known, courses);
     let (mut seen, mut all): (BTreeSet<ClothKey>, Vec<Fit>) = (BTreeSet::new(), Vec::new());
     for round in 0..ROUNDS {
@@ -74,41 +75,32 @@ pub(super) fn search(views: &mut [FaceView], known: &[Fit]) -> Vec<Fit> {
     all
 }
 
-/// The frames that the best fits of a catalogue have.
-fn likely_frames(views: &[FaceView], known: &[Fit]) -> Vec<Vec<usize>> {
-    (0..views.len())
-        .map(|view| {
-            let mut own: Vec<usize> = Vec::new();
-            for frame in known.iter().flat_map(|fit| &fit.frames[view]) {
-                if own.len() < FRAMES && !own.contains(frame) {
-                    own.push(*frame);
-                }
-            }
-            own
-        })
-        .collect()
-}
-
-/// The fewest courses after which the photos repeat about as well as after any number of them.
-fn courses(views: &mut [FaceView], frames: &[Vec<usize>]) -> usize {
+/// The fewest courses after which the photos repeat about as well as after any number of them, and
+/// the frames of each photo in which they do so best.
+fn courses_and_frames(views: &mut [FaceView]) -> (usize, Vec<Vec<usize>>) {
     let counts = 1..=MOST_COURSES;
     for view in views.iter_mut() {
         counts.clone().for_each(|count| view.fold([1, count]));
     }
-    let worth: Vec<f64> = counts
-        .clone()
-        .map(|count| {
-            let each = views.iter().zip(frames).map(|(view, frames)| {
-                let shares = frames.iter().map(|frame| view.common([1, count], *frame));
-                shares.fold(0.0, f64::max)
-            });
-            each.sum()
-        })
-        .collect();
-    let best = worth.iter().copied().fold(0.0, f64::max);
-    let fewest = counts.zip(&worth).find(|(_, worth)| **worth >= AS_GOOD * best);
+    let views = &*views;
+    let shares = |view: &FaceView, count: usize| -> Vec<(f64, usize)> {
+        let mut shares: Vec<_> =
+            (0..view.frames.len()).map(|frame| (view.common([1, count], frame), frame)).collect();
+        shares.sort_by(|a, b| b.0.total_cmp(&a.0));
+        shares
+    };
+    let worth = |count: usize| -> f64 {
+        views.iter().map(|view| shares(view, count).first().map_or(0.0, |best| best.0)).sum()
+    };
+    let worths: Vec<f64> = counts.clone().map(worth).collect();
+    let best = worths.iter().copied().fold(0.0, f64::max);
+    let fewest = counts.zip(&worths).find(|(_, worth)| **worth >= AS_GOOD * best);
     // Laps of one course are those of two as well.
-    fewest.map_or(2, |(count, _)| count.max(2))
+    let courses = fewest.map_or(2, |(count, _)| count.max(2));
+    let frames = views.iter().map(|view| {
+        shares(view, courses).into_iter().take(FRAMES).map(|(_, frame)| frame).collect()
+    });
+    (courses, frames.collect())
 }
 
 /// The lappings from which the search starts: known cloths, and each sense of the commonest laps.
