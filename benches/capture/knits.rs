@@ -9,11 +9,13 @@ use warpknit::fabric::{Fabric, builtin};
 use warpknit::photo::recognise::{ClothKey, Face, RecogniseSettings, Recognition, grid, recognise};
 
 use super::cloth::{Random, whole};
-use super::knit_photo::{FAIR, HARD, drawn, taken, varied};
+use super::knit_photo::{FAIR, Taking, drawn, taken, varied};
 
 /// Seeds from 100 on were for tuning.
 const FIRST_SEED: u64 = 20_000;
 const RANDOM: usize = 40;
+/// As bad as a photo may be.
+const HARD: Taking = Taking { blur: 1.8, noise: 0.1, bend: 1.5, light: 0.5 };
 
 /// The table of knits.
 pub(crate) fn knits() {

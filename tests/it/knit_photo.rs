@@ -25,12 +25,10 @@ pub(crate) struct Taking {
 
 /// As a person with a phone takes it who takes care.
 pub(crate) const FAIR: Taking = Taking { blur: 1.0, noise: 0.05, bend: 0.0, light: 0.3 };
-/// As bad as it may be.
-pub(crate) const HARD: Taking = Taking { blur: 1.8, noise: 0.1, bend: 1.5, light: 0.5 };
 
 /// Pixels that are drawn, and pixels of the photo.
 const DRAWN: u32 = 420;
-pub(crate) const SIDE: u32 = 300;
+const SIDE: u32 = 300;
 
 /// The fabric as another mill makes it: one colour, courses up to 15 % and counts up to 30 % off.
 pub(crate) fn varied(fabric: &Fabric, seed: u64) -> Fabric {
