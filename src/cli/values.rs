@@ -10,7 +10,8 @@ use clap::ValueEnum;
 use glam::{DVec2, DVec3};
 use warpknit::chart;
 use warpknit::drape::strands::Edge;
-use warpknit::export::Format;
+use warpknit::export::glb::{Nodes, Precision};
+use warpknit::export::{FileUnit, Format, UpAxis};
 use warpknit::map::Mapping;
 use warpknit::pipeline::{Enlarge, FREE_PULLS, LoupeChoice, STRETCHES, Stretch};
 use warpknit::render::scene::Shape;
@@ -76,6 +77,77 @@ impl From<EdgeArg> for Edge {
         match edge {
             EdgeArg::Clip => Self::Clip,
             EdgeArg::Drop => Self::Drop,
+        }
+    }
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+pub(crate) enum FileUnitArg {
+    /// Millimetres
+    Mm,
+    /// Centimetres
+    Cm,
+    /// Metres
+    M,
+}
+
+impl From<FileUnitArg> for FileUnit {
+    fn from(chosen: FileUnitArg) -> Self {
+        match chosen {
+            FileUnitArg::Mm => Self::Mm,
+            FileUnitArg::Cm => Self::Cm,
+            FileUnitArg::M => Self::M,
+        }
+    }
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+pub(crate) enum UpArg {
+    /// y, and z towards the viewer
+    Y,
+    /// z, and -y towards the viewer
+    Z,
+}
+
+impl From<UpArg> for UpAxis {
+    fn from(chosen: UpArg) -> Self {
+        match chosen {
+            UpArg::Y => Self::Y,
+            UpArg::Z => Self::Z,
+        }
+    }
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+pub(crate) enum PrecisionArg {
+    /// 16 bits a coordinate and 8 a normal's
+    U16,
+    /// Floats of 32 bits
+    F32,
+}
+
+impl From<PrecisionArg> for Precision {
+    fn from(chosen: PrecisionArg) -> Self {
+        match chosen {
+            PrecisionArg::U16 => Self::Quantised,
+            PrecisionArg::F32 => Self::F32,
+        }
+    }
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+pub(crate) enum NodesArg {
+    /// Each bar of each panel
+    Bar,
+    /// Each yarn
+    Yarn,
+}
+
+impl From<NodesArg> for Nodes {
+    fn from(chosen: NodesArg) -> Self {
+        match chosen {
+            NodesArg::Bar => Self::Bar,
+            NodesArg::Yarn => Self::Yarn,
         }
     }
 }

@@ -68,7 +68,9 @@ pub(super) fn cloth_info<'a>(job: &Job<'a>, setup: &Setup) -> ClothInfo<'a> {
     };
     // Some formats begin with their number of blocks and yarns, before any yarn is laid.
     let expected = Expected { blocks: cloth.blocks(), yarns: cloth.yarns() };
-    ClothInfo { expected: Some(expected), ..info.on_panels(panels) }
+    let facts = setup.facts.clone();
+    let Settings { axes, glb, .. } = *job.settings;
+    ClothInfo { expected: Some(expected), axes, facts, glb, ..info.on_panels(panels) }
 }
 
 /// The writers of all files that are written block by block.
