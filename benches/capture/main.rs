@@ -16,6 +16,9 @@
 mod aperiodic;
 #[path = "../../tests/it/cloth.rs"]
 mod cloth;
+#[path = "../../tests/it/knit_photo.rs"]
+mod knit_photo;
+mod knits;
 
 use std::path::Path;
 use std::time::Instant;
@@ -61,8 +64,14 @@ fn main() {
     }
     // One part alone, for a person who works on it.
     let named = |part: &str| std::env::args().any(|argument| argument == part);
-    let all = !named("layouts") && !named("fibres") && !named("photos");
-    for (part, of) in [("layouts", layouts as fn()), ("fibres", fibres), ("photos", photos)] {
+    let parts = [
+        ("layouts", layouts as fn()),
+        ("fibres", fibres),
+        ("photos", photos),
+        ("knits", knits::knits),
+    ];
+    let all = !parts.iter().any(|(part, _)| named(part));
+    for (part, of) in parts {
         if all || named(part) {
             of();
         }

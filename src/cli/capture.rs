@@ -1,18 +1,27 @@
-//! `warpknit capture`: a photo of a cloth to the yarns of its repeat.
+//! `warpknit capture`: photos of a cloth to a fabric: a knit that is recognised, or the yarns of its
+//! repeat as they are seen.
 //!
-//! In: the arguments. Out: the folder of [`FILES`], notes on standard error, and a table of the
-//! segments on standard output.
+//! In: the arguments. Out: the folder of [`FILES`] or of [`recognised::FILES`], notes on standard
+//! error, and a table on standard output. A knit that explains the photo is the answer; if none
+//! does, the strands that the photo shows.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, anyhow, bail};
 use glam::DVec2;
+use image::RgbImage;
 use warpknit::export::OutputFolder;
 use warpknit::folder::captured::{FILES, save};
-use warpknit::photo::capture::{CaptureSettings, Captured, GivenLayout, capture as captured};
+use warpknit::folder::recognised;
+use warpknit::photo::capture::{
+    CaptureSettings, Captured, GivenLayout, Hypothesis, capture as captured,
+};
+use warpknit::photo::recognise::{
+    Face, Kinds, MOST_UNEXPLAINED, RecogniseSettings, Recognition, recognise,
+};
 use warpknit::photo::yarn::read_photo;
 
-use super::args::Capture;
+use super::args::{Capture, CaptureAs};
 use super::terminal::{Terminal, print, tell};
 use warpknit::pipeline::{Listener as _, Task, check_distinct};
 
@@ -23,22 +32,57 @@ const MOST_BYTES: u64 = 1 << 20;
 pub(crate) fn capture(arguments: &Capture) -> Result<()> {
     let terminal = Terminal::begin_command(&arguments.running)?;
     terminal.begin(Task::Read, 0.0);
-    let inputs = [Some(&arguments.photo), arguments.layout.as_ref()]
+    let inputs = [Some(&arguments.photo), arguments.layout.as_ref(), arguments.front.as_ref()]
         .into_iter()
         .flatten()
         .map(PathBuf::as_path);
-    let outputs = FILES.map(|file| arguments.output.join(file));
+    let files = FILES.iter().chain(recognised::FILES.iter().filter(|file| !FILES.contains(file)));
+    let outputs: Vec<PathBuf> = files.map(|file| arguments.output.join(file)).collect();
     check_distinct(inputs, outputs.iter().map(PathBuf::as_path))?;
     let folder = OutputFolder::create(&arguments.output)?;
     let layout = arguments.layout.as_deref().map(read_layout).transpose()?;
-    let cell = arguments.cell.map(|[ax, ay, bx, by]| [DVec2::new(ax, ay), DVec2::new(bx, by)]);
     let photo = read_photo(&arguments.photo)?;
-    terminal.begin(Task::Develop, 0.2);
+    let front = arguments.front.as_deref().map(read_photo).transpose()?;
+    terminal.begin(Task::Develop, 0.1);
+    let knit = knit(arguments, &photo, front.as_ref())?;
+    if let Some(found) = knit.as_ref().filter(|_| must_knit(arguments)) {
+        return save_knit(arguments, found, folder, &terminal);
+    }
+    terminal.begin(Task::Develop, 0.3);
+    let cell = arguments.cell.map(|[ax, ay, bx, by]| [DVec2::new(ax, ay), DVec2::new(bx, by)]);
+    let is_given = layout.is_some();
     // An error in a person's layout names the layout's file and not the photo.
     let about = arguments.layout.as_ref().unwrap_or(&arguments.photo);
-    let &Capture { thickness, pixels_per_mm, .. } = arguments;
-    let found = captured(&photo, &CaptureSettings { thickness, pixels_per_mm, cell, layout })
-        .with_context(|| about.display().to_string())?;
+    let settings = CaptureSettings {
+        thickness: arguments.thickness,
+        pixels_per_mm: pixels_per_mm(arguments, &photo),
+        cell,
+        layout,
+    };
+    let laid = captured(&photo, &settings);
+    // A weave that leaves less unexplained is the answer. Free strands explain any cloth, so they
+    // come last.
+    if let Some(knit) = knit.as_ref().filter(|knit| knit.unexplained() <= MOST_UNEXPLAINED) {
+        let is_better = laid.as_ref().map_or(true, |laid| {
+            laid.layout.hypothesis != Hypothesis::Woven || knit.unexplained() < laid.layout.error
+        });
+        if is_better {
+            return save_knit(arguments, knit, folder, &terminal);
+        }
+    }
+    let found = laid.with_context(|| about.display().to_string())?;
+    if found.layout.error > MOST_UNEXPLAINED && !is_given && !arguments.anyway {
+        bail!(
+            "{}: the strands that were found leave {} of the cell unexplained (at most {} may): the \
+             lattice is {} and {} pixels; give --cell or --layout, --structure knit for a knit, or \
+             --anyway to write them all the same",
+            about.display(),
+            percent(found.layout.error),
+            percent(MOST_UNEXPLAINED),
+            vector(found.unit.lattice.a),
+            vector(found.unit.lattice.b)
+        );
+    }
     terminal.begin(Task::Write, 0.9);
     save(&found, &folder)?;
     folder.publish()?;
@@ -51,6 +95,104 @@ pub(crate) fn capture(arguments: &Capture) -> Result<()> {
     let noun = if count == 1 { "segment" } else { "segments" };
     tell(quiet, &format!("{count} {noun}: {}", arguments.output.display()));
     print(&report(&found))
+}
+
+/// Whether nothing but a knit is wanted.
+fn must_knit(arguments: &Capture) -> bool {
+    arguments.front.is_some()
+        || !arguments.lapping.is_empty()
+        || matches!(arguments.structure, Some(CaptureAs::Knit | CaptureAs::Warp))
+}
+
+/// Pixels of the photo per mm, if the photo's scale is given.
+fn pixels_per_mm(arguments: &Capture, photo: &RgbImage) -> Option<f64> {
+    let by_width = arguments.width_mm.map(|width| f64::from(photo.width()) / width);
+    arguments.pixels_per_mm.or(arguments.dpi.map(|dpi| dpi / 25.4)).or(by_width)
+}
+
+/// The knit that the photos show, unless something else is wanted. That none is recognised is an
+/// error only where nothing else is tried.
+fn knit(
+    arguments: &Capture,
+    photo: &RgbImage,
+    front: Option<&RgbImage>,
+) -> Result<Option<Recognition>> {
+    let is_other = arguments.cell.is_some()
+        || arguments.layout.is_some()
+        || arguments.structure == Some(CaptureAs::Free);
+    if is_other {
+        return Ok(None);
+    }
+    let mut photos = vec![(photo, Face::Back)];
+    photos.extend(front.map(|front| (front, Face::Front)));
+    let kinds = if arguments.structure == Some(CaptureAs::Warp) { Kinds::Warp } else { Kinds::All };
+    let settings = RecogniseSettings {
+        kinds,
+        lapping: arguments.lapping.clone(),
+        pixels_per_mm: pixels_per_mm(arguments, photo),
+    };
+    let found = recognise(&photos, &settings);
+    if !must_knit(arguments) {
+        return Ok(found.ok());
+    }
+    let found = found.with_context(|| arguments.photo.display().to_string())?;
+    if found.unexplained() > MOST_UNEXPLAINED && !arguments.anyway {
+        let [wale, course] = found.frames[0].map(DVec2::from);
+        bail!(
+            "{}: no knit explains enough: {} is the best and leaves {} of the repeat unexplained (at \
+             most {} may); a wale is {} and a course {} pixels; give --lapping, or --anyway to \
+             write it all the same",
+            arguments.photo.display(),
+            found.ranked.first().map_or("none", |best| &best.fabric.name),
+            percent(found.unexplained()),
+            percent(MOST_UNEXPLAINED),
+            vector(wale),
+            vector(course)
+        );
+    }
+    Ok(Some(found))
+}
+
+/// Writes a recognised knit.
+fn save_knit(
+    arguments: &Capture,
+    found: &Recognition,
+    folder: OutputFolder,
+    terminal: &Terminal,
+) -> Result<()> {
+    terminal.begin(Task::Write, 0.9);
+    recognised::save(found, &folder)?;
+    folder.publish()?;
+    terminal.clear();
+    let quiet = arguments.running.quiet;
+    for note in recognised::warnings(found) {
+        tell(quiet, &format!("note: {}: {note}", arguments.photo.display()));
+    }
+    tell(quiet, &format!("a knit: {}", arguments.output.display()));
+    let Recognition { fabric, ranked, .. } = found;
+    let mut lines = vec![
+        format!("{:12}{}", "cloth", ranked.first().map_or("", |best| &best.fabric.name)),
+        format!(
+            "{:12}{:.2} wales and {:.2} courses a cm",
+            "densities", fabric.wales_per_cm, fabric.courses_per_cm
+        ),
+        format!("{:12}{}", "unexplained", percent(found.unexplained())),
+        format!("{:12}{}", "margin", percent(found.margin())),
+    ];
+    lines.extend((0..fabric.yarn_systems()).map(|system| {
+        let name = if fabric.warp_knit().is_some() { "bar" } else { "feeder" };
+        format!(
+            "{:12}{} {} {}",
+            format!("{name} {}", system + 1),
+            fabric.lapping(system),
+            fabric.yarn(system).count,
+            fabric.yarn(system).color
+        )
+    }));
+    lines.extend(ranked.iter().skip(1).map(|other| {
+        format!("{:12}{} explains {}", "or", other.fabric.name, percent(other.explained_of_common))
+    }));
+    print(&(lines.join("\n") + "\n"))
 }
 
 /// Reads a layout that a person gives.

@@ -58,12 +58,16 @@ pub fn save(captured: &Captured, folder: &OutputFolder) -> Result<(), ExportErro
 }
 
 /// Writes a picture of the folder.
-fn picture(folder: &OutputFolder, name: &str, picture: &RgbaImage) -> Result<(), ExportError> {
+pub(super) fn picture(
+    folder: &OutputFolder,
+    name: &str,
+    picture: &RgbaImage,
+) -> Result<(), ExportError> {
     png::write(&folder.file(name), picture)?.publish()
 }
 
 /// Writes a text of the folder. An error names the file as it will be when the folder is complete.
-fn text(folder: &OutputFolder, name: &str, text: &str) -> Result<(), ExportError> {
+pub(super) fn text(folder: &OutputFolder, name: &str, text: &str) -> Result<(), ExportError> {
     fs::write(folder.file(name), text)
         .map_err(|source| ExportError::Io { path: Some(folder.target().join(name)), source })
 }
@@ -83,7 +87,7 @@ fn fibres(fabric: &Fabric, path: &Path) -> Result<(), ExportError> {
 }
 
 /// A picture of some cells of the cloth.
-fn preview(fabric: &Fabric) -> RgbaImage {
+pub(super) fn preview(fabric: &Fabric) -> RgbaImage {
     // More cells along their shorter side, so that the preview is about square.
     let side = PREVIEW_CELLS * fabric.wale_spacing().max(fabric.course_spacing());
     let [wales, courses] =

@@ -4,4 +4,5 @@
 //! appears under its name only when it is complete.
 
 pub mod captured;
+pub mod recognised;
 pub mod yarn_maps;

@@ -6,13 +6,16 @@ use std::process::Output;
 
 use glam::{DMat2, DVec2};
 use image::RgbImage;
-use warpknit::fabric::StrandDirection;
+use warpknit::fabric::{Fabric, StrandDirection};
 use warpknit::photo::capture::{
     CERTAIN, CaptureError, CaptureSettings, Captured, GivenLayout, Segment, capture,
 };
 
+use warpknit::photo::recognise::{ClothKey, Face, RecogniseSettings, recognise};
+
 use crate::aperiodic::{bricks, face, fur, noise};
 use crate::cloth::{Disturbance, Kind, Random, Sample, Stretch, between, fibrous, layout, sample};
+use crate::knit_photo::{FAIR, drawn, taken, varied};
 
 fn found(image: &RgbImage) -> Captured {
     capture(image, &CaptureSettings::default()).unwrap()
@@ -600,4 +603,49 @@ fn what_is_no_photo_of_cloth_is_named_and_leaves_no_folder() {
     }
     let output = run(folder, &["blank.png", "-o", "out", "--cell", "1,2,3"]);
     assert_eq!(output.status.code(), Some(2));
+}
+
+/// A photo of a face of a built-in fabric, as another mill makes it.
+fn knit_photo(name: &str, face: Face, seed: u64) -> RgbImage {
+    taken(&drawn(&varied(&Fabric::named(name).unwrap(), seed), face, seed), FAIR, seed)
+}
+
+#[test]
+fn both_faces_of_a_locknit_give_its_chains_and_so_do_their_mirror_images() {
+    let [back, front] = [Face::Back, Face::Front].map(|face| knit_photo("locknit", face, 101));
+    let flipped = [&back, &front].map(image::imageops::flip_horizontal);
+    // A locknit begun a course later is its own mirror image.
+    let key = |fabric: &Fabric| {
+        let knit = fabric.warp_knit().unwrap();
+        ClothKey::new(knit, fabric.repeat(), fabric.threading_repeat())
+    };
+    for [back, front] in [[&back, &front], [&flipped[0], &flipped[1]]] {
+        let photos = [(back, Face::Back), (front, Face::Front)];
+        let found = recognise(&photos, &RecogniseSettings::default()).unwrap();
+        assert!(found.unexplained() < 0.3, "{}", found.unexplained());
+        assert_eq!(key(&found.fabric), key(&Fabric::named("locknit").unwrap()), "{}", found.fabric);
+    }
+}
+
+#[test]
+fn a_locknit_s_photos_become_a_fabric_of_bars_and_noise_becomes_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for (name, face) in [("back.png", Face::Back), ("face.png", Face::Front)] {
+        knit_photo("locknit", face, 101).save(folder.join(name)).unwrap();
+    }
+    noise(&mut Random::new(7), 300).save(folder.join("noise.png")).unwrap();
+    let output =
+        run(folder, &["back.png", "--front", "face.png", "--width-mm", "12", "-o", "knit"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let fabric = Fabric::read(&folder.join("knit/fabric.toml")).unwrap();
+    assert_eq!(fabric.warp_knit().unwrap().bars.len(), 2);
+    let report: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(folder.join("knit/report.json")).unwrap()).unwrap();
+    assert_eq!(
+        (&report["hypothesis"], &report["ranked"][0]["name"]),
+        (&"warp".into(), &"locknit".into())
+    );
+    let refused = run(folder, &["noise.png", "--structure", "knit", "-o", "none"]);
+    assert!(!refused.status.success() && !folder.join("none").exists());
 }

@@ -32,6 +32,7 @@ mod inspect;
 mod interlock;
 #[cfg(unix)]
 mod interruption;
+mod knit_photo;
 mod laid;
 mod lappings;
 mod licences;

@@ -6,5 +6,7 @@
 //! of a cloth.
 
 pub mod capture;
+mod fourier;
 mod plane;
+pub mod recognise;
 pub mod yarn;

@@ -20,7 +20,7 @@ use warpknit::yarn::fibres::FIBRE_RADIUS;
 
 use bench::figures;
 pub(crate) use bench::{BenchFormat, Subject};
-pub(crate) use photos::{Capture, Yarn};
+pub(crate) use photos::{Capture, CaptureAs, Yarn};
 
 use super::config::{self, Trouble};
 #[cfg(feature = "view")]
@@ -169,8 +169,12 @@ Examples:
   preview.png   a picture of the draped cloth
   report.json   all numbers
 
+A knit that is recognised has only fabric.toml, with its chains or its chart, preview.png,
+report.json, and back.png (and front.png): the photo's mean repeat and, beside it, the drawn one.
+
 Examples:
   warpknit capture linen.jpg -o linen
+  warpknit capture back.jpg --front face.jpg --dpi 600 -o knit
   warpknit drape meshes/tshirt.obj --fabric linen/fabric.toml -o shirt.png
   warpknit capture linen.jpg --layout linen/layout.toml -o mine
   warpknit capture twill.png --cell 24,0,0,18 -o twill")]

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use warpknit::photo::capture::THICKNESS;
 
 use super::Running;
@@ -43,15 +43,40 @@ pub(crate) struct Yarn {
     pub(crate) running: Running,
 }
 
+/// What a cloth in a photo is taken for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum CaptureAs {
+    /// A warp knit or a weft knit: chains or a chart
+    Knit,
+    /// A warp knit: chains
+    Warp,
+    /// Woven or other cloth: strands, by segments that are seen
+    #[value(alias = "weave")]
+    Free,
+}
+
 #[derive(Args, Debug)]
 pub(crate) struct Capture {
     /// A photo, .png or .jpg: the cloth fills it, is sharp and evenly lit, and its pattern repeats
-    /// at least four times each way
+    /// at least four times each way; of a warp knit, its technical back
     #[arg(value_name = "IMAGE")]
     pub(crate) photo: PathBuf,
     /// The folder for the cell, its layout and the fabric
     #[arg(short, long = "output", value_name = "DIR")]
     pub(crate) output: PathBuf,
+    /// A photo of the technical face of the same knit
+    #[arg(long, value_name = "IMAGE", conflicts_with_all = ["cell", "layout"])]
+    pub(crate) front: Option<PathBuf>,
+    /// What the cloth is [default: whatever explains the photo best]
+    #[arg(long, value_name = "KIND", value_enum)]
+    pub(crate) structure: Option<CaptureAs>,
+    /// The chain of a full bar of the knit, once a bar, front first: only its densities, yarns and
+    /// colours are looked for
+    #[arg(long, value_name = "CHAIN", conflicts_with_all = ["cell", "layout"])]
+    pub(crate) lapping: Vec<String>,
+    /// Write the best guess even if it leaves over 40 % unexplained
+    #[arg(long)]
+    pub(crate) anyway: bool,
     /// Both vectors of the repeating cell, pixels, y down, instead of finding them
     #[arg(long, value_name = "AX,AY,BX,BY", value_parser = two_vectors, allow_hyphen_values = true, conflicts_with = "layout")]
     pub(crate) cell: Option<[f64; 4]>,
@@ -62,6 +87,12 @@ pub(crate) struct Capture {
     /// thick]
     #[arg(long, value_name = "N", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) pixels_per_mm: Option<f64>,
+    /// Pixels of the photo per inch, for example of a scanner
+    #[arg(long, value_name = "DPI", value_parser = positive, allow_negative_numbers = true, conflicts_with_all = ["pixels_per_mm", "width_mm"])]
+    pub(crate) dpi: Option<f64>,
+    /// How many mm of cloth the photo shows from left to right
+    #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true, conflicts_with = "pixels_per_mm")]
+    pub(crate) width_mm: Option<f64>,
     /// A layout.toml, perhaps changed by hand: use its cell and segments instead of finding them
     #[arg(long, value_name = "FILE")]
     pub(crate) layout: Option<PathBuf>,

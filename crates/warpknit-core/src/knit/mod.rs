@@ -62,6 +62,10 @@ const LAYOUT_RADIUS: f64 = 0.5;
 /// pressed together: laid out at 1, a locknit would be a fifth heavier than mills make it.
 const SHAPE_RADIUS: f64 = 0.4;
 
+/// Share of the yarns' radius for which drafts are laid out: between the two, since their yarns are
+/// drawn with the full radius and nothing makes room for them.
+const DRAFT_RADIUS: f64 = 0.7;
+
 /// Share of the yarns' radius for which laid yarns are relaxed. Woven yarns are squeezed flat where
 /// they cross. Round yarns on square crossings have no room once they are thicker than 0.577 of
 /// their pitch (Peirce 1937, "The geometry of cloth structure"), and in dense cloth they are far
@@ -134,6 +138,32 @@ impl Pattern {
             Structure::Warp(knit) => Self::warp_knit(fabric, knit, progress),
             Structure::Weft(knit) => Self::weft_knit(fabric, knit, progress),
             Structure::Laid(cloth) => Self::laid(fabric, cloth, progress),
+        }
+    }
+
+    /// The repeat of a warp knit as laid out on its bent wales, its yarns not relaxed: they may cut
+    /// each other. It is good for a first look at many lappings. Other fabrics, and repeats that
+    /// are never relaxed, are as [`Self::new`] makes them. Cost: a tenth of that or less.
+    ///
+    /// ```
+    /// use warpknit_core::{fabric::Fabric, knit::Pattern};
+    /// let draft = Pattern::draft(&Fabric::named("tricot").unwrap());
+    /// assert!(draft.relaxation().is_none());
+    /// ```
+    #[must_use]
+    pub fn draft(fabric: &Fabric) -> Self {
+        match &fabric.structure {
+            Structure::Warp(knit)
+                if fabric.threading_repeat() * fabric.repeat() * knit.bars.len()
+                    <= MAX_RELAXED_LAPS =>
+            {
+                let lattice = WaleLattice::relaxed(fabric, knit);
+                let layout = StitchLayout::new(fabric, knit, DRAFT_RADIUS * fabric.radius());
+                let mut pattern = Self::laid_out(fabric, knit, &layout, &lattice);
+                pattern.measure_bounds();
+                pattern
+            }
+            Structure::Warp(_) | Structure::Weft(_) | Structure::Laid(_) => Self::new(fabric),
         }
     }
 
@@ -544,7 +574,7 @@ mod tests {
         /// A warp knit on straight wales, laid out for its full radius and not relaxed.
         pub(super) fn unrelaxed(fabric: &Fabric) -> Self {
             let knit = fabric.warp_knit().unwrap();
-            let layout = StitchLayout::new(fabric, knit, fabric.radius());
+            let layout = StitchLayout::new(fabric, knit, DRAFT_RADIUS * fabric.radius());
             let lattice = WaleLattice::straight(fabric, fabric.threading_repeat(), fabric.repeat());
             Self::laid_out(fabric, knit, &layout, &lattice)
         }

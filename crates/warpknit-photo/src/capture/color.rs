@@ -6,7 +6,7 @@
 //! segment.
 //!
 //! Method: k-means with two clusters (Lloyd's algorithm) on the chroma of CIE L*a*b*, divided by
-//! the lightness, which shading changes. If the clusters are distinct, both are scaled to the
+//! L + 16, which shading changes as much. If the clusters are distinct, both are scaled to the
 //! lightness of the lighter one. Segments whose colours differ by less than [`SAME_COLOR`] are of
 //! one yarn (single-linkage clustering); its colour is their mean.
 //!
@@ -106,7 +106,9 @@ fn clusters(cells: &[Cell; 3]) -> Option<Vec<Option<usize>>> {
     .then(|| chromas.iter().map(|chroma| chroma.map(|chroma| nearest(chroma, centres))).collect())
 }
 
-/// Chroma over lightness of each point of the cells; `None` where it is dark.
+/// Chroma over lightness of each point of the cells; `None` where it is dark. The lightness counts
+/// from -16, where its cube root begins: a and b over L + 16 are ratios of cube roots, which no
+/// shade changes. Over L alone a saturated cloth in shade would be of two colours.
 fn relative_chromas(cells: &[Cell; 3]) -> Vec<Option<DVec2>> {
     let [red, green, blue] = cells.each_ref().map(|cell| &cell.plane.values);
     red.iter()
@@ -115,7 +117,7 @@ fn relative_chromas(cells: &[Cell; 3]) -> Vec<Option<DVec2>> {
         .map(|((red, green), blue)| {
             let linear = DVec3::new((*red).into(), (*green).into(), (*blue).into());
             let lab = lab(linear.max(DVec3::ZERO));
-            (lab.x > DARK).then(|| DVec2::new(lab.y, lab.z) / lab.x)
+            (lab.x > DARK).then(|| DVec2::new(lab.y, lab.z) / (lab.x + 16.0))
         })
         .collect()
 }
@@ -247,6 +249,14 @@ mod tests {
             DVec3::new(0.45, 0.27, 0.18),
         ]);
         assert_eq!(level_colors(light.clone(), &cells).plane, light.plane);
+    }
+
+    #[test]
+    fn a_saturated_cloth_in_shade_is_of_one_colour() {
+        for hue in [DVec3::new(0.6, 0.02, 0.03), DVec3::new(0.02, 0.05, 0.7)] {
+            let (cells, light) = striped([hue, 0.35 * hue, 0.15 * hue]);
+            assert_eq!(level_colors(light.clone(), &cells).plane, light.plane, "{hue}");
+        }
     }
 
     #[test]

@@ -22,7 +22,7 @@ const POWER_FLOOR: f32 = 0.1;
 
 impl Plane {
     /// Lightness of each pixel, 0..1: CIE L* / 100 of its colour.
-    pub(super) fn lightness(picture: &RgbImage) -> Self {
+    pub(crate) fn lightness(picture: &RgbImage) -> Self {
         let linear = linear_of_bytes();
         let [width, height] = [picture.width(), picture.height()].map(|side| side as usize);
         let values = picture
@@ -43,7 +43,7 @@ impl Plane {
     }
 
     /// Red, green and blue of each pixel in linear light, 0..1.
-    pub(super) fn channels(picture: &RgbImage) -> [Self; 3] {
+    pub(crate) fn channels(picture: &RgbImage) -> [Self; 3] {
         let linear = linear_of_bytes();
         let [width, height] = [picture.width(), picture.height()].map(|side| side as usize);
         [0, 1, 2].map(|channel| {
@@ -55,7 +55,7 @@ impl Plane {
 
     /// A Gaussian blur of that standard deviation, pixels. Beyond the border, the picture goes on
     /// as at its rim.
-    pub(super) fn smoothed(&self, sigma: f32) -> Self {
+    pub(crate) fn smoothed(&self, sigma: f32) -> Self {
         if sigma >= BOXES_FROM {
             // Two boxes of 2 r + 1 pixels have the variance ((2 r + 1)^2 - 1) / 6.
             let radius = (((6.0 * sigma * sigma + 1.0).sqrt() - 1.0) / 2.0).round();
@@ -129,7 +129,7 @@ impl Plane {
     }
 
     /// Bilinear sample at a place in pixels. Beyond the border, the picture goes on as at its rim.
-    pub(super) fn sample(&self, place: DVec2) -> f32 {
+    pub(crate) fn sample(&self, place: DVec2) -> f32 {
         let place =
             place.clamp(DVec2::ZERO, DVec2::new(double(self.width - 1), double(self.height - 1)));
         let [left, top] = place.to_array().map(|at| whole(narrow(at)));
@@ -165,7 +165,7 @@ pub(super) fn without_shading(lightness: &Plane) -> Plane {
 /// Local mean and variance normalisation: slow shading is taken off, and the contrast becomes the
 /// same everywhere. Values are about -3..3. `sigma` is the window's standard deviation; one much
 /// below the cell would flatten the yarns themselves.
-pub(super) fn normalized_contrast(lightness: &Plane, sigma: f32) -> Plane {
+pub(crate) fn normalized_contrast(lightness: &Plane, sigma: f32) -> Plane {
     let detail = lightness.zip(&lightness.smoothed(sigma), |value, mean| value - mean);
     let power = detail.map(|value| value * value).smoothed(sigma);
     let floor = POWER_FLOOR * detail.mean_square() + f32::MIN_POSITIVE;

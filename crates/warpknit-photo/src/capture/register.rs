@@ -22,7 +22,7 @@ use crate::plane::{Plane, double, narrow, whole};
 
 /// How far the cloth is displaced, on a coarse grid. It is 0 in the middle of the picture.
 #[derive(Clone, Debug)]
-pub(super) struct DisplacementField {
+pub(crate) struct DisplacementField {
     /// Pixels to cell coordinates, where nothing is displaced.
     to_cell: DMat2,
     grid: NodeGrid,
@@ -94,7 +94,11 @@ impl DisplacementField {
 
     /// The pixel at cell coordinates.
     pub(super) fn pixel_at(&self, coordinates: DVec2) -> DVec2 {
-        let undisplaced = self.to_cell.inverse() * coordinates;
+        self.displaced(self.to_cell.inverse() * coordinates)
+    }
+
+    /// The pixel where a place of the undisplaced cloth is seen.
+    pub(crate) fn displaced(&self, undisplaced: DVec2) -> DVec2 {
         // Fixed-point iteration. It converges because displacements change slowly; six steps are
         // far below a pixel.
         (0..6).fold(undisplaced, |at, _| undisplaced + self.displacement(at))
@@ -125,12 +129,18 @@ struct Wave {
 }
 
 /// The displacement of the cloth in `even`, the picture without slow shading.
-pub(super) fn register(even: &Plane, lattice: &Lattice) -> DisplacementField {
+pub(crate) fn register(even: &Plane, lattice: &Lattice) -> DisplacementField {
+    register_in(even, lattice, WINDOW * lattice.longer())
+}
+
+/// The same in windows of that deviation, pixels: for cells so long that displacements change
+/// within one.
+pub(crate) fn register_in(even: &Plane, lattice: &Lattice, sigma: f64) -> DisplacementField {
     let step = (NODE_STEP * lattice.shorter()).max(MIN_NODE_STEP);
     let [columns, rows] =
         [even.width, even.height].map(|side| whole(narrow(double(side) / step)) + 2);
     let grid = NodeGrid { step, columns, rows };
-    let waves = strongest_waves(even, lattice, grid);
+    let waves = strongest_waves(even, lattice, grid, sigma);
     let phases: Vec<Vec<f64>> =
         waves.iter().map(|wave| unwrapped_phases(&wave.amplitudes, grid)).collect();
     let nodes = (0..columns * rows).map(|node| displacement_at(node, &waves, &phases, grid));
@@ -138,8 +148,7 @@ pub(super) fn register(even: &Plane, lattice: &Lattice) -> DisplacementField {
 }
 
 /// The waves of the lattice that are strongest in the picture.
-fn strongest_waves(even: &Plane, lattice: &Lattice, grid: NodeGrid) -> Vec<Wave> {
-    let sigma = WINDOW * lattice.longer();
+fn strongest_waves(even: &Plane, lattice: &Lattice, grid: NodeGrid, sigma: f64) -> Vec<Wave> {
     // Columns of the inverse transpose are the reciprocal lattice's vectors: only waves on it have
     // the period of the cell.
     let reciprocal = lattice.matrix().inverse().transpose();

@@ -1,0 +1,111 @@
+//! How many knits are recognised in drawn photos: the catalogue, two-bar cloths, random lappings and
+//! weft knits, each as a fair and as a hard photo.
+//!
+//! In: seeds that nothing was tuned on. Out: a table of docs/capture.md.
+
+use std::time::Instant;
+
+use warpknit::fabric::{Fabric, builtin};
+use warpknit::photo::recognise::{ClothKey, Face, RecogniseSettings, Recognition, grid, recognise};
+
+use super::cloth::{Random, whole};
+use super::knit_photo::{FAIR, Taking, drawn, taken, varied};
+
+/// Seeds from 100 on were for tuning.
+const FIRST_SEED: u64 = 20_000;
+const RANDOM: usize = 40;
+/// As bad as a photo may be.
+const HARD: Taking = Taking { blur: 1.8, noise: 0.1, bend: 1.5, light: 0.5 };
+
+/// The table of knits.
+pub(crate) fn knits() {
+    println!("\n| knits | photos | right | among three | seconds |\n|---|---|---|---|---|");
+    let built_in = |is_warp: bool| {
+        let all = builtin::names().map(|name| Fabric::named(name).unwrap());
+        all.filter(move |fabric| fabric.name != "cable" && fabric.warp_knit().is_some() == is_warp)
+    };
+    let sets: [(&str, Vec<Fabric>); 4] = [
+        ("catalogue", built_in(true).collect()),
+        ("two bars", grid().collect()),
+        ("random", random(FIRST_SEED)),
+        ("weft knits", built_in(false).collect()),
+    ];
+    for (name, fabrics) in sets {
+        for (level, taking) in [("fair", FAIR), ("hard", HARD)] {
+            for faces in [&[Face::Back, Face::Front][..], &[Face::Back]] {
+                if fabrics[0].warp_knit().is_none() && faces.len() == 1 {
+                    continue;
+                }
+                let (mut first, mut third, begun) = (0, 0, Instant::now());
+                for (seed, fabric) in (FIRST_SEED..).zip(&fabrics) {
+                    let own = varied(fabric, seed);
+                    let photos: Vec<_> = faces
+                        .iter()
+                        .map(|face| (taken(&drawn(&own, *face, seed), taking, seed), *face))
+                        .collect();
+                    let photos: Vec<_> =
+                        photos.iter().map(|(photo, face)| (photo, *face)).collect();
+                    let found = recognise(&photos, &RecogniseSettings::default());
+                    let place = found.ok().and_then(|found| place(&found, fabric));
+                    first += usize::from(place == Some(0));
+                    third += usize::from(place.is_some());
+                }
+                let faces = if faces.len() == 2 { "both faces" } else { "back" };
+                println!(
+                    "| {name} | {level}, {faces} | {first} of {} | {third} | {:.1} |",
+                    fabrics.len(),
+                    begun.elapsed().as_secs_f64() / fabrics.len() as f64
+                );
+            }
+        }
+    }
+}
+
+/// The place of a fabric among the three that were found.
+fn place(found: &Recognition, fabric: &Fabric) -> Option<usize> {
+    found.ranked.iter().position(|ranked| match (key(&ranked.fabric), key(fabric)) {
+        (Some(one), Some(other)) => one == other,
+        (None, None) => ranked.fabric.name == fabric.name,
+        _ => false,
+    })
+}
+
+fn key(fabric: &Fabric) -> Option<ClothKey> {
+    let knit = fabric.warp_knit()?;
+    Some(ClothKey::new(knit, fabric.repeat(), fabric.threading_repeat()))
+}
+
+/// Lappings of two full bars and of two to four courses that are in no catalogue.
+fn random(seed: u64) -> Vec<Fabric> {
+    let mut random = Random::new(seed);
+    let built_in = builtin::names().map(|name| Fabric::named(name).unwrap());
+    let mut known: Vec<ClothKey> =
+        built_in.chain(grid()).filter_map(|fabric| key(&fabric)).collect();
+    let mut found = Vec::new();
+    while found.len() < RANDOM {
+        let courses = [2, 2, 3, 4][usize::try_from(whole(random.within(0.0, 3.999))).unwrap()];
+        let chains = [(); 2].map(|()| chain(&mut random, courses));
+        let fabric = Fabric::named("locknit").unwrap().with_chains(&chains, &[]).unwrap();
+        let key = key(&fabric).unwrap();
+        if !known.contains(&key) {
+            known.push(key);
+            found.push(fabric);
+        }
+    }
+    found
+}
+
+/// A chain over up to four needles.
+fn chain(random: &mut Random, courses: usize) -> String {
+    let laps: Vec<[i64; 2]> = (0..courses)
+        .map(|_| {
+            let needle = whole(random.within(0.0, 3.999));
+            if random.within(0.0, 1.0) < 0.5 { [needle, needle + 1] } else { [needle + 1, needle] }
+        })
+        .collect();
+    let low = laps.iter().flatten().copied().min().unwrap();
+    laps.iter()
+        .map(|[from, to]| format!("{}-{}", from - low, to - low))
+        .collect::<Vec<_>>()
+        .join("/")
+}

@@ -1,0 +1,189 @@
+//! Cloths that a photo may show, with their sketches.
+//!
+//! In: built-in fabrics and lappings. Out: [`Candidate`]s. A draft, whose yarns are not relaxed, is
+//! good enough to tell which cloths are worth more; those are relaxed at the photo's own
+//! proportions. Drafts of the catalogue are drawn once and kept. Cost: one or two milliseconds a
+//! draft, some tens a relaxed cloth.
+
+use std::collections::BTreeMap;
+use std::sync::OnceLock;
+
+use rayon::prelude::*;
+
+use super::Face;
+use super::same::ClothKey;
+use super::sketch::Sketch;
+use warpknit_core::fabric::motif::Motif;
+use warpknit_core::fabric::yarn::Count;
+use warpknit_core::fabric::{Bar, Fabric, Structure, builtin};
+use warpknit_core::knit::Pattern;
+
+/// A cloth, and what its faces look like.
+#[derive(Clone)]
+pub(super) struct Candidate {
+    pub(super) fabric: Fabric,
+    /// Equal for the same warp knit; weft knits have none and go by their charts.
+    pub(super) key: Option<ClothKey>,
+    /// Its face and its back.
+    sketches: [Sketch; 2],
+    /// Whether its mirror image is another cloth to the eye.
+    pub(super) is_handed: bool,
+}
+
+impl Candidate {
+    /// Lays a fabric out and draws both faces; nothing is relaxed.
+    pub(super) fn draft(fabric: Fabric) -> Self {
+        let pattern = Pattern::draft(&fabric);
+        Self::drawn(fabric, &pattern)
+    }
+
+    /// Relaxes a fabric and draws both faces.
+    pub(super) fn relaxed(fabric: Fabric) -> Self {
+        let pattern = Pattern::new(&fabric);
+        Self::drawn(fabric, &pattern)
+    }
+
+    fn drawn(fabric: Fabric, pattern: &Pattern) -> Self {
+        let sketches = [Face::Front, Face::Back].map(|face| Sketch::new(&fabric, pattern, face));
+        let (mut key, mut is_handed) = (None, true);
+        match &fabric.structure {
+            Structure::Warp(knit) => {
+                let size = (fabric.repeat(), fabric.threading_repeat());
+                key = Some(ClothKey::new(knit, size.0, size.1));
+                let handed = |mirrored| ClothKey::handed(knit, size.0, size.1, mirrored);
+                is_handed = handed(false) != handed(true);
+            }
+            Structure::Weft(_) => is_handed = false,
+            Structure::Laid(_) => {}
+        }
+        Self { fabric, key, sketches, is_handed }
+    }
+
+    /// Its sketch from a face.
+    pub(super) fn sketch(&self, face: Face) -> &Sketch {
+        match face {
+            Face::Front => &self.sketches[0],
+            Face::Back => &self.sketches[1],
+        }
+    }
+
+    /// A key that its mirror image doesn't share, unless that is the same to the eye.
+    pub(super) fn handed(&self) -> Option<ClothKey> {
+        let knit = self.fabric.warp_knit()?;
+        let [wales, courses] = self.repeat();
+        Some(ClothKey::handed(knit, courses, wales, false))
+    }
+
+    /// Wales and courses of its repeat.
+    pub(super) fn repeat(&self) -> [usize; 2] {
+        self.sketches[0].repeat
+    }
+}
+
+/// A fabric whose courses are `course` wale spacings high, of yarns of `thickness` times the
+/// diameter. Wales keep their density, since sketches have no scale.
+pub(super) fn proportioned(fabric: &Fabric, course: f64, thickness: f64) -> Fabric {
+    let mut fabric = fabric.clone();
+    fabric.gauge = None;
+    let courses_per_cm = fabric.wales_per_cm / course;
+    let change = fabric.courses_per_cm / courses_per_cm;
+    if let Structure::Warp(knit) = &mut fabric.structure
+        && (change - 1.0).abs() > SAME_PROPORTION
+    {
+        // A run-in is that of courses as high as the file has them.
+        knit.bars.iter_mut().for_each(|bar| bar.run_in = None);
+    }
+    fabric.courses_per_cm = courses_per_cm;
+    for yarn in fabric.structure.yarns_mut() {
+        yarn.count = Count::from_tex(yarn.count.tex() * thickness.powi(2));
+    }
+    fabric
+}
+
+/// Change of the proportion of wales to courses up to which a run-in counts.
+const SAME_PROPORTION: f64 = 0.02;
+
+/// Laps of two courses, one needle further each: pillar, tricot, cord, satin.
+const FRONT: [&str; 4] = ["1-0/0-1", "1-2/1-0", "2-3/1-0", "3-4/1-0"];
+/// The same in the other sense.
+const BACK: [&str; 4] = ["1-0/0-1", "1-0/1-2", "1-0/2-3", "1-0/3-4"];
+
+/// The built-in warp knits, and the two-bar cloths of pillar, tricot, cord and satin in both senses.
+pub(super) fn warp_knits() -> &'static [Candidate] {
+    static CATALOGUE: OnceLock<Vec<Candidate>> = OnceLock::new();
+    CATALOGUE.get_or_init(|| {
+        let mut fabrics = built_in(|fabric| fabric.warp_knit().is_some());
+        fabrics.extend(grid());
+        let all: Vec<Candidate> = fabrics
+            .into_par_iter()
+            .map(|fabric| {
+                if has_inlay(&fabric) {
+                    Candidate::relaxed(fabric)
+                } else {
+                    Candidate::draft(fabric)
+                }
+            })
+            .collect();
+        let mut kept: Vec<Candidate> = Vec::new();
+        for candidate in all {
+            if !kept.iter().any(|other| other.key == candidate.key) {
+                kept.push(candidate);
+            }
+        }
+        kept
+    })
+}
+
+/// Weft knits by their charts: jersey, reverse jersey, both ribs and garter.
+const CHARTS: [(&str, &str); 5] =
+    [("jersey", "k"), ("jersey", "p"), ("rib-1x1", "kp"), ("rib-2x2", "kkpp"), ("garter", "p\nk")];
+
+/// The weft knits. They are relaxed: their drafts would not interlock.
+pub(super) fn weft_knits() -> &'static [Candidate] {
+    static CATALOGUE: OnceLock<Vec<Candidate>> = OnceLock::new();
+    CATALOGUE.get_or_init(|| {
+        CHARTS
+            .into_par_iter()
+            .filter_map(|(name, chart)| {
+                let mut fabric = Fabric::named(name).ok()?;
+                if let Structure::Weft(knit) = &mut fabric.structure {
+                    knit.motif = Motif::parse(chart, &BTreeMap::new()).ok()?;
+                }
+                if chart == "p" {
+                    "reverse-jersey".clone_into(&mut fabric.name);
+                }
+                Some(Candidate::relaxed(fabric))
+            })
+            .collect()
+    })
+}
+
+/// Whether a bar is laid in. Only the relaxation pulls it straight, so that no draft is like it.
+fn has_inlay(fabric: &Fabric) -> bool {
+    fabric.warp_knit().is_some_and(|knit| knit.bars.iter().any(Bar::is_inlay))
+}
+
+/// Built-in fabrics of a kind.
+pub(super) fn built_in(is_wanted: impl Fn(&Fabric) -> bool) -> Vec<Fabric> {
+    builtin::names()
+        .filter_map(|name| Fabric::named(name).ok())
+        .filter(|fabric| is_wanted(fabric))
+        .collect()
+}
+
+/// The two-bar cloths of pillar, tricot, cord and satin in both senses. These 25 are different
+/// cloths; all others of these laps are mirror images of one of them.
+pub fn grid() -> impl Iterator<Item = Fabric> {
+    FRONT.into_iter().enumerate().flat_map(|(at, front)| {
+        // A pillar in front has no sense.
+        let others = if at == 0 { &[] } else { &FRONT[1..] };
+        let backs = BACK.into_iter().chain(others.iter().copied());
+        backs.filter_map(move |back| full_bars(&[front.to_owned(), back.to_owned()]).ok())
+    })
+}
+
+/// A cloth of full bars with these chains, front first, or what is wrong with them.
+pub(super) fn full_bars(chains: &[String]) -> Result<Fabric, String> {
+    let like = Fabric::named("locknit").map_err(|error| error.to_string())?;
+    like.with_chains(chains, &[]).map_err(|error| error.to_string())
+}

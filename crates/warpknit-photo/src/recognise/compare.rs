@@ -1,0 +1,138 @@
+//! How much of a photo's mean cell a sketch explains, over all shifts and all lights.
+//!
+//! In: the mean of a photo's copies of a repeat, and the [`Sketch`] of a cloth. Out: a [`Match`].
+//!
+//! Method: for each shift the channels of the sketch are fitted to the cell by least squares. Their
+//! products with the shifted cell come from Fourier transforms (normalised cross-correlation; Lewis
+//! 1995, *Fast normalized cross-correlation*), and the normal matrix does not depend on the shift.
+//! Cost: two transforms of the cell.
+
+use glam::{DMat4, DVec4};
+use rustfft::num_complex::Complex32;
+
+use super::sketch::{CHANNELS, Sketch};
+use crate::fourier::Fourier;
+use crate::plane::{double, narrow};
+
+/// Share of a channel's power that is added to it: a light of which a little is seen in the photo
+/// may not explain much of it.
+const RIDGE: [f64; CHANNELS] = [0.02, 0.3, 0.3, 0.3];
+
+/// A sketch, ready to be compared.
+#[derive(Clone)]
+pub(super) struct Template {
+    spectra: [Vec<Complex32>; CHANNELS],
+    /// Inverse of the channels' products with each other.
+    inverse: DMat4,
+    gram: DMat4,
+}
+
+/// The best fit of a template to a cell.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Match {
+    /// Share of the cell's variance that it explains.
+    pub(super) explained: f64,
+    /// Pixels by which the sketch is moved to the right and down.
+    pub(super) shift: [usize; 2],
+}
+
+/// A cell, ready to be compared.
+pub(super) struct CellSpectrum {
+    values: Vec<Complex32>,
+    /// Sum of the squares of its values.
+    power: f64,
+}
+
+impl CellSpectrum {
+    /// The spectrum of a cell without its mean.
+    pub(super) fn new(fourier: &Fourier, cell: &[f32]) -> Self {
+        let mut values = fourier.spectrum(cell);
+        values[0] = Complex32::default();
+        let power = values.iter().map(|value| f64::from(value.norm_sqr())).sum::<f64>()
+            / double(fourier.len());
+        Self { values, power }
+    }
+}
+
+impl Template {
+    /// A sketch, blurred by a Gaussian of so many of its pixels.
+    pub(super) fn new(fourier: &Fourier, sketch: &Sketch, blur: f64) -> Self {
+        let spectra = sketch.channels.each_ref().map(|plane| {
+            let mut spectrum = fourier.spectrum(&plane.values);
+            blurred(&mut spectrum, fourier, blur);
+            // Means tell nothing: the photo's own is taken off.
+            spectrum[0] = Complex32::default();
+            spectrum
+        });
+        let mut gram = [[0.0; CHANNELS]; CHANNELS];
+        for (row, one) in gram.iter_mut().zip(&spectra) {
+            for (entry, other) in row.iter_mut().zip(&spectra) {
+                *entry = one
+                    .iter()
+                    .zip(other)
+                    .map(|(a, b)| f64::from(a.re * b.re + a.im * b.im))
+                    .sum::<f64>()
+                    / double(fourier.len());
+            }
+        }
+        let scale = gram[0][0].max(f64::MIN_POSITIVE);
+        let plain = DMat4::from_cols_array_2d(&gram);
+        for (at, ridge) in RIDGE.into_iter().enumerate() {
+            gram[at][at] += ridge * gram[at][at] + 1e-9 * scale;
+        }
+        Self { spectra, inverse: DMat4::from_cols_array_2d(&gram).inverse(), gram: plain }
+    }
+
+    /// The best fit to a cell over all shifts.
+    pub(super) fn best(&self, fourier: &Fourier, cell: &CellSpectrum) -> Match {
+        let products = [[0, 1], [2, 3]].map(|[real, imaginary]| {
+            // Correlations are real, so that two fit into one transform.
+            let mut grid: Vec<Complex32> = cell
+                .values
+                .iter()
+                .zip(&self.spectra[real])
+                .zip(&self.spectra[imaginary])
+                .map(|((value, a), b)| {
+                    let (a, b) = (value * a.conj(), value * b.conj());
+                    Complex32::new(a.re - b.im, a.im + b.re)
+                })
+                .collect();
+            fourier.inverse(&mut grid);
+            grid
+        });
+        let scale = 1.0 / double(fourier.len());
+        let mut best = Match { explained: 0.0, shift: [0, 0] };
+        for (at, (first, second)) in products[0].iter().zip(&products[1]).enumerate() {
+            // Whatever the light, high yarns are lighter than low ones.
+            if first.re <= 0.0 {
+                continue;
+            }
+            let product =
+                DVec4::new(first.re.into(), first.im.into(), second.re.into(), second.im.into())
+                    * scale;
+            let light = self.inverse * product;
+            let explained = 2.0 * light.dot(product) - light.dot(self.gram * light);
+            if explained > best.explained {
+                best = Match { explained, shift: [at % fourier.width, at / fourier.width] };
+            }
+        }
+        best.explained /= cell.power.max(f64::MIN_POSITIVE);
+        best
+    }
+}
+
+/// A spectrum times that of a Gaussian.
+fn blurred(spectrum: &mut [Complex32], fourier: &Fourier, sigma: f64) {
+    let weights = |side: usize| -> Vec<f32> {
+        (0..side)
+            .map(|at| {
+                let frequency = double(at.min(side - at)) / double(side);
+                narrow((-2.0 * (std::f64::consts::PI * sigma * frequency).powi(2)).exp())
+            })
+            .collect()
+    };
+    let (across, down) = (weights(fourier.width), weights(fourier.height));
+    for (row, weight) in spectrum.chunks_exact_mut(fourier.width).zip(&down) {
+        row.iter_mut().zip(&across).for_each(|(value, other)| *value *= weight * other);
+    }
+}

@@ -1,0 +1,198 @@
+//! Candidates compared with the photos: first as drafts, then the best of them relaxed at the
+//! photos' own proportions.
+//!
+//! In: [`FaceView`]s and [`Candidate`]s. Out: [`Fit`]s, the best first.
+//!
+//! A cloth and its mirror image compete, and both photos must show the same of the two. What a fit
+//! explains is the mean over the photos. Cost: some tens of milliseconds a candidate that is
+//! relaxed.
+
+use rayon::prelude::*;
+
+use super::Face;
+use super::candidate::{Candidate, proportioned};
+use super::compare::Template;
+use super::view::{FaceView, Score};
+use crate::plane::double;
+
+/// Blurs of sketches that are tried, pixels of theirs. Photos are blurred by themselves, and again
+/// before they are sampled.
+const BLURS: [f64; 2] = [1.2, 2.0];
+/// Yarn diameters that are tried, of the candidate's own.
+const THICKNESSES: [f64; 3] = [1.0, 0.87, 1.14];
+/// Frames in which a draft that fits is tried again once it is relaxed.
+const FRAMES: usize = 4;
+
+/// A cloth in the photos.
+#[derive(Clone)]
+pub(super) struct Fit {
+    pub(super) candidate: Candidate,
+    pub(super) is_mirrored: bool,
+    /// Share of the photos' variance that it explains, the mean of all.
+    pub(super) explained: f64,
+    /// Its best score in each photo.
+    pub(super) scores: Vec<Score>,
+    /// The frames that are tried next, of each photo.
+    pub(super) frames: Vec<Vec<usize>>,
+}
+
+impl Fit {
+    /// Share that it explains of what all copies of its repeat have in common, the mean of all
+    /// photos.
+    pub(super) fn explained_of_common(&self, views: &[FaceView]) -> f64 {
+        let repeat = self.candidate.repeat();
+        let each = self.scores.iter().zip(views).map(|(score, view)| {
+            (score.explained / view.common(repeat, score.frame).max(1e-9)).min(1.0)
+        });
+        each.sum::<f64>() / double(self.scores.len().max(1))
+    }
+
+    /// Course spacing over wale spacing, the mean of all photos.
+    pub(super) fn proportion(&self, views: &[FaceView]) -> f64 {
+        let each = self.scores.iter().zip(views).map(|(score, view)| {
+            let frame = view.frames[score.frame];
+            frame.course() / frame.wale()
+        });
+        each.sum::<f64>() / double(self.scores.len().max(1))
+    }
+}
+
+/// Fits candidates as they are, in all frames; the best first.
+pub(super) fn fit_all(views: &mut [FaceView], candidates: &[Candidate]) -> Vec<Fit> {
+    for view in views.iter_mut() {
+        candidates.iter().for_each(|candidate| view.fold(candidate.repeat()));
+    }
+    let views = &*views;
+    let mut fits: Vec<Fit> = candidates
+        .par_iter()
+        .flat_map_iter(|candidate| both_hands(views, candidate, None))
+        .collect();
+    sort(&mut fits);
+    fits
+}
+
+/// Fits candidates in some frames of each photo; the best first.
+pub(super) fn fit_in(
+    views: &mut [FaceView],
+    candidates: &[Candidate],
+    frames: &[Vec<usize>],
+) -> Vec<Fit> {
+    for view in views.iter_mut() {
+        candidates.iter().for_each(|candidate| view.fold(candidate.repeat()));
+    }
+    let views = &*views;
+    let mut fits: Vec<Fit> = candidates
+        .par_iter()
+        .filter_map(|candidate| fit(views, candidate, false, &BLURS[..1], Some(frames)))
+        .collect();
+    sort(&mut fits);
+    fits
+}
+
+/// Relaxes the fabrics of some fits at the photos' proportions, with yarns of several thicknesses.
+pub(super) fn refine(views: &mut [FaceView], fits: &[Fit], thick: usize) -> Vec<Fit> {
+    for view in views.iter_mut() {
+        fits.iter().for_each(|fit| view.fold(fit.candidate.repeat()));
+    }
+    let views = &*views;
+    let refined = |fit: &Fit, thicknesses: &[f64]| -> Option<Fit> {
+        let course = fit.proportion(views);
+        thicknesses
+            .iter()
+            .filter_map(|thickness| {
+                let fabric = proportioned(&fit.candidate.fabric, course, *thickness);
+                let candidate = Candidate::relaxed(fabric);
+                both_hands(views, &candidate, Some(fit))
+                    .into_iter()
+                    .find(|own| own.is_mirrored == fit.is_mirrored)
+            })
+            .max_by(|a, b| a.explained.total_cmp(&b.explained))
+    };
+    let mut first: Vec<Fit> =
+        fits.par_iter().filter_map(|fit| refined(fit, &THICKNESSES[..1])).collect();
+    sort(&mut first);
+    let rest = first.split_off(thick.min(first.len()));
+    let mut all: Vec<Fit> = first
+        .par_iter()
+        .filter_map(|fit| {
+            let others = refined(fit, &THICKNESSES[1..])?;
+            Some(if others.explained > fit.explained { others } else { fit.clone() })
+        })
+        .collect();
+    all.extend(rest);
+    sort(&mut all);
+    all
+}
+
+/// The best first.
+pub(super) fn sort(fits: &mut [Fit]) {
+    fits.sort_by(|a, b| b.explained.total_cmp(&a.explained));
+}
+
+/// The fits of a candidate and of its mirror image, if that is another cloth.
+fn both_hands(views: &[FaceView], candidate: &Candidate, before: Option<&Fit>) -> Vec<Fit> {
+    let hands = if candidate.is_handed { &[false, true][..] } else { &[false] };
+    let hands = hands.iter().filter(|hand| before.is_none_or(|fit| fit.is_mirrored == **hand));
+    let blurs = if before.is_some() { &BLURS[..] } else { &BLURS[..1] };
+    let frames = before.map(|fit| &fit.frames[..]);
+    hands.filter_map(|&is_mirrored| fit(views, candidate, is_mirrored, blurs, frames)).collect()
+}
+
+/// The face that a photo shows if it shows a candidate. A weft knit whose one photo is given is
+/// taken to be shown from its face: reverse jersey is a cloth of its own.
+pub(super) fn seen(view: &FaceView, photos: usize, candidate: &Candidate) -> Face {
+    if photos == 1 && candidate.key.is_none() { Face::Front } else { view.face }
+}
+
+/// The fit of a candidate or of its mirror image.
+fn fit(
+    views: &[FaceView],
+    candidate: &Candidate,
+    is_mirrored: bool,
+    blurs: &[f64],
+    among: Option<&[Vec<usize>]>,
+) -> Option<Fit> {
+    let (mut scores, mut frames, mut explained) = (Vec::new(), Vec::new(), 0.0);
+    for (at, view) in views.iter().enumerate() {
+        let sketch = candidate.sketch(seen(view, views.len(), candidate));
+        let mirrored = is_mirrored.then(|| sketch.mirrored());
+        let sketch = mirrored.as_ref().unwrap_or(sketch);
+        let mut best: Vec<Score> = Vec::new();
+        for blur in blurs {
+            let template: Template = view.template(sketch, *blur)?;
+            let own = match among {
+                Some(among) => view.scores(&template, sketch.repeat, among[at].iter().copied()),
+                None => view.scores(&template, sketch.repeat, 0..view.frames.len()),
+            };
+            if best
+                .first()
+                .is_none_or(|best| own.first().is_some_and(|own| own.explained > best.explained))
+            {
+                best = own;
+            }
+        }
+        explained += best.first()?.explained / double(views.len());
+        frames.push(best.iter().take(FRAMES).map(|score| score.frame).collect());
+        scores.push(best[0]);
+    }
+    Some(Fit { candidate: candidate.clone(), is_mirrored, explained, scores, frames })
+}
+
+/// The fabrics of fits that are different cloths, the best first.
+pub(super) fn distinct(fits: Vec<Fit>, most: usize) -> Vec<Fit> {
+    let mut kept: Vec<Fit> = Vec::new();
+    for fit in fits {
+        let is_known = |other: &Fit| {
+            other.candidate.key == fit.candidate.key
+                && (fit.candidate.key.is_some()
+                    || other.candidate.fabric.name == fit.candidate.fabric.name)
+        };
+        if !kept.iter().any(is_known) {
+            kept.push(fit);
+            if kept.len() == most {
+                break;
+            }
+        }
+    }
+    kept
+}

@@ -1,0 +1,291 @@
+//! Frames: where wales and courses may lie in a photo.
+//!
+//! In: a photo's light without slow shading. Out: [`Frame`]s, the vectors from wale to wale and from
+//! course to course.
+//!
+//! Method: peaks of the power spectrum; lattices of two waves that explain most of their power;
+//! all bases of these lattices that may be a wale and a course of some repeat (unimodular changes of
+//! basis). A cloth rarely repeats after one wale and one course, so each basis is tried as that of
+//! each common repeat. Cost: one Fourier transform of a megapixel and some thousand bases.
+//!
+//! Not promised: that the right frame is the first. Sketches decide among them.
+
+use glam::{DMat2, DVec2};
+
+use crate::capture::lattice::Lattice;
+use crate::fourier::Fourier;
+use crate::plane::{Plane, double, narrow, whole};
+
+/// Vectors of a wale (x) and of a course (y, downward), pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Frame(pub(super) DMat2);
+
+/// A wave of the photo: cycles a pixel, and its modulus.
+#[derive(Clone, Copy, Debug)]
+struct Wave {
+    vector: DVec2,
+    strength: f64,
+}
+
+/// Side of the spectrum. A photo of half of it has its peaks between two of its lines at most.
+const SIDE: usize = 1024;
+/// Waves that are looked at.
+const MOST_WAVES: usize = 26;
+/// The weakest wave, as a share of the strongest.
+const WEAKEST: f64 = 0.02;
+/// Longest and shortest waves of a lattice's basis, pixels.
+const WAVELENGTHS: [f64; 2] = [4.0, 140.0];
+/// How far a wave may lie from a point of the lattice, in its vectors.
+const NEAR: f64 = 0.12;
+/// Lattices that are looked at, and those with frames that are kept.
+const MOST_LATTICES: usize = 24;
+/// Pairs of waves that are looked at for them, the best first.
+const MOST_BASES: usize = 3000;
+const MOST_FRAMED: usize = 5;
+/// What a coarser lattice of waves is better, an e-fold of its cell: it explains fewer waves by
+/// chance.
+const COARSER: f64 = 0.06;
+/// Wale spacings that are looked for, pixels.
+const WALES: [f64; 2] = [7.0, 64.0];
+/// Course spacings, in wale spacings.
+const COURSES: [f64; 2] = [0.38, 1.3];
+/// Turns of the wales against the photo's rows, and of the courses against its columns, as slopes.
+const TURNS: [f64; 2] = [0.2, 0.25];
+/// Entries of the changes of basis.
+const REACH: i32 = 3;
+/// Repeats that a lattice may stand for: two vectors in wales and courses.
+const REPEATS: [[f64; 4]; 19] = [
+    [1.0, 0.0, 0.0, 1.0],
+    [1.0, 0.0, 0.0, 2.0],
+    [1.0, 0.0, 0.5, 1.0],
+    [2.0, 0.0, 0.0, 1.0],
+    [2.0, 0.0, 0.0, 2.0],
+    [2.0, 0.0, 1.0, 1.0],
+    [2.0, 0.0, 1.0, 2.0],
+    [2.0, 0.0, 1.0, 3.0],
+    [2.0, 0.0, 1.0, 5.0],
+    [1.0, 0.0, 0.0, 3.0],
+    [1.0, 0.0, 0.0, 4.0],
+    [1.0, 0.0, 0.0, 6.0],
+    [1.0, 0.0, 0.0, 8.0],
+    [1.0, 0.0, 0.0, 10.0],
+    [1.0, 0.0, 0.5, 3.0],
+    [2.0, 0.0, 0.0, 4.0],
+    [2.0, 0.0, 0.0, 6.0],
+    [4.0, 0.0, 0.0, 1.0],
+    [4.0, 0.0, 0.0, 2.0],
+];
+/// Frames count as one if no entry differs by more than this share of the largest.
+const SAME: f64 = 0.04;
+
+impl Frame {
+    /// Wale spacing, pixels.
+    pub(super) fn wale(self) -> f64 {
+        self.0.x_axis.length()
+    }
+
+    /// Course spacing, pixels: the area of a stitch over its width.
+    pub(super) fn course(self) -> f64 {
+        self.0.determinant().abs() / self.wale()
+    }
+
+    fn is_like(self, other: Self) -> bool {
+        let entries = |frame: Self| frame.0.to_cols_array();
+        let largest = entries(other).into_iter().fold(0.0, |a: f64, b| a.max(b.abs()));
+        entries(self).into_iter().zip(entries(other)).all(|(a, b)| (a - b).abs() < SAME * largest)
+    }
+}
+
+/// Lattices of a photo, the likeliest first, with the frames that only they have.
+pub(super) fn frames(even: &Plane) -> Vec<(DMat2, Vec<Frame>)> {
+    let mut found: Vec<Frame> = Vec::new();
+    let mut all = Vec::new();
+    let waves = waves(even);
+    for lattice in lattices(&waves) {
+        let first = found.len();
+        for repeat in REPEATS {
+            let repeat = DMat2::from_cols_array(&repeat).inverse();
+            for change in changes() {
+                let frame = Frame(lattice * change * repeat);
+                if frame.is_likely() && !found.iter().any(|other| frame.is_like(*other)) {
+                    found.push(frame);
+                }
+            }
+        }
+        if found.len() > first {
+            all.push((lattice, found[first..].to_vec()));
+        }
+        if all.len() == MOST_FRAMED {
+            break;
+        }
+    }
+    all
+}
+
+impl Frame {
+    /// Whether wales and courses are of a likely size and direction.
+    fn is_likely(self) -> bool {
+        let [wale, course] = [self.0.x_axis, self.0.y_axis];
+        let (width, height) = (wale.length(), course.length());
+        wale.x > 0.0
+            && course.y > 0.0
+            && (WALES[0]..WALES[1]).contains(&width)
+            && (COURSES[0]..COURSES[1]).contains(&(height / width))
+            && wale.y.abs() < TURNS[0] * width
+            && course.x.abs() < TURNS[1] * height
+    }
+}
+
+/// Changes of basis: whole matrices of determinant 1 or -1.
+fn changes() -> impl Iterator<Item = DMat2> {
+    let range = || -REACH..=REACH;
+    range().flat_map(move |a| {
+        range().flat_map(move |b| {
+            range().flat_map(move |c| {
+                range().filter_map(move |d| {
+                    ((a * d - b * c).abs() == 1)
+                        .then(|| DMat2::from_cols_array(&[a, b, c, d].map(f64::from)))
+                })
+            })
+        })
+    })
+}
+
+/// The strongest waves of a photo.
+fn waves(even: &Plane) -> Vec<Wave> {
+    let fourier = Fourier::new(SIDE, SIDE);
+    let mut grid = vec![0.0_f32; SIDE * SIDE];
+    let window = |at: usize, side: usize| {
+        0.5 - 0.5 * (std::f64::consts::TAU * (double(at) + 0.5) / double(side)).cos()
+    };
+    let across: Vec<f32> = (0..even.width).map(|x| narrow(window(x, even.width))).collect();
+    for (y, row) in grid.chunks_exact_mut(SIDE).take(even.height).enumerate() {
+        let down = narrow(window(y, even.height));
+        for ((value, own), weight) in row.iter_mut().zip(even.row(y)).zip(&across) {
+            *value = own * weight * down;
+        }
+    }
+    let spectrum = fourier.spectrum(&grid);
+    drop(grid);
+    // Half of the plane; low frequencies, which shading fills, are left out.
+    let side = even.width.min(even.height);
+    let reach = whole(narrow(2.1 * double(SIDE) / double(side))).max(2);
+    let half = SIDE / 2;
+    let modulus = |x: usize, y: usize| -> f32 { spectrum[(y % SIDE) * SIDE + x % SIDE].norm() };
+    let lowest = double(SIDE) / WAVELENGTHS[1];
+    let highest = double(SIDE) * 0.45;
+    let mut found: Vec<Wave> = Vec::new();
+    for y in 0..=half {
+        for x in 0..SIDE {
+            let signed =
+                DVec2::new(if x < half { double(x) } else { double(x) - double(SIDE) }, double(y));
+            if signed.length() < lowest
+                || signed.max_element() > highest
+                || signed.x < -highest
+                || y == 0 && signed.x < 0.0
+            {
+                continue;
+            }
+            let own = modulus(x, y);
+            let is_top = (0..=2 * reach).all(|down| {
+                (0..=2 * reach)
+                    .all(|right| modulus(x + SIDE + right - reach, y + SIDE + down - reach) <= own)
+            });
+            if is_top {
+                let before = |dx: usize, dy: usize| modulus(x + SIDE - dx, y + SIDE - dy);
+                let off = DVec2::new(
+                    parabola_top(before(1, 0), own, modulus(x + 1, y)),
+                    parabola_top(before(0, 1), own, modulus(x, y + 1)),
+                );
+                found.push(Wave { vector: (signed + off) / double(SIDE), strength: own.into() });
+            }
+        }
+    }
+    found.sort_by(|a, b| b.strength.total_cmp(&a.strength));
+    let strongest = found.first().map_or(0.0, |wave| wave.strength);
+    found.retain(|wave| wave.strength > WEAKEST * strongest);
+    found.truncate(MOST_WAVES);
+    found
+}
+
+/// Where the parabola through three values has its top, from the middle one.
+fn parabola_top(before: f32, middle: f32, after: f32) -> f64 {
+    let bend = before - 2.0 * middle + after;
+    if bend < 0.0 { f64::from(0.5 * (before - after) / bend).clamp(-0.5, 0.5) } else { 0.0 }
+}
+
+/// Direct lattices whose waves these are, the likeliest first.
+fn lattices(waves: &[Wave]) -> Vec<DMat2> {
+    let total: f64 = waves.iter().map(|wave| wave.strength).sum();
+    let mut basis: Vec<DVec2> = waves.iter().map(|wave| wave.vector).collect();
+    for (at, wave) in waves.iter().enumerate().take(12) {
+        basis.extend(waves[..at].iter().map(|other| wave.vector - other.vector));
+        basis.extend(waves[..at].iter().map(|other| wave.vector + other.vector));
+    }
+    let frequencies = WAVELENGTHS[1].recip()..WAVELENGTHS[0].recip();
+    basis.retain(|vector| frequencies.contains(&vector.length()));
+    let mut scored: Vec<(f64, DMat2)> = Vec::new();
+    for (at, &first) in basis.iter().enumerate() {
+        for &second in &basis[..at] {
+            let matrix = DMat2::from_cols(first, second);
+            let area = matrix.determinant().abs();
+            if area < 6e-5 {
+                continue;
+            }
+            let inverse = matrix.inverse();
+            let covered: f64 = waves
+                .iter()
+                .filter(|wave| on(inverse * wave.vector))
+                .map(|wave| wave.strength / total)
+                .sum();
+            scored.push((covered + COARSER * (area / 1e-3).ln(), matrix));
+        }
+    }
+    scored.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut found: Vec<DMat2> = Vec::new();
+    for (_, matrix) in scored.into_iter().take(MOST_BASES) {
+        let direct = fitted(matrix, waves).inverse().transpose();
+        // Changes of basis have small entries, so they start from the shortest vectors.
+        let direct = Lattice::reduced(direct.x_axis, direct.y_axis).matrix();
+        let is_same = |other: &DMat2| {
+            let change = other.inverse() * direct;
+            let near = change
+                .to_cols_array()
+                .into_iter()
+                .all(|entry| (entry - entry.round()).abs() < 0.05);
+            near && (change.determinant().abs() - 1.0).abs() < 0.05
+        };
+        if direct.is_finite() && !found.iter().any(is_same) {
+            found.push(direct);
+            if found.len() == MOST_LATTICES {
+                break;
+            }
+        }
+    }
+    found
+}
+
+/// Whether counts of both vectors are nearly whole.
+fn on(count: DVec2) -> bool {
+    (count - count.round()).abs().max_element() < NEAR
+}
+
+/// The waves' basis that fits those near it best, by weighted least squares.
+fn fitted(matrix: DMat2, waves: &[Wave]) -> DMat2 {
+    let inverse = matrix.inverse();
+    let (mut normal, mut right) = (DMat2::ZERO, DMat2::ZERO);
+    for wave in waves {
+        let count = inverse * wave.vector;
+        if on(count) {
+            let count = count.round() * wave.strength;
+            let vector = wave.vector * wave.strength;
+            normal += DMat2::from_cols(count * count.x, count * count.y);
+            // Sum of vector times count, transposed.
+            right += DMat2::from_cols(vector * count.x, vector * count.y);
+        }
+    }
+    if normal.determinant().abs() < 1e-9 * normal.x_axis.x.max(normal.y_axis.y).powi(2) {
+        return matrix;
+    }
+    right * normal.inverse()
+}

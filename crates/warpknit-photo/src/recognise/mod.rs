@@ -1,0 +1,235 @@
+//! From photos of a knit to its chain notation or its chart.
+//!
+//! In: a photo of a knit's technical back, or of its face, or both. Out: a [`Recognition`]: the
+//! fabric as a designer writes it, and the cloths that explain the photos best. No training data.
+//!
+//! ```text
+//!   photo ─▶ frames ─▶ unfold ─▶ view ─▶ fit ─▶ search ─▶ fit ─▶ answer
+//!            wales,    one       all     drafts  lappings  best   fabric
+//!            courses   repeat    frames  of the  of two    ones
+//!                                        catalogue  bars   relaxed
+//! ```
+//!
+//! Method: the photo's waves allow some dozen frames of wales and courses. In each frame the photo
+//! is folded into the repeat of each candidate. Candidates are laid out by [`warpknit_core`], drawn
+//! as height fields (`sketch`) and compared over all shifts and lights (`compare`). The back shows
+//! the front bar's underlaps, the face shows by the lean of its loops what both bars do: two photos
+//! tell more than one.
+//!
+//! Which fabrics count as the same cloth is defined in `same`.
+//!
+//! Cost: about 1 s for a photo of 300 pixels, 3 s for one of a megapixel; the search takes some
+//! seconds more. The same photos give the same answer for any number of threads.
+//!
+//! Not promised: the photo stands upright, wales within ten degrees of its columns.
+
+mod answer;
+mod candidate;
+mod compare;
+mod fit;
+mod frames;
+mod picture;
+mod same;
+mod search;
+mod sketch;
+mod unfold;
+mod view;
+
+use image::{RgbImage, RgbaImage};
+
+pub use candidate::grid;
+use candidate::{Candidate, full_bars, warp_knits, weft_knits};
+use fit::{Fit, distinct, fit_all, refine, sort};
+pub use same::ClothKey;
+use view::FaceView;
+use warpknit_core::fabric::Fabric;
+
+/// The face of a cloth that a photo shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Face {
+    /// The technical face: loops.
+    Front,
+    /// The technical back: underlaps.
+    Back,
+}
+
+/// The kinds of knits that are tried.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Kinds {
+    /// Warp knits and weft knits.
+    #[default]
+    All,
+    /// Warp knits alone.
+    Warp,
+    /// Weft knits alone.
+    Weft,
+}
+
+/// What a person knows about the photos.
+#[derive(Clone, Debug, Default)]
+pub struct RecogniseSettings {
+    /// The kinds that are tried.
+    pub kinds: Kinds,
+    /// Chains of full bars, front first: nothing else is tried.
+    pub lapping: Vec<String>,
+    /// Pixels of the first photo a mm.
+    pub pixels_per_mm: Option<f64>,
+}
+
+/// A cloth that explains the photos.
+#[derive(Clone, Debug)]
+pub struct Ranked {
+    /// The cloth, as it was compared.
+    pub fabric: Fabric,
+    /// Whether the photos show its mirror image.
+    pub is_mirrored: bool,
+    /// Share of the photos' variance that it explains, noise and all, the mean of the photos.
+    pub explained: f64,
+    /// Share that it explains of what all copies of its repeat have in common.
+    pub explained_of_common: f64,
+}
+
+/// What the photos show.
+#[derive(Clone, Debug)]
+pub struct Recognition {
+    /// The fabric: chains or a chart, densities, counts and colours.
+    pub fabric: Fabric,
+    /// The cloths that explain the photos best, the best first; three at most.
+    pub ranked: Vec<Ranked>,
+    /// Vectors of a wale and of a course in each photo, pixels, y down.
+    pub frames: Vec<[[f64; 2]; 2]>,
+    /// The mean repeat of each photo and, to its right, its drawing.
+    pub comparisons: Vec<RgbaImage>,
+}
+
+impl Recognition {
+    /// Share of what copies of the repeat have in common that stays unexplained.
+    #[must_use]
+    pub fn unexplained(&self) -> f64 {
+        self.ranked.first().map_or(1.0, |best| 1.0 - best.explained_of_common)
+    }
+
+    /// How much more the best cloth explains than the next, as a share of what it explains.
+    #[must_use]
+    pub fn margin(&self) -> f64 {
+        match &self.ranked[..] {
+            [best, next, ..] => (1.0 - next.explained / best.explained.max(1e-9)).max(0.0),
+            _ => 1.0,
+        }
+    }
+
+    /// Whether the drawn photos of the bench were named right nine times in ten where they were
+    /// explained as well as these.
+    #[must_use]
+    pub fn is_sure(&self) -> bool {
+        self.unexplained() <= MOST_UNEXPLAINED && self.margin() >= LEAST_MARGIN
+    }
+}
+
+/// Why no knit was recognised.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RecogniseError {
+    /// No wales and courses.
+    #[error(
+        "no wales and courses found: take the cloth upright, sharp and evenly lit, with ten wales \
+         and more, each eight pixels wide and more"
+    )]
+    NoFrame,
+    /// A chain that makes no fabric.
+    #[error("{why}")]
+    Lapping {
+        /// What is wrong with it.
+        why: String,
+    },
+}
+
+/// The share that may stay unexplained.
+pub const MOST_UNEXPLAINED: f64 = 0.4;
+/// Below this margin the second cloth is about as likely.
+pub const LEAST_MARGIN: f64 = 0.004;
+/// Share of a photo's variance that a knit explains at least: less, and it is chance.
+const LEAST_EXPLAINED: f64 = 0.06;
+/// Drafts that are worth to be relaxed, and of these, those whose yarns are fitted.
+const RELAXED: usize = 20;
+const FITTED: usize = 8;
+/// Lappings that are searched for if the catalogue leaves more than this unexplained.
+const SEARCHED_FROM: f64 = 0.09;
+/// By how much more a lapping must explain than any of the catalogue: of cloths that look alike the
+/// known one is likelier.
+const PRIOR: f64 = 0.012;
+
+/// Recognises a knit in photos of its faces.
+///
+/// # Errors
+/// [`RecogniseError`]: what the photos lack. A poor fit is no error: see
+/// [`Recognition::unexplained`].
+pub fn recognise(
+    photos: &[(&RgbImage, Face)],
+    settings: &RecogniseSettings,
+) -> Result<Recognition, RecogniseError> {
+    let mut views: Vec<FaceView> =
+        photos.iter().map(|(photo, face)| FaceView::new(photo, *face)).collect();
+    if views.is_empty() || views.iter().any(|view| view.frames.is_empty()) {
+        return Err(RecogniseError::NoFrame);
+    }
+    let fits = fitted(&mut views, settings)?;
+    let best = fits.first().ok_or(RecogniseError::NoFrame)?;
+    if best.explained < LEAST_EXPLAINED {
+        return Err(RecogniseError::NoFrame);
+    }
+    let frames = best.scores.iter().zip(&views).map(|(score, view)| {
+        let frame = view.frames[score.frame];
+        [frame.0.x_axis.to_array(), frame.0.y_axis.to_array()]
+    });
+    let ranked = fits.iter().take(3).map(|fit| Ranked {
+        fabric: fit.candidate.fabric.clone(),
+        is_mirrored: fit.is_mirrored,
+        explained: fit.explained,
+        explained_of_common: fit.explained_of_common(&views),
+    });
+    Ok(Recognition {
+        fabric: answer::fabric(best, &views, settings.pixels_per_mm),
+        ranked: ranked.collect(),
+        frames: frames.collect(),
+        comparisons: picture::comparisons(best, &views),
+    })
+}
+
+/// The fits of all that is tried, different cloths, the best first.
+fn fitted(
+    views: &mut [FaceView],
+    settings: &RecogniseSettings,
+) -> Result<Vec<Fit>, RecogniseError> {
+    if !settings.lapping.is_empty() {
+        let fabric = full_bars(&settings.lapping).map_err(|why| RecogniseError::Lapping { why })?;
+        let fits = fit_all(views, &[Candidate::relaxed(fabric)]);
+        return Ok(distinct(refine(views, &distinct(fits, 1), 1), 1));
+    }
+    let mut candidates: Vec<Candidate> = Vec::new();
+    if settings.kinds != Kinds::Weft {
+        candidates.extend_from_slice(warp_knits());
+    }
+    if settings.kinds != Kinds::Warp {
+        candidates.extend_from_slice(weft_knits());
+    }
+    let drafts = distinct(fit_all(views, &candidates), usize::MAX);
+    let likely = &drafts[..RELAXED.min(drafts.len())];
+    let mut fits = refine(views, likely, FITTED);
+    let unexplained = fits.first().map_or(1.0, |best| 1.0 - best.explained_of_common(views));
+    if settings.kinds != Kinds::Weft && unexplained > SEARCHED_FROM {
+        let lappings = distinct(search::search(views, &drafts), FITTED);
+        let known = |fit: &Fit| fits.iter().any(|other| other.candidate.key == fit.candidate.key);
+        let fresh: Vec<Fit> = lappings.into_iter().filter(|fit| !known(fit)).collect();
+        let refined = refine(views, &fresh, 3);
+        let best = fits.first().map_or(0.0, |fit| fit.explained);
+        // A lapping of the search stays behind the catalogue unless it is clearly better.
+        let clear = |fit: &Fit| fit.explained > best + PRIOR * best;
+        fits.extend(refined.into_iter().map(|fit| {
+            let explained = if clear(&fit) { fit.explained } else { fit.explained - PRIOR * best };
+            Fit { explained, ..fit }
+        }));
+        sort(&mut fits);
+    }
+    Ok(distinct(fits, usize::MAX))
+}

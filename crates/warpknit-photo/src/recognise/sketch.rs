@@ -1,0 +1,208 @@
+//! One repeat of a knit as a photo would show it: a height field with its shading.
+//!
+//! In: a relaxed [`Pattern`] and the face that is seen. Out: a [`Sketch`], channels of light that
+//! tile. Any light is about a sum of them: one that falls from the camera and two that fall from
+//! aside, each dimmer in the depth of the cloth, and the share of the sky that reaches a place. So
+//! a photo's light is fitted, not known.
+//!
+//! Method: orthographic projection of round yarns into a height buffer of twice the resolution.
+//! Cost: about 0.2 ms a course of a wale. Not promised: shadows and fibres.
+
+use glam::{DVec2, DVec3};
+
+use super::Face;
+use crate::plane::{Plane, double, narrow, percentile, whole};
+use warpknit_core::fabric::Fabric;
+use warpknit_core::ids::index32;
+use warpknit_core::knit::mesh::StructureMesh;
+use warpknit_core::knit::{Knitted, Pattern};
+use warpknit_core::yarn::curve;
+
+/// Pixels of a sketch to a wale and to a course. Yarns are some three pixels wide then, about as in
+/// a photo of 300 pixels. At half of that underlaps over two and over three needles look alike.
+pub(super) const WALE: usize = 16;
+pub(super) const COURSE: usize = 12;
+/// Pixels of the height buffer along a pixel of the sketch.
+const FINE: usize = 2;
+/// Steps along and across a yarn, pixels of the height buffer. At 1 and more it shows holes.
+const STEP: f64 = 0.6;
+/// Depth below the highest yarns at which 1/e of the light is left, wale spacings.
+const DIMMING: f64 = 0.44;
+/// Share of the light that falls on flanks of a yarn as on its top.
+const FLANK: f32 = 0.35;
+/// Share of the heights below the one that counts as the top: single bulges don't.
+const TOP: f32 = 0.98;
+
+/// Number of channels.
+pub(super) const CHANNELS: usize = 4;
+/// No yarn at all is seen.
+pub(super) const NONE: u8 = u8::MAX;
+
+/// The repeat of a cloth as seen from one face, y down.
+#[derive(Clone, Debug)]
+pub(super) struct Sketch {
+    /// Wales and courses.
+    pub(super) repeat: [usize; 2],
+    /// Light from the camera, from the right, from below, and from the sky.
+    pub(super) channels: [Plane; CHANNELS],
+    /// The yarn system that is seen at each pixel, or [`NONE`].
+    pub(super) systems: Vec<u8>,
+}
+
+/// What is seen at a place of the height buffer.
+#[derive(Clone, Copy)]
+struct Top {
+    height: f32,
+    /// The normal's part in the picture's plane, y down.
+    lean: [f32; 2],
+    system: u8,
+}
+
+struct HeightBuffer {
+    width: usize,
+    height: usize,
+    /// Pixels a mm.
+    scale: DVec2,
+    tops: Vec<Top>,
+}
+
+impl Sketch {
+    /// The repeat as seen from a face.
+    pub(super) fn new(fabric: &Fabric, pattern: &Pattern, face: Face) -> Self {
+        let repeat = [fabric.threading_repeat(), fabric.repeat()];
+        let [width, height] = [repeat[0] * WALE * FINE, repeat[1] * COURSE * FINE];
+        let spacing = DVec2::new(fabric.wale_spacing(), fabric.course_spacing());
+        let cells = DVec2::new(double(WALE * FINE), double(COURSE * FINE));
+        let nothing = Top { height: f32::NEG_INFINITY, lean: [0.0; 2], system: NONE };
+        let mut buffer = HeightBuffer {
+            width,
+            height,
+            scale: cells / spacing,
+            tops: vec![nothing; width * height],
+        };
+        let radius = fabric.radius();
+        for (system, thickness) in fabric.thickness().into_iter().enumerate() {
+            buffer.draw(fabric, pattern, system, radius * thickness, face);
+        }
+        buffer.shaded(repeat, fabric.wale_spacing())
+    }
+
+    /// Its mirror image, left for right.
+    pub(super) fn mirrored(&self) -> Self {
+        let width = self.channels[0].width;
+        let flipped = |at: usize| at / width * width + width - 1 - at % width;
+        let mut channels = self.channels.clone();
+        for (number, (plane, own)) in channels.iter_mut().zip(&self.channels).enumerate() {
+            let sign = if number == 1 { -1.0 } else { 1.0 };
+            for (at, value) in plane.values.iter_mut().enumerate() {
+                *value = sign * own.values[flipped(at)];
+            }
+        }
+        let systems = (0..self.systems.len()).map(|at| self.systems[flipped(at)]).collect();
+        Self { repeat: self.repeat, channels, systems }
+    }
+}
+
+impl HeightBuffer {
+    /// Draws all yarns of a system.
+    fn draw(&mut self, fabric: &Fabric, pattern: &Pattern, system: usize, radius: f64, face: Face) {
+        let mesh = StructureMesh::anchored_at(fabric, DVec2::ZERO);
+        let repeat =
+            [fabric.threading_repeat(), fabric.repeat()].map(|count| i64::from(index32(count)));
+        let [yarns, steps] =
+            if pattern.runs_across(system) { [repeat[1], repeat[0]] } else { repeat };
+        // Seen from the back, left is right and deep is high.
+        let seen = |p: DVec3| match face {
+            Face::Front => DVec3::new(p.x, -p.y, p.z),
+            Face::Back => DVec3::new(-p.x, -p.y, -p.z),
+        };
+        let mut knitted = Knitted::default();
+        for number in (0..yarns).filter(|&number| pattern.has_yarn(system, number)) {
+            knitted.clear();
+            // A step more at both ends shapes the first and the last span.
+            pattern.lay(system, number, -1..steps + 1, &mesh, &mut knitted);
+            let points: Vec<DVec3> = knitted.points.iter().map(|&point| seen(point)).collect();
+            let name = u8::try_from(system).unwrap_or(NONE - 1);
+            for at in 1..points.len().saturating_sub(2) {
+                self.draw_span(&curve::span(&points, at), radius, name);
+            }
+        }
+    }
+
+    /// Draws a span of a yarn as a round tube.
+    fn draw_span(&mut self, span: &curve::Span, radius: f64, system: u8) {
+        let finest = self.scale.max_element();
+        let along = steps(span.length() * finest / STEP);
+        let across = steps(2.0 * radius * finest / STEP).max(4);
+        for at in 0..along {
+            let t = (double(at) + 0.5) / double(along);
+            let (middle, ahead) = (span.at(t), span.tangent(t).truncate().normalize_or_zero());
+            let aside = ahead.perp();
+            for step in 0..across {
+                let off = 2.0 * (double(step) + 0.5) / double(across) - 1.0;
+                let rise = (1.0 - off * off).sqrt();
+                let place = (middle.truncate() + aside * (off * radius)) * self.scale;
+                let top = Top {
+                    height: narrow(middle.z + rise * radius),
+                    lean: (aside * off).to_array().map(narrow),
+                    system,
+                };
+                self.raise(place, top);
+            }
+        }
+    }
+
+    /// Puts a place of a yarn into the buffer, if nothing is above it.
+    fn raise(&mut self, place: DVec2, top: Top) {
+        let [x, y] = [(place.x, self.width), (place.y, self.height)].map(|(at, side)| {
+            let at = at / double(side);
+            whole(narrow((at - at.floor()) * double(side))).min(side - 1)
+        });
+        let seen = &mut self.tops[y * self.width + x];
+        if top.height > seen.height {
+            *seen = top;
+        }
+    }
+
+    /// The shaded picture.
+    fn shaded(&self, repeat: [usize; 2], wale: f64) -> Sketch {
+        let mut heights: Vec<f32> =
+            self.tops.iter().filter(|top| top.system != NONE).map(|top| top.height).collect();
+        let highest = percentile(&mut heights, TOP);
+        let dimming = narrow((DIMMING * wale).recip());
+        let light = |top: &Top| -> [f32; CHANNELS] {
+            if top.system == NONE {
+                return [0.0; CHANNELS];
+            }
+            let sky = (-(highest - top.height).max(0.0) * dimming).exp();
+            let [x, y] = top.lean;
+            let up = (1.0 - x * x - y * y).max(0.0).sqrt();
+            [sky * (FLANK + (1.0 - FLANK) * up), sky * x, sky * y, sky]
+        };
+        let (width, height) = (self.width / FINE, self.height / FINE);
+        let fine = |x: usize, y: usize| {
+            (0..FINE * FINE).map(move |at| {
+                &self.tops[(FINE * y + at / FINE) * self.width + FINE * x + at % FINE]
+            })
+        };
+        let share = 1.0 / f32::from(u8::try_from(FINE * FINE).expect("a few"));
+        let channels = std::array::from_fn(|channel| Plane {
+            width,
+            height,
+            values: (0..width * height)
+                .map(|at| {
+                    fine(at % width, at / width).map(|top| light(top)[channel]).sum::<f32>() * share
+                })
+                .collect(),
+        });
+        let systems = (0..width * height)
+            .map(|at| fine(at % width, at / width).next().map_or(NONE, |top| top.system))
+            .collect();
+        Sketch { repeat, channels, systems }
+    }
+}
+
+/// A number of steps, at least one.
+fn steps(count: f64) -> usize {
+    whole(narrow(count.ceil())).max(1)
+}

@@ -1,0 +1,102 @@
+//! A photo laid out by wales and courses, and folded into one repeat.
+//!
+//! In: a photo's light, and where each wale and course lies in it. Out: a [`Sheet`] on the grid of
+//! the sketches, and its [`Fold`]s: the mean of all copies of a repeat, and which share of the
+//! photo's variance all copies have in common. Cost: a bilinear sample a pixel.
+
+use glam::{DVec2, USizeVec2};
+
+use super::frames::Frame;
+use super::sketch::{COURSE, WALE};
+use crate::plane::{Plane, double, float, narrow, whole};
+
+/// A photo on the grid of sketches.
+pub(super) struct Sheet {
+    width: usize,
+    /// Wale and course of its first pixel.
+    first: [i64; 2],
+    /// Without a value where the photo ends.
+    values: Vec<Option<f32>>,
+    /// Mean of the squares.
+    power: f32,
+}
+
+/// The mean of all copies of a repeat.
+pub(super) struct Fold {
+    /// Without their mean.
+    pub(super) values: Vec<f32>,
+    pub(super) mean: f32,
+    /// Share of the photo's variance that it explains.
+    pub(super) share: f64,
+}
+
+impl Sheet {
+    /// The photo in a frame whose origin is the photo's middle. `place` says where in the photo a
+    /// place of the undistorted cloth is, pixels from the middle.
+    pub(super) fn new(even: &Plane, frame: Frame, place: impl Fn(DVec2) -> DVec2) -> Self {
+        let size = DVec2::new(double(even.width - 1), double(even.height - 1));
+        let middle = 0.5 * size;
+        let inverse = frame.0.inverse();
+        let corners = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]]
+            .map(|corner| inverse * (middle * DVec2::from(corner)));
+        let low = corners.into_iter().fold(DVec2::INFINITY, DVec2::min).floor();
+        let high = corners.into_iter().fold(DVec2::NEG_INFINITY, DVec2::max).ceil();
+        let cells = DVec2::new(double(WALE), double(COURSE));
+        let [width, height] = ((high - low) * cells).to_array().map(|side| whole(narrow(side)));
+        let inside = |at: DVec2| at.min_element() >= 0.0 && at.cmple(size).all();
+        let values: Vec<Option<f32>> = (0..width * height)
+            .map(|at| {
+                let pixel = DVec2::new(double(at % width) + 0.5, double(at / width) + 0.5);
+                let at = middle + place(frame.0 * (low + pixel / cells));
+                inside(at).then(|| even.sample(at))
+            })
+            .collect();
+        let known = values.iter().flatten();
+        let count = float(known.clone().count().max(1));
+        let mean = known.clone().sum::<f32>() / count;
+        let power = known.map(|value| (value - mean).powi(2)).sum::<f32>() / count;
+        #[expect(clippy::cast_possible_truncation, reason = "some hundred wales at most")]
+        let first = low.to_array().map(|at| at as i64);
+        Self { width, first, values, power }
+    }
+
+    /// All copies of a repeat, wales and courses, folded into one.
+    pub(super) fn fold(&self, repeat: [usize; 2]) -> Fold {
+        let side = USizeVec2::new(repeat[0] * WALE, repeat[1] * COURSE);
+        // The first pixel's place in the repeat.
+        let start = |at: i64, count: usize, cell: usize| {
+            let count = i64::try_from(count).expect("repeats are limited");
+            usize::try_from(at.rem_euclid(count)).expect("a remainder is not negative") * cell
+        };
+        let [left, top] =
+            [start(self.first[0], repeat[0], WALE), start(self.first[1], repeat[1], COURSE)];
+        let mut sums = vec![[0.0_f32; 2]; side.x * side.y];
+        for (y, row) in self.values.chunks_exact(self.width).enumerate() {
+            let to = (y + top) % side.y * side.x;
+            let mut x = left;
+            for value in row {
+                if let Some(value) = value {
+                    let sum = &mut sums[to + x];
+                    sum[0] += value;
+                    sum[1] += 1.0;
+                }
+                x = if x + 1 == side.x { 0 } else { x + 1 };
+            }
+        }
+        let count = sums.iter().map(|sum| sum[1]).sum::<f32>().max(1.0);
+        let mean = sums.iter().map(|sum| sum[0]).sum::<f32>() / count;
+        let values: Vec<f32> = sums
+            .iter()
+            .map(|[sum, count]| if *count > 0.0 { sum / count - mean } else { 0.0 })
+            .collect();
+        let common =
+            sums.iter().zip(&values).map(|(sum, value)| sum[1] * value * value).sum::<f32>();
+        let share = f64::from(common / (count * self.power).max(f32::MIN_POSITIVE));
+        Fold { values, mean, share }
+    }
+
+    /// How many copies of a repeat it shows.
+    pub(super) fn copies(&self, repeat: [usize; 2]) -> f64 {
+        double(self.values.iter().flatten().count()) / double(repeat[0] * WALE * repeat[1] * COURSE)
+    }
+}

@@ -1,0 +1,177 @@
+//! A photo of one face, ready to be compared with sketches.
+//!
+//! In: a photo. Out: a [`FaceView`]: frames that its lattices allow, and the photo laid out in each.
+//! The cloth's bends are taken off first, by the waves of each lattice. Cost: some tenths of a
+//! second a photo of 300 pixels.
+
+use std::collections::BTreeMap;
+
+use glam::{DVec2, DVec3};
+use image::RgbImage;
+use image::imageops::crop_imm;
+use rayon::prelude::*;
+
+use super::Face;
+use super::compare::{CellSpectrum, Match, Template};
+use super::frames::{Frame, frames};
+use super::sketch::{COURSE, Sketch, WALE};
+use super::unfold::Sheet;
+use crate::capture::lattice::Lattice;
+use crate::capture::plane::normalized_contrast;
+use crate::capture::register::{DisplacementField, register_in};
+use crate::fourier::Fourier;
+use crate::plane::{Plane, double, float};
+
+/// Pixels each way that are looked at: thirty wales of twenty pixels. More takes longer and tells
+/// little more.
+const MOST_SIDE: u32 = 640;
+/// Deviation of the window in which shading is taken off, as a share of the shorter side: about a
+/// wale in a photo of twenty.
+const SHADING: f32 = 0.05;
+/// Blur before sampling, pixels. It takes noise off that a grid as coarse as the photo would fold
+/// in.
+const BLUR: f32 = 1.0;
+/// Deviation of the registration's window, in lengths of the cell, and at most this share of the
+/// photo's side.
+const WINDOW: [f64; 2] = [1.1, 0.11];
+
+/// A photo of a face.
+pub(super) struct FaceView {
+    pub(super) face: Face,
+    pub(super) frames: Vec<Frame>,
+    sheets: Vec<Sheet>,
+    /// For each frame the lattice by whose waves bends were taken off.
+    lattice_of: Vec<usize>,
+    fields: Vec<DisplacementField>,
+    /// The photo's channels, linear light.
+    channels: [Plane; 3],
+    /// For each repeat that was asked for: its transforms, and its fold in each frame.
+    folds: BTreeMap<[usize; 2], (Fourier, Vec<FrameFold>)>,
+}
+
+/// The fold of a repeat in one frame.
+struct FrameFold {
+    spectrum: CellSpectrum,
+    /// Share of the photo's variance that it explains.
+    share: f64,
+}
+
+/// How well a sketch fits in its best frame.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Score {
+    /// Share of the photo's variance that it explains.
+    pub(super) explained: f64,
+    /// Index of the frame.
+    pub(super) frame: usize,
+    pub(super) matched: Match,
+}
+
+impl FaceView {
+    /// A photo in all of its frames.
+    pub(super) fn new(photo: &RgbImage, face: Face) -> Self {
+        let photo = &middle(photo);
+        let lightness = Plane::lightness(photo);
+        let side = lightness.width.min(lightness.height);
+        let even = normalized_contrast(&lightness, SHADING * float(side));
+        let smooth = even.smoothed(BLUR);
+        let lattices = frames(&even);
+        let fields: Vec<DisplacementField> = lattices
+            .par_iter()
+            .map(|(vectors, _)| {
+                let lattice = Lattice::reduced(vectors.x_axis, vectors.y_axis);
+                let sigma = (WINDOW[0] * lattice.longer()).min(WINDOW[1] * double(side));
+                register_in(&even, &lattice, sigma)
+            })
+            .collect();
+        let of_lattices = lattices
+            .iter()
+            .enumerate()
+            .flat_map(|(at, (_, frames))| frames.iter().map(move |frame| (at, *frame)));
+        let (lattice_of, frames): (Vec<usize>, Vec<Frame>) = of_lattices.unzip();
+        let sheets = frames
+            .par_iter()
+            .zip(&lattice_of)
+            .map(|(frame, at)| laid_out(&smooth, *frame, &fields[*at]))
+            .collect();
+        let channels = Plane::channels(photo);
+        Self { face, frames, sheets, lattice_of, fields, channels, folds: BTreeMap::new() }
+    }
+
+    /// Folds the photo into a repeat in all frames, unless that is done.
+    pub(super) fn fold(&mut self, repeat: [usize; 2]) {
+        let sheets = &self.sheets;
+        self.folds.entry(repeat).or_insert_with(|| {
+            let fourier = Fourier::new(repeat[0] * WALE, repeat[1] * COURSE);
+            let folds = sheets
+                .par_iter()
+                .map(|sheet| {
+                    let fold = sheet.fold(repeat);
+                    let spectrum = CellSpectrum::new(&fourier, &fold.values);
+                    FrameFold { spectrum, share: fold.share }
+                })
+                .collect();
+            (fourier, folds)
+        });
+    }
+
+    /// A sketch, ready to be compared.
+    pub(super) fn template(&self, sketch: &Sketch, blur: f64) -> Option<Template> {
+        self.folds.get(&sketch.repeat).map(|(fourier, _)| Template::new(fourier, sketch, blur))
+    }
+
+    /// The best frames for a template of a repeat, among some of them, the best first.
+    pub(super) fn scores(
+        &self,
+        template: &Template,
+        repeat: [usize; 2],
+        among: impl Iterator<Item = usize>,
+    ) -> Vec<Score> {
+        let Some((fourier, folds)) = self.folds.get(&repeat) else { return Vec::new() };
+        let mut scores: Vec<Score> = among
+            .map(|frame| {
+                let fold = &folds[frame];
+                let matched = template.best(fourier, &fold.spectrum);
+                Score { explained: matched.explained * fold.share, frame, matched }
+            })
+            .collect();
+        scores.sort_by(|a, b| b.explained.total_cmp(&a.explained));
+        scores
+    }
+
+    /// The mean colour of all copies of a repeat in a frame, linear light.
+    pub(super) fn mean_colors(&self, repeat: [usize; 2], frame: usize) -> Vec<DVec3> {
+        let field = &self.fields[self.lattice_of[frame]];
+        let [red, green, blue] = self.channels.each_ref().map(|channel| {
+            let fold = laid_out(channel, self.frames[frame], field).fold(repeat);
+            let mean = fold.mean;
+            fold.values.into_iter().map(move |value| f64::from(value + mean))
+        });
+        red.zip(green).zip(blue).map(|((red, green), blue)| DVec3::new(red, green, blue)).collect()
+    }
+
+    /// The mean of all copies of a repeat in a frame.
+    pub(super) fn mean_cell(&self, repeat: [usize; 2], frame: usize) -> Vec<f32> {
+        self.sheets[frame].fold(repeat).values
+    }
+
+    /// The share of its variance that copies of a repeat have in common in a frame. What noise alone
+    /// makes common, one part of as many as there are copies, is taken off.
+    pub(super) fn common(&self, repeat: [usize; 2], frame: usize) -> f64 {
+        let share = self.folds.get(&repeat).map_or(0.0, |(_, folds)| folds[frame].share);
+        let chance = 1.0 / self.sheets[frame].copies(repeat).max(2.0);
+        ((share - chance) / (1.0 - chance)).max(0.0)
+    }
+}
+
+/// The middle of a photo, at most [`MOST_SIDE`] each way.
+fn middle(photo: &RgbImage) -> RgbImage {
+    let (width, height) = photo.dimensions();
+    let [columns, rows] = [width, height].map(|side| side.min(MOST_SIDE));
+    crop_imm(photo, (width - columns) / 2, (height - rows) / 2, columns, rows).to_image()
+}
+
+/// A photo in a frame, its bends taken off.
+fn laid_out(plane: &Plane, frame: Frame, field: &DisplacementField) -> Sheet {
+    let middle = 0.5 * DVec2::new(double(plane.width - 1), double(plane.height - 1));
+    Sheet::new(plane, frame, |at: DVec2| field.displaced(at + middle) - middle)
+}
