@@ -10,7 +10,8 @@ use glam::{DVec2, DVec3};
 use super::stretch::Stretch;
 use crate::drape;
 use crate::drape::strands::Edge;
-use crate::export::Format;
+use crate::export::glb::GlbOptions;
+use crate::export::{Axes, Format};
 use crate::map::Mapping;
 use crate::render::scene::Shape;
 use crate::render::{Background, Camera, RendererChoice, View};
@@ -68,6 +69,10 @@ pub struct Settings {
     pub fibre_radius: f64,
     /// Whether an `.obj` has centre lines in place of tubes.
     pub centre_lines: bool,
+    /// Unit and upright axis of `.ply` and `.obj`.
+    pub axes: Axes,
+    /// How a `.glb` holds its meshes.
+    pub glb: GlbOptions,
     /// How pictures are taken.
     pub picture: PictureSettings,
 }
@@ -174,6 +179,8 @@ impl Default for Settings {
             fibres: None,
             fibre_radius: FIBRE_RADIUS,
             centre_lines: false,
+            axes: Axes::default(),
+            glb: GlbOptions::default(),
             picture: PictureSettings::default(),
         }
     }

@@ -17,6 +17,8 @@ pub enum Format {
     ObjLines,
     /// Binary PLY: tubes.
     Ply,
+    /// A web page: centre lines, of which it makes tubes.
+    Html,
     /// USD text: curves.
     Usda,
     /// Binary Curve Collection: centre lines.
@@ -34,11 +36,12 @@ pub enum Format {
 }
 
 /// What endings ask for.
-const ENDINGS: [(&str, Format); 11] = [
+const ENDINGS: [(&str, Format); 12] = [
     (".png", Format::Png),
     (".glb", Format::Glb),
     (".obj", Format::Obj),
     (".ply", Format::Ply),
+    (".html", Format::Html),
     (".usda", Format::Usda),
     (".bcc", Format::Bcc),
     (".curves.txt", Format::Curves),

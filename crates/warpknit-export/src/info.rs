@@ -6,6 +6,9 @@
 
 use std::sync::Arc;
 
+use super::axes::Axes;
+use super::facts::Facts;
+use super::glb::GlbOptions;
 use super::texture::TextureSet;
 use warpknit_core::fabric::Fabric;
 use warpknit_core::fabric::yarn::{Color, Yarn};
@@ -92,6 +95,12 @@ pub struct ClothInfo<'a> {
     /// How much is to come at the most, where it is known. A `.glb` keeps room for as much, and
     /// refuses more; without this its body waits in a temporary file and is copied at the end.
     pub expected: Option<Expected>,
+    /// Unit and upright axis of `.ply` and `.obj`.
+    pub axes: Axes,
+    /// How a `.glb` holds its meshes.
+    pub glb: GlbOptions,
+    /// What a page says of the fabric in words and numbers. By default nothing.
+    pub facts: Facts,
     /// The garment's panels: `.npz` and `.csv` take triangles and flat coordinates from them.
     pub panels: &'a [Panel],
 }
@@ -107,6 +116,9 @@ impl<'a> ClothInfo<'a> {
             textures: Arc::default(),
             bundles: Vec::new(),
             expected: None,
+            axes: Axes::default(),
+            glb: GlbOptions::default(),
+            facts: Facts::default(),
             panels: &[],
         }
     }

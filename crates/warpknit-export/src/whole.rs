@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::{
-    ClothInfo, Companion, Destination, Expected, ExportError, Format, TextureSet, default_section,
-    mtl, writer,
+    ClothInfo, Companion, Destination, Expected, ExportError, Facts, Format, TextureSet,
+    default_section, mtl, writer,
 };
 use warpknit_core::drape::{self, Block, Cloth, Totals, fibres};
 use warpknit_core::fabric::Fabric;
@@ -82,7 +82,10 @@ pub fn write(
         }
     };
     let expected = Expected { blocks: cloth.blocks(), yarns: cloth.yarns() };
-    let info = ClothInfo { expected: Some(expected), ..info.on_panels(&cloth.garment().panels) };
+    // Only a page has words about the fabric, and they take a repeat to measure.
+    let facts = if format == Format::Html { Facts::measured(fabric) } else { Facts::default() };
+    let info =
+        ClothInfo { expected: Some(expected), facts, ..info.on_panels(&cloth.garment().panels) };
     let path = options.path.as_deref();
     let target = match path {
         Some(path) => Destination::named(target, path),
@@ -114,11 +117,12 @@ mod tests {
     use super::*;
     use warpknit_core::drape::swatch_panel;
 
-    const FORMATS: [Format; 10] = [
+    const FORMATS: [Format; 11] = [
         Format::Glb,
         Format::Obj,
         Format::ObjLines,
         Format::Ply,
+        Format::Html,
         Format::Usda,
         Format::Bcc,
         Format::Curves,
@@ -154,6 +158,7 @@ mod tests {
             let expected = Expected { blocks: cloth.blocks(), yarns: cloth.yarns() };
             let info = ClothInfo {
                 expected: Some(expected),
+                facts: Facts::measured(&fabric),
                 ..ClothInfo::from_fabric(&fabric, section).on_panels(&panel.panels)
             };
             let mut writer = super::super::FileWriter::create(&path, format, &info).unwrap();
