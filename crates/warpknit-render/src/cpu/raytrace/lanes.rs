@@ -5,8 +5,8 @@
 //! runs: AVX2 where there is some, else plain loops, which a compiler turns into what the target has.
 //! The crate `wide` would choose when the program is compiled.
 //!
-//! Both ways give the same bits. Each operation is one of IEEE 754, and none is fused: a fused
-//! multiplication and addition would be faster by a tenth, but its rounding differs.
+//! Both ways give the same bits. Each operation is one of IEEE 754, and none is fused: the
+//! rounding of a fused multiplication and addition differs.
 
 use std::ops::{Add, Div, Mul, Sub};
 

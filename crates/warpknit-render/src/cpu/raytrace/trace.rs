@@ -7,7 +7,7 @@
 //! The tree is our own. The crate `obvhs`, which location uses for triangles, compresses the boxes of
 //! wide nodes to bytes and leaves the leaves to its caller. Yarns gain more from leaves of eight
 //! segments that lanes test together. There are then few nodes, which need no compression.
-//! Twice the time a ray, and six times the time of building, went that way.
+//! Traced pictures take 0.6 to 0.7 of the time that they took with obvhs.
 
 use glam::Vec4;
 use rayon::prelude::*;
