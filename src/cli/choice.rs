@@ -58,6 +58,7 @@ impl Shared {
             fibres: self.fibres.map(SwitchArg::is_on),
             fibre_radius: self.fibre_radius,
             centre_lines: self.curves,
+            usd_curves: self.usd_curves.into(),
             picture: self.picture(),
             ..Settings::default()
         }

@@ -10,7 +10,7 @@ use clap::ValueEnum;
 use glam::{DVec2, DVec3};
 use warpknit::chart;
 use warpknit::drape::strands::Edge;
-use warpknit::export::Format;
+use warpknit::export::{Format, UsdCurves};
 use warpknit::map::Mapping;
 use warpknit::pipeline::{Enlarge, FREE_PULLS, LoupeChoice, STRETCHES, Stretch};
 use warpknit::render::scene::Shape;
@@ -45,6 +45,23 @@ pub(crate) enum SwitchArg {
 impl SwitchArg {
     pub(crate) fn is_on(self) -> bool {
         self == Self::On
+    }
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+pub(crate) enum UsdCurvesArg {
+    /// The yarns' own curves, in mm
+    Bezier,
+    /// Lines between data points, in metres, with the physics of the yarns, as Newton reads them
+    Linear,
+}
+
+impl From<UsdCurvesArg> for UsdCurves {
+    fn from(curves: UsdCurvesArg) -> Self {
+        match curves {
+            UsdCurvesArg::Bezier => Self::Bezier,
+            UsdCurvesArg::Linear => Self::Linear,
+        }
     }
 }
 

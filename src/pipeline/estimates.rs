@@ -62,6 +62,7 @@ pub(super) fn file_bytes(
         Format::Curves => 34.0 * rings,
         Format::Inp => 52.0 * rings,
         Format::Usda => 116.0 * points(cloth, fabric),
+        Format::Usdc => 45.0 * points(cloth, fabric),
         Format::Npz => 115.0 * points(cloth, fabric),
         Format::Csv => 200.0 * points(cloth, fabric),
     })

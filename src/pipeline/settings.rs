@@ -10,7 +10,7 @@ use glam::{DVec2, DVec3};
 use super::stretch::Stretch;
 use crate::drape;
 use crate::drape::strands::Edge;
-use crate::export::Format;
+use crate::export::{Format, UsdCurves};
 use crate::map::Mapping;
 use crate::render::scene::Shape;
 use crate::render::{Background, Camera, RendererChoice, View};
@@ -68,6 +68,8 @@ pub struct Settings {
     pub fibre_radius: f64,
     /// Whether an `.obj` has centre lines in place of tubes.
     pub centre_lines: bool,
+    /// The curves of `.usda` and `.usdc`.
+    pub usd_curves: UsdCurves,
     /// How pictures are taken.
     pub picture: PictureSettings,
 }
@@ -174,6 +176,7 @@ impl Default for Settings {
             fibres: None,
             fibre_radius: FIBRE_RADIUS,
             centre_lines: false,
+            usd_curves: UsdCurves::default(),
             picture: PictureSettings::default(),
         }
     }

@@ -19,6 +19,8 @@ pub enum Format {
     Ply,
     /// USD text: curves.
     Usda,
+    /// USD crate: the same in binary form.
+    Usdc,
     /// Binary Curve Collection: centre lines.
     Bcc,
     /// Mitsuba's curves, as text.
@@ -34,12 +36,13 @@ pub enum Format {
 }
 
 /// What endings ask for.
-const ENDINGS: [(&str, Format); 11] = [
+const ENDINGS: [(&str, Format); 12] = [
     (".png", Format::Png),
     (".glb", Format::Glb),
     (".obj", Format::Obj),
     (".ply", Format::Ply),
     (".usda", Format::Usda),
+    (".usdc", Format::Usdc),
     (".bcc", Format::Bcc),
     (".curves.txt", Format::Curves),
     (".inp", Format::Inp),
@@ -89,6 +92,12 @@ impl Format {
     #[must_use]
     pub fn holds_tubes(self) -> bool {
         matches!(self, Self::Glb | Self::Obj | Self::Ply)
+    }
+
+    /// Whether it holds all frames of a drape sequence.
+    #[must_use]
+    pub fn holds_sequences(self) -> bool {
+        matches!(self, Self::Usda | Self::Usdc)
     }
 
     /// Whether it holds pictures of yarns.

@@ -16,6 +16,8 @@
 
 pub mod bcc;
 mod buffer;
+mod crate_file;
+mod crate_ints;
 pub mod csv;
 pub mod curves;
 mod destination;
@@ -40,8 +42,10 @@ pub mod png;
 mod spool;
 mod temporary;
 mod texture;
+mod usd_stage;
 pub mod usda;
 pub mod usda_frames;
+pub mod usdc;
 mod whole;
 
 use std::io::{Seek, Write};
@@ -56,6 +60,7 @@ pub use mtl::Companion;
 pub use output::Output;
 pub use temporary::{TemporaryFolder, remove_temporaries};
 pub use texture::TextureSet;
+pub use usd_stage::UsdCurves;
 use warpknit_core::drape::Block;
 pub use whole::{WriteOptions, Written, write};
 
@@ -117,6 +122,7 @@ pub fn writer<'a, W: Write + Seek + Send + 'a>(
         Format::ObjLines => Box::new(obj_lines::ObjLinesWriter::create(target, cloth)?),
         Format::Ply => Box::new(ply::PlyWriter::create(target, cloth)?),
         Format::Usda => Box::new(usda::UsdaWriter::create(target, cloth)?),
+        Format::Usdc => Box::new(usdc::UsdcWriter::create(target, cloth)?),
         Format::Bcc => Box::new(bcc::BccWriter::create(target, cloth)?),
         Format::Curves => Box::new(curves::CurvesWriter::create(target, cloth)?),
         Format::Inp => Box::new(inp::InpWriter::create(target, cloth)?),

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::{
-    ClothInfo, Companion, Destination, Expected, ExportError, Format, TextureSet, default_section,
-    mtl, writer,
+    ClothInfo, Companion, Destination, Expected, ExportError, Format, TextureSet, UsdCurves,
+    default_section, mtl, writer,
 };
 use warpknit_core::drape::{self, Block, Cloth, Totals, fibres};
 use warpknit_core::fabric::Fabric;
@@ -23,6 +23,8 @@ pub struct WriteOptions {
     pub textures: Arc<TextureSet>,
     /// Writes fibres of that radius, mm, in the place of yarns.
     pub fibre_radius: Option<f64>,
+    /// The curves of `.usda` and `.usdc`.
+    pub usd_curves: UsdCurves,
 }
 
 /// What [`write()`] made besides the target's bytes.
@@ -82,7 +84,12 @@ pub fn write(
         }
     };
     let expected = Expected { blocks: cloth.blocks(), yarns: cloth.yarns() };
-    let info = ClothInfo { expected: Some(expected), ..info.on_panels(&cloth.garment().panels) };
+    let usd_curves = options.usd_curves;
+    let info = ClothInfo {
+        expected: Some(expected),
+        usd_curves,
+        ..info.on_panels(&cloth.garment().panels)
+    };
     let path = options.path.as_deref();
     let target = match path {
         Some(path) => Destination::named(target, path),
@@ -114,12 +121,13 @@ mod tests {
     use super::*;
     use warpknit_core::drape::swatch_panel;
 
-    const FORMATS: [Format; 10] = [
+    const FORMATS: [Format; 11] = [
         Format::Glb,
         Format::Obj,
         Format::ObjLines,
         Format::Ply,
         Format::Usda,
+        Format::Usdc,
         Format::Bcc,
         Format::Curves,
         Format::Inp,

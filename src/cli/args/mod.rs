@@ -27,9 +27,9 @@ use super::config::{self, Trouble};
 #[cfg(feature = "view")]
 use super::values::picture;
 use super::values::{
-    EdgeArg, MappingArg, RendererArg, RunIn, ShapeArg, SwitchArg, ViewArg, diagram, enlarge,
-    field_of_view, finite, flattening, loupe, output, positive, run_in, samples, size, stretch,
-    vector,
+    EdgeArg, MappingArg, RendererArg, RunIn, ShapeArg, SwitchArg, UsdCurvesArg, ViewArg, diagram,
+    enlarge, field_of_view, finite, flattening, loupe, output, positive, run_in, samples, size,
+    stretch, vector,
 };
 
 /// The fabric, unless one is named.
@@ -412,7 +412,7 @@ pub(crate) struct MotionArgs {
     /// Leave out frames of a drape sequence that can't be read, with a warning, instead of failing
     #[arg(long)]
     pub(crate) skip_bad_frames: bool,
-    /// Frames a second, for a .usda of a drape sequence
+    /// Frames a second, for a .usda or .usdc of a drape sequence
     #[arg(long, value_name = "N", default_value_t = 24.0, value_parser = positive)]
     pub(crate) fps: f64,
 }
@@ -463,8 +463,8 @@ pub(crate) struct Reading {
 /// Flags that `drape`, `swatch` and `view` share.
 #[derive(Args, Debug)]
 pub(crate) struct Shared {
-    /// A file to write, by its ending: .png .glb .obj .ply .usda .bcc .curves.txt .inp .npz .csv
-    /// (data points) .json (report); may be repeated [default: a .png here, named after the drape
+    /// A file to write, by its ending: .png .glb .obj .ply .usda .usdc .bcc .curves.txt .inp .npz
+    /// .csv (data points) .json (report); may be repeated [default: a .png here, named after the drape
     /// or the fabric]
     #[arg(short, long = "output", value_name = "OUT", value_parser = output)]
     pub(crate) outputs: Vec<(PathBuf, Format)>,
@@ -506,6 +506,9 @@ pub(crate) struct Shared {
     /// Write the yarns' centre lines, as l records, to .obj in place of tubes
     #[arg(long)]
     pub(crate) curves: bool,
+    /// The curves of .usda and .usdc
+    #[arg(long, value_enum, default_value = "bezier")]
+    pub(crate) usd_curves: UsdCurvesArg,
     /// Size of the picture
     #[arg(long, value_name = "WxH", default_value = "1600x1200", value_parser = size)]
     pub(crate) size: (u32, u32),
