@@ -13,7 +13,7 @@ use super::settings::{Settings, Wanted};
 use super::setup::Setup;
 use super::targets::check_distinct;
 use super::textures::Textures;
-use crate::export::{ClothInfo, Expected, ExportError, FileWriter, Format, Output, mtl};
+use crate::export::{ClothInfo, Expected, ExportError, FileWriter, Format, Output, bcc, mtl};
 
 /// The chosen files, or one picture that is named after the input.
 pub(super) fn wanted(settings: &Settings, source: &Source) -> Vec<Wanted> {
@@ -45,6 +45,7 @@ pub(super) fn check_places<'a>(
         .flat_map(|(path, format)| match format {
             Format::Obj => mtl::paths(path, textures.count()),
             Format::ObjLines => mtl::paths(path, 0),
+            Format::Bcc => vec![bcc::companion_path(path)],
             _ => Vec::new(),
         })
         .collect();
