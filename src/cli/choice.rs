@@ -59,6 +59,7 @@ impl Shared {
             fibre_radius: self.fibre_radius,
             centre_lines: self.curves,
             usd_curves: self.usd_curves.into(),
+            inp: self.inp.into(),
             picture: self.picture(),
             ..Settings::default()
         }

@@ -10,7 +10,7 @@ use clap::ValueEnum;
 use glam::{DVec2, DVec3};
 use warpknit::chart;
 use warpknit::drape::strands::Edge;
-use warpknit::export::{Format, UsdCurves};
+use warpknit::export::{Format, InpDialect, UsdCurves};
 use warpknit::map::Mapping;
 use warpknit::pipeline::{Enlarge, FREE_PULLS, LoupeChoice, STRETCHES, Stretch};
 use warpknit::render::scene::Shape;
@@ -61,6 +61,23 @@ impl From<UsdCurvesArg> for UsdCurves {
         match curves {
             UsdCurvesArg::Bezier => Self::Bezier,
             UsdCurvesArg::Linear => Self::Linear,
+        }
+    }
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+pub(crate) enum InpArg {
+    /// CalculiX: square beams, and a step that runs
+    Calculix,
+    /// Abaqus: round beams, and contact pairs
+    Abaqus,
+}
+
+impl From<InpArg> for InpDialect {
+    fn from(dialect: InpArg) -> Self {
+        match dialect {
+            InpArg::Calculix => Self::Calculix,
+            InpArg::Abaqus => Self::Abaqus,
         }
     }
 }

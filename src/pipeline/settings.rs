@@ -10,7 +10,7 @@ use glam::{DVec2, DVec3};
 use super::stretch::Stretch;
 use crate::drape;
 use crate::drape::strands::Edge;
-use crate::export::{Format, UsdCurves};
+use crate::export::{Format, InpDialect, UsdCurves};
 use crate::map::Mapping;
 use crate::render::scene::Shape;
 use crate::render::{Background, Camera, RendererChoice, View};
@@ -70,6 +70,8 @@ pub struct Settings {
     pub centre_lines: bool,
     /// The curves of `.usda` and `.usdc`.
     pub usd_curves: UsdCurves,
+    /// Whose keywords an `.inp` has.
+    pub inp: InpDialect,
     /// How pictures are taken.
     pub picture: PictureSettings,
 }
@@ -177,6 +179,7 @@ impl Default for Settings {
             fibre_radius: FIBRE_RADIUS,
             centre_lines: false,
             usd_curves: UsdCurves::default(),
+            inp: InpDialect::default(),
             picture: PictureSettings::default(),
         }
     }

@@ -69,8 +69,8 @@ pub(super) fn cloth_info<'a>(job: &Job<'a>, setup: &Setup) -> ClothInfo<'a> {
     };
     // Some formats begin with their number of blocks and yarns, before any yarn is laid.
     let expected = Expected { blocks: cloth.blocks(), yarns: cloth.yarns() };
-    let usd_curves = job.settings.usd_curves;
-    ClothInfo { expected: Some(expected), usd_curves, ..info.on_panels(panels) }
+    let Settings { usd_curves, inp, .. } = *job.settings;
+    ClothInfo { expected: Some(expected), usd_curves, inp, ..info.on_panels(panels) }
 }
 
 /// The writers of all files that are written block by block.

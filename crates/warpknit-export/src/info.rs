@@ -6,6 +6,7 @@
 
 use std::sync::Arc;
 
+use super::inp::InpDialect;
 use super::texture::TextureSet;
 use super::usd_stage::UsdCurves;
 use warpknit_core::fabric::Fabric;
@@ -118,6 +119,8 @@ pub struct ClothInfo<'a> {
     pub expected: Option<Expected>,
     /// The curves of `.usda` and `.usdc`.
     pub usd_curves: UsdCurves,
+    /// Whose keywords an `.inp` has.
+    pub inp: InpDialect,
     /// The garment's panels: `.npz` and `.csv` take triangles and flat coordinates from them.
     pub panels: &'a [Panel],
 }
@@ -134,6 +137,7 @@ impl<'a> ClothInfo<'a> {
             bundles: Vec::new(),
             expected: None,
             usd_curves: UsdCurves::default(),
+            inp: InpDialect::default(),
             panels: &[],
         }
     }

@@ -56,6 +56,7 @@ pub use file_writer::FileWriter;
 pub use folder::OutputFolder;
 pub use format::Format;
 pub use info::{ClothInfo, Expected, StrandStyle, default_section};
+pub use inp::InpDialect;
 pub use mtl::Companion;
 pub use output::Output;
 pub use temporary::{TemporaryFolder, remove_temporaries};

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::{
-    ClothInfo, Companion, Destination, Expected, ExportError, Format, TextureSet, UsdCurves,
-    default_section, mtl, writer,
+    ClothInfo, Companion, Destination, Expected, ExportError, Format, InpDialect, TextureSet,
+    UsdCurves, default_section, mtl, writer,
 };
 use warpknit_core::drape::{self, Block, Cloth, Totals, fibres};
 use warpknit_core::fabric::Fabric;
@@ -25,6 +25,8 @@ pub struct WriteOptions {
     pub fibre_radius: Option<f64>,
     /// The curves of `.usda` and `.usdc`.
     pub usd_curves: UsdCurves,
+    /// Whose keywords an `.inp` has.
+    pub inp: InpDialect,
 }
 
 /// What [`write()`] made besides the target's bytes.
@@ -88,6 +90,7 @@ pub fn write(
     let info = ClothInfo {
         expected: Some(expected),
         usd_curves,
+        inp: options.inp,
         ..info.on_panels(&cloth.garment().panels)
     };
     let path = options.path.as_deref();

@@ -27,9 +27,9 @@ use super::config::{self, Trouble};
 #[cfg(feature = "view")]
 use super::values::picture;
 use super::values::{
-    EdgeArg, MappingArg, RendererArg, RunIn, ShapeArg, SwitchArg, UsdCurvesArg, ViewArg, diagram,
-    enlarge, field_of_view, finite, flattening, loupe, output, positive, run_in, samples, size,
-    stretch, vector,
+    EdgeArg, InpArg, MappingArg, RendererArg, RunIn, ShapeArg, SwitchArg, UsdCurvesArg, ViewArg,
+    diagram, enlarge, field_of_view, finite, flattening, loupe, output, positive, run_in, samples,
+    size, stretch, vector,
 };
 
 /// The fabric, unless one is named.
@@ -509,6 +509,9 @@ pub(crate) struct Shared {
     /// The curves of .usda and .usdc
     #[arg(long, value_enum, default_value = "bezier")]
     pub(crate) usd_curves: UsdCurvesArg,
+    /// Whose keywords an .inp has
+    #[arg(long, value_enum, default_value = "calculix")]
+    pub(crate) inp: InpArg,
     /// Size of the picture
     #[arg(long, value_name = "WxH", default_value = "1600x1200", value_parser = size)]
     pub(crate) size: (u32, u32),
