@@ -23,18 +23,9 @@ pub(super) struct Soup {
     triangles: Vec<[u32; 3]>,
     texture_triangles: Vec<[u32; 3]>,
     untextured: usize,
-    labels: Vec<Label>,
-    names: Vec<String>,
 }
 
 impl Soup {
-    /// Gives a name to the faces to come.
-    pub(super) fn begin_object(&mut self, name: &str) {
-        let number = narrow(self.names.len());
-        self.names.push(name.to_owned());
-        self.labels.push(Label { object: Some(number), group: None });
-    }
-
     /// Adds a face of three corners or more: places, and texture coordinates where it has them.
     /// False for a number that is not finite.
     pub(super) fn add(&mut self, places: &[DVec3], texture: Option<&[DVec2]>) -> bool {
@@ -42,9 +33,6 @@ impl Soup {
             && texture.is_none_or(|texture| texture.iter().all(|place| place.is_finite()));
         if !are_finite || places.len() < 3 {
             return false;
-        }
-        if self.labels.is_empty() {
-            self.labels.push(Label::default());
         }
         let corners: Vec<u32> = places.iter().map(|place| self.place(*place)).collect();
         let texture: Option<Vec<u32>> = texture.map(|texture| {
@@ -57,7 +45,7 @@ impl Soup {
         self.faces.push(Face {
             line: self.faces.len() as u64 + 1,
             corners: narrow(corners.len()),
-            label: narrow(self.labels.len() - 1),
+            label: 0,
         });
         for corner in 1..corners.len() - 1 {
             let fan = [0, corner, corner + 1];
@@ -112,8 +100,8 @@ impl Soup {
                 Vec::new()
             }),
             untextured: self.untextured,
-            labels: self.labels,
-            names: self.names,
+            labels: vec![Label::default()],
+            ..ObjMesh::default()
         })
     }
 }
